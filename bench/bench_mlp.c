@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Speed of the integer layers: 64-64-64-32 (10,240 MAC) over 10,048 points, in
+ * chunks of 256 as the decoder runs them. CPU time of this thread; min and
+ * median of the repetitions.
+ */
+#define _POSIX_C_SOURCE 200809L
+
+#include "mlp.h"
+
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#define WIDTH 64
+#define LAYERS 3
+#define POINTS 10048
+#define CHUNK 256
+#define REPEATS 21
+
+static const uint16_t n_out[LAYERS] = { 64, 64, 32 };
+
+typedef struct {
+    int16_t w16[LAYERS][WIDTH * WIDTH];
+    int8_t w8[LAYERS][WIDTH * WIDTH];
+    int32_t bias[LAYERS][WIDTH];
+    uint8_t shift[LAYERS][WIDTH];
+    int16_t in[POINTS * WIDTH];
+    int16_t out[POINTS * WIDTH];
+    int16_t hidden[2][CHUNK * WIDTH];
+} bench;
+
+static uint32_t random_bits(uint64_t *state)
+{
+    *state = *state * 6364136223846793005u + 1442695040888963407u;
+    return (uint32_t)(*state >> 33);
+}
+
+static void fill(bench *b)
+{
+    uint64_t state = 1;
+    size_t i, l;
+
+    for (l = 0; l < LAYERS; l++) {
+        for (i = 0; i < WIDTH * WIDTH; i++) {
+            b->w8[l][i] = (int8_t)(random_bits(&state) % 255 - 127);
+            b->w16[l][i] = b->w8[l][i];
+        }
+        for (i = 0; i < WIDTH; i++) {
+            b->bias[l][i] = (int32_t)(random_bits(&state) % 65536);
+            b->shift[l][i] = 9;
+        }
+    }
+    for (i = 0; i < POINTS * WIDTH; i++)
+        b->in[i] = (int16_t)(random_bits(&state) % 8192 - 4096);
+}
+
+static void run_chunk(bench *b, const saga_layer *layer, size_t first, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        saga_mlp_layer(b->hidden[0] + i * WIDTH, &layer[0],
+                       b->in + (first + i) * WIDTH);
+    for (i = 0; i < n; i++)
+        saga_mlp_layer(b->hidden[1] + i * WIDTH, &layer[1],
+                       b->hidden[0] + i * WIDTH);
+    for (i = 0; i < n; i++)
+        saga_mlp_layer(b->out + (first + i) * WIDTH, &layer[2],
+                       b->hidden[1] + i * WIDTH);
+}
+
+static double now(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static int compare(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+static void run(bench *b, int int8)
+{
+    saga_layer layer[LAYERS];
+    double seconds[REPEATS], macs = 0;
+    uint32_t sum = 0;
+    size_t i, l;
+
+    for (l = 0; l < LAYERS; l++) {
+        layer[l].weight = int8 ? (const void *)b->w8[l] : b->w16[l];
+        layer[l].bias = b->bias[l];
+        layer[l].shift = b->shift[l];
+        layer[l].n_in = WIDTH;
+        layer[l].n_out = n_out[l];
+        layer[l].int8 = (uint8_t)int8;
+        layer[l].relu = l < LAYERS - 1;
+        macs += (double)WIDTH * n_out[l] * POINTS;
+    }
+    for (i = 0; i < REPEATS; i++) {
+        const double start = now();
+        size_t p;
+
+        for (p = 0; p < POINTS; p += CHUNK)
+            run_chunk(b, layer, p, POINTS - p < CHUNK ? POINTS - p : CHUNK);
+        seconds[i] = now() - start;
+    }
+    qsort(seconds, REPEATS, sizeof *seconds, compare);
+    for (i = 0; i < POINTS * WIDTH; i++)
+        sum = sum * 31 + (uint16_t)b->out[i];
+    printf("mlp 64-64-64-32 %s: best %.2f, median %.2f GMAC/s "
+           "(sum %08lx)\n", int8 ? "int8 " : "int16", macs / seconds[0] * 1e-9,
+           macs / seconds[REPEATS / 2] * 1e-9, (unsigned long)sum);
+}
+
+int main(void)
+{
+    bench *const b = calloc(1, sizeof *b);
+
+    if (!b)
+        return 1;
+    fill(b);
+    run(b, 0);
+    run(b, 1);
+    free(b);
+    return 0;
+}

@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The plain part of a .saga file: header, chunks, index, segment headers.
+ * Each field is written once, in a traversal that reads or writes.
+ * docs/bitstream.md has the tables.
+ *
+ *     header | INDX | NETS | per segment: SEGM COAR FINE PRIM
+ */
+#ifndef SAGA_CONTAINER_H
+#define SAGA_CONTAINER_H
+
+#include "model.h"
+#include "symbols.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum {
+    SAGA_VERSION = 1,
+    SAGA_HEADER_NBYTES = 174,    /* magic and version included; then cameras,
+                                  * then the CRC-32C of all before it */
+    SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
+    SAGA_INDEX_ENTRY_NBYTES = 16,
+    SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM */
+    SAGA_CAMERA_NBYTES = 82,
+    SAGA_MAX_SEGMENTS = 1 << 20,
+    SAGA_MAX_CAMERAS = 1024
+};
+
+#define SAGA_FOURCC(a, b, c, d) \
+    ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | \
+     (uint32_t)(d) << 24)
+
+#define SAGA_CHUNK_INDEX SAGA_FOURCC('I', 'N', 'D', 'X')
+#define SAGA_CHUNK_NETS SAGA_FOURCC('N', 'E', 'T', 'S')
+#define SAGA_CHUNK_SEGMENT SAGA_FOURCC('S', 'E', 'G', 'M')
+#define SAGA_CHUNK_COARSE SAGA_FOURCC('C', 'O', 'A', 'R')
+#define SAGA_CHUNK_FINE SAGA_FOURCC('F', 'I', 'N', 'E')
+#define SAGA_CHUNK_PRIM SAGA_FOURCC('P', 'R', 'I', 'M')
+
+/* The fixed part of the header; cameras of the rig follow it. */
+typedef struct saga_header {
+    uint32_t header_nbytes;      /* all of it, CRC included */
+    uint8_t level;               /* 0..3 */
+    uint8_t cuttable;            /* place kept: 0 */
+    uint32_t n_segments;         /* 1..2^20 */
+    uint32_t n_frames;           /* all segments together */
+    uint32_t rate_num, rate_den; /* frames per second */
+    saga_counts max;             /* of any segment */
+    uint32_t nets_nbytes;        /* payload of NETS */
+    /* metres = centre + units * unit, each mantissa * 2^exponent */
+    int32_t unit_mantissa, unit_exponent;
+    int32_t centre_mantissa[3], centre_exponent;
+    uint16_t n_cameras;
+    saga_model model;
+    uint16_t memory_slots;       /* places kept: 0 */
+    uint8_t memory_width;
+    uint16_t memory_blocks;
+    uint8_t hash_levels, hash_log2_entries;
+} saga_header;
+
+/* One camera of the rig, as saga_camera of decoder/saga.h has it. */
+typedef struct saga_rig_camera {
+    int32_t rotation_q30[9];
+    int32_t centre[3];
+    int32_t focal_q16[2];
+    int32_t principal_q16[2];
+    int32_t near_plane;
+    uint16_t width, height;
+    uint16_t background_q15[3];
+    uint32_t number;             /* the capture's name of it, as a number */
+} saga_rig_camera;
+
+typedef struct saga_index_entry {
+    uint64_t offset;             /* of SEGM, from the file's start */
+    uint32_t nbytes;             /* of all the segment's chunks */
+    uint32_t n_frames;           /* >= 1 */
+} saga_index_entry;
+
+typedef struct saga_segment_header {
+    uint32_t number;
+    uint32_t first_frame, n_frames;
+    saga_counts n;
+} saga_segment_header;
+
+typedef struct saga_chunk {
+    uint32_t type, nbytes, crc;
+} saga_chunk;
+
+/* A cursor that reads its fields from `in`, or writes them to `out`. */
+typedef struct saga_io {
+    const uint8_t *in;
+    uint8_t *out;            /* NULL when reading */
+    uint32_t at;             /* bytes done */
+} saga_io;
+
+/* Each moves all fields of its structure; the buffer has the bytes stated
+ * above. Reading does not judge values; writing leaves the structure as it is.
+ * The header's comes without magic, version, cameras and CRC. */
+void saga_header_io(saga_io *f, saga_header *h);
+void saga_camera_io(saga_io *f, saga_rig_camera *c);
+void saga_index_io(saga_io *f, saga_index_entry *e);
+void saga_segment_io(saga_io *f, saga_segment_header *s);
+void saga_chunk_io(saga_io *f, saga_chunk *c);
+
+/* Bytes of the magic and version fields; magic "SAGA", version little-endian
+ * in 2 bytes, 2 bytes 0. */
+enum { SAGA_MAGIC_NBYTES = 8 };
+extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
+
+/* CRC-32C of a chunk: its type and length as written, then its payload. */
+uint32_t saga_chunk_crc(const saga_chunk *c, const uint8_t *payload);
+
+#endif

@@ -1,0 +1,198 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Elementary functions: docs/arithmetic.md states them for implementers, this
+ * file has the proofs of range. Errors are maxima measured by
+ * tests/test_fx_math.c.
+ */
+#include "fx_math.h"
+
+#include "fx.h"
+#include "fx_tables.h"
+
+/* 2^f = 2^(i/128) (1 + e), e = 2^(r/65536) - 1 for r in 0..511, from
+ *     e ~ r (c1 + c2 r),
+ * the parabola through 0 with the least maximum error, 2^-29.9.
+ *   c1 + c2 r in Q48: at most 2977038208 + 15783 * 511 + 2^8 < 2^32
+ *   times r, in Q39:  at most 5830280 * 511 < 2^31.5
+ *   table * e:        below 2^31 * 2^31.5
+ * Result < 2^31: the largest, at f = 65535, is 2^31 - 22715.
+ * Error: 3.9 LSB (of 2^30). A step of f is 11,357 LSB, hence monotone. */
+uint32_t saga_exp2_frac_q16_q30(uint32_t f_q16)
+{
+    const uint32_t base = saga_exp2_q30[f_q16 >> 9 & 127u];
+    const uint32_t r = f_q16 & 511u;
+    const uint32_t slope = (2977038208u + 15783u * r + 256u) >> 9;
+    const uint64_t product = (uint64_t)base * (slope * r);
+
+    FX_ASSERT(f_q16 <= 65535u);
+    return base + (uint32_t)((product + ((uint64_t)1 << 38)) >> 39);
+}
+
+/* 2^-x = 2^(k - 16) 2^f with k + f = 16 - x, k in 0..16, f in [0, 1): the
+ * chord of 2^f over one of 128 cells, no 64-bit product.
+ *   (difference of entries) >> 6 <= 181213 < 2^18, lo < 2^13: product < 2^31
+ *   v <= 2^31, rounding constant 2^(30-k) <= 2^30: sum < 2^32
+ * Error: 0.62 LSB, of which 0.12 is the chord (always above). Monotone: each
+ * chord is, and none ends above the next entry. */
+uint32_t saga_exp2_neg_q20_q15(uint32_t x_q20)
+{
+    const uint32_t rest_q20 = (16u << 20) - x_q20;
+    const uint32_t k = rest_q20 >> 20 & 31u;
+    const uint32_t i = rest_q20 >> 13 & 127u;
+    const uint32_t lo = rest_q20 & 8191u;
+    const uint32_t chord = saga_exp2_q30[i + 1] - saga_exp2_q30[i];
+    uint32_t v_q30;
+
+    if (x_q20 >= 16u << 20)
+        return 0;
+    v_q30 = saga_exp2_q30[i] + ((chord >> 6) * lo >> 7);
+    return (v_q30 + (1u << (30 - k))) >> (31 - k);
+}
+
+/* log2(1 + 2^-a) for a >= 0: in cells of 1/8, the mean of the two parabolas
+ * through three of the four surrounding entries (Bessel's formula),
+ *     s1 + t (s2 - s1) - t (1 - t)/4 (s0 - s1 - s2 + s3).
+ *   |s2 - s1| < 2^20, t < 2^9: product < 2^29
+ *   0 <= bend <= 90739, t (512 - t) / 4 <= 2^14: product < 2^31
+ * From a = 22 on it is below 1/2 LSB. Result in 0..2^20. Error: 1.3 LSB. */
+static int32_t softplus2_tail_q20(int32_t a_q12)
+{
+    const int32_t t = a_q12 & 511;
+    const int32_t *s;
+    int32_t bend, bow_q33;
+
+    if (a_q12 >= 22 << 12)
+        return 0;
+    s = saga_softplus2_q24 + (a_q12 >> 9);
+    bend = s[0] - s[1] - s[2] + s[3];
+    bow_q33 = fx_rshift((t * (512 - t) >> 2) * bend, 9);
+    return fx_rshift(s[1] + fx_rshift(t * (s[2] - s[1]) - bow_q33, 9), 4);
+}
+
+/* max(x, 0) + log2(1 + 2^-|x|). At most 2^20 * 2^8 = 2^28: at the clamp the
+ * tail is 0. f(x) - f(-x) = x exactly. Monotone. */
+int32_t saga_softplus2_q12_q20(int32_t x_q12)
+{
+    const int32_t x = fx_clamp(x_q12, -(1 << 20), 1 << 20);
+
+    return x < 0 ? softplus2_tail_q20(-x) : x * 256 + softplus2_tail_q20(x);
+}
+
+/* sin(z pi/2), z in [0, 1] as Q14 0..16384, by z (c0 - u (c1 - u (c2 - u c3)))
+ * with u = z^2: the coefficients (Q17, Q16, Q18, Q18) are those of least
+ * maximum error over all z, found by search around the minimax polynomial.
+ *   u <= 2^16
+ *   c2_q18 in 19690..20822; u c2_q18 <= 2^16 * 20822 < 2^31
+ *   c1_q16 in 37409..42331; u c1_q16 <= 2^16 * 42331 < 2^32 - 2^14
+ *   z c0_q17 <= 2^14 * 205889 < 2^32 - 2^15
+ * Error: 0.82 LSB, and 1 where the value 32768 saturates. */
+static int32_t sin_quarter_q15(uint32_t z)
+{
+    const uint32_t u = (z * z + (1u << 11)) >> 12;
+    const uint32_t c2_q18 = 20822u - ((1132u * u + (1u << 15)) >> 16);
+    const uint32_t c1_q16 = 42331u - ((c2_q18 * u + (1u << 17)) >> 18);
+    const uint32_t c0_q17 = 205889u - ((c1_q16 * u + (1u << 14)) >> 15);
+
+    return fx_min((int32_t)((c0_q17 * z + (1u << 15)) >> 16), 32767);
+}
+
+/* Folded onto the first quarter, so odd and symmetric by construction. */
+int16_t saga_sin_turn16_q15(uint32_t phase)
+{
+    const uint32_t half = phase & 32767u;
+    const int32_t y = sin_quarter_q15(half <= 16384u ? half : 32768u - half);
+
+    return (int16_t)(phase & 32768u ? -y : y);
+}
+
+/* 1 / (1 + t), t = x - 1 for x in [1, 2) as Q31 2^31..2^32-1: chord over one of
+ * 128 cells, Q23 in 2^22..2^23.
+ *   difference of entries <= 65028 < 2^16, lo < 2^15: product < 2^31
+ * Relative error, with w = 1/128: the chord +w^2 / (4 (1 + w)) at most, the 9
+ * bits of x that lo drops +2^-22, entry and cut -3 2^-23: -4e-7..+1.6e-5.
+ * Exact at x = 1. */
+static uint32_t recip_chord_q23(uint32_t x_q31)
+{
+    const uint32_t i = x_q31 >> 24 & 127u;
+    const uint32_t lo = x_q31 >> 9 & 32767u;
+    const uint32_t chord = saga_recip_q23[i] - saga_recip_q23[i + 1];
+
+    return saga_recip_q23[i] - (chord * lo >> 15);
+}
+
+/* 1/x = 2^n / (x 2^n), x 2^n in [2^31, 2^32): m 2^-16 = 2^31 / (x 2^n), so
+ * s = 47 - n, in 16..47. Error: 1.5 LSB of m. Exact at powers of two. */
+uint32_t saga_recip16(uint32_t x, int *shift)
+{
+    const int n = fx_clz32(x);
+
+    *shift = 47 - n;
+    return (recip_chord_q23(x << n) + 64u) >> 7;
+}
+
+/* The chord y0, then one Newton step y = y0 + y0 (1 - x y0): its relative
+ * error is the square of the chord's, at most 2.4e-10 and below.
+ *   x y0 in Q62: 2^62 (1 + 1.6e-5) < 2^63
+ *   |1 - x y0| <= 1.6e-5: in Q46 < 2^31
+ *   y0 times that: < 2^31 * 2^31
+ * s = 62 - n, in 31..62. Error: 1.01 LSB of m, 2^-30.9 relative. */
+uint32_t saga_recip32(uint32_t x, int *shift)
+{
+    const int n = fx_clz32(x);
+    const uint32_t x_q31 = x << n;
+    const uint32_t y0_q31 = recip_chord_q23(x_q31) << 8;
+    const int64_t rest_q62 =
+        (int64_t)(((uint64_t)1 << 62) - (uint64_t)x_q31 * y0_q31);
+    const int32_t rest_q46 = (int32_t)(rest_q62 >> 16);
+
+    *shift = 62 - n;
+    return y0_q31 + (uint32_t)fx_rshift64((int64_t)y0_q31 * rest_q46, 46);
+}
+
+/* 1 / sqrt(x) for x in [1, 4), mant_q30 in [1, 2) and odd telling x = 2 mant:
+ * chord over one of 64 cells per octave, Q23 in 2^22..2^23.
+ *   difference of entries <= 64778 < 2^16, lo < 2^15: product < 2^31
+ * Relative error, with w = 1/64: the chord +3/32 w^2 at most, what lo drops
+ * +2^-22, entry and cut -3 2^-23: -4e-7..+2.34e-5. */
+static uint32_t rsqrt_chord_q23(uint32_t mant_q30, uint32_t odd)
+{
+    const uint32_t *const t =
+        saga_rsqrt_q23 + 64u * odd + (mant_q30 >> 24 & 63u);
+    const uint32_t lo = mant_q30 >> 9 & 32767u;
+
+    return t[0] - ((t[0] - t[1]) * lo >> 15);
+}
+
+/* y = y0 + y0 (1 - x y0^2)/2: relative error 3/2 of the square of the chord's.
+ *   y0^2 in Q32 <= 2^32 (33 bits, at x = 1 only)
+ *   x y0^2 in Q62: 2^62 (1 + 4.7e-5) < 2^63
+ *   |1 - x y0^2| <= 4.7e-5: in Q45 < 2^31
+ *   y0 times that: < 2^31 * 2^31
+ * Result Q31 in 2^30..2^31. Relative error: 2^-29.6. */
+static uint32_t rsqrt_newton_q31(uint32_t x_q30, uint32_t y0_q23)
+{
+    const uint64_t square_q32 = ((uint64_t)y0_q23 * y0_q23 + (1u << 13)) >> 14;
+    const int64_t rest_q62 =
+        (int64_t)(((uint64_t)1 << 62) - x_q30 * square_q32);
+    const int32_t rest_q45 = (int32_t)(rest_q62 >> 17);
+    const uint32_t y0_q31 = y0_q23 << 8;
+
+    return y0_q31 + (uint32_t)fx_rshift64((int64_t)y0_q31 * rest_q45, 46);
+}
+
+/* x = X 2^(2h), X in [1, 4), so 1/sqrt(x) = X^(-1/2) 2^-h with the root in
+ * (1/2, 1]: the exponent is -h - 1, and -h for X = 1 only. */
+saga_float saga_rsqrt(saga_float x)
+{
+    const uint32_t odd = (uint32_t)x.exp & 1u;
+    const int32_t h = (x.exp - (int32_t)odd) / 2;
+    const uint32_t y_q31 = rsqrt_newton_q31(x.mant_q30 << odd,
+                                            rsqrt_chord_q23(x.mant_q30, odd));
+    const uint32_t one = y_q31 >> 31;
+    saga_float y;
+
+    FX_ASSERT(x.mant_q30 >> 30 == 1u);
+    y.mant_q30 = y_q31 >> one;
+    y.exp = (int32_t)one - 1 - h;
+    return y;
+}

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Fixed-point dense layers: int16 activations, int8 or int16 weights, int32
+ * sums. Paper: the shared coordinate-based INR decoders and entropy networks.
+ */
+#ifndef SAGA_MLP_H
+#define SAGA_MLP_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* Rows of weights are padded with zeros to this multiple, so that the inner
+ * product is a whole number of vectors. */
+#define SAGA_MLP_PAD 16u
+
+static inline uint32_t saga_mlp_pad(uint32_t n)
+{
+    return (n + SAGA_MLP_PAD - 1) & ~(SAGA_MLP_PAD - 1);
+}
+
+/* One layer: y = relu?(sat16(fx_rshift(bias + W x, shift))) row by row. */
+typedef struct saga_layer {
+    const void *weight;      /* (n_out, pad(n_in)) int8_t or int16_t, zero in
+                              * the padding; aligned to its type */
+    const int32_t *bias;     /* (n_out) at input Q + weight Q */
+    const uint8_t *shift;    /* (n_out), 0..24 */
+    uint16_t n_in, n_out;    /* n_in may be 0 (bias only): weight and x are not
+                              * read then, but are not NULL either */
+    uint8_t int8;            /* weights are int8_t */
+    uint8_t relu;
+} saga_layer;
+
+/* A row can never overflow:
+ *     sum|w| * 32767 + |bias| + 2^(shift-1) < 2^31,  shift in 0..24
+ * (shift 0 does not round and counts 0 for the power).
+ * weight_abs_sum is sum|w|; returns 1 if valid. Every sum order then gives the
+ * same int32, so SIMD equals scalar to the bit. */
+int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift);
+
+/* x: pad(n_in) values, |x| <= 32767; those past n_in are multiplied by zero
+ * but are read. y: n_out values, must not overlap x. Each |y| <= 32767. */
+void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x);
+
+#ifdef SAGA_COUNT_MACS
+/* Defined by the test that counts: called with n_in * n_out per layer. */
+extern void saga_count_macs(uint64_t n);
+#endif
+
+#endif

@@ -1,0 +1,230 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The model definition, as data: what a file's header fixes for all of its
+ * segments (tools, sizes, formats, heads, quantisation steps), the networks
+ * that follow from it, and the constants of rendering. Both arithmetics read
+ * it: common/ and decoder/ in integers, trainer/ in float.
+ *
+ * Paper: Method (networks, hierarchy), Hierarchical Context Modeling.
+ */
+#ifndef SAGA_MODEL_H
+#define SAGA_MODEL_H
+
+#include "mlp.h"
+
+#include <stdint.h>
+
+/* --- Limits of the syntax ------------------------------------------------ */
+
+enum {
+    SAGA_MAX_FEATURES = 64,   /* F, feature channels of an anchor */
+    SAGA_MAX_WIDTH = 128,     /* hidden units of a network */
+    SAGA_MAX_OCTAVES = 8,     /* of the positional embedding */
+    SAGA_MAX_GROUPS = 16,     /* K_c of the paper */
+    SAGA_MAX_WINDOW = 32,     /* w: ranks to each side of the parent's */
+    SAGA_MAX_NEIGHBOURS = 16, /* K of the kernel interpolation */
+    SAGA_MAX_CHILDREN = 16,   /* fine anchors per coarse, primitives per fine */
+    SAGA_MAX_SUFFIX_BITS = 8, /* B_f, B_prim per axis */
+    SAGA_MAX_DEPTH_X = 16,    /* spatial depth of the tree */
+    SAGA_MAX_DEPTH_T = 8,     /* temporal depth */
+    SAGA_MAX_LAYERS = 3,
+    SAGA_MAX_HEAD_Q = 20,
+    /* Longest vector a network takes or gives, padding included: E_fine with
+     * hyperprior, parent, groups and memory, 3 * 64 + 128, and E_coarse's
+     * output 2 * (4 + 64) lie below it. */
+    SAGA_MAX_VECTOR = 512
+};
+
+/* --- Tools --------------------------------------------------------------- */
+
+/* Bits of saga_model.tools. A tool that is off costs no bits and no time. */
+enum {
+    SAGA_TOOL_OPACITY_T = 1u << 0,  /* temporal opacity */
+    SAGA_TOOL_SLOPE = 1u << 1,      /* linear rotation */
+    SAGA_TOOL_VIEW = 1u << 2,       /* view-dependent colour */
+    SAGA_TOOL_MOTION_SHIFT = 3,     /* two bits: motion order 0..3 */
+    SAGA_TOOL_MOTION_MASK = 3u << 3,
+    /* Places kept: a stream that sets one needs a newer decoder. */
+    SAGA_TOOL_BASE = 1u << 5,       /* optional base segment */
+    SAGA_TOOL_LAYERS = 1u << 6,     /* may be cut between layers */
+    SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
+    SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
+    SAGA_TOOL_MEMORY = 1u << 9,     /* memory bank */
+    SAGA_TOOLS_KNOWN = (1u << 5) - 1,
+    SAGA_TOOLS_RESERVED = SAGA_TOOL_BASE | SAGA_TOOL_LAYERS |
+                          SAGA_TOOL_FEATURE_RESIDUAL | SAGA_TOOL_HASH |
+                          SAGA_TOOL_MEMORY
+};
+
+/* Sources of the entropy parameters, bits of saga_model.sources[]. */
+enum {
+    SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
+    SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser level (fine, prim) */
+    SAGA_SOURCE_GROUPS = 1u << 2,   /* earlier groups (coarse, fine) */
+    SAGA_SOURCE_MEMORY = 1u << 3    /* place kept */
+};
+
+/* The three coded kinds of residual. */
+enum { SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM, SAGA_N_KINDS };
+
+/* The two anchor levels. */
+enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* Order of the table = order in the stream. F_color is three of them: the part
+ * of its first layer that does not see the direction, the part that does, and
+ * the rest. */
+enum {
+    SAGA_NET_HYPER,
+    SAGA_NET_E_COARSE,
+    SAGA_NET_E_FINE,
+    SAGA_NET_E_PRIM,
+    SAGA_NET_FUSE_C,
+    SAGA_NET_FUSE_F,
+    SAGA_NET_FINE,
+    SAGA_NET_GEO,
+    SAGA_NET_COLOUR_BASE,
+    SAGA_NET_COLOUR_VIEW,
+    SAGA_NET_COLOUR,
+    SAGA_N_NETS
+};
+
+/* Heads: groups of output rows that share a Q format, sent in the header. */
+enum {
+    SAGA_HEAD_COARSE,       /* coarse features: symbols' y and E_coarse's mu */
+    SAGA_HEAD_HYPER,        /* hyperprior embedding */
+    SAGA_HEAD_SIGMA,        /* log2(sigma / step) of every E */
+    SAGA_HEAD_FUSE_C,
+    SAGA_HEAD_FUSE_F,
+    SAGA_HEAD_FINE,         /* features of a fine anchor */
+    SAGA_HEAD_SUPPORT,      /* log2 support, relative to the parent's cell */
+    SAGA_HEAD_OPACITY,
+    SAGA_HEAD_SCALE,        /* log2 scale, relative to the coarse cell */
+    SAGA_HEAD_QUAT,         /* relative to (1, 0, 0, 0); at most 14 */
+    SAGA_HEAD_SLOPE,
+    SAGA_HEAD_TIME,         /* temporal centre, in the support */
+    SAGA_HEAD_WIDTH,        /* log2 temporal width, relative to the cell */
+    SAGA_HEAD_MOTION1,
+    SAGA_HEAD_MOTION2,
+    SAGA_HEAD_MOTION3,
+    SAGA_HEAD_COLOUR,
+    SAGA_N_HEADS
+};
+
+/* Shape of one network: dim[0] inputs, n_layers layers, every one but the last
+ * with ReLU. n_layers = 0: the network does not exist. */
+typedef struct saga_net_shape {
+    uint16_t dim[SAGA_MAX_LAYERS + 1];
+    uint8_t n_layers;
+    uint8_t int8;           /* weights are stored in 8 bits */
+    uint8_t q_in;           /* Q format of its input vector */
+} saga_net_shape;
+
+/* --- The header's model part --------------------------------------------- */
+
+typedef struct saga_level {
+    uint8_t n_groups;       /* modulo groups, 1..16 */
+    uint8_t window;         /* w, 0..32 */
+    uint8_t neighbours;     /* K, 1..16 */
+    uint8_t suffix_bits;    /* B of the CHILDREN of this level's anchors, 0..8:
+                             * [coarse] B_f, [fine] B_prim */
+    uint8_t max_children;   /* of this level's anchors, 1..16 */
+    uint16_t radius2_q12;   /* rho^2, d < rho^2 */
+    uint16_t softmax_q8;    /* log2(e) / T, >= 1 */
+} saga_level;
+
+/* Steps by coded group; Q16 in LSB of the coded value, >= 16 LSB. */
+enum {
+    SAGA_STEP_CENTRE,       /* coarse centre residual, y in Q14 half-sizes */
+    SAGA_STEP_FEATURE,      /* coarse features, y in SAGA_HEAD_COARSE */
+    SAGA_STEP_FINE,         /* fine offset residual, y in Q14 */
+    SAGA_STEP_PRIM,         /* primitive offset residual, y in Q14 */
+    SAGA_N_STEPS
+};
+
+typedef struct saga_model {
+    uint32_t tools;
+    uint8_t sources[SAGA_N_KINDS];
+    uint8_t features;       /* F, 1..64 */
+    uint8_t octaves;        /* of the embedding, 1..8 */
+    uint16_t lambda_t_q8;   /* weight of time in the distance */
+    saga_level level[SAGA_N_LEVELS];
+    uint32_t step_q16[SAGA_N_STEPS];
+    uint8_t head_q[SAGA_N_HEADS];
+    uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128 */
+    uint8_t q_in[SAGA_N_NETS];
+    uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
+} saga_model;
+
+static inline int saga_motion_order(const saga_model *m)
+{
+    return (int)((m->tools & SAGA_TOOL_MOTION_MASK) >> SAGA_TOOL_MOTION_SHIFT);
+}
+
+/* Whether anything in the segment depends on time. */
+static inline int saga_is_dynamic(const saga_model *m)
+{
+    return (m->tools & (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE |
+                        SAGA_TOOL_MOTION_MASK)) != 0;
+}
+
+/* Values of the embedding of a 4-D coordinate: sine and cosine, 4 axes. */
+static inline uint32_t saga_pe_size(const saga_model *m)
+{
+    return 8u * m->octaves;
+}
+
+/* Channels of a coded block: centre and features; offset; offset. */
+static inline uint32_t saga_n_channels(const saga_model *m, int kind)
+{
+    return kind == SAGA_KIND_COARSE ? 4u + m->features : 4u;
+}
+
+/* Outputs of F_geo, and where each head begins among them (in the order of the
+ * heads; a head whose tool is off has no rows). */
+typedef struct saga_geo_rows {
+    uint8_t opacity, scale, quat, slope, time, width, motion, n;
+} saga_geo_rows;
+
+void saga_model_geo_rows(saga_geo_rows *rows, const saga_model *m);
+
+/* Shape of network `net` (SAGA_NET_*) of a valid model. */
+void saga_model_net(saga_net_shape *shape, const saga_model *m, int net);
+
+/* Q format of the colour pre-activation as the next layer sees it: the format
+ * its row shifts give it, the networks' own business. */
+
+/* Multiply-accumulates of one run of a network: sum of n_in * n_out. */
+uint32_t saga_net_macs(const saga_net_shape *shape);
+
+/* Number of weights of a network, without padding. */
+uint32_t saga_net_weights(const saga_net_shape *shape);
+
+/* 1 if every field is inside its range and shapes stay inside
+ * SAGA_MAX_VECTOR; reserved tools and sources are not looked at. */
+int saga_model_is_valid(const saga_model *m);
+
+/* --- Levels: caps that bound a decoder before it starts ------------------ */
+
+typedef struct saga_level_caps {
+    uint32_t work_nbytes;
+    uint32_t n_coarse, n_fine, n_prim;
+    uint32_t n_weights;
+    uint32_t width;
+    uint32_t int8_only;     /* every network must be int8 */
+} saga_level_caps;
+
+enum { SAGA_N_PROFILES = 4 };
+
+extern const saga_level_caps saga_caps[SAGA_N_PROFILES];
+
+/* --- Rendering constants (design.md 9); the float trainer reads them here  */
+
+#define SAGA_ALPHA_CAP_Q16 64880   /* alpha <= 0.99 */
+#define SAGA_CUT_LOG2 8            /* a splat touches pixels with q < 8 */
+#define SAGA_T_FLOOR_Q16 8         /* a pixel is finished below 8 / 65536 */
+#define SAGA_LOW_PASS_NUM 3        /* 0.3 px^2 added to the 2-D covariance */
+#define SAGA_LOW_PASS_DEN 10
+
+#endif

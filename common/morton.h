@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * 4-D Morton order: a suffix of 4 B bits interleaves x, y, z, t of B bits
+ * each, x first, most significant bits first. The order of ranks everywhere.
+ */
+#ifndef SAGA_MORTON_H
+#define SAGA_MORTON_H
+
+#include <stdint.h>
+
+/* Coordinate of `axis` (0..3: x, y, z, t) in a suffix of 4 * bits bits. */
+static inline uint32_t saga_morton_axis(uint32_t suffix, uint32_t bits,
+                                        uint32_t axis)
+{
+    uint32_t v = 0, i;
+
+    for (i = 0; i < bits; i++)
+        v |= (suffix >> (4 * i + 3 - axis) & 1u) << i;
+    return v;
+}
+
+/* The inverse: v[0..3] of `bits` bits each, bits in 0..8. */
+static inline uint32_t saga_morton_suffix(const uint32_t v[4], uint32_t bits)
+{
+    uint32_t suffix = 0, i, axis;
+
+    for (i = 0; i < bits; i++)
+        for (axis = 0; axis < 4; axis++)
+            suffix |= (v[axis] >> i & 1u) << (4 * i + 3 - axis);
+    return suffix;
+}
+
+/* Modulo group of integer coordinates (paper: gamma). */
+static inline uint32_t saga_morton_group(const uint32_t v[4],
+                                         uint32_t n_groups)
+{
+    uint32_t g = (v[0] & 1u) | (v[1] & 1u) << 1 | (v[2] & 1u) << 2 |
+                 (v[3] & 1u) << 3;
+
+    while (g >= n_groups)
+        g -= n_groups;
+    return g;
+}
+
+#endif

@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Probabilities as integers, and the coder behind the one traversal.
+ *
+ * Two kinds of distribution, both in 15 bits: static zero-mean Gaussians of
+ * 64 scales for residuals, and small adaptive models for everything else.
+ */
+#ifndef SAGA_PROB_H
+#define SAGA_PROB_H
+
+#include "symbols.h"
+
+#include <stdint.h>
+
+#define SAGA_PROB_BITS 15
+#define SAGA_PROB_TOTAL (1u << SAGA_PROB_BITS)
+
+/* --- Residuals ----------------------------------------------------------- */
+
+enum {
+    SAGA_N_SCALES = 64,      /* sigma_i = 2^((i - 22) / 7) steps */
+    SAGA_SCALE_PER_OCTAVE = 7,
+    SAGA_SCALE_UNIT = 22,    /* index of sigma = 1 */
+    SAGA_MAX_RESIDUAL = 65535,
+    SAGA_ESCAPE_ORDER = 3    /* Exp-Golomb order of what lies beyond */
+};
+
+/* One scale's distribution over 0, +1, -1, ..., +M, -M, escape: starts of
+ * symbol 0, of the pairs, and of the escape, M + 2 of them; the escape takes
+ * the remainder of the range. */
+typedef struct saga_scale_row {
+    const uint16_t *start;
+    uint32_t max;            /* M, 1..255 */
+} saga_scale_row;
+
+/* index in 0..63. */
+saga_scale_row saga_prob_scale(uint32_t index);
+
+/* --- Adaptive models ----------------------------------------------------- */
+
+enum { SAGA_MAX_ADAPTIVE = 17 };
+
+/* start[i] is the start of symbol i + 1; symbol 0 starts at 0 and the last one
+ * takes the remainder. Every symbol keeps a frequency of at least 1. */
+typedef struct saga_adaptive {
+    uint16_t start[SAGA_MAX_ADAPTIVE - 1];
+    uint16_t seen;           /* symbols coded, saturating: sets the pace */
+} saga_adaptive;
+
+/* All symbols alike; n_sym in 2..17. */
+void saga_adaptive_init(saga_adaptive *m, uint32_t n_sym);
+
+/* Binomial(n, 1/2) over 0..n; n in 1..16. */
+void saga_adaptive_init_binomial(saga_adaptive *m, uint32_t n);
+
+/* Start of symbol sym in 0..n_sym-1. */
+static inline uint32_t saga_adaptive_start(const saga_adaptive *m,
+                                           uint32_t sym)
+{
+    return sym ? m->start[sym - 1] : 0;
+}
+
+/* Moves the model towards sym, quickly at first. */
+void saga_adaptive_update(saga_adaptive *m, uint32_t n_sym, uint32_t sym);
+
+/* --- The coder ----------------------------------------------------------- */
+
+/* Behind it: range decoder, range encoder, closed-loop quantiser, cost
+ * counter. The traversal uses what comes back and never asks which it is.
+ * A coder's error is sticky; after it, the values mean nothing but stay in
+ * range. */
+typedef struct saga_coder saga_coder;
+struct saga_coder {
+    /* q[0..n) for predictions mu (in y's Q; NULL for networks), step (Q16 in
+     * LSB of y) and scale indices. |q| <= 65535. */
+    void (*residual)(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
+                     uint32_t step_q16, const uint8_t *scale, uint32_t n);
+    /* A symbol in 0..n_sym-1; updates the model. */
+    uint32_t (*adaptive)(saga_coder *c, saga_at at, saga_adaptive *m,
+                         uint32_t n_sym);
+    /* A plain field of `bits` bits, 1..16. */
+    uint32_t (*uniform)(saga_coder *c, saga_at at, uint32_t bits);
+    int error;
+};
+
+#endif

@@ -1,0 +1,264 @@
+/* SPDX-License-Identifier: MIT */
+#include "scaffold.h"
+
+#include "fx.h"
+#include "fx_math.h"
+#include "interp.h"
+
+/* --- Networks in memory -------------------------------------------------- */
+
+static uint32_t layer_weight_nbytes(const saga_net_shape *s, int i)
+{
+    return saga_mlp_pad(s->dim[i]) * s->dim[i + 1] * (s->int8 ? 1u : 2u);
+}
+
+/* Weights, biases, shifts; each layer starts at a multiple of 16. */
+static uint32_t layer_nbytes(const saga_net_shape *s, int i)
+{
+    const uint32_t n = layer_weight_nbytes(s, i) + 5u * s->dim[i + 1];
+
+    return (n + 15u) & ~15u;
+}
+
+void saga_nets_layout(saga_nets *nets, const saga_model *m)
+{
+    uint32_t at = 0;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_model_net(&nets->shape[net], m, net);
+        nets->offset[net] = at;
+        for (i = 0; i < nets->shape[net].n_layers; i++)
+            at += layer_nbytes(&nets->shape[net], i);
+    }
+    nets->nbytes = at;
+}
+
+void saga_nets_place(saga_layer_place *at, const saga_nets *nets, int net,
+                     int i)
+{
+    const saga_net_shape *const s = &nets->shape[net];
+    int k;
+
+    at->weight = nets->offset[net];
+    for (k = 0; k < i; k++)
+        at->weight += layer_nbytes(s, k);
+    at->bias = at->weight + layer_weight_nbytes(s, i);
+    at->shift = at->bias + 4u * s->dim[i + 1];
+}
+
+void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
+                     const uint8_t *block, int net, int i)
+{
+    const saga_net_shape *const s = &nets->shape[net];
+    saga_layer_place at;
+
+    saga_nets_place(&at, nets, net, i);
+    layer->weight = block + at.weight;
+    layer->bias = (const int32_t *)(const void *)(block + at.bias);
+    layer->shift = block + at.shift;
+    layer->n_in = s->dim[i];
+    layer->n_out = s->dim[i + 1];
+    layer->int8 = s->int8;
+    layer->relu = i + 1 < s->n_layers;
+}
+
+void saga_net_run(const saga_scaffold *sc, int net)
+{
+    saga_vectors *const v = sc->v;
+    const int n = sc->nets->shape[net].n_layers;
+    const int16_t *x = v->in;
+    saga_layer layer;
+    int i;
+
+    for (i = 0; i < n; i++) {
+        int16_t *const y = i + 1 == n ? v->out : v->hidden[i];
+
+        saga_nets_layer(&layer, sc->nets, sc->params, net, i);
+        saga_mlp_layer(y, &layer, x);
+        x = y;
+    }
+}
+
+/* --- Input vectors ------------------------------------------------------- */
+
+uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
+                        const int16_t *x, uint32_t n, int q)
+{
+    const int q_in = sc->model->q_in[net];
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        sc->v->in[at + i] = fx_requant16(x[i], q, q_in);
+    return at + n;
+}
+
+/* Sine and cosine of 2^k times a phase, k = 0..octaves-1. */
+static uint32_t embed_axis(const saga_scaffold *sc, int net, uint32_t at,
+                           const uint32_t *phase)
+{
+    const int q_in = sc->model->q_in[net];
+    uint32_t k;
+
+    for (k = 0; k < sc->model->octaves; k++) {
+        const int16_t sine = saga_sin_turn16_q15(phase[k] & 65535u);
+        const int16_t cosine =
+            saga_sin_turn16_q15((phase[k] + 16384u) & 65535u);
+
+        sc->v->in[at++] = fx_requant16(sine, 15, q_in);
+        sc->v->in[at++] = fx_requant16(cosine, 15, q_in);
+    }
+    return at;
+}
+
+/* Phases from the position's own bits, wrapping: a quarter turn per half-cube
+ * at k = 0. */
+uint32_t saga_in_embed(const saga_scaffold *sc, int net, uint32_t at,
+                       const int32_t x[3], int32_t t)
+{
+    uint32_t phase[SAGA_MAX_OCTAVES];
+    const uint32_t tu = (uint32_t)(t - 32768);
+    uint32_t k;
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        for (k = 0; k < sc->model->octaves; k++)
+            phase[k] = (uint32_t)(x[i] >> (9 - k));
+        at = embed_axis(sc, net, at, phase);
+    }
+    for (k = 0; k < sc->model->octaves; k++)
+        phase[k] = k ? tu << (k - 1) : (uint32_t)((t - 32768) >> 1);
+    return embed_axis(sc, net, at, phase);
+}
+
+uint32_t saga_in_embed_offset(const saga_scaffold *sc, int net, uint32_t at,
+                              const int16_t offset_q14[4])
+{
+    uint32_t phase[SAGA_MAX_OCTAVES];
+    uint32_t k;
+    int i;
+
+    for (i = 0; i < 4; i++) {
+        for (k = 0; k < sc->model->octaves; k++)
+            phase[k] = (uint32_t)(int32_t)offset_q14[i] << k;
+        at = embed_axis(sc, net, at, phase);
+    }
+    return at;
+}
+
+/* --- Places -------------------------------------------------------------- */
+
+void saga_place_cell(saga_place *p, const saga_coarse *c)
+{
+    const int log2_x = SAGA_LOG2_HALF_X - c->depth_x;
+    const int log2_t = SAGA_LOG2_HALF_T - c->depth_t;
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        p->x[i] = SAGA_X_MIN + (2 * (int32_t)c->cell[i] + 1) * (1 << log2_x);
+        p->support[i] = 1 << log2_x;
+        p->log2_support_q10[i] = log2_x * 1024;
+    }
+    p->t = (2 * (int32_t)c->cell_t + 1) * (1 << log2_t);
+    p->support[3] = 1 << log2_t;
+    p->log2_support_q10[3] = log2_t * 1024;
+}
+
+/* |support * offset| <= 2^23 * 2^15. */
+void saga_place_move(saga_place *p, const int16_t offset_q14[4])
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        p->x[i] = fx_clamp64(p->x[i] + fx_rshift64((int64_t)p->support[i] *
+                                                   offset_q14[i], 14),
+                             SAGA_X_MIN, SAGA_X_MAX);
+    p->t = fx_clamp64(p->t + fx_rshift64((int64_t)p->support[3] *
+                                         offset_q14[3], 14), 0, SAGA_T_MAX);
+}
+
+void saga_place_fine(saga_place *p, const saga_fine *f)
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        p->x[i] = f->x[i];
+    p->t = f->t;
+    for (i = 0; i < 4; i++) {
+        p->support[i] = f->support[i];
+        p->log2_support_q10[i] = f->local[i];
+    }
+}
+
+/* --- Coarse to fine ------------------------------------------------------ */
+
+void saga_scaffold_fuse(const saga_scaffold *sc, int level,
+                        const saga_place *p, uint32_t parent)
+{
+    const int net = level == SAGA_LEVEL_COARSE ? SAGA_NET_FUSE_C
+                                               : SAGA_NET_FUSE_F;
+    const int head = level == SAGA_LEVEL_COARSE ? SAGA_HEAD_COARSE
+                                                : SAGA_HEAD_FINE;
+    saga_neighbours nb;
+    uint32_t at;
+
+    saga_interp_find(&nb, sc, level, p, parent, SAGA_ALL_GROUPS);
+    saga_interp_sum(sc->v->context, sc, level, &nb);
+    at = saga_in_vector(sc, net, 0, sc->v->context, sc->model->features,
+                        sc->model->head_q[head]);
+    saga_in_embed(sc, net, at, p->x, p->t);
+    saga_net_run(sc, net);
+}
+
+/* 2^log2 rounded to an integer in 1..2^max; |log2_q10| < 2^15. */
+static int32_t support_from_log2(int32_t log2_q10, int max)
+{
+    const int32_t x = fx_clamp(log2_q10, 0, max * 1024);
+    const uint32_t m = saga_exp2_frac_q16_q30((uint32_t)(x & 1023) << 6);
+
+    return (int32_t)fx_rshift64((int64_t)m, 30 - (int)(x >> 10));
+}
+
+/* Log supports leave the network relative to the parent's half-sizes. They are
+ * kept clamped, so that every later use sees the support that is. */
+static void set_support(saga_fine *f, const saga_coarse *parent,
+                        const int16_t out[4], int q)
+{
+    int i;
+
+    for (i = 0; i < 4; i++) {
+        const int max = i < 3 ? SAGA_LOG2_HALF_X : SAGA_LOG2_HALF_T + 1;
+        const int half = i < 3 ? SAGA_LOG2_HALF_X - parent->depth_x
+                               : SAGA_LOG2_HALF_T - parent->depth_t;
+        const int32_t log2_q10 = fx_clamp(
+            half * 1024 + fx_requant32(out[i], q, 10), 0, max * 1024);
+
+        f->local[i] = (int16_t)log2_q10;
+        f->support[i] = support_from_log2(log2_q10, max);
+    }
+}
+
+void saga_scaffold_fine(const saga_scaffold *sc)
+{
+    const saga_model *const m = sc->model;
+    const uint32_t f = m->features;
+    uint32_t rank, at, i;
+
+    for (rank = 0; rank < sc->n.fine; rank++) {
+        saga_fine *const fine = &sc->fine[rank];
+        int16_t *const feature = sc->fine_feature + (size_t)rank * f;
+        saga_place p;
+
+        /* Here the supports are still the parent's half-sizes. */
+        saga_place_fine(&p, fine);
+        saga_scaffold_fuse(sc, SAGA_LEVEL_COARSE, &p, fine->parent);
+        at = saga_in_vector(sc, SAGA_NET_FINE, 0, sc->v->out, f,
+                            m->head_q[SAGA_HEAD_FUSE_C]);
+        saga_in_embed_offset(sc, SAGA_NET_FINE, at, fine->local);
+        saga_net_run(sc, SAGA_NET_FINE);
+        for (i = 0; i < f; i++)
+            feature[i] = sc->v->out[i];
+        set_support(fine, &sc->coarse[fine->parent], sc->v->out + f,
+                    m->head_q[SAGA_HEAD_SUPPORT]);
+    }
+}

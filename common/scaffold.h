@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The scaffold in memory: coarse anchors, fine anchors and what generates the
+ * one from the other (interpolation, Fuse, F_fine). Filled by the traversal of
+ * syntax.c on both sides. Paper: Hierarchical 4D Anchor.
+ */
+#ifndef SAGA_SCAFFOLD_H
+#define SAGA_SCAFFOLD_H
+
+#include "model.h"
+#include "prob.h"
+#include "symbols.h"
+
+#include <stdint.h>
+
+/* Half of the cube in box units, half of a segment in time units, as log2. */
+enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
+
+#define SAGA_X_MIN (-(1 << 23))
+#define SAGA_X_MAX ((1 << 23) - 1)
+#define SAGA_T_MAX 65535
+
+/* The networks of a stream: shapes, and where their parameters lie in one
+ * block. Per layer: weights (n_out, pad(n_in)), biases, row shifts. */
+typedef struct saga_nets {
+    saga_net_shape shape[SAGA_N_NETS];
+    uint32_t offset[SAGA_N_NETS];  /* bytes from the block's start */
+    uint32_t nbytes;               /* of the block */
+} saga_nets;
+
+/* Lays the networks of a valid model out. The block is aligned to 16. */
+void saga_nets_layout(saga_nets *nets, const saga_model *m);
+
+/* Where layer i of network net lies in the block: bytes from its start. */
+typedef struct saga_layer_place {
+    uint32_t weight, bias, shift;
+} saga_layer_place;
+
+void saga_nets_place(saga_layer_place *at, const saga_nets *nets, int net,
+                     int i);
+
+/* Layer i of network net inside block. */
+void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
+                     const uint8_t *block, int net, int i);
+
+/* An active leaf of the 4-D tree. */
+typedef struct saga_coarse {
+    int32_t x[3];            /* coded centre: serves interpolation only */
+    uint32_t first_fine;     /* rank of its first fine anchor */
+    uint16_t t;
+    uint16_t cell[3];        /* integer coordinates at its own depth */
+    uint8_t cell_t;
+    uint8_t depth_x, depth_t;
+    uint8_t n_fine;
+    uint8_t group;
+} saga_coarse;
+
+typedef struct saga_fine {
+    int32_t x[3];
+    int32_t support[4];      /* l_f: x, y, z in 1..2^23, t in 1..2^16; the
+                              * parent's half-sizes until F_fine has run */
+    uint32_t parent;         /* coarse rank */
+    uint32_t first_prim;
+    int16_t local[4];        /* offset o in Q14 half-sizes from the parent's
+                              * CELL centre; log2 l_f in Q10 after F_fine */
+    uint16_t t;
+    uint8_t n_prim;
+    uint8_t group;
+} saga_fine;
+
+/* Adaptive models of a segment; they run on from layer to layer. */
+typedef struct saga_models {
+    saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* by spatial depth */
+    saga_adaptive occupancy[3][4]; /* by split - 1, children so far */
+    saga_adaptive n_fine, n_prim;
+    saga_adaptive set[2][2][SAGA_MAX_CHILDREN];    /* fine or primitive; space
+                                                    * or time; n - 1 */
+} saga_models;
+
+/* Scratch of the networks. */
+typedef struct saga_vectors {
+    int16_t in[SAGA_MAX_VECTOR];
+    int16_t hidden[2][SAGA_MAX_VECTOR];
+    int16_t out[SAGA_MAX_VECTOR];
+    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature */
+} saga_vectors;
+
+/* Everything a traversal works on; a transient view, the memory is the
+ * caller's. Capacities are n: the segment header's exact counts. */
+typedef struct saga_scaffold {
+    const saga_model *model;
+    const saga_nets *nets;
+    const uint8_t *params;           /* block of the networks */
+    saga_counts n;
+    saga_coarse *coarse;             /* (n.coarse) */
+    int16_t *coarse_feature;         /* (n.coarse, F) */
+    saga_fine *fine;                 /* (n.fine) */
+    int16_t *fine_feature;           /* (n.fine, F) */
+    int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
+    saga_models *models;
+    saga_vectors *v;
+} saga_scaffold;
+
+/* Where something is, how far it reaches, and under whom. */
+typedef struct saga_place {
+    int32_t x[3];
+    int32_t t;
+    int32_t support[4];
+    int32_t log2_support_q10[4];
+} saga_place;
+
+/* The cell of a coarse anchor: centre and half-sizes. */
+void saga_place_cell(saga_place *p, const saga_coarse *c);
+
+/* Centre + offset (Q14, in units of support per axis), clamped to the cube. */
+void saga_place_move(saga_place *p, const int16_t offset_q14[4]);
+
+/* Runs a network on sc->v->in; its last layer's outputs land in sc->v->out. */
+void saga_net_run(const saga_scaffold *sc, int net);
+
+/* sc->v->in: `at` appended values; each returns the new length. */
+uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
+                        const int16_t *x, uint32_t n, int q);
+uint32_t saga_in_embed(const saga_scaffold *sc, int net, uint32_t at,
+                       const int32_t x[3], int32_t t);
+uint32_t saga_in_embed_offset(const saga_scaffold *sc, int net, uint32_t at,
+                              const int16_t offset_q14[4]);
+
+/* Interpolated, fused features of level SAGA_LEVEL_* at p, under the parent of
+ * the given rank: outputs in sc->v->out (F of them, Q of the Fuse head). */
+void saga_scaffold_fuse(const saga_scaffold *sc, int level,
+                        const saga_place *p, uint32_t parent);
+
+/* F_fine for every fine anchor: features and supports from decoded offsets. */
+void saga_scaffold_fine(const saga_scaffold *sc);
+
+/* Place of a fine anchor; of primitive offset o under it. */
+void saga_place_fine(saga_place *p, const saga_fine *f);
+
+#endif

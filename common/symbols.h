@@ -1,0 +1,85 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Symbols: all the integers of a segment and of the networks that are coded,
+ * nothing else. The lossless interface between quantiser and bytes; never held
+ * by the decoder, which consumes each symbol as it appears.
+ */
+#ifndef SAGA_SYMBOLS_H
+#define SAGA_SYMBOLS_H
+
+#include "model.h"
+
+#include <stdint.h>
+
+typedef struct saga_counts {
+    uint32_t coarse, fine, prim;
+} saga_counts;
+
+/* The symbols of one segment, in rank order. */
+typedef struct saga_symbols {
+    saga_counts n;
+    uint32_t n_nodes;        /* of the tree, leaves included */
+    uint8_t *split;          /* (n_nodes) depth first: 0 leaf, 1 space, 2 time,
+                              * 3 both */
+    uint16_t *occupancy;     /* (n_nodes) bit c: child c exists; 0 for leaves */
+    uint8_t *n_fine;         /* (coarse) */
+    int32_t *centre;         /* (coarse, 4) q of x, y, z, t */
+    int32_t *feature;        /* (coarse, F) q */
+    uint32_t *fine_suffix;   /* (fine) ascending within a parent */
+    int32_t *fine_offset;    /* (fine, 4) q */
+    uint8_t *n_prim;         /* (fine) */
+    uint32_t *prim_suffix;   /* (prim) ascending within a parent */
+    int32_t *prim_offset;    /* (prim, 4) q */
+} saga_symbols;
+
+/* The symbols of one layer of a network. w = fx_rshift64(q * step_q16, s) per
+ * weight, bias = q << bias_shift. */
+typedef struct saga_layer_symbols {
+    uint32_t step_q16;       /* 1..65535 */
+    uint8_t step_shift;      /* s, 0..31 */
+    uint8_t bias_shift;      /* 0..24 */
+    uint8_t weight_scale;    /* scale index of the residual coder, 0..63 */
+    uint8_t bias_scale;
+    int32_t *weight;         /* (n_out, n_in) q */
+    int32_t *bias;           /* (n_out) q */
+    uint8_t *shift;          /* (n_out) row shifts, 0..24 */
+} saga_layer_symbols;
+
+typedef struct saga_net_symbols {
+    saga_layer_symbols layer[SAGA_N_NETS][SAGA_MAX_LAYERS];
+} saga_net_symbols;
+
+/* What a coder is asked for: the kind of symbol and its place in the arrays
+ * above. The decoder ignores it; the encoder looks the value up. */
+enum {
+    SAGA_SYM_SPLIT,          /* index: node */
+    SAGA_SYM_OCCUPANCY,      /* index: node, bit: child; symbol 0 or 1 */
+    SAGA_SYM_N_FINE,         /* index: coarse rank */
+    SAGA_SYM_CENTRE,         /* index: coarse rank; 4 residuals */
+    SAGA_SYM_FEATURE,        /* index: coarse rank; F residuals */
+    SAGA_SYM_FINE_SUFFIX,    /* index: first fine rank of a run, bit: bit of
+                              * the suffix; symbol: members with the bit 0 */
+    SAGA_SYM_FINE_OFFSET,    /* index: fine rank; 4 residuals */
+    SAGA_SYM_N_PRIM,         /* index: fine rank */
+    SAGA_SYM_PRIM_SUFFIX,    /* as FINE_SUFFIX, primitive ranks */
+    SAGA_SYM_PRIM_OFFSET,    /* index: primitive rank; 4 residuals */
+    SAGA_SYM_NET_STEP,       /* index: net, bit: layer; 16 bits */
+    SAGA_SYM_NET_STEP_SHIFT, /* 5 bits */
+    SAGA_SYM_NET_BIAS_SHIFT, /* 5 bits */
+    SAGA_SYM_NET_WEIGHT_SCALE, /* 6 bits */
+    SAGA_SYM_NET_BIAS_SCALE, /* 6 bits */
+    SAGA_SYM_NET_ROW_SHIFT,  /* index: net, bit: layer, row; column 0: eights,
+                              * 1: rest */
+    SAGA_SYM_NET_BIAS,       /* index: net, bit: layer, row; 1 residual */
+    SAGA_SYM_NET_WEIGHT      /* index: net, bit: layer, row, first column; some
+                              * of its n_in residuals */
+};
+
+typedef struct saga_at {
+    uint32_t index;
+    uint16_t row, column;
+    uint8_t bit;
+    uint8_t sym;             /* SAGA_SYM_* */
+} saga_at;
+
+#endif

@@ -1,0 +1,576 @@
+/* SPDX-License-Identifier: MIT */
+#include "syntax.h"
+
+#include "context.h"
+#include "fx.h"
+#include "morton.h"
+
+static saga_at at_symbol(uint8_t sym, uint32_t index, uint32_t bit)
+{
+    saga_at at;
+
+    at.index = index;
+    at.row = 0;
+    at.column = 0;
+    at.bit = (uint8_t)bit;
+    at.sym = sym;
+    return at;
+}
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* Residuals of a network are asked for in pieces of this many: the stack. */
+enum { PIECE = 64 };
+
+/* A row shift, 0..24, is coded as its eights and its rest. */
+typedef struct {
+    saga_adaptive high, low[4];
+} shift_models;
+
+static int code_shift(shift_models *m, saga_coder *c, saga_at at)
+{
+    uint32_t high, low;
+
+    high = c->adaptive(c, at, &m->high, 4);
+    at.column = 1;
+    low = c->adaptive(c, at, &m->low[high], 8);
+    return (int)(8 * high + low);
+}
+
+typedef struct {
+    uint32_t step_q16;
+    int step_shift, bias_shift;
+    uint8_t weight_scale, bias_scale;
+} layer_fields;
+
+static void code_fields(layer_fields *f, saga_coder *c, int net, int i)
+{
+    saga_at at = at_symbol(SAGA_SYM_NET_STEP, (uint32_t)net, (uint32_t)i);
+
+    f->step_q16 = c->uniform(c, at, 16);
+    at.sym = SAGA_SYM_NET_STEP_SHIFT;
+    f->step_shift = (int)c->uniform(c, at, 5);
+    at.sym = SAGA_SYM_NET_BIAS_SHIFT;
+    f->bias_shift = (int)c->uniform(c, at, 5);
+    at.sym = SAGA_SYM_NET_WEIGHT_SCALE;
+    f->weight_scale = (uint8_t)c->uniform(c, at, 6);
+    at.sym = SAGA_SYM_NET_BIAS_SCALE;
+    f->bias_scale = (uint8_t)c->uniform(c, at, 6);
+}
+
+static void store_weight(uint8_t *weights, int int8, size_t at, int32_t w)
+{
+    if (int8)
+        ((int8_t *)weights)[at] = (int8_t)w;
+    else
+        ((int16_t *)(void *)weights)[at] = (int16_t)w;
+}
+
+/* A row of weights with its padding, from element `base` on; returns sum|w|,
+ * or -1 if one is out of range. |q * step| < 2^32. */
+static int64_t code_weights(uint8_t *weights, size_t base, uint32_t n_in,
+                            int int8, const layer_fields *f, saga_coder *c,
+                            saga_at at)
+{
+    const int32_t limit = int8 ? 127 : 32767;
+    uint8_t scale[PIECE];
+    int32_t q[PIECE];
+    int64_t sum = 0;
+    uint32_t k, i;
+
+    for (i = 0; i < PIECE; i++)
+        scale[i] = f->weight_scale;
+    for (k = 0; k < n_in; k += PIECE) {
+        const uint32_t n = n_in - k < PIECE ? n_in - k : PIECE;
+
+        at.column = (uint16_t)k;
+        c->residual(c, at, q, NULL, f->step_q16, scale, n);
+        for (i = 0; i < n; i++) {
+            const int64_t w = fx_rshift64((int64_t)q[i] * f->step_q16,
+                                          f->step_shift);
+
+            if (w < -limit || w > limit)
+                return -1;
+            store_weight(weights, int8, base + k + i, (int32_t)w);
+            sum += w < 0 ? -w : w;
+        }
+    }
+    for (k = n_in; k < saga_mlp_pad(n_in); k++)
+        store_weight(weights, int8, base + k, 0);
+    return sum;
+}
+
+static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
+                      shift_models *shifts, saga_coder *c)
+{
+    const saga_net_shape *const s = &nets->shape[net];
+    const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
+    saga_layer_place place;
+    layer_fields f;
+    int32_t *bias;
+    uint32_t row;
+
+    saga_nets_place(&place, nets, net, i);
+    bias = (int32_t *)(void *)(block + place.bias);
+    code_fields(&f, c, net, i);
+    for (row = 0; row < n_out; row++) {
+        saga_at at = at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
+                               (uint32_t)i);
+        int32_t q;
+        int64_t b, sum;
+        int shift;
+
+        at.row = (uint16_t)row;
+        shift = code_shift(shifts, c, at);
+        at.sym = SAGA_SYM_NET_BIAS;
+        c->residual(c, at, &q, NULL, 1u << 16, &f.bias_scale, 1);
+        b = (int64_t)q * ((int64_t)1 << f.bias_shift);
+        at.sym = SAGA_SYM_NET_WEIGHT;
+        sum = code_weights(block + place.weight,
+                           (size_t)row * saga_mlp_pad(n_in), n_in, s->int8,
+                           &f, c, at);
+        if (c->error || sum < 0 || !saga_mlp_row_is_valid(sum, b, shift))
+            return 0;
+        bias[row] = (int32_t)b;
+        block[place.shift + row] = (uint8_t)shift;
+    }
+    return 1;
+}
+
+int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
+{
+    shift_models shifts;
+    int net, i;
+
+    saga_adaptive_init(&shifts.high, 4);
+    for (i = 0; i < 4; i++)
+        saga_adaptive_init(&shifts.low[i], 8);
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < nets->shape[net].n_layers; i++)
+            if (!code_layer(nets, block, net, i, &shifts, c))
+                return 0;
+    return 1;
+}
+
+/* --- Shared by the layers ------------------------------------------------ */
+
+void saga_syntax_begin(const saga_scaffold *sc)
+{
+    saga_models *const m = sc->models;
+    uint32_t i, j, n;
+
+    for (i = 0; i <= SAGA_MAX_DEPTH_X; i++)
+        saga_adaptive_init(&m->split[i], 4);
+    for (i = 0; i < 3; i++)
+        for (j = 0; j < 4; j++)
+            saga_adaptive_init(&m->occupancy[i][j], 2);
+    saga_adaptive_init(&m->n_fine,
+                       sc->model->level[SAGA_LEVEL_COARSE].max_children + 1u);
+    saga_adaptive_init(&m->n_prim,
+                       sc->model->level[SAGA_LEVEL_FINE].max_children + 1u);
+    for (i = 0; i < 2; i++)
+        for (j = 0; j < 2; j++)
+            for (n = 1; n <= SAGA_MAX_CHILDREN; n++)
+                saga_adaptive_init_binomial(&m->set[i][j][n - 1], n);
+}
+
+/* y^ = sat16(mu + q step); |q * step| < 2^48. */
+static int16_t dequantise(int16_t mu, int32_t q, uint32_t step_q16)
+{
+    return fx_sat16_64(mu + fx_rshift64((int64_t)q * step_q16, 16));
+}
+
+/* A block of residuals of one channel group, dequantised. */
+static void code_block(int16_t *y, saga_coder *c, saga_at at,
+                       const int16_t *mu, const uint8_t *scale,
+                       uint32_t step_q16, uint32_t n)
+{
+    int32_t q[SAGA_MAX_FEATURES];
+    uint32_t i;
+
+    c->residual(c, at, q, mu, step_q16, scale, n);
+    for (i = 0; i < n; i++)
+        y[i] = dequantise(mu[i], q[i], step_q16);
+}
+
+/* A set of n suffixes of 4 * bits bits, ascending: cells are halved axis by
+ * axis, coding how many of the n points lie in the lower half. */
+static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
+                     saga_adaptive models[2][SAGA_MAX_CHILDREN],
+                     saga_coder *c, saga_at at)
+{
+    struct { uint8_t start, n, bit; } todo[4 * SAGA_MAX_SUFFIX_BITS + 1];
+    const uint32_t first = at.index;
+    uint32_t depth = 0, i;
+
+    for (i = 0; i < n; i++)
+        suffix[i] = 0;
+    if (n == 0 || bits == 0)
+        return;
+    todo[depth].start = 0;
+    todo[depth].n = (uint8_t)n;
+    todo[depth++].bit = (uint8_t)(4 * bits - 1);
+    while (depth > 0) {
+        const uint32_t start = todo[--depth].start, run = todo[depth].n;
+        const uint32_t bit = todo[depth].bit;
+        const uint32_t is_time = (bit & 3u) == 0;
+        uint32_t low;
+
+        at.index = first + start;
+        at.bit = (uint8_t)bit;
+        low = c->adaptive(c, at, &models[is_time][run - 1], run + 1);
+        for (i = start + low; i < start + run; i++)
+            suffix[i] |= 1u << bit;
+        if (bit == 0)
+            continue;
+        if (low < run) {
+            todo[depth].start = (uint8_t)(start + low);
+            todo[depth].n = (uint8_t)(run - low);
+            todo[depth++].bit = (uint8_t)(bit - 1);
+        }
+        if (low > 0) {
+            todo[depth].start = (uint8_t)start;
+            todo[depth].n = (uint8_t)low;
+            todo[depth++].bit = (uint8_t)(bit - 1);
+        }
+    }
+}
+
+/* Centre of a suffix cell in Q14 of the parent's half-sizes: exact, bits <= 8.
+ */
+static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
+                          uint32_t bits)
+{
+    uint32_t axis;
+
+    for (axis = 0; axis < 4; axis++) {
+        const uint32_t v = saga_morton_axis(suffix, bits, axis);
+
+        offset_q14[axis] =
+            (int16_t)((int32_t)((2 * v + 1) << (14 - bits)) - 16384);
+    }
+}
+
+/* --- Layer 1: tree and coarse anchors ------------------------------------ */
+
+/* An inner node whose children are being visited; a child's number is made of
+ * the bits x, y, z (if space splits) and t (if time does), x first. */
+typedef struct {
+    uint16_t cell[3];
+    uint16_t pending;        /* children still to visit */
+    uint8_t cell_t;
+    uint8_t depth_x, depth_t;
+    uint8_t split;
+} node;
+
+enum { MAX_TREE_DEPTH = SAGA_MAX_DEPTH_X + SAGA_MAX_DEPTH_T };
+
+static void child_of(node *child, const node *parent, uint32_t number)
+{
+    const uint32_t t = parent->split & 2u ? number & 1u : 0;
+    const uint32_t xyz = parent->split & 2u ? number >> 1 : number;
+    uint32_t i;
+
+    child->depth_x = parent->depth_x;
+    child->depth_t = parent->depth_t;
+    for (i = 0; i < 3; i++)
+        child->cell[i] = parent->cell[i];
+    child->cell_t = parent->cell_t;
+    if (parent->split & 1u) {
+        child->depth_x++;
+        for (i = 0; i < 3; i++)
+            child->cell[i] = (uint16_t)(2u * parent->cell[i] +
+                                        (xyz >> (2 - i) & 1u));
+    }
+    if (parent->split & 2u) {
+        child->depth_t++;
+        child->cell_t = (uint8_t)(2u * parent->cell_t + t);
+    }
+}
+
+/* Deepest cells whose suffix cells still have integer centres. */
+static int split_is_valid(const saga_model *m, const node *nd)
+{
+    const int bits = m->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const int max_x = fx_min(SAGA_MAX_DEPTH_X, SAGA_LOG2_HALF_X - bits);
+    const int max_t = fx_min(SAGA_MAX_DEPTH_T, SAGA_LOG2_HALF_T - bits);
+
+    return nd->depth_x + (nd->split & 1) <= max_x &&
+           nd->depth_t + (nd->split >> 1) <= max_t;
+}
+
+static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
+                               const node *nd, uint32_t index)
+{
+    const uint32_t n = nd->split == 1 ? 8 : nd->split == 2 ? 2 : 16;
+    uint32_t mask = 0, seen = 0, i;
+
+    for (i = 0; i < n; i++) {
+        const uint32_t bit = c->adaptive(
+            c, at_symbol(SAGA_SYM_OCCUPANCY, index, i),
+            &sc->models->occupancy[nd->split - 1][seen], 2);
+
+        mask |= bit << i;
+        if (bit && seen < 3)
+            seen++;
+    }
+    return mask;
+}
+
+/* A leaf becomes the coarse anchor of the next rank. */
+static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
+                    uint32_t rank, uint32_t *n_fine)
+{
+    const saga_level *const l = &sc->model->level[SAGA_LEVEL_COARSE];
+    saga_coarse *a;
+    uint32_t v[4];
+    int i;
+
+    if (rank >= sc->n.coarse)
+        return 0;
+    a = &sc->coarse[rank];
+    for (i = 0; i < 3; i++)
+        v[i] = a->cell[i] = nd->cell[i];
+    v[3] = a->cell_t = nd->cell_t;
+    a->depth_x = nd->depth_x;
+    a->depth_t = nd->depth_t;
+    a->group = (uint8_t)saga_morton_group(v, l->n_groups);
+    a->n_fine = (uint8_t)c->adaptive(c, at_symbol(SAGA_SYM_N_FINE, rank, 0),
+                                     &sc->models->n_fine,
+                                     l->max_children + 1u);
+    a->first_fine = *n_fine;
+    *n_fine += a->n_fine;
+    return *n_fine <= sc->n.fine;
+}
+
+/* Depth first. Each inner node has a child and lies at most MAX_TREE_DEPTH
+ * deep, so leaves bound the nodes. */
+static int code_tree(const saga_scaffold *sc, saga_coder *c)
+{
+    node stack[MAX_TREE_DEPTH + 1], nd = { { 0, 0, 0 }, 0, 0, 0, 0, 0 };
+    uint32_t depth = 0, index = 0, rank = 0, n_fine = 0;
+
+    for (;;) {
+        nd.split = (uint8_t)c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, index, 0),
+                                        &sc->models->split[nd.depth_x], 4);
+        if (c->error)
+            return 0;
+        if (nd.split == 0) {
+            if (!add_leaf(sc, c, &nd, rank++, &n_fine))
+                return 0;
+        } else {
+            if (!split_is_valid(sc->model, &nd))
+                return 0;
+            nd.pending = (uint16_t)code_occupancy(sc, c, &nd, index);
+            if (nd.pending == 0)
+                return 0;
+            stack[depth++] = nd;
+        }
+        index++;
+        while (depth > 0 && stack[depth - 1].pending == 0)
+            depth--;
+        if (depth == 0)
+            return rank == sc->n.coarse && n_fine == sc->n.fine;
+        {
+            node *const top = &stack[depth - 1];
+            uint32_t number = 0;
+
+            while (!((uint32_t)top->pending >> number & 1u))
+                number++;
+            top->pending = (uint16_t)(top->pending & ~(1u << number));
+            child_of(&nd, top, number);
+        }
+    }
+}
+
+static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
+                               uint32_t rank, uint32_t group)
+{
+    const saga_model *const m = sc->model;
+    saga_coarse *const a = &sc->coarse[rank];
+    saga_params p;
+    saga_place place;
+    int16_t centre[4];
+    int i;
+
+    saga_context_coarse(&p, sc, rank, group);
+    code_block(centre, c, at_symbol(SAGA_SYM_CENTRE, rank, 0), p.mu, p.scale,
+               m->step_q16[SAGA_STEP_CENTRE], 4);
+    code_block(sc->coarse_feature + (size_t)rank * m->features, c,
+               at_symbol(SAGA_SYM_FEATURE, rank, 0), p.mu + 4, p.scale + 4,
+               m->step_q16[SAGA_STEP_FEATURE], m->features);
+    saga_place_cell(&place, a);
+    saga_place_move(&place, centre);
+    for (i = 0; i < 3; i++)
+        a->x[i] = place.x[i];
+    a->t = (uint16_t)place.t;
+}
+
+int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
+{
+    const uint32_t n_groups = sc->model->level[SAGA_LEVEL_COARSE].n_groups;
+    uint32_t group, rank;
+
+    if (!code_tree(sc, c))
+        return 0;
+    for (group = 0; group < n_groups; group++)
+        for (rank = 0; rank < sc->n.coarse; rank++) {
+            if (sc->coarse[rank].group != group)
+                continue;
+            code_coarse_anchor(sc, c, rank, group);
+            if (c->error)
+                return 0;
+        }
+    return 1;
+}
+
+/* --- Layer 2: fine anchors ----------------------------------------------- */
+
+static void begin_fine(const saga_scaffold *sc, uint32_t rank, uint32_t parent,
+                       uint32_t suffix)
+{
+    const saga_level *const l = &sc->model->level[SAGA_LEVEL_COARSE];
+    const uint32_t n_groups = sc->model->level[SAGA_LEVEL_FINE].n_groups;
+    saga_fine *const a = &sc->fine[rank];
+    saga_place p;
+    uint32_t v[4], i;
+
+    for (i = 0; i < 4; i++)
+        v[i] = saga_morton_axis(suffix, l->suffix_bits, i);
+    a->group = (uint8_t)saga_morton_group(v, n_groups);
+    a->parent = parent;
+    suffix_centre(a->local, suffix, l->suffix_bits);
+    saga_place_cell(&p, &sc->coarse[parent]);
+    for (i = 0; i < 4; i++)
+        a->support[i] = p.support[i];
+}
+
+static int code_fine_sets(const saga_scaffold *sc, saga_coder *c)
+{
+    const uint32_t bits = sc->model->level[SAGA_LEVEL_COARSE].suffix_bits;
+    uint32_t suffix[SAGA_MAX_CHILDREN];
+    uint32_t parent, i;
+
+    for (parent = 0; parent < sc->n.coarse; parent++) {
+        const uint32_t first = sc->coarse[parent].first_fine;
+        const uint32_t n = sc->coarse[parent].n_fine;
+
+        code_set(suffix, n, bits, sc->models->set[0], c,
+                 at_symbol(SAGA_SYM_FINE_SUFFIX, first, 0));
+        if (c->error)
+            return 0;
+        for (i = 0; i < n; i++)
+            begin_fine(sc, first + i, parent, suffix[i]);
+    }
+    return 1;
+}
+
+/* The residual is kept as the anchor's feature, padded, for later groups. */
+static void keep_context(const saga_scaffold *sc, uint32_t rank,
+                         const int16_t residual[4])
+{
+    const uint32_t f = sc->model->features;
+    int16_t *const feature = sc->fine_feature + (size_t)rank * f;
+    uint32_t i;
+
+    for (i = 0; i < 4; i++)
+        feature[i] = residual[i];
+    /* count / 8 in Q14 */
+    feature[4] = (int16_t)(sc->fine[rank].n_prim * 2048);
+    for (i = 5; i < f; i++)
+        feature[i] = 0;
+}
+
+static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
+                             uint32_t rank, uint32_t group)
+{
+    const saga_model *const m = sc->model;
+    saga_fine *const a = &sc->fine[rank];
+    saga_params p;
+    saga_place place;
+    int16_t residual[4];
+    int i;
+
+    saga_context_fine(&p, sc, rank, group);
+    code_block(residual, c, at_symbol(SAGA_SYM_FINE_OFFSET, rank, 0), p.mu,
+               p.scale, m->step_q16[SAGA_STEP_FINE], 4);
+    for (i = 0; i < 4; i++)
+        a->local[i] = fx_sat16(a->local[i] + residual[i]);
+    saga_place_cell(&place, &sc->coarse[a->parent]);
+    saga_place_move(&place, a->local);
+    for (i = 0; i < 3; i++)
+        a->x[i] = place.x[i];
+    a->t = (uint16_t)place.t;
+    a->n_prim = (uint8_t)c->adaptive(
+        c, at_symbol(SAGA_SYM_N_PRIM, rank, 0), &sc->models->n_prim,
+        m->level[SAGA_LEVEL_FINE].max_children + 1u);
+    keep_context(sc, rank, residual);
+}
+
+static int number_primitives(const saga_scaffold *sc)
+{
+    uint32_t rank, n = 0;
+
+    for (rank = 0; rank < sc->n.fine; rank++) {
+        sc->fine[rank].first_prim = n;
+        n += sc->fine[rank].n_prim;
+        if (n > sc->n.prim)
+            return 0;
+    }
+    return n == sc->n.prim;
+}
+
+int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
+{
+    const uint32_t n_groups = sc->model->level[SAGA_LEVEL_FINE].n_groups;
+    uint32_t group, rank;
+
+    if (!code_fine_sets(sc, c))
+        return 0;
+    for (group = 0; group < n_groups; group++)
+        for (rank = 0; rank < sc->n.fine; rank++) {
+            if (sc->fine[rank].group != group)
+                continue;
+            code_fine_anchor(sc, c, rank, group);
+            if (c->error)
+                return 0;
+        }
+    if (!number_primitives(sc))
+        return 0;
+    saga_scaffold_fine(sc);
+    return 1;
+}
+
+/* --- Layer 3: primitives ------------------------------------------------- */
+
+int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c)
+{
+    const saga_model *const m = sc->model;
+    const uint32_t bits = m->level[SAGA_LEVEL_FINE].suffix_bits;
+    uint32_t suffix[SAGA_MAX_CHILDREN];
+    uint32_t rank, i, axis;
+
+    for (rank = 0; rank < sc->n.fine; rank++) {
+        const uint32_t first = sc->fine[rank].first_prim;
+        const uint32_t n = sc->fine[rank].n_prim;
+        saga_params p;
+
+        saga_context_prim(&p, sc, rank);
+        code_set(suffix, n, bits, sc->models->set[1], c,
+                 at_symbol(SAGA_SYM_PRIM_SUFFIX, first, 0));
+        for (i = 0; i < n; i++) {
+            int16_t *const o = sc->prim_offset[first + i];
+            int16_t residual[4];
+
+            suffix_centre(o, suffix[i], bits);
+            code_block(residual, c,
+                       at_symbol(SAGA_SYM_PRIM_OFFSET, first + i, 0), p.mu,
+                       p.scale, m->step_q16[SAGA_STEP_PRIM], 4);
+            for (axis = 0; axis < 4; axis++)
+                o[axis] = fx_sat16(o[axis] + residual[axis]);
+        }
+        if (c->error)
+            return 0;
+    }
+    return 1;
+}

@@ -1,0 +1,121 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Primitives at a time: see animate.h, and docs/arithmetic.md for the norm.
+ * dt is in 1/65536 segment, so a product with dt is shifted right by 16.
+ */
+#include "animate.h"
+
+#include "fx.h"
+#include "fx_math.h"
+
+#define LIMIT_X (1 << 29)      /* positions saturate here */
+#define LIMIT_U (16 << 16)     /* u of the temporal opacity, Q16 */
+#define LOG2_E_Q20 1512775     /* log2(e) */
+
+/* A head's value in Q20: |v| <= 2^15 * 2^20. */
+static int64_t to_q20(int16_t v, int q)
+{
+    return v * ((int64_t)1 << (20 - q));
+}
+
+/* ((b3 dt + b2) dt + b1) dt, Q20, in supports. |b| <= 2^35 and |dt| <= 98303
+ * < 1.5 * 2^16: the sums are at most 1, 2.5 and 4.75 times 2^35, the products
+ * below 2^55, the result below 7.13 * 2^35 < 2^38. */
+static int64_t motion_q20(const saga_primitive *p, const saga_prim_format *f,
+                          int axis, int32_t dt)
+{
+    int64_t sum = 0;
+    int order;
+
+    for (order = f->motion_order; order >= 1; order--) {
+        sum += to_q20(p->motion[3 * (order - 1) + axis],
+                      f->q_motion[order - 1]);
+        sum = fx_rshift64(sum * dt, 16);
+    }
+    return sum;
+}
+
+/* support <= 2^23: the product is below 2^61. */
+static void animate_position(saga_animated *out, const saga_primitive *p,
+                             const saga_prim_format *f, int32_t dt)
+{
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        const int64_t m = motion_q20(p, f, i, dt) * p->support[i];
+
+        out->x[i] = fx_clamp64(p->x[i] + fx_rshift64(m, 20),
+                               -LIMIT_X, LIMIT_X);
+    }
+}
+
+/* The common shift that brings four values below 2^37 under 2^30: 0..7. It
+ * depends on their bits only, so that a slope of 0 rotates exactly as no slope
+ * does: projection ignores the quaternion's length. */
+static int quat_shift(const int64_t *v)
+{
+    uint64_t bits = 1;
+    int n, i;
+
+    for (i = 0; i < 4; i++)
+        bits |= (uint64_t)(v[i] < 0 ? -v[i] : v[i]);
+    n = 34 - fx_clz64(bits);
+    return n > 0 ? n : 0;
+}
+
+/* quat + slope dt in Q20: below 2^35 + 1.5 * 2^35 < 2^37. */
+static void animate_quat(saga_animated *out, const saga_primitive *p,
+                         const saga_prim_format *f, int32_t dt)
+{
+    int64_t v[4];
+    int i, n;
+
+    for (i = 0; i < 4; i++) {
+        v[i] = to_q20(p->quat[i], f->q_quat);
+        if (f->has_slope)
+            v[i] += fx_rshift64(to_q20(p->slope[i], f->q_slope) * dt, 16);
+    }
+    n = quat_shift(v);
+    for (i = 0; i < 4; i++)
+        out->quat[i] = (int32_t)fx_rshift64(v[i], n);
+}
+
+/* u = |dt| / width, Q16, saturating at 16. With 1/width = m * 2^(k-30), m in
+ * [2^30, 2^31) and k in -32..32, u is the product (below 2^48) shifted right
+ * by 14 - k; where that is under 11, |dt| >= 1 saturates already. */
+static int32_t width_ratio_q16(int32_t dt, int16_t log2_width_q10)
+{
+    const int32_t e = -(int32_t)log2_width_q10;
+    const int n = 14 - (e >> 10);
+    const uint32_t m = saga_exp2_frac_q16_q30((uint32_t)(e & 1023) << 6);
+    const int64_t product = (int64_t)(dt < 0 ? -dt : dt) * m;
+
+    if (n < 11)
+        return product != 0 ? LIMIT_U : 0;
+    return fx_clamp64(fx_rshift64(product, n), 0, LIMIT_U);
+}
+
+/* log2(e) u^2: u^2 <= 2^40 in Q32, the product below 2^61; result <= 370 * 2^20
+ * < 2^29. */
+static int32_t fade_q20(int32_t dt, int16_t log2_width_q10)
+{
+    const int64_t u = width_ratio_q16(dt, log2_width_q10);
+
+    return (int32_t)fx_rshift64(u * u * LOG2_E_Q20, 32);
+}
+
+void saga_animate(saga_animated *out, const saga_primitive *p,
+                  const saga_prim_format *f, int32_t t)
+{
+    const int32_t dt = t - p->t_centre;
+    const int32_t o_q12 = fx_requant32(-(int32_t)p->opacity, f->q_opacity, 12);
+    int i;
+
+    animate_position(out, p, f, dt);
+    animate_quat(out, p, f, dt);
+    for (i = 0; i < 3; i++)
+        out->log2_scale_q10[i] = p->log2_scale_q10[i];
+    out->q0_q20 = saga_softplus2_q12_q20(o_q12);
+    if (f->has_width)
+        out->q0_q20 += fade_q20(dt, p->log2_width_q10);
+}

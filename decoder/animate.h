@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Primitives at a time t: cubic motion, linear rotation, temporal opacity
+ * (paper: theta_geo evaluated at a timestamp, after STG).
+ */
+#ifndef SAGA_ANIMATE_H
+#define SAGA_ANIMATE_H
+
+#include "primitive.h"
+
+/* dt = t - t_centre, |dt| < 2^17.
+ * x(t) = x + support * (((b3 dt + b2) dt + b1) dt), quat(t) = quat + slope dt,
+ * q0 = softplus2(-o) + log2(e) (dt / width)^2.
+ * t in 0..65535. Every field of out is always written. */
+void saga_animate(saga_animated *out, const saga_primitive *p,
+                  const saga_prim_format *f, int32_t t);
+
+#endif

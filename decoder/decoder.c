@@ -1,0 +1,520 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The public functions: what is in a file, its networks, its segments, views
+ * and pictures. The stages themselves are in the other files.
+ */
+#include "animate.h"
+#include "fx.h"
+#include "head.h"
+#include "plan.h"
+#include "project.h"
+#include "range_dec.h"
+#include "raster.h"
+#include "reconstruct.h"
+#include "syntax.h"
+
+/* Stands at the start of the work block; offsets in plan count from here. */
+struct saga_decoder {
+    saga_plan plan;
+    saga_header header;
+    saga_prim_format format;
+    saga_counts n;               /* of the decoded segment */
+    saga_camera camera;          /* of the view */
+    uint32_t final_range[3];
+    uint32_t n_splats;
+    int has_segment, has_view;
+};
+
+static uint8_t *block_at(saga_decoder *dec, uint32_t offset)
+{
+    return (uint8_t *)(void *)dec + offset;
+}
+
+static const uint8_t *const_at(const saga_decoder *dec, uint32_t offset)
+{
+    return (const uint8_t *)(const void *)dec + offset;
+}
+
+/* --- Head ---------------------------------------------------------------- */
+
+/* Header and plan of a head; with whole = 1 all of the head must be there. */
+static saga_status read_head(saga_header *h, saga_plan *plan,
+                             const uint8_t *bytes, size_t n, int whole)
+{
+    saga_status s = saga_head_read(h, bytes, n);
+
+    if (s)
+        return s;
+    s = saga_plan_make(plan, h, sizeof(saga_decoder));
+    if (s)
+        return s;
+    return whole && n < saga_head_nbytes(h) ? SAGA_ERR_TRUNCATED : SAGA_OK;
+}
+
+static void info_of(saga_info *info, const saga_header *h,
+                    const saga_plan *plan)
+{
+    int i;
+
+    info->version = SAGA_VERSION;
+    info->level = h->level;
+    info->work_nbytes = plan->work_nbytes;
+    info->head_nbytes = (size_t)saga_head_nbytes(h);
+    info->n_segments = h->n_segments;
+    info->n_frames = h->n_frames;
+    info->rate_num = h->rate_num;
+    info->rate_den = h->rate_den;
+    info->n_cameras = h->n_cameras;
+    info->max_coarse = h->max.coarse;
+    info->max_fine = h->max.fine;
+    info->max_primitives = h->max.prim;
+    info->n_weights = 0;
+    for (i = 0; i < SAGA_N_NETS; i++)
+        info->n_weights += saga_net_macs(&plan->nets.shape[i]);
+    info->nets_nbytes = h->nets_nbytes;
+    info->tools = h->model.tools;
+    info->motion_order = (uint32_t)saga_motion_order(&h->model);
+    info->features = h->model.features;
+    info->decode_macs = saga_plan_macs(&h->model, &plan->nets, &h->max);
+    info->view_macs = saga_plan_view_macs(&plan->nets, &h->model);
+    info->unit_mantissa = h->unit_mantissa;
+    info->unit_exponent = h->unit_exponent;
+    for (i = 0; i < 3; i++)
+        info->centre_mantissa[i] = h->centre_mantissa[i];
+    info->centre_exponent = h->centre_exponent;
+}
+
+saga_status saga_probe(saga_info *info, const uint8_t *bytes, size_t n)
+{
+    saga_header h;
+    saga_plan plan;
+    const saga_status s = read_head(&h, &plan, bytes, n, 0);
+
+    if (s == SAGA_OK)
+        info_of(info, &h, &plan);
+    return s;
+}
+
+/* Fills in everything but the networks. */
+static void begin(saga_decoder *dec)
+{
+    uint8_t *const v = block_at(dec, dec->plan.vectors_at);
+    uint32_t i;
+
+    for (i = 0; i < sizeof(saga_vectors); i++)
+        v[i] = 0;
+    saga_prim_format_of(&dec->format, &dec->header.model);
+    dec->has_segment = 0;
+    dec->has_view = 0;
+    dec->n_splats = 0;
+}
+
+static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
+                                 size_t n)
+{
+    const size_t at = dec->header.header_nbytes + SAGA_CHUNK_NBYTES +
+        (size_t)dec->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    const saga_plan *const plan = &dec->plan;
+    saga_range_dec range;
+    saga_chunk chunk;
+    saga_status s;
+
+    s = saga_head_chunk(&chunk, SAGA_CHUNK_NETS, head + at, n - at);
+    if (s)
+        return s;
+    if (chunk.nbytes != dec->header.nets_nbytes)
+        return SAGA_ERR_DATA;
+    saga_range_dec_init(&range, head + at + SAGA_CHUNK_NBYTES, chunk.nbytes);
+    if (!saga_syntax_networks(&plan->nets, block_at(dec, plan->nets_at),
+                              &range.coder) ||
+        !saga_range_dec_finish(&range))
+        return SAGA_ERR_DATA;
+    return SAGA_OK;
+}
+
+saga_status saga_open(saga_decoder **out, void *work, size_t work_nbytes,
+                      const uint8_t *head, size_t n)
+{
+    saga_decoder *const dec = work;
+    saga_info info;
+    saga_status s;
+
+    *out = NULL;
+    s = saga_probe(&info, head, n);
+    if (s)
+        return s;
+    if ((uintptr_t)work % SAGA_WORK_ALIGN)
+        return SAGA_ERR_ALIGN;
+    if (work_nbytes < info.work_nbytes)
+        return SAGA_ERR_SPACE;
+    s = read_head(&dec->header, &dec->plan, head, n, 1);
+    if (s)
+        return s;
+    begin(dec);
+    s = read_networks(dec, head, n);
+    if (s == SAGA_OK)
+        *out = dec;
+    return s;
+}
+
+/* --- Index and rig ------------------------------------------------------- */
+
+/* The index's payload in a head; every entry is inside it. */
+static saga_status index_of(const uint8_t **entries, saga_header *h,
+                            const uint8_t *head, size_t n)
+{
+    saga_plan plan;
+    saga_chunk chunk;
+    saga_status s = read_head(h, &plan, head, n, 1);
+
+    if (s)
+        return s;
+    head += h->header_nbytes;
+    n -= h->header_nbytes;
+    s = saga_head_chunk(&chunk, SAGA_CHUNK_INDEX, head, n);
+    if (s)
+        return s;
+    if (chunk.nbytes != h->n_segments * (uint32_t)SAGA_INDEX_ENTRY_NBYTES)
+        return SAGA_ERR_DATA;
+    *entries = head + SAGA_CHUNK_NBYTES;
+    return SAGA_OK;
+}
+
+/* floor(65536 rest / whole) for rest < whole, rest < 2^32: by long division,
+ * since a 64-bit quotient is a library call on small machines. */
+static int32_t fraction_16(uint64_t rest, uint64_t whole)
+{
+    uint32_t t = 0;
+    int i;
+
+    for (i = 0; i < 16; i++) {
+        rest <<= 1;
+        t <<= 1;
+        if (rest >= whole) {
+            rest -= whole;
+            t |= 1;
+        }
+    }
+    return (int32_t)t;
+}
+
+saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
+                      uint32_t frame_num, uint32_t frame_den)
+{
+    saga_header h;
+    const uint8_t *p;
+    saga_status s = index_of(&p, &h, head, n);
+    uint64_t first = 0;
+    uint32_t i;
+
+    if (s)
+        return s;
+    if (frame_den == 0)
+        return SAGA_ERR_ARG;
+    for (i = 0; i < h.n_segments; i++) {
+        saga_io io = { p, NULL, i * SAGA_INDEX_ENTRY_NBYTES };
+        saga_index_entry e;
+        uint64_t end;
+
+        saga_index_io(&io, &e);
+        end = first + e.n_frames;
+        if (e.n_frames == 0 || end > h.n_frames)
+            return SAGA_ERR_DATA;
+        if (frame_num < end * frame_den) {
+            seg->number = i;
+            seg->first_frame = (uint32_t)first;
+            seg->n_frames = e.n_frames;
+            seg->offset = e.offset;
+            seg->nbytes = e.nbytes;
+            seg->t = fraction_16(frame_num - first * frame_den,
+                                 (uint64_t)e.n_frames * frame_den);
+            return SAGA_OK;
+        }
+        first = end;
+    }
+    return SAGA_ERR_ARG;
+}
+
+saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
+                     size_t n, uint32_t index)
+{
+    saga_header h;
+    saga_rig_camera r;
+    saga_io io = { head, NULL, 0 };
+    saga_status s = saga_head_read(&h, head, n);
+    int i;
+
+    if (s)
+        return s;
+    if (index >= h.n_cameras)
+        return SAGA_ERR_ARG;
+    io.at = SAGA_HEADER_NBYTES + index * (uint32_t)SAGA_CAMERA_NBYTES;
+    saga_camera_io(&io, &r);
+    for (i = 0; i < 9; i++)
+        c->rotation_q30[i] = r.rotation_q30[i];
+    for (i = 0; i < 3; i++) {
+        c->centre[i] = r.centre[i];
+        c->background_q15[i] = r.background_q15[i];
+    }
+    for (i = 0; i < 2; i++) {
+        c->focal_q16[i] = r.focal_q16[i];
+        c->principal_q16[i] = r.principal_q16[i];
+    }
+    c->near_plane = r.near_plane;
+    c->width = r.width;
+    c->height = r.height;
+    *number = r.number;
+    return SAGA_OK;
+}
+
+/* --- A segment ----------------------------------------------------------- */
+
+static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
+{
+    const saga_plan *const p = &dec->plan;
+
+    sc->model = &dec->header.model;
+    sc->nets = &p->nets;
+    sc->params = block_at(dec, p->nets_at);
+    sc->n = dec->n;
+    sc->coarse = (saga_coarse *)(void *)block_at(dec, p->coarse_at);
+    sc->coarse_feature =
+        (int16_t *)(void *)block_at(dec, p->coarse_feature_at);
+    sc->fine = (saga_fine *)(void *)block_at(dec, p->fine_at);
+    sc->fine_feature = (int16_t *)(void *)block_at(dec, p->fine_feature_at);
+    sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
+    sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
+    sc->v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
+}
+
+static saga_status read_segment_header(saga_decoder *dec, const uint8_t *bytes,
+                                       size_t n)
+{
+    const saga_counts *const max = &dec->header.max;
+    saga_segment_header seg;
+    saga_chunk chunk;
+    saga_io io = { bytes + SAGA_CHUNK_NBYTES, NULL, 0 };
+    const saga_status s = saga_head_chunk(&chunk, SAGA_CHUNK_SEGMENT, bytes,
+                                          n);
+
+    if (s)
+        return s;
+    if (chunk.nbytes != SAGA_SEGMENT_NBYTES)
+        return SAGA_ERR_DATA;
+    saga_segment_io(&io, &seg);
+    if (seg.n.coarse < 1 || seg.n.coarse > max->coarse ||
+        seg.n.fine > max->fine || seg.n.prim > max->prim ||
+        seg.number >= dec->header.n_segments || seg.n_frames < 1 ||
+        seg.first_frame >= dec->header.n_frames)
+        return SAGA_ERR_DATA;
+    dec->n = seg.n;
+    return SAGA_OK;
+}
+
+static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
+{
+    return layer == 0 ? saga_syntax_coarse(sc, c)
+         : layer == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+}
+
+/* One layer's chunk at bytes[*at..n); moves *at past it. */
+static saga_status read_layer(saga_decoder *dec, const saga_scaffold *sc,
+                              int layer, const uint8_t *bytes, size_t n,
+                              size_t *at)
+{
+    const uint32_t type = layer == 0 ? SAGA_CHUNK_COARSE
+                        : layer == 1 ? SAGA_CHUNK_FINE : SAGA_CHUNK_PRIM;
+    saga_range_dec range;
+    saga_chunk chunk;
+    const saga_status s = saga_head_chunk(&chunk, type, bytes + *at, n - *at);
+
+    if (s)
+        return s;
+    saga_range_dec_init(&range, bytes + *at + SAGA_CHUNK_NBYTES,
+                        chunk.nbytes);
+    if (!code_layer(sc, layer, &range.coder) ||
+        !saga_range_dec_finish(&range))
+        return SAGA_ERR_DATA;
+    dec->final_range[layer] = range.range;
+    *at += SAGA_CHUNK_NBYTES + chunk.nbytes;
+    return SAGA_OK;
+}
+
+saga_status saga_decode(saga_decoder *dec, const uint8_t *bytes, size_t n)
+{
+    size_t at = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
+    saga_scaffold sc;
+    saga_status s;
+    int layer;
+
+    dec->has_segment = 0;
+    dec->has_view = 0;
+    dec->n_splats = 0;
+    s = read_segment_header(dec, bytes, n);
+    if (s)
+        return s;
+    scaffold_of(&sc, dec);
+    saga_syntax_begin(&sc);
+    for (layer = 0; layer < 3; layer++) {
+        s = read_layer(dec, &sc, layer, bytes, n, &at);
+        if (s)
+            return s;
+    }
+    if (at != n)
+        return SAGA_ERR_DATA;
+    saga_reconstruct(&sc, (saga_primitive *)(void *)
+                     block_at(dec, dec->plan.prims_at),
+                     (int16_t *)(void *)block_at(dec, dec->plan.colours_at),
+                     dec->plan.colour_stride);
+    dec->has_segment = 1;
+    return SAGA_OK;
+}
+
+/* --- A view -------------------------------------------------------------- */
+
+static const saga_primitive *prims_of(const saga_decoder *dec)
+{
+    return (const saga_primitive *)(const void *)
+        const_at(dec, dec->plan.prims_at);
+}
+
+static const saga_splat *splats_of(const saga_decoder *dec)
+{
+    return (const saga_splat *)(const void *)
+        const_at(dec, dec->plan.splats_at);
+}
+
+static const saga_key *keys_of(const saga_decoder *dec)
+{
+    return (const saga_key *)(const void *)const_at(dec, dec->plan.keys_at);
+}
+
+/* The middle of a segment, where view directions are taken from. */
+enum { T_MID = 32768 };
+
+static void shade(uint16_t colour_q15[3], saga_decoder *dec,
+                  const saga_scaffold *sc, uint32_t prim)
+{
+    const int16_t *const base =
+        (const int16_t *)(const void *)const_at(dec, dec->plan.colours_at) +
+        (size_t)prim * dec->plan.colour_stride;
+    saga_animated mid;
+    int i;
+
+    if (dec->header.model.tools & SAGA_TOOL_VIEW) {
+        saga_animate(&mid, &prims_of(dec)[prim], &dec->format, T_MID);
+        saga_shade(colour_q15, sc, base, mid.x, dec->camera.centre);
+        return;
+    }
+    for (i = 0; i < 3; i++)
+        colour_q15[i] = (uint16_t)base[i];
+}
+
+saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
+{
+    saga_splat *const splats =
+        (saga_splat *)(void *)block_at(dec, dec->plan.splats_at);
+    saga_key *const keys =
+        (saga_key *)(void *)block_at(dec, dec->plan.keys_at);
+    const saga_status s = saga_camera_check(camera);
+    saga_scaffold sc;
+    uint32_t i, n = 0;
+
+    if (!dec->has_segment)
+        return SAGA_ERR_STATE;
+    if (s)
+        return s;
+    if (t < 0 || t > SAGA_T_MAX)
+        return SAGA_ERR_ARG;
+    dec->camera = *camera;
+    scaffold_of(&sc, dec);
+    for (i = 0; i < dec->n.prim; i++) {
+        saga_animated a;
+
+        saga_animate(&a, &prims_of(dec)[i], &dec->format, t);
+        if (!saga_project(&splats[n], &a, camera))
+            continue;
+        shade(splats[n].colour_q15, dec, &sc, i);
+        keys[n].depth = splats[n].depth;
+        keys[n].index = n;
+        n++;
+    }
+    saga_depth_sort(keys, (saga_key *)(void *)
+                    block_at(dec, dec->plan.keys_tmp_at), n);
+    dec->n_splats = n;
+    dec->has_view = 1;
+    return SAGA_OK;
+}
+
+saga_status saga_draw(const saga_decoder *dec, saga_job *job,
+                      const saga_picture *picture, uint32_t budget)
+{
+    if (!dec->has_view)
+        return SAGA_ERR_STATE;
+    return saga_raster(job, picture, &dec->camera, splats_of(dec),
+                       keys_of(dec), dec->n_splats, budget);
+}
+
+/* --- Taps ---------------------------------------------------------------- */
+
+saga_status saga_tell(saga_report *report, const saga_decoder *dec)
+{
+    int i;
+
+    if (!dec->has_segment)
+        return SAGA_ERR_STATE;
+    report->n_coarse = dec->n.coarse;
+    report->n_fine = dec->n.fine;
+    report->n_primitives = dec->n.prim;
+    for (i = 0; i < 3; i++)
+        report->final_range[i] = dec->final_range[i];
+    report->n_splats = dec->n_splats;
+    return SAGA_OK;
+}
+
+saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
+                              uint32_t index, int32_t t)
+{
+    if (!dec->has_segment)
+        return SAGA_ERR_STATE;
+    if (index >= dec->n.prim || t < 0 || t > SAGA_T_MAX)
+        return SAGA_ERR_ARG;
+    saga_animate(out, &prims_of(dec)[index], &dec->format, t);
+    return SAGA_OK;
+}
+
+saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,
+                          uint32_t order)
+{
+    if (!dec->has_view)
+        return SAGA_ERR_STATE;
+    if (order >= dec->n_splats)
+        return SAGA_ERR_ARG;
+    *out = splats_of(dec)[keys_of(dec)[order].index];
+    return SAGA_OK;
+}
+
+const char *saga_status_text(saga_status status)
+{
+    if (status == SAGA_OK)
+        return "ok";
+    if (status == SAGA_AGAIN)
+        return "work left, call again";
+    if (status == SAGA_ERR_ARG)
+        return "an argument is out of its range";
+    if (status == SAGA_ERR_SPACE)
+        return "a buffer is too small";
+    if (status == SAGA_ERR_ALIGN)
+        return "a buffer is misaligned";
+    if (status == SAGA_ERR_DATA)
+        return "the bytes are not a valid stream";
+    if (status == SAGA_ERR_TRUNCATED)
+        return "the stream ends too early";
+    if (status == SAGA_ERR_VERSION)
+        return "the stream needs a newer decoder";
+    if (status == SAGA_ERR_LEVEL)
+        return "the stream exceeds its level, or this decoder's";
+    if (status == SAGA_ERR_STATE)
+        return "called too early: nothing decoded, or no view";
+    return "unknown status";
+}

@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The total order of drawing: by (depth, index).
+ */
+#ifndef SAGA_DEPTH_SORT_H
+#define SAGA_DEPTH_SORT_H
+
+#include <stdint.h>
+
+typedef struct saga_key {
+    uint32_t depth;
+    uint32_t index;
+} saga_key;
+
+/* Sorts keys[0..n) by depth; equal depths keep their order (so keys filled in
+ * index order come out in the order of (depth, index)). tmp has n entries.
+ * Radix sort, time proportional to n. */
+void saga_depth_sort(saga_key *keys, saga_key *tmp, uint32_t n);
+
+#endif

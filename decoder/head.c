@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: MIT */
+#include "head.h"
+
+#include "crc32c.h"
+#include "fx.h"
+
+static saga_status check_magic(const uint8_t *bytes, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < 4 && i < n; i++)
+        if (bytes[i] != saga_magic[i])
+            return SAGA_ERR_DATA;
+    for (; i < SAGA_MAGIC_NBYTES && i < n; i++)
+        if (bytes[i] != saga_magic[i])
+            return SAGA_ERR_VERSION;
+    return SAGA_OK;
+}
+
+saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n)
+{
+    saga_io io = { bytes, NULL, SAGA_MAGIC_NBYTES };
+    const saga_status s = check_magic(bytes, n);
+    uint32_t end;
+
+    if (s)
+        return s;
+    if (n < SAGA_HEADER_NBYTES)
+        return SAGA_ERR_TRUNCATED;
+    saga_header_io(&io, h);
+    end = SAGA_HEADER_NBYTES + h->n_cameras * (uint32_t)SAGA_CAMERA_NBYTES;
+    if (h->n_cameras > SAGA_MAX_CAMERAS || h->header_nbytes != end + 4)
+        return SAGA_ERR_DATA;
+    if (n < h->header_nbytes)
+        return SAGA_ERR_TRUNCATED;
+    if (saga_crc32c(0, bytes, end) != fx_load32_le(bytes + end))
+        return SAGA_ERR_DATA;
+    return SAGA_OK;
+}
+
+uint64_t saga_head_nbytes(const saga_header *h)
+{
+    return (uint64_t)h->header_nbytes + 2 * SAGA_CHUNK_NBYTES +
+           (uint64_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES + h->nets_nbytes;
+}
+
+saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type,
+                            const uint8_t *bytes, size_t n)
+{
+    saga_io io = { bytes, NULL, 0 };
+
+    if (n < SAGA_CHUNK_NBYTES)
+        return SAGA_ERR_TRUNCATED;
+    saga_chunk_io(&io, chunk);
+    if (chunk->type != type)
+        return SAGA_ERR_DATA;
+    if (chunk->nbytes > n - SAGA_CHUNK_NBYTES)
+        return SAGA_ERR_TRUNCATED;
+    if (saga_chunk_crc(chunk, bytes + SAGA_CHUNK_NBYTES) != chunk->crc)
+        return SAGA_ERR_DATA;
+    return SAGA_OK;
+}

@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The head of a file: header, rig, index; checked before anything is used.
+ */
+#ifndef SAGA_HEAD_H
+#define SAGA_HEAD_H
+
+#include "container.h"
+#include "saga.h"
+
+/* Reads and checks the header at bytes[0..n): magic, version, size, CRC. Its
+ * values are checked by saga_plan_make. OK, TRUNCATED, DATA, VERSION. */
+saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n);
+
+/* Bytes up to the end of the networks chunk; of a header whose counts are
+ * checked. */
+uint64_t saga_head_nbytes(const saga_header *h);
+
+/* A chunk at bytes[0..n): OK with its payload's place in *chunk and
+ * bytes + SAGA_CHUNK_NBYTES; TRUNCATED, or DATA for another type or a wrong
+ * CRC. */
+saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type,
+                            const uint8_t *bytes, size_t n);
+
+#endif

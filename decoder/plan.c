@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: MIT */
+#include "plan.h"
+
+#include "depth_sort.h"
+#include "primitive.h"
+
+/* --- What a header may say ----------------------------------------------- */
+
+static saga_status check_version(const saga_header *h)
+{
+    const saga_model *const m = &h->model;
+    const uint32_t known = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
+                           SAGA_SOURCE_GROUPS;
+    const uint32_t sources = m->sources[0] | m->sources[1] | m->sources[2];
+
+    if ((m->tools & ~(uint32_t)SAGA_TOOLS_KNOWN) || (sources & ~known) ||
+        h->cuttable || h->memory_slots || h->memory_width ||
+        h->memory_blocks || h->hash_levels || h->hash_log2_entries)
+        return SAGA_ERR_VERSION;
+    return SAGA_OK;
+}
+
+static saga_status check_counts(const saga_header *h)
+{
+    if (h->n_segments < 1 || h->n_segments > SAGA_MAX_SEGMENTS ||
+        h->n_frames < h->n_segments || h->rate_num < 1 || h->rate_den < 1 ||
+        h->max.coarse < 1)
+        return SAGA_ERR_DATA;
+    return SAGA_OK;
+}
+
+static saga_status check_level(const saga_header *h, const saga_nets *nets)
+{
+    const saga_level_caps *const cap = &saga_caps[h->level];
+    uint32_t weights = 0;
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        weights += saga_net_macs(&nets->shape[net]);
+        if (h->model.width[net] > cap->width ||
+            (cap->int8_only && !h->model.int8[net]))
+            return SAGA_ERR_LEVEL;
+    }
+    if (weights > cap->n_weights || h->max.coarse > cap->n_coarse ||
+        h->max.fine > cap->n_fine || h->max.prim > cap->n_prim)
+        return SAGA_ERR_LEVEL;
+    return SAGA_OK;
+}
+
+/* --- Layout -------------------------------------------------------------- */
+
+/* Counts are capped at 2^22 and no item is larger than 256 bytes, so a region
+ * is below 2^30 and the sum of all of them below 2^34. */
+static uint32_t region(uint64_t *at, uint64_t n, uint64_t nbytes)
+{
+    const uint64_t begin = *at;
+
+    *at = (begin + n * nbytes + 15u) & ~(uint64_t)15u;
+    return (uint32_t)(begin & 0xffffffffu);
+}
+
+static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
+{
+    const uint64_t feature = 2u * h->model.features;
+
+    p->coarse_at = region(&at, h->max.coarse, sizeof(saga_coarse));
+    p->coarse_feature_at = region(&at, h->max.coarse, feature);
+    p->fine_at = region(&at, h->max.fine, sizeof(saga_fine));
+    p->fine_feature_at = region(&at, h->max.fine, feature);
+    p->offsets_at = region(&at, h->max.prim, 4 * sizeof(int16_t));
+    return at;
+}
+
+static uint64_t lay_view(saga_plan *p, const saga_header *h, uint64_t at)
+{
+    p->splats_at = region(&at, h->max.prim, sizeof(saga_splat));
+    p->keys_at = region(&at, h->max.prim, sizeof(saga_key));
+    p->keys_tmp_at = region(&at, h->max.prim, sizeof(saga_key));
+    return at;
+}
+
+static uint64_t lay_out(saga_plan *p, const saga_header *h,
+                        uint32_t decoder_nbytes)
+{
+    uint64_t at = 0, anchors, view;
+
+    (void)region(&at, 1, decoder_nbytes);
+    p->nets_at = region(&at, 1, p->nets.nbytes);
+    p->models_at = region(&at, 1, sizeof(saga_models));
+    p->vectors_at = region(&at, 1, sizeof(saga_vectors));
+    p->prims_at = region(&at, h->max.prim, sizeof(saga_primitive));
+    p->colours_at = region(&at, h->max.prim, 2u * p->colour_stride);
+    anchors = lay_anchors(p, h, at);
+    view = lay_view(p, h, at);
+    return anchors > view ? anchors : view;
+}
+
+saga_status saga_plan_make(saga_plan *p, const saga_header *h,
+                           uint32_t decoder_nbytes)
+{
+    saga_status s = check_version(h);
+    uint64_t nbytes;
+
+    if (s)
+        return s;
+    s = check_counts(h);
+    if (s)
+        return s;
+    if (!saga_model_is_valid(&h->model))
+        return SAGA_ERR_DATA;
+    if (h->level >= SAGA_N_PROFILES)
+        return SAGA_ERR_LEVEL;
+    saga_nets_layout(&p->nets, &h->model);
+    s = check_level(h, &p->nets);
+    if (s)
+        return s;
+    p->colour_stride = h->model.tools & SAGA_TOOL_VIEW
+        ? h->model.width[SAGA_NET_COLOUR] : 3u;
+    nbytes = lay_out(p, h, decoder_nbytes);
+    if (nbytes > saga_caps[h->level].work_nbytes)
+        return SAGA_ERR_LEVEL;
+    p->work_nbytes = (uint32_t)nbytes;
+    return SAGA_OK;
+}
+
+/* --- Cost ---------------------------------------------------------------- */
+
+/* One block's entropy parameters. */
+static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
+                             int kind)
+{
+    uint64_t macs = saga_net_macs(&nets->shape[SAGA_NET_E_COARSE + kind]);
+
+    if (m->sources[kind] & SAGA_SOURCE_HYPER)
+        macs += saga_net_macs(&nets->shape[SAGA_NET_HYPER]);
+    return macs;
+}
+
+uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
+                        const saga_counts *n)
+{
+    const saga_net_shape *const s = nets->shape;
+    const uint64_t coarse = context_macs(nets, m, SAGA_KIND_COARSE);
+    const uint64_t fine = context_macs(nets, m, SAGA_KIND_FINE) +
+        context_macs(nets, m, SAGA_KIND_PRIM) +
+        saga_net_macs(&s[SAGA_NET_FUSE_C]) + saga_net_macs(&s[SAGA_NET_FINE]);
+    uint64_t prim = saga_net_macs(&s[SAGA_NET_FUSE_F]) +
+        saga_net_macs(&s[SAGA_NET_GEO]) +
+        saga_net_macs(&s[SAGA_NET_COLOUR_BASE]);
+
+    if (!(m->tools & SAGA_TOOL_VIEW))
+        prim += saga_net_macs(&s[SAGA_NET_COLOUR]);
+    return coarse * n->coarse + fine * n->fine + prim * n->prim;
+}
+
+uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m)
+{
+    if (!(m->tools & SAGA_TOOL_VIEW))
+        return 0;
+    return saga_net_macs(&nets->shape[SAGA_NET_COLOUR_VIEW]) +
+           saga_net_macs(&nets->shape[SAGA_NET_COLOUR]);
+}

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What decoding will take, from the header alone: the layout of the work block
+ * and the multiply-accumulates of the networks.
+ */
+#ifndef SAGA_PLAN_H
+#define SAGA_PLAN_H
+
+#include "container.h"
+#include "saga.h"
+#include "scaffold.h"
+
+/* Offsets in the work block, multiples of 16. Anchors live while a segment is
+ * decoded; the splats of a view lie over them. */
+typedef struct saga_plan {
+    saga_nets nets;
+    uint32_t nets_at, models_at, vectors_at;
+    uint32_t prims_at;       /* saga_primitive (max.prim) */
+    uint32_t colours_at;     /* int16_t (max.prim, colour_stride) */
+    uint32_t coarse_at, coarse_feature_at, fine_at, fine_feature_at;
+    uint32_t offsets_at;     /* int16_t (max.prim, 4) */
+    uint32_t splats_at, keys_at, keys_tmp_at;
+    uint32_t colour_stride;  /* pre-activations, or the colour itself */
+    uint32_t work_nbytes;
+} saga_plan;
+
+/* Checks a header's values and lays the block out; decoder_nbytes is the size
+ * of what stands at its start. OK, DATA, VERSION, LEVEL. */
+saga_status saga_plan_make(saga_plan *plan, const saga_header *h,
+                           uint32_t decoder_nbytes);
+
+/* Multiply-accumulates of the networks to decode a segment of n. */
+uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
+                        const saga_counts *n);
+
+/* The same per visible primitive and view. */
+uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m);
+
+#endif

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From the decoded scaffold to primitives: Fuse_f, F_geo, and F_color as far
+ * as it does not depend on the view. Paper: Overview, Representation.
+ */
+#ifndef SAGA_RECONSTRUCT_H
+#define SAGA_RECONSTRUCT_H
+
+#include "primitive.h"
+#include "scaffold.h"
+
+/* How the primitives of a model are stored. */
+void saga_prim_format_of(saga_prim_format *f, const saga_model *m);
+
+/* All primitives of sc. colours: (n.prim, stride): with SAGA_TOOL_VIEW the
+ * pre-activations of the colour network's first layer, stride = its width;
+ * without it the colour itself, uint16_t in Q15, stride = 3. */
+void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
+                      int16_t *colours, uint32_t stride);
+
+/* Colour of a primitive seen from a camera's centre. x: its position at
+ * mid-segment; base: its pre-activations. Uses sc->v. */
+void saga_shade(uint16_t colour_q15[3], const saga_scaffold *sc,
+                const int16_t *base, const int32_t x[3],
+                const int32_t centre[3]);
+
+#endif

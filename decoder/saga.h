@@ -1,0 +1,229 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga: decoder for volumetric video. The only public header.
+ *
+ * Conventions
+ *
+ * - The decoder allocates nothing, keeps no global state, uses no floating
+ *   point and needs no C library (mem* at most). All its memory is one block
+ *   of the caller's, whose size saga_probe tells from the file's header.
+ * - The same bytes and the same camera give the same pixels on every machine.
+ * - Pointers must not be NULL unless said otherwise. Functions keep no pointer
+ *   to input bytes or pictures after they return.
+ * - A saga_decoder may be moved or copied with memcpy to another block of the
+ *   same size and alignment: it holds offsets, no pointers.
+ * - Threads: one decoder must not be changed by two threads at once. After
+ *   saga_view, any number of threads may call saga_draw on the same decoder,
+ *   each with its own saga_job.
+ * - Input is not trusted: whatever the bytes, every function returns, never
+ *   reads or writes outside what it was given, and its loops are bounded by
+ *   counts checked against the header.
+ * - Stack: at most 4 KiB below any of these functions.
+ * - Units: positions are box units, the cube of a segment is [-2^23, 2^23) on
+ *   each axis; times are 1/65536 of a segment.
+ */
+#ifndef SAGA_H
+#define SAGA_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef enum saga_status {
+    SAGA_OK = 0,
+    SAGA_AGAIN = 1,          /* work left: call again with the same job */
+    SAGA_ERR_ARG = -1,       /* an argument is out of its range */
+    SAGA_ERR_SPACE = -2,     /* a buffer is too small */
+    SAGA_ERR_ALIGN = -3,     /* a buffer is misaligned */
+    SAGA_ERR_DATA = -10,     /* the bytes are not a valid stream */
+    SAGA_ERR_TRUNCATED = -11,/* more bytes are needed */
+    SAGA_ERR_VERSION = -12,  /* valid, but needs a newer decoder */
+    SAGA_ERR_LEVEL = -13,    /* exceeds its declared level, or this build's */
+    SAGA_ERR_STATE = -20     /* called too early: nothing decoded, no view */
+} saga_status;
+
+/* A pinhole camera; x right, y down, z forward. Integers only, since the bits
+ * of every picture depend on it: the host rounds, files store the rounded one.
+ */
+typedef struct saga_camera {
+    int32_t rotation_q30[9]; /* rows: camera axes in box axes; for each row
+                              * sum |r| <= 1.7321 * 2^30 */
+    int32_t centre[3];       /* box units, |c| <= 2^29 */
+    int32_t focal_q16[2];    /* pixels, > 0 */
+    int32_t principal_q16[2];/* pixels; (0, 0) is the corner of the picture,
+                              * |p| <= 2^30 */
+    int32_t near_plane;      /* box units, >= 1 */
+    uint16_t width, height;  /* pixels, 1..16384 */
+    uint16_t background_q15[3]; /* R, G, B, 0..32768 */
+} saga_camera;
+
+/* A primitive at one time in one camera (norm: docs/arithmetic.md). */
+typedef struct saga_splat {
+    int32_t mean_q8[2];      /* pixels */
+    int32_t chol_q28[3];     /* g, n, h: factor of the conic in log2 units */
+    int32_t q0_q20;          /* -log2 of the peak opacity, [0, 8) */
+    uint32_t depth;          /* z in box units, >= 1 */
+    uint16_t colour_q15[3];  /* R, G, B, 0..32768 */
+    int16_t x0, y0, x1, y1;  /* pixels touched lie in [x0, x1) x [y0, y1) */
+} saga_splat;
+
+/* Where a picture goes: rows of R, G, B samples of 8 or 16 bits. */
+typedef struct saga_picture {
+    void *rgb;               /* first sample of the job's pixel (x0, y0);
+                              * uint8_t, or uint16_t (aligned to 2) */
+    size_t stride_nbytes;    /* from one row to the next; even for 16 bits */
+    size_t nbytes;           /* capacity from rgb on */
+    int bits;                /* 8 or 16 */
+} saga_picture;
+
+/* A rectangle of the picture to be drawn by one thread, and its progress.
+ * Set the first block, zero the second, call saga_draw until it returns
+ * something other than SAGA_AGAIN. */
+typedef struct saga_job {
+    int32_t x0, y0, x1, y1;  /* inside the camera's picture, not empty */
+    int32_t tile;            /* side of a tile in pixels: 8, 16, 32 or 64; has
+                              * no effect on the pixels */
+    uint32_t list_capacity;  /* entries of the splat list, >= 1; no effect on
+                              * the pixels */
+    void *scratch;           /* aligned to 4, of at least
+                              * SAGA_JOB_NBYTES(tile, list_capacity) bytes */
+    size_t scratch_nbytes;   /* more lets a band of several tiles share one
+                              * pass over the splats */
+
+    uint32_t cursor[4];      /* internal; zero at the start */
+} saga_job;
+
+/* Bytes of scratch the smallest band (one tile) needs. */
+#define SAGA_JOB_NBYTES(tile, list_capacity) \
+    ((size_t)(tile) * (size_t)(tile) * 16u + (size_t)(list_capacity) * 8u + 264u)
+
+/* --- Files ----------------------------------------------------------------
+ *
+ * A file begins with its head (header, index, networks); then come segments.
+ * To show one picture a player needs the head and one segment:
+ *
+ *     saga_probe(&info, bytes, n);             how much memory, how many bytes
+ *     saga_open(&dec, work, info.work_nbytes, bytes, info.head_nbytes);
+ *     saga_find(&seg, bytes, info.head_nbytes, frame, 1);
+ *     saga_decode(dec, bytes + seg.offset, seg.nbytes);
+ *     saga_view(dec, &camera, seg.t);
+ *     while (saga_draw(dec, &job, &picture, budget) == SAGA_AGAIN) ;
+ */
+
+enum { SAGA_WORK_ALIGN = 16 };
+
+/* Largest work_nbytes of a level 0..3: for static arrays. */
+#define SAGA_WORK_MAX(level) \
+    ((level) == 0 ? 256ul << 10 : (level) == 1 ? 4ul << 20 : \
+     (level) == 2 ? 32ul << 20 : 1ul << 30)
+
+typedef struct saga_info {
+    uint32_t version, level;
+    size_t work_nbytes;      /* of the block saga_open needs, exactly */
+    size_t head_nbytes;      /* header, index and networks: the file's start */
+    uint32_t n_segments, n_frames;
+    uint32_t rate_num, rate_den; /* frames per second */
+    uint32_t n_cameras;      /* of the rig */
+    uint32_t max_coarse, max_fine, max_primitives; /* of any segment */
+    uint32_t n_weights;      /* of all networks */
+    uint32_t nets_nbytes;    /* coded size of the networks */
+    uint32_t tools;          /* as in the header, docs/bitstream.md */
+    uint32_t motion_order;   /* 0..3 */
+    uint32_t features;
+    uint64_t decode_macs;    /* multiply-accumulates of the networks to decode
+                              * a segment of the maximal counts */
+    uint32_t view_macs;      /* the same per visible primitive and view */
+    /* metres = centre + box units * unit; value = mantissa * 2^exponent */
+    int32_t unit_mantissa, unit_exponent;
+    int32_t centre_mantissa[3], centre_exponent;
+} saga_info;
+
+/* What a header says, before anything is done.
+ * bytes[0..n): the file's start, n any size.
+ * SAGA_OK; TRUNCATED: the header is longer than n; DATA, VERSION, LEVEL. On an
+ * error *info is undefined. */
+saga_status saga_probe(saga_info *info, const uint8_t *bytes, size_t n);
+
+typedef struct saga_decoder saga_decoder;
+
+/* Starts a decoder in work[0..work_nbytes), aligned to SAGA_WORK_ALIGN, from
+ * the file's head. *dec points into work, which belongs to the decoder until
+ * the caller takes it back; there is nothing to close.
+ * SAGA_OK; SPACE, ALIGN; TRUNCATED: n < info.head_nbytes; DATA, VERSION,
+ * LEVEL. On an error *dec is NULL. */
+saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
+                      const uint8_t *head, size_t n);
+
+typedef struct saga_segment {
+    uint32_t number;         /* 0.. */
+    uint32_t first_frame, n_frames;
+    uint64_t offset;         /* of its bytes in the file */
+    uint32_t nbytes;
+    int32_t t;               /* of the wanted time in it, 0..65535 */
+} saga_segment;
+
+/* The segment that shows time frame_num / frame_den, counted in frames from
+ * the file's start, and where its bytes are. head as for saga_open.
+ * SAGA_OK; ARG: frame_den is 0 or the time lies past the end; else as
+ * saga_open. */
+saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
+                      uint32_t frame_num, uint32_t frame_den);
+
+/* Camera `index` of the capture rig, 0..info.n_cameras-1, and the number the
+ * capture gives it. head as for saga_open. SAGA_OK; ARG; else as saga_open. */
+saga_status saga_rig(saga_camera *camera, uint32_t *number,
+                     const uint8_t *head, size_t n, uint32_t index);
+
+/* Decodes a segment's bytes[0..n) into primitives, in place of an earlier
+ * one. SAGA_OK; TRUNCATED, DATA: no segment is decoded then. */
+saga_status saga_decode(saga_decoder *dec, const uint8_t *bytes, size_t n);
+
+/* Prepares a picture: primitives at time t (0..65535) as sorted splats in the
+ * camera. SAGA_OK; ARG: t or a field of the camera; STATE: no segment. */
+saga_status saga_view(saga_decoder *dec, const saga_camera *camera,
+                      int32_t t);
+
+/* Draws some of a job: see saga_job. budget >= 1 bounds the work of the call:
+ * one unit is a splat looked at or a row of a splat in a tile blended.
+ * SAGA_OK: finished; SAGA_AGAIN: budget spent, call again; ARG, SPACE, ALIGN:
+ * job or picture; STATE: no view. Pixels outside the job's rectangle are not
+ * touched; those inside are written when final. */
+saga_status saga_draw(const saga_decoder *dec, saga_job *job,
+                      const saga_picture *picture, uint32_t budget);
+
+/* A sentence for a status; "unknown status" for other values. */
+const char *saga_status_text(saga_status status);
+
+/* CRC-32C of p[0..n), continuing crc (0 at the start). A picture's is over its
+ * 8-bit R, G, B bytes, rows from the top, without what lies between rows. */
+uint32_t saga_crc32c(uint32_t crc, const uint8_t *p, size_t n);
+
+/* --- Taps: for vectors, export and references ---------------------------- */
+
+typedef struct saga_report {
+    uint32_t n_coarse, n_fine, n_primitives;
+    uint32_t final_range[3]; /* of the coder after each layer */
+    uint32_t n_splats;       /* of the last view; 0 without one */
+} saga_report;
+
+/* SAGA_OK, or STATE without a segment. */
+saga_status saga_tell(saga_report *report, const saga_decoder *dec);
+
+/* A primitive at one time. */
+typedef struct saga_animated {
+    int32_t x[3];            /* mean, box units, saturated at +-2^29 */
+    int32_t quat[4];         /* w, x, y, z; not normalised; all 0: identity */
+    int32_t log2_scale_q10[3]; /* standard deviations, log2 of box units */
+    int32_t q0_q20;          /* -log2 of opacity times temporal opacity; 8 and
+                              * more is invisible */
+} saga_animated;
+
+/* Primitive `index` at time t (0..65535). SAGA_OK, ARG, STATE. */
+saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
+                              uint32_t index, int32_t t);
+
+/* Splat number `order` of the last view in drawing order, nearest first.
+ * SAGA_OK, ARG, STATE. */
+saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,
+                          uint32_t order);
+
+#endif

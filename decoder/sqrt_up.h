@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * An upper bound of a square root by one look into a table: how far a splat,
+ * or a row of it, may reach. Boxes and spans made with it are loose by up to
+ * 1/32 in q; every pixel is tested, so they never show in a picture.
+ */
+#ifndef SAGA_SQRT_UP_H
+#define SAGA_SQRT_UP_H
+
+#include "fx.h"
+
+extern const uint16_t saga_sqrt_up_q12[256];
+
+/* x_q20 in 1..2^23: at least sqrt(x + 1) + 1/3, Q12, at most 11587; loose by
+ * 0.8 % for x >= 2^21. The part above the root itself covers the rounding of
+ * v, w and q (norm 7): q < 8 with x = 8 - q0 means
+ * w13^2 + v13^2 < 64 (x_q20 + 1), and v13, w13 in Q13 are half a unit off. */
+static inline int32_t sqrt_up_q20_q12(int32_t x_q20)
+{
+    FX_ASSERT(x_q20 >= 1 && x_q20 <= 8 << 20);
+    return saga_sqrt_up_q12[(x_q20 - 1) >> 15];
+}
+
+#endif

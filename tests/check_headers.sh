@@ -1,0 +1,48 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+#
+# check_headers.sh: guarantees that every header compiles alone, and twice,
+# with no warning, by gcc and clang, seeing only what its folder may see.
+set -eu
+cd "$(dirname "$0")/.."
+
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+warn="-std=c11 -Wall -Wextra -Wconversion -Wshadow -Wundef -Wcast-align
+    -Wstrict-prototypes -Wmissing-prototypes -Wvla -Werror
+    -Wno-unused-function -Wno-unused-const-variable"
+trainer=$(find trainer -type d | sort | sed 's/^/-I/')
+mkdir "$tmp/include"
+[ ! -e decoder/saga.h ] || cp decoder/saga.h "$tmp/include"
+
+for cc in gcc clang; do
+    bad=0
+    n=0
+    for h in common/*.h decoder/*.h decoder/*/*.h trainer/*.h trainer/*/*.h \
+        tests/*.h bench/*.h; do
+        [ -e "$h" ] || continue
+        case $h in
+        *_tables.h) continue ;; # parts of one C file
+        common/*) see="-ffreestanding -Icommon" ;;
+        decoder/*) see="-ffreestanding -Icommon -Idecoder" ;;
+        trainer/*) see="-Icommon -I$tmp/include $trainer" ;;
+        *) see="-Icommon -Idecoder $trainer -Itests -Ibench" ;;
+        esac
+        n=$((n + 1))
+        name=$(basename "$h")
+        printf '#include "%s"\n#include "%s"\nextern int x;\n' \
+            "$name" "$name" >"$tmp/t.c"
+        # shellcheck disable=SC2086
+        $cc $warn $see -I"$(dirname "$h")" -fsyntax-only "$tmp/t.c" || {
+            echo "     $h"
+            bad=1
+        }
+    done
+    if [ "$bad" = 0 ]; then
+        echo "ok   headers $cc: $n compile alone"
+    else
+        echo "FAIL headers $cc"
+        : >"$tmp/failed"
+    fi
+done
+[ ! -e "$tmp/failed" ]

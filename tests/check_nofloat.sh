@@ -1,0 +1,88 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+#
+# check_nofloat.sh: guarantees that common/ and decoder/ use no floating point:
+#   source   no float, double or floating constant outside comments
+#   objects  they compile with -mgeneral-regs-only on x86-64 and AArch64, and
+#            neither there nor on soft-float Arm call a float routine
+set -eu
+cd "$(dirname "$0")/.."
+
+make=${MAKE:-make}
+build=${BUILD:-build}/nofloat
+unset MAKEFLAGS MFLAGS
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+
+# Comments, strings and characters blanked; line numbers kept.
+strip() {
+    python3 -c '
+import re, sys
+def blank(m):
+    return re.sub(r"[^\n]", " ", m.group())
+text = open(sys.argv[1], encoding="utf-8").read()
+sys.stdout.write(re.sub(
+    r"/\*.*?\*/|//[^\n]*|\"(\\.|[^\"\\\n])*\"|\x27(\\.|[^\x27\\\n])*\x27",
+    blank, text, flags=re.S))' "$1"
+}
+
+token='(^|[^A-Za-z0-9_])(float|double|_Complex|__fp16|_Float[0-9]+|__float[0-9]+'
+token="$token|(math|float|complex|tgmath)\\.h|[0-9]+\\.[0-9]*|\\.[0-9]+"
+token="$token|[0-9]+[eE][-+]?[0-9]+|0[xX][0-9a-fA-F]+[pP][-+]?[0-9]+)"
+token="$token([fFlL]?)([^A-Za-z0-9_]|\$)"
+find common decoder -name '*.[ch]' | sort | while read -r f; do
+    strip "$f" | grep -nE "$token" | sed "s|^|     $f:|" || :
+done >"$tmp/bad"
+if [ -s "$tmp/bad" ]; then
+    cat "$tmp/bad"
+    echo "FAIL nofloat source"
+    : >"$tmp/failed"
+else
+    echo "ok   nofloat source"
+fi
+
+# The float routines of libgcc and of the Arm run-time ABI, and libm.
+routine='__(add|sub|mul|div|neg|eq|ne|lt|le|gt|ge|cmp|unord|pow)[sdtx]f[23]'
+routine="$routine|__(float|fix)(un)?[sdt]i[sdtx]f|__fix(uns)?[sdtx]f[sdt]i"
+routine="$routine|__(extend|trunc)[sdtxh]f[sdtxh]f2"
+routine="$routine|__aeabi_[cfd][a-z0-9]*|__aeabi_[iu]?[il]?2[fd]|__aeabi_u?[il]2[fd]"
+routine="$routine|__gnu_[fhd]2[fhd].*|(ll?r(int|ound)|sqrt|exp2?|log2?|sin|cos|pow|fabs|floor|ceil)f?"
+
+target() { # target NAME CC NM FLAGS
+    if ! "$make" -s -k -j"$(nproc)" BUILD="$build/$1" CC="$2" CFLAGS="$4" \
+        lib >"$tmp/log" 2>&1; then
+        cat "$tmp/log"
+        echo "FAIL nofloat $1: does not build"
+        : >"$tmp/failed"
+        return
+    fi
+    find common decoder -name '*.c' | sort |
+        sed "s|^\(.*\)\.c\$|$build/$1/obj/\1.o|" >"$tmp/objects"
+    if ! xargs "$3" -u -o <"$tmp/objects" >"$tmp/undefined"; then
+        echo "FAIL nofloat $1: $3 cannot read the objects"
+        : >"$tmp/failed"
+        return
+    fi
+    grep -E " ($routine)\$" "$tmp/undefined" >"$tmp/bad" || :
+    if [ -s "$tmp/bad" ]; then
+        sed 's/^/     /' "$tmp/bad"
+        echo "FAIL nofloat $1"
+        : >"$tmp/failed"
+    else
+        echo "ok   nofloat $1"
+    fi
+}
+
+target x86_64 gcc nm -mgeneral-regs-only
+target x86_64-clang clang nm -mgeneral-regs-only
+target aarch64-clang clang nm \
+    '--target=aarch64-none-elf -mgeneral-regs-only'
+if command -v aarch64-linux-gnu-gcc >/dev/null; then
+    target aarch64-gcc aarch64-linux-gnu-gcc aarch64-linux-gnu-nm \
+        -mgeneral-regs-only
+fi
+for cpu in cortex-m0 cortex-m3; do
+    target "$cpu" arm-none-eabi-gcc arm-none-eabi-nm \
+        "-mthumb -mcpu=$cpu -mfloat-abi=soft"
+done
+[ ! -e "$tmp/failed" ]

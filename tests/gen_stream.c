@@ -1,0 +1,545 @@
+/* SPDX-License-Identifier: MIT */
+#include "gen_stream.h"
+
+#include "crc32c.h"
+#include "encode.h"
+#include "fx.h"
+#include "morton.h"
+#include "scaffold.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* --- Random numbers ------------------------------------------------------ */
+
+uint64_t gen_random(uint64_t *state)
+{
+    uint64_t z = *state += 0x9e3779b97f4a7c15u;
+
+    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
+    return z ^ z >> 31;
+}
+
+int32_t gen_range(uint64_t *state, int32_t lo, int32_t hi)
+{
+    const uint64_t n = (uint64_t)((int64_t)hi - lo) + 1;
+
+    return (int32_t)(lo + (int64_t)(gen_random(state) % n));
+}
+
+static int one_in(uint64_t *state, int n)
+{
+    return gen_range(state, 1, n) == 1;
+}
+
+static void *array(size_t n, size_t size)
+{
+    void *const p = calloc(n + 1, size);
+
+    if (!p) {
+        fprintf(stderr, "gen_stream: out of memory\n");
+        exit(2);
+    }
+    return p;
+}
+
+/* --- Model --------------------------------------------------------------- */
+
+static void make_level(saga_level *l, uint64_t *r, int full)
+{
+    l->n_groups = (uint8_t)gen_range(r, 1, SAGA_MAX_GROUPS);
+    l->window = (uint8_t)gen_range(r, 0, one_in(r, 4) ? SAGA_MAX_WINDOW : 8);
+    l->neighbours = (uint8_t)gen_range(r, 1, SAGA_MAX_NEIGHBOURS);
+    l->suffix_bits = (uint8_t)gen_range(r, 0, SAGA_MAX_SUFFIX_BITS);
+    l->max_children = (uint8_t)(full ? 16 : gen_range(r, 1, 16));
+    l->radius2_q12 = (uint16_t)gen_range(r, 0, 65535);
+    l->softmax_q8 = (uint16_t)(one_in(r, 8) ? gen_range(r, 1, 65535)
+                                            : gen_range(r, 100, 2000));
+}
+
+static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
+{
+    const int32_t width = o->level == 0 ? 32 : o->level < 3 ? 64 : 128;
+    int i;
+
+    m->tools = o->tools_fixed ? o->tools
+                              : (uint32_t)gen_range(r, 0, SAGA_TOOLS_KNOWN);
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        m->sources[i] = (uint8_t)(gen_range(r, 0, 7) &
+            (i == SAGA_KIND_COARSE ? ~SAGA_SOURCE_PARENT
+             : i == SAGA_KIND_PRIM ? ~SAGA_SOURCE_GROUPS : 7));
+    m->features = (uint8_t)gen_range(r, 5, o->level == 0 ? 24 : 64);
+    if (!o->picture && one_in(r, 2))
+        m->features = (uint8_t)gen_range(r, 5, 16);
+    m->octaves = (uint8_t)gen_range(r, 1, o->level == 0 ? 4 : 8);
+    m->lambda_t_q8 = (uint16_t)gen_range(r, 0, one_in(r, 4) ? 65535 : 512);
+    for (i = 0; i < SAGA_N_LEVELS; i++)
+        make_level(&m->level[i], r, o->full);
+    for (i = 0; i < SAGA_N_STEPS; i++)
+        m->step_q16[i] = (uint32_t)gen_range(r, 16 << 16, 400 << 16);
+    if (one_in(r, 8))
+        m->step_q16[gen_range(r, 0, SAGA_N_STEPS - 1)] = 0xffffffffu;
+    for (i = 0; i < SAGA_N_HEADS; i++)
+        m->head_q[i] = (uint8_t)gen_range(r, 6, 14);
+    if (!o->picture && one_in(r, 4))
+        m->head_q[gen_range(r, 0, SAGA_HEAD_QUAT - 1)] =
+            (uint8_t)gen_range(r, 0, SAGA_MAX_HEAD_Q);
+    for (i = 0; i < SAGA_N_NETS; i++) {
+        m->width[i] = (uint8_t)gen_range(r, 1, one_in(r, 2) ? width : 16);
+        m->q_in[i] = (uint8_t)gen_range(r, 8, 14);
+        m->int8[i] = (uint8_t)(o->level == 0 || one_in(r, 3));
+    }
+    m->width[SAGA_NET_COLOUR] = (uint8_t)gen_range(r, 1, 32);
+}
+
+/* Choices that make a picture worth looking at. */
+static void model_for_picture(saga_model *m)
+{
+    int i;
+
+    m->level[SAGA_LEVEL_COARSE].suffix_bits = 4;
+    m->level[SAGA_LEVEL_FINE].suffix_bits = 4;
+    for (i = 0; i < SAGA_N_LEVELS; i++) {
+        m->level[i].softmax_q8 = 739;        /* log2(e) / 0.5 */
+        m->level[i].radius2_q12 = 4 << 12;
+        m->level[i].neighbours = 8;
+        m->level[i].window = 16;
+    }
+    m->lambda_t_q8 = 256;
+    for (i = 0; i < SAGA_N_STEPS; i++)
+        m->step_q16[i] = 256u << 16;
+    for (i = 0; i < SAGA_N_HEADS; i++)
+        m->head_q[i] = 11;
+    m->head_q[SAGA_HEAD_QUAT] = 14;
+    for (i = 0; i < SAGA_N_NETS; i++)
+        m->q_in[i] = 12;
+    m->width[SAGA_NET_GEO] = m->width[SAGA_NET_FINE] = 32;
+    m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 32;
+    m->width[SAGA_NET_COLOUR] = 32;
+}
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* Mean and spread of an output row, in its own LSB. */
+typedef struct {
+    double mean, spread;
+} target;
+
+/* Real-valued targets of the rows of a network's last layer. */
+static target target_of(const saga_model *m, int net, uint32_t row)
+{
+    const target plain = { 0, 2000 };
+    saga_geo_rows g;
+    target t = plain;
+
+    saga_model_geo_rows(&g, m);
+    if (net == SAGA_NET_GEO) {
+        const double one = 1 << 11;
+
+        t.spread = 0.6 * one;
+        if (row == g.opacity)
+            t.mean = 3 * one;
+        else if (row < g.quat)
+            t.mean = -3.5 * one;
+        else if (row < g.slope)
+            t.spread = 8000;
+        else if (m->tools & SAGA_TOOL_OPACITY_T && row == g.width)
+            t.mean = 0.5 * one;
+        else if (row >= g.motion)
+            t.spread = 0.4 * one;
+    } else if (net == SAGA_NET_FINE && row >= m->features) {
+        t.mean = -1.5 * (1 << 11);
+        t.spread = 200;
+    } else if (net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM) {
+        t.spread = 1500;
+    } else if (net == SAGA_NET_COLOUR) {
+        t.spread = 1100;
+    }
+    return t;
+}
+
+/* A valid layer: |w| small enough that no row can overflow, row shifts near
+ * what keeps random inputs in range. */
+static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
+                       uint64_t *r)
+{
+    const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
+    const int32_t limit = fx_min(s->int8 ? 127 : 2000,
+                                 n_in ? (int32_t)(40000 / n_in) : 1);
+    uint32_t row, k;
+
+    l->step_shift = (uint8_t)gen_range(r, 8, 16);
+    l->step_q16 = (uint32_t)gen_range(r, 1 << (l->step_shift - 1),
+                                      fx_min(1 << l->step_shift, 65535));
+    l->bias_shift = (uint8_t)gen_range(r, 0, 8);
+    l->weight_scale = (uint8_t)gen_range(r, 30, 63);
+    l->bias_scale = (uint8_t)gen_range(r, 0, 63);
+    l->weight = array((size_t)n_in * n_out, sizeof *l->weight);
+    l->bias = array(n_out, sizeof *l->bias);
+    l->shift = array(n_out, 1);
+    for (row = 0; row < n_out; row++) {
+        const int32_t range = gen_range(r, 1, limit);
+        const double typical = range * sqrt((double)n_in + 1) / 2;
+
+        for (k = 0; k < n_in; k++)
+            l->weight[row * n_in + k] = gen_range(r, -range, range);
+        l->shift[row] = (uint8_t)fx_clamp(
+            (int32_t)floor(log2(typical + 1)) + gen_range(r, -1, 1), 0, 24);
+        l->bias[row] = gen_range(r, -20000, 20000);
+    }
+}
+
+/* Biases and shifts of the last layer for a picture. A row's input is taken as
+ * a third of full scale per component. */
+static void aim_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
+                      const saga_model *m, int net)
+{
+    const uint32_t n_in = s->dim[i];
+    uint32_t row, k;
+
+    l->bias_shift = 12;
+    for (row = 0; row < s->dim[i + 1]; row++) {
+        const target t = target_of(m, net, row);
+        double power = 1;
+        int shift;
+
+        for (k = 0; k < n_in; k++) {
+            const double w = (double)l->weight[row * n_in + k] *
+                             l->step_q16 / (1 << l->step_shift);
+            power += w * w;
+        }
+        shift = (int)lround(log2(sqrt(power) * 3000 / t.spread));
+        l->shift[row] = (uint8_t)fx_clamp(shift, 0, 24);
+        l->bias[row] = fx_clamp((int32_t)(t.mean * (1 << l->shift[row]) /
+                                          (1 << l->bias_shift)),
+                                -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
+    }
+}
+
+static void make_nets(gen_stream *g, uint64_t *r, int picture)
+{
+    const saga_model *const m = &g->header.model;
+    saga_net_shape s;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_model_net(&s, m, net);
+        for (i = 0; i < s.n_layers; i++) {
+            make_layer(&g->nets.layer[net][i], &s, i, r);
+            if (picture && i + 1 == s.n_layers)
+                aim_layer(&g->nets.layer[net][i], &s, i, m, net);
+        }
+    }
+}
+
+/* --- Tree ---------------------------------------------------------------- */
+
+typedef struct {
+    saga_symbols *s;
+    uint32_t cap_nodes, want;    /* leaves wanted */
+    int max_x, max_t;
+    int temporal;
+} tree;
+
+/* Depth first with an own stack: (depths of a pending node). Leaves still owed
+ * by pending nodes are counted, so that the total is exactly `want`. */
+static void make_tree(tree *t, uint64_t *r)
+{
+    struct { uint8_t x, t; } stack[4096];
+    uint32_t depth = 0, leaves = 0;
+    saga_symbols *const s = t->s;
+
+    stack[depth].x = 0;
+    stack[depth++].t = 0;
+    while (depth > 0) {
+        const uint8_t x = stack[--depth].x, tm = stack[depth].t;
+        const uint32_t spare = t->want - leaves - depth - 1;
+        uint32_t split = (uint32_t)gen_range(r, 0, 3), n, mask = 0, i;
+
+        if (spare > 0 && split == 0)
+            split = 1;
+        if (!t->temporal)
+            split &= 1u;
+        if (x >= t->max_x)
+            split &= 2u;
+        if (tm >= t->max_t)
+            split &= 1u;
+        /* A node with no spare leaf may still chain to a single child. */
+        if (split && spare == 0 && !one_in(r, 8))
+            split = 0;
+        n = split == 0 ? 0 : split == 1 ? 8 : split == 2 ? 2 : 16;
+        for (i = 0; i < n; i++)
+            mask |= (uint32_t)gen_range(r, 0, 1) << i;
+        if (n) {
+            uint32_t children = 0;
+
+            if (depth == 0 && spare > 0 && t->want > 4)
+                mask = (1u << n) - 1;
+            for (i = 0; i < n; i++)
+                if (mask >> i & 1u && children++ > spare)
+                    mask &= ~(1u << i);
+            if (mask == 0)
+                mask = 1u << gen_range(r, 0, (int32_t)n - 1);
+        }
+        if (s->n_nodes == t->cap_nodes) {
+            t->cap_nodes = 2 * t->cap_nodes + 64;
+            s->split = realloc(s->split, t->cap_nodes);
+            s->occupancy = realloc(s->occupancy,
+                                   t->cap_nodes * sizeof *s->occupancy);
+        }
+        s->split[s->n_nodes] = (uint8_t)split;
+        s->occupancy[s->n_nodes++] = (uint16_t)mask;
+        leaves += split == 0;
+        for (i = 0; i < n; i++)
+            if (mask >> i & 1u) {
+                stack[depth].x = (uint8_t)(x + (split & 1u));
+                stack[depth++].t = (uint8_t)(tm + (split >> 1));
+            }
+    }
+    s->n.coarse = leaves;
+}
+
+/* --- Symbols ------------------------------------------------------------- */
+
+/* Mostly small; sometimes beyond every table, sometimes the extremes. */
+static int32_t make_residual(uint64_t *r, int picture)
+{
+    if (picture)
+        return gen_range(r, -3, 3);
+    if (one_in(r, 200))
+        return one_in(r, 2) ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
+    if (one_in(r, 40))
+        return gen_range(r, -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
+    return gen_range(r, -6, 6) * gen_range(r, 0, 6);
+}
+
+static int32_t *residuals(size_t n, uint64_t *r, int picture)
+{
+    int32_t *const q = array(n, sizeof *q);
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        q[i] = make_residual(r, picture);
+    return q;
+}
+
+static int compare(const void *a, const void *b)
+{
+    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* Suffixes of all children, ascending within each parent; some equal. */
+static uint32_t *suffixes(const uint8_t *n_children, uint32_t n_parents,
+                          uint32_t total, uint32_t bits, uint64_t *r)
+{
+    uint32_t *const s = array(total, sizeof *s);
+    const uint32_t mask = bits == 8 ? 0xffffffffu : (1u << 4 * bits) - 1;
+    uint32_t at = 0, parent, i;
+
+    for (parent = 0; parent < n_parents; parent++) {
+        for (i = 0; i < n_children[parent]; i++)
+            s[at + i] = i && one_in(r, 8) ? s[at]
+                                          : (uint32_t)gen_random(r) & mask;
+        qsort(s + at, n_children[parent], sizeof *s, compare);
+        at += n_children[parent];
+    }
+    return s;
+}
+
+/* Children per parent, 0..max each, at most cap together (exactly, if full). */
+static uint32_t children(uint8_t *n, uint32_t n_parents, int max, uint32_t cap,
+                         int full, uint64_t *r)
+{
+    uint32_t total = 0, i;
+
+    for (i = 0; i < n_parents; i++) {
+        uint32_t k = (uint32_t)gen_range(r, full ? max / 2 : 0, max);
+
+        if (full && i + 1 == n_parents)
+            k = (uint32_t)max;
+        if (k > cap - total)
+            k = cap - total;
+        n[i] = (uint8_t)k;
+        total += k;
+    }
+    for (i = 0; full && i < n_parents; i++)
+        while (n[i] < max && total < cap) {
+            n[i]++;
+            total++;
+        }
+    return total;
+}
+
+static void make_segment(saga_symbols *s, const saga_model *m, uint64_t *r,
+                         const gen_options *o)
+{
+    const saga_level_caps *const cap = &saga_caps[o->level];
+    const saga_level *const l = m->level;
+    const uint32_t want = o->full ? cap->n_coarse
+        : (uint32_t)gen_range(r, 1, o->n_coarse ? (int32_t)o->n_coarse : 12);
+    tree t = { s, 0, want, 0, 0, saga_is_dynamic(m) || !o->picture };
+
+    t.max_x = fx_min(o->picture ? 3 : SAGA_MAX_DEPTH_X,
+                     SAGA_LOG2_HALF_X - l[0].suffix_bits);
+    t.max_t = fx_min(o->picture ? 1 : SAGA_MAX_DEPTH_T,
+                     SAGA_LOG2_HALF_T - l[0].suffix_bits);
+    make_tree(&t, r);
+    s->n_fine = array(s->n.coarse, 1);
+    s->n.fine = children(s->n_fine, s->n.coarse, l[0].max_children,
+                         cap->n_fine, o->full, r);
+    s->centre = residuals(4 * (size_t)s->n.coarse, r, o->picture);
+    s->feature = residuals(m->features * (size_t)s->n.coarse, r, o->picture);
+    if (o->picture) {
+        uint32_t i;
+
+        for (i = 0; i < m->features * s->n.coarse; i++)
+            s->feature[i] = gen_range(r, -40, 40);
+    }
+    s->fine_suffix = suffixes(s->n_fine, s->n.coarse, s->n.fine,
+                              l[0].suffix_bits, r);
+    s->fine_offset = residuals(4 * (size_t)s->n.fine, r, o->picture);
+    s->n_prim = array(s->n.fine, 1);
+    s->n.prim = children(s->n_prim, s->n.fine, l[1].max_children, cap->n_prim,
+                         o->full, r);
+    s->prim_suffix = suffixes(s->n_prim, s->n.fine, s->n.prim,
+                              l[1].suffix_bits, r);
+    s->prim_offset = residuals(4 * (size_t)s->n.prim, r, o->picture);
+}
+
+/* --- Cameras ------------------------------------------------------------- */
+
+/* On a circle about the cube, looking at its middle from a little above. */
+static void make_camera(saga_rig_camera *c, uint32_t number)
+{
+    const double angle = 0.7 * number + 0.3, tilt = 0.25;
+    const double ca = cos(angle), sa = sin(angle);
+    const double ct = cos(tilt), st = sin(tilt);
+    const double axes[9] = {
+        ca, 0, -sa,
+        sa * st, ct, ca * st,
+        sa * ct, -st, ca * ct
+    };
+    int i;
+
+    memset(c, 0, sizeof *c);
+    c->number = number;
+    for (i = 0; i < 9; i++)
+        c->rotation_q30[i] = (int32_t)lround(axes[i] * (1 << 30));
+    for (i = 0; i < 3; i++)
+        c->centre[i] = (int32_t)lround(-2.6 * (1 << 23) * axes[6 + i]);
+    c->width = 160;
+    c->height = 120;
+    for (i = 0; i < 2; i++)
+        c->focal_q16[i] = 110 << 16;
+    c->principal_q16[0] = 80 << 16;
+    c->principal_q16[1] = 60 << 16;
+    c->near_plane = 1 << 18;
+    c->background_q15[0] = 3000;
+    c->background_q15[1] = 4000;
+    c->background_q15[2] = 8000;
+}
+
+/* --- Together ------------------------------------------------------------ */
+
+/* Until the weights fit the level. */
+static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
+{
+    uint32_t weights;
+
+    do {
+        saga_net_shape s;
+        int net;
+
+        make_model(m, r, o);
+        if (o->picture)
+            model_for_picture(m);
+        weights = 0;
+        for (net = 0; net < SAGA_N_NETS; net++) {
+            saga_model_net(&s, m, net);
+            weights += saga_net_weights(&s);
+        }
+    } while (weights > saga_caps[o->level].n_weights);
+}
+
+void gen_stream_make(gen_stream *g, const gen_options *o)
+{
+    uint64_t r = o->seed;
+    uint32_t i;
+
+    memset(g, 0, sizeof *g);
+    fit_model(&g->header.model, &r, o);
+    g->header.level = (uint8_t)o->level;
+    g->header.rate_num = 30;
+    g->header.rate_den = 1;
+    g->header.unit_mantissa = 1;
+    g->header.unit_exponent = -22;
+    g->header.n_cameras = GEN_MAX_CAMERAS;
+    for (i = 0; i < GEN_MAX_CAMERAS; i++)
+        make_camera(&g->rig[i], i);
+    make_nets(g, &r, o->picture);
+    g->n_segments = o->n_segments ? o->n_segments : 1;
+    for (i = 0; i < g->n_segments; i++) {
+        make_segment(&g->segment[i], &g->header.model, &r, o);
+        g->n_frames[i] = (uint32_t)gen_range(&r, 1, 60);
+    }
+}
+
+static void free_symbols(saga_symbols *s)
+{
+    free(s->split);
+    free(s->occupancy);
+    free(s->n_fine);
+    free(s->centre);
+    free(s->feature);
+    free(s->fine_suffix);
+    free(s->fine_offset);
+    free(s->n_prim);
+    free(s->prim_suffix);
+    free(s->prim_offset);
+}
+
+void gen_stream_free(gen_stream *g)
+{
+    uint32_t i;
+    int net, k;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (k = 0; k < SAGA_MAX_LAYERS; k++) {
+            free(g->nets.layer[net][k].weight);
+            free(g->nets.layer[net][k].bias);
+            free(g->nets.layer[net][k].shift);
+        }
+    for (i = 0; i < g->n_segments; i++)
+        free_symbols(&g->segment[i]);
+}
+
+void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
+{
+    saga_encode_sizes sizes;
+    const char *why = "";
+    saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
+                                              &why);
+    uint32_t i;
+    int ok = e != NULL;
+
+    for (i = 0; ok && i < g->n_segments; i++)
+        ok = saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &why);
+    ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &why);
+    saga_encoder_free(e);
+    if (!ok) {
+        fprintf(stderr, "gen_stream: %s\n", why);
+        exit(2);
+    }
+}
+
+void gen_stream_sign_header(uint8_t *bytes)
+{
+    const uint32_t end = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) - 4;
+
+    fx_store32_le(bytes + end, saga_crc32c(0, bytes, end));
+}

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Random valid streams: models, networks and symbols no trainer would ever
+ * make, up to the limits of the syntax. Everything follows from a seed.
+ */
+#ifndef GEN_STREAM_H
+#define GEN_STREAM_H
+
+#include "container.h"
+#include "symbols.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum { GEN_MAX_SEGMENTS = 4, GEN_MAX_CAMERAS = 3 };
+
+typedef struct gen_options {
+    uint64_t seed;
+    int level;               /* 0..3: caps obeyed */
+    uint32_t n_coarse;       /* about so many at most; 0: small and random */
+    int full;                /* counts reach the level's caps exactly */
+    uint32_t n_segments;     /* 1..GEN_MAX_SEGMENTS */
+    int picture;             /* networks biased so that a picture shows */
+    uint32_t tools;          /* with tools_fixed: SAGA_TOOL_* */
+    int tools_fixed;
+} gen_options;
+
+typedef struct gen_stream {
+    saga_header header;
+    saga_rig_camera rig[GEN_MAX_CAMERAS];
+    saga_net_symbols nets;
+    uint32_t n_segments;
+    saga_symbols segment[GEN_MAX_SEGMENTS];
+    uint32_t n_frames[GEN_MAX_SEGMENTS];
+} gen_stream;
+
+/* splitmix64; the state is the seed. */
+uint64_t gen_random(uint64_t *state);
+/* lo..hi, both included. */
+int32_t gen_range(uint64_t *state, int32_t lo, int32_t hi);
+
+void gen_stream_make(gen_stream *g, const gen_options *o);
+void gen_stream_free(gen_stream *g);
+
+/* The file's bytes (free them); exits with a message if the encoder refuses. */
+void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n);
+
+/* Writes the header's CRC anew after a change in its bytes. */
+void gen_stream_sign_header(uint8_t *bytes);
+
+#endif

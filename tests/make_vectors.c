@@ -1,0 +1,299 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * make_vectors DIR: writes good and bad streams and DIR/MANIFEST. The files
+ * come from tests/gen_stream, what they decode to from this build's decoder:
+ * run it only when the format changes (`make vectors`), and look at why.
+ */
+#include "gen_stream.h"
+#include "plan.h"
+#include "vectors.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PIXELS_NBYTES = 3 * 640 * 480 };
+
+static uint8_t pixels[PIXELS_NBYTES];
+static const char *directory;
+static FILE *manifest;
+
+static void write_file(const char *name, const uint8_t *p, size_t n)
+{
+    char path[1024];
+    FILE *f;
+
+    snprintf(path, sizeof path, "%s/%s", directory, name);
+    f = fopen(path, "wb");
+    if (!f || fwrite(p, 1, n, f) != n || fclose(f)) {
+        fprintf(stderr, "make_vectors: %s: cannot write\n", path);
+        exit(2);
+    }
+}
+
+/* --- Good ---------------------------------------------------------------- */
+
+static void describe(const char *name, const gen_stream *g,
+                     const uint8_t *bytes, size_t n, uint32_t number,
+                     int32_t t, uint32_t camera)
+{
+    saga_nets nets;
+    saga_stages st;
+    saga_status s;
+
+    saga_nets_layout(&nets, &g->header.model);
+    st.symbols = saga_symbols_crc(&g->nets, &nets, &g->segment[number],
+                                  g->header.model.features);
+    s = saga_stages_of(&st, bytes, n, number, t, camera, pixels,
+                       sizeof pixels);
+    if (s) {
+        fprintf(stderr, "make_vectors: %s: %s\n", name, saga_status_text(s));
+        exit(2);
+    }
+    fprintf(manifest, "%s %" PRIu32 " %08" PRIx32 " %08" PRIx32 " %08" PRIx32
+            " %08" PRIx32 " %" PRId32 " %" PRIu32 " %08" PRIx32 " %08" PRIx32
+            " %08" PRIx32 "\n", name, number, st.symbols, st.final_range[0],
+            st.final_range[1], st.final_range[2], t, camera, st.primitives,
+            st.splats, st.frame);
+}
+
+static void good(const char *stem, const gen_options *o)
+{
+    char name[64];
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n;
+    uint32_t i;
+
+    snprintf(name, sizeof name, "good/%s.saga", stem);
+    gen_stream_make(&g, o);
+    gen_stream_encode(&g, &bytes, &n);
+    write_file(name, bytes, n);
+    for (i = 0; i < g.n_segments; i++) {
+        describe(name, &g, bytes, n, i, 0, 0);
+        describe(name, &g, bytes, n, i, 40000, 1);
+    }
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+/* The first tree that fills level 0 to the brim. */
+static void good_full(void)
+{
+    gen_options o = { .seed = 1, .level = 0, .full = 1, .picture = 1,
+                      .tools_fixed = 1, .tools = SAGA_TOOLS_KNOWN };
+    int found = 0;
+
+    for (; !found; o.seed++) {
+        const saga_level_caps *const cap = &saga_caps[0];
+        gen_stream g;
+        const saga_symbols *const s = &g.segment[0];
+
+        gen_stream_make(&g, &o);
+        found = s->n.coarse == cap->n_coarse && s->n.fine == cap->n_fine &&
+                s->n.prim == cap->n_prim;
+        gen_stream_free(&g);
+    }
+    o.seed--;
+    good("level0_full", &o);
+}
+
+/* --- Bad ----------------------------------------------------------------- */
+
+typedef void (*change)(saga_header *h);
+
+static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
+static void to_layers(saga_header *h) { h->model.tools |= SAGA_TOOL_LAYERS; }
+static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
+static void to_memory(saga_header *h) { h->model.tools |= SAGA_TOOL_MEMORY; }
+static void to_tool_10(saga_header *h) { h->model.tools |= 1u << 10; }
+static void to_cut(saga_header *h) { h->cuttable = 1; }
+static void to_slots(saga_header *h) { h->memory_slots = 64; }
+static void to_slot_width(saga_header *h) { h->memory_width = 32; }
+static void to_blocks(saga_header *h) { h->memory_blocks = 256; }
+static void to_hash_levels(saga_header *h) { h->hash_levels = 1; }
+static void to_hash_size(saga_header *h) { h->hash_log2_entries = 10; }
+static void to_level_4(saga_header *h) { h->level = 4; }
+static void to_level_0(saga_header *h) { h->level = 0; }
+static void to_frames_0(saga_header *h) { h->n_frames = 0; }
+static void to_segments_0(saga_header *h) { h->n_segments = 0; }
+static void to_features_4(saga_header *h) { h->model.features = 4; }
+static void to_width_0(saga_header *h) { h->model.width[0] = 0; }
+static void to_octaves_9(saga_header *h) { h->model.octaves = 9; }
+static void to_groups_17(saga_header *h) { h->model.level[0].n_groups = 17; }
+static void to_window_33(saga_header *h) { h->model.level[1].window = 33; }
+static void to_quat_15(saga_header *h) { h->model.head_q[SAGA_HEAD_QUAT] = 15; }
+static void to_cameras_0(saga_header *h) { h->n_cameras = 0; }
+static void to_step_15(saga_header *h) { h->model.step_q16[0] = 15u << 16; }
+static void to_prim_less(saga_header *h) { h->max.prim--; }
+
+static void to_feature_residual(saga_header *h)
+{
+    h->model.tools |= SAGA_TOOL_FEATURE_RESIDUAL;
+}
+
+static void to_memory_source(saga_header *h)
+{
+    h->model.sources[0] |= SAGA_SOURCE_MEMORY;
+}
+
+static void to_coarse_parent(saga_header *h)
+{
+    h->model.sources[SAGA_KIND_COARSE] |= SAGA_SOURCE_PARENT;
+}
+
+/* Weights beyond +-127 in networks that say they have none. */
+static void to_int8(saga_header *h)
+{
+    memset(h->model.int8, 1, sizeof h->model.int8);
+}
+
+static void bad(const char *stem, const uint8_t *bytes, size_t n,
+                saga_status status)
+{
+    char name[64];
+
+    snprintf(name, sizeof name, "bad/%s.saga", stem);
+    write_file(name, bytes, n);
+    fprintf(manifest, "%s status %d\n", name, (int)status);
+}
+
+/* The header with a field changed, signed anew. */
+static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
+                       change f, saga_status status)
+{
+    uint8_t *const copy = malloc(n);
+    saga_io in = { bytes, NULL, SAGA_MAGIC_NBYTES };
+    saga_io out = { NULL, copy, SAGA_MAGIC_NBYTES };
+    saga_header h;
+
+    memcpy(copy, bytes, n);
+    saga_header_io(&in, &h);
+    f(&h);
+    saga_header_io(&out, &h);
+    gen_stream_sign_header(copy);
+    bad(stem, copy, n, status);
+    free(copy);
+}
+
+/* One byte changed, nothing signed. */
+static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
+                     size_t at, saga_status status)
+{
+    uint8_t *const copy = malloc(n);
+
+    memcpy(copy, bytes, n);
+    copy[at] ^= 0x55;
+    bad(stem, copy, n, status);
+    free(copy);
+}
+
+static void bad_all(void)
+{
+    static const struct {
+        const char *stem;
+        change f;
+        saga_status status;
+    } headers[] = {
+        { "tool_base", to_base, SAGA_ERR_VERSION },
+        { "tool_layers", to_layers, SAGA_ERR_VERSION },
+        { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
+        { "tool_hash", to_hash, SAGA_ERR_VERSION },
+        { "tool_memory", to_memory, SAGA_ERR_VERSION },
+        { "tool_unknown", to_tool_10, SAGA_ERR_VERSION },
+        { "source_memory", to_memory_source, SAGA_ERR_VERSION },
+        { "cuttable", to_cut, SAGA_ERR_VERSION },
+        { "memory_slots", to_slots, SAGA_ERR_VERSION },
+        { "memory_width", to_slot_width, SAGA_ERR_VERSION },
+        { "memory_blocks", to_blocks, SAGA_ERR_VERSION },
+        { "hash_levels", to_hash_levels, SAGA_ERR_VERSION },
+        { "hash_size", to_hash_size, SAGA_ERR_VERSION },
+        { "level_unknown", to_level_4, SAGA_ERR_LEVEL },
+        { "level_exceeded", to_level_0, SAGA_ERR_LEVEL },
+        { "frames_zero", to_frames_0, SAGA_ERR_DATA },
+        { "segments_zero", to_segments_0, SAGA_ERR_DATA },
+        { "features_too_few", to_features_4, SAGA_ERR_DATA },
+        { "width_zero", to_width_0, SAGA_ERR_DATA },
+        { "octaves_too_many", to_octaves_9, SAGA_ERR_DATA },
+        { "groups_too_many", to_groups_17, SAGA_ERR_DATA },
+        { "window_too_wide", to_window_33, SAGA_ERR_DATA },
+        { "quat_q_too_large", to_quat_15, SAGA_ERR_DATA },
+        { "rig_length", to_cameras_0, SAGA_ERR_DATA },
+        { "step_too_small", to_step_15, SAGA_ERR_DATA },
+        { "source_coarse_parent", to_coarse_parent, SAGA_ERR_DATA },
+        { "weight_beyond_int8", to_int8, SAGA_ERR_DATA },
+        { "more_than_maximum", to_prim_less, SAGA_ERR_DATA },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1 };
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i, head, half;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    head = SAGA_HEADER_NBYTES + GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4u;
+    half = n / 2;
+    for (i = 0; i < sizeof headers / sizeof *headers; i++)
+        bad_header(headers[i].stem, bytes, n, headers[i].f,
+                   headers[i].status);
+    bad("empty", bytes, 0, SAGA_ERR_TRUNCATED);
+    bad("cut_in_header", bytes, 100, SAGA_ERR_TRUNCATED);
+    bad("cut_in_rig", bytes, head - 50, SAGA_ERR_TRUNCATED);
+    bad("cut_in_networks", bytes, half, SAGA_ERR_TRUNCATED);
+    bad("cut_in_segment", bytes, n - 9, SAGA_ERR_TRUNCATED);
+    bad_byte("magic", bytes, n, 1, SAGA_ERR_DATA);
+    bad_byte("version", bytes, n, 4, SAGA_ERR_VERSION);
+    bad_byte("crc_header", bytes, n, 40, SAGA_ERR_DATA);
+    bad_byte("crc_index", bytes, n, head + 14, SAGA_ERR_DATA);
+    bad_byte("crc_networks", bytes, n, half, SAGA_ERR_DATA);
+    bad_byte("crc_segment", bytes, n, n - 3, SAGA_ERR_DATA);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+int main(int argc, char **argv)
+{
+    const uint32_t all = SAGA_TOOLS_KNOWN;
+    const gen_options options[] = {
+        { .seed = 11, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = 0 },
+        { .seed = 12, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all },
+        { .seed = 13, .level = 1, .n_coarse = 6, .picture = 1,
+          .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
+          .n_segments = 3 },
+        { .seed = 14, .level = 0, .n_coarse = 12 },
+        { .seed = 15, .level = 1, .n_coarse = 12 },
+        { .seed = 16, .level = 2, .n_coarse = 20 },
+        { .seed = 17, .level = 3, .n_coarse = 12 },
+    };
+    static const char *const stems[] = {
+        "still", "motion", "segments", "random_level0", "random_level1",
+        "random_level2", "random_level3"
+    };
+    char path[1024];
+    size_t i;
+
+    if (argc != 2) {
+        fprintf(stderr, "usage: make_vectors DIR\n");
+        return 2;
+    }
+    directory = argv[1];
+    snprintf(path, sizeof path, "%s/MANIFEST", directory);
+    manifest = fopen(path, "w");
+    if (!manifest) {
+        fprintf(stderr, "make_vectors: %s: cannot write\n", path);
+        return 2;
+    }
+    fputs("# Made by tests/make_vectors. Good: file, segment, CRC of the\n"
+          "# symbols, final ranges of the three layers, time, camera, CRCs of\n"
+          "# primitives, splats, frame. Bad: file, `status`, the exact one.\n",
+          manifest);
+    for (i = 0; i < sizeof options / sizeof *options; i++)
+        good(stems[i], &options[i]);
+    good_full();
+    bad_all();
+    return fclose(manifest) != 0;
+}

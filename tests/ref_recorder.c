@@ -1,0 +1,342 @@
+/* SPDX-License-Identifier: MIT */
+#include "ref_recorder.h"
+
+#include "container.h"
+#include "head.h"
+#include "plan.h"
+#include "range_dec.h"
+#include "syntax.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *array(size_t n, size_t size)
+{
+    void *const p = calloc(n + 1, size);
+
+    if (!p) {
+        fprintf(stderr, "recorder: out of memory\n");
+        exit(2);
+    }
+    return p;
+}
+
+/* --- Keeping ------------------------------------------------------------- */
+
+static saga_layer_symbols *layer_of(recorder *r, saga_at at)
+{
+    return &r->nets->layer[at.index][at.bit];
+}
+
+static int32_t *place_of(recorder *r, saga_at at)
+{
+    switch (at.sym) {
+    case SAGA_SYM_CENTRE:
+        return r->s->centre + 4 * (size_t)at.index;
+    case SAGA_SYM_FEATURE:
+        return r->s->feature + r->features * (size_t)at.index;
+    case SAGA_SYM_FINE_OFFSET:
+        return r->s->fine_offset + 4 * (size_t)at.index;
+    case SAGA_SYM_PRIM_OFFSET:
+        return r->s->prim_offset + 4 * (size_t)at.index;
+    case SAGA_SYM_NET_BIAS:
+        return layer_of(r, at)->bias + at.row;
+    default:
+        return layer_of(r, at)->weight + at.column +
+               (size_t)at.row * r->shapes->shape[at.index].dim[at.bit];
+    }
+}
+
+static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
+                     uint32_t step_q16, const uint8_t *scale, uint32_t n)
+{
+    recorder *const r = (recorder *)(void *)c;
+    int32_t *const to = place_of(r, at);
+    uint32_t i;
+
+    r->inner->residual(r->inner, at, q, mu, step_q16, scale, n);
+    for (i = 0; i < n; i++)
+        to[i] = q[i];
+    r->n_symbols += n;
+    c->error = r->inner->error;
+}
+
+/* The upper members of a run of n get the bit. */
+static void keep_set(uint32_t *suffix, saga_at at, uint32_t n, uint32_t low)
+{
+    uint32_t i;
+
+    for (i = low; i < n; i++)
+        suffix[at.index + i] |= 1u << at.bit;
+}
+
+static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
+{
+    switch (at.sym) {
+    case SAGA_SYM_SPLIT:
+        if (at.index >= r->cap_nodes)
+            r->coder.error = 1;
+        else
+            r->s->split[at.index] = (uint8_t)sym;
+        r->s->n_nodes = at.index + 1;
+        break;
+    case SAGA_SYM_OCCUPANCY:
+        r->s->occupancy[at.index] |= (uint16_t)(sym << at.bit);
+        break;
+    case SAGA_SYM_N_FINE:
+        r->s->n_fine[at.index] = (uint8_t)sym;
+        break;
+    case SAGA_SYM_N_PRIM:
+        r->s->n_prim[at.index] = (uint8_t)sym;
+        break;
+    case SAGA_SYM_FINE_SUFFIX:
+        keep_set(r->s->fine_suffix, at, n_sym - 1, sym);
+        break;
+    case SAGA_SYM_PRIM_SUFFIX:
+        keep_set(r->s->prim_suffix, at, n_sym - 1, sym);
+        break;
+    default:
+        layer_of(r, at)->shift[at.row] = (uint8_t)(at.column
+            ? layer_of(r, at)->shift[at.row] | sym : sym << 3);
+    }
+}
+
+static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
+                         uint32_t n_sym)
+{
+    recorder *const r = (recorder *)(void *)c;
+    const uint32_t sym = r->inner->adaptive(r->inner, at, m, n_sym);
+
+    c->error = r->inner->error;
+    keep(r, at, sym, n_sym);
+    r->n_symbols++;
+    return sym;
+}
+
+static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
+{
+    recorder *const r = (recorder *)(void *)c;
+    const uint32_t v = r->inner->uniform(r->inner, at, bits);
+    saga_layer_symbols *const l = layer_of(r, at);
+
+    c->error = r->inner->error;
+    if (at.sym == SAGA_SYM_NET_STEP)
+        l->step_q16 = v;
+    else if (at.sym == SAGA_SYM_NET_STEP_SHIFT)
+        l->step_shift = (uint8_t)v;
+    else if (at.sym == SAGA_SYM_NET_BIAS_SHIFT)
+        l->bias_shift = (uint8_t)v;
+    else if (at.sym == SAGA_SYM_NET_WEIGHT_SCALE)
+        l->weight_scale = (uint8_t)v;
+    else
+        l->bias_scale = (uint8_t)v;
+    return v;
+}
+
+void recorder_init(recorder *r, saga_coder *inner)
+{
+    memset(r, 0, sizeof *r);
+    r->coder.residual = residual;
+    r->coder.adaptive = adaptive;
+    r->coder.uniform = uniform;
+    r->inner = inner;
+}
+
+/* --- Memory -------------------------------------------------------------- */
+
+void recorder_alloc_symbols(saga_symbols *s, saga_counts n,
+                            uint32_t features, uint32_t cap_nodes)
+{
+    memset(s, 0, sizeof *s);
+    s->n = n;
+    s->split = array(cap_nodes, 1);
+    s->occupancy = array(cap_nodes, sizeof *s->occupancy);
+    s->n_fine = array(n.coarse, 1);
+    s->centre = array(n.coarse, 4 * sizeof(int32_t));
+    s->feature = array(n.coarse, features * sizeof(int32_t));
+    s->fine_suffix = array(n.fine, sizeof(uint32_t));
+    s->fine_offset = array(n.fine, 4 * sizeof(int32_t));
+    s->n_prim = array(n.fine, 1);
+    s->prim_suffix = array(n.prim, sizeof(uint32_t));
+    s->prim_offset = array(n.prim, 4 * sizeof(int32_t));
+}
+
+void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes)
+{
+    int net, i;
+
+    memset(s, 0, sizeof *s);
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < shapes->shape[net].n_layers; i++) {
+            const uint16_t *const dim = shapes->shape[net].dim + i;
+            saga_layer_symbols *const l = &s->layer[net][i];
+
+            l->weight = array((size_t)dim[0] * dim[1], sizeof(int32_t));
+            l->bias = array(dim[1], sizeof(int32_t));
+            l->shift = array(dim[1], 1);
+        }
+}
+
+void recorder_free_symbols(saga_symbols *s)
+{
+    free(s->split);
+    free(s->occupancy);
+    free(s->n_fine);
+    free(s->centre);
+    free(s->feature);
+    free(s->fine_suffix);
+    free(s->fine_offset);
+    free(s->n_prim);
+    free(s->prim_suffix);
+    free(s->prim_offset);
+}
+
+void recorder_free_nets(saga_net_symbols *s)
+{
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < SAGA_MAX_LAYERS; i++) {
+            free(s->layer[net][i].weight);
+            free(s->layer[net][i].bias);
+            free(s->layer[net][i].shift);
+        }
+}
+
+/* --- A whole file -------------------------------------------------------- */
+
+/* A chunk of the given type at *p; moves *p and *n past it. NULL if bad. */
+static const uint8_t *chunk_at(saga_chunk *chunk, uint32_t type,
+                               const uint8_t **p, size_t *n)
+{
+    const uint8_t *const payload = *p + SAGA_CHUNK_NBYTES;
+
+    if (saga_head_chunk(chunk, type, *p, *n))
+        return NULL;
+    *p = payload + chunk->nbytes;
+    *n -= SAGA_CHUNK_NBYTES + chunk->nbytes;
+    return payload;
+}
+
+static int read_layers(const saga_scaffold *sc, saga_symbols *s,
+                       uint32_t cap_nodes, uint32_t final_range[3],
+                       const uint8_t *p, size_t n)
+{
+    static const uint32_t type[3] = {
+        SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
+    };
+    int layer, ok = 1;
+
+    saga_syntax_begin(sc);
+    for (layer = 0; layer < 3 && ok; layer++) {
+        saga_range_dec range;
+        recorder r;
+        saga_chunk chunk;
+        const uint8_t *const payload = chunk_at(&chunk, type[layer], &p, &n);
+
+        if (!payload)
+            return 0;
+        saga_range_dec_init(&range, payload, chunk.nbytes);
+        recorder_init(&r, &range.coder);
+        r.s = s;
+        r.cap_nodes = cap_nodes;
+        r.features = sc->model->features;
+        ok = layer == 0 ? saga_syntax_coarse(sc, &r.coder)
+           : layer == 1 ? saga_syntax_fine(sc, &r.coder)
+                        : saga_syntax_prim(sc, &r.coder);
+        ok = ok && saga_range_dec_finish(&range);
+        final_range[layer] = range.range;
+    }
+    return ok;
+}
+
+static int read_segment(const saga_header *h, const saga_nets *nets,
+                        const uint8_t *params, saga_symbols *s,
+                        uint32_t final_range[3], const uint8_t *p, size_t n)
+{
+    saga_io io = { NULL, NULL, 0 };
+    saga_segment_header seg;
+    saga_chunk chunk;
+    saga_scaffold sc;
+    uint32_t cap;
+    int ok;
+
+    io.in = chunk_at(&chunk, SAGA_CHUNK_SEGMENT, &p, &n);
+    if (!io.in)
+        return 0;
+    saga_segment_io(&io, &seg);
+    cap = 25 * seg.n.coarse + 25;
+    recorder_alloc_symbols(s, seg.n, h->model.features, cap);
+    sc.model = &h->model;
+    sc.nets = nets;
+    sc.params = params;
+    sc.n = seg.n;
+    sc.coarse = array(seg.n.coarse, sizeof *sc.coarse);
+    sc.coarse_feature = array(seg.n.coarse, 2u * h->model.features);
+    sc.fine = array(seg.n.fine, sizeof *sc.fine);
+    sc.fine_feature = array(seg.n.fine, 2u * h->model.features);
+    sc.prim_offset = array(seg.n.prim, sizeof *sc.prim_offset);
+    sc.models = array(1, sizeof *sc.models);
+    sc.v = array(1, sizeof *sc.v);
+    ok = read_layers(&sc, s, cap, final_range, p, n);
+    free(sc.coarse);
+    free(sc.coarse_feature);
+    free(sc.fine);
+    free(sc.fine_feature);
+    free(sc.prim_offset);
+    free(sc.models);
+    free(sc.v);
+    return ok;
+}
+
+static int read_nets(saga_net_symbols *out, const saga_nets *nets,
+                     uint8_t *params, const uint8_t *p, size_t n)
+{
+    saga_range_dec range;
+    saga_chunk chunk;
+    recorder r;
+    const uint8_t *const payload = chunk_at(&chunk, SAGA_CHUNK_NETS, &p, &n);
+
+    if (!payload)
+        return 0;
+    recorder_alloc_nets(out, nets);
+    saga_range_dec_init(&range, payload, chunk.nbytes);
+    recorder_init(&r, &range.coder);
+    r.nets = out;
+    r.shapes = nets;
+    return saga_syntax_networks(nets, params, &r.coder) &&
+           saga_range_dec_finish(&range);
+}
+
+int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
+                  uint32_t number, uint32_t final_range[3],
+                  const uint8_t *bytes, size_t n)
+{
+    saga_header h;
+    saga_plan plan;
+    saga_chunk chunk;
+    saga_io io = { NULL, NULL, number * SAGA_INDEX_ENTRY_NBYTES };
+    saga_index_entry entry;
+    const uint8_t *p = bytes;
+    size_t left = n;
+    uint8_t *params;
+    int ok;
+
+    if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0))
+        return 0;
+    p += h.header_nbytes;
+    left -= h.header_nbytes;
+    io.in = chunk_at(&chunk, SAGA_CHUNK_INDEX, &p, &left);
+    if (!io.in)
+        return 0;
+    saga_index_io(&io, &entry);
+    params = aligned_alloc(16, plan.nets.nbytes + 16);
+    ok = params && read_nets(nets, &plan.nets, params, p, left);
+    if (ok && segment)
+        ok = entry.offset < n && entry.nbytes <= n - entry.offset &&
+             read_segment(&h, &plan.nets, params, segment, final_range,
+                          bytes + entry.offset, entry.nbytes);
+    free(params);
+    return ok;
+}

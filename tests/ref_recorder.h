@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A coder that hands out what another one decodes and keeps it as symbols: the
+ * inverse of trainer/encode's lookup, written independently of it.
+ */
+#ifndef REF_RECORDER_H
+#define REF_RECORDER_H
+
+#include "prob.h"
+#include "scaffold.h"
+#include "symbols.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct recorder {
+    saga_coder coder;
+    saga_coder *inner;
+    saga_symbols *s;             /* arrays with room for their counts */
+    uint32_t cap_nodes;
+    saga_net_symbols *nets;      /* the same */
+    const saga_nets *shapes;
+    uint32_t features;
+    uint64_t n_symbols;          /* seen: for rates */
+} recorder;
+
+void recorder_init(recorder *r, saga_coder *inner);
+
+/* Arrays for the counts of n; for networks of the given shapes. */
+void recorder_alloc_symbols(saga_symbols *s, saga_counts n,
+                            uint32_t features, uint32_t cap_nodes);
+void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes);
+void recorder_free_symbols(saga_symbols *s);
+void recorder_free_nets(saga_net_symbols *s);
+
+/* All symbols of a file's bytes, decoded by decoder/range_dec and common/'s
+ * traversal: networks, and segment `number` (or none if segment is NULL).
+ * Returns 1, or 0 if anything is invalid. free with the functions above;
+ * final_range[0..2] as saga_tell gives them. */
+int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
+                  uint32_t number, uint32_t final_range[3],
+                  const uint8_t *bytes, size_t n);
+
+#endif

@@ -1,0 +1,374 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * See ref_render.h. Nothing here is shared with the decoder but the constants
+ * of model.h: widths, Q formats and orders of operation are its own.
+ */
+#include "ref_render.h"
+
+#include "model.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+static const double log2_e = 1.4426950408889634;
+
+/* --- In double ----------------------------------------------------------- */
+
+static double clamp(double x, double lo, double hi)
+{
+    return x < lo ? lo : x > hi ? hi : x;
+}
+
+static void normalise(double q[4])
+{
+    const double len = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] +
+                            q[3] * q[3]);
+    int i;
+
+    for (i = 0; i < 4; i++)
+        q[i] = len > 0 ? q[i] / len : i == 0;
+}
+
+void ref_animate(ref_animated *out, const saga_primitive *p,
+                 const saga_prim_format *f, int32_t t)
+{
+    const double tau = (t - p->t_centre) / 65536.0;
+    int i, k;
+
+    for (i = 0; i < 3; i++) {
+        double m = 0;
+
+        for (k = 0; k < f->motion_order; k++)
+            m += p->motion[3 * k + i] * exp2(-f->q_motion[k]) *
+                 pow(tau, k + 1);
+        out->x[i] = clamp(p->x[i] + p->support[i] * m, -536870912.0,
+                          536870912.0);
+        out->scale[i] = exp2(p->log2_scale_q10[i] / 1024.0);
+    }
+    for (i = 0; i < 4; i++)
+        out->quat[i] = p->quat[i] * exp2(-f->q_quat) +
+                       (f->has_slope ? p->slope[i] * exp2(-f->q_slope) * tau
+                                     : 0);
+    normalise(out->quat);
+    out->q0 = log2(1 + exp2(-p->opacity * exp2(-f->q_opacity)));
+    if (isinf(out->q0))
+        out->q0 = -p->opacity * exp2(-f->q_opacity);
+    if (f->has_width) {
+        const double u = fmin(16, abs(t - p->t_centre) /
+                                  exp2(p->log2_width_q10 / 1024.0));
+
+        out->q0 += log2_e * u * u;
+    }
+}
+
+void ref_from_animated(ref_animated *out, const saga_animated *a)
+{
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        out->x[i] = a->x[i];
+        out->scale[i] = exp2(a->log2_scale_q10[i] / 1024.0);
+    }
+    for (i = 0; i < 4; i++)
+        out->quat[i] = a->quat[i];
+    normalise(out->quat);
+    out->q0 = a->q0_q20 / 1048576.0;
+}
+
+static void quat_matrix(double r[3][3], const double q[4])
+{
+    const double w = q[0], x = q[1], y = q[2], z = q[3];
+    const double m[3][3] = {
+        { 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y) },
+        { 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x) },
+        { 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y) }
+    };
+    int i, k;
+
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++)
+            r[i][k] = m[i][k];
+}
+
+/* The affine map from the unit Gaussian to pixels: rows of J W R S. */
+static void affine(double t[2][3], const ref_animated *a, const saga_camera *c,
+                   const double slope[2], double z)
+{
+    double r[3][3], w[3][3], m[3][3];
+    int i, j, k;
+
+    quat_matrix(r, a->quat);
+    for (i = 0; i < 9; i++)
+        w[i / 3][i % 3] = c->rotation_q30[i] / 1073741824.0;
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++)
+            for (m[i][k] = 0, j = 0; j < 3; j++)
+                m[i][k] += w[i][j] * r[j][k] * a->scale[k];
+    for (i = 0; i < 2; i++)
+        for (k = 0; k < 3; k++)
+            t[i][k] = c->focal_q16[i] / 65536.0 / z *
+                      (m[i][k] - slope[i] * m[2][k]);
+}
+
+/* det by Lagrange's identity: |t0|^2 |t1|^2 - (t0 t1)^2 = |t0 x t1|^2, since
+ * the difference cancels in needles even in double. */
+static void covariance(ref_splat *s, double t[2][3])
+{
+    const double d = (double)SAGA_LOW_PASS_NUM / SAGA_LOW_PASS_DEN;
+    double cross2 = 0, a = 0, b = 0, c = 0;
+    int k;
+
+    for (k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        const double x = t[0][i] * t[1][j] - t[0][j] * t[1][i];
+
+        cross2 += x * x;
+        a += t[0][k] * t[0][k];
+        b += t[0][k] * t[1][k];
+        c += t[1][k] * t[1][k];
+    }
+    s->cov[0] = a + d;
+    s->cov[1] = b;
+    s->cov[2] = c + d;
+    s->det = cross2 + d * (a + c) + d * d;
+}
+
+int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
+{
+    const double size[2] = { c->width, c->height };
+    const double border = 9830 / 65536.0; /* 0.15 as the norm has it */
+    double v[3] = { 0, 0, 0 }, slope[2], t[2][3];
+    int i, k;
+
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < 3; k++)
+            v[i] += c->rotation_q30[3 * i + k] / 1073741824.0 *
+                    (a->x[k] - c->centre[k]);
+    s->depth = floor(v[2] + 0.5);
+    s->q0 = a->q0;
+    if (a->q0 >= SAGA_CUT_LOG2 || s->depth < c->near_plane)
+        return 0;
+    for (i = 0; i < 2; i++) {
+        const double f = c->focal_q16[i] / 65536.0;
+        const double p = c->principal_q16[i] / 65536.0;
+
+        slope[i] = v[i] / v[2];
+        s->mean[i] = p + f * slope[i];
+        if (fabs(slope[i]) >= 8 || fabs(s->mean[i] - size[i] / 2) > 32768)
+            return 0;
+        slope[i] = (clamp(s->mean[i], -border * size[i],
+                          (1 + border) * size[i]) - p) / f;
+    }
+    affine(t, a, c, slope, v[2]);
+    covariance(s, t);
+    return 1;
+}
+
+void ref_factor(double chol[3], const ref_splat *s)
+{
+    const double k = log2_e / 2;
+
+    chol[0] = sqrt(k * s->cov[2] / s->det);
+    chol[1] = chol[0] * s->cov[1] / s->cov[2];
+    chol[2] = sqrt(k / s->cov[2]);
+}
+
+double ref_q(const ref_splat *s, double dx, double dy)
+{
+    const double form = (s->cov[2] * dx * dx - 2 * s->cov[1] * dx * dy +
+                         s->cov[0] * dy * dy) / s->det;
+
+    return s->q0 + log2_e / 2 * form;
+}
+
+/* Pixels from lo (inclusive) to hi whose centre is within extent of mean, one
+ * pixel outward. */
+static void bounds(int *lo, int *hi, double mean, double extent, int side)
+{
+    *lo = (int)clamp(floor(mean - extent) - 1, 0, side);
+    *hi = (int)clamp(ceil(mean + extent) + 1, 0, side);
+}
+
+static void blend_one(double *rgb, double *trans, const saga_camera *c,
+                      const ref_splat *s)
+{
+    const double cap = SAGA_ALPHA_CAP_Q16 / 65536.0;
+    const double floor_t = SAGA_T_FLOOR_Q16 / 65536.0;
+    const double reach = sqrt(2 / log2_e * (SAGA_CUT_LOG2 - s->q0));
+    int x0, x1, y0, y1, x, y, k;
+
+    bounds(&x0, &x1, s->mean[0], reach * sqrt(s->cov[0]), c->width);
+    bounds(&y0, &y1, s->mean[1], reach * sqrt(s->cov[2]), c->height);
+    for (y = y0; y < y1; y++)
+        for (x = x0; x < x1; x++) {
+            double *const p = rgb + 3 * (y * c->width + x);
+            double *const tr = trans + y * c->width + x;
+            const double q = ref_q(s, x + 0.5 - s->mean[0],
+                                   y + 0.5 - s->mean[1]);
+            const double w = fmin(exp2(-q), cap) * *tr;
+
+            if (q >= SAGA_CUT_LOG2 || *tr < floor_t)
+                continue;
+            for (k = 0; k < 3; k++)
+                p[k] += w * s->colour[k];
+            *tr -= w;
+        }
+}
+
+void ref_blend(double *rgb, const saga_camera *c, const ref_splat *splats,
+               const uint32_t *order, uint32_t n)
+{
+    const int n_pixels = c->width * c->height;
+    double *const trans = malloc((size_t)n_pixels * sizeof *trans);
+    uint32_t k;
+    int i;
+
+    if (!trans)
+        abort();
+    for (i = 0; i < n_pixels; i++)
+        trans[i] = 1;
+    for (i = 0; i < 3 * n_pixels; i++)
+        rgb[i] = 0;
+    for (k = 0; k < n; k++)
+        blend_one(rgb, trans, c, splats + order[k]);
+    for (i = 0; i < 3 * n_pixels; i++)
+        rgb[i] += trans[i / 3] * c->background_q15[i % 3] / 32768.0;
+    free(trans);
+}
+
+static const ref_splat *sorted; /* of the qsort in progress */
+
+static int by_depth(const void *a, const void *b)
+{
+    const uint32_t i = *(const uint32_t *)a, k = *(const uint32_t *)b;
+
+    if (sorted[i].depth != sorted[k].depth)
+        return sorted[i].depth < sorted[k].depth ? -1 : 1;
+    return i < k ? -1 : i > k;
+}
+
+void ref_sort(uint32_t *order, const ref_splat *splats, uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        order[i] = i;
+    sorted = splats;
+    qsort(order, n, sizeof *order, by_depth);
+}
+
+static double sample(const saga_picture *pic, int x, int y, int k)
+{
+    const uint8_t *const line =
+        (const uint8_t *)pic->rgb + (size_t)y * pic->stride_nbytes;
+
+    if (pic->bits == 8)
+        return line[3 * x + k];
+    return ((const uint16_t *)(const void *)line)[3 * x + k];
+}
+
+double ref_psnr(const saga_picture *pic, const saga_camera *c,
+                const double *rgb, double *max_steps)
+{
+    const double max = pic->bits == 8 ? 255 : 65535;
+    double sum = 0;
+    int x, y, k;
+
+    *max_steps = 0;
+    for (y = 0; y < c->height; y++)
+        for (x = 0; x < c->width; x++)
+            for (k = 0; k < 3; k++) {
+                const double d = sample(pic, x, y, k) -
+                                 max * rgb[3 * (y * c->width + x) + k];
+
+                sum += d * d;
+                *max_steps = fmax(*max_steps, fabs(d));
+            }
+    return 10 * log10(max * max * 3 * c->width * c->height / sum);
+}
+
+/* --- In integers --------------------------------------------------------- */
+
+static int64_t round_shift(int64_t x, int n)
+{
+    return (x + ((int64_t)1 << (n - 1))) >> n;
+}
+
+/* Factors are below 2^29 and offsets below 2^25: v below 2^47, v13 below 2^32,
+ * whose square is capped before it can leave 64 bits. */
+static int64_t square_q20(int64_t v_q28)
+{
+    const int64_t v13 = round_shift(v_q28, 15);
+
+    if (v13 > 1 << 20 || v13 < -(1 << 20))
+        return (int64_t)1 << 40;
+    return round_shift(v13 * v13, 6);
+}
+
+int32_t ref_q_q20(const saga_splat *s, int x, int y)
+{
+    const int64_t g = s->chol_q28[0], n = s->chol_q28[1], h = s->chol_q28[2];
+    const int64_t dx = (int64_t)x * 256 + 128 - s->mean_q8[0];
+    const int64_t dy = (int64_t)y * 256 + 128 - s->mean_q8[1];
+    const int64_t q = s->q0_q20 + square_q20(round_shift(h * dy, 8)) +
+                      square_q20(round_shift(g * dx - n * dy, 8));
+
+    return q < INT32_MAX ? (int32_t)q : INT32_MAX;
+}
+
+uint32_t ref_alpha_q16(int32_t q_q20)
+{
+    const uint32_t f15 = ((uint32_t)q_q20 & 0xfffff) >> 5;
+    const uint32_t f = (f15 & ~127u) | 64;
+    uint32_t u, alpha;
+
+    u = f * 1453 >> 15;
+    u = 7775 - u;
+    u = f * u >> 15;
+    u = 22706 - u;
+    u = f * u >> 15;
+    alpha = (32767 - u) << 1 >> (q_q20 >> 20);
+    return alpha < SAGA_ALPHA_CAP_Q16 ? alpha : SAGA_ALPHA_CAP_Q16;
+}
+
+static void store(const saga_picture *pic, int x, int y, int k, uint64_t c)
+{
+    uint8_t *const line = (uint8_t *)pic->rgb + (size_t)y * pic->stride_nbytes;
+    const uint64_t max = pic->bits == 8 ? 255 : 65535;
+    const uint64_t v = (c * max + ((uint64_t)1 << 30)) >> 31;
+
+    if (pic->bits == 8)
+        line[3 * x + k] = (uint8_t)(v < max ? v : max);
+    else
+        ((uint16_t *)(void *)line)[3 * x + k] = (uint16_t)(v < max ? v : max);
+}
+
+void ref_blend_exact(const saga_picture *pic, const saga_camera *c,
+                     const saga_splat *splats, const saga_key *order,
+                     uint32_t n)
+{
+    int x, y, k;
+    uint32_t i;
+
+    for (y = 0; y < c->height; y++)
+        for (x = 0; x < c->width; x++) {
+            uint64_t sum[3] = { 0, 0, 0 };
+            uint32_t t = 65536;
+
+            for (i = 0; i < n && t >= SAGA_T_FLOOR_Q16; i++) {
+                const saga_splat *const s = splats + order[i].index;
+                const int32_t q = ref_q_q20(s, x, y);
+                uint32_t w;
+
+                if (q >= SAGA_CUT_LOG2 << 20)
+                    continue;
+                w = ref_alpha_q16(q) * t >> 16;
+                t -= w;
+                for (k = 0; k < 3; k++)
+                    sum[k] += (uint64_t)w * s->colour_q15[k];
+            }
+            for (k = 0; k < 3; k++)
+                store(pic, x, y, k,
+                      sum[k] + (uint64_t)t * c->background_q15[k]);
+        }
+}

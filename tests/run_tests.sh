@@ -1,0 +1,155 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# run_tests.sh small|all|sanitize: builds everything, runs every test program
+# and every check, goes on after a failure, and ends with one line
+#
+#     N passed, N failed
+#
+# N counts the tests of the cmocka programs and the "ok"/"FAIL" lines of the
+# check scripts. A program that cannot be built, crashes, runs out of time or
+# reports no test counts as one failure. Exits non-zero if anything failed.
+#
+# Programs see SAGA_TEST_LONG=1 in `all`, SAGA_TEST_SANITIZED=1 when built
+# with sanitizers, and SAGA_TEST_SEED, SAGA_TEST_COUNT if the caller set them.
+set -u
+cd "$(dirname "$0")/.."
+
+what=${1:-small}
+build=${BUILD:-build}/test
+jobs=${JOBS:-$(nproc 2>/dev/null || echo 2)}
+make=${MAKE:-make}
+unset MAKEFLAGS MFLAGS MAKELEVEL
+export ASAN_OPTIONS=${ASAN_OPTIONS:-detect_stack_use_after_return=1}
+export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
+timeout=1200
+if [ "$what" = all ]; then
+    export SAGA_TEST_LONG=1
+    timeout=14400
+fi
+
+# Two runs in one folder would build over each other.
+mkdir -p "$build"
+exec 9>"$build/lock"
+if command -v flock >/dev/null && ! flock -n 9; then
+    echo "waiting for another run in $build"
+    flock 9
+fi
+
+passed=0
+failed=0
+failures=
+pass() { passed=$((passed + 1)); echo "ok   $1"; }
+fail() {
+    failed=$((failed + 1))
+    failures="$failures$1"$'\n'
+    echo "FAIL $1"
+}
+
+# build NAME TARGETS FLAGS...: one line; the messages only on failure.
+build() {
+    local name=$1 targets=$2
+    shift 2
+    mkdir -p "$build/$name"
+    # shellcheck disable=SC2086
+    if "$make" -s -k -j"$jobs" BUILD="$build/$name" WERROR=-Werror "$@" \
+        $targets >"$build/$name/build.txt" 2>&1; then
+        pass "build $name"
+    else
+        cat "$build/$name/build.txt"
+        fail "build $name"
+    fi
+}
+
+sum_of() { # sum_of WORD LOG: of the lines "[  WORD  ] N test(s)"
+    sed -n "s/^\[ *$1 *\] \([0-9][0-9]*\) test(s).*/\1/p" "$2" |
+        awk '{ s += $1 } END { print s + 0 }'
+}
+
+# programs NAME FLAGS...: runs every test program of a configuration.
+programs() {
+    local name=$1 log=$build/$1/log src t rc p f start=$SECONDS
+    shift
+    rm -rf "$log"
+    "$make" -s -k -j"$jobs" BUILD="$build/$name" WERROR=-Werror \
+        TIMEOUT="$timeout" "$@" run-tests >/dev/null 2>&1
+    for src in tests/test_*.c; do
+        [ -e "$src" ] || continue
+        t=$(basename "$src" .c)
+        if [ ! -e "$log/$t.rc" ]; then
+            fail "$name $t: not built"
+            continue
+        fi
+        rc=$(cat "$log/$t.rc")
+        p=$(sum_of PASSED "$log/$t.log")
+        f=$(sum_of FAILED "$log/$t.log")
+        passed=$((passed + p))
+        failed=$((failed + f))
+        if [ "$rc" = 0 ] && [ "$f" = 0 ] && [ "$p" != 0 ]; then
+            echo "ok   $name $t: $p tests"
+            # What the test has to say, without cmocka's own lines.
+            grep -v -e '^\[' -e '^ *$' "$log/$t.log" | sed 's/^/     /'
+            continue
+        fi
+        cat "$log/$t.log"
+        if [ "$f" != 0 ]; then
+            failures="$failures$name $t"$'\n'
+            echo "FAIL $name $t: $f of $((p + f)) tests"
+        else
+            [ "$rc" = 124 ] && rc="124, out of time"
+            fail "$name $t: $p tests passed, exit status $rc"
+        fi
+    done
+    echo "     $name: test programs took $((SECONDS - start)) s"
+}
+
+# check NAME COMMAND...: a script that prints "ok ..." and "FAIL ..." lines.
+check() {
+    local name=$1 log=$build/check/$1.txt rc p f start=$SECONDS
+    shift
+    mkdir -p "$build/check"
+    "$@" </dev/null 2>&1 | tee "$log"
+    rc=${PIPESTATUS[0]}
+    p=$(grep -c '^ok ' "$log")
+    f=$(grep -c '^FAIL ' "$log")
+    passed=$((passed + p))
+    failed=$((failed + f))
+    [ "$f" = 0 ] || failures="$failures$(grep '^FAIL ' "$log" |
+        sed "s/^FAIL */$name: /")"$'\n'
+    if [ "$f" = 0 ] && { [ "$rc" != 0 ] || [ "$p" = 0 ]; }; then
+        fail "$name: $p passed, exit status $rc"
+    fi
+    echo "     $name took $((SECONDS - start)) s"
+}
+
+sanitized() {
+    build sanitize tests CC=clang OPT=-O1 SANITIZE=1
+    SAGA_TEST_SANITIZED=1 programs sanitize CC=clang OPT=-O1 SANITIZE=1
+}
+
+export BUILD="$build"
+if [ "$what" = sanitize ]; then
+    sanitized
+else
+    check tree tests/check_tree.sh
+    build gcc 'all tests bench-programs' CC=gcc
+    build clang 'all tests bench-programs' CC=clang
+    check tables "$make" -s BUILD="$build/gcc" CC=gcc WERROR=-Werror tables
+    check headers tests/check_headers.sh
+    check symbols tests/check_symbols.sh "$what"
+    check nofloat tests/check_nofloat.sh
+    check stack python3 tests/check_stack.py
+    programs gcc CC=gcc
+    sanitized
+    check matrix tests/run_matrix.sh "$what"
+    check mutants tests/run_mutants.sh "$what"
+fi
+
+if [ -n "$failures" ]; then
+    echo "failures:"
+    printf '%s' "$failures" | sed 's/^/  /'
+fi
+cpu=$(awk '{ print int($16 / 100 + $17 / 100) }' "/proc/$$/stat" 2>/dev/null)
+echo "CPU ${cpu:-?} s, elapsed $SECONDS s"
+echo "$passed passed, $failed failed"
+[ "$failed" = 0 ]

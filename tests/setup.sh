@@ -1,0 +1,76 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+#
+# setup.sh [all]: installs what the tests need and this Debian lacks ("all":
+# also every cross compiler of `make test-all`). Where it cannot install, it
+# prints the command to be run and fails. SAGA_NO_SETUP=1 skips it.
+set -eu
+
+test -z "${SAGA_NO_SETUP:-}" || exit 0
+
+packages="gcc make binutils libc6-dev clang pkg-config python3
+    libcmocka-dev libjansson-dev libpng-dev zlib1g-dev
+    gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
+    qemu-user-static"
+if [ "${1:-small}" = all ]; then
+    packages="$packages
+    gcc-aarch64-linux-gnu libc6-dev-arm64-cross
+    gcc-arm-linux-gnueabihf libc6-dev-armhf-cross
+    gcc-riscv64-linux-gnu libc6-dev-riscv64-cross
+    gcc-powerpc-linux-gnu libc6-dev-powerpc-cross
+    gcc-mips-linux-gnu libc6-dev-mips-cross
+    gcc-i686-linux-gnu libc6-dev-i386-cross
+    gcc-riscv64-unknown-elf"
+fi
+
+is_installed() {
+    dpkg-query -W -f '${Status}' "$1" 2>/dev/null |
+        grep -q 'install ok installed'
+}
+
+# The sanitizers' library carries clang's version in its name.
+clang_rt() {
+    v=$(apt-cache depends clang 2>/dev/null |
+        sed -n 's/.*Depends: clang-\([0-9][0-9]*\).*/\1/p' | head -n 1)
+    if [ -n "$v" ]; then echo "libclang-rt-$v-dev"; fi
+}
+
+find_missing() {
+    missing=
+    for p in $packages $(clang_rt); do
+        is_installed "$p" || missing="$missing $p"
+    done
+}
+
+if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
+    echo "setup: not a Debian. Install the equivalents of:" $packages
+    echo "setup: then run again with SAGA_NO_SETUP=1"
+    exit 1
+fi
+
+find_missing
+test -n "$missing" || exit 0
+
+opts="-o DPkg::Lock::Timeout=300"
+give_up() {
+    echo "setup: cannot install the packages ($1). As root, run:"
+    echo "apt-get $opts update && apt-get $opts install -y" \
+        "--no-install-recommends$missing"
+    exit 1
+}
+
+[ "$(id -u)" = 0 ] || give_up "not root"
+echo "setup: installing$missing"
+export DEBIAN_FRONTEND=noninteractive
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+# A mirror may be down and its packages still at hand: install decides.
+apt-get $opts update -qq </dev/null >"$log" 2>&1 || cat "$log"
+find_missing # apt-cache knows clang only now
+apt-get $opts install -y -qq --no-install-recommends $missing \
+    </dev/null >"$log" 2>&1 || {
+    cat "$log"
+    give_up "apt-get install failed"
+}
+find_missing
+test -z "$missing" || give_up "still missing"

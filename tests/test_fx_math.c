@@ -1,0 +1,491 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Elementary functions against libm, and the properties fx_math.h promises.
+ * Bounds are derived, then rounded up a little: each is within a tenth of what
+ * is measured.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "fx_math.h"
+
+#include <math.h>
+
+#define PI 3.14159265358979323846
+
+/* LSB. Parabola 1.02e-9 * 2^31 = 2.2, slope rounded to Q39 and multiplied by
+ * 511: 511/2 * 2^-8 = 1.0, table 1/2, result 1/2. Measured 3.85. */
+#define EXP2_FRAC_BOUND 4.2
+
+/* LSB. Result 1/2, chord 2^15 (ln 2 / 128)^2 / 8 = 0.1201. Measured 0.6185. */
+#define EXP2_NEG_BOUND 0.6202
+
+/* LSB. With w = 1/8 and x = log2(1 + 2^-a): third difference left out,
+ * w^3 max|x'''| 0.0080 = 0.76, fourth 3/128 w^4 max|x''''| = 0.25 (not at the
+ * same place), result 1/2, Q24 roundings 0.1. Measured 1.303. */
+#define SOFTPLUS2_BOUND 1.31
+
+/* LSB. Result 1/2; c0 rounded 1/8, c1 rounded 1/4, z^2 rounded 0.16, never all
+ * at once. Measured 0.8123 over all phases. */
+#define SIN_BOUND 0.82
+
+/* LSB. Result 1/2, chord 2^16 / (4 * 128 * 129) = 0.993, bits dropped
+ * 2^16 2^-22 = 0.016. Measured 1.504. */
+#define RECIP16_BOUND 1.51
+
+/* Relative. Near x = 1 the chord's 1.55e-5 squared, 2.4e-10, and half an LSB
+ * of Q31, 2.3e-10; near 2 the half LSB alone is 4.7e-10. Measured 4.8e-10. */
+#define RECIP32_BOUND 5.2e-10
+
+/* Relative. At x = 2: 3/2 of the chord's 2.34e-5 squared, 8.2e-10, half an LSB
+ * of Q31 3.3e-10, y^2 rounded 1.2e-10. Measured 1.22e-9. */
+#define RSQRT_BOUND 1.28e-9
+
+static uint32_t random_bits(uint64_t *state)
+{
+    *state = *state * 6364136223846793005u + 1442695040888963407u;
+    return (uint32_t)(*state >> 32);
+}
+
+/* 1..2^32-1, every magnitude alike. */
+static uint32_t random_positive(uint64_t *state)
+{
+    const uint32_t bits = random_bits(state);
+    const uint32_t x = bits >> (random_bits(state) & 31u);
+
+    return x ? x : 1;
+}
+
+static void expect_within(const char *what, double worst, double bound)
+{
+    print_message("%s: %.4g, bound %.4g\n", what, worst, bound);
+    if (!(worst <= bound))
+        fail_msg("%s: error %.6g above %.6g", what, worst, bound);
+}
+
+/* ---- exp2 ----------------------------------------------------------- */
+
+static void exp2_frac_should_stay_within_bound_over_all_inputs(void **state)
+{
+    double worst = 0;
+    uint32_t f;
+
+    (void)state;
+    for (f = 0; f < 65536; f++) {
+        const double want = exp2(f / 65536.0) * 1073741824;
+
+        worst = fmax(worst, fabs(saga_exp2_frac_q16_q30(f) - want));
+    }
+    expect_within("exp2_frac (LSB)", worst, EXP2_FRAC_BOUND);
+}
+
+static void exp2_frac_should_rise_from_exactly_one_to_below_two(void **state)
+{
+    uint32_t f, last = saga_exp2_frac_q16_q30(0);
+
+    (void)state;
+    assert_int_equal(last, 1u << 30);
+    for (f = 1; f < 65536; f++) {
+        const uint32_t y = saga_exp2_frac_q16_q30(f);
+
+        assert_true(y > last);
+        last = y;
+    }
+    assert_true(last < 1u << 31);
+}
+
+static void exp2_neg_should_stay_within_bound(void **state)
+{
+    double worst = 0;
+    uint32_t x;
+
+    (void)state;
+    for (x = 0; x < 18u << 20; x++) {
+        const double want = exp2(15 - x / 1048576.0);
+
+        worst = fmax(worst, fabs(saga_exp2_neg_q20_q15(x) - want));
+    }
+    expect_within("exp2_neg (LSB)", worst, EXP2_NEG_BOUND);
+}
+
+static void exp2_neg_should_fall_from_exactly_one_to_zero(void **state)
+{
+    uint32_t x, last = saga_exp2_neg_q20_q15(0);
+
+    (void)state;
+    assert_int_equal(last, 32768);
+    for (x = 1; x <= 16u << 20; x++) {
+        const uint32_t y = saga_exp2_neg_q20_q15(x);
+
+        assert_true(y <= last);
+        last = y;
+    }
+    assert_int_equal(last, 0);
+}
+
+static void exp2_neg_should_be_zero_from_sixteen_on(void **state)
+{
+    uint64_t seed = 1;
+    int i;
+
+    (void)state;
+    assert_int_equal(saga_exp2_neg_q20_q15((16u << 20) - 1), 1);
+    assert_int_equal(saga_exp2_neg_q20_q15(16u << 20), 0);
+    assert_int_equal(saga_exp2_neg_q20_q15(UINT32_MAX), 0);
+    for (i = 0; i < 100000; i++)
+        assert_int_equal(
+            saga_exp2_neg_q20_q15(random_bits(&seed) | 16u << 20), 0);
+}
+
+static void exp2_neg_should_be_exact_at_whole_numbers(void **state)
+{
+    uint32_t n;
+
+    (void)state;
+    for (n = 0; n < 16; n++)
+        assert_int_equal(saga_exp2_neg_q20_q15(n << 20), 32768u >> n);
+}
+
+/* ---- softplus2 ------------------------------------------------------ */
+
+static double softplus2(double x)
+{
+    return fmax(x, 0) + log1p(exp2(-fabs(x))) / log(2.0);
+}
+
+static void softplus2_should_stay_within_bound_over_all_inputs(void **state)
+{
+    double worst = 0;
+    int32_t x;
+
+    (void)state;
+    for (x = -(1 << 20); x <= 1 << 20; x++) {
+        const double want = softplus2(x / 4096.0) * 1048576;
+
+        worst = fmax(worst, fabs(saga_softplus2_q12_q20(x) - want));
+    }
+    expect_within("softplus2 (LSB)", worst, SOFTPLUS2_BOUND);
+}
+
+static void softplus2_should_be_monotone(void **state)
+{
+    int32_t x, last = 0;
+
+    (void)state;
+    for (x = -(1 << 20); x <= 1 << 20; x++) {
+        const int32_t y = saga_softplus2_q12_q20(x);
+
+        assert_true(y >= last);
+        last = y;
+    }
+}
+
+static void softplus2_of_x_should_exceed_that_of_minus_x_by_x(void **state)
+{
+    int32_t x;
+
+    (void)state;
+    assert_int_equal(saga_softplus2_q12_q20(0), 1 << 20);
+    for (x = 0; x <= 1 << 20; x++)
+        assert_int_equal(
+            saga_softplus2_q12_q20(x) - saga_softplus2_q12_q20(-x), x * 256);
+}
+
+static void softplus2_should_clamp_its_argument(void **state)
+{
+    const int32_t top = 1 << 20;
+
+    (void)state;
+    assert_int_equal(saga_softplus2_q12_q20(top), 1 << 28);
+    assert_int_equal(saga_softplus2_q12_q20(top + 1), 1 << 28);
+    assert_int_equal(saga_softplus2_q12_q20(INT32_MAX), 1 << 28);
+    assert_int_equal(saga_softplus2_q12_q20(-top), 0);
+    assert_int_equal(saga_softplus2_q12_q20(-top - 1), 0);
+    assert_int_equal(saga_softplus2_q12_q20(INT32_MIN), 0);
+}
+
+/* ---- sin ------------------------------------------------------------ */
+
+static void sin_should_stay_within_bound_over_all_phases(void **state)
+{
+    double worst = 0;
+    uint32_t p;
+
+    (void)state;
+    for (p = 0; p < 65536; p++) {
+        const double y = sin(p * (PI / 32768)) * 32768;
+        const double want = fmax(-32767, fmin(32767, y));
+
+        worst = fmax(worst, fabs(saga_sin_turn16_q15(p) - want));
+    }
+    expect_within("sin (LSB)", worst, SIN_BOUND);
+}
+
+static void sin_should_be_odd_and_symmetric(void **state)
+{
+    uint32_t p;
+
+    (void)state;
+    for (p = 0; p < 65536; p++) {
+        const int y = saga_sin_turn16_q15(p);
+
+        assert_int_equal(saga_sin_turn16_q15(0u - p), -y);
+        assert_int_equal(saga_sin_turn16_q15(32768u - p), y);
+        assert_int_equal(saga_sin_turn16_q15(p + 65536u), y);
+    }
+}
+
+static void sin_should_be_exact_at_the_quarter_turns(void **state)
+{
+    (void)state;
+    assert_int_equal(saga_sin_turn16_q15(0), 0);
+    assert_int_equal(saga_sin_turn16_q15(16384), 32767);
+    assert_int_equal(saga_sin_turn16_q15(32768), 0);
+    assert_int_equal(saga_sin_turn16_q15(49152), -32767);
+}
+
+/* ---- reciprocals ---------------------------------------------------- */
+
+static double recip16_error(uint32_t x)
+{
+    int shift;
+    const uint32_t m = saga_recip16(x, &shift);
+
+    assert_true(m >= 1u << 15 && m <= 1u << 16);
+    assert_in_range(shift, 16, 47);
+    return fabs(m - ldexp(1.0 / x, shift));
+}
+
+static double recip32_error(uint32_t x)
+{
+    int shift;
+    const uint32_t m = saga_recip32(x, &shift);
+
+    assert_true(m >= 1u << 30 && m <= 1u << 31);
+    assert_in_range(shift, 31, 62);
+    return fabs(ldexp(m, -shift) * x - 1);
+}
+
+static void worst_recip(uint32_t x, double *worst16, double *worst32)
+{
+    *worst16 = fmax(*worst16, recip16_error(x));
+    *worst32 = fmax(*worst32, recip32_error(x));
+}
+
+static void recip_should_stay_within_bound(void **state)
+{
+    double worst16 = 0, worst32 = 0;
+    uint64_t seed = 1;
+    uint32_t i;
+
+    (void)state;
+    for (i = 1; i < 1u << 17; i++) {
+        worst_recip(i, &worst16, &worst32);
+        worst_recip(0u - i, &worst16, &worst32);
+        worst_recip((1u << 31) - i, &worst16, &worst32);
+        worst_recip((1u << 31) + i, &worst16, &worst32);
+    }
+    for (i = 0; i < 2000000; i++)
+        worst_recip(random_positive(&seed), &worst16, &worst32);
+    expect_within("recip16 (LSB)", worst16, RECIP16_BOUND);
+    expect_within("recip32 (relative)", worst32, RECIP32_BOUND);
+}
+
+static void recip_should_be_exact_at_powers_of_two(void **state)
+{
+    int n, shift;
+
+    (void)state;
+    for (n = 0; n < 32; n++) {
+        assert_int_equal(saga_recip16(1u << n, &shift), 1u << 16);
+        assert_int_equal(shift, 16 + n);
+        assert_int_equal(saga_recip32(1u << n, &shift), 1u << 31);
+        assert_int_equal(shift, 31 + n);
+    }
+}
+
+static void recip_should_reach_its_lower_end_at_the_largest_x(void **state)
+{
+    int shift;
+
+    (void)state;
+    assert_int_equal(saga_recip16(UINT32_MAX, &shift), 1u << 15);
+    assert_int_equal(shift, 47);
+    assert_int_equal(saga_recip32(UINT32_MAX, &shift), 1u << 30);
+    assert_int_equal(shift, 62);
+}
+
+static void recip16_should_not_rise_within_an_octave(void **state)
+{
+    uint32_t x, last = 1u << 16;
+    int shift;
+
+    (void)state;
+    for (x = 1u << 22; x < 1u << 23; x++) {
+        const uint32_t m = saga_recip16(x, &shift);
+
+        assert_true(m <= last);
+        last = m;
+    }
+}
+
+/* ---- rsqrt ---------------------------------------------------------- */
+
+static double rsqrt_error(uint32_t mant, int32_t exp)
+{
+    const saga_float x = { mant, exp };
+    const saga_float y = saga_rsqrt(x);
+    const double root = sqrt(ldexp(mant, (exp & 1) - 30));
+    const int32_t half = (exp - (exp & 1)) / 2;
+
+    assert_true(y.mant_q30 >> 30 == 1);
+    return fabs(ldexp(y.mant_q30, y.exp + half - 30) * root - 1);
+}
+
+static void rsqrt_should_stay_within_bound(void **state)
+{
+    double worst = 0;
+    uint64_t seed = 1;
+    uint32_t i;
+    int32_t odd;
+
+    (void)state;
+    for (i = 0; i < 1u << 17; i++) {
+        for (odd = 0; odd < 2; odd++) {
+            worst = fmax(worst, rsqrt_error((1u << 30) + i, odd));
+            worst = fmax(worst, rsqrt_error((1u << 31) - 1 - i, odd));
+        }
+    }
+    for (i = 0; i < 2000000; i++) {
+        const uint32_t mant = 1u << 30 | random_bits(&seed) >> 2;
+        const int32_t exp = (int32_t)(random_bits(&seed) >> 1) - (1 << 30);
+
+        worst = fmax(worst, rsqrt_error(mant, exp));
+    }
+    expect_within("rsqrt (relative)", worst, RSQRT_BOUND);
+}
+
+static void rsqrt_should_be_exact_at_powers_of_four(void **state)
+{
+    int32_t h;
+
+    (void)state;
+    for (h = -100; h <= 100; h++) {
+        const saga_float x = { 1u << 30, 2 * h };
+        const saga_float y = saga_rsqrt(x);
+
+        assert_int_equal(y.mant_q30, 1u << 30);
+        assert_int_equal(y.exp, -h);
+    }
+}
+
+/* ---- the norm ------------------------------------------------------- */
+
+/* FNV-1a over the four bytes of x, the low one first. */
+static uint32_t hash(uint32_t h, uint32_t x)
+{
+    int i;
+
+    for (i = 0; i < 4; i++, x >>= 8)
+        h = (h ^ (x & 255u)) * 16777619u;
+    return h;
+}
+
+static uint32_t hash_exp2(void)
+{
+    uint32_t h = 2166136261u, i;
+
+    for (i = 0; i < 65536; i++)
+        h = hash(h, saga_exp2_frac_q16_q30(i));
+    for (i = 0; i <= 16u << 20; i += 63)
+        h = hash(h, saga_exp2_neg_q20_q15(i));
+    return h;
+}
+
+static uint32_t hash_softplus2_sin(void)
+{
+    uint32_t h = 2166136261u;
+    int32_t i;
+
+    for (i = -(1 << 20); i <= 1 << 20; i++)
+        h = hash(h, (uint32_t)saga_softplus2_q12_q20(i));
+    for (i = 0; i < 65536; i++)
+        h = hash(h, (uint32_t)(int32_t)saga_sin_turn16_q15((uint32_t)i));
+    return h;
+}
+
+static uint32_t hash_recip(void)
+{
+    uint32_t h = 2166136261u, i;
+    uint64_t seed = 1;
+
+    for (i = 0; i < 200000; i++) {
+        const uint32_t x = i < 100000 ? i + 1 : random_positive(&seed);
+        int shift;
+
+        h = hash(h, saga_recip16(x, &shift));
+        h = hash(h, (uint32_t)shift);
+        h = hash(h, saga_recip32(x, &shift));
+        h = hash(h, (uint32_t)shift);
+    }
+    return h;
+}
+
+static uint32_t hash_rsqrt(void)
+{
+    uint32_t h = 2166136261u, i;
+    uint64_t seed = 1;
+
+    for (i = 0; i < 200000; i++) {
+        const saga_float x = { 1u << 30 | random_bits(&seed) >> 2,
+                               (int32_t)i - 100000 };
+        const saga_float y = saga_rsqrt(x);
+
+        h = hash(h, y.mant_q30);
+        h = hash(h, (uint32_t)y.exp);
+    }
+    return h;
+}
+
+/* The functions are part of the format: a changed bit is a new format. The
+ * hashes are those of a second implementation, in Python with 50-digit tables,
+ * written from docs/arithmetic.md. */
+static void every_function_should_keep_its_bits(void **state)
+{
+    (void)state;
+    assert_int_equal(hash_exp2(), 0x3f19aa13u);
+    assert_int_equal(hash_softplus2_sin(), 0xaf5f895bu);
+    assert_int_equal(hash_recip(), 0x112d1750u);
+    assert_int_equal(hash_rsqrt(), 0x4970b6a7u);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(exp2_frac_should_stay_within_bound_over_all_inputs),
+        cmocka_unit_test(exp2_frac_should_rise_from_exactly_one_to_below_two),
+        cmocka_unit_test(exp2_neg_should_stay_within_bound),
+        cmocka_unit_test(exp2_neg_should_fall_from_exactly_one_to_zero),
+        cmocka_unit_test(exp2_neg_should_be_zero_from_sixteen_on),
+        cmocka_unit_test(exp2_neg_should_be_exact_at_whole_numbers),
+        cmocka_unit_test(softplus2_should_stay_within_bound_over_all_inputs),
+        cmocka_unit_test(softplus2_should_be_monotone),
+        cmocka_unit_test(softplus2_of_x_should_exceed_that_of_minus_x_by_x),
+        cmocka_unit_test(softplus2_should_clamp_its_argument),
+        cmocka_unit_test(sin_should_stay_within_bound_over_all_phases),
+        cmocka_unit_test(sin_should_be_odd_and_symmetric),
+        cmocka_unit_test(sin_should_be_exact_at_the_quarter_turns),
+        cmocka_unit_test(recip_should_stay_within_bound),
+        cmocka_unit_test(recip_should_be_exact_at_powers_of_two),
+        cmocka_unit_test(recip_should_reach_its_lower_end_at_the_largest_x),
+        cmocka_unit_test(recip16_should_not_rise_within_an_octave),
+        cmocka_unit_test(rsqrt_should_stay_within_bound),
+        cmocka_unit_test(rsqrt_should_be_exact_at_powers_of_four),
+        cmocka_unit_test(every_function_should_keep_its_bits),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,429 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Dense layers against a straightforward reference in int64, with random rows
+ * and with the largest rows that are valid. Buffers have their exact size, so
+ * that the sanitizers see every read and write past an end.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "mlp.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define CANARIES 16
+#define CANARY 0x5a5a
+
+/* The same layer with int16 weights, and with int8 ones if they fit. */
+typedef struct {
+    uint16_t n_in, n_out;
+    int fits8;
+    int16_t *w16;
+    int8_t *w8;
+    int32_t *bias;
+    uint8_t *shift;
+    int16_t *x, *y;
+} net;
+
+static uint32_t random_bits(uint64_t *seed)
+{
+    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
+    return (uint32_t)(*seed >> 32);
+}
+
+/* Uniform in lo..hi, near enough. */
+static int32_t random_in(uint64_t *seed, int32_t lo, int32_t hi)
+{
+    const uint64_t span = (uint64_t)((int64_t)hi - lo) + 1;
+
+    return (int32_t)(lo + (int64_t)(random_bits(seed) * span >> 32));
+}
+
+static void *get(size_t n, size_t size)
+{
+    void *const p = calloc(n ? n : 1, size);
+
+    assert_non_null(p);
+    return p;
+}
+
+static net net_new(uint32_t n_in, uint32_t n_out, int fits8)
+{
+    const size_t pad = saga_mlp_pad(n_in);
+    net n;
+
+    n.n_in = (uint16_t)n_in;
+    n.n_out = (uint16_t)n_out;
+    n.fits8 = fits8;
+    n.w16 = get(pad * n_out, sizeof *n.w16);
+    n.w8 = get(pad * n_out, sizeof *n.w8);
+    n.bias = get(n_out, sizeof *n.bias);
+    n.shift = get(n_out, sizeof *n.shift);
+    n.x = get(pad, sizeof *n.x);
+    n.y = get(n_out + CANARIES, sizeof *n.y);
+    return n;
+}
+
+static void net_free(net *n)
+{
+    free(n->w16);
+    free(n->w8);
+    free(n->bias);
+    free(n->shift);
+    free(n->x);
+    free(n->y);
+}
+
+static saga_layer net_layer(const net *n, int int8, int relu)
+{
+    saga_layer layer;
+
+    layer.weight = int8 ? (const void *)n->w8 : n->w16;
+    layer.bias = n->bias;
+    layer.shift = n->shift;
+    layer.n_in = n->n_in;
+    layer.n_out = n->n_out;
+    layer.int8 = (uint8_t)int8;
+    layer.relu = (uint8_t)relu;
+    return layer;
+}
+
+static int16_t *row_of(const net *n, uint32_t row)
+{
+    return n->w16 + (size_t)row * saga_mlp_pad(n->n_in);
+}
+
+static void copy_to_int8(net *n)
+{
+    const size_t count = (size_t)saga_mlp_pad(n->n_in) * n->n_out;
+    size_t i;
+
+    for (i = 0; i < count; i++) {
+        if (n->fits8)
+            assert_in_range(n->w16[i] + 127, 0, 254);
+        n->w8[i] = (int8_t)n->w16[i];
+    }
+}
+
+static int64_t row_abs_sum(const net *n, uint32_t row)
+{
+    const int16_t *const w = row_of(n, row);
+    int64_t sum = 0;
+    uint32_t k;
+
+    for (k = 0; k < n->n_in; k++)
+        sum += abs(w[k]);
+    return sum;
+}
+
+/* What is left for |bias|. */
+static int64_t row_room(const net *n, uint32_t row)
+{
+    const int64_t half = n->shift[row] ? (int64_t)1 << (n->shift[row] - 1) : 0;
+
+    return INT32_MAX - half - row_abs_sum(n, row) * 32767;
+}
+
+static int16_t reference(const net *n, uint32_t row, int relu)
+{
+    const int16_t *const w = row_of(n, row);
+    const int shift = n->shift[row];
+    int64_t sum = n->bias[row];
+    uint32_t k;
+
+    for (k = 0; k < n->n_in; k++)
+        sum += (int64_t)w[k] * n->x[k];
+    if (shift > 0)
+        sum = (sum + ((int64_t)1 << (shift - 1))) >> shift;
+    if (relu && sum < 0)
+        return 0;
+    return (int16_t)(sum > 32767 ? 32767 : sum < -32767 ? -32767 : sum);
+}
+
+static void check_variant(net *n, int int8, int relu)
+{
+    const saga_layer layer = net_layer(n, int8, relu);
+    uint32_t i;
+
+    for (i = 0; i < n->n_out + (uint32_t)CANARIES; i++)
+        n->y[i] = CANARY;
+    saga_mlp_layer(n->y, &layer, n->x);
+    for (i = 0; i < n->n_out; i++)
+        assert_int_equal(n->y[i], reference(n, i, relu));
+    for (i = 0; i < CANARIES; i++)
+        assert_int_equal(n->y[n->n_out + i], CANARY);
+}
+
+static void check(net *n)
+{
+    uint32_t row;
+
+    copy_to_int8(n);
+    for (row = 0; row < n->n_out; row++)
+        assert_true(saga_mlp_row_is_valid(row_abs_sum(n, row), n->bias[row],
+                                          n->shift[row]));
+    check_variant(n, 0, 0);
+    check_variant(n, 0, 1);
+    if (!n->fits8)
+        return;
+    check_variant(n, 1, 0);
+    check_variant(n, 1, 1);
+}
+
+/* Random weights, shrunk until the row is valid, and a random bias. */
+static void fill_random(net *n, uint64_t *seed)
+{
+    uint32_t row, k;
+
+    for (row = 0; row < n->n_out; row++) {
+        const int32_t top = n->fits8 ? 127 : random_in(seed, 1, 32767);
+        int16_t *const w = row_of(n, row);
+        int32_t room;
+
+        n->shift[row] = (uint8_t)random_in(seed, 0, 24);
+        for (k = 0; k < n->n_in; k++)
+            w[k] = (int16_t)random_in(seed, -top, top);
+        while (row_room(n, row) < 0)
+            for (k = 0; k < n->n_in; k++)
+                w[k] /= 2;
+        room = (int32_t)row_room(n, row);
+        n->bias[row] = random_in(seed, -room, room);
+        if (random_bits(seed) & 1u)
+            n->bias[row] /= 65536;
+    }
+}
+
+/* Past n_in the activations may be anything. */
+static void fill_x(net *n, uint64_t *seed, int32_t top)
+{
+    uint32_t k;
+
+    for (k = 0; k < saga_mlp_pad(n->n_in); k++)
+        n->x[k] = (int16_t)random_in(seed, -top, top);
+}
+
+/* Every row at the very edge: weights of the sign of x as large as they can
+ * be, the bias takes the rest. The sum, the bias and the rounding constant of
+ * row 0 come to 2^31 - 1, of row 1 to -(2^31 - 1) + 2^shift, and so on. */
+static void fill_largest(net *n)
+{
+    const int32_t top = n->fits8 ? 127 : 32767;
+    uint32_t row, k;
+
+    for (row = 0; row < n->n_out; row++) {
+        int16_t *const w = row_of(n, row);
+        const int sign = row & 1u ? -1 : 1;
+        int64_t left;
+
+        n->shift[row] = (uint8_t)(row % 25);
+        memset(w, 0, n->n_in * sizeof *w);
+        left = row_room(n, row) / 32767;
+        for (k = 0; k < n->n_in; k++) {
+            const int32_t v = (int32_t)(left < top ? left : top);
+
+            w[k] = (int16_t)(n->x[k] < 0 ? -sign * v : sign * v);
+            left -= v;
+        }
+        n->bias[row] = (int32_t)(sign * row_room(n, row));
+    }
+}
+
+static const uint16_t sizes_in[] = { 0, 1, 2, 15, 16, 17, 31, 32, 33, 48, 63,
+                                     64, 65, 100, 128, 511, 512 };
+static const uint16_t sizes_out[] = { 0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 24,
+                                      31, 63, 64, 65, 67, 128, 131 };
+
+#define COUNT(a) (sizeof (a) / sizeof (a)[0])
+
+static void layer_should_match_the_reference_for_all_sizes(void **state)
+{
+    uint64_t seed = 1;
+    size_t i, j;
+    int fits8;
+
+    (void)state;
+    for (i = 0; i < COUNT(sizes_in); i++) {
+        for (j = 0; j < COUNT(sizes_out); j++) {
+            for (fits8 = 0; fits8 < 2; fits8++) {
+                net n = net_new(sizes_in[i], sizes_out[j], fits8);
+
+                fill_random(&n, &seed);
+                fill_x(&n, &seed, 32767);
+                check(&n);
+                fill_x(&n, &seed, 300);
+                check(&n);
+                net_free(&n);
+            }
+        }
+    }
+}
+
+static void layer_should_not_overflow_on_the_largest_valid_rows(void **state)
+{
+    size_t i;
+    uint32_t k;
+    int fits8, pattern;
+
+    (void)state;
+    for (i = 0; i < COUNT(sizes_in); i++) {
+        for (fits8 = 0; fits8 < 2; fits8++) {
+            net n = net_new(sizes_in[i], 50, fits8);
+
+            for (pattern = 0; pattern < 3; pattern++) {
+                for (k = 0; k < saga_mlp_pad(n.n_in); k++)
+                    n.x[k] = pattern == 0 || (pattern == 2 && k % 3 == 0)
+                                 ? 32767 : -32767;
+                fill_largest(&n);
+                check(&n);
+            }
+            net_free(&n);
+        }
+    }
+}
+
+static void int8_should_equal_int16_on_extreme_activations(void **state)
+{
+    net n = net_new(64, 64, 1);
+    uint64_t seed = 7;
+    int16_t *const y16 = get(64, sizeof *y16);
+    int trial;
+    uint32_t k;
+
+    (void)state;
+    fill_random(&n, &seed);
+    copy_to_int8(&n);
+    for (trial = 0; trial < 200; trial++) {
+        const saga_layer wide = net_layer(&n, 0, 0);
+        const saga_layer narrow = net_layer(&n, 1, 0);
+
+        for (k = 0; k < 64; k++)
+            n.x[k] = random_bits(&seed) & 1u ? 32767 : -32767;
+        saga_mlp_layer(y16, &wide, n.x);
+        saga_mlp_layer(n.y, &narrow, n.x);
+        assert_memory_equal(y16, n.y, 64 * sizeof *y16);
+    }
+    free(y16);
+    net_free(&n);
+}
+
+static void layer_without_inputs_should_give_its_bias(void **state)
+{
+    net n = net_new(0, 3, 1);
+
+    (void)state;
+    n.bias[0] = 1 << 20;
+    n.bias[1] = -(1 << 20) - 1;
+    n.bias[2] = 40000;
+    n.shift[0] = n.shift[1] = 8;
+    check(&n);
+    check_variant(&n, 0, 0);
+    assert_int_equal(n.y[0], 4096);
+    assert_int_equal(n.y[1], -4096);
+    assert_int_equal(n.y[2], 32767);
+    net_free(&n);
+}
+
+static void halves_should_round_up(void **state)
+{
+    net n = net_new(0, 4, 1);
+
+    (void)state;
+    n.bias[0] = 3;
+    n.bias[1] = -3;
+    n.bias[2] = 1;
+    n.bias[3] = -1;
+    memset(n.shift, 1, 4);
+    check_variant(&n, 0, 0);
+    assert_int_equal(n.y[0], 2);
+    assert_int_equal(n.y[1], -1);
+    assert_int_equal(n.y[2], 1);
+    assert_int_equal(n.y[3], 0);
+    net_free(&n);
+}
+
+static void row_should_be_valid_up_to_exactly_the_bound(void **state)
+{
+    int shift;
+    int64_t sum;
+
+    (void)state;
+    for (shift = 0; shift <= 24; shift++) {
+        const int64_t half = shift ? (int64_t)1 << (shift - 1) : 0;
+
+        for (sum = 0; sum <= 65538; sum += sum < 65000 ? 499 : 1) {
+            const int64_t room = INT32_MAX - half - sum * 32767;
+
+            assert_int_equal(saga_mlp_row_is_valid(sum, room, shift),
+                             room >= 0);
+            assert_int_equal(saga_mlp_row_is_valid(sum, -room, shift),
+                             room >= 0);
+            assert_false(saga_mlp_row_is_valid(sum, room + 1, shift));
+            assert_false(saga_mlp_row_is_valid(sum, -room - 1, shift));
+            assert_int_equal(saga_mlp_row_is_valid(sum, 0, shift), room >= 0);
+        }
+        assert_false(saga_mlp_row_is_valid(65539, 0, shift));
+    }
+}
+
+static void row_should_be_refused_whatever_the_nonsense(void **state)
+{
+    (void)state;
+    assert_true(saga_mlp_row_is_valid(0, 0, 0));
+    assert_true(saga_mlp_row_is_valid(0, INT32_MAX, 0));
+    assert_true(saga_mlp_row_is_valid(0, -INT32_MAX, 0));
+    assert_false(saga_mlp_row_is_valid(0, INT32_MIN, 0));
+    assert_false(saga_mlp_row_is_valid(0, 0, -1));
+    assert_false(saga_mlp_row_is_valid(0, 0, 25));
+    assert_false(saga_mlp_row_is_valid(0, 0, INT32_MAX));
+    assert_false(saga_mlp_row_is_valid(0, 0, INT32_MIN));
+    assert_false(saga_mlp_row_is_valid(-1, 0, 0));
+    assert_false(saga_mlp_row_is_valid(INT64_MIN, 0, 0));
+    assert_false(saga_mlp_row_is_valid(INT64_MAX, 0, 0));
+    assert_false(saga_mlp_row_is_valid((int64_t)1 << 32, 0, 0));
+    assert_false(saga_mlp_row_is_valid(0, INT64_MAX, 0));
+    assert_false(saga_mlp_row_is_valid(0, INT64_MIN, 0));
+    assert_false(saga_mlp_row_is_valid(0, (int64_t)1 << 32, 0));
+}
+
+#ifdef SAGA_COUNT_MACS
+static uint64_t macs;
+
+void saga_count_macs(uint64_t n)
+{
+    macs += n;
+}
+
+static void layer_should_count_its_macs(void **state)
+{
+    net n = net_new(33, 7, 1);
+
+    (void)state;
+    macs = 0;
+    check_variant(&n, 0, 0);
+    check_variant(&n, 1, 0);
+    assert_int_equal(macs, 2 * 33 * 7);
+    net_free(&n);
+}
+#endif
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(layer_should_match_the_reference_for_all_sizes),
+        cmocka_unit_test(layer_should_not_overflow_on_the_largest_valid_rows),
+        cmocka_unit_test(int8_should_equal_int16_on_extreme_activations),
+        cmocka_unit_test(layer_without_inputs_should_give_its_bias),
+        cmocka_unit_test(halves_should_round_up),
+        cmocka_unit_test(row_should_be_valid_up_to_exactly_the_bound),
+        cmocka_unit_test(row_should_be_refused_whatever_the_nonsense),
+#ifdef SAGA_COUNT_MACS
+        cmocka_unit_test(layer_should_count_its_macs),
+#endif
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,380 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga-dec: a picture from a .saga file, with the decoder library and the
+ * reading and writing of files, nothing else. It allocates nothing: all memory
+ * is static, its size a level's, chosen when building (make LEVEL=n).
+ */
+#include "saga.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifndef SAGA_LEVEL
+#define SAGA_LEVEL 2
+#endif
+
+enum { BAND = 16, LIST = 4096, MAX_WIDTH = 16384, BUDGET = 1 << 20 };
+
+/* The longest header: 1024 cameras. */
+enum { PROBE_NBYTES = 1 << 17 };
+
+/* A head or a segment is read at once, and is smaller coded than decoded. */
+#define INPUT_NBYTES (SAGA_WORK_MAX(SAGA_LEVEL) + PROBE_NBYTES)
+
+static struct {
+    _Alignas(SAGA_WORK_ALIGN) unsigned char work[SAGA_WORK_MAX(SAGA_LEVEL)];
+    _Alignas(16) unsigned char scratch[SAGA_JOB_NBYTES(64, LIST)];
+    unsigned char input[INPUT_NBYTES];
+    unsigned char rows[3 * MAX_WIDTH * BAND];
+} memory;
+
+typedef struct {
+    const char *file, *camera, *out;
+    uint32_t time_num, time_den;
+    int crc, info;
+} options;
+
+static const char usage[] =
+    "usage: saga-dec FILE --camera CAM [--time N/D] (-o OUT.ppm | --crc)\n"
+    "       saga-dec FILE --info\n"
+    "\n"
+    "Draws one picture of a .saga file, the same bits on every machine.\n"
+    "\n"
+    "  --camera rig:N   camera N of the rig stored in the file (--info lists\n"
+    "                   how many there are)\n"
+    "  --camera FILE    a text file of 22 integers in the order of saga_camera\n"
+    "                   (decoder/saga.h): rotation 9, centre 3, focal 2,\n"
+    "                   principal 2, near plane, width, height, background 3;\n"
+    "                   # begins a comment\n"
+    "  --time N/D       the time in frames, a fraction (default 0/1; 15/2 lies\n"
+    "                   half-way between frames 7 and 8)\n"
+    "  -o OUT.ppm       write the picture (8 bits, binary PPM)\n"
+    "  --crc            print the CRC-32C of its pixels instead\n"
+    "  --info           print what the header says and stop\n"
+    "\n"
+    "Exit status: 0 done, 1 the stream or the camera is refused, 2 a file or\n"
+    "the command line.\n";
+
+/* --- Messages ------------------------------------------------------------ */
+
+static int refuse(const char *file, const char *what, saga_status s)
+{
+    fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what,
+            saga_status_text(s));
+    if (s == SAGA_ERR_SPACE || s == SAGA_ERR_LEVEL)
+        fprintf(stderr, "saga-dec: this build's memory is level %d's, %lu "
+                "bytes; build with `make LEVEL=3` for more\n", SAGA_LEVEL,
+                (unsigned long)SAGA_WORK_MAX(SAGA_LEVEL));
+    return 1;
+}
+
+static int fail(const char *file, const char *what)
+{
+    fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what,
+            errno ? strerror(errno) : "too short");
+    return 2;
+}
+
+/* --- Command line -------------------------------------------------------- */
+
+/* A number of 32 bits, all of text up to `end`. */
+static int parse_u32(uint32_t *v, const char *text, char end)
+{
+    char *stop;
+    unsigned long long x;
+
+    errno = 0;
+    x = strtoull(text, &stop, 10);
+    *v = (uint32_t)x;
+    return text[0] >= '0' && text[0] <= '9' && *stop == end && !errno &&
+           x <= 0xffffffffu;
+}
+
+static int parse_time(options *o, const char *text)
+{
+    const char *const slash = strchr(text, '/');
+
+    o->time_den = 1;
+    if (!slash)
+        return parse_u32(&o->time_num, text, '\0');
+    return parse_u32(&o->time_num, text, '/') &&
+           parse_u32(&o->time_den, slash + 1, '\0') && o->time_den > 0;
+}
+
+static int parse_options(options *o, int argc, char **argv)
+{
+    int i;
+
+    for (i = 1; i < argc; i++) {
+        const char *const value = i + 1 < argc ? argv[i + 1] : NULL;
+
+        if (!strcmp(argv[i], "--crc"))
+            o->crc = 1;
+        else if (!strcmp(argv[i], "--info"))
+            o->info = 1;
+        else if (!strcmp(argv[i], "--camera") && value)
+            o->camera = argv[++i];
+        else if (!strcmp(argv[i], "-o") && value)
+            o->out = argv[++i];
+        else if (!strcmp(argv[i], "--time") && value && parse_time(o, value))
+            i++;
+        else if (argv[i][0] != '-' && !o->file)
+            o->file = argv[i];
+        else {
+            fprintf(stderr, "saga-dec: cannot use '%s'%s%s; --help explains\n",
+                    argv[i], value ? " with " : "", value ? value : "");
+            return 0;
+        }
+    }
+    if (!o->file || (!o->info && (!o->camera || (!o->crc && !o->out)))) {
+        fputs(usage, stderr);
+        return 0;
+    }
+    return 1;
+}
+
+/* --- Input --------------------------------------------------------------- */
+
+/* Up to n bytes at offset into the input buffer; how many came, or -1. */
+static long read_at(FILE *f, uint64_t offset, size_t n)
+{
+    errno = 0;
+    if (offset > INT64_MAX || fseeko(f, (off_t)offset, SEEK_SET))
+        return -1;
+    n = fread(memory.input, 1, n, f);
+    return ferror(f) ? -1 : (long)n;
+}
+
+static int read_camera_file(saga_camera *c, const char *name)
+{
+    long long v[22];
+    int n = 0, ch, i;
+    FILE *const f = fopen(name, "r");
+
+    if (!f)
+        return fail(name, "cannot open");
+    while (n < 22 && (ch = fgetc(f)) != EOF) {
+        if (ch == '#') {
+            while (ch != EOF && ch != '\n')
+                ch = fgetc(f);
+        } else if (ch == '-' || (ch >= '0' && ch <= '9')) {
+            ungetc(ch, f);
+            if (fscanf(f, "%lld", &v[n]) != 1 || v[n] > INT32_MAX ||
+                v[n] < INT32_MIN)
+                break;
+            n++;
+        }
+    }
+    fclose(f);
+    for (i = 17; i < n; i++)
+        if (v[i] < 0 || v[i] > 65535)
+            n = i;
+    if (n < 22) {
+        fprintf(stderr, "saga-dec: %s: number %d of the camera's 22 integers "
+                "is missing or out of range\n", name, n + 1);
+        return 2;
+    }
+    for (i = 0; i < 9; i++)
+        c->rotation_q30[i] = (int32_t)v[i];
+    for (i = 0; i < 3; i++) {
+        c->centre[i] = (int32_t)v[9 + i];
+        c->background_q15[i] = (uint16_t)v[19 + i];
+    }
+    for (i = 0; i < 2; i++) {
+        c->focal_q16[i] = (int32_t)v[12 + i];
+        c->principal_q16[i] = (int32_t)v[14 + i];
+    }
+    c->near_plane = (int32_t)v[16];
+    c->width = (uint16_t)v[17];
+    c->height = (uint16_t)v[18];
+    return 0;
+}
+
+static int read_camera(saga_camera *c, const options *o, size_t head_nbytes)
+{
+    uint32_t index, number;
+    saga_status s;
+
+    if (strncmp(o->camera, "rig:", 4))
+        return read_camera_file(c, o->camera);
+    if (!parse_u32(&index, o->camera + 4, '\0')) {
+        fprintf(stderr, "saga-dec: '%s' names no camera of the rig\n",
+                o->camera);
+        return 2;
+    }
+    s = saga_rig(c, &number, memory.input, head_nbytes, index);
+    return s ? refuse(o->file, o->camera, s) : 0;
+}
+
+/* --- Output -------------------------------------------------------------- */
+
+/* Rows y0..y1 of the view into memory.rows. */
+static saga_status draw_band(const saga_decoder *dec, const saga_camera *c,
+                             int32_t y0, int32_t y1)
+{
+    saga_picture picture;
+    saga_job job;
+    saga_status s;
+
+    memset(&job, 0, sizeof job);
+    job.x1 = c->width;
+    job.y0 = y0;
+    job.y1 = y1;
+    job.tile = BAND;
+    job.list_capacity = LIST;
+    job.scratch = memory.scratch;
+    job.scratch_nbytes = sizeof memory.scratch;
+    picture.rgb = memory.rows;
+    picture.stride_nbytes = 3u * c->width;
+    picture.nbytes = sizeof memory.rows;
+    picture.bits = 8;
+    do
+        s = saga_draw(dec, &job, &picture, BUDGET);
+    while (s == SAGA_AGAIN);
+    return s;
+}
+
+/* The picture band by band: into f (may be NULL) and its CRC. 0, 1 or 2. */
+static int draw(const options *o, const saga_decoder *dec,
+                const saga_camera *c, FILE *f, uint32_t *crc)
+{
+    int32_t y;
+
+    for (y = 0; y < c->height; y += BAND) {
+        const int32_t end = y + BAND < c->height ? y + BAND : c->height;
+        const size_t n = 3u * c->width * (size_t)(end - y);
+        const saga_status s = draw_band(dec, c, y, end);
+
+        if (s)
+            return refuse(o->file, "cannot draw", s);
+        *crc = saga_crc32c(*crc, memory.rows, n);
+        errno = 0;
+        if (f && fwrite(memory.rows, 1, n, f) != n)
+            return fail(o->out, "cannot write");
+    }
+    return 0;
+}
+
+/* Whole or not at all: written beside its place, then renamed. */
+static int write_picture(const options *o, const saga_decoder *dec,
+                         const saga_camera *c, uint32_t *crc)
+{
+    char part[4096];
+    FILE *f;
+    int status;
+
+    if (snprintf(part, sizeof part, "%s.part", o->out) >= (int)sizeof part) {
+        errno = ENAMETOOLONG;
+        return fail(o->out, "cannot write");
+    }
+    f = fopen(part, "wb");
+    if (!f)
+        return fail(o->out, "cannot write");
+    fprintf(f, "P6\n%u %u\n255\n", c->width, c->height);
+    status = draw(o, dec, c, f, crc);
+    if (fclose(f) && !status)
+        status = fail(o->out, "cannot write");
+    if (!status && rename(part, o->out))
+        status = fail(o->out, "cannot write");
+    if (status)
+        remove(part);
+    return status;
+}
+
+static void print_info(const saga_info *i)
+{
+    printf("version     %" PRIu32 ", level %" PRIu32 "\n"
+           "segments    %" PRIu32 ", frames %" PRIu32 " at %" PRIu32 "/%"
+           PRIu32 " per second\n"
+           "cameras     %" PRIu32 "\n"
+           "at most     %" PRIu32 " coarse, %" PRIu32 " fine anchors, %" PRIu32
+           " primitives a segment\n"
+           "networks    %" PRIu32 " weights in %" PRIu32 " bytes\n"
+           "memory      %zu bytes\n"
+           "decoding    %" PRIu64 " multiply-accumulates a segment, %" PRIu32
+           " a primitive and picture\n",
+           i->version, i->level, i->n_segments, i->n_frames, i->rate_num,
+           i->rate_den, i->n_cameras, i->max_coarse, i->max_fine,
+           i->max_primitives, i->n_weights, i->nets_nbytes, i->work_nbytes,
+           i->decode_macs, i->view_macs);
+}
+
+/* --- Together ------------------------------------------------------------ */
+
+/* Reads, decodes and draws; f is the open file. */
+static int run(const options *o, FILE *f, const saga_info *info)
+{
+    saga_decoder *dec;
+    saga_segment seg;
+    saga_camera camera;
+    saga_status s;
+    uint32_t crc = 0;
+    int status;
+
+    if (info->work_nbytes > sizeof memory.work ||
+        info->head_nbytes > sizeof memory.input)
+        return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
+    if (read_at(f, 0, info->head_nbytes) != (long)info->head_nbytes)
+        return fail(o->file, "cannot read the head");
+    s = saga_open(&dec, memory.work, sizeof memory.work, memory.input,
+                  info->head_nbytes);
+    if (s)
+        return refuse(o->file, "cannot decode the networks", s);
+    status = read_camera(&camera, o, info->head_nbytes);
+    if (status)
+        return status;
+    s = saga_find(&seg, memory.input, info->head_nbytes, o->time_num,
+                  o->time_den);
+    if (s)
+        return refuse(o->file, "cannot find the time", s);
+    if (seg.nbytes > sizeof memory.input)
+        return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
+    if (read_at(f, seg.offset, seg.nbytes) != (long)seg.nbytes)
+        return fail(o->file, "cannot read the segment");
+    s = saga_decode(dec, memory.input, seg.nbytes);
+    if (s)
+        return refuse(o->file, "cannot decode the segment", s);
+    s = saga_view(dec, &camera, seg.t);
+    if (s)
+        return refuse(o->camera, "cannot use the camera", s);
+    status = o->out ? write_picture(o, dec, &camera, &crc)
+                    : draw(o, dec, &camera, NULL, &crc);
+    if (!status && o->crc)
+        printf("%08" PRIx32 "\n", crc);
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    options o = { NULL, NULL, NULL, 0, 1, 0, 0 };
+    saga_info info;
+    saga_status s;
+    FILE *f;
+    long n;
+    int status = 0;
+
+    if (argc > 1 && !strcmp(argv[1], "--help")) {
+        fputs(usage, stdout);
+        return 0;
+    }
+    if (!parse_options(&o, argc, argv))
+        return 2;
+    f = fopen(o.file, "rb");
+    if (!f)
+        return fail(o.file, "cannot open");
+    n = read_at(f, 0, PROBE_NBYTES);
+    s = n < 0 ? SAGA_OK : saga_probe(&info, memory.input, (size_t)n);
+    if (n < 0)
+        status = fail(o.file, "cannot read");
+    else if (s)
+        status = refuse(o.file, "not a stream this decoder takes", s);
+    else if (o.info)
+        print_info(&info);
+    else
+        status = run(&o, f, &info);
+    fclose(f);
+    return status;
+}

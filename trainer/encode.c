@@ -1,0 +1,462 @@
+/* SPDX-License-Identifier: MIT */
+#include "encode.h"
+
+#include "crc32c.h"
+#include "fx.h"
+#include "range_enc.h"
+#include "scaffold.h"
+#include "syntax.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* --- The coder: looks symbols up and encodes them ------------------------ */
+
+typedef struct {
+    saga_coder coder;            /* first: its functions cast back */
+    saga_range_enc range;
+    const saga_symbols *s;
+    const saga_net_symbols *nets;
+    const saga_nets *shapes;
+    uint32_t features;
+} source;
+
+static const saga_layer_symbols *layer_of(const source *e, saga_at at)
+{
+    return &e->nets->layer[at.index][at.bit];
+}
+
+static const int32_t *residuals_of(const source *e, saga_at at)
+{
+    switch (at.sym) {
+    case SAGA_SYM_CENTRE:
+        return e->s->centre + 4 * (size_t)at.index;
+    case SAGA_SYM_FEATURE:
+        return e->s->feature + e->features * (size_t)at.index;
+    case SAGA_SYM_FINE_OFFSET:
+        return e->s->fine_offset + 4 * (size_t)at.index;
+    case SAGA_SYM_PRIM_OFFSET:
+        return e->s->prim_offset + 4 * (size_t)at.index;
+    case SAGA_SYM_NET_BIAS:
+        return layer_of(e, at)->bias + at.row;
+    default:
+        return layer_of(e, at)->weight +
+               (size_t)at.row * e->shapes->shape[at.index].dim[at.bit] +
+               at.column;
+    }
+}
+
+/* Members of a run of n suffixes whose bit is 0; they must come first, since
+ * suffixes ascend: otherwise n + 1, which no model has. */
+static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
+{
+    uint32_t low = 0, i;
+
+    while (low < n && !(suffix[low] >> bit & 1u))
+        low++;
+    for (i = low; i < n; i++)
+        if (!(suffix[i] >> bit & 1u))
+            return n + 1;
+    return low;
+}
+
+static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
+{
+    const saga_symbols *const s = e->s;
+
+    switch (at.sym) {
+    case SAGA_SYM_SPLIT:
+        return at.index < s->n_nodes ? s->split[at.index] : n_sym;
+    case SAGA_SYM_OCCUPANCY:
+        return (uint32_t)s->occupancy[at.index] >> at.bit & 1u;
+    case SAGA_SYM_N_FINE:
+        return s->n_fine[at.index];
+    case SAGA_SYM_N_PRIM:
+        return s->n_prim[at.index];
+    case SAGA_SYM_FINE_SUFFIX:
+        return count_low(s->fine_suffix + at.index, n_sym - 1, at.bit);
+    case SAGA_SYM_PRIM_SUFFIX:
+        return count_low(s->prim_suffix + at.index, n_sym - 1, at.bit);
+    default:
+        return at.column ? layer_of(e, at)->shift[at.row] & 7u
+                         : layer_of(e, at)->shift[at.row] >> 3;
+    }
+}
+
+static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
+                     uint32_t step_q16, const uint8_t *scale, uint32_t n)
+{
+    source *const e = (source *)(void *)c;
+    const int32_t *const x = residuals_of(e, at);
+    uint32_t i;
+
+    (void)mu;
+    (void)step_q16;
+    for (i = 0; i < n; i++) {
+        q[i] = fx_clamp(x[i], -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
+        if (q[i] != x[i])
+            c->error = 1;
+        saga_range_enc_residual(&e->range, q[i], scale[i]);
+    }
+}
+
+static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
+                         uint32_t n_sym)
+{
+    source *const e = (source *)(void *)c;
+    uint32_t sym = symbol_of(e, at, n_sym);
+
+    if (sym >= n_sym) {
+        c->error = 1;
+        sym = 0;
+    }
+    saga_range_enc_interval(&e->range, saga_adaptive_start(m, sym),
+                            sym + 1 < n_sym ? m->start[sym]
+                                            : SAGA_PROB_TOTAL);
+    saga_adaptive_update(m, n_sym, sym);
+    return sym;
+}
+
+static uint32_t field_of(const source *e, saga_at at)
+{
+    const saga_layer_symbols *const l = layer_of(e, at);
+
+    return at.sym == SAGA_SYM_NET_STEP ? l->step_q16
+         : at.sym == SAGA_SYM_NET_STEP_SHIFT ? l->step_shift
+         : at.sym == SAGA_SYM_NET_BIAS_SHIFT ? l->bias_shift
+         : at.sym == SAGA_SYM_NET_WEIGHT_SCALE ? l->weight_scale
+         : l->bias_scale;
+}
+
+static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
+{
+    source *const e = (source *)(void *)c;
+    uint32_t v = field_of(e, at);
+
+    if (v >> bits) {
+        c->error = 1;
+        v = 0;
+    }
+    saga_range_enc_bits(&e->range, v, bits);
+    return v;
+}
+
+/* --- The file ------------------------------------------------------------ */
+
+typedef struct {
+    uint8_t *p;
+    size_t n, cap;
+} buffer;
+
+struct saga_encoder {
+    saga_header header;
+    saga_rig_camera *rig;
+    saga_nets nets;
+    uint8_t *params;             /* dequantised networks */
+    buffer networks, segments;   /* chunks, as they will stand in the file */
+    saga_index_entry *index;     /* offsets from the first segment */
+    saga_encode_sizes sizes;
+};
+
+/* The trainer cannot go on without memory; nothing is half-written then. */
+static void *must(void *p)
+{
+    if (!p)
+        abort();
+    return p;
+}
+
+static uint8_t *reserve(buffer *b, size_t n)
+{
+    if (b->cap - b->n < n) {
+        b->cap = b->n + n + b->cap / 2;
+        b->p = must(realloc(b->p, b->cap));
+    }
+    return b->p + b->n;
+}
+
+/* Completes the chunk whose payload of nbytes was written behind its header's
+ * place. */
+static void end_chunk(buffer *b, uint32_t type, size_t nbytes)
+{
+    saga_io io = { NULL, b->p + b->n, 0 };
+    saga_chunk chunk = { type, (uint32_t)nbytes, 0 };
+
+    chunk.crc = saga_chunk_crc(&chunk, b->p + b->n + SAGA_CHUNK_NBYTES);
+    saga_chunk_io(&io, &chunk);
+    b->n += SAGA_CHUNK_NBYTES + nbytes;
+}
+
+static void source_init(source *src, const saga_encoder *e)
+{
+    memset(src, 0, sizeof *src);
+    src->coder.residual = residual;
+    src->coder.adaptive = adaptive;
+    src->coder.uniform = uniform;
+    src->shapes = &e->nets;
+    src->features = e->header.model.features;
+}
+
+/* Worst case of the coder: 15 bits to find the escape, 13 of prefix, 16 of
+ * rest and a sign for a residual is below 6 bytes; the same bounds the rest. */
+static size_t networks_bound(const saga_nets *nets)
+{
+    size_t n = 64;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        n += 6 * (size_t)saga_net_weights(&nets->shape[net]);
+        for (i = 0; i < nets->shape[net].n_layers; i++)
+            n += 16 * (size_t)nets->shape[net].dim[i + 1] + 16;
+    }
+    return n;
+}
+
+static int encode_networks(saga_encoder *e, const saga_net_symbols *nets)
+{
+    const size_t bound = networks_bound(&e->nets);
+    uint8_t *const p = reserve(&e->networks, SAGA_CHUNK_NBYTES + bound);
+    source src;
+    size_t n;
+
+    source_init(&src, e);
+    src.nets = nets;
+    saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
+    if (!saga_syntax_networks(&e->nets, e->params, &src.coder))
+        return 0;
+    n = saga_range_enc_finish(&src.range);
+    if (n == 0)
+        return 0;
+    end_chunk(&e->networks, SAGA_CHUNK_NETS, n);
+    e->header.nets_nbytes = (uint32_t)n;
+    e->sizes.networks = n;
+    return 1;
+}
+
+saga_encoder *saga_encoder_open(const saga_header *header,
+                                const saga_rig_camera *rig,
+                                const saga_net_symbols *nets,
+                                const char **why)
+{
+    const size_t rig_nbytes = header->n_cameras * sizeof *rig;
+    saga_encoder *e;
+
+    if (!saga_model_is_valid(&header->model)) {
+        *why = "a field of the model is out of its range";
+        return NULL;
+    }
+    e = must(calloc(1, sizeof *e));
+    e->header = *header;
+    e->rig = must(malloc(rig_nbytes + 1));
+    if (rig_nbytes)
+        memcpy(e->rig, rig, rig_nbytes);
+    saga_nets_layout(&e->nets, &header->model);
+    e->params = must(aligned_alloc(16, e->nets.nbytes + 16));
+    e->header.n_segments = 0;
+    e->header.n_frames = 0;
+    memset(&e->header.max, 0, sizeof e->header.max);
+    if (!encode_networks(e, nets)) {
+        *why = "the networks' symbols are not valid";
+        saga_encoder_free(e);
+        return NULL;
+    }
+    return e;
+}
+
+/* Memory of the traversal. */
+static void scaffold_alloc(saga_scaffold *sc, const saga_encoder *e,
+                           saga_counts n)
+{
+    const size_t f = e->header.model.features;
+
+    sc->model = &e->header.model;
+    sc->nets = &e->nets;
+    sc->params = e->params;
+    sc->n = n;
+    sc->coarse = must(calloc(n.coarse + 1u, sizeof *sc->coarse));
+    sc->coarse_feature = must(calloc(n.coarse + 1u, f * sizeof(int16_t)));
+    sc->fine = must(calloc(n.fine + 1u, sizeof *sc->fine));
+    sc->fine_feature = must(calloc(n.fine + 1u, f * sizeof(int16_t)));
+    sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
+    sc->models = must(calloc(1, sizeof *sc->models));
+    sc->v = must(calloc(1, sizeof *sc->v));
+}
+
+static void scaffold_free(saga_scaffold *sc)
+{
+    free(sc->coarse);
+    free(sc->coarse_feature);
+    free(sc->fine);
+    free(sc->fine_feature);
+    free(sc->prim_offset);
+    free(sc->models);
+    free(sc->v);
+}
+
+static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
+{
+    return layer == 0 ? saga_syntax_coarse(sc, c)
+         : layer == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+}
+
+/* Bytes no layer exceeds; see networks_bound. A set of n points asks for at
+ * most 32 n symbols. */
+static size_t layer_bound(const saga_encoder *e, const saga_symbols *s,
+                          int layer)
+{
+    if (layer == 0)
+        return 64 + 34 * (size_t)s->n_nodes +
+               6 * (size_t)s->n.coarse * (5u + e->header.model.features);
+    return 64 + (6 * 5 + 64) * (size_t)(layer == 1 ? s->n.fine : s->n.prim) +
+           2 * (size_t)s->n.coarse;
+}
+
+static int encode_layer(saga_encoder *e, const saga_scaffold *sc,
+                        const saga_symbols *s, int layer)
+{
+    static const uint32_t type[3] = {
+        SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
+    };
+    const size_t bound = layer_bound(e, s, layer);
+    uint8_t *const p = reserve(&e->segments, SAGA_CHUNK_NBYTES + bound);
+    size_t *const size = layer == 0 ? &e->sizes.coarse
+                       : layer == 1 ? &e->sizes.fine : &e->sizes.prim;
+    source src;
+    size_t n;
+
+    source_init(&src, e);
+    src.s = s;
+    saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
+    if (!code_layer(sc, layer, &src.coder) || src.coder.error)
+        return 0;
+    n = saga_range_enc_finish(&src.range);
+    if (n == 0)
+        return 0;
+    end_chunk(&e->segments, type[layer], n);
+    *size += n;
+    return 1;
+}
+
+static void begin_segment(saga_encoder *e, const saga_symbols *s,
+                          uint32_t n_frames)
+{
+    saga_segment_header seg = { e->header.n_segments, e->header.n_frames,
+                                n_frames, s->n };
+    saga_io io = { NULL, reserve(&e->segments, SAGA_CHUNK_NBYTES +
+                                 SAGA_SEGMENT_NBYTES) + SAGA_CHUNK_NBYTES, 0 };
+
+    saga_segment_io(&io, &seg);
+    end_chunk(&e->segments, SAGA_CHUNK_SEGMENT, SAGA_SEGMENT_NBYTES);
+}
+
+/* The header's maxima and the index, once a segment is whole. */
+static void end_segment(saga_encoder *e, const saga_symbols *s,
+                        uint32_t n_frames, size_t begin)
+{
+    saga_header *const h = &e->header;
+    saga_index_entry entry = { begin, (uint32_t)(e->segments.n - begin),
+                               n_frames };
+
+    e->index = must(realloc(e->index,
+                            (h->n_segments + 1u) * sizeof *e->index));
+    e->index[h->n_segments++] = entry;
+    h->n_frames += n_frames;
+    h->max.coarse = s->n.coarse > h->max.coarse ? s->n.coarse : h->max.coarse;
+    h->max.fine = s->n.fine > h->max.fine ? s->n.fine : h->max.fine;
+    h->max.prim = s->n.prim > h->max.prim ? s->n.prim : h->max.prim;
+}
+
+int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
+                         uint32_t n_frames, const char **why)
+{
+    const size_t begin = e->segments.n;
+    const saga_encode_sizes sizes = e->sizes;
+    saga_scaffold sc;
+    int layer, ok = 1;
+
+    begin_segment(e, s, n_frames);
+    scaffold_alloc(&sc, e, s->n);
+    saga_syntax_begin(&sc);
+    for (layer = 0; layer < 3 && ok; layer++)
+        ok = encode_layer(e, &sc, s, layer);
+    scaffold_free(&sc);
+    if (!ok) {
+        e->segments.n = begin;
+        e->sizes = sizes;
+        *why = "the symbols do not make a valid segment";
+        return 0;
+    }
+    end_segment(e, s, n_frames, begin);
+    return 1;
+}
+
+static void write_header(saga_encoder *e, buffer *out)
+{
+    saga_header *const h = &e->header;
+    saga_io io = { NULL, NULL, SAGA_MAGIC_NBYTES };
+    uint32_t i;
+
+    h->header_nbytes = SAGA_HEADER_NBYTES +
+                       h->n_cameras * (uint32_t)SAGA_CAMERA_NBYTES + 4;
+    io.out = reserve(out, h->header_nbytes);
+    memcpy(io.out, saga_magic, SAGA_MAGIC_NBYTES);
+    saga_header_io(&io, h);
+    for (i = 0; i < h->n_cameras; i++)
+        saga_camera_io(&io, &e->rig[i]);
+    fx_store32_le(io.out + io.at, saga_crc32c(0, io.out, io.at));
+    out->n += h->header_nbytes;
+}
+
+static void write_index(saga_encoder *e, buffer *out)
+{
+    const uint32_t nbytes = e->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    const size_t first = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
+                         e->header.nets_nbytes;
+    saga_io io = { NULL, reserve(out, SAGA_CHUNK_NBYTES + nbytes) +
+                   SAGA_CHUNK_NBYTES, 0 };
+    uint32_t i;
+
+    for (i = 0; i < e->header.n_segments; i++) {
+        saga_index_entry entry = e->index[i];
+
+        entry.offset += first;
+        saga_index_io(&io, &entry);
+    }
+    end_chunk(out, SAGA_CHUNK_INDEX, nbytes);
+    e->sizes.index = nbytes;
+}
+
+int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
+                        saga_encode_sizes *sizes, const char **why)
+{
+    buffer out = { NULL, 0, 0 };
+
+    if (e->header.n_segments == 0) {
+        *why = "there is no segment";
+        return 0;
+    }
+    write_header(e, &out);
+    write_index(e, &out);
+    memcpy(reserve(&out, e->networks.n), e->networks.p, e->networks.n);
+    out.n += e->networks.n;
+    memcpy(reserve(&out, e->segments.n), e->segments.p, e->segments.n);
+    out.n += e->segments.n;
+    e->sizes.header = e->header.header_nbytes;
+    e->sizes.total = out.n;
+    *sizes = e->sizes;
+    *bytes = out.p;
+    *n = out.n;
+    return 1;
+}
+
+void saga_encoder_free(saga_encoder *e)
+{
+    if (!e)
+        return;
+    free(e->rig);
+    free(e->params);
+    free(e->networks.p);
+    free(e->segments.p);
+    free(e->index);
+    free(e);
+}

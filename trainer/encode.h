@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From symbols to bytes: a whole .saga file. Drives the range encoder with
+ * common/'s integer entropy model through the same traversal as the decoder.
+ */
+#ifndef SAGA_ENCODE_H
+#define SAGA_ENCODE_H
+
+#include "container.h"
+#include "symbols.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct saga_encoder saga_encoder;
+
+/* What a finished file consists of, in bytes. */
+typedef struct saga_encode_sizes {
+    size_t header, index, networks;
+    size_t coarse, fine, prim;   /* payloads of all segments together */
+    size_t total;
+} saga_encode_sizes;
+
+/* Begins a file. header: all fields but header_nbytes, n_segments, n_frames,
+ * max and nets_nbytes, which the encoder fills in; rig: header->n_cameras of
+ * them. Everything is copied or used at once. Returns NULL with a reason in
+ * *why (a constant string) if the model or the networks' symbols are invalid:
+ * a row that could overflow, a weight out of range. */
+saga_encoder *saga_encoder_open(const saga_header *header,
+                                const saga_rig_camera *rig,
+                                const saga_net_symbols *nets,
+                                const char **why);
+
+/* Appends a segment of n_frames frames. Returns 1, or 0 with a reason in *why
+ * if the symbols do not make a valid segment. */
+int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
+                         uint32_t n_frames, const char **why);
+
+/* The file, at most once; *bytes belongs to the caller (free). Returns 0 with a
+ * reason if there is no segment. */
+int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
+                        saga_encode_sizes *sizes, const char **why);
+
+void saga_encoder_free(saga_encoder *e);
+
+#endif

@@ -1,0 +1,226 @@
+/* SPDX-License-Identifier: MIT */
+#include "vectors.h"
+
+#include "container.h"
+#include "crc32c.h"
+#include "fx.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static uint32_t crc_u32(uint32_t crc, uint32_t v)
+{
+    uint8_t b[4];
+
+    fx_store32_le(b, v);
+    return saga_crc32c(crc, b, 4);
+}
+
+static uint32_t crc_i32s(uint32_t crc, const int32_t *v, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        crc = crc_u32(crc, (uint32_t)v[i]);
+    return crc;
+}
+
+static uint32_t crc_u32s(uint32_t crc, const uint32_t *v, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        crc = crc_u32(crc, v[i]);
+    return crc;
+}
+
+static uint32_t crc_u8s(uint32_t crc, const uint8_t *v, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        crc = crc_u32(crc, v[i]);
+    return crc;
+}
+
+/* --- Symbols ------------------------------------------------------------- */
+
+static uint32_t layer_crc(uint32_t crc, const saga_layer_symbols *l,
+                          uint32_t n_in, uint32_t n_out)
+{
+    crc = crc_u32(crc, l->step_q16);
+    crc = crc_u32(crc, l->step_shift);
+    crc = crc_u32(crc, l->bias_shift);
+    crc = crc_u32(crc, l->weight_scale);
+    crc = crc_u32(crc, l->bias_scale);
+    crc = crc_i32s(crc, l->weight, (size_t)n_in * n_out);
+    crc = crc_i32s(crc, l->bias, n_out);
+    return crc_u8s(crc, l->shift, n_out);
+}
+
+static uint32_t segment_crc(uint32_t crc, const saga_symbols *s,
+                            uint32_t features)
+{
+    uint32_t i;
+
+    crc = crc_u32(crc, s->n.coarse);
+    crc = crc_u32(crc, s->n.fine);
+    crc = crc_u32(crc, s->n.prim);
+    crc = crc_u32(crc, s->n_nodes);
+    crc = crc_u8s(crc, s->split, s->n_nodes);
+    for (i = 0; i < s->n_nodes; i++)
+        crc = crc_u32(crc, s->occupancy[i]);
+    crc = crc_u8s(crc, s->n_fine, s->n.coarse);
+    crc = crc_i32s(crc, s->centre, 4 * (size_t)s->n.coarse);
+    crc = crc_i32s(crc, s->feature, features * (size_t)s->n.coarse);
+    crc = crc_u32s(crc, s->fine_suffix, s->n.fine);
+    crc = crc_i32s(crc, s->fine_offset, 4 * (size_t)s->n.fine);
+    crc = crc_u8s(crc, s->n_prim, s->n.fine);
+    crc = crc_u32s(crc, s->prim_suffix, s->n.prim);
+    return crc_i32s(crc, s->prim_offset, 4 * (size_t)s->n.prim);
+}
+
+uint32_t saga_symbols_crc(const saga_net_symbols *nets,
+                          const saga_nets *shapes, const saga_symbols *s,
+                          uint32_t features)
+{
+    uint32_t crc = 0;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < shapes->shape[net].n_layers; i++)
+            crc = layer_crc(crc, &nets->layer[net][i],
+                            shapes->shape[net].dim[i],
+                            shapes->shape[net].dim[i + 1]);
+    return segment_crc(crc, s, features);
+}
+
+/* --- Decoded stages ------------------------------------------------------ */
+
+static uint32_t primitives_crc(const saga_decoder *dec, uint32_t n, int32_t t)
+{
+    uint32_t crc = 0, i;
+    saga_animated a;
+
+    for (i = 0; i < n; i++) {
+        if (saga_primitive_at(&a, dec, i, t))
+            return 0;
+        crc = crc_i32s(crc, a.x, 3);
+        crc = crc_i32s(crc, a.quat, 4);
+        crc = crc_i32s(crc, a.log2_scale_q10, 3);
+        crc = crc_i32s(crc, &a.q0_q20, 1);
+    }
+    return crc;
+}
+
+static uint32_t splats_crc(const saga_decoder *dec, uint32_t n)
+{
+    uint32_t crc = 0, i;
+    saga_splat s;
+    int k;
+
+    for (i = 0; i < n; i++) {
+        if (saga_splat_at(&s, dec, i))
+            return 0;
+        crc = crc_i32s(crc, s.mean_q8, 2);
+        crc = crc_i32s(crc, s.chol_q28, 3);
+        crc = crc_i32s(crc, &s.q0_q20, 1);
+        crc = crc_u32(crc, s.depth);
+        for (k = 0; k < 3; k++)
+            crc = crc_u32(crc, s.colour_q15[k]);
+    }
+    return crc;
+}
+
+static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
+                              const saga_camera *c, uint8_t *pixels,
+                              size_t nbytes)
+{
+    enum { TILE = 16, LIST = 512 };
+    static _Alignas(16) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST)];
+    const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
+    saga_job job;
+    saga_status s;
+
+    memset(&job, 0, sizeof job);
+    job.x1 = c->width;
+    job.y1 = c->height;
+    job.tile = TILE;
+    job.list_capacity = LIST;
+    job.scratch = scratch;
+    job.scratch_nbytes = sizeof scratch;
+    do
+        s = saga_draw(dec, &job, &picture, 1u << 24);
+    while (s == SAGA_AGAIN);
+    *crc = saga_crc32c(0, pixels, 3u * c->width * (size_t)c->height);
+    return s;
+}
+
+/* Byte range of segment `number`: its first frame lies after those of the
+ * segments before it. */
+static saga_status find_segment(saga_segment *seg, const uint8_t *bytes,
+                                size_t n, uint32_t number)
+{
+    uint32_t frame = 0;
+    saga_status s;
+
+    for (;;) {
+        s = saga_find(seg, bytes, n, frame, 1);
+        if (s || seg->number == number)
+            return s;
+        frame = seg->first_frame + seg->n_frames;
+    }
+}
+
+static saga_status run_stages(saga_stages *out, saga_decoder *dec,
+                              const uint8_t *bytes, size_t n, uint32_t number,
+                              int32_t t, uint32_t camera, uint8_t *pixels,
+                              size_t pixels_nbytes)
+{
+    saga_segment seg;
+    saga_camera c;
+    saga_report report;
+    uint32_t name;
+    saga_status s = find_segment(&seg, bytes, n, number);
+
+    if (s)
+        return s;
+    if (seg.offset > n || seg.nbytes > n - seg.offset)
+        return SAGA_ERR_TRUNCATED;
+    s = saga_decode(dec, bytes + seg.offset, seg.nbytes);
+    if (s)
+        return s;
+    s = saga_rig(&c, &name, bytes, n, camera);
+    if (s)
+        return s;
+    s = saga_view(dec, &c, t);
+    if (s)
+        return s;
+    saga_tell(&report, dec);
+    memcpy(out->final_range, report.final_range, sizeof out->final_range);
+    out->primitives = primitives_crc(dec, report.n_primitives, t);
+    out->splats = splats_crc(dec, report.n_splats);
+    return draw_frame(&out->frame, dec, &c, pixels, pixels_nbytes);
+}
+
+saga_status saga_stages_of(saga_stages *stages, const uint8_t *bytes, size_t n,
+                           uint32_t number, int32_t t, uint32_t camera,
+                           uint8_t *pixels, size_t pixels_nbytes)
+{
+    saga_decoder *dec;
+    saga_info info;
+    void *work;
+    saga_status s = saga_probe(&info, bytes, n);
+
+    if (s)
+        return s;
+    work = aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes);
+    if (!work)
+        return SAGA_ERR_SPACE;
+    s = saga_open(&dec, work, info.work_nbytes, bytes, n);
+    if (!s)
+        s = run_stages(stages, dec, bytes, n, number, t, camera, pixels,
+                       pixels_nbytes);
+    free(work);
+    return s;
+}
