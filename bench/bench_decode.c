@@ -179,7 +179,8 @@ static void bench_coder(void)
             check(SAGA_ERR_DATA, "range decoder");
     }
     printf("range decoder      %8.1f Msym/s median, %.1f best, at %.2f bits a "
-           "symbol\n", N / (1e3 * median(t)), N / (1e3 * t[0]), 8.0 * (double)n / N);
+           "symbol\n", N / (1e3 * median(t)), N / (1e3 * t[0]),
+           8.0 * (double)n / N);
     free(p);
 }
 

@@ -113,6 +113,8 @@ static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
     saga_nets_place(&place, nets, net, i);
     bias = (int32_t *)(void *)(block + place.bias);
     code_fields(&f, c, net, i);
+    if (f.step_q16 == 0)
+        return 0;
     for (row = 0; row < n_out; row++) {
         saga_at at = at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
                                (uint32_t)i);

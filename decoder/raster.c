@@ -214,7 +214,8 @@ static void blend_line(uint32_t *t, uint32_t plane, span *s,
     const int32_t first = s->lo & ~7;
     int32_t i;
 
-    s->v = (int32_t)((uint32_t)s->v - (uint32_t)s->g * (uint32_t)(s->lo - first));
+    s->v = (int32_t)((uint32_t)s->v -
+                     (uint32_t)s->g * (uint32_t)(s->lo - first));
     s->lo -= first;
     s->hi -= first;
     t += first;
@@ -593,8 +594,8 @@ static void write_line(const raster *r, const uint32_t *t, int32_t x,
 
     for (i = 0; i < width; i++)
         for (k = 0; k < 3; k++) {
-            const uint32_t v = finish(t[(uint32_t)i + plane * (uint32_t)(k + 1)],
-                                      t[i], r->cam->background_q15[k],
+            const uint32_t sum = t[(uint32_t)i + plane * (uint32_t)(k + 1)];
+            const uint32_t v = finish(sum, t[i], r->cam->background_q15[k],
                                       is_16 ? 65535 : 255);
 
             if (is_16)

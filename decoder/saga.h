@@ -94,7 +94,8 @@ typedef struct saga_job {
 
 /* Bytes of scratch the smallest band (one tile) needs. */
 #define SAGA_JOB_NBYTES(tile, list_capacity) \
-    ((size_t)(tile) * (size_t)(tile) * 16u + (size_t)(list_capacity) * 8u + 264u)
+    ((size_t)(tile) * (size_t)(tile) * 16u + (size_t)(list_capacity) * 8u + \
+     264u)
 
 /* --- Files ----------------------------------------------------------------
  *

@@ -19,6 +19,7 @@ typedef struct {
     const saga_net_symbols *nets;
     const saga_nets *shapes;
     uint32_t features;
+    uint32_t n_nodes;            /* of the tree, asked for so far */
 } source;
 
 static const saga_layer_symbols *layer_of(const source *e, saga_at at)
@@ -83,6 +84,27 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
     }
 }
 
+/* Bits that the traversal never asks for would not come back: children beyond
+ * a split's, suffixes beyond their grid. */
+static int symbols_are_clean(const saga_symbols *s, const saga_model *m)
+{
+    static const uint32_t children[4] = { 0, 0xff, 0x3, 0xffff };
+    const uint32_t bits[2] = { 4u * m->level[SAGA_LEVEL_COARSE].suffix_bits,
+                               4u * m->level[SAGA_LEVEL_FINE].suffix_bits };
+    uint32_t i;
+
+    for (i = 0; i < s->n_nodes; i++)
+        if (s->split[i] > 3 || (s->occupancy[i] & ~children[s->split[i]]))
+            return 0;
+    for (i = 0; i < s->n.fine; i++)
+        if ((uint64_t)s->fine_suffix[i] >> bits[0])
+            return 0;
+    for (i = 0; i < s->n.prim; i++)
+        if ((uint64_t)s->prim_suffix[i] >> bits[1])
+            return 0;
+    return 1;
+}
+
 static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
                      uint32_t step_q16, const uint8_t *scale, uint32_t n)
 {
@@ -106,6 +128,8 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
     source *const e = (source *)(void *)c;
     uint32_t sym = symbol_of(e, at, n_sym);
 
+    if (at.sym == SAGA_SYM_SPLIT)
+        e->n_nodes = at.index + 1;
     if (sym >= n_sym) {
         c->error = 1;
         sym = 0;
@@ -263,6 +287,13 @@ saga_encoder *saga_encoder_open(const saga_header *header,
     return e;
 }
 
+const uint8_t *saga_encoder_params(const saga_encoder *e,
+                                   const saga_nets **nets)
+{
+    *nets = &e->nets;
+    return e->params;
+}
+
 /* Memory of the traversal. */
 static void scaffold_alloc(saga_scaffold *sc, const saga_encoder *e,
                            saga_counts n)
@@ -327,7 +358,8 @@ static int encode_layer(saga_encoder *e, const saga_scaffold *sc,
     source_init(&src, e);
     src.s = s;
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
-    if (!code_layer(sc, layer, &src.coder) || src.coder.error)
+    if (!code_layer(sc, layer, &src.coder) || src.coder.error ||
+        (layer == 0 && src.n_nodes != s->n_nodes))
         return 0;
     n = saga_range_enc_finish(&src.range);
     if (n == 0)
@@ -374,6 +406,11 @@ int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
     saga_scaffold sc;
     int layer, ok = 1;
 
+    if (n_frames == 0 || !symbols_are_clean(s, &e->header.model)) {
+        *why = n_frames ? "a symbol has bits that are not coded"
+                        : "a segment needs at least one frame";
+        return 0;
+    }
     begin_segment(e, s, n_frames);
     scaffold_alloc(&sc, e, s->n);
     saga_syntax_begin(&sc);

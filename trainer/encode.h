@@ -7,6 +7,7 @@
 #define SAGA_ENCODE_H
 
 #include "container.h"
+#include "scaffold.h"
 #include "symbols.h"
 
 #include <stddef.h>
@@ -30,6 +31,11 @@ saga_encoder *saga_encoder_open(const saga_header *header,
                                 const saga_rig_camera *rig,
                                 const saga_net_symbols *nets,
                                 const char **why);
+
+/* The dequantised networks, for a quantiser that runs the traversal before the
+ * symbols are known: the block, and its layout. Both live as long as e. */
+const uint8_t *saga_encoder_params(const saga_encoder *e,
+                                   const saga_nets **nets);
 
 /* Appends a segment of n_frames frames. Returns 1, or 0 with a reason in *why
  * if the symbols do not make a valid segment. */

@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Fuzzing of everything behind saga.h: the input is a file. Its checksum says
+ * how it is played; in seven of eight cases its CRCs are signed anew, so that
+ * changes get past them.
+ *
+ * With libFuzzer:
+ *     clang -fsanitize=fuzzer,address,undefined -DSAGA_CHECK ... fuzz_decode.c
+ * Without: -DSAGA_FUZZ_MAIN makes a program of it that plays files, or writes
+ * small streams to begin with:
+ *     fuzz_decode FILE...
+ *     fuzz_decode --seeds DIR N
+ * What it prints for the same files must be the same on every machine.
+ */
+#include "gen_mutate.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n);
+
+static void *must(void *p)
+{
+    if (!p) {
+        fprintf(stderr, "fuzz_decode: out of memory\n");
+        exit(2);
+    }
+    return p;
+}
+
+/* Of all pictures and statuses so far. */
+static uint32_t total;
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+{
+    const uint32_t crc = saga_crc32c(0, data, n);
+    uint8_t *const copy = must(malloc(n + 1));
+    uint64_t r = crc;
+    mutate_result result;
+
+    if (n)
+        memcpy(copy, data, n);
+    if (crc % 8)
+        mutate_sign(copy, n);
+    mutate_play(&result, copy, n, &r);
+    free(copy);
+    total = total * 31u + result.crc;
+    if (result.broken) {
+        fprintf(stderr, "fuzz_decode: not so: %s\n", result.broken);
+        abort();
+    }
+    return 0;
+}
+
+#ifdef SAGA_FUZZ_MAIN
+
+static uint8_t *read_file(const char *path, size_t *n)
+{
+    FILE *const f = fopen(path, "rb");
+    size_t cap = 1 << 16, got;
+    uint8_t *p;
+
+    if (!f)
+        return NULL;
+    p = must(malloc(cap));
+    *n = 0;
+    while ((got = fread(p + *n, 1, cap - *n, f)) > 0) {
+        *n += got;
+        if (*n == cap) {
+            cap *= 2;
+            p = must(realloc(p, cap));
+        }
+    }
+    fclose(f);
+    return p;
+}
+
+static int play_file(const char *path)
+{
+    size_t n = 0;
+    uint8_t *const p = read_file(path, &n);
+
+    if (!p) {
+        fprintf(stderr, "fuzz_decode: %s: cannot read\n", path);
+        return 2;
+    }
+    (void)LLVMFuzzerTestOneInput(p, n);
+    free(p);
+    return 0;
+}
+
+static int write_file(const char *path, const uint8_t *p, size_t n)
+{
+    FILE *const f = fopen(path, "wb");
+
+    if (!f || fwrite(p, 1, n, f) != n || fclose(f)) {
+        fprintf(stderr, "fuzz_decode: %s: cannot write\n", path);
+        return 2;
+    }
+    return 0;
+}
+
+/* The smallest of some random streams each: networks make most of a file. */
+static int write_seed(const char *dir, uint32_t number)
+{
+    uint8_t *best = NULL;
+    size_t n_best = 0;
+    char path[1024];
+    int rc;
+    uint32_t i;
+
+    for (i = 0; i < 50; i++) {
+        gen_options o;
+        gen_stream g;
+        uint64_t r = i;
+        uint8_t *bytes;
+        size_t n;
+
+        memset(&o, 0, sizeof o);
+        o.seed = 50u * number + i;
+        o.n_coarse = 3;
+        gen_stream_make(&g, &o);
+        if (number & 1)
+            mutate_extreme_nets(&g, &r);
+        gen_stream_encode(&g, &bytes, &n);
+        gen_stream_free(&g);
+        if (best && n >= n_best) {
+            free(bytes);
+            continue;
+        }
+        free(best);
+        best = bytes;
+        n_best = n;
+    }
+    snprintf(path, sizeof path, "%s/%u.saga", dir, (unsigned)number);
+    rc = write_file(path, best, n_best);
+    free(best);
+    return rc;
+}
+
+int main(int argc, char **argv)
+{
+    int rc = 0, i;
+
+    if (argc == 4 && strcmp(argv[1], "--seeds") == 0) {
+        const uint32_t n = (uint32_t)strtoul(argv[3], NULL, 0);
+        uint32_t k;
+
+        for (k = 0; k < n && rc == 0; k++)
+            rc = write_seed(argv[2], k);
+        return rc;
+    }
+    if (argc < 2) {
+        fprintf(stderr, "usage: fuzz_decode FILE... | --seeds DIR N\n");
+        return 2;
+    }
+    for (i = 1; i < argc && rc == 0; i++)
+        rc = play_file(argv[i]);
+    if (rc == 0)
+        printf("%d files played, %08lx\n", argc - 1, (unsigned long)total);
+    return rc;
+}
+
+#endif

@@ -1,0 +1,1118 @@
+/* SPDX-License-Identifier: MIT */
+#include "gen_mutate.h"
+
+#include "container.h"
+#include "fx.h"
+#include "head.h"
+#include "plan.h"
+#include "range_dec.h"
+#include "syntax.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+const char *const mutate_class_text[MUTATE_N_CLASSES] = {
+    "raw", "raw signed", "header", "index", "networks", "counts", "coarse",
+    "fine", "prim", "order"
+};
+
+const char *const mutate_stage_text[MUTATE_N_STAGES] = {
+    "header", "size", "index", "nets", "segment", "tree", "coarse", "fine",
+    "prim", "view", "drawn"
+};
+
+static void *must(void *p)
+{
+    if (!p) {
+        fprintf(stderr, "gen_mutate: out of memory\n");
+        exit(2);
+    }
+    return p;
+}
+
+/* Exact size: a sanitizer sees every byte too far. */
+static uint8_t *copy_of(const uint8_t *p, size_t n)
+{
+    uint8_t *const q = must(malloc(n ? n : 1));
+
+    if (n)
+        memcpy(q, p, n);
+    return q;
+}
+
+static uint32_t pick(uint64_t *r, uint32_t n)
+{
+    return (uint32_t)(gen_random(r) % n);
+}
+
+/* --- A file in pieces ---------------------------------------------------- */
+
+void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n)
+{
+    size_t at = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+
+    memset(f, 0, sizeof *f);
+    f->header_nbytes = at;
+    f->header = copy_of(bytes, at);
+    while (n - at >= SAGA_CHUNK_NBYTES && f->n_parts < MUTATE_PARTS) {
+        mutate_part *const part = &f->part[f->n_parts++];
+
+        part->type = fx_load32_le(bytes + at);
+        part->n = fx_load32_le(bytes + at + 4);
+        part->p = copy_of(bytes + at + SAGA_CHUNK_NBYTES, part->n);
+        at += SAGA_CHUNK_NBYTES + part->n;
+    }
+}
+
+void mutate_free(mutate_file *f)
+{
+    uint32_t i;
+
+    free(f->header);
+    for (i = 0; i < f->n_parts; i++)
+        free(f->part[i].p);
+}
+
+static void write_chunk(uint8_t *out, const mutate_part *part)
+{
+    saga_io io = { NULL, out, 0 };
+    saga_chunk chunk = { part->type, (uint32_t)part->n, 0 };
+
+    if (part->n)
+        memcpy(out + SAGA_CHUNK_NBYTES, part->p, part->n);
+    chunk.crc = saga_chunk_crc(&chunk, out + SAGA_CHUNK_NBYTES);
+    saga_chunk_io(&io, &chunk);
+}
+
+/* Entries of an index payload, from where the parts will stand. */
+static void relink(const mutate_file *f, uint8_t *index, size_t n)
+{
+    uint64_t at = f->header_nbytes + f->part[0].n + f->part[1].n +
+                  2u * SAGA_CHUNK_NBYTES;
+    size_t entry = 0;
+    uint32_t i = 2, k;
+
+    while (i < f->n_parts && entry + SAGA_INDEX_ENTRY_NBYTES <= n) {
+        uint32_t nbytes = 0;
+
+        for (k = 0; k < 4 && i < f->n_parts; k++, i++)
+            nbytes += (uint32_t)f->part[i].n + SAGA_CHUNK_NBYTES;
+        fx_store32_le(index + entry, (uint32_t)(at & 0xffffffffu));
+        fx_store32_le(index + entry + 4, (uint32_t)(at >> 32));
+        fx_store32_le(index + entry + 8, nbytes);
+        at += nbytes;
+        entry += SAGA_INDEX_ENTRY_NBYTES;
+    }
+}
+
+/* Offset of nets_nbytes in the header: after magic, header_nbytes, four small
+ * fields, n_segments, n_frames, rate and maxima. */
+enum { NETS_NBYTES_AT = 8 + 4 + 4 + 4 + 4 + 8 + 12 };
+
+static uint8_t *join(const mutate_file *f, size_t *n, int link)
+{
+    uint8_t *out;
+    size_t at = f->header_nbytes;
+    uint32_t i;
+
+    *n = at;
+    for (i = 0; i < f->n_parts; i++)
+        *n += SAGA_CHUNK_NBYTES + f->part[i].n;
+    out = must(malloc(*n + 1));
+    memcpy(out, f->header, at);
+    if (link && f->n_parts > 2) {
+        relink(f, f->part[0].p, f->part[0].n);
+        fx_store32_le(out + NETS_NBYTES_AT, (uint32_t)f->part[1].n);
+    }
+    for (i = 0; i < f->n_parts; i++) {
+        write_chunk(out + at, &f->part[i]);
+        at += SAGA_CHUNK_NBYTES + f->part[i].n;
+    }
+    if (fx_load32_le(f->header + SAGA_MAGIC_NBYTES) == f->header_nbytes)
+        gen_stream_sign_header(out);
+    else
+        mutate_sign(out, *n);
+    return out;
+}
+
+uint8_t *mutate_join(const mutate_file *f, size_t *n)
+{
+    return join(f, n, 1);
+}
+
+void mutate_sign(uint8_t *bytes, size_t n)
+{
+    uint64_t at;
+
+    if (n < SAGA_HEADER_NBYTES)
+        return;
+    at = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+    if (at < SAGA_HEADER_NBYTES + 4 || at > n)
+        return;
+    gen_stream_sign_header(bytes);
+    while (n - at >= SAGA_CHUNK_NBYTES) {
+        saga_io io = { bytes + at, NULL, 0 };
+        saga_chunk chunk;
+
+        saga_chunk_io(&io, &chunk);
+        if (chunk.nbytes > n - at - SAGA_CHUNK_NBYTES)
+            return;
+        fx_store32_le(bytes + at + 8,
+                      saga_chunk_crc(&chunk, bytes + at + SAGA_CHUNK_NBYTES));
+        at += SAGA_CHUNK_NBYTES + chunk.nbytes;
+    }
+}
+
+/* --- Walking a segment with a witness ------------------------------------ */
+
+/* Passes everything on, and notes what was asked for. */
+typedef struct {
+    saga_coder coder;            /* first: its functions cast back */
+    saga_coder *inner;
+    uint32_t leaves, fine, prim; /* counted in the symbols */
+    uint8_t last;                /* SAGA_SYM_* */
+} witness;
+
+static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
+                     uint32_t step_q16, const uint8_t *scale, uint32_t n)
+{
+    witness *const w = (witness *)(void *)c;
+
+    w->inner->residual(w->inner, at, q, mu, step_q16, scale, n);
+    w->last = at.sym;
+    c->error = w->inner->error;
+}
+
+static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
+                         uint32_t n_sym)
+{
+    witness *const w = (witness *)(void *)c;
+    const uint32_t sym = w->inner->adaptive(w->inner, at, m, n_sym);
+
+    w->leaves += at.sym == SAGA_SYM_SPLIT && sym == 0;
+    w->fine += at.sym == SAGA_SYM_N_FINE ? sym : 0;
+    w->prim += at.sym == SAGA_SYM_N_PRIM ? sym : 0;
+    w->last = at.sym;
+    c->error = w->inner->error;
+    return sym;
+}
+
+static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
+{
+    witness *const w = (witness *)(void *)c;
+
+    w->last = at.sym;
+    return w->inner->uniform(w->inner, at, bits);
+}
+
+static void witness_init(witness *w, saga_coder *inner)
+{
+    memset(w, 0, sizeof *w);
+    w->coder.residual = residual;
+    w->coder.adaptive = adaptive;
+    w->coder.uniform = uniform;
+    w->inner = inner;
+}
+
+/* Header, plan and networks of a head that saga_open accepts. */
+typedef struct {
+    saga_header header;
+    saga_plan plan;
+    uint8_t *params;
+} head;
+
+/* payload: of NETS. Returns 0 if anything is invalid; then nothing to free. */
+static int head_open(head *h, const uint8_t *header, size_t n,
+                     const uint8_t *payload, size_t n_payload)
+{
+    saga_range_dec range;
+
+    if (saga_head_read(&h->header, header, n) ||
+        saga_plan_make(&h->plan, &h->header, 0) ||
+        h->plan.work_nbytes > 64u << 20)
+        return 0;
+    h->params = must(aligned_alloc(16, h->plan.nets.nbytes + 16));
+    saga_range_dec_init(&range, payload, n_payload);
+    if (saga_syntax_networks(&h->plan.nets, h->params, &range.coder) &&
+        saga_range_dec_finish(&range))
+        return 1;
+    free(h->params);
+    return 0;
+}
+
+static void *array(size_t n, size_t size)
+{
+    return must(calloc(n + 1, size));
+}
+
+static void scaffold_open(saga_scaffold *sc, const head *h, saga_counts n)
+{
+    const size_t f = h->header.model.features;
+
+    sc->model = &h->header.model;
+    sc->nets = &h->plan.nets;
+    sc->params = h->params;
+    sc->n = n;
+    sc->coarse = array(n.coarse, sizeof *sc->coarse);
+    sc->coarse_feature = array(n.coarse, f * sizeof(int16_t));
+    sc->fine = array(n.fine, sizeof *sc->fine);
+    sc->fine_feature = array(n.fine, f * sizeof(int16_t));
+    sc->prim_offset = array(n.prim, sizeof *sc->prim_offset);
+    sc->models = array(1, sizeof *sc->models);
+    sc->v = array(1, sizeof *sc->v);
+    saga_syntax_begin(sc);
+}
+
+static void scaffold_free(saga_scaffold *sc)
+{
+    free(sc->coarse);
+    free(sc->coarse_feature);
+    free(sc->fine);
+    free(sc->fine_feature);
+    free(sc->prim_offset);
+    free(sc->models);
+    free(sc->v);
+}
+
+static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
+{
+    return layer == 0 ? saga_syntax_coarse(sc, c)
+         : layer == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+}
+
+static mutate_stage stage_of(uint8_t sym)
+{
+    return sym <= SAGA_SYM_N_FINE ? MUTATE_AT_TREE
+         : sym <= SAGA_SYM_FEATURE ? MUTATE_AT_COARSE
+         : sym <= SAGA_SYM_FINE_OFFSET || sym == SAGA_SYM_N_PRIM
+               ? MUTATE_AT_FINE : MUTATE_AT_PRIM;
+}
+
+static int counts_fit(const saga_header *h, const saga_counts *n)
+{
+    return n->coarse >= 1 && n->coarse <= h->max.coarse &&
+           n->fine <= h->max.fine && n->prim <= h->max.prim;
+}
+
+/* The stage at which a segment of three payloads fails, or MUTATE_AT_VIEW. */
+static mutate_stage stage_of_layers(const head *h, saga_counts n,
+                                    const mutate_part *layers)
+{
+    mutate_stage stage = MUTATE_AT_VIEW;
+    saga_scaffold sc;
+    int layer;
+
+    scaffold_open(&sc, h, n);
+    for (layer = 0; layer < 3 && stage == MUTATE_AT_VIEW; layer++) {
+        saga_range_dec range;
+        witness w;
+
+        saga_range_dec_init(&range, layers[layer].p, layers[layer].n);
+        witness_init(&w, &range.coder);
+        w.last = layer == 0 ? SAGA_SYM_SPLIT
+               : layer == 1 ? SAGA_SYM_FINE_OFFSET : SAGA_SYM_PRIM_OFFSET;
+        if (!code_layer(&sc, layer, &w.coder) ||
+            !saga_range_dec_finish(&range))
+            stage = stage_of(w.last);
+    }
+    scaffold_free(&sc);
+    return stage;
+}
+
+/* --- Repair -------------------------------------------------------------- */
+
+enum { PAD = 4096, ATTEMPTS = 12 };
+
+static saga_counts counts_of(const mutate_part *segment)
+{
+    saga_counts n;
+
+    n.coarse = fx_load32_le(segment->p + 12);
+    n.fine = fx_load32_le(segment->p + 16);
+    n.prim = fx_load32_le(segment->p + 20);
+    return n;
+}
+
+static void set_counts(const mutate_part *segment, const saga_counts *n)
+{
+    fx_store32_le(segment->p + 12, n->coarse);
+    fx_store32_le(segment->p + 16, n->fine);
+    fx_store32_le(segment->p + 20, n->prim);
+}
+
+static void resize(mutate_part *part, size_t n)
+{
+    part->p = must(realloc(part->p, n ? n : 1));
+    if (n > part->n)
+        memset(part->p + part->n, 0, n - part->n);
+    part->n = n;
+}
+
+/* Runs a layer on its payload with zeros behind it. Returns 1 with the payload
+ * as long as it was read; 0 if it is invalid: *n then has the counts that the
+ * symbols had. */
+static int fit_layer(const saga_scaffold *sc, int layer, mutate_part *part,
+                     saga_counts *n, int *again)
+{
+    const size_t size = part->n + PAD;
+    uint8_t *const padded = array(size, 1);
+    saga_range_dec range;
+    witness w;
+    int ok;
+
+    memcpy(padded, part->p, part->n);
+    saga_range_dec_init(&range, padded, size);
+    witness_init(&w, &range.coder);
+    ok = code_layer(sc, layer, &w.coder) && !w.coder.error;
+    if (layer == 0 && w.last <= SAGA_SYM_N_FINE) {
+        n->coarse = w.leaves;
+        n->fine = w.fine;
+    }
+    if (layer == 1 && w.last == SAGA_SYM_N_PRIM)
+        n->prim = w.prim;
+    free(padded);
+    /* The decoder reads three bytes past the end, as zeros. */
+    *again = ok && part->n + 3 != range.pos;
+    if (ok)
+        resize(part, range.pos - 3);
+    return ok;
+}
+
+/* Counts and lengths of a segment so that its bytes decode, if there are
+ * such. */
+static void repair(const head *h, mutate_part *segment)
+{
+    saga_counts n = counts_of(segment);
+    int attempt, layer, again = 1;
+
+    if (segment->n != SAGA_SEGMENT_NBYTES)
+        return;
+    for (attempt = 0; attempt < ATTEMPTS && again; attempt++) {
+        const saga_counts was = n;
+        saga_scaffold sc;
+        int ok = 1;
+
+        if (!counts_fit(&h->header, &n))
+            return;
+        scaffold_open(&sc, h, n);
+        again = 0;
+        for (layer = 0; layer < 3 && ok && !again; layer++)
+            ok = fit_layer(&sc, layer, segment + 1 + layer, &n, &again);
+        scaffold_free(&sc);
+        set_counts(segment, &n);
+        if (!ok && memcmp(&n, &was, sizeof n) == 0)
+            return;
+        again |= !ok;
+    }
+}
+
+static uint32_t least(uint32_t a, uint32_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Room for counts that grow. */
+static void raise_maxima(mutate_file *f)
+{
+    saga_io in = { f->header, NULL, SAGA_MAGIC_NBYTES };
+    saga_io out = { NULL, f->header, SAGA_MAGIC_NBYTES };
+    saga_header h;
+
+    saga_header_io(&in, &h);
+    if (h.level >= SAGA_N_PROFILES || h.max.coarse > 1000)
+        return;
+    h.max.coarse = least(2 * h.max.coarse + 8,
+                              saga_caps[h.level].n_coarse);
+    h.max.fine = least(2 * h.max.fine + 40, saga_caps[h.level].n_fine);
+    h.max.prim = least(2 * h.max.prim + 200, saga_caps[h.level].n_prim);
+    saga_header_io(&out, &h);
+}
+
+static void repair_all(mutate_file *f)
+{
+    uint8_t *bytes;
+    size_t n;
+    uint32_t i;
+    head h;
+
+    raise_maxima(f);
+    bytes = mutate_join(f, &n);
+    if (f->n_parts > 2 &&
+        head_open(&h, bytes, f->header_nbytes, f->part[1].p, f->part[1].n)) {
+        for (i = 2; i + 4 <= f->n_parts; i += 4)
+            repair(&h, &f->part[i]);
+        free(h.params);
+    }
+    free(bytes);
+}
+
+/* --- Damage -------------------------------------------------------------- */
+
+/* 0 <= from <= n places for something of a few bytes. */
+static size_t few(uint64_t *r, size_t n)
+{
+    const size_t k = 1 + pick(r, pick(r, 4) ? 4 : 64);
+
+    return k < n ? k : n;
+}
+
+static void insert(mutate_part *part, uint64_t *r)
+{
+    const size_t at = pick(r, (uint32_t)part->n + 1), k = few(r, 64);
+    const size_t rest = part->n - at;
+    size_t i;
+
+    resize(part, part->n + k);
+    memmove(part->p + at + k, part->p + at, rest);
+    for (i = 0; i < k; i++)
+        part->p[at + i] = (uint8_t)gen_random(r);
+}
+
+static void delete(mutate_part *part, uint64_t *r)
+{
+    const size_t at = pick(r, (uint32_t)part->n);
+    const size_t k = few(r, part->n - at);
+
+    memmove(part->p + at, part->p + at + k, part->n - at - k);
+    resize(part, part->n - k);
+}
+
+static void overwrite(mutate_part *part, uint64_t *r)
+{
+    const size_t at = pick(r, (uint32_t)part->n);
+    const size_t k = few(r, part->n - at);
+    const uint32_t how = pick(r, 4);
+    const size_t from = pick(r, (uint32_t)(part->n - k) + 1);
+
+    if (how == 3)
+        memmove(part->p + at, part->p + from, k);
+    else
+        memset(part->p + at, how == 0 ? 0 : how == 1 ? 255
+                                                     : (int)pick(r, 256), k);
+}
+
+/* One change somewhere; late places change little of what is decoded. */
+static void damage(mutate_part *part, uint64_t *r)
+{
+    const uint32_t how = pick(r, 8);
+    size_t at;
+
+    if (part->n == 0 || how == 0) {
+        insert(part, r);
+        return;
+    }
+    at = pick(r, (uint32_t)part->n);
+    if (pick(r, 2))
+        at = part->n - 1 - at % (part->n / 8 + 1);
+    if (how == 1)
+        delete(part, r);
+    else if (how == 2)
+        resize(part, at);
+    else if (how == 3)
+        overwrite(part, r);
+    else if (how < 6)
+        part->p[at] ^= (uint8_t)(1u << pick(r, 8));
+    else
+        part->p[at] = (uint8_t)gen_random(r);
+}
+
+static void damage_some(mutate_part *part, uint64_t *r)
+{
+    uint32_t n = 1 + (pick(r, 4) ? 0 : pick(r, 8));
+
+    while (n-- > 0)
+        damage(part, r);
+}
+
+/* A value that is likely to be at some limit. */
+static uint32_t odd_value(uint64_t *r)
+{
+    static const uint32_t odd[] = {
+        0, 1, 2, 3, 7, 8, 15, 16, 17, 20, 24, 31, 32, 63, 64, 127, 128, 255,
+        256, 32767, 32768, 65535, 1u << 20, 0x7fffffff, 0x80000000u,
+        0xffffffffu
+    };
+
+    if (pick(r, 3) == 0)
+        return (uint32_t)gen_random(r) >> pick(r, 32);
+    return odd[pick(r, sizeof odd / sizeof *odd)];
+}
+
+static void damage_level(saga_level *l, uint64_t *r)
+{
+    const uint32_t v = odd_value(r);
+
+    switch (pick(r, 7)) {
+    case 0: l->n_groups = (uint8_t)(1 + v % 16); break;
+    case 1: l->window = (uint8_t)(v % 33); break;
+    case 2: l->neighbours = (uint8_t)(1 + v % 16); break;
+    case 3: l->suffix_bits = (uint8_t)(v % 9); break;
+    case 4: l->max_children = (uint8_t)(1 + v % 16); break;
+    case 5: l->radius2_q12 = (uint16_t)v; break;
+    default: l->softmax_q8 = (uint16_t)v; break;
+    }
+}
+
+static void damage_model(saga_model *m, uint64_t *r)
+{
+    const uint32_t v = odd_value(r);
+
+    switch (pick(r, 8)) {
+    case 0: m->tools ^= 1u << pick(r, 12); break;
+    case 1: m->sources[pick(r, 3)] = (uint8_t)(v & 15u); break;
+    case 2: m->lambda_t_q8 = (uint16_t)v; break;
+    case 3: m->step_q16[pick(r, SAGA_N_STEPS)] = v; break;
+    case 4: m->head_q[pick(r, SAGA_N_HEADS)] = (uint8_t)(v % 22); break;
+    case 5: m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17); break;
+    case 6: m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v; break;
+    default: damage_level(&m->level[pick(r, 2)], r); break;
+    }
+}
+
+static void damage_fields(saga_header *h, uint64_t *r)
+{
+    const uint32_t v = odd_value(r);
+
+    switch (pick(r, 24)) {
+    case 0: h->level = (uint8_t)(v & 7u); break;
+    case 1: h->n_segments = v; break;
+    case 2: h->n_frames = v; break;
+    case 3: h->max.coarse = v; break;
+    case 4: h->max.fine = v; break;
+    case 5: h->max.prim = v; break;
+    case 6: h->nets_nbytes = v; break;
+    case 7: h->rate_num = v; break;
+    case 8: h->header_nbytes = v; break;
+    case 9: h->model.features = (uint8_t)v; break;
+    case 10: h->model.octaves = (uint8_t)v; break;
+    case 11: h->memory_slots = (uint16_t)v; break;
+    default: damage_model(&h->model, r); break;
+    }
+}
+
+static void damage_header(mutate_file *f, uint64_t *r)
+{
+    uint32_t n = 1 + pick(r, 3), end, at;
+    saga_header h;
+
+    if (pick(r, 4) == 0) {
+        at = pick(r, (uint32_t)f->header_nbytes);
+        f->header[at] = (uint8_t)gen_random(r);
+    }
+    while (n-- > 0) {
+        saga_io in = { f->header, NULL, SAGA_MAGIC_NBYTES };
+        saga_io out = { NULL, f->header, SAGA_MAGIC_NBYTES };
+
+        saga_header_io(&in, &h);
+        damage_fields(&h, r);
+        saga_header_io(&out, &h);
+    }
+    /* Signing must find the place of the CRC. */
+    end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);
+    if (end != f->header_nbytes && pick(r, 8))
+        fx_store32_le(f->header + SAGA_MAGIC_NBYTES,
+                      (uint32_t)f->header_nbytes);
+}
+
+static void damage_counts(mutate_part *segment, uint64_t *r)
+{
+    const uint32_t at = 4 * pick(r, 6);
+    const uint32_t was = fx_load32_le(segment->p + at);
+
+    fx_store32_le(segment->p + at, pick(r, 2) ? was + pick(r, 3) - 1
+                                              : odd_value(r));
+}
+
+static void damage_order(mutate_file *f, uint64_t *r)
+{
+    const uint32_t i = pick(r, f->n_parts), k = pick(r, f->n_parts);
+    const mutate_part kept = f->part[i];
+
+    switch (pick(r, 4)) {
+    case 0:
+        f->part[i] = f->part[k];
+        f->part[k] = kept;
+        break;
+    case 1:                      /* drop */
+        memmove(f->part + i, f->part + i + 1,
+                (f->n_parts - i - 1) * sizeof kept);
+        free(kept.p);
+        f->n_parts--;
+        break;
+    case 2:                      /* the payload of another */
+        f->part[i].p = copy_of(f->part[k].p, f->part[k].n);
+        f->part[i].n = f->part[k].n;
+        free(kept.p);
+        break;
+    default:
+        f->part[i].type ^= 1u << pick(r, 32);
+        break;
+    }
+}
+
+/* Returns whether the segments may be repaired. */
+static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
+{
+    const uint32_t segment = 2 + 4 * pick(r, (f->n_parts - 2) / 4);
+
+    switch (c) {
+    case MUTATE_IN_HEADER:
+        damage_header(f, r);
+        return fx_load32_le(f->header + SAGA_MAGIC_NBYTES) ==
+               f->header_nbytes;
+    case MUTATE_IN_INDEX: damage_some(&f->part[0], r); return 0;
+    case MUTATE_IN_NETWORKS: damage_some(&f->part[1], r); return 1;
+    case MUTATE_IN_COUNTS: damage_counts(&f->part[segment], r); return 0;
+    case MUTATE_IN_COARSE: damage_some(&f->part[segment + 1], r); return 1;
+    case MUTATE_IN_FINE: damage_some(&f->part[segment + 2], r); return 1;
+    case MUTATE_IN_PRIM: damage_some(&f->part[segment + 3], r); return 1;
+    default: damage_order(f, r); return 0;
+    }
+}
+
+/* The networks' chunk as long as it is read, if its rows are valid. */
+static void fit_networks(mutate_file *f)
+{
+    uint8_t *const padded = array(f->part[1].n + PAD, 1);
+    saga_header h;
+    saga_plan plan;
+    size_t n;
+    int attempt, ok = 1;
+    uint8_t *const bytes = mutate_join(f, &n);
+    uint8_t *params = NULL;
+
+    ok = !saga_head_read(&h, bytes, f->header_nbytes) &&
+         !saga_plan_make(&plan, &h, 0) && plan.work_nbytes <= 64u << 20;
+    if (ok)
+        params = must(aligned_alloc(16, plan.nets.nbytes + 16));
+    for (attempt = 0; attempt < 4 && ok; attempt++) {
+        saga_range_dec range;
+
+        memset(padded, 0, f->part[1].n + PAD);
+        memcpy(padded, f->part[1].p, f->part[1].n);
+        saga_range_dec_init(&range, padded, f->part[1].n + PAD);
+        ok = saga_syntax_networks(&plan.nets, params, &range.coder) &&
+             range.pos - 3 <= f->part[1].n;
+        if (ok)
+            resize(&f->part[1], range.pos - 3);
+    }
+    free(params);
+    free(padded);
+    free(bytes);
+}
+
+static uint8_t *make_raw(const uint8_t *bytes, size_t n, int sign, uint64_t *r,
+                         size_t *n_out)
+{
+    mutate_part all = { 0, copy_of(bytes, n), n };
+
+    damage_some(&all, r);
+    if (sign)
+        mutate_sign(all.p, all.n);
+    *n_out = all.n;
+    return all.p;
+}
+
+uint8_t *mutate_make(const uint8_t *bytes, size_t n, mutate_class c,
+                     uint64_t *r, size_t *n_out)
+{
+    mutate_file f;
+    uint8_t *out;
+    int may_repair;
+
+    if (c <= MUTATE_RAW_SIGNED)
+        return make_raw(bytes, n, c == MUTATE_RAW_SIGNED, r, n_out);
+    mutate_split(&f, bytes, n);
+    may_repair = damage_file(&f, c, r) && pick(r, 4) != 0;
+    if (may_repair && c == MUTATE_IN_NETWORKS)
+        fit_networks(&f);
+    if (may_repair)
+        repair_all(&f);
+    out = join(&f, n_out, c != MUTATE_IN_INDEX && c != MUTATE_IN_ORDER);
+    mutate_free(&f);
+    return out;
+}
+
+/* sum|w| <= 40000 in gen_stream's networks leaves 8e8 for a bias: 2^16 2^13.
+ */
+void mutate_extreme_nets(gen_stream *g, uint64_t *r)
+{
+    saga_net_shape s;
+    uint32_t row;
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_layer_symbols *l;
+
+        saga_model_net(&s, &g->header.model, net);
+        if (s.n_layers == 0)
+            continue;
+        l = &g->nets.layer[net][s.n_layers - 1];
+        l->bias_shift = (uint8_t)gen_range(r, 10, 13);
+        for (row = 0; row < s.dim[s.n_layers]; row++) {
+            l->shift[row] = (uint8_t)gen_range(r, 0, 24);
+            l->bias[row] = pick(r, 3) == 0 ? 0
+                         : pick(r, 2) ? SAGA_MAX_RESIDUAL
+                                      : -SAGA_MAX_RESIDUAL;
+        }
+    }
+}
+
+/* --- Playing ------------------------------------------------------------- */
+
+enum {
+    MAX_WORK = 64 << 20,
+    MAX_SIDE_X = 40, MAX_SIDE_Y = 28
+};
+#define MAX_MACS 200000000u
+
+#define PROMISE(result, c) \
+    ((c) || (result)->broken ? (void)0 : (void)((result)->broken = #c))
+
+static int is_one_of(saga_status s, const saga_status *all, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        if (s == all[i])
+            return 1;
+    return 0;
+}
+
+static int is_head_status(saga_status s)
+{
+    static const saga_status all[] = {
+        SAGA_OK, SAGA_ERR_DATA, SAGA_ERR_TRUNCATED, SAGA_ERR_VERSION,
+        SAGA_ERR_LEVEL
+    };
+
+    return is_one_of(s, all, sizeof all / sizeof *all);
+}
+
+static int is_segment_status(saga_status s)
+{
+    static const saga_status all[] = {
+        SAGA_OK, SAGA_ERR_DATA, SAGA_ERR_TRUNCATED
+    };
+
+    return is_one_of(s, all, sizeof all / sizeof *all);
+}
+
+static void refuse(mutate_result *result, mutate_stage stage, saga_status s)
+{
+    const uint8_t both[2] = { (uint8_t)stage, (uint8_t)(-(int)s) };
+
+    result->crc = saga_crc32c(result->crc, both, 2);
+    if (stage < result->stage) {
+        result->stage = stage;
+        result->status = s;
+    }
+}
+
+typedef struct {
+    mutate_result *result;
+    saga_decoder *dec;
+    saga_info info;
+    uint8_t *head;               /* exact copy */
+    size_t n_head;
+    uint64_t *r;
+} player;
+
+/* A valid camera, often at a limit of some field. */
+static void odd_camera(saga_camera *c, uint64_t *r)
+{
+    int i;
+
+    memset(c, 0, sizeof *c);
+    for (i = 0; i < 3; i++) {
+        c->rotation_q30[4 * i] = pick(r, 2) ? 1 << 30 : -(1 << 30);
+        c->centre[i] = pick(r, 3) ? gen_range(r, -(1 << 24), 1 << 24)
+                                  : gen_range(r, -(1 << 29), 1 << 29);
+        c->background_q15[i] = (uint16_t)gen_range(r, 0, 32768);
+    }
+    if (pick(r, 2))
+        for (i = 0; i < 9; i++)
+            c->rotation_q30[i] = gen_range(r, -619000000, 619000000);
+    for (i = 0; i < 2; i++) {
+        c->focal_q16[i] = pick(r, 3) ? gen_range(r, 1 << 16, 100 << 16)
+                                     : gen_range(r, 1, INT32_MAX);
+        c->principal_q16[i] = pick(r, 4) ? gen_range(r, 0, 40 << 16)
+                                         : gen_range(r, -(1 << 30), 1 << 30);
+    }
+    c->near_plane = pick(r, 2) ? 1 : gen_range(r, 1, 1 << 20);
+    c->width = (uint16_t)gen_range(r, 1, MAX_SIDE_X);
+    c->height = (uint16_t)gen_range(r, 1, MAX_SIDE_Y);
+}
+
+/* The rig's, scaled down if it is valid but large. */
+static int rig_camera(saga_camera *c, player *p)
+{
+    uint32_t number;
+    int i;
+
+    if (saga_rig(c, &number, p->head, p->n_head, 0) != SAGA_OK)
+        return 0;
+    for (i = 0; i < 2; i++) {
+        c->focal_q16[i] = c->focal_q16[i] / 5 + (c->focal_q16[i] > 0);
+        c->principal_q16[i] /= 5;
+    }
+    c->width = (uint16_t)(c->width > 160 ? 32 : c->width / 5);
+    c->height = (uint16_t)(c->height > 120 ? 24 : c->height / 5);
+    return 1;
+}
+
+/* More units than a picture can take: clearing and writing of all tiles; per
+ * splat a look in each band, once more when the list was full, an entry and
+ * its rows in each tile; one per tile each time the list is full. */
+static uint64_t most_units(const saga_job *job, uint32_t n_splats)
+{
+    const uint64_t side = (uint64_t)job->tile;
+    const uint64_t tiles = (((uint64_t)(job->x1 - job->x0) + side - 1) / side) *
+                           (((uint64_t)(job->y1 - job->y0) + side - 1) / side);
+    const uint64_t entries = tiles * n_splats;
+    const uint64_t passes = entries / job->list_capacity + tiles + 1;
+
+    return tiles * (2 * side + 2) + 3 * entries + entries * side +
+           passes * (tiles + 2);
+}
+
+static uint32_t crc_of_samples(uint32_t crc, const uint8_t *pixels, size_t n,
+                               int bits)
+{
+    uint8_t two[2];
+    uint16_t v;
+    size_t i;
+
+    if (bits == 8)
+        return saga_crc32c(crc, pixels, n);
+    for (i = 0; i < n; i += 2) {
+        memcpy(&v, pixels + i, 2);
+        fx_store16_le(two, v);
+        crc = saga_crc32c(crc, two, 2);
+    }
+    return crc;
+}
+
+static void draw(player *p, const saga_camera *c, uint32_t n_splats)
+{
+    enum { PIXELS = 2 * 3 * MAX_SIDE_X * MAX_SIDE_Y };
+    static const int32_t sides[] = { 8, 16, 32, 64 };
+    const int bits = pick(p->r, 2) ? 8 : 16;
+    const size_t line = 3u * c->width * (bits == 16 ? 2u : 1u);
+    const size_t nbytes = line * c->height;
+    const uint32_t budget = 1 + pick(p->r, pick(p->r, 2) ? 300 : 100000);
+    uint8_t *const pixels = must(malloc(nbytes));
+    const saga_picture picture = { pixels, line, nbytes, bits };
+    saga_job job;
+    saga_status s;
+    uint64_t calls = 0;
+
+    memset(&job, 0, sizeof job);
+    job.x1 = c->width;
+    job.y1 = c->height;
+    job.tile = sides[pick(p->r, 4)];
+    job.list_capacity = 1 + pick(p->r, 50);
+    job.scratch_nbytes = SAGA_JOB_NBYTES(job.tile, job.list_capacity) *
+                         (1 + pick(p->r, 3));
+    job.scratch = must(malloc(job.scratch_nbytes));
+    do {
+        s = saga_draw(p->dec, &job, &picture, budget);
+        calls++;
+    } while (s == SAGA_AGAIN &&
+             (calls - 1) * budget <= most_units(&job, n_splats));
+    PROMISE(p->result, s == SAGA_OK);
+    p->result->crc = crc_of_samples(p->result->crc, pixels, nbytes, bits);
+    free(job.scratch);
+    free(pixels);
+}
+
+static void look(player *p, const saga_camera *c, int is_rig)
+{
+    const int32_t t = pick(p->r, 3) ? gen_range(p->r, 0, 65535)
+                    : pick(p->r, 2) ? 65535 : 0;
+    const saga_status s = saga_view(p->dec, c, t);
+    saga_report report;
+    saga_splat splat;
+    uint32_t i;
+
+    if (is_rig && s == SAGA_ERR_ARG) {
+        refuse(p->result, MUTATE_AT_VIEW, s);
+        return;
+    }
+    PROMISE(p->result, s == SAGA_OK);
+    if (s)
+        return;
+    PROMISE(p->result, saga_tell(&report, p->dec) == SAGA_OK);
+    PROMISE(p->result, report.n_splats <= report.n_primitives);
+    for (i = 0; i < report.n_splats; i++) {
+        PROMISE(p->result, saga_splat_at(&splat, p->dec, i) == SAGA_OK);
+        PROMISE(p->result, splat.depth >= 1 && splat.x0 >= 0 &&
+                splat.y0 >= 0 && splat.x0 < splat.x1 &&
+                splat.y0 < splat.y1 && splat.x1 <= c->width &&
+                splat.y1 <= c->height && splat.q0_q20 >= 0 &&
+                splat.q0_q20 < 8 << 20 && splat.colour_q15[0] <= 32768);
+    }
+    draw(p, c, report.n_splats);
+}
+
+static void look_around(player *p)
+{
+    saga_report report;
+    saga_animated a;
+    saga_camera c;
+    uint32_t i;
+
+    PROMISE(p->result, saga_tell(&report, p->dec) == SAGA_OK);
+    PROMISE(p->result, report.n_coarse >= 1 &&
+            report.n_coarse <= p->info.max_coarse &&
+            report.n_fine <= p->info.max_fine &&
+            report.n_primitives <= p->info.max_primitives);
+    for (i = 0; i < report.n_primitives; i++) {
+        PROMISE(p->result,
+                saga_primitive_at(&a, p->dec, i, 65535) == SAGA_OK);
+        PROMISE(p->result, a.x[0] >= -(1 << 29) && a.x[0] <= 1 << 29);
+    }
+    if (rig_camera(&c, p))
+        look(p, &c, 1);
+    odd_camera(&c, p->r);
+    look(p, &c, 0);
+}
+
+/* Where a segment failed that saga_decode refused; agrees with it. */
+static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
+{
+    static const uint32_t type[4] = {
+        SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
+        SAGA_CHUNK_PRIM
+    };
+    const size_t nets = p->info.head_nbytes - p->info.nets_nbytes;
+    mutate_part part[4];
+    mutate_stage stage;
+    saga_counts counts;
+    size_t at = 0;
+    head h;
+    int i;
+
+    for (i = 0; i < 4; i++) {
+        saga_chunk chunk;
+
+        if (saga_head_chunk(&chunk, type[i], bytes + at, n - at))
+            return MUTATE_AT_SEGMENT;
+        part[i].type = chunk.type;
+        part[i].n = chunk.nbytes;
+        part[i].p = (uint8_t *)(uintptr_t)(bytes + at + SAGA_CHUNK_NBYTES);
+        at += SAGA_CHUNK_NBYTES + chunk.nbytes;
+    }
+    if (part[0].n != SAGA_SEGMENT_NBYTES || at != n)
+        return MUTATE_AT_SEGMENT;
+    counts = counts_of(&part[0]);
+    if (!head_open(&h, p->head, p->n_head, p->head + nets,
+                   p->info.nets_nbytes))
+        return MUTATE_AT_NETWORKS;
+    stage = MUTATE_AT_SEGMENT;
+    if (counts_fit(&h.header, &counts))
+        stage = stage_of_layers(&h, counts, part + 1);
+    free(h.params);
+    return stage == MUTATE_AT_VIEW ? MUTATE_AT_SEGMENT : stage;
+}
+
+static void play_segment(player *p, const saga_segment *seg,
+                         const uint8_t *bytes)
+{
+    mutate_result *const result = p->result;
+    uint8_t *const copy = copy_of(bytes + seg->offset, seg->nbytes);
+    const saga_status s = saga_decode(p->dec, copy, seg->nbytes);
+    saga_report report;
+    saga_camera c;
+
+    PROMISE(result, is_segment_status(s));
+    if (s == SAGA_OK) {
+        free(copy);
+        result->segment[result->n_segments].offset = seg->offset;
+        result->segment[result->n_segments++].nbytes = seg->nbytes;
+        look_around(p);
+        return;
+    }
+    refuse(result, stage_of_segment(p, copy, seg->nbytes), s);
+    odd_camera(&c, p->r);
+    PROMISE(result, saga_tell(&report, p->dec) == SAGA_ERR_STATE);
+    PROMISE(result, saga_view(p->dec, &c, 0) == SAGA_ERR_STATE);
+    free(copy);
+}
+
+/* Segments through the index, from frame 0 on. */
+static void play_segments(player *p, const uint8_t *bytes, size_t n)
+{
+    uint32_t frame = 0, i;
+
+    for (i = 0; i < GEN_MAX_SEGMENTS && i < p->info.n_segments; i++) {
+        saga_segment seg;
+        const saga_status s = saga_find(&seg, p->head, p->n_head, frame, 1);
+
+        PROMISE(p->result, is_head_status(s) || s == SAGA_ERR_ARG);
+        if (s) {
+            refuse(p->result, MUTATE_AT_INDEX, s);
+            return;
+        }
+        PROMISE(p->result, seg.number == i && seg.first_frame == frame &&
+                seg.n_frames >= 1 && seg.t == 0 &&
+                seg.first_frame + seg.n_frames <= p->info.n_frames);
+        if (seg.offset > n || seg.nbytes > n - seg.offset)
+            refuse(p->result, MUTATE_AT_INDEX, SAGA_ERR_TRUNCATED);
+        else
+            play_segment(p, &seg, bytes);
+        frame = seg.first_frame + seg.n_frames;
+    }
+}
+
+static void play_file(player *p, const uint8_t *bytes, size_t n)
+{
+    uint8_t *const work = must(aligned_alloc(SAGA_WORK_ALIGN,
+                                             p->info.work_nbytes));
+    saga_segment seg;
+    const saga_status found = saga_find(&seg, p->head, p->n_head, 0, 1);
+    saga_status s;
+
+    PROMISE(p->result, is_head_status(found));
+    if (found)
+        refuse(p->result, MUTATE_AT_INDEX, found);
+    s = saga_open(&p->dec, work, p->info.work_nbytes, p->head, p->n_head);
+    PROMISE(p->result, is_head_status(s));
+    PROMISE(p->result, (s == SAGA_OK) == (p->dec != NULL));
+    if (s) {
+        refuse(p->result, MUTATE_AT_NETWORKS, s);
+    } else {
+        p->result->head_nbytes = found ? 0 : p->n_head;
+        play_segments(p, bytes, n);
+    }
+    free(work);
+}
+
+void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
+                 uint64_t *r)
+{
+    uint8_t *const all = copy_of(bytes, n);
+    player p;
+    saga_status s;
+
+    memset(&p, 0, sizeof p);
+    memset(result, 0, sizeof *result);
+    result->stage = MUTATE_DRAWN;
+    p.result = result;
+    p.r = r;
+    s = saga_probe(&p.info, all, n);
+    PROMISE(result, is_head_status(s));
+    if (s) {
+        refuse(result, MUTATE_AT_HEADER, s);
+    } else if (p.info.work_nbytes > MAX_WORK ||
+               p.info.decode_macs > MAX_MACS) {
+        refuse(result, MUTATE_AT_SIZE, SAGA_OK);
+    } else {
+        p.n_head = p.info.head_nbytes < n ? p.info.head_nbytes : n;
+        p.head = copy_of(all, p.n_head);
+        play_file(&p, all, n);
+        free(p.head);
+    }
+    free(all);
+}

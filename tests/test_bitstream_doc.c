@@ -1,0 +1,984 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * docs/bitstream.md against the files and the decoder: the tables of the page
+ * are parsed, and a small reader that knows nothing else takes every good
+ * vector apart. It has its own loads and CRC; nothing of common/container.c is
+ * used, since that is what the page describes.
+ *
+ * SAGA_ROOT is the repository's folder; "." without it.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "saga.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_FIELDS = 80, MAX_FILES = 64, N_COLUMNS = 6 };
+
+typedef struct {
+    char type[16], name[32], range[64];
+    uint32_t offset, nbytes, count;  /* count: elements of an array, or 1 */
+} field;
+
+typedef struct {
+    const char *name;                /* its heading */
+    uint32_t nbytes;                 /* end of its last field */
+    int n;
+    field f[MAX_FIELDS];
+} table;
+
+static table tables[] = {
+    { .name = "Header" }, { .name = "Level" }, { .name = "Network" },
+    { .name = "Camera" }, { .name = "Chunk header" },
+    { .name = "Index entry" }, { .name = "Segment header" }
+};
+enum { HEADER, LEVEL, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, N_TABLES };
+
+typedef struct {
+    char name[64];
+    uint8_t *p;
+    size_t n;
+} file;
+
+static file files[MAX_FILES];
+static int n_files;
+
+/* --- The page ------------------------------------------------------------ */
+
+static table *table_named(const char *name)
+{
+    int i;
+
+    for (i = 0; i < N_TABLES; i++)
+        if (strcmp(tables[i].name, name) == 0)
+            return &tables[i];
+    return NULL;
+}
+
+/* Bytes of one element; 0 for a type that does not exist. */
+static uint32_t size_of_type(const char *type)
+{
+    const table *const t = table_named(type);
+
+    return strcmp(type, "u8") == 0 ? 1
+         : strcmp(type, "u16") == 0 ? 2
+         : strcmp(type, "u32") == 0 || strcmp(type, "i32") == 0 ? 4
+         : strcmp(type, "u64") == 0 ? 8 : t ? t->nbytes : 0;
+}
+
+/* Cuts a line `| a | b |` into its cells, without the blanks around them;
+ * returns their number. */
+static int split_row(char *line, char *cell[N_COLUMNS + 1])
+{
+    int n = 0;
+    char *p = strchr(line, '|');
+
+    while (p && n <= N_COLUMNS) {
+        char *const end = strchr(p + 1, '|');
+        char *last = end;
+
+        if (!end)
+            break;
+        p++;
+        while (*p == ' ')
+            p++;
+        while (last > p && last[-1] == ' ')
+            last--;
+        *last = 0;
+        cell[n++] = p;
+        p = end;
+    }
+    return n;
+}
+
+static uint32_t number_of(const char *s)
+{
+    char *end;
+    const unsigned long v = strtoul(s, &end, 10);
+
+    assert_true(*s >= '0' && *s <= '9' && *end == 0);
+    return (uint32_t)v;
+}
+
+static void copy_text(char *to, size_t n, const char *from)
+{
+    assert_true(strlen(from) < n);
+    strcpy(to, from);
+}
+
+static void add_row(table *t, char *line)
+{
+    char *cell[N_COLUMNS + 1], *bracket;
+    field *const f = &t->f[t->n];
+
+    assert_true(t->n < MAX_FIELDS);
+    assert_int_equal(split_row(line, cell), N_COLUMNS);
+    f->offset = number_of(cell[0]);
+    f->nbytes = number_of(cell[1]);
+    f->count = 1;
+    bracket = strchr(cell[2], '[');
+    if (bracket) {
+        *strchr(bracket, ']') = 0;
+        *bracket = 0;
+        f->count = number_of(bracket + 1);
+    }
+    copy_text(f->type, sizeof f->type, cell[2]);
+    copy_text(f->name, sizeof f->name, cell[3]);
+    copy_text(f->range, sizeof f->range, cell[4]);
+    t->nbytes = f->offset + f->nbytes;
+    t->n++;
+}
+
+/* A table of fields is known by its first line and ends with an empty one; it
+ * belongs to the heading before it. */
+static void read_page(FILE *page)
+{
+    static const char first[] =
+        "| offset | bytes | type | name | range | meaning |";
+    char line[512];
+    table *t = NULL;
+    int inside = 0;
+
+    while (fgets(line, sizeof line, page)) {
+        line[strcspn(line, "\n")] = 0;
+        if (line[0] == '#')
+            t = strncmp(line, "### ", 4) == 0 ? table_named(line + 4) : NULL;
+        if (strcmp(line, first) == 0) {
+            assert_non_null(t);
+            assert_int_equal(t->n, 0);
+            inside = 1;
+        } else if (line[0] != '|') {
+            inside = 0;
+        } else if (inside && strncmp(line, "|-", 2) != 0) {
+            add_row(t, line);
+        }
+    }
+}
+
+/* --- Ranges -------------------------------------------------------------- */
+
+/* A whole number, or 2^k, or 2^k-1, or the negative of one; moves *s on. */
+static int64_t read_bound(const char **s)
+{
+    const int negative = **s == '-';
+    char *end;
+    int64_t v;
+
+    *s += negative;
+    assert_true(**s >= '0' && **s <= '9');
+    v = strtoll(*s, &end, 10);
+    if (*end == '^') {
+        assert_int_equal(v, 2);
+        v = (int64_t)1 << strtol(end + 1, &end, 10);
+        if (strncmp(end, "-1", 2) == 0) {
+            v--;
+            end += 2;
+        }
+    }
+    *s = end;
+    return negative ? -v : v;
+}
+
+static int is_plain(const field *f)
+{
+    return f->range[0] == '-' || (f->range[0] >= '0' && f->range[0] <= '9');
+}
+
+/* Whether v is in a plain range; the least and greatest value of it in *lo and
+ * *hi. */
+static int in_range(const field *f, int64_t v, int64_t *lo, int64_t *hi)
+{
+    const char *s = f->range;
+    int found = 0;
+
+    *lo = INT64_MAX;
+    *hi = INT64_MIN;
+    for (;;) {
+        const int64_t a = read_bound(&s);
+        int64_t b = a;
+
+        if (strncmp(s, "..", 2) == 0) {
+            s += 2;
+            b = read_bound(&s);
+        }
+        assert_true(a <= b);
+        found |= v >= a && v <= b;
+        *lo = a < *lo ? a : *lo;
+        *hi = b > *hi ? b : *hi;
+        if (*s == 0)
+            return found;
+        assert_int_equal(strncmp(s, ", ", 2), 0);
+        s += 2;
+    }
+}
+
+static int64_t type_min(const field *f)
+{
+    return strcmp(f->type, "i32") == 0 ? INT32_MIN : 0;
+}
+
+static int64_t type_max(const field *f)
+{
+    const uint32_t size = size_of_type(f->type);
+
+    return strcmp(f->type, "i32") == 0 ? INT32_MAX
+         : size == 8 ? INT64_MAX : ((int64_t)1 << 8 * size) - 1;
+}
+
+/* --- Bytes --------------------------------------------------------------- */
+
+static uint64_t load(const uint8_t *p, uint32_t nbytes)
+{
+    uint64_t v = 0;
+
+    while (nbytes-- > 0)
+        v = v << 8 | p[nbytes];
+    return v;
+}
+
+static void store(uint8_t *p, uint32_t nbytes, uint64_t v)
+{
+    uint32_t i;
+
+    for (i = 0; i < nbytes; i++)
+        p[i] = (uint8_t)(v >> 8 * i & 255u);
+}
+
+/* Bit by bit, from the definition. */
+static uint32_t crc_of(uint32_t crc, const uint8_t *p, size_t n)
+{
+    size_t i;
+    int k;
+
+    crc = ~crc;
+    for (i = 0; i < n; i++) {
+        crc ^= p[i];
+        for (k = 0; k < 8; k++)
+            crc = crc & 1u ? crc >> 1 ^ 0x82f63b78u : crc >> 1;
+    }
+    return ~crc;
+}
+
+/* Element i of a field of a structure at p. */
+static int64_t element(const field *f, const uint8_t *p, uint32_t i)
+{
+    const uint32_t size = f->nbytes / f->count;
+    const uint64_t v = load(p + f->offset + i * size, size);
+
+    return strcmp(f->type, "i32") == 0 ? (int32_t)(uint32_t)v : (int64_t)v;
+}
+
+static const field *field_named(int t, const char *name)
+{
+    int k;
+
+    for (k = 0; k < tables[t].n; k++)
+        if (strcmp(tables[t].f[k].name, name) == 0)
+            return &tables[t].f[k];
+    fail_msg("the table %s has no field %s", tables[t].name, name);
+    return NULL;
+}
+
+static int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
+{
+    const field *const f = field_named(t, name);
+
+    assert_true(i < f->count);
+    return element(f, p, i);
+}
+
+/* --- Every field of a structure ------------------------------------------ */
+
+/* Structures in structures are entered; for each field of a plain type. */
+typedef void (*visitor)(const table *t, const field *f, uint8_t *p,
+                        void *user);
+
+static void visit(const table *t, uint8_t *p, visitor each, void *user)
+{
+    int k;
+
+    for (k = 0; k < t->n; k++) {
+        const field *const f = &t->f[k];
+        const table *const inner = table_named(f->type);
+        int m;
+
+        for (m = 0; inner && m < inner->n; m++)
+            each(t, &inner->f[m], p + f->offset, user);
+        if (!inner)
+            each(t, f, p, user);
+    }
+}
+
+static void check_value(const table *t, const field *f, uint8_t *p,
+                        void *user)
+{
+    const file *const where = user;
+    uint32_t i;
+
+    if (f->range[0] == '"') {
+        assert_int_equal(strlen(f->range), f->count + 2);
+        assert_memory_equal(p + f->offset, f->range + 1, f->count);
+    }
+    for (i = 0; is_plain(f) && i < f->count; i++) {
+        const int64_t v = element(f, p, i);
+        int64_t lo, hi;
+
+        if (!in_range(f, v, &lo, &hi))
+            fail_msg("%s: %s of %s is %lld, not in %s", where->name, f->name,
+                     t->name, (long long)v, f->range);
+    }
+}
+
+static void check_values(int t, uint8_t *p, file *where)
+{
+    visit(&tables[t], p, check_value, where);
+}
+
+/* --- Before the tests ---------------------------------------------------- */
+
+static const char *root(void)
+{
+    const char *const r = getenv("SAGA_ROOT");
+
+    return r ? r : ".";
+}
+
+static void load_file(const char *name)
+{
+    file *const f = &files[n_files++];
+    char path[1024];
+    FILE *in;
+    long size;
+
+    assert_true(n_files <= MAX_FILES);
+    copy_text(f->name, sizeof f->name, name);
+    snprintf(path, sizeof path, "%s/vectors/good/%s", root(), name);
+    in = fopen(path, "rb");
+    assert_non_null(in);
+    fseek(in, 0, SEEK_END);
+    size = ftell(in);
+    fseek(in, 0, SEEK_SET);
+    assert_true(size > 0);
+    f->p = malloc((size_t)size);
+    assert_non_null(f->p);
+    f->n = fread(f->p, 1, (size_t)size, in);
+    assert_int_equal(f->n, size);
+    fclose(in);
+}
+
+static int load_all(void **state)
+{
+    char path[1024];
+    FILE *page;
+    DIR *dir;
+    const struct dirent *e;
+
+    (void)state;
+    snprintf(path, sizeof path, "%s/docs/bitstream.md", root());
+    page = fopen(path, "r");
+    assert_non_null(page);
+    read_page(page);
+    fclose(page);
+    snprintf(path, sizeof path, "%s/vectors/good", root());
+    dir = opendir(path);
+    assert_non_null(dir);
+    while ((e = readdir(dir)) != NULL)
+        if (strstr(e->d_name, ".saga"))
+            load_file(e->d_name);
+    closedir(dir);
+    return 0;
+}
+
+static int free_all(void **state)
+{
+    (void)state;
+    while (n_files > 0)
+        free(files[--n_files].p);
+    return 0;
+}
+
+/* --- The page by itself -------------------------------------------------- */
+
+static void every_structure_should_have_a_table_without_gaps(void **state)
+{
+    int t, k;
+
+    (void)state;
+    for (t = 0; t < N_TABLES; t++) {
+        uint32_t at = 0;
+
+        assert_true(tables[t].n > 0);
+        for (k = 0; k < tables[t].n; k++) {
+            const field *const f = &tables[t].f[k];
+
+            if (f->offset != at)
+                fail_msg("%s of %s: offset %u, not %u", f->name,
+                         tables[t].name, f->offset, at);
+            assert_true(f->count > 0);
+            assert_int_equal(f->nbytes, f->count * size_of_type(f->type));
+            at += f->nbytes;
+        }
+    }
+}
+
+static void every_range_should_be_readable_and_fit_its_type(void **state)
+{
+    int t, k;
+
+    (void)state;
+    for (t = 0; t < N_TABLES; t++)
+        for (k = 0; k < tables[t].n; k++) {
+            const field *const f = &tables[t].f[k];
+            int64_t lo, hi;
+
+            if (!is_plain(f)) {
+                assert_true(strcmp(f->range, "any") == 0 ||
+                            strncmp(f->range, "see ", 4) == 0 ||
+                            (f->range[0] == '"' &&
+                             strcmp(f->type, "u8") == 0));
+                continue;
+            }
+            in_range(f, 0, &lo, &hi);
+            assert_true(lo >= type_min(f) && hi <= type_max(f));
+        }
+}
+
+/* --- The page and the files ---------------------------------------------- */
+
+static void there_should_be_good_files(void **state)
+{
+    (void)state;
+    assert_true(n_files >= 1);
+}
+
+static void own_crc_should_have_the_check_value(void **state)
+{
+    (void)state;
+    assert_int_equal(crc_of(0, (const uint8_t *)"123456789", 9), 0xe3069283u);
+}
+
+static void headers_should_be_as_the_tables_say(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        uint8_t *const p = files[i].p;
+        const uint32_t n = (uint32_t)get(HEADER, p, "n_cameras", 0);
+        const uint32_t end = tables[HEADER].nbytes + n * tables[CAMERA].nbytes;
+        uint32_t c;
+
+        check_values(HEADER, p, &files[i]);
+        assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);
+        assert_true(end + 4 <= files[i].n);
+        assert_int_equal(load(p + end, 4), crc_of(0, p, end));
+        for (c = 0; c < n; c++)
+            check_values(CAMERA, p + tables[HEADER].nbytes +
+                         c * tables[CAMERA].nbytes, &files[i]);
+    }
+}
+
+/* A chunk at p[at..n): its payload; moves *at past it. */
+static uint8_t *chunk(file *f, size_t *at, const char *type, uint32_t *nbytes)
+{
+    uint8_t *const head = f->p + *at;
+    uint8_t *const payload = head + tables[CHUNK].nbytes;
+    uint32_t crc;
+
+    assert_true(tables[CHUNK].nbytes <= f->n - *at);
+    assert_memory_equal(head + field_named(CHUNK, "type")->offset, type, 4);
+    *nbytes = (uint32_t)get(CHUNK, head, "nbytes", 0);
+    assert_true(*nbytes <= f->n - *at - tables[CHUNK].nbytes);
+    crc = crc_of(0, head, field_named(CHUNK, "crc")->offset);
+    assert_int_equal(get(CHUNK, head, "crc", 0), crc_of(crc, payload, *nbytes));
+    *at += tables[CHUNK].nbytes + *nbytes;
+    return payload;
+}
+
+/* The four chunks of segment i at *at, and what the index says of it. */
+static void check_segment(file *f, size_t *at, uint32_t i,
+                          const uint8_t *entry, uint32_t first_frame)
+{
+    static const char *const layer[3] = { "COAR", "FINE", "PRIM" };
+    static const char *const count[3][2] = {
+        { "n_coarse", "max_coarse" }, { "n_fine", "max_fine" },
+        { "n_prim", "max_prim" }
+    };
+    const size_t begin = *at;
+    uint8_t *seg;
+    uint32_t nbytes;
+    int k;
+
+    seg = chunk(f, at, "SEGM", &nbytes);
+    assert_int_equal(nbytes, tables[SEGMENT].nbytes);
+    check_values(SEGMENT, seg, f);
+    for (k = 0; k < 3; k++) {
+        assert_true(get(SEGMENT, seg, count[k][0], 0) <=
+                    get(HEADER, f->p, count[k][1], 0));
+        chunk(f, at, layer[k], &nbytes);
+        assert_true(nbytes >= 1);
+    }
+    assert_int_equal(get(ENTRY, entry, "offset", 0), begin);
+    assert_int_equal(get(ENTRY, entry, "nbytes", 0), *at - begin);
+    assert_int_equal(get(ENTRY, entry, "n_frames", 0),
+                     get(SEGMENT, seg, "n_frames", 0));
+    assert_int_equal(get(SEGMENT, seg, "number", 0), i);
+    assert_int_equal(get(SEGMENT, seg, "first_frame", 0), first_frame);
+}
+
+static void chunks_should_tile_every_file(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        file *const f = &files[i];
+        const uint32_t n = (uint32_t)get(HEADER, f->p, "n_segments", 0);
+        size_t at = (size_t)get(HEADER, f->p, "header_nbytes", 0);
+        uint32_t nbytes, s, first_frame = 0;
+        uint8_t *const index = chunk(f, &at, "INDX", &nbytes);
+
+        assert_int_equal(nbytes, n * tables[ENTRY].nbytes);
+        chunk(f, &at, "NETS", &nbytes);
+        assert_int_equal(nbytes, get(HEADER, f->p, "nets_nbytes", 0));
+        for (s = 0; s < n; s++) {
+            uint8_t *const entry = index + s * tables[ENTRY].nbytes;
+
+            check_values(ENTRY, entry, f);
+            check_segment(f, &at, s, entry, first_frame);
+            first_frame += (uint32_t)get(ENTRY, entry, "n_frames", 0);
+        }
+        assert_int_equal(first_frame, get(HEADER, f->p, "n_frames", 0));
+        assert_int_equal(at, f->n);
+    }
+}
+
+/* --- The page and the decoder -------------------------------------------- */
+
+static void probe_should_report_the_same_values(void **state)
+{
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        const uint8_t *const p = files[i].p;
+        saga_info a;
+
+        assert_int_equal(saga_probe(&a, p, files[i].n), SAGA_OK);
+        assert_int_equal(get(HEADER, p, "version", 0), a.version);
+        assert_int_equal(get(HEADER, p, "level", 0), a.level);
+        assert_int_equal(get(HEADER, p, "n_segments", 0), a.n_segments);
+        assert_int_equal(get(HEADER, p, "n_frames", 0), a.n_frames);
+        assert_int_equal(get(HEADER, p, "rate_num", 0), a.rate_num);
+        assert_int_equal(get(HEADER, p, "rate_den", 0), a.rate_den);
+        assert_int_equal(get(HEADER, p, "n_cameras", 0), a.n_cameras);
+        assert_int_equal(get(HEADER, p, "max_coarse", 0), a.max_coarse);
+        assert_int_equal(get(HEADER, p, "max_fine", 0), a.max_fine);
+        assert_int_equal(get(HEADER, p, "max_prim", 0), a.max_primitives);
+        assert_int_equal(get(HEADER, p, "nets_nbytes", 0), a.nets_nbytes);
+        assert_int_equal(get(HEADER, p, "tools", 0), a.tools);
+        assert_int_equal(get(HEADER, p, "tools", 0) >> 3 & 3, a.motion_order);
+        assert_int_equal(get(HEADER, p, "features", 0), a.features);
+        assert_int_equal(get(HEADER, p, "unit_mantissa", 0), a.unit_mantissa);
+        assert_int_equal(get(HEADER, p, "unit_exponent", 0), a.unit_exponent);
+        for (k = 0; k < 3; k++)
+            assert_int_equal(get(HEADER, p, "centre_mantissa", (uint32_t)k),
+                             a.centre_mantissa[k]);
+        assert_int_equal(get(HEADER, p, "centre_exponent", 0),
+                         a.centre_exponent);
+        assert_int_equal(get(HEADER, p, "header_nbytes", 0) +
+                         2 * tables[CHUNK].nbytes + a.n_segments *
+                         tables[ENTRY].nbytes + a.nets_nbytes, a.head_nbytes);
+    }
+}
+
+static uint32_t width_of(const uint8_t *p, const char *net)
+{
+    return (uint32_t)get(NETWORK, p + field_named(HEADER, net)->offset,
+                         "width", 0);
+}
+
+/* Section 9, with the fields' names; W of a network is its own width. */
+static uint32_t weights_of(const uint8_t *p)
+{
+    static const char *const sources[3] = {
+        "sources_coarse", "sources_fine", "sources_prim"
+    };
+    static const char *const entropy[3] = {
+        "net_e_coarse", "net_e_fine", "net_e_prim"
+    };
+    static const char *const fuse[2] = { "net_fuse_c", "net_fuse_f" };
+    const uint32_t f = (uint32_t)get(HEADER, p, "features", 0);
+    const uint32_t in = f + 8 * (uint32_t)get(HEADER, p, "octaves", 0);
+    const uint32_t tools = (uint32_t)get(HEADER, p, "tools", 0);
+    const uint32_t order = tools >> 3 & 3u;
+    const uint32_t rows = 8 + (tools & 2u ? 4u : 0u) +
+                          ((tools & 3u) || order ? 1u : 0u) + (tools & 1u) +
+                          3 * order;
+    uint32_t n = 0, any = 0, w, i;
+
+    for (i = 0; i < 3; i++) {
+        const uint32_t s = (uint32_t)get(HEADER, p, sources[i], 0);
+        const uint32_t bits = (s & 1u) + (s >> 1 & 1u) + (s >> 2 & 1u);
+
+        any |= s;
+        w = width_of(p, entropy[i]);
+        if (bits)
+            n += f * bits * w + w * w + w * (i ? 8u : 2 * (4 + f));
+    }
+    w = width_of(p, "net_hyper");
+    if (any & 1u)
+        n += (in - f + 5) * w + w * w + w * f;
+    for (i = 0; i < 2; i++)
+        n += (in + f) * width_of(p, fuse[i]);
+    w = width_of(p, "net_fine");
+    n += in * w + w * w + w * (f + 4);
+    w = width_of(p, "net_geo");
+    n += in * w + w * w + w * rows;
+    w = width_of(p, "net_colour");
+    return n + in * w + (tools & 4u ? 3 * w : 0) + w * w + 3 * w;
+}
+
+static void networks_should_have_the_same_number_of_weights(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        saga_info info;
+
+        assert_int_equal(saga_probe(&info, files[i].p, files[i].n), SAGA_OK);
+        assert_int_equal(weights_of(files[i].p), info.n_weights);
+    }
+}
+
+static void check_camera(const uint8_t *p, const saga_camera *c,
+                         uint32_t number)
+{
+    uint32_t k;
+
+    assert_int_equal(get(CAMERA, p, "number", 0), number);
+    for (k = 0; k < 9; k++)
+        assert_int_equal(get(CAMERA, p, "rotation_q30", k),
+                         c->rotation_q30[k]);
+    for (k = 0; k < 3; k++) {
+        assert_int_equal(get(CAMERA, p, "centre", k), c->centre[k]);
+        assert_int_equal(get(CAMERA, p, "background_q15", k),
+                         c->background_q15[k]);
+    }
+    for (k = 0; k < 2; k++) {
+        assert_int_equal(get(CAMERA, p, "focal_q16", k), c->focal_q16[k]);
+        assert_int_equal(get(CAMERA, p, "principal_q16", k),
+                         c->principal_q16[k]);
+    }
+    assert_int_equal(get(CAMERA, p, "near_plane", 0), c->near_plane);
+    assert_int_equal(get(CAMERA, p, "width", 0), c->width);
+    assert_int_equal(get(CAMERA, p, "height", 0), c->height);
+}
+
+/* The files' own cameras, and then cameras of different bytes throughout, in
+ * which no field can be mistaken for another. */
+static void rig_should_hold_the_same_values(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        file *const f = &files[i];
+        const uint32_t n = (uint32_t)get(HEADER, f->p, "n_cameras", 0);
+        const uint32_t end = tables[HEADER].nbytes + n * tables[CAMERA].nbytes;
+        uint8_t *const copy = malloc(end + 4);
+        uint32_t c, k, number;
+        saga_camera cam;
+
+        assert_non_null(copy);
+        memcpy(copy, f->p, tables[HEADER].nbytes);
+        for (k = tables[HEADER].nbytes; k < end; k++)
+            copy[k] = (uint8_t)(k * 167u >> 3 & 255u);
+        store(copy + end, 4, crc_of(0, copy, end));
+        for (c = 0; c < n; c++) {
+            const uint32_t at = tables[HEADER].nbytes +
+                                c * tables[CAMERA].nbytes;
+
+            assert_int_equal(saga_rig(&cam, &number, f->p, f->n, c), SAGA_OK);
+            check_camera(f->p + at, &cam, number);
+            assert_int_equal(saga_rig(&cam, &number, copy, end + 4, c),
+                             SAGA_OK);
+            check_camera(copy + at, &cam, number);
+        }
+        free(copy);
+    }
+}
+
+/* A decoder in a block that begins with it: free it. */
+static saga_decoder *open_file(saga_info *info, const file *f)
+{
+    saga_decoder *dec;
+    void *work;
+
+    assert_int_equal(saga_probe(info, f->p, f->n), SAGA_OK);
+    work = aligned_alloc(SAGA_WORK_ALIGN, info->work_nbytes);
+    assert_non_null(work);
+    assert_int_equal(saga_open(&dec, work, info->work_nbytes, f->p,
+                               info->head_nbytes), SAGA_OK);
+    assert_ptr_equal(dec, work);
+    return dec;
+}
+
+static const uint8_t *index_of(const file *f)
+{
+    return f->p + get(HEADER, f->p, "header_nbytes", 0) + tables[CHUNK].nbytes;
+}
+
+/* A segment of an opened file; its SEGM's payload follows the chunk header. */
+static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
+                        uint32_t first_frame)
+{
+    const size_t offset = (size_t)get(ENTRY, entry, "offset", 0);
+    const uint8_t *const seg = f->p + offset + tables[CHUNK].nbytes;
+    saga_segment found;
+    saga_report report;
+
+    assert_int_equal(saga_find(&found, f->p, f->n, first_frame, 1), SAGA_OK);
+    assert_int_equal(found.offset, offset);
+    assert_int_equal(get(ENTRY, entry, "nbytes", 0), found.nbytes);
+    assert_int_equal(get(SEGMENT, seg, "number", 0), found.number);
+    assert_int_equal(get(SEGMENT, seg, "first_frame", 0), found.first_frame);
+    assert_int_equal(get(SEGMENT, seg, "n_frames", 0), found.n_frames);
+    assert_int_equal(saga_decode(dec, f->p + offset, found.nbytes), SAGA_OK);
+    assert_int_equal(saga_tell(&report, dec), SAGA_OK);
+    assert_int_equal(get(SEGMENT, seg, "n_coarse", 0), report.n_coarse);
+    assert_int_equal(get(SEGMENT, seg, "n_fine", 0), report.n_fine);
+    assert_int_equal(get(SEGMENT, seg, "n_prim", 0), report.n_primitives);
+}
+
+static void segments_should_be_found_with_the_same_values(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        file *const f = &files[i];
+        const uint8_t *const index = index_of(f);
+        uint32_t s, first_frame = 0;
+        saga_info info;
+        saga_decoder *const dec = open_file(&info, f);
+
+        for (s = 0; s < info.n_segments; s++) {
+            const uint8_t *const entry = index + s * tables[ENTRY].nbytes;
+
+            check_found(dec, f, entry, first_frame);
+            first_frame += (uint32_t)get(ENTRY, entry, "n_frames", 0);
+        }
+        free(dec);
+    }
+}
+
+/* --- Ranges and the decoder ---------------------------------------------- */
+
+/* Fields whose values hang on others: only what is outside is tried. */
+static int is_coupled(const field *f)
+{
+    static const char *const names[] = {
+        "header_nbytes", "n_cameras", "n_segments", "n_frames"
+    };
+    size_t i;
+
+    for (i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(f->name, names[i]) == 0)
+            return 1;
+    return 0;
+}
+
+/* The status of a header with v in a field, signed anew. */
+static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
+                               int64_t v, uint32_t end)
+{
+    const uint64_t old = load(p + f->offset, f->nbytes);
+    saga_info info;
+    saga_status s;
+
+    store(p + f->offset, f->nbytes, (uint64_t)v);
+    store(header + end, 4, crc_of(0, header, end));
+    s = saga_probe(&info, header, end + 4);
+    store(p + f->offset, f->nbytes, old);
+    return s;
+}
+
+typedef struct {
+    uint8_t *header;
+    uint32_t end;            /* where its CRC stands */
+    uint32_t n_tried;
+} trial;
+
+static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
+{
+    int64_t lo, hi;
+    const int inside = in_range(f, v, &lo, &hi);
+    saga_status s;
+
+    if (inside && is_coupled(f))
+        return;
+    s = status_with(r->header, f, p, v, r->end);
+    r->n_tried++;
+    /* What fits a level fits the highest. */
+    if (strcmp(f->name, "level") == 0 && v == hi)
+        assert_int_equal(s, SAGA_OK);
+    if (inside ? s != SAGA_OK && s != SAGA_ERR_LEVEL
+               : s != SAGA_ERR_DATA && s != SAGA_ERR_VERSION &&
+                 s != SAGA_ERR_LEVEL)
+        fail_msg("%s = %lld, range %s: %s", f->name, (long long)v, f->range,
+                 saga_status_text(s));
+}
+
+/* The colour network's width has a limit of its own: bitstream.md says so in
+ * the meaning of net_colour. */
+static int is_refused_colour_width(const trial *r, const field *f,
+                                   const uint8_t *p, int64_t v)
+{
+    return p == r->header + field_named(HEADER, "net_colour")->offset &&
+           strcmp(f->name, "width") == 0 && v > 32;
+}
+
+/* Bytes are tried with all their values, wider fields at the bounds. */
+static void try_field(const table *t, const field *f, uint8_t *p, void *user)
+{
+    trial *const r = user;
+    int64_t lo, hi, v;
+
+    (void)t;
+    if (!is_plain(f) || f->count != 1)
+        return;
+    if (f->nbytes == 1) {
+        for (v = 0; v < 256; v++)
+            if (is_refused_colour_width(r, f, p, v))
+                assert_int_equal(status_with(r->header, f, p, v, r->end),
+                                 SAGA_ERR_DATA);
+            else
+                try_value(r, f, p, v);
+        return;
+    }
+    in_range(f, 0, &lo, &hi);
+    try_value(r, f, p, lo);
+    try_value(r, f, p, hi);
+    if (lo > type_min(f))
+        try_value(r, f, p, lo - 1);
+    if (hi < type_max(f))
+        try_value(r, f, p, hi + 1);
+}
+
+static void decoder_should_refuse_what_lies_outside_the_ranges(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        file *const f = &files[i];
+        trial r;
+
+        r.end = tables[HEADER].nbytes + tables[CAMERA].nbytes *
+                (uint32_t)get(HEADER, f->p, "n_cameras", 0);
+        r.n_tried = 0;
+        r.header = malloc(r.end + 4);
+        assert_non_null(r.header);
+        memcpy(r.header, f->p, r.end);
+        visit(&tables[HEADER], r.header, try_field, &r);
+        assert_true(r.n_tried > 0);
+        free(r.header);
+    }
+}
+
+/* A camera with v in element i of a field; 0 in the rest of its rotation. */
+static saga_status status_of_view(saga_decoder *dec, uint8_t *header,
+                                  const field *f, uint32_t i, int64_t v)
+{
+    const field *const r = field_named(CAMERA, "rotation_q30");
+    uint8_t *const p = header + tables[HEADER].nbytes;
+    const uint32_t end = (uint32_t)get(HEADER, header, "header_nbytes", 0) - 4;
+    const uint32_t size = f->nbytes / f->count;
+    uint8_t old[256];
+    uint32_t number;
+    saga_camera c;
+
+    assert_true(tables[CAMERA].nbytes <= sizeof old);
+    memcpy(old, p, tables[CAMERA].nbytes);
+    memset(p + r->offset, 0, r->nbytes);
+    store(p + f->offset + i * size, size, (uint64_t)v);
+    store(header + end, 4, crc_of(0, header, end));
+    assert_int_equal(saga_rig(&c, &number, header, end + 4, 0), SAGA_OK);
+    memcpy(p, old, tables[CAMERA].nbytes);
+    return saga_view(dec, &c, 0);
+}
+
+/* The bounds of a field of the camera, and what lies just outside. */
+static void try_camera(saga_decoder *dec, uint8_t *header, const field *f,
+                       uint32_t i)
+{
+    int64_t v[4], lo, hi;
+    int k;
+
+    in_range(f, 0, &lo, &hi);
+    v[0] = lo;
+    v[1] = hi;
+    v[2] = lo - 1;
+    v[3] = hi + 1;
+    for (k = 0; k < 4; k++)
+        if (v[k] >= type_min(f) && v[k] <= type_max(f))
+            assert_int_equal(status_of_view(dec, header, f, i, v[k]),
+                             k < 2 ? SAGA_OK : SAGA_ERR_ARG);
+}
+
+static void view_should_refuse_cameras_outside_the_ranges(void **state)
+{
+    file *const f = &files[0];
+    const size_t n = (size_t)get(HEADER, f->p, "header_nbytes", 0);
+    uint8_t *const header = malloc(n);
+    const uint8_t *const entry = index_of(f);
+    saga_info info;
+    saga_decoder *const dec = open_file(&info, f);
+    uint32_t i;
+    int k;
+
+    (void)state;
+    assert_non_null(header);
+    memcpy(header, f->p, n);
+    assert_true(get(HEADER, header, "n_cameras", 0) >= 1);
+    assert_int_equal(saga_decode(dec, f->p + get(ENTRY, entry, "offset", 0),
+                                 (size_t)get(ENTRY, entry, "nbytes", 0)),
+                     SAGA_OK);
+    for (k = 0; k < tables[CAMERA].n; k++) {
+        const field *const c = &tables[CAMERA].f[k];
+
+        for (i = 0; is_plain(c) && i < c->count; i++)
+            try_camera(dec, header, c, i);
+    }
+    free(header);
+    free(dec);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_structure_should_have_a_table_without_gaps),
+        cmocka_unit_test(every_range_should_be_readable_and_fit_its_type),
+        cmocka_unit_test(there_should_be_good_files),
+        cmocka_unit_test(own_crc_should_have_the_check_value),
+        cmocka_unit_test(headers_should_be_as_the_tables_say),
+        cmocka_unit_test(chunks_should_tile_every_file),
+        cmocka_unit_test(probe_should_report_the_same_values),
+        cmocka_unit_test(networks_should_have_the_same_number_of_weights),
+        cmocka_unit_test(rig_should_hold_the_same_values),
+        cmocka_unit_test(segments_should_be_found_with_the_same_values),
+        cmocka_unit_test(decoder_should_refuse_what_lies_outside_the_ranges),
+        cmocka_unit_test(view_should_refuse_cameras_outside_the_ranges)
+    };
+
+    return cmocka_run_group_tests(tests, load_all, free_all);
+}

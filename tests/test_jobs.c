@@ -1,0 +1,559 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Whole streams to pictures: however a picture is divided into tiles, lists,
+ * bands, jobs, threads and calls, and wherever the decoder lies, it is the
+ * same picture.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_stream.h"
+#include "saga.h"
+
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { N_STREAMS = 4, LARGE = 4 << 20, CANARY = 0xa5 };
+
+static uint64_t first_seed(void)
+{
+    const char *const s = getenv("SAGA_TEST_SEED");
+
+    return s ? strtoull(s, NULL, 0) : 1;
+}
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+/* --- Streams with a view ------------------------------------------------- */
+
+typedef struct {
+    uint8_t *bytes;
+    size_t n;
+    saga_info info;
+    uint8_t *work;
+    saga_decoder *dec;
+    saga_camera camera;
+} scene;
+
+static void open_scene(scene *s, size_t block)
+{
+    saga_segment seg;
+    uint32_t number;
+
+    assert_int_equal(saga_probe(&s->info, s->bytes, s->n), SAGA_OK);
+    if (block < s->info.work_nbytes)
+        block = s->info.work_nbytes;
+    s->work = must(aligned_alloc(SAGA_WORK_ALIGN, block));
+    assert_int_equal(saga_open(&s->dec, s->work, block, s->bytes, s->n),
+                     SAGA_OK);
+    assert_int_equal(saga_find(&seg, s->bytes, s->n, 1, 3), SAGA_OK);
+    assert_int_equal(saga_decode(s->dec, s->bytes + seg.offset, seg.nbytes),
+                     SAGA_OK);
+    assert_int_equal(saga_rig(&s->camera, &number, s->bytes, s->n, 0),
+                     SAGA_OK);
+    assert_int_equal(saga_view(s->dec, &s->camera, seg.t), SAGA_OK);
+}
+
+static void make_scene(scene *s, const gen_options *o, size_t block)
+{
+    gen_stream g;
+
+    gen_stream_make(&g, o);
+    gen_stream_encode(&g, &s->bytes, &s->n);
+    gen_stream_free(&g);
+    open_scene(s, block);
+}
+
+static void free_scene(scene *s)
+{
+    free(s->work);
+    free(s->bytes);
+}
+
+static gen_options options_of(uint32_t i)
+{
+    const gen_options o = { .seed = first_seed() + 10 + i, .level = i % 2,
+                            .n_coarse = 16, .picture = 1, .tools_fixed = 1,
+                            .tools = (31 + 9 * i) % 32 };
+
+    return o;
+}
+
+/* --- Drawing ------------------------------------------------------------- */
+
+/* How a picture is divided. */
+typedef struct {
+    int32_t tile;
+    uint32_t list;
+    uint32_t n_tiles;        /* about so many fit the scratch */
+    uint32_t budget;
+    int bits;
+} division;
+
+static const division plain = { 16, 500, 1, 1u << 30, 8 };
+
+static size_t scratch_nbytes(const division *d)
+{
+    const size_t tile = (size_t)d->tile * (size_t)d->tile * 16 + 8;
+
+    return SAGA_JOB_NBYTES(d->tile, d->list) + (d->n_tiles - 1) * tile;
+}
+
+/* A rectangle; its own rows begin at `rows`. */
+static void draw_rect(const scene *s, const division *d, int32_t x0,
+                      int32_t y0, int32_t x1, int32_t y1,
+                      const saga_picture *picture)
+{
+    saga_job job;
+    saga_status status;
+
+    memset(&job, 0, sizeof job);
+    job.x0 = x0;
+    job.y0 = y0;
+    job.x1 = x1;
+    job.y1 = y1;
+    job.tile = d->tile;
+    job.list_capacity = d->list;
+    job.scratch_nbytes = scratch_nbytes(d);
+    job.scratch = malloc(job.scratch_nbytes);
+    if (!job.scratch)
+        abort();
+    do
+        status = saga_draw(s->dec, &job, picture, d->budget);
+    while (status == SAGA_AGAIN);
+    free(job.scratch);
+    if (status != SAGA_OK)
+        abort();             /* also called by threads */
+}
+
+static size_t line_nbytes(const scene *s, const division *d)
+{
+    return 3u * s->camera.width * (d->bits == 16 ? 2u : 1u);
+}
+
+/* The whole picture, exact-size (free it). */
+static uint8_t *draw(const scene *s, const division *d)
+{
+    const size_t line = line_nbytes(s, d), n = line * s->camera.height;
+    uint8_t *const p = must(malloc(n));
+    const saga_picture picture = { p, line, n, d->bits };
+
+    draw_rect(s, d, 0, 0, s->camera.width, s->camera.height, &picture);
+    return p;
+}
+
+static uint32_t crc_of(const scene *s, const division *d)
+{
+    uint8_t *const p = draw(s, d);
+    const uint32_t crc = saga_crc32c(0, p, line_nbytes(s, d) *
+                                           s->camera.height);
+
+    free(p);
+    return crc;
+}
+
+/* --- Divisions ----------------------------------------------------------- */
+
+static void check_divisions(const scene *s)
+{
+    static const int32_t tiles[] = { 8, 16, 32, 64 };
+    static const uint32_t lists[] = { 1, 37, 4000 };
+    static const uint32_t bands[] = { 1, 3, 7, 10000 };
+    const uint32_t crc = crc_of(s, &plain);
+    uint32_t i, k, b;
+
+    for (i = 0; i < 4; i++)
+        for (k = 0; k < 3; k++)
+            for (b = 0; b < 4; b++) {
+                const division d = { tiles[i], lists[k], bands[b], 1u << 30,
+                                     8 };
+
+                assert_int_equal(crc_of(s, &d), crc);
+            }
+}
+
+static void check_budgets(const scene *s)
+{
+    static const uint32_t budgets[] = { 1, 2, 7, 100, 4096, 0xffffffffu };
+    const uint32_t crc = crc_of(s, &plain);
+    uint32_t i;
+
+    for (i = 0; i < 6; i++) {
+        const division d = { 32, 37, 2, budgets[i], 8 };
+
+        assert_int_equal(crc_of(s, &d), crc);
+    }
+}
+
+/* A picture that shows something, so that the comparisons mean something. */
+static void assert_is_picture(const scene *s)
+{
+    uint8_t *const p = draw(s, &plain);
+    const size_t n = line_nbytes(s, &plain) * s->camera.height;
+    uint32_t other = 0;
+    size_t i;
+
+    for (i = 3; i < n; i++)
+        other += p[i] != p[i - 3];
+    free(p);
+    assert_true(other > n / 100);
+}
+
+static void picture_should_not_depend_on_its_division(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        const gen_options o = options_of(i);
+        scene s;
+
+        make_scene(&s, &o, 0);
+        if (first_seed() == 1)
+            assert_is_picture(&s);
+        check_divisions(&s);
+        check_budgets(&s);
+        free_scene(&s);
+    }
+}
+
+/* --- Threads ------------------------------------------------------------- */
+
+typedef struct {
+    const scene *s;
+    division d;
+    int32_t y0, y1;
+    saga_picture picture;
+} band;
+
+static void *draw_band(void *arg)
+{
+    const band *const b = arg;
+
+    draw_rect(b->s, &b->d, 0, b->y0, b->s->camera.width, b->y1, &b->picture);
+    return NULL;
+}
+
+static uint32_t crc_of_threads(const scene *s, uint32_t n)
+{
+    const size_t line = line_nbytes(s, &plain), all = line * s->camera.height;
+    uint8_t *const p = must(malloc(all));
+    pthread_t thread[8];
+    band job[8];
+    uint32_t i, crc;
+
+    for (i = 0; i < n; i++) {
+        band *const b = &job[i];
+
+        b->s = s;
+        b->d = plain;
+        b->d.tile = 8 << i % 4;
+        b->d.list = 37 + i;
+        b->d.budget = 100 + i;
+        b->y0 = (int32_t)(s->camera.height * i / n);
+        b->y1 = (int32_t)(s->camera.height * (i + 1) / n);
+        b->picture.rgb = p + (size_t)b->y0 * line;
+        b->picture.stride_nbytes = line;
+        b->picture.nbytes = (size_t)(b->y1 - b->y0) * line;
+        b->picture.bits = 8;
+        assert_int_equal(pthread_create(&thread[i], NULL, draw_band, b), 0);
+    }
+    for (i = 0; i < n; i++)
+        assert_int_equal(pthread_join(thread[i], NULL), 0);
+    crc = saga_crc32c(0, p, all);
+    free(p);
+    return crc;
+}
+
+static void threads_should_draw_what_one_draws(void **state)
+{
+    uint32_t i, k;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        const gen_options o = options_of(i);
+        scene s;
+        uint32_t crc;
+
+        make_scene(&s, &o, 0);
+        crc = crc_of(&s, &plain);
+        for (k = 0; k < 8; k++) {
+            assert_int_equal(crc_of_threads(&s, 1), crc);
+            assert_int_equal(crc_of_threads(&s, 4), crc);
+            assert_int_equal(crc_of_threads(&s, 7), crc);
+        }
+        free_scene(&s);
+    }
+}
+
+/* Jobs that take turns on one thread, and a job begun again. */
+static void jobs_should_not_disturb_each_other(void **state)
+{
+    enum { N = 5 };
+    const gen_options o = options_of(1);
+    const division d = { 16, 37, 1, 50, 8 };
+    saga_job job[N];
+    int left = N, done[N] = { 0 }, i;
+    scene s;
+    uint8_t *p;
+    size_t line, n;
+
+    (void)state;
+    make_scene(&s, &o, 0);
+    line = line_nbytes(&s, &d);
+    n = line * s.camera.height;
+    p = must(malloc(n));
+    memset(job, 0, sizeof job);
+    for (i = 0; i < N; i++) {
+        job[i].x1 = s.camera.width;
+        job[i].y0 = s.camera.height * i / N;
+        job[i].y1 = s.camera.height * (i + 1) / N;
+        job[i].tile = d.tile;
+        job[i].list_capacity = d.list;
+        job[i].scratch_nbytes = scratch_nbytes(&d);
+        job[i].scratch = must(malloc(job[i].scratch_nbytes));
+    }
+    for (i = 0; left > 0; i = (i + 1) % N) {
+        const size_t from = (size_t)job[i].y0 * line;
+        const saga_picture picture = { p + from, line, n - from, 8 };
+        const saga_status status = saga_draw(s.dec, &job[i], &picture, 50);
+
+        assert_true(status == SAGA_OK || (status == SAGA_AGAIN && !done[i]));
+        if (status == SAGA_OK && !done[i]) {
+            done[i] = 1;
+            left--;
+        }
+    }
+    assert_int_equal(saga_crc32c(0, p, n), crc_of(&s, &plain));
+    for (i = 0; i < N; i++)
+        free(job[i].scratch);
+    free(p);
+    free_scene(&s);
+}
+
+/* --- Blocks -------------------------------------------------------------- */
+
+/* Level 0's static block of 256 KiB, and one that is far too large. */
+static void picture_should_not_depend_on_the_block(void **state)
+{
+    static _Alignas(SAGA_WORK_ALIGN) uint8_t level_0[SAGA_WORK_MAX(0)];
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i += 2) {
+        const gen_options o = options_of(i);
+        scene exact, large, fixed;
+        uint32_t crc;
+
+        make_scene(&exact, &o, 0);
+        make_scene(&large, &o, LARGE);
+        crc = crc_of(&exact, &plain);
+        assert_int_equal(crc_of(&large, &plain), crc);
+        fixed = exact;
+        memset(level_0, CANARY, sizeof level_0);
+        memcpy(level_0, exact.work, exact.info.work_nbytes);
+        fixed.dec = (saga_decoder *)(void *)level_0;
+        assert_int_equal(crc_of(&fixed, &plain), crc);
+        assert_int_equal(saga_open(&fixed.dec, level_0, sizeof level_0,
+                                   exact.bytes, exact.n), SAGA_OK);
+        free_scene(&large);
+        free_scene(&exact);
+    }
+}
+
+/* --- Samples ------------------------------------------------------------- */
+
+static uint32_t apart(uint32_t a, uint32_t b)
+{
+    return a < b ? b - a : a - b;
+}
+
+/* v / 257 rounded: 65535 = 255 * 257. */
+static void check_depths(const scene *s)
+{
+    const division d8 = { 16, 100, 2, 1u << 30, 8 };
+    const division d16 = { 32, 37, 1, 999, 16 };
+    const size_t n = 3u * s->camera.width * s->camera.height;
+    uint8_t *const p = draw(s, &d8);
+    uint16_t *const q = (uint16_t *)(void *)draw(s, &d16);
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        assert_true(apart((q[i] + 128u) / 257u, p[i]) <= 1);
+    free(p);
+    free(q);
+}
+
+static void samples_of_16_bits_should_be_those_of_8(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        const gen_options o = options_of(i);
+        scene s;
+
+        make_scene(&s, &o, 0);
+        check_depths(&s);
+        free_scene(&s);
+    }
+}
+
+/* --- The picture's place ------------------------------------------------- */
+
+/* rgb is the job's pixel (x0, y0); rows are wider than what is drawn; nothing
+ * else is touched. */
+static void check_rect(const scene *s, const uint8_t *whole, int bits,
+                       const int32_t rect[4], int32_t tile)
+{
+    const division d = { tile, 37, 2, 333, bits };
+    const size_t sample = bits == 16 ? 2 : 1;
+    const size_t width = 3 * sample * (size_t)(rect[2] - rect[0]);
+    const size_t stride = width + 10 * sample;
+    const size_t rows = (size_t)(rect[3] - rect[1]);
+    const size_t n = stride * (rows - 1) + width;
+    const size_t line = line_nbytes(s, &d);
+    uint8_t *const p = must(malloc(n));
+    const saga_picture picture = { p, stride, n, bits };
+    size_t y, x;
+
+    memset(p, CANARY, n);
+    draw_rect(s, &d, rect[0], rect[1], rect[2], rect[3], &picture);
+    for (y = 0; y < rows; y++) {
+        const uint8_t *const from = whole + ((size_t)rect[1] + y) * line +
+                                    3 * sample * (size_t)rect[0];
+
+        assert_memory_equal(p + y * stride, from, width);
+        for (x = width; y + 1 < rows && x < stride; x++)
+            assert_int_equal(p[y * stride + x], CANARY);
+    }
+    free(p);
+}
+
+static void job_should_begin_at_the_first_sample(void **state)
+{
+    static const int32_t rects[][4] = {
+        { 0, 0, 160, 120 }, { 5, 7, 6, 8 }, { 159, 119, 160, 120 },
+        { 3, 0, 131, 1 }, { 0, 50, 1, 120 }, { 17, 33, 100, 99 },
+        { 64, 64, 128, 120 }
+    };
+    static const int32_t tiles[] = { 8, 16, 32, 64 };
+    const gen_options o = options_of(1);
+    scene s;
+    uint32_t i, k, bits;
+
+    (void)state;
+    make_scene(&s, &o, 0);
+    assert_int_equal(s.camera.width, 160);
+    assert_int_equal(s.camera.height, 120);
+    for (bits = 8; bits <= 16; bits += 8) {
+        const division d = { 16, 500, 1, 1u << 30, (int)bits };
+        uint8_t *const whole = draw(&s, &d);
+
+        for (i = 0; i < sizeof rects / sizeof *rects; i++)
+            for (k = 0; k < 4; k++)
+                check_rect(&s, whole, (int)bits, rects[i], tiles[k]);
+        free(whole);
+    }
+    free_scene(&s);
+}
+
+/* --- What draw refuses --------------------------------------------------- */
+
+typedef struct {
+    saga_job job;
+    saga_picture picture;
+} call;
+
+static void good_call(call *c, const scene *s, uint8_t *pixels, size_t n,
+                      void *scratch)
+{
+    memset(c, 0, sizeof *c);
+    c->job.x1 = s->camera.width;
+    c->job.y1 = s->camera.height;
+    c->job.tile = 16;
+    c->job.list_capacity = 10;
+    c->job.scratch = scratch;
+    c->job.scratch_nbytes = SAGA_JOB_NBYTES(16, 10);
+    c->picture.rgb = pixels;
+    c->picture.stride_nbytes = 3u * s->camera.width;
+    c->picture.nbytes = n;
+    c->picture.bits = 8;
+}
+
+static void jobs_that_cannot_be_should_be_refused(void **state)
+{
+    const gen_options o = options_of(1);
+    call good, c;
+    scene s;
+    uint8_t *p, *scratch;
+    size_t n;
+
+    (void)state;
+    make_scene(&s, &o, 0);
+    n = 3u * s.camera.width * s.camera.height;
+    p = must(malloc(2 * n));
+    scratch = must(malloc(SAGA_JOB_NBYTES(16, 10) + 4));
+    memset(p, CANARY, 2 * n);
+    good_call(&good, &s, p, n, scratch);
+#define REFUSED(status, change) \
+    do { \
+        c = good; \
+        change; \
+        assert_int_equal(saga_draw(s.dec, &c.job, &c.picture, 1u << 30), \
+                         status); \
+    } while (0)
+    REFUSED(SAGA_ERR_ARG, c.job.tile = 0);
+    REFUSED(SAGA_ERR_ARG, c.job.tile = 24);
+    REFUSED(SAGA_ERR_ARG, c.job.tile = -16);
+    REFUSED(SAGA_ERR_ARG, c.job.tile = 128);
+    REFUSED(SAGA_ERR_ARG, c.job.list_capacity = 0);
+    REFUSED(SAGA_ERR_ARG, c.job.x0 = -1);
+    REFUSED(SAGA_ERR_ARG, c.job.y0 = INT32_MIN);
+    REFUSED(SAGA_ERR_ARG, c.job.x0 = c.job.x1);
+    REFUSED(SAGA_ERR_ARG, c.job.x1 = s.camera.width + 1);
+    REFUSED(SAGA_ERR_ARG, c.job.y1 = INT32_MAX);
+    REFUSED(SAGA_ERR_ARG, c.picture.bits = 12);
+    REFUSED(SAGA_ERR_ARG, c.picture.stride_nbytes--);
+    REFUSED(SAGA_ERR_SPACE, c.picture.nbytes--);
+    REFUSED(SAGA_ERR_SPACE, c.picture.stride_nbytes++);
+    REFUSED(SAGA_ERR_SPACE, c.picture.stride_nbytes = SIZE_MAX);
+    REFUSED(SAGA_ERR_SPACE, c.job.scratch_nbytes--);
+    REFUSED(SAGA_ERR_SPACE, c.job.list_capacity = UINT32_MAX);
+    REFUSED(SAGA_ERR_ALIGN, c.job.scratch = scratch + 1);
+    REFUSED(SAGA_ERR_ALIGN, (c.picture.bits = 16, c.picture.rgb = p + 1,
+                             c.picture.stride_nbytes *= 2,
+                             c.picture.nbytes *= 2));
+#undef REFUSED
+    for (n *= 2; n > 0; n--)
+        assert_int_equal(p[n - 1], CANARY);
+    assert_int_equal(saga_draw(s.dec, &good.job, &good.picture, 1u << 30),
+                     SAGA_OK);
+    free(scratch);
+    free(p);
+    free_scene(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(picture_should_not_depend_on_its_division),
+        cmocka_unit_test(threads_should_draw_what_one_draws),
+        cmocka_unit_test(jobs_should_not_disturb_each_other),
+        cmocka_unit_test(picture_should_not_depend_on_the_block),
+        cmocka_unit_test(samples_of_16_bits_should_be_those_of_8),
+        cmocka_unit_test(job_should_begin_at_the_first_sample),
+        cmocka_unit_test(jobs_that_cannot_be_should_be_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,354 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Damaged streams: a status, never a crash, never an endless loop. What is
+ * damaged and how follows from a stream's number alone: SAGA_TEST_SEED is the
+ * first number, SAGA_TEST_COUNT how many; SAGA_TEST_VERBOSE=1 prints each
+ * number before it is played.
+ *
+ * Damage that is not signed must be noticed. Precisely: saga_open and
+ * saga_find may both accept a head only if it is the original's head byte by
+ * byte (saga_open alone does not look at the index), and saga_decode a segment
+ * only if its bytes are those of one of the original's segments (which one is
+ * the index's business). Bytes that nobody hands in, as those after the last
+ * segment, may be anything.
+ *
+ * Damage that is signed may well be another valid stream.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_mutate.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    PER_BASE = 64,           /* streams made of one base */
+    BASE_NBYTES = 12000,     /* at most, if not for pictures */
+    WALL_SECONDS = 120,      /* for one stream; then the program is killed */
+    CPU_SECONDS = 20
+};
+
+static uint64_t first_seed(void)
+{
+    const char *const s = getenv("SAGA_TEST_SEED");
+
+    return s ? strtoull(s, NULL, 0) : 0;
+}
+
+static uint32_t n_streams(void)
+{
+    const char *const s = getenv("SAGA_TEST_COUNT");
+
+    return s ? (uint32_t)strtoul(s, NULL, 0)
+         : getenv("SAGA_TEST_LONG") ? 10000 : 2000;
+}
+
+/* --- Bases --------------------------------------------------------------- */
+
+typedef struct {
+    uint64_t number;
+    uint8_t *bytes;
+    size_t n;
+    saga_info info;
+    saga_segment segment[GEN_MAX_SEGMENTS];
+} base;
+
+static void find_segments(base *b)
+{
+    uint32_t frame = 0, i;
+
+    assert_int_equal(saga_probe(&b->info, b->bytes, b->n), SAGA_OK);
+    assert_true(b->info.n_segments <= GEN_MAX_SEGMENTS);
+    for (i = 0; i < b->info.n_segments; i++) {
+        assert_int_equal(saga_find(&b->segment[i], b->bytes, b->n, frame, 1),
+                         SAGA_OK);
+        frame += b->segment[i].n_frames;
+    }
+}
+
+/* A small stream of many kinds: pictures, anything, outputs at the limits. */
+static void make_base(base *b, uint64_t number)
+{
+    gen_options o;
+    uint64_t r = number;
+
+    memset(&o, 0, sizeof o);
+    o.level = (int)(number & 1);
+    o.n_coarse = 1 + (uint32_t)(number % 7);
+    o.n_segments = number % 5 ? 1 : 2 + (uint32_t)(number % 2);
+    o.picture = number % 3 == 0;
+    for (o.seed = 1000 * number;; o.seed++) {
+        gen_stream g;
+
+        gen_stream_make(&g, &o);
+        if (number % 4 == 1)
+            mutate_extreme_nets(&g, &r);
+        gen_stream_encode(&g, &b->bytes, &b->n);
+        gen_stream_free(&g);
+        if (o.picture || b->n <= BASE_NBYTES)
+            break;
+        free(b->bytes);
+    }
+    b->number = number;
+    find_segments(b);
+}
+
+static void keep_base(base *b, uint64_t number)
+{
+    if (b->bytes && b->number == number)
+        return;
+    free(b->bytes);
+    make_base(b, number);
+}
+
+/* --- One stream ---------------------------------------------------------- */
+
+/* Most of the damage goes to segments, to get far. */
+static mutate_class class_of(uint64_t number)
+{
+    static const mutate_class classes[] = {
+        MUTATE_RAW, MUTATE_RAW_SIGNED, MUTATE_IN_PRIM, MUTATE_IN_HEADER,
+        MUTATE_IN_FINE, MUTATE_IN_NETWORKS, MUTATE_IN_COARSE, MUTATE_IN_INDEX,
+        MUTATE_IN_PRIM, MUTATE_RAW_SIGNED, MUTATE_IN_FINE, MUTATE_IN_COUNTS,
+        MUTATE_IN_COARSE, MUTATE_IN_NETWORKS, MUTATE_IN_ORDER,
+        MUTATE_IN_HEADER, MUTATE_IN_PRIM, MUTATE_RAW, MUTATE_IN_FINE
+    };
+
+    return classes[number % (sizeof classes / sizeof *classes)];
+}
+
+static int is_original_segment(const base *b, const uint8_t *p, size_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < b->info.n_segments; i++)
+        if (b->segment[i].nbytes == n &&
+            memcmp(b->bytes + b->segment[i].offset, p, n) == 0)
+            return 1;
+    return 0;
+}
+
+/* What was accepted is what was there before. */
+static int is_unchanged(const base *b, const mutate_result *result,
+                        const uint8_t *bytes)
+{
+    uint32_t i;
+
+    if (result->head_nbytes == 0)
+        return result->n_segments == 0;
+    if (result->head_nbytes != b->info.head_nbytes ||
+        memcmp(bytes, b->bytes, b->info.head_nbytes) != 0)
+        return 0;
+    for (i = 0; i < result->n_segments; i++)
+        if (!is_original_segment(b, bytes + result->segment[i].offset,
+                                 result->segment[i].nbytes))
+            return 0;
+    return 1;
+}
+
+typedef struct {
+    uint32_t count[MUTATE_N_CLASSES][MUTATE_N_STAGES];
+    uint32_t unchanged;
+    double slowest;          /* CPU seconds */
+    uint64_t slowest_number;
+} table;
+
+static void play(table *t, const base *b, uint64_t number)
+{
+    const mutate_class c = class_of(number);
+    uint64_t r = number * 0x9e3779b97f4a7c15u;
+    mutate_result result;
+    size_t n;
+    uint8_t *const bytes = mutate_make(b->bytes, b->n, c, &r, &n);
+    const clock_t start = clock();
+    double seconds;
+
+    alarm(WALL_SECONDS);
+    mutate_play(&result, bytes, n, &r);
+    alarm(0);
+    seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
+    if (result.broken)
+        fail_msg("stream %" PRIu64 ": not so: %s", number, result.broken);
+    if (seconds > CPU_SECONDS)
+        fail_msg("stream %" PRIu64 ": %.1f s", number, seconds);
+    if (c == MUTATE_RAW && !is_unchanged(b, &result, bytes))
+        fail_msg("stream %" PRIu64 ": damage not noticed", number);
+    if (seconds > t->slowest) {
+        t->slowest = seconds;
+        t->slowest_number = number;
+    }
+    if (n == b->n && memcmp(bytes, b->bytes, n) == 0)
+        t->unchanged++;
+    else
+        t->count[c][result.stage]++;
+    free(bytes);
+}
+
+/* --- The report ---------------------------------------------------------- */
+
+static uint32_t reached(const table *t, int c)
+{
+    return t->count[c][MUTATE_AT_VIEW] + t->count[c][MUTATE_DRAWN];
+}
+
+static void print_row(const char *name, const uint32_t *count)
+{
+    int i;
+
+    printf("%-10s", name);
+    for (i = 0; i < MUTATE_N_STAGES; i++)
+        printf(" %7" PRIu32, count[i]);
+    printf("\n");
+}
+
+static void print_table(const table *t)
+{
+    uint32_t all[MUTATE_N_STAGES] = { 0 };
+    int c, i;
+
+    printf("%-10s", "damage in");
+    for (i = 0; i < MUTATE_N_STAGES; i++)
+        printf(" %7s", mutate_stage_text[i]);
+    printf("   (the stage that refused)\n");
+    for (c = 0; c < MUTATE_N_CLASSES; c++) {
+        print_row(mutate_class_text[c], t->count[c]);
+        for (i = 0; i < MUTATE_N_STAGES; i++)
+            all[i] += t->count[c][i];
+    }
+    print_row("all", all);
+    printf("unchanged %" PRIu32 ", slowest %.2f s (stream %" PRIu64 ")\n",
+           t->unchanged, t->slowest, t->slowest_number);
+}
+
+/* At least a tenth of all streams must be reconstructed; valid networks that
+ * were damaged do not count. */
+static void assert_depth(const table *t, uint32_t n)
+{
+    uint32_t segments = 0, networks = reached(t, MUTATE_IN_NETWORKS);
+    int c;
+
+    for (c = MUTATE_RAW_SIGNED; c < MUTATE_N_CLASSES; c++)
+        segments += c == MUTATE_IN_NETWORKS ? 0 : reached(t, c);
+    printf("reconstructed: %" PRIu32 " of %" PRIu32 ", and %" PRIu32
+           " with damaged networks\n", segments, n, networks);
+    if (n >= 1000) {
+        assert_true(segments >= n / 10);
+        assert_true(networks > 0);
+    }
+}
+
+static void damaged_streams_should_only_give_a_status(void **state)
+{
+    const uint64_t seed = first_seed();
+    const uint32_t n = n_streams();
+    const int verbose = getenv("SAGA_TEST_VERBOSE") != NULL;
+    table t;
+    base b;
+    uint32_t i;
+
+    (void)state;
+    memset(&t, 0, sizeof t);
+    memset(&b, 0, sizeof b);
+    printf("streams from %" PRIu64 ", %" PRIu32 " of them\n", seed, n);
+    for (i = 0; i < n; i++) {
+        keep_base(&b, (seed + i) / PER_BASE);
+        if (verbose) {
+            printf("stream %" PRIu64 "\n", seed + i);
+            fflush(stdout);
+        }
+        play(&t, &b, seed + i);
+    }
+    free(b.bytes);
+    print_table(&t);
+    assert_depth(&t, n);
+}
+
+/* --- More ---------------------------------------------------------------- */
+
+static void undamaged_streams_should_be_drawn(void **state)
+{
+    const uint64_t seed = first_seed() / PER_BASE;
+    uint64_t r = seed;
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < 48; i++) {
+        mutate_result result;
+        base b;
+
+        make_base(&b, seed + i);
+        mutate_play(&result, b.bytes, b.n, &r);
+        if (result.broken)
+            fail_msg("base %" PRIu64 ": not so: %s", seed + i, result.broken);
+        assert_int_equal(result.stage, MUTATE_DRAWN);
+        assert_int_equal(result.n_segments, b.info.n_segments);
+        assert_true(is_unchanged(&b, &result, b.bytes));
+        free(b.bytes);
+    }
+}
+
+/* One bit of each byte: all of them are covered by a CRC. */
+static void no_changed_byte_should_go_unnoticed(void **state)
+{
+    mutate_result result;
+    uint64_t r = 5;
+    size_t i;
+    base b;
+
+    (void)state;
+    make_base(&b, 10);
+    assert_true(b.info.n_segments > 1);
+    for (i = 0; i < b.n; i++) {
+        b.bytes[i] ^= (uint8_t)(1u << i % 8);
+        mutate_play(&result, b.bytes, b.n, &r);
+        assert_null(result.broken);
+        assert_int_not_equal(result.stage, MUTATE_DRAWN);
+        assert_int_not_equal(result.status, SAGA_OK);
+        b.bytes[i] ^= (uint8_t)(1u << i % 8);
+    }
+    free(b.bytes);
+}
+
+static void pieces_should_make_the_same_file_again(void **state)
+{
+    uint64_t i;
+
+    (void)state;
+    for (i = 0; i < 20; i++) {
+        mutate_file f;
+        uint8_t *joined;
+        size_t n;
+        base b;
+
+        make_base(&b, i);
+        mutate_split(&f, b.bytes, b.n);
+        joined = mutate_join(&f, &n);
+        assert_int_equal(n, b.n);
+        assert_memory_equal(joined, b.bytes, n);
+        mutate_sign(joined, n);
+        assert_memory_equal(joined, b.bytes, n);
+        free(joined);
+        mutate_free(&f);
+        free(b.bytes);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(pieces_should_make_the_same_file_again),
+        cmocka_unit_test(undamaged_streams_should_be_drawn),
+        cmocka_unit_test(no_changed_byte_should_go_unnoticed),
+        cmocka_unit_test(damaged_streams_should_only_give_a_status),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

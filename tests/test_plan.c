@@ -1,0 +1,632 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What a header promises is kept: memory to the byte, multiply-accumulates to
+ * the last one, and a decoder that is nothing but its block.
+ *
+ * mlp.c is compiled in here, counting; the library's is then not linked.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#define SAGA_COUNT_MACS
+#include "mlp.c"
+
+#include "gen_stream.h"
+#include "plan.h"
+#include "saga.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { N_CANARIES = 256, CANARY = 0xa5 };
+
+static uint64_t n_macs;
+
+void saga_count_macs(uint64_t n)
+{
+    n_macs += n;
+}
+
+static uint64_t first_seed(void)
+{
+    const char *const s = getenv("SAGA_TEST_SEED");
+
+    return s ? strtoull(s, NULL, 0) : 1;
+}
+
+static uint32_t n_streams(void)
+{
+    const char *const s = getenv("SAGA_TEST_COUNT");
+
+    return s ? (uint32_t)strtoul(s, NULL, 0)
+         : getenv("SAGA_TEST_LONG") ? 2000 : 100;
+}
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+/* --- A file and a block -------------------------------------------------- */
+
+typedef struct {
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n;
+    saga_info info;
+    uint8_t *work;           /* info.work_nbytes, then canaries */
+    saga_decoder *dec;
+} player;
+
+static void fill_block(player *p)
+{
+    memset(p->work, CANARY, p->info.work_nbytes + N_CANARIES);
+}
+
+/* Everything but the decoder; p->g is filled. */
+static void prepare(player *p)
+{
+    gen_stream_encode(&p->g, &p->bytes, &p->n);
+    assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
+    assert_int_equal(p->info.work_nbytes % SAGA_WORK_ALIGN, 0);
+    p->work = must(aligned_alloc(SAGA_WORK_ALIGN,
+                                 p->info.work_nbytes + N_CANARIES));
+    fill_block(p);
+}
+
+static void begin(player *p, const gen_options *o)
+{
+    memset(p, 0, sizeof *p);
+    gen_stream_make(&p->g, o);
+    prepare(p);
+    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes,
+                               p->bytes, p->info.head_nbytes), SAGA_OK);
+}
+
+static void end(player *p)
+{
+    free(p->work);
+    free(p->bytes);
+    gen_stream_free(&p->g);
+}
+
+static void assert_canaries(const player *p)
+{
+    uint32_t i;
+
+    for (i = 0; i < N_CANARIES; i++)
+        assert_int_equal(p->work[p->info.work_nbytes + i], CANARY);
+}
+
+static saga_status decode(player *p, saga_decoder *dec, uint32_t number)
+{
+    saga_segment seg;
+    uint32_t frame = 0, i;
+
+    for (i = 0; i < number; i++)
+        frame += p->g.n_frames[i];
+    assert_int_equal(saga_find(&seg, p->bytes, p->n, frame, 1), SAGA_OK);
+    assert_int_equal(seg.number, number);
+    return saga_decode(dec, p->bytes + seg.offset, seg.nbytes);
+}
+
+static saga_camera rig(const player *p, uint32_t index)
+{
+    saga_camera c;
+    uint32_t number;
+
+    assert_int_equal(saga_rig(&c, &number, p->bytes, p->n, index), SAGA_OK);
+    return c;
+}
+
+static uint32_t draw(const saga_decoder *dec, const saga_camera *c)
+{
+    enum { TILE = 16, LIST = 300 };
+    const size_t nbytes = 3u * c->width * c->height;
+    uint8_t *const pixels = must(malloc(nbytes));
+    const saga_picture picture = { pixels, 3u * c->width, nbytes, 8 };
+    saga_job job = { 0 };
+    saga_status s;
+    uint32_t crc;
+
+    job.x1 = c->width;
+    job.y1 = c->height;
+    job.tile = TILE;
+    job.list_capacity = LIST;
+    job.scratch_nbytes = SAGA_JOB_NBYTES(TILE, LIST);
+    job.scratch = must(malloc(job.scratch_nbytes));
+    do
+        s = saga_draw(dec, &job, &picture, 10000);
+    while (s == SAGA_AGAIN);
+    assert_int_equal(s, SAGA_OK);
+    crc = saga_crc32c(0, pixels, nbytes);
+    free(job.scratch);
+    free(pixels);
+    return crc;
+}
+
+static gen_options options_of(uint64_t seed, uint32_t i)
+{
+    gen_options o;
+
+    memset(&o, 0, sizeof o);
+    o.seed = seed + i;
+    o.level = (int)(i % 16 == 15 ? 3 : i % 16 == 7 ? 2 : i & 1);
+    o.tools_fixed = 1;
+    o.tools = i % 32;
+    o.picture = i / 32 % 2 == 0;
+    return o;
+}
+
+/* The first tree that fills level 0 to the brim. */
+static gen_options full_options(void)
+{
+    gen_options o = { .seed = first_seed(), .level = 0, .full = 1,
+                      .picture = 1, .tools_fixed = 1,
+                      .tools = SAGA_TOOLS_KNOWN };
+
+    for (;; o.seed++) {
+        gen_stream g;
+        saga_counts n;
+
+        gen_stream_make(&g, &o);
+        n = g.segment[0].n;
+        gen_stream_free(&g);
+        if (n.coarse == saga_caps[0].n_coarse &&
+            n.fine == saga_caps[0].n_fine && n.prim == saga_caps[0].n_prim)
+            return o;
+    }
+}
+
+/* --- Memory -------------------------------------------------------------- */
+
+static void levels_should_be_those_of_the_public_header(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < SAGA_N_PROFILES; i++)
+        assert_int_equal(saga_caps[i].work_nbytes, SAGA_WORK_MAX(i));
+}
+
+static void check_open(const gen_options *o)
+{
+    player p;
+    saga_decoder *dec;
+    const uint8_t *head;
+    size_t size, n, k;
+
+    begin(&p, o);
+    head = p.bytes;
+    size = p.info.work_nbytes;
+    n = p.info.head_nbytes;
+    assert_true(size <= SAGA_WORK_MAX(o->level));
+    fill_block(&p);
+    assert_int_equal(saga_open(&dec, p.work, size - 1, head, n),
+                     SAGA_ERR_SPACE);
+    assert_null(dec);
+    assert_int_equal(saga_open(&dec, p.work, 0, head, n), SAGA_ERR_SPACE);
+    for (k = 1; k < SAGA_WORK_ALIGN; k++) {
+        dec = p.dec;
+        assert_int_equal(saga_open(&dec, p.work + k, size, head, n),
+                         SAGA_ERR_ALIGN);
+        assert_null(dec);
+    }
+    for (k = 0; k < size; k++)
+        assert_int_equal(p.work[k], CANARY);
+    assert_int_equal(saga_open(&dec, p.work, size, head, n - 1),
+                     SAGA_ERR_TRUNCATED);
+    assert_null(dec);
+    assert_canaries(&p);
+    end(&p);
+}
+
+static void open_should_refuse_a_smaller_or_misaligned_block(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < 16; i++) {
+        const gen_options o = options_of(first_seed(), i);
+
+        check_open(&o);
+    }
+}
+
+static void check_canaries(const gen_options *o)
+{
+    static const int32_t times[] = { 0, 32768, 65535 };
+    player p;
+    saga_camera c;
+    uint32_t i, k;
+
+    begin(&p, o);
+    for (i = 0; i < p.g.n_segments; i++) {
+        assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
+        assert_canaries(&p);
+        for (k = 0; k < 3; k++) {
+            c = rig(&p, k);
+            assert_int_equal(saga_view(p.dec, &c, times[k]), SAGA_OK);
+            assert_canaries(&p);
+        }
+        (void)draw(p.dec, &c);
+        assert_canaries(&p);
+    }
+    end(&p);
+}
+
+static void decoder_should_stay_inside_its_block(void **state)
+{
+    gen_options o = full_options();
+    uint32_t i;
+
+    (void)state;
+    check_canaries(&o);
+    for (i = 0; i < n_streams(); i++) {
+        o = options_of(first_seed(), i);
+        o.n_segments = 1 + i % GEN_MAX_SEGMENTS;
+        check_canaries(&o);
+    }
+}
+
+/* Without primitives the anchors lie at the end, and all of them are written:
+ * what is left is the padding to 16. */
+static void block_should_be_used_up_to_its_end(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < 32; i++) {
+        const gen_options o = options_of(first_seed(), i);
+        player p;
+        saga_symbols *s;
+        size_t last;
+
+        memset(&p, 0, sizeof p);
+        gen_stream_make(&p.g, &o);
+        s = &p.g.segment[0];
+        memset(s->n_prim, 0, s->n.fine);
+        s->n.prim = 0;
+        prepare(&p);
+        assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
+                                   p.bytes, p.n), SAGA_OK);
+        assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+        /* A zero byte among features looks touched; a canary may be real. */
+        for (last = p.info.work_nbytes; p.work[last - 1] == CANARY; last--)
+            ;
+        assert_true(last + 15 >= p.info.work_nbytes);
+        end(&p);
+    }
+}
+
+/* --- Work ---------------------------------------------------------------- */
+
+static uint64_t macs_of_segment(const player *p, uint32_t number)
+{
+    saga_nets nets;
+
+    saga_nets_layout(&nets, &p->g.header.model);
+    return saga_plan_macs(&p->g.header.model, &nets, &p->g.segment[number].n);
+}
+
+static void check_macs(const gen_options *o)
+{
+    player p;
+    saga_camera c;
+    saga_report report;
+    uint32_t i;
+
+    begin(&p, o);
+    for (i = 0; i < p.g.n_segments; i++) {
+        n_macs = 0;
+        assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
+        assert_true(n_macs <= p.info.decode_macs);
+        assert_true(n_macs == macs_of_segment(&p, i));
+        if (p.g.n_segments == 1)
+            assert_true(n_macs == p.info.decode_macs);
+        c = rig(&p, i % p.info.n_cameras);
+        n_macs = 0;
+        assert_int_equal(saga_view(p.dec, &c, 40000), SAGA_OK);
+        assert_int_equal(saga_tell(&report, p.dec), SAGA_OK);
+        assert_true(n_macs == (uint64_t)p.info.view_macs * report.n_splats);
+        n_macs = 0;
+        (void)draw(p.dec, &c);
+        assert_true(n_macs == 0);
+    }
+    end(&p);
+}
+
+static void macs_should_be_counted_exactly(void **state)
+{
+    gen_options o = full_options();
+    uint32_t i;
+
+    (void)state;
+    printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", first_seed(),
+           n_streams());
+    check_macs(&o);
+    for (i = 0; i < n_streams(); i++) {
+        o = options_of(first_seed(), i);
+        o.n_segments = i % 4 == 3 ? 3 : 1;
+        check_macs(&o);
+    }
+}
+
+static void info_should_be_that_of_the_header(void **state)
+{
+    uint32_t i, net;
+
+    (void)state;
+    for (i = 0; i < 32; i++) {
+        const gen_options o = options_of(first_seed(), i);
+        saga_net_shape s;
+        uint32_t weights = 0;
+        player p;
+
+        begin(&p, &o);
+        for (net = 0; net < SAGA_N_NETS; net++) {
+            saga_model_net(&s, &p.g.header.model, (int)net);
+            weights += saga_net_weights(&s);
+        }
+        assert_int_equal(p.info.n_weights, weights);
+        assert_int_equal(p.info.level, o.level);
+        assert_int_equal(p.info.tools, o.tools);
+        assert_int_equal(p.info.motion_order, o.tools >> 3);
+        assert_int_equal(p.info.features, p.g.header.model.features);
+        assert_int_equal(p.info.max_coarse, p.g.segment[0].n.coarse);
+        assert_int_equal(p.info.max_fine, p.g.segment[0].n.fine);
+        assert_int_equal(p.info.max_primitives, p.g.segment[0].n.prim);
+        assert_int_equal(p.info.n_frames, p.g.n_frames[0]);
+        end(&p);
+    }
+}
+
+/* --- The decoder is its block -------------------------------------------- */
+
+static const gen_options picture_options = {
+    .seed = 12, .level = 1, .n_coarse = 10, .picture = 1, .tools_fixed = 1,
+    .tools = SAGA_TOOLS_KNOWN, .n_segments = 2
+};
+
+/* The block at another aligned place, with other neighbours. */
+static saga_decoder *copy_of(const player *p, uint8_t **block)
+{
+    const size_t n = p->info.work_nbytes;
+    uint8_t *const q = must(aligned_alloc(SAGA_WORK_ALIGN,
+                                          n + SAGA_WORK_ALIGN));
+
+    *block = q;
+    memcpy(q + SAGA_WORK_ALIGN, p->work, n);
+    return (saga_decoder *)(void *)(q + SAGA_WORK_ALIGN);
+}
+
+static void decoder_should_be_movable_at_any_time(void **state)
+{
+    player p;
+    saga_camera c;
+    saga_decoder *at;
+    uint8_t *block;
+    uint32_t crc;
+    int when;
+
+    (void)state;
+    begin(&p, &picture_options);
+    c = rig(&p, 1);
+    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_int_equal(saga_view(p.dec, &c, 20000), SAGA_OK);
+    crc = draw(p.dec, &c);
+    for (when = 0; when < 3; when++) {
+        assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
+                                   p.bytes, p.n), SAGA_OK);
+        if (when > 0)
+            assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+        if (when > 1)
+            assert_int_equal(saga_view(p.dec, &c, 20000), SAGA_OK);
+        at = copy_of(&p, &block);
+        fill_block(&p);      /* moved: nothing is left where it was */
+        if (when < 1)
+            assert_int_equal(decode(&p, at, 0), SAGA_OK);
+        if (when < 2)
+            assert_int_equal(saga_view(at, &c, 20000), SAGA_OK);
+        assert_int_equal(draw(at, &c), crc);
+        free(block);
+    }
+    end(&p);
+}
+
+static void copy_should_not_follow_its_original(void **state)
+{
+    player p;
+    saga_camera c;
+    saga_decoder *copy;
+    uint8_t *block;
+    uint32_t crc, other;
+
+    (void)state;
+    begin(&p, &picture_options);
+    c = rig(&p, 0);
+    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
+    crc = draw(p.dec, &c);
+    copy = copy_of(&p, &block);
+    assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
+    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
+    other = draw(p.dec, &c);
+    assert_int_not_equal(other, crc);
+    assert_int_equal(draw(copy, &c), crc);
+    assert_int_equal(saga_view(copy, &c, 0), SAGA_OK);
+    assert_int_equal(draw(copy, &c), crc);
+    assert_int_equal(draw(p.dec, &c), other);
+    free(block);
+    end(&p);
+}
+
+/* A view must not use what an earlier segment, view or stream left behind. */
+static void picture_should_not_depend_on_what_the_block_held(void **state)
+{
+    player p;
+    saga_camera c;
+    uint32_t crc[2];
+    int i;
+
+    (void)state;
+    begin(&p, &picture_options);
+    c = rig(&p, 2);
+    for (i = 0; i < 2; i++) {
+        memset(p.work, i ? 0xff : 0, p.info.work_nbytes);
+        assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
+                                   p.bytes, p.n), SAGA_OK);
+        assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
+        assert_int_equal(saga_view(p.dec, &c, 65535), SAGA_OK);
+        crc[i] = draw(p.dec, &c);
+    }
+    assert_int_equal(crc[0], crc[1]);
+    end(&p);
+}
+
+/* --- Order of calls ------------------------------------------------------ */
+
+static saga_status try_draw(const saga_decoder *dec, const saga_camera *c)
+{
+    static uint8_t pixels[3 * 64 * 64];
+    static _Alignas(4) uint8_t scratch[SAGA_JOB_NBYTES(8, 8)];
+    const saga_picture picture = { pixels, 3 * 64, sizeof pixels, 8 };
+    saga_job job = { 0 };
+
+    assert_true(c->width >= 8 && c->height >= 8);
+    job.x1 = job.y1 = 8;
+    job.tile = 8;
+    job.list_capacity = 8;
+    job.scratch = scratch;
+    job.scratch_nbytes = sizeof scratch;
+    return saga_draw(dec, &job, &picture, 1u << 30);
+}
+
+/* Nothing decoded: what may not be called says so. */
+static void assert_nothing_decoded(saga_decoder *dec, const saga_camera *c)
+{
+    saga_report report;
+    saga_animated a;
+    saga_splat s;
+
+    assert_int_equal(saga_tell(&report, dec), SAGA_ERR_STATE);
+    assert_int_equal(saga_primitive_at(&a, dec, 0, 0), SAGA_ERR_STATE);
+    assert_int_equal(saga_view(dec, c, 0), SAGA_ERR_STATE);
+    assert_int_equal(saga_splat_at(&s, dec, 0), SAGA_ERR_STATE);
+    assert_int_equal(try_draw(dec, c), SAGA_ERR_STATE);
+}
+
+static void assert_no_view(const saga_decoder *dec, const saga_camera *c)
+{
+    saga_report report;
+    saga_splat s;
+
+    assert_int_equal(saga_tell(&report, dec), SAGA_OK);
+    assert_int_equal(report.n_splats, 0);
+    assert_int_equal(saga_splat_at(&s, dec, 0), SAGA_ERR_STATE);
+    assert_int_equal(try_draw(dec, c), SAGA_ERR_STATE);
+}
+
+static void calls_out_of_order_should_be_refused(void **state)
+{
+    player p;
+    saga_camera c;
+    saga_report report;
+    saga_segment seg;
+
+    (void)state;
+    begin(&p, &picture_options);
+    c = rig(&p, 0);
+    assert_nothing_decoded(p.dec, &c);
+    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_no_view(p.dec, &c);
+    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
+    assert_int_equal(saga_tell(&report, p.dec), SAGA_OK);
+    assert_int_not_equal(report.n_splats, 0);
+    assert_int_equal(try_draw(p.dec, &c), SAGA_OK);
+    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_no_view(p.dec, &c);
+    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
+    assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
+    assert_int_equal(saga_decode(p.dec, p.bytes + seg.offset, 1),
+                     SAGA_ERR_TRUNCATED);
+    assert_nothing_decoded(p.dec, &c);
+    assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
+    p.bytes[p.n - 1] ^= 1;
+    assert_int_equal(decode(&p, p.dec, 1), SAGA_ERR_DATA);
+    assert_nothing_decoded(p.dec, &c);
+    end(&p);
+}
+
+/* Every length a segment may be cut to. */
+static void cut_segment_should_be_refused(void **state)
+{
+    const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
+                            .tools_fixed = 1 };
+    player p;
+    saga_segment seg;
+    size_t n;
+
+    (void)state;
+    begin(&p, &o);
+    assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
+    for (n = 0; n < seg.nbytes; n++) {
+        uint8_t *const copy = must(malloc(n ? n : 1));
+
+        memcpy(copy, p.bytes + seg.offset, n);
+        assert_int_equal(saga_decode(p.dec, copy, n), SAGA_ERR_TRUNCATED);
+        free(copy);
+    }
+    end(&p);
+}
+
+/* Every length a head may be cut to. */
+static void cut_head_should_be_refused(void **state)
+{
+    const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
+                            .tools_fixed = 1 };
+    player p;
+    saga_segment seg;
+    saga_decoder *dec;
+    size_t n;
+
+    (void)state;
+    begin(&p, &o);
+    for (n = 0; n < p.info.head_nbytes; n += n < 700 ? 1 : 97) {
+        uint8_t *const copy = must(malloc(n ? n : 1));
+
+        memcpy(copy, p.bytes, n);
+        assert_int_equal(saga_open(&dec, p.work, p.info.work_nbytes, copy, n),
+                         SAGA_ERR_TRUNCATED);
+        assert_null(dec);
+        assert_int_equal(saga_find(&seg, copy, n, 0, 1), SAGA_ERR_TRUNCATED);
+        free(copy);
+    }
+    end(&p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(levels_should_be_those_of_the_public_header),
+        cmocka_unit_test(open_should_refuse_a_smaller_or_misaligned_block),
+        cmocka_unit_test(decoder_should_stay_inside_its_block),
+        cmocka_unit_test(block_should_be_used_up_to_its_end),
+        cmocka_unit_test(macs_should_be_counted_exactly),
+        cmocka_unit_test(info_should_be_that_of_the_header),
+        cmocka_unit_test(decoder_should_be_movable_at_any_time),
+        cmocka_unit_test(copy_should_not_follow_its_original),
+        cmocka_unit_test(picture_should_not_depend_on_what_the_block_held),
+        cmocka_unit_test(calls_out_of_order_should_be_refused),
+        cmocka_unit_test(cut_segment_should_be_refused),
+        cmocka_unit_test(cut_head_should_be_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,875 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Encoder and decoder are inverse: random symbols and networks go to bytes and
+ * come back, every one of them. SAGA_TEST_SEED is the first seed,
+ * SAGA_TEST_COUNT the number of streams.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "encode.h"
+#include "gen_stream.h"
+#include "ref_recorder.h"
+#include "saga.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { N_SOURCES = 128, COVERED = 1000 };
+
+static uint64_t first_seed(void)
+{
+    const char *const s = getenv("SAGA_TEST_SEED");
+
+    return s ? strtoull(s, NULL, 0) : 1;
+}
+
+static uint32_t n_streams(void)
+{
+    const char *const s = getenv("SAGA_TEST_COUNT");
+
+    return s ? (uint32_t)strtoul(s, NULL, 0)
+         : getenv("SAGA_TEST_LONG") ? 100000 : 1000;
+}
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+/* An exact-size copy, so that the sanitizers see every read past its end. */
+static uint8_t *copy_of(const uint8_t *p, size_t n)
+{
+    return memcpy(must(malloc(n ? n : 1)), p, n);
+}
+
+/* --- Comparing ----------------------------------------------------------- */
+
+#define SAME(a, b, n) assert_memory_equal(a, b, (n) * sizeof *(a))
+
+static void assert_same_symbols(const saga_symbols *a, const saga_symbols *b,
+                                uint32_t features)
+{
+    assert_int_equal(a->n.coarse, b->n.coarse);
+    assert_int_equal(a->n.fine, b->n.fine);
+    assert_int_equal(a->n.prim, b->n.prim);
+    assert_int_equal(a->n_nodes, b->n_nodes);
+    SAME(a->split, b->split, a->n_nodes);
+    SAME(a->occupancy, b->occupancy, a->n_nodes);
+    SAME(a->n_fine, b->n_fine, a->n.coarse);
+    SAME(a->centre, b->centre, 4u * a->n.coarse);
+    SAME(a->feature, b->feature, (size_t)features * a->n.coarse);
+    SAME(a->fine_suffix, b->fine_suffix, a->n.fine);
+    SAME(a->fine_offset, b->fine_offset, 4u * a->n.fine);
+    SAME(a->n_prim, b->n_prim, a->n.fine);
+    SAME(a->prim_suffix, b->prim_suffix, a->n.prim);
+    SAME(a->prim_offset, b->prim_offset, 4u * a->n.prim);
+}
+
+static void assert_same_layer(const saga_layer_symbols *a,
+                              const saga_layer_symbols *b, size_t n_in,
+                              size_t n_out)
+{
+    assert_int_equal(a->step_q16, b->step_q16);
+    assert_int_equal(a->step_shift, b->step_shift);
+    assert_int_equal(a->bias_shift, b->bias_shift);
+    assert_int_equal(a->weight_scale, b->weight_scale);
+    assert_int_equal(a->bias_scale, b->bias_scale);
+    SAME(a->weight, b->weight, n_in * n_out);
+    SAME(a->bias, b->bias, n_out);
+    SAME(a->shift, b->shift, n_out);
+}
+
+static void assert_same_nets(const saga_net_symbols *a,
+                             const saga_net_symbols *b, const saga_model *m)
+{
+    saga_net_shape s;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_model_net(&s, m, net);
+        for (i = 0; i < s.n_layers; i++)
+            assert_same_layer(&a->layer[net][i], &b->layer[net][i], s.dim[i],
+                              s.dim[i + 1]);
+    }
+}
+
+/* --- One stream there and back ------------------------------------------- */
+
+typedef struct {
+    saga_decoder *dec;
+    saga_info info;
+    uint8_t *work;
+} player;
+
+static void player_open(player *p, const uint8_t *head, size_t n)
+{
+    assert_int_equal(saga_probe(&p->info, head, n), SAGA_OK);
+    p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
+    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, head, n),
+                     SAGA_OK);
+}
+
+/* The segment that begins with the frames of those before it. */
+static saga_segment segment_of(const gen_stream *g, const uint8_t *bytes,
+                               size_t n, uint32_t number)
+{
+    saga_segment seg;
+    uint32_t frame = 0, i;
+
+    for (i = 0; i < number; i++)
+        frame += g->n_frames[i];
+    assert_int_equal(saga_find(&seg, bytes, n, frame, 1), SAGA_OK);
+    assert_int_equal(seg.number, number);
+    assert_int_equal(seg.first_frame, frame);
+    assert_int_equal(seg.n_frames, g->n_frames[number]);
+    assert_int_equal(seg.t, 0);
+    assert_true(seg.offset <= n && seg.nbytes <= n - seg.offset);
+    return seg;
+}
+
+static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
+                          size_t n, uint32_t number)
+{
+    const saga_segment seg = segment_of(g, bytes, n, number);
+    saga_net_symbols nets;
+    saga_symbols s;
+    saga_report report;
+    uint32_t range[3];
+    int i;
+
+    memset(&nets, 0, sizeof nets);
+    memset(&s, 0, sizeof s);
+    assert_true(recorder_read(&nets, &s, number, range, bytes, n));
+    assert_same_nets(&nets, &g->nets, &g->header.model);
+    assert_same_symbols(&s, &g->segment[number], g->header.model.features);
+    assert_int_equal(saga_decode(p->dec, bytes + seg.offset, seg.nbytes),
+                     SAGA_OK);
+    assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
+    assert_int_equal(report.n_coarse, s.n.coarse);
+    assert_int_equal(report.n_fine, s.n.fine);
+    assert_int_equal(report.n_primitives, s.n.prim);
+    for (i = 0; i < 3; i++)
+        assert_int_equal(report.final_range[i], range[i]);
+    recorder_free_nets(&nets);
+    recorder_free_symbols(&s);
+}
+
+static void check_stream(gen_stream *g)
+{
+    player p;
+    uint8_t *bytes;
+    size_t n;
+    uint32_t i;
+
+    gen_stream_encode(g, &bytes, &n);
+    player_open(&p, bytes, n);
+    assert_int_equal(p.info.n_segments, g->n_segments);
+    for (i = 0; i < g->n_segments; i++)
+        check_segment(&p, g, bytes, n, i);
+    free(p.work);
+    free(bytes);
+}
+
+/* --- What the random streams covered ------------------------------------- */
+
+typedef struct {
+    uint32_t tools[32];
+    uint32_t sources[SAGA_N_KINDS][8], together[N_SOURCES];
+    uint32_t groups[SAGA_N_LEVELS][SAGA_MAX_GROUPS + 1];
+    uint32_t window[SAGA_N_LEVELS][SAGA_MAX_WINDOW + 1];
+    uint32_t neighbours[SAGA_N_LEVELS][SAGA_MAX_NEIGHBOURS + 1];
+    uint32_t suffix[SAGA_N_LEVELS][SAGA_MAX_SUFFIX_BITS + 1];
+    uint32_t children[SAGA_N_LEVELS][SAGA_MAX_CHILDREN + 1];
+    uint32_t level[4], segments[GEN_MAX_SEGMENTS + 1];
+    uint32_t no_fine, no_prim, one_coarse, extreme;
+} coverage;
+
+static void cover_segment(coverage *c, const saga_symbols *s)
+{
+    uint32_t i;
+
+    c->no_fine += s->n.fine == 0;
+    c->no_prim += s->n.fine != 0 && s->n.prim == 0;
+    c->one_coarse += s->n.coarse == 1;
+    for (i = 0; i < 4 * s->n.fine; i++)
+        c->extreme += s->fine_offset[i] == SAGA_MAX_RESIDUAL ||
+                      s->fine_offset[i] == -SAGA_MAX_RESIDUAL;
+}
+
+static void cover(coverage *c, const gen_stream *g)
+{
+    const saga_model *const m = &g->header.model;
+    uint32_t together = 0, i;
+
+    c->tools[m->tools & 31u]++;
+    c->level[g->header.level]++;
+    c->segments[g->n_segments]++;
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        c->sources[i][m->sources[i]]++;
+    together = (m->sources[0] & 1u) | (m->sources[0] >> 1 & 2u);
+    together = together << 5 | (uint32_t)m->sources[1] << 2 | m->sources[2];
+    c->together[together]++;
+    for (i = 0; i < SAGA_N_LEVELS; i++) {
+        c->groups[i][m->level[i].n_groups]++;
+        c->window[i][m->level[i].window]++;
+        c->neighbours[i][m->level[i].neighbours]++;
+        c->suffix[i][m->level[i].suffix_bits]++;
+        c->children[i][m->level[i].max_children]++;
+    }
+    for (i = 0; i < g->n_segments; i++)
+        cover_segment(c, &g->segment[i]);
+}
+
+static uint32_t n_seen(const uint32_t *count, uint32_t first, uint32_t last)
+{
+    uint32_t seen = 0;
+
+    for (; first <= last; first++)
+        seen += count[first] != 0;
+    return seen;
+}
+
+static void assert_all(const uint32_t *count, uint32_t first, uint32_t last)
+{
+    assert_int_equal(n_seen(count, first, last), last - first + 1);
+}
+
+/* The sources a kind may have. */
+static void assert_sources(const coverage *c)
+{
+    static const uint8_t coarse[] = { 0, 1, 4, 5 };
+    uint32_t i;
+
+    for (i = 0; i < 4; i++)
+        assert_int_not_equal(c->sources[SAGA_KIND_COARSE][coarse[i]], 0);
+    assert_all(c->sources[SAGA_KIND_FINE], 0, 7);
+    assert_all(c->sources[SAGA_KIND_PRIM], 0, 3);
+}
+
+static void assert_covered(const coverage *c, uint32_t n)
+{
+    uint32_t i;
+
+    assert_all(c->tools, 0, 31);
+    assert_sources(c);
+    for (i = 0; i < SAGA_N_LEVELS; i++) {
+        assert_all(c->groups[i], 1, SAGA_MAX_GROUPS);
+        assert_all(c->neighbours[i], 1, SAGA_MAX_NEIGHBOURS);
+        assert_all(c->suffix[i], 0, SAGA_MAX_SUFFIX_BITS);
+        assert_all(c->children[i], 1, SAGA_MAX_CHILDREN);
+        assert_all(c->window[i], 0, 8);
+    }
+    assert_all(c->level, 0, 3);
+    assert_all(c->segments, 1, GEN_MAX_SEGMENTS);
+    assert_int_not_equal(c->no_fine, 0);
+    assert_int_not_equal(c->no_prim, 0);
+    assert_int_not_equal(c->one_coarse, 0);
+    assert_int_not_equal(c->extreme, 0);
+    if (n >= 10 * COVERED)
+        assert_all(c->together, 0, N_SOURCES - 1);
+}
+
+/* Mostly level 0 and 1: the others have larger networks, nothing else. */
+static gen_options options_of(uint64_t seed, uint32_t i)
+{
+    gen_options o;
+
+    memset(&o, 0, sizeof o);
+    o.seed = seed;
+    o.level = i % 64 == 63 ? 3 : i % 32 == 31 ? 2 : i / 32 % 2;
+    o.n_coarse = i % 10 == 9 ? 40 : 0;
+    o.n_segments = i % 8 ? 1 : 1 + i / 8 % GEN_MAX_SEGMENTS;
+    o.tools_fixed = 1;
+    o.tools = i % 32;
+    return o;
+}
+
+static void stream_should_decode_to_the_symbols_it_was_made_from(void **state)
+{
+    const uint64_t seed = first_seed();
+    const uint32_t n = n_streams();
+    coverage c;
+    uint32_t i;
+
+    (void)state;
+    memset(&c, 0, sizeof c);
+    printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
+    for (i = 0; i < n; i++) {
+        const gen_options o = options_of(seed + i, i);
+        gen_stream g;
+
+        gen_stream_make(&g, &o);
+        cover(&c, &g);
+        check_stream(&g);
+        gen_stream_free(&g);
+    }
+    printf("%" PRIu32 " of 128 combinations of sources\n",
+           n_seen(c.together, 0, N_SOURCES - 1));
+    if (n >= COVERED)
+        assert_covered(&c, n);
+}
+
+/* --- Limits -------------------------------------------------------------- */
+
+/* The first tree that fills level 0 to the brim. */
+static void make_full(gen_stream *g)
+{
+    const saga_level_caps *const cap = &saga_caps[0];
+    gen_options o;
+
+    memset(&o, 0, sizeof o);
+    o.full = 1;
+    o.tools_fixed = 1;
+    o.tools = SAGA_TOOLS_KNOWN;
+    for (o.seed = first_seed();; o.seed++) {
+        const saga_symbols *const s = &g->segment[0];
+
+        gen_stream_make(g, &o);
+        if (s->n.coarse == cap->n_coarse && s->n.fine == cap->n_fine &&
+            s->n.prim == cap->n_prim)
+            return;
+        gen_stream_free(g);
+    }
+}
+
+static void stream_should_survive_a_full_level_0(void **state)
+{
+    gen_stream g;
+
+    (void)state;
+    make_full(&g);
+    check_stream(&g);
+    gen_stream_free(&g);
+}
+
+static void stream_should_survive_layers_without_anchors(void **state)
+{
+    const gen_options o = { .seed = first_seed(), .level = 1, .n_coarse = 9,
+                            .n_segments = 3 };
+    gen_stream g;
+    saga_symbols *s;
+
+    (void)state;
+    gen_stream_make(&g, &o);
+    s = &g.segment[0];
+    memset(s->n_fine, 0, s->n.coarse);
+    s->n.fine = s->n.prim = 0;
+    s = &g.segment[1];
+    memset(s->n_prim, 0, s->n.fine);
+    s->n.prim = 0;
+    check_stream(&g);
+    gen_stream_free(&g);
+}
+
+/* Every set as large as a set can be, and all its members equal. */
+static void stream_should_survive_full_sets_of_equal_suffixes(void **state)
+{
+    gen_stream g;
+    saga_symbols *s;
+    uint32_t i;
+
+    (void)state;
+    make_full(&g);
+    s = &g.segment[0];
+    for (i = 0; i < s->n.prim; i++)
+        s->prim_suffix[i] = 0;
+    for (i = 0; i < s->n.fine; i++)
+        s->fine_suffix[i] = 0;
+    check_stream(&g);
+    gen_stream_free(&g);
+}
+
+static void stream_should_survive_every_extreme_residual(void **state)
+{
+    gen_stream g;
+    saga_symbols *s;
+    uint32_t i;
+
+    (void)state;
+    make_full(&g);
+    s = &g.segment[0];
+    for (i = 0; i < 4 * s->n.coarse; i++)
+        s->centre[i] = i & 1 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
+    for (i = 0; i < g.header.model.features * s->n.coarse; i++)
+        s->feature[i] = i & 2 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
+    for (i = 0; i < 4 * s->n.fine; i++)
+        s->fine_offset[i] = i & 4 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
+    for (i = 0; i < 4 * s->n.prim; i++)
+        s->prim_offset[i] = i & 8 ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
+    check_stream(&g);
+    gen_stream_free(&g);
+}
+
+/* --- What the encoder refuses -------------------------------------------- */
+
+typedef void (*spoil)(gen_stream *g);
+
+/* A parent with two different fine suffixes; they change places. */
+static void unsort(uint32_t *suffix, const uint8_t *n_children)
+{
+    uint32_t at = 0;
+
+    for (;; n_children++) {
+        const uint32_t last = at + *n_children;
+
+        if (*n_children && suffix[at] != suffix[last - 1]) {
+            const uint32_t first = suffix[at];
+
+            suffix[at] = suffix[last - 1];
+            suffix[last - 1] = first;
+            return;
+        }
+        at = last;
+    }
+}
+
+static void unsorted_fine(gen_stream *g)
+{
+    unsort(g->segment[0].fine_suffix, g->segment[0].n_fine);
+}
+
+static void unsorted_prim(gen_stream *g)
+{
+    unsort(g->segment[0].prim_suffix, g->segment[0].n_prim);
+}
+
+static void centre_over(gen_stream *g)
+{
+    g->segment[0].centre[0] = SAGA_MAX_RESIDUAL + 1;
+}
+
+static void feature_under(gen_stream *g)
+{
+    g->segment[0].feature[3] = -SAGA_MAX_RESIDUAL - 1;
+}
+
+static void fine_over(gen_stream *g)
+{
+    g->segment[0].fine_offset[1] = INT32_MAX;
+}
+
+static void prim_under(gen_stream *g)
+{
+    g->segment[0].prim_offset[2] = INT32_MIN;
+}
+
+static void split_over(gen_stream *g) { g->segment[0].split[0] = 4; }
+static void no_child(gen_stream *g) { g->segment[0].occupancy[0] = 0; }
+
+static void fewer_nodes(gen_stream *g)
+{
+    g->segment[0].n_nodes--;
+}
+
+static void more_children(gen_stream *g)
+{
+    g->segment[0].n_fine[0] = (uint8_t)
+        (g->header.model.level[SAGA_LEVEL_COARSE].max_children + 1);
+}
+
+static void more_prims(gen_stream *g)
+{
+    g->segment[0].n_prim[0] = (uint8_t)
+        (g->header.model.level[SAGA_LEVEL_FINE].max_children + 1);
+}
+
+static void coarse_less(gen_stream *g) { g->segment[0].n.coarse--; }
+static void fine_less(gen_stream *g) { g->segment[0].n.fine--; }
+static void prim_less(gen_stream *g) { g->segment[0].n.prim--; }
+
+static void deep(gen_stream *g)
+{
+    saga_symbols *const s = &g->segment[0];
+    uint32_t i;
+
+    for (i = 0; i < s->n_nodes; i++) {
+        s->split[i] = 1;
+        s->occupancy[i] = 1;
+    }
+}
+
+/* Suffixes and masks have room for bits that nobody codes: they would not come
+ * back. */
+static void fine_suffix_wide(gen_stream *g)
+{
+    const uint32_t bits = g->header.model.level[0].suffix_bits;
+
+    g->segment[0].fine_suffix[g->segment[0].n_fine[0] - 1] |= 1u << 4 * bits;
+}
+
+static void prim_suffix_wide(gen_stream *g)
+{
+    const uint32_t bits = g->header.model.level[1].suffix_bits;
+
+    g->segment[0].prim_suffix[g->segment[0].n_prim[0] - 1] |= 1u << 4 * bits;
+}
+
+static uint32_t node_with_split(const saga_symbols *s, uint32_t split)
+{
+    uint32_t i = 0;
+
+    while (s->split[i] != split)
+        i++;
+    return i;
+}
+
+static void leaf_with_child(gen_stream *g)
+{
+    saga_symbols *const s = &g->segment[0];
+
+    s->occupancy[node_with_split(s, 0)] = 1;
+}
+
+static void mask_wide(gen_stream *g)
+{
+    saga_symbols *const s = &g->segment[0];
+
+    s->occupancy[node_with_split(s, 1)] |= 1u << 8;
+}
+
+static void more_nodes(gen_stream *g)
+{
+    g->segment[0].n_nodes++;
+}
+
+static void no_frames(gen_stream *g) { g->n_frames[0] = 0; }
+
+/* A stream in which every spoiler above finds what it changes. */
+static void make_rich(gen_stream *g)
+{
+    gen_options o;
+
+    memset(&o, 0, sizeof o);
+    o.level = 1;
+    o.n_coarse = 24;
+    for (o.seed = 100 + first_seed();; o.seed++) {
+        const saga_level *const l = g->header.model.level;
+        const saga_symbols *const s = &g->segment[0];
+
+        gen_stream_make(g, &o);
+        if (s->n.coarse > 8 && s->n.prim > 100 && s->n_fine[0] > 1 &&
+            s->n_prim[0] > 1 && s->split[0] != 0 &&
+            l[0].suffix_bits > 2 && l[0].suffix_bits < 8 &&
+            l[1].suffix_bits > 2 && l[1].suffix_bits < 8 &&
+            memchr(s->split, 1, s->n_nodes))
+            return;
+        gen_stream_free(g);
+    }
+}
+
+static saga_encoder *open_encoder(const gen_stream *g)
+{
+    const char *why = NULL;
+    saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
+                                              &why);
+
+    assert_non_null(e);
+    return e;
+}
+
+/* The refused segment must leave no trace: the good one after it makes the
+ * same file as alone. */
+static void assert_refused(spoil f, const char *what)
+{
+    const char *why = NULL;
+    saga_encode_sizes sizes, alone_sizes;
+    gen_stream bad, good;
+    saga_encoder *e;
+    uint8_t *bytes, *alone;
+    size_t n, n_alone;
+
+    make_rich(&good);
+    make_rich(&bad);
+    f(&bad);
+    e = open_encoder(&good);
+    if (saga_encoder_segment(e, &bad.segment[0], bad.n_frames[0], &why))
+        fail_msg("%s: not refused", what);
+    assert_non_null(why);
+    assert_true(saga_encoder_segment(e, &good.segment[0], 7, &why));
+    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
+    saga_encoder_free(e);
+    e = open_encoder(&good);
+    assert_true(saga_encoder_segment(e, &good.segment[0], 7, &why));
+    assert_true(saga_encoder_finish(e, &alone, &n_alone, &alone_sizes, &why));
+    saga_encoder_free(e);
+    assert_int_equal(n, n_alone);
+    assert_memory_equal(bytes, alone, n);
+    assert_memory_equal(&sizes, &alone_sizes, sizeof sizes);
+    free(bytes);
+    free(alone);
+    gen_stream_free(&good);
+    gen_stream_free(&bad);
+}
+
+#define REFUSED(f) assert_refused(f, #f)
+
+static void encoder_should_refuse_unsorted_suffixes(void **state)
+{
+    (void)state;
+    REFUSED(unsorted_fine);
+    REFUSED(unsorted_prim);
+}
+
+static void encoder_should_refuse_symbols_out_of_range(void **state)
+{
+    (void)state;
+    REFUSED(centre_over);
+    REFUSED(feature_under);
+    REFUSED(fine_over);
+    REFUSED(prim_under);
+    REFUSED(split_over);
+    REFUSED(more_children);
+    REFUSED(more_prims);
+}
+
+static void encoder_should_refuse_trees_that_cannot_be(void **state)
+{
+    (void)state;
+    REFUSED(no_child);
+    REFUSED(fewer_nodes);
+    REFUSED(coarse_less);
+    REFUSED(fine_less);
+    REFUSED(prim_less);
+    REFUSED(deep);
+}
+
+static void encoder_should_refuse_bits_that_would_not_come_back(void **state)
+{
+    (void)state;
+    REFUSED(fine_suffix_wide);
+    REFUSED(prim_suffix_wide);
+    REFUSED(leaf_with_child);
+    REFUSED(mask_wide);
+    REFUSED(more_nodes);
+}
+
+static void encoder_should_refuse_a_segment_without_frames(void **state)
+{
+    (void)state;
+    REFUSED(no_frames);
+}
+
+/* --- Networks it refuses ------------------------------------------------- */
+
+static saga_layer_symbols *first_layer(gen_stream *g)
+{
+    return &g->nets.layer[SAGA_NET_GEO][0];
+}
+
+static void net_weight_over(gen_stream *g)
+{
+    first_layer(g)->weight[5] = SAGA_MAX_RESIDUAL + 1;
+}
+
+static void net_bias_under(gen_stream *g)
+{
+    first_layer(g)->bias[0] = -SAGA_MAX_RESIDUAL - 1;
+}
+
+static void net_step_over(gen_stream *g)
+{
+    first_layer(g)->step_q16 = 65536;
+}
+
+static void net_step_zero(gen_stream *g) { first_layer(g)->step_q16 = 0; }
+static void net_step_shift(gen_stream *g) { first_layer(g)->step_shift = 32; }
+static void net_bias_shift(gen_stream *g) { first_layer(g)->bias_shift = 32; }
+static void net_scale(gen_stream *g) { first_layer(g)->weight_scale = 64; }
+static void net_bias_scale(gen_stream *g) { first_layer(g)->bias_scale = 64; }
+static void net_row_shift_25(gen_stream *g) { first_layer(g)->shift[0] = 25; }
+static void net_row_shift_32(gen_stream *g) { first_layer(g)->shift[0] = 32; }
+
+static void net_overflow(gen_stream *g)
+{
+    first_layer(g)->bias[0] = 65535;
+    first_layer(g)->bias_shift = 15;
+}
+
+static void net_weight_large(gen_stream *g)
+{
+    first_layer(g)->step_q16 = 65535;
+    first_layer(g)->step_shift = 0;
+    first_layer(g)->weight[0] = 1;
+}
+
+static void assert_nets_refused(spoil f, const char *what)
+{
+    const char *why = NULL;
+    saga_encoder *e;
+    gen_stream g;
+
+    make_rich(&g);
+    f(&g);
+    e = saga_encoder_open(&g.header, g.rig, &g.nets, &why);
+    if (e)
+        fail_msg("%s: not refused", what);
+    assert_non_null(why);
+    gen_stream_free(&g);
+}
+
+#define NETS_REFUSED(f) assert_nets_refused(f, #f)
+
+static void encoder_should_refuse_networks_that_are_not_valid(void **state)
+{
+    (void)state;
+    NETS_REFUSED(net_weight_over);
+    NETS_REFUSED(net_bias_under);
+    NETS_REFUSED(net_step_over);
+    NETS_REFUSED(net_step_shift);
+    NETS_REFUSED(net_bias_shift);
+    NETS_REFUSED(net_scale);
+    NETS_REFUSED(net_bias_scale);
+    NETS_REFUSED(net_row_shift_25);
+    NETS_REFUSED(net_row_shift_32);
+    NETS_REFUSED(net_overflow);
+    NETS_REFUSED(net_weight_large);
+}
+
+/* symbols.h: steps are 1..65535. */
+static void encoder_should_refuse_a_step_of_zero(void **state)
+{
+    (void)state;
+    NETS_REFUSED(net_step_zero);
+}
+
+static void encoder_should_refuse_a_file_without_segments(void **state)
+{
+    const char *why = NULL;
+    saga_encode_sizes sizes;
+    saga_encoder *e;
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n;
+
+    (void)state;
+    make_rich(&g);
+    e = open_encoder(&g);
+    assert_false(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
+    assert_non_null(why);
+    saga_encoder_free(e);
+    gen_stream_free(&g);
+}
+
+/* --- Random access ------------------------------------------------------- */
+
+static void decode_copy(player *p, const gen_stream *g, const uint8_t *bytes,
+                        size_t n, uint32_t number)
+{
+    const saga_segment seg = segment_of(g, bytes, n, number);
+    uint8_t *const copy = copy_of(bytes + seg.offset, seg.nbytes);
+
+    assert_int_equal(saga_decode(p->dec, copy, seg.nbytes), SAGA_OK);
+    free(copy);
+}
+
+static void assert_same_splats(const saga_splat *a, const saga_splat *b)
+{
+    SAME(a->mean_q8, b->mean_q8, 2);
+    SAME(a->chol_q28, b->chol_q28, 3);
+    SAME(a->colour_q15, b->colour_q15, 3);
+    assert_int_equal(a->q0_q20, b->q0_q20);
+    assert_int_equal(a->depth, b->depth);
+    assert_int_equal(a->x0, b->x0);
+    assert_int_equal(a->y0, b->y0);
+    assert_int_equal(a->x1, b->x1);
+    assert_int_equal(a->y1, b->y1);
+}
+
+/* Two decoders hold the same segment and see the same. */
+static void assert_same_views(player *a, player *b, const saga_camera *c,
+                              int32_t t)
+{
+    saga_animated x, y;
+    saga_report p, q;
+    saga_splat s, u;
+    uint32_t i;
+
+    assert_int_equal(saga_view(a->dec, c, t), SAGA_OK);
+    assert_int_equal(saga_view(b->dec, c, t), SAGA_OK);
+    assert_int_equal(saga_tell(&p, a->dec), SAGA_OK);
+    assert_int_equal(saga_tell(&q, b->dec), SAGA_OK);
+    assert_memory_equal(&p, &q, sizeof p);
+    for (i = 0; i < p.n_primitives; i++) {
+        assert_int_equal(saga_primitive_at(&x, a->dec, i, t), SAGA_OK);
+        assert_int_equal(saga_primitive_at(&y, b->dec, i, t), SAGA_OK);
+        assert_memory_equal(&x, &y, sizeof x);
+    }
+    for (i = 0; i < p.n_splats; i++) {
+        assert_int_equal(saga_splat_at(&s, a->dec, i), SAGA_OK);
+        assert_int_equal(saga_splat_at(&u, b->dec, i), SAGA_OK);
+        assert_same_splats(&s, &u);
+    }
+}
+
+static void check_random_access(uint64_t seed, uint32_t tools)
+{
+    const gen_options o = { .seed = seed, .level = 1, .n_coarse = 8,
+                            .n_segments = 3, .picture = 1, .tools_fixed = 1,
+                            .tools = tools };
+    gen_stream g;
+    player all, one;
+    saga_camera c;
+    uint8_t *bytes, *head;
+    uint32_t number;
+    size_t n;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    assert_int_equal(saga_probe(&one.info, bytes, n), SAGA_OK);
+    head = copy_of(bytes, one.info.head_nbytes);
+    player_open(&all, bytes, n);
+    player_open(&one, head, one.info.head_nbytes);
+    assert_int_equal(saga_rig(&c, &number, head, one.info.head_nbytes, 0),
+                     SAGA_OK);
+    decode_copy(&all, &g, bytes, n, 0);
+    assert_int_equal(saga_view(all.dec, &c, 1000), SAGA_OK);
+    decode_copy(&all, &g, bytes, n, 1);
+    decode_copy(&all, &g, bytes, n, 2);
+    decode_copy(&one, &g, bytes, n, 2);
+    assert_same_views(&all, &one, &c, 0);
+    assert_same_views(&all, &one, &c, 65535);
+    free(all.work);
+    free(one.work);
+    free(head);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+static void segment_should_not_depend_on_those_before_it(void **state)
+{
+    const uint64_t seed = first_seed();
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < 16; i++)
+        check_random_access(seed + i, (i * 5 + 31) % 32);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(stream_should_decode_to_the_symbols_it_was_made_from),
+        cmocka_unit_test(stream_should_survive_a_full_level_0),
+        cmocka_unit_test(stream_should_survive_layers_without_anchors),
+        cmocka_unit_test(stream_should_survive_full_sets_of_equal_suffixes),
+        cmocka_unit_test(stream_should_survive_every_extreme_residual),
+        cmocka_unit_test(encoder_should_refuse_unsorted_suffixes),
+        cmocka_unit_test(encoder_should_refuse_symbols_out_of_range),
+        cmocka_unit_test(encoder_should_refuse_trees_that_cannot_be),
+        cmocka_unit_test(encoder_should_refuse_bits_that_would_not_come_back),
+        cmocka_unit_test(encoder_should_refuse_a_segment_without_frames),
+        cmocka_unit_test(encoder_should_refuse_networks_that_are_not_valid),
+        cmocka_unit_test(encoder_should_refuse_a_step_of_zero),
+        cmocka_unit_test(encoder_should_refuse_a_file_without_segments),
+        cmocka_unit_test(segment_should_not_depend_on_those_before_it),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,427 @@
+/* SPDX-License-Identifier: MIT */
+#include "cli.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+/* --- Messages ------------------------------------------------------------ */
+
+int saga_cli_error(int status, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    fputs("saga: ", stderr);
+    vfprintf(stderr, format, args);
+    fputc('\n', stderr);
+    va_end(args);
+    return status;
+}
+
+/* --- Values -------------------------------------------------------------- */
+
+bool saga_cli_flag(void *to, const char *text, const saga_cli_option *option)
+{
+    (void)text;
+    (void)option;
+    *(bool *)to = true;
+    return true;
+}
+
+bool saga_cli_text(void *to, const char *text, const saga_cli_option *option)
+{
+    (void)option;
+    *(const char **)to = text;
+    return text[0] != '\0';
+}
+
+/* A decimal integer of o's range at *text, which moves behind it. */
+static bool take_int(int32_t *v, const char **text, const saga_cli_option *o)
+{
+    char *end;
+    long x;
+
+    /* strtol would also take blanks and a plus sign. */
+    if ((**text < '0' || **text > '9') && **text != '-')
+        return false;
+    errno = 0;
+    x = strtol(*text, &end, 10);
+    if (end == *text || errno || x < o->min || x > o->max)
+        return false;
+    *text = end;
+    *v = (int32_t)x;
+    return true;
+}
+
+bool saga_cli_int(void *to, const char *text, const saga_cli_option *option)
+{
+    int32_t v;
+
+    if (!take_int(&v, &text, option) || *text)
+        return false;
+    *(int *)to = v;
+    return true;
+}
+
+bool saga_cli_real(void *to, const char *text, const saga_cli_option *option)
+{
+    char *end;
+    const double v = strtod(text, &end);
+
+    (void)option;
+    if (end == text || *end || !isfinite(v) || text[0] == ' ')
+        return false;
+    *(double *)to = v;
+    return true;
+}
+
+bool saga_cli_scale(void *to, const char *text, const saga_cli_option *option)
+{
+    return saga_cli_int(to, strncmp(text, "1/", 2) ? text : text + 2, option);
+}
+
+bool saga_cli_size(void *to, const char *text, const saga_cli_option *option)
+{
+    saga_cli_pair *const p = to;
+
+    return take_int(&p->a, &text, option) && *text++ == 'x' &&
+           take_int(&p->b, &text, option) && !*text;
+}
+
+bool saga_cli_range(void *to, const char *text, const saga_cli_option *option)
+{
+    saga_cli_pair *const p = to;
+
+    if (*text != ':' && !take_int(&p->a, &text, option))
+        return false;
+    if (*text++ != ':')
+        return false;
+    if (!*text)
+        return true;
+    return take_int(&p->b, &text, option) && !*text && p->a < p->b;
+}
+
+bool saga_cli_fraction(void *to, const char *text,
+                       const saga_cli_option *option)
+{
+    saga_cli_pair *const p = to;
+
+    p->b = 1;
+    if (!take_int(&p->a, &text, option))
+        return false;
+    if (!*text)
+        return true;
+    return *text++ == '/' && take_int(&p->b, &text, option) && !*text &&
+           p->b >= 1;
+}
+
+/* --- Nearest name -------------------------------------------------------- */
+
+enum { LONGEST_NAME = 32 };
+
+static int min3(int a, int b, int c)
+{
+    const int ab = a < b ? a : b;
+
+    return ab < c ? ab : c;
+}
+
+/* Letters to insert, remove or change to make b of a; both are short. */
+static int distance(const char *a, const char *b)
+{
+    const int na = (int)strlen(a), nb = (int)strlen(b);
+    int row[LONGEST_NAME + 1];
+
+    if (na > LONGEST_NAME || nb > LONGEST_NAME)
+        return LONGEST_NAME;
+    for (int j = 0; j <= nb; j++)
+        row[j] = j;
+    for (int i = 1; i <= na; i++) {
+        int corner = row[0];
+
+        row[0] = i;
+        for (int j = 1; j <= nb; j++) {
+            const int changed = corner + (a[i - 1] != b[j - 1]);
+
+            corner = row[j];
+            row[j] = min3(row[j] + 1, row[j - 1] + 1, changed);
+        }
+    }
+    return row[nb];
+}
+
+/* Half of the letters may be wrong, or the name may only have been begun. */
+static bool could_mean(const char *name, const char *known, int d)
+{
+    const size_t n = strlen(name);
+
+    return (n >= 2 && !strncmp(name, known, n)) ||
+           2 * d < (int)strlen(known);
+}
+
+const char *saga_cli_nearest(const char *name, const void *names, size_t n,
+                             size_t stride)
+{
+    const char *best = NULL;
+    int least = LONGEST_NAME;
+
+    for (size_t i = 0; i < n; i++) {
+        const char *known;
+        int d;
+
+        memcpy(&known, (const char *)names + i * stride, sizeof known);
+        d = distance(name, known);
+        if (d < least && could_mean(name, known, d)) {
+            least = d;
+            best = known;
+        }
+    }
+    return best;
+}
+
+/* --- Command line -------------------------------------------------------- */
+
+static const saga_cli_option *find_option(const saga_command *c,
+                                          const char *name, size_t n)
+{
+    for (int i = 0; i < c->n_options; i++)
+        if (strlen(c->options[i].name) == n &&
+            !strncmp(c->options[i].name, name, n))
+            return &c->options[i];
+    return NULL;
+}
+
+static int unknown_option(const saga_command *c, const char *name)
+{
+    const char *const near = saga_cli_nearest(
+        name, &c->options[0].name, (size_t)c->n_options, sizeof c->options[0]);
+
+    return saga_cli_error(SAGA_EXIT_USAGE, "%s: unknown option '%s'%s%s%s; "
+                          "`saga help %s` lists them", c->name, name,
+                          near ? ", did you mean '" : "", near ? near : "",
+                          near ? "'" : "", c->name);
+}
+
+static int wrong_value(const saga_command *c, const saga_cli_option *o,
+                       const char *value)
+{
+    char range[64] = "";
+
+    if (o->max > o->min)
+        snprintf(range, sizeof range, ", %ld to %ld", o->min, o->max);
+    return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes %s%s, not '%s'; "
+                          "`saga help %s` explains", c->name, o->name,
+                          o->value, range, value, c->name);
+}
+
+/* The option at argv[*i], with its value. */
+static int take_option(const saga_command *c, void *values, int argc,
+                       char **argv, int *i)
+{
+    const char *const name = argv[*i];
+    const char *const equals = strchr(name, '=');
+    const size_t n = equals ? (size_t)(equals - name) : strlen(name);
+    const saga_cli_option *const o = find_option(c, name, n);
+    const char *value = equals ? equals + 1 : NULL;
+
+    if (!o)
+        return unknown_option(c, name);
+    if (!o->value && equals)
+        return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s takes no value",
+                              c->name, o->name);
+    if (o->value && !value) {
+        if (*i + 1 == argc)
+            return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s lacks its %s",
+                                  c->name, o->name, o->value);
+        value = argv[++*i];
+    }
+    if (!o->read((char *)values + o->offset, value, o))
+        return wrong_value(c, o, value);
+    return SAGA_CLI_GO_ON;
+}
+
+static int wrong_count(const saga_command *c, int n)
+{
+    return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s; usage: saga %s %s "
+                          "[options]", c->name, n > c->n_arguments ?
+                          "more arguments than it takes" :
+                          "an argument is missing", c->name, c->arguments);
+}
+
+int saga_cli_parse(const saga_command *c, void *values,
+                   const char **arguments, int argc, char **argv)
+{
+    int n = 0;
+    bool options = true;
+
+    for (int i = 1; i < argc; i++) {
+        int status = SAGA_CLI_GO_ON;
+
+        if (options && (!strcmp(argv[i], "--help") ||
+                        !strcmp(argv[i], "-h"))) {
+            saga_cli_help(c);
+            return SAGA_EXIT_OK;
+        }
+        if (options && !strcmp(argv[i], "--"))
+            options = false;
+        else if (options && argv[i][0] == '-' && argv[i][1])
+            status = take_option(c, values, argc, argv, &i);
+        else if (n++ < c->n_arguments)
+            arguments[n - 1] = argv[i];
+        if (status != SAGA_CLI_GO_ON)
+            return status;
+    }
+    return n == c->n_arguments ? SAGA_CLI_GO_ON : wrong_count(c, n);
+}
+
+/* --- Help ---------------------------------------------------------------- */
+
+enum { HELP_COLUMN = 22 };
+
+static void option_help(const saga_cli_option *o)
+{
+    const char *line = o->help;
+    int column = printf("  %s%s%s", o->name, o->value ? " " : "",
+                        o->value ? o->value : "");
+
+    if (column >= HELP_COLUMN) {
+        putchar('\n');
+        column = 0;
+    }
+    for (;;) {
+        const int n = (int)strcspn(line, "\n");
+
+        printf("%*s%.*s\n", HELP_COLUMN - column, "", n, line);
+        if (!line[n])
+            return;
+        line += n + 1;
+        column = 0;
+    }
+}
+
+void saga_cli_help(const saga_command *c)
+{
+    printf("usage: saga %s %s%s\n\n%s", c->name, c->arguments,
+           c->n_options ? " [options]" : "", c->text);
+    if (c->n_options)
+        putchar('\n');
+    for (int i = 0; i < c->n_options; i++)
+        option_help(&c->options[i]);
+}
+
+/* --- Files --------------------------------------------------------------- */
+
+/* The rest of f, into a block that doubles: works for pipes too. */
+static bool read_all(saga_cli_file *file, FILE *f)
+{
+    size_t capacity = 1 << 16;
+
+    file->nbytes = 0;
+    file->data = malloc(capacity);
+    while (file->data) {
+        uint8_t *larger;
+
+        file->nbytes += fread(file->data + file->nbytes, 1,
+                              capacity - file->nbytes, f);
+        if (file->nbytes < capacity)
+            return !ferror(f);
+        larger = capacity <= SIZE_MAX / 2 ? realloc(file->data, capacity * 2)
+                                          : NULL;
+        if (!larger) {
+            errno = ENOMEM;
+            return false;
+        }
+        file->data = larger;
+        capacity *= 2;
+    }
+    return false;
+}
+
+int saga_cli_read(saga_cli_file *file, const char *name)
+{
+    FILE *const f = fopen(name, "rb");
+    bool ok;
+
+    *file = (saga_cli_file){ NULL, 0 };
+    if (!f)
+        return saga_cli_error(SAGA_EXIT_USAGE, "%s: cannot be opened (%s); "
+                              "check the name", name, strerror(errno));
+    errno = 0;
+    ok = read_all(file, f);
+    if (!ok) {
+        saga_cli_error(SAGA_EXIT_USAGE, "%s: cannot be read (%s)", name,
+                       strerror(errno));
+        saga_cli_release(file);
+    }
+    fclose(f);
+    return ok ? 0 : SAGA_EXIT_USAGE;
+}
+
+void saga_cli_release(saga_cli_file *file)
+{
+    free(file->data);
+    *file = (saga_cli_file){ NULL, 0 };
+}
+
+/* --- Progress ------------------------------------------------------------ */
+
+double saga_cli_seconds(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* "3 s", "12 min", "4 h": about as exact as the estimate. */
+static void time_text(char *text, size_t n, double seconds)
+{
+    if (seconds < 90.0)
+        snprintf(text, n, "%.0f s", seconds);
+    else if (seconds < 5400.0)
+        snprintf(text, n, "%.0f min", seconds / 60.0);
+    else
+        snprintf(text, n, "%.1f h", seconds / 3600.0);
+}
+
+void saga_meter_show(saga_meter *m, double done, const char *doing)
+{
+    const double now = saga_cli_seconds();
+    char left[32];
+    int n;
+
+    if (m->quiet)
+        return;
+    if (!m->started) {
+        *m = (saga_meter){ .started = true, .start = now, .shown = now - 60.0,
+                           .terminal = isatty(STDERR_FILENO) };
+        if (!m->terminal) /* what is over soon needs no line in a log */
+            m->shown = now;
+    }
+    if (now - m->shown < (m->terminal ? 0.1 : 5.0))
+        return;
+    m->shown = now;
+    snprintf(left, sizeof left, "time left unknown");
+    if (done > 0.0)
+        time_text(left, sizeof left, (now - m->start) * (1.0 - done) / done);
+    n = fprintf(stderr, "%s%3.0f %%  %s  %s%s", m->terminal ? "\r" : "",
+                100.0 * done, doing, left, done > 0.0 ? " left" : "");
+    if (!m->terminal)
+        fputc('\n', stderr);
+    else if (n < m->width)
+        fprintf(stderr, "%*s", m->width - n, "");
+    m->width = n;
+}
+
+void saga_meter_end(saga_meter *m)
+{
+    if (m->started && m->terminal && m->width)
+        fprintf(stderr, "\r%*s\r", m->width, "");
+    m->width = 0;
+}

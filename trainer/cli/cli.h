@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What the subcommands of `saga` share: their description, the command line,
+ * messages, reading a file, progress.
+ *
+ * Messages go to stderr, as one sentence each: the file or the option, the
+ * value that is wrong, and what to do about it. Results go to stdout.
+ */
+#ifndef SAGA_CLI_H
+#define SAGA_CLI_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __GNUC__
+#define SAGA_CLI_PRINTF(f, a) __attribute__((format(printf, f, a)))
+#else
+#define SAGA_CLI_PRINTF(f, a)
+#endif
+
+/* The program's version; the bitstream has its own (SAGA_VERSION). */
+#define SAGA_CLI_VERSION "0.1.0"
+
+/* Exit statuses of every subcommand. */
+enum {
+    SAGA_EXIT_OK = 0,
+    SAGA_EXIT_DATA = 1,     /* what a file holds is refused */
+    SAGA_EXIT_USAGE = 2,    /* the command line, or reading or writing */
+    SAGA_CLI_GO_ON = -1     /* of saga_cli_parse: nothing to exit for */
+};
+
+/* --- Commands and options ------------------------------------------------ */
+
+typedef struct saga_cli_option saga_cli_option;
+
+/* Reads a whole text into the value at `to`; false if it is not one. */
+typedef bool saga_cli_read_fn(void *to, const char *text,
+                              const saga_cli_option *option);
+
+struct saga_cli_option {
+    const char *name;       /* "--json", "-o" */
+    const char *value;      /* the value's name in the help; NULL: a flag */
+    const char *help;       /* lines, separated by \n */
+    saga_cli_read_fn *read; /* a flag's is saga_cli_flag */
+    size_t offset;          /* of its value in the command's structure */
+    long min, max;          /* of saga_cli_int */
+};
+
+typedef struct saga_command {
+    const char *name;
+    const char *arguments;  /* "FILE CAPTURE", for the usage line */
+    int n_arguments;        /* exactly so many must be given */
+    const char *summary;    /* one line, for the table */
+    const char *text;       /* what it does; lines */
+    const saga_cli_option *options;
+    int n_options;
+    int (*run)(int argc, char **argv); /* argv[0] is the command's name */
+} saga_command;
+
+/* Readers of values, and what lies at the option's offset. */
+saga_cli_read_fn saga_cli_flag;  /* bool; text is NULL */
+saga_cli_read_fn saga_cli_text;  /* const char *; not empty */
+saga_cli_read_fn saga_cli_int;   /* int, min..max */
+saga_cli_read_fn saga_cli_real;  /* double, finite */
+saga_cli_read_fn saga_cli_scale; /* int N of "1/N" or "N", min..max */
+saga_cli_read_fn saga_cli_size;  /* saga_cli_pair of "WxH", each min..max */
+saga_cli_read_fn saga_cli_range; /* saga_cli_pair of "A:B", A < B, min..max; an
+                                  * end left out stays as it was */
+saga_cli_read_fn saga_cli_fraction; /* saga_cli_pair of "N" or "N/D", N within
+                                     * min..max, D >= 1 */
+
+typedef struct saga_cli_pair {
+    int32_t a, b;
+} saga_cli_pair;
+
+/* Reads the options into the structure at `values`, which holds the defaults,
+ * and the c->n_arguments arguments into arguments[]. Options may stand
+ * anywhere, also as --name=value; "--" ends them. GO_ON, or the exit status:
+ * after --help 0, after a mistake USAGE, told on stderr. */
+int saga_cli_parse(const saga_command *c, void *values,
+                   const char **arguments, int argc, char **argv);
+
+/* The help of one command, on stdout. */
+void saga_cli_help(const saga_command *c);
+
+/* The nearest of n names to `name`, or NULL if none is near enough to have
+ * been meant. Names lie `stride` bytes apart, each a const char *. */
+const char *saga_cli_nearest(const char *name, const void *names, size_t n,
+                             size_t stride);
+
+/* --- Messages ------------------------------------------------------------ */
+
+/* Prints "saga: ..." and a newline on stderr; returns status. */
+int saga_cli_error(int status, const char *format, ...) SAGA_CLI_PRINTF(2, 3);
+
+/* --- Files --------------------------------------------------------------- */
+
+typedef struct saga_cli_file {
+    uint8_t *data;
+    size_t nbytes;
+} saga_cli_file;
+
+/* A whole file. 0, or USAGE after a message; then nothing is to be freed. */
+int saga_cli_read(saga_cli_file *file, const char *name);
+void saga_cli_release(saga_cli_file *file);
+
+/* --- Progress ------------------------------------------------------------ */
+
+/* One line on stderr: rewritten in place on a terminal, else a new one every
+ * few seconds. Zero it, set quiet to say nothing. Not for several threads at
+ * once. */
+typedef struct saga_meter {
+    bool quiet;
+    bool started, terminal;
+    double start, shown;    /* seconds */
+    int width;              /* characters of the line that stands there */
+} saga_meter;
+
+/* done runs from 0 to 1; `doing` says what is being done, with numbers. */
+void saga_meter_show(saga_meter *m, double done, const char *doing);
+
+/* Takes the line away, so that other output may follow. */
+void saga_meter_end(saga_meter *m);
+
+/* Seconds of a clock that only goes forward. */
+double saga_cli_seconds(void);
+
+#endif

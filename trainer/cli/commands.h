@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The subcommands of `saga`, one file each.
+ */
+#ifndef SAGA_COMMANDS_H
+#define SAGA_COMMANDS_H
+
+#include "cli.h"
+
+extern const saga_command saga_command_info;
+
+#endif

@@ -1,0 +1,444 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga info: what a file says of itself, and where its bytes are.
+ */
+#include "cli.h"
+#include "commands.h"
+#include "container.h"
+#include "layout.h"
+#include "model.h"
+#include "saga.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+typedef struct {
+    bool json;
+} options;
+
+/* All there is to tell. */
+typedef struct {
+    const char *name;
+    const uint8_t *bytes;
+    saga_info info;
+    saga_layout layout;
+    double seconds;         /* of the whole file; 0 if its rate is 0 */
+    double unit, centre[3]; /* metres */
+} subject;
+
+static const struct {
+    uint32_t bit;
+    const char *name, *key;
+} tools[] = {
+    { SAGA_TOOL_OPACITY_T, "temporal opacity", "temporal_opacity" },
+    { SAGA_TOOL_SLOPE, "linear rotation", "linear_rotation" },
+    { SAGA_TOOL_VIEW, "view-dependent colour", "view_dependent_colour" },
+    { SAGA_TOOL_BASE, "base segment", "base_segment" },
+    { SAGA_TOOL_LAYERS, "layers", "layers" },
+    { SAGA_TOOL_FEATURE_RESIDUAL, "feature residuals", "feature_residuals" },
+    { SAGA_TOOL_HASH, "residual hash", "residual_hash" },
+    { SAGA_TOOL_MEMORY, "memory bank", "memory_bank" }
+};
+
+enum { N_TOOLS = (int)(sizeof tools / sizeof tools[0]) };
+
+static double seconds_of(const subject *s, uint32_t n_frames)
+{
+    return s->info.rate_num ? (double)n_frames * s->info.rate_den /
+                              s->info.rate_num : 0.0;
+}
+
+static double rate_of(uint64_t nbytes, double seconds)
+{
+    return seconds > 0.0 ? 8.0 * (double)nbytes / seconds : 0.0;
+}
+
+/* A place of the file in metres. */
+static double metres(const subject *s, int axis, int32_t units)
+{
+    return s->centre[axis] + s->unit * units;
+}
+
+/* --- As text ------------------------------------------------------------- */
+
+static void print_tools(const saga_info *info)
+{
+    int n = 0;
+
+    printf("tools       ");
+    if (info->motion_order)
+        n += printf("motion of order %" PRIu32, info->motion_order);
+    for (int i = 0; i < N_TOOLS; i++)
+        if (info->tools & tools[i].bit)
+            n += printf("%s%s", n ? ", " : "", tools[i].name);
+    puts(n ? "" : "none");
+}
+
+static void print_header(const subject *s)
+{
+    const saga_info *const i = &s->info;
+
+    printf("%s\n\n"
+           "file        %" PRIu64 " bytes, version %" PRIu32 ", level %" PRIu32
+           "\n"
+           "time        %" PRIu32 " frames at %" PRIu32 "/%" PRIu32
+           " per second: %.3f s in %" PRIu32 " segment%s\n"
+           "rate        %.0f bit/s, all bytes over all time\n",
+           s->name, s->layout.file_nbytes, i->version, i->level, i->n_frames,
+           i->rate_num, i->rate_den, s->seconds, i->n_segments,
+           i->n_segments == 1 ? "" : "s",
+           rate_of(s->layout.file_nbytes, s->seconds));
+    print_tools(i);
+    printf("networks    %" PRIu32 " weights, %" PRIu32
+           " feature channels\n"
+           "at most     %" PRIu32 " coarse anchors, %" PRIu32
+           " fine anchors, %" PRIu32 " primitives a segment\n"
+           "memory      %zu bytes to decode, of %lu at level %" PRIu32 "\n"
+           "work        %" PRIu64 " multiply-accumulates a segment, %" PRIu32
+           " a visible primitive and picture\n",
+           i->n_weights, i->features, i->max_coarse, i->max_fine,
+           i->max_primitives, i->work_nbytes, SAGA_WORK_MAX(i->level),
+           i->level, i->decode_macs, i->view_macs);
+    printf("cube        %.6g m wide around (%.6g, %.6g, %.6g) m; a unit is "
+           "%.6g m\n", ldexp(s->unit, 24), s->centre[0], s->centre[1],
+           s->centre[2], s->unit);
+}
+
+static void print_share(const subject *s, const char *name, uint64_t nbytes)
+{
+    if (nbytes)
+        printf("  %-18s %12" PRIu64 "  %5.1f %%\n", name, nbytes,
+               100.0 * (double)nbytes / (double)s->layout.file_nbytes);
+}
+
+static void print_bytes(const subject *s)
+{
+    const saga_layout *const l = &s->layout;
+
+    puts("\nbytes");
+    print_share(s, "header and rig", l->header_nbytes);
+    print_share(s, "index", l->index_nbytes);
+    print_share(s, "networks", l->nets_nbytes);
+    print_share(s, "coarse anchors", l->part_nbytes[SAGA_PART_COARSE]);
+    print_share(s, "fine anchors", l->part_nbytes[SAGA_PART_FINE]);
+    print_share(s, "primitives", l->part_nbytes[SAGA_PART_PRIM]);
+    print_share(s, "segment headers", l->part_nbytes[SAGA_PART_SEGMENT]);
+    print_share(s, "chunk headers", l->framing_nbytes);
+    print_share(s, "in no sound chunk", l->other_nbytes);
+}
+
+static void print_segment(const subject *s, uint32_t i)
+{
+    const saga_layout_segment *const g = &s->layout.segment[i];
+
+    printf("%5" PRIu32 " %7" PRIu32 " %7" PRIu32 " %10" PRIu32 " %10.0f",
+           i, g->first_frame, g->n_frames, g->nbytes,
+           rate_of(g->nbytes, seconds_of(s, g->n_frames)));
+    if (g->damaged)
+        puts("  damaged");
+    else
+        printf(" %7" PRIu32 " %7" PRIu32 " %8" PRIu32 "\n", g->n.coarse,
+               g->n.fine, g->n.prim);
+}
+
+static void print_rig(const subject *s)
+{
+    puts("\n  rig  camera       size    focal (px)       centre (m)");
+    for (uint32_t i = 0; i < s->info.n_cameras; i++) {
+        saga_camera c;
+        uint32_t number;
+
+        if (saga_rig(&c, &number, s->bytes, s->info.head_nbytes, i))
+            continue;
+        printf("%5" PRIu32 " %7" PRIu32 "  %5ux%-5u %7.1f %7.1f  "
+               "%8.3f %8.3f %8.3f\n", i, number, c.width, c.height,
+               c.focal_q16[0] / 65536.0, c.focal_q16[1] / 65536.0,
+               metres(s, 0, c.centre[0]), metres(s, 1, c.centre[1]),
+               metres(s, 2, c.centre[2]));
+    }
+}
+
+static void print_text(const subject *s)
+{
+    print_header(s);
+    print_bytes(s);
+    puts("\n  seg   first  frames      bytes      bit/s  coarse    fine"
+         "    prims");
+    for (uint32_t i = 0; i < s->layout.n_segments; i++)
+        print_segment(s, i);
+    if (s->info.n_cameras)
+        print_rig(s);
+    if (!s->layout.damage[0])
+        printf("\nThe CRCs of the header and of all %" PRIu32
+               " chunks are right.\n", s->layout.n_chunks);
+}
+
+/* --- As JSON ------------------------------------------------------------- */
+
+/* Numbers of 64 bits; none of ours reaches 2^63. */
+static json_int_t number(uint64_t v)
+{
+    return (json_int_t)v;
+}
+
+static json_t *json_tools(const saga_info *info)
+{
+    json_t *const o = json_object();
+
+    for (int i = 0; i < N_TOOLS; i++)
+        json_object_set_new(o, tools[i].key,
+                            json_boolean(info->tools & tools[i].bit));
+    json_object_set_new(o, "motion_order", json_integer(info->motion_order));
+    return o;
+}
+
+static json_t *json_header(const subject *s)
+{
+    const saga_info *const i = &s->info;
+
+    return json_pack("{sssIsIsIsIsIs[II]sfsf}",
+        "file", s->name,
+        "nbytes", number(s->layout.file_nbytes),
+        "version", number(i->version), "level", number(i->level),
+        "n_frames", number(i->n_frames), "n_segments", number(i->n_segments),
+        "frames_per_second", number(i->rate_num), number(i->rate_den),
+        "seconds", s->seconds,
+        "bits_per_second", rate_of(s->layout.file_nbytes, s->seconds));
+}
+
+static json_t *json_decoding(const saga_info *i)
+{
+    return json_pack("{sIsIsIsIsIsIsIsIsI}",
+        "features", number(i->features), "n_weights", number(i->n_weights),
+        "max_coarse", number(i->max_coarse), "max_fine", number(i->max_fine),
+        "max_primitives", number(i->max_primitives),
+        "memory_nbytes", number(i->work_nbytes),
+        "level_memory_nbytes", number(SAGA_WORK_MAX(i->level)),
+        "macs_per_segment", number(i->decode_macs),
+        "macs_per_primitive_and_view", number(i->view_macs));
+}
+
+static json_t *json_metric(const subject *s)
+{
+    const saga_info *const i = &s->info;
+
+    return json_pack("{sfs[fff]s[ii]s[iii]si}", "metres_per_unit", s->unit,
+        "centre_metres", s->centre[0], s->centre[1], s->centre[2],
+        "unit_mantissa_exponent", (int)i->unit_mantissa,
+        (int)i->unit_exponent, "centre_mantissa", (int)i->centre_mantissa[0],
+        (int)i->centre_mantissa[1], (int)i->centre_mantissa[2],
+        "centre_exponent", (int)i->centre_exponent);
+}
+
+static json_t *json_bytes(const saga_layout *l)
+{
+    return json_pack("{sIsIsIsIsIsIsIsIsI}",
+        "header", number(l->header_nbytes), "index", number(l->index_nbytes),
+        "networks", number(l->nets_nbytes),
+        "coarse", number(l->part_nbytes[SAGA_PART_COARSE]),
+        "fine", number(l->part_nbytes[SAGA_PART_FINE]),
+        "primitives", number(l->part_nbytes[SAGA_PART_PRIM]),
+        "segment_headers", number(l->part_nbytes[SAGA_PART_SEGMENT]),
+        "chunk_headers", number(l->framing_nbytes),
+        "other", number(l->other_nbytes));
+}
+
+static json_t *json_segments(const subject *s)
+{
+    json_t *const list = json_array();
+
+    for (uint32_t i = 0; i < s->layout.n_segments; i++) {
+        const saga_layout_segment *const g = &s->layout.segment[i];
+
+        json_array_append_new(list, json_pack(
+            "{sIsIsIsIsfsbsIsIsIsIsIsI}",
+            "first_frame", number(g->first_frame),
+            "n_frames", number(g->n_frames), "offset", number(g->offset),
+            "nbytes", number(g->nbytes), "bits_per_second",
+            rate_of(g->nbytes, seconds_of(s, g->n_frames)),
+            "damaged", (int)g->damaged, "n_coarse", number(g->n.coarse),
+            "n_fine", number(g->n.fine), "n_primitives", number(g->n.prim),
+            "coarse_nbytes", number(g->payload_nbytes[SAGA_PART_COARSE]),
+            "fine_nbytes", number(g->payload_nbytes[SAGA_PART_FINE]),
+            "primitives_nbytes", number(g->payload_nbytes[SAGA_PART_PRIM])));
+    }
+    return list;
+}
+
+static json_t *json_camera(const subject *s, const saga_camera *c,
+                           uint32_t name)
+{
+    json_t *const rotation = json_array();
+
+    for (int i = 0; i < 9; i++)
+        json_array_append_new(rotation,
+                              json_real(ldexp(c->rotation_q30[i], -30)));
+    return json_pack("{sIsIsIs[ff]s[ff]s[fff]sfso}",
+        "number", number(name), "width", number(c->width),
+        "height", number(c->height),
+        "focal", c->focal_q16[0] / 65536.0, c->focal_q16[1] / 65536.0,
+        "principal", c->principal_q16[0] / 65536.0,
+        c->principal_q16[1] / 65536.0,
+        "centre_metres", metres(s, 0, c->centre[0]),
+        metres(s, 1, c->centre[1]), metres(s, 2, c->centre[2]),
+        "near_metres", s->unit * c->near_plane, "rotation", rotation);
+}
+
+static json_t *json_rig(const subject *s)
+{
+    json_t *const list = json_array();
+
+    for (uint32_t i = 0; i < s->info.n_cameras; i++) {
+        saga_camera c;
+        uint32_t name;
+
+        if (saga_rig(&c, &name, s->bytes, s->info.head_nbytes, i) == SAGA_OK)
+            json_array_append_new(list, json_camera(s, &c, name));
+    }
+    return list;
+}
+
+static json_t *json_crc(const saga_layout *l)
+{
+    return json_pack("{sbsIsIss}", "sound", l->damage[0] == '\0',
+                     "chunks_checked", number(l->n_chunks),
+                     "segments_damaged", number(l->n_damaged),
+                     "damage", l->damage);
+}
+
+static int print_json(const subject *s)
+{
+    json_t *const o = json_header(s);
+    int status = 0;
+
+    json_object_set_new(o, "tools", json_tools(&s->info));
+    json_object_set_new(o, "decoding", json_decoding(&s->info));
+    json_object_set_new(o, "metric", json_metric(s));
+    json_object_set_new(o, "bytes", json_bytes(&s->layout));
+    json_object_set_new(o, "segments", json_segments(s));
+    json_object_set_new(o, "rig", json_rig(s));
+    json_object_set_new(o, "crc", json_crc(&s->layout));
+    /* A file name that is not UTF-8 cannot be in JSON. */
+    if (!o || json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(10)))
+        status = saga_cli_error(SAGA_EXIT_USAGE, "%s: the JSON cannot be made;"
+                                " is the file's name UTF-8?", s->name);
+    else
+        putchar('\n');
+    json_decref(o);
+    return status;
+}
+
+/* --- Together ------------------------------------------------------------ */
+
+/* What to do about a header that the decoder refuses. */
+static const char *remedy(saga_status status)
+{
+    switch (status) {
+    case SAGA_ERR_VERSION:
+        return "it needs a newer saga";
+    case SAGA_ERR_LEVEL:
+        return "encode it again for its level, or a higher one";
+    case SAGA_ERR_TRUNCATED:
+        return "the file is cut, copy it again";
+    default:
+        return "it is damaged, copy it again";
+    }
+}
+
+static int probe(subject *s, size_t n)
+{
+    const saga_status status = saga_probe(&s->info, s->bytes, n);
+    char start[16] = "";
+
+    if (status == SAGA_OK)
+        return 0;
+    for (size_t i = 0; i < 4 && i < n; i++)
+        snprintf(start + 3 * i, sizeof start - 3 * i, " %02x", s->bytes[i]);
+    if (n >= 4 && memcmp(s->bytes, saga_magic, 4))
+        return saga_cli_error(SAGA_EXIT_DATA, "%s: not a .saga file: it "
+                              "begins with the bytes%s, not 53 41 47 41; "
+                              "check the name", s->name, start);
+    return saga_cli_error(SAGA_EXIT_DATA, "%s: the header, in %zu bytes, is "
+                          "refused (%s): %s", s->name, n,
+                          saga_status_text(status), remedy(status));
+}
+
+static void measure(subject *s)
+{
+    const saga_info *const i = &s->info;
+
+    s->seconds = seconds_of(s, i->n_frames);
+    s->unit = ldexp(i->unit_mantissa, i->unit_exponent);
+    for (int a = 0; a < 3; a++)
+        s->centre[a] = ldexp(i->centre_mantissa[a], i->centre_exponent);
+}
+
+static int damage(const subject *s)
+{
+    const saga_layout *const l = &s->layout;
+
+    if (!l->damage[0])
+        return SAGA_EXIT_OK;
+    fflush(stdout);
+    return saga_cli_error(SAGA_EXIT_DATA, "%s: %s; %" PRIu32 " of %" PRIu32
+                          " segments damaged: copy the file again, or encode "
+                          "it again", s->name, l->damage, l->n_damaged,
+                          s->info.n_segments);
+}
+
+static int tell(const options *o, const char *name, const saga_cli_file *file)
+{
+    subject s = { .name = name, .bytes = file->data };
+    int status = probe(&s, file->nbytes);
+
+    if (status)
+        return status;
+    measure(&s);
+    if (!saga_layout_read(&s.layout, file->data, file->nbytes))
+        return saga_cli_error(SAGA_EXIT_DATA, "%s: %s; nothing behind it can "
+                              "be found: copy the file again", name,
+                              s.layout.damage);
+    if (o->json)
+        status = print_json(&s);
+    else
+        print_text(&s);
+    if (!status)
+        status = damage(&s);
+    saga_layout_free(&s.layout);
+    return status;
+}
+
+static int run(int argc, char **argv)
+{
+    options o = { false };
+    const char *name;
+    saga_cli_file file;
+    int status = saga_cli_parse(&saga_command_info, &o, &name, argc, argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    status = saga_cli_read(&file, name);
+    if (status)
+        return status;
+    status = tell(&o, name, &file);
+    saga_cli_release(&file);
+    return status;
+}
+
+static const saga_cli_option option_list[] = {
+    { "--json", NULL, "the same, and each camera's rotation, as JSON",
+      saga_cli_flag, offsetof(options, json), 0, 0 }
+};
+
+const saga_command saga_command_info = {
+    "info", "FILE", 1,
+    "what a file holds and where its bytes are",
+    "Tells what the header of a .saga file says (time, tools, networks,\n"
+    "memory and work of decoding, metric cube), where the bytes are, and each\n"
+    "segment and each camera of the rig. Checks the CRC of every chunk; a\n"
+    "damaged file gives exit status 1. Decodes nothing.\n",
+    option_list, 1, run
+};

@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga: the program of the desktop. One file per subcommand; this one finds
+ * the subcommand and helps those who do not know it.
+ */
+#include "cli.h"
+#include "commands.h"
+#include "container.h"
+
+#include <stdio.h>
+#include <string.h>
+
+static const saga_command *const commands[] = {
+    &saga_command_info
+};
+
+enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };
+
+static const char first_steps[] =
+    "saga turns a multi-view video of a moving scene into one small file,\n"
+    "and that file back into any view of the scene at any time, with the same\n"
+    "bits on every machine.\n"
+    "\n"
+    "usage: saga COMMAND [ARGUMENTS] [OPTIONS]\n"
+    "\n";
+
+static const char last_words[] =
+    "\n"
+    "  saga help COMMAND   explains a command and its options\n"
+    "  saga --version      versions of the program and of its files\n"
+    "\n"
+    "Try it on a file of this source tree:\n"
+    "\n"
+    "  saga info vectors/good/segments.saga\n"
+    "\n"
+    "The file's pictures come from saga-dec, which needs nothing but the\n"
+    "decoder (saga-dec --help).\n"
+    "\n"
+    "Exit status: 0 done, 1 what a file holds is refused, 2 the command line,\n"
+    "or a file that cannot be read or written.\n";
+
+static void print_help(void)
+{
+    fputs(first_steps, stdout);
+    for (int i = 0; i < N_COMMANDS; i++)
+        printf("  %-8s %-16s %s\n", commands[i]->name, commands[i]->arguments,
+               commands[i]->summary);
+    fputs(last_words, stdout);
+}
+
+static const saga_command *find(const char *name)
+{
+    for (int i = 0; i < N_COMMANDS; i++)
+        if (!strcmp(commands[i]->name, name))
+            return commands[i];
+    return NULL;
+}
+
+static int unknown(const char *name)
+{
+    const char *names[N_COMMANDS];
+    const char *near;
+
+    for (int i = 0; i < N_COMMANDS; i++)
+        names[i] = commands[i]->name;
+    near = saga_cli_nearest(name, names, N_COMMANDS, sizeof names[0]);
+    return saga_cli_error(SAGA_EXIT_USAGE, "unknown command '%s'%s%s%s; "
+                          "`saga --help` lists them", name,
+                          near ? ", did you mean '" : "", near ? near : "",
+                          near ? "'" : "");
+}
+
+static int help(const char *name)
+{
+    const saga_command *const c = name ? find(name) : NULL;
+
+    if (name && !c)
+        return unknown(name);
+    if (c)
+        saga_cli_help(c);
+    else
+        print_help();
+    return SAGA_EXIT_OK;
+}
+
+/* Output that could not be written is a failure: the disk may be full. */
+static int flushed(int status)
+{
+    if ((fflush(stdout) || ferror(stdout)) && status == SAGA_EXIT_OK)
+        return saga_cli_error(SAGA_EXIT_USAGE, "standard output: cannot be "
+                              "written; check the free space of the disk");
+    return status;
+}
+
+static int run(int argc, char **argv)
+{
+    const char *const name = argc > 1 ? argv[1] : NULL;
+    const saga_command *c;
+
+    if (!name) {
+        saga_cli_error(SAGA_EXIT_USAGE, "which command? `saga --help` lists "
+                       "them");
+        return SAGA_EXIT_USAGE;
+    }
+    if (!strcmp(name, "--help") || !strcmp(name, "-h") ||
+        !strcmp(name, "help"))
+        return help(argc > 2 ? argv[2] : NULL);
+    if (!strcmp(name, "--version")) {
+        printf("saga %s, files of version %d\n", SAGA_CLI_VERSION,
+               SAGA_VERSION);
+        return SAGA_EXIT_OK;
+    }
+    c = find(name);
+    return c ? c->run(argc - 1, argv + 1) : unknown(name);
+}
+
+int main(int argc, char **argv)
+{
+    return flushed(run(argc, argv));
+}

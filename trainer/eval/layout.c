@@ -1,0 +1,232 @@
+/* SPDX-License-Identifier: MIT */
+#include "layout.h"
+
+#include "saga.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+/* The file, and what has been found in it. */
+typedef struct {
+    const uint8_t *bytes;
+    size_t n;
+    saga_layout *to;
+} walk;
+
+static void name_of(char name[5], uint32_t type)
+{
+    for (int i = 0; i < 4; i++) {
+        const char c = (char)(type >> 8 * i & 255u);
+
+        name[i] = c >= ' ' && c <= '~' ? c : '?';
+    }
+    name[4] = '\0';
+}
+
+/* Keeps the first damage only: the later ones follow from it. */
+static bool damaged(const walk *w, uint32_t type, uint64_t at,
+                    const char *what)
+{
+    char name[5];
+
+    name_of(name, type);
+    if (!w->to->damage[0])
+        snprintf(w->to->damage, sizeof w->to->damage,
+                 "chunk %s at byte %" PRIu64 ": %s", name, at, what);
+    return false;
+}
+
+static bool wrong_crc(const walk *w, const saga_chunk *c, uint64_t at,
+                      uint32_t crc)
+{
+    char what[80];
+
+    snprintf(what, sizeof what, "its bytes have the CRC %08" PRIx32
+             ", not the %08" PRIx32 " stored with it", crc, c->crc);
+    return damaged(w, c->type, at, what);
+}
+
+static bool wrong_type(const walk *w, uint32_t wanted, uint64_t at,
+                       uint32_t found)
+{
+    char what[80], name[5];
+
+    name_of(name, found);
+    snprintf(what, sizeof what, "a chunk '%s' stands there instead", name);
+    return damaged(w, wanted, at, what);
+}
+
+static bool cut(const walk *w, uint32_t type, uint64_t at, uint64_t needs)
+{
+    char what[80];
+
+    snprintf(what, sizeof what, "it needs %" PRIu64 " bytes, the file ends "
+             "after %" PRIu64, needs, at < w->n ? w->n - at : 0);
+    return damaged(w, type, at, what);
+}
+
+/* The chunk of a type at byte `at`, whole and with the right CRC. */
+static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
+{
+    saga_io io = { w->bytes, NULL, 0 };
+    uint32_t crc;
+
+    if (at > w->n || w->n - at < SAGA_CHUNK_NBYTES)
+        return cut(w, type, at, SAGA_CHUNK_NBYTES);
+    io.in = w->bytes + at;
+    saga_chunk_io(&io, c);
+    if (c->type != type)
+        return wrong_type(w, type, at, c->type);
+    if (c->nbytes > w->n - at - SAGA_CHUNK_NBYTES)
+        return cut(w, type, at, (uint64_t)c->nbytes + SAGA_CHUNK_NBYTES);
+    crc = saga_chunk_crc(c, w->bytes + at + SAGA_CHUNK_NBYTES);
+    if (crc != c->crc)
+        return wrong_crc(w, c, at, crc);
+    w->to->n_chunks++;
+    w->to->framing_nbytes += SAGA_CHUNK_NBYTES;
+    return true;
+}
+
+static bool take_head(walk *w, const saga_header *h)
+{
+    saga_layout *const to = w->to;
+    saga_chunk c;
+
+    to->header_nbytes = h->header_nbytes;
+    if (!take_chunk(&c, w, SAGA_CHUNK_INDEX, h->header_nbytes))
+        return false;
+    to->index_nbytes = c.nbytes;
+    if (c.nbytes / SAGA_INDEX_ENTRY_NBYTES != h->n_segments)
+        return damaged(w, SAGA_CHUNK_INDEX, h->header_nbytes,
+                       "it has not one entry per segment");
+    if (!take_chunk(&c, w, SAGA_CHUNK_NETS, (uint64_t)h->header_nbytes +
+                    SAGA_CHUNK_NBYTES + c.nbytes))
+        return false;
+    to->nets_nbytes = c.nbytes;
+    return true;
+}
+
+static bool take_header(walk *w, saga_layout_segment *s, uint64_t at)
+{
+    saga_io io = { w->bytes + at + SAGA_CHUNK_NBYTES, NULL, 0 };
+    saga_segment_header h;
+
+    if (s->payload_nbytes[SAGA_PART_SEGMENT] != SAGA_SEGMENT_NBYTES)
+        return damaged(w, SAGA_CHUNK_SEGMENT, at, "it has the wrong length");
+    saga_segment_io(&io, &h);
+    if (h.first_frame != s->first_frame || h.n_frames != s->n_frames)
+        return damaged(w, SAGA_CHUNK_SEGMENT, at,
+                       "its frames are not those of the index");
+    s->n = h.n;
+    return true;
+}
+
+static bool take_segment(walk *w, saga_layout_segment *s)
+{
+    static const uint32_t type[SAGA_N_PARTS] = {
+        SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
+        SAGA_CHUNK_PRIM
+    };
+    uint64_t at = s->offset;
+
+    for (int i = 0; i < SAGA_N_PARTS; i++) {
+        saga_chunk c;
+
+        if (!take_chunk(&c, w, type[i], at))
+            return false;
+        s->payload_nbytes[i] = c.nbytes;
+        if (i == SAGA_PART_SEGMENT && !take_header(w, s, at))
+            return false;
+        at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
+    }
+    return at - s->offset == s->nbytes ||
+           damaged(w, SAGA_CHUNK_SEGMENT, s->offset, "the index gives another "
+                   "length of the segment than its chunks have");
+}
+
+/* Segment i of the index, which saga_find has accepted as a whole. */
+static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
+{
+    saga_layout_segment *const s = &w->to->segment[i];
+    saga_io io = { w->bytes + w->to->header_nbytes + SAGA_CHUNK_NBYTES, NULL,
+                   i * (uint32_t)SAGA_INDEX_ENTRY_NBYTES };
+    saga_index_entry e;
+
+    saga_index_io(&io, &e);
+    *s = (saga_layout_segment){ .first_frame = first_frame,
+                                .n_frames = e.n_frames, .offset = e.offset,
+                                .nbytes = e.nbytes };
+    if (take_segment(w, s)) {
+        for (int p = 0; p < SAGA_N_PARTS; p++)
+            w->to->part_nbytes[p] += s->payload_nbytes[p];
+        return;
+    }
+    s->damaged = true;
+    s->n = (saga_counts){ 0, 0, 0 };
+    for (int p = 0; p < SAGA_N_PARTS; p++)
+        s->payload_nbytes[p] = 0;
+    w->to->n_damaged++;
+}
+
+static void count_other(saga_layout *to)
+{
+    uint64_t known = (uint64_t)to->header_nbytes + to->index_nbytes +
+                     to->nets_nbytes + to->framing_nbytes;
+
+    for (int p = 0; p < SAGA_N_PARTS; p++)
+        known += to->part_nbytes[p];
+    to->other_nbytes = to->file_nbytes > known ? to->file_nbytes - known : 0;
+}
+
+/* What saga_find says of the whole index: the last frame is behind it all. */
+static bool check_index(const walk *w, const saga_header *h)
+{
+    saga_segment last;
+    const saga_status s =
+        saga_find(&last, w->bytes, w->n, h->n_frames - 1, 1);
+
+    return s == SAGA_OK || damaged(w, SAGA_CHUNK_INDEX, h->header_nbytes,
+                                   saga_status_text(s));
+}
+
+static bool read_all(walk *w, const saga_header *h)
+{
+    saga_layout *const to = w->to;
+    uint32_t frame = 0;
+
+    if (!take_head(w, h) || !check_index(w, h))
+        return false;
+    to->segment = calloc(h->n_segments, sizeof *to->segment);
+    if (!to->segment) {
+        snprintf(to->damage, sizeof to->damage, "out of memory for %" PRIu32
+                 " segments", h->n_segments);
+        return false;
+    }
+    to->n_segments = h->n_segments;
+    for (uint32_t i = 0; i < h->n_segments; i++) {
+        take_entry(w, i, frame);
+        frame += to->segment[i].n_frames;
+    }
+    count_other(to);
+    return true;
+}
+
+bool saga_layout_read(saga_layout *layout, const uint8_t *bytes, size_t n)
+{
+    walk w = { bytes, n, layout };
+    saga_io io = { bytes, NULL, SAGA_MAGIC_NBYTES };
+    saga_header h;
+
+    *layout = (saga_layout){ .file_nbytes = n };
+    if (n < SAGA_HEADER_NBYTES)
+        return false;
+    saga_header_io(&io, &h);
+    return read_all(&w, &h);
+}
+
+void saga_layout_free(saga_layout *layout)
+{
+    free(layout->segment);
+    *layout = (saga_layout){ 0 };
+}

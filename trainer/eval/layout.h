@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Where the bytes of a .saga file are: its chunks, found by the index and
+ * checked against their CRCs, without decoding anything.
+ */
+#ifndef SAGA_LAYOUT_H
+#define SAGA_LAYOUT_H
+
+#include "container.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { SAGA_DAMAGE_NBYTES = 256 };
+
+/* The chunks of a segment, in the order of the file. */
+enum {
+    SAGA_PART_SEGMENT,
+    SAGA_PART_COARSE,
+    SAGA_PART_FINE,
+    SAGA_PART_PRIM,
+    SAGA_N_PARTS
+};
+
+typedef struct saga_layout_segment {
+    uint32_t first_frame, n_frames; /* as the index has them */
+    uint64_t offset;
+    uint32_t nbytes;         /* of all its chunks */
+    saga_counts n;           /* as its header has them; 0 if damaged */
+    uint32_t payload_nbytes[SAGA_N_PARTS];
+    bool damaged;
+} saga_layout_segment;
+
+typedef struct saga_layout {
+    uint64_t file_nbytes;
+    uint32_t header_nbytes, index_nbytes, nets_nbytes; /* index, networks:
+                              * payloads */
+    uint64_t part_nbytes[SAGA_N_PARTS]; /* payloads of all segments */
+    uint64_t framing_nbytes; /* chunk headers */
+    uint64_t other_nbytes;   /* in no chunk that was found */
+    uint32_t n_chunks;       /* whose CRC is right */
+    uint32_t n_damaged;      /* segments */
+    uint32_t n_segments;
+    saga_layout_segment *segment; /* (n_segments) */
+    char damage[SAGA_DAMAGE_NBYTES]; /* the first that was found: what, where,
+                              * which value; empty if none */
+} saga_layout;
+
+/* Looks at all of a file's bytes[0..n), whose header saga_probe accepts.
+ * False if the head (index, networks) is damaged, or out of memory: *layout is
+ * empty then but for `damage`. A damaged segment is marked, and its sizes are
+ * 0, but the others are told. */
+bool saga_layout_read(saga_layout *layout, const uint8_t *bytes, size_t n);
+
+void saga_layout_free(saga_layout *layout);
+
+#endif
