@@ -37,7 +37,7 @@ typedef struct saga_symbols {
 typedef struct saga_layer_symbols {
     uint32_t step_q16;       /* 1..65535 */
     uint8_t step_shift;      /* s, 0..31 */
-    uint8_t bias_shift;      /* 0..24 */
+    uint8_t bias_shift;      /* 0..31 */
     uint8_t weight_scale;    /* scale index of the residual coder, 0..63 */
     uint8_t bias_scale;
     int32_t *weight;         /* (n_out, n_in) q */

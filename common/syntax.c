@@ -477,8 +477,8 @@ static void keep_context(const saga_scaffold *sc, uint32_t rank,
 
     for (i = 0; i < 4; i++)
         feature[i] = residual[i];
-    /* count / 8 in Q14 */
-    feature[4] = (int16_t)(sc->fine[rank].n_prim * 2048);
+    /* count / 16 in Q14: at most 1 */
+    feature[4] = (int16_t)(sc->fine[rank].n_prim * 1024);
     for (i = 5; i < f; i++)
         feature[i] = 0;
 }

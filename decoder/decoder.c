@@ -25,6 +25,8 @@ struct saga_decoder {
     int has_segment, has_view;
 };
 
+_Static_assert(sizeof(saga_decoder) == 544, "format: see plan.c");
+
 static uint8_t *block_at(saga_decoder *dec, uint32_t offset)
 {
     return (uint8_t *)(void *)dec + offset;
@@ -232,7 +234,7 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
         }
         first = end;
     }
-    return SAGA_ERR_ARG;
+    return first == h.n_frames ? SAGA_ERR_ARG : SAGA_ERR_DATA;
 }
 
 saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
@@ -241,7 +243,8 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
     saga_header h;
     saga_rig_camera r;
     saga_io io = { head, NULL, 0 };
-    saga_status s = saga_head_read(&h, head, n);
+    saga_plan plan;
+    saga_status s = read_head(&h, &plan, head, n, 0);
     int i;
 
     if (s)
@@ -305,7 +308,8 @@ static saga_status read_segment_header(saga_decoder *dec, const uint8_t *bytes,
     if (seg.n.coarse < 1 || seg.n.coarse > max->coarse ||
         seg.n.fine > max->fine || seg.n.prim > max->prim ||
         seg.number >= dec->header.n_segments || seg.n_frames < 1 ||
-        seg.first_frame >= dec->header.n_frames)
+        seg.n_frames > dec->header.n_frames ||
+        seg.first_frame > dec->header.n_frames - seg.n_frames)
         return SAGA_ERR_DATA;
     dec->n = seg.n;
     return SAGA_OK;

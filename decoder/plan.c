@@ -4,6 +4,19 @@
 #include "depth_sort.h"
 #include "primitive.h"
 
+/* Level 3's weights take far less; a head's size then fits 32 bits. */
+#define MAX_NETS_NBYTES (1u << 28)
+
+/* The work block's size decides whether a file fits its level, so these sizes
+ * are part of the format (docs/bitstream.md). */
+_Static_assert(sizeof(saga_models) == 3230, "format: adaptive models");
+_Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
+_Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
+_Static_assert(sizeof(saga_coarse) == 32, "format: coarse anchor");
+_Static_assert(sizeof(saga_fine) == 48, "format: fine anchor");
+_Static_assert(sizeof(saga_splat) == 44, "format: splat");
+_Static_assert(sizeof(saga_key) == 8, "format: sort key");
+
 /* --- What a header may say ----------------------------------------------- */
 
 static saga_status check_version(const saga_header *h)
@@ -24,7 +37,7 @@ static saga_status check_counts(const saga_header *h)
 {
     if (h->n_segments < 1 || h->n_segments > SAGA_MAX_SEGMENTS ||
         h->n_frames < h->n_segments || h->rate_num < 1 || h->rate_den < 1 ||
-        h->max.coarse < 1)
+        h->max.coarse < 1 || h->nets_nbytes > MAX_NETS_NBYTES)
         return SAGA_ERR_DATA;
     return SAGA_OK;
 }

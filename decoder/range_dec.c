@@ -5,12 +5,15 @@
  * every frequency of 1 or more has a non-empty interval. */
 #define RANGE_MIN (1u << 24)
 
+/* Zero bytes the encoder drops at the end of a chunk, always: its last value is
+ * a multiple of 2^24. */
+enum { TAIL = 3 };
+
 static uint32_t next_byte(saga_range_dec *d)
 {
     const uint32_t byte = d->pos < d->n ? d->p[d->pos] : 0;
 
-    /* The encoder drops at most three zero bytes at the end. */
-    if (d->pos >= d->n + 3)
+    if (d->pos >= d->n + TAIL)
         d->coder.error = 1;
     else
         d->pos++;
@@ -47,6 +50,9 @@ static uint32_t bypass(saga_range_dec *d, uint32_t bits)
         bit = d->code >= d->range;
         if (bit)
             d->code -= d->range;
+        /* An odd range loses its last value, which no encoder uses. */
+        if (d->code >= d->range)
+            d->coder.error = 1;
         v = v << 1 | bit;
         renormalise(d);
     }
@@ -157,5 +163,5 @@ void saga_range_dec_init(saga_range_dec *d, const uint8_t *p, size_t n)
 
 int saga_range_dec_finish(const saga_range_dec *d)
 {
-    return !d->coder.error && d->pos >= d->n;
+    return !d->coder.error && d->pos == d->n + TAIL;
 }

@@ -15,7 +15,7 @@ typedef struct saga_range_dec {
     saga_coder coder;        /* first: its functions cast back */
     const uint8_t *p;
     size_t n;                /* bytes of the chunk */
-    size_t pos;              /* bytes read; up to n + 3, zeros past the end */
+    size_t pos;              /* bytes read; n + 3 at the end, zeros past n */
     uint32_t range, code;
 } saga_range_dec;
 

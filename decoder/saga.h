@@ -170,7 +170,8 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
                       uint32_t frame_num, uint32_t frame_den);
 
 /* Camera `index` of the capture rig, 0..info.n_cameras-1, and the number the
- * capture gives it. head as for saga_open. SAGA_OK; ARG; else as saga_open. */
+ * capture gives it. head[0..n): the file's start, of which the header is
+ * needed. SAGA_OK; ARG; else as saga_probe. */
 saga_status saga_rig(saga_camera *camera, uint32_t *number,
                      const uint8_t *head, size_t n, uint32_t index);
 

@@ -4,6 +4,7 @@
 #include "crc32c.h"
 #include "fx.h"
 #include "range_enc.h"
+#include "saga.h"
 #include "scaffold.h"
 #include "syntax.h"
 
@@ -265,8 +266,9 @@ saga_encoder *saga_encoder_open(const saga_header *header,
     const size_t rig_nbytes = header->n_cameras * sizeof *rig;
     saga_encoder *e;
 
-    if (!saga_model_is_valid(&header->model)) {
-        *why = "a field of the model is out of its range";
+    if (!saga_model_is_valid(&header->model) ||
+        header->n_cameras > SAGA_MAX_CAMERAS) {
+        *why = "a field of the header is out of its range";
         return NULL;
     }
     e = must(calloc(1, sizeof *e));
@@ -467,6 +469,7 @@ int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
                         saga_encode_sizes *sizes, const char **why)
 {
     buffer out = { NULL, 0, 0 };
+    saga_info info;
 
     if (e->header.n_segments == 0) {
         *why = "there is no segment";
@@ -480,6 +483,11 @@ int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
     out.n += e->segments.n;
     e->sizes.header = e->header.header_nbytes;
     e->sizes.total = out.n;
+    if (saga_probe(&info, out.p, out.n)) {
+        *why = saga_status_text(saga_probe(&info, out.p, out.n));
+        free(out.p);
+        return 0;
+    }
     *sizes = e->sizes;
     *bytes = out.p;
     *n = out.n;

@@ -43,7 +43,8 @@ int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
                          uint32_t n_frames, const char **why);
 
 /* The file, at most once; *bytes belongs to the caller (free). Returns 0 with a
- * reason if there is no segment. */
+ * reason if there is no segment, or if a decoder would refuse the header: the
+ * level's limits, reserved tools. */
 int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
                         saga_encode_sizes *sizes, const char **why);
 

@@ -152,8 +152,10 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     do
         s = saga_draw(dec, &job, &picture, 1u << 24);
     while (s == SAGA_AGAIN);
+    if (s)
+        return s;
     *crc = saga_crc32c(0, pixels, 3u * c->width * (size_t)c->height);
-    return s;
+    return SAGA_OK;
 }
 
 /* Byte range of segment `number`: its first frame lies after those of the

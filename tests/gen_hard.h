@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Cameras and animated primitives at the edges of what is valid: needles,
+ * standard deviations from 0.01 to 10^6 px, quaternions of any length, points
+ * around and behind the camera.
+ */
+#ifndef SAGA_GEN_HARD_H
+#define SAGA_GEN_HARD_H
+
+#include "gen_scene.h"
+
+/* Anywhere within +-2^29, turned at random, focal lengths of 2^-4..2^5 sides,
+ * principal points around the picture and far from it. */
+void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height);
+
+/* Most are seen near the picture; some lie near, behind or far outside. */
+void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c);
+
+#endif

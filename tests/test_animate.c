@@ -1,0 +1,437 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Primitives at a time against double, with the bounds that follow from the
+ * roundings of the norm:
+ *
+ *     position     1/2 + 2.375 support / 2^20 box units: three roundings of
+ *                  Q20, of which the first two grow by |dt| <= 1.5 each
+ *     quaternion   one rounding of its slope and one of the common shift
+ *     q0           1.31 LSB of Q20 of softplus2, 128 more where the opacity is
+ *                  rounded to Q12 first; the fade: u to 0.51 LSB of Q16 and
+ *                  log2(e) to 0.4 LSB of Q20
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "animate.h"
+#include "gen_scene.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ROUNDS = 300000 };
+
+static const double log2_e = 1.4426950408889634;
+static const double limit_x = 536870912; /* 2^29 */
+
+static int one_in(gen_rng *r, int n)
+{
+    return gen_int(r, 1, n) == 1;
+}
+
+/* Any value, its extremes and zero more often. */
+static int16_t any16(gen_rng *r)
+{
+    static const int16_t edges[] = { -32768, -32767, -1, 0, 1, 32767 };
+
+    if (one_in(r, 4))
+        return edges[gen_int(r, 0, 5)];
+    return (int16_t)(gen_int(r, -32768, 32767) >> gen_int(r, 0, 12));
+}
+
+static int32_t any_time(gen_rng *r)
+{
+    static const int32_t edges[] = { -32768, 0, 32768, 65535, 98303 };
+
+    return one_in(r, 4) ? edges[gen_int(r, 0, 4)] : gen_int(r, -32768, 98303);
+}
+
+static void any_primitive(saga_primitive *p, gen_rng *r)
+{
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        p->x[i] = one_in(r, 4) ? -(1 << 23) : gen_int(r, -(1 << 23),
+                                                      (1 << 23) - 1);
+        p->support[i] = 1 << gen_int(r, 0, 23);
+        if (one_in(r, 2))
+            p->support[i] = gen_int(r, 1, 1 << 23);
+        p->log2_scale_q10[i] = any16(r);
+    }
+    p->t_centre = any_time(r);
+    for (i = 0; i < 4; i++) {
+        p->quat[i] = any16(r);
+        p->slope[i] = any16(r);
+    }
+    for (i = 0; i < 9; i++)
+        p->motion[i] = any16(r);
+    p->opacity = any16(r);
+    p->log2_width_q10 = any16(r);
+}
+
+static void any_format(saga_prim_format *f, gen_rng *r)
+{
+    int i;
+
+    f->q_quat = (uint8_t)gen_int(r, 0, 20);
+    f->q_slope = (uint8_t)gen_int(r, 0, 20);
+    f->q_opacity = (uint8_t)gen_int(r, 0, 20);
+    for (i = 0; i < 3; i++)
+        f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
+    f->motion_order = (uint8_t)gen_int(r, 0, 3);
+    f->has_slope = (uint8_t)gen_int(r, 0, 1);
+    f->has_width = (uint8_t)gen_int(r, 0, 1);
+}
+
+static int32_t any_t(gen_rng *r)
+{
+    return one_in(r, 8) ? 0 : one_in(r, 8) ? 65535 : gen_int(r, 0, 65535);
+}
+
+/* --- Position ------------------------------------------------------------ */
+
+static double true_position(const saga_primitive *p, const saga_prim_format *f,
+                            int axis, double tau)
+{
+    double m = 0;
+    int k;
+
+    for (k = 0; k < f->motion_order; k++)
+        m += ldexp(p->motion[3 * k + axis], -f->q_motion[k]) *
+             pow(tau, k + 1);
+    return fmin(fmax(p->x[axis] + p->support[axis] * m, -limit_x), limit_x);
+}
+
+static void check_position(const saga_animated *a, const saga_primitive *p,
+                           const saga_prim_format *f, int32_t t)
+{
+    const double tau = (t - p->t_centre) / 65536.0;
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        const double x = true_position(p, f, i, tau);
+        const double bound = 0.5001 + 2.375 * p->support[i] / 1048576.0;
+
+        assert_true(fabs(a->x[i] - x) <= bound);
+        assert_true(a->x[i] >= -(1 << 29) && a->x[i] <= 1 << 29);
+        if (f->motion_order == 0 || t == p->t_centre)
+            assert_int_equal(a->x[i], p->x[i]);
+    }
+}
+
+static void position_should_follow_the_cubic(void **state)
+{
+    gen_rng r = gen_seeded(11);
+    saga_prim_format f;
+    saga_primitive p;
+    saga_animated a;
+    int i, saturated = 0;
+
+    (void)state;
+    for (i = 0; i < ROUNDS; i++) {
+        const int32_t t = any_t(&r);
+
+        any_format(&f, &r);
+        any_primitive(&p, &r);
+        saga_animate(&a, &p, &f, t);
+        check_position(&a, &p, &f, t);
+        saturated += abs(a.x[0]) == 1 << 29;
+    }
+    print_message("%d of %d saturated\n", saturated, ROUNDS);
+    assert_true(saturated > ROUNDS / 100 && saturated < ROUNDS / 2);
+}
+
+/* The largest of everything, both signs, at both ends of dt. */
+static void position_should_saturate_at_the_limit(void **state)
+{
+    const saga_prim_format f = { .motion_order = 3 };
+    saga_primitive p;
+    saga_animated a;
+    int i, sign;
+
+    (void)state;
+    for (sign = -1; sign <= 1; sign += 2) {
+        memset(&p, 0, sizeof p);
+        p.t_centre = -32768;
+        for (i = 0; i < 9; i++)
+            p.motion[i] = (int16_t)(sign < 0 ? -32768 : 32767);
+        for (i = 0; i < 3; i++)
+            p.support[i] = 1 << 23;
+        saga_animate(&a, &p, &f, 65535);
+        for (i = 0; i < 3; i++)
+            assert_int_equal(a.x[i], sign * (1 << 29));
+    }
+    p.motion[3] = p.motion[6] = 0;  /* x: 32767 tau box units */
+    p.support[0] = 1;
+    saga_animate(&a, &p, &f, 32768);
+    assert_int_equal(a.x[0], 32767);
+}
+
+/* support 2^14, 1/2 of it per segment: 8192 tau, halves upwards. */
+static void position_should_be_exact_where_it_can_be(void **state)
+{
+    const saga_prim_format f = { .motion_order = 1, .q_motion = { 14 } };
+    saga_primitive p;
+    saga_animated a;
+    int32_t t;
+
+    (void)state;
+    memset(&p, 0, sizeof p);
+    p.t_centre = 32768;
+    p.support[0] = p.support[1] = p.support[2] = 1 << 14;
+    p.motion[0] = 8192;
+    p.motion[1] = -8192;
+    for (t = 0; t < 65536; t++) {
+        const int32_t dt = t - 32768;
+
+        saga_animate(&a, &p, &f, t);
+        assert_int_equal(a.x[0], (int32_t)floor(dt / 8.0 + 0.5));
+        assert_int_equal(a.x[1], (int32_t)floor(-dt / 8.0 + 0.5));
+        assert_int_equal(a.x[2], 0);
+    }
+}
+
+/* --- Quaternion ---------------------------------------------------------- */
+
+static double largest(const double *v)
+{
+    return fmax(fmax(fabs(v[0]), fabs(v[1])), fmax(fabs(v[2]), fabs(v[3])));
+}
+
+/* v: the components in Q20, exact in double. Rounded to integers they share a
+ * shift n, no more than brings them below 2^30. */
+static void check_quat(const saga_animated *a, const double *v)
+{
+    double rounded[4];
+    int32_t max = 0;
+    int n = 0, i;
+
+    for (i = 0; i < 4; i++)
+        rounded[i] = floor(v[i] + 0.5);
+    while (ldexp(1, 30 + n) <= largest(rounded))
+        n++;
+    for (i = 0; i < 4; i++) {
+        assert_true(fabs(ldexp(a->quat[i], n) - rounded[i]) <=
+                    (n ? ldexp(0.5, n) : 0));
+        max = abs(a->quat[i]) > max ? abs(a->quat[i]) : max;
+    }
+    assert_true(max <= 1 << 30);
+    assert_true(n == 0 || max >= 1 << 29);
+}
+
+static void quaternion_should_be_linear_in_time(void **state)
+{
+    gen_rng r = gen_seeded(12);
+    saga_prim_format f;
+    saga_primitive p;
+    saga_animated a;
+    double v[4];
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < ROUNDS; i++) {
+        const int32_t t = any_t(&r);
+
+        any_format(&f, &r);
+        any_primitive(&p, &r);
+        saga_animate(&a, &p, &f, t);
+        for (k = 0; k < 4; k++)
+            v[k] = ldexp(p.quat[k], 20 - f.q_quat) +
+                   (f.has_slope ? ldexp(p.slope[k], 4 - f.q_slope) *
+                                  (t - p.t_centre)
+                                : 0);
+        check_quat(&a, v);
+    }
+}
+
+static void slope_of_zero_should_rotate_as_no_slope(void **state)
+{
+    gen_rng r = gen_seeded(13);
+    saga_prim_format f;
+    saga_primitive p;
+    saga_animated a, b;
+    int i;
+
+    (void)state;
+    for (i = 0; i < ROUNDS / 10; i++) {
+        const int32_t t = any_t(&r);
+
+        any_format(&f, &r);
+        any_primitive(&p, &r);
+        memset(p.slope, 0, sizeof p.slope);
+        f.has_slope = 0;
+        saga_animate(&a, &p, &f, t);
+        f.has_slope = 1;
+        saga_animate(&b, &p, &f, t);
+        assert_memory_equal(&a, &b, sizeof a);
+    }
+}
+
+/* --- Opacity ------------------------------------------------------------- */
+
+/* log2(1 + 2^x), |x| <= 256. */
+static double softplus2(double x)
+{
+    return x > 60 ? x : log1p(exp2(x)) * log2_e;
+}
+
+static double true_ratio(const saga_primitive *p, int32_t t)
+{
+    return fmin(16, abs(t - p->t_centre) * exp2(-p->log2_width_q10 / 1024.0));
+}
+
+static void check_opacity(const saga_animated *a, const saga_primitive *p,
+                          const saga_prim_format *f, int32_t t)
+{
+    const double o = ldexp(p->opacity, -f->q_opacity);
+    double q0 = softplus2(fmin(fmax(-o, -256), 256));
+    double bound = 1.32 + (f->q_opacity > 12 ? 128 : 0);
+
+    if (f->has_width) {
+        const double u = true_ratio(p, t);
+
+        q0 += log2_e * u * u;
+        bound += 0.51 + 2 * log2_e * u * 16 * 0.51 + 0.4 * u * u;
+    }
+    assert_true(fabs(a->q0_q20 - 1048576 * q0) <= bound);
+    assert_true(a->q0_q20 >= 0);
+}
+
+static void opacity_should_fade_with_the_distance_in_time(void **state)
+{
+    gen_rng r = gen_seeded(14);
+    saga_prim_format f;
+    saga_primitive p;
+    saga_animated a;
+    int i, visible = 0;
+
+    (void)state;
+    for (i = 0; i < ROUNDS; i++) {
+        const int32_t t = any_t(&r);
+
+        any_format(&f, &r);
+        any_primitive(&p, &r);
+        if (one_in(&r, 2)) /* widths like those of segments */
+            p.log2_width_q10 = (int16_t)gen_int(&r, 10 << 10, 18 << 10);
+        saga_animate(&a, &p, &f, t);
+        check_opacity(&a, &p, &f, t);
+        visible += f.has_width && a.q0_q20 < 8 << 20;
+    }
+    print_message("%d of %d with a width are visible\n", visible, ROUNDS / 2);
+    assert_true(visible > ROUNDS / 20);
+}
+
+/* Every width at distances around where it saturates. */
+static void every_width_should_fade(void **state)
+{
+    static const int32_t distance[] = { 0, 1, 2, 255, 256, 8191, 65535, 98303 };
+    const saga_prim_format f = { .q_opacity = 12, .has_width = 1 };
+    saga_primitive p;
+    saga_animated a;
+    int32_t w;
+    int i;
+
+    (void)state;
+    memset(&p, 0, sizeof p);
+    for (w = -32768; w <= 32767; w++)
+        for (i = 0; i < 8; i++) {
+            const int32_t t = distance[i] < 65535 ? distance[i] : 65535;
+
+            p.log2_width_q10 = (int16_t)w;
+            p.t_centre = t - distance[i];
+            saga_animate(&a, &p, &f, t);
+            check_opacity(&a, &p, &f, t);
+            if (i == 0)
+                assert_int_equal(a.q0_q20, 1 << 20);
+        }
+}
+
+/* A ratio beyond 16 fades by log2(e) 16^2 and no more. */
+static void fade_should_saturate(void **state)
+{
+    const saga_prim_format f = { .has_width = 1 };
+    saga_primitive p;
+    saga_animated a;
+
+    (void)state;
+    memset(&p, 0, sizeof p);
+    p.log2_width_q10 = -32768;
+    p.opacity = 32767;
+    saga_animate(&a, &p, &f, 1);
+    assert_int_equal(a.q0_q20, (1512775u * 256u));
+    p.opacity = -32768;
+    saga_animate(&a, &p, &f, 65535);
+    assert_int_equal(a.q0_q20, (1 << 28) + (1512775 << 8));
+    saga_animate(&a, &p, &f, 0);
+    assert_int_equal(a.q0_q20, 1 << 28);
+    p.log2_width_q10 = 32767;
+    p.opacity = 0;
+    saga_animate(&a, &p, &f, 65535);
+    assert_int_equal(a.q0_q20, 1 << 20);
+}
+
+/* --- Fields -------------------------------------------------------------- */
+
+static void fill(void *p, size_t n, gen_rng *r)
+{
+    uint8_t *const bytes = p;
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        bytes[i] = (uint8_t)gen_u32(r);
+}
+
+static void fields_of_tools_that_are_off_should_not_be_read(void **state)
+{
+    gen_rng r = gen_seeded(15);
+    saga_prim_format f;
+    saga_primitive p;
+    saga_animated a, b;
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < ROUNDS / 3; i++) {
+        const int32_t t = any_t(&r);
+
+        any_format(&f, &r);
+        any_primitive(&p, &r);
+        memset(&a, 0x00, sizeof a);
+        saga_animate(&a, &p, &f, t);
+        fill(p.motion + 3 * f.motion_order,
+             (size_t)(3 - f.motion_order) * 3 * sizeof *p.motion, &r);
+        for (k = f.motion_order; k < 3; k++)
+            f.q_motion[k] = (uint8_t)gen_u32(&r);
+        if (!f.has_slope) {
+            fill(p.slope, sizeof p.slope, &r);
+            f.q_slope = (uint8_t)gen_u32(&r);
+        }
+        if (!f.has_width)
+            fill(&p.log2_width_q10, sizeof p.log2_width_q10, &r);
+        memset(&b, 0xff, sizeof b);
+        saga_animate(&b, &p, &f, t);
+        assert_memory_equal(&a, &b, sizeof a);
+        for (k = 0; k < 3; k++)
+            assert_int_equal(a.log2_scale_q10[k], p.log2_scale_q10[k]);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(position_should_follow_the_cubic),
+        cmocka_unit_test(position_should_saturate_at_the_limit),
+        cmocka_unit_test(position_should_be_exact_where_it_can_be),
+        cmocka_unit_test(quaternion_should_be_linear_in_time),
+        cmocka_unit_test(slope_of_zero_should_rotate_as_no_slope),
+        cmocka_unit_test(opacity_should_fade_with_the_distance_in_time),
+        cmocka_unit_test(every_width_should_fade),
+        cmocka_unit_test(fade_should_saturate),
+        cmocka_unit_test(fields_of_tools_that_are_off_should_not_be_read),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

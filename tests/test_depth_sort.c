@@ -1,0 +1,154 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The order of drawing against the C library's qsort by (depth, index).
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "depth_sort.h"
+#include "gen_scene.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX = 3000 };
+
+static int by_depth_and_index(const void *a, const void *b)
+{
+    const saga_key *const x = a;
+    const saga_key *const y = b;
+
+    if (x->depth != y->depth)
+        return x->depth < y->depth ? -1 : 1;
+    return x->index < y->index ? -1 : x->index > y->index;
+}
+
+/* Buffers of exactly n keys, so that the sanitizers see every access. */
+static void check_sorted(const saga_key *keys, uint32_t n)
+{
+    const size_t nbytes = n * sizeof *keys;
+    saga_key *const got = malloc(nbytes + 1);
+    saga_key *const want = malloc(nbytes + 1);
+    saga_key *const tmp = malloc(nbytes + 1);
+
+    assert_true(got && want && tmp);
+    memcpy(got, keys, nbytes);
+    memcpy(want, keys, nbytes);
+    memset(tmp, 0x5a, nbytes);
+    qsort(want, n, sizeof *want, by_depth_and_index);
+    saga_depth_sort(got, tmp, n);
+    assert_memory_equal(got, want, nbytes);
+    free(got);
+    free(want);
+    free(tmp);
+}
+
+static void random_keys(saga_key *keys, uint32_t n, gen_rng *r, uint32_t mask)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++) {
+        keys[i].depth = gen_u32(r) & mask;
+        keys[i].index = i;
+    }
+}
+
+static void order_should_be_that_of_depth_and_index(void **state)
+{
+    static const uint32_t masks[] = {
+        0xffffffff, 0, 1, 0xff, 0xff00, 0xff0000, 0xff000000, 0x00ff00ff,
+        0xff00ff00, 0x80000000, 0x80000001, 0x7fffff, 0x01010101, 0x00ffff00
+    };
+    gen_rng r = gen_seeded(1);
+    saga_key keys[MAX];
+    uint32_t i, k;
+
+    (void)state;
+    for (i = 0; i < sizeof masks / sizeof *masks; i++)
+        for (k = 0; k < 60; k++) {
+            const uint32_t n = k < 30 ? k : (uint32_t)gen_int(&r, 0, MAX);
+
+            random_keys(keys, n, &r, masks[i]);
+            check_sorted(keys, n);
+        }
+}
+
+static void few_keys_should_be_sorted(void **state)
+{
+    static const uint32_t depth[] = { 0, 1, 0x100, 0x7fffffff, 0x80000000,
+                                      0xfffffffe, 0xffffffff };
+    saga_key keys[3] = { { 0, 0 } };
+    uint32_t i;
+
+    (void)state;
+    check_sorted(keys, 0);
+    for (i = 0; i < 7 * 7 * 7; i++) {
+        keys[0] = (saga_key){ depth[i % 7], 0 };
+        keys[1] = (saga_key){ depth[i / 7 % 7], 1 };
+        keys[2] = (saga_key){ depth[i / 49], 2 };
+        check_sorted(keys, 1);
+        check_sorted(keys, 2);
+        check_sorted(keys, 3);
+    }
+}
+
+static void nothing_should_be_touched_without_keys(void **state)
+{
+    saga_key key = { 5, 6 }, tmp = { 7, 8 };
+
+    (void)state;
+    saga_depth_sort(&key, &tmp, 0);
+    assert_int_equal(key.depth, 5);
+    assert_int_equal(tmp.depth, 7);
+    saga_depth_sort(&key, &tmp, 1);
+    assert_int_equal(key.depth, 5);
+    assert_int_equal(key.index, 6);
+    assert_int_equal(tmp.depth, 7);
+}
+
+static void equal_depths_should_keep_their_order(void **state)
+{
+    gen_rng r = gen_seeded(2);
+    saga_key keys[MAX], tmp[MAX];
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < MAX; i++) /* indices that do not rise */
+        keys[i] = (saga_key){ 0x01020304u * (gen_u32(&r) & 3), MAX - i };
+    saga_depth_sort(keys, tmp, MAX);
+    for (i = 1; i < MAX; i++) {
+        assert_true(keys[i - 1].depth <= keys[i].depth);
+        if (keys[i - 1].depth == keys[i].depth)
+            assert_true(keys[i - 1].index > keys[i].index);
+    }
+}
+
+static void sorted_and_reversed_keys_should_be_sorted(void **state)
+{
+    saga_key keys[MAX];
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < MAX; i++)
+        keys[i] = (saga_key){ i * 1431655u, i };
+    check_sorted(keys, MAX);
+    for (i = 0; i < MAX; i++)
+        keys[i].depth = 0xffffffffu - i * 1431655u;
+    check_sorted(keys, MAX);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(order_should_be_that_of_depth_and_index),
+        cmocka_unit_test(few_keys_should_be_sorted),
+        cmocka_unit_test(nothing_should_be_touched_without_keys),
+        cmocka_unit_test(equal_depths_should_keep_their_order),
+        cmocka_unit_test(sorted_and_reversed_keys_should_be_sorted),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

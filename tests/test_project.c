@@ -1,0 +1,731 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Projection against double: the factor of the conic, q inside the cut, the
+ * mean; the rules that drop a splat, exactly; the limits of a camera; boxes
+ * against every pixel of small pictures.
+ *
+ * Bounds. The arithmetic from T on adds at most 2 LSB of Q28 to a factor. T
+ * itself is off by up to
+ *
+ *     delta = sigma (2^-17 / f + 4 2^-30) px,
+ *
+ * sigma being the largest axis seen from the side, in px: the slope of the
+ * Jacobian is rounded to 2^-16 px and T to 30 bits of its largest entry. What
+ * that does to a factor follows by differentiation (factor_bound). For splats
+ * in pictures it is nothing; in needles of 1:10^4 it is all of the error.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_hard.h"
+#include "project.h"
+#include "ref_render.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define CUT (8 << 20)
+enum { ROUNDS = 200000, SAMPLES = 8 };
+
+static const double q28 = 268435456;
+static const int sides[] = { 40, 640, 4096, 16384 };
+
+/* --- The factor, q and the mean ------------------------------------------ */
+
+typedef struct {
+    saga_camera cam;
+    saga_animated a;
+    saga_splat s;
+    ref_splat ref;
+    double chol[3];
+    int is_visible, is_kept;  /* by the decoder, by the reference */
+} trial;
+
+static void project_both(trial *t)
+{
+    ref_animated a;
+
+    memset(&t->s, 0x5a, sizeof t->s);
+    t->is_visible = saga_project(&t->s, &t->a, &t->cam);
+    ref_from_animated(&a, &t->a);
+    t->is_kept = ref_project(&t->ref, &a, &t->cam);
+    if (t->is_kept)
+        ref_factor(t->chol, &t->ref);
+}
+
+static void hard_trial(trial *t, gen_rng *r, int width, int height)
+{
+    gen_hard_camera(&t->cam, r, width, height);
+    gen_hard_animated(&t->a, r, &t->cam);
+    project_both(t);
+}
+
+static double focal(const trial *t, int axis)
+{
+    return t->cam.focal_q16[axis] / 65536.0;
+}
+
+/* The error of T in px, see above. */
+static double shape_error(const trial *t)
+{
+    const int32_t *const l = t->a.log2_scale_q10;
+    const int32_t top = l[0] > l[1] ? (l[0] > l[2] ? l[0] : l[2])
+                                    : (l[1] > l[2] ? l[1] : l[2]);
+    const double z = t->ref.depth < 1 ? 1 : t->ref.depth;
+    const double f = fmax(focal(t, 0), focal(t, 1));
+    const double least = fmin(focal(t, 0), focal(t, 1));
+    const double sigma = exp2(top / 1024.0) / z * f * 8;
+
+    return sigma * (ldexp(1, -17) / least / 8 + 4 * ldexp(1, -30));
+}
+
+/* First order in delta, V = det / C the variance of x given y, l = B / C:
+ *     dg <= g delta (1 + |l|) / sqrt(V),    dh <= h delta / sqrt(C),
+ *     dn <= |l| dg + g delta (sqrt(C) (1 + |l|) + sqrt(V)) / C. */
+static void factor_bound(double bound[3], const trial *t)
+{
+    const double delta = shape_error(t);
+    const double c = t->ref.cov[2], v = t->ref.det / c;
+    const double l = fabs(t->ref.cov[1]) / c;
+    const double dg = t->chol[0] * delta * (1 + l) / sqrt(v);
+
+    bound[0] = 2 + q28 * dg;
+    bound[1] = 2 + q28 * (l * dg + t->chol[0] * delta *
+                                       (sqrt(c) * (1 + l) + sqrt(v)) / c);
+    bound[2] = 2 + q28 * t->chol[2] * delta / sqrt(c);
+}
+
+typedef struct {
+    double factor, ordinary, mean, q;  /* worst: relative to the bound, in LSB
+                                        * where the bound is < 2.5, LSB, q */
+    long n, n_ordinary, n_q;
+} errors;
+
+static void note(double *worst, double x)
+{
+    *worst = fmax(*worst, x);
+}
+
+static void check_factor(errors *e, const trial *t)
+{
+    double bound[3];
+    int i;
+
+    factor_bound(bound, t);
+    for (i = 0; i < 3; i++) {
+        const double err = fabs(t->s.chol_q28[i] - q28 * t->chol[i]);
+
+        note(&e->factor, err / bound[i]);
+        if (bound[i] < 2.5)
+            note(&e->ordinary, err);
+        e->n_ordinary += bound[i] < 2.5;
+        e->n++;
+    }
+}
+
+/* Half a unit, and what x/z loses to the 27 bits of x and z. */
+static void check_mean(errors *e, const trial *t)
+{
+    int i;
+
+    for (i = 0; i < 2; i++) {
+        const double p = t->cam.principal_q16[i] / 65536.0;
+        const double x = 1.125 * fabs(t->ref.mean[i] - p) +
+                         1.25 * focal(t, i);
+        const double err = fabs(t->s.mean_q8[i] - 256 * t->ref.mean[i]);
+
+        note(&e->mean, err);
+        assert_true(err <= 0.5 + x * ldexp(256, -27));
+    }
+}
+
+/* A pixel inside the ellipse of the cut, chosen evenly. 0: not in the
+ * picture. */
+static int pick_pixel(int pixel[2], const trial *t, gen_rng *r)
+{
+    const double l = sqrt((8 - t->ref.q0) * gen_uniform(r, 0, 1));
+    const double turn = gen_uniform(r, 0, 6.283185307179586);
+    const double dy = l * sin(turn) / t->chol[2];
+    const double dx = (l * cos(turn) + t->chol[1] * dy) / t->chol[0];
+    const double x = floor(t->s.mean_q8[0] / 256.0 + dx);
+    const double y = floor(t->s.mean_q8[1] / 256.0 + dy);
+
+    if (!(x >= 0 && x < t->cam.width && y >= 0 && y < t->cam.height))
+        return 0;
+    pixel[0] = (int)x;
+    pixel[1] = (int)y;
+    return 1;
+}
+
+static double true_q(const trial *t, int x, int y)
+{
+    return ref_q(&t->ref, x + 0.5 - t->s.mean_q8[0] / 256.0,
+                 y + 0.5 - t->s.mean_q8[1] / 256.0);
+}
+
+static void check_q(errors *e, const trial *t, gen_rng *r)
+{
+    int pixel[2], i;
+
+    for (i = 0; i < SAMPLES; i++) {
+        double q;
+
+        if (!pick_pixel(pixel, t, r))
+            continue;
+        q = true_q(t, pixel[0], pixel[1]);
+        if (q > 8)
+            continue;
+        note(&e->q, fabs(ref_q_q20(&t->s, pixel[0], pixel[1]) / 1048576.0 -
+                         q));
+        e->n_q++;
+    }
+}
+
+static void print_errors(const errors *e)
+{
+    print_message("%ld factors within %.2f of their bound, %ld ordinary ones "
+                  "within %.2f LSB; mean within %.3f LSB; q within %.1e at "
+                  "%ld pixels\n", e->n, e->factor, e->n_ordinary, e->ordinary,
+                  e->mean, e->q, e->n_q);
+}
+
+static void factor_and_q_should_be_those_of_double(void **state)
+{
+    gen_rng r = gen_seeded(21);
+    errors e = { 0, 0, 0, 0, 0, 0, 0 };
+    trial t;
+    int i;
+
+    (void)state;
+    for (i = 0; i < ROUNDS; i++) {
+        hard_trial(&t, &r, sides[i & 3], sides[i >> 2 & 3]);
+        if (!t.is_visible)
+            continue;
+        assert_true(t.is_kept);
+        assert_true(t.s.depth == (uint32_t)t.ref.depth);
+        assert_int_equal(t.s.q0_q20, t.a.q0_q20);
+        check_factor(&e, &t);
+        check_mean(&e, &t);
+        if (fmin(focal(&t, 0), focal(&t, 1)) >= 64)
+            check_q(&e, &t, &r);
+    }
+    print_errors(&e);
+    assert_true(e.n_ordinary > ROUNDS / 10 && e.n_q > ROUNDS / 10);
+    assert_true(e.factor <= 1);
+    assert_true(e.ordinary <= 2);
+    assert_true(e.q <= 7e-4);
+}
+
+/* Splats of pictures: round to 1:30, 0.1 to 100 px, focal = width. */
+static void ordinary_splats_should_be_exact_to_the_last_bits(void **state)
+{
+    gen_rng r = gen_seeded(22);
+    errors e = { 0, 0, 0, 0, 0, 0, 0 };
+    trial t;
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < ROUNDS; i++) {
+        gen_any_camera(&t.cam, &r, 640, 360, 1 << 22);
+        gen_hard_animated(&t.a, &r, &t.cam);
+        for (k = 0; k < 3; k++) {
+            const double sigma = gen_uniform(&r, -3.3, 1.6);
+            const double z = fmax(1, labs(t.a.x[0] - t.cam.centre[0]));
+
+            t.a.log2_scale_q10[k] = (int32_t)(1024 * (sigma + log2(z / 640)));
+        }
+        project_both(&t);
+        if (!t.is_visible)
+            continue;
+        check_factor(&e, &t);
+        check_mean(&e, &t);
+        check_q(&e, &t, &r);
+    }
+    print_errors(&e);
+    assert_true(e.factor <= 1 && e.ordinary <= 2 && e.q <= 7e-4);
+}
+
+/* --- Dropping ------------------------------------------------------------ */
+
+static int64_t dot(const int32_t *row, const int32_t *x, const int32_t *c)
+{
+    int64_t sum = 0;
+    int i;
+
+    for (i = 0; i < 3; i++)
+        sum += (int64_t)row[i] * ((int64_t)x[i] - c[i]);
+    return sum;
+}
+
+/* The rules before the mean, as the norm words them. */
+static int is_in_front(const trial *t)
+{
+    const int32_t *const w = t->cam.rotation_q30;
+    const int64_t x = dot(w, t->a.x, t->cam.centre);
+    const int64_t y = dot(w + 3, t->a.x, t->cam.centre);
+    const int64_t z = dot(w + 6, t->a.x, t->cam.centre);
+    const int64_t depth = (z + (1 << 29)) >> 30;
+
+    return t->a.q0_q20 < CUT && depth >= t->cam.near_plane &&
+           llabs(x) / 8 < z && llabs(y) / 8 < z;
+}
+
+/* 1: too far from the picture's centre, 0: not, -1: undecided in double. */
+static int is_far(const trial *t)
+{
+    const int32_t *const w = t->cam.rotation_q30;
+    const double z = (double)dot(w + 6, t->a.x, t->cam.centre);
+    const double side[2] = { t->cam.width, t->cam.height };
+    double d = -32768;
+    int i;
+
+    for (i = 0; i < 2; i++) {
+        const double x = (double)dot(w + 3 * i, t->a.x, t->cam.centre);
+        const double mean = t->cam.principal_q16[i] / 65536.0 +
+                            focal(t, i) * x / z;
+
+        d = fmax(d, fabs(mean - side[i] / 2) - 32768);
+    }
+    return fabs(d) < 1.0 / 128 ? -1 : d > 0;
+}
+
+static int min_true_q_is_below(const trial *t, double limit)
+{
+    trial u = *t;
+    int x, y;
+
+    u.s.mean_q8[0] = (int32_t)floor(256 * t->ref.mean[0] + 0.5);
+    u.s.mean_q8[1] = (int32_t)floor(256 * t->ref.mean[1] + 0.5);
+    for (y = 0; y < t->cam.height; y++)
+        for (x = 0; x < t->cam.width; x++)
+            if (true_q(&u, x, y) < limit)
+                return 1;
+    return 0;
+}
+
+/* What is dropped breaks a rule, or touches no pixel. */
+static void splats_should_be_dropped_by_the_rules_alone(void **state)
+{
+    gen_rng r = gen_seeded(23);
+    int i, n_rule = 0, n_far = 0, n_box = 0;
+    trial t;
+
+    (void)state;
+    for (i = 0; i < ROUNDS / 4; i++) {
+        hard_trial(&t, &r, gen_int(&r, 1, 24), gen_int(&r, 1, 24));
+        if (!is_in_front(&t)) {
+            assert_false(t.is_visible);
+            n_rule++;
+        } else if (is_far(&t) == 1) {
+            assert_false(t.is_visible);
+            n_far++;
+        } else if (is_far(&t) == 0 && !t.is_visible) {
+            assert_true(t.is_kept);
+            assert_false(min_true_q_is_below(&t, 7.99));
+            n_box++;
+        }
+    }
+    print_message("%d by near, angle or opacity, %d too far, %d by the box\n",
+                  n_rule, n_far, n_box);
+    assert_true(n_rule > 100 && n_far > 100 && n_box > 100);
+}
+
+/* A wide splat on the axis of a front camera at depth 2^12: nothing drops it
+ * but what a test changes. */
+static void front_trial(trial *t)
+{
+    int i;
+
+    memset(t, 0, sizeof *t);
+    gen_front_camera(&t->cam, 64, 64);
+    t->a.x[2] = 1 << 12;
+    t->a.quat[0] = 1;
+    for (i = 0; i < 3; i++)
+        t->a.log2_scale_q10[i] = 28 << 10;
+}
+
+static void expect(trial *t, int is_visible)
+{
+    assert_int_equal(saga_project(&t->s, &t->a, &t->cam), is_visible);
+}
+
+static void near_plane_should_be_exact(void **state)
+{
+    trial t;
+
+    (void)state;
+    front_trial(&t);
+    t.cam.near_plane = 1 << 12;
+    expect(&t, 1);
+    assert_int_equal(t.s.depth, 1 << 12);
+    t.cam.near_plane++;
+    expect(&t, 0);
+    t.cam.rotation_q30[8] = 1 << 29; /* half the depth, halves upwards */
+    t.a.x[2] = 4095;
+    t.cam.near_plane = 2048;
+    expect(&t, 1);
+    assert_int_equal(t.s.depth, 2048);
+    t.cam.near_plane = 2049;
+    expect(&t, 0);
+    t.cam.near_plane = 1;
+    t.a.x[2] = 1;
+    expect(&t, 1);
+    assert_int_equal(t.s.depth, 1);
+    t.a.x[2] = 0;
+    expect(&t, 0);
+    t.a.x[2] = -4096;
+    expect(&t, 0);
+}
+
+static void angles_should_be_cut_at_eight(void **state)
+{
+    static const struct { int32_t x, visible; } cases[] = {
+        { 8 << 12, 0 }, { (8 << 12) - 1, 1 }, { -(8 << 12), 0 },
+        { 1 - (8 << 12), 1 }, { (8 << 12) + 1, 0 }, { 0, 1 },
+        { 1 << 29, 0 }, { -(1 << 29), 0 }
+    };
+    trial t;
+    size_t i;
+    int axis;
+
+    (void)state;
+    for (axis = 0; axis < 2; axis++)
+        for (i = 0; i < sizeof cases / sizeof *cases; i++) {
+            front_trial(&t);
+            t.a.x[axis] = cases[i].x;
+            expect(&t, cases[i].visible);
+        }
+}
+
+/* x/z = +-2, focal 2^14 px: 2^15 px from the picture's centre. */
+static void mean_should_be_cut_at_32768_px(void **state)
+{
+    trial t;
+    int axis, sign;
+
+    (void)state;
+    for (axis = 0; axis < 2; axis++)
+        for (sign = -1; sign <= 1; sign += 2) {
+            front_trial(&t);
+            t.cam.focal_q16[axis] = 1 << 30;
+            t.a.x[axis] = sign * 2 << 12;
+            expect(&t, 1);
+            assert_int_equal(t.s.mean_q8[axis], (32 << 8) + sign * (1 << 23));
+            t.cam.principal_q16[axis] += sign * 256;
+            expect(&t, 0);
+            t.cam.principal_q16[axis] -= sign * 512;
+            expect(&t, 1);
+        }
+}
+
+static void opacity_should_be_cut_at_eight(void **state)
+{
+    trial t;
+
+    (void)state;
+    front_trial(&t);
+    t.cam.principal_q16[0] = t.cam.principal_q16[1] = 7 << 15; /* 3.5 px */
+    t.a.q0_q20 = CUT;
+    expect(&t, 0);
+    t.a.q0_q20 = INT32_MAX;
+    expect(&t, 0);
+    t.a.q0_q20 = CUT - 1;
+    expect(&t, 1);
+    assert_true(t.s.x0 <= 3 && t.s.x1 > 3 && t.s.y0 <= 3 && t.s.y1 > 3);
+    t.a.log2_scale_q10[0] = t.a.log2_scale_q10[1] = -32768; /* a point */
+    t.a.log2_scale_q10[2] = -32768;
+    expect(&t, 1);
+    assert_int_equal(t.s.x0, 3);
+    assert_int_equal(t.s.x1, 4);
+    assert_int_equal(t.s.y0, 3);
+    assert_int_equal(t.s.y1, 4);
+}
+
+static void quaternion_should_count_by_direction_alone(void **state)
+{
+    static const int32_t quats[][4] = {
+        { 1 << 30, 0, 0, 0 }, { 1, 0, 0, 0 }, { 0, 0, 0, 0 }, { -7, 0, 0, 0 }
+    };
+    trial t, first;
+    size_t i;
+
+    (void)state;
+    front_trial(&first);
+    first.a.log2_scale_q10[0] = 9 << 10;
+    first.a.log2_scale_q10[1] = 7 << 10;
+    expect(&first, 1);
+    for (i = 0; i < sizeof quats / sizeof *quats; i++) {
+        t = first;
+        memcpy(t.a.quat, quats[i], sizeof t.a.quat);
+        expect(&t, 1);
+        assert_memory_equal(t.s.chol_q28, first.s.chol_q28, 12);
+    }
+}
+
+/* --- Boxes --------------------------------------------------------------- */
+
+static int is_in_box(const saga_splat *s, int x, int y)
+{
+    return x >= s->x0 && x < s->x1 && y >= s->y0 && y < s->y1;
+}
+
+static void check_box(const trial *t, long *outside)
+{
+    const saga_splat *const s = &t->s;
+    int x, y;
+
+    assert_true(0 <= s->x0 && s->x0 < s->x1 && s->x1 <= t->cam.width);
+    assert_true(0 <= s->y0 && s->y0 < s->y1 && s->y1 <= t->cam.height);
+    for (y = 0; y < t->cam.height; y++)
+        for (x = 0; x < t->cam.width; x++)
+            if (!is_in_box(s, x, y)) {
+                assert_true(ref_q_q20(s, x, y) >= CUT);
+                ++*outside;
+            }
+}
+
+static void box_should_lose_no_pixel(void **state)
+{
+    gen_rng r = gen_seeded(24);
+    long outside = 0;
+    trial t;
+    int i;
+
+    (void)state;
+    for (i = 0; i < ROUNDS / 8; i++) {
+        hard_trial(&t, &r, gen_int(&r, 1, 48), gen_int(&r, 1, 48));
+        if (t.is_visible)
+            check_box(&t, &outside);
+    }
+    print_message("%ld pixels outside of boxes, none touched\n", outside);
+    assert_true(outside > ROUNDS);
+}
+
+/* No looser than 3 % and 1.5 px, where q0 <= 6. */
+static void box_should_be_tight(void **state)
+{
+    gen_rng r = gen_seeded(25);
+    trial t;
+    int i, k, n = 0;
+
+    (void)state;
+    for (i = 0; i < ROUNDS / 4; i++) {
+        hard_trial(&t, &r, 4096, 4096);
+        if (!t.is_visible || t.a.q0_q20 > 6 << 20 ||
+            fmin(focal(&t, 0), focal(&t, 1)) < 64)
+            continue;
+        for (k = 0; k < 2; k++) {
+            const double sigma = sqrt(t.ref.cov[2 * k] / 0.7213475204444817);
+            const double reach = sqrt(8 - t.ref.q0) * sigma * 1.03 + 1.5;
+            const int lo = k ? t.s.y0 : t.s.x0, hi = k ? t.s.y1 : t.s.x1;
+
+            assert_true(lo == 0 || lo + 0.5 >= t.ref.mean[k] - reach);
+            assert_true(hi == 4096 || hi - 0.5 <= t.ref.mean[k] + reach);
+        }
+        n++;
+    }
+    assert_true(n > ROUNDS / 100);
+}
+
+/* --- Cameras ------------------------------------------------------------- */
+
+static void expect_camera(const saga_camera *c, int is_valid)
+{
+    assert_int_equal(saga_camera_check(c), is_valid ? SAGA_OK : SAGA_ERR_ARG);
+}
+
+static void check_limits(saga_camera *c, int32_t *field, int64_t lo, int64_t hi)
+{
+    const int32_t kept = *field;
+
+    expect_camera(c, 1);
+    *field = (int32_t)lo;
+    expect_camera(c, 1);
+    *field = (int32_t)hi;
+    expect_camera(c, 1);
+    *field = INT32_MIN;
+    expect_camera(c, 0);
+    *field = (int32_t)(lo - 1);
+    expect_camera(c, 0);
+    if (hi < INT32_MAX) {
+        *field = (int32_t)(hi + 1);
+        expect_camera(c, 0);
+        *field = INT32_MAX;
+        expect_camera(c, 0);
+    }
+    *field = kept;
+}
+
+static void check_limits16(saga_camera *c, uint16_t *field, int lo, int hi)
+{
+    const uint16_t kept = *field;
+    int v;
+
+    for (v = 0; v < 65536; v++) {
+        *field = (uint16_t)v;
+        expect_camera(c, v >= lo && v <= hi);
+    }
+    *field = kept;
+}
+
+static void camera_should_be_refused_beyond_its_limits(void **state)
+{
+    saga_camera c;
+    int i;
+
+    (void)state;
+    gen_front_camera(&c, 64, 48);
+    for (i = 0; i < 3; i++) {
+        check_limits(&c, c.centre + i, -(1 << 29), 1 << 29);
+        check_limits16(&c, c.background_q15 + i, 0, 32768);
+    }
+    for (i = 0; i < 2; i++) {
+        check_limits(&c, c.focal_q16 + i, 1, INT32_MAX);
+        check_limits(&c, c.principal_q16 + i, -(1 << 30), 1 << 30);
+    }
+    check_limits(&c, &c.near_plane, 1, INT32_MAX);
+    check_limits16(&c, &c.width, 1, 16384);
+    check_limits16(&c, &c.height, 1, 16384);
+}
+
+static void rows_of_the_rotation_should_be_bounded(void **state)
+{
+    static const struct { int32_t r[3]; int is_valid; } cases[] = {
+        { { 0, 0, 0 }, 1 },
+        { { 1859828213, 0, 0 }, 1 }, { { 0, -1859828213, 0 }, 1 },
+        { { 1859828214, 0, 0 }, 0 }, { { 0, 0, -1859828214 }, 0 },
+        { { 619942737, -619942738, 619942738 }, 1 },
+        { { 619942738, -619942738, -619942738 }, 0 },
+        { { 1859828213, -1, 0 }, 0 }, { { 1859828212, 0, -1 }, 1 },
+        { { INT32_MIN, 0, 0 }, 0 }, { { 0, INT32_MAX, 0 }, 0 },
+        { { INT32_MIN, INT32_MIN, INT32_MIN }, 0 },
+        { { INT32_MAX, INT32_MAX, INT32_MAX }, 0 },
+        { { INT32_MIN, INT32_MAX, 1 }, 0 }
+    };
+    saga_camera c;
+    size_t i;
+    int row;
+
+    (void)state;
+    for (row = 0; row < 3; row++)
+        for (i = 0; i < sizeof cases / sizeof *cases; i++) {
+            gen_front_camera(&c, 64, 48);
+            memcpy(c.rotation_q30 + 3 * row, cases[i].r, sizeof cases[i].r);
+            expect_camera(&c, cases[i].is_valid);
+        }
+}
+
+/* --- Anything valid ------------------------------------------------------ */
+
+static int32_t extreme(gen_rng *r, int32_t lo, int32_t hi)
+{
+    const int kind = gen_int(r, 0, 4);
+
+    return kind == 0 ? lo : kind == 1 ? hi : gen_int(r, lo, hi);
+}
+
+static void valid_row(int32_t *row, gen_rng *r)
+{
+    int32_t left = 1859828213;
+    const int first = gen_int(r, 0, 2);
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        const int32_t x = extreme(r, 0, left);
+
+        row[(first + i) % 3] = gen_int(r, 0, 1) ? x : -x;
+        left -= x;
+    }
+}
+
+static void valid_camera(saga_camera *c, gen_rng *r)
+{
+    int i;
+
+    memset(c, 0, sizeof *c);
+    for (i = 0; i < 3; i++) {
+        valid_row(c->rotation_q30 + 3 * i, r);
+        c->centre[i] = extreme(r, -(1 << 29), 1 << 29);
+    }
+    for (i = 0; i < 2; i++) {
+        c->focal_q16[i] = extreme(r, 1, INT32_MAX) >> gen_int(r, 0, 30);
+        c->focal_q16[i] |= 1;
+        c->principal_q16[i] = extreme(r, -(1 << 30), 1 << 30);
+    }
+    c->near_plane = gen_int(r, 0, 3) ? 1 : extreme(r, 1, 1 << 20);
+    c->width = (uint16_t)extreme(r, 1, 16384);
+    c->height = (uint16_t)extreme(r, 1, 16384);
+}
+
+static void valid_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
+{
+    const int32_t reach = 1 << 29 >> gen_int(r, 0, 29);
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        const int64_t x = (int64_t)c->centre[i] + extreme(r, -reach, reach);
+
+        a->x[i] = x < -(1 << 29) ? -(1 << 29) : x > 1 << 29 ? 1 << 29
+                                                            : (int32_t)x;
+        a->log2_scale_q10[i] = extreme(r, -32768, 32767);
+    }
+    for (i = 0; i < 4; i++)
+        a->quat[i] = extreme(r, -(1 << 30), 1 << 30);
+    a->q0_q20 = extreme(r, 0, CUT - 1);
+}
+
+/* With -DSAGA_CHECK and sanitizers: no shift, sum or product leaves its type.
+ * The factors never exceed sqrt(k / d) = 1.551. */
+static void results_should_be_bounded_for_every_valid_input(void **state)
+{
+    const int32_t top = (int32_t)(1.5507 * 268435456);
+    gen_rng r = gen_seeded(26);
+    int i, n = 0;
+    trial t;
+
+    (void)state;
+    for (i = 0; i < ROUNDS; i++) {
+        valid_camera(&t.cam, &r);
+        valid_animated(&t.a, &r, &t.cam);
+        assert_int_equal(saga_camera_check(&t.cam), SAGA_OK);
+        assert_true(is_in_front(&t) || !saga_project(&t.s, &t.a, &t.cam));
+        if (!saga_project(&t.s, &t.a, &t.cam))
+            continue;
+        assert_true(t.s.chol_q28[0] >= 0 && t.s.chol_q28[0] <= top);
+        assert_true(abs(t.s.chol_q28[1]) <= top);
+        assert_true(t.s.chol_q28[2] >= 0 && t.s.chol_q28[2] <= top);
+        assert_true(t.s.depth >= (uint32_t)t.cam.near_plane);
+        assert_true(0 <= t.s.x0 && t.s.x0 < t.s.x1 &&
+                    t.s.x1 <= t.cam.width);
+        assert_true(0 <= t.s.y0 && t.s.y0 < t.s.y1 &&
+                    t.s.y1 <= t.cam.height);
+        n++;
+    }
+    print_message("%d visible\n", n);
+    assert_true(n > ROUNDS / 100);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(factor_and_q_should_be_those_of_double),
+        cmocka_unit_test(ordinary_splats_should_be_exact_to_the_last_bits),
+        cmocka_unit_test(splats_should_be_dropped_by_the_rules_alone),
+        cmocka_unit_test(near_plane_should_be_exact),
+        cmocka_unit_test(angles_should_be_cut_at_eight),
+        cmocka_unit_test(mean_should_be_cut_at_32768_px),
+        cmocka_unit_test(opacity_should_be_cut_at_eight),
+        cmocka_unit_test(quaternion_should_count_by_direction_alone),
+        cmocka_unit_test(box_should_lose_no_pixel),
+        cmocka_unit_test(box_should_be_tight),
+        cmocka_unit_test(camera_should_be_refused_beyond_its_limits),
+        cmocka_unit_test(rows_of_the_rotation_should_be_bounded),
+        cmocka_unit_test(results_should_be_bounded_for_every_valid_input),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
