@@ -201,9 +201,11 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
 static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
 {
     witness *const w = (witness *)(void *)c;
+    const uint32_t v = w->inner->uniform(w->inner, at, bits);
 
     w->last = at.sym;
-    return w->inner->uniform(w->inner, at, bits);
+    c->error = w->inner->error;
+    return v;
 }
 
 static void witness_init(witness *w, saga_coder *inner)

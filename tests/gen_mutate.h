@@ -93,8 +93,8 @@ extern const char *const mutate_stage_text[MUTATE_N_STAGES];
 typedef struct mutate_result {
     mutate_stage stage;      /* the least of all segments */
     saga_status status;      /* that of the stage */
-    const char *broken;      /* a promise of saga.h that was not kept, or NULL */
-    size_t head_nbytes;      /* that saga_open and saga_find accepted, or 0 */
+    const char *broken;      /* a promise of saga.h not kept, or NULL */
+    size_t head_nbytes;      /* that open and find both accepted, or 0 */
     uint32_t crc;            /* of all pictures and statuses: the same on every
                               * machine */
     uint32_t n_segments;     /* that decoded */

@@ -9,8 +9,9 @@
  * - A chunk from which bytes were cut off never gives the same symbols and a
  *   successful finish. (It may give other symbols and a successful finish:
  *   chunks have CRCs for that.)
- * - Four or more bytes too many are never accepted. One to three zeros are:
- *   they are what the decoder would have read anyway.
+ * - A chunk with bytes behind its end is refused, zeros too, although they are
+ *   what the decoder would have read anyway: a chunk has one length.
+ * - A code that no encoder can have meant is refused.
  */
 #include <stdarg.h>
 #include <stddef.h>
@@ -554,10 +555,30 @@ static void chunk_with_more_bytes_should_be_refused(void **state)
         memset(p + nbytes, 0, more);
         same = decode(&d, ops, n, p, nbytes + more);
         assert_int_equal(same, n);
-        if (more > 3)
-            assert_false(saga_range_dec_finish(&d));
+        assert_false(saga_range_dec_finish(&d));
         free(p);
     }
+}
+
+/* Halving an odd range loses its last value: here 0xffffffff becomes
+ * 2 * 0x7fffffff, and the code stands behind that. */
+static void code_outside_the_range_should_be_refused(void **state)
+{
+    static const uint8_t begins[] = { 0xff, 0xff, 0xff, 0xff, 0 };
+    static const uint8_t halved[] = { 0xff, 0xff, 0xff, 0xfe, 0 };
+    static const uint8_t last[] = { 0xff, 0xff, 0xff, 0xfd, 0 };
+    saga_range_dec d;
+
+    (void)state;
+    saga_range_dec_init(&d, begins, sizeof begins);
+    assert_true(d.coder.error);
+    saga_range_dec_init(&d, halved, sizeof halved);
+    assert_false(d.coder.error);
+    assert_true(d.coder.uniform(&d.coder, nowhere, 1) <= 1);
+    assert_true(d.coder.error);
+    saga_range_dec_init(&d, last, sizeof last);
+    assert_int_equal(d.coder.uniform(&d.coder, nowhere, 1), 1);
+    assert_false(d.coder.error);
 }
 
 /* --- Adaptive models ----------------------------------------------------- */
@@ -783,6 +804,7 @@ int main(void)
         cmocka_unit_test(symbols_after_a_carry_should_come_back),
         cmocka_unit_test(cut_chunk_should_never_pass_as_whole),
         cmocka_unit_test(chunk_with_more_bytes_should_be_refused),
+        cmocka_unit_test(code_outside_the_range_should_be_refused),
         cmocka_unit_test(adaptive_models_should_keep_every_symbol),
         cmocka_unit_test(models_of_sets_should_begin_with_every_symbol),
         cmocka_unit_test(residual_tables_should_have_every_symbol),
