@@ -60,6 +60,14 @@ COMMON_OBJ  := $(call obj,$(COMMON_SRC))
 DECODER_OBJ := $(call obj,$(DECODER_SRC))
 TRAINER_OBJ := $(call obj,$(filter-out $(CLI_SRC),$(TRAINER_SRC)))
 CLI_OBJ     := $(call obj,$(CLI_SRC))
+
+# The float half. Its operators compile a second time in double, for finite
+# differences and references: objects under f64, symbols ending in _f64.
+FLOAT_SRC := $(sort $(wildcard trainer/nn/*.c trainer/splat/*.c \
+                               trainer/scene/*.c))
+TWICE_SRC := $(filter-out trainer/nn/rng.c trainer/scene/fit% \
+               trainer/scene/flat% trainer/scene/hierarchy%,$(FLOAT_SRC))
+F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ  := $(call obj,$(HELPER_SRC))
 
 LIB     = $(BUILD)/libsaga.a
@@ -100,8 +108,11 @@ OMP = $(if $(OPENMP_FLAG),$(OPENMP_FLAG),-Wno-unknown-pragmas)
 
 comma := ,
 AS_NEEDED = $(if $(filter Darwin,$(shell uname -s)),,-Wl$(comma)--as-needed)
-HOST_LIBS = $(AS_NEEDED) $(shell pkg-config --libs jansson libpng zlib \
-              2>/dev/null || echo -ljansson -lpng -lz) -lm
+HOST_LIBS = $(AS_NEEDED) -lOpenEXRCore $(shell pkg-config --libs jansson \
+              libpng zlib 2>/dev/null || echo -ljansson -lpng -lz) -lm
+# System headers: their warnings are not ours.
+EXR_INC   = $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I \
+              OpenEXR 2>/dev/null))
 CMOCKA    = $(AS_NEEDED) -lcmocka
 
 COMPILE = $(CC) $(1) $(OPT_LEVEL) $(SAN_FLAGS) $(CFLAGS)
@@ -109,11 +120,15 @@ LINK    = $(CC) $(OPT) $(SAN_FLAGS) $(CFLAGS) $(LDFLAGS)
 
 OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o): OPT_LEVEL = $(HOT_OPT)
+# Where this machine has AVX2, the float half uses it (trainer/nn/vec.h).
+MARCH := $(if $(shell grep -m1 -o avx2 /proc/cpuinfo 2>/dev/null),$(if \
+           $(filter x86_64,$(shell uname -m)),-march=x86-64-v3))
+$(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 
 I_COMMON  = -Icommon
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
-I_TRAINER = -Icommon $(I_SAGA) $(TRAINER_DIR:%=-I%)
+I_TRAINER = -Icommon $(I_SAGA) $(TRAINER_DIR:%=-I%) $(EXR_INC)
 I_ALL     = $(I_DECODER) $(TRAINER_DIR:%=-I%) -Itests
 
 # ---------------------------------------------------------------- build
@@ -125,7 +140,7 @@ tests: $(TESTS)
 bench-programs: $(BENCH)
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
-$(TRAIN): $(TRAINER_OBJ)
+$(TRAIN): $(TRAINER_OBJ) $(F64_OBJ)
 $(PLAIN): $(call obj,$(PLAIN_TRAINER))
 $(HELPERS): $(HELPER_OBJ)
 $(LIB) $(TRAIN) $(PLAIN) $(HELPERS):
@@ -145,13 +160,18 @@ $(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_TRAINER)) -c $< -o $@
 
+$(OBJ)/f64/%.o: %.c $(BUILD)/flags $(SAGA_H)
+	@mkdir -p $(@D)
+	$(call COMPILE,$(HOST) $(OMP) $(I_TRAINER) -DSAGA_REAL_DOUBLE) -c $< -o $@
+
 $(OBJ)/tools/%.o: tools/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(I_SAGA) -DSAGA_LEVEL=$(LEVEL)) -c $< -o $@
 
 $(OBJ)/tests/%.o: tests/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
-	$(call COMPILE,$(HOST) $(OMP) $(I_ALL)) -c $< -o $@
+	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) $(if $(filter %_f64.c,$<),\
+	    -DSAGA_REAL_DOUBLE)) -c $< -o $@
 
 $(OBJ)/bench/%.o: bench/%.c $(BUILD)/flags
 	@mkdir -p $(@D)

@@ -9,7 +9,7 @@ set -eu
 test -z "${SAGA_NO_SETUP:-}" || exit 0
 
 packages="gcc make binutils libc6-dev clang pkg-config python3
-    libcmocka-dev libjansson-dev libpng-dev zlib1g-dev
+    libcmocka-dev libjansson-dev libpng-dev zlib1g-dev libopenexr-dev ffmpeg
     gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
     qemu-user-static"
 if [ "${1:-small}" = all ]; then

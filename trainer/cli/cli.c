@@ -315,60 +315,6 @@ void saga_cli_help(const saga_command *c)
         option_help(&c->options[i]);
 }
 
-/* --- Files --------------------------------------------------------------- */
-
-/* The rest of f, into a block that doubles: works for pipes too. */
-static bool read_all(saga_cli_file *file, FILE *f)
-{
-    size_t capacity = 1 << 16;
-
-    file->nbytes = 0;
-    file->data = malloc(capacity);
-    while (file->data) {
-        uint8_t *larger;
-
-        file->nbytes += fread(file->data + file->nbytes, 1,
-                              capacity - file->nbytes, f);
-        if (file->nbytes < capacity)
-            return !ferror(f);
-        larger = capacity <= SIZE_MAX / 2 ? realloc(file->data, capacity * 2)
-                                          : NULL;
-        if (!larger) {
-            errno = ENOMEM;
-            return false;
-        }
-        file->data = larger;
-        capacity *= 2;
-    }
-    return false;
-}
-
-int saga_cli_read(saga_cli_file *file, const char *name)
-{
-    FILE *const f = fopen(name, "rb");
-    bool ok;
-
-    *file = (saga_cli_file){ NULL, 0 };
-    if (!f)
-        return saga_cli_error(SAGA_EXIT_USAGE, "%s: cannot be opened (%s); "
-                              "check the name", name, strerror(errno));
-    errno = 0;
-    ok = read_all(file, f);
-    if (!ok) {
-        saga_cli_error(SAGA_EXIT_USAGE, "%s: cannot be read (%s)", name,
-                       strerror(errno));
-        saga_cli_release(file);
-    }
-    fclose(f);
-    return ok ? 0 : SAGA_EXIT_USAGE;
-}
-
-void saga_cli_release(saga_cli_file *file)
-{
-    free(file->data);
-    *file = (saga_cli_file){ NULL, 0 };
-}
-
 /* --- Progress ------------------------------------------------------------ */
 
 double saga_cli_seconds(void)
@@ -417,6 +363,12 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
     else if (n < m->width)
         fprintf(stderr, "%*s", m->width - n, "");
     m->width = n;
+}
+
+bool saga_meter_progress(void *user, double done, const char *doing)
+{
+    saga_meter_show(user, done, doing);
+    return true;
 }
 
 void saga_meter_end(saga_meter *m)

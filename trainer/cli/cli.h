@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * What the subcommands of `saga` share: their description, the command line,
- * messages, reading a file, progress.
+ * messages, progress.
  *
  * Messages go to stderr, as one sentence each: the file or the option, the
  * value that is wrong, and what to do about it. Results go to stdout.
@@ -94,17 +94,6 @@ const char *saga_cli_nearest(const char *name, const void *names, size_t n,
 /* Prints "saga: ..." and a newline on stderr; returns status. */
 int saga_cli_error(int status, const char *format, ...) SAGA_CLI_PRINTF(2, 3);
 
-/* --- Files --------------------------------------------------------------- */
-
-typedef struct saga_cli_file {
-    uint8_t *data;
-    size_t nbytes;
-} saga_cli_file;
-
-/* A whole file. 0, or USAGE after a message; then nothing is to be freed. */
-int saga_cli_read(saga_cli_file *file, const char *name);
-void saga_cli_release(saga_cli_file *file);
-
 /* --- Progress ------------------------------------------------------------ */
 
 /* One line on stderr: rewritten in place on a terminal, else a new one every
@@ -119,6 +108,9 @@ typedef struct saga_meter {
 
 /* done runs from 0 to 1; `doing` says what is being done, with numbers. */
 void saga_meter_show(saga_meter *m, double done, const char *doing);
+
+/* The same as a saga_progress_fn; user is the meter. Never cancels. */
+bool saga_meter_progress(void *user, double done, const char *doing);
 
 /* Takes the line away, so that other output may follow. */
 void saga_meter_end(saga_meter *m);

@@ -7,6 +7,9 @@
 
 #include "cli.h"
 
+extern const saga_command saga_command_eval;
 extern const saga_command saga_command_info;
+extern const saga_command saga_command_render;
+extern const saga_command saga_command_synth;
 
 #endif

@@ -2,9 +2,11 @@
  *
  * saga info: what a file says of itself, and where its bytes are.
  */
+#include "bytes_table.h"
 #include "cli.h"
 #include "commands.h"
 #include "container.h"
+#include "input.h"
 #include "layout.h"
 #include "model.h"
 #include "saga.h"
@@ -107,29 +109,6 @@ static void print_header(const subject *s)
            s->centre[2], s->unit);
 }
 
-static void print_share(const subject *s, const char *name, uint64_t nbytes)
-{
-    if (nbytes)
-        printf("  %-18s %12" PRIu64 "  %5.1f %%\n", name, nbytes,
-               100.0 * (double)nbytes / (double)s->layout.file_nbytes);
-}
-
-static void print_bytes(const subject *s)
-{
-    const saga_layout *const l = &s->layout;
-
-    puts("\nbytes");
-    print_share(s, "header and rig", l->header_nbytes);
-    print_share(s, "index", l->index_nbytes);
-    print_share(s, "networks", l->nets_nbytes);
-    print_share(s, "coarse anchors", l->part_nbytes[SAGA_PART_COARSE]);
-    print_share(s, "fine anchors", l->part_nbytes[SAGA_PART_FINE]);
-    print_share(s, "primitives", l->part_nbytes[SAGA_PART_PRIM]);
-    print_share(s, "segment headers", l->part_nbytes[SAGA_PART_SEGMENT]);
-    print_share(s, "chunk headers", l->framing_nbytes);
-    print_share(s, "in no sound chunk", l->other_nbytes);
-}
-
 static void print_segment(const subject *s, uint32_t i)
 {
     const saga_layout_segment *const g = &s->layout.segment[i];
@@ -164,7 +143,7 @@ static void print_rig(const subject *s)
 static void print_text(const subject *s)
 {
     print_header(s);
-    print_bytes(s);
+    saga_bytes_table_print(&s->layout);
     puts("\n  seg   first  frames      bytes      bit/s  coarse    fine"
          "    prims");
     for (uint32_t i = 0; i < s->layout.n_segments; i++)
@@ -231,19 +210,6 @@ static json_t *json_metric(const subject *s)
         (int)i->unit_exponent, "centre_mantissa", (int)i->centre_mantissa[0],
         (int)i->centre_mantissa[1], (int)i->centre_mantissa[2],
         "centre_exponent", (int)i->centre_exponent);
-}
-
-static json_t *json_bytes(const saga_layout *l)
-{
-    return json_pack("{sIsIsIsIsIsIsIsIsI}",
-        "header", number(l->header_nbytes), "index", number(l->index_nbytes),
-        "networks", number(l->nets_nbytes),
-        "coarse", number(l->part_nbytes[SAGA_PART_COARSE]),
-        "fine", number(l->part_nbytes[SAGA_PART_FINE]),
-        "primitives", number(l->part_nbytes[SAGA_PART_PRIM]),
-        "segment_headers", number(l->part_nbytes[SAGA_PART_SEGMENT]),
-        "chunk_headers", number(l->framing_nbytes),
-        "other", number(l->other_nbytes));
 }
 
 static json_t *json_segments(const subject *s)
@@ -317,7 +283,7 @@ static int print_json(const subject *s)
     json_object_set_new(o, "tools", json_tools(&s->info));
     json_object_set_new(o, "decoding", json_decoding(&s->info));
     json_object_set_new(o, "metric", json_metric(s));
-    json_object_set_new(o, "bytes", json_bytes(&s->layout));
+    json_object_set_new(o, "bytes", saga_bytes_table_json(&s->layout));
     json_object_set_new(o, "segments", json_segments(s));
     json_object_set_new(o, "rig", json_rig(s));
     json_object_set_new(o, "crc", json_crc(&s->layout));
@@ -389,7 +355,7 @@ static int damage(const subject *s)
                           s->info.n_segments);
 }
 
-static int tell(const options *o, const char *name, const saga_cli_file *file)
+static int tell(const options *o, const char *name, const saga_bytes *file)
 {
     subject s = { .name = name, .bytes = file->data };
     int status = probe(&s, file->nbytes);
@@ -415,16 +381,16 @@ static int run(int argc, char **argv)
 {
     options o = { false };
     const char *name;
-    saga_cli_file file;
+    saga_bytes file;
+    saga_input_error error = { "" };
     int status = saga_cli_parse(&saga_command_info, &o, &name, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    status = saga_cli_read(&file, name);
-    if (status)
-        return status;
+    if (!saga_read_file(&file, name, &error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "%s", error.message);
     status = tell(&o, name, &file);
-    saga_cli_release(&file);
+    saga_bytes_free(&file);
     return status;
 }
 

@@ -11,7 +11,10 @@
 #include <string.h>
 
 static const saga_command *const commands[] = {
-    &saga_command_info
+    &saga_command_synth,
+    &saga_command_info,
+    &saga_command_eval,
+    &saga_command_render
 };
 
 enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };
@@ -29,12 +32,14 @@ static const char last_words[] =
     "  saga help COMMAND   explains a command and its options\n"
     "  saga --version      versions of the program and of its files\n"
     "\n"
-    "Try it on a file of this source tree:\n"
+    "First steps, from a source tree:\n"
     "\n"
-    "  saga info vectors/good/segments.saga\n"
+    "  saga synth demo                       the built-in scene, as a capture\n"
+    "  saga info vectors/good/motion.saga    what is in a file\n"
+    "  saga render vectors/good/motion.saga -o motion.png\n"
     "\n"
-    "The file's pictures come from saga-dec, which needs nothing but the\n"
-    "decoder (saga-dec --help).\n"
+    "On small devices, saga-dec shows what the decoder alone can do\n"
+    "(saga-dec --help).\n"
     "\n"
     "Exit status: 0 done, 1 what a file holds is refused, 2 the command line,\n"
     "or a file that cannot be read or written.\n";

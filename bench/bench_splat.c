@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The float rasteriser: CPU milliseconds of one thread by stage, median (min).
+ * bench_splat [repetitions]
+ */
+#include "bench_time.h"
+#include "rng.h"
+#include "splat_animate.h"
+#include "splat_project.h"
+#include "splat_raster.h"
+#include "splat_tiles.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+enum { ANIMATE, PROJECT, TILES, FORWARD, BACKWARD, PROJECT_B, ANIMATE_B,
+       N_STAGES };
+
+static const char *const stage_name[N_STAGES] = {
+    "animate", "project", "tiles", "forward", "backward", "project'",
+    "animate'"
+};
+
+/* Uniform random, anisotropic (lognormal), as targets.md D: sigma_px is the
+ * median standard deviation in pixels before the low-pass. */
+static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
+                                      double sigma_px, double spread)
+{
+    static const int size[10] = { 3, 4, 3, 1, 3, 3, 9, 4, 1, 1 };
+    saga_splat_params p;
+    real **const t[10] = { &p.mean, &p.quat, &p.log2_scale, &p.opacity,
+                           &p.colour, &p.support, &p.motion, &p.slope,
+                           &p.t_centre, &p.log2_width };
+    uint32_t i;
+    int k;
+
+    for (k = 0; k < 10; k++)
+        *t[k] = calloc((size_t)n * (size_t)size[k] + 1, sizeof(real));
+    for (i = 0; i < n && sigma_px > 0; i++) {
+        const saga_rng r = saga_rng_stream(7, i);
+        const real z = 2 + 4 * saga_rng_float(r, 0);
+
+        p.mean[3 * i] = (saga_rng_float(r, 1) - 0.5f) * R(cam->width) * z /
+                        cam->focal[0];
+        p.mean[3 * i + 1] = (saga_rng_float(r, 2) - 0.5f) * R(cam->height) *
+                            z / cam->focal[1];
+        p.mean[3 * i + 2] = z;
+        for (k = 0; k < 3; k++) {
+            p.log2_scale[3 * i + (uint32_t)k] =
+                R(log2(sigma_px * (double)(z / cam->focal[0])) +
+                  spread * saga_rng_normal(r, 3 + (uint64_t)k));
+            p.colour[3 * i + (uint32_t)k] =
+                saga_rng_float(r, 6 + (uint64_t)k);
+            p.support[3 * i + (uint32_t)k] = 0.1f;
+        }
+        for (k = 0; k < 4; k++)
+            p.quat[4 * i + (uint32_t)k] =
+                R(saga_rng_normal(r, 10 + (uint64_t)k));
+        p.opacity[i] = R(1.44 * saga_rng_normal(r, 14));
+        p.t_centre[i] = 0.5f;
+        p.log2_width[i] = 4;
+    }
+    return p;
+}
+
+static void free_scene(saga_splat_params *p)
+{
+    free(p->mean);
+    free(p->quat);
+    free(p->log2_scale);
+    free(p->opacity);
+    free(p->colour);
+    free(p->support);
+    free(p->motion);
+    free(p->slope);
+    free(p->t_centre);
+    free(p->log2_width);
+}
+
+static double lap(bench_times *b, double *start)
+{
+    const double now = bench_now_ms();
+
+    bench_add(b, now - *start);
+    *start = bench_now_ms();
+    return now;
+}
+
+/* spread: of the log2 of the standard deviations; 0.7 are ellipsoids, 2 mostly
+ * needles and discs. */
+static void run(uint32_t n, int width, int height, double sigma_px,
+                double spread, int reps)
+{
+    const saga_splat_camera cam = {
+        .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+        .focal = { R(width), R(width) },
+        .principal = { R(width) / 2, R(height) / 2 },
+        .near_plane = 0.1f, .width = width, .height = height
+    };
+    const size_t plane = (size_t)width * (size_t)height;
+    saga_splat_params p = random_scene(n, &cam, sigma_px, spread);
+    saga_splat_params d = random_scene(n, &cam, 0, 0);
+    saga_splat_work w = { 0 };
+    saga_splat_rules rules;
+    bench_times times[N_STAGES];
+    real *const image = calloc(8 * plane, sizeof *image);
+    real *const trans = image + 3 * plane;
+    real *const d_image = trans + plane;
+    double total = 0, least = 0;
+    size_t k;
+    int rep, s;
+
+    memset(times, 0, sizeof times);
+    saga_splat_rules_default(&rules);
+    for (k = 0; k < 3 * plane; k++)
+        d_image[k] = saga_rng_float(saga_rng_stream(3, 3), k) - 0.5f;
+    for (rep = 0; rep < reps + 1; rep++) {
+        double at;
+
+        saga_splat_forward(image, trans, &w, &p, n, 0.5f, &cam, &rules);
+        saga_splat_backward(&d, NULL, &w, d_image, NULL, image, trans, &p,
+                            0.5f, &cam, &rules);
+        at = bench_now_ms();
+        saga_splat_animate_forward(&w.posed, &p, n, 0.5f);
+        lap(&times[ANIMATE], &at);
+        saga_splat_project_forward(w.splat, w.extent, &w.posed, &p, n, &cam,
+                                   &rules);
+        lap(&times[PROJECT], &at);
+        saga_splat_tiles(&w, &cam, rules.cut);
+        lap(&times[TILES], &at);
+        saga_splat_raster_forward(image, trans, &w, &cam, &rules);
+        lap(&times[FORWARD], &at);
+        saga_splat_raster_backward(w.record, &w, d_image, NULL, image, trans,
+                                   &cam, &rules);
+        lap(&times[BACKWARD], &at);
+        saga_splat_project_backward(&w.d_posed, &d, NULL, &w, &p, &cam);
+        lap(&times[PROJECT_B], &at);
+        saga_splat_animate_backward(&d, &w.d_posed, w.extent, &p, n, 0.5f,
+                                    &rules);
+        lap(&times[ANIMATE_B], &at);
+    }
+    printf("%dx%d %6u splats (spread %.1f), %6u visible, %.2f tiles each:",
+           width, height, n, spread, w.n_visible,
+           (double)w.n_pairs / w.n_visible);
+    for (s = 0; s < N_STAGES; s++) {
+        total += bench_median(&times[s]);
+        least += times[s].ms[0];
+        printf("%s %s %.2f (%.2f)", s ? "," : "", stage_name[s],
+               bench_median(&times[s]), times[s].ms[0]);
+    }
+    printf(", sum %.1f (%.1f) ms\n", total, least);
+    free_scene(&p);
+    free_scene(&d);
+    saga_splat_free(&w);
+    free(image);
+}
+
+int main(int argc, char **argv)
+{
+    const int reps = argc > 1 ? atoi(argv[1]) : 21;
+
+#ifdef _OPENMP
+    omp_set_num_threads(1);
+#endif
+    run(50000, 640, 360, 1.33, 0.7, reps);
+    run(20000, 640, 360, 1.33, 0.7, reps);
+    run(10000, 320, 180, 0.67, 0.7, reps);
+    run(30000, 320, 180, 0.67, 0.7, reps);
+    run(50000, 320, 180, 1.33, 0.7, reps);
+    run(20000, 640, 360, 1.33, 2, reps);
+    return 0;
+}

@@ -1,0 +1,118 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Random primitives and cameras for tests and benchmarks, in the real type of
+ * the file that includes it.
+ */
+#ifndef SPLAT_SCENE_H
+#define SPLAT_SCENE_H
+
+#include "rng.h"
+#include "splat.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    SCENE_TENSORS = 10,
+    SCENE_REALS = 3 + 4 + 3 + 1 + 3 + 3 + 9 + 4 + 1 + 1
+};
+
+static const int scene_size[SCENE_TENSORS] = { 3, 4, 3, 1, 3, 3, 9, 4, 1, 1 };
+static const char *const scene_name[SCENE_TENSORS] = {
+    "mean", "quat", "log2_scale", "opacity", "colour", "support", "motion",
+    "slope", "t_centre", "log2_width"
+};
+
+static inline real **scene_tensor(saga_splat_params *p, int k)
+{
+    real **const all[SCENE_TENSORS] = {
+        &p->mean, &p->quat, &p->log2_scale, &p->opacity, &p->colour,
+        &p->support, &p->motion, &p->slope, &p->t_centre, &p->log2_width
+    };
+
+    return all[k];
+}
+
+/* All tensors in one zeroed block, which begins at p->mean. */
+static inline saga_splat_params scene_alloc(size_t n)
+{
+    saga_splat_params p;
+    real *at = calloc(n * SCENE_REALS + 1, sizeof *at);
+    int k;
+
+    for (k = 0; k < SCENE_TENSORS; k++) {
+        *scene_tensor(&p, k) = at;
+        at += n * (size_t)scene_size[k];
+    }
+    return p;
+}
+
+static inline void scene_free(saga_splat_params *p)
+{
+    free(p->mean);
+}
+
+static inline real scene_uniform(saga_rng r, uint64_t i, double lo, double hi)
+{
+    return (real)(lo + (hi - lo) * (double)saga_rng_float(r, i));
+}
+
+static inline real scene_normal(saga_rng r, uint64_t i, double mean,
+                                double sigma)
+{
+    return (real)(float)(mean + sigma * saga_rng_normal(r, i));
+}
+
+/* Primitives in front of scene_camera at t in 0..1; px is the typical standard
+ * deviation in pixels of a picture 100 pixels wide. */
+static inline void scene_random(saga_splat_params *p, size_t n, uint64_t seed,
+                                double px)
+{
+    size_t i, a;
+
+    for (i = 0; i < n; i++) {
+        const saga_rng r = saga_rng_stream(seed, i);
+        const double z = 2 + 2 * (double)saga_rng_float(r, 0);
+
+        p->mean[3 * i] = scene_uniform(r, 1, -0.55 * z, 0.55 * z);
+        p->mean[3 * i + 1] = scene_uniform(r, 2, -0.35 * z, 0.35 * z);
+        p->mean[3 * i + 2] = (real)(float)(z - 3);
+        for (a = 0; a < 4; a++)
+            p->quat[4 * i + a] = scene_normal(r, 3 + a, 0, 1);
+        for (a = 0; a < 3; a++) {
+            p->log2_scale[3 * i + a] =
+                scene_normal(r, 7 + a, log2(px * 0.03), 0.8);
+            p->colour[3 * i + a] = scene_uniform(r, 10 + a, 0, 1);
+            p->support[3 * i + a] = scene_uniform(r, 13 + a, 0.1, 0.3);
+        }
+        p->opacity[i] = scene_normal(r, 16, 0, 2);
+        for (a = 0; a < 9; a++)
+            p->motion[9 * i + a] = scene_normal(r, 17 + a, 0, 0.5);
+        for (a = 0; a < 4; a++)
+            p->slope[4 * i + a] = scene_normal(r, 26 + a, 0, 0.5);
+        p->t_centre[i] = scene_uniform(r, 30, 0, 1);
+        p->log2_width[i] = scene_normal(r, 31, -0.5, 0.5);
+    }
+}
+
+/* A camera 3 units before the origin, a little turned. */
+static inline saga_splat_camera scene_camera(int width, int height,
+                                             double turn)
+{
+    const real c = (real)(float)cos(turn), s = (real)(float)sin(turn);
+    const saga_splat_camera cam = {
+        .rotation = { c, 0, -s, 0, 1, 0, s, 0, c },
+        .centre = { -3 * s, 0, -3 * c },
+        .focal = { (real)width, (real)(width * 1.0625) },
+        .principal = { (real)(width * 0.5), (real)(height * 0.5 + 0.75) },
+        .near_plane = (real)0.0625,
+        .width = width,
+        .height = height,
+        .background = { (real)0.25, (real)0.5, (real)0.125 }
+    };
+
+    return cam;
+}
+
+#endif

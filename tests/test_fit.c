@@ -1,0 +1,240 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * It learns: 500 moving primitives, drawn from several cameras at several
+ * times, are the target; 500 others, still at first, are fitted to them by
+ * Adam. Views not trained on judge the result.
+ */
+#include "adam.h"
+#include "picture_loss.h"
+#include "splat_colour.h"
+#include "splat_scene.h"
+
+#include <omp.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+/* cmocka wants the headers above. */
+#include <cmocka.h>
+
+enum {
+    N = 500, W = 96, H = 64, PLANE = W * H,
+    CAMERAS = 8, TIMES = 5, VIEWS = CAMERAS * TIMES,
+    STEPS = 500
+};
+
+/* One camera in the middle is held out. */
+static int is_held_out(int view)
+{
+    return view / TIMES == 4;
+}
+
+typedef struct {
+    saga_splat_params p, d, m, v;
+    float raw_colour[3 * N], d_colour[3 * N];
+    float target[VIEWS][3 * PLANE];
+    float image[3 * PLANE], trans[PLANE], d_image[3 * PLANE];
+    saga_splat_work work;
+    saga_loss_work loss_work;
+    saga_splat_rules rules;
+} fit;
+
+static saga_splat_camera camera_of(int view)
+{
+    return scene_camera(W, H, 0.12 * (view / TIMES - 3.5));
+}
+
+static real time_of(int view)
+{
+    return (real)(view % TIMES) / (TIMES - 1);
+}
+
+static void draw(fit *f, float *image, const saga_splat_params *p, int view)
+{
+    const saga_splat_camera cam = camera_of(view);
+
+    assert_int_equal(saga_splat_forward(image, f->trans, &f->work, p, N,
+                                        time_of(view), &cam, &f->rules), 0);
+}
+
+static void draw_targets(fit *f)
+{
+    saga_splat_params p = scene_alloc(N);
+    int i;
+
+    scene_random(&p, N, 101, 3);
+    for (i = 0; i < N; i++) {
+        p.opacity[i] += 2;
+        p.log2_width[i] += 1;
+    }
+    for (i = 0; i < VIEWS; i++)
+        draw(f, f->target[i], &p, i);
+    scene_free(&p);
+}
+
+static fit *new_fit(void)
+{
+    fit *const f = calloc(1, sizeof *f);
+    int i;
+
+    saga_splat_rules_default(&f->rules);
+    f->p = scene_alloc(N);
+    f->d = scene_alloc(N);
+    f->m = scene_alloc(N);
+    f->v = scene_alloc(N);
+    draw_targets(f);
+    scene_random(&f->p, N, 102, 3);
+    for (i = 0; i < N; i++) {
+        f->p.opacity[i] = 0;
+        f->p.log2_width[i] = 1;
+        f->p.t_centre[i] = 0.5f;
+        f->p.support[3 * i] = f->p.support[3 * i + 1] = 0.2f;
+        f->p.support[3 * i + 2] = 0.2f;
+    }
+    memset(f->p.motion, 0, 9 * N * sizeof(float));
+    memset(f->p.slope, 0, 4 * N * sizeof(float));
+    return f;
+}
+
+static void free_fit(fit *f)
+{
+    scene_free(&f->p);
+    scene_free(&f->d);
+    scene_free(&f->m);
+    scene_free(&f->v);
+    saga_splat_free(&f->work);
+    saga_loss_free(&f->loss_work);
+    free(f);
+}
+
+static saga_picture_loss measure(fit *f, int view, float *d_image)
+{
+    const saga_loss_weights weights = saga_loss_paper(0.2f);
+    saga_picture_loss out;
+
+    saga_splat_colour_forward(f->p.colour, f->raw_colour, 3 * N);
+    draw(f, f->image, &f->p, view);
+    assert_int_equal(saga_loss_picture(&out, d_image, &f->loss_work, f->image,
+                                       f->target[view], NULL, W, H, &weights),
+                     0);
+    return out;
+}
+
+static void adam_step(fit *f, uint64_t step)
+{
+    static const float rate[SCENE_TENSORS] = {
+        0.004f, 0.02f, 0.02f, 0.06f, 0.01f, 0, 0.02f, 0.02f, 0.005f, 0.02f
+    };
+    const saga_adam adam = saga_adam_default();
+    saga_adam_tensor t[SCENE_TENSORS];
+    saga_adam_fault fault;
+    int k;
+
+    for (k = 0; k < SCENE_TENSORS; k++)
+        t[k] = (saga_adam_tensor){
+            scene_name[k], *scene_tensor(&f->p, k), *scene_tensor(&f->d, k),
+            *scene_tensor(&f->m, k), *scene_tensor(&f->v, k),
+            N * (size_t)scene_size[k], rate[k]
+        };
+    t[4].x = f->raw_colour;
+    t[4].g = f->d_colour;
+    assert_int_equal(saga_adam_step(&fault, &adam, t, SCENE_TENSORS, step), 0);
+}
+
+static void train(fit *f, int from, int to)
+{
+    const saga_rng r = saga_rng_stream(7, 7);
+    int step;
+
+    for (step = from; step < to; step++) {
+        saga_splat_camera cam;
+        int view = (int)saga_rng_below(r, (uint64_t)step, VIEWS - TIMES);
+
+        if (view / TIMES >= 4)
+            view += TIMES;
+        cam = camera_of(view);
+        measure(f, view, f->d_image);
+        memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
+        memset(f->d_colour, 0, sizeof f->d_colour);
+        assert_int_equal(saga_splat_backward(&f->d, NULL, &f->work,
+                                             f->d_image, NULL, f->image,
+                                             f->trans, &f->p, time_of(view),
+                                             &cam, &f->rules), 0);
+        saga_splat_colour_backward(f->d_colour, f->d.colour, f->raw_colour,
+                                   3 * N, SAGA_CLAMP_INWARD);
+        adam_step(f, (uint64_t)step + 1);
+    }
+}
+
+/* Mean loss and PSNR of the held-out views, or of the others. */
+static double mean_loss(fit *f, int held_out, double *psnr)
+{
+    double sum = 0, mse = 0;
+    int i, n = 0;
+
+    for (i = 0; i < VIEWS; i++)
+        if (is_held_out(i) == held_out) {
+            const saga_picture_loss out = measure(f, i, NULL);
+
+            sum += out.loss;
+            mse += out.mse;
+            n++;
+        }
+    *psnr = -10 * log10(mse / n);
+    return sum / n;
+}
+
+static void fit_should_learn(void **state)
+{
+    fit *const f = new_fit();
+    double before[2], after[2], p0[2], p1[2];
+    int i;
+
+    (void)state;
+    for (i = 0; i < 2; i++)
+        before[i] = mean_loss(f, i, &p0[i]);
+    train(f, 0, STEPS);
+    for (i = 0; i < 2; i++) {
+        after[i] = mean_loss(f, i, &p1[i]);
+        printf("  %s: loss %.4f -> %.4f, PSNR %.2f -> %.2f dB\n",
+               i ? "held out" : "trained", before[i], after[i], p0[i], p1[i]);
+    }
+    assert_true(after[0] < before[0] / 3);
+    assert_true(after[1] < before[1] / 2.5);
+    free_fit(f);
+}
+
+/* The state of a run is its parameters, its moments and the step. */
+static void fit_should_resume_exactly(void **state)
+{
+    fit *const whole = new_fit(), *const part = new_fit();
+    const size_t nbytes = N * SCENE_REALS * sizeof(float);
+    fit *other;
+
+    (void)state;
+    omp_set_num_threads(2);
+    train(whole, 0, 30);
+    omp_set_num_threads(1);
+    train(part, 0, 13);
+    other = new_fit();
+    memcpy(other->p.mean, part->p.mean, nbytes);
+    memcpy(other->m.mean, part->m.mean, nbytes);
+    memcpy(other->v.mean, part->v.mean, nbytes);
+    memcpy(other->raw_colour, part->raw_colour, sizeof part->raw_colour);
+    omp_set_num_threads(3);
+    train(other, 13, 30);
+    assert_memory_equal(whole->p.mean, other->p.mean, nbytes);
+    assert_memory_equal(whole->v.mean, other->v.mean, nbytes);
+    free_fit(whole);
+    free_fit(part);
+    free_fit(other);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(fit_should_learn),
+        cmocka_unit_test(fit_should_resume_exactly)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

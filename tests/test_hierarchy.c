@@ -1,0 +1,1096 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Scenes built from flat primitives: limits, budgets and order, checked
+ * against the real traversal (a coder that looks the scene up), and through
+ * bytes (encoder, then decoder and recorder); then hard inputs.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "encode.h"
+#include "fx.h"
+#include "hierarchy.h"
+#include "morton.h"
+#include "ref_recorder.h"
+#include "syntax.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* --- Flat primitives ----------------------------------------------------- */
+
+typedef struct {
+    saga_splat_params p;
+    float *score;
+    uint32_t n;
+    uint64_t seed;
+} flat;
+
+static double uniform(uint64_t *seed)
+{
+    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(*seed >> 40) / (1 << 24);
+}
+
+static real *reals(uint32_t n, uint32_t width)
+{
+    real *const x = calloc((size_t)n * width + 1, sizeof *x);
+
+    assert_non_null(x);
+    return x;
+}
+
+/* Uniform in the cube and in time, narrow in time. */
+static flat flat_make(uint32_t n, uint64_t seed)
+{
+    flat f;
+    uint32_t i, k;
+
+    memset(&f, 0, sizeof f);
+    f.n = n;
+    f.seed = seed;
+    f.p.mean = reals(n, 3);
+    f.p.quat = reals(n, 4);
+    f.p.log2_scale = reals(n, 3);
+    f.p.opacity = reals(n, 1);
+    f.p.colour = reals(n, 3);
+    f.p.support = reals(n, 3);
+    f.p.motion = reals(n, 9);
+    f.p.slope = reals(n, 4);
+    f.p.t_centre = reals(n, 1);
+    f.p.log2_width = reals(n, 1);
+    f.score = calloc(n + 1u, sizeof *f.score);
+    assert_non_null(f.score);
+    for (i = 0; i < n; i++) {
+        for (k = 0; k < 3; k++) {
+            f.p.mean[3 * i + k] = (real)(2 * uniform(&f.seed) - 1);
+            f.p.log2_scale[3 * i + k] = (real)(-6 - 2 * uniform(&f.seed));
+            f.p.colour[3 * i + k] = (real)uniform(&f.seed);
+            f.p.support[3 * i + k] = 1;
+        }
+        f.p.t_centre[i] = (real)uniform(&f.seed);
+        f.p.log2_width[i] = (real)(-4 + uniform(&f.seed));
+        f.score[i] = (float)uniform(&f.seed);
+    }
+    return f;
+}
+
+/* Gathers them around a few places, at scales over many octaves. */
+static void flat_cluster(flat *f)
+{
+    double centre[7][3], size[7];
+    uint32_t i, k;
+
+    for (i = 0; i < 7; i++) {
+        size[i] = exp2(-1 - 8 * uniform(&f->seed));
+        for (k = 0; k < 3; k++)
+            centre[i][k] = 2.2 * uniform(&f->seed) - 1.1;
+    }
+    for (i = 0; i < f->n; i++) {
+        const uint32_t c = (uint32_t)(7 * uniform(&f->seed));
+
+        for (k = 0; k < 3; k++)
+            f->p.mean[3 * i + k] = (real)(centre[c][k] + size[c] *
+                                          (uniform(&f->seed) - 0.5));
+    }
+}
+
+static void flat_free(flat *f)
+{
+    free(f->p.mean);
+    free(f->p.quat);
+    free(f->p.log2_scale);
+    free(f->p.opacity);
+    free(f->p.colour);
+    free(f->p.support);
+    free(f->p.motion);
+    free(f->p.slope);
+    free(f->p.t_centre);
+    free(f->p.log2_width);
+    free(f->score);
+}
+
+/* --- Models -------------------------------------------------------------- */
+
+enum { ALL_TOOLS = SAGA_TOOL_OPACITY_T | 1u << SAGA_TOOL_MOTION_SHIFT };
+
+static void model_make(saga_model *m, uint32_t tools)
+{
+    int i;
+
+    memset(m, 0, sizeof *m);
+    m->tools = tools;
+    m->features = 5;
+    m->octaves = 2;
+    m->lambda_t_q8 = 256;
+    for (i = 0; i < SAGA_N_LEVELS; i++) {
+        m->level[i].n_groups = 8;
+        m->level[i].window = 2;
+        m->level[i].neighbours = 2;
+        m->level[i].suffix_bits = 4;
+        m->level[i].radius2_q12 = 4 << 12;
+        m->level[i].softmax_q8 = 739;
+    }
+    m->level[SAGA_LEVEL_COARSE].max_children = 16;
+    m->level[SAGA_LEVEL_FINE].max_children = 10;
+    for (i = 0; i < SAGA_N_STEPS; i++)
+        m->step_q16[i] = 256u << 16;
+    for (i = 0; i < SAGA_N_HEADS; i++)
+        m->head_q[i] = 11;
+    for (i = 0; i < SAGA_N_NETS; i++) {
+        m->width[i] = 4;
+        m->q_in[i] = 12;
+    }
+    assert_true(saga_model_is_valid(m));
+}
+
+/* --- The traversal over a scene ------------------------------------------ */
+
+/* A coder that answers from a scene's symbols; every residual is 0. */
+typedef struct {
+    saga_coder coder;
+    const saga_symbols *s;
+} lookup;
+
+static void zero_residual(saga_coder *c, saga_at at, int32_t *q,
+                          const int16_t *mu, uint32_t step_q16,
+                          const uint8_t *scale, uint32_t n)
+{
+    (void)c;
+    (void)at;
+    (void)mu;
+    (void)step_q16;
+    (void)scale;
+    memset(q, 0, n * sizeof *q);
+}
+
+static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
+{
+    uint32_t low = 0, i;
+
+    for (i = 0; i < n; i++) {
+        if (suffix[i] >> bit & 1u)
+            continue;
+        assert_int_equal(low, i);
+        low++;
+    }
+    return low;
+}
+
+static uint32_t look_up(saga_coder *c, saga_at at, saga_adaptive *m,
+                        uint32_t n_sym)
+{
+    const saga_symbols *const s = ((lookup *)(void *)c)->s;
+    uint32_t sym = 0;
+
+    (void)m;
+    if (at.sym == SAGA_SYM_SPLIT || at.sym == SAGA_SYM_OCCUPANCY)
+        assert_true(at.index < s->n_nodes);
+    if (at.sym == SAGA_SYM_SPLIT)
+        sym = s->split[at.index];
+    else if (at.sym == SAGA_SYM_OCCUPANCY)
+        sym = (uint32_t)s->occupancy[at.index] >> at.bit & 1u;
+    else if (at.sym == SAGA_SYM_N_FINE)
+        sym = s->n_fine[at.index];
+    else if (at.sym == SAGA_SYM_N_PRIM)
+        sym = s->n_prim[at.index];
+    else if (at.sym == SAGA_SYM_FINE_SUFFIX)
+        sym = count_low(s->fine_suffix + at.index, n_sym - 1, at.bit);
+    else
+        sym = count_low(s->prim_suffix + at.index, n_sym - 1, at.bit);
+    assert_true(sym < n_sym);
+    return sym;
+}
+
+static uint32_t suffix_of(const saga_scene *s, uint32_t rank)
+{
+    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    uint32_t v[4], i;
+
+    for (i = 0; i < 4; i++)
+        v[i] = (uint32_t)(s->fine[rank].local[i] + 16384) >> (15 - bits);
+    return saga_morton_suffix(v, bits);
+}
+
+static void symbols_make(saga_symbols *s, const saga_scene *scene)
+{
+    uint32_t i;
+
+    recorder_alloc_symbols(s, scene->n, scene->model.features,
+                           scene->n_nodes);
+    s->n_nodes = scene->n_nodes;
+    memcpy(s->split, scene->split, scene->n_nodes);
+    memcpy(s->occupancy, scene->occupancy, 2u * scene->n_nodes);
+    for (i = 0; i < scene->n.coarse; i++)
+        s->n_fine[i] = scene->coarse[i].n_fine;
+    for (i = 0; i < scene->n.fine; i++) {
+        s->fine_suffix[i] = suffix_of(scene, i);
+        s->n_prim[i] = scene->fine[i].n_prim;
+    }
+}
+
+static void *zeros(size_t n, size_t size)
+{
+    void *const p = calloc(n + 1, size);
+
+    assert_non_null(p);
+    return p;
+}
+
+static void check_fine(const saga_fine *a, const saga_fine *b)
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        assert_int_equal(a->x[i], b->x[i]);
+    assert_int_equal(a->t, b->t);
+    assert_int_equal(a->parent, b->parent);
+    assert_int_equal(a->group, b->group);
+    assert_int_equal(a->n_prim, b->n_prim);
+    assert_int_equal(a->first_prim, b->first_prim);
+}
+
+static void check_coarse(const saga_coarse *a, const saga_coarse *b)
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        assert_int_equal(a->cell[i], b->cell[i]);
+    assert_int_equal(a->cell_t, b->cell_t);
+    assert_int_equal(a->depth_x, b->depth_x);
+    assert_int_equal(a->depth_t, b->depth_t);
+    assert_int_equal(a->group, b->group);
+    assert_int_equal(a->n_fine, b->n_fine);
+    assert_int_equal(a->first_fine, b->first_fine);
+}
+
+/* The decoder's walk over the scene's symbols finds the scene. */
+static void check_walk(const saga_scene *s, const saga_symbols *symbols)
+{
+    lookup c;
+    saga_nets nets;
+    saga_scaffold sc;
+    uint8_t *params;
+    uint32_t i;
+
+    memset(&c, 0, sizeof c);
+    c.coder.residual = zero_residual;
+    c.coder.adaptive = look_up;
+    c.s = symbols;
+    saga_nets_layout(&nets, &s->model);
+    params = aligned_alloc(16, nets.nbytes + 16);
+    assert_non_null(params);
+    memset(params, 0, nets.nbytes + 16);
+    sc.model = &s->model;
+    sc.nets = &nets;
+    sc.params = params;
+    sc.n = s->n;
+    sc.coarse = zeros(s->n.coarse, sizeof *sc.coarse);
+    sc.coarse_feature = zeros(s->n.coarse, 2u * s->model.features);
+    sc.fine = zeros(s->n.fine, sizeof *sc.fine);
+    sc.fine_feature = zeros(s->n.fine, 2u * s->model.features);
+    sc.prim_offset = zeros(s->n.prim, sizeof *sc.prim_offset);
+    sc.models = zeros(1, sizeof *sc.models);
+    sc.v = zeros(1, sizeof *sc.v);
+    saga_syntax_begin(&sc);
+    assert_true(saga_syntax_coarse(&sc, &c.coder));
+    assert_true(saga_syntax_fine(&sc, &c.coder));
+    assert_true(saga_syntax_prim(&sc, &c.coder));
+    for (i = 0; i < s->n.coarse; i++)
+        check_coarse(&s->coarse[i], &sc.coarse[i]);
+    for (i = 0; i < s->n.fine; i++)
+        check_fine(&s->fine[i], &sc.fine[i]);
+    free(params);
+    free(sc.coarse);
+    free(sc.coarse_feature);
+    free(sc.fine);
+    free(sc.fine_feature);
+    free(sc.prim_offset);
+    free(sc.models);
+    free(sc.v);
+}
+
+static void check_symbols(const saga_symbols *a, const saga_symbols *b)
+{
+    assert_int_equal(a->n_nodes, b->n_nodes);
+    assert_memory_equal(&a->n, &b->n, sizeof a->n);
+    assert_memory_equal(a->split, b->split, a->n_nodes);
+    assert_memory_equal(a->occupancy, b->occupancy, 2u * a->n_nodes);
+    assert_memory_equal(a->n_fine, b->n_fine, a->n.coarse);
+    assert_memory_equal(a->fine_suffix, b->fine_suffix, 4u * a->n.fine);
+    assert_memory_equal(a->n_prim, b->n_prim, a->n.fine);
+    assert_memory_equal(a->centre, b->centre, 16u * a->n.coarse);
+    assert_memory_equal(a->fine_offset, b->fine_offset, 16u * a->n.fine);
+}
+
+/* Encoded with constant networks, decoded, the symbols are the same. */
+static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
+{
+    saga_header h;
+    saga_nets shapes;
+    saga_net_symbols nets, nets_read;
+    saga_symbols read;
+    saga_encode_sizes sizes;
+    saga_encoder *e;
+    const char *why = "";
+    uint32_t final_range[3];
+    uint8_t *bytes;
+    size_t n;
+    int net, i;
+
+    memset(&h, 0, sizeof h);
+    h.model = s->model;
+    h.level = 3;
+    h.rate_num = 30;
+    h.rate_den = 1;
+    h.unit_mantissa = 1;
+    saga_nets_layout(&shapes, &s->model);
+    recorder_alloc_nets(&nets, &shapes);
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < shapes.shape[net].n_layers; i++)
+            nets.layer[net][i].step_q16 = 1;
+    e = saga_encoder_open(&h, NULL, &nets, &why);
+    assert_non_null(e);
+    assert_true(saga_encoder_segment(e, symbols, 1, &why));
+    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
+    assert_true(recorder_read(&nets_read, &read, 0, final_range, bytes, n));
+    check_symbols(symbols, &read);
+    saga_encoder_free(e);
+    recorder_free_nets(&nets);
+    recorder_free_nets(&nets_read);
+    recorder_free_symbols(&read);
+    free(bytes);
+}
+
+/* --- What every scene has to be ------------------------------------------ */
+
+static void check_inside(const saga_scene *s, const real x[4],
+                         const saga_coarse *c)
+{
+    real cell[4];
+    int i;
+
+    saga_scene_cell(cell, c);
+    for (i = 0; i < 4; i++) {
+        const real half = i < 3 ? saga_scene_half_x(c) : saga_scene_half_t(c);
+
+        assert_true(fabs((double)(x[i] - cell[i])) <= (double)half);
+    }
+    if (!saga_is_dynamic(&s->model))
+        assert_true(x[3] == R(0.5));
+}
+
+/* Fine anchors of one parent: they tile the ranks, inside the cell, within
+ * half a grid step of the suffix's centre, ascending. */
+static void check_leaf(const saga_scene *s, uint32_t rank)
+{
+    const saga_coarse *const c = &s->coarse[rank];
+    const saga_level *const l = s->model.level;
+    const int bits = l[SAGA_LEVEL_COARSE].suffix_bits;
+    real cell[4];
+    uint32_t i;
+    int k;
+
+    assert_in_range(c->n_fine, 1, l[SAGA_LEVEL_COARSE].max_children);
+    saga_scene_cell(cell, c);
+    check_inside(s, s->coarse_x + 4 * rank, c);
+    for (i = c->first_fine; i < c->first_fine + c->n_fine; i++) {
+        const real *const x = s->fine_x + 4 * i;
+
+        assert_int_equal(s->fine[i].parent, rank);
+        assert_in_range(s->fine[i].n_prim, 1,
+                        l[SAGA_LEVEL_FINE].max_children);
+        check_inside(s, x, c);
+        for (k = 0; k < 4; k++) {
+            const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                               : saga_scene_half_t(c));
+            const double o = (double)(x[k] - cell[k]) / half;
+
+            assert_true(fabs(o - s->fine[i].local[k] / 16384.0) <=
+                        1.0 / (1 << bits));
+        }
+        if (i > c->first_fine)
+            assert_true(suffix_of(s, i) >= suffix_of(s, i - 1));
+    }
+}
+
+static real clamped(real x, double lo, double hi)
+{
+    return (double)x < lo ? (real)lo : (double)x > hi ? (real)hi : x;
+}
+
+/* Every primitive once, in its place, under an anchor of its cell. */
+static void check_prims(const saga_scene *s, const uint32_t *source,
+                        const flat *f)
+{
+    uint8_t *const seen = zeros(f->n, 1);
+    uint32_t rank, i;
+
+    assert_int_equal(s->n.prim, f->n);
+    for (rank = 0; rank < s->n.prim; rank++) {
+        const saga_fine *const a = &s->fine[s->prim_fine[rank]];
+        const uint32_t at = source[rank];
+
+        assert_true(at < f->n);
+        assert_false(seen[at]);
+        seen[at] = 1;
+        assert_in_range(rank, a->first_prim, a->first_prim + a->n_prim - 1u);
+        check_inside(s, s->prim_x + 4 * rank, &s->coarse[a->parent]);
+        for (i = 0; i < 3; i++)
+            assert_true(s->prim_x[4 * rank + i] ==
+                        clamped(f->p.mean[3 * at + i], -1, 1 - 0x1p-23));
+        if (saga_is_dynamic(&s->model))
+            assert_true(s->prim_x[4 * rank + 3] ==
+                        clamped(f->p.t_centre[at], 0, 1 - 0x1p-16));
+    }
+    free(seen);
+}
+
+static void check_scene(const saga_scene *s, const uint32_t *source,
+                        const flat *f, const saga_hierarchy_options *o)
+{
+    saga_symbols symbols;
+    uint32_t rank, fine = 0;
+
+    assert_true(s->n.coarse <= o->max_coarse);
+    assert_true(s->n.fine <= o->max_fine);
+    for (rank = 0; rank < s->n.coarse; rank++) {
+        assert_int_equal(s->coarse[rank].first_fine, fine);
+        fine += s->coarse[rank].n_fine;
+        check_leaf(s, rank);
+        if (!saga_is_dynamic(&s->model))
+            assert_int_equal(s->coarse[rank].depth_t, 0);
+    }
+    assert_int_equal(fine, s->n.fine);
+    check_prims(s, source, f);
+    symbols_make(&symbols, s);
+    check_walk(s, &symbols);
+    check_bytes(s, &symbols);
+    recorder_free_symbols(&symbols);
+}
+
+/* --- Building ------------------------------------------------------------ */
+
+typedef struct {
+    saga_model model;
+    saga_hierarchy_options o;
+    char why[SAGA_HIERARCHY_WHY];
+} setup;
+
+static void setup_make(setup *u, uint32_t tools, uint32_t max_coarse,
+                       uint32_t max_fine)
+{
+    model_make(&u->model, tools);
+    saga_hierarchy_defaults(&u->o);
+    u->o.model = &u->model;
+    u->o.max_coarse = max_coarse;
+    u->o.max_fine = max_fine;
+    u->o.seed = 1;
+    u->o.why = u->why;
+    u->why[0] = 0;
+}
+
+/* Builds, checks and returns a scene. */
+static saga_scene build(const setup *u, const flat *f)
+{
+    uint32_t *const source = zeros(f->n, sizeof *source);
+    saga_scene s;
+
+    if (saga_hierarchy_build(&s, source, &f->p, f->score, f->n, &u->o))
+        fail_msg("%s", u->why);
+    check_scene(&s, source, f, &u->o);
+    free(source);
+    return s;
+}
+
+static void refuse(const setup *u, const flat *f, const char *why)
+{
+    uint32_t *const source = zeros(f->n, sizeof *source);
+    saga_scene s;
+
+    assert_int_equal(saga_hierarchy_build(&s, source, &f->p, f->score, f->n,
+                                          &u->o), -1);
+    assert_string_equal(u->why, why);
+    free(source);
+}
+
+static uint32_t max_depth_t(const saga_scene *s)
+{
+    uint32_t depth = 0, i;
+
+    for (i = 0; i < s->n.coarse; i++)
+        if (s->coarse[i].depth_t > depth)
+            depth = s->coarse[i].depth_t;
+    return depth;
+}
+
+/* Root mean square distance of primitives from their fine anchors. */
+static double spread(const saga_scene *s)
+{
+    double sum = 0;
+    uint32_t i;
+    int k;
+
+    for (i = 0; i < s->n.prim; i++)
+        for (k = 0; k < 3; k++) {
+            const double d = (double)(s->prim_x[4 * i + (uint32_t)k] -
+                s->fine_x[4 * s->prim_fine[i] + (uint32_t)k]);
+
+            sum += d * d;
+        }
+    return sqrt(sum / s->n.prim);
+}
+
+/* --- Tests --------------------------------------------------------------- */
+
+static void hierarchy_should_hold_everything_when_uniform(void **state)
+{
+    flat f = flat_make(3000, 1);
+    setup u;
+    saga_scene s;
+
+    (void)state;
+    setup_make(&u, ALL_TOOLS, 150, 700);
+    s = build(&u, &f);
+    /* A split adds 15 leaves at most. */
+    assert_in_range(s.n.coarse, 150 - 14, 150);
+    assert_int_equal(s.n.fine, 700);
+    assert_true(max_depth_t(&s) > 0);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+/* Leaves stop short of their budget when fine anchors run out. */
+static void hierarchy_should_keep_to_the_fine_budget(void **state)
+{
+    flat f = flat_make(200, 17);
+    setup u;
+    saga_scene s;
+
+    (void)state;
+    setup_make(&u, ALL_TOOLS, 200, 30);
+    s = build(&u, &f);
+    assert_int_equal(s.n.fine, 30);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+static void hierarchy_should_hold_everything_when_clustered(void **state)
+{
+    flat f = flat_make(3000, 2);
+    setup u;
+    saga_scene s;
+
+    (void)state;
+    flat_cluster(&f);
+    setup_make(&u, ALL_TOOLS, 400, 1200);
+    s = build(&u, &f);
+    assert_int_equal(s.n.fine, 1200);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+static void model_vary(saga_model *m, uint64_t *seed)
+{
+    saga_level *const l = m->level;
+
+    model_make(m, (uint32_t)(uniform(seed) * (SAGA_TOOLS_KNOWN + 1)));
+    l[0].suffix_bits = (uint8_t)(uniform(seed) * 9);
+    l[0].max_children = (uint8_t)(1 + uniform(seed) * 16);
+    l[1].max_children = (uint8_t)(1 + uniform(seed) * 16);
+    l[0].n_groups = (uint8_t)(1 + uniform(seed) * 16);
+    l[1].n_groups = (uint8_t)(1 + uniform(seed) * 16);
+}
+
+/* Refusals must be for a budget, or a cell that is too full. */
+static void hierarchy_should_be_valid_when_limits_vary(void **state)
+{
+    uint64_t seed = 7;
+    uint32_t built = 0, round;
+
+    (void)state;
+    for (round = 0; round < 300; round++) {
+        const uint32_t n = (uint32_t)(1 + uniform(&seed) * 250);
+        const uint32_t max_coarse = (uint32_t)(1 + uniform(&seed) * n);
+        const uint32_t max_fine = (uint32_t)(1 + uniform(&seed) * n);
+        flat f = flat_make(n, seed + round);
+        uint32_t *const source = zeros(n, sizeof *source);
+        setup u;
+        saga_scene s;
+
+        setup_make(&u, 0, max_coarse, max_fine);
+        if (round % 3 == 0)
+            u.o.max_coarse = u.o.max_fine = n;
+        model_vary(&u.model, &seed);
+        if (round & 1u)
+            flat_cluster(&f);
+        if (saga_hierarchy_build(&s, source, &f.p, f.score, n, &u.o) == 0) {
+            check_scene(&s, source, &f, &u.o);
+            saga_scene_free(&s);
+            built++;
+        } else {
+            assert_true(strstr(u.why, "budget") || strstr(u.why, "deepest"));
+            assert_true(round % 3 || strstr(u.why, "deepest"));
+        }
+        free(source);
+        flat_free(&f);
+    }
+    printf("%u of 300 built\n", (unsigned)built);
+    assert_true(built > 150);
+}
+
+/* Half of the primitives stand still and are seen all the time; half move
+ * along x. */
+static flat moving_scene(int varies)
+{
+    flat f = flat_make(800, 3);
+    uint32_t i, k;
+
+    for (i = 0; i < f.n; i++) {
+        f.score[i] = 1;
+        f.p.log2_width[i] = 3;
+        if (i & 1u)
+            continue;
+        f.p.log2_width[i] = -4;
+        f.p.motion[9 * i] = 1;
+        for (k = 0; k < 3; k++)
+            f.p.mean[3 * i + k] =
+                (real)(-0.7 + 0.1 * (double)f.p.mean[3 * i + k]);
+        if (varies)
+            f.p.mean[3 * i] += f.p.t_centre[i];
+        else
+            f.p.t_centre[i] = R(0.4);
+    }
+    return f;
+}
+
+/* Of the still (odd) or moving primitives: under a leaf split in time. Of the
+ * still ones only those in octants where nothing moves. */
+static uint32_t n_split(const saga_scene *s, const uint32_t *source, int still)
+{
+    uint32_t n = 0, i;
+
+    for (i = 0; i < s->n.prim; i++) {
+        const real *const x = s->prim_x + 4 * i;
+
+        if (still ? (source[i] & 1u) && (x[1] >= 0 || x[2] >= 0)
+                  : !(source[i] & 1u))
+            n += s->coarse[s->fine[s->prim_fine[i]].parent].depth_t > 0;
+    }
+    return n;
+}
+
+static void hierarchy_should_split_time_only_where_it_varies(void **state)
+{
+    uint32_t source[800];
+    setup u;
+    saga_scene s;
+    flat f;
+
+    (void)state;
+    setup_make(&u, ALL_TOOLS, 100, 400);
+    f = moving_scene(1);
+    assert_int_equal(saga_hierarchy_build(&s, source, &f.p, f.score, f.n,
+                                          &u.o), 0);
+    check_scene(&s, source, &f, &u.o);
+    assert_true(n_split(&s, source, 0) > 360);
+    assert_int_equal(n_split(&s, source, 1), 0);
+    saga_scene_free(&s);
+    flat_free(&f);
+
+    f = moving_scene(0);
+    s = build(&u, &f);
+    assert_int_equal(max_depth_t(&s), 0);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+/* A quarter with a time of its own everywhere among what is always seen. */
+static void hierarchy_should_not_split_time_for_a_minority(void **state)
+{
+    flat f = flat_make(800, 16);
+    setup u;
+    saga_scene s;
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < f.n; i++) {
+        f.score[i] = 1;
+        f.p.log2_width[i] = i % 4 ? 5 : -4;
+    }
+    setup_make(&u, ALL_TOOLS, 30, 300);
+    s = build(&u, &f);
+    assert_int_equal(max_depth_t(&s), 0);
+    saga_scene_free(&s);
+    u.o.min_local = 0;
+    s = build(&u, &f);
+    assert_true(max_depth_t(&s) > 0);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+static void hierarchy_should_not_split_time_when_model_is_still(void **state)
+{
+    flat f = moving_scene(1);
+    setup u;
+    saga_scene s;
+    real *t_centre;
+
+    (void)state;
+    setup_make(&u, SAGA_TOOL_VIEW, 100, 400);
+    s = build(&u, &f);
+    assert_int_equal(max_depth_t(&s), 0);
+    saga_scene_free(&s);
+    /* The fewest arrays there may be. */
+    t_centre = f.p.t_centre;
+    f.p.t_centre = NULL;
+    free(f.p.motion);
+    free(f.p.log2_width);
+    free(f.p.support);
+    free(f.p.slope);
+    free(f.p.colour);
+    free(f.p.log2_scale);
+    free(f.score);
+    f.p.motion = f.p.log2_width = f.p.support = f.p.slope = NULL;
+    f.p.colour = f.p.log2_scale = NULL;
+    f.score = NULL;
+    s = build(&u, &f);
+    saga_scene_free(&s);
+    free(t_centre);
+    flat_free(&f);
+}
+
+static void hierarchy_should_not_split_time_without_width(void **state)
+{
+    flat f = flat_make(500, 4);
+    setup u;
+    saga_scene s;
+
+    (void)state;
+    setup_make(&u, 1u << SAGA_TOOL_MOTION_SHIFT, 80, 300);
+    s = build(&u, &f);
+    assert_int_equal(max_depth_t(&s), 0);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+static void hierarchy_should_take_degenerate_inputs(void **state)
+{
+    flat f = flat_make(1, 5);
+    setup u;
+    saga_scene s;
+    uint32_t i;
+
+    (void)state;
+    setup_make(&u, ALL_TOOLS, 50, 300);
+    s = build(&u, &f);
+    assert_int_equal(s.n.coarse, 1);
+    assert_int_equal(s.n.fine, 1);
+    saga_scene_free(&s);
+    flat_free(&f);
+
+    /* All at one point, all of no importance: one full leaf. */
+    f = flat_make(160, 6);
+    for (i = 0; i < f.n; i++) {
+        memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
+        f.p.t_centre[i] = R(0.3);
+        f.score[i] = 0;
+    }
+    s = build(&u, &f);
+    assert_int_equal(s.n.coarse, 1);
+    assert_int_equal(s.n.fine, 16);
+    saga_scene_free(&s);
+    flat_free(&f);
+
+    /* On a plane. */
+    f = flat_make(1000, 7);
+    for (i = 0; i < f.n; i++)
+        f.p.mean[3 * i + 1] = R(0.125);
+    s = build(&u, &f);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+/* Two crowds alike in everything but their scores, in one leaf each. */
+static void hierarchy_should_give_anchors_to_what_matters(void **state)
+{
+    flat f = flat_make(120, 14);
+    setup u;
+    saga_scene s;
+    uint32_t i, k;
+
+    (void)state;
+    for (i = 0; i < f.n; i++) {
+        f.score[i] = i & 1u ? 9 : 1;
+        for (k = 0; k < 3; k++)
+            f.p.mean[3 * i + k] =
+                i & 1u ? -f.p.mean[3 * (i - 1) + k]
+                       : (real)(-0.5 + 0.4 * (double)f.p.mean[3 * i + k]);
+    }
+    setup_make(&u, 0, 2, 18);
+    u.o.beta = 0;
+    s = build(&u, &f);
+    assert_int_equal(s.n.coarse, 2);
+    /* 18 in the ratio of 1 : sqrt(9), within 6..16 (a leaf has 60). */
+    assert_int_equal(s.coarse[0].n_fine, 6);
+    assert_int_equal(s.coarse[1].n_fine, 12);
+    saga_scene_free(&s);
+    u.o.max_fine = 24;
+    s = build(&u, &f);
+    assert_int_equal(s.coarse[0].n_fine, 8);
+    assert_int_equal(s.coarse[1].n_fine, 16);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+/* Five crowds in one leaf and five anchors: one each. Then room for eight
+ * where ten crowd: two go elsewhere. */
+static void hierarchy_should_find_crowds_with_medoids(void **state)
+{
+    flat f = flat_make(50, 15);
+    setup u;
+    saga_scene s;
+    uint32_t i, k;
+
+    (void)state;
+    for (i = 0; i < f.n; i++) {
+        const uint32_t crowd = i % 5;
+
+        for (k = 0; k < 3; k++)
+            f.p.mean[3 * i + k] =
+                (real)(0.2 + 0.15 * crowd +
+                       0.02 * (double)f.p.mean[3 * i + k]);
+    }
+    setup_make(&u, 0, 1, 5);
+    s = build(&u, &f);
+    assert_int_equal(s.n.fine, 5);
+    assert_true(spread(&s) < 0.03);
+    for (i = 0; i < 5; i++)
+        assert_int_equal(s.fine[i].n_prim, 10);
+    saga_scene_free(&s);
+    u.o.max_fine = 7;
+    u.model.level[SAGA_LEVEL_FINE].max_children = 8;
+    s = build(&u, &f);
+    for (i = 0; i < 7; i++)
+        assert_in_range(s.fine[i].n_prim, 1, 8);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+/* Corners, and far beyond them in space and time. */
+static void hierarchy_should_clamp_what_is_outside(void **state)
+{
+    static const double values[6] = { -1, 1, -1e30, 1e30, 1.5, 0 };
+    static const double times[6] = { 0, 1, -3, 7, 0.5, 1e30 };
+    flat f = flat_make(216, 8);
+    setup u;
+    saga_scene s;
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < f.n; i++) {
+        f.p.mean[3 * i] = (real)values[i % 6];
+        f.p.mean[3 * i + 1] = (real)values[i / 6 % 6];
+        f.p.mean[3 * i + 2] = (real)values[i / 36];
+        f.p.t_centre[i] = (real)times[(i + i / 6) % 6];
+        f.p.motion[9 * i] = R(1e30);
+        f.p.log2_scale[3 * i] = R(1e30);
+        f.p.log2_width[i] = (real)(values[i % 6]);
+    }
+    setup_make(&u, ALL_TOOLS, 200, 216);
+    s = build(&u, &f);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+/* Crowds that only the deepest cells, or time, can part. */
+static void hierarchy_should_split_further_when_too_many(void **state)
+{
+    flat f = flat_make(300, 9);
+    setup u;
+    saga_scene s;
+    uint32_t i;
+
+    (void)state;
+    setup_make(&u, ALL_TOOLS, 20, 300);
+    for (i = 0; i < f.n; i++)
+        memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
+    /* Seen all the time, so no choice of time's: it has to be. */
+    for (i = 0; i < f.n; i++)
+        f.p.log2_width[i] = 10;
+    s = build(&u, &f);
+    assert_true(max_depth_t(&s) > 0);
+    saga_scene_free(&s);
+
+    setup_make(&u, SAGA_TOOL_VIEW, 20, 300);
+    refuse(&u, &f, "primitive 0: too many share its deepest cell");
+
+    for (i = 0; i < f.n; i++)
+        f.p.mean[3 * i] = (real)(0.5 + (i & 1u) * 0x1p-15);
+    s = build(&u, &f);
+    assert_int_equal(s.n.coarse, 2);
+    assert_int_equal(s.coarse[0].depth_x, 16);
+    saga_scene_free(&s);
+    flat_free(&f);
+}
+
+static void hierarchy_should_refuse_when_budgets_are_short(void **state)
+{
+    flat f = flat_make(1000, 10);
+    uint32_t octant[8] = { 0 }, need = 0, i;
+    char text[SAGA_HIERARCHY_WHY];
+    setup u;
+
+    (void)state;
+    for (i = 0; i < f.n; i++)
+        octant[(f.p.mean[3 * i] >= 0) * 4 + (f.p.mean[3 * i + 1] >= 0) * 2 +
+               (f.p.mean[3 * i + 2] >= 0)]++;
+    for (i = 0; i < 8; i++)
+        need += (octant[i] + 9) / 10;
+    snprintf(text, sizeof text, "%u fine anchors are needed, the budget is 99",
+             (unsigned)need);
+    setup_make(&u, ALL_TOOLS, 6, 1000);
+    refuse(&u, &f, "8 coarse anchors are needed, the budget is 6");
+    setup_make(&u, ALL_TOOLS, 100, 99);
+    u.o.max_coarse = 8;
+    refuse(&u, &f, text);
+    setup_make(&u, ALL_TOOLS, 0, 99);
+    refuse(&u, &f, "a budget of anchors is 0");
+    setup_make(&u, ALL_TOOLS, 100, 100);
+    u.o.alpha = -1;
+    refuse(&u, &f, "an option is negative or not finite");
+    u.o.alpha = 1;
+    u.model.features = 0;
+    refuse(&u, &f, "the model is not valid");
+    model_make(&u.model, 0);
+    f.n = 0;
+    refuse(&u, &f, "there is no primitive");
+    flat_free(&f);
+}
+
+static void hierarchy_should_name_what_is_not_finite(void **state)
+{
+    flat f = flat_make(20, 11);
+    setup u;
+
+    (void)state;
+    setup_make(&u, ALL_TOOLS, 20, 20);
+    f.p.mean[3 * 17 + 1] = (real)NAN;
+    refuse(&u, &f, "primitive 17: its mean is not finite");
+    f.p.mean[3 * 17 + 1] = 0;
+    f.p.opacity[3] = (real)INFINITY;
+    refuse(&u, &f, "primitive 3: its opacity is not finite");
+    f.p.opacity[3] = 0;
+    f.p.motion[9 * 19 + 8] = -(real)INFINITY;
+    refuse(&u, &f, "primitive 19: its motion is not finite");
+    f.p.motion[9 * 19 + 8] = 0;
+    f.score[0] = (float)NAN;
+    refuse(&u, &f, "primitive 0: its score is negative or not finite");
+    f.score[0] = -1;
+    refuse(&u, &f, "primitive 0: its score is negative or not finite");
+    u.o.why = NULL;
+    f.score[0] = 0;
+    f.p.quat[79] = (real)NAN;
+    assert_int_equal(saga_hierarchy_build(NULL, NULL, &f.p, f.score, f.n,
+                                          &u.o), -1);
+    flat_free(&f);
+}
+
+static void check_same(const saga_scene *a, const saga_scene *b)
+{
+    assert_memory_equal(&a->n, &b->n, sizeof a->n);
+    assert_int_equal(a->n_nodes, b->n_nodes);
+    assert_memory_equal(a->split, b->split, a->n_nodes);
+    assert_memory_equal(a->occupancy, b->occupancy, 2u * a->n_nodes);
+    assert_memory_equal(a->coarse, b->coarse, a->n.coarse * sizeof *a->coarse);
+    assert_memory_equal(a->fine, b->fine, a->n.fine * sizeof *a->fine);
+    assert_memory_equal(a->prim_fine, b->prim_fine, 4u * a->n.prim);
+    assert_int_equal(a->n_reals, b->n_reals);
+    assert_memory_equal(a->reals, b->reals, a->n_reals * sizeof *a->reals);
+}
+
+static void hierarchy_should_be_the_same_when_built_again(void **state)
+{
+    flat f = flat_make(2000, 12);
+    uint32_t source[2][2000];
+    saga_scene s[2];
+    setup u;
+    int i;
+
+    (void)state;
+    flat_cluster(&f);
+    setup_make(&u, ALL_TOOLS, 300, 1000);
+    for (i = 0; i < 2; i++)
+        assert_int_equal(saga_hierarchy_build(&s[i], source[i], &f.p, f.score,
+                                              f.n, &u.o), 0);
+    check_same(&s[0], &s[1]);
+    assert_memory_equal(source[0], source[1], sizeof source[0]);
+    saga_scene_free(&s[0]);
+    saga_scene_free(&s[1]);
+    flat_free(&f);
+}
+
+static void hierarchy_should_be_quick_when_large(void **state)
+{
+    flat f = flat_make(20000, 13);
+    uint32_t *const source = zeros(f.n, sizeof *source);
+    int round;
+
+    (void)state;
+    for (round = 0; round < 2; round++) {
+        setup u;
+        saga_scene s;
+        clock_t begin;
+        double seconds;
+
+        if (round)
+            flat_cluster(&f);
+        setup_make(&u, ALL_TOOLS, 2000, 6400);
+        begin = clock();
+        if (saga_hierarchy_build(&s, source, &f.p, f.score, f.n, &u.o))
+            fail_msg("%s", u.why);
+        seconds = (double)(clock() - begin) / CLOCKS_PER_SEC;
+        printf("20000 %s: %.2f s, %u nodes, %u coarse, %u fine, depth in "
+               "time %u, rms to anchor %.4f\n",
+               round ? "clustered" : "uniform", seconds, (unsigned)s.n_nodes,
+               (unsigned)s.n.coarse, (unsigned)s.n.fine,
+               (unsigned)max_depth_t(&s), spread(&s));
+        /* Ten times what it takes, for sanitizers and slow machines. */
+        assert_true(seconds < 10);
+        check_scene(&s, source, &f, &u.o);
+        saga_scene_free(&s);
+    }
+    free(source);
+    flat_free(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(hierarchy_should_hold_everything_when_uniform),
+        cmocka_unit_test(hierarchy_should_keep_to_the_fine_budget),
+        cmocka_unit_test(hierarchy_should_hold_everything_when_clustered),
+        cmocka_unit_test(hierarchy_should_be_valid_when_limits_vary),
+        cmocka_unit_test(hierarchy_should_split_time_only_where_it_varies),
+        cmocka_unit_test(hierarchy_should_not_split_time_for_a_minority),
+        cmocka_unit_test(hierarchy_should_not_split_time_when_model_is_still),
+        cmocka_unit_test(hierarchy_should_not_split_time_without_width),
+        cmocka_unit_test(hierarchy_should_take_degenerate_inputs),
+        cmocka_unit_test(hierarchy_should_give_anchors_to_what_matters),
+        cmocka_unit_test(hierarchy_should_find_crowds_with_medoids),
+        cmocka_unit_test(hierarchy_should_clamp_what_is_outside),
+        cmocka_unit_test(hierarchy_should_split_further_when_too_many),
+        cmocka_unit_test(hierarchy_should_refuse_when_budgets_are_short),
+        cmocka_unit_test(hierarchy_should_name_what_is_not_finite),
+        cmocka_unit_test(hierarchy_should_be_the_same_when_built_again),
+        cmocka_unit_test(hierarchy_should_be_quick_when_large),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

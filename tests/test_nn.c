@@ -1,0 +1,253 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Parts of the trainer's networks in float: Adam against steps by hand, random
+ * numbers, the same bits for any number of threads.
+ */
+#include "adam.h"
+#include "embedding.h"
+#include "kernel_interp.h"
+#include "net.h"
+#include "rng.h"
+
+#include <math.h>
+#include <omp.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+/* cmocka wants the headers above. */
+#include <cmocka.h>
+
+/* --- Adam ----------------------------------------------------------------- */
+
+/* First step: m' = g, v' = g^2, so x moves by the rate against the sign. Second
+ * step with g = 3 after 1: m' = (0.09 + 0.3) / 0.19, v' = (0.000999 + 0.009) /
+ * 0.001999. */
+static void adam_should_match_steps_by_hand(void **state)
+{
+    enum { N = 13 };
+    const saga_adam adam = saga_adam_default();
+    float x[N], g[N], m[N] = { 0 }, v[N] = { 0 };
+    const saga_adam_tensor t = { "x", x, g, m, v, N, 0.5f };
+    saga_adam_fault fault;
+    int i;
+
+    (void)state;
+    for (i = 0; i < N; i++) {
+        x[i] = 2;
+        g[i] = i % 2 ? -1e-12f : 1;
+    }
+    assert_int_equal(saga_adam_step(&fault, &adam, &t, 1, 1), 0);
+    for (i = 0; i < N; i++) {
+        /* |g| = 1e-12 stands 1000 above eps. */
+        const double want = i % 2 ? 2 + 0.5 / 1.001 : 1.5;
+
+        assert_true(fabs((double)x[i] - want) < 1e-6);
+        assert_true(fabs((double)m[i] - 0.1 * (double)g[i]) <
+                    1e-7 * fabs((double)g[i]));
+    }
+    for (i = 0; i < N; i++)
+        g[i] = 3;
+    assert_int_equal(saga_adam_step(&fault, &adam, &t, 1, 2), 0);
+    for (i = 0; i < N; i += 2)
+        assert_true(fabs((double)x[i] - (1.5 - 0.5 * (0.39 / 0.19) /
+                         sqrt(0.009999 / 0.001999))) < 1e-5);
+}
+
+static void adam_should_name_what_is_not_finite(void **state)
+{
+    enum { N = 10000 };
+    const saga_adam adam = saga_adam_default();
+    float *const x = calloc(8 * N, sizeof *x);
+    const saga_adam_tensor t[2] = {
+        { "good", x, x + N, x + 2 * N, x + 3 * N, N, 1 },
+        { "bad", x + 4 * N, x + 5 * N, x + 6 * N, x + 7 * N, N - 1, 1 }
+    };
+    saga_adam_fault fault;
+    int i;
+
+    (void)state;
+    for (i = 0; i < N; i++)
+        x[N + i] = x[5 * N + i] = 1;
+    x[5 * N + 9997] = NAN;
+    x[5 * N + 4321] = INFINITY;
+    assert_int_equal(saga_adam_step(&fault, &adam, t, 2, 1), -1);
+    assert_string_equal(fault.name, "bad");
+    assert_string_equal(fault.what, "gradient");
+    assert_int_equal(fault.index, 4321);
+    assert_true(x[0] == 0);
+    x[5 * N + 9997] = x[5 * N + 4321] = 1;
+    x[4 * N + 9998] = -INFINITY;
+    assert_int_equal(saga_adam_step(&fault, &adam, t, 2, 1), -1);
+    assert_string_equal(fault.what, "value");
+    assert_int_equal(fault.index, 9998);
+    x[4 * N + 9998] = 0;
+    assert_int_equal(saga_adam_step(&fault, &adam, t, 2, 1), 0);
+    assert_true(x[0] < 0 && x[4 * N + 9998] < 0);
+    free(x);
+}
+
+/* --- Random numbers ------------------------------------------------------- */
+
+static void rng_should_have_the_right_moments(void **state)
+{
+    enum { N = 200000 };
+    const saga_rng r = saga_rng_stream(1, 2);
+    double mean = 0, square = 0, normal = 0, normal2 = 0, lag = 0;
+    int count[7] = { 0 };
+    uint64_t i;
+
+    (void)state;
+    for (i = 0; i < N; i++) {
+        const double u = saga_rng_double(r, i) - 0.5;
+        const double z = saga_rng_normal(r, i);
+
+        mean += u;
+        square += u * u;
+        lag += u * (saga_rng_double(r, i + 1) - 0.5);
+        normal += z;
+        normal2 += z * z;
+        count[saga_rng_below(r, i, 7)]++;
+        assert_true(saga_rng_float(r, i) >= 0 && saga_rng_float(r, i) < 1);
+    }
+    assert_true(fabs(mean / N) < 0.003);
+    assert_true(fabs(square / N - 1.0 / 12) < 0.001);
+    assert_true(fabs(lag / N) < 0.001);
+    assert_true(fabs(normal / N) < 0.01);
+    assert_true(fabs(normal2 / N - 1) < 0.02);
+    for (i = 0; i < 7; i++)
+        assert_true(abs(count[i] - N / 7) < 800);
+}
+
+static void rng_should_have_unrelated_streams(void **state)
+{
+    uint64_t s, i, same = 0;
+
+    (void)state;
+    for (s = 0; s < 200; s++)
+        for (i = 0; i < 200; i++)
+            same += (saga_rng_bits(saga_rng_stream(1, s), i) >> 48) ==
+                    (saga_rng_bits(saga_rng_stream(1, s + 1), i) >> 48);
+    assert_true(same < 10);
+    assert_true(saga_rng_bits(saga_rng_stream(1, 2), 3) !=
+                saga_rng_bits(saga_rng_stream(2, 1), 3));
+}
+
+/* --- Threads -------------------------------------------------------------- */
+
+enum { POINTS = 2345, SOURCES = 300, NEIGHBOURS = 8, FEATURES = 24 };
+
+static const saga_net shape = { .n_layers = 3, .dim = { 27, 32, 16, 5 } };
+
+typedef struct {
+    float x[POINTS * 27], dx[POINTS * 27], y[POINTS * 5], dy[POINTS * 5];
+    float w[2000], dw[2000];
+    float feature[SOURCES * FEATURES], d_feature[SOURCES * FEATURES];
+    float place[POINTS * 4], support[POINTS * 4];
+    float d_place[POINTS * 4], d_query[POINTS * 4];
+    float out[POINTS * FEATURES], d_out[POINTS * FEATURES];
+    uint32_t index[POINTS * NEIGHBOURS], count[POINTS];
+} everything;
+
+static void run_everything(everything *e)
+{
+    const saga_kernel k = { POINTS, SOURCES, FEATURES, NEIGHBOURS, e->index,
+                            e->count, 0.5f, 1 };
+    const saga_kernel_values v = { e->feature, e->place, e->support,
+                                   e->place, e->support };
+    saga_kernel_values dv = { e->d_feature, e->d_place, NULL, e->d_query,
+                              NULL };
+    saga_net net = shape, d = shape;
+    saga_net_work work = { 0 };
+    saga_kernel_work kernel = { 0 };
+
+    saga_net_bind(&net, e->w);
+    saga_net_bind(&d, e->dw);
+    assert_true(saga_net_n_params(&net) <= 2000);
+    memset(e->dw, 0, sizeof e->dw);
+    memset(e->d_feature, 0, sizeof e->d_feature);
+    memset(e->d_place, 0, sizeof e->d_place);
+    memset(e->d_query, 0, sizeof e->d_query);
+    assert_int_equal(saga_net_forward(e->y, &work, e->x, POINTS, &net), 0);
+    assert_int_equal(saga_net_backward(e->dx, &d, &work, e->dy, e->x, POINTS,
+                                       &net), 0);
+    assert_int_equal(saga_kernel_link(&kernel, &k), 0);
+    saga_kernel_forward(e->out, &kernel, &v, &k);
+    saga_kernel_backward(&dv, &kernel, e->d_out, &v, &k);
+    saga_net_free(&work);
+    saga_kernel_free(&kernel);
+}
+
+static void fill(float *x, size_t n, uint64_t stream, float lo, float hi)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        x[i] = lo + (hi - lo) * saga_rng_float(saga_rng_stream(9, stream), i);
+}
+
+static void nets_should_not_depend_on_threads(void **state)
+{
+    everything *const e = calloc(2, sizeof *e);
+    uint32_t i;
+    int threads;
+
+    (void)state;
+    fill(e->x, POINTS * 27, 1, -1, 1);
+    fill(e->dy, POINTS * 5, 2, -1, 1);
+    fill(e->w, 2000, 3, -0.3f, 0.3f);
+    fill(e->feature, SOURCES * FEATURES, 4, -1, 1);
+    fill(e->place, POINTS * 4, 5, -1, 1);
+    fill(e->support, POINTS * 4, 6, 0.2f, 0.5f);
+    fill(e->d_out, POINTS * FEATURES, 7, -1, 1);
+    for (i = 0; i < POINTS * NEIGHBOURS; i++)
+        e->index[i] = saga_rng_below(saga_rng_stream(9, 8), i, SOURCES);
+    for (i = 0; i < POINTS; i++)
+        e->count[i] = 1 + i % NEIGHBOURS;
+    for (threads = 1; threads <= 3; threads++) {
+        omp_set_num_threads(threads);
+        run_everything(e);
+        if (threads == 1)
+            memcpy(e + 1, e, sizeof *e);
+        assert_memory_equal(e, e + 1, sizeof *e);
+    }
+    free(e);
+}
+
+/* A float's phase is exact: the embedding is as good near 8 turns as at 0. */
+static void embedding_should_be_precise_in_float(void **state)
+{
+    double worst = 0;
+    float u;
+
+    (void)state;
+    for (u = -2; u < 2; u += 0.00731f) {
+        float y[8];
+        int k;
+
+        saga_embedding_forward(y, 8, &u, 1, 1, 4);
+        for (k = 0; k < 4; k++) {
+            const double angle = acos(-1) / 2 * (1 << k) * (double)u;
+
+            worst = fmax(worst, fabs((double)y[2 * k] - sin(angle)));
+            worst = fmax(worst, fabs((double)y[2 * k + 1] - cos(angle)));
+        }
+    }
+    printf("  embedding: float error %.1e\n", worst);
+    assert_true(worst < 2e-7);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(adam_should_match_steps_by_hand),
+        cmocka_unit_test(adam_should_name_what_is_not_finite),
+        cmocka_unit_test(rng_should_have_the_right_moments),
+        cmocka_unit_test(rng_should_have_unrelated_streams),
+        cmocka_unit_test(nets_should_not_depend_on_threads),
+        cmocka_unit_test(embedding_should_be_precise_in_float)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,438 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The rasteriser in float: against the norm by the book in double, for any
+ * number of threads, and on hard cases.
+ */
+#include "ref_splats.h"
+#include "splat_colour.h"
+#include "splat_scene.h"
+
+#include <omp.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+/* cmocka wants the headers above. */
+#include <cmocka.h>
+
+typedef struct {
+    saga_splat_params p, d;
+    saga_splat_work work;
+    saga_splat_camera cam;
+    saga_splat_rules rules;
+    size_t n, plane;
+    real *image, *trans, *d_image, *d_trans;
+    real t;
+} fixture;
+
+static fixture *new_fixture(size_t n, int width, int height, uint64_t seed,
+                            double px)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    const saga_rng r = saga_rng_stream(seed, 1u << 30);
+    size_t i;
+
+    f->n = n;
+    f->plane = (size_t)width * (size_t)height;
+    f->p = scene_alloc(n);
+    f->d = scene_alloc(n);
+    scene_random(&f->p, n, seed, px);
+    f->cam = scene_camera(width, height, 0.1);
+    saga_splat_rules_default(&f->rules);
+    f->t = 0.5;
+    f->image = calloc(8 * f->plane, sizeof *f->image);
+    f->trans = f->image + 3 * f->plane;
+    f->d_image = f->trans + f->plane;
+    f->d_trans = f->d_image + 3 * f->plane;
+    for (i = 0; i < 4 * f->plane; i++)
+        f->d_image[i] = scene_uniform(r, i, -1, 1);
+    return f;
+}
+
+static void free_fixture(fixture *f)
+{
+    scene_free(&f->p);
+    scene_free(&f->d);
+    saga_splat_free(&f->work);
+    free(f->image);
+    free(f);
+}
+
+static void forward(fixture *f)
+{
+    assert_int_equal(saga_splat_forward(f->image, f->trans, &f->work, &f->p,
+                                        (uint32_t)f->n, f->t, &f->cam,
+                                        &f->rules), 0);
+}
+
+static void backward(fixture *f, saga_splat_stats *stats)
+{
+    memset(f->d.mean, 0, f->n * SCENE_REALS * sizeof(real));
+    assert_int_equal(saga_splat_backward(&f->d, stats, &f->work, f->d_image,
+                                         f->d_trans, f->image, f->trans, &f->p,
+                                         f->t, &f->cam, &f->rules), 0);
+}
+
+static int all_finite(const real *x, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        if (!isfinite(x[i]))
+            return 0;
+    return 1;
+}
+
+/* --- Against the book ----------------------------------------------------- */
+
+static void widen(double *to, const real *from, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        to[i] = (double)from[i];
+}
+
+static ref_primitive *ref_primitives(const fixture *f)
+{
+    ref_primitive *const r = malloc((f->n + 1) * sizeof *r);
+    size_t i;
+
+    for (i = 0; i < f->n; i++) {
+        widen(r[i].mean, f->p.mean + 3 * i, 3);
+        widen(r[i].quat, f->p.quat + 4 * i, 4);
+        widen(r[i].log2_scale, f->p.log2_scale + 3 * i, 3);
+        widen(&r[i].opacity, f->p.opacity + i, 1);
+        widen(r[i].colour, f->p.colour + 3 * i, 3);
+        widen(r[i].support, f->p.support + 3 * i, 3);
+        widen(r[i].motion, f->p.motion + 9 * i, 9);
+        widen(r[i].slope, f->p.slope + 4 * i, 4);
+        widen(&r[i].t_centre, f->p.t_centre + i, 1);
+        widen(&r[i].log2_width, f->p.log2_width + i, 1);
+    }
+    return r;
+}
+
+static ref_camera ref_camera_of(const fixture *f)
+{
+    ref_camera c;
+
+    widen(c.rotation, f->cam.rotation, 9);
+    widen(c.centre, f->cam.centre, 3);
+    widen(c.focal, f->cam.focal, 2);
+    widen(c.principal, f->cam.principal, 2);
+    widen(&c.near_plane, &f->cam.near_plane, 1);
+    widen(c.background, f->cam.background, 3);
+    widen(&c.cut, &f->rules.cut, 1);
+    widen(&c.alpha_cap, &f->rules.alpha_cap, 1);
+    widen(&c.t_floor, &f->rules.t_floor, 1);
+    c.width = f->cam.width;
+    c.height = f->cam.height;
+    return c;
+}
+
+/* Largest error of pixels whose comparisons were not close; at most `unsure`
+ * of the pixels may be left out. */
+static double error_to_book(fixture *f, double unsure)
+{
+    ref_primitive *const r = ref_primitives(f);
+    const ref_camera cam = ref_camera_of(f);
+    double *const image = malloc(4 * f->plane * sizeof *image);
+    uint8_t *const skip = malloc(f->plane);
+    double worst = 0;
+    size_t i, n_skipped = 0;
+    int c;
+
+    forward(f);
+    ref_splats_draw(image, image + 3 * f->plane, skip, r, f->n, (double)f->t,
+                    &cam, 2e-4);
+    for (i = 0; i < f->plane; i++)
+        if (skip[i])
+            n_skipped++;
+        else
+            for (c = 0; c < 4; c++) {
+                const size_t at = i + (size_t)c * f->plane;
+
+                worst = fmax(worst, fabs((double)f->image[at] - image[at]));
+            }
+    printf("  %zu primitives, %u visible, %zu pairs, %zu of %zu pixels "
+           "unsure: largest error %.1e\n", f->n, f->work.n_visible,
+           f->work.n_pairs, n_skipped, f->plane, worst);
+    assert_true((double)n_skipped <= unsure * (double)f->plane);
+    free(r);
+    free(image);
+    free(skip);
+    return worst;
+}
+
+static void splat_should_draw_the_norms_picture(void **state)
+{
+    static const int size[4][2] = { { 160, 90 }, { 37, 29 }, { 16, 16 },
+                                    { 1, 1 } };
+    int i;
+
+    (void)state;
+    for (i = 0; i < 4; i++) {
+        fixture *const f = new_fixture(600, size[i][0], size[i][1],
+                                       10 + (uint64_t)i, 2.5);
+
+        assert_true(error_to_book(f, i == 3 ? 1 : 0.1) < 2e-5);
+        free_fixture(f);
+    }
+}
+
+/* Needles from 1 to 1000 px long, at all angles: every tile they touch. */
+static void splat_should_draw_needles(void **state)
+{
+    fixture *const f = new_fixture(200, 203, 147, 20, 2);
+    size_t i;
+
+    (void)state;
+    for (i = 0; i < f->n; i++) {
+        f->p.log2_scale[3 * i] = (real)(i % 10) - 5;
+        f->p.log2_scale[3 * i + 1] = -12;
+        f->p.log2_scale[3 * i + 2] = -12;
+    }
+    assert_true(error_to_book(f, 0.3) < 2e-4);
+    free_fixture(f);
+}
+
+static void splat_should_draw_opaque_and_huge(void **state)
+{
+    fixture *const f = new_fixture(60, 61, 67, 21, 3);
+    size_t i;
+
+    (void)state;
+    for (i = 0; i < f->n; i++) {
+        f->p.opacity[i] = (real)(i % 3) * 30 - 20;
+        if (i % 7 == 0)
+            f->p.log2_scale[3 * i] = f->p.log2_scale[3 * i + 1] = 8;
+    }
+    assert_true(error_to_book(f, 0.1) < 2e-5);
+    free_fixture(f);
+}
+
+/* --- Threads -------------------------------------------------------------- */
+
+static void splat_should_not_depend_on_threads(void **state)
+{
+    fixture *const f = new_fixture(3000, 320, 180, 30, 1.5);
+    const size_t n_grad = f->n * SCENE_REALS;
+    real *const kept = calloc(4 * f->plane + n_grad + 4 * f->n, sizeof *kept);
+    real *const st = calloc(4 * f->n, sizeof *st);
+    int threads;
+
+    (void)state;
+    for (threads = 1; threads <= 3; threads++) {
+        saga_splat_stats s = { st, st + f->n, st + 2 * f->n,
+                               (uint32_t *)(void *)(st + 3 * f->n) };
+
+        omp_set_num_threads(threads);
+        memset(st, 0, 4 * f->n * sizeof *st);
+        forward(f);
+        backward(f, &s);
+        if (threads == 1) {
+            memcpy(kept, f->image, 4 * f->plane * sizeof(real));
+            memcpy(kept + 4 * f->plane, f->d.mean, n_grad * sizeof(real));
+            memcpy(kept + 4 * f->plane + n_grad, st, 4 * f->n * sizeof(real));
+        }
+        assert_memory_equal(kept, f->image, 4 * f->plane * sizeof(real));
+        assert_memory_equal(kept + 4 * f->plane, f->d.mean,
+                            n_grad * sizeof(real));
+        assert_memory_equal(kept + 4 * f->plane + n_grad, st,
+                            4 * f->n * sizeof(real));
+    }
+    free(kept);
+    free(st);
+    free_fixture(f);
+}
+
+/* --- Statistics ----------------------------------------------------------- */
+
+/* All blending weights and the light left over make one, per pixel. */
+static void splat_stats_should_add_up(void **state)
+{
+    fixture *const f = new_fixture(500, 80, 60, 40, 2);
+    real *const st = calloc(3 * f->n, sizeof *st);
+    uint32_t *const seen = calloc(f->n, sizeof *seen);
+    saga_splat_stats s = { st, st + f->n, st + 2 * f->n, seen };
+    double weight = 0, left = 0;
+    size_t i, n_seen = 0;
+
+    (void)state;
+    forward(f);
+    backward(f, &s);
+    backward(f, &s);
+    for (i = 0; i < f->n; i++) {
+        weight += (double)s.weight[i];
+        n_seen += seen[i];
+        assert_true((seen[i] == 0) == (s.radius[i] == 0));
+        assert_true(seen[i] != 0 || s.grad2d[i] == 0);
+    }
+    for (i = 0; i < f->plane; i++)
+        left += 1 - (double)f->trans[i];
+    assert_true(fabs(weight / 2 - left) < 1e-4 * left);
+    assert_int_equal(n_seen, 2 * f->work.n_visible);
+    free(st);
+    free(seen);
+    free_fixture(f);
+}
+
+/* --- Hard cases ----------------------------------------------------------- */
+
+static void splat_should_draw_background_when_empty(void **state)
+{
+    fixture *const f = new_fixture(0, 40, 30, 50, 2);
+    size_t i;
+
+    (void)state;
+    forward(f);
+    backward(f, NULL);
+    for (i = 0; i < f->plane; i++) {
+        assert_true(f->trans[i] == 1);
+        assert_true(f->image[i] == f->cam.background[0]);
+        assert_true(f->image[2 * f->plane + i] == f->cam.background[2]);
+    }
+    free_fixture(f);
+}
+
+/* Makes primitive i a plain one, seen by the camera. */
+static void plain(fixture *f, size_t i)
+{
+    size_t a;
+
+    for (a = 0; a < 3; a++) {
+        f->p.mean[3 * i + a] = 0;
+        f->p.log2_scale[3 * i + a] = -3;
+        f->p.support[3 * i + a] = 1;
+    }
+    for (a = 0; a < 4; a++)
+        f->p.quat[4 * i + a] = f->p.slope[4 * i + a] = 0;
+    for (a = 0; a < 9; a++)
+        f->p.motion[9 * i + a] = 0;
+    f->p.quat[4 * i] = 1;
+    f->p.opacity[i] = 1;
+    f->p.t_centre[i] = f->t;
+    f->p.log2_width[i] = 0;
+}
+
+/* Each changes one thing of a plain primitive at the origin, of a camera that
+ * stands at z = -3; `seen` says whether it is drawn. */
+static const struct hard_case {
+    const char *what;
+    int tensor, at;
+    float value;
+    int seen;
+} hard_cases[] = {
+    { "plain", 0, 0, 0, 1 },
+    { "on the near plane", 0, 2, -2.9375f, 1 },
+    { "just before the near plane", 0, 2, -2.9376f, 0 },
+    { "at the camera", 0, 2, -3, 0 },
+    { "behind", 0, 2, -9, 0 },
+    { "beside, x/z > 8", 0, 0, 25, 0 },
+    { "far away", 0, 2, 1e30f, 1 },
+    { "infinitely far", 0, 2, INFINITY, 0 },
+    { "not a number", 0, 1, NAN, 0 },
+    { "zero quaternion", 1, 0, 0, 1 },
+    { "tiny quaternion", 1, 0, 1e-25f, 1 },
+    { "long quaternion", 1, 0, 1e18f, 1 },
+    { "overflowing quaternion", 1, 0, 1e25f, 1 },
+    { "infinite quaternion", 1, 1, INFINITY, 1 },
+    { "needle", 2, 0, 20, 1 },
+    { "huge", 2, 1, 100, 1 },
+    { "point", 2, 2, -200, 1 },
+    { "scale not a number", 2, 2, NAN, 0 },
+    { "opaque", 3, 0, 200, 1 },
+    { "opacity infinite", 3, 0, INFINITY, 1 },
+    { "transparent", 3, 0, -7.9f, 1 },
+    { "too transparent", 3, 0, -8.1f, 0 },
+    { "opacity minus infinite", 3, 0, -INFINITY, 0 },
+    { "opacity not a number", 3, 0, NAN, 0 },
+    { "at another time, narrow", 8, 0, 0.25f, 1 },
+    { "long gone", 8, 0, -60, 0 },
+    { "no width", 9, 0, -300, 1 },
+    { "moves away", 6, 6, 1e30f, 1 },
+    { "support infinite", 5, 0, INFINITY, 0 }
+};
+
+static void splat_should_survive_hard_cases(void **state)
+{
+    const size_t n = sizeof hard_cases / sizeof *hard_cases;
+    size_t k;
+
+    (void)state;
+    for (k = 0; k < n; k++) {
+        const struct hard_case *const c = hard_cases + k;
+        fixture *const f = new_fixture(1, 40, 30, 60, 2);
+
+        f->cam = scene_camera(40, 30, 0);
+        plain(f, 0);
+        (*scene_tensor(&f->p, c->tensor))[c->at] = c->value;
+        forward(f);
+        if ((int)f->work.n_visible != c->seen)
+            print_error("%s: visible %u\n", c->what, f->work.n_visible);
+        assert_int_equal(f->work.n_visible, c->seen);
+        assert_true(all_finite(f->image, 4 * f->plane));
+        backward(f, NULL);
+        if (!all_finite(f->d.mean, SCENE_REALS))
+            print_error("%s: gradient\n", c->what);
+        assert_true(all_finite(f->d.mean, SCENE_REALS));
+        free_fixture(f);
+    }
+}
+
+/* Equal depths are drawn in the order of the index. */
+static void splat_should_break_ties_by_index(void **state)
+{
+    fixture *const f = new_fixture(2, 16, 16, 70, 2);
+    int i;
+
+    (void)state;
+    f->cam = scene_camera(16, 16, 0);
+    for (i = 0; i < 2; i++) {
+        plain(f, (size_t)i);
+        f->p.opacity[i] = 20;
+        f->p.colour[3 * i] = (real)i;
+        f->p.log2_scale[3 * i] = f->p.log2_scale[3 * i + 1] = 4;
+    }
+    forward(f);
+    assert_true(f->image[8 * 16 + 8] < 0.02f);
+    free_fixture(f);
+}
+
+static void colour_should_clamp_and_pass_gradients(void **state)
+{
+    static const real c[5] = { -0.75f, -0.75f, 0.25f, 0.75f, 0.75f };
+    static const real g[5] = { 1, -1, 1, 1, -1 };
+    static const real want[3][5] = { { 0, 0, 1, 0, 0 }, { 1, -1, 1, 1, -1 },
+                                     { 0, -1, 1, 1, 0 } };
+    real colour[5];
+    int mode, i;
+
+    (void)state;
+    saga_splat_colour_forward(colour, c, 5);
+    assert_true(colour[0] == 0 && colour[2] == 0.75f && colour[3] == 1);
+    for (mode = 0; mode < 3; mode++) {
+        real d[5] = { 0 };
+
+        saga_splat_colour_backward(d, g, c, 5, mode);
+        for (i = 0; i < 5; i++)
+            assert_true(d[i] == want[mode][i]);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(splat_should_draw_the_norms_picture),
+        cmocka_unit_test(splat_should_draw_needles),
+        cmocka_unit_test(splat_should_draw_opaque_and_huge),
+        cmocka_unit_test(splat_should_not_depend_on_threads),
+        cmocka_unit_test(splat_stats_should_add_up),
+        cmocka_unit_test(splat_should_draw_background_when_empty),
+        cmocka_unit_test(splat_should_survive_hard_cases),
+        cmocka_unit_test(splat_should_break_ties_by_index),
+        cmocka_unit_test(colour_should_clamp_and_pass_gradients)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,188 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Finite differences of the whole chain (animate, project, raster) in double,
+ * for every tensor. The cut and the floor are moved out of the way: in place,
+ * a pixel that crosses one jumps.
+ */
+#include "splat_scene.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+/* cmocka wants the headers above. */
+#include <cmocka.h>
+
+enum { N = 24, W = 37, H = 29, PIXELS = W * H };
+
+/* The error allowed: of the gradient, or of the tensor's largest where a
+ * gradient is smaller than a hundredth of it. */
+#define TOLERANCE 1e-5
+#define STEP 1e-5
+
+typedef struct {
+    saga_splat_params p, d;
+    saga_splat_work work;
+    saga_splat_camera cam;
+    saga_splat_rules rules;
+    real image[3 * PIXELS], trans[PIXELS];
+    real d_image[3 * PIXELS], d_trans[PIXELS];
+    real t;
+} fixture;
+
+/* A linear function of picture and transmittance. */
+static real loss(fixture *f)
+{
+    real sum = 0;
+    size_t i;
+
+    assert_int_equal(saga_splat_forward(f->image, f->trans, &f->work, &f->p, N,
+                                        f->t, &f->cam, &f->rules), 0);
+    for (i = 0; i < 3 * PIXELS; i++)
+        sum += f->d_image[i] * f->image[i];
+    for (i = 0; i < PIXELS; i++)
+        sum += f->d_trans[i] * f->trans[i];
+    return sum;
+}
+
+static fixture *new_fixture(uint64_t seed)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    const saga_rng r = saga_rng_stream(seed, 1u << 20);
+    size_t i;
+
+    f->p = scene_alloc(N);
+    f->d = scene_alloc(N);
+    scene_random(&f->p, N, seed, 4);
+    f->cam = scene_camera(W, H, 0.2);
+    saga_splat_rules_default(&f->rules);
+    f->rules.cut = 60;
+    f->rules.t_floor = 0;
+    f->t = 0.4;
+    for (i = 0; i < 3 * PIXELS; i++)
+        f->d_image[i] = scene_uniform(r, i, -1, 1);
+    for (i = 0; i < PIXELS; i++)
+        f->d_trans[i] = scene_uniform(r, 3 * PIXELS + i, -1, 1);
+    return f;
+}
+
+static void free_fixture(fixture *f)
+{
+    scene_free(&f->p);
+    scene_free(&f->d);
+    saga_splat_free(&f->work);
+    free(f);
+}
+
+/* Largest error of a tensor in units of its tolerance's base. */
+static double check_tensor(fixture *f, int k)
+{
+    real *const x = *scene_tensor(&f->p, k);
+    const real *const d = *scene_tensor(&f->d, k);
+    const size_t n = N * (size_t)scene_size[k];
+    double top = 0, worst = 0;
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        top = fmax(top, fabs(d[i]));
+    for (i = 0; i < n; i++) {
+        const real old = x[i];
+        double slope, error;
+
+        x[i] = old + STEP;
+        slope = loss(f);
+        x[i] = old - STEP;
+        slope = (slope - loss(f)) / (2 * STEP);
+        x[i] = old;
+        error = fabs(slope - d[i]) / fmax(fabs(slope), 0.01 * top);
+        worst = fmax(worst, error);
+    }
+    printf("  %-10s largest gradient %9.3e, worst error %.1e\n",
+           scene_name[k], top, worst);
+    assert_true(top > 0);
+    return worst;
+}
+
+static void check(fixture *f)
+{
+    double worst = 0;
+    int k;
+
+    loss(f);
+    assert_int_equal(saga_splat_backward(&f->d, NULL, &f->work, f->d_image,
+                                         f->d_trans, f->image, f->trans, &f->p,
+                                         f->t, &f->cam, &f->rules), 0);
+    for (k = 0; k < SCENE_TENSORS; k++)
+        worst = fmax(worst, check_tensor(f, k));
+    assert_true(worst < TOLERANCE);
+}
+
+static void splat_gradient_should_match_differences(void **state)
+{
+    uint64_t seed;
+
+    (void)state;
+    for (seed = 1; seed <= 2; seed++) {
+        fixture *const f = new_fixture(seed);
+
+        check(f);
+        free_fixture(f);
+    }
+}
+
+/* Opacities near 1 (the cap), needles, splats larger than the picture, means
+ * beyond the borders that clamp the Jacobian, a saturated temporal opacity. */
+static void splat_gradient_should_match_when_extreme(void **state)
+{
+    fixture *const f = new_fixture(3);
+    size_t i;
+
+    (void)state;
+    for (i = 0; i < N; i++) {
+        if (i % 4 == 0)
+            f->p.opacity[i] = 12;
+        if (i % 4 == 1) {
+            f->p.log2_scale[3 * i] = 1;
+            f->p.log2_scale[3 * i + 1] = -9;
+            f->p.log2_scale[3 * i + 2] = -9;
+        }
+        if (i % 8 == 2)
+            f->p.log2_scale[3 * i] = f->p.log2_scale[3 * i + 1] = 3;
+        if (i % 8 == 6)
+            f->p.mean[3 * i] *= 2;
+        if (i == 7)
+            f->p.log2_width[i] = -9;
+    }
+    check(f);
+    free_fixture(f);
+}
+
+/* Without a temporal opacity, time reaches the picture by motion and slope
+ * alone. */
+static void splat_gradient_should_skip_time_when_detached(void **state)
+{
+    fixture *const f = new_fixture(4);
+    size_t i;
+
+    (void)state;
+    f->rules.detach_time = 1;
+    f->p.log2_width = NULL;
+    loss(f);
+    assert_int_equal(saga_splat_backward(&f->d, NULL, &f->work, f->d_image,
+                                         f->d_trans, f->image, f->trans, &f->p,
+                                         f->t, &f->cam, &f->rules), 0);
+    for (i = 0; i < N; i++)
+        assert_true(f->d.t_centre[i] == 0);
+    assert_true(check_tensor(f, 6) < TOLERANCE);
+    free_fixture(f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(splat_gradient_should_match_differences),
+        cmocka_unit_test(splat_gradient_should_match_when_extreme),
+        cmocka_unit_test(splat_gradient_should_skip_time_when_detached)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

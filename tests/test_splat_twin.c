@@ -1,0 +1,198 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * One model, two arithmetics: the float rasteriser against the integer
+ * decoder's animate, project and raster on the same primitives. The bound is
+ * the project's: at least 55 dB from each other (design.md, issue 3).
+ */
+#include "animate.h"
+#include "project.h"
+#include "raster.h"
+#include "splat_scene.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+/* cmocka wants the headers above. */
+#include <cmocka.h>
+
+/* Box units per unit of scene_random; Q formats of the heads. */
+#define UNIT 2097152.0
+enum { Q_QUAT = 12, Q_MOTION = 12, Q_OPACITY = 10, LIST = 4096 };
+
+static int32_t quantise(double x, double lo, double hi)
+{
+    return (int32_t)lround(fmin(fmax(x, lo), hi));
+}
+
+static int16_t to_int16(real x, double scale)
+{
+    return (int16_t)quantise((double)x * scale, -32767, 32767);
+}
+
+/* Rounds primitive i of p to what the decoder holds, and p with it; returns
+ * the decoder's. */
+static saga_primitive round_primitive(saga_splat_params *p, size_t i)
+{
+    saga_primitive o;
+    size_t a;
+
+    for (a = 0; a < 3; a++) {
+        real *const x = p->mean + 3 * i + a, *const s = p->support + 3 * i + a;
+        real *const l = p->log2_scale + 3 * i + a;
+
+        o.x[a] = quantise((double)*x * UNIT, -8388608, 8388607);
+        o.support[a] = quantise((double)*s * UNIT, 1, 8388608);
+        o.log2_scale_q10[a] = to_int16(*l + 21, 1024);
+        *x = (real)o.x[a];
+        *s = (real)o.support[a];
+        *l = (real)o.log2_scale_q10[a] / 1024;
+    }
+    for (a = 0; a < 9; a++) {
+        o.motion[a] = to_int16(p->motion[9 * i + a], 1 << Q_MOTION);
+        p->motion[9 * i + a] = (real)o.motion[a] / (1 << Q_MOTION);
+    }
+    for (a = 0; a < 4; a++) {
+        o.quat[a] = to_int16(p->quat[4 * i + a], 1 << Q_QUAT);
+        o.slope[a] = to_int16(p->slope[4 * i + a], 1 << Q_QUAT);
+        p->quat[4 * i + a] = (real)o.quat[a] / (1 << Q_QUAT);
+        p->slope[4 * i + a] = (real)o.slope[a] / (1 << Q_QUAT);
+    }
+    o.opacity = to_int16(p->opacity[i], 1 << Q_OPACITY);
+    p->opacity[i] = (real)o.opacity / (1 << Q_OPACITY);
+    o.t_centre = quantise((double)p->t_centre[i] * 65536, -32768, 98303);
+    p->t_centre[i] = (real)o.t_centre / 65536;
+    o.log2_width_q10 = to_int16(p->log2_width[i] + 16, 1024);
+    p->log2_width[i] = (real)o.log2_width_q10 / 1024 - 16;
+    return o;
+}
+
+static saga_camera round_camera(saga_splat_camera *cam)
+{
+    saga_camera c;
+    int i;
+
+    for (i = 0; i < 9; i++) {
+        c.rotation_q30[i] = (int32_t)lround((double)cam->rotation[i] *
+                                            1073741824.0);
+        cam->rotation[i] = (real)(c.rotation_q30[i] / 1073741824.0);
+    }
+    for (i = 0; i < 3; i++) {
+        c.centre[i] = (int32_t)lround((double)cam->centre[i] * UNIT);
+        c.background_q15[i] = (uint16_t)lround((double)cam->background[i] *
+                                               32768);
+        cam->centre[i] = (real)c.centre[i];
+    }
+    for (i = 0; i < 2; i++) {
+        c.focal_q16[i] = (int32_t)lround((double)cam->focal[i] * 65536);
+        c.principal_q16[i] = (int32_t)lround((double)cam->principal[i] *
+                                             65536);
+    }
+    c.near_plane = (int32_t)lround((double)cam->near_plane * UNIT);
+    cam->near_plane = (real)c.near_plane;
+    c.width = (uint16_t)cam->width;
+    c.height = (uint16_t)cam->height;
+    return c;
+}
+
+/* The decoder's picture, 16 bits. */
+static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
+                          const saga_splat_params *p, uint32_t n, int32_t t,
+                          const saga_camera *cam)
+{
+    static const saga_prim_format format = {
+        .q_quat = Q_QUAT, .q_slope = Q_QUAT, .q_opacity = Q_OPACITY,
+        .q_motion = { Q_MOTION, Q_MOTION, Q_MOTION }, .motion_order = 3,
+        .has_slope = 1, .has_width = 1
+    };
+    saga_splat *const s = calloc(n, sizeof *s);
+    saga_key *const keys = calloc(2 * n, sizeof *keys);
+    const size_t nbytes = 1u << 22;
+    const saga_picture pic = { rgb, 6u * cam->width,
+                               6u * (size_t)cam->width * cam->height, 16 };
+    saga_job job = { .x1 = cam->width, .y1 = cam->height, .tile = 16,
+                     .list_capacity = LIST, .scratch = malloc(nbytes),
+                     .scratch_nbytes = nbytes };
+    uint32_t i, m = 0;
+    int a;
+
+    for (i = 0; i < n; i++) {
+        saga_animated moved;
+
+        saga_animate(&moved, prim + i, &format, t);
+        if (!saga_project(s + i, &moved, cam))
+            continue;
+        for (a = 0; a < 3; a++)
+            s[i].colour_q15[a] = (uint16_t)lround(
+                (double)p->colour[3 * i + (uint32_t)a] * 32768);
+        keys[m++] = (saga_key){ s[i].depth, i };
+    }
+    saga_depth_sort(keys, keys + n, m);
+    while (saga_raster(&job, &pic, cam, s, keys, m, 1u << 20) == SAGA_AGAIN)
+        ;
+    free(job.scratch);
+    free(keys);
+    free(s);
+}
+
+static double compare(uint32_t n, int width, int height, uint64_t seed,
+                      double px, double stretch)
+{
+    const size_t plane = (size_t)width * (size_t)height;
+    saga_splat_params p = scene_alloc(n);
+    saga_splat_camera cam = scene_camera(width, height, 0.15);
+    saga_primitive *const prim = calloc(n, sizeof *prim);
+    uint16_t *const rgb = calloc(3 * plane, sizeof *rgb);
+    real *const image = calloc(4 * plane, sizeof *image);
+    saga_splat_work work = { 0 };
+    saga_splat_rules rules;
+    saga_camera camera;
+    double mse = 0, worst = 0;
+    size_t i, c;
+
+    scene_random(&p, n, seed, px);
+    for (i = 0; i < n; i++) {
+        p.log2_scale[3 * i] += (real)stretch;
+        prim[i] = round_primitive(&p, i);
+    }
+    camera = round_camera(&cam);
+    assert_int_equal(saga_camera_check(&camera), SAGA_OK);
+    draw_integers(rgb, prim, &p, n, 22937, &camera);
+    saga_splat_rules_default(&rules);
+    saga_splat_forward(image, image + 3 * plane, &work, &p, n,
+                       22937 / 65536.0f, &cam, &rules);
+    for (i = 0; i < plane; i++)
+        for (c = 0; c < 3; c++) {
+            const double d = (double)image[c * plane + i] -
+                             rgb[3 * i + c] / 65535.0;
+
+            mse += d * d / (double)(3 * plane);
+            worst = fmax(worst, fabs(d));
+        }
+    mse = -10 * log10(mse);
+    printf("  %u primitives, %u visible, stretch 2^%g: %.1f dB, largest "
+           "difference %.2f of 255\n", n, work.n_visible, stretch, mse,
+           255 * worst);
+    saga_splat_free(&work);
+    scene_free(&p);
+    free(prim);
+    free(rgb);
+    free(image);
+    return mse;
+}
+
+static void twins_should_draw_the_same_picture(void **state)
+{
+    (void)state;
+    assert_true(compare(2000, 320, 180, 1, 1, 0) > 55);
+    assert_true(compare(300, 97, 61, 2, 3, 0) > 55);
+    assert_true(compare(300, 97, 61, 3, 0.1, 7) > 55);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(twins_should_draw_the_same_picture)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Gradients of the scene's float twin and of the regression loss against
+ * central differences, in double. The loss is a fixed random combination of
+ * every attribute, seen from two cameras, so each output counts.
+ */
+#include "regress.h"
+#include "rng.h"
+#include "twin.h"
+
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { N_FINE = 5, N_PRIM = 11 };
+
+static const double centres[2][3] = { { 2.0, 0.3, -1.0 }, { -1.5, 1.0, 2.0 } };
+
+static void make_model(saga_model *m, uint32_t tools)
+{
+    int i;
+
+    memset(m, 0, sizeof *m);
+    m->tools = tools;
+    m->features = 6;
+    m->octaves = 2;
+    m->lambda_t_q8 = 256;
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        m->sources[i] = SAGA_SOURCE_HYPER;
+    for (i = 0; i < SAGA_N_LEVELS; i++) {
+        m->level[i].n_groups = 2;
+        m->level[i].window = 8;
+        m->level[i].neighbours = 4;
+        m->level[i].suffix_bits = 4;
+        m->level[i].max_children = 8;
+        m->level[i].radius2_q12 = 65535;
+        m->level[i].softmax_q8 = 739;
+    }
+    for (i = 0; i < SAGA_N_NETS; i++) {
+        m->width[i] = 8;
+        m->q_in[i] = 12;
+    }
+}
+
+/* Two cells of a split root, five fine anchors, eleven primitives. */
+static void make_scene(saga_scene *s, uint32_t tools)
+{
+    const saga_counts n = { 2, N_FINE, N_PRIM };
+    const saga_rng r = saga_rng_stream(5, 0);
+    saga_model m;
+    uint64_t k = 0;
+    uint32_t i;
+
+    make_model(&m, tools);
+    assert_int_equal(saga_scene_init(s, &m, n, 3, 77), 0);
+    for (i = 0; i < 2; i++) {
+        s->coarse[i].depth_x = 1;
+        s->coarse[i].cell[0] = (uint16_t)i;
+        s->coarse[i].n_fine = (uint8_t)(i ? 2 : 3);
+        s->coarse[i].first_fine = i ? 3 : 0;
+        saga_scene_cell(s->coarse_x + 4 * i, &s->coarse[i]);
+    }
+    for (i = 0; i < N_FINE; i++) {
+        real c[4];
+        int a;
+
+        s->fine[i].parent = i >= 3;
+        saga_scene_cell(c, &s->coarse[i >= 3]);
+        for (a = 0; a < 4; a++)
+            s->fine_x[4 * i + (uint32_t)a] =
+                c[a] + 0.2 * (saga_rng_double(r, k++) - 0.5);
+    }
+    for (i = 0; i < N_PRIM; i++) {
+        int a;
+
+        s->prim_fine[i] = i * N_FINE / N_PRIM;
+        for (a = 0; a < 4; a++)
+            s->prim_x[4 * i + (uint32_t)a] =
+                s->fine_x[4 * s->prim_fine[i] + (uint32_t)a] +
+                0.1 * (saga_rng_double(r, k++) - 0.5);
+    }
+    for (i = 0; i < 2u * m.features; i++)
+        s->coarse_feature[i] = saga_rng_normal(r, k++);
+    /* Biases away from 0, colours away from the clamp. */
+    for (i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
+        s->params[i] = 0.5 * s->params[i] + 0.05 * saga_rng_normal(r, k++);
+}
+
+/* The functional: sum over views of c . colour, and c . everything else. With
+ * grad, its derivatives are written into the twin. */
+static double functional(const saga_twin *w, int view, int colour_only)
+{
+    const saga_rng r = saga_rng_stream(9, (uint64_t)view);
+    const saga_splat_params *const a = &w->attr, *const d = &w->d_attr;
+    const struct { const real *x; real *d; size_t n; } all[] = {
+        { a->colour, d->colour, 3 }, { a->quat, d->quat, 4 },
+        { a->log2_scale, d->log2_scale, 3 }, { a->opacity, d->opacity, 1 },
+        { a->support, d->support, 3 }, { a->motion, d->motion, 9 },
+        { a->slope, d->slope, 4 }, { a->t_centre, d->t_centre, 1 },
+        { a->log2_width, d->log2_width, 1 }, { a->mean, d->mean, 3 },
+    };
+    double sum = 0;
+    uint64_t k = 0;
+    size_t i, j;
+
+    for (i = 0; i < (colour_only ? 1 : sizeof all / sizeof *all); i++)
+        for (j = 0; all[i].x && j < all[i].n * N_PRIM; j++) {
+            const double c = saga_rng_normal(r, k++);
+
+            sum += c * all[i].x[j];
+            all[i].d[j] += c;
+        }
+    return sum;
+}
+
+/* View directions of the undisturbed scene: no gradient flows through them. */
+static real directions[2][3 * N_PRIM];
+
+static double forward(saga_twin *w, const saga_scene *s)
+{
+    real *const in = w->batch[SAGA_NET_COLOUR_VIEW].in;
+    double sum = 0;
+    int view;
+
+    assert_int_equal(saga_twin_geometry(w, s, s->coarse_feature), 0);
+    for (view = 0; view < 2; view++) {
+        if (s->model.tools & SAGA_TOOL_VIEW)
+            memcpy(in, directions[view], sizeof directions[view]);
+        assert_int_equal(saga_twin_colour(w, s, NULL), 0);
+        sum += functional(w, view, view > 0);
+    }
+    return sum;
+}
+
+static void gradient(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    int view;
+
+    assert_int_equal(saga_twin_geometry(w, s, s->coarse_feature), 0);
+    saga_twin_clear(w, s);
+    for (view = 0; view < 2; view++) {
+        assert_int_equal(saga_twin_colour(w, s, centres[view]), 0);
+        if (s->model.tools & SAGA_TOOL_VIEW)
+            memcpy(directions[view], w->batch[SAGA_NET_COLOUR_VIEW].in,
+                   sizeof directions[view]);
+        functional(w, view, view > 0);
+        assert_int_equal(saga_twin_colour_backward(w, d, s), 0);
+    }
+    assert_int_equal(saga_twin_backward(w, d, s), 0);
+}
+
+/* Central differences of step 1e-6 err by about 1e-9; ReLUs within the step of
+ * their corner are the reason for the few that may differ. */
+static void check_range(saga_twin *w, saga_scene *s, const saga_scene *d,
+                        real *at, size_t n, size_t stride)
+{
+    const double h = 1e-6;
+    size_t i, wrong = 0, tried = 0;
+
+    for (i = 0; i < n; i += stride) {
+        const size_t k = (size_t)(at - s->reals) + i;
+        const double x = s->reals[k];
+        double up, down, want;
+
+        s->reals[k] = x + h;
+        up = forward(w, s);
+        s->reals[k] = x - h;
+        down = forward(w, s);
+        s->reals[k] = x;
+        want = (up - down) / (2 * h);
+        tried++;
+        if (fabs(want - d->reals[k]) > 1e-5 * (1 + fabs(want)))
+            wrong++;
+    }
+    if (wrong)
+        printf("%zu of %zu differ\n", wrong, tried);
+    assert_true(wrong * 100 <= tried);
+}
+
+static void run_gradient(uint32_t tools)
+{
+    saga_scene s, d;
+    saga_twin w;
+
+    make_scene(&s, tools);
+    assert_int_equal(saga_scene_init(&d, &s.model, s.n, 3, 0), 0);
+    memset(d.reals, 0, d.n_reals * sizeof *d.reals);
+    assert_int_equal(saga_twin_init(&w, &s), 0);
+    assert_int_equal(saga_twin_refresh(&w, &s, s.coarse_feature), 0);
+    gradient(&w, &d, &s);
+    check_range(&w, &s, &d, s.coarse_feature, 2u * s.model.features, 1);
+    check_range(&w, &s, &d, s.params,
+                s.n_reals - (size_t)(s.params - s.reals), 3);
+    saga_twin_free(&w);
+    saga_scene_free(&s);
+    saga_scene_free(&d);
+}
+
+static void twin_gradients_should_match_differences_with_all_tools(void **state)
+{
+    (void)state;
+    run_gradient(SAGA_TOOLS_KNOWN);
+}
+
+static void twin_gradients_should_match_differences_without_tools(void **state)
+{
+    (void)state;
+    run_gradient(0);
+}
+
+static void regress_gradients_should_match_differences(void **state)
+{
+    enum { N = 3, REALS = 31 };
+    const saga_rng r = saga_rng_stream(3, 3);
+    double x[N * REALS], y[N * REALS], g[N * REALS] = { 0 }, weight[N];
+    saga_splat_params p[3];
+    double *const base[3] = { x, y, g };
+    size_t i;
+    int k;
+
+    (void)state;
+    for (k = 0; k < 3; k++) {
+        p[k] = (saga_splat_params){
+            .mean = base[k], .quat = base[k] + 3 * N,
+            .log2_scale = base[k] + 7 * N, .opacity = base[k] + 10 * N,
+            .colour = base[k] + 11 * N, .support = base[k] + 14 * N,
+            .motion = base[k] + 17 * N, .slope = NULL,
+            .t_centre = base[k] + 26 * N, .log2_width = base[k] + 27 * N };
+    }
+    for (i = 0; i < N * REALS; i++) {
+        x[i] = saga_rng_normal(r, i);
+        y[i] = saga_rng_normal(r, 1000 + i);
+    }
+    for (i = 0; i < N; i++)
+        weight[i] = 0.5 + (double)i;
+    saga_regress_loss(&p[2], &p[0], &p[1], weight, N);
+    for (i = 3 * N; i < 28 * N; i++) {
+        double dummy[N * REALS] = { 0 }, up, down;
+        const double keep = x[i], h = 1e-6;
+        saga_splat_params d = p[2];
+
+        /* Gradients of the probes go nowhere. */
+        d.quat = dummy + 3 * N;
+        d.log2_scale = dummy + 7 * N;
+        d.opacity = dummy + 10 * N;
+        d.colour = dummy + 11 * N;
+        d.support = dummy + 14 * N;
+        d.motion = dummy + 17 * N;
+        d.t_centre = dummy + 26 * N;
+        d.log2_width = dummy + 27 * N;
+        x[i] = keep + h;
+        up = saga_regress_loss(&d, &p[0], &p[1], weight, N);
+        x[i] = keep - h;
+        down = saga_regress_loss(&d, &p[0], &p[1], weight, N);
+        x[i] = keep;
+        assert_true(fabs((up - down) / (2 * h) - g[i]) <
+                    1e-5 * (1 + fabs(g[i])));
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(
+            twin_gradients_should_match_differences_with_all_tools),
+        cmocka_unit_test(
+            twin_gradients_should_match_differences_without_tools),
+        cmocka_unit_test(regress_gradients_should_match_differences),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Bytes by component, as `saga info` and `saga eval` both tell them.
+ */
+#ifndef SAGA_BYTES_TABLE_H
+#define SAGA_BYTES_TABLE_H
+
+#include "layout.h"
+
+#include <jansson.h>
+
+/* Prints a table on stdout; components without bytes are left out. */
+void saga_bytes_table_print(const saga_layout *layout);
+
+/* An object of all components; their sum is the file's size. */
+json_t *saga_bytes_table_json(const saga_layout *layout);
+
+#endif

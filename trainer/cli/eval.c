@@ -1,0 +1,356 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga eval: how good a file is, measured on the pictures that the integer
+ * decoder makes of it.
+ */
+#include "bytes_table.h"
+#include "cli.h"
+#include "commands.h"
+#include "evaluate.h"
+#include "input.h"
+#include "layout.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+typedef struct {
+    bool json;
+    saga_cli_pair frames;
+    int scale, threads, memory;
+    const char *hold_out, *pictures;
+} options;
+
+/* What is open and what came out. */
+typedef struct {
+    const options *o;
+    const char *file_name, *capture_name;
+    saga_bytes bytes;
+    saga_film film;
+    saga_layout layout;
+    saga_capture capture;
+    saga_eval eval;
+    saga_input_error error;
+} session;
+
+/* --- As text ------------------------------------------------------------- */
+
+static void print_score(const saga_score *s)
+{
+    printf("  %7.3f  %7.3f  %8.5f  %8.5f", s->psnr, s->psnr_of_mean,
+           s->ssim_zero, s->ssim_valid);
+    if (isnan(s->ms_ssim))
+        printf("         -\n");
+    else
+        printf("  %8.5f\n", s->ms_ssim);
+}
+
+static void print_mean(const char *name, int n, const saga_score *score)
+{
+    char text[40];
+
+    if (n == 0)
+        return;
+    snprintf(text, sizeof text, "mean of %d", n);
+    printf("%-16.16s %-9s", text, name);
+    print_score(score);
+}
+
+static void print_scores(const saga_eval *e)
+{
+    puts("view             set           PSNR  PSNR(mse)   SSIM 0    "
+         "SSIM v   MS-SSIM");
+    for (int i = 0; i < e->n_views; i++) {
+        printf("%-16.16s %-9s", e->view[i].name,
+               e->view[i].held_out ? "held out" : "training");
+        print_score(&e->view[i].score);
+    }
+    print_mean("training", e->n_training, &e->training);
+    print_mean("held out", e->n_held_out, &e->held_out);
+}
+
+static double each(double seconds, uint32_t n)
+{
+    return n ? 1e3 * seconds / n : 0.0;
+}
+
+static void print_times(const saga_film *film)
+{
+    const saga_stage_times *const t = &film->times;
+
+    printf("\ndecoding, ms on the wall (%d thread%s in draw, 1 elsewhere)\n"
+           "  head    %9.3f  once: header, index, networks\n"
+           "  segment %9.3f  each of %" PRIu32 "\n"
+           "  view    %9.3f  each of %" PRIu32 ": primitives to splats\n"
+           "  draw    %9.3f  each of %" PRIu32 ": splats to pixels\n",
+           film->n_threads, film->n_threads == 1 ? "" : "s", 1e3 * t->head,
+           each(t->segment, t->n_segments), t->n_segments,
+           each(t->view, t->n_views), t->n_views, each(t->draw, t->n_views),
+           t->n_views);
+}
+
+static void print_sizes(const saga_eval *e)
+{
+    bool same = true;
+
+    for (int i = 1; i < e->n_views; i++)
+        same = same && e->view[i].width == e->view[0].width &&
+               e->view[i].height == e->view[0].height;
+    if (same)
+        printf("%d x %d", e->view[0].width, e->view[0].height);
+    else
+        for (int i = 0; i < e->n_views; i++)
+            printf("%s%d x %d", i ? ", " : "", e->view[i].width,
+                   e->view[i].height);
+}
+
+static void print_protocol(const session *s)
+{
+    const saga_capture *const c = &s->capture;
+
+    printf("\nprotocol\n"
+           "  pictures  of the integer decoder, from the file alone, 8 bits\n"
+           "  capture   %s (%s), %d views\n"
+           "  frames    %d to %d of it, all compared\n"
+           "  size      ", s->capture_name, c->format, c->n_views,
+           c->first_frame, c->first_frame + c->n_frames - 1);
+    print_sizes(&s->eval);
+    if (c->scale == 1)
+        puts(" pixels, as loaded");
+    else
+        printf(" pixels, 1/%d by means of %d x %d boxes\n", c->scale,
+               c->scale, c->scale);
+    puts("  PSNR      " SAGA_PSNR_TEXT "\n"
+         "  PSNR(mse) " SAGA_PSNR_OF_MEAN_TEXT "\n"
+         "  SSIM 0    " SAGA_SSIM_ZERO_TEXT "\n"
+         "  SSIM v    " SAGA_SSIM_VALID_TEXT "\n"
+         "  MS-SSIM   " SAGA_MS_SSIM_TEXT "\n"
+         "  mean      over views, each the mean over its frames");
+}
+
+static double film_seconds(const saga_info *i)
+{
+    return (double)i->n_frames * i->rate_den / i->rate_num;
+}
+
+static void print_text(const session *s)
+{
+    const saga_info *const i = &s->film.info;
+
+    printf("%s against %s\n\n", s->file_name, s->capture_name);
+    print_scores(&s->eval);
+    saga_bytes_table_print(&s->layout);
+    printf("  %-18s %12" PRIu64 "  %.0f bit/s, %.0f bytes per frame\n",
+           "file", s->layout.file_nbytes,
+           8.0 * (double)s->layout.file_nbytes / film_seconds(i),
+           (double)s->layout.file_nbytes / i->n_frames);
+    print_times(&s->film);
+    print_protocol(s);
+}
+
+/* --- As JSON ------------------------------------------------------------- */
+
+/* JSON has no infinity and no NaN: null stands for both. */
+static json_t *real(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}
+
+static json_t *json_score(const saga_score *s)
+{
+    return json_pack("{sosososososo}",
+        "psnr", real(s->psnr), "psnr_of_mean_mse", real(s->psnr_of_mean),
+        "mse", real(s->mse), "ssim_zero", real(s->ssim_zero),
+        "ssim_valid", real(s->ssim_valid), "ms_ssim", real(s->ms_ssim));
+}
+
+static json_t *json_views(const saga_eval *e)
+{
+    json_t *const list = json_array();
+
+    for (int i = 0; i < e->n_views; i++) {
+        const saga_eval_view *const v = &e->view[i];
+        json_t *const o = json_pack("{sssbsisisi}", "name", v->name,
+            "held_out", (int)v->held_out, "rig_camera", v->rig,
+            "width", v->width, "height", v->height);
+
+        json_object_update_new(o, json_score(&v->score));
+        json_array_append_new(list, o);
+    }
+    return list;
+}
+
+static json_t *json_times(const saga_film *film)
+{
+    const saga_stage_times *const t = &film->times;
+
+    return json_pack("{sisfsfsfsfsIsI}", "threads", film->n_threads,
+        "head", 1e3 * t->head, "segment", each(t->segment, t->n_segments),
+        "view", each(t->view, t->n_views), "draw", each(t->draw, t->n_views),
+        "n_segments", (json_int_t)t->n_segments,
+        "n_views", (json_int_t)t->n_views);
+}
+
+static json_t *json_protocol(const session *s)
+{
+    const saga_capture *const c = &s->capture;
+
+    return json_pack("{sssssss[ii]sisssbssssssssss}",
+        "decoder", "integer, from the closed file, 8 bits",
+        "capture", s->capture_name, "format", c->format,
+        "frames", c->first_frame, c->first_frame + c->n_frames,
+        "scale", c->scale,
+        "scale_filter", c->scale == 1 ? "none" : "box mean",
+        "frames_all_compared", 1,
+        "psnr", SAGA_PSNR_TEXT, "psnr_of_mean_mse", SAGA_PSNR_OF_MEAN_TEXT,
+        "ssim_zero", SAGA_SSIM_ZERO_TEXT, "ssim_valid", SAGA_SSIM_VALID_TEXT,
+        "ms_ssim", SAGA_MS_SSIM_TEXT);
+}
+
+static int print_json(const session *s)
+{
+    const saga_info *const i = &s->film.info;
+    json_t *const o = json_pack("{sssIsfsosososososo}",
+        "file", s->file_name, "nbytes", (json_int_t)s->layout.file_nbytes,
+        "bits_per_second",
+        8.0 * (double)s->layout.file_nbytes / film_seconds(i),
+        "views", json_views(&s->eval),
+        "training", json_score(&s->eval.training),
+        "held_out", json_score(&s->eval.held_out),
+        "bytes", saga_bytes_table_json(&s->layout),
+        "decode_ms", json_times(&s->film), "protocol", json_protocol(s));
+    int status = SAGA_EXIT_OK;
+
+    json_object_set_new(o, "n_training",
+                        json_integer(s->eval.n_training));
+    json_object_set_new(o, "n_held_out",
+                        json_integer(s->eval.n_held_out));
+    if (!o || json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9)))
+        status = saga_cli_error(SAGA_EXIT_USAGE, "%s: the JSON cannot be made;"
+                                " are the files' names UTF-8?", s->file_name);
+    else
+        putchar('\n');
+    json_decref(o);
+    return status;
+}
+
+/* --- Together ------------------------------------------------------------ */
+
+static int give_up(const session *s, int status)
+{
+    return saga_cli_error(status, "eval: %s", s->error.message);
+}
+
+static int open_file(session *s)
+{
+    if (!saga_read_file(&s->bytes, s->file_name, &s->error))
+        return give_up(s, SAGA_EXIT_USAGE);
+    if (!saga_film_open(&s->film, s->file_name, s->bytes.data,
+                        s->bytes.nbytes, s->o->threads, &s->error))
+        return give_up(s, SAGA_EXIT_DATA);
+    if (!saga_layout_read(&s->layout, s->bytes.data, s->bytes.nbytes) ||
+        s->layout.damage[0])
+        return saga_cli_error(SAGA_EXIT_DATA, "eval: %s: %s; copy the file "
+                              "again", s->file_name, s->layout.damage);
+    return SAGA_EXIT_OK;
+}
+
+static int open_capture(session *s, saga_meter *meter)
+{
+    const options *const o = s->o;
+    saga_capture_options c = saga_capture_defaults();
+    const bool there = saga_path_is_folder(s->capture_name) ||
+                       saga_path_is_file(s->capture_name);
+    bool ok;
+
+    c.scale = o->scale;
+    c.first_frame = o->frames.a;
+    c.end_frame = o->frames.b;
+    c.hold_out = o->hold_out;
+    c.n_threads = o->threads;
+    c.memory_nbytes = (uint64_t)o->memory << 30;
+    c.progress = saga_meter_progress;
+    c.progress_user = meter;
+    ok = saga_capture_load(&s->capture, s->capture_name, &c, &s->error);
+    saga_meter_end(meter);
+    return ok ? SAGA_EXIT_OK
+              : give_up(s, there ? SAGA_EXIT_DATA : SAGA_EXIT_USAGE);
+}
+
+static int compare(session *s, saga_meter *meter)
+{
+    const saga_eval_options o = {
+        .pictures = s->o->pictures, .progress = saga_meter_progress,
+        .progress_user = meter
+    };
+    bool ok;
+
+    if (!saga_eval_match(&s->eval, &s->film, &s->capture, &s->error))
+        return give_up(s, SAGA_EXIT_DATA);
+    ok = saga_eval_run(&s->eval, &s->film, &s->capture, &o, &s->error);
+    saga_meter_end(meter);
+    if (!ok)
+        return give_up(s, SAGA_EXIT_USAGE);
+    if (s->o->json)
+        return print_json(s);
+    print_text(s);
+    return SAGA_EXIT_OK;
+}
+
+static int run(int argc, char **argv)
+{
+    options o = { .scale = 1, .memory = 4 };
+    const char *names[2];
+    saga_meter loading = { 0 }, comparing = { 0 };
+    session s = { .o = &o };
+    int status = saga_cli_parse(&saga_command_eval, &o, names, argc, argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    s.file_name = names[0];
+    s.capture_name = names[1];
+    status = open_file(&s);
+    if (!status)
+        status = open_capture(&s, &loading);
+    if (!status)
+        status = compare(&s, &comparing);
+    saga_eval_free(&s.eval);
+    saga_capture_free(&s.capture);
+    saga_layout_free(&s.layout);
+    saga_film_close(&s.film);
+    saga_bytes_free(&s.bytes);
+    return status;
+}
+
+static const saga_cli_option option_list[] = {
+    { "--json", NULL, "the same as JSON; null for infinite or undefined",
+      saga_cli_flag, offsetof(options, json), 0, 0 },
+    { "--frames", "A:B", "frames A to B - 1 of the capture: those the file "
+      "was\nencoded from (default all)", saga_cli_range,
+      offsetof(options, frames), 0, SAGA_MAX_FRAMES },
+    { "--scale", "1/N", "scale of the pictures, by means of N x N boxes",
+      saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
+    { "--hold-out", "NAME,..", "views that were not trained on (default: what "
+      "the\ncapture says)", saga_cli_text, offsetof(options, hold_out), 0, 0 },
+    { "--pictures", "DIR", "write each view's middle frame there: truth, "
+      "decode\nand 4 x difference side by side", saga_cli_text,
+      offsetof(options, pictures), 0, 0 },
+    { "--memory", "GIB", "memory for the capture's pictures (default 4)",
+      saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
+    { "--threads", "N", "threads (default: all cores); the scores do not "
+      "depend\non it", saga_cli_int, offsetof(options, threads), 1, 1024 }
+};
+
+const saga_command saga_command_eval = {
+    "eval", "FILE CAPTURE", 2,
+    "how good a file is: PSNR, SSIM, bytes, time",
+    "Decodes every frame of a .saga file in every view of the capture it was\n"
+    "made from, with the integer decoder, and compares. Tells PSNR, SSIM and\n"
+    "MS-SSIM per view and their means, training and held-out views apart;\n"
+    "bytes by component; decoding time by stage; and the protocol, without\n"
+    "which such numbers cannot be compared. A capture whose cameras, frames\n"
+    "or frame rate are not the file's is refused.\n",
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+};

@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A file against the capture it was made from: pictures of the integer
+ * decoder against the loaded ones, after both were opened anew.
+ */
+#ifndef SAGA_EVALUATE_H
+#define SAGA_EVALUATE_H
+
+#include "metrics.h"
+#include "view.h"
+
+typedef struct saga_eval_options {
+    const char *pictures;    /* folder for side-by-side PNGs, made if it is not
+                              * there; NULL: none */
+    saga_progress_fn *progress; /* or NULL */
+    void *progress_user;
+} saga_eval_options;
+
+typedef struct saga_eval_view {
+    const char *name;        /* the capture's */
+    int width, height;
+    bool held_out;
+    int rig;                 /* its camera in the file's rig; -1: none */
+    saga_camera camera;
+    saga_score score;        /* mean over the frames */
+} saga_eval_view;
+
+typedef struct saga_eval {
+    int n_views, n_frames;
+    saga_eval_view *view;    /* (n_views) in the capture's order */
+    int n_training, n_held_out;
+    saga_score training, held_out; /* means over views; of none, NaN */
+    double near_metres;
+} saga_eval;
+
+/* Whether the capture is what the file was made from, camera by camera; fills
+ * in all but the scores. The file's frame 0 is the capture's first.
+ * Training views must be in the file's rig (if it has one), up to 10^-4 of the
+ * cube's width, 0.1 degrees and 1 % of the focal length; held-out ones need
+ * not. A view in the rig takes the rig's background and near plane, the others
+ * those of the rig's first camera; with no rig: black, 2^-10 of the cube.
+ * False: *error says what does not fit and *eval is empty. */
+bool saga_eval_match(saga_eval *eval, const saga_film *film,
+                     const saga_capture *capture, saga_input_error *error);
+
+/* Decodes and compares every frame of every view that matched. With
+ * options->pictures, writes NAME_FFFFF.png (truth, decode, 4 x difference) of
+ * each view's middle frame. */
+bool saga_eval_run(saga_eval *eval, saga_film *film,
+                   const saga_capture *capture,
+                   const saga_eval_options *options,
+                   saga_input_error *error);
+
+void saga_eval_free(saga_eval *eval);
+
+#endif

@@ -1,0 +1,338 @@
+/* SPDX-License-Identifier: MIT */
+#include "metrics.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    TAPS = SAGA_SSIM_WINDOW,
+    HALF = TAPS / 2,
+    BAND = 16,              /* rows of SSIM one thread does at a time */
+    N_MAPS = 5              /* a, b, a a, b b, a b */
+};
+
+/* (0.01)^2 and (0.03)^2 of the SSIM paper, for samples in [0, 1]. */
+static const double c1 = 1e-4, c2 = 9e-4;
+
+static const double ms_weight[SAGA_MS_SSIM_SCALES] = {
+    0.0448, 0.2856, 0.3001, 0.2363, 0.1333
+};
+
+/* --- PSNR ---------------------------------------------------------------- */
+
+double saga_mse(const uint8_t *a, const uint8_t *b, size_t n)
+{
+    uint64_t sum = 0; /* below 2^63 for 2^47 samples */
+
+    for (size_t i = 0; i < n; i++) {
+        const int d = a[i] - b[i];
+
+        sum += (uint64_t)(d * d);
+    }
+    return n ? (double)sum / (double)n : 0.0;
+}
+
+double saga_psnr(double mse)
+{
+    return mse > 0.0 ? 10.0 * log10(255.0 * 255.0 / mse)
+                     : (double)INFINITY;
+}
+
+/* --- SSIM of one channel ------------------------------------------------- */
+
+/* Two channels to be compared, samples in [0, 1]. */
+typedef struct {
+    const double *a, *b;    /* (height, width) */
+    int width, height;
+    double tap[TAPS];
+    double (*row)[3];       /* (height) sums: SSIM of the row; SSIM and
+                             * contrast-structure of its inner columns */
+} pair;
+
+/* Means over all windows: of SSIM with zero padding; of SSIM and of the
+ * contrast-structure term of the windows inside. */
+typedef struct {
+    double zero, valid, structure;
+} channel_ssim;
+
+static void make_taps(double tap[TAPS])
+{
+    double sum = 0.0;
+
+    for (int i = 0; i < TAPS; i++) {
+        const double x = (i - HALF) / 1.5;
+
+        tap[i] = exp(-0.5 * x * x);
+        sum += tap[i];
+    }
+    for (int i = 0; i < TAPS; i++)
+        tap[i] /= sum;
+}
+
+/* One map of a row, filtered along it: line has HALF zeros at both ends. */
+static void filter_row(double *out, const double *line, int width,
+                       const double tap[TAPS])
+{
+    for (int x = 0; x < width; x++)
+        out[x] = 0.0;
+    for (int k = 0; k < TAPS; k++)
+        for (int x = 0; x < width; x++)
+            out[x] += tap[k] * line[x + k];
+}
+
+/* The five maps of row y, filtered along it; zeros outside the picture. */
+static void filter_maps(double *out, double *line, const pair *p, int y)
+{
+    const size_t w = (size_t)p->width;
+    const double *const a = p->a + (ptrdiff_t)y * p->width;
+    const double *const b = p->b + (ptrdiff_t)y * p->width;
+
+    if (y < 0 || y >= p->height) {
+        memset(out, 0, N_MAPS * w * sizeof *out);
+        return;
+    }
+    for (int map = 0; map < N_MAPS; map++) {
+        for (size_t x = 0; x < w; x++) {
+            const double product[N_MAPS] = {
+                a[x], b[x], a[x] * a[x], b[x] * b[x], a[x] * b[x]
+            };
+            line[x + HALF] = product[map];
+        }
+        filter_row(out + (size_t)map * w, line, p->width, p->tap);
+    }
+}
+
+/* SSIM and its contrast-structure part from the filtered maps of a pixel. */
+static double ssim_of(const double m[N_MAPS], double *structure)
+{
+    const double aa = m[0] * m[0], bb = m[1] * m[1], ab = m[0] * m[1];
+
+    *structure = (2.0 * (m[4] - ab) + c2) /
+                 (m[2] - aa + (m[3] - bb) + c2);
+    return (2.0 * ab + c1) / (aa + bb + c1) * *structure;
+}
+
+/* Sums of one row, from the maps of the TAPS rows around it. */
+static void sum_row(double sum[3], const double *maps, const pair *p)
+{
+    const size_t w = (size_t)p->width;
+
+    sum[0] = sum[1] = sum[2] = 0.0;
+    for (size_t x = 0; x < w; x++) {
+        double m[N_MAPS] = { 0.0 }, structure, ssim;
+
+        for (size_t k = 0; k < TAPS; k++)
+            for (size_t i = 0; i < N_MAPS; i++)
+                m[i] += p->tap[k] * maps[(k * N_MAPS + i) * w + x];
+        ssim = ssim_of(m, &structure);
+        sum[0] += ssim;
+        if (x >= HALF && x + HALF < w) {
+            sum[1] += ssim;
+            sum[2] += structure;
+        }
+    }
+}
+
+/* Rows y0.. of the sums; false when out of memory. */
+static bool sum_band(const pair *p, int y0)
+{
+    const size_t w = (size_t)p->width;
+    double *const line = calloc(w + 2 * HALF, sizeof *line);
+    double *const maps = malloc((BAND + 2 * HALF) * N_MAPS * w *
+                                sizeof *maps);
+    const int end = y0 + BAND < p->height ? y0 + BAND : p->height;
+
+    if (line && maps) {
+        for (int y = y0 - HALF; y < end + HALF; y++)
+            filter_maps(maps + (size_t)(y - y0 + HALF) * N_MAPS * w, line, p,
+                        y);
+        for (int y = y0; y < end; y++)
+            sum_row(p->row[y], maps + (size_t)(y - y0) * N_MAPS * w, p);
+    }
+    free(line);
+    free(maps);
+    return line && maps;
+}
+
+static channel_ssim means_of(const pair *p)
+{
+    const double all = (double)p->width * p->height;
+    const double inner = (double)(p->width - 2 * HALF) *
+                         (p->height - 2 * HALF);
+    channel_ssim s = { 0.0, 0.0, 0.0 };
+
+    for (int y = 0; y < p->height; y++) {
+        s.zero += p->row[y][0];
+        if (y < HALF || y + HALF >= p->height)
+            continue;
+        s.valid += p->row[y][1];
+        s.structure += p->row[y][2];
+    }
+    s.zero /= all;
+    if (p->width < TAPS || p->height < TAPS)
+        s.valid = s.structure = (double)NAN;
+    else {
+        s.valid /= inner;
+        s.structure /= inner;
+    }
+    return s;
+}
+
+static bool channel(channel_ssim *s, const double *a, const double *b,
+                    int width, int height, int n_threads)
+{
+    const int n = (height + BAND - 1) / BAND;
+    pair p = { .a = a, .b = b, .width = width, .height = height };
+    int failed = 0;
+
+    (void)n_threads; /* without OpenMP */
+    p.row = malloc((size_t)height * sizeof *p.row);
+    if (!p.row)
+        return false;
+    make_taps(p.tap);
+#pragma omp parallel for num_threads(n_threads) reduction(| : failed)
+    for (int i = 0; i < n; i++)
+        failed |= !sum_band(&p, i * BAND);
+    if (!failed)
+        *s = means_of(&p);
+    free(p.row);
+    return !failed;
+}
+
+/* --- Channels of pictures ------------------------------------------------ */
+
+/* Channel c of both pictures, in one block: a, then b. NULL: no memory. */
+static double *take_channel(const uint8_t *a, const uint8_t *b, size_t n,
+                            int c)
+{
+    double *const v = malloc(2 * n * sizeof *v);
+
+    for (size_t i = 0; v && i < n; i++) {
+        v[i] = a[3 * i + (size_t)c] / 255.0;
+        v[n + i] = b[3 * i + (size_t)c] / 255.0;
+    }
+    return v;
+}
+
+bool saga_ssim(double *zero, double *valid, const uint8_t *a,
+               const uint8_t *b, int width, int height, int n_threads)
+{
+    const size_t n = (size_t)width * (size_t)height;
+
+    *zero = *valid = 0.0;
+    for (int c = 0; c < 3; c++) {
+        double *const v = take_channel(a, b, n, c);
+        channel_ssim s = { 0.0, 0.0, 0.0 };
+        const bool ok = v && channel(&s, v, v + n, width, height, n_threads);
+
+        free(v);
+        if (!ok)
+            return false;
+        *zero += s.zero / 3.0;
+        *valid += s.valid / 3.0;
+    }
+    return true;
+}
+
+/* In place: the 2x2 means, a smaller picture at the same start. An output is
+ * never behind what is still to be read. */
+static void halve(double *v, int width, int height)
+{
+    const int w = (width + 1) / 2, h = (height + 1) / 2;
+
+    for (int y = 0; y < h; y++) {
+        const double *const r0 = v + (size_t)(2 * y) * (size_t)width;
+        const double *const r1 = 2 * y + 1 < height ? r0 + width : r0;
+
+        for (int x = 0; x < w; x++) {
+            const int x1 = 2 * x + 1 < width ? 2 * x + 1 : 2 * x;
+
+            v[(size_t)y * (size_t)w + (size_t)x] =
+                0.25 * (r0[2 * x] + r0[x1] + r1[2 * x] + r1[x1]);
+        }
+    }
+}
+
+/* One channel through all scales; a and b are used up. */
+static bool scales(double *value, double *a, double *b, int width,
+                   int height, int n_threads)
+{
+    *value = 1.0;
+    for (int i = 0; i < SAGA_MS_SSIM_SCALES; i++) {
+        const bool last = i + 1 == SAGA_MS_SSIM_SCALES;
+        channel_ssim s;
+        double term;
+
+        if (!channel(&s, a, b, width, height, n_threads))
+            return false;
+        term = last ? s.valid : s.structure;
+        *value *= pow(term > 0.0 ? term : 0.0, ms_weight[i]);
+        halve(a, width, height);
+        halve(b, width, height);
+        width = (width + 1) / 2;
+        height = (height + 1) / 2;
+    }
+    return true;
+}
+
+bool saga_ms_ssim(double *value, const uint8_t *a, const uint8_t *b,
+                  int width, int height, int n_threads)
+{
+    const size_t n = (size_t)width * (size_t)height;
+
+    *value = (double)NAN;
+    if (width < SAGA_MS_SSIM_MIN || height < SAGA_MS_SSIM_MIN)
+        return true;
+    *value = 0.0;
+    for (int c = 0; c < 3; c++) {
+        double *const v = take_channel(a, b, n, c);
+        double one = 0.0;
+        const bool ok = v && scales(&one, v, v + n, width, height, n_threads);
+
+        free(v);
+        if (!ok)
+            return false;
+        *value += one / 3.0;
+    }
+    return true;
+}
+
+/* --- All of them, and their means ---------------------------------------- */
+
+bool saga_score_picture(saga_score *score, const uint8_t *a, const uint8_t *b,
+                        int width, int height, int n_threads)
+{
+    const size_t n = 3 * (size_t)width * (size_t)height;
+
+    score->mse = saga_mse(a, b, n);
+    score->psnr = score->psnr_of_mean = saga_psnr(score->mse);
+    return saga_ssim(&score->ssim_zero, &score->ssim_valid, a, b, width,
+                     height, n_threads) &&
+           saga_ms_ssim(&score->ms_ssim, a, b, width, height, n_threads);
+}
+
+void saga_score_add(saga_score_sum *to, const saga_score *score)
+{
+    to->sum.mse += score->mse;
+    to->sum.psnr += score->psnr;
+    to->sum.ssim_zero += score->ssim_zero;
+    to->sum.ssim_valid += score->ssim_valid;
+    to->sum.ms_ssim += score->ms_ssim;
+    to->n++;
+}
+
+saga_score saga_score_mean(const saga_score_sum *of)
+{
+    const double n = of->n ? (double)of->n : (double)NAN;
+    const double mse = of->sum.mse / n;
+
+    return (saga_score){
+        .mse = mse,
+        .psnr = of->sum.psnr / n,
+        .psnr_of_mean = of->n ? saga_psnr(mse) : (double)NAN,
+        .ssim_zero = of->sum.ssim_zero / n,
+        .ssim_valid = of->sum.ssim_valid / n,
+        .ms_ssim = of->sum.ms_ssim / n
+    };
+}

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * How far two pictures are from each other.
+ *
+ * Conventions. Pictures are 8-bit RGB rows without padding, as a viewer gets
+ * them: clipped and rounded. Sums are taken in double, rows in order, so that
+ * the result does not depend on the number of threads. A metric of a set of
+ * pictures is the mean of the pictures' own values; only psnr_of_mean goes
+ * over the mean of the squared errors.
+ */
+#ifndef SAGA_METRICS_H
+#define SAGA_METRICS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* The variants, as reports name them. */
+#define SAGA_PSNR_TEXT "8-bit RGB, mean of the pictures' values"
+#define SAGA_PSNR_OF_MEAN_TEXT "8-bit RGB, of the mean squared error of all"
+#define SAGA_SSIM_ZERO_TEXT \
+    "11x11 Gaussian, sigma 1.5, RGB, zero padding, borders count"
+#define SAGA_SSIM_VALID_TEXT \
+    "11x11 Gaussian, sigma 1.5, RGB, windows inside the picture only"
+#define SAGA_MS_SSIM_TEXT \
+    "5 scales (Wang 2003), windows inside, 2x2 mean, per channel"
+
+enum {
+    SAGA_SSIM_WINDOW = 11,
+    SAGA_MS_SSIM_SCALES = 5,
+    SAGA_MS_SSIM_MIN = 161     /* least side: the window at the last scale */
+};
+
+/* What one pair of pictures scores. */
+typedef struct saga_score {
+    double mse;              /* of 8-bit samples */
+    double psnr;             /* dB; infinity for equal pictures */
+    double psnr_of_mean;     /* of a set: of its mean mse; of one: psnr */
+    double ssim_zero, ssim_valid;
+    double ms_ssim;          /* NaN when a side is below SAGA_MS_SSIM_MIN */
+} saga_score;
+
+/* Mean squared difference of n samples; 0 for n = 0. */
+double saga_mse(const uint8_t *a, const uint8_t *b, size_t n);
+
+/* 10 log10(255^2 / mse), infinity for 0. */
+double saga_psnr(double mse);
+
+/* Both SSIMs of a picture of RGB; valid is NaN when a side is below 11. False
+ * when out of memory. */
+bool saga_ssim(double *zero, double *valid, const uint8_t *a,
+               const uint8_t *b, int width, int height, int n_threads);
+
+/* MS-SSIM: product of the mean contrast-structure terms (negative means count
+ * as 0) of scales 1 to 4 and the mean SSIM of scale 5, to Wang's powers. A
+ * scale's picture is the 2x2 mean of the one before; the last row or column of
+ * an odd side is repeated. NaN when too small. False when out of memory. */
+bool saga_ms_ssim(double *value, const uint8_t *a, const uint8_t *b,
+                  int width, int height, int n_threads);
+
+/* All of them. */
+bool saga_score_picture(saga_score *score, const uint8_t *a, const uint8_t *b,
+                        int width, int height, int n_threads);
+
+/* Mean of scores: zero a saga_score_sum, add, take the mean; of none, NaN. */
+typedef struct saga_score_sum {
+    saga_score sum;
+    int n;
+} saga_score_sum;
+
+void saga_score_add(saga_score_sum *to, const saga_score *score);
+saga_score saga_score_mean(const saga_score_sum *of);
+
+#endif

@@ -1,0 +1,249 @@
+/* SPDX-License-Identifier: MIT */
+#include "orbit.h"
+
+#include "input.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+static const double pi = 3.14159265358979323846;
+
+/* --- Vectors ------------------------------------------------------------- */
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross(double c[3], const double a[3], const double b[3])
+{
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* False, and *a as it was, if it has hardly any length. */
+static bool normalise(double a[3])
+{
+    const double n = sqrt(dot(a, a));
+
+    if (!(n > 1e-9))
+        return false;
+    for (int i = 0; i < 3; i++)
+        a[i] /= n;
+    return true;
+}
+
+/* --- Where the rig looks ------------------------------------------------- */
+
+/* Solves the symmetric positive definite m x = v by Cramer's rule. */
+static void solve(double x[3], const double m[9], const double v[3])
+{
+    double c[3][3], d;
+
+    cross(c[0], m + 3, m + 6);
+    cross(c[1], m + 6, m);
+    cross(c[2], m, m + 3);
+    d = dot(m, c[0]);
+    for (int i = 0; i < 3; i++)
+        x[i] = (c[0][i] * v[0] + c[1][i] * v[1] + c[2][i] * v[2]) / d;
+}
+
+/* The point nearest to all optical axes, pulled a little towards the middle
+ * of the cube, which decides where the axes are parallel. */
+static void find_focus(double focus[3], const saga_metric *metric,
+                       const saga_shot *shots, int n)
+{
+    double m[9] = { 0.0 }, v[3] = { 0.0 };
+
+    for (int s = 0; s < n; s++) {
+        const double *const f = shots[s].rotation + 6;
+        double centre[3];
+
+        saga_shot_centre(centre, &shots[s]);
+        for (int i = 0; i < 3; i++)
+            for (int k = 0; k < 3; k++) {
+                const double p = (i == k ? 1.0 : 0.0) - f[i] * f[k];
+
+                m[3 * i + k] += p;
+                v[i] += p * centre[k];
+            }
+    }
+    for (int i = 0; i < 3; i++) {
+        m[4 * i] += 1e-3 * n;
+        v[i] += 1e-3 * n * metric->centre[i];
+    }
+    solve(focus, m, v);
+}
+
+/* --- The sweep ----------------------------------------------------------- */
+
+/* The mean of the cameras' up, or if they cancel out, the first one's. */
+static void find_up(double up[3], const saga_shot *shots, int n)
+{
+    for (int i = 0; i < 3; i++) {
+        up[i] = 0.0;
+        for (int s = 0; s < n; s++)
+            up[i] -= shots[s].rotation[3 + i];
+    }
+    if (!normalise(up))
+        for (int i = 0; i < 3; i++)
+            up[i] = -shots[0].rotation[3 + i];
+}
+
+/* A camera's place seen from the focus: along up, and away from it. */
+static double split(double level[3], const saga_orbit *o,
+                    const saga_shot *shot)
+{
+    double height;
+
+    saga_shot_centre(level, shot);
+    for (int i = 0; i < 3; i++)
+        level[i] -= o->focus[i];
+    height = dot(level, o->up);
+    for (int i = 0; i < 3; i++)
+        level[i] -= height * o->up[i];
+    return height;
+}
+
+/* Axes, radius and height. */
+static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
+{
+    double level[3];
+
+    o->radius = o->height = 0.0;
+    for (int i = 0; i < 3; i++)
+        o->ahead[i] = 0.0;
+    for (int s = 0; s < n; s++) {
+        o->height += split(level, o, &shots[s]) / n;
+        o->radius += sqrt(dot(level, level)) / n;
+        for (int i = 0; i < 3; i++)
+            o->ahead[i] += level[i];
+    }
+    if (!normalise(o->ahead)) {
+        split(o->ahead, o, &shots[0]);
+        if (!normalise(o->ahead))
+            return false;
+    }
+    cross(o->side, o->up, o->ahead);
+    return true;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* The cameras' angles, without the widest gap between two of them. */
+static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
+                       double *angle)
+{
+    double gap, end;
+
+    for (int s = 0; s < n; s++) {
+        double level[3];
+
+        split(level, o, &shots[s]);
+        angle[s] = atan2(dot(level, o->side), dot(level, o->ahead));
+    }
+    qsort(angle, (size_t)n, sizeof *angle, by_value);
+    gap = angle[0] + 2.0 * pi - angle[n - 1];
+    end = angle[n - 1];
+    for (int s = 1; s < n; s++)
+        if (angle[s] - angle[s - 1] > gap) {
+            gap = angle[s] - angle[s - 1];
+            end = angle[s - 1] + 2.0 * pi;
+        }
+    o->half = 0.5 * (2.0 * pi - gap);
+    o->middle = end - o->half;
+    o->closed = gap < pi / 2.0;
+    if (n == 1)
+        o->half = pi / 36.0; /* a glance to the side still shows depth */
+}
+
+bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
+                   saga_input_error *error)
+{
+    const int n = (int)film->info.n_cameras;
+    saga_shot *const shots = saga_calloc((size_t)n, sizeof *shots);
+    double *const angle = saga_calloc((size_t)n, sizeof *angle);
+    uint32_t number;
+    bool ok = shots && angle &&
+              saga_film_rig(film, 0, &orbit->lens, &number, error);
+
+    for (int i = 0; i < n && ok; i++) {
+        saga_camera c;
+
+        ok = saga_film_rig(film, (uint32_t)i, &c, &number, error);
+        saga_shot_of_camera(&shots[i], &film->metric, &c);
+    }
+    if (ok) {
+        find_focus(orbit->focus, &film->metric, shots, n);
+        find_up(orbit->up, shots, n);
+        ok = find_middle(orbit, shots, n);
+    }
+    if (ok)
+        find_sweep(orbit, shots, n, angle);
+    else
+        saga_fail(error, film->name, "give a camera",
+                  "its rig does not tell where to move");
+    free(shots);
+    free(angle);
+    return ok;
+}
+
+bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
+                       const saga_metric *metric, double turn,
+                       saga_input_error *error)
+{
+    const double phase = 2.0 * pi * turn;
+    const double angle = orbit->middle +
+        (orbit->closed ? phase : orbit->half * sin(phase));
+    double centre[3], *right, *down, *forward;
+    saga_shot shot = { .name = "orbit" };
+
+    saga_shot_of_camera(&shot, metric, &orbit->lens);
+    right = shot.rotation;
+    down = shot.rotation + 3;
+    forward = shot.rotation + 6;
+    for (int i = 0; i < 3; i++) {
+        const double away = cos(angle) * orbit->ahead[i] +
+                            sin(angle) * orbit->side[i];
+
+        forward[i] = -orbit->radius * away - orbit->height * orbit->up[i];
+        centre[i] = orbit->focus[i] - forward[i];
+    }
+    cross(right, forward, orbit->up);
+    if (!normalise(forward) || !normalise(right))
+        return saga_fail(error, "orbit", "give a camera",
+                         "the rig looks straight down");
+    cross(down, forward, right);
+    for (int i = 0; i < 3; i++)
+        shot.translation[i] = -dot(shot.rotation + 3 * i, centre);
+    *camera = orbit->lens;
+    return saga_camera_of_shot(camera, metric, &shot,
+                               metric->unit * orbit->lens.near_plane, error);
+}
+
+void saga_camera_resize(saga_camera *camera, int width, int height)
+{
+    const double sx = (double)width / camera->width;
+    const double sy = (double)height / camera->height;
+    const double scale = sx < sy ? sx : sy;
+    const int old[2] = { camera->width, camera->height };
+    const int side[2] = { width, height };
+
+    for (int i = 0; i < 2; i++) {
+        const double off = camera->principal_q16[i] - 32768.0 * old[i];
+        const double focal = rint(scale * camera->focal_q16[i]);
+        const double at = rint(32768.0 * side[i] + scale * off);
+
+        camera->focal_q16[i] = (int32_t)fmin(fmax(focal, 1.0), 2147483647.0);
+        camera->principal_q16[i] =
+            (int32_t)fmin(fmax(at, -1073741824.0), 1073741824.0);
+    }
+    camera->width = (uint16_t)width;
+    camera->height = (uint16_t)height;
+}

@@ -1,0 +1,589 @@
+/* SPDX-License-Identifier: MIT */
+#include "capture.h"
+
+#include "check.h"
+#include "input.h"
+#include "load.h"
+#include "picture.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+
+saga_capture_options saga_capture_defaults(void)
+{
+    return (saga_capture_options){.scale = 1,
+                                  .memory_nbytes = (uint64_t)4 << 30};
+}
+
+void saga_capture_free(saga_capture *capture)
+{
+    for (int v = 0; v < capture->n_views; v++) {
+        saga_shot *const view = &capture->views[v];
+        for (int k = 0; view->depth && k < capture->n_frames; k++)
+            free(view->depth[k]);
+        free(view->depth);
+        free(view->rgb);
+    }
+    free(capture->views);
+    free(capture->points);
+    *capture = (saga_capture){0};
+}
+
+/* -------------------------------------------------------------------- plan */
+
+void saga_plan_free(saga_plan *plan)
+{
+    for (int i = 0; i < plan->n_sources; i++) {
+        saga_source *const s = &plan->sources[i];
+        for (int k = 0; k < plan->n_frames; k++) {
+            if (s->pictures)
+                free(s->pictures[k]);
+            if (s->depths)
+                free(s->depths[k]);
+        }
+        free(s->pictures);
+        free(s->depths);
+        free(s->video);
+    }
+    free(plan->sources);
+    free(plan->points);
+    *plan = (saga_plan){0};
+}
+
+/* All names in one line, for messages. */
+static void list_names(const saga_plan *plan, char *text, size_t n)
+{
+    size_t used = 0;
+    text[0] = '\0';
+    for (int i = 0; i < plan->n_sources && used + 8 < n; i++)
+        used += (size_t)snprintf(text + used, n - used, "%s%.40s",
+                                 i ? "," : "", plan->sources[i].name);
+}
+
+static bool hold_out_one(saga_plan *plan, const char *name, size_t n,
+                         saga_input_error *error)
+{
+    for (int i = 0; i < plan->n_sources; i++) {
+        saga_source *const s = &plan->sources[i];
+        if (strlen(s->name) != n || strncmp(s->name, name, n) != 0)
+            continue;
+        s->held_out = true;
+        return true;
+    }
+    char names[160];
+    list_names(plan, names, sizeof names);
+    return saga_fail(error, plan->path, "use names of this capture's cameras",
+                     "--hold-out names \"%.*s\", but the cameras are %s",
+                     (int)(n < 60 ? n : 60), name, names);
+}
+
+bool saga_plan_hold_out(saga_plan *plan, const char *names,
+                        saga_input_error *error)
+{
+    for (int i = 0; names && i < plan->n_sources; i++)
+        plan->sources[i].held_out = false;
+    for (const char *p = names; p && *p;) {
+        const size_t n = strcspn(p, ",");
+        if (n > 0 && !hold_out_one(plan, p, n, error))
+            return false;
+        p += n + (p[n] == ',');
+    }
+    for (int i = 0; i < plan->n_sources; i++)
+        if (!plan->sources[i].held_out)
+            return true;
+    return saga_fail(error, plan->path, "use --hold-out to keep some for "
+                     "training", "all %d cameras are held out",
+                     plan->n_sources);
+}
+
+bool saga_source_probe_video(saga_source *source, saga_plan *plan,
+                             saga_input_error *error)
+{
+    if (!saga_video_probe(&source->info, source->video, error))
+        return false;
+    source->width = source->info.width;
+    source->height = source->info.height;
+    if (source->info.untagged && !strstr(plan->notes, "colour:"))
+        saga_note(plan->notes, "colour: video without a matrix tag (%s) is "
+                  "taken as BT.709", source->name);
+    return true;
+}
+
+bool saga_plan_match_videos(saga_plan *plan,
+                            const saga_capture_options *options,
+                            saga_input_error *error)
+{
+    const saga_source *shortest = &plan->sources[0];
+    const saga_source *longest = shortest;
+    for (int i = 1; i < plan->n_sources; i++) {
+        const saga_source *const s = &plan->sources[i];
+        if (s->info.n_frames < shortest->info.n_frames)
+            shortest = s;
+        if (s->info.n_frames > longest->info.n_frames)
+            longest = s;
+        if (fabs(s->info.fps - plan->sources[0].info.fps) >
+            0.001 * s->info.fps)
+            return saga_fail(error, s->video, "give all cameras one frame "
+                             "rate", "has %g frames per second, %s has %g",
+                             s->info.fps, plan->sources[0].name,
+                             plan->sources[0].info.fps);
+    }
+    plan->n_frames = shortest->info.n_frames;
+    if (plan->fps == 0.0)
+        plan->fps = plan->sources[0].info.fps;
+    if (longest->info.n_frames == plan->n_frames ||
+        (options->end_frame > 0 && options->end_frame <= plan->n_frames))
+        return true;
+    char remedy[120];
+    (void)snprintf(remedy, sizeof remedy, "cut the videos alike, or use "
+                   "--frames 0:%d if they start together", plan->n_frames);
+    return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
+                     "%s has %d frames, %s has %d", shortest->name,
+                     shortest->info.n_frames, longest->name,
+                     longest->info.n_frames);
+}
+
+/* ----------------------------------------------------------------- options */
+
+static bool check_options(const saga_capture_options *o, const char *path,
+                          saga_input_error *error)
+{
+    if (o->scale < 1 || o->scale > SAGA_MAX_SCALE)
+        return saga_fail(error, path, "use --scale 1/N with N from 1 to 64",
+                         "--scale 1/%d is out of range", o->scale);
+    if (o->first_frame < 0 || o->end_frame < 0 ||
+        (o->end_frame > 0 && o->end_frame <= o->first_frame))
+        return saga_fail(error, path, "use --frames A:B with 0 <= A < B",
+                         "--frames %d:%d is empty", o->first_frame,
+                         o->end_frame);
+    return true;
+}
+
+static bool choose_range(saga_capture *capture, const saga_plan *plan,
+                         const saga_capture_options *o,
+                         saga_input_error *error)
+{
+    const int end = o->end_frame ? o->end_frame : plan->n_frames;
+    char remedy[64];
+    (void)snprintf(remedy, sizeof remedy, "use a range within 0:%d",
+                   plan->n_frames);
+    if (end > plan->n_frames || o->first_frame >= end)
+        return saga_fail(error, plan->path, remedy, "--frames %d:%d is not in "
+                         "the capture's %d frames", o->first_frame, end,
+                         plan->n_frames);
+    capture->first_frame = o->first_frame;
+    capture->n_frames = end - o->first_frame;
+    return true;
+}
+
+/* ---------------------------------------------------------------- forecast */
+
+typedef struct load_job {
+    const saga_capture_options *options;
+    const saga_plan *plan;
+    saga_capture *capture;
+    saga_remap *remaps;       /* (n_views), planned, without tables */
+    int n_threads;
+    saga_input_error *error;
+    /* Guarded by "omp critical(saga_load)". */
+    int first_failed;         /* lowest item that failed; INT32_MAX none,
+                               * -1 cancelled */
+    int n_done, n_items;
+} load_job;
+
+static double picture_nbytes(const load_job *job, int v, double scale)
+{
+    const saga_source *const s = &job->plan->sources[v];
+    const double px = floor(s->width / scale) * floor(s->height / scale);
+    double n = 3.0 * px * job->capture->n_frames;
+    for (int k = 0; s->depths && job->options->want_depth &&
+                    k < job->capture->n_frames; k++)
+        if (s->depths[job->capture->first_frame + k])
+            n += 4.0 * px;
+    return n;
+}
+
+/* One source picture, its table and one depth picture per thread. */
+static double scratch_nbytes(const load_job *job)
+{
+    double most = 0.0;
+    for (int v = 0; v < job->plan->n_sources; v++) {
+        const saga_source *const s = &job->plan->sources[v];
+        most = fmax(most, 7.0 * s->width * s->height +
+                              (double)saga_remap_nbytes(&job->remaps[v],
+                                                        &s->lens));
+    }
+    return most * job->n_threads;
+}
+
+static double forecast(const load_job *job, double scale)
+{
+    double n = scratch_nbytes(job);
+    for (int v = 0; v < job->plan->n_sources; v++)
+        n += picture_nbytes(job, v, scale);
+    return n;
+}
+
+static void say_remedy(const load_job *job, double need, char *text, size_t n)
+{
+    const double budget = (double)job->options->memory_nbytes;
+    const double frames = need - scratch_nbytes(job);
+    int scale = job->options->scale;
+    while (scale < SAGA_MAX_SCALE && forecast(job, scale) > budget)
+        scale++;
+    const int fit = (int)floor((budget - scratch_nbytes(job)) / frames *
+                               job->capture->n_frames);
+    size_t used = (size_t)snprintf(text, n, "use ");
+    if (forecast(job, scale) <= budget)
+        used += (size_t)snprintf(text + used, n - used, "--scale 1/%d, ",
+                                 scale);
+    if (fit > 0)
+        used += (size_t)snprintf(text + used, n - used, "--frames %d:%d, ",
+                                 job->capture->first_frame,
+                                 job->capture->first_frame + fit);
+    (void)snprintf(text + used, n - used, "or --mem %.0fM",
+                   ceil(need / 1048576.0));
+}
+
+static bool check_budget(const load_job *job)
+{
+    const double need = forecast(job, job->options->scale);
+    if (need <= (double)job->options->memory_nbytes && need < 9e15)
+        return true;
+    const saga_source *const s = &job->plan->sources[0];
+    char remedy[200];
+    say_remedy(job, need, remedy, sizeof remedy);
+    return saga_fail(job->error, job->plan->path, remedy, "%d cameras x %d "
+                     "frames of %d x %d pixels at 1/%d need %.1f MiB, the "
+                     "budget is %.1f MiB", job->plan->n_sources,
+                     job->capture->n_frames, s->width, s->height,
+                     job->options->scale, need / 1048576.0,
+                     (double)job->options->memory_nbytes / 1048576.0);
+}
+
+/* ---------------------------------------------------------------- decoding */
+
+/* Called after each item. The error of the lowest item wins: items start in
+ * order, so it is the same one for any number of threads. */
+static void item_done(load_job *job, int item, bool ok,
+                      const saga_input_error *error)
+{
+#pragma omp critical(saga_load)
+    {
+        if (!ok && item < job->first_failed) {
+            job->first_failed = item;
+            *job->error = *error;
+        }
+        job->n_done++;
+        const saga_capture_options *const o = job->options;
+        if (job->first_failed == INT32_MAX && o->progress &&
+            !o->progress(o->progress_user,
+                         (double)job->n_done / job->n_items, "loading")) {
+            job->first_failed = -1;
+            saga_fail(job->error, job->plan->path, NULL, "cancelled");
+        }
+    }
+}
+
+/* Only what comes after a failure is given up: an earlier item may yet turn
+ * out to be the first that fails. */
+static bool item_skipped(load_job *job, int item)
+{
+    bool skip;
+#pragma omp critical(saga_load)
+    skip = job->first_failed < item;
+    return skip;
+}
+
+static uint8_t *frame_to_fill(const load_job *job, int v, int k)
+{
+    const saga_shot *const view = &job->capture->views[v];
+    return view->rgb + saga_view_frame_nbytes(view) * (size_t)k;
+}
+
+static bool read_video(load_job *job, int v, const saga_remap *remap,
+                       uint8_t *buffer, saga_input_error *error)
+{
+    const saga_source *const s = &job->plan->sources[v];
+    const int first = job->capture->first_frame;
+    const int end = first + job->capture->n_frames;
+    saga_video video;
+    if (!saga_video_open(&video, s->video, &s->info, end, error))
+        return false;
+    bool ok = true;
+    for (int k = 0; ok && k < end; k++) {
+        ok = saga_video_next(&video, buffer, error);
+        if (ok && k >= first)
+            saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k - first));
+        /* A cancelled load must not wait for the end of long videos. */
+        if (item_skipped(job, v))
+            ok = saga_fail(error, s->video, NULL, "stopped");
+    }
+    return saga_video_close(&video, ok, error);
+}
+
+static void load_video(load_job *job, int v)
+{
+    const saga_source *const s = &job->plan->sources[v];
+    saga_input_error error = {{0}};
+    saga_remap remap = job->remaps[v];
+    uint8_t *const buffer =
+        saga_alloc((size_t)s->width * (size_t)s->height, 3);
+    bool ok = buffer && saga_remap_build(&remap, &s->lens);
+    if (!ok)
+        saga_fail(&error, s->video, "use --scale", "out of memory");
+    ok = ok && read_video(job, v, &remap, buffer, &error);
+    saga_remap_free(&remap);
+    free(buffer);
+    item_done(job, v, ok, &error);
+}
+
+static void load_picture(load_job *job, int v, int k, const saga_remap *remap)
+{
+    const saga_source *const s = &job->plan->sources[v];
+    const char *const path = s->pictures[job->capture->first_frame + k];
+    saga_input_error error = {{0}};
+    uint8_t *const buffer =
+        saga_alloc((size_t)s->width * (size_t)s->height, 3);
+    bool ok = buffer || saga_fail(&error, path, "use --scale",
+                                  "out of memory");
+    ok = ok && saga_picture_read(path, s->width, s->height, buffer, &error);
+    if (ok)
+        saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k));
+    free(buffer);
+    item_done(job, v * job->capture->n_frames + k, ok, &error);
+}
+
+static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
+{
+    const saga_source *const s = &job->plan->sources[v];
+    const saga_shot *const view = &job->capture->views[v];
+    const char *const path = s->depths[job->capture->first_frame + k];
+    saga_input_error error = {{0}};
+    float *const buffer = saga_alloc((size_t)s->width * (size_t)s->height, 4);
+    bool ok = buffer || saga_fail(&error, path, "use --scale",
+                                  "out of memory");
+    ok = ok && saga_exr_read_depth(path, s->width, s->height, buffer, &error);
+    if (ok)
+        saga_remap_depth(remap, buffer, view->depth[k]);
+    free(buffer);
+    item_done(job, v * job->capture->n_frames + k, ok, &error);
+}
+
+/* All still pictures, or all depths, of one view. */
+static void load_view(load_job *job, int v, bool depth)
+{
+    const saga_source *const s = &job->plan->sources[v];
+    const int n = job->capture->n_frames;
+    saga_remap remap = job->remaps[v];
+    saga_input_error error = {{0}};
+    if (!saga_remap_build(&remap, &s->lens)) {
+        saga_fail(&error, job->plan->path, "use --scale", "out of memory");
+        item_done(job, v * n, false, &error);
+        return;
+    }
+#pragma omp parallel for schedule(dynamic, 1) num_threads(job->n_threads)
+    for (int k = 0; k < n; k++) {
+        if (item_skipped(job, v * n + k))
+            continue;
+        if (!depth)
+            load_picture(job, v, k, &remap);
+        else if (job->capture->views[v].depth[k])
+            load_depth(job, v, k, &remap);
+    }
+    saga_remap_free(&remap);
+}
+
+static bool load_all(load_job *job)
+{
+    const int n_views = job->plan->n_sources;
+    const bool videos = job->plan->sources[0].video != NULL;
+    job->n_items = videos ? n_views : n_views * job->capture->n_frames;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(job->n_threads)
+    for (int v = 0; v < (videos ? n_views : 0); v++)
+        if (!item_skipped(job, v))
+            load_video(job, v);
+    for (int v = 0; !videos && v < n_views; v++)
+        load_view(job, v, false);
+    if (job->first_failed != INT32_MAX)
+        return false;
+    job->n_done = 0;
+    job->n_items = n_views * job->capture->n_frames;
+    for (int v = 0; v < n_views; v++)
+        if (job->capture->views[v].depth)
+            load_view(job, v, true);
+    return job->first_failed == INT32_MAX;
+}
+
+/* ----------------------------------------------------------------- capture */
+
+static bool allocate_view(const load_job *job, saga_shot *view,
+                          const saga_source *s)
+{
+    const size_t n_frames = (size_t)job->capture->n_frames;
+    const size_t px = (size_t)view->width * (size_t)view->height;
+    view->rgb = saga_alloc(px * 3, n_frames);
+    if (!view->rgb)
+        return false;
+    bool any = false;
+    for (size_t k = 0; s->depths && k < n_frames; k++)
+        any |= s->depths[(size_t)job->capture->first_frame + k] != NULL;
+    if (!any || !job->options->want_depth)
+        return true;
+    view->depth = saga_calloc(n_frames, sizeof *view->depth);
+    for (size_t k = 0; view->depth && k < n_frames; k++) {
+        if (!s->depths[(size_t)job->capture->first_frame + k])
+            continue;
+        view->depth[k] = saga_alloc(px, sizeof **view->depth);
+        if (!view->depth[k])
+            return false;
+    }
+    return view->depth != NULL;
+}
+
+static bool make_view(const load_job *job, int v)
+{
+    const saga_source *const s = &job->plan->sources[v];
+    const saga_remap *const m = &job->remaps[v];
+    saga_shot *const view = &job->capture->views[v];
+    *view = (saga_shot){
+        .width = m->width, .height = m->height, .fx = m->fx, .fy = m->fy,
+        .cx = m->cx, .cy = m->cy, .near_depth = s->near_depth,
+        .far_depth = s->far_depth, .held_out = s->held_out,
+        .source_width = s->width, .source_height = s->height,
+        .focal_scale = m->focal_scale, .n_observations = s->n_observations,
+        .reprojection_median = s->reprojection_median,
+        .reprojection_p90 = s->reprojection_p90};
+    memcpy(view->name, s->name, sizeof view->name);
+    memcpy(view->rotation, s->rotation, sizeof view->rotation);
+    memcpy(view->translation, s->translation, sizeof view->translation);
+    return allocate_view(job, view, s) ||
+           saga_fail(job->error, job->plan->path, "use --scale or --frames",
+                     "out of memory for the pictures of %s", s->name);
+}
+
+static void note_decisions(const load_job *job)
+{
+    char *const notes = job->capture->notes;
+    if (job->options->scale > 1)
+        saga_note(notes, "scale: 1/%d, boxes of %d x %d pixels averaged",
+                  job->options->scale, job->options->scale,
+                  job->options->scale);
+    for (int v = 0; v < job->capture->n_views; v++) {
+        const saga_shot *const view = &job->capture->views[v];
+        if (!saga_lens_is_pinhole(&job->plan->sources[v].lens))
+            saga_note(notes, "lens: %s undistorted, focal length x %.5f",
+                      view->name, view->focal_scale);
+    }
+}
+
+static bool fill_capture(load_job *job)
+{
+    saga_capture *const c = job->capture;
+    const saga_plan *const plan = job->plan;
+    c->views = saga_calloc((size_t)plan->n_sources, sizeof *c->views);
+    if (!c->views)
+        return saga_fail(job->error, plan->path, NULL, "out of memory");
+    c->n_views = plan->n_sources;
+    for (int v = 0; v < c->n_views; v++)
+        if (!make_view(job, v))
+            return false;
+    note_decisions(job);
+    /* Poses are cheap to check, pictures are not to decode. */
+    return saga_check_overlap(c, plan->path, job->error) && load_all(job);
+}
+
+static bool plan_remaps(load_job *job)
+{
+    for (int v = 0; v < job->plan->n_sources; v++) {
+        const saga_source *const s = &job->plan->sources[v];
+        if (!saga_remap_plan(&job->remaps[v], &s->lens, s->width, s->height,
+                             job->options->scale,
+                             s->video ? s->video : s->pictures[0],
+                             job->error))
+            return false;
+    }
+    return true;
+}
+
+static bool carry_out(saga_capture *capture, saga_plan *plan,
+                      const saga_capture_options *options,
+                      saga_input_error *error)
+{
+    load_job job = {.options = options, .plan = plan, .capture = capture,
+                    .error = error, .first_failed = INT32_MAX,
+                    .n_threads = options->n_threads > 0
+                                     ? options->n_threads
+                                     : omp_get_max_threads()};
+    capture->format = plan->format;
+    capture->scale = options->scale;
+    capture->points = plan->points;
+    capture->n_points = plan->n_points;
+    plan->points = NULL;
+    memcpy(capture->notes, plan->notes, sizeof capture->notes);
+    capture->fps = plan->fps > 0.0      ? plan->fps
+                   : options->fps > 0.0 ? options->fps
+                                        : 30.0;
+    if (plan->fps <= 0.0 && plan->n_frames > 1)
+        saga_note(capture->notes, "time: frame rate unknown, %g assumed "
+                  "(--fps)", capture->fps);
+    job.remaps = saga_calloc((size_t)plan->n_sources, sizeof *job.remaps);
+    if (!job.remaps)
+        return saga_fail(error, plan->path, NULL, "out of memory");
+    const bool ok = choose_range(capture, plan, options, error) &&
+                    plan_remaps(&job) && check_budget(&job) &&
+                    fill_capture(&job);
+    free(job.remaps);
+    return ok;
+}
+
+/* ------------------------------------------------------------------ format */
+
+static bool unknown_format(const char *path, saga_input_error *error)
+{
+    if (!saga_path_is_folder(path))
+        return saga_fail(error, path, "give the folder of a capture, or its "
+                         "transforms.json", "does not exist or is neither a "
+                         "folder nor a .json file");
+    return saga_fail(error, path, "looked for transforms.json (nerfstudio) "
+                     "and for cam*.mp4 with poses_bounds.npy or a COLMAP "
+                     "model in colmap/ or sparse/0 (Neu3D)",
+                     "holds no capture of a known format");
+}
+
+static bool make_plan(saga_plan *plan, const char *path,
+                      const saga_capture_options *options,
+                      saga_input_error *error)
+{
+    if (saga_has_suffix(path, ".json") && saga_path_is_file(path))
+        return saga_nerfstudio_plan(plan, path, options, error);
+    char *const json = saga_path_join(path, "transforms.json");
+    if (!json)
+        return saga_fail(error, path, NULL, "out of memory");
+    bool ok;
+    if (saga_path_is_file(json))
+        ok = saga_nerfstudio_plan(plan, json, options, error);
+    else if (saga_neu3d_is_there(path))
+        ok = saga_neu3d_plan(plan, path, options, error);
+    else
+        ok = unknown_format(path, error);
+    free(json);
+    return ok;
+}
+
+bool saga_capture_load(saga_capture *capture, const char *path,
+                       const saga_capture_options *options,
+                       saga_input_error *error)
+{
+    saga_plan plan = {.path = path};
+    *capture = (saga_capture){0};
+    *error = (saga_input_error){{0}};
+    const bool ok = check_options(options, path, error) &&
+                    make_plan(&plan, path, options, error) &&
+                    carry_out(capture, &plan, options, error);
+    saga_plan_free(&plan);
+    if (!ok)
+        saga_capture_free(capture);
+    return ok;
+}

@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Captures: several cameras that filmed one moving scene.
+ *
+ * Conventions. World: right-handed, units and axes as the capture has them
+ * (nothing is recentred or rescaled). Camera: OpenCV axes, x right, y down,
+ * z forward; rotation and translation take world to camera,
+ *
+ *     X = rotation * P + translation,   u = fx X/Z + cx,   v = fy Y/Z + cy.
+ *
+ * Pixels: the corner of a picture is (0, 0) and the centre of its first pixel
+ * (1/2, 1/2). Pictures are 8-bit RGB rows, display-referred (sRGB-like), no
+ * padding. Lenses are gone after loading: every view is a pinhole, every
+ * pixel of it valid (remap.h says how its focal length is chosen). Cameras
+ * stand still; frame k of every view was taken at the same moment.
+ *
+ * Memory: all frames stay resident. What that needs is forecast before any
+ * picture is decoded, and refused if it exceeds the budget. Nothing is cached
+ * elsewhere, there is no global state; a loaded capture may be read by any
+ * number of threads. Loading gives the same bytes for any number of threads.
+ */
+#ifndef SAGA_CAPTURE_H
+#define SAGA_CAPTURE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum {
+    SAGA_NAME_NBYTES = 64,
+    SAGA_NOTES_NBYTES = 4096,
+    SAGA_MESSAGE_NBYTES = 1024,
+    SAGA_MAX_VIEWS = 4096,
+    SAGA_MAX_FRAMES = 1 << 20,
+    SAGA_MAX_SIDE = 16384,  /* width or height of a picture, pixels */
+    SAGA_MAX_SCALE = 64
+};
+
+/* One sentence for the user: the file, what is wrong with which value, and
+ * what to do about it. Empty as long as nothing failed. */
+typedef struct saga_input_error {
+    char message[SAGA_MESSAGE_NBYTES];
+} saga_input_error;
+
+/* Called from any thread, one call at a time; done runs from 0 to 1. Return
+ * false to cancel: the call in progress then fails with "cancelled". */
+typedef bool saga_progress_fn(void *user, double done, const char *doing);
+
+typedef struct saga_capture_options {
+    int scale;               /* N of 1/N, 1..SAGA_MAX_SCALE; N x N boxes are
+                              * averaged */
+    int first_frame;         /* frames first_frame..end_frame - 1 */
+    int end_frame;           /* 0: to the last */
+    const char *hold_out;    /* names, comma-separated; "" none; NULL: what the
+                              * capture says, for Neu3D cam00 */
+    uint64_t memory_nbytes;  /* budget for pictures and depth */
+    int n_threads;           /* 0: as many as OpenMP gives */
+    double fps;              /* used where the capture does not say; 0: 30 */
+    bool want_depth;         /* load depth pictures where there are some */
+    saga_progress_fn *progress; /* or NULL */
+    void *progress_user;
+} saga_capture_options;
+
+typedef struct saga_shot {
+    char name[SAGA_NAME_NBYTES];
+    int width, height;
+    double fx, fy, cx, cy;    /* pixels, of the pictures held here */
+    double rotation[9];       /* world to camera, row-major, orthonormal */
+    double translation[3];
+    double near_depth, far_depth; /* along z; 0, 0 if unknown */
+    bool held_out;            /* for evaluation only, never trained on */
+
+    /* Where it came from: for reports. */
+    int source_width, source_height;
+    double focal_scale;       /* pinhole focal / lens focal, at source size;
+                               * 1 if there was no distortion */
+    int n_observations;       /* of points, if a COLMAP model came along */
+    double reprojection_median, reprojection_p90; /* of those, source px */
+
+    uint8_t *rgb;             /* (n_frames, height, width, 3) */
+    float **depth;            /* (n_frames) each (height, width) or NULL: z
+                               * along the optical axis; NULL if none at all */
+} saga_shot;
+
+typedef struct saga_point {
+    double position[3];
+    uint8_t rgb[3];
+    int16_t n_seen;           /* training views that saw it; -1 unknown */
+} saga_point;
+
+typedef struct saga_capture {
+    const char *format;       /* static string, for reports */
+    int n_views, n_frames;
+    int first_frame;          /* index in the source of frame 0 here */
+    double fps;
+    int scale;
+    saga_shot *views;         /* (n_views) */
+    saga_point *points;       /* (n_points), NULL if none */
+    size_t n_points;
+    char notes[SAGA_NOTES_NBYTES]; /* lines: what the loader decided */
+} saga_capture;
+
+/* Options as a user who gives none would have them: full size, all frames,
+ * 4 GiB. */
+saga_capture_options saga_capture_defaults(void);
+
+/* Loads the capture in a folder (or its transforms.json), whichever format it
+ * has. On failure returns false, *error says why and *capture is empty. */
+bool saga_capture_load(saga_capture *capture, const char *path,
+                       const saga_capture_options *options,
+                       saga_input_error *error);
+
+/* Frees what saga_capture_load allocated and empties *capture; an empty one
+ * is fine. */
+void saga_capture_free(saga_capture *capture);
+
+static inline size_t saga_view_row_nbytes(const saga_shot *view)
+{
+    return (size_t)view->width * 3;
+}
+
+static inline size_t saga_view_frame_nbytes(const saga_shot *view)
+{
+    return saga_view_row_nbytes(view) * (size_t)view->height;
+}
+
+/* Rows of one picture; view and frame within the capture's counts. */
+static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
+                                                int view, int frame)
+{
+    const saga_shot *const v = &capture->views[view];
+    return v->rgb + saga_view_frame_nbytes(v) * (size_t)frame;
+}
+
+/* NULL where there is no true depth for that picture. */
+static inline const float *saga_capture_depth(const saga_capture *capture,
+                                              int view, int frame)
+{
+    const saga_shot *const v = &capture->views[view];
+    return v->depth ? v->depth[frame] : NULL;
+}
+
+/* A world point in camera axes. */
+static inline void saga_view_transform(const saga_shot *view,
+                                       const double world[3], double cam[3])
+{
+    for (int i = 0; i < 3; i++) {
+        const double *const r = view->rotation + 3 * i;
+        cam[i] = r[0] * world[0] + r[1] * world[1] + r[2] * world[2] +
+                 view->translation[i];
+    }
+}
+
+/* Pixel and depth of a world point; false (uv untouched) if it lies behind
+ * the camera. */
+static inline bool saga_view_project(const saga_shot *view,
+                                     const double world[3], double uv[2],
+                                     double *depth)
+{
+    double cam[3];
+    saga_view_transform(view, world, cam);
+    *depth = cam[2];
+    if (!(cam[2] > 0.0))
+        return false;
+    uv[0] = view->fx * cam[0] / cam[2] + view->cx;
+    uv[1] = view->fy * cam[1] / cam[2] + view->cy;
+    return true;
+}
+
+#endif

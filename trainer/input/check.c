@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: MIT */
+#include "check.h"
+
+#include "input.h"
+#include "pose.h"
+
+#include <math.h>
+
+enum { FEW_POINTS = 8 };
+
+/* flip: -1 mirrors the camera's y and z axes, 1 leaves them. */
+static bool sees(const saga_shot *view, const double world[3], double flip,
+                 double *depth)
+{
+    double c[3];
+    saga_view_transform(view, world, c);
+    *depth = flip * c[2];
+    if (!(*depth > 0.0))
+        return false;
+    const double u = view->fx * c[0] / *depth + view->cx;
+    const double v = view->fy * flip * c[1] / *depth + view->cy;
+    return u >= 0.0 && v >= 0.0 && u < view->width && v < view->height;
+}
+
+saga_check_view saga_check_points(const saga_capture *capture, int view)
+{
+    const saga_shot *const v = &capture->views[view];
+    size_t n_front = 0, n_inside = 0, n_flipped = 0;
+    saga_check_view out = {.n_points = capture->n_points};
+    for (size_t i = 0; i < capture->n_points; i++) {
+        double z, other;
+        const bool inside = sees(v, capture->points[i].position, 1.0, &z);
+        n_front += z > 0.0 ? 1 : 0;
+        n_flipped += sees(v, capture->points[i].position, -1.0, &other);
+        if (!inside)
+            continue;
+        out.nearest = n_inside ? fmin(out.nearest, z) : z;
+        out.farthest = fmax(out.farthest, z);
+        n_inside++;
+    }
+    if (capture->n_points > 0) {
+        const double n = (double)capture->n_points;
+        out.in_front = (double)n_front / n;
+        out.inside = (double)n_inside / n;
+        out.inside_flipped = (double)n_flipped / n;
+    }
+    return out;
+}
+
+/* Points that at least two views see. */
+static size_t count_shared(const saga_capture *capture, double flip)
+{
+    size_t n_shared = 0;
+    for (size_t i = 0; i < capture->n_points; i++) {
+        int n = 0;
+        double z;
+        for (int v = 0; v < capture->n_views && n < 2; v++)
+            n += sees(&capture->views[v], capture->points[i].position, flip,
+                      &z);
+        n_shared += n == 2;
+    }
+    return n_shared;
+}
+
+static bool overlap_by_points(saga_capture *capture, const char *path,
+                              saga_input_error *error)
+{
+    const size_t n = capture->n_points;
+    const size_t shared = count_shared(capture, 1.0);
+    if (shared >= FEW_POINTS / 2 && shared >= n / 100)
+        return true;
+    const bool flipped = count_shared(capture, -1.0) > n / 2;
+    return saga_fail(error, path, flipped
+                     ? "the poses look like the other axis convention: "
+                       "negate columns 1 and 2 of the camera-to-world "
+                       "matrices"
+                     : "check the poses, their axis convention and that the "
+                       "points are in the same world",
+                     "no overlap: only %zu of %zu points lie in front of and "
+                     "inside two or more of the %d cameras", shared, n,
+                     capture->n_views);
+}
+
+static double rig_size(const saga_capture *capture)
+{
+    double first[3] = {0}, size = 0.0;
+    for (int v = 0; v < capture->n_views; v++) {
+        double c[3], d2 = 0.0;
+        saga_pose_centre(capture->views[v].rotation,
+                         capture->views[v].translation, c);
+        if (v == 0)
+            memcpy(first, c, sizeof first);
+        for (int i = 0; i < 3; i++)
+            d2 += (c[i] - first[i]) * (c[i] - first[i]);
+        size = fmax(size, sqrt(d2));
+    }
+    return size > 0.0 ? size : 1.0;
+}
+
+/* The world point behind a position of the picture at some depth. */
+static void lift(const saga_shot *v, double u, double w, double z,
+                 double world[3])
+{
+    const double c[3] = {(u - v->cx) / v->fx * z - v->translation[0],
+                         (w - v->cy) / v->fy * z - v->translation[1],
+                         z - v->translation[2]};
+    for (int i = 0; i < 3; i++)
+        world[i] = v->rotation[i] * c[0] + v->rotation[3 + i] * c[1] +
+                   v->rotation[6 + i] * c[2];
+}
+
+/* Does b see anything of what a may see, from a quarter to sixteen times the
+ * size of the rig? */
+static bool frusta_meet(const saga_shot *a, const saga_shot *b, double size)
+{
+    for (double z = 0.25 * size; z <= 16.0 * size; z *= 2.0)
+        for (int i = 0; i < 25; i++) {
+            double world[3], depth;
+            lift(a, a->width * (i % 5 + 0.5) / 5, a->height * (i / 5 + 0.5) / 5,
+                 z, world);
+            if (sees(b, world, 1.0, &depth))
+                return true;
+        }
+    return false;
+}
+
+static bool overlap_by_frusta(const saga_capture *capture, const char *path,
+                              saga_input_error *error)
+{
+    const double size = rig_size(capture);
+    for (int a = 0; a < capture->n_views; a++)
+        for (int b = 0; b < capture->n_views; b++)
+            if (a != b &&
+                frusta_meet(&capture->views[a], &capture->views[b], size))
+                return true;
+    return saga_fail(error, path, "check the poses and their axis convention",
+                     "no overlap: no two of the %d cameras look at anything "
+                     "in common", capture->n_views);
+}
+
+bool saga_check_overlap(saga_capture *capture, const char *path,
+                        saga_input_error *error)
+{
+    if (capture->n_points >= FEW_POINTS)
+        for (int v = 0; v < capture->n_views; v++) {
+            const saga_check_view c = saga_check_points(capture, v);
+            if (c.inside < 0.01)
+                saga_note(capture->notes, "warning: %s sees only %.1f %% of "
+                          "the points; does it look away?",
+                          capture->views[v].name, 100.0 * c.inside);
+        }
+    if (capture->n_views < 2)
+        return true;
+    return capture->n_points >= FEW_POINTS
+               ? overlap_by_points(capture, path, error)
+               : overlap_by_frusta(capture, path, error);
+}
+
+void saga_check_print(const saga_capture *capture, FILE *file)
+{
+    fprintf(file, "%s: %d views, %d frames at %g fps, %zu points\n",
+            capture->format, capture->n_views, capture->n_frames,
+            capture->fps, capture->n_points);
+    fprintf(file, "%-16s %11s %9s %9s %9s %18s %s\n", "view", "size", "focal",
+            "in front", "inside", "depth", "reprojection px (median, p90)");
+    for (int i = 0; i < capture->n_views; i++) {
+        const saga_shot *const v = &capture->views[i];
+        const saga_check_view c = saga_check_points(capture, i);
+        fprintf(file, "%-16s %5dx%-5d %9.2f %8.1f%% %8.1f%% %8.3f..%-8.3f",
+                v->name, v->width, v->height, v->fx, 100.0 * c.in_front,
+                100.0 * c.inside, c.nearest, c.farthest);
+        if (v->n_observations > 0)
+            fprintf(file, " %.3f %.3f of %d", v->reprojection_median,
+                    v->reprojection_p90, v->n_observations);
+        fprintf(file, "%s%s\n", v->held_out ? "  held out" : "",
+                c.inside_flipped > 0.5 && c.inside < 0.1
+                    ? "  AXES FLIPPED?" : "");
+    }
+    fputs(capture->notes, file);
+}

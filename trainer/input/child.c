@@ -1,0 +1,143 @@
+/* SPDX-License-Identifier: MIT */
+#include "child.h"
+
+#include "input.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+extern char **environ;
+
+static void close_fd(int *fd)
+{
+    if (*fd >= 0)
+        close(*fd);
+    *fd = -1;
+}
+
+static int open_log(void)
+{
+    const char *folder = getenv("TMPDIR");
+    char path[512];
+    if (!folder || strlen(folder) > 400)
+        folder = "/tmp";
+    (void)snprintf(path, sizeof path, "%s/saga-log.XXXXXX", folder);
+    const int fd = mkstemp(path);
+    if (fd < 0)
+        return -1;
+    unlink(path);
+    (void)fcntl(fd, F_SETFD, FD_CLOEXEC);
+    return fd;
+}
+
+/* dup2 in the child clears close-on-exec on the copies only. */
+static int spawn(saga_child *child, const char *const *argv, int out_end)
+{
+    posix_spawn_file_actions_t actions;
+    int r = posix_spawn_file_actions_init(&actions);
+    if (r != 0)
+        return r;
+    r = posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY,
+                                         0);
+    if (r == 0)
+        r = posix_spawn_file_actions_adddup2(&actions, out_end, 1);
+    if (r == 0)
+        r = posix_spawn_file_actions_adddup2(&actions, child->log, 2);
+    /* posix_spawnp promises not to write to the strings. */
+    char *const *arguments;
+    memcpy(&arguments, &argv, sizeof arguments);
+    if (r == 0)
+        r = posix_spawnp(&child->pid, argv[0], &actions, NULL, arguments,
+                         environ);
+    posix_spawn_file_actions_destroy(&actions);
+    return r;
+}
+
+static int start_locked(saga_child *child, const char *const *argv)
+{
+    int ends[2];
+    if (pipe(ends) != 0)
+        return errno;
+    (void)fcntl(ends[0], F_SETFD, FD_CLOEXEC);
+    (void)fcntl(ends[1], F_SETFD, FD_CLOEXEC);
+    const int r = spawn(child, argv, ends[1]);
+    close(ends[1]);
+    child->out = ends[0];
+    return r;
+}
+
+bool saga_child_start(saga_child *child, const char *const *argv,
+                      saga_input_error *error)
+{
+    *child = (saga_child){.out = -1, .log = open_log()};
+    int r = child->log < 0 ? errno : 0;
+    /* One at a time: a child born between another thread's pipe() and its
+     * close-on-exec would keep that pipe open. */
+#pragma omp critical(saga_child)
+    if (r == 0)
+        r = start_locked(child, argv);
+    if (r == 0)
+        return true;
+    child->pid = 0;
+    close_fd(&child->out);
+    close_fd(&child->log);
+    return saga_fail(error, argv[0], "install ffmpeg (it brings ffprobe) and "
+                     "have it in PATH", "cannot be run (%s)", strerror(r));
+}
+
+size_t saga_child_read(saga_child *child, void *buffer, size_t n)
+{
+    uint8_t *const bytes = buffer;
+    size_t got = 0;
+    while (got < n) {
+        const ssize_t r = read(child->out, bytes + got, n - got);
+        if (r < 0 && errno == EINTR)
+            continue;
+        if (r <= 0)
+            break;
+        got += (size_t)r;
+    }
+    return got;
+}
+
+/* The last non-empty line, control characters made visible. */
+static void quote_log(saga_child *child)
+{
+    char text[2048];
+    const off_t end = lseek(child->log, 0, SEEK_END);
+    const off_t from = end > (off_t)sizeof text ? end - (off_t)sizeof text : 0;
+    const ssize_t n = pread(child->log, text, sizeof text, from);
+    size_t stop = n > 0 ? (size_t)n : 0;
+    while (stop > 0 && (text[stop - 1] == '\n' || text[stop - 1] == '\r'))
+        stop--;
+    size_t start = stop;
+    while (start > 0 && text[start - 1] != '\n')
+        start--;
+    size_t m = 0;
+    for (; start < stop && m + 1 < sizeof child->tail; start++, m++)
+        child->tail[m] = (unsigned char)text[start] < 0x20 ? '?' : text[start];
+    child->tail[m] = '\0';
+}
+
+int saga_child_end(saga_child *child, bool kill_it)
+{
+    if (child->pid == 0)
+        return -1;
+    if (kill_it)
+        (void)kill(child->pid, SIGKILL);
+    close_fd(&child->out);
+    int status = 0;
+    pid_t r;
+    do
+        r = waitpid(child->pid, &status, 0);
+    while (r < 0 && errno == EINTR);
+    child->pid = 0;
+    quote_log(child);
+    close_fd(&child->log);
+    return r > 0 && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}

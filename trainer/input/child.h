@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A child process whose standard output we read: no shell, standard input is
+ * empty, standard error goes to an unnamed file from which the last line can
+ * be quoted.
+ */
+#ifndef SAGA_CHILD_H
+#define SAGA_CHILD_H
+
+#include "capture.h"
+
+#include <sys/types.h>
+
+typedef struct saga_child {
+    pid_t pid;      /* 0: not running */
+    int out, log;   /* file descriptors; -1: none */
+    char tail[256]; /* last line of standard error, after saga_child_end */
+} saga_child;
+
+/* argv[0] is looked up in PATH; argv ends with NULL. */
+bool saga_child_start(saga_child *child, const char *const *argv,
+                      saga_input_error *error);
+/* Reads until n bytes are there or the output ends; returns how many. */
+size_t saga_child_read(saga_child *child, void *buffer, size_t n);
+/* Reaps the child, killing it first if asked, and returns its exit status,
+ * or -1 if it ended by a signal. Ending twice is fine. */
+int saga_child_end(saga_child *child, bool kill_it);
+
+#endif

@@ -1,0 +1,533 @@
+/* SPDX-License-Identifier: MIT */
+#include "colmap.h"
+
+#include "input.h"
+#include "picture.h"
+#include "pose.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* The array with room for one more item behind count, possibly moved; NULL
+ * when out of memory, the old array untouched. */
+static void *grow(void *items, size_t count, size_t size)
+{
+    if ((count & (count - 1)) != 0)
+        return items; /* room grows at powers of two only */
+    const size_t room = count ? 2 * count : 1;
+    return room > SIZE_MAX / size ? NULL : realloc(items, room * size);
+}
+
+/* ------------------------------------------------------------------ models */
+
+static const struct {
+    const char *name;
+    int n_params;
+} models[] = {
+    {"SIMPLE_PINHOLE", 3}, {"PINHOLE", 4}, {"SIMPLE_RADIAL", 4},
+    {"RADIAL", 5},         {"OPENCV", 8},
+};
+
+enum { N_MODELS = sizeof models / sizeof models[0], MAX_PARAMS = 8 };
+
+static saga_lens lens_of(int model, const double *p)
+{
+    if (model == 1)
+        return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3]};
+    if (model == 4)
+        return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3],
+                           .k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7]};
+    return (saga_lens){.fx = p[0], .fy = p[0], .cx = p[1], .cy = p[2],
+                       .k1 = model >= 2 ? p[3] : 0.0,
+                       .k2 = model == 3 ? p[4] : 0.0};
+}
+
+static bool model_unknown(const char *file, const char *what,
+                          saga_input_error *error)
+{
+    return saga_fail(error, file, "undistort to PINHOLE (colmap "
+                     "image_undistorter) or use OPENCV",
+                     "camera model %s is not supported", what);
+}
+
+/* ------------------------------------------------------------------ adding */
+
+typedef struct colmap_job {
+    saga_colmap *model;
+    const char *file;
+    saga_input_error *error;
+} colmap_job;
+
+static bool no_memory(const colmap_job *job)
+{
+    return saga_fail(job->error, job->file, "use a smaller model",
+                     "out of memory");
+}
+
+static bool cut_short(const colmap_job *job, const char *what, size_t index)
+{
+    return saga_fail(job->error, job->file, "copy or export the model again",
+                     "is cut short or damaged at %s %zu", what, index);
+}
+
+static bool add_camera(const colmap_job *job, uint32_t id, double width,
+                       double height, int model, const double *params)
+{
+    saga_colmap *const m = job->model;
+    if (!(width >= 1.0 && width <= 1e9 && height >= 1.0 && height <= 1e9))
+        return saga_fail(job->error, job->file, "correct the camera",
+                         "camera %u has a size of %g x %g", (unsigned)id,
+                         width, height);
+    if (!saga_check_size(job->file, (long long)width, (long long)height,
+                         job->error))
+        return false;
+    saga_colmap_camera *const more =
+        grow(m->cameras, m->n_cameras, sizeof *more);
+    if (!more)
+        return no_memory(job);
+    m->cameras = more;
+    more[m->n_cameras++] = (saga_colmap_camera){
+        id, (int)width, (int)height, lens_of(model, params)};
+    return true;
+}
+
+static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
+                                    const double pose[7], uint32_t camera,
+                                    const char *name, size_t name_len)
+{
+    saga_colmap *const m = job->model;
+    saga_colmap_image image = {.id = id, .camera = camera,
+                               .first = m->n_observations};
+    if (!saga_pose_from_quaternion(pose, image.rotation) ||
+        !isfinite(pose[4]) || !isfinite(pose[5]) || !isfinite(pose[6])) {
+        saga_fail(job->error, job->file, "reconstruct that image again",
+                  "image %u (%.*s) has a pose that is not finite or zero",
+                  (unsigned)id, (int)(name_len < 80 ? name_len : 80), name);
+        return NULL;
+    }
+    memcpy(image.translation, pose + 4, sizeof image.translation);
+    saga_colmap_image *const more =
+        grow(m->images, m->n_images, sizeof *more);
+    m->images = more ? more : m->images;
+    image.name = more ? malloc(name_len + 1) : NULL;
+    if (!image.name) {
+        no_memory(job);
+        return NULL;
+    }
+    memcpy(image.name, name, name_len);
+    image.name[name_len] = '\0';
+    more[m->n_images] = image;
+    return &more[m->n_images++];
+}
+
+/* Features that belong to no point are of no use here. */
+static bool add_observation(const colmap_job *job, saga_colmap_image *image,
+                            double u, double v, int64_t point)
+{
+    saga_colmap *const m = job->model;
+    if (point < 0 || !isfinite(u) || !isfinite(v))
+        return true;
+    saga_colmap_observation *const more =
+        grow(m->observations, m->n_observations, sizeof *more);
+    if (!more)
+        return no_memory(job);
+    m->observations = more;
+    more[m->n_observations++] =
+        (saga_colmap_observation){u, v, (uint64_t)point};
+    image->count++;
+    return true;
+}
+
+static saga_colmap_point *add_point(const colmap_job *job, uint64_t id,
+                                    const double position[3],
+                                    const uint8_t rgb[3])
+{
+    saga_colmap *const m = job->model;
+    saga_colmap_point *const more =
+        grow(m->points, m->n_points, sizeof *more);
+    if (!more) {
+        no_memory(job);
+        return NULL;
+    }
+    m->points = more;
+    more[m->n_points] = (saga_colmap_point){
+        .id = id, .position = {position[0], position[1], position[2]},
+        .rgb = {rgb[0], rgb[1], rgb[2]}, .first = m->n_tracks};
+    return &more[m->n_points++];
+}
+
+static bool add_track(const colmap_job *job, saga_colmap_point *point,
+                      uint32_t image)
+{
+    saga_colmap *const m = job->model;
+    uint32_t *const more = grow(m->tracks, m->n_tracks, sizeof *more);
+    if (!more)
+        return no_memory(job);
+    m->tracks = more;
+    more[m->n_tracks++] = image;
+    point->count++;
+    return true;
+}
+
+/* ------------------------------------------------------------------ binary */
+
+/* A count that cannot fit in what is left is refused before it is used. */
+static bool take_count(const colmap_job *job, saga_cursor *c, size_t least,
+                       const char *what, uint64_t *count)
+{
+    *count = saga_take_le(c, 8);
+    if (!c->failed && *count <= saga_left(c) / least)
+        return true;
+    return saga_fail(job->error, job->file, "copy or export the model again",
+                     "announces %llu %s but has only %zu bytes left",
+                     (unsigned long long)*count, what, saga_left(c));
+}
+
+static bool binary_cameras(const colmap_job *job, saga_cursor *c)
+{
+    uint64_t n;
+    if (!take_count(job, c, 4 + 4 + 16 + 24, "cameras", &n))
+        return false;
+    for (uint64_t i = 0; i < n; i++) {
+        const uint32_t id = (uint32_t)saga_take_le(c, 4);
+        const uint32_t model = (uint32_t)saga_take_le(c, 4);
+        const double width = (double)saga_take_le(c, 8);
+        const double height = (double)saga_take_le(c, 8);
+        double params[MAX_PARAMS] = {0};
+        if (!c->failed && model >= N_MODELS) {
+            char text[24];
+            (void)snprintf(text, sizeof text, "number %u", (unsigned)model);
+            return model_unknown(job->file, text, job->error);
+        }
+        for (int p = 0; !c->failed && p < models[model].n_params; p++)
+            params[p] = saga_take_f64(c);
+        if (c->failed)
+            return cut_short(job, "camera", (size_t)i);
+        if (!add_camera(job, id, width, height, (int)model, params))
+            return false;
+    }
+    return true;
+}
+
+static bool binary_observations(const colmap_job *job, saga_cursor *c,
+                                saga_colmap_image *image)
+{
+    uint64_t n;
+    if (!take_count(job, c, 24, "features", &n))
+        return false;
+    for (uint64_t k = 0; k < n; k++) {
+        const double u = saga_take_f64(c), v = saga_take_f64(c);
+        if (!add_observation(job, image, u, v, (int64_t)saga_take_le(c, 8)))
+            return false;
+    }
+    return true;
+}
+
+static bool binary_images(const colmap_job *job, saga_cursor *c)
+{
+    uint64_t n;
+    if (!take_count(job, c, 4 + 56 + 4 + 1 + 8, "images", &n))
+        return false;
+    for (uint64_t i = 0; i < n; i++) {
+        const uint32_t id = (uint32_t)saga_take_le(c, 4);
+        double pose[7];
+        for (int k = 0; k < 7; k++)
+            pose[k] = saga_take_f64(c);
+        const uint32_t camera = (uint32_t)saga_take_le(c, 4);
+        const uint8_t *const end = memchr(c->next, 0, saga_left(c));
+        if (c->failed || !end)
+            return cut_short(job, "image", (size_t)i);
+        const char *const name = (const char *)c->next;
+        const size_t name_len = (size_t)(end - c->next);
+        (void)saga_take(c, name_len + 1);
+        saga_colmap_image *const image =
+            add_image(job, id, pose, camera, name, name_len);
+        if (!image || !binary_observations(job, c, image))
+            return false;
+    }
+    return true;
+}
+
+static bool binary_points(const colmap_job *job, saga_cursor *c)
+{
+    uint64_t n;
+    if (!take_count(job, c, 8 + 24 + 3 + 8 + 8, "points", &n))
+        return false;
+    for (uint64_t i = 0; i < n; i++) {
+        const uint64_t id = saga_take_le(c, 8);
+        double position[3];
+        for (int k = 0; k < 3; k++)
+            position[k] = saga_take_f64(c);
+        const uint8_t *const rgb = saga_take(c, 3);
+        (void)saga_take(c, 8); /* reprojection error */
+        uint64_t n_tracks;
+        if (c->failed)
+            return cut_short(job, "point", (size_t)i);
+        saga_colmap_point *const point = add_point(job, id, position, rgb);
+        if (!point || !take_count(job, c, 8, "track elements", &n_tracks))
+            return false;
+        for (uint64_t k = 0; k < n_tracks; k++) {
+            const uint32_t image = (uint32_t)saga_take_le(c, 4);
+            (void)saga_take(c, 4);
+            if (!add_track(job, point, image))
+                return false;
+        }
+    }
+    return true;
+}
+
+/* -------------------------------------------------------------------- text */
+
+/* Lines end in '\0' after this; NULL at the end. Comments are passed over,
+ * empty lines only if asked, since an image may have an empty second line. */
+static char *next_line(saga_cursor *c, bool skip_empty)
+{
+    while (saga_left(c) > 0) {
+        uint8_t *const line = (uint8_t *)(uintptr_t)c->next;
+        uint8_t *const end = memchr(line, '\n', saga_left(c));
+        c->next = end ? end + 1 : c->end;
+        if (end)
+            *end = 0;
+        const size_t n = strcspn((char *)line, "\r");
+        line[n] = 0;
+        if (line[0] == '#' || (skip_empty && n == 0))
+            continue;
+        return (char *)line;
+    }
+    return NULL;
+}
+
+static bool take_numbers(char **text, double *x, int n)
+{
+    for (int i = 0; i < n; i++) {
+        char *end;
+        x[i] = strtod(*text, &end);
+        if (end == *text)
+            return false;
+        *text = end;
+    }
+    return true;
+}
+
+static bool take_id(char **text, uint64_t *id, int64_t most)
+{
+    char *end;
+    const long long x = strtoll(*text, &end, 10);
+    if (end == *text || x < 0 || x > most)
+        return false;
+    *text = end;
+    *id = (uint64_t)x;
+    return true;
+}
+
+static bool text_cameras(const colmap_job *job, saga_cursor *c)
+{
+    size_t i = 0;
+    for (char *line; (line = next_line(c, true)) != NULL; i++) {
+        uint64_t id;
+        char name[32];
+        int used = 0;
+        double size[2], params[MAX_PARAMS] = {0};
+        if (!take_id(&line, &id, UINT32_MAX) ||
+            sscanf(line, " %31s%n", name, &used) != 1)
+            return cut_short(job, "camera", i);
+        line += used;
+        int model = 0;
+        while (model < N_MODELS && strcmp(name, models[model].name) != 0)
+            model++;
+        if (model == N_MODELS)
+            return model_unknown(job->file, name, job->error);
+        if (!take_numbers(&line, size, 2) ||
+            !take_numbers(&line, params, models[model].n_params))
+            return cut_short(job, "camera", i);
+        if (!add_camera(job, (uint32_t)id, size[0], size[1], model, params))
+            return false;
+    }
+    return true;
+}
+
+static bool text_observations(const colmap_job *job, char *line,
+                              saga_colmap_image *image)
+{
+    double uv[2];
+    while (take_numbers(&line, uv, 2)) {
+        char *end;
+        const long long point = strtoll(line, &end, 10);
+        if (end == line)
+            return cut_short(job, "features of image", image->id);
+        line = end;
+        if (!add_observation(job, image, uv[0], uv[1], point))
+            return false;
+    }
+    return true;
+}
+
+static bool text_images(const colmap_job *job, saga_cursor *c)
+{
+    size_t i = 0;
+    for (char *line; (line = next_line(c, true)) != NULL; i++) {
+        uint64_t id, camera;
+        double pose[7];
+        if (!take_id(&line, &id, UINT32_MAX) ||
+            !take_numbers(&line, pose, 7) ||
+            !take_id(&line, &camera, UINT32_MAX))
+            return cut_short(job, "image", i);
+        line += strspn(line, " ");
+        saga_colmap_image *const image = add_image(
+            job, (uint32_t)id, pose, (uint32_t)camera, line, strlen(line));
+        if (!image)
+            return false;
+        char *const second = next_line(c, false);
+        if (second && !text_observations(job, second, image))
+            return false;
+    }
+    return true;
+}
+
+static bool text_points(const colmap_job *job, saga_cursor *c)
+{
+    size_t i = 0;
+    for (char *line; (line = next_line(c, true)) != NULL; i++) {
+        uint64_t id, image, feature;
+        double x[7]; /* position, colour, error */
+        if (!take_id(&line, &id, INT64_MAX) || !take_numbers(&line, x, 7))
+            return cut_short(job, "point", i);
+        uint8_t rgb[3];
+        for (int k = 0; k < 3; k++)
+            rgb[k] = (uint8_t)fmin(fmax(x[3 + k], 0.0), 255.0);
+        saga_colmap_point *const point = add_point(job, id, x, rgb);
+        if (!point)
+            return false;
+        while (take_id(&line, &image, UINT32_MAX)) {
+            if (!take_id(&line, &feature, UINT32_MAX))
+                return cut_short(job, "track of point", i);
+            if (!add_track(job, point, (uint32_t)image))
+                return false;
+        }
+    }
+    return true;
+}
+
+/* ----------------------------------------------------------------- reading */
+
+static int by_image_id(const void *a, const void *b)
+{
+    const saga_colmap_image *const x = a, *const y = b;
+    return (x->id > y->id) - (x->id < y->id);
+}
+
+static int by_point_id(const void *a, const void *b)
+{
+    const saga_colmap_point *const x = a, *const y = b;
+    return (x->id > y->id) - (x->id < y->id);
+}
+
+typedef bool colmap_parse(const colmap_job *job, saga_cursor *c);
+
+static bool read_part(saga_colmap *model, const char *folder, const char *name,
+                      colmap_parse *parse, saga_input_error *error)
+{
+    char *const path = saga_path_join(folder, name);
+    saga_bytes bytes;
+    if (!path)
+        return saga_fail(error, folder, NULL, "out of memory");
+    bool ok = saga_read_file(&bytes, path, error);
+    if (ok) {
+        const colmap_job job = {model, path, error};
+        saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
+        ok = parse(&job, &c);
+        saga_bytes_free(&bytes);
+    }
+    free(path);
+    return ok;
+}
+
+static bool all_there(const char *folder, const char *ending)
+{
+    static const char *const stems[] = {"cameras", "images", "points3D"};
+    for (int i = 0; i < 3; i++) {
+        char name[32];
+        (void)snprintf(name, sizeof name, "%s%s", stems[i], ending);
+        char *const path = saga_path_join(folder, name);
+        const bool there = path && saga_path_is_file(path);
+        free(path);
+        if (!there)
+            return false;
+    }
+    return true;
+}
+
+bool saga_colmap_is_there(const char *folder)
+{
+    return all_there(folder, ".bin") || all_there(folder, ".txt");
+}
+
+bool saga_colmap_read(saga_colmap *model, const char *folder,
+                      saga_input_error *error)
+{
+    *model = (saga_colmap){0};
+    const bool bin = all_there(folder, ".bin");
+    const bool ok =
+        bin ? read_part(model, folder, "cameras.bin", binary_cameras, error) &&
+                  read_part(model, folder, "images.bin", binary_images,
+                            error) &&
+                  read_part(model, folder, "points3D.bin", binary_points,
+                            error)
+            : read_part(model, folder, "cameras.txt", text_cameras, error) &&
+                  read_part(model, folder, "images.txt", text_images,
+                            error) &&
+                  read_part(model, folder, "points3D.txt", text_points,
+                            error);
+    if (!ok) {
+        saga_colmap_free(model);
+        return false;
+    }
+    if (model->n_images)
+        qsort(model->images, model->n_images, sizeof *model->images,
+              by_image_id);
+    if (model->n_points)
+        qsort(model->points, model->n_points, sizeof *model->points,
+              by_point_id);
+    return true;
+}
+
+void saga_colmap_free(saga_colmap *model)
+{
+    for (size_t i = 0; i < model->n_images; i++)
+        free(model->images[i].name);
+    free(model->cameras);
+    free(model->images);
+    free(model->points);
+    free(model->observations);
+    free(model->tracks);
+    *model = (saga_colmap){0};
+}
+
+const saga_colmap_camera *saga_colmap_camera_of(const saga_colmap *model,
+                                                uint32_t id)
+{
+    for (size_t i = 0; i < model->n_cameras; i++)
+        if (model->cameras[i].id == id)
+            return &model->cameras[i];
+    return NULL;
+}
+
+const saga_colmap_image *saga_colmap_image_of(const saga_colmap *model,
+                                              uint32_t id)
+{
+    const saga_colmap_image key = {.id = id};
+    return model->n_images == 0
+               ? NULL
+               : bsearch(&key, model->images, model->n_images,
+                         sizeof *model->images, by_image_id);
+}
+
+const saga_colmap_point *saga_colmap_point_of(const saga_colmap *model,
+                                              uint64_t id)
+{
+    const saga_colmap_point key = {.id = id};
+    return model->n_points == 0
+               ? NULL
+               : bsearch(&key, model->points, model->n_points,
+                         sizeof *model->points, by_point_id);
+}

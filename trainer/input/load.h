@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What a format's loader finds out before any picture is decoded. The loaders
+ * fill a plan (nerfstudio.c, neu3d.c); capture.c turns it into a capture, the
+ * same way for all of them.
+ */
+#ifndef SAGA_LOAD_H
+#define SAGA_LOAD_H
+
+#include "capture.h"
+#include "remap.h"
+#include "video.h"
+
+typedef struct saga_source {
+    char name[SAGA_NAME_NBYTES];
+    int width, height;        /* of the files */
+    saga_lens lens;           /* at that size */
+    double rotation[9], translation[3];
+    double near_depth, far_depth;
+    bool held_out;            /* as the format says */
+    int n_observations;
+    double reprojection_median, reprojection_p90;
+
+    char *video;              /* path; or NULL and */
+    char **pictures;          /* (n_frames) paths */
+    char **depths;            /* (n_frames) paths or NULL each; or NULL */
+    saga_video_info info;     /* of the video */
+} saga_source;
+
+typedef struct saga_plan {
+    const char *format;
+    const char *path;         /* the capture's folder or file: for messages */
+    saga_source *sources;     /* (n_sources) */
+    int n_sources, n_frames;  /* of the whole capture */
+    double fps;               /* 0: unknown */
+    saga_point *points;
+    size_t n_points;
+    bool trust_points;        /* false: no tracks, n_seen is unknown */
+    char notes[SAGA_NOTES_NBYTES];
+} saga_plan;
+
+void saga_plan_free(saga_plan *plan);
+
+/* Which views are held out: by the option if given, else as the format said.
+ * Must run before points are counted by training views. */
+bool saga_plan_hold_out(saga_plan *plan, const char *names,
+                        saga_input_error *error);
+/* Probes a source's video, checks or sets its size. */
+bool saga_source_probe_video(saga_source *source, saga_plan *plan,
+                             saga_input_error *error);
+/* Frame counts and rates of all videos must agree; sets n_frames and fps. */
+bool saga_plan_match_videos(saga_plan *plan,
+                            const saga_capture_options *options,
+                            saga_input_error *error);
+
+bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
+                          const saga_capture_options *options,
+                          saga_input_error *error);
+bool saga_neu3d_is_there(const char *folder);
+bool saga_neu3d_plan(saga_plan *plan, const char *folder,
+                     const saga_capture_options *options,
+                     saga_input_error *error);
+
+#endif

@@ -1,0 +1,728 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * nerfstudio's transforms.json.
+ *
+ * Every entry of "frames" is one picture with its camera, or one video with
+ * all its frames. Intrinsics stand in the entry or, for all, at the top.
+ * transform_matrix is camera to world in OpenGL axes (x right, y up, z
+ * backwards). Pictures with one pose and the same intrinsics are one camera;
+ * "time" orders them and must be the same in all cameras. Without any "time"
+ * the order of the file names counts, and a camera with one picture is a
+ * still one. Cameras stand still: a pose per moment is refused.
+ *
+ * "time" is in seconds, or runs from 0 to 1 over the whole capture; a top
+ * level "fps" settles it. Whole cameras are held out: those whose files stand
+ * in test_filenames or val_filenames, or not in train_filenames if that is
+ * there.
+ */
+#include "input.h"
+#include "load.h"
+#include "picture.h"
+#include "ply.h"
+#include "pose.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+
+/* What has to be the same in all pictures of a camera; no padding, so that
+ * bytes can be compared. Unknown values are NaN, kept as one bit pattern. */
+typedef struct camera_key {
+    double pose[12];          /* camera to world, rows of 3 x 4 */
+    double fx, fy, cx, cy;
+    double k1, k2, k3, p1, p2;
+    double width, height, angle_x;
+} camera_key;
+
+typedef struct entry {
+    const char *file;         /* in the JSON */
+    const char *depth;        /* or NULL */
+    int index;                /* in "frames" */
+    int view;
+    bool has_time, held_out;
+    double time;
+    camera_key key;
+} entry;
+
+typedef struct reader {
+    json_t *root;
+    const char *path;         /* of the JSON */
+    char *folder;
+    saga_plan *plan;
+    saga_input_error *error;
+    entry *entries;
+    int n_entries;
+    int n_views;
+    int *view_size;           /* (n_views) */
+    bool masks, odd_depths, videos;
+} reader;
+
+/* ------------------------------------------------------------ typed access */
+
+static const char *type_name(const json_t *value)
+{
+    static const char *const names[] = {"an object", "an array", "a string",
+                                        "a number", "a number", "true",
+                                        "false", "null"};
+    const int t = (int)json_typeof(value);
+    return t >= 0 && t < 8 ? names[t] : "something else";
+}
+
+/* index < 0: at the top of the file. */
+static bool wrong_type(const reader *r, int index, const char *key,
+                       const json_t *value, const char *wanted)
+{
+    char where[32] = "at the top";
+    if (index >= 0)
+        (void)snprintf(where, sizeof where, "in frames[%d]", index);
+    return saga_fail(r->error, r->path, "correct the file", "\"%s\" %s is %s, "
+                     "expected %s", key, where,
+                     value ? type_name(value) : "missing", wanted);
+}
+
+/* From the entry, else from the top, else left alone. */
+static bool get_number(const reader *r, const json_t *frame, int index,
+                       const char *key, double *x)
+{
+    const json_t *value = json_object_get(frame, key);
+    if (!value) {
+        value = json_object_get(r->root, key);
+        index = -1;
+    }
+    if (!value)
+        return true;
+    if (!json_is_number(value))
+        return wrong_type(r, index, key, value, "a number");
+    *x = json_number_value(value);
+    return true;
+}
+
+static bool get_string(const reader *r, const json_t *object, int index,
+                       const char *key, const char **s)
+{
+    const json_t *const value = json_object_get(object, key);
+    if (!value)
+        return true;
+    if (!json_is_string(value))
+        return wrong_type(r, index, key, value, "a string");
+    *s = json_string_value(value);
+    return true;
+}
+
+/* ------------------------------------------------------------- one entry */
+
+static bool read_matrix(const reader *r, const json_t *frame, entry *e)
+{
+    static const char wanted[] = "4 rows of 4 numbers";
+    const json_t *const m = json_object_get(frame, "transform_matrix");
+    const size_t n_rows = json_array_size(m);
+    if (n_rows != 3 && n_rows != 4)
+        return wrong_type(r, e->index, "transform_matrix", m, wanted);
+    for (size_t i = 0; i < n_rows; i++) {
+        const json_t *const row = json_array_get(m, i);
+        if (json_array_size(row) != 4)
+            return wrong_type(r, e->index, "transform_matrix", row, wanted);
+        for (size_t j = 0; j < 4; j++) {
+            const json_t *const x = json_array_get(row, j);
+            if (!json_is_number(x))
+                return wrong_type(r, e->index, "transform_matrix", x, wanted);
+            const double v = json_number_value(x);
+            if (i < 3)
+                e->key.pose[4 * i + j] = v == 0.0 ? 0.0 : v; /* no -0 */
+            else if (v != (j == 3 ? 1.0 : 0.0))
+                return saga_fail(r->error, r->path, "give a rigid camera-to-"
+                                 "world matrix", "last row of transform_"
+                                 "matrix of frames[%d] is not 0 0 0 1",
+                                 e->index);
+        }
+    }
+    return true;
+}
+
+static bool check_model(const reader *r, const json_t *frame, int index)
+{
+    static const char *const known[] = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE",
+                                        "SIMPLE_RADIAL", "RADIAL"};
+    const char *model = "OPENCV";
+    if (!get_string(r, r->root, -1, "camera_model", &model) ||
+        !get_string(r, frame, index, "camera_model", &model))
+        return false;
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
+        if (strcmp(model, known[i]) == 0)
+            return true;
+    return saga_fail(r->error, r->path, "undistort the pictures to PINHOLE "
+                     "first", "camera_model \"%s\" of frames[%d] is not "
+                     "supported", model, index);
+}
+
+static bool read_intrinsics(const reader *r, const json_t *frame, entry *e)
+{
+    camera_key *const k = &e->key;
+    double k4 = 0.0;
+    const struct {
+        const char *name;
+        double *to;
+    } numbers[] = {
+        {"fl_x", &k->fx}, {"fl_y", &k->fy}, {"cx", &k->cx}, {"cy", &k->cy},
+        {"k1", &k->k1},   {"k2", &k->k2},   {"k3", &k->k3}, {"p1", &k->p1},
+        {"p2", &k->p2},   {"w", &k->width}, {"h", &k->height},
+        {"camera_angle_x", &k->angle_x},    {"k4", &k4},
+    };
+    k->fx = k->fy = k->cx = k->cy = k->angle_x = NAN;
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
+        if (!get_number(r, frame, e->index, numbers[i].name, numbers[i].to))
+            return false;
+    if (k4 != 0.0)
+        return saga_fail(r->error, r->path, "undistort the pictures first",
+                         "k4 = %g of frames[%d] is not supported", k4,
+                         e->index);
+    return check_model(r, frame, e->index);
+}
+
+static bool read_entry(reader *r, int index)
+{
+    const json_t *const frames = json_object_get(r->root, "frames");
+    const json_t *const frame = json_array_get(frames, (size_t)index);
+    entry *const e = &r->entries[index];
+    const json_t *const time = json_object_get(frame, "time");
+    e->index = index;
+    if (!json_is_object(frame))
+        return wrong_type(r, -1, "frames[]", frame, "an object");
+    if (!get_string(r, frame, index, "file_path", &e->file))
+        return false;
+    if (!e->file)
+        return wrong_type(r, index, "file_path", NULL, "a string");
+    if (!get_string(r, frame, index, "depth_file_path", &e->depth))
+        return false;
+    if (time && !json_is_number(time))
+        return wrong_type(r, index, "time", time, "a number");
+    e->has_time = time != NULL;
+    e->time = time ? json_number_value(time) : 0.0;
+    r->masks |= json_object_get(frame, "mask_path") != NULL;
+    if (e->depth && !saga_has_suffix(e->depth, ".exr")) {
+        r->odd_depths = true;
+        e->depth = NULL;
+    }
+    return read_matrix(r, frame, e) && read_intrinsics(r, frame, e);
+}
+
+static bool is_video(const char *file)
+{
+    static const char *const endings[] = {".mp4", ".mov", ".mkv", ".webm",
+                                          ".avi", ".m4v", ".MP4", ".MOV"};
+    for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++)
+        if (saga_has_suffix(file, endings[i]))
+            return true;
+    return false;
+}
+
+static bool read_entries(reader *r)
+{
+    const json_t *const frames = json_object_get(r->root, "frames");
+    const size_t n = json_array_size(frames);
+    if (!json_is_array(frames))
+        return wrong_type(r, -1, "frames", frames, "an array");
+    if (n == 0 || n > (size_t)SAGA_MAX_FRAMES)
+        return saga_fail(r->error, r->path, "list the pictures or videos",
+                         "\"frames\" has %zu entries", n);
+    r->entries = saga_calloc(n, sizeof *r->entries);
+    if (!r->entries)
+        return saga_fail(r->error, r->path, NULL, "out of memory");
+    r->n_entries = (int)n;
+    int n_videos = 0;
+    for (int i = 0; i < r->n_entries; i++) {
+        if (!read_entry(r, i))
+            return false;
+        n_videos += is_video(r->entries[i].file) ? 1 : 0;
+    }
+    r->videos = n_videos > 0;
+    if (n_videos != 0 && n_videos != r->n_entries)
+        return saga_fail(r->error, r->path, "list either pictures or videos",
+                         "mixes %d videos and %d pictures", n_videos,
+                         r->n_entries - n_videos);
+    return true;
+}
+
+/* ----------------------------------------------------------------- cameras */
+
+static bool assign_views(reader *r)
+{
+    int *first = NULL; /* (n_views) entry */
+    bool ok = true;
+    for (int i = 0; ok && i < r->n_entries; i++) {
+        entry *const e = &r->entries[i];
+        e->view = -1;
+        /* Newest first: files mostly list camera after camera. */
+        for (int v = r->n_views; !r->videos && v-- > 0 && e->view < 0;)
+            if (memcmp(&r->entries[first[v]].key, &e->key,
+                       sizeof e->key) == 0)
+                e->view = v;
+        if (e->view < 0 && r->n_views < SAGA_MAX_VIEWS) {
+            int *const more =
+                realloc(first, ((size_t)r->n_views + 1) * sizeof *more);
+            if (more) {
+                first = more;
+                first[r->n_views] = i;
+                e->view = r->n_views++;
+            }
+        }
+        ok = e->view >= 0;
+    }
+    free(first);
+    if (!ok)
+        return saga_fail(r->error, r->path, "every camera must stand still "
+                         "and have one pose", "has more than %d different "
+                         "camera poses", SAGA_MAX_VIEWS);
+    r->view_size = saga_calloc((size_t)r->n_views, sizeof *r->view_size);
+    if (!r->view_size)
+        return saga_fail(r->error, r->path, NULL, "out of memory");
+    for (int i = 0; i < r->n_entries; i++)
+        r->view_size[r->entries[i].view]++;
+    return true;
+}
+
+/* By camera, then by time, then by name. */
+static int entry_order(const void *a, const void *b)
+{
+    const entry *const x = a, *const y = b;
+    if (x->view != y->view)
+        return x->view < y->view ? -1 : 1;
+    if (x->time != y->time)
+        return x->time < y->time ? -1 : 1;
+    return strcmp(x->file, y->file);
+}
+
+static int count_times(const reader *r)
+{
+    int n = 0;
+    for (int i = 0; i < r->n_entries; i++)
+        n += r->entries[i].has_time ? 1 : 0;
+    return n;
+}
+
+static bool check_counts(const reader *r)
+{
+    const int n_times = count_times(r);
+    if (n_times != 0 && n_times != r->n_entries)
+        return saga_fail(r->error, r->path, "give every picture its time, or "
+                         "none", "only %d of %d frames have \"time\"",
+                         n_times, r->n_entries);
+    const entry *const last = &r->entries[r->n_entries - 1];
+    if (r->n_views == r->n_entries && r->n_views > 1 && n_times > 0 &&
+        last->time != r->entries[0].time)
+        return saga_fail(r->error, r->path, "saga needs several cameras that "
+                         "stand still and film every moment", "every one of "
+                         "the %d pictures has its own pose and time: the "
+                         "camera moves", r->n_entries);
+    for (int v = 1; v < r->n_views; v++)
+        if (r->view_size[v] != r->view_size[0]) {
+            const entry *e = r->entries;
+            while (e->view != v)
+                e++;
+            return saga_fail(r->error, r->path, "every camera needs a picture "
+                             "of every moment, with one pose",
+                             "unequal frame counts: camera of %s has %d, "
+                             "camera of %s has %d", r->entries[0].file,
+                             r->view_size[0], e->file, r->view_size[v]);
+        }
+    return true;
+}
+
+/* Entries are sorted: view v, frame k is entry v * n + k. */
+static bool check_times(const reader *r, int n)
+{
+    const entry *const e = r->entries;
+    const double step = n > 1 ? (e[n - 1].time - e[0].time) / (n - 1) : 1.0;
+    for (int i = 0; i < r->n_entries; i++) {
+        const int k = i % n;
+        if (!isfinite(e[i].time))
+            return saga_fail(r->error, r->path, "correct it",
+                             "time of %s is not finite", e[i].file);
+        if (k > 0 && e[i].time == e[i - 1].time)
+            return saga_fail(r->error, r->path, "one picture per camera and "
+                             "moment", "%s and %s have one pose and one time "
+                             "%g", e[i - 1].file, e[i].file, e[i].time);
+        if (n == 1 ? e[i].time != e[0].time
+                   : fabs(e[i].time - e[0].time - step * k) > 0.25 * step)
+            return saga_fail(r->error, r->path, "pictures must be synchronous "
+                             "and evenly spaced in time", "time %g of %s is "
+                             "not near %g, that of frame %d", e[i].time,
+                             e[i].file, e[0].time + step * k, k);
+    }
+    return true;
+}
+
+/* Seconds, unless times run from exactly 0 to exactly 1. */
+static void guess_fps(reader *r, int n)
+{
+    const double first = r->entries[0].time, last = r->entries[n - 1].time;
+    if (r->plan->fps > 0.0 || n < 2 || count_times(r) == 0)
+        return;
+    if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
+        saga_note(r->plan->notes, "time: 0..1 is taken as normalised");
+        return;
+    }
+    r->plan->fps = (n - 1) / (last - first);
+}
+
+static bool read_fps(reader *r)
+{
+    double fps = 0.0;
+    if (!get_number(r, r->root, -1, "fps", &fps))
+        return false;
+    if (json_object_get(r->root, "fps") && !(fps > 0.0 && fps < 1e5))
+        return saga_fail(r->error, r->path, "give frames per second",
+                         "\"fps\" is %g", fps);
+    r->plan->fps = fps;
+    return true;
+}
+
+/* ------------------------------------------------------------------- names */
+
+static size_t stem_length(const char *base)
+{
+    const char *const dot = strrchr(base, '.');
+    return dot && dot != base ? (size_t)(dot - base) : strlen(base);
+}
+
+static const char *base_of(const char *file)
+{
+    const char *const slash = strrchr(file, '/');
+    return slash ? slash + 1 : file;
+}
+
+/* The last folder of a path; empty if it has none. */
+static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
+{
+    const char *const base = base_of(file);
+    const char *start = base > file ? base - 1 : base;
+    const char *const end = start;
+    while (start > file && start[-1] != '/')
+        start--;
+    saga_copy_name(name, start, (size_t)(end - start));
+}
+
+/* What the names of all pictures of a camera begin with, without the frame
+ * number: "cam03_f000" and "cam03_f001" give "cam03". */
+static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
+{
+    const char *const base = base_of(e[0].file);
+    size_t len = stem_length(base);
+    for (int k = 1; k < n; k++) {
+        const char *const other = base_of(e[k].file);
+        size_t i = 0;
+        while (i < len && other[i] == base[i])
+            i++;
+        len = i;
+    }
+    while (len > 0 && base[len - 1] >= '0' && base[len - 1] <= '9')
+        len--;
+    size_t letters = len;
+    while (letters > 0 && (base[letters - 1] | 32) >= 'a' &&
+           (base[letters - 1] | 32) <= 'z')
+        letters--;
+    if (letters > 0 && strchr("_-. ", base[letters - 1]))
+        len = letters;
+    while (len > 0 && strchr("_-. ", base[len - 1]))
+        len--;
+    saga_copy_name(name, base, len);
+}
+
+static bool names_differ(const saga_plan *plan)
+{
+    for (int i = 0; i < plan->n_sources; i++) {
+        if (plan->sources[i].name[0] == '\0')
+            return false;
+        for (int k = 0; k < i; k++)
+            if (strcmp(plan->sources[i].name, plan->sources[k].name) == 0)
+                return false;
+    }
+    return true;
+}
+
+/* The first scheme that tells all cameras apart. */
+static void name_views(const reader *r, int n)
+{
+    saga_plan *const plan = r->plan;
+    for (int scheme = n > 1 ? 0 : 2; scheme < 4; scheme++) {
+        for (int v = 0; v < r->n_views; v++) {
+            const entry *const e = &r->entries[v * n];
+            char *const name = plan->sources[v].name;
+            const char *const base = base_of(e->file);
+            if (scheme == 0)
+                folder_name(e->file, name);
+            else if (scheme == 1)
+                common_prefix(e, n, name);
+            else if (scheme == 2)
+                saga_copy_name(name, base, stem_length(base));
+            else
+                (void)snprintf(name, SAGA_NAME_NBYTES, "view%03d", v);
+        }
+        if (names_differ(plan))
+            return;
+    }
+}
+
+/* ------------------------------------------------------------------- split */
+
+static int by_string(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+/* Marks entries whose file stands in the list (or does not, if inverted). */
+static bool mark_list(reader *r, const char *key, bool inverted)
+{
+    const json_t *const list = json_object_get(r->root, key);
+    if (!list)
+        return true;
+    if (!json_is_array(list))
+        return wrong_type(r, -1, key, list, "an array of strings");
+    const size_t n = json_array_size(list);
+    const char **const names = saga_alloc(n, sizeof *names);
+    if (!names)
+        return saga_fail(r->error, r->path, NULL, "out of memory");
+    bool ok = true;
+    for (size_t i = 0; ok && i < n; i++) {
+        names[i] = json_string_value(json_array_get(list, i));
+        if (!names[i])
+            ok = wrong_type(r, -1, key, json_array_get(list, i),
+                            "an array of strings");
+    }
+    if (ok && n > 0)
+        qsort(names, n, sizeof *names, by_string);
+    for (int i = 0; ok && i < r->n_entries; i++) {
+        const bool listed = n > 0 && bsearch(&r->entries[i].file, names, n,
+                                             sizeof *names, by_string);
+        r->entries[i].held_out |= listed != inverted;
+    }
+    free(names);
+    return ok;
+}
+
+static bool split_views(reader *r, int n)
+{
+    if (!mark_list(r, "train_filenames", true) ||
+        !mark_list(r, "val_filenames", false) ||
+        !mark_list(r, "test_filenames", false))
+        return false;
+    for (int i = 0; i < r->n_entries; i++) {
+        saga_source *const s = &r->plan->sources[i / n];
+        if (i % n == 0)
+            s->held_out = r->entries[i].held_out;
+        else if (s->held_out != r->entries[i].held_out)
+            return saga_fail(r->error, r->path, "list all pictures of a "
+                             "camera alike, or remove the lists and use "
+                             "--hold-out", "the train/test lists hold out "
+                             "only some pictures of camera %s (%s differs)",
+                             s->name, r->entries[i].file);
+    }
+    return true;
+}
+
+/* ------------------------------------------------------------ filling in */
+
+/* Blender leaves out the ending of the files. */
+static char *picture_path(const reader *r, const char *file)
+{
+    char *const path = saga_path_join(r->folder, file);
+    if (!path || saga_path_is_file(path) || strrchr(base_of(file), '.'))
+        return path;
+    char *const longer = malloc(strlen(path) + sizeof ".png");
+    if (longer)
+        (void)sprintf(longer, "%s.png", path);
+    free(path);
+    return longer;
+}
+
+static bool fill_lens(const reader *r, saga_source *s, const entry *e)
+{
+    const camera_key *const k = &e->key;
+    if ((k->width != 0.0 && k->width != s->width) ||
+        (k->height != 0.0 && k->height != s->height))
+        return saga_fail(r->error, r->path, "correct w and h together with "
+                         "fl_x fl_y cx cy, or scale the pictures back",
+                         "w x h of %s is %g x %g, the file has %d x %d "
+                         "pixels", e->file, k->width, k->height, s->width,
+                         s->height);
+    s->lens = (saga_lens){.fx = k->fx, .fy = k->fy, .cx = k->cx, .cy = k->cy,
+                          .k1 = k->k1, .k2 = k->k2, .k3 = k->k3,
+                          .p1 = k->p1, .p2 = k->p2};
+    if (isnan(s->lens.fx))
+        s->lens.fx = s->width / (2.0 * tan(k->angle_x / 2.0));
+    if (isnan(s->lens.fy))
+        s->lens.fy = s->lens.fx;
+    if (isnan(s->lens.cx))
+        s->lens.cx = s->width / 2.0;
+    if (isnan(s->lens.cy))
+        s->lens.cy = s->height / 2.0;
+    if (isfinite(s->lens.fx))
+        return true;
+    return saga_fail(r->error, r->path, "give fl_x (pixels) or "
+                     "camera_angle_x (radians)",
+                     "focal length of %s is missing or not finite", e->file);
+}
+
+static bool fill_pose(const reader *r, saga_source *s, const entry *e)
+{
+    double axis[4][3]; /* columns of camera to world, in OpenCV axes */
+    for (int i = 0; i < 3; i++) {
+        const double *const row = e->key.pose + 4 * i;
+        axis[0][i] = row[0];
+        axis[1][i] = -row[1];
+        axis[2][i] = -row[2];
+        axis[3][i] = row[3];
+    }
+    if (saga_pose_from_axes(axis[0], axis[1], axis[2], axis[3], s->rotation,
+                            s->translation))
+        return true;
+    return saga_fail(r->error, r->path, "export the poses again, without "
+                     "scale", "transform_matrix of %s (frames[%d]) is not "
+                     "finite or no rotation (first row %g %g %g %g)", e->file,
+                     e->index, e->key.pose[0], e->key.pose[1], e->key.pose[2],
+                     e->key.pose[3]);
+}
+
+static bool fill_files(const reader *r, saga_source *s, const entry *e, int n)
+{
+    if (r->videos) {
+        s->video = saga_path_join(r->folder, e->file);
+        return s->video ? saga_source_probe_video(s, r->plan, r->error)
+                        : saga_fail(r->error, r->path, NULL, "out of memory");
+    }
+    s->pictures = saga_calloc((size_t)n, sizeof *s->pictures);
+    s->depths = saga_calloc((size_t)n, sizeof *s->depths);
+    bool ok = s->pictures && s->depths;
+    for (int k = 0; ok && k < n; k++) {
+        s->pictures[k] = picture_path(r, e[k].file);
+        if (e[k].depth)
+            s->depths[k] = saga_path_join(r->folder, e[k].depth);
+        ok = s->pictures[k] && (!e[k].depth || s->depths[k]);
+    }
+    if (!ok)
+        return saga_fail(r->error, r->path, NULL, "out of memory");
+    /* All must be there before hours go into decoding some. */
+    for (int k = 0; k < n; k++)
+        if (!saga_path_is_file(s->pictures[k]))
+            return saga_fail(r->error, s->pictures[k], "check file_path and "
+                             "that all pictures were copied",
+                             "picture of camera %s is missing", s->name);
+    return saga_picture_probe(s->pictures[0], &s->width, &s->height,
+                              r->error);
+}
+
+static bool fill_views(reader *r, int n)
+{
+    r->plan->sources =
+        saga_calloc((size_t)r->n_views, sizeof *r->plan->sources);
+    if (!r->plan->sources)
+        return saga_fail(r->error, r->path, NULL, "out of memory");
+    r->plan->n_sources = r->n_views;
+    r->plan->n_frames = r->videos ? 0 : n;
+    name_views(r, n);
+    for (int v = 0; v < r->n_views; v++) {
+        saga_source *const s = &r->plan->sources[v];
+        const entry *const e = &r->entries[v * n];
+        if (!fill_files(r, s, e, n) || !fill_lens(r, s, e) ||
+            !fill_pose(r, s, e))
+            return false;
+    }
+    return split_views(r, n);
+}
+
+static bool read_ply(reader *r)
+{
+    const char *file = NULL;
+    size_t n_dropped = 0;
+    if (!get_string(r, r->root, -1, "ply_file_path", &file))
+        return false;
+    if (!file) {
+        saga_note(r->plan->notes, "points: none (no ply_file_path)");
+        return true;
+    }
+    char *const path = saga_path_join(r->folder, file);
+    const bool ok = path && saga_ply_read(path, &r->plan->points,
+                                          &r->plan->n_points, &n_dropped,
+                                          r->error);
+    free(path);
+    if (ok)
+        saga_note(r->plan->notes, "points: %zu of unknown visibility, %zu "
+                  "dropped as not finite", r->plan->n_points, n_dropped);
+    return ok;
+}
+
+static bool read_all(reader *r, const saga_capture_options *options)
+{
+    if (!json_is_object(r->root))
+        return wrong_type(r, -1, "(root)", r->root, "an object");
+    if (!read_fps(r) || !read_entries(r) || !assign_views(r))
+        return false;
+    qsort(r->entries, (size_t)r->n_entries, sizeof *r->entries, entry_order);
+    if (!check_counts(r))
+        return false;
+    const int n = r->view_size[0];
+    if (!r->videos && count_times(r) > 0 && !check_times(r, n))
+        return false;
+    if (!r->videos)
+        guess_fps(r, n);
+    if (!fill_views(r, n))
+        return false;
+    if (r->videos && !saga_plan_match_videos(r->plan, options, r->error))
+        return false;
+    if (r->masks)
+        saga_note(r->plan->notes, "masks: mask_path is ignored");
+    if (r->odd_depths)
+        saga_note(r->plan->notes, "depth: only .exr files are read");
+    return saga_plan_hold_out(r->plan, options->hold_out, r->error) &&
+           read_ply(r);
+}
+
+/* The folder of a path, "." if it has none. */
+static char *folder_of(const char *path)
+{
+    const char *const slash = strrchr(path, '/');
+    char *const folder = saga_string_copy(slash ? path : ".");
+    if (folder && slash)
+        folder[slash > path ? slash - path : 1] = '\0';
+    return folder;
+}
+
+/* Python writes NaN and Infinity, which JSON does not have. */
+static bool bad_json(const json_error_t *problem, const char *path,
+                     saga_input_error *error)
+{
+    const bool nonfinite = strstr(problem->text, "'NaN") ||
+                           strstr(problem->text, "'Infinity") ||
+                           strstr(problem->text, "'-Infinity") ||
+                           strstr(problem->text, "real number overflow");
+    return saga_fail(error, path, nonfinite ? "export the poses again"
+                                            : "correct the file",
+                     "%s at line %d, column %d (%s)",
+                     nonfinite ? "holds a number that is not finite"
+                               : "is no valid JSON",
+                     problem->line, problem->column, problem->text);
+}
+
+bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
+                          const saga_capture_options *options,
+                          saga_input_error *error)
+{
+    reader r = {.path = json_path, .plan = plan, .error = error,
+                .folder = folder_of(json_path)};
+    json_error_t problem;
+    saga_bytes bytes;
+    plan->format = "nerfstudio (transforms.json)";
+    bool ok = r.folder && saga_read_file(&bytes, json_path, error);
+    if (ok) {
+        r.root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
+                            &problem);
+        ok = r.root ? read_all(&r, options)
+                    : bad_json(&problem, json_path, error);
+        saga_bytes_free(&bytes);
+    }
+    json_decref(r.root);
+    free(r.folder);
+    free(r.entries);
+    free(r.view_size);
+    return ok;
+}

@@ -1,0 +1,511 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Neu3D / DyNeRF: camNN.mp4 and poses_bounds.npy, one row per video in the
+ * order of the sorted names; a COLMAP sparse model for points, and for the
+ * cameras where poses_bounds.npy is missing or lives in another frame.
+ *
+ * A row: 3 x 5 row-major, columns down, right, backwards, centre, (H, W, f) of
+ * the camera; then near and far. H, W, f are of the pictures before anybody
+ * scaled them, so f is scaled by the width of the video. Pixels are square,
+ * the principal point is the centre of the picture.
+ */
+#include "colmap.h"
+#include "input.h"
+#include "load.h"
+#include "npy.h"
+#include "pose.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+/* ------------------------------------------------------------ the videos */
+
+static bool is_camera_video(const char *name)
+{
+    return strncmp(name, "cam", 3) == 0 && saga_has_suffix(name, ".mp4");
+}
+
+bool saga_neu3d_is_there(const char *folder)
+{
+    DIR *const dir = opendir(folder);
+    bool found = false;
+    for (struct dirent *e; dir && !found && (e = readdir(dir)) != NULL;)
+        found = is_camera_video(e->d_name);
+    if (dir)
+        closedir(dir);
+    return found;
+}
+
+static int by_name(const void *a, const void *b)
+{
+    const saga_source *const x = a, *const y = b;
+    return strcmp(x->video, y->video);
+}
+
+static bool add_video(saga_plan *plan, const char *folder, const char *name,
+                      saga_input_error *error)
+{
+    if (plan->n_sources == SAGA_MAX_VIEWS)
+        return saga_fail(error, folder, "split the capture",
+                         "has more than %d videos", SAGA_MAX_VIEWS);
+    saga_source *const more = realloc(
+        plan->sources, ((size_t)plan->n_sources + 1) * sizeof *more);
+    if (!more)
+        return saga_fail(error, folder, NULL, "out of memory");
+    plan->sources = more;
+    saga_source *const source = &more[plan->n_sources++];
+    *source = (saga_source){.video = saga_path_join(folder, name)};
+    saga_copy_name(source->name, name, strlen(name) - strlen(".mp4"));
+    source->held_out = strcmp(source->name, "cam00") == 0;
+    return source->video != NULL ||
+           saga_fail(error, folder, NULL, "out of memory");
+}
+
+static bool list_videos(saga_plan *plan, const char *folder,
+                        saga_input_error *error)
+{
+    DIR *const dir = opendir(folder);
+    if (!dir)
+        return saga_fail(error, folder, "check its permissions",
+                         "folder cannot be read (%s)", strerror(errno));
+    bool ok = true;
+    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
+        if (is_camera_video(e->d_name))
+            ok = add_video(plan, folder, e->d_name, error);
+    closedir(dir);
+    if (ok && plan->n_sources > 0)
+        qsort(plan->sources, (size_t)plan->n_sources, sizeof *plan->sources,
+              by_name);
+    for (int i = 0; ok && i < plan->n_sources; i++)
+        ok = saga_source_probe_video(&plan->sources[i], plan, error);
+    /* One camera alone has nobody to be compared with. */
+    if (plan->n_sources == 1)
+        plan->sources[0].held_out = false;
+    return ok;
+}
+
+/* ------------------------------------------------------- poses_bounds.npy */
+
+static bool row_intrinsics(saga_source *source, double h, double w, double f,
+                           const char *path, saga_input_error *error)
+{
+    if (!(h >= 1.0 && w >= 1.0 && f > 0.0 && h < 1e6 && w < 1e6))
+        return saga_fail(error, path, "correct columns 5, 10 and 15",
+                         "row of %s has height %g, width %g, focal length %g",
+                         source->name, h, w, f);
+    const double sx = source->width / w, sy = source->height / h;
+    if (fabs(sx / sy - 1.0) > 0.01)
+        return saga_fail(error, path, "scale the videos alike on both axes, "
+                         "do not crop them", "row of %s is for %g x %g pixels, "
+                         "the video has %d x %d", source->name, w, h,
+                         source->width, source->height);
+    source->lens = (saga_lens){.fx = f * sx, .fy = f * sx,
+                               .cx = source->width / 2.0,
+                               .cy = source->height / 2.0};
+    return true;
+}
+
+static bool row_camera(saga_source *source, const double *row,
+                       const char *path, saga_input_error *error)
+{
+    double axis[3][3], centre[3];
+    for (int i = 0; i < 3; i++) {
+        axis[0][i] = row[5 * i + 1];  /* right */
+        axis[1][i] = row[5 * i];      /* down */
+        axis[2][i] = -row[5 * i + 2]; /* forward */
+        centre[i] = row[5 * i + 3];
+    }
+    if (!saga_pose_from_axes(axis[0], axis[1], axis[2], centre,
+                             source->rotation, source->translation))
+        return saga_fail(error, path, "export the poses again, columns down, "
+                         "right, backwards", "row of %s is not finite or no "
+                         "rotation (first column %g %g %g)", source->name,
+                         row[0], row[5], row[10]);
+    const double near = row[15], far = row[16];
+    if (isfinite(near) && isfinite(far) && near > 0.0 && far > near) {
+        source->near_depth = near;
+        source->far_depth = far;
+    }
+    return row_intrinsics(source, row[4], row[9], row[14], path, error);
+}
+
+static bool read_poses(saga_plan *plan, const char *path,
+                       saga_input_error *error)
+{
+    saga_npy npy;
+    if (!saga_npy_read(&npy, path, error))
+        return false;
+    bool ok = true;
+    if (npy.cols != 17)
+        ok = saga_fail(error, path, "save N rows of 17 numbers",
+                       "has %zu columns", npy.cols);
+    else if (npy.rows != (size_t)plan->n_sources)
+        ok = saga_fail(error, path, "remove or add videos so that there is "
+                       "one per row, in sorted order",
+                       "has %zu rows but there are %d videos cam*.mp4",
+                       npy.rows, plan->n_sources);
+    for (int i = 0; ok && i < plan->n_sources; i++)
+        ok = row_camera(&plan->sources[i], npy.data + 17 * i, path, error);
+    saga_npy_free(&npy);
+    return ok;
+}
+
+/* ---------------------------------------------------------- COLMAP's model */
+
+/* "cam01" names the image "cam01.png", "x/cam01.jpg", "cam01/0000.png". */
+static bool names_image(const char *name, const char *image)
+{
+    const size_t n = strlen(name);
+    for (const char *p = image; p;) {
+        if (strncmp(p, name, n) == 0 &&
+            (p[n] == '\0' || p[n] == '/' || (p[n] == '.' &&
+                                             !strchr(p + n, '/'))))
+            return true;
+        p = strchr(p, '/');
+        p = p ? p + 1 : NULL;
+    }
+    return false;
+}
+
+/* The first image of each view; -1 if it has none. */
+static void match_images(const saga_plan *plan, const saga_colmap *model,
+                         int *image_of)
+{
+    for (int i = 0; i < plan->n_sources; i++) {
+        image_of[i] = -1;
+        for (size_t k = 0; k < model->n_images && image_of[i] < 0; k++)
+            if (names_image(plan->sources[i].name, model->images[k].name))
+                image_of[i] = (int)k;
+    }
+}
+
+/* Largest distance between a camera's two centres, in diameters of the rig.
+ * Another world frame differs by the order of one. */
+static double disagreement(const saga_plan *plan, const saga_colmap *model,
+                           const int *image_of)
+{
+    double size = 0.0, worst = 0.0, first[3] = {0};
+    for (int i = 0; i < plan->n_sources; i++) {
+        const saga_source *const s = &plan->sources[i];
+        double a[3], b[3], d2 = 0.0, r2 = 0.0;
+        saga_pose_centre(s->rotation, s->translation, a);
+        if (i == 0)
+            memcpy(first, a, sizeof first);
+        for (int k = 0; k < 3; k++)
+            r2 += (a[k] - first[k]) * (a[k] - first[k]);
+        size = fmax(size, sqrt(r2));
+        if (image_of[i] < 0)
+            continue;
+        const saga_colmap_image *const m = &model->images[image_of[i]];
+        saga_pose_centre(m->rotation, m->translation, b);
+        for (int k = 0; k < 3; k++)
+            d2 += (a[k] - b[k]) * (a[k] - b[k]);
+        worst = fmax(worst, sqrt(d2));
+    }
+    return worst / fmax(size, 1e-9);
+}
+
+static bool all_matched(const saga_plan *plan, const int *image_of,
+                        const char **missing)
+{
+    for (int i = 0; i < plan->n_sources; i++)
+        if (image_of[i] < 0) {
+            *missing = plan->sources[i].name;
+            return false;
+        }
+    return true;
+}
+
+/* A model made from pictures of another size is scaled to the videos. */
+static bool adopt_cameras(saga_plan *plan, const saga_colmap *model,
+                          const int *image_of, const char *folder,
+                          saga_input_error *error)
+{
+    for (int i = 0; i < plan->n_sources; i++) {
+        saga_source *const s = &plan->sources[i];
+        const saga_colmap_image *const image = &model->images[image_of[i]];
+        const saga_colmap_camera *const camera =
+            saga_colmap_camera_of(model, image->camera);
+        if (!camera)
+            return saga_fail(error, folder, "export the model again",
+                             "image %s names camera %u, which is missing",
+                             image->name, (unsigned)image->camera);
+        const double sx = (double)s->width / camera->width;
+        const double sy = (double)s->height / camera->height;
+        if (fabs(sx / sy - 1.0) > 0.01)
+            return saga_fail(error, folder, "reconstruct from uncropped "
+                             "frames", "camera of %s has %d x %d pixels, the "
+                             "video %d x %d", s->name, camera->width,
+                             camera->height, s->width, s->height);
+        s->lens = camera->lens;
+        s->lens.fx *= sx;
+        s->lens.cx *= sx;
+        s->lens.fy *= sy;
+        s->lens.cy *= sy;
+        memcpy(s->rotation, image->rotation, sizeof s->rotation);
+        memcpy(s->translation, image->translation, sizeof s->translation);
+    }
+    return true;
+}
+
+static int view_of_image(const saga_plan *plan, const char *image)
+{
+    for (int i = 0; i < plan->n_sources; i++)
+        if (names_image(plan->sources[i].name, image))
+            return i;
+    return -1;
+}
+
+/* (n_images): the view each image belongs to, -1 none. */
+static int *map_images(const saga_plan *plan, const saga_colmap *model)
+{
+    int *const view = saga_alloc(model->n_images, sizeof *view);
+    for (size_t k = 0; view && k < model->n_images; k++)
+        view[k] = view_of_image(plan, model->images[k].name);
+    return view;
+}
+
+/* Distinct training views in a point's track. */
+static int count_training_views(const saga_plan *plan,
+                                const saga_colmap *model, const int *view,
+                                const saga_colmap_point *point, size_t *stamp,
+                                size_t now)
+{
+    int n = 0;
+    for (size_t t = 0; t < point->count; t++) {
+        const saga_colmap_image *const image =
+            saga_colmap_image_of(model, model->tracks[point->first + t]);
+        const int v = image ? view[image - model->images] : -1;
+        if (v < 0 || plan->sources[v].held_out || stamp[v] == now)
+            continue;
+        stamp[v] = now;
+        n++;
+    }
+    return n;
+}
+
+static bool take_points(saga_plan *plan, const saga_colmap *model,
+                        const int *view, saga_input_error *error)
+{
+    size_t *const stamp =
+        saga_calloc((size_t)plan->n_sources, sizeof *stamp);
+    plan->points = saga_alloc(model->n_points, sizeof *plan->points);
+    size_t n_few = 0, n_bad = 0;
+    for (size_t k = 0; stamp && plan->points && k < model->n_points; k++) {
+        const saga_colmap_point *const p = &model->points[k];
+        const int n =
+            count_training_views(plan, model, view, p, stamp, k + 1);
+        const bool finite = isfinite(p->position[0]) &&
+                            isfinite(p->position[1]) &&
+                            isfinite(p->position[2]);
+        n_bad += finite ? 0 : 1;
+        n_few += finite && n < 2 ? 1 : 0;
+        if (!finite || n < 2)
+            continue;
+        saga_point *const to = &plan->points[plan->n_points++];
+        *to = (saga_point){.n_seen = (int16_t)n};
+        memcpy(to->position, p->position, sizeof to->position);
+        memcpy(to->rgb, p->rgb, sizeof to->rgb);
+    }
+    const bool ok = stamp && plan->points;
+    free(stamp);
+    if (!ok)
+        return saga_fail(error, plan->path, NULL, "out of memory");
+    plan->trust_points = true;
+    saga_note(plan->notes, "points: %zu of COLMAP's %zu kept, %zu dropped "
+              "(seen by fewer than 2 training cameras), %zu not finite",
+              plan->n_points, model->n_points, n_few, n_bad);
+    return true;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Every observation against the loaded camera, through the lens: tells a
+ * wrong convention or a wrong size at once. */
+static bool measure_view(saga_source *s, const saga_colmap *model,
+                         const saga_colmap_image *image,
+                         const saga_colmap_camera *camera)
+{
+    double *const e = saga_alloc(image->count, sizeof *e);
+    int n = 0;
+    for (size_t k = 0; e && k < image->count; k++) {
+        const saga_colmap_observation *const o =
+            &model->observations[image->first + k];
+        const saga_colmap_point *const p =
+            saga_colmap_point_of(model, o->point);
+        double c[3], uv[2];
+        if (!p)
+            continue;
+        for (int i = 0; i < 3; i++)
+            c[i] = s->rotation[3 * i] * p->position[0] +
+                   s->rotation[3 * i + 1] * p->position[1] +
+                   s->rotation[3 * i + 2] * p->position[2] +
+                   s->translation[i];
+        e[n] = 1e9; /* behind the camera */
+        if (c[2] > 0.0) {
+            saga_lens_project(&s->lens, c[0] / c[2], c[1] / c[2], uv);
+            const double du = uv[0] - o->u * s->width / camera->width;
+            const double dv = uv[1] - o->v * s->height / camera->height;
+            e[n] = sqrt(du * du + dv * dv);
+        }
+        n++;
+    }
+    if (n > 0) {
+        qsort(e, (size_t)n, sizeof *e, by_value);
+        s->n_observations = n;
+        s->reprojection_median = e[n / 2];
+        s->reprojection_p90 = e[(size_t)n * 9 / 10];
+    }
+    free(e);
+    return e != NULL;
+}
+
+static bool measure_views(saga_plan *plan, const saga_colmap *model,
+                          const int *image_of, saga_input_error *error)
+{
+    for (int i = 0; i < plan->n_sources; i++) {
+        if (image_of[i] < 0)
+            continue;
+        const saga_colmap_image *const image = &model->images[image_of[i]];
+        const saga_colmap_camera *const camera =
+            saga_colmap_camera_of(model, image->camera);
+        if (camera &&
+            !measure_view(&plan->sources[i], model, image, camera))
+            return saga_fail(error, plan->path, NULL, "out of memory");
+    }
+    return true;
+}
+
+/* 0.1 % of the rig: COLMAP was then given these poses, or refined them by
+ * less than it matters. */
+static const double same_frame = 1e-3;
+
+static bool use_model(saga_plan *plan, const saga_colmap *model,
+                      const char *folder, bool have_poses, int *image_of,
+                      saga_input_error *error)
+{
+    const char *missing = "";
+    match_images(plan, model, image_of);
+    const bool complete = all_matched(plan, image_of, &missing);
+    const double off = have_poses ? disagreement(plan, model, image_of) : 0.0;
+    if (!complete && !have_poses)
+        return saga_fail(error, folder, "add poses_bounds.npy or reconstruct "
+                         "with all cameras", "no image of the COLMAP model "
+                         "belongs to %s", missing);
+    if (!complete && off > same_frame) {
+        saga_note(plan->notes, "points: none; COLMAP's model has another "
+                  "world frame than poses_bounds.npy and lacks %s", missing);
+        return true;
+    }
+    if (!have_poses || off > same_frame) {
+        if (!adopt_cameras(plan, model, image_of, folder, error))
+            return false;
+        if (have_poses)
+            saga_note(plan->notes, "cameras: from COLMAP's model, since "
+                      "poses_bounds.npy has another world frame (centres "
+                      "differ by %.3g rig diameters)", off);
+        else
+            saga_note(plan->notes, "cameras: from COLMAP's model");
+    }
+    int *const view = map_images(plan, model);
+    const bool ok = view ? take_points(plan, model, view, error)
+                         : saga_fail(error, folder, NULL, "out of memory");
+    free(view);
+    return ok && measure_views(plan, model, image_of, error);
+}
+
+static bool read_model(saga_plan *plan, const char *folder, bool have_poses,
+                       saga_input_error *error)
+{
+    saga_colmap model;
+    if (!saga_colmap_read(&model, folder, error))
+        return false;
+    int *const image_of =
+        saga_alloc((size_t)plan->n_sources, sizeof *image_of);
+    const bool ok =
+        image_of ? use_model(plan, &model, folder, have_poses, image_of, error)
+                 : saga_fail(error, folder, NULL, "out of memory");
+    free(image_of);
+    saga_colmap_free(&model);
+    return ok;
+}
+
+static char *find_model(const char *folder)
+{
+    static const char *const places[] = {"colmap/sparse/0", "sparse/0",
+                                         "colmap", "sparse"};
+    for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
+        char *const path = saga_path_join(folder, places[i]);
+        if (path && saga_colmap_is_there(path))
+            return path;
+        free(path);
+    }
+    return NULL;
+}
+
+/* ------------------------------------------------------------------- depth */
+
+/* depth/NAME_fKKK.exr, where there are some. */
+static bool find_depths(saga_plan *plan, const char *folder,
+                        saga_input_error *error)
+{
+    for (int i = 0; i < plan->n_sources; i++) {
+        saga_source *const s = &plan->sources[i];
+        for (int k = 0; k < plan->n_frames; k++) {
+            char name[SAGA_NAME_NBYTES + 32];
+            (void)snprintf(name, sizeof name, "depth/%s_f%03d.exr", s->name,
+                           k);
+            char *const path = saga_path_join(folder, name);
+            if (path && saga_path_is_file(path)) {
+                if (!s->depths)
+                    s->depths = saga_calloc((size_t)plan->n_frames,
+                                            sizeof *s->depths);
+                if (s->depths) {
+                    s->depths[k] = path;
+                    continue;
+                }
+            }
+            free(path);
+            if (!path)
+                return saga_fail(error, folder, NULL, "out of memory");
+        }
+    }
+    return true;
+}
+
+bool saga_neu3d_plan(saga_plan *plan, const char *folder,
+                     const saga_capture_options *options,
+                     saga_input_error *error)
+{
+    plan->format = "Neu3D (cam*.mp4)";
+    if (!list_videos(plan, folder, error) ||
+        !saga_plan_match_videos(plan, options, error) ||
+        !saga_plan_hold_out(plan, options->hold_out, error))
+        return false;
+    char *const poses = saga_path_join(folder, "poses_bounds.npy");
+    char *const model = find_model(folder);
+    const bool have_poses = poses && saga_path_is_file(poses);
+    bool ok = true;
+    if (!have_poses && !model)
+        ok = saga_fail(error, folder, "add poses_bounds.npy, or a COLMAP "
+                       "model in colmap/ or sparse/0",
+                       "has %d videos but no cameras: neither "
+                       "poses_bounds.npy nor a COLMAP model",
+                       plan->n_sources);
+    ok = ok && (!have_poses || read_poses(plan, poses, error));
+    if (ok && model)
+        ok = read_model(plan, model, have_poses, error);
+    else if (ok)
+        saga_note(plan->notes, "points: none (no COLMAP model in colmap/ or "
+                  "sparse/0)");
+    ok = ok && (!options->want_depth || find_depths(plan, folder, error));
+    free(poses);
+    free(model);
+    return ok;
+}

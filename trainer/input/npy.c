@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: MIT */
+#include "npy.h"
+
+#include "input.h"
+
+#include <stdlib.h>
+
+enum { MAX_HEADER = 4096 };
+
+typedef struct npy_header {
+    int item_nbytes;
+    bool fortran;
+    size_t rows, cols;
+} npy_header;
+
+static const char *skip_space(const char *p)
+{
+    while (*p == ' ' || *p == '\t' || *p == '\n')
+        p++;
+    return p;
+}
+
+/* The text behind 'key': in the header's dictionary, NULL if missing. */
+static const char *value_of(const char *text, const char *key)
+{
+    const char *p = strstr(text, key);
+    if (!p || p == text || (p[-1] != '\'' && p[-1] != '"'))
+        return NULL;
+    p += strlen(key);
+    if (*p != '\'' && *p != '"')
+        return NULL;
+    p = skip_space(p + 1);
+    return *p == ':' ? skip_space(p + 1) : NULL;
+}
+
+/* (a,) or (a, b); digits only, so that nothing negative gets through. */
+static bool parse_shape(const char *p, npy_header *h)
+{
+    size_t sides[2] = {0, 1};
+    int n = 0;
+    if (!p || *p++ != '(')
+        return false;
+    for (p = skip_space(p); *p != ')'; p = skip_space(p)) {
+        if (n == 2 || *p < '0' || *p > '9')
+            return false;
+        char *end;
+        const unsigned long long x = strtoull(p, &end, 10);
+        if (x > SIZE_MAX / 16)
+            return false;
+        sides[n++] = (size_t)x;
+        p = skip_space(end);
+        if (*p == ',')
+            p++;
+        else if (*p != ')')
+            return false;
+    }
+    h->rows = sides[0];
+    h->cols = sides[1];
+    return n > 0;
+}
+
+static bool parse_header(const char *text, npy_header *h)
+{
+    const char *const descr = value_of(text, "descr");
+    const char *const order = value_of(text, "fortran_order");
+    if (!descr || !order)
+        return false;
+    if (strncmp(descr + 1, "<f8", 3) == 0)
+        h->item_nbytes = 8;
+    else if (strncmp(descr + 1, "<f4", 3) == 0)
+        h->item_nbytes = 4;
+    else
+        return false;
+    if (strncmp(order, "True", 4) != 0 && strncmp(order, "False", 5) != 0)
+        return false;
+    h->fortran = order[0] == 'T';
+    return parse_shape(value_of(text, "shape"), h);
+}
+
+static const uint8_t *take_header(saga_cursor *c, size_t *nbytes)
+{
+    const uint8_t *const magic = saga_take(c, 8);
+    if (!magic || memcmp(magic, "\x93NUMPY", 6) != 0 || magic[6] < 1 ||
+        magic[6] > 3)
+        return NULL;
+    *nbytes = (size_t)saga_take_le(c, magic[6] == 1 ? 2 : 4);
+    return *nbytes < MAX_HEADER ? saga_take(c, *nbytes) : NULL;
+}
+
+static void copy_items(saga_npy *npy, const npy_header *h, const uint8_t *p)
+{
+    for (size_t r = 0; r < h->rows; r++)
+        for (size_t c = 0; c < h->cols; c++) {
+            const size_t i = h->fortran ? c * h->rows + r : r * h->cols + c;
+            const uint8_t *const item = p + i * (size_t)h->item_nbytes;
+            npy->data[r * h->cols + c] =
+                h->item_nbytes == 8 ? saga_load_f64(item) : saga_load_f32(item);
+        }
+}
+
+static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
+                       saga_input_error *error)
+{
+    char text[MAX_HEADER];
+    size_t n = 0;
+    const uint8_t *const header = take_header(c, &n);
+    npy_header h = {0};
+    if (!header)
+        return saga_fail(error, path, "save it again with numpy.save",
+                         "is no .npy file, or is cut short in its header");
+    memcpy(text, header, n);
+    text[n] = '\0';
+    if (!parse_header(text, &h))
+        return saga_fail(error, path, "save a plain float64 array",
+                         "has a header that is not understood (%.120s)", text);
+    const size_t item = (size_t)h.item_nbytes;
+    const size_t have = saga_left(c) / item;
+    /* Division first: rows x cols may not be representable. */
+    if (h.rows == 0 || h.cols == 0 || h.rows > have / h.cols ||
+        h.rows * h.cols * item != saga_left(c))
+        return saga_fail(error, path, "save or copy it again",
+                         "announces %zu x %zu numbers of %zu bytes but holds "
+                         "%zu bytes of them", h.rows, h.cols, item,
+                         saga_left(c));
+    npy->data = saga_alloc(h.rows * h.cols, sizeof *npy->data);
+    if (!npy->data)
+        return saga_fail(error, path, NULL, "out of memory");
+    npy->rows = h.rows;
+    npy->cols = h.cols;
+    copy_items(npy, &h, c->next);
+    return true;
+}
+
+bool saga_npy_read(saga_npy *npy, const char *path, saga_input_error *error)
+{
+    saga_bytes bytes;
+    *npy = (saga_npy){0};
+    if (!saga_read_file(&bytes, path, error))
+        return false;
+    saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
+    const bool ok = read_array(npy, &c, path, error);
+    saga_bytes_free(&bytes);
+    return ok;
+}
+
+void saga_npy_free(saga_npy *npy)
+{
+    free(npy->data);
+    *npy = (saga_npy){0};
+}

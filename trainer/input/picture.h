@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Still pictures: PNG (8 or 16 bits, grey, palette or colour; alpha over
+ * black; gamma chunks are ignored, as video pipelines do) and OpenEXR
+ * (scanlines; R G B are linear light and become 8-bit sRGB; Z is depth).
+ * The kind is told from the first bytes, not from the name.
+ */
+#ifndef SAGA_PICTURE_H
+#define SAGA_PICTURE_H
+
+#include "capture.h"
+
+bool saga_picture_probe(const char *path, int *width, int *height,
+                        saga_input_error *error);
+/* rgb: (height, width, 3); the file must have exactly that size. */
+bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
+                       saga_input_error *error);
+
+bool saga_png_probe(const char *path, int *width, int *height,
+                    saga_input_error *error);
+bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
+                   saga_input_error *error);
+bool saga_png_write(const char *path, int width, int height,
+                    const uint8_t *rgb, saga_input_error *error);
+
+bool saga_exr_probe(const char *path, int *width, int *height,
+                    saga_input_error *error);
+bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
+                   saga_input_error *error);
+/* The channel Z, or the only one; (height, width) floats. */
+bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
+                         saga_input_error *error);
+/* 8-bit sRGB as linear half floats: reading gives the same 8 bits again. */
+bool saga_exr_write(const char *path, int width, int height,
+                    const uint8_t *rgb, saga_input_error *error);
+bool saga_exr_write_depth(const char *path, int width, int height,
+                          const float *depth, saga_input_error *error);
+
+/* sRGB transfer function (IEC 61966-2-1). */
+double saga_srgb_to_linear(double encoded);
+uint8_t saga_linear_to_srgb8(double linear);
+
+/* Checks both sides against 1..SAGA_MAX_SIDE. */
+bool saga_check_size(const char *path, long long width, long long height,
+                     saga_input_error *error);
+
+#endif

@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: MIT */
+#include "picture.h"
+
+#include "input.h"
+
+#include <errno.h>
+#include <png.h>
+#include <stdlib.h>
+
+/* Everything a longjmp out of libpng must not lose lives here, not in
+ * registers. */
+typedef struct png_job {
+    png_structp png;
+    png_infop info;
+    FILE *file;
+    char message[200];
+} png_job;
+
+static void png_failed(png_structp png, png_const_charp message)
+{
+    png_job *const job = png_get_error_ptr(png);
+    (void)snprintf(job->message, sizeof job->message, "%s", message);
+    png_longjmp(png, 1);
+}
+
+static void png_warned(png_structp png, png_const_charp message)
+{
+    (void)png;
+    (void)message;
+}
+
+static void read_job_end(png_job *job)
+{
+    png_destroy_read_struct(&job->png, &job->info, NULL);
+    if (job->file)
+        fclose(job->file);
+    job->file = NULL;
+}
+
+static bool read_job_begin(png_job *job, const char *path,
+                           saga_input_error *error)
+{
+    *job = (png_job){0};
+    job->file = fopen(path, "rb");
+    if (!job->file)
+        return saga_fail(error, path, "check the path in the capture's files",
+                         "picture cannot be opened (%s)", strerror(errno));
+    job->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, job, png_failed,
+                                      png_warned);
+    job->info = job->png ? png_create_info_struct(job->png) : NULL;
+    if (job->info)
+        return true;
+    read_job_end(job);
+    return saga_fail(error, path, NULL, "out of memory");
+}
+
+static bool read_header(png_job *job)
+{
+    if (setjmp(png_jmpbuf(job->png)))
+        return false;
+    png_set_user_limits(job->png, SAGA_MAX_SIDE, SAGA_MAX_SIDE);
+    png_init_io(job->png, job->file);
+    png_read_info(job->png, job->info);
+    return true;
+}
+
+/* Whatever the file holds, rows of 8-bit RGB come out. */
+static bool read_rows(png_job *job, uint8_t *rgb, int width, int height)
+{
+    if (setjmp(png_jmpbuf(job->png)))
+        return false;
+    const png_color_16 black = {0};
+    png_set_expand(job->png);
+    png_set_scale_16(job->png);
+    png_set_gray_to_rgb(job->png);
+    if (png_get_color_type(job->png, job->info) & PNG_COLOR_MASK_ALPHA ||
+        png_get_valid(job->png, job->info, PNG_INFO_tRNS))
+        png_set_background(job->png, &black, PNG_BACKGROUND_GAMMA_SCREEN, 0,
+                           1.0);
+    const int n_passes = png_set_interlace_handling(job->png);
+    png_read_update_info(job->png, job->info);
+    if (png_get_rowbytes(job->png, job->info) != (size_t)width * 3)
+        png_error(job->png, "rows are not 8-bit RGB");
+    for (int pass = 0; pass < n_passes; pass++)
+        for (int y = 0; y < height; y++)
+            png_read_row(job->png, rgb + (size_t)y * (size_t)width * 3, NULL);
+    png_read_end(job->png, NULL);
+    return true;
+}
+
+static const char damaged[] = "copy or export the picture again";
+
+bool saga_png_probe(const char *path, int *width, int *height,
+                    saga_input_error *error)
+{
+    png_job job;
+    if (!read_job_begin(&job, path, error))
+        return false;
+    bool ok = read_header(&job);
+    if (!ok)
+        saga_fail(error, path, damaged, "PNG header is damaged (%s)",
+                  job.message);
+    else {
+        *width = (int)png_get_image_width(job.png, job.info);
+        *height = (int)png_get_image_height(job.png, job.info);
+    }
+    read_job_end(&job);
+    return ok && saga_check_size(path, *width, *height, error);
+}
+
+bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
+                   saga_input_error *error)
+{
+    png_job job;
+    if (!read_job_begin(&job, path, error))
+        return false;
+    bool ok = read_header(&job);
+    if (ok && ((int)png_get_image_width(job.png, job.info) != width ||
+               (int)png_get_image_height(job.png, job.info) != height)) {
+        ok = saga_fail(error, path,
+                       "all pictures of a camera must have one size",
+                       "is %d x %d pixels, expected %d x %d",
+                       (int)png_get_image_width(job.png, job.info),
+                       (int)png_get_image_height(job.png, job.info), width,
+                       height);
+    } else if (!ok || !(ok = read_rows(&job, rgb, width, height))) {
+        saga_fail(error, path, damaged, "PNG is damaged or cut short (%s)",
+                  job.message);
+    }
+    read_job_end(&job);
+    return ok;
+}
+
+static bool write_rows(png_job *job, int width, int height,
+                       const uint8_t *rgb)
+{
+    if (setjmp(png_jmpbuf(job->png)))
+        return false;
+    png_init_io(job->png, job->file);
+    png_set_IHDR(job->png, job->info, (png_uint_32)width, (png_uint_32)height,
+                 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_sRGB(job->png, job->info, PNG_sRGB_INTENT_PERCEPTUAL);
+    png_set_compression_level(job->png, 6);
+    png_write_info(job->png, job->info);
+    for (int y = 0; y < height; y++)
+        png_write_row(job->png, rgb + (size_t)y * (size_t)width * 3);
+    png_write_end(job->png, NULL);
+    return true;
+}
+
+bool saga_png_write(const char *path, int width, int height,
+                    const uint8_t *rgb, saga_input_error *error)
+{
+    saga_output out;
+    if (!saga_output_open(&out, path, error))
+        return false;
+    png_job job = {.file = out.file};
+    job.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &job, png_failed,
+                                      png_warned);
+    job.info = job.png ? png_create_info_struct(job.png) : NULL;
+    const bool ok = job.info && write_rows(&job, width, height, rgb);
+    png_destroy_write_struct(&job.png, &job.info);
+    return saga_output_close(&out, ok, error);
+}

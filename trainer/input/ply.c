@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: MIT */
+#include "ply.h"
+
+#include "input.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum { MAX_PROPERTIES = 256, MAX_LINE = 512 };
+
+enum ply_type { PLY_I8, PLY_U8, PLY_I16, PLY_U16, PLY_I32, PLY_U32, PLY_F32,
+                PLY_F64 };
+
+static const struct {
+    const char *name, *alias;
+    int nbytes;
+} ply_types[] = {
+    [PLY_I8] = {"char", "int8", 1},      [PLY_U8] = {"uchar", "uint8", 1},
+    [PLY_I16] = {"short", "int16", 2},   [PLY_U16] = {"ushort", "uint16", 2},
+    [PLY_I32] = {"int", "int32", 4},     [PLY_U32] = {"uint", "uint32", 4},
+    [PLY_F32] = {"float", "float32", 4}, [PLY_F64] = {"double", "float64", 8},
+};
+
+enum { FIELD_X, FIELD_Y, FIELD_Z, FIELD_RED, FIELD_GREEN, FIELD_BLUE,
+       N_FIELDS };
+
+typedef struct ply_header {
+    bool ascii;
+    uint64_t count;
+    int n_properties;
+    uint8_t type[MAX_PROPERTIES];
+    int field[N_FIELDS];     /* property index, -1: missing */
+} ply_header;
+
+/* A line without its end, cut to fit; false at the end of the data. */
+static bool take_line(saga_cursor *c, char line[MAX_LINE])
+{
+    const size_t left = saga_left(c);
+    const uint8_t *const end = left ? memchr(c->next, '\n', left) : NULL;
+    if (!end)
+        return false;
+    size_t n = (size_t)(end - c->next);
+    const uint8_t *const from = c->next;
+    c->next = end + 1;
+    if (n > 0 && from[n - 1] == '\r')
+        n--;
+    n = n < MAX_LINE - 1 ? n : MAX_LINE - 1;
+    memcpy(line, from, n);
+    line[n] = '\0';
+    return true;
+}
+
+static bool add_property(ply_header *h, const char *type, const char *name)
+{
+    static const char *const fields[] = {"x", "y", "z", "red", "green",
+                                         "blue"};
+    if (h->n_properties == MAX_PROPERTIES)
+        return false;
+    for (size_t t = 0; t < sizeof ply_types / sizeof ply_types[0]; t++) {
+        if (strcmp(type, ply_types[t].name) != 0 &&
+            strcmp(type, ply_types[t].alias) != 0)
+            continue;
+        for (int f = 0; f < N_FIELDS; f++)
+            if (strcmp(name, fields[f]) == 0)
+                h->field[f] = h->n_properties;
+        h->type[h->n_properties++] = (uint8_t)t;
+        return true;
+    }
+    return false;
+}
+
+/* One header line; elements are tracked so that only the vertices' properties
+ * count. */
+typedef struct ply_state {
+    bool seen_vertex, in_vertex, other_first;
+} ply_state;
+
+static bool header_line(ply_header *h, ply_state *s, const char *line)
+{
+    char a[32], b[64];
+    unsigned long long n;
+    if (sscanf(line, "format %31s", a) == 1) {
+        h->ascii = strcmp(a, "ascii") == 0;
+        return h->ascii || strcmp(a, "binary_little_endian") == 0;
+    }
+    if (sscanf(line, "element %31s %llu", a, &n) == 2) {
+        s->in_vertex = strcmp(a, "vertex") == 0 && !s->seen_vertex;
+        s->seen_vertex |= s->in_vertex;
+        if (s->in_vertex)
+            h->count = n;
+        return s->seen_vertex;
+    }
+    if (s->in_vertex && strncmp(line, "property", 8) == 0)
+        return sscanf(line, "property %31s %63s", a, b) == 2 &&
+               add_property(h, a, b);
+    return true;
+}
+
+static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
+                         saga_input_error *error)
+{
+    char line[MAX_LINE];
+    ply_state s = {0};
+    *h = (ply_header){.field = {-1, -1, -1, -1, -1, -1}};
+    if (!take_line(c, line) || strcmp(line, "ply") != 0)
+        return saga_fail(error, path, "export the points as PLY",
+                         "is no PLY file");
+    while (take_line(c, line)) {
+        if (strcmp(line, "end_header") == 0) {
+            if (h->field[0] >= 0 && h->field[1] >= 0 && h->field[2] >= 0)
+                return true;
+            return saga_fail(error, path, "export positions with the points",
+                             "vertices have no x, y, z");
+        }
+        if (!header_line(h, &s, line))
+            return saga_fail(error, path, "store ascii or "
+                             "binary_little_endian, vertices first, scalar "
+                             "properties", "header line \"%.80s\" is not "
+                             "supported", line);
+    }
+    return saga_fail(error, path, "copy it again",
+                     "is cut short in its header");
+}
+
+/* Numbers beyond what the property's type can hold do not matter here. */
+static double load_value(const uint8_t *p, int type)
+{
+    switch (type) {
+    case PLY_I8: return (int8_t)p[0];
+    case PLY_U8: return p[0];
+    case PLY_I16: return (int16_t)(uint16_t)saga_load_le(p, 2);
+    case PLY_U16: return (double)saga_load_le(p, 2);
+    case PLY_I32: return (int32_t)(uint32_t)saga_load_le(p, 4);
+    case PLY_U32: return (double)saga_load_le(p, 4);
+    case PLY_F32: return saga_load_f32(p);
+    default: return saga_load_f64(p);
+    }
+}
+
+static bool take_binary(saga_cursor *c, const ply_header *h, double *values)
+{
+    for (int i = 0; i < h->n_properties; i++) {
+        const uint8_t *const p =
+            saga_take(c, (size_t)ply_types[h->type[i]].nbytes);
+        if (!p)
+            return false;
+        values[i] = load_value(p, h->type[i]);
+    }
+    return true;
+}
+
+/* The buffer ends in NUL, so strtod stops there at the latest. */
+static bool take_ascii(saga_cursor *c, const ply_header *h, double *values)
+{
+    for (int i = 0; i < h->n_properties; i++) {
+        const char *const text = (const char *)c->next;
+        char *end;
+        values[i] = strtod(text, &end);
+        if (end == text || (const uint8_t *)end > c->end)
+            return false;
+        c->next = (const uint8_t *)end;
+    }
+    return true;
+}
+
+/* Integer colours have the range of their type, real ones 0..1. */
+static uint8_t colour_byte(double v, int type)
+{
+    const double unit = type == PLY_F32 || type == PLY_F64 ? 255.0
+                        : type == PLY_U16                  ? 1.0 / 257.0
+                                                           : 1.0;
+    const double x = v * unit + 0.5;
+    return x >= 255.0 ? 255 : x > 0.0 ? (uint8_t)x : 0;
+}
+
+static bool fill_point(saga_point *point, const ply_header *h,
+                       const double *values)
+{
+    *point = (saga_point){.rgb = {128, 128, 128}, .n_seen = -1};
+    for (int i = 0; i < 3; i++) {
+        point->position[i] = values[h->field[i]];
+        const int colour = h->field[FIELD_RED + i];
+        if (colour >= 0)
+            point->rgb[i] = colour_byte(values[colour], h->type[colour]);
+    }
+    return isfinite(point->position[0]) && isfinite(point->position[1]) &&
+           isfinite(point->position[2]);
+}
+
+/* Least bytes one vertex takes: checked before anything is allocated. */
+static uint64_t least_nbytes(const ply_header *h)
+{
+    uint64_t n = 0;
+    for (int i = 0; i < h->n_properties; i++)
+        n += h->ascii ? 2 : (uint64_t)ply_types[h->type[i]].nbytes;
+    return n;
+}
+
+static bool read_points(saga_cursor *c, const char *path, saga_point **points,
+                        size_t *n_points, size_t *n_dropped,
+                        saga_input_error *error)
+{
+    ply_header h;
+    double values[MAX_PROPERTIES];
+    if (!parse_header(&h, c, path, error))
+        return false;
+    /* The last ascii number may lack its separator, hence + 1. */
+    if (h.count > (saga_left(c) + 1) / least_nbytes(&h))
+        return saga_fail(error, path, "copy it again", "announces %llu points "
+                         "but has only %zu bytes left",
+                         (unsigned long long)h.count, saga_left(c));
+    *points = saga_alloc((size_t)h.count, sizeof **points);
+    if (!*points)
+        return saga_fail(error, path, "give fewer points", "out of memory");
+    for (uint64_t i = 0; i < h.count; i++) {
+        if (!(h.ascii ? take_ascii(c, &h, values)
+                      : take_binary(c, &h, values)))
+            return saga_fail(error, path, "copy it again", "is cut short at "
+                             "point %llu of %llu", (unsigned long long)i,
+                             (unsigned long long)h.count);
+        if (fill_point(&(*points)[*n_points], &h, values))
+            ++*n_points;
+        else
+            ++*n_dropped;
+    }
+    return true;
+}
+
+bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
+                   size_t *n_dropped, saga_input_error *error)
+{
+    saga_bytes bytes;
+    *points = NULL;
+    *n_points = *n_dropped = 0;
+    if (!saga_read_file(&bytes, path, error))
+        return false;
+    saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
+    const bool ok = read_points(&c, path, points, n_points, n_dropped, error);
+    saga_bytes_free(&bytes);
+    if (!ok) {
+        free(*points);
+        *points = NULL;
+        *n_points = 0;
+    }
+    return ok;
+}
+
+static void store_point(uint8_t record[15], const saga_point *point)
+{
+    for (int i = 0; i < 3; i++) {
+        const float x = (float)point->position[i];
+        uint32_t bits;
+        memcpy(&bits, &x, 4);
+        for (int b = 0; b < 4; b++)
+            record[4 * i + b] = (uint8_t)(bits >> 8 * b);
+        record[12 + i] = point->rgb[i];
+    }
+}
+
+bool saga_ply_write(const char *path, const saga_point *points,
+                    size_t n_points, saga_input_error *error)
+{
+    saga_output out;
+    if (!saga_output_open(&out, path, error))
+        return false;
+    bool ok = fprintf(out.file,
+                      "ply\nformat binary_little_endian 1.0\n"
+                      "element vertex %zu\n"
+                      "property float x\nproperty float y\nproperty float z\n"
+                      "property uchar red\nproperty uchar green\n"
+                      "property uchar blue\nend_header\n", n_points) > 0;
+    for (size_t i = 0; ok && i < n_points; i++) {
+        uint8_t record[15];
+        store_point(record, &points[i]);
+        ok = fwrite(record, sizeof record, 1, out.file) == 1;
+    }
+    return saga_output_close(&out, ok, error);
+}

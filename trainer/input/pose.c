@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: MIT */
+#include "pose.h"
+
+#include <math.h>
+#include <string.h>
+
+bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9])
+{
+    const double n2 = wxyz[0] * wxyz[0] + wxyz[1] * wxyz[1] +
+                      wxyz[2] * wxyz[2] + wxyz[3] * wxyz[3];
+    if (!(n2 > 1e-12 && n2 < 1e12))
+        return false;
+    const double w = wxyz[0], x = wxyz[1], y = wxyz[2], z = wxyz[3];
+    const double s = 2.0 / n2;
+    const double r[9] = {
+        1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y),
+        s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x),
+        s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)};
+    memcpy(rotation, r, sizeof r);
+    return true;
+}
+
+static void cross(const double a[3], const double b[3], double c[3])
+{
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* How far the rows are from orthonormal; NaN stays NaN. */
+static double defect(const double r[9])
+{
+    double worst = 0.0;
+    for (int i = 0; i < 3; i++)
+        for (int j = i; j < 3; j++) {
+            const double e = dot(r + 3 * i, r + 3 * j) - (i == j ? 1.0 : 0.0);
+            if (!(fabs(e) <= worst))
+                worst = fabs(e);
+        }
+    return worst;
+}
+
+/* Newton's iteration to the nearest rotation, R <- (R + R^-T) / 2; the rows
+ * of R^-T are cross products over the determinant. */
+static void nearest_rotation(double r[9])
+{
+    for (int round = 0; round < 6; round++) {
+        double inv[9];
+        cross(r + 3, r + 6, inv);
+        cross(r + 6, r, inv + 3);
+        cross(r, r + 3, inv + 6);
+        const double det = dot(r, inv);
+        for (int i = 0; i < 9; i++)
+            r[i] = 0.5 * (r[i] + inv[i] / det);
+    }
+}
+
+bool saga_pose_from_axes(const double right[3], const double down[3],
+                         const double forward[3], const double centre[3],
+                         double rotation[9], double translation[3])
+{
+    double r[9], c[3];
+    memcpy(r, right, 3 * sizeof *r);
+    memcpy(r + 3, down, 3 * sizeof *r);
+    memcpy(r + 6, forward, 3 * sizeof *r);
+    if (!(defect(r) < 0.01) || !isfinite(centre[0]) ||
+        !isfinite(centre[1]) || !isfinite(centre[2]))
+        return false;
+    cross(r, r + 3, c);
+    if (dot(c, r + 6) < 0.0)
+        return false;
+    nearest_rotation(r);
+    memcpy(rotation, r, sizeof r);
+    for (int i = 0; i < 3; i++)
+        translation[i] = -dot(r + 3 * i, centre);
+    return true;
+}
+
+void saga_pose_centre(const double rotation[9], const double translation[3],
+                      double centre[3])
+{
+    for (int i = 0; i < 3; i++)
+        centre[i] = -(rotation[i] * translation[0] +
+                      rotation[3 + i] * translation[1] +
+                      rotation[6 + i] * translation[2]);
+}

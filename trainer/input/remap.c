@@ -1,0 +1,266 @@
+/* SPDX-License-Identifier: MIT */
+#include "remap.h"
+
+#include "input.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
+{
+    const double r2 = x * x + y * y;
+    const double g =
+        1.0 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
+    const double xd =
+        x * g + 2.0 * lens->p1 * x * y + lens->p2 * (r2 + 2.0 * x * x);
+    const double yd =
+        y * g + lens->p1 * (r2 + 2.0 * y * y) + 2.0 * lens->p2 * x * y;
+    uv[0] = lens->fx * xd + lens->cx;
+    uv[1] = lens->fy * yd + lens->cy;
+}
+
+bool saga_lens_is_pinhole(const saga_lens *lens)
+{
+    return lens->k1 == 0.0 && lens->k2 == 0.0 && lens->k3 == 0.0 &&
+           lens->p1 == 0.0 && lens->p2 == 0.0;
+}
+
+/* Source position of a pinhole position when focals are lens focals times s. */
+static void source_of(const saga_lens *lens, double s, double u, double v,
+                      double uv[2])
+{
+    saga_lens_project(lens, (u - lens->cx) / (lens->fx * s),
+                      (v - lens->cy) / (lens->fy * s), uv);
+}
+
+/* r g(r^2) must grow all the way out: beyond a fold the model shows the same
+ * pixels a second time, mirrored. */
+static bool grows_until(const saga_lens *lens, double r_max)
+{
+    for (int i = 0; i <= 256; i++) {
+        const double r2 = r_max * r_max * (i / 256.0) * (i / 256.0);
+        const double slope =
+            1.0 +
+            r2 * (3.0 * lens->k1 +
+                  r2 * (5.0 * lens->k2 + r2 * 7.0 * lens->k3));
+        if (!(slope > 0.05))
+            return false;
+    }
+    return true;
+}
+
+static bool covers(const saga_lens *lens, double s, int i, int j, int width,
+                   int height)
+{
+    double uv[2];
+    source_of(lens, s, i + 0.5, j + 0.5, uv);
+    return uv[0] >= 0.5 && uv[0] <= width - 0.5 && uv[1] >= 0.5 &&
+           uv[1] <= height - 0.5;
+}
+
+/* Inside follows from the border: the map is continuous and, as far as
+ * grows_until looks, one to one. */
+static bool all_valid(const saga_lens *lens, double s, int width, int height)
+{
+    const double x = fmax(lens->cx, width - lens->cx) / (lens->fx * s);
+    const double y = fmax(lens->cy, height - lens->cy) / (lens->fy * s);
+    if (!grows_until(lens, sqrt(x * x + y * y)))
+        return false;
+    for (int i = 0; i < width; i++)
+        if (!covers(lens, s, i, 0, width, height) ||
+            !covers(lens, s, i, height - 1, width, height))
+            return false;
+    for (int j = 0; j < height; j++)
+        if (!covers(lens, s, 0, j, width, height) ||
+            !covers(lens, s, width - 1, j, width, height))
+            return false;
+    return true;
+}
+
+/* Smallest s that is valid together with everything from there to the first
+ * valid value at or above 1; 0 if there is none up to 4. */
+static double choose_scale(const saga_lens *lens, int width, int height)
+{
+    double good = 1.0;
+    while (!all_valid(lens, good, width, height)) {
+        good *= 1.02;
+        if (good > 4.0)
+            return 0.0;
+    }
+    double bad = good / 1.02;
+    while (bad > 0.25 && all_valid(lens, bad, width, height)) {
+        good = bad;
+        bad /= 1.02;
+    }
+    for (int i = 0; i < 40; i++) {
+        const double middle = 0.5 * (good + bad);
+        if (all_valid(lens, middle, width, height))
+            good = middle;
+        else
+            bad = middle;
+    }
+    return good;
+}
+
+static bool lens_is_sane(const saga_lens *l)
+{
+    const double all[] = {l->fx, l->fy, l->cx, l->cy, l->k1,
+                          l->k2, l->k3, l->p1, l->p2};
+    for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
+        if (!isfinite(all[i]))
+            return false;
+    return l->fx > 0.0 && l->fy > 0.0;
+}
+
+bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
+                     int height, int scale, const char *file,
+                     saga_input_error *error)
+{
+    *remap = (saga_remap){.source_width = width, .source_height = height,
+                          .scale = scale, .focal_scale = 1.0,
+                          .width = width / scale, .height = height / scale};
+    if (remap->width < 1 || remap->height < 1)
+        return saga_fail(error, file, "use a larger --scale fraction",
+                         "%d x %d pixels leave nothing at --scale 1/%d", width,
+                         height, scale);
+    if (!lens_is_sane(lens))
+        return saga_fail(error, file, "correct the intrinsics",
+                         "intrinsics are not usable (fx %g, fy %g, cx %g, "
+                         "cy %g)", lens->fx, lens->fy, lens->cx, lens->cy);
+    if (!saga_lens_is_pinhole(lens))
+        remap->focal_scale = choose_scale(lens, width, height);
+    if (remap->focal_scale == 0.0)
+        return saga_fail(error, file, "check their order and sign, or "
+                         "undistort the pictures first", "distortion k1 %g, "
+                         "k2 %g, k3 %g, p1 %g, p2 %g folds the picture",
+                         lens->k1, lens->k2, lens->k3, lens->p1, lens->p2);
+    const double s = remap->focal_scale / scale;
+    remap->fx = lens->fx * s;
+    remap->fy = lens->fy * s;
+    remap->cx = lens->cx / scale;
+    remap->cy = lens->cy / scale;
+    return true;
+}
+
+uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
+{
+    return saga_lens_is_pinhole(lens)
+               ? 0
+               : (uint64_t)remap->source_width *
+                     (uint64_t)remap->source_height * 6;
+}
+
+/* Position of the upper left of four taps and the way to the next, in 1/256,
+ * kept so that tap + 1 is inside; at the last one the fraction is 255/256. */
+static int split_position(double position, int size, uint8_t *fraction)
+{
+    if (size < 2) {
+        *fraction = 0;
+        return 0;
+    }
+    const double p = fmin(fmax(position - 0.5, 0.0), size - 1.0);
+    const int q = (int)floor(p * 256.0 + 0.5);
+    const int tap = q >> 8 < size - 2 ? q >> 8 : size - 2;
+    const int rest = q - tap * 256;
+    *fraction = (uint8_t)(rest < 255 ? rest : 255);
+    return tap;
+}
+
+bool saga_remap_build(saga_remap *remap, const saga_lens *lens)
+{
+    if (saga_lens_is_pinhole(lens))
+        return true;
+    const int w = remap->source_width, h = remap->source_height;
+    const size_t n = (size_t)w * (size_t)h;
+    remap->taps = saga_alloc(n, sizeof *remap->taps);
+    remap->fractions = saga_alloc(n, 2);
+    if (!remap->taps || !remap->fractions) {
+        saga_remap_free(remap);
+        return false;
+    }
+    for (size_t i = 0; i < n; i++) {
+        double uv[2];
+        source_of(lens, remap->focal_scale, (double)(i % (size_t)w) + 0.5,
+                  (double)(i / (size_t)w) + 0.5, uv);
+        const int x = split_position(uv[0], w, &remap->fractions[2 * i]);
+        const int y = split_position(uv[1], h, &remap->fractions[2 * i + 1]);
+        remap->taps[i] = (uint32_t)y * (uint32_t)w + (uint32_t)x;
+    }
+    return true;
+}
+
+void saga_remap_free(saga_remap *remap)
+{
+    free(remap->taps);
+    free(remap->fractions);
+    remap->taps = NULL;
+    remap->fractions = NULL;
+}
+
+/* Adds one full-size pinhole pixel to sum[3], scaled by 65536. */
+static inline void add_bilinear(const saga_remap *remap, const uint8_t *source,
+                                size_t i, uint64_t sum[3])
+{
+    const uint32_t fx = remap->fractions[2 * i];
+    const uint32_t fy = remap->fractions[2 * i + 1];
+    const size_t right = remap->source_width > 1 ? 3 : 0;
+    const size_t down =
+        remap->source_height > 1 ? (size_t)remap->source_width * 3 : 0;
+    const uint8_t *const p = source + (size_t)remap->taps[i] * 3;
+    for (size_t c = 0; c < 3; c++) {
+        const uint32_t top = p[c] * (256 - fx) + p[right + c] * fx;
+        const uint32_t bottom =
+            p[down + c] * (256 - fx) + p[down + right + c] * fx;
+        sum[c] += top * (256 - fy) + bottom * fy;
+    }
+}
+
+static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
+                      int y, uint8_t *rgb)
+{
+    const size_t n = (size_t)remap->scale, w = (size_t)remap->source_width;
+    uint64_t sum[3] = {0};
+    for (size_t b = 0; b < n; b++)
+        for (size_t a = 0; a < n; a++) {
+            const size_t i =
+                ((size_t)y * n + b) * w + (size_t)x * n + a;
+            if (remap->taps)
+                add_bilinear(remap, source, i, sum);
+            else
+                for (size_t c = 0; c < 3; c++)
+                    sum[c] += source[3 * i + c];
+        }
+    const uint64_t unit = remap->taps ? n * n << 16 : n * n;
+    for (size_t c = 0; c < 3; c++)
+        rgb[c] = (uint8_t)((sum[c] + unit / 2) / unit);
+}
+
+void saga_remap_rgb(const saga_remap *remap, const uint8_t *source,
+                    uint8_t *rgb)
+{
+    if (!remap->taps && remap->scale == 1) {
+        memcpy(rgb, source,
+               (size_t)remap->width * (size_t)remap->height * 3);
+        return;
+    }
+    for (int y = 0; y < remap->height; y++)
+        for (int x = 0; x < remap->width; x++, rgb += 3)
+            box_pixel(remap, source, x, y, rgb);
+}
+
+/* The sample in the middle of the box, for even N the one right below. */
+void saga_remap_depth(const saga_remap *remap, const float *source,
+                      float *depth)
+{
+    const size_t n = (size_t)remap->scale, w = (size_t)remap->source_width;
+    for (size_t y = 0; y < (size_t)remap->height; y++)
+        for (size_t x = 0; x < (size_t)remap->width; x++) {
+            size_t i = (y * n + n / 2) * w + x * n + n / 2;
+            if (remap->taps) {
+                const uint8_t *const f = &remap->fractions[2 * i];
+                i = remap->taps[i] + (f[0] >= 128 ? 1u : 0u) +
+                    (f[1] >= 128 ? w : 0u);
+            }
+            *depth++ = source[i];
+        }
+}

@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From the picture a lens made to the picture a pinhole would have made, and
+ * from full size to 1/N, in one pass with one rounding.
+ *
+ * Lens: OpenCV's model. With x, y the pinhole direction (z = 1), r2 = x x +
+ * y y and g = 1 + k1 r2 + k2 r2^2 + k3 r2^3,
+ *
+ *     x' = x g + 2 p1 x y + p2 (r2 + 2 x x)
+ *     y' = y g + p1 (r2 + 2 y y) + 2 p2 x y
+ *     u  = fx x' + cx,   v = fy y' + cy.
+ *
+ * The pinhole keeps the size and the principal point of the lens; both its
+ * focal lengths are those of the lens times one factor, the smallest (widest
+ * view) for which every pixel of the pinhole picture lies between pixel
+ * centres of the source. So no pixel is invalid and no mask is needed; what
+ * the lens saw beyond that is given up. A point in front of the camera and
+ * inside the pinhole picture is where u = fx X/Z + cx says.
+ *
+ * Sampling: bilinear at full size (positions to 1/256 pixel), then N x N boxes
+ * are averaged; rows and columns beyond a multiple of N are dropped at the
+ * right and the bottom. Depth is never mixed: the nearest source sample.
+ */
+#ifndef SAGA_REMAP_H
+#define SAGA_REMAP_H
+
+#include "capture.h"
+
+typedef struct saga_lens {
+    double fx, fy, cx, cy;
+    double k1, k2, k3, p1, p2;
+} saga_lens;
+
+typedef struct saga_remap {
+    int source_width, source_height;
+    int scale;
+    int width, height;        /* of what comes out */
+    double fx, fy, cx, cy;    /* of what comes out */
+    double focal_scale;
+    uint32_t *taps;           /* NULL: no distortion. Else (source height,
+                               * source width): index of the upper left tap */
+    uint8_t *fractions;       /* (source height, source width, 2) of 1/256 */
+} saga_remap;
+
+/* The pixel of the lens' picture in direction (x, y, 1). */
+void saga_lens_project(const saga_lens *lens, double x, double y,
+                       double uv[2]);
+bool saga_lens_is_pinhole(const saga_lens *lens);
+
+/* Chooses the pinhole; allocates nothing. file is for messages. */
+bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
+                     int height, int scale, const char *file,
+                     saga_input_error *error);
+/* Bytes that saga_remap_build will allocate. */
+uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens);
+bool saga_remap_build(saga_remap *remap, const saga_lens *lens);
+void saga_remap_free(saga_remap *remap);
+
+void saga_remap_rgb(const saga_remap *remap, const uint8_t *source,
+                    uint8_t *rgb);
+void saga_remap_depth(const saga_remap *remap, const float *source,
+                      float *depth);
+
+#endif

@@ -1,0 +1,232 @@
+/* SPDX-License-Identifier: MIT */
+#include "video.h"
+
+#include "input.h"
+#include "picture.h"
+
+#include <stdlib.h>
+
+/* A path that starts with '-' or looks like a protocol must stay a path. */
+static char *file_url(const char *path)
+{
+    const size_t n = strlen(path) + sizeof "file:";
+    char *const url = malloc(n);
+    if (url)
+        (void)snprintf(url, n, "file:%s", path);
+    return url;
+}
+
+/* Value of "key=" at the start of a line; empty if missing. */
+static void field(const char *text, const char *key, char *value, size_t n)
+{
+    const size_t key_len = strlen(key);
+    value[0] = '\0';
+    for (const char *line = text; line && *line;) {
+        const char *const end = strchr(line, '\n');
+        if (strncmp(line, key, key_len) == 0 && line[key_len] == '=') {
+            const char *const v = line + key_len + 1;
+            const size_t len = end ? (size_t)(end - v) : strlen(v);
+            (void)snprintf(value, n, "%.*s", (int)len, v);
+            return;
+        }
+        line = end ? end + 1 : NULL;
+    }
+}
+
+static long field_number(const char *text, const char *key)
+{
+    char value[32];
+    field(text, key, value, sizeof value);
+    char *end;
+    const long x = strtol(value, &end, 10);
+    return end == value || x < 0 ? -1 : x;
+}
+
+static double field_ratio(const char *text, const char *key)
+{
+    char value[64];
+    field(text, key, value, sizeof value);
+    char *end;
+    const double num = strtod(value, &end);
+    const double den = *end == '/' ? strtod(end + 1, NULL) : 1.0;
+    return num > 0.0 && den > 0.0 && num / den < 1e5 ? num / den : 0.0;
+}
+
+static void probe_colour(saga_video_info *info, const char *text)
+{
+    static const char *const known[][2] = {
+        {"bt709", "bt709"},         {"smpte170m", "smpte170m"},
+        {"bt470bg", "bt470bg"},     {"smpte240m", "smpte240m"},
+        {"bt2020nc", "bt2020"},     {"fcc", "fcc"},
+    };
+    char value[32];
+    field(text, "color_space", value, sizeof value);
+    info->untagged = true;
+    (void)snprintf(info->matrix, sizeof info->matrix, "bt709");
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        if (strcmp(value, known[i][0]) != 0)
+            continue;
+        info->untagged = false;
+        (void)snprintf(info->matrix, sizeof info->matrix, "%s", known[i][1]);
+    }
+    field(text, "color_range", value, sizeof value);
+    info->full_range = strcmp(value, "pc") == 0;
+}
+
+/* ffmpeg turns pictures by the display matrix; sizes follow. */
+static void probe_rotation(saga_video_info *info, const char *text)
+{
+    char value[32];
+    field(text, "rotation", value, sizeof value);
+    if (value[0] == '\0')
+        field(text, "TAG:rotate", value, sizeof value);
+    const long turn = labs(strtol(value, NULL, 10)) % 180;
+    if (turn < 45 || turn > 135)
+        return;
+    const int width = info->width;
+    info->width = info->height;
+    info->height = width;
+}
+
+static bool run_ffprobe(const char *path, char *text, size_t n,
+                        saga_input_error *error)
+{
+    char *const url = file_url(path);
+    if (!url)
+        return saga_fail(error, path, NULL, "out of memory");
+    const char *const argv[] = {
+        "ffprobe", "-v", "error", "-count_packets", "-select_streams", "v:0",
+        "-show_entries",
+        "stream=width,height,avg_frame_rate,nb_read_packets,color_space,"
+        "color_range:stream_tags=rotate:stream_side_data=rotation",
+        "-of", "default=noprint_wrappers=1", url, NULL};
+    saga_child child;
+    bool ok = saga_child_start(&child, argv, error);
+    if (ok) {
+        const size_t got = saga_child_read(&child, text, n - 1);
+        text[got] = '\0';
+        if (saga_child_end(&child, got == n - 1) != 0)
+            ok = saga_fail(error, path, "check that ffplay shows it",
+                           "is no video that ffprobe can read (%s)",
+                           child.tail);
+    }
+    free(url);
+    return ok;
+}
+
+bool saga_video_probe(saga_video_info *info, const char *path,
+                      saga_input_error *error)
+{
+    char text[8192];
+    *info = (saga_video_info){0};
+    if (!saga_path_is_file(path))
+        return saga_fail(error, path, "check the name; every camera needs its "
+                         "video", "video is missing");
+    if (!run_ffprobe(path, text, sizeof text, error))
+        return false;
+    const long width = field_number(text, "width");
+    const long height = field_number(text, "height");
+    const long n = field_number(text, "nb_read_packets");
+    if (width < 0 || height < 0)
+        return saga_fail(error, path, "give a file with pictures in it",
+                         "has no video stream");
+    if (!saga_check_size(path, width, height, error))
+        return false;
+    if (n < 1 || n > SAGA_MAX_FRAMES)
+        return saga_fail(error, path, "give a video with 1..1048576 frames",
+                         "has %ld frames", n);
+    info->width = (int)width;
+    info->height = (int)height;
+    info->n_frames = (int)n;
+    info->fps = field_ratio(text, "avg_frame_rate");
+    probe_colour(info, text);
+    probe_rotation(info, text);
+    return true;
+}
+
+static bool start_ffmpeg(saga_video *video, saga_input_error *error)
+{
+    char filter[200], count[16];
+    (void)snprintf(filter, sizeof filter,
+                   "scale=in_color_matrix=%s:in_range=%s:out_range=full:"
+                   "flags=bicubic+accurate_rnd+full_chroma_int+bitexact",
+                   video->info.matrix,
+                   video->info.full_range ? "full" : "limited");
+    /* One more than wanted, so that a surplus shows. */
+    const bool all = video->n_wanted == video->info.n_frames;
+    (void)snprintf(count, sizeof count, "%d", video->n_wanted + (all ? 1 : 0));
+    char *const url = file_url(video->path);
+    if (!url)
+        return saga_fail(error, video->path, NULL, "out of memory");
+    const char *const argv[] = {
+        "ffmpeg", "-nostdin", "-v", "error", "-threads", "1", "-i", url,
+        "-map", "0:v:0", "-frames:v", count,
+        video->old_ffmpeg ? "-vsync" : "-fps_mode",
+        video->old_ffmpeg ? "0" : "passthrough",
+        "-vf", filter, "-pix_fmt", "rgb24", "-f", "rawvideo", "-", NULL};
+    const bool ok = saga_child_start(&video->child, argv, error);
+    free(url);
+    return ok;
+}
+
+bool saga_video_open(saga_video *video, const char *path,
+                     const saga_video_info *info, int n_wanted,
+                     saga_input_error *error)
+{
+    *video = (saga_video){.path = path, .info = *info, .n_wanted = n_wanted};
+    video->child.out = video->child.log = -1;
+    return start_ffmpeg(video, error);
+}
+
+bool saga_video_next(saga_video *video, uint8_t *rgb, saga_input_error *error)
+{
+    const size_t nbytes =
+        (size_t)video->info.width * (size_t)video->info.height * 3;
+    size_t got = saga_child_read(&video->child, rgb, nbytes);
+    if (got == 0 && video->n_read == 0 && !video->old_ffmpeg) {
+        /* Nothing at all: an ffmpeg that does not know -fps_mode yet? */
+        (void)saga_child_end(&video->child, false);
+        if (strstr(video->child.tail, "fps_mode") ||
+            strstr(video->child.tail, "Option not found")) {
+            video->old_ffmpeg = true;
+            if (!start_ffmpeg(video, error))
+                return false;
+            got = saga_child_read(&video->child, rgb, nbytes);
+        }
+    }
+    if (got == nbytes) {
+        video->n_read++;
+        return true;
+    }
+    (void)saga_child_end(&video->child, false);
+    return saga_fail(error, video->path, "copy or encode the video again",
+                     "only %d of %d frames of %d x %d could be decoded (%s)",
+                     video->n_read, video->n_wanted, video->info.width,
+                     video->info.height,
+                     video->child.tail[0] ? video->child.tail
+                                          : "the stream ends there");
+}
+
+bool saga_video_close(saga_video *video, bool ok, saga_input_error *error)
+{
+    uint8_t extra;
+    if (!ok) {
+        (void)saga_child_end(&video->child, true);
+        return false;
+    }
+    if (saga_child_read(&video->child, &extra, 1) != 0) {
+        (void)saga_child_end(&video->child, true);
+        return saga_fail(error, video->path, "encode the video again",
+                         "holds more frames, or larger ones, than the %d of "
+                         "%d x %d that ffprobe counts",
+                         video->info.n_frames, video->info.width,
+                         video->info.height);
+    }
+    const int status = saga_child_end(&video->child, false);
+    /* Complaints with status 0 mean concealed damage: say so, do not train on
+     * smeared pictures. */
+    if (status == 0 && video->child.tail[0] == '\0')
+        return true;
+    return saga_fail(error, video->path, "copy or encode the video again",
+                     "ffmpeg decoded it with errors (%s)", video->child.tail);
+}

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Video through the programs ffprobe and ffmpeg.
+ *
+ * Colour: ffmpeg converts to RGB with the matrix and range that the stream is
+ * tagged with; an untagged stream is taken as BT.709, limited range. Both are
+ * given to the scaler explicitly, with exact rounding and chroma
+ * interpolated at full resolution; ffmpeg's own default for untagged video
+ * would be BT.601. The transfer function is left alone: display-referred
+ * values come out, as from a PNG.
+ *
+ * Frames: every coded frame comes out once, whatever its time stamp says.
+ */
+#ifndef SAGA_VIDEO_H
+#define SAGA_VIDEO_H
+
+#include "capture.h"
+#include "child.h"
+
+typedef struct saga_video_info {
+    int width, height;   /* as shown, after rotation by metadata */
+    int n_frames;
+    double fps;          /* 0 if the file does not say */
+    bool untagged;       /* no colour matrix in the file */
+    char matrix[16];     /* name for ffmpeg's scaler */
+    bool full_range;
+} saga_video_info;
+
+bool saga_video_probe(saga_video_info *info, const char *path,
+                      saga_input_error *error);
+
+typedef struct saga_video {
+    saga_child child;
+    const char *path;    /* the caller's; must outlive the video */
+    saga_video_info info;
+    int n_wanted, n_read;
+    bool old_ffmpeg;     /* before 5.1: -vsync instead of -fps_mode */
+} saga_video;
+
+/* Prepares to read the first n_wanted frames. */
+bool saga_video_open(saga_video *video, const char *path,
+                     const saga_video_info *info, int n_wanted,
+                     saga_input_error *error);
+/* The next frame, (height, width, 3). */
+bool saga_video_next(saga_video *video, uint8_t *rgb, saga_input_error *error);
+/* Ends ffmpeg. With ok, checks that it had nothing more and no complaint;
+ * otherwise kills it. Returns false if anything failed. */
+bool saga_video_close(saga_video *video, bool ok, saga_input_error *error);
+
+#endif

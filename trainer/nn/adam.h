@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Adam with bias correction. The state is the caller's: two moments per
+ * parameter and the number of the step, so that a checkpoint holds them.
+ */
+#ifndef SAGA_ADAM_H
+#define SAGA_ADAM_H
+
+#include "real.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct saga_adam { real beta1, beta2, eps; } saga_adam;
+
+/* One tensor, with its own learning rate. */
+typedef struct saga_adam_tensor {
+    const char *name;        /* for messages */
+    real *x;
+    const real *g;           /* gradient */
+    real *m, *v;             /* moments, zero before the first step */
+    size_t n;
+    real rate;               /* 0: frozen, its moments too */
+} saga_adam_tensor;
+
+/* The first value that is not finite. */
+typedef struct saga_adam_fault {
+    const char *name;
+    const char *what;        /* "gradient" or "value" */
+    size_t index;
+} saga_adam_fault;
+
+#define saga_adam_default SAGA_REAL_NAME(saga_adam_default)
+#define saga_adam_step SAGA_REAL_NAME(saga_adam_step)
+
+/* 0.9, 0.999, 1e-15. */
+saga_adam saga_adam_default(void);
+
+/* x -= rate m' / (sqrt(v') + eps), m' = m / (1 - beta1^step), v' = v / (1 -
+ * beta2^step); step counts from 1. Returns 0, or -1 if a gradient or a value
+ * is not finite: then nothing was changed, and *fault says where. */
+int saga_adam_step(saga_adam_fault *fault, const saga_adam *adam,
+                   const saga_adam_tensor *tensors, size_t n_tensors,
+                   uint64_t step);
+
+#endif

@@ -1,0 +1,373 @@
+/* SPDX-License-Identifier: MIT */
+#include "net.h"
+
+#include "dense.h"
+#include "rng.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+enum {
+    CHUNK = 128,         /* points that go through all layers together */
+    MAX_BLOCKS = 32,     /* sums of gradients kept apart */
+    MIN_BLOCK = 512      /* points */
+};
+
+/* Slots of work->cap after those of hidden. */
+enum { CAP_PACKED = SAGA_NET_LAYERS, CAP_CHUNK, CAP_PARTIAL };
+
+static size_t dim(const saga_net *net, int l)
+{
+    return (size_t)net->dim[l];
+}
+
+static size_t pad(const saga_net *net, int l)
+{
+    return saga_dense_pad(dim(net, l));
+}
+
+size_t saga_net_n_params(const saga_net *net)
+{
+    size_t n = 0;
+    int l;
+
+    for (l = 0; l < net->n_layers; l++)
+        n += (dim(net, l) + 1) * dim(net, l + 1);
+    return n;
+}
+
+void saga_net_bind(saga_net *net, real *params)
+{
+    int l;
+
+    for (l = 0; l < net->n_layers; l++) {
+        net->w[l] = params;
+        net->b[l] = params + dim(net, l) * dim(net, l + 1);
+        params += (dim(net, l) + 1) * dim(net, l + 1);
+    }
+}
+
+void saga_net_init(saga_net *net, unsigned long long seed)
+{
+    int l;
+
+    for (l = 0; l < net->n_layers; l++) {
+        const saga_rng r = saga_rng_stream(seed, (uint64_t)l);
+        const size_t n = dim(net, l) * dim(net, l + 1);
+        const double gain = l + 1 < net->n_layers ? 6 : 3;
+        const double half = sqrt(gain / net->dim[l]);
+        size_t i;
+
+        for (i = 0; i < n; i++)
+            net->w[l][i] = R(half * (2 * saga_rng_double(r, i) - 1));
+        memset(net->b[l], 0, dim(net, l + 1) * sizeof(real));
+    }
+}
+
+void saga_net_free(saga_net_work *work)
+{
+    int l;
+
+    for (l = 0; l < SAGA_NET_LAYERS; l++)
+        free(work->hidden[l]);
+    free(work->packed);
+    free(work->chunk);
+    free(work->partial);
+    memset(work, 0, sizeof *work);
+}
+
+static int grow(real **p, size_t *cap, size_t n)
+{
+    if (n <= *cap)
+        return 0;
+    free(*p);
+    *p = aligned_alloc(64, (n * sizeof **p + 63) / 64 * 64);
+    *cap = *p ? n : 0;
+    return *p ? 0 : -1;
+}
+
+/* --- Weights as the products want them ------------------------------------ */
+
+/* Of one layer, in work->packed: transposed (dim[l], pad(l + 1)), bias
+ * (pad(l + 1)), as they are (dim[l + 1], pad(l)). */
+typedef struct { const real *across, *bias, *along; } layer_weights;
+
+static size_t layer_size(const saga_net *net, int l)
+{
+    return (dim(net, l) + 1) * pad(net, l + 1) + dim(net, l + 1) * pad(net, l);
+}
+
+static layer_weights weights_of(const saga_net_work *work, const saga_net *net,
+                                int l)
+{
+    const real *at = work->packed;
+    layer_weights lw;
+    int i;
+
+    for (i = 0; i < l; i++)
+        at += layer_size(net, i);
+    lw.across = at;
+    lw.bias = lw.across + dim(net, l) * pad(net, l + 1);
+    lw.along = lw.bias + pad(net, l + 1);
+    return lw;
+}
+
+static void pack_layer(real *at, const saga_net *net, int l)
+{
+    const size_t n_in = dim(net, l), n_out = dim(net, l + 1);
+    const size_t wide = pad(net, l + 1), narrow = pad(net, l);
+    real *const bias = at + n_in * wide;
+    real *const along = bias + wide;
+    size_t i, o;
+
+    memset(at, 0, layer_size(net, l) * sizeof *at);
+    memcpy(bias, net->b[l], n_out * sizeof *bias);
+    for (o = 0; o < n_out; o++)
+        for (i = 0; i < n_in; i++) {
+            at[i * wide + o] = net->w[l][o * n_in + i];
+            along[o * narrow + i] = net->w[l][o * n_in + i];
+        }
+}
+
+static int pack(saga_net_work *work, const saga_net *net)
+{
+    size_t n = 0;
+    int l;
+
+    for (l = 0; l < net->n_layers; l++)
+        n += layer_size(net, l);
+    if (grow(&work->packed, &work->cap[CAP_PACKED], n))
+        return -1;
+    for (l = 0, n = 0; l < net->n_layers; n += layer_size(net, l), l++)
+        pack_layer(work->packed + n, net, l);
+    return 0;
+}
+
+/* --- Blocks and chunks ---------------------------------------------------- */
+
+static int thread_number(void)
+{
+#ifdef _OPENMP
+    return omp_get_thread_num();
+#else
+    return 0;
+#endif
+}
+
+static int n_threads(void)
+{
+#ifdef _OPENMP
+    return omp_get_max_threads();
+#else
+    return 1;
+#endif
+}
+
+static size_t widest(const saga_net *net)
+{
+    size_t top = 0;
+    int l;
+
+    for (l = 0; l <= net->n_layers; l++)
+        top = pad(net, l) > top ? pad(net, l) : top;
+    return top;
+}
+
+/* Points of a block: a multiple of CHUNK that depends on m alone. */
+static size_t block_size(size_t m)
+{
+    const size_t share = (m + MAX_BLOCKS - 1) / MAX_BLOCKS;
+    const size_t n = share > MIN_BLOCK ? share : MIN_BLOCK;
+
+    return (n + CHUNK - 1) / CHUNK * CHUNK;
+}
+
+/* n rows of one stride to another, the excess zero. */
+static void copy_rows(real *to, size_t to_stride, const real *from,
+                      size_t from_stride, size_t n)
+{
+    const size_t len = to_stride < from_stride ? to_stride : from_stride;
+    size_t i;
+
+    for (i = 0; i < n; i++) {
+        memcpy(to + i * to_stride, from + i * from_stride, len * sizeof *to);
+        if (to_stride > len)
+            memset(to + i * to_stride + len, 0,
+                   (to_stride - len) * sizeof *to);
+    }
+}
+
+/* --- Forward -------------------------------------------------------------- */
+
+static void forward_chunk(real *y, const saga_net_work *work, const real *x,
+                          size_t begin, size_t n, const saga_net *net,
+                          real *scratch)
+{
+    const int last = net->n_layers - 1;
+    const size_t n_out = dim(net, last + 1);
+    const int whole = pad(net, last + 1) == n_out;
+    const real *in = x + begin * dim(net, 0);
+    size_t stride = dim(net, 0);
+    int l;
+
+    for (l = 0; l <= last; l++) {
+        const layer_weights lw = weights_of(work, net, l);
+        real *const out = l < last
+            ? work->hidden[l] + begin * pad(net, l + 1)
+            : whole ? y + begin * n_out : scratch;
+
+        saga_dense_forward(out, in, stride, lw.across, lw.bias, n, dim(net, l),
+                           dim(net, l + 1), l < last);
+        in = out;
+        stride = pad(net, l + 1);
+    }
+    if (!whole)
+        copy_rows(y + begin * n_out, n_out, scratch, pad(net, last + 1), n);
+}
+
+int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
+                     const saga_net *net)
+{
+    const size_t scratch = CHUNK * widest(net);
+    const int64_t n_chunks = (int64_t)((m + CHUNK - 1) / CHUNK);
+    int64_t c;
+    int l;
+
+    for (l = 0; l + 1 < net->n_layers; l++)
+        if (grow(&work->hidden[l], &work->cap[l], m * pad(net, l + 1)))
+            return -1;
+    if (pack(work, net) || grow(&work->chunk, &work->cap[CAP_CHUNK],
+                                3 * scratch * (size_t)n_threads()))
+        return -1;
+#pragma omp parallel for schedule(static)
+    for (c = 0; c < n_chunks; c++) {
+        const size_t begin = (size_t)c * CHUNK;
+
+        forward_chunk(y, work, x, begin, m - begin < CHUNK ? m - begin : CHUNK,
+                      net, work->chunk +
+                      3 * scratch * (size_t)thread_number());
+    }
+    return 0;
+}
+
+/* --- Backward ------------------------------------------------------------- */
+
+/* Padded gradients of one block: per layer dw (dim[l + 1], pad(l)), db. */
+static size_t partial_size(const saga_net *net)
+{
+    size_t n = 0;
+    int l;
+
+    for (l = 0; l < net->n_layers; l++)
+        n += dim(net, l + 1) * (pad(net, l) + 1);
+    return n;
+}
+
+/* d becomes 0 where the activation is. */
+static void rectify_backward(real *d, const real *active, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        d[i] = active[i] > 0 ? d[i] : 0;
+}
+
+/* The scratch holds the input, padded, and two gradients in turn. */
+static void backward_chunk(real *dx, real *partial, const saga_net_work *work,
+                           const real *dy, const real *x, size_t begin,
+                           size_t n, const saga_net *net, real *scratch)
+{
+    const size_t area = CHUNK * widest(net);
+    const int last = net->n_layers - 1;
+    const real *d = dy + begin * dim(net, last + 1);
+    size_t stride = dim(net, last + 1);
+    real *at = partial + partial_size(net);
+    int l;
+
+    for (l = last; l >= 0; l--) {
+        const size_t n_in = dim(net, l), n_out = dim(net, l + 1);
+        real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
+        const real *in = scratch;
+
+        if (l > 0)
+            in = work->hidden[l - 1] + begin * pad(net, l);
+        else if (pad(net, 0) == n_in)
+            in = x + begin * n_in;
+        else
+            copy_rows(scratch, pad(net, 0), x + begin * n_in, n_in, n);
+        at -= n_out * (pad(net, l) + 1);
+        saga_dense_backward(at, d, stride, in, n, n_in, n_out);
+        saga_dense_bias_backward(at + n_out * pad(net, l), d, stride, n,
+                                 n_out);
+        if (l == 0 && !dx)
+            break;
+        saga_dense_forward(d_in, d, stride, weights_of(work, net, l).along,
+                           NULL, n, n_out, n_in, 0);
+        if (l > 0)
+            rectify_backward(d_in, in, n * pad(net, l));
+        d = d_in;
+        stride = pad(net, l);
+    }
+    if (dx)
+        copy_rows(dx + begin * dim(net, 0), dim(net, 0), d, stride, n);
+}
+
+/* Adds the blocks' sums, in their order. */
+static void add_partials(saga_net *d, const real *partial, size_t size,
+                         size_t n_blocks)
+{
+    size_t at = 0, k;
+    int l;
+
+    for (l = 0; l < d->n_layers; l++) {
+        const size_t n_in = dim(d, l), n_out = dim(d, l + 1);
+        const size_t stride = pad(d, l);
+        size_t o, i;
+
+        for (k = 0; k < n_blocks; k++) {
+            const real *const p = partial + k * size + at;
+
+            for (o = 0; o < n_out; o++) {
+                for (i = 0; i < n_in; i++)
+                    d->w[l][o * n_in + i] += p[o * stride + i];
+                d->b[l][o] += p[n_out * stride + o];
+            }
+        }
+        at += n_out * (stride + 1);
+    }
+}
+
+int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
+                      const real *dy, const real *x, size_t m,
+                      const saga_net *net)
+{
+    const size_t scratch = 3 * CHUNK * widest(net);
+    const size_t size = partial_size(net), block = block_size(m);
+    const size_t n_blocks = (m + block - 1) / block;
+    int64_t k;
+
+    if (grow(&work->partial, &work->cap[CAP_PARTIAL], n_blocks * size) ||
+        grow(&work->chunk, &work->cap[CAP_CHUNK],
+             scratch * (size_t)n_threads()))
+        return -1;
+#pragma omp parallel for schedule(dynamic, 1)
+    for (k = 0; k < (int64_t)n_blocks; k++) {
+        const size_t end = m < ((size_t)k + 1) * block
+            ? m : ((size_t)k + 1) * block;
+        real *const p = work->partial + (size_t)k * size;
+        size_t i;
+
+        memset(p, 0, size * sizeof *p);
+        for (i = (size_t)k * block; i < end; i += CHUNK)
+            backward_chunk(dx, p, work, dy, x, i,
+                           end - i < CHUNK ? end - i : CHUNK, net,
+                           work->chunk + scratch * (size_t)thread_number());
+    }
+    add_partials(d, work->partial, size, n_blocks);
+    return 0;
+}

@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Networks of dense layers, ReLU after every layer but the last, over batches
+ * of points: x (M, dim[0]) -> y (M, dim[n_layers]).
+ *
+ * The same bits for any number of threads: points are divided in blocks by
+ * their number alone, each block sums its gradients, the blocks' sums are
+ * added in order.
+ */
+#ifndef SAGA_NET_H
+#define SAGA_NET_H
+
+#include "real.h"
+
+#include <stddef.h>
+
+enum { SAGA_NET_LAYERS = 4 };
+
+/* Weights, or their gradients, or an optimiser's moments. */
+typedef struct saga_net {
+    int n_layers;                 /* 1..SAGA_NET_LAYERS */
+    int dim[SAGA_NET_LAYERS + 1]; /* >= 1 */
+    real *w[SAGA_NET_LAYERS];     /* (dim[l + 1], dim[l]) */
+    real *b[SAGA_NET_LAYERS];     /* (dim[l + 1]) */
+} saga_net;
+
+/* What a forward pass leaves for its backward pass. Zero it before the first
+ * use, saga_net_free at the end. */
+typedef struct saga_net_work {
+    real *hidden[SAGA_NET_LAYERS]; /* (M, padded), after ReLU */
+    real *packed;                  /* weights, transposed and as they are */
+    real *chunk;                   /* scratch of each thread */
+    real *partial;                 /* gradients of each block */
+    size_t cap[SAGA_NET_LAYERS + 3];
+} saga_net_work;
+
+#define saga_net_n_params SAGA_REAL_NAME(saga_net_n_params)
+#define saga_net_bind SAGA_REAL_NAME(saga_net_bind)
+#define saga_net_init SAGA_REAL_NAME(saga_net_init)
+#define saga_net_free SAGA_REAL_NAME(saga_net_free)
+#define saga_net_forward SAGA_REAL_NAME(saga_net_forward)
+#define saga_net_backward SAGA_REAL_NAME(saga_net_backward)
+
+/* Reals of all weights and biases. */
+size_t saga_net_n_params(const saga_net *net);
+
+/* Points w and b into params[n_params]: w[0], b[0], w[1], ... */
+void saga_net_bind(saga_net *net, real *params);
+
+/* He's initialisation: uniform weights of variance 2 / dim[l] (1 / dim[l] in
+ * the last layer), biases 0. */
+void saga_net_init(saga_net *net, unsigned long long seed);
+
+void saga_net_free(saga_net_work *work);
+
+/* Sets y (M, dim[n_layers]). Returns 0, or -1 without memory. */
+int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
+                     const saga_net *net);
+
+/* Of the same forward pass: SETS dx (M, dim[0]; NULL: not wanted), ADDS to
+ * d's weights and biases. */
+int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
+                      const real *dy, const real *x, size_t m,
+                      const saga_net *net);
+
+#endif

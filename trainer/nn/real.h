@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The trainer's real type. Every operator compiles twice: with float for
+ * training, with double (-DSAGA_REAL_DOUBLE) for finite differences and as the
+ * float64 reference. Both sets of objects may be linked into one program: the
+ * symbols of the second end in _f64. A header that declares such a function
+ * renames it with
+ *
+ *     #define saga_thing SAGA_REAL_NAME(saga_thing)
+ *
+ * One translation unit sees one of the two.
+ */
+#ifndef SAGA_REAL_H
+#define SAGA_REAL_H
+
+#include <float.h>
+
+#ifdef SAGA_REAL_DOUBLE
+typedef double real;
+#define SAGA_REAL_NAME(name) name##_f64
+#define REAL_EPSILON DBL_EPSILON
+#define REAL_MAX DBL_MAX
+#define REAL_MIN DBL_MIN
+#else
+typedef float real;
+#define SAGA_REAL_NAME(name) name
+#define REAL_EPSILON FLT_EPSILON
+#define REAL_MAX FLT_MAX
+#define REAL_MIN FLT_MIN
+#endif
+
+/* A constant of type real; exact for the double build. */
+#define R(x) ((real)(x))
+
+#endif

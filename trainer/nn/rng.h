@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Random numbers without a state: value number `counter` of stream `stream` of
+ * a seed. Nothing has to be saved for a run to resume, and threads may draw in
+ * any order. Not for secrets.
+ */
+#ifndef SAGA_RNG_H
+#define SAGA_RNG_H
+
+#include <stdint.h>
+
+/* Identifies a sequence; build once, copy freely. */
+typedef struct saga_rng { uint64_t key; } saga_rng;
+
+/* Streams of one seed are unrelated, and so are seeds. */
+saga_rng saga_rng_stream(uint64_t seed, uint64_t stream);
+
+uint64_t saga_rng_bits(saga_rng r, uint64_t counter);
+
+/* In [0, 1): 24 bits as float, 53 as double. */
+float saga_rng_float(saga_rng r, uint64_t counter);
+double saga_rng_double(saga_rng r, uint64_t counter);
+
+/* In 0..n-1, n >= 1; bias below n / 2^64. */
+uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n);
+
+/* Mean 0, variance 1. */
+double saga_rng_normal(saga_rng r, uint64_t counter);
+
+#endif

@@ -1,0 +1,391 @@
+/* SPDX-License-Identifier: MIT */
+#include "pack.h"
+
+#include "dense.h"
+#include "fx.h"
+#include "morton.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *must(void *p)
+{
+    if (!p)
+        abort();
+    return p;
+}
+
+/* --- Ranges -------------------------------------------------------------- */
+
+/* Q format in which values up to `most` fit int16, with a fifth to spare; the
+ * network's arithmetic may exceed what was measured a little. */
+static uint8_t q_for(double most, int limit)
+{
+    const int q = (int)floor(log2(32767 / fmax(1.25 * most, 1e-6)));
+
+    return (uint8_t)(q < 0 ? 0 : q > limit ? limit : q);
+}
+
+/* Largest |x| of columns first..first+n-1 of a (rows, dim) array. */
+static double most_of(const float *x, size_t rows, size_t dim, size_t first,
+                      size_t n)
+{
+    double most = 0;
+    size_t i, k;
+
+    for (i = 0; i < rows; i++)
+        for (k = first; k < first + n; k++)
+            most = fmax(most, fabs((double)x[i * dim + k]));
+    return most;
+}
+
+static size_t rows_of(const saga_scene *s, int net)
+{
+    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? s->n.fine
+                                                          : s->n.prim;
+}
+
+static double most_out(const saga_scene *s, const saga_twin *w, int net,
+                       size_t first, size_t n)
+{
+    const saga_net *const f = &s->net[net];
+
+    return most_of(w->batch[net].out, rows_of(s, net),
+                   (size_t)f->dim[f->n_layers], first, n);
+}
+
+static double most_feature(const saga_scene *s, const float *feature)
+{
+    return most_of(feature, s->n.coarse, s->model.features, 0,
+                   s->model.features);
+}
+
+/* Heads of F_geo: columns of its output. */
+static void geo_formats(saga_model *m, const saga_scene *s,
+                        const saga_twin *w)
+{
+    saga_geo_rows g;
+    uint8_t *const q = m->head_q;
+    int k;
+
+    saga_model_geo_rows(&g, m);
+    q[SAGA_HEAD_OPACITY] = q_for(most_out(s, w, SAGA_NET_GEO, g.opacity, 1),
+                                 12);
+    q[SAGA_HEAD_SCALE] = q_for(most_out(s, w, SAGA_NET_GEO, g.scale, 3), 12);
+    /* (1, 0, 0, 0) is added to it. */
+    q[SAGA_HEAD_QUAT] = q_for(1 + most_out(s, w, SAGA_NET_GEO, g.quat, 4), 14);
+    if (m->tools & SAGA_TOOL_SLOPE)
+        q[SAGA_HEAD_SLOPE] = q_for(most_out(s, w, SAGA_NET_GEO, g.slope, 4),
+                                   15);
+    if (saga_is_dynamic(m))
+        q[SAGA_HEAD_TIME] = q_for(most_out(s, w, SAGA_NET_GEO, g.time, 1), 15);
+    if (m->tools & SAGA_TOOL_OPACITY_T)
+        q[SAGA_HEAD_WIDTH] = q_for(most_out(s, w, SAGA_NET_GEO, g.width, 1),
+                                   12);
+    for (k = 0; k < saga_motion_order(m); k++)
+        q[SAGA_HEAD_MOTION1 + k] = q_for(
+            most_out(s, w, SAGA_NET_GEO, (size_t)(g.motion + 3 * k), 3), 15);
+}
+
+/* The pre-activations of the colour network and its input share a format. */
+static uint8_t colour_format(const saga_scene *s, const saga_twin *w)
+{
+    const size_t width = s->model.width[SAGA_NET_COLOUR];
+    double most = most_out(s, w, SAGA_NET_COLOUR_BASE, 0, width);
+
+    if (s->model.tools & SAGA_TOOL_VIEW)
+        most += most_out(s, w, SAGA_NET_COLOUR_VIEW, 0, width);
+    return q_for(most, 14);
+}
+
+static void measure_formats(saga_model *m, const saga_scene *s,
+                            const saga_twin *w, const float *feature)
+{
+    const size_t f = m->features;
+    uint8_t *const q = m->head_q;
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        m->q_in[net] = 12;
+    q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
+    (void)feature;
+    q[SAGA_HEAD_HYPER] = 12;
+    q[SAGA_HEAD_SIGMA] = 10;
+    q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
+    q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
+    q[SAGA_HEAD_FINE] = q_for(most_out(s, w, SAGA_NET_FINE, 0, f), 12);
+    q[SAGA_HEAD_SUPPORT] = q_for(most_out(s, w, SAGA_NET_FINE, f, 4), 12);
+    geo_formats(m, s, w);
+    q[SAGA_HEAD_COLOUR] = q_for(most_out(s, w, SAGA_NET_COLOUR, 0, 3), 14);
+    m->q_in[SAGA_NET_COLOUR] = colour_format(s, w);
+    /* What enters a network must not saturate either. */
+    m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, feature), 12);
+    m->q_in[SAGA_NET_FINE] = fx_min(q[SAGA_HEAD_FUSE_C], 12) & 15;
+    m->q_in[SAGA_NET_FUSE_F] = fx_min(q[SAGA_HEAD_FINE], 12) & 15;
+    m->q_in[SAGA_NET_GEO] = m->q_in[SAGA_NET_COLOUR_BASE] =
+        fx_min(q[SAGA_HEAD_FUSE_F], 12) & 15;
+}
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* Q of each output row of a network's last layer. */
+static void output_formats(uint8_t *q, const saga_model *m, int net,
+                           uint32_t n)
+{
+    saga_geo_rows g;
+    uint32_t i;
+
+    saga_model_geo_rows(&g, m);
+    for (i = 0; i < n; i++) {
+        if (net == SAGA_NET_FUSE_C)
+            q[i] = m->head_q[SAGA_HEAD_FUSE_C];
+        else if (net == SAGA_NET_FUSE_F)
+            q[i] = m->head_q[SAGA_HEAD_FUSE_F];
+        else if (net == SAGA_NET_FINE)
+            q[i] = m->head_q[i < m->features ? SAGA_HEAD_FINE
+                                             : SAGA_HEAD_SUPPORT];
+        else if (net == SAGA_NET_COLOUR)
+            q[i] = m->head_q[SAGA_HEAD_COLOUR];
+        else if (net != SAGA_NET_GEO)
+            q[i] = m->q_in[SAGA_NET_COLOUR];
+        else if (i >= g.motion)
+            q[i] = m->head_q[SAGA_HEAD_MOTION1 + (i - g.motion) / 3];
+        else
+            q[i] = m->head_q[i >= g.width ? SAGA_HEAD_WIDTH
+                : i >= g.time ? SAGA_HEAD_TIME
+                : i >= g.slope ? SAGA_HEAD_SLOPE
+                : i >= g.quat ? SAGA_HEAD_QUAT
+                : i >= g.scale ? SAGA_HEAD_SCALE : SAGA_HEAD_OPACITY];
+    }
+}
+
+/* Activations of hidden layer i (0-based) of the twin's last run. */
+static double most_hidden(const saga_scene *s, const saga_twin *w, int net,
+                          int i)
+{
+    const size_t dim = (size_t)s->net[net].dim[i + 1];
+
+    return most_of(w->batch[net].work.hidden[i], rows_of(s, net),
+                   saga_dense_pad(dim), 0, dim);
+}
+
+static void pack_net(saga_net_symbols *out, const saga_model *m,
+                     const saga_scene *s, const saga_twin *w, int net,
+                     float step)
+{
+    const saga_net *const f = &s->net[net];
+    uint8_t q[SAGA_MAX_VECTOR];
+    int q_in = m->q_in[net], i;
+
+    for (i = 0; i < f->n_layers; i++) {
+        const uint32_t n_out = (uint32_t)f->dim[i + 1];
+        const saga_layer_values v = {
+            f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, q_in, q, step,
+            m->int8[net]
+        };
+
+        if (i + 1 == f->n_layers)
+            output_formats(q, m, net, n_out);
+        else
+            memset(q, q_for(most_hidden(s, w, net, i), 13), n_out);
+        saga_quantise_layer(&out->layer[net][i], &v);
+        q_in = q[0];
+    }
+}
+
+/* A network without inputs: its biases are the parameters, row by row. */
+static void pack_constants(saga_net_symbols *out, int net,
+                           const int32_t *value, uint32_t n)
+{
+    saga_layer_symbols *const l = &out->layer[net][0];
+    uint32_t i;
+
+    l->step_q16 = 1;
+    l->bias_scale = 63;
+    l->weight = must(calloc(1, sizeof *l->weight));
+    l->bias = must(calloc(n, sizeof *l->bias));
+    l->shift = must(calloc(n, 1));
+    for (i = 0; i < n; i++)
+        l->bias[i] = value[i];
+}
+
+/* log2(sigma / step) in the sigma head's Q. */
+static int32_t sigma_value(const saga_model *m, double sigma, double step)
+{
+    return fx_clamp((int32_t)lround(log2(fmax(sigma / step, 1e-3)) *
+                                    (1 << m->head_q[SAGA_HEAD_SIGMA])),
+                    -32767, 32767);
+}
+
+/* Entropy parameters as constants per channel. Offsets inside a cell are
+ * uniform at worst: half a cell over sqrt(3). */
+static void pack_entropy(saga_net_symbols *out, const saga_model *m,
+                         const saga_fit_channels *c)
+{
+    int32_t v[2 * (4 + SAGA_MAX_FEATURES)];
+    const uint32_t n = 4u + m->features;
+    const int q = m->head_q[SAGA_HEAD_COARSE];
+    uint32_t i;
+    int kind;
+
+    for (i = 0; i < n; i++) {
+        const double step = m->step_q16[i < 4 ? SAGA_STEP_CENTRE
+                                              : SAGA_STEP_FEATURE] / 65536.0;
+
+        v[i] = i < 4 ? 0 : (int32_t)lround(ldexp((double)c->mean[i - 4], q));
+        v[n + i] = sigma_value(m, i < 4 ? 4000
+                               : ldexp((double)c->sigma[i - 4], q), step);
+    }
+    pack_constants(out, SAGA_NET_E_COARSE, v, 2 * n);
+    for (kind = SAGA_KIND_FINE; kind <= SAGA_KIND_PRIM; kind++) {
+        const double step = m->step_q16[kind == SAGA_KIND_FINE
+            ? SAGA_STEP_FINE : SAGA_STEP_PRIM] / 65536.0;
+        const int bits = m->level[kind == SAGA_KIND_FINE ? 0 : 1].suffix_bits;
+
+        for (i = 0; i < 4; i++) {
+            v[i] = 0;
+            v[4 + i] = sigma_value(m, 16384.0 / (1 << bits) / sqrt(3), step);
+        }
+        pack_constants(out, SAGA_NET_E_COARSE + kind, v, 8);
+    }
+}
+
+static void pack_nets(saga_net_symbols *out, const saga_model *m,
+                      const saga_scene *s, const saga_twin *w,
+                      const saga_fit_channels *c, float step)
+{
+    int net;
+
+    memset(out, 0, sizeof *out);
+    pack_entropy(out, m, c);
+    for (net = SAGA_NET_FUSE_C; net < SAGA_N_NETS; net++)
+        if (s->net[net].n_layers)
+            pack_net(out, m, s, w, net, step);
+}
+
+/* --- Segment ------------------------------------------------------------- */
+
+static double *to_units(const float *x, size_t n)
+{
+    double *const u = must(malloc((4 * n + 1) * sizeof *u));
+    size_t i;
+
+    for (i = 0; i < 4 * n; i++)
+        u[i] = (double)x[i] * (i % 4 < 3 ? 8388608.0 : 65536.0);
+    return u;
+}
+
+/* Suffix of a fine anchor: the cell of its offset. The hierarchy orders them
+ * so; a fine anchor that training moved is clamped to its cell. */
+static uint32_t fine_suffix(const saga_scene *s, uint32_t i)
+{
+    const uint32_t bits = s->model.level[0].suffix_bits;
+    const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+    real centre[4];
+    uint32_t v[4], k;
+
+    saga_scene_cell(centre, c);
+    for (k = 0; k < 4; k++) {
+        const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                           : saga_scene_half_t(c));
+        const double o = ((double)s->fine_x[4 * (size_t)i + k] -
+                          (double)centre[k]) / half;
+        const int32_t cell = (int32_t)floor((o + 1) * (1 << bits) / 2);
+
+        v[k] = (uint32_t)fx_clamp(cell, 0, (1 << bits) - 1);
+    }
+    return saga_morton_suffix(v, bits);
+}
+
+static void alloc_symbols(saga_symbols *y, const saga_scene *s)
+{
+    const size_t f = s->model.features;
+    uint32_t i;
+
+    memset(y, 0, sizeof *y);
+    y->n = s->n;
+    y->n_nodes = s->n_nodes;
+    y->split = s->split;
+    y->occupancy = s->occupancy;
+    y->n_fine = must(calloc(s->n.coarse + 1u, 1));
+    y->centre = must(calloc(s->n.coarse + 1u, 4 * sizeof(int32_t)));
+    y->feature = must(calloc(s->n.coarse + 1u, f * sizeof(int32_t)));
+    y->fine_suffix = must(calloc(s->n.fine + 1u, sizeof(uint32_t)));
+    y->fine_offset = must(calloc(s->n.fine + 1u, 4 * sizeof(int32_t)));
+    y->n_prim = must(calloc(s->n.fine + 1u, 1));
+    y->prim_suffix = must(calloc(s->n.prim + 1u, sizeof(uint32_t)));
+    y->prim_offset = must(calloc(s->n.prim + 1u, 4 * sizeof(int32_t)));
+    for (i = 0; i < s->n.coarse; i++)
+        y->n_fine[i] = s->coarse[i].n_fine;
+    for (i = 0; i < s->n.fine; i++) {
+        y->n_prim[i] = s->fine[i].n_prim;
+        y->fine_suffix[i] = fine_suffix(s, i);
+    }
+}
+
+static void free_symbols(saga_symbols *y)
+{
+    free(y->n_fine);
+    free(y->centre);
+    free(y->feature);
+    free(y->fine_suffix);
+    free(y->fine_offset);
+    free(y->n_prim);
+    free(y->prim_suffix);
+    free(y->prim_offset);
+}
+
+static int pack_segment(saga_encoder *e, saga_pack_report *report,
+                        const saga_scene *s, const saga_model *m,
+                        const float *feature, uint32_t n_frames,
+                        const char **why)
+{
+    double *const coarse = to_units(s->coarse_x, s->n.coarse);
+    double *const fine = to_units(s->fine_x, s->n.fine);
+    double *const prim = to_units(s->prim_x, s->n.prim);
+    const saga_targets t = { coarse, feature, fine, prim };
+    const saga_nets *nets;
+    const uint8_t *params = saga_encoder_params(e, &nets);
+    saga_symbols y;
+    int ok;
+
+    alloc_symbols(&y, s);
+    *why = "the closed loop refused the scene";
+    report->order = must(calloc(s->n.prim + 1u, sizeof *report->order));
+    ok = saga_quantise_segment(&y, report->order, &report->quantise, m, nets,
+                               params, &t) &&
+         saga_encoder_segment(e, &y, n_frames, why);
+    free_symbols(&y);
+    free(coarse);
+    free(fine);
+    free(prim);
+    return ok;
+}
+
+int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
+              const saga_scene *scene, saga_twin *twin, const float *feature,
+              const saga_fit_channels *channels, const saga_header *header,
+              const saga_rig_camera *rig, const saga_pack_options *options,
+              const char **why)
+{
+    saga_header h = *header;
+    saga_net_symbols nets;
+    saga_encoder *e;
+    int ok;
+
+    memset(report, 0, sizeof *report);
+    h.model = scene->model;
+    measure_formats(&h.model, scene, twin, feature);
+    h.level = (uint8_t)options->level;
+    h.rate_num = options->rate_num;
+    h.rate_den = options->rate_den;
+    pack_nets(&nets, &h.model, scene, twin, channels, options->weight_step);
+    e = saga_encoder_open(&h, rig, &nets, why);
+    ok = e && pack_segment(e, report, scene, &h.model, feature,
+                           options->n_frames, why) &&
+         saga_encoder_finish(e, bytes, n, &report->sizes, why);
+    saga_encoder_free(e);
+    saga_net_symbols_free(&nets);
+    return ok;
+}

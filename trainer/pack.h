@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From a fitted scene to a file: formats of the heads from the measured
+ * ranges, quantised networks, the closed loop, bytes.
+ */
+#ifndef SAGA_PACK_H
+#define SAGA_PACK_H
+
+#include "encode.h"
+#include "fit.h"
+#include "quantise.h"
+#include "scene.h"
+
+typedef struct saga_pack_options {
+    int level;
+    float weight_step;           /* of the networks' weights, real */
+    uint32_t rate_num, rate_den; /* frames per second */
+    uint32_t n_frames;
+} saga_pack_options;
+
+typedef struct saga_pack_report {
+    saga_encode_sizes sizes;
+    saga_quantise_report quantise;
+    uint32_t n_weights;
+    uint32_t *order;             /* (prim) rank in the file -> in the scene */
+} saga_pack_report;
+
+/* Packs the scene. feature and channels: as saga_fit_features gives them; twin:
+ * its state after saga_fit_twin, networks run. header: cube, rig counts and
+ * the like; its model is replaced by the scene's, formats measured. On success
+ * returns 1 and *bytes (free it) and report->order (free it); else 0 and
+ * *why. */
+int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
+              const saga_scene *scene, saga_twin *twin, const float *feature,
+              const saga_fit_channels *channels, const saga_header *header,
+              const saga_rig_camera *rig, const saga_pack_options *options,
+              const char **why);
+
+#endif

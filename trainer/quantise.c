@@ -1,0 +1,416 @@
+/* SPDX-License-Identifier: MIT */
+#include "quantise.h"
+
+#include "fx.h"
+#include "morton.h"
+#include "prob.h"
+#include "syntax.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *must(void *p)
+{
+    if (!p)
+        abort();
+    return p;
+}
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* Largest |bias| of a row in 32 bits: what saga_mlp_row_is_valid leaves with a
+ * margin for the rounding. */
+#define ACCUMULATOR_LIMIT 2147000000.0
+
+/* The row's weights and bias at a row scale of 2^exponent; 1 if it is valid.
+ * The integer weight is the symbol itself (step 1). */
+static int try_row(int32_t *q, int64_t *bias, const float *w, float b,
+                   uint32_t n_in, int exponent, int q_in, int32_t limit)
+{
+    const double scale = ldexp(1, exponent);
+    double sum = 0;
+    uint32_t k;
+
+    for (k = 0; k < n_in; k++) {
+        const double x = floor((double)w[k] * scale + 0.5);
+
+        if (fabs(x) > limit)
+            return 0;
+        q[k] = (int32_t)x;
+        sum += fabs(x);
+    }
+    *bias = llround((double)b * ldexp(scale, q_in));
+    return sum * 32767 + fabs((double)*bias) + (1 << 23) < ACCUMULATOR_LIMIT;
+}
+
+/* Bits of a residual of scale i are least where sigma_i fits its spread. */
+static uint8_t best_scale(const int32_t *q, size_t n)
+{
+    double sum = 0;
+    size_t i;
+    long index;
+
+    for (i = 0; i < n; i++)
+        sum += (double)q[i] * q[i];
+    index = lround(SAGA_SCALE_PER_OCTAVE * 0.5 * log2(sum / (double)(n + !n) +
+                                                      1e-9)) + SAGA_SCALE_UNIT;
+    return (uint8_t)(index < 0 ? 0 : index > 63 ? 63 : index);
+}
+
+/* A row shift is q_in + exponent - q_out, and must be in 0..24. */
+static int row_exponent(const saga_layer_values *v, uint32_t row, int wanted)
+{
+    const int least = (int)v->q_out[row] - v->q_in;
+
+    return fx_clamp(wanted, least, least + 24);
+}
+
+static void quantise_row(saga_layer_symbols *out, int64_t *bias,
+                         const saga_layer_values *v, uint32_t row, int wanted)
+{
+    int e = row_exponent(v, row, wanted);
+    int32_t *const q = out->weight + (size_t)row * v->n_in;
+
+    while (!try_row(q, bias, v->weight + (size_t)row * v->n_in, v->bias[row],
+                    v->n_in, e, v->q_in, v->int8 ? 127 : 32767) &&
+           e > (int)v->q_out[row] - v->q_in)
+        e--;
+    out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
+}
+
+void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
+{
+    const int wanted = (int)ceil(-log2(v->step));
+    int64_t *const bias = must(malloc((v->n_out + 1u) * sizeof *bias));
+    int64_t most = 0;
+    uint32_t row;
+
+    out->weight = must(calloc((size_t)v->n_in * v->n_out + 1,
+                              sizeof *out->weight));
+    out->bias = must(calloc(v->n_out + 1u, sizeof *out->bias));
+    out->shift = must(calloc(v->n_out + 1u, 1));
+    out->step_q16 = 1;
+    out->step_shift = 0;
+    for (row = 0; row < v->n_out; row++) {
+        quantise_row(out, &bias[row], v, row, wanted);
+        if (llabs(bias[row]) > most)
+            most = llabs(bias[row]);
+    }
+    out->bias_shift = 0;
+    /* A sixteenth of an LSB of the output is precision enough: row shifts keep
+     * at least that where the bias is large. */
+    while (most >> out->bias_shift > 4095)
+        out->bias_shift++;
+    for (row = 0; row < v->n_out; row++)
+        out->bias[row] = (int32_t)fx_rshift64(bias[row], out->bias_shift);
+    out->weight_scale = best_scale(out->weight, (size_t)v->n_in * v->n_out);
+    out->bias_scale = best_scale(out->bias, v->n_out);
+    free(bias);
+}
+
+void saga_dequantise_layer(float *weight, float *bias,
+                           const saga_layer_symbols *s,
+                           const saga_layer_values *v)
+{
+    uint32_t row, k;
+
+    for (row = 0; row < v->n_out; row++) {
+        const int e = (int)s->shift[row] + v->q_out[row] - v->q_in;
+
+        for (k = 0; k < v->n_in; k++)
+            weight[row * v->n_in + k] =
+                (float)ldexp(s->weight[row * v->n_in + k], -e);
+        bias[row] = (float)ldexp((double)s->bias[row] *
+                                 (double)((int64_t)1 << s->bias_shift),
+                                 -e - v->q_in);
+    }
+}
+
+void saga_net_symbols_free(saga_net_symbols *s)
+{
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < SAGA_MAX_LAYERS; i++) {
+            free(s->layer[net][i].weight);
+            free(s->layer[net][i].bias);
+            free(s->layer[net][i].shift);
+        }
+    memset(s, 0, sizeof *s);
+}
+
+/* --- The closed loop ----------------------------------------------------- */
+
+typedef struct {
+    saga_coder coder;            /* first: its functions cast back */
+    saga_symbols *s;
+    const saga_scaffold *sc;
+    const saga_targets *t;
+    float *prim_o;               /* (prim, 4) wanted offsets, in supports */
+    const uint32_t *order;
+} loop;
+
+/* Wanted offset from a cell's centre in half-sizes, clamped into the int16. */
+static double local(double x, double centre, double unit)
+{
+    const double o = (x - centre) / unit;
+
+    return o < -1.9999 ? -1.9999 : o > 1.9999 ? 1.9999 : o;
+}
+
+/* Centre of a suffix cell, in half-sizes. */
+static double suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis)
+{
+    return (2 * saga_morton_axis(suffix, bits, axis) + 1) /
+           (double)(1u << bits) - 1;
+}
+
+static double cell_offset(const saga_place *cell, const double *x,
+                          uint32_t axis)
+{
+    return local(x[axis], axis < 3 ? cell->x[axis] : cell->t,
+                 cell->support[axis]);
+}
+
+/* What channel i of the block would be if nothing were quantised, in LSB. */
+static double target_of(const loop *l, saga_at at, uint32_t i)
+{
+    const saga_model *const m = l->sc->model;
+    saga_place cell;
+
+    switch (at.sym) {
+    case SAGA_SYM_CENTRE:
+        saga_place_cell(&cell, &l->sc->coarse[at.index]);
+        return 16384 * cell_offset(&cell, l->t->coarse_x + 4 * (size_t)at.index,
+                                   i);
+    case SAGA_SYM_FEATURE:
+        return ldexp((double)l->t->feature[(size_t)at.index * m->features + i],
+                     m->head_q[SAGA_HEAD_COARSE]);
+    case SAGA_SYM_FINE_OFFSET:
+        saga_place_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
+        return 16384 * (cell_offset(&cell, l->t->fine_x + 4 * (size_t)at.index,
+                                    i) -
+                        suffix_centre(l->s->fine_suffix[at.index],
+                                      m->level[0].suffix_bits, i));
+    default:
+        return 16384 * ((double)l->prim_o[4 * (size_t)l->order[at.index] + i] -
+                        suffix_centre(l->s->prim_suffix[at.index],
+                                      m->level[1].suffix_bits, i));
+    }
+}
+
+static int32_t *symbols_of(const loop *l, saga_at at)
+{
+    switch (at.sym) {
+    case SAGA_SYM_CENTRE:
+        return l->s->centre + 4 * (size_t)at.index;
+    case SAGA_SYM_FEATURE:
+        return l->s->feature + (size_t)at.index * l->sc->model->features;
+    case SAGA_SYM_FINE_OFFSET:
+        return l->s->fine_offset + 4 * (size_t)at.index;
+    default:
+        return l->s->prim_offset + 4 * (size_t)at.index;
+    }
+}
+
+static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
+                     uint32_t step_q16, const uint8_t *scale, uint32_t n)
+{
+    const loop *const l = (const loop *)(const void *)c;
+    int32_t *const keep = symbols_of(l, at);
+    uint32_t i;
+
+    (void)scale;
+    for (i = 0; i < n; i++) {
+        const double x = floor((target_of(l, at, i) - mu[i]) * 65536 /
+                               step_q16 + 0.5);
+
+        q[i] = keep[i] = x < -SAGA_MAX_RESIDUAL ? -SAGA_MAX_RESIDUAL
+                       : x > SAGA_MAX_RESIDUAL ? SAGA_MAX_RESIDUAL
+                       : (int32_t)x;
+    }
+}
+
+static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
+{
+    uint32_t low = 0;
+
+    while (low < n && !(suffix[low] >> bit & 1u))
+        low++;
+    return low;
+}
+
+static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
+                         uint32_t n_sym)
+{
+    const saga_symbols *const s = ((const loop *)(const void *)c)->s;
+    uint32_t sym;
+
+    switch (at.sym) {
+    case SAGA_SYM_SPLIT: sym = s->split[at.index]; break;
+    case SAGA_SYM_OCCUPANCY:
+        sym = (uint32_t)s->occupancy[at.index] >> at.bit & 1u;
+        break;
+    case SAGA_SYM_N_FINE: sym = s->n_fine[at.index]; break;
+    case SAGA_SYM_N_PRIM: sym = s->n_prim[at.index]; break;
+    case SAGA_SYM_FINE_SUFFIX:
+        sym = count_low(s->fine_suffix + at.index, n_sym - 1, at.bit);
+        break;
+    default:
+        sym = count_low(s->prim_suffix + at.index, n_sym - 1, at.bit);
+    }
+    if (sym >= n_sym) {
+        c->error = 1;
+        sym = 0;
+    }
+    saga_adaptive_update(m, n_sym, sym);
+    return sym;
+}
+
+static void scaffold_alloc(saga_scaffold *sc, const saga_model *model,
+                           const saga_nets *nets, const uint8_t *params,
+                           saga_counts n)
+{
+    const size_t f = model->features;
+
+    sc->model = model;
+    sc->nets = nets;
+    sc->params = params;
+    sc->n = n;
+    sc->coarse = must(calloc(n.coarse + 1u, sizeof *sc->coarse));
+    sc->coarse_feature = must(calloc(n.coarse + 1u, f * sizeof(int16_t)));
+    sc->fine = must(calloc(n.fine + 1u, sizeof *sc->fine));
+    sc->fine_feature = must(calloc(n.fine + 1u, f * sizeof(int16_t)));
+    sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
+    sc->models = must(calloc(1, sizeof *sc->models));
+    sc->v = must(calloc(1, sizeof *sc->v));
+}
+
+static void scaffold_free(saga_scaffold *sc)
+{
+    free(sc->coarse);
+    free(sc->coarse_feature);
+    free(sc->fine);
+    free(sc->fine_feature);
+    free(sc->prim_offset);
+    free(sc->models);
+    free(sc->v);
+}
+
+/* --- Primitives ---------------------------------------------------------- */
+
+typedef struct {
+    uint32_t suffix, index;
+} child;
+
+static int compare(const void *a, const void *b)
+{
+    const child *const x = a, *const y = b;
+
+    if (x->suffix != y->suffix)
+        return x->suffix < y->suffix ? -1 : 1;
+    return x->index < y->index ? -1 : 1;
+}
+
+/* The cell of an offset in -1..1 on a grid of 2^bits cells per axis. */
+static uint32_t suffix_of(const float o[4], uint32_t bits)
+{
+    uint32_t v[4], axis;
+
+    for (axis = 0; axis < 4; axis++) {
+        const double x = floor(((double)o[axis] + 1) * (1 << bits) / 2);
+
+        v[axis] = (uint32_t)(x < 0 ? 0 : x > (1 << bits) - 1 ? (1 << bits) - 1
+                                                             : x);
+    }
+    return saga_morton_suffix(v, bits);
+}
+
+/* Offsets, suffixes and their order, now that F_fine has run. */
+static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
+{
+    const saga_scaffold *const sc = l->sc;
+    const uint32_t bits = sc->model->level[1].suffix_bits;
+    uint32_t fine, i, axis;
+
+    for (fine = 0; fine < sc->n.fine; fine++) {
+        const saga_fine *const f = &sc->fine[fine];
+        child list[SAGA_MAX_CHILDREN];
+
+        for (i = 0; i < f->n_prim; i++) {
+            const uint32_t k = f->first_prim + i;
+            float *const o = l->prim_o + 4 * (size_t)k;
+
+            for (axis = 0; axis < 4; axis++)
+                o[axis] = (float)local(l->t->prim_x[4 * (size_t)k + axis],
+                                       axis < 3 ? f->x[axis] : f->t,
+                                       f->support[axis]);
+            for (axis = 0; axis < 3; axis++)
+                if (fabsf(o[axis]) > 1.9998f)
+                    break;
+            r->n_clamped += axis < 3;
+            list[i].suffix = suffix_of(o, bits);
+            list[i].index = k;
+        }
+        qsort(list, f->n_prim, sizeof *list, compare);
+        for (i = 0; i < f->n_prim; i++) {
+            l->s->prim_suffix[f->first_prim + i] = list[i].suffix;
+            order[f->first_prim + i] = list[i].index;
+        }
+    }
+}
+
+static void measure(const loop *l, saga_quantise_report *r)
+{
+    const saga_scaffold *const sc = l->sc;
+    double sum = 0;
+    uint32_t fine, i, axis;
+
+    for (fine = 0; fine < sc->n.fine; fine++)
+        for (i = 0; i < sc->fine[fine].n_prim; i++) {
+            const uint32_t k = sc->fine[fine].first_prim + i;
+            const double *const x = l->t->prim_x + 4 * (size_t)l->order[k];
+            double d2 = 0;
+            saga_place p;
+
+            saga_place_fine(&p, &sc->fine[fine]);
+            saga_place_move(&p, sc->prim_offset[k]);
+            for (axis = 0; axis < 3; axis++)
+                d2 += (p.x[axis] - x[axis]) * (p.x[axis] - x[axis]);
+            sum += d2;
+            r->prim_max = fmax(r->prim_max, sqrt(d2));
+        }
+    r->prim_rms = sqrt(sum / (sc->n.prim + !sc->n.prim));
+}
+
+int saga_quantise_segment(saga_symbols *s, uint32_t *order,
+                          saga_quantise_report *report,
+                          const saga_model *model, const saga_nets *nets,
+                          const uint8_t *params, const saga_targets *targets)
+{
+    saga_scaffold sc;
+    loop l;
+    int ok;
+
+    memset(&l, 0, sizeof l);
+    memset(report, 0, sizeof *report);
+    scaffold_alloc(&sc, model, nets, params, s->n);
+    l.coder.residual = residual;
+    l.coder.adaptive = adaptive;
+    l.s = s;
+    l.sc = &sc;
+    l.t = targets;
+    l.order = order;
+    l.prim_o = must(calloc(4 * (size_t)s->n.prim + 1, sizeof *l.prim_o));
+    saga_syntax_begin(&sc);
+    ok = saga_syntax_coarse(&sc, &l.coder) && saga_syntax_fine(&sc, &l.coder);
+    if (ok) {
+        place_prims(&l, order, report);
+        ok = saga_syntax_prim(&sc, &l.coder);
+        measure(&l, report);
+    }
+    free(l.prim_o);
+    scaffold_free(&sc);
+    return ok && !l.coder.error;
+}

@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From real values to symbols: networks, and the closed-loop quantiser, one of
+ * the four coders behind the traversal. It quantises each residual against the
+ * mu the decoder will have.
+ */
+#ifndef SAGA_QUANTISE_H
+#define SAGA_QUANTISE_H
+
+#include "encode.h"
+#include "scaffold.h"
+#include "symbols.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* One layer in reals: weights (n_out, n_in), biases (n_out), and for each row
+ * the Q of what it gives. The Q of its input is q_in. */
+typedef struct saga_layer_values {
+    const float *weight, *bias;
+    uint32_t n_in, n_out;
+    int q_in;
+    const uint8_t *q_out;        /* (n_out) */
+    float step;                  /* wanted step of the weights, real */
+    int int8;
+} saga_layer_values;
+
+/* Symbols of a layer: allocates out's arrays (saga_net_symbols_free). Weights
+ * are rounded to multiples of a power-of-two step per row, at most `step` where
+ * 16 (8) bits and the row's headroom allow it; every row is valid. */
+void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v);
+
+/* The weights a layer's symbols stand for: (n_out, n_in), in reals. */
+void saga_dequantise_layer(float *weight, float *bias,
+                           const saga_layer_symbols *s,
+                           const saga_layer_values *v);
+
+void saga_net_symbols_free(saga_net_symbols *s);
+
+/* --- A segment ----------------------------------------------------------- */
+
+/* What is to be coded, in rank order; positions in box and time units. */
+typedef struct saga_targets {
+    const double *coarse_x;      /* (coarse, 4) */
+    const float *feature;        /* (coarse, F) */
+    const double *fine_x;        /* (fine, 4) */
+    const double *prim_x;        /* (prim, 4), by parent */
+} saga_targets;
+
+typedef struct saga_quantise_report {
+    double prim_rms, prim_max;   /* distance of primitives' decoded means from
+                                  * their targets, box units */
+    uint32_t n_clamped;          /* primitives beyond +-2 supports */
+} saga_quantise_report;
+
+/* Fills s: on entry its counts, tree, n_fine, fine_suffix (ascending within a
+ * parent) and n_prim are set and all arrays are there; on return the rest is.
+ * order (prim): order[rank] = index into prim_x of the primitive now at that
+ * rank (a parent's primitives are sorted by suffix). params: the networks'
+ * block as saga_encoder_params gives it. Returns 1, or 0 if the symbols are
+ * refused. */
+int saga_quantise_segment(saga_symbols *s, uint32_t *order,
+                          saga_quantise_report *report,
+                          const saga_model *model, const saga_nets *nets,
+                          const uint8_t *params, const saga_targets *targets);
+
+#endif

@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Fitting a scene: first its primitives to the flat ones they came from
+ * (regression start), then its pictures to the capture under a rate-distortion
+ * objective (paper: Rate-Distortion Optimization).
+ *
+ *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
+ *
+ * R is the mean number of bits of a coarse feature's symbol under its
+ * channel's Gaussian. The features carry uniform noise of one step in the
+ * first two thirds of the iterations and are rounded in the rest.
+ *
+ * The same bits for any number of threads.
+ */
+#ifndef SAGA_FIT_H
+#define SAGA_FIT_H
+
+#include "flat.h"
+#include "scene.h"
+#include "twin.h"
+
+typedef struct saga_fit_options {
+    int n_regress, n_render;     /* iterations of the two parts */
+    int n_views;                 /* pictures an iteration */
+    uint64_t seed;
+    real eta, lambda, lambda_a;
+    real rate;                   /* factor on the learning rates */
+    real weight_noise;           /* step of the networks' weights, real */
+} saga_fit_options;
+
+/* Per coarse channel: mean and deviation the entropy model uses, reals. */
+typedef struct saga_fit_channels {
+    real mean[SAGA_MAX_FEATURES], sigma[SAGA_MAX_FEATURES];
+    double bits;                 /* of one symbol, mean */
+} saga_fit_channels;
+
+typedef struct saga_fit saga_fit;
+
+saga_fit_options saga_fit_defaults(void);
+
+/* scene's reals are what is fitted; target (n.prim), in rank order, are the
+ * flat primitives; both and the capture stay the caller's. NULL: no memory. */
+saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
+                       const saga_capture *capture,
+                       const saga_flat_cube *cube,
+                       const saga_fit_options *options);
+void saga_fit_free(saga_fit *fit);
+
+typedef enum saga_fit_status {
+    SAGA_FIT_OK = 0, SAGA_FIT_MEMORY = -1, SAGA_FIT_NONFINITE = -2
+} saga_fit_status;
+
+/* One iteration, of the regression while there are some left, then of the
+ * pictures. *loss and *psnr (0 while regressing) of this iteration. */
+saga_fit_status saga_fit_step(saga_fit *fit, double *loss, double *psnr);
+int saga_fit_iteration(const saga_fit *fit);
+
+/* The name of the tensor that is not finite. */
+const char *saga_fit_fault(const saga_fit *fit);
+
+/* The coarse features as they will be decoded, and their channels' model. */
+void saga_fit_features(saga_fit *fit, real *feature,
+                       saga_fit_channels *channels);
+
+/* The twin of the last step, its attributes refreshed for the given features:
+ * for ranges and pictures of the float model. NULL without memory. */
+saga_twin *saga_fit_twin(saga_fit *fit, const real *feature);
+
+#endif

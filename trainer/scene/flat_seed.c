@@ -1,0 +1,572 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Where primitives come from: the capture's points, and pixels whose depth a
+ * plane sweep finds. A pixel of a picture is tried at depths even in
+ * 1 / depth; at each, a patch is compared with the patches seen there by the
+ * nearest training views at the same moment, and the better half of the views
+ * decides, since the others may be covered. Whether the place stands still is
+ * then read from its pixels over time.
+ */
+#include "flat_state.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    N_NEAR = 6,          /* views compared with */
+    PATCH = 2,           /* (2 PATCH + 1)^2 pixels */
+    N_DEPTHS = 64,
+    N_FINE = 8,          /* steps of refinement to each side */
+    N_NEIGHBOURS = 3,    /* whose distance gives the scale */
+    N_WITNESSES = 3      /* views asked whether a place stands still */
+};
+
+#define NO_MATCH 0.25    /* cost where no view can tell */
+#define GOOD_MATCH 0.06
+#define CONTRAST 1.8     /* mean cost over best, to trust a match */
+#define STILL 0.05       /* mean difference of patches that are the same */
+
+/* --- Patches ------------------------------------------------------------- */
+
+typedef struct patch { float at[(2 * PATCH + 1) * (2 * PATCH + 1)][3]; } patch;
+
+/* Nearest pixels; false if it leaves the picture. */
+static bool cut(patch *p, const saga_capture *c, int view, int frame, double u,
+                double v)
+{
+    const saga_shot *const w = c->views + view;
+    const uint8_t *rgb;
+    int x, y, n = 0;
+
+    if (!(u >= PATCH && v >= PATCH && u < w->width - PATCH &&
+          v < w->height - PATCH))
+        return false;
+    rgb = saga_capture_frame(c, view, frame) +
+          (size_t)((int)v - PATCH) * saga_view_row_nbytes(w) +
+          (size_t)((int)u - PATCH) * 3;
+    for (y = 0; y <= 2 * PATCH; y++, rgb += saga_view_row_nbytes(w))
+        for (x = 0; x <= 2 * PATCH; x++, n++)
+            for (int k = 0; k < 3; k++)
+                p->at[n][k] = (float)rgb[3 * x + k] / 255;
+    return true;
+}
+
+static double distance(const patch *a, const patch *b)
+{
+    const int n = sizeof a->at / sizeof a->at[0];
+    double sum = 0;
+
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < 3; k++)
+            sum += fabs((double)(a->at[i][k] - b->at[i][k]));
+    return sum / (3 * n);
+}
+
+/* --- Depth of a pixel ---------------------------------------------------- */
+
+static void unproject(double *x, const saga_shot *w, double u, double v,
+                      double z)
+{
+    const double cam[3] = { (u - w->cx) / w->fx * z - w->translation[0],
+                            (v - w->cy) / w->fy * z - w->translation[1],
+                            z - w->translation[2] };
+
+    for (int j = 0; j < 3; j++)
+        x[j] = w->rotation[j] * cam[0] + w->rotation[3 + j] * cam[1] +
+               w->rotation[6 + j] * cam[2];
+}
+
+static double centre_distance(const saga_shot *a, const saga_shot *b)
+{
+    double sum = 0;
+
+    for (int i = 0; i < 3; i++) {
+        double d = 0;
+
+        for (int j = 0; j < 3; j++)
+            d += a->rotation[3 * j + i] * a->translation[j] -
+                 b->rotation[3 * j + i] * b->translation[j];
+        sum += d * d;
+    }
+    return sum;
+}
+
+/* The nearest training views that look the same way, nearest first. */
+static int near_views(int *near, const saga_flat *f, int view)
+{
+    const saga_shot *const all = f->capture->views, *const a = all + view;
+    double far[N_NEAR];
+    int n = 0;
+
+    for (int k = 0; k < f->n_train; k++) {
+        const saga_shot *const b = all + f->train[k];
+        double same = 0, d;
+        int at;
+
+        for (int j = 6; j < 9; j++)
+            same += a->rotation[j] * b->rotation[j];
+        if (f->train[k] == view || same < 0.2)
+            continue;
+        d = centre_distance(a, b);
+        if (n == N_NEAR && d >= far[n - 1])
+            continue;
+        n += n < N_NEAR;
+        for (at = n - 1; at > 0 && far[at - 1] > d; at--) {
+            far[at] = far[at - 1];
+            near[at] = near[at - 1];
+        }
+        far[at] = d;
+        near[at] = f->train[k];
+    }
+    return n;
+}
+
+typedef struct sweep {
+    const saga_flat *f;
+    int view, frame, n_near, near[N_NEAR];
+    double u, v;
+    patch own;
+} sweep;
+
+/* Mean over the better half of the views that see the place. */
+static double match(const sweep *s, double inverse)
+{
+    const saga_capture *const c = s->f->capture;
+    double cost[N_NEAR], x[3], sum = 0;
+    int n = 0, half;
+
+    unproject(x, c->views + s->view, s->u, s->v, 1 / inverse);
+    for (int k = 0; k < s->n_near; k++) {
+        double uv[2], z, d;
+        patch p;
+        int at;
+
+        if (!saga_view_project(c->views + s->near[k], x, uv, &z) ||
+            !cut(&p, c, s->near[k], s->frame, uv[0], uv[1]))
+            continue;
+        d = distance(&s->own, &p);
+        for (at = n++; at > 0 && cost[at - 1] > d; at--)
+            cost[at] = cost[at - 1];
+        cost[at] = d;
+    }
+    if (n == 0)
+        return NO_MATCH;
+    half = (n + 1) / 2 < 2 && n >= 2 ? 2 : (n + 1) / 2;
+    for (int k = 0; k < half; k++)
+        sum += cost[k];
+    return sum / half;
+}
+
+/* Inverse depths between which the pixel's ray is inside the cube. */
+static void ray_range(double *near, double *far, const sweep *s)
+{
+    const double *const range = s->f->range + 2 * s->view;
+
+    *near = 1 / range[0];
+    *far = 1 / range[1];
+}
+
+static double refine(const sweep *s, double best, double step, double *cost)
+{
+    double found = best;
+
+    for (int i = -N_FINE; i <= N_FINE; i++) {
+        const double inverse = best + step * i / (N_FINE + 1);
+        const double c = inverse > 0 ? match(s, inverse) : NO_MATCH;
+
+        if (c < *cost) {
+            *cost = c;
+            found = inverse;
+        }
+    }
+    return found;
+}
+
+static double find_depth(saga_flat_sight *out, const sweep *s)
+{
+    double near, far, best = 0, cost = 1e9, sum = 0;
+
+    ray_range(&near, &far, s);
+    for (int i = 0; i < N_DEPTHS; i++) {
+        const double inverse = far + (near - far) * i / (N_DEPTHS - 1);
+        const double c = match(s, inverse);
+
+        sum += c;
+        if (c < cost) {
+            cost = c;
+            best = inverse;
+        }
+    }
+    best = refine(s, best, (near - far) / (N_DEPTHS - 1), &cost);
+    out->cost = cost;
+    out->contrast = sum / N_DEPTHS / (cost + 0.005);
+    return 1 / best;
+}
+
+/* --- Over time ----------------------------------------------------------- */
+
+/* Whether any witness still sees at frame g what it saw at `frame`. */
+static bool unchanged(const saga_flat *f, const patch *then, const int *view,
+                      double (*uv)[2], int n, int g)
+{
+    for (int k = 0; k < n; k++) {
+        patch now;
+
+        if (cut(&now, f->capture, view[k], g, uv[k][0], uv[k][1]) &&
+            distance(then + k, &now) < STILL)
+            return true;
+    }
+    return false;
+}
+
+/* Longest stretch without change around a frame. A place that is the same in
+ * most frames stands still, and what passed before it is someone else's. */
+static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
+                  double (*uv)[2], int n, int frame)
+{
+    const int n_frames = f->capture->n_frames;
+    patch then[N_WITNESSES];
+    int same = 0, first = frame, last = frame;
+    double half;
+
+    s->t_centre = R(0.5);
+    s->log2_width = f->info[FLAT_WIDTH].hi;
+    s->still = true;
+    if (!f->o.temporal || n_frames < 2)
+        return;
+    for (int k = 0; k < n; k++)
+        cut(then + k, f->capture, view[k], frame, uv[k][0], uv[k][1]);
+    for (int g = 0; g < n_frames; g++)
+        same += unchanged(f, then, view, uv, n, g);
+    if (same >= 0.85 * n_frames)
+        return;
+    while (first > 0 && unchanged(f, then, view, uv, n, first - 1))
+        first--;
+    while (last + 1 < n_frames && unchanged(f, then, view, uv, n, last + 1))
+        last++;
+    s->still = false;
+    s->t_centre = (real)((first + last + 0.0) / 2 / n_frames);
+    /* Half opacity half a stretch, but at least a frame and a half, away. */
+    half = (last - first + 1.0) / 2;
+    half = (half < 1.5 ? 1.5 : half) / n_frames;
+    s->log2_width = (real)log2(half / 0.83);
+}
+
+static void witness(saga_flat_sight *s, const sweep *w)
+{
+    const saga_capture *const c = w->f->capture;
+    int view[N_WITNESSES], n = 1;
+    double uv[N_WITNESSES][2];
+
+    view[0] = w->view;
+    uv[0][0] = w->u;
+    uv[0][1] = w->v;
+    for (int k = 0; k < w->n_near && n < N_WITNESSES; k++) {
+        double z;
+        patch p;
+
+        view[n] = w->near[k];
+        if (saga_view_project(c->views + view[n], s->position, uv[n], &z) &&
+            cut(&p, c, view[n], w->frame, uv[n][0], uv[n][1]) &&
+            distance(&w->own, &p) < GOOD_MATCH)
+            n++;
+    }
+    watch(s, w->f, view, uv, n, w->frame);
+}
+
+/* --- Sights -------------------------------------------------------------- */
+
+static void place(saga_flat_sight *s, const sweep *w, double depth)
+{
+    const saga_shot *const v = w->f->capture->views + w->view;
+
+    s->depth = depth;
+    s->footprint = depth / v->fx;
+    unproject(s->position, v, w->u, w->v, depth);
+    for (int k = 0; k < 3; k++)
+        s->rgb[k] = (real)w->own.at[2 * PATCH * (PATCH + 1)][k];
+}
+
+static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
+                  double v)
+{
+    w->f = f;
+    w->view = view;
+    w->frame = frame;
+    w->u = u;
+    w->v = v;
+    w->n_near = near_views(w->near, f, view);
+    return cut(&w->own, f->capture, view, frame, u, v);
+}
+
+/* False where the depth is a guess; the rest of *s is then filled all the
+ * same, unless the pixel is too near to the border (depth 0). */
+bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
+                    double v, saga_flat_sight *s)
+{
+    sweep w;
+
+    memset(s, 0, sizeof *s);
+    s->t_centre = R(0.5);
+    s->log2_width = f->info[FLAT_WIDTH].hi;
+    if (!begin(&w, f, view, frame, u, v))
+        return false;
+    place(s, &w, find_depth(s, &w));
+    witness(s, &w);
+    return w.n_near > 0 && s->cost < GOOD_MATCH && s->contrast > CONTRAST;
+}
+
+static real clamp(real x, real lo, real hi)
+{
+    return x < lo ? lo : x > hi ? hi : x;
+}
+
+/* sigma in world units. */
+void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
+                        const saga_flat_sight *s, double sigma)
+{
+    const saga_flat_tensor_info *const i = f->info;
+    const real scale = (real)log2(sigma / f->cube.unit);
+
+    memset(one, 0, sizeof *one);
+    one->quat[0] = 1;
+    for (int a = 0; a < 3; a++) {
+        one->mean[a] = clamp((real)((s->position[a] - f->cube.centre[a]) /
+                                    f->cube.unit),
+                             i[FLAT_MEAN].lo, i[FLAT_MEAN].hi);
+        one->log2_scale[a] = clamp(scale, i[FLAT_SCALE].lo, i[FLAT_SCALE].hi);
+        one->colour[a] = s->rgb[a];
+    }
+    one->opacity = R(-1.5);
+    one->t_centre = s->t_centre;
+    one->log2_width = clamp(s->log2_width, i[FLAT_WIDTH].lo,
+                            i[FLAT_WIDTH].hi);
+}
+
+/* --- The first set ------------------------------------------------------- */
+
+/* A point of the capture, seen at frame 0 by the views where its colour
+ * fits. */
+static bool look_at_point(const saga_flat *f, const saga_point *p,
+                          saga_flat_sight *s)
+{
+    const saga_capture *const c = f->capture;
+    int view[N_WITNESSES], n = 0;
+    double uv[N_WITNESSES][2], depth = INFINITY;
+
+    memset(s, 0, sizeof *s);
+    for (int k = 0; k < 3; k++) {
+        s->position[k] = p->position[k];
+        s->rgb[k] = R(p->rgb[k]) / 255;
+    }
+    for (int k = 0; k < f->n_train && n < N_WITNESSES; k++) {
+        double z, d = 0;
+        patch q;
+
+        view[n] = f->train[k];
+        if (!saga_view_project(c->views + view[n], s->position, uv[n], &z) ||
+            !cut(&q, c, view[n], 0, uv[n][0], uv[n][1]))
+            continue;
+        for (int j = 0; j < 3; j++)
+            d += fabs((double)(s->rgb[j]) -
+                      (double)q.at[2 * PATCH * (PATCH + 1)][j]) / 3;
+        if (z < depth) {
+            depth = z;
+            s->footprint = z / c->views[view[n]].fx;
+        }
+        n += d < 0.15;
+    }
+    s->depth = depth;
+    if (n == 0)
+        return false;
+    watch(s, f, view, uv, n, 0);
+    return true;
+}
+
+/* Of a guess: the depth of the nearest trusted sight in the same picture. */
+static void borrow_depth(saga_flat_sight *s, const saga_flat *f, int view,
+                         double u, double v, const saga_flat_sight *all,
+                         const uint8_t *good, size_t n, double chance)
+{
+    const saga_shot *const w = f->capture->views + view;
+    const double *const range = f->range + 2 * view;
+    double best = INFINITY, z;
+
+    z = 1 / (1 / range[1] + chance * (1 / range[0] - 1 / range[1]));
+    for (size_t i = 0; i < n; i++) {
+        double uv[2], depth, d;
+
+        if (!good[i] || !saga_view_project(w, all[i].position, uv, &depth))
+            continue;
+        d = (uv[0] - u) * (uv[0] - u) + (uv[1] - v) * (uv[1] - v);
+        if (d < best) {
+            best = d;
+            z = depth;
+        }
+    }
+    s->depth = z;
+    s->footprint = z / w->fx;
+    unproject(s->position, w, u, v, z);
+}
+
+typedef struct draw { int view, frame; double u, v, chance; } draw;
+
+static draw draw_pixel(const saga_flat *f, uint64_t counter)
+{
+    const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_SEED);
+    const uint64_t c = counter * 5;
+    const int view = f->train[saga_rng_below(r, c, (uint32_t)f->n_train)];
+    const saga_shot *const v = f->capture->views + view;
+    draw d;
+
+    d.view = view;
+    d.frame = (int)saga_rng_below(r, c + 1, (uint32_t)f->capture->n_frames);
+    d.u = PATCH + saga_rng_double(r, c + 2) * (v->width - 2 * PATCH);
+    d.v = PATCH + saga_rng_double(r, c + 3) * (v->height - 2 * PATCH);
+    d.chance = saga_rng_double(r, c + 4);
+    return d;
+}
+
+static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
+                             size_t room)
+{
+    const size_t n = f->capture->n_points;
+    const size_t take = n < room ? n : room;
+    size_t found = 0;
+
+    for (size_t i = 0; i < take; i++)
+        found += look_at_point(f, f->capture->points + i * n / take,
+                               s + found);
+    return found;
+}
+
+/* Fills s[from..n) with pixels drawn at random. */
+static void look_at_pixels(saga_flat_sight *s, uint8_t *good,
+                           const saga_flat *f, size_t from, size_t n)
+{
+    int64_t i;
+
+#pragma omp parallel for schedule(dynamic, 16)
+    for (i = (int64_t)from; i < (int64_t)n; i++) {
+        const draw d = draw_pixel(f, (uint64_t)i);
+
+        good[i] = saga_flat_look(f, d.view, d.frame, d.u, d.v, s + i);
+    }
+#pragma omp parallel for schedule(dynamic, 16)
+    for (i = (int64_t)from; i < (int64_t)n; i++) {
+        const draw d = draw_pixel(f, (uint64_t)i);
+
+        if (!good[i])
+            borrow_depth(s + i, f, d.view, d.u, d.v, s, good, n, d.chance);
+    }
+}
+
+typedef struct along { double x; size_t i; } along;
+
+static int compare_along(const void *a, const void *b)
+{
+    const along *const p = a, *const q = b;
+
+    if (p->x != q->x)
+        return p->x < q->x ? -1 : 1;
+    return (p->i > q->i) - (p->i < q->i);
+}
+
+static void note_neighbour(double *best, double d)
+{
+    int at = N_NEIGHBOURS - 1;
+
+    if (!(d < best[at]))
+        return;
+    for (; at > 0 && best[at - 1] > d; at--)
+        best[at] = best[at - 1];
+    best[at] = d;
+}
+
+/* Squared distance of the places at ranks a and b. */
+static double between(const saga_flat_sight *s, const along *order, size_t a,
+                      size_t b)
+{
+    const double *const p = s[order[a].i].position;
+    const double *const q = s[order[b].i].position;
+
+    return (p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]) +
+           (p[2] - q[2]) * (p[2] - q[2]);
+}
+
+/* RMS distance to the nearest places: outwards along x from each, until x
+ * alone is farther than the worst of the best. */
+static double spacing(const saga_flat_sight *s, const along *order, size_t k,
+                      size_t n)
+{
+    double best[N_NEIGHBOURS] = { INFINITY, INFINITY, INFINITY }, sum = 0;
+    int found = 0;
+    size_t j;
+
+    for (j = k + 1; j < n; j++) {
+        const double dx = order[j].x - order[k].x;
+
+        if (dx * dx > best[N_NEIGHBOURS - 1])
+            break;
+        note_neighbour(best, between(s, order, k, j));
+    }
+    for (j = k; j-- > 0;) {
+        const double dx = order[k].x - order[j].x;
+
+        if (dx * dx > best[N_NEIGHBOURS - 1])
+            break;
+        note_neighbour(best, between(s, order, k, j));
+    }
+    for (int i = 0; i < N_NEIGHBOURS; i++)
+        if (best[i] < INFINITY) {
+            sum += best[i];
+            found++;
+        }
+    return found ? sqrt(sum / found) : INFINITY;
+}
+
+static void append_all(saga_flat *f, const saga_flat_sight *s, along *order,
+                       size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        order[i] = (along){ s[i].position[0], i };
+    qsort(order, n, sizeof *order, compare_along);
+    for (size_t k = 0; k < n; k++) {
+        const saga_flat_sight *const at = s + order[k].i;
+        double d = spacing(s, order, k, n);
+        saga_flat_one one;
+
+        /* Pixels: neither below what is visible nor a cloud. */
+        d = d < 40 * at->footprint ? d : 40 * at->footprint;
+        d = d > at->footprint ? d : at->footprint;
+        saga_flat_one_from(&one, f, at, 0.5 * d);
+        saga_flat_append(f, &one);
+    }
+}
+
+saga_flat_status saga_flat_init(saga_flat *f)
+{
+    size_t n = (size_t)(f->o.start * (real)f->o.n_primitives);
+    saga_flat_sight *s;
+    uint8_t *good;
+    along *order;
+    saga_flat_status status = SAGA_FLAT_MEMORY;
+
+    n = n < 1 ? 1 : n;
+    s = malloc(n * sizeof *s);
+    good = malloc(n);
+    order = malloc(n * sizeof *order);
+    if (s && good && order && saga_flat_reserve(f, (uint32_t)n) == 0) {
+        const size_t known = look_at_points(s, f, (n + 1) / 2);
+
+        memset(good, 1, n);
+        look_at_pixels(s, good, f, known, n);
+        append_all(f, s, order, n);
+        status = SAGA_FLAT_OK;
+    }
+    free(s);
+    free(good);
+    free(order);
+    return status;
+}

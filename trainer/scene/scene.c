@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: MIT */
+#include "scene.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Networks' shapes and the number of reals in all of them. */
+static size_t shape_nets(saga_scene *s)
+{
+    size_t n = 0;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_net_shape shape;
+        saga_net *const f = &s->net[net];
+
+        saga_model_net(&shape, &s->model, net);
+        f->n_layers = shape.n_layers;
+        for (i = 0; i <= shape.n_layers; i++)
+            f->dim[i] = shape.dim[i];
+        if (shape.n_layers)
+            n += saga_net_n_params(f);
+    }
+    return n;
+}
+
+static int alloc_structure(saga_scene *s)
+{
+    s->split = calloc(s->n_nodes + 1u, 1);
+    s->occupancy = calloc(s->n_nodes + 1u, sizeof *s->occupancy);
+    s->coarse = calloc(s->n.coarse + 1u, sizeof *s->coarse);
+    s->fine = calloc(s->n.fine + 1u, sizeof *s->fine);
+    s->prim_fine = calloc(s->n.prim + 1u, sizeof *s->prim_fine);
+    return s->split && s->occupancy && s->coarse && s->fine && s->prim_fine;
+}
+
+static int alloc_reals(saga_scene *s, size_t n_params)
+{
+    const size_t c = s->n.coarse, f = s->n.fine, p = s->n.prim;
+
+    s->n_reals = 4 * (c + f + p) + s->model.features * c + n_params;
+    s->reals = calloc(s->n_reals, sizeof *s->reals);
+    if (!s->reals)
+        return 0;
+    s->coarse_x = s->reals;
+    s->coarse_feature = s->coarse_x + 4 * c;
+    s->fine_x = s->coarse_feature + s->model.features * c;
+    s->prim_x = s->fine_x + 4 * f;
+    s->params = s->prim_x + 4 * p;
+    return 1;
+}
+
+int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
+                    uint32_t n_nodes, unsigned long long seed)
+{
+    size_t n_params;
+    real *at;
+    int net;
+
+    memset(s, 0, sizeof *s);
+    s->model = *m;
+    s->n = n;
+    s->n_nodes = n_nodes;
+    n_params = shape_nets(s);
+    if (!alloc_structure(s) || !alloc_reals(s, n_params)) {
+        saga_scene_free(s);
+        return -1;
+    }
+    at = s->params;
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_net *const f = &s->net[net];
+
+        if (f->n_layers == 0)
+            continue;
+        saga_net_bind(f, at);
+        at += saga_net_n_params(f);
+        saga_net_init(f, seed + (unsigned long long)net);
+    }
+    return 0;
+}
+
+void saga_scene_free(saga_scene *s)
+{
+    free(s->split);
+    free(s->occupancy);
+    free(s->coarse);
+    free(s->fine);
+    free(s->prim_fine);
+    free(s->reals);
+    memset(s, 0, sizeof *s);
+}
+
+real saga_scene_half_x(const saga_coarse *c)
+{
+    return R(1) / R(1u << c->depth_x);
+}
+
+real saga_scene_half_t(const saga_coarse *c)
+{
+    return R(0.5) / R(1u << c->depth_t);
+}
+
+void saga_scene_cell(real centre[4], const saga_coarse *c)
+{
+    const real hx = saga_scene_half_x(c), ht = saga_scene_half_t(c);
+    int i;
+
+    for (i = 0; i < 3; i++)
+        centre[i] = R(2 * c->cell[i] + 1) * hx - 1;
+    centre[3] = R(2 * c->cell_t + 1) * ht;
+}
+
+static int32_t to_units(real x, double unit, int32_t lo, int32_t hi)
+{
+    const double v = floor((double)x * unit + 0.5);
+
+    return v < lo ? lo : v > hi ? hi : (int32_t)v;
+}
+
+void saga_scene_place(int32_t x[3], int32_t *t, const real place[4])
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        x[i] = to_units(place[i], 8388608.0, SAGA_X_MIN, SAGA_X_MAX);
+    *t = to_units(place[3], 65536.0, 0, SAGA_T_MAX);
+}

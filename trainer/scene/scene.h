@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A scene in float: the scaffold of common/scaffold.h with real-valued
+ * positions, features and networks, as training sees it.
+ *
+ * Units: positions in half-cubes, the cube of the segment is [-1, 1) on each
+ * axis (1 = 2^23 box units); time in segments, [0, 1) (1 = 65536). Sizes are
+ * in the same units; log2 sizes are their logarithms.
+ *
+ * Structure (tree, cells, parents, counts) is integers and changes only when a
+ * scene is built; ranks are the decoder's ranks.
+ */
+#ifndef SAGA_SCENE_H
+#define SAGA_SCENE_H
+
+#include "model.h"
+#include "net.h"
+#include "real.h"
+#include "scaffold.h"
+#include "symbols.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct saga_scene {
+    saga_model model;
+
+    saga_counts n;
+    uint32_t n_nodes;        /* the tree, as in saga_symbols */
+    uint8_t *split;          /* (n_nodes) */
+    uint16_t *occupancy;     /* (n_nodes) */
+    saga_coarse *coarse;     /* (n.coarse) cell, depths, n_fine, first_fine,
+                              * group; x, t: see saga_scene_refresh */
+    saga_fine *fine;         /* (n.fine) parent, n_prim, first_prim; the rest:
+                              * see saga_scene_refresh */
+    uint32_t *prim_fine;     /* (n.prim) rank of the parent */
+
+    /* Reals, one block of n_reals from `reals` on: an optimiser's view. */
+    real *reals;
+    size_t n_reals;
+    real *coarse_x;          /* (n.coarse, 4) centre: x, y, z, t */
+    real *coarse_feature;    /* (n.coarse, F) */
+    real *fine_x;            /* (n.fine, 4) */
+    real *prim_x;            /* (n.prim, 4) mean at its own time, and time */
+    real *params;            /* all networks */
+    saga_net net[SAGA_N_NETS]; /* bound into params; n_layers = 0: absent */
+} saga_scene;
+
+#define saga_scene_init SAGA_REAL_NAME(saga_scene_init)
+#define saga_scene_free SAGA_REAL_NAME(saga_scene_free)
+#define saga_scene_place SAGA_REAL_NAME(saga_scene_place)
+#define saga_scene_half_x SAGA_REAL_NAME(saga_scene_half_x)
+#define saga_scene_half_t SAGA_REAL_NAME(saga_scene_half_t)
+#define saga_scene_cell SAGA_REAL_NAME(saga_scene_cell)
+
+/* Allocates a scene of the given counts; structure and reals are zero, the
+ * networks initialised (saga_net_init) from seed. Returns 0, or -1 without
+ * memory. */
+int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
+                    uint32_t n_nodes, unsigned long long seed);
+void saga_scene_free(saga_scene *s);
+
+/* Half-size of the cell of a coarse anchor: space (half-cubes), time
+ * (segments); and its centre (x, y, z, t). */
+real saga_scene_half_x(const saga_coarse *c);
+real saga_scene_half_t(const saga_coarse *c);
+void saga_scene_cell(real centre[4], const saga_coarse *c);
+
+/* A position and time as the integers of the decoder, clamped to the cube. */
+void saga_scene_place(int32_t x[3], int32_t *t, const real place[4]);
+
+#endif

@@ -1,0 +1,745 @@
+/* SPDX-License-Identifier: MIT */
+#include "twin.h"
+
+#include "embedding.h"
+#include "fx.h"
+#include "interp.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef SAGA_REAL_DOUBLE
+#define EXP2 exp2
+#define SQRT sqrt
+#else
+#define EXP2 exp2f
+#define SQRT sqrtf
+#endif
+
+#define LN2 R(0.69314718055994530942)
+
+/* --- Memory -------------------------------------------------------------- */
+
+static size_t rows_of(const saga_twin *w, int net)
+{
+    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? w->n.fine
+         : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
+}
+
+/* Parts of one block: measured first, then placed. */
+typedef struct {
+    real *base;
+    size_t n;
+} arena;
+
+static real *take(arena *a, size_t n)
+{
+    real *const p = a->base ? a->base + a->n : NULL;
+
+    a->n += (n + 15) & ~(size_t)15;
+    return p;
+}
+
+static void lay_attributes(saga_splat_params *p, arena *a, size_t n,
+                           const saga_model *m)
+{
+    p->mean = take(a, 3 * n);
+    p->quat = take(a, 4 * n);
+    p->log2_scale = take(a, 3 * n);
+    p->opacity = take(a, n);
+    p->colour = take(a, 3 * n);
+    p->support = take(a, 3 * n);
+    p->motion = saga_motion_order(m) ? take(a, 9 * n) : NULL;
+    p->slope = m->tools & SAGA_TOOL_SLOPE ? take(a, 4 * n) : NULL;
+    p->t_centre = saga_is_dynamic(m) ? take(a, n) : NULL;
+    p->log2_width = m->tools & SAGA_TOOL_OPACITY_T ? take(a, n) : NULL;
+}
+
+static void lay_out(saga_twin *w, arena *a, const saga_scene *s)
+{
+    const size_t f = s->model.features, fine = w->n.fine, prim = w->n.prim;
+    const size_t most = fine > prim ? fine : prim;
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        const saga_net *const t = &s->net[net];
+        saga_twin_batch *const b = &w->batch[net];
+        const size_t rows = t->n_layers ? rows_of(w, net) : 0;
+
+        b->in = take(a, rows * (size_t)t->dim[0]);
+        b->d_in = take(a, rows * (size_t)t->dim[0]);
+        b->out = take(a, rows * (size_t)t->dim[t->n_layers]);
+        b->d_out = take(a, rows * (size_t)t->dim[t->n_layers]);
+    }
+    w->fine_feature = take(a, fine * f);
+    w->d_fine_feature = take(a, fine * f);
+    w->log2_support = take(a, 4 * fine);
+    w->support = take(a, 4 * fine);
+    w->d_log2_support = take(a, 4 * fine);
+    w->context = take(a, most * f);
+    w->d_context = take(a, most * f);
+    w->fine_offset = take(a, 4 * fine);
+    w->prim_offset = take(a, 4 * prim);
+    w->fine_phase = take(a, 4 * fine);
+    w->prim_phase = take(a, 4 * prim);
+    lay_attributes(&w->attr, a, prim, &s->model);
+    lay_attributes(&w->d_attr, a, prim, &s->model);
+}
+
+static int alloc_links(saga_twin_links *l, size_t queries)
+{
+    l->begin = calloc(queries + 1, sizeof *l->begin);
+    l->rank = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->rank);
+    l->weight = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->weight);
+    return l->begin && l->rank && l->weight;
+}
+
+int saga_twin_init(saga_twin *w, const saga_scene *s)
+{
+    arena a = { NULL, 0 };
+
+    memset(w, 0, sizeof *w);
+    w->n = s->n;
+    lay_out(w, &a, s);
+    w->block = calloc(a.n + 1, sizeof *w->block);
+    if (!w->block || !alloc_links(&w->to_fine, s->n.fine) ||
+        !alloc_links(&w->to_prim, s->n.prim)) {
+        saga_twin_free(w);
+        return -1;
+    }
+    a.base = w->block;
+    a.n = 0;
+    lay_out(w, &a, s);
+    return 0;
+}
+
+static void free_links(saga_twin_links *l)
+{
+    free(l->begin);
+    free(l->rank);
+    free(l->weight);
+}
+
+void saga_twin_free(saga_twin *w)
+{
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        saga_net_free(&w->batch[net].work);
+    free_links(&w->to_fine);
+    free_links(&w->to_prim);
+    free(w->block);
+    memset(w, 0, sizeof *w);
+}
+
+/* --- Pieces of input vectors --------------------------------------------- */
+
+/* Position and time as the embedding takes them: time's half is half a
+ * segment, from its middle. */
+static void phase_of(real phase[4], const real place[4])
+{
+    phase[0] = place[0];
+    phase[1] = place[1];
+    phase[2] = place[2];
+    phase[3] = 2 * place[3] - 1;
+}
+
+/* Input vectors of a network: n features, then an embedding, for each row. */
+static void assemble(saga_twin *w, const saga_scene *s, int net,
+                     const real *feature, const real *phase)
+{
+    const size_t f = s->model.features, rows = rows_of(w, net);
+    const size_t dim = (size_t)s->net[net].dim[0];
+    real *const in = w->batch[net].in;
+    size_t i;
+
+    for (i = 0; i < rows; i++)
+        memcpy(in + i * dim, feature + i * f, f * sizeof *in);
+    saga_embedding_forward(in + f, dim, phase, rows, 4, s->model.octaves);
+}
+
+static real *append(real *to, const real *x, size_t n)
+{
+    memcpy(to, x, n * sizeof *x);
+    return to + n;
+}
+
+static real clamp(real x, real lo, real hi)
+{
+    return x < lo ? lo : x > hi ? hi : x;
+}
+
+/* o = (x - x_parent) / unit, within the int16 of Q14. */
+static void local_offset(real o[4], const real x[4], const real parent[4],
+                         const real unit[4])
+{
+    int i;
+
+    for (i = 0; i < 4; i++)
+        o[i] = clamp((x[i] - parent[i]) / unit[i], R(-1.9999), R(1.9999));
+}
+
+static void fine_offsets(saga_twin *w, const saga_scene *s)
+{
+    size_t i;
+
+    for (i = 0; i < w->n.fine; i++) {
+        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+        const real half_x = saga_scene_half_x(c);
+        const real unit[4] = { half_x, half_x, half_x, saga_scene_half_t(c) };
+        real centre[4];
+
+        saga_scene_cell(centre, c);
+        local_offset(w->fine_offset + 4 * i, s->fine_x + 4 * i, centre, unit);
+        phase_of(w->fine_phase + 4 * i, s->fine_x + 4 * i);
+    }
+}
+
+void saga_twin_offsets(saga_twin *w, const saga_scene *s)
+{
+    size_t i;
+
+    fine_offsets(w, s);
+    for (i = 0; i < w->n.prim; i++) {
+        const size_t fine = s->prim_fine[i];
+
+        local_offset(w->prim_offset + 4 * i, s->prim_x + 4 * i,
+                     s->fine_x + 4 * fine, w->support + 4 * fine);
+        phase_of(w->prim_phase + 4 * i, s->prim_x + 4 * i);
+    }
+}
+
+/* --- Interpolation ------------------------------------------------------- */
+
+static void gather(real *out, const saga_twin_links *l, const real *source,
+                   size_t queries, size_t f)
+{
+    ptrdiff_t q;
+
+#pragma omp parallel for schedule(static)
+    for (q = 0; q < (ptrdiff_t)queries; q++) {
+        real *const to = out + (size_t)q * f;
+        uint32_t i;
+        size_t k;
+
+        for (k = 0; k < f; k++)
+            to[k] = 0;
+        for (i = l->begin[q]; i < l->begin[q + 1]; i++) {
+            const real *const x = source + l->rank[i] * f;
+            const real weight = l->weight[i];
+
+            for (k = 0; k < f; k++)
+                to[k] += weight * x[k];
+        }
+    }
+}
+
+/* The transpose, in the order of the queries: cheap enough for one thread, and
+ * the sums have one order. */
+static void scatter(real *d_source, const saga_twin_links *l,
+                    const real *d_out, size_t queries, size_t f)
+{
+    size_t q, k;
+    uint32_t i;
+
+    for (q = 0; q < queries; q++)
+        for (i = l->begin[q]; i < l->begin[q + 1]; i++) {
+            real *const to = d_source + l->rank[i] * f;
+            const real *const d = d_out + q * f;
+            const real weight = l->weight[i];
+
+            for (k = 0; k < f; k++)
+                to[k] += weight * d[k];
+        }
+}
+
+/* --- Coarse to fine ------------------------------------------------------ */
+
+static int run(saga_twin *w, const saga_scene *s, int net)
+{
+    saga_twin_batch *const b = &w->batch[net];
+
+    return saga_net_forward(b->out, &b->work, b->in, rows_of(w, net),
+                            &s->net[net]);
+}
+
+static int fine_forward(saga_twin *w, const saga_scene *s,
+                        const real *feature)
+{
+    const size_t f = s->model.features;
+    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_C];
+    saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
+    size_t i;
+    int k;
+
+    gather(w->context, &w->to_fine, feature, w->n.fine, f);
+    assemble(w, s, SAGA_NET_FUSE_C, w->context, w->fine_phase);
+    if (run(w, s, SAGA_NET_FUSE_C))
+        return -1;
+    assemble(w, s, SAGA_NET_FINE, fuse->out, w->fine_offset);
+    if (run(w, s, SAGA_NET_FINE))
+        return -1;
+    for (i = 0; i < w->n.fine; i++) {
+        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+        const real *const out = net->out + i * (f + 4);
+
+        append(w->fine_feature + i * f, out, f);
+        for (k = 0; k < 4; k++) {
+            /* One box unit to the cube; one time unit to the segment. */
+            const real lo = k < 3 ? -23 : -16, hi = 0;
+            const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
+
+            const real l = clamp(half + out[f + (size_t)k], lo, hi);
+
+            w->log2_support[4 * i + (size_t)k] = l;
+            w->support[4 * i + (size_t)k] = EXP2(l);
+        }
+    }
+    return 0;
+}
+
+/* --- Fine to primitives -------------------------------------------------- */
+
+/* F_geo's rows to the attributes of primitive i. */
+static void set_attributes(saga_twin *w, const saga_scene *s,
+                           const saga_geo_rows *g, size_t i)
+{
+    const saga_fine *const fine = &s->fine[s->prim_fine[i]];
+    const saga_coarse *const cell = &s->coarse[fine->parent];
+    const real *const out = w->batch[SAGA_NET_GEO].out + i * g->n;
+    const real *const support = w->support + 4 * (size_t)s->prim_fine[i];
+    saga_splat_params *const a = &w->attr;
+    const int n_motion = 3 * saga_motion_order(&s->model);
+    int k;
+
+    for (k = 0; k < 3; k++) {
+        a->mean[3 * i + (size_t)k] = s->prim_x[4 * i + (size_t)k];
+        a->log2_scale[3 * i + (size_t)k] = out[g->scale + k] -
+                                           R(cell->depth_x);
+        a->support[3 * i + (size_t)k] = support[k];
+    }
+    for (k = 0; k < 4; k++)
+        a->quat[4 * i + (size_t)k] = out[g->quat + k] + (k == 0);
+    a->opacity[i] = out[g->opacity];
+    for (k = 0; a->motion && k < 9; k++)
+        a->motion[9 * i + (size_t)k] = k < n_motion ? out[g->motion + k] : 0;
+    for (k = 0; a->slope && k < 4; k++)
+        a->slope[4 * i + (size_t)k] = out[g->slope + k];
+    if (a->t_centre)
+        a->t_centre[i] = clamp(s->prim_x[4 * i + 3] +
+                               support[3] * out[g->time], R(-0.5), R(1.5));
+    if (a->log2_width)
+        a->log2_width[i] = out[g->width] - R(1 + cell->depth_t);
+}
+
+int saga_twin_geometry(saga_twin *w, const saga_scene *s,
+                       const real *feature)
+{
+    const size_t f = s->model.features;
+    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_F];
+    saga_geo_rows rows;
+    size_t i;
+
+    if (fine_forward(w, s, feature))
+        return -1;
+    gather(w->context, &w->to_prim, w->fine_feature, w->n.prim, f);
+    assemble(w, s, SAGA_NET_FUSE_F, w->context, w->prim_phase);
+    if (run(w, s, SAGA_NET_FUSE_F))
+        return -1;
+    assemble(w, s, SAGA_NET_GEO, fuse->out, w->prim_offset);
+    memcpy(w->batch[SAGA_NET_COLOUR_BASE].in, w->batch[SAGA_NET_GEO].in,
+           w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
+    if (run(w, s, SAGA_NET_GEO) || run(w, s, SAGA_NET_COLOUR_BASE))
+        return -1;
+    saga_model_geo_rows(&rows, &s->model);
+    for (i = 0; i < w->n.prim; i++)
+        set_attributes(w, s, &rows, i);
+    return 0;
+}
+
+/* --- Colour -------------------------------------------------------------- */
+
+/* Where a primitive is at mid-segment, t = 1/2. */
+static void mid_position(real x[3], const saga_twin *w, size_t i)
+{
+    const saga_splat_params *const a = &w->attr;
+    const real dt = R(0.5) - (a->t_centre ? a->t_centre[i] : 0);
+    size_t k;
+
+    for (k = 0; k < 3; k++) {
+        x[k] = a->mean[3 * i + k];
+        if (a->motion) {
+            const real *const b = a->motion + 9 * i + k;
+
+            x[k] += a->support[3 * i + k] *
+                    (((b[6] * dt + b[3]) * dt + b[0]) * dt);
+        }
+    }
+}
+
+static void set_direction(real d[3], const saga_twin *w, size_t i,
+                          const real *centre)
+{
+    real n2 = 0;
+    int k;
+
+    mid_position(d, w, i);
+    for (k = 0; k < 3; k++) {
+        d[k] -= centre[k];
+        n2 += d[k] * d[k];
+    }
+    for (k = 0; k < 3; k++)
+        d[k] = n2 > 0 ? d[k] / SQRT(n2) : 0;
+}
+
+int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
+{
+    const size_t width = s->model.width[SAGA_NET_COLOUR];
+    saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
+    const int view = (s->model.tools & SAGA_TOOL_VIEW) != 0;
+    size_t i;
+
+    if (view) {
+        for (i = 0; centre && i < w->n.prim; i++)
+            set_direction(w->batch[SAGA_NET_COLOUR_VIEW].in + 3 * i, w, i,
+                          centre);
+        if (run(w, s, SAGA_NET_COLOUR_VIEW))
+            return -1;
+    }
+    for (i = 0; i < w->n.prim * width; i++) {
+        const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
+                       (view ? w->batch[SAGA_NET_COLOUR_VIEW].out[i] : 0);
+
+        last->in[i] = x > 0 ? x : 0;
+    }
+    if (run(w, s, SAGA_NET_COLOUR))
+        return -1;
+    for (i = 0; i < 3 * (size_t)w->n.prim; i++)
+        w->attr.colour[i] = clamp(R(0.5) + last->out[i], 0, 1);
+    return 0;
+}
+
+/* --- Backward ------------------------------------------------------------ */
+
+static void clear(real *p, size_t n)
+{
+    if (p)
+        memset(p, 0, n * sizeof *p);
+}
+
+void saga_twin_clear(saga_twin *w, const saga_scene *s)
+{
+    const size_t n = w->n.prim;
+    saga_splat_params *const d = &w->d_attr;
+
+    clear(d->mean, 3 * n);
+    clear(d->quat, 4 * n);
+    clear(d->log2_scale, 3 * n);
+    clear(d->opacity, n);
+    clear(d->colour, 3 * n);
+    clear(d->support, 3 * n);
+    clear(d->motion, 9 * n);
+    clear(d->slope, 4 * n);
+    clear(d->t_centre, n);
+    clear(d->log2_width, n);
+    clear(w->batch[SAGA_NET_COLOUR_BASE].d_out,
+          n * s->model.width[SAGA_NET_COLOUR]);
+    clear(w->d_log2_support, 4 * (size_t)w->n.fine);
+}
+
+double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
+                             real weight)
+{
+    const real scale = weight / R(4 * w->n.prim);
+    double sum = 0;
+    size_t i, k;
+
+    for (i = 0; i < w->n.prim; i++)
+        for (k = 0; k < 4; k++) {
+            const size_t at = 4 * (size_t)s->prim_fine[i] + k;
+            const real dx = s->prim_x[4 * i + k] - s->fine_x[at];
+            const real o = dx / w->support[at];
+            const real over = o > 1 ? o - 1 : o < -1 ? o + 1 : 0;
+
+            sum += (double)(over * over);
+            d->prim_x[4 * i + k] += 2 * scale * over / w->support[at];
+            w->d_log2_support[at] -= 2 * scale * over * o * LN2;
+        }
+    return sum / (4.0 * w->n.prim);
+}
+
+double saga_twin_support_loss(saga_twin *w, const real *target, real weight)
+{
+    const size_t n = 4 * (size_t)w->n.fine;
+    double sum = 0;
+    size_t i;
+
+    for (i = 0; i < n; i++) {
+        const real e = w->log2_support[i] - target[i];
+
+        sum += (double)(e * e);
+        w->d_log2_support[i] += 2 * weight * e / R(n);
+    }
+    return sum / (double)n;
+}
+
+/* A clamped colour learns only towards the inside. */
+static real through_clamp(real d, real colour)
+{
+    return (colour <= 0 && d > 0) || (colour >= 1 && d < 0) ? 0 : d;
+}
+
+int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
+                              const saga_scene *s)
+{
+    const size_t width = s->model.width[SAGA_NET_COLOUR], n = w->n.prim;
+    saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
+    saga_twin_batch *const view = &w->batch[SAGA_NET_COLOUR_VIEW];
+    real *const d_base = w->batch[SAGA_NET_COLOUR_BASE].d_out;
+    size_t i;
+
+    for (i = 0; i < 3 * n; i++)
+        last->d_out[i] = through_clamp(w->d_attr.colour[i],
+                                       w->attr.colour[i]);
+    clear(w->d_attr.colour, 3 * n);
+    if (saga_net_backward(last->d_in, &d->net[SAGA_NET_COLOUR], &last->work,
+                          last->d_out, last->in, n, &s->net[SAGA_NET_COLOUR]))
+        return -1;
+    for (i = 0; i < n * width; i++) {
+        const real g = last->in[i] > 0 ? last->d_in[i] : 0;
+
+        d_base[i] += g;
+        last->d_in[i] = g;
+    }
+    if (!(s->model.tools & SAGA_TOOL_VIEW))
+        return 0;
+    return saga_net_backward(NULL, &d->net[SAGA_NET_COLOUR_VIEW], &view->work,
+                             last->d_in, view->in, n,
+                             &s->net[SAGA_NET_COLOUR_VIEW]);
+}
+
+static int back(saga_twin *w, saga_scene *d, const saga_scene *s, int net)
+{
+    saga_twin_batch *const b = &w->batch[net];
+
+    return saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in,
+                             rows_of(w, net), &s->net[net]);
+}
+
+/* Attributes of primitive i to F_geo's rows, positions and log supports. */
+static void attributes_backward(saga_twin *w, saga_scene *d,
+                                const saga_scene *s, const saga_geo_rows *g,
+                                size_t i)
+{
+    real *const out = w->batch[SAGA_NET_GEO].d_out + i * g->n;
+    const real *const raw = w->batch[SAGA_NET_GEO].out + i * g->n;
+    const size_t fine = s->prim_fine[i];
+    const real *const support = w->support + 4 * fine;
+    real *const d_log2 = w->d_log2_support + 4 * fine;
+    const saga_splat_params *const a = &w->d_attr;
+    const int n_motion = 3 * saga_motion_order(&s->model);
+    int k;
+
+    for (k = 0; k < 3; k++) {
+        d->prim_x[4 * i + (size_t)k] += a->mean[3 * i + (size_t)k];
+        out[g->scale + k] = a->log2_scale[3 * i + (size_t)k];
+        d_log2[k] += a->support[3 * i + (size_t)k] * support[k] * LN2;
+    }
+    for (k = 0; k < 4; k++)
+        out[g->quat + k] = a->quat[4 * i + (size_t)k];
+    out[g->opacity] = a->opacity[i];
+    for (k = 0; k < n_motion; k++)
+        out[g->motion + k] = a->motion[9 * i + (size_t)k];
+    for (k = 0; a->slope && k < 4; k++)
+        out[g->slope + k] = a->slope[4 * i + (size_t)k];
+    if (a->t_centre) {
+        const real t = w->attr.t_centre[i];
+        const real dt = t > R(-0.5) && t < R(1.5) ? a->t_centre[i] : 0;
+
+        d->prim_x[4 * i + 3] += dt;
+        out[g->time] = dt * support[3];
+        d_log2[3] += dt * raw[g->time] * support[3] * LN2;
+    }
+    if (a->log2_width)
+        out[g->width] = a->log2_width[i];
+}
+
+/* d_context += first f of each row. */
+static void take_context(real *d_context, const real *d_in, size_t rows,
+                         size_t dim, size_t f)
+{
+    size_t i, k;
+
+    for (i = 0; i < rows; i++)
+        for (k = 0; k < f; k++)
+            d_context[i * f + k] = d_in[i * dim + k];
+}
+
+static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    const size_t f = s->model.features, n = w->n.prim;
+    const size_t dim = (size_t)s->net[SAGA_NET_GEO].dim[0];
+    const real *const geo = w->batch[SAGA_NET_GEO].d_in;
+    const real *const base = w->batch[SAGA_NET_COLOUR_BASE].d_in;
+    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_F];
+    saga_geo_rows rows;
+    size_t i, k;
+
+    saga_model_geo_rows(&rows, &s->model);
+    for (i = 0; i < n; i++)
+        attributes_backward(w, d, s, &rows, i);
+    if (back(w, d, s, SAGA_NET_GEO) || back(w, d, s, SAGA_NET_COLOUR_BASE))
+        return -1;
+    for (i = 0; i < n; i++)
+        for (k = 0; k < f; k++)
+            fuse->d_out[i * f + k] = geo[i * dim + k] + base[i * dim + k];
+    if (back(w, d, s, SAGA_NET_FUSE_F))
+        return -1;
+    take_context(w->d_context, fuse->d_in, n,
+                 (size_t)s->net[SAGA_NET_FUSE_F].dim[0], f);
+    clear(w->d_fine_feature, f * w->n.fine);
+    scatter(w->d_fine_feature, &w->to_prim, w->d_context, n, f);
+    return 0;
+}
+
+int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    const size_t f = s->model.features, n = w->n.fine;
+    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_C];
+    saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
+    size_t i, k;
+
+    if (prims_backward(w, d, s))
+        return -1;
+    for (i = 0; i < n; i++) {
+        append(net->d_out + i * (f + 4), w->d_fine_feature + i * f, f);
+        for (k = 0; k < 4; k++) {
+            const real l = w->log2_support[4 * i + k];
+            const int inside = l < 0 && l > (k < 3 ? -23 : -16);
+
+            net->d_out[i * (f + 4) + f + k] =
+                inside ? w->d_log2_support[4 * i + k] : 0;
+        }
+    }
+    if (back(w, d, s, SAGA_NET_FINE))
+        return -1;
+    take_context(fuse->d_out, net->d_in, n,
+                 (size_t)s->net[SAGA_NET_FINE].dim[0], f);
+    if (back(w, d, s, SAGA_NET_FUSE_C))
+        return -1;
+    take_context(w->d_context, fuse->d_in, n,
+                 (size_t)s->net[SAGA_NET_FUSE_C].dim[0], f);
+    scatter(d->coarse_feature, &w->to_fine, w->d_context, n, f);
+    return 0;
+}
+
+/* --- Neighbours from the integer path ------------------------------------ */
+
+static void integer_coarse(saga_scaffold *sc, const saga_scene *s)
+{
+    uint32_t i;
+
+    for (i = 0; i < s->n.coarse; i++) {
+        int32_t t;
+
+        sc->coarse[i] = s->coarse[i];
+        saga_scene_place(sc->coarse[i].x, &t, s->coarse_x + 4 * (size_t)i);
+        sc->coarse[i].t = (uint16_t)t;
+    }
+}
+
+/* Positions, and supports in units: the cell's (before), the twin's (after
+ * F_fine). */
+static void integer_fine(saga_scaffold *sc, const saga_scene *s,
+                         const saga_twin *w, int after)
+{
+    uint32_t i;
+    int k;
+
+    for (i = 0; i < s->n.fine; i++) {
+        const real *const l = w->support + 4 * (size_t)i;
+        saga_fine *const f = &sc->fine[i];
+        saga_place cell;
+        int32_t t;
+
+        *f = s->fine[i];
+        saga_place_cell(&cell, &s->coarse[f->parent]);
+        saga_scene_place(f->x, &t, s->fine_x + 4 * (size_t)i);
+        f->t = (uint16_t)t;
+        for (k = 0; k < 4; k++)
+            f->support[k] = after
+                ? fx_max(1, (int32_t)(l[k] * (k < 3 ? R(8388608) : R(65536)) +
+                                      R(0.5)))
+                : cell.support[k];
+    }
+}
+
+static void add_links(saga_twin_links *l, size_t query,
+                      const saga_neighbours *nb)
+{
+    uint32_t i;
+
+    for (i = 0; i < nb->n; i++) {
+        l->rank[l->n] = nb->rank[i];
+        l->weight[l->n++] = R(nb->weight_q14[i]) / 16384;
+    }
+    l->begin[query + 1] = (uint32_t)l->n;
+}
+
+static void link_fine(saga_twin *w, const saga_scaffold *sc)
+{
+    saga_neighbours nb;
+    saga_place p;
+    uint32_t i;
+
+    w->to_fine.n = 0;
+    for (i = 0; i < w->n.fine; i++) {
+        saga_place_fine(&p, &sc->fine[i]);
+        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &p, sc->fine[i].parent,
+                         SAGA_ALL_GROUPS);
+        add_links(&w->to_fine, i, &nb);
+    }
+}
+
+static void link_prims(saga_twin *w, const saga_scaffold *sc,
+                       const saga_scene *s)
+{
+    saga_neighbours nb;
+    saga_place p;
+    uint32_t i;
+
+    w->to_prim.n = 0;
+    for (i = 0; i < w->n.prim; i++) {
+        saga_place_fine(&p, &sc->fine[s->prim_fine[i]]);
+        saga_scene_place(p.x, &p.t, s->prim_x + 4 * (size_t)i);
+        saga_interp_find(&nb, sc, SAGA_LEVEL_FINE, &p, s->prim_fine[i],
+                         SAGA_ALL_GROUPS);
+        add_links(&w->to_prim, i, &nb);
+    }
+}
+
+int saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature)
+{
+    saga_scaffold sc;
+    int status = -1;
+
+    memset(&sc, 0, sizeof sc);
+    sc.model = &s->model;
+    sc.n = s->n;
+    sc.coarse = calloc(s->n.coarse + 1u, sizeof *sc.coarse);
+    sc.fine = calloc(s->n.fine + 1u, sizeof *sc.fine);
+    if (sc.coarse && sc.fine) {
+        integer_coarse(&sc, s);
+        integer_fine(&sc, s, w, 0);
+        link_fine(w, &sc);
+        fine_offsets(w, s);
+        status = fine_forward(w, s, feature);
+        integer_fine(&sc, s, w, 1);
+        link_prims(w, &sc, s);
+        saga_twin_offsets(w, s);
+    }
+    free(sc.coarse);
+    free(sc.fine);
+    return status;
+}

@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The float twin of common/scaffold.c and decoder/reconstruct.c: from a scene
+ * to the primitives saga_splat draws, and the gradients back. Paper: Overview
+ * (Representation), Kernel Interpolation.
+ *
+ * Neighbours and their weights come from the integer path (saga_twin_refresh)
+ * and stand still between refreshes; no gradient flows through them, nor
+ * through the local offset o that the embedding sees.
+ */
+#ifndef SAGA_TWIN_H
+#define SAGA_TWIN_H
+
+#include "scene.h"
+#include "splat.h"
+
+/* Kernel interpolation of one level: for each query up to K sources. */
+typedef struct saga_twin_links {
+    uint32_t *begin;         /* (queries + 1) */
+    uint32_t *rank;          /* (links) */
+    real *weight;            /* (links) */
+    size_t n;                /* links */
+} saga_twin_links;
+
+/* One batch through a network: what goes in and comes out, and gradients. */
+typedef struct saga_twin_batch {
+    real *in, *out, *d_in, *d_out;
+    saga_net_work work;
+} saga_twin_batch;
+
+typedef struct saga_twin {
+    saga_counts n;
+    saga_twin_links to_fine, to_prim;
+    saga_twin_batch batch[SAGA_N_NETS];
+    real *fine_feature, *d_fine_feature;  /* (n.fine, F) */
+    real *log2_support;                   /* (n.fine, 4) clamped */
+    real *support;                        /* (n.fine, 4) */
+    real *d_log2_support;                 /* (n.fine, 4) */
+    real *context, *d_context;            /* (max(fine, prim), F) */
+    real *fine_offset, *prim_offset;      /* (n, 4) local offsets o */
+    real *fine_phase, *prim_phase;        /* (n, 4) positions, time in -1..1 */
+    saga_splat_params attr, d_attr;       /* (n.prim): all but unused ones */
+    real *block;                          /* memory of all of these */
+} saga_twin;
+
+#define saga_twin_init SAGA_REAL_NAME(saga_twin_init)
+#define saga_twin_free SAGA_REAL_NAME(saga_twin_free)
+#define saga_twin_refresh SAGA_REAL_NAME(saga_twin_refresh)
+#define saga_twin_offsets SAGA_REAL_NAME(saga_twin_offsets)
+#define saga_twin_geometry SAGA_REAL_NAME(saga_twin_geometry)
+#define saga_twin_colour SAGA_REAL_NAME(saga_twin_colour)
+#define saga_twin_clear SAGA_REAL_NAME(saga_twin_clear)
+#define saga_twin_colour_backward \
+    SAGA_REAL_NAME(saga_twin_colour_backward)
+#define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
+#define saga_twin_support_loss SAGA_REAL_NAME(saga_twin_support_loss)
+#define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
+
+/* Memory for scenes of s's counts and model. 0, or -1 without memory. */
+int saga_twin_init(saga_twin *w, const saga_scene *s);
+void saga_twin_free(saga_twin *w);
+
+/* Neighbours and weights anew, by common/interp.c on rounded positions and the
+ * supports of the last saga_twin_geometry (the first call runs it). feature as
+ * for saga_twin_geometry. 0 or -1. */
+int saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature);
+
+/* Local offsets and phases anew, from the positions and the supports of the
+ * last saga_twin_geometry; a step of training does it once. Refresh includes it. */
+void saga_twin_offsets(saga_twin *w, const saga_scene *s);
+
+/* Everything that does not depend on the camera: w->attr without colour, the
+ * colour's pre-activations. feature (n.coarse, F): the coarse features to use,
+ * scene's own or with noise or rounded. 0 or -1. */
+int saga_twin_geometry(saga_twin *w, const saga_scene *s,
+                       const real *feature);
+
+/* w->attr.colour, seen from centre (half-cubes); NULL: the directions of the
+ * last call again (or the model has no view dependence). 0 or -1. */
+int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre);
+
+/* w->d_attr and the accumulated gradients to zero: before the first view of a
+ * step. saga_splat_backward then adds to w->d_attr. */
+void saga_twin_clear(saga_twin *w, const saga_scene *s);
+
+/* Adds weight times the mean over primitives of relu(|o| - 1)^2 (the paper's
+ * L_A) to the gradients: of positions into d, of supports for
+ * saga_twin_backward. Between saga_twin_clear and that. Returns the mean. */
+double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
+                             real weight);
+
+/* Adds weight times the mean squared difference of log2 supports from
+ * target (n.fine, 4). The same place. */
+double saga_twin_support_loss(saga_twin *w, const real *target, real weight);
+
+/* Once per view, after saga_splat_backward and before the next view's colour:
+ * takes w->d_attr.colour (and clears it), adds to d. */
+int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
+                              const saga_scene *s);
+
+/* Once per step: takes the rest, adds to d (a scene of the same counts whose
+ * reals are gradients). 0 or -1. */
+int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
+
+#endif

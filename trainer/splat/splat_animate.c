@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: MIT */
+#include "splat_animate.h"
+
+#include <tgmath.h>
+
+#define LOG2_E R(1.4426950408889634)
+#define LIMIT_U R(16)         /* of |dt| / width, as the norm saturates */
+
+/* log2(1 + 2^x), without overflow and exact for small 2^x. */
+static real softplus2(real x)
+{
+    const real e = exp2(-fabs(x));
+
+    return (x > 0 ? x : 0) + LOG2_E * log1p(e);
+}
+
+static real elapsed(const saga_splat_params *p, size_t i, real t)
+{
+    return p->t_centre ? t - p->t_centre[i] : t;
+}
+
+/* |dt| / width, saturated; the comparison fails for NaN, which stays. dt = 0
+ * is 0 for every width, 2^-width infinite included. */
+static real width_ratio(const saga_splat_params *p, size_t i, real dt)
+{
+    const real u = dt == 0 ? 0 : fabs(dt) * exp2(-p->log2_width[i]);
+
+    return u > LIMIT_U ? LIMIT_U : u;
+}
+
+static void animate_mean(real *out, const saga_splat_params *p, size_t i,
+                         real dt)
+{
+    size_t a;
+
+    for (a = 0; a < 3; a++) {
+        const real *const b = p->motion ? p->motion + 9 * i + a : NULL;
+        const real support = p->support ? p->support[3 * i + a] : 1;
+
+        out[a] = p->mean[3 * i + a];
+        if (b)
+            out[a] += support * (((b[6] * dt + b[3]) * dt + b[0]) * dt);
+    }
+}
+
+void saga_splat_animate_forward(saga_splat_posed *out,
+                                const saga_splat_params *p, uint32_t n,
+                                real t)
+{
+    int64_t j;
+
+#pragma omp parallel for schedule(static)
+    for (j = 0; j < (int64_t)n; j++) {
+        const size_t i = (size_t)j;
+        const real dt = elapsed(p, i, t);
+        size_t a;
+
+        animate_mean(out->mean + 3 * i, p, i, dt);
+        for (a = 0; a < 4; a++) {
+            out->quat[4 * i + a] = p->quat[4 * i + a];
+            if (p->slope)
+                out->quat[4 * i + a] += p->slope[4 * i + a] * dt;
+        }
+        out->q0[i] = softplus2(-p->opacity[i]);
+        if (p->log2_width) {
+            const real u = width_ratio(p, i, dt);
+
+            out->q0[i] += LOG2_E * u * u;
+        }
+    }
+}
+
+/* Returns dL/ddt through the motion. */
+static real motion_backward(saga_splat_params *d, const real *d_mean,
+                            const saga_splat_params *p, size_t i, real dt)
+{
+    real d_dt = 0;
+    size_t a;
+
+    if (!p->motion)
+        return 0;
+    for (a = 0; a < 3; a++) {
+        const real *const b = p->motion + 9 * i + a;
+        const real support = p->support ? p->support[3 * i + a] : 1;
+        const real s = support * d_mean[a];
+
+        if (d->motion) {
+            real *const db = d->motion + 9 * i + a;
+
+            db[0] += s * dt;
+            db[3] += s * (dt * dt);
+            db[6] += s * (dt * dt * dt);
+        }
+        if (d->support)
+            d->support[3 * i + a] +=
+                d_mean[a] * (((b[6] * dt + b[3]) * dt + b[0]) * dt);
+        d_dt += s * ((3 * b[6] * dt + 2 * b[3]) * dt + b[0]);
+    }
+    return d_dt;
+}
+
+/* Returns dL/ddt through the rotation. */
+static real quat_backward(saga_splat_params *d, const real *d_quat,
+                          const saga_splat_params *p, size_t i, real dt)
+{
+    real d_dt = 0;
+    size_t a;
+
+    for (a = 0; a < 4; a++) {
+        d->quat[4 * i + a] += d_quat[a];
+        if (!p->slope)
+            continue;
+        if (d->slope)
+            d->slope[4 * i + a] += d_quat[a] * dt;
+        d_dt += d_quat[a] * p->slope[4 * i + a];
+    }
+    return d_dt;
+}
+
+/* d log2(1 + 2^-o) / do = -1 / (1 + 2^o). With u = |dt| / width below its
+ * limit, q = log2(e) u^2 gives dq/d log2_width = -2 u^2 and
+ * dq/ddt = 2 log2(e) u^2 / dt. Returns dL/ddt. */
+static real opacity_backward(saga_splat_params *d, real d_q0,
+                             const saga_splat_params *p, size_t i, real dt)
+{
+    real u;
+
+    d->opacity[i] -= d_q0 / (1 + exp2(p->opacity[i]));
+    if (!p->log2_width)
+        return 0;
+    u = width_ratio(p, i, dt);
+    if (u >= LIMIT_U)
+        return 0;
+    if (d->log2_width)
+        d->log2_width[i] -= 2 * u * u * d_q0;
+    return dt == 0 ? 0 : d_q0 * 2 * LOG2_E * u * u / dt;
+}
+
+void saga_splat_animate_backward(saga_splat_params *d,
+                                 const saga_splat_posed *d_out,
+                                 const real *used, const saga_splat_params *p,
+                                 uint32_t n, real t,
+                                 const saga_splat_rules *rules)
+{
+    int64_t j;
+
+#pragma omp parallel for schedule(static)
+    for (j = 0; j < (int64_t)n; j++) {
+        const size_t i = (size_t)j;
+        const real dt = elapsed(p, i, t);
+        real d_dt, d_pose;
+        size_t a;
+
+        if (used && used[i] == 0)
+            continue;
+        for (a = 0; a < 3; a++)
+            d->mean[3 * i + a] += d_out->mean[3 * i + a];
+        d_pose = motion_backward(d, d_out->mean + 3 * i, p, i, dt);
+        d_pose += quat_backward(d, d_out->quat + 4 * i, p, i, dt);
+        d_dt = opacity_backward(d, d_out->q0[i], p, i, dt);
+        if (!rules->detach_time)
+            d_dt += d_pose;
+        if (d->t_centre)
+            d->t_centre[i] -= d_dt;
+    }
+}

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Primitives at a time t: cubic motion, linear rotation, temporal opacity.
+ */
+#ifndef SAGA_SPLAT_ANIMATE_H
+#define SAGA_SPLAT_ANIMATE_H
+
+#include "splat.h"
+
+#define saga_splat_animate_forward SAGA_REAL_NAME(saga_splat_animate_forward)
+#define saga_splat_animate_backward SAGA_REAL_NAME(saga_splat_animate_backward)
+
+/* dt = t - t_centre; mean + support (((b3 dt + b2) dt + b1) dt),
+ * quat + slope dt, log2(1 + 2^-o) + log2(e) min(16, |dt| 2^-log2_width)^2. */
+void saga_splat_animate_forward(saga_splat_posed *out,
+                                const saga_splat_params *p, uint32_t n,
+                                real t);
+
+/* Adds to d; d_out's primitives with used[i] == 0 have no gradient and are
+ * skipped (used: NULL, or the extents of the projection). */
+void saga_splat_animate_backward(saga_splat_params *d,
+                                 const saga_splat_posed *d_out,
+                                 const real *used, const saga_splat_params *p,
+                                 uint32_t n, real t,
+                                 const saga_splat_rules *rules);
+
+#endif

@@ -1,0 +1,426 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * With W the camera's rotation, R S the primitive's axes and J the Jacobian of
+ * the projection, the 2-D covariance is T T^t + d I, T = J W R S (2 x 3), d the
+ * low-pass; its rows t0, t1 give A0 = t0.t0, B = t0.t1, C0 = t1.t1, and
+ *   A = A0 + d,  C = C0 + d,  det = |t0 x t1|^2 + d (A0 + C0) + d^2
+ *   h = sqrt(k / C),  g = sqrt(k C / det),  n = g B / C,  k = log2(e) / 2.
+ * det so written, and its derivative, do not cancel for needles.
+ */
+#include "splat_project.h"
+
+#include "model.h"
+
+#include <tgmath.h>
+
+#define K R(0.72134752044448170)       /* log2(e) / 2 */
+#define LN_2 R(0.69314718055994531)
+#define LOW_PASS (R(SAGA_LOW_PASS_NUM) / R(SAGA_LOW_PASS_DEN))
+#define RATIO_MAX R(8)                 /* |x/z| and |y/z| */
+#define MEAN_MAX R(32768)              /* px from the picture's centre */
+#define BORDER R(0.15)                 /* of a side, for the Jacobian */
+#define SCALE_MAX R(60)                /* |log2_scale| used */
+#define ROW_MAX R(1048576)             /* px: larger splats are drawn so */
+
+/* What forward and backward both need of the projection. */
+typedef struct {
+    real view[3];          /* in camera axes */
+    real ratio[2];         /* x/z, y/z */
+    real slope[2];         /* the same, clamped for the Jacobian */
+    real row[2][3];        /* J W */
+    real quat[4];          /* of unit length */
+    real quat_recip;       /* 1 / its length before; 0: it was zero */
+    real r[9];             /* rotation matrix */
+    real scale[3];
+    real u[2][3], t[2][3]; /* J W R, and times the scales */
+    real shrink;           /* 1, or what brought a huge T to ROW_MAX */
+} shape;
+
+static real dot3(const real *a, const real *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross3(real *c, const real *a, const real *b)
+{
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static real clamp(real x, real lo, real hi)
+{
+    return x < lo ? lo : x > hi ? hi : x;
+}
+
+static real max_real(real a, real b)
+{
+    return a > b ? a : b;
+}
+
+
+/* --- Forward -------------------------------------------------------------- */
+
+/* The norm's drop rules. Comparisons are written so that NaN drops. */
+static int project_mean(real *mean, shape *s, const real *x,
+                        const saga_splat_camera *cam)
+{
+    const real side[2] = { R(cam->width), R(cam->height) };
+    const real d[3] = { x[0] - cam->centre[0], x[1] - cam->centre[1],
+                        x[2] - cam->centre[2] };
+    int i;
+
+    for (i = 0; i < 3; i++)
+        s->view[i] = dot3(cam->rotation + 3 * i, d);
+    if (!(s->view[2] >= cam->near_plane) || !(s->view[2] < REAL_MAX))
+        return 0;
+    for (i = 0; i < 2; i++) {
+        const real f = cam->focal[i];
+        const real p = cam->principal[i];
+
+        s->ratio[i] = s->view[i] / s->view[2];
+        if (!(s->ratio[i] < RATIO_MAX && s->ratio[i] > -RATIO_MAX))
+            return 0;
+        mean[i] = p + f * s->ratio[i];
+        if (!(fabs(mean[i] - side[i] / 2) <= MEAN_MAX))
+            return 0;
+        s->slope[i] = clamp(s->ratio[i], (-BORDER * side[i] - p) / f,
+                            ((1 + BORDER) * side[i] - p) / f);
+    }
+    return 1;
+}
+
+static void rotation(shape *s, const real *quat)
+{
+    const real norm2 = quat[0] * quat[0] + quat[1] * quat[1] +
+                       quat[2] * quat[2] + quat[3] * quat[3];
+    const real *const q = s->quat;
+    int i;
+
+    /* Squares that vanish or overflow count as a zero quaternion. */
+    s->quat_recip = 0;
+    if (norm2 > FLT_MIN && norm2 < REAL_MAX)
+        s->quat_recip = R(1) / sqrt(norm2);
+    for (i = 0; i < 4; i++)
+        s->quat[i] = s->quat_recip == 0 ? R(i == 0)
+                                        : quat[i] * s->quat_recip;
+    s->r[0] = 1 - 2 * (q[2] * q[2] + q[3] * q[3]);
+    s->r[1] = 2 * (q[1] * q[2] - q[0] * q[3]);
+    s->r[2] = 2 * (q[1] * q[3] + q[0] * q[2]);
+    s->r[3] = 2 * (q[1] * q[2] + q[0] * q[3]);
+    s->r[4] = 1 - 2 * (q[1] * q[1] + q[3] * q[3]);
+    s->r[5] = 2 * (q[2] * q[3] - q[0] * q[1]);
+    s->r[6] = 2 * (q[1] * q[3] - q[0] * q[2]);
+    s->r[7] = 2 * (q[2] * q[3] + q[0] * q[1]);
+    s->r[8] = 1 - 2 * (q[1] * q[1] + q[2] * q[2]);
+}
+
+static void project_shape(shape *s, const real *quat, const real *log2_scale,
+                          const saga_splat_camera *cam)
+{
+    const real *const w = cam->rotation;
+    real top = 0;
+    int i, j;
+
+    rotation(s, quat);
+    for (j = 0; j < 3; j++)
+        s->scale[j] = exp2(clamp(log2_scale[j], -SCALE_MAX,
+                                           SCALE_MAX));
+    for (i = 0; i < 2; i++) {
+        const real f = cam->focal[i] / s->view[2];
+
+        for (j = 0; j < 3; j++)
+            s->row[i][j] = f * (w[3 * i + j] - s->slope[i] * w[6 + j]);
+        for (j = 0; j < 3; j++) {
+            s->u[i][j] = s->row[i][0] * s->r[j] + s->row[i][1] * s->r[3 + j] +
+                         s->row[i][2] * s->r[6 + j];
+            s->t[i][j] = s->u[i][j] * s->scale[j];
+            top = max_real(top, fabs(s->t[i][j]));
+        }
+    }
+    s->shrink = top > ROW_MAX ? ROW_MAX / top : 1;
+    if (s->shrink < 1)
+        for (i = 0; i < 2; i++)
+            for (j = 0; j < 3; j++)
+                s->t[i][j] *= s->shrink;
+}
+
+typedef struct { real a, b, c, det, cross[3]; } covariance;
+
+static void covariance_of(covariance *v, const shape *s)
+{
+    const real a0 = dot3(s->t[0], s->t[0]);
+    const real c0 = dot3(s->t[1], s->t[1]);
+
+    cross3(v->cross, s->t[0], s->t[1]);
+    v->a = a0 + LOW_PASS;
+    v->b = dot3(s->t[0], s->t[1]);
+    v->c = c0 + LOW_PASS;
+    v->det = dot3(v->cross, v->cross) + LOW_PASS * (a0 + c0) +
+             LOW_PASS * LOW_PASS;
+}
+
+/* Pixels of one axis whose centre may lie within half of mean; half is
+ * widened by more than its rounding error. */
+static void span(int16_t *lo, int16_t *hi, real mean, real half, int side)
+{
+    const real h = half * R(1.0001) + R(0.01);
+    const real a = ceil(mean - h - R(0.5));
+    const real b = floor(mean + h - R(0.5)) + 1;
+
+    *lo = (int16_t)clamp(a, 0, R(side));
+    *hi = (int16_t)clamp(b, 0, R(side));
+}
+
+/* The ellipse q < cut reaches sqrt(A rest / k) pixels to each side, rest =
+ * cut - q0, and its major half-axis is the same for the larger eigenvalue. */
+static real bound(saga_splat_2d *o, const covariance *v, real rest,
+                  const saga_splat_camera *cam)
+{
+    const real m = (v->a - v->c) / 2;
+    const real mid = (v->a + v->c) / 2;
+    const real big = mid + sqrt(m * m + v->b * v->b);
+
+    span(&o->x0, &o->x1, o->mean[0], sqrt(v->a * rest / K),
+         cam->width);
+    span(&o->y0, &o->y1, o->mean[1], sqrt(v->c * rest / K),
+         cam->height);
+    if (o->x0 >= o->x1 || o->y0 >= o->y1) {
+        o->x1 = o->x0;
+        o->y1 = o->y0;
+        return 0;
+    }
+    return sqrt(big * rest / K);
+}
+
+static real project_one(saga_splat_2d *o, const saga_splat_posed *posed,
+                        const saga_splat_params *p, size_t i,
+                        const saga_splat_camera *cam,
+                        const saga_splat_rules *rules)
+{
+    shape s;
+    covariance v;
+    size_t a;
+
+    *o = (saga_splat_2d){ 0 };
+    if (!(posed->q0[i] < rules->cut))
+        return 0;
+    if (!project_mean(o->mean, &s, posed->mean + 3 * i, cam))
+        return 0;
+    project_shape(&s, posed->quat + 4 * i, p->log2_scale + 3 * i, cam);
+    covariance_of(&v, &s);
+    if (!(v.det > 0 && v.det < REAL_MAX))
+        return 0;
+    o->h = sqrt(K / v.c);
+    o->g = sqrt(K * (v.c / v.det));
+    o->n = o->g * (v.b / v.c);
+    o->q0 = max_real(posed->q0[i], 0);
+    o->depth = s.view[2];
+    for (a = 0; a < 3; a++)
+        o->colour[a] = p->colour[3 * i + a];
+    return bound(o, &v, rules->cut - o->q0, cam);
+}
+
+void saga_splat_project_forward(saga_splat_2d *out, real *extent,
+                                const saga_splat_posed *posed,
+                                const saga_splat_params *p, uint32_t n,
+                                const saga_splat_camera *cam,
+                                const saga_splat_rules *rules)
+{
+    int64_t i;
+
+#pragma omp parallel for schedule(static)
+    for (i = 0; i < (int64_t)n; i++)
+        extent[i] = project_one(out + i, posed, p, (size_t)i, cam, rules);
+}
+
+/* --- Backward ------------------------------------------------------------- */
+
+/* What the picture says about one splat. */
+typedef struct {
+    real mean[2], g, n, h, q0, colour[3], weight;
+} splat_gradient;
+
+static void gather(splat_gradient *d, const saga_splat_work *work, size_t i)
+{
+    const saga_splat_2d *const o = work->splat + i;
+    const size_t end = work->slot_begin[i + 1];
+    real sum[SAGA_N_SUMS] = { 0 };
+    size_t r, k;
+
+    for (r = work->slot_begin[i]; r < end; r++)
+        for (k = 0; k < SAGA_N_SUMS; k++)
+            sum[k] += work->record[r * SAGA_N_SUMS + k];
+    for (k = SAGA_SUM_1; k <= SAGA_SUM_YY; k++)
+        sum[k] *= LN_2;
+    d->q0 = sum[SAGA_SUM_1];
+    d->g = 2 * sum[SAGA_SUM_VX];
+    d->n = -2 * sum[SAGA_SUM_VY];
+    d->h = 2 * o->h * sum[SAGA_SUM_YY];
+    d->mean[0] = -2 * o->g * sum[SAGA_SUM_V];
+    d->mean[1] = 2 * o->n * sum[SAGA_SUM_V] -
+                 2 * o->h * o->h * sum[SAGA_SUM_Y];
+    for (k = 0; k < 3; k++)
+        d->colour[k] = sum[SAGA_SUM_R + k];
+    d->weight = sum[SAGA_SUM_WEIGHT];
+}
+
+/* To the rows of T. */
+static void conic_backward(real dt[2][3], const splat_gradient *d,
+                           const saga_splat_2d *o, const shape *s)
+{
+    covariance v;
+    real x[2][3];
+    real d_g, d_b, d_c, d_det;
+    int j;
+
+    covariance_of(&v, s);
+    d_g = d->g + d->n * (v.b / v.c);
+    d_b = d->n * o->g / v.c;
+    d_c = (d_g * o->g / 2 - d->n * o->n - d->h * o->h / 2) / v.c;
+    d_det = -d_g * o->g / (2 * v.det);
+    cross3(x[0], s->t[1], v.cross);
+    cross3(x[1], v.cross, s->t[0]);
+    for (j = 0; j < 3; j++) {
+        dt[0][j] = 2 * d_det * (x[0][j] + LOW_PASS * s->t[0][j]) +
+                   d_b * s->t[1][j];
+        dt[1][j] = 2 * d_det * (x[1][j] + LOW_PASS * s->t[1][j]) +
+                   d_b * s->t[0][j] + 2 * d_c * s->t[1][j];
+    }
+}
+
+/* dR[i][j] to the quaternion, through its normalisation. */
+static void rotation_backward(real *d_quat, const real *dr, const shape *s)
+{
+    const real *const q = s->quat;
+    real d[4], along;
+    int i;
+
+    d[0] = 2 * (q[1] * (dr[7] - dr[5]) + q[2] * (dr[2] - dr[6]) +
+                q[3] * (dr[3] - dr[1]));
+    d[1] = 2 * (q[0] * (dr[7] - dr[5]) + q[2] * (dr[1] + dr[3]) +
+                q[3] * (dr[2] + dr[6]) - 2 * q[1] * (dr[4] + dr[8]));
+    d[2] = 2 * (q[0] * (dr[2] - dr[6]) + q[1] * (dr[1] + dr[3]) +
+                q[3] * (dr[5] + dr[7]) - 2 * q[2] * (dr[0] + dr[8]));
+    d[3] = 2 * (q[0] * (dr[3] - dr[1]) + q[1] * (dr[2] + dr[6]) +
+                q[2] * (dr[5] + dr[7]) - 2 * q[3] * (dr[0] + dr[4]));
+    along = q[0] * d[0] + q[1] * d[1] + q[2] * d[2] + q[3] * d[3];
+    for (i = 0; i < 4; i++)
+        d_quat[i] = (d[i] - along * q[i]) * s->quat_recip;
+}
+
+/* To quaternion, scales and the rows of J W. */
+static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
+                           real dt[2][3], const shape *s,
+                           const real *log2_scale)
+{
+    real dr[9], du[2][3];
+    int i, j;
+
+    for (j = 0; j < 3; j++) {
+        if (log2_scale[j] >= -SCALE_MAX && log2_scale[j] <= SCALE_MAX)
+            d_scale[j] += LN_2 * (dt[0][j] * s->t[0][j] +
+                                  dt[1][j] * s->t[1][j]);
+        du[0][j] = dt[0][j] * s->scale[j];
+        du[1][j] = dt[1][j] * s->scale[j];
+    }
+    for (i = 0; i < 3; i++) {
+        for (j = 0; j < 3; j++)
+            dr[3 * i + j] = s->row[0][i] * du[0][j] + s->row[1][i] * du[1][j];
+        d_row[0][i] = dot3(s->r + 3 * i, du[0]);
+        d_row[1][i] = dot3(s->r + 3 * i, du[1]);
+    }
+    rotation_backward(d_quat, dr, s);
+}
+
+/* Rows f/z (w_i - slope w_2) and mean = p + f x/z, to the position. Where the
+ * slope was clamped it is a constant. */
+static void mean_backward(real *d_mean, const real *d_mean2d,
+                          real d_row[2][3], const shape *s,
+                          const saga_splat_camera *cam)
+{
+    const real *const w = cam->rotation;
+    const real z = s->view[2];
+    real dv[3] = { 0 };
+    int i;
+
+    for (i = 0; i < 2; i++) {
+        const real f = cam->focal[i] / z;
+        real d_ratio = cam->focal[i] * d_mean2d[i];
+
+        if (s->slope[i] == s->ratio[i])
+            d_ratio -= f * dot3(w + 6, d_row[i]);
+        dv[i] = d_ratio / z;
+        dv[2] -= (dot3(s->row[i], d_row[i]) + d_ratio * s->ratio[i]) / z;
+    }
+    for (i = 0; i < 3; i++)
+        d_mean[i] = w[i] * dv[0] + w[3 + i] * dv[1] + w[6 + i] * dv[2];
+}
+
+/* A splat that was shrunk to ROW_MAX has no gradient to its shape. */
+static void project_one_backward(saga_splat_posed *d_posed,
+                                 saga_splat_params *d,
+                                 const splat_gradient *ds,
+                                 const saga_splat_work *work, size_t i,
+                                 const saga_splat_params *p,
+                                 const saga_splat_camera *cam)
+{
+    const real *const quat = work->posed.quat + 4 * i;
+    const real *const log2_scale = p->log2_scale + 3 * i;
+    real dt[2][3] = { { 0 } }, d_row[2][3] = { { 0 } };
+    real mean[2];
+    shape s;
+    size_t a;
+
+    if (!project_mean(mean, &s, work->posed.mean + 3 * i, cam))
+        return;
+    project_shape(&s, quat, log2_scale, cam);
+    for (a = 0; a < 4; a++)
+        d_posed->quat[4 * i + a] = 0;
+    if (s.shrink == 1) {
+        conic_backward(dt, ds, work->splat + i, &s);
+        shape_backward(d_posed->quat + 4 * i, d->log2_scale + 3 * i, d_row, dt,
+                       &s, log2_scale);
+    }
+    mean_backward(d_posed->mean + 3 * i, ds->mean, d_row, &s, cam);
+    d_posed->q0[i] = ds->q0;
+    for (a = 0; a < 3; a++)
+        d->colour[3 * i + a] += ds->colour[a];
+}
+
+static void note(saga_splat_stats *st, const splat_gradient *d, size_t i,
+                 real extent)
+{
+    if (st->grad2d)
+        st->grad2d[i] += sqrt(d->mean[0] * d->mean[0] +
+                                         d->mean[1] * d->mean[1]);
+    if (st->weight)
+        st->weight[i] += d->weight;
+    if (st->radius)
+        st->radius[i] = max_real(st->radius[i], extent);
+    if (st->seen)
+        st->seen[i]++;
+}
+
+void saga_splat_project_backward(saga_splat_posed *d_posed,
+                                 saga_splat_params *d,
+                                 saga_splat_stats *stats,
+                                 const saga_splat_work *work,
+                                 const saga_splat_params *p,
+                                 const saga_splat_camera *cam)
+{
+    int64_t j;
+
+#pragma omp parallel for schedule(static)
+    for (j = 0; j < (int64_t)work->n; j++) {
+        const size_t i = (size_t)j;
+        splat_gradient ds;
+
+        if (work->extent[i] == 0)
+            continue;
+        gather(&ds, work, i);
+        project_one_backward(d_posed, d, &ds, work, i, p, cam);
+        if (stats)
+            note(stats, &ds, i, work->extent[i]);
+    }
+}

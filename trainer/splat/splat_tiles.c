@@ -1,0 +1,265 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Visible splats are sorted by the bits of their depth (radix sort, stable, so
+ * equal depths stay in index order), then counted and scattered into the lists
+ * in that order. The scatter is stable: lists are the same for any division of
+ * the splats among threads.
+ */
+#include "splat_tiles.h"
+
+#include <string.h>
+#include <tgmath.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+enum { TILE = SAGA_SPLAT_TILE, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
+
+/* --- Order ---------------------------------------------------------------- */
+
+typedef struct { uint32_t key, index; } depth_key;
+
+/* Bits of a positive float grow with its value. */
+static uint32_t depth_bits(real depth)
+{
+    const float d = (float)depth;
+    uint32_t bits;
+
+    memcpy(&bits, &d, sizeof bits);
+    return bits;
+}
+
+static void sort_pass(depth_key *to, const depth_key *from, uint32_t n,
+                      int shift)
+{
+    uint32_t begin[RADIX] = { 0 };
+    uint32_t i, sum = 0;
+
+    for (i = 0; i < n; i++)
+        begin[(from[i].key >> shift) % RADIX]++;
+    for (i = 0; i < RADIX; i++) {
+        const uint32_t count = begin[i];
+
+        begin[i] = sum;
+        sum += count;
+    }
+    for (i = 0; i < n; i++)
+        to[begin[(from[i].key >> shift) % RADIX]++] = from[i];
+}
+
+static int sort_by_depth(saga_splat_work *work)
+{
+    const size_t nbytes = work->n * sizeof(depth_key);
+    depth_key *a, *b;
+    uint32_t i, n = 0;
+
+    if (saga_splat_grow(&work->scratch[0], &work->cap[10], nbytes) ||
+        saga_splat_grow(&work->scratch[1], &work->cap[11], nbytes) ||
+        saga_splat_grow((void **)&work->order, &work->cap[5],
+                        work->n * sizeof *work->order))
+        return -1;
+    a = work->scratch[0];
+    b = work->scratch[1];
+    for (i = 0; i < work->n; i++)
+        if (work->extent[i] > 0)
+            a[n++] = (depth_key){ depth_bits(work->splat[i].depth), i };
+    sort_pass(b, a, n, 0);
+    sort_pass(a, b, n, RADIX_BITS);
+    sort_pass(b, a, n, 2 * RADIX_BITS);
+    for (i = 0; i < n; i++)
+        work->order[i] = b[i].index;
+    work->n_visible = n;
+    return 0;
+}
+
+/* --- Tiles of a splat ----------------------------------------------------- */
+
+static int floor_tile(int x)
+{
+    return x / TILE;
+}
+
+static int ceil_tile(int x)
+{
+    return (x + TILE - 1) / TILE;
+}
+
+static int clamp_int(real x, int lo, int hi)
+{
+    return x < R(lo) ? lo : x > R(hi) ? hi : (int)x;
+}
+
+/* Columns of tiles the ellipse q < cut touches in the pixel rows ya..yb-1:
+ * its extremes in x over that strip, widened by more than the rounding error.
+ * At dy the ellipse spans (n dy +- sqrt(rest - h^2 dy^2)) / g, which is
+ * extreme at dy = +-n sqrt(rest / (n^2 + h^2)) / h, or at the strip's edge. */
+static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
+                    real cut)
+{
+    const real rest = (cut - o->q0) * R(1.001) + R(0.001);
+    const real tall = sqrt(rest) / o->h;
+    const real peak = o->n * sqrt(rest / (o->n * o->n + o->h * o->h)) / o->h;
+    real lo = R(ya) + R(0.5) - o->mean[1];
+    real hi = R(yb) - R(0.5) - o->mean[1];
+    real a, b, right, left, slack;
+
+    lo = lo < -tall ? -tall : lo > tall ? tall : lo;
+    hi = hi < -tall ? -tall : hi > tall ? tall : hi;
+    a = peak < lo ? lo : peak > hi ? hi : peak;
+    b = -peak < lo ? lo : -peak > hi ? hi : -peak;
+    right = rest - o->h * o->h * a * a;
+    left = rest - o->h * o->h * b * b;
+    right = (o->n * a + (right > 0 ? sqrt(right) : 0)) / o->g;
+    left = (o->n * b - (left > 0 ? sqrt(left) : 0)) / o->g;
+    slack = R(0.05) + R(1e-4) * (fabs(right) + fabs(left) + tall);
+    *c0 = floor_tile(clamp_int(floor(o->mean[0] + left - slack), o->x0,
+                               o->x1 - 1));
+    *c1 = 1 + floor_tile(clamp_int(ceil(o->mean[0] + right + slack), o->x0,
+                                   o->x1 - 1));
+}
+
+/* The same for one row of tiles; small boxes are taken whole. */
+static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
+                         real cut)
+{
+    const int ya = row * TILE > o->y0 ? row * TILE : o->y0;
+    const int yb = row * TILE + TILE < o->y1 ? row * TILE + TILE : o->y1;
+
+    *c0 = floor_tile(o->x0);
+    *c1 = ceil_tile(o->x1);
+    if (*c1 - *c0 > 1 && (o->x1 - o->x0 > TILE || *c1 - *c0 > 2))
+        columns(c0, c1, o, ya, yb, cut);
+    if (*c1 < *c0)
+        *c1 = *c0;
+}
+
+/* --- Lists ---------------------------------------------------------------- */
+
+/* Fixed division of [0, n) in parts. */
+static uint32_t part_begin(uint32_t n, int part, int n_parts)
+{
+    return (uint32_t)((uint64_t)n * (uint64_t)part / (uint64_t)n_parts);
+}
+
+/* Counts splats of one part per tile, and slots per splat. */
+static void count_part(size_t *count, saga_splat_work *work, int part,
+                       int n_parts, real cut)
+{
+    const uint32_t end = part_begin(work->n_visible, part + 1, n_parts);
+    uint32_t r;
+
+    for (r = part_begin(work->n_visible, part, n_parts); r < end; r++) {
+        const saga_splat_2d *const o = work->splat + work->order[r];
+        uint32_t slots = 0;
+        int row, c0, c1, c;
+
+        for (row = floor_tile(o->y0); row < ceil_tile(o->y1); row++) {
+            tile_columns(&c0, &c1, o, row, cut);
+            for (c = c0; c < c1; c++)
+                count[(size_t)row * work->n_tiles_x + (size_t)c]++;
+            slots += (uint32_t)(c1 - c0);
+        }
+        work->slot_begin[work->order[r] + 1u] = slots;
+    }
+}
+
+static void scatter_part(size_t *next, saga_splat_work *work, int part,
+                         int n_parts, real cut)
+{
+    const uint32_t end = part_begin(work->n_visible, part + 1, n_parts);
+    uint32_t r;
+
+    for (r = part_begin(work->n_visible, part, n_parts); r < end; r++) {
+        const saga_splat_2d *const o = work->splat + work->order[r];
+        uint32_t slot = work->slot_begin[work->order[r]];
+        int row, c0, c1, c;
+
+        for (row = floor_tile(o->y0); row < ceil_tile(o->y1); row++) {
+            tile_columns(&c0, &c1, o, row, cut);
+            for (c = c0; c < c1; c++) {
+                const size_t t = (size_t)row * work->n_tiles_x + (size_t)c;
+
+                work->pair[next[t]++] =
+                    (saga_splat_pair){ work->order[r], slot++ };
+            }
+        }
+    }
+}
+
+/* count[part][tile] becomes where that part's entries of the tile begin.
+ * Returns the number of pairs. */
+static size_t prefix_tiles(size_t *count, saga_splat_work *work,
+                           size_t n_tiles, int n_parts)
+{
+    size_t sum = 0, t;
+    int part;
+
+    for (t = 0; t < n_tiles; t++) {
+        work->tile_begin[t] = sum;
+        for (part = 0; part < n_parts; part++) {
+            size_t *const c = count + (size_t)part * n_tiles + t;
+            const size_t n = *c;
+
+            *c = sum;
+            sum += n;
+        }
+    }
+    work->tile_begin[n_tiles] = sum;
+    return sum;
+}
+
+static int n_threads(void)
+{
+#ifdef _OPENMP
+    return omp_get_max_threads();
+#else
+    return 1;
+#endif
+}
+
+static int fill_lists(saga_splat_work *work, size_t n_tiles, real cut)
+{
+    const int n_parts = n_threads();
+    const size_t count_nbytes = (size_t)n_parts * n_tiles * sizeof(size_t);
+    size_t *count;
+    uint32_t i;
+    int part;
+
+    if (saga_splat_grow(&work->scratch[2], &work->cap[12], count_nbytes))
+        return -1;
+    count = work->scratch[2];
+    memset(count, 0, count_nbytes);
+    memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
+#pragma omp parallel for schedule(static, 1)
+    for (part = 0; part < n_parts; part++)
+        count_part(count + (size_t)part * n_tiles, work, part, n_parts, cut);
+    for (i = 0; i < work->n; i++)
+        work->slot_begin[i + 1] += work->slot_begin[i];
+    work->n_pairs = prefix_tiles(count, work, n_tiles, n_parts);
+    if (work->n_pairs > UINT32_MAX ||
+        saga_splat_grow((void **)&work->pair, &work->cap[7],
+                        work->n_pairs * sizeof *work->pair))
+        return -1;
+#pragma omp parallel for schedule(static, 1)
+    for (part = 0; part < n_parts; part++)
+        scatter_part(count + (size_t)part * n_tiles, work, part, n_parts, cut);
+    return 0;
+}
+
+int saga_splat_tiles(saga_splat_work *work, const saga_splat_camera *cam,
+                     real cut)
+{
+    size_t n_tiles;
+
+    work->n_tiles_x = (uint32_t)ceil_tile(cam->width);
+    work->n_tiles_y = (uint32_t)ceil_tile(cam->height);
+    n_tiles = (size_t)work->n_tiles_x * work->n_tiles_y;
+    if (sort_by_depth(work) ||
+        saga_splat_grow((void **)&work->slot_begin, &work->cap[6],
+                        (work->n + 1u) * sizeof *work->slot_begin) ||
+        saga_splat_grow((void **)&work->tile_begin, &work->cap[8],
+                        (n_tiles + 1) * sizeof *work->tile_begin))
+        return -1;
+    return fill_lists(work, n_tiles, cut);
+}

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Which splats touch which tiles of 16 x 16 pixels, in the order of drawing.
+ */
+#ifndef SAGA_SPLAT_TILES_H
+#define SAGA_SPLAT_TILES_H
+
+#include "splat.h"
+
+enum { SAGA_SPLAT_TILE = 16 };
+
+#define saga_splat_tiles SAGA_REAL_NAME(saga_splat_tiles)
+
+/* From work->splat, ->extent and ->n: fills order, slot_begin, pair,
+ * tile_begin and the counts. cut is the rule's. Returns 0 or -1. */
+int saga_splat_tiles(saga_splat_work *work, const saga_splat_camera *cam,
+                     real cut);
+
+#endif
