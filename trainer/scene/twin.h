@@ -66,7 +66,8 @@ void saga_twin_free(saga_twin *w);
 int saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature);
 
 /* Local offsets and phases anew, from the positions and the supports of the
- * last saga_twin_geometry; a step of training does it once. Refresh includes it. */
+ * last saga_twin_geometry; a step of training does it once. Refresh includes
+ * it. */
 void saga_twin_offsets(saga_twin *w, const saga_scene *s);
 
 /* Everything that does not depend on the camera: w->attr without colour, the
