@@ -23,6 +23,13 @@ static int32_t to_int(double x, double limit)
     return (int32_t)lrint(clamp(x, -limit, limit));
 }
 
+int32_t gen_shifted(gen_rng *r, int32_t lo, int32_t hi, int max_shift)
+{
+    const int32_t x = gen_int(r, lo, hi);
+
+    return x >> gen_int(r, 0, max_shift);
+}
+
 void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height)
 {
     static const int32_t reach[] = { 0, 1 << 12, 1 << 23, 1 << 27, 1 << 29 };

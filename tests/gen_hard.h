@@ -16,4 +16,8 @@ void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height);
 /* Most are seen near the picture; some lie near, behind or far outside. */
 void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c);
 
+/* lo..hi, shifted right by 0..max_shift: small values too. Draws from r in a
+ * fixed order, which gen_int(..) >> gen_int(..) does not. */
+int32_t gen_shifted(gen_rng *r, int32_t lo, int32_t hi, int max_shift);
+
 #endif

@@ -536,8 +536,11 @@ static uint32_t odd_value(uint64_t *r)
         0xffffffffu
     };
 
-    if (pick(r, 3) == 0)
-        return (uint32_t)gen_random(r) >> pick(r, 32);
+    if (pick(r, 3) == 0) {
+        const uint32_t shift = pick(r, 32);
+
+        return (uint32_t)gen_random(r) >> shift;
+    }
     return odd[pick(r, sizeof odd / sizeof *odd)];
 }
 

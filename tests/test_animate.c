@@ -17,7 +17,7 @@
 #include <cmocka.h>
 
 #include "animate.h"
-#include "gen_scene.h"
+#include "gen_hard.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -40,7 +40,7 @@ static int16_t any16(gen_rng *r)
 
     if (one_in(r, 4))
         return edges[gen_int(r, 0, 5)];
-    return (int16_t)(gen_int(r, -32768, 32767) >> gen_int(r, 0, 12));
+    return (int16_t)gen_shifted(r, -32768, 32767, 12);
 }
 
 static int32_t any_time(gen_rng *r)

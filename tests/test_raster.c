@@ -252,11 +252,12 @@ typedef struct {
  * for the scale of 65535 / 65536. */
 static int one_splat(scene *s, ref_splat *ref, gen_rng *r)
 {
+    const int width = gen_int(r, 1, 40), height = gen_int(r, 1, 40);
     saga_animated a;
     ref_animated ra;
     int k;
 
-    gen_hard_camera(&s->cam, r, gen_int(r, 1, 40), gen_int(r, 1, 40));
+    gen_hard_camera(&s->cam, r, width, height);
     gen_hard_animated(&a, r, &s->cam);
     for (k = 0; k < 3; k++)
         s->cam.background_q15[k] = 0;
@@ -326,12 +327,12 @@ static void any_splat(saga_splat *p, gen_rng *r)
     int i;
 
     for (i = 0; i < 3; i++)
-        p->chol_q28[i] = gen_int(r, 0, top) >> gen_int(r, 0, 29);
+        p->chol_q28[i] = gen_shifted(r, 0, top, 29);
     if (gen_int(r, 0, 1))
         p->chol_q28[1] = -p->chol_q28[1];
     for (i = 0; i < 2; i++)
-        p->mean_q8[i] = gen_int(r, -(1 << 23), 1 << 23) >> gen_int(r, 0, 16);
-    p->q0_q20 = gen_int(r, 0, CUT - 1) >> gen_int(r, 0, 8);
+        p->mean_q8[i] = gen_shifted(r, -(1 << 23), 1 << 23, 16);
+    p->q0_q20 = gen_shifted(r, 0, CUT - 1, 8);
     p->depth = 1 + gen_u32(r) % 1000;
     p->x0 = p->y0 = 0;
     p->x1 = p->y1 = 61;
@@ -689,10 +690,14 @@ static void expect_part(const picture *got, const picture *want,
 /* The scratch has its exact size, for the sanitizers, and is guarded. */
 static void check_memory(const scene *s, const picture *want, gen_rng *r)
 {
-    const setting with = { 8 << gen_int(r, 0, 3), (uint32_t)gen_int(r, 1, 60),
-                           (size_t)gen_int(r, 0, 20000), UINT32_MAX };
+    const int32_t tile = 8 << gen_int(r, 0, 3);
+    const uint32_t capacity = (uint32_t)gen_int(r, 1, 60);
+    const size_t more = (size_t)gen_int(r, 0, 20000);
+    const setting with = { tile, capacity, more, UINT32_MAX };
     const int x0 = gen_int(r, 0, want->width - 1);
     const int y0 = gen_int(r, 0, want->height - 1);
+    const int x1 = gen_int(r, x0 + 1, want->width);
+    const int y1 = gen_int(r, y0 + 1, want->height);
     saga_picture part;
     saga_job job;
     uint8_t *block;
@@ -700,15 +705,14 @@ static void check_memory(const scene *s, const picture *want, gen_rng *r)
 
     new_picture(&got, want->width, want->height, want->pic.bits,
                 2 * (size_t)gen_int(r, 0, 9));
-    new_job(&job, &with, x0, y0, gen_int(r, x0 + 1, want->width),
-            gen_int(r, y0 + 1, want->height));
+    new_job(&job, &with, x0, y0, x1, y1);
     free(job.scratch);
     block = need(job.scratch_nbytes + 2 * GUARD);
     memset(block, CANARY, job.scratch_nbytes + 2 * GUARD);
     job.scratch = block + GUARD;
     part = part_at(&got, x0, y0);
-    part.nbytes = part.stride_nbytes * (size_t)(job.y1 - y0 - 1) +
-                  (size_t)(job.x1 - x0) * 3 * (size_t)(part.bits / 8);
+    part.nbytes = part.stride_nbytes * (size_t)(y1 - y0 - 1) +
+                  (size_t)(x1 - x0) * 3 * (size_t)(part.bits / 8);
     finish_job(&job, &part, s, with.budget);
     expect_part(&got, want, &job);
     check_canaries(&got, &job);

@@ -170,9 +170,10 @@ static double most_hidden(const saga_scene *s, const saga_twin *w, int net,
                    saga_dense_pad(dim), 0, dim);
 }
 
-static void pack_net(saga_net_symbols *out, const saga_model *m,
-                     const saga_scene *s, const saga_twin *w, int net,
-                     float step)
+/* decoded: NULL, or takes the layers as they were quantised. */
+static void pack_net(saga_net_symbols *out, saga_net *decoded,
+                     const saga_model *m, const saga_scene *s,
+                     const saga_twin *w, int net, float step)
 {
     const saga_net *const f = &s->net[net];
     uint8_t q[SAGA_MAX_VECTOR];
@@ -190,6 +191,9 @@ static void pack_net(saga_net_symbols *out, const saga_model *m,
         else
             memset(q, q_for(most_hidden(s, w, net, i), 13), n_out);
         saga_quantise_layer(&out->layer[net][i], &v);
+        if (decoded)
+            saga_dequantise_layer(decoded->w[i], decoded->b[i],
+                                  &out->layer[net][i], &v);
         q_in = q[0];
     }
 }
@@ -251,9 +255,10 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
     }
 }
 
-static void pack_nets(saga_net_symbols *out, const saga_model *m,
-                      const saga_scene *s, const saga_twin *w,
-                      const saga_fit_channels *c, float step)
+static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
+                      const saga_model *m, const saga_scene *s,
+                      const saga_twin *w, const saga_fit_channels *c,
+                      float step)
 {
     int net;
 
@@ -261,7 +266,8 @@ static void pack_nets(saga_net_symbols *out, const saga_model *m,
     pack_entropy(out, m, c);
     for (net = SAGA_NET_FUSE_C; net < SAGA_N_NETS; net++)
         if (s->net[net].n_layers)
-            pack_net(out, m, s, w, net, step);
+            pack_net(out, decoded ? &decoded->net[net] : NULL, m, s, w, net,
+                     step);
 }
 
 /* --- Segment ------------------------------------------------------------- */
@@ -336,15 +342,41 @@ static void free_symbols(saga_symbols *y)
     free(y->prim_offset);
 }
 
+/* (n, 4) units back to half-cubes and segments. */
+static void from_units(float *x, const double *u, size_t n)
+{
+    size_t i;
+
+    for (i = 0; i < 4 * n; i++)
+        x[i] = (float)(u[i] / (i % 4 < 3 ? 8388608.0 : 65536.0));
+}
+
+/* The same structure; reals to be filled in. */
+static int begin_decoded(saga_scene *d, const saga_scene *s,
+                         const saga_model *m)
+{
+    if (saga_scene_init(d, m, s->n, s->n_nodes, 0))
+        return 0;
+    memcpy(d->split, s->split, s->n_nodes);
+    memcpy(d->occupancy, s->occupancy, s->n_nodes * sizeof *s->occupancy);
+    memcpy(d->coarse, s->coarse, s->n.coarse * sizeof *s->coarse);
+    memcpy(d->fine, s->fine, s->n.fine * sizeof *s->fine);
+    memcpy(d->prim_fine, s->prim_fine, s->n.prim * sizeof *s->prim_fine);
+    return 1;
+}
+
 static int pack_segment(saga_encoder *e, saga_pack_report *report,
-                        const saga_scene *s, const saga_model *m,
-                        const float *feature, uint32_t n_frames,
-                        const char **why)
+                        saga_scene *decoded, const saga_scene *s,
+                        const saga_model *m, const float *feature,
+                        uint32_t n_frames, const char **why)
 {
     double *const coarse = to_units(s->coarse_x, s->n.coarse);
     double *const fine = to_units(s->fine_x, s->n.fine);
     double *const prim = to_units(s->prim_x, s->n.prim);
+    double *const prim_out = must(malloc((4 * (size_t)s->n.prim + 1) *
+                                         sizeof *prim_out));
     const saga_targets t = { coarse, feature, fine, prim };
+    saga_decoded d = { coarse, fine, prim_out, NULL };
     const saga_nets *nets;
     const uint8_t *params = saga_encoder_params(e, &nets);
     saga_symbols y;
@@ -353,9 +385,20 @@ static int pack_segment(saga_encoder *e, saga_pack_report *report,
     alloc_symbols(&y, s);
     *why = "the closed loop refused the scene";
     report->order = must(calloc(s->n.prim + 1u, sizeof *report->order));
+    d.feature = must(malloc(((size_t)s->n.coarse * m->features + 1) *
+                            sizeof *d.feature));
     ok = saga_quantise_segment(&y, report->order, &report->quantise, m, nets,
-                               params, &t) &&
+                               params, &t, &d) &&
          saga_encoder_segment(e, &y, n_frames, why);
+    if (ok && decoded) {
+        from_units(decoded->coarse_x, coarse, s->n.coarse);
+        from_units(decoded->fine_x, fine, s->n.fine);
+        from_units(decoded->prim_x, prim_out, s->n.prim);
+        memcpy(decoded->coarse_feature, d.feature,
+               (size_t)s->n.coarse * m->features * sizeof *d.feature);
+    }
+    free(d.feature);
+    free(prim_out);
     free_symbols(&y);
     free(coarse);
     free(fine);
@@ -370,6 +413,7 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
               const char **why)
 {
     saga_header h = *header;
+    saga_scene *const decoded = options->decoded;
     saga_net_symbols nets;
     saga_encoder *e;
     int ok;
@@ -380,9 +424,14 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
     h.level = (uint8_t)options->level;
     h.rate_num = options->rate_num;
     h.rate_den = options->rate_den;
-    pack_nets(&nets, &h.model, scene, twin, channels, options->weight_step);
+    if (decoded && !begin_decoded(decoded, scene, &h.model)) {
+        *why = "out of memory";
+        return 0;
+    }
+    pack_nets(&nets, decoded, &h.model, scene, twin, channels,
+              options->weight_step);
     e = saga_encoder_open(&h, rig, &nets, why);
-    ok = e && pack_segment(e, report, scene, &h.model, feature,
+    ok = e && pack_segment(e, report, decoded, scene, &h.model, feature,
                            options->n_frames, why) &&
          saga_encoder_finish(e, bytes, n, &report->sizes, why);
     saga_encoder_free(e);

@@ -16,6 +16,9 @@ typedef struct saga_pack_options {
     float weight_step;           /* of the networks' weights, real */
     uint32_t rate_num, rate_den; /* frames per second */
     uint32_t n_frames;
+    saga_scene *decoded;         /* NULL, or takes the scene a decoder has:
+                                  * decoded symbols, dequantised networks, in
+                                  * float (saga_scene_free it) */
 } saga_pack_options;
 
 typedef struct saga_pack_report {

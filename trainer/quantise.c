@@ -384,10 +384,44 @@ static void measure(const loop *l, saga_quantise_report *r)
     r->prim_rms = sqrt(sum / (sc->n.prim + !sc->n.prim));
 }
 
+static void copy_place(double to[4], const int32_t x[3], int32_t t)
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        to[i] = x[i];
+    to[3] = t;
+}
+
+static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
+{
+    const saga_model *const m = sc->model;
+    uint32_t i, k;
+    saga_place p;
+
+    for (i = 0; i < sc->n.coarse; i++)
+        copy_place(d->coarse_x + 4 * (size_t)i, sc->coarse[i].x,
+                   sc->coarse[i].t);
+    for (i = 0; i < sc->n.coarse * m->features; i++)
+        d->feature[i] = (float)ldexp(sc->coarse_feature[i],
+                                     -m->head_q[SAGA_HEAD_COARSE]);
+    for (i = 0; i < sc->n.fine; i++) {
+        copy_place(d->fine_x + 4 * (size_t)i, sc->fine[i].x, sc->fine[i].t);
+        for (k = 0; k < sc->fine[i].n_prim; k++) {
+            const uint32_t rank = sc->fine[i].first_prim + k;
+
+            saga_place_fine(&p, &sc->fine[i]);
+            saga_place_move(&p, sc->prim_offset[rank]);
+            copy_place(d->prim_x + 4 * (size_t)rank, p.x, p.t);
+        }
+    }
+}
+
 int saga_quantise_segment(saga_symbols *s, uint32_t *order,
                           saga_quantise_report *report,
                           const saga_model *model, const saga_nets *nets,
-                          const uint8_t *params, const saga_targets *targets)
+                          const uint8_t *params, const saga_targets *targets,
+                          const saga_decoded *decoded)
 {
     saga_scaffold sc;
     loop l;
@@ -409,6 +443,8 @@ int saga_quantise_segment(saga_symbols *s, uint32_t *order,
         place_prims(&l, order, report);
         ok = saga_syntax_prim(&sc, &l.coder);
         measure(&l, report);
+        if (decoded)
+            copy_decoded(decoded, &sc);
     }
     free(l.prim_o);
     scaffold_free(&sc);

@@ -49,6 +49,13 @@ typedef struct saga_targets {
     const double *prim_x;        /* (prim, 4), by parent */
 } saga_targets;
 
+/* What the decoder will have, in rank order and the same units; arrays of the
+ * caller, or NULL where it is not wanted. */
+typedef struct saga_decoded {
+    double *coarse_x, *fine_x, *prim_x; /* (n, 4) */
+    float *feature;                     /* (coarse, F) */
+} saga_decoded;
+
 typedef struct saga_quantise_report {
     double prim_rms, prim_max;   /* distance of primitives' decoded means from
                                   * their targets, box units */
@@ -59,11 +66,12 @@ typedef struct saga_quantise_report {
  * parent) and n_prim are set and all arrays are there; on return the rest is.
  * order (prim): order[rank] = index into prim_x of the primitive now at that
  * rank (a parent's primitives are sorted by suffix). params: the networks'
- * block as saga_encoder_params gives it. Returns 1, or 0 if the symbols are
+ * block as saga_encoder_params gives it. decoded may be NULL. Returns 1, or 0 if the symbols are
  * refused. */
 int saga_quantise_segment(saga_symbols *s, uint32_t *order,
                           saga_quantise_report *report,
                           const saga_model *model, const saga_nets *nets,
-                          const uint8_t *params, const saga_targets *targets);
+                          const uint8_t *params, const saga_targets *targets,
+                          const saga_decoded *decoded);
 
 #endif
