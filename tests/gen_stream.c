@@ -307,13 +307,16 @@ static void make_tree(tree *t, uint64_t *r)
 /* Mostly small; sometimes beyond every table, sometimes the extremes. */
 static int32_t make_residual(uint64_t *r, int picture)
 {
+    int32_t size;
+
     if (picture)
         return gen_range(r, -3, 3);
     if (one_in(r, 200))
         return one_in(r, 2) ? SAGA_MAX_RESIDUAL : -SAGA_MAX_RESIDUAL;
     if (one_in(r, 40))
         return gen_range(r, -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
-    return gen_range(r, -6, 6) * gen_range(r, 0, 6);
+    size = gen_range(r, -6, 6);
+    return size * gen_range(r, 0, 6);
 }
 
 static int32_t *residuals(size_t n, uint64_t *r, int picture)
