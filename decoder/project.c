@@ -49,7 +49,7 @@ typedef struct {
 
 static const saga_float low_pass = { 1288490189, -2 };    /* 0.3 px^2 */
 static const saga_float low_pass_2 = { 1546188227, -4 };  /* 0.09 */
-static const saga_float root_k = { 1823904919, -1 };      /* sqrt(log2(e)/2) */
+static const saga_float root_k = { 1823904678, -1 };      /* sqrt(log2(e)/2) */
 
 static int64_t abs64(int64_t x)
 {

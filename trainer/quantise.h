@@ -66,8 +66,8 @@ typedef struct saga_quantise_report {
  * parent) and n_prim are set and all arrays are there; on return the rest is.
  * order (prim): order[rank] = index into prim_x of the primitive now at that
  * rank (a parent's primitives are sorted by suffix). params: the networks'
- * block as saga_encoder_params gives it. decoded may be NULL. Returns 1, or 0 if the symbols are
- * refused. */
+ * block as saga_encoder_params gives it. decoded may be NULL. Returns 1, or 0
+ * if the symbols are refused. */
 int saga_quantise_segment(saga_symbols *s, uint32_t *order,
                           saga_quantise_report *report,
                           const saga_model *model, const saga_nets *nets,
