@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "fit.h"
+#include "fit_state.h"
 
-#include "adam.h"
-#include "picture_loss.h"
 #include "regress.h"
 #include "rng.h"
 
@@ -18,29 +16,6 @@ enum { REFRESH_EVERY = 50, RAMP = 300 };
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START };
 
 enum { T_FEATURE, T_PRIM, T_PARAMS, N_TENSORS };
-
-struct saga_fit {
-    saga_scene *scene;
-    saga_scene grad;
-    saga_twin twin;
-    saga_splat_params target;
-    const saga_capture *capture;
-    saga_flat_cube cube;
-    saga_fit_options o;
-    double *range;               /* (views, 2) depths */
-    int *train;                  /* (n_train) views */
-    int n_train;
-    int iteration;
-    real *weight;                /* (prim) of the regression */
-    real *support;               /* (fine, 4) log2 wanted in the regression */
-    real *feature;               /* (coarse, F) as used: noisy or rounded */
-    real *m, *v;                 /* Adam's moments (n_reals) */
-    real *image, *trans, *truth, *d_image;
-    saga_splat_work splat;
-    saga_loss_work loss;
-    saga_fit_channels channels;
-    saga_adam_fault fault;
-};
 
 saga_fit_options saga_fit_defaults(void)
 {

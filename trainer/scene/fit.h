@@ -66,4 +66,13 @@ void saga_fit_features(saga_fit *fit, real *feature,
  * for ranges and pictures of the float model. NULL without memory. */
 saga_twin *saga_fit_twin(saga_fit *fit, const real *feature);
 
+/* The state, for a checkpoint, in this machine's byte order; restore into a fit
+ * of the same scene, target, capture and options. False: the file failed, or
+ * is not one of this fit; its state is then undefined. */
+bool saga_fit_save(saga_fit *fit, FILE *file);
+bool saga_fit_restore(saga_fit *fit, FILE *file);
+
+/* Bits all coarse features would take, by the last iteration. */
+double saga_fit_bits(const saga_fit *fit);
+
 #endif

@@ -1,0 +1,520 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The whole of the training on a capture of a few thousand pixels: the file it
+ * makes, and that neither threads nor interruptions show in it.
+ */
+#include "capture.h"
+#include "model.h"
+#include "rng.h"
+#include "saga.h"
+#include "synth.h"
+#include "train.h"
+#include "view.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+enum { WARM = 40, REGRESS = 65, RENDER = 60 };
+
+typedef struct {
+    char folder[64], checkpoint[80];
+    saga_capture capture;
+} fixture;
+
+/* --- Fixture --------------------------------------------------------------- */
+
+static void load(saga_capture *c, const char *parent, const char *name,
+                 int frames)
+{
+    saga_synth_options s = saga_synth_defaults();
+    saga_capture_options o = saga_capture_defaults();
+    saga_input_error error = { "" };
+    char path[100];
+
+    snprintf(path, sizeof path, "%s/%s", parent, name);
+    s.width = 64;
+    s.height = 36;
+    s.n_cameras = 4;
+    s.n_hold_out = 1;
+    s.n_frames = frames;
+    s.n_points = 300;
+    s.depth_every = 0;
+    if (!saga_synth_write(path, &s, &error) ||
+        !saga_capture_load(c, path, &o, &error))
+        fail_msg("%s", error.message);
+}
+
+static int set_up(void **state)
+{
+    fixture *const f = calloc(1, sizeof *f);
+
+    assert_non_null(f);
+    strcpy(f->folder, "/tmp/test_train.XXXXXX");
+    assert_non_null(mkdtemp(f->folder));
+    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.saga.ckpt",
+             f->folder);
+    load(&f->capture, f->folder, "moving", 5);
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    fixture *const f = *state;
+    char command[100];
+
+    saga_capture_free(&f->capture);
+    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
+    assert_int_equal(system(command), 0);
+    free(f);
+    return 0;
+}
+
+static saga_train_options small(void)
+{
+    saga_train_options o = saga_train_defaults();
+
+    o.n_primitives = 150;
+    o.n_warm = WARM;
+    o.n_regress = REGRESS;
+    o.n_render = RENDER;
+    o.motion = SAGA_TRAIN_MOVING;
+    return o;
+}
+
+/* --- Files ------------------------------------------------------------------ */
+
+typedef struct {
+    uint8_t *bytes;
+    size_t n;
+    saga_train_report report;
+} result;
+
+/* Takes the training to its end, and it away. */
+static result finish(saga_train *t)
+{
+    saga_input_error error = { "" };
+    const uint8_t *bytes;
+    result r;
+
+    if (!t || saga_train_run(t, &error) != SAGA_TRAIN_OK)
+        fail_msg("%s", error.message);
+    bytes = saga_train_bytes(t, &r.n);
+    assert_non_null(bytes);
+    r.bytes = malloc(r.n);
+    assert_non_null(r.bytes);
+    memcpy(r.bytes, bytes, r.n);
+    r.report = *saga_train_report_of(t);
+    saga_train_free(t);
+    return r;
+}
+
+static result encode(const saga_capture *c, const saga_train_options *o)
+{
+    saga_input_error error = { "" };
+    saga_train *const t = saga_train_new(c, o, &error);
+
+    if (!t)
+        fail_msg("%s", error.message);
+    return finish(t);
+}
+
+static bool same(const result *a, const result *b)
+{
+    return a->n == b->n && memcmp(a->bytes, b->bytes, a->n) == 0;
+}
+
+/* --- What comes out ----------------------------------------------------------- */
+
+static void train_should_make_a_file_that_decodes(void **state)
+{
+    const fixture *const f = *state;
+    const saga_train_options o = small();
+    const result r = encode(&f->capture, &o);
+    saga_input_error error = { "" };
+    saga_film film;
+    uint8_t rgb[3 * 64 * 36];
+
+    assert_true(saga_film_open(&film, "x", r.bytes, r.n, 1, &error));
+    assert_int_equal(film.info.n_frames, 5);
+    assert_int_equal(film.info.n_cameras, 4);
+    assert_int_equal(film.info.max_primitives, 150);
+    assert_int_equal(film.info.rate_num, 24 * film.info.rate_den);
+    for (uint32_t v = 0; v < 4; v++) {
+        saga_camera camera;
+        uint32_t number;
+
+        assert_true(saga_film_rig(&film, v, &camera, &number, &error));
+        assert_int_equal(number, v);
+        assert_int_equal(camera.width, 64);
+        for (uint32_t k = 0; k < 5; k++)
+            assert_true(saga_film_draw(&film, &camera, k, 1, rgb, &error));
+    }
+    assert_true(r.report.model.training > 10);
+    assert_int_equal(r.report.model.n_training, 3 * 5);
+    assert_int_equal(r.report.model.n_held_out, 5);
+    assert_int_equal(r.report.sizes.total, r.n);
+    saga_film_close(&film);
+    free(r.bytes);
+}
+
+static void train_should_depend_on_the_seed_alone(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    const result a = encode(&f->capture, &o), b = encode(&f->capture, &o);
+    result c;
+
+    o.seed = 2;
+    c = encode(&f->capture, &o);
+    assert_true(same(&a, &b));
+    assert_false(same(&a, &c));
+    free(a.bytes);
+    free(b.bytes);
+    free(c.bytes);
+}
+
+static void train_should_not_depend_on_threads(void **state)
+{
+#ifdef _OPENMP
+    const fixture *const f = *state;
+    const saga_train_options o = small();
+    const int before = omp_get_max_threads();
+    result a, b;
+
+    omp_set_num_threads(1);
+    a = encode(&f->capture, &o);
+    omp_set_num_threads(2);
+    b = encode(&f->capture, &o);
+    omp_set_num_threads(before);
+    assert_true(same(&a, &b));
+    free(a.bytes);
+    free(b.bytes);
+#else
+    (void)state;
+#endif
+}
+
+/* --- Checkpoints ----------------------------------------------------------------- */
+
+/* Stops where the stage has come to an iteration, or every `every` calls. */
+typedef struct {
+    saga_train_stage stage;
+    int iteration, every, calls;
+} stop;
+
+static bool stop_there(void *user, const saga_train_progress *p)
+{
+    stop *const s = user;
+
+    assert_true(p->iteration <= p->n_iterations);
+    assert_true(p->done >= 0 && p->done <= 1);
+    s->calls++;
+    if (s->every)
+        return s->calls % s->every != 0;
+    return p->stage != s->stage || p->iteration != s->iteration;
+}
+
+/* Runs into the stop, forgets everything, goes on from the checkpoint; until
+ * the end. */
+static result interrupted(const fixture *f, stop *s, int *n_stops)
+{
+    saga_train_options o = small();
+    saga_input_error error = { "" };
+    saga_train *t;
+
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = s;
+    t = saga_train_new(&f->capture, &o, &error);
+    for (*n_stops = 0;; ++*n_stops) {
+        saga_train_status status;
+
+        if (!t)
+            fail_msg("%s", error.message);
+        status = saga_train_run(t, &error);
+        assert_null(saga_train_complaint(t));
+        if (status == SAGA_TRAIN_OK)
+            return finish(t);
+        assert_int_equal(status, SAGA_TRAIN_STOPPED);
+        saga_train_free(t);
+        if (!s->every)
+            s->stage = SAGA_TRAIN_N_STAGES;
+        t = saga_train_resume(&f->capture, &o, &error);
+    }
+}
+
+static void train_should_resume_to_the_same_file(void **state)
+{
+    static const stop stops[] = {
+        { SAGA_TRAIN_WARM, 20, 0, 0 }, { SAGA_TRAIN_WARM, WARM, 0, 0 },
+        { SAGA_TRAIN_REGRESS, 1, 0, 0 }, { SAGA_TRAIN_REGRESS, 57, 0, 0 },
+        { SAGA_TRAIN_REGRESS, REGRESS, 0, 0 },
+        { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
+        { SAGA_TRAIN_RENDER, RENDER, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
+        { SAGA_TRAIN_WARM, 0, 17, 0 }
+    };
+    const fixture *const f = *state;
+    const saga_train_options o = small();
+    const result whole = encode(&f->capture, &o);
+
+    for (size_t i = 0; i < sizeof stops / sizeof stops[0]; i++) {
+        stop s = stops[i];
+        int n;
+        const result r = interrupted(f, &s, &n);
+
+        if (!same(&whole, &r))
+            fail_msg("stopped in %s at %d, every %d: another file",
+                     saga_train_stage_name(stops[i].stage),
+                     stops[i].iteration, stops[i].every);
+        assert_true(stops[i].every ? n >= 5 : n == 1);
+        free(r.bytes);
+    }
+    free(whole.bytes);
+}
+
+static bool resume_fails(const fixture *f, const saga_train_options *o,
+                         const char *says)
+{
+    saga_input_error error = { "" };
+    saga_train *const t = saga_train_resume(&f->capture, o, &error);
+    const bool ok = !t && strstr(error.message, says);
+
+    if (!ok)
+        print_error("wanted '%s': '%s'\n", says, error.message);
+    saga_train_free(t);
+    return ok;
+}
+
+/* A checkpoint in the rendering. */
+static saga_train_options make_checkpoint(const fixture *f)
+{
+    stop s = { SAGA_TRAIN_RENDER, 3, 0, 0 };
+    saga_train_options o = small();
+    saga_input_error error = { "" };
+    saga_train *t;
+
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = &s;
+    t = saga_train_new(&f->capture, &o, &error);
+    assert_non_null(t);
+    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_STOPPED);
+    saga_train_free(t);
+    o.progress = NULL;
+    return o;
+}
+
+static void train_should_refuse_a_checkpoint_of_other_options(void **state)
+{
+    const fixture *const f = *state;
+    const saga_train_options o = make_checkpoint(f);
+    saga_train_options p;
+
+    p = o;
+    p.seed = 7;
+    assert_true(resume_fails(f, &p, "--seed 1, not 7"));
+    p = o;
+    p.lambda = 0.25;
+    assert_true(resume_fails(f, &p, "--lambda 0.0005, not 0.25"));
+    p = o;
+    p.n_render++;
+    assert_true(resume_fails(f, &p, "--iterations 165, not 166"));
+    p = o;
+    p.level = 3;
+    assert_true(resume_fails(f, &p, "--level 2, not 3"));
+    p = o;
+    p.checkpoint = "/nowhere/x.ckpt";
+    assert_true(resume_fails(f, &p, "/nowhere/x.ckpt"));
+}
+
+/* Every 97th byte changed, and every 1/16 of the length cut: refused or, where
+ * a byte is of no consequence, read; never a crash. */
+static void train_should_survive_a_damaged_checkpoint(void **state)
+{
+    const fixture *const f = *state;
+    const saga_train_options o = make_checkpoint(f);
+    FILE *file = fopen(f->checkpoint, "rb");
+    static uint8_t bytes[1 << 20];
+    const size_t n = fread(bytes, 1, sizeof bytes, file);
+    int refused = 0;
+
+    fclose(file);
+    assert_true(n > 1000 && n < sizeof bytes);
+    for (size_t i = 0; i < 48; i++) {
+        const size_t at = (size_t)saga_rng_below(saga_rng_stream(1, 1), i,
+                                                 (uint32_t)n);
+        const size_t length = i % 3 ? n : at;
+        saga_input_error error = { "" };
+        saga_train *t;
+
+        bytes[at] ^= 0x41;
+        file = fopen(f->checkpoint, "wb");
+        assert_int_equal(fwrite(bytes, 1, length, file), length);
+        fclose(file);
+        bytes[at] ^= 0x41;
+        t = saga_train_resume(&f->capture, &o, &error);
+        refused += !t && error.message[0];
+        saga_train_free(t);
+    }
+    assert_true(refused >= 45);
+}
+
+/* --- What a scene needs ----------------------------------------------------------- */
+
+static void train_should_drop_temporal_tools_of_one_frame(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    saga_capture c;
+    result r;
+
+    load(&c, f->folder, "single", 1);
+    o.motion = SAGA_TRAIN_MEASURE;
+    r = encode(&c, &o);
+    assert_int_equal(r.report.info.tools, SAGA_TOOL_VIEW);
+    assert_false(r.report.dynamic);
+    free(r.bytes);
+    saga_capture_free(&c);
+}
+
+/* The same picture n times, with the noise of a camera. */
+static void hold_still(saga_capture *c, int n)
+{
+    const saga_rng rng = saga_rng_stream(5, 0);
+
+    for (int v = 0; v < c->n_views; v++) {
+        saga_shot *const shot = &c->views[v];
+        const size_t size = saga_view_frame_nbytes(shot);
+        uint8_t *const rgb = malloc(size * (size_t)n);
+
+        assert_non_null(rgb);
+        for (size_t i = 0; i < size * (size_t)n; i++) {
+            const double x = shot->rgb[i % size] +
+                4 * saga_rng_normal(rng, i + ((uint64_t)v << 32));
+
+            rgb[i] = (uint8_t)(x < 0 ? 0 : x > 255 ? 255 : x);
+        }
+        free(shot->rgb);
+        shot->rgb = rgb;
+    }
+    c->n_frames = n;
+}
+
+static void train_should_drop_temporal_tools_when_nothing_moves(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    saga_capture c;
+    result r;
+
+    load(&c, f->folder, "still", 1);
+    hold_still(&c, 6);
+    o.motion = SAGA_TRAIN_MEASURE;
+    o.n_warm = atoi(getenv("NW")); o.n_primitives = (uint32_t)atoi(getenv("NP"));
+    r = encode(&c, &o);
+    print_message("changing %g explained %g\n", r.report.changing,
+                  r.report.explained);
+    assert_true(r.report.changing > 0.01);
+    assert_int_equal(r.report.info.tools, SAGA_TOOL_VIEW);
+    free(r.bytes);
+    saga_capture_free(&c);
+}
+
+static void train_should_keep_temporal_tools_when_something_moves(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    result r;
+
+    o.motion = SAGA_TRAIN_MEASURE;
+    o.n_warm = atoi(getenv("NW")); o.n_primitives = (uint32_t)atoi(getenv("NP"));
+    r = encode(&f->capture, &o);
+    print_message("changing %g explained %g\n", r.report.changing,
+                  r.report.explained);
+    assert_int_equal(r.report.info.tools, SAGA_TOOLS_KNOWN);
+    free(r.bytes);
+}
+
+/* --- Levels and options ------------------------------------------------------------ */
+
+static void train_should_obey_level_0(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    result r;
+
+    o.level = 0;
+    r = encode(&f->capture, &o);
+    assert_int_equal(r.report.info.level, 0);
+    assert_true(r.report.info.work_nbytes <= SAGA_WORK_MAX(0));
+    free(r.bytes);
+}
+
+static bool refuses(const fixture *f, const saga_train_options *o,
+                    const char *says)
+{
+    saga_input_error error = { "" };
+    saga_train *const t = saga_train_new(&f->capture, o, &error);
+    const bool ok = !t && strstr(error.message, says);
+
+    if (!ok)
+        print_error("wanted '%s': '%s'\n", says, error.message);
+    saga_train_free(t);
+    return ok;
+}
+
+static void train_should_refuse_wrong_options(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+
+    o.level = 4;
+    assert_true(refuses(f, &o, "--level 4"));
+    o = small();
+    o.level = 0;
+    o.n_primitives = 1025;
+    assert_true(refuses(f, &o, "1025 is more than the 1024 of level 0"));
+    o = small();
+    o.n_primitives = 0;
+    assert_true(refuses(f, &o, "--primitives 0"));
+    o = small();
+    o.lambda = -1;
+    assert_true(refuses(f, &o, "--lambda -1"));
+    o = small();
+    o.n_warm = 0;
+    assert_true(refuses(f, &o, "--iterations"));
+    o = small();
+    o.segment_frames = 2;
+    assert_true(refuses(f, &o, "segments of 2"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(train_should_make_a_file_that_decodes),
+        cmocka_unit_test(train_should_depend_on_the_seed_alone),
+        cmocka_unit_test(train_should_not_depend_on_threads),
+        cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),
+        cmocka_unit_test(train_should_survive_a_damaged_checkpoint),
+        cmocka_unit_test(train_should_drop_temporal_tools_of_one_frame),
+        cmocka_unit_test(train_should_drop_temporal_tools_when_nothing_moves),
+        cmocka_unit_test(
+            train_should_keep_temporal_tools_when_something_moves),
+        cmocka_unit_test(train_should_obey_level_0),
+        cmocka_unit_test(train_should_refuse_wrong_options)
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}

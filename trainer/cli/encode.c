@@ -1,0 +1,513 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga encode: from a capture to a file.
+ */
+#include "cli.h"
+#include "commands.h"
+#include "input.h"
+#include "metrics.h"
+#include "train.h"
+#include "view.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+typedef struct {
+    const char *output, *hold_out;
+    saga_cli_pair frames;
+    int scale, threads, memory, primitives, iterations, level, seed, every;
+    double lambda;
+    bool still, moving, json, resume;
+} options;
+
+/* What is open and what came out. */
+typedef struct {
+    const options *o;
+    const char *capture_name;
+    char *checkpoint;
+    saga_capture capture;
+    saga_train *train;
+    saga_train_quality decoded;  /* by the integer decoder, from the file */
+    saga_input_error error;
+    saga_meter meter;
+    double done_at_start, started;
+} session;
+
+/* The signal that asks to stop; a handler can tell no one else. */
+static volatile sig_atomic_t stop_signal;
+
+static void ask_to_stop(int number)
+{
+    stop_signal = number;
+}
+
+/* A second one ends the program as usual. */
+static void catch_signals(void)
+{
+    static const int numbers[] = { SIGINT, SIGTERM, SIGHUP };
+    struct sigaction action;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = ask_to_stop;
+    action.sa_flags = (int)SA_RESETHAND;
+    sigemptyset(&action.sa_mask);
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
+        struct sigaction old;
+
+        /* nohup's SIGHUP stays ignored. */
+        if (sigaction(numbers[i], NULL, &old) == 0 &&
+            old.sa_handler != SIG_IGN)
+            sigaction(numbers[i], &action, NULL);
+    }
+}
+
+/* --- Progress ------------------------------------------------------------ */
+
+static bool loading(void *user, double done, const char *doing)
+{
+    session *const s = user;
+
+    saga_meter_show(&s->meter, done, doing);
+    return !stop_signal;
+}
+
+/* One line: stage, iteration, PSNR, bits; the meter adds the time left. */
+static bool training(void *user, const saga_train_progress *p)
+{
+    session *const s = user;
+    char text[120];
+    int n = snprintf(text, sizeof text, "%s %d/%d", p->name, p->iteration,
+                     p->n_iterations);
+
+    if (s->done_at_start < 0)
+        s->done_at_start = p->done;
+    if (p->psnr > 0)
+        n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
+                      p->psnr);
+    if (p->bits > 0)
+        snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
+                 p->bits / 1e3);
+    /* The meter reckons from its own beginning: a resumed run's. */
+    saga_meter_show(&s->meter, (p->done - s->done_at_start) /
+                    (1.0000001 - s->done_at_start), text);
+    return !stop_signal;
+}
+
+/* --- Before ---------------------------------------------------------------- */
+
+/* Training takes long: what would stop its result from being written is found
+ * now. */
+static int check_output(session *s)
+{
+    saga_input_error ignored = { "" };
+    struct stat info;
+    saga_output probe;
+
+    if (!s->o->output)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: where to? give -o "
+                              "FILE.saga");
+    if (stat(s->o->output, &info) == 0 && !S_ISREG(info.st_mode))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is not a file; "
+                              "give the name of one", s->o->output);
+    if (!saga_output_open(&probe, s->o->output, &s->error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    saga_output_close(&probe, false, &ignored);
+    return SAGA_EXIT_OK;
+}
+
+static int check_checkpoint(session *s)
+{
+    const size_t n = strlen(s->o->output) + sizeof ".ckpt";
+
+    s->checkpoint = malloc(n);
+    if (!s->checkpoint)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: out of memory");
+    snprintf(s->checkpoint, n, "%s.ckpt", s->o->output);
+    if (!s->o->resume && saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
+                              "that was stopped; give --resume to go on with "
+                              "it, or delete it", s->checkpoint);
+    return SAGA_EXIT_OK;
+}
+
+static int open_capture(session *s)
+{
+    saga_capture_options c = saga_capture_defaults();
+
+    c.scale = s->o->scale;
+    c.first_frame = s->o->frames.a;
+    c.end_frame = s->o->frames.b;
+    c.hold_out = s->o->hold_out;
+    c.memory_nbytes = (uint64_t)s->o->memory << 30;
+    c.n_threads = s->o->threads;
+    c.progress = loading;
+    c.progress_user = s;
+    if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
+        saga_meter_end(&s->meter);
+        return SAGA_EXIT_OK;
+    }
+    saga_meter_end(&s->meter);
+    if (stop_signal)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
+                              "the capture; nothing was written");
+    return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+}
+
+static saga_train_options train_options(session *s)
+{
+    const options *const o = s->o;
+    saga_train_options t = saga_train_defaults();
+
+    t.n_primitives = (uint32_t)o->primitives;
+    t.n_iterations = o->iterations;
+    t.lambda = o->lambda;
+    t.level = o->level;
+    t.seed = (uint64_t)o->seed;
+    t.motion = o->still ? SAGA_TRAIN_STILL
+             : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
+    t.checkpoint = s->checkpoint;
+    t.checkpoint_seconds = o->every;
+    t.progress = training;
+    t.progress_user = s;
+    return t;
+}
+
+static int open_training(session *s)
+{
+    const saga_train_options t = train_options(s);
+    const bool resume = s->o->resume && saga_path_is_file(s->checkpoint);
+
+    s->meter = (saga_meter){ 0 };
+    s->done_at_start = -1;
+    if (s->o->resume && !resume)
+        fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
+                s->checkpoint);
+    s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
+                      : saga_train_new(&s->capture, &t, &s->error);
+    return s->train ? SAGA_EXIT_OK
+                    : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
+                                     s->error.message);
+}
+
+/* --- Training -------------------------------------------------------------- */
+
+static int stopped(const session *s)
+{
+    if (saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
+                              "same command with --resume goes on from %s",
+                              stop_signal == SIGINT ? "Ctrl-C" : "a signal",
+                              s->checkpoint);
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, and no "
+                          "checkpoint could be written; nothing is left");
+}
+
+static int train(session *s)
+{
+    const saga_train_status status = saga_train_run(s->train, &s->error);
+    const char *const complaint = saga_train_complaint(s->train);
+
+    saga_meter_end(&s->meter);
+    if (complaint)
+        saga_cli_error(0, "encode: no checkpoint: %s", complaint);
+    if (status == SAGA_TRAIN_STOPPED)
+        return stopped(s);
+    return status ? saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
+                                   s->error.message)
+                  : SAGA_EXIT_OK;
+}
+
+static int write_file(session *s)
+{
+    size_t n;
+    const uint8_t *const bytes = saga_train_bytes(s->train, &n);
+    saga_output out;
+    bool ok;
+
+    if (saga_output_open(&out, s->o->output, &s->error)) {
+        ok = fwrite(bytes, 1, n, out.file) == n;
+        if (saga_output_close(&out, ok, &s->error))
+            return SAGA_EXIT_OK;
+    }
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s; %s", s->error.message,
+                          saga_path_is_file(s->checkpoint)
+                          ? "then --resume writes it again"
+                          : "the training is lost, for there is no checkpoint "
+                            "either");
+}
+
+/* --- Checking the file ----------------------------------------------------- */
+
+typedef struct {
+    double sum[2];
+    int n[2];
+} tally;
+
+static bool compare_view(session *s, saga_film *film, int view, tally *t)
+{
+    const saga_shot *const v = &s->capture.views[view];
+    const size_t nbytes = saga_view_frame_nbytes(v);
+    uint8_t *const rgb = malloc(nbytes);
+    saga_camera camera;
+    uint32_t number;
+    bool ok = rgb && saga_film_rig(film, (uint32_t)view, &camera, &number,
+                                   &s->error);
+    int frame, i;
+
+    for (i = 0; ok && (frame = saga_train_sample(&s->capture, view, i)) >= 0;
+         i++) {
+        ok = saga_film_draw(film, &camera, (uint32_t)frame, 1, rgb, &s->error);
+        t->sum[v->held_out] += ok ? saga_psnr(saga_mse(
+            rgb, saga_capture_frame(&s->capture, view, frame), nbytes)) : 0;
+        t->n[v->held_out]++;
+    }
+    free(rgb);
+    return ok;
+}
+
+/* What is told about quality comes from the closed file, opened again. */
+static int check_file(session *s)
+{
+    tally t = { { 0, 0 }, { 0, 0 } };
+    saga_bytes bytes = { NULL, 0 };
+    saga_film film = { .segment = -1 };
+    bool ok = saga_read_file(&bytes, s->o->output, &s->error) &&
+              saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
+                             s->o->threads, &s->error);
+
+    for (int v = 0; ok && v < s->capture.n_views; v++)
+        ok = compare_view(s, &film, v, &t);
+    saga_film_close(&film);
+    saga_bytes_free(&bytes);
+    s->decoded = (saga_train_quality){ t.sum[0] / t.n[0], t.sum[1] / t.n[1],
+                                       t.n[0], t.n[1] };
+    return ok ? SAGA_EXIT_OK
+              : saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was written, "
+                               "but: %s", s->error.message);
+}
+
+/* --- Telling --------------------------------------------------------------- */
+
+static void print_quality(const char *what, const saga_train_quality *q)
+{
+    printf("  %-28s", what);
+    if (q->n_training)
+        printf("  %6.2f dB", q->training);
+    if (q->n_held_out)
+        printf("  %6.2f dB", q->held_out);
+    putchar('\n');
+}
+
+static void print_motion(const saga_train_report *r)
+{
+    if (isnan(r->explained))
+        printf("  %s\n", r->dynamic ? "temporal tools on" :
+               "no temporal tools");
+    else
+        printf("  %s: %.2f %% of the pixels change, the warm-up explains %.0f "
+               "%% of that\n", r->dynamic ? "temporal tools on"
+               : "nothing moves, no temporal tools", 100 * r->changing,
+               100 * r->explained);
+}
+
+static void print_text(const session *s)
+{
+    const saga_train_report *const r = saga_train_report_of(s->train);
+    const saga_capture *const c = &s->capture;
+
+    printf("%s: %zu bytes, %.1f kbit/s, level %" PRIu32 "\n", s->o->output,
+           r->sizes.total, 8e-3 * (double)r->sizes.total * c->fps /
+           c->n_frames, r->info.level);
+    printf("  %d views, %d frames; %u coarse anchors, %u fine, %u "
+           "primitives\n", c->n_views, c->n_frames, r->n.coarse, r->n.fine,
+           r->n.prim);
+    print_motion(r);
+    printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
+           "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
+           r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
+    printf("  mean PSNR of %d + %d pictures  training  held out\n",
+           s->decoded.n_training, s->decoded.n_held_out);
+    print_quality("flat warm-up (float)", &r->warm);
+    print_quality("model (float)", &r->model);
+    print_quality("file, integer decoder", &s->decoded);
+    printf("  %.0f s\n", saga_cli_seconds() - s->started);
+}
+
+static json_t *real_or_null(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}
+
+static json_t *json_quality(const saga_train_quality *q)
+{
+    return json_pack("{sososisi}", "training", real_or_null(q->training),
+                     "held_out", real_or_null(q->held_out),
+                     "n_training", q->n_training,
+                     "n_held_out", q->n_held_out);
+}
+
+static json_t *json_sizes(const saga_encode_sizes *z)
+{
+    return json_pack("{sIsIsIsIsIsIsI}", "total", (json_int_t)z->total,
+                     "header", (json_int_t)z->header,
+                     "index", (json_int_t)z->index,
+                     "networks", (json_int_t)z->networks,
+                     "coarse", (json_int_t)z->coarse,
+                     "fine", (json_int_t)z->fine,
+                     "primitives", (json_int_t)z->prim);
+}
+
+static void print_json(const session *s)
+{
+    const saga_train_report *const r = saga_train_report_of(s->train);
+    json_t *const o = json_pack("{sssssosisisIsIsIsI}",
+        "file", s->o->output, "capture", s->capture_name,
+        "bytes", json_sizes(&r->sizes),
+        "views", s->capture.n_views, "frames", s->capture.n_frames,
+        "coarse", (json_int_t)r->n.coarse, "fine", (json_int_t)r->n.fine,
+        "primitives", (json_int_t)r->n.prim,
+        "work_bytes", (json_int_t)r->info.work_nbytes);
+
+    json_object_update_new(o, json_pack("{sisbsososfsfsfsososo}",
+        "level", (int)r->info.level, "temporal", (int)r->dynamic,
+        "explained", real_or_null(r->explained),
+        "changing_pixels", real_or_null(r->changing),
+        "feature_bits", r->feature_bits,
+        "clamped_primitives", (double)r->quantise.n_clamped,
+        "seconds", saga_cli_seconds() - s->started,
+        "psnr_warm_up", json_quality(&r->warm),
+        "psnr_float", json_quality(&r->model),
+        "psnr", json_quality(&s->decoded)));
+    json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
+    putchar('\n');
+    json_decref(o);
+}
+
+/* --- Command --------------------------------------------------------------- */
+
+static int encode(session *s)
+{
+    int status = check_output(s);
+
+    if (!status)
+        status = check_checkpoint(s);
+    if (!status)
+        status = open_capture(s);
+    if (!status)
+        status = open_training(s);
+    if (!status)
+        status = train(s);
+    if (!status)
+        status = write_file(s);
+    if (!status)
+        status = check_file(s);
+    if (status)
+        return status;
+    unlink(s->checkpoint);
+    if (s->o->json)
+        print_json(s);
+    else
+        print_text(s);
+    return SAGA_EXIT_OK;
+}
+
+static options defaults(void)
+{
+    const saga_train_options t = saga_train_defaults();
+
+    return (options){
+        .scale = 1, .memory = 4, .primitives = (int)t.n_primitives,
+        .iterations = t.n_iterations, .level = t.level, .seed = (int)t.seed,
+        .every = (int)t.checkpoint_seconds, .lambda = t.lambda
+    };
+}
+
+static int run(int argc, char **argv)
+{
+    options o = defaults();
+    session s = { .o = &o, .started = saga_cli_seconds() };
+    int status = saga_cli_parse(&saga_command_encode, &o, &s.capture_name,
+                                argc, argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+#ifdef _OPENMP
+    if (o.threads)
+        omp_set_num_threads(o.threads);
+#endif
+    catch_signals();
+    status = encode(&s);
+    saga_train_free(s.train);
+    saga_capture_free(&s.capture);
+    free(s.checkpoint);
+    return status;
+}
+
+static const saga_cli_option option_list[] = {
+    { "-o", "FILE.saga", "the file to write; needed", saga_cli_text,
+      offsetof(options, output), 0, 0 },
+    { "--primitives", "N", "Gaussians to draw with (default 5000)",
+      saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
+    { "--iterations", "N", "of all stages together (default 6000); time grows "
+      "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
+    { "--lambda", "X", "what a bit costs in distortion (default 0.0005);\n"
+      "higher: a smaller file", saga_cli_real, offsetof(options, lambda), 0, 0 },
+    { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
+      "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
+      offsetof(options, level), 0, 3 },
+    { "--frames", "A:B", "frames A to B - 1 of the capture (default all)",
+      saga_cli_range, offsetof(options, frames), 0, SAGA_MAX_FRAMES },
+    { "--scale", "1/N", "pictures made smaller by means of N x N boxes",
+      saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
+    { "--hold-out", "NAME,..", "views not to be trained on (default: what the\n"
+      "capture says)", saga_cli_text, offsetof(options, hold_out), 0, 0 },
+    { "--still", NULL, "no temporal tools, whatever moves", saga_cli_flag,
+      offsetof(options, still), 0, 0 },
+    { "--moving", NULL, "temporal tools even if nothing seems to move",
+      saga_cli_flag, offsetof(options, moving), 0, 0 },
+    { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
+      offsetof(options, seed), 0, INT32_MAX },
+    { "--threads", "N", "threads (default: all cores); no effect on the file",
+      saga_cli_int, offsetof(options, threads), 1, 1024 },
+    { "--memory", "GIB", "memory for the capture's pictures (default 4)",
+      saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
+    { "--checkpoint-every", "S", "seconds between checkpoints (default 300)",
+      saga_cli_int, offsetof(options, every), 0, 1000000 },
+    { "--resume", NULL, "go on from FILE.saga.ckpt, with the other options as\n"
+      "they were; the result is that of an unstopped run", saga_cli_flag,
+      offsetof(options, resume), 0, 0 },
+    { "--json", NULL, "the report as JSON", saga_cli_flag,
+      offsetof(options, json), 0, 0 }
+};
+
+const saga_command saga_command_encode = {
+    "encode", "CAPTURE", 1,
+    "trains on a capture and writes a .saga file",
+    "Learns a scene from a capture (a folder with transforms.json, or camNN.mp4\n"
+    "and poses_bounds.npy) and writes it as one .saga file.\n"
+    "\n"
+    "  saga synth demo && saga encode demo -o demo.saga\n"
+    "      the built-in scene, some minutes; `saga eval demo.saga demo` then\n"
+    "      tells how good it is\n"
+    "  saga encode studio -o studio.saga --frames 0:50 --scale 1/4 \\\n"
+    "      --hold-out cam00 --primitives 40000 --iterations 20000\n"
+    "      two seconds of a real capture, small, one view kept for judging\n"
+    "\n"
+    "Stages: warm-up (flat primitives), regression and rendering (the coded\n"
+    "hierarchy), packing. A line on stderr tells the stage, the iteration, the\n"
+    "PSNR of the pictures trained on, the bits of the coarse features and the\n"
+    "time left. Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
+    "The same options give the same bytes, for any number of threads.\n",
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+};

@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Training: from a capture to a file. One state machine runs the stages of
+ * design.md 10; between any two iterations it can be saved, and a restored one
+ * gives the same file, bit for bit.
+ *
+ *     warm-up      a flat set of primitives (scene/flat.h)
+ *     regression   the hierarchy built from it, its networks fitted to it
+ *     rendering    rate and distortion against the pictures (scene/fit.h)
+ *     packing      quantised networks, closed loop, bytes (pack.h)
+ *
+ * The result does not depend on the number of threads. The capture must outlive
+ * the saga_train that reads it.
+ *
+ * Model only what a scene needs. A capture of one frame has no temporal tools.
+ * One of several loses them when the warm-up shows that nothing moves. Looked at
+ * are the pixels of training views that differ by more than 8/255 from the
+ * view's middle frame. Where they are at least 10^-4 of all, and the warm-up's
+ * own change against its middle frame explains at least a tenth of theirs
+ * (1 - sum (change - drawn change)^2 / sum change^2), temporal tools are on.
+ * Camera noise makes such pixels too, but nothing that is fitted foretells
+ * noise: it explains some hundredths of it at most.
+ */
+#ifndef SAGA_TRAIN_H
+#define SAGA_TRAIN_H
+
+#include "capture.h"
+#include "encode.h"
+#include "quantise.h"
+#include "saga.h"
+
+typedef enum saga_train_stage {
+    SAGA_TRAIN_WARM, SAGA_TRAIN_REGRESS, SAGA_TRAIN_RENDER, SAGA_TRAIN_PACK,
+    SAGA_TRAIN_N_STAGES
+} saga_train_stage;
+
+/* Why saga_train_run came back. */
+typedef enum saga_train_status {
+    SAGA_TRAIN_OK = 0,
+    SAGA_TRAIN_STOPPED = 1,      /* by the progress function; go on any time */
+    SAGA_TRAIN_FAILED = -1       /* the message says why */
+} saga_train_status;
+
+typedef enum saga_train_motion {
+    SAGA_TRAIN_MEASURE,          /* the rule above */
+    SAGA_TRAIN_MOVING,
+    SAGA_TRAIN_STILL             /* the ablation */
+} saga_train_motion;
+
+typedef struct saga_train_progress {
+    saga_train_stage stage;
+    const char *name;            /* of the stage */
+    int iteration, n_iterations; /* of the stage; it begins at 0 */
+    double psnr;                 /* of recent training pictures; 0: none yet */
+    double bits;                 /* the coarse features would take; 0 before the
+                                  * rendering */
+    double done;                 /* 0..1 of all work, an estimate */
+    double seconds_left;         /* an estimate; < 0: none yet */
+} saga_train_progress;
+
+/* After every iteration. Return false to stop there. */
+typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
+
+typedef struct saga_train_options {
+    uint32_t n_primitives;       /* 1..the level's */
+    uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
+    int n_iterations;            /* of all stages together, >= 3; and its */
+    int n_warm, n_regress, n_render; /* split, all three or none given */
+    double lambda;               /* bits against distortion, >= 0 */
+    int level;                   /* 0..3, obeyed */
+    uint64_t seed;
+    saga_train_motion motion;
+    int segment_frames;          /* 0: one segment for all frames, the only
+                                  * value there is yet */
+    const char *checkpoint;      /* file; NULL: none */
+    double checkpoint_seconds;   /* between two of them, >= 0 */
+    saga_train_progress_fn *progress; /* or NULL */
+    void *progress_user;
+} saga_train_options;
+
+/* Means over at most some 60 pictures of each set, evenly spread. */
+typedef struct saga_train_quality {
+    double training, held_out;   /* PSNR, dB; NaN: no such picture */
+    int n_training, n_held_out;
+} saga_train_quality;
+
+typedef struct saga_train_report {
+    saga_encode_sizes sizes;
+    saga_quantise_report quantise;
+    saga_counts n;               /* coarse, fine, primitives */
+    saga_info info;              /* of the file, as its decoder sees it */
+    bool dynamic;                /* temporal tools are on */
+    double explained;            /* by the rule above; NaN: not measured */
+    double changing;             /* part of the pixels the rule looked at */
+    double feature_bits;         /* of one coarse feature, mean */
+    saga_train_quality warm;     /* the flat warm-up */
+    saga_train_quality model;    /* the float model before quantisation, the
+                                  * coarse features rounded */
+    double near_min;             /* least near plane of the rig, metres */
+} saga_train_report;
+
+typedef struct saga_train saga_train;
+
+/* 5,000 primitives, 6,000 iterations, level 2, a checkpoint every 5 minutes
+ * where one is wanted. */
+saga_train_options saga_train_defaults(void);
+
+/* NULL, with the reason in *error: an option and the remedy. */
+saga_train *saga_train_new(const saga_capture *capture,
+                           const saga_train_options *options,
+                           saga_input_error *error);
+
+/* Continues from options->checkpoint; capture and options as they were, but
+ * for progress, checkpoint and its time. */
+saga_train *saga_train_resume(const saga_capture *capture,
+                              const saga_train_options *options,
+                              saga_input_error *error);
+
+void saga_train_free(saga_train *train);
+
+/* Works until the file is there, or the progress function stops it. Writes the
+ * checkpoint every checkpoint_seconds, at the end of a stage and when stopped;
+ * one that cannot be written does not end the training:
+ * saga_train_complaint. */
+saga_train_status saga_train_run(saga_train *train, saga_input_error *error);
+
+/* The last failure to write a checkpoint since the last call; NULL: none. */
+const char *saga_train_complaint(saga_train *train);
+
+/* After SAGA_TRAIN_OK. The bytes belong to train. */
+const saga_train_report *saga_train_report_of(const saga_train *train);
+const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
+
+/* Frames of view the qualities are measured on: number `index` of the ones
+ * spread over the capture, -1 past the last. The same for every measurement,
+ * so that others compare with theirs. */
+int saga_train_sample(const saga_capture *capture, int view, int index);
+
+const char *saga_train_stage_name(saga_train_stage stage);
+
+#endif
