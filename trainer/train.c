@@ -10,7 +10,7 @@
 
 /* Parts of the iterations. The warm-up's are cheap and decide what there is;
  * the regression only has to bring the networks near (docs/results). */
-static const double warm_part = 0.4, regress_part = 0.1;
+static const double warm_part = 0.25, regress_part = 0.15;
 
 /* What an iteration costs, relative to each other: for the estimate of the time
  * that is left. */
@@ -110,15 +110,16 @@ static uint32_t at_most(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/* Anchors as a level's caps relate to its primitives: 1 : 3.2 : 8. */
+/* One coarse anchor for five primitives, a fine one for two: of the budgets
+ * that were tried on the built-in scene the best (docs/results/training.md). */
 static void derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
 
     if (!o->n_coarse)
-        o->n_coarse = at_most(o->n_primitives / 8 + 1, caps->n_coarse);
+        o->n_coarse = at_most(o->n_primitives / 5 + 1, caps->n_coarse);
     if (!o->n_fine)
-        o->n_fine = at_most(o->n_primitives * 2 / 5 + 1, caps->n_fine);
+        o->n_fine = at_most(o->n_primitives / 2 + 1, caps->n_fine);
     if (!o->n_warm) {
         o->n_warm = (int)fmax(1, warm_part * o->n_iterations);
         o->n_regress = (int)fmax(1, regress_part * o->n_iterations);

@@ -36,7 +36,7 @@ static void set_levels(saga_model *m)
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
-    const uint8_t width = (uint8_t)(caps->width < 32 ? caps->width : 32);
+    const uint8_t width = (uint8_t)(caps->width < 64 ? caps->width : 64);
 
     memset(m, 0, sizeof *m);
     m->tools = dynamic ? SAGA_TOOLS_KNOWN : SAGA_TOOL_VIEW;
@@ -54,6 +54,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
         m->q_in[i] = 12;
         m->int8[i] = caps->int8_only != 0;
     }
+    m->width[SAGA_NET_COLOUR] = 32;
 }
 
 /* --- Does anything move? ---------------------------------------------------- */

@@ -61,7 +61,7 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
 bool saga_picture_probe(const char *path, int *width, int *height,
                         saga_input_error *error)
 {
-    enum picture_kind kind;
+    enum picture_kind kind = PICTURE_PNG;
     if (!picture_kind(path, &kind, error))
         return false;
     return kind == PICTURE_PNG ? saga_png_probe(path, width, height, error)
@@ -71,7 +71,7 @@ bool saga_picture_probe(const char *path, int *width, int *height,
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
                        saga_input_error *error)
 {
-    enum picture_kind kind;
+    enum picture_kind kind = PICTURE_PNG;
     if (!picture_kind(path, &kind, error))
         return false;
     return kind == PICTURE_PNG
