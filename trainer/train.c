@@ -212,6 +212,8 @@ void saga_train_free(saga_train *t)
     saga_fit_free(t->fit);
     saga_train_params_free(&t->target);
     saga_scene_free(&t->scene);
+    saga_twin_free(&t->decoded_twin);
+    saga_scene_free(&t->decoded);
     saga_flat_free(t->flat);
     free(t->range);
     free(t->bytes);

@@ -96,6 +96,7 @@ typedef struct saga_train_report {
     saga_train_quality warm;     /* the flat warm-up */
     saga_train_quality model;    /* the float model before quantisation, the
                                   * coarse features rounded */
+    saga_train_quality coded;    /* decoded symbols and weights, in float */
     double near_min;             /* least near plane of the rig, metres */
 } saga_train_report;
 
@@ -130,6 +131,11 @@ const char *saga_train_complaint(saga_train *train);
 /* After SAGA_TRAIN_OK. The bytes belong to train. */
 const saga_train_report *saga_train_report_of(const saga_train *train);
 const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
+
+/* After SAGA_TRAIN_OK: the picture (3, H, W) of the decoded symbols and weights
+ * in float, which the integer decoder's can be compared with. False: no
+ * memory. */
+bool saga_train_draw(saga_train *train, float *image, int view, int frame);
 
 /* Frames of view the qualities are measured on: number `index` of the ones
  * spread over the capture, -1 past the last. The same for every measurement,

@@ -92,38 +92,45 @@ saga_train_status saga_train_measure_flat(saga_train *t,
 
 typedef struct {
     const saga_train *t;
+    const saga_scene *scene;
     saga_twin *twin;
     saga_splat_work work;
     real *image, *trans;
 } painter;
 
-static bool fit_psnr(void *user, double *psnr, int view, int frame)
+static bool draw(painter *p, int view, int frame)
 {
-    painter *const p = user;
     const saga_train *const t = p->t;
-    const saga_shot *const v = &t->capture->views[view];
     saga_splat_camera cam;
     saga_splat_rules rules;
 
     saga_splat_rules_default(&rules);
-    saga_flat_camera(&cam, v, saga_flat_cube_of(t->flat), t->range[2 * view],
-                     0);
-    if (saga_twin_colour(p->twin, &t->scene, cam.centre) ||
-        saga_splat_forward(p->image, p->trans, &p->work, &p->twin->attr,
-                           t->scene.n.prim,
-                           (real)frame / (real)t->capture->n_frames, &cam,
-                           &rules))
+    saga_flat_camera(&cam, &t->capture->views[view],
+                     saga_flat_cube_of(t->flat), t->range[2 * view], 0);
+    return !saga_twin_colour(p->twin, p->scene, cam.centre) &&
+           !saga_splat_forward(p->image, p->trans, &p->work, &p->twin->attr,
+                               p->scene->n.prim,
+                               (real)frame / (real)t->capture->n_frames, &cam,
+                               &rules);
+}
+
+static bool fit_psnr(void *user, double *psnr, int view, int frame)
+{
+    painter *const p = user;
+    const saga_capture *const c = p->t->capture;
+    const saga_shot *const v = &c->views[view];
+
+    if (!draw(p, view, frame))
         return false;
-    *psnr = -10 * log10(mse_of(p->image, saga_capture_frame(t->capture, view,
-                                                            frame),
+    *psnr = -10 * log10(mse_of(p->image, saga_capture_frame(c, view, frame),
                                (size_t)v->width * (size_t)v->height) + 1e-12);
     return true;
 }
 
-static bool measure_fit(saga_train_quality *q, const saga_train *t,
-                        saga_twin *twin)
+static bool measure_scene(saga_train_quality *q, const saga_train *t,
+                          const saga_scene *scene, saga_twin *twin)
 {
-    painter p = { .t = t, .twin = twin };
+    painter p = { .t = t, .scene = scene, .twin = twin };
     size_t most = 0;
     bool ok;
 
@@ -137,6 +144,32 @@ static bool measure_fit(saga_train_quality *q, const saga_train *t,
     ok = p.image && p.trans && measure(q, t->capture, fit_psnr, &p);
     saga_splat_free(&p.work);
     free(p.image);
+    free(p.trans);
+    return ok;
+}
+
+/* The decoded scene's twin; its pictures. */
+static bool measure_decoded(saga_train *t)
+{
+    const saga_scene *const s = &t->decoded;
+    saga_twin *const w = &t->decoded_twin;
+
+    return !saga_twin_init(w, s) &&
+           !saga_twin_refresh(w, s, s->coarse_feature) &&
+           !saga_twin_geometry(w, s, s->coarse_feature) &&
+           measure_scene(&t->report.coded, t, s, w);
+}
+
+bool saga_train_draw(saga_train *t, float *image, int view, int frame)
+{
+    const saga_shot *const v = &t->capture->views[view];
+    painter p = { .t = t, .scene = &t->decoded, .twin = &t->decoded_twin };
+    bool ok;
+
+    p.image = image;
+    p.trans = malloc((size_t)v->width * (size_t)v->height * sizeof *p.trans);
+    ok = p.trans && draw(&p, view, frame);
+    saga_splat_free(&p.work);
     free(p.trans);
     return ok;
 }
@@ -235,14 +268,15 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 /* Weights' step: 2^-9, fine enough that a network gives what it gave. */
 static const float weight_step = 1.0f / 512;
 
-static int pack_at(saga_train *t, int level, saga_twin *twin,
+static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
                    const real *feature, const saga_fit_channels *channels,
                    saga_pack_report *rep, saga_input_error *error)
 {
     const saga_flat_cube *const cube = saga_flat_cube_of(t->flat);
     saga_pack_options o = {
         .level = level, .weight_step = weight_step,
-        .n_frames = (uint32_t)t->capture->n_frames
+        .n_frames = (uint32_t)t->capture->n_frames,
+        .decoded = final ? &t->decoded : NULL
     };
     saga_splat_camera cam;
     saga_header h;
@@ -285,10 +319,12 @@ static int pack(saga_train *t, int level, bool final, saga_input_error *error)
         saga_fit_features(t->fit, feature, &channels);
         twin = saga_fit_twin(t->fit, feature);
     }
-    if (twin && (!final || measure_fit(&r->model, t, twin)))
-        ok = pack_at(t, level, twin, feature, &channels, &rep, error);
+    if (twin && (!final || measure_scene(&r->model, t, &t->scene, twin)))
+        ok = pack_at(t, level, final, twin, feature, &channels, &rep, error);
     else
         saga_fail(error, NULL, "free some memory", "out of memory");
+    if (ok && final && !measure_decoded(t))
+        ok = saga_fail(error, NULL, "free some memory", "out of memory");
     free(feature);
     r->sizes = rep.sizes;
     r->quantise = rep.quantise;

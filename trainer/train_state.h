@@ -32,6 +32,9 @@ struct saga_train {
     double warm_psnr;            /* of recent pictures, for progress */
     double recent_mse;           /* of the rendering's pictures, for progress */
 
+    saga_scene decoded;          /* as the file has it, in float */
+    saga_twin decoded_twin;
+
     uint8_t *bytes;
     size_t nbytes;
     saga_train_report report;

@@ -39,6 +39,8 @@ typedef struct {
     saga_capture capture;
     saga_train *train;
     saga_train_quality decoded;  /* by the integer decoder, from the file */
+    saga_train_quality agreement; /* of its pictures with the float ones of
+                                   * the same symbols, PSNR */
     saga_input_error error;
     saga_meter meter;
     double done_at_start, started;
@@ -250,9 +252,34 @@ static int write_file(session *s)
 /* --- Checking the file ----------------------------------------------------- */
 
 typedef struct {
-    double sum[2];
+    double sum[2], agree[2];
     int n[2];
 } tally;
+
+/* PSNR between a decoded picture and the float one of the same symbols. */
+static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
+                          int view, int frame)
+{
+    const saga_shot *const v = &s->capture.views[view];
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    float *const image = malloc(3 * n * sizeof *image);
+    double sum = 0;
+
+    if (!image || !saga_train_draw(s->train, image, view, frame)) {
+        free(image);
+        return saga_fail(&s->error, NULL, "free some memory",
+                         "out of memory");
+    }
+    for (size_t i = 0; i < 3 * n; i++) {
+        const double x = (double)image[i % 3 * n + i / 3];
+        const double e = 255 * fmin(fmax(x, 0), 1) - rgb[i];
+
+        sum += e * e;
+    }
+    free(image);
+    *psnr = saga_psnr(sum / (3.0 * (double)n));
+    return true;
+}
 
 static bool compare_view(session *s, saga_film *film, int view, tally *t)
 {
@@ -271,6 +298,12 @@ static bool compare_view(session *s, saga_film *film, int view, tally *t)
         t->sum[v->held_out] += ok ? saga_psnr(saga_mse(
             rgb, saga_capture_frame(&s->capture, view, frame), nbytes)) : 0;
         t->n[v->held_out]++;
+        if (ok) {
+            double psnr = 0;
+
+            ok = compare_float(s, &psnr, rgb, view, frame);
+            t->agree[v->held_out] += psnr;
+        }
     }
     free(rgb);
     return ok;
@@ -279,7 +312,7 @@ static bool compare_view(session *s, saga_film *film, int view, tally *t)
 /* What is told about quality comes from the closed file, opened again. */
 static int check_file(session *s)
 {
-    tally t = { { 0, 0 }, { 0, 0 } };
+    tally t = { { 0, 0 }, { 0, 0 }, { 0, 0 } };
     saga_bytes bytes = { NULL, 0 };
     saga_film film = { .segment = -1 };
     bool ok = saga_read_file(&bytes, s->o->output, &s->error) &&
@@ -292,6 +325,9 @@ static int check_file(session *s)
     saga_bytes_free(&bytes);
     s->decoded = (saga_train_quality){ t.sum[0] / t.n[0], t.sum[1] / t.n[1],
                                        t.n[0], t.n[1] };
+    s->agreement = (saga_train_quality){ t.agree[0] / t.n[0],
+                                         t.agree[1] / t.n[1],
+                                         t.n[0], t.n[1] };
     return ok ? SAGA_EXIT_OK
               : saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was written, "
                                "but: %s", s->error.message);
@@ -340,7 +376,9 @@ static void print_text(const session *s)
            s->decoded.n_training, s->decoded.n_held_out);
     print_quality("flat warm-up (float)", &r->warm);
     print_quality("model (float)", &r->model);
+    print_quality("decoded symbols (float)", &r->coded);
     print_quality("file, integer decoder", &s->decoded);
+    print_quality("  ... against that float", &s->agreement);
     printf("  %.0f s\n", saga_cli_seconds() - s->started);
 }
 
@@ -389,6 +427,9 @@ static void print_json(const session *s)
         "psnr_warm_up", json_quality(&r->warm),
         "psnr_float", json_quality(&r->model),
         "psnr", json_quality(&s->decoded)));
+    json_object_update_new(o, json_pack("{soso}",
+        "psnr_decoded_float", json_quality(&r->coded),
+        "psnr_against_decoded_float", json_quality(&s->agreement)));
     json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     putchar('\n');
     json_decref(o);
