@@ -270,6 +270,13 @@ bench:
 	@for b in $(BENCH_SRC:bench/%.c=%); do \
 	    echo "== $$b"; $(BUILD)/bench/$$b $(ARGS) || exit 1; done
 
+# The built-in scene through synth, encode and eval: what README shows.
+THREADS = 2
+.PHONY: demo
+demo: setup
+	@$(MAKE) --no-print-directory $(BUILD)/saga
+	@tools/demo.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
+
 # Regenerates vectors/ and its MANIFEST. Look at the difference before
 # committing it: only a change of the format may change a vector.
 VECTORS_SRC = $(wildcard tests/make_vectors.c)
@@ -284,6 +291,7 @@ clean:
 
 define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
+make demo        the built-in scene, encoded, decoded and judged; 8 CPU minutes
 make test        installs what is missing (Debian), then all tests; < 10 CPU min
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone

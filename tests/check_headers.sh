@@ -25,8 +25,8 @@ for cc in gcc clang; do
         *_tables.h) continue ;; # parts of one C file
         common/*) see="-ffreestanding -Icommon" ;;
         decoder/*) see="-ffreestanding -Icommon -Idecoder" ;;
-        trainer/*) see="-Icommon -I$tmp/include $trainer" ;;
-        *) see="-Icommon -Idecoder $trainer -Itests -Ibench" ;;
+        trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $trainer" ;;
+        *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Itests -Ibench" ;;
         esac
         n=$((n + 1))
         name=$(basename "$h")

@@ -52,7 +52,7 @@ static double worst_error(double (*loss)(void *), void *arg, real *x,
     return worst;
 }
 
-/* --- Embedding ------------------------------------------------------------ */
+/* --- Embedding ----------------------------------------------------------- */
 
 enum { POINTS = 9, U_AXES = 4, OCTAVES = 4, WIDTH = 2 * U_AXES * OCTAVES + 3 };
 
@@ -109,7 +109,7 @@ static void embedding_should_be_sine_and_cosine(void **state)
     assert_true(worst < 1e-13);
 }
 
-/* --- Kernel interpolation ------------------------------------------------- */
+/* --- Kernel interpolation ------------------------------------------------ */
 
 enum { M = 11, B = 7, K = 4, F = 5 };
 

@@ -19,7 +19,7 @@
 /* cmocka wants the headers above. */
 #include <cmocka.h>
 
-/* --- Adam ----------------------------------------------------------------- */
+/* --- Adam ---------------------------------------------------------------- */
 
 /* First step: m' = g, v' = g^2, so x moves by the rate against the sign. Second
  * step with g = 3 after 1: m' = (0.09 + 0.3) / 0.19, v' = (0.000999 + 0.009) /
@@ -88,7 +88,7 @@ static void adam_should_name_what_is_not_finite(void **state)
     free(x);
 }
 
-/* --- Random numbers ------------------------------------------------------- */
+/* --- Random numbers ------------------------------------------------------ */
 
 static void rng_should_have_the_right_moments(void **state)
 {
@@ -134,7 +134,7 @@ static void rng_should_have_unrelated_streams(void **state)
                 saga_rng_bits(saga_rng_stream(2, 1), 3));
 }
 
-/* --- Threads -------------------------------------------------------------- */
+/* --- Threads ------------------------------------------------------------- */
 
 enum { POINTS = 2345, SOURCES = 300, NEIGHBOURS = 8, FEATURES = 24 };
 

@@ -82,7 +82,7 @@ static int all_finite(const real *x, size_t n)
     return 1;
 }
 
-/* --- Against the book ----------------------------------------------------- */
+/* --- Against the book ---------------------------------------------------- */
 
 static void widen(double *to, const real *from, size_t n)
 {
@@ -211,7 +211,7 @@ static void splat_should_draw_opaque_and_huge(void **state)
     free_fixture(f);
 }
 
-/* --- Threads -------------------------------------------------------------- */
+/* --- Threads ------------------------------------------------------------- */
 
 static void splat_should_not_depend_on_threads(void **state)
 {
@@ -246,7 +246,7 @@ static void splat_should_not_depend_on_threads(void **state)
     free_fixture(f);
 }
 
-/* --- Statistics ----------------------------------------------------------- */
+/* --- Statistics ---------------------------------------------------------- */
 
 /* All blending weights and the light left over make one, per pixel. */
 static void splat_stats_should_add_up(void **state)
@@ -277,7 +277,7 @@ static void splat_stats_should_add_up(void **state)
     free_fixture(f);
 }
 
-/* --- Hard cases ----------------------------------------------------------- */
+/* --- Hard cases ---------------------------------------------------------- */
 
 static void splat_should_draw_background_when_empty(void **state)
 {

@@ -31,7 +31,7 @@ typedef struct {
     saga_capture capture;
 } fixture;
 
-/* --- Fixture --------------------------------------------------------------- */
+/* --- Fixture ------------------------------------------------------------- */
 
 static void load(saga_capture *c, const char *parent, const char *name,
                  int frames)
@@ -92,7 +92,7 @@ static saga_train_options small(void)
     return o;
 }
 
-/* --- Files ------------------------------------------------------------------ */
+/* --- Files --------------------------------------------------------------- */
 
 typedef struct {
     uint8_t *bytes;
@@ -134,7 +134,7 @@ static bool same(const result *a, const result *b)
     return a->n == b->n && memcmp(a->bytes, b->bytes, a->n) == 0;
 }
 
-/* --- What comes out ----------------------------------------------------------- */
+/* --- What comes out ------------------------------------------------------ */
 
 static void train_should_make_a_file_that_decodes(void **state)
 {
@@ -205,7 +205,7 @@ static void train_should_not_depend_on_threads(void **state)
 #endif
 }
 
-/* --- Checkpoints ----------------------------------------------------------------- */
+/* --- Checkpoints --------------------------------------------------------- */
 
 /* Stops where the stage has come to an iteration, or every `every` calls. */
 typedef struct {
@@ -370,7 +370,7 @@ static void train_should_survive_a_damaged_checkpoint(void **state)
     assert_true(refused >= 45);
 }
 
-/* --- What a scene needs ----------------------------------------------------------- */
+/* --- What a scene needs -------------------------------------------------- */
 
 static void train_should_drop_temporal_tools_of_one_frame(void **state)
 {
@@ -421,7 +421,8 @@ static void train_should_drop_temporal_tools_when_nothing_moves(void **state)
     load(&c, f->folder, "still", 1);
     hold_still(&c, 6);
     o.motion = SAGA_TRAIN_MEASURE;
-    o.n_warm = atoi(getenv("NW")); o.n_primitives = (uint32_t)atoi(getenv("NP"));
+    o.n_warm = 800;
+    o.n_primitives = 300;
     r = encode(&c, &o);
     print_message("changing %g explained %g\n", r.report.changing,
                   r.report.explained);
@@ -438,7 +439,8 @@ static void train_should_keep_temporal_tools_when_something_moves(void **state)
     result r;
 
     o.motion = SAGA_TRAIN_MEASURE;
-    o.n_warm = atoi(getenv("NW")); o.n_primitives = (uint32_t)atoi(getenv("NP"));
+    o.n_warm = 800;
+    o.n_primitives = 300;
     r = encode(&f->capture, &o);
     print_message("changing %g explained %g\n", r.report.changing,
                   r.report.explained);
@@ -446,7 +448,7 @@ static void train_should_keep_temporal_tools_when_something_moves(void **state)
     free(r.bytes);
 }
 
-/* --- Levels and options ------------------------------------------------------------ */
+/* --- Levels and options -------------------------------------------------- */
 
 static void train_should_obey_level_0(void **state)
 {

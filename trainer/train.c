@@ -46,7 +46,7 @@ const char *saga_train_stage_name(saga_train_stage stage)
     return stage < SAGA_TRAIN_N_STAGES ? names[stage] : "done";
 }
 
-/* --- Options --------------------------------------------------------------- */
+/* --- Options ------------------------------------------------------------- */
 
 saga_train_options saga_train_defaults(void)
 {
@@ -128,7 +128,7 @@ static void derive(saga_train_options *o)
     o->n_iterations = o->n_warm + o->n_regress + o->n_render;
 }
 
-/* --- Making and freeing ------------------------------------------------------ */
+/* --- Making and freeing -------------------------------------------------- */
 
 static bool keep_psnr(void *user, const saga_flat_progress *p)
 {
@@ -220,7 +220,7 @@ void saga_train_free(saga_train *t)
     free(t);
 }
 
-/* --- From the warm-up to the fit ---------------------------------------------- */
+/* --- From the warm-up to the fit ----------------------------------------- */
 
 /* The importance of the warm-up's primitives: opaque ones first. */
 static float *scores_of(const saga_splat_params *p, uint32_t n)
@@ -302,7 +302,7 @@ saga_train_status saga_train_begin_fit(saga_train *t, saga_input_error *error)
                                     "take fewer --primitives");
 }
 
-/* --- Progress -------------------------------------------------------------------- */
+/* --- Progress ------------------------------------------------------------ */
 
 static int iterations_of(const saga_train *t, saga_train_stage stage)
 {
@@ -351,7 +351,8 @@ static bool tell(saga_train *t, double psnr)
     const double since = done - t->work_at_start;
     saga_train_progress p = {
         .stage = t->stage, .name = saga_train_stage_name(t->stage),
-        .iteration = iteration_of(t), .n_iterations = iterations_of(t, t->stage),
+        .iteration = iteration_of(t),
+        .n_iterations = iterations_of(t, t->stage),
         .psnr = psnr, .done = done / all, .seconds_left = -1
     };
 
@@ -365,7 +366,7 @@ static bool tell(saga_train *t, double psnr)
     return t->o.progress(t->o.progress_user, &p);
 }
 
-/* --- Checkpoints ------------------------------------------------------------------ */
+/* --- Checkpoints --------------------------------------------------------- */
 
 static void save(saga_train *t)
 {
@@ -394,7 +395,7 @@ static saga_train_status after(saga_train *t, double psnr)
     return go_on ? SAGA_TRAIN_OK : SAGA_TRAIN_STOPPED;
 }
 
-/* --- Stages ---------------------------------------------------------------------- */
+/* --- Stages -------------------------------------------------------------- */
 
 static saga_train_status flat_fault(const saga_train *t,
                                     saga_input_error *error)

@@ -13,8 +13,8 @@
  * the saga_train that reads it.
  *
  * Model only what a scene needs. A capture of one frame has no temporal tools.
- * One of several loses them when the warm-up shows that nothing moves. Looked at
- * are the pixels of training views that differ by more than 8/255 from the
+ * One of several loses them when the warm-up shows that nothing moves. Looked
+ * at are the pixels of training views that differ by more than 8/255 from the
  * view's middle frame. Where they are at least 10^-4 of all, and the warm-up's
  * own change against its middle frame explains at least a tenth of theirs
  * (1 - sum (change - drawn change)^2 / sum change^2), temporal tools are on.

@@ -14,7 +14,7 @@
 #define EXPLAINED 0.1
 enum { N_VIEWS = 8, N_FRAMES = 8 }; /* most that are looked at */
 
-/* --- The model ------------------------------------------------------------- */
+/* --- The model ----------------------------------------------------------- */
 
 static void set_levels(saga_model *m)
 {
@@ -57,7 +57,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     m->width[SAGA_NET_COLOUR] = 32;
 }
 
-/* --- Does anything move? ---------------------------------------------------- */
+/* --- Does anything move? ------------------------------------------------- */
 
 /* Over the pixels that change: the square of the change against the middle
  * frame, and of what the warm-up's own change leaves of it. */
@@ -170,7 +170,7 @@ saga_train_status saga_train_decide(saga_train *t, saga_input_error *error)
     return SAGA_TRAIN_OK;
 }
 
-/* --- Targets of the regression ------------------------------------------------ */
+/* --- Targets of the regression ------------------------------------------- */
 
 static int gather(real **out, const real *from, const uint32_t *source,
                   uint32_t n, size_t k)

@@ -10,7 +10,7 @@
 
 enum { MAX_PICTURES = 60 };      /* of training or held-out views */
 
-/* --- Samples ----------------------------------------------------------------- */
+/* --- Samples ------------------------------------------------------------- */
 
 static int views_like(const saga_capture *c, bool held_out)
 {
@@ -70,7 +70,7 @@ static bool measure(saga_train_quality *q, const saga_capture *c,
     return true;
 }
 
-/* --- The float models ---------------------------------------------------------- */
+/* --- The float models ---------------------------------------------------- */
 
 static bool flat_psnr(void *user, double *psnr, int view, int frame)
 {
@@ -174,7 +174,7 @@ bool saga_train_draw(saga_train *t, float *image, int view, int frame)
     return ok;
 }
 
-/* --- Header and rig ------------------------------------------------------------- */
+/* --- Header and rig ------------------------------------------------------ */
 
 /* value = mantissa 2^exponent with 30 bits. */
 static int32_t mantissa_of(double value, int exponent)
@@ -263,7 +263,7 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
     return rig;
 }
 
-/* --- Packing ----------------------------------------------------------------------- */
+/* --- Packing ------------------------------------------------------------- */
 
 /* Weights' step: 2^-9, fine enough that a network gives what it gave. */
 static const float weight_step = 1.0f / 512;
@@ -336,7 +336,7 @@ static int pack(saga_train *t, int level, bool final, saga_input_error *error)
     return ok;
 }
 
-/* --- Levels --------------------------------------------------------------------------- */
+/* --- Levels -------------------------------------------------------------- */
 
 static bool within(const char *what, size_t value, size_t cap,
                    const saga_train *t, saga_input_error *error)

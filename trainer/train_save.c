@@ -66,7 +66,7 @@ bool saga_train_save(const saga_train *t, saga_input_error *error)
     return saga_output_close(&out, ok, error);
 }
 
-/* --- Reading --------------------------------------------------------------- */
+/* --- Reading ------------------------------------------------------------- */
 
 static bool refuse(const saga_train *t, saga_input_error *error,
                    const char *remedy, const char *what)

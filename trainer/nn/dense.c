@@ -20,7 +20,7 @@ static vec rectify(vec x)
     return vec_max(x, vec_zero());
 }
 
-/* --- y = x w -------------------------------------------------------------- */
+/* --- y = x w ------------------------------------------------------------- */
 
 /* Where a tile lies and what surrounds it. */
 typedef struct {
@@ -134,7 +134,7 @@ void saga_dense_forward(real *y, const real *x, size_t x_stride, const real *w,
             tile_1x1(&t, row, column);
 }
 
-/* --- dw += dy^T x --------------------------------------------------------- */
+/* --- dw += dy^T x -------------------------------------------------------- */
 
 typedef struct {
     real *dw;

@@ -91,7 +91,7 @@ static int grow(real **p, size_t *cap, size_t n)
     return *p ? 0 : -1;
 }
 
-/* --- Weights as the products want them ------------------------------------ */
+/* --- Weights as the products want them ----------------------------------- */
 
 /* Of one layer, in work->packed: transposed (dim[l], pad(l + 1)), bias
  * (pad(l + 1)), as they are (dim[l + 1], pad(l)). */
@@ -148,7 +148,7 @@ static int pack(saga_net_work *work, const saga_net *net)
     return 0;
 }
 
-/* --- Blocks and chunks ---------------------------------------------------- */
+/* --- Blocks and chunks --------------------------------------------------- */
 
 static int thread_number(void)
 {
@@ -202,7 +202,7 @@ static void copy_rows(real *to, size_t to_stride, const real *from,
     }
 }
 
-/* --- Forward -------------------------------------------------------------- */
+/* --- Forward ------------------------------------------------------------- */
 
 static void forward_chunk(real *y, const saga_net_work *work, const real *x,
                           size_t begin, size_t n, const saga_net *net,
@@ -255,7 +255,7 @@ int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
     return 0;
 }
 
-/* --- Backward ------------------------------------------------------------- */
+/* --- Backward ------------------------------------------------------------ */
 
 /* Padded gradients of one block: per layer dw (dim[l + 1], pad(l)), db. */
 static size_t partial_size(const saga_net *net)

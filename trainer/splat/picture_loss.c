@@ -62,7 +62,7 @@ static size_t row_stride(int width)
            2 * MARGIN;
 }
 
-/* --- Blurs ---------------------------------------------------------------- */
+/* --- Blurs --------------------------------------------------------------- */
 
 static void blur_row(real *out, const real *in, int n)
 {
@@ -101,7 +101,7 @@ static void window_rows(real **rows, real *const *ring, const strip *s, int y)
     }
 }
 
-/* --- The three stages of a strip ------------------------------------------ */
+/* --- The three stages of a strip ----------------------------------------- */
 
 static void put_row(real *to, const real *from, int y, int width)
 {
@@ -309,7 +309,7 @@ static void run_truth_strip(const strip *s)
     }
 }
 
-/* --- Strips --------------------------------------------------------------- */
+/* --- Strips -------------------------------------------------------------- */
 
 static real *next_row(real **at, size_t stride)
 {

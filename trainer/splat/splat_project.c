@@ -59,7 +59,7 @@ static real max_real(real a, real b)
 }
 
 
-/* --- Forward -------------------------------------------------------------- */
+/* --- Forward ------------------------------------------------------------- */
 
 /* The norm's drop rules. Comparisons are written so that NaN drops. */
 static int project_mean(real *mean, shape *s, const real *x,
@@ -234,7 +234,7 @@ void saga_splat_project_forward(saga_splat_2d *out, real *extent,
         extent[i] = project_one(out + i, posed, p, (size_t)i, cam, rules);
 }
 
-/* --- Backward ------------------------------------------------------------- */
+/* --- Backward ------------------------------------------------------------ */
 
 /* What the picture says about one splat. */
 typedef struct {

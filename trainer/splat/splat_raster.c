@@ -90,7 +90,7 @@ static limits limits_of(const saga_splat_rules *rules)
                      vec_set1(rules->alpha_cap) };
 }
 
-/* --- Forward -------------------------------------------------------------- */
+/* --- Forward ------------------------------------------------------------- */
 
 static void blend(tile *t, const saga_splat_2d *o, const limits *l, real cut)
 {
@@ -185,7 +185,7 @@ void saga_splat_raster_forward(real *image, real *trans,
         draw_tile(image, trans, work, (size_t)i, cam, rules);
 }
 
-/* --- Backward ------------------------------------------------------------- */
+/* --- Backward ------------------------------------------------------------ */
 
 static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
                            const limits *l, real cut)

@@ -16,7 +16,7 @@
 
 enum { TILE = SAGA_SPLAT_TILE, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
 
-/* --- Order ---------------------------------------------------------------- */
+/* --- Order --------------------------------------------------------------- */
 
 typedef struct { uint32_t key, index; } depth_key;
 
@@ -73,7 +73,7 @@ static int sort_by_depth(saga_splat_work *work)
     return 0;
 }
 
-/* --- Tiles of a splat ----------------------------------------------------- */
+/* --- Tiles of a splat ---------------------------------------------------- */
 
 static int floor_tile(int x)
 {
@@ -134,7 +134,7 @@ static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
         *c1 = *c0;
 }
 
-/* --- Lists ---------------------------------------------------------------- */
+/* --- Lists --------------------------------------------------------------- */
 
 /* Fixed division of [0, n) in parts. */
 static uint32_t part_begin(uint32_t n, int part, int n_parts)

@@ -106,7 +106,7 @@ static bool training(void *user, const saga_train_progress *p)
     return !stop_signal;
 }
 
-/* --- Before ---------------------------------------------------------------- */
+/* --- Before -------------------------------------------------------------- */
 
 /* Training takes long: what would stop its result from being written is found
  * now. */
@@ -202,7 +202,7 @@ static int open_training(session *s)
                                      s->error.message);
 }
 
-/* --- Training -------------------------------------------------------------- */
+/* --- Training ------------------------------------------------------------ */
 
 static int stopped(const session *s)
 {
@@ -249,7 +249,7 @@ static int write_file(session *s)
                             "either");
 }
 
-/* --- Checking the file ----------------------------------------------------- */
+/* --- Checking the file --------------------------------------------------- */
 
 typedef struct {
     double sum[2], agree[2];
@@ -333,7 +333,7 @@ static int check_file(session *s)
                                "but: %s", s->error.message);
 }
 
-/* --- Telling --------------------------------------------------------------- */
+/* --- Telling ------------------------------------------------------------- */
 
 static void print_quality(const char *what, const saga_train_quality *q)
 {
@@ -435,7 +435,7 @@ static void print_json(const session *s)
     json_decref(o);
 }
 
-/* --- Command --------------------------------------------------------------- */
+/* --- Command ------------------------------------------------------------- */
 
 static int encode(session *s)
 {
@@ -503,7 +503,8 @@ static const saga_cli_option option_list[] = {
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
     { "--lambda", "X", "what a bit costs in distortion (default 0.0005);\n"
-      "higher: a smaller file", saga_cli_real, offsetof(options, lambda), 0, 0 },
+      "higher: a smaller file", saga_cli_real,
+      offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
       offsetof(options, level), 0, 3 },
@@ -535,7 +536,7 @@ static const saga_cli_option option_list[] = {
 const saga_command saga_command_encode = {
     "encode", "CAPTURE", 1,
     "trains on a capture and writes a .saga file",
-    "Learns a scene from a capture (a folder with transforms.json, or camNN.mp4\n"
+    "Learns a scene from a capture (a folder: transforms.json, or camNN.mp4\n"
     "and poses_bounds.npy) and writes it as one .saga file.\n"
     "\n"
     "  saga synth demo && saga encode demo -o demo.saga\n"
@@ -546,7 +547,7 @@ const saga_command saga_command_encode = {
     "      two seconds of a real capture, small, one view kept for judging\n"
     "\n"
     "Stages: warm-up (flat primitives), regression and rendering (the coded\n"
-    "hierarchy), packing. A line on stderr tells the stage, the iteration, the\n"
+    "hierarchy), packing. A line on stderr tells stage, iteration, the\n"
     "PSNR of the pictures trained on, the bits of the coarse features and the\n"
     "time left. Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
     "The same options give the same bytes, for any number of threads.\n",

@@ -1,0 +1,32 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# demo.sh SAGA FOLDER THREADS [OPTIONS]: the built-in scene -> a capture -> a
+# .saga file -> its scores and a picture, truth beside decode. Run again, it
+# goes on where it was stopped. OPTIONS go to `saga encode`.
+set -eu
+saga=$1
+demo=$2
+threads=$3
+shift 3
+export OMP_WAIT_POLICY=passive
+
+mkdir -p "$demo"
+capture=$demo/capture
+file=$demo/demo.saga
+if [ ! -d "$capture" ]; then
+    "$saga" synth "$capture" --threads "$threads"
+fi
+echo "encoding; Ctrl-C and \`make demo\` again go on from a checkpoint"
+resume=()
+[ ! -f "$file.ckpt" ] || resume=(--resume)
+"$saga" encode "$capture" -o "$file" --primitives 5000 --iterations 24000 \
+    --threads "$threads" "${resume[@]}" "$@"
+echo
+"$saga" eval "$file" "$capture" --threads "$threads" \
+    --pictures "$demo/pictures" | tee "$demo/table.txt"
+echo
+echo "$file: the scene; \`saga render\` draws it from anywhere"
+echo "$demo/pictures: truth, decode and 4 x their difference, for each camera"
+cpu=$(times | awk 'NR == 2 { print $1 }')
+echo "CPU time of all: $cpu"
