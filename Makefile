@@ -38,8 +38,8 @@ HOT = common/mlp decoder/raster decoder/project
 
 # Parts of the trainer without dependencies: check_vectors may use them and the
 # tests' helpers, so that it can be built for every target with libc and libm.
-PLAIN_TRAINER = $(wildcard trainer/range_enc.c trainer/encode.c \
-                          trainer/vectors.c)
+PLAIN_TRAINER = $(wildcard trainer/cost.c trainer/range_enc.c \
+                          trainer/encode.c trainer/vectors.c)
 
 # ---------------------------------------------------------------- sources
 

@@ -71,8 +71,9 @@ enum {
     SAGA_SYM_NET_ROW_SHIFT,  /* index: net, bit: layer, row; column 0: eights,
                               * 1: rest */
     SAGA_SYM_NET_BIAS,       /* index: net, bit: layer, row; 1 residual */
-    SAGA_SYM_NET_WEIGHT      /* index: net, bit: layer, row, first column; some
+    SAGA_SYM_NET_WEIGHT,     /* index: net, bit: layer, row, first column; some
                               * of its n_in residuals */
+    SAGA_N_SYMS
 };
 
 typedef struct saga_at {

@@ -222,6 +222,17 @@ static void source_init(source *src, const saga_encoder *e)
     src->features = e->header.model.features;
 }
 
+/* To the bits of the file, what a chunk cost. */
+static void add_bits(saga_encoder *e, const saga_cost *cost)
+{
+    uint32_t i;
+
+    for (i = 0; i < SAGA_N_SYMS; i++) {
+        e->sizes.bits[i] += cost->bits[i];
+        e->sizes.spent[i] += cost->spent[i];
+    }
+}
+
 /* Worst case of the coder: 15 bits to find the escape, 13 of prefix, 16 of
  * rest and a sign for a residual is below 6 bytes; the same bounds the rest. */
 static size_t networks_bound(const saga_nets *nets)
@@ -242,12 +253,14 @@ static int encode_networks(saga_encoder *e, const saga_net_symbols *nets)
     const size_t bound = networks_bound(&e->nets);
     uint8_t *const p = reserve(&e->networks, SAGA_CHUNK_NBYTES + bound);
     source src;
+    saga_cost cost;
     size_t n;
 
     source_init(&src, e);
     src.nets = nets;
+    saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
-    if (!saga_syntax_networks(&e->nets, e->params, &src.coder))
+    if (!saga_syntax_networks(&e->nets, e->params, &cost.coder))
         return 0;
     n = saga_range_enc_finish(&src.range);
     if (n == 0)
@@ -255,6 +268,7 @@ static int encode_networks(saga_encoder *e, const saga_net_symbols *nets)
     end_chunk(&e->networks, SAGA_CHUNK_NETS, n);
     e->header.nets_nbytes = (uint32_t)n;
     e->sizes.networks = n;
+    add_bits(e, &cost);
     return 1;
 }
 
@@ -355,12 +369,14 @@ static int encode_layer(saga_encoder *e, const saga_scaffold *sc,
     size_t *const size = layer == 0 ? &e->sizes.coarse
                        : layer == 1 ? &e->sizes.fine : &e->sizes.prim;
     source src;
+    saga_cost cost;
     size_t n;
 
     source_init(&src, e);
     src.s = s;
+    saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
-    if (!code_layer(sc, layer, &src.coder) || src.coder.error ||
+    if (!code_layer(sc, layer, &cost.coder) || cost.coder.error ||
         (layer == 0 && src.n_nodes != s->n_nodes))
         return 0;
     n = saga_range_enc_finish(&src.range);
@@ -368,6 +384,7 @@ static int encode_layer(saga_encoder *e, const saga_scaffold *sc,
         return 0;
     end_chunk(&e->segments, type[layer], n);
     *size += n;
+    add_bits(e, &cost);
     return 1;
 }
 

@@ -7,6 +7,7 @@
 #define SAGA_ENCODE_H
 
 #include "container.h"
+#include "cost.h"
 #include "scaffold.h"
 #include "symbols.h"
 
@@ -15,11 +16,15 @@
 
 typedef struct saga_encoder saga_encoder;
 
-/* What a finished file consists of, in bytes. */
+/* What a finished file consists of, in bytes; and what its symbols cost, as the
+ * cost counter has it (cost.h). A chunk's payload is what its kinds spent,
+ * rounded up to a byte, and at times a byte more. */
 typedef struct saga_encode_sizes {
     size_t header, index, networks;
     size_t coarse, fine, prim;   /* payloads of all segments together */
     size_t total;
+    double bits[SAGA_N_SYMS];    /* code lengths, all segments together */
+    double spent[SAGA_N_SYMS];   /* the same as the range coder spends it */
 } saga_encode_sizes;
 
 /* Begins a file. header: all fields but header_nbytes, n_segments, n_frames,

@@ -1,0 +1,73 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The cost counter: what symbols cost under common/'s integer frequencies, in
+ * bits. One of the four coders behind the traversal; it asks another one for
+ * the values and passes them on.
+ *
+ * It counts twice. The code length is -log2 of the nominal frequencies. The
+ * range coder spends another number: it rounds the range down to 17 bits, and
+ * the last symbol of every distribution, an escape for instance, takes what
+ * that leaves over. At frequency 1 this gives up to 6 bits back. Where symbols
+ * follow their distributions the two agree within 0.2 %; where escapes abound,
+ * they are up to 8 % apart, and only what is spent agrees with the bytes.
+ */
+#ifndef SAGA_COST_H
+#define SAGA_COST_H
+
+#include "prob.h"
+#include "symbols.h"
+
+#include <stdint.h>
+
+/* --- The coder ----------------------------------------------------------- */
+
+typedef struct saga_cost {
+    saga_coder coder;            /* first: what the traversal is given */
+    saga_coder *inner;
+    double bits[SAGA_N_SYMS];    /* code length, by SAGA_SYM_* */
+    double spent[SAGA_N_SYMS];   /* log2 of how much the range shrank */
+    uint32_t range;              /* as in the range coder, >= 2^24 */
+} saga_cost;
+
+/* Counts from zero what inner codes from a chunk's beginning on; inner stays
+ * the caller's, and its error shows in both. */
+void saga_cost_init(saga_cost *c, saga_coder *inner);
+
+/* --- Single symbols ------------------------------------------------------ */
+
+/* Code length of residual q, |q| <= 65535, with scale index 0..63. */
+double saga_cost_residual(int32_t q, uint32_t scale);
+
+/* Code length of symbol sym in 0..n_sym-1, by the model as it stands. */
+double saga_cost_adaptive(const saga_adaptive *m, uint32_t n_sym,
+                          uint32_t sym);
+
+/* --- Components ---------------------------------------------------------- */
+
+/* What reports tell apart, in the order of the stream. */
+typedef enum saga_component {
+    SAGA_COMPONENT_NETWORKS,
+    SAGA_COMPONENT_TREE,         /* splits, occupancy, numbers of fine anchors:
+                                  * all of design.md 7, step 0 */
+    SAGA_COMPONENT_CENTRE,
+    SAGA_COMPONENT_FEATURE,
+    SAGA_COMPONENT_FINE_SUFFIX,
+    SAGA_COMPONENT_FINE_OFFSET,
+    SAGA_COMPONENT_N_PRIM,
+    SAGA_COMPONENT_PRIM_SUFFIX,
+    SAGA_COMPONENT_PRIM_OFFSET,
+    SAGA_N_COMPONENTS
+} saga_component;
+
+/* Of a kind of symbol, SAGA_SYM_*. */
+saga_component saga_component_of(uint32_t sym);
+
+/* For people ("coarse features") and as a key ("coarse_features"). */
+const char *saga_component_name(saga_component c);
+const char *saga_component_key(saga_component c);
+
+/* Sums the kinds of each component. */
+void saga_cost_components(double sum[SAGA_N_COMPONENTS],
+                          const double bits[SAGA_N_SYMS]);
+
+#endif
