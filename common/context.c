@@ -59,14 +59,6 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
     return sc->model->head_q[SAGA_HEAD_FINE];
 }
 
-/* log2(sigma / step) in the sigma head's Q to a scale index. */
-static uint8_t scale_index(int16_t log2_sigma, int q)
-{
-    const int32_t i = fx_rshift((int32_t)log2_sigma * SAGA_SCALE_PER_OCTAVE, q);
-
-    return (uint8_t)fx_clamp(i + SAGA_SCALE_UNIT, 0, SAGA_N_SCALES - 1);
-}
-
 static void run_entropy(saga_params *p, const saga_scaffold *sc,
                         const block *b, int kind)
 {
@@ -95,8 +87,8 @@ static void run_entropy(saga_params *p, const saga_scaffold *sc,
     saga_net_run(sc, net);
     for (i = 0; i < n; i++) {
         p->mu[i] = sc->v->out[i];
-        p->scale[i] = scale_index(sc->v->out[n + i],
-                                  m->head_q[SAGA_HEAD_SIGMA]);
+        p->scale[i] = saga_prob_index(sc->v->out[n + i],
+                                      m->head_q[SAGA_HEAD_SIGMA]);
     }
 }
 

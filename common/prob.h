@@ -33,6 +33,9 @@ typedef struct saga_scale_row {
     uint32_t max;            /* M, 1..255 */
 } saga_scale_row;
 
+/* Index of the scale next to log2(sigma), sigma in steps, in Q q of 0..20. */
+uint8_t saga_prob_index(int16_t log2_sigma, int q);
+
 /* index in 0..63. */
 saga_scale_row saga_prob_scale(uint32_t index);
 

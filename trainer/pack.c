@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "pack.h"
 
+#include "cost.h"
 #include "dense.h"
 #include "fx.h"
 #include "morton.h"
@@ -111,7 +112,7 @@ static void measure_formats(saga_model *m, const saga_scene *s,
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     (void)feature;
     q[SAGA_HEAD_HYPER] = 12;
-    q[SAGA_HEAD_SIGMA] = 10;
+    q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
     q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
     q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
     q[SAGA_HEAD_FINE] = q_for(most_out(s, w, SAGA_NET_FINE, 0, f), 12);
@@ -214,14 +215,6 @@ static void pack_constants(saga_net_symbols *out, int net,
         l->bias[i] = value[i];
 }
 
-/* log2(sigma / step) in the sigma head's Q. */
-static int32_t sigma_value(const saga_model *m, double sigma, double step)
-{
-    return fx_clamp((int32_t)lround(log2(fmax(sigma / step, 1e-3)) *
-                                    (1 << m->head_q[SAGA_HEAD_SIGMA])),
-                    -32767, 32767);
-}
-
 /* Entropy parameters as constants per channel. Offsets inside a cell are
  * uniform at worst: half a cell over sqrt(3). */
 static void pack_entropy(saga_net_symbols *out, const saga_model *m,
@@ -229,17 +222,19 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
 {
     int32_t v[2 * (4 + SAGA_MAX_FEATURES)];
     const uint32_t n = 4u + m->features;
-    const int q = m->head_q[SAGA_HEAD_COARSE];
+    const double centre_step = m->step_q16[SAGA_STEP_CENTRE] / 65536.0;
     uint32_t i;
     int kind;
 
-    for (i = 0; i < n; i++) {
-        const double step = m->step_q16[i < 4 ? SAGA_STEP_CENTRE
-                                              : SAGA_STEP_FEATURE] / 65536.0;
+    for (i = 0; i < 4; i++) {
+        v[i] = 0;
+        v[n + i] = saga_cost_log2_sigma(4000 / centre_step);
+    }
+    for (; i < n; i++) {
+        const saga_fit_code code = saga_fit_channel_code(c, m, i - 4);
 
-        v[i] = i < 4 ? 0 : (int32_t)lround(ldexp((double)c->mean[i - 4], q));
-        v[n + i] = sigma_value(m, i < 4 ? 4000
-                               : ldexp((double)c->sigma[i - 4], q), step);
+        v[i] = code.mu;
+        v[n + i] = code.log2_sigma;
     }
     pack_constants(out, SAGA_NET_E_COARSE, v, 2 * n);
     for (kind = SAGA_KIND_FINE; kind <= SAGA_KIND_PRIM; kind++) {
@@ -249,7 +244,8 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
 
         for (i = 0; i < 4; i++) {
             v[i] = 0;
-            v[4 + i] = sigma_value(m, 16384.0 / (1 << bits) / sqrt(3), step);
+            v[4 + i] = saga_cost_log2_sigma(16384 / sqrt(3) / (1 << bits) /
+                                            step);
         }
         pack_constants(out, SAGA_NET_E_COARSE + kind, v, 8);
     }

@@ -31,8 +31,20 @@ typedef struct saga_fit_options {
 /* Per coarse channel: mean and deviation the entropy model uses, reals. */
 typedef struct saga_fit_channels {
     real mean[SAGA_MAX_FEATURES], sigma[SAGA_MAX_FEATURES];
-    double bits;                 /* of one symbol, mean */
+    double bits;                 /* of one symbol, mean: by the Gaussian while
+                                  * there is noise, then what the file's takes
+                                  */
 } saga_fit_channels;
+
+/* A channel's model as the file has it: mu in LSB of the features' head, and
+ * log2(sigma / step) in Q SAGA_COST_SIGMA_Q. */
+typedef struct saga_fit_code {
+    int32_t mu;
+    int16_t log2_sigma;
+} saga_fit_code;
+
+saga_fit_code saga_fit_channel_code(const saga_fit_channels *c,
+                                    const saga_model *m, uint32_t channel);
 
 typedef struct saga_fit saga_fit;
 
