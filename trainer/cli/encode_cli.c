@@ -4,6 +4,7 @@
  */
 #include "cli.h"
 #include "commands.h"
+#include "cost.h"
 #include "input.h"
 #include "metrics.h"
 #include "train.h"
@@ -357,6 +358,21 @@ static void print_motion(const saga_train_report *r)
                100 * r->explained);
 }
 
+/* What the symbols cost: by their code lengths, and as the range coder spends
+ * it (cost.h), which is what is in the file. */
+static void print_bits(const saga_encode_sizes *z)
+{
+    double length[SAGA_N_COMPONENTS], spent[SAGA_N_COMPONENTS];
+
+    saga_cost_components(length, z->bits);
+    saga_cost_components(spent, z->spent);
+    printf("  %-20s %12s %12s\n", "bits", "code length", "spent");
+    for (int i = 0; i < SAGA_N_COMPONENTS; i++)
+        printf("  %-20s %12.0f %12.0f  %5.1f %%\n",
+               saga_component_name((saga_component)i), length[i], spent[i],
+               100 * spent[i] / (8 * (double)z->total));
+}
+
 static void print_text(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -372,6 +388,7 @@ static void print_text(const session *s)
     printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
            "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
            r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
+    print_bits(&r->sizes);
     printf("  mean PSNR of %d + %d pictures  training  held out\n",
            s->decoded.n_training, s->decoded.n_held_out);
     print_quality("flat warm-up (float)", &r->warm);
@@ -406,6 +423,18 @@ static json_t *json_sizes(const saga_encode_sizes *z)
                      "primitives", (json_int_t)z->prim);
 }
 
+static json_t *json_bits(const double bits[SAGA_N_SYMS])
+{
+    json_t *const o = json_object();
+    double sum[SAGA_N_COMPONENTS];
+
+    saga_cost_components(sum, bits);
+    for (int i = 0; i < SAGA_N_COMPONENTS; i++)
+        json_object_set_new(o, saga_component_key((saga_component)i),
+                            json_real(sum[i]));
+    return o;
+}
+
 static void print_json(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -430,6 +459,9 @@ static void print_json(const session *s)
     json_object_update_new(o, json_pack("{soso}",
         "psnr_decoded_float", json_quality(&r->coded),
         "psnr_against_decoded_float", json_quality(&s->agreement)));
+    json_object_update_new(o, json_pack("{soso}",
+        "bits", json_bits(r->sizes.bits),
+        "bits_spent", json_bits(r->sizes.spent)));
     json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     putchar('\n');
     json_decref(o);
