@@ -11,6 +11,11 @@
 #               parts add up to the file
 #   bad         every bad vector whose header or chunks are damaged ends with
 #               status 1 and one line that names the file; nothing crashes
+#   render      the pixels of saga-dec; times, sizes, sequences and paths; what
+#               cannot be drawn or written is told, nothing half-written stays
+#   synth       a capture appears whole, or not at all
+#   eval        a capture of the file's own pictures is found equal; a known
+#               error has its PSNR; a capture that does not fit is refused
 set -u
 cd "$(dirname "$0")/.." || exit
 
@@ -18,7 +23,8 @@ build=${BUILD:-build}
 saga=${SAGA:-$build/saga}
 saga_dec=${SAGA_DEC:-$build/saga-dec}
 if [ ! -x "$saga" ] || [ ! -x "$saga_dec" ]; then
-    "${MAKE:-make}" -s BUILD="$build" "$saga" "$saga_dec" || :
+    "${MAKE:-make}" -s BUILD="$build" "$saga" "$saga_dec" ||
+        { echo "FAIL cli: $saga cannot be built"; exit 1; }
 fi
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
@@ -59,6 +65,8 @@ says() {
 
 # ---- help
 expect 0 --help
+awk 'length > 79 { print "--help: " length " columns" }' "$tmp/out" \
+    >>"$tmp/bad"
 for c in $(sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' "$tmp/out"); do
     expect 0 help "$c"
     grep -q "^usage: saga $c " "$tmp/out" || complain "help $c: no usage"
@@ -95,7 +103,7 @@ says '--json takes no value'
 expect 2 info "$tmp/none.saga"
 says "$tmp/none.saga: cannot be opened"
 expect 2 info "$tmp"
-says "$tmp: cannot be read"
+says "$tmp: is not a regular file"
 expect 2 info -- --json
 says -- '--json: cannot be opened'
 if [ -e /dev/full ]; then
@@ -195,6 +203,178 @@ assert sum(j["bytes"].values()) == j["nbytes"]' "$tmp/out" 2>"$tmp/py" ||
     complain "a flipped byte: $(tail -n 1 "$tmp/py")"
 grep -q 'CRC' "$tmp/err" || complain "a flipped byte: $(cat "$tmp/err")"
 verdict "bad: $n files"
+
+# ---- render
+scene=vectors/good/motion.saga
+# same PNG PPM: the same size and pixels.
+cat >"$tmp/same.py" <<'PYTHON'
+import struct, sys, zlib
+
+png, ppm = (open(p, "rb").read() for p in sys.argv[1:3])
+at, packed = 8, b""
+while at < len(png):
+    n, kind = struct.unpack(">I4s", png[at:at + 8])
+    if kind == b"IHDR":
+        w, h = struct.unpack(">II", png[at + 8:at + 16])
+    if kind == b"IDAT":
+        packed += png[at + 8:at + 8 + n]
+    at += 12 + n
+raw, out, up = zlib.decompress(packed), bytearray(), bytes(3 * w)
+for y in range(h):
+    row = bytearray(raw[y * (3 * w + 1) + 1:(y + 1) * (3 * w + 1)])
+    kind = raw[y * (3 * w + 1)]
+    for x in range(3 * w):
+        a, b, c = (row[x - 3], up[x], up[x - 3]) if x > 2 else (0, up[x], 0)
+        p = min((abs(b - c), 0, a), (abs(a - c), 1, b),
+                (abs(a + b - 2 * c), 2, c))[2]
+        row[x] = row[x] + [0, a, b, (a + b) // 2, p][kind] & 255
+    out += row
+    up = row
+assert ppm == b"P6\n%d %d\n255\n" % (w, h) + out, "other pixels"
+PYTHON
+for n in 0 1 2; do
+    expect 0 render "$scene" -o "$tmp/one.png" --camera $n --frame 15/2
+    "$saga_dec" "$scene" --camera rig:$n --time 15/2 -o "$tmp/one.ppm" ||
+        complain "saga-dec fails"
+    python3 "$tmp/same.py" "$tmp/one.png" "$tmp/one.ppm" 2>"$tmp/py" ||
+        complain "camera $n is not saga-dec's: $(tail -n 1 "$tmp/py")"
+done
+expect 0 render "$scene" -o "$tmp/two.png" --camera=2 --time 0.25 --threads 3
+cmp -s "$tmp/one.png" "$tmp/two.png" || complain "--time 0.25 is not 15/2"
+mkdir "$tmp/seq"
+expect 0 render "$scene" -o "$tmp/seq/a%03d.png" --frames 34:36
+expect 0 render "$scene" -o "$tmp/seq/b%d.exr" --orbit 3 --size 64x32
+[ "$(ls "$tmp/seq" | tr '\n' ' ')" = \
+    'a034.png a035.png b0.exr b1.exr b2.exr ' ] ||
+    complain "a sequence makes $(ls "$tmp/seq")"
+rm -f "$tmp"/*.p?m "$tmp"/*.png
+expect 2 render "$scene"
+says '-o OUT is missing'
+expect 2 render "$scene" -o "$tmp/x.jpg"
+says '.png or .exr'
+expect 2 render "$scene" -o "$tmp/x.png" --orbit 3
+says 'one number in the name'
+for name in "$tmp/%s%d.png" "$tmp/%d%d.png" "$tmp/%99d.png" "$tmp/%n.png"; do
+    expect 2 render "$scene" -o "$name" --orbit 3
+    says 'one number in the name'
+done
+expect 2 render "$scene" -o "$tmp/x.png" --time 1 --frame 2
+says 'exclude each other'
+expect 2 render "$scene" -o "$tmp/x.png" --size 0x5
+says '--size takes WxH, 1 to 16384'
+expect 2 render "$scene" -o "$tmp/x.png" --time -1
+says '--time takes SECONDS'
+expect 2 render "$scene" -o "$tmp/none/x.png"
+says "$tmp/none/x.png: cannot be created"
+expect 1 render "$scene" -o "$tmp/x.png" --frame 36
+says 'no frame 36/1 among its 36'
+expect 1 render "$scene" -o "$tmp/x.png" --camera 3
+says 'no camera 3 in its rig of 3'
+expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
+says 'segment 0 is refused'
+expect 1 render vectors/bad/crc_header.saga -o "$tmp/x.png"
+says 'header is refused'
+[ -z "$(find "$tmp" -name '*x.png*')" ] || complain "something half-written"
+verdict render
+
+# ---- synth
+expect 0 synth "$tmp/syn" --size 48x32 --cameras 3 --hold-out 1 --frames 2 \
+    --samples 1 --depth-every 0 --points 50
+[ "$(find "$tmp/syn" -name '*.png' | wc -l)" = 6 ] ||
+    complain "synth makes $(find "$tmp/syn" -name '*.png')"
+python3 -m json.tool "$tmp/syn/transforms.json" >/dev/null ||
+    complain "transforms.json is not JSON"
+expect 2 synth "$tmp/syn"
+says "$tmp/syn"
+expect 2 synth "$tmp/other" --cameras 1
+says '--cameras takes N, 2 to 99'
+expect 2 synth "$tmp/none/other" --size 48x32
+says "$tmp/none/other"
+[ ! -e "$tmp/other" ] || complain "a folder of a refused synth"
+verdict synth
+
+# ---- eval
+# The pictures the file gives in its rig, as a capture.
+cat >"$tmp/capture.py" <<'PYTHON'
+import json, os, subprocess, sys
+
+saga, name, folder, held = sys.argv[1:5]
+info = json.loads(subprocess.check_output([saga, "info", name, "--json"]))
+frames, test = [], []
+for index, c in enumerate(info["rig"]):
+    view = "images/cam%02d" % index
+    os.makedirs(folder + "/" + view)
+    subprocess.check_call(
+        [saga, "render", name, "--camera", str(index), "--frames",
+         "0:%d" % info["n_frames"], "-o", folder + "/" + view + "/%05d.png"])
+    r = c["rotation"]
+    pose = [[r[i], -r[3 + i], -r[6 + i], c["centre_metres"][i]]
+            for i in range(3)] + [[0, 0, 0, 1]]
+    for k in range(info["n_frames"]):
+        path = "%s/%05d.png" % (view, k)
+        if view.endswith(held):
+            test.append(path)
+        frames.append({
+            "file_path": path, "transform_matrix": pose, "time": k / 30,
+            "fl_x": c["focal"][0], "fl_y": c["focal"][1],
+            "cx": c["principal"][0], "cy": c["principal"][1],
+            "w": c["width"], "h": c["height"]})
+train = [f["file_path"] for f in frames if f["file_path"] not in test]
+json.dump({"fps": 30, "frames": frames, "train_filenames": train,
+           "test_filenames": test},
+          open(folder + "/transforms.json", "w"))
+PYTHON
+cap=$tmp/cap
+python3 "$tmp/capture.py" "$saga" "$scene" "$cap" cam02 2>"$tmp/py" ||
+    complain "no capture: $(tail -n 1 "$tmp/py")"
+expect 0 eval "$scene" "$cap" --json --pictures "$tmp/pictures"
+python3 -c 'import json, os, sys
+j = json.load(open(sys.argv[1]))
+assert [v["held_out"] for v in j["views"]] == [False, False, True]
+assert [v["rig_camera"] for v in j["views"]] == [0, 1, 2]
+assert (j["n_training"], j["n_held_out"]) == (2, 1)
+for v in j["views"] + [j["training"], j["held_out"]]:
+    assert v["psnr"] is None or v["psnr"] > 70, v
+    assert v["ssim_zero"] > 0.99999 and v["ssim_valid"] > 0.99999, v
+    assert v["ms_ssim"] is None
+assert sum(j["bytes"].values()) == j["nbytes"] == os.path.getsize(sys.argv[2])
+assert j["decode_ms"]["n_views"] == 3 * 36
+assert j["decode_ms"]["n_segments"] == 1
+assert j["protocol"]["frames"] == [0, 36]' "$tmp/out" "$scene" 2>"$tmp/py" ||
+    complain "eval of a file's own pictures: $(tail -n 1 "$tmp/py")"
+[ "$(ls "$tmp/pictures" | tr '\n' ' ')" = \
+    'cam00_00018.png cam01_00018.png cam02_00018.png ' ] ||
+    complain "pictures: $(ls "$tmp/pictures")"
+expect 0 eval "$scene" "$cap" --threads 1 --hold-out cam00
+grep -Eq '^cam00 +held out ' "$tmp/out" || complain "--hold-out cam00: not held"
+grep -Eq '^mean of 2 +training ' "$tmp/out" || complain "no mean of training"
+grep -q '^protocol' "$tmp/out" || complain "no protocol"
+# The segments' order: frame 0 shown as frame 35 and the other way round.
+mv "$cap/images/cam01/00000.png" "$tmp/swap.png"
+mv "$cap/images/cam01/00035.png" "$cap/images/cam01/00000.png"
+mv "$tmp/swap.png" "$cap/images/cam01/00035.png"
+expect 0 eval "$scene" "$cap" --json --hold-out ''
+python3 -c 'import json, sys
+j = json.load(open(sys.argv[1]))
+assert j["n_held_out"] == 0 and j["held_out"]["psnr"] is None
+v = j["views"]
+assert v[1]["psnr_of_mean_mse"] < 60 < (v[0]["psnr_of_mean_mse"] or 99)
+' "$tmp/out" 2>"$tmp/py" || complain "swapped frames are not noticed"
+expect 1 eval "$scene" "$cap" --frames 0:35
+says '36 frames, the capture gives 35'
+expect 1 eval "$scene" "$tmp/syn"
+says '36 frames, the capture gives 2'
+expect 2 eval "$scene" "$tmp/nowhere"
+says "$tmp/nowhere"
+expect 1 eval "$scene" "$cap" --hold-out cam09
+says 'cam09'
+expect 2 eval "$scene" "$cap" --scale 1/0
+says '--scale takes 1/N, 1 to 64'
+expect 1 eval vectors/bad/crc_segment.saga "$cap"
+says 'chunk PRIM'
+expect 2 eval "$scene" "$cap" --pictures "$scene/x"
+says "$scene/x"
+verdict eval
 
 echo "$passed passed, $failed failed"
 [ "$failed" = 0 ]

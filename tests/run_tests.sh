@@ -138,6 +138,8 @@ else
     check headers tests/check_headers.sh
     check symbols tests/check_symbols.sh "$what"
     check nofloat tests/check_nofloat.sh
+    check cli env SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec" \
+        tests/check_cli.sh
     check stack python3 tests/check_stack.py
     programs gcc CC=gcc
     sanitized

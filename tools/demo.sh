@@ -20,7 +20,7 @@ fi
 echo "encoding; Ctrl-C and \`make demo\` again go on from a checkpoint"
 resume=()
 [ ! -f "$file.ckpt" ] || resume=(--resume)
-"$saga" encode "$capture" -o "$file" --primitives 5000 --iterations 24000 \
+"$saga" encode "$capture" -o "$file" --primitives 5000 --iterations 18000 \
     --threads "$threads" "${resume[@]}" "$@"
 echo
 "$saga" eval "$file" "$capture" --threads "$threads" \

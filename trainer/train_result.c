@@ -265,8 +265,9 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 
 /* --- Packing ------------------------------------------------------------- */
 
-/* Weights' step: 2^-9, fine enough that a network gives what it gave. */
-static const float weight_step = 1.0f / 512;
+/* Weights' step: fine enough that a network gives what it gave. (With 2^-9, and
+ * 1/64 of a support for offsets, a scene of 33.1 dB came out at 31.9.) */
+static const float weight_step = 1.0f / 2048;
 
 static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
                    const real *feature, const saga_fit_channels *channels,

@@ -41,6 +41,13 @@ bool saga_cli_text(void *to, const char *text, const saga_cli_option *option)
     return text[0] != '\0';
 }
 
+bool saga_cli_names(void *to, const char *text, const saga_cli_option *option)
+{
+    (void)option;
+    *(const char **)to = text;
+    return true;
+}
+
 /* A decimal integer of o's range at *text, which moves behind it. */
 static bool take_int(int32_t *v, const char **text, const saga_cli_option *o)
 {

@@ -61,6 +61,7 @@ typedef struct saga_command {
 /* Readers of values, and what lies at the option's offset. */
 saga_cli_read_fn saga_cli_flag;  /* bool; text is NULL */
 saga_cli_read_fn saga_cli_text;  /* const char *; not empty */
+saga_cli_read_fn saga_cli_names; /* const char *; empty for none */
 saga_cli_read_fn saga_cli_int;   /* int, min..max */
 saga_cli_read_fn saga_cli_real;  /* double, finite */
 saga_cli_read_fn saga_cli_scale; /* int N of "1/N" or "N", min..max */

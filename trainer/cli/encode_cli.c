@@ -85,6 +85,18 @@ static bool loading(void *user, double done, const char *doing)
     return !stop_signal;
 }
 
+/* Training goes on without checkpoints; whoever watches may make room. */
+static void tell_complaint(session *s)
+{
+    const char *const complaint = s->train ? saga_train_complaint(s->train)
+                                           : NULL;
+
+    if (!complaint)
+        return;
+    saga_meter_end(&s->meter);
+    saga_cli_error(0, "encode: no checkpoint: %s", complaint);
+}
+
 /* One line: stage, iteration, PSNR, bits; the meter adds the time left. */
 static bool training(void *user, const saga_train_progress *p)
 {
@@ -93,6 +105,7 @@ static bool training(void *user, const saga_train_progress *p)
     int n = snprintf(text, sizeof text, "%s %d/%d", p->name, p->iteration,
                      p->n_iterations);
 
+    tell_complaint(s);
     if (s->done_at_start < 0)
         s->done_at_start = p->done;
     if (p->psnr > 0)
@@ -219,11 +232,9 @@ static int stopped(const session *s)
 static int train(session *s)
 {
     const saga_train_status status = saga_train_run(s->train, &s->error);
-    const char *const complaint = saga_train_complaint(s->train);
 
     saga_meter_end(&s->meter);
-    if (complaint)
-        saga_cli_error(0, "encode: no checkpoint: %s", complaint);
+    tell_complaint(s);
     if (status == SAGA_TRAIN_STOPPED)
         return stopped(s);
     return status ? saga_cli_error(SAGA_EXIT_DATA, "encode: %s",

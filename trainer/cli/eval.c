@@ -39,7 +39,7 @@ typedef struct {
 
 static void print_score(const saga_score *s)
 {
-    printf("  %7.3f  %7.3f  %8.5f  %8.5f", s->psnr, s->psnr_of_mean,
+    printf("  %7.3f  %9.3f  %8.5f  %8.5f", s->psnr, s->psnr_of_mean,
            s->ssim_zero, s->ssim_valid);
     if (isnan(s->ms_ssim))
         printf("         -\n");
@@ -60,8 +60,8 @@ static void print_mean(const char *name, int n, const saga_score *score)
 
 static void print_scores(const saga_eval *e)
 {
-    puts("view             set           PSNR  PSNR(mse)   SSIM 0    "
-         "SSIM v   MS-SSIM");
+    puts("view             set           PSNR  PSNR(mse)    SSIM 0    SSIM v"
+         "   MS-SSIM");
     for (int i = 0; i < e->n_views; i++) {
         printf("%-16.16s %-9s", e->view[i].name,
                e->view[i].held_out ? "held out" : "training");
@@ -332,8 +332,9 @@ static const saga_cli_option option_list[] = {
       offsetof(options, frames), 0, SAGA_MAX_FRAMES },
     { "--scale", "1/N", "scale of the pictures, by means of N x N boxes",
       saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
-    { "--hold-out", "NAME,..", "views that were not trained on (default: what "
-      "the\ncapture says)", saga_cli_text, offsetof(options, hold_out), 0, 0 },
+    { "--hold-out", "NAME,..", "views that were not trained on, \"\" for none "
+      "(default:\nwhat the capture says)", saga_cli_names,
+      offsetof(options, hold_out), 0, 0 },
     { "--pictures", "DIR", "write each view's middle frame there: truth, "
       "decode\nand 4 x difference side by side", saga_cli_text,
       offsetof(options, pictures), 0, 0 },

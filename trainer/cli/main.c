@@ -8,7 +8,9 @@
 #include "container.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 static const saga_command *const commands[] = {
     &saga_command_synth,
@@ -33,11 +35,13 @@ static const char last_words[] =
     "  saga help COMMAND   explains a command and its options\n"
     "  saga --version      versions of the program and of its files\n"
     "\n"
-    "First steps, from a source tree:\n"
+    "First steps:\n"
     "\n"
-    "  saga synth demo                       the built-in scene, as a capture\n"
-    "  saga info vectors/good/motion.saga    what is in a file\n"
-    "  saga render vectors/good/motion.saga -o motion.png\n"
+    "  saga synth demo                  the built-in scene, as a capture\n"
+    "  saga encode demo -o demo.saga    learns it; takes minutes\n"
+    "  saga info demo.saga              what the file holds\n"
+    "  saga eval demo.saga demo         how good it is\n"
+    "  saga render demo.saga -o tour_%02d.png --orbit 60\n"
     "\n"
     "On small devices, saga-dec shows what the decoder alone can do\n"
     "(saga-dec --help).\n"
@@ -120,7 +124,23 @@ static int run(int argc, char **argv)
     return c ? c->run(argc - 1, argv + 1) : unknown(name);
 }
 
+/* libgomp's threads spin while they wait, which makes two of them many times
+ * slower than one where something else wants the cores. It reads its
+ * environment before main: so once more, with another one. Where that cannot
+ * be done nothing is lost but time. */
+static void wait_passively(char **argv)
+{
+#ifdef _OPENMP
+    if (!getenv("OMP_WAIT_POLICY") &&
+        setenv("OMP_WAIT_POLICY", "passive", 1) == 0)
+        execv("/proc/self/exe", argv);
+#else
+    (void)argv;
+#endif
+}
+
 int main(int argc, char **argv)
 {
+    wait_passively(argv);
     return flushed(run(argc, argv));
 }

@@ -90,7 +90,7 @@ static const saga_cli_option option_list[] = {
 
 const saga_command saga_command_synth = {
     "synth", "DIR", 1,
-    "renders the built-in scene as a capture to try things on",
+    "the built-in scene, rendered as a capture",
     "Renders a small moving scene (a textured room, something that rotates,\n"
     "something that appears, something thin, something glossy) with exact\n"
     "cameras into a new folder: transforms.json, pictures, depth, points.ply.\n"

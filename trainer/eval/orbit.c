@@ -5,6 +5,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 static const double pi = 3.14159265358979323846;
 
@@ -79,7 +80,7 @@ static void find_focus(double focus[3], const saga_metric *metric,
 /* --- The sweep ----------------------------------------------------------- */
 
 /* The mean of the cameras' up, or if they cancel out, the first one's. */
-static void find_up(double up[3], const saga_shot *shots, int n)
+static void mean_up(double up[3], const saga_shot *shots, int n)
 {
     for (int i = 0; i < 3; i++) {
         up[i] = 0.0;
@@ -89,6 +90,27 @@ static void find_up(double up[3], const saga_shot *shots, int n)
     if (!normalise(up))
         for (int i = 0; i < 3; i++)
             up[i] = -shots[0].rotation[3 + i];
+}
+
+/* People hold cameras level, whatever their tilt: so up is what is most at
+ * right angles to all their horizontal axes r. Power iteration on the matrix
+ * 1 - mean of r r^T, from the mean up, which decides where axes agree. */
+static void find_up(double up[3], const saga_shot *shots, int n)
+{
+    enum { STEPS = 64 };
+
+    mean_up(up, shots, n);
+    for (int step = 0; step < STEPS; step++) {
+        double next[3] = { up[0], up[1], up[2] };
+
+        for (int s = 0; s < n; s++)
+            for (int i = 0; i < 3; i++)
+                next[i] -= shots[s].rotation[i] *
+                           dot(shots[s].rotation, up) / n;
+        if (!normalise(next))
+            return;
+        memcpy(up, next, sizeof next);
+    }
 }
 
 /* A camera's place seen from the focus: along up, and away from it. */

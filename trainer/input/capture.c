@@ -7,7 +7,11 @@
 #include "picture.h"
 
 #include <math.h>
+#ifdef _OPENMP
 #include <omp.h>
+#else
+#define omp_get_max_threads() 1
+#endif
 #include <stdlib.h>
 
 saga_capture_options saga_capture_defaults(void)

@@ -184,9 +184,11 @@ bool saga_output_open(saga_output *out, const char *path,
 
 bool saga_output_close(saga_output *out, bool ok, saga_input_error *error)
 {
+    /* Of the write that failed, if the caller has just seen one. */
+    const int write_errno = ok ? 0 : errno;
     errno = 0;
     ok = ok && fflush(out->file) == 0 && !ferror(out->file);
-    const int flush_errno = errno;
+    const int flush_errno = write_errno ? write_errno : errno;
     ok = fclose(out->file) == 0 && ok;
     ok = ok && rename(out->temporary, out->path) == 0;
     if (!ok) {

@@ -10,7 +10,11 @@
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
+#ifdef _OPENMP
 #include <omp.h>
+#else
+#define omp_get_max_threads() 1
+#endif
 #include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -1,0 +1,366 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * PSNR, SSIM and MS-SSIM against their definitions and known values.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "metrics.h"
+#include "ref_ssim.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+static void near(double value, double wanted, double error)
+{
+    if (!(fabs(value - wanted) <= error))
+        fail_msg("%.17g is not within %g of %.17g", value, error, wanted);
+}
+
+static uint32_t next(uint32_t *state)
+{
+    *state = *state * 1664525u + 1013904223u;
+    return *state >> 8;
+}
+
+/* A picture with edges and gradients, and a damaged copy of it. */
+static void make_pair(uint8_t **a, uint8_t **b, int width, int height,
+                      uint32_t seed)
+{
+    const size_t n = 3 * (size_t)width * (size_t)height;
+
+    *a = must(malloc(n));
+    *b = must(malloc(n));
+    for (size_t i = 0; i < n; i++) {
+        const int x = (int)(i / 3) % width, y = (int)(i / 3) / width;
+        const int v = (x / 7 + y / 5) % 2 ? 40 + x % 180
+                                          : 200 - (y + (int)(i % 3) * 30) % 90;
+        const int w = v + (int)(next(&seed) % 41) - 20;
+
+        (*a)[i] = (uint8_t)v;
+        (*b)[i] = (uint8_t)(w < 0 ? 0 : w > 255 ? 255 : w);
+    }
+}
+
+/* --- Definitions --------------------------------------------------------- */
+
+/* One channel of a picture, as doubles in [0, 1]. */
+static double *plane_of(const uint8_t *rgb, int width, int height, int c)
+{
+    const size_t n = (size_t)width * (size_t)height;
+    double *const v = must(malloc(n * sizeof *v));
+
+    for (size_t i = 0; i < n; i++)
+        v[i] = rgb[3 * i + (size_t)c] / 255.0;
+    return v;
+}
+
+/* SSIM and contrast-structure of the window whose first sample is at x, y. */
+static void window(double out[2], const double *a, const double *b, int width)
+{
+    double m[5] = { 0.0 }, norm = 0.0, cs;
+
+    for (int i = 0; i < 121; i++) {
+        const int dx = i % 11 - 5, dy = i / 11 - 5;
+        const double w = exp(-(dx * dx + dy * dy) / 4.5);
+        const double p = a[(i / 11) * width + i % 11];
+        const double q = b[(i / 11) * width + i % 11];
+
+        norm += w;
+        m[0] += w * p;
+        m[1] += w * q;
+        m[2] += w * p * p;
+        m[3] += w * q * q;
+        m[4] += w * p * q;
+    }
+    for (int i = 0; i < 5; i++)
+        m[i] /= norm;
+    cs = (2.0 * (m[4] - m[0] * m[1]) + 9e-4) /
+         (m[2] - m[0] * m[0] + m[3] - m[1] * m[1] + 9e-4);
+    out[1] = cs;
+    out[0] = cs * (2.0 * m[0] * m[1] + 1e-4) /
+             (m[0] * m[0] + m[1] * m[1] + 1e-4);
+}
+
+/* Means over all windows inside. */
+static void valid_means(double mean[2], const double *a, const double *b,
+                        int width, int height)
+{
+    const int w = width - 10, h = height - 10;
+
+    mean[0] = mean[1] = 0.0;
+    for (int i = 0; i < w * h; i++) {
+        const int at = (i / w) * width + i % w;
+        double one[2];
+
+        window(one, a + at, b + at, width);
+        mean[0] += one[0] / (w * h);
+        mean[1] += one[1] / (w * h);
+    }
+}
+
+/* The 2x2 means; odd sides as if the last line stood there twice. */
+static double *half_of(const double *v, int width, int height)
+{
+    const int w = (width + 1) / 2, h = (height + 1) / 2;
+    double *const out = must(malloc((size_t)(w * h) * sizeof *out));
+
+    for (int i = 0; i < w * h; i++) {
+        double sum = 0.0;
+
+        for (int k = 0; k < 4; k++) {
+            const int x = 2 * (i % w) + k % 2, y = 2 * (i / w) + k / 2;
+
+            sum += v[(y < height ? y : y - 1) * width +
+                     (x < width ? x : x - 1)];
+        }
+        out[i] = sum / 4.0;
+    }
+    return out;
+}
+
+static double ms_ssim_of(const double *a, const double *b, int width,
+                         int height)
+{
+    static const double weight[5] = { 0.0448, 0.2856, 0.3001, 0.2363, 0.1333 };
+    double product = 1.0;
+    double *x = NULL, *y = NULL;
+
+    for (int s = 0; s < 5; s++) {
+        double mean[2], *u, *v;
+
+        valid_means(mean, a, b, width, height);
+        product *= pow(fmax(mean[s < 4], 0.0), weight[s]);
+        u = half_of(a, width, height);
+        v = half_of(b, width, height);
+        free(x);
+        free(y);
+        a = x = u;
+        b = y = v;
+        width = (width + 1) / 2;
+        height = (height + 1) / 2;
+    }
+    free(x);
+    free(y);
+    return product;
+}
+
+/* --- PSNR ---------------------------------------------------------------- */
+
+static void psnr_should_have_known_values(void **state)
+{
+    uint8_t a[300], b[300];
+
+    (void)state;
+    memset(a, 100, sizeof a);
+    memset(b, 101, sizeof b);
+    assert_true(saga_mse(a, a, sizeof a) == 0.0);
+    assert_true(isinf(saga_psnr(0.0)));
+    assert_true(saga_mse(a, b, sizeof a) == 1.0);
+    near(saga_psnr(1.0), 48.130803608679102, 1e-12);
+    near(saga_psnr(255.0 * 255.0), 0.0, 1e-12);
+    memset(a, 0, sizeof a);
+    memset(b, 255, sizeof b);
+    assert_true(saga_mse(a, b, sizeof a) == 65025.0);
+    b[0] = 0;
+    near(saga_mse(a, b, sizeof a), 65025.0 * 299 / 300, 1e-9);
+    assert_true(saga_mse(a, b, 0) == 0.0);
+}
+
+static void means_should_be_over_pictures(void **state)
+{
+    const saga_score one = { .mse = 1.0, .psnr = 40.0, .ssim_zero = 0.5,
+                             .ssim_valid = 0.25, .ms_ssim = 1.0 };
+    const saga_score two = { .mse = 3.0, .psnr = 30.0, .ssim_zero = 1.0,
+                             .ssim_valid = 0.75, .ms_ssim = 0.5 };
+    saga_score_sum sum = { .n = 0 };
+    saga_score mean = saga_score_mean(&sum);
+
+    (void)state;
+    assert_true(isnan(mean.psnr) && isnan(mean.psnr_of_mean) &&
+                isnan(mean.ssim_zero));
+    saga_score_add(&sum, &one);
+    saga_score_add(&sum, &two);
+    mean = saga_score_mean(&sum);
+    near(mean.psnr, 35.0, 1e-12);
+    near(mean.psnr_of_mean, saga_psnr(2.0), 1e-12);
+    near(mean.ssim_zero, 0.75, 1e-12);
+    near(mean.ssim_valid, 0.5, 1e-12);
+    near(mean.ms_ssim, 0.75, 1e-12);
+}
+
+/* --- SSIM ---------------------------------------------------------------- */
+
+static void ssim_should_be_its_definition(void **state)
+{
+    static const int size[][2] = {
+        { 37, 29 }, { 16, 16 }, { 11, 11 }, { 64, 17 }, { 12, 33 }
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof size / sizeof size[0]; i++) {
+        const int w = size[i][0], h = size[i][1];
+        double zero, valid, want_zero = 0.0, want_valid = 0.0;
+        uint8_t *a, *b;
+
+        make_pair(&a, &b, w, h, (uint32_t)i + 1);
+        for (int c = 0; c < 3; c++) {
+            double *const x = plane_of(a, w, h, c);
+            double *const y = plane_of(b, w, h, c);
+            double mean[2];
+
+            valid_means(mean, x, y, w, h);
+            want_zero += ref_ssim(x, y, w, h) / 3.0;
+            want_valid += mean[0] / 3.0;
+            free(x);
+            free(y);
+        }
+        assert_true(saga_ssim(&zero, &valid, a, b, w, h, 1));
+        near(zero, want_zero, 1e-11);
+        near(valid, want_valid, 1e-11);
+        free(a);
+        free(b);
+    }
+}
+
+static void ssim_should_have_known_values(void **state)
+{
+    enum { SIDE = 24, N = 3 * SIDE * SIDE };
+    uint8_t a[N], b[N];
+    double zero, valid;
+
+    (void)state;
+    memset(a, 0, sizeof a);
+    memset(b, 255, sizeof b);
+    assert_true(saga_ssim(&zero, &valid, a, a, SIDE, SIDE, 1));
+    near(zero, 1.0, 1e-15);
+    near(valid, 1.0, 1e-15);
+    /* Flat pictures: only the luminance term C1 / (1 + C1) is left. */
+    assert_true(saga_ssim(&zero, &valid, a, b, SIDE, SIDE, 1));
+    near(valid, 1e-4 / 1.0001, 1e-12);
+    /* At the borders, the zeros around b count as its structure. */
+    assert_true(zero < valid && zero > 0.0);
+}
+
+static void ssim_should_say_when_it_is_undefined(void **state)
+{
+    uint8_t *a, *b;
+    double zero, valid;
+
+    (void)state;
+    make_pair(&a, &b, 10, 40, 3);
+    assert_true(saga_ssim(&zero, &valid, a, b, 10, 40, 1));
+    assert_true(isnan(valid) && zero > 0.0 && zero < 1.0);
+    assert_true(saga_ssim(&zero, &valid, a, b, 1, 1, 1));
+    assert_true(isnan(valid) && isfinite(zero));
+    free(a);
+    free(b);
+}
+
+static void threads_should_not_change_a_score(void **state)
+{
+    enum { W = 170, H = 165 };
+    saga_score one, many;
+    uint8_t *a, *b;
+
+    (void)state;
+    make_pair(&a, &b, W, H, 4);
+    assert_true(saga_score_picture(&one, a, b, W, H, 1));
+    for (int threads = 2; threads <= 5; threads++) {
+        assert_true(saga_score_picture(&many, a, b, W, H, threads));
+        assert_memory_equal(&one, &many, sizeof one);
+    }
+    free(a);
+    free(b);
+}
+
+/* --- MS-SSIM ------------------------------------------------------------- */
+
+static void ms_ssim_should_be_its_definition(void **state)
+{
+    static const int size[][2] = { { 176, 176 }, { 161, 163 } };
+
+    (void)state;
+    for (size_t i = 0; i < 2; i++) {
+        const int w = size[i][0], h = size[i][1];
+        double value, want = 0.0;
+        uint8_t *a, *b;
+
+        make_pair(&a, &b, w, h, (uint32_t)i + 7);
+        for (int c = 0; c < 3; c++) {
+            double *const x = plane_of(a, w, h, c);
+            double *const y = plane_of(b, w, h, c);
+
+            want += ms_ssim_of(x, y, w, h) / 3.0;
+            free(x);
+            free(y);
+        }
+        assert_true(saga_ms_ssim(&value, a, b, w, h, 2));
+        near(value, want, 1e-11);
+        assert_true(saga_ms_ssim(&value, a, a, w, h, 1));
+        near(value, 1.0, 1e-12);
+        free(a);
+        free(b);
+    }
+}
+
+static void ms_ssim_should_need_161_pixels(void **state)
+{
+    uint8_t *a, *b;
+    double value;
+
+    (void)state;
+    make_pair(&a, &b, 161, 161, 5);
+    assert_true(saga_ms_ssim(&value, a, b, 161, 161, 1));
+    assert_true(value > 0.0 && value < 1.0);
+    assert_true(saga_ms_ssim(&value, a, b, 160, 161, 1));
+    assert_true(isnan(value));
+    assert_true(saga_ms_ssim(&value, a, b, 161, 160, 1));
+    assert_true(isnan(value));
+    free(a);
+    free(b);
+}
+
+/* A negative of a picture has a negative structure: worth 0, not NaN. */
+static void ms_ssim_should_count_the_opposite_as_zero(void **state)
+{
+    enum { SIDE = 161 };
+    uint8_t *a, *b;
+    double value;
+
+    (void)state;
+    make_pair(&a, &b, SIDE, SIDE, 6);
+    for (size_t i = 0; i < 3 * SIDE * SIDE; i++)
+        b[i] = (uint8_t)(255 - a[i]);
+    assert_true(saga_ms_ssim(&value, a, b, SIDE, SIDE, 1));
+    assert_true(value == 0.0);
+    free(a);
+    free(b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(psnr_should_have_known_values),
+        cmocka_unit_test(means_should_be_over_pictures),
+        cmocka_unit_test(ssim_should_be_its_definition),
+        cmocka_unit_test(ssim_should_have_known_values),
+        cmocka_unit_test(ssim_should_say_when_it_is_undefined),
+        cmocka_unit_test(threads_should_not_change_a_score),
+        cmocka_unit_test(ms_ssim_should_be_its_definition),
+        cmocka_unit_test(ms_ssim_should_need_161_pixels),
+        cmocka_unit_test(ms_ssim_should_count_the_opposite_as_zero),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
