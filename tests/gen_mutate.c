@@ -2,6 +2,7 @@
 #include "gen_mutate.h"
 
 #include "container.h"
+#include "encode.h"
 #include "fx.h"
 #include "head.h"
 #include "plan.h"
@@ -243,38 +244,10 @@ static int head_open(head *h, const uint8_t *header, size_t n,
     return 0;
 }
 
-static void *array(size_t n, size_t size)
-{
-    return must(calloc(n + 1, size));
-}
-
 static void scaffold_open(saga_scaffold *sc, const head *h, saga_counts n)
 {
-    const size_t f = h->header.model.features;
-
-    sc->model = &h->header.model;
-    sc->nets = &h->plan.nets;
-    sc->params = h->params;
-    sc->n = n;
-    sc->coarse = array(n.coarse, sizeof *sc->coarse);
-    sc->coarse_feature = array(n.coarse, f * sizeof(int16_t));
-    sc->fine = array(n.fine, sizeof *sc->fine);
-    sc->fine_feature = array(n.fine, f * sizeof(int16_t));
-    sc->prim_offset = array(n.prim, sizeof *sc->prim_offset);
-    sc->models = array(1, sizeof *sc->models);
-    sc->v = array(1, sizeof *sc->v);
+    saga_scaffold_alloc(sc, &h->header.model, &h->plan.nets, h->params, n);
     saga_syntax_begin(sc);
-}
-
-static void scaffold_free(saga_scaffold *sc)
-{
-    free(sc->coarse);
-    free(sc->coarse_feature);
-    free(sc->fine);
-    free(sc->fine_feature);
-    free(sc->prim_offset);
-    free(sc->models);
-    free(sc->v);
 }
 
 static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
@@ -318,7 +291,7 @@ static mutate_stage stage_of_layers(const head *h, saga_counts n,
             !saga_range_dec_finish(&range))
             stage = stage_of(w.last);
     }
-    scaffold_free(&sc);
+    saga_scaffold_free(&sc);
     return stage;
 }
 
@@ -358,7 +331,7 @@ static int fit_layer(const saga_scaffold *sc, int layer, mutate_part *part,
                      saga_counts *n, int *again)
 {
     const size_t size = part->n + PAD;
-    uint8_t *const padded = array(size, 1);
+    uint8_t *const padded = must(calloc(size + 1, 1));
     saga_range_dec range;
     witness w;
     int ok;
@@ -401,7 +374,7 @@ static void repair(const head *h, mutate_part *segment)
         again = 0;
         for (layer = 0; layer < 3 && ok && !again; layer++)
             ok = fit_layer(&sc, layer, segment + 1 + layer, &n, &again);
-        scaffold_free(&sc);
+        saga_scaffold_free(&sc);
         set_counts(segment, &n);
         if (!ok && memcmp(&n, &was, sizeof n) == 0)
             return;
@@ -679,7 +652,7 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
 /* The networks' chunk as long as it is read, if its rows are valid. */
 static void fit_networks(mutate_file *f)
 {
-    uint8_t *const padded = array(f->part[1].n + PAD, 1);
+    uint8_t *const padded = must(calloc(f->part[1].n + PAD + 1, 1));
     saga_header h;
     saga_plan plan;
     size_t n;

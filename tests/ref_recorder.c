@@ -2,6 +2,7 @@
 #include "ref_recorder.h"
 
 #include "container.h"
+#include "encode.h"
 #include "head.h"
 #include "plan.h"
 #include "range_dec.h"
@@ -268,25 +269,9 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     saga_segment_io(&io, &seg);
     cap = 25 * seg.n.coarse + 25;
     recorder_alloc_symbols(s, seg.n, h->model.features, cap);
-    sc.model = &h->model;
-    sc.nets = nets;
-    sc.params = params;
-    sc.n = seg.n;
-    sc.coarse = array(seg.n.coarse, sizeof *sc.coarse);
-    sc.coarse_feature = array(seg.n.coarse, 2u * h->model.features);
-    sc.fine = array(seg.n.fine, sizeof *sc.fine);
-    sc.fine_feature = array(seg.n.fine, 2u * h->model.features);
-    sc.prim_offset = array(seg.n.prim, sizeof *sc.prim_offset);
-    sc.models = array(1, sizeof *sc.models);
-    sc.v = array(1, sizeof *sc.v);
+    saga_scaffold_alloc(&sc, &h->model, nets, params, seg.n);
     ok = read_layers(&sc, s, cap, final_range, p, n);
-    free(sc.coarse);
-    free(sc.coarse_feature);
-    free(sc.fine);
-    free(sc.fine_feature);
-    free(sc.prim_offset);
-    free(sc.models);
-    free(sc.v);
+    saga_scaffold_free(&sc);
     return ok;
 }
 

@@ -310,15 +310,15 @@ const uint8_t *saga_encoder_params(const saga_encoder *e,
     return e->params;
 }
 
-/* Memory of the traversal. */
-static void scaffold_alloc(saga_scaffold *sc, const saga_encoder *e,
-                           saga_counts n)
+void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
+                         const saga_nets *nets, const uint8_t *params,
+                         saga_counts n)
 {
-    const size_t f = e->header.model.features;
+    const size_t f = model->features;
 
-    sc->model = &e->header.model;
-    sc->nets = &e->nets;
-    sc->params = e->params;
+    sc->model = model;
+    sc->nets = nets;
+    sc->params = params;
     sc->n = n;
     sc->coarse = must(calloc(n.coarse + 1u, sizeof *sc->coarse));
     sc->coarse_feature = must(calloc(n.coarse + 1u, f * sizeof(int16_t)));
@@ -329,7 +329,7 @@ static void scaffold_alloc(saga_scaffold *sc, const saga_encoder *e,
     sc->v = must(calloc(1, sizeof *sc->v));
 }
 
-static void scaffold_free(saga_scaffold *sc)
+void saga_scaffold_free(saga_scaffold *sc)
 {
     free(sc->coarse);
     free(sc->coarse_feature);
@@ -431,11 +431,11 @@ int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
         return 0;
     }
     begin_segment(e, s, n_frames);
-    scaffold_alloc(&sc, e, s->n);
+    saga_scaffold_alloc(&sc, &e->header.model, &e->nets, e->params, s->n);
     saga_syntax_begin(&sc);
     for (layer = 0; layer < 3 && ok; layer++)
         ok = encode_layer(e, &sc, s, layer);
-    scaffold_free(&sc);
+    saga_scaffold_free(&sc);
     if (!ok) {
         e->segments.n = begin;
         e->sizes = sizes;

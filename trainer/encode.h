@@ -55,4 +55,11 @@ int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
 
 void saga_encoder_free(saga_encoder *e);
 
+/* Memory for a traversal of a segment of n: whoever drives one outside the
+ * decoder. Aborts without memory; saga_scaffold_free gives it back. */
+void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
+                         const saga_nets *nets, const uint8_t *params,
+                         saga_counts n);
+void saga_scaffold_free(saga_scaffold *sc);
+
 #endif

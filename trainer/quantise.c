@@ -268,36 +268,6 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
     return sym;
 }
 
-static void scaffold_alloc(saga_scaffold *sc, const saga_model *model,
-                           const saga_nets *nets, const uint8_t *params,
-                           saga_counts n)
-{
-    const size_t f = model->features;
-
-    sc->model = model;
-    sc->nets = nets;
-    sc->params = params;
-    sc->n = n;
-    sc->coarse = must(calloc(n.coarse + 1u, sizeof *sc->coarse));
-    sc->coarse_feature = must(calloc(n.coarse + 1u, f * sizeof(int16_t)));
-    sc->fine = must(calloc(n.fine + 1u, sizeof *sc->fine));
-    sc->fine_feature = must(calloc(n.fine + 1u, f * sizeof(int16_t)));
-    sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
-    sc->models = must(calloc(1, sizeof *sc->models));
-    sc->v = must(calloc(1, sizeof *sc->v));
-}
-
-static void scaffold_free(saga_scaffold *sc)
-{
-    free(sc->coarse);
-    free(sc->coarse_feature);
-    free(sc->fine);
-    free(sc->fine_feature);
-    free(sc->prim_offset);
-    free(sc->models);
-    free(sc->v);
-}
-
 /* --- Primitives ---------------------------------------------------------- */
 
 typedef struct {
@@ -429,7 +399,7 @@ int saga_quantise_segment(saga_symbols *s, uint32_t *order,
 
     memset(&l, 0, sizeof l);
     memset(report, 0, sizeof *report);
-    scaffold_alloc(&sc, model, nets, params, s->n);
+    saga_scaffold_alloc(&sc, model, nets, params, s->n);
     l.coder.residual = residual;
     l.coder.adaptive = adaptive;
     l.s = s;
@@ -447,6 +417,6 @@ int saga_quantise_segment(saga_symbols *s, uint32_t *order,
             copy_decoded(decoded, &sc);
     }
     free(l.prim_o);
-    scaffold_free(&sc);
+    saga_scaffold_free(&sc);
     return ok && !l.coder.error;
 }
