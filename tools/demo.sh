@@ -28,5 +28,6 @@ echo
 echo
 echo "$file: the scene; \`saga render\` draws it from anywhere"
 echo "$demo/pictures: truth, decode and 4 x their difference, for each camera"
-cpu=$(times | awk 'NR == 2 { print $1 }')
-echo "CPU time of all: $cpu"
+# In a pipe, times would tell a subshell's.
+times >"$demo/times.txt"
+echo "CPU time of all: $(awk 'NR == 2 { print $1 }' "$demo/times.txt")"
