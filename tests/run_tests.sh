@@ -124,7 +124,8 @@ check() {
 
 sanitized() {
     build sanitize tests CC=clang OPT=-O1 SANITIZE=1
-    SAGA_TEST_SANITIZED=1 programs sanitize CC=clang OPT=-O1 SANITIZE=1
+    LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp:print_suppressions=0 \
+        SAGA_TEST_SANITIZED=1 programs sanitize CC=clang OPT=-O1 SANITIZE=1
 }
 
 export BUILD="$build"
