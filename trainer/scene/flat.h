@@ -70,14 +70,6 @@ typedef struct saga_flat_cube {
     double unit;               /* of the world's length per half-cube, > 0 */
 } saga_flat_cube;
 
-/* What the candidate pool weighs; every array (N). */
-typedef struct saga_flat_scores {
-    real *opacity;             /* times temporal opacity, mean over frames */
-    real *visibility;          /* training views it is seen by, 0..1 of all */
-    real *residual;            /* mean |error| of the pixels it colours */
-    real *gradient;            /* mean |dL / d 2-D mean| where seen */
-} saga_flat_scores;
-
 typedef struct saga_flat saga_flat;
 
 /* 5,000 primitives, 4,000 iterations, everything on but the correction. */
@@ -115,10 +107,6 @@ saga_splat_params saga_flat_params(const saga_flat *flat);
  * image (3, H, W) at that level; *mse against the truth if not NULL. */
 saga_flat_status saga_flat_render(saga_flat *flat, real *image, double *mse,
                                   int view, int frame, int level);
-
-/* One pass over at most max_pictures training pictures. */
-saga_flat_status saga_flat_score(saga_flat *flat, saga_flat_scores *scores,
-                                 int max_pictures);
 
 /* The whole state, in this machine's byte order. The caller checks the stream
  * and renames the file. restore needs the same capture and options. */

@@ -1,0 +1,186 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_encode.sh: guarantees, for `saga encode` (build/saga, or SAGA=...),
+#   good        a capture becomes a file that `saga info` takes; the report
+#               says its size, in text and JSON; no checkpoint stays
+#   stopped     Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
+#               --resume makes the file of a run that was not stopped; without
+#               --resume a checkpoint is not overwritten
+#   usage       wrong values end with status 2 and one line that names them
+#   capture     a missing camera file, an unknown view or frame: status 1
+#   output      a folder that is not there is found before training, a full
+#               disk ends with status 2, and no half-written file stays
+set -u
+saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+cd "$tmp" || exit
+
+passed=0
+failed=0
+verdict() { # verdict NAME: complaints in ./bad
+    if [ -s bad ]; then
+        sed 's/^/     /' bad
+        echo "FAIL encode $1"
+        failed=$((failed + 1))
+    else
+        echo "ok   encode $1"
+        passed=$((passed + 1))
+    fi
+    : >bad
+}
+: >bad
+complain() { echo "$*" >>bad; }
+
+# expect STATUS ARGUMENTS...: runs saga encode; output in out, messages in err.
+expect() {
+    local want=$1 rc
+    shift
+    "$saga" encode "$@" >out 2>err </dev/null
+    rc=$?
+    [ "$rc" = "$want" ] ||
+        complain "saga encode $*: status $rc, not $want: $(tail -n 1 err)"
+}
+
+# says TEXT: the messages are one line that has it; stdout is empty.
+says() {
+    [ "$(wc -l <err)" = 1 ] || complain "not one line of message: $(cat err)"
+    grep -qF -e "$1" err || complain "no '$1' in: $(cat err)"
+    [ ! -s out ] || complain "output beside: $(cat err)"
+}
+
+# leaves NAME...: nothing else but the captures is in the folder.
+leaves() {
+    local was
+    was=$(ls | grep -vxF -e "$(printf '%s\n' cap broken bad out err whole.saga \
+        "$@")")
+    [ -z "$was" ] || complain "left behind: $was"
+}
+
+"$saga" synth cap --size 64x36 --cameras 4 --hold-out 1 --frames 4 \
+    --points 300 --depth-every 0 >out 2>err || complain "synth: $(cat err)"
+small=(--primitives 150 --iterations 120 --moving)
+
+# ---- good
+expect 0 cap -o whole.saga "${small[@]}"
+size=$(stat -c %s whole.saga)
+grep -q "^whole.saga: $size bytes" out || complain "size: $(head -n 1 out)"
+for word in 'integer decoder' 'training  held out' 'networks'; do
+    grep -q "$word" out || complain "no '$word' in the report"
+done
+"$saga" info whole.saga >out 2>err || complain "info: $(cat err)"
+expect 0 cap -o j.saga "${small[@]}" --json
+python3 -c '
+import json, sys
+r = json.load(open("out"))
+assert r["bytes"]["total"] == int(sys.argv[1]), r["bytes"]
+assert r["temporal"] is True and r["level"] == 2
+assert r["psnr"]["training"] > 5 and r["psnr"]["n_held_out"] == 4
+' "$size" 2>>bad || complain "JSON: $(cat out)"
+cmp -s whole.saga j.saga || complain "the same options, another file"
+rm -f j.saga
+leaves
+verdict good
+
+# ---- stopped
+stop() { # stop SIGNAL: a longer run, stopped after its first checkpoint
+    "$saga" encode cap -o s.saga --primitives 150 --iterations 3000 \
+        --checkpoint-every 0 >out 2>err </dev/null &
+    local pid=$! i=0
+    while [ ! -f s.saga.ckpt ] && [ $i -lt 500 ]; do
+        sleep 0.02
+        i=$((i + 1))
+    done
+    kill "-$1" "$pid"
+    wait "$pid"
+    rc=$?
+}
+"$saga" encode cap -o s.saga --primitives 150 --iterations 3000 >out 2>err
+mv s.saga s.whole
+# A background job of a script ignores SIGINT unless job control is on.
+set -m
+for signal in INT TERM; do
+    stop $signal
+    [ "$rc" = 2 ] || complain "$signal: status $rc: $(cat err)"
+    grep -q -e '--resume' err || complain "$signal: $(cat err)"
+    [ -f s.saga ] && complain "$signal: a file already"
+    leaves s.saga.ckpt s.whole
+    expect 2 cap -o s.saga --primitives 150 --iterations 3000
+    says s.saga.ckpt
+    expect 2 cap -o s.saga --primitives 150 --iterations 2000 --resume
+    says '--iterations 3000, not 2000'
+    expect 0 cap -o s.saga --primitives 150 --iterations 3000 --resume
+    cmp -s s.saga s.whole || complain "$signal: resumed to another file"
+    leaves s.saga s.whole
+    rm -f s.saga
+done
+set +m
+expect 0 cap -o s.saga "${small[@]}" --resume
+grep -q 'starting anew' err || complain "--resume of nothing: $(cat err)"
+cmp -s s.saga whole.saga || complain "--resume of nothing: another file"
+rm -f s.saga s.whole
+verdict stopped
+
+# ---- usage
+expect 2
+says 'argument is missing'
+expect 2 cap
+says '-o'
+expect 2 cap -o x.saga --level 5
+says '--level'
+expect 2 cap -o x.saga --level 0 --primitives 1025
+says '1024'
+expect 2 cap -o x.saga --lambda -1
+says '--lambda -1'
+expect 2 cap -o x.saga --lambda nan
+says '--lambda'
+expect 2 cap -o x.saga --iterations 2
+says '--iterations'
+expect 2 cap -o x.saga --primitives many
+says "'many'"
+leaves
+verdict usage
+
+# ---- capture
+expect 1 nowhere -o x.saga
+says nowhere
+cp -r cap broken
+name=$(cd broken && ls images/*/00002.png | head -n 1)
+rm "broken/$name"
+expect 1 broken -o x.saga
+says 00002.png
+expect 1 cap -o x.saga --hold-out nobody
+says nobody
+expect 1 cap -o x.saga --frames 2:9
+says 9
+leaves
+verdict capture
+
+# ---- output
+expect 2 cap -o nowhere/x.saga "${small[@]}"
+says nowhere/x.saga
+[ "$(wc -c <err)" -lt 300 ] || complain "progress before: $(cat err)"
+expect 2 cap -o cap "${small[@]}"
+says 'not a file'
+mkdir small
+if mount -t tmpfs -o size=4k none small 2>/dev/null; then
+    expect 2 cap -o small/x.saga "${small[@]}"
+    grep -q 'free space' err || complain "full disk: $(cat err)"
+    [ -z "$(ls small)" ] || complain "full disk leaves $(ls small)"
+    umount small
+else
+    # Files of at most 4 blocks: the write fails as on a full disk.
+    (trap '' XFSZ; ulimit -f 4
+     "$saga" encode cap -o small/x.saga "${small[@]}" 2>err | cat >out
+     exit "${PIPESTATUS[0]}")
+    rc=$?
+    [ "$rc" = 2 ] || complain "full disk: status $rc"
+    grep -q 'free space' err || complain "full disk: $(cat err)"
+    [ -z "$(ls small)" ] || complain "full disk leaves $(ls small)"
+fi
+rmdir small
+verdict output
+
+echo "check_encode: $passed passed, $failed failed"
+[ "$failed" = 0 ]
