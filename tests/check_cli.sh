@@ -337,6 +337,15 @@ for v in j["views"] + [j["training"], j["held_out"]]:
     assert v["psnr"] is None or v["psnr"] > 70, v
     assert v["ssim_zero"] > 0.99999 and v["ssim_valid"] > 0.99999, v
     assert v["ms_ssim"] is None
+    assert v["changing_psnr"] is None or v["changing_psnr"] > 70, v
+    assert 0 < v["changing_share"] < 1, v
+    assert 10 < v["median_psnr_of_mean_mse"] <= v["median_psnr"] < 70, v
+changing = [v["changing_pixels"] for v in j["views"]]
+assert j["training"]["changing_pixels"] == changing[0] + changing[1]
+assert j["held_out"]["changing_pixels"] == changing[2]
+pixels = [36 * v["width"] * v["height"] for v in j["views"]]
+assert abs(changing[2] / pixels[2] - j["held_out"]["changing_share"]) < 1e-8
+assert "median" in j["protocol"] and "changing" in j["protocol"]
 assert sum(j["bytes"].values()) == j["nbytes"] == os.path.getsize(sys.argv[2])
 assert j["decode_ms"]["n_views"] == 3 * 36
 assert j["decode_ms"]["n_segments"] == 1
@@ -349,6 +358,12 @@ expect 0 eval "$scene" "$cap" --threads 1 --hold-out cam00
 grep -Eq '^cam00 +held out ' "$tmp/out" || complain "--hold-out cam00: not held"
 grep -Eq '^mean of 2 +training ' "$tmp/out" || complain "no mean of training"
 grep -q '^protocol' "$tmp/out" || complain "no protocol"
+awk 'length > 100 { print "eval: " length " columns" }
+    NF == 0 { rows = 0 }
+    rows && $1 == "file" && $2 != sum { print "bytes: " sum ", not " $2 }
+    rows { sum += $(NF - 2) }
+    $0 == "bytes" { rows = 1 }
+    END { if (!sum) print "no bytes" }' "$tmp/out" >>"$tmp/bad"
 # The segments' order: frame 0 shown as frame 35 and the other way round.
 mv "$cap/images/cam01/00000.png" "$tmp/swap.png"
 mv "$cap/images/cam01/00035.png" "$cap/images/cam01/00000.png"
@@ -358,7 +373,8 @@ python3 -c 'import json, sys
 j = json.load(open(sys.argv[1]))
 assert j["n_held_out"] == 0 and j["held_out"]["psnr"] is None
 v = j["views"]
-assert v[1]["psnr_of_mean_mse"] < 60 < (v[0]["psnr_of_mean_mse"] or 99)
+for key in "psnr_of_mean_mse", "changing_psnr":
+    assert v[1][key] < 60 < (v[0][key] or 99), key
 ' "$tmp/out" 2>"$tmp/py" || complain "swapped frames are not noticed"
 expect 1 eval "$scene" "$cap" --frames 0:35
 says '36 frames, the capture gives 35'

@@ -393,6 +393,112 @@ static void capture_should_be_refused_where_it_differs(void **state)
     close_vector(&o);
 }
 
+/* Every frame of every view as the file gives it, each view's first frame
+ * painted over with `level`. */
+static void fill_capture(saga_capture *c, opened *o, const saga_eval *e,
+                         int level)
+{
+    for (int i = 0; i < c->n_views; i++) {
+        const size_t n = saga_view_frame_nbytes(&c->views[i]);
+
+        c->views[i].rgb = must(malloc(n * (size_t)c->n_frames));
+        for (int k = 0; k < c->n_frames; k++)
+            assert_true(saga_film_draw(&o->film, &e->view[i].camera,
+                                       (uint32_t)k, 1, c->views[i].rgb +
+                                       n * (size_t)k, &o->error));
+        memset(c->views[i].rgb, level, n);
+    }
+}
+
+static int compare_bytes(const void *a, const void *b)
+{
+    return *(const uint8_t *)a - *(const uint8_t *)b;
+}
+
+/* The median's mean squared error and PSNR, and the changing pixels: sample by
+ * sample from the definition. The file's own pictures are wrong in frame 0
+ * alone. */
+static void expect_score(saga_eval_score *want, opened *o,
+                         const saga_capture *c, const saga_eval_view *v,
+                         int view)
+{
+    const size_t n = saga_view_frame_nbytes(&c->views[view]);
+    const int f = c->n_frames;
+    uint8_t *const median = must(malloc(n)), *const rgb = must(malloc(n));
+
+    for (size_t i = 0; i < n; i++) {
+        uint8_t at[64];
+
+        for (int k = 0; k < f; k++)
+            at[k] = saga_capture_frame(c, view, k)[i];
+        qsort(at, (size_t)f, 1, compare_bytes);
+        median[i] = (uint8_t)((at[(f - 1) / 2] + at[f / 2] + 1) / 2);
+    }
+    assert_true(saga_film_draw(&o->film, &v->camera, 0, 1, rgb, &o->error));
+    *want = (saga_eval_score){ .median_mse = 0.0 };
+    for (int k = 0; k < f; k++) {
+        const uint8_t *const truth = saga_capture_frame(c, view, k);
+        double sum = 0.0;
+
+        for (size_t i = 0; i < n; i++) {
+            const size_t p = i - i % 3;
+            bool changing = false;
+
+            for (size_t j = p; j < p + 3; j++)
+                changing |= truth[j] > median[j] + 8 ||
+                            truth[j] + 8 < median[j];
+            sum += pow(truth[i] - median[i], 2);
+            want->change.n_pixels += i % 3 == 0;
+            want->change.n_changing += changing && i % 3 == 0;
+            if (changing && k == 0)
+                want->change.error += (uint64_t)pow(truth[i] - rgb[i], 2);
+        }
+        want->median_mse += sum / (double)n / f;
+        want->median_psnr += 10 * log10(65025.0 * (double)n / sum) / f;
+    }
+    free(median);
+    free(rgb);
+}
+
+static void score_should_tell_medians_and_changes(void **state)
+{
+    const saga_eval_options options = { .pictures = NULL };
+    saga_eval_score want[3], set = { .median_mse = 0.0 };
+    saga_capture c;
+    saga_eval e;
+    opened o;
+
+    (void)state;
+    open_vector(&o, 2);
+    c = rig_capture(&o);
+    c.views[2].held_out = true;
+    assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
+    fill_capture(&c, &o, &e, 180);
+    assert_true(saga_eval_run(&e, &o.film, &c, &options, &o.error));
+    for (int i = 0; i < 3; i++) {
+        const saga_eval_score *const got = &e.view[i].score;
+
+        expect_score(&want[i], &o, &c, &e.view[i], i);
+        assert_memory_equal(&got->change, &want[i].change, sizeof got->change);
+        assert_true(got->change.n_changing > 0);
+        assert_true(fabs(got->median_mse - want[i].median_mse) < 1e-9);
+        assert_true(fabs(got->median_psnr - want[i].median_psnr) < 1e-9);
+        if (i < 2) {
+            set.change.n_changing += got->change.n_changing;
+            set.change.error += got->change.error;
+            set.median_psnr += got->median_psnr / 2;
+        }
+    }
+    assert_int_equal(e.training.change.n_changing, set.change.n_changing);
+    assert_int_equal(e.training.change.error, set.change.error);
+    assert_true(fabs(e.training.median_psnr - set.median_psnr) < 1e-9);
+    assert_memory_equal(&e.held_out.change, &e.view[2].score.change,
+                        sizeof e.held_out.change);
+    saga_eval_free(&e);
+    saga_capture_free(&c);
+    close_vector(&o);
+}
+
 /* --- Pictures side by side ----------------------------------------------- */
 
 static void difference_should_be_clipped(void **state)
@@ -445,6 +551,7 @@ int main(void)
         cmocka_unit_test(damaged_file_should_not_open),
         cmocka_unit_test(orbit_should_stay_where_the_rig_was),
         cmocka_unit_test(capture_should_be_refused_where_it_differs),
+        cmocka_unit_test(score_should_tell_medians_and_changes),
         cmocka_unit_test(difference_should_be_clipped),
         cmocka_unit_test(montage_should_place_pictures_on_grey),
     };

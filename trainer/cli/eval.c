@@ -37,33 +37,45 @@ typedef struct {
 
 /* --- As text ------------------------------------------------------------- */
 
-static void print_score(const saga_score *s)
+/* A column of the table, or a dash where there is no such number. */
+static void print_column(int width, int decimals, double v, const char *unit)
 {
-    printf("  %7.3f  %9.3f  %8.5f  %8.5f", s->psnr, s->psnr_of_mean,
-           s->ssim_zero, s->ssim_valid);
-    if (isnan(s->ms_ssim))
-        printf("         -\n");
+    if (isnan(v))
+        printf("%*s%*s", width, "-", (int)strlen(unit), "");
     else
-        printf("  %8.5f\n", s->ms_ssim);
+        printf("%*.*f%s", width, decimals, v, unit);
 }
 
-static void print_mean(const char *name, int n, const saga_score *score)
+static void print_score(const saga_eval_score *s)
+{
+    print_column(8, 3, s->decode.psnr, "");
+    print_column(11, 3, s->decode.psnr_of_mean, "");
+    print_column(9, 3, s->median_psnr, "");
+    print_column(10, 3, saga_change_psnr(&s->change), "");
+    print_column(8, 2, 100.0 * saga_change_share(&s->change), " %");
+    print_column(9, 5, s->decode.ssim_zero, "");
+    print_column(9, 5, s->decode.ssim_valid, "");
+    print_column(9, 5, s->decode.ms_ssim, "");
+    putchar('\n');
+}
+
+static void print_mean(const char *name, int n, const saga_eval_score *score)
 {
     char text[40];
 
     if (n == 0)
         return;
     snprintf(text, sizeof text, "mean of %d", n);
-    printf("%-16.16s %-9s", text, name);
+    printf("%-15.15s %-8s", text, name);
     print_score(score);
 }
 
 static void print_scores(const saga_eval *e)
 {
-    puts("view             set           PSNR  PSNR(mse)    SSIM 0    SSIM v"
-         "   MS-SSIM");
+    puts("view            set         PSNR  PSNR(mse)   median  changing"
+         "     share   SSIM 0   SSIM v  MS-SSIM");
     for (int i = 0; i < e->n_views; i++) {
-        printf("%-16.16s %-9s", e->view[i].name,
+        printf("%-15.15s %-8s", e->view[i].name,
                e->view[i].held_out ? "held out" : "training");
         print_score(&e->view[i].score);
     }
@@ -124,6 +136,9 @@ static void print_protocol(const session *s)
                c->scale, c->scale);
     puts("  PSNR      " SAGA_PSNR_TEXT "\n"
          "  PSNR(mse) " SAGA_PSNR_OF_MEAN_TEXT "\n"
+         "  median    " SAGA_MEDIAN_TEXT "\n"
+         "  changing  " SAGA_CHANGE_TEXT "\n"
+         "  share     of such pixels; a set's are taken together\n"
          "  SSIM 0    " SAGA_SSIM_ZERO_TEXT "\n"
          "  SSIM v    " SAGA_SSIM_VALID_TEXT "\n"
          "  MS-SSIM   " SAGA_MS_SSIM_TEXT "\n"
@@ -158,12 +173,22 @@ static json_t *real(double v)
     return isfinite(v) ? json_real(v) : json_null();
 }
 
-static json_t *json_score(const saga_score *s)
+static json_t *json_score(const saga_eval_score *score)
 {
-    return json_pack("{sosososososo}",
+    const saga_score *const s = &score->decode;
+    const saga_change *const c = &score->change;
+    json_t *const o = json_pack("{sosososososo}",
         "psnr", real(s->psnr), "psnr_of_mean_mse", real(s->psnr_of_mean),
         "mse", real(s->mse), "ssim_zero", real(s->ssim_zero),
         "ssim_valid", real(s->ssim_valid), "ms_ssim", real(s->ms_ssim));
+
+    json_object_update_new(o, json_pack("{sososososI}",
+        "median_psnr", real(score->median_psnr),
+        "median_psnr_of_mean_mse", real(saga_psnr(score->median_mse)),
+        "changing_psnr", real(saga_change_psnr(c)),
+        "changing_share", real(saga_change_share(c)),
+        "changing_pixels", (json_int_t)c->n_changing));
+    return o;
 }
 
 static json_t *json_views(const saga_eval *e)
@@ -197,7 +222,7 @@ static json_t *json_protocol(const session *s)
 {
     const saga_capture *const c = &s->capture;
 
-    return json_pack("{sssssss[ii]sisssbssssssssss}",
+    return json_pack("{sssssss[ii]sisssbssssssssssssss}",
         "decoder", "integer, from the closed file, 8 bits",
         "capture", s->capture_name, "format", c->format,
         "frames", c->first_frame, c->first_frame + c->n_frames,
@@ -205,6 +230,7 @@ static json_t *json_protocol(const session *s)
         "scale_filter", c->scale == 1 ? "none" : "box mean",
         "frames_all_compared", 1,
         "psnr", SAGA_PSNR_TEXT, "psnr_of_mean_mse", SAGA_PSNR_OF_MEAN_TEXT,
+        "median", SAGA_MEDIAN_TEXT, "changing", SAGA_CHANGE_TEXT,
         "ssim_zero", SAGA_SSIM_ZERO_TEXT, "ssim_valid", SAGA_SSIM_VALID_TEXT,
         "ms_ssim", SAGA_MS_SSIM_TEXT);
 }
@@ -351,7 +377,10 @@ const saga_command saga_command_eval = {
     "made from, with the integer decoder, and compares. Tells PSNR, SSIM and\n"
     "MS-SSIM per view and their means, training and held-out views apart;\n"
     "bytes by component; decoding time by stage; and the protocol, without\n"
-    "which such numbers cannot be compared. A capture whose cameras, frames\n"
-    "or frame rate are not the file's is refused.\n",
+    "which such numbers cannot be compared. Two more columns tell what motion\n"
+    "is worth: the PSNR of a still picture, each view's temporal median, and\n"
+    "the file's PSNR where pixels are more than 8/255 off that median.\n"
+    "A capture whose cameras, frames or frame rate are not the file's is\n"
+    "refused.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

@@ -179,8 +179,33 @@ typedef struct {
     const saga_eval_options *options;
     saga_input_error *error;
     uint8_t *rgb;           /* of the largest view */
+    const uint8_t **frame;  /* (n_frames) of one view */
+    uint8_t **median;       /* (n_views) its temporal median picture */
     saga_score_sum *sum;    /* (n_views) */
 } comparison;
+
+static bool no_memory(const comparison *c, const char *what)
+{
+    return saga_fail(c->error, what, "free some memory", "no memory to compare "
+                     "its pictures");
+}
+
+/* The median pictures, of the truth alone. */
+static bool make_medians(const comparison *c)
+{
+    for (int i = 0; i < c->eval->n_views; i++) {
+        const size_t n = saga_view_frame_nbytes(&c->capture->views[i]);
+
+        c->median[i] = saga_alloc(n, 1);
+        if (!c->median[i])
+            return no_memory(c, c->eval->view[i].name);
+        for (int k = 0; k < c->eval->n_frames; k++)
+            c->frame[k] = saga_capture_frame(c->capture, i, k);
+        saga_median_picture(c->median[i], c->frame, c->eval->n_frames, n,
+                            c->film->n_threads);
+    }
+    return true;
+}
 
 static bool write_picture(const comparison *c, int view, int frame)
 {
@@ -203,6 +228,21 @@ static bool write_picture(const comparison *c, int view, int frame)
     return ok;
 }
 
+/* Adds to the view's score what its median picture is worth, and how the
+ * decoded one does where something changes. */
+static void compare_change(const comparison *c, int view, int frame)
+{
+    const uint8_t *const truth = saga_capture_frame(c->capture, view, frame);
+    const uint8_t *const median = c->median[view];
+    const size_t n = saga_view_frame_nbytes(&c->capture->views[view]);
+    const double mse = saga_mse(median, truth, n);
+    saga_eval_score *const s = &c->eval->view[view].score;
+
+    s->median_mse += mse / c->eval->n_frames;
+    s->median_psnr += saga_psnr(mse) / c->eval->n_frames;
+    saga_change_add(&s->change, median, truth, c->rgb, n / 3);
+}
+
 static bool compare_one(const comparison *c, int view, int frame)
 {
     const saga_eval_view *const v = &c->eval->view[view];
@@ -214,9 +254,9 @@ static bool compare_one(const comparison *c, int view, int frame)
     if (!saga_score_picture(&score, c->rgb,
                             saga_capture_frame(c->capture, view, frame),
                             v->width, v->height, c->film->n_threads))
-        return saga_fail(c->error, v->name, "free some memory",
-                         "no memory to compare its pictures");
+        return no_memory(c, v->name);
     saga_score_add(&c->sum[view], &score);
+    compare_change(c, view, frame);
     return write_picture(c, view, frame);
 }
 
@@ -245,18 +285,36 @@ static bool compare_all(const comparison *c)
     return true;
 }
 
+/* Mean over the views that are held out, or over those that are not. */
+static saga_eval_score mean_of(const saga_eval *eval, bool held_out)
+{
+    saga_score_sum decode = { .n = 0 };
+    saga_eval_score mean = { .median_psnr = 0.0 };
+    double n;
+
+    for (int i = 0; i < eval->n_views; i++) {
+        const saga_eval_score *const s = &eval->view[i].score;
+
+        if (eval->view[i].held_out != held_out)
+            continue;
+        saga_score_add(&decode, &s->decode);
+        mean.median_psnr += s->median_psnr;
+        mean.median_mse += s->median_mse;
+        saga_change_merge(&mean.change, &s->change);
+    }
+    n = decode.n ? (double)decode.n : (double)NAN;
+    mean.decode = saga_score_mean(&decode);
+    mean.median_psnr /= n;
+    mean.median_mse /= n;
+    return mean;
+}
+
 static void take_means(const comparison *c)
 {
-    saga_score_sum training = { .n = 0 }, held_out = { .n = 0 };
-
-    for (int i = 0; i < c->eval->n_views; i++) {
-        saga_eval_view *const v = &c->eval->view[i];
-
-        v->score = saga_score_mean(&c->sum[i]);
-        saga_score_add(v->held_out ? &held_out : &training, &v->score);
-    }
-    c->eval->training = saga_score_mean(&training);
-    c->eval->held_out = saga_score_mean(&held_out);
+    for (int i = 0; i < c->eval->n_views; i++)
+        c->eval->view[i].score.decode = saga_score_mean(&c->sum[i]);
+    c->eval->training = mean_of(c->eval, false);
+    c->eval->held_out = mean_of(c->eval, true);
 }
 
 static size_t largest(const saga_eval *eval)
@@ -280,22 +338,41 @@ static bool make_folder(const char *path, saga_input_error *error)
                      "cannot be made (%s)", strerror(errno));
 }
 
+/* The memory of a comparison, all of it or with what there is of it. */
+static bool allocate(comparison *c)
+{
+    const size_t n_views = (size_t)c->eval->n_views;
+
+    c->rgb = saga_alloc(largest(c->eval), 1);
+    c->frame = saga_calloc((size_t)c->eval->n_frames, sizeof *c->frame);
+    c->median = saga_calloc(n_views, sizeof *c->median);
+    c->sum = saga_calloc(n_views, sizeof *c->sum);
+    return (c->rgb && c->frame && c->median && c->sum) ||
+           no_memory(c, c->film->name);
+}
+
+static void release(const comparison *c)
+{
+    for (int i = 0; c->median && i < c->eval->n_views; i++)
+        free(c->median[i]);
+    free(c->rgb);
+    free(c->frame);
+    free(c->median);
+    free(c->sum);
+}
+
 bool saga_eval_run(saga_eval *eval, saga_film *film,
                    const saga_capture *capture,
                    const saga_eval_options *options,
                    saga_input_error *error)
 {
-    comparison c = { eval, film, capture, options, error, NULL, NULL };
-    bool ok = make_folder(options->pictures, error);
+    comparison c = { .eval = eval, .film = film, .capture = capture,
+                     .options = options, .error = error };
+    const bool ok = make_folder(options->pictures, error) && allocate(&c) &&
+                    make_medians(&c) && compare_all(&c);
 
-    c.rgb = saga_alloc(largest(eval), 1);
-    c.sum = saga_calloc((size_t)eval->n_views, sizeof *c.sum);
-    if (ok && (!c.rgb || !c.sum))
-        ok = saga_fail(error, film->name, "free some memory", "no memory");
-    ok = ok && compare_all(&c);
     if (ok)
         take_means(&c);
-    free(c.rgb);
-    free(c.sum);
+    release(&c);
     return ok;
 }

@@ -6,6 +6,7 @@
 #ifndef SAGA_EVALUATE_H
 #define SAGA_EVALUATE_H
 
+#include "change.h"
 #include "metrics.h"
 #include "view.h"
 
@@ -16,21 +17,29 @@ typedef struct saga_eval_options {
     void *progress_user;
 } saga_eval_options;
 
+/* What a view scores, or the mean over a set of views. */
+typedef struct saga_eval_score {
+    saga_score decode;       /* the file's pictures: mean over the frames */
+    double median_psnr;      /* the temporal median picture's: the same mean */
+    double median_mse;
+    saga_change change;      /* the file's, on changing pixels; of a set: all
+                              * pixels of its views together */
+} saga_eval_score;
+
 typedef struct saga_eval_view {
     const char *name;        /* the capture's */
     int width, height;
     bool held_out;
     int rig;                 /* its camera in the file's rig; -1: none */
     saga_camera camera;
-    saga_score score;        /* mean over the frames */
+    saga_eval_score score;
 } saga_eval_view;
 
 typedef struct saga_eval {
     int n_views, n_frames;
     saga_eval_view *view;    /* (n_views) in the capture's order */
     int n_training, n_held_out;
-    saga_score training, held_out; /* means over views; of none, NaN */
-    double near_metres;
+    saga_eval_score training, held_out; /* means over views; of none, NaN */
 } saga_eval;
 
 /* Whether the capture is what the file was made from, camera by camera; fills

@@ -1,0 +1,183 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The temporal median picture and PSNR on changing pixels: a sequence made by
+ * hand, and medians by sorting.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "change.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void near(double value, double wanted, double error)
+{
+    if (!(fabs(value - wanted) <= error))
+        fail_msg("%.17g is not within %g of %.17g", value, error, wanted);
+}
+
+/* --- By hand ------------------------------------------------------------- */
+
+/* Five frames of four pixels. The first stands still; the second's red moves
+ * around 100; the third's green around 50: by 8 at most, but for once 9; the
+ * fourth moves by 8 in all channels. */
+static const uint8_t film[5][12] = {
+    { 10, 20, 30,   0, 7, 7,  5, 50, 5,  90, 90, 90 },
+    { 10, 20, 30,   0, 7, 7,  5, 50, 5,  98, 82, 98 },
+    { 10, 20, 30, 100, 7, 7,  5, 58, 5,  90, 90, 90 },
+    { 10, 20, 30, 200, 7, 7,  5, 42, 5,  82, 98, 90 },
+    { 10, 20, 30, 255, 7, 7,  5, 59, 5,  90, 90, 82 }
+};
+static const uint8_t film_median[12] = {
+    10, 20, 30, 100, 7, 7, 5, 50, 5, 90, 90, 90
+};
+
+static void median_should_be_the_middle_value(void **state)
+{
+    const uint8_t *frame[5];
+    uint8_t median[12];
+
+    (void)state;
+    for (int i = 0; i < 5; i++)
+        frame[i] = film[i];
+    saga_median_picture(median, frame, 5, sizeof median, 1);
+    assert_memory_equal(median, film_median, sizeof median);
+    saga_median_picture(median, frame, 1, sizeof median, 1);
+    assert_memory_equal(median, film[0], sizeof median);
+    /* Frames 0 to 3: red 0, 0, 100, 200; green 42, 50, 50, 58. */
+    saga_median_picture(median, frame, 4, sizeof median, 1);
+    assert_int_equal(median[3], 50);
+    assert_int_equal(median[7], 50);
+    /* Frames 2 and 3: red 100, 200; green 58, 42; grey 90, 82. */
+    saga_median_picture(median, frame + 2, 2, sizeof median, 1);
+    assert_int_equal(median[3], 150);
+    assert_int_equal(median[7], 50);
+    assert_int_equal(median[9], 86);
+}
+
+static void median_should_round_halves_up(void **state)
+{
+    static const uint8_t a[3] = { 0, 254, 255 }, b[3] = { 1, 255, 255 };
+    const uint8_t *const frame[2] = { a, b };
+    uint8_t median[3];
+
+    (void)state;
+    saga_median_picture(median, frame, 2, sizeof median, 1);
+    assert_int_equal(median[0], 1);
+    assert_int_equal(median[1], 255);
+    assert_int_equal(median[2], 255);
+}
+
+/* The second pixel changes in frames 0, 1, 3 and 4, the third in frame 4. */
+static void psnr_should_be_of_changing_pixels_only(void **state)
+{
+    saga_change sum = { 0 }, all = { 0 };
+
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        uint8_t picture[12];
+
+        memcpy(picture, film[i], sizeof picture);
+        picture[0] = 255;                     /* stands still: free */
+        picture[9] = 0;
+        picture[3] = film[i][3] == 100 ? 0    /* the median's own: free */
+                   : film[i][3];
+        if (i == 0)
+            picture[4] += 6;                  /* 36: another channel counts */
+        if (i == 4) {
+            picture[7] -= 3;                  /* 9 */
+            picture[8] += 5;                  /* 25 */
+        }
+        saga_change_add(&sum, film_median, film[i], picture, 4);
+    }
+    assert_int_equal(sum.n_pixels, 20);
+    assert_int_equal(sum.n_changing, 5);
+    assert_int_equal(sum.error, 70);
+    near(saga_change_share(&sum), 0.25, 1e-15);
+    near(saga_change_psnr(&sum), 10 * log10(65025.0 * 15 / 70), 1e-12);
+    saga_change_merge(&all, &sum);
+    saga_change_merge(&all, &sum);
+    near(saga_change_share(&all), 0.25, 1e-15);
+    near(saga_change_psnr(&all), saga_change_psnr(&sum), 1e-12);
+}
+
+static void nothing_should_be_undefined_and_right_infinite(void **state)
+{
+    saga_change sum = { 0 };
+
+    (void)state;
+    assert_true(isnan(saga_change_psnr(&sum)));
+    assert_true(isnan(saga_change_share(&sum)));
+    saga_change_add(&sum, film_median, film_median, film[0], 4);
+    assert_true(isnan(saga_change_psnr(&sum)));
+    assert_true(saga_change_share(&sum) == 0.0);
+    saga_change_add(&sum, film_median, film[0], film[0], 4);
+    assert_true(isinf(saga_change_psnr(&sum)));
+    assert_true(saga_change_share(&sum) == 0.125);
+}
+
+/* --- By sorting ---------------------------------------------------------- */
+
+static int compare(const void *a, const void *b)
+{
+    return *(const uint8_t *)a - *(const uint8_t *)b;
+}
+
+static void check_sorted(int n_frames, size_t n, uint32_t seed, int n_threads)
+{
+    uint8_t *const samples = malloc((size_t)n_frames * n);
+    uint8_t *const median = malloc(n + 1);
+    const uint8_t *frame[32];
+    uint8_t column[32];
+
+    assert_true(samples && median);
+    median[n] = 0xa5;
+    for (size_t i = 0; i < (size_t)n_frames * n; i++) {
+        seed = seed * 1664525u + 1013904223u;
+        samples[i] = (uint8_t)(seed >> (i % 5 ? 24 : 30));
+    }
+    for (int f = 0; f < n_frames; f++)
+        frame[f] = samples + (size_t)f * n;
+    saga_median_picture(median, frame, n_frames, n, n_threads);
+    for (size_t i = 0; i < n; i++) {
+        const int low = (n_frames - 1) / 2, high = n_frames / 2;
+
+        for (int f = 0; f < n_frames; f++)
+            column[f] = frame[f][i];
+        qsort(column, (size_t)n_frames, 1, compare);
+        assert_int_equal(median[i], (int)floor((column[low] + column[high]) /
+                                               2.0 + 0.5));
+    }
+    assert_int_equal(median[n], 0xa5);
+    free(samples);
+    free(median);
+}
+
+static void median_should_be_what_sorting_gives(void **state)
+{
+    static const size_t size[] = { 1, 3, 63, 64, 65, 300 };
+
+    (void)state;
+    for (int n_frames = 1; n_frames <= 32; n_frames++)
+        for (size_t i = 0; i < sizeof size / sizeof size[0]; i++)
+            check_sorted(n_frames, size[i], (uint32_t)(37 * n_frames) +
+                         (uint32_t)i, 1 + n_frames % 3);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(median_should_be_the_middle_value),
+        cmocka_unit_test(median_should_round_halves_up),
+        cmocka_unit_test(psnr_should_be_of_changing_pixels_only),
+        cmocka_unit_test(nothing_should_be_undefined_and_right_infinite),
+        cmocka_unit_test(median_should_be_what_sorting_gives),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
