@@ -209,6 +209,10 @@ $(TESTS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
+# A file with its coarse features at zero: what tools/floors.sh compares with.
+$(BUILD)/make_zeroed: $(OBJ)/tests/make_zeroed.o $(HELPERS) $(TRAIN) $(LIB)
+	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
+
 # No library but libc and libm: for every target of tests/run_matrix.sh.
 $(BUILD)/check_vectors: $(OBJ)/tests/check_vectors.o $(HELPERS) $(PLAIN) $(LIB)
 	$(LINK) $^ -lm -o $@

@@ -220,9 +220,9 @@ static const uint8_t *chunk_at(saga_chunk *chunk, uint32_t type,
     return payload;
 }
 
-static int read_layers(const saga_scaffold *sc, saga_symbols *s,
-                       uint32_t cap_nodes, uint32_t final_range[3],
-                       const uint8_t *p, size_t n)
+int recorder_layers(saga_coder *front, saga_coder **inner,
+                    const saga_scaffold *sc, uint32_t final_range[3],
+                    const uint8_t *p, size_t n)
 {
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
@@ -232,23 +232,20 @@ static int read_layers(const saga_scaffold *sc, saga_symbols *s,
     saga_syntax_begin(sc);
     for (layer = 0; layer < 3 && ok; layer++) {
         saga_range_dec range;
-        recorder r;
         saga_chunk chunk;
         const uint8_t *const payload = chunk_at(&chunk, type[layer], &p, &n);
 
         if (!payload)
             return 0;
         saga_range_dec_init(&range, payload, chunk.nbytes);
-        recorder_init(&r, &range.coder);
-        r.s = s;
-        r.cap_nodes = cap_nodes;
-        r.features = sc->model->features;
-        ok = layer == 0 ? saga_syntax_coarse(sc, &r.coder)
-           : layer == 1 ? saga_syntax_fine(sc, &r.coder)
-                        : saga_syntax_prim(sc, &r.coder);
+        *inner = &range.coder;
+        ok = layer == 0 ? saga_syntax_coarse(sc, front)
+           : layer == 1 ? saga_syntax_fine(sc, front)
+                        : saga_syntax_prim(sc, front);
         ok = ok && saga_range_dec_finish(&range);
         final_range[layer] = range.range;
     }
+    *inner = NULL;
     return ok;
 }
 
@@ -260,17 +257,20 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     saga_segment_header seg;
     saga_chunk chunk;
     saga_scaffold sc;
-    uint32_t cap;
+    recorder r;
     int ok;
 
     io.in = chunk_at(&chunk, SAGA_CHUNK_SEGMENT, &p, &n);
     if (!io.in)
         return 0;
     saga_segment_io(&io, &seg);
-    cap = 25 * seg.n.coarse + 25;
-    recorder_alloc_symbols(s, seg.n, h->model.features, cap);
+    recorder_init(&r, NULL);
+    r.s = s;
+    r.cap_nodes = 25 * seg.n.coarse + 25;
+    r.features = h->model.features;
+    recorder_alloc_symbols(s, seg.n, h->model.features, r.cap_nodes);
     saga_scaffold_alloc(&sc, &h->model, nets, params, seg.n);
-    ok = read_layers(&sc, s, cap, final_range, p, n);
+    ok = recorder_layers(&r.coder, &r.inner, &sc, final_range, p, n);
     saga_scaffold_free(&sc);
     return ok;
 }

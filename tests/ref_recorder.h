@@ -33,10 +33,18 @@ void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes);
 void recorder_free_symbols(saga_symbols *s);
 void recorder_free_nets(saga_net_symbols *s);
 
+/* Decodes the chunks of a segment's three layers, p[0..n) from COAR on: fills
+ * sc. The traversal asks `front`, a coder of the caller's, which asks *inner:
+ * before each layer, that is set to its range decoder. Returns 1, or 0 if
+ * anything is invalid; final_range[0..2] as saga_tell gives them. */
+int recorder_layers(saga_coder *front, saga_coder **inner,
+                    const saga_scaffold *sc, uint32_t final_range[3],
+                    const uint8_t *p, size_t n);
+
 /* All symbols of a file's bytes, decoded by decoder/range_dec and common/'s
  * traversal: networks, and segment `number` (or none if segment is NULL).
  * Returns 1, or 0 if anything is invalid. free with the functions above;
- * final_range[0..2] as saga_tell gives them. */
+ * final_range as recorder_layers has it. */
 int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
                   uint32_t number, uint32_t final_range[3],
                   const uint8_t *bytes, size_t n);
