@@ -136,7 +136,7 @@ I_ALL     = $(I_DECODER) $(TRAINER_DIR:%=-I%) -Itests
 .PHONY: all lib tests bench-programs help
 all: lib $(TOOLS)
 lib: $(LIB)
-tests: $(TESTS)
+tests: $(TESTS) $(BUILD)/make_zeroed
 bench-programs: $(BENCH)
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
@@ -281,6 +281,15 @@ demo: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga
 	@tools/demo.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
+# What the demo's file is worth beside what needs no such codec: another
+# training, and a table of goals and numbers.
+.PHONY: floors
+floors: setup
+	@$(MAKE) --no-print-directory $(BUILD)/saga $(BUILD)/make_zeroed
+	@test -s $(BUILD)/demo/encode.json || \
+	    $(MAKE) --no-print-directory demo
+	@tools/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
+
 # Regenerates vectors/ and its MANIFEST. Look at the difference before
 # committing it: only a change of the format may change a vector.
 VECTORS_SRC = $(wildcard tests/make_vectors.c)
@@ -296,6 +305,7 @@ clean:
 define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
 make demo        the built-in scene, encoded, decoded and judged; 8 CPU minutes
+make floors      the demo beside what needs no such codec; 8 CPU minutes more
 make test        installs what is missing (Debian), then all tests; < 10 CPU min
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone

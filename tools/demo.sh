@@ -21,12 +21,12 @@ echo "encoding; Ctrl-C and \`make demo\` again go on from a checkpoint"
 resume=()
 [ ! -f "$file.ckpt" ] || resume=(--resume)
 "$saga" encode "$capture" -o "$file" --primitives 5000 --iterations 18000 \
-    --threads "$threads" "${resume[@]}" "$@"
-echo
+    --threads "$threads" "${resume[@]}" "$@" --json >"$demo/encode.json"
 "$saga" eval "$file" "$capture" --threads "$threads" \
     --pictures "$demo/pictures" | tee "$demo/table.txt"
 echo
 echo "$file: the scene; \`saga render\` draws it from anywhere"
+echo "$demo/encode.json: what training reached, what symbols cost"
 echo "$demo/pictures: truth, decode and 4 x their difference, for each camera"
 # In a pipe, times would tell a subshell's.
 times >"$demo/times.txt"
