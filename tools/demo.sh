@@ -17,7 +17,7 @@ file=$demo/demo.saga
 if [ ! -d "$capture" ]; then
     "$saga" synth "$capture" --threads "$threads"
 fi
-echo "encoding; Ctrl-C and \`make demo\` again go on from a checkpoint"
+echo "encoding; after Ctrl-C, the same command goes on from a checkpoint"
 resume=()
 [ ! -f "$file.ckpt" ] || resume=(--resume)
 "$saga" encode "$capture" -o "$file" --primitives 5000 --iterations 18000 \
