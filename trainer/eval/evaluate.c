@@ -338,7 +338,7 @@ static bool make_folder(const char *path, saga_input_error *error)
                      "cannot be made (%s)", strerror(errno));
 }
 
-/* The memory of a comparison, all of it or with what there is of it. */
+/* The memory of a comparison; release gives back what there is of it. */
 static bool allocate(comparison *c)
 {
     const size_t n_views = (size_t)c->eval->n_views;
