@@ -216,7 +216,7 @@ static void twin_gradients_should_match_differences_without_tools(void **state)
 
 static void regress_gradients_should_match_differences(void **state)
 {
-    enum { N = 3, REALS = 31 };
+    enum { N = 3, REALS = 32 };
     const saga_rng r = saga_rng_stream(3, 3);
     double x[N * REALS], y[N * REALS], g[N * REALS] = { 0 }, weight[N];
     saga_splat_params p[3];
@@ -230,8 +230,8 @@ static void regress_gradients_should_match_differences(void **state)
             .mean = base[k], .quat = base[k] + 3 * N,
             .log2_scale = base[k] + 7 * N, .opacity = base[k] + 10 * N,
             .colour = base[k] + 11 * N, .support = base[k] + 14 * N,
-            .motion = base[k] + 17 * N, .slope = NULL,
-            .t_centre = base[k] + 26 * N, .log2_width = base[k] + 27 * N };
+            .motion = base[k] + 17 * N, .t_centre = base[k] + 26 * N,
+            .log2_width = base[k] + 27 * N, .slope = base[k] + 28 * N };
     }
     for (i = 0; i < N * REALS; i++) {
         x[i] = saga_rng_normal(r, i);
@@ -240,7 +240,7 @@ static void regress_gradients_should_match_differences(void **state)
     for (i = 0; i < N; i++)
         weight[i] = 0.5 + (double)i;
     saga_regress_loss(&p[2], &p[0], &p[1], weight, N);
-    for (i = 3 * N; i < 28 * N; i++) {
+    for (i = 3 * N; i < REALS * N; i++) {
         double dummy[N * REALS] = { 0 }, up, down;
         const double keep = x[i], h = 1e-6;
         saga_splat_params d = p[2];
@@ -254,6 +254,7 @@ static void regress_gradients_should_match_differences(void **state)
         d.motion = dummy + 17 * N;
         d.t_centre = dummy + 26 * N;
         d.log2_width = dummy + 27 * N;
+        d.slope = dummy + 28 * N;
         x[i] = keep + h;
         up = saga_regress_loss(&d, &p[0], &p[1], weight, N);
         x[i] = keep - h;

@@ -78,6 +78,60 @@ static void start_features(saga_fit *f)
         f->scene->coarse_feature[i] = (real)(0.5 * saga_rng_normal(r, i));
 }
 
+/* Features pass the networks between coarse anchors and primitives as they are,
+ * and these learn what to add: ten layers in a row learn little from noise. */
+static void start_networks(saga_scene *s)
+{
+    const real part = R(0.3);
+
+    saga_net_start_identity(&s->net[SAGA_NET_FUSE_C], s->model.features, part);
+    saga_net_start_identity(&s->net[SAGA_NET_FINE], s->model.features, part);
+    saga_net_start_identity(&s->net[SAGA_NET_FUSE_F], s->model.features, part);
+}
+
+/* The importance of the target's primitives: the roots of their shares of the
+ * pictures (of blending weights), mean 1, over a sample of the pictures. */
+static saga_fit_status measure_importance(saga_fit *f)
+{
+    enum { N_PICTURES = 48, STRIDE = 7 };
+    const size_t n = f->scene->n.prim;
+    saga_splat_stats stats = { .weight = f->weight };
+    double sum = 0, mean = 0;
+    saga_splat_rules rules;
+    size_t i;
+    int k;
+
+    saga_splat_rules_default(&rules);
+    for (k = 0; k < N_PICTURES; k++) {
+        const int view = f->train[k % f->n_train];
+        const saga_shot *const v = &f->capture->views[view];
+        const real t = R(STRIDE * k % f->capture->n_frames) /
+                       R(f->capture->n_frames);
+        saga_splat_camera cam;
+
+        saga_flat_camera(&cam, v, &f->cube, f->range[2 * view], 0);
+        memset(f->d_image, 0, 3 * (size_t)v->width * (size_t)v->height *
+               sizeof *f->d_image);
+        if (saga_splat_forward(f->image, f->trans, &f->splat, &f->target,
+                               f->scene->n.prim, t, &cam, &rules) ||
+            saga_splat_backward(&f->twin.d_attr, &stats, &f->splat, f->d_image,
+                                NULL, f->image, f->trans, &f->target, t, &cam,
+                                &rules))
+            return SAGA_FIT_MEMORY;
+    }
+    for (i = 0; i < n; i++)
+        sum += (double)f->weight[i] / (double)n;
+    for (i = 0; i < n; i++) {
+        const double share = sqrt((double)f->weight[i] / (sum + 1e-9));
+
+        f->weight[i] = (real)fmin(fmax(share, 0.05), 20);
+        mean += (double)f->weight[i] / (double)n;
+    }
+    for (i = 0; i < n; i++)
+        f->weight[i] /= (real)mean;
+    return SAGA_FIT_OK;
+}
+
 /* Supports that hold a fine anchor's primitives within |o| < 0.8, and at least
  * a 64th of the cell. */
 static void want_supports(saga_fit *f)
@@ -131,10 +185,13 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
     for (i = 0; i < (uint32_t)capture->n_views; i++)
         if (!capture->views[i].held_out)
             f->train[f->n_train++] = (int)i;
-    for (i = 0; i < scene->n.prim; i++)
-        f->weight[i] = 1;
     start_features(f);
+    start_networks(scene);
     want_supports(f);
+    if (measure_importance(f)) {
+        saga_fit_free(f);
+        return NULL;
+    }
     return f;
 }
 

@@ -25,10 +25,13 @@ void saga_log_covar_backward(real d_quat[4], real d_log2_scale[3],
                              const real d_l[6], const real quat[4],
                              const real log2_scale[3]);
 
-/* Mean over the n primitives of weighted squared differences of log-covariance,
- * opacity, colour, displacement coefficients (support * motion), temporal
- * centre and log width of a from the target's; the latter's arrays that are
- * NULL count as zero (motion) or are left out. Adds the gradient to d.
+/* Mean over the n primitives of weighted squared differences of a from the
+ * target's: of log-covariance and displacement (support * motion, in sizes of
+ * the target's primitive) at moments of the part of the segment in which the
+ * target is seen, so that rotation slopes and motion count for what they do
+ * there; of opacity, colour, temporal centre and log width. The target's arrays
+ * that are NULL count as zero (motion, slope) or are left out. Adds the
+ * gradient to d, whose arrays are those of a.
  * weight (n): importance of each, mean about 1. */
 double saga_regress_loss(saga_splat_params *d, const saga_splat_params *a,
                          const saga_splat_params *target, const real *weight,
