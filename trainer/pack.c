@@ -278,25 +278,15 @@ static double *to_units(const float *x, size_t n)
     return u;
 }
 
-/* Suffix of a fine anchor: the cell of its offset. The hierarchy orders them
- * so; a fine anchor that training moved is clamped to its cell. */
+/* Suffix of a fine anchor: the cell it was given by the hierarchy, which orders
+ * them so. One that training moved out of it keeps it; its residual grows. */
 static uint32_t fine_suffix(const saga_scene *s, uint32_t i)
 {
-    const uint32_t bits = s->model.level[0].suffix_bits;
-    const saga_coarse *const c = &s->coarse[s->fine[i].parent];
-    real centre[4];
+    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
     uint32_t v[4], k;
 
-    saga_scene_cell(centre, c);
-    for (k = 0; k < 4; k++) {
-        const double half = (double)(k < 3 ? saga_scene_half_x(c)
-                                           : saga_scene_half_t(c));
-        const double o = ((double)s->fine_x[4 * (size_t)i + k] -
-                          (double)centre[k]) / half;
-        const int32_t cell = (int32_t)floor((o + 1) * (1 << bits) / 2);
-
-        v[k] = (uint32_t)fx_clamp(cell, 0, (1 << bits) - 1);
-    }
+    for (k = 0; k < 4; k++)
+        v[k] = (uint32_t)(s->fine[i].local[k] + 16384) >> (15 - bits);
     return saga_morton_suffix(v, bits);
 }
 

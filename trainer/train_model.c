@@ -16,25 +16,31 @@ enum { N_VIEWS = 8, N_FRAMES = 8 }; /* most that are looked at */
 
 /* --- The model ----------------------------------------------------------- */
 
-static void set_levels(saga_model *m)
+static void set_levels(saga_model *m, const saga_train_options *o)
 {
     for (int i = 0; i < SAGA_N_LEVELS; i++) {
         saga_level *const l = &m->level[i];
 
         l->n_groups = 8;
         l->window = 16;
-        l->neighbours = 8;
+        l->neighbours = 4;
         l->suffix_bits = 4;
         l->max_children = i ? 10 : 16;
         l->radius2_q12 = 4 << 12;  /* rho = 2 */
-        l->softmax_q8 = 739;       /* log2(e) / T, T = 1/2 */
+        l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
+    }
+    if (o->n_fine >= o->n_primitives) {
+        /* Anchor and primitive are at the same place. */
+        m->level[SAGA_LEVEL_FINE].suffix_bits = 0;
+        m->level[SAGA_LEVEL_FINE].max_children = 1;
     }
 }
 
-/* Defaults of design.md 8. Steps in Q16 of their symbol's format: a centre 1/32
- * of a half-cell, a feature 1/16, a fine offset 1/256 of a half-cell, a
- * primitive's 1/128 of a support. (On the built-in scene, 1/64 for both cost
- * 0.35 dB more and 7 % fewer bytes; finer ones win little.) */
+/* Defaults of design.md 8, but for narrower interpolation (docs/decisions.md).
+ * Steps in Q16 of their symbol's format: a centre 1/8 of a half-cell, which
+ * interpolation alone sees; a feature 1/4; a fine offset 1/512 of a half-cell;
+ * a primitive's 1/128 of a support, a support where it has an anchor to itself.
+ */
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
@@ -45,11 +51,12 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     m->features = 24;
     m->octaves = 4;
     m->lambda_t_q8 = 256;
-    set_levels(m);
-    m->step_q16[SAGA_STEP_CENTRE] = 512u << 16;
-    m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
-    m->step_q16[SAGA_STEP_FINE] = 64u << 16;
-    m->step_q16[SAGA_STEP_PRIM] = 128u << 16;
+    set_levels(m, o);
+    m->step_q16[SAGA_STEP_CENTRE] = 2048u << 16;
+    m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
+    m->step_q16[SAGA_STEP_FINE] = 32u << 16;
+    m->step_q16[SAGA_STEP_PRIM] =
+        (m->level[SAGA_LEVEL_FINE].max_children > 1 ? 128u : 16384u) << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = width;

@@ -132,6 +132,26 @@ static saga_fit_status measure_importance(saga_fit *f)
     return SAGA_FIT_OK;
 }
 
+/* Fine anchors go where their primitives are, to the mean: local offsets stay
+ * small, and say little where an anchor has one primitive. */
+static void follow_primitives(saga_scene *s)
+{
+    uint32_t i, p;
+    int k;
+
+    for (i = 0; i < s->n.fine; i++) {
+        const saga_fine *const a = &s->fine[i];
+
+        for (k = 0; k < 4 && a->n_prim > 0; k++) {
+            double sum = 0;
+
+            for (p = a->first_prim; p < a->first_prim + a->n_prim; p++)
+                sum += (double)s->prim_x[4 * (size_t)p + (size_t)k];
+            s->fine_x[4 * (size_t)i + (size_t)k] = (real)(sum / a->n_prim);
+        }
+    }
+}
+
 /* Supports that hold a fine anchor's primitives within |o| < 0.8, and at least
  * a 64th of the cell. */
 static void want_supports(saga_fit *f)
@@ -187,6 +207,7 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
             f->train[f->n_train++] = (int)i;
     start_features(f);
     start_networks(scene);
+    follow_primitives(scene);
     want_supports(f);
     if (measure_importance(f)) {
         saga_fit_free(f);
@@ -501,6 +522,7 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     int k;
 
     *loss = 0;
+    follow_primitives(f->scene);
     saga_twin_offsets(&f->twin, f->scene);
     if (saga_twin_geometry(&f->twin, f->scene, f->feature))
         return SAGA_FIT_MEMORY;
@@ -526,8 +548,8 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
                                      (double)f->o.lambda);
     if (is_rounding(f))
         f->channels.bits = code_length(f, f->feature);
-    return (saga_fit_status)descend(f, rate * R(0.003), rate * R(0.0003),
-                                    rate * R(0.0008));
+    return (saga_fit_status)descend(f, rate * R(0.006), rate * R(0.0003),
+                                    rate * R(0.0016));
 }
 
 saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
