@@ -28,6 +28,9 @@ static exr_context_initializer_t exr_setup(void)
 static bool exr_fail(saga_input_error *error, const char *path,
                      exr_result_t code)
 {
+    if (code == EXR_ERR_FILE_ACCESS)
+        return saga_fail(error, path, "check the path in the capture's files",
+                         "cannot be opened");
     return saga_fail(error, path, "copy or export the picture again",
                      "EXR is damaged or cut short (%s)",
                      exr_get_default_error_message(code));
