@@ -144,6 +144,7 @@ else
     check cli env SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec" \
         tests/check_cli.sh
     check encode env SAGA="$build/gcc/saga" tests/check_encode.sh
+    check input env SAGA="$build/gcc/saga" tests/check_input.sh
     check stack python3 tests/check_stack.py
     programs gcc CC=gcc
     sanitized

@@ -404,7 +404,7 @@ static void cube_should_hold_what_there_is_to_see(void **state)
     saga_flat_cube cube;
 
     for (int way = 0; way < 2; way++) {
-        size_t n_in = 0;
+        int n_in = 0;
 
         saga_flat_cube_fit(&cube, range, &c);
         for (size_t i = 0; i < c.n_points; i++)
@@ -638,7 +638,7 @@ static void options_should_be_refused_when_they_cannot_be(void **state)
     memcpy(views, c.views, sizeof views);
     c.views = views;
     views[0].width = 7;
-    refused_new(&c, &o, "view cam00 is 7 x 48 pixels: at least 8 x 8");
+    refused_new(&c, &o, "view cam00 is 7 x 48 pixels, at least 8 x 8");
     for (int v = 0; v < VIEWS; v++)
         views[v].held_out = true;
     refused_new(&c, &o, "0 training views");
