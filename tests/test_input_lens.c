@@ -302,8 +302,7 @@ static void lens_should_be_refused_when_it_folds_or_is_no_lens(void **state)
 
     l.k1 = -50;
     write_capture(f, &l, W, H, rgb);
-    refused(f->path, "a.png", "k1 -50");
-    refused(f->path, "a.png", "folds the picture");
+    refused(f->path, "a.png: distortion k1 -50", "folds the picture");
     l = barrel;
     l.fx = -130;
     write_capture(f, &l, W, H, rgb);
