@@ -171,7 +171,6 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
 static void colour_should_follow_the_tags(void **state)
 {
     check_colour(*state, "", 0.2126, 0.0722, false);
-    check_colour(*state, "-colorspace bt709", 0.2126, 0.0722, false);
     check_colour(*state, "-colorspace smpte170m", 0.299, 0.114, false);
     check_colour(*state, "-colorspace bt709 -color_range pc", 0.2126, 0.0722,
                  true);
