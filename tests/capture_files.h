@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * Files for the tests of trainer/input: a folder that goes away, bytes put
- * together by hand, and loading. For files that include cmocka.
+ * together by hand, and loading. Brings cmocka with what it wants.
  */
 #ifndef CAPTURE_FILES_H
 #define CAPTURE_FILES_H
@@ -9,11 +9,14 @@
 #include "capture.h"
 #include "input.h"
 
+#include <setjmp.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+
+#include <cmocka.h>
 
 /* --- A folder ------------------------------------------------------------ */
 
@@ -46,6 +49,10 @@ static inline int folder_remove(void **state)
     free(f);
     return 0;
 }
+
+/* A test with a folder of its own, which is its *state. */
+#define IN_FOLDER(test) \
+    cmocka_unit_test_setup_teardown(test, folder_make, folder_remove)
 
 /* The path of a file in it; good until the fourth call after this. */
 static inline const char *folder_file(folder *f, const char *name)

@@ -4,12 +4,6 @@
  * and true depth) against the figures of its README, person4 (nerfstudio with
  * lenses) against its own frames as ffmpeg gives them and OpenCV's formula.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "capture_files.h"
 #include "check.h"
 
@@ -464,9 +458,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(studio_should_agree_with_its_readme),
         cmocka_unit_test(person4_should_agree_with_its_lenses_and_points),
-        cmocka_unit_test_setup_teardown(
-            folder_should_be_refused_when_it_is_no_capture, folder_make,
-            folder_remove)
+        IN_FOLDER(folder_should_be_refused_when_it_is_no_capture)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

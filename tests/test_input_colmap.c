@@ -4,12 +4,6 @@
  * as what was made up; which of its points a capture keeps, and its cameras
  * where there is no poses_bounds.npy.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "capture_files.h"
 #include "colmap.h"
 #include "pose.h"
@@ -513,9 +507,6 @@ static void cameras_should_be_scaled_to_the_videos(void **state)
     folder_run(f, "mv cam02.mp4 cam04.mp4");
     refused(f->path, "colmap", "belongs to cam04");
 }
-
-#define IN_FOLDER(f) cmocka_unit_test_setup_teardown(f, folder_make, \
-                                                     folder_remove)
 
 int main(void)
 {

@@ -4,12 +4,6 @@
  * by the formats' descriptions and not by the libraries that read them; and
  * the same files cut short, wrong or lying about their sizes.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "capture_files.h"
 #include "npy.h"
 #include "picture.h"
@@ -704,9 +698,6 @@ static void exr_should_be_refused_when_it_is_damaged(void **state)
                                      &error));
     assert_says(&error, "none.exr: cannot be opened");
 }
-
-#define IN_FOLDER(f) cmocka_unit_test_setup_teardown(f, folder_make, \
-                                                     folder_remove)
 
 int main(void)
 {

@@ -4,12 +4,6 @@
  * by hand, pictures made through a lens against the same pattern seen by a
  * pinhole, area averages and scaled intrinsics.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "capture_files.h"
 #include "picture.h"
 #include "remap.h"
@@ -311,9 +305,6 @@ static void lens_should_be_refused_when_it_folds_or_is_no_lens(void **state)
     write_capture(f, &l, W, H, rgb);
     refused(f->path, "a.png", "fx 0");
 }
-
-#define IN_FOLDER(f) cmocka_unit_test_setup_teardown(f, folder_make, \
-                                                     folder_remove)
 
 int main(void)
 {

@@ -4,12 +4,6 @@
  * convention of files; poses that are none; and the cameras of the built-in
  * scene against its points, its true depth and its pictures.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "capture_files.h"
 #include "picture.h"
 #include "pose.h"
@@ -431,9 +425,6 @@ static void points_should_lie_where_the_pictures_show_them(void **state)
     assert_true(quantile(depth, n, 0.5) < 0.018);
     assert_true(quantile(colour, n, 0.5) < 16);
 }
-
-#define IN_FOLDER(f) cmocka_unit_test_setup_teardown(f, folder_make, \
-                                                     folder_remove)
 
 int main(void)
 {

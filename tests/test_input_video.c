@@ -4,12 +4,6 @@
  * in order, in number and in colour; cameras that do not fit together and
  * files that cannot be decoded are refused.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "capture_files.h"
 #include "video.h"
 
@@ -316,9 +310,6 @@ static void loading_should_be_refused_when_memory_is_short(void **state)
     c = load_with(f->path, &o);
     saga_capture_free(&c);
 }
-
-#define IN_FOLDER(f) cmocka_unit_test_setup_teardown(f, folder_make, \
-                                                     folder_remove)
 
 int main(void)
 {
