@@ -187,7 +187,10 @@ bool saga_output_close(saga_output *out, bool ok, saga_input_error *error)
     /* Of the write that failed, if the caller has just seen one. */
     const int write_errno = ok ? 0 : errno;
     errno = 0;
-    ok = ok && fflush(out->file) == 0 && !ferror(out->file);
+    /* On the disk before it has the name: after a power cut there is the old
+     * file or the new one, not an empty one. */
+    ok = ok && fflush(out->file) == 0 && !ferror(out->file) &&
+         fsync(fileno(out->file)) == 0;
     const int flush_errno = write_errno ? write_errno : errno;
     ok = fclose(out->file) == 0 && ok;
     ok = ok && rename(out->temporary, out->path) == 0;

@@ -116,8 +116,8 @@ typedef struct saga_output {
 
 bool saga_output_open(saga_output *out, const char *path,
                       saga_input_error *error);
-/* Flushes, checks and renames; on any failure (or ok == false) the temporary
- * file is removed and false returned. */
+/* Flushes to the disk, checks and renames; on any failure (or ok == false) the
+ * temporary file is removed and false returned. */
 bool saga_output_close(saga_output *out, bool ok, saga_input_error *error);
 
 #endif

@@ -687,13 +687,14 @@ static char *folder_of(const char *path)
     return folder;
 }
 
-/* Python writes NaN and Infinity, which JSON does not have. */
+/* Python writes NaN, Infinity and -Infinity, which JSON does not have. */
 static bool bad_json(const json_error_t *problem, const char *path,
-                     saga_input_error *error)
+                     const saga_bytes *bytes, saga_input_error *error)
 {
     const bool nonfinite = strstr(problem->text, "'NaN") ||
                            strstr(problem->text, "'Infinity") ||
-                           strstr(problem->text, "'-Infinity") ||
+                           (strstr(problem->text, "'-'") &&
+                            strstr((const char *)bytes->data, "-Infinity")) ||
                            strstr(problem->text, "real number overflow");
     return saga_fail(error, path, nonfinite ? "export the poses again"
                                             : "correct the file",
@@ -717,7 +718,7 @@ bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
         r.root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
                             &problem);
         ok = r.root ? read_all(&r, options)
-                    : bad_json(&problem, json_path, error);
+                    : bad_json(&problem, json_path, &bytes, error);
         saga_bytes_free(&bytes);
     }
     json_decref(r.root);

@@ -63,7 +63,7 @@ static bool parse_header(const char *text, npy_header *h)
 {
     const char *const descr = value_of(text, "descr");
     const char *const order = value_of(text, "fortran_order");
-    if (!descr || !order)
+    if (!descr || !order || (descr[0] != '\'' && descr[0] != '"'))
         return false;
     if (strncmp(descr + 1, "<f8", 3) == 0)
         h->item_nbytes = 8;

@@ -28,6 +28,9 @@ static exr_context_initializer_t exr_setup(void)
 static bool exr_fail(saga_input_error *error, const char *path,
                      exr_result_t code)
 {
+    if (code == EXR_ERR_FILE_ACCESS)
+        return saga_fail(error, path, "check the path in the capture's files",
+                         "cannot be opened");
     return saga_fail(error, path, "copy or export the picture again",
                      "EXR is damaged or cut short (%s)",
                      exr_get_default_error_message(code));
@@ -230,10 +233,40 @@ static exr_result_t write_header(exr_context_t context, int width, int height,
     return r == EXR_ERR_SUCCESS ? exr_write_header(context) : r;
 }
 
+typedef exr_result_t exr_compress_fn(exr_encode_pipeline_t *encode);
+
+/* Readers take a chunk of the packed size for one that is not compressed.
+ * OpenEXR before 3.4.8 writes compressed ones of that very size, and pixels
+ * come back as noise (its issue 2306): such a chunk is stored as it is. */
+static exr_result_t compress_or_store(exr_encode_pipeline_t *encode)
+{
+    exr_compress_fn *const *const compress = encode->encoding_user_data;
+    const exr_result_t r = (*compress)(encode);
+    if (r == EXR_ERR_SUCCESS &&
+        encode->compressed_bytes == encode->packed_bytes &&
+        encode->compressed_buffer != encode->packed_buffer)
+        memcpy(encode->compressed_buffer, encode->packed_buffer,
+               encode->packed_bytes);
+    return r;
+}
+
+static exr_result_t choose_routines(exr_context_t context,
+                                    exr_encode_pipeline_t *encode,
+                                    exr_compress_fn **compress)
+{
+    const exr_result_t r =
+        exr_encoding_choose_default_routines(context, 0, encode);
+    *compress = encode->compress_fn;
+    encode->encoding_user_data = compress;
+    encode->compress_fn = compress_or_store;
+    return r;
+}
+
 static exr_result_t encode_chunks(exr_context_t context, int width,
                                   int height, const exr_planes *planes)
 {
     exr_encode_pipeline_t encode = EXR_ENCODE_PIPELINE_INITIALIZER;
+    exr_compress_fn *compress = NULL;
     int32_t rows = 0;
     exr_result_t r = exr_get_scanlines_per_chunk(context, 0, &rows);
     for (int y = 0; y < height && r == EXR_ERR_SUCCESS; y += rows) {
@@ -257,7 +290,7 @@ static exr_result_t encode_chunks(exr_context_t context, int width,
             ch->user_line_stride = 4 * width;
         }
         if (y == 0)
-            r = exr_encoding_choose_default_routines(context, 0, &encode);
+            r = choose_routines(context, &encode, &compress);
         if (r == EXR_ERR_SUCCESS)
             r = exr_encoding_run(context, 0, &encode);
     }

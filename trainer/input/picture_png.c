@@ -37,6 +37,19 @@ static void read_job_end(png_job *job)
     job->file = NULL;
 }
 
+/* libpng refuses bad sizes without naming them. Leaves the file at its
+ * begin; what is no PNG is left to libpng. */
+static bool check_file_size(FILE *file, const char *path,
+                            saga_input_error *error)
+{
+    uint8_t head[24] = {0};
+    const bool read = fread(head, sizeof head, 1, file) == 1;
+    rewind(file);
+    return !read || memcmp(head + 12, "IHDR", 4) != 0 ||
+           saga_check_size(path, png_get_uint_32(head + 16),
+                           png_get_uint_32(head + 20), error);
+}
+
 static bool read_job_begin(png_job *job, const char *path,
                            saga_input_error *error)
 {
@@ -45,6 +58,10 @@ static bool read_job_begin(png_job *job, const char *path,
     if (!job->file)
         return saga_fail(error, path, "check the path in the capture's files",
                          "picture cannot be opened (%s)", strerror(errno));
+    if (!check_file_size(job->file, path, error)) {
+        read_job_end(job);
+        return false;
+    }
     job->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, job, png_failed,
                                       png_warned);
     job->info = job->png ? png_create_info_struct(job->png) : NULL;
@@ -105,7 +122,7 @@ bool saga_png_probe(const char *path, int *width, int *height,
         *height = (int)png_get_image_height(job.png, job.info);
     }
     read_job_end(&job);
-    return ok && saga_check_size(path, *width, *height, error);
+    return ok;
 }
 
 bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,

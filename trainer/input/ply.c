@@ -72,7 +72,7 @@ static bool add_property(ply_header *h, const char *type, const char *name)
 /* One header line; elements are tracked so that only the vertices' properties
  * count. */
 typedef struct ply_state {
-    bool seen_vertex, in_vertex, other_first;
+    bool seen_format, seen_vertex, in_vertex;
 } ply_state;
 
 static bool header_line(ply_header *h, ply_state *s, const char *line)
@@ -80,6 +80,7 @@ static bool header_line(ply_header *h, ply_state *s, const char *line)
     char a[32], b[64];
     unsigned long long n;
     if (sscanf(line, "format %31s", a) == 1) {
+        s->seen_format = true;
         h->ascii = strcmp(a, "ascii") == 0;
         return h->ascii || strcmp(a, "binary_little_endian") == 0;
     }
@@ -96,6 +97,19 @@ static bool header_line(ply_header *h, ply_state *s, const char *line)
     return true;
 }
 
+static bool header_is_whole(const ply_header *h, const ply_state *s,
+                            const char *path, saga_input_error *error)
+{
+    if (!s->seen_format)
+        return saga_fail(error, path, "export the points as PLY",
+                         "has no format line in its header");
+    if (h->field[FIELD_X] < 0 || h->field[FIELD_Y] < 0 ||
+        h->field[FIELD_Z] < 0)
+        return saga_fail(error, path, "export positions with the points",
+                         "vertices have no x, y, z");
+    return true;
+}
+
 static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
                          saga_input_error *error)
 {
@@ -106,12 +120,8 @@ static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
         return saga_fail(error, path, "export the points as PLY",
                          "is no PLY file");
     while (take_line(c, line)) {
-        if (strcmp(line, "end_header") == 0) {
-            if (h->field[0] >= 0 && h->field[1] >= 0 && h->field[2] >= 0)
-                return true;
-            return saga_fail(error, path, "export positions with the points",
-                             "vertices have no x, y, z");
-        }
+        if (strcmp(line, "end_header") == 0)
+            return header_is_whole(h, &s, path, error);
         if (!header_line(h, &s, line))
             return saga_fail(error, path, "store ascii or "
                              "binary_little_endian, vertices first, scalar "

@@ -32,15 +32,16 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* How far the rows are from orthonormal; NaN stays NaN. */
+/* How far the rows are from orthonormal; NaN if any of them is. */
 static double defect(const double r[9])
 {
     double worst = 0.0;
     for (int i = 0; i < 3; i++)
         for (int j = i; j < 3; j++) {
             const double e = dot(r + 3 * i, r + 3 * j) - (i == j ? 1.0 : 0.0);
-            if (!(fabs(e) <= worst))
-                worst = fabs(e);
+            if (isnan(e))
+                return e;
+            worst = fmax(worst, fabs(e));
         }
     return worst;
 }

@@ -250,7 +250,8 @@ static bool find_views(saga_flat *f)
         if (c->views[v].held_out)
             continue;
         if (c->views[v].width < MIN_SIDE || c->views[v].height < MIN_SIDE) {
-            fail(f, "view %s is %d x %d pixels: at least %d x %d are needed",
+            fail(f, "view %s is %d x %d pixels, at least %d x %d are needed; "
+                 "use larger pictures or a larger --scale",
                  c->views[v].name, c->views[v].width, c->views[v].height,
                  MIN_SIDE, MIN_SIDE);
             return false;

@@ -2,8 +2,9 @@
  *
  * Where the scene is. Each view gets a range of depths: what the capture says,
  * else what its points say, else what the crossing of the optical axes
- * suggests. The cube then holds what two views see within their ranges, and
- * the points but for the outermost ones.
+ * suggests. The cube then holds what two views see within their ranges, as
+ * far as a coarse grid of samples tells, and the points but for the outermost
+ * ones.
  */
 #include "flat_state.h"
 

@@ -5,6 +5,7 @@
  */
 #include "flat_state.h"
 
+#include <math.h>
 #include <string.h>
 
 #define MAGIC 0x3154414c46474153u   /* "SAGFLAT1" */
@@ -122,6 +123,14 @@ saga_flat_status saga_flat_save(const saga_flat *f, FILE *file)
     return s.ok && fflush(file) == 0 ? SAGA_FLAT_OK : SAGA_FLAT_DATA;
 }
 
+/* More there never are (flat_grow.c). */
+static double most_primitives(const saga_flat_options *o)
+{
+    const double factor = fmax(1, fmax((double)o->start, (double)o->growth));
+
+    return factor * o->n_primitives + 1;
+}
+
 static const char *objection(const header *h, const header *mine,
                              const saga_flat *f)
 {
@@ -131,7 +140,7 @@ static const char *objection(const header *h, const header *mine,
         return "checkpoint of other options: repeat those it was made with";
     if (h->capture != mine->capture)
         return "checkpoint of another capture: start anew";
-    if (h->n < 1 || h->n > 8u * SAGA_FLAT_MAX_PRIMITIVES ||
+    if (h->n < 1 || h->n > most_primitives(&f->o) ||
         h->iteration > (uint32_t)f->o.n_iterations)
         return "damaged checkpoint: start anew";
     return NULL;

@@ -1,0 +1,462 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_input.sh: guarantees, for `saga encode` (build/saga, or SAGA=...) and
+# input or output that is bad: status 1 (the capture) or 2 (the output), one
+# line of message that has the file, the value and, behind "; ", a remedy;
+# nothing on stdout, no half-written file.
+#   json        transforms.json that is damaged, lacks keys, has wrong types,
+#               numbers that are not finite
+#   cameras     poses that are none, lenses and sizes that cannot be, cameras
+#               that move or have nothing in common with each other or the
+#               points
+#   frames      unequal counts, missing, empty, odd and damaged pictures and
+#               points, times that do not fit
+#   neu3d       videos and poses_bounds.npy that are missing, damaged or do not
+#               fit together
+#   paths       links, `..` and absolute paths are fine
+#   output      what cannot be written is found before the training; a disk
+#               that fills up later leaves the checkpoint, and --resume the
+#               whole file
+#   interrupt   Ctrl-C while the capture is loaded; without a checkpoint
+set -u
+saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+cd "$tmp" || exit
+
+passed=0
+failed=0
+verdict() { # verdict NAME: complaints in ./bad
+    if [ -s bad ]; then
+        sed 's/^/     /' bad
+        echo "FAIL input $1"
+        failed=$((failed + 1))
+    else
+        echo "ok   input $1"
+        passed=$((passed + 1))
+    fi
+    : >bad
+}
+: >bad
+complain() { echo "$*" >>bad; }
+
+small=(--primitives 20 --iterations 6)
+
+# run STATUS ARGUMENTS...: saga encode to x.saga.
+run() {
+    local want=$1 rc
+    shift
+    "$saga" encode "$@" "${small[@]}" >out 2>err </dev/null
+    rc=$?
+    [ "$rc" = "$want" ] ||
+        complain "saga encode $*: status $rc, not $want: $(tail -n 1 err)"
+}
+
+# says TEXT...: one line, a remedy, and each text.
+says() {
+    local text
+    [ "$(wc -l <err)" = 1 ] || complain "not one line of message: $(cat err)"
+    for text in '; ' "$@"; do
+        grep -qF -e "$text" err || complain "no '$text' in: $(cat err)"
+    done
+    [ ! -s out ] || complain "output beside: $(cat err)"
+}
+
+# refused CAPTURE TEXT...
+refused() {
+    local capture=$1
+    shift
+    run 1 "$capture" -o x.saga
+    says "$@"
+    [ -z "$(ls | grep -F x.saga)" ] || complain "left behind: $(ls)"
+    rm -f x.saga*
+}
+
+# A bad capture is the built-in one, changed by a line or more of Python: j is
+# its transforms.json, b its folder, f(camera, frame) an entry, png(name, w, h)
+# and write(name, data) add a file. All are made at once: Python starts slowly.
+cat >edit.py <<'PYTHON'
+import glob, json, os, struct, zlib
+
+def f(camera, frame):
+    return j["frames"][3 * camera + frame]
+
+def write(name, data):
+    with open(b + "/" + name, "wb") as out:
+        out.write(data)
+
+def png(name, w, h):
+    def chunk(kind, data):
+        return (struct.pack(">I", len(data)) + kind + data +
+                struct.pack(">I", zlib.crc32(kind + data)))
+    write(name, b"\x89PNG\r\n\x1a\n" +
+          chunk(b"IHDR", struct.pack(">IIBBBBB", w, h, 8, 2, 0, 0, 0)) +
+          chunk(b"IDAT", zlib.compress((b"\0" + b"\0" * 3 * w) * h)) +
+          chunk(b"IEND", b""))
+
+def move_camera(camera, change):
+    for frame in range(3):
+        change(f(camera, frame)["transform_matrix"])
+
+# Points changed by p(x, y, z), a list.
+def move_points(p):
+    d = open("cap/points.ply", "rb").read()
+    at = d.index(b"end_header\n") + 11
+    os.unlink(b + "/points.ply")
+    write("points.ply", d[:at] + b"".join(
+        struct.pack("<3f", *p(*struct.unpack_from("<3f", d, i))) +
+        d[i + 12:i + 15] for i in range(at, len(d), 15)))
+
+# All cameras on a circle, looking outwards.
+def look_apart():
+    for camera, (x, y) in enumerate([(0, 1), (-1, 0), (0, -1), (1, 0)]):
+        for frame in range(3):
+            f(camera, frame)["transform_matrix"] = [
+                [y, 0, -x, 5 * x], [-x, 0, -y, 5 * y], [0, 1, 0, 0],
+                [0, 0, 0, 1]]
+
+# The second picture of cam01 is one of its own, not written yet.
+def odd_picture():
+    for names in j["train_filenames"], j["test_filenames"]:
+        names[:] = [n.replace("cam01/00001", "cam01/odd") for n in names]
+    f(1, 1)["file_path"] = "images/cam01/odd.png"
+    os.unlink(b + "/images")
+    for camera in range(4):
+        os.makedirs(b + "/images/cam%02d" % camera)
+        for frame in range(3):
+            name = "/images/cam%02d/%05d.png" % (camera, frame)
+            os.symlink("../../../cap" + name, b + name)
+
+def picture(name):
+    return bytearray(open("cap/images/" + name, "rb").read())
+
+for name in glob.glob("code/*"):
+    b = "b" + os.path.basename(name)
+    j = json.load(open("cap/transforms.json"))
+    os.mkdir(b)
+    os.symlink("../cap/images", b + "/images")
+    os.symlink("../cap/points.ply", b + "/points.ply")
+    exec(open(name).read())
+    write("transforms.json",
+          (j if isinstance(j, str) else json.dumps(j)).encode())
+    os.unlink(name)
+PYTHON
+
+# bad CODE FILE TEXT...: is to be refused, with the name of a file in its folder
+# ("" for the folder) and the texts.
+n=0
+first=0
+mkdir code
+bad() {
+    printf '%s\n' "$1" >"code/$n"
+    shift
+    printf '%s\n' "$@" >"want$n"
+    n=$((n + 1))
+}
+bad_json() {
+    local code=$1
+    shift
+    bad "$code" /transforms.json "$@"
+}
+odd() {
+    local code=$1
+    shift
+    bad "odd_picture()
+$code" /images/cam01/odd.png "$@"
+}
+# try_all: makes and tries what was planned since the last time.
+try_all() {
+    local text
+    python3 edit.py 2>>bad || complain "edit.py failed"
+    while [ $first -lt $n ]; do
+        mapfile -t text <"want$first"
+        refused "b$first" "b$first${text[0]}: " "${text[@]:1}"
+        rm -rf "b$first" "want$first"
+        first=$((first + 1))
+    done
+}
+
+"$saga" synth cap --size 64x36 --cameras 4 --hold-out 1 --frames 3 \
+    --points 300 --depth-every 0 >out 2>err || complain "synth: $(cat err)"
+
+# ---- json
+bad_json 'j = ""' 'no valid JSON at line 1'
+bad_json 'j = json.dumps(j)[:-40]' 'no valid JSON at line 1'
+bad_json 'j = "\0\1\2"' 'no valid JSON'
+bad_json 'j = "[" * 5000' 'no valid JSON'
+bad_json 'j = []' '(root)' 'an array' 'expected an object'
+bad_json 'del j["frames"]' '"frames"' missing
+bad_json 'j["frames"] = {}' '"frames"' 'is an object, expected an array'
+bad_json 'j["frames"] = []' '"frames" has 0 entries'
+bad_json 'j["frames"][4] = 7' 'frames[]' 'a number, expected an object'
+bad_json 'del f(1, 1)["file_path"]' '"file_path" in frames[4] is missing'
+bad_json 'f(1, 1)["file_path"] = 5' '"file_path" in frames[4] is a number'
+bad_json 'del f(1, 2)["transform_matrix"]' \
+    '"transform_matrix" in frames[5] is missing'
+bad_json 'f(1, 2)["transform_matrix"][1].pop()' \
+    '"transform_matrix" in frames[5]'
+bad_json 'f(1, 2)["transform_matrix"][1][0] = "0"' 'is a string'
+bad_json 'f(1, 2)["transform_matrix"][3][0] = 1' 'frames[5] is not 0 0 0 1'
+bad_json 'f(0, 1)["transform_matrix"][0][3] = float("nan")' \
+    'not finite at line 1' NaN
+bad_json 'f(0, 1)["transform_matrix"][0][3] = float("inf")' \
+    'not finite at line 1' Infinity
+bad_json 'f(0, 1)["transform_matrix"][0][3] = float("-inf")' \
+    'not finite at line 1' "near '-'"
+bad_json 'j = json.dumps(j).replace("57.6", "1e999", 1)' 'not finite at line 1'
+bad_json 'j["fl_x"] = "57.6"' '"fl_x" at the top is a string'
+bad_json 'del j["fl_x"]' 'focal length of images/cam00/00000.png is missing'
+bad_json 'j["fps"] = 0' '"fps" is 0'
+bad_json 'j["fps"] = -24' '"fps" is -24'
+bad_json 'j["train_filenames"] = 3' '"train_filenames" at the top is a number'
+bad_json 'j["train_filenames"][2] = None' 'is null'
+try_all
+verdict json
+
+# ---- cameras
+bad_json 'j["w"] = -64' 'is -64 x 36, the file has 64 x 36 pixels'
+bad_json 'j["h"] = 72' 'is 64 x 72, the file has 64 x 36 pixels'
+bad_json 'j["camera_model"] = "OPENCV_FISHEYE"' '"OPENCV_FISHEYE" of frames[0]'
+bad_json 'j["k4"] = 0.5' 'k4 = 0.5 of frames[0]'
+bad_json 'move_camera(1, lambda m: m[0].__setitem__(0, 3))' \
+    'images/cam01/00000.png (frames[3])' 'first row 3'
+bad_json 'move_camera(1, lambda m: [r.__setitem__(0, -r[0]) for r in m[:3]])' \
+    'no rotation'
+bad_json 'for i in range(12):
+    j["frames"][i]["transform_matrix"][0][3] += i' \
+    '12 pictures has its own pose and time: the camera moves'
+bad_json 'f(1, 1)["transform_matrix"][0][3] += 1' 'unequal frame counts'
+bad 'j["fl_x"] = -57.6' /images/cam00/00000.png 'fx -57.6'
+bad 'j["fl_y"] = 0' /images/cam00/00000.png 'fy 0'
+bad 'j["k1"] = -90' /images/cam00/00000.png 'k1 -90' 'folds the picture'
+bad 'look_apart()' '' 'no overlap: only' 'inside two or more of the 4 cameras'
+bad 'look_apart()
+del j["ply_file_path"]' '' 'no overlap: no two of the 4 cameras'
+bad 'for c in range(4):
+    move_camera(c, lambda m: [r.__setitem__(k, -r[k]) for r in m[:3]
+                              for k in (1, 2)])' \
+    '' 'no overlap' 'negate columns 1 and 2'
+bad 'move_points(lambda x, y, z: (x + 900, y, z))' \
+    '' 'no overlap: only 0 of 300 points'
+bad_json 'j["train_filenames"].pop()' 'only some pictures of camera cam03'
+try_all
+run 1 cap -o x.saga --hold-out cam00,cam01,cam02,cam03
+says cap: 'all 4 cameras are held out'
+verdict cameras
+
+# ---- frames
+bad_json 'j["frames"].pop()' 'images/cam00/00000.png has 3' \
+    'images/cam03/00000.png has 2'
+bad_json 'del f(1, 1)["time"]' 'only 11 of 12 frames have "time"'
+bad_json 'f(1, 1)["time"] = 0' 'have one pose and one time 0'
+bad_json 'f(1, 1)["time"] = 0.06' 'time 0.06 of images/cam01/00001.png'
+bad_json 'for c in range(4):
+    f(c, 2)["time"] += 1' 'is not near'
+bad_json 'f(2, 0)["file_path"] = "a.mp4"' 'mixes 1 videos and 11 pictures'
+bad 'f(2, 1)["file_path"] = "images/cam02/1.png"' /images/cam02/1.png \
+    'cam02 is missing'
+odd 'pass' 'is missing'
+odd 'os.mkdir(b + "/images/cam01/odd.png")' 'is missing'
+odd 'png("images/cam01/odd.png", 48, 36)' \
+    'is 48 x 36 pixels, expected 64 x 36'
+odd 'png("images/cam01/odd.png", 0, 0)' 'size of 0 x 0 pixels'
+odd 'png("images/cam01/odd.png", 64, 0)' 'size of 64 x 0 pixels'
+odd 'png("images/cam01/odd.png", 64, 20000)' 'size of 64 x 20000 pixels'
+odd 'write("images/cam01/odd.png", b"")' 'neither PNG nor OpenEXR' \
+    '0 bytes read'
+odd 'write("images/cam01/odd.png", b"GIF89a, not a PNG")' \
+    'starts with 47 49 46 38'
+odd 'write("images/cam01/odd.png", picture("cam01/00001.png")[:900])' \
+    'damaged or cut short'
+odd 'd = picture("cam01/00001.png")
+d[600] ^= 8
+write("images/cam01/odd.png", d)' 'damaged or cut short'
+bad 'os.unlink(b + "/points.ply")' /points.ply 'cannot be opened'
+bad 'd = open("cap/points.ply", "rb").read()
+os.unlink(b + "/points.ply")
+write("points.ply", d[:-7])' /points.ply \
+    'announces 300 points but has only 4493 bytes'
+try_all
+run 1 cap -o x.saga --scale 1/40
+says cap/images/cam00/00000.png: '64 x 36 pixels leave nothing'
+run 2 cap -o x.saga --scale 1/5
+says 'view cam00 is 12 x 7 pixels'
+verdict frames
+
+# ---- neu3d
+# poses NAME CODE [NBYTES]: p/NAME, a poses_bounds.npy of two cameras, its rows
+# changed by Python, of which so many bytes are kept.
+cat >poses.py <<'PYTHON'
+import glob, os, struct
+for name in glob.glob("code/*"):
+    rows = []
+    for camera in range(2):
+        r = [[0, 1, 0, camera / 4, 48], [-1, 0, 0, 0, 64], [0, 0, 1, 0, 60]]
+        rows += [x for line in r for x in line] + [1, 9]
+    nbytes = 9999
+    exec(open(name).read())
+    head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 17), }"
+    data = b"\x93NUMPY\1\0" + struct.pack("<H", len(head)) + head
+    data += struct.pack("<34d", *rows)
+    open("p/" + os.path.basename(name), "wb").write(data[:nbytes])
+    os.unlink(name)
+PYTHON
+mkdir p
+echo 'pass' >code/good
+echo 'rows[0] = float("nan")' >code/nan
+echo 'rows[20] = float("inf")' >code/inf
+echo 'rows[31] = -60' >code/focal
+echo 'nbytes = 40' >code/head
+echo 'nbytes = 200' >code/cut
+# The second camera looks the other way.
+echo 'for i in 0, 1, 2:
+    rows[17 + 5 * i + 1] *= -1
+    rows[17 + 5 * i + 2] *= -1' >code/apart
+python3 poses.py 2>>bad || complain "poses.py failed"
+echo 1 >p/text
+poses() { cp "p/$1" n/poses_bounds.npy; }
+# video NAME FRAMES
+video() {
+    ffmpeg -nostdin -v error -f lavfi -i "testsrc=s=64x48:r=25,trim=end_frame=$2" \
+        -c:v libx264 -y "n/$1" 2>>bad
+}
+mkdir n
+video cam00.mp4 3
+refused n n: '1 videos but no cameras'
+poses good
+refused n n/poses_bounds.npy '2 rows but there are 1 videos'
+cp n/cam00.mp4 n/cam01.mp4
+run 0 n -o x.saga --hold-out cam00
+rm -f x.saga
+poses nan
+refused n n/poses_bounds.npy 'row of cam00 is not finite' 'nan'
+poses inf
+refused n n/poses_bounds.npy 'row of cam01 is not finite'
+poses focal
+refused n n/poses_bounds.npy 'row of cam01 has' 'focal length -60'
+poses head
+refused n n/poses_bounds.npy 'cut short in its header'
+poses cut
+refused n n/poses_bounds.npy 'announces 2 x 17 numbers of 8 bytes but holds'
+poses text
+refused n n/poses_bounds.npy 'is no .npy file'
+poses apart
+refused n n: 'no overlap'
+poses good
+video cam01.mp4 5
+refused n n/cam00.mp4 'cam00 has 3 frames, cam01 has 5' '--frames 0:3'
+head -c 1000 n/cam00.mp4 >n/cam01.mp4
+refused n n/cam01.mp4 'no video that ffprobe can read'
+rm n/cam01.mp4
+refused n n/poses_bounds.npy '2 rows but there are 1 videos'
+mkdir empty
+refused empty empty 'no capture of a known format'
+refused nowhere nowhere 'does not exist'
+(PATH=/nonexistent; run 1 n -o x.saga)
+says ffprobe 'install ffmpeg'
+verdict neu3d
+
+# ---- paths
+printf '%s\n' 'for x in j["frames"]:
+    x["file_path"] = os.path.abspath("cap/" + x["file_path"])
+del j["train_filenames"]
+del j["test_filenames"]
+j["ply_file_path"] = "../cap/../cap/points.ply"' >code/fine
+python3 edit.py 2>>bad
+ln -s bfine linked
+run 0 linked/transforms.json -o x.saga
+[ -f x.saga ] || complain "no file: $(cat err)"
+rm -f x.saga
+verdict paths
+
+# ---- output
+bad_output() {
+    run 2 cap -o "$1"
+    says "$1"
+}
+touch plain
+bad_output plain/x.saga
+bad_output nowhere/x.saga
+bad_output cap
+bad_output /dev/full
+bad_output /proc/x.saga
+bad_output "$(printf '%0300d' 0).saga"
+long=(--primitives 150 --iterations 1200)
+# stop PID: Ctrl-C after the first checkpoint.
+stop() {
+    local i=0
+    while [ ! -f d/x.saga.ckpt ] && [ $i -lt 500 ]; do
+        sleep 0.02
+        i=$((i + 1))
+    done
+    kill -INT "$1"
+    wait "$1"
+    [ $? = 2 ] || complain "Ctrl-C: $(cat err)"
+}
+mkdir d
+set -m
+"$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 >out 2>err \
+    </dev/null &
+stop $!
+set +m
+cp d/x.saga.ckpt was
+# No file may be longer than 4 blocks any more, as on a disk that is full.
+(trap '' XFSZ; ulimit -f 4
+ "$saga" encode cap -o d/x.saga "${long[@]}" --resume 2>err | cat >out
+ exit "${PIPESTATUS[0]}")
+[ $? = 2 ] || complain "full disk: $(cat err)"
+grep -q 'no checkpoint: .*d/x.saga.ckpt: could not be written' err ||
+    complain "full disk, checkpoint: $(cat err)"
+tail -n 1 err | grep -q 'd/x.saga: could not be written (File too large); .*free space.*--resume' ||
+    complain "full disk, file: $(tail -n 1 err)"
+[ "$(ls d)" = x.saga.ckpt ] || complain "full disk leaves $(ls d)"
+cmp -s was d/x.saga.ckpt || complain "full disk: another checkpoint"
+"$saga" encode cap -o d/x.saga "${long[@]}" --resume >out 2>err </dev/null ||
+    complain "resumed: $(tail -n 1 err)"
+"$saga" encode cap -o whole.saga "${long[@]}" >out 2>err </dev/null
+cmp -s d/x.saga whole.saga || complain "resumed to another file"
+[ "$(ls d)" = x.saga ] || complain "in the end: $(ls d)"
+rm -rf d whole.saga was
+verdict output
+
+# ---- interrupt
+set -m
+# While ffmpeg decodes: Ctrl-C reaches it as well.
+video cam01.mp4 3
+mkdir bin
+printf '#!/bin/sh\n: >%s/decoding\nexec sleep 30\n' "$tmp" >bin/ffmpeg
+chmod +x bin/ffmpeg
+PATH=$tmp/bin:$PATH "$saga" encode n -o x.saga >out 2>err </dev/null &
+pid=$!
+i=0
+while [ ! -f decoding ] && [ $i -lt 500 ]; do
+    sleep 0.02
+    i=$((i + 1))
+done
+kill -INT -- "-$pid"
+wait "$pid"
+[ $? = 2 ] || complain "Ctrl-C while loading: $(cat err)"
+says 'stopped while loading' 'nothing was written'
+[ -z "$(ls | grep -F x.saga)" ] || complain "left behind: $(ls)"
+# A checkpoint cannot be written: its name is a folder's.
+mkdir -p d/x.saga.ckpt
+"$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 >out 2>err \
+    </dev/null &
+pid=$!
+i=0
+while ! grep -q 'no checkpoint' err && [ $i -lt 500 ]; do
+    sleep 0.02
+    i=$((i + 1))
+done
+kill -INT "$pid"
+wait "$pid"
+[ $? = 2 ] || complain "Ctrl-C without a checkpoint: $(cat err)"
+tail -n 1 err | grep -q 'no checkpoint could be written; nothing is left' ||
+    complain "Ctrl-C without a checkpoint: $(tail -n 1 err)"
+[ "$(ls d)" = x.saga.ckpt ] || complain "Ctrl-C leaves $(ls d)"
+set +m
+verdict interrupt
+
+echo "check_input: $passed passed, $failed failed"
+[ "$failed" = 0 ]
