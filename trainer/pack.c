@@ -4,7 +4,6 @@
 #include "cost.h"
 #include "dense.h"
 #include "fx.h"
-#include "morton.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -278,28 +277,6 @@ static double *to_units(const float *x, size_t n)
     return u;
 }
 
-/* Suffix of a fine anchor: the cell of its offset. The hierarchy orders them
- * so; a fine anchor that training moved is clamped to its cell. */
-static uint32_t fine_suffix(const saga_scene *s, uint32_t i)
-{
-    const uint32_t bits = s->model.level[0].suffix_bits;
-    const saga_coarse *const c = &s->coarse[s->fine[i].parent];
-    real centre[4];
-    uint32_t v[4], k;
-
-    saga_scene_cell(centre, c);
-    for (k = 0; k < 4; k++) {
-        const double half = (double)(k < 3 ? saga_scene_half_x(c)
-                                           : saga_scene_half_t(c));
-        const double o = ((double)s->fine_x[4 * (size_t)i + k] -
-                          (double)centre[k]) / half;
-        const int32_t cell = (int32_t)floor((o + 1) * (1 << bits) / 2);
-
-        v[k] = (uint32_t)fx_clamp(cell, 0, (1 << bits) - 1);
-    }
-    return saga_morton_suffix(v, bits);
-}
-
 static void alloc_symbols(saga_symbols *y, const saga_scene *s)
 {
     const size_t f = s->model.features;
@@ -322,7 +299,7 @@ static void alloc_symbols(saga_symbols *y, const saga_scene *s)
         y->n_fine[i] = s->coarse[i].n_fine;
     for (i = 0; i < s->n.fine; i++) {
         y->n_prim[i] = s->fine[i].n_prim;
-        y->fine_suffix[i] = fine_suffix(s, i);
+        y->fine_suffix[i] = saga_scene_fine_suffix(s, i);
     }
 }
 

@@ -37,7 +37,7 @@ static void expect(stream *s, uint64_t value)
     s->ok = s->ok && x == value;
 }
 
-static void walk_links(stream *s, saga_twin_links *l, size_t queries)
+static void walk_links(stream *s, saga_links *l, size_t queries)
 {
     uint64_t n = l->n;
 
@@ -52,7 +52,7 @@ static void walk_links(stream *s, saga_twin_links *l, size_t queries)
 }
 
 /* A damaged link must not lead outside. */
-static bool links_hold(const saga_twin_links *l, size_t queries,
+static bool links_hold(const saga_links *l, size_t queries,
                        uint32_t sources)
 {
     for (size_t i = 0; i < queries; i++)
