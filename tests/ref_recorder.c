@@ -59,6 +59,8 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     r->inner->residual(r->inner, at, q, mu, step_q16, scale, n);
     for (i = 0; i < n; i++)
         to[i] = q[i];
+    if (r->watch)
+        r->watch(r->user, at, mu, scale, n);
     r->n_symbols += n;
     c->error = r->inner->error;
 }
@@ -220,9 +222,10 @@ static const uint8_t *chunk_at(saga_chunk *chunk, uint32_t type,
     return payload;
 }
 
+/* like: its watch. */
 static int read_layers(const saga_scaffold *sc, saga_symbols *s,
                        uint32_t cap_nodes, uint32_t final_range[3],
-                       const uint8_t *p, size_t n)
+                       const recorder *like, const uint8_t *p, size_t n)
 {
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
@@ -243,6 +246,8 @@ static int read_layers(const saga_scaffold *sc, saga_symbols *s,
         r.s = s;
         r.cap_nodes = cap_nodes;
         r.features = sc->model->features;
+        r.watch = like->watch;
+        r.user = like->user;
         ok = layer == 0 ? saga_syntax_coarse(sc, &r.coder)
            : layer == 1 ? saga_syntax_fine(sc, &r.coder)
                         : saga_syntax_prim(sc, &r.coder);
@@ -254,7 +259,8 @@ static int read_layers(const saga_scaffold *sc, saga_symbols *s,
 
 static int read_segment(const saga_header *h, const saga_nets *nets,
                         const uint8_t *params, saga_symbols *s,
-                        uint32_t final_range[3], const uint8_t *p, size_t n)
+                        uint32_t final_range[3], const recorder *like,
+                        const uint8_t *p, size_t n)
 {
     saga_io io = { NULL, NULL, 0 };
     saga_segment_header seg;
@@ -270,7 +276,7 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     cap = 25 * seg.n.coarse + 25;
     recorder_alloc_symbols(s, seg.n, h->model.features, cap);
     saga_scaffold_alloc(&sc, &h->model, nets, params, seg.n);
-    ok = read_layers(&sc, s, cap, final_range, p, n);
+    ok = read_layers(&sc, s, cap, final_range, like, p, n);
     saga_scaffold_free(&sc);
     return ok;
 }
@@ -294,9 +300,9 @@ static int read_nets(saga_net_symbols *out, const saga_nets *nets,
            saga_range_dec_finish(&range);
 }
 
-int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
-                  uint32_t number, uint32_t final_range[3],
-                  const uint8_t *bytes, size_t n)
+static int read_file(saga_net_symbols *nets, saga_symbols *segment,
+                     uint32_t number, uint32_t final_range[3],
+                     const recorder *like, const uint8_t *bytes, size_t n)
 {
     saga_header h;
     saga_plan plan;
@@ -320,8 +326,34 @@ int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
     ok = params && read_nets(nets, &plan.nets, params, p, left);
     if (ok && segment)
         ok = entry.offset < n && entry.nbytes <= n - entry.offset &&
-             read_segment(&h, &plan.nets, params, segment, final_range,
+             read_segment(&h, &plan.nets, params, segment, final_range, like,
                           bytes + entry.offset, entry.nbytes);
     free(params);
+    return ok;
+}
+
+int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
+                  uint32_t number, uint32_t final_range[3],
+                  const uint8_t *bytes, size_t n)
+{
+    const recorder nobody = { .watch = NULL };
+
+    return read_file(nets, segment, number, final_range, &nobody, bytes, n);
+}
+
+int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
+                  size_t n)
+{
+    const recorder like = { .watch = watch, .user = user };
+    saga_net_symbols nets;
+    saga_symbols s;
+    uint32_t final_range[3];
+    int ok;
+
+    memset(&nets, 0, sizeof nets);
+    memset(&s, 0, sizeof s);
+    ok = read_file(&nets, &s, 0, final_range, &like, bytes, n);
+    recorder_free_symbols(&s);
+    recorder_free_nets(&nets);
     return ok;
 }

@@ -44,8 +44,7 @@ static int try_row(int32_t *q, int64_t *bias, const float *w, float b,
     return sum * 32767 + fabs((double)*bias) + (1 << 23) < ACCUMULATOR_LIMIT;
 }
 
-/* Bits of a residual of scale i are least where sigma_i fits its spread. */
-static uint8_t best_scale(const int32_t *q, size_t n)
+uint8_t saga_quantise_scale(const int32_t *q, size_t n)
 {
     double sum = 0;
     size_t i;
@@ -104,8 +103,9 @@ void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
         out->bias_shift++;
     for (row = 0; row < v->n_out; row++)
         out->bias[row] = (int32_t)fx_rshift64(bias[row], out->bias_shift);
-    out->weight_scale = best_scale(out->weight, (size_t)v->n_in * v->n_out);
-    out->bias_scale = best_scale(out->bias, v->n_out);
+    out->weight_scale = saga_quantise_scale(out->weight,
+                                            (size_t)v->n_in * v->n_out);
+    out->bias_scale = saga_quantise_scale(out->bias, v->n_out);
     free(bias);
 }
 
@@ -294,9 +294,10 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
             double *const o = l->prim_o + 4 * (size_t)k;
 
             for (axis = 0; axis < 4; axis++)
-                o[axis] = local(l->t->prim_x[4 * (size_t)k + axis],
-                                axis < 3 ? f->x[axis] : f->t,
-                                f->support[axis]);
+                o[axis] = l->t->prim_o
+                    ? (double)l->t->prim_o[4 * (size_t)k + axis]
+                    : local(l->t->prim_x[4 * (size_t)k + axis],
+                            axis < 3 ? f->x[axis] : f->t, f->support[axis]);
             for (axis = 0; axis < 3; axis++)
                 if (fabs(o[axis]) > 1.9998)
                     break;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "twin.h"
 
+#include "arena.h"
 #include "embedding.h"
 #include "fx.h"
 #include "interp.h"
@@ -27,36 +28,23 @@ static size_t rows_of(const saga_twin *w, int net)
          : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
 }
 
-/* Parts of one block: measured first, then placed. */
-typedef struct {
-    real *base;
-    size_t n;
-} arena;
-
-static real *take(arena *a, size_t n)
-{
-    real *const p = a->base ? a->base + a->n : NULL;
-
-    a->n += (n + 15) & ~(size_t)15;
-    return p;
-}
-
-static void lay_attributes(saga_splat_params *p, arena *a, size_t n,
+static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
                            const saga_model *m)
 {
-    p->mean = take(a, 3 * n);
-    p->quat = take(a, 4 * n);
-    p->log2_scale = take(a, 3 * n);
-    p->opacity = take(a, n);
-    p->colour = take(a, 3 * n);
-    p->support = take(a, 3 * n);
-    p->motion = saga_motion_order(m) ? take(a, 9 * n) : NULL;
-    p->slope = m->tools & SAGA_TOOL_SLOPE ? take(a, 4 * n) : NULL;
-    p->t_centre = saga_is_dynamic(m) ? take(a, n) : NULL;
-    p->log2_width = m->tools & SAGA_TOOL_OPACITY_T ? take(a, n) : NULL;
+    p->mean = saga_arena_take(a, 3 * n);
+    p->quat = saga_arena_take(a, 4 * n);
+    p->log2_scale = saga_arena_take(a, 3 * n);
+    p->opacity = saga_arena_take(a, n);
+    p->colour = saga_arena_take(a, 3 * n);
+    p->support = saga_arena_take(a, 3 * n);
+    p->motion = saga_motion_order(m) ? saga_arena_take(a, 9 * n) : NULL;
+    p->slope = m->tools & SAGA_TOOL_SLOPE ? saga_arena_take(a, 4 * n) : NULL;
+    p->t_centre = saga_is_dynamic(m) ? saga_arena_take(a, n) : NULL;
+    p->log2_width = m->tools & SAGA_TOOL_OPACITY_T ? saga_arena_take(a, n)
+                                                   : NULL;
 }
 
-static void lay_out(saga_twin *w, arena *a, const saga_scene *s)
+static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
 {
     const size_t f = s->model.features, fine = w->n.fine, prim = w->n.prim;
     const size_t most = fine > prim ? fine : prim;
@@ -67,29 +55,29 @@ static void lay_out(saga_twin *w, arena *a, const saga_scene *s)
         saga_twin_batch *const b = &w->batch[net];
         const size_t rows = t->n_layers ? rows_of(w, net) : 0;
 
-        b->in = take(a, rows * (size_t)t->dim[0]);
-        b->d_in = take(a, rows * (size_t)t->dim[0]);
-        b->out = take(a, rows * (size_t)t->dim[t->n_layers]);
-        b->d_out = take(a, rows * (size_t)t->dim[t->n_layers]);
+        b->in = saga_arena_take(a, rows * (size_t)t->dim[0]);
+        b->d_in = saga_arena_take(a, rows * (size_t)t->dim[0]);
+        b->out = saga_arena_take(a, rows * (size_t)t->dim[t->n_layers]);
+        b->d_out = saga_arena_take(a, rows * (size_t)t->dim[t->n_layers]);
     }
-    w->fine_feature = take(a, fine * f);
-    w->d_fine_feature = take(a, fine * f);
-    w->log2_support = take(a, 4 * fine);
-    w->support = take(a, 4 * fine);
-    w->d_log2_support = take(a, 4 * fine);
-    w->context = take(a, most * f);
-    w->d_context = take(a, most * f);
-    w->fine_offset = take(a, 4 * fine);
-    w->prim_offset = take(a, 4 * prim);
-    w->fine_phase = take(a, 4 * fine);
-    w->prim_phase = take(a, 4 * prim);
+    w->fine_feature = saga_arena_take(a, fine * f);
+    w->d_fine_feature = saga_arena_take(a, fine * f);
+    w->log2_support = saga_arena_take(a, 4 * fine);
+    w->support = saga_arena_take(a, 4 * fine);
+    w->d_log2_support = saga_arena_take(a, 4 * fine);
+    w->context = saga_arena_take(a, most * f);
+    w->d_context = saga_arena_take(a, most * f);
+    w->fine_offset = saga_arena_take(a, 4 * fine);
+    w->prim_offset = saga_arena_take(a, 4 * prim);
+    w->fine_phase = saga_arena_take(a, 4 * fine);
+    w->prim_phase = saga_arena_take(a, 4 * prim);
     lay_attributes(&w->attr, a, prim, &s->model);
     lay_attributes(&w->d_attr, a, prim, &s->model);
 }
 
 int saga_twin_init(saga_twin *w, const saga_scene *s)
 {
-    arena a = { NULL, 0 };
+    saga_arena a = { NULL, 0 };
 
     memset(w, 0, sizeof *w);
     w->n = s->n;
