@@ -64,8 +64,9 @@ CLI_OBJ     := $(call obj,$(CLI_SRC))
 # The float half. Its operators compile a second time in double, for finite
 # differences and references: objects under f64, symbols ending in _f64.
 FLOAT_SRC := $(sort $(wildcard trainer/nn/*.c trainer/splat/*.c \
-                               trainer/scene/*.c))
-TWICE_SRC := $(filter-out trainer/nn/rng.c trainer/scene/fit% \
+                               trainer/scene/*.c trainer/rate/*.c))
+TWICE_SRC := $(filter-out trainer/nn/rng.c trainer/rate/rate_bits.c \
+               trainer/rate/rate_choice.c trainer/scene/fit% \
                trainer/scene/flat% trainer/scene/hierarchy%,$(FLOAT_SRC))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ  := $(call obj,$(HELPER_SRC))

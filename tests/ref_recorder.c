@@ -59,6 +59,8 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     r->inner->residual(r->inner, at, q, mu, step_q16, scale, n);
     for (i = 0; i < n; i++)
         to[i] = q[i];
+    if (r->watch)
+        r->watch(r->user, at, mu, scale, n);
     r->n_symbols += n;
     c->error = r->inner->error;
 }
@@ -251,7 +253,8 @@ int recorder_layers(saga_coder *front, saga_coder **inner,
 
 static int read_segment(const saga_header *h, const saga_nets *nets,
                         const uint8_t *params, saga_symbols *s,
-                        uint32_t final_range[3], const uint8_t *p, size_t n)
+                        uint32_t final_range[3], const recorder *like,
+                        const uint8_t *p, size_t n)
 {
     saga_io io = { NULL, NULL, 0 };
     saga_segment_header seg;
@@ -270,6 +273,8 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     r.features = h->model.features;
     recorder_alloc_symbols(s, seg.n, h->model.features, r.cap_nodes);
     saga_scaffold_alloc(&sc, &h->model, nets, params, seg.n);
+    r.watch = like->watch;
+    r.user = like->user;
     ok = recorder_layers(&r.coder, &r.inner, &sc, final_range, p, n);
     saga_scaffold_free(&sc);
     return ok;
@@ -294,9 +299,9 @@ static int read_nets(saga_net_symbols *out, const saga_nets *nets,
            saga_range_dec_finish(&range);
 }
 
-int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
-                  uint32_t number, uint32_t final_range[3],
-                  const uint8_t *bytes, size_t n)
+static int read_file(saga_net_symbols *nets, saga_symbols *segment,
+                     uint32_t number, uint32_t final_range[3],
+                     const recorder *like, const uint8_t *bytes, size_t n)
 {
     saga_header h;
     saga_plan plan;
@@ -320,8 +325,34 @@ int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
     ok = params && read_nets(nets, &plan.nets, params, p, left);
     if (ok && segment)
         ok = entry.offset < n && entry.nbytes <= n - entry.offset &&
-             read_segment(&h, &plan.nets, params, segment, final_range,
+             read_segment(&h, &plan.nets, params, segment, final_range, like,
                           bytes + entry.offset, entry.nbytes);
     free(params);
+    return ok;
+}
+
+int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
+                  uint32_t number, uint32_t final_range[3],
+                  const uint8_t *bytes, size_t n)
+{
+    const recorder nobody = { .watch = NULL };
+
+    return read_file(nets, segment, number, final_range, &nobody, bytes, n);
+}
+
+int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
+                  size_t n)
+{
+    const recorder like = { .watch = watch, .user = user };
+    saga_net_symbols nets;
+    saga_symbols s;
+    uint32_t final_range[3];
+    int ok;
+
+    memset(&nets, 0, sizeof nets);
+    memset(&s, 0, sizeof s);
+    ok = read_file(&nets, &s, 0, final_range, &like, bytes, n);
+    recorder_free_symbols(&s);
+    recorder_free_nets(&nets);
     return ok;
 }

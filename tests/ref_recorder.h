@@ -13,9 +13,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Told of every block of residuals, and what it was coded with. */
+typedef void recorder_watch(void *user, saga_at at, const int16_t *mu,
+                            const uint8_t *scale, uint32_t n);
+
 typedef struct recorder {
     saga_coder coder;
     saga_coder *inner;
+    recorder_watch *watch;       /* or NULL */
+    void *user;
     saga_symbols *s;             /* arrays with room for their counts */
     uint32_t cap_nodes;
     saga_net_symbols *nets;      /* the same */
@@ -48,5 +54,9 @@ int recorder_layers(saga_coder *front, saga_coder **inner,
 int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
                   uint32_t number, uint32_t final_range[3],
                   const uint8_t *bytes, size_t n);
+
+/* The same of segment 0 for the watch alone. */
+int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
+                  size_t n);
 
 #endif

@@ -4,7 +4,6 @@
 #include "cost.h"
 #include "dense.h"
 #include "fx.h"
-#include "morton.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -56,6 +55,52 @@ static double most_out(const saga_scene *s, const saga_twin *w, int net,
                    (size_t)f->dim[f->n_layers], first, n);
 }
 
+/* Batches of an entropy network, one for each kind that runs it. */
+static size_t entropy_batches(const saga_twin_batch *batch[SAGA_N_KINDS],
+                              size_t rows[SAGA_N_KINDS],
+                              const saga_rate_choice *c, int net)
+{
+    size_t n = 0;
+    int kind;
+
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const saga_rate_kind *const k = &c->rate->context.kind[kind];
+
+        if (net == SAGA_NET_HYPER
+            ? !(c->scene.model.sources[kind] & SAGA_SOURCE_HYPER)
+            : kind != net - SAGA_NET_E_COARSE)
+            continue;
+        batch[n] = net == SAGA_NET_HYPER ? &k->hyper : &k->net;
+        rows[n++] = k->n_blocks;
+    }
+    return n;
+}
+
+/* Inputs of all entropy networks, and the hyperprior's output. */
+static void entropy_formats(saga_model *m, const saga_rate_choice *c)
+{
+    const saga_twin_batch *b[SAGA_N_KINDS];
+    size_t rows[SAGA_N_KINDS], n, i;
+    double in, out = 0;
+    int net;
+
+    for (net = SAGA_NET_HYPER; net <= SAGA_NET_E_PRIM; net++) {
+        const saga_net *const f = &c->scene.net[net];
+
+        in = 0;
+        n = f->n_layers ? entropy_batches(b, rows, c, net) : 0;
+        for (i = 0; i < n && f->dim[0]; i++) {
+            in = fmax(in, most_of(b[i]->in, rows[i], (size_t)f->dim[0], 0,
+                                  (size_t)f->dim[0]));
+            if (net == SAGA_NET_HYPER)
+                out = fmax(out, most_of(b[i]->out, rows[i], m->features, 0,
+                                        m->features));
+        }
+        m->q_in[net] = q_for(in, 12);
+    }
+    m->head_q[SAGA_HEAD_HYPER] = q_for(out, 12);
+}
+
 static double most_feature(const saga_scene *s, const float *feature)
 {
     return most_of(feature, s->n.coarse, s->model.features, 0,
@@ -101,7 +146,8 @@ static uint8_t colour_format(const saga_scene *s, const saga_twin *w)
 }
 
 static void measure_formats(saga_model *m, const saga_scene *s,
-                            const saga_twin *w, const float *feature)
+                            const saga_twin *w, const float *feature,
+                            const saga_rate_choice *c)
 {
     const size_t f = m->features;
     uint8_t *const q = m->head_q;
@@ -110,8 +156,7 @@ static void measure_formats(saga_model *m, const saga_scene *s,
     for (net = 0; net < SAGA_N_NETS; net++)
         m->q_in[net] = 12;
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
-    (void)feature;
-    q[SAGA_HEAD_HYPER] = 12;
+    entropy_formats(m, c);
     q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
     q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
     q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
@@ -139,7 +184,12 @@ static void output_formats(uint8_t *q, const saga_model *m, int net,
 
     saga_model_geo_rows(&g, m);
     for (i = 0; i < n; i++) {
-        if (net == SAGA_NET_FUSE_C)
+        if (net == SAGA_NET_HYPER)
+            q[i] = m->head_q[SAGA_HEAD_HYPER];
+        else if (net <= SAGA_NET_E_PRIM)
+            q[i] = i >= n / 2 ? m->head_q[SAGA_HEAD_SIGMA]
+                : (uint8_t)saga_rate_mu_q(m, net - SAGA_NET_E_COARSE, i);
+        else if (net == SAGA_NET_FUSE_C)
             q[i] = m->head_q[SAGA_HEAD_FUSE_C];
         else if (net == SAGA_NET_FUSE_F)
             q[i] = m->head_q[SAGA_HEAD_FUSE_F];
@@ -161,21 +211,29 @@ static void output_formats(uint8_t *q, const saga_model *m, int net,
     }
 }
 
-/* Activations of hidden layer i (0-based) of the twin's last run. */
-static double most_hidden(const saga_scene *s, const saga_twin *w, int net,
-                          int i)
+/* Activations of hidden layer i (0-based) of the last runs. */
+static double most_hidden(const saga_scene *s, const saga_twin *w,
+                          const saga_rate_choice *c, int net, int i)
 {
     const size_t dim = (size_t)s->net[net].dim[i + 1];
+    const saga_twin_batch *b[SAGA_N_KINDS] = { &w->batch[net] };
+    size_t rows[SAGA_N_KINDS] = { rows_of(s, net) }, n = 1, k;
+    double most = 0;
 
-    return most_of(w->batch[net].work.hidden[i], rows_of(s, net),
-                   saga_dense_pad(dim), 0, dim);
+    if (net <= SAGA_NET_E_PRIM)
+        n = entropy_batches(b, rows, c, net);
+    for (k = 0; k < n; k++)
+        most = fmax(most, most_of(b[k]->work.hidden[i], rows[k],
+                                  saga_dense_pad(dim), 0, dim));
+    return most;
 }
 
 /* decoded: NULL, or takes the layers as they were quantised. */
 static void pack_net(saga_net_symbols *out, saga_net *decoded,
-                     const saga_model *m, const saga_scene *s,
-                     const saga_twin *w, int net, float step)
+                     const saga_model *m, const saga_twin *w,
+                     const saga_rate_choice *c, int net, float step)
 {
+    const saga_scene *const s = &c->scene;
     const saga_net *const f = &s->net[net];
     uint8_t q[SAGA_MAX_VECTOR];
     int q_in = m->q_in[net], i;
@@ -190,7 +248,7 @@ static void pack_net(saga_net_symbols *out, saga_net *decoded,
         if (i + 1 == f->n_layers)
             output_formats(q, m, net, n_out);
         else
-            memset(q, q_for(most_hidden(s, w, net, i), 13), n_out);
+            memset(q, q_for(most_hidden(s, w, c, net, i), 13), n_out);
         saga_quantise_layer(&out->layer[net][i], &v);
         if (decoded)
             saga_dequantise_layer(decoded->w[i], decoded->b[i],
@@ -215,55 +273,43 @@ static void pack_constants(saga_net_symbols *out, int net,
         l->bias[i] = value[i];
 }
 
-/* Entropy parameters as constants per channel. Offsets inside a cell are
- * uniform at worst: half a cell over sqrt(3). */
+/* Entropy parameters as constants per channel. */
 static void pack_entropy(saga_net_symbols *out, const saga_model *m,
-                         const saga_fit_channels *c)
+                         const saga_rate_constants *c, int kind)
 {
+    const uint32_t n = saga_n_channels(m, kind);
     int32_t v[2 * (4 + SAGA_MAX_FEATURES)];
-    const uint32_t n = 4u + m->features;
-    const double centre_step = m->step_q16[SAGA_STEP_CENTRE] / 65536.0;
     uint32_t i;
-    int kind;
 
-    for (i = 0; i < 4; i++) {
-        v[i] = 0;
-        v[n + i] = saga_cost_log2_sigma(4000 / centre_step);
-    }
-    for (; i < n; i++) {
-        const saga_fit_code code = saga_fit_channel_code(c, m, i - 4);
+    for (i = 0; i < n; i++) {
+        const double mean = (double)c->mean[kind][i];
 
-        v[i] = code.mu;
-        v[n + i] = code.log2_sigma;
+        v[i] = (int32_t)lrint(ldexp(mean, saga_rate_value_q(m, kind, i)));
+        v[n + i] = (int32_t)lrint(ldexp((double)c->log2_sigma[kind][i],
+                                        SAGA_COST_SIGMA_Q));
     }
-    pack_constants(out, SAGA_NET_E_COARSE, v, 2 * n);
-    for (kind = SAGA_KIND_FINE; kind <= SAGA_KIND_PRIM; kind++) {
-        const double step = m->step_q16[kind == SAGA_KIND_FINE
-            ? SAGA_STEP_FINE : SAGA_STEP_PRIM] / 65536.0;
-        const int bits = m->level[kind == SAGA_KIND_FINE ? 0 : 1].suffix_bits;
-
-        for (i = 0; i < 4; i++) {
-            v[i] = 0;
-            v[4 + i] = saga_cost_log2_sigma(16384 / sqrt(3) / (1 << bits) /
-                                            step);
-        }
-        pack_constants(out, SAGA_NET_E_COARSE + kind, v, 8);
-    }
+    pack_constants(out, SAGA_NET_E_COARSE + kind, v, 2 * n);
 }
 
 static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
-                      const saga_model *m, const saga_scene *s,
-                      const saga_twin *w, const saga_fit_channels *c,
-                      float step)
+                      const saga_model *m, const saga_twin *w,
+                      const saga_rate_choice *c, float step)
 {
     int net;
 
     memset(out, 0, sizeof *out);
-    pack_entropy(out, m, c);
-    for (net = SAGA_NET_FUSE_C; net < SAGA_N_NETS; net++)
-        if (s->net[net].n_layers)
-            pack_net(out, decoded ? &decoded->net[net] : NULL, m, s, w, net,
-                     step);
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        const int kind = net - SAGA_NET_E_COARSE;
+
+        if (!c->scene.net[net].n_layers)
+            continue;
+        if (kind >= 0 && kind < SAGA_N_KINDS && !m->sources[kind])
+            pack_entropy(out, m, &c->rate->constants, kind);
+        else
+            pack_net(out, decoded ? &decoded->net[net] : NULL, m, w, c, net,
+                     net < SAGA_N_ENTROPY_NETS
+                     ? (float)c->rate->plan.step[net] : step);
+    }
 }
 
 /* --- Segment ------------------------------------------------------------- */
@@ -276,18 +322,6 @@ static double *to_units(const float *x, size_t n)
     for (i = 0; i < 4 * n; i++)
         u[i] = (double)x[i] * (i % 4 < 3 ? 8388608.0 : 65536.0);
     return u;
-}
-
-/* Suffix of a fine anchor: the cell it was given by the hierarchy, which orders
- * them so. One that training moved out of it keeps it; its residual grows. */
-static uint32_t fine_suffix(const saga_scene *s, uint32_t i)
-{
-    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
-    uint32_t v[4], k;
-
-    for (k = 0; k < 4; k++)
-        v[k] = (uint32_t)(s->fine[i].local[k] + 16384) >> (15 - bits);
-    return saga_morton_suffix(v, bits);
 }
 
 static void alloc_symbols(saga_symbols *y, const saga_scene *s)
@@ -312,7 +346,7 @@ static void alloc_symbols(saga_symbols *y, const saga_scene *s)
         y->n_fine[i] = s->coarse[i].n_fine;
     for (i = 0; i < s->n.fine; i++) {
         y->n_prim[i] = s->fine[i].n_prim;
-        y->fine_suffix[i] = fine_suffix(s, i);
+        y->fine_suffix[i] = saga_scene_fine_suffix(s, i);
     }
 }
 
@@ -353,7 +387,7 @@ static int begin_decoded(saga_scene *d, const saga_scene *s,
 
 static int pack_segment(saga_encoder *e, saga_pack_report *report,
                         saga_scene *decoded, const saga_scene *s,
-                        const saga_model *m, const float *feature,
+                        const saga_model *m, const saga_twin *w,
                         uint32_t n_frames, const char **why)
 {
     double *const coarse = to_units(s->coarse_x, s->n.coarse);
@@ -361,7 +395,11 @@ static int pack_segment(saga_encoder *e, saga_pack_report *report,
     double *const prim = to_units(s->prim_x, s->n.prim);
     double *const prim_out = must(malloc((4 * (size_t)s->n.prim + 1) *
                                          sizeof *prim_out));
-    const saga_targets t = { coarse, feature, fine, prim };
+    /* Supports come out of the integer networks a little different. Offsets
+     * that were trained to be cheap stay what they are, and positions move by
+     * that little: against the positions they would be anywhere again. */
+    const saga_targets t = { coarse, s->coarse_feature, fine, prim,
+                             w->prim_offset };
     saga_decoded d = { coarse, fine, prim_out, NULL };
     const saga_nets *nets;
     const uint8_t *params = saga_encoder_params(e, &nets);
@@ -393,11 +431,12 @@ static int pack_segment(saga_encoder *e, saga_pack_report *report,
 }
 
 int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
-              const saga_scene *scene, saga_twin *twin, const float *feature,
-              const saga_fit_channels *channels, const saga_header *header,
+              const saga_rate_choice *choice, saga_twin *twin,
+              const float *feature, const saga_header *header,
               const saga_rig_camera *rig, const saga_pack_options *options,
               const char **why)
 {
+    const saga_scene *const scene = &choice->scene;
     saga_header h = *header;
     saga_scene *const decoded = options->decoded;
     saga_net_symbols nets;
@@ -406,7 +445,7 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
 
     memset(report, 0, sizeof *report);
     h.model = scene->model;
-    measure_formats(&h.model, scene, twin, feature);
+    measure_formats(&h.model, scene, twin, feature, choice);
     h.level = (uint8_t)options->level;
     h.rate_num = options->rate_num;
     h.rate_den = options->rate_den;
@@ -414,10 +453,9 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         *why = "out of memory";
         return 0;
     }
-    pack_nets(&nets, decoded, &h.model, scene, twin, channels,
-              options->weight_step);
+    pack_nets(&nets, decoded, &h.model, twin, choice, options->weight_step);
     e = saga_encoder_open(&h, rig, &nets, why);
-    ok = e && pack_segment(e, report, decoded, scene, &h.model, feature,
+    ok = e && pack_segment(e, report, decoded, scene, &h.model, twin,
                            options->n_frames, why) &&
          saga_encoder_finish(e, bytes, n, &report->sizes, why);
     saga_encoder_free(e);

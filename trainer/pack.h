@@ -13,7 +13,8 @@
 
 typedef struct saga_pack_options {
     int level;
-    float weight_step;           /* of the networks' weights, real */
+    float weight_step;           /* of the networks' weights, real; the entropy
+                                  * networks' is the choice's */
     uint32_t rate_num, rate_den; /* frames per second */
     uint32_t n_frames;
     saga_scene *decoded;         /* NULL, or takes the scene a decoder has:
@@ -28,14 +29,14 @@ typedef struct saga_pack_report {
     uint32_t *order;             /* (prim) rank in the file -> in the scene */
 } saga_pack_report;
 
-/* Packs the scene. feature and channels: as saga_fit_features gives them; twin:
- * its state after saga_fit_twin, networks run. header: cube, rig counts and
- * the like; its model is replaced by the scene's, formats measured. On success
+/* Packs the choice's scene. choice, feature and twin: as saga_fit_code gives
+ * them, all networks run on all there is. header: cube, rig counts and the
+ * like; its model is replaced by the scene's, formats measured. On success
  * returns 1 and *bytes (free it) and report->order (free it); else 0 and
  * *why. */
 int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
-              const saga_scene *scene, saga_twin *twin, const float *feature,
-              const saga_fit_channels *channels, const saga_header *header,
+              const saga_rate_choice *choice, saga_twin *twin,
+              const float *feature, const saga_header *header,
               const saga_rig_camera *rig, const saga_pack_options *options,
               const char **why);
 

@@ -2,8 +2,8 @@
 #include "quantise.h"
 
 #include "fx.h"
-#include "morton.h"
 #include "prob.h"
+#include "scene.h"
 #include "syntax.h"
 
 #include <math.h>
@@ -44,8 +44,7 @@ static int try_row(int32_t *q, int64_t *bias, const float *w, float b,
     return sum * 32767 + fabs((double)*bias) + (1 << 23) < ACCUMULATOR_LIMIT;
 }
 
-/* Bits of a residual of scale i are least where sigma_i fits its spread. */
-static uint8_t best_scale(const int32_t *q, size_t n)
+uint8_t saga_quantise_scale(const int32_t *q, size_t n)
 {
     double sum = 0;
     size_t i;
@@ -104,8 +103,9 @@ void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
         out->bias_shift++;
     for (row = 0; row < v->n_out; row++)
         out->bias[row] = (int32_t)fx_rshift64(bias[row], out->bias_shift);
-    out->weight_scale = best_scale(out->weight, (size_t)v->n_in * v->n_out);
-    out->bias_scale = best_scale(out->bias, v->n_out);
+    out->weight_scale = saga_quantise_scale(out->weight,
+                                            (size_t)v->n_in * v->n_out);
+    out->bias_scale = saga_quantise_scale(out->bias, v->n_out);
     free(bias);
 }
 
@@ -147,7 +147,7 @@ typedef struct {
     saga_symbols *s;
     const saga_scaffold *sc;
     const saga_targets *t;
-    float *prim_o;               /* (prim, 4) wanted offsets, in supports */
+    double *prim_o;              /* (prim, 4) wanted offsets, in supports */
     const uint32_t *order;
 } loop;
 
@@ -157,13 +157,6 @@ static double local(double x, double centre, double unit)
     const double o = (x - centre) / unit;
 
     return o < -1.9999 ? -1.9999 : o > 1.9999 ? 1.9999 : o;
-}
-
-/* Centre of a suffix cell, in half-sizes. */
-static double suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis)
-{
-    return (2 * saga_morton_axis(suffix, bits, axis) + 1) /
-           (double)(1u << bits) - 1;
 }
 
 static double cell_offset(const saga_place *cell, const double *x,
@@ -191,12 +184,14 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
         saga_place_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
         return 16384 * (cell_offset(&cell, l->t->fine_x + 4 * (size_t)at.index,
                                     i) -
-                        suffix_centre(l->s->fine_suffix[at.index],
-                                      m->level[0].suffix_bits, i));
+                        saga_scene_suffix_centre(
+                            l->s->fine_suffix[at.index],
+                            m->level[0].suffix_bits, i));
     default:
-        return 16384 * ((double)l->prim_o[4 * (size_t)l->order[at.index] + i] -
-                        suffix_centre(l->s->prim_suffix[at.index],
-                                      m->level[1].suffix_bits, i));
+        return 16384 * (l->prim_o[4 * (size_t)l->order[at.index] + i] -
+                        saga_scene_suffix_centre(
+                            l->s->prim_suffix[at.index],
+                            m->level[1].suffix_bits, i));
     }
 }
 
@@ -283,20 +278,6 @@ static int compare(const void *a, const void *b)
     return x->index < y->index ? -1 : 1;
 }
 
-/* The cell of an offset in -1..1 on a grid of 2^bits cells per axis. */
-static uint32_t suffix_of(const float o[4], uint32_t bits)
-{
-    uint32_t v[4], axis;
-
-    for (axis = 0; axis < 4; axis++) {
-        const double x = floor(((double)o[axis] + 1) * (1 << bits) / 2);
-
-        v[axis] = (uint32_t)(x < 0 ? 0 : x > (1 << bits) - 1 ? (1 << bits) - 1
-                                                             : x);
-    }
-    return saga_morton_suffix(v, bits);
-}
-
 /* Offsets, suffixes and their order, now that F_fine has run. */
 static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
 {
@@ -310,17 +291,18 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
 
         for (i = 0; i < f->n_prim; i++) {
             const uint32_t k = f->first_prim + i;
-            float *const o = l->prim_o + 4 * (size_t)k;
+            double *const o = l->prim_o + 4 * (size_t)k;
 
             for (axis = 0; axis < 4; axis++)
-                o[axis] = (float)local(l->t->prim_x[4 * (size_t)k + axis],
-                                       axis < 3 ? f->x[axis] : f->t,
-                                       f->support[axis]);
+                o[axis] = l->t->prim_o
+                    ? (double)l->t->prim_o[4 * (size_t)k + axis]
+                    : local(l->t->prim_x[4 * (size_t)k + axis],
+                            axis < 3 ? f->x[axis] : f->t, f->support[axis]);
             for (axis = 0; axis < 3; axis++)
-                if (fabsf(o[axis]) > 1.9998f)
+                if (fabs(o[axis]) > 1.9998)
                     break;
             r->n_clamped += axis < 3;
-            list[i].suffix = suffix_of(o, bits);
+            list[i].suffix = saga_scene_suffix(o, bits);
             list[i].index = k;
         }
         qsort(list, f->n_prim, sizeof *list, compare);

@@ -32,6 +32,10 @@ typedef struct saga_layer_values {
  * 16 (8) bits and the row's headroom allow it; every row is valid. */
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v);
 
+/* The scale index for symbols q[0..n): bits of a residual of scale i are least
+ * where sigma_i fits its spread. */
+uint8_t saga_quantise_scale(const int32_t *q, size_t n);
+
 /* The weights a layer's symbols stand for: (n_out, n_in), in reals. */
 void saga_dequantise_layer(float *weight, float *bias,
                            const saga_layer_symbols *s,
@@ -47,6 +51,8 @@ typedef struct saga_targets {
     const float *feature;        /* (coarse, F) */
     const double *fine_x;        /* (fine, 4) */
     const double *prim_x;        /* (prim, 4), by parent */
+    const float *prim_o;         /* (prim, 4) the same as offsets from decoded
+                                  * fine anchors in supports; NULL: derived */
 } saga_targets;
 
 /* What the decoder will have, in rank order and the same units; arrays of the

@@ -52,7 +52,7 @@ typedef struct saga_train_progress {
     const char *name;            /* of the stage */
     int iteration, n_iterations; /* of the stage; it begins at 0 */
     double psnr;                 /* of recent training pictures; 0: none yet */
-    double bits;                 /* the coarse features would take; 0 before the
+    double bits;                 /* the residuals would take; 0 before the
                                   * rendering */
     double done;                 /* 0..1 of all work, an estimate */
     double seconds_left;         /* an estimate; < 0: none yet */
@@ -84,6 +84,23 @@ typedef struct saga_train_quality {
     int n_training, n_held_out;
 } saga_train_quality;
 
+/* One kind of residual: what its sources are worth, bytes. */
+typedef struct saga_train_kind {
+    uint32_t sources;            /* SAGA_SOURCE_* that were kept */
+    double constants;            /* residuals without sources, */
+    double networks;             /* with all that were trained, */
+    double chosen;               /* with those that were kept */
+    double weights;              /* of the kept network, about */
+} saga_train_kind;
+
+/* The choice among sources: estimates on the trained model. */
+typedef struct saga_train_entropy {
+    saga_train_kind kind[SAGA_N_KINDS];
+    double hyper_weights;        /* bytes of the hyperprior, about; 0: off */
+    double estimate[SAGA_N_SYMS]; /* code lengths of the residuals, bits, by
+                                  * SAGA_SYM_*; 0: none of them */
+} saga_train_entropy;
+
 typedef struct saga_train_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
@@ -92,7 +109,7 @@ typedef struct saga_train_report {
     bool dynamic;                /* temporal tools are on */
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */
-    double feature_bits;         /* of one coarse feature, mean */
+    saga_train_entropy entropy;
     saga_train_quality warm;     /* the flat warm-up */
     saga_train_quality model;    /* the float model before quantisation, the
                                   * coarse features rounded */

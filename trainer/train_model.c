@@ -36,11 +36,32 @@ static void set_levels(saga_model *m, const saga_train_options *o)
     }
 }
 
+/* All sources, until the rate decides what is worth its weights. Formats as
+ * coarse as features are: inputs reach +-32. Of 4,000 primitives' offsets and
+ * their network 8 hidden units make 5,990 bytes, 16 6,260, 24 6,760 (constants:
+ * 7,320); what 16 gain over 8 grows with the primitives and pays for their
+ * weights from about 20,000 on. */
+static void set_entropy(saga_model *m, uint32_t n_primitives)
+{
+    const uint8_t width = n_primitives < 20000 ? 8 : 16;
+
+    m->sources[SAGA_KIND_COARSE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_GROUPS;
+    m->sources[SAGA_KIND_FINE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
+                                 SAGA_SOURCE_GROUPS;
+    m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
+    for (int i = SAGA_NET_E_COARSE; i <= SAGA_NET_E_PRIM; i++) {
+        m->width[i] = width;
+        m->q_in[i] = 10;
+    }
+    m->width[SAGA_NET_HYPER] = width;
+    m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
+}
+
 /* Defaults of design.md 8, but for narrower interpolation (docs/decisions.md).
- * Steps in Q16 of their symbol's format: a centre 1/8 of a half-cell, which
- * interpolation alone sees; a feature 1/4; a fine offset 1/512 of a half-cell;
- * a primitive's 1/128 of a support, a support where it has an anchor to itself.
- */
+ * Steps in Q16 of their symbol's format: a centre a half-cell, so that most
+ * anchors stand in the middle of their cells and cost nothing; a feature 1/4; a
+ * fine offset 1/64 of a half-cell; a primitive's 1/128 of a support, which says
+ * where it is whatever the others did. */
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
@@ -52,11 +73,10 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     m->octaves = 4;
     m->lambda_t_q8 = 256;
     set_levels(m, o);
-    m->step_q16[SAGA_STEP_CENTRE] = 2048u << 16;
+    m->step_q16[SAGA_STEP_CENTRE] = 16384u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
-    m->step_q16[SAGA_STEP_FINE] = 32u << 16;
-    m->step_q16[SAGA_STEP_PRIM] =
-        (m->level[SAGA_LEVEL_FINE].max_children > 1 ? 128u : 16384u) << 16;
+    m->step_q16[SAGA_STEP_FINE] = 256u << 16;
+    m->step_q16[SAGA_STEP_PRIM] = 128u << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = width;
@@ -64,6 +84,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
         m->int8[i] = caps->int8_only != 0;
     }
     m->width[SAGA_NET_COLOUR] = 32;
+    set_entropy(m, o->n_primitives);
 }
 
 /* --- Does anything move? ------------------------------------------------- */

@@ -270,7 +270,7 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 static const float weight_step = 1.0f / 2048;
 
 static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
-                   const real *feature, const saga_fit_channels *channels,
+                   const real *feature, const saga_rate_choice *choice,
                    saga_pack_report *rep, saga_input_error *error)
 {
     const saga_flat_cube *const cube = saga_flat_cube_of(t->flat);
@@ -293,8 +293,8 @@ static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
     /* The ranges of the colours' activations are measured from one camera. */
     saga_flat_camera(&cam, &t->capture->views[0], cube, t->range[0], 0);
     if (saga_twin_colour(twin, &t->scene, cam.centre) == 0)
-        ok = saga_pack(&t->bytes, &t->nbytes, rep, &t->scene, twin, feature,
-                       channels, &h, rig, &o, &why);
+        ok = saga_pack(&t->bytes, &t->nbytes, rep, choice, twin, feature, &h,
+                       rig, &o, &why);
     if (!ok)
         saga_fail(error, NULL, "try another --seed, and report it",
                   "the scene cannot be packed: %s", why);
@@ -304,24 +304,45 @@ static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
     return ok;
 }
 
+static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
+{
+    static const int sym[SAGA_N_STEPS] = {
+        [SAGA_STEP_CENTRE] = SAGA_SYM_CENTRE,
+        [SAGA_STEP_FEATURE] = SAGA_SYM_FEATURE,
+        [SAGA_STEP_FINE] = SAGA_SYM_FINE_OFFSET,
+        [SAGA_STEP_PRIM] = SAGA_SYM_PRIM_OFFSET
+    };
+
+    memset(e, 0, sizeof *e);
+    for (int i = 0; i < SAGA_N_STEPS; i++)
+        e->estimate[sym[i]] = c->bits[i];
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const saga_rate_gain *const g = &c->rate->plan.gain[kind];
+
+        e->kind[kind] = (saga_train_kind){
+            c->scene.model.sources[kind], g->constants / 8, g->networks / 8,
+            g->chosen / 8, g->weights / 8
+        };
+    }
+    e->hyper_weights = c->rate->plan.hyper_weights / 8;
+}
+
 static int pack(saga_train *t, int level, bool final, saga_input_error *error)
 {
     saga_train_report *const r = &t->report;
     real *const feature = malloc(((size_t)t->scene.n.coarse *
                                   t->scene.model.features + 1) *
                                  sizeof *feature);
-    saga_fit_channels channels;
+    saga_rate_choice choice;
     saga_pack_report rep;
     saga_twin *twin = NULL;
     int ok = 0;
 
     memset(&rep, 0, sizeof rep);
-    if (feature) {
-        saga_fit_features(t->fit, feature, &channels);
-        twin = saga_fit_twin(t->fit, feature);
-    }
+    if (feature)
+        twin = saga_fit_code(t->fit, feature, &choice);
     if (twin && (!final || measure_scene(&r->model, t, &t->scene, twin)))
-        ok = pack_at(t, level, final, twin, feature, &channels, &rep, error);
+        ok = pack_at(t, level, final, twin, feature, &choice, &rep, error);
     else
         saga_fail(error, NULL, "free some memory", "out of memory");
     if (ok && final && !measure_decoded(t))
@@ -333,7 +354,10 @@ static int pack(saga_train *t, int level, bool final, saga_input_error *error)
     r->dynamic = t->dynamic;
     r->explained = t->explained;
     r->changing = t->changing;
-    r->feature_bits = ok ? channels.bits : 0;
+    if (twin) {
+        keep_entropy(&r->entropy, &choice);
+        saga_rate_choice_free(&choice);
+    }
     return ok;
 }
 

@@ -384,6 +384,30 @@ static void print_bits(const saga_encode_sizes *z)
                100 * spent[i] / (8 * (double)z->total));
 }
 
+/* What the sources of the entropy model are worth: bytes of the residuals with
+ * constants and with networks, as estimated when some were left out. */
+static void print_entropy(const saga_train_entropy *e)
+{
+    static const char *const names[SAGA_N_KINDS] = {
+        "coarse anchors", "fine offsets", "primitive offsets"
+    };
+
+    printf("  %-20s %10s %10s %10s %10s  sources kept\n", "entropy model",
+           "constants", "networks", "chosen", "weights");
+    for (int i = 0; i < SAGA_N_KINDS; i++) {
+        const saga_train_kind *const k = &e->kind[i];
+
+        printf("  %-20s %10.0f %10.0f %10.0f %10.0f %s%s%s%s\n", names[i],
+               k->constants, k->networks, k->chosen, k->weights,
+               k->sources ? "" : "  none",
+               k->sources & SAGA_SOURCE_HYPER ? "  hyperprior" : "",
+               k->sources & SAGA_SOURCE_PARENT ? "  parent" : "",
+               k->sources & SAGA_SOURCE_GROUPS ? "  groups" : "");
+    }
+    if (e->hyper_weights > 0)
+        printf("  %-20s %43.0f\n", "hyperprior", e->hyper_weights);
+}
+
 static void print_text(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -400,6 +424,7 @@ static void print_text(const session *s)
            "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
            r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
     print_bits(&r->sizes);
+    print_entropy(&r->entropy);
     printf("  mean PSNR of %d + %d pictures  training  held out\n",
            s->decoded.n_training, s->decoded.n_held_out);
     print_quality("flat warm-up (float)", &r->warm);
@@ -446,6 +471,25 @@ static json_t *json_bits(const double bits[SAGA_N_SYMS])
     return o;
 }
 
+static json_t *json_entropy(const saga_train_entropy *e)
+{
+    static const char *const keys[SAGA_N_KINDS] = { "coarse", "fine",
+                                                    "primitives" };
+    json_t *const o = json_pack("{sfso}", "hyperprior_weights",
+                                e->hyper_weights,
+                                "bits_estimated", json_bits(e->estimate));
+
+    for (int i = 0; i < SAGA_N_KINDS; i++) {
+        const saga_train_kind *const k = &e->kind[i];
+
+        json_object_set_new(o, keys[i], json_pack(
+            "{sisfsfsfsf}", "sources", (int)k->sources,
+            "constants", k->constants, "networks", k->networks,
+            "chosen", k->chosen, "weights", k->weights));
+    }
+    return o;
+}
+
 static void print_json(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -457,11 +501,10 @@ static void print_json(const session *s)
         "primitives", (json_int_t)r->n.prim,
         "work_bytes", (json_int_t)r->info.work_nbytes);
 
-    json_object_update_new(o, json_pack("{sisbsososfsfsfsososo}",
+    json_object_update_new(o, json_pack("{sisbsososfsfsososo}",
         "level", (int)r->info.level, "temporal", (int)r->dynamic,
         "explained", real_or_null(r->explained),
         "changing_pixels", real_or_null(r->changing),
-        "feature_bits", r->feature_bits,
         "clamped_primitives", (double)r->quantise.n_clamped,
         "seconds", saga_cli_seconds() - s->started,
         "psnr_warm_up", json_quality(&r->warm),
@@ -470,9 +513,10 @@ static void print_json(const session *s)
     json_object_update_new(o, json_pack("{soso}",
         "psnr_decoded_float", json_quality(&r->coded),
         "psnr_against_decoded_float", json_quality(&s->agreement)));
-    json_object_update_new(o, json_pack("{soso}",
+    json_object_update_new(o, json_pack("{sososo}",
         "bits", json_bits(r->sizes.bits),
-        "bits_spent", json_bits(r->sizes.spent)));
+        "bits_spent", json_bits(r->sizes.spent),
+        "entropy_model", json_entropy(&r->entropy)));
     json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     putchar('\n');
     json_decref(o);
@@ -545,7 +589,8 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
-    { "--lambda", "X", "what a bit costs in distortion (default 0.0005);\n"
+    { "--lambda", "X", "what bits cost in distortion, all residuals' bits for\n"
+      "each value of the coarse features (default 0.0005);\n"
       "higher: a smaller file", saga_cli_real,
       offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
@@ -591,8 +636,8 @@ const saga_command saga_command_encode = {
     "\n"
     "Stages: warm-up (flat primitives), regression and rendering (the coded\n"
     "hierarchy), packing. A line on stderr tells stage, iteration, the\n"
-    "PSNR of the pictures trained on, the bits of the coarse features and the\n"
-    "time left. Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
+    "PSNR of the pictures trained on, the bits of the residuals and the time\n"
+    "left. Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
     "The same options give the same bytes, for any number of threads.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "fit_state.h"
 
-#include "cost.h"
 #include "regress.h"
 #include "rng.h"
 
@@ -16,7 +15,13 @@ enum { REFRESH_EVERY = 50, RAMP = 300 };
 /* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START };
 
-enum { T_FEATURE, T_PRIM, T_PARAMS, N_TENSORS };
+/* Every how many blocks the rate looks at one, in turn. */
+enum { RATE_EVERY = 4 };
+
+/* With lambda 0 the entropy networks still learn what they are to code. */
+#define LEAST_LAMBDA 1e-9
+
+enum { T_FEATURE, T_PRIM, T_ENTROPY, T_PARAMS, N_TENSORS };
 
 saga_fit_options saga_fit_defaults(void)
 {
@@ -132,28 +137,8 @@ static saga_fit_status measure_importance(saga_fit *f)
     return SAGA_FIT_OK;
 }
 
-/* Fine anchors go where their primitives are, to the mean: local offsets stay
- * small, and say little where an anchor has one primitive. */
-static void follow_primitives(saga_scene *s)
-{
-    uint32_t i, p;
-    int k;
-
-    for (i = 0; i < s->n.fine; i++) {
-        const saga_fine *const a = &s->fine[i];
-
-        for (k = 0; k < 4 && a->n_prim > 0; k++) {
-            double sum = 0;
-
-            for (p = a->first_prim; p < a->first_prim + a->n_prim; p++)
-                sum += (double)s->prim_x[4 * (size_t)p + (size_t)k];
-            s->fine_x[4 * (size_t)i + (size_t)k] = (real)(sum / a->n_prim);
-        }
-    }
-}
-
 /* Supports that hold a fine anchor's primitives within |o| < 0.8, and at least
- * a 64th of the cell. */
+ * an eighth of the cell: room for them to move. */
 static void want_supports(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -166,7 +151,7 @@ static void want_supports(saga_fit *f)
         for (k = 0; k < 4; k++) {
             const double half = (double)(k < 3 ? saga_scene_half_x(c)
                                                : saga_scene_half_t(c));
-            double most = half / 64;
+            double most = half / 10;
 
             for (p = 0; p < s->fine[i].n_prim; p++) {
                 const size_t at = s->fine[i].first_prim + p;
@@ -196,7 +181,10 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
     f->capture = capture;
     f->cube = *cube;
     f->o = *options;
+    saga_rate_snap(scene);
     if (!alloc_all(f) || saga_twin_init(&f->twin, scene) ||
+        saga_rate_init(&f->rate, scene) ||
+        saga_rate_refresh(&f->rate, scene) ||
         saga_scene_init(&f->grad, &scene->model, scene->n, 1, 0)) {
         saga_fit_free(f);
         return NULL;
@@ -207,7 +195,6 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
             f->train[f->n_train++] = (int)i;
     start_features(f);
     start_networks(scene);
-    follow_primitives(scene);
     want_supports(f);
     if (measure_importance(f)) {
         saga_fit_free(f);
@@ -221,6 +208,7 @@ void saga_fit_free(saga_fit *f)
     if (!f)
         return;
     saga_twin_free(&f->twin);
+    saga_rate_free(&f->rate);
     saga_scene_free(&f->grad);
     saga_splat_free(&f->splat);
     saga_loss_free(&f->loss);
@@ -248,7 +236,7 @@ const char *saga_fit_fault(const saga_fit *f)
     return f->fault.name ? f->fault.name : "nothing";
 }
 
-/* --- The features' rate -------------------------------------------------- */
+/* --- Rate ---------------------------------------------------------------- */
 
 /* Step of the coarse features, reals. */
 static double feature_step(const saga_scene *s)
@@ -257,109 +245,11 @@ static double feature_step(const saga_scene *s)
                  -s->model.head_q[SAGA_HEAD_COARSE]);
 }
 
-/* Means and deviations of the channels, taken as constants of this step. */
-static void measure_channels(saga_fit *f)
+static saga_rate_input rate_input(saga_fit *f, real *feature)
 {
-    const size_t n = f->scene->n.coarse, dim = f->scene->model.features;
-    const double step = feature_step(f->scene);
-    size_t i, k;
+    const saga_rate_input x = { f->scene, &f->twin, feature };
 
-    for (k = 0; k < dim; k++) {
-        double sum = 0, square = 0, mean;
-
-        for (i = 0; i < n; i++) {
-            const double x = (double)f->scene->coarse_feature[i * dim + k];
-
-            sum += x;
-            square += x * x;
-        }
-        mean = sum / (double)n;
-        square = square / (double)n - mean * mean;
-        f->channels.mean[k] = (real)mean;
-        /* The rounding's own deviation stays. */
-        f->channels.sigma[k] = (real)sqrt(fmax(square, 0) + step * step / 12);
-    }
-}
-
-static double normal_cdf(double x)
-{
-    return 0.5 * erfc(-x * 0.70710678118654752440);
-}
-
-static double normal_pdf(double x)
-{
-    return 0.39894228040143267794 * exp(-0.5 * x * x);
-}
-
-/* Adds lambda times the gradient of the mean bits of a feature; returns the
- * mean bits. */
-static double rate_backward(saga_fit *f, real *d_feature, double lambda)
-{
-    const size_t dim = f->scene->model.features;
-    const size_t n = f->scene->n.coarse * dim;
-    const double half = 0.5 * feature_step(f->scene);
-    double bits = 0;
-    size_t i;
-
-    for (i = 0; i < n; i++) {
-        const double sigma = (double)f->channels.sigma[i % dim];
-        const double x = (double)(f->feature[i] - f->channels.mean[i % dim]);
-        const double a = (x - half) / sigma, b = (x + half) / sigma;
-        const double p = fmax(normal_cdf(b) - normal_cdf(a), 1e-9);
-
-        bits -= log2(p);
-        d_feature[i] -= (real)(lambda / (double)n *
-                               (normal_pdf(b) - normal_pdf(a)) /
-                               (p * sigma * M_LN2));
-    }
-    return bits / (double)n;
-}
-
-saga_fit_code saga_fit_channel_code(const saga_fit_channels *c,
-                                    const saga_model *m, uint32_t channel)
-{
-    const int q = m->head_q[SAGA_HEAD_COARSE];
-    const double step = m->step_q16[SAGA_STEP_FEATURE] / 65536.0;
-    const double sigma = ldexp((double)c->sigma[channel], q);
-    const saga_fit_code code = {
-        (int32_t)lround(ldexp((double)c->mean[channel], q)),
-        saga_cost_log2_sigma(sigma / step)
-    };
-
-    return code;
-}
-
-/* The symbol the closed loop makes of a feature (quantise.c). */
-static int32_t symbol_of(const saga_model *m, double feature, int32_t mu)
-{
-    const double x = (ldexp(feature, m->head_q[SAGA_HEAD_COARSE]) - mu) *
-                     65536 / m->step_q16[SAGA_STEP_FEATURE];
-
-    return (int32_t)fmin(fmax(floor(x + 0.5), -SAGA_MAX_RESIDUAL),
-                         SAGA_MAX_RESIDUAL);
-}
-
-/* Mean code length of rounded features: the integers' own, since the Gaussian
- * knows no escapes. Where many channels are all but zero it is 3 % above. */
-static double code_length(const saga_fit *f, const real *feature)
-{
-    const saga_model *const m = &f->scene->model;
-    const size_t n = f->scene->n.coarse;
-    double bits = 0;
-    uint32_t k;
-    size_t i;
-
-    for (k = 0; k < m->features; k++) {
-        const saga_fit_code c = saga_fit_channel_code(&f->channels, m, k);
-        const uint32_t scale = saga_prob_index(c.log2_sigma,
-                                               SAGA_COST_SIGMA_Q);
-
-        for (i = 0; i < n; i++)
-            bits += saga_cost_residual(
-                symbol_of(m, (double)feature[i * m->features + k], c.mu),
-                scale);
-    }
-    return bits / (double)(n * m->features);
+    return x;
 }
 
 /* The last third of the rendering. */
@@ -368,13 +258,25 @@ static int is_rounding(const saga_fit *f)
     return 3 * (f->iteration - f->o.n_regress) >= 2 * f->o.n_render;
 }
 
-static double rounded(const saga_fit *f, size_t i, double step)
+/* Adds lambda times the rate's gradients; before saga_twin_backward. When the
+ * rounding begins, what is not worth its bytes is left out. */
+static saga_fit_status rate_step(saga_fit *f)
 {
-    const double mean =
-        (double)f->channels.mean[i % f->scene->model.features];
-    const double x = (double)f->scene->coarse_feature[i];
+    const saga_scene *const s = f->scene;
+    const double per = (double)s->n.coarse * s->model.features;
+    const saga_rate_input x = rate_input(f, f->feature);
+    const saga_rate_options o = {
+        .first = (uint32_t)f->iteration % RATE_EVERY, .every = RATE_EVERY,
+        .rounding = is_rounding(f),
+        .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
+        .weight = (real)(fmax((double)f->o.lambda, LEAST_LAMBDA) / per)
+    };
 
-    return mean + floor((x - mean) / step + 0.5) * step;
+    if (o.rounding && !f->rate.plan.decided &&
+        saga_rate_decide(&f->rate, f->scene, &x))
+        return SAGA_FIT_MEMORY;
+    return saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o)
+        ? SAGA_FIT_MEMORY : SAGA_FIT_OK;
 }
 
 /* f->feature: clean while regressing, then noisy, then rounded. */
@@ -387,12 +289,11 @@ static void use_features(saga_fit *f)
     const double step = feature_step(f->scene);
     size_t i;
 
-    measure_channels(f);
     for (i = 0; i < n; i++) {
         const double x = (double)f->scene->coarse_feature[i];
 
         f->feature[i] = (real)(done < 0 ? x
-            : is_rounding(f) ? rounded(f, i, step)
+            : is_rounding(f) ? (double)saga_rate_round(&f->rate, f->scene, i)
             : x + step * (saga_rng_double(r, i) - 0.5));
     }
 }
@@ -422,18 +323,24 @@ static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
     t->rate = rate;
 }
 
-static int descend(saga_fit *f, real features, real positions, real networks)
+static int descend(saga_fit *f, real features, real positions, real entropy,
+                   real networks)
 {
     saga_scene *const s = f->scene;
     const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
+    /* They come first. */
+    const size_t n_entropy = (size_t)(s->net[SAGA_NET_FUSE_C].w[0] -
+                                      s->params);
     saga_adam_tensor t[N_TENSORS];
 
     tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
            (size_t)s->n.coarse * s->model.features, features);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
            4 * (size_t)s->n.prim, positions);
-    tensor(&t[T_PARAMS], f, "networks", s->params,
-           s->n_reals - (size_t)(s->params - s->reals), networks);
+    tensor(&t[T_ENTROPY], f, "entropy networks", s->params, n_entropy,
+           entropy);
+    tensor(&t[T_PARAMS], f, "networks", s->params + n_entropy,
+           s->n_reals - (size_t)(s->params - s->reals) - n_entropy, networks);
     return saga_adam_step(&f->fault, &adam, t, N_TENSORS,
                           (uint64_t)f->iteration + 1)
         ? SAGA_FIT_NONFINITE : SAGA_FIT_OK;
@@ -466,7 +373,8 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
     if (saga_twin_colour_backward(&f->twin, &f->grad, f->scene) ||
         saga_twin_backward(&f->twin, &f->grad, f->scene))
         return SAGA_FIT_MEMORY;
-    return (saga_fit_status)descend(f, rate * R(0.02), 0, rate * R(0.004));
+    return (saga_fit_status)descend(f, rate * R(0.02), 0, 0,
+                                    rate * R(0.004));
 }
 
 static void load_truth(saga_fit *f, int view, int frame)
@@ -522,7 +430,6 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     int k;
 
     *loss = 0;
-    follow_primitives(f->scene);
     saga_twin_offsets(&f->twin, f->scene);
     if (saga_twin_geometry(&f->twin, f->scene, f->feature))
         return SAGA_FIT_MEMORY;
@@ -542,14 +449,13 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     }
     *psnr = -10 * log10(mse + 1e-12);
     saga_twin_anchor_loss(&f->twin, &f->grad, f->scene, f->o.lambda_a);
+    s = rate_step(f);
+    if (s)
+        return s;
     if (saga_twin_backward(&f->twin, &f->grad, f->scene))
         return SAGA_FIT_MEMORY;
-    f->channels.bits = rate_backward(f, f->grad.coarse_feature,
-                                     (double)f->o.lambda);
-    if (is_rounding(f))
-        f->channels.bits = code_length(f, f->feature);
-    return (saga_fit_status)descend(f, rate * R(0.006), rate * R(0.0003),
-                                    rate * R(0.0016));
+    return (saga_fit_status)descend(f, rate * R(0.006), rate * R(0.0001),
+                                    rate * R(0.004), rate * R(0.0016));
 }
 
 saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
@@ -563,6 +469,9 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
         saga_twin_refresh(&f->twin, f->scene, f->feature))
         return SAGA_FIT_MEMORY;
     if (f->iteration == f->o.n_regress) {
+        const saga_rate_input x = rate_input(f, f->feature);
+
+        saga_rate_start(&f->rate, f->scene, &x);
         memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
         memset(f->v, 0, f->scene->n_reals * sizeof *f->v);
     }
@@ -575,24 +484,22 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
 
 /* --- Results ------------------------------------------------------------- */
 
-void saga_fit_features(saga_fit *f, real *feature,
-                       saga_fit_channels *channels)
+saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c)
 {
-    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
-    const double step = feature_step(f->scene);
-    size_t i;
+    const saga_rate_input x = rate_input(f, feature);
 
-    measure_channels(f);
-    for (i = 0; i < n; i++)
-        feature[i] = (real)rounded(f, i, step);
-    f->channels.bits = code_length(f, feature);
-    *channels = f->channels;
-}
-
-saga_twin *saga_fit_twin(saga_fit *f, const real *feature)
-{
-    if (saga_twin_refresh(&f->twin, f->scene, feature) ||
-        saga_twin_geometry(&f->twin, f->scene, feature))
+    if (saga_rate_choice_init(c, &f->rate, &x))
         return NULL;
+    memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
+           f->scene->model.features * sizeof *feature);
+    if (saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
+                              SAGA_KIND_COARSE) ||
+        saga_twin_refresh(&f->twin, f->scene, feature) ||
+        saga_twin_geometry(&f->twin, f->scene, feature) ||
+        saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_FINE,
+                              SAGA_KIND_PRIM)) {
+        saga_rate_choice_free(c);
+        return NULL;
+    }
     return &f->twin;
 }

@@ -6,9 +6,13 @@
  *
  *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
  *
- * R is the mean number of bits of a coarse feature's symbol under its
- * channel's Gaussian. The features carry uniform noise of one step in the
- * first two thirds of the iterations and are rounded in the rest.
+ * R is the number of bits of all residuals (coarse centres and features, fine
+ * and primitive offsets; rate_loss.h) divided by the number of the coarse
+ * features' symbols: where features alone cost bits, their mean. lambda below
+ * 1e-9 counts as that, so that the entropy networks learn what they are to
+ * code. The features carry uniform noise of one step in the first two thirds of
+ * the iterations and are rounded in the rest; when that begins, sources of the
+ * entropy model that are not worth their weights are left out (rate_choice.h).
  *
  * The same bits for any number of threads.
  */
@@ -16,6 +20,7 @@
 #define SAGA_FIT_H
 
 #include "flat.h"
+#include "rate_choice.h"
 #include "scene.h"
 #include "twin.h"
 
@@ -28,29 +33,12 @@ typedef struct saga_fit_options {
     real weight_noise;           /* step of the networks' weights, real */
 } saga_fit_options;
 
-/* Per coarse channel: mean and deviation the entropy model uses, reals. */
-typedef struct saga_fit_channels {
-    real mean[SAGA_MAX_FEATURES], sigma[SAGA_MAX_FEATURES];
-    double bits;                 /* of one symbol, mean: by the Gaussian while
-                                  * there is noise, then what the file's takes
-                                  */
-} saga_fit_channels;
-
-/* A channel's model as the file has it: mu in LSB of the features' head, and
- * log2(sigma / step) in Q SAGA_COST_SIGMA_Q. */
-typedef struct saga_fit_code {
-    int32_t mu;
-    int16_t log2_sigma;
-} saga_fit_code;
-
-saga_fit_code saga_fit_channel_code(const saga_fit_channels *c,
-                                    const saga_model *m, uint32_t channel);
-
 typedef struct saga_fit saga_fit;
 
 saga_fit_options saga_fit_defaults(void);
 
-/* scene's reals are what is fitted; target (n.prim), in rank order, are the
+/* scene's reals are what is fitted, fine anchors go to where they can be coded
+ * (saga_rate_snap); target (n.prim), in rank order, are the
  * flat primitives; both and the capture stay the caller's. NULL: no memory. */
 saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
                        const saga_capture *capture,
@@ -70,13 +58,12 @@ int saga_fit_iteration(const saga_fit *fit);
 /* The name of the tensor that is not finite. */
 const char *saga_fit_fault(const saga_fit *fit);
 
-/* The coarse features as they will be decoded, and their channels' model. */
-void saga_fit_features(saga_fit *fit, real *feature,
-                       saga_fit_channels *channels);
-
-/* The twin of the last step, its attributes refreshed for the given features:
- * for ranges and pictures of the float model. NULL without memory. */
-saga_twin *saga_fit_twin(saga_fit *fit, const real *feature);
+/* The scene as it is to be packed, what its residuals take, and for ranges and
+ * pictures of the float model the twin that stands for it; feature (n.coarse,
+ * F) becomes the coarse features as they will be decoded. NULL without memory;
+ * else saga_rate_choice_free(choice), which reads the fit. */
+saga_twin *saga_fit_code(saga_fit *fit, real *feature,
+                         saga_rate_choice *choice);
 
 /* The state, for a checkpoint, in this machine's byte order; restore into a fit
  * of the same scene, target, capture and options. False: the file failed, or
@@ -84,7 +71,8 @@ saga_twin *saga_fit_twin(saga_fit *fit, const real *feature);
 bool saga_fit_save(saga_fit *fit, FILE *file);
 bool saga_fit_restore(saga_fit *fit, FILE *file);
 
-/* Bits all coarse features would take, by the last iteration. */
+/* Bits all residuals would take, by the last iteration: an estimate from a
+ * quarter of them. */
 double saga_fit_bits(const saga_fit *fit);
 
 #endif

@@ -37,7 +37,7 @@ static void expect(stream *s, uint64_t value)
     s->ok = s->ok && x == value;
 }
 
-static void walk_links(stream *s, saga_twin_links *l, size_t queries)
+static void walk_links(stream *s, saga_links *l, size_t queries)
 {
     uint64_t n = l->n;
 
@@ -52,7 +52,7 @@ static void walk_links(stream *s, saga_twin_links *l, size_t queries)
 }
 
 /* A damaged link must not lead outside. */
-static bool links_hold(const saga_twin_links *l, size_t queries,
+static bool links_hold(const saga_links *l, size_t queries,
                        uint32_t sources)
 {
     for (size_t i = 0; i < queries; i++)
@@ -96,7 +96,12 @@ static bool walk_fit(stream *s, saga_fit *f)
     walk(s, f->scene->reals, n);
     walk(s, f->m, n);
     walk(s, f->v, n);
-    walk(s, &f->channels, sizeof f->channels);
+    /* Anchors do not move: the rest of the rate is as it was made. */
+    walk(s, f->rate.mu_feature, f->scene->n.coarse *
+         (size_t)f->scene->model.features * sizeof(real));
+    walk(s, f->rate.context.keep, sizeof f->rate.context.keep);
+    walk(s, &f->rate.plan, sizeof f->rate.plan);
+    walk(s, f->bits, sizeof f->bits);
     walk_twin(s, &f->twin);
     sum = s->sum;
     expect(s, sum);
@@ -122,6 +127,9 @@ bool saga_fit_restore(saga_fit *f, FILE *file)
 
 double saga_fit_bits(const saga_fit *f)
 {
-    return f->channels.bits * (double)f->scene->n.coarse *
-           (double)f->scene->model.features;
+    double sum = 0;
+
+    for (int i = 0; i < SAGA_N_STEPS; i++)
+        sum += f->bits[i];
+    return sum;
 }

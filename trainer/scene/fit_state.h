@@ -28,7 +28,8 @@ struct saga_fit {
     real *image, *trans, *truth, *d_image;
     saga_splat_work splat;
     saga_loss_work loss;
-    saga_fit_channels channels;
+    saga_rate rate;
+    double bits[SAGA_N_STEPS];   /* of the last iteration */
     saga_adam_fault fault;
 };
 

@@ -52,6 +52,9 @@ typedef struct saga_scene {
 #define saga_scene_half_x SAGA_REAL_NAME(saga_scene_half_x)
 #define saga_scene_half_t SAGA_REAL_NAME(saga_scene_half_t)
 #define saga_scene_cell SAGA_REAL_NAME(saga_scene_cell)
+#define saga_scene_suffix SAGA_REAL_NAME(saga_scene_suffix)
+#define saga_scene_suffix_centre SAGA_REAL_NAME(saga_scene_suffix_centre)
+#define saga_scene_fine_suffix SAGA_REAL_NAME(saga_scene_fine_suffix)
 
 /* Allocates a scene of the given counts; structure and reals are zero, the
  * networks initialised (saga_net_init) from seed. Returns 0, or -1 without
@@ -65,6 +68,15 @@ void saga_scene_free(saga_scene *s);
 real saga_scene_half_x(const saga_coarse *c);
 real saga_scene_half_t(const saga_coarse *c);
 void saga_scene_cell(real centre[4], const saga_coarse *c);
+
+/* Suffix of an offset, in supports of its parent: its cell in a grid of 2^bits
+ * cells an axis over -1..1, clamped to it; and a cell's centre on an axis. */
+uint32_t saga_scene_suffix(const double o[4], uint32_t bits);
+double saga_scene_suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis);
+
+/* The suffix of a fine anchor. The hierarchy orders them so; one that training
+ * moved is clamped to its cell. */
+uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine);
 
 /* A position and time as the integers of the decoder, clamped to the cube. */
 void saga_scene_place(int32_t x[3], int32_t *t, const real place[4]);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "twin.h"
 
+#include "arena.h"
 #include "embedding.h"
 #include "fx.h"
 #include "interp.h"
@@ -27,36 +28,23 @@ static size_t rows_of(const saga_twin *w, int net)
          : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
 }
 
-/* Parts of one block: measured first, then placed. */
-typedef struct {
-    real *base;
-    size_t n;
-} arena;
-
-static real *take(arena *a, size_t n)
-{
-    real *const p = a->base ? a->base + a->n : NULL;
-
-    a->n += (n + 15) & ~(size_t)15;
-    return p;
-}
-
-static void lay_attributes(saga_splat_params *p, arena *a, size_t n,
+static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
                            const saga_model *m)
 {
-    p->mean = take(a, 3 * n);
-    p->quat = take(a, 4 * n);
-    p->log2_scale = take(a, 3 * n);
-    p->opacity = take(a, n);
-    p->colour = take(a, 3 * n);
-    p->support = take(a, 3 * n);
-    p->motion = saga_motion_order(m) ? take(a, 9 * n) : NULL;
-    p->slope = m->tools & SAGA_TOOL_SLOPE ? take(a, 4 * n) : NULL;
-    p->t_centre = saga_is_dynamic(m) ? take(a, n) : NULL;
-    p->log2_width = m->tools & SAGA_TOOL_OPACITY_T ? take(a, n) : NULL;
+    p->mean = saga_arena_take(a, 3 * n);
+    p->quat = saga_arena_take(a, 4 * n);
+    p->log2_scale = saga_arena_take(a, 3 * n);
+    p->opacity = saga_arena_take(a, n);
+    p->colour = saga_arena_take(a, 3 * n);
+    p->support = saga_arena_take(a, 3 * n);
+    p->motion = saga_motion_order(m) ? saga_arena_take(a, 9 * n) : NULL;
+    p->slope = m->tools & SAGA_TOOL_SLOPE ? saga_arena_take(a, 4 * n) : NULL;
+    p->t_centre = saga_is_dynamic(m) ? saga_arena_take(a, n) : NULL;
+    p->log2_width = m->tools & SAGA_TOOL_OPACITY_T ? saga_arena_take(a, n)
+                                                   : NULL;
 }
 
-static void lay_out(saga_twin *w, arena *a, const saga_scene *s)
+static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
 {
     const size_t f = s->model.features, fine = w->n.fine, prim = w->n.prim;
     const size_t most = fine > prim ? fine : prim;
@@ -67,44 +55,36 @@ static void lay_out(saga_twin *w, arena *a, const saga_scene *s)
         saga_twin_batch *const b = &w->batch[net];
         const size_t rows = t->n_layers ? rows_of(w, net) : 0;
 
-        b->in = take(a, rows * (size_t)t->dim[0]);
-        b->d_in = take(a, rows * (size_t)t->dim[0]);
-        b->out = take(a, rows * (size_t)t->dim[t->n_layers]);
-        b->d_out = take(a, rows * (size_t)t->dim[t->n_layers]);
+        b->in = saga_arena_take(a, rows * (size_t)t->dim[0]);
+        b->d_in = saga_arena_take(a, rows * (size_t)t->dim[0]);
+        b->out = saga_arena_take(a, rows * (size_t)t->dim[t->n_layers]);
+        b->d_out = saga_arena_take(a, rows * (size_t)t->dim[t->n_layers]);
     }
-    w->fine_feature = take(a, fine * f);
-    w->d_fine_feature = take(a, fine * f);
-    w->log2_support = take(a, 4 * fine);
-    w->support = take(a, 4 * fine);
-    w->d_log2_support = take(a, 4 * fine);
-    w->context = take(a, most * f);
-    w->d_context = take(a, most * f);
-    w->fine_offset = take(a, 4 * fine);
-    w->prim_offset = take(a, 4 * prim);
-    w->fine_phase = take(a, 4 * fine);
-    w->prim_phase = take(a, 4 * prim);
+    w->fine_feature = saga_arena_take(a, fine * f);
+    w->d_fine_feature = saga_arena_take(a, fine * f);
+    w->log2_support = saga_arena_take(a, 4 * fine);
+    w->support = saga_arena_take(a, 4 * fine);
+    w->d_log2_support = saga_arena_take(a, 4 * fine);
+    w->context = saga_arena_take(a, most * f);
+    w->d_context = saga_arena_take(a, most * f);
+    w->fine_offset = saga_arena_take(a, 4 * fine);
+    w->prim_offset = saga_arena_take(a, 4 * prim);
+    w->fine_phase = saga_arena_take(a, 4 * fine);
+    w->prim_phase = saga_arena_take(a, 4 * prim);
     lay_attributes(&w->attr, a, prim, &s->model);
     lay_attributes(&w->d_attr, a, prim, &s->model);
 }
 
-static int alloc_links(saga_twin_links *l, size_t queries)
-{
-    l->begin = calloc(queries + 1, sizeof *l->begin);
-    l->rank = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->rank);
-    l->weight = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->weight);
-    return l->begin && l->rank && l->weight;
-}
-
 int saga_twin_init(saga_twin *w, const saga_scene *s)
 {
-    arena a = { NULL, 0 };
+    saga_arena a = { NULL, 0 };
 
     memset(w, 0, sizeof *w);
     w->n = s->n;
     lay_out(w, &a, s);
     w->block = calloc(a.n + 1, sizeof *w->block);
-    if (!w->block || !alloc_links(&w->to_fine, s->n.fine) ||
-        !alloc_links(&w->to_prim, s->n.prim)) {
+    if (!w->block || saga_links_alloc(&w->to_fine, s->n.fine) ||
+        saga_links_alloc(&w->to_prim, s->n.prim)) {
         saga_twin_free(w);
         return -1;
     }
@@ -114,21 +94,14 @@ int saga_twin_init(saga_twin *w, const saga_scene *s)
     return 0;
 }
 
-static void free_links(saga_twin_links *l)
-{
-    free(l->begin);
-    free(l->rank);
-    free(l->weight);
-}
-
 void saga_twin_free(saga_twin *w)
 {
     int net;
 
     for (net = 0; net < SAGA_N_NETS; net++)
         saga_net_free(&w->batch[net].work);
-    free_links(&w->to_fine);
-    free_links(&w->to_prim);
+    saga_links_free(&w->to_fine);
+    saga_links_free(&w->to_prim);
     free(w->block);
     memset(w, 0, sizeof *w);
 }
@@ -210,50 +183,6 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s)
     }
 }
 
-/* --- Interpolation ------------------------------------------------------- */
-
-static void gather(real *out, const saga_twin_links *l, const real *source,
-                   size_t queries, size_t f)
-{
-    ptrdiff_t q;
-
-#pragma omp parallel for schedule(static)
-    for (q = 0; q < (ptrdiff_t)queries; q++) {
-        real *const to = out + (size_t)q * f;
-        uint32_t i;
-        size_t k;
-
-        for (k = 0; k < f; k++)
-            to[k] = 0;
-        for (i = l->begin[q]; i < l->begin[q + 1]; i++) {
-            const real *const x = source + l->rank[i] * f;
-            const real weight = l->weight[i];
-
-            for (k = 0; k < f; k++)
-                to[k] += weight * x[k];
-        }
-    }
-}
-
-/* The transpose, in the order of the queries: cheap enough for one thread, and
- * the sums have one order. */
-static void scatter(real *d_source, const saga_twin_links *l,
-                    const real *d_out, size_t queries, size_t f)
-{
-    size_t q, k;
-    uint32_t i;
-
-    for (q = 0; q < queries; q++)
-        for (i = l->begin[q]; i < l->begin[q + 1]; i++) {
-            real *const to = d_source + l->rank[i] * f;
-            const real *const d = d_out + q * f;
-            const real weight = l->weight[i];
-
-            for (k = 0; k < f; k++)
-                to[k] += weight * d[k];
-        }
-}
-
 /* --- Coarse to fine ------------------------------------------------------ */
 
 static int run(saga_twin *w, const saga_scene *s, int net)
@@ -273,7 +202,7 @@ static int fine_forward(saga_twin *w, const saga_scene *s,
     size_t i;
     int k;
 
-    gather(w->context, &w->to_fine, feature, w->n.fine, f);
+    saga_links_gather(w->context, &w->to_fine, feature, f, NULL, w->n.fine);
     assemble(w, s, SAGA_NET_FUSE_C, w->context, w->fine_phase);
     if (run(w, s, SAGA_NET_FUSE_C))
         return -1;
@@ -343,7 +272,8 @@ int saga_twin_geometry(saga_twin *w, const saga_scene *s,
 
     if (fine_forward(w, s, feature))
         return -1;
-    gather(w->context, &w->to_prim, w->fine_feature, w->n.prim, f);
+    saga_links_gather(w->context, &w->to_prim, w->fine_feature, f, NULL,
+                      w->n.prim);
     assemble(w, s, SAGA_NET_FUSE_F, w->context, w->prim_phase);
     if (run(w, s, SAGA_NET_FUSE_F))
         return -1;
@@ -446,6 +376,7 @@ void saga_twin_clear(saga_twin *w, const saga_scene *s)
     clear(w->batch[SAGA_NET_COLOUR_BASE].d_out,
           n * s->model.width[SAGA_NET_COLOUR]);
     clear(w->d_log2_support, 4 * (size_t)w->n.fine);
+    clear(w->d_fine_feature, s->model.features * (size_t)w->n.fine);
 }
 
 double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
@@ -598,8 +529,8 @@ static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
         return -1;
     take_context(w->d_context, fuse->d_in, n,
                  (size_t)s->net[SAGA_NET_FUSE_F].dim[0], f);
-    clear(w->d_fine_feature, f * w->n.fine);
-    scatter(w->d_fine_feature, &w->to_prim, w->d_context, n, f);
+    saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context, f, NULL,
+                       n);
     return 0;
 }
 
@@ -630,62 +561,12 @@ int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
         return -1;
     take_context(w->d_context, fuse->d_in, n,
                  (size_t)s->net[SAGA_NET_FUSE_C].dim[0], f);
-    scatter(d->coarse_feature, &w->to_fine, w->d_context, n, f);
+    saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context, f, NULL,
+                       n);
     return 0;
 }
 
 /* --- Neighbours from the integer path ------------------------------------ */
-
-static void integer_coarse(saga_scaffold *sc, const saga_scene *s)
-{
-    uint32_t i;
-
-    for (i = 0; i < s->n.coarse; i++) {
-        int32_t t;
-
-        sc->coarse[i] = s->coarse[i];
-        saga_scene_place(sc->coarse[i].x, &t, s->coarse_x + 4 * (size_t)i);
-        sc->coarse[i].t = (uint16_t)t;
-    }
-}
-
-/* Positions, and supports in units: the cell's (before), the twin's (after
- * F_fine). */
-static void integer_fine(saga_scaffold *sc, const saga_scene *s,
-                         const saga_twin *w, int after)
-{
-    uint32_t i;
-    int k;
-
-    for (i = 0; i < s->n.fine; i++) {
-        const real *const l = w->support + 4 * (size_t)i;
-        saga_fine *const f = &sc->fine[i];
-        saga_place cell;
-        int32_t t;
-
-        *f = s->fine[i];
-        saga_place_cell(&cell, &s->coarse[f->parent]);
-        saga_scene_place(f->x, &t, s->fine_x + 4 * (size_t)i);
-        f->t = (uint16_t)t;
-        for (k = 0; k < 4; k++)
-            f->support[k] = after
-                ? fx_max(1, (int32_t)(l[k] * (k < 3 ? R(8388608) : R(65536)) +
-                                      R(0.5)))
-                : cell.support[k];
-    }
-}
-
-static void add_links(saga_twin_links *l, size_t query,
-                      const saga_neighbours *nb)
-{
-    uint32_t i;
-
-    for (i = 0; i < nb->n; i++) {
-        l->rank[l->n] = nb->rank[i];
-        l->weight[l->n++] = R(nb->weight_q14[i]) / 16384;
-    }
-    l->begin[query + 1] = (uint32_t)l->n;
-}
 
 static void link_fine(saga_twin *w, const saga_scaffold *sc)
 {
@@ -698,7 +579,7 @@ static void link_fine(saga_twin *w, const saga_scaffold *sc)
         saga_place_fine(&p, &sc->fine[i]);
         saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &p, sc->fine[i].parent,
                          SAGA_ALL_GROUPS);
-        add_links(&w->to_fine, i, &nb);
+        saga_links_add(&w->to_fine, i, &nb);
     }
 }
 
@@ -715,31 +596,23 @@ static void link_prims(saga_twin *w, const saga_scaffold *sc,
         saga_scene_place(p.x, &p.t, s->prim_x + 4 * (size_t)i);
         saga_interp_find(&nb, sc, SAGA_LEVEL_FINE, &p, s->prim_fine[i],
                          SAGA_ALL_GROUPS);
-        add_links(&w->to_prim, i, &nb);
+        saga_links_add(&w->to_prim, i, &nb);
     }
 }
 
 int saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature)
 {
     saga_scaffold sc;
-    int status = -1;
+    int status;
 
-    memset(&sc, 0, sizeof sc);
-    sc.model = &s->model;
-    sc.n = s->n;
-    sc.coarse = calloc(s->n.coarse + 1u, sizeof *sc.coarse);
-    sc.fine = calloc(s->n.fine + 1u, sizeof *sc.fine);
-    if (sc.coarse && sc.fine) {
-        integer_coarse(&sc, s);
-        integer_fine(&sc, s, w, 0);
-        link_fine(w, &sc);
-        fine_offsets(w, s);
-        status = fine_forward(w, s, feature);
-        integer_fine(&sc, s, w, 1);
-        link_prims(w, &sc, s);
-        saga_twin_offsets(w, s);
-    }
-    free(sc.coarse);
-    free(sc.fine);
+    if (saga_links_scaffold(&sc, s))
+        return -1;
+    link_fine(w, &sc);
+    fine_offsets(w, s);
+    status = fine_forward(w, s, feature);
+    saga_links_supports(&sc, w->support);
+    link_prims(w, &sc, s);
+    saga_twin_offsets(w, s);
+    saga_links_scaffold_free(&sc);
     return status;
 }

@@ -11,16 +11,9 @@
 #ifndef SAGA_TWIN_H
 #define SAGA_TWIN_H
 
+#include "links.h"
 #include "scene.h"
 #include "splat.h"
-
-/* Kernel interpolation of one level: for each query up to K sources. */
-typedef struct saga_twin_links {
-    uint32_t *begin;         /* (queries + 1) */
-    uint32_t *rank;          /* (links) */
-    real *weight;            /* (links) */
-    size_t n;                /* links */
-} saga_twin_links;
 
 /* One batch through a network: what goes in and comes out, and gradients. */
 typedef struct saga_twin_batch {
@@ -30,7 +23,7 @@ typedef struct saga_twin_batch {
 
 typedef struct saga_twin {
     saga_counts n;
-    saga_twin_links to_fine, to_prim;
+    saga_links to_fine, to_prim;
     saga_twin_batch batch[SAGA_N_NETS];
     real *fine_feature, *d_fine_feature;  /* (n.fine, F) */
     real *log2_support;                   /* (n.fine, 4) clamped */
@@ -81,7 +74,8 @@ int saga_twin_geometry(saga_twin *w, const saga_scene *s,
 int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre);
 
 /* w->d_attr and the accumulated gradients to zero: before the first view of a
- * step. saga_splat_backward then adds to w->d_attr. */
+ * step. saga_splat_backward then adds to w->d_attr, and whoever else reads
+ * w->fine_feature may add to w->d_fine_feature before saga_twin_backward. */
 void saga_twin_clear(saga_twin *w, const saga_scene *s);
 
 /* Adds weight times the mean over primitives of relu(|o| - 1)^2 (the paper's

@@ -1,0 +1,153 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A scene for tests of the rate, in either real: a root split `depth` times in
+ * space, 8^depth coarse anchors of three fine ones each, with five primitives
+ * under every other pair of these; every source of every kind.
+ */
+#ifndef RATE_SCENE_H
+#define RATE_SCENE_H
+
+#include "rate_loss.h"
+#include "rng.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+typedef struct {
+    saga_scene s, d;             /* and its gradients */
+    saga_twin w;
+    saga_rate r;
+    saga_rate_options o;
+} rate_scene;
+
+static inline void rate_scene_model(saga_model *m)
+{
+    int i;
+
+    memset(m, 0, sizeof *m);
+    m->tools = SAGA_TOOLS_KNOWN;
+    m->features = 6;
+    m->octaves = 2;
+    m->lambda_t_q8 = 256;
+    m->sources[SAGA_KIND_COARSE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_GROUPS;
+    m->sources[SAGA_KIND_FINE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
+                                 SAGA_SOURCE_GROUPS;
+    m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
+    for (i = 0; i < SAGA_N_LEVELS; i++) {
+        m->level[i].n_groups = 3;
+        m->level[i].window = 12;
+        m->level[i].neighbours = 4;
+        m->level[i].suffix_bits = 3;
+        m->level[i].max_children = 8;
+        m->level[i].radius2_q12 = 65535;
+        m->level[i].softmax_q8 = 739;
+    }
+    m->step_q16[SAGA_STEP_CENTRE] = 900u << 16;
+    m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
+    m->step_q16[SAGA_STEP_FINE] = 300u << 16;
+    m->step_q16[SAGA_STEP_PRIM] = 128u << 16;
+    m->head_q[SAGA_HEAD_COARSE] = 10;
+    m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
+    for (i = 0; i < SAGA_N_NETS; i++) {
+        m->width[i] = 8;
+        m->q_in[i] = 10;
+    }
+}
+
+static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
+{
+    uint64_t k = 0;
+    uint32_t i, b;
+    size_t a;
+
+    for (i = 0; i < s->n.coarse; i++) {
+        saga_coarse *const c = &s->coarse[i];
+
+        c->depth_x = (uint8_t)depth;
+        for (b = 0; b < 3 * depth; b++)
+            c->cell[2 - b % 3] = (uint16_t)(c->cell[2 - b % 3] |
+                                            (i >> b & 1u) << b / 3);
+        c->group = (uint8_t)(i % 3);
+        c->n_fine = 3;
+        c->first_fine = 3 * i;
+        saga_scene_cell(s->coarse_x + 4 * (size_t)i, c);
+        for (a = 0; a < 4; a++)
+            s->coarse_x[4 * (size_t)i + a] += saga_scene_half_x(c) *
+                R(0.2 * (saga_rng_double(r, k++) - 0.5));
+    }
+}
+
+static inline void rate_scene_fine(saga_scene *s, saga_rng r)
+{
+    uint64_t k = 0;
+    uint32_t i, p, at = 0;
+    size_t a;
+
+    for (i = 0; i < s->n.fine; i++) {
+        saga_fine *const f = &s->fine[i];
+        const saga_coarse *const c = &s->coarse[i / 3];
+
+        f->parent = i / 3;
+        f->group = (uint8_t)(i % 3);
+        f->first_prim = at;
+        f->n_prim = (uint8_t)(2 + i % 2);
+        saga_scene_cell(s->fine_x + 4 * (size_t)i, c);
+        for (a = 0; a < 4; a++)
+            s->fine_x[4 * (size_t)i + a] += saga_scene_half_x(c) *
+                R(1.4 * (saga_rng_double(r, k++) - 0.5));
+        for (p = 0; p < f->n_prim; p++, at++) {
+            s->prim_fine[at] = i;
+            for (a = 0; a < 4; a++)
+                s->prim_x[4 * (size_t)at + a] =
+                    s->fine_x[4 * (size_t)i + a] + saga_scene_half_x(c) *
+                    R(0.8 * (saga_rng_double(r, k++) - 0.5));
+        }
+    }
+}
+
+static inline void rate_scene_init(rate_scene *f, uint32_t depth)
+{
+    const uint32_t n = 1u << (3 * depth);
+    const saga_counts counts = { n, 3 * n, 15 * n / 2 };
+    const saga_rng r = saga_rng_stream(5, 0);
+    saga_scene *const s = &f->s;
+    saga_model m;
+    size_t i;
+
+    memset(f, 0, sizeof *f);
+    rate_scene_model(&m);
+    assert_int_equal(saga_scene_init(s, &m, counts, 1, 77), 0);
+    assert_int_equal(saga_scene_init(&f->d, &m, counts, 1, 0), 0);
+    memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
+    rate_scene_coarse(s, depth, saga_rng_stream(5, 1));
+    rate_scene_fine(s, saga_rng_stream(5, 2));
+    for (i = 0; i < (size_t)n * m.features; i++)
+        s->coarse_feature[i] = R(saga_rng_normal(r, i));
+    /* Biases away from 0. */
+    for (i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
+        s->params[i] = R(0.5) * s->params[i] +
+                       R(0.05 * saga_rng_normal(r, 100000 + i));
+    assert_int_equal(saga_twin_init(&f->w, s), 0);
+    assert_int_equal(saga_rate_init(&f->r, s), 0);
+    assert_int_equal(saga_twin_refresh(&f->w, s, s->coarse_feature), 0);
+    assert_int_equal(saga_rate_refresh(&f->r, s), 0);
+    saga_twin_clear(&f->w, s);
+    f->o.every = 1;
+    f->o.seed = 3;
+    f->o.weight = R(0.01);
+}
+
+static inline void rate_scene_free(rate_scene *f)
+{
+    saga_rate_free(&f->r);
+    saga_twin_free(&f->w);
+    saga_scene_free(&f->s);
+    saga_scene_free(&f->d);
+}
+
+#endif

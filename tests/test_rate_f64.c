@@ -1,0 +1,198 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The differentiable rate in double: a residual's cost against the coder's
+ * integer frequencies and against differences; gradients of a scene's bits
+ * against central differences, for values, contexts and networks.
+ */
+#include "cost.h"
+#include "rate_bits.h"
+#include "rate_scene.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+/* --- One residual -------------------------------------------------------- */
+
+static double log2_sigma_of(int index)
+{
+    return (index - SAGA_SCALE_UNIT) / (double)SAGA_SCALE_PER_OCTAVE;
+}
+
+/* Where a symbol's integer frequency is at least 200, rounding moves its length
+ * by at most 200.5 / 200; elsewhere frequencies of 1 are a floor and the
+ * escape's codes a ceiling of what the function may say. */
+static void bits_should_be_near_the_coders(void **state)
+{
+    double worst = 0;
+    int index, q;
+
+    (void)state;
+    for (index = 0; index < SAGA_N_SCALES; index++)
+        for (q = 0; q < 3000; q = q < 300 ? q + 1 : q + 97) {
+            const double want = saga_cost_residual(q, (uint32_t)index);
+            const double bits = saga_rate_bits(q, log2_sigma_of(index)).bits;
+
+            if (want < SAGA_PROB_BITS - log2(200))
+                worst = fmax(worst, fabs(bits - want));
+            assert_true(bits <= 1e-9 + 21 + log2(1 + q * q / 64.0));
+        }
+    printf("  at most %.4f bits from likely symbols\n", worst);
+    assert_true(worst < 0.025);
+}
+
+static void escapes_should_cost_at_least_what_they_do(void **state)
+{
+    uint32_t q;
+
+    (void)state;
+    /* Scale 0: everything beyond 1 escapes. */
+    for (q = 2; q <= SAGA_MAX_RESIDUAL; q += 1 + q / 50)
+        assert_true(saga_rate_bits(q, log2_sigma_of(0)).bits >=
+                    saga_cost_residual((int32_t)q, 0));
+}
+
+static void bits_should_have_their_derivatives(void **state)
+{
+    const double h = 1e-6;
+    double v, s;
+
+    (void)state;
+    for (v = -300; v < 300; v += fabs(v) < 12 ? 0.173 : 7.1)
+        for (s = SAGA_RATE_LOG2_MIN + 0.01; s < SAGA_RATE_LOG2_MAX; s += 0.57) {
+            const saga_rate_cost c = saga_rate_bits(v, s);
+            const double dv = (saga_rate_bits(v + h, s).bits -
+                               saga_rate_bits(v - h, s).bits) / (2 * h);
+            const double ds = (saga_rate_bits(v, s + h).bits -
+                               saga_rate_bits(v, s - h).bits) / (2 * h);
+
+            assert_true(isfinite(c.bits) && c.bits >= -1e-5);
+            assert_true(fabs(c.d_v - dv) < 1e-6 * (1 + fabs(dv)) + 1e-7);
+            assert_true(fabs(c.d_log2_sigma - ds) <
+                        1e-6 * (1 + fabs(ds)) + 1e-7);
+        }
+}
+
+/* --- A scene's bits ------------------------------------------------------ */
+
+/* weight times all bits, gradients into d. */
+static double loss(rate_scene *f, saga_scene *d)
+{
+    const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
+    double bits[SAGA_N_STEPS];
+
+    assert_int_equal(saga_rate_step(bits, &f->r, d, &x, &f->o), 0);
+    return f->o.weight * (bits[0] + bits[1] + bits[2] + bits[3]);
+}
+
+/* Central differences of step 1e-6; a ReLU's corner within the step may make
+ * one in a hundred differ. */
+static void check_range(rate_scene *f, const char *what, real *x, const real *g,
+                        size_t n)
+{
+    const double h = 1e-6;
+    saga_scene probe;
+    size_t i, wrong = 0, alive = 0;
+
+    assert_int_equal(saga_scene_init(&probe, &f->s.model, f->s.n, 1, 0), 0);
+    for (i = 0; i < n; i++) {
+        const double keep = x[i];
+        double up, down, want;
+
+        x[i] = keep + h;
+        saga_twin_offsets(&f->w, &f->s);
+        up = loss(f, &probe);
+        x[i] = keep - h;
+        saga_twin_offsets(&f->w, &f->s);
+        down = loss(f, &probe);
+        x[i] = keep;
+        want = (up - down) / (2 * h);
+        alive += fabs(want) > 1e-6;
+        wrong += fabs(want - g[i]) > 2e-5 * (1 + fabs(want));
+    }
+    printf("  %s: %zu of %zu differ, %zu are not 0\n", what, wrong, n, alive);
+    saga_scene_free(&probe);
+    assert_true(wrong * 100 <= n);
+    assert_true(alive * 4 > n);
+}
+
+static void check_gradients(uint8_t keep)
+{
+    rate_scene f;
+    real *d_fine;
+    size_t n_fine, n_params;
+    int kind;
+
+    rate_scene_init(&f, 1);
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        f.r.context.keep[kind] = keep;
+    n_fine = f.s.n.fine * (size_t)f.s.model.features;
+    n_params = (size_t)(f.s.net[SAGA_NET_FUSE_C].w[0] - f.s.params);
+    loss(&f, &f.d);
+    d_fine = malloc(n_fine * sizeof *d_fine);
+    assert_non_null(d_fine);
+    memcpy(d_fine, f.w.d_fine_feature, n_fine * sizeof *d_fine);
+    check_range(&f, "primitive positions", f.s.prim_x, f.d.prim_x,
+                4 * (size_t)f.s.n.prim);
+    check_range(&f, "coarse features", f.s.coarse_feature,
+                f.d.coarse_feature,
+                f.s.n.coarse * (size_t)f.s.model.features);
+    check_range(&f, "fine features", f.w.fine_feature, d_fine, n_fine);
+    check_range(&f, "networks", f.s.params, f.d.params, n_params);
+    free(d_fine);
+    rate_scene_free(&f);
+}
+
+static void rate_gradients_should_match_differences(void **state)
+{
+    (void)state;
+    check_gradients(SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
+                    SAGA_SOURCE_GROUPS);
+    check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS);
+}
+
+/* The quarters of the blocks together are all of them. */
+static void subsets_should_add_up(void **state)
+{
+    rate_scene f;
+    double all, sum = 0;
+    real *whole;
+    size_t i;
+
+    (void)state;
+    rate_scene_init(&f, 1);
+    all = loss(&f, &f.d);
+    whole = malloc(f.d.n_reals * sizeof *whole);
+    assert_non_null(whole);
+    memcpy(whole, f.d.reals, f.d.n_reals * sizeof *whole);
+    memset(f.d.reals, 0, f.d.n_reals * sizeof *f.d.reals);
+    f.o.every = 4;
+    for (f.o.first = 0; f.o.first < 4; f.o.first++)
+        sum += loss(&f, &f.d) / 4;
+    assert_true(fabs(sum - all) < 1e-9 * all);
+    for (i = 0; i < f.d.n_reals; i++)
+        assert_true(fabs(f.d.reals[i] / 4 - whole[i]) <
+                    1e-9 * (1 + fabs(whole[i])));
+    free(whole);
+    rate_scene_free(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(bits_should_be_near_the_coders),
+        cmocka_unit_test(escapes_should_cost_at_least_what_they_do),
+        cmocka_unit_test(bits_should_have_their_derivatives),
+        cmocka_unit_test(rate_gradients_should_match_differences),
+        cmocka_unit_test(subsets_should_add_up)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

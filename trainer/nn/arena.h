@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Arrays that are parts of one block: laid out once to measure it (base NULL),
+ * once more to place them.
+ */
+#ifndef SAGA_ARENA_H
+#define SAGA_ARENA_H
+
+#include "real.h"
+
+#include <stddef.h>
+
+typedef struct saga_arena {
+    real *base;
+    size_t n;                /* reals taken */
+} saga_arena;
+
+/* n reals at a multiple of 16; NULL while measuring. */
+static inline real *saga_arena_take(saga_arena *a, size_t n)
+{
+    real *const p = a->base ? a->base + a->n : NULL;
+
+    a->n += (n + 15) & ~(size_t)15;
+    return p;
+}
+
+#endif

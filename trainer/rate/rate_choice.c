@@ -1,0 +1,418 @@
+/* SPDX-License-Identifier: MIT */
+#include "rate_choice.h"
+
+#include "cost.h"
+#include "quantise.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Steps that are tried: 2^-SAGA_RATE_FINEST .. 2^-COARSEST. */
+enum { COARSEST = 2 };
+
+/* Bits of a row's shift and bias, of a layer's steps and scales: about what
+ * they come to. */
+enum { ROW_BITS = 13, LAYER_BITS = 38 };
+
+enum { N_SOURCES = 3, ALL_SOURCES = (1 << N_SOURCES) - 1 };
+
+/* --- Networks with fewer inputs ------------------------------------------ */
+
+static void bind(saga_scene *s, float *params)
+{
+    saga_net_shape shape;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++) {
+        saga_net *const f = &s->net[net];
+
+        saga_model_net(&shape, &s->model, net);
+        f->n_layers = shape.n_layers;
+        for (i = 0; i <= shape.n_layers; i++)
+            f->dim[i] = shape.dim[i];
+        if (f->n_layers == 0)
+            continue;
+        saga_net_bind(f, params);
+        params += saga_net_n_params(f);
+    }
+}
+
+/* First layer: the columns of the sources that stay. */
+static void take_columns(saga_net *to, const saga_net *from, uint32_t had,
+                         uint32_t has, size_t f)
+{
+    const size_t rows = (size_t)to->dim[1];
+    size_t row, at = 0, n = 0;
+    int source;
+
+    memcpy(to->b[0], from->b[0], rows * sizeof(float));
+    for (source = 0; source < N_SOURCES; source++) {
+        for (row = 0; (has >> source & 1u) && row < rows; row++)
+            memcpy(to->w[0] + row * (size_t)to->dim[0] + n,
+                   from->w[0] + row * (size_t)from->dim[0] + at,
+                   f * sizeof(float));
+        at += had >> source & 1u ? f : 0;
+        n += has >> source & 1u ? f : 0;
+    }
+}
+
+static void copy_layer(saga_net *to, const saga_net *from, int l)
+{
+    const size_t n_out = (size_t)from->dim[l + 1];
+
+    memcpy(to->w[l], from->w[l], (size_t)from->dim[l] * n_out * sizeof(float));
+    memcpy(to->b[l], from->b[l], n_out * sizeof(float));
+}
+
+/* s with the given sources alone, its entropy networks in params. */
+static saga_scene reduced(const saga_scene *s, float *params,
+                          const uint8_t sources[SAGA_N_KINDS])
+{
+    saga_scene c = *s;
+    int kind, l;
+
+    memcpy(c.model.sources, sources, SAGA_N_KINDS);
+    bind(&c, params);
+    for (l = 0; l < c.net[SAGA_NET_HYPER].n_layers; l++)
+        copy_layer(&c.net[SAGA_NET_HYPER], &s->net[SAGA_NET_HYPER], l);
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        saga_net *const to = &c.net[SAGA_NET_E_COARSE + kind];
+        const saga_net *const from = &s->net[SAGA_NET_E_COARSE + kind];
+
+        if (!sources[kind])
+            continue;
+        take_columns(to, from, s->model.sources[kind], sources[kind],
+                     s->model.features);
+        for (l = 1; l < to->n_layers; l++)
+            copy_layer(to, from, l);
+    }
+    return c;
+}
+
+/* Room for the entropy networks of s, whatever their sources. */
+static float *alloc_params(const saga_scene *s)
+{
+    /* Constants can have more biases than a small network has parameters. */
+    size_t n = SAGA_N_KINDS * 2u * (4 + SAGA_MAX_FEATURES);
+    int net;
+
+    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++)
+        if (s->net[net].n_layers)
+            n += saga_net_n_params(&s->net[net]);
+    return calloc(n, sizeof(float));
+}
+
+/* --- Costs --------------------------------------------------------------- */
+
+/* Bits of a network's weights, about. */
+static double weights_bits(const saga_net *net, double step)
+{
+    double bits = 0;
+    size_t i;
+    int l;
+
+    for (l = 0; l < net->n_layers; l++) {
+        const size_t n = (size_t)net->dim[l] * (size_t)net->dim[l + 1];
+        int32_t *const q = malloc((n + 1) * sizeof *q);
+        uint8_t scale;
+
+        if (!q)
+            return HUGE_VAL;
+        for (i = 0; i < n; i++)
+            q[i] = (int32_t)lrint((double)net->w[l][i] / step);
+        scale = saga_quantise_scale(q, n);
+        for (i = 0; i < n; i++)
+            bits += saga_cost_residual(q[i], scale);
+        bits += LAYER_BITS + ROW_BITS * net->dim[l + 1];
+        free(q);
+    }
+    return bits;
+}
+
+/* --- The search ---------------------------------------------------------- */
+
+typedef struct {
+    saga_rate *r;
+    saga_scene *s;
+    const saga_rate_input *x;
+    float *feature;              /* (coarse, F) as coded with all sources, */
+    float *scratch;              /* with those that are tried */
+    float *params;               /* of those */
+    float *mean[SAGA_N_KINDS];   /* (inputs) of the networks' inputs */
+    double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* residuals, by sources */
+    double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
+    double hyper;
+} search;
+
+/* Bits of the residuals of a kind with the sources of r. */
+static int kind_bits(double *sum, search *f, int kind)
+{
+    const size_t n = (size_t)f->s->n.coarse * f->s->model.features;
+    const saga_scene rounded = saga_rate_rounded(f->r, f->s);
+    const saga_rate_input y = { &rounded, f->x->twin,
+                                kind ? f->feature : f->scratch };
+    double bits[SAGA_N_STEPS] = { 0 };
+
+    memcpy(f->scratch, f->s->coarse_feature, n * sizeof *f->scratch);
+    if (saga_rate_code(bits, f->r, &y, kind))
+        return -1;
+    *sum = bits[0] + bits[1] + bits[2] + bits[3];
+    return 0;
+}
+
+/* Features and offsets as all sources code them, and the networks' mean
+ * inputs. */
+static int begin_search(search *f)
+{
+    const size_t n = (size_t)f->s->n.coarse * f->s->model.features;
+    const saga_rate_input y = { f->s, f->x->twin, f->feature };
+    double bits[SAGA_N_STEPS] = { 0 };
+    int kind;
+
+    memcpy(f->feature, f->s->coarse_feature, n * sizeof *f->feature);
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const saga_rate_kind *const k = &f->r->context.kind[kind];
+        const size_t dim = (size_t)f->s->net[SAGA_NET_E_COARSE + kind].dim[0];
+        size_t i, j;
+
+        saga_rate_measure(f->r, f->x, kind);
+        f->mean[kind] = calloc(dim + 1, sizeof *f->mean[kind]);
+        if (!f->mean[kind] || saga_rate_code(bits, f->r, &y, kind) ||
+            saga_rate_all(f->r, &y, kind))
+            return -1;
+        for (j = 0; j < dim; j++) {
+            double sum = 0;
+
+            for (i = 0; i < k->n_blocks; i++)
+                sum += (double)k->net.in[i * dim + j];
+            f->mean[kind][j] = (float)(sum / (double)k->n_blocks);
+        }
+    }
+    return 0;
+}
+
+/* Bits of a network that was trained, and of all residuals it has a say in. */
+static int network_bits(double *total, search *f, int net)
+{
+    const saga_scene rounded = saga_rate_rounded(f->r, f->s);
+    int kind;
+
+    *total = weights_bits(&rounded.net[net], f->r->plan.step[net]);
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        double bits;
+
+        if (net != SAGA_NET_HYPER && kind != net - SAGA_NET_E_COARSE)
+            continue;
+        if (kind_bits(&bits, f, kind))
+            return -1;
+        *total += bits;
+    }
+    return 0;
+}
+
+/* The step of each network in turn, the others as they are. */
+static int find_steps(search *f)
+{
+    double *const step = f->r->plan.step;
+    int e, net;
+
+    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++) {
+        double least = HUGE_VAL, best = step[net], bits;
+
+        for (e = COARSEST; f->s->net[net].n_layers && e <= SAGA_RATE_FINEST;
+             e++) {
+            step[net] = ldexp(1, -e);
+            if (network_bits(&bits, f, net))
+                return -1;
+            if (bits < least) {
+                least = bits;
+                best = step[net];
+            }
+        }
+        step[net] = best;
+    }
+    return 0;
+}
+
+/* Moves the means of a kind's sources that are not in `keep` into the biases;
+ * sign -1: back out of them. */
+static void fold(search *f, int kind, uint32_t keep, float sign)
+{
+    const saga_net *const net = &f->s->net[SAGA_NET_E_COARSE + kind];
+    const size_t n = f->s->model.features, dim = (size_t)net->dim[0];
+    size_t row, c, at = 0;
+    int source;
+
+    for (source = 0; source < N_SOURCES; source++) {
+        if (!(f->s->model.sources[kind] >> source & 1u))
+            continue;
+        for (row = 0; !(keep >> source & 1u) && row < (size_t)net->dim[1];
+             row++)
+            for (c = at; c < at + n; c++)
+                net->b[0][row] += sign * net->w[0][row * dim + c] *
+                                  f->mean[kind][c];
+        at += n;
+    }
+}
+
+static int try_subset(search *f, int kind, uint32_t subset)
+{
+    const uint8_t had = f->s->model.sources[kind];
+    uint8_t sources[SAGA_N_KINDS] = { 0 };
+    saga_scene rounded, fewer;
+    int status;
+
+    sources[kind] = (uint8_t)subset;
+    f->r->context.keep[kind] = (uint8_t)subset;
+    fold(f, kind, subset, 1);
+    status = kind_bits(&f->bits[kind][subset], f, kind);
+    rounded = saga_rate_rounded(f->r, f->s);
+    fewer = reduced(&rounded, f->params, sources);
+    f->weights[kind][subset] = weights_bits(
+        &fewer.net[SAGA_NET_E_COARSE + kind],
+        f->r->plan.step[SAGA_NET_E_COARSE + kind]);
+    fold(f, kind, subset, -1);
+    f->r->context.keep[kind] = had;
+    return status;
+}
+
+/* Every subset of each kind's sources, the other kinds as they are. */
+static int try_subsets(search *f)
+{
+    const saga_scene rounded = saga_rate_rounded(f->r, f->s);
+    uint32_t subset;
+    int kind;
+
+    f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER],
+                            f->r->plan.step[SAGA_NET_HYPER]);
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        for (subset = 0; subset <= ALL_SOURCES; subset++)
+            if (!(subset & ~(uint32_t)f->s->model.sources[kind]) &&
+                try_subset(f, kind, subset))
+                return -1;
+    return 0;
+}
+
+/* The best subset of a kind that has none of `without`. */
+static uint32_t best_subset(const search *f, int kind, uint32_t without)
+{
+    const uint32_t not = ~(uint32_t)f->s->model.sources[kind] | without;
+    uint32_t subset, best = 0;
+
+    for (subset = 0; subset <= ALL_SOURCES; subset++)
+        if (!(subset & not) &&
+            f->bits[kind][subset] + f->weights[kind][subset] <
+            f->bits[kind][best] + f->weights[kind][best])
+            best = subset;
+    return best;
+}
+
+/* Each kind's best. Returns all their bits. */
+static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
+                          uint32_t without)
+{
+    double total = 0;
+    uint32_t any = 0;
+    int kind;
+
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const uint32_t best = best_subset(f, kind, without);
+
+        sources[kind] = (uint8_t)best;
+        any |= best;
+        total += f->bits[kind][best] + f->weights[kind][best];
+    }
+    return total + (any & SAGA_SOURCE_HYPER ? f->hyper : 0);
+}
+
+/* The hyperprior for those who are better off with it, or for nobody. */
+static void settle(search *f)
+{
+    saga_rate_plan *const plan = &f->r->plan;
+    uint8_t with[SAGA_N_KINDS], without[SAGA_N_KINDS];
+    const uint8_t *const best =
+        best_of_all(with, f, 0) < best_of_all(without, f, SAGA_SOURCE_HYPER)
+        ? with : without;
+    int kind;
+
+    plan->hyper_weights = 0;
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const uint8_t had = f->s->model.sources[kind];
+
+        plan->gain[kind] = (saga_rate_gain){
+            f->bits[kind][0], f->bits[kind][had], f->bits[kind][best[kind]],
+            best[kind] ? f->weights[kind][best[kind]] : 0
+        };
+        fold(f, kind, best[kind], 1);
+        f->r->context.keep[kind] = best[kind];
+        if (best[kind] & SAGA_SOURCE_HYPER)
+            plan->hyper_weights = f->hyper;
+    }
+}
+
+int saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x)
+{
+    const size_t n = (size_t)s->n.coarse * s->model.features;
+    search f = { .r = r, .s = s, .x = x };
+    int kind, status;
+
+    f.feature = malloc((n + 1) * sizeof *f.feature);
+    f.scratch = malloc((n + 1) * sizeof *f.scratch);
+    f.params = alloc_params(s);
+    status = !f.feature || !f.scratch || !f.params || begin_search(&f) ? -1 : 0;
+    if (!status) {
+        r->plan.decided = 1;
+        status = find_steps(&f) || try_subsets(&f) ? -1 : 0;
+        r->plan.decided = !status;
+    }
+    if (!status)
+        settle(&f);
+    free(f.feature);
+    free(f.scratch);
+    free(f.params);
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        free(f.mean[kind]);
+    return status;
+}
+
+/* --- The scene to be packed ---------------------------------------------- */
+
+int saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
+                          const saga_rate_input *x)
+{
+    const saga_scene rounded = saga_rate_rounded(r, x->scene);
+    uint8_t sources[SAGA_N_KINDS];
+    int kind;
+
+    memset(c, 0, sizeof *c);
+    c->params = alloc_params(x->scene);
+    if (!c->params)
+        return -1;
+    c->rate = r;
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        sources[kind] = (uint8_t)saga_rate_sources(&r->context, x->scene,
+                                                   kind);
+    c->scene = reduced(&rounded, c->params, sources);
+    return 0;
+}
+
+void saga_rate_choice_free(saga_rate_choice *c)
+{
+    free(c->params);
+    memset(c, 0, sizeof *c);
+}
+
+int saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
+                          const saga_rate_input *x, int first, int last)
+{
+    const saga_rate_input y = { &c->scene, x->twin, x->feature };
+    int kind;
+
+    for (kind = first; kind <= last; kind++) {
+        saga_rate_measure(r, &y, kind);
+        if (saga_rate_code(c->bits, r, &y, kind) || saga_rate_all(r, &y, kind))
+            return -1;
+    }
+    return 0;
+}

@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What of an entropy model in training is worth its bytes: sources of each kind
+ * and the steps of the weights, by code lengths on all blocks.
+ *
+ * A source that is left out is replaced by its mean: its columns of the first
+ * layer move into the biases. A kind without any has measured constants. The
+ * hyperprior's network counts once, if any kind reads it. Left out is whatever
+ * makes residuals and weights together dearer.
+ *
+ * Decided once, while there is training left: coarse features are rounded
+ * against mu, so everything has to settle on what decides mu.
+ */
+#ifndef SAGA_RATE_CHOICE_H
+#define SAGA_RATE_CHOICE_H
+
+#include "rate_loss.h"
+
+/* Sets r->plan and the sources that r keeps; s (x's scene) gets the biases of
+ * what is left out. The twin's offsets, supports and features stand for the
+ * scene's. 0, or -1 without memory: then nothing is decided. */
+int saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x);
+
+/* The scene as it is to be packed, with what the networks gave. */
+typedef struct saga_rate_choice {
+    saga_scene scene;            /* the trained one; its entropy networks and
+                                  * model.sources are what is left of them */
+    float *params;               /* of those networks */
+    const saga_rate *rate;       /* plan, constants; batches of all blocks */
+    double bits[SAGA_N_STEPS];   /* code lengths of the residuals, estimated */
+} saga_rate_choice;
+
+/* By the plan of r, which must outlive the choice. 0, or -1 without memory:
+ * then there is nothing to free. */
+int saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
+                          const saga_rate_input *x);
+void saga_rate_choice_free(saga_rate_choice *c);
+
+/* c->bits of kinds first..last, in their order, x as for saga_rate_code;
+ * their constants, and the batches of all their blocks. 0 or -1. */
+int saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
+                          const saga_rate_input *x, int first, int last);
+
+#endif

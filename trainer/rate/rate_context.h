@@ -1,0 +1,124 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The float twin of common/context.c: what a block's entropy parameters are
+ * computed from, the networks that do it, and the gradients back. Paper:
+ * Hierarchical Context Modeling.
+ *
+ * A kind (SAGA_KIND_*) has blocks: coarse anchors; fine anchors; fine anchors
+ * again, each for the primitives under it. Evaluated are the blocks of a list.
+ *
+ * Sources, in the order of the network's input, F values each:
+ *     HYPER   the hyperprior's network at the block's place, size and count
+ *     PARENT  coarse features interpolated at a fine anchor's suffix cell, or
+ *             the fine anchor's own features
+ *     GROUPS  neighbours of earlier groups of the block's level
+ * A memory bank's read would be the fourth.
+ *
+ * Neighbours and weights stand still between refreshes, as the scene's twin's
+ * do (twin.h); no gradient flows through them, nor through places and sizes.
+ * A fine anchor's mu is 0: its rows have neither weights nor gradient. What is
+ * decoded then lies on one grid whatever the networks become, and the trainer
+ * can put its anchors there (saga_rate_snap): an offset of a primitive is tiny
+ * against a step of its anchor's.
+ *
+ * Values are clamped where the integer path's formats (s->model) clamp them; a
+ * clamped output learns only towards the inside.
+ */
+#ifndef SAGA_RATE_CONTEXT_H
+#define SAGA_RATE_CONTEXT_H
+
+#include "links.h"
+#include "twin.h"
+
+enum {
+    SAGA_RATE_SIZES = 5,     /* log2 half-sizes and count, as HYPER has them */
+    SAGA_RATE_OFFSETS = 5    /* a fine anchor's offset residual, and count / 16:
+                              * what GROUPS reads of it, padded to F */
+};
+
+typedef struct saga_rate_kind {
+    size_t n_blocks;
+    saga_links parent, groups;   /* where the kind has them (scene's ranks) */
+    real *phase;                 /* (blocks, 4) as embedded, of the cells; */
+    real *size;                  /* (blocks, 5); primitives: by the twin */
+    /* Of the last forward pass, a row for each block of its list. */
+    saga_twin_batch hyper, net;
+    real *mu, *d_mu;             /* (rows, channels) reals of the value */
+    real *log2_sigma, *d_log2_sigma; /* (rows, channels) of sigma in steps */
+} saga_rate_kind;
+
+typedef struct saga_rate_context {
+    saga_rate_kind kind[SAGA_N_KINDS];
+    uint8_t keep[SAGA_N_KINDS];  /* SAGA_SOURCE_*: the other sources' inputs
+                                  * are 0, and learn nothing */
+    real *scratch;               /* (blocks, F) */
+    real *block;                 /* memory of all of these */
+} saga_rate_context;
+
+/* Which blocks are evaluated: ranks, ascending. */
+typedef struct saga_rate_list {
+    const uint32_t *block;       /* (n) */
+    size_t n;
+} saga_rate_list;
+
+/* What the networks read: values, or their gradients. As gradients, members
+ * are added to, and NULL ones are not wanted. */
+typedef struct saga_rate_features {
+    real *coarse;                /* (n.coarse, F) coarse features */
+    real *offset;                /* (n.fine, 5) see SAGA_RATE_OFFSETS */
+    real *fine;                  /* (n.fine, F) fine features, after F_fine */
+} saga_rate_features;
+
+#define saga_rate_context_init SAGA_REAL_NAME(saga_rate_context_init)
+#define saga_rate_context_free SAGA_REAL_NAME(saga_rate_context_free)
+#define saga_rate_context_refresh SAGA_REAL_NAME(saga_rate_context_refresh)
+#define saga_rate_step_of SAGA_REAL_NAME(saga_rate_step_of)
+#define saga_rate_value_q SAGA_REAL_NAME(saga_rate_value_q)
+#define saga_rate_mu_unit SAGA_REAL_NAME(saga_rate_mu_unit)
+#define saga_rate_mu_q SAGA_REAL_NAME(saga_rate_mu_q)
+#define saga_rate_sources SAGA_REAL_NAME(saga_rate_sources)
+#define saga_rate_context_forward SAGA_REAL_NAME(saga_rate_context_forward)
+#define saga_rate_context_backward SAGA_REAL_NAME(saga_rate_context_backward)
+
+/* Memory for scenes of s's counts whose entropy networks have at most s's
+ * inputs; all sources are kept. 0, or -1 without memory: then there is nothing
+ * to free. */
+int saga_rate_context_init(saga_rate_context *c, const saga_scene *s);
+void saga_rate_context_free(saga_rate_context *c);
+
+/* Cells' places and sizes, and neighbours, from the scene's structure and
+ * positions. 0 or -1. */
+int saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s);
+
+/* Of a kind's channel: which step it has (SAGA_STEP_*), and the Q of its
+ * value and mu. */
+int saga_rate_step_of(int kind, size_t channel);
+int saga_rate_value_q(const saga_model *m, int kind, size_t channel);
+
+/* The networks' weights are trained for outputs mu in units of the power of two
+ * at or below the step, as large as log2 sigma, so that one learning rate and
+ * one step of the weights serve both: unit in reals of the value, and the Q in
+ * which such an output is the integer path's mu. */
+real saga_rate_mu_unit(const saga_model *m, int kind, size_t channel);
+int saga_rate_mu_q(const saga_model *m, int kind, size_t channel);
+
+/* Sources of a kind that the scene has and the context keeps. */
+uint32_t saga_rate_sources(const saga_rate_context *c, const saga_scene *s,
+                           int kind);
+
+/* mu and log2_sigma of the listed blocks. Kinds with such sources only. w: its
+ * fine_phase and log2_support say where and how large the primitives' anchors
+ * are (NULL unless kind is SAGA_KIND_PRIM). 0, or -1 without memory. */
+int saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
+                              const saga_twin *w, int kind,
+                              saga_rate_list list,
+                              const saga_rate_features *x);
+
+/* Of the same forward pass, from the kind's d_mu and d_log2_sigma: adds to d's
+ * networks and to dx. 0 or -1. */
+int saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
+                               const saga_scene *s, int kind,
+                               saga_rate_list list,
+                               const saga_rate_features *dx);
+
+#endif

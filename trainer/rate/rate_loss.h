@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The rate of a scene's residuals, differentiable in training, and as the
+ * closed loop will code them at its end. Paper: Rate-Distortion Optimization.
+ *
+ * Values, in reals: a coarse centre's offset from its cell's centre in
+ * half-sizes; coarse features; a fine anchor's offset from its suffix cell's
+ * centre in the parent's half-sizes; a primitive's from its suffix cell's in
+ * supports. Sums of bits are by SAGA_STEP_*: which of the four it is.
+ *
+ * A kind without sources has constants per channel, measured.
+ */
+#ifndef SAGA_RATE_LOSS_H
+#define SAGA_RATE_LOSS_H
+
+#include "rate_context.h"
+
+#include <stdbool.h>
+
+/* Per kind and channel: mean in reals, log2 of the deviation in steps. */
+typedef struct saga_rate_constants {
+    real mean[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
+    real log2_sigma[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
+} saga_rate_constants;
+
+enum {
+    SAGA_N_ENTROPY_NETS = SAGA_NET_E_PRIM + 1, /* they come first */
+    SAGA_RATE_FINEST = 9         /* steps of their weights: 2^-9 or coarser */
+};
+
+/* Bits of a kind's residuals and of its network, the hyperprior apart, when its
+ * sources were chosen. */
+typedef struct saga_rate_gain {
+    double constants;            /* residuals without sources, */
+    double networks;             /* with those that were trained, */
+    double chosen;               /* and with those that were kept */
+    double weights;              /* of the network that is kept; 0: constants */
+} saga_rate_gain;
+
+/* What was found to be worth its bytes (rate_choice.h). */
+typedef struct saga_rate_plan {
+    uint64_t decided;            /* 1: by then; 0: everything is kept */
+    double step[SAGA_N_ENTROPY_NETS]; /* of the weights, reals */
+    saga_rate_gain gain[SAGA_N_KINDS];
+    double hyper_weights;        /* bits; 0: no kind reads it */
+} saga_rate_plan;
+
+typedef struct saga_rate {
+    saga_rate_context context;
+    saga_rate_plan plan;
+    saga_rate_constants constants;
+    real *mu_feature;            /* (coarse, F) of each block's last evaluation:
+                                  * what its features are rounded against */
+    real *centre;                /* (coarse, 4) values */
+    real *offset;                /* (fine, 5) values and count / 16 */
+    real *decoded;               /* (fine, 5) the same as coded */
+    real *params;                /* of the entropy networks, rounded */
+    double *row_bits;            /* (blocks, SAGA_N_STEPS) */
+    uint32_t *list;              /* (blocks) */
+} saga_rate;
+
+/* What is coded: anchors and networks of scene; offsets, supports and features
+ * of primitives and fine anchors of twin; coarse features as they are used. */
+typedef struct saga_rate_input {
+    const saga_scene *scene;
+    saga_twin *twin;
+    real *feature;               /* (n.coarse, F) */
+} saga_rate_input;
+
+typedef struct saga_rate_options {
+    uint32_t first, every;       /* blocks first, first + every, ... stand for
+                                  * all of their kind */
+    bool rounding;               /* offsets rounded, or with noise of a step */
+    uint64_t seed;               /* of the noise */
+    real weight;                 /* of a bit in the loss */
+} saga_rate_options;
+
+#define saga_rate_init SAGA_REAL_NAME(saga_rate_init)
+#define saga_rate_free SAGA_REAL_NAME(saga_rate_free)
+#define saga_rate_snap SAGA_REAL_NAME(saga_rate_snap)
+#define saga_rate_refresh SAGA_REAL_NAME(saga_rate_refresh)
+#define saga_rate_measure SAGA_REAL_NAME(saga_rate_measure)
+#define saga_rate_start SAGA_REAL_NAME(saga_rate_start)
+#define saga_rate_round SAGA_REAL_NAME(saga_rate_round)
+#define saga_rate_rounded SAGA_REAL_NAME(saga_rate_rounded)
+#define saga_rate_step SAGA_REAL_NAME(saga_rate_step)
+#define saga_rate_code SAGA_REAL_NAME(saga_rate_code)
+#define saga_rate_all SAGA_REAL_NAME(saga_rate_all)
+
+/* Memory for scenes as saga_rate_context_init takes them. 0 or -1. */
+int saga_rate_init(saga_rate *r, const saga_scene *s);
+void saga_rate_free(saga_rate *r);
+
+/* Coarse and fine anchors to the nearest places that can be coded. */
+void saga_rate_snap(saga_scene *s);
+
+/* Anchors' places, values and neighbours, from the scene. Once, and whenever an
+ * anchor moved. 0 or -1. */
+int saga_rate_refresh(saga_rate *r, const saga_scene *s);
+
+/* The constants of a kind, from all its values without noise. */
+void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
+
+/* Before the first step: constants of all kinds; networks begin as them (s's
+ * last layers: biases alone), features are rounded against them. */
+void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
+
+/* The value nearest to feature i (of n.coarse * F) that can be coded. */
+real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i);
+
+/* The scene with entropy networks whose weights are rounded to the plan's steps
+ * (once it is decided): what is trained for from then on, and coded. They live
+ * in the rate, until the next call. */
+saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s);
+
+/* Estimated bits of all blocks, from those that are evaluated; adds weight
+ * times their gradient to d (coarse features, primitives' positions, networks,
+ * the latter straight through the rounding) and to the twin's d_fine_feature,
+ * which saga_twin_backward then takes. No gradient flows to anchors' positions,
+ * nor to supports. 0, or -1 without memory. */
+int saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
+                   const saga_rate_input *x, const saga_rate_options *o);
+
+/* Adds code lengths of all values of a kind, quantised in the order of coding
+ * as the closed loop will: parameters from what is decoded, rounded to the
+ * integers', symbols' costs those of cost.h. Of coarse anchors, x->feature
+ * becomes what is decoded. Kinds in their order. 0, or -1 without memory. */
+int saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
+                   const saga_rate_input *x, int kind);
+
+/* The parameters of all blocks of a kind at once, from what saga_rate_code
+ * left: for the ranges in the kind's batches. 0 or -1. */
+int saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind);
+
+#endif

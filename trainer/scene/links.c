@@ -1,0 +1,159 @@
+/* SPDX-License-Identifier: MIT */
+#include "links.h"
+
+#include "fx.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* --- Links --------------------------------------------------------------- */
+
+int saga_links_alloc(saga_links *l, size_t queries)
+{
+    l->begin = calloc(queries + 1, sizeof *l->begin);
+    l->rank = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->rank);
+    l->weight = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->weight);
+    l->n = 0;
+    return l->begin && l->rank && l->weight ? 0 : -1;
+}
+
+void saga_links_free(saga_links *l)
+{
+    free(l->begin);
+    free(l->rank);
+    free(l->weight);
+    memset(l, 0, sizeof *l);
+}
+
+void saga_links_add(saga_links *l, size_t query, const saga_neighbours *nb)
+{
+    uint32_t i;
+
+    for (i = 0; i < nb->n; i++) {
+        l->rank[l->n] = nb->rank[i];
+        l->weight[l->n++] = R(nb->weight_q14[i]) / 16384;
+    }
+    l->begin[query + 1] = (uint32_t)l->n;
+}
+
+/* --- Interpolation ------------------------------------------------------- */
+
+void saga_links_gather(real *out, const saga_links *l, const real *source,
+                       size_t f, const uint32_t *query, size_t n)
+{
+    ptrdiff_t row;
+
+#pragma omp parallel for schedule(static)
+    for (row = 0; row < (ptrdiff_t)n; row++) {
+        const size_t q = query ? query[row] : (size_t)row;
+        real *const to = out + (size_t)row * f;
+        uint32_t i;
+        size_t k;
+
+        for (k = 0; k < f; k++)
+            to[k] = 0;
+        for (i = l->begin[q]; i < l->begin[q + 1]; i++) {
+            const real *const x = source + l->rank[i] * f;
+            const real weight = l->weight[i];
+
+            for (k = 0; k < f; k++)
+                to[k] += weight * x[k];
+        }
+    }
+}
+
+void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
+                        size_t f, const uint32_t *query, size_t n)
+{
+    size_t row, k;
+    uint32_t i;
+
+    for (row = 0; row < n; row++) {
+        const size_t q = query ? query[row] : row;
+        const real *const d = d_out + row * f;
+
+        for (i = l->begin[q]; i < l->begin[q + 1]; i++) {
+            real *const to = d_source + l->rank[i] * f;
+            const real weight = l->weight[i];
+
+            for (k = 0; k < f; k++)
+                to[k] += weight * d[k];
+        }
+    }
+}
+
+/* --- The integer path's scaffold ----------------------------------------- */
+
+static void integer_coarse(saga_scaffold *sc, const saga_scene *s)
+{
+    uint32_t i;
+
+    for (i = 0; i < s->n.coarse; i++) {
+        int32_t t;
+
+        sc->coarse[i] = s->coarse[i];
+        saga_scene_place(sc->coarse[i].x, &t, s->coarse_x + 4 * (size_t)i);
+        sc->coarse[i].t = (uint16_t)t;
+    }
+}
+
+static void integer_fine(saga_scaffold *sc, const saga_scene *s)
+{
+    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    uint32_t i, k;
+
+    for (i = 0; i < s->n.fine; i++) {
+        const uint32_t suffix = saga_scene_fine_suffix(s, i);
+        saga_fine *const f = &sc->fine[i];
+        saga_place cell;
+        int32_t t;
+
+        *f = s->fine[i];
+        saga_place_cell(&cell, &s->coarse[f->parent]);
+        saga_scene_place(f->x, &t, s->fine_x + 4 * (size_t)i);
+        f->t = (uint16_t)t;
+        for (k = 0; k < 4; k++) {
+            f->support[k] = cell.support[k];
+            f->local[k] = (int16_t)lround(
+                16384 * saga_scene_suffix_centre(suffix, bits, k));
+        }
+    }
+}
+
+int saga_links_scaffold(saga_scaffold *sc, const saga_scene *s)
+{
+    memset(sc, 0, sizeof *sc);
+    sc->model = &s->model;
+    sc->n = s->n;
+    sc->coarse = calloc(s->n.coarse + 1u, sizeof *sc->coarse);
+    sc->fine = calloc(s->n.fine + 1u, sizeof *sc->fine);
+    if (!sc->coarse || !sc->fine) {
+        saga_links_scaffold_free(sc);
+        return -1;
+    }
+    integer_coarse(sc, s);
+    integer_fine(sc, s);
+    return 0;
+}
+
+void saga_links_supports(saga_scaffold *sc, const real *support)
+{
+    uint32_t i;
+    int k;
+
+    for (i = 0; i < sc->n.fine; i++)
+        for (k = 0; k < 4; k++) {
+            const real l = support[4 * (size_t)i + (size_t)k];
+
+            sc->fine[i].support[k] = fx_max(
+                1, (int32_t)(l * (k < 3 ? R(8388608) : R(65536)) + R(0.5)));
+        }
+}
+
+void saga_links_scaffold_free(saga_scaffold *sc)
+{
+    free(sc->coarse);
+    free(sc->fine);
+    memset(sc, 0, sizeof *sc);
+}

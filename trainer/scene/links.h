@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Kernel interpolation with neighbours and weights of the integer path
+ * (common/interp.c) on a scene's rounded positions: no gradient flows through
+ * them. Paper: Kernel Interpolation.
+ */
+#ifndef SAGA_LINKS_H
+#define SAGA_LINKS_H
+
+#include "interp.h"
+#include "scene.h"
+
+/* For each query up to SAGA_MAX_NEIGHBOURS sources. */
+typedef struct saga_links {
+    uint32_t *begin;         /* (queries + 1) */
+    uint32_t *rank;          /* (links) */
+    real *weight;            /* (links) */
+    size_t n;                /* links */
+} saga_links;
+
+#define saga_links_alloc SAGA_REAL_NAME(saga_links_alloc)
+#define saga_links_free SAGA_REAL_NAME(saga_links_free)
+#define saga_links_add SAGA_REAL_NAME(saga_links_add)
+#define saga_links_gather SAGA_REAL_NAME(saga_links_gather)
+#define saga_links_scatter SAGA_REAL_NAME(saga_links_scatter)
+#define saga_links_scaffold SAGA_REAL_NAME(saga_links_scaffold)
+#define saga_links_supports SAGA_REAL_NAME(saga_links_supports)
+#define saga_links_scaffold_free SAGA_REAL_NAME(saga_links_scaffold_free)
+
+/* Room for so many queries, none of them linked. 0, or -1 without memory:
+ * then, too, saga_links_free. */
+int saga_links_alloc(saga_links *l, size_t queries);
+void saga_links_free(saga_links *l);
+
+/* The links of the next query: 0, 1, 2, ... after l->n was set to 0. */
+void saga_links_add(saga_links *l, size_t query, const saga_neighbours *nb);
+
+/* out (n, F): weighted sums of the rows of source (sources, F); row i is of
+ * query[i], or of query i where query is NULL. */
+void saga_links_gather(real *out, const saga_links *l, const real *source,
+                       size_t f, const uint32_t *query, size_t n);
+
+/* The transpose: adds to d_source. In the order of the queries by one thread:
+ * cheap enough, and the sums have one order. */
+void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
+                        size_t f, const uint32_t *query, size_t n);
+
+/* What saga_interp_find reads of a scaffold: anchors with rounded positions,
+ * fine ones with the supports they have before F_fine has run, `local` the
+ * suffix cell's centre. 0, or -1 without memory: then there is nothing to
+ * free. */
+int saga_links_scaffold(saga_scaffold *sc, const saga_scene *s);
+/* The supports after F_fine: (n.fine, 4). */
+void saga_links_supports(saga_scaffold *sc, const real *support);
+void saga_links_scaffold_free(saga_scaffold *sc);
+
+#endif
