@@ -73,13 +73,6 @@ double saga_cost_adaptive(const saga_adaptive *m, uint32_t n_sym,
     return length_of(code_adaptive(m, n_sym, sym));
 }
 
-int16_t saga_cost_log2_sigma(double sigma)
-{
-    const double x = log2(fmax(sigma, 1e-3)) * (1 << SAGA_COST_SIGMA_Q);
-
-    return (int16_t)lround(fmin(x, INT16_MAX));
-}
-
 /* --- The coder ----------------------------------------------------------- */
 
 static void renormalise(saga_cost *k)

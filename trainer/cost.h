@@ -42,10 +42,9 @@ double saga_cost_residual(int32_t q, uint32_t scale);
 double saga_cost_adaptive(const saga_adaptive *m, uint32_t n_sym,
                           uint32_t sym);
 
-/* log2 of sigma, in steps, as a sigma head of that Q gives it: what
+/* The Q the trainer gives the sigma head, and constants of log2 sigma: what
  * saga_prob_index takes. */
 enum { SAGA_COST_SIGMA_Q = 10 };
-int16_t saga_cost_log2_sigma(double sigma);
 
 /* --- Components ---------------------------------------------------------- */
 
