@@ -64,7 +64,7 @@ CLI_OBJ     := $(call obj,$(CLI_SRC))
 # The float half. Its operators compile a second time in double, for finite
 # differences and references: objects under f64, symbols ending in _f64.
 FLOAT_SRC := $(sort $(wildcard trainer/nn/*.c trainer/splat/*.c \
-                               trainer/scene/*.c))
+                               trainer/scene/*.c trainer/rate/*.c))
 TWICE_SRC := $(filter-out trainer/nn/rng.c trainer/scene/fit% \
                trainer/scene/flat% trainer/scene/hierarchy%,$(FLOAT_SRC))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
