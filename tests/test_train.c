@@ -218,9 +218,9 @@ static void make_rare(saga_train *t, double step)
     }
 }
 
-/* The estimate of rounded features is what the traversal then asked for, and
- * the bits of a chunk are its bytes: trained as it comes, and with features of
- * long tails, of which a Gaussian says 3 % too much. */
+/* The estimates of rounded features and weights are what the traversal then
+ * asked for, and the bits of a chunk are its bytes: trained as it comes, and
+ * with features of long tails, of which a Gaussian says 3 % too much. */
 static void train_should_estimate_what_is_written(void **state)
 {
     const fixture *const f = *state;
@@ -246,6 +246,8 @@ static void train_should_estimate_what_is_written(void **state)
         assert_true(agrees("features", r.report.feature_bits *
                            r.report.n.coarse * r.report.info.features,
                            r.report.sizes.bits[SAGA_SYM_FEATURE]));
+        assert_true(agrees("weights", r.report.weight_bits,
+                           r.report.sizes.bits[SAGA_SYM_NET_WEIGHT]));
         chunks_should_be_what_was_spent(&r.report.sizes);
         free(r.bytes);
     }

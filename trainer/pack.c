@@ -41,18 +41,12 @@ static double most_of(const float *x, size_t rows, size_t dim, size_t first,
     return most;
 }
 
-static size_t rows_of(const saga_scene *s, int net)
-{
-    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? s->n.fine
-                                                          : s->n.prim;
-}
-
 static double most_out(const saga_scene *s, const saga_twin *w, int net,
                        size_t first, size_t n)
 {
     const saga_net *const f = &s->net[net];
 
-    return most_of(w->batch[net].out, rows_of(s, net),
+    return most_of(w->batch[net].out, saga_twin_rows(w, net),
                    (size_t)f->dim[f->n_layers], first, n);
 }
 
@@ -167,14 +161,14 @@ static double most_hidden(const saga_scene *s, const saga_twin *w, int net,
 {
     const size_t dim = (size_t)s->net[net].dim[i + 1];
 
-    return most_of(w->batch[net].work.hidden[i], rows_of(s, net),
+    return most_of(w->batch[net].work.hidden[i], saga_twin_rows(w, net),
                    saga_dense_pad(dim), 0, dim);
 }
 
 /* decoded: NULL, or takes the layers as they were quantised. */
 static void pack_net(saga_net_symbols *out, saga_net *decoded,
                      const saga_model *m, const saga_scene *s,
-                     const saga_twin *w, int net, float step)
+                     const saga_twin *w, int net, const saga_weights *steps)
 {
     const saga_net *const f = &s->net[net];
     uint8_t q[SAGA_MAX_VECTOR];
@@ -182,9 +176,11 @@ static void pack_net(saga_net_symbols *out, saga_net *decoded,
 
     for (i = 0; i < f->n_layers; i++) {
         const uint32_t n_out = (uint32_t)f->dim[i + 1];
+        const int t = saga_weights_find(steps, net, i);
         const saga_layer_values v = {
-            f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, q_in, q, step,
-            m->int8[net]
+            f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, q_in, q,
+            (float)saga_weights_step(steps, t),
+            (float)saga_weights_step(steps, t + 1), m->int8[net]
         };
 
         if (i + 1 == f->n_layers)
@@ -254,7 +250,7 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
 static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
                       const saga_model *m, const saga_scene *s,
                       const saga_twin *w, const saga_fit_channels *c,
-                      float step)
+                      const saga_weights *steps)
 {
     int net;
 
@@ -263,7 +259,7 @@ static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
     for (net = SAGA_NET_FUSE_C; net < SAGA_N_NETS; net++)
         if (s->net[net].n_layers)
             pack_net(out, decoded ? &decoded->net[net] : NULL, m, s, w, net,
-                     step);
+                     steps);
 }
 
 /* --- Segment ------------------------------------------------------------- */
@@ -425,7 +421,7 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         return 0;
     }
     pack_nets(&nets, decoded, &h.model, scene, twin, channels,
-              options->weight_step);
+              options->weights);
     e = saga_encoder_open(&h, rig, &nets, why);
     ok = e && pack_segment(e, report, decoded, scene, &h.model, feature,
                            options->n_frames, why) &&

@@ -13,7 +13,7 @@
 
 typedef struct saga_pack_options {
     int level;
-    float weight_step;           /* of the networks' weights, real */
+    const saga_weights *weights; /* steps of the networks' parameters */
     uint32_t rate_num, rate_den; /* frames per second */
     uint32_t n_frames;
     saga_scene *decoded;         /* NULL, or takes the scene a decoder has:

@@ -2,6 +2,7 @@
 #include "fit_state.h"
 
 #include "cost.h"
+#include "normal.h"
 #include "regress.h"
 #include "rng.h"
 
@@ -16,14 +17,13 @@ enum { REFRESH_EVERY = 50, RAMP = 300 };
 /* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START };
 
-enum { T_FEATURE, T_PRIM, T_PARAMS, N_TENSORS };
+enum { T_FEATURE, T_PRIM, T_PARAMS, T_STEPS, N_TENSORS };
 
 saga_fit_options saga_fit_defaults(void)
 {
     const saga_fit_options o = {
         .n_regress = 1500, .n_render = 6000, .n_views = 1, .seed = 1,
-        .eta = R(0.2), .lambda = R(0.0005), .lambda_a = R(0.05), .rate = 1,
-        .weight_noise = 0
+        .eta = R(0.2), .lambda = R(0.0005), .lambda_a = R(0.05), .rate = 1
     };
 
     return o;
@@ -123,6 +123,7 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
     f->cube = *cube;
     f->o = *options;
     if (!alloc_all(f) || saga_twin_init(&f->twin, scene) ||
+        saga_fit_begin_weights(f) ||
         saga_scene_init(&f->grad, &scene->model, scene->n, 1, 0)) {
         saga_fit_free(f);
         return NULL;
@@ -151,6 +152,7 @@ void saga_fit_free(saga_fit *f)
     free(f->weight);
     free(f->feature);
     free(f->support);
+    free(f->params);
     free(f->m);
     free(f->v);
     free(f->image);
@@ -203,19 +205,15 @@ static void measure_channels(saga_fit *f)
     }
 }
 
-static double normal_cdf(double x)
+double saga_fit_bit_price(const saga_fit *f)
 {
-    return 0.5 * erfc(-x * 0.70710678118654752440);
+    return (double)f->o.lambda /
+           ((double)f->scene->n.coarse * f->scene->model.features);
 }
 
-static double normal_pdf(double x)
-{
-    return 0.39894228040143267794 * exp(-0.5 * x * x);
-}
-
-/* Adds lambda times the gradient of the mean bits of a feature; returns the
- * mean bits. */
-static double rate_backward(saga_fit *f, real *d_feature, double lambda)
+/* Adds the price of their bits, its gradient by the features; returns the mean
+ * bits of one. */
+static double rate_backward(saga_fit *f, real *d_feature)
 {
     const size_t dim = f->scene->model.features;
     const size_t n = f->scene->n.coarse * dim;
@@ -227,11 +225,11 @@ static double rate_backward(saga_fit *f, real *d_feature, double lambda)
         const double sigma = (double)f->channels.sigma[i % dim];
         const double x = (double)(f->feature[i] - f->channels.mean[i % dim]);
         const double a = (x - half) / sigma, b = (x + half) / sigma;
-        const double p = fmax(normal_cdf(b) - normal_cdf(a), 1e-9);
+        const double p = fmax(saga_normal_cdf(b) - saga_normal_cdf(a), 1e-9);
 
         bits -= log2(p);
-        d_feature[i] -= (real)(lambda / (double)n *
-                               (normal_pdf(b) - normal_pdf(a)) /
+        d_feature[i] -= (real)(saga_fit_bit_price(f) *
+                               (saga_normal_pdf(b) - saga_normal_pdf(a)) /
                                (p * sigma * M_LN2));
     }
     return bits / (double)n;
@@ -284,10 +282,14 @@ static double code_length(const saga_fit *f, const real *feature)
     return bits / (double)(n * m->features);
 }
 
-/* The last third of the rendering. */
+int saga_fit_first_rounding(const saga_fit *f)
+{
+    return (2 * f->o.n_render + 2) / 3;
+}
+
 static int is_rounding(const saga_fit *f)
 {
-    return 3 * (f->iteration - f->o.n_regress) >= 2 * f->o.n_render;
+    return f->iteration - f->o.n_regress >= saga_fit_first_rounding(f);
 }
 
 static double rounded(const saga_fit *f, size_t i, double step)
@@ -344,24 +346,30 @@ static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
     t->rate = rate;
 }
 
-static int descend(saga_fit *f, real features, real positions, real networks)
+static int descend(saga_fit *f, real features, real positions, real networks,
+                   real steps)
 {
     saga_scene *const s = f->scene;
     const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
+    const size_t still = saga_fit_n_still(f);
     saga_adam_tensor t[N_TENSORS];
 
     tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
            (size_t)s->n.coarse * s->model.features, features);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
            4 * (size_t)s->n.prim, positions);
-    tensor(&t[T_PARAMS], f, "networks", s->params,
-           s->n_reals - (size_t)(s->params - s->reals), networks);
+    tensor(&t[T_PARAMS], f, "networks", s->params + still,
+           saga_fit_n_params(s) - still, networks);
+    t[T_STEPS] = (saga_adam_tensor){
+        "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
+        f->weights.m, f->weights.v, (size_t)f->weights.n, steps
+    };
     return saga_adam_step(&f->fault, &adam, t, N_TENSORS,
                           (uint64_t)f->iteration + 1)
         ? SAGA_FIT_NONFINITE : SAGA_FIT_OK;
 }
 
-static void camera_centre(real centre[3], const saga_fit *f, int view)
+void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view)
 {
     saga_splat_camera cam;
 
@@ -378,17 +386,18 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
     const real rate = f->o.rate * decay(f->iteration, f->o.n_regress, R(0.2));
     real centre[3];
 
-    camera_centre(centre, f, view);
-    if (saga_twin_geometry(&f->twin, f->scene, f->feature) ||
-        saga_twin_colour(&f->twin, f->scene, centre))
+    saga_fit_camera_centre(centre, f, view);
+    if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
+        saga_twin_colour(&f->twin, &f->used, centre))
         return SAGA_FIT_MEMORY;
     *loss = saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target,
                               f->weight, f->scene->n.prim);
     *loss += saga_twin_support_loss(&f->twin, f->support, R(1));
-    if (saga_twin_colour_backward(&f->twin, &f->grad, f->scene) ||
-        saga_twin_backward(&f->twin, &f->grad, f->scene))
+    if (saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
+        saga_twin_backward(&f->twin, &f->grad, &f->used))
         return SAGA_FIT_MEMORY;
-    return (saga_fit_status)descend(f, rate * R(0.02), 0, rate * R(0.004));
+    return (saga_fit_status)descend(f, rate * R(0.02), 0, rate * R(0.004),
+                                    0);
 }
 
 static void load_truth(saga_fit *f, int view, int frame)
@@ -417,7 +426,7 @@ static saga_fit_status picture_step(saga_fit *f, int view, int frame,
     saga_splat_rules_default(&rules);
     saga_flat_camera(&cam, v, &f->cube, f->range[2 * view], 0);
     load_truth(f, view, frame);
-    if (saga_twin_colour(&f->twin, f->scene, cam.centre) ||
+    if (saga_twin_colour(&f->twin, &f->used, cam.centre) ||
         saga_splat_forward(f->image, f->trans, &f->splat, &f->twin.attr,
                            f->scene->n.prim, t, &cam, &rules) ||
         saga_loss_picture(out, f->d_image, &f->loss, f->image, f->truth, NULL,
@@ -428,7 +437,7 @@ static saga_fit_status picture_step(saga_fit *f, int view, int frame,
     if (saga_splat_backward(&f->twin.d_attr, NULL, &f->splat, f->d_image, NULL,
                             f->image, f->trans, &f->twin.attr, t, &cam,
                             &rules) ||
-        saga_twin_colour_backward(&f->twin, &f->grad, f->scene))
+        saga_twin_colour_backward(&f->twin, &f->grad, &f->used))
         return SAGA_FIT_MEMORY;
     return SAGA_FIT_OK;
 }
@@ -444,8 +453,8 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     int k;
 
     *loss = 0;
-    saga_twin_offsets(&f->twin, f->scene);
-    if (saga_twin_geometry(&f->twin, f->scene, f->feature))
+    saga_twin_offsets(&f->twin, &f->used);
+    if (saga_twin_geometry(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
     for (k = 0; k < f->o.n_views; k++) {
         const uint64_t draw = ((uint64_t)f->iteration << 8) + (uint64_t)k;
@@ -462,15 +471,16 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
         mse += out.mse / f->o.n_views;
     }
     *psnr = -10 * log10(mse + 1e-12);
-    saga_twin_anchor_loss(&f->twin, &f->grad, f->scene, f->o.lambda_a);
-    if (saga_twin_backward(&f->twin, &f->grad, f->scene))
+    saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, f->o.lambda_a);
+    if (saga_twin_backward(&f->twin, &f->grad, &f->used))
         return SAGA_FIT_MEMORY;
-    f->channels.bits = rate_backward(f, f->grad.coarse_feature,
-                                     (double)f->o.lambda);
+    saga_fit_rate_weights(f);
+    f->channels.bits = rate_backward(f, f->grad.coarse_feature);
     if (is_rounding(f))
         f->channels.bits = code_length(f, f->feature);
     return (saga_fit_status)descend(f, rate * R(0.003), rate * R(0.0003),
-                                    rate * R(0.0008));
+                                    rate * R(0.0008),
+                                    is_rounding(f) ? 0 : rate * R(0.01));
 }
 
 saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
@@ -480,8 +490,10 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
 
     *psnr = 0;
     use_features(f);
+    if (saga_fit_use_weights(f))
+        return SAGA_FIT_MEMORY;
     if (f->iteration % REFRESH_EVERY == 0 &&
-        saga_twin_refresh(&f->twin, f->scene, f->feature))
+        saga_twin_refresh(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
     if (f->iteration == f->o.n_regress) {
         memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
@@ -512,8 +524,19 @@ void saga_fit_features(saga_fit *f, real *feature,
 
 saga_twin *saga_fit_twin(saga_fit *f, const real *feature)
 {
-    if (saga_twin_refresh(&f->twin, f->scene, feature) ||
-        saga_twin_geometry(&f->twin, f->scene, feature))
+    saga_fit_round_weights(f);
+    if (saga_twin_refresh(&f->twin, &f->used, feature) ||
+        saga_twin_geometry(&f->twin, &f->used, feature))
         return NULL;
     return &f->twin;
+}
+
+const saga_scene *saga_fit_scene(const saga_fit *f)
+{
+    return &f->used;
+}
+
+const saga_weights *saga_fit_weights(const saga_fit *f)
+{
+    return &f->weights;
 }

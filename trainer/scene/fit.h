@@ -6,9 +6,12 @@
  *
  *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
  *
- * R is the mean number of bits of a coarse feature's symbol under its
- * channel's Gaussian. The features carry uniform noise of one step in the
- * first two thirds of the iterations and are rounded in the rest.
+ * R is the number of bits of the coarse features and of the networks, divided
+ * by the number of the coarse features' symbols: one bit of the file costs the
+ * same wherever it is spent, and where features alone cost bits R is their mean
+ * per symbol. Features carry uniform noise of one step in the first two thirds
+ * of the iterations and are rounded in the rest; what the networks do is told
+ * in fit_weights.c.
  *
  * The same bits for any number of threads.
  */
@@ -18,6 +21,7 @@
 #include "flat.h"
 #include "scene.h"
 #include "twin.h"
+#include "weight_rate.h"
 
 typedef struct saga_fit_options {
     int n_regress, n_render;     /* iterations of the two parts */
@@ -25,7 +29,6 @@ typedef struct saga_fit_options {
     uint64_t seed;
     real eta, lambda, lambda_a;
     real rate;                   /* factor on the learning rates */
-    real weight_noise;           /* step of the networks' weights, real */
 } saga_fit_options;
 
 /* Per coarse channel: mean and deviation the entropy model uses, reals. */
@@ -78,13 +81,20 @@ void saga_fit_features(saga_fit *fit, real *feature,
  * for ranges and pictures of the float model. NULL without memory. */
 saga_twin *saga_fit_twin(saga_fit *fit, const real *feature);
 
+/* The scene with its networks as they will be decoded, as saga_fit_twin left
+ * them, and the steps they are rounded to. */
+const saga_scene *saga_fit_scene(const saga_fit *fit);
+const saga_weights *saga_fit_weights(const saga_fit *fit);
+
 /* The state, for a checkpoint, in this machine's byte order; restore into a fit
  * of the same scene, target, capture and options. False: the file failed, or
  * is not one of this fit; its state is then undefined. */
 bool saga_fit_save(saga_fit *fit, FILE *file);
 bool saga_fit_restore(saga_fit *fit, FILE *file);
 
-/* Bits all coarse features would take, by the last iteration. */
+/* Bits all coarse features would take, by the last iteration; and those of all
+ * weights (not biases) of the networks. */
 double saga_fit_bits(const saga_fit *fit);
+double saga_fit_weight_bits(const saga_fit *fit);
 
 #endif
