@@ -272,6 +272,9 @@ static void train_should_estimate_what_is_written(void **state)
             assert_true(agrees(saga_component_name(saga_component_of(
                             coded[i])), r.report.entropy.estimate[coded[i]],
                         r.report.sizes.bits[coded[i]]));
+        if (variant < 2)
+            assert_true(agrees("weights", r.report.weight_bits,
+                               r.report.sizes.bits[SAGA_SYM_NET_WEIGHT]));
         chunks_should_be_what_was_spent(&r.report.sizes);
         free(r.bytes);
     }

@@ -40,18 +40,12 @@ static double most_of(const float *x, size_t rows, size_t dim, size_t first,
     return most;
 }
 
-static size_t rows_of(const saga_scene *s, int net)
-{
-    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? s->n.fine
-                                                          : s->n.prim;
-}
-
 static double most_out(const saga_scene *s, const saga_twin *w, int net,
                        size_t first, size_t n)
 {
     const saga_net *const f = &s->net[net];
 
-    return most_of(w->batch[net].out, rows_of(s, net),
+    return most_of(w->batch[net].out, saga_twin_rows(w, net),
                    (size_t)f->dim[f->n_layers], first, n);
 }
 
@@ -217,7 +211,7 @@ static double most_hidden(const saga_scene *s, const saga_twin *w,
 {
     const size_t dim = (size_t)s->net[net].dim[i + 1];
     const saga_twin_batch *b[SAGA_N_KINDS] = { &w->batch[net] };
-    size_t rows[SAGA_N_KINDS] = { rows_of(s, net) }, n = 1, k;
+    size_t rows[SAGA_N_KINDS] = { saga_twin_rows(w, net) }, n = 1, k;
     double most = 0;
 
     if (net <= SAGA_NET_E_PRIM)
@@ -228,10 +222,28 @@ static double most_hidden(const saga_scene *s, const saga_twin *w,
     return most;
 }
 
+/* Biases of the entropy networks: as fine as what they give. */
+static const float entropy_bias_step = 1.0f / 2048;
+
+static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
+                            const saga_weights *steps, int net, int layer)
+{
+    const int t = saga_weights_find(steps, net, layer);
+
+    if (net < SAGA_N_ENTROPY_NETS) {
+        v->step = (float)c->rate->plan.step[net];
+        v->bias_step = entropy_bias_step;
+    } else {
+        v->step = (float)saga_weights_step(steps, t);
+        v->bias_step = (float)saga_weights_step(steps, t + 1);
+    }
+}
+
 /* decoded: NULL, or takes the layers as they were quantised. */
 static void pack_net(saga_net_symbols *out, saga_net *decoded,
                      const saga_model *m, const saga_twin *w,
-                     const saga_rate_choice *c, int net, float step)
+                     const saga_rate_choice *c, int net,
+                     const saga_weights *steps)
 {
     const saga_scene *const s = &c->scene;
     const saga_net *const f = &s->net[net];
@@ -240,11 +252,12 @@ static void pack_net(saga_net_symbols *out, saga_net *decoded,
 
     for (i = 0; i < f->n_layers; i++) {
         const uint32_t n_out = (uint32_t)f->dim[i + 1];
-        const saga_layer_values v = {
-            f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, q_in, q, step,
+        saga_layer_values v = {
+            f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, q_in, q, 0, 0,
             m->int8[net]
         };
 
+        set_layer_steps(&v, c, steps, net, i);
         if (i + 1 == f->n_layers)
             output_formats(q, m, net, n_out);
         else
@@ -293,7 +306,7 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
 
 static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
                       const saga_model *m, const saga_twin *w,
-                      const saga_rate_choice *c, float step)
+                      const saga_rate_choice *c, const saga_weights *steps)
 {
     int net;
 
@@ -307,8 +320,7 @@ static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
             pack_entropy(out, m, &c->rate->constants, kind);
         else
             pack_net(out, decoded ? &decoded->net[net] : NULL, m, w, c, net,
-                     net < SAGA_N_ENTROPY_NETS
-                     ? (float)c->rate->plan.step[net] : step);
+                     steps);
     }
 }
 
@@ -453,7 +465,7 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         *why = "out of memory";
         return 0;
     }
-    pack_nets(&nets, decoded, &h.model, twin, choice, options->weight_step);
+    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights);
     e = saga_encoder_open(&h, rig, &nets, why);
     ok = e && pack_segment(e, report, decoded, scene, &h.model, twin,
                            options->n_frames, why) &&

@@ -13,8 +13,9 @@
 
 typedef struct saga_pack_options {
     int level;
-    float weight_step;           /* of the networks' weights, real; the entropy
-                                  * networks' is the choice's */
+    const saga_weights *weights; /* steps of the networks' parameters,
+                                  * but for the entropy networks': the
+                                  * choice's */
     uint32_t rate_num, rate_den; /* frames per second */
     uint32_t n_frames;
     saga_scene *decoded;         /* NULL, or takes the scene a decoder has:

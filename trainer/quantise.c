@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "quantise.h"
 
+#include "cost.h"
 #include "fx.h"
 #include "prob.h"
 #include "scene.h"
@@ -19,42 +20,40 @@ static void *must(void *p)
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Largest |bias| of a row in 32 bits: what saga_mlp_row_is_valid leaves with a
- * margin for the rounding. */
-#define ACCUMULATOR_LIMIT 2147000000.0
-
-/* The row's weights and bias at a row scale of 2^exponent; 1 if it is valid.
- * The integer weight is the symbol itself (step 1). */
-static int try_row(int32_t *q, int64_t *bias, const float *w, float b,
-                   uint32_t n_in, int exponent, int q_in, int32_t limit)
+/* The integer weight of a symbol. */
+static int64_t weight_of(const saga_layer_symbols *s, int32_t q)
 {
-    const double scale = ldexp(1, exponent);
-    double sum = 0;
-    uint32_t k;
-
-    for (k = 0; k < n_in; k++) {
-        const double x = floor((double)w[k] * scale + 0.5);
-
-        if (fabs(x) > limit)
-            return 0;
-        q[k] = (int32_t)x;
-        sum += fabs(x);
-    }
-    *bias = llround((double)b * ldexp(scale, q_in));
-    return sum * 32767 + fabs((double)*bias) + (1 << 23) < ACCUMULATOR_LIMIT;
+    return fx_rshift64((int64_t)q * s->step_q16, s->step_shift);
 }
 
-uint8_t saga_quantise_scale(const int32_t *q, size_t n)
+/* Symbols of a row whose weights have the scale 2^e; 1 if it is valid. */
+static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
+                   uint32_t row, int e)
 {
-    double sum = 0;
-    size_t i;
-    long index;
+    const double step = ldexp(out->step_q16, -out->step_shift - e);
+    const double bias = floor(ldexp((double)v->bias[row],
+                                    e + v->q_in - out->bias_shift) + 0.5);
+    const size_t at = (size_t)row * v->n_in;
+    const int32_t limit = v->int8 ? 127 : 32767;
+    int64_t sum = 0;
+    uint32_t k;
 
-    for (i = 0; i < n; i++)
-        sum += (double)q[i] * q[i];
-    index = lround(SAGA_SCALE_PER_OCTAVE * 0.5 * log2(sum / (double)(n + !n) +
-                                                      1e-9)) + SAGA_SCALE_UNIT;
-    return (uint8_t)(index < 0 ? 0 : index > 63 ? 63 : index);
+    out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
+    if (fabs(bias) > SAGA_MAX_RESIDUAL)
+        return 0;
+    out->bias[row] = (int32_t)bias;
+    for (k = 0; k < v->n_in; k++) {
+        const double q = floor((double)v->weight[at + k] / step + 0.5);
+
+        if (fabs(q) > SAGA_MAX_RESIDUAL ||
+            llabs(weight_of(out, (int32_t)q)) > limit)
+            return 0;
+        out->weight[at + k] = (int32_t)q;
+        sum += llabs(weight_of(out, (int32_t)q));
+    }
+    return saga_mlp_row_is_valid(sum, (int64_t)bias *
+                                 ((int64_t)1 << out->bias_shift),
+                                 out->shift[row]);
 }
 
 /* A row shift is q_in + exponent - q_out, and must be in 0..24. */
@@ -65,48 +64,104 @@ static int row_exponent(const saga_layer_values *v, uint32_t row, int wanted)
     return fx_clamp(wanted, least, least + 24);
 }
 
-static void quantise_row(saga_layer_symbols *out, int64_t *bias,
-                         const saga_layer_values *v, uint32_t row, int wanted)
+/* The steps' fields where the weights' scale is 2^e: the weights' step with as
+ * many digits as there is room for. */
+static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
+                      int e)
 {
-    int e = row_exponent(v, row, wanted);
-    int32_t *const q = out->weight + (size_t)row * v->n_in;
+    const double step = ldexp((double)v->step, e);
+    int size;
 
-    while (!try_row(q, bias, v->weight + (size_t)row * v->n_in, v->bias[row],
-                    v->n_in, e, v->q_in, v->int8 ? 127 : 32767) &&
-           e > (int)v->q_out[row] - v->q_in)
-        e--;
-    out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
+    frexp(step, &size);                      /* step < 2^size */
+    out->step_shift = (uint8_t)fx_clamp(16 - size, 0, 31);
+    out->step_q16 = (uint32_t)fmin(fmax(floor(ldexp(step, out->step_shift) +
+                                              0.5), 1), 65535);
+    out->bias_shift = (uint8_t)fx_clamp(
+        ilogb((double)v->bias_step) + v->q_in + e, 0, 31);
+}
+
+/* All rows at the scale 2^e, or as near to it as their shifts allow. */
+static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
+                     int e)
+{
+    uint32_t row;
+
+    set_steps(out, v, e);
+    for (row = 0; row < v->n_out; row++)
+        if (!try_row(out, v, row, row_exponent(v, row, e)))
+            return 0;
+    return 1;
+}
+
+/* All rows at the scale 2^e; one that is not valid there halves its own, that
+ * is, doubles its steps. */
+static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
+                        int e)
+{
+    uint32_t row;
+
+    set_steps(out, v, e);
+    for (row = 0; row < v->n_out; row++) {
+        const int least = (int)v->q_out[row] - v->q_in;
+        int k = row_exponent(v, row, e);
+
+        while (!try_row(out, v, row, k) && k > least)
+            k--;
+    }
+}
+
+static double bits_at(const int32_t *q, size_t n, long scale)
+{
+    double bits = 0;
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        bits += saga_cost_residual(q[i], (uint32_t)scale);
+    return bits;
+}
+
+/* From where sigma fits the spread downhill, to the least bits. */
+uint8_t saga_quantise_scale(const int32_t *q, size_t n)
+{
+    double sum = 0, least;
+    long best;
+    size_t i;
+    int side;
+
+    for (i = 0; i < n; i++)
+        sum += (double)q[i] * q[i];
+    best = lround(SAGA_SCALE_PER_OCTAVE * 0.5 * log2(sum / (double)(n + !n) +
+                                                     1e-9)) + SAGA_SCALE_UNIT;
+    best = best < 0 ? 0 : best >= SAGA_N_SCALES ? SAGA_N_SCALES - 1 : best;
+    least = bits_at(q, n, best);
+    for (side = -1; side <= 1; side += 2)
+        while (best + side >= 0 && best + side < SAGA_N_SCALES) {
+            const double bits = bits_at(q, n, best + side);
+
+            if (bits >= least)
+                break;
+            least = bits;
+            best += side;
+        }
+    return (uint8_t)best;
 }
 
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
 {
-    const int wanted = (int)ceil(-log2(v->step));
-    int64_t *const bias = must(malloc((v->n_out + 1u) * sizeof *bias));
-    int64_t most = 0;
-    uint32_t row;
+    const size_t n = (size_t)v->n_in * v->n_out;
+    /* The scale at which a step is 1 to 2 LSB, and what 16 bits can hold. */
+    const int unit = (int)ceil(-log2((double)v->step));
+    int e = unit + 15;
 
-    out->weight = must(calloc((size_t)v->n_in * v->n_out + 1,
-                              sizeof *out->weight));
+    out->weight = must(calloc(n + 1, sizeof *out->weight));
     out->bias = must(calloc(v->n_out + 1u, sizeof *out->bias));
     out->shift = must(calloc(v->n_out + 1u, 1));
-    out->step_q16 = 1;
-    out->step_shift = 0;
-    for (row = 0; row < v->n_out; row++) {
-        quantise_row(out, &bias[row], v, row, wanted);
-        if (llabs(bias[row]) > most)
-            most = llabs(bias[row]);
-    }
-    out->bias_shift = 0;
-    /* A sixteenth of an LSB of the output is precision enough: row shifts keep
-     * at least that where the bias is large. */
-    while (most >> out->bias_shift > 4095)
-        out->bias_shift++;
-    for (row = 0; row < v->n_out; row++)
-        out->bias[row] = (int32_t)fx_rshift64(bias[row], out->bias_shift);
-    out->weight_scale = saga_quantise_scale(out->weight,
-                                            (size_t)v->n_in * v->n_out);
+    while (e > unit && !try_layer(out, v, e))
+        e--;
+    if (e == unit)
+        force_layer(out, v, e);
+    out->weight_scale = saga_quantise_scale(out->weight, n);
     out->bias_scale = saga_quantise_scale(out->bias, v->n_out);
-    free(bias);
 }
 
 void saga_dequantise_layer(float *weight, float *bias,
@@ -117,13 +172,12 @@ void saga_dequantise_layer(float *weight, float *bias,
 
     for (row = 0; row < v->n_out; row++) {
         const int e = (int)s->shift[row] + v->q_out[row] - v->q_in;
+        const size_t at = (size_t)row * v->n_in;
 
         for (k = 0; k < v->n_in; k++)
-            weight[row * v->n_in + k] =
-                (float)ldexp(s->weight[row * v->n_in + k], -e);
-        bias[row] = (float)ldexp((double)s->bias[row] *
-                                 (double)((int64_t)1 << s->bias_shift),
-                                 -e - v->q_in);
+            weight[at + k] = (float)ldexp(
+                (double)weight_of(s, s->weight[at + k]), -e);
+        bias[row] = (float)ldexp(s->bias[row], s->bias_shift - e - v->q_in);
     }
 }
 

@@ -23,20 +23,24 @@ typedef struct saga_layer_values {
     uint32_t n_in, n_out;
     int q_in;
     const uint8_t *q_out;        /* (n_out) */
-    float step;                  /* wanted step of the weights, real */
+    float step, bias_step;       /* wanted, real: of weights; of biases, a
+                                  * power of two */
     int int8;
 } saga_layer_values;
 
 /* Symbols of a layer: allocates out's arrays (saga_net_symbols_free). Weights
- * are rounded to multiples of a power-of-two step per row, at most `step` where
- * 16 (8) bits and the row's headroom allow it; every row is valid. */
+ * and biases are rounded to multiples of their steps. Integer weights are made
+ * as large as every row's headroom allows, so that the multiples are met to a
+ * small part of the step. Where a row is so large that a step would become less
+ * than 1 LSB of it, that row's steps double until it is valid. Scales are those
+ * of least bits. */
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v);
 
-/* The scale index for symbols q[0..n): bits of a residual of scale i are least
- * where sigma_i fits its spread. */
+/* The scale index of least bits for residuals q[0..n). */
 uint8_t saga_quantise_scale(const int32_t *q, size_t n);
 
-/* The weights a layer's symbols stand for: (n_out, n_in), in reals. */
+/* What a layer's symbols stand for, in reals: weights (n_out, n_in) and biases
+ * (n_out), exactly the decoder's integers. */
 void saga_dequantise_layer(float *weight, float *bias,
                            const saga_layer_symbols *s,
                            const saga_layer_values *v);

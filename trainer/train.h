@@ -110,9 +110,12 @@ typedef struct saga_train_report {
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */
     saga_train_entropy entropy;
+    double weight_bits;          /* of all weights of the networks with inputs,
+                                  * but the entropy model's, by the normal
+                                  * distribution of each layer */
     saga_train_quality warm;     /* the flat warm-up */
-    saga_train_quality model;    /* the float model before quantisation, the
-                                  * coarse features rounded */
+    saga_train_quality model;    /* the float model, coarse features and
+                                  * networks rounded */
     saga_train_quality coded;    /* decoded symbols and weights, in float */
     double near_min;             /* least near plane of the rig, metres */
 } saga_train_report;

@@ -265,17 +265,13 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 
 /* --- Packing ------------------------------------------------------------- */
 
-/* Weights' step: fine enough that a network gives what it gave. (With 2^-9, and
- * 1/64 of a support for offsets, a scene of 33.1 dB came out at 31.9.) */
-static const float weight_step = 1.0f / 2048;
-
 static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
                    const real *feature, const saga_rate_choice *choice,
                    saga_pack_report *rep, saga_input_error *error)
 {
     const saga_flat_cube *const cube = saga_flat_cube_of(t->flat);
     saga_pack_options o = {
-        .level = level, .weight_step = weight_step,
+        .level = level, .weights = saga_fit_weights(t->fit),
         .n_frames = (uint32_t)t->capture->n_frames,
         .decoded = final ? &t->decoded : NULL
     };
@@ -292,7 +288,7 @@ static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
         return 0;
     /* The ranges of the colours' activations are measured from one camera. */
     saga_flat_camera(&cam, &t->capture->views[0], cube, t->range[0], 0);
-    if (saga_twin_colour(twin, &t->scene, cam.centre) == 0)
+    if (saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre) == 0)
         ok = saga_pack(&t->bytes, &t->nbytes, rep, choice, twin, feature, &h,
                        rig, &o, &why);
     if (!ok)
@@ -341,7 +337,8 @@ static int pack(saga_train *t, int level, bool final, saga_input_error *error)
     memset(&rep, 0, sizeof rep);
     if (feature)
         twin = saga_fit_code(t->fit, feature, &choice);
-    if (twin && (!final || measure_scene(&r->model, t, &t->scene, twin)))
+    if (twin && (!final || measure_scene(&r->model, t, saga_fit_scene(t->fit),
+                                         twin)))
         ok = pack_at(t, level, final, twin, feature, &choice, &rep, error);
     else
         saga_fail(error, NULL, "free some memory", "out of memory");
@@ -358,6 +355,7 @@ static int pack(saga_train *t, int level, bool final, saga_input_error *error)
         keep_entropy(&r->entropy, &choice);
         saga_rate_choice_free(&choice);
     }
+    r->weight_bits = saga_fit_weight_bits(t->fit);
     return ok;
 }
 

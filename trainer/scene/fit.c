@@ -21,14 +21,13 @@ enum { RATE_EVERY = 4 };
 /* With lambda 0 the entropy networks still learn what they are to code. */
 #define LEAST_LAMBDA 1e-9
 
-enum { T_FEATURE, T_PRIM, T_ENTROPY, T_PARAMS, N_TENSORS };
+enum { T_FEATURE, T_PRIM, T_ENTROPY, T_PARAMS, T_STEPS, N_TENSORS };
 
 saga_fit_options saga_fit_defaults(void)
 {
     const saga_fit_options o = {
         .n_regress = 1500, .n_render = 6000, .n_views = 1, .seed = 1,
-        .eta = R(0.2), .lambda = R(0.0005), .lambda_a = R(0.05), .rate = 1,
-        .weight_noise = 0
+        .eta = R(0.2), .lambda = R(0.0005), .lambda_a = R(0.05), .rate = 1
     };
 
     return o;
@@ -185,6 +184,7 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
     if (!alloc_all(f) || saga_twin_init(&f->twin, scene) ||
         saga_rate_init(&f->rate, scene) ||
         saga_rate_refresh(&f->rate, scene) ||
+        saga_fit_begin_weights(f) ||
         saga_scene_init(&f->grad, &scene->model, scene->n, 1, 0)) {
         saga_fit_free(f);
         return NULL;
@@ -217,6 +217,7 @@ void saga_fit_free(saga_fit *f)
     free(f->weight);
     free(f->feature);
     free(f->support);
+    free(f->params);
     free(f->m);
     free(f->v);
     free(f->image);
@@ -252,24 +253,32 @@ static saga_rate_input rate_input(saga_fit *f, real *feature)
     return x;
 }
 
-/* The last third of the rendering. */
+int saga_fit_first_rounding(const saga_fit *f)
+{
+    return (2 * f->o.n_render + 2) / 3;
+}
+
 static int is_rounding(const saga_fit *f)
 {
-    return 3 * (f->iteration - f->o.n_regress) >= 2 * f->o.n_render;
+    return f->iteration - f->o.n_regress >= saga_fit_first_rounding(f);
+}
+
+double saga_fit_bit_price(const saga_fit *f)
+{
+    return fmax((double)f->o.lambda, LEAST_LAMBDA) /
+           ((double)f->scene->n.coarse * f->scene->model.features);
 }
 
 /* Adds lambda times the rate's gradients; before saga_twin_backward. When the
  * rounding begins, what is not worth its bytes is left out. */
 static saga_fit_status rate_step(saga_fit *f)
 {
-    const saga_scene *const s = f->scene;
-    const double per = (double)s->n.coarse * s->model.features;
     const saga_rate_input x = rate_input(f, f->feature);
     const saga_rate_options o = {
         .first = (uint32_t)f->iteration % RATE_EVERY, .every = RATE_EVERY,
         .rounding = is_rounding(f),
         .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
-        .weight = (real)(fmax((double)f->o.lambda, LEAST_LAMBDA) / per)
+        .weight = (real)saga_fit_bit_price(f)
     };
 
     if (o.rounding && !f->rate.plan.decided &&
@@ -324,13 +333,15 @@ static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
 }
 
 static int descend(saga_fit *f, real features, real positions, real entropy,
-                   real networks)
+                   real networks, real steps)
 {
     saga_scene *const s = f->scene;
     const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
     /* They come first. */
     const size_t n_entropy = (size_t)(s->net[SAGA_NET_FUSE_C].w[0] -
                                       s->params);
+    const size_t still = saga_fit_n_still(f);
+    const size_t first = still > n_entropy ? still : n_entropy;
     saga_adam_tensor t[N_TENSORS];
 
     tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
@@ -339,14 +350,18 @@ static int descend(saga_fit *f, real features, real positions, real entropy,
            4 * (size_t)s->n.prim, positions);
     tensor(&t[T_ENTROPY], f, "entropy networks", s->params, n_entropy,
            entropy);
-    tensor(&t[T_PARAMS], f, "networks", s->params + n_entropy,
-           s->n_reals - (size_t)(s->params - s->reals) - n_entropy, networks);
+    tensor(&t[T_PARAMS], f, "networks", s->params + first,
+           saga_fit_n_params(s) - first, networks);
+    t[T_STEPS] = (saga_adam_tensor){
+        "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
+        f->weights.m, f->weights.v, (size_t)f->weights.n, steps
+    };
     return saga_adam_step(&f->fault, &adam, t, N_TENSORS,
                           (uint64_t)f->iteration + 1)
         ? SAGA_FIT_NONFINITE : SAGA_FIT_OK;
 }
 
-static void camera_centre(real centre[3], const saga_fit *f, int view)
+void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view)
 {
     saga_splat_camera cam;
 
@@ -363,18 +378,18 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
     const real rate = f->o.rate * decay(f->iteration, f->o.n_regress, R(0.2));
     real centre[3];
 
-    camera_centre(centre, f, view);
-    if (saga_twin_geometry(&f->twin, f->scene, f->feature) ||
-        saga_twin_colour(&f->twin, f->scene, centre))
+    saga_fit_camera_centre(centre, f, view);
+    if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
+        saga_twin_colour(&f->twin, &f->used, centre))
         return SAGA_FIT_MEMORY;
     *loss = saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target,
                               f->weight, f->scene->n.prim);
     *loss += saga_twin_support_loss(&f->twin, f->support, R(1));
-    if (saga_twin_colour_backward(&f->twin, &f->grad, f->scene) ||
-        saga_twin_backward(&f->twin, &f->grad, f->scene))
+    if (saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
+        saga_twin_backward(&f->twin, &f->grad, &f->used))
         return SAGA_FIT_MEMORY;
     return (saga_fit_status)descend(f, rate * R(0.02), 0, 0,
-                                    rate * R(0.004));
+                                    rate * R(0.004), 0);
 }
 
 static void load_truth(saga_fit *f, int view, int frame)
@@ -403,7 +418,7 @@ static saga_fit_status picture_step(saga_fit *f, int view, int frame,
     saga_splat_rules_default(&rules);
     saga_flat_camera(&cam, v, &f->cube, f->range[2 * view], 0);
     load_truth(f, view, frame);
-    if (saga_twin_colour(&f->twin, f->scene, cam.centre) ||
+    if (saga_twin_colour(&f->twin, &f->used, cam.centre) ||
         saga_splat_forward(f->image, f->trans, &f->splat, &f->twin.attr,
                            f->scene->n.prim, t, &cam, &rules) ||
         saga_loss_picture(out, f->d_image, &f->loss, f->image, f->truth, NULL,
@@ -414,7 +429,7 @@ static saga_fit_status picture_step(saga_fit *f, int view, int frame,
     if (saga_splat_backward(&f->twin.d_attr, NULL, &f->splat, f->d_image, NULL,
                             f->image, f->trans, &f->twin.attr, t, &cam,
                             &rules) ||
-        saga_twin_colour_backward(&f->twin, &f->grad, f->scene))
+        saga_twin_colour_backward(&f->twin, &f->grad, &f->used))
         return SAGA_FIT_MEMORY;
     return SAGA_FIT_OK;
 }
@@ -430,8 +445,8 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     int k;
 
     *loss = 0;
-    saga_twin_offsets(&f->twin, f->scene);
-    if (saga_twin_geometry(&f->twin, f->scene, f->feature))
+    saga_twin_offsets(&f->twin, &f->used);
+    if (saga_twin_geometry(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
     for (k = 0; k < f->o.n_views; k++) {
         const uint64_t draw = ((uint64_t)f->iteration << 8) + (uint64_t)k;
@@ -448,14 +463,16 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
         mse += out.mse / f->o.n_views;
     }
     *psnr = -10 * log10(mse + 1e-12);
-    saga_twin_anchor_loss(&f->twin, &f->grad, f->scene, f->o.lambda_a);
+    saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, f->o.lambda_a);
     s = rate_step(f);
     if (s)
         return s;
-    if (saga_twin_backward(&f->twin, &f->grad, f->scene))
+    if (saga_twin_backward(&f->twin, &f->grad, &f->used))
         return SAGA_FIT_MEMORY;
+    saga_fit_rate_weights(f);
     return (saga_fit_status)descend(f, rate * R(0.006), rate * R(0.0001),
-                                    rate * R(0.004), rate * R(0.0016));
+                                    rate * R(0.004), rate * R(0.0016),
+                                    is_rounding(f) ? 0 : rate * R(0.01));
 }
 
 saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
@@ -465,8 +482,10 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
 
     *psnr = 0;
     use_features(f);
+    if (saga_fit_use_weights(f))
+        return SAGA_FIT_MEMORY;
     if (f->iteration % REFRESH_EVERY == 0 &&
-        saga_twin_refresh(&f->twin, f->scene, f->feature))
+        saga_twin_refresh(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
     if (f->iteration == f->o.n_regress) {
         const saga_rate_input x = rate_input(f, f->feature);
@@ -486,20 +505,32 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
 
 saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c)
 {
-    const saga_rate_input x = rate_input(f, feature);
+    saga_rate_input x = rate_input(f, feature);
 
+    saga_fit_round_weights(f);
+    x.scene = &f->used;
     if (saga_rate_choice_init(c, &f->rate, &x))
         return NULL;
     memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
            f->scene->model.features * sizeof *feature);
     if (saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
                               SAGA_KIND_COARSE) ||
-        saga_twin_refresh(&f->twin, f->scene, feature) ||
-        saga_twin_geometry(&f->twin, f->scene, feature) ||
+        saga_twin_refresh(&f->twin, &f->used, feature) ||
+        saga_twin_geometry(&f->twin, &f->used, feature) ||
         saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_FINE,
                               SAGA_KIND_PRIM)) {
         saga_rate_choice_free(c);
         return NULL;
     }
     return &f->twin;
+}
+
+const saga_scene *saga_fit_scene(const saga_fit *f)
+{
+    return &f->used;
+}
+
+const saga_weights *saga_fit_weights(const saga_fit *f)
+{
+    return &f->weights;
 }

@@ -7,12 +7,15 @@
  *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
  *
  * R is the number of bits of all residuals (coarse centres and features, fine
- * and primitive offsets; rate_loss.h) divided by the number of the coarse
- * features' symbols: where features alone cost bits, their mean. lambda below
- * 1e-9 counts as that, so that the entropy networks learn what they are to
- * code. The features carry uniform noise of one step in the first two thirds of
- * the iterations and are rounded in the rest; when that begins, sources of the
- * entropy model that are not worth their weights are left out (rate_choice.h).
+ * and primitive offsets; rate_loss.h) and of the networks' weights, divided by
+ * the number of the coarse features' symbols: one bit of the file costs the
+ * same wherever it is spent, and where features alone cost bits R is their mean
+ * per symbol. lambda below 1e-9 counts as that, so that the entropy networks
+ * learn what they are to code. The features carry uniform noise of one step in
+ * the first two thirds of the iterations and are rounded in the rest; when that
+ * begins, sources of the entropy model that are not worth their weights are
+ * left out (rate_choice.h). What the other networks do is told in
+ * fit_weights.c.
  *
  * The same bits for any number of threads.
  */
@@ -23,6 +26,7 @@
 #include "rate_choice.h"
 #include "scene.h"
 #include "twin.h"
+#include "weight_rate.h"
 
 typedef struct saga_fit_options {
     int n_regress, n_render;     /* iterations of the two parts */
@@ -30,7 +34,6 @@ typedef struct saga_fit_options {
     uint64_t seed;
     real eta, lambda, lambda_a;
     real rate;                   /* factor on the learning rates */
-    real weight_noise;           /* step of the networks' weights, real */
 } saga_fit_options;
 
 typedef struct saga_fit saga_fit;
@@ -65,6 +68,11 @@ const char *saga_fit_fault(const saga_fit *fit);
 saga_twin *saga_fit_code(saga_fit *fit, real *feature,
                          saga_rate_choice *choice);
 
+/* The scene with its networks as they will be decoded, as saga_fit_twin left
+ * them, and the steps they are rounded to. */
+const saga_scene *saga_fit_scene(const saga_fit *fit);
+const saga_weights *saga_fit_weights(const saga_fit *fit);
+
 /* The state, for a checkpoint, in this machine's byte order; restore into a fit
  * of the same scene, target, capture and options. False: the file failed, or
  * is not one of this fit; its state is then undefined. */
@@ -72,7 +80,9 @@ bool saga_fit_save(saga_fit *fit, FILE *file);
 bool saga_fit_restore(saga_fit *fit, FILE *file);
 
 /* Bits all residuals would take, by the last iteration: an estimate from a
- * quarter of them. */
+ * quarter of them.; and
+ * those of all weights (not biases) of the networks but the entropy model's. */
 double saga_fit_bits(const saga_fit *fit);
+double saga_fit_weight_bits(const saga_fit *fit);
 
 #endif

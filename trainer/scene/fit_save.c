@@ -7,7 +7,7 @@
  */
 #include "fit_state.h"
 
-#define MAGIC 0x3154494647415331u   /* "1SAGFIT1" */
+#define MAGIC 0x3254494647415331u   /* "1SAGFIT2" */
 
 typedef struct {
     FILE *file;
@@ -102,6 +102,10 @@ static bool walk_fit(stream *s, saga_fit *f)
     walk(s, f->rate.context.keep, sizeof f->rate.context.keep);
     walk(s, &f->rate.plan, sizeof f->rate.plan);
     walk(s, f->bits, sizeof f->bits);
+    walk(s, f->weights.log2_step, sizeof f->weights.log2_step);
+    walk(s, f->weights.m, sizeof f->weights.m);
+    walk(s, f->weights.v, sizeof f->weights.v);
+    walk(s, f->weights.bits, sizeof f->weights.bits);
     walk_twin(s, &f->twin);
     sum = s->sum;
     expect(s, sum);
@@ -123,6 +127,15 @@ bool saga_fit_restore(saga_fit *f, FILE *file)
 
     return walk_fit(&s, f) &&
            f->iteration <= f->o.n_regress + f->o.n_render;
+}
+
+double saga_fit_weight_bits(const saga_fit *f)
+{
+    double sum = 0;
+
+    for (int t = 0; t < f->weights.n; t += 2)
+        sum += f->weights.bits[t];
+    return sum;
 }
 
 double saga_fit_bits(const saga_fit *f)

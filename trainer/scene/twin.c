@@ -22,7 +22,7 @@
 
 /* --- Memory -------------------------------------------------------------- */
 
-static size_t rows_of(const saga_twin *w, int net)
+size_t saga_twin_rows(const saga_twin *w, int net)
 {
     return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? w->n.fine
          : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
@@ -53,7 +53,7 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
     for (net = 0; net < SAGA_N_NETS; net++) {
         const saga_net *const t = &s->net[net];
         saga_twin_batch *const b = &w->batch[net];
-        const size_t rows = t->n_layers ? rows_of(w, net) : 0;
+        const size_t rows = t->n_layers ? saga_twin_rows(w, net) : 0;
 
         b->in = saga_arena_take(a, rows * (size_t)t->dim[0]);
         b->d_in = saga_arena_take(a, rows * (size_t)t->dim[0]);
@@ -122,7 +122,7 @@ static void phase_of(real phase[4], const real place[4])
 static void assemble(saga_twin *w, const saga_scene *s, int net,
                      const real *feature, const real *phase)
 {
-    const size_t f = s->model.features, rows = rows_of(w, net);
+    const size_t f = s->model.features, rows = saga_twin_rows(w, net);
     const size_t dim = (size_t)s->net[net].dim[0];
     real *const in = w->batch[net].in;
     size_t i;
@@ -189,7 +189,7 @@ static int run(saga_twin *w, const saga_scene *s, int net)
 {
     saga_twin_batch *const b = &w->batch[net];
 
-    return saga_net_forward(b->out, &b->work, b->in, rows_of(w, net),
+    return saga_net_forward(b->out, &b->work, b->in, saga_twin_rows(w, net),
                             &s->net[net]);
 }
 
@@ -455,7 +455,7 @@ static int back(saga_twin *w, saga_scene *d, const saga_scene *s, int net)
     saga_twin_batch *const b = &w->batch[net];
 
     return saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in,
-                             rows_of(w, net), &s->net[net]);
+                             saga_twin_rows(w, net), &s->net[net]);
 }
 
 /* Attributes of primitive i to F_geo's rows, positions and log supports. */

@@ -38,6 +38,7 @@ typedef struct saga_twin {
 
 #define saga_twin_init SAGA_REAL_NAME(saga_twin_init)
 #define saga_twin_free SAGA_REAL_NAME(saga_twin_free)
+#define saga_twin_rows SAGA_REAL_NAME(saga_twin_rows)
 #define saga_twin_refresh SAGA_REAL_NAME(saga_twin_refresh)
 #define saga_twin_offsets SAGA_REAL_NAME(saga_twin_offsets)
 #define saga_twin_geometry SAGA_REAL_NAME(saga_twin_geometry)
@@ -52,6 +53,9 @@ typedef struct saga_twin {
 /* Memory for scenes of s's counts and model. 0, or -1 without memory. */
 int saga_twin_init(saga_twin *w, const saga_scene *s);
 void saga_twin_free(saga_twin *w);
+
+/* Points that go through a network: rows of its batch. */
+size_t saga_twin_rows(const saga_twin *w, int net);
 
 /* Neighbours and weights anew, by common/interp.c on rounded positions and the
  * supports of the last saga_twin_geometry (the first call runs it). feature as

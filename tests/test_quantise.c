@@ -1,0 +1,206 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Networks from reals to symbols to the decoder's integers and back: layers of
+ * random sizes and ranges take the place of those of random models, and the
+ * encoder's traversal dequantises them.
+ */
+#include "encode.h"
+#include "gen_stream.h"
+#include "quantise.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+enum { N_MODELS = 40 };
+
+typedef struct {
+    float weight[SAGA_MAX_VECTOR * SAGA_MAX_WIDTH], bias[SAGA_MAX_VECTOR];
+    uint8_t q_out[SAGA_MAX_VECTOR];
+    saga_layer_values v;
+} layer;
+
+static double real_in(uint64_t *r, double lo, double hi)
+{
+    return lo + (hi - lo) * (double)(gen_random(r) >> 11) * 0x1p-53;
+}
+
+/* Rows' ranges lie up to `octaves` apart. */
+static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
+                       int int8, double octaves, uint64_t *r)
+{
+    uint32_t row, k;
+
+    for (row = 0; row < n_out; row++) {
+        const double range = 0.3 * exp2(real_in(r, -octaves, octaves) / 2);
+
+        for (k = 0; k < n_in; k++)
+            l->weight[row * n_in + k] = (float)(range * real_in(r, -1, 1));
+        l->bias[row] = (float)real_in(r, -1, 1);
+        l->q_out[row] = (uint8_t)gen_range(r, 8, 10);
+    }
+    l->v = (saga_layer_values){
+        l->weight, l->bias, n_in, n_out, q_in, l->q_out,
+        (float)exp2(real_in(r, -9, -3)), (float)exp2(gen_range(r, -9, -3)),
+        int8
+    };
+}
+
+/* --- Against the traversal ----------------------------------------------- */
+
+/* The integers of a row, in reals, are what saga_dequantise_layer said. */
+static void check_row(const saga_nets *nets, const uint8_t *block, int net,
+                      int i, uint32_t row, const layer *l,
+                      const float *weight, const float *bias)
+{
+    saga_layer got;
+    uint32_t k;
+    int e;
+
+    saga_nets_layer(&got, nets, block, net, i);
+    e = got.shift[row] + l->q_out[row] - l->v.q_in;
+    for (k = 0; k < l->v.n_in; k++) {
+        const size_t at = (size_t)row * saga_mlp_pad(l->v.n_in) + k;
+        const int w = got.int8 ? ((const int8_t *)got.weight)[at]
+                               : ((const int16_t *)got.weight)[at];
+
+        assert_true(fabs(ldexp(w, -e) -
+                         (double)weight[row * l->v.n_in + k]) < 1e-12);
+    }
+    assert_true(fabs(ldexp(got.bias[row], -e - l->v.q_in) -
+                     (double)bias[row]) < 1e-12);
+}
+
+static void replace(saga_layer_symbols *s, const layer *l)
+{
+    free(s->weight);
+    free(s->bias);
+    free(s->shift);
+    saga_quantise_layer(s, &l->v);
+}
+
+static void check_model(uint64_t seed, double octaves)
+{
+    const gen_options o = { .seed = seed, .level = 1, .n_segments = 1 };
+    static layer l[SAGA_N_NETS][SAGA_MAX_LAYERS];
+    static float weight[SAGA_MAX_VECTOR * SAGA_MAX_WIDTH];
+    static float bias[SAGA_MAX_VECTOR];
+    const saga_nets *nets;
+    const uint8_t *block;
+    const char *why = "";
+    saga_encoder *e;
+    uint64_t r = seed;
+    gen_stream g;
+    saga_net_shape s;
+    uint32_t row;
+    int net, i;
+
+    gen_stream_make(&g, &o);
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_model_net(&s, &g.header.model, net);
+        for (i = 0; i < s.n_layers; i++) {
+            make_layer(&l[net][i], s.dim[i], s.dim[i + 1],
+                       gen_range(&r, 10, 14), s.int8, octaves, &r);
+            replace(&g.nets.layer[net][i], &l[net][i]);
+        }
+    }
+    e = saga_encoder_open(&g.header, g.rig, &g.nets, &why);
+    if (!e)
+        fail_msg("seed %d: %s", (int)seed, why);
+    block = saga_encoder_params(e, &nets);
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_model_net(&s, &g.header.model, net);
+        for (i = 0; i < s.n_layers; i++) {
+            saga_dequantise_layer(weight, bias, &g.nets.layer[net][i],
+                                  &l[net][i].v);
+            for (row = 0; row < s.dim[i + 1]; row++)
+                check_row(nets, block, net, i, row, &l[net][i], weight, bias);
+        }
+    }
+    saga_encoder_free(e);
+    gen_stream_free(&g);
+}
+
+/* Valid rows whatever the rows' ranges; int16 and int8 networks. */
+static void quantiser_should_say_what_the_decoder_has(void **state)
+{
+    uint64_t seed;
+
+    (void)state;
+    for (seed = 1; seed <= N_MODELS; seed++)
+        check_model(seed, seed % 2 ? 2 : 12);
+}
+
+/* --- Precision ----------------------------------------------------------- */
+
+/* Rows of one range, 64 inputs, 16 bits. sum|w| is below 64 * 0.3 < 2^5, so a
+ * scale of 2^11 is valid and an LSB at most 2^-11: rounded to half a step and
+ * half an LSB. Biases to half their own step. */
+static void quantiser_should_round_to_half_a_step(void **state)
+{
+    static layer l;
+    static float weight[64 * 32], bias[32];
+    saga_layer_symbols s;
+    uint64_t r = 5;
+    uint32_t k, i;
+
+    (void)state;
+    for (k = 0; k < 50; k++) {
+        make_layer(&l, 64, 32, 12, 0, 0, &r);
+        saga_quantise_layer(&s, &l.v);
+        saga_dequantise_layer(weight, bias, &s, &l.v);
+        for (i = 0; i < 64 * 32; i++)
+            assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
+                        (double)l.v.step * 0.5001 + 0x1p-12);
+        for (i = 0; i < 32; i++)
+            assert_true(fabs((double)bias[i] - (double)l.bias[i]) <=
+                        (double)l.v.bias_step * 0.5001);
+        free(s.weight);
+        free(s.bias);
+        free(s.shift);
+    }
+}
+
+/* Weights that are multiples of the step are kept: the symbols are the
+ * multiples, and integers miss them by half an LSB. */
+static void quantiser_should_keep_what_is_rounded_already(void **state)
+{
+    static layer l;
+    static float weight[64 * 32], bias[32];
+    saga_layer_symbols s;
+    uint64_t r = 6;
+    uint32_t i;
+
+    (void)state;
+    make_layer(&l, 64, 32, 12, 0, 0, &r);
+    l.v.step = 0.037f;
+    for (i = 0; i < 64 * 32; i++)
+        l.weight[i] = 0.037f * (float)(int)(l.weight[i] / 0.037f);
+    saga_quantise_layer(&s, &l.v);
+    saga_dequantise_layer(weight, bias, &s, &l.v);
+    for (i = 0; i < 64 * 32; i++) {
+        assert_int_equal(s.weight[i], lround((double)l.weight[i] / 0.037));
+        assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
+                    0x1p-12 + 1e-6);
+    }
+    free(s.weight);
+    free(s.bias);
+    free(s.shift);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(quantiser_should_say_what_the_decoder_has),
+        cmocka_unit_test(quantiser_should_round_to_half_a_step),
+        cmocka_unit_test(quantiser_should_keep_what_is_rounded_already)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

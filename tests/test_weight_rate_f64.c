@@ -1,0 +1,399 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The rate of networks' parameters: gradients against central differences, bits
+ * against the code length of common/prob.h's integers. The rounding of layers:
+ * inputs for which its result, or a bound of its error, can be derived.
+ */
+#include "cost.h"
+#include "rng.h"
+#include "weight_rate.h"
+#include "weight_round.h"
+
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* --- A scene's networks -------------------------------------------------- */
+
+enum { FIRST = SAGA_NET_FUSE_C, SECOND = SAGA_NET_COLOUR, N_PARAMS = 60 };
+
+/* 3-4-2 and 5-4-2, and one without inputs, which is none of the tensors. */
+typedef struct {
+    saga_net net[SAGA_N_NETS];
+    double x[N_PARAMS], y[N_PARAMS], dx[N_PARAMS], c[N_PARAMS];
+    saga_weights w;
+} fixture;
+
+static void set_dims(saga_net *net, int a, int b, int c)
+{
+    net->n_layers = 2;
+    net->dim[0] = a;
+    net->dim[1] = b;
+    net->dim[2] = c;
+}
+
+static void begin(fixture *f)
+{
+    const saga_rng r = saga_rng_stream(3, 0);
+    size_t i;
+    int t;
+
+    memset(f, 0, sizeof *f);
+    set_dims(&f->net[FIRST], 3, 4, 2);
+    set_dims(&f->net[SECOND], 5, 4, 2);
+    f->net[SAGA_NET_E_PRIM].n_layers = 1;
+    f->net[SAGA_NET_E_PRIM].dim[1] = 7;
+    saga_net_bind(&f->net[FIRST], f->x);
+    saga_net_bind(&f->net[SECOND], f->x +
+                  saga_net_n_params(&f->net[FIRST]));
+    assert_int_equal(saga_net_n_params(&f->net[FIRST]) +
+                     saga_net_n_params(&f->net[SECOND]), N_PARAMS);
+    for (i = 0; i < N_PARAMS; i++) {
+        f->x[i] = saga_rng_normal(r, i);
+        f->c[i] = saga_rng_normal(r, 1000 + i);
+    }
+    saga_weights_list(&f->w, f->net, f->x);
+    for (t = 0; t < f->w.n; t++)
+        f->w.log2_step[t] = -1.3 + 0.7 * t;
+}
+
+static void list_should_hold_every_parameter_once(void **state)
+{
+    static fixture f;
+    int seen[N_PARAMS] = { 0 };
+    size_t i;
+    int t;
+
+    (void)state;
+    begin(&f);
+    assert_int_equal(f.w.n, 8);
+    for (t = 0; t < f.w.n; t++)
+        for (i = 0; i < f.w.tensor[t].rows * f.w.tensor[t].cols; i++)
+            seen[f.w.tensor[t].at + i]++;
+    for (i = 0; i < N_PARAMS; i++)
+        assert_int_equal(seen[i], 1);
+    assert_int_equal(saga_weights_find(&f.w, FIRST, 1), 2);
+    assert_int_equal(f.w.tensor[6].rows, 2);
+    assert_int_equal(f.w.tensor[6].cols, 4);
+    assert_int_equal(f.w.tensor[7].cols, 1);
+    assert_int_equal(saga_weights_find(&f.w, SAGA_NET_E_PRIM, 0), -1);
+}
+
+/* --- Noise --------------------------------------------------------------- */
+
+/* Uniform in +-noise step / 2, so of variance (noise step)^2 / 12; nothing in
+ * tensors that are rounded. */
+static void noise_should_have_the_size_of_the_step(void **state)
+{
+    static fixture f;
+    double square[8] = { 0 };
+    size_t i;
+    int k, t;
+
+    (void)state;
+    begin(&f);
+    for (k = 0; k < 2000; k++) {
+        saga_weights_noise(f.y, f.x, &f.w, 2, 0.5, (uint64_t)k);
+        for (t = 0; t < f.w.n; t++)
+            for (i = 0; i < f.w.tensor[t].rows * f.w.tensor[t].cols; i++) {
+                const double e = f.y[f.w.tensor[t].at + i] -
+                                 f.x[f.w.tensor[t].at + i];
+                const double size = 0.5 * saga_weights_step(&f.w, t);
+
+                assert_true(fabs(e) <= (t < 2 ? 0 : size / 2));
+                square[t] += e * e * 12 / (size * size) /
+                             (double)(f.w.tensor[t].rows * f.w.tensor[t].cols);
+            }
+    }
+    for (t = 2; t < f.w.n; t++)
+        assert_true(fabs(square[t] / 2000 - 1) < 0.05);
+}
+
+/* The file can say powers of two for biases, any step for weights. */
+static void steps_of_biases_should_be_powers_of_two(void **state)
+{
+    static fixture f;
+
+    (void)state;
+    begin(&f);
+    f.w.log2_step[0] = f.w.log2_step[1] = -3.4;
+    f.w.log2_step[3] = -3.5;
+    assert_true(fabs(saga_weights_step(&f.w, 0) - exp2(-3.4)) < 1e-15);
+    assert_true(fabs(saga_weights_step(&f.w, 1) - 0.125) < 1e-15);
+    assert_true(fabs(saga_weights_step(&f.w, 3) - 0.125) < 1e-15);
+}
+
+/* --- Gradients ----------------------------------------------------------- */
+
+/* sum c y + price bits(y), y the noisy x: a distortion that is linear in y. The
+ * deviations are measured on `at`, as a step of training does: constants. */
+static double loss(fixture *f, const double *at, double price)
+{
+    static double unused[N_PARAMS];
+    double sum = 0;
+    size_t i;
+
+    saga_weights_noise(f->y, f->x, &f->w, 0, 1, 77);
+    for (i = 0; i < N_PARAMS; i++)
+        sum += f->c[i] * f->y[i];
+    return sum + price * saga_weights_rate(unused, &f->w, f->y, at, price);
+}
+
+static int is_close(double a, double b)
+{
+    return fabs(a - b) <= 1e-6 * (1 + fabs(a) + fabs(b));
+}
+
+static void rate_should_have_the_gradient_of_its_differences(void **state)
+{
+    static fixture f;
+    static double at[N_PARAMS];
+    const double price = 0.3, h = 1e-5;
+    saga_weights analytic;
+    size_t i;
+    int t;
+
+    (void)state;
+    begin(&f);
+    memcpy(at, f.x, sizeof at);
+    memcpy(f.dx, f.c, sizeof f.dx);
+    loss(&f, at, price);
+    saga_weights_rate(f.dx, &f.w, f.y, at, price);
+    analytic = f.w;
+    for (i = 0; i < N_PARAMS; i++) {
+        double up, down;
+
+        f.x[i] = at[i] + h;
+        up = loss(&f, at, price);
+        f.x[i] = at[i] - h;
+        down = loss(&f, at, price);
+        f.x[i] = at[i];
+        assert_true(is_close(f.dx[i], (up - down) / (2 * h)));
+    }
+    /* Biases' steps jump, their gradient is that of the power of two: only
+     * weights' can be compared. */
+    for (t = 0; t < f.w.n; t += 2) {
+        const double was = f.w.log2_step[t];
+        double up, down;
+
+        f.w.log2_step[t] = was + h;
+        up = loss(&f, at, price);
+        f.w.log2_step[t] = was - h;
+        down = loss(&f, at, price);
+        f.w.log2_step[t] = was;
+        assert_true(is_close(analytic.d_log2_step[t], (up - down) / (2 * h)));
+    }
+}
+
+/* --- Bits ---------------------------------------------------------------- */
+
+/* Normal values of 2.5 steps: bits of the rounded ones are what the integer
+ * tables' nearest scale takes. Scales stand 1/7 octave apart, frequencies have
+ * 15 bits; 0.5 % is issue 3's bound. */
+static void rate_should_be_what_the_integers_take(void **state)
+{
+    enum { N = 20000 };
+    static double x[N + 200], y[N + 200], dx[N + 200];
+    saga_net net[SAGA_N_NETS];
+    saga_weights w;
+    const saga_rng r = saga_rng_stream(9, 1);
+    double bits = 0;
+    size_t i;
+
+    (void)state;
+    memset(net, 0, sizeof net);
+    net[FIRST].n_layers = 1;
+    net[FIRST].dim[0] = 100;
+    net[FIRST].dim[1] = 200;
+    saga_net_bind(&net[FIRST], x);
+    saga_weights_list(&w, net, x);
+    w.log2_step[0] = -4;
+    w.log2_step[1] = 0;
+    for (i = 0; i < N; i++) {
+        const double q = floor(2.5 * saga_rng_normal(r, i) + 0.5);
+
+        x[i] = y[i] = q / 16;
+        bits += saga_cost_residual((int32_t)q, SAGA_SCALE_UNIT + 9);
+    }
+    saga_weights_rate(dx, &w, y, x, 0);
+    print_message("  %.0f bits, integers %.0f\n", w.bits[0], bits);
+    assert_true(fabs(w.bits[0] / bits - 1) < 0.005);
+}
+
+/* --- Rounding ------------------------------------------------------------ */
+
+enum { POINTS = 400, IN = 12, OUT = 5 };
+
+/* Inputs that mix `ranks` independent ones. */
+static void make_inputs(double *x, int ranks)
+{
+    const saga_rng r = saga_rng_stream(4, (uint64_t)ranks);
+    size_t p, c;
+    int k;
+
+    for (p = 0; p < POINTS; p++)
+        for (c = 0; c < IN; c++) {
+            double sum = 0;
+
+            for (k = 0; k < ranks; k++)
+                sum += saga_rng_normal(r, p * 100 + (size_t)k) *
+                       saga_rng_normal(r, 1000000 + c * 100 + (size_t)k);
+            x[p * IN + c] = sum;
+        }
+}
+
+static void make_weights(double *w, double *b)
+{
+    const saga_rng r = saga_rng_stream(8, 0);
+    size_t i;
+
+    for (i = 0; i < IN * OUT; i++)
+        w[i] = saga_rng_normal(r, i);
+    for (i = 0; i < OUT; i++)
+        b[i] = saga_rng_normal(r, 500 + i);
+}
+
+/* Mean squared difference of the outputs of two layers. */
+static double output_error(const double *x, const double *w, const double *b,
+                           const double *w0, const double *b0)
+{
+    double sum = 0;
+    size_t p, o, c;
+
+    for (p = 0; p < POINTS; p++)
+        for (o = 0; o < OUT; o++) {
+            double e = b[o] - b0[o];
+
+            for (c = 0; c < IN; c++)
+                e += (w[o * IN + c] - w0[o * IN + c]) * x[p * IN + c];
+            sum += e * e;
+        }
+    return sum / (POINTS * OUT);
+}
+
+static void round_plainly(double *x, size_t n, double step)
+{
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        x[i] = step * floor(x[i] / step + 0.5);
+}
+
+static void round_both(double *plain, double *ours, const double *x)
+{
+    double w0[IN * OUT], b0[OUT], w[IN * OUT], b[OUT];
+    const saga_weight_round_input in = {
+        x, POINTS, IN, IN, OUT, 0.25, 0.125
+    };
+    size_t i;
+
+    make_weights(w0, b0);
+    memcpy(w, w0, sizeof w);
+    memcpy(b, b0, sizeof b);
+    round_plainly(w, IN * OUT, 0.25);
+    round_plainly(b, OUT, 0.125);
+    *plain = output_error(x, w, b, w0, b0);
+    memcpy(w, w0, sizeof w);
+    memcpy(b, b0, sizeof b);
+    assert_int_equal(saga_weight_round(w, b, &in), 0);
+    for (i = 0; i < IN * OUT; i++)
+        assert_true(fabs(w[i] / 0.25 - rint(w[i] / 0.25)) < 1e-12);
+    for (i = 0; i < OUT; i++)
+        assert_true(fabs(b[i] / 0.125 - rint(b[i] / 0.125)) < 1e-12);
+    *ours = output_error(x, w, b, w0, b0);
+}
+
+/* Inputs of three dimensions: an error has nine directions to hide in. */
+static void rounding_should_hide_errors_where_no_input_goes(void **state)
+{
+    static double x[POINTS * IN];
+    double plain, ours;
+
+    (void)state;
+    make_inputs(x, 3);
+    round_both(&plain, &ours, x);
+    print_message("  3 of 12 dimensions: %.2g instead of %.2g\n", ours, plain);
+    assert_true(ours < plain / 20);
+    make_inputs(x, 12);
+    round_both(&plain, &ours, x);
+    print_message("  12 of 12 dimensions: %.2g instead of %.2g\n", ours,
+                  plain);
+    assert_true(ours < plain);
+}
+
+/* Orthogonal inputs, the constant of the bias among them (a Hadamard matrix'
+ * columns): no error can make up for another, so nothing but rounding. */
+static void rounding_should_be_plain_for_orthogonal_inputs(void **state)
+{
+    double x[16 * IN], w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
+    const saga_weight_round_input in = { x, 16, IN, IN, OUT, 0.25, 0.125 };
+    size_t p, c;
+
+    (void)state;
+    for (p = 0; p < 16; p++)
+        for (c = 0; c < IN; c++) {
+            const size_t common = p & (c + 1);
+            const size_t ones = (common & 1) + (common >> 1 & 1) +
+                                (common >> 2 & 1) + (common >> 3 & 1);
+
+            x[p * IN + c] = ones % 2 ? -1 : 1;
+        }
+    make_weights(w, b);
+    memcpy(w0, w, sizeof w);
+    memcpy(b0, b, sizeof b);
+    assert_int_equal(saga_weight_round(w, b, &in), 0);
+    round_plainly(w0, IN * OUT, 0.25);
+    round_plainly(b0, OUT, 0.125);
+    assert_memory_equal(w, w0, sizeof w);
+    assert_memory_equal(b, b0, sizeof b);
+}
+
+/* Inputs that are all alike add to the bias: the bias, rounded last, takes over
+ * the errors of all weights and leaves its own, half its step at most. Damping
+ * moves a thousandth of their sum elsewhere. */
+static void rounding_should_end_with_the_bias(void **state)
+{
+    static double x[POINTS * IN];
+    double w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
+    const saga_weight_round_input in = {
+        x, POINTS, IN, IN, OUT, 0.25, 0.125
+    };
+    size_t o, c, i;
+
+    (void)state;
+    for (i = 0; i < POINTS * IN; i++)
+        x[i] = 1;
+    make_weights(w, b);
+    memcpy(w0, w, sizeof w);
+    memcpy(b0, b, sizeof b);
+    assert_int_equal(saga_weight_round(w, b, &in), 0);
+    for (o = 0; o < OUT; o++) {
+        double e = b[o] - b0[o];
+
+        for (c = 0; c < IN; c++)
+            e += w[o * IN + c] - w0[o * IN + c];
+        assert_true(fabs(e) <= 0.125 / 2 + 0.003);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(list_should_hold_every_parameter_once),
+        cmocka_unit_test(noise_should_have_the_size_of_the_step),
+        cmocka_unit_test(steps_of_biases_should_be_powers_of_two),
+        cmocka_unit_test(rate_should_have_the_gradient_of_its_differences),
+        cmocka_unit_test(rate_should_be_what_the_integers_take),
+        cmocka_unit_test(rounding_should_hide_errors_where_no_input_goes),
+        cmocka_unit_test(rounding_should_be_plain_for_orthogonal_inputs),
+        cmocka_unit_test(rounding_should_end_with_the_bias)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

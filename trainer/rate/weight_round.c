@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: MIT */
+#include "weight_round.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+/* Of H's mean diagonal, added to it: directions that no input takes must not
+ * take the errors of the others. */
+#define DAMPING 1e-3
+
+/* Columns in the reverse of the order they are rounded in: first the bias, then
+ * by ascending diagonal. */
+typedef struct {
+    size_t n;                    /* n_in + 1 */
+    size_t *order;               /* (n) */
+    double *h;                   /* (n, n) the lower triangle of H, in the
+                                  * columns' own order */
+    double *factor;              /* (n, n) lower: factor factor^T = H, ordered
+                                  */
+    double *follow;              /* (n, n) row i: what the columns before i
+                                  * change by per error of column i */
+} work;
+
+static double input_at(const saga_weight_round_input *in, size_t p, size_t c)
+{
+    return c < in->n_in ? (double)in->x[p * in->stride + c] : 1;
+}
+
+static void gather(double *h, const saga_weight_round_input *in)
+{
+    const size_t n = in->n_in + 1;
+    int64_t i;
+
+#pragma omp parallel for schedule(dynamic)
+    for (i = 0; i < (int64_t)n; i++) {
+        const size_t a = (size_t)i;
+        size_t p, b;
+
+        for (p = 0; p < in->points; p++) {
+            const double x = input_at(in, p, a) / (double)in->points;
+
+            for (b = 0; b <= a && x != 0; b++)
+                h[a * n + b] += x * input_at(in, p, b);
+        }
+    }
+}
+
+static void damp(double *h, size_t n)
+{
+    double sum = 0;
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        sum += h[i * (n + 1)];
+    for (i = 0; i < n; i++)
+        h[i * (n + 1)] += DAMPING * sum / (double)n + 1e-12;
+}
+
+static void sort_columns(size_t *order, const double *h, size_t n)
+{
+    size_t i, k;
+
+    order[0] = n - 1;
+    for (i = 0; i + 1 < n; i++) {
+        for (k = i + 1; k > 1 && h[order[k - 1] * (n + 1)] > h[i * (n + 1)];
+             k--)
+            order[k] = order[k - 1];
+        order[k] = i;
+    }
+}
+
+/* Cholesky. */
+static void factorise(work *w)
+{
+    const size_t n = w->n;
+    double *const f = w->factor;
+    size_t i, j, k;
+
+    for (i = 0; i < n; i++)
+        for (j = 0; j <= i; j++) {
+            const size_t a = w->order[i], b = w->order[j];
+            double s = a > b ? w->h[a * n + b] : w->h[b * n + a];
+
+            for (k = 0; k < j; k++)
+                s -= f[i * n + k] * f[j * n + k];
+            f[i * n + j] = i == j ? sqrt(fmax(s, 1e-15)) : s / f[j * n + j];
+        }
+}
+
+/* The regression of input i on those before it, z = H_<<^-1 H_<i: with
+ * H_<i = F f_i and H_<< = F F^T, F^T z = f_i. */
+static void regress(work *w)
+{
+    const size_t n = w->n;
+    size_t i, k, j;
+
+    for (i = 0; i < n; i++) {
+        double *const z = w->follow + i * n;
+
+        for (k = i; k-- > 0;) {
+            double s = w->factor[i * n + k];
+
+            for (j = k + 1; j < i; j++)
+                s -= w->factor[j * n + k] * z[j];
+            z[k] = s / w->factor[k * n + k];
+        }
+    }
+}
+
+/* row: (n) the row's parameters in order, scratch. */
+static void round_row(real *weight, real *bias, double *row, const work *w,
+                      const saga_weight_round_input *in)
+{
+    size_t i, k;
+
+    for (i = 0; i < w->n; i++)
+        row[i] = w->order[i] < in->n_in ? (double)weight[w->order[i]]
+                                        : (double)*bias;
+    for (i = w->n; i-- > 0;) {
+        const size_t c = w->order[i];
+        const double step = c < in->n_in ? in->step : in->bias_step;
+        const double q = step * floor(row[i] / step + 0.5);
+
+        for (k = 0; k < i; k++)
+            row[k] += (row[i] - q) * w->follow[i * w->n + k];
+        *(c < in->n_in ? &weight[c] : bias) = (real)q;
+    }
+}
+
+int saga_weight_round(real *weight, real *bias,
+                      const saga_weight_round_input *in)
+{
+    const size_t n = in->n_in + 1;
+    work w = { .n = n };
+    double *const block = calloc(3 * n * n + n, sizeof *block);
+    size_t r;
+
+    w.order = calloc(n, sizeof *w.order);
+    if (!block || !w.order) {
+        free(block);
+        free(w.order);
+        return -1;
+    }
+    w.h = block + n;
+    w.factor = w.h + n * n;
+    w.follow = w.factor + n * n;
+    gather(w.h, in);
+    damp(w.h, n);
+    sort_columns(w.order, w.h, n);
+    factorise(&w);
+    regress(&w);
+    for (r = 0; r < in->n_out; r++)
+        round_row(weight + r * in->n_in, bias + r, block, &w, in);
+    free(block);
+    free(w.order);
+    return 0;
+}

@@ -1,0 +1,151 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The networks' parameters while pictures are fitted: what the twin runs on,
+ * their steps' rate, and how they come to stand on multiples of their steps.
+ *
+ * Until two thirds of the iterations they carry noise. Then they are rounded a
+ * layer at a time, in the networks' order, over the next quarter of all: each
+ * with regard to what it is given by then (weight_round.h), and what is not yet
+ * rounded makes up for what is. A rounded layer stands still.
+ */
+#include "fit_state.h"
+
+#include "dense.h"
+#include "weight_round.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Part of a step that noise takes. Rounding layer by layer costs the pictures
+ * less than white noise of the whole step does; learned under less noise, steps
+ * become larger (docs/results/training.md). */
+#define NOISE_PART 0.125
+
+/* Of the iterations that are left: in these all layers are rounded. */
+#define ROUNDING_PART 0.75
+
+/* Stream of random numbers; fit.c has others. */
+enum { STREAM_WEIGHTS = 110 };
+
+/* --- The copy ------------------------------------------------------------ */
+
+size_t saga_fit_n_params(const saga_scene *s)
+{
+    return s->n_reals - (size_t)(s->params - s->reals);
+}
+
+int saga_fit_begin_weights(saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    int i;
+
+    f->params = calloc(saga_fit_n_params(s) + 1, sizeof *f->params);
+    if (!f->params)
+        return -1;
+    f->used = *s;
+    f->used.params = f->params;
+    for (i = 0; i < SAGA_N_NETS; i++)
+        if (s->net[i].n_layers)
+            saga_net_bind(&f->used.net[i],
+                          f->params + (s->net[i].w[0] - s->params));
+    saga_weights_list(&f->weights, s->net, s->params);
+    saga_weights_start(&f->weights, s->params);
+    return 0;
+}
+
+static void copy_params(saga_fit *f)
+{
+    memcpy(f->params, f->scene->params,
+           saga_fit_n_params(f->scene) * sizeof *f->params);
+}
+
+/* --- Rounding ------------------------------------------------------------ */
+
+/* Tensors that stand rounded at iteration `done` of the rendering. */
+static int n_rounded(const saga_fit *f, int done)
+{
+    const int first = saga_fit_first_rounding(f);
+    const int span = 1 + (int)(ROUNDING_PART * (f->o.n_render - first));
+    const int layers = f->weights.n / 2;
+
+    return done < first ? 0 : done - first >= span ? 2 * layers
+         : 2 * (1 + (int)((int64_t)(done - first) * layers / span));
+}
+
+size_t saga_fit_n_still(const saga_fit *f)
+{
+    const int n = n_rounded(f, f->iteration - f->o.n_regress);
+
+    return n == 0 ? 0 : n == f->weights.n ? saga_fit_n_params(f->scene)
+         : f->weights.tensor[n].at;
+}
+
+/* What the layer of tensor t was last given, and its steps. */
+static saga_weight_round_input rounding_of(const saga_fit *f, int t)
+{
+    const saga_weight_tensor *const l = &f->weights.tensor[t];
+    const saga_twin_batch *const b = &f->twin.batch[l->net];
+
+    return (saga_weight_round_input){
+        .x = l->layer ? b->work.hidden[l->layer - 1] : b->in,
+        .points = saga_twin_rows(&f->twin, l->net),
+        .stride = l->layer ? saga_dense_pad(l->cols) : l->cols,
+        .n_in = l->cols, .n_out = l->rows,
+        .step = saga_weights_step(&f->weights, t),
+        .bias_step = saga_weights_step(&f->weights, t + 1)
+    };
+}
+
+/* Rounds tensors from..to-1, given what the networks are now. */
+static int round_layers(saga_fit *f, int from, int to)
+{
+    real *const params = f->scene->params;
+    real centre[3];
+    int t;
+
+    copy_params(f);
+    saga_fit_camera_centre(centre, f, f->train[0]);
+    if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
+        saga_twin_colour(&f->twin, &f->used, centre))
+        return -1;
+    for (t = from; t < to; t += 2) {
+        const saga_weight_round_input in = rounding_of(f, t);
+
+        if (saga_weight_round(params + f->weights.tensor[t].at,
+                              params + f->weights.tensor[t + 1].at, &in))
+            return -1;
+    }
+    return 0;
+}
+
+/* --- Steps of the fit ---------------------------------------------------- */
+
+int saga_fit_use_weights(saga_fit *f)
+{
+    const int done = f->iteration - f->o.n_regress;
+    const int now = n_rounded(f, done), before = n_rounded(f, done - 1);
+
+    if (done == 0)
+        saga_weights_start(&f->weights, f->scene->params);
+    if (now > before && round_layers(f, before, now))
+        return -1;
+    if (done < 0)
+        copy_params(f);
+    else
+        saga_weights_noise(f->params, f->scene->params, &f->weights, now,
+                           NOISE_PART, f->o.seed ^ ((uint64_t)done << 20) ^
+                                       STREAM_WEIGHTS);
+    return 0;
+}
+
+void saga_fit_rate_weights(saga_fit *f)
+{
+    saga_weights_rate(f->grad.params, &f->weights, f->params,
+                      f->scene->params, saga_fit_bit_price(f));
+}
+
+void saga_fit_round_weights(saga_fit *f)
+{
+    copy_params(f);
+    saga_weights_round(f->params, f->scene->params, &f->weights);
+}
