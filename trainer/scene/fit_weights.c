@@ -27,7 +27,7 @@
 /* Stream of random numbers; fit.c has others. */
 enum { STREAM_WEIGHTS = 110 };
 
-/* --- The copy -------------------------------------------------------------- */
+/* --- The copy ------------------------------------------------------------ */
 
 size_t saga_fit_n_params(const saga_scene *s)
 {
