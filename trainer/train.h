@@ -111,8 +111,7 @@ typedef struct saga_train_report {
     double changing;             /* part of the pixels the rule looked at */
     saga_train_entropy entropy;
     double weight_bits;          /* of all weights of the networks with inputs,
-                                  * but the entropy model's, by the normal
-                                  * distribution of each layer */
+                                  * but the entropy model's */
     saga_train_quality warm;     /* the flat warm-up */
     saga_train_quality model;    /* the float model, coarse features and
                                   * networks rounded */

@@ -81,7 +81,8 @@ bool saga_fit_restore(saga_fit *fit, FILE *file);
 
 /* Bits all residuals would take, by the last iteration: an estimate from a
  * quarter of them.; and
- * those of all weights (not biases) of the networks but the entropy model's. */
+ * those of all weights (not biases) of the networks but the entropy model's,
+ * after saga_fit_code; NaN without memory. */
 double saga_fit_bits(const saga_fit *fit);
 double saga_fit_weight_bits(const saga_fit *fit);
 

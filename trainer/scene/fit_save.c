@@ -129,15 +129,6 @@ bool saga_fit_restore(saga_fit *f, FILE *file)
            f->iteration <= f->o.n_regress + f->o.n_render;
 }
 
-double saga_fit_weight_bits(const saga_fit *f)
-{
-    double sum = 0;
-
-    for (int t = 0; t < f->weights.n; t += 2)
-        sum += f->weights.bits[t];
-    return sum;
-}
-
 double saga_fit_bits(const saga_fit *f)
 {
     double sum = 0;
