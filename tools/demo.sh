@@ -4,7 +4,7 @@
 # demo.sh SAGA FOLDER THREADS [OPTIONS]: the built-in scene -> a capture -> a
 # .saga file -> its scores and a picture, truth beside decode. Run again, it
 # goes on where it was stopped. OPTIONS go to `saga encode`.
-set -eu
+set -euo pipefail
 saga=$1
 demo=$2
 threads=$3
@@ -17,11 +17,15 @@ file=$demo/demo.saga
 if [ ! -d "$capture" ]; then
     "$saga" synth "$capture" --threads "$threads"
 fi
-echo "encoding; after Ctrl-C, the same command goes on from a checkpoint"
-resume=()
-[ ! -f "$file.ckpt" ] || resume=(--resume)
-"$saga" encode "$capture" -o "$file" --primitives 5000 --iterations 18000 \
-    --threads "$threads" "${resume[@]}" "$@" --json >"$demo/encode.json"
+# A file that is there and newer than the program is not made again.
+if [ -f "$file.ckpt" ] || [ ! "$file" -nt "$saga" ]; then
+    echo "encoding; after Ctrl-C, the same command goes on from a checkpoint"
+    resume=()
+    [ ! -f "$file.ckpt" ] || resume=(--resume)
+    "$saga" encode "$capture" -o "$file" --primitives 5000 \
+        --iterations 18000 --threads "$threads" "${resume[@]}" "$@" --json \
+        >"$demo/encode.json"
+fi
 "$saga" eval "$file" "$capture" --threads "$threads" \
     --pictures "$demo/pictures" | tee "$demo/table.txt"
 echo
