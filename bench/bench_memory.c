@@ -1,0 +1,138 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Speed of the memory bank: one read of all slots, and one step's write (the
+ * updates alone; the networks around are bench_mlp's). CPU time of this thread,
+ * min and median of the repetitions.
+ */
+#define _POSIX_C_SOURCE 200809L
+
+#include "bench_time.h"
+#include "memory_bank.h"
+
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#define READS 2000
+#define WRITES 100
+#define REPEATS 21
+#define N_QUERIES 64
+
+typedef struct {
+    saga_memory m;
+    uint8_t *block;
+    int16_t query[N_QUERIES][SAGA_MAX_SLOT_WIDTH];
+    int16_t write[SAGA_MAX_SLOTS][SAGA_MAX_SLOT_WIDTH];
+    int32_t gate[SAGA_MAX_SLOTS];
+    uint32_t sum;
+} bench;
+
+static uint32_t random_bits(uint64_t *state)
+{
+    *state = *state * 6364136223846793005u + 1442695040888963407u;
+    return (uint32_t)(*state >> 33);
+}
+
+static int16_t random_q12(uint64_t *state)
+{
+    return (int16_t)((int32_t)(random_bits(state) % 8193) - 4096);
+}
+
+static void fill(bench *b, uint32_t n_slots, uint32_t width)
+{
+    uint64_t state = 1;
+    uint32_t p, d;
+
+    b->m.n_slots = n_slots;
+    b->m.width = width;
+    b->m.hidden = 0;
+    b->block = aligned_alloc(16, saga_memory_place(&b->m, NULL));
+    if (!b->block)
+        exit(1);
+    saga_memory_place(&b->m, b->block);
+    saga_memory_start(&b->m);
+    for (p = 0; p < N_QUERIES; p++)
+        for (d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
+            b->query[p][d] = random_q12(&state);
+    for (p = 0; p < SAGA_MAX_SLOTS; p++) {
+        b->gate[p] = (int32_t)(random_bits(&state) & 32767u);
+        for (d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
+            b->write[p][d] = random_q12(&state);
+    }
+}
+
+static void write_all(bench *b, int plain)
+{
+    const uint32_t stride = saga_mlp_pad(b->m.width);
+    uint32_t p;
+
+    for (p = 0; p < b->m.n_slots; p++)
+        saga_memory_update(b->m.slot + p * stride, b->write[p], b->gate[p],
+                           b->m.width, plain);
+}
+
+static void report(const char *what, const bench *b, bench_times *t,
+                   uint32_t n, uint32_t macs)
+{
+    const double median = bench_median(t);
+
+    printf("%-10s L=%3u D=%2u: best %7.3f, median %7.3f us, %5.1f GMAC/s\n",
+           what, (unsigned)b->m.n_slots, (unsigned)b->m.width,
+           1e3 * t->ms[0] / n, 1e3 * median / n, 1e-6 * macs * n / t->ms[0]);
+}
+
+static void run_reads(bench *b)
+{
+    int16_t out[SAGA_MAX_SLOT_WIDTH];
+    bench_times t = { { 0 }, 0 };
+    uint32_t i, k;
+
+    for (i = 0; i < REPEATS; i++) {
+        const double start = bench_now_ms();
+
+        for (k = 0; k < READS; k++) {
+            saga_memory_read(out, &b->m, b->query[k % N_QUERIES]);
+            b->sum = b->sum * 31 + (uint16_t)out[0];
+        }
+        bench_add(&t, bench_now_ms() - start);
+    }
+    report("read", b, &t, READS,
+           saga_memory_read_macs(b->m.n_slots, b->m.width));
+}
+
+static void run_writes(bench *b, int plain)
+{
+    bench_times t = { { 0 }, 0 };
+    uint32_t i, k;
+
+    for (i = 0; i < REPEATS; i++) {
+        const double start = bench_now_ms();
+
+        for (k = 0; k < WRITES; k++)
+            write_all(b, plain);
+        bench_add(&t, bench_now_ms() - start);
+        b->sum = b->sum * 31 + (uint16_t)b->m.slot[0];
+    }
+    report(plain ? "write plain" : "write orth", b, &t, WRITES,
+           b->m.n_slots * saga_memory_update_macs(b->m.width, plain));
+}
+
+int main(void)
+{
+    static const struct {
+        uint32_t n_slots, width;
+    } sizes[] = { { 32, 16 }, { 64, 32 }, { 64, 64 }, { 128, 32 },
+                  { 256, 64 }, { 512, 64 } };
+    static bench b;
+    size_t i;
+
+    for (i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        fill(&b, sizes[i].n_slots, sizes[i].width);
+        run_reads(&b);
+        run_writes(&b, 0);
+        run_writes(&b, 1);
+        free(b.block);
+    }
+    printf("(sum %08lx)\n", (unsigned long)b.sum);
+    return 0;
+}
