@@ -38,7 +38,7 @@ typedef struct saga_step {
 
 /* A bank in memory that is the caller's; n_slots = 0: there is none. */
 typedef struct saga_memory {
-    int16_t *slot;           /* (n_slots, pad(width)) Q12, zero in the padding */
+    int16_t *slot;           /* (n_slots, pad(width)) Q12, padding zero */
     int16_t *embedding;      /* (n_slots, hidden) of the write's network */
     int32_t *score;          /* (n_slots) scratch of a read */
     int16_t *weight;         /* (n_slots) scratch of a read */
