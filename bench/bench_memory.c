@@ -63,12 +63,10 @@ static void fill(bench *b, uint32_t n_slots, uint32_t width)
 
 static void write_all(bench *b, int plain)
 {
-    const uint32_t stride = saga_mlp_pad(b->m.width);
     uint32_t p;
 
     for (p = 0; p < b->m.n_slots; p++)
-        saga_memory_update(b->m.slot + p * stride, b->write[p], b->gate[p],
-                           b->m.width, plain);
+        saga_memory_update(&b->m, p, b->write[p], b->gate[p], plain);
 }
 
 static void report(const char *what, const bench *b, bench_times *t,

@@ -115,9 +115,8 @@ static void write_slot(const saga_scaffold *sc, const int16_t *base,
     for (i = 0; i < m->hidden; i++)
         sc->v->in[i] = fx_sat16(fx_max(base[i] + own[i], 0));
     saga_net_run(sc, SAGA_NET_WRITE);
-    saga_memory_update(m->slot + (size_t)p * saga_mlp_pad(m->width),
-                       sc->v->out, saga_sigmoid_q11_q15(sc->v->out[m->width]),
-                       m->width,
+    saga_memory_update(m, p, sc->v->out,
+                       saga_sigmoid_q11_q15(sc->v->out[m->width]),
                        (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
 }
 

@@ -39,6 +39,7 @@ typedef struct saga_step {
 /* A bank in memory that is the caller's; n_slots = 0: there is none. */
 typedef struct saga_memory {
     int16_t *slot;           /* (n_slots, pad(width)) Q12, padding zero */
+    int16_t *column;         /* (width, n_slots) the same, transposed */
     int16_t *embedding;      /* (n_slots, hidden) of the write's network */
     int32_t *score;          /* (n_slots) scratch of a read */
     int16_t *weight;         /* (n_slots) scratch of a read */
@@ -75,14 +76,17 @@ void saga_memory_read(int16_t *out, const saga_memory *m,
 void saga_memory_mean(int16_t *out, const int32_t *sum, uint32_t n,
                       uint32_t count);
 
-/* One slot's update, v (Q12) into s with the gate g in 0..32768 (Q15):
+/* Sets slot p. */
+void saga_memory_put(const saga_memory *m, uint32_t p, const int16_t *slot);
+
+/* Update of slot p, v (Q12) into s with the gate g in 0..32768 (Q15):
  *     orthogonal (plain = 0):  v - <v, s> s,  then  Norm(s + g v)
  *     plain:                                        Norm(s + g v)
  * <v, s> is not divided by |s|^2, which is 1 but for 0.2 % at D = 64. A zero
  * v or gate leaves the slot but for rounding; a zero s takes the direction of
  * v; a sum of zero (plain: v = -s, g = 1) leaves s as it is. */
-void saga_memory_update(int16_t *slot, const int16_t *write, int32_t gate_q15,
-                        uint32_t width, int plain);
+void saga_memory_update(const saga_memory *m, uint32_t p,
+                        const int16_t *write, int32_t gate_q15, int plain);
 
 /* Products of a read of the bank and of an update of one slot. */
 uint32_t saga_memory_read_macs(uint32_t n_slots, uint32_t width);

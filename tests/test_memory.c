@@ -94,6 +94,27 @@ static int16_t any16(gen_rng *r, int32_t size)
     return (int16_t)gen_int(r, -size, size);
 }
 
+/* An update of a slot by itself: in the middle of a bank. */
+static void update(int16_t *slot, const int16_t *write, int32_t gate,
+                   uint32_t width, int plain)
+{
+    enum { AT = 13 };
+    saga_memory m = bank_of(32, width);
+    saga_memory before = bank_of(32, width);
+    uint32_t p;
+
+    saga_memory_put(&m, AT, slot);
+    saga_memory_update(&m, AT, write, gate, plain);
+    memcpy(slot, slot_of(&m, AT), 2 * width);
+    saga_memory_put(&before, AT, slot);
+    for (p = 0; p < 32; p++)
+        assert_memory_equal(slot_of(&m, p), slot_of(&before, p),
+                            2 * saga_mlp_pad(width));
+    assert_memory_equal(m.column, before.column, 64 * width);
+    drop(&m);
+    drop(&before);
+}
+
 /* A slot in a random direction, and sometimes along an axis. */
 static void random_slot(int16_t *slot, gen_rng *r, uint32_t width)
 {
@@ -238,8 +259,12 @@ static void read_should_stay_within_bound_of_double(void **state)
         saga_memory m = bank_of(all_slots[i % N_SLOTS],
                                 8u * (uint32_t)gen_int(&r, 1, 8));
 
-        for (p = 0; p < m.n_slots; p++)
-            random_slot(slot_of(&m, p), &r, m.width);
+        for (p = 0; p < m.n_slots; p++) {
+            int16_t slot[MAX_D];
+
+            random_slot(slot, &r, m.width);
+            saga_memory_put(&m, p, slot);
+        }
         for (k = 0; k < 20; k++) {
             /* From flat to one slot alone; past the width anything. */
             const int32_t size = 1 << gen_int(&r, 0, 15);
@@ -393,7 +418,7 @@ static double check_update(const int16_t *slot, const int16_t *write,
     uint32_t d;
 
     memcpy(got, slot, 2 * width);
-    saga_memory_update(got, write, gate, width, plain);
+    update(got, write, gate, width, plain);
     assert_unit(got, width);
     to_real(s, slot, width);
     to_real(v, write, width);
@@ -457,10 +482,10 @@ static void nothing_written_should_leave_the_slot(void **state)
         for (d = 0; d < width; d++)
             write[d] = any16(&r, 32767);
         memcpy(got, slot, sizeof got);
-        saga_memory_update(got, write, 0, width, (int)(i & 1u));
+        update(got, write, 0, width, (int)(i & 1u));
         assert_same_but_rounding(got, slot, width);
         memcpy(got, slot, sizeof got);
-        saga_memory_update(got, zero, ONE, width, (int)(i & 1u));
+        update(got, zero, ONE, width, (int)(i & 1u));
         assert_same_but_rounding(got, slot, width);
     }
 }
@@ -483,13 +508,13 @@ static void parallel_writes_should_leave_the_slot(void **state)
             write[d] = (int16_t)(c * slot[d]);
         check_update(slot, write, gen_int(&r, 0, ONE), width, 0);
         memcpy(got, slot, sizeof got);
-        saga_memory_update(got, write, ONE, width, 0);
+        update(got, write, ONE, width, 0);
         for (d = 0; d < width; d++)
             assert_true(abs(got[d] - slot[d]) <= 6);
         for (d = 0; d < width; d++)
             write[d] = (int16_t)-slot[d];
         memcpy(got, slot, sizeof got);
-        saga_memory_update(got, write, ONE, width, 1);
+        update(got, write, ONE, width, 1);
         assert_memory_equal(got, slot, 2 * width);
     }
 }
@@ -505,13 +530,13 @@ static void zero_slot_should_take_the_direction_of_the_write(void **state)
         double v[MAX_D];
         uint32_t d;
 
-        saga_memory_update(slot, write, ONE, MAX_D, plain);
+        update(slot, write, ONE, MAX_D, plain);
         for (d = 0; d < MAX_D; d++)
             assert_int_equal(slot[d], 0);
         for (d = 0; d < MAX_D; d++)
             write[d] = any16(&r, 100);
         to_real(v, write, MAX_D);
-        saga_memory_update(slot, write, ONE, MAX_D, plain);
+        update(slot, write, ONE, MAX_D, plain);
         assert_unit(slot, MAX_D);
         for (d = 0; d < MAX_D; d++)
             assert_true(fabs(slot[d] - 4096 * v[d] / sqrt(dot(v, v, MAX_D)))
@@ -550,7 +575,7 @@ static double run_thousand(gen_rng *r, uint32_t width, int plain, int extreme)
         for (d = 0; d < width; d++)
             write[d] = extreme ? (int16_t)(32767 * gen_int(r, -1, 1))
                                : any16(r, 4096);
-        saga_memory_update(slot, write, gate, width, plain);
+        update(slot, write, gate, width, plain);
         assert_unit(slot, width);
         to_real(v, write, width);
         update_reference(next, s, v, gate / 32768.0, width, plain);
