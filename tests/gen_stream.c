@@ -70,7 +70,9 @@ static void make_memory(saga_model *m, uint64_t *r, const gen_options *o)
     if (o->memory == GEN_MEMORY_PLAIN)
         m->tools |= SAGA_TOOL_PLAIN_WRITE;
     for (i = 0; i < SAGA_N_KINDS; i++)
-        if (i == reader || one_in(r, 2))
+        if (o->memory_alone)
+            m->sources[i] = SAGA_SOURCE_MEMORY;
+        else if (i == reader || one_in(r, 2))
             m->sources[i] |= SAGA_SOURCE_MEMORY;
     m->memory_slots = SAGA_MIN_SLOTS;
     while (2 * m->memory_slots <= most && !one_in(r, 3))

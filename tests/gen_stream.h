@@ -27,6 +27,7 @@ typedef struct gen_options {
      * but for what is not 0 here. Adds its tools to those above. */
     int memory;
     uint32_t memory_slots, memory_width, memory_blocks;
+    int memory_alone;        /* read by all kinds, and nothing else is */
 } gen_options;
 
 enum { GEN_MEMORY_ORTHOGONAL = 1, GEN_MEMORY_PLAIN };
