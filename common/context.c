@@ -120,7 +120,8 @@ static void write_slot(const saga_scaffold *sc, const int16_t *base,
                        (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
 }
 
-/* All slots are updated from the step's mean token; none is read meanwhile. */
+/* All slots are updated from the step's mean token; none is read meanwhile.
+ * WRITE is a single layer and leaves hidden[0] alone. */
 static void write_memory(const saga_scaffold *sc)
 {
     const saga_memory *const m = &sc->memory;
