@@ -1,13 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
  * Speed of the memory bank: one read of all slots, and one step's write (the
- * updates alone; the networks around are bench_mlp's). CPU time of this thread,
- * min and median of the repetitions.
+ * updates alone; the networks around are bench_mlp's). Then a decoded segment,
+ * and which share of it these make, from their own speed and number. CPU time
+ * of this thread, min and median of the repetitions.
  */
 #define _POSIX_C_SOURCE 200809L
 
 #include "bench_time.h"
+#include "gen_stream.h"
+#include "head.h"
 #include "memory_bank.h"
+#include "plan.h"
+#include "saga.h"
 
 #include <stdint.h>
 #include <stdio.h>
@@ -69,17 +74,19 @@ static void write_all(bench *b, int plain)
         saga_memory_update(&b->m, p, b->write[p], b->gate[p], plain);
 }
 
-static void report(const char *what, const bench *b, bench_times *t,
-                   uint32_t n, uint32_t macs)
+/* Returns the best time of one, in ms. */
+static double report(const char *what, const bench *b, bench_times *t,
+                     uint32_t n, uint32_t macs)
 {
     const double median = bench_median(t);
 
-    printf("%-10s L=%3u D=%2u: best %7.3f, median %7.3f us, %5.1f GMAC/s\n",
+    printf("%-11s L=%3u D=%2u: best %7.3f, median %7.3f us, %5.1f GMAC/s\n",
            what, (unsigned)b->m.n_slots, (unsigned)b->m.width,
            1e3 * t->ms[0] / n, 1e3 * median / n, 1e-6 * macs * n / t->ms[0]);
+    return t->ms[0] / n;
 }
 
-static void run_reads(bench *b)
+static double run_reads(bench *b)
 {
     int16_t out[SAGA_MAX_SLOT_WIDTH];
     bench_times t = { { 0 }, 0 };
@@ -94,11 +101,11 @@ static void run_reads(bench *b)
         }
         bench_add(&t, bench_now_ms() - start);
     }
-    report("read", b, &t, READS,
-           saga_memory_read_macs(b->m.n_slots, b->m.width));
+    return report("read", b, &t, READS,
+                  saga_memory_read_macs(b->m.n_slots, b->m.width));
 }
 
-static void run_writes(bench *b, int plain)
+static double run_writes(bench *b, int plain)
 {
     bench_times t = { { 0 }, 0 };
     uint32_t i, k;
@@ -111,8 +118,77 @@ static void run_writes(bench *b, int plain)
         bench_add(&t, bench_now_ms() - start);
         b->sum = b->sum * 31 + (uint16_t)b->m.slot[0];
     }
-    report(plain ? "write plain" : "write orth", b, &t, WRITES,
-           b->m.n_slots * saga_memory_update_macs(b->m.width, plain));
+    return report(plain ? "plain write" : "write", b, &t, WRITES,
+                  b->m.n_slots * saga_memory_update_macs(b->m.width, plain));
+}
+
+/* --- A segment ----------------------------------------------------------- */
+
+static void check(saga_status s)
+{
+    if (s) {
+        fprintf(stderr, "bench_memory: %s\n", saga_status_text(s));
+        exit(1);
+    }
+}
+
+/* The best time of decoding segment 0, in ms. */
+static double decode_ms(const uint8_t *bytes, size_t n)
+{
+    bench_times t = { { 0 }, 0 };
+    saga_decoder *dec;
+    saga_segment seg;
+    saga_info info;
+    void *work;
+    int i;
+
+    check(saga_probe(&info, bytes, n));
+    check(saga_find(&seg, bytes, n, 0, 1));
+    work = aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes);
+    check(saga_open(&dec, work, info.work_nbytes, bytes, n));
+    for (i = 0; i < 7; i++) {
+        const double start = bench_now_ms();
+
+        check(saga_decode(dec, bytes + seg.offset, seg.nbytes));
+        bench_add(&t, bench_now_ms() - start);
+    }
+    (void)bench_median(&t);
+    free(work);
+    return t.ms[0];
+}
+
+/* All kinds read; one step for each group of a level and each B blocks. */
+static void run_segment(bench *b)
+{
+    const gen_options o = { .seed = 12, .level = 3, .n_coarse = 600,
+                            .picture = 1, .tools_fixed = 1,
+                            .tools = SAGA_TOOLS_PICTURE,
+                            .memory = GEN_MEMORY_ORTHOGONAL,
+                            .memory_slots = 64, .memory_width = 64,
+                            .memory_blocks = 256, .memory_alone = 1 };
+    double decode, reads, writes;
+    saga_header h;
+    saga_plan plan;
+    uint8_t *bytes;
+    gen_stream g;
+    size_t n;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    check(saga_head_read(&h, bytes, n));
+    check(saga_plan_make(&plan, &h, 0));
+    decode = decode_ms(bytes, n);
+    fill(b, 64, 64);
+    reads = run_reads(b) * (h.max.coarse + 2.0 * h.max.fine);
+    writes = run_writes(b, 0) * (saga_plan_steps(&h.model, 0, h.max.coarse) +
+                                 saga_plan_steps(&h.model, 1, h.max.fine));
+    printf("a segment of %u coarse, %u fine, %u primitives decodes in %.1f "
+           "ms: reads %.1f %%, writes %.1f %%\n", (unsigned)h.max.coarse,
+           (unsigned)h.max.fine, (unsigned)h.max.prim, decode,
+           100 * reads / decode, 100 * writes / decode);
+    free(b->block);
+    free(bytes);
+    gen_stream_free(&g);
 }
 
 int main(void)
@@ -131,6 +207,7 @@ int main(void)
         run_writes(&b, 1);
         free(b.block);
     }
+    run_segment(&b);
     printf("(sum %08lx)\n", (unsigned long)b.sum);
     return 0;
 }
