@@ -189,7 +189,7 @@ static void bench_coder(void)
 int main(int argc, char **argv)
 {
     gen_options o = { .seed = 12, .level = 3, .picture = 1, .tools_fixed = 1,
-                      .tools = SAGA_TOOLS_KNOWN };
+                      .tools = SAGA_TOOLS_PICTURE };
     gen_stream g;
     saga_info info;
     uint8_t *bytes;

@@ -63,6 +63,17 @@ static void level_fields(saga_io *f, saga_level *l)
     u16(f, &l->softmax_q8);
 }
 
+static void network_fields(saga_io *f, saga_model *m, int first, int end)
+{
+    int i;
+
+    for (i = first; i < end; i++) {
+        u8(f, &m->width[i]);
+        u8(f, &m->q_in[i]);
+        u8(f, &m->int8[i]);
+    }
+}
+
 static void model_fields(saga_io *f, saga_model *m)
 {
     int i;
@@ -79,11 +90,10 @@ static void model_fields(saga_io *f, saga_model *m)
         u32(f, &m->step_q16[i]);
     for (i = 0; i < SAGA_N_HEADS; i++)
         u8(f, &m->head_q[i]);
-    for (i = 0; i < SAGA_N_NETS; i++) {
-        u8(f, &m->width[i]);
-        u8(f, &m->q_in[i]);
-        u8(f, &m->int8[i]);
-    }
+    network_fields(f, m, 0, SAGA_NET_QUERY);
+    u16(f, &m->memory_slots);
+    u8(f, &m->memory_width);
+    u16(f, &m->memory_blocks);
 }
 
 void saga_header_io(saga_io *f, saga_header *h)
@@ -108,11 +118,17 @@ void saga_header_io(saga_io *f, saga_header *h)
         i32(f, &h->centre_mantissa[i]);
     i32(f, &h->centre_exponent);
     model_fields(f, &h->model);
-    u16(f, &h->memory_slots);
-    u8(f, &h->memory_width);
-    u16(f, &h->memory_blocks);
     u8(f, &h->hash_levels);
     u8(f, &h->hash_log2_entries);
+}
+
+void saga_memory_io(saga_io *f, saga_model *m)
+{
+    int i;
+
+    network_fields(f, m, SAGA_NET_QUERY, saga_n_described(m));
+    for (i = saga_n_described(m); i < SAGA_N_NETS && !f->out; i++)
+        m->width[i] = m->q_in[i] = m->int8[i] = 0;
 }
 
 void saga_camera_io(saga_io *f, saga_rig_camera *c)

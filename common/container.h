@@ -5,6 +5,9 @@
  * docs/bitstream.md has the tables.
  *
  *     header | INDX | NETS | per segment: SEGM COAR FINE PRIM
+ *
+ * The header is its fixed part, the memory's networks (only with the tool),
+ * the cameras of the rig, a CRC.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -17,8 +20,8 @@
 
 enum {
     SAGA_VERSION = 1,
-    SAGA_HEADER_NBYTES = 174,    /* magic and version included; then cameras,
-                                  * then the CRC-32C of all before it */
+    SAGA_HEADER_NBYTES = 174,    /* fixed part, magic and version included */
+    SAGA_MEMORY_NBYTES = 15,     /* of the memory's networks */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM */
@@ -38,7 +41,7 @@ enum {
 #define SAGA_CHUNK_FINE SAGA_FOURCC('F', 'I', 'N', 'E')
 #define SAGA_CHUNK_PRIM SAGA_FOURCC('P', 'R', 'I', 'M')
 
-/* The fixed part of the header; cameras of the rig follow it. */
+/* The header without its rig. */
 typedef struct saga_header {
     uint32_t header_nbytes;      /* all of it, CRC included */
     uint8_t level;               /* 0..3 */
@@ -53,11 +56,20 @@ typedef struct saga_header {
     int32_t centre_mantissa[3], centre_exponent;
     uint16_t n_cameras;
     saga_model model;
-    uint16_t memory_slots;       /* places kept: 0 */
-    uint8_t memory_width;
-    uint16_t memory_blocks;
-    uint8_t hash_levels, hash_log2_entries;
+    uint8_t hash_levels, hash_log2_entries; /* places kept: 0 */
 } saga_header;
+
+/* Where the cameras begin, and where they end: the CRC's place. */
+static inline uint32_t saga_rig_offset(const saga_header *h)
+{
+    return SAGA_HEADER_NBYTES +
+           (h->model.tools & SAGA_TOOL_MEMORY ? SAGA_MEMORY_NBYTES : 0u);
+}
+
+static inline uint32_t saga_rig_end(const saga_header *h)
+{
+    return saga_rig_offset(h) + h->n_cameras * (uint32_t)SAGA_CAMERA_NBYTES;
+}
 
 /* One camera of the rig, as saga_camera of decoder/saga.h has it. */
 typedef struct saga_rig_camera {
@@ -96,8 +108,11 @@ typedef struct saga_io {
 
 /* Each moves all fields of its structure; the buffer has the bytes stated
  * above. Reading does not judge values; writing leaves the structure as it is.
- * The header's comes without magic, version, cameras and CRC. */
+ * The header's is its fixed part without magic and version; the memory's comes
+ * behind it, and without the tool moves nothing but clears the networks that
+ * it reads. */
 void saga_header_io(saga_io *f, saga_header *h);
+void saga_memory_io(saga_io *f, saga_model *m);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);
 void saga_index_io(saga_io *f, saga_index_entry *e);
 void saga_segment_io(saga_io *f, saga_segment_header *s);

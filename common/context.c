@@ -2,27 +2,8 @@
 #include "context.h"
 
 #include "fx.h"
+#include "fx_math.h"
 #include "interp.h"
-
-/* Sizes and counts enter the hyperprior in Q12, scaled so that they fit the
- * default input range of +-8:
- *     (log2 l - 12) / 4 for space, (log2 l_t - 8) / 4 for time, count / 8.
- * (x / 4 in Q12 has the digits of x in Q10.) */
-static void run_hyper(const saga_scaffold *sc, const saga_place *p,
-                      uint32_t count)
-{
-    int16_t size[5];
-    uint32_t at;
-    int i;
-
-    for (i = 0; i < 3; i++)
-        size[i] = (int16_t)(p->log2_support_q10[i] - 12 * 1024);
-    size[3] = (int16_t)(p->log2_support_q10[3] - 8 * 1024);
-    size[4] = (int16_t)(count * 512u);
-    at = saga_in_embed(sc, SAGA_NET_HYPER, 0, p->x, p->t);
-    saga_in_vector(sc, SAGA_NET_HYPER, at, size, 5, 12);
-    saga_net_run(sc, SAGA_NET_HYPER);
-}
 
 /* Where a block stands, and what there is around it. */
 typedef struct {
@@ -30,6 +11,30 @@ typedef struct {
     uint32_t count;          /* children, known before the block */
     uint32_t rank, group;
 } block;
+
+/* What is known of a block before it is decoded. Sizes and counts enter in
+ * Q12, scaled so that they fit the default input range of +-8:
+ *     (log2 l - 12) / 4 for space, (log2 l_t - 8) / 4 for time, count / 8.
+ * (x / 4 in Q12 has the digits of x in Q10.) */
+static uint32_t in_side(const saga_scaffold *sc, int net, const block *b)
+{
+    int16_t size[5];
+    uint32_t at;
+    int i;
+
+    for (i = 0; i < 3; i++)
+        size[i] = (int16_t)(b->place.log2_support_q10[i] - 12 * 1024);
+    size[3] = (int16_t)(b->place.log2_support_q10[3] - 8 * 1024);
+    size[4] = (int16_t)(b->count * 512u);
+    at = saga_in_embed(sc, net, 0, b->place.x, b->place.t);
+    return saga_in_vector(sc, net, at, size, 5, 12);
+}
+
+static void run_hyper(const saga_scaffold *sc, const block *b)
+{
+    in_side(sc, SAGA_NET_HYPER, b);
+    saga_net_run(sc, SAGA_NET_HYPER);
+}
 
 /* Neighbours of earlier groups of the block's own level. */
 static void add_groups(const saga_scaffold *sc, const block *b, int level)
@@ -59,6 +64,138 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
     return sc->model->head_q[SAGA_HEAD_FINE];
 }
 
+/* --- Memory -------------------------------------------------------------- */
+
+/* Input of QUERY and AGG: side information, kind (-1, 0, 1) and F values in Q
+ * q; without any, zeros. */
+static void in_token(const saga_scaffold *sc, int net, const block *b,
+                     int kind, const int16_t *values, int q)
+{
+    const int16_t level = (int16_t)((kind - 1) * 4096);
+    const uint32_t f = sc->model->features;
+    uint32_t at = in_side(sc, net, b), i;
+
+    at = saga_in_vector(sc, net, at, &level, 1, 12);
+    if (values)
+        saga_in_vector(sc, net, at, values, f, q);
+    else
+        for (i = 0; i < f; i++)
+            sc->v->in[at + i] = 0;
+}
+
+/* Asks the memory; what it says lands in step->read. The parent's feature is
+ * its own, not interpolated. */
+static void read_memory(const saga_scaffold *sc, const block *b, int kind)
+{
+    const saga_memory *const m = &sc->memory;
+    const uint32_t f = sc->model->features;
+    const int16_t *parent = NULL;
+    int q = 0;
+
+    if (kind == SAGA_KIND_FINE) {
+        parent = sc->coarse_feature + (size_t)sc->fine[b->rank].parent * f;
+        q = sc->model->head_q[SAGA_HEAD_COARSE];
+    } else if (kind == SAGA_KIND_PRIM) {
+        parent = sc->fine_feature + (size_t)b->rank * f;
+        q = sc->model->head_q[SAGA_HEAD_FINE];
+    }
+    in_token(sc, SAGA_NET_QUERY, b, kind, parent, q);
+    saga_net_run(sc, SAGA_NET_QUERY);
+    saga_memory_read(m->step->read, m, sc->v->out);
+}
+
+/* Candidate and gate of slot p from the step's part of the first layer. */
+static void write_slot(const saga_scaffold *sc, const int16_t *base,
+                       uint32_t p)
+{
+    const saga_memory *const m = &sc->memory;
+    const int16_t *const own = m->embedding + (size_t)p * m->hidden;
+    uint32_t i;
+
+    for (i = 0; i < m->hidden; i++)
+        sc->v->in[i] = fx_sat16(fx_max(base[i] + own[i], 0));
+    saga_net_run(sc, SAGA_NET_WRITE);
+    saga_memory_update(m, p, sc->v->out,
+                       saga_sigmoid_q11_q15(sc->v->out[m->width]),
+                       (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+}
+
+/* All slots are updated from the step's mean token; none is read meanwhile.
+ * WRITE is a single layer and leaves hidden[0] alone. */
+static void write_memory(const saga_scaffold *sc)
+{
+    const saga_memory *const m = &sc->memory;
+    int16_t *const base = sc->v->hidden[0];
+    int16_t mean[SAGA_MAX_SLOT_WIDTH];
+    uint32_t i;
+
+    saga_memory_mean(mean, m->step->sum, m->width, m->step->n);
+    saga_in_vector(sc, SAGA_NET_WRITE_BASE, 0, mean, m->width, SAGA_SLOT_Q);
+    saga_net_run(sc, SAGA_NET_WRITE_BASE);
+    for (i = 0; i < m->hidden; i++)
+        base[i] = sc->v->out[i];
+    for (i = 0; i < m->n_slots; i++)
+        write_slot(sc, base, i);
+}
+
+static void begin_step(saga_step *step)
+{
+    uint32_t i;
+
+    step->n = 0;
+    for (i = 0; i < SAGA_MAX_SLOT_WIDTH; i++)
+        step->sum[i] = 0;
+}
+
+static void end_step(const saga_scaffold *sc)
+{
+    write_memory(sc);
+    begin_step(sc->memory.step);
+}
+
+/* |sum| <= 65535 * 32767 < 2^31, since memory_blocks <= 65535. */
+static void keep(const saga_scaffold *sc, const block *b, int level,
+                 const int16_t *values, int q)
+{
+    saga_step *const step = sc->memory.step;
+    uint32_t i;
+
+    in_token(sc, SAGA_NET_AGG, b, level, values, q);
+    saga_net_run(sc, SAGA_NET_AGG);
+    for (i = 0; i < sc->memory.width; i++)
+        step->sum[i] += sc->v->out[i];
+    if (++step->n == sc->model->memory_blocks)
+        end_step(sc);
+}
+
+void saga_context_begin(const saga_scaffold *sc)
+{
+    const saga_memory *const m = &sc->memory;
+    const int16_t one = 4096;
+    uint32_t p, i;
+
+    if (m->n_slots == 0)
+        return;
+    saga_memory_start(m);
+    begin_step(m->step);
+    for (p = 0; p < m->n_slots; p++) {
+        for (i = 0; i < m->n_slots; i++)
+            sc->v->in[i] = 0;
+        saga_in_vector(sc, SAGA_NET_SLOT, p, &one, 1, 12);
+        saga_net_run(sc, SAGA_NET_SLOT);
+        for (i = 0; i < m->hidden; i++)
+            m->embedding[(size_t)p * m->hidden + i] = sc->v->out[i];
+    }
+}
+
+void saga_context_end_group(const saga_scaffold *sc)
+{
+    if (sc->memory.n_slots && sc->memory.step->n)
+        end_step(sc);
+}
+
+/* --- Entropy parameters -------------------------------------------------- */
+
 static void run_entropy(saga_params *p, const saga_scaffold *sc,
                         const block *b, int kind)
 {
@@ -69,8 +206,11 @@ static void run_entropy(saga_params *p, const saga_scaffold *sc,
     uint32_t at = 0, i;
     int q;
 
+    /* Both run networks: before the input vector is begun. */
+    if (sources & SAGA_SOURCE_MEMORY)
+        read_memory(sc, b, kind);
     if (sources & SAGA_SOURCE_HYPER) {
-        run_hyper(sc, &b->place, b->count);
+        run_hyper(sc, b);
         at = saga_in_vector(sc, net, at, sc->v->out, f,
                             m->head_q[SAGA_HEAD_HYPER]);
     }
@@ -84,6 +224,9 @@ static void run_entropy(saga_params *p, const saga_scaffold *sc,
         q = kind == SAGA_KIND_COARSE ? m->head_q[SAGA_HEAD_COARSE] : 14;
         at = saga_in_vector(sc, net, at, sc->v->context, f, q);
     }
+    if (sources & SAGA_SOURCE_MEMORY)
+        saga_in_vector(sc, net, at, sc->memory.step->read, m->memory_width,
+                       SAGA_SLOT_Q);
     saga_net_run(sc, net);
     for (i = 0; i < n; i++) {
         p->mu[i] = sc->v->out[i];
@@ -92,14 +235,39 @@ static void run_entropy(saga_params *p, const saga_scaffold *sc,
     }
 }
 
+/* --- Blocks -------------------------------------------------------------- */
+
+static void coarse_block(block *b, const saga_scaffold *sc, uint32_t rank)
+{
+    saga_place_cell(&b->place, &sc->coarse[rank]);
+    b->count = sc->coarse[rank].n_fine;
+    b->rank = rank;
+}
+
+/* Centre: the suffix cell's, or, once it is decoded, the anchor's. Support:
+ * the parent's, which is what the distances use; size: the suffix cell's,
+ * which is what is new. */
+static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
+{
+    const saga_fine *const fine = &sc->fine[rank];
+    const saga_coarse *const parent = &sc->coarse[fine->parent];
+    const int bits = sc->model->level[SAGA_LEVEL_COARSE].suffix_bits;
+    int i;
+
+    saga_place_cell(&b->place, parent);
+    saga_place_move(&b->place, fine->local);
+    for (i = 0; i < 4; i++)
+        b->place.log2_support_q10[i] -= bits * 1024;
+    b->count = parent->n_fine;
+    b->rank = rank;
+}
+
 void saga_context_coarse(saga_params *p, const saga_scaffold *sc,
                          uint32_t rank, uint32_t group)
 {
     block b;
 
-    saga_place_cell(&b.place, &sc->coarse[rank]);
-    b.count = sc->coarse[rank].n_fine;
-    b.rank = rank;
+    coarse_block(&b, sc, rank);
     b.group = group;
     run_entropy(p, sc, &b, SAGA_KIND_COARSE);
 }
@@ -107,20 +275,9 @@ void saga_context_coarse(saga_params *p, const saga_scaffold *sc,
 void saga_context_fine(saga_params *p, const saga_scaffold *sc, uint32_t rank,
                        uint32_t group)
 {
-    const saga_fine *const fine = &sc->fine[rank];
-    const saga_coarse *const parent = &sc->coarse[fine->parent];
-    const int bits = sc->model->level[SAGA_LEVEL_COARSE].suffix_bits;
     block b;
-    int i;
 
-    /* Centre: the suffix cell's. Support: the parent's, which is what the
-     * distances use; size: the suffix cell's, which is what is new. */
-    saga_place_cell(&b.place, parent);
-    saga_place_move(&b.place, fine->local);
-    for (i = 0; i < 4; i++)
-        b.place.log2_support_q10[i] -= bits * 1024;
-    b.count = parent->n_fine;
-    b.rank = rank;
+    fine_block(&b, sc, rank);
     b.group = group;
     run_entropy(p, sc, &b, SAGA_KIND_FINE);
 }
@@ -134,4 +291,34 @@ void saga_context_prim(saga_params *p, const saga_scaffold *sc, uint32_t rank)
     b.rank = rank;
     b.group = 0;
     run_entropy(p, sc, &b, SAGA_KIND_PRIM);
+}
+
+void saga_context_keep_coarse(const saga_scaffold *sc, uint32_t rank)
+{
+    const saga_coarse *const a = &sc->coarse[rank];
+    block b;
+    int i;
+
+    if (!saga_level_writes(sc->model, SAGA_LEVEL_COARSE))
+        return;
+    coarse_block(&b, sc, rank);
+    for (i = 0; i < 3; i++)
+        b.place.x[i] = a->x[i];
+    b.place.t = a->t;
+    keep(sc, &b, SAGA_LEVEL_COARSE,
+         sc->coarse_feature + (size_t)rank * sc->model->features,
+         sc->model->head_q[SAGA_HEAD_COARSE]);
+}
+
+/* Its feature does not exist yet: in its place stand the residual and the
+ * number of primitives. */
+void saga_context_keep_fine(const saga_scaffold *sc, uint32_t rank)
+{
+    block b;
+
+    if (!saga_level_writes(sc->model, SAGA_LEVEL_FINE))
+        return;
+    fine_block(&b, sc, rank);
+    keep(sc, &b, SAGA_LEVEL_FINE,
+         sc->fine_feature + (size_t)rank * sc->model->features, 14);
 }

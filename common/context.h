@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Entropy parameters (mu, scale index) of a block of residuals from what is
- * already decoded: INR hyperprior, parent, earlier groups. Paper: Hierarchical
- * Context Modeling, E_phi.
+ * already decoded: INR hyperprior, parent, earlier groups, memory; and what is
+ * decoded goes into the memory. Paper: Hierarchical Context Modeling, E_phi.
  */
 #ifndef SAGA_CONTEXT_H
 #define SAGA_CONTEXT_H
@@ -16,6 +16,10 @@ typedef struct saga_params {
     uint8_t scale[4 + SAGA_MAX_FEATURES];
 } saga_params;
 
+/* Before the first block of a segment: the memory's state S_0 and what its
+ * networks make of the slots' numbers. */
+void saga_context_begin(const saga_scaffold *sc);
+
 /* Coarse anchor `rank` of group `group`: channels centre 4, features F. */
 void saga_context_coarse(saga_params *p, const saga_scaffold *sc,
                          uint32_t rank, uint32_t group);
@@ -27,5 +31,14 @@ void saga_context_fine(saga_params *p, const saga_scaffold *sc, uint32_t rank,
 
 /* The primitives of fine anchor `rank`: channels offset 4, for all alike. */
 void saga_context_prim(saga_params *p, const saga_scaffold *sc, uint32_t rank);
+
+/* After a coarse (fine) anchor is decoded: adds it to its step of the memory,
+ * which writes when it has memory_blocks blocks. Without a memory, or if no
+ * one reads what this level writes, these do nothing. */
+void saga_context_keep_coarse(const saga_scaffold *sc, uint32_t rank);
+void saga_context_keep_fine(const saga_scaffold *sc, uint32_t rank);
+
+/* After the last anchor of a group: its last step writes, however short. */
+void saga_context_end_group(const saga_scaffold *sc);
 
 #endif

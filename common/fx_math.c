@@ -49,6 +49,14 @@ uint32_t saga_exp2_neg_q20_q15(uint32_t x_q20)
     return (v_q30 + (1u << (30 - k))) >> (31 - k);
 }
 
+void saga_exp2_neg_each(int32_t *x, uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        x[i] = (int32_t)saga_exp2_neg_q20_q15((uint32_t)x[i]);
+}
+
 /* log2(1 + 2^-a) for a >= 0: in cells of 1/8, the mean of the two parabolas
  * through three of the four surrounding entries (Bessel's formula),
  *     s1 + t (s2 - s1) - t (1 - t)/4 (s0 - s1 - s2 + s3).
@@ -76,6 +84,32 @@ int32_t saga_softplus2_q12_q20(int32_t x_q12)
     const int32_t x = fx_clamp(x_q12, -(1 << 20), 1 << 20);
 
     return x < 0 ? softplus2_tail_q20(-x) : x * 256 + softplus2_tail_q20(x);
+}
+
+/* 1 / (1 + e^a) for a >= 0, by Bessel's formula again, cells of 1/8.
+ *   |s2 - s1| < 2^19, t < 2^8: product < 2^27
+ *   |bend| <= 50431, t (256 - t) <= 2^14: product < 2^30; bow_q32 < 2^20
+ * From a = 12 on it is below 1/4 LSB. Result in 0..2^14. Error: 0.56 LSB. */
+static int32_t sigmoid_tail_q15(int32_t a_q11)
+{
+    const int32_t t = a_q11 & 255;
+    const int32_t *s;
+    int32_t bend, bow_q32;
+
+    if (a_q11 >= 12 << 11)
+        return 0;
+    s = saga_sigmoid_q24 + (a_q11 >> 8);
+    bend = s[0] - s[1] - s[2] + s[3];
+    bow_q32 = fx_rshift(t * (256 - t) * bend, 10);
+    return fx_rshift(s[1] + fx_rshift(t * (s[2] - s[1]) - bow_q32, 8), 9);
+}
+
+/* f(x) + f(-x) = 1 by construction. */
+int32_t saga_sigmoid_q11_q15(int16_t x_q11)
+{
+    const int32_t x = x_q11;
+
+    return x < 0 ? sigmoid_tail_q15(-x) : 32768 - sigmoid_tail_q15(x);
 }
 
 /* sin(z pi/2), z in [0, 1] as Q14 0..16384, by z (c0 - u (c1 - u (c2 - u c3)))

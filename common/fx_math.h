@@ -25,9 +25,16 @@ uint32_t saga_exp2_frac_q16_q30(uint32_t f_q16);
  * Monotone; error <= 0.62 LSB. */
 uint32_t saga_exp2_neg_q20_q15(uint32_t x_q20);
 
+/* The same of x[0..n), each 0..2^31-1, in place: half the time per value. */
+void saga_exp2_neg_each(int32_t *x, uint32_t n);
+
 /* log2(1 + 2^x), |x_q12| <= 2^20 (clamped there): Q20, in [0, 2^28].
  * Monotone; f(x) - f(-x) = x exactly; error <= 1.31 LSB. */
 int32_t saga_softplus2_q12_q20(int32_t x_q12);
+
+/* 1 / (1 + e^-x), x_q11: Q15, 0..32768, 16384 at 0, 32768 from 11.1 on and 0
+ * from -11.1 down. Monotone; f(x) + f(-x) = 1 exactly; error <= 0.57 LSB. */
+int32_t saga_sigmoid_q11_q15(int16_t x_q11);
 
 /* sin of a phase of 65536 units to the turn (bits above 16 are ignored): Q15,
  * +-32767 at the quarter turns, exactly odd and exactly symmetric about the

@@ -62,18 +62,24 @@ static int32_t dot_i16(const int16_t *w, const int16_t *x, uint32_t n)
     return sum;
 }
 
-static void dot_rows_i16(int32_t *sum, const saga_layer *layer,
-                         const int16_t *x, uint32_t row, uint32_t n_row)
+void saga_mlp_products(int32_t *sum, const int16_t *w, const int16_t *x,
+                       uint32_t n, uint32_t n_row)
 {
-    const uint32_t n = saga_mlp_pad(layer->n_in);
-    const int16_t *w = layer->weight;
     uint32_t i = 0;
 
-    w += row * n;
     for (; i + 4 <= n_row; i += 4)
         dot4_i16(sum + i, w + i * n, x, n);
     for (; i < n_row; i++)
         sum[i] = dot_i16(w + i * n, x, n);
+}
+
+static void dot_rows_i16(int32_t *sum, const saga_layer *layer,
+                         const int16_t *x, uint32_t row, uint32_t n_row)
+{
+    const uint32_t n = saga_mlp_pad(layer->n_in);
+    const int16_t *const w = layer->weight;
+
+    saga_mlp_products(sum, w + row * n, x, n, n_row);
 }
 
 NOINLINE

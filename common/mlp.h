@@ -37,6 +37,11 @@ typedef struct saga_layer {
  * same int32, so SIMD equals scalar to the bit. */
 int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift);
 
+/* sum[r] = inner product of x and row r of w (n_row, n), n a multiple of
+ * SAGA_MLP_PAD; rows whose sums can overflow are the caller's fault. */
+void saga_mlp_products(int32_t *sum, const int16_t *w, const int16_t *x,
+                       uint32_t n, uint32_t n_row);
+
 /* x: pad(n_in) values, |x| <= 32767; those past n_in are multiplied by zero
  * but are read. y: n_out values, must not overlap x. Each |y| <= 32767. */
 void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x);

@@ -6,10 +6,10 @@
 enum { MAX_COLOUR_WIDTH = 32 };
 
 const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
-    { 256u << 10, 128, 512, 1024, 48000, 32, 1 },
-    { 4u << 20, 2000, 6400, 16000, 128000, 64, 0 },
-    { 32u << 20, 16000, 64000, 160000, 128000, 64, 0 },
-    { 1u << 30, 1u << 22, 1u << 22, 1u << 22, 1000000, 128, 0 },
+    { 256u << 10, 128, 512, 1024, 48000, 32, 1, 32 },
+    { 4u << 20, 2000, 6400, 16000, 128000, 64, 0, 64 },
+    { 32u << 20, 16000, 64000, 160000, 128000, 64, 0, 128 },
+    { 1u << 30, 1u << 22, 1u << 22, 1u << 22, 1000000, 128, 0, 512 },
 };
 
 void saga_model_geo_rows(saga_geo_rows *rows, const saga_model *m)
@@ -33,7 +33,8 @@ void saga_model_geo_rows(saga_geo_rows *rows, const saga_model *m)
     rows->n = (uint8_t)(n + 3 * order);
 }
 
-/* Inputs of the entropy network of a kind: one vector of F per source. */
+/* Inputs of the entropy network of a kind: one vector of F per source, D from
+ * the memory. */
 static uint32_t entropy_inputs(const saga_model *m, int kind)
 {
     const uint32_t s = m->sources[kind];
@@ -42,6 +43,7 @@ static uint32_t entropy_inputs(const saga_model *m, int kind)
     n += s & SAGA_SOURCE_HYPER ? m->features : 0u;
     n += s & SAGA_SOURCE_PARENT ? m->features : 0u;
     n += s & SAGA_SOURCE_GROUPS ? m->features : 0u;
+    n += s & SAGA_SOURCE_MEMORY ? m->memory_width : 0u;
     return n;
 }
 
@@ -79,6 +81,22 @@ static void shape_colour(saga_net_shape *s, const saga_model *m, int net)
         shape_set(s, 1, 3, 0, width);
 }
 
+/* A block's side information (place, 4 sizes, count, level) and F values. */
+static void shape_memory(saga_net_shape *s, const saga_model *m, int net)
+{
+    const uint32_t in = saga_pe_size(m) + 6 + m->features;
+    const uint32_t hidden = m->width[SAGA_NET_WRITE];
+
+    if (net <= SAGA_NET_AGG)
+        shape_set(s, 2, in, m->width[net], m->memory_width);
+    else if (net == SAGA_NET_SLOT)
+        shape_set(s, 2, m->memory_slots, m->width[net], hidden);
+    else if (net == SAGA_NET_WRITE_BASE)
+        shape_set(s, 1, m->memory_width, 0, hidden);
+    else
+        shape_set(s, 1, hidden, 0, m->memory_width + 1u);
+}
+
 void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
 {
     const uint32_t f = m->features, pe = saga_pe_size(m);
@@ -104,8 +122,10 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
     } else if (net == SAGA_NET_GEO) {
         saga_model_geo_rows(&rows, m);
         shape_set(s, 3, f + pe, w, rows.n);
-    } else {
+    } else if (net < SAGA_NET_QUERY) {
         shape_colour(s, m, net);
+    } else if (m->tools & SAGA_TOOL_MEMORY) {
+        shape_memory(s, m, net);
     }
 }
 
@@ -137,7 +157,7 @@ static int nets_are_valid(const saga_model *m)
 {
     int i;
 
-    for (i = 0; i < SAGA_N_NETS; i++)
+    for (i = 0; i < saga_n_described(m); i++)
         if (m->width[i] < 1 || m->width[i] > SAGA_MAX_WIDTH ||
             m->q_in[i] < 1 || m->q_in[i] > 15 || m->int8[i] > 1)
             return 0;
@@ -146,6 +166,28 @@ static int nets_are_valid(const saga_model *m)
             return 0;
     return m->head_q[SAGA_HEAD_QUAT] <= 14 &&
            m->width[SAGA_NET_COLOUR] <= MAX_COLOUR_WIDTH;
+}
+
+static int is_power_of_two(uint32_t x)
+{
+    return (x & (x - 1)) == 0;
+}
+
+/* The tool is on where a kind reads the memory, and only there. */
+static int memory_is_valid(const saga_model *m)
+{
+    const uint32_t slots = m->memory_slots, width = m->memory_width;
+    const uint32_t read = m->sources[SAGA_KIND_COARSE] |
+        m->sources[SAGA_KIND_FINE] | m->sources[SAGA_KIND_PRIM];
+
+    if (!(m->tools & SAGA_TOOL_MEMORY))
+        return !(m->tools & SAGA_TOOL_PLAIN_WRITE) &&
+               !(read & SAGA_SOURCE_MEMORY) && slots == 0 && width == 0 &&
+               m->memory_blocks == 0;
+    return (read & SAGA_SOURCE_MEMORY) && slots >= SAGA_MIN_SLOTS &&
+           slots <= SAGA_MAX_SLOTS && is_power_of_two(slots) && width >= 8 &&
+           width <= SAGA_MAX_SLOT_WIDTH && width % 8 == 0 &&
+           (slots < SAGA_MAX_SLOTS || width >= 16) && m->memory_blocks >= 1;
 }
 
 int saga_model_is_valid(const saga_model *m)
@@ -164,5 +206,5 @@ int saga_model_is_valid(const saga_model *m)
         return 0;
     return m->features >= 5 && m->features <= SAGA_MAX_FEATURES &&
            m->octaves >= 1 && m->octaves <= SAGA_MAX_OCTAVES &&
-           nets_are_valid(m);
+           nets_are_valid(m) && memory_is_valid(m);
 }

@@ -10,6 +10,7 @@
 #ifndef SAGA_MODEL_H
 #define SAGA_MODEL_H
 
+#include "memory_bank.h"
 #include "mlp.h"
 
 #include <stdint.h>
@@ -29,10 +30,11 @@ enum {
     SAGA_MAX_DEPTH_T = 8,     /* temporal depth */
     SAGA_MAX_LAYERS = 3,
     SAGA_MAX_HEAD_Q = 20,
-    /* Longest vector a network takes or gives, padding included: E_fine with
-     * hyperprior, parent, groups and memory, 3 * 64 + 128, and E_coarse's
-     * output 2 * (4 + 64) lie below it. */
-    SAGA_MAX_VECTOR = 512
+    /* Longest vector a network takes or gives, padding included: the write's
+     * slot network takes one value per slot of the memory, up to 512; E_fine
+     * with all sources, 3 * 64 + 64, and E_coarse's output 2 * (4 + 64) lie
+     * below it. */
+    SAGA_MAX_VECTOR = SAGA_MAX_SLOTS
 };
 
 /* --- Tools --------------------------------------------------------------- */
@@ -50,10 +52,10 @@ enum {
     SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
     SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
     SAGA_TOOL_MEMORY = 1u << 9,     /* memory bank */
-    SAGA_TOOLS_KNOWN = (1u << 5) - 1,
-    SAGA_TOOLS_RESERVED = SAGA_TOOL_BASE | SAGA_TOOL_LAYERS |
-                          SAGA_TOOL_FEATURE_RESIDUAL | SAGA_TOOL_HASH |
-                          SAGA_TOOL_MEMORY
+    SAGA_TOOL_PLAIN_WRITE = 1u << 10, /* its update without the projection */
+    SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
+    SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_MEMORY |
+                       SAGA_TOOL_PLAIN_WRITE
 };
 
 /* Sources of the entropy parameters, bits of saga_model.sources[]. */
@@ -61,7 +63,8 @@ enum {
     SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
     SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser level (fine, prim) */
     SAGA_SOURCE_GROUPS = 1u << 2,   /* earlier groups (coarse, fine) */
-    SAGA_SOURCE_MEMORY = 1u << 3    /* place kept */
+    SAGA_SOURCE_MEMORY = 1u << 3,   /* memory bank */
+    SAGA_SOURCES_KNOWN = (1u << 4) - 1
 };
 
 /* The three coded kinds of residual. */
@@ -74,7 +77,11 @@ enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
 
 /* Order of the table = order in the stream. F_color is three of them: the part
  * of its first layer that does not see the direction, the part that does, and
- * the rest. */
+ * the rest. So is the memory's write, whose first layer adds up what it makes
+ * of the step's token and of the slot; a slot enters as a vector of zeros with
+ * a 1 at its number, so that SLOT's first layer holds the slots' embeddings.
+ * The header describes the networks from QUERY on only with SAGA_TOOL_MEMORY.
+ */
 enum {
     SAGA_NET_HYPER,
     SAGA_NET_E_COARSE,
@@ -87,6 +94,11 @@ enum {
     SAGA_NET_COLOUR_BASE,
     SAGA_NET_COLOUR_VIEW,
     SAGA_NET_COLOUR,
+    SAGA_NET_QUERY,         /* what a block asks the memory for */
+    SAGA_NET_AGG,           /* what a decoded block adds to its step */
+    SAGA_NET_SLOT,          /* write: L -> E (its width) -> W of WRITE */
+    SAGA_NET_WRITE_BASE,    /* write: D -> W of WRITE */
+    SAGA_NET_WRITE,         /* write: W -> candidate D, gate 1 */
     SAGA_N_NETS
 };
 
@@ -155,6 +167,10 @@ typedef struct saga_model {
     uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128 */
     uint8_t q_in[SAGA_N_NETS];
     uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
+    /* The memory; all 0 without SAGA_TOOL_MEMORY. */
+    uint16_t memory_slots;  /* L: 32, 64, 128, 256 or 512 */
+    uint8_t memory_width;   /* D: 8, 16, ..., 64; 16 or more if L is 512 */
+    uint16_t memory_blocks; /* B: blocks per step at most, >= 1 */
 } saga_model;
 
 static inline int saga_motion_order(const saga_model *m)
@@ -167,6 +183,23 @@ static inline int saga_is_dynamic(const saga_model *m)
 {
     return (m->tools & (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE |
                         SAGA_TOOL_MOTION_MASK)) != 0;
+}
+
+/* Networks the header describes. */
+static inline int saga_n_described(const saga_model *m)
+{
+    return m->tools & SAGA_TOOL_MEMORY ? SAGA_N_NETS : SAGA_NET_QUERY;
+}
+
+/* Whether a step of a level writes: only if someone may still read. Levels
+ * are kinds of the same number. */
+static inline int saga_level_writes(const saga_model *m, int level)
+{
+    uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE];
+
+    if (level == SAGA_LEVEL_COARSE)
+        readers |= m->sources[SAGA_KIND_COARSE];
+    return (readers & SAGA_SOURCE_MEMORY) != 0;
 }
 
 /* Values of the embedding of a 4-D coordinate: sine and cosine, 4 axes. */
@@ -202,7 +235,7 @@ uint32_t saga_net_macs(const saga_net_shape *shape);
 uint32_t saga_net_weights(const saga_net_shape *shape);
 
 /* 1 if every field is inside its range and shapes stay inside
- * SAGA_MAX_VECTOR; reserved tools and sources are not looked at. */
+ * SAGA_MAX_VECTOR; reserved tools are not looked at. */
 int saga_model_is_valid(const saga_model *m);
 
 /* --- Levels: caps that bound a decoder before it starts ------------------ */
@@ -213,6 +246,7 @@ typedef struct saga_level_caps {
     uint32_t n_weights;
     uint32_t width;
     uint32_t int8_only;     /* every network must be int8 */
+    uint32_t n_slots;       /* of the memory */
 } saga_level_caps;
 
 enum { SAGA_N_PROFILES = 4 };

@@ -63,6 +63,13 @@ void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
     layer->relu = i + 1 < s->n_layers;
 }
 
+void saga_memory_size(saga_memory *memory, const saga_model *m)
+{
+    memory->n_slots = m->memory_slots;
+    memory->width = m->memory_width;
+    memory->hidden = m->width[SAGA_NET_WRITE];
+}
+
 void saga_net_run(const saga_scaffold *sc, int net)
 {
     saga_vectors *const v = sc->v;

@@ -99,7 +99,11 @@ typedef struct saga_scaffold {
     int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
     saga_models *models;
     saga_vectors *v;
+    saga_memory memory;              /* n_slots = 0: the tool is off */
 } saga_scaffold;
+
+/* Sizes of the memory that a model has; its arrays are to be placed. */
+void saga_memory_size(saga_memory *memory, const saga_model *m);
 
 /* Where something is, how far it reaches, and under whom. */
 typedef struct saga_place {

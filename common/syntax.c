@@ -174,6 +174,7 @@ void saga_syntax_begin(const saga_scaffold *sc)
         for (j = 0; j < 2; j++)
             for (n = 1; n <= SAGA_MAX_CHILDREN; n++)
                 saga_adaptive_init_binomial(&m->set[i][j][n - 1], n);
+    saga_context_begin(sc);
 }
 
 /* y^ = sat16(mu + q step); |q * step| < 2^48. */
@@ -415,14 +416,17 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 
     if (!code_tree(sc, c))
         return 0;
-    for (group = 0; group < n_groups; group++)
+    for (group = 0; group < n_groups; group++) {
         for (rank = 0; rank < sc->n.coarse; rank++) {
             if (sc->coarse[rank].group != group)
                 continue;
             code_coarse_anchor(sc, c, rank, group);
             if (c->error)
                 return 0;
+            saga_context_keep_coarse(sc, rank);
         }
+        saga_context_end_group(sc);
+    }
     return 1;
 }
 
@@ -529,14 +533,17 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
 
     if (!code_fine_sets(sc, c))
         return 0;
-    for (group = 0; group < n_groups; group++)
+    for (group = 0; group < n_groups; group++) {
         for (rank = 0; rank < sc->n.fine; rank++) {
             if (sc->fine[rank].group != group)
                 continue;
             code_fine_anchor(sc, c, rank, group);
             if (c->error)
                 return 0;
+            saga_context_keep_fine(sc, rank);
         }
+        saga_context_end_group(sc);
+    }
     if (!number_primitives(sc))
         return 0;
     saga_scaffold_fine(sc);

@@ -25,7 +25,7 @@ struct saga_decoder {
     int has_segment, has_view;
 };
 
-_Static_assert(sizeof(saga_decoder) == 544, "format: see plan.c");
+_Static_assert(sizeof(saga_decoder) == 644, "format: see plan.c");
 
 static uint8_t *block_at(saga_decoder *dec, uint32_t offset)
 {
@@ -251,7 +251,7 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
         return s;
     if (index >= h.n_cameras)
         return SAGA_ERR_ARG;
-    io.at = SAGA_HEADER_NBYTES + index * (uint32_t)SAGA_CAMERA_NBYTES;
+    io.at = saga_rig_offset(&h) + index * (uint32_t)SAGA_CAMERA_NBYTES;
     saga_camera_io(&io, &r);
     for (i = 0; i < 9; i++)
         c->rotation_q30[i] = r.rotation_q30[i];
@@ -288,6 +288,8 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
     sc->v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
+    saga_memory_size(&sc->memory, sc->model);
+    saga_memory_place(&sc->memory, block_at(dec, p->memory_at));
 }
 
 static saga_status read_segment_header(saga_decoder *dec, const uint8_t *bytes,

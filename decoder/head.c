@@ -28,11 +28,12 @@ saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n)
     if (n < SAGA_HEADER_NBYTES)
         return SAGA_ERR_TRUNCATED;
     saga_header_io(&io, h);
-    end = SAGA_HEADER_NBYTES + h->n_cameras * (uint32_t)SAGA_CAMERA_NBYTES;
+    end = saga_rig_end(h);
     if (h->n_cameras > SAGA_MAX_CAMERAS || h->header_nbytes != end + 4)
         return SAGA_ERR_DATA;
     if (n < h->header_nbytes)
         return SAGA_ERR_TRUNCATED;
+    saga_memory_io(&io, &h->model);
     if (saga_crc32c(0, bytes, end) != fx_load32_le(bytes + end))
         return SAGA_ERR_DATA;
     return SAGA_OK;

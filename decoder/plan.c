@@ -2,6 +2,8 @@
 #include "plan.h"
 
 #include "depth_sort.h"
+#include "fx.h"
+#include "fx_math.h"
 #include "primitive.h"
 
 /* Level 3's weights take far less; a head's size then fits 32 bits. */
@@ -11,6 +13,7 @@
  * are part of the format (docs/bitstream.md). */
 _Static_assert(sizeof(saga_models) == 3230, "format: adaptive models");
 _Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
+_Static_assert(sizeof(saga_step) == 388, "format: step of the memory");
 _Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
 _Static_assert(sizeof(saga_coarse) == 32, "format: coarse anchor");
 _Static_assert(sizeof(saga_fine) == 48, "format: fine anchor");
@@ -22,13 +25,11 @@ _Static_assert(sizeof(saga_key) == 8, "format: sort key");
 static saga_status check_version(const saga_header *h)
 {
     const saga_model *const m = &h->model;
-    const uint32_t known = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
-                           SAGA_SOURCE_GROUPS;
     const uint32_t sources = m->sources[0] | m->sources[1] | m->sources[2];
 
-    if ((m->tools & ~(uint32_t)SAGA_TOOLS_KNOWN) || (sources & ~known) ||
-        h->cuttable || h->memory_slots || h->memory_width ||
-        h->memory_blocks || h->hash_levels || h->hash_log2_entries)
+    if ((m->tools & ~(uint32_t)SAGA_TOOLS_KNOWN) ||
+        (sources & ~(uint32_t)SAGA_SOURCES_KNOWN) || h->cuttable ||
+        h->hash_levels || h->hash_log2_entries)
         return SAGA_ERR_VERSION;
     return SAGA_OK;
 }
@@ -48,13 +49,14 @@ static saga_status check_level(const saga_header *h, const saga_nets *nets)
     uint32_t weights = 0;
     int net;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (net = 0; net < saga_n_described(&h->model); net++) {
         weights += saga_net_macs(&nets->shape[net]);
         if (h->model.width[net] > cap->width ||
             (cap->int8_only && !h->model.int8[net]))
             return SAGA_ERR_LEVEL;
     }
-    if (weights > cap->n_weights || h->max.coarse > cap->n_coarse ||
+    if (h->model.memory_slots > cap->n_slots || weights > cap->n_weights ||
+        h->max.coarse > cap->n_coarse ||
         h->max.fine > cap->n_fine || h->max.prim > cap->n_prim)
         return SAGA_ERR_LEVEL;
     return SAGA_OK;
@@ -75,7 +77,11 @@ static uint32_t region(uint64_t *at, uint64_t n, uint64_t nbytes)
 static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
 {
     const uint64_t feature = 2u * h->model.features;
+    saga_memory memory;
 
+    saga_memory_size(&memory, &h->model);
+    p->memory_at = region(&at, memory.n_slots ? 1 : 0,
+                          saga_memory_place(&memory, NULL));
     p->coarse_at = region(&at, h->max.coarse, sizeof(saga_coarse));
     p->coarse_feature_at = region(&at, h->max.coarse, feature);
     p->fine_at = region(&at, h->max.fine, sizeof(saga_fine));
@@ -146,6 +152,53 @@ static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
 
     if (m->sources[kind] & SAGA_SOURCE_HYPER)
         macs += saga_net_macs(&nets->shape[SAGA_NET_HYPER]);
+    if (m->sources[kind] & SAGA_SOURCE_MEMORY)
+        macs += saga_net_macs(&nets->shape[SAGA_NET_QUERY]) +
+                saga_memory_read_macs(m->memory_slots, m->memory_width);
+    return macs;
+}
+
+/* K groups make the most steps if every one of them has a last step of one
+ * block: K + floor((n - K) / B). A quotient x below 2^23 times a reciprocal
+ * good to 2^-30 errs by less than 2^-7 / B; (2x + 1) / 2B lies 1 / 2B or more
+ * from a whole number. */
+uint32_t saga_plan_steps(const saga_model *m, int level, uint32_t n)
+{
+    const uint32_t groups = m->level[level].n_groups;
+    uint64_t rest;
+    int shift;
+
+    if (n <= groups)
+        return n;
+    rest = 2 * (uint64_t)(n - groups) + 1;
+    rest *= saga_recip32(m->memory_blocks, &shift);
+    return groups + (uint32_t)(rest >> (shift + 1));
+}
+
+uint64_t saga_plan_step_macs(const saga_model *m, const saga_nets *nets)
+{
+    const uint64_t slot = saga_net_macs(&nets->shape[SAGA_NET_WRITE]) +
+        saga_memory_update_macs(m->memory_width,
+                                (m->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+
+    return saga_net_macs(&nets->shape[SAGA_NET_WRITE_BASE]) +
+           slot * m->memory_slots;
+}
+
+/* Start, tokens and writes of the memory. */
+static uint64_t memory_macs(const saga_model *m, const saga_nets *nets,
+                            const saga_counts *n)
+{
+    const uint32_t count[SAGA_N_LEVELS] = { n->coarse, n->fine };
+    const uint64_t token = saga_net_macs(&nets->shape[SAGA_NET_AGG]);
+    uint64_t macs = saga_memory_start_macs(m->memory_slots, m->memory_width) +
+        (uint64_t)saga_net_macs(&nets->shape[SAGA_NET_SLOT]) * m->memory_slots;
+    int level;
+
+    for (level = 0; level < SAGA_N_LEVELS; level++)
+        if (saga_level_writes(m, level))
+            macs += token * count[level] + saga_plan_step_macs(m, nets) *
+                    saga_plan_steps(m, level, count[level]);
     return macs;
 }
 
@@ -163,7 +216,8 @@ uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
 
     if (!(m->tools & SAGA_TOOL_VIEW))
         prim += saga_net_macs(&s[SAGA_NET_COLOUR]);
-    return coarse * n->coarse + fine * n->fine + prim * n->prim;
+    return coarse * n->coarse + fine * n->fine + prim * n->prim +
+           (m->tools & SAGA_TOOL_MEMORY ? memory_macs(m, nets, n) : 0);
 }
 
 uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m)

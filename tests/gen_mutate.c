@@ -532,11 +532,21 @@ static void damage_level(saga_level *l, uint64_t *r)
     }
 }
 
+static void damage_memory(saga_model *m, uint64_t *r)
+{
+    switch (pick(r, 4)) {
+    case 0: m->tools ^= SAGA_TOOL_PLAIN_WRITE; break;
+    case 1: m->memory_slots = (uint16_t)(1u << pick(r, 11)); break;
+    case 2: m->memory_width = (uint8_t)(8 * pick(r, 10)); break;
+    default: m->memory_blocks = (uint16_t)pick(r, 9); break;
+    }
+}
+
 static void damage_model(saga_model *m, uint64_t *r)
 {
     const uint32_t v = odd_value(r);
 
-    switch (pick(r, 8)) {
+    switch (pick(r, 9)) {
     case 0: m->tools ^= 1u << pick(r, 12); break;
     case 1: m->sources[pick(r, 3)] = (uint8_t)(v & 15u); break;
     case 2: m->lambda_t_q8 = (uint16_t)v; break;
@@ -544,6 +554,7 @@ static void damage_model(saga_model *m, uint64_t *r)
     case 4: m->head_q[pick(r, SAGA_N_HEADS)] = (uint8_t)(v % 22); break;
     case 5: m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17); break;
     case 6: m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v; break;
+    case 7: damage_memory(m, r); break;
     default: damage_level(&m->level[pick(r, 2)], r); break;
     }
 }
@@ -564,7 +575,7 @@ static void damage_fields(saga_header *h, uint64_t *r)
     case 8: h->header_nbytes = v; break;
     case 9: h->model.features = (uint8_t)v; break;
     case 10: h->model.octaves = (uint8_t)v; break;
-    case 11: h->memory_slots = (uint16_t)v; break;
+    case 11: h->model.memory_slots = (uint16_t)v; break;
     default: damage_model(&h->model, r); break;
     }
 }
@@ -573,6 +584,7 @@ static void damage_header(mutate_file *f, uint64_t *r)
 {
     uint32_t n = 1 + pick(r, 3), end, at;
     saga_header h;
+    int has_memory;
 
     if (pick(r, 4) == 0) {
         at = pick(r, (uint32_t)f->header_nbytes);
@@ -583,8 +595,13 @@ static void damage_header(mutate_file *f, uint64_t *r)
         saga_io out = { NULL, f->header, SAGA_MAGIC_NBYTES };
 
         saga_header_io(&in, &h);
+        has_memory = (h.model.tools & SAGA_TOOL_MEMORY) != 0;
+        saga_memory_io(&in, &h.model);
         damage_fields(&h, r);
         saga_header_io(&out, &h);
+        /* The tool, if that is what was damaged, finds no place for it. */
+        if (has_memory)
+            saga_memory_io(&out, &h.model);
     }
     /* Signing must find the place of the CRC. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);

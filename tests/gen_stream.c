@@ -60,13 +60,51 @@ static void make_level(saga_level *l, uint64_t *r, int full)
                                             : gen_range(r, 100, 2000));
 }
 
+static void make_memory(saga_model *m, uint64_t *r, const gen_options *o)
+{
+    const int32_t most = (int32_t)saga_caps[o->level].n_slots;
+    const int reader = gen_range(r, 0, SAGA_N_KINDS - 1);
+    int i;
+
+    m->tools |= SAGA_TOOL_MEMORY;
+    if (o->memory == GEN_MEMORY_PLAIN)
+        m->tools |= SAGA_TOOL_PLAIN_WRITE;
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        if (o->memory_alone)
+            m->sources[i] = SAGA_SOURCE_MEMORY;
+        else if (i == reader || one_in(r, 2))
+            m->sources[i] |= SAGA_SOURCE_MEMORY;
+    m->memory_slots = SAGA_MIN_SLOTS;
+    while (2 * m->memory_slots <= most && !one_in(r, 3))
+        m->memory_slots = (uint16_t)(2 * m->memory_slots);
+    m->memory_width = (uint8_t)(8 * gen_range(
+        r, m->memory_slots < SAGA_MAX_SLOTS ? 1 : 2, o->level == 0 ? 4 : 8));
+    m->memory_blocks = (uint16_t)(one_in(r, 2) ? gen_range(r, 1, 8)
+                                               : gen_range(r, 1, 65535));
+    if (o->memory_slots)
+        m->memory_slots = (uint16_t)o->memory_slots;
+    if (o->memory_width)
+        m->memory_width = (uint8_t)o->memory_width;
+    if (o->memory_blocks)
+        m->memory_blocks = (uint16_t)o->memory_blocks;
+}
+
+static void make_described(saga_model *m, uint64_t *r, const gen_options *o,
+                           int net)
+{
+    const int32_t width = (int32_t)saga_caps[o->level].width;
+
+    m->width[net] = (uint8_t)gen_range(r, 1, one_in(r, 2) ? width : 16);
+    m->q_in[net] = (uint8_t)gen_range(r, 8, 14);
+    m->int8[net] = (uint8_t)(o->level == 0 || one_in(r, 3));
+}
+
 static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
 {
-    const int32_t width = o->level == 0 ? 32 : o->level < 3 ? 64 : 128;
     int i;
 
     m->tools = o->tools_fixed ? o->tools
-                              : (uint32_t)gen_range(r, 0, SAGA_TOOLS_KNOWN);
+                              : (uint32_t)gen_range(r, 0, SAGA_TOOLS_PICTURE);
     for (i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = (uint8_t)(gen_range(r, 0, 7) &
             (i == SAGA_KIND_COARSE ? ~SAGA_SOURCE_PARENT
@@ -87,12 +125,13 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     if (!o->picture && one_in(r, 4))
         m->head_q[gen_range(r, 0, SAGA_HEAD_QUAT - 1)] =
             (uint8_t)gen_range(r, 0, SAGA_MAX_HEAD_Q);
-    for (i = 0; i < SAGA_N_NETS; i++) {
-        m->width[i] = (uint8_t)gen_range(r, 1, one_in(r, 2) ? width : 16);
-        m->q_in[i] = (uint8_t)gen_range(r, 8, 14);
-        m->int8[i] = (uint8_t)(o->level == 0 || one_in(r, 3));
-    }
+    for (i = 0; i < SAGA_NET_QUERY; i++)
+        make_described(m, r, o, i);
     m->width[SAGA_NET_COLOUR] = (uint8_t)gen_range(r, 1, 32);
+    for (; o->memory && i < SAGA_N_NETS; i++)
+        make_described(m, r, o, i);
+    if (o->memory)
+        make_memory(m, r, o);
 }
 
 /* Choices that make a picture worth looking at. */
@@ -114,7 +153,7 @@ static void model_for_picture(saga_model *m)
     for (i = 0; i < SAGA_N_HEADS; i++)
         m->head_q[i] = 11;
     m->head_q[SAGA_HEAD_QUAT] = 14;
-    for (i = 0; i < SAGA_N_NETS; i++)
+    for (i = 0; i < saga_n_described(m); i++)
         m->q_in[i] = 12;
     m->width[SAGA_NET_GEO] = m->width[SAGA_NET_FINE] = 32;
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 32;

@@ -23,7 +23,14 @@ typedef struct gen_options {
     int picture;             /* networks biased so that a picture shows */
     uint32_t tools;          /* with tools_fixed: SAGA_TOOL_* */
     int tools_fixed;
+    /* A memory bank: 0 none, else as GEN_MEMORY; sizes and readers are random
+     * but for what is not 0 here. Adds its tools to those above. */
+    int memory;
+    uint32_t memory_slots, memory_width, memory_blocks;
+    int memory_alone;        /* read by all kinds, and nothing else is */
 } gen_options;
+
+enum { GEN_MEMORY_ORTHOGONAL = 1, GEN_MEMORY_PLAIN };
 
 typedef struct gen_stream {
     saga_header header;

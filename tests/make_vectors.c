@@ -4,6 +4,7 @@
  * come from tests/gen_stream, what they decode to from this build's decoder:
  * run it only when the format changes (`make vectors`), and look at why.
  */
+#include "fx.h"
 #include "gen_stream.h"
 #include "plan.h"
 #include "vectors.h"
@@ -82,7 +83,7 @@ static void good(const char *stem, const gen_options *o)
 static void good_full(void)
 {
     gen_options o = { .seed = 1, .level = 0, .full = 1, .picture = 1,
-                      .tools_fixed = 1, .tools = SAGA_TOOLS_KNOWN };
+                      .tools_fixed = 1, .tools = SAGA_TOOLS_PICTURE };
     int found = 0;
 
     for (; !found; o.seed++) {
@@ -107,11 +108,26 @@ static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
 static void to_layers(saga_header *h) { h->model.tools |= SAGA_TOOL_LAYERS; }
 static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
 static void to_memory(saga_header *h) { h->model.tools |= SAGA_TOOL_MEMORY; }
-static void to_tool_10(saga_header *h) { h->model.tools |= 1u << 10; }
+static void to_tool_11(saga_header *h) { h->model.tools |= 1u << 11; }
+static void to_plain(saga_header *h)
+{
+    h->model.tools |= SAGA_TOOL_PLAIN_WRITE;
+}
+
 static void to_cut(saga_header *h) { h->cuttable = 1; }
-static void to_slots(saga_header *h) { h->memory_slots = 64; }
-static void to_slot_width(saga_header *h) { h->memory_width = 32; }
-static void to_blocks(saga_header *h) { h->memory_blocks = 256; }
+static void to_slots(saga_header *h) { h->model.memory_slots = 64; }
+static void to_slot_width(saga_header *h) { h->model.memory_width = 32; }
+static void to_blocks(saga_header *h) { h->model.memory_blocks = 256; }
+static void to_slots_0(saga_header *h) { h->model.memory_slots = 0; }
+static void to_slots_96(saga_header *h) { h->model.memory_slots = 96; }
+static void to_slots_128(saga_header *h) { h->model.memory_slots = 128; }
+static void to_slots_1024(saga_header *h) { h->model.memory_slots = 1024; }
+static void to_slot_width_0(saga_header *h) { h->model.memory_width = 0; }
+static void to_slot_width_12(saga_header *h) { h->model.memory_width = 12; }
+static void to_slot_width_72(saga_header *h) { h->model.memory_width = 72; }
+static void to_blocks_0(saga_header *h) { h->model.memory_blocks = 0; }
+static void to_query_0(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 0; }
+static void to_query_65(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 65; }
 static void to_hash_levels(saga_header *h) { h->hash_levels = 1; }
 static void to_hash_size(saga_header *h) { h->hash_log2_entries = 10; }
 static void to_level_4(saga_header *h) { h->level = 4; }
@@ -136,6 +152,31 @@ static void to_feature_residual(saga_header *h)
 static void to_memory_source(saga_header *h)
 {
     h->model.sources[0] |= SAGA_SOURCE_MEMORY;
+}
+
+static void to_unknown_source(saga_header *h)
+{
+    h->model.sources[0] |= SAGA_SOURCES_KNOWN + 1u;
+}
+
+static void to_memory_off(saga_header *h)
+{
+    h->model.tools &= ~(uint32_t)SAGA_TOOL_MEMORY;
+}
+
+static void to_unread(saga_header *h)
+{
+    int i;
+
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        h->model.sources[i] &= (uint8_t)~SAGA_SOURCE_MEMORY;
+}
+
+/* More slots than directions a start state of +-1 has. */
+static void to_twins(saga_header *h)
+{
+    h->model.memory_slots = 512;
+    h->model.memory_width = 8;
 }
 
 static void to_coarse_parent(saga_header *h)
@@ -170,8 +211,11 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
 
     memcpy(copy, bytes, n);
     saga_header_io(&in, &h);
+    saga_memory_io(&in, &h.model);
     f(&h);
     saga_header_io(&out, &h);
+    if (out.at + SAGA_MEMORY_NBYTES == in.at)
+        saga_memory_io(&out, &h.model);
     gen_stream_sign_header(copy);
     bad(stem, copy, n, status);
     free(copy);
@@ -189,6 +233,49 @@ static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
+/* What a memory may not be, in a file that has one. */
+static void bad_memory(void)
+{
+    static const struct {
+        const char *stem;
+        change f;
+        saga_status status;
+    } headers[] = {
+        { "memory_off", to_memory_off, SAGA_ERR_DATA },
+        { "memory_unread", to_unread, SAGA_ERR_DATA },
+        { "memory_slots_zero", to_slots_0, SAGA_ERR_DATA },
+        { "memory_slots_96", to_slots_96, SAGA_ERR_DATA },
+        { "memory_slots_1024", to_slots_1024, SAGA_ERR_DATA },
+        { "memory_slots_level", to_slots_128, SAGA_ERR_LEVEL },
+        { "memory_slots_twins", to_twins, SAGA_ERR_DATA },
+        { "memory_width_zero", to_slot_width_0, SAGA_ERR_DATA },
+        { "memory_width_12", to_slot_width_12, SAGA_ERR_DATA },
+        { "memory_width_72", to_slot_width_72, SAGA_ERR_DATA },
+        { "memory_blocks_zero", to_blocks_0, SAGA_ERR_DATA },
+        { "memory_net_width_zero", to_query_0, SAGA_ERR_DATA },
+        { "memory_net_width_level", to_query_65, SAGA_ERR_LEVEL },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1, .memory = GEN_MEMORY_ORTHOGONAL,
+                            .memory_slots = 64, .memory_width = 16,
+                            .memory_blocks = 4 };
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    /* The header alone: what is wrong shows before the rest is missed. */
+    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+    for (i = 0; i < sizeof headers / sizeof *headers; i++)
+        bad_header(headers[i].stem, bytes, n, headers[i].f,
+                   headers[i].status);
+    bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
+        SAGA_ERR_TRUNCATED);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
 static void bad_all(void)
 {
     static const struct {
@@ -200,13 +287,15 @@ static void bad_all(void)
         { "tool_layers", to_layers, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
         { "tool_hash", to_hash, SAGA_ERR_VERSION },
-        { "tool_memory", to_memory, SAGA_ERR_VERSION },
-        { "tool_unknown", to_tool_10, SAGA_ERR_VERSION },
-        { "source_memory", to_memory_source, SAGA_ERR_VERSION },
+        { "tool_memory", to_memory, SAGA_ERR_DATA },
+        { "tool_plain_write", to_plain, SAGA_ERR_DATA },
+        { "tool_unknown", to_tool_11, SAGA_ERR_VERSION },
+        { "source_memory", to_memory_source, SAGA_ERR_DATA },
+        { "source_unknown", to_unknown_source, SAGA_ERR_VERSION },
         { "cuttable", to_cut, SAGA_ERR_VERSION },
-        { "memory_slots", to_slots, SAGA_ERR_VERSION },
-        { "memory_width", to_slot_width, SAGA_ERR_VERSION },
-        { "memory_blocks", to_blocks, SAGA_ERR_VERSION },
+        { "memory_slots", to_slots, SAGA_ERR_DATA },
+        { "memory_width", to_slot_width, SAGA_ERR_DATA },
+        { "memory_blocks", to_blocks, SAGA_ERR_DATA },
         { "hash_levels", to_hash_levels, SAGA_ERR_VERSION },
         { "hash_size", to_hash_size, SAGA_ERR_VERSION },
         { "level_unknown", to_level_4, SAGA_ERR_LEVEL },
@@ -255,7 +344,7 @@ static void bad_all(void)
 
 int main(int argc, char **argv)
 {
-    const uint32_t all = SAGA_TOOLS_KNOWN;
+    const uint32_t all = SAGA_TOOLS_PICTURE;
     const gen_options options[] = {
         { .seed = 11, .level = 1, .n_coarse = 20, .picture = 1,
           .tools_fixed = 1, .tools = 0 },
@@ -268,10 +357,26 @@ int main(int argc, char **argv)
         { .seed = 15, .level = 1, .n_coarse = 12 },
         { .seed = 16, .level = 2, .n_coarse = 20 },
         { .seed = 17, .level = 3, .n_coarse = 12 },
+        { .seed = 18, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
+          .memory_slots = 32, .memory_width = 16, .memory_blocks = 3 },
+        { .seed = 19, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
+          .memory_slots = 64, .memory_width = 32, .memory_blocks = 256 },
+        { .seed = 20, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = 0, .memory = GEN_MEMORY_PLAIN,
+          .memory_slots = 64, .memory_width = 8, .memory_blocks = 1 },
+        { .seed = 21, .level = 2, .n_coarse = 12, .n_segments = 2,
+          .memory = GEN_MEMORY_PLAIN, .memory_slots = 128,
+          .memory_width = 40, .memory_blocks = 5 },
+        { .seed = 22, .level = 3, .n_coarse = 12,
+          .memory = GEN_MEMORY_ORTHOGONAL, .memory_slots = 512,
+          .memory_width = 64, .memory_blocks = 2 },
     };
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
-        "random_level2", "random_level3"
+        "random_level2", "random_level3", "memory_level0", "memory",
+        "memory_plain", "memory_level2", "memory_level3"
     };
     char path[1024];
     size_t i;
@@ -295,5 +400,6 @@ int main(int argc, char **argv)
         good(stems[i], &options[i]);
     good_full();
     bad_all();
+    bad_memory();
     return fclose(manifest) != 0;
 }

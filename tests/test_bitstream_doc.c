@@ -37,9 +37,12 @@ typedef struct {
 static table tables[] = {
     { .name = "Header" }, { .name = "Level" }, { .name = "Network" },
     { .name = "Camera" }, { .name = "Chunk header" },
-    { .name = "Index entry" }, { .name = "Segment header" }
+    { .name = "Index entry" }, { .name = "Segment header" },
+    { .name = "Memory networks" }
 };
-enum { HEADER, LEVEL, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, N_TABLES };
+enum {
+    HEADER, LEVEL, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, MEMORY, N_TABLES
+};
 
 typedef struct {
     char name[64];
@@ -294,6 +297,46 @@ static int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
     return element(f, p, i);
 }
 
+/* --- The header's parts -------------------------------------------------- */
+
+enum { TOOL_MEMORY = 1 << 9, TOOL_PLAIN = 1 << 10, SOURCE_MEMORY = 8 };
+
+static int has_memory(const uint8_t *header)
+{
+    return (get(HEADER, header, "tools", 0) & TOOL_MEMORY) != 0;
+}
+
+static uint32_t rig_at(const uint8_t *header)
+{
+    return tables[HEADER].nbytes +
+           (has_memory(header) ? tables[MEMORY].nbytes : 0);
+}
+
+/* Where the CRC stands. */
+static uint32_t rig_end(const uint8_t *header)
+{
+    return rig_at(header) + tables[CAMERA].nbytes *
+           (uint32_t)get(HEADER, header, "n_cameras", 0);
+}
+
+/* What section 3 says of the fields that hang on the memory tool. */
+static int memory_is_consistent(const uint8_t *p)
+{
+    const int64_t slots = get(HEADER, p, "memory_slots", 0);
+    const int64_t width = get(HEADER, p, "memory_width", 0);
+    const int64_t blocks = get(HEADER, p, "memory_blocks", 0);
+    const int read = ((get(HEADER, p, "sources_coarse", 0) |
+                       get(HEADER, p, "sources_fine", 0) |
+                       get(HEADER, p, "sources_prim", 0)) &
+                      SOURCE_MEMORY) != 0;
+
+    if (has_memory(p))
+        return read && slots && width && blocks &&
+               !(slots == 512 && width == 8);
+    return !read && !slots && !width && !blocks &&
+           !(get(HEADER, p, "tools", 0) & TOOL_PLAIN);
+}
+
 /* --- Every field of a structure ------------------------------------------ */
 
 /* Structures in structures are entered; for each field of a plain type. */
@@ -472,16 +515,19 @@ static void headers_should_be_as_the_tables_say(void **state)
     for (i = 0; i < n_files; i++) {
         uint8_t *const p = files[i].p;
         const uint32_t n = (uint32_t)get(HEADER, p, "n_cameras", 0);
-        const uint32_t end = tables[HEADER].nbytes + n * tables[CAMERA].nbytes;
+        const uint32_t end = rig_end(p);
         uint32_t c;
 
         check_values(HEADER, p, &files[i]);
+        assert_true(memory_is_consistent(p));
+        if (has_memory(p))
+            check_values(MEMORY, p + tables[HEADER].nbytes, &files[i]);
         assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);
         assert_true(end + 4 <= files[i].n);
         assert_int_equal(load(p + end, 4), crc_of(0, p, end));
         for (c = 0; c < n; c++)
-            check_values(CAMERA, p + tables[HEADER].nbytes +
-                         c * tables[CAMERA].nbytes, &files[i]);
+            check_values(CAMERA, p + rig_at(p) + c * tables[CAMERA].nbytes,
+                         &files[i]);
     }
 }
 
@@ -605,6 +651,29 @@ static uint32_t width_of(const uint8_t *p, const char *net)
                          "width", 0);
 }
 
+static uint32_t memory_width_of(const uint8_t *p, const char *net)
+{
+    return (uint32_t)get(NETWORK, p + tables[HEADER].nbytes +
+                         field_named(MEMORY, net)->offset, "width", 0);
+}
+
+/* Networks 11 to 15. */
+static uint32_t memory_weights_of(const uint8_t *p)
+{
+    const uint32_t in = 8 * (uint32_t)get(HEADER, p, "octaves", 0) + 6 +
+                        (uint32_t)get(HEADER, p, "features", 0);
+    const uint32_t l = (uint32_t)get(HEADER, p, "memory_slots", 0);
+    const uint32_t d = (uint32_t)get(HEADER, p, "memory_width", 0);
+    uint32_t v;
+
+    if (!has_memory(p))
+        return 0;
+    v = memory_width_of(p, "net_write");
+    return (in + d) * (memory_width_of(p, "net_query") +
+                       memory_width_of(p, "net_agg")) +
+           (l + v) * memory_width_of(p, "net_slot") + d * v + v * (d + 1);
+}
+
 /* Section 9, with the fields' names; W of a network is its own width. */
 static uint32_t weights_of(const uint8_t *p)
 {
@@ -626,12 +695,13 @@ static uint32_t weights_of(const uint8_t *p)
 
     for (i = 0; i < 3; i++) {
         const uint32_t s = (uint32_t)get(HEADER, p, sources[i], 0);
-        const uint32_t bits = (s & 1u) + (s >> 1 & 1u) + (s >> 2 & 1u);
+        const uint32_t n_in = f * ((s & 1u) + (s >> 1 & 1u) + (s >> 2 & 1u)) +
+            (s >> 3 & 1u) * (uint32_t)get(HEADER, p, "memory_width", 0);
 
         any |= s;
         w = width_of(p, entropy[i]);
-        if (bits)
-            n += f * bits * w + w * w + w * (i ? 8u : 2 * (4 + f));
+        if (n_in)
+            n += n_in * w + w * w + w * (i ? 8u : 2 * (4 + f));
     }
     w = width_of(p, "net_hyper");
     if (any & 1u)
@@ -643,7 +713,8 @@ static uint32_t weights_of(const uint8_t *p)
     w = width_of(p, "net_geo");
     n += in * w + w * w + w * rows;
     w = width_of(p, "net_colour");
-    return n + in * w + (tools & 4u ? 3 * w : 0) + w * w + 3 * w;
+    return n + in * w + (tools & 4u ? 3 * w : 0) + w * w + 3 * w +
+           memory_weights_of(p);
 }
 
 static void networks_should_have_the_same_number_of_weights(void **state)
@@ -693,19 +764,18 @@ static void rig_should_hold_the_same_values(void **state)
     for (i = 0; i < n_files; i++) {
         file *const f = &files[i];
         const uint32_t n = (uint32_t)get(HEADER, f->p, "n_cameras", 0);
-        const uint32_t end = tables[HEADER].nbytes + n * tables[CAMERA].nbytes;
+        const uint32_t rig = rig_at(f->p), end = rig_end(f->p);
         uint8_t *const copy = malloc(end + 4);
         uint32_t c, k, number;
         saga_camera cam;
 
         assert_non_null(copy);
-        memcpy(copy, f->p, tables[HEADER].nbytes);
-        for (k = tables[HEADER].nbytes; k < end; k++)
+        memcpy(copy, f->p, rig);
+        for (k = rig; k < end; k++)
             copy[k] = (uint8_t)(k * 167u >> 3 & 255u);
         store(copy + end, 4, crc_of(0, copy, end));
         for (c = 0; c < n; c++) {
-            const uint32_t at = tables[HEADER].nbytes +
-                                c * tables[CAMERA].nbytes;
+            const uint32_t at = rig + c * tables[CAMERA].nbytes;
 
             assert_int_equal(saga_rig(&cam, &number, f->p, f->n, c), SAGA_OK);
             check_camera(f->p + at, &cam, number);
@@ -797,15 +867,18 @@ static int is_coupled(const field *f)
     return 0;
 }
 
-/* The status of a header with v in a field, signed anew. */
+/* The status of a header with v in a field, signed anew; *fits tells whether
+ * the memory's fields still go together, and the header has their size. */
 static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
-                               int64_t v, uint32_t end)
+                               int64_t v, uint32_t end, int *fits)
 {
     const uint64_t old = load(p + f->offset, f->nbytes);
+    const int had_memory = has_memory(header);
     saga_info info;
     saga_status s;
 
     store(p + f->offset, f->nbytes, (uint64_t)v);
+    *fits = has_memory(header) == had_memory && memory_is_consistent(header);
     store(header + end, 4, crc_of(0, header, end));
     s = saga_probe(&info, header, end + 4);
     store(p + f->offset, f->nbytes, old);
@@ -821,12 +894,14 @@ typedef struct {
 static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
 {
     int64_t lo, hi;
-    const int inside = in_range(f, v, &lo, &hi);
+    const int in = in_range(f, v, &lo, &hi);
     saga_status s;
+    int fits, inside;
 
-    if (inside && is_coupled(f))
+    if (in && is_coupled(f))
         return;
-    s = status_with(r->header, f, p, v, r->end);
+    s = status_with(r->header, f, p, v, r->end, &fits);
+    inside = in && fits;
     r->n_tried++;
     /* What fits a level fits the highest. */
     if (strcmp(f->name, "level") == 0 && v == hi)
@@ -852,6 +927,7 @@ static void try_field(const table *t, const field *f, uint8_t *p, void *user)
 {
     trial *const r = user;
     int64_t lo, hi, v;
+    int fits;
 
     (void)t;
     if (!is_plain(f) || f->count != 1)
@@ -859,8 +935,8 @@ static void try_field(const table *t, const field *f, uint8_t *p, void *user)
     if (f->nbytes == 1) {
         for (v = 0; v < 256; v++)
             if (is_refused_colour_width(r, f, p, v))
-                assert_int_equal(status_with(r->header, f, p, v, r->end),
-                                 SAGA_ERR_DATA);
+                assert_int_equal(status_with(r->header, f, p, v, r->end,
+                                             &fits), SAGA_ERR_DATA);
             else
                 try_value(r, f, p, v);
         return;
@@ -883,13 +959,15 @@ static void decoder_should_refuse_what_lies_outside_the_ranges(void **state)
         file *const f = &files[i];
         trial r;
 
-        r.end = tables[HEADER].nbytes + tables[CAMERA].nbytes *
-                (uint32_t)get(HEADER, f->p, "n_cameras", 0);
+        r.end = rig_end(f->p);
         r.n_tried = 0;
         r.header = malloc(r.end + 4);
         assert_non_null(r.header);
         memcpy(r.header, f->p, r.end);
         visit(&tables[HEADER], r.header, try_field, &r);
+        if (has_memory(r.header))
+            visit(&tables[MEMORY], r.header + tables[HEADER].nbytes,
+                  try_field, &r);
         assert_true(r.n_tried > 0);
         free(r.header);
     }
@@ -900,7 +978,7 @@ static saga_status status_of_view(saga_decoder *dec, uint8_t *header,
                                   const field *f, uint32_t i, int64_t v)
 {
     const field *const r = field_named(CAMERA, "rotation_q30");
-    uint8_t *const p = header + tables[HEADER].nbytes;
+    uint8_t *const p = header + rig_at(header);
     const uint32_t end = (uint32_t)get(HEADER, header, "header_nbytes", 0) - 4;
     const uint32_t size = f->nbytes / f->count;
     uint8_t old[256];

@@ -28,6 +28,11 @@
  * same place), result 1/2, Q24 roundings 0.1. Measured 1.303. */
 #define SOFTPLUS2_BOUND 1.31
 
+/* LSB. With w = 1/8: third difference left out, w^3 max|f'''| 0.0080 2^15 =
+ * 0.064, fourth 3/128 w^4 max|f''''| = 0.024, neither where the other is;
+ * result 1/2, Q24 roundings 0.003. Measured 0.5612. */
+#define SIGMOID_BOUND 0.57
+
 /* LSB. Result 1/2; c0 rounded 1/8, c1 rounded 1/4, z^2 rounded 0.16, never all
  * at once. Measured 0.8123 over all phases. */
 #define SIN_BOUND 0.82
@@ -205,6 +210,48 @@ static void softplus2_should_clamp_its_argument(void **state)
     assert_int_equal(saga_softplus2_q12_q20(-top), 0);
     assert_int_equal(saga_softplus2_q12_q20(-top - 1), 0);
     assert_int_equal(saga_softplus2_q12_q20(INT32_MIN), 0);
+}
+
+/* ---- sigmoid -------------------------------------------------------- */
+
+static void sigmoid_should_stay_within_bound_over_all_inputs(void **state)
+{
+    double worst = 0;
+    int32_t x;
+
+    (void)state;
+    for (x = INT16_MIN; x <= INT16_MAX; x++) {
+        const double want = 32768 / (1 + exp(-x / 2048.0));
+
+        worst = fmax(worst,
+                     fabs(saga_sigmoid_q11_q15((int16_t)x) - want));
+    }
+    expect_within("sigmoid (LSB)", worst, SIGMOID_BOUND);
+}
+
+static void sigmoid_should_rise_from_zero_to_one(void **state)
+{
+    int32_t x, last = 0;
+
+    (void)state;
+    assert_int_equal(saga_sigmoid_q11_q15(INT16_MIN), 0);
+    assert_int_equal(saga_sigmoid_q11_q15(INT16_MAX), 32768);
+    for (x = INT16_MIN; x <= INT16_MAX; x++) {
+        const int32_t y = saga_sigmoid_q11_q15((int16_t)x);
+
+        assert_true(y >= last);
+        last = y;
+    }
+}
+
+static void sigmoid_of_x_and_of_minus_x_should_add_up_to_one(void **state)
+{
+    int32_t x;
+
+    (void)state;
+    for (x = 0; x <= INT16_MAX; x++)
+        assert_int_equal(saga_sigmoid_q11_q15((int16_t)x) +
+                         saga_sigmoid_q11_q15((int16_t)-x), 32768);
 }
 
 /* ---- sin ------------------------------------------------------------ */
@@ -417,6 +464,16 @@ static uint32_t hash_softplus2_sin(void)
     return h;
 }
 
+static uint32_t hash_sigmoid(void)
+{
+    uint32_t h = 2166136261u;
+    int32_t i;
+
+    for (i = INT16_MIN; i <= INT16_MAX; i++)
+        h = hash(h, (uint32_t)saga_sigmoid_q11_q15((int16_t)i));
+    return h;
+}
+
 static uint32_t hash_recip(void)
 {
     uint32_t h = 2166136261u, i;
@@ -458,6 +515,7 @@ static void every_function_should_keep_its_bits(void **state)
     (void)state;
     assert_int_equal(hash_exp2(), 0x3f19aa13u);
     assert_int_equal(hash_softplus2_sin(), 0xaf5f895bu);
+    assert_int_equal(hash_sigmoid(), 0xf1a1a0c3u);
     assert_int_equal(hash_recip(), 0x112d1750u);
     assert_int_equal(hash_rsqrt(), 0x4970b6a7u);
 }
@@ -475,6 +533,9 @@ int main(void)
         cmocka_unit_test(softplus2_should_be_monotone),
         cmocka_unit_test(softplus2_of_x_should_exceed_that_of_minus_x_by_x),
         cmocka_unit_test(softplus2_should_clamp_its_argument),
+        cmocka_unit_test(sigmoid_should_stay_within_bound_over_all_inputs),
+        cmocka_unit_test(sigmoid_should_rise_from_zero_to_one),
+        cmocka_unit_test(sigmoid_of_x_and_of_minus_x_should_add_up_to_one),
         cmocka_unit_test(sin_should_stay_within_bound_over_all_phases),
         cmocka_unit_test(sin_should_be_odd_and_symmetric),
         cmocka_unit_test(sin_should_be_exact_at_the_quarter_turns),

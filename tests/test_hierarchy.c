@@ -600,7 +600,7 @@ static void model_vary(saga_model *m, uint64_t *seed)
 {
     saga_level *const l = m->level;
 
-    model_make(m, (uint32_t)(uniform(seed) * (SAGA_TOOLS_KNOWN + 1)));
+    model_make(m, (uint32_t)(uniform(seed) * (SAGA_TOOLS_PICTURE + 1)));
     l[0].suffix_bits = (uint8_t)(uniform(seed) * 9);
     l[0].max_children = (uint8_t)(1 + uniform(seed) * 16);
     l[1].max_children = (uint8_t)(1 + uniform(seed) * 16);

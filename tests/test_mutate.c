@@ -85,6 +85,11 @@ static void make_base(base *b, uint64_t number)
     o.n_coarse = 1 + (uint32_t)(number % 7);
     o.n_segments = number % 5 ? 1 : 2 + (uint32_t)(number % 2);
     o.picture = number % 3 == 0;
+    o.memory = (int)(number / 2 % 3);
+    if (!o.picture) {
+        o.memory_slots = 32;
+        o.memory_width = 8;
+    }
     for (o.seed = 1000 * number;; o.seed++) {
         gen_stream g;
 

@@ -3,7 +3,8 @@
  * What a header promises is kept: memory to the byte, multiply-accumulates to
  * the last one, and a decoder that is nothing but its block.
  *
- * mlp.c is compiled in here, counting; the library's is then not linked.
+ * mlp.c and memory_bank.c are compiled in here, counting; the library's are
+ * then not linked.
  */
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,9 +13,11 @@
 #include <cmocka.h>
 
 #define SAGA_COUNT_MACS
+#include "memory_bank.c"
 #include "mlp.c"
 
 #include "gen_stream.h"
+#include "head.h"
 #include "plan.h"
 #include "saga.h"
 
@@ -23,7 +26,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { N_CANARIES = 256, CANARY = 0xa5 };
+/* DECODER_NBYTES: what stands before the plan's regions (plan.c). */
+enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 644 };
 
 static uint64_t n_macs;
 
@@ -161,6 +165,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools_fixed = 1;
     o.tools = i % 32;
     o.picture = i / 32 % 2 == 0;
+    o.memory = (int)(i / 2 % 3);
     return o;
 }
 
@@ -169,7 +174,8 @@ static gen_options full_options(void)
 {
     gen_options o = { .seed = first_seed(), .level = 0, .full = 1,
                       .picture = 1, .tools_fixed = 1,
-                      .tools = SAGA_TOOLS_KNOWN };
+                      .tools = SAGA_TOOLS_PICTURE,
+                      .memory = GEN_MEMORY_ORTHOGONAL };
 
     for (;; o.seed++) {
         gen_stream g;
@@ -305,14 +311,138 @@ static void block_should_be_used_up_to_its_end(void **state)
     }
 }
 
+/* Off: no byte of the header, none of the block (and no product, see below);
+ * on, the header's networks and what memory_bank.c places. */
+static void memory_should_cost_nothing_when_off(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < 24; i++) {
+        const gen_options o = options_of(first_seed(), i);
+        saga_header h;
+        saga_plan plan;
+        saga_memory size;
+        player p;
+
+        begin(&p, &o);
+        assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
+        assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
+        assert_int_equal(h.header_nbytes, 178 + (o.memory ? 15 : 0) +
+                         GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
+        saga_memory_size(&size, &h.model);
+        assert_int_equal(plan.coarse_at - plan.memory_at,
+                         o.memory ? saga_memory_place(&size, NULL) : 0);
+        end(&p);
+    }
+}
+
 /* --- Work ---------------------------------------------------------------- */
 
+/* Steps in which n anchors of the given groups are decoded. */
+static uint32_t steps_of(const uint32_t *group, uint32_t n, uint32_t blocks)
+{
+    uint32_t count[SAGA_MAX_GROUPS] = { 0 }, steps = 0, i;
+
+    for (i = 0; i < n; i++)
+        count[group[i]]++;
+    for (i = 0; i < SAGA_MAX_GROUPS; i++)
+        steps += (count[i] + blocks - 1) / blocks;
+    return steps;
+}
+
+/* A fine anchor's group, from its suffix: bits 3, 2, 1, 0 are the lowest of
+ * x, y, z, t. */
+static uint32_t suffix_group(uint32_t suffix, uint32_t n_groups)
+{
+    return ((suffix >> 3 & 1u) + (suffix >> 2 & 1u) * 2 +
+            (suffix >> 1 & 1u) * 4 + (suffix & 1u) * 8) % n_groups;
+}
+
+/* The coarse groups come from the decoder's memory, since the tree is not
+ * walked here. */
+static uint32_t steps_of_level(const player *p, uint32_t number, int level)
+{
+    const saga_model *const m = &p->g.header.model;
+    const saga_symbols *const s = &p->g.segment[number];
+    const uint32_t n = level == SAGA_LEVEL_COARSE ? s->n.coarse : s->n.fine;
+    uint32_t *const group = must(calloc(n + 1, sizeof *group));
+    saga_header h;
+    saga_plan plan;
+    const saga_coarse *coarse;
+    uint32_t steps, i;
+
+    assert_int_equal(saga_head_read(&h, p->bytes, p->n), SAGA_OK);
+    assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
+    coarse = (const saga_coarse *)(const void *)(p->work + plan.coarse_at);
+    for (i = 0; i < n; i++)
+        group[i] = level == SAGA_LEVEL_COARSE ? coarse[i].group
+            : suffix_group(s->fine_suffix[i], m->level[level].n_groups);
+    steps = steps_of(group, n, m->memory_blocks);
+    free(group);
+    return steps;
+}
+
+/* What the plan says, less the steps that there are not. Called when segment
+ * `number` is decoded and nothing drawn. */
 static uint64_t macs_of_segment(const player *p, uint32_t number)
 {
+    const saga_model *const m = &p->g.header.model;
+    const saga_counts *const n = &p->g.segment[number].n;
+    const uint32_t count[SAGA_N_LEVELS] = { n->coarse, n->fine };
     saga_nets nets;
+    uint64_t macs;
+    int level;
 
-    saga_nets_layout(&nets, &p->g.header.model);
-    return saga_plan_macs(&p->g.header.model, &nets, &p->g.segment[number].n);
+    saga_nets_layout(&nets, m);
+    macs = saga_plan_macs(m, &nets, n);
+    for (level = 0; level < SAGA_N_LEVELS; level++)
+        if (m->memory_slots && saga_level_writes(m, level)) {
+            const uint32_t most = saga_plan_steps(m, level, count[level]);
+            const uint32_t steps = steps_of_level(p, number, level);
+
+            assert_true(steps <= most);
+            macs -= (most - steps) * saga_plan_step_macs(m, &nets);
+        }
+    return macs;
+}
+
+/* All ways n anchors fall into groups, up to what is left over in each. */
+static uint32_t most_steps(uint32_t n, uint32_t groups, uint32_t blocks)
+{
+    uint32_t used, most = 0;
+
+    for (used = 1; used <= groups && used <= n; used++) {
+        const uint32_t steps = used + (n - used) / blocks;
+
+        most = steps > most ? steps : most;
+    }
+    return most;
+}
+
+static void most_steps_should_be_reached_and_never_passed(void **state)
+{
+    uint64_t r = first_seed();
+    uint32_t i, k;
+
+    (void)state;
+    for (i = 0; i < 20000; i++) {
+        const uint32_t n = (uint32_t)gen_range(&r, 0, i & 1 ? 200 : 1 << 22);
+        uint32_t group[200] = { 0 };
+        saga_model m;
+
+        memset(&m, 0, sizeof m);
+        m.level[0].n_groups = (uint8_t)gen_range(&r, 1, SAGA_MAX_GROUPS);
+        m.memory_blocks = (uint16_t)gen_range(&r, 1, i & 2 ? 20 : 65535);
+        assert_int_equal(saga_plan_steps(&m, 0, n),
+                         most_steps(n, m.level[0].n_groups,
+                                    m.memory_blocks));
+        for (k = 0; k < 200; k++)
+            group[k] = (uint32_t)gen_range(&r, 0, m.level[0].n_groups - 1);
+        if (n <= 200)
+            assert_true(steps_of(group, n, m.memory_blocks) <=
+                        saga_plan_steps(&m, 0, n));
+    }
 }
 
 static void check_macs(const gen_options *o)
@@ -328,7 +458,7 @@ static void check_macs(const gen_options *o)
         assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
         assert_true(n_macs <= p.info.decode_macs);
         assert_true(n_macs == macs_of_segment(&p, i));
-        if (p.g.n_segments == 1)
+        if (p.g.n_segments == 1 && !o->memory)
             assert_true(n_macs == p.info.decode_macs);
         c = rig(&p, i % p.info.n_cameras);
         n_macs = 0;
@@ -376,7 +506,7 @@ static void info_should_be_that_of_the_header(void **state)
         }
         assert_int_equal(p.info.n_weights, weights);
         assert_int_equal(p.info.level, o.level);
-        assert_int_equal(p.info.tools, o.tools);
+        assert_int_equal(p.info.tools & SAGA_TOOLS_PICTURE, o.tools);
         assert_int_equal(p.info.motion_order, o.tools >> 3);
         assert_int_equal(p.info.features, p.g.header.model.features);
         assert_int_equal(p.info.max_coarse, p.g.segment[0].n.coarse);
@@ -391,7 +521,7 @@ static void info_should_be_that_of_the_header(void **state)
 
 static const gen_options picture_options = {
     .seed = 12, .level = 1, .n_coarse = 10, .picture = 1, .tools_fixed = 1,
-    .tools = SAGA_TOOLS_KNOWN, .n_segments = 2
+    .tools = SAGA_TOOLS_PICTURE, .n_segments = 2
 };
 
 /* The block at another aligned place, with other neighbours. */
@@ -618,7 +748,9 @@ int main(void)
         cmocka_unit_test(open_should_refuse_a_smaller_or_misaligned_block),
         cmocka_unit_test(decoder_should_stay_inside_its_block),
         cmocka_unit_test(block_should_be_used_up_to_its_end),
+        cmocka_unit_test(memory_should_cost_nothing_when_off),
         cmocka_unit_test(macs_should_be_counted_exactly),
+        cmocka_unit_test(most_steps_should_be_reached_and_never_passed),
         cmocka_unit_test(info_should_be_that_of_the_header),
         cmocka_unit_test(decoder_should_be_movable_at_any_time),
         cmocka_unit_test(copy_should_not_follow_its_original),

@@ -182,6 +182,9 @@ static void check_stream(gen_stream *g)
 typedef struct {
     uint32_t tools[32];
     uint32_t sources[SAGA_N_KINDS][8], together[N_SOURCES];
+    uint32_t reads[SAGA_N_KINDS][2], update[3];
+    uint32_t slots[SAGA_MAX_SLOTS / SAGA_MIN_SLOTS + 1], slot_width[9];
+    uint32_t step_of_one, long_steps;
     uint32_t groups[SAGA_N_LEVELS][SAGA_MAX_GROUPS + 1];
     uint32_t window[SAGA_N_LEVELS][SAGA_MAX_WINDOW + 1];
     uint32_t neighbours[SAGA_N_LEVELS][SAGA_MAX_NEIGHBOURS + 1];
@@ -203,6 +206,22 @@ static void cover_segment(coverage *c, const saga_symbols *s)
                       s->fine_offset[i] == -SAGA_MAX_RESIDUAL;
 }
 
+static void cover_memory(coverage *c, const saga_model *m)
+{
+    uint32_t i;
+
+    c->update[!(m->tools & SAGA_TOOL_MEMORY) ? 0
+              : m->tools & SAGA_TOOL_PLAIN_WRITE ? 2 : 1]++;
+    if (!(m->tools & SAGA_TOOL_MEMORY))
+        return;
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        c->reads[i][(m->sources[i] & SAGA_SOURCE_MEMORY) != 0]++;
+    c->slots[m->memory_slots / SAGA_MIN_SLOTS]++;
+    c->slot_width[m->memory_width / 8]++;
+    c->step_of_one += m->memory_blocks == 1;
+    c->long_steps += m->memory_blocks > 1000;
+}
+
 static void cover(coverage *c, const gen_stream *g)
 {
     const saga_model *const m = &g->header.model;
@@ -212,9 +231,11 @@ static void cover(coverage *c, const gen_stream *g)
     c->level[g->header.level]++;
     c->segments[g->n_segments]++;
     for (i = 0; i < SAGA_N_KINDS; i++)
-        c->sources[i][m->sources[i]]++;
+        c->sources[i][m->sources[i] & 7u]++;
+    cover_memory(c, m);
     together = (m->sources[0] & 1u) | (m->sources[0] >> 1 & 2u);
-    together = together << 5 | (uint32_t)m->sources[1] << 2 | m->sources[2];
+    together = together << 5 | (m->sources[1] & 7u) << 2 |
+               (m->sources[2] & 3u);
     c->together[together]++;
     for (i = 0; i < SAGA_N_LEVELS; i++) {
         c->groups[i][m->level[i].n_groups]++;
@@ -253,12 +274,27 @@ static void assert_sources(const coverage *c)
     assert_all(c->sources[SAGA_KIND_PRIM], 0, 3);
 }
 
+static void assert_memory(const coverage *c)
+{
+    uint32_t i;
+
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        assert_all(c->reads[i], 0, 1);
+    assert_all(c->update, 0, 2);
+    for (i = 1; i <= SAGA_MAX_SLOTS / SAGA_MIN_SLOTS; i *= 2)
+        assert_int_not_equal(c->slots[i], 0);
+    assert_all(c->slot_width, 1, 8);
+    assert_int_not_equal(c->step_of_one, 0);
+    assert_int_not_equal(c->long_steps, 0);
+}
+
 static void assert_covered(const coverage *c, uint32_t n)
 {
     uint32_t i;
 
     assert_all(c->tools, 0, 31);
     assert_sources(c);
+    assert_memory(c);
     for (i = 0; i < SAGA_N_LEVELS; i++) {
         assert_all(c->groups[i], 1, SAGA_MAX_GROUPS);
         assert_all(c->neighbours[i], 1, SAGA_MAX_NEIGHBOURS);
@@ -288,6 +324,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.n_segments = i % 8 ? 1 : 1 + i / 8 % GEN_MAX_SEGMENTS;
     o.tools_fixed = 1;
     o.tools = i % 32;
+    o.memory = (int)(i / 2 % 3);
     return o;
 }
 
@@ -327,7 +364,8 @@ static void make_full(gen_stream *g)
     memset(&o, 0, sizeof o);
     o.full = 1;
     o.tools_fixed = 1;
-    o.tools = SAGA_TOOLS_KNOWN;
+    o.tools = SAGA_TOOLS_PICTURE;
+    o.memory = GEN_MEMORY_ORTHOGONAL;
     for (o.seed = first_seed();; o.seed++) {
         const saga_symbols *const s = &g->segment[0];
 

@@ -205,7 +205,7 @@ static void run_gradient(uint32_t tools)
 static void twin_gradients_should_match_differences_with_all_tools(void **state)
 {
     (void)state;
-    run_gradient(SAGA_TOOLS_KNOWN);
+    run_gradient(SAGA_TOOLS_PICTURE);
 }
 
 static void twin_gradients_should_match_differences_without_tools(void **state)

@@ -56,6 +56,9 @@ static void print_head(const char *guard, const char *what)
 #define SOFTPLUS_CELLS_PER_UNIT 8
 #define SOFTPLUS_END 22
 #define SOFTPLUS_N (SOFTPLUS_CELLS_PER_UNIT * SOFTPLUS_END + 3)
+#define SIGMOID_CELLS_PER_UNIT 8
+#define SIGMOID_END 12
+#define SIGMOID_N (SIGMOID_CELLS_PER_UNIT * SIGMOID_END + 3)
 #define RECIP_CELLS 128
 #define RSQRT_CELLS 64
 
@@ -87,6 +90,23 @@ static void print_softplus(void)
            "static const int32_t saga_softplus2_q24[%d] = {\n",
            SOFTPLUS_CELLS_PER_UNIT, SOFTPLUS_N - 1, SOFTPLUS_N);
     print_row(t, SOFTPLUS_N, 7);
+    printf("};\n");
+}
+
+static void print_sigmoid(void)
+{
+    uint32_t t[SIGMOID_N];
+    size_t i;
+
+    for (i = 0; i < SIGMOID_N; i++) {
+        const double a = ((double)i - 1) / SIGMOID_CELLS_PER_UNIT;
+
+        t[i] = round_entry(16777216 / (1 + exp(a)));
+    }
+    printf("\n/* round(2^24 / (1 + e^((i - 1)/%d))), i = 0..%d */\n"
+           "static const int32_t saga_sigmoid_q24[%d] = {\n",
+           SIGMOID_CELLS_PER_UNIT, SIGMOID_N - 1, SIGMOID_N);
+    print_row(t, SIGMOID_N, 7);
     printf("};\n");
 }
 
@@ -132,6 +152,7 @@ static void print_fx(void)
                " this one.\n");
     print_exp2();
     print_softplus();
+    print_sigmoid();
     print_recip();
     print_rsqrt();
     printf("\n#endif\n");

@@ -327,6 +327,9 @@ void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
     sc->models = must(calloc(1, sizeof *sc->models));
     sc->v = must(calloc(1, sizeof *sc->v));
+    saga_memory_size(&sc->memory, model);
+    saga_memory_place(&sc->memory, must(aligned_alloc(
+        16, saga_memory_place(&sc->memory, NULL))));
 }
 
 void saga_scaffold_free(saga_scaffold *sc)
@@ -338,6 +341,7 @@ void saga_scaffold_free(saga_scaffold *sc)
     free(sc->prim_offset);
     free(sc->models);
     free(sc->v);
+    free(sc->memory.slot);
 }
 
 static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
@@ -452,11 +456,11 @@ static void write_header(saga_encoder *e, buffer *out)
     saga_io io = { NULL, NULL, SAGA_MAGIC_NBYTES };
     uint32_t i;
 
-    h->header_nbytes = SAGA_HEADER_NBYTES +
-                       h->n_cameras * (uint32_t)SAGA_CAMERA_NBYTES + 4;
+    h->header_nbytes = saga_rig_end(h) + 4;
     io.out = reserve(out, h->header_nbytes);
     memcpy(io.out, saga_magic, SAGA_MAGIC_NBYTES);
     saga_header_io(&io, h);
+    saga_memory_io(&io, &h->model);
     for (i = 0; i < h->n_cameras; i++)
         saga_camera_io(&io, &e->rig[i]);
     fx_store32_le(io.out + io.at, saga_crc32c(0, io.out, io.at));

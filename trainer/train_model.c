@@ -68,7 +68,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     const uint8_t width = (uint8_t)(caps->width < 64 ? caps->width : 64);
 
     memset(m, 0, sizeof *m);
-    m->tools = dynamic ? SAGA_TOOLS_KNOWN : SAGA_TOOL_VIEW;
+    m->tools = dynamic ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
     m->features = 24;
     m->octaves = 4;
     m->lambda_t_q8 = 256;

@@ -1,0 +1,174 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The quantiser in the loop: it runs the traversal, so whatever its entropy
+ * parameters come from (hyperprior, parent, groups, memory), what it chose
+ * passes the encoder and comes back from the bytes, and no value lies farther
+ * from its target than half a step.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "encode.h"
+#include "gen_stream.h"
+#include "quantise.h"
+#include "ref_recorder.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static uint64_t first_seed(void)
+{
+    const char *const s = getenv("SAGA_TEST_SEED");
+
+    return s ? strtoull(s, NULL, 0) : 1;
+}
+
+static void *array(size_t n, size_t size)
+{
+    void *const p = calloc(n + 1, size);
+
+    assert_non_null(p);
+    return p;
+}
+
+/* Targets anywhere in the cube, features within +-4. */
+typedef struct {
+    double *x[3];            /* coarse, fine, prim */
+    float *feature, *decoded;
+} wanted;
+
+static void make_wanted(wanted *w, const saga_counts *n, uint32_t features,
+                        uint64_t *r)
+{
+    const uint32_t count[3] = { n->coarse, n->fine, n->prim };
+    uint32_t i, k;
+
+    for (k = 0; k < 3; k++) {
+        w->x[k] = array(4 * (size_t)count[k], sizeof(double));
+        for (i = 0; i < 4 * count[k]; i++)
+            w->x[k][i] = i % 4 == 3 ? gen_range(r, 0, 65535)
+                                    : gen_range(r, -(1 << 23), 1 << 23);
+    }
+    w->feature = array((size_t)n->coarse * features, sizeof(float));
+    w->decoded = array((size_t)n->coarse * features, sizeof(float));
+    for (i = 0; i < n->coarse * features; i++)
+        w->feature[i] = (float)gen_range(r, -4096, 4096) / 1024;
+}
+
+static void free_wanted(wanted *w)
+{
+    int k;
+
+    for (k = 0; k < 3; k++)
+        free(w->x[k]);
+    free(w->feature);
+    free(w->decoded);
+}
+
+static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
+{
+    const saga_targets targets = { w->x[0], w->feature, w->x[1], w->x[2] };
+    saga_decoded decoded = { NULL, NULL, NULL, w->decoded };
+    saga_symbols *const s = &g->segment[0];
+    uint32_t *const order = array(s->n.prim, sizeof *order);
+    saga_quantise_report report;
+    const saga_nets *nets;
+    const uint8_t *const params = saga_encoder_params(e, &nets);
+
+    decoded.coarse_x = array(4 * (size_t)s->n.coarse, sizeof(double));
+    decoded.fine_x = array(4 * (size_t)s->n.fine, sizeof(double));
+    decoded.prim_x = array(4 * (size_t)s->n.prim, sizeof(double));
+    assert_true(saga_quantise_segment(s, order, &report, &g->header.model,
+                                      nets, params, &targets, &decoded));
+    free(decoded.coarse_x);
+    free(decoded.fine_x);
+    free(decoded.prim_x);
+    free(order);
+}
+
+/* Half a step, and half an LSB that the dequantisation rounds. */
+static void assert_near(const gen_stream *g, const wanted *w)
+{
+    const saga_model *const m = &g->header.model;
+    const int q = m->head_q[SAGA_HEAD_COARSE];
+    const double step = m->step_q16[SAGA_STEP_FEATURE] / 65536.0;
+    uint32_t i;
+
+    for (i = 0; i < g->segment[0].n.coarse * m->features; i++)
+        assert_true(fabs((double)w->feature[i] - (double)w->decoded[i]) <=
+                    ldexp(step / 2 + 0.51, -q));
+}
+
+static void assert_same(const saga_symbols *a, const saga_symbols *b,
+                        uint32_t features)
+{
+    assert_memory_equal(a->centre, b->centre, 16 * (size_t)a->n.coarse);
+    assert_memory_equal(a->feature, b->feature,
+                        4 * (size_t)a->n.coarse * features);
+    assert_memory_equal(a->fine_offset, b->fine_offset,
+                        16 * (size_t)a->n.fine);
+    assert_memory_equal(a->prim_suffix, b->prim_suffix,
+                        4 * (size_t)a->n.prim);
+    assert_memory_equal(a->prim_offset, b->prim_offset,
+                        16 * (size_t)a->n.prim);
+}
+
+static void check_loop(uint32_t i)
+{
+    const gen_options o = { .seed = first_seed() + i, .level = (int)(i & 1u),
+                            .n_coarse = 12, .picture = 1,
+                            .memory = (int)(i % 3) };
+    uint64_t r = i;
+    saga_net_symbols nets;
+    saga_symbols back;
+    saga_encode_sizes sizes;
+    const char *why = "";
+    saga_encoder *e;
+    uint32_t range[3];
+    uint8_t *bytes;
+    gen_stream g;
+    wanted w;
+    size_t n;
+
+    gen_stream_make(&g, &o);
+    e = saga_encoder_open(&g.header, g.rig, &g.nets, &why);
+    assert_non_null(e);
+    make_wanted(&w, &g.segment[0].n, g.header.model.features, &r);
+    quantise(&g, e, &w);
+    assert_near(&g, &w);
+    assert_true(saga_encoder_segment(e, &g.segment[0], 1, &why));
+    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
+    assert_true(recorder_read(&nets, &back, 0, range, bytes, n));
+    assert_same(&g.segment[0], &back, g.header.model.features);
+    recorder_free_nets(&nets);
+    recorder_free_symbols(&back);
+    free(bytes);
+    saga_encoder_free(e);
+    free_wanted(&w);
+    gen_stream_free(&g);
+}
+
+static void quantised_values_should_return_from_the_bytes(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    printf("seeds from %" PRIu64 "\n", first_seed());
+    for (i = 0; i < 60; i++)
+        check_loop(i);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(quantised_values_should_return_from_the_bytes),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,626 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The memory bank against an implementation in double, written from the
+ * paper's equations; and what memory_bank.h promises on every input. Bounds
+ * are derived beside their names.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_scene.h"
+#include "memory_bank.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_D = SAGA_MAX_SLOT_WIDTH, MAX_L = SAGA_MAX_SLOTS, ONE = 32768 };
+
+static const uint32_t all_slots[] = { 32, 64, 128, 256, 512 };
+enum { N_SLOTS = 5 };
+
+/* --- A bank -------------------------------------------------------------- */
+
+static saga_memory bank_of(uint32_t n_slots, uint32_t width)
+{
+    saga_memory m;
+    uint8_t *block;
+
+    memset(&m, 0, sizeof m);
+    m.n_slots = n_slots;
+    m.width = width;
+    m.hidden = 8;
+    block = aligned_alloc(16, saga_memory_place(&m, NULL));
+    assert_non_null(block);
+    memset(block, 0xa5, saga_memory_place(&m, NULL));
+    saga_memory_place(&m, block);
+    saga_memory_start(&m);
+    return m;
+}
+
+static void drop(saga_memory *m)
+{
+    free(m->slot);
+}
+
+static int16_t *slot_of(const saga_memory *m, uint32_t p)
+{
+    return m->slot + p * saga_mlp_pad(m->width);
+}
+
+static double dot(const double *a, const double *b, uint32_t n)
+{
+    double sum = 0;
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+static void to_real(double *to, const int16_t *from, uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        to[i] = from[i];
+}
+
+/* Half an LSB per component, and what normalise() states. */
+static double norm_bound(uint32_t width)
+{
+    return 0.5001 * sqrt(width);
+}
+
+static void assert_unit(const int16_t *slot, uint32_t width)
+{
+    double s[MAX_D], sum = 0;
+    uint32_t d;
+
+    to_real(s, slot, width);
+    assert_true(fabs(sqrt(dot(s, s, width)) - 4096) <= norm_bound(width));
+    for (d = 0; d < width; d++)
+        sum += fabs(s[d]);
+    assert_true(sum < 32801);
+    for (; d < saga_mlp_pad(width); d++)
+        assert_int_equal(slot[d], 0);
+}
+
+static int16_t any16(gen_rng *r, int32_t size)
+{
+    return (int16_t)gen_int(r, -size, size);
+}
+
+/* An update of a slot by itself: in the middle of a bank. */
+static void update(int16_t *slot, const int16_t *write, int32_t gate,
+                   uint32_t width, int plain)
+{
+    enum { AT = 13 };
+    saga_memory m = bank_of(32, width);
+    saga_memory before = bank_of(32, width);
+    uint32_t p;
+
+    saga_memory_put(&m, AT, slot);
+    saga_memory_update(&m, AT, write, gate, plain);
+    memcpy(slot, slot_of(&m, AT), 2 * width);
+    saga_memory_put(&before, AT, slot);
+    for (p = 0; p < 32; p++)
+        assert_memory_equal(slot_of(&m, p), slot_of(&before, p),
+                            2 * saga_mlp_pad(width));
+    assert_memory_equal(m.column, before.column, 64 * width);
+    drop(&m);
+    drop(&before);
+}
+
+/* A slot in a random direction, and sometimes along an axis. */
+static void random_slot(int16_t *slot, gen_rng *r, uint32_t width)
+{
+    double u[MAX_D];
+    uint32_t d;
+
+    for (d = 0; d < width; d++)
+        u[d] = gen_normal(r);
+    if (gen_int(r, 0, 9) == 0)
+        u[gen_int(r, 0, (int32_t)width - 1)] = 1e6;
+    for (d = 0; d < width; d++)
+        slot[d] = (int16_t)lrint(4096 * u[d] / sqrt(dot(u, u, width)));
+}
+
+/* --- Start --------------------------------------------------------------- */
+
+static void check_start(uint32_t n_slots, uint32_t width)
+{
+    saga_memory m = bank_of(n_slots, width);
+    /* sum over pairs of cos^2 is at least L^2/D (Welch), itself included. */
+    const double least = ((double)n_slots * n_slots / width - n_slots) /
+                         ((double)n_slots * (n_slots - 1));
+    double sum = 0;
+    uint32_t p, k, d;
+
+    for (p = 0; p < n_slots; p++) {
+        const int16_t *const s = slot_of(&m, p);
+
+        assert_unit(s, width);
+        for (d = 0; d < width; d++)
+            assert_int_equal(abs(s[d]), lrint(4096 / sqrt(width)));
+        for (k = 0; k < p; k++) {
+            double a[MAX_D], b[MAX_D], cosine;
+
+            to_real(a, s, width);
+            to_real(b, slot_of(&m, k), width);
+            cosine = dot(a, b, width) / dot(a, a, width);
+            sum += 2 * cosine * cosine;
+            if (n_slots <= 256 || width >= 16)
+                assert_memory_not_equal(s, slot_of(&m, k), 2 * width);
+        }
+    }
+    sum /= (double)n_slots * (n_slots - 1);
+    if (width < n_slots)
+        assert_true(sqrt(sum) <= 1.02 * sqrt(least) + 1.0 / width);
+    drop(&m);
+}
+
+static void slots_should_start_apart_and_of_unit_length(void **state)
+{
+    uint32_t i, width;
+
+    (void)state;
+    for (i = 0; i < N_SLOTS; i++)
+        for (width = 8; width <= MAX_D; width += 8)
+            check_start(all_slots[i], width);
+}
+
+/* x^5 + x^2 + 1: powers 1, 2, 4, 8, 16, 5, 10, 20 of the generator. */
+static void first_slots_should_be_those_worked_out_by_hand(void **state)
+{
+    static const int sign[4][8] = {
+        { 1, 1, 1, 1, 1, 1, 1, 1 },          /* 0: nothing in common */
+        { -1, 1, 1, 1, 1, -1, 1, 1 },        /* 1: in 1 and 5 */
+        { 1, -1, 1, 1, 1, 1, -1, 1 },        /* 2: in 2 and 10 */
+        { -1, -1, 1, 1, 1, -1, -1, 1 }       /* 3 */
+    };
+    saga_memory m = bank_of(32, 8);
+    uint32_t p, d;
+
+    (void)state;
+    for (p = 0; p < 4; p++)
+        for (d = 0; d < 8; d++)
+            assert_int_equal(slot_of(&m, p)[d], 1448 * sign[p][d]);
+    drop(&m);
+}
+
+/* --- Read ---------------------------------------------------------------- */
+
+/* softmax in base 2 and the weighted sum, in double; returns the sum of the
+ * exponentials over the largest. */
+static double read_reference(double *out, const saga_memory *m,
+                             const int16_t *query)
+{
+    double z[MAX_L], q[MAX_D], s[MAX_D], most = -1e300, sum = 0;
+    uint32_t p, d;
+
+    to_real(q, query, m->width);
+    for (d = 0; d < m->width; d++)
+        out[d] = 0;
+    for (p = 0; p < m->n_slots; p++) {
+        to_real(s, slot_of(m, p), m->width);
+        z[p] = dot(q, s, m->width) / 4194304;
+        most = fmax(most, z[p]);
+    }
+    for (p = 0; p < m->n_slots; p++)
+        sum += exp2(z[p] - most);
+    for (p = 0; p < m->n_slots; p++)
+        for (d = 0; d < m->width; d++)
+            out[d] += exp2(z[p] - most) / sum * slot_of(m, p)[d];
+    return sum;
+}
+
+static double greatest(const saga_memory *m)
+{
+    double most = 0;
+    uint32_t p, d;
+
+    for (p = 0; p < m->n_slots; p++)
+        for (d = 0; d < m->width; d++)
+            most = fmax(most, abs(slot_of(m, p)[d]));
+    return most;
+}
+
+/* Returns the error over its bound. */
+static double check_read(const saga_memory *m, const int16_t *query)
+{
+    double want[MAX_D], e, bound, worst = 0;
+    int16_t got[MAX_D + 1];
+    uint32_t d;
+
+    got[m->width] = 0x5a5a;
+    saga_memory_read(got, m, query);
+    assert_int_equal(got[m->width], 0x5a5a);
+    e = read_reference(want, m, query);
+    bound = 0.5 + m->n_slots * ldexp(1 + 1.3 / e, -15) * greatest(m);
+    for (d = 0; d < m->width; d++)
+        worst = fmax(worst, fabs(got[d] - want[d]));
+    assert_true(worst <= bound);
+    return worst / bound;
+}
+
+static void read_should_stay_within_bound_of_double(void **state)
+{
+    gen_rng r = gen_seeded(1);
+    int16_t query[MAX_D];
+    double worst = 0;
+    uint32_t i, k, p, d;
+
+    (void)state;
+    for (i = 0; i < 200; i++) {
+        saga_memory m = bank_of(all_slots[i % N_SLOTS],
+                                8u * (uint32_t)gen_int(&r, 1, 8));
+
+        for (p = 0; p < m.n_slots; p++) {
+            int16_t slot[MAX_D];
+
+            random_slot(slot, &r, m.width);
+            saga_memory_put(&m, p, slot);
+        }
+        for (k = 0; k < 20; k++) {
+            /* From flat to one slot alone; past the width anything. */
+            const int32_t size = 1 << gen_int(&r, 0, 15);
+
+            for (d = 0; d < MAX_D; d++)
+                query[d] = any16(&r, size < 32767 ? size : 32767);
+            worst = fmax(worst, check_read(&m, query));
+        }
+        drop(&m);
+    }
+    print_message("read: error at most %.2f of its bound\n", worst);
+}
+
+static void zero_query_should_read_the_mean_of_all_slots(void **state)
+{
+    static const int16_t zero[MAX_D];
+    uint32_t i, p, d;
+
+    (void)state;
+    for (i = 0; i < N_SLOTS; i++) {
+        saga_memory m = bank_of(all_slots[i], 40);
+        int16_t got[MAX_D];
+
+        saga_memory_read(got, &m, zero);
+        for (d = 0; d < 40; d++) {
+            double sum = 0;
+
+            for (p = 0; p < m.n_slots; p++)
+                sum += slot_of(&m, p)[d];
+            assert_int_equal(got[d], floor(sum / m.n_slots + 0.5));
+        }
+        drop(&m);
+    }
+}
+
+/* Its own row scores 8 * 4 * 2 = 64, every other one 16 or more below. */
+static void query_along_a_slot_should_read_it_exactly(void **state)
+{
+    saga_memory m = bank_of(64, 64);
+    int16_t query[MAX_D], got[MAX_D];
+    uint32_t p, d;
+
+    (void)state;
+    for (p = 0; p < 64; p++) {
+        for (d = 0; d < 64; d++)
+            query[d] = (int16_t)(slot_of(&m, p)[d] * 16);
+        saga_memory_read(got, &m, query);
+        assert_memory_equal(got, slot_of(&m, p), sizeof got);
+    }
+    drop(&m);
+}
+
+static void extreme_queries_should_read_something_in_range(void **state)
+{
+    gen_rng r = gen_seeded(2);
+    uint32_t i, k, d;
+
+    (void)state;
+    for (i = 0; i < N_SLOTS; i++) {
+        saga_memory m = bank_of(all_slots[i], 64);
+
+        for (k = 0; k < 100; k++) {
+            int16_t query[MAX_D];
+
+            for (d = 0; d < MAX_D; d++)
+                query[d] = gen_int(&r, 0, 1) ? 32767 : -32767;
+            if (k < all_slots[i])      /* the largest score there is */
+                for (d = 0; d < MAX_D; d++)
+                    query[d] = slot_of(&m, k)[d] < 0 ? -32767 : 32767;
+            check_read(&m, query);
+        }
+        drop(&m);
+    }
+}
+
+/* --- Mean ---------------------------------------------------------------- */
+
+static void mean_should_be_the_rounded_quotient(void **state)
+{
+    gen_rng r = gen_seeded(3);
+    int32_t sum[MAX_D];
+    int16_t got[MAX_D];
+    uint32_t i, d;
+
+    (void)state;
+    for (i = 0; i < 20000; i++) {
+        const uint32_t count = i < 1000 ? i + 1
+                             : i < 1010 ? SAGA_MAX_STEP - (i - 1000)
+                             : (uint32_t)gen_int(&r, 1, SAGA_MAX_STEP);
+
+        for (d = 0; d < MAX_D; d++)
+            sum[d] = (int32_t)(gen_uniform(&r, -32767, 32767) * count);
+        sum[0] = 32767 * (int32_t)count;
+        sum[1] = -sum[0];
+        saga_memory_mean(got, sum, MAX_D, count);
+        assert_int_equal(got[0], 32767);
+        assert_int_equal(got[1], -32767);
+        for (d = 0; d < MAX_D; d++) {
+            const double want = (double)sum[d] / count;
+
+            assert_true(fabs(got[d] - want) <=
+                        0.5 + ldexp(fabs(want) + 1, -30));
+        }
+    }
+    saga_memory_mean(got, sum, MAX_D, 0);
+    for (d = 0; d < MAX_D; d++)
+        assert_int_equal(got[d], 0);
+}
+
+/* --- Update -------------------------------------------------------------- */
+
+/* The paper's update, slots and writes in Q12. Returns |s + g v|. */
+static double update_reference(double *out, const double *s, const double *v,
+                               double gate, uint32_t width, int plain)
+{
+    const double along = plain ? 0 : dot(v, s, width) / dot(s, s, width);
+    double length;
+    uint32_t d;
+
+    for (d = 0; d < width; d++)
+        out[d] = s[d] + gate * (v[d] - along * s[d]);
+    length = sqrt(dot(out, out, width));
+    for (d = 0; d < width; d++)
+        out[d] *= 4096 / length;
+    return length;
+}
+
+/* Error of a component, LSB. The result's rounding is 1/2; what errs before
+ * the normalisation is scaled by 4096/|u|:
+ *   |s|^2 taken as 1:    g <v, s>/|s| 2 (|s| - 4096)/4096, along s
+ *   <v, s> rounded:      g/2, along s
+ *   v rounded:           g/2 per component
+ *   u rounded to Q20:    2^-9 per component */
+static double update_bound(const double *s, const double *v, double gate,
+                           double length, uint32_t width, int plain)
+{
+    const double along = fabs(dot(v, s, width)) / 4096;
+    const double off = 2.01 * norm_bound(width) / 4096;
+    const double error = plain ? 0 : gate * (along * off + 0.51 +
+                                             0.5 * sqrt(width));
+
+    return 0.5001 + (error + sqrt(width) / 512) * 4096 / length;
+}
+
+static double check_update(const int16_t *slot, const int16_t *write,
+                           int32_t gate, uint32_t width, int plain)
+{
+    int16_t got[MAX_D] = { 0 };
+    double s[MAX_D] = { 0 }, v[MAX_D] = { 0 }, want[MAX_D];
+    double length, bound, worst = 0;
+    uint32_t d;
+
+    memcpy(got, slot, 2 * width);
+    update(got, write, gate, width, plain);
+    assert_unit(got, width);
+    to_real(s, slot, width);
+    to_real(v, write, width);
+    length = update_reference(want, s, v, gate / 32768.0, width, plain);
+    bound = update_bound(s, v, gate / 32768.0, length, width, plain);
+    for (d = 0; d < width; d++)
+        worst = fmax(worst, fabs(got[d] - want[d]));
+    assert_true(worst <= bound);
+    return worst / bound;
+}
+
+static void update_should_stay_within_bound_of_double(void **state)
+{
+    gen_rng r = gen_seeded(4);
+    double worst[2] = { 0, 0 };
+    uint32_t i, d;
+
+    (void)state;
+    for (i = 0; i < 40000; i++) {
+        const uint32_t width = 8u * (uint32_t)gen_int(&r, 1, 8);
+        const int32_t size = 1 << gen_int(&r, 4, 14);
+        const int32_t gate = i % 16 == 0 ? ONE : i % 16 == 1 ? 0
+                           : gen_int(&r, 0, ONE);
+        const int plain = (int)(i & 1u);
+        int16_t slot[MAX_D], write[MAX_D];
+
+        random_slot(slot, &r, width);
+        for (d = 0; d < width; d++)
+            write[d] = any16(&r, size);
+        worst[plain] = fmax(worst[plain], check_update(slot, write, gate,
+                                                       width, plain));
+    }
+    print_message("update: error at most %.2f of its bound, plain %.2f\n",
+                  worst[0], worst[1]);
+}
+
+/* What a slot loses when it is only normalised anew: the distance of its
+ * length from 1, and a rounding. */
+static void assert_same_but_rounding(const int16_t *got, const int16_t *slot,
+                                     uint32_t width)
+{
+    uint32_t d;
+
+    for (d = 0; d < width; d++)
+        assert_true(abs(got[d] - slot[d]) <=
+                    abs(slot[d]) * 1.01 * norm_bound(width) / 4096 + 0.5001);
+}
+
+static void nothing_written_should_leave_the_slot(void **state)
+{
+    static const int16_t zero[MAX_D];
+    gen_rng r = gen_seeded(5);
+    uint32_t i, d;
+
+    (void)state;
+    for (i = 0; i < 4000; i++) {
+        const uint32_t width = 8u * (1 + i % 8);
+        int16_t slot[MAX_D], write[MAX_D], got[MAX_D];
+
+        random_slot(slot, &r, width);
+        for (d = 0; d < width; d++)
+            write[d] = any16(&r, 32767);
+        memcpy(got, slot, sizeof got);
+        update(got, write, 0, width, (int)(i & 1u));
+        assert_same_but_rounding(got, slot, width);
+        memcpy(got, slot, sizeof got);
+        update(got, zero, ONE, width, (int)(i & 1u));
+        assert_same_but_rounding(got, slot, width);
+    }
+}
+
+/* v = c s: orthogonal, nothing is left of it but rounding; plain, c = -1 and
+ * an open gate leave a sum of zero, other c only a length. */
+static void parallel_writes_should_leave_the_slot(void **state)
+{
+    gen_rng r = gen_seeded(6);
+    uint32_t i, d;
+
+    (void)state;
+    for (i = 0; i < 4000; i++) {
+        const uint32_t width = 8u * (1 + i % 8);
+        const int32_t c = gen_int(&r, -7, 7);
+        int16_t slot[MAX_D], write[MAX_D], got[MAX_D];
+
+        random_slot(slot, &r, width);
+        for (d = 0; d < width; d++)
+            write[d] = (int16_t)(c * slot[d]);
+        check_update(slot, write, gen_int(&r, 0, ONE), width, 0);
+        memcpy(got, slot, sizeof got);
+        update(got, write, ONE, width, 0);
+        for (d = 0; d < width; d++)
+            assert_true(abs(got[d] - slot[d]) <= 6);
+        for (d = 0; d < width; d++)
+            write[d] = (int16_t)-slot[d];
+        memcpy(got, slot, sizeof got);
+        update(got, write, ONE, width, 1);
+        assert_memory_equal(got, slot, 2 * width);
+    }
+}
+
+static void zero_slot_should_take_the_direction_of_the_write(void **state)
+{
+    gen_rng r = gen_seeded(7);
+    int plain;
+
+    (void)state;
+    for (plain = 0; plain < 2; plain++) {
+        int16_t slot[MAX_D] = { 0 }, write[MAX_D] = { 0 };
+        double v[MAX_D];
+        uint32_t d;
+
+        update(slot, write, ONE, MAX_D, plain);
+        for (d = 0; d < MAX_D; d++)
+            assert_int_equal(slot[d], 0);
+        for (d = 0; d < MAX_D; d++)
+            write[d] = any16(&r, 100);
+        to_real(v, write, MAX_D);
+        update(slot, write, ONE, MAX_D, plain);
+        assert_unit(slot, MAX_D);
+        for (d = 0; d < MAX_D; d++)
+            assert_true(fabs(slot[d] - 4096 * v[d] / sqrt(dot(v, v, MAX_D)))
+                        <= 0.51);
+    }
+}
+
+/* --- Many updates -------------------------------------------------------- */
+
+static double angle(const int16_t *slot, const double *s, uint32_t width)
+{
+    double a[MAX_D], d2 = 0;
+    uint32_t d;
+
+    to_real(a, slot, width);
+    for (d = 0; d < width; d++)
+        d2 += (a[d] - s[d]) * (a[d] - s[d]);
+    return sqrt(d2) / 4096;
+}
+
+/* A thousand updates beside a slot in double: the length never leaves its
+ * bound, and the direction does not run away, since each update pulls both
+ * slots to the same write. */
+static double run_thousand(gen_rng *r, uint32_t width, int plain, int extreme)
+{
+    int16_t slot[MAX_D] = { 0 }, write[MAX_D];
+    double s[MAX_D], v[MAX_D], next[MAX_D], worst = 0;
+    uint32_t i, d;
+
+    random_slot(slot, r, width);
+    to_real(s, slot, width);
+    for (i = 0; i < 1000; i++) {
+        const int32_t gate = extreme ? ONE * gen_int(r, 0, 1)
+                                     : gen_int(r, 0, ONE);
+
+        for (d = 0; d < width; d++)
+            write[d] = extreme ? (int16_t)(32767 * gen_int(r, -1, 1))
+                               : any16(r, 4096);
+        update(slot, write, gate, width, plain);
+        assert_unit(slot, width);
+        to_real(v, write, width);
+        update_reference(next, s, v, gate / 32768.0, width, plain);
+        memcpy(s, next, sizeof s);
+        if (!extreme)
+            worst = fmax(worst, angle(slot, s, width));
+    }
+    return worst;
+}
+
+static void thousand_updates_should_neither_grow_nor_stray(void **state)
+{
+    gen_rng r = gen_seeded(8);
+    double worst[2] = { 0, 0 };
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < 64; i++) {
+        const uint32_t width = 8u * (1 + i / 2 % 8);
+        const int plain = (int)(i & 1u);
+
+        worst[plain] = fmax(worst[plain], run_thousand(&r, width, plain, 0));
+        run_thousand(&r, width, plain, 1);
+    }
+    print_message("1000 updates: angle to double at most %.2g, plain %.2g\n",
+                  worst[0], worst[1]);
+    assert_true(worst[0] <= 0.01 && worst[1] <= 0.01);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(slots_should_start_apart_and_of_unit_length),
+        cmocka_unit_test(first_slots_should_be_those_worked_out_by_hand),
+        cmocka_unit_test(read_should_stay_within_bound_of_double),
+        cmocka_unit_test(zero_query_should_read_the_mean_of_all_slots),
+        cmocka_unit_test(query_along_a_slot_should_read_it_exactly),
+        cmocka_unit_test(extreme_queries_should_read_something_in_range),
+        cmocka_unit_test(mean_should_be_the_rounded_quotient),
+        cmocka_unit_test(update_should_stay_within_bound_of_double),
+        cmocka_unit_test(nothing_written_should_leave_the_slot),
+        cmocka_unit_test(parallel_writes_should_leave_the_slot),
+        cmocka_unit_test(zero_slot_should_take_the_direction_of_the_write),
+        cmocka_unit_test(thousand_updates_should_neither_grow_nor_stray),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
