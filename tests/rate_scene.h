@@ -30,7 +30,7 @@ static inline void rate_scene_model(saga_model *m)
     int i;
 
     memset(m, 0, sizeof *m);
-    m->tools = SAGA_TOOLS_KNOWN;
+    m->tools = SAGA_TOOLS_PICTURE;
     m->features = 6;
     m->octaves = 2;
     m->lambda_t_q8 = 256;
