@@ -58,7 +58,7 @@ static void set_entropy(saga_model *m, uint32_t n_primitives)
 }
 
 /* Defaults of design.md 8, but for narrower interpolation (docs/decisions.md).
- * Steps in Q16 of their symbol's format: a centre a half-cell, so that most
+ * Steps in Q16 of their symbol's format: a centre two half-cells, so that all
  * anchors stand in the middle of their cells and cost nothing; a feature 1/4; a
  * fine offset 1/64 of a half-cell; a primitive's 1/128 of a support, which says
  * where it is whatever the others did. */
@@ -73,7 +73,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     m->octaves = 4;
     m->lambda_t_q8 = 256;
     set_levels(m, o);
-    m->step_q16[SAGA_STEP_CENTRE] = 16384u << 16;
+    m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
     m->step_q16[SAGA_STEP_FINE] = 256u << 16;
     m->step_q16[SAGA_STEP_PRIM] = 128u << 16;

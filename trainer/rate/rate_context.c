@@ -361,7 +361,7 @@ static void take_parameters(const job *j)
             const real unit = saga_rate_mu_unit(m, j->kind, c);
             const real most = most_of(saga_rate_value_q(m, j->kind, c));
 
-            k->mu[i * channels + c] = j->kind == SAGA_KIND_FINE
+            k->mu[i * channels + c] = saga_rate_is_anchor(j->kind, c)
                 ? 0 : clamp(unit * out[0], -most, most);
             k->log2_sigma[i * channels + c] =
                 clamp(out[channels], R(SAGA_RATE_LOG2_MIN),
@@ -430,7 +430,7 @@ static void parameters_backward(const job *j)
             const real most = most_of(saga_rate_value_q(m, j->kind, c));
             real *const d = k->net.d_out + 2 * channels * i + c;
 
-            d[0] = j->kind == SAGA_KIND_FINE
+            d[0] = saga_rate_is_anchor(j->kind, c)
                 ? 0 : unit * through(k->d_mu[at], k->mu[at], -most, most);
             d[channels] = through(k->d_log2_sigma[at], k->log2_sigma[at],
                                   R(SAGA_RATE_LOG2_MIN),

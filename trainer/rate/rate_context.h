@@ -95,6 +95,14 @@ int saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s);
 int saga_rate_step_of(int kind, size_t channel);
 int saga_rate_value_q(const saga_model *m, int kind, size_t channel);
 
+/* Whether a channel is the place of an anchor, coarse or fine. Its mu is 0: the
+ * anchors stand where their steps from 0 lead (saga_rate_snap). */
+static inline int saga_rate_is_anchor(int kind, size_t channel)
+{
+    return kind == SAGA_KIND_FINE ||
+           (kind == SAGA_KIND_COARSE && channel < 4);
+}
+
 /* The networks' weights are trained for outputs mu in units of the power of two
  * at or below the step, as large as log2 sigma, so that one learning rate and
  * one step of the weights serve both: unit in reals of the value, and the Q in

@@ -237,7 +237,7 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
         n += rows;
     }
     for (i = 0; i < channels; i++) {
-        const double mean = kind == SAGA_KIND_FINE
+        const double mean = saga_rate_is_anchor(kind, i)
             ? 0 : sum[i] / (double)(n + !n);
         const double spread = square[i] / (double)(n + !n) - mean * mean;
         const double step = step_size(m, kind, i);
