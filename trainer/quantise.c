@@ -146,6 +146,21 @@ uint8_t saga_quantise_scale(const int32_t *q, size_t n)
     return (uint8_t)best;
 }
 
+double saga_quantise_bits(const float *w, size_t n, double step)
+{
+    int32_t *const q = calloc(n + 1, sizeof *q);
+    double bits;
+    size_t i;
+
+    if (!q)
+        return HUGE_VAL;
+    for (i = 0; i < n; i++)
+        q[i] = (int32_t)lrint((double)w[i] / step);
+    bits = bits_at(q, n, saga_quantise_scale(q, n));
+    free(q);
+    return bits;
+}
+
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
 {
     const size_t n = (size_t)v->n_in * v->n_out;

@@ -39,6 +39,10 @@ void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v);
 /* The scale index of least bits for residuals q[0..n). */
 uint8_t saga_quantise_scale(const int32_t *q, size_t n);
 
+/* Code length of weights w[0..n), rounded to multiples of step > 0, with that
+ * scale. Infinite without memory. */
+double saga_quantise_bits(const float *w, size_t n, double step);
+
 /* What a layer's symbols stand for, in reals: weights (n_out, n_in) and biases
  * (n_out), exactly the decoder's integers. */
 void saga_dequantise_layer(float *weight, float *bias,
