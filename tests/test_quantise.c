@@ -167,6 +167,40 @@ static void quantiser_should_round_to_half_a_step(void **state)
     }
 }
 
+/* sum|w| is below 64 * 0.3 / 2^7, so that 16 bits and the accumulator have room
+ * for a scale of 2^19, which a row of q_out 7 cannot be shifted back from: its
+ * steps stay what they are all the same. */
+static void quantiser_should_keep_steps_where_shifts_end(void **state)
+{
+    static layer l;
+    static float weight[64 * 32], bias[32];
+    saga_layer_symbols s;
+    uint64_t r = 7;
+    uint32_t i;
+
+    (void)state;
+    make_layer(&l, 64, 32, 13, 0, 0, &r);
+    for (i = 0; i < 64 * 32; i++)
+        l.weight[i] *= 0x1p-7f;
+    for (i = 0; i < 32; i++) {
+        l.bias[i] *= 0x1p-7f;
+        l.q_out[i] = (uint8_t)(i % 2 ? 7 : 13);
+    }
+    l.v.step = 0x1p-12f;
+    l.v.bias_step = 0x1p-12f;
+    saga_quantise_layer(&s, &l.v);
+    saga_dequantise_layer(weight, bias, &s, &l.v);
+    for (i = 0; i < 64 * 32; i++)
+        assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
+                    0x1p-13 * 1.0001);
+    for (i = 0; i < 32; i++)
+        assert_true(fabs((double)bias[i] - (double)l.bias[i]) <=
+                    0x1p-13 * 1.0001);
+    free(s.weight);
+    free(s.bias);
+    free(s.shift);
+}
+
 /* Weights that are multiples of the step are kept: the symbols are the
  * multiples, and integers miss them by half an LSB. */
 static void quantiser_should_keep_what_is_rounded_already(void **state)
@@ -199,6 +233,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(quantiser_should_say_what_the_decoder_has),
         cmocka_unit_test(quantiser_should_round_to_half_a_step),
+        cmocka_unit_test(quantiser_should_keep_steps_where_shifts_end),
         cmocka_unit_test(quantiser_should_keep_what_is_rounded_already)
     };
 

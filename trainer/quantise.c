@@ -7,6 +7,7 @@
 #include "scene.h"
 #include "syntax.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -64,6 +65,18 @@ static int row_exponent(const saga_layer_values *v, uint32_t row, int wanted)
     return fx_clamp(wanted, least, least + 24);
 }
 
+/* The largest scale that every row's shift allows: a row at a smaller one than
+ * the others has larger steps. */
+static int most_exponent(const saga_layer_values *v)
+{
+    int most = INT_MAX;
+    uint32_t row;
+
+    for (row = 0; row < v->n_out; row++)
+        most = fx_min(most, row_exponent(v, row, INT_MAX));
+    return most;
+}
+
 /* The steps' fields where the weights' scale is 2^e: the weights' step with as
  * many digits as there is room for. */
 static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
@@ -80,7 +93,7 @@ static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
         ilogb((double)v->bias_step) + v->q_in + e, 0, 31);
 }
 
-/* All rows at the scale 2^e, or as near to it as their shifts allow. */
+/* All rows at the scale 2^e, or the next larger one that their shifts allow. */
 static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
                      int e)
 {
@@ -146,20 +159,35 @@ uint8_t saga_quantise_scale(const int32_t *q, size_t n)
     return (uint8_t)best;
 }
 
+double saga_quantise_bits(const float *w, size_t n, double step)
+{
+    int32_t *const q = calloc(n + 1, sizeof *q);
+    double bits;
+    size_t i;
+
+    if (!q)
+        return HUGE_VAL;
+    for (i = 0; i < n; i++)
+        q[i] = (int32_t)lrint((double)w[i] / step);
+    bits = bits_at(q, n, saga_quantise_scale(q, n));
+    free(q);
+    return bits;
+}
+
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
 {
     const size_t n = (size_t)v->n_in * v->n_out;
     /* The scale at which a step is 1 to 2 LSB, and what 16 bits can hold. */
     const int unit = (int)ceil(-log2((double)v->step));
-    int e = unit + 15;
+    int e = fx_min(unit + 15, most_exponent(v));
 
     out->weight = must(calloc(n + 1, sizeof *out->weight));
     out->bias = must(calloc(v->n_out + 1u, sizeof *out->bias));
     out->shift = must(calloc(v->n_out + 1u, 1));
     while (e > unit && !try_layer(out, v, e))
         e--;
-    if (e == unit)
-        force_layer(out, v, e);
+    if (e <= unit)
+        force_layer(out, v, unit);
     out->weight_scale = saga_quantise_scale(out->weight, n);
     out->bias_scale = saga_quantise_scale(out->bias, v->n_out);
 }

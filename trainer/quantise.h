@@ -31,13 +31,17 @@ typedef struct saga_layer_values {
 /* Symbols of a layer: allocates out's arrays (saga_net_symbols_free). Weights
  * and biases are rounded to multiples of their steps. Integer weights are made
  * as large as every row's headroom allows, so that the multiples are met to a
- * small part of the step. Where a row is so large that a step would become less
- * than 1 LSB of it, that row's steps double until it is valid. Scales are those
- * of least bits. */
+ * small part of the step. Where a row is so large, or its q_out so low, that a
+ * step would become less than 1 LSB of it, that row's steps double until it is
+ * valid. Scales are those of least bits. */
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v);
 
 /* The scale index of least bits for residuals q[0..n). */
 uint8_t saga_quantise_scale(const int32_t *q, size_t n);
+
+/* Code length of weights w[0..n), rounded to multiples of step > 0, with that
+ * scale. Infinite without memory. */
+double saga_quantise_bits(const float *w, size_t n, double step);
 
 /* What a layer's symbols stand for, in reals: weights (n_out, n_in) and biases
  * (n_out), exactly the decoder's integers. */

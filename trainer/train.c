@@ -111,8 +111,8 @@ static uint32_t at_most(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/* One coarse anchor for two primitives, a fine one for each, as far as the level
- * goes: of the budgets that were tried on the built-in scene the best
+/* One coarse anchor for two primitives, a fine one for each, as far as the
+ * level goes: of the budgets that were tried on the built-in scene the best
  * (docs/results/training.md). */
 static void derive(saga_train_options *o)
 {

@@ -589,9 +589,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
-    { "--lambda", "X", "what bits cost in distortion, all residuals' bits for\n"
-      "each value of the coarse features (default 0.0005);\n"
-      "higher: a smaller file", saga_cli_real,
+    { "--lambda", "X", "what bits cost in distortion: all residuals' and\n"
+      "weights' bits for each value of the coarse features\n"
+      "(default 0.0005); higher: a smaller file", saga_cli_real,
       offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,

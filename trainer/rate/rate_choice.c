@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_choice.h"
 
-#include "cost.h"
 #include "quantise.h"
 
 #include <math.h>
@@ -109,23 +108,13 @@ static float *alloc_params(const saga_scene *s)
 static double weights_bits(const saga_net *net, double step)
 {
     double bits = 0;
-    size_t i;
     int l;
 
     for (l = 0; l < net->n_layers; l++) {
         const size_t n = (size_t)net->dim[l] * (size_t)net->dim[l + 1];
-        int32_t *const q = malloc((n + 1) * sizeof *q);
-        uint8_t scale;
 
-        if (!q)
-            return HUGE_VAL;
-        for (i = 0; i < n; i++)
-            q[i] = (int32_t)lrint((double)net->w[l][i] / step);
-        scale = saga_quantise_scale(q, n);
-        for (i = 0; i < n; i++)
-            bits += saga_cost_residual(q[i], scale);
-        bits += LAYER_BITS + ROW_BITS * net->dim[l + 1];
-        free(q);
+        bits += saga_quantise_bits(net->w[l], n, step) + LAYER_BITS +
+                ROW_BITS * net->dim[l + 1];
     }
     return bits;
 }

@@ -39,8 +39,8 @@ enum {
 typedef struct saga_rate_kind {
     size_t n_blocks;
     saga_links parent, groups;   /* where the kind has them (scene's ranks) */
-    real *phase;                 /* (blocks, 4) as embedded, of the cells; */
-    real *size;                  /* (blocks, 5); primitives: by the twin */
+    real *phase;                 /* (blocks, 4) of the cells, as embedded; */
+    real *size;                  /* (blocks, 5). Primitives: by the twin */
     /* Of the last forward pass, a row for each block of its list. */
     saga_twin_batch hyper, net;
     real *mu, *d_mu;             /* (rows, channels) reals of the value */

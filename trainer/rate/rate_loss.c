@@ -162,7 +162,6 @@ static void snap_fine(saga_scene *s)
             const double cell = saga_scene_suffix_centre(suffix, bits, k);
             const double half = (double)(k < 3 ? saga_scene_half_x(c)
                                                : saga_scene_half_t(c));
-
             const double q = rint((o[k] - cell) / step);
 
             x[k] = R((double)centre[k] + half *

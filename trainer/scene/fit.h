@@ -40,9 +40,10 @@ typedef struct saga_fit saga_fit;
 
 saga_fit_options saga_fit_defaults(void);
 
-/* scene's reals are what is fitted, fine anchors go to where they can be coded
- * (saga_rate_snap); target (n.prim), in rank order, are the
- * flat primitives; both and the capture stay the caller's. NULL: no memory. */
+/* scene's reals are what is fitted; its anchors go to the nearest places that
+ * can be coded (saga_rate_snap) and stay there. target (n.prim), in rank order,
+ * are the flat primitives; both and the capture stay the caller's. NULL: no
+ * memory. */
 saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
                        const saga_capture *capture,
                        const saga_flat_cube *cube,
@@ -68,7 +69,7 @@ const char *saga_fit_fault(const saga_fit *fit);
 saga_twin *saga_fit_code(saga_fit *fit, real *feature,
                          saga_rate_choice *choice);
 
-/* The scene with its networks as they will be decoded, as saga_fit_twin left
+/* The scene with its networks as they will be decoded, as saga_fit_code left
  * them, and the steps they are rounded to. */
 const saga_scene *saga_fit_scene(const saga_fit *fit);
 const saga_weights *saga_fit_weights(const saga_fit *fit);
@@ -80,10 +81,11 @@ bool saga_fit_save(saga_fit *fit, FILE *file);
 bool saga_fit_restore(saga_fit *fit, FILE *file);
 
 /* Bits all residuals would take, by the last iteration: an estimate from a
- * quarter of them.; and
- * those of all weights (not biases) of the networks but the entropy model's,
- * after saga_fit_code; NaN without memory. */
+ * quarter of them. */
 double saga_fit_bits(const saga_fit *fit);
+
+/* Bits of all weights (not biases) of the networks but the entropy model's,
+ * after saga_fit_code. Infinite without memory. */
 double saga_fit_weight_bits(const saga_fit *fit);
 
 #endif

@@ -2,8 +2,9 @@
  *
  * The fit's part of a checkpoint: what the next iteration reads and nothing
  * else makes again. Random numbers need no state, the structure follows from
- * the warm-up. Links, supports and offsets stand still between refreshes, so
- * they are kept too. Machine byte order: a checkpoint does not travel.
+ * the warm-up. Links stand still between refreshes, while regressing offsets
+ * too, and new offsets are in the last iteration's supports: so they are kept.
+ * Machine byte order: a checkpoint does not travel.
  */
 #include "fit_state.h"
 

@@ -10,12 +10,10 @@
  */
 #include "fit_state.h"
 
-#include "cost.h"
 #include "dense.h"
 #include "quantise.h"
 #include "weight_round.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -167,20 +165,9 @@ double saga_fit_weight_bits(const saga_fit *f)
 
     for (t = 0; t < f->weights.n; t += 2) {
         const saga_weight_tensor *const w = &f->weights.tensor[t];
-        const double step = saga_weights_step(&f->weights, t);
-        const size_t n = w->rows * w->cols;
-        int32_t *const q = malloc((n + 1) * sizeof *q);
-        uint32_t scale;
-        size_t i;
 
-        if (!q)
-            return (double)NAN;
-        for (i = 0; i < n; i++)
-            q[i] = (int32_t)lrint((double)f->params[w->at + i] / step);
-        scale = saga_quantise_scale(q, n);
-        for (i = 0; i < n; i++)
-            sum += saga_cost_residual(q[i], scale);
-        free(q);
+        sum += saga_quantise_bits(f->params + w->at, w->rows * w->cols,
+                                  saga_weights_step(&f->weights, t));
     }
     return sum;
 }

@@ -30,9 +30,10 @@ typedef struct saga_scene {
     uint8_t *split;          /* (n_nodes) */
     uint16_t *occupancy;     /* (n_nodes) */
     saga_coarse *coarse;     /* (n.coarse) cell, depths, n_fine, first_fine,
-                              * group; x, t: see saga_scene_refresh */
-    saga_fine *fine;         /* (n.fine) parent, n_prim, first_prim; the rest:
-                              * see saga_scene_refresh */
+                              * group */
+    saga_fine *fine;         /* (n.fine) parent, n_prim, first_prim, group; the
+                              * rest of both follows from the reals: see
+                              * saga_links_scaffold */
     uint32_t *prim_fine;     /* (n.prim) rank of the parent */
 
     /* Reals, one block of n_reals from `reals` on: an optimiser's view. */

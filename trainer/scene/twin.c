@@ -496,7 +496,7 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
         out[g->width] = a->log2_width[i];
 }
 
-/* d_context += first f of each row. */
+/* d_context = first f of each row. */
 static void take_context(real *d_context, const real *d_in, size_t rows,
                          size_t dim, size_t f)
 {

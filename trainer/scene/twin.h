@@ -57,9 +57,9 @@ void saga_twin_free(saga_twin *w);
 /* Points that go through a network: rows of its batch. */
 size_t saga_twin_rows(const saga_twin *w, int net);
 
-/* Neighbours and weights anew, by common/interp.c on rounded positions and the
- * supports of the last saga_twin_geometry (the first call runs it). feature as
- * for saga_twin_geometry. 0 or -1. */
+/* Neighbours and weights anew, by common/interp.c on rounded positions; those
+ * of primitives on the supports that F_fine gives with the new ones of fine
+ * anchors. feature as for saga_twin_geometry. 0 or -1. */
 int saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature);
 
 /* Local offsets and phases anew, from the positions and the supports of the
