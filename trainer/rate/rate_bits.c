@@ -6,12 +6,6 @@
 #include <math.h>
 
 #define LN2 0.69314718055994530942
-#define SQRT_2PI 2.50662827463100050242
-
-static double density(double x)
-{
-    return exp(-0.5 * x * x) / SQRT_2PI;
-}
 
 saga_rate_cost saga_rate_bits(double v, double log2_sigma)
 {
@@ -19,7 +13,8 @@ saga_rate_cost saga_rate_bits(double v, double log2_sigma)
     /* By symmetry on the side where the tails are precise. */
     const double near = (fabs(v) - 0.5) * per_sigma;
     const double far = (fabs(v) + 0.5) * per_sigma;
-    const double at_near = density(near), at_far = density(far);
+    const double at_near = saga_normal_pdf(near);
+    const double at_far = saga_normal_pdf(far);
     const double p = saga_normal_cdf(-near) - saga_normal_cdf(-far);
     const double spread = 1 + v * v / 64;
     const double escape = exp2(-21) / spread;
