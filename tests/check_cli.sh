@@ -29,21 +29,9 @@ fi
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
 
-passed=0
-failed=0
-verdict() { # verdict NAME: complaints in $tmp/bad
-    if [ -s "$tmp/bad" ]; then
-        sed 's/^/     /' "$tmp/bad"
-        echo "FAIL cli $1"
-        failed=$((failed + 1))
-    else
-        echo "ok   cli $1"
-        passed=$((passed + 1))
-    fi
-    : >"$tmp/bad"
-}
-: >"$tmp/bad"
-complain() { echo "$*" >>"$tmp/bad"; }
+checks=cli
+bad=$tmp/bad
+. tests/verdict.sh
 
 # expect STATUS ARGUMENTS...: runs saga; output in $tmp/out, messages in err.
 expect() {
@@ -392,5 +380,4 @@ expect 2 eval "$scene" "$cap" --pictures "$scene/x"
 says "$scene/x"
 verdict eval
 
-echo "$passed passed, $failed failed"
-[ "$failed" = 0 ]
+all_passed

@@ -15,23 +15,10 @@ set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
+checks=encode
+bad=$tmp/bad
+. "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
-
-passed=0
-failed=0
-verdict() { # verdict NAME: complaints in ./bad
-    if [ -s bad ]; then
-        sed 's/^/     /' bad
-        echo "FAIL encode $1"
-        failed=$((failed + 1))
-    else
-        echo "ok   encode $1"
-        passed=$((passed + 1))
-    fi
-    : >bad
-}
-: >bad
-complain() { echo "$*" >>bad; }
 
 # expect STATUS ARGUMENTS...: runs saga encode; output in out, messages in err.
 expect() {
@@ -182,5 +169,4 @@ fi
 rmdir small
 verdict output
 
-echo "check_encode: $passed passed, $failed failed"
-[ "$failed" = 0 ]
+all_passed

@@ -14,21 +14,9 @@ saga=${SAGA:-${BUILD:-build}/saga}
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
 
-passed=0
-failed=0
-verdict() { # verdict NAME: complaints in $tmp/bad
-    if [ -s "$tmp/bad" ]; then
-        sed 's/^/     /' "$tmp/bad"
-        echo "FAIL floors $1"
-        failed=$((failed + 1))
-    else
-        echo "ok   floors $1"
-        passed=$((passed + 1))
-    fi
-    : >"$tmp/bad"
-}
-: >"$tmp/bad"
-complain() { echo "$*" >>"$tmp/bad"; }
+checks=floors
+bad=$tmp/bad
+. tests/verdict.sh
 
 # has TEXT: a line of the table, blanks squeezed.
 has() {
@@ -144,5 +132,4 @@ floors
 cmp -s "$demo/floors.txt" "$tmp/table" || complain "another table"
 verdict small
 
-echo "$passed passed, $failed failed"
-[ "$failed" = 0 ]
+all_passed

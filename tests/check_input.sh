@@ -23,23 +23,10 @@ set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
+checks=input
+bad=$tmp/bad
+. "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
-
-passed=0
-failed=0
-verdict() { # verdict NAME: complaints in ./bad
-    if [ -s bad ]; then
-        sed 's/^/     /' bad
-        echo "FAIL input $1"
-        failed=$((failed + 1))
-    else
-        echo "ok   input $1"
-        passed=$((passed + 1))
-    fi
-    : >bad
-}
-: >bad
-complain() { echo "$*" >>bad; }
 
 small=(--primitives 20 --iterations 6)
 
@@ -458,5 +445,4 @@ tail -n 1 err | grep -q 'no checkpoint could be written; nothing is left' ||
 set +m
 verdict interrupt
 
-echo "check_input: $passed passed, $failed failed"
-[ "$failed" = 0 ]
+all_passed

@@ -26,7 +26,6 @@ typedef struct saga_pack_options {
 typedef struct saga_pack_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
-    uint32_t n_weights;
     uint32_t *order;             /* (prim) rank in the file -> in the scene */
 } saga_pack_report;
 

@@ -1,31 +1,21 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_bits.h"
 
+#include "normal.h"
+
 #include <math.h>
 
 #define LN2 0.69314718055994530942
-#define SQRT_HALF 0.70710678118654752440
-#define SQRT_2PI 2.50662827463100050242
-
-/* P(X > x), of a standard normal. */
-static double upper_tail(double x)
-{
-    return 0.5 * erfc(x * SQRT_HALF);
-}
-
-static double density(double x)
-{
-    return exp(-0.5 * x * x) / SQRT_2PI;
-}
 
 saga_rate_cost saga_rate_bits(double v, double log2_sigma)
 {
     const double per_sigma = exp2(-log2_sigma);
-    /* By symmetry on the upper side, where the tails are precise. */
+    /* By symmetry on the side where the tails are precise. */
     const double near = (fabs(v) - 0.5) * per_sigma;
     const double far = (fabs(v) + 0.5) * per_sigma;
-    const double at_near = density(near), at_far = density(far);
-    const double p = upper_tail(near) - upper_tail(far);
+    const double at_near = saga_normal_pdf(near);
+    const double at_far = saga_normal_pdf(far);
+    const double p = saga_normal_cdf(-near) - saga_normal_cdf(-far);
     const double spread = 1 + v * v / 64;
     const double escape = exp2(-21) / spread;
     const double sum = p + escape;

@@ -15,7 +15,9 @@
 #define FLOOR floorf
 #endif
 
-enum { MOST_VALUES = 4 + SAGA_MAX_FEATURES }; /* >= 4 SAGA_MAX_CHILDREN */
+/* Of a block: an anchor's, or all its primitives'. */
+enum { MOST_VALUES = 4 + SAGA_MAX_FEATURES };
+_Static_assert(MOST_VALUES >= 4 * SAGA_MAX_CHILDREN, "room for primitives");
 
 /* Beyond this an offset is clamped (quantise.c). */
 #define OFFSET_MAX 1.9999
@@ -242,9 +244,10 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
         const double step = step_size(m, kind, i);
 
         r->constants.mean[kind][i] = R(mean);
-        /* The rounding's own deviation stays. */
-        r->constants.log2_sigma[kind][i] = R(
-            0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12));
+        /* The rounding's own deviation stays; the coder's widest is the most
+         * that can be said. */
+        r->constants.log2_sigma[kind][i] = R(fmin(SAGA_RATE_LOG2_MAX,
+            0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
     }
 }
 

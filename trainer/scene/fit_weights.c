@@ -6,7 +6,8 @@
  * Until two thirds of the iterations they carry noise. Then they are rounded a
  * layer at a time, in the networks' order, over the next quarter of all: each
  * with regard to what it is given by then (weight_round.h), and what is not yet
- * rounded makes up for what is. A rounded layer stands still.
+ * rounded makes up for what is. A rounded layer stands still. Fuse_f comes
+ * before F_fine, which feeds it, and the colour's layers see one view alone.
  */
 #include "fit_state.h"
 

@@ -1,0 +1,32 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# verdict.sh: what check scripts say, to be sourced by bash. `checks` names the
+# script in its lines, `bad` is the file that collects complaints.
+#   complain TEXT...   something is wrong
+#   verdict NAME       one line: ok if nobody complained since the last verdict,
+#                      else FAIL after the complaints
+#   all_passed         the sums; status 1 if any verdict was FAIL
+# shellcheck disable=SC2154
+passed=0
+failed=0
+: >"$bad"
+
+complain() { echo "$*" >>"$bad"; }
+
+verdict() {
+    if [ -s "$bad" ]; then
+        sed 's/^/     /' "$bad"
+        echo "FAIL $checks $1"
+        failed=$((failed + 1))
+    else
+        echo "ok   $checks $1"
+        passed=$((passed + 1))
+    fi
+    : >"$bad"
+}
+
+all_passed() {
+    echo "$checks: $passed passed, $failed failed"
+    [ "$failed" = 0 ]
+}
