@@ -71,9 +71,11 @@ leaves
 verdict good
 
 # ---- stopped
+# Whoever starts us in the background may have SIGINT ignored, for good.
+stoppable='env --default-signal=INT'
 stop() { # stop SIGNAL: a longer run, stopped after its first checkpoint
-    "$saga" encode cap -o s.saga --primitives 150 --iterations 3000 \
-        --checkpoint-every 0 >out 2>err </dev/null &
+    $stoppable "$saga" encode cap -o s.saga --primitives 150 \
+        --iterations 3000 --checkpoint-every 0 >out 2>err </dev/null &
     local pid=$! i=0
     while [ ! -f s.saga.ckpt ] && [ $i -lt 500 ]; do
         sleep 0.02

@@ -383,8 +383,10 @@ stop() {
 }
 mkdir d
 set -m
-"$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 >out 2>err \
-    </dev/null &
+# Whoever starts us in the background may have SIGINT ignored, for good.
+stoppable='env --default-signal=INT'
+$stoppable "$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 \
+    >out 2>err </dev/null &
 stop $!
 set +m
 cp d/x.saga.ckpt was
@@ -414,7 +416,8 @@ video cam01.mp4 3
 mkdir bin
 printf '#!/bin/sh\n: >%s/decoding\nexec sleep 30\n' "$tmp" >bin/ffmpeg
 chmod +x bin/ffmpeg
-PATH=$tmp/bin:$PATH "$saga" encode n -o x.saga >out 2>err </dev/null &
+PATH=$tmp/bin:$PATH $stoppable "$saga" encode n -o x.saga >out 2>err \
+    </dev/null &
 pid=$!
 i=0
 while [ ! -f decoding ] && [ $i -lt 500 ]; do
@@ -428,8 +431,8 @@ says 'stopped while loading' 'nothing was written'
 [ -z "$(ls | grep -F x.saga)" ] || complain "left behind: $(ls)"
 # A checkpoint cannot be written: its name is a folder's.
 mkdir -p d/x.saga.ckpt
-"$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 >out 2>err \
-    </dev/null &
+$stoppable "$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 \
+    >out 2>err </dev/null &
 pid=$!
 i=0
 while ! grep -q 'no checkpoint' err && [ $i -lt 500 ]; do
