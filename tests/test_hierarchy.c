@@ -280,6 +280,7 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     uint32_t i;
 
     memset(&c, 0, sizeof c);
+    memset(&sc, 0, sizeof sc);       /* no memory bank */
     c.coder.residual = zero_residual;
     c.coder.adaptive = look_up;
     c.s = symbols;
