@@ -40,7 +40,7 @@ struct saga_fit {
 /* First iteration of the rendering that rounds: the last third does. */
 int saga_fit_first_rounding(const saga_fit *f);
 
-/* What one bit of the file costs in the loss, whatever it is spent on. */
+/* What a bit of a residual costs in the loss. */
 double saga_fit_bit_price(const saga_fit *f);
 
 void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view);
