@@ -26,11 +26,8 @@ if [ ! -x "$saga" ] || [ ! -x "$saga_dec" ]; then
     "${MAKE:-make}" -s BUILD="$build" "$saga" "$saga_dec" ||
         { echo "FAIL cli: $saga cannot be built"; exit 1; }
 fi
-tmp=$(mktemp -d)
-trap 'rm -rf "$tmp"' EXIT
 
 checks=cli
-bad=$tmp/bad
 . tests/verdict.sh
 
 # expect STATUS ARGUMENTS...: runs saga; output in $tmp/out, messages in err.

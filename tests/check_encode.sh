@@ -13,10 +13,7 @@
 #               disk ends with status 2, and no half-written file stays
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
-tmp=$(mktemp -d)
-trap 'rm -rf "$tmp"' EXIT
 checks=encode
-bad=$tmp/bad
 . "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
 
@@ -71,8 +68,6 @@ leaves
 verdict good
 
 # ---- stopped
-# Whoever starts us in the background may have SIGINT ignored, for good.
-stoppable='env --default-signal=INT'
 stop() { # stop SIGNAL: a longer run, stopped after its first checkpoint
     $stoppable "$saga" encode cap -o s.saga --primitives 150 \
         --iterations 3000 --checkpoint-every 0 >out 2>err </dev/null &

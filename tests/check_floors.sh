@@ -11,11 +11,8 @@
 set -u
 cd "$(dirname "$0")/.." || exit
 saga=${SAGA:-${BUILD:-build}/saga}
-tmp=$(mktemp -d)
-trap 'rm -rf "$tmp"' EXIT
 
 checks=floors
-bad=$tmp/bad
 . tests/verdict.sh
 
 # has TEXT: a line of the table, blanks squeezed.

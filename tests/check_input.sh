@@ -21,10 +21,7 @@
 #   interrupt   Ctrl-C while the capture is loaded; without a checkpoint
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
-tmp=$(mktemp -d)
-trap 'rm -rf "$tmp"' EXIT
 checks=input
-bad=$tmp/bad
 . "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
 
@@ -383,8 +380,6 @@ stop() {
 }
 mkdir d
 set -m
-# Whoever starts us in the background may have SIGINT ignored, for good.
-stoppable='env --default-signal=INT'
 $stoppable "$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 \
     >out 2>err </dev/null &
 stop $!

@@ -2,14 +2,21 @@
 # SPDX-License-Identifier: MIT
 #
 # verdict.sh: what check scripts say, to be sourced by bash. `checks` names the
-# script in its lines, `bad` is the file that collects complaints.
+# script in its lines. Sets `tmp`, a folder that goes when the script ends, and
+# `bad` in it, the file that collects complaints.
 #   complain TEXT...   something is wrong
 #   verdict NAME       one line: ok if nobody complained since the last verdict,
 #                      else FAIL after the complaints
 #   all_passed         the sums; status 1 if any verdict was FAIL
-# shellcheck disable=SC2154
+#   $stoppable ...     runs a program that SIGINT reaches: whoever starts us in
+#                      the background may have it ignored, for good
+# shellcheck disable=SC2154,SC2034
 passed=0
 failed=0
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+bad=$tmp/bad
+stoppable='env --default-signal=INT'
 : >"$bad"
 
 complain() { echo "$*" >>"$bad"; }
