@@ -139,31 +139,40 @@ static void quantiser_should_say_what_the_decoder_has(void **state)
 
 /* --- Precision ----------------------------------------------------------- */
 
+/* What the integers of a layer of 64 x 32 stand for: weights within `part` of
+ * their step and `slack`, biases within `part` of theirs. */
+static void check_rounding(const layer *l, double part, double slack)
+{
+    static float weight[64 * 32], bias[32];
+    saga_layer_symbols s;
+    uint32_t i;
+
+    saga_quantise_layer(&s, &l->v);
+    saga_dequantise_layer(weight, bias, &s, &l->v);
+    for (i = 0; i < 64 * 32; i++)
+        assert_true(fabs((double)weight[i] - (double)l->weight[i]) <=
+                    (double)l->v.step * part + slack);
+    for (i = 0; i < 32; i++)
+        assert_true(fabs((double)bias[i] - (double)l->bias[i]) <=
+                    (double)l->v.bias_step * part);
+    free(s.weight);
+    free(s.bias);
+    free(s.shift);
+}
+
 /* Rows of one range, 64 inputs, 16 bits. sum|w| is below 64 * 0.3 < 2^5, so a
  * scale of 2^11 is valid and an LSB at most 2^-11: rounded to half a step and
  * half an LSB. Biases to half their own step. */
 static void quantiser_should_round_to_half_a_step(void **state)
 {
     static layer l;
-    static float weight[64 * 32], bias[32];
-    saga_layer_symbols s;
     uint64_t r = 5;
-    uint32_t k, i;
+    uint32_t k;
 
     (void)state;
     for (k = 0; k < 50; k++) {
         make_layer(&l, 64, 32, 12, 0, 0, &r);
-        saga_quantise_layer(&s, &l.v);
-        saga_dequantise_layer(weight, bias, &s, &l.v);
-        for (i = 0; i < 64 * 32; i++)
-            assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
-                        (double)l.v.step * 0.5001 + 0x1p-12);
-        for (i = 0; i < 32; i++)
-            assert_true(fabs((double)bias[i] - (double)l.bias[i]) <=
-                        (double)l.v.bias_step * 0.5001);
-        free(s.weight);
-        free(s.bias);
-        free(s.shift);
+        check_rounding(&l, 0.5001, 0x1p-12);
     }
 }
 
@@ -173,8 +182,6 @@ static void quantiser_should_round_to_half_a_step(void **state)
 static void quantiser_should_keep_steps_where_shifts_end(void **state)
 {
     static layer l;
-    static float weight[64 * 32], bias[32];
-    saga_layer_symbols s;
     uint64_t r = 7;
     uint32_t i;
 
@@ -188,17 +195,7 @@ static void quantiser_should_keep_steps_where_shifts_end(void **state)
     }
     l.v.step = 0x1p-12f;
     l.v.bias_step = 0x1p-12f;
-    saga_quantise_layer(&s, &l.v);
-    saga_dequantise_layer(weight, bias, &s, &l.v);
-    for (i = 0; i < 64 * 32; i++)
-        assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
-                    0x1p-13 * 1.0001);
-    for (i = 0; i < 32; i++)
-        assert_true(fabs((double)bias[i] - (double)l.bias[i]) <=
-                    0x1p-13 * 1.0001);
-    free(s.weight);
-    free(s.bias);
-    free(s.shift);
+    check_rounding(&l, 0.5 * 1.0001, 0);
 }
 
 /* Weights that are multiples of the step are kept: the symbols are the
