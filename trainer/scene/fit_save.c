@@ -8,7 +8,7 @@
  */
 #include "fit_state.h"
 
-#define MAGIC 0x3254494647415331u   /* "1SAGFIT2" */
+#define MAGIC 0x3354494647415331u   /* "1SAGFIT3" */
 
 typedef struct {
     FILE *file;
@@ -106,7 +106,6 @@ static bool walk_fit(stream *s, saga_fit *f)
     walk(s, f->weights.log2_step, sizeof f->weights.log2_step);
     walk(s, f->weights.m, sizeof f->weights.m);
     walk(s, f->weights.v, sizeof f->weights.v);
-    walk(s, f->weights.bits, sizeof f->weights.bits);
     walk_twin(s, &f->twin);
     sum = s->sum;
     expect(s, sum);
