@@ -2,7 +2,8 @@
  *
  * A scene for tests of the rate, in either real: a root split `depth` times in
  * space, 8^depth coarse anchors of three fine ones each, with five primitives
- * under every other pair of these; every source of every kind.
+ * under every other pair of these; every source of every kind. With a memory,
+ * steps of several blocks in every group.
  */
 #ifndef RATE_SCENE_H
 #define RATE_SCENE_H
@@ -59,6 +60,19 @@ static inline void rate_scene_model(saga_model *m)
     }
 }
 
+/* tools: SAGA_TOOL_MEMORY, and _PLAIN_WRITE or not. */
+static inline void rate_scene_memory(saga_model *m, uint32_t tools)
+{
+    int i;
+
+    m->tools |= tools;
+    m->memory_slots = SAGA_MIN_SLOTS;
+    m->memory_width = 8;
+    m->memory_blocks = 5;
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        m->sources[i] |= SAGA_SOURCE_MEMORY;
+}
+
 static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)
 {
     uint64_t k = 0;
@@ -110,23 +124,22 @@ static inline void rate_scene_fine(saga_scene *s, saga_rng r)
     }
 }
 
-static inline void rate_scene_init(rate_scene *f, uint32_t depth)
+static inline void rate_scene_make(rate_scene *f, const saga_model *m,
+                                   uint32_t depth)
 {
     const uint32_t n = 1u << (3 * depth);
     const saga_counts counts = { n, 3 * n, 15 * n / 2 };
     const saga_rng r = saga_rng_stream(5, 0);
     saga_scene *const s = &f->s;
-    saga_model m;
     size_t i;
 
     memset(f, 0, sizeof *f);
-    rate_scene_model(&m);
-    assert_int_equal(saga_scene_init(s, &m, counts, 1, 77), 0);
-    assert_int_equal(saga_scene_init(&f->d, &m, counts, 1, 0), 0);
+    assert_int_equal(saga_scene_init(s, m, counts, 1, 77), 0);
+    assert_int_equal(saga_scene_init(&f->d, m, counts, 1, 0), 0);
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     rate_scene_coarse(s, depth, saga_rng_stream(5, 1));
     rate_scene_fine(s, saga_rng_stream(5, 2));
-    for (i = 0; i < (size_t)n * m.features; i++)
+    for (i = 0; i < (size_t)n * m->features; i++)
         s->coarse_feature[i] = R(saga_rng_normal(r, i));
     /* Biases away from 0. */
     for (i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
@@ -140,6 +153,15 @@ static inline void rate_scene_init(rate_scene *f, uint32_t depth)
     f->o.every = 1;
     f->o.seed = 3;
     f->o.weight = R(0.01);
+}
+
+/* Without a memory. */
+static inline void rate_scene_init(rate_scene *f, uint32_t depth)
+{
+    saga_model m;
+
+    rate_scene_model(&m);
+    rate_scene_make(f, &m, depth);
 }
 
 static inline void rate_scene_free(rate_scene *f)

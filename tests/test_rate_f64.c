@@ -123,14 +123,20 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
     assert_true(alive * 4 > n);
 }
 
-static void check_gradients(uint8_t keep)
+/* tools: of the memory. */
+static void check_gradients(uint8_t keep, uint32_t tools)
 {
     rate_scene f;
+    saga_model m;
     real *d_fine;
     size_t n_fine, n_params;
     int kind;
 
-    rate_scene_init(&f, 1);
+    rate_scene_model(&m);
+    if (tools)
+        rate_scene_memory(&m, tools);
+    rate_scene_make(&f, &m, 1);
+    f.o.remember = true;
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         f.r.context.keep[kind] = keep;
     n_fine = f.s.n.fine * (size_t)f.s.model.features;
@@ -154,8 +160,17 @@ static void rate_gradients_should_match_differences(void **state)
 {
     (void)state;
     check_gradients(SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
-                    SAGA_SOURCE_GROUPS);
-    check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS);
+                    SAGA_SOURCE_GROUPS, 0);
+    check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS, 0);
+}
+
+/* Through the memory and all of its steps, whichever update. */
+static void memory_gradients_should_match_differences(void **state)
+{
+    (void)state;
+    check_gradients(SAGA_SOURCES_KNOWN, SAGA_TOOL_MEMORY);
+    check_gradients(SAGA_SOURCE_MEMORY,
+                    SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
 }
 
 /* The quarters of the blocks together are all of them. */
@@ -191,6 +206,7 @@ int main(void)
         cmocka_unit_test(escapes_should_cost_at_least_what_they_do),
         cmocka_unit_test(bits_should_have_their_derivatives),
         cmocka_unit_test(rate_gradients_should_match_differences),
+        cmocka_unit_test(memory_gradients_should_match_differences),
         cmocka_unit_test(subsets_should_add_up)
     };
 

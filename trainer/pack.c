@@ -49,50 +49,111 @@ static double most_out(const saga_scene *s, const saga_twin *w, int net,
                    (size_t)f->dim[f->n_layers], first, n);
 }
 
-/* Batches of an entropy network, one for each kind that runs it. */
-static size_t entropy_batches(const saga_twin_batch *batch[SAGA_N_KINDS],
-                              size_t rows[SAGA_N_KINDS],
-                              const saga_rate_choice *c, int net)
+/* Batches that an entropy network ran last, and their rows. */
+typedef struct {
+    const saga_twin_batch *b[SAGA_N_KINDS];
+    size_t rows[SAGA_N_KINDS], n;
+} batches;
+
+static void add_batch(batches *l, const saga_twin_batch *b, size_t rows)
 {
-    size_t n = 0;
+    l->b[l->n] = b;
+    l->rows[l->n++] = rows;
+}
+
+/* Kinds that read it query the memory, levels before them write into it. */
+static void memory_batches(batches *l, const saga_rate_choice *c, int net)
+{
+    const saga_rate_context *const r = &c->rate->context;
+    const uint32_t readers = saga_rate_readers(r, &c->scene);
     int kind;
 
+    if (net == SAGA_NET_SLOT) {
+        add_batch(l, &r->memory.slot, r->memory.n_slots);
+        return;
+    }
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const saga_rate_memory_kind *const k = &r->memory.kind[kind];
+        const size_t runs = r->kind[kind].runs.n;
+
+        if (net == SAGA_NET_QUERY && (readers >> kind & 1u))
+            add_batch(l, &k->query, r->kind[kind].n_blocks);
+        if (kind == SAGA_KIND_PRIM || !(readers >> kind))
+            continue;
+        if (net == SAGA_NET_AGG)
+            add_batch(l, &k->token, r->kind[kind].n_blocks);
+        else if (net == SAGA_NET_WRITE_BASE)
+            add_batch(l, &k->base, runs);
+        else if (net == SAGA_NET_WRITE)
+            add_batch(l, &k->write, runs * r->memory.n_slots);
+    }
+}
+
+static batches entropy_batches(const saga_rate_choice *c, int net)
+{
+    batches l = { .n = 0 };
+    int kind;
+
+    if (!c->scene.net[net].n_layers)
+        return l;
+    if (net >= SAGA_NET_QUERY) {
+        memory_batches(&l, c, net);
+        return l;
+    }
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const saga_rate_kind *const k = &c->rate->context.kind[kind];
 
-        if (net == SAGA_NET_HYPER
-            ? !(c->scene.model.sources[kind] & SAGA_SOURCE_HYPER)
-            : kind != net - SAGA_NET_E_COARSE)
-            continue;
-        batch[n] = net == SAGA_NET_HYPER ? &k->hyper : &k->net;
-        rows[n++] = k->n_blocks;
+        if (net == SAGA_NET_HYPER &&
+            (c->scene.model.sources[kind] & SAGA_SOURCE_HYPER))
+            add_batch(&l, &k->hyper, k->n_blocks);
+        else if (kind == net - SAGA_NET_E_COARSE)
+            add_batch(&l, &k->net, k->n_blocks);
     }
-    return n;
+    return l;
 }
 
-/* Inputs of all entropy networks, and the hyperprior's output. */
+/* Largest |x| that an entropy network takes, and gives. */
+static double most_taken(const saga_rate_choice *c, int net)
+{
+    const size_t dim = (size_t)c->scene.net[net].dim[0];
+    const batches l = entropy_batches(c, net);
+    double most = 0;
+    size_t i;
+
+    for (i = 0; i < l.n && dim; i++)
+        most = fmax(most, most_of(l.b[i]->in, l.rows[i], dim, 0, dim));
+    return most;
+}
+
+static double most_given(const saga_rate_choice *c, int net)
+{
+    const saga_net *const f = &c->scene.net[net];
+    const size_t dim = (size_t)f->dim[f->n_layers];
+    const batches l = entropy_batches(c, net);
+    double most = 0;
+    size_t i;
+
+    for (i = 0; i < l.n; i++)
+        most = fmax(most, most_of(l.b[i]->out, l.rows[i], dim, 0, dim));
+    return most;
+}
+
+/* Inputs of all entropy networks; the outputs of the hyperprior; and of the two
+ * parts of the write's first layer, whose format its second takes as it is. */
 static void entropy_formats(saga_model *m, const saga_rate_choice *c)
 {
-    const saga_twin_batch *b[SAGA_N_KINDS];
-    size_t rows[SAGA_N_KINDS], n, i;
-    double in, out = 0;
-    int net;
+    int i;
 
-    for (net = SAGA_NET_HYPER; net <= SAGA_NET_E_PRIM; net++) {
-        const saga_net *const f = &c->scene.net[net];
+    for (i = 0; i < SAGA_N_ENTROPY_NETS; i++) {
+        const int net = saga_scene_net(i);
 
-        in = 0;
-        n = f->n_layers ? entropy_batches(b, rows, c, net) : 0;
-        for (i = 0; i < n && f->dim[0]; i++) {
-            in = fmax(in, most_of(b[i]->in, rows[i], (size_t)f->dim[0], 0,
-                                  (size_t)f->dim[0]));
-            if (net == SAGA_NET_HYPER)
-                out = fmax(out, most_of(b[i]->out, rows[i], m->features, 0,
-                                        m->features));
-        }
-        m->q_in[net] = q_for(in, 12);
+        m->q_in[net] = q_for(most_taken(c, net), 12);
     }
-    m->head_q[SAGA_HEAD_HYPER] = q_for(out, 12);
+    m->q_in[SAGA_NET_WRITE] = q_for(fmax(most_taken(c, SAGA_NET_WRITE),
+                                         fmax(most_given(c, SAGA_NET_SLOT),
+                                              most_given(c,
+                                                  SAGA_NET_WRITE_BASE))), 12);
+    m->head_q[SAGA_HEAD_HYPER] = q_for(most_given(c, SAGA_NET_HYPER), 12);
 }
 
 static double most_feature(const saga_scene *s, const float *feature)
@@ -192,6 +253,14 @@ static void output_formats(uint8_t *q, const saga_model *m, int net,
                                              : SAGA_HEAD_SUPPORT];
         else if (net == SAGA_NET_COLOUR)
             q[i] = m->head_q[SAGA_HEAD_COLOUR];
+        else if (net == SAGA_NET_QUERY)
+            q[i] = SAGA_QUERY_Q;
+        else if (net == SAGA_NET_AGG)
+            q[i] = SAGA_SLOT_Q;
+        else if (net == SAGA_NET_SLOT || net == SAGA_NET_WRITE_BASE)
+            q[i] = m->q_in[SAGA_NET_WRITE];
+        else if (net == SAGA_NET_WRITE)
+            q[i] = i < m->memory_width ? SAGA_SLOT_Q : SAGA_GATE_Q;
         else if (net != SAGA_NET_GEO)
             q[i] = m->q_in[SAGA_NET_COLOUR];
         else if (i >= g.motion)
@@ -210,14 +279,16 @@ static double most_hidden(const saga_scene *s, const saga_twin *w,
                           const saga_rate_choice *c, int net, int i)
 {
     const size_t dim = (size_t)s->net[net].dim[i + 1];
-    const saga_twin_batch *b[SAGA_N_KINDS] = { &w->batch[net] };
-    size_t rows[SAGA_N_KINDS] = { saga_twin_rows(w, net) }, n = 1, k;
+    batches l = { .n = 0 };
     double most = 0;
+    size_t k;
 
-    if (net <= SAGA_NET_E_PRIM)
-        n = entropy_batches(b, rows, c, net);
-    for (k = 0; k < n; k++)
-        most = fmax(most, most_of(b[k]->work.hidden[i], rows[k],
+    if (saga_is_entropy_net(net))
+        l = entropy_batches(c, net);
+    else
+        add_batch(&l, &w->batch[net], saga_twin_rows(w, net));
+    for (k = 0; k < l.n; k++)
+        most = fmax(most, most_of(l.b[k]->work.hidden[i], l.rows[k],
                                   saga_dense_pad(dim), 0, dim));
     return most;
 }
@@ -230,7 +301,7 @@ static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
 {
     const int t = saga_weights_find(steps, net, layer);
 
-    if (net < SAGA_N_ENTROPY_NETS) {
+    if (saga_is_entropy_net(net)) {
         v->step = (float)c->rate->plan.step[net];
         v->bias_step = entropy_bias_step;
     } else {

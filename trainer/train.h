@@ -89,6 +89,7 @@ typedef struct saga_train_kind {
     uint32_t sources;            /* SAGA_SOURCE_* that were kept */
     double constants;            /* residuals without sources, */
     double networks;             /* with all that were trained, */
+    double forgetful;            /* with these but for the memory, */
     double chosen;               /* with those that were kept */
     double weights;              /* of the kept network, about */
 } saga_train_kind;
@@ -97,6 +98,9 @@ typedef struct saga_train_kind {
 typedef struct saga_train_entropy {
     saga_train_kind kind[SAGA_N_KINDS];
     double hyper_weights;        /* bytes of the hyperprior, about; 0: off */
+    double memory_weights;       /* of the memory's networks, about; 0: off */
+    double memory_net;           /* what the memory would add to all of this,
+                                  * weights counted: kept if below 0 */
     double estimate[SAGA_N_SYMS]; /* code lengths of the residuals, bits, by
                                   * SAGA_SYM_*; 0: none of them */
 } saga_train_entropy;

@@ -57,6 +57,24 @@ static void set_entropy(saga_model *m, uint32_t n_primitives)
     m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
 }
 
+/* The memory for all kinds, until the rate decides. Narrow networks: they are
+ * paid for in bytes. */
+static void set_memory(saga_model *m, const saga_level_caps *caps)
+{
+    m->tools |= SAGA_TOOL_MEMORY;
+    m->memory_slots = (uint16_t)(caps->n_slots < 64 ? caps->n_slots : 64);
+    m->memory_width = 32;
+    m->memory_blocks = 256;
+    for (int i = 0; i < SAGA_N_KINDS; i++)
+        m->sources[i] |= SAGA_SOURCE_MEMORY;
+    m->width[SAGA_NET_QUERY] = m->width[SAGA_NET_AGG] = 8;
+    m->width[SAGA_NET_SLOT] = 4;
+    m->width[SAGA_NET_WRITE] = 8;
+    for (int i = SAGA_NET_QUERY; i < SAGA_N_NETS; i++)
+        m->q_in[i] = 10;
+    m->q_in[SAGA_NET_WRITE_BASE] = SAGA_SLOT_Q;
+}
+
 /* Defaults of design.md 8, but for narrower interpolation (docs/decisions.md).
  * Steps in Q16 of their symbol's format: a centre two half-cells, so that all
  * anchors stand in the middle of their cells and cost nothing; a feature 1/4; a
@@ -85,6 +103,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     }
     m->width[SAGA_NET_COLOUR] = 32;
     set_entropy(m, o->n_primitives);
+    set_memory(m, caps);
 }
 
 /* --- Does anything move? ------------------------------------------------- */

@@ -317,10 +317,12 @@ static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
 
         e->kind[kind] = (saga_train_kind){
             c->scene.model.sources[kind], g->constants / 8, g->networks / 8,
-            g->chosen / 8, g->weights / 8
+            g->forgetful / 8, g->chosen / 8, g->weights / 8
         };
     }
     e->hyper_weights = c->rate->plan.hyper_weights / 8;
+    e->memory_weights = c->rate->plan.memory_weights / 8;
+    e->memory_net = c->rate->plan.memory_net / 8;
 }
 
 static int pack(saga_train *t, int level, bool final, saga_input_error *error)

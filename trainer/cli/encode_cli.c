@@ -392,20 +392,26 @@ static void print_entropy(const saga_train_entropy *e)
         "coarse anchors", "fine offsets", "primitive offsets"
     };
 
-    printf("  %-20s %10s %10s %10s %10s  sources kept\n", "entropy model",
-           "constants", "networks", "chosen", "weights");
+    printf("  %-20s %10s %10s %10s %10s %10s  sources kept\n",
+           "entropy model", "constants", "networks", "no memory", "chosen",
+           "weights");
     for (int i = 0; i < SAGA_N_KINDS; i++) {
         const saga_train_kind *const k = &e->kind[i];
 
-        printf("  %-20s %10.0f %10.0f %10.0f %10.0f %s%s%s%s\n", names[i],
-               k->constants, k->networks, k->chosen, k->weights,
+        printf("  %-20s %10.0f %10.0f %10.0f %10.0f %10.0f %s%s%s%s%s\n",
+               names[i], k->constants, k->networks, k->forgetful, k->chosen,
+               k->weights,
                k->sources ? "" : "  none",
                k->sources & SAGA_SOURCE_HYPER ? "  hyperprior" : "",
                k->sources & SAGA_SOURCE_PARENT ? "  parent" : "",
-               k->sources & SAGA_SOURCE_GROUPS ? "  groups" : "");
+               k->sources & SAGA_SOURCE_GROUPS ? "  groups" : "",
+               k->sources & SAGA_SOURCE_MEMORY ? "  memory" : "");
     }
     if (e->hyper_weights > 0)
-        printf("  %-20s %43.0f\n", "hyperprior", e->hyper_weights);
+        printf("  %-20s %54.0f\n", "hyperprior", e->hyper_weights);
+    if (e->memory_weights > 0)
+        printf("  %-20s %54.0f\n", "memory", e->memory_weights);
+    printf("  %-20s %54.0f  bytes\n", "memory, net", e->memory_net);
 }
 
 static void print_text(const session *s)
@@ -475,17 +481,20 @@ static json_t *json_entropy(const saga_train_entropy *e)
 {
     static const char *const keys[SAGA_N_KINDS] = { "coarse", "fine",
                                                     "primitives" };
-    json_t *const o = json_pack("{sfso}", "hyperprior_weights",
-                                e->hyper_weights,
+    json_t *const o = json_pack("{sfsfsfso}",
+                                "hyperprior_weights", e->hyper_weights,
+                                "memory_weights", e->memory_weights,
+                                "memory_net", e->memory_net,
                                 "bits_estimated", json_bits(e->estimate));
 
     for (int i = 0; i < SAGA_N_KINDS; i++) {
         const saga_train_kind *const k = &e->kind[i];
 
         json_object_set_new(o, keys[i], json_pack(
-            "{sisfsfsfsf}", "sources", (int)k->sources,
+            "{sisfsfsfsfsf}", "sources", (int)k->sources,
             "constants", k->constants, "networks", k->networks,
-            "chosen", k->chosen, "weights", k->weights));
+            "without_memory", k->forgetful, "chosen", k->chosen,
+            "weights", k->weights));
     }
     return o;
 }

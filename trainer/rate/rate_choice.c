@@ -14,16 +14,17 @@ enum { COARSEST = 2 };
  * they come to. */
 enum { ROW_BITS = 13, LAYER_BITS = 38 };
 
-enum { N_SOURCES = 3, ALL_SOURCES = (1 << N_SOURCES) - 1 };
+enum { ALL_SOURCES = SAGA_SOURCES_KNOWN };
 
 /* --- Networks with fewer inputs ------------------------------------------ */
 
 static void bind(saga_scene *s, float *params)
 {
     saga_net_shape shape;
-    int net, i;
+    int n, i;
 
-    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++) {
+    for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
+        const int net = saga_scene_net(n);
         saga_net *const f = &s->net[net];
 
         saga_model_net(&shape, &s->model, net);
@@ -38,21 +39,23 @@ static void bind(saga_scene *s, float *params)
 }
 
 /* First layer: the columns of the sources that stay. */
-static void take_columns(saga_net *to, const saga_net *from, uint32_t had,
-                         uint32_t has, size_t f)
+static void take_columns(saga_net *to, const saga_net *from,
+                         const saga_model *m, uint32_t had, uint32_t has)
 {
     const size_t rows = (size_t)to->dim[1];
     size_t row, at = 0, n = 0;
-    int source;
+    uint32_t source;
 
     memcpy(to->b[0], from->b[0], rows * sizeof(float));
-    for (source = 0; source < N_SOURCES; source++) {
-        for (row = 0; (has >> source & 1u) && row < rows; row++)
+    for (source = 1; source <= had; source <<= 1) {
+        const size_t columns = saga_rate_columns(m, source);
+
+        for (row = 0; (has & source) && row < rows; row++)
             memcpy(to->w[0] + row * (size_t)to->dim[0] + n,
                    from->w[0] + row * (size_t)from->dim[0] + at,
-                   f * sizeof(float));
-        at += had >> source & 1u ? f : 0;
-        n += has >> source & 1u ? f : 0;
+                   columns * sizeof(float));
+        at += had & source ? columns : 0;
+        n += has & source ? columns : 0;
     }
 }
 
@@ -64,27 +67,44 @@ static void copy_layer(saga_net *to, const saga_net *from, int l)
     memcpy(to->b[l], from->b[l], n_out * sizeof(float));
 }
 
+static int is_kind_net(int net)
+{
+    return net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM;
+}
+
+/* The sources, and the memory that they leave. */
+static void set_sources(saga_model *m, const uint8_t sources[SAGA_N_KINDS])
+{
+    memcpy(m->sources, sources, SAGA_N_KINDS);
+    if ((sources[0] | sources[1] | sources[2]) & SAGA_SOURCE_MEMORY)
+        return;
+    m->tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
+    m->memory_slots = m->memory_blocks = 0;
+    m->memory_width = 0;
+}
+
 /* s with the given sources alone, its entropy networks in params. */
 static saga_scene reduced(const saga_scene *s, float *params,
                           const uint8_t sources[SAGA_N_KINDS])
 {
     saga_scene c = *s;
-    int kind, l;
+    int n, l;
 
-    memcpy(c.model.sources, sources, SAGA_N_KINDS);
+    set_sources(&c.model, sources);
     bind(&c, params);
-    for (l = 0; l < c.net[SAGA_NET_HYPER].n_layers; l++)
-        copy_layer(&c.net[SAGA_NET_HYPER], &s->net[SAGA_NET_HYPER], l);
-    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        saga_net *const to = &c.net[SAGA_NET_E_COARSE + kind];
-        const saga_net *const from = &s->net[SAGA_NET_E_COARSE + kind];
+    for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
+        const int net = saga_scene_net(n), kind = net - SAGA_NET_E_COARSE;
+        saga_net *const to = &c.net[net];
 
-        if (!sources[kind])
+        /* A kind without sources has constants (pack.c). */
+        if (is_kind_net(net) && !sources[kind])
             continue;
-        take_columns(to, from, s->model.sources[kind], sources[kind],
-                     s->model.features);
-        for (l = 1; l < to->n_layers; l++)
-            copy_layer(to, from, l);
+        for (l = 0; l < to->n_layers; l++)
+            if (is_kind_net(net) && l == 0)
+                take_columns(to, &s->net[net], &s->model,
+                             s->model.sources[kind], sources[kind]);
+            else
+                copy_layer(to, &s->net[net], l);
     }
     return c;
 }
@@ -94,11 +114,11 @@ static float *alloc_params(const saga_scene *s)
 {
     /* Constants can have more biases than a small network has parameters. */
     size_t n = SAGA_N_KINDS * 2u * (4 + SAGA_MAX_FEATURES);
-    int net;
+    int i;
 
-    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++)
-        if (s->net[net].n_layers)
-            n += saga_net_n_params(&s->net[net]);
+    for (i = 0; i < SAGA_N_ENTROPY_NETS; i++)
+        if (s->net[saga_scene_net(i)].n_layers)
+            n += saga_net_n_params(&s->net[saga_scene_net(i)]);
     return calloc(n, sizeof(float));
 }
 
@@ -131,7 +151,7 @@ typedef struct {
     float *mean[SAGA_N_KINDS];   /* (inputs) of the networks' inputs */
     double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* residuals, by sources */
     double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
-    double hyper;
+    double hyper, memory;        /* weights of their networks */
 } search;
 
 /* Bits of the residuals of a kind with the sources of r. */
@@ -181,6 +201,13 @@ static int begin_search(search *f)
     return 0;
 }
 
+/* Whether a kind's residuals depend on a network: its own, the hyperprior's,
+ * and the memory's. */
+static int depends(int kind, int net)
+{
+    return is_kind_net(net) ? kind == net - SAGA_NET_E_COARSE : 1;
+}
+
 /* Bits of a network that was trained, and of all residuals it has a say in. */
 static int network_bits(double *total, search *f, int net)
 {
@@ -191,7 +218,7 @@ static int network_bits(double *total, search *f, int net)
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         double bits;
 
-        if (net != SAGA_NET_HYPER && kind != net - SAGA_NET_E_COARSE)
+        if (!depends(kind, net))
             continue;
         if (kind_bits(&bits, f, kind))
             return -1;
@@ -204,9 +231,10 @@ static int network_bits(double *total, search *f, int net)
 static int find_steps(search *f)
 {
     double *const step = f->r->plan.step;
-    int e, net;
+    int e, n;
 
-    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++) {
+    for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
+        const int net = saga_scene_net(n);
         double least = HUGE_VAL, best = step[net], bits;
 
         for (e = COARSEST; f->s->net[net].n_layers && e <= SAGA_RATE_FINEST;
@@ -228,20 +256,22 @@ static int find_steps(search *f)
  * sign -1: back out of them. */
 static void fold(search *f, int kind, uint32_t keep, float sign)
 {
+    const saga_model *const m = &f->s->model;
     const saga_net *const net = &f->s->net[SAGA_NET_E_COARSE + kind];
-    const size_t n = f->s->model.features, dim = (size_t)net->dim[0];
+    const uint32_t had = m->sources[kind];
+    const size_t dim = (size_t)net->dim[0];
     size_t row, c, at = 0;
-    int source;
+    uint32_t source;
 
-    for (source = 0; source < N_SOURCES; source++) {
-        if (!(f->s->model.sources[kind] >> source & 1u))
-            continue;
-        for (row = 0; !(keep >> source & 1u) && row < (size_t)net->dim[1];
-             row++)
-            for (c = at; c < at + n; c++)
+    for (source = 1; source <= had; source <<= 1) {
+        const size_t end = at + (had & source ? saga_rate_columns(m, source)
+                                              : 0);
+
+        for (row = 0; !(keep & source) && row < (size_t)net->dim[1]; row++)
+            for (c = at; c < end; c++)
                 net->b[0][row] += sign * net->w[0][row * dim + c] *
                                   f->mean[kind][c];
-        at += n;
+        at = end;
     }
 }
 
@@ -266,15 +296,19 @@ static int try_subset(search *f, int kind, uint32_t subset)
     return status;
 }
 
-/* Every subset of each kind's sources, the other kinds as they are. */
+/* Every subset of each kind's sources, the other kinds as they are; the last
+ * is all of them, so that the memory goes on with what these make of it. */
 static int try_subsets(search *f)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
+    const double *const step = f->r->plan.step;
     uint32_t subset;
-    int kind;
+    int kind, net;
 
     f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER],
-                            f->r->plan.step[SAGA_NET_HYPER]);
+                            step[SAGA_NET_HYPER]);
+    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
+        f->memory += weights_bits(&rounded.net[net], step[net]);
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         for (subset = 0; subset <= ALL_SOURCES; subset++)
             if (!(subset & ~(uint32_t)f->s->model.sources[kind]) &&
@@ -312,31 +346,61 @@ static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
         any |= best;
         total += f->bits[kind][best] + f->weights[kind][best];
     }
-    return total + (any & SAGA_SOURCE_HYPER ? f->hyper : 0);
+    return total + (any & SAGA_SOURCE_HYPER ? f->hyper : 0) +
+           (any & SAGA_SOURCE_MEMORY ? f->memory : 0);
 }
 
-/* The hyperprior for those who are better off with it, or for nobody. */
+/* Hyperprior and memory for those who are better off with them, or for
+ * nobody. */
+static void choose(uint8_t best[SAGA_N_KINDS], search *f)
+{
+    static const uint32_t without[] = {
+        0, SAGA_SOURCE_HYPER, SAGA_SOURCE_MEMORY,
+        SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY
+    };
+    double least[2] = { HUGE_VAL, HUGE_VAL };  /* with a memory, without */
+    uint8_t sources[SAGA_N_KINDS];
+    size_t i;
+
+    for (i = 0; i < sizeof without / sizeof without[0]; i++) {
+        const int forgets = (without[i] & SAGA_SOURCE_MEMORY) != 0;
+        const double total = best_of_all(sources, f, without[i]);
+
+        if (total < fmin(least[0], least[1]))
+            memcpy(best, sources, sizeof sources);
+        least[forgets] = fmin(least[forgets], total);
+    }
+    f->r->plan.memory_net = least[0] - least[1];
+}
+
+/* The mask of a kind's sources but for the memory. */
+static uint32_t forgetful(const search *f, int kind)
+{
+    return f->s->model.sources[kind] & ~(uint32_t)SAGA_SOURCE_MEMORY;
+}
+
 static void settle(search *f)
 {
     saga_rate_plan *const plan = &f->r->plan;
-    uint8_t with[SAGA_N_KINDS], without[SAGA_N_KINDS];
-    const uint8_t *const best =
-        best_of_all(with, f, 0) < best_of_all(without, f, SAGA_SOURCE_HYPER)
-        ? with : without;
+    uint8_t best[SAGA_N_KINDS] = { 0 };
     int kind;
 
-    plan->hyper_weights = 0;
+    choose(best, f);
+    plan->hyper_weights = plan->memory_weights = 0;
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const uint8_t had = f->s->model.sources[kind];
 
         plan->gain[kind] = (saga_rate_gain){
-            f->bits[kind][0], f->bits[kind][had], f->bits[kind][best[kind]],
+            f->bits[kind][0], f->bits[kind][had],
+            f->bits[kind][forgetful(f, kind)], f->bits[kind][best[kind]],
             best[kind] ? f->weights[kind][best[kind]] : 0
         };
         fold(f, kind, best[kind], 1);
         f->r->context.keep[kind] = best[kind];
         if (best[kind] & SAGA_SOURCE_HYPER)
             plan->hyper_weights = f->hyper;
+        if (best[kind] & SAGA_SOURCE_MEMORY)
+            plan->memory_weights = f->memory;
     }
 }
 

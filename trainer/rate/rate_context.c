@@ -2,18 +2,12 @@
 #include "rate_context.h"
 
 #include "arena.h"
-#include "embedding.h"
 #include "rate_bits.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 /* --- Memory -------------------------------------------------------------- */
-
-static size_t blocks_of(const saga_scene *s, int kind)
-{
-    return kind == SAGA_KIND_COARSE ? s->n.coarse : s->n.fine;
-}
 
 static void lay_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
                       size_t rows)
@@ -57,10 +51,12 @@ int saga_rate_context_init(saga_rate_context *c, const saga_scene *s)
         saga_rate_kind *const k = &c->kind[kind];
 
         c->keep[kind] = UINT8_MAX;
-        k->n_blocks = blocks_of(s, kind);
-        ok = ok && !saga_links_alloc(&k->parent, k->n_blocks) &&
+        k->n_blocks = saga_rate_n_blocks(s, kind);
+        ok = !saga_rate_runs_alloc(&k->runs, s, kind) && ok &&
+             !saga_links_alloc(&k->parent, k->n_blocks) &&
              !saga_links_alloc(&k->groups, k->n_blocks);
     }
+    ok = !saga_rate_memory_init(&c->memory, s) && ok;
     lay_out(c, &a, s);
     c->block = calloc(a.n + 1, sizeof *c->block);
     if (!ok || !c->block) {
@@ -80,11 +76,13 @@ void saga_rate_context_free(saga_rate_context *c)
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         saga_rate_kind *const k = &c->kind[kind];
 
+        saga_rate_runs_free(&k->runs);
         saga_links_free(&k->parent);
         saga_links_free(&k->groups);
         saga_net_free(&k->hyper.work);
         saga_net_free(&k->net.work);
     }
+    saga_rate_memory_free(&c->memory);
     free(c->block);
     memset(c, 0, sizeof *c);
 }
@@ -163,9 +161,12 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
 int saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s)
 {
     saga_scaffold sc;
+    int kind;
 
     if (saga_links_scaffold(&sc, s))
         return -1;
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        saga_rate_runs_set(&c->kind[kind].runs, s, kind);
     refresh_coarse(&c->kind[SAGA_KIND_COARSE], &sc);
     refresh_fine(&c->kind[SAGA_KIND_FINE], &sc);
     saga_links_scaffold_free(&sc);
@@ -179,34 +180,10 @@ static real clamp(real x, real lo, real hi)
     return x < lo ? lo : x > hi ? hi : x;
 }
 
-/* int16 in Q q. */
-static real most_of(int q)
-{
-    return R(32767) / R(1 << q);
-}
-
-static void clamp_all(real *x, size_t n, int q)
-{
-    const real most = most_of(q);
-    size_t i;
-
-    for (i = 0; i < n; i++)
-        x[i] = clamp(x[i], -most, most);
-}
-
 /* Gradients of what may have been clamped to lo..hi: towards the inside. */
 static real through(real d, real x, real lo, real hi)
 {
     return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
-}
-
-static void through_all(real *d, const real *x, size_t n, int q)
-{
-    const real most = most_of(q);
-    size_t i;
-
-    for (i = 0; i < n; i++)
-        d[i] = through(d[i], x[i], -most, most);
 }
 
 int saga_rate_step_of(int kind, size_t channel)
@@ -279,41 +256,41 @@ static void copy_columns(real *to, size_t to_stride, const real *from,
         memcpy(to + i * to_stride, from + i * stride, n_columns * sizeof *to);
 }
 
-/* One row of the hyperprior's input: embedding, sizes. */
-static void hyper_row(real *row, const job *j, const saga_twin *w, size_t b)
+/* Of primitives' blocks: places and sizes are the fine anchors'. */
+static void place_prims(saga_rate_kind *k, const saga_scene *s,
+                        const saga_twin *w, saga_rate_list list)
 {
-    const saga_model *const m = &j->s->model;
-    const size_t dim = (size_t)j->s->net[SAGA_NET_HYPER].dim[0];
-    real *const size = row + saga_pe_size(m);
-    const real *phase = j->k->phase + 4 * b;
-    size_t a;
+    size_t i, a;
 
-    if (j->kind == SAGA_KIND_PRIM) {
+    for (i = 0; i < list.n; i++) {
+        const size_t b = list.block[i];
         real log2_units[4];
 
-        phase = w->fine_phase + 4 * b;
         for (a = 0; a < 4; a++)
             log2_units[a] = w->log2_support[4 * b + a] + (a < 3 ? 23 : 16);
-        set_size(size, log2_units, j->s->fine[b].n_prim);
-    } else {
-        memcpy(size, j->k->size + SAGA_RATE_SIZES * b,
-               SAGA_RATE_SIZES * sizeof *row);
+        memcpy(k->phase + 4 * b, w->fine_phase + 4 * b, 4 * sizeof *k->phase);
+        set_size(k->size + SAGA_RATE_SIZES * b, log2_units, s->fine[b].n_prim);
     }
-    saga_embedding_forward(row, dim, phase, 1, 4, m->octaves);
-    clamp_all(row, dim, m->q_in[SAGA_NET_HYPER]);
 }
 
-static int hyper_forward(const job *j, const saga_twin *w)
+static int hyper_forward(const job *j)
 {
     const saga_net *const net = &j->s->net[SAGA_NET_HYPER];
+    const size_t dim = (size_t)net->dim[0];
     saga_twin_batch *const b = &j->k->hyper;
     size_t i;
 
-    for (i = 0; i < j->list.n; i++)
-        hyper_row(b->in + i * (size_t)net->dim[0], j, w, j->list.block[i]);
+    for (i = 0; i < j->list.n; i++) {
+        const size_t block = j->list.block[i];
+
+        saga_rate_side(b->in + i * dim, &j->s->model, j->k->phase + 4 * block,
+                       j->k->size + SAGA_RATE_SIZES * block);
+    }
+    saga_rate_clamp(b->in, j->list.n * dim,
+                    j->s->model.q_in[SAGA_NET_HYPER]);
     if (saga_net_forward(b->out, &b->work, b->in, j->list.n, net))
         return -1;
-    clamp_all(b->out, j->list.n * j->f, j->s->model.head_q[SAGA_HEAD_HYPER]);
+    saga_rate_clamp(b->out, j->list.n * j->f, j->s->model.head_q[SAGA_HEAD_HYPER]);
     return 0;
 }
 
@@ -359,7 +336,7 @@ static void take_parameters(const job *j)
         for (c = 0; c < channels; c++) {
             const real *const out = k->net.out + 2 * channels * i + c;
             const real unit = saga_rate_mu_unit(m, j->kind, c);
-            const real most = most_of(saga_rate_value_q(m, j->kind, c));
+            const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
 
             k->mu[i * channels + c] = saga_rate_is_anchor(j->kind, c)
                 ? 0 : clamp(unit * out[0], -most, most);
@@ -369,15 +346,45 @@ static void take_parameters(const job *j)
         }
 }
 
-/* Zeros in the columns of a source that is not kept; returns where the next
- * source's begin. */
-static real *drop(real *in, const job *j)
+static void memory_forward(real *in, const job *j, const real *read)
+{
+    const size_t d = j->s->model.memory_width;
+    size_t i;
+
+    for (i = 0; i < j->list.n; i++)
+        memcpy(in + i * j->dim, read + j->list.block[i] * d, d * sizeof *in);
+}
+
+/* Zeros in the columns of a source that is not kept. */
+static void drop(real *in, const job *j, size_t columns)
 {
     size_t i;
 
     for (i = 0; i < j->list.n; i++)
-        memset(in + i * j->dim, 0, j->f * sizeof *in);
-    return in + j->f;
+        memset(in + i * j->dim, 0, columns * sizeof *in);
+}
+
+size_t saga_rate_columns(const saga_model *m, uint32_t source)
+{
+    return source == SAGA_SOURCE_MEMORY ? m->memory_width : m->features;
+}
+
+/* One source's columns. */
+static int source_forward(real *in, saga_rate_context *c, const job *j,
+                          uint32_t source, const saga_rate_features *x)
+{
+    if (source == SAGA_SOURCE_HYPER) {
+        if (hyper_forward(j))
+            return -1;
+        copy_columns(in, j->dim, j->k->hyper.out, j->f, j->f, j->list.n);
+    } else if (source == SAGA_SOURCE_PARENT) {
+        parent_forward(in, j, x);
+    } else if (source == SAGA_SOURCE_GROUPS) {
+        groups_forward(in, j, x);
+    } else {
+        memory_forward(in, j, c->memory.kind[j->kind].read);
+    }
+    return 0;
 }
 
 int saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
@@ -385,29 +392,25 @@ int saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
                               saga_rate_list list, const saga_rate_features *x)
 {
     const job j = job_of(c, s, kind, list);
-    const uint32_t have = s->model.sources[kind], keep = c->keep[kind];
+    const uint32_t have = s->model.sources[kind];
     saga_twin_batch *const b = &j.k->net;
     real *in = b->in;
+    uint32_t source;
 
-    if (have & keep & SAGA_SOURCE_HYPER) {
-        if (hyper_forward(&j, w))
+    if (kind == SAGA_KIND_PRIM)
+        place_prims(j.k, s, w, list);
+    for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
+        const size_t columns = saga_rate_columns(&s->model, source);
+
+        if (!(have & source))
+            continue;
+        if (!(c->keep[kind] & source))
+            drop(in, &j, columns);
+        else if (source_forward(in, c, &j, source, x))
             return -1;
-        copy_columns(in, j.dim, j.k->hyper.out, j.f, j.f, list.n);
-        in += j.f;
-    } else if (have & SAGA_SOURCE_HYPER) {
-        in = drop(in, &j);
+        in += columns;
     }
-    if (have & keep & SAGA_SOURCE_PARENT) {
-        parent_forward(in, &j, x);
-        in += j.f;
-    } else if (have & SAGA_SOURCE_PARENT) {
-        in = drop(in, &j);
-    }
-    if (have & keep & SAGA_SOURCE_GROUPS)
-        groups_forward(in, &j, x);
-    else if (have & SAGA_SOURCE_GROUPS)
-        drop(in, &j);
-    clamp_all(b->in, list.n * j.dim, s->model.q_in[j.net]);
+    saga_rate_clamp(b->in, list.n * j.dim, s->model.q_in[j.net]);
     if (saga_net_forward(b->out, &b->work, b->in, list.n, &s->net[j.net]))
         return -1;
     take_parameters(&j);
@@ -427,7 +430,7 @@ static void parameters_backward(const job *j)
         for (c = 0; c < channels; c++) {
             const size_t at = i * channels + c;
             const real unit = saga_rate_mu_unit(m, j->kind, c);
-            const real most = most_of(saga_rate_value_q(m, j->kind, c));
+            const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
             real *const d = k->net.d_out + 2 * channels * i + c;
 
             d[0] = saga_rate_is_anchor(j->kind, c)
@@ -444,7 +447,7 @@ static int hyper_backward(saga_scene *d, const job *j, const real *d_in)
     const size_t n = j->list.n;
 
     copy_columns(b->d_out, j->f, d_in, j->dim, j->f, n);
-    through_all(b->d_out, b->out, n * j->f,
+    saga_rate_through(b->d_out, b->out, n * j->f,
                 j->s->model.head_q[SAGA_HEAD_HYPER]);
     return saga_net_backward(NULL, &d->net[SAGA_NET_HYPER], &b->work, b->d_out,
                              b->in, n, &j->s->net[SAGA_NET_HYPER]);
@@ -481,28 +484,150 @@ static void groups_backward(const saga_rate_features *dx, const job *j,
                        j->list.n);
 }
 
+static void memory_backward(real *d_read, const job *j, const real *d_in)
+{
+    const size_t d = j->s->model.memory_width;
+    size_t i;
+
+    for (i = 0; i < j->list.n; i++)
+        memcpy(d_read + j->list.block[i] * d, d_in + i * j->dim,
+               d * sizeof *d_read);
+}
+
+static int source_backward(saga_rate_context *c, saga_scene *d,
+                           const saga_rate_features *dx, const job *j,
+                           uint32_t source, const real *d_in)
+{
+    if (source == SAGA_SOURCE_HYPER)
+        return hyper_backward(d, j, d_in);
+    if (source == SAGA_SOURCE_PARENT)
+        parent_backward(dx, j, d_in);
+    else if (source == SAGA_SOURCE_GROUPS)
+        groups_backward(dx, j, d_in);
+    else
+        memory_backward(c->memory.kind[j->kind].d_read, j, d_in);
+    return 0;
+}
+
 int saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
                                const saga_scene *s, int kind,
                                saga_rate_list list,
                                const saga_rate_features *dx)
 {
     const job j = job_of(c, s, kind, list);
-    const uint32_t have = s->model.sources[kind], keep = c->keep[kind];
+    const uint32_t have = s->model.sources[kind];
     saga_twin_batch *const b = &j.k->net;
     const real *d_in = b->d_in;
+    uint32_t source;
 
     parameters_backward(&j);
     if (saga_net_backward(b->d_in, &d->net[j.net], &b->work, b->d_out, b->in,
                           list.n, &s->net[j.net]))
         return -1;
-    through_all(b->d_in, b->in, list.n * j.dim, s->model.q_in[j.net]);
-    if ((have & keep & SAGA_SOURCE_HYPER) && hyper_backward(d, &j, d_in))
-        return -1;
-    d_in += have & SAGA_SOURCE_HYPER ? j.f : 0;
-    if (have & keep & SAGA_SOURCE_PARENT)
-        parent_backward(dx, &j, d_in);
-    d_in += have & SAGA_SOURCE_PARENT ? j.f : 0;
-    if (have & keep & SAGA_SOURCE_GROUPS)
-        groups_backward(dx, &j, d_in);
+    saga_rate_through(b->d_in, b->in, list.n * j.dim, s->model.q_in[j.net]);
+    for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
+        if (!(have & source))
+            continue;
+        if ((c->keep[kind] & source) &&
+            source_backward(c, d, dx, &j, source, d_in))
+            return -1;
+        d_in += saga_rate_columns(&s->model, source);
+    }
     return 0;
+}
+
+/* --- The memory ---------------------------------------------------------- */
+
+uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s)
+{
+    uint32_t readers = 0;
+    int kind;
+
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        if (saga_rate_sources(c, s, kind) & SAGA_SOURCE_MEMORY)
+            readers |= 1u << kind;
+    return readers;
+}
+
+static saga_rate_memory_input memory_input(const saga_rate_context *c,
+                                           const saga_scene *s, int kind,
+                                           const saga_rate_features *x)
+{
+    const saga_rate_kind *const k = &c->kind[kind];
+    saga_rate_memory_input in = { s, kind, &k->runs, 0, k->phase, k->size,
+                                  *x };
+    int i;
+
+    for (i = 0; i < kind; i++)
+        in.first += c->kind[i].runs.n;
+    return in;
+}
+
+int saga_rate_context_begin(saga_rate_context *c, const saga_scene *s)
+{
+    return saga_rate_readers(c, s) ? saga_rate_memory_begin(&c->memory, s) : 0;
+}
+
+int saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
+                           const saga_twin *w, int kind, size_t from,
+                           size_t to, const saga_rate_features *x)
+{
+    const saga_rate_memory_input in = memory_input(c, s, kind, x);
+    const uint32_t begin = in.runs->begin[from];
+    const saga_rate_list list = { in.runs->block + begin,
+                                  in.runs->begin[to] - begin };
+
+    if (!(saga_rate_readers(c, s) >> kind & 1u))
+        return 0;
+    if (kind == SAGA_KIND_PRIM)
+        place_prims(&c->kind[kind], s, w, list);
+    return saga_rate_memory_read(&c->memory, &in, from, to);
+}
+
+int saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
+                            int kind, size_t from, size_t to,
+                            const saga_rate_features *x)
+{
+    const saga_rate_memory_input in = memory_input(c, s, kind, x);
+
+    return kind == SAGA_KIND_PRIM || !(saga_rate_readers(c, s) >> kind)
+        ? 0 : saga_rate_memory_write(&c->memory, &in, from, to);
+}
+
+int saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
+                               const saga_twin *w, const saga_rate_features *x)
+{
+    int kind;
+
+    if (saga_rate_context_begin(c, s))
+        return -1;
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const size_t n = c->kind[kind].n_blocks * c->memory.width;
+
+        if (saga_rate_context_write(c, s, kind, 0, c->kind[kind].runs.n, x) ||
+            saga_rate_context_read(c, s, w, kind, 0, c->kind[kind].runs.n, x))
+            return -1;
+        memset(c->memory.kind[kind].d_read, 0, n * sizeof(real));
+    }
+    return 0;
+}
+
+int saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
+                                        const saga_scene *s,
+                                        const saga_rate_features *x,
+                                        const saga_rate_features *dx)
+{
+    const uint32_t readers = saga_rate_readers(c, s);
+    int kind;
+
+    saga_rate_memory_clear(&c->memory, s);
+    for (kind = SAGA_N_KINDS - 1; kind >= 0; kind--) {
+        const saga_rate_memory_input in = memory_input(c, s, kind, x);
+
+        if (readers >> kind &&
+            saga_rate_memory_backward(&c->memory, d, dx, &in,
+                                      readers >> kind & 1u))
+            return -1;
+    }
+    return saga_rate_memory_end(&c->memory, d, s);
 }

@@ -7,12 +7,13 @@
  * A kind (SAGA_KIND_*) has blocks: coarse anchors; fine anchors; fine anchors
  * again, each for the primitives under it. Evaluated are the blocks of a list.
  *
- * Sources, in the order of the network's input, F values each:
+ * Sources, in the order of the network's input, F values each, the last D:
  *     HYPER   the hyperprior's network at the block's place, size and count
  *     PARENT  coarse features interpolated at a fine anchor's suffix cell, or
  *             the fine anchor's own features
  *     GROUPS  neighbours of earlier groups of the block's level
- * A memory bank's read would be the fourth.
+ *     MEMORY  what was last read for the block (rate_memory.h): a constant
+ *             between saga_rate_context_remember and its backward pass
  *
  * Neighbours and weights stand still between refreshes, as the scene's twin's
  * do (twin.h); no gradient flows through them, nor through places and sizes.
@@ -28,19 +29,17 @@
 #define SAGA_RATE_CONTEXT_H
 
 #include "links.h"
+#include "rate_memory.h"
+#include "rate_side.h"
 #include "twin.h"
-
-enum {
-    SAGA_RATE_SIZES = 5,     /* log2 half-sizes and count, as HYPER has them */
-    SAGA_RATE_OFFSETS = 5    /* a fine anchor's offset residual, and count / 16:
-                              * what GROUPS reads of it, padded to F */
-};
 
 typedef struct saga_rate_kind {
     size_t n_blocks;
+    saga_rate_runs runs;         /* the order of coding */
     saga_links parent, groups;   /* where the kind has them (scene's ranks) */
     real *phase;                 /* (blocks, 4) of the cells, as embedded; */
-    real *size;                  /* (blocks, 5). Primitives: by the twin */
+    real *size;                  /* (blocks, 5). Primitives: by the twin, as
+                                  * the last forward pass had it */
     /* Of the last forward pass, a row for each block of its list. */
     saga_twin_batch hyper, net;
     real *mu, *d_mu;             /* (rows, channels) reals of the value */
@@ -51,8 +50,9 @@ typedef struct saga_rate_context {
     saga_rate_kind kind[SAGA_N_KINDS];
     uint8_t keep[SAGA_N_KINDS];  /* SAGA_SOURCE_*: the other sources' inputs
                                   * are 0, and learn nothing */
+    saga_rate_memory memory;
     real *scratch;               /* (blocks, F) */
-    real *block;                 /* memory of all of these */
+    real *block;                 /* memory of the kinds' and of scratch */
 } saga_rate_context;
 
 /* Which blocks are evaluated: ranks, ascending. */
@@ -60,14 +60,6 @@ typedef struct saga_rate_list {
     const uint32_t *block;       /* (n) */
     size_t n;
 } saga_rate_list;
-
-/* What the networks read: values, or their gradients. As gradients, members
- * are added to, and NULL ones are not wanted. */
-typedef struct saga_rate_features {
-    real *coarse;                /* (n.coarse, F) coarse features */
-    real *offset;                /* (n.fine, 5) see SAGA_RATE_OFFSETS */
-    real *fine;                  /* (n.fine, F) fine features, after F_fine */
-} saga_rate_features;
 
 #define saga_rate_context_init SAGA_REAL_NAME(saga_rate_context_init)
 #define saga_rate_context_free SAGA_REAL_NAME(saga_rate_context_free)
@@ -77,8 +69,16 @@ typedef struct saga_rate_features {
 #define saga_rate_mu_unit SAGA_REAL_NAME(saga_rate_mu_unit)
 #define saga_rate_mu_q SAGA_REAL_NAME(saga_rate_mu_q)
 #define saga_rate_sources SAGA_REAL_NAME(saga_rate_sources)
+#define saga_rate_columns SAGA_REAL_NAME(saga_rate_columns)
 #define saga_rate_context_forward SAGA_REAL_NAME(saga_rate_context_forward)
 #define saga_rate_context_backward SAGA_REAL_NAME(saga_rate_context_backward)
+#define saga_rate_readers SAGA_REAL_NAME(saga_rate_readers)
+#define saga_rate_context_begin SAGA_REAL_NAME(saga_rate_context_begin)
+#define saga_rate_context_read SAGA_REAL_NAME(saga_rate_context_read)
+#define saga_rate_context_write SAGA_REAL_NAME(saga_rate_context_write)
+#define saga_rate_context_remember SAGA_REAL_NAME(saga_rate_context_remember)
+#define saga_rate_context_remember_backward \
+    SAGA_REAL_NAME(saga_rate_context_remember_backward)
 
 /* Memory for scenes of s's counts whose entropy networks have at most s's
  * inputs; all sources are kept. 0, or -1 without memory: then there is nothing
@@ -114,6 +114,9 @@ int saga_rate_mu_q(const saga_model *m, int kind, size_t channel);
 uint32_t saga_rate_sources(const saga_rate_context *c, const saga_scene *s,
                            int kind);
 
+/* Inputs of an entropy network that are one source's: F, of the memory D. */
+size_t saga_rate_columns(const saga_model *m, uint32_t source);
+
 /* mu and log2_sigma of the listed blocks. Kinds with such sources only. w: its
  * fine_phase and log2_support say where and how large the primitives' anchors
  * are (NULL unless kind is SAGA_KIND_PRIM). 0, or -1 without memory. */
@@ -123,10 +126,40 @@ int saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
                               const saga_rate_features *x);
 
 /* Of the same forward pass, from the kind's d_mu and d_log2_sigma: adds to d's
- * networks and to dx. 0 or -1. */
+ * networks and to dx, and sets the blocks' d_read where the kind reads the
+ * memory. 0 or -1. */
 int saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
                                const saga_scene *s, int kind,
                                saga_rate_list list,
                                const saga_rate_features *dx);
+
+/* --- The memory ---------------------------------------------------------- */
+
+/* Kinds that read it, as bits 1 << kind; 0: it does not run. A level writes if
+ * it reads or one of the kinds after it. */
+uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s);
+
+/* In the order of coding: begin; of each kind, run by run, what the blocks of
+ * runs from .. to - 1 read, if the kind reads, and what they write once they
+ * are decoded, if it writes. w as above, x: what is decoded. 0 or -1. */
+int saga_rate_context_begin(saga_rate_context *c, const saga_scene *s);
+int saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
+                           const saga_twin *w, int kind, size_t from,
+                           size_t to, const saga_rate_features *x);
+int saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
+                            int kind, size_t from, size_t to,
+                            const saga_rate_features *x);
+
+/* All of it at once, x standing for what will be decoded; all d_read become
+ * 0. */
+int saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
+                               const saga_twin *w,
+                               const saga_rate_features *x);
+
+/* Of that, from d_read: adds to d's networks and to dx. 0 or -1. */
+int saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
+                                        const saga_scene *s,
+                                        const saga_rate_features *x,
+                                        const saga_rate_features *dx);
 
 #endif

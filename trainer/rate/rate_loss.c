@@ -27,7 +27,7 @@ _Static_assert(MOST_VALUES >= 4 * SAGA_MAX_CHILDREN, "room for primitives");
 /* Of the entropy networks. */
 static size_t n_params_of(const saga_scene *s)
 {
-    return (size_t)(s->net[SAGA_N_ENTROPY_NETS].w[0] - s->params);
+    return (size_t)(s->net[SAGA_NET_FUSE_C].w[0] - s->params);
 }
 
 int saga_rate_init(saga_rate *r, const saga_scene *s)
@@ -37,7 +37,7 @@ int saga_rate_init(saga_rate *r, const saga_scene *s)
     int net;
 
     memset(r, 0, sizeof *r);
-    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++)
+    for (net = 0; net < SAGA_N_NETS; net++)
         r->plan.step[net] = ldexp(1, -SAGA_RATE_FINEST);
     r->mu_feature = calloc(coarse * s->model.features + 1,
                            sizeof *r->mu_feature);
@@ -270,13 +270,14 @@ static void begin_as_constants(saga_net *net, const saga_model *m,
 saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
 {
     saga_scene to = *s;
-    int net, l;
+    int n, l;
     size_t i;
 
     if (!r->plan.decided)
         return to;
     memcpy(r->params, s->params, n_params_of(s) * sizeof *r->params);
-    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++) {
+    for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
+        const int net = saga_scene_net(n);
         saga_net *const f = &to.net[net];
         const real step = R(r->plan.step[net]);
 
@@ -288,6 +289,21 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
         }
     }
     return to;
+}
+
+/* A slot's number enters as a 1 among zeros: weights as large as if it were all
+ * of its layer's variance. The gate's bias is sigmoid^-1(1/8). */
+static void begin_memory(saga_scene *s)
+{
+    const saga_net *const slot = &s->net[SAGA_NET_SLOT];
+    const saga_net *const write = &s->net[SAGA_NET_WRITE];
+    const size_t n = (size_t)slot->dim[0] * (size_t)slot->dim[1];
+    const real gain = R(sqrt((double)slot->dim[0]));
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        slot->w[0][i] *= gain;
+    write->b[0][s->model.memory_width] = R(-1.9459101490553132);
 }
 
 static void remember_mu(saga_rate *r, const saga_model *m, size_t block,
@@ -307,8 +323,18 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
         begin_as_constants(&s->net[SAGA_NET_E_COARSE + kind], &s->model,
                            &r->constants, kind);
     }
+    if (s->model.tools & SAGA_TOOL_MEMORY)
+        begin_memory(s);
     for (i = 0; i < s->n.coarse; i++)
         remember_mu(r, &s->model, i, r->constants.mean[SAGA_KIND_COARSE]);
+}
+
+/* offset: as they are, or as coded. */
+static saga_rate_features features_of(const saga_rate_input *x, real *offset)
+{
+    const saga_rate_features f = { x->feature, offset, x->twin->fine_feature };
+
+    return f;
 }
 
 /* mu and log2 sigma of the listed blocks, by networks or constants. */
@@ -316,8 +342,7 @@ static int predict(saga_rate *r, const saga_rate_input *x, int kind,
                    saga_rate_list list, real *offset)
 {
     const saga_scene *const s = x->scene;
-    const saga_rate_features features = { x->feature, offset,
-                                          x->twin->fine_feature };
+    const saga_rate_features features = features_of(x, offset);
     const size_t channels = saga_n_channels(&s->model, kind);
     saga_rate_kind *const k = &r->context.kind[kind];
     size_t i;
@@ -453,15 +478,25 @@ int saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
 {
     const saga_scene rounded = saga_rate_rounded(r, x->scene);
     const saga_rate_input y = { &rounded, x->twin, x->feature };
+    const saga_rate_features features = features_of(&y, r->offset);
+    const saga_rate_features dx = { d->coarse_feature, NULL,
+                                    x->twin->d_fine_feature };
+    const int remember = o->remember &&
+                         saga_rate_readers(&r->context, &rounded);
     job j = { r, d, &y, o, 0, { 0 } };
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
+    if (remember && saga_rate_context_remember(&r->context, &rounded, y.twin,
+                                               &features))
+        return -1;
     for (; j.kind < SAGA_N_KINDS; j.kind++) {
         j.noise = saga_rng_stream(o->seed, (uint64_t)j.kind);
         if (step_kind(bits, &j))
             return -1;
     }
-    return 0;
+    return remember ? saga_rate_context_remember_backward(
+                          &r->context, d, &rounded, &features, &dx)
+                    : 0;
 }
 
 real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i)
@@ -531,38 +566,46 @@ static int code_list(double bits[SAGA_N_STEPS], saga_rate *r,
     return 0;
 }
 
-static saga_rate_list group_of(saga_rate *r, const saga_scene *s, int kind,
-                               uint32_t group)
+/* Counts are known before offsets. */
+static void begin_offsets(saga_rate *r, const saga_scene *s)
 {
-    saga_rate_list list = { r->list, 0 };
-    uint32_t i;
-
-    for (i = 0; i < r->context.kind[kind].n_blocks; i++)
-        if ((kind == SAGA_KIND_COARSE ? s->coarse[i].group
-                                      : s->fine[i].group) == group)
-            r->list[list.n++] = i;
-    return list;
+    memcpy(r->decoded, r->offset,
+           SAGA_RATE_OFFSETS * (size_t)s->n.fine * sizeof *r->decoded);
 }
 
 int saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
                    const saga_rate_input *x, int kind)
 {
-    const saga_scene *const s = x->scene;
-    uint32_t group;
+    const saga_rate_runs *const runs = &r->context.kind[kind].runs;
+    const saga_rate_features features = features_of(x, r->decoded);
+    saga_rate_context *const c = &r->context;
+    size_t i;
 
-    /* Counts too. */
+    if (kind == SAGA_KIND_COARSE && saga_rate_context_begin(c, x->scene))
+        return -1;
     if (kind == SAGA_KIND_FINE)
-        memcpy(r->decoded, r->offset,
-               SAGA_RATE_OFFSETS * (size_t)s->n.fine * sizeof *r->decoded);
-    if (kind == SAGA_KIND_PRIM)
-        return code_list(bits, r, x, kind, every_one(r, kind, 0, 1));
-    for (group = 0; group < s->model.level[kind].n_groups; group++)
-        if (code_list(bits, r, x, kind, group_of(r, s, kind, group)))
+        begin_offsets(r, x->scene);
+    for (i = 0; i < runs->n; i++) {
+        const saga_rate_list list = { runs->block + runs->begin[i],
+                                      runs->begin[i + 1] - runs->begin[i] };
+
+        if (saga_rate_context_read(c, x->scene, x->twin, kind, i, i + 1,
+                                   &features) ||
+            code_list(bits, r, x, kind, list) ||
+            saga_rate_context_write(c, x->scene, kind, i, i + 1, &features))
             return -1;
+    }
     return 0;
 }
 
 int saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
 {
-    return predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);
+    const size_t n = r->context.kind[kind].runs.n;
+    const saga_rate_features features = features_of(x, r->decoded);
+
+    return saga_rate_context_write(&r->context, x->scene, kind, 0, n,
+                                   &features) ||
+           saga_rate_context_read(&r->context, x->scene, x->twin, kind, 0, n,
+                                  &features)
+        ? -1 : predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);
 }

@@ -24,15 +24,16 @@ typedef struct saga_rate_constants {
 } saga_rate_constants;
 
 enum {
-    SAGA_N_ENTROPY_NETS = SAGA_NET_E_PRIM + 1, /* they come first */
-    SAGA_RATE_FINEST = 9         /* steps of their weights: 2^-9 or coarser */
+    SAGA_RATE_FINEST = 9         /* steps of the entropy networks' weights: 2^-9
+                                  * or coarser */
 };
 
-/* Bits of a kind's residuals and of its network, the hyperprior apart, when its
- * sources were chosen. */
+/* Bits of a kind's residuals and of its network, hyperprior and memory apart,
+ * when its sources were chosen. */
 typedef struct saga_rate_gain {
     double constants;            /* residuals without sources, */
     double networks;             /* with those that were trained, */
+    double forgetful;            /* with these but for the memory, */
     double chosen;               /* and with those that were kept */
     double weights;              /* of the network that is kept; 0: constants */
 } saga_rate_gain;
@@ -40,9 +41,13 @@ typedef struct saga_rate_gain {
 /* What was found to be worth its bytes (rate_choice.h). */
 typedef struct saga_rate_plan {
     uint64_t decided;            /* 1: by then; 0: everything is kept */
-    double step[SAGA_N_ENTROPY_NETS]; /* of the weights, reals */
+    double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
     saga_rate_gain gain[SAGA_N_KINDS];
     double hyper_weights;        /* bits; 0: no kind reads it */
+    double memory_weights;       /* the same of the memory's networks */
+    double memory_net;           /* bits of all that is kept less those of the
+                                  * best without a memory, if it were kept:
+                                  * below 0, and it is kept */
 } saga_rate_plan;
 
 typedef struct saga_rate {
@@ -71,6 +76,9 @@ typedef struct saga_rate_options {
     uint32_t first, every;       /* blocks first, first + every, ... stand for
                                   * all of their kind */
     bool rounding;               /* offsets rounded, or with noise of a step */
+    bool remember;               /* the memory is read anew, and learns; if any
+                                  * kind reads it. Else what was last read is a
+                                  * constant */
     uint64_t seed;               /* of the noise */
     real weight;                 /* of a bit in the loss */
 } saga_rate_options;
@@ -102,7 +110,8 @@ int saga_rate_refresh(saga_rate *r, const saga_scene *s);
 void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
 
 /* Before the first step: constants of all kinds; networks begin as them (s's
- * last layers: biases alone), features are rounded against them. */
+ * last layers: biases alone), features are rounded against them. The memory
+ * begins with slots that differ and gates of 1/8. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
 /* The value nearest to feature i (of n.coarse * F) that can be coded. */
@@ -129,7 +138,7 @@ int saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
                    const saga_rate_input *x, int kind);
 
 /* The parameters of all blocks of a kind at once, from what saga_rate_code
- * left: for the ranges in the kind's batches. 0 or -1. */
+ * left: for the ranges in the kind's batches and the memory's. 0 or -1. */
 int saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind);
 
 #endif

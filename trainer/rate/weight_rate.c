@@ -21,7 +21,7 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
     int i, k;
 
     memset(w, 0, sizeof *w);
-    for (i = SAGA_NET_FUSE_C; i < SAGA_N_NETS; i++)
+    for (i = SAGA_NET_FUSE_C; i < SAGA_NET_QUERY; i++)
         for (k = 0; k < net[i].n_layers && net[i].dim[0] > 0; k++) {
             const size_t rows = (size_t)net[i].dim[k + 1];
 

@@ -52,7 +52,7 @@ typedef struct saga_weights {
 #define saga_weights_noise SAGA_REAL_NAME(saga_weights_noise)
 #define saga_weights_rate SAGA_REAL_NAME(saga_weights_rate)
 
-/* The tensors of the nets after the entropy model's (rate_loss.h); params is
+/* The tensors of the nets that are not the entropy model's (scene.h); params is
  * what the nets are bound into (saga_net_bind). Steps are 1. */
 void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
                        const real *params);

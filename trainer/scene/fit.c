@@ -12,6 +12,10 @@
  * learning rate of the pictures, while Adam's moments fill anew. */
 enum { REFRESH_EVERY = 50, RAMP = 300 };
 
+/* Of its learning rate that of the other entropy networks: it has fewer
+ * steps. */
+#define MEMORY_RATE 2
+
 /* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START };
 
@@ -21,7 +25,13 @@ enum { RATE_EVERY = 4 };
 /* With lambda 0 the entropy networks still learn what they are to code. */
 #define LEAST_LAMBDA 1e-9
 
-enum { T_FEATURE, T_PRIM, T_ENTROPY, T_PARAMS, T_STEPS, N_TENSORS };
+/* Every how many iterations the memory is read anew, and learns: what it costs
+ * is told in docs/decisions.md. */
+enum { REMEMBER_EVERY = 16 };
+
+enum {
+    T_FEATURE, T_PRIM, T_ENTROPY, T_MEMORY, T_PARAMS, T_STEPS, N_TENSORS
+};
 
 saga_fit_options saga_fit_defaults(void)
 {
@@ -263,6 +273,16 @@ static int is_rounding(const saga_fit *f)
     return f->iteration - f->o.n_regress >= saga_fit_first_rounding(f);
 }
 
+/* From the first iteration of the rendering on; and where the rounding begins,
+ * which leaves reads of another model. */
+static int is_remembering(const saga_fit *f)
+{
+    const int done = f->iteration - f->o.n_regress;
+
+    return saga_rate_readers(&f->rate.context, f->scene) &&
+           (done % REMEMBER_EVERY == 0 || done == saga_fit_first_rounding(f));
+}
+
 double saga_fit_bit_price(const saga_fit *f)
 {
     return fmax((double)f->o.lambda, LEAST_LAMBDA) /
@@ -274,7 +294,7 @@ double saga_fit_bit_price(const saga_fit *f)
 static saga_fit_status rate_step(saga_fit *f)
 {
     const saga_rate_input x = rate_input(f, f->feature);
-    const saga_rate_options o = {
+    saga_rate_options o = {
         .first = (uint32_t)f->iteration % RATE_EVERY, .every = RATE_EVERY,
         .rounding = is_rounding(f),
         .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
@@ -284,6 +304,11 @@ static saga_fit_status rate_step(saga_fit *f)
     if (o.rounding && !f->rate.plan.decided &&
         saga_rate_decide(&f->rate, f->scene, &x))
         return SAGA_FIT_MEMORY;
+    if (is_remembering(f)) {
+        o.first = 0;
+        o.every = 1;
+        o.remember = true;
+    }
     return saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o)
         ? SAGA_FIT_MEMORY : SAGA_FIT_OK;
 }
@@ -337,9 +362,11 @@ static int descend(saga_fit *f, real features, real positions, real entropy,
 {
     saga_scene *const s = f->scene;
     const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
-    /* They come first. */
+    /* They come first, those of the memory last among them. */
     const size_t n_entropy = (size_t)(s->net[SAGA_NET_FUSE_C].w[0] -
                                       s->params);
+    const size_t n_memory = s->net[SAGA_NET_QUERY].n_layers
+        ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
     const size_t still = saga_fit_n_still(f);
     const size_t first = still > n_entropy ? still : n_entropy;
     saga_adam_tensor t[N_TENSORS];
@@ -348,8 +375,11 @@ static int descend(saga_fit *f, real features, real positions, real entropy,
            (size_t)s->n.coarse * s->model.features, features);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
            4 * (size_t)s->n.prim, positions);
-    tensor(&t[T_ENTROPY], f, "entropy networks", s->params, n_entropy,
-           entropy);
+    tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
+           n_entropy - n_memory, entropy);
+    tensor(&t[T_MEMORY], f, "the memory's networks",
+           s->params + n_entropy - n_memory, n_memory,
+           is_remembering(f) ? MEMORY_RATE * entropy : 0);
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
            saga_fit_n_params(s) - first, networks);
     t[T_STEPS] = (saga_adam_tensor){

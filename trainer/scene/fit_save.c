@@ -8,7 +8,7 @@
  */
 #include "fit_state.h"
 
-#define MAGIC 0x3354494647415331u   /* "1SAGFIT3" */
+#define MAGIC 0x3454494647415331u   /* "1SAGFIT4" */
 
 typedef struct {
     FILE *file;
@@ -82,6 +82,14 @@ static void walk_twin(stream *s, saga_twin *w)
     walk(s, w->prim_phase, prim);
 }
 
+/* What the iterations between two readings of the memory take from it. */
+static void walk_reads(stream *s, const saga_rate_context *c)
+{
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        walk(s, c->memory.kind[kind].read,
+             c->kind[kind].n_blocks * c->memory.width * sizeof(real));
+}
+
 static bool walk_fit(stream *s, saga_fit *f)
 {
     const size_t n = f->scene->n_reals * sizeof(real);
@@ -102,6 +110,7 @@ static bool walk_fit(stream *s, saga_fit *f)
          (size_t)f->scene->model.features * sizeof(real));
     walk(s, f->rate.context.keep, sizeof f->rate.context.keep);
     walk(s, &f->rate.plan, sizeof f->rate.plan);
+    walk_reads(s, &f->rate.context);
     walk(s, f->bits, sizeof f->bits);
     walk(s, f->weights.log2_step, sizeof f->weights.log2_step);
     walk(s, f->weights.m, sizeof f->weights.m);

@@ -58,7 +58,7 @@ int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
 {
     size_t n_params;
     real *at;
-    int net;
+    int i;
 
     memset(s, 0, sizeof *s);
     s->model = *m;
@@ -70,7 +70,8 @@ int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
         return -1;
     }
     at = s->params;
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (i = 0; i < SAGA_N_NETS; i++) {
+        const int net = saga_scene_net(i);
         saga_net *const f = &s->net[net];
 
         if (f->n_layers == 0)

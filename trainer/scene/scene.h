@@ -43,9 +43,27 @@ typedef struct saga_scene {
     real *coarse_feature;    /* (n.coarse, F) */
     real *fine_x;            /* (n.fine, 4) */
     real *prim_x;            /* (n.prim, 4) mean at its own time, and time */
-    real *params;            /* all networks */
+    real *params;            /* all networks, the entropy model's first */
     saga_net net[SAGA_N_NETS]; /* bound into params; n_layers = 0: absent */
 } saga_scene;
+
+/* The networks of the entropy model are those before FUSE_C and, with a memory,
+ * those from QUERY on. Network number i in the order of params: */
+enum {
+    SAGA_N_ENTROPY_NETS = SAGA_NET_FUSE_C + SAGA_N_NETS - SAGA_NET_QUERY
+};
+
+static inline int saga_scene_net(int i)
+{
+    return i < SAGA_NET_FUSE_C ? i
+         : i < SAGA_N_ENTROPY_NETS ? i + SAGA_NET_QUERY - SAGA_NET_FUSE_C
+         : i + SAGA_NET_FUSE_C - SAGA_N_ENTROPY_NETS;
+}
+
+static inline int saga_is_entropy_net(int net)
+{
+    return net < SAGA_NET_FUSE_C || net >= SAGA_NET_QUERY;
+}
 
 #define saga_scene_init SAGA_REAL_NAME(saga_scene_init)
 #define saga_scene_free SAGA_REAL_NAME(saga_scene_free)

@@ -1,0 +1,113 @@
+/* SPDX-License-Identifier: MIT */
+#include "rate_side.h"
+
+#include "embedding.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* --- Runs ---------------------------------------------------------------- */
+
+/* Blocks of primitives of a run: enough for the products to be large. */
+enum { LEAST_PRIM_RUN = 256 };
+
+static uint32_t most_blocks(const saga_scene *s, int kind)
+{
+    const uint32_t most = s->model.memory_blocks;
+
+    if (!(s->model.tools & SAGA_TOOL_MEMORY))
+        return UINT32_MAX;
+    return kind == SAGA_KIND_PRIM && most < LEAST_PRIM_RUN ? LEAST_PRIM_RUN
+                                                           : most;
+}
+
+static uint32_t n_groups(const saga_scene *s, int kind)
+{
+    return kind == SAGA_KIND_PRIM ? 1 : s->model.level[kind].n_groups;
+}
+
+static uint32_t group_of(const saga_scene *s, int kind, size_t block)
+{
+    return kind == SAGA_KIND_COARSE ? s->coarse[block].group
+         : kind == SAGA_KIND_FINE ? s->fine[block].group : 0;
+}
+
+size_t saga_rate_runs_most(const saga_scene *s, int kind)
+{
+    return n_groups(s, kind) +
+           saga_rate_n_blocks(s, kind) / most_blocks(s, kind);
+}
+
+int saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind)
+{
+    r->n = 0;
+    r->block = calloc(saga_rate_n_blocks(s, kind) + 1, sizeof *r->block);
+    r->begin = calloc(saga_rate_runs_most(s, kind) + 1, sizeof *r->begin);
+    return r->block && r->begin ? 0 : -1;
+}
+
+void saga_rate_runs_free(saga_rate_runs *r)
+{
+    free(r->block);
+    free(r->begin);
+    memset(r, 0, sizeof *r);
+}
+
+void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind)
+{
+    const uint32_t most = most_blocks(s, kind);
+    const size_t n = saga_rate_n_blocks(s, kind);
+    uint32_t at = 0, group;
+    size_t i;
+
+    r->n = 0;
+    for (group = 0; group < n_groups(s, kind); group++) {
+        const uint32_t first = at;
+
+        for (i = 0; i < n; i++)
+            if (group_of(s, kind, i) == group) {
+                if ((at - first) % most == 0)
+                    r->begin[r->n++] = at;
+                r->block[at++] = (uint32_t)i;
+            }
+    }
+    r->begin[r->n] = at;
+}
+
+/* --- Inputs -------------------------------------------------------------- */
+
+real *saga_rate_side(real *row, const saga_model *m, const real phase[4],
+                     const real size[SAGA_RATE_SIZES])
+{
+    real *const sizes = row + saga_pe_size(m);
+
+    saga_embedding_forward(row, saga_pe_size(m), phase, 1, 4, m->octaves);
+    memcpy(sizes, size, SAGA_RATE_SIZES * sizeof *row);
+    return sizes + SAGA_RATE_SIZES;
+}
+
+/* --- Clamps -------------------------------------------------------------- */
+
+real saga_rate_most(int q)
+{
+    return R(32767) / R(1 << q);
+}
+
+void saga_rate_clamp(real *x, size_t n, int q)
+{
+    const real most = saga_rate_most(q);
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        x[i] = x[i] < -most ? -most : x[i] > most ? most : x[i];
+}
+
+void saga_rate_through(real *d, const real *x, size_t n, int q)
+{
+    const real most = saga_rate_most(q);
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        if ((x[i] <= -most && d[i] > 0) || (x[i] >= most && d[i] < 0))
+            d[i] = 0;
+}
