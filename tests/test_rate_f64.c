@@ -92,12 +92,23 @@ static double loss(rate_scene *f, saga_scene *d)
     return f->o.weight * (bits[0] + bits[1] + bits[2] + bits[3]);
 }
 
-/* Central differences of step 1e-6; a ReLU's corner within the step may make
- * one in a hundred differ. */
+static double rms(const real *x, size_t n)
+{
+    double sum = 0;
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        sum += x[i] * x[i];
+    return sqrt(sum / (double)n);
+}
+
+/* Central differences of step 1e-6, to 2e-5 of a gradient and of their root
+ * mean square, and to what rounding leaves of a loss of some hundred (1e-7); a
+ * ReLU's corner within the step may make one in a hundred differ. */
 static void check_range(rate_scene *f, const char *what, real *x, const real *g,
                         size_t n)
 {
-    const double h = 1e-6;
+    const double h = 1e-6, unit = fmin(1, rms(g, n));
     saga_scene probe;
     size_t i, wrong = 0, alive = 0;
 
@@ -115,7 +126,7 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
         x[i] = keep;
         want = (up - down) / (2 * h);
         alive += fabs(want) > 1e-6;
-        wrong += fabs(want - g[i]) > 2e-5 * (1 + fabs(want));
+        wrong += fabs(want - g[i]) > 2e-5 * (unit + fabs(want)) + 1e-7;
     }
     printf("  %s: %zu of %zu differ, %zu are not 0\n", what, wrong, n, alive);
     saga_scene_free(&probe);
@@ -130,7 +141,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     saga_model m;
     real *d_fine;
     size_t n_fine, n_params;
-    int kind;
+    int kind, i;
 
     rate_scene_model(&m);
     if (tools)
@@ -152,6 +163,9 @@ static void check_gradients(uint8_t keep, uint32_t tools)
                 f.s.n.coarse * (size_t)f.s.model.features);
     check_range(&f, "fine features", f.w.fine_feature, d_fine, n_fine);
     check_range(&f, "networks", f.s.params, f.d.params, n_params);
+    for (i = SAGA_NET_QUERY; tools && i < SAGA_N_NETS; i++)
+        check_range(&f, "a network of the memory", f.s.net[i].w[0],
+                    f.d.net[i].w[0], saga_net_n_params(&f.s.net[i]));
     free(d_fine);
     rate_scene_free(&f);
 }
