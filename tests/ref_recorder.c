@@ -60,7 +60,7 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     for (i = 0; i < n; i++)
         to[i] = q[i];
     if (r->watch)
-        r->watch(r->user, at, mu, scale, n);
+        r->watch(r->user, r->sc, at, mu, scale, n);
     r->n_symbols += n;
     c->error = r->inner->error;
 }
@@ -275,6 +275,7 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     saga_scaffold_alloc(&sc, &h->model, nets, params, seg.n);
     r.watch = like->watch;
     r.user = like->user;
+    r.sc = &sc;
     ok = recorder_layers(&r.coder, &r.inner, &sc, final_range, p, n);
     saga_scaffold_free(&sc);
     return ok;

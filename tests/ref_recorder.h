@@ -13,15 +13,18 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Told of every block of residuals, and what it was coded with. */
-typedef void recorder_watch(void *user, saga_at at, const int16_t *mu,
-                            const uint8_t *scale, uint32_t n);
+/* Told of every block of residuals, and what it was coded with. sc: as it was
+ * then. */
+typedef void recorder_watch(void *user, const saga_scaffold *sc, saga_at at,
+                            const int16_t *mu, const uint8_t *scale,
+                            uint32_t n);
 
 typedef struct recorder {
     saga_coder coder;
     saga_coder *inner;
     recorder_watch *watch;       /* or NULL */
     void *user;
+    const saga_scaffold *sc;     /* for the watch */
     saga_symbols *s;             /* arrays with room for their counts */
     uint32_t cap_nodes;
     saga_net_symbols *nets;      /* the same */
