@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * What is kept of an entropy model: sources that foretell, by construction, and
- * no others. And that coding what was coded changes nothing.
+ * What is kept of an entropy model: sources that foretell, by construction or
+ * because they learned to, and no others. And that coding what was coded
+ * changes nothing, run by run or all at once.
  */
+#include "adam.h"
 #include "rate_choice.h"
 #include "rate_scene.h"
 
@@ -38,13 +40,10 @@ static void clear_net(saga_net *net)
 }
 
 /* Coarse features become 4 times the sine of half a turn along x, in all
- * channels, and networks that say so from the hyperprior's first input. */
-static void foretell(rate_scene *f)
+ * channels. */
+static void foretell_by_place(rate_scene *f)
 {
-    const size_t channels = saga_n_channels(&f->s.model, SAGA_KIND_COARSE);
     const size_t n = f->s.model.features;
-    saga_net *const hyper = &f->s.net[SAGA_NET_HYPER];
-    saga_net *const net = &f->s.net[SAGA_NET_E_COARSE];
     size_t i, k;
 
     for (i = 0; i < f->s.n.coarse; i++)
@@ -53,6 +52,18 @@ static void foretell(rate_scene *f)
                 4 * sin(1.5707963267948966 *
                         (double)f->r.context.kind[0].phase[4 * i]));
     begin_as_constants(f);
+}
+
+/* And networks say so from the hyperprior's first input. */
+static void foretell(rate_scene *f)
+{
+    const size_t channels = saga_n_channels(&f->s.model, SAGA_KIND_COARSE);
+    const size_t n = f->s.model.features;
+    saga_net *const hyper = &f->s.net[SAGA_NET_HYPER];
+    saga_net *const net = &f->s.net[SAGA_NET_E_COARSE];
+    size_t k;
+
+    foretell_by_place(f);
     clear_net(hyper);
     pass_through(hyper, 0, 0, 1);
     /* All but the last layer's biases. */
@@ -74,13 +85,38 @@ static void decide(rate_scene *f)
     assert_int_equal(f->r.plan.decided, 1);
 }
 
-static void decide_should_drop_what_foretells_nothing(void **state)
+/* With or without a memory. */
+static void make_scene(rate_scene *f, uint32_t depth, uint32_t tools)
+{
+    saga_model m;
+
+    rate_scene_model(&m);
+    if (tools)
+        rate_scene_memory(&m, tools);
+    rate_scene_make(f, &m, depth);
+}
+
+static void should_have_no_memory(rate_scene *f)
+{
+    const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
+    saga_rate_choice c;
+    int net;
+
+    assert_int_equal(saga_rate_choice_init(&c, &f->r, &x), 0);
+    assert_true(f->r.plan.memory_net >= 0 && f->r.plan.memory_weights <= 0);
+    assert_int_equal(c.scene.model.tools, SAGA_TOOLS_PICTURE);
+    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
+        assert_int_equal(c.scene.net[net].n_layers, 0);
+    assert_true(saga_model_is_valid(&c.scene.model));
+    saga_rate_choice_free(&c);
+}
+
+static void should_drop_everything(uint32_t tools)
 {
     rate_scene f;
     int kind;
 
-    (void)state;
-    rate_scene_init(&f, 3);
+    make_scene(&f, 3, tools);
     begin_as_constants(&f);
     decide(&f);
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
@@ -92,7 +128,15 @@ static void decide_should_drop_what_foretells_nothing(void **state)
         assert_true(g->weights <= 0);
     }
     assert_true(f.r.plan.hyper_weights <= 0);
+    should_have_no_memory(&f);
     rate_scene_free(&f);
+}
+
+static void decide_should_drop_what_foretells_nothing(void **state)
+{
+    (void)state;
+    should_drop_everything(0);
+    should_drop_everything(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
 }
 
 static void decide_should_keep_what_foretells(void **state)
@@ -117,9 +161,107 @@ static void decide_should_keep_what_foretells(void **state)
     rate_scene_free(&f);
 }
 
+/* Everything learns for a while, the memory in each step. */
+static void learn(rate_scene *f, int n)
+{
+    const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
+    const saga_adam adam = { 0.9f, 0.999f, 1e-15f };
+    const size_t n_params = (size_t)(f->s.net[SAGA_NET_FUSE_C].w[0] -
+                                     f->s.params);
+    real *const m = calloc(2 * n_params, sizeof *m);
+    saga_adam_tensor t = { "networks", f->s.params, f->d.params, m,
+                           m + n_params, n_params, 0.004f };
+    saga_adam_fault fault;
+    double bits[SAGA_N_STEPS];
+    int i;
+
+    assert_non_null(m);
+    f->o.remember = true;
+    for (i = 1; i <= n; i++) {
+        memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
+        assert_int_equal(saga_rate_step(bits, &f->r, &f->d, &x, &f->o), 0);
+        assert_int_equal(saga_adam_step(&fault, &adam, &t, 1, (uint64_t)i), 0);
+    }
+    free(m);
+}
+
+/* Features that follow from the place, by no source but the memory: a query
+ * knows its place. */
+static void decide_should_keep_a_memory_that_learned(void **state)
+{
+    const saga_rate_gain *g;
+    rate_scene f;
+    saga_model m;
+
+    (void)state;
+    rate_scene_model(&m);
+    rate_scene_memory(&m, SAGA_TOOL_MEMORY);
+    memset(m.sources, 0, sizeof m.sources);
+    m.sources[SAGA_KIND_COARSE] = SAGA_SOURCE_MEMORY;
+    rate_scene_make(&f, &m, 3);
+    foretell_by_place(&f);
+    learn(&f, 1500);
+    decide(&f);
+    g = &f.r.plan.gain[SAGA_KIND_COARSE];
+    printf("  coarse: %.0f bits with constants, chosen %.0f; weights %.0f and "
+           "%.0f, net %.0f\n", g->constants, g->chosen, g->weights,
+           f.r.plan.memory_weights, f.r.plan.memory_net);
+    assert_int_equal(f.r.context.keep[SAGA_KIND_COARSE], SAGA_SOURCE_MEMORY);
+    assert_true(f.r.plan.memory_weights > 0);
+    assert_true(g->chosen + g->weights + f.r.plan.memory_weights <
+                g->constants);
+    assert_true(f.r.plan.memory_net < 0);
+    rate_scene_free(&f);
+}
+
+static void copy_reads(real *to, const rate_scene *f)
+{
+    const saga_rate_context *const c = &f->r.context;
+    int kind;
+
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const size_t n = c->kind[kind].n_blocks * c->memory.width;
+
+        memcpy(to, c->memory.kind[kind].read, n * sizeof *to);
+        to += n;
+    }
+}
+
+/* A step of the memory sees what is coded before it and nothing else: with what
+ * is decoded, all of its steps at once give what they gave one by one. */
+static void memory_should_be_causal(void **state)
+{
+    double bits[SAGA_N_STEPS] = { 0 };
+    real *one, *all;
+    rate_scene f;
+    size_t n;
+    int kind;
+
+    (void)state;
+    make_scene(&f, 2, SAGA_TOOL_MEMORY);
+    n = (f.s.n.coarse + 2 * (size_t)f.s.n.fine) * f.s.model.memory_width;
+    one = malloc(n * sizeof *one);
+    all = malloc(n * sizeof *all);
+    assert_true(one && all);
+    {
+        const saga_rate_input x = { &f.s, &f.w, f.s.coarse_feature };
+
+        for (kind = 0; kind < SAGA_N_KINDS; kind++)
+            assert_int_equal(saga_rate_code(bits, &f.r, &x, kind), 0);
+        copy_reads(one, &f);
+        for (kind = 0; kind < SAGA_N_KINDS; kind++)
+            assert_int_equal(saga_rate_all(&f.r, &x, kind), 0);
+        copy_reads(all, &f);
+    }
+    assert_memory_equal(one, all, n * sizeof *one);
+    free(one);
+    free(all);
+    rate_scene_free(&f);
+}
+
 /* Where nothing is left out but columns of zeros, the reduced networks give
  * the same parameters and so the same code. */
-static void choice_should_code_as_the_rate_does(void **state)
+static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
 {
     rate_scene f;
     saga_rate_choice c;
@@ -128,13 +270,10 @@ static void choice_should_code_as_the_rate_does(void **state)
     real *feature;
     int kind;
 
-    (void)state;
-    rate_scene_init(&f, 2);
+    make_scene(&f, 2, tools);
     foretell(&f);
     decide(&f);
-    f.r.context.keep[SAGA_KIND_COARSE] = SAGA_SOURCE_HYPER;
-    f.r.context.keep[SAGA_KIND_FINE] = SAGA_SOURCE_GROUPS;
-    f.r.context.keep[SAGA_KIND_PRIM] = SAGA_SOURCE_PARENT;
+    memcpy(f.r.context.keep, keep, SAGA_N_KINDS);
     n = f.s.n.coarse * (size_t)f.s.model.features;
     feature = malloc(n * sizeof *feature);
     assert_non_null(feature);
@@ -154,7 +293,9 @@ static void choice_should_code_as_the_rate_does(void **state)
         assert_int_equal(saga_rate_choice_code(&c, &f.r, &x, SAGA_KIND_COARSE,
                                                SAGA_KIND_PRIM), 0);
     }
-    assert_int_equal(c.scene.net[SAGA_NET_E_FINE].dim[0], f.s.model.features);
+    assert_true(saga_model_is_valid(&c.scene.model));
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        assert_int_equal(c.scene.model.sources[kind], keep[kind]);
     for (i = 0; i < SAGA_N_STEPS; i++)
         assert_true(fabs(c.bits[i] - bits[i]) <= 1e-9 * bits[i]);
     saga_rate_choice_free(&c);
@@ -162,11 +303,29 @@ static void choice_should_code_as_the_rate_does(void **state)
     rate_scene_free(&f);
 }
 
+static void choice_should_code_as_the_rate_does(void **state)
+{
+    static const uint8_t without[SAGA_N_KINDS] = {
+        SAGA_SOURCE_HYPER, SAGA_SOURCE_GROUPS, SAGA_SOURCE_PARENT
+    };
+    static const uint8_t with[SAGA_N_KINDS] = {
+        SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY, SAGA_SOURCE_GROUPS,
+        SAGA_SOURCE_MEMORY
+    };
+
+    (void)state;
+    should_code_alike(0, without);
+    should_code_alike(SAGA_TOOL_MEMORY, without);
+    should_code_alike(SAGA_TOOL_MEMORY, with);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(decide_should_drop_what_foretells_nothing),
         cmocka_unit_test(decide_should_keep_what_foretells),
+        cmocka_unit_test(decide_should_keep_a_memory_that_learned),
+        cmocka_unit_test(memory_should_be_causal),
         cmocka_unit_test(choice_should_code_as_the_rate_does)
     };
 
