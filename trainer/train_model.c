@@ -21,7 +21,6 @@ static void set_levels(saga_model *m, const saga_train_options *o)
     for (int i = 0; i < SAGA_N_LEVELS; i++) {
         saga_level *const l = &m->level[i];
 
-        l->n_groups = 8;
         l->window = 16;
         l->neighbours = 4;
         l->suffix_bits = 4;
@@ -36,19 +35,32 @@ static void set_levels(saga_model *m, const saga_train_options *o)
     }
 }
 
+/* Sources of every kind, as far as o lets them. */
+static void set_sources(saga_model *m, const saga_train_entropy_options *o)
+{
+    const uint8_t hyper = o->no_hyper ? 0 : SAGA_SOURCE_HYPER;
+    const uint8_t parent = o->no_parent ? 0 : SAGA_SOURCE_PARENT;
+    const uint8_t groups = o->groups == 1 ? 0 : SAGA_SOURCE_GROUPS;
+
+    m->sources[SAGA_KIND_COARSE] = hyper | groups;
+    m->sources[SAGA_KIND_FINE] = hyper | parent | groups;
+    m->sources[SAGA_KIND_PRIM] = hyper | parent;
+    for (int i = 0; i < SAGA_N_LEVELS; i++)
+        m->level[i].n_groups = o->groups ? o->groups : 8;
+}
+
 /* All sources, until the rate decides what is worth its weights. Formats as
  * coarse as features are: inputs reach +-32. Of 4,000 primitives' offsets and
  * their network 8 hidden units make 5,990 bytes, 16 6,260, 24 6,760 (constants:
  * 7,320); what 16 gain over 8 grows with the primitives and pays for their
  * weights from about 20,000 on. */
-static void set_entropy(saga_model *m, uint32_t n_primitives)
+void saga_train_entropy_model(saga_model *m,
+                              const saga_train_entropy_options *o,
+                              uint32_t n_primitives)
 {
     const uint8_t width = n_primitives < 20000 ? 8 : 16;
 
-    m->sources[SAGA_KIND_COARSE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_GROUPS;
-    m->sources[SAGA_KIND_FINE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
-                                 SAGA_SOURCE_GROUPS;
-    m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
+    set_sources(m, o);
     for (int i = SAGA_NET_E_COARSE; i <= SAGA_NET_E_PRIM; i++) {
         m->width[i] = width;
         m->q_in[i] = 10;
@@ -84,7 +96,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
         m->int8[i] = caps->int8_only != 0;
     }
     m->width[SAGA_NET_COLOUR] = 32;
-    set_entropy(m, o->n_primitives);
+    saga_train_entropy_model(m, &o->entropy, o->n_primitives);
 }
 
 /* --- Does anything move? ------------------------------------------------- */

@@ -105,11 +105,16 @@ static float *alloc_params(const saga_scene *s)
 /* --- Costs --------------------------------------------------------------- */
 
 /* Bits of a network's weights, about. */
-static double weights_bits(const saga_net *net, double step)
+static double weights_bits(const saga_net *net, const saga_rate_plan *plan,
+                           int number)
 {
+    const double step = plan->step[number];
     double bits = 0;
     int l;
 
+    if (plan->raw)
+        return net->n_layers ? SAGA_RAW_BITS * (double)saga_net_n_params(net)
+                             : 0;
     for (l = 0; l < net->n_layers; l++) {
         const size_t n = (size_t)net->dim[l] * (size_t)net->dim[l + 1];
 
@@ -187,7 +192,7 @@ static int network_bits(double *total, search *f, int net)
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
     int kind;
 
-    *total = weights_bits(&rounded.net[net], f->r->plan.step[net]);
+    *total = weights_bits(&rounded.net[net], &f->r->plan, net);
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         double bits;
 
@@ -206,7 +211,7 @@ static int find_steps(search *f)
     double *const step = f->r->plan.step;
     int e, net;
 
-    for (net = 0; net < SAGA_N_ENTROPY_NETS; net++) {
+    for (net = 0; !f->r->plan.raw && net < SAGA_N_ENTROPY_NETS; net++) {
         double least = HUGE_VAL, best = step[net], bits;
 
         for (e = COARSEST; f->s->net[net].n_layers && e <= SAGA_RATE_FINEST;
@@ -259,8 +264,8 @@ static int try_subset(search *f, int kind, uint32_t subset)
     rounded = saga_rate_rounded(f->r, f->s);
     fewer = reduced(&rounded, f->params, sources);
     f->weights[kind][subset] = weights_bits(
-        &fewer.net[SAGA_NET_E_COARSE + kind],
-        f->r->plan.step[SAGA_NET_E_COARSE + kind]);
+        &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->plan,
+        SAGA_NET_E_COARSE + kind);
     fold(f, kind, subset, -1);
     f->r->context.keep[kind] = had;
     return status;
@@ -273,8 +278,8 @@ static int try_subsets(search *f)
     uint32_t subset;
     int kind;
 
-    f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER],
-                            f->r->plan.step[SAGA_NET_HYPER]);
+    f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER], &f->r->plan,
+                            SAGA_NET_HYPER);
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         for (subset = 0; subset <= ALL_SOURCES; subset++)
             if (!(subset & ~(uint32_t)f->s->model.sources[kind]) &&
