@@ -137,7 +137,7 @@ I_ALL     = $(I_DECODER) $(TRAINER_DIR:%=-I%) -Itests
 .PHONY: all lib tests bench-programs help
 all: lib $(TOOLS)
 lib: $(LIB)
-tests: $(TESTS) $(BUILD)/make_zeroed
+tests: $(TESTS) $(FILE_TOOLS)
 bench-programs: $(BENCH)
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
@@ -210,8 +210,10 @@ $(TESTS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-# A file with its coarse features at zero: what tools/floors.sh compares with.
-$(BUILD)/make_zeroed: $(OBJ)/tests/make_zeroed.o $(HELPERS) $(TRAIN) $(LIB)
+# What scripts in tools/ take files apart with: coarse features zeroed, entropy
+# networks fitted anew, the order-0 coder's bytes.
+FILE_TOOLS = $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit)
+$(FILE_TOOLS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # No library but libc and libm: for every target of tests/run_matrix.sh.

@@ -70,7 +70,7 @@ static size_t entropy_batches(const saga_twin_batch *batch[SAGA_N_KINDS],
     return n;
 }
 
-/* Inputs of all entropy networks, and the hyperprior's output. */
+/* Inputs and outputs of all entropy networks. */
 static void entropy_formats(saga_model *m, const saga_rate_choice *c)
 {
     const saga_twin_batch *b[SAGA_N_KINDS];
@@ -93,6 +93,7 @@ static void entropy_formats(saga_model *m, const saga_rate_choice *c)
         m->q_in[net] = q_for(in, 12);
     }
     m->head_q[SAGA_HEAD_HYPER] = q_for(out, 12);
+    m->head_q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
 }
 
 static double most_feature(const saga_scene *s, const float *feature)
@@ -151,7 +152,6 @@ static void measure_formats(saga_model *m, const saga_scene *s,
         m->q_in[net] = 12;
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     entropy_formats(m, c);
-    q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
     q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
     q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
     q[SAGA_HEAD_FINE] = q_for(most_out(s, w, SAGA_NET_FINE, 0, f), 12);
@@ -228,12 +228,12 @@ static const float entropy_bias_step = 1.0f / 2048;
 static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
                             const saga_weights *steps, int net, int layer)
 {
-    const int t = saga_weights_find(steps, net, layer);
-
     if (net < SAGA_N_ENTROPY_NETS) {
         v->step = (float)c->rate->plan.step[net];
         v->bias_step = entropy_bias_step;
     } else {
+        const int t = saga_weights_find(steps, net, layer);
+
         v->step = (float)saga_weights_step(steps, t);
         v->bias_step = (float)saga_weights_step(steps, t + 1);
     }
@@ -306,12 +306,13 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
 
 static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
                       const saga_model *m, const saga_twin *w,
-                      const saga_rate_choice *c, const saga_weights *steps)
+                      const saga_rate_choice *c, const saga_weights *steps,
+                      int n_nets)
 {
     int net;
 
     memset(out, 0, sizeof *out);
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (net = 0; net < n_nets; net++) {
         const int kind = net - SAGA_NET_E_COARSE;
 
         if (!c->scene.net[net].n_layers)
@@ -322,6 +323,13 @@ static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
             pack_net(out, decoded ? &decoded->net[net] : NULL, m, w, c, net,
                      steps);
     }
+}
+
+void saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
+                       const saga_rate_choice *choice, const saga_twin *twin)
+{
+    entropy_formats(m, choice);
+    pack_nets(nets, NULL, m, twin, choice, NULL, SAGA_N_ENTROPY_NETS);
 }
 
 /* --- Segment ------------------------------------------------------------- */
@@ -411,7 +419,7 @@ static int pack_segment(saga_encoder *e, saga_pack_report *report,
      * that were trained to be cheap stay what they are, and positions move by
      * that little: against the positions they would be anywhere again. */
     const saga_targets t = { coarse, s->coarse_feature, fine, prim,
-                             w->prim_offset };
+                             w->prim_offset, NULL };
     saga_decoded d = { coarse, fine, prim_out, NULL };
     const saga_nets *nets;
     const uint8_t *params = saga_encoder_params(e, &nets);
@@ -465,7 +473,8 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         *why = "out of memory";
         return 0;
     }
-    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights);
+    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights,
+              SAGA_N_NETS);
     e = saga_encoder_open(&h, rig, &nets, why);
     ok = e && pack_segment(e, report, decoded, scene, &h.model, twin,
                            options->n_frames, why) &&
