@@ -211,8 +211,9 @@ $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # What scripts in tools/ take files apart with: coarse features zeroed, entropy
-# networks fitted anew, the order-0 coder's bytes.
-FILE_TOOLS = $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit)
+# networks fitted anew, the order-0 coder's bytes, times of the layers.
+FILE_TOOLS = $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit \
+               make_times)
 $(FILE_TOOLS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
@@ -293,6 +294,17 @@ floors: setup
 	    $(MAKE) --no-print-directory demo
 	@tools/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
+# What the parts of the entropy model are worth, on the built-in scene at four
+# rates: docs/results/ablation.md and .svg. SCENES: more files for the
+# comparison with an order-0 coder, NAME=FILE.saga each.
+SCENES =
+.PHONY: ablation
+ablation:
+	@tests/setup.sh plot
+	@$(MAKE) --no-print-directory $(BUILD)/saga $(FILE_TOOLS)
+	@tools/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
+	    $(THREADS) $(SCENES)
+
 # Regenerates vectors/ and its MANIFEST. Look at the difference before
 # committing it: only a change of the format may change a vector.
 VECTORS_SRC = $(wildcard tests/make_vectors.c)
@@ -309,6 +321,7 @@ define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
 make demo        the built-in scene, encoded, decoded and judged; 8 CPU minutes
 make floors      the demo beside what needs no such codec; 8 CPU minutes more
+make ablation    what the entropy model's parts are worth; 40 CPU minutes
 make test        installs what is missing (Debian), then all tests; < 10 CPU min
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone

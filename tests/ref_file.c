@@ -36,14 +36,8 @@ uint32_t ref_file_rows(const ref_file *f, int step)
 
 /* --- Chunks -------------------------------------------------------------- */
 
-/* Where a segment's or the networks' payload lies. */
-typedef struct {
-    const uint8_t *p;
-    size_t n;
-} span;
-
 /* The chunk of that type at the beginning of *at, which moves past it. */
-static int take_chunk(span *payload, span *at, uint32_t type)
+static int take_chunk(ref_span *payload, ref_span *at, uint32_t type)
 {
     saga_chunk chunk;
 
@@ -65,7 +59,7 @@ static void read_rig(ref_file *f, const uint8_t *bytes)
         saga_camera_io(&io, &f->rig[i]);
 }
 
-static int read_nets(ref_file *f, span payload)
+static int read_nets(ref_file *f)
 {
     saga_range_dec range;
     saga_cost cost;
@@ -75,7 +69,8 @@ static int read_nets(ref_file *f, span payload)
     saga_nets_layout(&f->shapes, &f->h.model);
     f->params = must(aligned_alloc(16, (f->shapes.nbytes + 31u) / 16 * 16));
     recorder_alloc_nets(&f->nets, &f->shapes);
-    saga_range_dec_init(&range, payload.p, payload.n);
+    saga_range_dec_init(&range, f->chunk[REF_NETWORKS].p,
+                        f->chunk[REF_NETWORKS].n);
     saga_cost_init(&cost, &range.coder);
     recorder_init(&r, &cost.coder);
     r.nets = &f->nets;
@@ -110,7 +105,7 @@ static void keep_values(void *user, saga_at at, const int16_t *mu,
             (int64_t)q[first + i] * f->h.model.step_q16[step], 16));
 }
 
-static int read_layers(ref_file *f, span at)
+static int read_layers(ref_file *f, ref_span at)
 {
     const uint32_t cap_nodes = 25 * f->segment.n.coarse + 25;
     uint32_t final_range[3];
@@ -137,24 +132,27 @@ static int read_layers(ref_file *f, span at)
                          at.n);
     for (int i = 0; i < SAGA_N_SYMS; i++)
         f->bits[i] += cost.bits[i];
-    return ok;
+    return ok && take_chunk(&f->chunk[REF_COARSE], &at, SAGA_CHUNK_COARSE) &&
+           take_chunk(&f->chunk[REF_FINE], &at, SAGA_CHUNK_FINE) &&
+           take_chunk(&f->chunk[REF_PRIM], &at, SAGA_CHUNK_PRIM);
 }
 
 static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n)
 {
-    span at = { bytes + f->h.header_nbytes, n - f->h.header_nbytes };
+    ref_span at = { bytes + f->h.header_nbytes, n - f->h.header_nbytes };
     saga_segment seg;
     saga_io io = { NULL, NULL, 0 };
-    span payload;
+    ref_span payload;
 
     read_rig(f, bytes);
     if (!take_chunk(&payload, &at, SAGA_CHUNK_INDEX) ||
-        !take_chunk(&payload, &at, SAGA_CHUNK_NETS) || !read_nets(f, payload))
+        !take_chunk(&f->chunk[REF_NETWORKS], &at, SAGA_CHUNK_NETS) ||
+        !read_nets(f))
         return "the networks are not valid";
     if (saga_find(&seg, bytes, n, 0, 1) || seg.offset > n ||
         seg.nbytes > n - seg.offset)
         return "the index is not valid";
-    at = (span){ bytes + seg.offset, seg.nbytes };
+    at = (ref_span){ bytes + seg.offset, seg.nbytes };
     if (!take_chunk(&payload, &at, SAGA_CHUNK_SEGMENT))
         return "the segment is not valid";
     io.in = payload.p;

@@ -15,6 +15,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+enum { REF_NETWORKS, REF_COARSE, REF_FINE, REF_PRIM, REF_N_CHUNKS };
+
+/* A part of the bytes that were read, which stay the caller's. */
+typedef struct ref_span {
+    const uint8_t *p;
+    size_t n;
+} ref_span;
+
 typedef struct ref_file {
     saga_header h;
     saga_rig_camera *rig;
@@ -27,6 +35,7 @@ typedef struct ref_file {
                                    * 4), (coarse, F), (fine, 4), (prim, 4), as
                                    * common/syntax.c dequantises them */
     saga_scaffold sc;            /* after all layers */
+    ref_span chunk[REF_N_CHUNKS]; /* payloads */
     double bits[SAGA_N_SYMS];    /* code lengths, networks included, */
     double net_bits[SAGA_N_NETS]; /* and of each of them */
 } ref_file;

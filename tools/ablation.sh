@@ -3,10 +3,10 @@
 #
 # ablation.sh SAGA FOLDER RESULTS THREADS [NAME=FILE.saga ...]: what the parts
 # of the entropy model are worth (tools/ablation_table.py has the tables).
-# Trains the built-in scene at four rates in FOLDER (some 20 CPU minutes), fits
-# each file's entropy networks anew without one part after the other
-# (make_refit, next to SAGA), evaluates them, compares the first rate's file
-# and those named with an order-0 coder (make_order0), and writes
+# Trains the built-in scene at four rates in FOLDER, fits each file's entropy
+# networks anew without one part after the other (make_refit, next to SAGA),
+# evaluates and times them (make_times), compares the last rate's file and
+# those named with an order-0 coder (make_order0), and writes
 # RESULTS/ablation.md and .svg. Run again, it goes on where it was stopped:
 # what is there and younger than what it is made of is kept.
 #
@@ -50,6 +50,8 @@ variant() {
     [ "$name.eval.json" -nt "$name.json" ] ||
         into "$name.eval.json" "$saga" eval "$name.saga" "$capture" \
             --threads "$threads" --json
+    [ "$name.times.json" -nt "$name.json" ] ||
+        into "$name.times.json" "$bin/make_times" "$name.saga"
 }
 
 number=0
@@ -79,7 +81,7 @@ for lambda in "${lambdas[@]}"; do
 done
 
 reports=()
-for scene in "built-in=$folder/r1/full.saga" "$@"; do
+for scene in "built-in=$folder/r$number/full.saga" "$@"; do
     report=$folder/order0.${scene%%=*}.json
     into "$report" "$bin/make_order0" "${scene#*=}"
     reports+=("${scene%%=*}=$report")

@@ -3,7 +3,8 @@
 """ablation_table.py FOLDER [NAME=ORDER0.json ...]: the tables of the ablation.
 
 FOLDER is what tools/ablation.sh fills: rN/ for each rate, the lowest first,
-with VARIANT.json (make_refit) and VARIANT.eval.json (saga eval --json).
+with VARIANT.json (make_refit), VARIANT.eval.json (saga eval --json) and
+VARIANT.times.json (make_times).
 Further arguments are reports of make_order0, with the scenes' names. Prints
 Markdown; writes FOLDER/curves.dat and FOLDER/slots.dat for gnuplot.
 """
@@ -33,8 +34,13 @@ KINDS = [
     ("primitive_suffixes", "primitive suffixes"),
     ("primitive_offsets", "primitive offsets"),
 ]
-STAGES = [("head", "open: networks"), ("segment", "decode the segment"),
-          ("view", "animate, project, sort"), ("draw", "blend")]
+STAGES = [("networks", "open: networks"), ("coarse", "tree, coarse anchors"),
+          ("fine", "fine anchors, their features"),
+          ("primitives", "primitives' offsets"),
+          ("reconstruction", "primitives' attributes"),
+          ("decode", "a segment: all but networks")]
+PICTURE = [("view", "a picture: animate, project, sort"),
+           ("draw", "a picture: blend")]
 
 
 # --- Bjontegaard -------------------------------------------------------------
@@ -117,7 +123,8 @@ class Run:
     def __init__(self, folder, variant):
         self.report = load(folder, variant + ".json")
         self.eval = load(folder, variant + ".eval.json")
-        self.there = self.report is not None and self.eval is not None
+        self.times = load(folder, variant + ".times.json")
+        self.there = None not in (self.report, self.eval, self.times)
         if not self.there:
             return
         self.bytes = self.report["bytes"]
@@ -185,10 +192,14 @@ def components(rates):
 def runtime(rates):
     runs = [r["full"] for r in rates]
     print("## Decoding time by component, ms\n")
-    rows = [[name] + [f"{r.eval['decode_ms'][key]:.2f}" for r in runs]
+    rows = [[name] + [f"{r.times[key]:.2f}" for r in runs]
             for key, name in STAGES]
-    table(["one thread" if runs[0].eval["decode_ms"]["threads"] == 1 else
-           "stage"] + [label(i) for i in range(len(runs))], rows)
+    rows += [[name + " *"] + [f"{r.eval['decode_ms'][key]:.2f}" for r in runs]
+             for key, name in PICTURE]
+    table(["component"] + [label(i) for i in range(len(runs))], rows)
+    print("One thread, CPU time, best of several; * mean over all pictures, "
+          "by the clock, with\n"
+          f"{runs[0].eval['decode_ms']['threads']} thread(s).\n")
 
 
 def sources(run):
@@ -230,7 +241,7 @@ def slots(rates, folder):
         if not all(r.there for r in runs):
             continue
         change = bd_rate([point(r) for r in full], [point(r) for r in runs])
-        ms = [r.eval["decode_ms"]["segment"] for r in runs]
+        ms = [r.times["decode"] for r in runs]
         lines.append([str(n), "nan" if change is None else f"{change:.4f}",
                       f"{sum(ms) / len(ms):.3f}"])
         rows.append([str(n), percent(change)] +
