@@ -149,13 +149,25 @@ static void set_values(saga_rate *r, const ref_file *in)
                 (float)in->value[SAGA_STEP_FINE][4 * i + k] / 16384;
 }
 
+/* The file's model with another entropy model, which begins from none. */
+static saga_model model_of(const ref_file *in, const refit_options *o)
+{
+    saga_model m = in->h.model;
+
+    m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
+    m.memory_slots = 0;
+    m.memory_width = 0;
+    m.memory_blocks = 0;
+    saga_train_entropy_model(&m, &o->entropy, in->s.n.prim);
+    return m;
+}
+
 static void begin(fit *f)
 {
     const ref_file *const in = f->in;
-    saga_model m = in->h.model;
+    const saga_model m = model_of(in, &f->o);
     size_t n;
 
-    saga_train_entropy_model(&m, &f->o.entropy, in->s.n.prim);
     need(saga_scene_init(&f->s, &m, in->s.n, in->s.n_nodes, f->o.seed));
     need(saga_scene_init(&f->d, &m, in->s.n, in->s.n_nodes, 0));
     set_structure(&f->s, in);

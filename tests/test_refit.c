@@ -16,6 +16,7 @@
 #include "gen_order0.h"
 #include "gen_parts.h"
 #include "gen_refit.h"
+#include "gen_stream.h"
 #include "prob.h"
 #include "quantise.h"
 #include "ref_recorder.h"
@@ -339,6 +340,41 @@ static void refit_should_find_a_source_that_tells(void **state)
     free(told);
 }
 
+/* Of random streams, whose networks say nothing of their values: whatever they
+ * have, with a memory or without, is read and becomes another valid file. */
+static void refit_should_take_any_stream(void **state)
+{
+    const saga_train_entropy_options all = { .groups = 0 };
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 12; seed++) {
+        const gen_options o = {
+            .seed = seed, .level = 3, .n_coarse = 20, .n_segments = 1,
+            .memory = (int)(seed % 3)
+        };
+        refit_options fast = refit_defaults();
+        uint8_t *bytes, *again = NULL;
+        refit_report r;
+        gen_stream g;
+        ref_file f, h;
+        size_t n;
+
+        fast.iterations = 6;
+        fast.entropy = all;
+        gen_stream_make(&g, &o);
+        gen_stream_encode(&g, &bytes, &n);
+        assert_null(ref_file_read(&f, bytes, n));
+        assert_null(refit_make(&again, &n, &r, &f, &fast));
+        assert_null(ref_file_read(&h, again, n));
+        what_is_kept_should_be_the_same(&f, &h);
+        ref_file_free(&h);
+        ref_file_free(&f);
+        free(again);
+        free(bytes);
+        gen_stream_free(&g);
+    }
+}
+
 static void refit_should_not_depend_on_threads(void **state)
 {
     const fixture *const f = *state;
@@ -409,6 +445,7 @@ int main(void)
         cmocka_unit_test(refit_should_give_the_same_scene),
         cmocka_unit_test(refit_without_anything_should_have_constants),
         cmocka_unit_test(refit_should_find_a_source_that_tells),
+        cmocka_unit_test(refit_should_take_any_stream),
         cmocka_unit_test(refit_should_not_depend_on_threads),
         cmocka_unit_test(order0_should_be_the_sum_by_hand),
         cmocka_unit_test(order0_should_count_every_symbol)

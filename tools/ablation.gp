@@ -2,16 +2,15 @@
 #
 # Rate and distortion of the variants, and slots against rate and time. Set:
 # folder (with curves.dat, slots.dat), out.
-set terminal svg size 900,420 font "sans-serif,11" background "white"
+set terminal svg size 900,480 font "sans-serif,11" background "white"
 set output out
 set multiplot layout 1,2
-set key bottom right
+set key below
 set grid
 set logscale x
 set xlabel "file, kB"
 set ylabel "PSNR of the training views, dB"
-stats folder."/curves.dat" using 1:2 skip 1 nooutput
-plot for [i=0:STATS_blocks-1] folder."/curves.dat" index i using 1:2 \
+plot for [i=0:*] folder."/curves.dat" index i using 1:2 \
     with linespoints title columnheader(1)
 set logscale x 2
 set xlabel "slots of the memory"

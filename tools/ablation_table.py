@@ -284,10 +284,11 @@ def curves(rates, folder):
     with open(os.path.join(folder, "curves.dat"), "w") as out:
         for key, name in VARIANTS:
             runs = [r[key] for r in rates if r[key].there]
-            out.write(f'"{name}"\n')
-            out.writelines(f"{r.bytes / 1000:.3f} {r.psnr:.4f}\n"
-                           for r in runs)
-            out.write("\n\n")
+            if runs:
+                out.write(f'"{name}"\n')
+                out.writelines(f"{r.bytes / 1000:.3f} {r.psnr:.4f}\n"
+                               for r in runs)
+                out.write("\n\n")
 
 
 def main(folder, scenes):
