@@ -137,7 +137,7 @@ I_ALL     = $(I_DECODER) $(TRAINER_DIR:%=-I%) -Itests
 .PHONY: all lib tests bench-programs help
 all: lib $(TOOLS)
 lib: $(LIB)
-tests: $(TESTS) $(BUILD)/make_zeroed
+tests: $(TESTS) $(FILE_TOOLS)
 bench-programs: $(BENCH)
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
@@ -210,8 +210,11 @@ $(TESTS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-# A file with its coarse features at zero: what tools/floors.sh compares with.
-$(BUILD)/make_zeroed: $(OBJ)/tests/make_zeroed.o $(HELPERS) $(TRAIN) $(LIB)
+# What scripts in tools/ take files apart with: coarse features zeroed, entropy
+# networks fitted anew, the order-0 coder's bytes, times of the layers.
+FILE_TOOLS = $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit \
+               make_times)
+$(FILE_TOOLS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # No library but libc and libm: for every target of tests/run_matrix.sh.
@@ -291,6 +294,17 @@ floors: setup
 	    $(MAKE) --no-print-directory demo
 	@tools/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
+# What the parts of the entropy model are worth, on the built-in scene at four
+# rates: docs/results/ablation.md and .svg. SCENES: more files for the
+# comparison with an order-0 coder, NAME=FILE.saga each.
+SCENES =
+.PHONY: ablation
+ablation:
+	@tests/setup.sh plot
+	@$(MAKE) --no-print-directory $(BUILD)/saga $(FILE_TOOLS)
+	@tools/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
+	    $(THREADS) $(SCENES)
+
 # Regenerates vectors/ and its MANIFEST. Look at the difference before
 # committing it: only a change of the format may change a vector.
 VECTORS_SRC = $(wildcard tests/make_vectors.c)
@@ -307,6 +321,7 @@ define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
 make demo        the built-in scene, encoded, decoded and judged; 8 CPU minutes
 make floors      the demo beside what needs no such codec; 8 CPU minutes more
+make ablation    what the entropy model's parts are worth; 40 CPU minutes
 make test        installs what is missing (Debian), then all tests; < 10 CPU min
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone

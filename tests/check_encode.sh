@@ -119,6 +119,12 @@ expect 2 cap -o x.saga --lambda -1
 says '--lambda -1'
 expect 2 cap -o x.saga --lambda nan
 says '--lambda'
+expect 2 cap -o x.saga --groups 17
+says '--groups'
+expect 2 cap -o x.saga --slots 48
+says '--slots 48'
+expect 2 cap -o x.saga --update other
+says 'orth|plain'
 expect 2 cap -o x.saga --iterations 2
 says '--iterations'
 expect 2 cap -o x.saga --primitives many

@@ -183,7 +183,7 @@ static const char *append(saga_encoder *e, const scene *sc, const uint8_t *p,
 static saga_rig_camera *read_rig(const saga_header *h, const uint8_t *bytes)
 {
     saga_rig_camera *const rig = must(calloc(h->n_cameras + 1u, sizeof *rig));
-    saga_io io = { bytes, NULL, SAGA_HEADER_NBYTES };
+    saga_io io = { bytes, NULL, saga_rig_offset(h) };
 
     for (uint32_t i = 0; i < h->n_cameras; i++)
         saga_camera_io(&io, &rig[i]);

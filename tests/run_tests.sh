@@ -154,6 +154,7 @@ else
         tests/check_cli.sh
     check encode env SAGA="$build/gcc/saga" tests/check_encode.sh
     check floors env SAGA="$build/gcc/saga" tests/check_floors.sh
+    check ablation env SAGA="$build/gcc/saga" tests/check_ablation.sh
     check input env SAGA="$build/gcc/saga" tests/check_input.sh
     check stack python3 tests/check_stack.py
     programs gcc CC=gcc

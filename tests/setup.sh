@@ -1,9 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# setup.sh [all]: installs what the tests need and this Debian lacks ("all":
-# also every cross compiler of `make test-all`). Where it cannot install, it
-# prints the command to be run and fails. SAGA_NO_SETUP=1 skips it.
+# setup.sh [all|plot]: installs what the tests need and this Debian lacks
+# ("all": also every cross compiler of `make test-all`; "plot": what draws
+# plots). Where it cannot install, it prints the command to be run and fails.
+# SAGA_NO_SETUP=1 skips it.
 set -eu
 
 test -z "${SAGA_NO_SETUP:-}" || exit 0
@@ -21,6 +22,9 @@ if [ "${1:-small}" = all ]; then
     gcc-mips-linux-gnu libc6-dev-mips-cross
     gcc-i686-linux-gnu libc6-dev-i386-cross
     gcc-riscv64-unknown-elf"
+fi
+if [ "${1:-small}" = plot ]; then
+    packages="$packages gnuplot-nox"
 fi
 
 is_installed() {

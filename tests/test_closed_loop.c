@@ -74,7 +74,7 @@ static void free_wanted(wanted *w)
 static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
 {
     const saga_targets targets = { w->x[0], w->feature, w->x[1], w->x[2],
-                                   NULL };
+                                   NULL, NULL };
     saga_decoded decoded = { NULL, NULL, NULL, w->decoded };
     saga_symbols *const s = &g->segment[0];
     uint32_t *const order = array(s->n.prim, sizeof *order);

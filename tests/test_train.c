@@ -573,6 +573,15 @@ static void train_should_refuse_a_checkpoint_of_other_options(void **state)
     p.level = 3;
     assert_true(resume_fails(f, &p, "--level 2, not 3"));
     p = o;
+    p.entropy.no_hyper = true;
+    assert_true(resume_fails(f, &p, "--no-hyperprior 0, not 1"));
+    p = o;
+    p.entropy.groups = 4;
+    assert_true(resume_fails(f, &p, "--groups 0, not 4"));
+    p = o;
+    p.entropy.raw_networks = true;
+    assert_true(resume_fails(f, &p, "--raw-networks 0, not 1"));
+    p = o;
     p.checkpoint = "/nowhere/x.ckpt";
     assert_true(resume_fails(f, &p, "/nowhere/x.ckpt"));
 }
@@ -736,8 +745,84 @@ static void train_should_refuse_wrong_options(void **state)
     o.n_warm = 0;
     assert_true(refuses(f, &o, "--iterations"));
     o = small();
+    o.entropy.groups = 17;
+    assert_true(refuses(f, &o, "--groups 17"));
+    o = small();
+    o.entropy.slots = 48;
+    assert_true(refuses(f, &o, "--slots 48"));
+    o.entropy.slots = 256;
+    assert_true(refuses(f, &o, "256 is more than the 128 of level 2"));
+    o = small();
     o.segment_frames = 2;
     assert_true(refuses(f, &o, "segments of 2"));
+}
+
+/* --- Ablations ----------------------------------------------------------- */
+
+static void sources_should_be(const saga_train_entropy_options *e,
+                              uint8_t coarse, uint8_t fine, uint8_t prim)
+{
+    saga_train_options o = small();
+    saga_model m;
+
+    o.entropy = *e;
+    saga_train_model(&m, &o, true);
+    assert_true(saga_model_is_valid(&m));
+    assert_int_equal(m.sources[SAGA_KIND_COARSE], coarse);
+    assert_int_equal(m.sources[SAGA_KIND_FINE], fine);
+    assert_int_equal(m.sources[SAGA_KIND_PRIM], prim);
+    for (int i = 0; i < SAGA_N_LEVELS; i++)
+        assert_int_equal(m.level[i].n_groups, e->groups ? e->groups : 8);
+}
+
+static void train_should_leave_out_forbidden_sources(void **state)
+{
+    enum {
+        HYPER = SAGA_SOURCE_HYPER, PARENT = SAGA_SOURCE_PARENT,
+        GROUPS = SAGA_SOURCE_GROUPS
+    };
+    saga_train_entropy_options e = { .no_memory = true };
+
+    (void)state;
+    sources_should_be(&e, HYPER | GROUPS, HYPER | PARENT | GROUPS,
+                      HYPER | PARENT);
+    e.groups = 16;
+    sources_should_be(&e, HYPER | GROUPS, HYPER | PARENT | GROUPS,
+                      HYPER | PARENT);
+    e.groups = 1;
+    sources_should_be(&e, HYPER, HYPER | PARENT, HYPER | PARENT);
+    e.no_hyper = true;
+    sources_should_be(&e, 0, PARENT, PARENT);
+    e.no_parent = true;
+    sources_should_be(&e, 0, 0, 0);
+    e.groups = 2;
+    sources_should_be(&e, GROUPS, GROUPS, 0);
+}
+
+/* Raw weights are coded in steps of 2^-11, not in those that training learns:
+ * what is decoded lies within half a step of what was trained, and half an LSB
+ * of the integer weights, which is a quarter of a step at most. */
+static void train_should_keep_raw_networks_fine(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    saga_input_error error = { "" };
+    saga_train *t;
+
+    o.entropy.raw_networks = true;
+    t = saga_train_new(&f->capture, &o, &error);
+    assert_non_null(t);
+    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+    for (int net = SAGA_NET_FUSE_C; net <= SAGA_NET_COLOUR; net++)
+        for (int l = 0; l < t->scene.net[net].n_layers; l++) {
+            const saga_net *const n = &t->scene.net[net];
+
+            for (int i = 0; i < n->dim[l] * n->dim[l + 1]; i++)
+                assert_true(fabs((double)(n->w[l][i] -
+                                          t->decoded.net[net].w[l][i])) <=
+                            ldexp(0.76, -SAGA_RAW_STEP));
+        }
+    saga_train_free(t);
 }
 
 int main(void)
@@ -756,7 +841,9 @@ int main(void)
         cmocka_unit_test(
             train_should_keep_temporal_tools_when_something_moves),
         cmocka_unit_test(train_should_obey_level_0),
-        cmocka_unit_test(train_should_refuse_wrong_options)
+        cmocka_unit_test(train_should_refuse_wrong_options),
+        cmocka_unit_test(train_should_leave_out_forbidden_sources),
+        cmocka_unit_test(train_should_keep_raw_networks_fine)
     };
 
     return cmocka_run_group_tests(tests, set_up, tear_down);

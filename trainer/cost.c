@@ -82,15 +82,17 @@ static void renormalise(saga_cost *k)
 }
 
 /* Does to the range what range_enc.c does; low is of no interest. */
-static void spend(saga_cost *k, uint32_t sym, code x)
+static void spend(saga_cost *k, saga_at at, code x)
 {
     const uint32_t before = k->range, r = before >> SAGA_PROB_BITS;
     uint32_t i;
 
     k->range = x.end == SAGA_PROB_TOTAL ? before - r * x.start
                                         : r * (x.end - x.start);
-    k->spent[sym] += log2((double)before / k->range) + x.plain;
-    k->bits[sym] += length_of(x);
+    k->spent[at.sym] += log2((double)before / k->range) + x.plain;
+    k->bits[at.sym] += length_of(x);
+    if (saga_component_of(at.sym) == SAGA_COMPONENT_NETWORKS)
+        k->net_bits[at.index] += length_of(x);
     renormalise(k);
     /* Halving 2^24 or more loses less than 2^-23 bits. */
     for (i = 0; i < x.plain; i++) {
@@ -108,7 +110,7 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     k->inner->residual(k->inner, at, q, mu, step_q16, scale, n);
     c->error = k->inner->error;
     for (i = 0; i < n; i++)
-        spend(k, at.sym, code_residual(q[i], scale[i]));
+        spend(k, at, code_residual(q[i], scale[i]));
 }
 
 /* The model is inner's to update: its state before is what the symbol costs. */
@@ -120,7 +122,7 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
     const uint32_t sym = k->inner->adaptive(k->inner, at, m, n_sym);
 
     c->error = k->inner->error;
-    spend(k, at.sym, code_adaptive(&before, n_sym, sym));
+    spend(k, at, code_adaptive(&before, n_sym, sym));
     return sym;
 }
 
@@ -132,7 +134,7 @@ static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
     const code x = { 0, SAGA_PROB_TOTAL, bits };
 
     c->error = k->inner->error;
-    spend(k, at.sym, x);
+    spend(k, at, x);
     return v;
 }
 

@@ -26,6 +26,7 @@ typedef struct saga_cost {
     saga_coder *inner;
     double bits[SAGA_N_SYMS];    /* code length, by SAGA_SYM_* */
     double spent[SAGA_N_SYMS];   /* log2 of how much the range shrank */
+    double net_bits[SAGA_N_NETS]; /* code length of each network */
     uint32_t range;              /* as in the range coder, >= 2^24 */
 } saga_cost;
 

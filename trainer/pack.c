@@ -154,6 +154,7 @@ static void entropy_formats(saga_model *m, const saga_rate_choice *c)
                                               most_given(c,
                                                   SAGA_NET_WRITE_BASE))), 12);
     m->head_q[SAGA_HEAD_HYPER] = q_for(most_given(c, SAGA_NET_HYPER), 12);
+    m->head_q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
 }
 
 static double most_feature(const saga_scene *s, const float *feature)
@@ -212,7 +213,6 @@ static void measure_formats(saga_model *m, const saga_scene *s,
         m->q_in[net] = 12;
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     entropy_formats(m, c);
-    q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
     q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
     q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
     q[SAGA_HEAD_FINE] = q_for(most_out(s, w, SAGA_NET_FINE, 0, f), 12);
@@ -299,12 +299,12 @@ static const float entropy_bias_step = 1.0f / 2048;
 static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
                             const saga_weights *steps, int net, int layer)
 {
-    const int t = saga_weights_find(steps, net, layer);
-
     if (saga_is_entropy_net(net)) {
         v->step = (float)c->rate->plan.step[net];
         v->bias_step = entropy_bias_step;
     } else {
+        const int t = saga_weights_find(steps, net, layer);
+
         v->step = (float)saga_weights_step(steps, t);
         v->bias_step = (float)saga_weights_step(steps, t + 1);
     }
@@ -377,7 +377,8 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
 
 static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
                       const saga_model *m, const saga_twin *w,
-                      const saga_rate_choice *c, const saga_weights *steps)
+                      const saga_rate_choice *c, const saga_weights *steps,
+                      bool entropy_alone)
 {
     int net;
 
@@ -385,7 +386,8 @@ static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
     for (net = 0; net < SAGA_N_NETS; net++) {
         const int kind = net - SAGA_NET_E_COARSE;
 
-        if (!c->scene.net[net].n_layers)
+        if (!c->scene.net[net].n_layers ||
+            (entropy_alone && !saga_is_entropy_net(net)))
             continue;
         if (kind >= 0 && kind < SAGA_N_KINDS && !m->sources[kind])
             pack_entropy(out, m, &c->rate->constants, kind);
@@ -393,6 +395,13 @@ static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
             pack_net(out, decoded ? &decoded->net[net] : NULL, m, w, c, net,
                      steps);
     }
+}
+
+void saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
+                       const saga_rate_choice *choice, const saga_twin *twin)
+{
+    entropy_formats(m, choice);
+    pack_nets(nets, NULL, m, twin, choice, NULL, true);
 }
 
 /* --- Segment ------------------------------------------------------------- */
@@ -482,7 +491,7 @@ static int pack_segment(saga_encoder *e, saga_pack_report *report,
      * that were trained to be cheap stay what they are, and positions move by
      * that little: against the positions they would be anywhere again. */
     const saga_targets t = { coarse, s->coarse_feature, fine, prim,
-                             w->prim_offset };
+                             w->prim_offset, NULL };
     saga_decoded d = { coarse, fine, prim_out, NULL };
     const saga_nets *nets;
     const uint8_t *params = saga_encoder_params(e, &nets);
@@ -536,7 +545,8 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         *why = "out of memory";
         return 0;
     }
-    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights);
+    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights,
+              false);
     e = saga_encoder_open(&h, rig, &nets, why);
     ok = e && pack_segment(e, report, decoded, scene, &h.model, twin,
                            options->n_frames, why) &&

@@ -40,4 +40,11 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
               const saga_rig_camera *rig, const saga_pack_options *options,
               const char **why);
 
+/* The entropy networks of a choice alone, for a scene whose other networks stay
+ * as they were coded: their symbols (saga_net_symbols_free), and into m the
+ * formats of what they take and give. m's sources and widths are the choice's.
+ */
+void saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
+                       const saga_rate_choice *choice, const saga_twin *twin);
+
 #endif

@@ -248,12 +248,25 @@ static double cell_offset(const saga_place *cell, const double *x,
                  cell->support[axis]);
 }
 
+static int step_of(uint32_t sym)
+{
+    return sym == SAGA_SYM_CENTRE ? SAGA_STEP_CENTRE
+         : sym == SAGA_SYM_FEATURE ? SAGA_STEP_FEATURE
+         : sym == SAGA_SYM_FINE_OFFSET ? SAGA_STEP_FINE : SAGA_STEP_PRIM;
+}
+
 /* What channel i of the block would be if nothing were quantised, in LSB. */
 static double target_of(const loop *l, saga_at at, uint32_t i)
 {
     const saga_model *const m = l->sc->model;
+    const int16_t *const value = l->t->value ? l->t->value[step_of(at.sym)]
+                                             : NULL;
     saga_place cell;
 
+    if (value)
+        return at.sym == SAGA_SYM_FEATURE
+            ? value[(size_t)at.index * m->features + i]
+            : value[4 * (size_t)at.index + i];
     switch (at.sym) {
     case SAGA_SYM_CENTRE:
         saga_place_cell(&cell, &l->sc->coarse[at.index]);
@@ -474,9 +487,11 @@ int saga_quantise_segment(saga_symbols *s, uint32_t *order,
     saga_syntax_begin(&sc);
     ok = saga_syntax_coarse(&sc, &l.coder) && saga_syntax_fine(&sc, &l.coder);
     if (ok) {
-        place_prims(&l, order, report);
+        if (!targets->value)
+            place_prims(&l, order, report);
         ok = saga_syntax_prim(&sc, &l.coder);
-        measure(&l, report);
+        if (!targets->value)
+            measure(&l, report);
         if (decoded)
             copy_decoded(decoded, &sc);
     }

@@ -61,6 +61,10 @@ typedef struct saga_targets {
     const double *prim_x;        /* (prim, 4), by parent */
     const float *prim_o;         /* (prim, 4) the same as offsets from decoded
                                   * fine anchors in supports; NULL: derived */
+    const int16_t *const *value; /* by SAGA_STEP_*: what the residuals are to
+                                  * decode to, as common/syntax.c has them;
+                                  * s has all suffixes then, and nothing else
+                                  * here is read. NULL: derived */
 } saga_targets;
 
 /* What the decoder will have, in rank order and the same units; arrays of the
@@ -79,9 +83,10 @@ typedef struct saga_quantise_report {
 /* Fills s: on entry its counts, tree, n_fine, fine_suffix (ascending within a
  * parent) and n_prim are set and all arrays are there; on return the rest is.
  * order (prim): order[rank] = index into prim_x of the primitive now at that
- * rank (a parent's primitives are sorted by suffix). params: the networks'
- * block as saga_encoder_params gives it. decoded may be NULL. Returns 1, or 0
- * if the symbols are refused. */
+ * rank (a parent's primitives are sorted by suffix); with targets->value it is
+ * not touched, and the report says nothing. params: the networks' block as
+ * saga_encoder_params gives it. decoded may be NULL. Returns 1, or 0 if the
+ * symbols are refused. */
 int saga_quantise_segment(saga_symbols *s, uint32_t *order,
                           saga_quantise_report *report,
                           const saga_model *model, const saga_nets *nets,

@@ -78,6 +78,25 @@ static bool check_counts(const saga_train_options *o, saga_input_error *error)
     return true;
 }
 
+static bool check_entropy(const saga_train_options *o,
+                          saga_input_error *error)
+{
+    const uint32_t slots = o->entropy.slots, most = saga_caps[o->level].n_slots;
+
+    if (o->entropy.groups > SAGA_MAX_GROUPS)
+        return saga_fail(error, NULL, "give 1 to 16; 1 means none",
+                         "--groups %u", o->entropy.groups);
+    if (slots && (slots < SAGA_MIN_SLOTS || slots > SAGA_MAX_SLOTS ||
+                  (slots & (slots - 1)) != 0))
+        return saga_fail(error, NULL, "give 32, 64, 128, 256 or 512",
+                         "--slots %u", slots);
+    if (slots > most)
+        return saga_fail(error, NULL, "take fewer, or a higher --level",
+                         "--slots %u is more than the %u of level %d", slots,
+                         most, o->level);
+    return true;
+}
+
 static bool check_options(const saga_train_options *o,
                           const saga_capture *c, saga_input_error *error)
 {
@@ -103,7 +122,7 @@ static bool check_options(const saga_train_options *o,
         return saga_fail(error, NULL, "leave some out", "%d cameras are more "
                          "than the %d a file can name", c->n_views,
                          SAGA_MAX_CAMERAS);
-    return check_counts(o, error);
+    return check_counts(o, error) && check_entropy(o, error);
 }
 
 static uint32_t at_most(uint32_t a, uint32_t b)
@@ -287,6 +306,7 @@ static saga_fit_options fit_options(const saga_train *t)
     o.n_render = t->o.n_render;
     o.seed = t->o.seed;
     o.lambda = (real)t->o.lambda;
+    o.raw_networks = t->o.entropy.raw_networks;
     return o;
 }
 

@@ -61,6 +61,20 @@ typedef struct saga_train_progress {
 /* After every iteration. Return false to stop there. */
 typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
 
+/* The entropy model, for ablations; all zero: what serves best. A source that
+ * is allowed is still left out where it is not worth its weights. */
+typedef struct saga_train_entropy_options {
+    bool no_hyper, no_parent;    /* without these sources, */
+    bool no_memory;              /* the memory bank */
+    uint8_t groups;              /* of each level, 1..16; 0: 8; 1: none, and
+                                  * neither the source */
+    uint16_t slots;              /* of the memory: 32, 64, .. 512; 0: default */
+    bool plain_write;            /* its update without the projection */
+    bool raw_networks;           /* parameters of all networks in steps of
+                                  * 2^-11, unpriced, 16 bits each where sources
+                                  * are weighed against them */
+} saga_train_entropy_options;
+
 typedef struct saga_train_options {
     uint32_t n_primitives;       /* 1..the level's */
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
@@ -70,6 +84,7 @@ typedef struct saga_train_options {
     int level;                   /* 0..3, obeyed */
     uint64_t seed;
     saga_train_motion motion;
+    saga_train_entropy_options entropy;
     int segment_frames;          /* 0: one segment for all frames, the only
                                   * value there is yet */
     const char *checkpoint;      /* file; NULL: none */
@@ -114,6 +129,7 @@ typedef struct saga_train_report {
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */
     saga_train_entropy entropy;
+    uint32_t n_parameters;       /* weights and biases of all networks */
     double weight_bits;          /* of all weights of the networks with inputs,
                                   * but the entropy model's */
     saga_train_quality warm;     /* the flat warm-up */

@@ -21,7 +21,6 @@ static void set_levels(saga_model *m, const saga_train_options *o)
     for (int i = 0; i < SAGA_N_LEVELS; i++) {
         saga_level *const l = &m->level[i];
 
-        l->n_groups = 8;
         l->window = 16;
         l->neighbours = 4;
         l->suffix_bits = 4;
@@ -36,33 +35,30 @@ static void set_levels(saga_model *m, const saga_train_options *o)
     }
 }
 
-/* All sources, until the rate decides what is worth its weights. Formats as
- * coarse as features are: inputs reach +-32. Of 4,000 primitives' offsets and
- * their network 8 hidden units make 5,990 bytes, 16 6,260, 24 6,760 (constants:
- * 7,320); what 16 gain over 8 grows with the primitives and pays for their
- * weights from about 20,000 on. */
-static void set_entropy(saga_model *m, uint32_t n_primitives)
+/* Sources of every kind, as far as o lets them. */
+static void set_sources(saga_model *m, const saga_train_entropy_options *o)
 {
-    const uint8_t width = n_primitives < 20000 ? 8 : 16;
+    const uint8_t hyper = o->no_hyper ? 0 : SAGA_SOURCE_HYPER;
+    const uint8_t parent = o->no_parent ? 0 : SAGA_SOURCE_PARENT;
+    const uint8_t groups = o->groups == 1 ? 0 : SAGA_SOURCE_GROUPS;
 
-    m->sources[SAGA_KIND_COARSE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_GROUPS;
-    m->sources[SAGA_KIND_FINE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
-                                 SAGA_SOURCE_GROUPS;
-    m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
-    for (int i = SAGA_NET_E_COARSE; i <= SAGA_NET_E_PRIM; i++) {
-        m->width[i] = width;
-        m->q_in[i] = 10;
-    }
-    m->width[SAGA_NET_HYPER] = width;
-    m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
+    m->sources[SAGA_KIND_COARSE] = hyper | groups;
+    m->sources[SAGA_KIND_FINE] = hyper | parent | groups;
+    m->sources[SAGA_KIND_PRIM] = hyper | parent;
+    for (int i = 0; i < SAGA_N_LEVELS; i++)
+        m->level[i].n_groups = o->groups ? o->groups : 8;
 }
 
 /* The memory for all kinds, until the rate decides. Narrow networks: they are
  * paid for in bytes. */
-static void set_memory(saga_model *m, const saga_level_caps *caps)
+static void set_memory(saga_model *m, const saga_train_entropy_options *o,
+                       uint32_t most_slots)
 {
     m->tools |= SAGA_TOOL_MEMORY;
-    m->memory_slots = (uint16_t)(caps->n_slots < 64 ? caps->n_slots : 64);
+    if (o->plain_write)
+        m->tools |= SAGA_TOOL_PLAIN_WRITE;
+    m->memory_slots = o->slots ? o->slots
+                               : (uint16_t)(most_slots < 64 ? most_slots : 64);
     m->memory_width = 32;
     m->memory_blocks = 256;
     for (int i = 0; i < SAGA_N_KINDS; i++)
@@ -73,6 +69,28 @@ static void set_memory(saga_model *m, const saga_level_caps *caps)
     for (int i = SAGA_NET_QUERY; i < SAGA_N_NETS; i++)
         m->q_in[i] = 10;
     m->q_in[SAGA_NET_WRITE_BASE] = SAGA_SLOT_Q;
+}
+
+/* All sources, until the rate decides what is worth its weights. Formats as
+ * coarse as features are: inputs reach +-32. Of 4,000 primitives' offsets and
+ * their network 8 hidden units make 5,990 bytes, 16 6,260, 24 6,760 (constants:
+ * 7,320); what 16 gain over 8 grows with the primitives and pays for their
+ * weights from about 20,000 on. */
+void saga_train_entropy_model(saga_model *m,
+                              const saga_train_entropy_options *o,
+                              uint32_t n_primitives, uint32_t most_slots)
+{
+    const uint8_t width = n_primitives < 20000 ? 8 : 16;
+
+    set_sources(m, o);
+    for (int i = SAGA_NET_E_COARSE; i <= SAGA_NET_E_PRIM; i++) {
+        m->width[i] = width;
+        m->q_in[i] = 10;
+    }
+    m->width[SAGA_NET_HYPER] = width;
+    m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
+    if (!o->no_memory && most_slots >= SAGA_MIN_SLOTS)
+        set_memory(m, o, most_slots);
 }
 
 /* Defaults of design.md 8, but for narrower interpolation (docs/decisions.md).
@@ -102,8 +120,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
         m->int8[i] = caps->int8_only != 0;
     }
     m->width[SAGA_NET_COLOUR] = 32;
-    set_entropy(m, o->n_primitives);
-    set_memory(m, caps);
+    saga_train_entropy_model(m, &o->entropy, o->n_primitives, caps->n_slots);
 }
 
 /* --- Does anything move? ------------------------------------------------- */

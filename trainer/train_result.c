@@ -300,6 +300,15 @@ static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
     return ok;
 }
 
+static uint32_t count_parameters(const saga_scene *s)
+{
+    size_t n = 0;
+
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        n += s->net[net].n_layers ? saga_net_n_params(&s->net[net]) : 0;
+    return (uint32_t)n;
+}
+
 static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
 {
     static const int sym[SAGA_N_STEPS] = {
@@ -355,6 +364,7 @@ static int pack(saga_train *t, int level, bool final, saga_input_error *error)
     r->changing = t->changing;
     if (twin) {
         keep_entropy(&r->entropy, &choice);
+        r->n_parameters = count_parameters(&choice.scene);
         saga_rate_choice_free(&choice);
     }
     r->weight_bits = saga_fit_weight_bits(t->fit);

@@ -56,6 +56,11 @@ saga_train_status saga_train_begin_fit(saga_train *t, saga_input_error *error);
 /* train_model.c */
 void saga_train_model(saga_model *m, const saga_train_options *o,
                       bool dynamic);
+/* What of the model its entropy model is: sources, groups, sizes. A memory has
+ * at most most_slots. */
+void saga_train_entropy_model(saga_model *m,
+                              const saga_train_entropy_options *o,
+                              uint32_t n_primitives, uint32_t most_slots);
 /* t->dynamic, explained, changing. */
 saga_train_status saga_train_decide(saga_train *t, saga_input_error *error);
 /* out[i] = p[source[i]], i < n, in arrays of its own (params_free, also after

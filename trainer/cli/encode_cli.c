@@ -28,8 +28,10 @@ typedef struct {
     const char *output, *hold_out;
     saga_cli_pair frames;
     int scale, threads, memory, primitives, iterations, level, seed, every;
+    int groups, slots;
     double lambda;
     bool still, moving, json, resume;
+    bool no_hyper, no_parent, no_memory, plain_write, raw_networks;
 } options;
 
 /* What is open and what came out. */
@@ -192,6 +194,12 @@ static saga_train_options train_options(session *s)
     t.seed = (uint64_t)o->seed;
     t.motion = o->still ? SAGA_TRAIN_STILL
              : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
+    t.entropy = (saga_train_entropy_options){
+        .no_hyper = o->no_hyper, .no_parent = o->no_parent,
+        .no_memory = o->no_memory, .groups = (uint8_t)o->groups,
+        .slots = (uint16_t)o->slots, .plain_write = o->plain_write,
+        .raw_networks = o->raw_networks
+    };
     t.checkpoint = s->checkpoint;
     t.checkpoint_seconds = o->every;
     t.progress = training;
@@ -429,6 +437,9 @@ static void print_text(const session *s)
     printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
            "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
            r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
+    if (s->o->raw_networks)
+        printf("  networks at 16 bits a parameter: %" PRIu32 " bytes\n",
+               2 * r->n_parameters);
     print_bits(&r->sizes);
     print_entropy(&r->entropy);
     printf("  mean PSNR of %d + %d pictures  training  held out\n",
@@ -510,8 +521,10 @@ static void print_json(const session *s)
         "primitives", (json_int_t)r->n.prim,
         "work_bytes", (json_int_t)r->info.work_nbytes);
 
-    json_object_update_new(o, json_pack("{sisbsososfsfsososo}",
-        "level", (int)r->info.level, "temporal", (int)r->dynamic,
+    json_object_update_new(o, json_pack("{sisIsbsososfsfsososo}",
+        "level", (int)r->info.level,
+        "parameters", (json_int_t)r->n_parameters,
+        "temporal", (int)r->dynamic,
         "explained", real_or_null(r->explained),
         "changing_pixels", real_or_null(r->changing),
         "clamped_primitives", (double)r->quantise.n_clamped,
@@ -591,6 +604,14 @@ static int run(int argc, char **argv)
     return status;
 }
 
+/* orth or plain: whether it is plain. */
+static bool read_update(void *to, const char *text, const saga_cli_option *o)
+{
+    (void)o;
+    *(bool *)to = strcmp(text, "plain") == 0;
+    return *(bool *)to || strcmp(text, "orth") == 0;
+}
+
 static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga", "the file to write; needed", saga_cli_text,
       offsetof(options, output), 0, 0 },
@@ -615,6 +636,23 @@ static const saga_cli_option option_list[] = {
       offsetof(options, still), 0, 0 },
     { "--moving", NULL, "temporal tools even if nothing seems to move",
       saga_cli_flag, offsetof(options, moving), 0, 0 },
+    { "--no-hyperprior", NULL, "entropy model without what a network says of "
+      "each\nplace", saga_cli_flag, offsetof(options, no_hyper), 0, 0 },
+    { "--no-parent", NULL, "... without the coarser level", saga_cli_flag,
+      offsetof(options, no_parent), 0, 0 },
+    { "--groups", "K", "... with 1 to 16 groups of anchors, each coded by what "
+      "the\nearlier ones hold (default 8; 1: without)", saga_cli_int,
+      offsetof(options, groups), 1, 16 },
+    { "--no-memory", NULL, "... without the memory of all that was decoded",
+      saga_cli_flag, offsetof(options, no_memory), 0, 0 },
+    { "--slots", "L", "... with 32, 64, 128, 256 or 512 slots of memory",
+      saga_cli_int, offsetof(options, slots), 32, 512 },
+    { "--update", "orth|plain", "... which are told what they do not hold yet "
+      "(orth, the\ndefault), or all of it", read_update,
+      offsetof(options, plain_write), 0, 0 },
+    { "--raw-networks", NULL, "networks' parameters unpriced, in steps of "
+      "1/2048: what\ntheir rate in training is worth", saga_cli_flag,
+      offsetof(options, raw_networks), 0, 0 },
     { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
     { "--threads", "N", "threads (default: all cores); no effect on the file",

@@ -125,11 +125,16 @@ static float *alloc_params(const saga_scene *s)
 /* --- Costs --------------------------------------------------------------- */
 
 /* Bits of a network's weights, about. */
-static double weights_bits(const saga_net *net, double step)
+static double weights_bits(const saga_net *net, const saga_rate_plan *plan,
+                           int number)
 {
+    const double step = plan->step[number];
     double bits = 0;
     int l;
 
+    if (plan->raw)
+        return net->n_layers ? SAGA_RAW_BITS * (double)saga_net_n_params(net)
+                             : 0;
     for (l = 0; l < net->n_layers; l++) {
         const size_t n = (size_t)net->dim[l] * (size_t)net->dim[l + 1];
 
@@ -214,7 +219,7 @@ static int network_bits(double *total, search *f, int net)
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
     int kind;
 
-    *total = weights_bits(&rounded.net[net], f->r->plan.step[net]);
+    *total = weights_bits(&rounded.net[net], &f->r->plan, net);
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         double bits;
 
@@ -233,7 +238,7 @@ static int find_steps(search *f)
     double *const step = f->r->plan.step;
     int e, n;
 
-    for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
+    for (n = 0; !f->r->plan.raw && n < SAGA_N_ENTROPY_NETS; n++) {
         const int net = saga_scene_net(n);
         double least = HUGE_VAL, best = step[net], bits;
 
@@ -289,8 +294,8 @@ static int try_subset(search *f, int kind, uint32_t subset)
     rounded = saga_rate_rounded(f->r, f->s);
     fewer = reduced(&rounded, f->params, sources);
     f->weights[kind][subset] = weights_bits(
-        &fewer.net[SAGA_NET_E_COARSE + kind],
-        f->r->plan.step[SAGA_NET_E_COARSE + kind]);
+        &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->plan,
+        SAGA_NET_E_COARSE + kind);
     fold(f, kind, subset, -1);
     f->r->context.keep[kind] = had;
     return status;
@@ -301,14 +306,13 @@ static int try_subset(search *f, int kind, uint32_t subset)
 static int try_subsets(search *f)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
-    const double *const step = f->r->plan.step;
     uint32_t subset;
     int kind, net;
 
-    f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER],
-                            step[SAGA_NET_HYPER]);
+    f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER], &f->r->plan,
+                            SAGA_NET_HYPER);
     for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
-        f->memory += weights_bits(&rounded.net[net], step[net]);
+        f->memory += weights_bits(&rounded.net[net], &f->r->plan, net);
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         for (subset = 0; subset <= ALL_SOURCES; subset++)
             if (!(subset & ~(uint32_t)f->s->model.sources[kind]) &&

@@ -290,7 +290,8 @@ static int hyper_forward(const job *j)
                     j->s->model.q_in[SAGA_NET_HYPER]);
     if (saga_net_forward(b->out, &b->work, b->in, j->list.n, net))
         return -1;
-    saga_rate_clamp(b->out, j->list.n * j->f, j->s->model.head_q[SAGA_HEAD_HYPER]);
+    saga_rate_clamp(b->out, j->list.n * j->f,
+                    j->s->model.head_q[SAGA_HEAD_HYPER]);
     return 0;
 }
 

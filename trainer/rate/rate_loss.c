@@ -69,6 +69,15 @@ void saga_rate_free(saga_rate *r)
     memset(r, 0, sizeof *r);
 }
 
+void saga_rate_keep_raw(saga_rate *r)
+{
+    int net;
+
+    r->plan.raw = 1;
+    for (net = 0; net < SAGA_N_NETS; net++)
+        r->plan.step[net] = ldexp(1, -SAGA_RAW_STEP);
+}
+
 /* --- Values -------------------------------------------------------------- */
 
 static double clamped_offset(double o)

@@ -24,8 +24,10 @@ typedef struct saga_rate_constants {
 } saga_rate_constants;
 
 enum {
-    SAGA_RATE_FINEST = 9         /* steps of the entropy networks' weights: 2^-9
+    SAGA_RATE_FINEST = 9,        /* steps of the entropy networks' weights: 2^-9
                                   * or coarser */
+    SAGA_RAW_STEP = 11,          /* of raw networks: 2^-11, and the bits that */
+    SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */
 };
 
 /* Bits of a kind's residuals and of its network, hyperprior and memory apart,
@@ -48,6 +50,7 @@ typedef struct saga_rate_plan {
     double memory_net;           /* bits of all that is kept less those of the
                                   * best without a memory, if it were kept:
                                   * below 0, and it is kept */
+    uint64_t raw;                /* 1: steps are given, SAGA_RAW_BITS each */
 } saga_rate_plan;
 
 typedef struct saga_rate {
@@ -85,6 +88,7 @@ typedef struct saga_rate_options {
 
 #define saga_rate_init SAGA_REAL_NAME(saga_rate_init)
 #define saga_rate_free SAGA_REAL_NAME(saga_rate_free)
+#define saga_rate_keep_raw SAGA_REAL_NAME(saga_rate_keep_raw)
 #define saga_rate_snap SAGA_REAL_NAME(saga_rate_snap)
 #define saga_rate_refresh SAGA_REAL_NAME(saga_rate_refresh)
 #define saga_rate_measure SAGA_REAL_NAME(saga_rate_measure)
@@ -98,6 +102,9 @@ typedef struct saga_rate_options {
 /* Memory for scenes as saga_rate_context_init takes them. 0 or -1. */
 int saga_rate_init(saga_rate *r, const saga_scene *s);
 void saga_rate_free(saga_rate *r);
+
+/* Before anything is decided: the ablation in which weights are not coded. */
+void saga_rate_keep_raw(saga_rate *r);
 
 /* Coarse and fine anchors to the nearest places that can be coded. */
 void saga_rate_snap(saga_scene *s);

@@ -203,6 +203,8 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
     for (i = 0; i < (uint32_t)capture->n_views; i++)
         if (!capture->views[i].held_out)
             f->train[f->n_train++] = (int)i;
+    if (f->o.raw_networks)
+        saga_rate_keep_raw(&f->rate);
     start_features(f);
     start_networks(scene);
     want_supports(f);

@@ -33,6 +33,8 @@ typedef struct saga_fit_options {
     uint64_t seed;
     real eta, lambda, lambda_a;
     real rate;                   /* factor on the learning rates */
+    bool raw_networks;           /* parameters cost nothing and keep the step
+                                  * 2^-SAGA_RAW_STEP; the ablation */
 } saga_fit_options;
 
 typedef struct saga_fit saga_fit;

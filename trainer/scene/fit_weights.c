@@ -41,6 +41,15 @@ size_t saga_fit_n_params(const saga_scene *s)
     return s->n_reals - (size_t)(s->params - s->reals);
 }
 
+static void start_steps(saga_fit *f)
+{
+    int t;
+
+    saga_weights_start(&f->weights, f->scene->params);
+    for (t = 0; f->o.raw_networks && t < f->weights.n; t++)
+        f->weights.log2_step[t] = -SAGA_RAW_STEP;
+}
+
 int saga_fit_begin_weights(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -56,7 +65,7 @@ int saga_fit_begin_weights(saga_fit *f)
             saga_net_bind(&f->used.net[i],
                           f->params + (s->net[i].w[0] - s->params));
     saga_weights_list(&f->weights, s->net, s->params);
-    saga_weights_start(&f->weights, s->params);
+    start_steps(f);
     return 0;
 }
 
@@ -68,14 +77,16 @@ static void copy_params(saga_fit *f)
 
 /* --- Rounding ------------------------------------------------------------ */
 
-/* Tensors that stand rounded at iteration `done` of the rendering. */
+/* Tensors that stand rounded at iteration `done` of the rendering. Raw ones
+ * learn to the end: their steps are too small to be felt. */
 static int n_rounded(const saga_fit *f, int done)
 {
     const int first = saga_fit_first_rounding(f);
     const int span = 1 + (int)(ROUNDING_PART * (f->o.n_render - first));
     const int layers = f->weights.n / 2;
 
-    return done < first ? 0 : done - first >= span ? 2 * layers
+    return done < first || f->o.raw_networks ? 0
+         : done - first >= span ? 2 * layers
          : 2 * (1 + (int)((int64_t)(done - first) * layers / span));
 }
 
@@ -133,7 +144,7 @@ int saga_fit_use_weights(saga_fit *f)
     const int now = n_rounded(f, done), before = n_rounded(f, done - 1);
 
     if (done == 0)
-        saga_weights_start(&f->weights, f->scene->params);
+        start_steps(f);
     if (now > before && round_layers(f, before, now))
         return -1;
     if (done < 0)
@@ -147,8 +158,10 @@ int saga_fit_use_weights(saga_fit *f)
 
 void saga_fit_rate_weights(saga_fit *f)
 {
-    saga_weights_rate(f->grad.params, &f->weights, f->params,
-                      f->scene->params, PRICE_PART * saga_fit_bit_price(f));
+    if (!f->o.raw_networks)
+        saga_weights_rate(f->grad.params, &f->weights, f->params,
+                          f->scene->params,
+                          PRICE_PART * saga_fit_bit_price(f));
 }
 
 void saga_fit_round_weights(saga_fit *f)

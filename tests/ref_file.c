@@ -1,0 +1,191 @@
+/* SPDX-License-Identifier: MIT */
+#include "ref_file.h"
+
+#include "encode.h"
+#include "fx.h"
+#include "head.h"
+#include "plan.h"
+#include "range_dec.h"
+#include "ref_recorder.h"
+#include "saga.h"
+#include "syntax.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *must(void *p)
+{
+    if (!p) {
+        fprintf(stderr, "ref_file: out of memory\n");
+        exit(2);
+    }
+    return p;
+}
+
+uint32_t ref_file_channels(const ref_file *f, int step)
+{
+    return step == SAGA_STEP_FEATURE ? f->h.model.features : 4u;
+}
+
+uint32_t ref_file_rows(const ref_file *f, int step)
+{
+    return step == SAGA_STEP_FINE ? f->s.n.fine
+         : step == SAGA_STEP_PRIM ? f->s.n.prim : f->s.n.coarse;
+}
+
+/* --- Chunks -------------------------------------------------------------- */
+
+/* The chunk of that type at the beginning of *at, which moves past it. */
+static int take_chunk(ref_span *payload, ref_span *at, uint32_t type)
+{
+    saga_chunk chunk;
+
+    if (saga_head_chunk(&chunk, type, at->p, at->n))
+        return 0;
+    payload->p = at->p + SAGA_CHUNK_NBYTES;
+    payload->n = chunk.nbytes;
+    at->p += SAGA_CHUNK_NBYTES + chunk.nbytes;
+    at->n -= SAGA_CHUNK_NBYTES + chunk.nbytes;
+    return 1;
+}
+
+static void read_rig(ref_file *f, const uint8_t *bytes)
+{
+    saga_io io = { bytes, NULL, saga_rig_offset(&f->h) };
+
+    f->rig = must(calloc(f->h.n_cameras + 1u, sizeof *f->rig));
+    for (uint32_t i = 0; i < f->h.n_cameras; i++)
+        saga_camera_io(&io, &f->rig[i]);
+}
+
+static int read_nets(ref_file *f)
+{
+    saga_range_dec range;
+    saga_cost cost;
+    recorder r;
+    int ok;
+
+    saga_nets_layout(&f->shapes, &f->h.model);
+    f->params = must(aligned_alloc(16, (f->shapes.nbytes + 31u) / 16 * 16));
+    recorder_alloc_nets(&f->nets, &f->shapes);
+    saga_range_dec_init(&range, f->chunk[REF_NETWORKS].p,
+                        f->chunk[REF_NETWORKS].n);
+    saga_cost_init(&cost, &range.coder);
+    recorder_init(&r, &cost.coder);
+    r.nets = &f->nets;
+    r.shapes = &f->shapes;
+    ok = saga_syntax_networks(&f->shapes, f->params, &r.coder) &&
+         saga_range_dec_finish(&range);
+    memcpy(f->bits, cost.bits, sizeof f->bits);
+    memcpy(f->net_bits, cost.net_bits, sizeof f->net_bits);
+    return ok;
+}
+
+/* --- The segment --------------------------------------------------------- */
+
+/* A recorder_watch: the symbols are kept already. */
+static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
+                        const int16_t *mu, const uint8_t *scale, uint32_t n)
+{
+    ref_file *const f = user;
+    const int step = at.sym == SAGA_SYM_CENTRE ? SAGA_STEP_CENTRE
+                   : at.sym == SAGA_SYM_FEATURE ? SAGA_STEP_FEATURE
+                   : at.sym == SAGA_SYM_FINE_OFFSET ? SAGA_STEP_FINE
+                   : SAGA_STEP_PRIM;
+    const int32_t *const q = step == SAGA_STEP_CENTRE ? f->s.centre
+                           : step == SAGA_STEP_FEATURE ? f->s.feature
+                           : step == SAGA_STEP_FINE ? f->s.fine_offset
+                           : f->s.prim_offset;
+    const size_t first = (size_t)at.index * n;
+
+    (void)sc;
+    (void)scale;
+    for (uint32_t i = 0; i < n; i++)
+        f->value[step][first + i] = fx_sat16_64(mu[i] + fx_rshift64(
+            (int64_t)q[first + i] * f->h.model.step_q16[step], 16));
+}
+
+static int read_layers(ref_file *f, ref_span at)
+{
+    const uint32_t cap_nodes = 25 * f->segment.n.coarse + 25;
+    uint32_t final_range[3];
+    saga_cost cost;
+    recorder r;
+    int ok;
+
+    recorder_alloc_symbols(&f->s, f->segment.n, f->h.model.features,
+                           cap_nodes);
+    for (int i = 0; i < SAGA_N_STEPS; i++)
+        f->value[i] = must(calloc((size_t)ref_file_rows(f, i) *
+                                  ref_file_channels(f, i) + 1,
+                                  sizeof *f->value[i]));
+    saga_scaffold_alloc(&f->sc, &f->h.model, &f->shapes, f->params,
+                        f->segment.n);
+    saga_cost_init(&cost, NULL);
+    recorder_init(&r, &cost.coder);
+    r.watch = keep_values;
+    r.user = f;
+    r.s = &f->s;
+    r.cap_nodes = cap_nodes;
+    r.features = f->h.model.features;
+    ok = recorder_layers(&r.coder, &cost.inner, &f->sc, final_range, at.p,
+                         at.n);
+    for (int i = 0; i < SAGA_N_SYMS; i++)
+        f->bits[i] += cost.bits[i];
+    return ok && take_chunk(&f->chunk[REF_COARSE], &at, SAGA_CHUNK_COARSE) &&
+           take_chunk(&f->chunk[REF_FINE], &at, SAGA_CHUNK_FINE) &&
+           take_chunk(&f->chunk[REF_PRIM], &at, SAGA_CHUNK_PRIM);
+}
+
+static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n)
+{
+    ref_span at = { bytes + f->h.header_nbytes, n - f->h.header_nbytes };
+    saga_segment seg;
+    saga_io io = { NULL, NULL, 0 };
+    ref_span payload;
+
+    read_rig(f, bytes);
+    if (!take_chunk(&payload, &at, SAGA_CHUNK_INDEX) ||
+        !take_chunk(&f->chunk[REF_NETWORKS], &at, SAGA_CHUNK_NETS) ||
+        !read_nets(f))
+        return "the networks are not valid";
+    if (saga_find(&seg, bytes, n, 0, 1) || seg.offset > n ||
+        seg.nbytes > n - seg.offset)
+        return "the index is not valid";
+    at = (ref_span){ bytes + seg.offset, seg.nbytes };
+    if (!take_chunk(&payload, &at, SAGA_CHUNK_SEGMENT))
+        return "the segment is not valid";
+    io.in = payload.p;
+    saga_segment_io(&io, &f->segment);
+    return read_layers(f, at) ? NULL : "the segment is not valid";
+}
+
+const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
+{
+    const char *why;
+    saga_info info;
+
+    memset(f, 0, sizeof *f);
+    if (saga_probe(&info, bytes, n) || saga_head_read(&f->h, bytes, n))
+        return "the header is not valid";
+    if (f->h.n_segments != 1)
+        return "files of several segments cannot be taken apart yet";
+    why = read_parts(f, bytes, n);
+    if (why)
+        ref_file_free(f);
+    return why;
+}
+
+void ref_file_free(ref_file *f)
+{
+    recorder_free_symbols(&f->s);
+    recorder_free_nets(&f->nets);
+    for (int i = 0; i < SAGA_N_STEPS; i++)
+        free(f->value[i]);
+    if (f->sc.model)
+        saga_scaffold_free(&f->sc);
+    free(f->params);
+    free(f->rig);
+    memset(f, 0, sizeof *f);
+}

@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A .saga file of one segment as its parts: header and rig, the symbols, what
+ * they decode to, and what they cost. For tools that code the same scene
+ * otherwise.
+ */
+#ifndef REF_FILE_H
+#define REF_FILE_H
+
+#include "container.h"
+#include "cost.h"
+#include "scaffold.h"
+#include "symbols.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+enum { REF_NETWORKS, REF_COARSE, REF_FINE, REF_PRIM, REF_N_CHUNKS };
+
+/* A part of the bytes that were read, which stay the caller's. */
+typedef struct ref_span {
+    const uint8_t *p;
+    size_t n;
+} ref_span;
+
+typedef struct ref_file {
+    saga_header h;
+    saga_rig_camera *rig;
+    saga_segment_header segment;
+    saga_nets shapes;
+    uint8_t *params;             /* the networks' block */
+    saga_net_symbols nets;
+    saga_symbols s;
+    int16_t *value[SAGA_N_STEPS]; /* of the residuals, by SAGA_STEP_*: (coarse,
+                                   * 4), (coarse, F), (fine, 4), (prim, 4), as
+                                   * common/syntax.c dequantises them */
+    saga_scaffold sc;            /* after all layers */
+    ref_span chunk[REF_N_CHUNKS]; /* payloads */
+    double bits[SAGA_N_SYMS];    /* code lengths, networks included, */
+    double net_bits[SAGA_N_NETS]; /* and of each of them */
+} ref_file;
+
+/* NULL: done, and ref_file_free; else why not, a constant string, and there is
+ * nothing to free. */
+const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n);
+void ref_file_free(ref_file *f);
+
+/* Channels of a step's values: 4 or F. */
+uint32_t ref_file_channels(const ref_file *f, int step);
+/* How many rows of them there are. */
+uint32_t ref_file_rows(const ref_file *f, int step);
+
+#endif
