@@ -378,7 +378,7 @@ static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
 
 refit_options refit_defaults(void)
 {
-    return (refit_options){ .iterations = 1500, .seed = 1 };
+    return (refit_options){ .iterations = 3000, .seed = 1 };
 }
 
 const char *refit_make(uint8_t **out, size_t *n, refit_report *report,
