@@ -3,7 +3,6 @@
 
 #include "adam.h"
 #include "encode.h"
-#include "gen_parts.h"
 #include "morton.h"
 #include "pack.h"
 #include "quantise.h"
@@ -346,7 +345,7 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
     h.level = level_for(f->in, &h.model);
     saga_pack_entropy(&entropy, &h.model, c, &f->twin);
     for (int net = 0; net < SAGA_N_NETS; net++)
-        memcpy(nets.layer[net], parts_is_entropy(net) ? entropy.layer[net]
+        memcpy(nets.layer[net], saga_rate_is_entropy(net) ? entropy.layer[net]
                : f->in->nets.layer[net], sizeof nets.layer[net]);
     e = saga_encoder_open(&h, f->in->rig, &nets, &why);
     if (e)

@@ -304,18 +304,19 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
     pack_constants(out, SAGA_NET_E_COARSE + kind, v, 2 * n);
 }
 
+/* steps NULL: without the reconstruction networks. */
 static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
                       const saga_model *m, const saga_twin *w,
-                      const saga_rate_choice *c, const saga_weights *steps,
-                      int n_nets)
+                      const saga_rate_choice *c, const saga_weights *steps)
 {
     int net;
 
     memset(out, 0, sizeof *out);
-    for (net = 0; net < n_nets; net++) {
+    for (net = 0; net < SAGA_N_NETS; net++) {
         const int kind = net - SAGA_NET_E_COARSE;
 
-        if (!c->scene.net[net].n_layers)
+        if (!c->scene.net[net].n_layers ||
+            (!steps && !saga_rate_is_entropy(net)))
             continue;
         if (kind >= 0 && kind < SAGA_N_KINDS && !m->sources[kind])
             pack_entropy(out, m, &c->rate->constants, kind);
@@ -329,7 +330,7 @@ void saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
                        const saga_rate_choice *choice, const saga_twin *twin)
 {
     entropy_formats(m, choice);
-    pack_nets(nets, NULL, m, twin, choice, NULL, SAGA_N_ENTROPY_NETS);
+    pack_nets(nets, NULL, m, twin, choice, NULL);
 }
 
 /* --- Segment ------------------------------------------------------------- */
@@ -473,8 +474,7 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         *why = "out of memory";
         return 0;
     }
-    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights,
-              SAGA_N_NETS);
+    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights);
     e = saga_encoder_open(&h, rig, &nets, why);
     ok = e && pack_segment(e, report, decoded, scene, &h.model, twin,
                            options->n_frames, why) &&

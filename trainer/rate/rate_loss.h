@@ -30,6 +30,13 @@ enum {
     SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */
 };
 
+/* The networks that tell how residuals are coded, a memory's among them; the
+ * others reconstruct. */
+static inline bool saga_rate_is_entropy(int net)
+{
+    return net < SAGA_N_ENTROPY_NETS || net >= SAGA_NET_QUERY;
+}
+
 /* Bits of a kind's residuals and of its network, the hyperprior apart, when its
  * sources were chosen. */
 typedef struct saga_rate_gain {
