@@ -3,7 +3,6 @@
 
 #include "adam.h"
 #include "encode.h"
-#include "gen_parts.h"
 #include "morton.h"
 #include "pack.h"
 #include "quantise.h"
@@ -350,7 +349,7 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
     h.level = level_for(f->in, &h.model);
     saga_pack_entropy(&entropy, &h.model, c, &f->twin);
     for (int net = 0; net < SAGA_N_NETS; net++)
-        memcpy(nets.layer[net], parts_is_entropy(net) ? entropy.layer[net]
+        memcpy(nets.layer[net], saga_is_entropy_net(net) ? entropy.layer[net]
                : f->in->nets.layer[net], sizeof nets.layer[net]);
     e = saga_encoder_open(&h, f->in->rig, &nets, &why);
     if (e)
@@ -382,7 +381,7 @@ static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
 
 refit_options refit_defaults(void)
 {
-    return (refit_options){ .iterations = 1500, .seed = 1 };
+    return (refit_options){ .iterations = 3000, .seed = 1 };
 }
 
 const char *refit_make(uint8_t **out, size_t *n, refit_report *report,

@@ -5,8 +5,8 @@
  * part of the order-0 bytes that the file does without, the entropy networks'
  * own bytes counted against it.
  */
+#include "file_json.h"
 #include "gen_order0.h"
-#include "gen_parts.h"
 
 #include "input.h"
 
@@ -41,7 +41,7 @@ static void print(const ref_file *f, size_t n)
 {
     json_t *const o = json_object(), *const kinds = json_object();
     order0_row row[SAGA_N_COMPONENTS], values = { 0 }, structure = { 0 }, all;
-    const double networks = parts_entropy_bits(f);
+    const double networks = file_json_nets(f, true).bits;
 
     order0_file(row, f);
     for (int i = SAGA_COMPONENT_TREE; i < SAGA_N_COMPONENTS; i++) {
@@ -57,7 +57,7 @@ static void print(const ref_file *f, size_t n)
     json_object_set_new(o, "values", total_of(&values, networks));
     json_object_set_new(o, "structure", total_of(&structure, 0));
     json_object_set_new(o, "all", total_of(&all, networks));
-    json_object_set_new(o, "networks", parts_networks(f));
+    json_object_set_new(o, "networks", file_json_networks(f));
     json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     putchar('\n');
     json_decref(o);

@@ -8,7 +8,7 @@
  * options as `saga encode` has them. Prints JSON: bytes of each component
  * before and after, and the sources that were kept.
  */
-#include "gen_parts.h"
+#include "file_json.h"
 #include "gen_refit.h"
 
 #include "input.h"
@@ -104,14 +104,16 @@ static void print(const ref_file *in, const ref_file *out, size_t n_in,
 {
     static const char *const keys[SAGA_N_KINDS] = { "coarse", "fine",
                                                     "primitives" };
-    json_t *const o = json_pack("{sososIsI}", "before", parts_json(in),
-                                "after", parts_json(out),
+    json_t *const o = json_pack("{sososIsI}", "before", file_json_parts(in),
+                                "after", file_json_parts(out),
                                 "bytes_before", (json_int_t)n_in,
                                 "bytes", (json_int_t)n_out);
     json_t *const kinds = json_object();
 
     for (int i = 0; i < SAGA_N_KINDS; i++)
         json_object_set_new(kinds, keys[i], kind_of(r, i));
+    json_object_set_new(kinds, "hyperprior_weights",
+                        json_real(r->plan.hyper_weights / 8));
     json_object_set_new(o, "entropy_model", kinds);
     json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     putchar('\n');

@@ -14,7 +14,6 @@
 #include "capture.h"
 #include "encode.h"
 #include "gen_order0.h"
-#include "gen_parts.h"
 #include "gen_refit.h"
 #include "gen_stream.h"
 #include "prob.h"
@@ -221,7 +220,7 @@ static void what_is_kept_should_be_the_same(const ref_file *a,
         for (int l = 0; l < a->shapes.shape[net].n_layers; l++) {
             const uint16_t *const dim = a->shapes.shape[net].dim + l;
 
-            if (!parts_is_entropy(net))
+            if (!saga_is_entropy_net(net))
                 assert_memory_equal(a->nets.layer[net][l].weight,
                                     b->nets.layer[net][l].weight,
                                     dim[0] * dim[1] * sizeof(int32_t));

@@ -38,6 +38,12 @@ into() {
     mv "$to.part" "$to"
 }
 
+# score FILE NAME: into NAME.eval.json.
+score() {
+    into "$2.eval.json" "$saga" eval "$1" "$capture" --threads "$threads" \
+        --json
+}
+
 # variant FOLDER NAME OPTIONS...: FOLDER/in.saga fitted anew, and its scores.
 variant() {
     local at=$1 name=$1/$2
@@ -47,9 +53,7 @@ variant() {
         into "$name.json" "$bin/make_refit" "$at/in.saga" "$name.saga" "$@" \
             "${refit[@]}"
     fi
-    [ "$name.eval.json" -nt "$name.json" ] ||
-        into "$name.eval.json" "$saga" eval "$name.saga" "$capture" \
-            --threads "$threads" --json
+    [ "$name.eval.json" -nt "$name.json" ] || score "$name.saga" "$name"
     [ "$name.times.json" -nt "$name.json" ] ||
         into "$name.times.json" "$bin/make_times" "$name.saga"
 }
@@ -67,6 +71,8 @@ for lambda in "${lambdas[@]}"; do
             --lambda "$lambda" --threads "$threads" "${train[@]}" \
             "${resume[@]}" --json
     fi
+    [ "$at/trained.eval.json" -nt "$at/in.saga" ] ||
+        score "$at/in.saga" "$at/trained"
     variant "$at" full
     variant "$at" no-memory --no-memory
     variant "$at" plain --update plain

@@ -375,10 +375,10 @@ static void pack_entropy(saga_net_symbols *out, const saga_model *m,
     pack_constants(out, SAGA_NET_E_COARSE + kind, v, 2 * n);
 }
 
+/* steps NULL: without the reconstruction networks. */
 static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
                       const saga_model *m, const saga_twin *w,
-                      const saga_rate_choice *c, const saga_weights *steps,
-                      bool entropy_alone)
+                      const saga_rate_choice *c, const saga_weights *steps)
 {
     int net;
 
@@ -387,7 +387,7 @@ static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
         const int kind = net - SAGA_NET_E_COARSE;
 
         if (!c->scene.net[net].n_layers ||
-            (entropy_alone && !saga_is_entropy_net(net)))
+            (!steps && !saga_is_entropy_net(net)))
             continue;
         if (kind >= 0 && kind < SAGA_N_KINDS && !m->sources[kind])
             pack_entropy(out, m, &c->rate->constants, kind);
@@ -401,7 +401,7 @@ void saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
                        const saga_rate_choice *choice, const saga_twin *twin)
 {
     entropy_formats(m, choice);
-    pack_nets(nets, NULL, m, twin, choice, NULL, true);
+    pack_nets(nets, NULL, m, twin, choice, NULL);
 }
 
 /* --- Segment ------------------------------------------------------------- */
@@ -545,8 +545,7 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         *why = "out of memory";
         return 0;
     }
-    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights,
-              false);
+    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights);
     e = saga_encoder_open(&h, rig, &nets, why);
     ok = e && pack_segment(e, report, decoded, scene, &h.model, twin,
                            options->n_frames, why) &&
