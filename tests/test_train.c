@@ -298,10 +298,11 @@ static void compare_read(near_integers *t, const saga_scaffold *sc, int kind,
                          size_t block)
 {
     const size_t d = sc->memory.width;
-    const real *const read = t->rate.context.memory.kind[kind].read;
+    const real *const read = t->rate.context.memory.kind[kind].read +
+                             t->rate.context.kind[kind].runs.place[block] * d;
 
     for (size_t i = 0; i < d; i++)
-        t->read = fmax(t->read, fabs((double)read[block * d + i] -
+        t->read = fmax(t->read, fabs((double)read[i] -
                                      sc->memory.step->read[i] / 4096.0));
 }
 

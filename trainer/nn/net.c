@@ -3,14 +3,11 @@
 
 #include "dense.h"
 #include "rng.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#ifdef _OPENMP
-#include <omp.h>
-#endif
 
 enum {
     CHUNK = 128,         /* points that go through all layers together */
@@ -182,24 +179,6 @@ static int pack(saga_net_work *work, const saga_net *net)
 
 /* --- Blocks and chunks --------------------------------------------------- */
 
-static int thread_number(void)
-{
-#ifdef _OPENMP
-    return omp_get_thread_num();
-#else
-    return 0;
-#endif
-}
-
-static int n_threads(void)
-{
-#ifdef _OPENMP
-    return omp_get_max_threads();
-#else
-    return 1;
-#endif
-}
-
 static size_t widest(const saga_net *net)
 {
     size_t top = 0;
@@ -274,7 +253,7 @@ int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
         if (grow(&work->hidden[l], &work->cap[l], m * pad(net, l + 1)))
             return -1;
     if (pack(work, net) || grow(&work->chunk, &work->cap[CAP_CHUNK],
-                                3 * scratch * (size_t)n_threads()))
+                                3 * scratch * saga_n_threads()))
         return -1;
 #pragma omp parallel for schedule(static)
     for (c = 0; c < n_chunks; c++) {
@@ -282,7 +261,7 @@ int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
 
         forward_chunk(y, work, x, begin, m - begin < CHUNK ? m - begin : CHUNK,
                       net, work->chunk +
-                      3 * scratch * (size_t)thread_number());
+                      3 * scratch * saga_thread_number());
     }
     return 0;
 }
@@ -385,7 +364,7 @@ int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
 
     if (grow(&work->partial, &work->cap[CAP_PARTIAL], n_blocks * size) ||
         grow(&work->chunk, &work->cap[CAP_CHUNK],
-             scratch * (size_t)n_threads()))
+             scratch * saga_n_threads()))
         return -1;
 #pragma omp parallel for schedule(dynamic, 1)
     for (k = 0; k < (int64_t)n_blocks; k++) {
@@ -398,7 +377,7 @@ int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
         for (i = (size_t)k * block; i < end; i += CHUNK)
             backward_chunk(dx, p, work, dy, x, i,
                            end - i < CHUNK ? end - i : CHUNK, net,
-                           work->chunk + scratch * (size_t)thread_number());
+                           work->chunk + scratch * saga_thread_number());
     }
     add_partials(d, work->partial, size, n_blocks);
     return 0;

@@ -9,15 +9,6 @@
 
 /* --- Memory -------------------------------------------------------------- */
 
-static void lay_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
-                      size_t rows)
-{
-    b->in = saga_arena_take(a, rows * (size_t)net->dim[0]);
-    b->d_in = saga_arena_take(a, rows * (size_t)net->dim[0]);
-    b->out = saga_arena_take(a, rows * (size_t)net->dim[net->n_layers]);
-    b->d_out = saga_arena_take(a, rows * (size_t)net->dim[net->n_layers]);
-}
-
 static void lay_out(saga_rate_context *c, saga_arena *a, const saga_scene *s)
 {
     const size_t most = s->n.fine > s->n.coarse ? s->n.fine : s->n.coarse;
@@ -34,9 +25,9 @@ static void lay_out(saga_rate_context *c, saga_arena *a, const saga_scene *s)
         k->d_mu = saga_arena_take(a, values);
         k->log2_sigma = saga_arena_take(a, values);
         k->d_log2_sigma = saga_arena_take(a, values);
-        lay_batch(&k->net, a, &s->net[SAGA_NET_E_COARSE + kind], n);
+        saga_rate_batch(&k->net, a, &s->net[SAGA_NET_E_COARSE + kind], n);
         if (s->model.sources[kind] & SAGA_SOURCE_HYPER)
-            lay_batch(&k->hyper, a, &s->net[SAGA_NET_HYPER], n);
+            saga_rate_batch(&k->hyper, a, &s->net[SAGA_NET_HYPER], n);
     }
     c->scratch = saga_arena_take(a, most * s->model.features);
 }
@@ -353,7 +344,8 @@ static void memory_forward(real *in, const job *j, const real *read)
     size_t i;
 
     for (i = 0; i < j->list.n; i++)
-        memcpy(in + i * j->dim, read + j->list.block[i] * d, d * sizeof *in);
+        memcpy(in + i * j->dim, read + j->k->runs.place[j->list.block[i]] * d,
+               d * sizeof *in);
 }
 
 /* Zeros in the columns of a source that is not kept. */
@@ -491,8 +483,8 @@ static void memory_backward(real *d_read, const job *j, const real *d_in)
     size_t i;
 
     for (i = 0; i < j->list.n; i++)
-        memcpy(d_read + j->list.block[i] * d, d_in + i * j->dim,
-               d * sizeof *d_read);
+        memcpy(d_read + j->k->runs.place[j->list.block[i]] * d,
+               d_in + i * j->dim, d * sizeof *d_read);
 }
 
 static int source_backward(saga_rate_context *c, saga_scene *d,

@@ -2,52 +2,16 @@
 #include "rate_memory.h"
 
 #include "arena.h"
-#include "dense.h"
-#include "vec.h"
+#include "rate_bank.h"
+#include "threads.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
-/* Queries that are answered together. */
-enum { CHUNK = 128 };
-
-#define LN2 R(0.69314718055994530942)
-
-static int thread_number(void)
-{
-#ifdef _OPENMP
-    return omp_get_thread_num();
-#else
-    return 0;
-#endif
-}
-
-static size_t n_threads(void)
-{
-#ifdef _OPENMP
-    return (size_t)omp_get_max_threads();
-#else
-    return 1;
-#endif
-}
+/* Too few to be worth several threads: one step while it is coded. */
+enum { FEW_BLOCKS = 256 };
 
 /* --- Memory -------------------------------------------------------------- */
-
-static void lay_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
-                      size_t rows)
-{
-    const size_t in = (size_t)net->dim[0];
-    const size_t out = (size_t)net->dim[net->n_layers];
-
-    b->in = saga_arena_take(a, rows * in);
-    b->d_in = saga_arena_take(a, rows * in);
-    b->out = saga_arena_take(a, rows * out);
-    b->d_out = saga_arena_take(a, rows * out);
-}
 
 static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
 {
@@ -61,47 +25,26 @@ static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
         const size_t blocks = saga_rate_n_blocks(s, kind);
         const size_t runs = saga_rate_runs_most(s, kind);
 
-        lay_batch(&k->query, a, &net[SAGA_NET_QUERY], blocks);
+        saga_rate_batch(&k->query, a, &net[SAGA_NET_QUERY], blocks);
         k->d_state = saga_arena_take(a, runs * state);
         k->read = saga_arena_take(a, blocks * m->width);
         k->d_read = saga_arena_take(a, blocks * m->width);
         if (kind == SAGA_KIND_PRIM)
             continue;
-        lay_batch(&k->token, a, &net[SAGA_NET_AGG], blocks);
-        lay_batch(&k->base, a, &net[SAGA_NET_WRITE_BASE], runs);
-        lay_batch(&k->write, a, &net[SAGA_NET_WRITE], runs * slots);
+        saga_rate_batch(&k->token, a, &net[SAGA_NET_AGG], blocks);
+        saga_rate_batch(&k->base, a, &net[SAGA_NET_WRITE_BASE], runs);
+        saga_rate_batch(&k->write, a, &net[SAGA_NET_WRITE], runs * slots);
         n_states += runs;
     }
-    lay_batch(&m->slot, a, &net[SAGA_NET_SLOT], slots);
+    saga_rate_batch(&m->slot, a, &net[SAGA_NET_SLOT], slots);
     m->state = saga_arena_take(a, n_states * state);
     m->d_last = saga_arena_take(a, state);
-}
-
-/* S_0 as the integers have it. */
-static int start(saga_rate_memory *m, const saga_scene *s)
-{
-    saga_memory bank = { .n_slots = s->model.memory_slots,
-                         .width = s->model.memory_width };
-    const size_t stride = saga_mlp_pad(bank.width);
-    uint8_t *const block = aligned_alloc(16, saga_memory_place(&bank, NULL));
-    size_t p, i;
-
-    if (!block)
-        return -1;
-    saga_memory_place(&bank, block);
-    saga_memory_start(&bank);
-    for (p = 0; p < m->n_slots; p++)
-        for (i = 0; i < m->width; i++)
-            m->state[p * m->width + i] = R(bank.slot[p * stride + i]) / 4096;
-    free(block);
-    for (p = 0; p < m->n_slots; p++)
-        m->slot.in[p * m->n_slots + p] = 1;
-    return 0;
 }
 
 int saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s)
 {
     saga_arena a = { NULL, 0 };
+    size_t p;
 
     memset(m, 0, sizeof *m);
     if (!(s->model.tools & SAGA_TOOL_MEMORY))
@@ -115,10 +58,12 @@ int saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s)
     a.base = m->block;
     a.n = 0;
     lay_out(m, &a, s);
-    if (start(m, s)) {
+    if (saga_rate_bank_start(m->state, m->n_slots, m->width)) {
         saga_rate_memory_free(m);
         return -1;
     }
+    for (p = 0; p < m->n_slots; p++)
+        m->slot.in[p * m->n_slots + p] = 1;
     return 0;
 }
 
@@ -202,7 +147,7 @@ static int run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
     const size_t n_out = (size_t)f->dim[f->n_layers];
     ptrdiff_t i;
 
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (end - first > FEW_BLOCKS)
     for (i = (ptrdiff_t)first; i < (ptrdiff_t)end; i++)
         fill_row(b->in + (size_t)i * n_in, in, net, in->runs->block[i]);
     if (saga_net_forward(b->out + first * n_out, &b->work,
@@ -243,24 +188,10 @@ static int blocks_backward(saga_scene *d, const saga_rate_features *dx,
 
 /* --- Reads --------------------------------------------------------------- */
 
-/* A run that reads, in a thread's scratch. */
-typedef struct {
-    const real *state;           /* (L, D) */
-    real *columns;               /* (D, L) the same, transposed */
-    real *weight, *d_weight;     /* (CHUNK, L) */
-    real *rows;                  /* (CHUNK, D) by order */
-    size_t n_slots, width;
-} reader;
-
-/* Reals of it. */
-static size_t reader_size(const saga_rate_memory *m)
+static int alloc_scratch(saga_rate_memory *m)
 {
-    return m->n_slots * m->width + CHUNK * (2 * m->n_slots + m->width);
-}
-
-static int alloc_readers(saga_rate_memory *m)
-{
-    const size_t n = n_threads() * reader_size(m);
+    const size_t n = saga_n_threads() *
+                     saga_rate_bank_scratch(m->n_slots, m->width);
 
     if (n <= m->n_scratch)
         return 0;
@@ -270,83 +201,28 @@ static int alloc_readers(saga_rate_memory *m)
     return m->scratch ? 0 : -1;
 }
 
-/* Primitives all read the last state. */
-static size_t state_of(const saga_rate_memory_input *in, size_t run)
+/* What a run reads; primitives all read the last state. */
+static saga_rate_bank bank_of(const saga_rate_memory *m,
+                              const saga_rate_memory_input *in, size_t run)
 {
-    return in->first + (in->kind == SAGA_KIND_PRIM ? 0 : run);
-}
+    const size_t state = in->first + (in->kind == SAGA_KIND_PRIM ? 0 : run);
 
-static reader reader_of(const saga_rate_memory *m,
-                        const saga_rate_memory_input *in, size_t run)
-{
-    const size_t n = m->n_slots * m->width;
-    real *const scratch = m->scratch +
-                          (size_t)thread_number() * reader_size(m);
-    const reader r = {
-        m->state + state_of(in, run) * n, scratch, scratch + n,
-        scratch + n + CHUNK * m->n_slots, scratch + n + 2 * CHUNK * m->n_slots,
-        m->n_slots, m->width
-    };
-    size_t p, i;
-
-    for (p = 0; p < m->n_slots; p++)
-        for (i = 0; i < m->width; i++)
-            r.columns[i * m->n_slots + p] = r.state[p * m->width + i];
-    return r;
-}
-
-/* Scores to weights that sum to 1. Those 100 and more below the largest have
- * 2^-100. */
-static void softmax(real *x, size_t n)
-{
-    vec most = vec_load(x), sum = vec_zero();
-    real top;
-    size_t i;
-
-    for (i = VEC_LANES; i < n; i += VEC_LANES)
-        most = vec_max(most, vec_load(x + i));
-    for (top = most[0], i = 1; i < VEC_LANES; i++)
-        top = most[i] > top ? most[i] : top;
-    for (i = 0; i < n; i += VEC_LANES) {
-        const vec below = vec_set1(top) - vec_load(x + i);
-        const vec e = vec_exp2_neg(vec_min(below, vec_set1(100)));
-
-        vec_store(x + i, e);
-        sum += e;
-    }
-    for (top = 1 / vec_sum(sum), i = 0; i < n; i += VEC_LANES)
-        vec_store(x + i, vec_load(x + i) * vec_set1(top));
-}
-
-/* L and D are whole numbers of vectors: rows are padded as they are. */
-static void weigh(const reader *r, const real *query, size_t n)
-{
-    size_t i;
-
-    saga_dense_forward(r->weight, query, r->width, r->columns, NULL, n,
-                       r->width, r->n_slots, 0);
-    for (i = 0; i < n; i++)
-        softmax(r->weight + i * r->n_slots, r->n_slots);
+    return saga_rate_bank_of(m->state + state * m->n_slots * m->width,
+                             m->n_slots, m->width, m->scratch +
+                             saga_thread_number() *
+                             saga_rate_bank_scratch(m->n_slots, m->width));
 }
 
 static void read_run(saga_rate_memory *m, const saga_rate_memory_input *in,
                      size_t run)
 {
     saga_rate_memory_kind *const k = &m->kind[in->kind];
-    const reader r = reader_of(m, in, run);
-    const size_t end = in->runs->begin[run + 1], d = m->width;
-    size_t at, i;
+    const saga_rate_bank b = bank_of(m, in, run);
+    const size_t begin = in->runs->begin[run];
 
-    for (at = in->runs->begin[run]; at < end; at += CHUNK) {
-        const size_t n = end - at < CHUNK ? end - at : CHUNK;
-
-        weigh(&r, k->query.out + at * d, n);
-        saga_dense_forward(r.rows, r.weight, m->n_slots, r.state, NULL, n,
-                           m->n_slots, d, 0);
-        for (i = 0; i < n; i++)
-            memcpy(k->read + in->runs->block[at + i] * d, r.rows + i * d,
-                   d * sizeof *r.rows);
-    }
+    saga_rate_bank_read(k->read + begin * m->width, &b,
+                        k->query.out + begin * m->width,
+                        in->runs->begin[run + 1] - begin);
 }
 
 int saga_rate_memory_read(saga_rate_memory *m,
@@ -355,28 +231,14 @@ int saga_rate_memory_read(saga_rate_memory *m,
 {
     ptrdiff_t run;
 
-    if (alloc_readers(m) ||
+    if (alloc_scratch(m) ||
         run_blocks(&m->kind[in->kind].query, in, SAGA_NET_QUERY,
                    in->runs->begin[from], in->runs->begin[to]))
         return -1;
-#pragma omp parallel for schedule(dynamic, 1)
+#pragma omp parallel for schedule(dynamic, 1) if (to - from > 1)
     for (run = (ptrdiff_t)from; run < (ptrdiff_t)to; run++)
         read_run(m, in, (size_t)run);
     return 0;
-}
-
-/* Gradients of scores from those of weights: base 2. */
-static void softmax_backward(real *d, const real *weight, size_t n)
-{
-    vec sum = vec_zero();
-    real dot;
-    size_t i;
-
-    for (i = 0; i < n; i += VEC_LANES)
-        sum = vec_fma(vec_load(d + i), vec_load(weight + i), sum);
-    for (dot = vec_sum(sum), i = 0; i < n; i += VEC_LANES)
-        vec_store(d + i, vec_set1(LN2) * vec_load(weight + i) *
-                         (vec_load(d + i) - vec_set1(dot)));
 }
 
 /* Sets the run's d_state and its queries' gradients. */
@@ -384,100 +246,16 @@ static void read_run_backward(saga_rate_memory *m,
                               const saga_rate_memory_input *in, size_t run)
 {
     saga_rate_memory_kind *const k = &m->kind[in->kind];
-    const reader r = reader_of(m, in, run);
-    const size_t end = in->runs->begin[run + 1], d = m->width;
-    const size_t slots = m->n_slots;
-    real *const d_state = k->d_state + run * slots * d;
-    size_t at, i;
+    const saga_rate_bank b = bank_of(m, in, run);
+    const size_t d = m->width, n = m->n_slots * d;
+    const size_t begin = in->runs->begin[run];
 
-    memset(d_state, 0, slots * d * sizeof *d_state);
-    for (at = in->runs->begin[run]; at < end; at += CHUNK) {
-        const size_t n = end - at < CHUNK ? end - at : CHUNK;
-        const real *const query = k->query.out + at * d;
-
-        weigh(&r, query, n);
-        for (i = 0; i < n; i++)
-            memcpy(r.rows + i * d, k->d_read + in->runs->block[at + i] * d,
-                   d * sizeof *r.rows);
-        saga_dense_forward(r.d_weight, r.rows, d, r.columns, NULL, n, d, slots,
-                           0);
-        for (i = 0; i < n; i++)
-            softmax_backward(r.d_weight + i * slots, r.weight + i * slots,
-                             slots);
-        saga_dense_forward(k->query.d_out + at * d, r.d_weight, slots, r.state,
-                           NULL, n, slots, d, 0);
-        saga_dense_backward(d_state, r.weight, slots, r.rows, n, d, slots);
-        saga_dense_backward(d_state, r.d_weight, slots, query, n, d, slots);
-    }
-}
-
-/* --- Update of a slot ---------------------------------------------------- */
-
-static real dot(const real *a, const real *b, size_t n)
-{
-    real sum = 0;
-    size_t i;
-
-    for (i = 0; i < n; i++)
-        sum += a[i] * b[i];
-    return sum;
-}
-
-static real sigmoid(real x)
-{
-    return 1 / (1 + exp(-x));
-}
-
-/* What a slot s becomes by the candidate and gate in write (D + 1). u (D):
- * before its normalisation; returns its length, *along = <v, s>. */
-static real update(real *u, real *along, const real *s, const real *write,
-                   size_t n, int plain)
-{
-    const real g = sigmoid(write[n]);
-    size_t i;
-
-    *along = plain ? 0 : dot(write, s, n);
-    for (i = 0; i < n; i++)
-        u[i] = s[i] + g * (write[i] - *along * s[i]);
-    return sqrt(dot(u, u, n));
-}
-
-static void update_forward(real *to, const real *s, const real *write,
-                           size_t n, int plain)
-{
-    real along, length = update(to, &along, s, write, n, plain);
-    size_t i;
-
-    if (length > 0)
-        for (i = 0; i < n; i++)
-            to[i] /= length;
-    else
-        memcpy(to, s, n * sizeof *to);
-}
-
-/* d: of what the slot became; turns into that of s. Sets d_write (D + 1). */
-static void update_backward(real *d, real *d_write, const real *s,
-                            const real *write, size_t n, int plain)
-{
-    const real g = sigmoid(write[n]);
-    real u[SAGA_MAX_SLOT_WIDTH], along, d_along = 0, d_gate = 0, part;
-    const real length = update(u, &along, s, write, n, plain);
-    size_t i;
-
-    memset(d_write, 0, (n + 1) * sizeof *d_write);
-    if (!(length > 0))
-        return;
-    part = dot(d, u, n) / (length * length);
-    for (i = 0; i < n; i++) {
-        d[i] = (d[i] - part * u[i]) / length;
-        d_gate += d[i] * (write[i] - along * s[i]);
-        d_along -= g * d[i] * s[i];
-    }
-    for (i = 0; i < n; i++) {
-        d_write[i] = g * d[i] + (plain ? 0 : d_along * s[i]);
-        d[i] += plain ? 0 : d_along * write[i] - along * g * d[i];
-    }
-    d_write[n] = d_gate * g * (1 - g);
+    memset(k->d_state + run * n, 0, n * sizeof *k->d_state);
+    saga_rate_bank_read_backward(k->query.d_out + begin * d,
+                                 k->d_state + run * n, &b,
+                                 k->d_read + begin * d,
+                                 k->query.out + begin * d,
+                                 in->runs->begin[run + 1] - begin);
 }
 
 /* --- Writes -------------------------------------------------------------- */
@@ -590,7 +368,7 @@ int saga_rate_memory_write(saga_rate_memory *m,
     if (run_blocks(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
                    in->runs->begin[to]) || run_write(m, in, from, to))
         return -1;
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (to - from > 1)
     for (p = 0; p < (ptrdiff_t)slots; p++) {
         size_t run;
 
@@ -598,7 +376,7 @@ int saga_rate_memory_write(saga_rate_memory *m,
             real *const s = m->state + (in->first + run) * slots * d +
                             (size_t)p * d;
 
-            update_forward(s + slots * d, s, k->write.out +
+            saga_rate_bank_update(s + slots * d, s, k->write.out +
                            (run * slots + (size_t)p) * (d + 1), d, plain);
         }
     }
@@ -628,7 +406,8 @@ static void slot_backward(saga_rate_memory *m, const saga_rate_memory_input *in,
     for (run = in->runs->n; run-- > 0;) {
         const size_t at = run * slots + p;
 
-        update_backward(last, k->write.d_out + at * (d + 1),
+        saga_rate_bank_update_backward(
+            last, k->write.d_out + at * (d + 1),
                         m->state + ((in->first + run) * slots + p) * d,
                         k->write.out + at * (d + 1), d, is_plain(in->s));
         for (i = 0; reads && i < d; i++)
@@ -740,7 +519,7 @@ static int read_backward(saga_rate_memory *m, saga_scene *d,
 {
     ptrdiff_t run;
 
-    if (alloc_readers(m))
+    if (alloc_scratch(m))
         return -1;
 #pragma omp parallel for schedule(dynamic, 1)
     for (run = 0; run < (ptrdiff_t)in->runs->n; run++)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The float twin of the memory: common/memory_bank.c and the networks around it
- * in common/context.c (QUERY, AGG, SLOT, WRITE_BASE, WRITE), over all blocks in
+ * The float twin of the memory in common/context.c: the bank (rate_bank.h) and
+ * the networks around it (QUERY, AGG, SLOT, WRITE_BASE, WRITE), over all blocks in
  * the order in which they are coded, and the gradients back through all of its
  * steps. Paper: Hierarchical Context Modeling, equations of the write.
  *
@@ -22,7 +22,7 @@
  * Values are clamped where the integer path's formats clamp them, but for the
  * component of v that the projection leaves, which would have to exceed 8.
  * Arithmetic is otherwise real: docs/arithmetic.md bounds the difference, and
- * tests/test_rate_memory.c measures it.
+ * tests/test_train.c measures it.
  */
 #ifndef SAGA_RATE_MEMORY_H
 #define SAGA_RATE_MEMORY_H
@@ -36,7 +36,7 @@ typedef struct saga_rate_memory_kind {
     saga_twin_batch base;        /* (runs) in: the means */
     saga_twin_batch write;       /* (runs L) in: h */
     real *d_state;               /* (runs, L, D) of what was read from them */
-    real *read, *d_read;         /* (blocks, D) by rank */
+    real *read, *d_read;         /* (blocks, D) in that order */
 } saga_rate_memory_kind;
 
 typedef struct saga_rate_memory {

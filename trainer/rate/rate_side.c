@@ -42,13 +42,15 @@ int saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind)
 {
     r->n = 0;
     r->block = calloc(saga_rate_n_blocks(s, kind) + 1, sizeof *r->block);
+    r->place = calloc(saga_rate_n_blocks(s, kind) + 1, sizeof *r->place);
     r->begin = calloc(saga_rate_runs_most(s, kind) + 1, sizeof *r->begin);
-    return r->block && r->begin ? 0 : -1;
+    return r->block && r->place && r->begin ? 0 : -1;
 }
 
 void saga_rate_runs_free(saga_rate_runs *r)
 {
     free(r->block);
+    free(r->place);
     free(r->begin);
     memset(r, 0, sizeof *r);
 }
@@ -68,6 +70,7 @@ void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind)
             if (group_of(s, kind, i) == group) {
                 if ((at - first) % most == 0)
                     r->begin[r->n++] = at;
+                r->place[i] = at;
                 r->block[at++] = (uint32_t)i;
             }
     }
@@ -75,6 +78,18 @@ void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind)
 }
 
 /* --- Inputs -------------------------------------------------------------- */
+
+void saga_rate_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
+                     size_t rows)
+{
+    const size_t in = (size_t)net->dim[0];
+    const size_t out = (size_t)net->dim[net->n_layers];
+
+    b->in = saga_arena_take(a, rows * in);
+    b->d_in = saga_arena_take(a, rows * in);
+    b->out = saga_arena_take(a, rows * out);
+    b->d_out = saga_arena_take(a, rows * out);
+}
 
 real *saga_rate_side(real *row, const saga_model *m, const real phase[4],
                      const real size[SAGA_RATE_SIZES])

@@ -7,7 +7,9 @@
 #ifndef SAGA_RATE_SIDE_H
 #define SAGA_RATE_SIDE_H
 
+#include "arena.h"
 #include "scene.h"
+#include "twin.h"
 
 enum {
     SAGA_RATE_SIZES = 5,     /* log2 half-sizes and count, as HYPER has them */
@@ -29,6 +31,7 @@ typedef struct saga_rate_features {
  * primitives, which write nothing, are only a division of the work. */
 typedef struct saga_rate_runs {
     uint32_t *block;             /* (blocks) ranks, ascending in a run */
+    uint32_t *place;             /* (blocks) of a rank, where it is there */
     uint32_t *begin;             /* (n + 1) */
     size_t n;
 } saga_rate_runs;
@@ -37,6 +40,7 @@ typedef struct saga_rate_runs {
 #define saga_rate_runs_alloc SAGA_REAL_NAME(saga_rate_runs_alloc)
 #define saga_rate_runs_free SAGA_REAL_NAME(saga_rate_runs_free)
 #define saga_rate_runs_set SAGA_REAL_NAME(saga_rate_runs_set)
+#define saga_rate_batch SAGA_REAL_NAME(saga_rate_batch)
 #define saga_rate_side SAGA_REAL_NAME(saga_rate_side)
 #define saga_rate_most SAGA_REAL_NAME(saga_rate_most)
 #define saga_rate_clamp SAGA_REAL_NAME(saga_rate_clamp)
@@ -57,6 +61,10 @@ void saga_rate_runs_free(saga_rate_runs *r);
 
 /* From the groups of s's anchors. */
 void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind);
+
+/* Lays out a network's batch of so many rows. */
+void saga_rate_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
+                     size_t rows);
 
 /* row[0 .. pe + 5): embedding of phase (x, y, z, t in -1..1), then the sizes;
  * returns where the next input goes. */

@@ -1,0 +1,215 @@
+/* SPDX-License-Identifier: MIT */
+#include "rate_bank.h"
+
+#include "dense.h"
+#include "memory_bank.h"
+#include "vec.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Queries that are answered together. */
+enum { CHUNK = 128 };
+
+#define LN2 R(0.69314718055994530942)
+
+/* --- States -------------------------------------------------------------- */
+
+int saga_rate_bank_start(real *state, size_t n_slots, size_t width)
+{
+    saga_memory bank = { .n_slots = (uint32_t)n_slots,
+                         .width = (uint32_t)width };
+    const size_t stride = saga_mlp_pad(bank.width);
+    uint8_t *const block = aligned_alloc(16, saga_memory_place(&bank, NULL));
+    size_t p, i;
+
+    if (!block)
+        return -1;
+    saga_memory_place(&bank, block);
+    saga_memory_start(&bank);
+    for (p = 0; p < n_slots; p++)
+        for (i = 0; i < width; i++)
+            state[p * width + i] = R(bank.slot[p * stride + i]) / 4096;
+    free(block);
+    return 0;
+}
+
+size_t saga_rate_bank_scratch(size_t n_slots, size_t width)
+{
+    return n_slots * width + 2 * CHUNK * n_slots;
+}
+
+saga_rate_bank saga_rate_bank_of(const real *state, size_t n_slots,
+                                 size_t width, real *scratch)
+{
+    real *const weight = scratch + n_slots * width;
+    const saga_rate_bank b = { n_slots, width, state, scratch, weight,
+                               weight + CHUNK * n_slots };
+    size_t p, i;
+
+    for (p = 0; p < n_slots; p++)
+        for (i = 0; i < width; i++)
+            b.columns[i * n_slots + p] = state[p * width + i];
+    return b;
+}
+
+/* --- Reads --------------------------------------------------------------- */
+
+/* Scores to weights that sum to 1. Those 100 and more below the largest have
+ * 2^-100. */
+static void softmax(real *x, size_t n)
+{
+    vec most = vec_load(x), sum = vec_zero();
+    real top;
+    size_t i;
+
+    for (i = VEC_LANES; i < n; i += VEC_LANES)
+        most = vec_max(most, vec_load(x + i));
+    for (top = most[0], i = 1; i < VEC_LANES; i++)
+        top = most[i] > top ? most[i] : top;
+    for (i = 0; i < n; i += VEC_LANES) {
+        const vec below = vec_set1(top) - vec_load(x + i);
+        const vec e = vec_exp2_neg(vec_min(below, vec_set1(100)));
+
+        vec_store(x + i, e);
+        sum += e;
+    }
+    for (top = 1 / vec_sum(sum), i = 0; i < n; i += VEC_LANES)
+        vec_store(x + i, vec_load(x + i) * vec_set1(top));
+}
+
+static void weigh(const saga_rate_bank *b, const real *query, size_t n)
+{
+    size_t i;
+
+    saga_dense_forward(b->weight, query, b->width, b->columns, NULL, n,
+                       b->width, b->n_slots, 0);
+    for (i = 0; i < n; i++)
+        softmax(b->weight + i * b->n_slots, b->n_slots);
+}
+
+static size_t chunk(size_t n)
+{
+    return n < CHUNK ? n : CHUNK;
+}
+
+void saga_rate_bank_read(real *out, const saga_rate_bank *b,
+                         const real *query, size_t n)
+{
+    const size_t d = b->width;
+    size_t at;
+
+    for (at = 0; at < n; at += CHUNK) {
+        const size_t some = chunk(n - at);
+
+        weigh(b, query + at * d, some);
+        saga_dense_forward(out + at * d, b->weight, b->n_slots, b->state, NULL,
+                           some, b->n_slots, d, 0);
+    }
+}
+
+/* Gradients of scores from those of weights: base 2. */
+static void softmax_backward(real *d, const real *weight, size_t n)
+{
+    vec sum = vec_zero();
+    real dot;
+    size_t i;
+
+    for (i = 0; i < n; i += VEC_LANES)
+        sum = vec_fma(vec_load(d + i), vec_load(weight + i), sum);
+    for (dot = vec_sum(sum), i = 0; i < n; i += VEC_LANES)
+        vec_store(d + i, vec_set1(LN2) * vec_load(weight + i) *
+                         (vec_load(d + i) - vec_set1(dot)));
+}
+
+void saga_rate_bank_read_backward(real *d_query, real *d_state,
+                                  const saga_rate_bank *b, const real *d_out,
+                                  const real *query, size_t n)
+{
+    const size_t d = b->width, slots = b->n_slots;
+    size_t at, i;
+
+    for (at = 0; at < n; at += CHUNK) {
+        const size_t some = chunk(n - at);
+        const real *const q = query + at * d, *const d_read = d_out + at * d;
+
+        weigh(b, q, some);
+        saga_dense_forward(b->d_weight, d_read, d, b->columns, NULL, some, d,
+                           slots, 0);
+        for (i = 0; i < some; i++)
+            softmax_backward(b->d_weight + i * slots, b->weight + i * slots,
+                             slots);
+        saga_dense_forward(d_query + at * d, b->d_weight, slots, b->state,
+                           NULL, some, slots, d, 0);
+        saga_dense_backward(d_state, b->weight, slots, d_read, some, d, slots);
+        saga_dense_backward(d_state, b->d_weight, slots, q, some, d, slots);
+    }
+}
+
+/* --- Update of a slot ---------------------------------------------------- */
+
+static real dot(const real *a, const real *b, size_t n)
+{
+    real sum = 0;
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+static real sigmoid(real x)
+{
+    return 1 / (1 + exp(-x));
+}
+
+/* What a slot becomes before its normalisation; returns its length, *along =
+ * <v, s>. */
+static real update(real *u, real *along, const real *s, const real *write,
+                   size_t n, int plain)
+{
+    const real g = sigmoid(write[n]);
+    size_t i;
+
+    *along = plain ? 0 : dot(write, s, n);
+    for (i = 0; i < n; i++)
+        u[i] = s[i] + g * (write[i] - *along * s[i]);
+    return sqrt(dot(u, u, n));
+}
+
+void saga_rate_bank_update(real *to, const real *s, const real *write,
+                           size_t n, int plain)
+{
+    real along, length = update(to, &along, s, write, n, plain);
+    size_t i;
+
+    if (length > 0)
+        for (i = 0; i < n; i++)
+            to[i] /= length;
+    else
+        memcpy(to, s, n * sizeof *to);
+}
+
+void saga_rate_bank_update_backward(real *d, real *d_write, const real *s,
+                                    const real *write, size_t n, int plain)
+{
+    const real g = sigmoid(write[n]);
+    real u[SAGA_MAX_SLOT_WIDTH], along, d_along = 0, d_gate = 0, part;
+    const real length = update(u, &along, s, write, n, plain);
+    size_t i;
+
+    memset(d_write, 0, (n + 1) * sizeof *d_write);
+    if (!(length > 0))
+        return;
+    part = dot(d, u, n) / (length * length);
+    for (i = 0; i < n; i++) {
+        d[i] = (d[i] - part * u[i]) / length;
+        d_gate += d[i] * (write[i] - along * s[i]);
+        d_along -= g * d[i] * s[i];
+    }
+    for (i = 0; i < n; i++) {
+        d_write[i] = g * d[i] + (plain ? 0 : d_along * s[i]);
+        d[i] += plain ? 0 : d_along * write[i] - along * g * d[i];
+    }
+    d_write[n] = d_gate * g * (1 - g);
+}
