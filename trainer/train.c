@@ -130,15 +130,14 @@ static uint32_t at_most(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/* One coarse anchor for two primitives, a fine one for each, as far as the
- * level goes: of the budgets that were tried on the built-in scene the best
- * (docs/results/training.md). */
+/* A coarse and a fine anchor for each primitive, as far as the level goes: of
+ * the budgets that were tried the best (docs/decisions.md). */
 static void derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
 
     if (!o->n_coarse)
-        o->n_coarse = at_most(o->n_primitives / 2 + 1, caps->n_coarse);
+        o->n_coarse = at_most(o->n_primitives, caps->n_coarse);
     if (!o->n_fine)
         o->n_fine = at_most(o->n_primitives, caps->n_fine);
     if (!o->n_warm) {

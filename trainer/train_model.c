@@ -29,9 +29,11 @@ static void set_levels(saga_model *m, const saga_train_options *o)
         l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
     }
     if (o->n_fine >= o->n_primitives) {
-        /* Anchor and primitive are at the same place. */
+        /* A primitive is at its anchor's place, and has its features. */
         m->level[SAGA_LEVEL_FINE].suffix_bits = 0;
         m->level[SAGA_LEVEL_FINE].max_children = 1;
+        m->level[SAGA_LEVEL_FINE].window = 0;
+        m->level[SAGA_LEVEL_FINE].neighbours = 1;
     }
 }
 
@@ -94,10 +96,10 @@ void saga_train_entropy_model(saga_model *m,
 }
 
 /* Defaults of design.md 8, but for narrower interpolation (docs/decisions.md).
- * Steps in Q16 of their symbol's format: a centre two half-cells, so that all
- * anchors stand in the middle of their cells and cost nothing; a feature 1/4; a
- * fine offset 1/64 of a half-cell; a primitive's 1/128 of a support, which says
- * where it is whatever the others did. */
+ * Steps in Q16 of their symbol's format: a centre two half-cells, a fine offset
+ * a suffix cell, so that all anchors stand in the middle of their cells and
+ * cost nothing; a feature 1/4; a primitive's offset 1/16 of a support, which
+ * alone says where it is. An anchor with one primitive has fewer features. */
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
@@ -105,14 +107,14 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 
     memset(m, 0, sizeof *m);
     m->tools = dynamic ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
-    m->features = 24;
+    m->features = o->n_coarse < o->n_primitives ? 24 : 12;
     m->octaves = 4;
     m->lambda_t_q8 = 256;
     set_levels(m, o);
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
-    m->step_q16[SAGA_STEP_FINE] = 256u << 16;
-    m->step_q16[SAGA_STEP_PRIM] = 128u << 16;
+    m->step_q16[SAGA_STEP_FINE] = 2048u << 16;
+    m->step_q16[SAGA_STEP_PRIM] = 1024u << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = width;

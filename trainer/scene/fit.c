@@ -22,6 +22,10 @@ enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START };
 /* Every how many blocks the rate looks at one, in turn. */
 enum { RATE_EVERY = 4 };
 
+/* What a bit costs in the regression, whose loss is that much larger than the
+ * pictures'. */
+#define REGRESS_PRICE 100
+
 /* With lambda 0 the entropy networks still learn what they are to code. */
 #define LEAST_LAMBDA 1e-9
 
@@ -81,7 +85,8 @@ static int alloc_all(saga_fit *f)
            f->image && f->trans && f->truth && f->d_image;
 }
 
-/* Small random features: the networks must be able to tell anchors apart. */
+/* Small random features: the networks must be able to tell anchors apart, and
+ * what they begin with is paid for. */
 static void start_features(saga_fit *f)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_START);
@@ -89,7 +94,7 @@ static void start_features(saga_fit *f)
     size_t i;
 
     for (i = 0; i < n; i++)
-        f->scene->coarse_feature[i] = (real)(0.5 * saga_rng_normal(r, i));
+        f->scene->coarse_feature[i] = (real)(0.1 * saga_rng_normal(r, i));
 }
 
 /* Features pass the networks between coarse anchors and primitives as they are,
@@ -275,7 +280,7 @@ static int is_rounding(const saga_fit *f)
     return f->iteration - f->o.n_regress >= saga_fit_first_rounding(f);
 }
 
-/* From the first iteration of the rendering on; and where the rounding begins,
+/* From the first iteration of each part on; and where the rounding begins,
  * which leaves reads of another model. */
 static int is_remembering(const saga_fit *f)
 {
@@ -291,16 +296,16 @@ double saga_fit_bit_price(const saga_fit *f)
            ((double)f->scene->n.coarse * f->scene->model.features);
 }
 
-/* Adds lambda times the rate's gradients; before saga_twin_backward. When the
- * rounding begins, what is not worth its bytes is left out. */
-static saga_fit_status rate_step(saga_fit *f)
+/* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
+ * When the rounding begins, what is not worth its bytes is left out. */
+static saga_fit_status rate_step(saga_fit *f, double price)
 {
     const saga_rate_input x = rate_input(f, f->feature);
     saga_rate_options o = {
         .first = (uint32_t)f->iteration % RATE_EVERY, .every = RATE_EVERY,
         .rounding = is_rounding(f),
         .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
-        .weight = (real)saga_fit_bit_price(f)
+        .weight = (real)price
     };
 
     if (o.rounding && !f->rate.plan.decided &&
@@ -402,6 +407,9 @@ void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view)
     memcpy(centre, cam.centre, sizeof cam.centre);
 }
 
+/* Bits count from the first iteration on: features that are free to grow until
+ * the pictures come grow into codes that are dear and that nothing foretells.
+ */
 static saga_fit_status regress_step(saga_fit *f, double *loss)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
@@ -409,6 +417,7 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
                                              (uint32_t)f->n_train)];
     const real rate = f->o.rate * decay(f->iteration, f->o.n_regress, R(0.2));
     real centre[3];
+    saga_fit_status s;
 
     saga_fit_camera_centre(centre, f, view);
     if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
@@ -417,10 +426,13 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
     *loss = saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target,
                               f->weight, f->scene->n.prim);
     *loss += saga_twin_support_loss(&f->twin, f->support, R(1));
+    s = rate_step(f, REGRESS_PRICE * saga_fit_bit_price(f));
+    if (s)
+        return s;
     if (saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
         saga_twin_backward(&f->twin, &f->grad, &f->used))
         return SAGA_FIT_MEMORY;
-    return (saga_fit_status)descend(f, rate * R(0.02), 0, 0,
+    return (saga_fit_status)descend(f, rate * R(0.02), 0, rate * R(0.004),
                                     rate * R(0.004), 0);
 }
 
@@ -496,7 +508,7 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     }
     *psnr = -10 * log10(mse + 1e-12);
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, f->o.lambda_a);
-    s = rate_step(f);
+    s = rate_step(f, saga_fit_bit_price(f));
     if (s)
         return s;
     if (saga_twin_backward(&f->twin, &f->grad, &f->used))
@@ -519,10 +531,12 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
     if (f->iteration % REFRESH_EVERY == 0 &&
         saga_twin_refresh(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
-    if (f->iteration == f->o.n_regress) {
+    if (f->iteration == 0) {
         const saga_rate_input x = rate_input(f, f->feature);
 
         saga_rate_start(&f->rate, f->scene, &x);
+    }
+    if (f->iteration == f->o.n_regress) {
         memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
         memset(f->v, 0, f->scene->n_reals * sizeof *f->v);
     }
