@@ -4,8 +4,9 @@
 #include "fx.h"
 #include "fx_math.h"
 
-/* 1 / sum as saga_recip16 gives it. Candidates of a coarse window mostly have
- * their size in common, so the last one is kept; sum = 0 is none. */
+/* 1 / sum as saga_recip16 gives it. Cells are cubes and the anchors of a window
+ * mostly have their size in common, so the last one is kept, of space and of
+ * time; sum = 0 is none. */
 typedef struct {
     uint32_t sum, mant;
     int shift;
@@ -57,19 +58,19 @@ static void source_at(source *s, const saga_scaffold *sc, int level,
 
 /* d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2, Q12, saturating: three
  * squares <= 2^30 and lambda_t's product < 2^46 are summed in 64 bits. */
-static uint32_t distance_q12(recip r[4], const saga_model *m,
+static uint32_t distance_q12(recip r[2], const saga_model *m,
                              const saga_place *q, const source *s)
 {
     int64_t sum = 0;
     int i;
 
     for (i = 0; i < 3; i++) {
-        const int32_t u = axis_q12(&r[i], q->x[i], s->x[i], q->support[i],
+        const int32_t u = axis_q12(&r[0], q->x[i], s->x[i], q->support[i],
                                    s->support[i]);
         sum += (int64_t)u * u;
     }
     if (saga_is_dynamic(m)) {
-        const int32_t u = axis_q12(&r[3], q->t, s->t, q->support[3],
+        const int32_t u = axis_q12(&r[1], q->t, s->t, q->support[3],
                                    s->support[3]);
         sum += fx_rshift64((int64_t)u * u * m->lambda_t_q8, 8);
     }
@@ -145,7 +146,7 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int level,
     const uint32_t last = n - 1 - centre > l->window ? centre + l->window
                                                      : n - 1;
     uint32_t rank, d_parent = 65535;
-    recip r[4] = { { 0, 0, 0 } };
+    recip r[2] = { { 0, 0, 0 }, { 0, 0, 0 } };
 
     nb->n = 0;
     for (rank = first; rank <= last; rank++) {
