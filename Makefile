@@ -34,7 +34,8 @@ LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
 ARGS =# of a program run by `make bench`
 
-HOT = common/mlp common/memory_bank decoder/raster decoder/project
+HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
+      decoder/project
 
 # Parts of the trainer without dependencies: check_vectors may use them and the
 # tests' helpers, so that it can be built for every target with libc and libm.

@@ -8,9 +8,6 @@
  *     bench_decode [REPETITIONS] [COARSE]
  */
 #include "gen_stream.h"
-#include "plan.h"
-#include "range_dec.h"
-#include "range_enc.h"
 #include "ref_recorder.h"
 #include "saga.h"
 
@@ -140,52 +137,6 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     free(scratch);
 }
 
-/* The range decoder alone: residuals of one scale, 2.3 bits each. */
-static void bench_coder(void)
-{
-    enum { N = 1 << 20, SCALE = 23 };
-    const size_t cap = N;
-    uint8_t *const p = need(cap);
-    static uint8_t scale[64];
-    static double t[MAX_REPETITIONS];
-    saga_range_enc e;
-    double typical;
-    uint64_t r = 1;
-    size_t n;
-    int i, k;
-
-    memset(scale, SCALE, sizeof scale);
-    saga_range_enc_init(&e, p, cap);
-    for (i = 0; i < N; i++) {
-        int32_t sum = 0;
-
-        /* Twelve uniforms: nearly normal, sigma 1.1 */
-        for (k = 0; k < 12; k++)
-            sum += gen_range(&r, -550, 550);
-        saga_range_enc_residual(&e, (sum + (sum < 0 ? -500 : 500)) / 1000,
-                                SCALE);
-    }
-    n = saga_range_enc_finish(&e);
-    for (k = 0; k < repetitions; k++) {
-        saga_range_dec d;
-        const double begin = now_ms();
-        const saga_at at = { 0, 0, 0, 0, 0 };
-        int32_t q[64];
-
-        saga_range_dec_init(&d, p, n);
-        for (i = 0; i < N; i += 64)
-            d.coder.residual(&d.coder, at, q, NULL, 1 << 16, scale, 64);
-        t[k] = now_ms() - begin;
-        if (!saga_range_dec_finish(&d))
-            check(SAGA_ERR_DATA, "range decoder");
-    }
-    typical = median(t);
-    printf("range decoder      %8.1f Msym/s median, %.1f best, at %.2f bits a "
-           "symbol\n", N / (1e3 * typical), N / (1e3 * t[0]),
-           8.0 * (double)n / N);
-    free(p);
-}
-
 int main(int argc, char **argv)
 {
     gen_options o = { .seed = 12, .level = 3, .picture = 1, .tools_fixed = 1,
@@ -204,7 +155,6 @@ int main(int argc, char **argv)
     if (repetitions < 1 || repetitions > MAX_REPETITIONS)
         repetitions = 15;
     o.n_coarse = argc > 2 ? (uint32_t)atoi(argv[2]) : 600;
-    bench_coder();
     gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, &n);
     check(saga_probe(&info, bytes, n), "probe");

@@ -195,7 +195,8 @@ int main(void)
 {
     static const struct {
         uint32_t n_slots, width;
-    } sizes[] = { { 32, 16 }, { 64, 32 }, { 64, 64 }, { 128, 32 },
+    } sizes[] = { { 32, 32 }, { 64, 32 }, { 128, 32 }, { 256, 32 },
+                  { 512, 32 }, { 32, 64 }, { 64, 64 }, { 128, 64 },
                   { 256, 64 }, { 512, 64 } };
     static bench b;
     size_t i;

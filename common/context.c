@@ -10,6 +10,7 @@ typedef struct {
     saga_place place;
     uint32_t count;          /* children, known before the block */
     uint32_t rank, group;
+    saga_embedding embedding;    /* of its place */
 } block;
 
 /* What is known of a block before it is decoded. Sizes and counts enter in
@@ -26,8 +27,13 @@ static uint32_t in_side(const saga_scaffold *sc, int net, const block *b)
         size[i] = (int16_t)(b->place.log2_support_q10[i] - 12 * 1024);
     size[3] = (int16_t)(b->place.log2_support_q10[3] - 8 * 1024);
     size[4] = (int16_t)(b->count * 512u);
-    at = saga_in_embed(sc, net, 0, b->place.x, b->place.t);
+    at = saga_in_embedding(sc, net, 0, &b->embedding);
     return saga_in_vector(sc, net, at, size, 5, 12);
+}
+
+static void embed_block(block *b, const saga_scaffold *sc)
+{
+    saga_embed(&b->embedding, sc->model, b->place.x, b->place.t);
 }
 
 static void run_hyper(const saga_scaffold *sc, const block *b)
@@ -154,12 +160,13 @@ static void end_step(const saga_scaffold *sc)
 }
 
 /* |sum| <= 65535 * 32767 < 2^31, since memory_blocks <= 65535. */
-static void keep(const saga_scaffold *sc, const block *b, int level,
+static void keep(const saga_scaffold *sc, block *b, int level,
                  const int16_t *values, int q)
 {
     saga_step *const step = sc->memory.step;
     uint32_t i;
 
+    embed_block(b, sc);
     in_token(sc, SAGA_NET_AGG, b, level, values, q);
     saga_net_run(sc, SAGA_NET_AGG);
     for (i = 0; i < sc->memory.width; i++)
@@ -196,8 +203,8 @@ void saga_context_end_group(const saga_scaffold *sc)
 
 /* --- Entropy parameters -------------------------------------------------- */
 
-static void run_entropy(saga_params *p, const saga_scaffold *sc,
-                        const block *b, int kind)
+static void run_entropy(saga_params *p, const saga_scaffold *sc, block *b,
+                        int kind)
 {
     const saga_model *const m = sc->model;
     const int net = SAGA_NET_E_COARSE + kind;
@@ -206,6 +213,8 @@ static void run_entropy(saga_params *p, const saga_scaffold *sc,
     uint32_t at = 0, i;
     int q;
 
+    if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
+        embed_block(b, sc);
     /* Both run networks: before the input vector is begun. */
     if (sources & SAGA_SOURCE_MEMORY)
         read_memory(sc, b, kind);

@@ -139,6 +139,15 @@ int16_t saga_sin_turn16_q15(uint32_t phase)
     return (int16_t)(phase & 32768u ? -y : y);
 }
 
+void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
+                          uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        sine_q15[i] = saga_sin_turn16_q15(phase[i]);
+}
+
 /* 1 / (1 + t), t = x - 1 for x in [1, 2) as Q31 2^31..2^32-1: chord over one of
  * 128 cells, Q23 in 2^22..2^23.
  *   difference of entries <= 65028 < 2^16, lo < 2^15: product < 2^31

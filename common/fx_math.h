@@ -41,6 +41,10 @@ int32_t saga_sigmoid_q11_q15(int16_t x_q11);
  * quarter turn. Error <= 0.82 LSB against the sine clamped to +-32767. */
 int16_t saga_sin_turn16_q15(uint32_t phase);
 
+/* The same of n phases, several at a time where the machine can. */
+void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
+                          uint32_t n);
+
 /* 1 / x for x >= 1, table only: mantissa m in [2^15, 2^16] and shift s in
  * 16..47 with 1/x ~ m * 2^-s. Exact at powers of two; m error <= 1.51 LSB.
  * Used where 16 bits suffice (kernel interpolation). */

@@ -4,16 +4,27 @@
 #include "fx.h"
 #include "fx_math.h"
 
+/* 1 / sum as saga_recip16 gives it. Cells are cubes and the anchors of a window
+ * mostly have their size in common, so the last one is kept, of space and of
+ * time; sum = 0 is none. */
+typedef struct {
+    uint32_t sum, mant;
+    int shift;
+} recip;
+
 /* |a - b| / (la + lb) in Q12, at most 32767. |a - b| <= 2^24, the supports are
  * >= 1 and <= 2^23 each, so the shift is in 16..40 and the product < 2^41. */
-static int32_t axis_q12(int32_t a, int32_t b, int32_t la, int32_t lb)
+static int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la, int32_t lb)
 {
     const int32_t diff = a < b ? b - a : a - b;
-    int shift;
-    const uint32_t m = saga_recip16((uint32_t)(la + lb), &shift);
+    const uint32_t sum = (uint32_t)(la + lb);
 
-    return fx_clamp64(fx_rshift64((int64_t)diff * (int64_t)m, shift - 12), 0,
-                      32767);
+    if (sum != r->sum) {
+        r->sum = sum;
+        r->mant = saga_recip16(sum, &r->shift);
+    }
+    return fx_clamp64(fx_rshift64((int64_t)diff * (int64_t)r->mant,
+                                  r->shift - 12), 0, 32767);
 }
 
 typedef struct {
@@ -47,19 +58,20 @@ static void source_at(source *s, const saga_scaffold *sc, int level,
 
 /* d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2, Q12, saturating: three
  * squares <= 2^30 and lambda_t's product < 2^46 are summed in 64 bits. */
-static uint32_t distance_q12(const saga_model *m, const saga_place *q,
-                             const source *s)
+static uint32_t distance_q12(recip r[2], const saga_model *m,
+                             const saga_place *q, const source *s)
 {
     int64_t sum = 0;
     int i;
 
     for (i = 0; i < 3; i++) {
-        const int32_t u = axis_q12(q->x[i], s->x[i], q->support[i],
+        const int32_t u = axis_q12(&r[0], q->x[i], s->x[i], q->support[i],
                                    s->support[i]);
         sum += (int64_t)u * u;
     }
     if (saga_is_dynamic(m)) {
-        const int32_t u = axis_q12(q->t, s->t, q->support[3], s->support[3]);
+        const int32_t u = axis_q12(&r[1], q->t, s->t, q->support[3],
+                                   s->support[3]);
         sum += fx_rshift64((int64_t)u * u * m->lambda_t_q8, 8);
     }
     return (uint32_t)fx_clamp64(fx_rshift64(sum, 12), 0, 65535);
@@ -134,6 +146,7 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int level,
     const uint32_t last = n - 1 - centre > l->window ? centre + l->window
                                                      : n - 1;
     uint32_t rank, d_parent = 65535;
+    recip r[2] = { { 0, 0, 0 }, { 0, 0, 0 } };
 
     nb->n = 0;
     for (rank = first; rank <= last; rank++) {
@@ -145,7 +158,7 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int level,
         if (group >= before)
             continue;
         source_at(&s, sc, level, rank);
-        d = distance_q12(sc->model, query, &s);
+        d = distance_q12(r, sc->model, query, &s);
         if (rank == centre)
             d_parent = d;
         if (d < l->radius2_q12)

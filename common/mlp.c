@@ -3,7 +3,7 @@
  * Points-major inner products in plain C. A reduction over int16 products is
  * what compilers vectorise best (pmaddwd and its relatives), four rows at a
  * time share every load of x, and padded rows leave no remainder: compile this
- * file with -O3.
+ * file with -O3. On x86 mlp_x86.h adds the lanes of four rows up together.
  */
 #include "mlp.h"
 
@@ -12,9 +12,6 @@
 /* Rows whose sums are finished together: long enough for the loop over them to
  * be vectorised (16: 25, 64: 31 GMAC/s), 256 bytes of stack. */
 #define BLOCK 64u
-
-/* Inlined into one loop, the four rows lose pmaddwd in clang (16 -> 9). */
-#define NOINLINE __attribute__((noinline))
 
 /* 65538 * 32767 = 2^31 - 2 is the last product of its kind below 2^31, so after
  * the first tests everything fits int32. */
@@ -31,8 +28,12 @@ int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
     return (int32_t)weight_abs_sum * 32767 <= room;
 }
 
-/* sum[r] = the inner product of x and row r; n a multiple of SAGA_MLP_PAD. */
-NOINLINE
+/* sum[r] = the inner product of x and row r of four; n a multiple of
+ * SAGA_MLP_PAD. */
+#if defined __SSE2__ && (defined __clang__ || __GNUC__ >= 12)
+#include "mlp_x86.h"
+#else
+
 static void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
                      uint32_t n)
 {
@@ -51,6 +52,27 @@ static void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
     sum[2] = s2;
     sum[3] = s3;
 }
+
+static void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
+                    uint32_t n)
+{
+    const int8_t *const w1 = w + n, *const w2 = w1 + n, *const w3 = w2 + n;
+    int32_t s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+    uint32_t k;
+
+    for (k = 0; k < n; k++) {
+        s0 += w[k] * x[k];
+        s1 += w1[k] * x[k];
+        s2 += w2[k] * x[k];
+        s3 += w3[k] * x[k];
+    }
+    sum[0] = s0;
+    sum[1] = s1;
+    sum[2] = s2;
+    sum[3] = s3;
+}
+
+#endif
 
 static int32_t dot_i16(const int16_t *w, const int16_t *x, uint32_t n)
 {
@@ -80,26 +102,6 @@ static void dot_rows_i16(int32_t *sum, const saga_layer *layer,
     const int16_t *const w = layer->weight;
 
     saga_mlp_products(sum, w + row * n, x, n, n_row);
-}
-
-NOINLINE
-static void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
-                    uint32_t n)
-{
-    const int8_t *const w1 = w + n, *const w2 = w1 + n, *const w3 = w2 + n;
-    int32_t s0 = 0, s1 = 0, s2 = 0, s3 = 0;
-    uint32_t k;
-
-    for (k = 0; k < n; k++) {
-        s0 += w[k] * x[k];
-        s1 += w1[k] * x[k];
-        s2 += w2[k] * x[k];
-        s3 += w3[k] * x[k];
-    }
-    sum[0] = s0;
-    sum[1] = s1;
-    sum[2] = s2;
-    sum[3] = s3;
 }
 
 static int32_t dot_i8(const int8_t *w, const int16_t *x, uint32_t n)

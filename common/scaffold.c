@@ -100,57 +100,52 @@ uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
     return at + n;
 }
 
-/* Sine and cosine of 2^k times a phase, k = 0..octaves-1. */
-static uint32_t embed_axis(const saga_scaffold *sc, int net, uint32_t at,
-                           const uint32_t *phase)
+uint32_t saga_in_embedding(const saga_scaffold *sc, int net, uint32_t at,
+                           const saga_embedding *e)
 {
-    const int q_in = sc->model->q_in[net];
-    uint32_t k;
+    return saga_in_vector(sc, net, at, e->q15, saga_pe_size(sc->model), 15);
+}
 
-    for (k = 0; k < sc->model->octaves; k++) {
-        const int16_t sine = saga_sin_turn16_q15(phase[k] & 65535u);
-        const int16_t cosine =
-            saga_sin_turn16_q15((phase[k] + 16384u) & 65535u);
+/* --- Embeddings ---------------------------------------------------------- */
 
-        sc->v->in[at++] = fx_requant16(sine, 15, q_in);
-        sc->v->in[at++] = fx_requant16(cosine, 15, q_in);
-    }
-    return at;
+static uint32_t sine_and_cosine(uint16_t *phase, uint32_t at, uint32_t p)
+{
+    phase[at] = (uint16_t)(p & 65535u);
+    phase[at + 1] = (uint16_t)((p + 16384u) & 65535u);
+    return at + 2;
 }
 
 /* Phases from the position's own bits, wrapping: a quarter turn per half-cube
  * at k = 0. */
-uint32_t saga_in_embed(const saga_scaffold *sc, int net, uint32_t at,
-                       const int32_t x[3], int32_t t)
+void saga_embed(saga_embedding *e, const saga_model *m, const int32_t x[3],
+                int32_t t)
 {
-    uint32_t phase[SAGA_MAX_OCTAVES];
-    const uint32_t tu = (uint32_t)(t - 32768);
-    uint32_t k;
+    uint16_t phase[8 * SAGA_MAX_OCTAVES];
+    uint32_t at = 0, k;
     int i;
 
-    for (i = 0; i < 3; i++) {
-        for (k = 0; k < sc->model->octaves; k++)
-            phase[k] = (uint32_t)(x[i] >> (9 - k));
-        at = embed_axis(sc, net, at, phase);
-    }
-    for (k = 0; k < sc->model->octaves; k++)
-        phase[k] = k ? tu << (k - 1) : (uint32_t)((t - 32768) >> 1);
-    return embed_axis(sc, net, at, phase);
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < m->octaves; k++)
+            at = sine_and_cosine(phase, at, (uint32_t)(x[i] >> (9 - k)));
+    t -= 32768;
+    at = sine_and_cosine(phase, at, (uint32_t)(t >> 1));
+    for (k = 1; k < m->octaves; k++)
+        at = sine_and_cosine(phase, at, (uint32_t)t << (k - 1));
+    saga_sin_turn16_each(e->q15, phase, at);
 }
 
-uint32_t saga_in_embed_offset(const saga_scaffold *sc, int net, uint32_t at,
-                              const int16_t offset_q14[4])
+void saga_embed_offset(saga_embedding *e, const saga_model *m,
+                       const int16_t offset_q14[4])
 {
-    uint32_t phase[SAGA_MAX_OCTAVES];
-    uint32_t k;
+    uint16_t phase[8 * SAGA_MAX_OCTAVES];
+    uint32_t at = 0, k;
     int i;
 
-    for (i = 0; i < 4; i++) {
-        for (k = 0; k < sc->model->octaves; k++)
-            phase[k] = (uint32_t)(int32_t)offset_q14[i] << k;
-        at = embed_axis(sc, net, at, phase);
-    }
-    return at;
+    for (i = 0; i < 4; i++)
+        for (k = 0; k < m->octaves; k++)
+            at = sine_and_cosine(phase, at,
+                                 (uint32_t)(int32_t)offset_q14[i] << k);
+    saga_sin_turn16_each(e->q15, phase, at);
 }
 
 /* --- Places -------------------------------------------------------------- */
@@ -207,13 +202,15 @@ void saga_scaffold_fuse(const saga_scaffold *sc, int level,
     const int head = level == SAGA_LEVEL_COARSE ? SAGA_HEAD_COARSE
                                                 : SAGA_HEAD_FINE;
     saga_neighbours nb;
+    saga_embedding e;
     uint32_t at;
 
     saga_interp_find(&nb, sc, level, p, parent, SAGA_ALL_GROUPS);
     saga_interp_sum(sc->v->context, sc, level, &nb);
     at = saga_in_vector(sc, net, 0, sc->v->context, sc->model->features,
                         sc->model->head_q[head]);
-    saga_in_embed(sc, net, at, p->x, p->t);
+    saga_embed(&e, sc->model, p->x, p->t);
+    saga_in_embedding(sc, net, at, &e);
     saga_net_run(sc, net);
 }
 
@@ -254,6 +251,7 @@ void saga_scaffold_fine(const saga_scaffold *sc)
     for (rank = 0; rank < sc->n.fine; rank++) {
         saga_fine *const fine = &sc->fine[rank];
         int16_t *const feature = sc->fine_feature + (size_t)rank * f;
+        saga_embedding e;
         saga_place p;
 
         /* Here the supports are still the parent's half-sizes. */
@@ -261,7 +259,8 @@ void saga_scaffold_fine(const saga_scaffold *sc)
         saga_scaffold_fuse(sc, SAGA_LEVEL_COARSE, &p, fine->parent);
         at = saga_in_vector(sc, SAGA_NET_FINE, 0, sc->v->out, f,
                             m->head_q[SAGA_HEAD_FUSE_C]);
-        saga_in_embed_offset(sc, SAGA_NET_FINE, at, fine->local);
+        saga_embed_offset(&e, m, fine->local);
+        saga_in_embedding(sc, SAGA_NET_FINE, at, &e);
         saga_net_run(sc, SAGA_NET_FINE);
         for (i = 0; i < f; i++)
             feature[i] = sc->v->out[i];

@@ -119,16 +119,25 @@ void saga_place_cell(saga_place *p, const saga_coarse *c);
 /* Centre + offset (Q14, in units of support per axis), clamped to the cube. */
 void saga_place_move(saga_place *p, const int16_t offset_q14[4]);
 
+/* Positional embedding in Q15: by axis and octave, sine and cosine. */
+typedef struct saga_embedding {
+    int16_t q15[8 * SAGA_MAX_OCTAVES];
+} saga_embedding;
+
+/* Of a place; of an offset. */
+void saga_embed(saga_embedding *e, const saga_model *m, const int32_t x[3],
+                int32_t t);
+void saga_embed_offset(saga_embedding *e, const saga_model *m,
+                       const int16_t offset_q14[4]);
+
 /* Runs a network on sc->v->in; its last layer's outputs land in sc->v->out. */
 void saga_net_run(const saga_scaffold *sc, int net);
 
 /* sc->v->in: `at` appended values; each returns the new length. */
 uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
                         const int16_t *x, uint32_t n, int q);
-uint32_t saga_in_embed(const saga_scaffold *sc, int net, uint32_t at,
-                       const int32_t x[3], int32_t t);
-uint32_t saga_in_embed_offset(const saga_scaffold *sc, int net, uint32_t at,
-                              const int16_t offset_q14[4]);
+uint32_t saga_in_embedding(const saga_scaffold *sc, int net, uint32_t at,
+                           const saga_embedding *e);
 
 /* Interpolated, fused features of level SAGA_LEVEL_* at p, under the parent of
  * the given rank: outputs in sc->v->out (F of them, Q of the Fuse head). */

@@ -91,7 +91,7 @@ static void finish_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
 /* F_color's first layer without the direction; all of F_color if there is
  * none. The fused feature is in sc->v->context. */
 static void set_colour(int16_t *colour, const saga_scaffold *sc,
-                       const int16_t offset_q14[4])
+                       const saga_embedding *offset)
 {
     const saga_model *const m = sc->model;
     const uint32_t width = m->width[SAGA_NET_COLOUR];
@@ -101,7 +101,7 @@ static void set_colour(int16_t *colour, const saga_scaffold *sc,
     uint16_t colour_q15[3];
     uint32_t i;
 
-    saga_in_embed_offset(sc, SAGA_NET_COLOUR_BASE, at, offset_q14);
+    saga_in_embedding(sc, SAGA_NET_COLOUR_BASE, at, offset);
     saga_net_run(sc, SAGA_NET_COLOUR_BASE);
     if (m->tools & SAGA_TOOL_VIEW) {
         for (i = 0; i < width; i++)
@@ -121,6 +121,7 @@ static void reconstruct_one(const saga_scaffold *sc, uint32_t fine,
     const saga_model *const m = sc->model;
     const int16_t *const offset = sc->prim_offset[prim];
     const saga_fine *const parent = &sc->fine[fine];
+    saga_embedding embedding;
     saga_place place;
     uint32_t at, i;
 
@@ -131,12 +132,13 @@ static void reconstruct_one(const saga_scaffold *sc, uint32_t fine,
         sc->v->context[i] = sc->v->out[i];
     at = saga_in_vector(sc, SAGA_NET_GEO, 0, sc->v->context, m->features,
                         m->head_q[SAGA_HEAD_FUSE_F]);
-    saga_in_embed_offset(sc, SAGA_NET_GEO, at, offset);
+    saga_embed_offset(&embedding, m, offset);
+    saga_in_embedding(sc, SAGA_NET_GEO, at, &embedding);
     saga_net_run(sc, SAGA_NET_GEO);
     set_geometry(p, m, sc->v->out, &place, &sc->coarse[parent->parent]);
     for (i = 0; i < 3; i++)
         p->support[i] = parent->support[i];
-    set_colour(colour, sc, offset);
+    set_colour(colour, sc, &embedding);
 }
 
 void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,

@@ -285,6 +285,23 @@ static void sin_should_be_odd_and_symmetric(void **state)
     }
 }
 
+static void sines_should_be_each_that_of_its_phase(void **state)
+{
+    enum { N = 37 };
+    uint16_t phase[N];
+    int16_t y[N];
+    uint32_t p, i;
+
+    (void)state;
+    for (p = 0; p < 65536; p += N) {
+        for (i = 0; i < N; i++)
+            phase[i] = (uint16_t)(p + i);
+        saga_sin_turn16_each(y, phase, N);
+        for (i = 0; i < N; i++)
+            assert_int_equal(y[i], saga_sin_turn16_q15(phase[i]));
+    }
+}
+
 static void sin_should_be_exact_at_the_quarter_turns(void **state)
 {
     (void)state;
@@ -539,6 +556,7 @@ int main(void)
         cmocka_unit_test(sin_should_stay_within_bound_over_all_phases),
         cmocka_unit_test(sin_should_be_odd_and_symmetric),
         cmocka_unit_test(sin_should_be_exact_at_the_quarter_turns),
+        cmocka_unit_test(sines_should_be_each_that_of_its_phase),
         cmocka_unit_test(recip_should_stay_within_bound),
         cmocka_unit_test(recip_should_be_exact_at_powers_of_two),
         cmocka_unit_test(recip_should_reach_its_lower_end_at_the_largest_x),

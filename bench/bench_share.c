@@ -1,0 +1,662 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What the components of the decoder take of a file: decoding its first
+ * segment and drawing its first camera's picture at the segment's middle.
+ *
+ *     bench_share [--json] FILE...
+ *
+ * A component is run alone, on one thread, as often as the segment asks for it
+ * and on what the segment decodes to: coder calls again from their tape,
+ * operators over the finished scaffold. The share is its time over that of the
+ * whole, medians of repetitions that measure all of them in turn; "rest" is
+ * what is left of the whole (traversal, requantisation, conversions).
+ */
+#define _POSIX_C_SOURCE 200809L
+
+#include "animate.h"
+#include "bench_time.h"
+#include "container.h"
+#include "depth_sort.h"
+#include "encode.h"
+#include "head.h"
+#include "interp.h"
+#include "plan.h"
+#include "project.h"
+#include "range_dec.h"
+#include "reconstruct.h"
+#include "ref_recorder.h"
+#include "saga.h"
+#include "syntax.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { REPEATS = 15, LIST = 1 << 16, T_MID = 32768 };
+
+static void fail(const char *what)
+{
+    fprintf(stderr, "bench_share: %s\n", what);
+    exit(1);
+}
+
+static void check(saga_status s)
+{
+    if (s)
+        fail(saga_status_text(s));
+}
+
+static void *need(size_t nbytes)
+{
+    void *const p = aligned_alloc(64, (nbytes + 64) & ~(size_t)63);
+
+    if (!p)
+        fail("out of memory");
+    return memset(p, 0, (nbytes + 64) & ~(size_t)63);
+}
+
+/* --- Tape of the coder's calls ------------------------------------------- */
+
+typedef struct {
+    saga_adaptive *model;        /* or NULL: residuals */
+    uint32_t n;                  /* symbols; values of the model */
+    uint32_t scale;              /* of residuals: where their scales begin */
+    int layer;
+} call;
+
+typedef struct {
+    saga_coder coder;
+    saga_coder *inner;
+    saga_range_dec start[3];     /* the range decoders before the first call */
+    const uint8_t *payload;      /* of the layer begun last */
+    int n_layers;
+    call *calls;
+    uint8_t *scales;
+    size_t n_calls, cap_calls, n_scales, cap_scales;
+    uint64_t n_symbols;
+} tape;
+
+static call *next_call(tape *t)
+{
+    const saga_range_dec *const d =
+        (const saga_range_dec *)(const void *)t->inner;
+    call *c;
+
+    if (t->n_layers == 0 || d->p != t->payload) {
+        t->payload = d->p;
+        t->start[t->n_layers++] = *d;
+    }
+    if (t->n_calls == t->cap_calls) {
+        t->cap_calls = 2 * t->cap_calls + 1024;
+        t->calls = realloc(t->calls, t->cap_calls * sizeof *t->calls);
+        if (!t->calls)
+            fail("out of memory");
+    }
+    c = &t->calls[t->n_calls++];
+    c->layer = t->n_layers - 1;
+    return c;
+}
+
+static void tape_residual(saga_coder *c, saga_at at, int32_t *q,
+                          const int16_t *mu, uint32_t step_q16,
+                          const uint8_t *scale, uint32_t n)
+{
+    tape *const t = (tape *)(void *)c;
+    call *const k = next_call(t);
+
+    if (t->n_scales + n > t->cap_scales) {
+        t->cap_scales = 2 * t->cap_scales + 1024;
+        t->scales = realloc(t->scales, t->cap_scales);
+        if (!t->scales)
+            fail("out of memory");
+    }
+    k->model = NULL;
+    k->n = n;
+    k->scale = (uint32_t)t->n_scales;
+    memcpy(t->scales + t->n_scales, scale, n);
+    t->n_scales += n;
+    t->n_symbols += n;
+    t->inner->residual(t->inner, at, q, mu, step_q16, scale, n);
+    c->error = t->inner->error;
+}
+
+static uint32_t tape_adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
+                              uint32_t n_sym)
+{
+    tape *const t = (tape *)(void *)c;
+    call *const k = next_call(t);
+    uint32_t sym;
+
+    k->model = m;
+    k->n = n_sym;
+    t->n_symbols++;
+    sym = t->inner->adaptive(t->inner, at, m, n_sym);
+    c->error = t->inner->error;
+    return sym;
+}
+
+/* A segment has no plain fields. */
+static uint32_t tape_uniform(saga_coder *c, saga_at at, uint32_t bits)
+{
+    (void)at;
+    (void)bits;
+    c->error = 1;
+    return 0;
+}
+
+/* --- The file ------------------------------------------------------------ */
+
+typedef struct {
+    const char *path;
+    uint8_t *bytes;
+    size_t n;
+    saga_header header;
+    saga_plan plan;
+    saga_segment segment;
+    uint8_t *params;
+    saga_scaffold sc;
+    tape tape;
+    uint32_t steps;              /* writes of the memory */
+    saga_decoder *dec;           /* the whole */
+    saga_prim_format format;
+    saga_primitive *prims;
+    int16_t *colours;
+    saga_animated *animated;
+    saga_splat *splats;
+    saga_key *keys, *sorted, *tmp;
+    uint32_t n_splats;
+    saga_camera camera;
+    saga_job job;
+    saga_picture picture;
+    uint32_t sum;                /* of results, so that they are used */
+} file;
+
+static void read_bytes(file *f)
+{
+    FILE *const in = fopen(f->path, "rb");
+    long n;
+
+    if (!in || fseek(in, 0, SEEK_END) || (n = ftell(in)) < 0)
+        fail(f->path);
+    rewind(in);
+    f->n = (size_t)n;
+    f->bytes = need(f->n);
+    if (fread(f->bytes, 1, f->n, in) != f->n)
+        fail(f->path);
+    fclose(in);
+}
+
+static void read_networks(file *f)
+{
+    const size_t at = f->header.header_nbytes + SAGA_CHUNK_NBYTES +
+        (size_t)f->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    saga_range_dec range;
+
+    f->params = need(f->plan.nets.nbytes);
+    saga_range_dec_init(&range, f->bytes + at + SAGA_CHUNK_NBYTES,
+                        f->header.nets_nbytes);
+    if (!saga_syntax_networks(&f->plan.nets, f->params, &range.coder))
+        fail("networks");
+}
+
+/* Writes of a level: one for each `memory_blocks` anchors of a group. */
+static uint32_t count_steps(const file *f, int level)
+{
+    const saga_scaffold *const sc = &f->sc;
+    const uint32_t n = level ? sc->n.fine : sc->n.coarse;
+    uint32_t in_group[SAGA_MAX_GROUPS] = { 0 }, steps = 0, i;
+
+    if (sc->memory.n_slots == 0 || !saga_level_writes(sc->model, level))
+        return 0;
+    for (i = 0; i < n; i++)
+        in_group[level ? sc->fine[i].group : sc->coarse[i].group]++;
+    for (i = 0; i < SAGA_MAX_GROUPS; i++)
+        steps += (in_group[i] + sc->model->memory_blocks - 1u) /
+                 sc->model->memory_blocks;
+    return steps;
+}
+
+/* The scaffold as it is after the segment, and the tape of its decoding. */
+static void read_segment(file *f)
+{
+    const size_t head = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
+    const uint8_t *const p = f->bytes + f->segment.offset;
+    saga_io io = { p + SAGA_CHUNK_NBYTES, NULL, 0 };
+    saga_segment_header seg;
+    uint32_t final_range[3];
+
+    saga_segment_io(&io, &seg);
+    saga_scaffold_alloc(&f->sc, &f->header.model, &f->plan.nets, f->params,
+                        seg.n);
+    f->tape.coder.residual = tape_residual;
+    f->tape.coder.adaptive = tape_adaptive;
+    f->tape.coder.uniform = tape_uniform;
+    if (!recorder_layers(&f->tape.coder, &f->tape.inner, &f->sc, final_range,
+                         p + head, f->segment.nbytes - head))
+        fail("segment");
+    f->steps = count_steps(f, SAGA_LEVEL_COARSE) +
+               count_steps(f, SAGA_LEVEL_FINE);
+}
+
+static void open_whole(file *f)
+{
+    saga_info info;
+    uint32_t number;
+
+    check(saga_probe(&info, f->bytes, f->n));
+    check(saga_open(&f->dec, need(info.work_nbytes), info.work_nbytes,
+                    f->bytes, f->n));
+    if (saga_rig(&f->camera, &number, f->bytes, f->n, 0))
+        fail("no camera");
+    f->job.x1 = f->camera.width;
+    f->job.y1 = f->camera.height;
+    f->job.tile = 16;
+    f->job.list_capacity = LIST;
+    f->job.scratch_nbytes = SAGA_JOB_NBYTES(64, LIST) +
+                            64u * 16u * (size_t)f->camera.width;
+    f->job.scratch = need(f->job.scratch_nbytes);
+    f->picture.stride_nbytes = 3 * (size_t)f->camera.width;
+    f->picture.nbytes = f->picture.stride_nbytes * f->camera.height;
+    f->picture.rgb = need(f->picture.nbytes);
+    f->picture.bits = 8;
+}
+
+static void make_view(file *f)
+{
+    const uint32_t n = f->sc.n.prim;
+    uint32_t i;
+
+    saga_prim_format_of(&f->format, f->sc.model);
+    f->prims = need(n * sizeof *f->prims);
+    f->colours = need((size_t)n * f->plan.colour_stride * 2);
+    f->animated = need(n * sizeof *f->animated);
+    f->splats = need((n + 1u) * sizeof *f->splats);
+    f->keys = need(n * sizeof *f->keys);
+    f->sorted = need(n * sizeof *f->keys);
+    f->tmp = need(n * sizeof *f->keys);
+    saga_reconstruct(&f->sc, f->prims, f->colours, f->plan.colour_stride);
+    for (i = 0; i < n; i++) {
+        saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
+        if (!saga_project(&f->splats[f->n_splats], &f->animated[i],
+                          &f->camera))
+            continue;
+        f->keys[f->n_splats].depth = f->splats[f->n_splats].depth;
+        f->keys[f->n_splats].index = f->n_splats;
+        f->n_splats++;
+    }
+}
+
+static void open_file(file *f, const char *path)
+{
+    memset(f, 0, sizeof *f);
+    f->path = path;
+    read_bytes(f);
+    check(saga_head_read(&f->header, f->bytes, f->n));
+    check(saga_plan_make(&f->plan, &f->header, 0));
+    check(saga_find(&f->segment, f->bytes, f->n, 0, 1));
+    read_networks(f);
+    read_segment(f);
+    open_whole(f);
+    make_view(f);
+}
+
+/* --- The whole ----------------------------------------------------------- */
+
+static void decode(file *f)
+{
+    check(saga_decode(f->dec, f->bytes + f->segment.offset,
+                      f->segment.nbytes));
+}
+
+static void view(file *f)
+{
+    check(saga_view(f->dec, &f->camera, T_MID));
+}
+
+static void draw(file *f)
+{
+    memset(f->job.cursor, 0, sizeof f->job.cursor);
+    check(saga_draw(f->dec, &f->job, &f->picture, UINT32_MAX));
+}
+
+static void picture(file *f)
+{
+    view(f);
+    draw(f);
+}
+
+/* --- Components of decoding ---------------------------------------------- */
+
+static void range_decoding(file *f)
+{
+    static const saga_at nowhere = { 0, 0, 0, 0, 0 };
+    const tape *const t = &f->tape;
+    saga_range_dec d[3];
+    int32_t q[SAGA_MAX_FEATURES];
+    size_t i;
+
+    memcpy(d, t->start, sizeof d);
+    for (i = 0; i < t->n_calls; i++) {
+        const call *const c = &t->calls[i];
+        saga_coder *const coder = &d[c->layer].coder;
+
+        if (c->model)
+            f->sum += coder->adaptive(coder, nowhere, c->model, c->n);
+        else
+            coder->residual(coder, nowhere, q, NULL, 1u << 16,
+                            t->scales + c->scale, c->n);
+    }
+}
+
+static void run_net(file *f, int net, uint32_t times)
+{
+    while (times-- > 0) {
+        saga_net_run(&f->sc, net);
+        f->sum += (uint16_t)f->sc.v->out[0];
+    }
+}
+
+static void entropy_networks(file *f)
+{
+    const saga_model *const m = f->sc.model;
+    const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
+                                       f->sc.n.fine };
+    int k;
+
+    for (k = 0; k < SAGA_N_KINDS; k++) {
+        if (m->sources[k] & SAGA_SOURCE_HYPER)
+            run_net(f, SAGA_NET_HYPER, n[k]);
+        run_net(f, SAGA_NET_E_COARSE + k, n[k]);
+    }
+}
+
+static void memory_networks(file *f)
+{
+    const saga_model *const m = f->sc.model;
+    const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
+                                       f->sc.n.fine };
+    int k;
+
+    for (k = 0; k < SAGA_N_KINDS; k++)
+        if (m->sources[k] & SAGA_SOURCE_MEMORY)
+            run_net(f, SAGA_NET_QUERY, n[k]);
+    for (k = 0; k < SAGA_N_LEVELS; k++)
+        if (saga_level_writes(m, k))
+            run_net(f, SAGA_NET_AGG, n[k]);
+    run_net(f, SAGA_NET_SLOT, m->memory_slots);
+    run_net(f, SAGA_NET_WRITE_BASE, f->steps);
+    run_net(f, SAGA_NET_WRITE, f->steps * m->memory_slots);
+}
+
+static void memory_bank(file *f)
+{
+    const saga_memory *const m = &f->sc.memory;
+    const saga_model *const model = f->sc.model;
+    const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
+                                       f->sc.n.fine };
+    int16_t value[SAGA_MAX_SLOT_WIDTH] = { 4096, 1000, -3000 };
+    uint32_t i, p;
+    int k;
+
+    for (k = 0; k < SAGA_N_KINDS; k++)
+        for (i = 0; model->sources[k] & SAGA_SOURCE_MEMORY && i < n[k]; i++)
+            saga_memory_read(m->step->read, m, value);
+    for (i = 0; i < f->steps; i++)
+        for (p = 0; p < m->n_slots; p++)
+            saga_memory_update(m, p, value, 8192,
+                               (model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+}
+
+static void fuse_and_fine(file *f)
+{
+    run_net(f, SAGA_NET_FUSE_C, f->sc.n.fine);
+    run_net(f, SAGA_NET_FINE, f->sc.n.fine);
+}
+
+static void fuse_prim(file *f)
+{
+    run_net(f, SAGA_NET_FUSE_F, f->sc.n.prim);
+}
+
+static void geometry(file *f)
+{
+    run_net(f, SAGA_NET_GEO, f->sc.n.prim);
+}
+
+static void colour(file *f)
+{
+    run_net(f, SAGA_NET_COLOUR_BASE, f->sc.n.prim);
+    if (!(f->sc.model->tools & SAGA_TOOL_VIEW))
+        run_net(f, SAGA_NET_COLOUR, f->sc.n.prim);
+}
+
+static void interpolate(file *f, int level, const saga_place *p,
+                        uint32_t rank, uint32_t before)
+{
+    saga_neighbours nb;
+
+    saga_interp_find(&nb, &f->sc, level, p, rank, before);
+    saga_interp_sum(f->sc.v->context, &f->sc, level, &nb);
+}
+
+/* A fine anchor's place with its parent's support, as before F_fine. */
+static void place_under_parent(saga_place *p, const file *f, uint32_t rank)
+{
+    const saga_fine *const a = &f->sc.fine[rank];
+    int i;
+
+    saga_place_cell(p, &f->sc.coarse[a->parent]);
+    for (i = 0; i < 3; i++)
+        p->x[i] = a->x[i];
+    p->t = a->t;
+}
+
+static void context_interpolation(file *f)
+{
+    const saga_scaffold *const sc = &f->sc;
+    const uint8_t *const sources = sc->model->sources;
+    saga_place p;
+    uint32_t i;
+
+    for (i = 0; i < sc->n.coarse; i++)
+        if (sources[SAGA_KIND_COARSE] & SAGA_SOURCE_GROUPS) {
+            saga_place_cell(&p, &sc->coarse[i]);
+            interpolate(f, SAGA_LEVEL_COARSE, &p, i, sc->coarse[i].group);
+        }
+    for (i = 0; i < sc->n.fine; i++) {
+        place_under_parent(&p, f, i);
+        if (sources[SAGA_KIND_FINE] & SAGA_SOURCE_PARENT)
+            interpolate(f, SAGA_LEVEL_COARSE, &p, sc->fine[i].parent,
+                        SAGA_ALL_GROUPS);
+        if (sources[SAGA_KIND_FINE] & SAGA_SOURCE_GROUPS)
+            interpolate(f, SAGA_LEVEL_FINE, &p, i, sc->fine[i].group);
+    }
+}
+
+static void scaffold_interpolation(file *f)
+{
+    const saga_scaffold *const sc = &f->sc;
+    saga_place p;
+    uint32_t i, k;
+
+    for (i = 0; i < sc->n.fine; i++) {
+        place_under_parent(&p, f, i);
+        interpolate(f, SAGA_LEVEL_COARSE, &p, sc->fine[i].parent,
+                    SAGA_ALL_GROUPS);
+        for (k = 0; k < sc->fine[i].n_prim; k++) {
+            saga_place_fine(&p, &sc->fine[i]);
+            saga_place_move(&p, sc->prim_offset[sc->fine[i].first_prim + k]);
+            interpolate(f, SAGA_LEVEL_FINE, &p, i, SAGA_ALL_GROUPS);
+        }
+    }
+}
+
+/* By what stands where a block's place stands: its number costs the same. */
+static void embeddings(file *f)
+{
+    const saga_scaffold *const sc = &f->sc;
+    const uint32_t n[SAGA_N_KINDS] = { sc->n.coarse, sc->n.fine, sc->n.fine };
+    uint32_t places = sc->n.fine + sc->n.prim;
+    const int32_t x[3] = { 1 << 20, -54321, 777 };
+    const int16_t offset[4] = { 9000, -300, 77, 12345 };
+    saga_embedding e;
+    uint32_t i;
+    int k;
+
+    for (k = 0; k < SAGA_N_KINDS; k++)
+        if (sc->model->sources[k] & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
+            places += n[k];
+    for (k = 0; k < SAGA_N_LEVELS; k++)
+        if (saga_level_writes(sc->model, k))
+            places += n[k];
+    for (i = 0; i < places; i++) {
+        saga_embed(&e, sc->model, x, (int32_t)(i & 65535u));
+        f->sum += (uint16_t)e.q15[i & 7u];
+    }
+    for (i = 0; i < sc->n.fine + sc->n.prim; i++) {
+        saga_embed_offset(&e, sc->model, offset);
+        f->sum += (uint16_t)e.q15[i & 7u];
+    }
+}
+
+/* --- Components of a view ------------------------------------------------ */
+
+/* A second time for the direction of the colour. */
+static void animate(file *f)
+{
+    const uint32_t n = f->sc.n.prim;
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
+    if (f->sc.model->tools & SAGA_TOOL_VIEW)
+        for (i = 0; i < f->n_splats; i++)
+            saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
+}
+
+static void project(file *f)
+{
+    uint32_t i;
+
+    for (i = 0; i < f->sc.n.prim; i++)
+        f->sum += (uint32_t)saga_project(&f->splats[f->n_splats],
+                                         &f->animated[i], &f->camera);
+}
+
+static void shade(file *f)
+{
+    uint16_t colour_q15[3];
+    uint32_t i;
+
+    if (!(f->sc.model->tools & SAGA_TOOL_VIEW))
+        return;
+    for (i = 0; i < f->n_splats; i++) {
+        saga_shade(colour_q15, &f->sc,
+                   f->colours + (size_t)i * f->plan.colour_stride,
+                   f->animated[i].x, f->camera.centre);
+        f->sum += colour_q15[0];
+    }
+}
+
+static void sort(file *f)
+{
+    memcpy(f->sorted, f->keys, f->n_splats * sizeof *f->keys);
+    saga_depth_sort(f->sorted, f->tmp, f->n_splats);
+}
+
+/* --- Report -------------------------------------------------------------- */
+
+typedef struct {
+    const char *name;
+    void (*run)(file *);
+    int part;                /* of the last whole above it */
+} component;
+
+static const component components[] = {
+    { "decode a segment", decode, 0 },
+    { "range decoding", range_decoding, 1 },
+    { "context interpolation", context_interpolation, 1 },
+    { "hyperprior and entropy networks", entropy_networks, 1 },
+    { "memory networks", memory_networks, 1 },
+    { "memory bank", memory_bank, 1 },
+    { "scaffold interpolation", scaffold_interpolation, 1 },
+    { "embeddings", embeddings, 1 },
+    { "Fuse_c and F_fine", fuse_and_fine, 1 },
+    { "Fuse_f", fuse_prim, 1 },
+    { "F_geo", geometry, 1 },
+    { "F_color", colour, 1 },
+    { "a picture", picture, 0 },
+    { "animate", animate, 1 },
+    { "project", project, 1 },
+    { "view colour", shade, 1 },
+    { "sort", sort, 1 },
+    { "blend", draw, 1 },
+};
+
+enum { N_COMPONENTS = sizeof components / sizeof *components };
+
+static void line(const char *name, double ms, double whole, int json, int more)
+{
+    if (json)
+        printf("    {\"name\": \"%s\", \"ms\": %.4f, \"percent\": %.2f}%s\n",
+               name, ms, 100 * ms / whole, more ? "," : "");
+    else
+        printf("  %-34s %9.3f ms %6.1f %%\n", name, ms, 100 * ms / whole);
+}
+
+static void report(const file *f, bench_times *t, int json)
+{
+    double whole = 1, rest = 0;
+    int k;
+
+    printf(json ? "{\"file\": \"%s\", \"coarse\": %u, \"fine\": %u, "
+                  "\"primitives\": %u, \"symbols\": %llu, \"components\": [\n"
+                : "%s: %u coarse, %u fine, %u primitives, %llu symbols\n",
+           f->path, (unsigned)f->sc.n.coarse, (unsigned)f->sc.n.fine,
+           (unsigned)f->sc.n.prim, (unsigned long long)f->tape.n_symbols);
+    for (k = 0; k < N_COMPONENTS; k++) {
+        const double ms = bench_median(&t[k]);
+        const int last = k + 1 == N_COMPONENTS || !components[k + 1].part;
+
+        if (!components[k].part)
+            whole = rest = ms;
+        else
+            rest -= ms;
+        line(components[k].name, ms, whole, json, 1);
+        if (last)
+            line("rest", rest, whole, json, k + 1 < N_COMPONENTS);
+    }
+    if (json)
+        printf("]}\n");
+}
+
+static void bench_file(const char *path, int json)
+{
+    static bench_times t[N_COMPONENTS];
+    static file f;
+    int i, k;
+
+    open_file(&f, path);
+    memset(t, 0, sizeof t);
+    for (i = 0; i < REPEATS; i++)
+        for (k = 0; k < N_COMPONENTS; k++) {
+            double start;
+
+            if (components[k].run == range_decoding)
+                saga_syntax_begin(&f.sc);
+            start = bench_now_ms();
+            components[k].run(&f);
+            bench_add(&t[k], bench_now_ms() - start);
+        }
+    report(&f, t, json);
+}
+
+int main(int argc, char **argv)
+{
+    const int json = argc > 1 && strcmp(argv[1], "--json") == 0;
+    int i;
+
+    for (i = 1 + json; i < argc; i++)
+        bench_file(argv[i], json);
+    return 0;
+}
