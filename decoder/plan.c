@@ -11,7 +11,7 @@
 
 /* The work block's size decides whether a file fits its level, so these sizes
  * are part of the format (docs/bitstream.md). */
-_Static_assert(sizeof(saga_models) == 3230, "format: adaptive models");
+_Static_assert(sizeof(saga_models) == 6630, "format: adaptive models");
 _Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
 _Static_assert(sizeof(saga_step) == 388, "format: step of the memory");
 _Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
