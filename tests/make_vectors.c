@@ -262,6 +262,37 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
+typedef struct {
+    const char *stem;
+    change f;
+    saga_status status;
+} bad_change;
+
+/* A file of the stream o, with each of the changes in turn; of the header
+ * alone: what is wrong shows before the rest is missed. */
+static void bad_headers(const gen_options *o, const bad_change *headers,
+                        size_t n_headers)
+{
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i;
+
+    gen_stream_make(&g, o);
+    gen_stream_encode(&g, &bytes, &n);
+    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+    for (i = 0; i < n_headers; i++)
+        bad_header(headers[i].stem, bytes, n, headers[i].f,
+                   headers[i].status);
+    if (g.header.model.tools & SAGA_TOOL_MEMORY)
+        bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
+            SAGA_ERR_TRUNCATED);
+    if (g.header.model.tools & SAGA_TOOL_CLASSES)
+        bad("classes_cut", bytes, SAGA_HEADER_NBYTES + 9,
+            SAGA_ERR_TRUNCATED);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
 /* One byte changed, nothing signed. */
 static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
                      size_t at, saga_status status)
@@ -277,11 +308,7 @@ static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
 /* What a memory may not be, in a file that has one. */
 static void bad_memory(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_change headers[] = {
         { "memory_off", to_memory_off, SAGA_ERR_DATA },
         { "memory_unread", to_unread, SAGA_ERR_DATA },
         { "memory_slots_zero", to_slots_0, SAGA_ERR_DATA },
@@ -300,31 +327,14 @@ static void bad_memory(void)
                             .tools_fixed = 1, .memory = GEN_MEMORY_ORTHOGONAL,
                             .memory_slots = 64, .memory_width = 16,
                             .memory_blocks = 4 };
-    gen_stream g;
-    uint8_t *bytes;
-    size_t n, i;
 
-    gen_stream_make(&g, &o);
-    gen_stream_encode(&g, &bytes, &n);
-    /* The header alone: what is wrong shows before the rest is missed. */
-    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
-    for (i = 0; i < sizeof headers / sizeof *headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f,
-                   headers[i].status);
-    bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
-        SAGA_ERR_TRUNCATED);
-    free(bytes);
-    gen_stream_free(&g);
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
 /* What classes may not be, in a file that has them and no memory. */
 static void bad_classes(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_change headers[] = {
         { "classes_off", to_classes_off, SAGA_ERR_DATA },
         { "classes_without_source", to_classless, SAGA_ERR_DATA },
         { "classes_n_fine_parent", to_n_fine_parent, SAGA_ERR_DATA },
@@ -337,27 +347,13 @@ static void bad_classes(void)
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1, .classes = 1 };
-    gen_stream g;
-    uint8_t *bytes;
-    size_t n, i;
 
-    gen_stream_make(&g, &o);
-    gen_stream_encode(&g, &bytes, &n);
-    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
-    for (i = 0; i < sizeof headers / sizeof *headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f,
-                   headers[i].status);
-    free(bytes);
-    gen_stream_free(&g);
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
 static void bad_all(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_change headers[] = {
         { "tool_base", to_base, SAGA_ERR_VERSION },
         { "tool_layers", to_layers, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
