@@ -11,6 +11,7 @@ typedef struct {
     uint32_t count;          /* children, known before the block */
     uint32_t rank, group;
     saga_embedding embedding;    /* of its place */
+    uint32_t parent;         /* coarse rank that its context comes from */
 } block;
 
 /* What is known of a block before it is decoded. Sizes and counts enter in
@@ -60,8 +61,8 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
     uint32_t i;
 
     if (kind == SAGA_KIND_FINE) {
-        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &b->place,
-                         sc->fine[b->rank].parent, SAGA_ALL_GROUPS);
+        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &b->place, b->parent,
+                         SAGA_ALL_GROUPS);
         saga_interp_sum(sc->v->context, sc, SAGA_LEVEL_COARSE, &nb);
         return sc->model->head_q[SAGA_HEAD_COARSE];
     }
@@ -99,7 +100,7 @@ static void read_memory(const saga_scaffold *sc, const block *b, int kind)
     int q = 0;
 
     if (kind == SAGA_KIND_FINE) {
-        parent = sc->coarse_feature + (size_t)sc->fine[b->rank].parent * f;
+        parent = sc->coarse_feature + (size_t)b->parent * f;
         q = sc->model->head_q[SAGA_HEAD_COARSE];
     } else if (kind == SAGA_KIND_PRIM) {
         parent = sc->fine_feature + (size_t)b->rank * f;
@@ -203,14 +204,13 @@ void saga_context_end_group(const saga_scaffold *sc)
 
 /* --- Entropy parameters -------------------------------------------------- */
 
-static void run_entropy(saga_params *p, const saga_scaffold *sc, block *b,
-                        int kind)
+/* What the sources say of a block of a kind, as the network's input. */
+static void in_sources(const saga_scaffold *sc, int net, block *b,
+                       int kind, uint32_t sources)
 {
     const saga_model *const m = sc->model;
-    const int net = SAGA_NET_E_COARSE + kind;
-    const uint32_t sources = m->sources[kind];
-    const uint32_t f = m->features, n = saga_n_channels(m, kind);
-    uint32_t at = 0, i;
+    const uint32_t f = m->features;
+    uint32_t at = 0;
     int q;
 
     if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
@@ -236,6 +236,17 @@ static void run_entropy(saga_params *p, const saga_scaffold *sc, block *b,
     if (sources & SAGA_SOURCE_MEMORY)
         saga_in_vector(sc, net, at, sc->memory.step->read, m->memory_width,
                        SAGA_SLOT_Q);
+}
+
+static void run_entropy(saga_params *p, const saga_scaffold *sc,
+                        block *b, int kind)
+{
+    const saga_model *const m = sc->model;
+    const int net = SAGA_NET_E_COARSE + kind;
+    const uint32_t n = saga_n_channels(m, kind);
+    uint32_t i;
+
+    in_sources(sc, net, b, kind, m->sources[kind]);
     saga_net_run(sc, net);
     for (i = 0; i < n; i++) {
         p->mu[i] = sc->v->out[i];
@@ -250,7 +261,7 @@ static void coarse_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
     saga_place_cell(&b->place, &sc->coarse[rank]);
     b->count = sc->coarse[rank].n_fine;
-    b->rank = rank;
+    b->rank = b->parent = rank;
 }
 
 /* Centre: the suffix cell's, or, once it is decoded, the anchor's. Support:
@@ -269,6 +280,15 @@ static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
         b->place.log2_support_q10[i] -= bits * 1024;
     b->count = parent->n_fine;
     b->rank = rank;
+    b->parent = fine->parent;
+}
+
+static void prim_block(block *b, const saga_scaffold *sc, uint32_t rank)
+{
+    saga_place_fine(&b->place, &sc->fine[rank]);
+    b->count = sc->fine[rank].n_prim;
+    b->rank = rank;
+    b->parent = sc->fine[rank].parent;
 }
 
 void saga_context_coarse(saga_params *p, const saga_scaffold *sc,
@@ -295,11 +315,40 @@ void saga_context_prim(saga_params *p, const saga_scaffold *sc, uint32_t rank)
 {
     block b;
 
-    saga_place_fine(&b.place, &sc->fine[rank]);
-    b.count = sc->fine[rank].n_prim;
-    b.rank = rank;
+    prim_block(&b, sc, rank);
     b.group = 0;
     run_entropy(p, sc, &b, SAGA_KIND_PRIM);
+}
+
+/* A class network's outputs are in units of a class, Q10; the kind of residual
+ * of which it sees what E_* sees. */
+int saga_context_classes(uint8_t class[4], const saga_scaffold *sc, int kind,
+                         uint32_t rank, uint32_t group)
+{
+    static const uint8_t like[SAGA_N_CLASS_KINDS] = {
+        SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_FINE, SAGA_KIND_PRIM
+    };
+    const uint32_t sources = sc->model->class_sources[kind];
+    const int net = SAGA_NET_CLASS + kind;
+    block b;
+    uint32_t i;
+
+    if (sources == 0)
+        return 0;
+    if (kind == SAGA_CLASS_N_PRIM)
+        fine_block(&b, sc, rank);
+    else if (kind == SAGA_CLASS_PRIM_SET)
+        prim_block(&b, sc, rank);
+    else
+        coarse_block(&b, sc, rank);
+    b.group = group;
+    in_sources(sc, net, &b, like[kind], sources);
+    saga_net_run(sc, net);
+    for (i = 0; i < saga_n_classified(kind); i++)
+        class[i] = (uint8_t)fx_clamp((sc->v->out[i] >> 10) +
+                                     SAGA_N_CLASSES / 2, 0,
+                                     SAGA_N_CLASSES - 1);
+    return 1;
 }
 
 void saga_context_keep_coarse(const saga_scaffold *sc, uint32_t rank)

@@ -32,6 +32,13 @@ void saga_context_fine(saga_params *p, const saga_scaffold *sc, uint32_t rank,
 /* The primitives of fine anchor `rank`: channels offset 4, for all alike. */
 void saga_context_prim(saga_params *p, const saga_scaffold *sc, uint32_t rank);
 
+/* Classes, 0..7, of symbols of a SAGA_CLASS_* kind (the number, or the four
+ * axes of the set) at the given rank: coarse for N_FINE and FINE_SET, fine for
+ * N_PRIM, of group `group`, whose x, t are decoded, and PRIM_SET. Returns 0,
+ * and does nothing, if the kind has no source. */
+int saga_context_classes(uint8_t class[4], const saga_scaffold *sc, int kind,
+                         uint32_t rank, uint32_t group);
+
 /* After a coarse (fine) anchor is decoded: adds it to its step of the memory,
  * which writes when it has memory_blocks blocks. Without a memory, or if no
  * one reads what this level writes, these do nothing. */

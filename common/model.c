@@ -33,11 +33,10 @@ void saga_model_geo_rows(saga_geo_rows *rows, const saga_model *m)
     rows->n = (uint8_t)(n + 3 * order);
 }
 
-/* Inputs of the entropy network of a kind: one vector of F per source, D from
- * the memory. */
-static uint32_t entropy_inputs(const saga_model *m, int kind)
+/* Inputs of a network with sources s: one vector of F per source, D from the
+ * memory. */
+static uint32_t entropy_inputs(const saga_model *m, uint32_t s)
 {
-    const uint32_t s = m->sources[kind];
     uint32_t n = 0;
 
     n += s & SAGA_SOURCE_HYPER ? m->features : 0u;
@@ -63,10 +62,19 @@ static void shape_set(saga_net_shape *s, uint32_t n_layers, uint32_t in,
 static void shape_entropy(saga_net_shape *s, const saga_model *m, int kind,
                           uint32_t width)
 {
-    const uint32_t in = entropy_inputs(m, kind);
+    const uint32_t in = entropy_inputs(m, m->sources[kind]);
 
     /* Without a source the parameters are constants: one row of biases. */
     shape_set(s, in ? 3 : 1, in, width, 2 * saga_n_channels(m, kind));
+}
+
+static void shape_class(saga_net_shape *s, const saga_model *m, int kind)
+{
+    const uint32_t in = entropy_inputs(m, m->class_sources[kind]);
+
+    if (in)
+        shape_set(s, 2, in, m->width[SAGA_NET_CLASS + kind],
+                  saga_n_classified(kind));
 }
 
 static void shape_colour(saga_net_shape *s, const saga_model *m, int net)
@@ -110,8 +118,7 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
     s->int8 = m->int8[net];
     s->q_in = m->q_in[net];
     if (net == SAGA_NET_HYPER) {
-        if ((m->sources[0] | m->sources[1] | m->sources[2]) &
-            SAGA_SOURCE_HYPER)
+        if (saga_any_source(m) & SAGA_SOURCE_HYPER)
             shape_set(s, 3, pe + 5, w, f);
     } else if (net <= SAGA_NET_E_PRIM) {
         shape_entropy(s, m, net - SAGA_NET_E_COARSE, w);
@@ -124,6 +131,8 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
         shape_set(s, 3, f + pe, w, rows.n);
     } else if (net < SAGA_NET_QUERY) {
         shape_colour(s, m, net);
+    } else if (net >= SAGA_NET_CLASS) {
+        shape_class(s, m, net - SAGA_NET_CLASS);
     } else if (m->tools & SAGA_TOOL_MEMORY) {
         shape_memory(s, m, net);
     }
@@ -157,9 +166,10 @@ static int nets_are_valid(const saga_model *m)
 {
     int i;
 
-    for (i = 0; i < saga_n_described(m); i++)
-        if (m->width[i] < 1 || m->width[i] > SAGA_MAX_WIDTH ||
-            m->q_in[i] < 1 || m->q_in[i] > 15 || m->int8[i] > 1)
+    for (i = 0; i < SAGA_N_NETS; i++)
+        if (saga_is_described(m, i) &&
+            (m->width[i] < 1 || m->width[i] > SAGA_MAX_WIDTH ||
+             m->q_in[i] < 1 || m->q_in[i] > 15 || m->int8[i] > 1))
             return 0;
     for (i = 0; i < SAGA_N_HEADS; i++)
         if (m->head_q[i] > SAGA_MAX_HEAD_Q)
@@ -177,8 +187,7 @@ static int is_power_of_two(uint32_t x)
 static int memory_is_valid(const saga_model *m)
 {
     const uint32_t slots = m->memory_slots, width = m->memory_width;
-    const uint32_t read = m->sources[SAGA_KIND_COARSE] |
-        m->sources[SAGA_KIND_FINE] | m->sources[SAGA_KIND_PRIM];
+    const uint32_t read = saga_any_source(m);
 
     if (!(m->tools & SAGA_TOOL_MEMORY))
         return !(m->tools & SAGA_TOOL_PLAIN_WRITE) &&
@@ -188,6 +197,26 @@ static int memory_is_valid(const saga_model *m)
            slots <= SAGA_MAX_SLOTS && is_power_of_two(slots) && width >= 8 &&
            width <= SAGA_MAX_SLOT_WIDTH && width % 8 == 0 &&
            (slots < SAGA_MAX_SLOTS || width >= 16) && m->memory_blocks >= 1;
+}
+
+/* The tool is on where a class kind has a source, and only there. Numbers of
+ * fine anchors are coded before anything but cells; sets of fine anchors
+ * before every residual of their level, sets of primitives after them. */
+static int classes_are_valid(const saga_model *m)
+{
+    static const uint8_t not[SAGA_N_CLASS_KINDS] = {
+        SAGA_SOURCES_KNOWN & ~SAGA_SOURCE_HYPER, SAGA_SOURCE_GROUPS, 0,
+        SAGA_SOURCE_GROUPS
+    };
+    uint32_t any = 0;
+    int i;
+
+    for (i = 0; i < SAGA_N_CLASS_KINDS; i++) {
+        if (m->class_sources[i] & not[i])
+            return 0;
+        any |= m->class_sources[i];
+    }
+    return (any != 0) == ((m->tools & SAGA_TOOL_CLASSES) != 0);
 }
 
 int saga_model_is_valid(const saga_model *m)
@@ -206,5 +235,5 @@ int saga_model_is_valid(const saga_model *m)
         return 0;
     return m->features >= 5 && m->features <= SAGA_MAX_FEATURES &&
            m->octaves >= 1 && m->octaves <= SAGA_MAX_OCTAVES &&
-           nets_are_valid(m) && memory_is_valid(m);
+           nets_are_valid(m) && memory_is_valid(m) && classes_are_valid(m);
 }

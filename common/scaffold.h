@@ -68,14 +68,34 @@ typedef struct saga_fine {
     uint8_t group;
 } saga_fine;
 
+/* Models of a set's halvings, by the number of points n - 1. Moments gather in
+ * the middle of their cell, so that of a few points (n up to SAGA_FEW) a later
+ * bit of time is best told by the first one. */
+enum { SAGA_FEW = 3, SAGA_LATER_BITS = 3 };
+
+typedef struct saga_set_models {
+    saga_adaptive space[SAGA_MAX_CHILDREN];
+    saga_adaptive time[SAGA_MAX_CHILDREN];
+    saga_adaptive later[SAGA_LATER_BITS][2][SAGA_FEW]; /* bit of time 1, 2, 3
+                                                        * and on; the first */
+} saga_set_models;
+
 /* Adaptive models of a segment; they run on from layer to layer. */
 typedef struct saga_models {
     saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* by spatial depth */
-    saga_adaptive occupancy[3][4]; /* by split - 1, children so far */
-    saga_adaptive n_fine, n_prim;
-    saga_adaptive set[2][2][SAGA_MAX_CHILDREN];    /* fine or primitive; space
-                                                    * or time; n - 1 */
+    saga_adaptive occupancy[3][4][5]; /* by split - 1, children so far, those
+                                       * of them that touch the next one */
+    saga_adaptive n_fine[SAGA_MAX_DEPTH_X + 1];    /* by spatial depth */
+    saga_adaptive n_prim;
+    saga_set_models set[2];           /* fine, primitive */
 } saga_models;
+
+/* Those that a network chooses among; with SAGA_TOOL_CLASSES only. Of sets:
+ * the first halving of each axis, up to SAGA_FEW points. */
+typedef struct saga_class_models {
+    saga_adaptive n_fine[SAGA_N_CLASSES], n_prim[SAGA_N_CLASSES];
+    saga_adaptive set[2][SAGA_N_CLASSES][SAGA_FEW]; /* fine, primitive; n - 1 */
+} saga_class_models;
 
 /* Scratch of the networks. */
 typedef struct saga_vectors {
@@ -98,6 +118,7 @@ typedef struct saga_scaffold {
     int16_t *fine_feature;           /* (n.fine, F) */
     int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
     saga_models *models;
+    saga_class_models *class_models; /* not looked at if the tool is off */
     saga_vectors *v;
     saga_memory memory;              /* n_slots = 0: the tool is off */
 } saga_scaffold;

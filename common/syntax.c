@@ -156,24 +156,57 @@ int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
 
 /* --- Shared by the layers ------------------------------------------------ */
 
+static void begin_set(saga_set_models *m)
+{
+    uint32_t n, i, first;
+
+    for (n = 1; n <= SAGA_MAX_CHILDREN; n++) {
+        saga_adaptive_init_binomial(&m->space[n - 1], n);
+        saga_adaptive_init_binomial(&m->time[n - 1], n);
+    }
+    for (i = 0; i < SAGA_LATER_BITS; i++)
+        for (first = 0; first < 2; first++)
+            for (n = 1; n <= SAGA_FEW; n++)
+                saga_adaptive_init_binomial(&m->later[i][first][n - 1], n);
+}
+
+static void begin_classes(saga_class_models *m,
+                          const saga_level level[SAGA_N_LEVELS])
+{
+    uint32_t i, n;
+
+    for (i = 0; i < SAGA_N_CLASSES; i++) {
+        saga_adaptive_init(&m->n_fine[i],
+                           level[SAGA_LEVEL_COARSE].max_children + 1u);
+        saga_adaptive_init(&m->n_prim[i],
+                           level[SAGA_LEVEL_FINE].max_children + 1u);
+        for (n = 1; n <= SAGA_FEW; n++) {
+            saga_adaptive_init_binomial(&m->set[0][i][n - 1], n);
+            saga_adaptive_init_binomial(&m->set[1][i][n - 1], n);
+        }
+    }
+}
+
 void saga_syntax_begin(const saga_scaffold *sc)
 {
+    const saga_level *const level = sc->model->level;
     saga_models *const m = sc->models;
-    uint32_t i, j, n;
+    uint32_t i, j, k;
 
-    for (i = 0; i <= SAGA_MAX_DEPTH_X; i++)
+    for (i = 0; i <= SAGA_MAX_DEPTH_X; i++) {
         saga_adaptive_init(&m->split[i], 4);
+        saga_adaptive_init(&m->n_fine[i],
+                           level[SAGA_LEVEL_COARSE].max_children + 1u);
+    }
     for (i = 0; i < 3; i++)
         for (j = 0; j < 4; j++)
-            saga_adaptive_init(&m->occupancy[i][j], 2);
-    saga_adaptive_init(&m->n_fine,
-                       sc->model->level[SAGA_LEVEL_COARSE].max_children + 1u);
-    saga_adaptive_init(&m->n_prim,
-                       sc->model->level[SAGA_LEVEL_FINE].max_children + 1u);
+            for (k = 0; k < 5; k++)
+                saga_adaptive_init(&m->occupancy[i][j][k], 2);
+    saga_adaptive_init(&m->n_prim, level[SAGA_LEVEL_FINE].max_children + 1u);
     for (i = 0; i < 2; i++)
-        for (j = 0; j < 2; j++)
-            for (n = 1; n <= SAGA_MAX_CHILDREN; n++)
-                saga_adaptive_init_binomial(&m->set[i][j][n - 1], n);
+        begin_set(&m->set[i]);
+    if (sc->model->tools & SAGA_TOOL_CLASSES)
+        begin_classes(sc->class_models, level);
     saga_context_begin(sc);
 }
 
@@ -196,11 +229,46 @@ static void code_block(int16_t *y, saga_coder *c, saga_at at,
         y[i] = dequantise(mu[i], q[i], step_q16);
 }
 
+/* Where the models of a set's halvings come from. */
+typedef struct {
+    saga_set_models *own;
+    saga_adaptive (*of_class)[SAGA_FEW]; /* by class; NULL: no network */
+    uint8_t class[4];                    /* of the axes x, y, z, t */
+} set_source;
+
+/* A set of fine anchors (0) or primitives (1) under the given rank. */
+static void begin_set_source(set_source *s, const saga_scaffold *sc, int which,
+                             uint32_t rank)
+{
+    const int kind = which ? SAGA_CLASS_PRIM_SET : SAGA_CLASS_FINE_SET;
+
+    s->own = &sc->models->set[which];
+    s->of_class = saga_context_classes(s->class, sc, kind, rank, 0)
+        ? sc->class_models->set[which] : NULL;
+}
+
+/* Of a run of n points whose suffixes of 4 * bits bits are known above `bit`.
+ */
+static saga_adaptive *set_model(const set_source *s, uint32_t suffix,
+                                uint32_t n, uint32_t bit, uint32_t bits)
+{
+    saga_set_models *const m = s->own;
+    const uint32_t later = bits - 1 - bit / 4;
+
+    if (later == 0 && n <= SAGA_FEW && s->of_class)
+        return &s->of_class[s->class[3 - (bit & 3u)]][n - 1];
+    if (bit & 3u)
+        return &m->space[n - 1];
+    if (later == 0 || n > SAGA_FEW)
+        return &m->time[n - 1];
+    return &m->later[later < SAGA_LATER_BITS ? later - 1 : SAGA_LATER_BITS - 1]
+                    [suffix >> (4 * bits - 4) & 1u][n - 1];
+}
+
 /* A set of n suffixes of 4 * bits bits, ascending: cells are halved axis by
  * axis, coding how many of the n points lie in the lower half. */
 static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
-                     saga_adaptive models[2][SAGA_MAX_CHILDREN],
-                     saga_coder *c, saga_at at)
+                     const set_source *source, saga_coder *c, saga_at at)
 {
     struct { uint8_t start, n, bit; } todo[4 * SAGA_MAX_SUFFIX_BITS + 1];
     const uint32_t first = at.index;
@@ -216,12 +284,12 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
     while (depth > 0) {
         const uint32_t start = todo[--depth].start, run = todo[depth].n;
         const uint32_t bit = todo[depth].bit;
-        const uint32_t is_time = (bit & 3u) == 0;
         uint32_t low;
 
         at.index = first + start;
         at.bit = (uint8_t)bit;
-        low = c->adaptive(c, at, &models[is_time][run - 1], run + 1);
+        low = c->adaptive(c, at, set_model(source, suffix[start], run, bit,
+                                           bits), run + 1);
         for (i = start + low; i < start + run; i++)
             suffix[i] |= 1u << bit;
         if (bit == 0)
@@ -302,6 +370,16 @@ static int split_is_valid(const saga_model *m, const node *nd)
            nd->depth_t + (nd->split >> 1) <= max_t;
 }
 
+/* Of the children before child i that share a face with it, how many exist. */
+static uint32_t n_touching(uint32_t mask, uint32_t i)
+{
+    uint32_t n = 0, k;
+
+    for (k = 0; k < 4; k++)
+        n += (i >> k) & (mask >> (i ^ 1u << k)) & 1u;
+    return n;
+}
+
 static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
                                const node *nd, uint32_t index)
 {
@@ -311,7 +389,8 @@ static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
     for (i = 0; i < n; i++) {
         const uint32_t bit = c->adaptive(
             c, at_symbol(SAGA_SYM_OCCUPANCY, index, i),
-            &sc->models->occupancy[nd->split - 1][seen], 2);
+            &sc->models->occupancy[nd->split - 1][seen][n_touching(mask, i)],
+            2);
 
         mask |= bit << i;
         if (bit && seen < 3)
@@ -325,7 +404,9 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
                     uint32_t rank, uint32_t *n_fine)
 {
     const saga_level *const l = &sc->model->level[SAGA_LEVEL_COARSE];
+    saga_adaptive *m = &sc->models->n_fine[nd->depth_x];
     saga_coarse *a;
+    uint8_t class[4];
     uint32_t v[4];
     int i;
 
@@ -338,9 +419,11 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
     a->depth_x = nd->depth_x;
     a->depth_t = nd->depth_t;
     a->group = (uint8_t)saga_morton_group(v, l->n_groups);
+    a->n_fine = 0;           /* not known to the network */
+    if (saga_context_classes(class, sc, SAGA_CLASS_N_FINE, rank, 0))
+        m = &sc->class_models->n_fine[class[0]];
     a->n_fine = (uint8_t)c->adaptive(c, at_symbol(SAGA_SYM_N_FINE, rank, 0),
-                                     &sc->models->n_fine,
-                                     l->max_children + 1u);
+                                     m, l->max_children + 1u);
     a->first_fine = *n_fine;
     *n_fine += a->n_fine;
     return *n_fine <= sc->n.fine;
@@ -460,8 +543,10 @@ static int code_fine_sets(const saga_scaffold *sc, saga_coder *c)
     for (parent = 0; parent < sc->n.coarse; parent++) {
         const uint32_t first = sc->coarse[parent].first_fine;
         const uint32_t n = sc->coarse[parent].n_fine;
+        set_source source;
 
-        code_set(suffix, n, bits, sc->models->set[0], c,
+        begin_set_source(&source, sc, 0, parent);
+        code_set(suffix, n, bits, &source, c,
                  at_symbol(SAGA_SYM_FINE_SUFFIX, first, 0));
         if (c->error)
             return 0;
@@ -487,6 +572,19 @@ static void keep_context(const saga_scaffold *sc, uint32_t rank,
         feature[i] = 0;
 }
 
+static void code_n_prim(const saga_scaffold *sc, saga_coder *c, uint32_t rank,
+                        uint32_t group)
+{
+    saga_adaptive *m = &sc->models->n_prim;
+    uint8_t class[4];
+
+    if (saga_context_classes(class, sc, SAGA_CLASS_N_PRIM, rank, group))
+        m = &sc->class_models->n_prim[class[0]];
+    sc->fine[rank].n_prim = (uint8_t)c->adaptive(
+        c, at_symbol(SAGA_SYM_N_PRIM, rank, 0), m,
+        sc->model->level[SAGA_LEVEL_FINE].max_children + 1u);
+}
+
 static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
                              uint32_t rank, uint32_t group)
 {
@@ -507,9 +605,7 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
     for (i = 0; i < 3; i++)
         a->x[i] = place.x[i];
     a->t = (uint16_t)place.t;
-    a->n_prim = (uint8_t)c->adaptive(
-        c, at_symbol(SAGA_SYM_N_PRIM, rank, 0), &sc->models->n_prim,
-        m->level[SAGA_LEVEL_FINE].max_children + 1u);
+    code_n_prim(sc, c, rank, group);
     keep_context(sc, rank, residual);
 }
 
@@ -562,10 +658,12 @@ int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c)
     for (rank = 0; rank < sc->n.fine; rank++) {
         const uint32_t first = sc->fine[rank].first_prim;
         const uint32_t n = sc->fine[rank].n_prim;
+        set_source source;
         saga_params p;
 
+        begin_set_source(&source, sc, 1, rank);
         saga_context_prim(&p, sc, rank);
-        code_set(suffix, n, bits, sc->models->set[1], c,
+        code_set(suffix, n, bits, &source, c,
                  at_symbol(SAGA_SYM_PRIM_SUFFIX, first, 0));
         for (i = 0; i < n; i++) {
             int16_t *const o = sc->prim_offset[first + i];

@@ -546,8 +546,8 @@ static void damage_model(saga_model *m, uint64_t *r)
 {
     const uint32_t v = odd_value(r);
 
-    switch (pick(r, 9)) {
-    case 0: m->tools ^= 1u << pick(r, 12); break;
+    switch (pick(r, 10)) {
+    case 0: m->tools ^= 1u << pick(r, 13); break;
     case 1: m->sources[pick(r, 3)] = (uint8_t)(v & 15u); break;
     case 2: m->lambda_t_q8 = (uint16_t)v; break;
     case 3: m->step_q16[pick(r, SAGA_N_STEPS)] = v; break;
@@ -555,6 +555,9 @@ static void damage_model(saga_model *m, uint64_t *r)
     case 5: m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17); break;
     case 6: m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v; break;
     case 7: damage_memory(m, r); break;
+    case 8:
+        m->class_sources[pick(r, SAGA_N_CLASS_KINDS)] = (uint8_t)(v & 15u);
+        break;
     default: damage_level(&m->level[pick(r, 2)], r); break;
     }
 }
@@ -584,7 +587,7 @@ static void damage_header(mutate_file *f, uint64_t *r)
 {
     uint32_t n = 1 + pick(r, 3), end, at;
     saga_header h;
-    int has_memory;
+    uint32_t room;
 
     if (pick(r, 4) == 0) {
         at = pick(r, (uint32_t)f->header_nbytes);
@@ -595,13 +598,13 @@ static void damage_header(mutate_file *f, uint64_t *r)
         saga_io out = { NULL, f->header, SAGA_MAGIC_NBYTES };
 
         saga_header_io(&in, &h);
-        has_memory = (h.model.tools & SAGA_TOOL_MEMORY) != 0;
-        saga_memory_io(&in, &h.model);
+        room = saga_rig_offset(&h);
+        saga_tools_io(&in, &h.model);
         damage_fields(&h, r);
         saga_header_io(&out, &h);
-        /* The tool, if that is what was damaged, finds no place for it. */
-        if (has_memory)
-            saga_memory_io(&out, &h.model);
+        /* A tool that came with the damage may find no place. */
+        if (saga_rig_offset(&h) <= room)
+            saga_tools_io(&out, &h.model);
     }
     /* Signing must find the place of the CRC. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);

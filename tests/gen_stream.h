@@ -28,6 +28,7 @@ typedef struct gen_options {
     int memory;
     uint32_t memory_slots, memory_width, memory_blocks;
     int memory_alone;        /* read by all kinds, and nothing else is */
+    int classes;             /* networks choose models; sources are random */
 } gen_options;
 
 enum { GEN_MEMORY_ORTHOGONAL = 1, GEN_MEMORY_PLAIN };

@@ -108,7 +108,8 @@ static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
 static void to_layers(saga_header *h) { h->model.tools |= SAGA_TOOL_LAYERS; }
 static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
 static void to_memory(saga_header *h) { h->model.tools |= SAGA_TOOL_MEMORY; }
-static void to_tool_11(saga_header *h) { h->model.tools |= 1u << 11; }
+static void to_tool_12(saga_header *h) { h->model.tools |= 1u << 12; }
+static void to_classes(saga_header *h) { h->model.tools |= SAGA_TOOL_CLASSES; }
 static void to_plain(saga_header *h)
 {
     h->model.tools |= SAGA_TOOL_PLAIN_WRITE;
@@ -184,6 +185,46 @@ static void to_coarse_parent(saga_header *h)
     h->model.sources[SAGA_KIND_COARSE] |= SAGA_SOURCE_PARENT;
 }
 
+static void to_classes_off(saga_header *h)
+{
+    h->model.tools &= ~(uint32_t)SAGA_TOOL_CLASSES;
+}
+
+static void to_classless(saga_header *h)
+{
+    memset(h->model.class_sources, 0, sizeof h->model.class_sources);
+}
+
+static void to_n_fine_parent(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_N_FINE] |= SAGA_SOURCE_PARENT;
+}
+
+static void to_fine_set_groups(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_FINE_SET] |= SAGA_SOURCE_GROUPS;
+}
+
+static void to_prim_set_groups(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_PRIM_SET] |= SAGA_SOURCE_GROUPS;
+}
+
+static void to_class_memory(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_N_PRIM] |= SAGA_SOURCE_MEMORY;
+}
+
+static void to_unknown_class_source(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_N_PRIM] |= SAGA_SOURCES_KNOWN + 1u;
+}
+
+static void to_class_width_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_CLASS] = 0;
+}
+
 /* Weights beyond +-127 in networks that say they have none. */
 static void to_int8(saga_header *h)
 {
@@ -211,14 +252,45 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
 
     memcpy(copy, bytes, n);
     saga_header_io(&in, &h);
-    saga_memory_io(&in, &h.model);
+    saga_tools_io(&in, &h.model);
     f(&h);
     saga_header_io(&out, &h);
-    if (out.at + SAGA_MEMORY_NBYTES == in.at)
-        saga_memory_io(&out, &h.model);
+    if (saga_rig_offset(&h) <= in.at)
+        saga_tools_io(&out, &h.model);
     gen_stream_sign_header(copy);
     bad(stem, copy, n, status);
     free(copy);
+}
+
+typedef struct {
+    const char *stem;
+    change f;
+    saga_status status;
+} bad_change;
+
+/* A file of the stream o, with each of the changes in turn; of the header
+ * alone: what is wrong shows before the rest is missed. */
+static void bad_headers(const gen_options *o, const bad_change *headers,
+                        size_t n_headers)
+{
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i;
+
+    gen_stream_make(&g, o);
+    gen_stream_encode(&g, &bytes, &n);
+    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+    for (i = 0; i < n_headers; i++)
+        bad_header(headers[i].stem, bytes, n, headers[i].f,
+                   headers[i].status);
+    if (g.header.model.tools & SAGA_TOOL_MEMORY)
+        bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
+            SAGA_ERR_TRUNCATED);
+    if (g.header.model.tools & SAGA_TOOL_CLASSES)
+        bad("classes_cut", bytes, SAGA_HEADER_NBYTES + 9,
+            SAGA_ERR_TRUNCATED);
+    free(bytes);
+    gen_stream_free(&g);
 }
 
 /* One byte changed, nothing signed. */
@@ -236,11 +308,7 @@ static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
 /* What a memory may not be, in a file that has one. */
 static void bad_memory(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_change headers[] = {
         { "memory_off", to_memory_off, SAGA_ERR_DATA },
         { "memory_unread", to_unread, SAGA_ERR_DATA },
         { "memory_slots_zero", to_slots_0, SAGA_ERR_DATA },
@@ -259,37 +327,41 @@ static void bad_memory(void)
                             .tools_fixed = 1, .memory = GEN_MEMORY_ORTHOGONAL,
                             .memory_slots = 64, .memory_width = 16,
                             .memory_blocks = 4 };
-    gen_stream g;
-    uint8_t *bytes;
-    size_t n, i;
 
-    gen_stream_make(&g, &o);
-    gen_stream_encode(&g, &bytes, &n);
-    /* The header alone: what is wrong shows before the rest is missed. */
-    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
-    for (i = 0; i < sizeof headers / sizeof *headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f,
-                   headers[i].status);
-    bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
-        SAGA_ERR_TRUNCATED);
-    free(bytes);
-    gen_stream_free(&g);
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
+}
+
+/* What classes may not be, in a file that has them and no memory. */
+static void bad_classes(void)
+{
+    static const bad_change headers[] = {
+        { "classes_off", to_classes_off, SAGA_ERR_DATA },
+        { "classes_without_source", to_classless, SAGA_ERR_DATA },
+        { "classes_n_fine_parent", to_n_fine_parent, SAGA_ERR_DATA },
+        { "classes_fine_set_groups", to_fine_set_groups, SAGA_ERR_DATA },
+        { "classes_prim_set_groups", to_prim_set_groups, SAGA_ERR_DATA },
+        { "classes_memory", to_class_memory, SAGA_ERR_DATA },
+        { "classes_source_unknown", to_unknown_class_source,
+          SAGA_ERR_VERSION },
+        { "classes_net_width_zero", to_class_width_0, SAGA_ERR_DATA },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1, .classes = 1 };
+
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
 static void bad_all(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_change headers[] = {
         { "tool_base", to_base, SAGA_ERR_VERSION },
         { "tool_layers", to_layers, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
         { "tool_hash", to_hash, SAGA_ERR_VERSION },
         { "tool_memory", to_memory, SAGA_ERR_DATA },
         { "tool_plain_write", to_plain, SAGA_ERR_DATA },
-        { "tool_unknown", to_tool_11, SAGA_ERR_VERSION },
+        { "tool_unknown", to_tool_12, SAGA_ERR_VERSION },
+        { "tool_classes", to_classes, SAGA_ERR_DATA },
         { "source_memory", to_memory_source, SAGA_ERR_DATA },
         { "source_unknown", to_unknown_source, SAGA_ERR_VERSION },
         { "cuttable", to_cut, SAGA_ERR_VERSION },
@@ -372,11 +444,18 @@ int main(int argc, char **argv)
         { .seed = 22, .level = 3, .n_coarse = 12,
           .memory = GEN_MEMORY_ORTHOGONAL, .memory_slots = 512,
           .memory_width = 64, .memory_blocks = 2 },
+        { .seed = 23, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .classes = 1 },
+        { .seed = 24, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
+          .memory_slots = 32, .memory_width = 16, .memory_blocks = 3,
+          .classes = 1 },
     };
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
         "random_level2", "random_level3", "memory_level0", "memory",
-        "memory_plain", "memory_level2", "memory_level3"
+        "memory_plain", "memory_level2", "memory_level3", "classes",
+        "classes_memory"
     };
     char path[1024];
     size_t i;
@@ -401,5 +480,6 @@ int main(int argc, char **argv)
     good_full();
     bad_all();
     bad_memory();
+    bad_classes();
     return fclose(manifest) != 0;
 }

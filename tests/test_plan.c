@@ -27,7 +27,7 @@
 #include <string.h>
 
 /* DECODER_NBYTES: what stands before the plan's regions (plan.c). */
-enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 644 };
+enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 728 };
 
 static uint64_t n_macs;
 
@@ -166,6 +166,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools = i % 32;
     o.picture = i / 32 % 2 == 0;
     o.memory = (int)(i / 2 % 3);
+    o.classes = (int)(i / 6 % 2);
     return o;
 }
 
@@ -175,7 +176,7 @@ static gen_options full_options(void)
     gen_options o = { .seed = first_seed(), .level = 0, .full = 1,
                       .picture = 1, .tools_fixed = 1,
                       .tools = SAGA_TOOLS_PICTURE,
-                      .memory = GEN_MEMORY_ORTHOGONAL };
+                      .memory = GEN_MEMORY_ORTHOGONAL, .classes = 1 };
 
     for (;; o.seed++) {
         gen_stream g;
@@ -312,8 +313,9 @@ static void block_should_be_used_up_to_its_end(void **state)
 }
 
 /* Off: no byte of the header, none of the block (and no product, see below);
- * on, the header's networks and what memory_bank.c places. */
-static void memory_should_cost_nothing_when_off(void **state)
+ * on, the header's fields, and what memory_bank.c places or the models that
+ * networks choose among. */
+static void tools_should_cost_nothing_when_off(void **state)
 {
     uint32_t i;
 
@@ -329,10 +331,13 @@ static void memory_should_cost_nothing_when_off(void **state)
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
         assert_int_equal(h.header_nbytes, 178 + (o.memory ? 15 : 0) +
+                         (o.classes ? 16 : 0) +
                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_memory_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.memory_at,
                          o.memory ? saga_memory_place(&size, NULL) : 0);
+        assert_int_equal(plan.vectors_at - plan.class_models_at,
+                         o.classes ? sizeof(saga_class_models) : 0);
         end(&p);
     }
 }
@@ -748,7 +753,7 @@ int main(void)
         cmocka_unit_test(open_should_refuse_a_smaller_or_misaligned_block),
         cmocka_unit_test(decoder_should_stay_inside_its_block),
         cmocka_unit_test(block_should_be_used_up_to_its_end),
-        cmocka_unit_test(memory_should_cost_nothing_when_off),
+        cmocka_unit_test(tools_should_cost_nothing_when_off),
         cmocka_unit_test(macs_should_be_counted_exactly),
         cmocka_unit_test(most_steps_should_be_reached_and_never_passed),
         cmocka_unit_test(info_should_be_that_of_the_header),

@@ -326,6 +326,7 @@ void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     sc->fine_feature = must(calloc(n.fine + 1u, f * sizeof(int16_t)));
     sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
     sc->models = must(calloc(1, sizeof *sc->models));
+    sc->class_models = must(calloc(1, sizeof *sc->class_models));
     sc->v = must(calloc(1, sizeof *sc->v));
     saga_memory_size(&sc->memory, model);
     saga_memory_place(&sc->memory, must(aligned_alloc(
@@ -340,6 +341,7 @@ void saga_scaffold_free(saga_scaffold *sc)
     free(sc->fine_feature);
     free(sc->prim_offset);
     free(sc->models);
+    free(sc->class_models);
     free(sc->v);
     free(sc->memory.slot);
 }
@@ -460,7 +462,7 @@ static void write_header(saga_encoder *e, buffer *out)
     io.out = reserve(out, h->header_nbytes);
     memcpy(io.out, saga_magic, SAGA_MAGIC_NBYTES);
     saga_header_io(&io, h);
-    saga_memory_io(&io, &h->model);
+    saga_tools_io(&io, &h->model);
     for (i = 0; i < h->n_cameras; i++)
         saga_camera_io(&io, &e->rig[i]);
     fx_store32_le(io.out + io.at, saga_crc32c(0, io.out, io.at));

@@ -107,7 +107,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 
     memset(m, 0, sizeof *m);
     m->tools = dynamic ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
-    m->features = o->n_coarse < o->n_primitives ? 24 : 12;
+    m->features = o->n_coarse < o->n_primitives ? 24 : 16;
     m->octaves = 4;
     m->lambda_t_q8 = 256;
     set_levels(m, o);

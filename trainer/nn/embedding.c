@@ -90,12 +90,15 @@ static void put_pairs(real *y, const real *x, int n)
     }
 }
 
+/* Not worth waking threads for. */
+enum { FEW_POINTS = 64 };
+
 void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,
                             int n_axes, int octaves)
 {
     int64_t i;
 
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (m > FEW_POINTS)
     for (i = 0; i < (int64_t)m; i++) {
         const real *const p = u + i * n_axes;
         real *at = y + (size_t)i * stride;
@@ -120,7 +123,7 @@ void saga_embedding_backward(real *du, const real *dy, const real *y,
 {
     int64_t i;
 
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (m > FEW_POINTS)
     for (i = 0; i < (int64_t)m; i++) {
         const real *at = y + (size_t)i * stride;
         const real *d = dy + (size_t)i * stride;

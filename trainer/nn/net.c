@@ -255,7 +255,7 @@ int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
     if (pack(work, net) || grow(&work->chunk, &work->cap[CAP_CHUNK],
                                 3 * scratch * saga_n_threads()))
         return -1;
-#pragma omp parallel for schedule(static)
+#pragma omp parallel for schedule(static) if (n_chunks > 1)
     for (c = 0; c < n_chunks; c++) {
         const size_t begin = (size_t)c * CHUNK;
 
@@ -366,7 +366,7 @@ int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
         grow(&work->chunk, &work->cap[CAP_CHUNK],
              scratch * saga_n_threads()))
         return -1;
-#pragma omp parallel for schedule(dynamic, 1)
+#pragma omp parallel for schedule(dynamic, 1) if (n_blocks > 1)
     for (k = 0; k < (int64_t)n_blocks; k++) {
         const size_t end = m < ((size_t)k + 1) * block
             ? m : ((size_t)k + 1) * block;
