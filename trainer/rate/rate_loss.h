@@ -44,7 +44,7 @@ typedef struct saga_rate_plan {
     double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
     saga_rate_gain gain[SAGA_N_KINDS];
     double hyper_weights;        /* bits; 0: no kind reads it */
-    double memory_weights;       /* bits of the memory's networks, kept or not */
+    double memory_weights;       /* of the memory's networks, kept or not */
     double memory_net;           /* bits of the best choice in which those who
                                   * gain from a memory read it, its networks
                                   * counted, less those of the best without:

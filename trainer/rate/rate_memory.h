@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
  * The float twin of the memory in common/context.c: the bank (rate_bank.h) and
- * the networks around it (QUERY, AGG, SLOT, WRITE_BASE, WRITE), over all blocks in
- * the order in which they are coded, and the gradients back through all of its
- * steps. Paper: Hierarchical Context Modeling, equations of the write.
+ * the networks around it (QUERY, AGG, SLOT, WRITE_BASE, WRITE), over all blocks
+ * in the order in which they are coded, and the gradients back through all of
+ * its steps. Paper: Hierarchical Context Modeling, equations of the write.
  *
  *     token    AGG of a decoded anchor: place, sizes, count, kind, values
  *     mean     of a run's tokens
