@@ -20,6 +20,8 @@ build=${BUILD:-build}/test
 jobs=${JOBS:-$(nproc 2>/dev/null || echo 2)}
 make=${MAKE:-make}
 unset MAKEFLAGS MFLAGS MAKELEVEL
+# Threads that wait spin briefly before they sleep (tools/demo.sh says why).
+export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-3000}
 export ASAN_OPTIONS=${ASAN_OPTIONS:-detect_stack_use_after_return=1}
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
 timeout=1200

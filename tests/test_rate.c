@@ -103,7 +103,7 @@ static void should_have_no_memory(rate_scene *f)
     int net;
 
     assert_int_equal(saga_rate_choice_init(&c, &f->r, &x), 0);
-    assert_true(f->r.plan.memory_net >= 0 && f->r.plan.memory_weights <= 0);
+    assert_true(f->r.plan.memory_net >= 0);
     assert_int_equal(c.scene.model.tools, SAGA_TOOLS_PICTURE);
     for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
         assert_int_equal(c.scene.net[net].n_layers, 0);

@@ -418,8 +418,8 @@ static void print_entropy(const saga_train_entropy *e)
     if (e->hyper_weights > 0)
         printf("  %-20s %54.0f\n", "hyperprior", e->hyper_weights);
     if (e->memory_weights > 0)
-        printf("  %-20s %54.0f\n", "memory", e->memory_weights);
-    printf("  %-20s %54.0f  bytes\n", "memory, net", e->memory_net);
+        printf("  %-20s %54.0f  net of what it saves: %+.0f\n", "memory",
+               e->memory_weights, e->memory_net);
 }
 
 static void print_text(const session *s)

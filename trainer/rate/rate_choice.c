@@ -390,7 +390,8 @@ static void settle(search *f)
     int kind;
 
     choose(best, f);
-    plan->hyper_weights = plan->memory_weights = 0;
+    plan->hyper_weights = 0;
+    plan->memory_weights = f->memory;
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const uint8_t had = f->s->model.sources[kind];
 
@@ -403,8 +404,6 @@ static void settle(search *f)
         f->r->context.keep[kind] = best[kind];
         if (best[kind] & SAGA_SOURCE_HYPER)
             plan->hyper_weights = f->hyper;
-        if (best[kind] & SAGA_SOURCE_MEMORY)
-            plan->memory_weights = f->memory;
     }
 }
 

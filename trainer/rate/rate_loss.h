@@ -46,10 +46,11 @@ typedef struct saga_rate_plan {
     double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
     saga_rate_gain gain[SAGA_N_KINDS];
     double hyper_weights;        /* bits; 0: no kind reads it */
-    double memory_weights;       /* the same of the memory's networks */
-    double memory_net;           /* bits of all that is kept less those of the
-                                  * best without a memory, if it were kept:
-                                  * below 0, and it is kept */
+    double memory_weights;       /* of the memory's networks, kept or not */
+    double memory_net;           /* bits of the best choice in which those who
+                                  * gain from a memory read it, its networks
+                                  * counted, less those of the best without:
+                                  * kept if below 0; 0: nobody gains */
     uint64_t raw;                /* 1: steps are given, SAGA_RAW_BITS each */
 } saga_rate_plan;
 
