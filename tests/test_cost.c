@@ -68,6 +68,9 @@ static void adaptive_should_cost_its_interval(void **state)
     assert_true(is_near(saga_cost_adaptive(&m, 3, 2), 15 - log2(10924)));
 }
 
+/* The place at which the stub fails: a network's number, too. */
+enum { BROKEN = SAGA_N_NETS - 1 };
+
 /* Gives 0, 1, -1, ... as residuals, the last symbol, and ones. */
 static void stub_residual(saga_coder *c, saga_at at, int32_t *q,
                           const int16_t *mu, uint32_t step_q16,
@@ -80,20 +83,20 @@ static void stub_residual(saga_coder *c, saga_at at, int32_t *q,
     (void)scale;
     for (i = 0; i < n; i++)
         q[i] = i == 0 ? 0 : i & 1u ? 1 : -1;
-    c->error = at.index == 99;
+    c->error = at.index == BROKEN;
 }
 
 static uint32_t stub_adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
                               uint32_t n_sym)
 {
     saga_adaptive_update(m, n_sym, n_sym - 1);
-    c->error = at.index == 99;
+    c->error = at.index == BROKEN;
     return n_sym - 1;
 }
 
 static uint32_t stub_uniform(saga_coder *c, saga_at at, uint32_t bits)
 {
-    c->error = at.index == 99;
+    c->error = at.index == BROKEN;
     return (1u << bits) - 1;
 }
 
@@ -144,13 +147,13 @@ static void counter_should_pass_errors_on(void **state)
     saga_cost_init(&k, &stub);
     c->residual(c, at_symbol(SAGA_SYM_CENTRE, 0), &q, NULL, 1, scale, 1);
     assert_int_equal(c->error, 0);
-    c->residual(c, at_symbol(SAGA_SYM_CENTRE, 99), &q, NULL, 1, scale, 1);
+    c->residual(c, at_symbol(SAGA_SYM_CENTRE, BROKEN), &q, NULL, 1, scale, 1);
     assert_int_equal(c->error, 1);
     saga_cost_init(&k, &stub);
-    c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, 99), &m, 2);
+    c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, BROKEN), &m, 2);
     assert_int_equal(c->error, 1);
     saga_cost_init(&k, &stub);
-    c->uniform(c, at_symbol(SAGA_SYM_NET_STEP, 99), 16);
+    c->uniform(c, at_symbol(SAGA_SYM_NET_STEP, BROKEN), 16);
     assert_int_equal(c->error, 1);
 }
 
