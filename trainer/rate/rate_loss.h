@@ -17,7 +17,8 @@
 
 #include <stdbool.h>
 
-/* Per kind and channel: mean in reals, log2 of the deviation in steps. */
+/* Per kind and channel: mean in reals, log2 of the deviation in steps that is
+ * cheapest. */
 typedef struct saga_rate_constants {
     real mean[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
     real log2_sigma[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
