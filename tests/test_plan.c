@@ -332,7 +332,8 @@ static void tools_should_cost_nothing_when_off(void **state)
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
         assert_int_equal(h.header_nbytes, 178 + (o.memory ? 15 : 0) +
-                         (o.classes ? 16 : 0) + GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
+                         (o.classes ? 16 : 0) +
+                         GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_memory_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.memory_at,
                          o.memory ? saga_memory_place(&size, NULL) : 0);
