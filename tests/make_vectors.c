@@ -302,14 +302,38 @@ static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
+/* A field changed, and what a decoder says to it. */
+typedef struct {
+    const char *stem;
+    change f;
+    saga_status status;
+} bad_field;
+
+/* Those of a stream's header alone: what is wrong shows before the rest is
+ * missed. With a memory, also what describes it cut short. */
+static void bad_fields(const bad_field *field, size_t n_fields,
+                       const gen_options *o)
+{
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i;
+
+    gen_stream_make(&g, o);
+    gen_stream_encode(&g, &bytes, &n);
+    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+    for (i = 0; i < n_fields; i++)
+        bad_header(field[i].stem, bytes, n, field[i].f, field[i].status);
+    if (o->memory)
+        bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
+            SAGA_ERR_TRUNCATED);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
 /* What a memory may not be, in a file that has one. */
 static void bad_memory(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_field headers[] = {
         { "memory_off", to_memory_off, SAGA_ERR_DATA },
         { "memory_unread", to_unread, SAGA_ERR_DATA },
         { "memory_slots_zero", to_slots_0, SAGA_ERR_DATA },
@@ -328,31 +352,14 @@ static void bad_memory(void)
                             .tools_fixed = 1, .memory = GEN_MEMORY_ORTHOGONAL,
                             .memory_slots = 64, .memory_width = 16,
                             .memory_blocks = 4 };
-    gen_stream g;
-    uint8_t *bytes;
-    size_t n, i;
 
-    gen_stream_make(&g, &o);
-    gen_stream_encode(&g, &bytes, &n);
-    /* The header alone: what is wrong shows before the rest is missed. */
-    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
-    for (i = 0; i < sizeof headers / sizeof *headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f,
-                   headers[i].status);
-    bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
-        SAGA_ERR_TRUNCATED);
-    free(bytes);
-    gen_stream_free(&g);
+    bad_fields(headers, sizeof headers / sizeof *headers, &o);
 }
 
 /* What classes may not be, in a file that has them and no memory. */
 static void bad_classes(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_field headers[] = {
         { "classes_off", to_classes_off, SAGA_ERR_DATA },
         { "classes_without_source", to_classless, SAGA_ERR_DATA },
         { "classes_n_fine_parent", to_n_fine_parent, SAGA_ERR_DATA },
@@ -365,55 +372,29 @@ static void bad_classes(void)
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1, .classes = 1 };
-    gen_stream g;
-    uint8_t *bytes;
-    size_t n, i;
 
-    gen_stream_make(&g, &o);
-    gen_stream_encode(&g, &bytes, &n);
-    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
-    for (i = 0; i < sizeof headers / sizeof *headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f,
-                   headers[i].status);
-    free(bytes);
-    gen_stream_free(&g);
+    bad_fields(headers, sizeof headers / sizeof *headers, &o);
 }
 
 /* Networks that must be there, and fields of one that need not. */
 static void bad_fuse(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-    } headers[] = {
-        { "width_zero_fine", to_fine_width_0 },
-        { "width_zero_colour_base", to_colour_base_0 },
-        { "width_129", to_fuse_129 },
-        { "no_fuse_q_in_zero", to_no_fuse_q_0 },
-        { "no_fuse_q_too_large", to_no_fuse_q_21 },
+    static const bad_field headers[] = {
+        { "width_zero_fine", to_fine_width_0, SAGA_ERR_DATA },
+        { "width_zero_colour_base", to_colour_base_0, SAGA_ERR_DATA },
+        { "width_129", to_fuse_129, SAGA_ERR_DATA },
+        { "no_fuse_q_in_zero", to_no_fuse_q_0, SAGA_ERR_DATA },
+        { "no_fuse_q_too_large", to_no_fuse_q_21, SAGA_ERR_DATA },
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
                             .tools_fixed = 1 };
-    gen_stream g;
-    uint8_t *bytes;
-    size_t n, i;
 
-    gen_stream_make(&g, &o);
-    gen_stream_encode(&g, &bytes, &n);
-    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
-    for (i = 0; i < sizeof headers / sizeof *headers; i++)
-        bad_header(headers[i].stem, bytes, n, headers[i].f, SAGA_ERR_DATA);
-    free(bytes);
-    gen_stream_free(&g);
+    bad_fields(headers, sizeof headers / sizeof *headers, &o);
 }
 
 static void bad_all(void)
 {
-    static const struct {
-        const char *stem;
-        change f;
-        saga_status status;
-    } headers[] = {
+    static const bad_field headers[] = {
         { "tool_base", to_base, SAGA_ERR_VERSION },
         { "tool_layers", to_layers, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
