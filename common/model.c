@@ -123,7 +123,8 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
     } else if (net <= SAGA_NET_E_PRIM) {
         shape_entropy(s, m, net - SAGA_NET_E_COARSE, w);
     } else if (net <= SAGA_NET_FUSE_F) {
-        shape_set(s, 2, f + pe, w, f);
+        if (w)
+            shape_set(s, 2, f + pe, w, f);
     } else if (net == SAGA_NET_FINE) {
         shape_set(s, 3, f + pe, w, f + 4);
     } else if (net == SAGA_NET_GEO) {
@@ -162,14 +163,21 @@ static int level_is_valid(const saga_level *l)
            l->max_children <= SAGA_MAX_CHILDREN && l->softmax_q8 >= 1;
 }
 
+static int width_is_valid(const saga_model *m, int net)
+{
+    const int least = net == SAGA_NET_FUSE_C || net == SAGA_NET_FUSE_F ? 0 : 1;
+
+    return m->width[net] >= least && m->width[net] <= SAGA_MAX_WIDTH;
+}
+
 static int nets_are_valid(const saga_model *m)
 {
     int i;
 
     for (i = 0; i < SAGA_N_NETS; i++)
         if (saga_is_described(m, i) &&
-            (m->width[i] < 1 || m->width[i] > SAGA_MAX_WIDTH ||
-             m->q_in[i] < 1 || m->q_in[i] > 15 || m->int8[i] > 1))
+            (!width_is_valid(m, i) || m->q_in[i] < 1 || m->q_in[i] > 15 ||
+             m->int8[i] > 1))
             return 0;
     for (i = 0; i < SAGA_N_HEADS; i++)
         if (m->head_q[i] > SAGA_MAX_HEAD_Q)

@@ -95,7 +95,8 @@ enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
  * a 1 at its number, so that SLOT's first layer holds the slots' embeddings.
  * The header describes the networks from QUERY on only with SAGA_TOOL_MEMORY,
  * those from CLASS on, one for each SAGA_CLASS_*, only with SAGA_TOOL_CLASSES.
- */
+ * FUSE_C and FUSE_F, one for each SAGA_LEVEL_*, exist where their width is not
+ * 0; without one, features are taken as they were interpolated. */
 enum {
     SAGA_NET_HYPER,
     SAGA_NET_E_COARSE,
@@ -181,7 +182,8 @@ typedef struct saga_model {
     saga_level level[SAGA_N_LEVELS];
     uint32_t step_q16[SAGA_N_STEPS];
     uint8_t head_q[SAGA_N_HEADS];
-    uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128 */
+    uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128; FUSE_C, FUSE_F: 0
+                                  * where there is no such network */
     uint8_t q_in[SAGA_N_NETS];
     uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
     /* The memory; all 0 without SAGA_TOOL_MEMORY. */
@@ -208,6 +210,27 @@ static inline int saga_is_described(const saga_model *m, int net)
     return net < SAGA_NET_QUERY ||
            (m->tools & (net < SAGA_NET_CLASS ? SAGA_TOOL_MEMORY
                                              : SAGA_TOOL_CLASSES)) != 0;
+}
+
+/* The network that fuses the interpolated features of a level. */
+static inline int saga_fuse_net(int level)
+{
+    return level == SAGA_LEVEL_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
+}
+
+/* Q format of a level's features; of its fused features. */
+static inline int saga_feature_q(const saga_model *m, int level)
+{
+    return m->head_q[level == SAGA_LEVEL_COARSE ? SAGA_HEAD_COARSE
+                                                : SAGA_HEAD_FINE];
+}
+
+static inline int saga_fused_q(const saga_model *m, int level)
+{
+    if (!m->width[saga_fuse_net(level)])
+        return saga_feature_q(m, level);
+    return m->head_q[level == SAGA_LEVEL_COARSE ? SAGA_HEAD_FUSE_C
+                                                : SAGA_HEAD_FUSE_F];
 }
 
 /* Whether a step of a level writes: only if someone may still read. Levels

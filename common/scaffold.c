@@ -197,21 +197,24 @@ void saga_place_fine(saga_place *p, const saga_fine *f)
 void saga_scaffold_fuse(const saga_scaffold *sc, int level,
                         const saga_place *p, uint32_t parent)
 {
-    const int net = level == SAGA_LEVEL_COARSE ? SAGA_NET_FUSE_C
-                                               : SAGA_NET_FUSE_F;
-    const int head = level == SAGA_LEVEL_COARSE ? SAGA_HEAD_COARSE
-                                                : SAGA_HEAD_FINE;
+    const uint32_t f = sc->model->features;
+    const int net = saga_fuse_net(level);
+    int16_t *const feature = sc->v->context;
     saga_neighbours nb;
     saga_embedding e;
-    uint32_t at;
+    uint32_t at, i;
 
     saga_interp_find(&nb, sc, level, p, parent, SAGA_ALL_GROUPS);
-    saga_interp_sum(sc->v->context, sc, level, &nb);
-    at = saga_in_vector(sc, net, 0, sc->v->context, sc->model->features,
-                        sc->model->head_q[head]);
+    saga_interp_sum(feature, sc, level, &nb);
+    if (sc->nets->shape[net].n_layers == 0)
+        return;
+    at = saga_in_vector(sc, net, 0, feature, f,
+                        saga_feature_q(sc->model, level));
     saga_embed(&e, sc->model, p->x, p->t);
     saga_in_embedding(sc, net, at, &e);
     saga_net_run(sc, net);
+    for (i = 0; i < f; i++)
+        feature[i] = sc->v->out[i];
 }
 
 /* 2^log2 rounded to an integer in 1..2^max; |log2_q10| < 2^15. */
@@ -257,8 +260,8 @@ void saga_scaffold_fine(const saga_scaffold *sc)
         /* Here the supports are still the parent's half-sizes. */
         saga_place_fine(&p, fine);
         saga_scaffold_fuse(sc, SAGA_LEVEL_COARSE, &p, fine->parent);
-        at = saga_in_vector(sc, SAGA_NET_FINE, 0, sc->v->out, f,
-                            m->head_q[SAGA_HEAD_FUSE_C]);
+        at = saga_in_vector(sc, SAGA_NET_FINE, 0, sc->v->context, f,
+                            saga_fused_q(m, SAGA_LEVEL_COARSE));
         saga_embed_offset(&e, m, fine->local);
         saga_in_embedding(sc, SAGA_NET_FINE, at, &e);
         saga_net_run(sc, SAGA_NET_FINE);

@@ -102,7 +102,8 @@ typedef struct saga_vectors {
     int16_t in[SAGA_MAX_VECTOR];
     int16_t hidden[2][SAGA_MAX_VECTOR];
     int16_t out[SAGA_MAX_VECTOR];
-    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature */
+    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature, fused or
+                                          * not */
 } saga_vectors;
 
 /* Everything a traversal works on; a transient view, the memory is the
@@ -161,7 +162,7 @@ uint32_t saga_in_embedding(const saga_scaffold *sc, int net, uint32_t at,
                            const saga_embedding *e);
 
 /* Interpolated, fused features of level SAGA_LEVEL_* at p, under the parent of
- * the given rank: outputs in sc->v->out (F of them, Q of the Fuse head). */
+ * the given rank: F of them in sc->v->context, in saga_fused_q. */
 void saga_scaffold_fuse(const saga_scaffold *sc, int level,
                         const saga_place *p, uint32_t parent);
 

@@ -97,7 +97,7 @@ static void set_colour(int16_t *colour, const saga_scaffold *sc,
     const uint32_t width = m->width[SAGA_NET_COLOUR];
     const uint32_t at = saga_in_vector(sc, SAGA_NET_COLOUR_BASE, 0,
                                        sc->v->context, m->features,
-                                       m->head_q[SAGA_HEAD_FUSE_F]);
+                                       saga_fused_q(m, SAGA_LEVEL_FINE));
     uint16_t colour_q15[3];
     uint32_t i;
 
@@ -128,10 +128,8 @@ static void reconstruct_one(const saga_scaffold *sc, uint32_t fine,
     saga_place_fine(&place, parent);
     saga_place_move(&place, offset);
     saga_scaffold_fuse(sc, SAGA_LEVEL_FINE, &place, fine);
-    for (i = 0; i < m->features; i++)
-        sc->v->context[i] = sc->v->out[i];
     at = saga_in_vector(sc, SAGA_NET_GEO, 0, sc->v->context, m->features,
-                        m->head_q[SAGA_HEAD_FUSE_F]);
+                        saga_fused_q(m, SAGA_LEVEL_FINE));
     saga_embed_offset(&embedding, m, offset);
     saga_in_embedding(sc, SAGA_NET_GEO, at, &embedding);
     saga_net_run(sc, SAGA_NET_GEO);

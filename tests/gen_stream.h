@@ -29,6 +29,9 @@ typedef struct gen_options {
     uint32_t memory_slots, memory_width, memory_blocks;
     int memory_alone;        /* read by all kinds, and nothing else is */
     int classes;             /* networks choose models; sources are random */
+    uint32_t no_fuse;        /* bit SAGA_LEVEL_*: without Fuse of the level;
+                              * 3 is neither. 0: both, or random if no
+                              * picture */
 } gen_options;
 
 enum { GEN_MEMORY_ORTHOGONAL = 1, GEN_MEMORY_PLAIN };

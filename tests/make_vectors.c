@@ -137,6 +137,34 @@ static void to_frames_0(saga_header *h) { h->n_frames = 0; }
 static void to_segments_0(saga_header *h) { h->n_segments = 0; }
 static void to_features_4(saga_header *h) { h->model.features = 4; }
 static void to_width_0(saga_header *h) { h->model.width[0] = 0; }
+static void to_fine_width_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_FINE] = 0;
+}
+
+static void to_colour_base_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_COLOUR_BASE] = 0;
+}
+
+static void to_fuse_129(saga_header *h)
+{
+    h->model.width[SAGA_NET_FUSE_F] = 129;
+}
+
+/* What is not there is still described. */
+static void to_no_fuse_q_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_FUSE_C] = 0;
+    h->model.q_in[SAGA_NET_FUSE_C] = 0;
+}
+
+static void to_no_fuse_q_21(saga_header *h)
+{
+    h->model.width[SAGA_NET_FUSE_C] = 0;
+    h->model.head_q[SAGA_HEAD_FUSE_C] = 21;
+}
+
 static void to_octaves_9(saga_header *h) { h->model.octaves = 9; }
 static void to_groups_17(saga_header *h) { h->model.level[0].n_groups = 17; }
 static void to_window_33(saga_header *h) { h->model.level[1].window = 33; }
@@ -351,6 +379,22 @@ static void bad_classes(void)
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
+/* Networks that must be there, and fields of one that need not. */
+static void bad_fuse(void)
+{
+    static const bad_change headers[] = {
+        { "width_zero_fine", to_fine_width_0, SAGA_ERR_DATA },
+        { "width_zero_colour_base", to_colour_base_0, SAGA_ERR_DATA },
+        { "width_129", to_fuse_129, SAGA_ERR_DATA },
+        { "no_fuse_q_in_zero", to_no_fuse_q_0, SAGA_ERR_DATA },
+        { "no_fuse_q_too_large", to_no_fuse_q_21, SAGA_ERR_DATA },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1 };
+
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
+}
+
 static void bad_all(void)
 {
     static const bad_change headers[] = {
@@ -450,12 +494,18 @@ int main(int argc, char **argv)
           .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
           .memory_slots = 32, .memory_width = 16, .memory_blocks = 3,
           .classes = 1 },
+        { .seed = 25, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 1 },
+        { .seed = 26, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 2 },
+        { .seed = 27, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 3 },
     };
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
         "random_level2", "random_level3", "memory_level0", "memory",
         "memory_plain", "memory_level2", "memory_level3", "classes",
-        "classes_memory"
+        "classes_memory", "no_fuse_coarse", "no_fuse_fine", "no_fuse"
     };
     char path[1024];
     size_t i;
@@ -481,5 +531,6 @@ int main(int argc, char **argv)
     bad_all();
     bad_memory();
     bad_classes();
+    bad_fuse();
     return fclose(manifest) != 0;
 }

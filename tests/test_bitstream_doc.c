@@ -981,13 +981,18 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
                  saga_status_text(s));
 }
 
-/* The colour network's width has a limit of its own: bitstream.md says so in
- * the meaning of net_colour. */
-static int is_refused_colour_width(const trial *r, const field *f,
-                                   const uint8_t *p, int64_t v)
+/* Widths with limits of their own: bitstream.md says so in the meanings of
+ * width, net_fuse_c, net_fuse_f and net_colour. */
+static int is_refused_width(const trial *r, const field *f, const uint8_t *p,
+                            int64_t v)
 {
-    return p == r->header + field_named(HEADER, "net_colour")->offset &&
-           strcmp(f->name, "width") == 0 && v > 32;
+    const uint8_t *const h = r->header;
+
+    if (strcmp(f->name, "width") != 0)
+        return 0;
+    return (v == 0 && p != h + field_named(HEADER, "net_fuse_c")->offset &&
+            p != h + field_named(HEADER, "net_fuse_f")->offset) ||
+           (v > 32 && p == h + field_named(HEADER, "net_colour")->offset);
 }
 
 /* Bytes are tried with all their values, wider fields at the bounds. */
@@ -1002,7 +1007,7 @@ static void try_field(const table *t, const field *f, uint8_t *p, void *user)
         return;
     if (f->nbytes == 1) {
         for (v = 0; v < 256; v++)
-            if (is_refused_colour_width(r, f, p, v))
+            if (is_refused_width(r, f, p, v))
                 assert_int_equal(status_with(r->header, f, p, v, r->end,
                                              &fits), SAGA_ERR_DATA);
             else

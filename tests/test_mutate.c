@@ -87,6 +87,7 @@ static void make_base(base *b, uint64_t number)
     o.picture = number % 3 == 0;
     o.memory = (int)(number / 2 % 3);
     o.classes = (int)(number / 6 % 2);
+    o.no_fuse = (uint32_t)(number / 3 % 4);
     if (!o.picture) {
         o.memory_slots = 32;
         o.memory_width = 8;

@@ -167,6 +167,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.picture = i / 32 % 2 == 0;
     o.memory = (int)(i / 2 % 3);
     o.classes = (int)(i / 6 % 2);
+    o.no_fuse = i / 5 % 4;
     return o;
 }
 

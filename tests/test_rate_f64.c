@@ -151,7 +151,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         f.r.context.keep[kind] = keep;
     n_fine = f.s.n.fine * (size_t)f.s.model.features;
-    n_params = (size_t)(f.s.net[SAGA_NET_FUSE_C].w[0] - f.s.params);
+    n_params = saga_rate_n_params(&f.s);
     loss(&f, &f.d);
     d_fine = malloc(n_fine * sizeof *d_fine);
     assert_non_null(d_fine);

@@ -22,7 +22,8 @@ enum { N_FINE = 5, N_PRIM = 11 };
 
 static const double centres[2][3] = { { 2.0, 0.3, -1.0 }, { -1.5, 1.0, 2.0 } };
 
-static void make_model(saga_model *m, uint32_t tools)
+/* no_fuse: bit SAGA_LEVEL_*, a level whose features are not fused. */
+static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
 {
     int i;
 
@@ -46,10 +47,13 @@ static void make_model(saga_model *m, uint32_t tools)
         m->width[i] = 8;
         m->q_in[i] = 12;
     }
+    for (i = 0; i < SAGA_N_LEVELS; i++)
+        if (no_fuse >> i & 1u)
+            m->width[saga_fuse_net(i)] = 0;
 }
 
 /* Two cells of a split root, five fine anchors, eleven primitives. */
-static void make_scene(saga_scene *s, uint32_t tools)
+static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
 {
     const saga_counts n = { 2, N_FINE, N_PRIM };
     const saga_rng r = saga_rng_stream(5, 0);
@@ -57,7 +61,7 @@ static void make_scene(saga_scene *s, uint32_t tools)
     uint64_t k = 0;
     uint32_t i;
 
-    make_model(&m, tools);
+    make_model(&m, tools, no_fuse);
     assert_int_equal(saga_scene_init(s, &m, n, 3, 77), 0);
     for (i = 0; i < 2; i++) {
         s->coarse[i].depth_x = 1;
@@ -183,12 +187,12 @@ static void check_range(saga_twin *w, saga_scene *s, const saga_scene *d,
     assert_true(wrong * 100 <= tried);
 }
 
-static void run_gradient(uint32_t tools)
+static void run_gradient(uint32_t tools, uint32_t no_fuse)
 {
     saga_scene s, d;
     saga_twin w;
 
-    make_scene(&s, tools);
+    make_scene(&s, tools, no_fuse);
     assert_int_equal(saga_scene_init(&d, &s.model, s.n, 3, 0), 0);
     memset(d.reals, 0, d.n_reals * sizeof *d.reals);
     assert_int_equal(saga_twin_init(&w, &s), 0);
@@ -205,13 +209,22 @@ static void run_gradient(uint32_t tools)
 static void twin_gradients_should_match_differences_with_all_tools(void **state)
 {
     (void)state;
-    run_gradient(SAGA_TOOLS_PICTURE);
+    run_gradient(SAGA_TOOLS_PICTURE, 0);
 }
 
 static void twin_gradients_should_match_differences_without_tools(void **state)
 {
     (void)state;
-    run_gradient(0);
+    run_gradient(0, 0);
+}
+
+static void twin_gradients_should_match_differences_without_fuse(void **state)
+{
+    uint32_t no_fuse;
+
+    (void)state;
+    for (no_fuse = 1; no_fuse < 4; no_fuse++)
+        run_gradient(SAGA_TOOLS_PICTURE, no_fuse);
 }
 
 static void regress_gradients_should_match_differences(void **state)
@@ -272,6 +285,7 @@ int main(void)
             twin_gradients_should_match_differences_with_all_tools),
         cmocka_unit_test(
             twin_gradients_should_match_differences_without_tools),
+        cmocka_unit_test(twin_gradients_should_match_differences_without_fuse),
         cmocka_unit_test(regress_gradients_should_match_differences),
     };
 

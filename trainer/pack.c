@@ -213,8 +213,10 @@ static void measure_formats(saga_model *m, const saga_scene *s,
         m->q_in[net] = 12;
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     entropy_formats(m, c);
-    q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
-    q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
+    if (m->width[SAGA_NET_FUSE_C])
+        q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
+    if (m->width[SAGA_NET_FUSE_F])
+        q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
     q[SAGA_HEAD_FINE] = q_for(most_out(s, w, SAGA_NET_FINE, 0, f), 12);
     q[SAGA_HEAD_SUPPORT] = q_for(most_out(s, w, SAGA_NET_FINE, f, 4), 12);
     geo_formats(m, s, w);
@@ -222,10 +224,11 @@ static void measure_formats(saga_model *m, const saga_scene *s,
     m->q_in[SAGA_NET_COLOUR] = colour_format(s, w);
     /* What enters a network must not saturate either. */
     m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, feature), 12);
-    m->q_in[SAGA_NET_FINE] = fx_min(q[SAGA_HEAD_FUSE_C], 12) & 15;
+    m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
+        ? fx_min(q[SAGA_HEAD_FUSE_C], 12) & 15 : m->q_in[SAGA_NET_FUSE_C];
     m->q_in[SAGA_NET_FUSE_F] = fx_min(q[SAGA_HEAD_FINE], 12) & 15;
     m->q_in[SAGA_NET_GEO] = m->q_in[SAGA_NET_COLOUR_BASE] =
-        fx_min(q[SAGA_HEAD_FUSE_F], 12) & 15;
+        fx_min(saga_fused_q(m, SAGA_LEVEL_FINE), 12) & 15;
 }
 
 /* --- Networks ------------------------------------------------------------ */

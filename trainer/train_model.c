@@ -122,6 +122,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
         m->int8[i] = caps->int8_only != 0;
     }
     m->width[SAGA_NET_COLOUR] = 32;
+    m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
     saga_train_entropy_model(m, &o->entropy, o->n_primitives, caps->n_slots);
 }
 

@@ -24,10 +24,13 @@ _Static_assert(MOST_VALUES >= 4 * SAGA_MAX_CHILDREN, "room for primitives");
 
 /* --- Memory -------------------------------------------------------------- */
 
-/* Of the entropy networks. */
-static size_t n_params_of(const saga_scene *s)
+size_t saga_rate_n_params(const saga_scene *s)
 {
-    return (size_t)(s->net[SAGA_NET_FUSE_C].w[0] - s->params);
+    int net = SAGA_NET_FUSE_C;
+
+    while (s->net[net].n_layers == 0)
+        net++;
+    return (size_t)(s->net[net].w[0] - s->params);
 }
 
 int saga_rate_init(saga_rate *r, const saga_scene *s)
@@ -44,7 +47,7 @@ int saga_rate_init(saga_rate *r, const saga_scene *s)
     r->centre = calloc(4 * coarse + 1, sizeof *r->centre);
     r->offset = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->offset);
     r->decoded = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->decoded);
-    r->params = calloc(n_params_of(s) + 1, sizeof *r->params);
+    r->params = calloc(saga_rate_n_params(s) + 1, sizeof *r->params);
     r->row_bits = calloc(SAGA_N_STEPS * most + 1, sizeof *r->row_bits);
     r->list = calloc(most + 1, sizeof *r->list);
     if (saga_rate_context_init(&r->context, s) || !r->mu_feature ||
@@ -341,7 +344,7 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
 
     if (!r->plan.decided)
         return to;
-    memcpy(r->params, s->params, n_params_of(s) * sizeof *r->params);
+    memcpy(r->params, s->params, saga_rate_n_params(s) * sizeof *r->params);
     for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
         const int net = saga_scene_net(n);
         saga_net *const f = &to.net[net];

@@ -88,6 +88,7 @@ typedef struct saga_rate_options {
     real weight;                 /* of a bit in the loss */
 } saga_rate_options;
 
+#define saga_rate_n_params SAGA_REAL_NAME(saga_rate_n_params)
 #define saga_rate_init SAGA_REAL_NAME(saga_rate_init)
 #define saga_rate_free SAGA_REAL_NAME(saga_rate_free)
 #define saga_rate_keep_raw SAGA_REAL_NAME(saga_rate_keep_raw)
@@ -100,6 +101,10 @@ typedef struct saga_rate_options {
 #define saga_rate_step SAGA_REAL_NAME(saga_rate_step)
 #define saga_rate_code SAGA_REAL_NAME(saga_rate_code)
 #define saga_rate_all SAGA_REAL_NAME(saga_rate_all)
+
+/* Of s->params, those before the first network that is not the entropy
+ * model's. */
+size_t saga_rate_n_params(const saga_scene *s);
 
 /* Memory for scenes as saga_rate_context_init takes them. 0 or -1. */
 int saga_rate_init(saga_rate *r, const saga_scene *s);

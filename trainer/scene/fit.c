@@ -101,11 +101,14 @@ static void start_features(saga_fit *f)
  * and these learn what to add: ten layers in a row learn little from noise. */
 static void start_networks(saga_scene *s)
 {
-    const real part = R(0.3);
+    static const int nets[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE,
+                                SAGA_NET_FUSE_F };
+    size_t i;
 
-    saga_net_start_identity(&s->net[SAGA_NET_FUSE_C], s->model.features, part);
-    saga_net_start_identity(&s->net[SAGA_NET_FINE], s->model.features, part);
-    saga_net_start_identity(&s->net[SAGA_NET_FUSE_F], s->model.features, part);
+    for (i = 0; i < sizeof nets / sizeof *nets; i++)
+        if (s->net[nets[i]].n_layers)
+            saga_net_start_identity(&s->net[nets[i]], s->model.features,
+                                    R(0.3));
 }
 
 /* The importance of the target's primitives: the roots of their shares of the
@@ -370,8 +373,7 @@ static int descend(saga_fit *f, real features, real positions, real entropy,
     saga_scene *const s = f->scene;
     const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
     /* They come first, those of the memory last among them. */
-    const size_t n_entropy = (size_t)(s->net[SAGA_NET_FUSE_C].w[0] -
-                                      s->params);
+    const size_t n_entropy = saga_rate_n_params(s);
     const size_t n_memory = s->net[SAGA_NET_QUERY].n_layers
         ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
     const size_t still = saga_fit_n_still(f);

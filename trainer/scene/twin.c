@@ -193,20 +193,33 @@ static int run(saga_twin *w, const saga_scene *s, int net)
                             &s->net[net]);
 }
 
+/* What Fuse of a level makes of w->context; that itself where there is none.
+ * NULL: out of memory. */
+static const real *fuse_forward(saga_twin *w, const saga_scene *s, int level,
+                                const real *phase)
+{
+    const int net = saga_fuse_net(level);
+
+    if (s->net[net].n_layers == 0)
+        return w->context;
+    assemble(w, s, net, w->context, phase);
+    return run(w, s, net) ? NULL : w->batch[net].out;
+}
+
 static int fine_forward(saga_twin *w, const saga_scene *s,
                         const real *feature)
 {
     const size_t f = s->model.features;
-    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_C];
     saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
+    const real *fused;
     size_t i;
     int k;
 
     saga_links_gather(w->context, &w->to_fine, feature, f, NULL, w->n.fine);
-    assemble(w, s, SAGA_NET_FUSE_C, w->context, w->fine_phase);
-    if (run(w, s, SAGA_NET_FUSE_C))
+    fused = fuse_forward(w, s, SAGA_LEVEL_COARSE, w->fine_phase);
+    if (!fused)
         return -1;
-    assemble(w, s, SAGA_NET_FINE, fuse->out, w->fine_offset);
+    assemble(w, s, SAGA_NET_FINE, fused, w->fine_offset);
     if (run(w, s, SAGA_NET_FINE))
         return -1;
     for (i = 0; i < w->n.fine; i++) {
@@ -266,7 +279,7 @@ int saga_twin_geometry(saga_twin *w, const saga_scene *s,
                        const real *feature)
 {
     const size_t f = s->model.features;
-    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_F];
+    const real *fused;
     saga_geo_rows rows;
     size_t i;
 
@@ -274,10 +287,10 @@ int saga_twin_geometry(saga_twin *w, const saga_scene *s,
         return -1;
     saga_links_gather(w->context, &w->to_prim, w->fine_feature, f, NULL,
                       w->n.prim);
-    assemble(w, s, SAGA_NET_FUSE_F, w->context, w->prim_phase);
-    if (run(w, s, SAGA_NET_FUSE_F))
+    fused = fuse_forward(w, s, SAGA_LEVEL_FINE, w->prim_phase);
+    if (!fused)
         return -1;
-    assemble(w, s, SAGA_NET_GEO, fuse->out, w->prim_offset);
+    assemble(w, s, SAGA_NET_GEO, fused, w->prim_offset);
     memcpy(w->batch[SAGA_NET_COLOUR_BASE].in, w->batch[SAGA_NET_GEO].in,
            w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
     if (run(w, s, SAGA_NET_GEO) || run(w, s, SAGA_NET_COLOUR_BASE))
@@ -496,15 +509,38 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
         out[g->width] = a->log2_width[i];
 }
 
-/* d_context = first f of each row. */
-static void take_context(real *d_context, const real *d_in, size_t rows,
-                         size_t dim, size_t f)
+/* d_feature = first f of each row. */
+static void take_features(real *d_feature, const real *d_in, size_t rows,
+                          size_t dim, size_t f)
 {
     size_t i, k;
 
     for (i = 0; i < rows; i++)
         for (k = 0; k < f; k++)
-            d_context[i * f + k] = d_in[i * dim + k];
+            d_feature[i * f + k] = d_in[i * dim + k];
+}
+
+/* Where the gradients of fuse_forward's features go. */
+static real *d_fused(saga_twin *w, const saga_scene *s, int level)
+{
+    const int net = saga_fuse_net(level);
+
+    return s->net[net].n_layers ? w->batch[net].d_out : w->d_context;
+}
+
+/* From there to w->d_context. */
+static int fuse_backward(saga_twin *w, saga_scene *d, const saga_scene *s,
+                         int level)
+{
+    const int net = saga_fuse_net(level);
+
+    if (s->net[net].n_layers == 0)
+        return 0;
+    if (back(w, d, s, net))
+        return -1;
+    take_features(w->d_context, w->batch[net].d_in, saga_twin_rows(w, net),
+                  (size_t)s->net[net].dim[0], s->model.features);
+    return 0;
 }
 
 static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
@@ -513,7 +549,7 @@ static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     const size_t dim = (size_t)s->net[SAGA_NET_GEO].dim[0];
     const real *const geo = w->batch[SAGA_NET_GEO].d_in;
     const real *const base = w->batch[SAGA_NET_COLOUR_BASE].d_in;
-    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_F];
+    real *const to = d_fused(w, s, SAGA_LEVEL_FINE);
     saga_geo_rows rows;
     size_t i, k;
 
@@ -524,11 +560,9 @@ static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
         return -1;
     for (i = 0; i < n; i++)
         for (k = 0; k < f; k++)
-            fuse->d_out[i * f + k] = geo[i * dim + k] + base[i * dim + k];
-    if (back(w, d, s, SAGA_NET_FUSE_F))
+            to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
+    if (fuse_backward(w, d, s, SAGA_LEVEL_FINE))
         return -1;
-    take_context(w->d_context, fuse->d_in, n,
-                 (size_t)s->net[SAGA_NET_FUSE_F].dim[0], f);
     saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context, f, NULL,
                        n);
     return 0;
@@ -537,7 +571,6 @@ static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     const size_t f = s->model.features, n = w->n.fine;
-    saga_twin_batch *const fuse = &w->batch[SAGA_NET_FUSE_C];
     saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
     size_t i, k;
 
@@ -555,12 +588,10 @@ int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     }
     if (back(w, d, s, SAGA_NET_FINE))
         return -1;
-    take_context(fuse->d_out, net->d_in, n,
-                 (size_t)s->net[SAGA_NET_FINE].dim[0], f);
-    if (back(w, d, s, SAGA_NET_FUSE_C))
+    take_features(d_fused(w, s, SAGA_LEVEL_COARSE), net->d_in, n,
+                  (size_t)s->net[SAGA_NET_FINE].dim[0], f);
+    if (fuse_backward(w, d, s, SAGA_LEVEL_COARSE))
         return -1;
-    take_context(w->d_context, fuse->d_in, n,
-                 (size_t)s->net[SAGA_NET_FUSE_C].dim[0], f);
     saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context, f, NULL,
                        n);
     return 0;

@@ -1,0 +1,214 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A stream without Fuse against one whose Fuse networks are exact identities:
+ * everything the decoder makes of both is the same. And what is left of a
+ * network that does not exist: three bytes of the header that nobody reads.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_stream.h"
+#include "plan.h"
+#include "vectors.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { N_STREAMS = 12, N_PIXELS = 160 * 120 };
+
+static uint64_t first_seed(void)
+{
+    const char *const s = getenv("SAGA_TEST_SEED");
+
+    return s ? strtoull(s, NULL, 0) : 1;
+}
+
+/* --- Streams ------------------------------------------------------------- */
+
+/* Without Fuse of any level; the formats of both levels' features differ. */
+static void make_plain(gen_stream *g, uint64_t seed)
+{
+    const gen_options o = { .seed = seed, .level = 3, .n_coarse = 12,
+                            .picture = 1, .no_fuse = 3 };
+
+    gen_stream_make(g, &o);
+    g->header.model.head_q[SAGA_HEAD_COARSE] = 10;
+    g->header.model.head_q[SAGA_HEAD_FINE] = 9;
+}
+
+static void *zeros(size_t n, size_t size)
+{
+    void *const p = calloc(n, size);
+
+    assert_non_null(p);
+    return p;
+}
+
+/* A layer of zeros. */
+static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
+{
+    const size_t n_out = s->dim[i + 1];
+
+    memset(l, 0, sizeof *l);
+    l->step_q16 = 1;
+    l->weight = zeros(s->dim[i] * n_out, sizeof *l->weight);
+    l->bias = zeros(n_out, sizeof *l->bias);
+    l->shift = zeros(n_out, sizeof *l->shift);
+}
+
+/* The network of a level: two hidden units for each feature x, max(x, 0) and
+ * max(-x, 0), and their difference. Input and output have the features' own
+ * format, so that nothing is rounded or cut off. */
+static void add_identity(gen_stream *g, int level)
+{
+    saga_model *const m = &g->header.model;
+    const int net = saga_fuse_net(level);
+    saga_layer_symbols *const l = g->nets.layer[net];
+    const uint32_t f = m->features;
+    saga_net_shape s;
+    uint32_t k;
+
+    m->q_in[net] = (uint8_t)saga_feature_q(m, level);
+    m->head_q[level == SAGA_LEVEL_COARSE ? SAGA_HEAD_FUSE_C
+                                         : SAGA_HEAD_FUSE_F] = m->q_in[net];
+    m->width[net] = (uint8_t)(2 * f);
+    saga_model_net(&s, m, net);
+    make_layer(&l[0], &s, 0);
+    make_layer(&l[1], &s, 1);
+    for (k = 0; k < f; k++) {
+        l[0].weight[2 * k * s.dim[0] + k] = 1;
+        l[0].weight[(2 * k + 1) * s.dim[0] + k] = -1;
+        l[1].weight[k * s.dim[1] + 2 * k] = 1;
+        l[1].weight[k * s.dim[1] + 2 * k + 1] = -1;
+    }
+}
+
+/* --- What they decode to ------------------------------------------------- */
+
+typedef struct {
+    saga_stages stages;
+    saga_info info;
+    size_t nbytes;
+} played;
+
+static played play(gen_stream *g)
+{
+    static uint8_t pixels[3 * N_PIXELS];
+    uint8_t *bytes;
+    played p;
+
+    memset(&p, 0, sizeof p);
+    gen_stream_encode(g, &bytes, &p.nbytes);
+    assert_int_equal(saga_probe(&p.info, bytes, p.nbytes), SAGA_OK);
+    assert_int_equal(saga_stages_of(&p.stages, bytes, p.nbytes, 0, 40000, 0,
+                                    pixels, sizeof pixels), SAGA_OK);
+    free(bytes);
+    return p;
+}
+
+static void assert_same_stages(const saga_stages *a, const saga_stages *b)
+{
+    assert_memory_equal(a->final_range, b->final_range,
+                        sizeof a->final_range);
+    assert_int_equal(a->primitives, b->primitives);
+    assert_int_equal(a->splats, b->splats);
+    assert_int_equal(a->frame, b->frame);
+}
+
+static void absence_should_be_identity(void **state)
+{
+    uint32_t i;
+    int level;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        gen_stream g;
+        played none;
+
+        make_plain(&g, first_seed() + i);
+        none = play(&g);
+        assert_true(none.stages.frame != 0);
+        /* Fine first in every other stream: each is alone once. */
+        for (level = 0; level < SAGA_N_LEVELS; level++) {
+            played with;
+
+            add_identity(&g, (level + (int)i) % 2);
+            with = play(&g);
+            assert_same_stages(&with.stages, &none.stages);
+        }
+        gen_stream_free(&g);
+    }
+}
+
+/* F + 8 octaves inputs, W hidden units, F outputs (bitstream.md, section 9),
+ * once for each fine anchor and each primitive. */
+static void absence_should_spare_all_work(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        gen_stream g;
+        played none, with;
+        uint64_t coarse, fine;
+
+        make_plain(&g, first_seed() + i);
+        none = play(&g);
+        add_identity(&g, SAGA_LEVEL_COARSE);
+        add_identity(&g, SAGA_LEVEL_FINE);
+        with = play(&g);
+        coarse = fine = (2u * g.header.model.features +
+                         8u * g.header.model.octaves) *
+                        (2u * g.header.model.features);
+        assert_int_equal(with.info.n_weights - none.info.n_weights,
+                         coarse + fine);
+        assert_int_equal(with.info.decode_macs - none.info.decode_macs,
+                         coarse * g.segment[0].n.fine +
+                         fine * g.segment[0].n.prim);
+        assert_true(none.info.work_nbytes < with.info.work_nbytes);
+        assert_true(none.nbytes < with.nbytes);
+        gen_stream_free(&g);
+    }
+}
+
+/* Header fields of what does not exist change nothing but the header. */
+static void formats_of_the_absent_should_be_ignored(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        gen_stream g;
+        saga_model *const m = &g.header.model;
+        played one, other;
+
+        make_plain(&g, first_seed() + i);
+        one = play(&g);
+        m->head_q[SAGA_HEAD_FUSE_C] = 0;
+        m->head_q[SAGA_HEAD_FUSE_F] = SAGA_MAX_HEAD_Q;
+        m->q_in[SAGA_NET_FUSE_C] = 1;
+        m->q_in[SAGA_NET_FUSE_F] = 15;
+        m->int8[SAGA_NET_FUSE_C] ^= 1;
+        m->int8[SAGA_NET_FUSE_F] ^= 1;
+        other = play(&g);
+        assert_same_stages(&other.stages, &one.stages);
+        assert_int_equal(other.nbytes, one.nbytes);
+        assert_int_equal(other.info.work_nbytes, one.info.work_nbytes);
+        assert_int_equal(other.info.decode_macs, one.info.decode_macs);
+        gen_stream_free(&g);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(absence_should_be_identity),
+        cmocka_unit_test(absence_should_spare_all_work),
+        cmocka_unit_test(formats_of_the_absent_should_be_ignored)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
