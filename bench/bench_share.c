@@ -174,7 +174,7 @@ typedef struct {
 static void read_bytes(file *f)
 {
     FILE *const in = fopen(f->path, "rb");
-    long n;
+    long n = -1;
 
     if (!in || fseek(in, 0, SEEK_END) || (n = ftell(in)) < 0)
         fail(f->path);

@@ -640,8 +640,8 @@ static const saga_cli_option option_list[] = {
       "each\nplace", saga_cli_flag, offsetof(options, no_hyper), 0, 0 },
     { "--no-parent", NULL, "... without the coarser level", saga_cli_flag,
       offsetof(options, no_parent), 0, 0 },
-    { "--groups", "K", "... with 1 to 16 groups of anchors, each coded by what "
-      "the\nearlier ones hold (default 8; 1: without)", saga_cli_int,
+    { "--groups", "K", "... with 1 to 16 groups of anchors, each coded by "
+      "what\nthe earlier ones hold (default 8; 1: without)", saga_cli_int,
       offsetof(options, groups), 1, 16 },
     { "--no-memory", NULL, "... without the memory of all that was decoded",
       saga_cli_flag, offsetof(options, no_memory), 0, 0 },
