@@ -106,18 +106,21 @@ import json, os, sys
 
 HYPER, PARENT, GROUPS, MEMORY = 1, 2, 4, 8
 never = {"no-memory": MEMORY, "no-hyperprior": HYPER, "no-parent": PARENT,
-         "no-groups": GROUPS, "nothing": HYPER | PARENT | GROUPS | MEMORY}
+         "no-groups": GROUPS, "nothing": HYPER | PARENT | GROUPS | MEMORY,
+         "all-no-memory": MEMORY}
+slots = [f"slots{n}" for n in (32, 64, 128, 256, 512)]
 for rate in "r1", "r2":
     at = os.path.join(sys.argv[1], rate)
     full = json.load(open(f"{at}/full.json"))
-    for name in list(never) + ["plain", "raw"] + \
-            [f"slots{n}" for n in (32, 64, 128, 256, 512)]:
+    for name in list(never) + ["all", "all-plain", "raw"] + slots:
         r = json.load(open(f"{at}/{name}.json"))
         assert r["bytes"] == os.path.getsize(f"{at}/{name}.saga"), name
         assert r["before"] == full["before"], name
         for key in "coarse", "fine", "primitives":
             kind = r["entropy_model"][key]
             assert not kind["sources"] & never.get(name, 0), (name, kind)
+            if name in ["all", "all-plain"] + slots:
+                assert kind["sources"] & MEMORY, (name, kind)
         for key in "tree", "fine_suffixes", "primitive_suffixes":
             assert r["after"][key] == full["after"][key], (name, key)
 PYTHON

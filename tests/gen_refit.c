@@ -178,6 +178,7 @@ static void begin(fit *f)
     set_values(&f->rate, in);
     if (f->o.entropy.raw_networks)
         saga_rate_keep_raw(&f->rate);
+    f->rate.plan.keep = f->o.keep;
     n = (size_t)f->s.n.coarse * m.features;
     f->feature = must(malloc((n + 1) * sizeof *f->feature));
     memcpy(f->feature, f->s.coarse_feature, n * sizeof *f->feature);

@@ -20,6 +20,7 @@ typedef struct refit_options {
     saga_train_entropy_options entropy;
     int iterations;              /* >= 3 */
     uint64_t seed;
+    bool keep;                   /* sources stay, whatever they are worth */
 } refit_options;
 
 typedef struct refit_report {

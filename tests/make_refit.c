@@ -2,10 +2,11 @@
  *
  * make_refit IN.saga OUT.saga [--no-hyperprior] [--no-parent] [--no-memory]
  *     [--groups K] [--slots L] [--update orth|plain] [--raw-networks]
- *     [--iterations N] [--seed N]
+ *     [--keep] [--iterations N] [--seed N]
  *
  * The scene of IN with its entropy networks fitted anew (tests/gen_refit.h);
- * options as `saga encode` has them. Prints JSON: bytes of each component
+ * options as `saga encode` has them, and --keep: all sources that are left stay,
+ * whether they are worth their weights or not. Prints JSON: bytes of each component
  * before and after, and the sources that were kept.
  */
 #include "file_json.h"
@@ -27,8 +28,8 @@ static int usage(void)
 {
     fprintf(stderr, "usage: make_refit IN.saga OUT.saga [--no-hyperprior] "
             "[--no-parent]\n    [--no-memory] [--groups K] [--slots L] "
-            "[--update orth|plain]\n    [--raw-networks] [--iterations N] "
-            "[--seed N]\n");
+            "[--update orth|plain]\n    [--raw-networks] [--keep] "
+            "[--iterations N] [--seed N]\n");
     return 2;
 }
 
@@ -39,7 +40,8 @@ static bool *flag_of(refit_options *o, const char *name)
     return !strcmp(name, "--no-hyperprior") ? &o->entropy.no_hyper
          : !strcmp(name, "--no-parent") ? &o->entropy.no_parent
          : !strcmp(name, "--no-memory") ? &o->entropy.no_memory
-         : !strcmp(name, "--raw-networks") ? &o->entropy.raw_networks : NULL;
+         : !strcmp(name, "--raw-networks") ? &o->entropy.raw_networks
+         : !strcmp(name, "--keep") ? &o->keep : NULL;
 }
 
 static bool set_number(refit_options *o, const char *name, const char *value)

@@ -14,7 +14,7 @@ plot for [i=0:*] folder."/curves.dat" index i using 1:2 \
     with linespoints title columnheader(1)
 set logscale x 2
 set xlabel "slots of the memory"
-set ylabel "rate against the full model, %"
+set ylabel "rate against no memory, %"
 set y2label "decoding the segment, ms"
 set ytics nomirror
 set y2tics

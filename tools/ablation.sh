@@ -75,14 +75,16 @@ for lambda in "${lambdas[@]}"; do
         score "$at/in.saga" "$at/trained"
     variant "$at" full
     variant "$at" no-memory --no-memory
-    variant "$at" plain --update plain
+    variant "$at" all --keep
+    variant "$at" all-no-memory --keep --no-memory
+    variant "$at" all-plain --keep --update plain
     variant "$at" no-hyperprior --no-hyperprior
     variant "$at" no-parent --no-parent
     variant "$at" no-groups --groups 1
     variant "$at" nothing --no-memory --no-hyperprior --no-parent --groups 1
     variant "$at" raw --raw-networks
     for slots in 32 64 128 256 512; do
-        variant "$at" "slots$slots" --slots "$slots"
+        variant "$at" "slots$slots" --keep --slots "$slots"
     done
 done
 

@@ -389,7 +389,10 @@ static void settle(search *f)
     uint8_t best[SAGA_N_KINDS] = { 0 };
     int kind;
 
-    choose(best, f);
+    if (plan->keep)
+        memcpy(best, f->s->model.sources, sizeof best);
+    else
+        choose(best, f);
     plan->hyper_weights = 0;
     plan->memory_weights = f->memory;
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {

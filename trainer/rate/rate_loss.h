@@ -53,6 +53,7 @@ typedef struct saga_rate_plan {
                                   * counted, less those of the best without:
                                   * kept if below 0; 0: nobody gains */
     uint64_t raw;                /* 1: steps are given, SAGA_RAW_BITS each */
+    uint64_t keep;               /* 1: all sources stay, at whatever cost */
 } saga_rate_plan;
 
 typedef struct saga_rate {
