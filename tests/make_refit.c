@@ -5,9 +5,9 @@
  *     [--keep] [--iterations N] [--seed N]
  *
  * The scene of IN with its entropy networks fitted anew (tests/gen_refit.h);
- * options as `saga encode` has them, and --keep: all sources that are left stay,
- * whether they are worth their weights or not. Prints JSON: bytes of each component
- * before and after, and the sources that were kept.
+ * options as `saga encode` has them, and --keep: all sources that are left
+ * stay, whether they are worth their weights or not. Prints JSON: bytes of
+ * each component before and after, and the sources that were kept.
  */
 #include "file_json.h"
 #include "gen_refit.h"
