@@ -82,6 +82,10 @@ TOOLS := $(if $(wildcard tools/saga_dec.c),$(BUILD)/saga-dec) \
          $(if $(CLI_SRC),$(BUILD)/saga) \
          $(if $(wildcard tools/gen_tables.c),$(BUILD)/gen_tables)
 TESTS := $(TESTS_SRC:tests/%.c=$(BUILD)/%)
+# What scripts in tools/ take files apart with: coarse features zeroed, entropy
+# networks fitted anew, the order-0 coder's bytes, times of the layers.
+FILE_TOOLS := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit \
+                make_times)
 BENCH := $(BENCH_SRC:bench/%.c=$(BUILD)/%)
 
 # ---------------------------------------------------------------- flags
@@ -211,10 +215,6 @@ $(TESTS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-# What scripts in tools/ take files apart with: coarse features zeroed, entropy
-# networks fitted anew, the order-0 coder's bytes, times of the layers.
-FILE_TOOLS = $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit \
-               make_times)
 $(FILE_TOOLS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
