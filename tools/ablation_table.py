@@ -259,29 +259,32 @@ def ablation(rates):
           "chance: where the two numbers disagree, that is why.\n")
 
 
-def slots(rates, folder):
+def slots(rate, folder):
     rows, lines = [], []
-    without = [r["all-no-memory"] for r in rates]
-    if not all(r.there for r in without):
+    without = rate["all-no-memory"]
+    if not without.there:
         return
-    for n in SLOTS:
-        runs = [r[f"slots{n}"] for r in rates]
-        if not all(r.there for r in runs):
+    for n, run in [(0, without)] + [(n, rate[f"slots{n}"]) for n in SLOTS]:
+        if not run.there:
             continue
-        change = same_symbols(without, runs)
-        ms = [r.times["decode"] for r in runs]
-        lines.append([str(n), f"{change:.4f}", f"{sum(ms) / len(ms):.3f}"])
-        rows.append([str(n), percent(change)] +
-                    [f"{kb(r.bytes)} / {t:.1f}" for r, t in zip(runs, ms)])
+        change = same_symbols([without], [run])
+        ms = run.times["decode"]
+        after = run.report["after"]
+        if n:
+            lines.append([str(n), f"{change:.4f}", f"{ms:.3f}"])
+        rows.append([str(n), percent(change), kb(run.bytes),
+                     kb(sum(after[key] for key, _ in KINDS)),
+                     kb(after["networks"]["entropy"]), f"{ms:.1f}"])
     with open(os.path.join(folder, "slots.dat"), "w") as out:
         out.write("# slots, rate %, ms to decode the segment\n")
         out.writelines(" ".join(x) + "\n" for x in lines)
     if rows:
         print("## Slots of the memory\n")
-        table(["slots", "rate"] + [label(i) + ": kB / ms to decode"
-                                   for i in range(len(rates))], rows)
-        print("Rate: on the same symbols, against all sources but the memory; "
-              "the memory stays here,\nwhatever it is worth.\n")
+        table(["slots", "rate", "file, kB", "symbols", "entropy networks",
+               "ms to decode a segment"], rows)
+        print("The last rate. Rate: on the same symbols, against all sources "
+              "but the memory; the memory\nstays here, whatever it is "
+              "worth.\n")
 
 
 def order0(scenes):
@@ -338,7 +341,7 @@ def main(folder, scenes):
     components(rates)
     runtime(rates)
     ablation(rates)
-    slots(rates, folder)
+    slots(rates[-1], folder)
     if scenes:
         order0(scenes)
 
