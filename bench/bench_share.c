@@ -496,7 +496,10 @@ static void embeddings(file *f)
 {
     const saga_scaffold *const sc = &f->sc;
     const uint32_t n[SAGA_N_KINDS] = { sc->n.coarse, sc->n.fine, sc->n.fine };
-    uint32_t places = sc->n.fine + sc->n.prim;
+    uint32_t places = (sc->nets->shape[SAGA_NET_FUSE_C].n_layers
+                       ? sc->n.fine : 0) +
+                      (sc->nets->shape[SAGA_NET_FUSE_F].n_layers
+                       ? sc->n.prim : 0);
     const int32_t x[3] = { 1 << 20, -54321, 777 };
     const int16_t offset[4] = { 9000, -300, 77, 12345 };
     saga_embedding e;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * From the decoded scaffold to primitives: Fuse_f, F_geo, and F_color as far
- * as it does not depend on the view. Paper: Overview, Representation.
+ * From the decoded scaffold to primitives: Fuse_f where there is one, F_geo,
+ * and F_color as far as it does not depend on the view. Paper: Overview,
+ * Representation.
  */
 #ifndef SAGA_RECONSTRUCT_H
 #define SAGA_RECONSTRUCT_H

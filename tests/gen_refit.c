@@ -153,7 +153,9 @@ static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
 
-    m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
+    m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE |
+                           SAGA_TOOL_CLASSES);
+    memset(m.class_sources, 0, sizeof m.class_sources);
     m.memory_slots = 0;
     m.memory_width = 0;
     m.memory_blocks = 0;

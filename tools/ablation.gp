@@ -19,6 +19,7 @@ set y2label "decoding the segment, ms"
 set ytics nomirror
 set y2tics
 set xrange [16:1024]
-plot 0 linetype 0 notitle, folder."/slots.dat" using 1:2 with linespoints title "rate", \
+plot 0 linetype 0 notitle, \
+    folder."/slots.dat" using 1:2 with linespoints title "rate", \
     folder."/slots.dat" using 1:3 axes x1y2 with linespoints title "time"
 unset multiplot

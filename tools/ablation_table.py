@@ -5,8 +5,8 @@
 FOLDER is what tools/ablation.sh fills: rN/ for each rate, the lowest first,
 with VARIANT.json (make_refit), VARIANT.eval.json (saga eval --json) and
 VARIANT.times.json (make_times), and trained.eval.json of the file they come
-from. Further arguments are reports of make_order0, with the scenes' names. Prints
-Markdown; writes FOLDER/curves.dat and FOLDER/slots.dat for gnuplot.
+from. Further arguments are reports of make_order0, with the scenes' names.
+Prints Markdown; writes FOLDER/curves.dat and FOLDER/slots.dat for gnuplot.
 """
 import json
 import math
@@ -251,12 +251,13 @@ def ablation(rates):
     print("Sources of coarse anchors, fine offsets and primitive offsets, "
           "where they were worth\ntheir weights: hyperprior, parent, groups, "
           "memory. Rate: mean change of the bytes\nagainst the full model "
-          "(the last two: against all sources), on the same symbols. BD-rate: the same at equal PSNR of the\ntraining "
-          "views, by monotone cubics of log-rate over the common interval. "
-          "Fitted\nanew, a value moves by up to half a step where the "
-          "prediction it is rounded against\nmoves, which costs PSNR beside "
-          "the file as trained, and differs from variant to\nvariant by "
-          "chance: where the two numbers disagree, that is why.\n")
+          "(the last two: against all sources), on the same symbols. "
+          "BD-rate: the same at\nequal PSNR of the training views, by "
+          "monotone cubics of log-rate over the common\ninterval. Fitted "
+          "anew, a value moves by up to half a step where the prediction it "
+          "is\nrounded against moves, which costs PSNR beside the file as "
+          "trained, and differs from\nvariant to variant by chance: where "
+          "the two numbers disagree, that is why.\n")
 
 
 def slots(rate, folder):

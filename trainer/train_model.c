@@ -95,11 +95,11 @@ void saga_train_entropy_model(saga_model *m,
         set_memory(m, o, most_slots);
 }
 
-/* Defaults of design.md 8, but for narrower interpolation (docs/decisions.md).
- * Steps in Q16 of their symbol's format: a centre two half-cells, a fine offset
- * a suffix cell, so that all anchors stand in the middle of their cells and
- * cost nothing; a feature 1/4; a primitive's offset 1/16 of a support, which
- * alone says where it is. An anchor with one primitive has fewer features. */
+/* Why these defaults: docs/decisions.md. Steps in Q16 of their symbol's format:
+ * a centre two half-cells, a fine offset a suffix cell, so that all anchors
+ * stand in the middle of their cells and cost nothing; a feature 1/4; a
+ * primitive's offset 1/16 of a support, which alone says where it is. A coarse
+ * anchor for one primitive has fewer features. No Fuse. */
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];

@@ -80,7 +80,7 @@ void saga_rate_context_free(saga_rate_context *c)
 
 /* --- Places and neighbours ----------------------------------------------- */
 
-/* As run_hyper of common/context.c: log2 half-sizes in units, count / 8. */
+/* As in_side of common/context.c: log2 half-sizes in units, count / 8. */
 static void set_size(real size[SAGA_RATE_SIZES], const real log2_units[4],
                      uint32_t count)
 {

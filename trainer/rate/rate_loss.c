@@ -122,6 +122,7 @@ int saga_rate_refresh(saga_rate *r, const saga_scene *s)
             to[k] = R(o[k] - saga_scene_suffix_centre(suffix, bits, k));
         to[4] = R(s->fine[i].n_prim) / 16;
     }
+    r->fine_measured = false;
     return saga_rate_context_refresh(&r->context, s);
 }
 
@@ -230,9 +231,11 @@ static size_t read_block(double y[MOST_VALUES], const saga_rate *r,
 
 /* --- Parameters ---------------------------------------------------------- */
 
-/* Bits of a kind's values, by channel, under its constants. */
-static void constants_bits(double bits[MOST_VALUES], saga_rate *r,
-                           const saga_rate_input *x, int kind)
+/* Bits of a kind's values under its constants, of the channels that are not
+ * settled. */
+static void constants_bits(double bits[MOST_VALUES], const saga_rate *r,
+                           const saga_rate_input *x, int kind,
+                           const bool settled[MOST_VALUES])
 {
     const saga_model *const m = &x->scene->model;
     const size_t channels = saga_n_channels(m, kind);
@@ -246,10 +249,11 @@ static void constants_bits(double bits[MOST_VALUES], saga_rate *r,
         for (i = 0; i < rows * channels; i++) {
             const size_t c = i % channels;
 
-            bits[c] += saga_rate_bits(
-                (y[i] - (double)r->constants.mean[kind][c]) /
-                step_size(m, kind, c),
-                (double)r->constants.log2_sigma[kind][c]).bits;
+            if (!settled[c])
+                bits[c] += saga_rate_bits(
+                    (y[i] - (double)r->constants.mean[kind][c]) /
+                    step_size(m, kind, c),
+                    (double)r->constants.log2_sigma[kind][c]).bits;
         }
     }
 }
@@ -262,19 +266,17 @@ static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
     real *const log2_sigma = r->constants.log2_sigma[kind];
     const real scale = R(1) / 7, narrowest = R(SAGA_RATE_LOG2_MIN);
     double least[MOST_VALUES], bits[MOST_VALUES];
-    bool settled[MOST_VALUES];
+    bool settled[MOST_VALUES] = { false };
     size_t left, i;
 
-    constants_bits(least, r, x, kind);
-    for (i = 0; i < channels; i++)
-        settled[i] = false;
+    constants_bits(least, r, x, kind, settled);
     do {
         left = 0;
         for (i = 0; i < channels; i++) {
             settled[i] = settled[i] || log2_sigma[i] - scale < narrowest;
             log2_sigma[i] -= settled[i] ? 0 : scale;
         }
-        constants_bits(bits, r, x, kind);
+        constants_bits(bits, r, x, kind, settled);
         for (i = 0; i < channels; i++) {
             if (!settled[i] && bits[i] >= least[i]) {
                 settled[i] = true;
@@ -295,6 +297,8 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
     double sum[MOST_VALUES] = { 0 }, square[MOST_VALUES] = { 0 };
     size_t n = 0, b, i;
 
+    if (kind == SAGA_KIND_FINE && r->fine_measured)
+        return;
     for (b = 0; b < r->context.kind[kind].n_blocks; b++) {
         double y[MOST_VALUES];
         const size_t rows = read_block(y, r, &clean, kind, b);
@@ -318,6 +322,7 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
             0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
     }
     narrow_constants(r, &clean, kind);
+    r->fine_measured = r->fine_measured || kind == SAGA_KIND_FINE;
 }
 
 /* The last layer: no weights, and the constants as biases. */
@@ -485,7 +490,7 @@ static void add_block(const job *j, size_t at, uint32_t block)
             saga_rate_cost cost;
             real *to;
 
-            /* Features come rounded, or with their noise. */
+            /* Features come as they are used: clean, noisy or rounded. */
             if (saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE)
                 v = j->o->rounding ? floor(v + 0.5)
                                    : v + saga_rng_double(j->noise, draw) - 0.5;

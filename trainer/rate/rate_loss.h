@@ -60,6 +60,8 @@ typedef struct saga_rate {
     saga_rate_context context;
     saga_rate_plan plan;
     saga_rate_constants constants;
+    bool fine_measured;          /* fine offsets' are those of `offset`, which
+                                  * stands still between refreshes */
     real *mu_feature;            /* (coarse, F) of each block's last evaluation:
                                   * what its features are rounded against */
     real *centre;                /* (coarse, 4) values */
@@ -81,7 +83,8 @@ typedef struct saga_rate_input {
 typedef struct saga_rate_options {
     uint32_t first, every;       /* blocks first, first + every, ... stand for
                                   * all of their kind */
-    bool rounding;               /* offsets rounded, or with noise of a step */
+    bool rounding;               /* offsets rounded, or with noise of a step;
+                                  * features are taken as they are */
     bool remember;               /* the memory is read anew, and learns; if any
                                   * kind reads it. Else what was last read is a
                                   * constant */

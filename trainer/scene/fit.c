@@ -283,8 +283,9 @@ static int is_rounding(const saga_fit *f)
     return f->iteration - f->o.n_regress >= saga_fit_first_rounding(f);
 }
 
-/* From the first iteration of each part on; and where the rounding begins,
- * which leaves reads of another model. */
+/* Counted from the first picture, so not always in the first iteration of the
+ * regression: reads are 0 up to there. And where the rounding begins, which
+ * leaves reads of another model. */
 static int is_remembering(const saga_fit *f)
 {
     const int done = f->iteration - f->o.n_regress;

@@ -12,11 +12,11 @@
  * symbols: where features alone cost bits, R is their mean per symbol. lambda
  * below 1e-9 counts as that, so that the entropy networks learn what they are
  * to code. The regression weighs the same bits against its own loss, at a
- * hundred times the price. The features carry uniform noise of one step in the
- * first two thirds of the iterations and are rounded in the rest; when that
- * begins, sources of the entropy model that are not worth their weights are
- * left out (rate_choice.h). What the other networks do is told in
- * fit_weights.c.
+ * hundred times the price. The features are clean while regressing; then they
+ * carry uniform noise of one step in the first two thirds of the iterations and
+ * are rounded in the rest. When that begins, sources of the entropy model that
+ * are not worth their weights are left out (rate_choice.h). What the other
+ * networks do is told in fit_weights.c.
  *
  * The same bits for any number of threads.
  */
