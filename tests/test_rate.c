@@ -200,7 +200,7 @@ static void decide_should_keep_a_memory_that_learned(void **state)
     m.sources[SAGA_KIND_COARSE] = SAGA_SOURCE_MEMORY;
     rate_scene_make(&f, &m, 3);
     foretell_by_place(&f);
-    learn(&f, 1500);
+    learn(&f, 4000);
     decide(&f);
     g = &f.r.plan.gain[SAGA_KIND_COARSE];
     printf("  coarse: %.0f bits with constants, chosen %.0f; weights %.0f and "
