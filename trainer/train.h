@@ -25,6 +25,7 @@
 #define SAGA_TRAIN_H
 
 #include "capture.h"
+#include "classes.h"
 #include "encode.h"
 #include "quantise.h"
 #include "saga.h"
@@ -131,6 +132,7 @@ typedef struct saga_train_report {
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */
     saga_train_entropy entropy;
+    saga_class_gain classes[SAGA_N_CLASS_KINDS]; /* of counts and sets */
     uint32_t n_parameters;       /* weights and biases of all networks */
     double weight_bits;          /* of all weights of the networks with inputs,
                                   * but the entropy model's */
