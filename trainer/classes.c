@@ -485,7 +485,7 @@ int saga_classes_choose(saga_header *h, saga_net_symbols *nets,
 const char *saga_class_name(int kind)
 {
     static const char *const names[SAGA_N_CLASS_KINDS] = {
-        "numbers of fine", "sets of fine", "numbers of prims", "sets of prims"
+        "fine counts", "fine sets", "primitive counts", "primitive sets"
     };
 
     return names[kind];

@@ -4,14 +4,17 @@
  * final symbols of a segment, and kept where the file becomes smaller.
  *
  * A network sees what the sources say of a block, in the decoder's integers,
- * and is fitted to log-odds: of a number n, which lies in a..b, as n - a hits of
- * b - a; of each axis of a set, as the points in the lower halves of those that
- * its classes serve. Minimised are the code length of the hits and half the
- * square of each weight, in nats. With mean the average over blocks and axes,
+ * and is fitted to log-odds: a number n that lies in a..b counts as n - a hits
+ * of b - a, an axis of a set as so many points in lower halves of those that
+ * its class serves. Minimised are the code length of the hits and half the
+ * square of each weight (of inputs with a root mean square of 1), in nats. With
+ * mean the average over blocks and axes,
  *
  *     class = clamp(floor(2 (log-odds - mean) + 1/2) + 4, 0, 7)
  *
- * Sources are those that residuals read, so that their networks are there.
+ * The network has 8 hidden units; steps of its weights are 1/2 or 1/4. Tried
+ * are the hyperprior alone, with the parent and with the memory, as far as
+ * residuals read them: then their networks are paid for.
  */
 #ifndef SAGA_CLASSES_H
 #define SAGA_CLASSES_H
@@ -39,7 +42,7 @@ int saga_classes_choose(saga_header *h, saga_net_symbols *nets,
                         const saga_rig_camera *rig, const saga_symbols *s,
                         uint32_t n_frames);
 
-/* For people ("numbers of fine") and as a key ("n_fine"). */
+/* For people ("fine counts") and as a key ("n_fine"). */
 const char *saga_class_name(int kind);
 const char *saga_class_key(int kind);
 

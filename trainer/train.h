@@ -7,7 +7,8 @@
  *     warm-up      a flat set of primitives (scene/flat.h)
  *     regression   the hierarchy built from it, its networks fitted to it
  *     rendering    rate and distortion against the pictures (scene/fit.h)
- *     packing      quantised networks, closed loop, bytes (pack.h)
+ *     packing      quantised networks, closed loop, networks of classes, bytes
+ *                  (pack.h, classes.h)
  *
  * The result does not depend on the number of threads. The capture must outlive
  * the saga_train that reads it.
