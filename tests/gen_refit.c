@@ -148,7 +148,8 @@ static void set_values(saga_rate *r, const ref_file *in)
                 (float)in->value[SAGA_STEP_FINE][4 * i + k] / 16384;
 }
 
-/* The file's model with another entropy model, which begins from none. */
+/* The file's model with another entropy model, which begins from none; classes
+ * were fitted to the old one. */
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;

@@ -21,6 +21,9 @@ typedef struct {
     const saga_nets *shapes;
     uint32_t features;
     uint32_t n_nodes;            /* of the tree, asked for so far */
+    saga_encode_watch *watch;    /* or NULL */
+    void *user;
+    const saga_scaffold *sc;     /* for the watch */
 } source;
 
 static const saga_layer_symbols *layer_of(const source *e, saga_at at)
@@ -135,6 +138,8 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
         c->error = 1;
         sym = 0;
     }
+    if (e->watch)
+        e->watch(e->user, e->sc, at, n_sym, sym);
     saga_range_enc_interval(&e->range, saga_adaptive_start(m, sym),
                             sym + 1 < n_sym ? m->start[sym]
                                             : SAGA_PROB_TOTAL);
@@ -181,6 +186,8 @@ struct saga_encoder {
     buffer networks, segments;   /* chunks, as they will stand in the file */
     saga_index_entry *index;     /* offsets from the first segment */
     saga_encode_sizes sizes;
+    saga_encode_watch *watch;
+    void *user;
 };
 
 /* The trainer cannot go on without memory; nothing is half-written then. */
@@ -310,6 +317,12 @@ const uint8_t *saga_encoder_params(const saga_encoder *e,
     return e->params;
 }
 
+void saga_encoder_watch(saga_encoder *e, saga_encode_watch *watch, void *user)
+{
+    e->watch = watch;
+    e->user = user;
+}
+
 void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          const saga_nets *nets, const uint8_t *params,
                          saga_counts n)
@@ -380,6 +393,9 @@ static int encode_layer(saga_encoder *e, const saga_scaffold *sc,
 
     source_init(&src, e);
     src.s = s;
+    src.sc = sc;
+    src.watch = e->watch;
+    src.user = e->user;
     saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
     if (!code_layer(sc, layer, &cost.coder) || cost.coder.error ||

@@ -480,10 +480,11 @@ static int begin_decoded(saga_scene *d, const saga_scene *s,
     return 1;
 }
 
-static int pack_segment(saga_encoder *e, saga_pack_report *report,
-                        saga_scene *decoded, const saga_scene *s,
-                        const saga_model *m, const saga_twin *w,
-                        uint32_t n_frames, const char **why)
+/* The symbols: y, whose arrays are there. */
+static int close_loop(saga_symbols *y, const saga_encoder *e,
+                      saga_pack_report *report, saga_scene *decoded,
+                      const saga_scene *s, const saga_model *m,
+                      const saga_twin *w)
 {
     double *const coarse = to_units(s->coarse_x, s->n.coarse);
     double *const fine = to_units(s->fine_x, s->n.fine);
@@ -498,17 +499,13 @@ static int pack_segment(saga_encoder *e, saga_pack_report *report,
     saga_decoded d = { coarse, fine, prim_out, NULL };
     const saga_nets *nets;
     const uint8_t *params = saga_encoder_params(e, &nets);
-    saga_symbols y;
     int ok;
 
-    alloc_symbols(&y, s);
-    *why = "the closed loop refused the scene";
     report->order = must(calloc(s->n.prim + 1u, sizeof *report->order));
     d.feature = must(malloc(((size_t)s->n.coarse * m->features + 1) *
                             sizeof *d.feature));
-    ok = saga_quantise_segment(&y, report->order, &report->quantise, m, nets,
-                               params, &t, &d) &&
-         saga_encoder_segment(e, &y, n_frames, why);
+    ok = saga_quantise_segment(y, report->order, &report->quantise, m, nets,
+                               params, &t, &d);
     if (ok && decoded) {
         from_units(decoded->coarse_x, coarse, s->n.coarse);
         from_units(decoded->fine_x, fine, s->n.fine);
@@ -518,7 +515,6 @@ static int pack_segment(saga_encoder *e, saga_pack_report *report,
     }
     free(d.feature);
     free(prim_out);
-    free_symbols(&y);
     free(coarse);
     free(fine);
     free(prim);
@@ -535,6 +531,7 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
     saga_header h = *header;
     saga_scene *const decoded = options->decoded;
     saga_net_symbols nets;
+    saga_symbols y;
     saga_encoder *e;
     int ok;
 
@@ -550,10 +547,23 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
     }
     pack_nets(&nets, decoded, &h.model, twin, choice, options->weights);
     e = saga_encoder_open(&h, rig, &nets, why);
-    ok = e && pack_segment(e, report, decoded, scene, &h.model, twin,
-                           options->n_frames, why) &&
+    alloc_symbols(&y, scene);
+    ok = e != NULL;
+    if (ok && !close_loop(&y, e, report, decoded, scene, &h.model, twin)) {
+        *why = "the closed loop refused the scene";
+        ok = 0;
+    }
+    if (ok && options->classes &&
+        saga_classes_choose(&h, &nets, report->classes, rig, &y,
+                            options->n_frames)) {
+        saga_encoder_free(e);
+        e = saga_encoder_open(&h, rig, &nets, why);
+        ok = e != NULL;
+    }
+    ok = ok && saga_encoder_segment(e, &y, options->n_frames, why) &&
          saga_encoder_finish(e, bytes, n, &report->sizes, why);
     saga_encoder_free(e);
+    free_symbols(&y);
     saga_net_symbols_free(&nets);
     return ok;
 }
