@@ -13,6 +13,9 @@
  * be vectorised (16: 25, 64: 31 GMAC/s), 256 bytes of stack. */
 #define BLOCK 64u
 
+/* Rows that become results together: one vector of sums with AVX2. */
+#define CHUNK 8u
+
 /* 65538 * 32767 = 2^31 - 2 is the last product of its kind below 2^31, so after
  * the first tests everything fits int32. */
 int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
@@ -131,21 +134,34 @@ static void dot_rows_i8(int32_t *sum, const saga_layer *layer,
 /* y = relu?(sat16(fx_rshift(bias + sum, shift))), without branches: the sign
  * of a hidden activation is a coin toss. (1 << 0) >> 1 = 0 is the rounding of
  * a shift by 0. */
-static void finish(int16_t *restrict y, const saga_layer *layer,
-                   const int32_t *sum, uint32_t row, uint32_t n_row)
+static inline void finish_rows(int16_t *restrict y, const saga_layer *layer,
+                               const int32_t *sum, uint32_t row, uint32_t n)
 {
     const int32_t *const bias = layer->bias + row;
     const uint8_t *const shift = layer->shift + row;
     const int32_t keep = layer->relu ? 0 : -1;
     uint32_t i;
 
-    for (i = 0; i < n_row; i++) {
+    for (i = 0; i < n; i++) {
         const int32_t half = 1 << shift[i] >> 1;
         const int32_t v = (bias[i] + sum[i] + half) >> shift[i];
 
         FX_ASSERT(shift[i] <= 24);
         y[row + i] = fx_sat16(v & (keep | ~(v >> 31)));
     }
+}
+
+/* In chunks of a known length, which compilers turn into vectors without loops
+ * before and after. */
+static void finish(int16_t *y, const saga_layer *layer, const int32_t *sum,
+                   uint32_t row, uint32_t n_row)
+{
+    const uint32_t end = row + n_row;
+
+    for (; row + CHUNK <= end; row += CHUNK, sum += CHUNK)
+        finish_rows(y, layer, sum, row, CHUNK);
+    if (row < end)
+        finish_rows(y, layer, sum, row, end - row);
 }
 
 void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x)
