@@ -98,7 +98,7 @@ void saga_train_entropy_model(saga_model *m,
 /* Why these defaults: docs/decisions.md. Steps in Q16 of their symbol's format:
  * a centre two half-cells, a fine offset a suffix cell, so that all anchors
  * stand in the middle of their cells and cost nothing; a feature 1/4; a
- * primitive's offset 1/16 of a support, which alone says where it is. A coarse
+ * primitive's offset 1/32 of a support, which alone says where it is. A coarse
  * anchor for one primitive has fewer features. No Fuse. */
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
@@ -114,7 +114,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
     m->step_q16[SAGA_STEP_FINE] = 2048u << 16;
-    m->step_q16[SAGA_STEP_PRIM] = 1024u << 16;
+    m->step_q16[SAGA_STEP_PRIM] = 512u << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = width;
