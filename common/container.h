@@ -6,8 +6,8 @@
  *
  *     header | INDX | NETS | per segment: SEGM COAR FINE PRIM
  *
- * The header is its fixed part, the memory's networks (only with the tool),
- * the cameras of the rig, a CRC.
+ * The header is its fixed part, the memory's networks and the classes (each
+ * only with its tool), the cameras of the rig, a CRC.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H

@@ -57,24 +57,29 @@ void saga_exp2_neg_each(int32_t *x, uint32_t n)
         x[i] = (int32_t)saga_exp2_neg_q20_q15((uint32_t)x[i]);
 }
 
-/* log2(1 + 2^-a) for a >= 0: in cells of 1/8, the mean of the two parabolas
- * through three of the four surrounding entries (Bessel's formula),
+/* Between s[1] and s[2], t = 0..2^bits - 1 of the way: the mean of the two
+ * parabolas through three of the four entries (Bessel's formula),
  *     s1 + t (s2 - s1) - t (1 - t)/4 (s0 - s1 - s2 + s3).
- *   |s2 - s1| < 2^20, t < 2^9: product < 2^29
- *   0 <= bend <= 90739, t (512 - t) / 4 <= 2^14: product < 2^31
+ * bits 8 or 9: t (1 - t) <= 1/4 is 2^14 at most here, so the entries need
+ *   |s2 - s1| < 2^20: product < 2^29
+ *   |bend| < 2^17: product < 2^31 */
+static int32_t bessel(const int32_t *s, int32_t t, int bits)
+{
+    const int32_t bend = s[0] - s[1] - s[2] + s[3];
+    const int32_t both = t * ((1 << bits) - t) >> (2 * bits - 16);
+    const int32_t bow = fx_rshift(both * bend, 18 - bits);
+
+    return s[1] + fx_rshift(t * (s[2] - s[1]) - bow, bits);
+}
+
+/* log2(1 + 2^-a) for a >= 0, in cells of 1/8; |bend| <= 90739.
  * From a = 22 on it is below 1/2 LSB. Result in 0..2^20. Error: 1.3 LSB. */
 static int32_t softplus2_tail_q20(int32_t a_q12)
 {
-    const int32_t t = a_q12 & 511;
-    const int32_t *s;
-    int32_t bend, bow_q33;
-
     if (a_q12 >= 22 << 12)
         return 0;
-    s = saga_softplus2_q24 + (a_q12 >> 9);
-    bend = s[0] - s[1] - s[2] + s[3];
-    bow_q33 = fx_rshift((t * (512 - t) >> 2) * bend, 9);
-    return fx_rshift(s[1] + fx_rshift(t * (s[2] - s[1]) - bow_q33, 9), 4);
+    return fx_rshift(bessel(saga_softplus2_q24 + (a_q12 >> 9), a_q12 & 511, 9),
+                     4);
 }
 
 /* max(x, 0) + log2(1 + 2^-|x|). At most 2^20 * 2^8 = 2^28: at the clamp the
@@ -86,22 +91,14 @@ int32_t saga_softplus2_q12_q20(int32_t x_q12)
     return x < 0 ? softplus2_tail_q20(-x) : x * 256 + softplus2_tail_q20(x);
 }
 
-/* 1 / (1 + e^a) for a >= 0, by Bessel's formula again, cells of 1/8.
- *   |s2 - s1| < 2^19, t < 2^8: product < 2^27
- *   |bend| <= 50431, t (256 - t) <= 2^14: product < 2^30; bow_q32 < 2^20
+/* 1 / (1 + e^a) for a >= 0, in cells of 1/8; |bend| <= 50431.
  * From a = 12 on it is below 1/4 LSB. Result in 0..2^14. Error: 0.56 LSB. */
 static int32_t sigmoid_tail_q15(int32_t a_q11)
 {
-    const int32_t t = a_q11 & 255;
-    const int32_t *s;
-    int32_t bend, bow_q32;
-
     if (a_q11 >= 12 << 11)
         return 0;
-    s = saga_sigmoid_q24 + (a_q11 >> 8);
-    bend = s[0] - s[1] - s[2] + s[3];
-    bow_q32 = fx_rshift(t * (256 - t) * bend, 10);
-    return fx_rshift(s[1] + fx_rshift(t * (s[2] - s[1]) - bow_q32, 8), 9);
+    return fx_rshift(bessel(saga_sigmoid_q24 + (a_q11 >> 8), a_q11 & 255, 8),
+                     9);
 }
 
 /* f(x) + f(-x) = 1 by construction. */

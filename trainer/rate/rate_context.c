@@ -441,7 +441,7 @@ static int hyper_backward(saga_scene *d, const job *j, const real *d_in)
 
     copy_columns(b->d_out, j->f, d_in, j->dim, j->f, n);
     saga_rate_through(b->d_out, b->out, n * j->f,
-                j->s->model.head_q[SAGA_HEAD_HYPER]);
+                      j->s->model.head_q[SAGA_HEAD_HYPER]);
     return saga_net_backward(NULL, &d->net[SAGA_NET_HYPER], &b->work, b->d_out,
                              b->in, n, &j->s->net[SAGA_NET_HYPER]);
 }
