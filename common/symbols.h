@@ -76,6 +76,14 @@ enum {
     SAGA_N_SYMS
 };
 
+/* The step (SAGA_STEP_*) of the residuals of a segment. */
+static inline int saga_step_of(uint32_t sym)
+{
+    return sym == SAGA_SYM_CENTRE ? SAGA_STEP_CENTRE
+         : sym == SAGA_SYM_FEATURE ? SAGA_STEP_FEATURE
+         : sym == SAGA_SYM_FINE_OFFSET ? SAGA_STEP_FINE : SAGA_STEP_PRIM;
+}
+
 typedef struct saga_at {
     uint32_t index;
     uint16_t row, column;

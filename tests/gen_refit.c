@@ -14,9 +14,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Every how many blocks a step looks at one, in turn. */
-enum { RATE_EVERY = 4, REMEMBER_EVERY = 16 };
-
 static void *must(void *p)
 {
     if (!p) {
@@ -245,12 +242,8 @@ static const char *step(fit *f, int i, int decide)
 {
     const saga_rate_input x = { &f->s, &f->twin, f->feature };
     const bool remember = saga_rate_readers(&f->rate.context, &f->s) &&
-                          (i % REMEMBER_EVERY == 0 || i == decide);
-    const saga_rate_options o = {
-        .first = remember ? 0 : (uint32_t)i % RATE_EVERY,
-        .every = remember ? 1 : RATE_EVERY, .remember = remember,
-        .rounding = true, .weight = 1
-    };
+                          (i % SAGA_RATE_REMEMBER_EVERY == 0 || i == decide);
+    saga_rate_options o = { .rounding = true, .weight = 1 };
     const saga_adam adam = saga_adam_default();
     const float rate = learning_rate(f, i);
     double bits[SAGA_N_STEPS];
@@ -260,6 +253,7 @@ static const char *step(fit *f, int i, int decide)
 
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     saga_twin_clear(&f->twin, &f->s);
+    saga_rate_look(&o, i, remember);
     if (i == decide)
         need(saga_rate_decide(&f->rate, &f->s, &x));
     for (n = 0; i >= decide && n < (size_t)f->s.n.coarse *
@@ -268,7 +262,7 @@ static const char *step(fit *f, int i, int decide)
     need(saga_rate_step(bits, &f->rate, &f->d, &x, &o));
     n = tensor_of(&t[0], f, SAGA_NET_HYPER, SAGA_NET_FUSE_C, rate);
     n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_N_NETS,
-                   remember ? 2 * rate : 0);
+                   remember ? SAGA_RATE_MEMORY_PACE * rate : 0);
     return saga_adam_step(&fault, &adam, t, n, (uint64_t)i + 1)
         ? "the fit left the finite numbers" : NULL;
 }

@@ -89,10 +89,7 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
                         const int16_t *mu, const uint8_t *scale, uint32_t n)
 {
     ref_file *const f = user;
-    const int step = at.sym == SAGA_SYM_CENTRE ? SAGA_STEP_CENTRE
-                   : at.sym == SAGA_SYM_FEATURE ? SAGA_STEP_FEATURE
-                   : at.sym == SAGA_SYM_FINE_OFFSET ? SAGA_STEP_FINE
-                   : SAGA_STEP_PRIM;
+    const int step = saga_step_of(at.sym);
     const int32_t *const q = step == SAGA_STEP_CENTRE ? f->s.centre
                            : step == SAGA_STEP_FEATURE ? f->s.feature
                            : step == SAGA_STEP_FINE ? f->s.fine_offset

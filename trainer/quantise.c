@@ -248,19 +248,12 @@ static double cell_offset(const saga_place *cell, const double *x,
                  cell->support[axis]);
 }
 
-static int step_of(uint32_t sym)
-{
-    return sym == SAGA_SYM_CENTRE ? SAGA_STEP_CENTRE
-         : sym == SAGA_SYM_FEATURE ? SAGA_STEP_FEATURE
-         : sym == SAGA_SYM_FINE_OFFSET ? SAGA_STEP_FINE : SAGA_STEP_PRIM;
-}
-
 /* What channel i of the block would be if nothing were quantised, in LSB. */
 static double target_of(const loop *l, saga_at at, uint32_t i)
 {
     const saga_model *const m = l->sc->model;
-    const int16_t *const value = l->t->value ? l->t->value[step_of(at.sym)]
-                                             : NULL;
+    const int16_t *const value =
+        l->t->value ? l->t->value[saga_step_of(at.sym)] : NULL;
     saga_place cell;
 
     if (value)

@@ -32,4 +32,10 @@ typedef float real;
 /* A constant of type real; exact for the double build. */
 #define R(x) ((real)(x))
 
+/* x within lo..hi. */
+static inline real saga_clamp(real x, real lo, real hi)
+{
+    return x < lo ? lo : x > hi ? hi : x;
+}
+
 #endif

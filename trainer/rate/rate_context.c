@@ -166,17 +166,6 @@ int saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s)
 
 /* --- Clamps of the integer path ------------------------------------------ */
 
-static real clamp(real x, real lo, real hi)
-{
-    return x < lo ? lo : x > hi ? hi : x;
-}
-
-/* Gradients of what may have been clamped to lo..hi: towards the inside. */
-static real through(real d, real x, real lo, real hi)
-{
-    return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
-}
-
 int saga_rate_step_of(int kind, size_t channel)
 {
     return kind == SAGA_KIND_FINE ? SAGA_STEP_FINE
@@ -331,10 +320,10 @@ static void take_parameters(const job *j)
             const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
 
             k->mu[i * channels + c] = saga_rate_is_anchor(j->kind, c)
-                ? 0 : clamp(unit * out[0], -most, most);
+                ? 0 : saga_clamp(unit * out[0], -most, most);
             k->log2_sigma[i * channels + c] =
-                clamp(out[channels], R(SAGA_RATE_LOG2_MIN),
-                      R(SAGA_RATE_LOG2_MAX));
+                saga_clamp(out[channels], R(SAGA_RATE_LOG2_MIN),
+                           R(SAGA_RATE_LOG2_MAX));
         }
 }
 
@@ -426,11 +415,12 @@ static void parameters_backward(const job *j)
             const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
             real *const d = k->net.d_out + 2 * channels * i + c;
 
-            d[0] = saga_rate_is_anchor(j->kind, c)
-                ? 0 : unit * through(k->d_mu[at], k->mu[at], -most, most);
-            d[channels] = through(k->d_log2_sigma[at], k->log2_sigma[at],
-                                  R(SAGA_RATE_LOG2_MIN),
-                                  R(SAGA_RATE_LOG2_MAX));
+            d[0] = saga_rate_is_anchor(j->kind, c) ? 0
+                 : unit * saga_rate_inward(k->d_mu[at], k->mu[at], -most, most);
+            d[channels] = saga_rate_inward(k->d_log2_sigma[at],
+                                           k->log2_sigma[at],
+                                           R(SAGA_RATE_LOG2_MIN),
+                                           R(SAGA_RATE_LOG2_MAX));
         }
 }
 

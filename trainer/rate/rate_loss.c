@@ -103,6 +103,7 @@ static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 
 int saga_rate_refresh(saga_rate *r, const saga_scene *s)
 {
+    const saga_rate_input anchors = { s, NULL, NULL };
     const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
     double o[4];
     uint32_t i, k;
@@ -122,8 +123,10 @@ int saga_rate_refresh(saga_rate *r, const saga_scene *s)
             to[k] = R(o[k] - saga_scene_suffix_centre(suffix, bits, k));
         to[4] = R(s->fine[i].n_prim) / 16;
     }
-    r->fine_measured = false;
-    return saga_rate_context_refresh(&r->context, s);
+    if (saga_rate_context_refresh(&r->context, s))
+        return -1;
+    saga_rate_measure(r, &anchors, SAGA_KIND_FINE);
+    return 0;
 }
 
 /* In reals of the value. */
@@ -298,8 +301,6 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
     double sum[MOST_VALUES] = { 0 }, square[MOST_VALUES] = { 0 };
     size_t n = 0, b, i;
 
-    if (kind == SAGA_KIND_FINE && r->fine_measured)
-        return;
     for (b = 0; b < r->context.kind[kind].n_blocks; b++) {
         double y[MOST_VALUES];
         const size_t rows = read_block(y, r, &clean, kind, b);
@@ -323,7 +324,6 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
             0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
     }
     narrow_constants(r, &clean, kind);
-    r->fine_measured = r->fine_measured || kind == SAGA_KIND_FINE;
 }
 
 /* The last layer: no weights, and the constants as biases. */
@@ -529,7 +529,9 @@ static int step_kind(double bits[SAGA_N_STEPS], const job *j)
     ptrdiff_t i;
     size_t c;
 
-    if (!saga_rate_sources(&r->context, s, j->kind))
+    /* Fine offsets stand still between refreshes. */
+    if (!saga_rate_sources(&r->context, s, j->kind) &&
+        j->kind != SAGA_KIND_FINE)
         saga_rate_measure(r, j->x, j->kind);
     if (predict(r, j->x, j->kind, list, r->offset))
         return -1;

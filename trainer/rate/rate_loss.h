@@ -27,6 +27,11 @@ typedef struct saga_rate_constants {
 enum {
     SAGA_RATE_FINEST = 9,        /* steps of the entropy networks' weights: 2^-9
                                   * or coarser */
+    SAGA_RATE_EVERY = 4,         /* blocks: an iteration looks at one of them */
+    SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the memory is read anew
+                                  * and learns (cost: docs/decisions.md), */
+    SAGA_RATE_MEMORY_PACE = 2,   /* at so many times the others' learning rate:
+                                  * it has fewer steps */
     SAGA_RAW_STEP = 11,          /* of raw networks: 2^-11, and the bits that */
     SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */
 };
@@ -60,8 +65,6 @@ typedef struct saga_rate {
     saga_rate_context context;
     saga_rate_plan plan;
     saga_rate_constants constants;
-    bool fine_measured;          /* fine offsets' are those of `offset`, which
-                                  * stands still between refreshes */
     real *mu_feature;            /* (coarse, F) of each block's last evaluation:
                                   * what its features are rounded against */
     real *centre;                /* (coarse, 4) values */
@@ -93,6 +96,16 @@ typedef struct saga_rate_options {
 } saga_rate_options;
 
 #define saga_rate_n_params SAGA_REAL_NAME(saga_rate_n_params)
+/* What iteration `turn` evaluates: every SAGA_RATE_EVERY-th block, in turn, or
+ * with the memory all of them. */
+static inline void saga_rate_look(saga_rate_options *o, int turn,
+                                  bool remember)
+{
+    o->remember = remember;
+    o->every = remember ? 1 : SAGA_RATE_EVERY;
+    o->first = (uint32_t)turn % o->every;
+}
+
 #define saga_rate_init SAGA_REAL_NAME(saga_rate_init)
 #define saga_rate_free SAGA_REAL_NAME(saga_rate_free)
 #define saga_rate_keep_raw SAGA_REAL_NAME(saga_rate_keep_raw)
@@ -120,11 +133,12 @@ void saga_rate_keep_raw(saga_rate *r);
 /* Coarse and fine anchors to the nearest places that can be coded. */
 void saga_rate_snap(saga_scene *s);
 
-/* Anchors' places, values and neighbours, from the scene. Once, and whenever an
- * anchor moved. 0 or -1. */
+/* Anchors' places, values and neighbours, and the constants of fine offsets,
+ * from the scene. Once, and whenever an anchor moved. 0 or -1. */
 int saga_rate_refresh(saga_rate *r, const saga_scene *s);
 
-/* The constants of a kind, from all its values without noise. */
+/* The constants of a kind, from all its values without noise. Of x, fine
+ * offsets take the scene alone. */
 void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
 
 /* Before the first step: constants of all kinds; networks begin as them (s's

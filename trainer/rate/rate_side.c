@@ -114,7 +114,7 @@ void saga_rate_clamp(real *x, size_t n, int q)
     size_t i;
 
     for (i = 0; i < n; i++)
-        x[i] = x[i] < -most ? -most : x[i] > most ? most : x[i];
+        x[i] = saga_clamp(x[i], -most, most);
 }
 
 void saga_rate_through(real *d, const real *x, size_t n, int q)
@@ -123,6 +123,5 @@ void saga_rate_through(real *d, const real *x, size_t n, int q)
     size_t i;
 
     for (i = 0; i < n; i++)
-        if ((x[i] <= -most && d[i] > 0) || (x[i] >= most && d[i] < 0))
-            d[i] = 0;
+        d[i] = saga_rate_inward(d[i], x[i], -most, most);
 }

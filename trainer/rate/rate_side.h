@@ -71,13 +71,19 @@ void saga_rate_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
 real *saga_rate_side(real *row, const saga_model *m, const real phase[4],
                      const real size[SAGA_RATE_SIZES]);
 
+/* The gradient of what may have been clamped to lo..hi: towards the inside. */
+static inline real saga_rate_inward(real d, real x, real lo, real hi)
+{
+    return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
+}
+
 /* The largest int16 in Q q. */
 real saga_rate_most(int q);
 
 /* x to +-that. */
 void saga_rate_clamp(real *x, size_t n, int q);
 
-/* Gradients of what has been clamped so: only towards the inside. */
+/* Gradients of what has been clamped so. */
 void saga_rate_through(real *d, const real *x, size_t n, int q);
 
 #endif

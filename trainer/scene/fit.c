@@ -12,15 +12,8 @@
  * learning rate of the pictures, while Adam's moments fill anew. */
 enum { REFRESH_EVERY = 50, RAMP = 300 };
 
-/* Of its learning rate that of the other entropy networks: it has fewer
- * steps. */
-#define MEMORY_RATE 2
-
 /* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START };
-
-/* Every how many blocks the rate looks at one, in turn. */
-enum { RATE_EVERY = 4 };
 
 /* What a bit costs in the regression, whose loss is that much larger than the
  * pictures'. */
@@ -28,10 +21,6 @@ enum { RATE_EVERY = 4 };
 
 /* With lambda 0 the entropy networks still learn what they are to code. */
 #define LEAST_LAMBDA 1e-9
-
-/* Every how many iterations the memory is read anew, and learns: what it costs
- * is told in docs/decisions.md. */
-enum { REMEMBER_EVERY = 16 };
 
 enum {
     T_FEATURE, T_PRIM, T_ENTROPY, T_MEMORY, T_PARAMS, T_STEPS, N_TENSORS
@@ -291,7 +280,8 @@ static int is_remembering(const saga_fit *f)
     const int done = f->iteration - f->o.n_regress;
 
     return saga_rate_readers(&f->rate.context, f->scene) &&
-           (done % REMEMBER_EVERY == 0 || done == saga_fit_first_rounding(f));
+           (done % SAGA_RATE_REMEMBER_EVERY == 0 ||
+            done == saga_fit_first_rounding(f));
 }
 
 double saga_fit_bit_price(const saga_fit *f)
@@ -306,7 +296,6 @@ static saga_fit_status rate_step(saga_fit *f, double price)
 {
     const saga_rate_input x = rate_input(f, f->feature);
     saga_rate_options o = {
-        .first = (uint32_t)f->iteration % RATE_EVERY, .every = RATE_EVERY,
         .rounding = is_rounding(f),
         .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
         .weight = (real)price
@@ -315,11 +304,7 @@ static saga_fit_status rate_step(saga_fit *f, double price)
     if (o.rounding && !f->rate.plan.decided &&
         saga_rate_decide(&f->rate, f->scene, &x))
         return SAGA_FIT_MEMORY;
-    if (is_remembering(f)) {
-        o.first = 0;
-        o.every = 1;
-        o.remember = true;
-    }
+    saga_rate_look(&o, f->iteration, is_remembering(f));
     return saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o)
         ? SAGA_FIT_MEMORY : SAGA_FIT_OK;
 }
@@ -389,7 +374,7 @@ static int descend(saga_fit *f, real features, real positions, real entropy,
            n_entropy - n_memory, entropy);
     tensor(&t[T_MEMORY], f, "the memory's networks",
            s->params + n_entropy - n_memory, n_memory,
-           is_remembering(f) ? MEMORY_RATE * entropy : 0);
+           is_remembering(f) ? SAGA_RATE_MEMORY_PACE * entropy : 0);
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
            saga_fit_n_params(s) - first, networks);
     t[T_STEPS] = (saga_adam_tensor){

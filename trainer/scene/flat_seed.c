@@ -317,11 +317,6 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
     return w.n_near > 0 && s->cost < GOOD_MATCH && s->contrast > CONTRAST;
 }
 
-static real clamp(real x, real lo, real hi)
-{
-    return x < lo ? lo : x > hi ? hi : x;
-}
-
 /* sigma in world units. */
 void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
                         const saga_flat_sight *s, double sigma)
@@ -332,16 +327,17 @@ void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
     memset(one, 0, sizeof *one);
     one->quat[0] = 1;
     for (int a = 0; a < 3; a++) {
-        one->mean[a] = clamp((real)((s->position[a] - f->cube.centre[a]) /
-                                    f->cube.unit),
-                             i[FLAT_MEAN].lo, i[FLAT_MEAN].hi);
-        one->log2_scale[a] = clamp(scale, i[FLAT_SCALE].lo, i[FLAT_SCALE].hi);
+        const double x = (s->position[a] - f->cube.centre[a]) / f->cube.unit;
+
+        one->mean[a] = saga_clamp((real)x, i[FLAT_MEAN].lo, i[FLAT_MEAN].hi);
+        one->log2_scale[a] = saga_clamp(scale, i[FLAT_SCALE].lo,
+                                        i[FLAT_SCALE].hi);
         one->colour[a] = s->rgb[a];
     }
     one->opacity = R(-1.5);
     one->t_centre = s->t_centre;
-    one->log2_width = clamp(s->log2_width, i[FLAT_WIDTH].lo,
-                            i[FLAT_WIDTH].hi);
+    one->log2_width = saga_clamp(s->log2_width, i[FLAT_WIDTH].lo,
+                                 i[FLAT_WIDTH].hi);
 }
 
 /* --- The first set ------------------------------------------------------- */

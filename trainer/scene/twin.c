@@ -138,11 +138,6 @@ static real *append(real *to, const real *x, size_t n)
     return to + n;
 }
 
-static real clamp(real x, real lo, real hi)
-{
-    return x < lo ? lo : x > hi ? hi : x;
-}
-
 /* o = (x - x_parent) / unit, within the int16 of Q14. */
 static void local_offset(real o[4], const real x[4], const real parent[4],
                          const real unit[4])
@@ -150,7 +145,7 @@ static void local_offset(real o[4], const real x[4], const real parent[4],
     int i;
 
     for (i = 0; i < 4; i++)
-        o[i] = clamp((x[i] - parent[i]) / unit[i], R(-1.9999), R(1.9999));
+        o[i] = saga_clamp((x[i] - parent[i]) / unit[i], R(-1.9999), R(1.9999));
 }
 
 static void fine_offsets(saga_twin *w, const saga_scene *s)
@@ -232,7 +227,7 @@ static int fine_forward(saga_twin *w, const saga_scene *s,
             const real lo = k < 3 ? -23 : -16, hi = 0;
             const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
 
-            const real l = clamp(half + out[f + (size_t)k], lo, hi);
+            const real l = saga_clamp(half + out[f + (size_t)k], lo, hi);
 
             w->log2_support[4 * i + (size_t)k] = l;
             w->support[4 * i + (size_t)k] = EXP2(l);
@@ -269,8 +264,9 @@ static void set_attributes(saga_twin *w, const saga_scene *s,
     for (k = 0; a->slope && k < 4; k++)
         a->slope[4 * i + (size_t)k] = out[g->slope + k];
     if (a->t_centre)
-        a->t_centre[i] = clamp(s->prim_x[4 * i + 3] +
-                               support[3] * out[g->time], R(-0.5), R(1.5));
+        a->t_centre[i] = saga_clamp(s->prim_x[4 * i + 3] +
+                                    support[3] * out[g->time],
+                                    R(-0.5), R(1.5));
     if (a->log2_width)
         a->log2_width[i] = out[g->width] - R(1 + cell->depth_t);
 }
@@ -359,7 +355,7 @@ int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
     if (run(w, s, SAGA_NET_COLOUR))
         return -1;
     for (i = 0; i < 3 * (size_t)w->n.prim; i++)
-        w->attr.colour[i] = clamp(R(0.5) + last->out[i], 0, 1);
+        w->attr.colour[i] = saga_clamp(R(0.5) + last->out[i], 0, 1);
     return 0;
 }
 

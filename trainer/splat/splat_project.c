@@ -48,11 +48,6 @@ static void cross3(real *c, const real *a, const real *b)
     c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static real clamp(real x, real lo, real hi)
-{
-    return x < lo ? lo : x > hi ? hi : x;
-}
-
 static real max_real(real a, real b)
 {
     return a > b ? a : b;
@@ -84,8 +79,8 @@ static int project_mean(real *mean, shape *s, const real *x,
         mean[i] = p + f * s->ratio[i];
         if (!(fabs(mean[i] - side[i] / 2) <= MEAN_MAX))
             return 0;
-        s->slope[i] = clamp(s->ratio[i], (-BORDER * side[i] - p) / f,
-                            ((1 + BORDER) * side[i] - p) / f);
+        s->slope[i] = saga_clamp(s->ratio[i], (-BORDER * side[i] - p) / f,
+                                 ((1 + BORDER) * side[i] - p) / f);
     }
     return 1;
 }
@@ -124,8 +119,7 @@ static void project_shape(shape *s, const real *quat, const real *log2_scale,
 
     rotation(s, quat);
     for (j = 0; j < 3; j++)
-        s->scale[j] = exp2(clamp(log2_scale[j], -SCALE_MAX,
-                                           SCALE_MAX));
+        s->scale[j] = exp2(saga_clamp(log2_scale[j], -SCALE_MAX, SCALE_MAX));
     for (i = 0; i < 2; i++) {
         const real f = cam->focal[i] / s->view[2];
 
@@ -168,8 +162,8 @@ static void span(int16_t *lo, int16_t *hi, real mean, real half, int side)
     const real a = ceil(mean - h - R(0.5));
     const real b = floor(mean + h - R(0.5)) + 1;
 
-    *lo = (int16_t)clamp(a, 0, R(side));
-    *hi = (int16_t)clamp(b, 0, R(side));
+    *lo = (int16_t)saga_clamp(a, 0, R(side));
+    *hi = (int16_t)saga_clamp(b, 0, R(side));
 }
 
 /* The ellipse q < cut reaches sqrt(A rest / k) pixels to each side, rest =
