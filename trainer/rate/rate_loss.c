@@ -388,6 +388,14 @@ static void remember_mu(saga_rate *r, const saga_model *m, size_t block,
            m->features * sizeof *mu);
 }
 
+/* Every fine anchor in the middle of its suffix cell, which is no wider than
+ * the step (Q16 of Q14): its offset's residual is 0. */
+static bool fine_offsets_are_0(const saga_model *m)
+{
+    return m->step_q16[SAGA_STEP_FINE] >> 16 >=
+           32768u >> m->level[SAGA_LEVEL_COARSE].suffix_bits;
+}
+
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
 {
     size_t i;
@@ -398,6 +406,8 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
         begin_as_constants(&s->net[SAGA_NET_E_COARSE + kind], &s->model,
                            &r->constants, kind);
     }
+    if (fine_offsets_are_0(&s->model))
+        r->context.keep[SAGA_KIND_FINE] = 0;
     if (s->model.tools & SAGA_TOOL_MEMORY)
         begin_memory(s);
     for (i = 0; i < s->n.coarse; i++)

@@ -143,7 +143,8 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
 
 /* Before the first step: constants of all kinds; networks begin as them (s's
  * last layers: biases alone), features are rounded against them. The memory
- * begins with slots that differ and gates of 1/8. */
+ * begins with slots that differ and gates of 1/8. Fine offsets that are all 0
+ * by their step do without any source. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
 /* The value nearest to feature i (of n.coarse * F) that can be coded. */
