@@ -92,6 +92,7 @@ static saga_train_options small(void)
     o.n_regress = REGRESS;
     o.n_render = RENDER;
     o.motion = SAGA_TRAIN_MOVING;
+    o.entropy.slots = 32;
     return o;
 }
 

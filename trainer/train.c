@@ -130,12 +130,19 @@ static uint32_t at_most(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
+/* Primitives from which on a memory may be worth its networks: of 15,000 it
+ * saves a third of them (docs/results/training.md). */
+enum { MEMORY_PAYS = 40000 };
+
 /* A coarse and a fine anchor for each primitive, as far as the level goes: of
  * the budgets that were tried the best (docs/decisions.md). */
 static void derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
 
+    if (!o->entropy.slots && !o->entropy.plain_write &&
+        o->n_primitives < MEMORY_PAYS)
+        o->entropy.no_memory = true;
     if (!o->n_coarse)
         o->n_coarse = at_most(o->n_primitives, caps->n_coarse);
     if (!o->n_fine)

@@ -70,8 +70,10 @@ typedef struct saga_train_entropy_options {
     bool no_memory;              /* the memory bank */
     uint8_t groups;              /* of each level, 1..16; 0: 8; 1: none, and
                                   * neither the source */
-    uint16_t slots;              /* of the memory: 32, 64, .. 512; 0: default */
-    bool plain_write;            /* its update without the projection */
+    uint16_t slots;              /* of the memory: 32, 64, .. 512; 0: 64, and
+                                  * below 40,000 primitives no memory */
+    bool plain_write;            /* a memory, its update without the
+                                  * projection */
     bool raw_networks;           /* parameters of all networks in steps of
                                   * 2^-11, unpriced, 16 bits each where sources
                                   * are weighed against them */

@@ -674,7 +674,8 @@ static const saga_cli_option option_list[] = {
       offsetof(options, groups), 1, 16 },
     { "--no-memory", NULL, "... without the memory of all that was decoded",
       saga_cli_flag, offsetof(options, no_memory), 0, 0 },
-    { "--slots", "L", "... with 32, 64, 128, 256 or 512 slots of memory",
+    { "--slots", "L", "... with 32, 64, 128, 256 or 512 slots of memory\n"
+      "(default: 64, below 40,000 primitives no memory)",
       saga_cli_int, offsetof(options, slots), 32, 512 },
     { "--update", "orth|plain", "... which are told what they do not hold yet "
       "(orth, the\ndefault), or all of it", read_update,
