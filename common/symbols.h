@@ -32,18 +32,45 @@ typedef struct saga_symbols {
     int32_t *prim_offset;    /* (prim, 4) q */
 } saga_symbols;
 
+/* Which weights of a layer share a scale: all, those of a row (what one output
+ * is given) or of a column (what one input gives). */
+enum {
+    SAGA_SCALE_TENSOR,
+    SAGA_SCALE_ROW,
+    SAGA_SCALE_COLUMN,
+    SAGA_N_SCALE_MODES
+};
+
+enum {
+    SAGA_N_DROPS = 12,       /* a line's scale lies 0..11 drops below the */
+    SAGA_DROP = 4            /* layer's, of this many indices each */
+};
+
 /* The symbols of one layer of a network. w = fx_rshift64(q * step_q16, s) per
  * weight, bias = q << bias_shift. */
 typedef struct saga_layer_symbols {
     uint32_t step_q16;       /* 1..65535 */
     uint8_t step_shift;      /* s, 0..31 */
     uint8_t bias_shift;      /* 0..31 */
-    uint8_t weight_scale;    /* scale index of the residual coder, 0..63 */
+    uint8_t weight_scale;    /* scale index of the residual coder, 0..63; by
+                              * lines, what they drop from */
     uint8_t bias_scale;
+    uint8_t scale_mode;      /* SAGA_SCALE_* */
+    uint8_t *drop;           /* (saga_scale_lines) 0..SAGA_N_DROPS-1; a line's
+                              * scale, weight_scale - SAGA_DROP drop[i], is 0
+                              * or more */
     int32_t *weight;         /* (n_out, n_in) q */
     int32_t *bias;           /* (n_out) q */
     uint8_t *shift;          /* (n_out) row shifts, 0..24 */
 } saga_layer_symbols;
+
+/* Rows or columns of a layer that have a scale of their own. */
+static inline uint32_t saga_scale_lines(uint32_t mode, uint32_t n_in,
+                                        uint32_t n_out)
+{
+    return mode == SAGA_SCALE_ROW ? n_out
+         : mode == SAGA_SCALE_COLUMN ? n_in : 0;
+}
 
 typedef struct saga_net_symbols {
     saga_layer_symbols layer[SAGA_N_NETS][SAGA_MAX_LAYERS];
@@ -68,6 +95,8 @@ enum {
     SAGA_SYM_NET_BIAS_SHIFT, /* 5 bits */
     SAGA_SYM_NET_WEIGHT_SCALE, /* 6 bits */
     SAGA_SYM_NET_BIAS_SCALE, /* 6 bits */
+    SAGA_SYM_NET_SCALE_MODE, /* index: net, bit: layer */
+    SAGA_SYM_NET_DROP,       /* index: net, bit: layer, row: row or column */
     SAGA_SYM_NET_ROW_SHIFT,  /* index: net, bit: layer, row; column 0: eights,
                               * 1: rest */
     SAGA_SYM_NET_BIAS,       /* index: net, bit: layer, row; 1 residual */

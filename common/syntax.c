@@ -22,18 +22,19 @@ static saga_at at_symbol(uint8_t sym, uint32_t index, uint32_t bit)
 /* Residuals of a network are asked for in pieces of this many: the stack. */
 enum { PIECE = 64 };
 
-/* A row shift, 0..24, is coded as its eights and its rest. */
 typedef struct {
-    saga_adaptive high, low[4];
-} shift_models;
+    saga_adaptive shift_high, shift_low[4];
+    saga_adaptive scale_mode, drop;
+} net_models;
 
-static int code_shift(shift_models *m, saga_coder *c, saga_at at)
+/* A row shift, 0..24, is coded as its eights and its rest. */
+static int code_shift(net_models *m, saga_coder *c, saga_at at)
 {
     uint32_t high, low;
 
-    high = c->adaptive(c, at, &m->high, 4);
+    high = c->adaptive(c, at, &m->shift_high, 4);
     at.column = 1;
-    low = c->adaptive(c, at, &m->low[high], 8);
+    low = c->adaptive(c, at, &m->shift_low[high], 8);
     return (int)(8 * high + low);
 }
 
@@ -41,9 +42,11 @@ typedef struct {
     uint32_t step_q16;
     int step_shift, bias_shift;
     uint8_t weight_scale, bias_scale;
+    uint32_t scale_mode;
 } layer_fields;
 
-static void code_fields(layer_fields *f, saga_coder *c, int net, int i)
+static void code_fields(layer_fields *f, net_models *m, saga_coder *c, int net,
+                        int i)
 {
     saga_at at = at_symbol(SAGA_SYM_NET_STEP, (uint32_t)net, (uint32_t)i);
 
@@ -56,6 +59,47 @@ static void code_fields(layer_fields *f, saga_coder *c, int net, int i)
     f->weight_scale = (uint8_t)c->uniform(c, at, 6);
     at.sym = SAGA_SYM_NET_BIAS_SCALE;
     f->bias_scale = (uint8_t)c->uniform(c, at, 6);
+    at.sym = SAGA_SYM_NET_SCALE_MODE;
+    f->scale_mode = c->adaptive(c, at, &m->scale_mode, SAGA_N_SCALE_MODES);
+}
+
+static void fill(uint8_t *scale, uint32_t n, int value)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        scale[i] = (uint8_t)value;
+}
+
+/* The scale of a row or column, for n weights. Returns 0 if there is none so
+ * low. */
+static int code_scale(uint8_t *scale, uint32_t n, const layer_fields *f,
+                      net_models *m, saga_coder *c, saga_at at)
+{
+    int value;
+
+    at.sym = SAGA_SYM_NET_DROP;
+    value = f->weight_scale -
+            SAGA_DROP * (int)c->adaptive(c, at, &m->drop, SAGA_N_DROPS);
+    if (value < 0)
+        return 0;
+    fill(scale, n, value);
+    return 1;
+}
+
+/* What the rows begin with: the scales of the columns. */
+static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
+                        net_models *m, saga_coder *c, saga_at at)
+{
+    uint32_t k;
+
+    fill(scale, n_in, f->weight_scale);
+    for (k = 0; f->scale_mode == SAGA_SCALE_COLUMN && k < n_in; k++) {
+        at.row = (uint16_t)k;
+        if (!code_scale(scale + k, 1, f, m, c, at))
+            return 0;
+    }
+    return 1;
 }
 
 static void store_weight(uint8_t *weights, int int8, size_t at, int32_t w)
@@ -66,45 +110,53 @@ static void store_weight(uint8_t *weights, int int8, size_t at, int32_t w)
         ((int16_t *)(void *)weights)[at] = (int16_t)w;
 }
 
-/* A row of weights with its padding, from element `base` on; returns sum|w|,
+/* Where a row of weights goes: element `base` on. */
+typedef struct {
+    uint8_t *weights;
+    size_t base;
+    uint32_t n_in;
+    int int8;
+} row_place;
+
+/* A row of weights with its padding, the scale of each given; returns sum|w|,
  * or -1 if one is out of range. |q * step| < 2^32. */
-static int64_t code_weights(uint8_t *weights, size_t base, uint32_t n_in,
-                            int int8, const layer_fields *f, saga_coder *c,
-                            saga_at at)
+static int64_t code_weights(const row_place *to, const uint8_t *scale,
+                            const layer_fields *f, saga_coder *c, saga_at at)
 {
-    const int32_t limit = int8 ? 127 : 32767;
-    uint8_t scale[PIECE];
+    const int32_t limit = to->int8 ? 127 : 32767;
+    const uint32_t n_in = to->n_in;
     int32_t q[PIECE];
     int64_t sum = 0;
     uint32_t k, i;
 
-    for (i = 0; i < PIECE; i++)
-        scale[i] = f->weight_scale;
     for (k = 0; k < n_in; k += PIECE) {
         const uint32_t n = n_in - k < PIECE ? n_in - k : PIECE;
 
         at.column = (uint16_t)k;
-        c->residual(c, at, q, NULL, f->step_q16, scale, n);
+        c->residual(c, at, q, NULL, f->step_q16, scale + k, n);
         for (i = 0; i < n; i++) {
             const int64_t w = fx_rshift64((int64_t)q[i] * f->step_q16,
                                           f->step_shift);
 
             if (w < -limit || w > limit)
                 return -1;
-            store_weight(weights, int8, base + k + i, (int32_t)w);
+            store_weight(to->weights, to->int8, to->base + k + i, (int32_t)w);
             sum += w < 0 ? -w : w;
         }
     }
     for (k = n_in; k < saga_mlp_pad(n_in); k++)
-        store_weight(weights, int8, base + k, 0);
+        store_weight(to->weights, to->int8, to->base + k, 0);
     return sum;
 }
 
 static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
-                      shift_models *shifts, saga_coder *c)
+                      net_models *models, saga_coder *c)
 {
     const saga_net_shape *const s = &nets->shape[net];
     const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
+    saga_at at = at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
+                           (uint32_t)i);
+    uint8_t scale[SAGA_MAX_VECTOR];
     saga_layer_place place;
     layer_fields f;
     int32_t *bias;
@@ -112,25 +164,28 @@ static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
 
     saga_nets_place(&place, nets, net, i);
     bias = (int32_t *)(void *)(block + place.bias);
-    code_fields(&f, c, net, i);
-    if (f.step_q16 == 0)
+    code_fields(&f, models, c, net, i);
+    if (f.step_q16 == 0 || !code_columns(scale, n_in, &f, models, c, at))
         return 0;
     for (row = 0; row < n_out; row++) {
-        saga_at at = at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
-                               (uint32_t)i);
+        const row_place to = { block + place.weight,
+                               (size_t)row * saga_mlp_pad(n_in), n_in,
+                               s->int8 };
         int32_t q;
         int64_t b, sum;
         int shift;
 
         at.row = (uint16_t)row;
-        shift = code_shift(shifts, c, at);
+        at.sym = SAGA_SYM_NET_ROW_SHIFT;
+        shift = code_shift(models, c, at);
+        if (f.scale_mode == SAGA_SCALE_ROW &&
+            !code_scale(scale, n_in, &f, models, c, at))
+            return 0;
         at.sym = SAGA_SYM_NET_BIAS;
         c->residual(c, at, &q, NULL, 1u << 16, &f.bias_scale, 1);
         b = (int64_t)q * ((int64_t)1 << f.bias_shift);
         at.sym = SAGA_SYM_NET_WEIGHT;
-        sum = code_weights(block + place.weight,
-                           (size_t)row * saga_mlp_pad(n_in), n_in, s->int8,
-                           &f, c, at);
+        sum = code_weights(&to, scale, &f, c, at);
         if (c->error || sum < 0 || !saga_mlp_row_is_valid(sum, b, shift))
             return 0;
         bias[row] = (int32_t)b;
@@ -141,15 +196,17 @@ static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
 
 int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
 {
-    shift_models shifts;
+    net_models models;
     int net, i;
 
-    saga_adaptive_init(&shifts.high, 4);
+    saga_adaptive_init(&models.shift_high, 4);
     for (i = 0; i < 4; i++)
-        saga_adaptive_init(&shifts.low[i], 8);
+        saga_adaptive_init(&models.shift_low[i], 8);
+    saga_adaptive_init(&models.scale_mode, SAGA_N_SCALE_MODES);
+    saga_adaptive_init(&models.drop, SAGA_N_DROPS);
     for (net = 0; net < SAGA_N_NETS; net++)
         for (i = 0; i < nets->shape[net].n_layers; i++)
-            if (!code_layer(nets, block, net, i, &shifts, c))
+            if (!code_layer(nets, block, net, i, &models, c))
                 return 0;
     return 1;
 }

@@ -233,6 +233,30 @@ static target target_of(const saga_model *m, int net, uint32_t row)
     return t;
 }
 
+uint32_t gen_scale_of(const saga_layer_symbols *l, size_t row, size_t column)
+{
+    const uint32_t drop = l->scale_mode == SAGA_SCALE_ROW ? l->drop[row]
+                        : l->scale_mode == SAGA_SCALE_COLUMN ? l->drop[column]
+                        : 0;
+
+    return l->weight_scale - SAGA_DROP * drop;
+}
+
+/* Any mode and drops, mostly small ones. */
+static void make_scales(saga_layer_symbols *l, uint32_t n_in, uint32_t n_out,
+                        uint64_t *r)
+{
+    const int32_t most = fx_min(one_in(r, 4) ? SAGA_N_DROPS - 1 : 3,
+                                l->weight_scale / SAGA_DROP);
+    uint32_t n, i;
+
+    l->scale_mode = (uint8_t)gen_range(r, 0, SAGA_N_SCALE_MODES - 1);
+    n = saga_scale_lines(l->scale_mode, n_in, n_out);
+    l->drop = array(n, 1);
+    for (i = 0; i < n; i++)
+        l->drop[i] = (uint8_t)gen_range(r, 0, most);
+}
+
 /* A valid layer: |w| small enough that no row can overflow, row shifts near
  * what keeps random inputs in range. */
 static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
@@ -249,6 +273,7 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
     l->bias_shift = (uint8_t)gen_range(r, 0, 8);
     l->weight_scale = (uint8_t)gen_range(r, 30, 63);
     l->bias_scale = (uint8_t)gen_range(r, 0, 63);
+    make_scales(l, n_in, n_out, r);
     l->weight = array((size_t)n_in * n_out, sizeof *l->weight);
     l->bias = array(n_out, sizeof *l->bias);
     l->shift = array(n_out, 1);
@@ -589,6 +614,7 @@ void gen_stream_free(gen_stream *g)
             free(g->nets.layer[net][k].weight);
             free(g->nets.layer[net][k].bias);
             free(g->nets.layer[net][k].shift);
+            free(g->nets.layer[net][k].drop);
         }
     for (i = 0; i < g->n_segments; i++)
         free_symbols(&g->segment[i]);

@@ -56,6 +56,9 @@ void gen_stream_free(gen_stream *g);
 /* The file's bytes (free them); exits with a message if the encoder refuses. */
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n);
 
+/* The scale of a layer's weight. */
+uint32_t gen_scale_of(const saga_layer_symbols *l, size_t row, size_t column);
+
 /* Writes the header's CRC anew after a change in its bytes. */
 void gen_stream_sign_header(uint8_t *bytes);
 

@@ -5,8 +5,11 @@
  * run it only when the format changes (`make vectors`), and look at why.
  */
 #include "fx.h"
+#include "gen_mutate.h"
 #include "gen_stream.h"
 #include "plan.h"
+#include "prob.h"
+#include "range_enc.h"
 #include "vectors.h"
 
 #include <inttypes.h>
@@ -333,6 +336,48 @@ static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
     free(copy);
 }
 
+/* A symbol of a model that is fresh. */
+static void put(saga_range_enc *e, uint32_t n_sym, uint32_t sym)
+{
+    saga_adaptive m;
+
+    saga_adaptive_init(&m, n_sym);
+    saga_range_enc_interval(e, saga_adaptive_start(&m, sym),
+                            sym + 1 < n_sym ? m.start[sym] : SAGA_PROB_TOTAL);
+}
+
+/* Networks that begin with a row whose scale would be -1. */
+static void bad_scale(void)
+{
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1 };
+    gen_stream g;
+    mutate_file f;
+    saga_range_enc e;
+    uint8_t *bytes, *changed, begin[16];
+    size_t n;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    mutate_split(&f, bytes, n);
+    saga_range_enc_init(&e, begin, sizeof begin);
+    saga_range_enc_bits(&e, 1, 16);      /* step */
+    saga_range_enc_bits(&e, 0, 10);      /* its shift, the biases' */
+    saga_range_enc_bits(&e, SAGA_DROP - 1, 6);
+    saga_range_enc_bits(&e, 0, 6);       /* scale of biases */
+    put(&e, SAGA_N_SCALE_MODES, SAGA_SCALE_ROW);
+    put(&e, 4, 0);                       /* shift */
+    put(&e, 8, 0);
+    put(&e, SAGA_N_DROPS, 1);
+    memcpy(f.part[1].p, begin, saga_range_enc_finish(&e));
+    changed = mutate_join(&f, &n);
+    bad("scale_below_zero", changed, n, SAGA_ERR_DATA);
+    free(changed);
+    mutate_free(&f);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
 /* What a memory may not be, in a file that has one. */
 static void bad_memory(void)
 {
@@ -529,6 +574,7 @@ int main(int argc, char **argv)
         good(stems[i], &options[i]);
     good_full();
     bad_all();
+    bad_scale();
     bad_memory();
     bad_classes();
     bad_fuse();

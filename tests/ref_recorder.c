@@ -99,6 +99,12 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
     case SAGA_SYM_PRIM_SUFFIX:
         keep_set(r->s->prim_suffix, at, n_sym - 1, sym);
         break;
+    case SAGA_SYM_NET_SCALE_MODE:
+        layer_of(r, at)->scale_mode = (uint8_t)sym;
+        break;
+    case SAGA_SYM_NET_DROP:
+        layer_of(r, at)->drop[at.row] = (uint8_t)sym;
+        break;
     default:
         layer_of(r, at)->shift[at.row] = (uint8_t)(at.column
             ? layer_of(r, at)->shift[at.row] | sym : sym << 3);
@@ -178,6 +184,7 @@ void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes)
             l->weight = array((size_t)dim[0] * dim[1], sizeof(int32_t));
             l->bias = array(dim[1], sizeof(int32_t));
             l->shift = array(dim[1], 1);
+            l->drop = array(dim[0] > dim[1] ? dim[0] : dim[1], 1);
         }
 }
 
@@ -204,6 +211,7 @@ void recorder_free_nets(saga_net_symbols *s)
             free(s->layer[net][i].weight);
             free(s->layer[net][i].bias);
             free(s->layer[net][i].shift);
+            free(s->layer[net][i].drop);
         }
 }
 

@@ -292,11 +292,12 @@ static int32_t draw(uint64_t *r, uint32_t scale, int32_t limit)
 static void draw_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
                        uint64_t *r)
 {
-    const size_t n = (size_t)s->dim[i] * s->dim[i + 1];
+    const size_t n_in = s->dim[i];
     size_t k;
 
-    for (k = 0; k < n; k++)
-        l->weight[k] = draw(r, l->weight_scale, s->int8 ? 127 : 2000);
+    for (k = 0; k < n_in * s->dim[i + 1]; k++)
+        l->weight[k] = draw(r, gen_scale_of(l, k / n_in, k % n_in),
+                            s->int8 ? 127 : 2000);
     for (k = 0; k < s->dim[i + 1]; k++)
         l->bias[k] = draw(r, l->bias_scale, SAGA_MAX_RESIDUAL);
 }
@@ -313,6 +314,7 @@ static uint32_t constant_entropy(saga_layer_symbols *l,
     memset(l->weight, 0, (size_t)s->dim[i] * n_out * sizeof *l->weight);
     memset(l->shift, 0, n_out);
     l->weight_scale = 0;
+    l->scale_mode = SAGA_SCALE_TENSOR;
     l->bias_shift = 0;
     l->bias_scale = 63;
     for (k = 0; k < n_out; k++)

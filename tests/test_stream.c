@@ -81,6 +81,9 @@ static void assert_same_layer(const saga_layer_symbols *a,
     assert_int_equal(a->bias_shift, b->bias_shift);
     assert_int_equal(a->weight_scale, b->weight_scale);
     assert_int_equal(a->bias_scale, b->bias_scale);
+    assert_int_equal(a->scale_mode, b->scale_mode);
+    SAME(a->drop, b->drop, saga_scale_lines(a->scale_mode, (uint32_t)n_in,
+                                            (uint32_t)n_out));
     SAME(a->weight, b->weight, n_in * n_out);
     SAME(a->bias, b->bias, n_out);
     SAME(a->shift, b->shift, n_out);
@@ -739,6 +742,45 @@ static void net_step_shift(gen_stream *g) { first_layer(g)->step_shift = 32; }
 static void net_bias_shift(gen_stream *g) { first_layer(g)->bias_shift = 32; }
 static void net_scale(gen_stream *g) { first_layer(g)->weight_scale = 64; }
 static void net_bias_scale(gen_stream *g) { first_layer(g)->bias_scale = 64; }
+
+static void net_scale_mode(gen_stream *g)
+{
+    first_layer(g)->scale_mode = SAGA_N_SCALE_MODES;
+}
+
+/* The first line of the given kind, where the scale allows all drops but it. */
+static void drop_to(gen_stream *g, uint8_t mode, int scale, int drop)
+{
+    saga_layer_symbols *const l = first_layer(g);
+
+    free(l->drop);
+    l->drop = calloc(SAGA_MAX_VECTOR, 1);
+    assert_non_null(l->drop);
+    l->scale_mode = mode;
+    l->weight_scale = (uint8_t)scale;
+    l->drop[0] = (uint8_t)drop;
+}
+
+static void net_drop_over_row(gen_stream *g)
+{
+    drop_to(g, SAGA_SCALE_ROW, 63, SAGA_N_DROPS);
+}
+
+static void net_drop_over_column(gen_stream *g)
+{
+    drop_to(g, SAGA_SCALE_COLUMN, 63, SAGA_N_DROPS);
+}
+
+static void net_row_below_0(gen_stream *g)
+{
+    drop_to(g, SAGA_SCALE_ROW, 2 * SAGA_DROP - 1, 2);
+}
+
+static void net_column_below_0(gen_stream *g)
+{
+    drop_to(g, SAGA_SCALE_COLUMN, 2 * SAGA_DROP - 1, 2);
+}
+
 static void net_row_shift_25(gen_stream *g) { first_layer(g)->shift[0] = 25; }
 static void net_row_shift_32(gen_stream *g) { first_layer(g)->shift[0] = 32; }
 
@@ -782,6 +824,11 @@ static void encoder_should_refuse_networks_that_are_not_valid(void **state)
     NETS_REFUSED(net_bias_shift);
     NETS_REFUSED(net_scale);
     NETS_REFUSED(net_bias_scale);
+    NETS_REFUSED(net_scale_mode);
+    NETS_REFUSED(net_drop_over_row);
+    NETS_REFUSED(net_drop_over_column);
+    NETS_REFUSED(net_row_below_0);
+    NETS_REFUSED(net_column_below_0);
     NETS_REFUSED(net_row_shift_25);
     NETS_REFUSED(net_row_shift_32);
     NETS_REFUSED(net_overflow);

@@ -277,7 +277,8 @@ static void train_should_estimate_what_is_written(void **state)
                         r.report.sizes.bits[coded[i]]));
         if (variant < 2)
             assert_true(agrees("weights", r.report.weight_bits,
-                               r.report.sizes.bits[SAGA_SYM_NET_WEIGHT]));
+                               r.report.sizes.bits[SAGA_SYM_NET_WEIGHT] +
+                               r.report.sizes.bits[SAGA_SYM_NET_DROP]));
         chunks_should_be_what_was_spent(&r.report.sizes);
         free(r.bytes);
     }

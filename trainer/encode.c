@@ -82,6 +82,10 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
         return count_low(s->fine_suffix + at.index, n_sym - 1, at.bit);
     case SAGA_SYM_PRIM_SUFFIX:
         return count_low(s->prim_suffix + at.index, n_sym - 1, at.bit);
+    case SAGA_SYM_NET_SCALE_MODE:
+        return layer_of(e, at)->scale_mode;
+    case SAGA_SYM_NET_DROP:
+        return layer_of(e, at)->drop[at.row];
     default:
         return at.column ? layer_of(e, at)->shift[at.row] & 7u
                          : layer_of(e, at)->shift[at.row] >> 3;

@@ -123,73 +123,152 @@ static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
     }
 }
 
-static double bits_at(const int32_t *q, size_t n, long scale)
-{
-    double bits = 0;
-    size_t i;
+/* Bits of residuals that share a scale, at each of them. */
+typedef struct {
+    double at[SAGA_N_SCALES];
+} scale_bits;
 
-    for (i = 0; i < n; i++)
-        bits += saga_cost_residual(q[i], (uint32_t)scale);
-    return bits;
+static void add_residual(scale_bits *b, int32_t q)
+{
+    uint32_t i;
+
+    for (i = 0; i < SAGA_N_SCALES; i++)
+        b->at[i] += saga_cost_residual(q, i);
 }
 
-/* From where sigma fits the spread downhill, to the least bits. */
-uint8_t saga_quantise_scale(const int32_t *q, size_t n)
+static uint8_t least_scale(const scale_bits *b)
 {
-    double sum = 0, least;
-    long best;
-    size_t i;
-    int side;
+    uint8_t best = 0, i;
+
+    for (i = 1; i < SAGA_N_SCALES; i++)
+        if (b->at[i] < b->at[best])
+            best = i;
+    return best;
+}
+
+static uint8_t bias_scale(const int32_t *q, uint32_t n)
+{
+    scale_bits b = { { 0 } };
+    uint32_t i;
 
     for (i = 0; i < n; i++)
-        sum += (double)q[i] * q[i];
-    best = lround(SAGA_SCALE_PER_OCTAVE * 0.5 * log2(sum / (double)(n + !n) +
-                                                     1e-9)) + SAGA_SCALE_UNIT;
-    best = best < 0 ? 0 : best >= SAGA_N_SCALES ? SAGA_N_SCALES - 1 : best;
-    least = bits_at(q, n, best);
-    for (side = -1; side <= 1; side += 2)
-        while (best + side >= 0 && best + side < SAGA_N_SCALES) {
-            const double bits = bits_at(q, n, best + side);
+        add_residual(&b, q[i]);
+    return least_scale(&b);
+}
 
-            if (bits >= least)
-                break;
-            least = bits;
-            best += side;
+/* The scales of a layer's weights, and what all of that takes. */
+typedef struct {
+    double bits;
+    uint8_t mode, scale, drop[SAGA_MAX_VECTOR];
+} layer_scales;
+
+/* Scales that lines drop to from the given one. */
+static layer_scales drop_from(uint8_t scale, uint32_t mode,
+                              const scale_bits *line, uint32_t n)
+{
+    layer_scales s = { (double)SAGA_QUANTISE_LINE_BITS * n, (uint8_t)mode,
+                       scale, { 0 } };
+    uint32_t i;
+    uint8_t d;
+
+    for (i = 0; i < n; i++) {
+        const double *const at = line[i].at;
+
+        for (d = 1; d < SAGA_N_DROPS && d * SAGA_DROP <= scale; d++)
+            if (at[scale - d * SAGA_DROP] <
+                at[scale - s.drop[i] * SAGA_DROP])
+                s.drop[i] = d;
+        s.bits += at[scale - s.drop[i] * SAGA_DROP];
+    }
+    return s;
+}
+
+/* Takes a scale for each of the lines if that is less. The layer's is within a
+ * drop of the highest. */
+static void try_lines(layer_scales *best, uint32_t mode,
+                      const scale_bits *line, uint32_t n)
+{
+    int top = 0, scale;
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        top = fx_max(top, least_scale(&line[i]));
+    for (scale = fx_max(top - SAGA_DROP + 1, 0); scale <= top; scale++) {
+        const layer_scales s = drop_from((uint8_t)scale, mode, line, n);
+
+        if (s.bits < best->bits)
+            *best = s;
+    }
+}
+
+/* Of residuals q (rows, columns). */
+static layer_scales least_scales(const int32_t *q, uint32_t rows,
+                                 uint32_t columns)
+{
+    scale_bits *const row = must(calloc(rows + columns + 1u, sizeof *row));
+    scale_bits *const column = row + rows;
+    layer_scales best = { .mode = SAGA_SCALE_TENSOR };
+    scale_bits all = { { 0 } };
+    uint32_t i, k, s;
+
+    for (i = 0; i < rows; i++)
+        for (k = 0; k < columns; k++) {
+            add_residual(&row[i], q[(size_t)i * columns + k]);
+            add_residual(&column[k], q[(size_t)i * columns + k]);
         }
-    return (uint8_t)best;
+    for (i = 0; i < rows; i++)
+        for (s = 0; s < SAGA_N_SCALES; s++)
+            all.at[s] += row[i].at[s];
+    best.scale = least_scale(&all);
+    best.bits = all.at[best.scale];
+    try_lines(&best, SAGA_SCALE_ROW, row, rows);
+    try_lines(&best, SAGA_SCALE_COLUMN, column, columns);
+    free(row);
+    return best;
 }
 
-double saga_quantise_bits(const float *w, size_t n, double step)
+static void set_scales(saga_layer_symbols *out, uint32_t rows,
+                       uint32_t columns)
 {
-    int32_t *const q = calloc(n + 1, sizeof *q);
+    const layer_scales s = least_scales(out->weight, rows, columns);
+    const uint32_t n = saga_scale_lines(s.mode, columns, rows);
+
+    out->weight_scale = s.scale;
+    out->scale_mode = s.mode;
+    out->drop = must(calloc(n + 1u, 1));
+    memcpy(out->drop, s.drop, n);
+    out->bias_scale = bias_scale(out->bias, rows);
+}
+
+double saga_quantise_bits(const float *w, size_t rows, size_t columns,
+                          double step)
+{
+    int32_t *const q = must(calloc(rows * columns + 1, sizeof *q));
     double bits;
     size_t i;
 
-    if (!q)
-        return HUGE_VAL;
-    for (i = 0; i < n; i++)
+    for (i = 0; i < rows * columns; i++)
         q[i] = (int32_t)lrint((double)w[i] / step);
-    bits = bits_at(q, n, saga_quantise_scale(q, n));
+    bits = least_scales(q, (uint32_t)rows, (uint32_t)columns).bits;
     free(q);
     return bits;
 }
 
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
 {
-    const size_t n = (size_t)v->n_in * v->n_out;
     /* The scale at which a step is 1 to 2 LSB, and what 16 bits can hold. */
     const int unit = (int)ceil(-log2((double)v->step));
     int e = fx_min(unit + 15, most_exponent(v));
 
-    out->weight = must(calloc(n + 1, sizeof *out->weight));
+    out->weight = must(calloc((size_t)v->n_in * v->n_out + 1,
+                              sizeof *out->weight));
     out->bias = must(calloc(v->n_out + 1u, sizeof *out->bias));
     out->shift = must(calloc(v->n_out + 1u, 1));
     while (e > unit && !try_layer(out, v, e))
         e--;
     if (e <= unit)
         force_layer(out, v, unit);
-    out->weight_scale = saga_quantise_scale(out->weight, n);
-    out->bias_scale = saga_quantise_scale(out->bias, v->n_out);
+    set_scales(out, v->n_out, v->n_in);
 }
 
 void saga_dequantise_layer(float *weight, float *bias,
@@ -218,6 +297,7 @@ void saga_net_symbols_free(saga_net_symbols *s)
             free(s->layer[net][i].weight);
             free(s->layer[net][i].bias);
             free(s->layer[net][i].shift);
+            free(s->layer[net][i].drop);
         }
     memset(s, 0, sizeof *s);
 }

@@ -33,15 +33,17 @@ typedef struct saga_layer_values {
  * as large as every row's headroom allows, so that the multiples are met to a
  * small part of the step. Where a row is so large, or its q_out so low, that a
  * step would become less than 1 LSB of it, that row's steps double until it is
- * valid. Scales are those of least bits. */
+ * valid. One scale for all weights, for each row or for each column: what is
+ * least bits, scales included. */
 void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v);
 
-/* The scale index of least bits for residuals q[0..n). */
-uint8_t saga_quantise_scale(const int32_t *q, size_t n);
+/* Bits of the scale of a row or column, about. */
+enum { SAGA_QUANTISE_LINE_BITS = 3 };
 
-/* Code length of weights w[0..n), rounded to multiples of step > 0, with that
- * scale. Infinite without memory. */
-double saga_quantise_bits(const float *w, size_t n, double step);
+/* Code length of a layer's weights w (rows, columns), rounded to multiples of
+ * step > 0, with the scales of least bits; those of rows or columns count. */
+double saga_quantise_bits(const float *w, size_t rows, size_t columns,
+                          double step);
 
 /* What a layer's symbols stand for, in reals: weights (n_out, n_in) and biases
  * (n_out), exactly the decoder's integers. */

@@ -138,7 +138,8 @@ typedef struct saga_train_report {
     saga_class_gain classes[SAGA_N_CLASS_KINDS]; /* of counts and sets */
     uint32_t n_parameters;       /* weights and biases of all networks */
     double weight_bits;          /* of all weights of the networks with inputs,
-                                  * but the entropy model's */
+                                  * but the entropy model's, and of scales by
+                                  * row or column */
     saga_train_quality warm;     /* the flat warm-up */
     saga_train_quality model;    /* the float model, coarse features and
                                   * networks rounded */

@@ -53,6 +53,8 @@ static uint32_t layer_crc(uint32_t crc, const saga_layer_symbols *l,
     crc = crc_u32(crc, l->bias_shift);
     crc = crc_u32(crc, l->weight_scale);
     crc = crc_u32(crc, l->bias_scale);
+    crc = crc_u32(crc, l->scale_mode);
+    crc = crc_u8s(crc, l->drop, saga_scale_lines(l->scale_mode, n_in, n_out));
     crc = crc_i32s(crc, l->weight, (size_t)n_in * n_out);
     crc = crc_i32s(crc, l->bias, n_out);
     return crc_u8s(crc, l->shift, n_out);

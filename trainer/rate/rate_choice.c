@@ -135,12 +135,10 @@ static double weights_bits(const saga_net *net, const saga_rate_plan *plan,
     if (plan->raw)
         return net->n_layers ? SAGA_RAW_BITS * (double)saga_net_n_params(net)
                              : 0;
-    for (l = 0; l < net->n_layers; l++) {
-        const size_t n = (size_t)net->dim[l] * (size_t)net->dim[l + 1];
-
-        bits += saga_quantise_bits(net->w[l], n, step) + LAYER_BITS +
+    for (l = 0; l < net->n_layers; l++)
+        bits += saga_quantise_bits(net->w[l], (size_t)net->dim[l + 1],
+                                   (size_t)net->dim[l], step) + LAYER_BITS +
                 ROW_BITS * net->dim[l + 1];
-    }
     return bits;
 }
 

@@ -2,6 +2,8 @@
 #include "weight_rate.h"
 
 #include "normal.h"
+#include "prob.h"
+#include "quantise.h"
 #include "rng.h"
 
 #include <math.h>
@@ -31,23 +33,48 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
         }
 }
 
-static double rms(const real *x, const saga_weight_tensor *t)
+/* Deviations of a tensor's rows or columns, or of all of it. */
+typedef struct {
+    int mode;                /* SAGA_SCALE_* */
+    size_t lines;
+    double sigma[SAGA_MAX_VECTOR];
+} deviations;
+
+/* The line of parameter i of a tensor. */
+static size_t line_of(int mode, size_t i, size_t cols)
+{
+    return mode == SAGA_SCALE_ROW ? i / cols
+         : mode == SAGA_SCALE_COLUMN ? i % cols : 0;
+}
+
+/* None is below `least`. */
+static void measure(deviations *d, int mode, const real *x,
+                    const saga_weight_tensor *t, double least)
 {
     const size_t n = t->rows * t->cols;
-    double sum = 0;
     size_t i;
 
+    d->mode = mode;
+    d->lines = mode == SAGA_SCALE_ROW ? t->rows
+             : mode == SAGA_SCALE_COLUMN ? t->cols : 1;
+    memset(d->sigma, 0, d->lines * sizeof *d->sigma);
     for (i = 0; i < n; i++)
-        sum += (double)x[t->at + i] * (double)x[t->at + i];
-    return sqrt(sum / (double)n + 1e-12);
+        d->sigma[line_of(mode, i, t->cols)] +=
+            (double)x[t->at + i] * (double)x[t->at + i];
+    for (i = 0; i < d->lines; i++)
+        d->sigma[i] = fmax(sqrt(d->sigma[i] * (double)d->lines / (double)n),
+                           least);
 }
 
 void saga_weights_start(saga_weights *w, const real *params)
 {
+    deviations d;
     int t;
 
-    for (t = 0; t < w->n; t++)
-        w->log2_step[t] = (real)log2(rms(params, &w->tensor[t]) / 64);
+    for (t = 0; t < w->n; t++) {
+        measure(&d, SAGA_SCALE_TENSOR, params, &w->tensor[t], 1e-6);
+        w->log2_step[t] = (real)log2(d.sigma[0] / 64);
+    }
 }
 
 int saga_weights_find(const saga_weights *w, int net, int layer)
@@ -119,6 +146,45 @@ static cost cost_of(double y, double step, double sigma)
                    -(pa + pb) * step / 2 * scale };
 }
 
+/* About what n parameters and their deviations' scales take: a normal
+ * distribution's log2(sigma / step sqrt(2 pi e)) each, with a 1 under the root
+ * so that what is far below a step takes nothing. */
+static double about(const deviations *d, size_t n, double step)
+{
+    const double each = (double)n / (double)d->lines;
+    double bits = d->mode == SAGA_SCALE_TENSOR ? 0
+                : (double)SAGA_QUANTISE_LINE_BITS * (double)d->lines;
+    size_t i;
+
+    for (i = 0; i < d->lines; i++) {
+        const double r = d->sigma[i] / step;
+
+        bits += each * 0.5 * log2(1 + 2 * M_PI * M_E * r * r);
+    }
+    return bits;
+}
+
+/* By what takes the fewest bits; biases have one scale. No deviation is below
+ * that of the file's lowest scale. */
+static void choose(deviations *d, const real *x, const saga_weight_tensor *t,
+                   double step, int is_bias)
+{
+    const double least = step * exp2(-(double)SAGA_SCALE_UNIT /
+                                     SAGA_SCALE_PER_OCTAVE);
+    const size_t n = t->rows * t->cols;
+    int mode;
+
+    measure(d, SAGA_SCALE_TENSOR, x, t, least);
+    for (mode = SAGA_SCALE_ROW; !is_bias && mode < SAGA_N_SCALE_MODES;
+         mode++) {
+        deviations other;
+
+        measure(&other, mode, x, t, least);
+        if (about(&other, n, step) < about(d, n, step))
+            *d = other;
+    }
+}
+
 /* Everything of one tensor. */
 static void rate_of(real *dx, saga_weights *w, int t, const real *y,
                     const real *x, double price)
@@ -126,18 +192,22 @@ static void rate_of(real *dx, saga_weights *w, int t, const real *y,
     const size_t at = w->tensor[t].at;
     const size_t n = w->tensor[t].rows * w->tensor[t].cols;
     const double step = saga_weights_step(w, t);
-    const double sigma = fmax(rms(x, &w->tensor[t]), step / 16);
+    const size_t cols = w->tensor[t].cols;
     double bits = 0, by_ln = 0;
+    deviations d;
     size_t i;
 
+    choose(&d, x, &w->tensor[t], step, t % 2);
     for (i = at; i < at + n; i++) {
-        const cost k = cost_of((double)y[i], step, sigma);
+        const cost k = cost_of((double)y[i], step,
+                               d.sigma[line_of(d.mode, i - at, cols)]);
 
         bits += k.bits;
         dx[i] += (real)(price * k.by_y);
         by_ln += price * k.by_ln +
                  (double)dx[i] * ((double)y[i] - (double)x[i]);
     }
+    w->mode[t] = d.mode;
     w->bits[t] = bits;
     w->d_log2_step[t] = (real)(by_ln * M_LN2);
 }

@@ -9,9 +9,12 @@
  *     rounded            y = x, and x stands still
  *
  * Bits are those of a zero-mean normal distribution with the step around y as
- * its interval; common/prob.h's residuals are the integers of it. The deviation
- * is measured, and a constant of each step of training: it is the one of least
- * bits, where they do not change with it.
+ * its interval; common/prob.h's residuals are the integers of it. Biases have
+ * one deviation, weights as the file has it: one, one for each row or one for
+ * each column, by what takes the fewest bits with those of the scales counted.
+ * A row or column that matters little so gets a small deviation, which draws it
+ * to 0. Deviations are measured, and constants of each step of training: they
+ * are those of least bits, where these do not change with them.
  *
  * Gradients. y follows x one to one. By the step's logarithm dy = (y - x) ln 2:
  * noise grows with the step.
@@ -41,7 +44,8 @@ typedef struct saga_weights {
     real log2_step[SAGA_WEIGHT_TENSORS];
     real d_log2_step[SAGA_WEIGHT_TENSORS]; /* and Adam's moments: */
     real m[SAGA_WEIGHT_TENSORS], v[SAGA_WEIGHT_TENSORS];
-    double bits[SAGA_WEIGHT_TENSORS];      /* of the last saga_weights_rate */
+    double bits[SAGA_WEIGHT_TENSORS];      /* of the last saga_weights_rate, */
+    int mode[SAGA_WEIGHT_TENSORS];         /* and SAGA_SCALE_* it took */
 } saga_weights;
 
 #define saga_weights_list SAGA_REAL_NAME(saga_weights_list)
@@ -76,8 +80,9 @@ void saga_weights_noise(real *y, const real *x, const saga_weights *w,
 /* All tensors at multiples of their steps. */
 void saga_weights_round(real *y, const real *x, const saga_weights *w);
 
-/* Bits of all of y, also by tensor. Adds price times their gradient to dx,
- * which holds that of everything else; then sets the steps' gradients. */
+/* Bits of all of y, also by tensor, without those of scales. Adds price times
+ * their gradient to dx, which holds that of everything else; then sets the
+ * steps' gradients. */
 double saga_weights_rate(real *dx, saga_weights *w, const real *y,
                          const real *x, double price);
 

@@ -88,7 +88,7 @@ bool saga_fit_restore(saga_fit *fit, FILE *file);
 double saga_fit_bits(const saga_fit *fit);
 
 /* Bits of all weights (not biases) of the networks but the entropy model's,
- * after saga_fit_code. Infinite without memory. */
+ * and of their rows' or columns' scales, after saga_fit_code. */
 double saga_fit_weight_bits(const saga_fit *fit);
 
 #endif

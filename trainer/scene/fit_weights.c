@@ -180,7 +180,7 @@ double saga_fit_weight_bits(const saga_fit *f)
     for (t = 0; t < f->weights.n; t += 2) {
         const saga_weight_tensor *const w = &f->weights.tensor[t];
 
-        sum += saga_quantise_bits(f->params + w->at, w->rows * w->cols,
+        sum += saga_quantise_bits(f->params + w->at, w->rows, w->cols,
                                   saga_weights_step(&f->weights, t));
     }
     return sum;
