@@ -3,7 +3,7 @@
  * Points-major inner products in plain C. A reduction over int16 products is
  * what compilers vectorise best (pmaddwd and its relatives), four rows at a
  * time share every load of x, and padded rows leave no remainder: compile this
- * file with -O3. On x86 mlp_x86.h adds the lanes of four rows up together.
+ * file with -O3. On x86 mlp_x86.h takes eight rows at a time, in tiles.
  */
 #include "mlp.h"
 
@@ -164,22 +164,49 @@ static void finish(int16_t *y, const saga_layer *layer, const int32_t *sum,
         finish_rows(y, layer, sum, row, end - row);
 }
 
-void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x)
+/* Rows from `row` on, BLOCK at most, that follow one after the other. */
+static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
+                     uint32_t row, uint32_t n_row)
 {
     int32_t sum[BLOCK];
-    uint32_t row;
 
-    for (row = 0; row < layer->n_out; row += BLOCK) {
-        const uint32_t rest = layer->n_out - row;
-        const uint32_t n_row = rest < BLOCK ? rest : BLOCK;
+    if (layer->int8)
+        dot_rows_i8(sum, layer, x, row, n_row);
+    else
+        dot_rows_i16(sum, layer, x, row, n_row);
+    finish(y, layer, sum, row, n_row);
+}
 
-        if (layer->int8)
-            dot_rows_i8(sum, layer, x, row, n_row);
-        else
-            dot_rows_i16(sum, layer, x, row, n_row);
-        finish(y, layer, sum, row, n_row);
-    }
+void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x)
+{
+    const uint32_t n = layer->n_out;
+    uint32_t row = 0;
+
+#ifdef TILE
+    for (; row + TILE <= n; row += TILE)
+        run_tile(y, layer, x, row);
+#endif
+    for (; row < n; row += BLOCK)
+        run_rows(y, layer, x, row, n - row < BLOCK ? n - row : BLOCK);
 #ifdef SAGA_COUNT_MACS
     saga_count_macs((uint64_t)layer->n_in * layer->n_out);
 #endif
+}
+
+/* A tile is (pad(n_in) / 2, TILE, 2): pairs of inputs, for each the pairs of
+ * weights of its rows. Rows after the last tile, or all if there are none,
+ * follow one after the other. */
+size_t saga_mlp_weight_at(uint32_t n_in, uint32_t n_out, uint32_t row,
+                          uint32_t k)
+{
+    const size_t n = saga_mlp_pad(n_in);
+
+#ifdef TILE
+    if (row < n_out / TILE * TILE)
+        return (row - row % TILE) * n + k / 2 * (2 * TILE) + row % TILE * 2 +
+               k % 2;
+#else
+    (void)n_out;
+#endif
+    return row * n + k;
 }

@@ -66,13 +66,14 @@ static void store_weight(uint8_t *weights, int int8, size_t at, int32_t w)
         ((int16_t *)(void *)weights)[at] = (int16_t)w;
 }
 
-/* A row of weights with its padding, from element `base` on; returns sum|w|,
- * or -1 if one is out of range. |q * step| < 2^32. */
-static int64_t code_weights(uint8_t *weights, size_t base, uint32_t n_in,
+/* The row at.row of weights with its padding; returns sum|w|, or -1 if one is
+ * out of range. |q * step| < 2^32. */
+static int64_t code_weights(uint8_t *weights, uint32_t n_in, uint32_t n_out,
                             int int8, const layer_fields *f, saga_coder *c,
                             saga_at at)
 {
     const int32_t limit = int8 ? 127 : 32767;
+    const uint32_t row = at.row;
     uint8_t scale[PIECE];
     int32_t q[PIECE];
     int64_t sum = 0;
@@ -91,12 +92,15 @@ static int64_t code_weights(uint8_t *weights, size_t base, uint32_t n_in,
 
             if (w < -limit || w > limit)
                 return -1;
-            store_weight(weights, int8, base + k + i, (int32_t)w);
+            store_weight(weights, int8,
+                         saga_mlp_weight_at(n_in, n_out, row, k + i),
+                         (int32_t)w);
             sum += w < 0 ? -w : w;
         }
     }
     for (k = n_in; k < saga_mlp_pad(n_in); k++)
-        store_weight(weights, int8, base + k, 0);
+        store_weight(weights, int8, saga_mlp_weight_at(n_in, n_out, row, k),
+                     0);
     return sum;
 }
 
@@ -128,9 +132,8 @@ static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
         c->residual(c, at, &q, NULL, 1u << 16, &f.bias_scale, 1);
         b = (int64_t)q * ((int64_t)1 << f.bias_shift);
         at.sym = SAGA_SYM_NET_WEIGHT;
-        sum = code_weights(block + place.weight,
-                           (size_t)row * saga_mlp_pad(n_in), n_in, s->int8,
-                           &f, c, at);
+        sum = code_weights(block + place.weight, n_in, n_out, s->int8, &f, c,
+                           at);
         if (c->error || sum < 0 || !saga_mlp_row_is_valid(sum, b, shift))
             return 0;
         bias[row] = (int32_t)b;
