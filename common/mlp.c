@@ -13,9 +13,6 @@
  * be vectorised (16: 25, 64: 31 GMAC/s), 256 bytes of stack. */
 #define BLOCK 64u
 
-/* Rows that become results together: one vector of sums with AVX2. */
-#define CHUNK 8u
-
 /* 65538 * 32767 = 2^31 - 2 is the last product of its kind below 2^31, so after
  * the first tests everything fits int32. */
 int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
@@ -134,8 +131,8 @@ static void dot_rows_i8(int32_t *sum, const saga_layer *layer,
 /* y = relu?(sat16(fx_rshift(bias + sum, shift))), without branches: the sign
  * of a hidden activation is a coin toss. (1 << 0) >> 1 = 0 is the rounding of
  * a shift by 0. */
-static inline void finish_rows(int16_t *restrict y, const saga_layer *layer,
-                               const int32_t *sum, uint32_t row, uint32_t n)
+static void finish(int16_t *restrict y, const saga_layer *layer,
+                   const int32_t *sum, uint32_t row, uint32_t n)
 {
     const int32_t *const bias = layer->bias + row;
     const uint8_t *const shift = layer->shift + row;
@@ -149,19 +146,6 @@ static inline void finish_rows(int16_t *restrict y, const saga_layer *layer,
         FX_ASSERT(shift[i] <= 24);
         y[row + i] = fx_sat16(v & (keep | ~(v >> 31)));
     }
-}
-
-/* In chunks of a known length, which compilers turn into vectors without loops
- * before and after. */
-static void finish(int16_t *y, const saga_layer *layer, const int32_t *sum,
-                   uint32_t row, uint32_t n_row)
-{
-    const uint32_t end = row + n_row;
-
-    for (; row + CHUNK <= end; row += CHUNK, sum += CHUNK)
-        finish_rows(y, layer, sum, row, CHUNK);
-    if (row < end)
-        finish_rows(y, layer, sum, row, end - row);
 }
 
 /* Rows from `row` on, BLOCK at most, that follow one after the other. */
@@ -182,8 +166,8 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x)
     const uint32_t n = layer->n_out;
     uint32_t row = 0;
 
-#ifdef TILE
-    for (; row + TILE <= n; row += TILE)
+#ifdef SAGA_MLP_TILE
+    for (; row + SAGA_MLP_TILE <= n; row += SAGA_MLP_TILE)
         run_tile(y, layer, x, row);
 #endif
     for (; row < n; row += BLOCK)
@@ -193,7 +177,7 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x)
 #endif
 }
 
-/* A tile is (pad(n_in) / 2, TILE, 2): pairs of inputs, for each the pairs of
+/* A tile is (pad(n_in) / 2, 8, 2): pairs of inputs, for each the pairs of
  * weights of its rows. Rows after the last tile, or all if there are none,
  * follow one after the other. */
 size_t saga_mlp_weight_at(uint32_t n_in, uint32_t n_out, uint32_t row,
@@ -201,10 +185,11 @@ size_t saga_mlp_weight_at(uint32_t n_in, uint32_t n_out, uint32_t row,
 {
     const size_t n = saga_mlp_pad(n_in);
 
-#ifdef TILE
-    if (row < n_out / TILE * TILE)
-        return (row - row % TILE) * n + k / 2 * (2 * TILE) + row % TILE * 2 +
-               k % 2;
+#ifdef SAGA_MLP_TILE
+    const uint32_t in_tile = row % SAGA_MLP_TILE, first = row - in_tile;
+
+    if (first + SAGA_MLP_TILE <= n_out)
+        return first * n + k / 2 * (2 * SAGA_MLP_TILE) + 2 * in_tile + k % 2;
 #else
     (void)n_out;
 #endif

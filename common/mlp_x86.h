@@ -23,7 +23,7 @@
 #include <stdint.h>
 
 /* Rows of a tile: a vector of sums with AVX2, two without. */
-#define TILE 8u
+#define SAGA_MLP_TILE 8u
 
 typedef int16_t saga_i16x8 __attribute__((vector_size(16)));
 typedef int32_t saga_i32x4 __attribute__((vector_size(16)));
