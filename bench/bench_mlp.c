@@ -41,19 +41,25 @@ static uint32_t random_bits(uint64_t *state)
     return (uint32_t)(*state >> 33);
 }
 
-static void fill(bench *b)
+/* The same numbers wherever a machine wants them. */
+static void fill(bench *b, const uint16_t *dim)
 {
     uint64_t state = 1;
+    uint32_t row, k;
     size_t i, l;
 
     for (l = 0; l < LAYERS; l++) {
-        for (i = 0; i < WIDTH * WIDTH; i++) {
-            b->w8[l][i] = (int8_t)(random_bits(&state) % 255 - 127);
-            b->w16[l][i] = b->w8[l][i];
-        }
-        for (i = 0; i < WIDTH; i++) {
-            b->bias[l][i] = (int32_t)(random_bits(&state) % 65536);
-            b->shift[l][i] = 9;
+        for (row = 0; row < dim[l + 1]; row++) {
+            for (k = 0; k < saga_mlp_pad(dim[l]); k++) {
+                const int w = (int)(random_bits(&state) % 255) - 127;
+                const size_t at = saga_mlp_weight_at(dim[l], dim[l + 1], row,
+                                                     k);
+
+                b->w8[l][at] = (int8_t)(k < dim[l] ? w : 0);
+                b->w16[l][at] = b->w8[l][at];
+            }
+            b->bias[l][row] = (int32_t)(random_bits(&state) % 65536);
+            b->shift[l][row] = 9;
         }
     }
     for (i = 0; i < POINTS * WIDTH; i++)
@@ -97,6 +103,7 @@ static void run(bench *b, const uint16_t *dim, int int8)
     uint32_t sum = 0;
     size_t i, l;
 
+    fill(b, dim);
     for (l = 0; l < LAYERS; l++) {
         layer[l].weight = int8 ? (const void *)b->w8[l] : b->w16[l];
         layer[l].bias = b->bias[l];
@@ -131,7 +138,6 @@ int main(void)
 
     if (!b)
         return 1;
-    fill(b);
     for (i = 0; i < sizeof shapes / sizeof *shapes; i++) {
         run(b, shapes[i], 0);
         run(b, shapes[i], 1);

@@ -3,7 +3,7 @@
  * Points-major inner products in plain C. A reduction over int16 products is
  * what compilers vectorise best (pmaddwd and its relatives), four rows at a
  * time share every load of x, and padded rows leave no remainder: compile this
- * file with -O3. On x86 mlp_x86.h adds the lanes of four rows up together.
+ * file with -O3. On x86 mlp_x86.h takes eight rows at a time, in tiles.
  */
 #include "mlp.h"
 
@@ -12,9 +12,6 @@
 /* Rows whose sums are finished together: long enough for the loop over them to
  * be vectorised (16: 25, 64: 31 GMAC/s), 256 bytes of stack. */
 #define BLOCK 64u
-
-/* Rows that become results together: one vector of sums with AVX2. */
-#define CHUNK 8u
 
 /* 65538 * 32767 = 2^31 - 2 is the last product of its kind below 2^31, so after
  * the first tests everything fits int32. */
@@ -134,8 +131,8 @@ static void dot_rows_i8(int32_t *sum, const saga_layer *layer,
 /* y = relu?(sat16(fx_rshift(bias + sum, shift))), without branches: the sign
  * of a hidden activation is a coin toss. (1 << 0) >> 1 = 0 is the rounding of
  * a shift by 0. */
-static inline void finish_rows(int16_t *restrict y, const saga_layer *layer,
-                               const int32_t *sum, uint32_t row, uint32_t n)
+static void finish(int16_t *restrict y, const saga_layer *layer,
+                   const int32_t *sum, uint32_t row, uint32_t n)
 {
     const int32_t *const bias = layer->bias + row;
     const uint8_t *const shift = layer->shift + row;
@@ -151,35 +148,50 @@ static inline void finish_rows(int16_t *restrict y, const saga_layer *layer,
     }
 }
 
-/* In chunks of a known length, which compilers turn into vectors without loops
- * before and after. */
-static void finish(int16_t *y, const saga_layer *layer, const int32_t *sum,
-                   uint32_t row, uint32_t n_row)
+/* Rows from `row` on, BLOCK at most, that follow one after the other. */
+static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
+                     uint32_t row, uint32_t n_row)
 {
-    const uint32_t end = row + n_row;
+    int32_t sum[BLOCK];
 
-    for (; row + CHUNK <= end; row += CHUNK, sum += CHUNK)
-        finish_rows(y, layer, sum, row, CHUNK);
-    if (row < end)
-        finish_rows(y, layer, sum, row, end - row);
+    if (layer->int8)
+        dot_rows_i8(sum, layer, x, row, n_row);
+    else
+        dot_rows_i16(sum, layer, x, row, n_row);
+    finish(y, layer, sum, row, n_row);
 }
 
 void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x)
 {
-    int32_t sum[BLOCK];
-    uint32_t row;
+    const uint32_t n = layer->n_out;
+    uint32_t row = 0;
 
-    for (row = 0; row < layer->n_out; row += BLOCK) {
-        const uint32_t rest = layer->n_out - row;
-        const uint32_t n_row = rest < BLOCK ? rest : BLOCK;
-
-        if (layer->int8)
-            dot_rows_i8(sum, layer, x, row, n_row);
-        else
-            dot_rows_i16(sum, layer, x, row, n_row);
-        finish(y, layer, sum, row, n_row);
-    }
+#ifdef SAGA_MLP_TILE
+    for (; row + SAGA_MLP_TILE <= n; row += SAGA_MLP_TILE)
+        run_tile(y, layer, x, row);
+#endif
+    for (; row < n; row += BLOCK)
+        run_rows(y, layer, x, row, n - row < BLOCK ? n - row : BLOCK);
 #ifdef SAGA_COUNT_MACS
     saga_count_macs((uint64_t)layer->n_in * layer->n_out);
 #endif
+}
+
+/* A tile is (pad(n_in) / 2, 8, 2): pairs of inputs, for each the pairs of
+ * weights of its rows. Rows after the last tile, or all if there are none,
+ * follow one after the other. */
+size_t saga_mlp_weight_at(uint32_t n_in, uint32_t n_out, uint32_t row,
+                          uint32_t k)
+{
+    const size_t n = saga_mlp_pad(n_in);
+
+#ifdef SAGA_MLP_TILE
+    const uint32_t in_tile = row % SAGA_MLP_TILE, first = row - in_tile;
+
+    if (first + SAGA_MLP_TILE <= n_out)
+        return first * n + k / 2 * (2 * SAGA_MLP_TILE) + 2 * in_tile + k % 2;
+#else
+    (void)n_out;
+#endif
+    return row * n + k;
 }

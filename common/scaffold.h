@@ -21,7 +21,8 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 #define SAGA_T_MAX 65535
 
 /* The networks of a stream: shapes, and where their parameters lie in one
- * block. Per layer: weights (n_out, pad(n_in)), biases, row shifts. */
+ * block. Per layer: weights (n_out pad(n_in), as saga_mlp_weight_at places
+ * them), biases, row shifts. */
 typedef struct saga_nets {
     saga_net_shape shape[SAGA_N_NETS];
     uint32_t offset[SAGA_N_NETS];  /* bytes from the block's start */

@@ -102,25 +102,27 @@ static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
     return 1;
 }
 
-static void store_weight(uint8_t *weights, int int8, size_t at, int32_t w)
-{
-    if (int8)
-        ((int8_t *)weights)[at] = (int8_t)w;
-    else
-        ((int16_t *)(void *)weights)[at] = (int16_t)w;
-}
-
-/* Where a row of weights goes: element `base` on. */
+/* Where the weights of a layer go. */
 typedef struct {
     uint8_t *weights;
-    size_t base;
-    uint32_t n_in;
+    uint32_t n_in, n_out;
     int int8;
-} row_place;
+} layer_place;
 
-/* A row of weights with its padding, the scale of each given; returns sum|w|,
- * or -1 if one is out of range. |q * step| < 2^32. */
-static int64_t code_weights(const row_place *to, const uint8_t *scale,
+static void store_weight(const layer_place *to, uint32_t row, uint32_t column,
+                         int32_t w)
+{
+    const size_t at = saga_mlp_weight_at(to->n_in, to->n_out, row, column);
+
+    if (to->int8)
+        ((int8_t *)to->weights)[at] = (int8_t)w;
+    else
+        ((int16_t *)(void *)to->weights)[at] = (int16_t)w;
+}
+
+/* The row at.row of weights with its padding, the scale of each given; returns
+ * sum|w|, or -1 if one is out of range. |q * step| < 2^32. */
+static int64_t code_weights(const layer_place *to, const uint8_t *scale,
                             const layer_fields *f, saga_coder *c, saga_at at)
 {
     const int32_t limit = to->int8 ? 127 : 32767;
@@ -140,12 +142,12 @@ static int64_t code_weights(const row_place *to, const uint8_t *scale,
 
             if (w < -limit || w > limit)
                 return -1;
-            store_weight(to->weights, to->int8, to->base + k + i, (int32_t)w);
+            store_weight(to, at.row, k + i, (int32_t)w);
             sum += w < 0 ? -w : w;
         }
     }
     for (k = n_in; k < saga_mlp_pad(n_in); k++)
-        store_weight(to->weights, to->int8, to->base + k, 0);
+        store_weight(to, at.row, k, 0);
     return sum;
 }
 
@@ -157,20 +159,19 @@ static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
     saga_at at = at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
                            (uint32_t)i);
     uint8_t scale[SAGA_MAX_VECTOR];
+    layer_place to = { NULL, n_in, n_out, s->int8 };
     saga_layer_place place;
     layer_fields f;
     int32_t *bias;
     uint32_t row;
 
     saga_nets_place(&place, nets, net, i);
+    to.weights = block + place.weight;
     bias = (int32_t *)(void *)(block + place.bias);
     code_fields(&f, models, c, net, i);
     if (f.step_q16 == 0 || !code_columns(scale, n_in, &f, models, c, at))
         return 0;
     for (row = 0; row < n_out; row++) {
-        const row_place to = { block + place.weight,
-                               (size_t)row * saga_mlp_pad(n_in), n_in,
-                               s->int8 };
         int32_t q;
         int64_t b, sum;
         int shift;

@@ -198,7 +198,7 @@ static void run(int16_t *out, const watched *w, int net, const int16_t *x)
             int64_t sum = l.bias[row];
 
             for (k = 0; k < l.n_in; k++) {
-                const size_t at = (size_t)row * saga_mlp_pad(l.n_in) + k;
+                const size_t at = saga_mlp_weight_at(l.n_in, l.n_out, row, k);
 
                 sum += (int64_t)a[k] *
                        (l.int8 ? ((const int8_t *)l.weight)[at]

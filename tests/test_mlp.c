@@ -18,10 +18,12 @@
 #define CANARIES 16
 #define CANARY 0x5a5a
 
-/* The same layer with int16 weights, and with int8 ones if they fit. */
+/* The same layer with int16 weights, and with int8 ones if they fit: by rows,
+ * and placed where the layer wants them. */
 typedef struct {
     uint16_t n_in, n_out;
     int fits8;
+    int16_t *row;            /* (n_out, pad(n_in)) */
     int16_t *w16;
     int8_t *w8;
     int32_t *bias;
@@ -59,6 +61,7 @@ static net net_new(uint32_t n_in, uint32_t n_out, int fits8)
     n.n_in = (uint16_t)n_in;
     n.n_out = (uint16_t)n_out;
     n.fits8 = fits8;
+    n.row = get(pad * n_out, sizeof *n.row);
     n.w16 = get(pad * n_out, sizeof *n.w16);
     n.w8 = get(pad * n_out, sizeof *n.w8);
     n.bias = get(n_out, sizeof *n.bias);
@@ -70,6 +73,7 @@ static net net_new(uint32_t n_in, uint32_t n_out, int fits8)
 
 static void net_free(net *n)
 {
+    free(n->row);
     free(n->w16);
     free(n->w8);
     free(n->bias);
@@ -94,18 +98,24 @@ static saga_layer net_layer(const net *n, int int8, int relu)
 
 static int16_t *row_of(const net *n, uint32_t row)
 {
-    return n->w16 + (size_t)row * saga_mlp_pad(n->n_in);
+    return n->row + (size_t)row * saga_mlp_pad(n->n_in);
 }
 
-static void copy_to_int8(net *n)
+static void place_weights(net *n)
 {
-    const size_t count = (size_t)saga_mlp_pad(n->n_in) * n->n_out;
-    size_t i;
+    uint32_t row, k;
 
-    for (i = 0; i < count; i++) {
-        if (n->fits8)
-            assert_in_range(n->w16[i] + 127, 0, 254);
-        n->w8[i] = (int8_t)n->w16[i];
+    for (row = 0; row < n->n_out; row++) {
+        const int16_t *const w = row_of(n, row);
+
+        for (k = 0; k < saga_mlp_pad(n->n_in); k++) {
+            const size_t at = saga_mlp_weight_at(n->n_in, n->n_out, row, k);
+
+            if (n->fits8)
+                assert_in_range(w[k] + 127, 0, 254);
+            n->w16[at] = w[k];
+            n->w8[at] = (int8_t)w[k];
+        }
     }
 }
 
@@ -162,7 +172,7 @@ static void check(net *n)
 {
     uint32_t row;
 
-    copy_to_int8(n);
+    place_weights(n);
     for (row = 0; row < n->n_out; row++)
         assert_true(saga_mlp_row_is_valid(row_abs_sum(n, row), n->bias[row],
                                           n->shift[row]));
@@ -239,6 +249,28 @@ static const uint16_t sizes_out[] = { 0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 24,
 
 #define COUNT(a) (sizeof (a) / sizeof (a)[0])
 
+/* An invariant: no two share one, none is left over. */
+static void weights_should_have_a_place_each(void **state)
+{
+    size_t i, j, at;
+    uint32_t row, k;
+
+    (void)state;
+    for (i = 0; i < COUNT(sizes_in); i++)
+        for (j = 0; j < COUNT(sizes_out); j++) {
+            const uint32_t n = saga_mlp_pad(sizes_in[i]);
+            uint8_t *const taken = get((size_t)n * sizes_out[j], 1);
+
+            for (row = 0; row < sizes_out[j]; row++)
+                for (k = 0; k < n; k++) {
+                    at = saga_mlp_weight_at(sizes_in[i], sizes_out[j], row, k);
+                    assert_true(at < (size_t)n * sizes_out[j]);
+                    assert_int_equal(taken[at]++, 0);
+                }
+            free(taken);
+        }
+}
+
 static void layer_should_match_the_reference_for_all_sizes(void **state)
 {
     uint64_t seed = 1;
@@ -295,7 +327,7 @@ static void int8_should_equal_int16_on_extreme_activations(void **state)
 
     (void)state;
     fill_random(&n, &seed);
-    copy_to_int8(&n);
+    place_weights(&n);
     for (trial = 0; trial < 200; trial++) {
         const saga_layer wide = net_layer(&n, 0, 0);
         const saga_layer narrow = net_layer(&n, 1, 0);
@@ -413,6 +445,7 @@ static void layer_should_count_its_macs(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(weights_should_have_a_place_each),
         cmocka_unit_test(layer_should_match_the_reference_for_all_sizes),
         cmocka_unit_test(layer_should_not_overflow_on_the_largest_valid_rows),
         cmocka_unit_test(int8_should_equal_int16_on_extreme_activations),

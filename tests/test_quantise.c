@@ -67,7 +67,7 @@ static void check_row(const saga_nets *nets, const uint8_t *block, int net,
     saga_nets_layer(&got, nets, block, net, i);
     e = got.shift[row] + l->q_out[row] - l->v.q_in;
     for (k = 0; k < l->v.n_in; k++) {
-        const size_t at = (size_t)row * saga_mlp_pad(l->v.n_in) + k;
+        const size_t at = saga_mlp_weight_at(l->v.n_in, l->v.n_out, row, k);
         const int w = got.int8 ? ((const int8_t *)got.weight)[at]
                                : ((const int16_t *)got.weight)[at];
 
