@@ -95,6 +95,16 @@ void saga_train_entropy_model(saga_model *m,
         set_memory(m, o, most_slots);
 }
 
+/* Hidden units of the networks that make primitives, by what a bit costs: the
+ * dearer bits are, the fewer weights are worth theirs. */
+static uint8_t hidden_units(const saga_train_options *o, uint8_t most)
+{
+    const double price = o->lambda / o->n_primitives;
+    const uint8_t n = price < 2e-7 ? 64 : price < 5e-7 ? 48 : 32;
+
+    return n < most ? n : most;
+}
+
 /* Why these defaults: docs/decisions.md. Steps in Q16 of their symbol's format:
  * a centre two half-cells, a fine offset a suffix cell, so that all anchors
  * stand in the middle of their cells and cost nothing; a feature 1/4; a
@@ -103,7 +113,7 @@ void saga_train_entropy_model(saga_model *m,
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
-    const uint8_t width = (uint8_t)(caps->width < 64 ? caps->width : 64);
+    const uint8_t width = hidden_units(o, (uint8_t)caps->width);
 
     memset(m, 0, sizeof *m);
     m->tools = dynamic ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
