@@ -191,6 +191,10 @@ verdict "bad: $n files"
 
 # ---- render
 scene=vectors/good/motion.saga
+frames=$("$saga" info "$scene" --json |
+         python3 -c 'import json, sys; print(json.load(sys.stdin)["n_frames"])')
+last=$(printf %05d $((frames - 1)))
+middle=$(printf %05d $((frames / 2)))
 # same PNG PPM: the same size and pixels.
 cat >"$tmp/same.py" <<'PYTHON'
 import struct, sys, zlib
@@ -227,10 +231,11 @@ done
 expect 0 render "$scene" -o "$tmp/two.png" --camera=2 --time 0.25 --threads 3
 cmp -s "$tmp/one.png" "$tmp/two.png" || complain "--time 0.25 is not 15/2"
 mkdir "$tmp/seq"
-expect 0 render "$scene" -o "$tmp/seq/a%03d.png" --frames 34:36
+expect 0 render "$scene" -o "$tmp/seq/a%03d.png" \
+    --frames $((frames - 2)):"$frames"
 expect 0 render "$scene" -o "$tmp/seq/b%d.exr" --orbit 3 --size 64x32
 [ "$(ls "$tmp/seq" | tr '\n' ' ')" = \
-    'a034.png a035.png b0.exr b1.exr b2.exr ' ] ||
+    "$(printf 'a%03d.png ' $((frames - 2)) $((frames - 1)))b0.exr b1.exr b2.exr " ] ||
     complain "a sequence makes $(ls "$tmp/seq")"
 rm -f "$tmp"/*.p?m "$tmp"/*.png
 expect 2 render "$scene"
@@ -251,8 +256,8 @@ expect 2 render "$scene" -o "$tmp/x.png" --time -1
 says '--time takes SECONDS'
 expect 2 render "$scene" -o "$tmp/none/x.png"
 says "$tmp/none/x.png: cannot be created"
-expect 1 render "$scene" -o "$tmp/x.png" --frame 36
-says 'no frame 36/1 among its 36'
+expect 1 render "$scene" -o "$tmp/x.png" --frame "$frames"
+says "no frame $frames/1 among its $frames"
 expect 1 render "$scene" -o "$tmp/x.png" --camera 3
 says 'no camera 3 in its rig of 3'
 expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
@@ -328,16 +333,18 @@ for v in j["views"] + [j["training"], j["held_out"]]:
 changing = [v["changing_pixels"] for v in j["views"]]
 assert j["training"]["changing_pixels"] == changing[0] + changing[1]
 assert j["held_out"]["changing_pixels"] == changing[2]
-pixels = [36 * v["width"] * v["height"] for v in j["views"]]
+frames = int(sys.argv[3])
+pixels = [frames * v["width"] * v["height"] for v in j["views"]]
 assert abs(changing[2] / pixels[2] - j["held_out"]["changing_share"]) < 1e-8
 assert "median" in j["protocol"] and "changing" in j["protocol"]
 assert sum(j["bytes"].values()) == j["nbytes"] == os.path.getsize(sys.argv[2])
-assert j["decode_ms"]["n_views"] == 3 * 36
+assert j["decode_ms"]["n_views"] == 3 * frames
 assert j["decode_ms"]["n_segments"] == 1
-assert j["protocol"]["frames"] == [0, 36]' "$tmp/out" "$scene" 2>"$tmp/py" ||
+assert j["protocol"]["frames"] == [0, frames]' \
+    "$tmp/out" "$scene" "$frames" 2>"$tmp/py" ||
     complain "eval of a file's own pictures: $(tail -n 1 "$tmp/py")"
 [ "$(ls "$tmp/pictures" | tr '\n' ' ')" = \
-    'cam00_00018.png cam01_00018.png cam02_00018.png ' ] ||
+    "cam00_$middle.png cam01_$middle.png cam02_$middle.png " ] ||
     complain "pictures: $(ls "$tmp/pictures")"
 expect 0 eval "$scene" "$cap" --threads 1 --hold-out cam00
 grep -Eq '^cam00 +held out ' "$tmp/out" || complain "--hold-out cam00: not held"
@@ -349,10 +356,10 @@ awk 'length > 100 { print "eval: " length " columns" }
     rows { sum += $(NF - 2) }
     $0 == "bytes" { rows = 1 }
     END { if (!sum) print "no bytes" }' "$tmp/out" >>"$tmp/bad"
-# The segments' order: frame 0 shown as frame 35 and the other way round.
+# The segments' order: frame 0 shown as the last and the other way round.
 mv "$cap/images/cam01/00000.png" "$tmp/swap.png"
-mv "$cap/images/cam01/00035.png" "$cap/images/cam01/00000.png"
-mv "$tmp/swap.png" "$cap/images/cam01/00035.png"
+mv "$cap/images/cam01/$last.png" "$cap/images/cam01/00000.png"
+mv "$tmp/swap.png" "$cap/images/cam01/$last.png"
 expect 0 eval "$scene" "$cap" --json --hold-out ''
 python3 -c 'import json, sys
 j = json.load(open(sys.argv[1]))
@@ -361,10 +368,10 @@ v = j["views"]
 for key in "psnr_of_mean_mse", "changing_psnr":
     assert v[1][key] < 60 < (v[0][key] or 99), key
 ' "$tmp/out" 2>"$tmp/py" || complain "swapped frames are not noticed"
-expect 1 eval "$scene" "$cap" --frames 0:35
-says '36 frames, the capture gives 35'
+expect 1 eval "$scene" "$cap" --frames 0:$((frames - 1))
+says "$frames frames, the capture gives $((frames - 1))"
 expect 1 eval "$scene" "$tmp/syn"
-says '36 frames, the capture gives 2'
+says "$frames frames, the capture gives 2"
 expect 2 eval "$scene" "$tmp/nowhere"
 says "$tmp/nowhere"
 expect 1 eval "$scene" "$cap" --hold-out cam09
