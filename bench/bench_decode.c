@@ -7,6 +7,7 @@
  *
  *     bench_decode [REPETITIONS] [COARSE]
  */
+#include "encode.h"
 #include "gen_stream.h"
 #include "ref_recorder.h"
 #include "saga.h"
@@ -80,7 +81,7 @@ static double count_symbols(const uint8_t *bytes, size_t n,
     *in_nets = info->n_weights;
     count = (4.0 + info->features) * s.n.coarse + 5.0 * s.n.fine +
             4.0 * s.n.prim;
-    recorder_free_nets(&nets);
+    saga_net_symbols_free(&nets);
     recorder_free_symbols(&s);
     return count;
 }

@@ -7,8 +7,9 @@
  * Symbols are read by tests/ref_recorder and the shared traversal, everything
  * else through saga.h.
  */
-#include "plan.h"
+#include "encode.h"
 #include "head.h"
+#include "plan.h"
 #include "ref_recorder.h"
 #include "vectors.h"
 
@@ -67,7 +68,7 @@ static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
         !recorder_read(&nets, &s, number, final_range, bytes, n))
         return 0;
     *crc = saga_symbols_crc(&nets, &plan.nets, &s, h.model.features);
-    recorder_free_nets(&nets);
+    saga_net_symbols_free(&nets);
     recorder_free_symbols(&s);
     return 1;
 }

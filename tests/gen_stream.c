@@ -607,15 +607,8 @@ static void free_symbols(saga_symbols *s)
 void gen_stream_free(gen_stream *g)
 {
     uint32_t i;
-    int net, k;
 
-    for (net = 0; net < SAGA_N_NETS; net++)
-        for (k = 0; k < SAGA_MAX_LAYERS; k++) {
-            free(g->nets.layer[net][k].weight);
-            free(g->nets.layer[net][k].bias);
-            free(g->nets.layer[net][k].shift);
-            free(g->nets.layer[net][k].drop);
-        }
+    saga_net_symbols_free(&g->nets);
     for (i = 0; i < g->n_segments; i++)
         free_symbols(&g->segment[i]);
 }

@@ -202,7 +202,7 @@ static saga_encoder *begin(const saga_header *h, const uint8_t *bytes,
     *why = "the networks are not valid";
     if (recorder_read(&nets, NULL, 0, NULL, bytes, n))
         e = saga_encoder_open(h, rig, &nets, why);
-    recorder_free_nets(&nets);
+    saga_net_symbols_free(&nets);
     free(rig);
     return e;
 }

@@ -177,7 +177,7 @@ const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
 void ref_file_free(ref_file *f)
 {
     recorder_free_symbols(&f->s);
-    recorder_free_nets(&f->nets);
+    saga_net_symbols_free(&f->nets);
     for (int i = 0; i < SAGA_N_STEPS; i++)
         free(f->value[i]);
     if (f->sc.model)

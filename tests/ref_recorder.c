@@ -202,19 +202,6 @@ void recorder_free_symbols(saga_symbols *s)
     free(s->prim_offset);
 }
 
-void recorder_free_nets(saga_net_symbols *s)
-{
-    int net, i;
-
-    for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < SAGA_MAX_LAYERS; i++) {
-            free(s->layer[net][i].weight);
-            free(s->layer[net][i].bias);
-            free(s->layer[net][i].shift);
-            free(s->layer[net][i].drop);
-        }
-}
-
 /* --- A whole file -------------------------------------------------------- */
 
 /* A chunk of the given type at *p; moves *p and *n past it. NULL if bad. */
@@ -362,6 +349,6 @@ int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
     memset(&s, 0, sizeof s);
     ok = read_file(&nets, &s, 0, final_range, &like, bytes, n);
     recorder_free_symbols(&s);
-    recorder_free_nets(&nets);
+    saga_net_symbols_free(&nets);
     return ok;
 }

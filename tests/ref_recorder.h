@@ -40,7 +40,6 @@ void recorder_alloc_symbols(saga_symbols *s, saga_counts n,
                             uint32_t features, uint32_t cap_nodes);
 void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes);
 void recorder_free_symbols(saga_symbols *s);
-void recorder_free_nets(saga_net_symbols *s);
 
 /* Decodes the chunks of a segment's three layers, p[0..n) from COAR on: fills
  * sc. The traversal asks `front`, a coder of the caller's, which asks *inner:

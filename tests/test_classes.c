@@ -215,7 +215,7 @@ static void assert_comes_back(const world *w)
     assert_memory_equal(back.fine_suffix, s->fine_suffix,
                         s->n.fine * sizeof *s->fine_suffix);
     assert_memory_equal(back.n_prim, s->n_prim, s->n.fine);
-    recorder_free_nets(&nets);
+    saga_net_symbols_free(&nets);
     recorder_free_symbols(&back);
 }
 
@@ -260,26 +260,26 @@ static void assert_pays(const world *w, int kind, double least)
     assert_comes_back(w);
 }
 
-static void numbers_that_follow_a_place_should_have_classes(void **state)
+static void check_one_pays(int what, int kind, int other)
 {
     world w;
 
-    (void)state;
-    begin(&w, NUMBERS);
-    assert_pays(&w, SAGA_CLASS_N_FINE, 450);
-    assert_false(w.gain[SAGA_CLASS_FINE_SET].kept);
+    begin(&w, what);
+    assert_pays(&w, kind, 450);
+    assert_false(w.gain[other].kept);
     end(&w);
+}
+
+static void numbers_that_follow_a_place_should_have_classes(void **state)
+{
+    (void)state;
+    check_one_pays(NUMBERS, SAGA_CLASS_N_FINE, SAGA_CLASS_FINE_SET);
 }
 
 static void sets_that_follow_a_place_should_have_classes(void **state)
 {
-    world w;
-
     (void)state;
-    begin(&w, SETS);
-    assert_pays(&w, SAGA_CLASS_FINE_SET, 450);
-    assert_false(w.gain[SAGA_CLASS_N_FINE].kept);
-    end(&w);
+    check_one_pays(SETS, SAGA_CLASS_FINE_SET, SAGA_CLASS_N_FINE);
 }
 
 static void random_symbols_should_have_none(void **state)

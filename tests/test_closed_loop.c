@@ -147,7 +147,7 @@ static void check_loop(uint32_t i)
     assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
     assert_true(recorder_read(&nets, &back, 0, range, bytes, n));
     assert_same(&g.segment[0], &back, g.header.model.features);
-    recorder_free_nets(&nets);
+    saga_net_symbols_free(&nets);
     recorder_free_symbols(&back);
     free(bytes);
     saga_encoder_free(e);

@@ -363,8 +363,8 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     assert_true(recorder_read(&nets_read, &read, 0, final_range, bytes, n));
     check_symbols(symbols, &read);
     saga_encoder_free(e);
-    recorder_free_nets(&nets);
-    recorder_free_nets(&nets_read);
+    saga_net_symbols_free(&nets);
+    saga_net_symbols_free(&nets_read);
     recorder_free_symbols(&read);
     free(bytes);
 }

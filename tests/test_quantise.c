@@ -80,10 +80,7 @@ static void check_row(const saga_nets *nets, const uint8_t *block, int net,
 
 static void replace(saga_layer_symbols *s, const layer *l)
 {
-    free(s->weight);
-    free(s->bias);
-    free(s->shift);
-    free(s->drop);
+    saga_layer_symbols_free(s);
     saga_quantise_layer(s, &l->v);
 }
 
@@ -157,10 +154,7 @@ static void check_rounding(const layer *l, double part, double slack)
     for (i = 0; i < 32; i++)
         assert_true(fabs((double)bias[i] - (double)l->bias[i]) <=
                     (double)l->v.bias_step * part);
-    free(s.weight);
-    free(s.bias);
-    free(s.shift);
-    free(s.drop);
+    saga_layer_symbols_free(&s);
 }
 
 /* Rows of one range, 64 inputs, 16 bits. sum|w| is below 64 * 0.3 < 2^5, so a
@@ -223,10 +217,7 @@ static void quantiser_should_keep_what_is_rounded_already(void **state)
         assert_true(fabs((double)weight[i] - (double)l.weight[i]) <=
                     0x1p-12 + 1e-6);
     }
-    free(s.weight);
-    free(s.bias);
-    free(s.shift);
-    free(s.drop);
+    saga_layer_symbols_free(&s);
 }
 
 /* --- Scales -------------------------------------------------------------- */
@@ -267,10 +258,7 @@ static void check_scales(int mode)
     bits += SAGA_QUANTISE_LINE_BITS * saga_scale_lines(s.scale_mode, 64, 32);
     assert_true(fabs(bits - saga_quantise_bits(l.weight, 32, 64, 0x1p-8)) <
                 1e-6 * bits);
-    free(s.weight);
-    free(s.bias);
-    free(s.shift);
-    free(s.drop);
+    saga_layer_symbols_free(&s);
 }
 
 static void quantiser_should_choose_scales_as_weights_spread(void **state)

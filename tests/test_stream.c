@@ -160,7 +160,7 @@ static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
     assert_int_equal(report.n_primitives, s.n.prim);
     for (i = 0; i < 3; i++)
         assert_int_equal(report.final_range[i], range[i]);
-    recorder_free_nets(&nets);
+    saga_net_symbols_free(&nets);
     recorder_free_symbols(&s);
 }
 

@@ -68,7 +68,7 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     assert_int_equal(saga_find(&seg, bytes, n, frame, 1), SAGA_OK);
     assert_true(recorder_read(&net_symbols, &d->s, seg.number, final_range,
                               bytes, n));
-    recorder_free_nets(&net_symbols);
+    saga_net_symbols_free(&net_symbols);
     recorder_free_symbols(&d->s);
     recorder_init(&r, NULL);
     r.s = &d->s;

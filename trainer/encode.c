@@ -548,3 +548,22 @@ void saga_encoder_free(saga_encoder *e)
     free(e->index);
     free(e);
 }
+
+void saga_layer_symbols_free(saga_layer_symbols *s)
+{
+    free(s->weight);
+    free(s->bias);
+    free(s->shift);
+    free(s->drop);
+    s->weight = s->bias = NULL;
+    s->shift = s->drop = NULL;
+}
+
+void saga_net_symbols_free(saga_net_symbols *s)
+{
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < SAGA_MAX_LAYERS; i++)
+            saga_layer_symbols_free(&s->layer[net][i]);
+}

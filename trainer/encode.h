@@ -70,4 +70,8 @@ void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          saga_counts n);
 void saga_scaffold_free(saga_scaffold *sc);
 
+/* Arrays of symbols, from wherever they are: malloc's. They are NULL then. */
+void saga_layer_symbols_free(saga_layer_symbols *s);
+void saga_net_symbols_free(saga_net_symbols *s);
+
 #endif

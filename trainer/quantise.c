@@ -128,12 +128,22 @@ typedef struct {
     double at[SAGA_N_SCALES];
 } scale_bits;
 
-static void add_residual(scale_bits *b, int32_t q)
+static void add_bits(scale_bits *b, const scale_bits *more)
 {
     uint32_t i;
 
     for (i = 0; i < SAGA_N_SCALES; i++)
-        b->at[i] += saga_cost_residual(q, i);
+        b->at[i] += more->at[i];
+}
+
+static scale_bits residual_bits(int32_t q)
+{
+    scale_bits b;
+    uint32_t i;
+
+    for (i = 0; i < SAGA_N_SCALES; i++)
+        b.at[i] = saga_cost_residual(q, i);
+    return b;
 }
 
 static uint8_t least_scale(const scale_bits *b)
@@ -151,8 +161,11 @@ static uint8_t bias_scale(const int32_t *q, uint32_t n)
     scale_bits b = { { 0 } };
     uint32_t i;
 
-    for (i = 0; i < n; i++)
-        add_residual(&b, q[i]);
+    for (i = 0; i < n; i++) {
+        const scale_bits one = residual_bits(q[i]);
+
+        add_bits(&b, &one);
+    }
     return least_scale(&b);
 }
 
@@ -209,16 +222,17 @@ static layer_scales least_scales(const int32_t *q, uint32_t rows,
     scale_bits *const column = row + rows;
     layer_scales best = { .mode = SAGA_SCALE_TENSOR };
     scale_bits all = { { 0 } };
-    uint32_t i, k, s;
+    uint32_t i, k;
 
     for (i = 0; i < rows; i++)
         for (k = 0; k < columns; k++) {
-            add_residual(&row[i], q[(size_t)i * columns + k]);
-            add_residual(&column[k], q[(size_t)i * columns + k]);
+            const scale_bits one = residual_bits(q[(size_t)i * columns + k]);
+
+            add_bits(&row[i], &one);
+            add_bits(&column[k], &one);
         }
     for (i = 0; i < rows; i++)
-        for (s = 0; s < SAGA_N_SCALES; s++)
-            all.at[s] += row[i].at[s];
+        add_bits(&all, &row[i]);
     best.scale = least_scale(&all);
     best.bits = all.at[best.scale];
     try_lines(&best, SAGA_SCALE_ROW, row, rows);
@@ -286,20 +300,6 @@ void saga_dequantise_layer(float *weight, float *bias,
                 (double)weight_of(s, s->weight[at + k]), -e);
         bias[row] = (float)ldexp(s->bias[row], s->bias_shift - e - v->q_in);
     }
-}
-
-void saga_net_symbols_free(saga_net_symbols *s)
-{
-    int net, i;
-
-    for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < SAGA_MAX_LAYERS; i++) {
-            free(s->layer[net][i].weight);
-            free(s->layer[net][i].bias);
-            free(s->layer[net][i].shift);
-            free(s->layer[net][i].drop);
-        }
-    memset(s, 0, sizeof *s);
 }
 
 /* --- The closed loop ----------------------------------------------------- */

@@ -51,8 +51,6 @@ void saga_dequantise_layer(float *weight, float *bias,
                            const saga_layer_symbols *s,
                            const saga_layer_values *v);
 
-void saga_net_symbols_free(saga_net_symbols *s);
-
 /* --- A segment ----------------------------------------------------------- */
 
 /* What is to be coded, in rank order; positions in box and time units. */
