@@ -95,7 +95,6 @@ typedef struct saga_rate_options {
     real weight;                 /* of a bit in the loss */
 } saga_rate_options;
 
-#define saga_rate_n_params SAGA_REAL_NAME(saga_rate_n_params)
 /* What iteration `turn` evaluates: every SAGA_RATE_EVERY-th block, in turn, or
  * with the memory all of them. */
 static inline void saga_rate_look(saga_rate_options *o, int turn,
@@ -106,6 +105,7 @@ static inline void saga_rate_look(saga_rate_options *o, int turn,
     o->first = (uint32_t)turn % o->every;
 }
 
+#define saga_rate_n_params SAGA_REAL_NAME(saga_rate_n_params)
 #define saga_rate_init SAGA_REAL_NAME(saga_rate_init)
 #define saga_rate_free SAGA_REAL_NAME(saga_rate_free)
 #define saga_rate_keep_raw SAGA_REAL_NAME(saga_rate_keep_raw)

@@ -51,12 +51,13 @@ static size_t line_of(int mode, size_t i, size_t cols)
 static void measure(deviations *d, int mode, const real *x,
                     const saga_weight_tensor *t, double least)
 {
+    const uint32_t lines = saga_scale_lines((uint32_t)mode, (uint32_t)t->cols,
+                                            (uint32_t)t->rows);
     const size_t n = t->rows * t->cols;
     size_t i;
 
     d->mode = mode;
-    d->lines = mode == SAGA_SCALE_ROW ? t->rows
-             : mode == SAGA_SCALE_COLUMN ? t->cols : 1;
+    d->lines = lines ? lines : 1;
     memset(d->sigma, 0, d->lines * sizeof *d->sigma);
     for (i = 0; i < n; i++)
         d->sigma[line_of(mode, i, t->cols)] +=

@@ -444,7 +444,7 @@ static bool bound(real *x, size_t n, real lo, real hi)
 #pragma omp parallel for schedule(static) reduction(| : bad)
     for (i = 0; i < (int64_t)n; i++) {
         bad |= x[i] != x[i];
-        x[i] = x[i] < lo ? lo : x[i] > hi ? hi : x[i];
+        x[i] = saga_clamp(x[i], lo, hi);
     }
     return !bad;
 }

@@ -104,10 +104,10 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
     real hi = R(yb) - R(0.5) - o->mean[1];
     real a, b, right, left, slack;
 
-    lo = lo < -tall ? -tall : lo > tall ? tall : lo;
-    hi = hi < -tall ? -tall : hi > tall ? tall : hi;
-    a = peak < lo ? lo : peak > hi ? hi : peak;
-    b = -peak < lo ? lo : -peak > hi ? hi : -peak;
+    lo = saga_clamp(lo, -tall, tall);
+    hi = saga_clamp(hi, -tall, tall);
+    a = saga_clamp(peak, lo, hi);
+    b = saga_clamp(-peak, lo, hi);
     right = rest - o->h * o->h * a * a;
     left = rest - o->h * o->h * b * b;
     right = (o->n * a + (right > 0 ? sqrt(right) : 0)) / o->g;
