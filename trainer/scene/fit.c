@@ -466,6 +466,9 @@ static saga_fit_status picture_step(saga_fit *f, int view, int frame,
     return SAGA_FIT_OK;
 }
 
+/* Once features are rounded, against the means that the entropy networks
+ * foretell, these stand still: a weight that goes to and fro between two
+ * multiples of its step would move all features with it. */
 static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
 {
     const int done = f->iteration - f->o.n_regress;
@@ -503,7 +506,8 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
         return SAGA_FIT_MEMORY;
     saga_fit_rate_weights(f);
     return (saga_fit_status)descend(f, rate * R(0.006), rate * R(0.0001),
-                                    rate * R(0.004), rate * R(0.0016),
+                                    is_rounding(f) ? 0 : rate * R(0.004),
+                                    rate * R(0.0016),
                                     is_rounding(f) ? 0 : rate * R(0.01));
 }
 
