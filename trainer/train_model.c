@@ -105,11 +105,19 @@ static uint8_t hidden_units(const saga_train_options *o, uint8_t most)
     return n < most ? n : most;
 }
 
+/* Of a primitive's offset, Q16 of Q14 of a support. What rounding costs in the
+ * pictures grows with the square of the step, what a bit costs with lambda. */
+static uint32_t prim_step(double lambda)
+{
+    const double step = 8 * sqrt(lambda);
+
+    return (uint32_t)(fmin(fmax(step, 1 / 64.0), 1) * 16384) << 16;
+}
+
 /* Why these defaults: docs/decisions.md. Steps in Q16 of their symbol's format:
  * a centre two half-cells, a fine offset a suffix cell, so that all anchors
- * stand in the middle of their cells and cost nothing; a feature 1/4; a
- * primitive's offset 1/32 of a support, which alone says where it is. A coarse
- * anchor for one primitive has fewer features. No Fuse. */
+ * stand in the middle of their cells and cost nothing; a feature 1/4.
+ * A coarse anchor for one primitive has fewer features. No Fuse. */
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
@@ -124,7 +132,7 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
     m->step_q16[SAGA_STEP_FINE] = 2048u << 16;
-    m->step_q16[SAGA_STEP_PRIM] = 512u << 16;
+    m->step_q16[SAGA_STEP_PRIM] = prim_step(o->lambda);
     m->head_q[SAGA_HEAD_COARSE] = 10;
     for (int i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = width;

@@ -44,6 +44,7 @@ int saga_rate_init(saga_rate *r, const saga_scene *s)
         r->plan.step[net] = ldexp(1, -SAGA_RATE_FINEST);
     r->mu_feature = calloc(coarse * s->model.features + 1,
                            sizeof *r->mu_feature);
+    r->mu_offset = calloc(4 * fine + 1, sizeof *r->mu_offset);
     r->centre = calloc(4 * coarse + 1, sizeof *r->centre);
     r->offset = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->offset);
     r->decoded = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->decoded);
@@ -51,8 +52,8 @@ int saga_rate_init(saga_rate *r, const saga_scene *s)
     r->row_bits = calloc(SAGA_N_STEPS * most + 1, sizeof *r->row_bits);
     r->list = calloc(most + 1, sizeof *r->list);
     if (saga_rate_context_init(&r->context, s) || !r->mu_feature ||
-        !r->centre || !r->offset || !r->decoded || !r->params ||
-        !r->row_bits || !r->list) {
+        !r->mu_offset || !r->centre || !r->offset || !r->decoded ||
+        !r->params || !r->row_bits || !r->list) {
         saga_rate_free(r);
         return -1;
     }
@@ -63,6 +64,7 @@ void saga_rate_free(saga_rate *r)
 {
     saga_rate_context_free(&r->context);
     free(r->mu_feature);
+    free(r->mu_offset);
     free(r->centre);
     free(r->offset);
     free(r->decoded);
@@ -381,11 +383,14 @@ static void begin_memory(saga_scene *s)
     write->b[0][s->model.memory_width] = R(-1.9459101490553132);
 }
 
-static void remember_mu(saga_rate *r, const saga_model *m, size_t block,
-                        const real *mu)
+static void remember_mu(saga_rate *r, const saga_model *m, int kind,
+                        size_t block, const real *mu)
 {
-    memcpy(r->mu_feature + block * m->features, mu + 4,
-           m->features * sizeof *mu);
+    if (kind == SAGA_KIND_COARSE)
+        memcpy(r->mu_feature + block * m->features, mu + 4,
+               m->features * sizeof *mu);
+    else if (kind == SAGA_KIND_PRIM)
+        memcpy(r->mu_offset + 4 * block, mu, 4 * sizeof *mu);
 }
 
 /* Every fine anchor in the middle of its suffix cell, which is no wider than
@@ -411,7 +416,11 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
     if (s->model.tools & SAGA_TOOL_MEMORY)
         begin_memory(s);
     for (i = 0; i < s->n.coarse; i++)
-        remember_mu(r, &s->model, i, r->constants.mean[SAGA_KIND_COARSE]);
+        remember_mu(r, &s->model, SAGA_KIND_COARSE, i,
+                    r->constants.mean[SAGA_KIND_COARSE]);
+    for (i = 0; i < s->n.fine; i++)
+        remember_mu(r, &s->model, SAGA_KIND_PRIM, i,
+                    r->constants.mean[SAGA_KIND_PRIM]);
 }
 
 /* offset: as they are, or as coded. */
@@ -476,6 +485,13 @@ static real *gradient_of(const job *j, size_t block, size_t row, size_t c,
     return j->d->prim_x + 4 * prim + c;
 }
 
+/* Whether a value is rounded here. */
+static bool is_rounded(const job *j, size_t c)
+{
+    return j->o->rounding &&
+           saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
+}
+
 /* Number `at` of the list. Writes to its own rows alone. */
 static void add_block(const job *j, size_t at, uint32_t block)
 {
@@ -501,10 +517,12 @@ static void add_block(const job *j, size_t at, uint32_t block)
             saga_rate_cost cost;
             real *to;
 
-            /* Features come as they are used: clean, noisy or rounded. */
-            if (saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE)
-                v = j->o->rounding ? floor(v + 0.5)
-                                   : v + saga_rng_double(j->noise, draw) - 0.5;
+            /* The others come as they are used: clean, noisy or rounded, but
+             * primitives perhaps against a mu of some iterations before. */
+            if (is_rounded(j, c))
+                v = floor(v + 0.5);
+            else if (saga_rate_is_anchor(j->kind, c))
+                v += saga_rng_double(j->noise, draw) - 0.5;
             cost = saga_rate_bits(v, (double)k->log2_sigma[p]);
             bits[saga_rate_step_of(j->kind, c)] += cost.bits;
             k->d_mu[p] -= R(weight * cost.d_v / step);
@@ -551,9 +569,8 @@ static int step_kind(double bits[SAGA_N_STEPS], const job *j)
     for (i = 0; i < (ptrdiff_t)list.n; i++) {
         for (c = 0; c < SAGA_N_STEPS; c++)
             bits[c] += j->o->every * r->row_bits[SAGA_N_STEPS * (size_t)i + c];
-        if (j->kind == SAGA_KIND_COARSE)
-            remember_mu(r, &s->model, list.block[i],
-                        k->mu + (size_t)i * saga_n_channels(&s->model, 0));
+        remember_mu(r, &s->model, j->kind, list.block[i],
+                    k->mu + (size_t)i * saga_n_channels(&s->model, j->kind));
     }
     return saga_rate_sources(&r->context, s, j->kind)
         ? saga_rate_context_backward(&r->context, j->d, s, j->kind, list, &dx)
@@ -586,13 +603,35 @@ int saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
                     : 0;
 }
 
+static double nearest(double x, double mu, double step)
+{
+    return mu + floor((x - mu) / step + 0.5) * step;
+}
+
 real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i)
 {
-    const double step = step_size(&s->model, SAGA_KIND_COARSE, 4);
-    const double mu = (double)r->mu_feature[i];
-    const double x = (double)s->coarse_feature[i];
+    return R(nearest((double)s->coarse_feature[i], (double)r->mu_feature[i],
+                     step_size(&s->model, SAGA_KIND_COARSE, 4)));
+}
 
-    return R(mu + floor((x - mu) / step + 0.5) * step);
+double saga_rate_prim_step(const saga_scene *s)
+{
+    return step_size(&s->model, SAGA_KIND_PRIM, 0);
+}
+
+void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
+                            size_t fine)
+{
+    const uint32_t bits = s->model.level[SAGA_LEVEL_FINE].suffix_bits;
+    const double at[4] = { (double)o[0], (double)o[1], (double)o[2],
+                           (double)o[3] };
+    const uint32_t suffix = saga_scene_suffix(at, bits);
+    uint32_t k;
+
+    for (k = 0; k < 4; k++)
+        o[k] = R(nearest(at[k], (double)r->mu_offset[4 * fine + k] +
+                                saga_scene_suffix_centre(suffix, bits, k),
+                         saga_rate_prim_step(s)));
 }
 
 /* --- As it is coded ------------------------------------------------------ */

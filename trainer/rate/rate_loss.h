@@ -67,6 +67,7 @@ typedef struct saga_rate {
     saga_rate_constants constants;
     real *mu_feature;            /* (coarse, F) of each block's last evaluation:
                                   * what its features are rounded against */
+    real *mu_offset;             /* (fine, 4) the same of primitives' offsets */
     real *centre;                /* (coarse, 4) values */
     real *offset;                /* (fine, 5) values and count / 16 */
     real *decoded;               /* (fine, 5) the same as coded */
@@ -86,8 +87,9 @@ typedef struct saga_rate_input {
 typedef struct saga_rate_options {
     uint32_t first, every;       /* blocks first, first + every, ... stand for
                                   * all of their kind */
-    bool rounding;               /* offsets rounded, or with noise of a step;
-                                  * features are taken as they are */
+    bool rounding;               /* anchors' offsets rounded, or with noise of
+                                  * a step; features and primitives' offsets
+                                  * come as they are used */
     bool remember;               /* the memory is read anew, and learns; if any
                                   * kind reads it. Else what was last read is a
                                   * constant */
@@ -114,6 +116,8 @@ static inline void saga_rate_look(saga_rate_options *o, int turn,
 #define saga_rate_measure SAGA_REAL_NAME(saga_rate_measure)
 #define saga_rate_start SAGA_REAL_NAME(saga_rate_start)
 #define saga_rate_round SAGA_REAL_NAME(saga_rate_round)
+#define saga_rate_prim_step SAGA_REAL_NAME(saga_rate_prim_step)
+#define saga_rate_round_offset SAGA_REAL_NAME(saga_rate_round_offset)
 #define saga_rate_rounded SAGA_REAL_NAME(saga_rate_rounded)
 #define saga_rate_step SAGA_REAL_NAME(saga_rate_step)
 #define saga_rate_code SAGA_REAL_NAME(saga_rate_code)
@@ -149,6 +153,12 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
 /* The value nearest to feature i (of n.coarse * F) that can be coded. */
 real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i);
+
+/* A primitive's step in supports, and the offset o of one of a fine anchor's to
+ * the nearest that can be coded. */
+double saga_rate_prim_step(const saga_scene *s);
+void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
+                            size_t fine);
 
 /* The scene with entropy networks whose weights are rounded to the plan's steps
  * (once it is decided): what is trained for from then on, and coded. They live

@@ -13,7 +13,7 @@
 enum { REFRESH_EVERY = 50, RAMP = 300 };
 
 /* Streams of random numbers. */
-enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START };
+enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START, STREAM_OFFSET };
 
 /* What a bit costs in the regression, whose loss is that much larger than the
  * pictures'. */
@@ -62,6 +62,7 @@ static int alloc_all(saga_fit *f)
     f->weight = calloc(s->n.prim + 1u, sizeof *f->weight);
     f->feature = calloc((size_t)s->n.coarse * s->model.features + 1,
                         sizeof *f->feature);
+    f->position = calloc(4 * (size_t)s->n.prim + 1, sizeof *f->position);
     f->support = calloc(4 * (size_t)s->n.fine + 1, sizeof *f->support);
     f->m = calloc(s->n_reals, sizeof *f->m);
     f->v = calloc(s->n_reals, sizeof *f->v);
@@ -70,7 +71,7 @@ static int alloc_all(saga_fit *f)
     f->truth = calloc(3 * pixels, sizeof *f->truth);
     f->d_image = calloc(3 * pixels, sizeof *f->d_image);
     return f->range && f->train && f->weight && f->feature &&
-           f->support && f->m && f->v &&
+           f->position && f->support && f->m && f->v &&
            f->image && f->trans && f->truth && f->d_image;
 }
 
@@ -225,6 +226,7 @@ void saga_fit_free(saga_fit *f)
     free(f->train);
     free(f->weight);
     free(f->feature);
+    free(f->position);
     free(f->support);
     free(f->params);
     free(f->m);
@@ -325,6 +327,36 @@ static void use_features(saga_fit *f)
         f->feature[i] = (real)(done < 0 ? x
             : is_rounding(f) ? (double)saga_rate_round(&f->rate, f->scene, i)
             : x + step * (saga_rng_double(r, i) - 0.5));
+    }
+}
+
+/* f->position: clean while regressing, then with noise of a step of the offset
+ * from its anchor, then with the offset rounded. */
+static void use_positions(saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    const int done = f->iteration - f->o.n_regress;
+    const saga_rng r = saga_rng_stream(f->o.seed ^ ((uint64_t)done << 20),
+                                       STREAM_OFFSET);
+    const double step = saga_rate_prim_step(s);
+    size_t i, k;
+
+    memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
+    for (i = 0; done >= 0 && i < s->n.prim; i++) {
+        const size_t fine = s->prim_fine[i];
+        const real *const at = s->fine_x + 4 * fine;
+        const real *const support = f->twin.support + 4 * fine;
+        real o[4];
+
+        for (k = 0; k < 4; k++)
+            o[k] = (s->prim_x[4 * i + k] - at[k]) / support[k];
+        if (is_rounding(f))
+            saga_rate_round_offset(o, &f->rate, s, fine);
+        else
+            for (k = 0; k < 4; k++)
+                o[k] += (real)(step * (saga_rng_double(r, 4 * i + k) - 0.5));
+        for (k = 0; k < 4; k++)
+            f->position[4 * i + k] = at[k] + support[k] * o[k];
     }
 }
 
@@ -518,6 +550,7 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
 
     *psnr = 0;
     use_features(f);
+    use_positions(f);
     if (saga_fit_use_weights(f))
         return SAGA_FIT_MEMORY;
     if (f->iteration % REFRESH_EVERY == 0 &&
@@ -546,6 +579,7 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c)
     saga_rate_input x = rate_input(f, feature);
 
     saga_fit_round_weights(f);
+    use_positions(f);
     x.scene = &f->used;
     if (saga_rate_choice_init(c, &f->rate, &x))
         return NULL;

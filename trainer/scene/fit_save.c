@@ -8,7 +8,7 @@
  */
 #include "fit_state.h"
 
-#define MAGIC 0x3454494647415331u   /* "1SAGFIT4" */
+#define MAGIC 0x3554494647415331u   /* "1SAGFIT5" */
 
 typedef struct {
     FILE *file;
@@ -108,6 +108,7 @@ static bool walk_fit(stream *s, saga_fit *f)
     /* Anchors do not move: the rest of the rate is as it was made. */
     walk(s, f->rate.mu_feature, f->scene->n.coarse *
          (size_t)f->scene->model.features * sizeof(real));
+    walk(s, f->rate.mu_offset, 4 * (size_t)f->scene->n.fine * sizeof(real));
     walk(s, f->rate.context.keep, sizeof f->rate.context.keep);
     walk(s, &f->rate.plan, sizeof f->rate.plan);
     walk_reads(s, &f->rate.context);

@@ -24,9 +24,11 @@ struct saga_fit {
     real *weight;                /* (prim) of the regression */
     real *support;               /* (fine, 4) log2 wanted in the regression */
     real *feature;               /* (coarse, F) as used: noisy or rounded */
+    real *position;              /* (prim, 4) the same, used.prim_x */
     real *m, *v;                 /* Adam's moments (n_reals) */
     saga_scene used;             /* what the twin runs: scene, but its networks
-                                  * are params, noisy or rounded; not owned */
+                                  * are params, noisy or rounded, its primitives
+                                  * where position says; not owned */
     real *params;
     saga_weights weights;        /* their steps */
     real *image, *trans, *truth, *d_image;

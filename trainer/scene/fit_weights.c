@@ -60,6 +60,7 @@ int saga_fit_begin_weights(saga_fit *f)
         return -1;
     f->used = *s;
     f->used.params = f->params;
+    f->used.prim_x = f->position;
     for (i = 0; i < SAGA_N_NETS; i++)
         if (s->net[i].n_layers)
             saga_net_bind(&f->used.net[i],
