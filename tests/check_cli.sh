@@ -262,8 +262,14 @@ expect 1 render "$scene" -o "$tmp/x.png" --camera 3
 says 'no camera 3 in its rig of 3'
 expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
 says 'segment 0 is refused'
+says 'saga info'
 expect 1 render vectors/bad/crc_header.saga -o "$tmp/x.png"
 says 'header is refused'
+# Sound, but not of this stream, as a file of an earlier saga is.
+for f in scale_below_zero more_than_maximum; do
+    expect 1 render vectors/bad/$f.saga -o "$tmp/x.png"
+    says 'pre-release of saga: encode it again'
+done
 [ -z "$(find "$tmp" -name '*x.png*')" ] || complain "something half-written"
 verdict render
 
