@@ -124,6 +124,17 @@ static bool training(void *user, const saga_train_progress *p)
 
 /* --- Before -------------------------------------------------------------- */
 
+static int check_options(const options *o)
+{
+    if (o->still && o->moving)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --still and --moving "
+                              "exclude each other");
+    if (o->no_memory && (o->slots || o->plain_write))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --no-memory excludes "
+                              "--slots and --update plain");
+    return SAGA_EXIT_OK;
+}
+
 /* Training takes long: what would stop its result from being written is found
  * now. */
 static int check_output(session *s)
@@ -577,8 +588,10 @@ static void print_json(const session *s)
 
 static int encode(session *s)
 {
-    int status = check_output(s);
+    int status = check_options(s->o);
 
+    if (!status)
+        status = check_output(s);
     if (!status)
         status = check_checkpoint(s);
     if (!status)
@@ -659,8 +672,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_range, offsetof(options, frames), 0, SAGA_MAX_FRAMES },
     { "--scale", "1/N", "pictures made smaller by means of N x N boxes",
       saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
-    { "--hold-out", "NAME,..", "views not to be trained on (default: what the\n"
-      "capture says)", saga_cli_text, offsetof(options, hold_out), 0, 0 },
+    { "--hold-out", "NAME,..", "views not to be trained on, \"\" for none "
+      "(default:\nwhat the capture says)", saga_cli_names,
+      offsetof(options, hold_out), 0, 0 },
     { "--still", NULL, "no temporal tools, whatever moves", saga_cli_flag,
       offsetof(options, still), 0, 0 },
     { "--moving", NULL, "temporal tools even if nothing seems to move",
@@ -677,8 +691,9 @@ static const saga_cli_option option_list[] = {
     { "--slots", "L", "... with 32, 64, 128, 256 or 512 slots of memory\n"
       "(default: 64, below 40,000 primitives no memory)",
       saga_cli_int, offsetof(options, slots), 32, 512 },
-    { "--update", "orth|plain", "... which are told what they do not hold yet "
-      "(orth, the\ndefault), or all of it", read_update,
+    { "--update", "orth|plain", "... whose slots are told what they do not "
+      "hold yet (orth,\nthe default) or all of it (plain, which asks for a "
+      "memory\nas --slots does)", read_update,
       offsetof(options, plain_write), 0, 0 },
     { "--raw-networks", NULL, "networks' parameters unpriced, in steps of "
       "1/2048: what\ntheir rate in training is worth", saga_cli_flag,

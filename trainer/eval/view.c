@@ -41,8 +41,8 @@ saga_metric saga_metric_of(const saga_info *info)
 
 /* --- Opening ------------------------------------------------------------- */
 
-/* Networks or a segment. What no CRC finds wrong was written so: streams of
- * before version 1 is final have no number of their own. */
+/* Index, networks or a segment. What no CRC finds wrong was written so: streams
+ * of before version 1 is final have no number of their own. */
 static bool refuse(const saga_film *film, saga_input_error *error,
                    const char *what, saga_status status)
 {
@@ -215,11 +215,12 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                               frame_den);
     double start, drawn;
 
+    if (s == SAGA_ERR_ARG)
+        return saga_fail(error, film->name, "give a time inside it",
+                         "has no frame %g among its %" PRIu32,
+                         (double)frame_num / frame_den, film->info.n_frames);
     if (s)
-        return saga_fail(error, film->name, "give a time inside it", "has no "
-                         "frame %" PRIu32 "/%" PRIu32 " among its %" PRIu32
-                         " (%s)", frame_num, frame_den, film->info.n_frames,
-                         saga_status_text(s));
+        return refuse(film, error, "its index is refused", s);
     if (!decode(film, &seg, error))
         return false;
     start = seconds();
