@@ -235,6 +235,19 @@ static int open_training(session *s)
                                      s->error.message);
 }
 
+/* What the loader decided, and warns of. */
+static void tell_notes(const session *s)
+{
+    const char *line = s->capture.notes;
+
+    while (*line) {
+        const int n = (int)strcspn(line, "\n");
+
+        saga_cli_error(0, "encode: %.*s", n, line);
+        line += n + (line[n] == '\n');
+    }
+}
+
 /* --- Training ------------------------------------------------------------ */
 
 static int stopped(const session *s)
@@ -598,8 +611,10 @@ static int encode(session *s)
         status = open_capture(s);
     if (!status)
         status = open_training(s);
-    if (!status)
+    if (!status) {
+        tell_notes(s);
         status = train(s);
+    }
     if (!status)
         status = write_file(s);
     if (!status)
