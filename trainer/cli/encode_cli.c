@@ -676,9 +676,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
-    { "--lambda", "X", "what bits cost in distortion: all residuals' and\n"
-      "weights' bits for each value of the coarse features\n"
-      "(default 0.0005); higher: a smaller file", saga_cli_real,
+    { "--lambda", "X", "what bits cost in distortion: X times all bits over "
+      "the\nnumber of coarse features' values (default 0.0005);\nhigher: a "
+      "smaller file", saga_cli_real,
       offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
@@ -701,14 +701,15 @@ static const saga_cli_option option_list[] = {
     { "--groups", "K", "... with 1 to 16 groups of anchors, each coded by "
       "what\nthe earlier ones hold (default 8; 1: without)", saga_cli_int,
       offsetof(options, groups), 1, 16 },
-    { "--no-memory", NULL, "... without the memory of all that was decoded",
+    { "--no-memory", NULL, "... without the memory bank, which holds what was "
+      "decoded\nso far (--memory is another thing)",
       saga_cli_flag, offsetof(options, no_memory), 0, 0 },
-    { "--slots", "L", "... with 32, 64, 128, 256 or 512 slots of memory\n"
-      "(default: 64, below 40,000 primitives no memory)",
+    { "--slots", "L", "... with a memory bank of 32, 64, 128, 256 or 512 "
+      "slots\n(default: 64, below 40,000 primitives no bank)",
       saga_cli_int, offsetof(options, slots), 32, 512 },
     { "--update", "orth|plain", "... whose slots are told what they do not "
       "hold yet (orth,\nthe default) or all of it (plain, which asks for a "
-      "memory\nas --slots does)", read_update,
+      "bank\nas --slots does)", read_update,
       offsetof(options, plain_write), 0, 0 },
     { "--raw-networks", NULL, "networks' parameters unpriced, in steps of "
       "1/2048: what\ntheir rate in training is worth", saga_cli_flag,
