@@ -391,14 +391,11 @@ static void print_quality(const char *what, const saga_train_quality *q)
 
 static void print_motion(const saga_train_report *r)
 {
-    if (isnan(r->explained))
-        printf("  %s\n", r->dynamic ? "temporal tools on" :
-               "no temporal tools");
-    else
-        printf("  %s: %.2f %% of the pixels change, the warm-up explains %.0f "
-               "%% of that\n", r->dynamic ? "temporal tools on"
-               : "nothing moves, no temporal tools", 100 * r->changing,
-               100 * r->explained);
+    printf("  %s", r->dynamic ? "temporal tools on" : "no temporal tools");
+    if (!isnan(r->explained))
+        printf(": %.2f %% of the pixels change, the warm-up explains %.0f %% "
+               "of that", 100 * r->changing, 100 * r->explained);
+    putchar('\n');
 }
 
 /* What the symbols cost: by their code lengths, and as the range coder spends
