@@ -296,8 +296,8 @@ floors: setup
 	@tools/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
 # What the parts of the entropy model are worth, on the built-in scene at four
-# rates: docs/results/ablation.md and .svg. SCENES: more files for the
-# comparison with an order-0 coder, NAME=FILE.saga each.
+# rates: docs/results/ablation.md and .svg, which it writes anew. SCENES: more
+# files for the comparison with an order-0 coder, NAME=FILE.saga each.
 SCENES =
 .PHONY: ablation
 ablation:
@@ -320,9 +320,10 @@ clean:
 
 define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
-make demo        the built-in scene, encoded, decoded and judged; 8 CPU minutes
+make demo        the built-in scene, encoded, decoded and judged; 9 CPU minutes
 make floors      the demo beside what needs no such codec; 8 CPU minutes more
-make ablation    what the entropy model's parts are worth; 40 CPU minutes
+make ablation    what the entropy model's parts are worth; about 50 CPU minutes
+make setup       installs what is missing to build and test (Debian, as root)
 make test        installs what is missing (Debian), then all tests; < 10 CPU min
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone
@@ -340,6 +341,7 @@ make clean       removes $(BUILD)
 
 CC=gcc|clang|...   OPT=-O2   HOT_OPT=-O3 (inner loops)   CFLAGS= LDFLAGS=
 WERROR=-Werror   SANITIZE=1   LEVEL=2 (memory of saga-dec)   BUILD=build
+THREADS=2 (demo, floors, ablation)   SCENES='NAME=FILE.saga ...' (ablation)
 SAGA_TEST_SEED, SAGA_TEST_COUNT, SAGA_TEST_LONG=1 (environment): random tests
 endef
 export HELP

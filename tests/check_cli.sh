@@ -257,14 +257,22 @@ says '--time takes SECONDS'
 expect 2 render "$scene" -o "$tmp/none/x.png"
 says "$tmp/none/x.png: cannot be created"
 expect 1 render "$scene" -o "$tmp/x.png" --frame "$frames"
-says "no frame $frames/1 among its $frames"
+says "no frame $frames among its $frames"
+expect 1 render "$scene" -o "$tmp/x%d.png" --frames 0:$((frames + 1))
+says "--frames 0:$((frames + 1)) goes beyond its $frames frames"
 expect 1 render "$scene" -o "$tmp/x.png" --camera 3
 says 'no camera 3 in its rig of 3'
 expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
 says 'segment 0 is refused'
+says 'saga info'
 expect 1 render vectors/bad/crc_header.saga -o "$tmp/x.png"
 says 'header is refused'
-[ -z "$(find "$tmp" -name '*x.png*')" ] || complain "something half-written"
+# Sound, but not of this stream, as a file of an earlier saga is.
+for f in scale_below_zero more_than_maximum; do
+    expect 1 render vectors/bad/$f.saga -o "$tmp/x.png"
+    says 'pre-release of saga: encode it again'
+done
+[ -z "$(find "$tmp" -name '*x*.png*')" ] || complain "something half-written"
 verdict render
 
 # ---- synth

@@ -126,6 +126,13 @@ expect 2 cap -o x.saga --slots 48
 says '--slots 48'
 expect 2 cap -o x.saga --update other
 says 'orth|plain'
+expect 2 cap -o x.saga --still --moving
+says '--still and --moving'
+for also in '--slots 64' '--update plain'; do
+    # shellcheck disable=SC2086
+    expect 2 cap -o x.saga --no-memory $also
+    says '--no-memory excludes'
+done
 expect 2 cap -o x.saga --iterations 2
 says '--iterations'
 expect 2 cap -o x.saga --primitives many
@@ -141,8 +148,8 @@ name=$(cd broken && ls images/*/00002.png | head -n 1)
 rm "broken/$name"
 expect 1 broken -o x.saga
 says 00002.png
-expect 1 cap -o x.saga --hold-out nobody
-says nobody
+expect 1 cap -o x.saga --hold-out cam00,nobody
+says 'names "nobody"'
 expect 1 cap -o x.saga --frames 2:9
 says 9
 leaves

@@ -195,6 +195,8 @@ bad_json 'j["fps"] = 0' '"fps" is 0'
 bad_json 'j["fps"] = -24' '"fps" is -24'
 bad_json 'j["train_filenames"] = 3' '"train_filenames" at the top is a number'
 bad_json 'j["train_filenames"][2] = None' 'is null'
+bad_json 'j["train_filenames"][2] = "images/nobody.png"' 'nobody.png'
+bad_json 'j["test_filenames"].append("cam01")' 'lists "cam01"'
 try_all
 verdict json
 

@@ -6,7 +6,6 @@
 #include "morton.h"
 #include "pack.h"
 #include "quantise.h"
-#include "rng.h"
 #include "train_state.h"
 
 #include <math.h>
@@ -200,7 +199,8 @@ static void end(fit *f)
 
 /* --- Fitting ------------------------------------------------------------- */
 
-/* From 1 down to 0.03, a half cosine, after a ramp as the trainer's. */
+/* A half cosine down to 0.03 of the highest, as for the trainer's pictures, and
+ * a third of their ramp: there are fewer iterations, and features are done. */
 static float learning_rate(const fit *f, int i)
 {
     enum { RAMP = 100 };

@@ -155,24 +155,20 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
 }
 
 /* A segment's bytes, changed, appended to the file. */
-static const char *append(saga_encoder *e, const scene *sc, const uint8_t *p,
-                          size_t n)
+static const char *append(saga_encoder *e, const scene *sc,
+                          const saga_header *h, const uint8_t *p, size_t n)
 {
-    const size_t layers = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
-    saga_io io = { p + SAGA_CHUNK_NBYTES, NULL, 0 };
     const char *why = "a segment is not valid";
     saga_segment_header seg;
-    saga_chunk chunk;
     saga_symbols s;
     uint32_t cap_nodes;
     int ok;
 
-    if (saga_head_chunk(&chunk, SAGA_CHUNK_SEGMENT, p, n))
+    if (!recorder_segment(&seg, h, &p, &n))
         return why;
-    saga_segment_io(&io, &seg);
-    cap_nodes = 25 * seg.n.coarse + 25;
-    recorder_alloc_symbols(&s, seg.n, sc->model->features, cap_nodes);
-    ok = change(&s, cap_nodes, sc, p + layers, n - layers) &&
+    cap_nodes = recorder_nodes(seg.n.coarse);
+    recorder_alloc_symbols(&s, seg.n, h->model.features, cap_nodes);
+    ok = change(&s, cap_nodes, sc, p, n) &&
          saga_encoder_segment(e, &s, seg.n_frames, &why);
     recorder_free_symbols(&s);
     return ok ? NULL : why;
@@ -231,7 +227,7 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
         why = saga_find(&seg, bytes, n, frame, 1) || seg.offset > n ||
               seg.nbytes > n - seg.offset
             ? "the index is not valid"
-            : append(e, &sc, bytes + seg.offset, seg.nbytes);
+            : append(e, &sc, &h, bytes + seg.offset, seg.nbytes);
     if (!why)
         (void)saga_encoder_finish(e, out, n_out, &sizes, &why);
     saga_encoder_free(e);

@@ -41,13 +41,9 @@ static int take_chunk(ref_span *payload, ref_span *at, uint32_t type)
 {
     saga_chunk chunk;
 
-    if (saga_head_chunk(&chunk, type, at->p, at->n))
-        return 0;
-    payload->p = at->p + SAGA_CHUNK_NBYTES;
-    payload->n = chunk.nbytes;
-    at->p += SAGA_CHUNK_NBYTES + chunk.nbytes;
-    at->n -= SAGA_CHUNK_NBYTES + chunk.nbytes;
-    return 1;
+    payload->p = recorder_chunk(&chunk, type, &at->p, &at->n);
+    payload->n = payload->p ? chunk.nbytes : 0;
+    return payload->p != NULL;
 }
 
 static void read_rig(ref_file *f, const uint8_t *bytes)
@@ -105,7 +101,7 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
 
 static int read_layers(ref_file *f, ref_span at)
 {
-    const uint32_t cap_nodes = 25 * f->segment.n.coarse + 25;
+    const uint32_t cap_nodes = recorder_nodes(f->segment.n.coarse);
     uint32_t final_range[3];
     saga_cost cost;
     recorder r;
@@ -139,22 +135,20 @@ static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n)
 {
     ref_span at = { bytes + f->h.header_nbytes, n - f->h.header_nbytes };
     saga_segment seg;
-    saga_io io = { NULL, NULL, 0 };
     ref_span payload;
 
     read_rig(f, bytes);
-    if (!take_chunk(&payload, &at, SAGA_CHUNK_INDEX) ||
-        !take_chunk(&f->chunk[REF_NETWORKS], &at, SAGA_CHUNK_NETS) ||
-        !read_nets(f))
-        return "the networks are not valid";
-    if (saga_find(&seg, bytes, n, 0, 1) || seg.offset > n ||
-        seg.nbytes > n - seg.offset)
+    /* The last frame is behind all of the index. */
+    if (saga_find(&seg, bytes, n, f->h.n_frames - 1, 1) || seg.offset > n ||
+        seg.nbytes > n - seg.offset ||
+        !take_chunk(&payload, &at, SAGA_CHUNK_INDEX))
         return "the index is not valid";
+    if (!take_chunk(&f->chunk[REF_NETWORKS], &at, SAGA_CHUNK_NETS) ||
+        f->chunk[REF_NETWORKS].n != f->h.nets_nbytes || !read_nets(f))
+        return "the networks are not valid";
     at = (ref_span){ bytes + seg.offset, seg.nbytes };
-    if (!take_chunk(&payload, &at, SAGA_CHUNK_SEGMENT))
-        return "the segment is not valid";
-    io.in = payload.p;
-    saga_segment_io(&io, &f->segment);
+    if (!recorder_segment(&f->segment, &f->h, &at.p, &at.n))
+        return "the segment's header is not valid";
     return read_layers(f, at) ? NULL : "the segment is not valid";
 }
 

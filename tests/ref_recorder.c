@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "ref_recorder.h"
 
-#include "container.h"
 #include "encode.h"
 #include "head.h"
 #include "plan.h"
@@ -204,9 +203,8 @@ void recorder_free_symbols(saga_symbols *s)
 
 /* --- A whole file -------------------------------------------------------- */
 
-/* A chunk of the given type at *p; moves *p and *n past it. NULL if bad. */
-static const uint8_t *chunk_at(saga_chunk *chunk, uint32_t type,
-                               const uint8_t **p, size_t *n)
+const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
+                              const uint8_t **p, size_t *n)
 {
     const uint8_t *const payload = *p + SAGA_CHUNK_NBYTES;
 
@@ -215,6 +213,28 @@ static const uint8_t *chunk_at(saga_chunk *chunk, uint32_t type,
     *p = payload + chunk->nbytes;
     *n -= SAGA_CHUNK_NBYTES + chunk->nbytes;
     return payload;
+}
+
+int recorder_segment(saga_segment_header *seg, const saga_header *h,
+                     const uint8_t **p, size_t *n)
+{
+    saga_io io = { NULL, NULL, 0 };
+    saga_chunk chunk;
+
+    io.in = recorder_chunk(&chunk, SAGA_CHUNK_SEGMENT, p, n);
+    if (!io.in || chunk.nbytes != SAGA_SEGMENT_NBYTES)
+        return 0;
+    saga_segment_io(&io, seg);
+    return seg->n.coarse >= 1 && seg->n.coarse <= h->max.coarse &&
+           seg->n.fine <= h->max.fine && seg->n.prim <= h->max.prim &&
+           seg->number < h->n_segments && seg->n_frames >= 1 &&
+           seg->n_frames <= h->n_frames &&
+           seg->first_frame <= h->n_frames - seg->n_frames;
+}
+
+uint32_t recorder_nodes(uint32_t n_coarse)
+{
+    return (SAGA_MAX_DEPTH_X + SAGA_MAX_DEPTH_T + 1) * n_coarse;
 }
 
 int recorder_layers(saga_coder *front, saga_coder **inner,
@@ -230,7 +250,8 @@ int recorder_layers(saga_coder *front, saga_coder **inner,
     for (layer = 0; layer < 3 && ok; layer++) {
         saga_range_dec range;
         saga_chunk chunk;
-        const uint8_t *const payload = chunk_at(&chunk, type[layer], &p, &n);
+        const uint8_t *const payload = recorder_chunk(&chunk, type[layer],
+                                                      &p, &n);
 
         if (!payload)
             return 0;
@@ -243,7 +264,7 @@ int recorder_layers(saga_coder *front, saga_coder **inner,
         final_range[layer] = range.range;
     }
     *inner = NULL;
-    return ok;
+    return ok && n == 0;
 }
 
 static int read_segment(const saga_header *h, const saga_nets *nets,
@@ -251,20 +272,16 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
                         uint32_t final_range[3], const recorder *like,
                         const uint8_t *p, size_t n)
 {
-    saga_io io = { NULL, NULL, 0 };
     saga_segment_header seg;
-    saga_chunk chunk;
     saga_scaffold sc;
     recorder r;
     int ok;
 
-    io.in = chunk_at(&chunk, SAGA_CHUNK_SEGMENT, &p, &n);
-    if (!io.in)
+    if (!recorder_segment(&seg, h, &p, &n))
         return 0;
-    saga_segment_io(&io, &seg);
     recorder_init(&r, NULL);
     r.s = s;
-    r.cap_nodes = 25 * seg.n.coarse + 25;
+    r.cap_nodes = recorder_nodes(seg.n.coarse);
     r.features = h->model.features;
     recorder_alloc_symbols(s, seg.n, h->model.features, r.cap_nodes);
     saga_scaffold_alloc(&sc, &h->model, nets, params, seg.n);
@@ -276,15 +293,17 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     return ok;
 }
 
-static int read_nets(saga_net_symbols *out, const saga_nets *nets,
-                     uint8_t *params, const uint8_t *p, size_t n)
+static int read_nets(saga_net_symbols *out, const saga_header *h,
+                     const saga_nets *nets, uint8_t *params, const uint8_t *p,
+                     size_t n)
 {
     saga_range_dec range;
     saga_chunk chunk;
     recorder r;
-    const uint8_t *const payload = chunk_at(&chunk, SAGA_CHUNK_NETS, &p, &n);
+    const uint8_t *const payload = recorder_chunk(&chunk, SAGA_CHUNK_NETS, &p,
+                                                  &n);
 
-    if (!payload)
+    if (!payload || chunk.nbytes != h->nets_nbytes)
         return 0;
     recorder_alloc_nets(out, nets);
     saga_range_dec_init(&range, payload, chunk.nbytes);
@@ -304,21 +323,25 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
     saga_chunk chunk;
     saga_io io = { NULL, NULL, number * SAGA_INDEX_ENTRY_NBYTES };
     saga_index_entry entry;
+    saga_segment last;
     const uint8_t *p = bytes;
     size_t left = n;
     uint8_t *params;
     int ok;
 
-    if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0))
+    if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0) ||
+        number >= h.n_segments ||
+        /* The last frame is behind all of the index. */
+        saga_find(&last, bytes, n, h.n_frames - 1, 1))
         return 0;
     p += h.header_nbytes;
     left -= h.header_nbytes;
-    io.in = chunk_at(&chunk, SAGA_CHUNK_INDEX, &p, &left);
+    io.in = recorder_chunk(&chunk, SAGA_CHUNK_INDEX, &p, &left);
     if (!io.in)
         return 0;
     saga_index_io(&io, &entry);
     params = aligned_alloc(16, plan.nets.nbytes + 16);
-    ok = params && read_nets(nets, &plan.nets, params, p, left);
+    ok = params && read_nets(nets, &h, &plan.nets, params, p, left);
     if (ok && segment)
         ok = entry.offset < n && entry.nbytes <= n - entry.offset &&
              read_segment(&h, &plan.nets, params, segment, final_range, like,

@@ -6,6 +6,7 @@
 #ifndef REF_RECORDER_H
 #define REF_RECORDER_H
 
+#include "container.h"
 #include "prob.h"
 #include "scaffold.h"
 #include "symbols.h"
@@ -41,10 +42,24 @@ void recorder_alloc_symbols(saga_symbols *s, saga_counts n,
 void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes);
 void recorder_free_symbols(saga_symbols *s);
 
+/* The chunk of that type which begins at *p: its payload, and *p and *n move
+ * past it. NULL if there is none, or its CRC is another. */
+const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
+                              const uint8_t **p, size_t *n);
+
+/* The chunk SEGM at *p, which *p and *n move past: 1 if it is one and its
+ * numbers, which arrays are made for, are such as h allows; else 0. */
+int recorder_segment(saga_segment_header *seg, const saga_header *h,
+                     const uint8_t **p, size_t *n);
+
+/* Nodes that the tree of so many leaves has at most: each inner one has a
+ * child, and lies at most 24 deep. */
+uint32_t recorder_nodes(uint32_t n_coarse);
+
 /* Decodes the chunks of a segment's three layers, p[0..n) from COAR on: fills
  * sc. The traversal asks `front`, a coder of the caller's, which asks *inner:
  * before each layer, that is set to its range decoder. Returns 1, or 0 if
- * anything is invalid; final_range[0..2] as saga_tell gives them. */
+ * anything is invalid or follows; final_range[0..2] as saga_tell gives them. */
 int recorder_layers(saga_coder *front, saga_coder **inner,
                     const saga_scaffold *sc, uint32_t final_range[3],
                     const uint8_t *p, size_t n);

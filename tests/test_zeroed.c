@@ -72,7 +72,7 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     recorder_free_symbols(&d->s);
     recorder_init(&r, NULL);
     r.s = &d->s;
-    r.cap_nodes = 25 * d->s.n.coarse + 25;
+    r.cap_nodes = recorder_nodes(d->s.n.coarse);
     r.features = g->header.model.features;
     recorder_alloc_symbols(&d->s, d->s.n, r.features, r.cap_nodes);
     saga_scaffold_alloc(&d->sc, &g->header.model, nets, params, d->s.n);

@@ -64,6 +64,9 @@ static int refuse(const char *file, const char *what, saga_status s)
 {
     fprintf(stderr, "saga-dec: %s: %s: %s\n", file, what,
             saga_status_text(s));
+    if (s == SAGA_ERR_DATA)
+        fprintf(stderr, "saga-dec: no .saga file, a damaged one (`saga info` "
+                "tells), or one\nof an earlier pre-release of saga\n");
     if (s == SAGA_ERR_SPACE || s == SAGA_ERR_LEVEL)
         fprintf(stderr, "saga-dec: this build's memory is level %d's, %lu "
                 "bytes; build with `make LEVEL=3` for more\n", SAGA_LEVEL,

@@ -513,6 +513,7 @@ int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
 {
     buffer out = { NULL, 0, 0 };
     saga_info info;
+    saga_status s;
 
     if (e->header.n_segments == 0) {
         *why = "there is no segment";
@@ -526,8 +527,9 @@ int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
     out.n += e->segments.n;
     e->sizes.header = e->header.header_nbytes;
     e->sizes.total = out.n;
-    if (saga_probe(&info, out.p, out.n)) {
-        *why = saga_status_text(saga_probe(&info, out.p, out.n));
+    s = saga_probe(&info, out.p, out.n);
+    if (s) {
+        *why = saga_status_text(s);
         free(out.p);
         return 0;
     }

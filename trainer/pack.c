@@ -225,10 +225,10 @@ static void measure_formats(saga_model *m, const saga_scene *s,
     /* What enters a network must not saturate either. */
     m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, feature), 12);
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
-        ? fx_min(q[SAGA_HEAD_FUSE_C], 12) & 15 : m->q_in[SAGA_NET_FUSE_C];
-    m->q_in[SAGA_NET_FUSE_F] = fx_min(q[SAGA_HEAD_FINE], 12) & 15;
+        ? (uint8_t)fx_min(q[SAGA_HEAD_FUSE_C], 12) : m->q_in[SAGA_NET_FUSE_C];
+    m->q_in[SAGA_NET_FUSE_F] = (uint8_t)fx_min(q[SAGA_HEAD_FINE], 12);
     m->q_in[SAGA_NET_GEO] = m->q_in[SAGA_NET_COLOUR_BASE] =
-        fx_min(saga_fused_q(m, SAGA_LEVEL_FINE), 12) & 15;
+        (uint8_t)fx_min(saga_fused_q(m, SAGA_LEVEL_FINE), 12);
 }
 
 /* --- Networks ------------------------------------------------------------ */

@@ -313,12 +313,10 @@ typedef struct {
     const uint32_t *order;
 } loop;
 
-/* Wanted offset from a cell's centre in half-sizes, clamped into the int16. */
+/* Wanted offset from a cell's centre in half-sizes. */
 static double local(double x, double centre, double unit)
 {
-    const double o = (x - centre) / unit;
-
-    return o < -1.9999 ? -1.9999 : o > 1.9999 ? 1.9999 : o;
+    return saga_scene_clamp_offset((x - centre) / unit);
 }
 
 static double cell_offset(const saga_place *cell, const double *x,
@@ -354,12 +352,12 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
                                     i) -
                         saga_scene_suffix_centre(
                             l->s->fine_suffix[at.index],
-                            m->level[0].suffix_bits, i));
+                            m->level[SAGA_LEVEL_COARSE].suffix_bits, i));
     default:
         return 16384 * (l->prim_o[4 * (size_t)l->order[at.index] + i] -
                         saga_scene_suffix_centre(
                             l->s->prim_suffix[at.index],
-                            m->level[1].suffix_bits, i));
+                            m->level[SAGA_LEVEL_FINE].suffix_bits, i));
     }
 }
 
@@ -450,7 +448,7 @@ static int compare(const void *a, const void *b)
 static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
 {
     const saga_scaffold *const sc = l->sc;
-    const uint32_t bits = sc->model->level[1].suffix_bits;
+    const uint32_t bits = sc->model->level[SAGA_LEVEL_FINE].suffix_bits;
     uint32_t fine, i, axis;
 
     for (fine = 0; fine < sc->n.fine; fine++) {
@@ -467,7 +465,7 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
                     : local(l->t->prim_x[4 * (size_t)k + axis],
                             axis < 3 ? f->x[axis] : f->t, f->support[axis]);
             for (axis = 0; axis < 3; axis++)
-                if (fabs(o[axis]) > 1.9998)
+                if (fabs(o[axis]) > SAGA_SCENE_OFFSET_MAX - 1e-4)
                     break;
             r->n_clamped += axis < 3;
             list[i].suffix = saga_scene_suffix(o, bits);
@@ -479,29 +477,6 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
             order[f->first_prim + i] = list[i].index;
         }
     }
-}
-
-static void measure(const loop *l, saga_quantise_report *r)
-{
-    const saga_scaffold *const sc = l->sc;
-    double sum = 0;
-    uint32_t fine, i, axis;
-
-    for (fine = 0; fine < sc->n.fine; fine++)
-        for (i = 0; i < sc->fine[fine].n_prim; i++) {
-            const uint32_t k = sc->fine[fine].first_prim + i;
-            const double *const x = l->t->prim_x + 4 * (size_t)l->order[k];
-            double d2 = 0;
-            saga_place p;
-
-            saga_place_fine(&p, &sc->fine[fine]);
-            saga_place_move(&p, sc->prim_offset[k]);
-            for (axis = 0; axis < 3; axis++)
-                d2 += (p.x[axis] - x[axis]) * (p.x[axis] - x[axis]);
-            sum += d2;
-            r->prim_max = fmax(r->prim_max, sqrt(d2));
-        }
-    r->prim_rms = sqrt(sum / (sc->n.prim + !sc->n.prim));
 }
 
 static void copy_place(double to[4], const int32_t x[3], int32_t t)
@@ -563,8 +538,6 @@ int saga_quantise_segment(saga_symbols *s, uint32_t *order,
         if (!targets->value)
             place_prims(&l, order, report);
         ok = saga_syntax_prim(&sc, &l.coder);
-        if (!targets->value)
-            measure(&l, report);
         if (decoded)
             copy_decoded(decoded, &sc);
     }

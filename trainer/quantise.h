@@ -75,16 +75,15 @@ typedef struct saga_decoded {
 } saga_decoded;
 
 typedef struct saga_quantise_report {
-    double prim_rms, prim_max;   /* distance of primitives' decoded means from
-                                  * their targets, box units */
-    uint32_t n_clamped;          /* primitives beyond +-2 supports */
+    uint32_t n_clamped;          /* primitives beyond +-2 supports; 0 with
+                                  * targets->value */
 } saga_quantise_report;
 
 /* Fills s: on entry its counts, tree, n_fine, fine_suffix (ascending within a
  * parent) and n_prim are set and all arrays are there; on return the rest is.
  * order (prim): order[rank] = index into prim_x of the primitive now at that
  * rank (a parent's primitives are sorted by suffix); with targets->value it is
- * not touched, and the report says nothing. params: the networks' block as
+ * not touched. params: the networks' block as
  * saga_encoder_params gives it. decoded may be NULL. Returns 1, or 0 if the
  * symbols are refused. */
 int saga_quantise_segment(saga_symbols *s, uint32_t *order,

@@ -144,7 +144,6 @@ typedef struct saga_train_report {
     saga_train_quality model;    /* the float model, coarse features and
                                   * networks rounded */
     saga_train_quality coded;    /* decoded symbols and weights, in float */
-    double near_min;             /* least near plane of the rig, metres */
 } saga_train_report;
 
 typedef struct saga_train saga_train;

@@ -245,7 +245,6 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
     m.unit = ldexp(h->unit_mantissa, h->unit_exponent);
     for (int i = 0; i < 3; i++)
         m.centre[i] = ldexp(h->centre_mantissa[i], h->centre_exponent);
-    t->report.near_min = t->range[0];
     for (size_t i = 0; rig && i < n; i++) {
         saga_camera c;
 
@@ -256,7 +255,6 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
             return NULL;
         }
         copy_camera(&rig[i], &c, (uint32_t)i);
-        t->report.near_min = fmin(t->report.near_min, t->range[2 * i]);
     }
     if (!rig)
         saga_fail(error, NULL, "free some memory", "out of memory");

@@ -92,16 +92,32 @@ static bool same(const saga_train *t, const char *option, uint64_t had,
                      (unsigned long long)has);
 }
 
-/* Flags say 1 where they were given. */
+static bool same_motion(const saga_train *t, uint64_t had, uint64_t has,
+                        saga_input_error *error)
+{
+    static const char *const names[] = {
+        [SAGA_TRAIN_MEASURE] = "neither --still nor --moving",
+        [SAGA_TRAIN_STILL] = "--still", [SAGA_TRAIN_MOVING] = "--moving"
+    };
+
+    return had == has ||
+           saga_fail(error, t->o.checkpoint, "give the options it was begun "
+                     "with, or delete it", "was begun with %s, not %s",
+                     had <= SAGA_TRAIN_MOVING ? names[had] : "another motion",
+                     names[has]);
+}
+
+/* Flags say 1 where they were given; no memory may also follow from what is
+ * asked before it. */
 static bool same_entropy(const saga_train *t, const head *h, const head *now,
                          saga_input_error *error)
 {
     return same(t, "--no-hyperprior", h->no_hyper, now->no_hyper, error) &&
            same(t, "--no-parent", h->no_parent, now->no_parent, error) &&
-           same(t, "--no-memory", h->no_memory, now->no_memory, error) &&
            same(t, "--groups", h->groups, now->groups, error) &&
            same(t, "--slots", h->slots, now->slots, error) &&
            same(t, "--update plain", h->plain, now->plain, error) &&
+           same(t, "--no-memory", h->no_memory, now->no_memory, error) &&
            same(t, "--raw-networks", h->raw, now->raw, error);
 }
 
@@ -120,8 +136,8 @@ static bool fits(const saga_train *t, const head *h, saga_input_error *error)
                          "was begun with --lambda %g, not %g", h->lambda,
                          now.lambda);
     return same(t, "--primitives", h->primitives, now.primitives, error) &&
-           same(t, "--coarse", h->coarse, now.coarse, error) &&
-           same(t, "--fine", h->fine, now.fine, error) &&
+           same(t, "coarse anchors", h->coarse, now.coarse, error) &&
+           same(t, "fine anchors", h->fine, now.fine, error) &&
            same(t, "--iterations",
                 h->warm + h->regress + h->render,
                 now.warm + now.regress + now.render, error) &&
@@ -129,7 +145,7 @@ static bool fits(const saga_train *t, const head *h, saga_input_error *error)
            same(t, "regression iterations", h->regress, now.regress, error) &&
            same(t, "--level", h->level, now.level, error) &&
            same(t, "--seed", h->seed, now.seed, error) &&
-           same(t, "--motion", h->motion, now.motion, error) &&
+           same_motion(t, h->motion, now.motion, error) &&
            same_entropy(t, h, &now, error) &&
            same(t, "frames", h->frames, now.frames, error) &&
            same(t, "views", h->views, now.views, error);

@@ -40,14 +40,14 @@ struct saga_train {
     saga_train_report report;
 
     double started, saved;       /* seconds of the clock */
-    double work_at_start;        /* in units of saga_train_work */
+    double work_at_start;        /* iterations of the warm-up */
     saga_input_error complaint;
     bool complained;
 };
 
 /* train.c */
 double saga_train_seconds(void);
-/* Fails with a formatted sentence and its remedy; returns FAILED. */
+/* Fails with a sentence and its remedy; returns FAILED. */
 saga_train_status saga_train_fail(saga_input_error *error, const char *what,
                                   const char *remedy);
 /* Builds the hierarchy and the fit; t->dynamic is decided. */

@@ -124,6 +124,17 @@ static bool training(void *user, const saga_train_progress *p)
 
 /* --- Before -------------------------------------------------------------- */
 
+static int check_options(const options *o)
+{
+    if (o->still && o->moving)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --still and --moving "
+                              "exclude each other");
+    if (o->no_memory && (o->slots || o->plain_write))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --no-memory excludes "
+                              "--slots and --update plain");
+    return SAGA_EXIT_OK;
+}
+
 /* Training takes long: what would stop its result from being written is found
  * now. */
 static int check_output(session *s)
@@ -222,6 +233,19 @@ static int open_training(session *s)
     return s->train ? SAGA_EXIT_OK
                     : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
                                      s->error.message);
+}
+
+/* What the loader decided, and warns of. */
+static void tell_notes(const session *s)
+{
+    const char *line = s->capture.notes;
+
+    while (*line) {
+        const int n = (int)strcspn(line, "\n");
+
+        saga_cli_error(0, "encode: %.*s", n, line);
+        line += n + (line[n] == '\n');
+    }
 }
 
 /* --- Training ------------------------------------------------------------ */
@@ -367,14 +391,11 @@ static void print_quality(const char *what, const saga_train_quality *q)
 
 static void print_motion(const saga_train_report *r)
 {
-    if (isnan(r->explained))
-        printf("  %s\n", r->dynamic ? "temporal tools on" :
-               "no temporal tools");
-    else
-        printf("  %s: %.2f %% of the pixels change, the warm-up explains %.0f "
-               "%% of that\n", r->dynamic ? "temporal tools on"
-               : "nothing moves, no temporal tools", 100 * r->changing,
-               100 * r->explained);
+    printf("  %s", r->dynamic ? "temporal tools on" : "no temporal tools");
+    if (!isnan(r->explained))
+        printf(": %.2f %% of the pixels change, the warm-up explains %.0f %% "
+               "of that", 100 * r->changing, 100 * r->explained);
+    putchar('\n');
 }
 
 /* What the symbols cost: by their code lengths, and as the range coder spends
@@ -577,16 +598,20 @@ static void print_json(const session *s)
 
 static int encode(session *s)
 {
-    int status = check_output(s);
+    int status = check_options(s->o);
 
+    if (!status)
+        status = check_output(s);
     if (!status)
         status = check_checkpoint(s);
     if (!status)
         status = open_capture(s);
     if (!status)
         status = open_training(s);
-    if (!status)
+    if (!status) {
+        tell_notes(s);
         status = train(s);
+    }
     if (!status)
         status = write_file(s);
     if (!status)
@@ -648,9 +673,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
-    { "--lambda", "X", "what bits cost in distortion: all residuals' and\n"
-      "weights' bits for each value of the coarse features\n"
-      "(default 0.0005); higher: a smaller file", saga_cli_real,
+    { "--lambda", "X", "what bits cost in distortion: X times all bits over "
+      "the\nnumber of coarse features' values (default 0.0005);\nhigher: a "
+      "smaller file", saga_cli_real,
       offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
@@ -659,8 +684,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_range, offsetof(options, frames), 0, SAGA_MAX_FRAMES },
     { "--scale", "1/N", "pictures made smaller by means of N x N boxes",
       saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
-    { "--hold-out", "NAME,..", "views not to be trained on (default: what the\n"
-      "capture says)", saga_cli_text, offsetof(options, hold_out), 0, 0 },
+    { "--hold-out", "NAME,..", "views not to be trained on, \"\" for none "
+      "(default:\nwhat the capture says)", saga_cli_names,
+      offsetof(options, hold_out), 0, 0 },
     { "--still", NULL, "no temporal tools, whatever moves", saga_cli_flag,
       offsetof(options, still), 0, 0 },
     { "--moving", NULL, "temporal tools even if nothing seems to move",
@@ -672,13 +698,15 @@ static const saga_cli_option option_list[] = {
     { "--groups", "K", "... with 1 to 16 groups of anchors, each coded by "
       "what\nthe earlier ones hold (default 8; 1: without)", saga_cli_int,
       offsetof(options, groups), 1, 16 },
-    { "--no-memory", NULL, "... without the memory of all that was decoded",
+    { "--no-memory", NULL, "... without the memory bank, which holds what was "
+      "decoded\nso far (--memory is another thing)",
       saga_cli_flag, offsetof(options, no_memory), 0, 0 },
-    { "--slots", "L", "... with 32, 64, 128, 256 or 512 slots of memory\n"
-      "(default: 64, below 40,000 primitives no memory)",
+    { "--slots", "L", "... with a memory bank of 32, 64, 128, 256 or 512 "
+      "slots\n(default: 64, below 40,000 primitives no bank)",
       saga_cli_int, offsetof(options, slots), 32, 512 },
-    { "--update", "orth|plain", "... which are told what they do not hold yet "
-      "(orth, the\ndefault), or all of it", read_update,
+    { "--update", "orth|plain", "... whose slots are told what they do not "
+      "hold yet (orth,\nthe default) or all of it (plain, which asks for a "
+      "bank\nas --slots does)", read_update,
       offsetof(options, plain_write), 0, 0 },
     { "--raw-networks", NULL, "networks' parameters unpriced, in steps of "
       "1/2048: what\ntheir rate in training is worth", saga_cli_flag,

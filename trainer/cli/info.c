@@ -407,6 +407,7 @@ const saga_command saga_command_info = {
     "Tells what the header of a .saga file says (time, tools, networks,\n"
     "memory and work of decoding, metric cube), where the bytes are, and each\n"
     "segment and each camera of the rig. Checks the CRC of every chunk; a\n"
-    "damaged file gives exit status 1. Decodes nothing.\n",
+    "damaged file gives exit status 1. Decodes nothing: a file of an earlier\n"
+    "pre-release passes, though `saga eval` and `saga render` refuse it.\n",
     option_list, 1, run
 };

@@ -201,6 +201,11 @@ static bool prepare(session *s)
     const options *const o = s->o;
     uint32_t number;
 
+    if ((uint32_t)o->frames.b > s->film.info.n_frames)
+        return saga_fail(&s->error, s->film.name, "give a range inside them",
+                         "--frames %d:%d goes beyond its %" PRIu32 " frames",
+                         (int)o->frames.a, (int)o->frames.b,
+                         s->film.info.n_frames);
     if (!saga_film_rig(&s->film, o->camera < 0 ? 0 : (uint32_t)o->camera,
                        &s->camera, &number, &s->error))
         return false;

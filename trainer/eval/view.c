@@ -2,9 +2,11 @@
 #include "view.h"
 
 #include "input.h"
+#include "layout.h"
 
 #include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
 
@@ -39,11 +41,21 @@ saga_metric saga_metric_of(const saga_info *info)
 
 /* --- Opening ------------------------------------------------------------- */
 
+/* Index, networks or a segment. What no CRC finds wrong was written so: streams
+ * of before version 1 is final have no number of their own. */
 static bool refuse(const saga_film *film, saga_input_error *error,
                    const char *what, saga_status status)
 {
-    return saga_fail(error, film->name, "`saga info` checks the file",
-                     "%s (%s)", what, saga_status_text(status));
+    const char *remedy = "`saga info` tells what is damaged";
+    saga_layout layout;
+
+    if (saga_layout_read(&layout, film->bytes, film->nbytes) &&
+        !layout.damage[0])
+        remedy = "no checksum is wrong, so it was written like this, perhaps "
+                 "by an earlier pre-release of saga: encode it again";
+    saga_layout_free(&layout);
+    return saga_fail(error, film->name, remedy, "%s (%s)", what,
+                     saga_status_text(status));
 }
 
 static bool open_decoder(saga_film *film, saga_input_error *error)
@@ -81,7 +93,9 @@ bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
     *film = (saga_film){ .name = name, .bytes = bytes, .nbytes = nbytes,
                          .segment = -1, .n_threads = threads_of(n_threads) };
     s = saga_probe(&film->info, bytes, nbytes);
-    ok = s == SAGA_OK || refuse(film, error, "its header is refused", s);
+    ok = s == SAGA_OK ||
+         saga_fail(error, name, "`saga info` tells what to do",
+                   "its header is refused (%s)", saga_status_text(s));
     if (ok)
         film->metric = saga_metric_of(&film->info);
     ok = ok && open_decoder(film, error);
@@ -114,6 +128,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
 {
     const double start = seconds();
     saga_status s = SAGA_ERR_TRUNCATED;
+    char what[40];
 
     if (film->segment == (int64_t)seg->number)
         return true;
@@ -121,10 +136,10 @@ static bool decode(saga_film *film, const saga_segment *seg,
     if (seg->offset <= film->nbytes &&
         seg->nbytes <= film->nbytes - seg->offset)
         s = saga_decode(film->dec, film->bytes + seg->offset, seg->nbytes);
+    snprintf(what, sizeof what, "segment %" PRIu32 " is refused",
+             seg->number);
     if (s)
-        return saga_fail(error, film->name, "`saga info` checks the file",
-                         "segment %" PRIu32 " is refused (%s)", seg->number,
-                         saga_status_text(s));
+        return refuse(film, error, what, s);
     film->segment = seg->number;
     film->times.segment += seconds() - start;
     film->times.n_segments++;
@@ -200,11 +215,12 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                               frame_den);
     double start, drawn;
 
+    if (s == SAGA_ERR_ARG)
+        return saga_fail(error, film->name, "give a time inside it",
+                         "has no frame %g among its %" PRIu32,
+                         (double)frame_num / frame_den, film->info.n_frames);
     if (s)
-        return saga_fail(error, film->name, "give a time inside it", "has no "
-                         "frame %" PRIu32 "/%" PRIu32 " among its %" PRIu32
-                         " (%s)", frame_num, frame_den, film->info.n_frames,
-                         saga_status_text(s));
+        return refuse(film, error, "its index is refused", s);
     if (!decode(film, &seg, error))
         return false;
     start = seconds();

@@ -530,8 +530,8 @@ static bool carry_out(saga_capture *capture, saga_plan *plan,
                    : options->fps > 0.0 ? options->fps
                                         : 30.0;
     if (plan->fps <= 0.0 && plan->n_frames > 1)
-        saga_note(capture->notes, "time: frame rate unknown, %g assumed "
-                  "(--fps)", capture->fps);
+        saga_note(capture->notes, "time: frame rate unknown, %g assumed",
+                  capture->fps);
     job.remaps = saga_calloc((size_t)plan->n_sources, sizeof *job.remaps);
     if (!job.remaps)
         return saga_fail(error, plan->path, NULL, "out of memory");

@@ -155,26 +155,3 @@ bool saga_check_overlap(saga_capture *capture, const char *path,
                ? overlap_by_points(capture, path, error)
                : overlap_by_frusta(capture, path, error);
 }
-
-void saga_check_print(const saga_capture *capture, FILE *file)
-{
-    fprintf(file, "%s: %d views, %d frames at %g fps, %zu points\n",
-            capture->format, capture->n_views, capture->n_frames,
-            capture->fps, capture->n_points);
-    fprintf(file, "%-16s %11s %9s %9s %9s %18s %s\n", "view", "size", "focal",
-            "in front", "inside", "depth", "reprojection px (median, p90)");
-    for (int i = 0; i < capture->n_views; i++) {
-        const saga_shot *const v = &capture->views[i];
-        const saga_check_view c = saga_check_points(capture, i);
-        fprintf(file, "%-16s %5dx%-5d %9.2f %8.1f%% %8.1f%% %8.3f..%-8.3f",
-                v->name, v->width, v->height, v->fx, 100.0 * c.in_front,
-                100.0 * c.inside, c.nearest, c.farthest);
-        if (v->n_observations > 0)
-            fprintf(file, " %.3f %.3f of %d", v->reprojection_median,
-                    v->reprojection_p90, v->n_observations);
-        fprintf(file, "%s%s\n", v->held_out ? "  held out" : "",
-                c.inside_flipped > 0.5 && c.inside < 0.1
-                    ? "  AXES FLIPPED?" : "");
-    }
-    fputs(capture->notes, file);
-}

@@ -9,7 +9,7 @@
 
 #include "capture.h"
 
-#include <stdio.h>
+#include <stddef.h>
 
 typedef struct saga_check_view {
     size_t n_points;
@@ -28,8 +28,5 @@ saga_check_view saga_check_points(const saga_capture *capture, int view);
  * point are named in the notes. */
 bool saga_check_overlap(saga_capture *capture, const char *path,
                         saga_input_error *error);
-
-/* A table, one line per view, and the loader's notes. */
-void saga_check_print(const saga_capture *capture, FILE *file);
 
 #endif

@@ -470,6 +470,28 @@ static int by_string(const void *a, const void *b)
     return strcmp(*(const char *const *)a, *(const char *const *)b);
 }
 
+/* Every name of the list is the file of an entry. */
+static bool all_known(const reader *r, const char *key,
+                      const char *const *names, size_t n)
+{
+    const size_t n_files = (size_t)r->n_entries;
+    const char **const files = saga_alloc(n_files, sizeof *files);
+    if (!files)
+        return saga_fail(r->error, r->path, NULL, "out of memory");
+    for (size_t i = 0; i < n_files; i++)
+        files[i] = r->entries[i].file;
+    qsort(files, n_files, sizeof *files, by_string);
+    size_t i = 0;
+    while (i < n && bsearch(&names[i], files, n_files, sizeof *files,
+                            by_string))
+        i++;
+    free(files);
+    return i == n || saga_fail(r->error, r->path, "names stand there as they "
+                               "do in a frame's file_path", "\"%s\" lists "
+                               "\"%.200s\", which is no frame's picture", key,
+                               names[i]);
+}
+
 /* Marks entries whose file stands in the list (or does not, if inverted). */
 static bool mark_list(reader *r, const char *key, bool inverted)
 {
@@ -491,6 +513,7 @@ static bool mark_list(reader *r, const char *key, bool inverted)
     }
     if (ok && n > 0)
         qsort(names, n, sizeof *names, by_string);
+    ok = ok && all_known(r, key, names, n);
     for (int i = 0; ok && i < r->n_entries; i++) {
         const bool listed = n > 0 && bsearch(&r->entries[i].file, names, n,
                                              sizeof *names, by_string);

@@ -53,7 +53,7 @@ static bool check_options(const saga_synth_options *o, const char *folder,
                              ranges[i].name, ranges[i].value);
     }
     if (!(o->fps > 0.0 && o->fps <= 10000.0))
-        return saga_fail(error, folder, "use up to 10000",
+        return saga_fail(error, folder, "use more than 0, up to 10000",
                          "frame rate %g is out of range", o->fps);
     return true;
 }

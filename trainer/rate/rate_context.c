@@ -164,7 +164,7 @@ int saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s)
     return 0;
 }
 
-/* --- Clamps of the integer path ------------------------------------------ */
+/* --- Formats and sources ------------------------------------------------- */
 
 int saga_rate_step_of(int kind, size_t channel)
 {

@@ -19,9 +19,6 @@
 enum { MOST_VALUES = 4 + SAGA_MAX_FEATURES };
 _Static_assert(MOST_VALUES >= 4 * SAGA_MAX_CHILDREN, "room for primitives");
 
-/* Beyond this an offset is clamped (quantise.c). */
-#define OFFSET_MAX 1.9999
-
 /* --- Memory -------------------------------------------------------------- */
 
 size_t saga_rate_n_params(const saga_scene *s)
@@ -85,11 +82,6 @@ void saga_rate_keep_raw(saga_rate *r)
 
 /* --- Values -------------------------------------------------------------- */
 
-static double clamped_offset(double o)
-{
-    return o < -OFFSET_MAX ? -OFFSET_MAX : o > OFFSET_MAX ? OFFSET_MAX : o;
-}
-
 /* An offset from the cell of coarse anchor c, in its half-sizes. */
 static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 {
@@ -98,9 +90,9 @@ static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 
     saga_scene_cell(centre, c);
     for (k = 0; k < 4; k++)
-        o[k] = clamped_offset(((double)x[k] - (double)centre[k]) /
-                              (double)(k < 3 ? saga_scene_half_x(c)
-                                             : saga_scene_half_t(c)));
+        o[k] = saga_scene_clamp_offset(
+            ((double)x[k] - (double)centre[k]) /
+            (double)(k < 3 ? saga_scene_half_x(c) : saga_scene_half_t(c)));
 }
 
 int saga_rate_refresh(saga_rate *r, const saga_scene *s)
@@ -479,7 +471,8 @@ static real *gradient_of(const job *j, size_t block, size_t row, size_t c,
     if (j->kind != SAGA_KIND_PRIM)
         return NULL;
     prim = s->fine[block].first_prim + row;
-    if (fabs((double)w->prim_offset[4 * prim + c]) >= OFFSET_MAX)
+    if (fabs((double)w->prim_offset[4 * prim + c]) >=
+        SAGA_SCENE_OFFSET_MAX)
         return NULL;
     *per = (double)w->support[4 * block + c];
     return j->d->prim_x + 4 * prim + c;

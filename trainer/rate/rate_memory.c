@@ -300,11 +300,8 @@ static void add_own(saga_rate_memory *m, saga_rate_memory_kind *k,
             const real *const base = k->base.out + run * hidden;
             const real *const own = m->slot.out + p * hidden;
 
-            for (i = 0; i < hidden; i++) {
-                const real x = base[i] + own[i];
-
-                h[i] = x < 0 ? 0 : x > most ? most : x;
-            }
+            for (i = 0; i < hidden; i++)
+                h[i] = saga_clamp(base[i] + own[i], 0, most);
         }
 }
 
@@ -377,7 +374,8 @@ int saga_rate_memory_write(saga_rate_memory *m,
                             (size_t)p * d;
 
             saga_rate_bank_update(s + slots * d, s, k->write.out +
-                           (run * slots + (size_t)p) * (d + 1), d, plain);
+                                  (run * slots + (size_t)p) * (d + 1), d,
+                                  plain);
         }
     }
     return 0;
@@ -408,8 +406,8 @@ static void slot_backward(saga_rate_memory *m, const saga_rate_memory_input *in,
 
         saga_rate_bank_update_backward(
             last, k->write.d_out + at * (d + 1),
-                        m->state + ((in->first + run) * slots + p) * d,
-                        k->write.out + at * (d + 1), d, is_plain(in->s));
+            m->state + ((in->first + run) * slots + p) * d,
+            k->write.out + at * (d + 1), d, is_plain(in->s));
         for (i = 0; reads && i < d; i++)
             last[i] += k->d_state[at * d + i];
     }

@@ -172,6 +172,7 @@ static int check_flat(const saga_hierarchy_options *o,
 
 /* --- Candidates ---------------------------------------------------------- */
 
+/* Not saga_clamp, which rounds to float: costs and capacities are double. */
 static double clamp(double x, double lo, double hi)
 {
     return x < lo ? lo : x > hi ? hi : x;

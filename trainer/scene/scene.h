@@ -88,6 +88,15 @@ real saga_scene_half_x(const saga_coarse *c);
 real saga_scene_half_t(const saga_coarse *c);
 void saga_scene_cell(real centre[4], const saga_coarse *c);
 
+/* Offsets in half-sizes or supports stay within this, for the int16 of Q14. */
+#define SAGA_SCENE_OFFSET_MAX 1.9999
+
+static inline double saga_scene_clamp_offset(double o)
+{
+    return o < -SAGA_SCENE_OFFSET_MAX ? -SAGA_SCENE_OFFSET_MAX
+         : o > SAGA_SCENE_OFFSET_MAX ? SAGA_SCENE_OFFSET_MAX : o;
+}
+
 /* Suffix of an offset, in supports of its parent: its cell in a grid of 2^bits
  * cells an axis over -1..1, clamped to it; and a cell's centre on an axis. */
 uint32_t saga_scene_suffix(const double o[4], uint32_t bits);

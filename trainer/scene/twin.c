@@ -138,14 +138,15 @@ static real *append(real *to, const real *x, size_t n)
     return to + n;
 }
 
-/* o = (x - x_parent) / unit, within the int16 of Q14. */
+/* o = (x - x_parent) / unit. */
 static void local_offset(real o[4], const real x[4], const real parent[4],
                          const real unit[4])
 {
     int i;
 
     for (i = 0; i < 4; i++)
-        o[i] = saga_clamp((x[i] - parent[i]) / unit[i], R(-1.9999), R(1.9999));
+        o[i] = saga_clamp((x[i] - parent[i]) / unit[i],
+                          -R(SAGA_SCENE_OFFSET_MAX), R(SAGA_SCENE_OFFSET_MAX));
 }
 
 static void fine_offsets(saga_twin *w, const saga_scene *s)
