@@ -106,12 +106,13 @@ static uint8_t hidden_units(const saga_train_options *o, uint8_t most)
 }
 
 /* Of a primitive's offset, Q16 of Q14 of a support. What rounding costs in the
- * pictures grows with the square of the step, what a bit costs with lambda. */
+ * pictures grows with the square of the step, what a bit costs with lambda; a
+ * quarter says all that the lowest rates want to know. */
 static uint32_t prim_step(double lambda)
 {
-    const double step = 8 * sqrt(lambda);
+    const double step = fmin(fmax(6 * sqrt(lambda), 1 / 64.0), 0.25);
 
-    return (uint32_t)(fmin(fmax(step, 1 / 64.0), 1) * 16384) << 16;
+    return (uint32_t)(step * 16384) << 16;
 }
 
 /* Why these defaults: docs/decisions.md. Steps in Q16 of their symbol's format:
