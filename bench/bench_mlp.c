@@ -18,6 +18,7 @@
 #define POINTS 10048
 #define CHUNK 256
 #define REPEATS 21
+#define BATCH 8
 
 /* The target's; Fuse, F_geo, a trained hyperprior, an E; a context of 8. */
 static const uint16_t shapes[][LAYERS + 1] = {
@@ -66,19 +67,21 @@ static void fill(bench *b, const uint16_t *dim)
         b->in[i] = (int16_t)(random_bits(&state) % 8192 - 4096);
 }
 
-static void run_chunk(bench *b, const saga_layer *layer, size_t first, size_t n)
+/* All points of a chunk through the layers, `batch` of them together. */
+static void run_chunk(bench *b, const saga_layer *layer, size_t first, size_t n,
+                      uint32_t batch)
 {
+    const size_t in = saga_mlp_pad(layer[0].n_in);
+    const size_t out = saga_mlp_pad(layer[2].n_out);
     size_t i;
 
-    for (i = 0; i < n; i++)
-        saga_mlp_layer(b->hidden[0] + i * WIDTH, &layer[0],
-                       b->in + (first + i) * WIDTH);
-    for (i = 0; i < n; i++)
-        saga_mlp_layer(b->hidden[1] + i * WIDTH, &layer[1],
-                       b->hidden[0] + i * WIDTH);
-    for (i = 0; i < n; i++)
-        saga_mlp_layer(b->out + (first + i) * WIDTH, &layer[2],
-                       b->hidden[1] + i * WIDTH);
+    for (i = 0; i + batch <= n; i += batch) {
+        saga_mlp_layer(b->hidden[0], &layer[0], b->in + (first + i) * in,
+                       batch);
+        saga_mlp_layer(b->hidden[1], &layer[1], b->hidden[0], batch);
+        saga_mlp_layer(b->out + (first + i) * out, &layer[2], b->hidden[1],
+                       batch);
+    }
 }
 
 static double now(void)
@@ -96,7 +99,7 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static void run(bench *b, const uint16_t *dim, int int8)
+static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
 {
     saga_layer layer[LAYERS];
     double seconds[REPEATS], macs = 0;
@@ -119,15 +122,16 @@ static void run(bench *b, const uint16_t *dim, int int8)
         size_t p;
 
         for (p = 0; p < POINTS; p += CHUNK)
-            run_chunk(b, layer, p, POINTS - p < CHUNK ? POINTS - p : CHUNK);
+            run_chunk(b, layer, p, POINTS - p < CHUNK ? POINTS - p : CHUNK,
+                      batch);
         seconds[i] = now() - start;
     }
     qsort(seconds, REPEATS, sizeof *seconds, compare);
     for (i = 0; i < POINTS * WIDTH; i++)
         sum = sum * 31 + (uint16_t)b->out[i];
-    printf("mlp %2u-%2u-%2u-%2u %s: best %5.2f, median %5.2f GMAC/s "
+    printf("mlp %2u-%2u-%2u-%2u %s, %u together: best %5.2f, median %5.2f GMAC/s "
            "(sum %08lx)\n", dim[0], dim[1], dim[2], dim[3],
-           int8 ? "int8 " : "int16", macs / seconds[0] * 1e-9,
+           int8 ? "int8 " : "int16", batch, macs / seconds[0] * 1e-9,
            macs / seconds[REPEATS / 2] * 1e-9, (unsigned long)sum);
 }
 
@@ -139,8 +143,10 @@ int main(void)
     if (!b)
         return 1;
     for (i = 0; i < sizeof shapes / sizeof *shapes; i++) {
-        run(b, shapes[i], 0);
-        run(b, shapes[i], 1);
+        run(b, shapes[i], 0, 1);
+        run(b, shapes[i], 0, BATCH);
+        run(b, shapes[i], 1, 1);
+        run(b, shapes[i], 1, BATCH);
     }
     free(b);
     return 0;
