@@ -313,9 +313,12 @@ void saga_context_keep(const saga_scaffold *sc, int level,
         return;
     in_tokens(sc, b, level, run);
     saga_net_run(sc, SAGA_NET_AGG, run->n);
-    for (i = 0; i < run->n; i++)
+    for (i = 0; i < run->n; i++) {
+        const int16_t *const out = saga_out_point(sc, SAGA_NET_AGG, i);
+
         for (k = 0; k < sc->memory.width; k++)
-            step->sum[k] += saga_out_point(sc, SAGA_NET_AGG, i)[k];
+            step->sum[k] += out[k];
+    }
     step->n += run->n;
     if (step->n == sc->model->memory_blocks)
         end_step(sc);

@@ -24,9 +24,9 @@ typedef struct saga_run {
  * networks make of the slots' numbers. */
 void saga_context_begin(const saga_scaffold *sc);
 
-/* The next run of a SAGA_KIND_*: blocks of group `group` from `rank` on, as many
- * as the vectors hold and the memory's step has room for. Returns the rank to
- * go on from; none is left if n is 0.
+/* The next run of a SAGA_KIND_*: blocks of group `group` from `rank` on, as
+ * many as the vectors hold and the memory's step has room for. Returns the rank
+ * to go on from.
  *   coarse: an anchor; channels centre 4, features F.
  *   fine:   an anchor, whose x, t are its suffix cell's centre; offset 4.
  *   prim:   the primitives of a fine anchor; offset 4, for all alike. Group 0

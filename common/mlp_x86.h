@@ -146,16 +146,14 @@ static inline saga_words load_i8(const int8_t *p)
 
 /* SSE2 shifts all lanes by one number: lane i is taken from i's. */
 typedef struct {
-    saga_words by[4];
+    int32_t by[4];
 } saga_shifts;
 
 static inline saga_shifts load_shifts(const uint8_t *p)
 {
-    saga_shifts s;
-    int i;
-    for (i = 0; i < 4; i++)
-        s.by[i] = (saga_words)(saga_sums){ p[i], 0, 0, 0 };
-    return s;
+    const saga_shifts n = { { p[0], p[1], p[2], p[3] } };
+
+    return n;
 }
 
 static inline saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c,
@@ -166,18 +164,17 @@ static inline saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c,
                                    0, 2, 4, 6);
 }
 
-static inline saga_sums half_of(const saga_shifts n)
+static inline saga_sums half_of(saga_shifts n)
 {
     const saga_sums one = { 1, 1, 1, 1 };
 
-    return diagonal(__builtin_ia32_pslld128(one, (saga_sums)n.by[0]), __builtin_ia32_pslld128(one, (saga_sums)n.by[1]),
-                    __builtin_ia32_pslld128(one, (saga_sums)n.by[2]), __builtin_ia32_pslld128(one, (saga_sums)n.by[3])) >> 1;
+    return diagonal(one << n.by[0], one << n.by[1], one << n.by[2],
+                    one << n.by[3]) >> 1;
 }
 
-static inline saga_sums rshift_each(saga_sums v, const saga_shifts n)
+static inline saga_sums rshift_each(saga_sums v, saga_shifts n)
 {
-    return diagonal(__builtin_ia32_psrad128(v, (saga_sums)n.by[0]), __builtin_ia32_psrad128(v, (saga_sums)n.by[1]),
-                    __builtin_ia32_psrad128(v, (saga_sums)n.by[2]), __builtin_ia32_psrad128(v, (saga_sums)n.by[3]));
+    return diagonal(v >> n.by[0], v >> n.by[1], v >> n.by[2], v >> n.by[3]);
 }
 
 static inline saga_sums fold2(saga_sums a, saga_sums b)
@@ -267,18 +264,21 @@ static inline saga_words pair(const int16_t *x)
     return (saga_words)(zero + v);
 }
 
-/* sum[p] = the sums of a tile with weights w for point p, over n inputs rounded
- * up to a multiple of 8. Inlined, `int8` and `points` (up to SAGA_MLP_POINTS)
- * are known, and the sums stay in registers. */
+/* sum[p] = the sums of a tile with weights w for point p of `points`, over n
+ * inputs and some that pad them. Inlined, `int8` and `points` are known and the
+ * sums stay in registers; unrolled, gcc has too few for several points. */
 static INLINE void sum_tile(saga_sums sum[][VECTORS], const void *w, int int8,
                             const int16_t *x, uint32_t stride, uint32_t n,
                             uint32_t points)
 {
-    saga_sums s[SAGA_MLP_POINTS][VECTORS] = { { { 0 } } };
-    const uint32_t step = (points>1?2:8);
+    const uint32_t step = points > 1 ? 2 : 8;
+    const saga_sums zero = { 0 };
     uint32_t k, j, p, i;
     size_t at = 0;
 
+    for (p = 0; p < points; p++)
+        for (i = 0; i < VECTORS; i++)
+            sum[p][i] = zero;
     for (k = 0; k < n; k += step)
         for (j = 0; j < step; j += 2, at += VECTORS * LANES) {
             saga_words rows[VECTORS];
@@ -289,12 +289,9 @@ static INLINE void sum_tile(saga_sums sum[][VECTORS], const void *w, int int8,
                 const saga_words v = pair(x + p * stride + k + j);
 
                 for (i = 0; i < VECTORS; i++)
-                    s[p][i] += products(rows[i], v);
+                    sum[p][i] += products(rows[i], v);
             }
         }
-    for (p = 0; p < points; p++)
-        for (i = 0; i < VECTORS; i++)
-            sum[p][i] = s[p][i];
 }
 
 /* What makes a tile's sums results. */
@@ -302,9 +299,9 @@ typedef struct {
     saga_sums add[VECTORS];      /* bias, and half of what is shifted away */
     saga_shifts shift[VECTORS];
     saga_sums keep;              /* bits of negative values */
-} finish_of;
+} ending;
 
-static INLINE void begin_finish(finish_of *f, const saga_layer *layer,
+static INLINE void begin_ending(ending *e, const saga_layer *layer,
                                 uint32_t row)
 {
     const saga_sums zero = { 0 };
@@ -313,16 +310,16 @@ static INLINE void begin_finish(finish_of *f, const saga_layer *layer,
     for (i = 0; i < VECTORS; i++) {
         const uint32_t at = row + i * LANES / 2;
 
-        f->shift[i] = load_shifts(layer->shift + at);
-        __builtin_memcpy(&f->add[i], layer->bias + at, sizeof f->add[i]);
-        f->add[i] += half_of(f->shift[i]);
+        e->shift[i] = load_shifts(layer->shift + at);
+        __builtin_memcpy(&e->add[i], layer->bias + at, sizeof e->add[i]);
+        e->add[i] += half_of(e->shift[i]);
     }
-    f->keep = zero - !layer->relu;
+    e->keep = zero - !layer->relu;
 }
 
 /* relu?(fx_rshift(bias + sum, shift)), saturated. Packing saturates at -32768,
  * one too low. */
-static INLINE void finish_tile(int16_t *y, const finish_of *f,
+static INLINE void finish_tile(int16_t *y, const ending *e,
                                const saga_sums sum[VECTORS])
 {
     saga_sums v[VECTORS];
@@ -331,8 +328,8 @@ static INLINE void finish_tile(int16_t *y, const finish_of *f,
     uint32_t i;
 
     for (i = 0; i < VECTORS; i++) {
-        v[i] = rshift_each(sum[i] + f->add[i], f->shift[i]);
-        v[i] &= f->keep | ~(v[i] >> 31);
+        v[i] = rshift_each(sum[i] + e->add[i], e->shift[i]);
+        v[i] &= e->keep | ~(v[i] >> 31);
     }
 #ifdef __AVX2__
     low = __builtin_shufflevector(v[0], v[0], 0, 1, 2, 3);
@@ -346,47 +343,47 @@ static INLINE void finish_tile(int16_t *y, const finish_of *f,
     __builtin_memcpy(y, &out, sizeof out);
 }
 
-/* The tile that begins at `row`, of n points. */
+/* The tile of n points that begins at `row`, its weights at w. They are loaded
+ * once for SAGA_MLP_POINTS points. */
 static INLINE void run_tile(int16_t *y, const saga_layer *layer,
-                            const int16_t *x, uint32_t row, uint32_t n,
-                            int int8)
+                            const void *w, int int8, const int16_t *x,
+                            uint32_t row, uint32_t n)
 {
-    const uint32_t n_in = layer->n_in;
-    const uint32_t stride = saga_mlp_pad(n_in);
+    const uint32_t stride = saga_mlp_pad(layer->n_in);
     const uint32_t y_stride = saga_mlp_pad(layer->n_out);
-    const size_t at = row * (size_t)stride;
-    const void *const w = int8 ? (const void *)((const int8_t *)layer->weight + at)
-                               : (const int16_t *)layer->weight + at;
     saga_sums sum[SAGA_MLP_POINTS][VECTORS];
-    finish_of finish;
+    ending end;
     uint32_t p;
 
-    begin_finish(&finish, layer, row);
+    begin_ending(&end, layer, row);
     y += row;
     for (; n >= SAGA_MLP_POINTS; n -= SAGA_MLP_POINTS) {
-        sum_tile(sum, w, int8, x, stride, n_in, SAGA_MLP_POINTS);
+        sum_tile(sum, w, int8, x, stride, layer->n_in, SAGA_MLP_POINTS);
         for (p = 0; p < SAGA_MLP_POINTS; p++)
-            finish_tile(y + p * y_stride, &finish, sum[p]);
+            finish_tile(y + p * y_stride, &end, sum[p]);
         x += SAGA_MLP_POINTS * stride;
         y += SAGA_MLP_POINTS * y_stride;
     }
     for (; n > 0; n--, x += stride, y += y_stride) {
-        sum_tile(sum, w, int8, x, stride, n_in, 1);
-        finish_tile(y, &finish, sum[0]);
+        sum_tile(sum, w, int8, x, stride, layer->n_in, 1);
+        finish_tile(y, &end, sum[0]);
     }
 }
 
-/* As many rows as there are tiles; returns their number. */
+/* As many rows as there are whole tiles; returns their number. */
 static inline uint32_t run_tiles(int16_t *y, const saga_layer *layer,
                                  const int16_t *x, uint32_t n)
 {
+    const size_t stride = saga_mlp_pad(layer->n_in);
+    const int16_t *const w16 = layer->weight;
+    const int8_t *const w8 = layer->weight;
     uint32_t row = 0;
 
     for (; row + SAGA_MLP_TILE <= layer->n_out; row += SAGA_MLP_TILE)
         if (layer->int8)
-            run_tile(y, layer, x, row, n, 1);
+            run_tile(y, layer, w8 + row * stride, 1, x, row, n);
         else
-            run_tile(y, layer, x, row, n, 0);
+            run_tile(y, layer, w16 + row * stride, 0, x, row, n);
     return row;
 }
 

@@ -118,10 +118,13 @@ static void set_colours(int16_t *colours, uint32_t stride,
     saga_net_run(sc, SAGA_NET_COLOUR_BASE, r->n);
     colours += (size_t)r->first * stride;
     if (sc->model->tools & SAGA_TOOL_VIEW) {
-        for (i = 0; i < r->n; i++)
+        for (i = 0; i < r->n; i++) {
+            const int16_t *const out = saga_out_point(
+                sc, SAGA_NET_COLOUR_BASE, i);
+
             for (k = 0; k < width; k++)
-                colours[i * stride + k] =
-                    saga_out_point(sc, SAGA_NET_COLOUR_BASE, i)[k];
+                colours[i * stride + k] = out[k];
+        }
         return;
     }
     for (i = 0; i < end; i++)
