@@ -3,7 +3,7 @@
  * Points-major inner products in plain C. A reduction over int16 products is
  * what compilers vectorise best (pmaddwd and its relatives), four rows at a
  * time share every load of x, and padded rows leave no remainder: compile this
- * file with -O3. On x86 mlp_x86.h takes eight rows at a time, in tiles.
+ * file with -O3. On x86 mlp_x86.h takes eight rows of four points at a time.
  */
 #include "mlp.h"
 
