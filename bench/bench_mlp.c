@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Speed of the integer layers: 64-64-64-32 (10,240 MAC, the target's network)
- * and the shapes of our models, over 10,048 points in chunks of 256. CPU time
- * of this thread; min and median of the repetitions.
+ * and the shapes of our models, over 10,048 points, one at a time and eight
+ * together. CPU time of this thread; min and median of the repetitions.
  */
 #define _POSIX_C_SOURCE 200809L
 
@@ -16,8 +16,8 @@
 #define WIDTH 80
 #define LAYERS 3
 #define POINTS 10048
-#define CHUNK 256
 #define REPEATS 21
+#define BATCH 8
 
 /* The target's; Fuse, F_geo, a trained hyperprior, an E; a context of 8. */
 static const uint16_t shapes[][LAYERS + 1] = {
@@ -32,7 +32,7 @@ typedef struct {
     uint8_t shift[LAYERS][WIDTH];
     int16_t in[POINTS * WIDTH];
     int16_t out[POINTS * WIDTH];
-    int16_t hidden[2][CHUNK * WIDTH];
+    int16_t hidden[2][BATCH * WIDTH];
 } bench;
 
 static uint32_t random_bits(uint64_t *state)
@@ -66,19 +66,19 @@ static void fill(bench *b, const uint16_t *dim)
         b->in[i] = (int16_t)(random_bits(&state) % 8192 - 4096);
 }
 
-static void run_chunk(bench *b, const saga_layer *layer, size_t first, size_t n)
+/* All points through the layers, `batch` (of which they are a multiple) at a
+ * time. */
+static void run_points(bench *b, const saga_layer *layer, uint32_t batch)
 {
+    const size_t in = saga_mlp_pad(layer[0].n_in);
+    const size_t out = saga_mlp_pad(layer[2].n_out);
     size_t i;
 
-    for (i = 0; i < n; i++)
-        saga_mlp_layer(b->hidden[0] + i * WIDTH, &layer[0],
-                       b->in + (first + i) * WIDTH);
-    for (i = 0; i < n; i++)
-        saga_mlp_layer(b->hidden[1] + i * WIDTH, &layer[1],
-                       b->hidden[0] + i * WIDTH);
-    for (i = 0; i < n; i++)
-        saga_mlp_layer(b->out + (first + i) * WIDTH, &layer[2],
-                       b->hidden[1] + i * WIDTH);
+    for (i = 0; i < POINTS; i += batch) {
+        saga_mlp_layer(b->hidden[0], &layer[0], b->in + i * in, batch);
+        saga_mlp_layer(b->hidden[1], &layer[1], b->hidden[0], batch);
+        saga_mlp_layer(b->out + i * out, &layer[2], b->hidden[1], batch);
+    }
 }
 
 static double now(void)
@@ -96,7 +96,7 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static void run(bench *b, const uint16_t *dim, int int8)
+static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
 {
     saga_layer layer[LAYERS];
     double seconds[REPEATS], macs = 0;
@@ -116,18 +116,16 @@ static void run(bench *b, const uint16_t *dim, int int8)
     }
     for (i = 0; i < REPEATS; i++) {
         const double start = now();
-        size_t p;
 
-        for (p = 0; p < POINTS; p += CHUNK)
-            run_chunk(b, layer, p, POINTS - p < CHUNK ? POINTS - p : CHUNK);
+        run_points(b, layer, batch);
         seconds[i] = now() - start;
     }
     qsort(seconds, REPEATS, sizeof *seconds, compare);
     for (i = 0; i < POINTS * WIDTH; i++)
         sum = sum * 31 + (uint16_t)b->out[i];
-    printf("mlp %2u-%2u-%2u-%2u %s: best %5.2f, median %5.2f GMAC/s "
+    printf("mlp %2u-%2u-%2u-%2u %s by %u: best %5.2f, median %5.2f GMAC/s "
            "(sum %08lx)\n", dim[0], dim[1], dim[2], dim[3],
-           int8 ? "int8 " : "int16", macs / seconds[0] * 1e-9,
+           int8 ? "int8 " : "int16", batch, macs / seconds[0] * 1e-9,
            macs / seconds[REPEATS / 2] * 1e-9, (unsigned long)sum);
 }
 
@@ -139,8 +137,10 @@ int main(void)
     if (!b)
         return 1;
     for (i = 0; i < sizeof shapes / sizeof *shapes; i++) {
-        run(b, shapes[i], 0);
-        run(b, shapes[i], 1);
+        run(b, shapes[i], 0, 1);
+        run(b, shapes[i], 0, BATCH);
+        run(b, shapes[i], 1, 1);
+        run(b, shapes[i], 1, BATCH);
     }
     free(b);
     return 0;

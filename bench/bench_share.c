@@ -350,8 +350,12 @@ static void range_decoding(file *f)
 
 static void run_net(file *f, int net, uint32_t times)
 {
-    while (times-- > 0) {
-        saga_net_run(&f->sc, net);
+    const uint32_t most = saga_net_points(f->sc.nets, 1u << net);
+    uint32_t n;
+
+    for (; times > 0; times -= n) {
+        n = times < most ? times : most;
+        saga_net_run(&f->sc, net, n);
         f->sum += (uint16_t)f->sc.v->out[0];
     }
 }
@@ -502,7 +506,7 @@ static void embeddings(file *f)
                        ? sc->n.prim : 0);
     const int32_t x[3] = { 1 << 20, -54321, 777 };
     const int16_t offset[4] = { 9000, -300, 77, 12345 };
-    saga_embedding e;
+    int16_t e[8 * SAGA_MAX_OCTAVES];
     uint32_t i;
     int k;
 
@@ -513,12 +517,12 @@ static void embeddings(file *f)
         if (saga_level_writes(sc->model, k))
             places += n[k];
     for (i = 0; i < places; i++) {
-        saga_embed(&e, sc->model, x, (int32_t)(i & 65535u));
-        f->sum += (uint16_t)e.q15[i & 7u];
+        saga_embed(e, sc->model, x, (int32_t)(i & 65535u));
+        f->sum += (uint16_t)e[i & 7u];
     }
     for (i = 0; i < sc->n.fine + sc->n.prim; i++) {
-        saga_embed_offset(&e, sc->model, offset);
-        f->sum += (uint16_t)e.q15[i & 7u];
+        saga_embed_offset(e, sc->model, offset);
+        f->sum += (uint16_t)e[i & 7u];
     }
 }
 

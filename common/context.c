@@ -9,251 +9,9 @@
 typedef struct {
     saga_place place;
     uint32_t count;          /* children, known before the block */
-    uint32_t rank, group;
-    saga_embedding embedding;    /* of its place */
+    uint32_t rank;
     uint32_t parent;         /* coarse rank that its context comes from */
 } block;
-
-/* What is known of a block before it is decoded. Sizes and counts enter in
- * Q12, scaled so that they fit the default input range of +-8:
- *     (log2 l - 12) / 4 for space, (log2 l_t - 8) / 4 for time, count / 8.
- * (x / 4 in Q12 has the digits of x in Q10.) */
-static uint32_t in_side(const saga_scaffold *sc, int net, const block *b)
-{
-    int16_t size[5];
-    uint32_t at;
-    int i;
-
-    for (i = 0; i < 3; i++)
-        size[i] = (int16_t)(b->place.log2_support_q10[i] - 12 * 1024);
-    size[3] = (int16_t)(b->place.log2_support_q10[3] - 8 * 1024);
-    size[4] = (int16_t)(b->count * 512u);
-    at = saga_in_embedding(sc, net, 0, &b->embedding);
-    return saga_in_vector(sc, net, at, size, 5, 12);
-}
-
-static void embed_block(block *b, const saga_scaffold *sc)
-{
-    saga_embed(&b->embedding, sc->model, b->place.x, b->place.t);
-}
-
-static void run_hyper(const saga_scaffold *sc, const block *b)
-{
-    in_side(sc, SAGA_NET_HYPER, b);
-    saga_net_run(sc, SAGA_NET_HYPER);
-}
-
-/* Neighbours of earlier groups of the block's own level. */
-static void add_groups(const saga_scaffold *sc, const block *b, int level)
-{
-    saga_neighbours nb;
-
-    saga_interp_find(&nb, sc, level, &b->place, b->rank, b->group);
-    saga_interp_sum(sc->v->context, sc, level, &nb);
-}
-
-/* The parent's context: coarse features interpolated at the block (fine), or
- * the fine anchor's own features (primitives). Returns their Q. */
-static int add_parent(const saga_scaffold *sc, const block *b, int kind)
-{
-    const uint32_t f = sc->model->features;
-    saga_neighbours nb;
-    uint32_t i;
-
-    if (kind == SAGA_KIND_FINE) {
-        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &b->place, b->parent,
-                         SAGA_ALL_GROUPS);
-        saga_interp_sum(sc->v->context, sc, SAGA_LEVEL_COARSE, &nb);
-        return sc->model->head_q[SAGA_HEAD_COARSE];
-    }
-    for (i = 0; i < f; i++)
-        sc->v->context[i] = sc->fine_feature[(size_t)b->rank * f + i];
-    return sc->model->head_q[SAGA_HEAD_FINE];
-}
-
-/* --- Memory -------------------------------------------------------------- */
-
-/* Input of QUERY and AGG: side information, kind (-1, 0, 1) and F values in Q
- * q; without any, zeros. */
-static void in_token(const saga_scaffold *sc, int net, const block *b,
-                     int kind, const int16_t *values, int q)
-{
-    const int16_t level = (int16_t)((kind - 1) * 4096);
-    const uint32_t f = sc->model->features;
-    uint32_t at = in_side(sc, net, b), i;
-
-    at = saga_in_vector(sc, net, at, &level, 1, 12);
-    if (values)
-        saga_in_vector(sc, net, at, values, f, q);
-    else
-        for (i = 0; i < f; i++)
-            sc->v->in[at + i] = 0;
-}
-
-/* Asks the memory; what it says lands in step->read. The parent's feature is
- * its own, not interpolated. */
-static void read_memory(const saga_scaffold *sc, const block *b, int kind)
-{
-    const saga_memory *const m = &sc->memory;
-    const uint32_t f = sc->model->features;
-    const int16_t *parent = NULL;
-    int q = 0;
-
-    if (kind == SAGA_KIND_FINE) {
-        parent = sc->coarse_feature + (size_t)b->parent * f;
-        q = sc->model->head_q[SAGA_HEAD_COARSE];
-    } else if (kind == SAGA_KIND_PRIM) {
-        parent = sc->fine_feature + (size_t)b->rank * f;
-        q = sc->model->head_q[SAGA_HEAD_FINE];
-    }
-    in_token(sc, SAGA_NET_QUERY, b, kind, parent, q);
-    saga_net_run(sc, SAGA_NET_QUERY);
-    saga_memory_read(m->step->read, m, sc->v->out);
-}
-
-/* Candidate and gate of slot p from the step's part of the first layer. */
-static void write_slot(const saga_scaffold *sc, const int16_t *base,
-                       uint32_t p)
-{
-    const saga_memory *const m = &sc->memory;
-    const int16_t *const own = m->embedding + (size_t)p * m->hidden;
-    uint32_t i;
-
-    for (i = 0; i < m->hidden; i++)
-        sc->v->in[i] = fx_sat16(fx_max(base[i] + own[i], 0));
-    saga_net_run(sc, SAGA_NET_WRITE);
-    saga_memory_update(m, p, sc->v->out,
-                       saga_sigmoid_q11_q15(sc->v->out[m->width]),
-                       (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
-}
-
-/* All slots are updated from the step's mean token; none is read meanwhile.
- * WRITE is a single layer and leaves hidden[0] alone. */
-static void write_memory(const saga_scaffold *sc)
-{
-    const saga_memory *const m = &sc->memory;
-    int16_t *const base = sc->v->hidden[0];
-    int16_t mean[SAGA_MAX_SLOT_WIDTH];
-    uint32_t i;
-
-    saga_memory_mean(mean, m->step->sum, m->width, m->step->n);
-    saga_in_vector(sc, SAGA_NET_WRITE_BASE, 0, mean, m->width, SAGA_SLOT_Q);
-    saga_net_run(sc, SAGA_NET_WRITE_BASE);
-    for (i = 0; i < m->hidden; i++)
-        base[i] = sc->v->out[i];
-    for (i = 0; i < m->n_slots; i++)
-        write_slot(sc, base, i);
-}
-
-static void begin_step(saga_step *step)
-{
-    uint32_t i;
-
-    step->n = 0;
-    for (i = 0; i < SAGA_MAX_SLOT_WIDTH; i++)
-        step->sum[i] = 0;
-}
-
-static void end_step(const saga_scaffold *sc)
-{
-    write_memory(sc);
-    begin_step(sc->memory.step);
-}
-
-/* |sum| <= 65535 * 32767 < 2^31, since memory_blocks <= 65535. */
-static void keep(const saga_scaffold *sc, block *b, int level,
-                 const int16_t *values, int q)
-{
-    saga_step *const step = sc->memory.step;
-    uint32_t i;
-
-    embed_block(b, sc);
-    in_token(sc, SAGA_NET_AGG, b, level, values, q);
-    saga_net_run(sc, SAGA_NET_AGG);
-    for (i = 0; i < sc->memory.width; i++)
-        step->sum[i] += sc->v->out[i];
-    if (++step->n == sc->model->memory_blocks)
-        end_step(sc);
-}
-
-void saga_context_begin(const saga_scaffold *sc)
-{
-    const saga_memory *const m = &sc->memory;
-    const int16_t one = 4096;
-    uint32_t p, i;
-
-    if (m->n_slots == 0)
-        return;
-    saga_memory_start(m);
-    begin_step(m->step);
-    for (p = 0; p < m->n_slots; p++) {
-        for (i = 0; i < m->n_slots; i++)
-            sc->v->in[i] = 0;
-        saga_in_vector(sc, SAGA_NET_SLOT, p, &one, 1, 12);
-        saga_net_run(sc, SAGA_NET_SLOT);
-        for (i = 0; i < m->hidden; i++)
-            m->embedding[(size_t)p * m->hidden + i] = sc->v->out[i];
-    }
-}
-
-void saga_context_end_group(const saga_scaffold *sc)
-{
-    if (sc->memory.n_slots && sc->memory.step->n)
-        end_step(sc);
-}
-
-/* --- Entropy parameters -------------------------------------------------- */
-
-/* What the sources say of a block of a kind, as the network's input. */
-static void in_sources(const saga_scaffold *sc, int net, block *b,
-                       int kind, uint32_t sources)
-{
-    const saga_model *const m = sc->model;
-    const uint32_t f = m->features;
-    uint32_t at = 0;
-    int q;
-
-    if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
-        embed_block(b, sc);
-    /* Both run networks: before the input vector is begun. */
-    if (sources & SAGA_SOURCE_MEMORY)
-        read_memory(sc, b, kind);
-    if (sources & SAGA_SOURCE_HYPER) {
-        run_hyper(sc, b);
-        at = saga_in_vector(sc, net, at, sc->v->out, f,
-                            m->head_q[SAGA_HEAD_HYPER]);
-    }
-    if (sources & SAGA_SOURCE_PARENT) {
-        q = add_parent(sc, b, kind);
-        at = saga_in_vector(sc, net, at, sc->v->context, f, q);
-    }
-    if (sources & SAGA_SOURCE_GROUPS) {
-        add_groups(sc, b, kind);
-        /* The coarse features' Q, or Q14 of fine residuals. */
-        q = kind == SAGA_KIND_COARSE ? m->head_q[SAGA_HEAD_COARSE] : 14;
-        at = saga_in_vector(sc, net, at, sc->v->context, f, q);
-    }
-    if (sources & SAGA_SOURCE_MEMORY)
-        saga_in_vector(sc, net, at, sc->memory.step->read, m->memory_width,
-                       SAGA_SLOT_Q);
-}
-
-static void run_entropy(saga_params *p, const saga_scaffold *sc,
-                        block *b, int kind)
-{
-    const saga_model *const m = sc->model;
-    const int net = SAGA_NET_E_COARSE + kind;
-    const uint32_t n = saga_n_channels(m, kind);
-    uint32_t i;
-
-    in_sources(sc, net, b, kind, m->sources[kind]);
-    saga_net_run(sc, net);
-    for (i = 0; i < n; i++) {
-        p->mu[i] = sc->v->out[i];
-        p->scale[i] = saga_prob_index(sc->v->out[n + i],
-                                      m->head_q[SAGA_HEAD_SIGMA]);
-    }
-}
 
 /* --- Blocks -------------------------------------------------------------- */
 
@@ -291,92 +49,421 @@ static void prim_block(block *b, const saga_scaffold *sc, uint32_t rank)
     b->parent = sc->fine[rank].parent;
 }
 
-void saga_context_coarse(saga_params *p, const saga_scaffold *sc,
-                         uint32_t rank, uint32_t group)
+/* The blocks of a run of a SAGA_KIND_*, ranks given. */
+static void make_blocks(block *b, const saga_scaffold *sc, int kind,
+                        const uint32_t *rank, uint32_t n)
 {
-    block b;
+    uint32_t i;
 
-    coarse_block(&b, sc, rank);
-    b.group = group;
-    run_entropy(p, sc, &b, SAGA_KIND_COARSE);
+    for (i = 0; i < n; i++)
+        if (kind == SAGA_KIND_COARSE)
+            coarse_block(&b[i], sc, rank[i]);
+        else if (kind == SAGA_KIND_FINE)
+            fine_block(&b[i], sc, rank[i]);
+        else
+            prim_block(&b[i], sc, rank[i]);
 }
 
-void saga_context_fine(saga_params *p, const saga_scaffold *sc, uint32_t rank,
+/* Their embeddings, until a network's outputs are kept instead. */
+static int16_t *embedding_of(const saga_scaffold *sc, uint32_t point)
+{
+    return sc->v->kept + point * saga_pe_size(sc->model);
+}
+
+static void embed_blocks(const saga_scaffold *sc, const block *b, uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        saga_embed(embedding_of(sc, i), sc->model, b[i].place.x,
+                   b[i].place.t);
+}
+
+/* What is known of a block before it is decoded, point i of a run whose
+ * embeddings are kept. Sizes and counts enter in Q12, scaled so that they fit
+ * the default input range of +-8:
+ *     (log2 l - 12) / 4 for space, (log2 l_t - 8) / 4 for time, count / 8.
+ * (x / 4 in Q12 has the digits of x in Q10.) */
+static uint32_t in_side(const saga_scaffold *sc, int net, const block *b,
+                        uint32_t point)
+{
+    int16_t size[5];
+    uint32_t at;
+    int i;
+
+    for (i = 0; i < 3; i++)
+        size[i] = (int16_t)(b->place.log2_support_q10[i] - 12 * 1024);
+    size[3] = (int16_t)(b->place.log2_support_q10[3] - 8 * 1024);
+    size[4] = (int16_t)(b->count * 512u);
+    at = saga_in_embedding(sc, net, saga_in_point(sc, net, point),
+                           embedding_of(sc, point));
+    return saga_in_vector(sc, net, at, size, 5, 12);
+}
+
+/* Neighbours of earlier groups of the block's own level. */
+static void add_groups(const saga_scaffold *sc, const block *b, int level,
                        uint32_t group)
 {
-    block b;
+    saga_neighbours nb;
 
-    fine_block(&b, sc, rank);
-    b.group = group;
-    run_entropy(p, sc, &b, SAGA_KIND_FINE);
+    saga_interp_find(&nb, sc, level, &b->place, b->rank, group);
+    saga_interp_sum(sc->v->context, sc, level, &nb);
 }
 
-void saga_context_prim(saga_params *p, const saga_scaffold *sc, uint32_t rank)
+/* The parent's context: coarse features interpolated at the block (fine), or
+ * the fine anchor's own features (primitives). Returns their Q. */
+static int add_parent(const saga_scaffold *sc, const block *b, int kind)
 {
-    block b;
+    const uint32_t f = sc->model->features;
+    saga_neighbours nb;
+    uint32_t i;
 
-    prim_block(&b, sc, rank);
-    b.group = 0;
-    run_entropy(p, sc, &b, SAGA_KIND_PRIM);
+    if (kind == SAGA_KIND_FINE) {
+        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &b->place, b->parent,
+                         SAGA_ALL_GROUPS);
+        saga_interp_sum(sc->v->context, sc, SAGA_LEVEL_COARSE, &nb);
+        return sc->model->head_q[SAGA_HEAD_COARSE];
+    }
+    for (i = 0; i < f; i++)
+        sc->v->context[i] = sc->fine_feature[(size_t)b->rank * f + i];
+    return sc->model->head_q[SAGA_HEAD_FINE];
+}
+
+/* --- Memory -------------------------------------------------------------- */
+
+/* Input of QUERY and AGG: side information, kind (-1, 0, 1) and F values in Q
+ * q; without any, zeros. */
+static void in_token(const saga_scaffold *sc, int net, const block *b,
+                     uint32_t point, int kind, const int16_t *values, int q)
+{
+    const int16_t level = (int16_t)((kind - 1) * 4096);
+    const uint32_t f = sc->model->features;
+    uint32_t at = in_side(sc, net, b, point), i;
+
+    at = saga_in_vector(sc, net, at, &level, 1, 12);
+    if (values)
+        saga_in_vector(sc, net, at, values, f, q);
+    else
+        for (i = 0; i < f; i++)
+            sc->v->in[at + i] = 0;
+}
+
+/* What the blocks ask the memory for. The parent's feature is its own, not
+ * interpolated. */
+static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
+                        int kind)
+{
+    const uint32_t f = sc->model->features;
+    uint32_t i;
+
+    for (i = 0; i < n; i++) {
+        const int16_t *parent = NULL;
+        int q = 0;
+
+        if (kind == SAGA_KIND_FINE) {
+            parent = sc->coarse_feature + (size_t)b[i].parent * f;
+            q = sc->model->head_q[SAGA_HEAD_COARSE];
+        } else if (kind == SAGA_KIND_PRIM) {
+            parent = sc->fine_feature + (size_t)b[i].rank * f;
+            q = sc->model->head_q[SAGA_HEAD_FINE];
+        }
+        in_token(sc, SAGA_NET_QUERY, &b[i], i, kind, parent, q);
+    }
+    saga_net_run(sc, SAGA_NET_QUERY, n);
+}
+
+static uint32_t query_stride(const saga_scaffold *sc)
+{
+    return saga_mlp_pad(sc->memory.width);
+}
+
+/* In place of the embeddings. */
+static void keep_queries(const saga_scaffold *sc, uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n * query_stride(sc); i++)
+        sc->v->kept[i] = sc->v->out[i];
+}
+
+/* Hidden units of slot p: the step's part of the first layer and its own. */
+static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
+{
+    const saga_memory *const m = &sc->memory;
+    const int16_t *const own = m->embedding + (size_t)p * m->hidden;
+    int16_t *const in = sc->v->in + saga_in_point(sc, SAGA_NET_WRITE, point);
+    uint32_t i;
+
+    for (i = 0; i < m->hidden; i++)
+        in[i] = fx_sat16(fx_max(sc->v->kept[i] + own[i], 0));
+}
+
+/* By a candidate and a gate for each of the n slots from p on. */
+static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
+{
+    const saga_memory *const m = &sc->memory;
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        in_slot(sc, p + i, i);
+    saga_net_run(sc, SAGA_NET_WRITE, n);
+    for (i = 0; i < n; i++) {
+        const int16_t *const out = saga_out_point(sc, SAGA_NET_WRITE, i);
+
+        saga_memory_update(m, p + i, out, saga_sigmoid_q11_q15(out[m->width]),
+                           (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+    }
+}
+
+/* All slots are updated from the step's mean token; none is read meanwhile. */
+static void write_memory(const saga_scaffold *sc)
+{
+    const saga_memory *const m = &sc->memory;
+    const uint32_t most = saga_net_points(sc->nets, 1u << SAGA_NET_WRITE);
+    int16_t mean[SAGA_MAX_SLOT_WIDTH];
+    uint32_t i;
+
+    saga_memory_mean(mean, m->step->sum, m->width, m->step->n);
+    saga_in_vector(sc, SAGA_NET_WRITE_BASE, 0, mean, m->width, SAGA_SLOT_Q);
+    saga_net_run(sc, SAGA_NET_WRITE_BASE, 1);
+    for (i = 0; i < m->hidden; i++)
+        sc->v->kept[i] = sc->v->out[i];
+    for (i = 0; i < m->n_slots; i += most)
+        write_slots(sc, i, m->n_slots - i < most ? m->n_slots - i : most);
+}
+
+static void begin_step(saga_step *step)
+{
+    uint32_t i;
+
+    step->n = 0;
+    for (i = 0; i < SAGA_MAX_SLOT_WIDTH; i++)
+        step->sum[i] = 0;
+}
+
+static void end_step(const saga_scaffold *sc)
+{
+    write_memory(sc);
+    begin_step(sc->memory.step);
+}
+
+void saga_context_begin(const saga_scaffold *sc)
+{
+    const saga_memory *const m = &sc->memory;
+    const int16_t one = 4096;
+    uint32_t p, i;
+
+    if (m->n_slots == 0)
+        return;
+    saga_memory_start(m);
+    begin_step(m->step);
+    for (p = 0; p < m->n_slots; p++) {
+        for (i = 0; i < m->n_slots; i++)
+            sc->v->in[i] = 0;
+        saga_in_vector(sc, SAGA_NET_SLOT, p, &one, 1, 12);
+        saga_net_run(sc, SAGA_NET_SLOT, 1);
+        for (i = 0; i < m->hidden; i++)
+            m->embedding[(size_t)p * m->hidden + i] = sc->v->out[i];
+    }
+}
+
+void saga_context_end_group(const saga_scaffold *sc)
+{
+    if (sc->memory.n_slots && sc->memory.step->n)
+        end_step(sc);
+}
+
+/* Coarse anchors stand at their decoded centres. A fine anchor's feature does
+ * not exist yet: in its place stand the residual and the number of primitives.
+ */
+static void in_tokens(const saga_scaffold *sc, block *b, int level,
+                      const saga_run *run)
+{
+    const uint32_t f = sc->model->features;
+    uint32_t i;
+    int k;
+
+    make_blocks(b, sc, level, run->rank, run->n);
+    for (i = 0; level == SAGA_LEVEL_COARSE && i < run->n; i++) {
+        for (k = 0; k < 3; k++)
+            b[i].place.x[k] = sc->coarse[run->rank[i]].x[k];
+        b[i].place.t = sc->coarse[run->rank[i]].t;
+    }
+    embed_blocks(sc, b, run->n);
+    for (i = 0; i < run->n; i++)
+        if (level == SAGA_LEVEL_COARSE)
+            in_token(sc, SAGA_NET_AGG, &b[i], i, level,
+                     sc->coarse_feature + (size_t)run->rank[i] * f,
+                     sc->model->head_q[SAGA_HEAD_COARSE]);
+        else
+            in_token(sc, SAGA_NET_AGG, &b[i], i, level,
+                     sc->fine_feature + (size_t)run->rank[i] * f, 14);
+}
+
+/* |sum| <= 65535 * 32767 < 2^31, since memory_blocks <= 65535. A run ends where
+ * its step does. */
+void saga_context_keep(const saga_scaffold *sc, int level,
+                       const saga_run *run)
+{
+    saga_step *const step = sc->memory.step;
+    block b[SAGA_MAX_POINTS];
+    uint32_t i, k;
+
+    if (!saga_level_writes(sc->model, level))
+        return;
+    in_tokens(sc, b, level, run);
+    saga_net_run(sc, SAGA_NET_AGG, run->n);
+    for (i = 0; i < run->n; i++) {
+        const int16_t *const out = saga_out_point(sc, SAGA_NET_AGG, i);
+
+        for (k = 0; k < sc->memory.width; k++)
+            step->sum[k] += out[k];
+    }
+    step->n += run->n;
+    if (step->n == sc->model->memory_blocks)
+        end_step(sc);
+}
+
+/* --- Entropy parameters -------------------------------------------------- */
+
+/* What the sources say of a block of a kind, point i of a run, as a network's
+ * input. */
+static void in_sources(const saga_scaffold *sc, int net, const block *b,
+                       uint32_t point, int kind, uint32_t sources,
+                       uint32_t group)
+{
+    const saga_model *const m = sc->model;
+    const uint32_t f = m->features;
+    uint32_t at = saga_in_point(sc, net, point);
+    int q;
+
+    if (sources & SAGA_SOURCE_HYPER)
+        at = saga_in_vector(sc, net, at,
+                            saga_out_point(sc, SAGA_NET_HYPER, point), f,
+                            m->head_q[SAGA_HEAD_HYPER]);
+    if (sources & SAGA_SOURCE_PARENT) {
+        q = add_parent(sc, b, kind);
+        at = saga_in_vector(sc, net, at, sc->v->context, f, q);
+    }
+    if (sources & SAGA_SOURCE_GROUPS) {
+        add_groups(sc, b, kind, group);
+        /* The coarse features' Q, or Q14 of fine residuals. */
+        q = kind == SAGA_KIND_COARSE ? m->head_q[SAGA_HEAD_COARSE] : 14;
+        at = saga_in_vector(sc, net, at, sc->v->context, f, q);
+    }
+    if (sources & SAGA_SOURCE_MEMORY) {
+        int16_t *const read = sc->memory.step->read;
+
+        saga_memory_read(read, &sc->memory,
+                         sc->v->kept + point * query_stride(sc));
+        saga_in_vector(sc, net, at, read, m->memory_width, SAGA_SLOT_Q);
+    }
+}
+
+/* Runs a network on what its sources say of n blocks of group `group`. The
+ * hyperprior's input is complete before queries take the embeddings' place. */
+static void run_blocks(const saga_scaffold *sc, int net, const block *b,
+                       uint32_t n, int kind, uint32_t sources, uint32_t group)
+{
+    uint32_t i;
+
+    if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
+        embed_blocks(sc, b, n);
+    if (sources & SAGA_SOURCE_MEMORY)
+        run_queries(sc, b, n, kind);
+    for (i = 0; sources & SAGA_SOURCE_HYPER && i < n; i++)
+        in_side(sc, SAGA_NET_HYPER, &b[i], i);
+    if (sources & SAGA_SOURCE_MEMORY)
+        keep_queries(sc, n);
+    if (sources & SAGA_SOURCE_HYPER)
+        saga_net_run(sc, SAGA_NET_HYPER, n);
+    for (i = 0; i < n; i++)
+        in_sources(sc, net, &b[i], i, kind, sources, group);
+    saga_net_run(sc, net, n);
+}
+
+static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
+{
+    const uint32_t n = saga_n_channels(sc->model, kind);
+    const int q = sc->model->head_q[SAGA_HEAD_SIGMA];
+    uint32_t i, k;
+
+    for (i = 0; i < run->n; i++) {
+        const int16_t *const out = saga_out_point(
+            sc, SAGA_NET_E_COARSE + kind, i);
+
+        for (k = 0; k < n; k++) {
+            run->mu[i * n + k] = out[k];
+            run->scale[i * n + k] = saga_prob_index(out[n + k], q);
+        }
+    }
+}
+
+/* How many blocks of a kind run together. None of them may read what another's
+ * step has written. */
+static uint32_t most_blocks(const saga_scaffold *sc, int kind)
+{
+    const uint32_t sources = sc->model->sources[kind];
+    uint32_t nets = 1u << (SAGA_NET_E_COARSE + kind), n, room;
+
+    if (sources & SAGA_SOURCE_HYPER)
+        nets |= 1u << SAGA_NET_HYPER;
+    if (sc->memory.n_slots)
+        nets |= 1u << SAGA_NET_QUERY | 1u << SAGA_NET_AGG;
+    n = saga_net_points(sc->nets, nets);
+    if (sc->memory.n_slots == 0)
+        return n;
+    room = sc->model->memory_blocks - sc->memory.step->n;
+    return room < n ? room : n;
+}
+
+static int is_in_group(const saga_scaffold *sc, int kind, uint32_t rank,
+                       uint32_t group)
+{
+    return kind == SAGA_KIND_PRIM ||
+           (kind == SAGA_KIND_COARSE ? sc->coarse[rank].group
+                                     : sc->fine[rank].group) == group;
+}
+
+uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
+                          uint32_t rank, uint32_t group)
+{
+    const uint32_t end = kind == SAGA_KIND_COARSE ? sc->n.coarse : sc->n.fine;
+    const uint32_t most = most_blocks(sc, kind);
+    block b[SAGA_MAX_POINTS];
+
+    for (run->n = 0; rank < end && run->n < most; rank++)
+        if (is_in_group(sc, kind, rank, group))
+            run->rank[run->n++] = rank;
+    make_blocks(b, sc, kind, run->rank, run->n);
+    run_blocks(sc, SAGA_NET_E_COARSE + kind, b, run->n, kind,
+               sc->model->sources[kind], group);
+    set_params(run, sc, kind);
+    return rank;
 }
 
 /* A class network's outputs are in units of a class, Q10; the kind of residual
- * of which it sees what E_* sees. */
+ * of which it sees what E_* sees, and the kind of block it is asked of. */
 int saga_context_classes(uint8_t class[4], const saga_scaffold *sc, int kind,
                          uint32_t rank, uint32_t group)
 {
     static const uint8_t like[SAGA_N_CLASS_KINDS] = {
         SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_FINE, SAGA_KIND_PRIM
     };
+    static const uint8_t of[SAGA_N_CLASS_KINDS] = {
+        SAGA_KIND_COARSE, SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM
+    };
     const uint32_t sources = sc->model->class_sources[kind];
-    const int net = SAGA_NET_CLASS + kind;
     block b;
     uint32_t i;
 
     if (sources == 0)
         return 0;
-    if (kind == SAGA_CLASS_N_PRIM)
-        fine_block(&b, sc, rank);
-    else if (kind == SAGA_CLASS_PRIM_SET)
-        prim_block(&b, sc, rank);
-    else
-        coarse_block(&b, sc, rank);
-    b.group = group;
-    in_sources(sc, net, &b, like[kind], sources);
-    saga_net_run(sc, net);
+    make_blocks(&b, sc, of[kind], &rank, 1);
+    run_blocks(sc, SAGA_NET_CLASS + kind, &b, 1, like[kind], sources, group);
     for (i = 0; i < saga_n_classified(kind); i++)
         class[i] = (uint8_t)fx_clamp((sc->v->out[i] >> 10) +
                                      SAGA_N_CLASSES / 2, 0,
                                      SAGA_N_CLASSES - 1);
     return 1;
-}
-
-void saga_context_keep_coarse(const saga_scaffold *sc, uint32_t rank)
-{
-    const saga_coarse *const a = &sc->coarse[rank];
-    block b;
-    int i;
-
-    if (!saga_level_writes(sc->model, SAGA_LEVEL_COARSE))
-        return;
-    coarse_block(&b, sc, rank);
-    for (i = 0; i < 3; i++)
-        b.place.x[i] = a->x[i];
-    b.place.t = a->t;
-    keep(sc, &b, SAGA_LEVEL_COARSE,
-         sc->coarse_feature + (size_t)rank * sc->model->features,
-         sc->model->head_q[SAGA_HEAD_COARSE]);
-}
-
-/* Its feature does not exist yet: in its place stand the residual and the
- * number of primitives. */
-void saga_context_keep_fine(const saga_scaffold *sc, uint32_t rank)
-{
-    block b;
-
-    if (!saga_level_writes(sc->model, SAGA_LEVEL_FINE))
-        return;
-    fine_block(&b, sc, rank);
-    keep(sc, &b, SAGA_LEVEL_FINE,
-         sc->fine_feature + (size_t)rank * sc->model->features, 14);
 }

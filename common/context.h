@@ -9,28 +9,30 @@
 
 #include "scaffold.h"
 
-/* Parameters of one block: mu in the Q of the coded value, scale indices of
- * the residual coder. */
-typedef struct saga_params {
-    int16_t mu[4 + SAGA_MAX_FEATURES];
-    uint8_t scale[4 + SAGA_MAX_FEATURES];
-} saga_params;
+/* Blocks that know the same and run through the networks together, and their
+ * parameters: mu in the Q of the coded value, scale indices of the residual
+ * coder. Block i's begin at i * saga_n_channels; an entropy network gives both
+ * for each channel, so half of its vector holds either. */
+typedef struct saga_run {
+    uint32_t n;
+    uint32_t rank[SAGA_MAX_POINTS];
+    int16_t mu[SAGA_MAX_VECTOR / 2];
+    uint8_t scale[SAGA_MAX_VECTOR / 2];
+} saga_run;
 
 /* Before the first block of a segment: the memory's state S_0 and what its
  * networks make of the slots' numbers. */
 void saga_context_begin(const saga_scaffold *sc);
 
-/* Coarse anchor `rank` of group `group`: channels centre 4, features F. */
-void saga_context_coarse(saga_params *p, const saga_scaffold *sc,
-                         uint32_t rank, uint32_t group);
-
-/* Fine anchor `rank` of group `group`, whose x, t are its suffix cell's
- * centre: channels offset 4. */
-void saga_context_fine(saga_params *p, const saga_scaffold *sc, uint32_t rank,
-                       uint32_t group);
-
-/* The primitives of fine anchor `rank`: channels offset 4, for all alike. */
-void saga_context_prim(saga_params *p, const saga_scaffold *sc, uint32_t rank);
+/* The next run of a SAGA_KIND_*: blocks of group `group` from `rank` on, as
+ * many as the vectors hold and the memory's step has room for. Returns the rank
+ * to go on from.
+ *   coarse: an anchor; channels centre 4, features F.
+ *   fine:   an anchor, whose x, t are its suffix cell's centre; offset 4.
+ *   prim:   the primitives of a fine anchor; offset 4, for all alike. Group 0
+ *           has them all. */
+uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
+                          uint32_t rank, uint32_t group);
 
 /* Classes, 0..7, of symbols of a SAGA_CLASS_* kind (the number, or the four
  * axes of the set) at the given rank: coarse for N_FINE and FINE_SET, fine for
@@ -39,11 +41,11 @@ void saga_context_prim(saga_params *p, const saga_scaffold *sc, uint32_t rank);
 int saga_context_classes(uint8_t class[4], const saga_scaffold *sc, int kind,
                          uint32_t rank, uint32_t group);
 
-/* After a coarse (fine) anchor is decoded: adds it to its step of the memory,
- * which writes when it has memory_blocks blocks. Without a memory, or if no
- * one reads what this level writes, these do nothing. */
-void saga_context_keep_coarse(const saga_scaffold *sc, uint32_t rank);
-void saga_context_keep_fine(const saga_scaffold *sc, uint32_t rank);
+/* After a run of coarse (fine) anchors is decoded: adds them to their step of
+ * the memory, which writes when it has memory_blocks blocks. Without a memory,
+ * or if no one reads what this level writes, it does nothing. */
+void saga_context_keep(const saga_scaffold *sc, int level,
+                       const saga_run *run);
 
 /* After the last anchor of a group: its last step writes, however short. */
 void saga_context_end_group(const saga_scaffold *sc);

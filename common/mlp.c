@@ -3,7 +3,7 @@
  * Points-major inner products in plain C. A reduction over int16 products is
  * what compilers vectorise best (pmaddwd and its relatives), four rows at a
  * time share every load of x, and padded rows leave no remainder: compile this
- * file with -O3. On x86 mlp_x86.h takes eight rows at a time, in tiles.
+ * file with -O3. On x86 mlp_x86.h takes eight rows of four points at a time.
  */
 #include "mlp.h"
 
@@ -161,19 +161,22 @@ static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
     finish(y, layer, sum, row, n_row);
 }
 
-void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x)
+void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
+                    uint32_t n)
 {
-    const uint32_t n = layer->n_out;
-    uint32_t row = 0;
+    const uint32_t n_row = layer->n_out;
+    uint32_t row = 0, i;
 
 #ifdef SAGA_MLP_TILE
-    for (; row + SAGA_MLP_TILE <= n; row += SAGA_MLP_TILE)
-        run_tile(y, layer, x, row);
+    row = run_tiles(y, layer, x, n);
 #endif
-    for (; row < n; row += BLOCK)
-        run_rows(y, layer, x, row, n - row < BLOCK ? n - row : BLOCK);
+    for (; row < n_row; row += BLOCK)
+        for (i = 0; i < n; i++)
+            run_rows(y + i * saga_mlp_pad(n_row), layer,
+                     x + i * saga_mlp_pad(layer->n_in), row,
+                     n_row - row < BLOCK ? n_row - row : BLOCK);
 #ifdef SAGA_COUNT_MACS
-    saga_count_macs((uint64_t)layer->n_in * layer->n_out);
+    saga_count_macs((uint64_t)n * layer->n_in * n_row);
 #endif
 }
 

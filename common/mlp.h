@@ -48,12 +48,17 @@ int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift);
 void saga_mlp_products(int32_t *sum, const int16_t *w, const int16_t *x,
                        uint32_t n, uint32_t n_row);
 
-/* x: pad(n_in) values, |x| <= 32767; those past n_in are multiplied by zero
- * but are read. y: n_out values, must not overlap x. Each |y| <= 32767. */
-void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x);
+/* A layer on n points, whose results do not depend on n: points that run
+ * together share what a layer costs besides its products.
+ * x: (n, pad(n_in)), |x| <= 32767; values past n_in are multiplied by zero but
+ * are read. y: (n, pad(n_out)), must not overlap x; values past n_out are left
+ * alone. Each |y| <= 32767. */
+void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
+                    uint32_t n);
 
 #ifdef SAGA_COUNT_MACS
-/* Defined by the test that counts: called with n_in * n_out per layer. */
+/* Defined by the test that counts: called with n_in * n_out per layer,
+ * times the points. */
 extern void saga_count_macs(uint64_t n);
 #endif
 

@@ -22,17 +22,22 @@
 
 #include <stdint.h>
 
-/* Rows of a tile: a vector of sums with AVX2, two without. */
+/* Rows of a tile: a vector of sums with AVX2, two without. Points that share
+ * the loads of its weights. */
 #define SAGA_MLP_TILE 8u
+#define SAGA_MLP_POINTS 4u
+
+#define INLINE inline __attribute__((always_inline))
 
 typedef int16_t saga_i16x8 __attribute__((vector_size(16)));
 typedef int32_t saga_i32x4 __attribute__((vector_size(16)));
 
 #ifdef __AVX2__
 
-enum { LANES = 16 };
+enum { LANES = 16, VECTORS = 1 };
 typedef int32_t saga_sums __attribute__((vector_size(32)));
 typedef int16_t saga_words __attribute__((vector_size(32)));
+typedef saga_sums saga_shifts;
 
 static inline saga_sums products(saga_words w, saga_words x)
 {
@@ -83,11 +88,17 @@ static inline saga_sums load_shifts(const uint8_t *p)
 
 #endif
 
-static inline saga_sums rshift_each(saga_sums v, const uint8_t *shift)
+/* 2^(shift - 1), and 0 for a shift by 0. */
+static inline saga_sums half_of(saga_sums shift)
 {
-    const saga_sums n = load_shifts(shift), zero = { 0 };
+    const saga_sums zero = { 0 };
 
-    return (v + ((zero + 1) << n >> 1)) >> n;
+    return (zero + 1) << shift >> 1;
+}
+
+static inline saga_sums rshift_each(saga_sums v, saga_sums shift)
+{
+    return v >> shift;
 }
 
 /* Lanes 0..3 of a and b, in both halves alike: a0 + a2, b0 + b2, a1 + a3, b1 +
@@ -110,7 +121,7 @@ static inline saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 
 #else
 
-enum { LANES = 8 };
+enum { LANES = 8, VECTORS = 2 };
 typedef saga_i32x4 saga_sums;
 typedef saga_i16x8 saga_words;
 
@@ -134,6 +145,17 @@ static inline saga_words load_i8(const int8_t *p)
 }
 
 /* SSE2 shifts all lanes by one number: lane i is taken from i's. */
+typedef struct {
+    int32_t by[4];
+} saga_shifts;
+
+static inline saga_shifts load_shifts(const uint8_t *p)
+{
+    const saga_shifts n = { { p[0], p[1], p[2], p[3] } };
+
+    return n;
+}
+
 static inline saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c,
                                  saga_sums d)
 {
@@ -142,14 +164,17 @@ static inline saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c,
                                    0, 2, 4, 6);
 }
 
-static inline saga_sums rshift_each(saga_sums v, const uint8_t *shift)
+static inline saga_sums half_of(saga_shifts n)
 {
     const saga_sums one = { 1, 1, 1, 1 };
 
-    v += diagonal(one << shift[0], one << shift[1], one << shift[2],
-                  one << shift[3]) >> 1;
-    return diagonal(v >> shift[0], v >> shift[1], v >> shift[2],
-                    v >> shift[3]);
+    return diagonal(one << n.by[0], one << n.by[1], one << n.by[2],
+                    one << n.by[3]) >> 1;
+}
+
+static inline saga_sums rshift_each(saga_sums v, saga_shifts n)
+{
+    return diagonal(v >> n.by[0], v >> n.by[1], v >> n.by[2], v >> n.by[3]);
 }
 
 static inline saga_sums fold2(saga_sums a, saga_sums b)
@@ -229,13 +254,7 @@ static inline saga_words load(const void *w, size_t at, int int8)
     return load_i16(__builtin_assume_aligned((const int16_t *)w + at, 16));
 }
 
-/* sum[i] = the sums of rows i * LANES / 2 on of the tile whose weights begin at
- * w[at], over n inputs rounded up to a multiple of 8: every lane meets the same
- * pair of inputs. Two chains of sums, so that neither waits for the other. */
-#ifdef __AVX2__
-
-enum { VECTORS = 1 };
-
+/* The same pair of activations in all lanes. */
 static inline saga_words pair(const int16_t *x)
 {
     const saga_sums zero = { 0 };
@@ -245,92 +264,127 @@ static inline saga_words pair(const int16_t *x)
     return (saga_words)(zero + v);
 }
 
-static inline void sum_tile(saga_sums sum[VECTORS], const void *w, size_t at,
-                            int int8, const int16_t *x, uint32_t n)
+/* sum[p] = the sums of a tile with weights w for point p of `points`, over n
+ * inputs and some that pad them. Inlined, `int8` and `points` are known and the
+ * sums stay in registers; unrolled, gcc has too few for several points. */
+static INLINE void sum_tile(saga_sums sum[][VECTORS], const void *w, int int8,
+                            const int16_t *x, uint32_t stride, uint32_t n,
+                            uint32_t points)
 {
-    saga_sums a = { 0 }, b = { 0 };
-    uint32_t k;
+    const uint32_t step = points > 1 ? 2 : 8;
+    const saga_sums zero = { 0 };
+    uint32_t k, j, p, i;
+    size_t at = 0;
 
-    for (k = 0; k < n; k += 8, at += 64) {
-        a += products(load(w, at, int8), pair(x + k));
-        b += products(load(w, at + 16, int8), pair(x + k + 2));
-        a += products(load(w, at + 32, int8), pair(x + k + 4));
-        b += products(load(w, at + 48, int8), pair(x + k + 6));
-    }
-    sum[0] = a + b;
+    for (p = 0; p < points; p++)
+        for (i = 0; i < VECTORS; i++)
+            sum[p][i] = zero;
+    for (k = 0; k < n; k += step)
+        for (j = 0; j < step; j += 2, at += VECTORS * LANES) {
+            saga_words rows[VECTORS];
+
+            for (i = 0; i < VECTORS; i++)
+                rows[i] = load(w, at + i * LANES, int8);
+            for (p = 0; p < points; p++) {
+                const saga_words v = pair(x + p * stride + k + j);
+
+                for (i = 0; i < VECTORS; i++)
+                    sum[p][i] += products(rows[i], v);
+            }
+        }
 }
 
-#else
+/* What makes a tile's sums results. */
+typedef struct {
+    saga_sums add[VECTORS];      /* bias, and half of what is shifted away */
+    saga_shifts shift[VECTORS];
+    saga_sums keep;              /* bits of negative values */
+} ending;
 
-enum { VECTORS = 2 };
-
-static inline void sum_tile(saga_sums sum[VECTORS], const void *w, size_t at,
-                            int int8, const int16_t *x, uint32_t n)
-{
-    saga_sums a = { 0 }, b = { 0 };
-    uint32_t k;
-
-    for (k = 0; k < n; k += 8, at += 64) {
-        const saga_sums v = (saga_sums)load_i16(x + k);
-        const saga_words pair[4] = {
-            (saga_words)__builtin_shufflevector(v, v, 0, 0, 0, 0),
-            (saga_words)__builtin_shufflevector(v, v, 1, 1, 1, 1),
-            (saga_words)__builtin_shufflevector(v, v, 2, 2, 2, 2),
-            (saga_words)__builtin_shufflevector(v, v, 3, 3, 3, 3)
-        };
-
-        a += products(load(w, at, int8), pair[0]);
-        b += products(load(w, at + 8, int8), pair[0]);
-        a += products(load(w, at + 16, int8), pair[1]);
-        b += products(load(w, at + 24, int8), pair[1]);
-        a += products(load(w, at + 32, int8), pair[2]);
-        b += products(load(w, at + 40, int8), pair[2]);
-        a += products(load(w, at + 48, int8), pair[3]);
-        b += products(load(w, at + 56, int8), pair[3]);
-    }
-    sum[0] = a;
-    sum[1] = b;
-}
-
-#endif
-
-/* relu?(fx_rshift(bias + sum, shift)), not saturated. */
-static inline saga_sums finish_lanes(saga_sums sum, const saga_layer *layer,
-                                     uint32_t row)
+static INLINE void begin_ending(ending *e, const saga_layer *layer,
+                                uint32_t row)
 {
     const saga_sums zero = { 0 };
-    saga_sums bias, v;
+    uint32_t i;
 
-    __builtin_memcpy(&bias, layer->bias + row, sizeof bias);
-    v = rshift_each(bias + sum, layer->shift + row);
-    return v & ((zero - !layer->relu) | ~(v >> 31));
+    for (i = 0; i < VECTORS; i++) {
+        const uint32_t at = row + i * LANES / 2;
+
+        e->shift[i] = load_shifts(layer->shift + at);
+        __builtin_memcpy(&e->add[i], layer->bias + at, sizeof e->add[i]);
+        e->add[i] += half_of(e->shift[i]);
+    }
+    e->keep = zero - !layer->relu;
 }
 
-/* Results of the tile that begins at `row`. Packing saturates at -32768, one
- * too low. */
-static inline void run_tile(int16_t *y, const saga_layer *layer,
-                            const int16_t *x, uint32_t row)
+/* relu?(fx_rshift(bias + sum, shift)), saturated. Packing saturates at -32768,
+ * one too low. */
+static INLINE void finish_tile(int16_t *y, const ending *e,
+                               const saga_sums sum[VECTORS])
 {
-    const size_t at = row * (size_t)saga_mlp_pad(layer->n_in);
-    saga_sums sum[VECTORS];
+    saga_sums v[VECTORS];
     saga_i32x4 low, high;
     saga_i16x8 out;
+    uint32_t i;
 
-    if (layer->int8)
-        sum_tile(sum, layer->weight, at, 1, x, layer->n_in);
-    else
-        sum_tile(sum, layer->weight, at, 0, x, layer->n_in);
-    sum[0] = finish_lanes(sum[0], layer, row);
+    for (i = 0; i < VECTORS; i++) {
+        v[i] = rshift_each(sum[i] + e->add[i], e->shift[i]);
+        v[i] &= e->keep | ~(v[i] >> 31);
+    }
 #ifdef __AVX2__
-    low = __builtin_shufflevector(sum[0], sum[0], 0, 1, 2, 3);
-    high = __builtin_shufflevector(sum[0], sum[0], 4, 5, 6, 7);
+    low = __builtin_shufflevector(v[0], v[0], 0, 1, 2, 3);
+    high = __builtin_shufflevector(v[0], v[0], 4, 5, 6, 7);
 #else
-    low = sum[0];
-    high = finish_lanes(sum[1], layer, row + 4);
+    low = v[0];
+    high = v[1];
 #endif
     out = (saga_i16x8)__builtin_ia32_packssdw128(low, high);
     out -= (saga_i16x8)(out == -32768);
-    __builtin_memcpy(y + row, &out, sizeof out);
+    __builtin_memcpy(y, &out, sizeof out);
+}
+
+/* The tile of n points that begins at `row`, its weights at w. They are loaded
+ * once for SAGA_MLP_POINTS points. */
+static INLINE void run_tile(int16_t *y, const saga_layer *layer,
+                            const void *w, int int8, const int16_t *x,
+                            uint32_t row, uint32_t n)
+{
+    const uint32_t stride = saga_mlp_pad(layer->n_in);
+    const uint32_t y_stride = saga_mlp_pad(layer->n_out);
+    saga_sums sum[SAGA_MLP_POINTS][VECTORS];
+    ending end;
+    uint32_t p;
+
+    begin_ending(&end, layer, row);
+    y += row;
+    for (; n >= SAGA_MLP_POINTS; n -= SAGA_MLP_POINTS) {
+        sum_tile(sum, w, int8, x, stride, layer->n_in, SAGA_MLP_POINTS);
+        for (p = 0; p < SAGA_MLP_POINTS; p++)
+            finish_tile(y + p * y_stride, &end, sum[p]);
+        x += SAGA_MLP_POINTS * stride;
+        y += SAGA_MLP_POINTS * y_stride;
+    }
+    for (; n > 0; n--, x += stride, y += y_stride) {
+        sum_tile(sum, w, int8, x, stride, layer->n_in, 1);
+        finish_tile(y, &end, sum[0]);
+    }
+}
+
+/* As many rows as there are whole tiles; returns their number. */
+static inline uint32_t run_tiles(int16_t *y, const saga_layer *layer,
+                                 const int16_t *x, uint32_t n)
+{
+    const size_t stride = saga_mlp_pad(layer->n_in);
+    const int16_t *const w16 = layer->weight;
+    const int8_t *const w8 = layer->weight;
+    uint32_t row = 0;
+
+    for (; row + SAGA_MLP_TILE <= layer->n_out; row += SAGA_MLP_TILE)
+        if (layer->int8)
+            run_tile(y, layer, w8 + row * stride, 1, x, row, n);
+        else
+            run_tile(y, layer, w16 + row * stride, 0, x, row, n);
+    return row;
 }
 
 #endif

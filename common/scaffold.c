@@ -70,24 +70,62 @@ void saga_memory_size(saga_memory *memory, const saga_model *m)
     memory->hidden = m->width[SAGA_NET_WRITE];
 }
 
-void saga_net_run(const saga_scaffold *sc, int net)
+/* --- Runs ---------------------------------------------------------------- */
+
+static uint32_t longest_vector(const saga_net_shape *s)
+{
+    uint32_t most = 1;
+    int i;
+
+    for (i = 0; i <= s->n_layers; i++)
+        most = s->dim[i] > most ? s->dim[i] : most;
+    return saga_mlp_pad(most);
+}
+
+uint32_t saga_net_points(const saga_nets *nets, uint32_t set)
+{
+    uint32_t n = SAGA_MAX_POINTS;
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        if (set >> net & 1u)
+            while (n * longest_vector(&nets->shape[net]) > SAGA_MAX_VECTOR)
+                n--;
+    return n;
+}
+
+/* Layers' outputs alternate between hidden and out, and end in out. */
+void saga_net_run(const saga_scaffold *sc, int net, uint32_t n)
 {
     saga_vectors *const v = sc->v;
-    const int n = sc->nets->shape[net].n_layers;
     const int16_t *x = v->in;
     saga_layer layer;
     int i;
 
-    for (i = 0; i < n; i++) {
-        int16_t *const y = i + 1 == n ? v->out : v->hidden[i];
+    for (i = 0; i < sc->nets->shape[net].n_layers; i++) {
+        int16_t *const y = (sc->nets->shape[net].n_layers - i) & 1
+                               ? v->out : v->hidden;
 
         saga_nets_layer(&layer, sc->nets, sc->params, net, i);
-        saga_mlp_layer(y, &layer, x);
+        saga_mlp_layer(y, &layer, x, n);
         x = y;
     }
 }
 
 /* --- Input vectors ------------------------------------------------------- */
+
+uint32_t saga_in_point(const saga_scaffold *sc, int net, uint32_t point)
+{
+    return point * saga_mlp_pad(sc->nets->shape[net].dim[0]);
+}
+
+const int16_t *saga_out_point(const saga_scaffold *sc, int net,
+                              uint32_t point)
+{
+    const saga_net_shape *const s = &sc->nets->shape[net];
+
+    return sc->v->out + point * saga_mlp_pad(s->dim[s->n_layers]);
+}
 
 uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
                         const int16_t *x, uint32_t n, int q)
@@ -101,9 +139,9 @@ uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
 }
 
 uint32_t saga_in_embedding(const saga_scaffold *sc, int net, uint32_t at,
-                           const saga_embedding *e)
+                           const int16_t *q15)
 {
-    return saga_in_vector(sc, net, at, e->q15, saga_pe_size(sc->model), 15);
+    return saga_in_vector(sc, net, at, q15, saga_pe_size(sc->model), 15);
 }
 
 /* --- Embeddings ---------------------------------------------------------- */
@@ -117,7 +155,7 @@ static uint32_t sine_and_cosine(uint16_t *phase, uint32_t at, uint32_t p)
 
 /* Phases from the position's own bits, wrapping: a quarter turn per half-cube
  * at k = 0. */
-void saga_embed(saga_embedding *e, const saga_model *m, const int32_t x[3],
+void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
                 int32_t t)
 {
     uint16_t phase[8 * SAGA_MAX_OCTAVES];
@@ -131,10 +169,10 @@ void saga_embed(saga_embedding *e, const saga_model *m, const int32_t x[3],
     at = sine_and_cosine(phase, at, (uint32_t)(t >> 1));
     for (k = 1; k < m->octaves; k++)
         at = sine_and_cosine(phase, at, (uint32_t)t << (k - 1));
-    saga_sin_turn16_each(e->q15, phase, at);
+    saga_sin_turn16_each(q15, phase, at);
 }
 
-void saga_embed_offset(saga_embedding *e, const saga_model *m,
+void saga_embed_offset(int16_t *q15, const saga_model *m,
                        const int16_t offset_q14[4])
 {
     uint16_t phase[8 * SAGA_MAX_OCTAVES];
@@ -145,7 +183,7 @@ void saga_embed_offset(saga_embedding *e, const saga_model *m,
         for (k = 0; k < m->octaves; k++)
             at = sine_and_cosine(phase, at,
                                  (uint32_t)(int32_t)offset_q14[i] << k);
-    saga_sin_turn16_each(e->q15, phase, at);
+    saga_sin_turn16_each(q15, phase, at);
 }
 
 /* --- Places -------------------------------------------------------------- */
@@ -194,14 +232,14 @@ void saga_place_fine(saga_place *p, const saga_fine *f)
 
 /* --- Coarse to fine ------------------------------------------------------ */
 
-void saga_scaffold_fuse(const saga_scaffold *sc, int level,
-                        const saga_place *p, uint32_t parent)
+/* Interpolated, fused features at p: F of them, in saga_fused_q. */
+static void fuse(int16_t *feature, const saga_scaffold *sc, int level,
+                 const saga_place *p, uint32_t parent)
 {
     const uint32_t f = sc->model->features;
     const int net = saga_fuse_net(level);
-    int16_t *const feature = sc->v->context;
+    int16_t embedding[8 * SAGA_MAX_OCTAVES];
     saga_neighbours nb;
-    saga_embedding e;
     uint32_t at, i;
 
     saga_interp_find(&nb, sc, level, p, parent, SAGA_ALL_GROUPS);
@@ -210,11 +248,44 @@ void saga_scaffold_fuse(const saga_scaffold *sc, int level,
         return;
     at = saga_in_vector(sc, net, 0, feature, f,
                         saga_feature_q(sc->model, level));
-    saga_embed(&e, sc->model, p->x, p->t);
-    saga_in_embedding(sc, net, at, &e);
-    saga_net_run(sc, net);
+    saga_embed(embedding, sc->model, p->x, p->t);
+    saga_in_embedding(sc, net, at, embedding);
+    saga_net_run(sc, net, 1);
     for (i = 0; i < f; i++)
         feature[i] = sc->v->out[i];
+}
+
+/* The values of a point: no more than the input of a network that reads them.
+ */
+static int16_t *kept_local(const saga_scaffold *sc, uint32_t point)
+{
+    return sc->v->kept + point * (sc->model->features +
+                                  saga_pe_size(sc->model));
+}
+
+void saga_keep_local(const saga_scaffold *sc, int level, uint32_t point,
+                     const saga_place *p, uint32_t parent,
+                     const int16_t offset_q14[4])
+{
+    int16_t *const to = kept_local(sc, point);
+
+    fuse(to, sc, level, p, parent);
+    saga_embed_offset(to + sc->model->features, sc->model, offset_q14);
+}
+
+void saga_in_local(const saga_scaffold *sc, int net, int level, uint32_t n)
+{
+    const uint32_t f = sc->model->features;
+    uint32_t i;
+
+    for (i = 0; i < n; i++) {
+        const int16_t *const from = kept_local(sc, i);
+        const uint32_t at = saga_in_vector(sc, net, saga_in_point(sc, net, i),
+                                           from, f,
+                                           saga_fused_q(sc->model, level));
+
+        saga_in_embedding(sc, net, at, from + f);
+    }
 }
 
 /* 2^log2 rounded to an integer in 1..2^max; |log2_q10| < 2^15. */
@@ -245,29 +316,45 @@ static void set_support(saga_fine *f, const saga_coarse *parent,
     }
 }
 
+/* Here the supports are still the parent's half-sizes. */
+static void keep_fine_anchor(const saga_scaffold *sc, uint32_t rank,
+                             uint32_t point)
+{
+    const saga_fine *const fine = &sc->fine[rank];
+    saga_place p;
+
+    saga_place_fine(&p, fine);
+    saga_keep_local(sc, SAGA_LEVEL_COARSE, point, &p, fine->parent,
+                    fine->local);
+}
+
+static void set_fine_anchor(const saga_scaffold *sc, uint32_t rank,
+                            const int16_t *out)
+{
+    const uint32_t f = sc->model->features;
+    int16_t *const feature = sc->fine_feature + (size_t)rank * f;
+    saga_fine *const fine = &sc->fine[rank];
+    uint32_t i;
+
+    for (i = 0; i < f; i++)
+        feature[i] = out[i];
+    set_support(fine, &sc->coarse[fine->parent], out + f,
+                sc->model->head_q[SAGA_HEAD_SUPPORT]);
+}
+
 void saga_scaffold_fine(const saga_scaffold *sc)
 {
-    const saga_model *const m = sc->model;
-    const uint32_t f = m->features;
-    uint32_t rank, at, i;
+    const uint32_t most = saga_net_points(sc->nets, 1u << SAGA_NET_FINE);
+    uint32_t rank, n, i;
 
-    for (rank = 0; rank < sc->n.fine; rank++) {
-        saga_fine *const fine = &sc->fine[rank];
-        int16_t *const feature = sc->fine_feature + (size_t)rank * f;
-        saga_embedding e;
-        saga_place p;
-
-        /* Here the supports are still the parent's half-sizes. */
-        saga_place_fine(&p, fine);
-        saga_scaffold_fuse(sc, SAGA_LEVEL_COARSE, &p, fine->parent);
-        at = saga_in_vector(sc, SAGA_NET_FINE, 0, sc->v->context, f,
-                            saga_fused_q(m, SAGA_LEVEL_COARSE));
-        saga_embed_offset(&e, m, fine->local);
-        saga_in_embedding(sc, SAGA_NET_FINE, at, &e);
-        saga_net_run(sc, SAGA_NET_FINE);
-        for (i = 0; i < f; i++)
-            feature[i] = sc->v->out[i];
-        set_support(fine, &sc->coarse[fine->parent], sc->v->out + f,
-                    m->head_q[SAGA_HEAD_SUPPORT]);
+    for (rank = 0; rank < sc->n.fine; rank += n) {
+        n = sc->n.fine - rank < most ? sc->n.fine - rank : most;
+        for (i = 0; i < n; i++)
+            keep_fine_anchor(sc, rank + i, i);
+        saga_in_local(sc, SAGA_NET_FINE, SAGA_LEVEL_COARSE, n);
+        saga_net_run(sc, SAGA_NET_FINE, n);
+        for (i = 0; i < n; i++)
+            set_fine_anchor(sc, rank + i,
+                            saga_out_point(sc, SAGA_NET_FINE, i));
     }
 }

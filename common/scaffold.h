@@ -98,13 +98,17 @@ typedef struct saga_class_models {
     saga_adaptive set[2][SAGA_N_CLASSES][SAGA_FEW]; /* fine, primitive; n - 1 */
 } saga_class_models;
 
-/* Scratch of the networks. */
+/* Points that run through networks together, at most. */
+enum { SAGA_MAX_POINTS = 8 };
+
+/* Scratch of the networks, of a run of points: each has its vectors, padded,
+ * one after the other. */
 typedef struct saga_vectors {
     int16_t in[SAGA_MAX_VECTOR];
-    int16_t hidden[2][SAGA_MAX_VECTOR];
+    int16_t hidden[SAGA_MAX_VECTOR];
     int16_t out[SAGA_MAX_VECTOR];
-    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature, fused or
-                                          * not */
+    int16_t kept[SAGA_MAX_VECTOR];       /* what no network's run touches */
+    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature */
 } saga_vectors;
 
 /* Everything a traversal works on; a transient view, the memory is the
@@ -142,30 +146,40 @@ void saga_place_cell(saga_place *p, const saga_coarse *c);
 /* Centre + offset (Q14, in units of support per axis), clamped to the cube. */
 void saga_place_move(saga_place *p, const int16_t offset_q14[4]);
 
-/* Positional embedding in Q15: by axis and octave, sine and cosine. */
-typedef struct saga_embedding {
-    int16_t q15[8 * SAGA_MAX_OCTAVES];
-} saga_embedding;
-
-/* Of a place; of an offset. */
-void saga_embed(saga_embedding *e, const saga_model *m, const int32_t x[3],
+/* Positional embedding of a place, of an offset: saga_pe_size values in Q15, by
+ * axis and octave sine and cosine. */
+void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
                 int32_t t);
-void saga_embed_offset(saga_embedding *e, const saga_model *m,
+void saga_embed_offset(int16_t *q15, const saga_model *m,
                        const int16_t offset_q14[4]);
 
-/* Runs a network on sc->v->in; its last layer's outputs land in sc->v->out. */
-void saga_net_run(const saga_scaffold *sc, int net);
+/* How many points, 1..SAGA_MAX_POINTS, the vectors hold for each network of a
+ * set (bits 1 << SAGA_NET_*). */
+uint32_t saga_net_points(const saga_nets *nets, uint32_t set);
 
-/* sc->v->in: `at` appended values; each returns the new length. */
+/* Runs a network on the first n points of sc->v->in, which stays; its last
+ * layer's outputs land in sc->v->out. */
+void saga_net_run(const saga_scaffold *sc, int net, uint32_t n);
+
+/* Where the vector of a point begins in sc->v->in; what is in sc->v->out. */
+uint32_t saga_in_point(const saga_scaffold *sc, int net, uint32_t point);
+const int16_t *saga_out_point(const saga_scaffold *sc, int net,
+                              uint32_t point);
+
+/* Writes values to sc->v->in from `at` on; each returns the place after them.
+ */
 uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
                         const int16_t *x, uint32_t n, int q);
 uint32_t saga_in_embedding(const saga_scaffold *sc, int net, uint32_t at,
-                           const saga_embedding *e);
+                           const int16_t *q15);
 
-/* Interpolated, fused features of level SAGA_LEVEL_* at p, under the parent of
- * the given rank: F of them in sc->v->context, in saga_fused_q. */
-void saga_scaffold_fuse(const saga_scaffold *sc, int level,
-                        const saga_place *p, uint32_t parent);
+/* What F_fine, F_geo and F_color see of a point, sc->v->kept holds: features
+ * of level SAGA_LEVEL_* at p, under the parent of the given rank, interpolated
+ * and fused; embedding of an offset. Then the networks' input. */
+void saga_keep_local(const saga_scaffold *sc, int level, uint32_t point,
+                     const saga_place *p, uint32_t parent,
+                     const int16_t offset_q14[4]);
+void saga_in_local(const saga_scaffold *sc, int net, int level, uint32_t n);
 
 /* F_fine for every fine anchor: features and supports from decoded offsets. */
 void saga_scaffold_fine(const saga_scaffold *sc);

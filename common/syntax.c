@@ -528,20 +528,19 @@ static int code_tree(const saga_scaffold *sc, saga_coder *c)
 }
 
 static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
-                               uint32_t rank, uint32_t group)
+                               uint32_t rank, const int16_t *mu,
+                               const uint8_t *scale)
 {
     const saga_model *const m = sc->model;
     saga_coarse *const a = &sc->coarse[rank];
-    saga_params p;
     saga_place place;
     int16_t centre[4];
     int i;
 
-    saga_context_coarse(&p, sc, rank, group);
-    code_block(centre, c, at_symbol(SAGA_SYM_CENTRE, rank, 0), p.mu, p.scale,
+    code_block(centre, c, at_symbol(SAGA_SYM_CENTRE, rank, 0), mu, scale,
                m->step_q16[SAGA_STEP_CENTRE], 4);
     code_block(sc->coarse_feature + (size_t)rank * m->features, c,
-               at_symbol(SAGA_SYM_FEATURE, rank, 0), p.mu + 4, p.scale + 4,
+               at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
                m->step_q16[SAGA_STEP_FEATURE], m->features);
     saga_place_cell(&place, a);
     saga_place_move(&place, centre);
@@ -553,18 +552,21 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
 int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 {
     const uint32_t n_groups = sc->model->level[SAGA_LEVEL_COARSE].n_groups;
-    uint32_t group, rank;
+    const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_COARSE);
+    uint32_t group, rank, i;
+    saga_run run;
 
     if (!code_tree(sc, c))
         return 0;
     for (group = 0; group < n_groups; group++) {
-        for (rank = 0; rank < sc->n.coarse; rank++) {
-            if (sc->coarse[rank].group != group)
-                continue;
-            code_coarse_anchor(sc, c, rank, group);
+        for (rank = 0; rank < sc->n.coarse;) {
+            rank = saga_context_run(&run, sc, SAGA_KIND_COARSE, rank, group);
+            for (i = 0; i < run.n && !c->error; i++)
+                code_coarse_anchor(sc, c, run.rank[i], run.mu + i * n,
+                                   run.scale + i * n);
             if (c->error)
                 return 0;
-            saga_context_keep_coarse(sc, rank);
+            saga_context_keep(sc, SAGA_LEVEL_COARSE, &run);
         }
         saga_context_end_group(sc);
     }
@@ -644,18 +646,17 @@ static void code_n_prim(const saga_scaffold *sc, saga_coder *c, uint32_t rank,
 }
 
 static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
-                             uint32_t rank, uint32_t group)
+                             uint32_t rank, uint32_t group, const int16_t *mu,
+                             const uint8_t *scale)
 {
     const saga_model *const m = sc->model;
     saga_fine *const a = &sc->fine[rank];
-    saga_params p;
     saga_place place;
     int16_t residual[4];
     int i;
 
-    saga_context_fine(&p, sc, rank, group);
-    code_block(residual, c, at_symbol(SAGA_SYM_FINE_OFFSET, rank, 0), p.mu,
-               p.scale, m->step_q16[SAGA_STEP_FINE], 4);
+    code_block(residual, c, at_symbol(SAGA_SYM_FINE_OFFSET, rank, 0), mu,
+               scale, m->step_q16[SAGA_STEP_FINE], 4);
     for (i = 0; i < 4; i++)
         a->local[i] = fx_sat16(a->local[i] + residual[i]);
     saga_place_cell(&place, &sc->coarse[a->parent]);
@@ -683,18 +684,21 @@ static int number_primitives(const saga_scaffold *sc)
 int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
 {
     const uint32_t n_groups = sc->model->level[SAGA_LEVEL_FINE].n_groups;
-    uint32_t group, rank;
+    const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_FINE);
+    uint32_t group, rank, i;
+    saga_run run;
 
     if (!code_fine_sets(sc, c))
         return 0;
     for (group = 0; group < n_groups; group++) {
-        for (rank = 0; rank < sc->n.fine; rank++) {
-            if (sc->fine[rank].group != group)
-                continue;
-            code_fine_anchor(sc, c, rank, group);
+        for (rank = 0; rank < sc->n.fine;) {
+            rank = saga_context_run(&run, sc, SAGA_KIND_FINE, rank, group);
+            for (i = 0; i < run.n && !c->error; i++)
+                code_fine_anchor(sc, c, run.rank[i], group, run.mu + i * n,
+                                 run.scale + i * n);
             if (c->error)
                 return 0;
-            saga_context_keep_fine(sc, rank);
+            saga_context_keep(sc, SAGA_LEVEL_FINE, &run);
         }
         saga_context_end_group(sc);
     }
@@ -706,34 +710,45 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
 
 /* --- Layer 3: primitives ------------------------------------------------- */
 
-int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c)
+/* The primitives of a fine anchor. */
+static void code_primitives(const saga_scaffold *sc, saga_coder *c,
+                            uint32_t rank, const int16_t *mu,
+                            const uint8_t *scale)
 {
     const saga_model *const m = sc->model;
     const uint32_t bits = m->level[SAGA_LEVEL_FINE].suffix_bits;
+    const uint32_t first = sc->fine[rank].first_prim;
+    const uint32_t n = sc->fine[rank].n_prim;
     uint32_t suffix[SAGA_MAX_CHILDREN];
-    uint32_t rank, i, axis;
+    set_source source;
+    uint32_t i, axis;
 
-    for (rank = 0; rank < sc->n.fine; rank++) {
-        const uint32_t first = sc->fine[rank].first_prim;
-        const uint32_t n = sc->fine[rank].n_prim;
-        set_source source;
-        saga_params p;
+    begin_set_source(&source, sc, 1, rank);
+    code_set(suffix, n, bits, &source, c,
+             at_symbol(SAGA_SYM_PRIM_SUFFIX, first, 0));
+    for (i = 0; i < n; i++) {
+        int16_t *const o = sc->prim_offset[first + i];
+        int16_t residual[4];
 
-        begin_set_source(&source, sc, 1, rank);
-        saga_context_prim(&p, sc, rank);
-        code_set(suffix, n, bits, &source, c,
-                 at_symbol(SAGA_SYM_PRIM_SUFFIX, first, 0));
-        for (i = 0; i < n; i++) {
-            int16_t *const o = sc->prim_offset[first + i];
-            int16_t residual[4];
+        suffix_centre(o, suffix[i], bits);
+        code_block(residual, c, at_symbol(SAGA_SYM_PRIM_OFFSET, first + i, 0),
+                   mu, scale, m->step_q16[SAGA_STEP_PRIM], 4);
+        for (axis = 0; axis < 4; axis++)
+            o[axis] = fx_sat16(o[axis] + residual[axis]);
+    }
+}
 
-            suffix_centre(o, suffix[i], bits);
-            code_block(residual, c,
-                       at_symbol(SAGA_SYM_PRIM_OFFSET, first + i, 0), p.mu,
-                       p.scale, m->step_q16[SAGA_STEP_PRIM], 4);
-            for (axis = 0; axis < 4; axis++)
-                o[axis] = fx_sat16(o[axis] + residual[axis]);
-        }
+int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c)
+{
+    const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_PRIM);
+    uint32_t rank, i;
+    saga_run run;
+
+    for (rank = 0; rank < sc->n.fine;) {
+        rank = saga_context_run(&run, sc, SAGA_KIND_PRIM, rank, 0);
+        for (i = 0; i < run.n && !c->error; i++)
+            code_primitives(sc, c, run.rank[i], run.mu + i * n,
+                            run.scale + i * n);
         if (c->error)
             return 0;
     }

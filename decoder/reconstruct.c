@@ -73,84 +73,120 @@ static uint16_t colour_of(int16_t out, int q)
     return (uint16_t)fx_clamp(16384 + fx_requant32(out, q, 15), 0, 32768);
 }
 
-/* The layers after the first: sc->v->in holds its pre-activations. */
-static void finish_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
-                          uint32_t width)
+/* F_color's layers after the first, on the n points of sc->v->in: its
+ * pre-activations. */
+static void finish_colours(const saga_scaffold *sc, uint32_t n)
 {
+    const uint32_t end = saga_in_point(sc, SAGA_NET_COLOUR, n);
     uint32_t i;
 
-    for (i = 0; i < width; i++)
+    for (i = 0; i < end; i++)
         if (sc->v->in[i] < 0)
             sc->v->in[i] = 0;
-    saga_net_run(sc, SAGA_NET_COLOUR);
+    saga_net_run(sc, SAGA_NET_COLOUR, n);
+}
+
+static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
+                       uint32_t point)
+{
+    const int16_t *const out = saga_out_point(sc, SAGA_NET_COLOUR, point);
+    int i;
+
     for (i = 0; i < 3; i++)
-        colour_q15[i] = colour_of(sc->v->out[i],
+        colour_q15[i] = colour_of(out[i],
                                   sc->model->head_q[SAGA_HEAD_COLOUR]);
 }
 
-/* F_color's first layer without the direction; all of F_color if there is
- * none. The fused feature is in sc->v->context. */
-static void set_colour(int16_t *colour, const saga_scaffold *sc,
-                       const saga_embedding *offset)
-{
-    const saga_model *const m = sc->model;
-    const uint32_t width = m->width[SAGA_NET_COLOUR];
-    const uint32_t at = saga_in_vector(sc, SAGA_NET_COLOUR_BASE, 0,
-                                       sc->v->context, m->features,
-                                       saga_fused_q(m, SAGA_LEVEL_FINE));
-    uint16_t colour_q15[3];
-    uint32_t i;
+/* Primitives that run through the networks together. */
+typedef struct {
+    uint32_t first, n;
+    uint32_t fine[SAGA_MAX_POINTS];      /* their anchors */
+    saga_place place[SAGA_MAX_POINTS];
+} run;
 
-    saga_in_embedding(sc, SAGA_NET_COLOUR_BASE, at, offset);
-    saga_net_run(sc, SAGA_NET_COLOUR_BASE);
-    if (m->tools & SAGA_TOOL_VIEW) {
-        for (i = 0; i < width; i++)
-            colour[i] = sc->v->out[i];
+/* F_color's first layer without the direction; all of F_color if there is
+ * none. */
+static void set_colours(int16_t *colours, uint32_t stride,
+                        const saga_scaffold *sc, const run *r)
+{
+    const uint32_t width = sc->model->width[SAGA_NET_COLOUR];
+    const uint32_t end = saga_in_point(sc, SAGA_NET_COLOUR, r->n);
+    uint16_t colour_q15[3];
+    uint32_t i, k;
+
+    saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_LEVEL_FINE, r->n);
+    saga_net_run(sc, SAGA_NET_COLOUR_BASE, r->n);
+    colours += (size_t)r->first * stride;
+    if (sc->model->tools & SAGA_TOOL_VIEW) {
+        for (i = 0; i < r->n; i++) {
+            const int16_t *const out = saga_out_point(
+                sc, SAGA_NET_COLOUR_BASE, i);
+
+            for (k = 0; k < width; k++)
+                colours[i * stride + k] = out[k];
+        }
         return;
     }
-    for (i = 0; i < width; i++)
+    for (i = 0; i < end; i++)
         sc->v->in[i] = sc->v->out[i];
-    finish_colour(colour_q15, sc, width);
-    for (i = 0; i < 3; i++)
-        colour[i] = (int16_t)colour_q15[i];
+    finish_colours(sc, r->n);
+    for (i = 0; i < r->n; i++) {
+        get_colour(colour_q15, sc, i);
+        for (k = 0; k < 3; k++)
+            colours[i * stride + k] = (int16_t)colour_q15[k];
+    }
 }
 
-static void reconstruct_one(const saga_scaffold *sc, uint32_t fine,
-                            uint32_t prim, saga_primitive *p, int16_t *colour)
+static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
+                           const run *r)
 {
-    const saga_model *const m = sc->model;
-    const int16_t *const offset = sc->prim_offset[prim];
-    const saga_fine *const parent = &sc->fine[fine];
-    saga_embedding embedding;
-    saga_place place;
-    uint32_t at, i;
+    uint32_t i, k;
 
-    saga_place_fine(&place, parent);
-    saga_place_move(&place, offset);
-    saga_scaffold_fuse(sc, SAGA_LEVEL_FINE, &place, fine);
-    at = saga_in_vector(sc, SAGA_NET_GEO, 0, sc->v->context, m->features,
-                        saga_fused_q(m, SAGA_LEVEL_FINE));
-    saga_embed_offset(&embedding, m, offset);
-    saga_in_embedding(sc, SAGA_NET_GEO, at, &embedding);
-    saga_net_run(sc, SAGA_NET_GEO);
-    set_geometry(p, m, sc->v->out, &place, &sc->coarse[parent->parent]);
-    for (i = 0; i < 3; i++)
-        p->support[i] = parent->support[i];
-    set_colour(colour, sc, &embedding);
+    saga_in_local(sc, SAGA_NET_GEO, SAGA_LEVEL_FINE, r->n);
+    saga_net_run(sc, SAGA_NET_GEO, r->n);
+    for (i = 0; i < r->n; i++) {
+        const saga_fine *const parent = &sc->fine[r->fine[i]];
+        saga_primitive *const p = &prims[r->first + i];
+
+        set_geometry(p, sc->model, saga_out_point(sc, SAGA_NET_GEO, i),
+                     &r->place[i], &sc->coarse[parent->parent]);
+        for (k = 0; k < 3; k++)
+            p->support[k] = parent->support[k];
+    }
+}
+
+/* The next primitive under the anchor `fine` or a later one: returns that. */
+static uint32_t add_primitive(run *r, const saga_scaffold *sc, uint32_t fine)
+{
+    const uint32_t prim = r->first + r->n;
+    const int16_t *const offset = sc->prim_offset[prim];
+    saga_place *const place = &r->place[r->n];
+
+    while (prim - sc->fine[fine].first_prim >= sc->fine[fine].n_prim)
+        fine++;
+    saga_place_fine(place, &sc->fine[fine]);
+    saga_place_move(place, offset);
+    saga_keep_local(sc, SAGA_LEVEL_FINE, r->n, place, fine, offset);
+    r->fine[r->n++] = fine;
+    return fine;
 }
 
 void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
                       int16_t *colours, uint32_t stride)
 {
-    uint32_t fine, i;
+    const uint32_t most = saga_net_points(
+        sc->nets, 1u << SAGA_NET_GEO | 1u << SAGA_NET_COLOUR_BASE |
+                  1u << SAGA_NET_COLOUR);
+    uint32_t fine = 0;
+    run r;
 
-    for (fine = 0; fine < sc->n.fine; fine++)
-        for (i = 0; i < sc->fine[fine].n_prim; i++) {
-            const uint32_t prim = sc->fine[fine].first_prim + i;
-
-            reconstruct_one(sc, fine, prim, &prims[prim],
-                            colours + (size_t)prim * stride);
-        }
+    for (r.first = 0; r.first < sc->n.prim; r.first += r.n) {
+        r.n = 0;
+        while (r.n < most && r.first + r.n < sc->n.prim)
+            fine = add_primitive(&r, sc, fine);
+        set_geometries(prims, sc, &r);
+        set_colours(colours, stride, sc, &r);
+    }
 }
 
 /* Unit vector from centre to x in Q14; zero for zero. |x| and |centre| are at
@@ -191,8 +227,9 @@ void saga_shade(uint16_t colour_q15[3], const saga_scaffold *sc,
 
     direction_q14(d, x, centre);
     saga_in_vector(sc, SAGA_NET_COLOUR_VIEW, 0, d, 3, 14);
-    saga_net_run(sc, SAGA_NET_COLOUR_VIEW);
+    saga_net_run(sc, SAGA_NET_COLOUR_VIEW, 1);
     for (i = 0; i < width; i++)
         sc->v->in[i] = fx_sat16(base[i] + sc->v->out[i]);
-    finish_colour(colour_q15, sc, width);
+    finish_colours(sc, 1);
+    get_colour(colour_q15, sc, 0);
 }

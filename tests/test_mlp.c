@@ -17,6 +17,7 @@
 
 #define CANARIES 16
 #define CANARY 0x5a5a
+#define POINTS 9             /* at a time, at most: two fours and a one */
 
 /* The same layer with int16 weights, and with int8 ones if they fit: by rows,
  * and placed where the layer wants them. */
@@ -28,7 +29,9 @@ typedef struct {
     int8_t *w8;
     int32_t *bias;
     uint8_t *shift;
-    int16_t *x, *y;
+    int16_t *x;              /* (POINTS, pad(n_in)) */
+    int16_t *y;              /* (POINTS, pad(n_out)) and canaries */
+    int16_t *want[2];        /* (POINTS, n_out) without, with ReLU */
 } net;
 
 static uint32_t random_bits(uint64_t *seed)
@@ -66,8 +69,10 @@ static net net_new(uint32_t n_in, uint32_t n_out, int fits8)
     n.w8 = get(pad * n_out, sizeof *n.w8);
     n.bias = get(n_out, sizeof *n.bias);
     n.shift = get(n_out, sizeof *n.shift);
-    n.x = get(pad, sizeof *n.x);
-    n.y = get(n_out + CANARIES, sizeof *n.y);
+    n.x = get(POINTS * pad, sizeof *n.x);
+    n.y = get(POINTS * saga_mlp_pad(n_out) + CANARIES, sizeof *n.y);
+    n.want[0] = get(POINTS * n_out, sizeof **n.want);
+    n.want[1] = get(POINTS * n_out, sizeof **n.want);
     return n;
 }
 
@@ -80,6 +85,8 @@ static void net_free(net *n)
     free(n->shift);
     free(n->x);
     free(n->y);
+    free(n->want[0]);
+    free(n->want[1]);
 }
 
 static saga_layer net_layer(const net *n, int int8, int relu)
@@ -138,15 +145,16 @@ static int64_t row_room(const net *n, uint32_t row)
     return INT32_MAX - half - row_abs_sum(n, row) * 32767;
 }
 
-static int16_t reference(const net *n, uint32_t row, int relu)
+static int16_t reference(const net *n, uint32_t point, uint32_t row, int relu)
 {
+    const int16_t *const x = n->x + point * saga_mlp_pad(n->n_in);
     const int16_t *const w = row_of(n, row);
     const int shift = n->shift[row];
     int64_t sum = n->bias[row];
     uint32_t k;
 
     for (k = 0; k < n->n_in; k++)
-        sum += (int64_t)w[k] * n->x[k];
+        sum += (int64_t)w[k] * x[k];
     if (shift > 0)
         sum = (sum + ((int64_t)1 << (shift - 1))) >> shift;
     if (relu && sum < 0)
@@ -154,18 +162,52 @@ static int16_t reference(const net *n, uint32_t row, int relu)
     return (int16_t)(sum > 32767 ? 32767 : sum < -32767 ? -32767 : sum);
 }
 
-static void check_variant(net *n, int int8, int relu)
+static void find_references(net *n)
 {
+    uint32_t point, row;
+    int relu;
+
+    for (relu = 0; relu < 2; relu++)
+        for (point = 0; point < POINTS; point++)
+            for (row = 0; row < n->n_out; row++)
+                n->want[relu][point * n->n_out + row] =
+                    reference(n, point, row, relu);
+}
+
+static void assert_untouched(const int16_t *y, uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        assert_int_equal(y[i], CANARY);
+}
+
+/* Values past n_out are left alone, and so are points past the last. */
+static void check_points(net *n, int int8, int relu, uint32_t points)
+{
+    const uint32_t stride = saga_mlp_pad(n->n_out);
+    const uint32_t size = POINTS * stride + CANARIES;
     const saga_layer layer = net_layer(n, int8, relu);
     uint32_t i;
 
-    for (i = 0; i < n->n_out + (uint32_t)CANARIES; i++)
+    for (i = 0; i < size; i++)
         n->y[i] = CANARY;
-    saga_mlp_layer(n->y, &layer, n->x);
-    for (i = 0; i < n->n_out; i++)
-        assert_int_equal(n->y[i], reference(n, i, relu));
-    for (i = 0; i < CANARIES; i++)
-        assert_int_equal(n->y[n->n_out + i], CANARY);
+    saga_mlp_layer(n->y, &layer, n->x, points);
+    for (i = 0; i < points; i++) {
+        assert_memory_equal(n->y + i * stride, n->want[relu] + i * n->n_out,
+                            n->n_out * sizeof *n->y);
+        assert_untouched(n->y + i * stride + n->n_out, stride - n->n_out);
+    }
+    assert_untouched(n->y + points * stride, size - points * stride);
+}
+
+static void check_variant(net *n, int int8, int relu)
+{
+    uint32_t points;
+
+    find_references(n);
+    for (points = 0; points <= POINTS; points++)
+        check_points(n, int8, relu, points);
 }
 
 static void check(net *n)
@@ -212,7 +254,7 @@ static void fill_x(net *n, uint64_t *seed, int32_t top)
 {
     uint32_t k;
 
-    for (k = 0; k < saga_mlp_pad(n->n_in); k++)
+    for (k = 0; k < POINTS * saga_mlp_pad(n->n_in); k++)
         n->x[k] = (int16_t)random_in(seed, -top, top);
 }
 
@@ -306,7 +348,7 @@ static void layer_should_not_overflow_on_the_largest_valid_rows(void **state)
             net n = net_new(sizes_in[i], 50, fits8);
 
             for (pattern = 0; pattern < 3; pattern++) {
-                for (k = 0; k < saga_mlp_pad(n.n_in); k++)
+                for (k = 0; k < POINTS * saga_mlp_pad(n.n_in); k++)
                     n.x[k] = pattern == 0 || (pattern == 2 && k % 3 == 0)
                                  ? 32767 : -32767;
                 fill_largest(&n);
@@ -321,22 +363,22 @@ static void int8_should_equal_int16_on_extreme_activations(void **state)
 {
     net n = net_new(64, 64, 1);
     uint64_t seed = 7;
-    int16_t *const y16 = get(64, sizeof *y16);
+    int16_t *const y16 = get(POINTS * 64, sizeof *y16);
     int trial;
     uint32_t k;
 
     (void)state;
     fill_random(&n, &seed);
     place_weights(&n);
-    for (trial = 0; trial < 200; trial++) {
+    for (trial = 0; trial < 40; trial++) {
         const saga_layer wide = net_layer(&n, 0, 0);
         const saga_layer narrow = net_layer(&n, 1, 0);
 
-        for (k = 0; k < 64; k++)
+        for (k = 0; k < POINTS * 64; k++)
             n.x[k] = random_bits(&seed) & 1u ? 32767 : -32767;
-        saga_mlp_layer(y16, &wide, n.x);
-        saga_mlp_layer(n.y, &narrow, n.x);
-        assert_memory_equal(y16, n.y, 64 * sizeof *y16);
+        saga_mlp_layer(y16, &wide, n.x, POINTS);
+        saga_mlp_layer(n.y, &narrow, n.x, POINTS);
+        assert_memory_equal(y16, n.y, POINTS * 64 * sizeof *y16);
     }
     free(y16);
     net_free(&n);
@@ -435,9 +477,10 @@ static void layer_should_count_its_macs(void **state)
 
     (void)state;
     macs = 0;
-    check_variant(&n, 0, 0);
-    check_variant(&n, 1, 0);
-    assert_int_equal(macs, 2 * 33 * 7);
+    find_references(&n);
+    check_points(&n, 0, 0, 1);
+    check_points(&n, 1, 0, 5);
+    assert_int_equal(macs, 6 * 33 * 7);
     net_free(&n);
 }
 #endif

@@ -322,7 +322,7 @@ static void networks_should_see_the_block_that_they_share(void **state)
         const saga_model *const m = &w.g.header.model;
         int16_t in[MAX_INPUT];
         uint8_t class[4];
-        saga_params params;
+        saga_run run;
 
         assert_true(seed < 2000);
         begin(&w, &o, 0);
@@ -330,7 +330,7 @@ static void networks_should_see_the_block_that_they_share(void **state)
              m->class_sources[SAGA_CLASS_PRIM_SET] &&
              m->class_sources[SAGA_CLASS_PRIM_SET] ==
              m->sources[SAGA_KIND_PRIM]; rank++) {
-            saga_context_prim(&params, &w.sc, rank);
+            saga_context_run(&run, &w.sc, SAGA_KIND_PRIM, rank, 0);
             take_input(in, &w, SAGA_NET_E_PRIM);
             assert_true(saga_context_classes(class, &w.sc, SAGA_CLASS_PRIM_SET,
                                              rank, 0));
@@ -339,7 +339,8 @@ static void networks_should_see_the_block_that_they_share(void **state)
         }
         for (rank = 0; rank < w.sc.n.coarse &&
              m->sources[SAGA_KIND_COARSE] == SAGA_SOURCE_HYPER; rank++) {
-            saga_context_coarse(&params, &w.sc, rank, 0);
+            saga_context_run(&run, &w.sc, SAGA_KIND_COARSE, rank,
+                             w.sc.coarse[rank].group);
             take_input(in, &w, SAGA_NET_E_COARSE);
             if (m->class_sources[SAGA_CLASS_FINE_SET] == SAGA_SOURCE_HYPER &&
                 saga_context_classes(class, &w.sc, SAGA_CLASS_FINE_SET, rank,

@@ -494,6 +494,32 @@ static void macs_should_be_counted_exactly(void **state)
     }
 }
 
+/* By hand: 512 values hold so many vectors of the longest of a network, padded
+ * to 16; the smallest number of a set counts. */
+static void points_should_be_what_the_vectors_hold(void **state)
+{
+    static const struct { uint16_t dim[4]; uint8_t n_layers, points; } net[] = {
+        { { 24, 8, 8, 8 }, 3, 8 }, { { 64, 64, 64, 32 }, 3, 8 },
+        { { 65, 8, 8 }, 2, 6 }, { { 8, 80, 96, 8 }, 3, 5 },
+        { { 8, 100, 112, 8 }, 3, 4 }, { { 3, 128, 8 }, 2, 4 },
+        { { 129, 8 }, 1, 3 }, { { 161, 8 }, 1, 2 }, { { 256, 64, 8 }, 2, 2 },
+        { { 257, 8 }, 1, 1 }, { { 512, 64, 128 }, 2, 1 }, { { 0, 8 }, 1, 8 }
+    };
+    const uint32_t n = sizeof net / sizeof net[0];
+    saga_nets nets = { 0 };
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < n; i++) {
+        memcpy(nets.shape[i].dim, net[i].dim, sizeof net[i].dim);
+        nets.shape[i].n_layers = net[i].n_layers;
+        assert_int_equal(saga_net_points(&nets, 1u << i), net[i].points);
+    }
+    assert_int_equal(saga_net_points(&nets, 0), 8);
+    assert_int_equal(saga_net_points(&nets, 1u | 1u << 2 | 1u << 11), 6);
+    assert_int_equal(saga_net_points(&nets, (1u << n) - 1), 1);
+}
+
 static void info_should_be_that_of_the_header(void **state)
 {
     uint32_t i, net;
@@ -757,6 +783,7 @@ int main(void)
         cmocka_unit_test(tools_should_cost_nothing_when_off),
         cmocka_unit_test(macs_should_be_counted_exactly),
         cmocka_unit_test(most_steps_should_be_reached_and_never_passed),
+        cmocka_unit_test(points_should_be_what_the_vectors_hold),
         cmocka_unit_test(info_should_be_that_of_the_header),
         cmocka_unit_test(decoder_should_be_movable_at_any_time),
         cmocka_unit_test(copy_should_not_follow_its_original),

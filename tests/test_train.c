@@ -4,6 +4,7 @@
  * makes, and that neither threads nor interruptions show in it.
  */
 #include "capture.h"
+#include "context.h"
 #include "fit_state.h"
 #include "model.h"
 #include "ref_recorder.h"
@@ -296,6 +297,24 @@ typedef struct {
     size_t n;
 } near_integers;
 
+/* What a block reads is left behind by a run of it alone: of a scaffold that
+ * ends with it. */
+static void read_alone(const saga_scaffold *sc, int kind, uint32_t rank)
+{
+    const uint32_t group = kind == SAGA_KIND_COARSE ? sc->coarse[rank].group
+                         : kind == SAGA_KIND_FINE ? sc->fine[rank].group : 0;
+    saga_scaffold alone = *sc;
+    saga_run run;
+
+    if (kind == SAGA_KIND_COARSE)
+        alone.n.coarse = rank + 1;
+    else
+        alone.n.fine = rank + 1;
+    saga_context_run(&run, &alone, kind, rank, group);
+    assert_int_equal(run.n, 1);
+    assert_int_equal(run.rank[0], rank);
+}
+
 static void compare_read(near_integers *t, const saga_scaffold *sc, int kind,
                          size_t block)
 {
@@ -303,6 +322,7 @@ static void compare_read(near_integers *t, const saga_scaffold *sc, int kind,
     const real *const read = t->rate.context.memory.kind[kind].read +
                              t->rate.context.kind[kind].runs.place[block] * d;
 
+    read_alone(sc, kind, (uint32_t)block);
     for (size_t i = 0; i < d; i++)
         t->read = fmax(t->read, fabs((double)read[i] -
                                      sc->memory.step->read[i] / 4096.0));

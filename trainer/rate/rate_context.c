@@ -122,7 +122,7 @@ static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc)
 }
 
 /* The distances use the parent's half-sizes, the hyperprior the suffix cell's
- * (saga_context_fine). */
+ * (saga_context_run). */
 static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
 {
     const int bits = sc->model->level[SAGA_LEVEL_COARSE].suffix_bits;
