@@ -463,28 +463,6 @@ static void row_should_be_refused_whatever_the_nonsense(void **state)
     assert_false(saga_mlp_row_is_valid(0, (int64_t)1 << 32, 0));
 }
 
-#ifdef SAGA_COUNT_MACS
-static uint64_t macs;
-
-void saga_count_macs(uint64_t n)
-{
-    macs += n;
-}
-
-static void layer_should_count_its_macs(void **state)
-{
-    net n = net_new(33, 7, 1);
-
-    (void)state;
-    macs = 0;
-    find_references(&n);
-    check_points(&n, 0, 0, 1);
-    check_points(&n, 1, 0, 5);
-    assert_int_equal(macs, 6 * 33 * 7);
-    net_free(&n);
-}
-#endif
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -495,10 +473,7 @@ int main(void)
         cmocka_unit_test(layer_without_inputs_should_give_its_bias),
         cmocka_unit_test(halves_should_round_up),
         cmocka_unit_test(row_should_be_valid_up_to_exactly_the_bound),
-        cmocka_unit_test(row_should_be_refused_whatever_the_nonsense),
-#ifdef SAGA_COUNT_MACS
-        cmocka_unit_test(layer_should_count_its_macs),
-#endif
+        cmocka_unit_test(row_should_be_refused_whatever_the_nonsense)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
