@@ -430,40 +430,6 @@ static void rate_should_be_near_the_integer_path(void **state)
     should_be_near(*state, true);
 }
 
-/* Rounded against the same means, primitives stand where training drew them
- * last, but for those that its last step moved into another interval, and for
- * what supports and means differ by in integers. Unrounded ones differ by a
- * quarter of a step and more in every second coordinate. */
-static void train_should_draw_positions_as_decoded(void **state)
-{
-    saga_train_options o = small();
-    saga_input_error error = { "" };
-    size_t i, far = 0;
-    real *drawn;
-    saga_train *t;
-    double step;
-    int stops = 0;
-
-    t = train_until_packing(*state, &o, &stops);
-    assert_int_equal(t->scene.n.prim, t->scene.n.fine);
-    drawn = malloc(4 * (size_t)t->scene.n.prim * sizeof *drawn);
-    assert_non_null(drawn);
-    memcpy(drawn, t->fit->position, 4 * (size_t)t->scene.n.prim *
-                                    sizeof *drawn);
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
-    step = saga_rate_prim_step(&t->scene);
-    for (i = 0; i < 4 * (size_t)t->scene.n.prim; i++) {
-        const double support = (double)t->decoded_twin.support[i];
-
-        far += fabs((double)(drawn[i] - t->decoded.prim_x[i])) >
-               0.25 * step * support;
-    }
-    print_message("%zu of %zu coordinates are elsewhere\n", far, i);
-    assert_true(far < i / 20);
-    free(drawn);
-    saga_train_free(t);
-}
-
 /* --- The scene's twin ---------------------------------------------------- */
 
 static bool stop_in_regression(void *user, const saga_train_progress *p)
@@ -769,6 +735,70 @@ static void train_should_survive_a_damaged_checkpoint(void **state)
     assert_true(refused >= 45);
 }
 
+/* --- Rounding ------------------------------------------------------------ */
+
+/* Rounded against the same means, primitives stand where training drew them
+ * last, but for those that its last step moved into another interval, and for
+ * what supports and means differ by in integers. Unrounded ones differ by a
+ * quarter of a step and more in every second coordinate. */
+static void train_should_draw_positions_as_decoded(void **state)
+{
+    saga_train_options o = small();
+    saga_input_error error = { "" };
+    size_t i, far = 0;
+    real *drawn;
+    saga_train *t;
+    double step;
+    int stops = 0;
+
+    t = train_until_packing(*state, &o, &stops);
+    assert_int_equal(t->scene.n.prim, t->scene.n.fine);
+    drawn = malloc(4 * (size_t)t->scene.n.prim * sizeof *drawn);
+    assert_non_null(drawn);
+    memcpy(drawn, t->fit->position, 4 * (size_t)t->scene.n.prim *
+                                    sizeof *drawn);
+    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+    step = saga_rate_prim_step(&t->scene);
+    for (i = 0; i < 4 * (size_t)t->scene.n.prim; i++) {
+        const double support = (double)t->decoded_twin.support[i];
+
+        far += fabs((double)(drawn[i] - t->decoded.prim_x[i])) >
+               0.25 * step * support;
+    }
+    print_message("%zu of %zu coordinates are elsewhere\n", far, i);
+    assert_true(far < i / 20);
+    free(drawn);
+    saga_train_free(t);
+}
+
+/* From the first rounded feature on: its mean must not move any more. */
+static void entropy_networks_should_stand_still_at_last(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    saga_input_error error = { "" };
+    size_t n;
+    real *then;
+    saga_train *t;
+    stop s = { SAGA_TRAIN_RENDER, (2 * RENDER + 2) / 3 + 1, 0, 0 };
+
+    o.progress = stop_there;
+    o.progress_user = &s;
+    t = saga_train_new(&f->capture, &o, &error);
+    assert_non_null(t);
+    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_STOPPED);
+    assert_int_equal(t->fit->rate.plan.decided, 1);
+    n = saga_rate_n_params(&t->scene);
+    then = malloc(n * sizeof *then);
+    assert_non_null(then);
+    memcpy(then, t->scene.params, n * sizeof *then);
+    s.stage = SAGA_TRAIN_N_STAGES;
+    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+    assert_memory_equal(then, t->scene.params, n * sizeof *then);
+    free(then);
+    saga_train_free(t);
+}
+
 /* --- What a scene needs -------------------------------------------------- */
 
 static void train_should_drop_temporal_tools_of_one_frame(void **state)
@@ -989,6 +1019,7 @@ int main(void)
         cmocka_unit_test(train_should_resume_to_the_same_file),
         cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),
         cmocka_unit_test(train_should_survive_a_damaged_checkpoint),
+        cmocka_unit_test(entropy_networks_should_stand_still_at_last),
         cmocka_unit_test(train_should_drop_temporal_tools_of_one_frame),
         cmocka_unit_test(train_should_drop_temporal_tools_when_nothing_moves),
         cmocka_unit_test(
