@@ -7,16 +7,19 @@
  *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
  *
  * R is the number of bits of all residuals (coarse centres and features, fine
- * and primitive offsets; rate_loss.h) and 0.4 of that of the networks' weights
- * (fit_weights.c says why), divided by the number of the coarse features'
- * symbols: where features alone cost bits, R is their mean per symbol. lambda
- * below 1e-9 counts as that, so that the entropy networks learn what they are
- * to code. The regression weighs the same bits against its own loss, at a
- * hundred times the price. The features are clean while regressing; then they
- * carry uniform noise of one step in the first two thirds of the iterations and
- * are rounded in the rest. When that begins, sources of the entropy model that
- * are not worth their weights are left out (rate_choice.h). What the other
- * networks do is told in fit_weights.c.
+ * and primitive offsets; rate_loss.h) and 1.5 times that of the networks'
+ * weights (fit_weights.c says why), divided by the number of the coarse
+ * features' symbols: where features alone cost bits, R is their mean per
+ * symbol. lambda below 1e-9 counts as that, so that the entropy networks learn
+ * what they are to code. The regression weighs the same bits against its own
+ * loss, at a hundred times the price.
+ *
+ * Features and primitives' positions are clean while regressing; then, for the
+ * first two thirds of the iterations, they carry uniform noise of one step; in
+ * the rest they are rounded. When that begins, sources of the entropy model
+ * that are not worth their weights are left out (rate_choice.h), and the
+ * entropy networks stand still: what is rounded is rounded against the means
+ * they foretell. What the other networks do is told in fit_weights.c.
  *
  * The same bits for any number of threads.
  */
