@@ -55,6 +55,28 @@ static void adam_should_match_steps_by_hand(void **state)
                          sqrt(0.009999 / 0.001999))) < 1e-5);
 }
 
+/* After gradients of +-1, m = 0 and v = 1, one of 1,000: sqrt(v') = 31.6. Then
+ * none. Without a bound x moves by 3.16 rates, and 0.9^k of that k steps later:
+ * 31 in all. With it the first step is 0.1 SAGA_ADAM_MOST rates. */
+static void adam_should_bound_what_is_out_of_the_ordinary(void **state)
+{
+    const saga_adam adam = saga_adam_default();
+    float x = 0, g = 1000, m = 0, v = 1;
+    const saga_adam_tensor t = { "x", &x, &g, &m, &v, 1, 0.5f };
+    const double first = 0.5 * 0.1 * SAGA_ADAM_MOST;
+    saga_adam_fault fault;
+    int i;
+
+    (void)state;
+    assert_int_equal(saga_adam_step(&fault, &adam, &t, 1, 1000000), 0);
+    assert_true(fabs((double)x + first) < 1e-4 * first);
+    g = 0;
+    for (i = 1; i < 200; i++)
+        assert_int_equal(saga_adam_step(&fault, &adam, &t, 1, 1000000), 0);
+    /* v' falls by 0.001 a step meanwhile: not half a per cent more. */
+    assert_true(fabs((double)x + 10 * first) < 0.005 * 10 * first);
+}
+
 static void adam_should_name_what_is_not_finite(void **state)
 {
     enum { N = 10000 };
@@ -277,6 +299,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(adam_should_match_steps_by_hand),
+        cmocka_unit_test(adam_should_bound_what_is_out_of_the_ordinary),
         cmocka_unit_test(adam_should_name_what_is_not_finite),
         cmocka_unit_test(rng_should_have_the_right_moments),
         cmocka_unit_test(rng_should_have_unrelated_streams),

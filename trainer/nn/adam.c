@@ -67,9 +67,14 @@ typedef struct { vec beta1, rest1, beta2, rest2, rate, scale, eps; } factors;
 
 static inline vec step_of(vec *m, vec *v, vec g, const factors *f)
 {
-    *m = vec_fma(f->beta1, *m, f->rest1 * g);
+    vec sigma, most;
+
     *v = vec_fma(f->beta2, *v, f->rest2 * (g * g));
-    return f->rate * *m / vec_fma(vec_sqrt(*v), f->scale, f->eps);
+    sigma = vec_fma(vec_sqrt(*v), f->scale, f->eps);
+    most = vec_set1(R(SAGA_ADAM_MOST)) * sigma;
+    g = vec_min(vec_max(g, -most), most);
+    *m = vec_fma(f->beta1, *m, f->rest1 * g);
+    return f->rate * *m / sigma;
 }
 
 static void step_part(const saga_adam_tensor *t, size_t begin, size_t n,

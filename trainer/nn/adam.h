@@ -36,8 +36,13 @@ typedef struct saga_adam_fault {
 /* 0.9, 0.999, 1e-15. */
 saga_adam saga_adam_default(void);
 
+/* Gradients count up to so many times their root mean square. */
+#define SAGA_ADAM_MOST 4
+
 /* x -= rate m' / (sqrt(v') + eps), m' = m / (1 - beta1^step), v' = v / (1 -
- * beta2^step); step counts from 1. Returns 0, or -1 if a gradient or a value
+ * beta2^step); step counts from 1. Of m, g is clamped to +-SAGA_ADAM_MOST
+ * (sqrt(v') + eps): one picture out of the ordinary does not throw away what
+ * thousands have taught. Returns 0, or -1 if a gradient or a value
  * is not finite: then nothing was changed, and *fault says where. */
 int saga_adam_step(saga_adam_fault *fault, const saga_adam *adam,
                    const saga_adam_tensor *tensors, size_t n_tensors,
