@@ -3,9 +3,9 @@
 #
 # floors.sh SAGA FOLDER THREADS [OPTIONS]: what the demo's file is worth beside
 # what needs no such codec (tools/floors_table.py has the goals). After
-# tools/demo.sh with the same arguments (but for --moving): trains the scene once more with
-# --still in FOLDER/still, zeroes the file's coarse features (make_zeroed, next
-# to SAGA), evaluates all three and prints one table, kept in
+# tools/demo.sh with the same arguments (but for --moving): trains the scene
+# once more with --still in FOLDER/still, zeroes the file's coarse features
+# (make_zeroed, next to SAGA), evaluates all three and prints one table, kept in
 # FOLDER/floors.txt. Run again, it goes on where it was stopped; a still file
 # that is younger than the demo's is taken as it is.
 set -eu
