@@ -619,12 +619,13 @@ void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
     const double at[4] = { (double)o[0], (double)o[1], (double)o[2],
                            (double)o[3] };
     const uint32_t suffix = saga_scene_suffix(at, bits);
+    const double step = saga_rate_prim_step(s);
     uint32_t k;
 
     for (k = 0; k < 4; k++)
         o[k] = R(nearest(at[k], (double)r->mu_offset[4 * fine + k] +
                                 saga_scene_suffix_centre(suffix, bits, k),
-                         saga_rate_prim_step(s)));
+                         step));
 }
 
 /* --- As it is coded ------------------------------------------------------ */
