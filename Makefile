@@ -320,11 +320,11 @@ clean:
 
 define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
-make demo        the built-in scene, encoded, decoded and judged; 9 CPU minutes
-make floors      the demo beside what needs no such codec; 8 CPU minutes more
+make demo        the built-in scene, encoded, decoded and judged; 10 CPU minutes
+make floors      the demo beside what needs no such codec; 10 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
 make setup       installs what is missing to build and test (Debian, as root)
-make test        installs what is missing (Debian), then all tests; < 10 CPU min
+make test        installs what is missing (Debian), then all; 16-20 CPU minutes
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone
 make symbols     undefined symbols, prefixes, .data and .bss of the decoder
