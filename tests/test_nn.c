@@ -156,6 +156,43 @@ static void rng_should_have_unrelated_streams(void **state)
                 saga_rng_bits(saga_rng_stream(2, 1), 3));
 }
 
+/* Every epoch holds each number once; orders of two epochs differ, and no order
+ * is a progression: the mean step between neighbours is that of random ones,
+ * n / 3, within four of its standard deviations, n / sqrt(18 n). */
+static void rng_should_shuffle_each_epoch_anew(void **state)
+{
+    enum { MOST = 2000, EPOCHS = 3 };
+    static uint8_t seen[MOST];
+    uint32_t n, epoch, i;
+
+    (void)state;
+    for (n = 1; n <= MOST; n += n < 70 ? 1 : 193) {
+        const saga_rng r = saga_rng_stream(7, n);
+        uint32_t same = 0;
+
+        for (epoch = 0; epoch < EPOCHS; epoch++) {
+            double step = 0;
+            uint32_t before = 0;
+
+            memset(seen, 0, n);
+            for (i = 0; i < n; i++) {
+                const uint32_t x = saga_rng_shuffled(
+                    r, (uint64_t)epoch * n + i, n);
+
+                assert_true(x < n && !seen[x]);
+                seen[x] = 1;
+                step += i ? fabs((double)x - before) : 0;
+                before = x;
+                same += epoch && x == saga_rng_shuffled(r, i, n);
+            }
+            if (n > 100)
+                assert_true(fabs(step / n - n / 3.0) < 4 * n / sqrt(18.0 * n));
+        }
+        if (n > 100)
+            assert_true(same < 20);
+    }
+}
+
 /* --- Threads ------------------------------------------------------------- */
 
 enum { POINTS = 2345, SOURCES = 300, NEIGHBOURS = 8, FEATURES = 24 };
@@ -303,6 +340,7 @@ int main(void)
         cmocka_unit_test(adam_should_name_what_is_not_finite),
         cmocka_unit_test(rng_should_have_the_right_moments),
         cmocka_unit_test(rng_should_have_unrelated_streams),
+        cmocka_unit_test(rng_should_shuffle_each_epoch_anew),
         cmocka_unit_test(nets_should_not_depend_on_threads),
         cmocka_unit_test(started_nets_should_pass_their_inputs_on),
         cmocka_unit_test(embedding_should_be_precise_in_float)

@@ -47,6 +47,31 @@ uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n)
     return (uint32_t)(((bits >> 32) * n + low) >> 32);
 }
 
+/* A Feistel network permutes the numbers of 2 * half bits, the smallest such
+ * range that holds n; a result of n or more goes through it again until one is
+ * below n, which leaves a permutation of 0..n-1. The range is below 4 n, so
+ * that four passes are expected at most. */
+uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
+{
+    enum { ROUNDS = 4 };
+    const saga_rng epoch = { mix(r.key ^ mix((draw / n + 1) * GOLDEN)) };
+    uint32_t x = (uint32_t)(draw % n), mask;
+    unsigned half = 1;
+
+    while (half < 16 && (uint64_t)1 << (2 * half) < n)
+        half++;
+    mask = (uint32_t)((1u << half) - 1);
+    do {
+        for (uint64_t k = 0; k < ROUNDS; k++) {
+            const uint32_t left = x >> half, right = x & mask;
+            const uint64_t f = saga_rng_bits(epoch, k << 32 | right);
+
+            x = right << half | (left ^ ((uint32_t)f & mask));
+        }
+    } while (x >= n);
+    return x;
+}
+
 /* Box and Muller; the second uniform comes from the same bits, mixed again. */
 double saga_rng_normal(saga_rng r, uint64_t counter)
 {

@@ -24,6 +24,11 @@ double saga_rng_double(saga_rng r, uint64_t counter);
 /* In 0..n-1, n >= 1; bias below n / 2^64. */
 uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n);
 
+/* Numbers of 0..n-1 (n >= 1) without replacement: draws 0..n-1 give each of
+ * them once in random order, the next n draws give each once in another order,
+ * and so on. */
+uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n);
+
 /* Mean 0, variance 1. */
 double saga_rng_normal(saga_rng r, uint64_t counter);
 

@@ -505,6 +505,8 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
 {
     const int done = f->iteration - f->o.n_regress;
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
+    const uint32_t n_train = (uint32_t)f->n_train;
+    const uint32_t n_frames = (uint32_t)f->capture->n_frames;
     const real ramp = done < RAMP ? R(done + 1) / RAMP : 1;
     const real rate = ramp * f->o.rate * decay(done, f->o.n_render, R(0.03));
     double mse = 0;
@@ -516,14 +518,12 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     if (saga_twin_geometry(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
     for (k = 0; k < f->o.n_views; k++) {
-        const uint64_t draw = ((uint64_t)f->iteration << 8) + (uint64_t)k;
+        const uint64_t draw = (uint64_t)done * (uint64_t)f->o.n_views +
+                              (uint64_t)k;
+        const uint32_t at = saga_rng_shuffled(r, draw, n_train * n_frames);
         saga_picture_loss out;
 
-        s = picture_step(f, f->train[saga_rng_below(r, 2 * draw,
-                                                    (uint32_t)f->n_train)],
-                         (int)saga_rng_below(r, 2 * draw + 1,
-                                             (uint32_t)f->capture->n_frames),
-                         &out);
+        s = picture_step(f, f->train[at % n_train], (int)(at / n_train), &out);
         if (s)
             return s;
         *loss += out.loss / f->o.n_views;

@@ -403,24 +403,14 @@ void saga_flat_free(saga_flat *f)
 
 /* --- One iteration ------------------------------------------------------- */
 
-/* Every picture comes once in as many iterations as there are: an affine walk
- * through all of them, its start and step drawn anew each time. */
+/* Every picture comes once in as many iterations as there are, in an order
+ * drawn anew each time. */
 static void pick(const saga_flat *f, int *view, int *frame)
 {
     const uint32_t n = (uint32_t)f->n_train * (uint32_t)f->capture->n_frames;
-    const uint32_t it = (uint32_t)f->iteration;
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
-    const uint64_t epoch = 2 * (uint64_t)(it / n);
-    uint32_t step = 1 + saga_rng_below(r, epoch, n), a, b, at;
+    const uint32_t at = saga_rng_shuffled(r, (uint64_t)f->iteration, n);
 
-    for (;; step = step % n + 1) {
-        for (a = n, b = step; b; at = a % b, a = b, b = at)
-            ;
-        if (a == 1)
-            break;
-    }
-    at = (uint32_t)(((uint64_t)(it % n) * step +
-                     saga_rng_below(r, epoch + 1, n)) % n);
     *view = f->train[at % (uint32_t)f->n_train];
     *frame = (int)(at / (uint32_t)f->n_train);
 }
