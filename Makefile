@@ -5,9 +5,10 @@
 # Include law (docs/architecture.md), enforced by the -I of each folder:
 #   common   sees common
 #   decoder  sees common, decoder
-#   trainer  sees common, its own folders and saga.h alone (build/include)
+#   trainer  sees common and saga.h alone (build/include), and each of its rooms
+#            what SEE_room says below
 #   tools    see saga.h alone
-#   tests, bench  see everything
+#   tests, lab, bench  see everything
 #
 # Everything is built under BUILD. A change of compiler or flags rebuilds;
 # configurations that live side by side take different BUILD folders:
@@ -39,21 +40,34 @@ HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
 
 # Parts of the trainer without dependencies: check_vectors may use them and the
 # tests' helpers, so that it can be built for every target with libc and libm.
-PLAIN_TRAINER = $(wildcard trainer/cost.c trainer/range_enc.c \
-                          trainer/encode.c trainer/vectors.c)
+PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c encode.c \
+                          vectors.c)
+
+# The rooms of the trainer, from the ground up, and what each may see.
+ROOMS := base nn input code splat synth rig scene entropy warm train eval cli
+SEE_base    :=
+SEE_nn      := base
+SEE_input   := base
+SEE_code    := base
+SEE_splat   := base
+SEE_synth   := base input
+SEE_rig     := base input splat
+SEE_scene   := base nn code splat
+SEE_entropy := base nn code splat scene
+SEE_warm    := base nn input splat rig
+SEE_train   := base nn input code splat rig scene entropy warm
+SEE_eval    := base input rig
+SEE_cli     := base nn input code splat synth rig scene entropy warm train eval
 
 # ---------------------------------------------------------------- sources
 
 COMMON_SRC  := $(sort $(wildcard common/*.c))
 DECODER_SRC := $(sort $(wildcard decoder/*.c decoder/*/*.c))
-TRAINER_SRC := $(sort $(wildcard trainer/*.c trainer/*/*.c))
+TRAINER_SRC := $(sort $(wildcard trainer/*/*.c))
 CLI_SRC     := $(filter trainer/cli/%,$(TRAINER_SRC))
-TESTS_SRC   := $(sort $(wildcard tests/test_*.c))
-HELPER_SRC  := $(filter-out tests/test_% tests/check_% tests/make_% \
-                 tests/fuzz_%,$(sort $(wildcard tests/*.c)))
+TESTS_SRC   := $(sort $(wildcard tests/*/test_*.c))
+HELPER_SRC  := $(sort $(wildcard tests/support/*.c lab/gen_*.c))
 BENCH_SRC   := $(sort $(wildcard bench/bench_*.c))
-TRAINER_DIR := $(patsubst %/,%,$(sort $(dir $(wildcard trainer/*.[ch] \
-                                                       trainer/*/*.[ch]))))
 
 OBJ = $(BUILD)/obj
 obj = $(patsubst %.c,$(OBJ)/%.o,$(1))
@@ -64,11 +78,12 @@ CLI_OBJ     := $(call obj,$(CLI_SRC))
 
 # The float half. Its operators compile a second time in double, for finite
 # differences and references: objects under f64, symbols ending in _f64.
-FLOAT_SRC := $(sort $(wildcard trainer/nn/*.c trainer/splat/*.c \
-                               trainer/scene/*.c trainer/rate/*.c))
-TWICE_SRC := $(filter-out trainer/nn/rng.c trainer/rate/rate_bits.c \
-               trainer/rate/rate_choice.c trainer/scene/fit% \
-               trainer/scene/flat% trainer/scene/hierarchy%,$(FLOAT_SRC))
+FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train,\
+                 $(wildcard trainer/$(r)/*.c)))
+TWICE_SRC := $(filter-out trainer/scene/hierarchy% trainer/entropy/rate_bits.c \
+               trainer/entropy/rate_choice.c,$(filter trainer/nn/% \
+               trainer/splat/% trainer/scene/% trainer/entropy/% \
+               trainer/train/regress.c,$(FLOAT_SRC)))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ  := $(call obj,$(HELPER_SRC))
 
@@ -81,8 +96,8 @@ SAGA_H  = $(BUILD)/include/saga.h
 TOOLS := $(if $(wildcard tools/saga_dec.c),$(BUILD)/saga-dec) \
          $(if $(CLI_SRC),$(BUILD)/saga) \
          $(if $(wildcard tools/gen_tables.c),$(BUILD)/gen_tables)
-TESTS := $(TESTS_SRC:tests/%.c=$(BUILD)/%)
-# What scripts in tools/ take files apart with: coarse features zeroed, entropy
+TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
+# What scripts in lab/ take files apart with: coarse features zeroed, entropy
 # networks fitted anew, the order-0 coder's bytes, times of the layers.
 FILE_TOOLS := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit \
                 make_times)
@@ -134,8 +149,10 @@ $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 I_COMMON  = -Icommon
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
-I_TRAINER = -Icommon $(I_SAGA) $(TRAINER_DIR:%=-I%) $(EXR_INC)
-I_ALL     = $(I_DECODER) $(TRAINER_DIR:%=-I%) -Itests
+# Of the room that the file in $* lies in.
+I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(firstword $(subst /, ,$*)),\
+              $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
+I_ALL     = $(I_DECODER) $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
 
 # ---------------------------------------------------------------- build
 
@@ -164,11 +181,11 @@ $(OBJ)/decoder/%.o: decoder/%.c $(BUILD)/flags
 
 $(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
-	$(call COMPILE,$(HOST) $(OMP) $(I_TRAINER)) -c $< -o $@
+	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM)) -c $< -o $@
 
-$(OBJ)/f64/%.o: %.c $(BUILD)/flags $(SAGA_H)
+$(OBJ)/f64/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
-	$(call COMPILE,$(HOST) $(OMP) $(I_TRAINER) -DSAGA_REAL_DOUBLE) -c $< -o $@
+	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) -DSAGA_REAL_DOUBLE) -c $< -o $@
 
 $(OBJ)/tools/%.o: tools/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
@@ -178,6 +195,10 @@ $(OBJ)/tests/%.o: tests/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) $(if $(filter %_f64.c,$<),\
 	    -DSAGA_REAL_DOUBLE)) -c $< -o $@
+
+$(OBJ)/lab/%.o: lab/%.c $(BUILD)/flags
+	@mkdir -p $(@D)
+	$(call COMPILE,$(HOST) $(OMP) $(I_ALL)) -c $< -o $@
 
 $(OBJ)/bench/%.o: bench/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
@@ -209,17 +230,18 @@ $(BUILD)/saga: $(CLI_OBJ) $(TRAIN) $(LIB)
 $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 	$(LINK) $^ -lm -o $@
 
-$(TESTS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
-	$(LINK) $(OMP) $^ $(CMOCKA) $(HOST_LIBS) -o $@
+$(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
+$(TESTS): $(HELPERS) $(TRAIN) $(LIB)
+	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(CMOCKA) $(HOST_LIBS) -o $@
 
 $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-$(FILE_TOOLS): $(BUILD)/%: $(OBJ)/tests/%.o $(HELPERS) $(TRAIN) $(LIB)
+$(FILE_TOOLS): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # No library but libc and libm: for every target of tests/run_matrix.sh.
-$(BUILD)/check_vectors: $(OBJ)/tests/check_vectors.o $(HELPERS) $(PLAIN) $(LIB)
+$(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o $(HELPERS) $(PLAIN) $(LIB)
 	$(LINK) $^ -lm -o $@
 
 # ---------------------------------------------------------------- tests
@@ -293,7 +315,7 @@ floors: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga $(BUILD)/make_zeroed
 	@test -s $(BUILD)/demo/encode.json || \
 	    $(MAKE) --no-print-directory demo
-	@tools/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
+	@lab/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
 # What the parts of the entropy model are worth, on the built-in scene at four
 # rates: docs/results/ablation.md and .svg, which it writes anew. SCENES: more
@@ -303,16 +325,15 @@ SCENES =
 ablation:
 	@tests/setup.sh plot
 	@$(MAKE) --no-print-directory $(BUILD)/saga $(FILE_TOOLS)
-	@tools/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
+	@lab/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
 	    $(THREADS) $(SCENES)
 
 # Regenerates vectors/ and its MANIFEST. Look at the difference before
 # committing it: only a change of the format may change a vector.
-VECTORS_SRC = $(wildcard tests/make_vectors.c)
-$(BUILD)/make_vectors: $(OBJ)/tests/make_vectors.o $(HELPERS) $(TRAIN) $(LIB)
+$(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) $(TRAIN) \
+    $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
-vectors: $(if $(VECTORS_SRC),$(BUILD)/make_vectors)
-	@test -n '$(VECTORS_SRC)' || { echo 'no tests/make_vectors.c'; exit 1; }
+vectors: $(BUILD)/make_vectors
 	$(BUILD)/make_vectors vectors
 
 clean:

@@ -2,8 +2,8 @@
  *
  * A whole stream, stage by stage, on one thread: CPU time to open (networks),
  * to decode a segment, to prepare a view and to draw it; symbols and
- * multiply-accumulates per second. The stream is random (tests/gen_stream),
- * not a trained scene.
+ * multiply-accumulates per second. The stream is random (gen_stream.h), not a
+ * trained scene.
  *
  *     bench_decode [REPETITIONS] [COARSE]
  */

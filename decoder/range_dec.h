@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * Range decoder: 32 bits with carry, bytewise, no division. One of the coders
- * behind the traversal (prob.h); trainer/range_enc is its inverse.
+ * behind the traversal (prob.h); trainer/code/range_enc is its inverse.
  */
 #ifndef SAGA_RANGE_DEC_H
 #define SAGA_RANGE_DEC_H

@@ -12,21 +12,28 @@ warn="-std=c11 -Wall -Wextra -Wconversion -Wshadow -Wundef -Wcast-align
     -Wstrict-prototypes -Wmissing-prototypes -Wvla -Werror
     -Wno-unused-function -Wno-unused-const-variable"
 trainer=$(find trainer -type d | sort | sed 's/^/-I/')
+rooms() { # rooms FILE: what the room of a file of the trainer may see
+    room=${1#trainer/}
+    room=${room%%/*}
+    for r in $room $(sed -n "s/^SEE_$room *:=//p" Makefile); do
+        echo "-Itrainer/$r"
+    done
+}
 mkdir "$tmp/include"
 [ ! -e decoder/saga.h ] || cp decoder/saga.h "$tmp/include"
 
 for cc in gcc clang; do
     bad=0
     n=0
-    for h in common/*.h decoder/*.h decoder/*/*.h trainer/*.h trainer/*/*.h \
-        tests/*.h bench/*.h; do
+    for h in common/*.h decoder/*.h decoder/*/*.h trainer/*/*.h \
+        tests/*/*.h lab/*.h bench/*.h; do
         [ -e "$h" ] || continue
         case $h in
         *_tables.h) continue ;; # parts of one C file
         common/*) see="-ffreestanding -Icommon" ;;
         decoder/*) see="-ffreestanding -Icommon -Idecoder" ;;
-        trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $trainer" ;;
-        *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Itests -Ibench" ;;
+        trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $(rooms "$h")" ;;
+        *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Itests/support -Ilab -Ibench" ;;
         esac
         n=$((n + 1))
         name=$(basename "$h")

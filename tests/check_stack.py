@@ -12,7 +12,7 @@ deepest path, and fails on
   - a function declared in saga.h and not defined.
 
 Indirect calls. A call through a pointer may reach any function named in
-tests/coder_functions.txt: the deepest of them counts. The list is checked
+tests/support/coder_functions.txt: the deepest of them counts. The list is checked
 from both sides: each name must be a function of common/ or decoder/, and
 every function of them whose address is taken must be in the list. Addresses
 are found in the relocations of objects built without -fPIC and with
@@ -32,7 +32,7 @@ import sys
 
 LIMIT = 4096
 RETURN = 8
-LIST = "tests/coder_functions.txt"
+LIST = "tests/support/coder_functions.txt"
 
 # Stack of what the compiler calls by itself; generous.
 EXTERNAL = {"memcpy": 64, "memmove": 64, "memset": 64, "memcmp": 64}

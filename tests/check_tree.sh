@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: MIT
 #
 # check_tree.sh: guarantees, for every source file of the tree,
-#   includes    common sees common; decoder sees common and decoder; trainer
-#               sees common, trainer and saga.h; tools see saga.h; common and
-#               decoder use no system header but the freestanding ones; no
-#               path in an #include
+#   includes    common sees common; decoder sees common and decoder; a room of
+#               the trainer sees common, saga.h and the rooms that the Makefile
+#               gives it; tools see saga.h; common and decoder use no system
+#               header but the freestanding ones; no path in an #include
+#   rooms       a room of the trainer sees only rooms below it, and the table
+#               of docs/architecture.md says the same as the Makefile
 #   names       file names are unique in the tree
 #   licence     an SPDX line among the first three
 #   text        no tab (but in a Makefile), no trailing blank, a newline at
@@ -41,19 +43,48 @@ verdict() { # verdict NAME: the complaints on stdin
     : >"$tmp/bad"
 }
 
+# ---- rooms: "ROOM SEEN...", from the ground up
+sed -n 's/^SEE_\([a-z]*\) *:= *\(.*\)$/\1 \2/p' Makefile >"$tmp/rooms"
+{
+    awk '{ seen[$1] = 1
+           for (i = 2; i <= NF; i++)
+               if (!($i in seen)) print $1 " sees " $i ", which is above it" }
+        ' "$tmp/rooms"
+    find trainer -mindepth 1 -maxdepth 1 -type d | sed 's|.*/||' | sort |
+        while read -r r; do
+            grep -q "^$r\b" "$tmp/rooms" || echo "trainer/$r: no SEE_$r"
+        done
+    if [ -e docs/architecture.md ]; then
+        sed -n 's/^| `trainer\/\([a-z]*\)` |.*| \([a-z ,]*\) |$/\1 \2/p' \
+            docs/architecture.md | sed 's/,//g; s/ nothing$/ /' |
+            diff "$tmp/rooms" - | sed -n 's/^>/architecture.md:/p
+                s/^</Makefile:/p'
+    fi
+} >"$tmp/bad"
+verdict rooms
+
 # ---- includes
 awk '
-function folder(f) { sub(/\/.*/, "", f); return f }
+# trainer/ROOM or the top folder.
+function folder(f) {
+    if (f ~ /^trainer\//) sub(/\/[^\/]*$/, "", f)
+    else sub(/\/.*/, "", f)
+    return f
+}
 function name(f) { sub(/.*\//, "", f); return f }
-NR == FNR { at[name($0)] = folder($0); next }
-{ files[++n] = $0 }
+FILENAME ~ /rooms$/ {
+    may["trainer/" $1] = " common trainer/" $1 " "
+    for (i = 2; i <= NF; i++) may["trainer/" $1] = may["trainer/" $1] \
+        "trainer/" $i " "
+    next
+}
+{ at[name($0)] = folder($0); files[++n] = $0 }
 END {
     split("stddef stdint stdbool limits stdalign stdarg stdnoreturn iso646", s,
           " ")
     for (i in s) free[s[i] ".h"] = 1
     may["common"] = " common "
     may["decoder"] = " common decoder "
-    may["trainer"] = " common trainer "
     may["tools"] = " "
     for (i = 1; i <= n; i++) {
         f = files[i]; d = folder(f)
@@ -83,7 +114,7 @@ END {
         }
         close(f)
     }
-}' "$tmp/c" "$tmp/c" >"$tmp/bad"
+}' "$tmp/rooms" "$tmp/c" >"$tmp/bad"
 verdict includes
 
 # ---- names

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 #
 # run_matrix.sh [small|all] [NAME...]: guarantees the same bits everywhere.
-# Builds tests/check_vectors.c with each compiler, optimisation and machine of
+# Builds tests/stream/check_vectors.c with each compiler, optimisation and machine of
 # the table, runs it (under qemu where it must), and compares: it must find no
 # mismatch with vectors/MANIFEST, and check as many things as the first one.
 # One line "ok" or "FAIL" per row. NAME: only the rows so named.
@@ -110,8 +110,8 @@ row() {
     echo "ok   matrix $name: $out ($((SECONDS - start)) s)"
 }
 
-if [ ! -e tests/check_vectors.c ]; then
-    fail all "no tests/check_vectors.c"
+if [ ! -e tests/stream/check_vectors.c ]; then
+    fail all "no tests/stream/check_vectors.c"
     exit 1
 fi
 while IFS= read -r line; do

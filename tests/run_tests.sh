@@ -75,7 +75,7 @@ programs() {
     rm -rf "$log"
     "$make" -s -k -j"$jobs" BUILD="$build/$name" WERROR=-Werror \
         TIMEOUT="$timeout" "$@" run-tests >/dev/null 2>&1
-    for src in tests/test_*.c; do
+    for src in tests/*/test_*.c; do
         [ -e "$src" ] || continue
         t=$(basename "$src" .c)
         if [ ! -e "$log/$t.rc" ]; then
@@ -134,7 +134,7 @@ check() {
 
 sanitized() {
     build sanitize tests CC=clang OPT=-O1 SANITIZE=1
-    LSAN_OPTIONS=suppressions=$PWD/tests/lsan.supp:print_suppressions=0 \
+    LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.supp:print_suppressions=0 \
         OMP_WAIT_POLICY=passive SAGA_TEST_SANITIZED=1 \
         programs sanitize CC=clang OPT=-O1 SANITIZE=1
 }
@@ -153,11 +153,11 @@ else
     check symbols tests/check_symbols.sh "$what"
     check nofloat tests/check_nofloat.sh
     check cli env SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec" \
-        tests/check_cli.sh
-    check encode env SAGA="$build/gcc/saga" tests/check_encode.sh
-    check floors env SAGA="$build/gcc/saga" tests/check_floors.sh
-    check ablation env SAGA="$build/gcc/saga" tests/check_ablation.sh
-    check input env SAGA="$build/gcc/saga" tests/check_input.sh
+        tests/cli/check_cli.sh
+    check encode env SAGA="$build/gcc/saga" tests/cli/check_encode.sh
+    check floors env SAGA="$build/gcc/saga" tests/cli/check_floors.sh
+    check ablation env SAGA="$build/gcc/saga" tests/cli/check_ablation.sh
+    check input env SAGA="$build/gcc/saga" tests/cli/check_input.sh
     check stack python3 tests/check_stack.py
     programs gcc CC=gcc
     sanitized

@@ -5,7 +5,8 @@
 #include "cli.h"
 #include "commands.h"
 #include "cost.h"
-#include "input.h"
+#include "error.h"
+#include "file.h"
 #include "metrics.h"
 #include "train.h"
 #include "view.h"
@@ -44,7 +45,7 @@ typedef struct {
     saga_train_quality decoded;  /* by the integer decoder, from the file */
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
-    saga_input_error error;
+    saga_error error;
     saga_meter meter;
     double done_at_start, started;
 } session;
@@ -139,7 +140,7 @@ static int check_options(const options *o)
  * now. */
 static int check_output(session *s)
 {
-    saga_input_error ignored = { "" };
+    saga_error ignored = { "" };
     struct stat info;
     saga_output probe;
 

@@ -4,10 +4,12 @@
  * decoder makes of it.
  */
 #include "bytes_table.h"
+
 #include "cli.h"
 #include "commands.h"
+#include "error.h"
 #include "evaluate.h"
-#include "input.h"
+#include "file.h"
 #include "layout.h"
 
 #include <inttypes.h>
@@ -32,7 +34,7 @@ typedef struct {
     saga_layout layout;
     saga_capture capture;
     saga_eval eval;
-    saga_input_error error;
+    saga_error error;
 } session;
 
 /* --- As text ------------------------------------------------------------- */

@@ -6,7 +6,8 @@
 #include "cli.h"
 #include "commands.h"
 #include "container.h"
-#include "input.h"
+#include "error.h"
+#include "file.h"
 #include "layout.h"
 #include "model.h"
 #include "saga.h"
@@ -384,7 +385,7 @@ static int run(int argc, char **argv)
     options o = { false };
     const char *name;
     saga_bytes file;
-    saga_input_error error = { "" };
+    saga_error error = { "" };
     int status = saga_cli_parse(&saga_command_info, &o, &name, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)

@@ -3,8 +3,11 @@
  * saga render: pictures of a file, from its rig or on a path through it.
  */
 #include "cli.h"
+
+#include "alloc.h"
 #include "commands.h"
-#include "input.h"
+#include "error.h"
+#include "file.h"
 #include "orbit.h"
 #include "picture.h"
 #include "view.h"
@@ -31,7 +34,7 @@ typedef struct {
     saga_camera camera;
     uint8_t *rgb;
     int first, n;           /* pictures first .. first + n - 1 */
-    saga_input_error error;
+    saga_error error;
 } session;
 
 /* --- Which pictures ------------------------------------------------------ */

@@ -41,7 +41,7 @@ static int write(const char *folder, const options *o)
         .n_threads = o->threads, .progress = saga_meter_progress,
         .progress_user = &meter
     };
-    saga_input_error error = { "" };
+    saga_error error = { "" };
     const bool ok = saga_synth_write(folder, &s, &error);
 
     saga_meter_end(&meter);

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "evaluate.h"
 
-#include "input.h"
+#include "alloc.h"
+#include "error.h"
+#include "file.h"
 #include "montage.h"
 
 #include <errno.h>
@@ -9,6 +11,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/stat.h>
 
 enum { DIFFERENCE_GAIN = 4 };
@@ -27,7 +30,7 @@ void saga_eval_free(saga_eval *eval)
 /* --- Does it fit? -------------------------------------------------------- */
 
 static bool check_time(const saga_film *film, const saga_capture *capture,
-                       saga_input_error *error)
+                       saga_error *error)
 {
     const saga_info *const i = &film->info;
     const double rate = (double)i->rate_num / i->rate_den;
@@ -106,7 +109,7 @@ static bool is_same(const saga_film *film, const match *m)
 }
 
 static bool refuse_view(const saga_film *film, const saga_shot *shot,
-                        const match *m, saga_input_error *error)
+                        const match *m, saga_error *error)
 {
     return saga_fail(error, film->name, "give the capture it was made from, "
                      "or name the view in --hold-out",
@@ -133,7 +136,7 @@ static void borrow(saga_eval_view *v, double *near_metres,
 }
 
 static bool match_view(saga_eval_view *v, const saga_film *film,
-                       const saga_shot *shot, saga_input_error *error)
+                       const saga_shot *shot, saga_error *error)
 {
     const match m = nearest(film, shot);
     double near_metres;
@@ -151,7 +154,7 @@ static bool match_view(saga_eval_view *v, const saga_film *film,
 }
 
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
-                     const saga_capture *capture, saga_input_error *error)
+                     const saga_capture *capture, saga_error *error)
 {
     const int n = capture->n_views;
     bool ok = check_time(film, capture, error);
@@ -177,7 +180,7 @@ typedef struct {
     saga_film *film;
     const saga_capture *capture;
     const saga_eval_options *options;
-    saga_input_error *error;
+    saga_error *error;
     uint8_t *rgb;           /* of the largest view */
     const uint8_t **frame;  /* (n_frames) of one view */
     uint8_t **median;       /* (n_views) its temporal median picture */
@@ -330,7 +333,7 @@ static size_t largest(const saga_eval *eval)
     return n;
 }
 
-static bool make_folder(const char *path, saga_input_error *error)
+static bool make_folder(const char *path, saga_error *error)
 {
     if (!path || mkdir(path, 0777) == 0 || saga_path_is_folder(path))
         return true;
@@ -364,7 +367,7 @@ static void release(const comparison *c)
 bool saga_eval_run(saga_eval *eval, saga_film *film,
                    const saga_capture *capture,
                    const saga_eval_options *options,
-                   saga_input_error *error)
+                   saga_error *error)
 {
     comparison c = { .eval = eval, .film = film, .capture = capture,
                      .options = options, .error = error };

@@ -50,7 +50,7 @@ typedef struct saga_eval {
  * those of the rig's first camera; with no rig: black, 2^-10 of the cube.
  * False: *error says what does not fit and *eval is empty. */
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
-                     const saga_capture *capture, saga_input_error *error);
+                     const saga_capture *capture, saga_error *error);
 
 /* Decodes and compares every frame of every view that matched. With
  * options->pictures, writes NAME_FFFFF.png (truth, decode, 4 x difference) of
@@ -58,7 +58,7 @@ bool saga_eval_match(saga_eval *eval, const saga_film *film,
 bool saga_eval_run(saga_eval *eval, saga_film *film,
                    const saga_capture *capture,
                    const saga_eval_options *options,
-                   saga_input_error *error);
+                   saga_error *error);
 
 void saga_eval_free(saga_eval *eval);
 

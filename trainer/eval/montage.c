@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "montage.h"
 
-#include "input.h"
+#include "alloc.h"
+#include "error.h"
 #include "picture.h"
 
 #include <stdlib.h>
@@ -32,7 +33,7 @@ static void paste(canvas *to, const saga_still *s, int x, int y)
 }
 
 bool saga_montage_write(const char *path, const saga_still *stills, int n,
-                        int columns, saga_input_error *error)
+                        int columns, saga_error *error)
 {
     const int across = n < columns ? n : columns;
     int w = 0, h = 0;
@@ -61,7 +62,7 @@ bool saga_montage_write(const char *path, const saga_still *stills, int n,
 
 bool saga_montage_compare(const char *path, const saga_still *truth,
                           const saga_still *decode, int gain,
-                          saga_input_error *error)
+                          saga_error *error)
 {
     const size_t n = 3 * (size_t)truth->width * (size_t)truth->height;
     uint8_t *const d = saga_alloc(n, 1);

@@ -17,12 +17,12 @@ typedef struct saga_still {
 /* Writes n >= 1 pictures, row by row with `columns` in each, on mid grey.
  * Columns are as wide as the widest picture, rows as high as the highest. */
 bool saga_montage_write(const char *path, const saga_still *stills, int n,
-                        int columns, saga_input_error *error);
+                        int columns, saga_error *error);
 
 /* Truth, decode and difference x gain, side by side, of equal sizes. */
 bool saga_montage_compare(const char *path, const saga_still *truth,
                           const saga_still *decode, int gain,
-                          saga_input_error *error);
+                          saga_error *error);
 
 /* out = |a - b| * gain, clipped, for n samples. */
 void saga_difference(uint8_t *out, const uint8_t *a, const uint8_t *b,

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "orbit.h"
 
-#include "input.h"
+#include "alloc.h"
+#include "error.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -186,7 +187,7 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
 }
 
 bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
-                   saga_input_error *error)
+                   saga_error *error)
 {
     const int n = (int)film->info.n_cameras;
     saga_shot *const shots = saga_calloc((size_t)n, sizeof *shots);
@@ -218,7 +219,7 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
 
 bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        const saga_metric *metric, double turn,
-                       saga_input_error *error)
+                       saga_error *error)
 {
     const double phase = 2.0 * pi * turn;
     const double angle = orbit->middle +

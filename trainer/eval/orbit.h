@@ -20,12 +20,12 @@ typedef struct saga_orbit {
 
 /* False: the file has no rig, or its cameras all stand at the focus. */
 bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
-                   saga_input_error *error);
+                   saga_error *error);
 
 /* The camera at `turn` of the path, 0 to 1; 1 is 0 again. */
 bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        const saga_metric *metric, double turn,
-                       saga_input_error *error);
+                       saga_error *error);
 
 /* Another picture size: all that was seen stays in it, pixels stay square as
  * they were, the principal point stays where it was around the middle. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "view.h"
 
-#include "input.h"
+#include "error.h"
 #include "layout.h"
 
 #include <inttypes.h>
@@ -29,21 +29,11 @@ static double seconds(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-saga_metric saga_metric_of(const saga_info *info)
-{
-    saga_metric m;
-
-    m.unit = ldexp(info->unit_mantissa, info->unit_exponent);
-    for (int i = 0; i < 3; i++)
-        m.centre[i] = ldexp(info->centre_mantissa[i], info->centre_exponent);
-    return m;
-}
-
 /* --- Opening ------------------------------------------------------------- */
 
 /* Index, networks or a segment. What no CRC finds wrong was written so: streams
  * of before version 1 is final have no number of their own. */
-static bool refuse(const saga_film *film, saga_input_error *error,
+static bool refuse(const saga_film *film, saga_error *error,
                    const char *what, saga_status status)
 {
     const char *remedy = "`saga info` tells what is damaged";
@@ -58,7 +48,7 @@ static bool refuse(const saga_film *film, saga_input_error *error,
                      saga_status_text(status));
 }
 
-static bool open_decoder(saga_film *film, saga_input_error *error)
+static bool open_decoder(saga_film *film, saga_error *error)
 {
     const size_t n = film->info.work_nbytes + SAGA_WORK_ALIGN - 1;
     const double start = seconds();
@@ -85,7 +75,7 @@ static int threads_of(int wanted)
 }
 
 bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
-                    size_t nbytes, int n_threads, saga_input_error *error)
+                    size_t nbytes, int n_threads, saga_error *error)
 {
     saga_status s;
     bool ok;
@@ -111,7 +101,7 @@ void saga_film_close(saga_film *film)
 }
 
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
-                   uint32_t *number, saga_input_error *error)
+                   uint32_t *number, saga_error *error)
 {
     if (index >= film->info.n_cameras)
         return saga_fail(error, film->name, "`saga info` lists them",
@@ -124,7 +114,7 @@ bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
 /* --- Drawing ------------------------------------------------------------- */
 
 static bool decode(saga_film *film, const saga_segment *seg,
-                   saga_input_error *error)
+                   saga_error *error)
 {
     const double start = seconds();
     saga_status s = SAGA_ERR_TRUNCATED;
@@ -208,7 +198,7 @@ static saga_status draw(const saga_film *film, const saga_camera *c,
 
 bool saga_film_draw(saga_film *film, const saga_camera *camera,
                     uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
-                    saga_input_error *error)
+                    saga_error *error)
 {
     saga_segment seg;
     saga_status s = saga_find(&seg, film->bytes, film->nbytes, frame_num,
@@ -232,127 +222,4 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
     film->times.draw += seconds() - drawn;
     film->times.n_views++;
     return s == SAGA_OK || refuse(film, error, "cannot be drawn", s);
-}
-
-/* --- Cameras ------------------------------------------------------------- */
-
-void saga_shot_centre(double centre[3], const saga_shot *shot)
-{
-    for (int i = 0; i < 3; i++)
-        centre[i] = -(shot->rotation[i] * shot->translation[0] +
-                      shot->rotation[3 + i] * shot->translation[1] +
-                      shot->rotation[6 + i] * shot->translation[2]);
-}
-
-/* value rounded into *v; false if it lies outside low..high or is NaN. */
-static bool take(int32_t *v, double value, double low, double high)
-{
-    const double r = rint(value);
-
-    if (!(r >= low && r <= high))
-        return false;
-    *v = (int32_t)r;
-    return true;
-}
-
-static bool out_of_range(const saga_shot *shot, const char *what, double value,
-                         const char *limit, saga_input_error *error)
-{
-    return saga_fail(error, shot->name, limit, "its %s, %g, cannot be stored",
-                     what, value);
-}
-
-static bool take_rotation(saga_camera *camera, const saga_shot *shot,
-                          saga_input_error *error)
-{
-    for (int i = 0; i < 3; i++) {
-        const double *const r = shot->rotation + 3 * i;
-        const double n = sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
-
-        for (int k = 0; k < 3; k++)
-            if (!take(&camera->rotation_q30[3 * i + k],
-                      ldexp(r[k] / n, 30), -1073741824.0, 1073741824.0))
-                return out_of_range(shot, "rotation", r[k],
-                                    "rows must be finite and not zero",
-                                    error);
-    }
-    return true;
-}
-
-static bool take_lens(saga_camera *camera, const saga_shot *shot,
-                      saga_input_error *error)
-{
-    const double focal[2] = { shot->fx, shot->fy };
-    const double principal[2] = { shot->cx, shot->cy };
-
-    for (int i = 0; i < 2; i++) {
-        if (!take(&camera->focal_q16[i], ldexp(focal[i], 16), 1.0,
-                  2147483647.0))
-            return out_of_range(shot, "focal length", focal[i],
-                                "it must be above 0 and below 32768 pixels",
-                                error);
-        if (!take(&camera->principal_q16[i], ldexp(principal[i], 16),
-                  -1073741824.0, 1073741824.0))
-            return out_of_range(shot, "principal point", principal[i],
-                                "it must be within 16384 pixels", error);
-    }
-    return true;
-}
-
-static bool take_place(saga_camera *camera, const saga_metric *metric,
-                       const saga_shot *shot, double near_metres,
-                       saga_input_error *error)
-{
-    double centre[3], near_units = rint(near_metres / metric->unit);
-
-    saga_shot_centre(centre, shot);
-    for (int i = 0; i < 3; i++)
-        if (!take(&camera->centre[i],
-                  (centre[i] - metric->centre[i]) / metric->unit,
-                  -536870912.0, 536870912.0))
-            return out_of_range(shot, "position", centre[i], "it must lie "
-                                "within 32 widths of the scene's cube", error);
-    if (near_units < 1.0)
-        near_units = 1.0;
-    return take(&camera->near_plane, near_units, 1.0, 2147483647.0) ||
-           out_of_range(shot, "near plane", near_metres, "it must be finite",
-                        error);
-}
-
-bool saga_camera_of_shot(saga_camera *camera, const saga_metric *metric,
-                         const saga_shot *shot, double near_metres,
-                         saga_input_error *error)
-{
-    if (shot->width < 1 || shot->height < 1 ||
-        shot->width > SAGA_MAX_SIDE || shot->height > SAGA_MAX_SIDE)
-        return out_of_range(shot, "width", shot->width,
-                            "sides must be 1 to 16384 pixels", error);
-    camera->width = (uint16_t)shot->width;
-    camera->height = (uint16_t)shot->height;
-    return take_rotation(camera, shot, error) &&
-           take_lens(camera, shot, error) &&
-           take_place(camera, metric, shot, near_metres, error);
-}
-
-void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
-                         const saga_camera *camera)
-{
-    double centre[3];
-
-    shot->width = camera->width;
-    shot->height = camera->height;
-    shot->fx = ldexp(camera->focal_q16[0], -16);
-    shot->fy = ldexp(camera->focal_q16[1], -16);
-    shot->cx = ldexp(camera->principal_q16[0], -16);
-    shot->cy = ldexp(camera->principal_q16[1], -16);
-    for (int i = 0; i < 9; i++)
-        shot->rotation[i] = ldexp(camera->rotation_q30[i], -30);
-    for (int i = 0; i < 3; i++)
-        centre[i] = metric->centre[i] + metric->unit * camera->centre[i];
-    for (int i = 0; i < 3; i++) {
-        const double *const r = shot->rotation + 3 * i;
-
-        shot->translation[i] =
-            -(r[0] * centre[0] + r[1] * centre[1] + r[2] * centre[2]);
-    }
 }

@@ -8,19 +8,9 @@
 #ifndef SAGA_EVAL_VIEW_H
 #define SAGA_EVAL_VIEW_H
 
+#include "camera.h"
 #include "capture.h"
 #include "saga.h"
-
-typedef struct saga_metric {
-    double unit, centre[3];  /* metres */
-} saga_metric;
-
-static inline double saga_metric_width(const saga_metric *m)
-{
-    return m->unit * 16777216.0; /* 2^24 units a side */
-}
-
-saga_metric saga_metric_of(const saga_info *info);
 
 /* Seconds on the wall clock since the file was opened. */
 typedef struct saga_stage_times {
@@ -45,7 +35,7 @@ typedef struct saga_film {
  * they are until saga_film_close. n_threads of drawing; 0: as many as OpenMP
  * gives. False: *error says why and *film is empty. */
 bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
-                    size_t nbytes, int n_threads, saga_input_error *error);
+                    size_t nbytes, int n_threads, saga_error *error);
 
 /* Takes an empty one too. */
 void saga_film_close(saga_film *film);
@@ -55,31 +45,10 @@ void saga_film_close(saga_film *film);
  * it is not the last one that was. Pixels do not depend on n_threads. */
 bool saga_film_draw(saga_film *film, const saga_camera *camera,
                     uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
-                    saga_input_error *error);
+                    saga_error *error);
 
 /* Camera `index` of the file's rig, and the number the capture gave it. */
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
-                   uint32_t *number, saga_input_error *error);
-
-/* A camera of a capture as integers. Encoder and evaluation must both come
- * through here, since pixels depend on every bit:
- *   rotation   each row divided by its length, times 2^30, to nearest (halves
- *              to even): sum |r| <= sqrt(3) 2^30 + 1.5 < 1.7321 * 2^30
- *   centre     -R^T t, minus the metric's centre, over the unit, to nearest
- *   focal      and principal point times 2^16, to nearest
- *   near       near_metres over the unit, to nearest, at least 1
- * The background is left as it was. False: a value leaves the range that
- * saga.h states for it. */
-bool saga_camera_of_shot(saga_camera *camera, const saga_metric *metric,
-                         const saga_shot *shot, double near_metres,
-                         saga_input_error *error);
-
-/* The way back, up to the rounding: name, near_depth and the like are not
- * touched. */
-void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
-                         const saga_camera *camera);
-
-/* Where a shot's camera stands, metres. */
-void saga_shot_centre(double centre[3], const saga_shot *shot);
+                   uint32_t *number, saga_error *error);
 
 #endif

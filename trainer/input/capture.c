@@ -1,12 +1,19 @@
 /* SPDX-License-Identifier: MIT */
 #include "capture.h"
 
+#include "alloc.h"
 #include "check.h"
-#include "input.h"
+#include "error.h"
+#include "file.h"
 #include "load.h"
+#include "notes.h"
 #include "picture.h"
 
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
 #ifdef _OPENMP
 #include <omp.h>
 #else
@@ -66,7 +73,7 @@ static void list_names(const saga_plan *plan, char *text, size_t n)
 }
 
 static bool hold_out_one(saga_plan *plan, const char *name, size_t n,
-                         saga_input_error *error)
+                         saga_error *error)
 {
     for (int i = 0; i < plan->n_sources; i++) {
         saga_source *const s = &plan->sources[i];
@@ -83,7 +90,7 @@ static bool hold_out_one(saga_plan *plan, const char *name, size_t n,
 }
 
 bool saga_plan_hold_out(saga_plan *plan, const char *names,
-                        saga_input_error *error)
+                        saga_error *error)
 {
     for (int i = 0; names && i < plan->n_sources; i++)
         plan->sources[i].held_out = false;
@@ -102,7 +109,7 @@ bool saga_plan_hold_out(saga_plan *plan, const char *names,
 }
 
 bool saga_source_probe_video(saga_source *source, saga_plan *plan,
-                             saga_input_error *error)
+                             saga_error *error)
 {
     if (!saga_video_probe(&source->info, source->video, error))
         return false;
@@ -116,7 +123,7 @@ bool saga_source_probe_video(saga_source *source, saga_plan *plan,
 
 bool saga_plan_match_videos(saga_plan *plan,
                             const saga_capture_options *options,
-                            saga_input_error *error)
+                            saga_error *error)
 {
     const saga_source *shortest = &plan->sources[0];
     const saga_source *longest = shortest;
@@ -151,7 +158,7 @@ bool saga_plan_match_videos(saga_plan *plan,
 /* ----------------------------------------------------------------- options */
 
 static bool check_options(const saga_capture_options *o, const char *path,
-                          saga_input_error *error)
+                          saga_error *error)
 {
     if (o->scale < 1 || o->scale > SAGA_MAX_SCALE)
         return saga_fail(error, path, "use --scale 1/N with N from 1 to 64",
@@ -166,7 +173,7 @@ static bool check_options(const saga_capture_options *o, const char *path,
 
 static bool choose_range(saga_capture *capture, const saga_plan *plan,
                          const saga_capture_options *o,
-                         saga_input_error *error)
+                         saga_error *error)
 {
     const int end = o->end_frame ? o->end_frame : plan->n_frames;
     char remedy[64];
@@ -189,7 +196,7 @@ typedef struct load_job {
     saga_capture *capture;
     saga_remap *remaps;       /* (n_views), planned, without tables */
     int n_threads;
-    saga_input_error *error;
+    saga_error *error;
     /* Guarded by "omp critical(saga_load)". */
     int first_failed;         /* lowest item that failed; INT32_MAX none,
                                * -1 cancelled */
@@ -271,7 +278,7 @@ static bool check_budget(const load_job *job)
 /* Called after each item. The error of the lowest item wins: items start in
  * order, so it is the same one for any number of threads. */
 static void item_done(load_job *job, int item, bool ok,
-                      const saga_input_error *error)
+                      const saga_error *error)
 {
 #pragma omp critical(saga_load)
     {
@@ -307,7 +314,7 @@ static uint8_t *frame_to_fill(const load_job *job, int v, int k)
 }
 
 static bool read_video(load_job *job, int v, const saga_remap *remap,
-                       uint8_t *buffer, saga_input_error *error)
+                       uint8_t *buffer, saga_error *error)
 {
     const saga_source *const s = &job->plan->sources[v];
     const int first = job->capture->first_frame;
@@ -330,7 +337,7 @@ static bool read_video(load_job *job, int v, const saga_remap *remap,
 static void load_video(load_job *job, int v)
 {
     const saga_source *const s = &job->plan->sources[v];
-    saga_input_error error = {{0}};
+    saga_error error = {{0}};
     saga_remap remap = job->remaps[v];
     uint8_t *const buffer =
         saga_alloc((size_t)s->width * (size_t)s->height, 3);
@@ -347,7 +354,7 @@ static void load_picture(load_job *job, int v, int k, const saga_remap *remap)
 {
     const saga_source *const s = &job->plan->sources[v];
     const char *const path = s->pictures[job->capture->first_frame + k];
-    saga_input_error error = {{0}};
+    saga_error error = {{0}};
     uint8_t *const buffer =
         saga_alloc((size_t)s->width * (size_t)s->height, 3);
     bool ok = buffer || saga_fail(&error, path, "use --scale",
@@ -364,7 +371,7 @@ static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
     const saga_source *const s = &job->plan->sources[v];
     const saga_shot *const view = &job->capture->views[v];
     const char *const path = s->depths[job->capture->first_frame + k];
-    saga_input_error error = {{0}};
+    saga_error error = {{0}};
     float *const buffer = saga_alloc((size_t)s->width * (size_t)s->height, 4);
     bool ok = buffer || saga_fail(&error, path, "use --scale",
                                   "out of memory");
@@ -381,7 +388,7 @@ static void load_view(load_job *job, int v, bool depth)
     const saga_source *const s = &job->plan->sources[v];
     const int n = job->capture->n_frames;
     saga_remap remap = job->remaps[v];
-    saga_input_error error = {{0}};
+    saga_error error = {{0}};
     if (!saga_remap_build(&remap, &s->lens)) {
         saga_fail(&error, job->plan->path, "use --scale", "out of memory");
         item_done(job, v * n, false, &error);
@@ -513,7 +520,7 @@ static bool plan_remaps(load_job *job)
 
 static bool carry_out(saga_capture *capture, saga_plan *plan,
                       const saga_capture_options *options,
-                      saga_input_error *error)
+                      saga_error *error)
 {
     load_job job = {.options = options, .plan = plan, .capture = capture,
                     .error = error, .first_failed = INT32_MAX,
@@ -544,7 +551,7 @@ static bool carry_out(saga_capture *capture, saga_plan *plan,
 
 /* ------------------------------------------------------------------ format */
 
-static bool unknown_format(const char *path, saga_input_error *error)
+static bool unknown_format(const char *path, saga_error *error)
 {
     if (!saga_path_is_folder(path))
         return saga_fail(error, path, "give the folder of a capture, or its "
@@ -558,7 +565,7 @@ static bool unknown_format(const char *path, saga_input_error *error)
 
 static bool make_plan(saga_plan *plan, const char *path,
                       const saga_capture_options *options,
-                      saga_input_error *error)
+                      saga_error *error)
 {
     if (saga_has_suffix(path, ".json") && saga_path_is_file(path))
         return saga_nerfstudio_plan(plan, path, options, error);
@@ -578,11 +585,11 @@ static bool make_plan(saga_plan *plan, const char *path,
 
 bool saga_capture_load(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
-                       saga_input_error *error)
+                       saga_error *error)
 {
     saga_plan plan = {.path = path};
     *capture = (saga_capture){0};
-    *error = (saga_input_error){{0}};
+    *error = (saga_error){{0}};
     const bool ok = check_options(options, path, error) &&
                     make_plan(&plan, path, options, error) &&
                     carry_out(capture, &plan, options, error);

@@ -22,6 +22,8 @@
 #ifndef SAGA_CAPTURE_H
 #define SAGA_CAPTURE_H
 
+#include "error.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -29,18 +31,11 @@
 enum {
     SAGA_NAME_NBYTES = 64,
     SAGA_NOTES_NBYTES = 4096,
-    SAGA_MESSAGE_NBYTES = 1024,
     SAGA_MAX_VIEWS = 4096,
     SAGA_MAX_FRAMES = 1 << 20,
     SAGA_MAX_SIDE = 16384,  /* width or height of a picture, pixels */
     SAGA_MAX_SCALE = 64
 };
-
-/* One sentence for the user: the file, what is wrong with which value, and
- * what to do about it. Empty as long as nothing failed. */
-typedef struct saga_input_error {
-    char message[SAGA_MESSAGE_NBYTES];
-} saga_input_error;
 
 /* Called from any thread, one call at a time; done runs from 0 to 1. Return
  * false to cancel: the call in progress then fails with "cancelled". */
@@ -108,7 +103,7 @@ saga_capture_options saga_capture_defaults(void);
  * has. On failure returns false, *error says why and *capture is empty. */
 bool saga_capture_load(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
-                       saga_input_error *error);
+                       saga_error *error);
 
 /* Frees what saga_capture_load allocated and empties *capture; an empty one
  * is fine. */

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "check.h"
 
-#include "input.h"
+#include "error.h"
+#include "notes.h"
 #include "pose.h"
 
 #include <math.h>
+#include <string.h>
 
 enum { FEW_POINTS = 8 };
 
@@ -63,7 +65,7 @@ static size_t count_shared(const saga_capture *capture, double flip)
 }
 
 static bool overlap_by_points(saga_capture *capture, const char *path,
-                              saga_input_error *error)
+                              saga_error *error)
 {
     const size_t n = capture->n_points;
     const size_t shared = count_shared(capture, 1.0);
@@ -125,7 +127,7 @@ static bool frusta_meet(const saga_shot *a, const saga_shot *b, double size)
 }
 
 static bool overlap_by_frusta(const saga_capture *capture, const char *path,
-                              saga_input_error *error)
+                              saga_error *error)
 {
     const double size = rig_size(capture);
     for (int a = 0; a < capture->n_views; a++)
@@ -139,7 +141,7 @@ static bool overlap_by_frusta(const saga_capture *capture, const char *path,
 }
 
 bool saga_check_overlap(saga_capture *capture, const char *path,
-                        saga_input_error *error)
+                        saga_error *error)
 {
     if (capture->n_points >= FEW_POINTS)
         for (int v = 0; v < capture->n_views; v++) {

@@ -27,6 +27,6 @@ saga_check_view saga_check_points(const saga_capture *capture, int view);
  * or, with fewer than 8 of them, by the frusta. Views that see hardly any
  * point are named in the notes. */
 bool saga_check_overlap(saga_capture *capture, const char *path,
-                        saga_input_error *error);
+                        saga_error *error);
 
 #endif

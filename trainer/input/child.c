@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: MIT */
 #include "child.h"
 
-#include "input.h"
+#include "error.h"
 
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -72,7 +74,7 @@ static int start_locked(saga_child *child, const char *const *argv)
 }
 
 bool saga_child_start(saga_child *child, const char *const *argv,
-                      saga_input_error *error)
+                      saga_error *error)
 {
     *child = (saga_child){.out = -1, .log = open_log()};
     int r = child->log < 0 ? errno : 0;

@@ -19,7 +19,7 @@ typedef struct saga_child {
 
 /* argv[0] is looked up in PATH; argv ends with NULL. */
 bool saga_child_start(saga_child *child, const char *const *argv,
-                      saga_input_error *error);
+                      saga_error *error);
 /* Reads until n bytes are there or the output ends; returns how many. */
 size_t saga_child_read(saga_child *child, void *buffer, size_t n);
 /* Reaps the child, killing it first if asked, and returns its exit status,

@@ -1,12 +1,15 @@
 /* SPDX-License-Identifier: MIT */
 #include "colmap.h"
 
-#include "input.h"
+#include "error.h"
+#include "file.h"
 #include "picture.h"
 #include "pose.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* The array with room for one more item behind count, possibly moved; NULL
  * when out of memory, the old array untouched. */
@@ -43,7 +46,7 @@ static saga_lens lens_of(int model, const double *p)
 }
 
 static bool model_unknown(const char *file, const char *what,
-                          saga_input_error *error)
+                          saga_error *error)
 {
     return saga_fail(error, file, "undistort to PINHOLE (colmap "
                      "image_undistorter) or use OPENCV",
@@ -55,7 +58,7 @@ static bool model_unknown(const char *file, const char *what,
 typedef struct colmap_job {
     saga_colmap *model;
     const char *file;
-    saga_input_error *error;
+    saga_error *error;
 } colmap_job;
 
 static bool no_memory(const colmap_job *job)
@@ -425,7 +428,7 @@ static int by_point_id(const void *a, const void *b)
 typedef bool colmap_parse(const colmap_job *job, saga_cursor *c);
 
 static bool read_part(saga_colmap *model, const char *folder, const char *name,
-                      colmap_parse *parse, saga_input_error *error)
+                      colmap_parse *parse, saga_error *error)
 {
     char *const path = saga_path_join(folder, name);
     saga_bytes bytes;
@@ -463,7 +466,7 @@ bool saga_colmap_is_there(const char *folder)
 }
 
 bool saga_colmap_read(saga_colmap *model, const char *folder,
-                      saga_input_error *error)
+                      saga_error *error)
 {
     *model = (saga_colmap){0};
     const bool bin = all_there(folder, ".bin");

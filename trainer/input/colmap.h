@@ -48,7 +48,7 @@ typedef struct saga_colmap {
 /* True if the folder holds cameras, images and points3D of one kind. */
 bool saga_colmap_is_there(const char *folder);
 bool saga_colmap_read(saga_colmap *model, const char *folder,
-                      saga_input_error *error);
+                      saga_error *error);
 void saga_colmap_free(saga_colmap *model);
 
 /* NULL if there is none with that id. */

@@ -44,21 +44,21 @@ void saga_plan_free(saga_plan *plan);
 /* Which views are held out: by the option if given, else as the format said.
  * Must run before points are counted by training views. */
 bool saga_plan_hold_out(saga_plan *plan, const char *names,
-                        saga_input_error *error);
+                        saga_error *error);
 /* Probes a source's video, checks or sets its size. */
 bool saga_source_probe_video(saga_source *source, saga_plan *plan,
-                             saga_input_error *error);
+                             saga_error *error);
 /* Frame counts and rates of all videos must agree; sets n_frames and fps. */
 bool saga_plan_match_videos(saga_plan *plan,
                             const saga_capture_options *options,
-                            saga_input_error *error);
+                            saga_error *error);
 
 bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
                           const saga_capture_options *options,
-                          saga_input_error *error);
+                          saga_error *error);
 bool saga_neu3d_is_there(const char *folder);
 bool saga_neu3d_plan(saga_plan *plan, const char *folder,
                      const saga_capture_options *options,
-                     saga_input_error *error);
+                     saga_error *error);
 
 #endif

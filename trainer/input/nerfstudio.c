@@ -15,15 +15,21 @@
  * in test_filenames or val_filenames, or not in train_filenames if that is
  * there.
  */
-#include "input.h"
+#include "error.h"
+
+#include "alloc.h"
+#include "file.h"
 #include "load.h"
+#include "notes.h"
 #include "picture.h"
 #include "ply.h"
 #include "pose.h"
 
 #include <jansson.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* What has to be the same in all pictures of a camera; no padding, so that
  * bytes can be compared. Unknown values are NaN, kept as one bit pattern. */
@@ -49,7 +55,7 @@ typedef struct reader {
     const char *path;         /* of the JSON */
     char *folder;
     saga_plan *plan;
-    saga_input_error *error;
+    saga_error *error;
     entry *entries;
     int n_entries;
     int n_views;
@@ -712,7 +718,7 @@ static char *folder_of(const char *path)
 
 /* Python writes NaN, Infinity and -Infinity, which JSON does not have. */
 static bool bad_json(const json_error_t *problem, const char *path,
-                     const saga_bytes *bytes, saga_input_error *error)
+                     const saga_bytes *bytes, saga_error *error)
 {
     const bool nonfinite = strstr(problem->text, "'NaN") ||
                            strstr(problem->text, "'Infinity") ||
@@ -729,7 +735,7 @@ static bool bad_json(const json_error_t *problem, const char *path,
 
 bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
                           const saga_capture_options *options,
-                          saga_input_error *error)
+                          saga_error *error)
 {
     reader r = {.path = json_path, .plan = plan, .error = error,
                 .folder = folder_of(json_path)};

@@ -10,15 +10,21 @@
  * the principal point is the centre of the picture.
  */
 #include "colmap.h"
-#include "input.h"
+
+#include "alloc.h"
+#include "error.h"
+#include "file.h"
 #include "load.h"
+#include "notes.h"
 #include "npy.h"
 #include "pose.h"
 
 #include <dirent.h>
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* ------------------------------------------------------------ the videos */
 
@@ -45,7 +51,7 @@ static int by_name(const void *a, const void *b)
 }
 
 static bool add_video(saga_plan *plan, const char *folder, const char *name,
-                      saga_input_error *error)
+                      saga_error *error)
 {
     if (plan->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(error, folder, "split the capture",
@@ -64,7 +70,7 @@ static bool add_video(saga_plan *plan, const char *folder, const char *name,
 }
 
 static bool list_videos(saga_plan *plan, const char *folder,
-                        saga_input_error *error)
+                        saga_error *error)
 {
     DIR *const dir = opendir(folder);
     if (!dir)
@@ -89,7 +95,7 @@ static bool list_videos(saga_plan *plan, const char *folder,
 /* ------------------------------------------------------- poses_bounds.npy */
 
 static bool row_intrinsics(saga_source *source, double h, double w, double f,
-                           const char *path, saga_input_error *error)
+                           const char *path, saga_error *error)
 {
     if (!(h >= 1.0 && w >= 1.0 && f > 0.0 && h < 1e6 && w < 1e6))
         return saga_fail(error, path, "correct columns 5, 10 and 15",
@@ -108,7 +114,7 @@ static bool row_intrinsics(saga_source *source, double h, double w, double f,
 }
 
 static bool row_camera(saga_source *source, const double *row,
-                       const char *path, saga_input_error *error)
+                       const char *path, saga_error *error)
 {
     double axis[3][3], centre[3];
     for (int i = 0; i < 3; i++) {
@@ -132,7 +138,7 @@ static bool row_camera(saga_source *source, const double *row,
 }
 
 static bool read_poses(saga_plan *plan, const char *path,
-                       saga_input_error *error)
+                       saga_error *error)
 {
     saga_npy npy;
     if (!saga_npy_read(&npy, path, error))
@@ -221,7 +227,7 @@ static bool all_matched(const saga_plan *plan, const int *image_of,
 /* A model made from pictures of another size is scaled to the videos. */
 static bool adopt_cameras(saga_plan *plan, const saga_colmap *model,
                           const int *image_of, const char *folder,
-                          saga_input_error *error)
+                          saga_error *error)
 {
     for (int i = 0; i < plan->n_sources; i++) {
         saga_source *const s = &plan->sources[i];
@@ -287,7 +293,7 @@ static int count_training_views(const saga_plan *plan,
 }
 
 static bool take_points(saga_plan *plan, const saga_colmap *model,
-                        const int *view, saga_input_error *error)
+                        const int *view, saga_error *error)
 {
     size_t *const stamp =
         saga_calloc((size_t)plan->n_sources, sizeof *stamp);
@@ -367,7 +373,7 @@ static bool measure_view(saga_source *s, const saga_colmap *model,
 }
 
 static bool measure_views(saga_plan *plan, const saga_colmap *model,
-                          const int *image_of, saga_input_error *error)
+                          const int *image_of, saga_error *error)
 {
     for (int i = 0; i < plan->n_sources; i++) {
         if (image_of[i] < 0)
@@ -388,7 +394,7 @@ static const double same_frame = 1e-3;
 
 static bool use_model(saga_plan *plan, const saga_colmap *model,
                       const char *folder, bool have_poses, int *image_of,
-                      saga_input_error *error)
+                      saga_error *error)
 {
     const char *missing = "";
     match_images(plan, model, image_of);
@@ -421,7 +427,7 @@ static bool use_model(saga_plan *plan, const saga_colmap *model,
 }
 
 static bool read_model(saga_plan *plan, const char *folder, bool have_poses,
-                       saga_input_error *error)
+                       saga_error *error)
 {
     saga_colmap model;
     if (!saga_colmap_read(&model, folder, error))
@@ -453,7 +459,7 @@ static char *find_model(const char *folder)
 
 /* depth/NAME_fKKK.exr, where there are some. */
 static bool find_depths(saga_plan *plan, const char *folder,
-                        saga_input_error *error)
+                        saga_error *error)
 {
     for (int i = 0; i < plan->n_sources; i++) {
         saga_source *const s = &plan->sources[i];
@@ -481,7 +487,7 @@ static bool find_depths(saga_plan *plan, const char *folder,
 
 bool saga_neu3d_plan(saga_plan *plan, const char *folder,
                      const saga_capture_options *options,
-                     saga_input_error *error)
+                     saga_error *error)
 {
     plan->format = "Neu3D (cam*.mp4)";
     if (!list_videos(plan, folder, error) ||

@@ -1,9 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "npy.h"
 
-#include "input.h"
+#include "alloc.h"
+#include "error.h"
+#include "file.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 enum { MAX_HEADER = 4096 };
 
@@ -99,7 +102,7 @@ static void copy_items(saga_npy *npy, const npy_header *h, const uint8_t *p)
 }
 
 static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
-                       saga_input_error *error)
+                       saga_error *error)
 {
     char text[MAX_HEADER];
     size_t n = 0;
@@ -131,7 +134,7 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
     return true;
 }
 
-bool saga_npy_read(saga_npy *npy, const char *path, saga_input_error *error)
+bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error)
 {
     saga_bytes bytes;
     *npy = (saga_npy){0};

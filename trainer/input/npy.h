@@ -13,7 +13,7 @@ typedef struct saga_npy {
     double *data;         /* (rows, cols) */
 } saga_npy;
 
-bool saga_npy_read(saga_npy *npy, const char *path, saga_input_error *error);
+bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error);
 void saga_npy_free(saga_npy *npy);
 
 #endif

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "picture.h"
 
-#include "input.h"
+#include "error.h"
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
+#include <string.h>
 
 enum picture_kind { PICTURE_PNG, PICTURE_EXR };
 
@@ -27,7 +29,7 @@ uint8_t saga_linear_to_srgb8(double linear)
 }
 
 bool saga_check_size(const char *path, long long width, long long height,
-                     saga_input_error *error)
+                     saga_error *error)
 {
     if (width >= 1 && height >= 1 && width <= SAGA_MAX_SIDE &&
         height <= SAGA_MAX_SIDE)
@@ -37,7 +39,7 @@ bool saga_check_size(const char *path, long long width, long long height,
 }
 
 static bool picture_kind(const char *path, enum picture_kind *kind,
-                         saga_input_error *error)
+                         saga_error *error)
 {
     uint8_t magic[8] = {0};
     FILE *const file = fopen(path, "rb");
@@ -59,7 +61,7 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
 }
 
 bool saga_picture_probe(const char *path, int *width, int *height,
-                        saga_input_error *error)
+                        saga_error *error)
 {
     enum picture_kind kind = PICTURE_PNG;
     if (!picture_kind(path, &kind, error))
@@ -69,7 +71,7 @@ bool saga_picture_probe(const char *path, int *width, int *height,
 }
 
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
-                       saga_input_error *error)
+                       saga_error *error)
 {
     enum picture_kind kind = PICTURE_PNG;
     if (!picture_kind(path, &kind, error))

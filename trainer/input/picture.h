@@ -11,30 +11,30 @@
 #include "capture.h"
 
 bool saga_picture_probe(const char *path, int *width, int *height,
-                        saga_input_error *error);
+                        saga_error *error);
 /* rgb: (height, width, 3); the file must have exactly that size. */
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
-                       saga_input_error *error);
+                       saga_error *error);
 
 bool saga_png_probe(const char *path, int *width, int *height,
-                    saga_input_error *error);
+                    saga_error *error);
 bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_input_error *error);
+                   saga_error *error);
 bool saga_png_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_input_error *error);
+                    const uint8_t *rgb, saga_error *error);
 
 bool saga_exr_probe(const char *path, int *width, int *height,
-                    saga_input_error *error);
+                    saga_error *error);
 bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_input_error *error);
+                   saga_error *error);
 /* The channel Z, or the only one; (height, width) floats. */
 bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
-                         saga_input_error *error);
+                         saga_error *error);
 /* 8-bit sRGB as linear half floats: reading gives the same 8 bits again. */
 bool saga_exr_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_input_error *error);
+                    const uint8_t *rgb, saga_error *error);
 bool saga_exr_write_depth(const char *path, int width, int height,
-                          const float *depth, saga_input_error *error);
+                          const float *depth, saga_error *error);
 
 /* sRGB transfer function (IEC 61966-2-1). */
 double saga_srgb_to_linear(double encoded);
@@ -42,6 +42,6 @@ uint8_t saga_linear_to_srgb8(double linear);
 
 /* Checks both sides against 1..SAGA_MAX_SIDE. */
 bool saga_check_size(const char *path, long long width, long long height,
-                     saga_input_error *error);
+                     saga_error *error);
 
 #endif

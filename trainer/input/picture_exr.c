@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "picture.h"
 
-#include "input.h"
+#include "alloc.h"
+#include "error.h"
 
 #include <openexr.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* The library prints by itself unless it is given somewhere to talk to. */
 static void exr_quiet(exr_const_context_t context, exr_result_t code,
@@ -25,7 +27,7 @@ static exr_context_initializer_t exr_setup(void)
     return setup;
 }
 
-static bool exr_fail(saga_input_error *error, const char *path,
+static bool exr_fail(saga_error *error, const char *path,
                      exr_result_t code)
 {
     if (code == EXR_ERR_FILE_ACCESS)
@@ -42,7 +44,7 @@ typedef struct exr_input {
     int width, height, chunk_rows;
 } exr_input;
 
-static bool exr_open(exr_input *in, const char *path, saga_input_error *error)
+static bool exr_open(exr_input *in, const char *path, saga_error *error)
 {
     *in = (exr_input){0};
     const exr_context_initializer_t setup = exr_setup();
@@ -77,7 +79,7 @@ static bool exr_open(exr_input *in, const char *path, saga_input_error *error)
 }
 
 bool saga_exr_probe(const char *path, int *width, int *height,
-                    saga_input_error *error)
+                    saga_error *error)
 {
     exr_input in;
     if (!exr_open(&in, path, error))
@@ -149,7 +151,7 @@ static exr_result_t decode_chunks(exr_input *in, const exr_planes *planes)
 
 /* Every wanted channel must be there at full resolution. */
 static bool check_channels(const exr_input *in, const char *path,
-                           exr_planes *planes, saga_input_error *error)
+                           exr_planes *planes, saga_error *error)
 {
     const exr_attr_chlist_t *list = NULL;
     const exr_result_t r = exr_get_channels(in->context, 0, &list);
@@ -174,7 +176,7 @@ static bool check_channels(const exr_input *in, const char *path,
 }
 
 static bool read_planes(const char *path, int width, int height,
-                        exr_planes *planes, saga_input_error *error)
+                        exr_planes *planes, saga_error *error)
 {
     exr_input in;
     if (!exr_open(&in, path, error))
@@ -194,14 +196,14 @@ static bool read_planes(const char *path, int width, int height,
 }
 
 bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
-                         saga_input_error *error)
+                         saga_error *error)
 {
     exr_planes planes = {.names = {"Z"}, .data = {depth}, .n = 1};
     return read_planes(path, width, height, &planes, error);
 }
 
 bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_input_error *error)
+                   saga_error *error)
 {
     const size_t n = (size_t)width * (size_t)height;
     float *const data = saga_alloc(n * 3, sizeof *data);
@@ -300,7 +302,7 @@ static exr_result_t encode_chunks(exr_context_t context, int width,
 
 static bool write_planes(const char *path, int width, int height,
                          const exr_planes *planes, exr_pixel_type_t type,
-                         saga_input_error *error)
+                         saga_error *error)
 {
     const exr_context_initializer_t setup = exr_setup();
     exr_context_t context;
@@ -320,7 +322,7 @@ static bool write_planes(const char *path, int width, int height,
 }
 
 bool saga_exr_write_depth(const char *path, int width, int height,
-                          const float *depth, saga_input_error *error)
+                          const float *depth, saga_error *error)
 {
     float *const data = saga_alloc((size_t)width * (size_t)height, 4);
     if (!data)
@@ -334,7 +336,7 @@ bool saga_exr_write_depth(const char *path, int width, int height,
 }
 
 bool saga_exr_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_input_error *error)
+                    const uint8_t *rgb, saga_error *error)
 {
     const size_t n = (size_t)width * (size_t)height;
     float *const data = saga_alloc(n * 3, sizeof *data);

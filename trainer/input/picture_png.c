@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "picture.h"
 
-#include "input.h"
+#include "error.h"
+#include "file.h"
 
 #include <errno.h>
 #include <png.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* Everything a longjmp out of libpng must not lose lives here, not in
  * registers. */
@@ -40,7 +43,7 @@ static void read_job_end(png_job *job)
 /* libpng refuses bad sizes without naming them. Leaves the file at its
  * begin; what is no PNG is left to libpng. */
 static bool check_file_size(FILE *file, const char *path,
-                            saga_input_error *error)
+                            saga_error *error)
 {
     uint8_t head[24] = {0};
     const bool read = fread(head, sizeof head, 1, file) == 1;
@@ -51,7 +54,7 @@ static bool check_file_size(FILE *file, const char *path,
 }
 
 static bool read_job_begin(png_job *job, const char *path,
-                           saga_input_error *error)
+                           saga_error *error)
 {
     *job = (png_job){0};
     job->file = fopen(path, "rb");
@@ -108,7 +111,7 @@ static bool read_rows(png_job *job, uint8_t *rgb, int width, int height)
 static const char damaged[] = "copy or export the picture again";
 
 bool saga_png_probe(const char *path, int *width, int *height,
-                    saga_input_error *error)
+                    saga_error *error)
 {
     png_job job;
     if (!read_job_begin(&job, path, error))
@@ -126,7 +129,7 @@ bool saga_png_probe(const char *path, int *width, int *height,
 }
 
 bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_input_error *error)
+                   saga_error *error)
 {
     png_job job;
     if (!read_job_begin(&job, path, error))
@@ -167,7 +170,7 @@ static bool write_rows(png_job *job, int width, int height,
 }
 
 bool saga_png_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_input_error *error)
+                    const uint8_t *rgb, saga_error *error)
 {
     saga_output out;
     if (!saga_output_open(&out, path, error))

@@ -1,10 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "ply.h"
 
-#include "input.h"
+#include "alloc.h"
+#include "error.h"
+#include "file.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { MAX_PROPERTIES = 256, MAX_LINE = 512 };
 
@@ -98,7 +102,7 @@ static bool header_line(ply_header *h, ply_state *s, const char *line)
 }
 
 static bool header_is_whole(const ply_header *h, const ply_state *s,
-                            const char *path, saga_input_error *error)
+                            const char *path, saga_error *error)
 {
     if (!s->seen_format)
         return saga_fail(error, path, "export the points as PLY",
@@ -111,7 +115,7 @@ static bool header_is_whole(const ply_header *h, const ply_state *s,
 }
 
 static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
-                         saga_input_error *error)
+                         saga_error *error)
 {
     char line[MAX_LINE];
     ply_state s = {0};
@@ -208,7 +212,7 @@ static uint64_t least_nbytes(const ply_header *h)
 
 static bool read_points(saga_cursor *c, const char *path, saga_point **points,
                         size_t *n_points, size_t *n_dropped,
-                        saga_input_error *error)
+                        saga_error *error)
 {
     ply_header h;
     double values[MAX_PROPERTIES];
@@ -237,7 +241,7 @@ static bool read_points(saga_cursor *c, const char *path, saga_point **points,
 }
 
 bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
-                   size_t *n_dropped, saga_input_error *error)
+                   size_t *n_dropped, saga_error *error)
 {
     saga_bytes bytes;
     *points = NULL;
@@ -268,7 +272,7 @@ static void store_point(uint8_t record[15], const saga_point *point)
 }
 
 bool saga_ply_write(const char *path, const saga_point *points,
-                    size_t n_points, saga_input_error *error)
+                    size_t n_points, saga_error *error)
 {
     saga_output out;
     if (!saga_output_open(&out, path, error))

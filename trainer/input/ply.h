@@ -12,9 +12,9 @@
 /* *points is allocated; points that are not finite are left out and counted.
  * n_seen of each point is -1. */
 bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
-                   size_t *n_dropped, saga_input_error *error);
+                   size_t *n_dropped, saga_error *error);
 /* Binary little-endian, float positions; appears whole or not at all. */
 bool saga_ply_write(const char *path, const saga_point *points,
-                    size_t n_points, saga_input_error *error);
+                    size_t n_points, saga_error *error);
 
 #endif

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "remap.h"
 
-#include "input.h"
+#include "alloc.h"
+#include "error.h"
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 {
@@ -114,7 +116,7 @@ static bool lens_is_sane(const saga_lens *l)
 
 bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                      int height, int scale, const char *file,
-                     saga_input_error *error)
+                     saga_error *error)
 {
     *remap = (saga_remap){.source_width = width, .source_height = height,
                           .scale = scale, .focal_scale = 1.0,

@@ -1,10 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 #include "video.h"
 
-#include "input.h"
+#include "error.h"
+#include "file.h"
 #include "picture.h"
 
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* A path that starts with '-' or looks like a protocol must stay a path. */
 static char *file_url(const char *path)
@@ -89,7 +92,7 @@ static void probe_rotation(saga_video_info *info, const char *text)
 }
 
 static bool run_ffprobe(const char *path, char *text, size_t n,
-                        saga_input_error *error)
+                        saga_error *error)
 {
     char *const url = file_url(path);
     if (!url)
@@ -115,7 +118,7 @@ static bool run_ffprobe(const char *path, char *text, size_t n,
 }
 
 bool saga_video_probe(saga_video_info *info, const char *path,
-                      saga_input_error *error)
+                      saga_error *error)
 {
     char text[8192];
     *info = (saga_video_info){0};
@@ -144,7 +147,7 @@ bool saga_video_probe(saga_video_info *info, const char *path,
     return true;
 }
 
-static bool start_ffmpeg(saga_video *video, saga_input_error *error)
+static bool start_ffmpeg(saga_video *video, saga_error *error)
 {
     char filter[200], count[16];
     (void)snprintf(filter, sizeof filter,
@@ -171,14 +174,14 @@ static bool start_ffmpeg(saga_video *video, saga_input_error *error)
 
 bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
-                     saga_input_error *error)
+                     saga_error *error)
 {
     *video = (saga_video){.path = path, .info = *info, .n_wanted = n_wanted};
     video->child.out = video->child.log = -1;
     return start_ffmpeg(video, error);
 }
 
-bool saga_video_next(saga_video *video, uint8_t *rgb, saga_input_error *error)
+bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error)
 {
     const size_t nbytes =
         (size_t)video->info.width * (size_t)video->info.height * 3;
@@ -207,7 +210,7 @@ bool saga_video_next(saga_video *video, uint8_t *rgb, saga_input_error *error)
                                           : "the stream ends there");
 }
 
-bool saga_video_close(saga_video *video, bool ok, saga_input_error *error)
+bool saga_video_close(saga_video *video, bool ok, saga_error *error)
 {
     uint8_t extra;
     if (!ok) {

@@ -27,7 +27,7 @@ typedef struct saga_video_info {
 } saga_video_info;
 
 bool saga_video_probe(saga_video_info *info, const char *path,
-                      saga_input_error *error);
+                      saga_error *error);
 
 typedef struct saga_video {
     saga_child child;
@@ -40,11 +40,11 @@ typedef struct saga_video {
 /* Prepares to read the first n_wanted frames. */
 bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
-                     saga_input_error *error);
+                     saga_error *error);
 /* The next frame, (height, width, 3). */
-bool saga_video_next(saga_video *video, uint8_t *rgb, saga_input_error *error);
+bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error);
 /* Ends ffmpeg. With ok, checks that it had nothing more and no complaint;
  * otherwise kills it. Returns false if anything failed. */
-bool saga_video_close(saga_video *video, bool ok, saga_input_error *error);
+bool saga_video_close(saga_video *video, bool ok, saga_error *error);
 
 #endif

@@ -9,6 +9,7 @@
 #include "vec.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 enum { AXES = 4 };
 

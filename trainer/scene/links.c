@@ -116,7 +116,7 @@ static void integer_fine(saga_scaffold *sc, const saga_scene *s)
         for (k = 0; k < 4; k++) {
             f->support[k] = cell.support[k];
             f->local[k] = (int16_t)lround(
-                16384 * saga_scene_suffix_centre(suffix, bits, k));
+                16384 * saga_suffix_centre(suffix, bits, k));
         }
     }
 }

@@ -114,25 +114,6 @@ void saga_scene_cell(real centre[4], const saga_coarse *c)
     centre[3] = R(2 * c->cell_t + 1) * ht;
 }
 
-uint32_t saga_scene_suffix(const double o[4], uint32_t bits)
-{
-    const double most = (1 << bits) - 1;
-    uint32_t v[4], axis;
-
-    for (axis = 0; axis < 4; axis++) {
-        const double x = floor((o[axis] + 1) * (1 << bits) / 2);
-
-        v[axis] = (uint32_t)(x < 0 ? 0 : x > most ? most : x);
-    }
-    return saga_morton_suffix(v, bits);
-}
-
-double saga_scene_suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis)
-{
-    return (2 * saga_morton_axis(suffix, bits, axis) + 1) /
-           (double)(1u << bits) - 1;
-}
-
 uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine)
 {
     const saga_coarse *const c = &s->coarse[s->fine[fine].parent];
@@ -148,7 +129,7 @@ uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine)
         o[k] = ((double)s->fine_x[4 * (size_t)fine + k] -
                 (double)centre[k]) / half;
     }
-    return saga_scene_suffix(o, s->model.level[SAGA_LEVEL_COARSE].suffix_bits);
+    return saga_suffix_of(o, s->model.level[SAGA_LEVEL_COARSE].suffix_bits);
 }
 
 static int32_t to_units(real x, double unit, int32_t lo, int32_t hi)

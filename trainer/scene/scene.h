@@ -17,6 +17,7 @@
 #include "net.h"
 #include "real.h"
 #include "scaffold.h"
+#include "suffix.h"
 #include "symbols.h"
 
 #include <stddef.h>
@@ -71,8 +72,6 @@ static inline int saga_is_entropy_net(int net)
 #define saga_scene_half_x SAGA_REAL_NAME(saga_scene_half_x)
 #define saga_scene_half_t SAGA_REAL_NAME(saga_scene_half_t)
 #define saga_scene_cell SAGA_REAL_NAME(saga_scene_cell)
-#define saga_scene_suffix SAGA_REAL_NAME(saga_scene_suffix)
-#define saga_scene_suffix_centre SAGA_REAL_NAME(saga_scene_suffix_centre)
 #define saga_scene_fine_suffix SAGA_REAL_NAME(saga_scene_fine_suffix)
 
 /* Allocates a scene of the given counts; structure and reals are zero, the
@@ -87,20 +86,6 @@ void saga_scene_free(saga_scene *s);
 real saga_scene_half_x(const saga_coarse *c);
 real saga_scene_half_t(const saga_coarse *c);
 void saga_scene_cell(real centre[4], const saga_coarse *c);
-
-/* Offsets in half-sizes or supports stay within this, for the int16 of Q14. */
-#define SAGA_SCENE_OFFSET_MAX 1.9999
-
-static inline double saga_scene_clamp_offset(double o)
-{
-    return o < -SAGA_SCENE_OFFSET_MAX ? -SAGA_SCENE_OFFSET_MAX
-         : o > SAGA_SCENE_OFFSET_MAX ? SAGA_SCENE_OFFSET_MAX : o;
-}
-
-/* Suffix of an offset, in supports of its parent: its cell in a grid of 2^bits
- * cells an axis over -1..1, clamped to it; and a cell's centre on an axis. */
-uint32_t saga_scene_suffix(const double o[4], uint32_t bits);
-double saga_scene_suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis);
 
 /* The suffix of a fine anchor. The hierarchy orders them so; one that training
  * moved is clamped to its cell. */

@@ -146,7 +146,7 @@ static void local_offset(real o[4], const real x[4], const real parent[4],
 
     for (i = 0; i < 4; i++)
         o[i] = saga_clamp((x[i] - parent[i]) / unit[i],
-                          -R(SAGA_SCENE_OFFSET_MAX), R(SAGA_SCENE_OFFSET_MAX));
+                          -R(SAGA_OFFSET_MAX), R(SAGA_OFFSET_MAX));
 }
 
 static void fine_offsets(saga_twin *w, const saga_scene *s)

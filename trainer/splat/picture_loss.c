@@ -16,6 +16,7 @@
 #include "vec.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #ifdef _OPENMP
 #include <omp.h>

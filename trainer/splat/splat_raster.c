@@ -16,6 +16,8 @@
 #include "splat_tiles.h"
 #include "vec.h"
 
+#include <string.h>
+
 enum {
     TILE = SAGA_SPLAT_TILE,
     AREA = TILE * TILE,

@@ -1,0 +1,110 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# ablation.sh SAGA FOLDER RESULTS THREADS [NAME=FILE.saga ...]: what the parts
+# of the entropy model are worth (lab/ablation_table.py has the tables).
+# Trains the built-in scene at four rates in FOLDER, fits each file's entropy
+# networks anew without one part after the other (make_refit, next to SAGA),
+# evaluates and times them (make_times), compares the last rate's file and
+# those named with an order-0 coder (make_order0), and writes
+# RESULTS/ablation.md and .svg. Run again, it goes on where it was stopped:
+# what is there and younger than what it is made of is kept.
+#
+# About 50 minutes of one core: 4 trainings of 3, 45 fits of 3,000 iterations
+# that take 20 to 30 s, 49 evaluations of 17 s. With half of the iterations,
+# REFIT="--iterations 1500", 35 to 45 were measured.
+#
+# LAMBDAS: the rates, the lowest first. TRAIN, REFIT: options of `saga encode`
+# and make_refit, for a quick look.
+set -euo pipefail
+saga=$1
+folder=$2
+results=$3
+threads=$4
+shift 4
+lab=$(dirname "$0")
+bin=$(dirname "$saga")
+capture=$folder/capture
+read -ra lambdas <<<"${LAMBDAS:-0.004 0.0015 0.0005 0.00015}"
+read -ra train <<<"${TRAIN:---primitives 5000 --iterations 6000}"
+read -ra refit <<<"${REFIT:-}"
+export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-3000}
+export OMP_NUM_THREADS=$threads
+
+mkdir -p "$folder" "$results"
+[ -d "$capture" ] || "$saga" synth "$capture" --threads "$threads"
+
+# into FILE COMMAND...: its output in FILE, whole or not at all.
+into() {
+    local to=$1
+    shift
+    "$@" >"$to.part"
+    mv "$to.part" "$to"
+}
+
+# score FILE NAME: into NAME.eval.json.
+score() {
+    into "$2.eval.json" "$saga" eval "$1" "$capture" --threads "$threads" \
+        --json
+}
+
+# variant FOLDER NAME OPTIONS...: FOLDER/in.saga fitted anew, and its scores.
+variant() {
+    local at=$1 name=$1/$2
+    shift 2
+    if [ ! "$name.json" -nt "$at/in.saga" ]; then
+        echo "  $name"
+        into "$name.json" "$bin/make_refit" "$at/in.saga" "$name.saga" "$@" \
+            "${refit[@]}"
+    fi
+    [ "$name.eval.json" -nt "$name.json" ] || score "$name.saga" "$name"
+    [ "$name.times.json" -nt "$name.json" ] ||
+        into "$name.times.json" "$bin/make_times" "$name.saga"
+}
+
+number=0
+for lambda in "${lambdas[@]}"; do
+    number=$((number + 1))
+    at=$folder/r$number
+    mkdir -p "$at"
+    echo "rate $number: lambda $lambda"
+    if [ -f "$at/in.saga.ckpt" ] || [ ! -f "$at/in.saga" ]; then
+        resume=()
+        [ ! -f "$at/in.saga.ckpt" ] || resume=(--resume)
+        into "$at/encode.json" "$saga" encode "$capture" -o "$at/in.saga" \
+            --lambda "$lambda" --threads "$threads" "${train[@]}" \
+            "${resume[@]}" --json
+    fi
+    [ "$at/trained.eval.json" -nt "$at/in.saga" ] ||
+        score "$at/in.saga" "$at/trained"
+    variant "$at" full
+    variant "$at" no-memory --no-memory
+    variant "$at" all --keep
+    variant "$at" all-no-memory --keep --no-memory
+    variant "$at" all-plain --keep --update plain
+    variant "$at" no-hyperprior --no-hyperprior
+    variant "$at" no-parent --no-parent
+    variant "$at" no-groups --groups 1
+    variant "$at" nothing --no-memory --no-hyperprior --no-parent --groups 1
+    variant "$at" raw --raw-networks
+done
+# At the last rate alone: there are most symbols to pay for a memory.
+for slots in 32 64 128 256 512; do
+    variant "$at" "slots$slots" --keep --slots "$slots"
+done
+
+reports=()
+for scene in "built-in=$folder/r$number/full.saga" "$@"; do
+    report=$folder/order0.${scene%%=*}.json
+    into "$report" "$bin/make_order0" "${scene#*=}"
+    reports+=("${scene%%=*}=$report")
+done
+into "$results/ablation.md" python3 "$lab/ablation_table.py" "$folder" \
+    "${reports[@]}"
+if command -v gnuplot >/dev/null; then
+    gnuplot -e "folder='$folder'; out='$results/ablation.svg'" \
+        "$lab/ablation.gp"
+else
+    echo "ablation: no gnuplot, so no ablation.svg" >&2
+fi
+echo "$results/ablation.md"

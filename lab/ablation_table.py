@@ -1,0 +1,353 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""ablation_table.py FOLDER [NAME=ORDER0.json ...]: the tables of the ablation.
+
+FOLDER is what lab/ablation.sh fills: rN/ for each rate, the lowest first,
+with VARIANT.json (make_refit), VARIANT.eval.json (saga eval --json) and
+VARIANT.times.json (make_times), and trained.eval.json of the file they come
+from. Further arguments are reports of make_order0, with the scenes' names.
+Prints Markdown; writes FOLDER/curves.dat and FOLDER/slots.dat for gnuplot.
+"""
+import json
+import math
+import os
+import sys
+
+VARIANTS = [
+    ("full", "full model"),
+    ("no-memory", "no memory"),
+    ("no-hyperprior", "no hyperprior"),
+    ("no-parent", "no parent"),
+    ("no-groups", "no groups"),
+    ("nothing", "constants by channel"),
+    ("raw", "raw networks, 16 bits"),
+    ("all", "all sources, whatever they are worth"),
+    ("all-no-memory", "... but the memory"),
+    ("all-plain", "... with the plain update"),
+]
+# What a variant is compared with, if it is not the full model.
+AGAINST = {"all-no-memory": "all", "all-plain": "all"}
+SLOTS = 32, 64, 128, 256, 512
+KINDS = [
+    ("tree", "tree"),
+    ("coarse_centres", "coarse centres"),
+    ("coarse_features", "coarse features"),
+    ("fine_suffixes", "fine suffixes"),
+    ("fine_offsets", "fine offsets"),
+    ("primitive_counts", "primitive counts"),
+    ("primitive_suffixes", "primitive suffixes"),
+    ("primitive_offsets", "primitive offsets"),
+]
+STAGES = [("networks", "open: networks"), ("coarse", "tree, coarse anchors"),
+          ("fine", "fine anchors, their features"),
+          ("primitives", "primitives' offsets"),
+          ("reconstruction", "primitives' attributes"),
+          ("decode", "a segment: all but networks")]
+PICTURE = [("view", "a picture: animate, project, sort"),
+           ("draw", "a picture: blend")]
+
+
+# --- Bjontegaard -------------------------------------------------------------
+
+def pchip_slopes(x, y):
+    """Derivatives of the monotone cubic through (x, y) (Fritsch, Carlson)."""
+    n = len(x)
+    h = [b - a for a, b in zip(x, x[1:])]
+    slope = [(b - a) / s for a, b, s in zip(y, y[1:], h)]
+    if n == 2:
+        return [slope[0]] * 2
+
+    def end(h0, h1, s0, s1):
+        d = ((2 * h0 + h1) * s0 - h0 * s1) / (h0 + h1)
+        if d * s0 <= 0:
+            return 0.0
+        return 3 * s0 if s0 * s1 <= 0 and abs(d) > 3 * abs(s0) else d
+
+    d = [end(h[0], h[1], slope[0], slope[1])]
+    for i in range(1, n - 1):
+        a, b = slope[i - 1], slope[i]
+        w1, w2 = 2 * h[i] + h[i - 1], h[i] + 2 * h[i - 1]
+        d.append(0.0 if a * b <= 0 else (w1 + w2) / (w1 / a + w2 / b))
+    return d + [end(h[-1], h[-2], slope[-1], slope[-2])]
+
+
+def integral(x, y, lo, hi):
+    """Of the monotone cubic through (x, y), from lo to hi within x."""
+    d = pchip_slopes(x, y)
+    total = 0.0
+    for i in range(len(x) - 1):
+        h = x[i + 1] - x[i]
+        s = (y[i + 1] - y[i]) / h
+        c, b = (3 * s - 2 * d[i] - d[i + 1]) / h, (d[i] + d[i + 1] - 2 * s) / h
+        b /= h
+
+        def antiderivative(t):
+            return t * (y[i] + t * (d[i] / 2 + t * (c / 3 + t * b / 4)))
+
+        t0 = min(max(lo - x[i], 0), h)
+        t1 = min(max(hi - x[i], 0), h)
+        total += antiderivative(t1) - antiderivative(t0)
+    return total
+
+
+def bd_rate(anchor, test):
+    """Mean change of the rate at equal PSNR, in per cent, of test against
+    anchor: lists of (bytes, dB), two points or more. None where the curves
+    have no common interval, or PSNR does not grow."""
+    curves = []
+    for points in anchor, test:
+        points = sorted((p, math.log(r)) for r, p in points)
+        if len(points) < 2 or any(b[0] - a[0] <= 0 for a, b in
+                                  zip(points, points[1:])):
+            return None
+        curves.append(([p for p, _ in points], [r for _, r in points]))
+    lo = max(c[0][0] for c in curves)
+    hi = min(c[0][-1] for c in curves)
+    if lo >= hi:
+        return None
+    mean = [integral(x, y, lo, hi) / (hi - lo) for x, y in curves]
+    return 100 * (math.exp(mean[1] - mean[0]) - 1)
+
+
+# --- Reading -----------------------------------------------------------------
+
+def load(*names):
+    path = os.path.join(*names)
+    return json.load(open(path)) if os.path.exists(path) else None
+
+
+def parameters(report):
+    n = report["after"]["networks"]
+    return n["entropy_parameters"] + n["reconstruction_parameters"]
+
+
+class Trained:
+    """The file the variants of one rate come from."""
+
+    def __init__(self, folder):
+        report = load(folder, "trained.eval.json")
+        self.bytes, self.psnr = report["nbytes"], report["training"]["psnr"]
+
+
+class Run:
+    """One file: its variant at one rate."""
+
+    def __init__(self, folder, variant):
+        self.report = load(folder, variant + ".json")
+        self.eval = load(folder, variant + ".eval.json")
+        self.times = load(folder, variant + ".times.json")
+        self.there = None not in (self.report, self.eval, self.times)
+        if not self.there:
+            return
+        self.bytes = self.report["bytes"]
+        if variant == "raw":  # no code for parameters: 16 bits for each
+            self.bytes += 2 * parameters(self.report) - \
+                self.eval["bytes"]["networks"]
+        self.psnr = self.eval["training"]["psnr"]
+        self.held_out = self.eval["held_out"]["psnr"]
+
+
+def points(runs):
+    return [(r.bytes, r.psnr) for r in runs]
+
+
+def same_symbols(full, runs):
+    """Mean change of the rate, in per cent, whatever the PSNR."""
+    change = [math.log(r.bytes / f.bytes) for f, r in zip(full, runs)]
+    return 100 * (math.exp(sum(change) / len(change)) - 1)
+
+
+# --- Tables ------------------------------------------------------------------
+
+def table(head, rows):
+    print("| " + " | ".join(head) + " |")
+    print("|" + "---|" * len(head))
+    for row in rows:
+        print("| " + " | ".join(row) + " |")
+    print()
+
+
+def kb(n):
+    return f"{n / 1000:.1f}"
+
+
+def db(x):
+    return "-" if x is None else f"{x:.2f}"
+
+
+def percent(x):
+    return "-" if x is None else f"{x:+.1f} %"
+
+
+def label(rate):
+    return f"rate {rate + 1}"
+
+
+def components(rates):
+    runs = [r["full"] for r in rates]
+    print("## Bitstream by component, kB\n")
+    rows = [[name] + [kb(r.report["after"][key]) for r in runs]
+            for key, name in KINDS]
+    for key, name in (("entropy", "entropy networks"),
+                      ("reconstruction", "reconstruction networks")):
+        rows.append([name] + [kb(r.report["after"]["networks"][key])
+                              for r in runs])
+    rows.append(["headers and rounding"] + [kb(r.bytes - sum(
+        r.report["after"][key] for key, _ in KINDS) - sum(
+        r.report["after"]["networks"][k]
+        for k in ("entropy", "reconstruction"))) for r in runs])
+    rows.append(["file"] + [kb(r.bytes) for r in runs])
+    rows.append(["networks, of the file"] + [
+        f"{100 * r.eval['bytes']['networks'] / r.bytes:.0f} %" for r in runs])
+    rows.append(["reconstruction networks, bits a parameter"] + [
+        f"{8 * n['reconstruction'] / n['reconstruction_parameters']:.2f}"
+        for n in (r.report["after"]["networks"] for r in runs)])
+    rows.append(["PSNR, training / held out, dB"] + [
+        f"{db(r.psnr)} / {db(r.held_out)}" for r in runs])
+    table(["component"] + [label(i) for i in range(len(runs))], rows)
+
+
+def runtime(rates):
+    runs = [r["full"] for r in rates]
+    print("## Decoding time by component, ms\n")
+    rows = [[name] + [f"{r.times[key]:.2f}" for r in runs]
+            for key, name in STAGES]
+    rows += [[name + " *"] + [f"{r.eval['decode_ms'][key]:.2f}" for r in runs]
+             for key, name in PICTURE]
+    table(["component"] + [label(i) for i in range(len(runs))], rows)
+    print("One thread, CPU time, best of several; * mean over all pictures, "
+          "by the clock, with\n"
+          f"{runs[0].eval['decode_ms']['threads']} thread(s).\n")
+
+
+def sources(run):
+    """C, F, P: coarse, fine, primitives; h, p, g, m: what each is coded by."""
+    out = []
+    for kind in "coarse", "fine", "primitives":
+        bits = run.report["entropy_model"][kind]["sources"]
+        out.append("".join(c for i, c in enumerate("hpgm") if bits >> i & 1)
+                   or "-")
+    return " ".join(out)
+
+
+def ablation(rates):
+    print("## Entropy model without its parts\n")
+    full = [r["full"] for r in rates]
+    trained = [r["trained"] for r in rates]
+    rows = [["as trained", percent(same_symbols(full, trained)),
+             percent(bd_rate(points(full), points(trained)))] +
+            [f"{kb(r.bytes)} / {db(r.psnr)}" for r in trained]]
+    for key, name in VARIANTS:
+        runs = [r[key] for r in rates]
+        if not all(r.there for r in runs):
+            continue
+        base = [r[AGAINST.get(key, "full")] for r in rates]
+        rows.append([name, percent(same_symbols(base, runs)),
+                     percent(bd_rate(points(base), points(runs)))] +
+                    [f"{kb(r.bytes)} / {db(r.psnr)} / {sources(r)}"
+                     for r in runs])
+    table(["variant", "rate", "BD-rate"] + [label(i) + ": kB / dB / sources"
+                                            for i in range(len(rates))], rows)
+    print("Sources of coarse anchors, fine offsets and primitive offsets, "
+          "where they were worth\ntheir weights: hyperprior, parent, groups, "
+          "memory. Rate: mean change of the bytes\nagainst the full model "
+          "(the last two: against all sources), on the same symbols. "
+          "BD-rate: the same at\nequal PSNR of the training views, by "
+          "monotone cubics of log-rate over the common\ninterval. Fitted "
+          "anew, a value moves by up to half a step where the prediction it "
+          "is\nrounded against moves, which costs PSNR beside the file as "
+          "trained, and differs from\nvariant to variant by chance: where "
+          "the two numbers disagree, that is why.\n")
+
+
+def slots(rate, folder):
+    rows, lines = [], []
+    without = rate["all-no-memory"]
+    if not without.there:
+        return
+    for n, run in [(0, without)] + [(n, rate[f"slots{n}"]) for n in SLOTS]:
+        if not run.there:
+            continue
+        change = same_symbols([without], [run])
+        ms = run.times["decode"]
+        after = run.report["after"]
+        if n:
+            lines.append([str(n), f"{change:.4f}", f"{ms:.3f}"])
+        rows.append([str(n), percent(change), kb(run.bytes),
+                     kb(sum(after[key] for key, _ in KINDS)),
+                     kb(after["networks"]["entropy"]), f"{ms:.1f}"])
+    with open(os.path.join(folder, "slots.dat"), "w") as out:
+        out.write("# slots, rate %, ms to decode the segment\n")
+        out.writelines(" ".join(x) + "\n" for x in lines)
+    if rows:
+        print("## Slots of the memory\n")
+        table(["slots", "rate", "file, kB", "symbols", "entropy networks",
+               "ms to decode a segment"], rows)
+        print("The last rate. Rate: on the same symbols, against all sources "
+              "but the memory; the memory\nstays here, whatever it is "
+              "worth.\n")
+
+
+def order0(scenes):
+    print("## Against an adaptive order-0 coder\n")
+    rows = []
+    for name, path in scenes:
+        r = load(path)
+        networks = r["networks"]["entropy"]
+        for key, text in KINDS:
+            k = r["kinds"][key]
+            rows.append([name, text, kb(k["saga"]), kb(k["order0"]),
+                         kb(k["entropy0"]), ""])
+        for key in "values", "structure", "all":
+            k, own = r[key], 0 if key == "structure" else networks
+            rows.append([name, f"**{key}**" + ("" if key == "structure" else
+                         f", entropy networks {kb(own)} kB included"),
+                         kb(k["saga"] + own), kb(k["order0"]),
+                         kb(k["entropy0"]), f"{100 * k['saving']:.1f} %"])
+    table(["scene", "kind", "saga, kB", "order-0, kB", "its entropy, kB",
+           "saved"], rows)
+    print("The same symbols: values as decoded, in steps, each channel with "
+          "its own adaptive\nfrequencies (Krichevsky and Trofimov) and 32 bits "
+          "for their range. Structure is\ncoded as a list of coordinates "
+          "there, which flatters us: values are what counts.\nIts entropy is "
+          "what no order-0 coder can go below.\n")
+
+
+def curves(rates, folder):
+    with open(os.path.join(folder, "curves.dat"), "w") as out:
+        for key, name in VARIANTS:
+            runs = [r[key] for r in rates if r[key].there]
+            if runs:
+                out.write(f'"{name}"\n')
+                out.writelines(f"{r.bytes / 1000:.3f} {r.psnr:.4f}\n"
+                               for r in runs)
+                out.write("\n\n")
+
+
+def main(folder, scenes):
+    names = [k for k, _ in VARIANTS] + [f"slots{n}" for n in SLOTS]
+    rates = []
+    while os.path.isdir(os.path.join(folder, f"r{len(rates) + 1}")):
+        at = os.path.join(folder, f"r{len(rates) + 1}")
+        rates.append({n: Run(at, n) for n in names})
+        rates[-1]["trained"] = Trained(at)
+    if not rates or not all(r["full"].there for r in rates):
+        sys.exit(f"ablation_table: {folder} has no finished runs")
+    curves(rates, folder)
+    print("# Ablation of the entropy model: `make ablation`\n")
+    print("Each rate is one training of the built-in scene; each variant is "
+          "its file with the\nentropy networks fitted anew on the same "
+          "symbols (lab/gen_refit.h).\n")
+    print("![rate and distortion](ablation.svg)\n")
+    components(rates)
+    runtime(rates)
+    ablation(rates)
+    slots(rates[-1], folder)
+    if scenes:
+        order0(scenes)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit(__doc__.splitlines()[0])
+    main(sys.argv[1], [a.split("=", 1) for a in sys.argv[2:]])

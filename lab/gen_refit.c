@@ -1,0 +1,397 @@
+/* SPDX-License-Identifier: MIT */
+#include "gen_refit.h"
+
+#include "adam.h"
+#include "encode.h"
+#include "morton.h"
+#include "pack.h"
+#include "quantise.h"
+#include "train_state.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *must(void *p)
+{
+    if (!p) {
+        fprintf(stderr, "refit: out of memory\n");
+        exit(2);
+    }
+    return p;
+}
+
+static void need(int status)
+{
+    if (status)
+        must(NULL);
+}
+
+/* A fit. What the reconstruction networks give is not computed but copied from
+ * the file: the twin holds it. */
+typedef struct {
+    const ref_file *in;
+    refit_options o;
+    saga_scene s, d;
+    saga_twin twin;
+    saga_rate rate;
+    float *feature;              /* (coarse, F) as used */
+    float *m, *v;                /* Adam's moments (params) */
+} fit;
+
+/* --- The file as a scene ------------------------------------------------- */
+
+static void set_structure(saga_scene *s, const ref_file *in)
+{
+    const saga_level *const l = s->model.level;
+    const uint32_t bits = l[SAGA_LEVEL_COARSE].suffix_bits;
+    uint32_t i, k, v[4];
+
+    memcpy(s->split, in->s.split, s->n_nodes);
+    memcpy(s->occupancy, in->s.occupancy,
+           s->n_nodes * sizeof *s->occupancy);
+    memcpy(s->coarse, in->sc.coarse, s->n.coarse * sizeof *s->coarse);
+    memcpy(s->fine, in->sc.fine, s->n.fine * sizeof *s->fine);
+    for (i = 0; i < s->n.coarse; i++) {
+        for (k = 0; k < 3; k++)
+            v[k] = s->coarse[i].cell[k];
+        v[3] = s->coarse[i].cell_t;
+        s->coarse[i].group = (uint8_t)saga_morton_group(
+            v, l[SAGA_LEVEL_COARSE].n_groups);
+    }
+    for (i = 0; i < s->n.fine; i++) {
+        for (k = 0; k < 4; k++)
+            v[k] = saga_morton_axis(in->s.fine_suffix[i], bits, k);
+        s->fine[i].group = (uint8_t)saga_morton_group(
+            v, l[SAGA_LEVEL_FINE].n_groups);
+        for (k = 0; k < s->fine[i].n_prim; k++)
+            s->prim_fine[s->fine[i].first_prim + k] = i;
+    }
+}
+
+/* Units of the decoder to those of a scene. */
+static void set_place(float to[4], const int32_t x[3], int32_t t)
+{
+    for (int k = 0; k < 3; k++)
+        to[k] = (float)x[k] / 8388608;
+    to[3] = (float)t / 65536;
+}
+
+static void set_places(saga_scene *s, const ref_file *in)
+{
+    for (uint32_t i = 0; i < s->n.coarse; i++)
+        set_place(s->coarse_x + 4 * (size_t)i, in->sc.coarse[i].x,
+                  in->sc.coarse[i].t);
+    for (uint32_t i = 0; i < s->n.fine; i++)
+        set_place(s->fine_x + 4 * (size_t)i, in->sc.fine[i].x,
+                  in->sc.fine[i].t);
+    for (size_t i = 0; i < (size_t)s->n.coarse * s->model.features; i++)
+        s->coarse_feature[i] = (float)ldexp(
+            in->value[SAGA_STEP_FEATURE][i],
+            -s->model.head_q[SAGA_HEAD_COARSE]);
+}
+
+/* A primitive's offset. Rounding may have put it outside its suffix cell, and
+ * the rate looks for the cell by the offset. */
+static float prim_offset(const ref_file *in, size_t prim, uint32_t axis)
+{
+    const uint32_t bits = in->h.model.level[SAGA_LEVEL_FINE].suffix_bits;
+    const double most = bits ? ldexp(1, -(int)bits) - ldexp(1, -14) : 2;
+    const double residual = in->value[SAGA_STEP_PRIM][4 * prim + axis] /
+                            16384.0;
+
+    return (float)(saga_suffix_centre(in->s.prim_suffix[prim], bits,
+                                            axis) +
+                   fmin(fmax(residual, -most), most));
+}
+
+static void set_twin(saga_twin *w, const ref_file *in)
+{
+    const size_t f = in->h.model.features;
+
+    for (size_t i = 0; i < in->s.n.fine; i++) {
+        const saga_fine *const fine = &in->sc.fine[i];
+
+        for (size_t k = 0; k < f; k++)
+            w->fine_feature[i * f + k] = (float)ldexp(
+                in->sc.fine_feature[i * f + k],
+                -in->h.model.head_q[SAGA_HEAD_FINE]);
+        for (size_t k = 0; k < 4; k++) {
+            const float unit = k < 3 ? 8388608 : 65536;
+
+            w->log2_support[4 * i + k] = (float)fine->local[k] / 1024 -
+                                         (k < 3 ? 23 : 16);
+            w->support[4 * i + k] = (float)fine->support[k] / unit;
+        }
+        set_place(w->fine_phase + 4 * i, fine->x, fine->t);
+        w->fine_phase[4 * i + 3] = 2 * w->fine_phase[4 * i + 3] - 1;
+    }
+    for (size_t i = 0; i < in->s.n.prim; i++)
+        for (uint32_t k = 0; k < 4; k++)
+            w->prim_offset[4 * i + k] = prim_offset(in, i, k);
+}
+
+/* The values of anchors: exactly what the file has, not what a float place
+ * says they are. */
+static void set_values(saga_rate *r, const ref_file *in)
+{
+    for (size_t i = 0; i < 4 * (size_t)in->s.n.coarse; i++)
+        r->centre[i] = (float)in->value[SAGA_STEP_CENTRE][i] / 16384;
+    for (size_t i = 0; i < in->s.n.fine; i++)
+        for (size_t k = 0; k < 4; k++)
+            r->offset[SAGA_RATE_OFFSETS * i + k] =
+                (float)in->value[SAGA_STEP_FINE][4 * i + k] / 16384;
+}
+
+/* The file's model with another entropy model, which begins from none; classes
+ * were fitted to the old one. */
+static saga_model model_of(const ref_file *in, const refit_options *o)
+{
+    saga_model m = in->h.model;
+
+    m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE |
+                           SAGA_TOOL_CLASSES);
+    memset(m.class_sources, 0, sizeof m.class_sources);
+    m.memory_slots = 0;
+    m.memory_width = 0;
+    m.memory_blocks = 0;
+    saga_train_entropy_model(&m, &o->entropy, in->s.n.prim, SAGA_MAX_SLOTS);
+    return m;
+}
+
+static void begin(fit *f)
+{
+    const ref_file *const in = f->in;
+    const saga_model m = model_of(in, &f->o);
+    size_t n;
+
+    need(saga_scene_init(&f->s, &m, in->s.n, in->s.n_nodes, f->o.seed));
+    need(saga_scene_init(&f->d, &m, in->s.n, in->s.n_nodes, 0));
+    set_structure(&f->s, in);
+    set_places(&f->s, in);
+    need(saga_twin_init(&f->twin, &f->s));
+    set_twin(&f->twin, in);
+    need(saga_rate_init(&f->rate, &f->s) ||
+         saga_rate_refresh(&f->rate, &f->s));
+    set_values(&f->rate, in);
+    if (f->o.entropy.raw_networks)
+        saga_rate_keep_raw(&f->rate);
+    f->rate.plan.keep = f->o.keep;
+    n = (size_t)f->s.n.coarse * m.features;
+    f->feature = must(malloc((n + 1) * sizeof *f->feature));
+    memcpy(f->feature, f->s.coarse_feature, n * sizeof *f->feature);
+    n = f->s.n_reals - (size_t)(f->s.params - f->s.reals);
+    f->m = must(calloc(n + 1, sizeof *f->m));
+    f->v = must(calloc(n + 1, sizeof *f->v));
+}
+
+static void end(fit *f)
+{
+    saga_rate_free(&f->rate);
+    saga_twin_free(&f->twin);
+    saga_scene_free(&f->s);
+    saga_scene_free(&f->d);
+    free(f->feature);
+    free(f->m);
+    free(f->v);
+}
+
+/* --- Fitting ------------------------------------------------------------- */
+
+/* A half cosine down to 0.03 of the highest, as for the trainer's pictures, and
+ * a third of their ramp: there are fewer iterations, and features are done. */
+static float learning_rate(const fit *f, int i)
+{
+    enum { RAMP = 100 };
+    const double x = (double)i / f->o.iterations;
+    const double ramp = i < RAMP ? (i + 1.0) / RAMP : 1;
+
+    return (float)(0.004 * ramp * (0.03 + 0.97 * 0.5 * (1 + cos(M_PI * x))));
+}
+
+/* Consecutive parameters of networks from..to-1, if there are any. */
+static size_t tensor_of(saga_adam_tensor *t, fit *f, int from, int to,
+                        float rate)
+{
+    const float *first = NULL;
+    size_t n = 0;
+
+    for (int net = from; net < to; net++) {
+        const saga_net *const x = &f->s.net[net];
+
+        if (x->n_layers && !first)
+            first = x->w[0];
+        n += x->n_layers ? saga_net_n_params(x) : 0;
+    }
+    if (n == 0)
+        return 0;
+    t->name = "entropy networks";
+    t->x = f->s.params + (first - f->s.params);
+    t->g = f->d.params + (first - f->s.params);
+    t->m = f->m + (first - f->s.params);
+    t->v = f->v + (first - f->s.params);
+    t->n = n;
+    t->rate = rate;
+    return 1;
+}
+
+/* Features are what they are until the networks are decided upon, then what
+ * they will be coded as. */
+static const char *step(fit *f, int i, int decide)
+{
+    const saga_rate_input x = { &f->s, &f->twin, f->feature };
+    const bool remember = saga_rate_readers(&f->rate.context, &f->s) &&
+                          (i % SAGA_RATE_REMEMBER_EVERY == 0 || i == decide);
+    saga_rate_options o = { .rounding = true, .weight = 1 };
+    const saga_adam adam = saga_adam_default();
+    const float rate = learning_rate(f, i);
+    double bits[SAGA_N_STEPS];
+    saga_adam_fault fault;
+    saga_adam_tensor t[2];
+    size_t n;
+
+    memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
+    saga_twin_clear(&f->twin, &f->s);
+    saga_rate_look(&o, i, remember);
+    if (i == decide)
+        need(saga_rate_decide(&f->rate, &f->s, &x));
+    for (n = 0; i >= decide && n < (size_t)f->s.n.coarse *
+                                   f->s.model.features; n++)
+        f->feature[n] = saga_rate_round(&f->rate, &f->s, n);
+    need(saga_rate_step(bits, &f->rate, &f->d, &x, &o));
+    n = tensor_of(&t[0], f, SAGA_NET_HYPER, SAGA_NET_FUSE_C, rate);
+    n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_N_NETS,
+                   remember ? SAGA_RATE_MEMORY_PACE * rate : 0);
+    return saga_adam_step(&fault, &adam, t, n, (uint64_t)i + 1)
+        ? "the fit left the finite numbers" : NULL;
+}
+
+static const char *run(fit *f)
+{
+    const saga_rate_input x = { &f->s, &f->twin, f->feature };
+    const int decide = 2 * f->o.iterations / 3;
+    const char *why = NULL;
+
+    saga_rate_start(&f->rate, &f->s, &x);
+    for (int i = 0; !why && i < f->o.iterations; i++)
+        why = step(f, i, decide);
+    return why;
+}
+
+/* --- The file ------------------------------------------------------------ */
+
+/* Symbols of the closed loop: structure is shared, residuals are new. */
+static saga_symbols begin_symbols(const ref_file *in)
+{
+    saga_symbols y = in->s;
+
+    y.centre = must(calloc(in->s.n.coarse + 1u, 4 * sizeof *y.centre));
+    y.feature = must(calloc(in->s.n.coarse + 1u,
+                            in->h.model.features * sizeof *y.feature));
+    y.fine_offset = must(calloc(in->s.n.fine + 1u,
+                                4 * sizeof *y.fine_offset));
+    y.prim_offset = must(calloc(in->s.n.prim + 1u,
+                                4 * sizeof *y.prim_offset));
+    return y;
+}
+
+static void end_symbols(saga_symbols *y)
+{
+    free(y->centre);
+    free(y->feature);
+    free(y->fine_offset);
+    free(y->prim_offset);
+}
+
+static const char *write_segment(saga_encoder *e, const ref_file *in,
+                                 const saga_model *m)
+{
+    const saga_targets t = {
+        .value = (const int16_t *const *)in->value
+    };
+    saga_symbols y = begin_symbols(in);
+    const char *why = "the closed loop refused the scene";
+    saga_quantise_report report;
+    const saga_nets *nets;
+    const uint8_t *const params = saga_encoder_params(e, &nets);
+    const int ok = saga_quantise_segment(&y, NULL, &report, m, nets, params,
+                                         &t, NULL) &&
+                   saga_encoder_segment(e, &y, in->segment.n_frames, &why);
+
+    end_symbols(&y);
+    return ok ? NULL : why;
+}
+
+/* The lowest level from the file's on that has such slots. */
+static uint8_t level_for(const ref_file *in, const saga_model *m)
+{
+    uint8_t level = in->h.level;
+
+    while (level < SAGA_N_PROFILES - 1 &&
+           saga_caps[level].n_slots < m->memory_slots)
+        level++;
+    return level;
+}
+
+static const char *write_file(uint8_t **out, size_t *n, const fit *f,
+                              const saga_rate_choice *c)
+{
+    saga_header h = f->in->h;
+    saga_net_symbols entropy, nets;
+    saga_encode_sizes sizes;
+    saga_encoder *e;
+    const char *why = NULL;
+
+    h.model = c->scene.model;
+    h.level = level_for(f->in, &h.model);
+    saga_pack_entropy(&entropy, &h.model, c, &f->twin);
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        memcpy(nets.layer[net], saga_is_entropy_net(net) ? entropy.layer[net]
+               : f->in->nets.layer[net], sizeof nets.layer[net]);
+    e = saga_encoder_open(&h, f->in->rig, &nets, &why);
+    if (e)
+        why = write_segment(e, f->in, &h.model);
+    if (!why && saga_encoder_finish(e, out, n, &sizes, &why))
+        why = NULL;
+    saga_encoder_free(e);
+    saga_net_symbols_free(&entropy);
+    return why;
+}
+
+static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
+{
+    const saga_rate_input x = { &f->s, &f->twin, f->feature };
+    saga_rate_choice c;
+    const char *why;
+
+    need(saga_rate_choice_init(&c, &f->rate, &x));
+    memcpy(f->feature, f->s.coarse_feature, (size_t)f->s.n.coarse *
+           f->s.model.features * sizeof *f->feature);
+    need(saga_rate_choice_code(&c, &f->rate, &x, 0, SAGA_N_KINDS - 1));
+    memcpy(r->sources, c.scene.model.sources, sizeof r->sources);
+    memcpy(r->estimate, c.bits, sizeof r->estimate);
+    r->plan = f->rate.plan;
+    why = write_file(out, n, f, &c);
+    saga_rate_choice_free(&c);
+    return why;
+}
+
+refit_options refit_defaults(void)
+{
+    return (refit_options){ .iterations = 3000, .seed = 1 };
+}
+
+const char *refit_make(uint8_t **out, size_t *n, refit_report *report,
+                       const ref_file *in, const refit_options *options)
+{
+    fit f = { .in = in, .o = *options };
+    const char *why;
+
+    begin(&f);
+    why = run(&f);
+    if (!why)
+        why = finish(out, n, report, &f);
+    end(&f);
+    return why;
+}

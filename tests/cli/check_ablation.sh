@@ -1,0 +1,144 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_ablation.sh: guarantees, for lab/ablation.sh with build/saga
+# (SAGA=...) and make_refit and make_order0 beside it,
+#   bd-rate     Bjontegaard's mean change of rate: curves whose mean change is
+#               known, a monotone cubic integrated by hand
+#   options     make_refit refuses wrong ones, and files that are none
+#   small       a small scene at two rates: every variant is there and has the
+#               sources it may have; what is no ablation is the same file; a
+#               second run makes nothing anew
+set -u
+cd "$(dirname "$0")/../.." || exit
+saga=${SAGA:-${BUILD:-build}/saga}
+bin=$(dirname "$saga")
+
+checks=ablation
+. tests/cli/verdict.sh
+
+# ---- bd-rate
+PYTHONDONTWRITEBYTECODE=1 python3 - >>"$bad" 2>&1 <<'PYTHON' ||
+import math
+import sys
+
+sys.path.insert(0, "lab")
+from ablation_table import bd_rate, integral, same_symbols
+
+
+def near(a, b):
+    assert abs(a - b) < 1e-9, (a, b)
+
+
+anchor = [(1000, 30.0), (2100, 32.5), (3900, 34.0), (9000, 36.0)]
+near(bd_rate(anchor, anchor), 0)
+# 10 % more bytes everywhere, whatever the curve; order is of no matter.
+near(bd_rate(anchor, [(1.1 * r, p) for r, p in anchor[::-1]]), 10)
+# log-rates that are lines, which the cubic repeats: they differ by 0.2 at 30
+# dB and by 0.02 more for each dB; common are 31 to 33 dB, whose middle has
+# 0.24.
+a = [(math.exp(5 + 0.3 * (p - 30)), p) for p in (30, 31.5, 33)]
+b = [(math.exp(5.2 + 0.32 * (p - 30)), p) for p in (31, 32, 33.5, 35)]
+near(bd_rate(a, b), 100 * (math.exp(0.24) - 1))
+near(bd_rate(b, a), 100 * (math.exp(-0.24) - 1))
+# Through (0, 0), (1, 1), (2, 1): slopes 1 and 0 give derivatives 3/2, 0, 0.
+# Hermite on [0, 1]: 1/2 + (3/2) / 12 = 0.625; then 1. Half of the first: with
+# t = 1/2, y = 3/2 t - t^3 / 2, the integral is 3/16 - 1/128.
+near(integral([0, 1, 2], [0, 1, 1], 0, 2), 1.625)
+near(integral([0, 1, 2], [0, 1, 1], 0, 0.5), 3 / 16 - 1 / 128)
+# An interior derivative: slopes 1 and 3 at equal spacing, 2 / (1 + 1/3) = 3/2;
+# ends (3 - 3) / 2... = 0 and (9 - 1) / 2 = 4. Hermite sums: 1/2 + (0 - 3/2) /
+# 12, and (1 + 4) / 2 + (3/2 - 4) / 12.
+near(integral([0, 1, 2], [0, 1, 4], 0, 2), 0.5 - 0.125 + 2.5 - 2.5 / 12)
+# Bytes twice as many and half as many are no change, on the average.
+class Run:
+    def __init__(self, n):
+        self.bytes = n
+
+
+near(same_symbols([Run(10), Run(300)], [Run(20), Run(150)]), 0)
+near(same_symbols([Run(10), Run(300)], [Run(40), Run(300)]), 100)
+# Nothing in common, or quality that falls with the rate at the same PSNR.
+assert bd_rate(anchor, [(r, p + 9) for r, p in anchor]) is None
+assert bd_rate(anchor, [(1000, 30.0), (2000, 30.0)]) is None
+assert bd_rate(anchor, anchor[:1]) is None
+PYTHON
+    complain "bd_rate"
+verdict bd-rate
+
+# ---- options
+: >"$tmp/none.saga"
+refuses() { # refuses STATUS OPTIONS...
+    local want=$1 rc
+    shift
+    "$bin/make_refit" "$@" >"$tmp/out" 2>"$tmp/err"
+    rc=$?
+    [ "$rc" = "$want" ] && [ -s "$tmp/err" ] && [ ! -s "$tmp/out" ] ||
+        complain "make_refit $*: status $rc, not $want: $(cat "$tmp/err")"
+}
+refuses 2
+for wrong in '--groups 17' '--slots 48' '--update both' '--iterations 2' \
+    '--iterations' '--nothing'; do
+    # shellcheck disable=SC2086
+    refuses 2 "$tmp/none.saga" "$tmp/x.saga" $wrong
+done
+refuses 1 "$tmp/none.saga" "$tmp/x.saga"
+"$bin/make_order0" "$tmp/none.saga" >"$tmp/out" 2>&1 &&
+    complain "make_order0 takes an empty file"
+verdict options
+
+# ---- small
+folder=$tmp/ablation
+results=$tmp/results
+mkdir "$folder"
+"$saga" synth "$folder/capture" --size 64x36 --cameras 4 --hold-out 1 \
+    --frames 3 --points 300 --depth-every 0 >"$tmp/out" 2>&1 ||
+    complain "synth: $(cat "$tmp/out")"
+ablate() {
+    LAMBDAS='0.01 0.0001' TRAIN='--primitives 150 --iterations 150 --moving' \
+        REFIT='--iterations 20' lab/ablation.sh "$saga" "$folder" \
+        "$results" 1 "again=$folder/r2/in.saga" >"$tmp/out" 2>&1 ||
+        complain "ablation: $(tail -n 3 "$tmp/out")"
+}
+ablate
+python3 - "$folder" >>"$bad" 2>&1 <<'PYTHON' || complain "what was made"
+import json, os, sys
+
+HYPER, PARENT, GROUPS, MEMORY = 1, 2, 4, 8
+never = {"no-memory": MEMORY, "no-hyperprior": HYPER, "no-parent": PARENT,
+         "no-groups": GROUPS, "nothing": HYPER | PARENT | GROUPS | MEMORY,
+         "all-no-memory": MEMORY}
+slots = [f"slots{n}" for n in (32, 64, 128, 256, 512)]
+for rate in "r1", "r2":
+    at = os.path.join(sys.argv[1], rate)
+    full = json.load(open(f"{at}/full.json"))
+    for name in list(never) + ["all", "all-plain", "raw"] + \
+            (slots if rate == "r2" else []):
+        r = json.load(open(f"{at}/{name}.json"))
+        assert r["bytes"] == os.path.getsize(f"{at}/{name}.saga"), name
+        assert r["before"] == full["before"], name
+        for key in "coarse", "fine", "primitives":
+            kind = r["entropy_model"][key]
+            assert not kind["sources"] & never.get(name, 0), (name, kind)
+            if name in ["all", "all-plain"] + slots:
+                assert kind["sources"] & MEMORY, (name, kind)
+        for key in "tree", "fine_suffixes", "primitive_suffixes":
+            assert r["after"][key] == full["after"][key], (name, key)
+PYTHON
+for text in '## Bitstream by component' '## Decoding time' '| as trained ' \
+    '| full model ' \
+    '| constants by channel ' '| raw networks' '## Slots' '| again ' \
+    '| built-in | \*\*all\*\*' ; do
+    grep -q "$text" "$results/ablation.md" || complain "no '$text'"
+done
+! command -v gnuplot >/dev/null || grep -q '</svg>' "$results/ablation.svg" ||
+    complain "no plot: $(tail -n 3 "$tmp/out")"
+touch "$tmp/then"
+cp "$results/ablation.md" "$tmp/was"
+ablate
+anew=$(find "$folder"/r? -newer "$tmp/then" -type f)
+[ -z "$anew" ] || complain "made anew: $anew"
+cmp -s "$results/ablation.md" "$tmp/was" || complain "another table"
+verdict small
+
+all_passed

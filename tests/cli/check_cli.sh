@@ -1,0 +1,395 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_cli.sh: guarantees, for the program `saga` (build/saga, or SAGA=...),
+#   help        every command explains itself; --version; no command is a
+#               mistake
+#   usage       wrong command lines end with status 2, nothing on stdout and
+#               one line on stderr that names what is wrong
+#   good        `saga info` takes every good vector, in text and JSON, which
+#               parses and says what `saga-dec --info` says; the bytes of the
+#               parts add up to the file
+#   bad         every bad vector whose header or chunks are damaged ends with
+#               status 1 and one line that names the file; nothing crashes
+#   render      the pixels of saga-dec; times, sizes, sequences and paths; what
+#               cannot be drawn or written is told, nothing half-written stays
+#   synth       a capture appears whole, or not at all
+#   eval        a capture of the file's own pictures is found equal; a known
+#               error has its PSNR; a capture that does not fit is refused
+set -u
+cd "$(dirname "$0")/../.." || exit
+
+build=${BUILD:-build}
+saga=${SAGA:-$build/saga}
+saga_dec=${SAGA_DEC:-$build/saga-dec}
+if [ ! -x "$saga" ] || [ ! -x "$saga_dec" ]; then
+    "${MAKE:-make}" -s BUILD="$build" "$saga" "$saga_dec" ||
+        { echo "FAIL cli: $saga cannot be built"; exit 1; }
+fi
+
+checks=cli
+. tests/cli/verdict.sh
+
+# expect STATUS ARGUMENTS...: runs saga; output in $tmp/out, messages in err.
+expect() {
+    local want=$1 rc
+    shift
+    "$saga" "$@" >"$tmp/out" 2>"$tmp/err" </dev/null
+    rc=$?
+    [ "$rc" = "$want" ] ||
+        complain "saga $*: status $rc, not $want: $(head -n 1 "$tmp/err")"
+}
+
+# says TEXT: the messages are one line that has it; stdout is empty.
+says() {
+    [ "$(wc -l <"$tmp/err")" = 1 ] ||
+        complain "not one line of message: $(cat "$tmp/err")"
+    grep -qF -e "$1" "$tmp/err" || complain "no '$1' in: $(cat "$tmp/err")"
+    [ ! -s "$tmp/out" ] || complain "output beside: $(cat "$tmp/err")"
+}
+
+# ---- help
+expect 0 --help
+awk 'length > 79 { print "--help: " length " columns" }' "$tmp/out" \
+    >>"$tmp/bad"
+for c in $(sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' "$tmp/out"); do
+    expect 0 help "$c"
+    grep -q "^usage: saga $c " "$tmp/out" || complain "help $c: no usage"
+    cp "$tmp/out" "$tmp/help"
+    expect 0 "$c" --help
+    cmp -s "$tmp/out" "$tmp/help" || complain "$c --help is not help $c"
+    awk -v c="$c" 'length > 79 { print "help " c ": " length " columns" }' \
+        "$tmp/out" >>"$tmp/bad"
+done
+grep -q . "$tmp/help" || complain "--help lists no command"
+expect 0 --version
+grep -Eq '^saga [0-9.]+, files of version [0-9]+$' "$tmp/out" ||
+    complain "--version says $(cat "$tmp/out")"
+verdict help
+
+# ---- usage
+good=vectors/good/segments.saga
+expect 2
+says 'saga --help'
+expect 2 inf "$good"
+says "did you mean 'info'"
+expect 2 zzz
+says "unknown command 'zzz'"
+expect 2 help zzz
+says "unknown command 'zzz'"
+expect 2 info
+says 'an argument is missing'
+expect 2 info "$good" "$good"
+says 'more arguments'
+expect 2 info "$good" --jsn
+says "did you mean '--json'"
+expect 2 info "$good" --json=1
+says '--json takes no value'
+expect 2 info "$tmp/none.saga"
+says "$tmp/none.saga: cannot be opened"
+expect 2 info "$tmp"
+says "$tmp: is not a regular file"
+expect 2 info -- --json
+says -- '--json: cannot be opened'
+if [ -e /dev/full ]; then
+    "$saga" info "$good" >/dev/full 2>"$tmp/err"
+    [ $? = 2 ] || complain "a full disk is not status 2"
+    grep -q 'standard output' "$tmp/err" || complain "a full disk: no message"
+fi
+verdict usage
+
+# ---- good
+cat >"$tmp/agree.py" <<'PYTHON'
+import json, sys
+
+j = json.load(open(sys.argv[1]))
+said = open(sys.argv[2]).read()
+d = j["decoding"]
+for what in [
+    "version     %d, level %d\n" % (j["version"], j["level"]),
+    "segments    %d, frames %d at %d/%d per second\n"
+    % (j["n_segments"], j["n_frames"], *j["frames_per_second"]),
+    "cameras     %d\n" % len(j["rig"]),
+    "at most     %d coarse, %d fine anchors, %d primitives a segment\n"
+    % (d["max_coarse"], d["max_fine"], d["max_primitives"]),
+    "networks    %d weights in %d bytes\n"
+    % (d["n_weights"], j["bytes"]["networks"]),
+    "memory      %d bytes\n" % d["memory_nbytes"],
+    "decoding    %d multiply-accumulates a segment, %d a primitive"
+    % (d["macs_per_segment"], d["macs_per_primitive_and_view"]),
+]:
+    if what not in said:
+        print("saga-dec --info does not say:", what.strip())
+s = j["segments"]
+for what, a, b in [
+    ("bytes", sum(j["bytes"].values()), j["nbytes"]),
+    ("segments", len(s), j["n_segments"]),
+    ("frames", sum(x["n_frames"] for x in s), j["n_frames"]),
+    ("chunks", j["crc"]["chunks_checked"], 2 + 4 * len(s)),
+    ("other bytes", j["bytes"]["other"], 0),
+    ("most primitives", max(x["n_primitives"] for x in s)
+     <= d["max_primitives"], True),
+    ("sound", j["crc"]["sound"], True),
+]:
+    if a != b:
+        print(what, a, "!=", b)
+PYTHON
+n=0
+for f in vectors/good/*.saga; do
+    n=$((n + 1))
+    expect 0 info "$f"
+    grep -q 'chunks are right' "$tmp/out" || complain "$f: no word of CRCs"
+    [ ! -s "$tmp/err" ] || complain "$f: $(cat "$tmp/err")"
+    expect 0 info "$f" --json
+    python3 -m json.tool "$tmp/out" >/dev/null 2>&1 ||
+        complain "$f: not JSON"
+    "$saga_dec" "$f" --info >"$tmp/dec" 2>&1
+    python3 "$tmp/agree.py" "$tmp/out" "$tmp/dec" 2>&1 | tail -n 5 |
+        sed "s|^|$f: |" >>"$tmp/bad"
+done
+[ "$n" -ge 5 ] || complain "only $n good vectors"
+verdict "good: $n files"
+
+# ---- bad
+n=0
+for f in vectors/bad/*.saga; do
+    n=$((n + 1))
+    "$saga" info "$f" >"$tmp/out" 2>"$tmp/err"
+    rc=$?
+    case $(basename "$f") in
+    crc_* | cut_* | magic* | version* | empty*) refused=1 ;;
+    *)
+        refused=0
+        "$saga_dec" "$f" --info >/dev/null 2>&1 || refused=1
+        ;;
+    esac
+    # A stream can be wrong inside sound chunks: only decoding finds that.
+    [ "$rc" = "$refused" ] || { [ "$rc" = 1 ] && [ "$refused" = 0 ]; } ||
+        complain "$f: status $rc"
+    [ "$rc" = 0 ] || grep -qF -e "saga: $f: " "$tmp/err" ||
+        complain "$f: the message does not name it: $(cat "$tmp/err")"
+    [ "$rc" = 0 ] || [ "$(wc -l <"$tmp/err")" = 1 ] ||
+        complain "$f: not one line of message"
+done
+[ "$n" -ge 20 ] || complain "only $n bad vectors"
+# What is no .saga file at all.
+expect 1 info tests/cli/check_cli.sh
+says 'not a .saga file'
+# One byte changed at the end of a segment: told which, the others shown.
+cp "$good" "$tmp/flip.saga"
+printf 'X' | dd of="$tmp/flip.saga" bs=1 conv=notrunc status=none \
+    seek=$(($(wc -c <"$good") - 1))
+expect 1 info "$tmp/flip.saga" --json
+python3 -c 'import json, sys
+j = json.load(open(sys.argv[1]))
+assert not j["crc"]["sound"] and j["crc"]["segments_damaged"] == 1
+assert [s["damaged"] for s in j["segments"]] == [False, False, True]
+assert sum(j["bytes"].values()) == j["nbytes"]' "$tmp/out" 2>"$tmp/py" ||
+    complain "a flipped byte: $(tail -n 1 "$tmp/py")"
+grep -q 'CRC' "$tmp/err" || complain "a flipped byte: $(cat "$tmp/err")"
+verdict "bad: $n files"
+
+# ---- render
+scene=vectors/good/motion.saga
+frames=$("$saga" info "$scene" --json |
+         python3 -c 'import json, sys; print(json.load(sys.stdin)["n_frames"])')
+last=$(printf %05d $((frames - 1)))
+middle=$(printf %05d $((frames / 2)))
+# same PNG PPM: the same size and pixels.
+cat >"$tmp/same.py" <<'PYTHON'
+import struct, sys, zlib
+
+png, ppm = (open(p, "rb").read() for p in sys.argv[1:3])
+at, packed = 8, b""
+while at < len(png):
+    n, kind = struct.unpack(">I4s", png[at:at + 8])
+    if kind == b"IHDR":
+        w, h = struct.unpack(">II", png[at + 8:at + 16])
+    if kind == b"IDAT":
+        packed += png[at + 8:at + 8 + n]
+    at += 12 + n
+raw, out, up = zlib.decompress(packed), bytearray(), bytes(3 * w)
+for y in range(h):
+    row = bytearray(raw[y * (3 * w + 1) + 1:(y + 1) * (3 * w + 1)])
+    kind = raw[y * (3 * w + 1)]
+    for x in range(3 * w):
+        a, b, c = (row[x - 3], up[x], up[x - 3]) if x > 2 else (0, up[x], 0)
+        p = min((abs(b - c), 0, a), (abs(a - c), 1, b),
+                (abs(a + b - 2 * c), 2, c))[2]
+        row[x] = row[x] + [0, a, b, (a + b) // 2, p][kind] & 255
+    out += row
+    up = row
+assert ppm == b"P6\n%d %d\n255\n" % (w, h) + out, "other pixels"
+PYTHON
+for n in 0 1 2; do
+    expect 0 render "$scene" -o "$tmp/one.png" --camera $n --frame 15/2
+    "$saga_dec" "$scene" --camera rig:$n --time 15/2 -o "$tmp/one.ppm" ||
+        complain "saga-dec fails"
+    python3 "$tmp/same.py" "$tmp/one.png" "$tmp/one.ppm" 2>"$tmp/py" ||
+        complain "camera $n is not saga-dec's: $(tail -n 1 "$tmp/py")"
+done
+expect 0 render "$scene" -o "$tmp/two.png" --camera=2 --time 0.25 --threads 3
+cmp -s "$tmp/one.png" "$tmp/two.png" || complain "--time 0.25 is not 15/2"
+mkdir "$tmp/seq"
+expect 0 render "$scene" -o "$tmp/seq/a%03d.png" \
+    --frames $((frames - 2)):"$frames"
+expect 0 render "$scene" -o "$tmp/seq/b%d.exr" --orbit 3 --size 64x32
+[ "$(ls "$tmp/seq" | tr '\n' ' ')" = \
+    "$(printf 'a%03d.png ' $((frames - 2)) $((frames - 1)))b0.exr b1.exr b2.exr " ] ||
+    complain "a sequence makes $(ls "$tmp/seq")"
+rm -f "$tmp"/*.p?m "$tmp"/*.png
+expect 2 render "$scene"
+says '-o OUT is missing'
+expect 2 render "$scene" -o "$tmp/x.jpg"
+says '.png or .exr'
+expect 2 render "$scene" -o "$tmp/x.png" --orbit 3
+says 'one number in the name'
+for name in "$tmp/%s%d.png" "$tmp/%d%d.png" "$tmp/%99d.png" "$tmp/%n.png"; do
+    expect 2 render "$scene" -o "$name" --orbit 3
+    says 'one number in the name'
+done
+expect 2 render "$scene" -o "$tmp/x.png" --time 1 --frame 2
+says 'exclude each other'
+expect 2 render "$scene" -o "$tmp/x.png" --size 0x5
+says '--size takes WxH, 1 to 16384'
+expect 2 render "$scene" -o "$tmp/x.png" --time -1
+says '--time takes SECONDS'
+expect 2 render "$scene" -o "$tmp/none/x.png"
+says "$tmp/none/x.png: cannot be created"
+expect 1 render "$scene" -o "$tmp/x.png" --frame "$frames"
+says "no frame $frames among its $frames"
+expect 1 render "$scene" -o "$tmp/x%d.png" --frames 0:$((frames + 1))
+says "--frames 0:$((frames + 1)) goes beyond its $frames frames"
+expect 1 render "$scene" -o "$tmp/x.png" --camera 3
+says 'no camera 3 in its rig of 3'
+expect 1 render vectors/bad/crc_segment.saga -o "$tmp/x.png"
+says 'segment 0 is refused'
+says 'saga info'
+expect 1 render vectors/bad/crc_header.saga -o "$tmp/x.png"
+says 'header is refused'
+# Sound, but not of this stream, as a file of an earlier saga is.
+for f in scale_below_zero more_than_maximum; do
+    expect 1 render vectors/bad/$f.saga -o "$tmp/x.png"
+    says 'pre-release of saga: encode it again'
+done
+[ -z "$(find "$tmp" -name '*x*.png*')" ] || complain "something half-written"
+verdict render
+
+# ---- synth
+expect 0 synth "$tmp/syn" --size 48x32 --cameras 3 --hold-out 1 --frames 2 \
+    --samples 1 --depth-every 0 --points 50
+[ "$(find "$tmp/syn" -name '*.png' | wc -l)" = 6 ] ||
+    complain "synth makes $(find "$tmp/syn" -name '*.png')"
+python3 -m json.tool "$tmp/syn/transforms.json" >/dev/null ||
+    complain "transforms.json is not JSON"
+expect 2 synth "$tmp/syn"
+says "$tmp/syn"
+expect 2 synth "$tmp/other" --cameras 1
+says '--cameras takes N, 2 to 99'
+expect 2 synth "$tmp/none/other" --size 48x32
+says "$tmp/none/other"
+[ ! -e "$tmp/other" ] || complain "a folder of a refused synth"
+verdict synth
+
+# ---- eval
+# The pictures the file gives in its rig, as a capture.
+cat >"$tmp/capture.py" <<'PYTHON'
+import json, os, subprocess, sys
+
+saga, name, folder, held = sys.argv[1:5]
+info = json.loads(subprocess.check_output([saga, "info", name, "--json"]))
+frames, test = [], []
+for index, c in enumerate(info["rig"]):
+    view = "images/cam%02d" % index
+    os.makedirs(folder + "/" + view)
+    subprocess.check_call(
+        [saga, "render", name, "--camera", str(index), "--frames",
+         "0:%d" % info["n_frames"], "-o", folder + "/" + view + "/%05d.png"])
+    r = c["rotation"]
+    pose = [[r[i], -r[3 + i], -r[6 + i], c["centre_metres"][i]]
+            for i in range(3)] + [[0, 0, 0, 1]]
+    for k in range(info["n_frames"]):
+        path = "%s/%05d.png" % (view, k)
+        if view.endswith(held):
+            test.append(path)
+        frames.append({
+            "file_path": path, "transform_matrix": pose, "time": k / 30,
+            "fl_x": c["focal"][0], "fl_y": c["focal"][1],
+            "cx": c["principal"][0], "cy": c["principal"][1],
+            "w": c["width"], "h": c["height"]})
+train = [f["file_path"] for f in frames if f["file_path"] not in test]
+json.dump({"fps": 30, "frames": frames, "train_filenames": train,
+           "test_filenames": test},
+          open(folder + "/transforms.json", "w"))
+PYTHON
+cap=$tmp/cap
+python3 "$tmp/capture.py" "$saga" "$scene" "$cap" cam02 2>"$tmp/py" ||
+    complain "no capture: $(tail -n 1 "$tmp/py")"
+expect 0 eval "$scene" "$cap" --json --pictures "$tmp/pictures"
+python3 -c 'import json, os, sys
+j = json.load(open(sys.argv[1]))
+assert [v["held_out"] for v in j["views"]] == [False, False, True]
+assert [v["rig_camera"] for v in j["views"]] == [0, 1, 2]
+assert (j["n_training"], j["n_held_out"]) == (2, 1)
+for v in j["views"] + [j["training"], j["held_out"]]:
+    assert v["psnr"] is None or v["psnr"] > 70, v
+    assert v["ssim_zero"] > 0.99999 and v["ssim_valid"] > 0.99999, v
+    assert v["ms_ssim"] is None
+    assert v["changing_psnr"] is None or v["changing_psnr"] > 70, v
+    assert 0 < v["changing_share"] < 1, v
+    assert 10 < v["median_psnr_of_mean_mse"] <= v["median_psnr"] < 70, v
+changing = [v["changing_pixels"] for v in j["views"]]
+assert j["training"]["changing_pixels"] == changing[0] + changing[1]
+assert j["held_out"]["changing_pixels"] == changing[2]
+frames = int(sys.argv[3])
+pixels = [frames * v["width"] * v["height"] for v in j["views"]]
+assert abs(changing[2] / pixels[2] - j["held_out"]["changing_share"]) < 1e-8
+assert "median" in j["protocol"] and "changing" in j["protocol"]
+assert sum(j["bytes"].values()) == j["nbytes"] == os.path.getsize(sys.argv[2])
+assert j["decode_ms"]["n_views"] == 3 * frames
+assert j["decode_ms"]["n_segments"] == 1
+assert j["protocol"]["frames"] == [0, frames]' \
+    "$tmp/out" "$scene" "$frames" 2>"$tmp/py" ||
+    complain "eval of a file's own pictures: $(tail -n 1 "$tmp/py")"
+[ "$(ls "$tmp/pictures" | tr '\n' ' ')" = \
+    "cam00_$middle.png cam01_$middle.png cam02_$middle.png " ] ||
+    complain "pictures: $(ls "$tmp/pictures")"
+expect 0 eval "$scene" "$cap" --threads 1 --hold-out cam00
+grep -Eq '^cam00 +held out ' "$tmp/out" || complain "--hold-out cam00: not held"
+grep -Eq '^mean of 2 +training ' "$tmp/out" || complain "no mean of training"
+grep -q '^protocol' "$tmp/out" || complain "no protocol"
+awk 'length > 100 { print "eval: " length " columns" }
+    NF == 0 { rows = 0 }
+    rows && $1 == "file" && $2 != sum { print "bytes: " sum ", not " $2 }
+    rows { sum += $(NF - 2) }
+    $0 == "bytes" { rows = 1 }
+    END { if (!sum) print "no bytes" }' "$tmp/out" >>"$tmp/bad"
+# The segments' order: frame 0 shown as the last and the other way round.
+mv "$cap/images/cam01/00000.png" "$tmp/swap.png"
+mv "$cap/images/cam01/$last.png" "$cap/images/cam01/00000.png"
+mv "$tmp/swap.png" "$cap/images/cam01/$last.png"
+expect 0 eval "$scene" "$cap" --json --hold-out ''
+python3 -c 'import json, sys
+j = json.load(open(sys.argv[1]))
+assert j["n_held_out"] == 0 and j["held_out"]["psnr"] is None
+v = j["views"]
+for key in "psnr_of_mean_mse", "changing_psnr":
+    assert v[1][key] < 60 < (v[0][key] or 99), key
+' "$tmp/out" 2>"$tmp/py" || complain "swapped frames are not noticed"
+expect 1 eval "$scene" "$cap" --frames 0:$((frames - 1))
+says "$frames frames, the capture gives $((frames - 1))"
+expect 1 eval "$scene" "$tmp/syn"
+says "$frames frames, the capture gives 2"
+expect 2 eval "$scene" "$tmp/nowhere"
+says "$tmp/nowhere"
+expect 1 eval "$scene" "$cap" --hold-out cam09
+says 'cam09'
+expect 2 eval "$scene" "$cap" --scale 1/0
+says '--scale takes 1/N, 1 to 64'
+expect 1 eval vectors/bad/crc_segment.saga "$cap"
+says 'chunk PRIM'
+expect 2 eval "$scene" "$cap" --pictures "$scene/x"
+says "$scene/x"
+verdict eval
+
+all_passed

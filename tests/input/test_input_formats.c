@@ -1,0 +1,726 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Arrays, points and pictures from files whose bytes are put together here,
+ * by the formats' descriptions and not by the libraries that read them; and
+ * the same files cut short, wrong or lying about their sizes.
+ */
+#include "capture_files.h"
+#include "npy.h"
+#include "picture.h"
+#include "ply.h"
+
+#include <math.h>
+#include <zlib.h>
+
+/* --- npy ----------------------------------------------------------------- */
+
+static bytes npy_bytes(int version, const char *header)
+{
+    bytes b = { 0 };
+
+    put(&b, "\x93NUMPY", 6);
+    put_le(&b, (uint64_t)version, 2);
+    put_le(&b, strlen(header), version == 1 ? 2 : 4);
+    put_text(&b, "%s", header);
+    return b;
+}
+
+static saga_npy read_npy(folder *f, bytes *b)
+{
+    saga_error error = { "" };
+    saga_npy a;
+
+    write_bytes(f, "a.npy", b);
+    if (!saga_npy_read(&a, folder_file(f, "a.npy"), &error))
+        fail_msg("%s", error.message);
+    return a;
+}
+
+static void refused_npy(folder *f, bytes *b, const char *what)
+{
+    saga_error error = { "" };
+    saga_npy a;
+
+    write_bytes(f, "a.npy", b);
+    assert_false(saga_npy_read(&a, folder_file(f, "a.npy"), &error));
+    assert_says(&error, "a.npy");
+    assert_says(&error, what);
+    assert_says(&error, "; save");
+    assert_null(a.data);
+}
+
+/* Entry (r, c) of 2 x 3 is 10 r + c + 1/4. */
+static void npy_should_be_read_in_every_order_and_version(void **state)
+{
+    for (int way = 0; way < 12; way++) {
+        const int version = way % 3 + 1;
+        const bool fortran = way / 3 % 2, single = way / 6;
+        char header[200];
+        saga_npy a;
+        bytes b;
+
+        snprintf(header, sizeof header, "{'descr': '<f%d', 'fortran_order': "
+                 "%s, 'shape': (2, 3), }      \n", single ? 4 : 8,
+                 fortran ? "True" : "False");
+        b = npy_bytes(version, header);
+        for (int i = 0; i < 6; i++) {
+            const int r = fortran ? i % 2 : i / 3;
+            const int c = fortran ? i / 2 : i % 3;
+
+            if (single)
+                put_f32(&b, 10 * r + c + 0.25);
+            else
+                put_f64(&b, 10 * r + c + 0.25);
+        }
+        a = read_npy(*state, &b);
+        assert_int_equal(a.rows, 2);
+        assert_int_equal(a.cols, 3);
+        for (int i = 0; i < 6; i++)
+            assert_true(a.data[i] == 10 * (i / 3) + i % 3 + 0.25);
+        saga_npy_free(&a);
+    }
+}
+
+static void npy_should_be_read_with_one_dimension(void **state)
+{
+    bytes b = npy_bytes(1, "{\"shape\":(2,),\"fortran_order\":False,"
+                        "\"descr\":\"<f8\"}");
+    saga_npy a;
+
+    put_f64(&b, -7);
+    put_f64(&b, 1e300);
+    a = read_npy(*state, &b);
+    assert_int_equal(a.rows, 2);
+    assert_int_equal(a.cols, 1);
+    assert_true(a.data[0] == -7 && a.data[1] == 1e300);
+    saga_npy_free(&a);
+}
+
+static void npy_should_be_refused_when_it_is_something_else(void **state)
+{
+    static const char *const headers[] = {
+        "{'descr': '>f8', 'fortran_order': False, 'shape': (1,), }",
+        "{'descr': '<i8', 'fortran_order': False, 'shape': (1,), }",
+        "{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (1,), }",
+        "{'descr': '<f8', 'fortran_order': Maybe, 'shape': (1,), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (1, 1, 1), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (-1, 1), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (), }",
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (1",
+        "{'descr': '<f8', 'fortran_order': False}",
+        "{'fortran_order': False, 'shape': (1,), 'descr':",
+        ""
+    };
+    char longest[4096];
+    bytes b;
+
+    for (size_t i = 0; i < sizeof headers / sizeof headers[0]; i++) {
+        b = npy_bytes(1, headers[i]);
+        put_f64(&b, 1);
+        refused_npy(*state, &b, "header that is not understood");
+    }
+    /* The key at the very end of the longest header there may be. */
+    memset(longest, ' ', sizeof longest);
+    strcpy(longest + 4095 - 8, "'descr':");
+    memcpy(longest, "'fortran_order': False", 22);
+    b = npy_bytes(2, longest);
+    refused_npy(*state, &b, "header that is not understood");
+    b = (bytes){ 0 };
+    put_text(&b, "not an array");
+    refused_npy(*state, &b, "is no .npy file");
+}
+
+static void npy_should_be_refused_when_its_size_lies(void **state)
+{
+    static const struct { const char *shape, *what; } t[] = {
+        { "(2, 3)", "announces 2 x 3 numbers of 8 bytes but holds 40" },
+        { "(0, 3)", "announces 0 x 3" },
+        { "(4611686018427387904, 8)", "header that is not understood" },
+        { "(1000000000000000000, 1000000000000000000)", "announces" },
+        { "(99999999999999999999999999,)", "header that is not understood" }
+    };
+    bytes b;
+
+    for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
+        char header[200];
+
+        snprintf(header, sizeof header, "{'descr': '<f8', 'fortran_order': "
+                 "False, 'shape': %s, }", t[i].shape);
+        b = npy_bytes(1, header);
+        for (int k = 0; k < 5; k++)
+            put_f64(&b, k);
+        refused_npy(*state, &b, t[i].what);
+    }
+    b = npy_bytes(1, "{'descr': '<f8', 'fortran_order': False, ...");
+    b.n = 40;
+    refused_npy(*state, &b, "cut short in its header");
+    b = npy_bytes(9, "{}");
+    refused_npy(*state, &b, "is no .npy file");
+}
+
+/* --- PLY ----------------------------------------------------------------- */
+
+typedef struct {
+    saga_point *points;
+    size_t n, dropped;
+} cloud;
+
+static cloud read_ply(folder *f, bytes *b)
+{
+    saga_error error = { "" };
+    cloud c;
+
+    write_bytes(f, "p.ply", b);
+    if (!saga_ply_read(folder_file(f, "p.ply"), &c.points, &c.n, &c.dropped,
+                       &error))
+        fail_msg("%s", error.message);
+    return c;
+}
+
+static void refused_ply(folder *f, bytes *b, const char *what)
+{
+    saga_error error = { "" };
+    cloud c;
+
+    write_bytes(f, "p.ply", b);
+    assert_false(saga_ply_read(folder_file(f, "p.ply"), &c.points, &c.n,
+                               &c.dropped, &error));
+    assert_says(&error, "p.ply");
+    assert_says(&error, what);
+    assert_says(&error, "; ");
+    assert_null(c.points);
+}
+
+static void check_two(cloud *c)
+{
+    assert_int_equal(c->n, 2);
+    for (int i = 0; i < 2; i++) {
+        const saga_point *const p = c->points + i;
+
+        assert_true(p->position[0] == 0.5 + i && p->position[1] == -2 &&
+                    p->position[2] == 1024);
+        assert_int_equal(p->rgb[0], 200 + i);
+        assert_int_equal(p->rgb[1], 20);
+        assert_int_equal(p->rgb[2], 2);
+        assert_int_equal(p->n_seen, -1);
+    }
+    free(c->points);
+}
+
+static void ply_should_be_read_as_text(void **state)
+{
+    bytes b = { 0 };
+    cloud c;
+
+    put_text(&b, "ply\r\nformat ascii 1.0\r\ncomment by hand\r\n"
+             "element vertex 3\r\nproperty uchar green\r\nproperty float x\r\n"
+             "property double z\r\nproperty float y\r\nproperty uchar red\r\n"
+             "property int spare\r\nproperty uchar blue\r\n"
+             "element face 1\r\nproperty list uchar int vertex_indices\r\n"
+             "end_header\r\n20 0.5 1024 -2 200 7 2\r\n20 1.5 1.024e3 -2.0 201 "
+             "-7 2\r\n20 nan 0 0 1 1 1\r\n3 0 1 2\r\n");
+    c = read_ply(*state, &b);
+    assert_int_equal(c.dropped, 1);
+    check_two(&c);
+}
+
+static void ply_should_be_read_as_little_endian_bytes(void **state)
+{
+    bytes b = { 0 };
+    cloud c;
+
+    put_text(&b, "ply\nformat binary_little_endian 1.0\nelement vertex 2\n"
+             "property float64 x\nproperty short y\nproperty float32 z\n"
+             "property ushort red\nproperty float green\nproperty int8 blue\n"
+             "property uint flags\nend_header\n");
+    for (int i = 0; i < 2; i++) {
+        put_f64(&b, 0.5 + i);
+        put_le(&b, 0xfffe, 2);          /* -2 */
+        put_f32(&b, 1024);
+        put_le(&b, (uint64_t)(200 + i) * 257, 2);
+        put_f32(&b, 20 / 255.0);
+        put_le(&b, 2, 1);
+        put_le(&b, 0x0a0a0a0a, 4);
+    }
+    c = read_ply(*state, &b);
+    assert_int_equal(c.dropped, 0);
+    check_two(&c);
+}
+
+static void ply_should_be_grey_without_colours_and_may_be_empty(void **state)
+{
+    bytes b = { 0 };
+    cloud c;
+
+    put_text(&b, "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+             "property float y\nproperty float z\nend_header\n1 2 3");
+    c = read_ply(*state, &b);
+    assert_int_equal(c.n, 1);
+    assert_int_equal(c.points[0].rgb[2], 128);
+    free(c.points);
+    put_text(&b, "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\n"
+             "property float y\nproperty float z\nend_header\n");
+    c = read_ply(*state, &b);
+    assert_int_equal(c.n, 0);
+    free(c.points);
+}
+
+static void ply_should_come_back_as_it_was_written(void **state)
+{
+    folder *const f = *state;
+    saga_point points[3] = { { { 1, 2.5, -3 }, { 0, 128, 255 }, 5 },
+                             { { -1e9, 0, 1e-9 }, { 1, 2, 3 }, -1 },
+                             { { NAN, 0, 0 }, { 0, 0, 0 }, 1 } };
+    saga_error error = { "" };
+    cloud c;
+
+    assert_true(saga_ply_write(folder_file(f, "q.ply"), points, 3, &error));
+    assert_true(saga_ply_read(folder_file(f, "q.ply"), &c.points, &c.n,
+                              &c.dropped, &error));
+    assert_int_equal(c.n, 2);
+    assert_int_equal(c.dropped, 1);
+    for (int i = 0; i < 2; i++)
+        for (int k = 0; k < 3; k++) {
+            assert_true(c.points[i].position[k] ==
+                        (double)(float)points[i].position[k]);
+            assert_int_equal(c.points[i].rgb[k], points[i].rgb[k]);
+        }
+    free(c.points);
+}
+
+static void ply_should_be_refused_when_it_is_wrong(void **state)
+{
+#define HEAD(format, count) "ply\nformat " format " 1.0\nelement vertex " \
+    count "\nproperty float x\nproperty float y\nproperty float z\n" \
+    "end_header\n"
+    static const struct { const char *text, *what; } t[] = {
+        { "obj\n", "is no PLY file" },
+        { "", "is no PLY file" },
+        { HEAD("binary_big_endian", "1"), "format binary_big_endian" },
+        { HEAD("ascii", "2") "1 2 3\n4.25 5.125", "cut short at point 1 of 2" },
+        { HEAD("ascii", "1") "1 two 3\n", "cut short at point 0 of 1" },
+        { HEAD("binary_little_endian", "2") "12345678901234567890",
+          "announces 2 points but has only 20 bytes" },
+        { HEAD("ascii", "18446744073709551615") "1 2 3\n",
+          "announces 18446744073709551615 points" },
+        { HEAD("binary_little_endian", "1537228672809129302") "123",
+          "announces 1537228672809129302 points" },
+        { HEAD("ascii", "-1") "1 2 3\n", "points but has only 6 bytes" },
+        { "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n"
+          "property float z\nend_header\n1 2\n", "no x, y, z" },
+        { "ply\nelement vertex 1\nproperty float x\nproperty float y\n"
+          "property float z\nend_header\n0 0 0 0 0 0 0\n", "no format" },
+        { "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n",
+          "cut short in its header" },
+        { "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int i\n"
+          "element vertex 1\n", "\"element face 1\" is not supported" },
+        { "ply\nformat ascii 1.0\nelement vertex 1\nproperty list uchar int "
+          "i\n", "\"property list uchar int i\" is not supported" },
+        { "ply\nformat ascii 1.0\nelement vertex 1\nproperty half x\n",
+          "\"property half x\" is not supported" }
+    };
+
+    for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
+        bytes b = { 0 };
+
+        put(&b, t[i].text, strlen(t[i].text));
+        refused_ply(*state, &b, t[i].what);
+    }
+}
+
+/* --- PNG ----------------------------------------------------------------- */
+
+enum { GREY = 0, RGB = 2, PALETTE = 3, GREY_ALPHA = 4, RGBA = 6 };
+
+static void put_chunk(bytes *b, const char *type, const void *data, size_t n)
+{
+    uLong crc = crc32(0, (const Bytef *)type, 4);
+
+    put_be(b, n, 4);
+    put(b, type, 4);
+    put(b, data, n);
+    if (n > 0)
+        crc = crc32(crc, data, (uInt)n);
+    put_be(b, crc, 4);
+}
+
+typedef struct {
+    int width, height, depth, colour;
+    const void *extra[3];    /* gAMA, PLTE, tRNS; NULL: none */
+    size_t n_extra[3];
+} png_kind;
+
+/* rows: (height, row_nbytes), without filter bytes. */
+static bytes png_bytes(const png_kind *k, const uint8_t *rows,
+                       size_t row_nbytes)
+{
+    static const char *const names[3] = { "gAMA", "PLTE", "tRNS" };
+    bytes b = { 0 }, head = { 0 }, raw = { 0 };
+    uint8_t packed[4096];
+    uLongf n = sizeof packed;
+
+    put(&b, "\x89PNG\r\n\x1a\n", 8);
+    put_be(&head, (uint64_t)k->width, 4);
+    put_be(&head, (uint64_t)k->height, 4);
+    put_be(&head, (uint64_t)k->depth, 1);
+    put_be(&head, (uint64_t)k->colour, 1);
+    put_be(&head, 0, 3);
+    put_chunk(&b, "IHDR", head.data, head.n);
+    for (int i = 0; i < 3; i++)
+        if (k->extra[i])
+            put_chunk(&b, names[i], k->extra[i], k->n_extra[i]);
+    for (int y = 0; y < k->height; y++) {
+        put_be(&raw, 0, 1);
+        put(&raw, rows + (size_t)y * row_nbytes, row_nbytes);
+    }
+    put(&raw, "", 0);
+    assert_int_equal(compress(packed, &n, raw.data, raw.n), Z_OK);
+    put_chunk(&b, "IDAT", packed, n);
+    put_chunk(&b, "IEND", NULL, 0);
+    free(head.data);
+    free(raw.data);
+    return b;
+}
+
+static void read_picture(folder *f, const char *name, int w, int h,
+                         uint8_t *rgb)
+{
+    saga_error error = { "" };
+    int width = 0, height = 0;
+
+    if (!saga_picture_probe(folder_file(f, name), &width, &height, &error) ||
+        !saga_picture_read(folder_file(f, name), w, h, rgb, &error))
+        fail_msg("%s", error.message);
+    assert_int_equal(width, w);
+    assert_int_equal(height, h);
+}
+
+static void check_png(folder *f, const png_kind *k, const uint8_t *rows,
+                      size_t row_nbytes, const uint8_t *expected)
+{
+    uint8_t rgb[256];
+    bytes b = png_bytes(k, rows, row_nbytes);
+
+    write_bytes(f, "a.png", &b);
+    read_picture(f, "a.png", k->width, k->height, rgb);
+    assert_memory_equal(rgb, expected, 3 * (size_t)(k->width * k->height));
+}
+
+static void png_should_be_read_in_colour_and_grey(void **state)
+{
+    static const uint8_t colour[12] = { 1, 2, 3, 250, 128, 0, 255, 255, 255,
+                                        0, 0, 9 };
+    static const uint8_t grey[2] = { 7, 200 };
+    static const uint8_t two_bits[2] = { 0x1b, 0xe4 }; /* 0 1 2 3, 3 2 1 0 */
+    static const uint8_t grown[24] = { 0, 0, 0, 85, 85, 85, 170, 170, 170,
+                                       255, 255, 255, 255, 255, 255, 170, 170,
+                                       170, 85, 85, 85, 0, 0, 0 };
+    static const uint8_t greys[6] = { 7, 7, 7, 200, 200, 200 };
+    static const uint8_t one_bit[1] = { 0x40 };
+    static const uint8_t bits[6] = { 0, 0, 0, 255, 255, 255 };
+
+    check_png(*state, &(png_kind){ 2, 2, 8, RGB, { 0 }, { 0 } }, colour, 6,
+              colour);
+    check_png(*state, &(png_kind){ 1, 2, 8, GREY, { 0 }, { 0 } }, grey, 1,
+              greys);
+    check_png(*state, &(png_kind){ 4, 2, 2, GREY, { 0 }, { 0 } }, two_bits, 1,
+              grown);
+    check_png(*state, &(png_kind){ 2, 1, 1, GREY, { 0 }, { 0 } }, one_bit, 1,
+              bits);
+}
+
+/* round(v / 257): 128 is just below a half, 129 just above. */
+static void png_should_be_rounded_from_16_bits(void **state)
+{
+    static const uint8_t rows[12] = { 0, 128, 0, 129, 0xff, 0xff, 0x80, 0x80,
+                                      0xff, 0x7e, 0xff, 0x7f };
+    static const uint8_t rounded[6] = { 0, 1, 255, 128, 254, 255 };
+
+    check_png(*state, &(png_kind){ 2, 1, 16, RGB, { 0 }, { 0 } }, rows, 12,
+              rounded);
+}
+
+/* Colour times alpha / 255, to the nearest; gamma has no part in it. */
+static void png_should_lie_over_black_where_it_is_transparent(void **state)
+{
+    static const uint8_t colour[12] = { 200, 100, 3, 128, 200, 100, 3, 0,
+                                        200, 100, 3, 255 };
+    static const uint8_t grey[4] = { 250, 51, 90, 255 };
+    static const uint8_t mixed[9] = { 100, 50, 2, 0, 0, 0, 200, 100, 3 };
+    static const uint8_t greys[6] = { 50, 50, 50, 90, 90, 90 };
+    static const uint8_t palette[6] = { 10, 20, 30, 255, 128, 64 };
+    static const uint8_t clear[2] = { 255, 51 };
+    static const uint8_t indices[1] = { 0x40 };
+    static const uint8_t coloured[6] = { 10, 20, 30, 51, 26, 13 };
+    static const uint8_t key[2] = { 0, 90 }, keyed_rows[2] = { 90, 91 };
+    static const uint8_t keyed[6] = { 0, 0, 0, 91, 91, 91 };
+    static const uint8_t linear[4] = { 0, 1, 0x86, 0xa0 }; /* gamma 1 */
+
+    for (int with_gamma = 0; with_gamma < 2; with_gamma++) {
+        const uint8_t *const g = with_gamma ? linear : NULL;
+
+        check_png(*state, &(png_kind){ 3, 1, 8, RGBA, { g }, { 4 } }, colour,
+                  12, mixed);
+        check_png(*state, &(png_kind){ 2, 1, 8, GREY_ALPHA, { g }, { 4 } },
+                  grey, 4, greys);
+        check_png(*state, &(png_kind){ 2, 1, 1, PALETTE, { g, palette, clear },
+                                       { 4, 6, 2 } }, indices, 1, coloured);
+        check_png(*state, &(png_kind){ 2, 1, 8, GREY, { g, NULL, key },
+                                       { 4, 0, 2 } }, keyed_rows, 2, keyed);
+    }
+}
+
+static void refused_picture(folder *f, const char *name, int w, int h,
+                            const char *what)
+{
+    saga_error error = { "" };
+    uint8_t rgb[3072];
+    int width, height;
+
+    assert_false(saga_picture_probe(folder_file(f, name), &width, &height,
+                                    &error) &&
+                 saga_picture_read(folder_file(f, name), w, h, rgb, &error));
+    assert_says(&error, name);
+    assert_says(&error, what);
+    assert_says(&error, "; ");
+}
+
+static void png_should_be_refused_when_it_is_damaged(void **state)
+{
+    folder *const f = *state;
+    static const uint8_t rows[12] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 };
+    const png_kind k = { 2, 2, 8, RGB, { 0 }, { 0 } };
+    bytes b = png_bytes(&k, rows, 6), none;
+    static const struct { int w, h; const char *what; } sizes[] = {
+        { 0, 2, "0 x 2 pixels" }, { 2, 0, "2 x 0 pixels" },
+        { 16385, 2, "16385 x 2 pixels" },
+        { 0x7fffffff, 0x7fffffff, "2147483647 x 2147483647 pixels" }
+    };
+
+    for (size_t n = 0; n + 12 < b.n; n++) {
+        write_part(f, "a.png", &b, n);
+        refused_picture(f, "a.png", 2, 2, n < 8 ? "neither PNG nor" : "PNG");
+    }
+    write_part(f, "a.png", &b, b.n);
+    refused_picture(f, "a.png", 2, 3, "is 2 x 2 pixels, expected 2 x 3");
+    b.data[b.n - 12 - 10] ^= 1; /* in IDAT: its checksum */
+    write_bytes(f, "a.png", &b);
+    refused_picture(f, "a.png", 2, 2, "damaged");
+    for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
+        bytes head = { 0 };
+
+        none = png_bytes(&(png_kind){ 0, 0, 8, RGB, { 0 }, { 0 } }, rows, 0);
+        put_be(&head, (uint64_t)sizes[i].w, 4);
+        put_be(&head, (uint64_t)sizes[i].h, 4);
+        memcpy(none.data + 16, head.data, 8);
+        free(head.data);
+        head = (bytes){ 0 };
+        put_be(&head, crc32(0, none.data + 12, 17), 4);
+        memcpy(none.data + 29, head.data, 4);
+        free(head.data);
+        write_bytes(f, "a.png", &none);
+        refused_picture(f, "a.png", 2, 2, sizes[i].what);
+    }
+    refused_picture(f, "b.png", 2, 2, "cannot be opened");
+}
+
+/* --- EXR ----------------------------------------------------------------- */
+
+static void put_attribute(bytes *b, const char *name, const char *type,
+                          const bytes *value)
+{
+    put(b, name, strlen(name) + 1);
+    put(b, type, strlen(type) + 1);
+    put_le(b, value->n, 4);
+    put(b, value->data, value->n);
+}
+
+/* Channels in alphabetical order, all of 32-bit floats, not compressed; the
+ * first pixel at (left, top). data: (height, channels, width). */
+static bytes exr_bytes(const char *const *names, int n, int left, int top,
+                       int width, int height, const double *data)
+{
+    bytes b = { 0 }, v = { 0 };
+    const size_t row = (size_t)(4 * n * width);
+    size_t at;
+
+    put_le(&b, 20000630, 4);
+    put_le(&b, 2, 4);
+    for (int i = 0; i < n; i++) {
+        put(&v, names[i], strlen(names[i]) + 1);
+        put_le(&v, 2, 4);  /* float */
+        put_le(&v, 0, 4);
+        put_le(&v, 1, 4);
+        put_le(&v, 1, 4);
+    }
+    put_le(&v, 0, 1);
+    put_attribute(&b, "channels", "chlist", &v);
+    v.n = 0;
+    put_le(&v, 0, 1);
+    put_attribute(&b, "compression", "compression", &v);
+    put_attribute(&b, "lineOrder", "lineOrder", &v);
+    v.n = 0;
+    put_le(&v, (uint64_t)left, 4);
+    put_le(&v, (uint64_t)top, 4);
+    put_le(&v, (uint64_t)(left + width - 1), 4);
+    put_le(&v, (uint64_t)(top + height - 1), 4);
+    put_attribute(&b, "dataWindow", "box2i", &v);
+    put_attribute(&b, "displayWindow", "box2i", &v);
+    v.n = 0;
+    put_f32(&v, 1);
+    put_attribute(&b, "pixelAspectRatio", "float", &v);
+    put_attribute(&b, "screenWindowWidth", "float", &v);
+    put_f32(&v, 0);
+    put_attribute(&b, "screenWindowCenter", "v2f", &v);
+    free(v.data);
+    put_le(&b, 0, 1);
+    at = b.n + 8 * (size_t)height;
+    for (int y = 0; y < height; y++)
+        put_le(&b, at + (size_t)y * (8 + row), 8);
+    for (int y = 0; y < height; y++) {
+        put_le(&b, (uint64_t)(top + y), 4);
+        put_le(&b, row, 4);
+        for (int i = 0; i < n * width; i++)
+            put_f32(&b, *data++);
+    }
+    return b;
+}
+
+static void exr_should_be_read_as_depth(void **state)
+{
+    static const char *const z[] = { "Z" }, *const other[] = { "dist" };
+    static const char *const many[] = { "A", "Z", "id" };
+    const double depth[6] = { 0.5, 1, 2.25, 1e6, INFINITY, 0 };
+    const double mixed[18] = { 9, 9, 9, 0.5, 1, 2.25, 8, 8, 8,
+                               9, 9, 9, 1e6, INFINITY, 0, 8, 8, 8 };
+    folder *const f = *state;
+
+    for (int way = 0; way < 3; way++) {
+        saga_error error = { "" };
+        float got[6];
+        bytes b = way == 2 ? exr_bytes(many, 3, 0, 0, 3, 2, mixed)
+                           : exr_bytes(way ? other : z, 1, -5, 7, 3, 2, depth);
+
+        write_bytes(f, "d.exr", &b);
+        if (!saga_exr_read_depth(folder_file(f, "d.exr"), 3, 2, got, &error))
+            fail_msg("%s", error.message);
+        for (int i = 0; i < 6; i++)
+            assert_true(got[i] == (float)depth[i]);
+    }
+}
+
+/* IEC 61966-2-1 by hand: 255 (1.055 0.5^(1/2.4) - 0.055) = 187.5, just above;
+ * 0.18 gives 117.6, 0.001 gives 255 12.92 / 1000 = 3.3. */
+static void exr_should_become_srgb(void **state)
+{
+    static const char *const bgr[] = { "B", "G", "R" };
+    const double data[12] = { 0.5, 2, -1, 0.001, 0.18, NAN, INFINITY, 0,
+                              1, 0.0031308, 0.0031309, 0 };
+    static const uint8_t expected[12] = { 255, 118, 188, 10, 0, 255,
+                                          10, 255, 0, 0, 0, 3 };
+    uint8_t rgb[12];
+    bytes b = exr_bytes(bgr, 3, 0, 0, 4, 1, data);
+
+    write_bytes(*state, "c.exr", &b);
+    read_picture(*state, "c.exr", 4, 1, rgb);
+    assert_memory_equal(rgb, expected, 12);
+}
+
+static void exr_should_bring_all_8_bits_back(void **state)
+{
+    uint8_t rgb[768], back[768];
+    saga_error error = { "" };
+
+    for (int i = 0; i < 256; i++) {
+        rgb[3 * i] = (uint8_t)i;
+        rgb[3 * i + 1] = (uint8_t)(255 - i);
+        rgb[3 * i + 2] = (uint8_t)(7 * i);
+    }
+    assert_true(saga_exr_write(folder_file(*state, "c.exr"), 16, 16, rgb,
+                               &error));
+    read_picture(*state, "c.exr", 16, 16, back);
+    assert_memory_equal(rgb, back, 768);
+}
+
+/* What a chunk takes when compressed passes through all sizes around that of
+ * the pixels: noise after more and more zeros. */
+static void exr_should_bring_depth_back_whatever_its_size(void **state)
+{
+    enum { WIDTH = 24, HEIGHT = 16, N = WIDTH * HEIGHT };
+    folder *const f = *state;
+    uint32_t seed = 1;
+
+    for (int zeros = 0; zeros < 48; zeros++) {
+        saga_error error = { "" };
+        float depth[N], back[N];
+
+        for (int i = 0; i < N; i++) {
+            seed = seed * 1664525u + 1013904223u;
+            /* A mantissa of noise, the exponent of 1..2. */
+            depth[i] = i < zeros ? 0 : 1 + (float)(seed >> 9) / (1 << 23);
+        }
+        assert_true(saga_exr_write_depth(folder_file(f, "d.exr"), WIDTH,
+                                         HEIGHT, depth, &error));
+        assert_true(saga_exr_read_depth(folder_file(f, "d.exr"), WIDTH,
+                                        HEIGHT, back, &error));
+        assert_memory_equal(depth, back, sizeof depth);
+    }
+}
+
+static void exr_should_be_refused_when_it_is_damaged(void **state)
+{
+    static const char *const z[] = { "Z" }, *const rg[] = { "G", "R" };
+    const double data[12] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 };
+    folder *const f = *state;
+    bytes b = exr_bytes(z, 1, 0, 0, 3, 2, data);
+    saga_error error;
+    float got[6];
+
+    for (size_t n = 0; n < b.n; n += n < 380 ? 7 : 1) {
+        error = (saga_error){ "" };
+        write_part(f, "d.exr", &b, n);
+        assert_false(saga_exr_read_depth(folder_file(f, "d.exr"), 3, 2, got,
+                                         &error));
+        assert_says(&error, "d.exr");
+        assert_says(&error, "; ");
+    }
+    write_bytes(f, "d.exr", &b);
+    error = (saga_error){ "" };
+    assert_false(saga_exr_read_depth(folder_file(f, "d.exr"), 2, 3, got,
+                                     &error));
+    assert_says(&error, "is 3 x 2 pixels, expected 2 x 3");
+    refused_picture(f, "d.exr", 3, 2, "no full-size channel R");
+    b = exr_bytes(rg, 2, 0, 0, 3, 2, data);
+    write_bytes(f, "d.exr", &b);
+    refused_picture(f, "d.exr", 3, 2, "no full-size channel B");
+    error = (saga_error){ "" };
+    assert_false(saga_exr_read_depth(folder_file(f, "none.exr"), 3, 2, got,
+                                     &error));
+    assert_says(&error, "none.exr: cannot be opened");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_FOLDER(npy_should_be_read_in_every_order_and_version),
+        IN_FOLDER(npy_should_be_read_with_one_dimension),
+        IN_FOLDER(npy_should_be_refused_when_it_is_something_else),
+        IN_FOLDER(npy_should_be_refused_when_its_size_lies),
+        IN_FOLDER(ply_should_be_read_as_text),
+        IN_FOLDER(ply_should_be_read_as_little_endian_bytes),
+        IN_FOLDER(ply_should_be_grey_without_colours_and_may_be_empty),
+        IN_FOLDER(ply_should_come_back_as_it_was_written),
+        IN_FOLDER(ply_should_be_refused_when_it_is_wrong),
+        IN_FOLDER(png_should_be_read_in_colour_and_grey),
+        IN_FOLDER(png_should_be_rounded_from_16_bits),
+        IN_FOLDER(png_should_lie_over_black_where_it_is_transparent),
+        IN_FOLDER(png_should_be_refused_when_it_is_damaged),
+        IN_FOLDER(exr_should_be_read_as_depth),
+        IN_FOLDER(exr_should_become_srgb),
+        IN_FOLDER(exr_should_bring_all_8_bits_back),
+        IN_FOLDER(exr_should_bring_depth_back_whatever_its_size),
+        IN_FOLDER(exr_should_be_refused_when_it_is_damaged)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,322 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Lenses and sizes at loading: OpenCV's distortion against values worked out
+ * by hand, pictures made through a lens against the same pattern seen by a
+ * pinhole, area averages and scaled intrinsics.
+ */
+#include "capture_files.h"
+#include "picture.h"
+#include "remap.h"
+
+#include <math.h>
+
+enum { W = 160, H = 120 };
+
+typedef struct {
+    double fx, fy, cx, cy, k1, k2, p1, p2, k3; /* OpenCV's order */
+} lens;
+
+static const lens barrel = {
+    130, 126, 83.5, 57.25, -0.21, 0.06, 0.004, -0.003, -0.012
+};
+static const lens pincushion = {
+    150, 151, 78, 62, 0.12, 0.03, -0.002, 0.005, 0.01
+};
+
+/* --- The reference ------------------------------------------------------- */
+
+/* OpenCV, camera calibration: radial factor times the point, plus p1 (2xy,
+ * r2 + 2y2) plus p2 (r2 + 2x2, 2xy). */
+static void distort(const lens *l, const double in[2], double out[2])
+{
+    const double x2 = in[0] * in[0], y2 = in[1] * in[1], xy = in[0] * in[1];
+    const double r2 = x2 + y2, r4 = r2 * r2, r6 = r4 * r2;
+    const double radial = 1 + l->k1 * r2 + l->k2 * r4 + l->k3 * r6;
+
+    out[0] = in[0] * radial + (2 * l->p1 * xy + l->p2 * (r2 + 2 * x2));
+    out[1] = in[1] * radial + (l->p1 * (r2 + 2 * y2) + 2 * l->p2 * xy);
+}
+
+/* The direction a distorted point comes from, by fixed-point iteration. */
+static void undistort(const lens *l, const double to[2], double x[2])
+{
+    double y[2];
+
+    x[0] = to[0];
+    x[1] = to[1];
+    for (int i = 0; i < 200; i++) {
+        distort(l, x, y);
+        x[0] += 0.7 * (to[0] - y[0]);
+        x[1] += 0.7 * (to[1] - y[1]);
+    }
+    distort(l, x, y);
+    assert_true(fabs(y[0] - to[0]) < 1e-12 && fabs(y[1] - to[1]) < 1e-12);
+}
+
+/* What there is to see in direction (x, y, 1): 0..255, waves of at least 27
+ * pixels, channels of different direction. */
+static double pattern(double x, double y, int channel)
+{
+    static const double a[3][2] = { { 29, 0 }, { 4, 27 }, { -20, 19 } };
+
+    return 127.5 + 100 * sin(a[channel][0] * x + a[channel][1] * y + channel);
+}
+
+static void draw_through(const lens *l, uint8_t *rgb)
+{
+    for (int i = 0; i < W * H; i++) {
+        const double seen[2] = { (i % W + 0.5 - l->cx) / l->fx,
+                                 (i / W + 0.5 - l->cy) / l->fy };
+        double d[2];
+
+        undistort(l, seen, d);
+        for (int k = 0; k < 3; k++)
+            rgb[3 * i + k] = (uint8_t)(pattern(d[0], d[1], k) + 0.5);
+    }
+}
+
+/* --- Captures ------------------------------------------------------------ */
+
+static void write_capture(folder *f, const lens *l, int w, int h,
+                          const uint8_t *rgb)
+{
+    saga_error error = { "" };
+    bytes b = { 0 };
+
+    if (!saga_png_write(folder_file(f, "a.png"), w, h, rgb, &error))
+        fail_msg("%s", error.message);
+    put_text(&b, "{\"fl_x\": %.17g, \"fl_y\": %.17g, \"cx\": %.17g, "
+             "\"cy\": %.17g, \"k1\": %.17g, \"k2\": %.17g, \"p1\": %.17g, "
+             "\"p2\": %.17g, \"k3\": %.17g, \"camera_model\": \"OPENCV\", "
+             "\"frames\": [{\"file_path\": \"a.png\", \"transform_matrix\": "
+             "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]}", l->fx, l->fy,
+             l->cx, l->cy, l->k1, l->k2, l->p1, l->p2, l->k3);
+    write_bytes(f, "transforms.json", &b);
+}
+
+static saga_capture load_scaled(folder *f, int scale)
+{
+    saga_capture_options o = saga_capture_defaults();
+
+    o.scale = scale;
+    return load_with(f->path, &o);
+}
+
+/* Mean of the pattern over the n x n pixels of full size that a pixel of the
+ * view covers, each at its centre. */
+static double expected(const saga_shot *v, int n, int x, int y, int channel)
+{
+    double sum = 0;
+
+    for (int i = 0; i < n * n; i++) {
+        const double u = x + (i % n + 0.5) / n, w = y + (i / n + 0.5) / n;
+
+        sum += pattern((u - v->cx) / v->fx, (w - v->cy) / v->fy, channel);
+    }
+    return sum / (n * n);
+}
+
+static void check_pattern(folder *f, const lens *l, int scale)
+{
+    static uint8_t rgb[3 * W * H];
+    double worst = 0, sum[3] = { 0 }, squares = 0;
+    saga_capture c;
+    const saga_shot *v;
+    int n;
+
+    draw_through(l, rgb);
+    write_capture(f, l, W, H, rgb);
+    c = load_scaled(f, scale);
+    v = c.views;
+    n = v->width * v->height;
+    for (int i = 0; i < 3 * n; i++) {
+        const double e = saga_capture_frame(&c, 0, 0)[i] -
+            expected(v, scale, i / 3 % v->width, i / 3 / v->width, i % 3);
+
+        worst = fmax(worst, fabs(e));
+        squares += e * e / (3 * n);
+        sum[i % 3] += e / n;
+    }
+    /* Two roundings to 8 bits, 1/2 each at most; interpolation over waves of
+     * 27 pixels, (2 pi / 27)^2 / 8 of their height 100 on each axis: 0.7 and
+     * 0.7; positions to 1/512 pixel, 0.1. Half a pixel would be 11. */
+    assert_true(worst < 2.6);
+    assert_true(squares < 0.6 * 0.6);
+    for (int k = 0; k < 3; k++)
+        assert_true(fabs(sum[k]) < 0.1);
+    saga_capture_free(&c);
+}
+
+/* --- Tests --------------------------------------------------------------- */
+
+static void lens_should_give_values_worked_out_by_hand(void **state)
+{
+    /* k1: r2 = 1/4, factor 1 + 1/2 / 4. k2: r4 = 1/16. k3: r2 = 1/2, r6 =
+     * 1/8. p1 at (1/2, 1/2): x + 2 p1 / 4, y + p1 (1/2 + 2/4); p2 mirrored. */
+    static const struct {
+        saga_lens lens;
+        double x, y, u, v;
+    } t[] = {
+        { { 1, 1, 0, 0, 0.5, 0, 0, 0, 0 }, 0.5, 0, 0.5625, 0 },
+        { { 1, 1, 0, 0, 0, 1, 0, 0, 0 }, 0, 0.5, 0, 0.53125 },
+        { { 1, 1, 0, 0, 0, 0, 1, 0, 0 }, 0.5, -0.5, 0.5625, -0.5625 },
+        { { 1, 1, 0, 0, 0, 0, 0, 0.1, 0 }, 0.5, 0.5, 0.55, 0.6 },
+        { { 1, 1, 0, 0, 0, 0, 0, 0, 0.1 }, 0.5, 0.5, 0.6, 0.55 },
+        { { 100, 200, 7, 9, 0, 0, 0, 0, 0.1 }, 0.5, 0.5, 67, 119 }
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
+        double uv[2];
+
+        saga_lens_project(&t[i].lens, t[i].x, t[i].y, uv);
+        assert_true(fabs(uv[0] - t[i].u) < 1e-12);
+        assert_true(fabs(uv[1] - t[i].v) < 1e-12);
+    }
+}
+
+static void lens_should_be_gone_after_loading(void **state)
+{
+    check_pattern(*state, &barrel, 1);
+    check_pattern(*state, &pincushion, 1);
+}
+
+static void lens_should_be_gone_when_scaled_down(void **state)
+{
+    check_pattern(*state, &barrel, 2);
+    check_pattern(*state, &pincushion, 3);
+}
+
+/* Is every pixel centre of the pinhole picture, its focal lengths times s,
+ * between pixel centres of the source? */
+static bool all_covered(const lens *l, const saga_shot *v, double s)
+{
+    for (int i = 0; i < W * H; i++) {
+        const double d[2] = { (i % W + 0.5 - v->cx) / (s * v->fx),
+                              (i / W + 0.5 - v->cy) / (s * v->fy) };
+        double at[2];
+
+        distort(l, d, at);
+        at[0] = l->fx * at[0] + l->cx;
+        at[1] = l->fy * at[1] + l->cy;
+        if (at[0] < 0.5 - 1e-9 || at[0] > W - 0.5 + 1e-9 ||
+            at[1] < 0.5 - 1e-9 || at[1] > H - 0.5 + 1e-9)
+            return false;
+    }
+    return true;
+}
+
+static void pinhole_should_be_the_widest_without_invalid_pixels(void **state)
+{
+    static const lens *const all[] = { &barrel, &pincushion };
+    static uint8_t rgb[3 * W * H];
+
+    for (int i = 0; i < 2; i++) {
+        saga_capture c;
+        const saga_shot *v;
+
+        write_capture(*state, all[i], W, H, rgb);
+        c = load_scaled(*state, 1);
+        v = c.views;
+        assert_true(v->cx == all[i]->cx && v->cy == all[i]->cy);
+        assert_true(v->fx == all[i]->fx * v->focal_scale);
+        assert_true(v->fy == all[i]->fy * v->focal_scale);
+        assert_true(all_covered(all[i], v, 1));
+        assert_false(all_covered(all[i], v, 0.9999));
+        saga_capture_free(&c);
+    }
+}
+
+static void scale_should_average_areas_exactly(void **state)
+{
+    enum { FULL_W = 101, FULL_H = 50, N = 3, SMALL = FULL_W / N };
+    static const lens none = { 90, 91, 50.5, 25, 0, 0, 0, 0, 0 };
+    static uint8_t rgb[3 * FULL_W * FULL_H];
+    const double world[3] = { 0.25, -0.125, -2 };
+    double full[2], small[2] = { 0 }, z;
+    saga_capture c;
+    uint32_t seed = 1;
+
+    for (size_t i = 0; i < sizeof rgb; i++) {
+        seed = seed * 1664525u + 1013904223u;
+        rgb[i] = (uint8_t)(seed >> 24);
+    }
+    write_capture(*state, &none, FULL_W, FULL_H, rgb);
+    c = load_scaled(*state, N);
+    assert_int_equal(c.views[0].width, SMALL);
+    assert_int_equal(c.views[0].height, FULL_H / N);
+    assert_int_equal(c.views[0].source_width, FULL_W);
+    for (int i = 0; i < 3 * SMALL * (FULL_H / N); i++) {
+        const int x = i / 3 % SMALL, y = i / 3 / SMALL;
+        int sum = 0;
+
+        for (int k = 0; k < N * N; k++)
+            sum += rgb[3 * ((N * y + k / N) * FULL_W + N * x + k % N) + i % 3];
+        /* Nine can not be halved: nearest is what is within a half. */
+        assert_true(abs(18 * saga_capture_frame(&c, 0, 0)[i] - 2 * sum) <= 9);
+    }
+    /* The picture's corner stays where it is, so do places in thirds. By hand,
+     * in the full picture: 50.5 + 90 / 8 and 25 + 91 / 16. */
+    assert_true(saga_view_project(c.views, world, small, &z));
+    saga_capture_free(&c);
+    full[0] = 50.5 + 90 * 0.125;
+    full[1] = 25 + 91 * 0.0625;
+    assert_true(fabs(small[0] - full[0] / N) < 1e-12);
+    assert_true(fabs(small[1] - full[1] / N) < 1e-12);
+    assert_true(z == 2);
+}
+
+static void scale_should_take_single_depths(void **state)
+{
+    saga_remap r;
+    saga_error error = { "" };
+    const saga_lens none = { .fx = 9, .fy = 9, .cx = 4, .cy = 3 };
+    float full[8 * 6], small[4 * 3];
+
+    (void)state;
+    for (int i = 0; i < 8 * 6; i++)
+        full[i] = (float)i;
+    assert_true(saga_remap_plan(&r, &none, 8, 6, 2, "x", &error));
+    assert_true(saga_remap_build(&r, &none));
+    saga_remap_depth(&r, full, small);
+    for (int i = 0; i < 4 * 3; i++)
+        assert_true(small[i] == full[(2 * (i / 4) + 1) * 8 + 2 * (i % 4) + 1]);
+    saga_remap_free(&r);
+    assert_true(saga_remap_plan(&r, &none, 8, 6, 3, "x", &error));
+    saga_remap_depth(&r, full, small);
+    for (int i = 0; i < 2 * 2; i++)
+        assert_true(small[i] == full[(3 * (i / 2) + 1) * 8 + 3 * (i % 2) + 1]);
+}
+
+static void lens_should_be_refused_when_it_folds_or_is_no_lens(void **state)
+{
+    folder *const f = *state;
+    static uint8_t rgb[3 * W * H];
+    lens l = barrel;
+
+    l.k1 = -50;
+    write_capture(f, &l, W, H, rgb);
+    refused(f->path, "a.png: distortion k1 -50", "folds the picture");
+    l = barrel;
+    l.fx = -130;
+    write_capture(f, &l, W, H, rgb);
+    refused(f->path, "a.png", "fx -130");
+    l.fx = 0;
+    write_capture(f, &l, W, H, rgb);
+    refused(f->path, "a.png", "fx 0");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lens_should_give_values_worked_out_by_hand),
+        IN_FOLDER(lens_should_be_gone_after_loading),
+        IN_FOLDER(lens_should_be_gone_when_scaled_down),
+        IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels),
+        IN_FOLDER(scale_should_average_areas_exactly),
+        cmocka_unit_test(scale_should_take_single_depths),
+        IN_FOLDER(lens_should_be_refused_when_it_folds_or_is_no_lens)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

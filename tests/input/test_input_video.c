@@ -1,0 +1,330 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Video through ffmpeg: frames made here, stored without loss, must come back
+ * in order, in number and in colour; cameras that do not fit together and
+ * files that cannot be decoded are refused.
+ */
+#include "capture_files.h"
+#include "video.h"
+
+#include <math.h>
+
+enum { W = 32, H = 16 };
+
+/* --- Videos -------------------------------------------------------------- */
+
+/* A grey video without loss; frame k has luma 16 + 10 k, which BT.709 limited
+ * makes 255 (10 k) / 219. */
+static void write_video(folder *f, const char *name, int n, int fps,
+                        const char *options)
+{
+    bytes b = { 0 };
+
+    for (int k = 0; k < n; k++)
+        for (int i = 0; i < 3 * W * H; i++)
+            put_le(&b, (uint64_t)(i < W * H ? 16 + 10 * k : 128), 1);
+    write_bytes(f, "raw", &b);
+    folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p -s "
+               "%dx%d -r %d -i raw -c:v libx264 -qp 0 %s -y %s && rm raw", W,
+               H, fps, options, name);
+}
+
+static int grey_of(int frame)
+{
+    return (int)(255 * 10.0 * frame / 219 + 0.5);
+}
+
+/* A camera per name, looking at the same places. */
+static void write_json(folder *f, const char *const *names, int n)
+{
+    bytes b = { 0 };
+
+    put_text(&b, "{\"fl_x\": 30, \"frames\": [");
+    for (int i = 0; i < n; i++)
+        put_text(&b, "%s{\"file_path\": \"%s\", \"transform_matrix\": "
+                 "[[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}", i ? ", " : "", names[i],
+                 i);
+    put_text(&b, "]}");
+    write_bytes(f, "transforms.json", &b);
+}
+
+static const char *const two[] = { "a.mp4", "b.mp4" };
+
+/* --- Frames -------------------------------------------------------------- */
+
+static void check_frames(const saga_capture *c, int first, int n)
+{
+    assert_int_equal(c->n_frames, n);
+    assert_int_equal(c->first_frame, first);
+    for (int v = 0; v < c->n_views; v++)
+        for (int k = 0; k < n; k++)
+            for (int i = 0; i < 3 * W * H; i++)
+                assert_true(abs(saga_capture_frame(c, v, k)[i] -
+                                grey_of(first + k)) <= 1);
+}
+
+static void video_should_give_its_frames_in_order(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_video(f, "a.mp4", 12, 25, "-bf 3");
+    write_video(f, "b.mp4", 12, 25, "-g 1");
+    write_json(f, two, 2);
+    c = load(f->path);
+    assert_int_equal(c.n_views, 2);
+    assert_string_equal(c.views[0].name, "a");
+    assert_true(c.fps == 25);
+    assert_true(strstr(c.notes, "without a matrix tag") != NULL);
+    check_frames(&c, 0, 12);
+    saga_capture_free(&c);
+    o.first_frame = 3;
+    o.end_frame = 7;
+    c = load_with(f->path, &o);
+    check_frames(&c, 3, 4);
+    saga_capture_free(&c);
+    o.end_frame = 13;
+    refused_with(f->path, &o, f->path, "--frames 3:13 is not in the capture's "
+                 "12 frames");
+    o.end_frame = 3;
+    refused_with(f->path, &o, f->path, "--frames 3:3 is empty");
+}
+
+static void video_should_give_the_same_for_any_threads(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture a, b;
+
+    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
+               "d=0.5 -c:v libx264 a.mp4 && cp a.mp4 b.mp4", W, H);
+    write_json(f, two, 2);
+    o.n_threads = 1;
+    a = load_with(f->path, &o);
+    o.n_threads = 2;
+    b = load_with(f->path, &o);
+    for (int v = 0; v < 2; v++)
+        assert_memory_equal(a.views[v].rgb, b.views[v].rgb, 5 * 3 * W * H);
+    saga_capture_free(&a);
+    saga_capture_free(&b);
+}
+
+/* --- Colour -------------------------------------------------------------- */
+
+static double bounded(double x)
+{
+    return fmin(fmax(x, 0), 255);
+}
+
+/* Y'CbCr to R'G'B' from a matrix's kr and kb (BT.601, BT.709), by its
+ * definition: Y = kr R + kg G + kb B, Cb = (B - Y) / (2 (1 - kb)). */
+static void convert(double out[3], const double ycc[3], double kr, double kb,
+                    bool full)
+{
+    const double y = full ? ycc[0] : (ycc[0] - 16) * 255 / 219;
+    const double s = full ? 1 : 255.0 / 224;
+    const double cb = (ycc[1] - 128) * s, cr = (ycc[2] - 128) * s;
+    const double r = y + 2 * (1 - kr) * cr, b = y + 2 * (1 - kb) * cb;
+
+    out[0] = bounded(r);
+    out[1] = bounded((y - kr * r - kb * b) / (1 - kr - kb));
+    out[2] = bounded(b);
+}
+
+static void check_colour(folder *f, const char *tags, double kr, double kb,
+                         bool full)
+{
+    static const double colours[4][3] = {
+        { 90, 110, 160 }, { 150, 160, 100 }, { 60, 128, 140 },
+        { 200, 120, 128 }
+    };
+    const char *const name[] = { "c.mp4" };
+    saga_capture c;
+    bytes b = { 0 };
+
+    for (int k = 0; k < 4; k++)
+        for (int i = 0; i < 3 * W * H; i++)
+            put_le(&b, (uint64_t)colours[k][i / (W * H)], 1);
+    write_bytes(f, "raw", &b);
+    folder_run(f, "ffmpeg -nostdin -v error -f rawvideo -pix_fmt yuv444p "
+               "%s -s %dx%d -r 5 -i raw -c:v libx264 -qp 0 %s -y c.mp4",
+               tags, W, H, tags);
+    write_json(f, name, 1);
+    c = load(f->path);
+    for (int k = 0; k < 4; k++) {
+        double rgb[3];
+
+        convert(rgb, colours[k], kr, kb, full);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(saga_capture_frame(&c, 0, k)[i] - rgb[i]) < 1.5);
+    }
+    saga_capture_free(&c);
+}
+
+static void colour_should_follow_the_tags(void **state)
+{
+    check_colour(*state, "", 0.2126, 0.0722, false);
+    check_colour(*state, "-colorspace smpte170m", 0.299, 0.114, false);
+    check_colour(*state, "-colorspace bt709 -color_range pc", 0.2126, 0.0722,
+                 true);
+}
+
+/* --- Refusing ------------------------------------------------------------ */
+
+static void videos_should_be_refused_when_counts_differ(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_video(f, "a.mp4", 6, 25, "");
+    write_video(f, "b.mp4", 4, 25, "");
+    write_json(f, two, 2);
+    refused(f->path, "b.mp4: unequal frame counts: b has 4 frames, a has 6",
+            "--frames 0:4");
+    o.end_frame = 4;
+    c = load_with(f->path, &o);
+    check_frames(&c, 0, 4);
+    saga_capture_free(&c);
+    o.end_frame = 5;
+    refused_with(f->path, &o, "b.mp4", "unequal frame counts");
+}
+
+static void videos_should_be_refused_when_rates_differ(void **state)
+{
+    folder *const f = *state;
+
+    write_video(f, "a.mp4", 4, 25, "");
+    write_video(f, "b.mp4", 4, 30, "");
+    write_json(f, two, 2);
+    refused(f->path, "b.mp4", "has 30 frames per second, a has 25");
+}
+
+static void video_should_be_refused_when_it_is_missing_or_no_video(
+    void **state)
+{
+    folder *const f = *state;
+
+    write_video(f, "a.mp4", 4, 25, "");
+    write_json(f, two, 2);
+    refused(f->path, "b.mp4", "video is missing");
+    write_text(f, "b.mp4", "moving pictures");
+    refused(f->path, "b.mp4", "is no video that ffprobe can read");
+    write_text(f, "b.mp4", "");
+    refused(f->path, "b.mp4", "is no video that ffprobe can read");
+    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i sine=d=0.1 -y b.mp4");
+    refused(f->path, "b.mp4", "has no video stream");
+}
+
+/* A file whose end is missing, and one with bytes changed in the middle. */
+static void video_should_be_refused_when_it_is_damaged(void **state)
+{
+    const char *const name[] = { "a.mkv" };
+    folder *const f = *state;
+    saga_error error = { "" };
+    saga_bytes all;
+    bytes part;
+
+    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
+               "d=1 -c:v libx264 -g 2 -t 1 a.mkv", 8 * W, 8 * H);
+    assert_true(saga_read_file(&all, folder_file(f, "a.mkv"), &error));
+    part = (bytes){ all.data, all.nbytes };
+    write_json(f, name, 1);
+    write_part(f, "a.mkv", &part, all.nbytes * 3 / 4);
+    refused(f->path, "a.mkv", "encode the video again");
+    for (size_t i = all.nbytes / 2; i < all.nbytes / 2 + 400; i++)
+        all.data[i] ^= 0x55;
+    write_part(f, "a.mkv", &part, all.nbytes);
+    refused(f->path, "a.mkv", "encode the video again");
+    saga_bytes_free(&all);
+}
+
+/* A name cannot become an option, a protocol or a part of a command. */
+static void video_should_be_found_whatever_its_name(void **state)
+{
+    static const char *const odd[] = { "-a;'b $(c).mp4", "concat:d|e.mp4" };
+    folder *const f = *state;
+    saga_capture c;
+
+    write_video(f, "a.mp4", 3, 25, "");
+    folder_run(f, "cp a.mp4 \"./-a;'b \\$(c).mp4\" && cp a.mp4 "
+               "'concat:d|e.mp4'");
+    write_json(f, odd, 2);
+    c = load(f->path);
+    check_frames(&c, 0, 3);
+    assert_string_equal(c.views[0].name, "-a;'b $(c)");
+    saga_capture_free(&c);
+}
+
+static bool stop_at_once(void *user, double done, const char *doing)
+{
+    (void)done;
+    (void)doing;
+    ++*(int *)user;
+    return false;
+}
+
+static void loading_should_stop_when_told(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_error error;
+    saga_capture c;
+    int calls = 0;
+
+    write_video(f, "a.mp4", 3, 25, "");
+    folder_run(f, "cp a.mp4 b.mp4");
+    write_json(f, two, 2);
+    o.n_threads = 1;
+    o.progress = stop_at_once;
+    o.progress_user = &calls;
+    assert_false(saga_capture_load(&c, f->path, &o, &error));
+    assert_says(&error, "cancelled");
+    assert_int_equal(calls, 1);
+}
+
+/* 2 x 32 x 16 x 3 x 12 bytes of pictures, and one decoded picture with its
+ * depth, 7 bytes per pixel: 40,448; the remedies must be true. */
+static void loading_should_be_refused_when_memory_is_short(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_video(f, "a.mp4", 12, 25, "");
+    folder_run(f, "cp a.mp4 b.mp4");
+    write_json(f, two, 2);
+    o.n_threads = 1;
+    o.memory_nbytes = 40448;
+    c = load_with(f->path, &o);
+    saga_capture_free(&c);
+    o.memory_nbytes = 40447;
+    refused_with(f->path, &o, "2 cameras x 12 frames of 32 x 16",
+                 "use --scale 1/2, --frames 0:11, or");
+    o.end_frame = 11;
+    c = load_with(f->path, &o);
+    saga_capture_free(&c);
+    o.end_frame = 0;
+    o.scale = 2;
+    c = load_with(f->path, &o);
+    saga_capture_free(&c);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_FOLDER(video_should_give_its_frames_in_order),
+        IN_FOLDER(video_should_give_the_same_for_any_threads),
+        IN_FOLDER(colour_should_follow_the_tags),
+        IN_FOLDER(videos_should_be_refused_when_counts_differ),
+        IN_FOLDER(videos_should_be_refused_when_rates_differ),
+        IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video),
+        IN_FOLDER(video_should_be_refused_when_it_is_damaged),
+        IN_FOLDER(video_should_be_found_whatever_its_name),
+        IN_FOLDER(loading_should_stop_when_told),
+        IN_FOLDER(loading_should_be_refused_when_memory_is_short)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

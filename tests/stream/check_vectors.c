@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * check_vectors DIR: every line of DIR/MANIFEST, every stage; bad files must
+ * give their exact status. Plain C and no test library, so that it runs on
+ * every target. A missing file is a failure. Prints `N passed, N failed`.
+ *
+ * Symbols are read by ref_recorder.h and the shared traversal, everything
+ * else through saga.h.
+ */
+#include "encode.h"
+#include "head.h"
+#include "plan.h"
+#include "ref_recorder.h"
+#include "vectors.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PIXELS_NBYTES = 3 * 640 * 480 };
+
+static uint8_t pixels[PIXELS_NBYTES];
+static int n_passed, n_failed;
+
+static uint8_t *read_file(const char *dir, const char *name, size_t *n)
+{
+    char path[1024];
+    FILE *f;
+    uint8_t *p;
+    long size;
+
+    snprintf(path, sizeof path, "%s/%s", dir, name);
+    f = fopen(path, "rb");
+    if (!f)
+        return NULL;
+    fseek(f, 0, SEEK_END);
+    size = ftell(f);
+    fseek(f, 0, SEEK_SET);
+    p = malloc((size_t)size + 1);
+    *n = p ? fread(p, 1, (size_t)size, f) : 0;
+    fclose(f);
+    return p;
+}
+
+static int same(const char *name, const char *stage, uint32_t got,
+                uint32_t want)
+{
+    if (got == want)
+        return 1;
+    printf("FAIL %s: %s is %08" PRIx32 ", not %08" PRIx32 "\n", name, stage,
+           got, want);
+    return 0;
+}
+
+static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
+                        uint32_t number)
+{
+    saga_net_symbols nets;
+    saga_symbols s;
+    saga_header h;
+    saga_plan plan;
+    uint32_t final_range[3];
+
+    memset(&nets, 0, sizeof nets);
+    memset(&s, 0, sizeof s);
+    if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0) ||
+        !recorder_read(&nets, &s, number, final_range, bytes, n))
+        return 0;
+    *crc = saga_symbols_crc(&nets, &plan.nets, &s, h.model.features);
+    saga_net_symbols_free(&nets);
+    recorder_free_symbols(&s);
+    return 1;
+}
+
+static int check_good(const char *name, const uint8_t *bytes, size_t n,
+                      uint32_t number, int32_t t, uint32_t camera,
+                      const saga_stages *want)
+{
+    saga_stages got;
+    saga_status s;
+    int i, ok;
+
+    if (!read_symbols(&got.symbols, bytes, n, number)) {
+        printf("FAIL %s: its symbols cannot be read\n", name);
+        return 0;
+    }
+    s = saga_stages_of(&got, bytes, n, number, t, camera, pixels,
+                       sizeof pixels);
+    if (s) {
+        printf("FAIL %s: %s\n", name, saga_status_text(s));
+        return 0;
+    }
+    ok = same(name, "symbols", got.symbols, want->symbols);
+    for (i = 0; i < 3; i++)
+        ok &= same(name, "final range", got.final_range[i],
+                   want->final_range[i]);
+    ok &= same(name, "primitives", got.primitives, want->primitives);
+    ok &= same(name, "splats", got.splats, want->splats);
+    ok &= same(name, "frame", got.frame, want->frame);
+    return ok;
+}
+
+static int check_bad(const char *name, const uint8_t *bytes, size_t n,
+                     int want)
+{
+    saga_stages got;
+    const saga_status s = saga_stages_of(&got, bytes, n, 0, 0, 0, pixels,
+                                         sizeof pixels);
+
+    if ((int)s == want)
+        return 1;
+    printf("FAIL %s: status %d, not %d\n", name, (int)s, want);
+    return 0;
+}
+
+static int check_line(const char *dir, const char *line)
+{
+    char name[256];
+    unsigned number, camera;
+    int t, status, ok = 0;
+    saga_stages w;
+    uint8_t *bytes;
+    size_t n = 0;
+    const int is_bad = sscanf(line, "%255s status %d", name, &status) == 2;
+    const int is_good = !is_bad &&
+        sscanf(line, "%255s %u %" SCNx32 " %" SCNx32 " %" SCNx32 " %" SCNx32
+               " %d %u %" SCNx32 " %" SCNx32 " %" SCNx32, name, &number,
+               &w.symbols, &w.final_range[0], &w.final_range[1],
+               &w.final_range[2], &t, &camera, &w.primitives, &w.splats,
+               &w.frame) == 11;
+
+    if (!is_bad && !is_good) {
+        printf("FAIL MANIFEST: cannot read the line: %s", line);
+        return 0;
+    }
+    bytes = read_file(dir, name, &n);
+    if (!bytes)
+        printf("FAIL %s: missing\n", name);
+    else
+        ok = is_bad ? check_bad(name, bytes, n, status)
+                    : check_good(name, bytes, n, number, t, camera, &w);
+    free(bytes);
+    return ok;
+}
+
+int main(int argc, char **argv)
+{
+    char path[1024], line[1024];
+    FILE *f;
+
+    if (argc != 2) {
+        fprintf(stderr, "usage: check_vectors DIR\n");
+        return 2;
+    }
+    snprintf(path, sizeof path, "%s/MANIFEST", argv[1]);
+    f = fopen(path, "r");
+    if (!f) {
+        printf("FAIL %s: missing\n", path);
+        return 1;
+    }
+    while (fgets(line, sizeof line, f)) {
+        if (line[0] == '#' || line[0] == '\n')
+            continue;
+        if (check_line(argv[1], line))
+            n_passed++;
+        else
+            n_failed++;
+    }
+    fclose(f);
+    if (n_passed + n_failed == 0) {
+        printf("FAIL %s: no vector\n", path);
+        n_failed = 1;
+    }
+    printf("%d passed, %d failed\n", n_passed, n_failed);
+    return n_failed != 0;
+}

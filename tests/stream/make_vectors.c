@@ -1,0 +1,589 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * make_vectors DIR: writes good and bad streams and DIR/MANIFEST. The files
+ * come from gen_stream.h, what they decode to from this build's decoder:
+ * run it only when the format changes (`make vectors`), and look at why.
+ */
+#include "fx.h"
+#include "gen_mutate.h"
+#include "gen_stream.h"
+#include "plan.h"
+#include "prob.h"
+#include "range_enc.h"
+#include "vectors.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PIXELS_NBYTES = 3 * 640 * 480 };
+
+static uint8_t pixels[PIXELS_NBYTES];
+static const char *directory;
+static FILE *manifest;
+
+static void write_file(const char *name, const uint8_t *p, size_t n)
+{
+    char path[1024];
+    FILE *f;
+
+    snprintf(path, sizeof path, "%s/%s", directory, name);
+    f = fopen(path, "wb");
+    if (!f || fwrite(p, 1, n, f) != n || fclose(f)) {
+        fprintf(stderr, "make_vectors: %s: cannot write\n", path);
+        exit(2);
+    }
+}
+
+/* --- Good ---------------------------------------------------------------- */
+
+static void describe(const char *name, const gen_stream *g,
+                     const uint8_t *bytes, size_t n, uint32_t number,
+                     int32_t t, uint32_t camera)
+{
+    saga_nets nets;
+    saga_stages st;
+    saga_status s;
+
+    saga_nets_layout(&nets, &g->header.model);
+    st.symbols = saga_symbols_crc(&g->nets, &nets, &g->segment[number],
+                                  g->header.model.features);
+    s = saga_stages_of(&st, bytes, n, number, t, camera, pixels,
+                       sizeof pixels);
+    if (s) {
+        fprintf(stderr, "make_vectors: %s: %s\n", name, saga_status_text(s));
+        exit(2);
+    }
+    fprintf(manifest, "%s %" PRIu32 " %08" PRIx32 " %08" PRIx32 " %08" PRIx32
+            " %08" PRIx32 " %" PRId32 " %" PRIu32 " %08" PRIx32 " %08" PRIx32
+            " %08" PRIx32 "\n", name, number, st.symbols, st.final_range[0],
+            st.final_range[1], st.final_range[2], t, camera, st.primitives,
+            st.splats, st.frame);
+}
+
+/* Of the seeds o.seed, + 100, .. the first whose stream has at least half of
+ * the coarse anchors it may have: what is drawn before them decides. */
+static void good(const char *stem, gen_options o)
+{
+    char name[64];
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n;
+    uint32_t i;
+
+    snprintf(name, sizeof name, "good/%s.saga", stem);
+    gen_stream_make(&g, &o);
+    while (g.segment[0].n.coarse < o.n_coarse / 2) {
+        gen_stream_free(&g);
+        o.seed += 100;
+        gen_stream_make(&g, &o);
+    }
+    gen_stream_encode(&g, &bytes, &n);
+    write_file(name, bytes, n);
+    for (i = 0; i < g.n_segments; i++) {
+        describe(name, &g, bytes, n, i, 0, 0);
+        describe(name, &g, bytes, n, i, 40000, 1);
+    }
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+/* The first tree that fills level 0 to the brim. */
+static void good_full(void)
+{
+    gen_options o = { .seed = 1, .level = 0, .full = 1, .picture = 1,
+                      .tools_fixed = 1, .tools = SAGA_TOOLS_PICTURE };
+    int found = 0;
+
+    for (; !found; o.seed++) {
+        const saga_level_caps *const cap = &saga_caps[0];
+        gen_stream g;
+        const saga_symbols *const s = &g.segment[0];
+
+        gen_stream_make(&g, &o);
+        found = s->n.coarse == cap->n_coarse && s->n.fine == cap->n_fine &&
+                s->n.prim == cap->n_prim;
+        gen_stream_free(&g);
+    }
+    o.seed--;
+    good("level0_full", o);
+}
+
+/* --- Bad ----------------------------------------------------------------- */
+
+typedef void (*change)(saga_header *h);
+
+static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
+static void to_layers(saga_header *h) { h->model.tools |= SAGA_TOOL_LAYERS; }
+static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
+static void to_memory(saga_header *h) { h->model.tools |= SAGA_TOOL_MEMORY; }
+static void to_tool_12(saga_header *h) { h->model.tools |= 1u << 12; }
+static void to_classes(saga_header *h) { h->model.tools |= SAGA_TOOL_CLASSES; }
+static void to_plain(saga_header *h)
+{
+    h->model.tools |= SAGA_TOOL_PLAIN_WRITE;
+}
+
+static void to_cut(saga_header *h) { h->cuttable = 1; }
+static void to_slots(saga_header *h) { h->model.memory_slots = 64; }
+static void to_slot_width(saga_header *h) { h->model.memory_width = 32; }
+static void to_blocks(saga_header *h) { h->model.memory_blocks = 256; }
+static void to_slots_0(saga_header *h) { h->model.memory_slots = 0; }
+static void to_slots_96(saga_header *h) { h->model.memory_slots = 96; }
+static void to_slots_128(saga_header *h) { h->model.memory_slots = 128; }
+static void to_slots_1024(saga_header *h) { h->model.memory_slots = 1024; }
+static void to_slot_width_0(saga_header *h) { h->model.memory_width = 0; }
+static void to_slot_width_12(saga_header *h) { h->model.memory_width = 12; }
+static void to_slot_width_72(saga_header *h) { h->model.memory_width = 72; }
+static void to_blocks_0(saga_header *h) { h->model.memory_blocks = 0; }
+static void to_query_0(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 0; }
+static void to_query_65(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 65; }
+static void to_hash_levels(saga_header *h) { h->hash_levels = 1; }
+static void to_hash_size(saga_header *h) { h->hash_log2_entries = 10; }
+static void to_level_4(saga_header *h) { h->level = 4; }
+static void to_level_0(saga_header *h) { h->level = 0; }
+static void to_frames_0(saga_header *h) { h->n_frames = 0; }
+static void to_segments_0(saga_header *h) { h->n_segments = 0; }
+static void to_features_4(saga_header *h) { h->model.features = 4; }
+static void to_width_0(saga_header *h) { h->model.width[0] = 0; }
+static void to_fine_width_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_FINE] = 0;
+}
+
+static void to_colour_base_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_COLOUR_BASE] = 0;
+}
+
+static void to_fuse_129(saga_header *h)
+{
+    h->model.width[SAGA_NET_FUSE_F] = 129;
+}
+
+/* What is not there is still described. */
+static void to_no_fuse_q_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_FUSE_C] = 0;
+    h->model.q_in[SAGA_NET_FUSE_C] = 0;
+}
+
+static void to_no_fuse_q_21(saga_header *h)
+{
+    h->model.width[SAGA_NET_FUSE_C] = 0;
+    h->model.head_q[SAGA_HEAD_FUSE_C] = 21;
+}
+
+static void to_octaves_9(saga_header *h) { h->model.octaves = 9; }
+static void to_groups_17(saga_header *h) { h->model.level[0].n_groups = 17; }
+static void to_window_33(saga_header *h) { h->model.level[1].window = 33; }
+static void to_quat_15(saga_header *h) { h->model.head_q[SAGA_HEAD_QUAT] = 15; }
+static void to_cameras_0(saga_header *h) { h->n_cameras = 0; }
+static void to_step_15(saga_header *h) { h->model.step_q16[0] = 15u << 16; }
+static void to_prim_less(saga_header *h) { h->max.prim--; }
+
+static void to_feature_residual(saga_header *h)
+{
+    h->model.tools |= SAGA_TOOL_FEATURE_RESIDUAL;
+}
+
+static void to_memory_source(saga_header *h)
+{
+    h->model.sources[0] |= SAGA_SOURCE_MEMORY;
+}
+
+static void to_unknown_source(saga_header *h)
+{
+    h->model.sources[0] |= SAGA_SOURCES_KNOWN + 1u;
+}
+
+static void to_memory_off(saga_header *h)
+{
+    h->model.tools &= ~(uint32_t)SAGA_TOOL_MEMORY;
+}
+
+static void to_unread(saga_header *h)
+{
+    int i;
+
+    for (i = 0; i < SAGA_N_KINDS; i++)
+        h->model.sources[i] &= (uint8_t)~SAGA_SOURCE_MEMORY;
+}
+
+/* More slots than directions a start state of +-1 has. */
+static void to_twins(saga_header *h)
+{
+    h->model.memory_slots = 512;
+    h->model.memory_width = 8;
+}
+
+static void to_coarse_parent(saga_header *h)
+{
+    h->model.sources[SAGA_KIND_COARSE] |= SAGA_SOURCE_PARENT;
+}
+
+static void to_classes_off(saga_header *h)
+{
+    h->model.tools &= ~(uint32_t)SAGA_TOOL_CLASSES;
+}
+
+static void to_classless(saga_header *h)
+{
+    memset(h->model.class_sources, 0, sizeof h->model.class_sources);
+}
+
+static void to_n_fine_parent(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_N_FINE] |= SAGA_SOURCE_PARENT;
+}
+
+static void to_fine_set_groups(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_FINE_SET] |= SAGA_SOURCE_GROUPS;
+}
+
+static void to_prim_set_groups(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_PRIM_SET] |= SAGA_SOURCE_GROUPS;
+}
+
+static void to_class_memory(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_N_PRIM] |= SAGA_SOURCE_MEMORY;
+}
+
+static void to_unknown_class_source(saga_header *h)
+{
+    h->model.class_sources[SAGA_CLASS_N_PRIM] |= SAGA_SOURCES_KNOWN + 1u;
+}
+
+static void to_class_width_0(saga_header *h)
+{
+    h->model.width[SAGA_NET_CLASS] = 0;
+}
+
+/* Weights beyond +-127 in networks that say they have none. */
+static void to_int8(saga_header *h)
+{
+    memset(h->model.int8, 1, sizeof h->model.int8);
+}
+
+static void bad(const char *stem, const uint8_t *bytes, size_t n,
+                saga_status status)
+{
+    char name[64];
+
+    snprintf(name, sizeof name, "bad/%s.saga", stem);
+    write_file(name, bytes, n);
+    fprintf(manifest, "%s status %d\n", name, (int)status);
+}
+
+/* The header with a field changed, signed anew. */
+static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
+                       change f, saga_status status)
+{
+    uint8_t *const copy = malloc(n);
+    saga_io in = { bytes, NULL, SAGA_MAGIC_NBYTES };
+    saga_io out = { NULL, copy, SAGA_MAGIC_NBYTES };
+    saga_header h;
+
+    memcpy(copy, bytes, n);
+    saga_header_io(&in, &h);
+    saga_tools_io(&in, &h.model);
+    f(&h);
+    saga_header_io(&out, &h);
+    if (saga_rig_offset(&h) <= in.at)
+        saga_tools_io(&out, &h.model);
+    gen_stream_sign_header(copy);
+    bad(stem, copy, n, status);
+    free(copy);
+}
+
+typedef struct {
+    const char *stem;
+    change f;
+    saga_status status;
+} bad_change;
+
+/* A file of the stream o, with each of the changes in turn; of the header
+ * alone: what is wrong shows before the rest is missed. */
+static void bad_headers(const gen_options *o, const bad_change *headers,
+                        size_t n_headers)
+{
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i;
+
+    gen_stream_make(&g, o);
+    gen_stream_encode(&g, &bytes, &n);
+    n = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+    for (i = 0; i < n_headers; i++)
+        bad_header(headers[i].stem, bytes, n, headers[i].f,
+                   headers[i].status);
+    if (g.header.model.tools & SAGA_TOOL_MEMORY)
+        bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
+            SAGA_ERR_TRUNCATED);
+    if (g.header.model.tools & SAGA_TOOL_CLASSES)
+        bad("classes_cut", bytes, SAGA_HEADER_NBYTES + 9,
+            SAGA_ERR_TRUNCATED);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+/* One byte changed, nothing signed. */
+static void bad_byte(const char *stem, const uint8_t *bytes, size_t n,
+                     size_t at, saga_status status)
+{
+    uint8_t *const copy = malloc(n);
+
+    memcpy(copy, bytes, n);
+    copy[at] ^= 0x55;
+    bad(stem, copy, n, status);
+    free(copy);
+}
+
+/* A symbol of a model that is fresh. */
+static void put(saga_range_enc *e, uint32_t n_sym, uint32_t sym)
+{
+    saga_adaptive m;
+
+    saga_adaptive_init(&m, n_sym);
+    saga_range_enc_interval(e, saga_adaptive_start(&m, sym),
+                            sym + 1 < n_sym ? m.start[sym] : SAGA_PROB_TOTAL);
+}
+
+/* Networks that begin with a row whose scale would be -1. */
+static void bad_scale(void)
+{
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1 };
+    gen_stream g;
+    mutate_file f;
+    saga_range_enc e;
+    uint8_t *bytes, *changed, begin[16];
+    size_t n;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    mutate_split(&f, bytes, n);
+    saga_range_enc_init(&e, begin, sizeof begin);
+    saga_range_enc_bits(&e, 1, 16);      /* step */
+    saga_range_enc_bits(&e, 0, 10);      /* its shift, the biases' */
+    saga_range_enc_bits(&e, SAGA_DROP - 1, 6);
+    saga_range_enc_bits(&e, 0, 6);       /* scale of biases */
+    put(&e, SAGA_N_SCALE_MODES, SAGA_SCALE_ROW);
+    put(&e, 4, 0);                       /* shift */
+    put(&e, 8, 0);
+    put(&e, SAGA_N_DROPS, 1);
+    memcpy(f.part[1].p, begin, saga_range_enc_finish(&e));
+    changed = mutate_join(&f, &n);
+    bad("scale_below_zero", changed, n, SAGA_ERR_DATA);
+    free(changed);
+    mutate_free(&f);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+/* What a memory may not be, in a file that has one. */
+static void bad_memory(void)
+{
+    static const bad_change headers[] = {
+        { "memory_off", to_memory_off, SAGA_ERR_DATA },
+        { "memory_unread", to_unread, SAGA_ERR_DATA },
+        { "memory_slots_zero", to_slots_0, SAGA_ERR_DATA },
+        { "memory_slots_96", to_slots_96, SAGA_ERR_DATA },
+        { "memory_slots_1024", to_slots_1024, SAGA_ERR_DATA },
+        { "memory_slots_level", to_slots_128, SAGA_ERR_LEVEL },
+        { "memory_slots_twins", to_twins, SAGA_ERR_DATA },
+        { "memory_width_zero", to_slot_width_0, SAGA_ERR_DATA },
+        { "memory_width_12", to_slot_width_12, SAGA_ERR_DATA },
+        { "memory_width_72", to_slot_width_72, SAGA_ERR_DATA },
+        { "memory_blocks_zero", to_blocks_0, SAGA_ERR_DATA },
+        { "memory_net_width_zero", to_query_0, SAGA_ERR_DATA },
+        { "memory_net_width_level", to_query_65, SAGA_ERR_LEVEL },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1, .memory = GEN_MEMORY_ORTHOGONAL,
+                            .memory_slots = 64, .memory_width = 16,
+                            .memory_blocks = 4 };
+
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
+}
+
+/* What classes may not be, in a file that has them and no memory. */
+static void bad_classes(void)
+{
+    static const bad_change headers[] = {
+        { "classes_off", to_classes_off, SAGA_ERR_DATA },
+        { "classes_without_source", to_classless, SAGA_ERR_DATA },
+        { "classes_n_fine_parent", to_n_fine_parent, SAGA_ERR_DATA },
+        { "classes_fine_set_groups", to_fine_set_groups, SAGA_ERR_DATA },
+        { "classes_prim_set_groups", to_prim_set_groups, SAGA_ERR_DATA },
+        { "classes_memory", to_class_memory, SAGA_ERR_DATA },
+        { "classes_source_unknown", to_unknown_class_source,
+          SAGA_ERR_VERSION },
+        { "classes_net_width_zero", to_class_width_0, SAGA_ERR_DATA },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1, .classes = 1 };
+
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
+}
+
+/* Networks that must be there, and fields of one that need not. */
+static void bad_fuse(void)
+{
+    static const bad_change headers[] = {
+        { "width_zero_fine", to_fine_width_0, SAGA_ERR_DATA },
+        { "width_zero_colour_base", to_colour_base_0, SAGA_ERR_DATA },
+        { "width_129", to_fuse_129, SAGA_ERR_DATA },
+        { "no_fuse_q_in_zero", to_no_fuse_q_0, SAGA_ERR_DATA },
+        { "no_fuse_q_too_large", to_no_fuse_q_21, SAGA_ERR_DATA },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1 };
+
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
+}
+
+static void bad_all(void)
+{
+    static const bad_change headers[] = {
+        { "tool_base", to_base, SAGA_ERR_VERSION },
+        { "tool_layers", to_layers, SAGA_ERR_VERSION },
+        { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
+        { "tool_hash", to_hash, SAGA_ERR_VERSION },
+        { "tool_memory", to_memory, SAGA_ERR_DATA },
+        { "tool_plain_write", to_plain, SAGA_ERR_DATA },
+        { "tool_unknown", to_tool_12, SAGA_ERR_VERSION },
+        { "tool_classes", to_classes, SAGA_ERR_DATA },
+        { "source_memory", to_memory_source, SAGA_ERR_DATA },
+        { "source_unknown", to_unknown_source, SAGA_ERR_VERSION },
+        { "cuttable", to_cut, SAGA_ERR_VERSION },
+        { "memory_slots", to_slots, SAGA_ERR_DATA },
+        { "memory_width", to_slot_width, SAGA_ERR_DATA },
+        { "memory_blocks", to_blocks, SAGA_ERR_DATA },
+        { "hash_levels", to_hash_levels, SAGA_ERR_VERSION },
+        { "hash_size", to_hash_size, SAGA_ERR_VERSION },
+        { "level_unknown", to_level_4, SAGA_ERR_LEVEL },
+        { "level_exceeded", to_level_0, SAGA_ERR_LEVEL },
+        { "frames_zero", to_frames_0, SAGA_ERR_DATA },
+        { "segments_zero", to_segments_0, SAGA_ERR_DATA },
+        { "features_too_few", to_features_4, SAGA_ERR_DATA },
+        { "width_zero", to_width_0, SAGA_ERR_DATA },
+        { "octaves_too_many", to_octaves_9, SAGA_ERR_DATA },
+        { "groups_too_many", to_groups_17, SAGA_ERR_DATA },
+        { "window_too_wide", to_window_33, SAGA_ERR_DATA },
+        { "quat_q_too_large", to_quat_15, SAGA_ERR_DATA },
+        { "rig_length", to_cameras_0, SAGA_ERR_DATA },
+        { "step_too_small", to_step_15, SAGA_ERR_DATA },
+        { "source_coarse_parent", to_coarse_parent, SAGA_ERR_DATA },
+        { "weight_beyond_int8", to_int8, SAGA_ERR_DATA },
+        { "more_than_maximum", to_prim_less, SAGA_ERR_DATA },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1 };
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i, head, half;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    head = SAGA_HEADER_NBYTES + GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4u;
+    half = n / 2;
+    for (i = 0; i < sizeof headers / sizeof *headers; i++)
+        bad_header(headers[i].stem, bytes, n, headers[i].f,
+                   headers[i].status);
+    bad("empty", bytes, 0, SAGA_ERR_TRUNCATED);
+    bad("cut_in_header", bytes, 100, SAGA_ERR_TRUNCATED);
+    bad("cut_in_rig", bytes, head - 50, SAGA_ERR_TRUNCATED);
+    bad("cut_in_networks", bytes, half, SAGA_ERR_TRUNCATED);
+    bad("cut_in_segment", bytes, n - 9, SAGA_ERR_TRUNCATED);
+    bad_byte("magic", bytes, n, 1, SAGA_ERR_DATA);
+    bad_byte("version", bytes, n, 4, SAGA_ERR_VERSION);
+    bad_byte("crc_header", bytes, n, 40, SAGA_ERR_DATA);
+    bad_byte("crc_index", bytes, n, head + 14, SAGA_ERR_DATA);
+    bad_byte("crc_networks", bytes, n, half, SAGA_ERR_DATA);
+    bad_byte("crc_segment", bytes, n, n - 3, SAGA_ERR_DATA);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+int main(int argc, char **argv)
+{
+    const uint32_t all = SAGA_TOOLS_PICTURE;
+    const gen_options options[] = {
+        { .seed = 11, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = 0 },
+        { .seed = 12, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all },
+        { .seed = 13, .level = 1, .n_coarse = 6, .picture = 1,
+          .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
+          .n_segments = 3 },
+        { .seed = 14, .level = 0, .n_coarse = 12 },
+        { .seed = 15, .level = 1, .n_coarse = 12 },
+        { .seed = 16, .level = 2, .n_coarse = 20 },
+        { .seed = 17, .level = 3, .n_coarse = 12 },
+        { .seed = 18, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
+          .memory_slots = 32, .memory_width = 16, .memory_blocks = 3 },
+        { .seed = 19, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
+          .memory_slots = 64, .memory_width = 32, .memory_blocks = 256 },
+        { .seed = 20, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = 0, .memory = GEN_MEMORY_PLAIN,
+          .memory_slots = 64, .memory_width = 8, .memory_blocks = 1 },
+        { .seed = 21, .level = 2, .n_coarse = 12, .n_segments = 2,
+          .memory = GEN_MEMORY_PLAIN, .memory_slots = 128,
+          .memory_width = 40, .memory_blocks = 5 },
+        { .seed = 22, .level = 3, .n_coarse = 12,
+          .memory = GEN_MEMORY_ORTHOGONAL, .memory_slots = 512,
+          .memory_width = 64, .memory_blocks = 2 },
+        { .seed = 23, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .classes = 1 },
+        { .seed = 24, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
+          .memory_slots = 32, .memory_width = 16, .memory_blocks = 3,
+          .classes = 1 },
+        { .seed = 25, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 1 },
+        { .seed = 26, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 2 },
+        { .seed = 27, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 3 },
+    };
+    static const char *const stems[] = {
+        "still", "motion", "segments", "random_level0", "random_level1",
+        "random_level2", "random_level3", "memory_level0", "memory",
+        "memory_plain", "memory_level2", "memory_level3", "classes",
+        "classes_memory", "no_fuse_coarse", "no_fuse_fine", "no_fuse"
+    };
+    char path[1024];
+    size_t i;
+
+    if (argc != 2) {
+        fprintf(stderr, "usage: make_vectors DIR\n");
+        return 2;
+    }
+    directory = argv[1];
+    snprintf(path, sizeof path, "%s/MANIFEST", directory);
+    manifest = fopen(path, "w");
+    if (!manifest) {
+        fprintf(stderr, "make_vectors: %s: cannot write\n", path);
+        return 2;
+    }
+    fputs("# Made by tests/make_vectors. Good: file, segment, CRC of the\n"
+          "# symbols, final ranges of the three layers, time, camera, CRCs of\n"
+          "# primitives, splats, frame. Bad: file, `status`, the exact one.\n",
+          manifest);
+    for (i = 0; i < sizeof options / sizeof *options; i++)
+        good(stems[i], options[i]);
+    good_full();
+    bad_all();
+    bad_scale();
+    bad_memory();
+    bad_classes();
+    bad_fuse();
+    return fclose(manifest) != 0;
+}

@@ -1,0 +1,216 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Files that are not valid, given to what takes files apart for the tests and
+ * for the scripts in tools/: refused with a message wherever the decoder, which
+ * is written apart from it, refuses them, and never a crash. The vectors, and
+ * streams damaged by number: SAGA_TEST_SEED is the first, SAGA_TEST_COUNT how
+ * many.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_mutate.h"
+#include "gen_zeroed.h"
+#include "error.h"
+#include "file.h"
+#include "ref_file.h"
+#include "ref_recorder.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PER_BASE = 25 };
+
+/* --- What each reader says ----------------------------------------------- */
+
+/* NULL, or why the file is refused. */
+static const char *take_apart(const uint8_t *bytes, size_t n)
+{
+    const char *why;
+    ref_file f;
+
+    why = ref_file_read(&f, bytes, n);
+    if (!why)
+        ref_file_free(&f);
+    return why;
+}
+
+static int record(const uint8_t *bytes, size_t n)
+{
+    return recorder_tell(NULL, NULL, bytes, n);
+}
+
+/* Without a change: what it reads, it can write. */
+static const char *zero(const uint8_t *bytes, size_t n)
+{
+    uint8_t *out = NULL;
+    size_t n_out;
+    const char *const why = zeroed_make(&out, &n_out, bytes, n,
+                                        ZEROED_NOTHING);
+
+    free(out);
+    return why;
+}
+
+static void assert_refused(const char *name, const uint8_t *bytes, size_t n)
+{
+    const char *const apart = take_apart(bytes, n), *const z = zero(bytes, n);
+
+    if (!apart || !apart[0] || !z || !z[0] || record(bytes, n))
+        fail_msg("%s: taken apart", name);
+}
+
+/* --- Vectors ------------------------------------------------------------- */
+
+static uint32_t for_each(const char *folder,
+                         void check(const char *, const uint8_t *, size_t))
+{
+    DIR *const dir = opendir(folder);
+    const struct dirent *e;
+    uint32_t n = 0;
+
+    assert_non_null(dir);
+    while ((e = readdir(dir)) != NULL) {
+        saga_error error = { "" };
+        saga_bytes file;
+        char path[512];
+
+        if (!strstr(e->d_name, ".saga"))
+            continue;
+        snprintf(path, sizeof path, "%s/%s", folder, e->d_name);
+        assert_true(saga_read_file(&file, path, &error));
+        check(path, file.data, file.nbytes);
+        saga_bytes_free(&file);
+        n++;
+    }
+    closedir(dir);
+    return n;
+}
+
+static void check_good(const char *name, const uint8_t *bytes, size_t n)
+{
+    saga_info info;
+
+    assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
+    if (zero(bytes, n) || !record(bytes, n))
+        fail_msg("%s is refused", name);
+    if ((take_apart(bytes, n) == NULL) != (info.n_segments == 1))
+        fail_msg("%s, %u segments: %s", name, (unsigned)info.n_segments,
+                 take_apart(bytes, n));
+}
+
+static void good_vectors_should_be_taken_apart(void **state)
+{
+    (void)state;
+    assert_true(for_each("vectors/good", check_good) >= 10);
+}
+
+static void bad_vectors_should_be_refused(void **state)
+{
+    (void)state;
+    assert_true(for_each("vectors/bad", assert_refused) >= 50);
+}
+
+/* --- Damaged streams ----------------------------------------------------- */
+
+static uint64_t setting(const char *name, uint64_t otherwise)
+{
+    const char *const s = getenv(name);
+
+    return s ? strtoull(s, NULL, 0) : otherwise;
+}
+
+static uint8_t *make_base(uint64_t number, size_t *n)
+{
+    gen_options o;
+    gen_stream g;
+    uint8_t *bytes;
+
+    memset(&o, 0, sizeof o);
+    o.seed = number;
+    o.n_coarse = 1 + (uint32_t)(number % 5);
+    o.memory = (int)(number % 3);
+    o.memory_slots = 32;
+    o.memory_width = 8;
+    o.classes = (int)(number / 3 % 2);
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, n);
+    gen_stream_free(&g);
+    return bytes;
+}
+
+/* Does the decoder take the one segment, and an index of all frames? */
+static int decodes(const mutate_result *result, const saga_info *info,
+                   const uint8_t *bytes, size_t n)
+{
+    saga_segment last;
+
+    return (result->stage == MUTATE_AT_VIEW ||
+            result->stage == MUTATE_DRAWN) &&
+           saga_find(&last, bytes, n, info->n_frames - 1, 1) == SAGA_OK;
+}
+
+static void play(uint64_t number, const uint8_t *base, size_t n_base,
+                 uint32_t n_of[2])
+{
+    const mutate_class c = (mutate_class)(number % MUTATE_N_CLASSES);
+    uint64_t r = number * 0x9e3779b97f4a7c15u;
+    mutate_result result;
+    saga_info info;
+    size_t n;
+    uint8_t *const bytes = mutate_make(base, n_base, c, &r, &n);
+
+    mutate_play(&result, bytes, n, &r);
+    if (result.stage != MUTATE_AT_SIZE &&
+        (saga_probe(&info, bytes, n) || info.n_segments == 1)) {
+        const int takes = take_apart(bytes, n) == NULL;
+
+        if (takes != decodes(&result, &info, bytes, n) ||
+            record(bytes, n) != takes ||
+            (zero(bytes, n) == NULL && !takes))
+            fail_msg("stream %llu: %d, %d, %s, %s; decoder: %s",
+                     (unsigned long long)number, takes, record(bytes, n),
+                     take_apart(bytes, n), zero(bytes, n),
+                     mutate_stage_text[result.stage]);
+        n_of[takes]++;
+    }
+    free(bytes);
+}
+
+static void damage_should_be_refused_where_the_decoder_refuses(void **state)
+{
+    const uint64_t first = setting("SAGA_TEST_SEED", 0);
+    const uint64_t end = first + setting("SAGA_TEST_COUNT", 500);
+    uint32_t n_of[2] = { 0, 0 };
+    uint8_t *base = NULL;
+    size_t n = 0;
+
+    (void)state;
+    for (uint64_t i = first; i < end; i++) {
+        if (!base || i % PER_BASE == 0) {
+            free(base);
+            base = make_base(i / PER_BASE, &n);
+        }
+        play(i, base, n, n_of);
+    }
+    free(base);
+    printf("streams from %llu: %u refused, %u taken apart\n",
+           (unsigned long long)first, (unsigned)n_of[0], (unsigned)n_of[1]);
+    assert_true(n_of[0] > 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(good_vectors_should_be_taken_apart),
+        cmocka_unit_test(bad_vectors_should_be_refused),
+        cmocka_unit_test(damage_should_be_refused_where_the_decoder_refuses)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

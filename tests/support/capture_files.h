@@ -1,0 +1,225 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Files for the tests of trainer/input: a folder that goes away, bytes put
+ * together by hand, and loading. Brings cmocka with what it wants.
+ */
+#ifndef CAPTURE_FILES_H
+#define CAPTURE_FILES_H
+
+#include "capture.h"
+#include "error.h"
+#include "file.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+/* --- A folder ------------------------------------------------------------ */
+
+typedef struct folder {
+    char *path;
+    char file[4][160]; /* the last paths given out */
+    int n;
+} folder;
+
+static inline int folder_make(void **state)
+{
+    folder *const f = calloc(1, sizeof *f);
+
+    assert_non_null(f);
+    f->path = saga_string_copy("/tmp/saga_test.XXXXXX");
+    assert_non_null(f->path);
+    assert_non_null(mkdtemp(f->path));
+    *state = f;
+    return 0;
+}
+
+static inline int folder_remove(void **state)
+{
+    folder *const f = *state;
+    char command[80];
+
+    snprintf(command, sizeof command, "rm -rf '%s'", f->path);
+    assert_int_equal(system(command), 0);
+    free(f->path);
+    free(f);
+    return 0;
+}
+
+/* A test with a folder of its own, which is its *state. */
+#define IN_FOLDER(test) \
+    cmocka_unit_test_setup_teardown(test, folder_make, folder_remove)
+
+/* The path of a file in it; good until the fourth call after this. */
+static inline const char *folder_file(folder *f, const char *name)
+{
+    char *const to = f->file[f->n++ % 4];
+
+    snprintf(to, sizeof f->file[0], "%s/%s", f->path, name);
+    return to;
+}
+
+/* A shell command in the folder. */
+static inline void folder_run(folder *f, const char *format, ...)
+{
+    char command[1200];
+    va_list args;
+    int n = snprintf(command, sizeof command, "cd '%s' && ", f->path);
+
+    va_start(args, format);
+    n += vsnprintf(command + n, sizeof command - (size_t)n, format, args);
+    va_end(args);
+    assert_true(n < (int)sizeof command);
+    if (system(command) != 0)
+        fail_msg("failed: %s", command);
+}
+
+/* --- Bytes --------------------------------------------------------------- */
+
+typedef struct bytes {
+    uint8_t *data;
+    size_t n;
+} bytes;
+
+static inline void put(bytes *b, const void *data, size_t n)
+{
+    b->data = realloc(b->data, b->n + n + 1);
+    assert_non_null(b->data);
+    if (n > 0)
+        memcpy(b->data + b->n, data, n);
+    b->n += n;
+}
+
+static inline void put_text(bytes *b, const char *format, ...)
+{
+    char text[4096];
+    va_list args;
+    int n;
+
+    va_start(args, format);
+    n = vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    assert_true(n >= 0 && n < (int)sizeof text);
+    put(b, text, (size_t)n);
+}
+
+/* The lowest n bytes of x, little or big end first. */
+static inline void put_le(bytes *b, uint64_t x, int n)
+{
+    for (int i = 0; i < n; i++) {
+        const uint8_t byte = (uint8_t)(x >> 8 * i);
+
+        put(b, &byte, 1);
+    }
+}
+
+static inline void put_be(bytes *b, uint64_t x, int n)
+{
+    for (int i = n; i-- > 0;) {
+        const uint8_t byte = (uint8_t)(x >> 8 * i);
+
+        put(b, &byte, 1);
+    }
+}
+
+static inline void put_f64(bytes *b, double x)
+{
+    uint64_t bits;
+
+    memcpy(&bits, &x, sizeof bits);
+    put_le(b, bits, 8);
+}
+
+static inline void put_f32(bytes *b, double x)
+{
+    const float single = (float)x;
+    uint32_t bits;
+
+    memcpy(&bits, &single, sizeof bits);
+    put_le(b, bits, 4);
+}
+
+/* Writes the first n of the bytes. */
+static inline void write_part(folder *f, const char *name, const bytes *b,
+                              size_t n)
+{
+    FILE *const file = fopen(folder_file(f, name), "wb");
+
+    assert_non_null(file);
+    assert_int_equal(fwrite(b->data, 1, n, file), n);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Writes all of them, and frees them. */
+static inline void write_bytes(folder *f, const char *name, bytes *b)
+{
+    write_part(f, name, b, b->n);
+    free(b->data);
+    *b = (bytes){ 0 };
+}
+
+static inline void write_text(folder *f, const char *name, const char *text)
+{
+    bytes b = { 0 };
+
+    put(&b, text, strlen(text));
+    write_bytes(f, name, &b);
+}
+
+/* --- Loading ------------------------------------------------------------- */
+
+static inline saga_capture load_with(const char *path,
+                                     const saga_capture_options *o)
+{
+    saga_capture c;
+    saga_error error;
+
+    if (!saga_capture_load(&c, path, o, &error))
+        fail_msg("%s", error.message);
+    return c;
+}
+
+static inline saga_capture load(const char *path)
+{
+    const saga_capture_options o = saga_capture_defaults();
+
+    return load_with(path, &o);
+}
+
+static inline void assert_says(const saga_error *error, const char *what)
+{
+    if (!strstr(error->message, what))
+        fail_msg("no \"%s\" in: %s", what, error->message);
+}
+
+/* Fails to load, and says the file, what is wrong, and a remedy after "; ". */
+static inline void refused_with(const char *path,
+                                const saga_capture_options *o,
+                                const char *file, const char *what)
+{
+    saga_capture c;
+    saga_error error;
+
+    if (saga_capture_load(&c, path, o, &error))
+        fail_msg("loaded, and not: %s", what);
+    assert_says(&error, file);
+    assert_says(&error, what);
+    assert_says(&error, "; ");
+    assert_int_equal(c.n_views, 0);
+    assert_null(c.views);
+}
+
+static inline void refused(const char *path, const char *file,
+                           const char *what)
+{
+    const saga_capture_options o = saga_capture_defaults();
+
+    refused_with(path, &o, file, what);
+}
+
+#endif

@@ -1,0 +1,846 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The warm-up on a capture of a few thousand pixels of the built-in scene,
+ * whose true depth is known: the same bits for any threads and after a
+ * restore, how many primitives there are and which ones go, where the cube
+ * is, what depths the pixels get, faults by name; its small operators against
+ * double.
+ */
+#include "capture.h"
+#include "flat_state.h"
+#include "error.h"
+#include "synth.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#else
+#define omp_set_num_threads(n) (void)(n)
+#endif
+
+enum { W = 72, H = 48, VIEWS = 5, FRAMES = 4, ITERATIONS = 200 };
+
+static void assert_near(double a, double b, double within)
+{
+    if (!(fabs(a - b) <= within))
+        fail_msg("%.9g is not within %g of %.9g", a, within, b);
+}
+
+/* --- Fixture ------------------------------------------------------------- */
+
+static int set_up(void **state)
+{
+    saga_synth_options s = saga_synth_defaults();
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture *const c = calloc(1, sizeof *c);
+    saga_error error = { "" };
+    char folder[] = "/tmp/test_flat.XXXXXX", path[40], command[60];
+
+    assert_non_null(c);
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/synth", folder);
+    s.width = W;
+    s.height = H;
+    s.n_cameras = VIEWS;
+    s.n_hold_out = 1;
+    s.n_frames = FRAMES;
+    s.n_points = 120;
+    s.depth_every = 1;
+    o.want_depth = true;
+    if (!saga_synth_write(path, &s, &error) ||
+        !saga_capture_load(c, path, &o, &error))
+        fail_msg("%s", error.message);
+    snprintf(command, sizeof command, "rm -rf '%s'", folder);
+    assert_int_equal(system(command), 0);
+    *state = c;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    saga_capture_free(*state);
+    free(*state);
+    return 0;
+}
+
+static saga_flat_options small(void)
+{
+    saga_flat_options o = saga_flat_defaults();
+
+    o.n_primitives = 200;
+    o.n_iterations = ITERATIONS;
+    return o;
+}
+
+static saga_flat *make(const saga_capture *c, const saga_flat_options *o)
+{
+    saga_error error = { "" };
+    saga_flat *const f = saga_flat_new(c, o, &error);
+
+    if (!f)
+        fail_msg("%s", error.message);
+    return f;
+}
+
+static void run(saga_flat *f, int until)
+{
+    if (saga_flat_run(f, until) != SAGA_FLAT_OK)
+        fail_msg("%s", saga_flat_message(f));
+}
+
+/* --- The same bits ------------------------------------------------------- */
+
+static void assert_same(const saga_flat *a, const saga_flat *b)
+{
+    assert_int_equal(a->n, b->n);
+    assert_int_equal(a->iteration, b->iteration);
+    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+        const size_t n = (size_t)saga_flat_widths[t] * a->n * sizeof(real);
+
+        assert_memory_equal(a->value[t], b->value[t], n);
+        assert_memory_equal(a->m[t], b->m[t], n);
+        assert_memory_equal(a->v[t], b->v[t], n);
+    }
+    assert_memory_equal(a->correction[0], b->correction[0],
+                        VIEWS * FLAT_CORRECTION * sizeof(real));
+}
+
+static void bits_should_not_depend_on_threads(void **state)
+{
+    saga_flat_options o = small();
+    saga_flat *f[2];
+
+    o.colour_correction = true;
+    for (int i = 0; i < 2; i++) {
+        omp_set_num_threads(i + 1);
+        f[i] = make(*state, &o);
+        run(f[i], ITERATIONS);
+    }
+    omp_set_num_threads(1);
+    assert_same(f[0], f[1]);
+    saga_flat_free(f[0]);
+    saga_flat_free(f[1]);
+}
+
+static saga_flat *restore(const saga_capture *c, const saga_flat_options *o,
+                          FILE *file, saga_error *error)
+{
+    *error = (saga_error){ "" };
+    rewind(file);
+    return saga_flat_restore(c, o, file, error);
+}
+
+/* Stopped while it grows and while it prunes. */
+static void bits_should_not_depend_on_interruptions(void **state)
+{
+    static const int stops[] = { 60, 130 };
+    const saga_flat_options o = small();
+    saga_flat *const whole = make(*state, &o);
+
+    run(whole, ITERATIONS);
+    for (int i = 0; i < 2; i++) {
+        FILE *const file = tmpfile();
+        saga_error error;
+        saga_flat *f = make(*state, &o);
+
+        assert_non_null(file);
+        run(f, stops[i]);
+        assert_int_equal(saga_flat_save(f, file), SAGA_FLAT_OK);
+        saga_flat_free(f);
+        f = restore(*state, &o, file, &error);
+        if (!f)
+            fail_msg("%s", error.message);
+        assert_int_equal(saga_flat_iteration(f), stops[i]);
+        run(f, ITERATIONS);
+        assert_same(whole, f);
+        saga_flat_free(f);
+        fclose(file);
+    }
+    saga_flat_free(whole);
+}
+
+static void refused(const saga_capture *c, const saga_flat_options *o,
+                    FILE *file, const char *what)
+{
+    saga_error error;
+
+    assert_null(restore(c, o, file, &error));
+    if (!strstr(error.message, what))
+        fail_msg("no \"%s\" in: %s", what, error.message);
+}
+
+static FILE *copy_of(FILE *file, long n, long flip)
+{
+    FILE *const copy = tmpfile();
+
+    assert_non_null(copy);
+    rewind(file);
+    for (long i = 0; i < n; i++)
+        fputc(fgetc(file) ^ (i == flip), copy);
+    return copy;
+}
+
+static void checkpoint_should_be_refused_when_it_does_not_fit(void **state)
+{
+    saga_capture c = *(saga_capture *)*state;
+    saga_flat_options o = small();
+    saga_flat *const f = make(&c, &o);
+    FILE *const file = tmpfile();
+    long size;
+
+    run(f, 30);
+    assert_int_equal(saga_flat_save(f, file), SAGA_FLAT_OK);
+    saga_flat_free(f);
+    size = ftell(file);
+    for (long n = 0; n < size; n += 1 + n / 2) {
+        FILE *const cut = copy_of(file, n, -1);
+
+        refused(&c, &o, cut, "start anew");
+        fclose(cut);
+    }
+    for (long at = 0; at < size; at += at < 80 ? 1 : 997) {
+        FILE *const other = copy_of(file, size, at);
+
+        /* The seed, the options, the capture have their own words. */
+        refused(&c, &o, other, at >= 8 && at < 24 ? "other options"
+                               : at >= 24 && at < 32 ? "another capture"
+                                                     : "start anew");
+        fclose(other);
+    }
+    o.seed++;
+    refused(&c, &o, file, "checkpoint of other options");
+    o = small();
+    o.n_iterations++;
+    refused(&c, &o, file, "checkpoint of other options");
+    o = small();
+    c.n_frames--;
+    refused(&c, &o, file, "checkpoint of another capture");
+    fclose(file);
+}
+
+/* A count that would take gigabytes is refused before it is believed. */
+static void checkpoint_should_be_refused_when_its_count_lies(void **state)
+{
+    const saga_flat_options o = small();
+    saga_flat *const f = make(*state, &o);
+    FILE *const file = tmpfile();
+    const uint32_t many = 100000000;
+
+    assert_int_equal(saga_flat_save(f, file), SAGA_FLAT_OK);
+    saga_flat_free(f);
+    fseek(file, 32, SEEK_SET);
+    fwrite(&many, sizeof many, 1, file);
+    refused(*state, &o, file, "damaged checkpoint");
+    fclose(file);
+}
+
+/* --- Counts -------------------------------------------------------------- */
+
+typedef struct {
+    uint32_t most, first;
+    int calls;
+} watcher;
+
+static bool watch(void *user, const saga_flat_progress *p)
+{
+    watcher *const w = user;
+
+    w->most = p->n_primitives > w->most ? p->n_primitives : w->most;
+    w->first = w->calls++ == 0 ? p->n_primitives : w->first;
+    assert_true(p->seconds_left >= 0 && p->psnr > 0);
+    return true;
+}
+
+static void count_should_grow_within_bounds_and_end_as_asked(void **state)
+{
+    saga_flat_options o = small();
+    watcher w = { 0 };
+    saga_flat *f;
+
+    o.progress = watch;
+    o.progress_user = &w;
+    o.progress_every = 1;
+    f = make(*state, &o);
+    assert_int_equal(saga_flat_count(f), 120);  /* start: 0.6 of 200 */
+    run(f, ITERATIONS);
+    assert_int_equal(w.calls, ITERATIONS);
+    assert_true(w.most > 200 && w.most <= 260); /* growth: 1.3 */
+    assert_int_equal(saga_flat_count(f), 200);
+    saga_flat_free(f);
+}
+
+static void count_should_end_as_asked_whatever_is_asked(void **state)
+{
+    static const struct { uint32_t n; int iterations; real start, growth; }
+    t[] = {
+        { 1, 1, R(0.6), R(1.3) }, { 1, 40, R(0.6), R(1.3) },
+        { 500, 3, R(0.1), R(1.3) }, { 37, 60, 1, 1 },
+        { 300, 12, R(0.01), R(0.5) }, { 50, 60, 3, R(0.5) }
+    };
+
+    for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
+        saga_flat_options o = small();
+        saga_flat *f;
+
+        o.n_primitives = t[i].n;
+        o.n_iterations = t[i].iterations;
+        o.start = t[i].start;
+        o.growth = t[i].growth;
+        f = make(*state, &o);
+        run(f, 1000);
+        assert_int_equal(saga_flat_iteration(f), t[i].iterations);
+        assert_int_equal(saga_flat_count(f), t[i].n);
+        saga_flat_free(f);
+    }
+}
+
+/* The first prune, at 0.6 of the iterations: who stays coloured at least as
+ * many pixels as anyone who goes, and nothing of it changes. */
+static void prune_should_take_the_least_important(void **state)
+{
+    const saga_flat_options o = small();
+    saga_flat *const f = make(*state, &o);
+    real worst_kept = INFINITY, best_gone = 0, *mean, *weight;
+    uint32_t n, at = 0;
+
+    run(f, 120);
+    n = f->n;
+    mean = malloc(3 * n * sizeof *mean);
+    weight = malloc(n * sizeof *weight);
+    assert_true(mean && weight);
+    memcpy(mean, f->value[FLAT_MEAN], 3 * n * sizeof *mean);
+    memcpy(weight, f->stats.weight, n * sizeof *weight);
+    assert_int_equal(saga_flat_change_count(f), SAGA_FLAT_OK);
+    assert_true(f->n < n && f->n >= 200);
+    for (uint32_t i = 0; i < n; i++)
+        if (at < f->n && memcmp(f->value[FLAT_MEAN] + 3 * at, mean + 3 * i,
+                                3 * sizeof *mean) == 0) {
+            worst_kept = weight[i] < worst_kept ? weight[i] : worst_kept;
+            at++;
+        } else {
+            best_gone = weight[i] > best_gone ? weight[i] : best_gone;
+        }
+    assert_int_equal(at, f->n);
+    assert_true(best_gone <= worst_kept);
+    free(mean);
+    free(weight);
+    saga_flat_free(f);
+}
+
+/* One primitive, split in two because two are asked for: 0.6 standard
+ * deviations to both sides of its longest axis, here the second, turned by 90
+ * degrees about z from y to -x; 2^-0.415 as long. */
+static void split_should_make_two_halves_of_the_longest_axis(void **state)
+{
+    saga_flat_options o = small();
+    saga_flat_one one = { .mean = { R(0.25), R(-0.5), 0 },
+                          .log2_scale = { -6, -4, -5 }, .opacity = 1,
+                          .t_centre = R(0.5), .log2_width = 1 };
+    saga_flat_one half[2];
+    saga_flat *f;
+    uint8_t keep[2] = { 1, 0 };
+
+    o.n_primitives = 2;
+    o.n_iterations = 10;
+    o.start = 1;
+    f = make(*state, &o);
+    one.quat[0] = one.quat[3] = 2;  /* need not be of unit length */
+    saga_flat_keep(f, keep);
+    saga_flat_put(f, 0, &one);
+    f->iteration = 8;               /* the last prune makes the count right */
+    assert_int_equal(saga_flat_change_count(f), SAGA_FLAT_OK);
+    assert_int_equal(f->n, 2);
+    saga_flat_get(f, 0, &half[0]);
+    saga_flat_get(f, 1, &half[1]);
+    assert_near(fabs((double)(half[0].mean[0] - half[1].mean[0])),
+                       2 * 0.6 / 16, 1e-6);
+    assert_near(half[0].mean[0] + half[1].mean[0], 0.5, 1e-6);
+    for (int i = 0; i < 2; i++) {
+        assert_near(half[i].mean[1], -0.5, 1e-6);
+        assert_near(half[i].mean[2], 0, 1e-6);
+        assert_near(half[i].log2_scale[0], -6, 0);
+        assert_near(half[i].log2_scale[1], -4.415, 1e-6);
+        assert_near(half[i].log2_scale[2], -5, 0);
+        assert_near(half[i].opacity, 1, 0);
+    }
+    saga_flat_free(f);
+}
+
+/* --- The cube ------------------------------------------------------------ */
+
+static void world_of(double x[3], const saga_shot *v, double u, double w,
+                     double z)
+{
+    const double cam[3] = { (u - v->cx) / v->fx * z - v->translation[0],
+                            (w - v->cy) / v->fy * z - v->translation[1],
+                            z - v->translation[2] };
+
+    for (int k = 0; k < 3; k++)
+        x[k] = v->rotation[k] * cam[0] + v->rotation[3 + k] * cam[1] +
+               v->rotation[6 + k] * cam[2];
+}
+
+static bool in_cube(const saga_cube *cube, const double *x, double slack)
+{
+    for (int i = 0; i < 3; i++)
+        if (fabs(x[i] - cube->centre[i]) > slack * cube->unit)
+            return false;
+    return true;
+}
+
+/* The points but for the outermost, and what two training views show. */
+static void cube_should_hold_what_there_is_to_see(void **state)
+{
+    saga_capture c = *(saga_capture *)*state;
+    double range[2 * VIEWS];
+    saga_cube cube;
+
+    for (int way = 0; way < 2; way++) {
+        int n_in = 0;
+
+        saga_cube_fit(&cube, range, &c);
+        for (size_t i = 0; i < c.n_points; i++)
+            n_in += in_cube(&cube, c.points[i].position, 1);
+        assert_true(n_in >= 0.94 * (double)c.n_points);
+        for (int i = 0; i < VIEWS * W * H; i += 5) {
+            const int v = i % VIEWS, at = i / VIEWS;
+            const double z = (double)saga_capture_depth(&c, v, 0)[at];
+            double x[3];
+
+            world_of(x, c.views + v, at % W + 0.5, at / W + 0.5, z);
+            assert_true(z > range[2 * v] && z < range[2 * v + 1]);
+            /* Between the pixels that were sampled it bulges a little. */
+            assert_true(in_cube(&cube, x, 1.05));
+        }
+        assert_true(range[0] > 0 && cube.unit < 40);
+        c.n_points = 0;    /* then by where the cameras look */
+    }
+}
+
+/* Do two training views have the place in picture and range? */
+static bool is_shared(const saga_capture *c, const double *range,
+                      const double *x)
+{
+    int n = 0;
+
+    for (int v = 0; v < VIEWS; v++) {
+        double uv[2], z;
+
+        n += !c->views[v].held_out &&
+             saga_view_project(c->views + v, x, uv, &z) && uv[0] >= 0 &&
+             uv[1] >= 0 && uv[0] < W && uv[1] < H && z >= range[2 * v] &&
+             z <= range[2 * v + 1];
+    }
+    return n >= 2;
+}
+
+/* Places drawn at random in the pyramids of the training views: the cube is
+ * as large as their bounding box, but for the far corners that its coarse
+ * grid of samples misses (0.87 here) and its 2 %. */
+static void cube_should_be_as_large_as_what_two_views_share(void **state)
+{
+    const saga_capture *const c = *state;
+    const saga_rng r = saga_rng_stream(5, 6);
+    double lo[3] = { INFINITY, INFINITY, INFINITY };
+    double hi[3] = { -INFINITY, -INFINITY, -INFINITY };
+    double range[2 * VIEWS], half = 0;
+    saga_cube cube;
+
+    saga_cube_fit(&cube, range, c);
+    for (uint64_t i = 0; i < 60000; i++) {
+        const int v = (int)(i % VIEWS);
+        const double z = range[2 * v] + saga_rng_double(r, 3 * i) *
+                         (range[2 * v + 1] - range[2 * v]);
+        double x[3];
+
+        world_of(x, c->views + v, W * saga_rng_double(r, 3 * i + 1),
+                 H * saga_rng_double(r, 3 * i + 2), z);
+        for (int k = 0; is_shared(c, range, x) && k < 3; k++) {
+            lo[k] = fmin(lo[k], x[k]);
+            hi[k] = fmax(hi[k], x[k]);
+        }
+    }
+    for (int k = 0; k < 3; k++)
+        half = fmax(half, (hi[k] - lo[k]) / 2);
+    assert_true(cube.unit > 0.85 * half && cube.unit < 1.03 * half);
+}
+
+/* Without points: ranges as the capture gives them, with little slack. */
+static void cube_should_believe_the_depths_of_the_capture(void **state)
+{
+    saga_capture c = *(saga_capture *)*state;
+    saga_shot views[VIEWS];
+    double range[2 * VIEWS];
+    saga_cube cube;
+
+    memcpy(views, c.views, sizeof views);
+    c.views = views;
+    for (int v = 0; v < VIEWS; v++) {
+        views[v].near_depth = 2;
+        views[v].far_depth = 4;
+    }
+    saga_cube_fit(&cube, range, &c);
+    for (int v = 0; v < VIEWS; v++) {
+        assert_near(range[2 * v], 1.8, 1e-12);
+        assert_near(range[2 * v + 1], 4.2, 1e-12);
+    }
+    assert_true(cube.unit < 4.2);
+}
+
+/* A place of the world is at the same pixel in half-cubes. */
+static void camera_should_see_the_cube_as_the_view_the_world(void **state)
+{
+    const saga_capture *const c = *state;
+    const saga_shot *const v = c->views + 3;
+    const saga_cube cube = { { 0.5, -1, 2 }, 3 };
+    const double half[3] = { 0.25, 0.5, -0.125 };
+    double x[3], uv[2] = { 0 }, z = 0, cam[3];
+    saga_splat_camera s;
+
+    for (int i = 0; i < 3; i++)
+        x[i] = cube.centre[i] + cube.unit * half[i];
+    assert_true(saga_view_project(v, x, uv, &z));
+    saga_camera_float(&s, v, &cube, 0.75, 1);
+    for (int i = 0; i < 3; i++)
+        cam[i] = (double)s.rotation[3 * i] * (half[0] - (double)s.centre[0]) +
+            (double)s.rotation[3 * i + 1] * (half[1] - (double)s.centre[1]) +
+            (double)s.rotation[3 * i + 2] * (half[2] - (double)s.centre[2]);
+    assert_near(cam[2], z / 3, 1e-6);
+    assert_near((double)s.focal[0] * cam[0] / cam[2] +
+                       (double)s.principal[0], uv[0] / 2, 1e-4);
+    assert_near((double)s.focal[1] * cam[1] / cam[2] +
+                       (double)s.principal[1], uv[1] / 2, 1e-4);
+    assert_near(s.near_plane, 0.25, 1e-7);
+    assert_int_equal(s.width, W / 2);
+    assert_int_equal(s.height, H / 2);
+}
+
+/* --- Depth --------------------------------------------------------------- */
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* Depths that the sweep trusts, against the true ones. */
+static void sights_should_have_the_true_depth(void **state)
+{
+    const saga_capture *const c = *state;
+    const saga_flat_options o = small();
+    saga_flat *const f = make(c, &o);
+    static double error[1000];
+    int n = 0;
+
+    for (int i = 0; i < 900; i++) {
+        const int x = 4 + i * 37 % (W - 8), y = 4 + i * 11 % (H - 8);
+        const int view = f->train[i % f->n_train], frame = i % FRAMES;
+        const double truth =
+            (double)saga_capture_depth(c, view, frame)[y * W + x];
+        saga_flat_sight s;
+
+        if (saga_flat_look(f, view, frame, x + 0.5, y + 0.5, &s))
+            error[n++] = fabs(s.depth - truth) / truth;
+    }
+    qsort(error, (size_t)n, sizeof *error, by_value);
+    printf("flat: %d of 900 sights trusted, depth off by %.1f %% median, "
+           "%.0f %% p90\n", n, 100 * error[n / 2], 100 * error[n * 9 / 10]);
+    /* A pixel is 1 / 65 and the baseline a fifth of the depth or more: one
+     * pixel of parallax is at most 8 %. */
+    assert_true(n > 90);
+    assert_true(error[n / 2] < 0.03);
+    saga_flat_free(f);
+}
+
+/* --- Learning and faults ------------------------------------------------- */
+
+static double psnr(saga_flat *f, int view)
+{
+    double mse = 0;
+
+    assert_int_equal(saga_flat_render(f, NULL, &mse, view, 1, 0),
+                     SAGA_FLAT_OK);
+    return -10 * log10(mse);
+}
+
+static void warm_up_should_learn_the_held_out_view(void **state)
+{
+    const saga_capture *const c = *state;
+    const saga_flat_options o = small();
+    saga_flat *const f = make(c, &o);
+    int held = 0;
+    double before, after;
+
+    while (!c->views[held].held_out)
+        held++;
+    before = psnr(f, held);
+    run(f, ITERATIONS);
+    after = psnr(f, held);
+    printf("flat: held out %.1f dB before, %.1f dB after %d iterations\n",
+           before, after, ITERATIONS);
+    assert_true(after > before + 3);
+    saga_flat_free(f);
+}
+
+static void still_scene_should_have_no_temporal_tensors(void **state)
+{
+    saga_flat_options o = small();
+    saga_flat *f;
+
+    o.temporal = false;
+    f = make(*state, &o);
+    run(f, 60);
+    assert_null(saga_flat_params(f).motion);
+    assert_null(saga_flat_params(f).log2_width);
+    for (uint32_t i = 0; i < 9 * f->n; i++)
+        assert_true(f->value[FLAT_MOTION][i] == 0);
+    saga_flat_free(f);
+}
+
+static void motion_should_stay_within_its_order(void **state)
+{
+    saga_flat_options o = small();
+    saga_flat *f;
+    int moved = 0;
+
+    o.motion_order = 1;
+    o.rotation_slope = false;
+    f = make(*state, &o);
+    run(f, 60);
+    for (uint32_t i = 0; i < f->n; i++) {
+        for (uint32_t k = 0; k < 9; k++)
+            moved += k < 3 && f->value[FLAT_MOTION][9 * i + k] != 0;
+        for (uint32_t k = 3; k < 9; k++)
+            assert_true(f->value[FLAT_MOTION][9 * i + k] == 0);
+        for (uint32_t k = 0; k < 4; k++)
+            assert_true(f->value[FLAT_SLOPE][4 * i + k] == 0);
+    }
+    assert_true(moved > 0);
+    saga_flat_free(f);
+}
+
+/* A tensor of which one value is not a number, and the word for it. */
+static void fault_should_be_named(void **state)
+{
+    const saga_flat_options o = small();
+
+    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+        saga_flat *const f = make(*state, &o);
+        saga_flat_status s;
+
+        run(f, 2);
+        for (uint32_t i = 0; i < f->n; i += 7)
+            f->m[t][i * (uint32_t)saga_flat_widths[t]] = NAN;
+        s = saga_flat_run(f, ITERATIONS);
+        assert_int_equal(s, SAGA_FLAT_NONFINITE);
+        assert_non_null(strstr(saga_flat_message(f), f->info[t].name));
+        assert_non_null(strstr(saga_flat_message(f), "iteration 2"));
+        saga_flat_free(f);
+    }
+}
+
+static void fault_should_be_named_when_it_reaches_a_picture(void **state)
+{
+    const saga_flat_options o = small();
+    saga_flat *const f = make(*state, &o);
+
+    for (uint32_t i = 0; i < 3 * f->n; i++)
+        f->value[FLAT_COLOUR][i] = NAN;
+    assert_int_equal(saga_flat_run(f, ITERATIONS), SAGA_FLAT_NONFINITE);
+    assert_non_null(strstr(saga_flat_message(f), "picture of view cam"));
+    assert_non_null(strstr(saga_flat_message(f), "iteration 0"));
+    saga_flat_free(f);
+}
+
+static void refused_new(const saga_capture *c, const saga_flat_options *o,
+                        const char *what)
+{
+    saga_error error = { "" };
+
+    assert_null(saga_flat_new(c, o, &error));
+    if (!strstr(error.message, what))
+        fail_msg("no \"%s\" in: %s", what, error.message);
+}
+
+static void options_should_be_refused_when_they_cannot_be(void **state)
+{
+    saga_capture c = *(saga_capture *)*state;
+    saga_shot views[VIEWS];
+    saga_flat_options o = small();
+
+    o.n_primitives = 0;
+    refused_new(&c, &o, "0 primitives: 1 to 16777216");
+    o = small();
+    o.n_iterations = 0;
+    refused_new(&c, &o, "0 iterations");
+    o = small();
+    memcpy(views, c.views, sizeof views);
+    c.views = views;
+    views[0].width = 7;
+    refused_new(&c, &o, "view cam00 is 7 x 48 pixels, at least 8 x 8");
+    for (int v = 0; v < VIEWS; v++)
+        views[v].held_out = true;
+    refused_new(&c, &o, "0 training views");
+}
+
+/* --- Operators ----------------------------------------------------------- */
+
+static void truth_should_be_the_mean_of_boxes(void **state)
+{
+    const saga_capture *const c = *state;
+    static real truth[3 * W * H];
+
+    for (int level = 0; level < 3; level++) {
+        const int w = W >> level, h = H >> level, side = 1 << level;
+
+        saga_truth_load(truth, c, 2, 1, level);
+        for (int i = 0; i < 3 * w * h; i++) {
+            const int k = i / (w * h), y = i % (w * h) / w, x = i % w;
+            double sum = 0;
+
+            for (int j = 0; j < side * side; j++)
+                sum += saga_capture_frame(c, 2, 1)[
+                    3 * ((y * side + j / side) * W + x * side + j % side) + k];
+            assert_near(truth[i], sum / 255 / (side * side), 1e-6);
+        }
+    }
+}
+
+static real noise(uint64_t i)
+{
+    return (real)saga_rng_float(saga_rng_stream(3, 4), i) - R(0.5);
+}
+
+/* It is linear in the picture and in the map, so that for any direction
+ * d_out . (f(in + a) - f(in)) = d_in . a, and the same for the map. */
+static void correction_should_be_the_transpose_of_itself(void **state)
+{
+    enum { N = 5 * 4 };
+    real in[3 * N], d_out[3 * N], d_in[3 * N], out[3 * N], moved[3 * N];
+    real map[FLAT_CORRECTION], d_map[FLAT_CORRECTION] = { 0 };
+    double row[4 * FLAT_CORRECTION], left = 0, right = 0;
+
+    (void)state;
+    for (uint64_t i = 0; i < 3 * N; i++) {
+        in[i] = noise(i);
+        d_out[i] = noise(100 + i);
+    }
+    for (uint64_t i = 0; i < FLAT_CORRECTION; i++)
+        map[i] = noise(200 + i);
+    saga_flat_correct(out, in, map, N);
+    /* By hand: the third channel of the second pixel. */
+    assert_near(out[2 * N + 1], map[6] * in[1] + map[7] * in[N + 1] +
+                       map[8] * in[2 * N + 1] + map[11], 1e-6);
+    saga_flat_correct_backward(d_in, d_map, d_out, in, map, 5, 4, row);
+    for (uint64_t i = 0; i < 3 * N; i++) {
+        moved[i] = in[i] + noise(300 + i);
+        right += (double)(d_in[i] * noise(300 + i));
+    }
+    saga_flat_correct(moved, moved, map, N);
+    for (int i = 0; i < 3 * N; i++)
+        left += (double)(d_out[i] * (moved[i] - out[i]));
+    assert_near(left, right, 1e-5);
+    left = right = 0;
+    for (uint64_t i = 0; i < FLAT_CORRECTION; i++) {
+        right += (double)(d_map[i] * noise(400 + i));
+        map[i] += noise(400 + i);
+    }
+    saga_flat_correct(moved, in, map, N);
+    for (int i = 0; i < 3 * N; i++)
+        left += (double)(d_out[i] * (moved[i] - out[i]));
+    assert_near(left, right, 1e-5);
+}
+
+/* Only training views are corrected, and on the mean nothing is. */
+static void correction_should_be_the_identity_on_the_mean(void **state)
+{
+    const saga_capture *const c = *state;
+    saga_flat_options o = small();
+    saga_flat *f;
+    double moved = 0;
+
+    o.colour_correction = true;
+    f = make(c, &o);
+    run(f, 60);
+    for (int k = 0; k < FLAT_CORRECTION; k++) {
+        const double one = k < 9 && k % 4 == 0;
+        double mean = 0;
+
+        for (int v = 0; v < VIEWS; v++) {
+            const double x = (double)f->correction[0][v * FLAT_CORRECTION + k];
+
+            if (c->views[v].held_out)
+                assert_true(x == one);
+            else
+                mean += x / f->n_train;
+            moved = fmax(moved, fabs(x - one));
+        }
+        assert_near(mean, one, 1e-5);
+    }
+    assert_true(moved > 1e-4);
+    saga_flat_free(f);
+}
+
+/* Kingma and Ba, algorithm 1, in double. */
+static void adam_should_be_adam(void **state)
+{
+    enum { N = 16, STEPS = 20 };
+    real x[N] = { 0 }, m[N] = { 0 }, v[N] = { 0 }, g[N];
+    double rx[N] = { 0 }, rm[N] = { 0 }, rv[N] = { 0 };
+
+    (void)state;
+    for (int t = 1; t <= STEPS; t++) {
+        for (int i = 0; i < N; i++) {
+            const double d = (double)noise((uint64_t)(t * N + i)) + 0.2;
+
+            g[i] = (real)d;
+            rm[i] = 0.9 * rm[i] + 0.1 * d;
+            rv[i] = 0.995 * rv[i] + 0.005 * d * d;
+            rx[i] -= 0.01 * (rm[i] / (1 - pow(0.9, t))) /
+                     (sqrt(rv[i] / (1 - pow(0.995, t))) + 1e-15);
+        }
+        saga_flat_adam(x, m, v, g, N, R(0.01), t);
+    }
+    for (int i = 0; i < N; i++)
+        assert_near(x[i], rx[i], 1e-6);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(bits_should_not_depend_on_threads),
+        cmocka_unit_test(bits_should_not_depend_on_interruptions),
+        cmocka_unit_test(checkpoint_should_be_refused_when_it_does_not_fit),
+        cmocka_unit_test(checkpoint_should_be_refused_when_its_count_lies),
+        cmocka_unit_test(count_should_grow_within_bounds_and_end_as_asked),
+        cmocka_unit_test(count_should_end_as_asked_whatever_is_asked),
+        cmocka_unit_test(prune_should_take_the_least_important),
+        cmocka_unit_test(split_should_make_two_halves_of_the_longest_axis),
+        cmocka_unit_test(cube_should_hold_what_there_is_to_see),
+        cmocka_unit_test(cube_should_be_as_large_as_what_two_views_share),
+        cmocka_unit_test(cube_should_believe_the_depths_of_the_capture),
+        cmocka_unit_test(camera_should_see_the_cube_as_the_view_the_world),
+        cmocka_unit_test(sights_should_have_the_true_depth),
+        cmocka_unit_test(warm_up_should_learn_the_held_out_view),
+        cmocka_unit_test(still_scene_should_have_no_temporal_tensors),
+        cmocka_unit_test(motion_should_stay_within_its_order),
+        cmocka_unit_test(fault_should_be_named),
+        cmocka_unit_test(fault_should_be_named_when_it_reaches_a_picture),
+        cmocka_unit_test(options_should_be_refused_when_they_cannot_be),
+        cmocka_unit_test(truth_should_be_the_mean_of_boxes),
+        cmocka_unit_test(correction_should_be_the_transpose_of_itself),
+        cmocka_unit_test(correction_should_be_the_identity_on_the_mean),
+        cmocka_unit_test(adam_should_be_adam)
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}

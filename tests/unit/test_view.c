@@ -1,0 +1,565 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Watching a file: cameras from metres to integers and back, pictures of the
+ * vectors through trainer/eval/view, the camera path, the montage.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "evaluate.h"
+#include "error.h"
+#include "file.h"
+#include "montage.h"
+#include "orbit.h"
+#include "picture.h"
+#include "view.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char vector[] = "vectors/good/motion.saga";
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+static double uniform(uint32_t *state)
+{
+    *state = *state * 1664525u + 1013904223u;
+    return (*state >> 8) / 16777216.0 * 2.0 - 1.0;
+}
+
+/* A turned camera somewhere around a cube, from a unit quaternion. */
+static saga_shot random_shot(const saga_metric *m, uint32_t *seed)
+{
+    saga_shot s = { .name = "random", .width = 640, .height = 360 };
+    double q[4], n = 0.0, centre[3];
+
+    for (int i = 0; i < 4; i++)
+        q[i] = uniform(seed);
+    for (int i = 0; i < 4; i++)
+        n += q[i] * q[i];
+    for (int i = 0; i < 9; i++) {
+        const int a = i / 3, b = i % 3, c = 3 - a - b;
+        const double sign = (b - a + 3) % 3 == 1 ? -1.0 : 1.0;
+
+        s.rotation[i] = a == b
+            ? 2.0 * (q[0] * q[0] + q[a + 1] * q[a + 1]) / n - 1.0
+            : 2.0 * (q[a + 1] * q[b + 1] + sign * q[0] * q[c + 1]) / n;
+    }
+    for (int i = 0; i < 3; i++)
+        centre[i] = m->centre[i] +
+                    2.0 * saga_metric_width(m) * uniform(seed);
+    for (int i = 0; i < 3; i++)
+        s.translation[i] = -(s.rotation[3 * i] * centre[0] +
+                             s.rotation[3 * i + 1] * centre[1] +
+                             s.rotation[3 * i + 2] * centre[2]);
+    s.fx = 500.0 + 100.0 * uniform(seed);
+    s.fy = 500.0 + 100.0 * uniform(seed);
+    s.cx = 320.0 + 50.0 * uniform(seed);
+    s.cy = 180.0 + 50.0 * uniform(seed);
+    return s;
+}
+
+/* --- Cameras ------------------------------------------------------------- */
+
+static const saga_metric somewhere = { 3e-7, { 12.5, -3.25, 1000.0 } };
+
+static void camera_should_come_back_from_integers(void **state)
+{
+    uint32_t seed = 1;
+
+    (void)state;
+    for (int k = 0; k < 500; k++) {
+        const saga_shot s = random_shot(&somewhere, &seed);
+        saga_shot back = { .name = "" };
+        saga_error error = { "" };
+        saga_camera c = { .near_plane = 0 };
+        double p[3], q[3];
+
+        assert_true(saga_camera_of_shot(&c, &somewhere, &s, 0.01, &error));
+        assert_int_equal(c.near_plane, 33333);
+        saga_shot_of_camera(&back, &somewhere, &c);
+        saga_shot_centre(p, &s);
+        saga_shot_centre(q, &back);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(p[i] - q[i]) < 1e-5);
+        for (int i = 0; i < 9; i++)
+            assert_true(fabs(s.rotation[i] - back.rotation[i]) < 1e-9);
+        assert_true(fabs(s.fx - back.fx) <= 1.0 / 131072.0);
+        assert_true(fabs(s.cy - back.cy) <= 1.0 / 131072.0);
+    }
+}
+
+/* The limit saga.h states, where the sum is largest, and rows that are too
+ * long. */
+static void rotation_should_keep_to_its_limit(void **state)
+{
+    const saga_metric here = { 3e-7, { 0.0, 0.0, 0.0 } };
+    uint32_t seed = 2;
+
+    (void)state;
+    for (int k = 0; k < 500; k++) {
+        saga_shot s = random_shot(&here, &seed);
+        saga_error error = { "" };
+        saga_camera c = { .near_plane = 0 };
+
+        for (int i = 0; i < 3 && k == 0; i++)
+            s.rotation[i] = 1.0;
+        for (int i = 0; i < 9; i++)
+            s.rotation[i] *= 1.0 + 1e-3 * k;
+        assert_true(saga_camera_of_shot(&c, &here, &s, 0.01, &error));
+        for (int row = 0; row < 3; row++) {
+            const int32_t *const r = c.rotation_q30 + 3 * row;
+            const int64_t sum = (int64_t)abs(r[0]) + abs(r[1]) + abs(r[2]);
+
+            assert_true((double)sum <= 1.7321 * 1073741824.0);
+            assert_true(fabs(sqrt((double)r[0] * r[0] + (double)r[1] * r[1] +
+                                  (double)r[2] * r[2]) - 1073741824.0) < 2.0);
+        }
+    }
+}
+
+static void refused(const saga_shot *s, double near_metres, const char *says)
+{
+    saga_error error = { "" };
+    saga_camera c = { .near_plane = 0 };
+
+    assert_false(saga_camera_of_shot(&c, &somewhere, s, near_metres, &error));
+    if (!strstr(error.message, says) || !strstr(error.message, s->name))
+        fail_msg("no '%s' in: %s", says, error.message);
+}
+
+static void camera_should_be_refused_with_its_value(void **state)
+{
+    uint32_t seed = 3;
+    const saga_shot good = random_shot(&somewhere, &seed);
+    saga_shot s = good;
+
+    (void)state;
+    s.fx = 0.0;
+    refused(&s, 0.01, "focal length, 0");
+    s.fx = 32768.0;
+    refused(&s, 0.01, "focal length, 32768");
+    s = good;
+    s.cx = 1e5;
+    refused(&s, 0.01, "principal point, 100000");
+    s = good;
+    s.translation[1] = 1e6;
+    refused(&s, 0.01, "position");
+    s.translation[1] = (double)NAN;
+    refused(&s, 0.01, "nan");
+    s = good;
+    s.rotation[0] = s.rotation[1] = s.rotation[2] = 0.0;
+    refused(&s, 0.01, "rotation");
+    s = good;
+    s.width = 16385;
+    refused(&s, 0.01, "width, 16385");
+    refused(&good, (double)INFINITY, "near plane");
+}
+
+static void resized_camera_should_see_the_same(void **state)
+{
+    saga_camera c = { .focal_q16 = { 100 << 16, 90 << 16 },
+                      .principal_q16 = { 84 << 16, 60 << 16 },
+                      .width = 160, .height = 120 };
+
+    (void)state;
+    saga_camera_resize(&c, 320, 480);
+    assert_int_equal(c.width, 320);
+    assert_int_equal(c.height, 480);
+    assert_int_equal(c.focal_q16[0], 200 << 16);
+    assert_int_equal(c.focal_q16[1], 180 << 16);
+    assert_int_equal(c.principal_q16[0], 168 << 16);
+    assert_int_equal(c.principal_q16[1], 240 << 16);
+}
+
+/* --- A file -------------------------------------------------------------- */
+
+typedef struct {
+    saga_bytes bytes;
+    saga_film film;
+    saga_error error;
+} opened;
+
+static void open_vector(opened *o, int n_threads)
+{
+    *o = (opened){ .film = { .segment = -1 } };
+    assert_true(saga_read_file(&o->bytes, vector, &o->error));
+    if (!saga_film_open(&o->film, vector, o->bytes.data, o->bytes.nbytes,
+                        n_threads, &o->error))
+        fail_msg("%s", o->error.message);
+}
+
+static void close_vector(opened *o)
+{
+    saga_film_close(&o->film);
+    saga_bytes_free(&o->bytes);
+}
+
+/* CRC of the picture of frame 0 in camera 0: the last column of the line of
+ * the vector's segment 0 at time 0. */
+static uint32_t manifest_crc(void)
+{
+    FILE *const f = must(fopen("vectors/MANIFEST", "r"));
+    char line[512];
+    uint32_t crc = 0;
+    bool found = false;
+
+    while (!found && fgets(line, sizeof line, f))
+        found = sscanf(line, "good/motion.saga 0 %*s %*s %*s %*s 0 0 %*s %*s "
+                       "%" SCNx32, &crc) == 1;
+    fclose(f);
+    assert_true(found);
+    return crc;
+}
+
+static void picture_should_be_the_vectors_on_any_threads(void **state)
+{
+    const uint32_t want = manifest_crc();
+
+    (void)state;
+    for (int threads = 1; threads <= 5; threads += 2) {
+        saga_camera c;
+        uint32_t number;
+        uint8_t *rgb;
+        size_t n;
+        opened o;
+
+        open_vector(&o, threads);
+        assert_true(saga_film_rig(&o.film, 0, &c, &number, &o.error));
+        n = 3 * (size_t)c.width * c.height;
+        rgb = must(malloc(n));
+        assert_true(saga_film_draw(&o.film, &c, 0, 1, rgb, &o.error));
+        assert_true(saga_crc32c(0, rgb, n) == want);
+        assert_int_equal(o.film.times.n_segments, 1);
+        assert_int_equal(o.film.times.n_views, 1);
+        assert_true(saga_film_draw(&o.film, &c, 15, 2, rgb, &o.error));
+        assert_int_equal(o.film.times.n_segments, 1);
+        free(rgb);
+        close_vector(&o);
+    }
+}
+
+static void what_a_file_lacks_should_be_told(void **state)
+{
+    uint8_t rgb[3];
+    saga_camera c;
+    uint32_t number;
+    opened o;
+
+    (void)state;
+    open_vector(&o, 1);
+    assert_false(saga_film_rig(&o.film, 3, &c, &number, &o.error));
+    assert_non_null(strstr(o.error.message, "no camera 3 in its rig of 3"));
+    o.error.message[0] = '\0';
+    assert_false(saga_film_draw(&o.film, &c, 9999, 1, rgb,
+                                &o.error));
+    assert_non_null(strstr(o.error.message, "no frame 9999 among its"));
+    /* Cut in its last chunk: it opens, but the segment is not all there. */
+    close_vector(&o);
+    open_vector(&o, 1);
+    o.film.nbytes -= 1;
+    assert_true(saga_film_rig(&o.film, 0, &c, &number, &o.error));
+    assert_false(saga_film_draw(&o.film, &c, 0, 1, rgb, &o.error));
+    assert_non_null(strstr(o.error.message, "segment 0 is refused"));
+    close_vector(&o);
+}
+
+static void damaged_file_should_not_open(void **state)
+{
+    opened o;
+
+    (void)state;
+    open_vector(&o, 1);
+    saga_film_close(&o.film);
+    o.bytes.data[20] ^= 1;
+    assert_false(saga_film_open(&o.film, vector, o.bytes.data,
+                                o.bytes.nbytes, 1, &o.error));
+    assert_non_null(strstr(o.error.message, vector));
+    assert_null(o.film.work);
+    close_vector(&o);
+}
+
+/* --- The path ------------------------------------------------------------ */
+
+/* Every camera looks at the focus, its up is the path's, it is as far away as
+ * the rig, and no further to the side than the rig. */
+static void orbit_should_stay_where_the_rig_was(void **state)
+{
+    saga_orbit p;
+    opened o;
+
+    (void)state;
+    open_vector(&o, 1);
+    assert_true(saga_orbit_of(&p, &o.film, &o.error));
+    assert_false(p.closed);
+    for (int k = 0; k < 16; k++) {
+        saga_shot s = { .name = "" };
+        saga_camera c;
+        double at[3], centre[3], along = 0.0, level = 0.0;
+
+        assert_true(saga_orbit_camera(&c, &p, &o.film.metric, k / 16.0,
+                                      &o.error));
+        saga_shot_of_camera(&s, &o.film.metric, &c);
+        saga_view_transform(&s, p.focus, at);
+        assert_true(fabs(at[0]) < 1e-4 && fabs(at[1]) < 1e-4);
+        assert_true(fabs(at[2] - hypot(p.radius, p.height)) < 1e-4);
+        saga_shot_centre(centre, &s);
+        for (int i = 0; i < 3; i++) {
+            along += (centre[i] - p.focus[i]) * p.side[i];
+            level += s.rotation[i] * p.up[i];
+        }
+        assert_true(fabs(along) <= p.radius * sin(fmin(p.half +
+                    fabs(p.middle), 1.5707963)) + 1e-3);
+        assert_true(fabs(level) < 1e-6);
+    }
+    close_vector(&o);
+}
+
+/* --- Evaluation ---------------------------------------------------------- */
+
+/* A capture with the rig's cameras, and no pictures. */
+static saga_capture rig_capture(const opened *o)
+{
+    const saga_info *const i = &o->film.info;
+    saga_capture c = { .format = "test", .n_views = (int)i->n_cameras,
+                       .n_frames = (int)i->n_frames, .scale = 1,
+                       .fps = (double)i->rate_num / i->rate_den };
+
+    c.views = must(calloc(i->n_cameras, sizeof *c.views));
+    for (uint32_t k = 0; k < i->n_cameras; k++) {
+        saga_error error = { "" };
+        saga_camera camera;
+        uint32_t number;
+
+        assert_true(saga_film_rig(&o->film, k, &camera, &number, &error));
+        saga_shot_of_camera(&c.views[k], &o->film.metric, &camera);
+        snprintf(c.views[k].name, sizeof c.views[k].name, "cam%02" PRIu32, k);
+    }
+    return c;
+}
+
+static void mismatch(const opened *o, const saga_capture *c, const char *says)
+{
+    saga_error error = { "" };
+    saga_eval e;
+
+    assert_false(saga_eval_match(&e, &o->film, c, &error));
+    assert_null(e.view);
+    if (!strstr(error.message, says))
+        fail_msg("no '%s' in: %s", says, error.message);
+}
+
+static void capture_should_be_refused_where_it_differs(void **state)
+{
+    char says[64];
+    saga_capture c;
+    saga_shot *v;
+    saga_eval e;
+    opened o;
+
+    (void)state;
+    open_vector(&o, 1);
+    c = rig_capture(&o);
+    v = &c.views[1];
+    c.n_frames--;
+    snprintf(says, sizeof says, "%d frames, the capture gives %d",
+             c.n_frames + 1, c.n_frames);
+    mismatch(&o, &c, says);
+    c.n_frames++;
+    c.fps = 25.0;
+    mismatch(&o, &c, "30 frames per second, the capture 25");
+    c.fps = 30.0;
+    v->translation[0] += 1e-3 * saga_metric_width(&o.film.metric);
+    mismatch(&o, &c, "cam01 is no camera of its rig");
+    v->held_out = true;
+    assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
+    assert_int_equal(e.view[0].rig, 0);
+    assert_int_equal(e.view[1].rig, -1);
+    assert_int_equal(e.view[2].rig, 2);
+    assert_int_equal(e.n_training, 2);
+    assert_int_equal(e.n_held_out, 1);
+    saga_eval_free(&e);
+    v->held_out = false;
+    v->translation[0] -= 1e-3 * saga_metric_width(&o.film.metric);
+    v->fx *= 1.1;
+    mismatch(&o, &c, "focal length");
+    saga_capture_free(&c);
+    close_vector(&o);
+}
+
+/* Every frame of every view as the file gives it, each view's first frame
+ * painted over with `level`. */
+static void fill_capture(saga_capture *c, opened *o, const saga_eval *e,
+                         int level)
+{
+    for (int i = 0; i < c->n_views; i++) {
+        const size_t n = saga_view_frame_nbytes(&c->views[i]);
+
+        c->views[i].rgb = must(malloc(n * (size_t)c->n_frames));
+        for (int k = 0; k < c->n_frames; k++)
+            assert_true(saga_film_draw(&o->film, &e->view[i].camera,
+                                       (uint32_t)k, 1, c->views[i].rgb +
+                                       n * (size_t)k, &o->error));
+        memset(c->views[i].rgb, level, n);
+    }
+}
+
+static int compare_bytes(const void *a, const void *b)
+{
+    return *(const uint8_t *)a - *(const uint8_t *)b;
+}
+
+/* The median's mean squared error and PSNR, and the changing pixels: sample by
+ * sample from the definition. The file's own pictures are wrong in frame 0
+ * alone. */
+static void expect_score(saga_eval_score *want, opened *o,
+                         const saga_capture *c, const saga_eval_view *v,
+                         int view)
+{
+    const size_t n = saga_view_frame_nbytes(&c->views[view]);
+    const int f = c->n_frames;
+    uint8_t *const median = must(malloc(n)), *const rgb = must(malloc(n));
+
+    for (size_t i = 0; i < n; i++) {
+        uint8_t at[64];
+
+        for (int k = 0; k < f; k++)
+            at[k] = saga_capture_frame(c, view, k)[i];
+        qsort(at, (size_t)f, 1, compare_bytes);
+        median[i] = (uint8_t)((at[(f - 1) / 2] + at[f / 2] + 1) / 2);
+    }
+    assert_true(saga_film_draw(&o->film, &v->camera, 0, 1, rgb, &o->error));
+    *want = (saga_eval_score){ .median_mse = 0.0 };
+    for (int k = 0; k < f; k++) {
+        const uint8_t *const truth = saga_capture_frame(c, view, k);
+        double sum = 0.0;
+
+        for (size_t i = 0; i < n; i++) {
+            const size_t p = i - i % 3;
+            bool changing = false;
+
+            for (size_t j = p; j < p + 3; j++)
+                changing |= truth[j] > median[j] + 8 ||
+                            truth[j] + 8 < median[j];
+            sum += pow(truth[i] - median[i], 2);
+            want->change.n_pixels += i % 3 == 0;
+            want->change.n_changing += changing && i % 3 == 0;
+            if (changing && k == 0)
+                want->change.error += (uint64_t)pow(truth[i] - rgb[i], 2);
+        }
+        want->median_mse += sum / (double)n / f;
+        want->median_psnr += 10 * log10(65025.0 * (double)n / sum) / f;
+    }
+    free(median);
+    free(rgb);
+}
+
+static void score_should_tell_medians_and_changes(void **state)
+{
+    const saga_eval_options options = { .pictures = NULL };
+    saga_eval_score want[3], set = { .median_mse = 0.0 };
+    saga_capture c;
+    saga_eval e;
+    opened o;
+
+    (void)state;
+    open_vector(&o, 2);
+    c = rig_capture(&o);
+    c.views[2].held_out = true;
+    assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
+    fill_capture(&c, &o, &e, 180);
+    assert_true(saga_eval_run(&e, &o.film, &c, &options, &o.error));
+    for (int i = 0; i < 3; i++) {
+        const saga_eval_score *const got = &e.view[i].score;
+
+        expect_score(&want[i], &o, &c, &e.view[i], i);
+        assert_memory_equal(&got->change, &want[i].change, sizeof got->change);
+        assert_true(got->change.n_changing > 0);
+        assert_true(fabs(got->median_mse - want[i].median_mse) < 1e-9);
+        assert_true(fabs(got->median_psnr - want[i].median_psnr) < 1e-9);
+        if (i < 2) {
+            set.change.n_changing += got->change.n_changing;
+            set.change.error += got->change.error;
+            set.median_psnr += got->median_psnr / 2;
+        }
+    }
+    assert_int_equal(e.training.change.n_changing, set.change.n_changing);
+    assert_int_equal(e.training.change.error, set.change.error);
+    assert_true(fabs(e.training.median_psnr - set.median_psnr) < 1e-9);
+    assert_memory_equal(&e.held_out.change, &e.view[2].score.change,
+                        sizeof e.held_out.change);
+    saga_eval_free(&e);
+    saga_capture_free(&c);
+    close_vector(&o);
+}
+
+/* --- Pictures side by side ----------------------------------------------- */
+
+static void difference_should_be_clipped(void **state)
+{
+    const uint8_t a[4] = { 10, 200, 0, 7 }, b[4] = { 12, 100, 255, 7 };
+    uint8_t d[4];
+
+    (void)state;
+    saga_difference(d, a, b, 4, 4);
+    assert_int_equal(d[0], 8);
+    assert_int_equal(d[1], 255);
+    assert_int_equal(d[2], 255);
+    assert_int_equal(d[3], 0);
+}
+
+static void montage_should_place_pictures_on_grey(void **state)
+{
+    static const uint8_t one[3 * 2 * 3] = { 1, 2, 3 }, two[3] = { 9, 8, 7 };
+    const saga_still stills[3] = {
+        { one, 2, 3 }, { two, 1, 1 }, { two, 1, 1 }
+    };
+    enum { W = 2 + SAGA_MONTAGE_GAP + 2, H = 3 + SAGA_MONTAGE_GAP + 3 };
+    char path[] = "/tmp/saga-montage-XXXXXX";
+    saga_error error = { "" };
+    uint8_t rgb[3 * W * H];
+    const int fd = mkstemp(path);
+
+    (void)state;
+    assert_true(fd >= 0);
+    close(fd);
+    assert_true(saga_montage_write(path, stills, 3, 2, &error));
+    assert_true(saga_picture_read(path, W, H, rgb, &error));
+    assert_memory_equal(rgb, one, 6);
+    assert_int_equal(rgb[3 * 2], 128);
+    assert_memory_equal(rgb + 3 * (2 + SAGA_MONTAGE_GAP), two, 3);
+    assert_memory_equal(rgb + 3 * W * (3 + SAGA_MONTAGE_GAP), two, 3);
+    assert_int_equal(rgb[3 * W * H - 1], 128);
+    remove(path);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(camera_should_come_back_from_integers),
+        cmocka_unit_test(rotation_should_keep_to_its_limit),
+        cmocka_unit_test(camera_should_be_refused_with_its_value),
+        cmocka_unit_test(resized_camera_should_see_the_same),
+        cmocka_unit_test(picture_should_be_the_vectors_on_any_threads),
+        cmocka_unit_test(what_a_file_lacks_should_be_told),
+        cmocka_unit_test(damaged_file_should_not_open),
+        cmocka_unit_test(orbit_should_stay_where_the_rig_was),
+        cmocka_unit_test(capture_should_be_refused_where_it_differs),
+        cmocka_unit_test(score_should_tell_medians_and_changes),
+        cmocka_unit_test(difference_should_be_clipped),
+        cmocka_unit_test(montage_should_place_pictures_on_grey),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: MIT */
+#include "error.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+bool saga_fail(saga_error *error, const char *file, const char *remedy,
+               const char *format, ...)
+{
+    if (error->message[0] != '\0')
+        return false;
+    char what[SAGA_MESSAGE_NBYTES];
+    va_list args;
+    va_start(args, format);
+    (void)vsnprintf(what, sizeof what, format, args);
+    va_end(args);
+    /* A long path must not push the remedy out of the message. */
+    const size_t n_file = file ? strlen(file) : 0;
+    const char *const tail = n_file > 400 ? file + n_file - 400 : file;
+    (void)snprintf(error->message, sizeof error->message,
+                   "%s%s%s%.*s%s%.200s", n_file > 400 ? "..." : "",
+                   tail ? tail : "", tail ? ": " : "", 400, what,
+                   remedy ? "; " : "", remedy ? remedy : "");
+    return false;
+}

@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: MIT */
+#include "file.h"
+
+#include "alloc.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+char *saga_string_copy(const char *s)
+{
+    const size_t n = strlen(s) + 1;
+    char *const copy = malloc(n);
+    if (copy)
+        memcpy(copy, s, n);
+    return copy;
+}
+
+char *saga_path_join(const char *folder, const char *name)
+{
+    if (!folder || folder[0] == '\0' || name[0] == '/')
+        return saga_string_copy(name);
+    const size_t n = strlen(folder) + strlen(name) + 2;
+    char *const path = malloc(n);
+    if (path)
+        (void)snprintf(path, n, "%s/%s", folder, name);
+    return path;
+}
+
+bool saga_path_is_file(const char *path)
+{
+    struct stat st;
+    return stat(path, &st) == 0 && S_ISREG(st.st_mode);
+}
+
+bool saga_path_is_folder(const char *path)
+{
+    struct stat st;
+    return stat(path, &st) == 0 && S_ISDIR(st.st_mode);
+}
+
+bool saga_has_suffix(const char *s, const char *suffix)
+{
+    const size_t n = strlen(s), m = strlen(suffix);
+    return n >= m && strcmp(s + n - m, suffix) == 0;
+}
+
+static bool read_open_file(saga_bytes *bytes, int fd, size_t size)
+{
+    bytes->data = saga_alloc(size + 1, 1);
+    if (!bytes->data)
+        return false;
+    while (bytes->nbytes < size) {
+        const ssize_t n = read(fd, bytes->data + bytes->nbytes,
+                               size - bytes->nbytes);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0)
+            break;
+        bytes->nbytes += (size_t)n;
+    }
+    bytes->data[bytes->nbytes] = 0;
+    return bytes->nbytes == size;
+}
+
+bool saga_read_file(saga_bytes *bytes, const char *path,
+                    saga_error *error)
+{
+    *bytes = (saga_bytes){0};
+    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return saga_fail(error, path, "check the name and the permissions",
+                         "cannot be opened (%s)", strerror(errno));
+    struct stat st;
+    bool ok = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) && st.st_size >= 0;
+    if (!ok)
+        saga_fail(error, path, "give a file", "is not a regular file");
+    else if (!(ok = read_open_file(bytes, fd, (size_t)st.st_size)))
+        saga_fail(error, path, "check the disk and the free memory",
+                  "%lld bytes cannot be read", (long long)st.st_size);
+    close(fd);
+    if (!ok)
+        saga_bytes_free(bytes);
+    return ok;
+}
+
+void saga_bytes_free(saga_bytes *bytes)
+{
+    free(bytes->data);
+    *bytes = (saga_bytes){0};
+}
+
+static void output_free(saga_output *out)
+{
+    free(out->path);
+    free(out->temporary);
+    *out = (saga_output){0};
+}
+
+bool saga_output_open(saga_output *out, const char *path,
+                      saga_error *error)
+{
+    const size_t n = strlen(path) + sizeof ".XXXXXX";
+    *out = (saga_output){.path = saga_string_copy(path),
+                         .temporary = malloc(n)};
+    if (!out->path || !out->temporary) {
+        output_free(out);
+        return saga_fail(error, path, NULL, "out of memory");
+    }
+    (void)snprintf(out->temporary, n, "%s.XXXXXX", path);
+    const int fd = mkstemp(out->temporary);
+    if (fd >= 0) {
+        (void)fchmod(fd, 0644);
+        out->file = fdopen(fd, "wb");
+        if (out->file)
+            return true;
+        close(fd);
+        unlink(out->temporary);
+    }
+    saga_fail(error, path, "choose a folder that exists and can be written",
+              "cannot be created (%s)", strerror(errno));
+    output_free(out);
+    return false;
+}
+
+bool saga_output_close(saga_output *out, bool ok, saga_error *error)
+{
+    /* Of the write that failed, if the caller has just seen one. */
+    const int write_errno = ok ? 0 : errno;
+    errno = 0;
+    /* On the disk before it has the name: after a power cut there is the old
+     * file or the new one, not an empty one. */
+    ok = ok && fflush(out->file) == 0 && !ferror(out->file) &&
+         fsync(fileno(out->file)) == 0;
+    const int flush_errno = write_errno ? write_errno : errno;
+    ok = fclose(out->file) == 0 && ok;
+    ok = ok && rename(out->temporary, out->path) == 0;
+    if (!ok) {
+        saga_fail(error, out->path, "check the free space of the disk",
+                  "could not be written (%s)",
+                  strerror(flush_errno ? flush_errno : errno));
+        unlink(out->temporary);
+    }
+    output_free(out);
+    return ok;
+}

@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Files, paths, little-endian bytes, and output that appears whole or not at
+ * all.
+ */
+#ifndef SAGA_FILE_H
+#define SAGA_FILE_H
+
+#include "error.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+/* A copy of "folder/name" (of name alone if it is absolute or folder is
+ * NULL); NULL when out of memory. Free with free(). */
+char *saga_path_join(const char *folder, const char *name);
+char *saga_string_copy(const char *s);
+bool saga_path_is_file(const char *path);
+bool saga_path_is_folder(const char *path);
+bool saga_has_suffix(const char *s, const char *suffix);
+
+/* A whole file in memory, a NUL behind its last byte. */
+typedef struct saga_bytes {
+    uint8_t *data;
+    size_t nbytes;
+} saga_bytes;
+
+bool saga_read_file(saga_bytes *bytes, const char *path,
+                    saga_error *error);
+void saga_bytes_free(saga_bytes *bytes);
+
+/* A reader over bytes: past the end it gives zeros and stays failed. */
+typedef struct saga_cursor {
+    const uint8_t *next, *end;
+    bool failed;
+} saga_cursor;
+
+static inline size_t saga_left(const saga_cursor *c)
+{
+    return (size_t)(c->end - c->next);
+}
+
+static inline const uint8_t *saga_take(saga_cursor *c, size_t n)
+{
+    if (c->failed || saga_left(c) < n) {
+        c->failed = true;
+        return NULL;
+    }
+    c->next += n;
+    return c->next - n;
+}
+
+static inline uint64_t saga_load_le(const uint8_t *p, int n)
+{
+    uint64_t x = 0;
+    for (int i = n; i-- > 0;)
+        x = x << 8 | p[i];
+    return x;
+}
+
+static inline uint64_t saga_take_le(saga_cursor *c, int n)
+{
+    const uint8_t *const p = saga_take(c, (size_t)n);
+    return p ? saga_load_le(p, n) : 0;
+}
+
+static inline double saga_load_f64(const uint8_t *p)
+{
+    const uint64_t bits = saga_load_le(p, 8);
+    double x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static inline double saga_load_f32(const uint8_t *p)
+{
+    const uint32_t bits = (uint32_t)saga_load_le(p, 4);
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return (double)x;
+}
+
+static inline double saga_take_f64(saga_cursor *c)
+{
+    const uint8_t *const p = saga_take(c, 8);
+    return p ? saga_load_f64(p) : 0.0;
+}
+
+/* A file that is written beside its final name and renamed when complete. */
+typedef struct saga_output {
+    FILE *file;
+    char *path, *temporary;
+} saga_output;
+
+bool saga_output_open(saga_output *out, const char *path,
+                      saga_error *error);
+/* Flushes to the disk, checks and renames; on any failure (or ok == false) the
+ * temporary file is removed and false returned. */
+bool saga_output_close(saga_output *out, bool ok, saga_error *error);
+
+#endif

@@ -1,0 +1,547 @@
+/* SPDX-License-Identifier: MIT */
+#include "quantise.h"
+
+#include "cost.h"
+#include "fx.h"
+#include "prob.h"
+#include "suffix.h"
+#include "syntax.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void *must(void *p)
+{
+    if (!p)
+        abort();
+    return p;
+}
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* The integer weight of a symbol. */
+static int64_t weight_of(const saga_layer_symbols *s, int32_t q)
+{
+    return fx_rshift64((int64_t)q * s->step_q16, s->step_shift);
+}
+
+/* Symbols of a row whose weights have the scale 2^e; 1 if it is valid. */
+static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
+                   uint32_t row, int e)
+{
+    const double step = ldexp(out->step_q16, -out->step_shift - e);
+    const double bias = floor(ldexp((double)v->bias[row],
+                                    e + v->q_in - out->bias_shift) + 0.5);
+    const size_t at = (size_t)row * v->n_in;
+    const int32_t limit = v->int8 ? 127 : 32767;
+    int64_t sum = 0;
+    uint32_t k;
+
+    out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
+    if (fabs(bias) > SAGA_MAX_RESIDUAL)
+        return 0;
+    out->bias[row] = (int32_t)bias;
+    for (k = 0; k < v->n_in; k++) {
+        const double q = floor((double)v->weight[at + k] / step + 0.5);
+
+        if (fabs(q) > SAGA_MAX_RESIDUAL ||
+            llabs(weight_of(out, (int32_t)q)) > limit)
+            return 0;
+        out->weight[at + k] = (int32_t)q;
+        sum += llabs(weight_of(out, (int32_t)q));
+    }
+    return saga_mlp_row_is_valid(sum, (int64_t)bias *
+                                 ((int64_t)1 << out->bias_shift),
+                                 out->shift[row]);
+}
+
+/* A row shift is q_in + exponent - q_out, and must be in 0..24. */
+static int row_exponent(const saga_layer_values *v, uint32_t row, int wanted)
+{
+    const int least = (int)v->q_out[row] - v->q_in;
+
+    return fx_clamp(wanted, least, least + 24);
+}
+
+/* The largest scale that every row's shift allows: a row at a smaller one than
+ * the others has larger steps. */
+static int most_exponent(const saga_layer_values *v)
+{
+    int most = INT_MAX;
+    uint32_t row;
+
+    for (row = 0; row < v->n_out; row++)
+        most = fx_min(most, row_exponent(v, row, INT_MAX));
+    return most;
+}
+
+/* The steps' fields where the weights' scale is 2^e: the weights' step with as
+ * many digits as there is room for. */
+static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
+                      int e)
+{
+    const double step = ldexp((double)v->step, e);
+    int size;
+
+    frexp(step, &size);                      /* step < 2^size */
+    out->step_shift = (uint8_t)fx_clamp(16 - size, 0, 31);
+    out->step_q16 = (uint32_t)fmin(fmax(floor(ldexp(step, out->step_shift) +
+                                              0.5), 1), 65535);
+    out->bias_shift = (uint8_t)fx_clamp(
+        ilogb((double)v->bias_step) + v->q_in + e, 0, 31);
+}
+
+/* All rows at the scale 2^e, or the next larger one that their shifts allow. */
+static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
+                     int e)
+{
+    uint32_t row;
+
+    set_steps(out, v, e);
+    for (row = 0; row < v->n_out; row++)
+        if (!try_row(out, v, row, row_exponent(v, row, e)))
+            return 0;
+    return 1;
+}
+
+/* All rows at the scale 2^e; one that is not valid there halves its own, that
+ * is, doubles its steps. */
+static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
+                        int e)
+{
+    uint32_t row;
+
+    set_steps(out, v, e);
+    for (row = 0; row < v->n_out; row++) {
+        const int least = (int)v->q_out[row] - v->q_in;
+        int k = row_exponent(v, row, e);
+
+        while (!try_row(out, v, row, k) && k > least)
+            k--;
+    }
+}
+
+/* Bits of residuals that share a scale, at each of them. */
+typedef struct {
+    double at[SAGA_N_SCALES];
+} scale_bits;
+
+static void add_bits(scale_bits *b, const scale_bits *more)
+{
+    uint32_t i;
+
+    for (i = 0; i < SAGA_N_SCALES; i++)
+        b->at[i] += more->at[i];
+}
+
+static scale_bits residual_bits(int32_t q)
+{
+    scale_bits b;
+    uint32_t i;
+
+    for (i = 0; i < SAGA_N_SCALES; i++)
+        b.at[i] = saga_cost_residual(q, i);
+    return b;
+}
+
+static uint8_t least_scale(const scale_bits *b)
+{
+    uint8_t best = 0, i;
+
+    for (i = 1; i < SAGA_N_SCALES; i++)
+        if (b->at[i] < b->at[best])
+            best = i;
+    return best;
+}
+
+static uint8_t bias_scale(const int32_t *q, uint32_t n)
+{
+    scale_bits b = { { 0 } };
+    uint32_t i;
+
+    for (i = 0; i < n; i++) {
+        const scale_bits one = residual_bits(q[i]);
+
+        add_bits(&b, &one);
+    }
+    return least_scale(&b);
+}
+
+/* The scales of a layer's weights, and what all of that takes. */
+typedef struct {
+    double bits;
+    uint8_t mode, scale, drop[SAGA_MAX_VECTOR];
+} layer_scales;
+
+/* Scales that lines drop to from the given one. */
+static layer_scales drop_from(uint8_t scale, uint32_t mode,
+                              const scale_bits *line, uint32_t n)
+{
+    layer_scales s = { (double)SAGA_QUANTISE_LINE_BITS * n, (uint8_t)mode,
+                       scale, { 0 } };
+    uint32_t i;
+    uint8_t d;
+
+    for (i = 0; i < n; i++) {
+        const double *const at = line[i].at;
+
+        for (d = 1; d < SAGA_N_DROPS && d * SAGA_DROP <= scale; d++)
+            if (at[scale - d * SAGA_DROP] <
+                at[scale - s.drop[i] * SAGA_DROP])
+                s.drop[i] = d;
+        s.bits += at[scale - s.drop[i] * SAGA_DROP];
+    }
+    return s;
+}
+
+/* Takes a scale for each of the lines if that is less. The layer's is within a
+ * drop of the highest. */
+static void try_lines(layer_scales *best, uint32_t mode,
+                      const scale_bits *line, uint32_t n)
+{
+    int top = 0, scale;
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        top = fx_max(top, least_scale(&line[i]));
+    for (scale = fx_max(top - SAGA_DROP + 1, 0); scale <= top; scale++) {
+        const layer_scales s = drop_from((uint8_t)scale, mode, line, n);
+
+        if (s.bits < best->bits)
+            *best = s;
+    }
+}
+
+/* Of residuals q (rows, columns). */
+static layer_scales least_scales(const int32_t *q, uint32_t rows,
+                                 uint32_t columns)
+{
+    scale_bits *const row = must(calloc(rows + columns + 1u, sizeof *row));
+    scale_bits *const column = row + rows;
+    layer_scales best = { .mode = SAGA_SCALE_TENSOR };
+    scale_bits all = { { 0 } };
+    uint32_t i, k;
+
+    for (i = 0; i < rows; i++)
+        for (k = 0; k < columns; k++) {
+            const scale_bits one = residual_bits(q[(size_t)i * columns + k]);
+
+            add_bits(&row[i], &one);
+            add_bits(&column[k], &one);
+        }
+    for (i = 0; i < rows; i++)
+        add_bits(&all, &row[i]);
+    best.scale = least_scale(&all);
+    best.bits = all.at[best.scale];
+    try_lines(&best, SAGA_SCALE_ROW, row, rows);
+    try_lines(&best, SAGA_SCALE_COLUMN, column, columns);
+    free(row);
+    return best;
+}
+
+static void set_scales(saga_layer_symbols *out, uint32_t rows,
+                       uint32_t columns)
+{
+    const layer_scales s = least_scales(out->weight, rows, columns);
+    const uint32_t n = saga_scale_lines(s.mode, columns, rows);
+
+    out->weight_scale = s.scale;
+    out->scale_mode = s.mode;
+    out->drop = must(calloc(n + 1u, 1));
+    memcpy(out->drop, s.drop, n);
+    out->bias_scale = bias_scale(out->bias, rows);
+}
+
+double saga_quantise_bits(const float *w, size_t rows, size_t columns,
+                          double step)
+{
+    int32_t *const q = must(calloc(rows * columns + 1, sizeof *q));
+    double bits;
+    size_t i;
+
+    for (i = 0; i < rows * columns; i++)
+        q[i] = (int32_t)lrint((double)w[i] / step);
+    bits = least_scales(q, (uint32_t)rows, (uint32_t)columns).bits;
+    free(q);
+    return bits;
+}
+
+void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
+{
+    /* The scale at which a step is 1 to 2 LSB, and what 16 bits can hold. */
+    const int unit = (int)ceil(-log2((double)v->step));
+    int e = fx_min(unit + 15, most_exponent(v));
+
+    out->weight = must(calloc((size_t)v->n_in * v->n_out + 1,
+                              sizeof *out->weight));
+    out->bias = must(calloc(v->n_out + 1u, sizeof *out->bias));
+    out->shift = must(calloc(v->n_out + 1u, 1));
+    while (e > unit && !try_layer(out, v, e))
+        e--;
+    if (e <= unit)
+        force_layer(out, v, unit);
+    set_scales(out, v->n_out, v->n_in);
+}
+
+void saga_dequantise_layer(float *weight, float *bias,
+                           const saga_layer_symbols *s,
+                           const saga_layer_values *v)
+{
+    uint32_t row, k;
+
+    for (row = 0; row < v->n_out; row++) {
+        const int e = (int)s->shift[row] + v->q_out[row] - v->q_in;
+        const size_t at = (size_t)row * v->n_in;
+
+        for (k = 0; k < v->n_in; k++)
+            weight[at + k] = (float)ldexp(
+                (double)weight_of(s, s->weight[at + k]), -e);
+        bias[row] = (float)ldexp(s->bias[row], s->bias_shift - e - v->q_in);
+    }
+}
+
+/* --- The closed loop ----------------------------------------------------- */
+
+typedef struct {
+    saga_coder coder;            /* first: its functions cast back */
+    saga_symbols *s;
+    const saga_scaffold *sc;
+    const saga_targets *t;
+    double *prim_o;              /* (prim, 4) wanted offsets, in supports */
+    const uint32_t *order;
+} loop;
+
+/* Wanted offset from a cell's centre in half-sizes. */
+static double local(double x, double centre, double unit)
+{
+    return saga_clamp_offset((x - centre) / unit);
+}
+
+static double cell_offset(const saga_place *cell, const double *x,
+                          uint32_t axis)
+{
+    return local(x[axis], axis < 3 ? cell->x[axis] : cell->t,
+                 cell->support[axis]);
+}
+
+/* What channel i of the block would be if nothing were quantised, in LSB. */
+static double target_of(const loop *l, saga_at at, uint32_t i)
+{
+    const saga_model *const m = l->sc->model;
+    const int16_t *const value =
+        l->t->value ? l->t->value[saga_step_of(at.sym)] : NULL;
+    saga_place cell;
+
+    if (value)
+        return at.sym == SAGA_SYM_FEATURE
+            ? value[(size_t)at.index * m->features + i]
+            : value[4 * (size_t)at.index + i];
+    switch (at.sym) {
+    case SAGA_SYM_CENTRE:
+        saga_place_cell(&cell, &l->sc->coarse[at.index]);
+        return 16384 * cell_offset(&cell, l->t->coarse_x + 4 * (size_t)at.index,
+                                   i);
+    case SAGA_SYM_FEATURE:
+        return ldexp((double)l->t->feature[(size_t)at.index * m->features + i],
+                     m->head_q[SAGA_HEAD_COARSE]);
+    case SAGA_SYM_FINE_OFFSET:
+        saga_place_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
+        return 16384 * (cell_offset(&cell, l->t->fine_x + 4 * (size_t)at.index,
+                                    i) -
+                        saga_suffix_centre(
+                            l->s->fine_suffix[at.index],
+                            m->level[SAGA_LEVEL_COARSE].suffix_bits, i));
+    default:
+        return 16384 * (l->prim_o[4 * (size_t)l->order[at.index] + i] -
+                        saga_suffix_centre(
+                            l->s->prim_suffix[at.index],
+                            m->level[SAGA_LEVEL_FINE].suffix_bits, i));
+    }
+}
+
+static int32_t *symbols_of(const loop *l, saga_at at)
+{
+    switch (at.sym) {
+    case SAGA_SYM_CENTRE:
+        return l->s->centre + 4 * (size_t)at.index;
+    case SAGA_SYM_FEATURE:
+        return l->s->feature + (size_t)at.index * l->sc->model->features;
+    case SAGA_SYM_FINE_OFFSET:
+        return l->s->fine_offset + 4 * (size_t)at.index;
+    default:
+        return l->s->prim_offset + 4 * (size_t)at.index;
+    }
+}
+
+static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
+                     uint32_t step_q16, const uint8_t *scale, uint32_t n)
+{
+    const loop *const l = (const loop *)(const void *)c;
+    int32_t *const keep = symbols_of(l, at);
+    uint32_t i;
+
+    (void)scale;
+    for (i = 0; i < n; i++) {
+        const double x = floor((target_of(l, at, i) - mu[i]) * 65536 /
+                               step_q16 + 0.5);
+
+        q[i] = keep[i] = x < -SAGA_MAX_RESIDUAL ? -SAGA_MAX_RESIDUAL
+                       : x > SAGA_MAX_RESIDUAL ? SAGA_MAX_RESIDUAL
+                       : (int32_t)x;
+    }
+}
+
+static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
+{
+    uint32_t low = 0;
+
+    while (low < n && !(suffix[low] >> bit & 1u))
+        low++;
+    return low;
+}
+
+static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
+                         uint32_t n_sym)
+{
+    const saga_symbols *const s = ((const loop *)(const void *)c)->s;
+    uint32_t sym;
+
+    switch (at.sym) {
+    case SAGA_SYM_SPLIT: sym = s->split[at.index]; break;
+    case SAGA_SYM_OCCUPANCY:
+        sym = (uint32_t)s->occupancy[at.index] >> at.bit & 1u;
+        break;
+    case SAGA_SYM_N_FINE: sym = s->n_fine[at.index]; break;
+    case SAGA_SYM_N_PRIM: sym = s->n_prim[at.index]; break;
+    case SAGA_SYM_FINE_SUFFIX:
+        sym = count_low(s->fine_suffix + at.index, n_sym - 1, at.bit);
+        break;
+    default:
+        sym = count_low(s->prim_suffix + at.index, n_sym - 1, at.bit);
+    }
+    if (sym >= n_sym) {
+        c->error = 1;
+        sym = 0;
+    }
+    saga_adaptive_update(m, n_sym, sym);
+    return sym;
+}
+
+/* --- Primitives ---------------------------------------------------------- */
+
+typedef struct {
+    uint32_t suffix, index;
+} child;
+
+static int compare(const void *a, const void *b)
+{
+    const child *const x = a, *const y = b;
+
+    if (x->suffix != y->suffix)
+        return x->suffix < y->suffix ? -1 : 1;
+    return x->index < y->index ? -1 : 1;
+}
+
+/* Offsets, suffixes and their order, now that F_fine has run. */
+static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
+{
+    const saga_scaffold *const sc = l->sc;
+    const uint32_t bits = sc->model->level[SAGA_LEVEL_FINE].suffix_bits;
+    uint32_t fine, i, axis;
+
+    for (fine = 0; fine < sc->n.fine; fine++) {
+        const saga_fine *const f = &sc->fine[fine];
+        child list[SAGA_MAX_CHILDREN];
+
+        for (i = 0; i < f->n_prim; i++) {
+            const uint32_t k = f->first_prim + i;
+            double *const o = l->prim_o + 4 * (size_t)k;
+
+            for (axis = 0; axis < 4; axis++)
+                o[axis] = l->t->prim_o
+                    ? (double)l->t->prim_o[4 * (size_t)k + axis]
+                    : local(l->t->prim_x[4 * (size_t)k + axis],
+                            axis < 3 ? f->x[axis] : f->t, f->support[axis]);
+            for (axis = 0; axis < 3; axis++)
+                if (fabs(o[axis]) > SAGA_OFFSET_MAX - 1e-4)
+                    break;
+            r->n_clamped += axis < 3;
+            list[i].suffix = saga_suffix_of(o, bits);
+            list[i].index = k;
+        }
+        qsort(list, f->n_prim, sizeof *list, compare);
+        for (i = 0; i < f->n_prim; i++) {
+            l->s->prim_suffix[f->first_prim + i] = list[i].suffix;
+            order[f->first_prim + i] = list[i].index;
+        }
+    }
+}
+
+static void copy_place(double to[4], const int32_t x[3], int32_t t)
+{
+    int i;
+
+    for (i = 0; i < 3; i++)
+        to[i] = x[i];
+    to[3] = t;
+}
+
+static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
+{
+    const saga_model *const m = sc->model;
+    uint32_t i, k;
+    saga_place p;
+
+    for (i = 0; i < sc->n.coarse; i++)
+        copy_place(d->coarse_x + 4 * (size_t)i, sc->coarse[i].x,
+                   sc->coarse[i].t);
+    for (i = 0; i < sc->n.coarse * m->features; i++)
+        d->feature[i] = (float)ldexp(sc->coarse_feature[i],
+                                     -m->head_q[SAGA_HEAD_COARSE]);
+    for (i = 0; i < sc->n.fine; i++) {
+        copy_place(d->fine_x + 4 * (size_t)i, sc->fine[i].x, sc->fine[i].t);
+        for (k = 0; k < sc->fine[i].n_prim; k++) {
+            const uint32_t rank = sc->fine[i].first_prim + k;
+
+            saga_place_fine(&p, &sc->fine[i]);
+            saga_place_move(&p, sc->prim_offset[rank]);
+            copy_place(d->prim_x + 4 * (size_t)rank, p.x, p.t);
+        }
+    }
+}
+
+int saga_quantise_segment(saga_symbols *s, uint32_t *order,
+                          saga_quantise_report *report,
+                          const saga_model *model, const saga_nets *nets,
+                          const uint8_t *params, const saga_targets *targets,
+                          const saga_decoded *decoded)
+{
+    saga_scaffold sc;
+    loop l;
+    int ok;
+
+    memset(&l, 0, sizeof l);
+    memset(report, 0, sizeof *report);
+    saga_scaffold_alloc(&sc, model, nets, params, s->n);
+    l.coder.residual = residual;
+    l.coder.adaptive = adaptive;
+    l.s = s;
+    l.sc = &sc;
+    l.t = targets;
+    l.order = order;
+    l.prim_o = must(calloc(4 * (size_t)s->n.prim + 1, sizeof *l.prim_o));
+    saga_syntax_begin(&sc);
+    ok = saga_syntax_coarse(&sc, &l.coder) && saga_syntax_fine(&sc, &l.coder);
+    if (ok) {
+        if (!targets->value)
+            place_prims(&l, order, report);
+        ok = saga_syntax_prim(&sc, &l.coder);
+        if (decoded)
+            copy_decoded(decoded, &sc);
+    }
+    free(l.prim_o);
+    saga_scaffold_free(&sc);
+    return ok && !l.coder.error;
+}

@@ -1,0 +1,731 @@
+/* SPDX-License-Identifier: MIT */
+#include "rate_loss.h"
+
+#include "cost.h"
+#include "rate_bits.h"
+#include "rng.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef SAGA_REAL_DOUBLE
+#define FLOOR floor
+#else
+#define FLOOR floorf
+#endif
+
+/* Of a block: an anchor's, or all its primitives'. */
+enum { MOST_VALUES = 4 + SAGA_MAX_FEATURES };
+_Static_assert(MOST_VALUES >= 4 * SAGA_MAX_CHILDREN, "room for primitives");
+
+/* --- Memory -------------------------------------------------------------- */
+
+size_t saga_rate_n_params(const saga_scene *s)
+{
+    int net = SAGA_NET_FUSE_C;
+
+    while (s->net[net].n_layers == 0)
+        net++;
+    return (size_t)(s->net[net].w[0] - s->params);
+}
+
+int saga_rate_init(saga_rate *r, const saga_scene *s)
+{
+    const size_t coarse = s->n.coarse, fine = s->n.fine;
+    const size_t most = coarse > fine ? coarse : fine;
+    int net;
+
+    memset(r, 0, sizeof *r);
+    for (net = 0; net < SAGA_N_NETS; net++)
+        r->plan.step[net] = ldexp(1, -SAGA_RATE_FINEST);
+    r->mu_feature = calloc(coarse * s->model.features + 1,
+                           sizeof *r->mu_feature);
+    r->mu_offset = calloc(4 * fine + 1, sizeof *r->mu_offset);
+    r->centre = calloc(4 * coarse + 1, sizeof *r->centre);
+    r->offset = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->offset);
+    r->decoded = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->decoded);
+    r->params = calloc(saga_rate_n_params(s) + 1, sizeof *r->params);
+    r->row_bits = calloc(SAGA_N_STEPS * most + 1, sizeof *r->row_bits);
+    r->list = calloc(most + 1, sizeof *r->list);
+    if (saga_rate_context_init(&r->context, s) || !r->mu_feature ||
+        !r->mu_offset || !r->centre || !r->offset || !r->decoded ||
+        !r->params || !r->row_bits || !r->list) {
+        saga_rate_free(r);
+        return -1;
+    }
+    return 0;
+}
+
+void saga_rate_free(saga_rate *r)
+{
+    saga_rate_context_free(&r->context);
+    free(r->mu_feature);
+    free(r->mu_offset);
+    free(r->centre);
+    free(r->offset);
+    free(r->decoded);
+    free(r->params);
+    free(r->row_bits);
+    free(r->list);
+    memset(r, 0, sizeof *r);
+}
+
+void saga_rate_keep_raw(saga_rate *r)
+{
+    int net;
+
+    r->plan.raw = 1;
+    for (net = 0; net < SAGA_N_NETS; net++)
+        r->plan.step[net] = ldexp(1, -SAGA_RAW_STEP);
+}
+
+/* --- Values -------------------------------------------------------------- */
+
+/* An offset from the cell of coarse anchor c, in its half-sizes. */
+static void cell_offset(double o[4], const saga_coarse *c, const real *x)
+{
+    real centre[4];
+    int k;
+
+    saga_scene_cell(centre, c);
+    for (k = 0; k < 4; k++)
+        o[k] = saga_clamp_offset(
+            ((double)x[k] - (double)centre[k]) /
+            (double)(k < 3 ? saga_scene_half_x(c) : saga_scene_half_t(c)));
+}
+
+int saga_rate_refresh(saga_rate *r, const saga_scene *s)
+{
+    const saga_rate_input anchors = { s, NULL, NULL };
+    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    double o[4];
+    uint32_t i, k;
+
+    for (i = 0; i < s->n.coarse; i++) {
+        cell_offset(o, &s->coarse[i], s->coarse_x + 4 * (size_t)i);
+        for (k = 0; k < 4; k++)
+            r->centre[4 * (size_t)i + k] = R(o[k]);
+    }
+    for (i = 0; i < s->n.fine; i++) {
+        real *const to = r->offset + SAGA_RATE_OFFSETS * (size_t)i;
+        const uint32_t suffix = saga_scene_fine_suffix(s, i);
+
+        cell_offset(o, &s->coarse[s->fine[i].parent],
+                    s->fine_x + 4 * (size_t)i);
+        for (k = 0; k < 4; k++)
+            to[k] = R(o[k] - saga_suffix_centre(suffix, bits, k));
+        to[4] = R(s->fine[i].n_prim) / 16;
+    }
+    if (saga_rate_context_refresh(&r->context, s))
+        return -1;
+    saga_rate_measure(r, &anchors, SAGA_KIND_FINE);
+    return 0;
+}
+
+/* In reals of the value. */
+static double step_size(const saga_model *m, int kind, size_t c)
+{
+    return ldexp(m->step_q16[saga_rate_step_of(kind, c)],
+                 -16 - saga_rate_value_q(m, kind, c));
+}
+
+/* Coarse anchors to the nearest steps from their cells' centres. */
+static void snap_coarse(saga_scene *s)
+{
+    const double step = step_size(&s->model, SAGA_KIND_COARSE, 0);
+    double o[4];
+    uint32_t i, k;
+
+    for (i = 0; i < s->n.coarse; i++) {
+        const saga_coarse *const c = &s->coarse[i];
+        real *const x = s->coarse_x + 4 * (size_t)i;
+        real centre[4];
+
+        saga_scene_cell(centre, c);
+        cell_offset(o, c, x);
+        for (k = 0; k < 4; k++) {
+            const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                               : saga_scene_half_t(c));
+
+            x[k] = R((double)centre[k] + half * step * rint(o[k] / step));
+        }
+    }
+}
+
+static void snap_fine(saga_scene *s)
+{
+    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    const double step = step_size(&s->model, SAGA_KIND_FINE, 0);
+    /* Inside their cells, or they would have another suffix. */
+    const double most = ceil(ldexp(1, -(int)bits) / step) - 1;
+    double o[4];
+    uint32_t i, k;
+
+    for (i = 0; i < s->n.fine; i++) {
+        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+        const uint32_t suffix = saga_scene_fine_suffix(s, i);
+        real *const x = s->fine_x + 4 * (size_t)i;
+        real centre[4];
+
+        saga_scene_cell(centre, c);
+        cell_offset(o, c, x);
+        for (k = 0; k < 4; k++) {
+            const double cell = saga_suffix_centre(suffix, bits, k);
+            const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                               : saga_scene_half_t(c));
+            const double q = rint((o[k] - cell) / step);
+
+            x[k] = R((double)centre[k] + half *
+                     (cell + fmin(fmax(q, -most), most) * step));
+        }
+    }
+}
+
+void saga_rate_snap(saga_scene *s)
+{
+    snap_coarse(s);
+    snap_fine(s);
+}
+
+/* A primitive's residual in its suffix cell. */
+static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
+{
+    const uint32_t bits = x->scene->model.level[SAGA_LEVEL_FINE].suffix_bits;
+    uint32_t suffix, k;
+
+    for (k = 0; k < 4; k++)
+        y[k] = (double)x->twin->prim_offset[4 * prim + k];
+    suffix = saga_suffix_of(y, bits);
+    for (k = 0; k < 4; k++)
+        y[k] -= saga_suffix_centre(suffix, bits, k);
+}
+
+/* The values of a block: rows of all its channels. Returns how many rows: one,
+ * or as many as it has primitives. */
+static size_t read_block(double y[MOST_VALUES], const saga_rate *r,
+                         const saga_rate_input *x, int kind, size_t block)
+{
+    const saga_scene *const s = x->scene;
+    const size_t f = s->model.features;
+    size_t i;
+
+    if (kind == SAGA_KIND_PRIM) {
+        const saga_fine *const fine = &s->fine[block];
+
+        for (i = 0; i < fine->n_prim; i++)
+            prim_values(y + 4 * i, x, fine->first_prim + i);
+        return fine->n_prim;
+    }
+    for (i = 0; i < 4; i++)
+        y[i] = (double)(kind == SAGA_KIND_COARSE
+            ? r->centre[4 * block + i]
+            : r->offset[SAGA_RATE_OFFSETS * block + i]);
+    for (i = 0; kind == SAGA_KIND_COARSE && i < f; i++)
+        y[4 + i] = (double)x->feature[block * f + i];
+    return 1;
+}
+
+/* --- Parameters ---------------------------------------------------------- */
+
+/* Bits of a kind's values under its constants, of the channels that are not
+ * settled; of some thousand blocks, which tell enough. */
+static void constants_bits(double bits[MOST_VALUES], const saga_rate *r,
+                           const saga_rate_input *x, int kind,
+                           const bool settled[MOST_VALUES])
+{
+    const saga_model *const m = &x->scene->model;
+    const size_t channels = saga_n_channels(m, kind);
+    const size_t n = r->context.kind[kind].n_blocks;
+    size_t b, i;
+
+    memset(bits, 0, channels * sizeof *bits);
+    for (b = 0; b < n; b += 1 + n / 1024) {
+        double y[MOST_VALUES];
+        const size_t rows = read_block(y, r, x, kind, b);
+
+        for (i = 0; i < rows * channels; i++) {
+            const size_t c = i % channels;
+
+            if (!settled[c])
+                bits[c] += saga_rate_bits(
+                    (y[i] - (double)r->constants.mean[kind][c]) /
+                    step_size(m, kind, c),
+                    (double)r->constants.log2_sigma[kind][c]).bits;
+        }
+    }
+}
+
+/* Few values far from the others make a deviation that serves none of them:
+ * down from scale to scale of the coder while a channel gets cheaper. */
+static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
+{
+    const size_t channels = saga_n_channels(&x->scene->model, kind);
+    real *const log2_sigma = r->constants.log2_sigma[kind];
+    const real scale = R(1) / 7, narrowest = R(SAGA_RATE_LOG2_MIN);
+    double least[MOST_VALUES], bits[MOST_VALUES];
+    bool settled[MOST_VALUES] = { false };
+    size_t left, i;
+
+    constants_bits(least, r, x, kind, settled);
+    do {
+        left = 0;
+        for (i = 0; i < channels; i++) {
+            settled[i] = settled[i] || log2_sigma[i] - scale < narrowest;
+            log2_sigma[i] -= settled[i] ? 0 : scale;
+        }
+        constants_bits(bits, r, x, kind, settled);
+        for (i = 0; i < channels; i++) {
+            if (!settled[i] && bits[i] >= least[i]) {
+                settled[i] = true;
+                log2_sigma[i] += scale;
+            }
+            least[i] = bits[i];
+            left += !settled[i];
+        }
+    } while (left);
+}
+
+void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
+{
+    const saga_model *const m = &x->scene->model;
+    const saga_rate_input clean = { x->scene, x->twin,
+                                    x->scene->coarse_feature };
+    const size_t channels = saga_n_channels(m, kind);
+    double sum[MOST_VALUES] = { 0 }, square[MOST_VALUES] = { 0 };
+    size_t n = 0, b, i;
+
+    for (b = 0; b < r->context.kind[kind].n_blocks; b++) {
+        double y[MOST_VALUES];
+        const size_t rows = read_block(y, r, &clean, kind, b);
+
+        for (i = 0; i < rows * channels; i++) {
+            sum[i % channels] += y[i];
+            square[i % channels] += y[i] * y[i];
+        }
+        n += rows;
+    }
+    for (i = 0; i < channels; i++) {
+        const double mean = saga_rate_is_anchor(kind, i)
+            ? 0 : sum[i] / (double)(n + !n);
+        const double spread = square[i] / (double)(n + !n) - mean * mean;
+        const double step = step_size(m, kind, i);
+
+        r->constants.mean[kind][i] = R(mean);
+        /* The rounding's own deviation stays; the coder's widest is the most
+         * that can be said. */
+        r->constants.log2_sigma[kind][i] = R(fmin(SAGA_RATE_LOG2_MAX,
+            0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
+    }
+    narrow_constants(r, &clean, kind);
+}
+
+/* The last layer: no weights, and the constants as biases. */
+static void begin_as_constants(saga_net *net, const saga_model *m,
+                               const saga_rate_constants *c, int kind)
+{
+    const int last = net->n_layers - 1;
+    const size_t channels = (size_t)net->dim[last + 1] / 2;
+    const size_t n = (size_t)net->dim[last] * 2 * channels;
+    size_t i;
+
+    memset(net->w[last], 0, n * sizeof *net->w[last]);
+    for (i = 0; i < channels; i++) {
+        net->b[last][i] = c->mean[kind][i] / saga_rate_mu_unit(m, kind, i);
+        net->b[last][channels + i] = c->log2_sigma[kind][i];
+    }
+}
+
+saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
+{
+    saga_scene to = *s;
+    int n, l;
+    size_t i;
+
+    if (!r->plan.decided)
+        return to;
+    memcpy(r->params, s->params, saga_rate_n_params(s) * sizeof *r->params);
+    for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
+        const int net = saga_scene_net(n);
+        saga_net *const f = &to.net[net];
+        const real step = R(r->plan.step[net]);
+
+        for (l = 0; l < f->n_layers; l++) {
+            f->w[l] = r->params + (f->w[l] - s->params);
+            f->b[l] = r->params + (f->b[l] - s->params);
+            for (i = 0; i < (size_t)f->dim[l] * (size_t)f->dim[l + 1]; i++)
+                f->w[l][i] = step * FLOOR(f->w[l][i] / step + R(0.5));
+        }
+    }
+    return to;
+}
+
+/* A slot's number enters as a 1 among zeros: weights as large as if it were all
+ * of its layer's variance. The gate's bias is sigmoid^-1(1/8). */
+static void begin_memory(saga_scene *s)
+{
+    const saga_net *const slot = &s->net[SAGA_NET_SLOT];
+    const saga_net *const write = &s->net[SAGA_NET_WRITE];
+    const size_t n = (size_t)slot->dim[0] * (size_t)slot->dim[1];
+    const real gain = R(sqrt((double)slot->dim[0]));
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        slot->w[0][i] *= gain;
+    write->b[0][s->model.memory_width] = R(-1.9459101490553132);
+}
+
+static void remember_mu(saga_rate *r, const saga_model *m, int kind,
+                        size_t block, const real *mu)
+{
+    if (kind == SAGA_KIND_COARSE)
+        memcpy(r->mu_feature + block * m->features, mu + 4,
+               m->features * sizeof *mu);
+    else if (kind == SAGA_KIND_PRIM)
+        memcpy(r->mu_offset + 4 * block, mu, 4 * sizeof *mu);
+}
+
+/* Every fine anchor in the middle of its suffix cell, which is no wider than
+ * the step (Q16 of Q14): its offset's residual is 0. */
+static bool fine_offsets_are_0(const saga_model *m)
+{
+    return m->step_q16[SAGA_STEP_FINE] >> 16 >=
+           32768u >> m->level[SAGA_LEVEL_COARSE].suffix_bits;
+}
+
+void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
+{
+    size_t i;
+    int kind;
+
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        saga_rate_measure(r, x, kind);
+        begin_as_constants(&s->net[SAGA_NET_E_COARSE + kind], &s->model,
+                           &r->constants, kind);
+    }
+    if (fine_offsets_are_0(&s->model))
+        r->context.keep[SAGA_KIND_FINE] = 0;
+    if (s->model.tools & SAGA_TOOL_MEMORY)
+        begin_memory(s);
+    for (i = 0; i < s->n.coarse; i++)
+        remember_mu(r, &s->model, SAGA_KIND_COARSE, i,
+                    r->constants.mean[SAGA_KIND_COARSE]);
+    for (i = 0; i < s->n.fine; i++)
+        remember_mu(r, &s->model, SAGA_KIND_PRIM, i,
+                    r->constants.mean[SAGA_KIND_PRIM]);
+}
+
+/* offset: as they are, or as coded. */
+static saga_rate_features features_of(const saga_rate_input *x, real *offset)
+{
+    const saga_rate_features f = { x->feature, offset, x->twin->fine_feature };
+
+    return f;
+}
+
+/* mu and log2 sigma of the listed blocks, by networks or constants. */
+static int predict(saga_rate *r, const saga_rate_input *x, int kind,
+                   saga_rate_list list, real *offset)
+{
+    const saga_scene *const s = x->scene;
+    const saga_rate_features features = features_of(x, offset);
+    const size_t channels = saga_n_channels(&s->model, kind);
+    saga_rate_kind *const k = &r->context.kind[kind];
+    size_t i;
+
+    if (saga_rate_sources(&r->context, s, kind))
+        return saga_rate_context_forward(&r->context, s, x->twin, kind, list,
+                                         &features);
+    for (i = 0; i < list.n; i++) {
+        memcpy(k->mu + i * channels, r->constants.mean[kind],
+               channels * sizeof *k->mu);
+        memcpy(k->log2_sigma + i * channels, r->constants.log2_sigma[kind],
+               channels * sizeof *k->log2_sigma);
+    }
+    return 0;
+}
+
+/* --- A step of training -------------------------------------------------- */
+
+typedef struct {
+    saga_rate *r;
+    saga_scene *d;
+    const saga_rate_input *x;
+    const saga_rate_options *o;
+    int kind;
+    saga_rng noise;
+} job;
+
+/* Where channel c of row `row` of a block gets its gradient; NULL: nowhere.
+ * *per: the value's units in the tensor's. */
+static real *gradient_of(const job *j, size_t block, size_t row, size_t c,
+                         double *per)
+{
+    const saga_scene *const s = j->x->scene;
+    const saga_twin *const w = j->x->twin;
+    size_t prim;
+
+    *per = 1;
+    if (j->kind == SAGA_KIND_COARSE && c >= 4)
+        return j->d->coarse_feature + block * s->model.features + (c - 4);
+    if (j->kind != SAGA_KIND_PRIM)
+        return NULL;
+    prim = s->fine[block].first_prim + row;
+    if (fabs((double)w->prim_offset[4 * prim + c]) >=
+        SAGA_OFFSET_MAX)
+        return NULL;
+    *per = (double)w->support[4 * block + c];
+    return j->d->prim_x + 4 * prim + c;
+}
+
+/* Whether a value is rounded here. */
+static bool is_rounded(const job *j, size_t c)
+{
+    return j->o->rounding &&
+           saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
+}
+
+/* Number `at` of the list. Writes to its own rows alone. */
+static void add_block(const job *j, size_t at, uint32_t block)
+{
+    const saga_model *const m = &j->x->scene->model;
+    const size_t channels = saga_n_channels(m, j->kind);
+    saga_rate_kind *const k = &j->r->context.kind[j->kind];
+    const double weight = (double)j->o->weight * j->o->every;
+    double y[MOST_VALUES], per;
+    const size_t rows = read_block(y, j->r, j->x, j->kind, block);
+    double *const bits = j->r->row_bits + SAGA_N_STEPS * at;
+    size_t row, c;
+
+    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
+    memset(k->d_mu + at * channels, 0, channels * sizeof *k->d_mu);
+    memset(k->d_log2_sigma + at * channels, 0,
+           channels * sizeof *k->d_log2_sigma);
+    for (row = 0; row < rows; row++)
+        for (c = 0; c < channels; c++) {
+            const size_t p = at * channels + c;
+            const double step = step_size(m, j->kind, c);
+            const uint64_t draw = ((uint64_t)block << 16) + row * channels + c;
+            double v = (y[row * channels + c] - (double)k->mu[p]) / step;
+            saga_rate_cost cost;
+            real *to;
+
+            /* The others come as they are used: clean, noisy or rounded, but
+             * primitives perhaps against a mu of some iterations before. */
+            if (is_rounded(j, c))
+                v = floor(v + 0.5);
+            else if (saga_rate_is_anchor(j->kind, c))
+                v += saga_rng_double(j->noise, draw) - 0.5;
+            cost = saga_rate_bits(v, (double)k->log2_sigma[p]);
+            bits[saga_rate_step_of(j->kind, c)] += cost.bits;
+            k->d_mu[p] -= R(weight * cost.d_v / step);
+            k->d_log2_sigma[p] += R(weight * cost.d_log2_sigma);
+            to = gradient_of(j, block, row, c, &per);
+            if (to)
+                *to += R(weight * cost.d_v / (step * per));
+        }
+}
+
+static saga_rate_list every_one(saga_rate *r, int kind, uint32_t first,
+                                uint32_t every)
+{
+    const size_t n = r->context.kind[kind].n_blocks;
+    saga_rate_list list = { r->list, 0 };
+    size_t i;
+
+    for (i = first; i < n; i += every)
+        r->list[list.n++] = (uint32_t)i;
+    return list;
+}
+
+static int step_kind(double bits[SAGA_N_STEPS], const job *j)
+{
+    saga_rate *const r = j->r;
+    const saga_scene *const s = j->x->scene;
+    const saga_rate_list list = every_one(r, j->kind, j->o->first,
+                                          j->o->every);
+    const saga_rate_features dx = { j->d->coarse_feature, NULL,
+                                    j->x->twin->d_fine_feature };
+    const saga_rate_kind *const k = &r->context.kind[j->kind];
+    ptrdiff_t i;
+    size_t c;
+
+    /* Fine offsets stand still between refreshes. */
+    if (!saga_rate_sources(&r->context, s, j->kind) &&
+        j->kind != SAGA_KIND_FINE)
+        saga_rate_measure(r, j->x, j->kind);
+    if (predict(r, j->x, j->kind, list, r->offset))
+        return -1;
+#pragma omp parallel for schedule(static)
+    for (i = 0; i < (ptrdiff_t)list.n; i++)
+        add_block(j, (size_t)i, list.block[i]);
+    for (i = 0; i < (ptrdiff_t)list.n; i++) {
+        for (c = 0; c < SAGA_N_STEPS; c++)
+            bits[c] += j->o->every * r->row_bits[SAGA_N_STEPS * (size_t)i + c];
+        remember_mu(r, &s->model, j->kind, list.block[i],
+                    k->mu + (size_t)i * saga_n_channels(&s->model, j->kind));
+    }
+    return saga_rate_sources(&r->context, s, j->kind)
+        ? saga_rate_context_backward(&r->context, j->d, s, j->kind, list, &dx)
+        : 0;
+}
+
+int saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
+                   const saga_rate_input *x, const saga_rate_options *o)
+{
+    const saga_scene rounded = saga_rate_rounded(r, x->scene);
+    const saga_rate_input y = { &rounded, x->twin, x->feature };
+    const saga_rate_features features = features_of(&y, r->offset);
+    const saga_rate_features dx = { d->coarse_feature, NULL,
+                                    x->twin->d_fine_feature };
+    const int remember = o->remember &&
+                         saga_rate_readers(&r->context, &rounded);
+    job j = { r, d, &y, o, 0, { 0 } };
+
+    memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
+    if (remember && saga_rate_context_remember(&r->context, &rounded, y.twin,
+                                               &features))
+        return -1;
+    for (; j.kind < SAGA_N_KINDS; j.kind++) {
+        j.noise = saga_rng_stream(o->seed, (uint64_t)j.kind);
+        if (step_kind(bits, &j))
+            return -1;
+    }
+    return remember ? saga_rate_context_remember_backward(
+                          &r->context, d, &rounded, &features, &dx)
+                    : 0;
+}
+
+static double nearest(double x, double mu, double step)
+{
+    return mu + floor((x - mu) / step + 0.5) * step;
+}
+
+real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i)
+{
+    return R(nearest((double)s->coarse_feature[i], (double)r->mu_feature[i],
+                     step_size(&s->model, SAGA_KIND_COARSE, 4)));
+}
+
+double saga_rate_prim_step(const saga_scene *s)
+{
+    return step_size(&s->model, SAGA_KIND_PRIM, 0);
+}
+
+void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
+                            size_t fine)
+{
+    const uint32_t bits = s->model.level[SAGA_LEVEL_FINE].suffix_bits;
+    const double at[4] = { (double)o[0], (double)o[1], (double)o[2],
+                           (double)o[3] };
+    const uint32_t suffix = saga_suffix_of(at, bits);
+    const double step = saga_rate_prim_step(s);
+    uint32_t k;
+
+    for (k = 0; k < 4; k++)
+        o[k] = R(nearest(at[k], (double)r->mu_offset[4 * fine + k] +
+                                saga_suffix_centre(suffix, bits, k),
+                         step));
+}
+
+/* --- As it is coded ------------------------------------------------------ */
+
+/* One value: mu and sigma as integers have them, the symbol the closed loop
+ * makes. Returns its cost; *y becomes what is decoded. */
+static double code_value(double *y, const saga_model *m, int kind, size_t c,
+                         real mu, real log2_sigma)
+{
+    const int q = saga_rate_value_q(m, kind, c);
+    const double mu_lsb = rint(ldexp((double)mu, q));
+    const double step = m->step_q16[saga_rate_step_of(kind, c)] / 65536.0;
+    const double x = floor((ldexp(*y, q) - mu_lsb) / step + 0.5);
+    const double symbol = fmin(fmax(x, -SAGA_MAX_RESIDUAL), SAGA_MAX_RESIDUAL);
+    const int16_t sigma = (int16_t)lrint(
+        ldexp((double)log2_sigma, SAGA_COST_SIGMA_Q));
+
+    *y = ldexp(mu_lsb + floor(symbol * step + 0.5), -q);
+    return saga_cost_residual((int32_t)symbol,
+                              saga_prob_index(sigma, SAGA_COST_SIGMA_Q));
+}
+
+/* Decoded values go where later blocks read them. */
+static void keep_decoded(saga_rate *r, const saga_rate_input *x, int kind,
+                         size_t block, const double *y)
+{
+    const size_t f = x->scene->model.features;
+    size_t i;
+
+    for (i = 0; kind == SAGA_KIND_COARSE && i < f; i++)
+        x->feature[block * f + i] = R(y[4 + i]);
+    for (i = 0; kind == SAGA_KIND_FINE && i < 4; i++)
+        r->decoded[SAGA_RATE_OFFSETS * block + i] = R(y[i]);
+}
+
+static int code_list(double bits[SAGA_N_STEPS], saga_rate *r,
+                     const saga_rate_input *x, int kind, saga_rate_list list)
+{
+    const saga_model *const m = &x->scene->model;
+    const size_t channels = saga_n_channels(m, kind);
+    const saga_rate_kind *const k = &r->context.kind[kind];
+    size_t i, c;
+
+    if (predict(r, x, kind, list, r->decoded))
+        return -1;
+    for (i = 0; i < list.n; i++) {
+        double y[MOST_VALUES];
+        const size_t rows = read_block(y, r, x, kind, list.block[i]);
+
+        for (c = 0; c < rows * channels; c++) {
+            const size_t p = i * channels + c % channels;
+
+            bits[saga_rate_step_of(kind, c % channels)] += code_value(
+                &y[c], m, kind, c % channels, k->mu[p], k->log2_sigma[p]);
+        }
+        keep_decoded(r, x, kind, list.block[i], y);
+    }
+    return 0;
+}
+
+/* Counts are known before offsets. */
+static void begin_offsets(saga_rate *r, const saga_scene *s)
+{
+    memcpy(r->decoded, r->offset,
+           SAGA_RATE_OFFSETS * (size_t)s->n.fine * sizeof *r->decoded);
+}
+
+int saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
+                   const saga_rate_input *x, int kind)
+{
+    const saga_rate_runs *const runs = &r->context.kind[kind].runs;
+    const saga_rate_features features = features_of(x, r->decoded);
+    saga_rate_context *const c = &r->context;
+    size_t i;
+
+    if (kind == SAGA_KIND_COARSE && saga_rate_context_begin(c, x->scene))
+        return -1;
+    if (kind == SAGA_KIND_FINE)
+        begin_offsets(r, x->scene);
+    for (i = 0; i < runs->n; i++) {
+        const saga_rate_list list = { runs->block + runs->begin[i],
+                                      runs->begin[i + 1] - runs->begin[i] };
+
+        if (saga_rate_context_read(c, x->scene, x->twin, kind, i, i + 1,
+                                   &features) ||
+            code_list(bits, r, x, kind, list) ||
+            saga_rate_context_write(c, x->scene, kind, i, i + 1, &features))
+            return -1;
+    }
+    return 0;
+}
+
+int saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
+{
+    const size_t n = r->context.kind[kind].runs.n;
+    const saga_rate_features features = features_of(x, r->decoded);
+
+    return saga_rate_context_write(&r->context, x->scene, kind, 0, n,
+                                   &features) ||
+           saga_rate_context_read(&r->context, x->scene, x->twin, kind, 0, n,
+                                  &features)
+        ? -1 : predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);
+}

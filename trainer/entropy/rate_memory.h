@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The float twin of the memory in common/context.c: the bank (rate_bank.h) and
+ * the networks around it (QUERY, AGG, SLOT, WRITE_BASE, WRITE), over all blocks
+ * in the order in which they are coded, and the gradients back through all of
+ * its steps. Paper: Hierarchical Context Modeling, equations of the write.
+ *
+ *     token    AGG of a decoded anchor: place, sizes, count, kind, values
+ *     mean     of a run's tokens
+ *     h_p      relu(WRITE_BASE(mean) + SLOT(p))
+ *     v_p, w_p WRITE(h_p),  g = sigmoid(w)
+ *     s_p      Norm(s + g (v - <v, s> s)), plain: Norm(s + g v)
+ *     read     sum of w_p s_p, w = softmax in base 2 of <QUERY, s_p>
+ *
+ * What is written does not depend on what the slots hold: the networks run on
+ * all steps at once, and only the last line but one goes step by step.
+ *
+ * A run of blocks (rate_side.h) is a step: it reads the state before it and
+ * writes the next. Coarse anchors come first, then fine ones; primitives read
+ * the last state and write nothing.
+ *
+ * Values are clamped where the integer path's formats clamp them, but for the
+ * component of v that the projection leaves, which would have to exceed 8.
+ * Arithmetic is otherwise real: docs/arithmetic.md bounds the difference, and
+ * tests/unit/test_train.c measures it.
+ */
+#ifndef SAGA_RATE_MEMORY_H
+#define SAGA_RATE_MEMORY_H
+
+#include "rate_side.h"
+#include "twin.h"
+
+typedef struct saga_rate_memory_kind {
+    saga_twin_batch query;       /* (blocks) in the order of the runs */
+    saga_twin_batch token;       /* the same */
+    saga_twin_batch base;        /* (runs) in: the means */
+    saga_twin_batch write;       /* (runs L) in: h */
+    real *d_state;               /* (runs, L, D) of what was read from them */
+    real *read, *d_read;         /* (blocks, D) in that order */
+} saga_rate_memory_kind;
+
+typedef struct saga_rate_memory {
+    size_t n_slots, width;       /* L, D; 0: there is none */
+    saga_rate_memory_kind kind[SAGA_N_KINDS];
+    saga_twin_batch slot;        /* (L) in: unit vectors; out: own vectors */
+    real *state;                 /* (all runs + 1, L, D) */
+    real *d_last;                /* (L, D) */
+    real *block;                 /* memory of all of these */
+    real *scratch;               /* of each thread */
+    size_t n_scratch;            /* reals it has */
+} saga_rate_memory;
+
+/* What a kind's blocks are. */
+typedef struct saga_rate_memory_input {
+    const saga_scene *s;
+    int kind;
+    const saga_rate_runs *runs;
+    size_t first;                /* runs of the kinds before */
+    const real *phase, *size;    /* (blocks, 4), (blocks, 5): saga_rate_side */
+    saga_rate_features x;        /* queries read parents', tokens their own */
+} saga_rate_memory_input;
+
+#define saga_rate_memory_init SAGA_REAL_NAME(saga_rate_memory_init)
+#define saga_rate_memory_free SAGA_REAL_NAME(saga_rate_memory_free)
+#define saga_rate_memory_begin SAGA_REAL_NAME(saga_rate_memory_begin)
+#define saga_rate_memory_write SAGA_REAL_NAME(saga_rate_memory_write)
+#define saga_rate_memory_read SAGA_REAL_NAME(saga_rate_memory_read)
+#define saga_rate_memory_clear SAGA_REAL_NAME(saga_rate_memory_clear)
+#define saga_rate_memory_backward SAGA_REAL_NAME(saga_rate_memory_backward)
+#define saga_rate_memory_end SAGA_REAL_NAME(saga_rate_memory_end)
+
+/* Memory for scenes of s's counts and model, and the start state; nothing if
+ * the model has none. 0, or -1: then there is nothing to free. */
+int saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s);
+void saga_rate_memory_free(saga_rate_memory *m);
+
+/* Before the first run: the slots' own vectors. 0 or -1, like all of these. */
+int saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s);
+
+/* Runs from .. to - 1 of a level write, the state before the first being
+ * there. */
+int saga_rate_memory_write(saga_rate_memory *m,
+                           const saga_rate_memory_input *in, size_t from,
+                           size_t to);
+
+/* What the blocks of runs from .. to - 1 read; their states are there. */
+int saga_rate_memory_read(saga_rate_memory *m,
+                          const saga_rate_memory_input *in, size_t from,
+                          size_t to);
+
+/* The backward pass of a kind that read (reads: d_read of all its blocks is
+ * set), and if a level wrote, all its runs at once. Clear first; kinds in
+ * reverse; end last. Adds to d's networks and to dx. */
+void saga_rate_memory_clear(saga_rate_memory *m, const saga_scene *s);
+int saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
+                              const saga_rate_features *dx,
+                              const saga_rate_memory_input *in, int reads);
+int saga_rate_memory_end(saga_rate_memory *m, saga_scene *d,
+                         const saga_scene *s);
+
+#endif

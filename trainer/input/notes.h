@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What a loader has to say about a capture: its notes and its names.
+ */
+#ifndef SAGA_NOTES_H
+#define SAGA_NOTES_H
+
+#include "capture.h"
+
+/* Appends a line to a notes buffer of SAGA_NOTES_NBYTES; cut when full. */
+void saga_note(char *notes, const char *format, ...) SAGA_PRINTF(2, 3);
+
+/* A name for messages and tables: characters that could disturb a terminal
+ * or a list become '_'. */
+void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n);
+
+#endif

@@ -1,0 +1,283 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Where the scene is. Each view gets a range of depths: what the capture says,
+ * else what its points say, else what the crossing of the optical axes
+ * suggests. The cube then holds what two views see within their ranges, as
+ * far as a coarse grid of samples tells, and the points but for the outermost
+ * ones.
+ */
+#include "cube.h"
+
+#include "camera.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum {
+    GRID = 9,             /* pixels a side that a frustum is sampled at */
+    LAYERS = 6,           /* depths, even in 1 / depth */
+    MIN_POINTS = 12       /* in a view, to believe them */
+};
+
+/* Of the points' depths, for what they miss on either side. */
+#define NEAR_SLACK 0.6
+#define FAR_SLACK 1.5
+
+static int compare(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+static double quantile(double *x, size_t n, double q)
+{
+    qsort(x, n, sizeof *x, compare);
+    return x[(size_t)(q * (double)(n - 1) + 0.5)];
+}
+
+static bool inside(const saga_shot *v, const double *uv)
+{
+    return uv[0] >= 0 && uv[1] >= 0 && uv[0] < v->width && uv[1] < v->height;
+}
+
+/* Solves the symmetric positive a x = b in place (Gauss, no pivoting). */
+static void solve3(double a[3][3], double *b)
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = i + 1; j < 3; j++) {
+            const double q = a[j][i] / a[i][i];
+
+            for (int k = i; k < 3; k++)
+                a[j][k] -= q * a[i][k];
+            b[j] -= q * b[i];
+        }
+    for (int i = 2; i >= 0; i--) {
+        for (int k = i + 1; k < 3; k++)
+            b[i] -= a[i][k] * b[k];
+        b[i] /= a[i][i];
+    }
+}
+
+/* Mean of the camera centres, and their distance from it. */
+static double baseline(double *mean, const saga_capture *c)
+{
+    double sum = 0;
+
+    mean[0] = mean[1] = mean[2] = 0;
+    for (int v = 0; v < c->n_views; v++) {
+        double x[3];
+
+        saga_shot_centre(x, c->views + v);
+        for (int i = 0; i < 3; i++)
+            mean[i] += x[i] / c->n_views;
+    }
+    for (int v = 0; v < c->n_views; v++) {
+        double x[3];
+
+        saga_shot_centre(x, c->views + v);
+        for (int i = 0; i < 3; i++)
+            sum += (x[i] - mean[i]) * (x[i] - mean[i]) / c->n_views;
+    }
+    return sqrt(sum);
+}
+
+/* The point nearest to all optical axes. Parallel axes leave it open along
+ * them: a weak pull towards five baselines before the cameras decides. */
+static double focus(double *x, const saga_capture *c)
+{
+    double mean[3], axis[3] = { 0 }, a[3][3] = { { 0 } };
+    double base = baseline(mean, c), norm = 0;
+
+    if (!(base > 0))
+        base = 0.2;
+    x[0] = x[1] = x[2] = 0;
+    for (int v = 0; v < c->n_views; v++) {
+        const double *const d = c->views[v].rotation + 6;
+        double p[3];
+
+        saga_shot_centre(p, c->views + v);
+        for (int i = 0; i < 3; i++) {
+            axis[i] += d[i];
+            for (int j = 0; j < 3; j++) {
+                const double w = (i == j) - d[i] * d[j];
+
+                a[i][j] += w;
+                x[i] += w * p[j];
+            }
+        }
+    }
+    for (int i = 0; i < 3; i++)
+        norm += axis[i] * axis[i];
+    norm = norm > 0 ? sqrt(norm) : 1;
+    for (int i = 0; i < 3; i++) {
+        const double pull = 1e-3 * c->n_views;
+
+        a[i][i] += pull;
+        x[i] += pull * (mean[i] + 5 * base * axis[i] / norm);
+    }
+    solve3(a, x);
+    return base;
+}
+
+/* From the points the view sees; false if there are too few. */
+static bool range_of_points(double *range, const saga_capture *c, int view,
+                            double *scratch)
+{
+    const saga_shot *const v = c->views + view;
+    size_t n = 0;
+
+    for (size_t i = 0; i < c->n_points; i++) {
+        double uv[2], z;
+
+        if (saga_view_project(v, c->points[i].position, uv, &z) &&
+            inside(v, uv))
+            scratch[n++] = z;
+    }
+    if (n < MIN_POINTS)
+        return false;
+    range[0] = NEAR_SLACK * quantile(scratch, n, 0.02);
+    range[1] = FAR_SLACK * quantile(scratch, n, 0.98);
+    return range[1] > range[0];
+}
+
+static void range_of_focus(double *range, const saga_shot *v, const double *x,
+                           double base)
+{
+    double p[3];
+    double z;
+
+    saga_view_transform(v, x, p);
+    z = p[2] > base ? p[2] : base;
+    range[0] = 0.3 * z;
+    range[1] = 4 * z;
+}
+
+static void find_ranges(double *range, const saga_capture *c, double *scratch)
+{
+    double x[3];
+    const double base = focus(x, c);
+
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_shot *const w = c->views + v;
+        double *const r = range + 2 * (size_t)v;
+
+        if (w->near_depth > 0 && w->far_depth > w->near_depth) {
+            r[0] = 0.9 * w->near_depth;
+            r[1] = 1.05 * w->far_depth;
+        } else if (!range_of_points(r, c, v, scratch)) {
+            range_of_focus(r, w, x, base);
+        }
+    }
+}
+
+/* Training views that have the place within picture and range. */
+static int n_seeing(const saga_capture *c, const double *range,
+                    const double *world)
+{
+    int n = 0;
+
+    for (int v = 0; v < c->n_views; v++) {
+        double uv[2], z;
+
+        if (!c->views[v].held_out &&
+            saga_view_project(c->views + v, world, uv, &z) &&
+            inside(c->views + v, uv) && z >= 0.99 * range[2 * v] &&
+            z <= 1.01 * range[2 * v + 1])
+            n++;
+    }
+    return n;
+}
+
+static void include(double lo[3], double hi[3], const double *x)
+{
+    for (int i = 0; i < 3; i++) {
+        lo[i] = x[i] < lo[i] ? x[i] : lo[i];
+        hi[i] = x[i] > hi[i] ? x[i] : hi[i];
+    }
+}
+
+static void sample_world(double *x, const saga_shot *v, const double *range,
+                         int i)
+{
+    const double u = (i % GRID) * v->width / (GRID - 1.0);
+    const double w = (i / GRID % GRID) * v->height / (GRID - 1.0);
+    const double k = (i / GRID / GRID) / (LAYERS - 1.0);
+    const double z = 1 / (1 / range[0] + k * (1 / range[1] - 1 / range[0]));
+    const double cam[3] = { (u - v->cx) / v->fx * z - v->translation[0],
+                            (w - v->cy) / v->fy * z - v->translation[1],
+                            z - v->translation[2] };
+
+    for (int j = 0; j < 3; j++)
+        x[j] = v->rotation[j] * cam[0] + v->rotation[3 + j] * cam[1] +
+               v->rotation[6 + j] * cam[2];
+}
+
+/* False if no two views share anything. */
+static bool include_frusta(double lo[3], double hi[3], const saga_capture *c,
+                           const double *range, int n_needed)
+{
+    bool any = false;
+
+    for (int v = 0; v < c->n_views; v++) {
+        if (c->views[v].held_out)
+            continue;
+        for (int i = 0; i < GRID * GRID * LAYERS; i++) {
+            double x[3];
+
+            sample_world(x, c->views + v, range + 2 * v, i);
+            if (n_seeing(c, range, x) < n_needed)
+                continue;
+            include(lo, hi, x);
+            any = true;
+        }
+    }
+    return any;
+}
+
+static void include_points(double lo[3], double hi[3], const saga_capture *c,
+                           double *scratch)
+{
+    double a[3], b[3];
+
+    if (c->n_points < MIN_POINTS)
+        return;
+    for (int i = 0; i < 3; i++) {
+        for (size_t k = 0; k < c->n_points; k++)
+            scratch[k] = c->points[k].position[i];
+        a[i] = quantile(scratch, c->n_points, 0.01);
+        b[i] = quantile(scratch, c->n_points, 0.99);
+    }
+    include(lo, hi, a);
+    include(lo, hi, b);
+}
+
+void saga_cube_fit(saga_cube *cube, double *range,
+                        const saga_capture *c)
+{
+    double lo[3] = { INFINITY, INFINITY, INFINITY };
+    double hi[3] = { -INFINITY, -INFINITY, -INFINITY };
+    double *const r = malloc((size_t)c->n_views * 2 * sizeof *r);
+    double *const scratch = malloc((c->n_points + 1) * sizeof *scratch);
+
+    *cube = (saga_cube){ { 0, 0, 0 }, 1 };
+    if (r && scratch) {
+        find_ranges(r, c, scratch);
+        if (!include_frusta(lo, hi, c, r, 2))
+            include_frusta(lo, hi, c, r, 1);
+        include_points(lo, hi, c, scratch);
+        cube->unit = 0;
+        for (int i = 0; i < 3; i++) {
+            cube->centre[i] = (lo[i] + hi[i]) / 2;
+            if ((hi[i] - lo[i]) / 2 > cube->unit)
+                cube->unit = (hi[i] - lo[i]) / 2;
+        }
+        cube->unit *= 1.02;
+        for (int i = 0; range && i < 2 * c->n_views; i++)
+            range[i] = r[i];
+    }
+    if (!(cube->unit > 0 && cube->unit < INFINITY))
+        cube->unit = 1;
+    free(r);
+    free(scratch);
+}

@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Where the scene is: the cube [-1, 1)^3 of half-cubes and the capture's world.
+ */
+#ifndef SAGA_CUBE_H
+#define SAGA_CUBE_H
+
+#include "capture.h"
+
+/* world = centre + unit * (position in half-cubes) */
+typedef struct saga_cube {
+    double centre[3];
+    double unit;               /* of the world's length per half-cube, > 0 */
+} saga_cube;
+
+/* Finds the cube. range (n_views, 2) receives each view's nearest and
+ * farthest depth, world units; NULL: not wanted. */
+void saga_cube_fit(saga_cube *cube, double *range,
+                        const saga_capture *capture);
+
+#endif

@@ -1,0 +1,608 @@
+/* SPDX-License-Identifier: MIT */
+#include "fit_state.h"
+
+#include "regress.h"
+#include "rng.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Iterations between refreshes of the neighbours; iterations until the full
+ * learning rate of the pictures, while Adam's moments fill anew. */
+enum { REFRESH_EVERY = 50, RAMP = 300 };
+
+/* Streams of random numbers. */
+enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START, STREAM_OFFSET };
+
+/* What a bit costs in the regression, whose loss is that much larger than the
+ * pictures'. */
+#define REGRESS_PRICE 100
+
+/* With lambda 0 the entropy networks still learn what they are to code. */
+#define LEAST_LAMBDA 1e-9
+
+enum {
+    T_FEATURE, T_PRIM, T_ENTROPY, T_MEMORY, T_PARAMS, T_STEPS, N_TENSORS
+};
+
+saga_fit_options saga_fit_defaults(void)
+{
+    const saga_fit_options o = {
+        .n_regress = 1500, .n_render = 6000, .n_views = 1, .seed = 1,
+        .eta = R(0.2), .lambda = R(0.0005), .lambda_a = R(0.05), .rate = 1
+    };
+
+    return o;
+}
+
+/* --- Memory -------------------------------------------------------------- */
+
+static size_t largest_picture(const saga_capture *c)
+{
+    size_t most = 0;
+    int i;
+
+    for (i = 0; i < c->n_views; i++) {
+        const size_t n = (size_t)c->views[i].width *
+                         (size_t)c->views[i].height;
+
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
+static int alloc_all(saga_fit *f)
+{
+    const size_t pixels = largest_picture(f->capture);
+    const saga_scene *const s = f->scene;
+
+    f->range = calloc(2 * (size_t)f->capture->n_views, sizeof *f->range);
+    f->train = calloc((size_t)f->capture->n_views, sizeof *f->train);
+    f->weight = calloc(s->n.prim + 1u, sizeof *f->weight);
+    f->feature = calloc((size_t)s->n.coarse * s->model.features + 1,
+                        sizeof *f->feature);
+    f->position = calloc(4 * (size_t)s->n.prim + 1, sizeof *f->position);
+    f->support = calloc(4 * (size_t)s->n.fine + 1, sizeof *f->support);
+    f->m = calloc(s->n_reals, sizeof *f->m);
+    f->v = calloc(s->n_reals, sizeof *f->v);
+    f->image = calloc(3 * pixels, sizeof *f->image);
+    f->trans = calloc(pixels, sizeof *f->trans);
+    f->truth = calloc(3 * pixels, sizeof *f->truth);
+    f->d_image = calloc(3 * pixels, sizeof *f->d_image);
+    return f->range && f->train && f->weight && f->feature &&
+           f->position && f->support && f->m && f->v &&
+           f->image && f->trans && f->truth && f->d_image;
+}
+
+/* Small random features: the networks must be able to tell anchors apart, and
+ * what they begin with is paid for. */
+static void start_features(saga_fit *f)
+{
+    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_START);
+    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        f->scene->coarse_feature[i] = (real)(0.1 * saga_rng_normal(r, i));
+}
+
+/* Features pass the networks between coarse anchors and primitives as they are,
+ * and these learn what to add: ten layers in a row learn little from noise. */
+static void start_networks(saga_scene *s)
+{
+    static const int nets[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE,
+                                SAGA_NET_FUSE_F };
+    size_t i;
+
+    for (i = 0; i < sizeof nets / sizeof *nets; i++)
+        if (s->net[nets[i]].n_layers)
+            saga_net_start_identity(&s->net[nets[i]], s->model.features,
+                                    R(0.3));
+}
+
+/* The importance of the target's primitives: the roots of their shares of the
+ * pictures (of blending weights), mean 1, over a sample of the pictures. */
+static saga_fit_status measure_importance(saga_fit *f)
+{
+    enum { N_PICTURES = 48, STRIDE = 7 };
+    const size_t n = f->scene->n.prim;
+    saga_splat_stats stats = { .weight = f->weight };
+    double sum = 0, mean = 0;
+    saga_splat_rules rules;
+    size_t i;
+    int k;
+
+    saga_splat_rules_default(&rules);
+    for (k = 0; k < N_PICTURES; k++) {
+        const int view = f->train[k % f->n_train];
+        const saga_shot *const v = &f->capture->views[view];
+        const real t = R(STRIDE * k % f->capture->n_frames) /
+                       R(f->capture->n_frames);
+        saga_splat_camera cam;
+
+        saga_camera_float(&cam, v, &f->cube, f->range[2 * view], 0);
+        memset(f->d_image, 0, 3 * (size_t)v->width * (size_t)v->height *
+               sizeof *f->d_image);
+        if (saga_splat_forward(f->image, f->trans, &f->splat, &f->target,
+                               f->scene->n.prim, t, &cam, &rules) ||
+            saga_splat_backward(&f->twin.d_attr, &stats, &f->splat, f->d_image,
+                                NULL, f->image, f->trans, &f->target, t, &cam,
+                                &rules))
+            return SAGA_FIT_MEMORY;
+    }
+    for (i = 0; i < n; i++)
+        sum += (double)f->weight[i] / (double)n;
+    for (i = 0; i < n; i++) {
+        const double share = sqrt((double)f->weight[i] / (sum + 1e-9));
+
+        f->weight[i] = (real)fmin(fmax(share, 0.05), 20);
+        mean += (double)f->weight[i] / (double)n;
+    }
+    for (i = 0; i < n; i++)
+        f->weight[i] /= (real)mean;
+    return SAGA_FIT_OK;
+}
+
+/* Supports that hold a fine anchor's primitives within |o| < 0.8, and at least
+ * an eighth of the cell: room for them to move. */
+static void want_supports(saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    uint32_t i, p;
+    int k;
+
+    for (i = 0; i < s->n.fine; i++) {
+        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+
+        for (k = 0; k < 4; k++) {
+            const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                               : saga_scene_half_t(c));
+            double most = half / 10;
+
+            for (p = 0; p < s->fine[i].n_prim; p++) {
+                const size_t at = s->fine[i].first_prim + p;
+
+                most = fmax(most, fabs((double)(
+                    s->prim_x[4 * at + (size_t)k] -
+                    s->fine_x[4 * (size_t)i + (size_t)k])));
+            }
+            f->support[4 * (size_t)i + (size_t)k] = (real)log2(1.25 * most);
+        }
+    }
+}
+
+saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
+                       const saga_capture *capture,
+                       const saga_cube *cube,
+                       const saga_fit_options *options)
+{
+    saga_fit *const f = calloc(1, sizeof *f);
+    saga_cube again;
+    uint32_t i;
+
+    if (!f)
+        return NULL;
+    f->scene = scene;
+    f->target = *target;
+    f->capture = capture;
+    f->cube = *cube;
+    f->o = *options;
+    saga_rate_snap(scene);
+    if (!alloc_all(f) || saga_twin_init(&f->twin, scene) ||
+        saga_rate_init(&f->rate, scene) ||
+        saga_rate_refresh(&f->rate, scene) ||
+        saga_fit_begin_weights(f) ||
+        saga_scene_init(&f->grad, &scene->model, scene->n, 1, 0)) {
+        saga_fit_free(f);
+        return NULL;
+    }
+    saga_cube_fit(&again, f->range, capture);
+    for (i = 0; i < (uint32_t)capture->n_views; i++)
+        if (!capture->views[i].held_out)
+            f->train[f->n_train++] = (int)i;
+    if (f->o.raw_networks)
+        saga_rate_keep_raw(&f->rate);
+    start_features(f);
+    start_networks(scene);
+    want_supports(f);
+    if (measure_importance(f)) {
+        saga_fit_free(f);
+        return NULL;
+    }
+    return f;
+}
+
+void saga_fit_free(saga_fit *f)
+{
+    if (!f)
+        return;
+    saga_twin_free(&f->twin);
+    saga_rate_free(&f->rate);
+    saga_scene_free(&f->grad);
+    saga_splat_free(&f->splat);
+    saga_loss_free(&f->loss);
+    free(f->range);
+    free(f->train);
+    free(f->weight);
+    free(f->feature);
+    free(f->position);
+    free(f->support);
+    free(f->params);
+    free(f->m);
+    free(f->v);
+    free(f->image);
+    free(f->trans);
+    free(f->truth);
+    free(f->d_image);
+    free(f);
+}
+
+int saga_fit_iteration(const saga_fit *f)
+{
+    return f->iteration;
+}
+
+const char *saga_fit_fault(const saga_fit *f)
+{
+    return f->fault.name ? f->fault.name : "nothing";
+}
+
+/* --- Rate ---------------------------------------------------------------- */
+
+/* Step of the coarse features, reals. */
+static double feature_step(const saga_scene *s)
+{
+    return ldexp(s->model.step_q16[SAGA_STEP_FEATURE] / 65536.0,
+                 -s->model.head_q[SAGA_HEAD_COARSE]);
+}
+
+static saga_rate_input rate_input(saga_fit *f, real *feature)
+{
+    const saga_rate_input x = { f->scene, &f->twin, feature };
+
+    return x;
+}
+
+int saga_fit_first_rounding(const saga_fit *f)
+{
+    return (2 * f->o.n_render + 2) / 3;
+}
+
+static int is_rounding(const saga_fit *f)
+{
+    return f->iteration - f->o.n_regress >= saga_fit_first_rounding(f);
+}
+
+/* Counted from the first picture, so not always in the first iteration of the
+ * regression: reads are 0 up to there. And where the rounding begins, which
+ * leaves reads of another model. */
+static int is_remembering(const saga_fit *f)
+{
+    const int done = f->iteration - f->o.n_regress;
+
+    return saga_rate_readers(&f->rate.context, f->scene) &&
+           (done % SAGA_RATE_REMEMBER_EVERY == 0 ||
+            done == saga_fit_first_rounding(f));
+}
+
+double saga_fit_bit_price(const saga_fit *f)
+{
+    return fmax((double)f->o.lambda, LEAST_LAMBDA) /
+           ((double)f->scene->n.coarse * f->scene->model.features);
+}
+
+/* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
+ * When the rounding begins, what is not worth its bytes is left out. */
+static saga_fit_status rate_step(saga_fit *f, double price)
+{
+    const saga_rate_input x = rate_input(f, f->feature);
+    saga_rate_options o = {
+        .rounding = is_rounding(f),
+        .seed = f->o.seed ^ ((uint64_t)f->iteration << 20),
+        .weight = (real)price
+    };
+
+    if (o.rounding && !f->rate.plan.decided &&
+        saga_rate_decide(&f->rate, f->scene, &x))
+        return SAGA_FIT_MEMORY;
+    saga_rate_look(&o, f->iteration, is_remembering(f));
+    return saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o)
+        ? SAGA_FIT_MEMORY : SAGA_FIT_OK;
+}
+
+/* f->feature: clean while regressing, then noisy, then rounded. */
+static void use_features(saga_fit *f)
+{
+    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
+    const int done = f->iteration - f->o.n_regress;
+    const saga_rng r = saga_rng_stream(f->o.seed ^ ((uint64_t)done << 20),
+                                       STREAM_NOISE);
+    const double step = feature_step(f->scene);
+    size_t i;
+
+    for (i = 0; i < n; i++) {
+        const double x = (double)f->scene->coarse_feature[i];
+
+        f->feature[i] = (real)(done < 0 ? x
+            : is_rounding(f) ? (double)saga_rate_round(&f->rate, f->scene, i)
+            : x + step * (saga_rng_double(r, i) - 0.5));
+    }
+}
+
+/* f->position: clean while regressing, then with noise of a step of the offset
+ * from its anchor, then with the offset rounded. */
+static void use_positions(saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    const int done = f->iteration - f->o.n_regress;
+    const saga_rng r = saga_rng_stream(f->o.seed ^ ((uint64_t)done << 20),
+                                       STREAM_OFFSET);
+    const double step = saga_rate_prim_step(s);
+    size_t i, k;
+
+    memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
+    for (i = 0; done >= 0 && i < s->n.prim; i++) {
+        const size_t fine = s->prim_fine[i];
+        const real *const at = s->fine_x + 4 * fine;
+        const real *const support = f->twin.support + 4 * fine;
+        real o[4];
+
+        for (k = 0; k < 4; k++)
+            o[k] = (s->prim_x[4 * i + k] - at[k]) / support[k];
+        if (is_rounding(f))
+            saga_rate_round_offset(o, &f->rate, s, fine);
+        else
+            for (k = 0; k < 4; k++)
+                o[k] += (real)(step * (saga_rng_double(r, 4 * i + k) - 0.5));
+        for (k = 0; k < 4; k++)
+            f->position[4 * i + k] = at[k] + support[k] * o[k];
+    }
+}
+
+/* --- Steps --------------------------------------------------------------- */
+
+/* From 1 down to `last`, a half cosine. */
+static real decay(int i, int n, real last)
+{
+    const double x = n > 1 ? (double)i / (double)(n - 1) : 0;
+
+    return (real)((double)last + (1 - (double)last) * 0.5 *
+                  (1 + cos(M_PI * x)));
+}
+
+static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
+                   real *x, size_t n, real rate)
+{
+    const size_t at = (size_t)(x - f->scene->reals);
+
+    t->name = name;
+    t->x = x;
+    t->g = f->grad.reals + at;
+    t->m = f->m + at;
+    t->v = f->v + at;
+    t->n = n;
+    t->rate = rate;
+}
+
+static int descend(saga_fit *f, real features, real positions, real entropy,
+                   real networks, real steps)
+{
+    saga_scene *const s = f->scene;
+    const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
+    /* They come first, those of the memory last among them. */
+    const size_t n_entropy = saga_rate_n_params(s);
+    const size_t n_memory = s->net[SAGA_NET_QUERY].n_layers
+        ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
+    const size_t still = saga_fit_n_still(f);
+    const size_t first = still > n_entropy ? still : n_entropy;
+    saga_adam_tensor t[N_TENSORS];
+
+    tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
+           (size_t)s->n.coarse * s->model.features, features);
+    tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
+           4 * (size_t)s->n.prim, positions);
+    tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
+           n_entropy - n_memory, entropy);
+    tensor(&t[T_MEMORY], f, "the memory's networks",
+           s->params + n_entropy - n_memory, n_memory,
+           is_remembering(f) ? SAGA_RATE_MEMORY_PACE * entropy : 0);
+    tensor(&t[T_PARAMS], f, "networks", s->params + first,
+           saga_fit_n_params(s) - first, networks);
+    t[T_STEPS] = (saga_adam_tensor){
+        "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
+        f->weights.m, f->weights.v, (size_t)f->weights.n, steps
+    };
+    return saga_adam_step(&f->fault, &adam, t, N_TENSORS,
+                          (uint64_t)f->iteration + 1)
+        ? SAGA_FIT_NONFINITE : SAGA_FIT_OK;
+}
+
+void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view)
+{
+    saga_splat_camera cam;
+
+    saga_camera_float(&cam, &f->capture->views[view], &f->cube,
+                     f->range[2 * view], 0);
+    memcpy(centre, cam.centre, sizeof cam.centre);
+}
+
+/* Bits count from the first iteration on: features that are free to grow until
+ * the pictures come grow into codes that are dear and that nothing foretells.
+ */
+static saga_fit_status regress_step(saga_fit *f, double *loss)
+{
+    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
+    const int view = f->train[saga_rng_below(r, (uint64_t)f->iteration,
+                                             (uint32_t)f->n_train)];
+    const real rate = f->o.rate * decay(f->iteration, f->o.n_regress, R(0.2));
+    real centre[3];
+    saga_fit_status s;
+
+    saga_fit_camera_centre(centre, f, view);
+    if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
+        saga_twin_colour(&f->twin, &f->used, centre))
+        return SAGA_FIT_MEMORY;
+    *loss = saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target,
+                              f->weight, f->scene->n.prim);
+    *loss += saga_twin_support_loss(&f->twin, f->support, R(1));
+    s = rate_step(f, REGRESS_PRICE * saga_fit_bit_price(f));
+    if (s)
+        return s;
+    if (saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
+        saga_twin_backward(&f->twin, &f->grad, &f->used))
+        return SAGA_FIT_MEMORY;
+    return (saga_fit_status)descend(f, rate * R(0.02), 0, rate * R(0.004),
+                                    rate * R(0.004), 0);
+}
+
+static void load_truth(saga_fit *f, int view, int frame)
+{
+    const saga_shot *const v = &f->capture->views[view];
+    const uint8_t *const rgb = saga_capture_frame(f->capture, view, frame);
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    size_t i, k;
+
+    for (k = 0; k < 3; k++)
+        for (i = 0; i < n; i++)
+            f->truth[k * n + i] = R(rgb[3 * i + k]) / 255;
+}
+
+/* One picture: adds to the twin's gradients. */
+static saga_fit_status picture_step(saga_fit *f, int view, int frame,
+                                    saga_picture_loss *out)
+{
+    const saga_shot *const v = &f->capture->views[view];
+    const saga_loss_weights weights = saga_loss_paper(f->o.eta);
+    const real t = R(frame) / R(f->capture->n_frames);
+    saga_splat_camera cam;
+    saga_splat_rules rules;
+    size_t i;
+
+    saga_splat_rules_default(&rules);
+    saga_camera_float(&cam, v, &f->cube, f->range[2 * view], 0);
+    load_truth(f, view, frame);
+    if (saga_twin_colour(&f->twin, &f->used, cam.centre) ||
+        saga_splat_forward(f->image, f->trans, &f->splat, &f->twin.attr,
+                           f->scene->n.prim, t, &cam, &rules) ||
+        saga_loss_picture(out, f->d_image, &f->loss, f->image, f->truth, NULL,
+                          v->width, v->height, &weights))
+        return SAGA_FIT_MEMORY;
+    for (i = 0; i < 3 * (size_t)v->width * (size_t)v->height; i++)
+        f->d_image[i] /= R(f->o.n_views);
+    if (saga_splat_backward(&f->twin.d_attr, NULL, &f->splat, f->d_image, NULL,
+                            f->image, f->trans, &f->twin.attr, t, &cam,
+                            &rules) ||
+        saga_twin_colour_backward(&f->twin, &f->grad, &f->used))
+        return SAGA_FIT_MEMORY;
+    return SAGA_FIT_OK;
+}
+
+/* Once features are rounded, against the means that the entropy networks
+ * foretell, these stand still: a weight that goes to and fro between two
+ * multiples of its step would move all features with it. */
+static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
+{
+    const int done = f->iteration - f->o.n_regress;
+    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
+    const uint32_t n_train = (uint32_t)f->n_train;
+    const uint32_t n_frames = (uint32_t)f->capture->n_frames;
+    const real ramp = done < RAMP ? R(done + 1) / RAMP : 1;
+    const real rate = ramp * f->o.rate * decay(done, f->o.n_render, R(0.03));
+    double mse = 0;
+    saga_fit_status s;
+    int k;
+
+    *loss = 0;
+    saga_twin_offsets(&f->twin, &f->used);
+    if (saga_twin_geometry(&f->twin, &f->used, f->feature))
+        return SAGA_FIT_MEMORY;
+    for (k = 0; k < f->o.n_views; k++) {
+        const uint64_t draw = (uint64_t)done * (uint64_t)f->o.n_views +
+                              (uint64_t)k;
+        const uint32_t at = saga_rng_shuffled(r, draw, n_train * n_frames);
+        saga_picture_loss out;
+
+        s = picture_step(f, f->train[at % n_train], (int)(at / n_train), &out);
+        if (s)
+            return s;
+        *loss += out.loss / f->o.n_views;
+        mse += out.mse / f->o.n_views;
+    }
+    *psnr = -10 * log10(mse + 1e-12);
+    saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, f->o.lambda_a);
+    s = rate_step(f, saga_fit_bit_price(f));
+    if (s)
+        return s;
+    if (saga_twin_backward(&f->twin, &f->grad, &f->used))
+        return SAGA_FIT_MEMORY;
+    saga_fit_rate_weights(f);
+    return (saga_fit_status)descend(f, rate * R(0.006), rate * R(0.0001),
+                                    is_rounding(f) ? 0 : rate * R(0.004),
+                                    rate * R(0.0016),
+                                    is_rounding(f) ? 0 : rate * R(0.01));
+}
+
+saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
+{
+    const int regressing = f->iteration < f->o.n_regress;
+    saga_fit_status s;
+
+    *psnr = 0;
+    use_features(f);
+    use_positions(f);
+    if (saga_fit_use_weights(f))
+        return SAGA_FIT_MEMORY;
+    if (f->iteration % REFRESH_EVERY == 0 &&
+        saga_twin_refresh(&f->twin, &f->used, f->feature))
+        return SAGA_FIT_MEMORY;
+    if (f->iteration == 0) {
+        const saga_rate_input x = rate_input(f, f->feature);
+
+        saga_rate_start(&f->rate, f->scene, &x);
+    }
+    if (f->iteration == f->o.n_regress) {
+        memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
+        memset(f->v, 0, f->scene->n_reals * sizeof *f->v);
+    }
+    memset(f->grad.reals, 0, f->grad.n_reals * sizeof(real));
+    saga_twin_clear(&f->twin, f->scene);
+    s = regressing ? regress_step(f, loss) : render_step(f, loss, psnr);
+    f->iteration++;
+    return s;
+}
+
+/* --- Results ------------------------------------------------------------- */
+
+saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c)
+{
+    saga_rate_input x = rate_input(f, feature);
+
+    saga_fit_round_weights(f);
+    use_positions(f);
+    x.scene = &f->used;
+    if (saga_rate_choice_init(c, &f->rate, &x))
+        return NULL;
+    memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
+           f->scene->model.features * sizeof *feature);
+    if (saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
+                              SAGA_KIND_COARSE) ||
+        saga_twin_refresh(&f->twin, &f->used, feature) ||
+        saga_twin_geometry(&f->twin, &f->used, feature) ||
+        saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_FINE,
+                              SAGA_KIND_PRIM)) {
+        saga_rate_choice_free(c);
+        return NULL;
+    }
+    return &f->twin;
+}
+
+const saga_scene *saga_fit_scene(const saga_fit *f)
+{
+    return &f->used;
+}
+
+const saga_weights *saga_fit_weights(const saga_fit *f)
+{
+    return &f->weights;
+}

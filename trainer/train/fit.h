@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Fitting a scene: first its primitives to the flat ones they came from
+ * (regression start), then its pictures to the capture under a rate-distortion
+ * objective (paper: Rate-Distortion Optimization).
+ *
+ *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
+ *
+ * R is the number of bits of all residuals (coarse centres and features, fine
+ * and primitive offsets; rate_loss.h) and 1.5 times that of the networks'
+ * weights (fit_weights.c says why), divided by the number of the coarse
+ * features' symbols: where features alone cost bits, R is their mean per
+ * symbol. lambda below 1e-9 counts as that, so that the entropy networks learn
+ * what they are to code. The regression weighs the same bits against its own
+ * loss, at a hundred times the price.
+ *
+ * Features and primitives' positions are clean while regressing; then, for the
+ * first two thirds of the iterations, they carry uniform noise of one step; in
+ * the rest they are rounded. When that begins, sources of the entropy model
+ * that are not worth their weights are left out (rate_choice.h), and the
+ * entropy networks stand still: what is rounded is rounded against the means
+ * they foretell. What the other networks do is told in fit_weights.c.
+ *
+ * The same bits for any number of threads.
+ */
+#ifndef SAGA_FIT_H
+#define SAGA_FIT_H
+
+#include "flat.h"
+#include "rate_choice.h"
+#include "scene.h"
+#include "twin.h"
+#include "weight_rate.h"
+
+typedef struct saga_fit_options {
+    int n_regress, n_render;     /* iterations of the two parts */
+    int n_views;                 /* pictures an iteration */
+    uint64_t seed;
+    real eta, lambda, lambda_a;
+    real rate;                   /* factor on the learning rates */
+    bool raw_networks;           /* parameters cost nothing and keep the step
+                                  * 2^-SAGA_RAW_STEP; the ablation */
+} saga_fit_options;
+
+typedef struct saga_fit saga_fit;
+
+saga_fit_options saga_fit_defaults(void);
+
+/* scene's reals are what is fitted; its anchors go to the nearest places that
+ * can be coded (saga_rate_snap) and stay there. target (n.prim), in rank order,
+ * are the flat primitives; both and the capture stay the caller's. NULL: no
+ * memory. */
+saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
+                       const saga_capture *capture,
+                       const saga_cube *cube,
+                       const saga_fit_options *options);
+void saga_fit_free(saga_fit *fit);
+
+typedef enum saga_fit_status {
+    SAGA_FIT_OK = 0, SAGA_FIT_MEMORY = -1, SAGA_FIT_NONFINITE = -2
+} saga_fit_status;
+
+/* One iteration, of the regression while there are some left, then of the
+ * pictures. *loss and *psnr (0 while regressing) of this iteration. */
+saga_fit_status saga_fit_step(saga_fit *fit, double *loss, double *psnr);
+int saga_fit_iteration(const saga_fit *fit);
+
+/* The name of the tensor that is not finite. */
+const char *saga_fit_fault(const saga_fit *fit);
+
+/* The scene as it is to be packed, what its residuals take, and for ranges and
+ * pictures of the float model the twin that stands for it; feature (n.coarse,
+ * F) becomes the coarse features as they will be decoded. NULL without memory;
+ * else saga_rate_choice_free(choice), which reads the fit. */
+saga_twin *saga_fit_code(saga_fit *fit, real *feature,
+                         saga_rate_choice *choice);
+
+/* The scene with its networks as they will be decoded, as saga_fit_code left
+ * them, and the steps they are rounded to. */
+const saga_scene *saga_fit_scene(const saga_fit *fit);
+const saga_weights *saga_fit_weights(const saga_fit *fit);
+
+/* The state, for a checkpoint, in this machine's byte order; restore into a fit
+ * of the same scene, target, capture and options. False: the file failed, or
+ * is not one of this fit; its state is then undefined. */
+bool saga_fit_save(saga_fit *fit, FILE *file);
+bool saga_fit_restore(saga_fit *fit, FILE *file);
+
+/* Bits all residuals would take, by the last iteration: an estimate from a
+ * quarter of them. */
+double saga_fit_bits(const saga_fit *fit);
+
+/* Bits of all weights (not biases) of the networks but the entropy model's,
+ * and of their rows' or columns' scales, after saga_fit_code. */
+double saga_fit_weight_bits(const saga_fit *fit);
+
+#endif

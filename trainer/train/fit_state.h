@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The inside of the fit, shared by fit*.c.
+ */
+#ifndef SAGA_FIT_STATE_H
+#define SAGA_FIT_STATE_H
+
+#include "adam.h"
+#include "fit.h"
+#include "float_camera.h"
+#include "picture_loss.h"
+
+struct saga_fit {
+    saga_scene *scene;
+    saga_scene grad;
+    saga_twin twin;
+    saga_splat_params target;
+    const saga_capture *capture;
+    saga_cube cube;
+    saga_fit_options o;
+    double *range;               /* (views, 2) depths */
+    int *train;                  /* (n_train) views */
+    int n_train;
+    int iteration;
+    real *weight;                /* (prim) of the regression */
+    real *support;               /* (fine, 4) log2 wanted in the regression */
+    real *feature;               /* (coarse, F) as used: noisy or rounded */
+    real *position;              /* (prim, 4) the same, used.prim_x */
+    real *m, *v;                 /* Adam's moments (n_reals) */
+    saga_scene used;             /* what the twin runs: scene, but its networks
+                                  * are params, noisy or rounded, its primitives
+                                  * where position says; not owned */
+    real *params;
+    saga_weights weights;        /* their steps */
+    real *image, *trans, *truth, *d_image;
+    saga_splat_work splat;
+    saga_loss_work loss;
+    saga_rate rate;
+    double bits[SAGA_N_STEPS];   /* of the last iteration */
+    saga_adam_fault fault;
+};
+
+/* First iteration of the rendering that rounds: the last third does. */
+int saga_fit_first_rounding(const saga_fit *f);
+
+/* What a bit of a residual costs in the loss. */
+double saga_fit_bit_price(const saga_fit *f);
+
+void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view);
+
+/* fit_weights.c. Memory for the copy of the networks, its scene and the steps;
+ * 0 or -1. */
+int saga_fit_begin_weights(saga_fit *f);
+/* Reals of all networks of a scene; the first of them that stand still. */
+size_t saga_fit_n_params(const saga_scene *s);
+size_t saga_fit_n_still(const saga_fit *f);
+/* f->params of this iteration; 0 or -1. */
+int saga_fit_use_weights(saga_fit *f);
+/* After all other gradients of the networks: adds the rate's, sets the
+ * steps'. */
+void saga_fit_rate_weights(saga_fit *f);
+/* f->params as they will be coded. */
+void saga_fit_round_weights(saga_fit *f);
+
+#endif

@@ -1,0 +1,540 @@
+/* SPDX-License-Identifier: MIT */
+#include "train_state.h"
+
+#include "hierarchy.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* Parts of the iterations. On the built-in scene the warm-up gains little after
+ * 2,000; the regression's are half as dear as the rendering's, and four times
+ * as many of them (500 to 2,000 before 6,000) gave 0.95 dB. */
+static const double warm_part = 0.17, regress_part = 0.25;
+
+/* What an iteration costs, relative to each other: for the estimate of the time
+ * that is left. */
+static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 1, 1.9, 0 };
+
+/* Iterations of the warm-up between two looks at the progress function. */
+enum { WARM_RUN = 10 };
+
+/* Recent pictures weigh this much less with every newer one. */
+#define MEMORY_PART 0.98
+
+double saga_train_seconds(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+saga_train_status saga_train_fail(saga_error *error, const char *what,
+                                  const char *remedy)
+{
+    saga_fail(error, NULL, remedy, "%s", what);
+    return SAGA_TRAIN_FAILED;
+}
+
+const char *saga_train_stage_name(saga_train_stage stage)
+{
+    static const char *const names[SAGA_TRAIN_N_STAGES] = {
+        "warm-up", "regression", "rendering", "packing"
+    };
+
+    return stage < SAGA_TRAIN_N_STAGES ? names[stage] : "done";
+}
+
+/* --- Options ------------------------------------------------------------- */
+
+saga_train_options saga_train_defaults(void)
+{
+    const saga_fit_options fit = saga_fit_defaults();
+
+    return (saga_train_options){
+        .n_primitives = 5000, .n_iterations = 6000,
+        .lambda = (double)fit.lambda, .level = 2, .seed = 1,
+        .checkpoint_seconds = 300
+    };
+}
+
+static bool check_counts(const saga_train_options *o, saga_error *error)
+{
+    const saga_level_caps *const caps = &saga_caps[o->level];
+
+    if (o->n_primitives < 1)
+        return saga_fail(error, NULL, "give at least 1", "--primitives 0");
+    if (o->n_primitives > caps->n_prim)
+        return saga_fail(error, NULL, "take fewer, or a higher --level",
+                         "--primitives %u is more than the %u of level %d",
+                         o->n_primitives, caps->n_prim, o->level);
+    if (o->n_coarse > caps->n_coarse || o->n_fine > caps->n_fine)
+        return saga_fail(error, NULL, "take fewer, or a higher --level",
+                         "%u coarse and %u fine anchors are more than the %u "
+                         "and %u of level %d", o->n_coarse, o->n_fine,
+                         caps->n_coarse, caps->n_fine, o->level);
+    return true;
+}
+
+static bool check_entropy(const saga_train_options *o,
+                          saga_error *error)
+{
+    const uint32_t slots = o->entropy.slots, most = saga_caps[o->level].n_slots;
+
+    if (o->entropy.groups > SAGA_MAX_GROUPS)
+        return saga_fail(error, NULL, "give 1 to 16; 1 means none",
+                         "--groups %u", o->entropy.groups);
+    if (slots && (slots < SAGA_MIN_SLOTS || slots > SAGA_MAX_SLOTS ||
+                  (slots & (slots - 1)) != 0))
+        return saga_fail(error, NULL, "give 32, 64, 128, 256 or 512",
+                         "--slots %u", slots);
+    if (slots > most)
+        return saga_fail(error, NULL, "take fewer, or a higher --level",
+                         "--slots %u is more than the %u of level %d", slots,
+                         most, o->level);
+    return true;
+}
+
+static bool check_options(const saga_train_options *o,
+                          const saga_capture *c, saga_error *error)
+{
+    const bool split = o->n_warm || o->n_regress || o->n_render;
+
+    if (o->level < 0 || o->level >= SAGA_N_PROFILES)
+        return saga_fail(error, NULL, "give 0 to 3", "--level %d", o->level);
+    if (!(o->lambda >= 0 && o->lambda <= 1e3))
+        return saga_fail(error, NULL, "give 0 to 1000, the default is 0.0005",
+                         "--lambda %g", o->lambda);
+    if (split ? o->n_warm < 1 || o->n_regress < 1 || o->n_render < 1
+              : o->n_iterations < 3)
+        return saga_fail(error, NULL, "each stage needs one at least",
+                         "too few --iterations");
+    if (o->segment_frames != 0)
+        return saga_fail(error, NULL, "leave it 0", "segments of %d frames "
+                         "cannot be made yet", o->segment_frames);
+    if (c->n_frames > 65535)
+        return saga_fail(error, NULL, "take a part with --frames A:B",
+                         "%d frames are more than the 65535 of a segment",
+                         c->n_frames);
+    if (c->n_views > SAGA_MAX_CAMERAS)
+        return saga_fail(error, NULL, "leave some out", "%d cameras are more "
+                         "than the %d a file can name", c->n_views,
+                         SAGA_MAX_CAMERAS);
+    return check_counts(o, error) && check_entropy(o, error);
+}
+
+static uint32_t at_most(uint32_t a, uint32_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Primitives from which on a memory may be worth its networks: of 15,000 it
+ * saves a third of them (docs/results/training.md). */
+enum { MEMORY_PAYS = 40000 };
+
+/* A coarse and a fine anchor for each primitive, as far as the level goes: of
+ * the budgets that were tried the best (docs/decisions.md). */
+static void derive(saga_train_options *o)
+{
+    const saga_level_caps *const caps = &saga_caps[o->level];
+
+    if (!o->entropy.slots && !o->entropy.plain_write &&
+        o->n_primitives < MEMORY_PAYS)
+        o->entropy.no_memory = true;
+    if (!o->n_coarse)
+        o->n_coarse = at_most(o->n_primitives, caps->n_coarse);
+    if (!o->n_fine)
+        o->n_fine = at_most(o->n_primitives, caps->n_fine);
+    if (!o->n_warm) {
+        o->n_warm = (int)fmax(1, warm_part * o->n_iterations);
+        o->n_regress = (int)fmax(1, regress_part * o->n_iterations);
+        o->n_render = o->n_iterations - o->n_warm - o->n_regress;
+    }
+    o->n_iterations = o->n_warm + o->n_regress + o->n_render;
+}
+
+/* --- Making and freeing -------------------------------------------------- */
+
+static bool keep_psnr(void *user, const saga_flat_progress *p)
+{
+    *(double *)user = p->psnr;
+    return true;
+}
+
+static saga_train *make(const saga_capture *capture,
+                        const saga_train_options *options,
+                        saga_error *error)
+{
+    saga_cube cube;
+    saga_train *t;
+
+    if (!check_options(options, capture, error))
+        return NULL;
+    t = calloc(1, sizeof *t);
+    if (t)
+        t->range = calloc(2 * (size_t)capture->n_views, sizeof *t->range);
+    if (!t || !t->range) {
+        free(t);
+        saga_fail(error, NULL, "free some memory", "out of memory");
+        return NULL;
+    }
+    t->capture = capture;
+    t->o = *options;
+    derive(&t->o);
+    t->explained = (double)NAN;
+    saga_cube_fit(&cube, t->range, capture);
+    t->flat_options = saga_flat_defaults();
+    t->flat_options.n_primitives = t->o.n_primitives;
+    t->flat_options.n_iterations = t->o.n_warm;
+    t->flat_options.seed = t->o.seed;
+    t->flat_options.temporal = capture->n_frames > 1 &&
+                               t->o.motion != SAGA_TRAIN_STILL;
+    t->flat_options.progress = keep_psnr;
+    t->flat_options.progress_user = &t->warm_psnr;
+    t->flat_options.progress_every = WARM_RUN;
+    return t;
+}
+
+static void start_clock(saga_train *t);
+
+saga_train *saga_train_new(const saga_capture *capture,
+                           const saga_train_options *options,
+                           saga_error *error)
+{
+    saga_train *const t = make(capture, options, error);
+
+    if (!t)
+        return NULL;
+    t->flat = saga_flat_new(capture, &t->flat_options, error);
+    if (!t->flat) {
+        saga_train_free(t);
+        return NULL;
+    }
+    start_clock(t);
+    return t;
+}
+
+saga_train *saga_train_resume(const saga_capture *capture,
+                              const saga_train_options *options,
+                              saga_error *error)
+{
+    saga_train *const t = make(capture, options, error);
+
+    if (!t)
+        return NULL;
+    if (!saga_train_load(t, error)) {
+        saga_train_free(t);
+        return NULL;
+    }
+    start_clock(t);
+    return t;
+}
+
+void saga_train_free(saga_train *t)
+{
+    if (!t)
+        return;
+    saga_fit_free(t->fit);
+    saga_train_params_free(&t->target);
+    saga_scene_free(&t->scene);
+    saga_twin_free(&t->decoded_twin);
+    saga_scene_free(&t->decoded);
+    saga_flat_free(t->flat);
+    free(t->range);
+    free(t->bytes);
+    free(t);
+}
+
+/* --- From the warm-up to the fit ----------------------------------------- */
+
+/* The importance of the warm-up's primitives: opaque ones first. */
+static float *scores_of(const saga_splat_params *p, uint32_t n)
+{
+    float *const score = malloc((n + 1u) * sizeof *score);
+
+    for (uint32_t i = 0; score && i < n; i++)
+        score[i] = (float)(0.05 + 1 / (1 + exp2(-(double)p->opacity[i])));
+    return score;
+}
+
+static int build(saga_train *t, uint32_t *source,
+                 const saga_splat_params *pool, uint32_t n,
+                 saga_error *error)
+{
+    float *const score = scores_of(pool, n);
+    char why[SAGA_HIERARCHY_WHY] = "out of memory";
+    saga_hierarchy_options o;
+    saga_model model;
+    int status = -1;
+
+    saga_train_model(&model, &t->o, t->dynamic);
+    saga_hierarchy_defaults(&o);
+    o.model = &model;
+    o.max_coarse = t->o.n_coarse;
+    o.max_fine = t->o.n_fine;
+    o.seed = t->o.seed;
+    o.why = why;
+    if (score)
+        status = saga_hierarchy_build(&t->scene, source, pool, score, n, &o);
+    free(score);
+    if (status)
+        saga_fail(error, NULL, "try other --primitives", "no hierarchy can be "
+                  "built from the warm-up: %s", why);
+    return status;
+}
+
+/* Hierarchy and targets of its ranks, from the warm-up's primitives. */
+static int propose(saga_train *t, saga_error *error)
+{
+    const saga_splat_params flat = saga_flat_params(t->flat);
+    const uint32_t n = saga_flat_count(t->flat);
+    uint32_t *const source = malloc((n + 1u) * sizeof *source);
+    saga_splat_params pool;
+    int status = saga_train_gather(&pool, &flat, NULL, n) || !source ? -1 : 0;
+
+    if (!status && !t->dynamic)
+        saga_train_freeze(&pool, n);
+    if (!status)
+        status = build(t, source, &pool, n, error) ||
+                 saga_train_gather(&t->target, &pool, source, t->scene.n.prim);
+    saga_train_params_free(&pool);
+    free(source);
+    return status;
+}
+
+static saga_fit_options fit_options(const saga_train *t)
+{
+    saga_fit_options o = saga_fit_defaults();
+
+    o.n_regress = t->o.n_regress;
+    o.n_render = t->o.n_render;
+    o.seed = t->o.seed;
+    o.lambda = (real)t->o.lambda;
+    o.raw_networks = t->o.entropy.raw_networks;
+    return o;
+}
+
+saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error)
+{
+    const saga_fit_options o = fit_options(t);
+
+    t->fitting = true;
+    if (propose(t, error) == 0)
+        t->fit = saga_fit_new(&t->scene, &t->target, t->capture,
+                              saga_flat_cube_of(t->flat), &o);
+    /* The first error is kept. */
+    return t->fit ? SAGA_TRAIN_OK
+                  : saga_train_fail(error, "no memory for the fit",
+                                    "take fewer --primitives");
+}
+
+/* --- Progress ------------------------------------------------------------ */
+
+static int iterations_of(const saga_train *t, saga_train_stage stage)
+{
+    return stage == SAGA_TRAIN_WARM ? t->o.n_warm
+         : stage == SAGA_TRAIN_REGRESS ? t->o.n_regress
+         : stage == SAGA_TRAIN_RENDER ? t->o.n_render : 1;
+}
+
+static int iteration_of(const saga_train *t)
+{
+    return t->stage == SAGA_TRAIN_WARM ? saga_flat_iteration(t->flat)
+         : t->stage == SAGA_TRAIN_REGRESS ? saga_fit_iteration(t->fit)
+         : t->stage == SAGA_TRAIN_RENDER
+             ? saga_fit_iteration(t->fit) - t->o.n_regress : 0;
+}
+
+/* In units of an iteration of the warm-up. */
+static double work_done(const saga_train *t)
+{
+    double sum = 0;
+
+    for (int s = 0; s < (int)t->stage; s++)
+        sum += cost[s] * iterations_of(t, (saga_train_stage)s);
+    return t->stage < SAGA_TRAIN_N_STAGES
+        ? sum + cost[t->stage] * iteration_of(t) : sum;
+}
+
+static double work_of_all(const saga_train *t)
+{
+    double sum = 0;
+
+    for (int s = 0; s < SAGA_TRAIN_N_STAGES; s++)
+        sum += cost[s] * iterations_of(t, (saga_train_stage)s);
+    return sum;
+}
+
+static void start_clock(saga_train *t)
+{
+    t->started = t->saved = saga_train_seconds();
+    t->work_at_start = work_done(t);
+}
+
+static bool tell(saga_train *t, double psnr)
+{
+    const double done = work_done(t), all = work_of_all(t);
+    const double since = done - t->work_at_start;
+    saga_train_progress p = {
+        .stage = t->stage, .name = saga_train_stage_name(t->stage),
+        .iteration = iteration_of(t),
+        .n_iterations = iterations_of(t, t->stage),
+        .psnr = psnr, .done = done / all, .seconds_left = -1
+    };
+
+    if (!t->o.progress)
+        return true;
+    if (since > 0)
+        p.seconds_left = (saga_train_seconds() - t->started) * (all - done) /
+                         since;
+    if (t->stage == SAGA_TRAIN_RENDER)
+        p.bits = saga_fit_bits(t->fit);
+    return t->o.progress(t->o.progress_user, &p);
+}
+
+/* --- Checkpoints --------------------------------------------------------- */
+
+static void save(saga_train *t)
+{
+    if (!t->o.checkpoint)
+        return;
+    t->complaint.message[0] = '\0'; /* the newest is told */
+    t->complained = !saga_train_save(t, &t->complaint);
+    t->saved = saga_train_seconds();
+}
+
+const char *saga_train_complaint(saga_train *t)
+{
+    const bool complained = t->complained;
+
+    t->complained = false;
+    return complained ? t->complaint.message : NULL;
+}
+
+/* After an iteration: tells, saves; STOPPED if it is to be the last. */
+static saga_train_status after(saga_train *t, double psnr)
+{
+    const bool go_on = tell(t, psnr);
+
+    if (!go_on || saga_train_seconds() - t->saved >= t->o.checkpoint_seconds)
+        save(t);
+    return go_on ? SAGA_TRAIN_OK : SAGA_TRAIN_STOPPED;
+}
+
+/* --- Stages -------------------------------------------------------------- */
+
+static saga_train_status flat_fault(const saga_train *t,
+                                    saga_error *error)
+{
+    return saga_train_fail(error, saga_flat_message(t->flat), "take fewer "
+                           "--primitives, or another --seed");
+}
+
+static saga_train_status run_warm(saga_train *t, saga_error *error)
+{
+    while (saga_flat_iteration(t->flat) < t->o.n_warm) {
+        saga_train_status s;
+
+        if (saga_flat_run(t->flat, saga_flat_iteration(t->flat) + WARM_RUN))
+            return flat_fault(t, error);
+        s = after(t, t->warm_psnr);
+        if (s)
+            return s;
+    }
+    return SAGA_TRAIN_OK;
+}
+
+static saga_train_status fit_fault(const saga_train *t, saga_fit_status s,
+                                   saga_error *error)
+{
+    if (s == SAGA_FIT_MEMORY)
+        return saga_train_fail(error, "out of memory while fitting",
+                               "take fewer --primitives, or --scale");
+    saga_fail(error, NULL, "try another --seed, and report it", "%s: not a "
+              "finite number in %s at iteration %d",
+              saga_train_stage_name(t->stage), saga_fit_fault(t->fit),
+              iteration_of(t));
+    return SAGA_TRAIN_FAILED;
+}
+
+static saga_train_status run_fit(saga_train *t, int until,
+                                 saga_error *error)
+{
+    while (saga_fit_iteration(t->fit) < until) {
+        double loss, psnr;
+        const saga_fit_status f = saga_fit_step(t->fit, &loss, &psnr);
+        saga_train_status s;
+
+        if (f)
+            return fit_fault(t, f, error);
+        if (t->stage == SAGA_TRAIN_RENDER) {
+            const double mse = pow(10, -psnr / 10);
+
+            t->recent_mse = t->recent_mse > 0 ? MEMORY_PART * t->recent_mse +
+                            (1 - MEMORY_PART) * mse : mse;
+            psnr = -10 * log10(t->recent_mse + 1e-12);
+        }
+        s = after(t, psnr);
+        if (s)
+            return s;
+    }
+    return SAGA_TRAIN_OK;
+}
+
+/* What lies between the warm-up and the regression. */
+static saga_train_status turn(saga_train *t, saga_error *error)
+{
+    saga_train_status s = saga_train_decide(t, error);
+
+    if (!s)
+        s = saga_train_begin_fit(t, error);
+    return s ? s : saga_train_check_level(t, error);
+}
+
+static saga_train_status run_stage(saga_train *t, saga_error *error)
+{
+    saga_train_status s;
+
+    switch (t->stage) {
+    case SAGA_TRAIN_WARM:
+        s = run_warm(t, error);
+        return s ? s : turn(t, error);
+    case SAGA_TRAIN_REGRESS:
+        return run_fit(t, t->o.n_regress, error);
+    case SAGA_TRAIN_RENDER:
+        return run_fit(t, t->o.n_regress + t->o.n_render, error);
+    case SAGA_TRAIN_PACK:
+        s = tell(t, 0) ? SAGA_TRAIN_OK : SAGA_TRAIN_STOPPED;
+        return s ? s : saga_train_pack(t, error);
+    case SAGA_TRAIN_N_STAGES:
+        break;
+    }
+    return SAGA_TRAIN_OK;
+}
+
+saga_train_status saga_train_run(saga_train *t, saga_error *error)
+{
+    while (t->stage < SAGA_TRAIN_N_STAGES) {
+        const saga_train_status s = run_stage(t, error);
+
+        if (s)
+            return s;
+        t->stage++;
+        if (t->stage < SAGA_TRAIN_N_STAGES)
+            save(t);
+    }
+    return SAGA_TRAIN_OK;
+}
+
+const saga_train_report *saga_train_report_of(const saga_train *t)
+{
+    return &t->report;
+}
+
+const uint8_t *saga_train_bytes(const saga_train *t, size_t *n)
+{
+    *n = t->nbytes;
+    return t->bytes;
+}

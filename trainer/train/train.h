@@ -1,0 +1,193 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Training: from a capture to a file. One state machine runs the stages of
+ * design.md 10; between any two iterations it can be saved, and a restored one
+ * gives the same file, bit for bit.
+ *
+ *     warm-up      a flat set of primitives (scene/flat.h)
+ *     regression   the hierarchy built from it, its networks fitted to it
+ *     rendering    rate and distortion against the pictures (scene/fit.h)
+ *     packing      quantised networks, closed loop, networks of classes, bytes
+ *                  (pack.h, classes.h)
+ *
+ * The result does not depend on the number of threads. The capture must outlive
+ * the saga_train that reads it.
+ *
+ * Model only what a scene needs. A capture of one frame has no temporal tools.
+ * One of several loses them when the warm-up shows that nothing moves. Looked
+ * at are the pixels of training views that differ by more than 8/255 from the
+ * view's middle frame. Where they are at least 10^-4 of all, and the warm-up's
+ * own change against its middle frame explains at least a tenth of theirs
+ * (1 - sum (change - drawn change)^2 / sum change^2), temporal tools are on.
+ * Camera noise makes such pixels too, but nothing that is fitted foretells
+ * noise: it explains some hundredths of it at most.
+ */
+#ifndef SAGA_TRAIN_H
+#define SAGA_TRAIN_H
+
+#include "capture.h"
+#include "classes.h"
+#include "encode.h"
+#include "quantise.h"
+#include "saga.h"
+
+typedef enum saga_train_stage {
+    SAGA_TRAIN_WARM, SAGA_TRAIN_REGRESS, SAGA_TRAIN_RENDER, SAGA_TRAIN_PACK,
+    SAGA_TRAIN_N_STAGES
+} saga_train_stage;
+
+/* Why saga_train_run came back. */
+typedef enum saga_train_status {
+    SAGA_TRAIN_OK = 0,
+    SAGA_TRAIN_STOPPED = 1,      /* by the progress function; go on any time */
+    SAGA_TRAIN_FAILED = -1       /* the message says why */
+} saga_train_status;
+
+typedef enum saga_train_motion {
+    SAGA_TRAIN_MEASURE,          /* the rule above */
+    SAGA_TRAIN_MOVING,
+    SAGA_TRAIN_STILL             /* the ablation */
+} saga_train_motion;
+
+typedef struct saga_train_progress {
+    saga_train_stage stage;
+    const char *name;            /* of the stage */
+    int iteration, n_iterations; /* of the stage; it begins at 0 */
+    double psnr;                 /* of recent training pictures; 0: none yet */
+    double bits;                 /* the residuals would take; 0 before the
+                                  * rendering */
+    double done;                 /* 0..1 of all work, an estimate */
+    double seconds_left;         /* an estimate; < 0: none yet */
+} saga_train_progress;
+
+/* After every iteration. Return false to stop there. */
+typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
+
+/* The entropy model, for ablations; all zero: what serves best. A source that
+ * is allowed is still left out where it is not worth its weights. */
+typedef struct saga_train_entropy_options {
+    bool no_hyper, no_parent;    /* without these sources, */
+    bool no_memory;              /* the memory bank */
+    uint8_t groups;              /* of each level, 1..16; 0: 8; 1: none, and
+                                  * neither the source */
+    uint16_t slots;              /* of the memory: 32, 64, .. 512; 0: 64, and
+                                  * below 40,000 primitives no memory */
+    bool plain_write;            /* a memory, its update without the
+                                  * projection */
+    bool raw_networks;           /* parameters of all networks in steps of
+                                  * 2^-11, unpriced, 16 bits each where sources
+                                  * are weighed against them */
+} saga_train_entropy_options;
+
+typedef struct saga_train_options {
+    uint32_t n_primitives;       /* 1..the level's */
+    uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
+    int n_iterations;            /* of all stages together, >= 3; and its */
+    int n_warm, n_regress, n_render; /* split, all three or none given */
+    double lambda;               /* bits against distortion, >= 0 */
+    int level;                   /* 0..3, obeyed */
+    uint64_t seed;
+    saga_train_motion motion;
+    saga_train_entropy_options entropy;
+    int segment_frames;          /* 0: one segment for all frames, the only
+                                  * value there is yet */
+    const char *checkpoint;      /* file; NULL: none */
+    double checkpoint_seconds;   /* between two of them, >= 0 */
+    saga_train_progress_fn *progress; /* or NULL */
+    void *progress_user;
+} saga_train_options;
+
+/* Means over at most some 60 pictures of each set, evenly spread. */
+typedef struct saga_train_quality {
+    double training, held_out;   /* PSNR, dB; NaN: no such picture */
+    int n_training, n_held_out;
+} saga_train_quality;
+
+/* One kind of residual: what its sources are worth, bytes. */
+typedef struct saga_train_kind {
+    uint32_t sources;            /* SAGA_SOURCE_* that were kept */
+    double constants;            /* residuals without sources, */
+    double networks;             /* with all that were trained, */
+    double forgetful;            /* with these but for the memory, */
+    double chosen;               /* with those that were kept */
+    double weights;              /* of the kept network, about */
+} saga_train_kind;
+
+/* The choice among sources: estimates on the trained model. */
+typedef struct saga_train_entropy {
+    saga_train_kind kind[SAGA_N_KINDS];
+    double hyper_weights;        /* bytes of the hyperprior, about; 0: off */
+    double memory_weights;       /* of the memory's networks, about, kept or
+                                  * not */
+    double memory_net;           /* what the memory adds to all of this, its
+                                  * networks counted: kept if below 0; 0: no
+                                  * kind gains from it */
+    double estimate[SAGA_N_SYMS]; /* code lengths of the residuals, bits, by
+                                  * SAGA_SYM_*; 0: none of them */
+} saga_train_entropy;
+
+typedef struct saga_train_report {
+    saga_encode_sizes sizes;
+    saga_quantise_report quantise;
+    saga_counts n;               /* coarse, fine, primitives */
+    saga_info info;              /* of the file, as its decoder sees it */
+    bool dynamic;                /* temporal tools are on */
+    double explained;            /* by the rule above; NaN: not measured */
+    double changing;             /* part of the pixels the rule looked at */
+    saga_train_entropy entropy;
+    saga_class_gain classes[SAGA_N_CLASS_KINDS]; /* of counts and sets */
+    uint32_t n_parameters;       /* weights and biases of all networks */
+    double weight_bits;          /* of all weights of the networks with inputs,
+                                  * but the entropy model's, and of scales by
+                                  * row or column */
+    saga_train_quality warm;     /* the flat warm-up */
+    saga_train_quality model;    /* the float model, coarse features and
+                                  * networks rounded */
+    saga_train_quality coded;    /* decoded symbols and weights, in float */
+} saga_train_report;
+
+typedef struct saga_train saga_train;
+
+/* 5,000 primitives, 6,000 iterations, level 2, a checkpoint every 5 minutes
+ * where one is wanted. */
+saga_train_options saga_train_defaults(void);
+
+/* NULL, with the reason in *error: an option and the remedy. */
+saga_train *saga_train_new(const saga_capture *capture,
+                           const saga_train_options *options,
+                           saga_error *error);
+
+/* Continues from options->checkpoint; capture and options as they were, but
+ * for progress, checkpoint and its time. */
+saga_train *saga_train_resume(const saga_capture *capture,
+                              const saga_train_options *options,
+                              saga_error *error);
+
+void saga_train_free(saga_train *train);
+
+/* Works until the file is there, or the progress function stops it. Writes the
+ * checkpoint every checkpoint_seconds, at the end of a stage and when stopped;
+ * one that cannot be written does not end the training:
+ * saga_train_complaint. */
+saga_train_status saga_train_run(saga_train *train, saga_error *error);
+
+/* The last failure to write a checkpoint since the last call; NULL: none. */
+const char *saga_train_complaint(saga_train *train);
+
+/* After SAGA_TRAIN_OK. The bytes belong to train. */
+const saga_train_report *saga_train_report_of(const saga_train *train);
+const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
+
+/* After SAGA_TRAIN_OK: the picture (3, H, W) of the decoded symbols and weights
+ * in float, which the integer decoder's can be compared with. False: no
+ * memory. */
+bool saga_train_draw(saga_train *train, float *image, int view, int frame);
+
+/* Frames of view the qualities are measured on: number `index` of the ones
+ * spread over the capture, -1 past the last. The same for every measurement,
+ * so that others compare with theirs. */
+int saga_train_sample(const saga_capture *capture, int view, int index);
+
+const char *saga_train_stage_name(saga_train_stage stage);
+
+#endif

@@ -1,0 +1,437 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * From the trained state to the file, and what its float model looks like.
+ */
+#include "train_state.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_PICTURES = 60 };      /* of training or held-out views */
+
+/* --- Samples ------------------------------------------------------------- */
+
+static int views_like(const saga_capture *c, bool held_out)
+{
+    int n = 0;
+
+    for (int i = 0; i < c->n_views; i++)
+        n += c->views[i].held_out == held_out;
+    return n;
+}
+
+int saga_train_sample(const saga_capture *c, int view, int index)
+{
+    const int views = views_like(c, c->views[view].held_out);
+    int n = MAX_PICTURES / views;
+
+    n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
+    return index < n ? (int)((int64_t)index * c->n_frames / n) : -1;
+}
+
+/* Mean squared error of a picture in [0, 1], clipped. */
+static double mse_of(const real *image, const uint8_t *truth, size_t n)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < 3 * n; i++) {
+        const double x = (double)image[i % 3 * n + i / 3];
+        const double e = fmin(fmax(x, 0), 1) - truth[i] / 255.0;
+
+        sum += e * e;
+    }
+    return sum / (3.0 * (double)n);
+}
+
+/* PSNR of one picture; false: no memory. */
+typedef bool measure_fn(void *user, double *psnr, int view, int frame);
+
+static bool measure(saga_train_quality *q, const saga_capture *c,
+                    measure_fn *psnr_of, void *user)
+{
+    double sum[2] = { 0, 0 };
+    int n[2] = { 0, 0 };
+
+    for (int v = 0; v < c->n_views; v++) {
+        const int set = c->views[v].held_out;
+        int frame, i;
+
+        for (i = 0; (frame = saga_train_sample(c, v, i)) >= 0; i++) {
+            double psnr;
+
+            if (!psnr_of(user, &psnr, v, frame))
+                return false;
+            sum[set] += psnr;
+            n[set]++;
+        }
+    }
+    *q = (saga_train_quality){ sum[0] / n[0], sum[1] / n[1], n[0], n[1] };
+    return true;
+}
+
+/* --- The float models ---------------------------------------------------- */
+
+static bool flat_psnr(void *user, double *psnr, int view, int frame)
+{
+    double mse;
+
+    if (saga_flat_render(user, NULL, &mse, view, frame, 0))
+        return false;
+    *psnr = -10 * log10(mse + 1e-12);
+    return true;
+}
+
+saga_train_status saga_train_measure_flat(saga_train *t,
+                                          saga_error *error)
+{
+    return measure(&t->report.warm, t->capture, flat_psnr, t->flat)
+        ? SAGA_TRAIN_OK
+        : saga_train_fail(error, "out of memory", "free some memory");
+}
+
+typedef struct {
+    const saga_train *t;
+    const saga_scene *scene;
+    saga_twin *twin;
+    saga_splat_work work;
+    real *image, *trans;
+} painter;
+
+static bool draw(painter *p, int view, int frame)
+{
+    const saga_train *const t = p->t;
+    saga_splat_camera cam;
+    saga_splat_rules rules;
+
+    saga_splat_rules_default(&rules);
+    saga_camera_float(&cam, &t->capture->views[view],
+                     saga_flat_cube_of(t->flat), t->range[2 * view], 0);
+    return !saga_twin_colour(p->twin, p->scene, cam.centre) &&
+           !saga_splat_forward(p->image, p->trans, &p->work, &p->twin->attr,
+                               p->scene->n.prim,
+                               (real)frame / (real)t->capture->n_frames, &cam,
+                               &rules);
+}
+
+static bool fit_psnr(void *user, double *psnr, int view, int frame)
+{
+    painter *const p = user;
+    const saga_capture *const c = p->t->capture;
+    const saga_shot *const v = &c->views[view];
+
+    if (!draw(p, view, frame))
+        return false;
+    *psnr = -10 * log10(mse_of(p->image, saga_capture_frame(c, view, frame),
+                               (size_t)v->width * (size_t)v->height) + 1e-12);
+    return true;
+}
+
+static bool measure_scene(saga_train_quality *q, const saga_train *t,
+                          const saga_scene *scene, saga_twin *twin)
+{
+    painter p = { .t = t, .scene = scene, .twin = twin };
+    size_t most = 0;
+    bool ok;
+
+    for (int i = 0; i < t->capture->n_views; i++) {
+        const size_t n = saga_view_frame_nbytes(&t->capture->views[i]);
+
+        most = n > most ? n : most;
+    }
+    p.image = malloc(most * sizeof *p.image);
+    p.trans = malloc(most * sizeof *p.trans);
+    ok = p.image && p.trans && measure(q, t->capture, fit_psnr, &p);
+    saga_splat_free(&p.work);
+    free(p.image);
+    free(p.trans);
+    return ok;
+}
+
+/* The decoded scene's twin; its pictures. */
+static bool measure_decoded(saga_train *t)
+{
+    const saga_scene *const s = &t->decoded;
+    saga_twin *const w = &t->decoded_twin;
+
+    return !saga_twin_init(w, s) &&
+           !saga_twin_refresh(w, s, s->coarse_feature) &&
+           !saga_twin_geometry(w, s, s->coarse_feature) &&
+           measure_scene(&t->report.coded, t, s, w);
+}
+
+bool saga_train_draw(saga_train *t, float *image, int view, int frame)
+{
+    const saga_shot *const v = &t->capture->views[view];
+    painter p = { .t = t, .scene = &t->decoded, .twin = &t->decoded_twin };
+    bool ok;
+
+    p.image = image;
+    p.trans = malloc((size_t)v->width * (size_t)v->height * sizeof *p.trans);
+    ok = p.trans && draw(&p, view, frame);
+    saga_splat_free(&p.work);
+    free(p.trans);
+    return ok;
+}
+
+/* --- Header and rig ------------------------------------------------------ */
+
+/* value = mantissa 2^exponent with 30 bits. */
+static int32_t mantissa_of(double value, int exponent)
+{
+    return (int32_t)lround(ldexp(value, -exponent));
+}
+
+static int exponent_of(double value)
+{
+    int e;
+
+    frexp(value, &e);
+    return e - 30;
+}
+
+/* Frames per second as a fraction: n, n / 1.001, or thousandths. */
+static void set_rate(saga_pack_options *o, double fps)
+{
+    const double ntsc = fps * 1.001;
+
+    o->rate_den = fabs(fps - rint(fps)) < 1e-6 ? 1
+                : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001 : 1000;
+    o->rate_num = (uint32_t)fmax(1, o->rate_den == 1 ? rint(fps)
+                                 : o->rate_den == 1001 ? 1000 * rint(ntsc)
+                                 : rint(1000 * fps));
+}
+
+static void set_header(saga_header *h, const saga_train *t)
+{
+    const saga_cube *const cube = saga_flat_cube_of(t->flat);
+    double most = 1e-9;
+
+    memset(h, 0, sizeof *h);
+    h->unit_exponent = exponent_of(cube->unit / 8388608.0);
+    h->unit_mantissa = mantissa_of(cube->unit / 8388608.0, h->unit_exponent);
+    for (int i = 0; i < 3; i++)
+        most = fmax(most, fabs(cube->centre[i]));
+    h->centre_exponent = exponent_of(most);
+    for (int i = 0; i < 3; i++)
+        h->centre_mantissa[i] = mantissa_of(cube->centre[i],
+                                            h->centre_exponent);
+    h->n_cameras = (uint16_t)t->capture->n_views;
+}
+
+static void copy_camera(saga_rig_camera *r, const saga_camera *c,
+                        uint32_t number)
+{
+    memcpy(r->rotation_q30, c->rotation_q30, sizeof r->rotation_q30);
+    memcpy(r->centre, c->centre, sizeof r->centre);
+    memcpy(r->focal_q16, c->focal_q16, sizeof r->focal_q16);
+    memcpy(r->principal_q16, c->principal_q16, sizeof r->principal_q16);
+    memcpy(r->background_q15, c->background_q15, sizeof r->background_q15);
+    r->near_plane = c->near_plane;
+    r->width = c->width;
+    r->height = c->height;
+    r->number = number;
+}
+
+/* All cameras of the capture, held-out ones too, in its order; near plane: the
+ * nearest depth the view sees, which the fit draws with as well. */
+static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
+                                 saga_error *error)
+{
+    const size_t n = (size_t)t->capture->n_views;
+    saga_rig_camera *const rig = calloc(n, sizeof *rig);
+    saga_metric m;
+
+    m.unit = ldexp(h->unit_mantissa, h->unit_exponent);
+    for (int i = 0; i < 3; i++)
+        m.centre[i] = ldexp(h->centre_mantissa[i], h->centre_exponent);
+    for (size_t i = 0; rig && i < n; i++) {
+        saga_camera c;
+
+        memset(&c, 0, sizeof c);
+        if (!saga_camera_of_shot(&c, &m, &t->capture->views[i],
+                                 t->range[2 * i], error)) {
+            free(rig);
+            return NULL;
+        }
+        copy_camera(&rig[i], &c, (uint32_t)i);
+    }
+    if (!rig)
+        saga_fail(error, NULL, "free some memory", "out of memory");
+    return rig;
+}
+
+/* --- Packing ------------------------------------------------------------- */
+
+static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
+                   const real *feature, const saga_rate_choice *choice,
+                   saga_pack_report *rep, saga_error *error)
+{
+    const saga_cube *const cube = saga_flat_cube_of(t->flat);
+    saga_pack_options o = {
+        .level = level, .weights = saga_fit_weights(t->fit),
+        .n_frames = (uint32_t)t->capture->n_frames, .classes = final,
+        .decoded = final ? &t->decoded : NULL
+    };
+    saga_splat_camera cam;
+    saga_header h;
+    saga_rig_camera *rig;
+    const char *why = "out of memory";
+    int ok = 0;
+
+    set_rate(&o, t->capture->fps);
+    set_header(&h, t);
+    rig = make_rig(t, &h, error);
+    if (!rig)
+        return 0;
+    /* The ranges of the colours' activations are measured from one camera. */
+    saga_camera_float(&cam, &t->capture->views[0], cube, t->range[0], 0);
+    if (saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre) == 0)
+        ok = saga_pack(&t->bytes, &t->nbytes, rep, choice, twin, feature, &h,
+                       rig, &o, &why);
+    if (!ok)
+        saga_fail(error, NULL, "try another --seed, and report it",
+                  "the scene cannot be packed: %s", why);
+    free(rep->order);
+    rep->order = NULL;
+    free(rig);
+    return ok;
+}
+
+static uint32_t count_parameters(const saga_scene *s)
+{
+    size_t n = 0;
+
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        n += s->net[net].n_layers ? saga_net_n_params(&s->net[net]) : 0;
+    return (uint32_t)n;
+}
+
+static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
+{
+    static const int sym[SAGA_N_STEPS] = {
+        [SAGA_STEP_CENTRE] = SAGA_SYM_CENTRE,
+        [SAGA_STEP_FEATURE] = SAGA_SYM_FEATURE,
+        [SAGA_STEP_FINE] = SAGA_SYM_FINE_OFFSET,
+        [SAGA_STEP_PRIM] = SAGA_SYM_PRIM_OFFSET
+    };
+
+    memset(e, 0, sizeof *e);
+    for (int i = 0; i < SAGA_N_STEPS; i++)
+        e->estimate[sym[i]] = c->bits[i];
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
+        const saga_rate_gain *const g = &c->rate->plan.gain[kind];
+
+        e->kind[kind] = (saga_train_kind){
+            c->scene.model.sources[kind], g->constants / 8, g->networks / 8,
+            g->forgetful / 8, g->chosen / 8, g->weights / 8
+        };
+    }
+    e->hyper_weights = c->rate->plan.hyper_weights / 8;
+    e->memory_weights = c->rate->plan.memory_weights / 8;
+    e->memory_net = c->rate->plan.memory_net / 8;
+}
+
+static int pack(saga_train *t, int level, bool final, saga_error *error)
+{
+    saga_train_report *const r = &t->report;
+    real *const feature = malloc(((size_t)t->scene.n.coarse *
+                                  t->scene.model.features + 1) *
+                                 sizeof *feature);
+    saga_rate_choice choice;
+    saga_pack_report rep;
+    saga_twin *twin = NULL;
+    int ok = 0;
+
+    memset(&rep, 0, sizeof rep);
+    if (feature)
+        twin = saga_fit_code(t->fit, feature, &choice);
+    if (twin && (!final || measure_scene(&r->model, t, saga_fit_scene(t->fit),
+                                         twin)))
+        ok = pack_at(t, level, final, twin, feature, &choice, &rep, error);
+    else
+        saga_fail(error, NULL, "free some memory", "out of memory");
+    if (ok && final && !measure_decoded(t))
+        ok = saga_fail(error, NULL, "free some memory", "out of memory");
+    free(feature);
+    r->sizes = rep.sizes;
+    r->quantise = rep.quantise;
+    memcpy(r->classes, rep.classes, sizeof r->classes);
+    r->n = t->scene.n;
+    r->dynamic = t->dynamic;
+    r->explained = t->explained;
+    r->changing = t->changing;
+    if (twin) {
+        keep_entropy(&r->entropy, &choice);
+        r->n_parameters = count_parameters(&choice.scene);
+        saga_rate_choice_free(&choice);
+    }
+    r->weight_bits = saga_fit_weight_bits(t->fit);
+    return ok;
+}
+
+/* --- Levels -------------------------------------------------------------- */
+
+static bool within(const char *what, size_t value, size_t cap,
+                   const saga_train *t, saga_error *error)
+{
+    const char *const remedy = t->o.level < SAGA_N_PROFILES - 1
+        ? "take fewer --primitives, or a higher --level"
+        : "take fewer --primitives";
+
+    return value <= cap ||
+           saga_fail(error, NULL, remedy, "the file would need %zu %s, level "
+                     "%d has %zu", value, what, t->o.level, cap);
+}
+
+static bool within_level(const saga_info *i, const saga_train *t,
+                         saga_error *error)
+{
+    const saga_level_caps *const caps = &saga_caps[t->o.level];
+
+    return within("coarse anchors", i->max_coarse, caps->n_coarse, t, error) &&
+           within("fine anchors", i->max_fine, caps->n_fine, t, error) &&
+           within("primitives", i->max_primitives, caps->n_prim, t, error) &&
+           within("weights", i->n_weights, caps->n_weights, t, error) &&
+           within("bytes of the decoder's memory", i->work_nbytes,
+                  caps->work_nbytes, t, error);
+}
+
+/* What the decoder says to the bytes; they are dropped when it refuses. */
+static saga_train_status probe(saga_train *t, saga_error *error)
+{
+    const saga_status s = saga_probe(&t->report.info, t->bytes, t->nbytes);
+
+    if (s) {
+        saga_fail(error, NULL, "report it", "the decoder refuses the file: %s",
+                  saga_status_text(s));
+        free(t->bytes);
+        t->bytes = NULL;
+        return SAGA_TRAIN_FAILED;
+    }
+    return SAGA_TRAIN_OK;
+}
+
+/* Before the fit, since all of it follows from counts and shapes. */
+saga_train_status saga_train_check_level(saga_train *t,
+                                         saga_error *error)
+{
+    saga_train_status s = SAGA_TRAIN_FAILED;
+
+    if (!pack(t, SAGA_N_PROFILES - 1, false, error))
+        return s;
+    s = probe(t, error);
+    if (!s && !within_level(&t->report.info, t, error))
+        s = SAGA_TRAIN_FAILED;
+    free(t->bytes);
+    t->bytes = NULL;
+    return s;
+}
+
+saga_train_status saga_train_pack(saga_train *t, saga_error *error)
+{
+    if (saga_train_measure_flat(t, error) ||
+        !pack(t, t->o.level, true, error))
+        return SAGA_TRAIN_FAILED;
+    return probe(t, error);
+}

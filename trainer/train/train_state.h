@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The inside of the training, shared by train*.c.
+ */
+#ifndef SAGA_TRAIN_STATE_H
+#define SAGA_TRAIN_STATE_H
+
+#include "camera.h"
+#include "error.h"
+#include "fit.h"
+#include "flat.h"
+#include "float_camera.h"
+#include "pack.h"
+#include "scene.h"
+#include "train.h"
+
+#include <stdio.h>
+
+struct saga_train {
+    const saga_capture *capture;
+    saga_train_options o;        /* resolved: nothing left to derive */
+    saga_train_stage stage;
+    saga_flat_options flat_options;
+    saga_flat *flat;
+    double *range;               /* (views, 2) depths, metres */
+
+    /* From the regression on. */
+    bool fitting, dynamic;
+    double explained, changing;
+    saga_scene scene;
+    saga_splat_params target;    /* (prim) in rank order, our arrays */
+    saga_fit *fit;
+    double warm_psnr;            /* of recent pictures, for progress */
+    double recent_mse;           /* of the rendering's pictures, for progress */
+
+    saga_scene decoded;          /* as the file has it, in float */
+    saga_twin decoded_twin;
+
+    uint8_t *bytes;
+    size_t nbytes;
+    saga_train_report report;
+
+    double started, saved;       /* seconds of the clock */
+    double work_at_start;        /* iterations of the warm-up */
+    saga_error complaint;
+    bool complained;
+};
+
+/* train.c */
+double saga_train_seconds(void);
+/* Fails with a sentence and its remedy; returns FAILED. */
+saga_train_status saga_train_fail(saga_error *error, const char *what,
+                                  const char *remedy);
+/* Builds the hierarchy and the fit; t->dynamic is decided. */
+saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error);
+
+/* train_model.c */
+void saga_train_model(saga_model *m, const saga_train_options *o,
+                      bool dynamic);
+/* What of the model its entropy model is: sources, groups, sizes. A memory has
+ * at most most_slots. */
+void saga_train_entropy_model(saga_model *m,
+                              const saga_train_entropy_options *o,
+                              uint32_t n_primitives, uint32_t most_slots);
+/* t->dynamic, explained, changing. */
+saga_train_status saga_train_decide(saga_train *t, saga_error *error);
+/* out[i] = p[source[i]], i < n, in arrays of its own (params_free, also after
+ * a failure); source NULL: all as they are. 0, or -1 without memory. */
+int saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
+                      const uint32_t *source, uint32_t n);
+/* Primitives as they are at mid-segment, without temporal members; p's arrays
+ * are saga_train_gather's. */
+void saga_train_freeze(saga_splat_params *p, uint32_t n);
+void saga_train_params_free(saga_splat_params *p);
+
+/* train_result.c */
+/* Packs at level 3 and compares with the caps of the level asked for. */
+saga_train_status saga_train_check_level(saga_train *t,
+                                         saga_error *error);
+saga_train_status saga_train_pack(saga_train *t, saga_error *error);
+saga_train_status saga_train_measure_flat(saga_train *t,
+                                          saga_error *error);
+
+/* train_save.c */
+bool saga_train_save(const saga_train *t, saga_error *error);
+bool saga_train_load(saga_train *t, saga_error *error);
+
+#endif

@@ -1,0 +1,693 @@
+/* SPDX-License-Identifier: MIT */
+#include "flat_state.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { MIN_SIDE = 8, COARSEST_WIDTH = 150, MAX_LEVEL = 3 };
+
+#define MEMORY_PART 0.98         /* of the recent loss, per iteration */
+#define NEAR_PART 0.3            /* of a view's nearest depth: is not drawn */
+#define PULL R(1e-3)             /* of the correction to the identity */
+
+const int saga_flat_widths[FLAT_N_TENSORS] = { 3, 4, 3, 1, 3, 9, 4, 1, 1 };
+
+static const char *const names[FLAT_N_TENSORS] = {
+    "mean", "quat", "log2_scale", "opacity", "colour", "motion", "slope",
+    "t_centre", "log2_width"
+};
+
+saga_flat_options saga_flat_defaults(void)
+{
+    return (saga_flat_options){
+        .n_primitives = 5000, .n_iterations = 4000, .seed = 1,
+        .temporal = true, .motion_order = 3, .rotation_slope = true,
+        .eta = R(0.2), .growth = R(1.3), .start = R(0.6), .coarse = R(0.3),
+        .rate = 1, .progress_every = 100
+    };
+}
+
+/* --- Tables -------------------------------------------------------------- */
+
+static void set_info(saga_flat *f, enum saga_flat_tensor t, double lo,
+                     double hi, double rate, double rate_end)
+{
+    f->info[t] = (saga_flat_tensor_info){
+        names[t], saga_flat_widths[t], (real)lo, (real)hi,
+        (real)rate * f->o.rate, (real)rate_end * f->o.rate
+    };
+}
+
+/* Bounds: an opacity below 2^-8 is never drawn again, and a temporal width
+ * below half a frame has nothing to fit. Lengths are learned in steps relative
+ * to the depth of the scene, since the cube's size says little. */
+static void fill_info(saga_flat *f)
+{
+    const double r = f->reach;
+    const double frame = 1.0 / f->capture->n_frames;
+
+    set_info(f, FLAT_MEAN, -1, 1 - 0x1p-23, 6e-4 * r, 1e-5 * r);
+    set_info(f, FLAT_QUAT, -8, 8, 4e-3, 4e-4);
+    set_info(f, FLAT_SCALE, -16, -1, 0.02, 2e-3);
+    set_info(f, FLAT_OPACITY, -7.9, 12, 0.06, 0.015);
+    set_info(f, FLAT_COLOUR, 0, 1, 0.01, 1e-3);
+    set_info(f, FLAT_MOTION, -4, 4, 1.5e-3 * r, 5e-5 * r);
+    set_info(f, FLAT_SLOPE, -16, 16, 4e-3, 4e-4);
+    set_info(f, FLAT_CENTRE, 0, 1, 2e-3, 2e-4);
+    set_info(f, FLAT_WIDTH, log2(frame / 2), 3, 0.02, 2e-3);
+    if (!f->o.temporal)
+        for (int t = FLAT_MOTION; t < FLAT_N_TENSORS; t++)
+            f->info[t].rate = f->info[t].rate_end = 0;
+}
+
+int saga_flat_levels(const saga_flat *f)
+{
+    int widest = 0, level = 0;
+
+    for (int k = 0; k < f->n_train; k++) {
+        const saga_shot *const v = f->capture->views + f->train[k];
+
+        widest = v->width > widest ? v->width : widest;
+    }
+    while (level < MAX_LEVEL && (widest >> level) / 2 >= COARSEST_WIDTH)
+        level++;
+    return level;
+}
+
+int saga_flat_level_at(const saga_flat *f, int iteration)
+{
+    const int levels = saga_flat_levels(f);
+    const double coarse = (double)f->o.coarse * f->o.n_iterations;
+
+    if (levels == 0 || iteration >= coarse)
+        return 0;
+    return levels - (int)(iteration * levels / coarse);
+}
+
+double saga_flat_time(const saga_flat *f, int frame)
+{
+    return (double)frame / f->capture->n_frames;
+}
+
+saga_splat_params saga_flat_view_of(real *const *t, bool temporal)
+{
+    saga_splat_params p = {
+        .mean = t[FLAT_MEAN], .quat = t[FLAT_QUAT],
+        .log2_scale = t[FLAT_SCALE], .opacity = t[FLAT_OPACITY],
+        .colour = t[FLAT_COLOUR]
+    };
+
+    if (temporal) {
+        p.motion = t[FLAT_MOTION];
+        p.slope = t[FLAT_SLOPE];
+        p.t_centre = t[FLAT_CENTRE];
+        p.log2_width = t[FLAT_WIDTH];
+    }
+    return p;
+}
+
+saga_splat_params saga_flat_params(const saga_flat *f)
+{
+    return saga_flat_view_of(f->value, f->o.temporal);
+}
+
+int saga_flat_iteration(const saga_flat *f) { return f->iteration; }
+uint32_t saga_flat_count(const saga_flat *f) { return f->n; }
+const saga_cube *saga_flat_cube_of(const saga_flat *f) { return &f->cube; }
+const char *saga_flat_message(const saga_flat *f) { return f->message; }
+
+/* --- The set ------------------------------------------------------------- */
+
+static int enlarge(real **p, size_t old, size_t cap)
+{
+    real *const q = realloc(*p, cap * sizeof *q);
+
+    if (!q)
+        return -1;
+    *p = q;
+    memset(q + old, 0, (cap - old) * sizeof *q);
+    return 0;
+}
+
+int saga_flat_reserve(saga_flat *f, uint32_t n)
+{
+    const uint32_t cap = n + n / 4 + 16, old = f->cap;
+    saga_splat_stats *const s = &f->stats;
+    uint32_t *seen;
+
+    if (n <= f->cap)
+        return 0;
+    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+        const size_t w = (size_t)saga_flat_widths[t];
+
+        if (enlarge(&f->value[t], w * old, w * cap) ||
+            enlarge(&f->grad[t], w * old, w * cap) ||
+            enlarge(&f->m[t], w * old, w * cap) ||
+            enlarge(&f->v[t], w * old, w * cap))
+            return -1;
+    }
+    seen = realloc(s->seen, cap * sizeof *seen);
+    if (!seen)
+        return -1;
+    memset(seen + old, 0, (cap - old) * sizeof *seen);
+    s->seen = seen;
+    if (enlarge(&s->grad2d, old, cap) || enlarge(&s->weight, old, cap) ||
+        enlarge(&s->radius, old, cap))
+        return -1;
+    f->cap = cap;
+    return 0;
+}
+
+/* Where each tensor lies in a saga_flat_one. */
+static real *part_of(saga_flat_one *one, int tensor)
+{
+    real *const part[FLAT_N_TENSORS] = {
+        one->mean, one->quat, one->log2_scale, &one->opacity, one->colour,
+        one->motion, one->slope, &one->t_centre, &one->log2_width
+    };
+
+    return part[tensor];
+}
+
+void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one)
+{
+    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+        const size_t w = (size_t)saga_flat_widths[t];
+
+        memcpy(part_of(one, t), f->value[t] + w * i, w * sizeof(real));
+    }
+}
+
+void saga_flat_put(saga_flat *f, uint32_t i, const saga_flat_one *one)
+{
+    saga_flat_one copy = *one;
+
+    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+        const size_t w = (size_t)saga_flat_widths[t];
+
+        memcpy(f->value[t] + w * i, part_of(&copy, t), w * sizeof(real));
+        memset(f->m[t] + w * i, 0, w * sizeof(real));
+        memset(f->v[t] + w * i, 0, w * sizeof(real));
+    }
+    f->stats.grad2d[i] = f->stats.weight[i] = f->stats.radius[i] = 0;
+    f->stats.seen[i] = 0;
+}
+
+void saga_flat_append(saga_flat *f, const saga_flat_one *one)
+{
+    saga_flat_put(f, f->n++, one);
+}
+
+static void move(saga_flat *f, uint32_t to, uint32_t from)
+{
+    saga_splat_stats *const s = &f->stats;
+
+    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+        const size_t w = (size_t)saga_flat_widths[t];
+
+        memcpy(f->value[t] + w * to, f->value[t] + w * from, w * sizeof(real));
+        memcpy(f->m[t] + w * to, f->m[t] + w * from, w * sizeof(real));
+        memcpy(f->v[t] + w * to, f->v[t] + w * from, w * sizeof(real));
+    }
+    s->grad2d[to] = s->grad2d[from];
+    s->weight[to] = s->weight[from];
+    s->radius[to] = s->radius[from];
+    s->seen[to] = s->seen[from];
+}
+
+void saga_flat_keep(saga_flat *f, const uint8_t *keep)
+{
+    uint32_t i, n = 0;
+
+    for (i = 0; i < f->n; i++)
+        if (keep[i]) {
+            if (n != i)
+                move(f, n, i);
+            n++;
+        }
+    f->n = n;
+}
+
+/* --- Making one ---------------------------------------------------------- */
+
+static void fail(saga_flat *f, const char *format, ...)
+{
+    va_list args;
+
+    va_start(args, format);
+    vsnprintf(f->message, sizeof f->message, format, args);
+    va_end(args);
+}
+
+static bool find_views(saga_flat *f)
+{
+    const saga_capture *const c = f->capture;
+
+    for (int v = 0; v < c->n_views; v++) {
+        if (c->views[v].held_out)
+            continue;
+        if (c->views[v].width < MIN_SIDE || c->views[v].height < MIN_SIDE) {
+            fail(f, "view %s is %d x %d pixels, at least %d x %d are needed; "
+                 "use larger pictures or a larger --scale",
+                 c->views[v].name, c->views[v].width, c->views[v].height,
+                 MIN_SIDE, MIN_SIDE);
+            return false;
+        }
+        f->train[f->n_train++] = v;
+    }
+    if (f->n_train == 0 || c->n_frames < 1) {
+        fail(f, "nothing to train on: %d training views, %d frames; hold out "
+             "fewer", f->n_train, c->n_frames);
+        return false;
+    }
+    return true;
+}
+
+static bool make_pictures(saga_flat *f)
+{
+    size_t n = 0, rows = 0;
+
+    for (int v = 0; v < f->capture->n_views; v++) {
+        const saga_shot *const w = f->capture->views + v;
+        const size_t here = (size_t)w->width * (size_t)w->height;
+
+        n = here > n ? here : n;
+        rows = (size_t)w->height > rows ? (size_t)w->height : rows;
+    }
+    f->image = malloc(3 * n * sizeof(real));
+    f->trans = malloc(n * sizeof(real));
+    f->truth = malloc(3 * n * sizeof(real));
+    f->d_image = malloc(3 * n * sizeof(real));
+    f->shown = f->o.colour_correction ? malloc(3 * n * sizeof(real)) : NULL;
+    f->row = malloc(rows * FLAT_CORRECTION * sizeof *f->row);
+    return f->image && f->trans && f->truth && f->d_image && f->row &&
+           (f->shown || !f->o.colour_correction);
+}
+
+static bool make_correction(saga_flat *f)
+{
+    const size_t n = (size_t)f->capture->n_views * FLAT_CORRECTION;
+
+    for (int k = 0; k < 4; k++) {
+        f->correction[k] = calloc(n, sizeof(real));
+        if (!f->correction[k])
+            return false;
+    }
+    for (size_t i = 0; i < n; i += FLAT_CORRECTION)
+        for (size_t k = 0; k < 3; k++)
+            f->correction[0][i + 4 * k] = 1;
+    return true;
+}
+
+/* The geometric mean of the ranges, in half-cubes. */
+static double find_reach(const saga_flat *f)
+{
+    double sum = 0;
+
+    for (int k = 0; k < f->n_train; k++) {
+        const double *const r = f->range + 2 * f->train[k];
+
+        sum += log2(r[0] * r[1]) / 2;
+    }
+    return exp2(sum / f->n_train) / f->cube.unit;
+}
+
+static bool check_options(saga_flat *f)
+{
+    const saga_flat_options *const o = &f->o;
+
+    if (o->n_primitives < 1 || o->n_primitives > SAGA_FLAT_MAX_PRIMITIVES)
+        fail(f, "%u primitives: 1 to %d can be fitted", o->n_primitives,
+             SAGA_FLAT_MAX_PRIMITIVES);
+    else if (o->n_iterations < 1)
+        fail(f, "%d iterations: at least 1 is needed", o->n_iterations);
+    else
+        return true;
+    return false;
+}
+
+/* All but the primitives. On failure NULL, and the reason in *error. */
+static saga_flat *make(const saga_capture *c, const saga_flat_options *o,
+                       saga_error *error)
+{
+    saga_flat *const f = calloc(1, sizeof *f);
+    const size_t n = c->n_views > 0 ? (size_t)c->n_views : 1;
+
+    snprintf(error->message, sizeof error->message, "out of memory");
+    if (!f)
+        return NULL;
+    f->capture = c;
+    f->o = *o;
+    f->range = malloc(2 * n * sizeof *f->range);
+    f->train = malloc(n * sizeof *f->train);
+    f->recent_mse = -1;
+    if (f->range && f->train && check_options(f) && find_views(f) &&
+        make_pictures(f) && make_correction(f)) {
+        saga_cube_fit(&f->cube, f->range, c);
+        f->reach = find_reach(f);
+        fill_info(f);
+        error->message[0] = 0;
+        return f;
+    }
+    if (f->message[0])
+        snprintf(error->message, sizeof error->message, "%s", f->message);
+    saga_flat_free(f);
+    return NULL;
+}
+
+saga_flat *saga_flat_new(const saga_capture *capture,
+                         const saga_flat_options *options,
+                         saga_error *error)
+{
+    saga_flat *const f = make(capture, options, error);
+
+    if (f && saga_flat_init(f) != SAGA_FLAT_OK) {
+        snprintf(error->message, sizeof error->message, "out of memory");
+        saga_flat_free(f);
+        return NULL;
+    }
+    return f;
+}
+
+void saga_flat_free(saga_flat *f)
+{
+    if (!f)
+        return;
+    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+        free(f->value[t]);
+        free(f->grad[t]);
+        free(f->m[t]);
+        free(f->v[t]);
+    }
+    for (int k = 0; k < 4; k++)
+        free(f->correction[k]);
+    free(f->stats.grad2d);
+    free(f->stats.weight);
+    free(f->stats.radius);
+    free(f->stats.seen);
+    saga_splat_free(&f->work);
+    saga_loss_free(&f->loss_work);
+    free(f->range);
+    free(f->train);
+    free(f->image);
+    free(f->trans);
+    free(f->truth);
+    free(f->d_image);
+    free(f->shown);
+    free(f->row);
+    free(f);
+}
+
+/* --- One iteration ------------------------------------------------------- */
+
+/* Every picture comes once in as many iterations as there are, in an order
+ * drawn anew each time. */
+static void pick(const saga_flat *f, int *view, int *frame)
+{
+    const uint32_t n = (uint32_t)f->n_train * (uint32_t)f->capture->n_frames;
+    const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
+    const uint32_t at = saga_rng_shuffled(r, (uint64_t)f->iteration, n);
+
+    *view = f->train[at % (uint32_t)f->n_train];
+    *frame = (int)(at / (uint32_t)f->n_train);
+}
+
+static real rate_at(const saga_flat *f, int tensor)
+{
+    const saga_flat_tensor_info *const i = f->info + tensor;
+    const double k = (double)f->iteration / f->o.n_iterations;
+
+    if (!(i->rate > 0))
+        return 0;
+    return (real)(i->rate * pow(i->rate_end / i->rate, k));
+}
+
+/* Clamps; false if a value is not a number. */
+static bool bound(real *x, size_t n, real lo, real hi)
+{
+    int bad = 0;
+    int64_t i;
+
+#pragma omp parallel for schedule(static) reduction(| : bad)
+    for (i = 0; i < (int64_t)n; i++) {
+        bad |= x[i] != x[i];
+        x[i] = saga_clamp(x[i], lo, hi);
+    }
+    return !bad;
+}
+
+/* Orders that are off keep their zeros: without gradient nothing moves. */
+static void mask_motion(saga_flat *f)
+{
+    const size_t from = (size_t)f->o.motion_order * 3;
+
+    if (f->o.motion_order < 3)
+        for (size_t i = 0; i < f->n; i++)
+            for (size_t k = from; k < 9; k++)
+                f->grad[FLAT_MOTION][9 * i + k] = 0;
+    if (!f->o.rotation_slope)
+        memset(f->grad[FLAT_SLOPE], 0, 4 * (size_t)f->n * sizeof(real));
+}
+
+static saga_flat_status update(saga_flat *f)
+{
+    const int n = f->o.temporal ? FLAT_N_TENSORS : FLAT_MOTION;
+
+    mask_motion(f);
+    for (int t = 0; t < n; t++) {
+        const saga_flat_tensor_info *const i = f->info + t;
+        const size_t size = (size_t)i->width * f->n;
+
+        saga_flat_adam(f->value[t], f->m[t], f->v[t], f->grad[t], size,
+                       rate_at(f, t), f->iteration + 1);
+        if (!bound(f->value[t], size, i->lo, i->hi)) {
+            fail(f, "tensor %s is not finite after iteration %d: lower the "
+                 "learning rate", i->name, f->iteration);
+            return SAGA_FLAT_NONFINITE;
+        }
+    }
+    return SAGA_FLAT_OK;
+}
+
+/* One view's map moves; then all are shifted so that their mean is the
+ * identity, or the scene's colours would drift with them. */
+static void update_correction(saga_flat *f, int view)
+{
+    const size_t at = (size_t)view * FLAT_CORRECTION;
+    real *const x = f->correction[0], *const g = f->correction[1];
+
+    for (size_t k = 0; k < FLAT_CORRECTION; k++) {
+        const real one = R(k < 9 && k % 4 == 0);
+
+        g[at + k] += PULL * (x[at + k] - one);
+    }
+    saga_flat_adam(x + at, f->correction[2] + at, f->correction[3] + at,
+                   g + at, FLAT_CORRECTION, R(2e-3) * rate_at(f, FLAT_COLOUR) /
+                   f->info[FLAT_COLOUR].rate, f->iteration + 1);
+    for (size_t k = 0; k < FLAT_CORRECTION; k++) {
+        const real one = R(k < 9 && k % 4 == 0);
+        real mean = 0;
+
+        for (int v = 0; v < f->n_train; v++)
+            mean += x[(size_t)f->train[v] * FLAT_CORRECTION + k] /
+                    R(f->n_train);
+        for (int v = 0; v < f->n_train; v++)
+            x[(size_t)f->train[v] * FLAT_CORRECTION + k] += one - mean;
+    }
+}
+
+static void note(saga_flat *f, const saga_picture_loss *l, int level)
+{
+    if (f->recent_mse < 0 || level != f->recent_level) {
+        f->recent_mse = l->mse;
+        f->recent_loss = l->loss;
+    }
+    f->recent_level = level;
+    f->recent_mse += (1 - MEMORY_PART) * (l->mse - f->recent_mse);
+    f->recent_loss += (1 - MEMORY_PART) * (l->loss - f->recent_loss);
+}
+
+static saga_flat_status backward(saga_flat *f, int view, int frame, int level)
+{
+    const saga_splat_params p = saga_flat_params(f);
+    saga_splat_params d = saga_flat_view_of(f->grad, f->o.temporal);
+    saga_splat_rules rules;
+    saga_splat_camera cam;
+
+    saga_splat_rules_default(&rules);
+    rules.detach_time = 1;
+    saga_camera_float(&cam, f->capture->views + view, &f->cube,
+                     saga_flat_near(f, view), level);
+    for (int t = 0; t < FLAT_N_TENSORS; t++)
+        memset(f->grad[t], 0, (size_t)saga_flat_widths[t] * f->n *
+               sizeof(real));
+    if (saga_splat_backward(&d, &f->stats, &f->work, f->d_image, NULL,
+                            f->image, f->trans, &p,
+                            (real)saga_flat_time(f, frame), &cam, &rules))
+        return SAGA_FLAT_MEMORY;
+    return SAGA_FLAT_OK;
+}
+
+double saga_flat_near(const saga_flat *f, int view)
+{
+    return NEAR_PART * f->range[2 * view];
+}
+
+/* The picture's loss, its gradient in f->d_image. */
+static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view,
+                             int level)
+{
+    const saga_loss_weights weights = saga_loss_paper(f->o.eta);
+    const size_t at = (size_t)view * FLAT_CORRECTION;
+    int w, h;
+
+    saga_truth_size(f->capture->views + view, level, &w, &h);
+    if (saga_loss_picture(loss, f->d_image, &f->loss_work,
+                          f->o.colour_correction ? f->shown : f->image,
+                          f->truth, NULL, w, h, &weights))
+        return SAGA_FLAT_MEMORY;
+    if (!(loss->loss >= 0 && loss->loss < INFINITY)) {
+        fail(f, "picture of view %s is not finite at iteration %d",
+             f->capture->views[view].name, f->iteration);
+        return SAGA_FLAT_NONFINITE;
+    }
+    if (f->o.colour_correction) {
+        memset(f->correction[1] + at, 0, FLAT_CORRECTION * sizeof(real));
+        saga_flat_correct_backward(f->d_image, f->correction[1] + at,
+                                   f->d_image, f->image,
+                                   f->correction[0] + at, w, h, f->row);
+    }
+    return SAGA_FLAT_OK;
+}
+
+static saga_flat_status step(saga_flat *f)
+{
+    const int level = saga_flat_level_at(f, f->iteration);
+    saga_picture_loss loss;
+    saga_flat_status s;
+    int view, frame;
+
+    s = saga_flat_change_count(f);
+    if (s != SAGA_FLAT_OK)
+        return s;
+    pick(f, &view, &frame);
+    s = saga_flat_draw(f, view, frame, level);
+    if (s == SAGA_FLAT_OK)
+        s = look(f, &loss, view, level);
+    if (s == SAGA_FLAT_OK)
+        s = backward(f, view, frame, level);
+    if (s == SAGA_FLAT_OK)
+        s = update(f);
+    if (s != SAGA_FLAT_OK)
+        return s;
+    if (f->o.colour_correction)
+        update_correction(f, view);
+    note(f, &loss, level);
+    f->iteration++;
+    return SAGA_FLAT_OK;
+}
+
+static double now(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Iterations to come, weighted by what a level costs: a half by what grows
+ * with the pixels, a half by what does not. */
+static double work_between(const saga_flat *f, int a, int b)
+{
+    double sum = 0;
+
+    for (int i = a; i < b; i++)
+        sum += 0.5 + 0.5 / (1 << (2 * saga_flat_level_at(f, i)));
+    return sum;
+}
+
+static bool report(const saga_flat *f, int since, double seconds)
+{
+    const int n = f->o.n_iterations;
+    const saga_flat_progress p = {
+        .iteration = f->iteration, .n_iterations = n, .n_primitives = f->n,
+        .level = f->recent_level,
+        .psnr = -10 * log10(f->recent_mse + 1e-12), .loss = f->recent_loss,
+        .seconds_left = seconds * work_between(f, f->iteration, n) /
+                        (work_between(f, since, f->iteration) + 1e-9)
+    };
+
+    return f->o.progress(f->o.progress_user, &p);
+}
+
+saga_flat_status saga_flat_run(saga_flat *f, int until)
+{
+    const int end = until < f->o.n_iterations ? until : f->o.n_iterations;
+    const int every = f->o.progress_every > 0 ? f->o.progress_every : 1;
+    int since = f->iteration;
+    double start = now();
+
+    while (f->iteration < end) {
+        const saga_flat_status s = step(f);
+
+        if (s != SAGA_FLAT_OK) {
+            if (s == SAGA_FLAT_MEMORY)
+                fail(f, "out of memory at iteration %d", f->iteration);
+            return s;
+        }
+        if (!f->o.progress || (f->iteration % every && f->iteration < end))
+            continue;
+        if (!report(f, since, now() - start))
+            return SAGA_FLAT_STOPPED;
+        since = f->iteration;
+        start = now();
+    }
+    return SAGA_FLAT_OK;
+}
+
+saga_flat_status saga_flat_render(saga_flat *f, real *image, double *mse,
+                                  int view, int frame, int level)
+{
+    const saga_flat_status s = saga_flat_draw(f, view, frame, level);
+    const real *const from = f->o.colour_correction ? f->shown : f->image;
+    double sum = 0;
+    size_t n;
+    int w, h;
+
+    if (s != SAGA_FLAT_OK)
+        return s;
+    saga_truth_size(f->capture->views + view, level, &w, &h);
+    n = 3 * (size_t)w * (size_t)h;
+    for (size_t i = 0; i < n; i++) {
+        const real x = from[i] < 0 ? 0 : from[i] > 1 ? 1 : from[i];
+        const double e = (double)(x - f->truth[i]);
+
+        if (image)
+            image[i] = x;
+        sum += e * e;
+    }
+    if (mse)
+        *mse = sum / (double)n;
+    return SAGA_FLAT_OK;
+}
+
+/* --- Restoring ----------------------------------------------------------- */
+
+saga_flat *saga_flat_restore(const saga_capture *capture,
+                             const saga_flat_options *options, FILE *file,
+                             saga_error *error)
+{
+    saga_flat *const f = make(capture, options, error);
+
+    if (!f)
+        return NULL;
+    if (saga_flat_load(f, file) == SAGA_FLAT_OK)
+        return f;
+    snprintf(error->message, sizeof error->message, "%s", f->message);
+    saga_flat_free(f);
+    return NULL;
+}

@@ -1,0 +1,374 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * How many primitives there are, and where. In the first half of the training
+ * rounds of growing raise their number beyond the target: some by splitting
+ * those whose place in the picture is most in doubt, some from the pixels with
+ * the largest error, at their own moment. Afterwards the least important ones
+ * go in three steps, down to exactly the number asked for.
+ */
+#include "flat_state.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
+
+#define GROW_END 0.5
+#define FIRST_PRUNE 0.6
+#define PRUNE_STEP 0.1
+#define FROM_PIXELS 0.5      /* part of the new ones */
+#define DEAD R(-6)           /* opacity logit */
+
+/* --- Ranking ------------------------------------------------------------- */
+
+typedef struct ranked { real score; uint32_t i; } ranked;
+
+/* Largest first, the lower index first among equals. */
+static int compare(const void *a, const void *b)
+{
+    const ranked *const p = a, *const q = b;
+
+    if (p->score != q->score)
+        return p->score > q->score ? -1 : 1;
+    return (p->i > q->i) - (p->i < q->i);
+}
+
+static ranked *rank(const saga_flat *f, real (*score)(const saga_flat *,
+                                                      uint32_t))
+{
+    ranked *const r = malloc((f->n + 1) * sizeof *r);
+
+    for (uint32_t i = 0; r && i < f->n; i++)
+        r[i] = (ranked){ score(f, i), i };
+    if (r)
+        qsort(r, f->n, sizeof *r, compare);
+    return r;
+}
+
+/* The pixels it colours, over the pictures since the sums were halved. */
+static real importance(const saga_flat *f, uint32_t i)
+{
+    return f->stats.weight[i];
+}
+
+/* Mean gradient where it is seen, times the root of how often that is: what
+ * lives shortly would else be split as eagerly as what is always there. */
+static real doubt(const saga_flat *f, uint32_t i)
+{
+    const real seen = R(f->stats.seen[i]);
+
+    if (seen < 1 || f->value[FLAT_OPACITY][i] < -4)
+        return 0;
+    return f->stats.grad2d[i] / (real)sqrt(seen);
+}
+
+/* --- Removing ------------------------------------------------------------ */
+
+static bool is_dead(const saga_flat *f, uint32_t i)
+{
+    const real seen = R(f->stats.seen[i]);
+
+    return f->value[FLAT_OPACITY][i] < DEAD ||
+           (seen >= 4 && f->stats.weight[i] < R(0.02) * seen);
+}
+
+static saga_flat_status remove_dead(saga_flat *f)
+{
+    uint8_t *const keep = malloc(f->n + 1);
+    uint32_t left = 0;
+
+    if (!keep)
+        return SAGA_FLAT_MEMORY;
+    for (uint32_t i = 0; i < f->n; i++)
+        left += keep[i] = !is_dead(f, i);
+    if (left > 0)
+        saga_flat_keep(f, keep);
+    free(keep);
+    return SAGA_FLAT_OK;
+}
+
+static saga_flat_status reduce(saga_flat *f, uint32_t n)
+{
+    uint8_t *const keep = calloc(f->n + 1, 1);
+    ranked *const r = rank(f, importance);
+
+    if (keep && r) {
+        for (uint32_t k = 0; k < n; k++)
+            keep[r[k].i] = 1;
+        saga_flat_keep(f, keep);
+    }
+    free(r);
+    free(keep);
+    return keep && r ? SAGA_FLAT_OK : SAGA_FLAT_MEMORY;
+}
+
+/* --- Splitting ----------------------------------------------------------- */
+
+static void axis_of(real *axis, const real *q, int k)
+{
+    const real n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    const real w = n > 0 ? q[0] : 1, x = q[1], y = q[2], z = q[3];
+    const real s = n > 0 ? 2 / n : 2;
+    const real m[3][3] = {
+        { 1 - s * (y * y + z * z), s * (x * y + w * z), s * (x * z - w * y) },
+        { s * (x * y - w * z), 1 - s * (x * x + z * z), s * (y * z + w * x) },
+        { s * (x * z + w * y), s * (y * z - w * x), 1 - s * (x * x + y * y) }
+    };
+
+    memcpy(axis, m[k], sizeof m[k]);
+}
+
+/* Two halves along the longest axis: +-0.6 sigma, each 0.75 sigma long. */
+static void split(saga_flat *f, uint32_t i)
+{
+    saga_flat_one one, two;
+    real axis[3];
+    int k = 0;
+
+    saga_flat_get(f, i, &one);
+    for (int a = 1; a < 3; a++)
+        if (one.log2_scale[a] > one.log2_scale[k])
+            k = a;
+    axis_of(axis, one.quat, k);
+    two = one;
+    for (int a = 0; a < 3; a++) {
+        const real d = R(0.6) * (real)exp2((double)one.log2_scale[k]) *
+                       axis[a];
+
+        one.mean[a] -= d;
+        two.mean[a] += d;
+    }
+    one.log2_scale[k] -= R(0.415);
+    two.log2_scale[k] = one.log2_scale[k];
+    saga_flat_put(f, i, &one);
+    saga_flat_append(f, &two);
+}
+
+/* Adds up to n; room must be there. */
+static saga_flat_status split_most(saga_flat *f, uint32_t n, bool any)
+{
+    const uint32_t before = f->n;
+    ranked *const r = rank(f, any ? importance : doubt);
+
+    if (!r)
+        return SAGA_FLAT_MEMORY;
+    for (uint32_t k = 0; k < n && k < before; k++)
+        if (any || r[k].score > 0)
+            split(f, r[k].i);
+    free(r);
+    return SAGA_FLAT_OK;
+}
+
+/* --- From pixels --------------------------------------------------------- */
+
+/* Squared error summed over the channels, running along the picture. */
+static double error_sums(double *sum, const saga_flat *f, size_t n)
+{
+    const real *const x = f->o.colour_correction ? f->shown : f->image;
+    double total = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < 3; k++) {
+            const double e = (double)(x[i + k * n] - f->truth[i + k * n]);
+
+            total += e * e;
+        }
+        sum[i] = total;
+    }
+    return total;
+}
+
+static size_t find(const double *sum, size_t n, double at)
+{
+    size_t lo = 0, hi = n - 1;
+
+    while (lo < hi) {
+        const size_t mid = (lo + hi) / 2;
+
+        if (sum[mid] > at)
+            hi = mid;
+        else
+            lo = mid + 1;
+    }
+    return lo;
+}
+
+/* n pixels of the picture that was drawn, each as likely as its error is
+ * large: one in each n-th of the sum. */
+static void look_where_wrong(saga_flat_sight *s, uint8_t *good, uint32_t n,
+                             const saga_flat *f, const double *sum, int view,
+                             int frame, int level, uint64_t counter)
+{
+    const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW);
+    size_t n_pixels;
+    int w, h;
+    int64_t i;
+
+    saga_truth_size(f->capture->views + view, level, &w, &h);
+    n_pixels = (size_t)w * (size_t)h;
+#pragma omp parallel for schedule(dynamic, 8)
+    for (i = 0; i < (int64_t)n; i++) {
+        const double part = ((double)i + saga_rng_double(r, counter +
+                                                         (uint64_t)i)) / n;
+        const size_t at = find(sum, n_pixels, part * sum[n_pixels - 1]);
+        const double u = (double)(at % (size_t)w) + 0.5;
+        const double v = (double)(at / (size_t)w) + 0.5;
+
+        good[i] = saga_flat_look(f, view, frame, u * (1 << level),
+                                 v * (1 << level), s + i);
+    }
+}
+
+static saga_flat_status grow_from_picture(saga_flat *f, saga_flat_sight *s,
+                                          uint8_t *good, double *sum,
+                                          uint32_t n, uint64_t counter)
+{
+    const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW + 100);
+    const int level = saga_flat_level_at(f, f->iteration);
+    const int view = f->train[saga_rng_below(r, 2 * counter,
+                                             (uint32_t)f->n_train)];
+    const int frame = (int)saga_rng_below(r, 2 * counter + 1,
+                                          (uint32_t)f->capture->n_frames);
+    const saga_flat_status status = saga_flat_draw(f, view, frame, level);
+    int w, h;
+
+    if (status != SAGA_FLAT_OK)
+        return status;
+    saga_truth_size(f->capture->views + view, level, &w, &h);
+    if (!(error_sums(sum, f, (size_t)w * (size_t)h) > 0))
+        return SAGA_FLAT_OK;
+    look_where_wrong(s, good, n, f, sum, view, frame, level, counter << 32);
+    for (uint32_t i = 0; i < n; i++) {
+        saga_flat_one one;
+
+        if (!good[i])
+            continue;
+        saga_flat_one_from(&one, f, s + i, 1.5 * s[i].footprint *
+                           (1 << level));
+        saga_flat_append(f, &one);
+    }
+    return SAGA_FLAT_OK;
+}
+
+static saga_flat_status grow_from_pixels(saga_flat *f, uint32_t n)
+{
+    const uint32_t each = n / N_PICTURES + 1;
+    saga_flat_sight *const s = malloc(each * sizeof *s);
+    uint8_t *const good = malloc(each);
+    size_t pixels = 1;
+    double *sum;
+    saga_flat_status status = SAGA_FLAT_MEMORY;
+
+    for (int v = 0; v < f->capture->n_views; v++) {
+        const saga_shot *const w = f->capture->views + v;
+        const size_t here = (size_t)w->width * (size_t)w->height;
+
+        pixels = here > pixels ? here : pixels;
+    }
+    sum = malloc(pixels * sizeof *sum);
+    if (s && good && sum) {
+        status = SAGA_FLAT_OK;
+        for (uint32_t k = 0; k < N_PICTURES && status == SAGA_FLAT_OK; k++) {
+            const uint32_t part = n / N_PICTURES + (k < n % N_PICTURES);
+
+            if (part > 0)
+                status = grow_from_picture(f, s, good, sum, part,
+                                           (uint64_t)f->iteration *
+                                           N_PICTURES + k);
+        }
+    }
+    free(s);
+    free(good);
+    free(sum);
+    return status;
+}
+
+/* --- The schedule -------------------------------------------------------- */
+
+static uint32_t target_at(const saga_flat *f, int iteration)
+{
+    const double n = f->o.n_primitives;
+    const double end = GROW_END * f->o.n_iterations;
+    const double k = iteration / end;
+    const double start = (double)f->o.start, peak = (double)f->o.growth;
+
+    return (uint32_t)(n * (start + (peak - start) * (k < 1 ? k : 1)) + 0.5);
+}
+
+static saga_flat_status grow(saga_flat *f)
+{
+    const uint32_t target = target_at(f, f->iteration);
+    saga_flat_status s = remove_dead(f);
+    uint32_t want;
+
+    if (s != SAGA_FLAT_OK || target <= f->n)
+        return s;
+    if (saga_flat_reserve(f, target))
+        return SAGA_FLAT_MEMORY;
+    want = target - f->n;
+    s = split_most(f, want - (uint32_t)(FROM_PIXELS * want), false);
+    if (s != SAGA_FLAT_OK || target <= f->n)
+        return s;
+    return grow_from_pixels(f, (uint32_t)(FROM_PIXELS * want));
+}
+
+static void halve(saga_flat *f)
+{
+    saga_splat_stats *const s = &f->stats;
+
+    for (uint32_t i = 0; i < f->n; i++) {
+        s->grad2d[i] /= 2;
+        s->weight[i] /= 2;
+        s->radius[i] = 0;
+        s->seen[i] /= 2;
+    }
+}
+
+/* The last of the steps leaves exactly the number asked for. */
+static saga_flat_status prune(saga_flat *f, int k)
+{
+    const uint32_t n = f->o.n_primitives;
+    const double ratio = (double)f->n / n;
+    uint32_t left = n;
+
+    if (k + 1 < N_PRUNES && f->n > n)
+        left = (uint32_t)(n * pow(ratio, (N_PRUNES - 1.0 - k) /
+                                  (N_PRUNES - k)));
+    if (f->n > left)
+        return reduce(f, left);
+    if (k + 1 < N_PRUNES)
+        return SAGA_FLAT_OK;
+    if (saga_flat_reserve(f, n))
+        return SAGA_FLAT_MEMORY;
+    while (f->n < n) {
+        const saga_flat_status s = split_most(f, n - f->n, true);
+
+        if (s != SAGA_FLAT_OK)
+            return s;
+    }
+    return SAGA_FLAT_OK;
+}
+
+static int round_length(const saga_flat *f)
+{
+    const int n = (int)(GROW_END * f->o.n_iterations / N_ROUNDS);
+
+    return n < 25 ? 25 : n > 250 ? 250 : n;
+}
+
+saga_flat_status saga_flat_change_count(saga_flat *f)
+{
+    const int n = f->o.n_iterations, at = f->iteration;
+    saga_flat_status s = SAGA_FLAT_OK;
+
+    for (int k = 0; k < N_PRUNES && s == SAGA_FLAT_OK; k++)
+        if (at == (int)(n * (FIRST_PRUNE + PRUNE_STEP * k)))
+            s = prune(f, k);
+    if (s != SAGA_FLAT_OK || at == 0 || at % round_length(f))
+        return s;
+    if (at <= GROW_END * n)
+        s = grow(f);
+    halve(f);
+    return s;
+}

@@ -1,0 +1,115 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The inside of the warm-up, shared by flat*.c.
+ */
+#ifndef SAGA_FLAT_STATE_H
+#define SAGA_FLAT_STATE_H
+
+#include "flat.h"
+#include "float_camera.h"
+#include "picture_loss.h"
+#include "rng.h"
+#include "truth.h"
+
+enum saga_flat_tensor {
+    FLAT_MEAN, FLAT_QUAT, FLAT_SCALE, FLAT_OPACITY, FLAT_COLOUR, FLAT_MOTION,
+    FLAT_SLOPE, FLAT_CENTRE, FLAT_WIDTH, FLAT_N_TENSORS
+};
+
+/* Streams of the random numbers; counters are iterations or draws. */
+enum { FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE };
+
+enum { FLAT_CORRECTION = 12 };  /* 3 x 3 map, then 3 offsets */
+
+typedef struct saga_flat_tensor_info {
+    const char *name;
+    int width;                  /* reals per primitive */
+    real lo, hi;                /* values are kept in it */
+    real rate, rate_end;        /* learning rate: first, last */
+} saga_flat_tensor_info;
+
+/* One primitive, apart from the set. */
+typedef struct saga_flat_one {
+    real mean[3], quat[4], log2_scale[3], opacity, colour[3], motion[9];
+    real slope[4], t_centre, log2_width;
+} saga_flat_one;
+
+struct saga_flat {
+    const saga_capture *capture;
+    saga_flat_options o;
+    saga_cube cube;
+    double *range;              /* (views, 2) world */
+    int *train;                 /* (n_train) indices of training views */
+    int n_train;
+    double reach;               /* half-cubes: typical depth of the scene */
+    saga_flat_tensor_info info[FLAT_N_TENSORS];
+
+    uint32_t n, cap;
+    real *value[FLAT_N_TENSORS], *grad[FLAT_N_TENSORS];
+    real *m[FLAT_N_TENSORS], *v[FLAT_N_TENSORS];
+    saga_splat_stats stats;     /* sums, halved at every round */
+    real *correction[4];        /* (views, FLAT_CORRECTION): value, gradient,
+                                 * m, v */
+    int iteration;
+    double recent_mse, recent_loss;
+    int recent_level;
+
+    saga_splat_work work;
+    saga_loss_work loss_work;
+    real *image, *trans, *truth, *d_image, *shown; /* (3, H, W), trans (H, W) */
+    double *row;                /* scratch of sums by rows */
+    char message[200];
+};
+
+/* flat_seed.c: what a pixel says about a place in the scene. */
+typedef struct saga_flat_sight {
+    double position[3];         /* world */
+    double depth, footprint;    /* world; size of a pixel there */
+    double cost, contrast;      /* of the match; mean cost over depths */
+    real rgb[3];
+    real t_centre, log2_width;
+    bool still;
+} saga_flat_sight;
+
+/* flat.c */
+extern const int saga_flat_widths[FLAT_N_TENSORS];
+int saga_flat_levels(const saga_flat *f);      /* coarser ones there are */
+int saga_flat_level_at(const saga_flat *f, int iteration);
+double saga_flat_time(const saga_flat *f, int frame);
+saga_splat_params saga_flat_view_of(real *const *tensors, bool temporal);
+/* Nearer than that, in world units, nothing is drawn. */
+double saga_flat_near(const saga_flat *f, int view);
+/* Room for n primitives, values kept. */
+int saga_flat_reserve(saga_flat *f, uint32_t n);
+void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one);
+void saga_flat_put(saga_flat *f, uint32_t i, const saga_flat_one *one);
+/* Appends with fresh moments; room must be there. */
+void saga_flat_append(saga_flat *f, const saga_flat_one *one);
+/* Keeps those with keep[i], in order. */
+void saga_flat_keep(saga_flat *f, const uint8_t *keep);
+
+/* flat_picture.c */
+saga_flat_status saga_flat_draw(saga_flat *f, int view, int frame, int level);
+void saga_flat_correct(real *out, const real *in, const real *map, size_t n);
+void saga_flat_correct_backward(real *d_in, real *d_map, const real *d_out,
+                                const real *in, const real *map, int w, int h,
+                                double *row);
+
+/* flat_adam.c */
+void saga_flat_adam(real *value, real *m, real *v, const real *grad, size_t n,
+                    real rate, int step);
+
+/* flat_seed.c */
+saga_flat_status saga_flat_init(saga_flat *f);
+bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
+                    double v, saga_flat_sight *s);
+void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
+                        const saga_flat_sight *s, double sigma);
+
+/* flat_save.c */
+saga_flat_status saga_flat_load(saga_flat *f, FILE *file);
+
+/* flat_grow.c: before iteration f->iteration. */
+saga_flat_status saga_flat_change_count(saga_flat *f);
+
+#endif
