@@ -149,11 +149,6 @@ uint32_t saga_net_macs(const saga_net_shape *s)
     return macs;
 }
 
-uint32_t saga_net_weights(const saga_net_shape *s)
-{
-    return saga_net_macs(s);
-}
-
 static int level_is_valid(const saga_level *l)
 {
     return l->n_groups >= 1 && l->n_groups <= SAGA_MAX_GROUPS &&

@@ -294,11 +294,9 @@ void saga_model_net(saga_net_shape *shape, const saga_model *m, int net);
 /* Q format of the colour pre-activation as the next layer sees it: the format
  * its row shifts give it, the networks' own business. */
 
-/* Multiply-accumulates of one run of a network: sum of n_in * n_out. */
+/* Multiply-accumulates of one run of a network, which is also the number of its
+ * weights without padding: sum of n_in * n_out. */
 uint32_t saga_net_macs(const saga_net_shape *shape);
-
-/* Number of weights of a network, without padding. */
-uint32_t saga_net_weights(const saga_net_shape *shape);
 
 /* 1 if every field is inside its range and shapes stay inside
  * SAGA_MAX_VECTOR; reserved tools are not looked at. */

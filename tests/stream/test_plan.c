@@ -534,7 +534,7 @@ static void info_should_be_that_of_the_header(void **state)
         begin(&p, &o);
         for (net = 0; net < SAGA_N_NETS; net++) {
             saga_model_net(&s, &p.g.header.model, (int)net);
-            weights += saga_net_weights(&s);
+            weights += saga_net_macs(&s);
         }
         assert_int_equal(p.info.n_weights, weights);
         assert_int_equal(p.info.level, o.level);

@@ -28,7 +28,7 @@ static inline file_json_sum file_json_nets(const ref_file *f, bool entropy)
         if (saga_is_entropy_net(net) != entropy)
             continue;
         s.bits += f->net_bits[net];
-        s.parameters += saga_net_weights(n);
+        s.parameters += saga_net_macs(n);
         for (int l = 0; l < n->n_layers; l++)
             s.parameters += n->dim[l + 1];
     }

@@ -562,7 +562,7 @@ static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
         weights = 0;
         for (net = 0; net < SAGA_N_NETS; net++) {
             saga_model_net(&s, m, net);
-            weights += saga_net_weights(&s);
+            weights += saga_net_macs(&s);
         }
     } while (weights > saga_caps[o->level].n_weights);
 }

@@ -252,7 +252,7 @@ static size_t networks_bound(const saga_nets *nets)
     int net, i;
 
     for (net = 0; net < SAGA_N_NETS; net++) {
-        n += 6 * (size_t)saga_net_weights(&nets->shape[net]);
+        n += 6 * (size_t)saga_net_macs(&nets->shape[net]);
         for (i = 0; i < nets->shape[net].n_layers; i++)
             n += 16 * (size_t)nets->shape[net].dim[i + 1] + 16;
     }

@@ -263,7 +263,7 @@ static int hyper_forward(const job *j)
     for (i = 0; i < j->list.n; i++) {
         const size_t block = j->list.block[i];
 
-        saga_rate_side(b->in + i * dim, &j->s->model, j->k->phase + 4 * block,
+        saga_rate_tell(b->in + i * dim, &j->s->model, j->k->phase + 4 * block,
                        j->k->size + SAGA_RATE_SIZES * block);
     }
     saga_rate_clamp(b->in, j->list.n * dim,

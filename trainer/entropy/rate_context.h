@@ -30,7 +30,8 @@
 
 #include "links.h"
 #include "rate_memory.h"
-#include "rate_side.h"
+#include "rate_block.h"
+#include "rate_runs.h"
 #include "twin.h"
 
 typedef struct saga_rate_kind {

@@ -129,7 +129,7 @@ static void fill_row(real *row, const saga_rate_memory_input *in, int net,
         anchor_phase(anchor, in, block);
         phase = anchor;
     }
-    to = saga_rate_side(row, m, phase, in->size + SAGA_RATE_SIZES * block);
+    to = saga_rate_tell(row, m, phase, in->size + SAGA_RATE_SIZES * block);
     *to++ = R(in->kind - 1);
     memset(to, 0, m->features * sizeof *to);
     values = values_of(in, &in->x, block, is_token, &n);

@@ -15,7 +15,7 @@
  * What is written does not depend on what the slots hold: the networks run on
  * all steps at once, and only the last line but one goes step by step.
  *
- * A run of blocks (rate_side.h) is a step: it reads the state before it and
+ * A run of blocks (rate_runs.h) is a step: it reads the state before it and
  * writes the next. Coarse anchors come first, then fine ones; primitives read
  * the last state and write nothing.
  *
@@ -27,7 +27,8 @@
 #ifndef SAGA_RATE_MEMORY_H
 #define SAGA_RATE_MEMORY_H
 
-#include "rate_side.h"
+#include "rate_block.h"
+#include "rate_runs.h"
 #include "twin.h"
 
 typedef struct saga_rate_memory_kind {
@@ -56,7 +57,7 @@ typedef struct saga_rate_memory_input {
     int kind;
     const saga_rate_runs *runs;
     size_t first;                /* runs of the kinds before */
-    const real *phase, *size;    /* (blocks, 4), (blocks, 5): saga_rate_side */
+    const real *phase, *size;    /* (blocks, 4), (blocks, 5): saga_rate_tell */
     saga_rate_features x;        /* queries read parents', tokens their own */
 } saga_rate_memory_input;
 

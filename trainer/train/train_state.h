@@ -62,8 +62,11 @@ void saga_train_model(saga_model *m, const saga_train_options *o,
 void saga_train_entropy_model(saga_model *m,
                               const saga_train_entropy_options *o,
                               uint32_t n_primitives, uint32_t most_slots);
-/* t->dynamic, explained, changing. */
+
+/* motion.c: t->dynamic, explained, changing. */
 saga_train_status saga_train_decide(saga_train *t, saga_error *error);
+
+/* targets.c */
 /* out[i] = p[source[i]], i < n, in arrays of its own (params_free, also after
  * a failure); source NULL: all as they are. 0, or -1 without memory. */
 int saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
@@ -73,13 +76,21 @@ int saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
 void saga_train_freeze(saga_splat_params *p, uint32_t n);
 void saga_train_params_free(saga_splat_params *p);
 
-/* train_result.c */
+/* quality.c: the report's qualities. */
+saga_train_status saga_train_measure_flat(saga_train *t,
+                                          saga_error *error);
+/* Of the pictures that twin, which stands for scene, draws; false: no memory.
+ */
+bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
+                              const saga_scene *scene, saga_twin *twin);
+/* Makes the twin of the decoded scene first. */
+bool saga_train_measure_decoded(saga_train *t);
+
+/* finish.c */
 /* Packs at level 3 and compares with the caps of the level asked for. */
 saga_train_status saga_train_check_level(saga_train *t,
                                          saga_error *error);
 saga_train_status saga_train_pack(saga_train *t, saga_error *error);
-saga_train_status saga_train_measure_flat(saga_train *t,
-                                          saga_error *error);
 
 /* train_save.c */
 bool saga_train_save(const saga_train *t, saga_error *error);

@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the entropy model's networks are told of a block, the order in which
- * blocks are coded, and the clamps of the integer path: for rate_context and
- * rate_memory.
+ * What the entropy model's networks are told of a block, and the clamps of the
+ * integer path: for rate_context and rate_memory.
  */
-#ifndef SAGA_RATE_SIDE_H
-#define SAGA_RATE_SIDE_H
+#ifndef SAGA_RATE_BLOCK_H
+#define SAGA_RATE_BLOCK_H
 
 #include "arena.h"
 #include "scene.h"
@@ -25,42 +24,11 @@ typedef struct saga_rate_features {
     real *fine;                  /* (n.fine, F) fine features, after F_fine */
 } saga_rate_features;
 
-/* Blocks of a kind in the order in which they are coded. Run i holds
- * block[begin[i]] .. block[begin[i + 1] - 1], which see nothing of one
- * another: a group's, or with a memory at most memory_blocks of them. Those of
- * primitives, which write nothing, are only a division of the work. */
-typedef struct saga_rate_runs {
-    uint32_t *block;             /* (blocks) ranks, ascending in a run */
-    uint32_t *place;             /* (blocks) of a rank, where it is there */
-    uint32_t *begin;             /* (n + 1) */
-    size_t n;
-} saga_rate_runs;
-
-#define saga_rate_runs_most SAGA_REAL_NAME(saga_rate_runs_most)
-#define saga_rate_runs_alloc SAGA_REAL_NAME(saga_rate_runs_alloc)
-#define saga_rate_runs_free SAGA_REAL_NAME(saga_rate_runs_free)
-#define saga_rate_runs_set SAGA_REAL_NAME(saga_rate_runs_set)
 #define saga_rate_batch SAGA_REAL_NAME(saga_rate_batch)
-#define saga_rate_side SAGA_REAL_NAME(saga_rate_side)
+#define saga_rate_tell SAGA_REAL_NAME(saga_rate_tell)
 #define saga_rate_most SAGA_REAL_NAME(saga_rate_most)
 #define saga_rate_clamp SAGA_REAL_NAME(saga_rate_clamp)
 #define saga_rate_through SAGA_REAL_NAME(saga_rate_through)
-
-/* Blocks of a kind. */
-static inline size_t saga_rate_n_blocks(const saga_scene *s, int kind)
-{
-    return kind == SAGA_KIND_COARSE ? s->n.coarse : s->n.fine;
-}
-
-/* Most runs that scenes of s's counts and model have of a kind. */
-size_t saga_rate_runs_most(const saga_scene *s, int kind);
-
-/* 0, or -1 without memory: then, too, saga_rate_runs_free. */
-int saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind);
-void saga_rate_runs_free(saga_rate_runs *r);
-
-/* From the groups of s's anchors. */
-void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind);
 
 /* Lays out a network's batch of so many rows. */
 void saga_rate_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
@@ -68,7 +36,7 @@ void saga_rate_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
 
 /* row[0 .. pe + 5): embedding of phase (x, y, z, t in -1..1), then the sizes;
  * returns where the next input goes. */
-real *saga_rate_side(real *row, const saga_model *m, const real phase[4],
+real *saga_rate_tell(real *row, const saga_model *m, const real phase[4],
                      const real size[SAGA_RATE_SIZES]);
 
 /* The gradient of what may have been clamped to lo..hi: towards the inside. */

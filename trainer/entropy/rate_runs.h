@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The order in which the blocks of a scene are coded.
+ */
+#ifndef SAGA_RATE_RUNS_H
+#define SAGA_RATE_RUNS_H
+
+#include "scene.h"
+
+/* Blocks of a kind in the order in which they are coded. Run i holds
+ * block[begin[i]] .. block[begin[i + 1] - 1], which see nothing of one
+ * another: a group's, or with a memory at most memory_blocks of them. Those of
+ * primitives, which write nothing, are only a division of the work. */
+typedef struct saga_rate_runs {
+    uint32_t *block;             /* (blocks) ranks, ascending in a run */
+    uint32_t *place;             /* (blocks) of a rank, where it is there */
+    uint32_t *begin;             /* (n + 1) */
+    size_t n;
+} saga_rate_runs;
+
+#define saga_rate_runs_most SAGA_REAL_NAME(saga_rate_runs_most)
+#define saga_rate_runs_alloc SAGA_REAL_NAME(saga_rate_runs_alloc)
+#define saga_rate_runs_free SAGA_REAL_NAME(saga_rate_runs_free)
+#define saga_rate_runs_set SAGA_REAL_NAME(saga_rate_runs_set)
+
+/* Blocks of a kind. */
+static inline size_t saga_rate_n_blocks(const saga_scene *s, int kind)
+{
+    return kind == SAGA_KIND_COARSE ? s->n.coarse : s->n.fine;
+}
+
+/* Most runs that scenes of s's counts and model have of a kind. */
+size_t saga_rate_runs_most(const saga_scene *s, int kind);
+
+/* 0, or -1 without memory: then, too, saga_rate_runs_free. */
+int saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind);
+void saga_rate_runs_free(saga_rate_runs *r);
+
+/* From the groups of s's anchors. */
+void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind);
+
+#endif

@@ -1,0 +1,123 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Does anything move? The rule of train.h, measured on the warm-up.
+ */
+#include "train_state.h"
+
+#include <stdlib.h>
+
+#define CHANGE 8                 /* of 255 */
+#define CHANGING_PART 1e-4
+#define EXPLAINED 0.1
+enum { N_VIEWS = 8, N_FRAMES = 8 }; /* most that are looked at */
+
+/* Over the pixels that change: the square of the change against the middle
+ * frame, and of what the warm-up's own change leaves of it. */
+typedef struct {
+    double change, left;
+    double changing, pixels;
+} tally;
+
+static bool changes(const uint8_t *a, const uint8_t *b)
+{
+    return abs(a[0] - b[0]) > CHANGE || abs(a[1] - b[1]) > CHANGE ||
+           abs(a[2] - b[2]) > CHANGE;
+}
+
+static void count_pixel(tally *sum, const uint8_t *now, const uint8_t *middle,
+                        const real *drawn, const real *drawn_middle,
+                        size_t plane)
+{
+    for (size_t k = 0; k < 3; k++) {
+        const double want = (now[k] - middle[k]) / 255.0;
+        const double have = (double)(drawn[k * plane] -
+                                     drawn_middle[k * plane]);
+
+        sum->change += want * want;
+        sum->left += (want - have) * (want - have);
+    }
+    sum->changing++;
+}
+
+static void count(tally *sum, const saga_capture *c, int view, int frame,
+                  const real *drawn, const real *drawn_middle)
+{
+    const saga_shot *const v = &c->views[view];
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    const uint8_t *const now = saga_capture_frame(c, view, frame);
+    const uint8_t *const middle = saga_capture_frame(c, view, c->n_frames / 2);
+
+    sum->pixels += (double)n;
+    for (size_t i = 0; i < n; i++)
+        if (changes(now + 3 * i, middle + 3 * i))
+            count_pixel(sum, now + 3 * i, middle + 3 * i, drawn + i,
+                        drawn_middle + i, n);
+}
+
+/* pictures: room for two of the largest view. */
+static int tally_view(tally *sum, saga_train *t, int view, real *pictures,
+                      size_t picture)
+{
+    const saga_capture *const c = t->capture;
+    const int n = c->n_frames < N_FRAMES ? c->n_frames : N_FRAMES;
+
+    if (saga_flat_render(t->flat, pictures, NULL, view, c->n_frames / 2, 0))
+        return -1;
+    for (int i = 0; i < n; i++) {
+        const int frame = (int)((int64_t)i * c->n_frames / n);
+
+        if (saga_flat_render(t->flat, pictures + picture, NULL, view, frame, 0))
+            return -1;
+        count(sum, c, view, frame, pictures + picture, pictures);
+    }
+    return 0;
+}
+
+static size_t largest(const saga_capture *c)
+{
+    size_t most = 0;
+
+    for (int i = 0; i < c->n_views; i++) {
+        const size_t n = saga_view_frame_nbytes(&c->views[i]);
+
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
+static int tally_views(tally *sum, saga_train *t)
+{
+    const saga_capture *const c = t->capture;
+    const size_t picture = largest(c);
+    real *const pictures = malloc(2 * picture * sizeof *pictures);
+    int n_train = 0, seen = 0, status = pictures ? 0 : -1;
+
+    for (int i = 0; i < c->n_views; i++)
+        n_train += !c->views[i].held_out;
+    for (int i = 0; i < c->n_views && !status; i++) {
+        if (c->views[i].held_out)
+            continue;
+        /* Every (n_train / N_VIEWS)th of them. */
+        if (n_train <= N_VIEWS ||
+            (seen * N_VIEWS) % n_train < N_VIEWS)
+            status = tally_view(sum, t, i, pictures, picture);
+        seen++;
+    }
+    free(pictures);
+    return status;
+}
+
+saga_train_status saga_train_decide(saga_train *t, saga_error *error)
+{
+    tally sum = { 0, 0, 0, 0 };
+
+    t->dynamic = t->flat_options.temporal;
+    if (!t->dynamic || t->o.motion == SAGA_TRAIN_MOVING)
+        return SAGA_TRAIN_OK;
+    if (tally_views(&sum, t))
+        return saga_train_fail(error, "out of memory", "free some memory");
+    t->changing = sum.changing / sum.pixels;
+    t->explained = sum.change > 0 ? 1 - sum.left / sum.change : 0;
+    t->dynamic = t->changing >= CHANGING_PART && t->explained >= EXPLAINED;
+    return SAGA_TRAIN_OK;
+}

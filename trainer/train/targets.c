@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The targets of the regression: the warm-up's primitives in the order of the
+ * hierarchy, and as they stand still where nothing moves.
+ */
+#include "train_state.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int gather(real **out, const real *from, const uint32_t *source,
+                  uint32_t n, size_t k)
+{
+    if (!from)
+        return 0;
+    *out = malloc((n * k + 1) * sizeof **out);
+    for (uint32_t i = 0; *out && i < n; i++) {
+        const size_t at = source ? source[i] : i;
+
+        memcpy(*out + i * k, from + at * k, k * sizeof **out);
+    }
+    return *out ? 0 : -1;
+}
+
+/* log2(1 + 2^x) */
+static double softplus2(double x)
+{
+    return fmax(x, 0) + log2(1 + exp2(-fabs(x)));
+}
+
+/* The opacity's logit after a loss of `lost` in log2 of opacity. */
+static double dimmed(double logit, double lost)
+{
+    const double q = softplus2(-logit) + lost;
+
+    return q < 1e-9 ? logit : q < 40 ? -log2(exp2(q) - 1) : -q;
+}
+
+/* Primitive i as it is in the middle of the segment, for ever. */
+static void freeze(saga_splat_params *p, size_t i)
+{
+    const real dt = R(0.5) - p->t_centre[i];
+
+    for (size_t a = 0; p->motion && a < 3; a++) {
+        const real *const b = p->motion + 9 * i + a;
+
+        p->mean[3 * i + a] += ((b[6] * dt + b[3]) * dt + b[0]) * dt;
+    }
+    for (size_t a = 0; p->slope && a < 4; a++)
+        p->quat[4 * i + a] += p->slope[4 * i + a] * dt;
+    if (p->log2_width) {
+        const double u = (double)dt * exp2(-(double)p->log2_width[i]);
+
+        p->opacity[i] = (real)dimmed((double)p->opacity[i],
+                                     1.4426950408889634 * fmin(u * u, 256));
+    }
+}
+
+static void drop(real **p)
+{
+    free(*p);
+    *p = NULL;
+}
+
+static void drop_time(saga_splat_params *p)
+{
+    drop(&p->motion);
+    drop(&p->slope);
+    drop(&p->t_centre);
+    drop(&p->log2_width);
+}
+
+int saga_train_gather(saga_splat_params *o, const saga_splat_params *p,
+                      const uint32_t *source, uint32_t n)
+{
+    memset(o, 0, sizeof *o);
+    return gather(&o->mean, p->mean, source, n, 3) ||
+           gather(&o->quat, p->quat, source, n, 4) ||
+           gather(&o->log2_scale, p->log2_scale, source, n, 3) ||
+           gather(&o->opacity, p->opacity, source, n, 1) ||
+           gather(&o->colour, p->colour, source, n, 3) ||
+           gather(&o->motion, p->motion, source, n, 9) ||
+           gather(&o->slope, p->slope, source, n, 4) ||
+           gather(&o->t_centre, p->t_centre, source, n, 1) ||
+           gather(&o->log2_width, p->log2_width, source, n, 1) ? -1 : 0;
+}
+
+void saga_train_freeze(saga_splat_params *p, uint32_t n)
+{
+    if (p->t_centre)
+        for (uint32_t i = 0; i < n; i++)
+            freeze(p, i);
+    drop_time(p);
+}
+
+void saga_train_params_free(saga_splat_params *p)
+{
+    drop(&p->mean);
+    drop(&p->quat);
+    drop(&p->log2_scale);
+    drop(&p->opacity);
+    drop(&p->colour);
+    drop_time(p);
+}
