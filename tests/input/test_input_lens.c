@@ -277,7 +277,7 @@ static void scale_should_take_single_depths(void **state)
     for (int i = 0; i < 8 * 6; i++)
         full[i] = (float)i;
     assert_true(saga_remap_plan(&r, &none, 8, 6, 2, "x", &error));
-    assert_true(saga_remap_build(&r, &none));
+    assert_true(saga_remap_build(&r, &none, "x", &error));
     saga_remap_depth(&r, full, small);
     for (int i = 0; i < 4 * 3; i++)
         assert_true(small[i] == full[(2 * (i / 4) + 1) * 8 + 2 * (i % 4) + 1]);

@@ -30,9 +30,10 @@ typedef struct folder {
 static inline int folder_make(void **state)
 {
     folder *const f = calloc(1, sizeof *f);
+    saga_error error = { "" };
 
     assert_non_null(f);
-    f->path = saga_string_copy("/tmp/saga_test.XXXXXX");
+    f->path = saga_string_copy("/tmp/saga_test.XXXXXX", &error);
     assert_non_null(f->path);
     assert_non_null(mkdtemp(f->path));
     *state = f;

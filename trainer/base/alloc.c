@@ -4,15 +4,66 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-void *saga_alloc(size_t count, size_t size)
+static const char remedy[] = "take fewer or smaller pictures, fewer "
+                             "primitives or fewer threads";
+
+bool saga_no_memory(size_t nbytes, const char *what, saga_error *error)
 {
-    if (size != 0 && count > SIZE_MAX / size)
-        return NULL;
-    const size_t nbytes = count * size;
-    return malloc(nbytes ? nbytes : 1);
+    if (nbytes == 0)
+        return saga_fail(error, what, remedy, "out of memory");
+    return saga_fail(error, what, remedy, "out of memory, %zu bytes wanted",
+                     nbytes);
 }
 
-void *saga_calloc(size_t count, size_t size)
+/* The bytes of count elements: at least 1, and where the product overflows,
+ * more than anybody has. */
+static size_t product(size_t count, size_t size)
 {
-    return calloc(count ? count : 1, size ? size : 1);
+    if (size != 0 && count > SIZE_MAX / size)
+        return SIZE_MAX;
+    return count == 0 || size == 0 ? 1 : count * size;
+}
+
+/* p, or NULL with the error. */
+static void *checked(void *p, size_t nbytes, const char *what,
+                     saga_error *error)
+{
+    if (!p)
+        saga_no_memory(nbytes, what, error);
+    return p;
+}
+
+/* malloc(SIZE_MAX) fails, but compilers and sanitizers complain about it. */
+static bool possible(size_t nbytes)
+{
+    return nbytes <= PTRDIFF_MAX;
+}
+
+void *saga_alloc(size_t count, size_t size, const char *what,
+                 saga_error *error)
+{
+    const size_t n = product(count, size);
+    return checked(possible(n) ? malloc(n) : NULL, n, what, error);
+}
+
+void *saga_calloc(size_t count, size_t size, const char *what,
+                  saga_error *error)
+{
+    const size_t n = product(count, size);
+    return checked(possible(n) ? calloc(n, 1) : NULL, n, what, error);
+}
+
+void *saga_realloc(void *p, size_t count, size_t size, const char *what,
+                   saga_error *error)
+{
+    const size_t n = product(count, size);
+    return checked(possible(n) ? realloc(p, n) : NULL, n, what, error);
+}
+
+void *saga_aligned_alloc(size_t align, size_t nbytes, const char *what,
+                         saga_error *error)
+{
+    void *const p = possible(nbytes)
+        ? aligned_alloc(align, nbytes / align * align + align) : NULL;
+    return checked(p, nbytes, what, error);
 }

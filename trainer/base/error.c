@@ -8,7 +8,7 @@
 bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...)
 {
-    if (error->message[0] != '\0')
+    if (saga_failed(error))
         return false;
     char what[SAGA_MESSAGE_NBYTES];
     va_list args;

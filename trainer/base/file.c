@@ -5,27 +5,28 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-char *saga_string_copy(const char *s)
+char *saga_string_copy(const char *s, saga_error *error)
 {
     const size_t n = strlen(s) + 1;
-    char *const copy = malloc(n);
+    char *const copy = saga_alloc(n, 1, s, error);
     if (copy)
         memcpy(copy, s, n);
     return copy;
 }
 
-char *saga_path_join(const char *folder, const char *name)
+char *saga_path_join(const char *folder, const char *name, saga_error *error)
 {
     if (!folder || folder[0] == '\0' || name[0] == '/')
-        return saga_string_copy(name);
+        return saga_string_copy(name, error);
     const size_t n = strlen(folder) + strlen(name) + 2;
-    char *const path = malloc(n);
+    char *const path = saga_alloc(n, 1, name, error);
     if (path)
         (void)snprintf(path, n, "%s/%s", folder, name);
     return path;
@@ -43,15 +44,23 @@ bool saga_path_is_folder(const char *path)
     return stat(path, &st) == 0 && S_ISDIR(st.st_mode);
 }
 
+bool saga_folder_has(const char *folder, const char *name)
+{
+    char path[PATH_MAX]; /* a longer one cannot be opened */
+    const int n = snprintf(path, sizeof path, "%s/%s", folder, name);
+    return n > 0 && n < PATH_MAX && saga_path_is_file(path);
+}
+
 bool saga_has_suffix(const char *s, const char *suffix)
 {
     const size_t n = strlen(s), m = strlen(suffix);
     return n >= m && strcmp(s + n - m, suffix) == 0;
 }
 
-static bool read_open_file(saga_bytes *bytes, int fd, size_t size)
+static bool read_open_file(saga_bytes *bytes, int fd, size_t size,
+                           const char *path, saga_error *error)
 {
-    bytes->data = saga_alloc(size + 1, 1);
+    bytes->data = saga_alloc(size + 1, 1, path, error);
     if (!bytes->data)
         return false;
     while (bytes->nbytes < size) {
@@ -64,7 +73,9 @@ static bool read_open_file(saga_bytes *bytes, int fd, size_t size)
         bytes->nbytes += (size_t)n;
     }
     bytes->data[bytes->nbytes] = 0;
-    return bytes->nbytes == size;
+    return bytes->nbytes == size ||
+           saga_fail(error, path, "check the disk",
+                     "%zu bytes cannot be read", size);
 }
 
 bool saga_read_file(saga_bytes *bytes, const char *path,
@@ -79,9 +90,8 @@ bool saga_read_file(saga_bytes *bytes, const char *path,
     bool ok = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) && st.st_size >= 0;
     if (!ok)
         saga_fail(error, path, "give a file", "is not a regular file");
-    else if (!(ok = read_open_file(bytes, fd, (size_t)st.st_size)))
-        saga_fail(error, path, "check the disk and the free memory",
-                  "%lld bytes cannot be read", (long long)st.st_size);
+    else
+        ok = read_open_file(bytes, fd, (size_t)st.st_size, path, error);
     close(fd);
     if (!ok)
         saga_bytes_free(bytes);
@@ -105,11 +115,11 @@ bool saga_output_open(saga_output *out, const char *path,
                       saga_error *error)
 {
     const size_t n = strlen(path) + sizeof ".XXXXXX";
-    *out = (saga_output){.path = saga_string_copy(path),
-                         .temporary = malloc(n)};
+    *out = (saga_output){.path = saga_string_copy(path, error),
+                         .temporary = saga_alloc(n, 1, path, error)};
     if (!out->path || !out->temporary) {
         output_free(out);
-        return saga_fail(error, path, NULL, "out of memory");
+        return false;
     }
     (void)snprintf(out->temporary, n, "%s.XXXXXX", path);
     const int fd = mkstemp(out->temporary);

@@ -14,12 +14,14 @@
 #include <stdio.h>
 #include <string.h>
 
-/* A copy of "folder/name" (of name alone if it is absolute or folder is
- * NULL); NULL when out of memory. Free with free(). */
-char *saga_path_join(const char *folder, const char *name);
-char *saga_string_copy(const char *s);
+/* A copy of "folder/name" (of name alone if it is absolute or folder is NULL);
+ * free() frees it. */
+char *saga_path_join(const char *folder, const char *name, saga_error *error);
+char *saga_string_copy(const char *s, saga_error *error);
 bool saga_path_is_file(const char *path);
 bool saga_path_is_folder(const char *path);
+/* Whether there is a file of that name in the folder. */
+bool saga_folder_has(const char *folder, const char *name);
 bool saga_has_suffix(const char *s, const char *suffix);
 
 /* A whole file in memory, a NUL behind its last byte. */

@@ -113,12 +113,12 @@ static const char *find_number(const char *name, int *width, size_t *n)
     return at;
 }
 
-/* Name of picture `number`; to be freed. NULL: out of memory. */
-static char *name_of(const session *s, int number)
+/* Name of picture `number`; to be freed. */
+static char *name_of(session *s, int number)
 {
     const char *const out = s->o->out;
     const size_t room = strlen(out) + 32;
-    char *const name = malloc(room);
+    char *const name = saga_alloc(room, 1, out, &s->error);
     size_t n;
     int width;
     const char *const at = find_number(out, &width, &n);
@@ -155,8 +155,7 @@ static bool write_one(session *s, const saga_camera *c, int number)
     bool ok;
 
     if (!name)
-        return saga_fail(&s->error, s->o->out, "free some memory",
-                         "no memory");
+        return false;
     ok = saga_has_suffix(name, ".exr")
         ? saga_exr_write(name, c->width, c->height, s->rgb, &s->error)
         : saga_png_write(name, c->width, c->height, s->rgb, &s->error);
@@ -216,9 +215,9 @@ static bool prepare(session *s)
         return false;
     if (o->size.a)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
-    s->rgb = saga_alloc((size_t)s->camera.width * s->camera.height, 3);
-    return s->rgb || saga_fail(&s->error, o->out, "give a smaller --size",
-                               "no memory for the picture");
+    s->rgb = saga_alloc((size_t)s->camera.width * s->camera.height, 3,
+                        o->out, &s->error);
+    return s->rgb != NULL;
 }
 
 static int render(session *s, const char *name, const saga_bytes *bytes)

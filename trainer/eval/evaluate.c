@@ -160,9 +160,10 @@ bool saga_eval_match(saga_eval *eval, const saga_film *film,
     bool ok = check_time(film, capture, error);
 
     *eval = (saga_eval){ .n_views = n, .n_frames = capture->n_frames };
-    eval->view = ok ? saga_calloc((size_t)n, sizeof *eval->view) : NULL;
-    if (ok && !eval->view)
-        ok = saga_fail(error, film->name, "free some memory", "no memory");
+    if (ok)
+        eval->view =
+            saga_calloc((size_t)n, sizeof *eval->view, film->name, error);
+    ok = ok && eval->view;
     for (int i = 0; i < n && ok; i++) {
         ok = match_view(&eval->view[i], film, &capture->views[i], error);
         eval->n_training += !capture->views[i].held_out;
@@ -187,21 +188,15 @@ typedef struct {
     saga_score_sum *sum;    /* (n_views) */
 } comparison;
 
-static bool no_memory(const comparison *c, const char *what)
-{
-    return saga_fail(c->error, what, "free some memory", "no memory to compare "
-                     "its pictures");
-}
-
 /* The median pictures, of the truth alone. */
 static bool make_medians(const comparison *c)
 {
     for (int i = 0; i < c->eval->n_views; i++) {
         const size_t n = saga_view_frame_nbytes(&c->capture->views[i]);
 
-        c->median[i] = saga_alloc(n, 1);
+        c->median[i] = saga_alloc(n, 1, c->eval->view[i].name, c->error);
         if (!c->median[i])
-            return no_memory(c, c->eval->view[i].name);
+            return false;
         for (int k = 0; k < c->eval->n_frames; k++)
             c->frame[k] = saga_capture_frame(c->capture, i, k);
         saga_median_picture(c->median[i], c->frame, c->eval->n_frames, n,
@@ -224,7 +219,7 @@ static bool write_picture(const comparison *c, int view, int frame)
     if (!c->options->pictures || frame != c->eval->n_frames / 2)
         return true;
     (void)snprintf(name, sizeof name, "%s_%05d.png", v->name, frame);
-    path = saga_path_join(c->options->pictures, name);
+    path = saga_path_join(c->options->pictures, name, c->error);
     ok = path && saga_montage_compare(path, &truth, &decode, DIFFERENCE_GAIN,
                                       c->error);
     free(path);
@@ -257,7 +252,7 @@ static bool compare_one(const comparison *c, int view, int frame)
     if (!saga_score_picture(&score, c->rgb,
                             saga_capture_frame(c->capture, view, frame),
                             v->width, v->height, c->film->n_threads))
-        return no_memory(c, v->name);
+        return saga_no_memory(0, v->name, c->error);
     saga_score_add(&c->sum[view], &score);
     compare_change(c, view, frame);
     return write_picture(c, view, frame);
@@ -345,13 +340,14 @@ static bool make_folder(const char *path, saga_error *error)
 static bool allocate(comparison *c)
 {
     const size_t n_views = (size_t)c->eval->n_views;
+    const size_t n_frames = (size_t)c->eval->n_frames;
+    const char *const name = c->film->name;
 
-    c->rgb = saga_alloc(largest(c->eval), 1);
-    c->frame = saga_calloc((size_t)c->eval->n_frames, sizeof *c->frame);
-    c->median = saga_calloc(n_views, sizeof *c->median);
-    c->sum = saga_calloc(n_views, sizeof *c->sum);
-    return (c->rgb && c->frame && c->median && c->sum) ||
-           no_memory(c, c->film->name);
+    c->rgb = saga_alloc(largest(c->eval), 1, name, c->error);
+    c->frame = saga_calloc(n_frames, sizeof *c->frame, name, c->error);
+    c->median = saga_calloc(n_views, sizeof *c->median, name, c->error);
+    c->sum = saga_calloc(n_views, sizeof *c->sum, name, c->error);
+    return c->rgb && c->frame && c->median && c->sum;
 }
 
 static void release(const comparison *c)

@@ -48,10 +48,9 @@ bool saga_montage_write(const char *path, const saga_still *stills, int n,
     h += SAGA_MONTAGE_GAP;
     c.width = w * across - SAGA_MONTAGE_GAP;
     c.height = h * ((n + columns - 1) / columns) - SAGA_MONTAGE_GAP;
-    c.rgb = saga_alloc((size_t)c.width * (size_t)c.height, 3);
+    c.rgb = saga_alloc((size_t)c.width * (size_t)c.height, 3, path, error);
     if (!c.rgb)
-        return saga_fail(error, path, "write fewer pictures in one",
-                         "no memory for %d x %d pixels", c.width, c.height);
+        return false;
     memset(c.rgb, 128, 3 * (size_t)c.width * (size_t)c.height);
     for (int i = 0; i < n; i++)
         paste(&c, &stills[i], w * (i % columns), h * (i / columns));
@@ -65,14 +64,14 @@ bool saga_montage_compare(const char *path, const saga_still *truth,
                           saga_error *error)
 {
     const size_t n = 3 * (size_t)truth->width * (size_t)truth->height;
-    uint8_t *const d = saga_alloc(n, 1);
+    uint8_t *const d = saga_alloc(n, 1, path, error);
     const saga_still three[3] = {
         *truth, *decode, { d, truth->width, truth->height }
     };
     bool ok;
 
     if (!d)
-        return saga_fail(error, path, "free some memory", "no memory");
+        return false;
     saga_difference(d, truth->rgb, decode->rgb, n, gain);
     ok = saga_montage_write(path, three, 3, 3, error);
     free(d);

@@ -190,8 +190,10 @@ bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
                    saga_error *error)
 {
     const int n = (int)film->info.n_cameras;
-    saga_shot *const shots = saga_calloc((size_t)n, sizeof *shots);
-    double *const angle = saga_calloc((size_t)n, sizeof *angle);
+    saga_shot *const shots =
+        saga_calloc((size_t)n, sizeof *shots, film->name, error);
+    double *const angle =
+        saga_calloc((size_t)n, sizeof *angle, film->name, error);
     uint32_t number;
     bool ok = shots && angle &&
               saga_film_rig(film, 0, &orbit->lens, &number, error);

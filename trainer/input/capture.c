@@ -337,13 +337,11 @@ static bool read_video(load_job *job, int v, const saga_remap *remap,
 static void load_video(load_job *job, int v)
 {
     const saga_source *const s = &job->plan->sources[v];
-    saga_error error = {{0}};
+    saga_error error = { "" };
     saga_remap remap = job->remaps[v];
-    uint8_t *const buffer =
-        saga_alloc((size_t)s->width * (size_t)s->height, 3);
-    bool ok = buffer && saga_remap_build(&remap, &s->lens);
-    if (!ok)
-        saga_fail(&error, s->video, "use --scale", "out of memory");
+    uint8_t *const buffer = saga_alloc((size_t)s->width * (size_t)s->height,
+                                       3, s->video, &error);
+    bool ok = buffer && saga_remap_build(&remap, &s->lens, s->video, &error);
     ok = ok && read_video(job, v, &remap, buffer, &error);
     saga_remap_free(&remap);
     free(buffer);
@@ -354,12 +352,11 @@ static void load_picture(load_job *job, int v, int k, const saga_remap *remap)
 {
     const saga_source *const s = &job->plan->sources[v];
     const char *const path = s->pictures[job->capture->first_frame + k];
-    saga_error error = {{0}};
+    saga_error error = { "" };
     uint8_t *const buffer =
-        saga_alloc((size_t)s->width * (size_t)s->height, 3);
-    bool ok = buffer || saga_fail(&error, path, "use --scale",
-                                  "out of memory");
-    ok = ok && saga_picture_read(path, s->width, s->height, buffer, &error);
+        saga_alloc((size_t)s->width * (size_t)s->height, 3, path, &error);
+    const bool ok = buffer && saga_picture_read(path, s->width, s->height,
+                                                buffer, &error);
     if (ok)
         saga_remap_rgb(remap, buffer, frame_to_fill(job, v, k));
     free(buffer);
@@ -371,11 +368,11 @@ static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
     const saga_source *const s = &job->plan->sources[v];
     const saga_shot *const view = &job->capture->views[v];
     const char *const path = s->depths[job->capture->first_frame + k];
-    saga_error error = {{0}};
-    float *const buffer = saga_alloc((size_t)s->width * (size_t)s->height, 4);
-    bool ok = buffer || saga_fail(&error, path, "use --scale",
-                                  "out of memory");
-    ok = ok && saga_exr_read_depth(path, s->width, s->height, buffer, &error);
+    saga_error error = { "" };
+    float *const buffer =
+        saga_alloc((size_t)s->width * (size_t)s->height, 4, path, &error);
+    const bool ok = buffer && saga_exr_read_depth(path, s->width, s->height,
+                                                  buffer, &error);
     if (ok)
         saga_remap_depth(remap, buffer, view->depth[k]);
     free(buffer);
@@ -388,9 +385,8 @@ static void load_view(load_job *job, int v, bool depth)
     const saga_source *const s = &job->plan->sources[v];
     const int n = job->capture->n_frames;
     saga_remap remap = job->remaps[v];
-    saga_error error = {{0}};
-    if (!saga_remap_build(&remap, &s->lens)) {
-        saga_fail(&error, job->plan->path, "use --scale", "out of memory");
+    saga_error error = { "" };
+    if (!saga_remap_build(&remap, &s->lens, job->plan->path, &error)) {
         item_done(job, v * n, false, &error);
         return;
     }
@@ -434,7 +430,7 @@ static bool allocate_view(const load_job *job, saga_shot *view,
 {
     const size_t n_frames = (size_t)job->capture->n_frames;
     const size_t px = (size_t)view->width * (size_t)view->height;
-    view->rgb = saga_alloc(px * 3, n_frames);
+    view->rgb = saga_alloc(px * 3, n_frames, s->name, job->error);
     if (!view->rgb)
         return false;
     bool any = false;
@@ -442,11 +438,13 @@ static bool allocate_view(const load_job *job, saga_shot *view,
         any |= s->depths[(size_t)job->capture->first_frame + k] != NULL;
     if (!any || !job->options->want_depth)
         return true;
-    view->depth = saga_calloc(n_frames, sizeof *view->depth);
+    view->depth =
+        saga_calloc(n_frames, sizeof *view->depth, s->name, job->error);
     for (size_t k = 0; view->depth && k < n_frames; k++) {
         if (!s->depths[(size_t)job->capture->first_frame + k])
             continue;
-        view->depth[k] = saga_alloc(px, sizeof **view->depth);
+        view->depth[k] =
+            saga_alloc(px, sizeof **view->depth, s->name, job->error);
         if (!view->depth[k])
             return false;
     }
@@ -469,9 +467,7 @@ static bool make_view(const load_job *job, int v)
     memcpy(view->name, s->name, sizeof view->name);
     memcpy(view->rotation, s->rotation, sizeof view->rotation);
     memcpy(view->translation, s->translation, sizeof view->translation);
-    return allocate_view(job, view, s) ||
-           saga_fail(job->error, job->plan->path, "use --scale or --frames",
-                     "out of memory for the pictures of %s", s->name);
+    return allocate_view(job, view, s);
 }
 
 static void note_decisions(const load_job *job)
@@ -493,9 +489,10 @@ static bool fill_capture(load_job *job)
 {
     saga_capture *const c = job->capture;
     const saga_plan *const plan = job->plan;
-    c->views = saga_calloc((size_t)plan->n_sources, sizeof *c->views);
+    c->views = saga_calloc((size_t)plan->n_sources, sizeof *c->views,
+                           plan->path, job->error);
     if (!c->views)
-        return saga_fail(job->error, plan->path, NULL, "out of memory");
+        return false;
     c->n_views = plan->n_sources;
     for (int v = 0; v < c->n_views; v++)
         if (!make_view(job, v))
@@ -539,9 +536,10 @@ static bool carry_out(saga_capture *capture, saga_plan *plan,
     if (plan->fps <= 0.0 && plan->n_frames > 1)
         saga_note(capture->notes, "time: frame rate unknown, %g assumed",
                   capture->fps);
-    job.remaps = saga_calloc((size_t)plan->n_sources, sizeof *job.remaps);
+    job.remaps = saga_calloc((size_t)plan->n_sources, sizeof *job.remaps,
+                             plan->path, error);
     if (!job.remaps)
-        return saga_fail(error, plan->path, NULL, "out of memory");
+        return false;
     const bool ok = choose_range(capture, plan, options, error) &&
                     plan_remaps(&job) && check_budget(&job) &&
                     fill_capture(&job);
@@ -569,9 +567,9 @@ static bool make_plan(saga_plan *plan, const char *path,
 {
     if (saga_has_suffix(path, ".json") && saga_path_is_file(path))
         return saga_nerfstudio_plan(plan, path, options, error);
-    char *const json = saga_path_join(path, "transforms.json");
+    char *const json = saga_path_join(path, "transforms.json", error);
     if (!json)
-        return saga_fail(error, path, NULL, "out of memory");
+        return false;
     bool ok;
     if (saga_path_is_file(json))
         ok = saga_nerfstudio_plan(plan, json, options, error);
@@ -589,7 +587,7 @@ bool saga_capture_load(saga_capture *capture, const char *path,
 {
     saga_plan plan = {.path = path};
     *capture = (saga_capture){0};
-    *error = (saga_error){{0}};
+    *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
                     make_plan(&plan, path, options, error) &&
                     carry_out(capture, &plan, options, error);

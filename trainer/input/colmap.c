@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "colmap.h"
 
+#include "alloc.h"
 #include "error.h"
 #include "file.h"
 #include "picture.h"
@@ -11,15 +12,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The array with room for one more item behind count, possibly moved; NULL
- * when out of memory, the old array untouched. */
-static void *grow(void *items, size_t count, size_t size)
-{
-    if ((count & (count - 1)) != 0)
-        return items; /* room grows at powers of two only */
-    const size_t room = count ? 2 * count : 1;
-    return room > SIZE_MAX / size ? NULL : realloc(items, room * size);
-}
 
 /* ------------------------------------------------------------------ models */
 
@@ -61,10 +53,15 @@ typedef struct colmap_job {
     saga_error *error;
 } colmap_job;
 
-static bool no_memory(const colmap_job *job)
+/* The array with room for one more item behind count, possibly moved; NULL
+ * with the error where there is no memory, the old array untouched. */
+static void *grow(const colmap_job *job, void *items, size_t count,
+                  size_t size)
 {
-    return saga_fail(job->error, job->file, "use a smaller model",
-                     "out of memory");
+    if ((count & (count - 1)) != 0)
+        return items; /* room grows at powers of two only */
+    return saga_realloc(items, count ? 2 * count : 1, size, job->file,
+                        job->error);
 }
 
 static bool cut_short(const colmap_job *job, const char *what, size_t index)
@@ -85,9 +82,9 @@ static bool add_camera(const colmap_job *job, uint32_t id, double width,
                          job->error))
         return false;
     saga_colmap_camera *const more =
-        grow(m->cameras, m->n_cameras, sizeof *more);
+        grow(job, m->cameras, m->n_cameras, sizeof *more);
     if (!more)
-        return no_memory(job);
+        return false;
     m->cameras = more;
     more[m->n_cameras++] = (saga_colmap_camera){
         id, (int)width, (int)height, lens_of(model, params)};
@@ -110,13 +107,13 @@ static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
     }
     memcpy(image.translation, pose + 4, sizeof image.translation);
     saga_colmap_image *const more =
-        grow(m->images, m->n_images, sizeof *more);
-    m->images = more ? more : m->images;
-    image.name = more ? malloc(name_len + 1) : NULL;
-    if (!image.name) {
-        no_memory(job);
+        grow(job, m->images, m->n_images, sizeof *more);
+    if (!more)
         return NULL;
-    }
+    m->images = more;
+    image.name = saga_alloc(name_len + 1, 1, job->file, job->error);
+    if (!image.name)
+        return NULL;
     memcpy(image.name, name, name_len);
     image.name[name_len] = '\0';
     more[m->n_images] = image;
@@ -131,9 +128,9 @@ static bool add_observation(const colmap_job *job, saga_colmap_image *image,
     if (point < 0 || !isfinite(u) || !isfinite(v))
         return true;
     saga_colmap_observation *const more =
-        grow(m->observations, m->n_observations, sizeof *more);
+        grow(job, m->observations, m->n_observations, sizeof *more);
     if (!more)
-        return no_memory(job);
+        return false;
     m->observations = more;
     more[m->n_observations++] =
         (saga_colmap_observation){u, v, (uint64_t)point};
@@ -147,11 +144,9 @@ static saga_colmap_point *add_point(const colmap_job *job, uint64_t id,
 {
     saga_colmap *const m = job->model;
     saga_colmap_point *const more =
-        grow(m->points, m->n_points, sizeof *more);
-    if (!more) {
-        no_memory(job);
+        grow(job, m->points, m->n_points, sizeof *more);
+    if (!more)
         return NULL;
-    }
     m->points = more;
     more[m->n_points] = (saga_colmap_point){
         .id = id, .position = {position[0], position[1], position[2]},
@@ -163,9 +158,9 @@ static bool add_track(const colmap_job *job, saga_colmap_point *point,
                       uint32_t image)
 {
     saga_colmap *const m = job->model;
-    uint32_t *const more = grow(m->tracks, m->n_tracks, sizeof *more);
+    uint32_t *const more = grow(job, m->tracks, m->n_tracks, sizeof *more);
     if (!more)
-        return no_memory(job);
+        return false;
     m->tracks = more;
     more[m->n_tracks++] = image;
     point->count++;
@@ -430,11 +425,9 @@ typedef bool colmap_parse(const colmap_job *job, saga_cursor *c);
 static bool read_part(saga_colmap *model, const char *folder, const char *name,
                       colmap_parse *parse, saga_error *error)
 {
-    char *const path = saga_path_join(folder, name);
+    char *const path = saga_path_join(folder, name, error);
     saga_bytes bytes;
-    if (!path)
-        return saga_fail(error, folder, NULL, "out of memory");
-    bool ok = saga_read_file(&bytes, path, error);
+    bool ok = path && saga_read_file(&bytes, path, error);
     if (ok) {
         const colmap_job job = {model, path, error};
         saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
@@ -451,10 +444,7 @@ static bool all_there(const char *folder, const char *ending)
     for (int i = 0; i < 3; i++) {
         char name[32];
         (void)snprintf(name, sizeof name, "%s%s", stems[i], ending);
-        char *const path = saga_path_join(folder, name);
-        const bool there = path && saga_path_is_file(path);
-        free(path);
-        if (!there)
+        if (!saga_folder_has(folder, name))
             return false;
     }
     return true;

@@ -231,9 +231,9 @@ static bool read_entries(reader *r)
     if (n == 0 || n > (size_t)SAGA_MAX_FRAMES)
         return saga_fail(r->error, r->path, "list the pictures or videos",
                          "\"frames\" has %zu entries", n);
-    r->entries = saga_calloc(n, sizeof *r->entries);
+    r->entries = saga_calloc(n, sizeof *r->entries, r->path, r->error);
     if (!r->entries)
-        return saga_fail(r->error, r->path, NULL, "out of memory");
+        return false;
     r->n_entries = (int)n;
     int n_videos = 0;
     for (int i = 0; i < r->n_entries; i++) {
@@ -251,6 +251,19 @@ static bool read_entries(reader *r)
 
 /* ----------------------------------------------------------------- cameras */
 
+/* Room for one more view in first (n_views). */
+static bool add_view(const reader *r, int **first)
+{
+    if (r->n_views == SAGA_MAX_VIEWS)
+        return saga_fail(r->error, r->path, "every camera must stand still "
+                         "and have one pose", "has more than %d different "
+                         "camera poses", SAGA_MAX_VIEWS);
+    int *const more = saga_realloc(*first, (size_t)r->n_views + 1,
+                                   sizeof *more, r->path, r->error);
+    *first = more ? more : *first;
+    return more != NULL;
+}
+
 static bool assign_views(reader *r)
 {
     int *first = NULL; /* (n_views) entry */
@@ -263,25 +276,21 @@ static bool assign_views(reader *r)
             if (memcmp(&r->entries[first[v]].key, &e->key,
                        sizeof e->key) == 0)
                 e->view = v;
-        if (e->view < 0 && r->n_views < SAGA_MAX_VIEWS) {
-            int *const more =
-                realloc(first, ((size_t)r->n_views + 1) * sizeof *more);
-            if (more) {
-                first = more;
-                first[r->n_views] = i;
-                e->view = r->n_views++;
-            }
+        if (e->view >= 0)
+            continue;
+        ok = add_view(r, &first);
+        if (ok) {
+            first[r->n_views] = i;
+            e->view = r->n_views++;
         }
-        ok = e->view >= 0;
     }
     free(first);
     if (!ok)
-        return saga_fail(r->error, r->path, "every camera must stand still "
-                         "and have one pose", "has more than %d different "
-                         "camera poses", SAGA_MAX_VIEWS);
-    r->view_size = saga_calloc((size_t)r->n_views, sizeof *r->view_size);
+        return false;
+    r->view_size = saga_calloc((size_t)r->n_views, sizeof *r->view_size,
+                               r->path, r->error);
     if (!r->view_size)
-        return saga_fail(r->error, r->path, NULL, "out of memory");
+        return false;
     for (int i = 0; i < r->n_entries; i++)
         r->view_size[r->entries[i].view]++;
     return true;
@@ -481,9 +490,10 @@ static bool all_known(const reader *r, const char *key,
                       const char *const *names, size_t n)
 {
     const size_t n_files = (size_t)r->n_entries;
-    const char **const files = saga_alloc(n_files, sizeof *files);
+    const char **const files =
+        saga_alloc(n_files, sizeof *files, r->path, r->error);
     if (!files)
-        return saga_fail(r->error, r->path, NULL, "out of memory");
+        return false;
     for (size_t i = 0; i < n_files; i++)
         files[i] = r->entries[i].file;
     qsort(files, n_files, sizeof *files, by_string);
@@ -507,9 +517,10 @@ static bool mark_list(reader *r, const char *key, bool inverted)
     if (!json_is_array(list))
         return wrong_type(r, -1, key, list, "an array of strings");
     const size_t n = json_array_size(list);
-    const char **const names = saga_alloc(n, sizeof *names);
+    const char **const names =
+        saga_alloc(n, sizeof *names, r->path, r->error);
     if (!names)
-        return saga_fail(r->error, r->path, NULL, "out of memory");
+        return false;
     bool ok = true;
     for (size_t i = 0; ok && i < n; i++) {
         names[i] = json_string_value(json_array_get(list, i));
@@ -554,10 +565,11 @@ static bool split_views(reader *r, int n)
 /* Blender leaves out the ending of the files. */
 static char *picture_path(const reader *r, const char *file)
 {
-    char *const path = saga_path_join(r->folder, file);
+    char *const path = saga_path_join(r->folder, file, r->error);
     if (!path || saga_path_is_file(path) || strrchr(base_of(file), '.'))
         return path;
-    char *const longer = malloc(strlen(path) + sizeof ".png");
+    char *const longer =
+        saga_alloc(strlen(path) + sizeof ".png", 1, path, r->error);
     if (longer)
         (void)sprintf(longer, "%s.png", path);
     free(path);
@@ -615,21 +627,21 @@ static bool fill_pose(const reader *r, saga_source *s, const entry *e)
 static bool fill_files(const reader *r, saga_source *s, const entry *e, int n)
 {
     if (r->videos) {
-        s->video = saga_path_join(r->folder, e->file);
-        return s->video ? saga_source_probe_video(s, r->plan, r->error)
-                        : saga_fail(r->error, r->path, NULL, "out of memory");
+        s->video = saga_path_join(r->folder, e->file, r->error);
+        return s->video && saga_source_probe_video(s, r->plan, r->error);
     }
-    s->pictures = saga_calloc((size_t)n, sizeof *s->pictures);
-    s->depths = saga_calloc((size_t)n, sizeof *s->depths);
+    s->pictures =
+        saga_calloc((size_t)n, sizeof *s->pictures, r->path, r->error);
+    s->depths = saga_calloc((size_t)n, sizeof *s->depths, r->path, r->error);
     bool ok = s->pictures && s->depths;
     for (int k = 0; ok && k < n; k++) {
         s->pictures[k] = picture_path(r, e[k].file);
         if (e[k].depth)
-            s->depths[k] = saga_path_join(r->folder, e[k].depth);
+            s->depths[k] = saga_path_join(r->folder, e[k].depth, r->error);
         ok = s->pictures[k] && (!e[k].depth || s->depths[k]);
     }
     if (!ok)
-        return saga_fail(r->error, r->path, NULL, "out of memory");
+        return false;
     /* All must be there before hours go into decoding some. */
     for (int k = 0; k < n; k++)
         if (!saga_path_is_file(s->pictures[k]))
@@ -642,10 +654,10 @@ static bool fill_files(const reader *r, saga_source *s, const entry *e, int n)
 
 static bool fill_views(reader *r, int n)
 {
-    r->plan->sources =
-        saga_calloc((size_t)r->n_views, sizeof *r->plan->sources);
+    r->plan->sources = saga_calloc(
+        (size_t)r->n_views, sizeof *r->plan->sources, r->path, r->error);
     if (!r->plan->sources)
-        return saga_fail(r->error, r->path, NULL, "out of memory");
+        return false;
     r->plan->n_sources = r->n_views;
     r->plan->n_frames = r->videos ? 0 : n;
     name_views(r, n);
@@ -669,7 +681,7 @@ static bool read_ply(reader *r)
         saga_note(r->plan->notes, "points: none (no ply_file_path)");
         return true;
     }
-    char *const path = saga_path_join(r->folder, file);
+    char *const path = saga_path_join(r->folder, file, r->error);
     const bool ok = path && saga_ply_read(path, &r->plan->points,
                                           &r->plan->n_points, &n_dropped,
                                           r->error);
@@ -707,10 +719,10 @@ static bool read_all(reader *r, const saga_capture_options *options)
 }
 
 /* The folder of a path, "." if it has none. */
-static char *folder_of(const char *path)
+static char *folder_of(const char *path, saga_error *error)
 {
     const char *const slash = strrchr(path, '/');
-    char *const folder = saga_string_copy(slash ? path : ".");
+    char *const folder = saga_string_copy(slash ? path : ".", error);
     if (folder && slash)
         folder[slash > path ? slash - path : 1] = '\0';
     return folder;
@@ -738,7 +750,7 @@ bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
                           saga_error *error)
 {
     reader r = {.path = json_path, .plan = plan, .error = error,
-                .folder = folder_of(json_path)};
+                .folder = folder_of(json_path, error)};
     json_error_t problem;
     saga_bytes bytes;
     plan->format = "nerfstudio (transforms.json)";

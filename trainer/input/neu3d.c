@@ -56,17 +56,17 @@ static bool add_video(saga_plan *plan, const char *folder, const char *name,
     if (plan->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(error, folder, "split the capture",
                          "has more than %d videos", SAGA_MAX_VIEWS);
-    saga_source *const more = realloc(
-        plan->sources, ((size_t)plan->n_sources + 1) * sizeof *more);
+    saga_source *const more =
+        saga_realloc(plan->sources, (size_t)plan->n_sources + 1, sizeof *more,
+                     folder, error);
     if (!more)
-        return saga_fail(error, folder, NULL, "out of memory");
+        return false;
     plan->sources = more;
     saga_source *const source = &more[plan->n_sources++];
-    *source = (saga_source){.video = saga_path_join(folder, name)};
+    *source = (saga_source){.video = saga_path_join(folder, name, error)};
     saga_copy_name(source->name, name, strlen(name) - strlen(".mp4"));
     source->held_out = strcmp(source->name, "cam00") == 0;
-    return source->video != NULL ||
-           saga_fail(error, folder, NULL, "out of memory");
+    return source->video != NULL;
 }
 
 static bool list_videos(saga_plan *plan, const char *folder,
@@ -265,9 +265,11 @@ static int view_of_image(const saga_plan *plan, const char *image)
 }
 
 /* (n_images): the view each image belongs to, -1 none. */
-static int *map_images(const saga_plan *plan, const saga_colmap *model)
+static int *map_images(const saga_plan *plan, const saga_colmap *model,
+                       saga_error *error)
 {
-    int *const view = saga_alloc(model->n_images, sizeof *view);
+    int *const view =
+        saga_alloc(model->n_images, sizeof *view, plan->path, error);
     for (size_t k = 0; view && k < model->n_images; k++)
         view[k] = view_of_image(plan, model->images[k].name);
     return view;
@@ -295,9 +297,10 @@ static int count_training_views(const saga_plan *plan,
 static bool take_points(saga_plan *plan, const saga_colmap *model,
                         const int *view, saga_error *error)
 {
-    size_t *const stamp =
-        saga_calloc((size_t)plan->n_sources, sizeof *stamp);
-    plan->points = saga_alloc(model->n_points, sizeof *plan->points);
+    size_t *const stamp = saga_calloc((size_t)plan->n_sources, sizeof *stamp,
+                                      plan->path, error);
+    plan->points = saga_alloc(model->n_points, sizeof *plan->points,
+                              plan->path, error);
     size_t n_few = 0, n_bad = 0;
     for (size_t k = 0; stamp && plan->points && k < model->n_points; k++) {
         const saga_colmap_point *const p = &model->points[k];
@@ -318,7 +321,7 @@ static bool take_points(saga_plan *plan, const saga_colmap *model,
     const bool ok = stamp && plan->points;
     free(stamp);
     if (!ok)
-        return saga_fail(error, plan->path, NULL, "out of memory");
+        return false;
     plan->trust_points = true;
     saga_note(plan->notes, "points: %zu of COLMAP's %zu kept, %zu dropped "
               "(seen by fewer than 2 training cameras), %zu not finite",
@@ -336,9 +339,9 @@ static int by_value(const void *a, const void *b)
  * wrong convention or a wrong size at once. */
 static bool measure_view(saga_source *s, const saga_colmap *model,
                          const saga_colmap_image *image,
-                         const saga_colmap_camera *camera)
+                         const saga_colmap_camera *camera, saga_error *error)
 {
-    double *const e = saga_alloc(image->count, sizeof *e);
+    double *const e = saga_alloc(image->count, sizeof *e, image->name, error);
     int n = 0;
     for (size_t k = 0; e && k < image->count; k++) {
         const saga_colmap_observation *const o =
@@ -381,9 +384,9 @@ static bool measure_views(saga_plan *plan, const saga_colmap *model,
         const saga_colmap_image *const image = &model->images[image_of[i]];
         const saga_colmap_camera *const camera =
             saga_colmap_camera_of(model, image->camera);
-        if (camera &&
-            !measure_view(&plan->sources[i], model, image, camera))
-            return saga_fail(error, plan->path, NULL, "out of memory");
+        if (camera && !measure_view(&plan->sources[i], model, image, camera,
+                                    error))
+            return false;
     }
     return true;
 }
@@ -419,9 +422,8 @@ static bool use_model(saga_plan *plan, const saga_colmap *model,
         else
             saga_note(plan->notes, "cameras: from COLMAP's model");
     }
-    int *const view = map_images(plan, model);
-    const bool ok = view ? take_points(plan, model, view, error)
-                         : saga_fail(error, folder, NULL, "out of memory");
+    int *const view = map_images(plan, model, error);
+    const bool ok = view && take_points(plan, model, view, error);
     free(view);
     return ok && measure_views(plan, model, image_of, error);
 }
@@ -433,55 +435,60 @@ static bool read_model(saga_plan *plan, const char *folder, bool have_poses,
     if (!saga_colmap_read(&model, folder, error))
         return false;
     int *const image_of =
-        saga_alloc((size_t)plan->n_sources, sizeof *image_of);
-    const bool ok =
-        image_of ? use_model(plan, &model, folder, have_poses, image_of, error)
-                 : saga_fail(error, folder, NULL, "out of memory");
+        saga_alloc((size_t)plan->n_sources, sizeof *image_of, folder, error);
+    const bool ok = image_of && use_model(plan, &model, folder, have_poses,
+                                          image_of, error);
     free(image_of);
     saga_colmap_free(&model);
     return ok;
 }
 
-static char *find_model(const char *folder)
+/* *model is its folder, NULL if there is none. */
+static bool find_model(char **model, const char *folder, saga_error *error)
 {
     static const char *const places[] = {"colmap/sparse/0", "sparse/0",
                                          "colmap", "sparse"};
     for (size_t i = 0; i < sizeof places / sizeof places[0]; i++) {
-        char *const path = saga_path_join(folder, places[i]);
-        if (path && saga_colmap_is_there(path))
-            return path;
-        free(path);
+        *model = saga_path_join(folder, places[i], error);
+        if (!*model)
+            return false;
+        if (saga_colmap_is_there(*model))
+            return true;
+        free(*model);
     }
-    return NULL;
+    *model = NULL;
+    return true;
 }
 
 /* ------------------------------------------------------------------- depth */
 
-/* depth/NAME_fKKK.exr, where there are some. */
+/* depth/NAME_fKKK.exr of a source, where there are some. */
+static bool find_depths_of(saga_source *s, const saga_plan *plan,
+                           const char *folder, saga_error *error)
+{
+    for (int k = 0; k < plan->n_frames; k++) {
+        char name[SAGA_NAME_NBYTES + 32];
+        (void)snprintf(name, sizeof name, "depth/%s_f%03d.exr", s->name, k);
+        if (!saga_folder_has(folder, name))
+            continue;
+        if (!s->depths)
+            s->depths = saga_calloc((size_t)plan->n_frames, sizeof *s->depths,
+                                    folder, error);
+        if (!s->depths)
+            return false;
+        s->depths[k] = saga_path_join(folder, name, error);
+        if (!s->depths[k])
+            return false;
+    }
+    return true;
+}
+
 static bool find_depths(saga_plan *plan, const char *folder,
                         saga_error *error)
 {
-    for (int i = 0; i < plan->n_sources; i++) {
-        saga_source *const s = &plan->sources[i];
-        for (int k = 0; k < plan->n_frames; k++) {
-            char name[SAGA_NAME_NBYTES + 32];
-            (void)snprintf(name, sizeof name, "depth/%s_f%03d.exr", s->name,
-                           k);
-            char *const path = saga_path_join(folder, name);
-            if (path && saga_path_is_file(path)) {
-                if (!s->depths)
-                    s->depths = saga_calloc((size_t)plan->n_frames,
-                                            sizeof *s->depths);
-                if (s->depths) {
-                    s->depths[k] = path;
-                    continue;
-                }
-            }
-            free(path);
-            if (!path)
-                return saga_fail(error, folder, NULL, "out of memory");
-        }
-    }
+    for (int i = 0; i < plan->n_sources; i++)
+        if (!find_depths_of(&plan->sources[i], plan, folder, error))
+            return false;
     return true;
 }
 
@@ -494,11 +501,11 @@ bool saga_neu3d_plan(saga_plan *plan, const char *folder,
         !saga_plan_match_videos(plan, options, error) ||
         !saga_plan_hold_out(plan, options->hold_out, error))
         return false;
-    char *const poses = saga_path_join(folder, "poses_bounds.npy");
-    char *const model = find_model(folder);
-    const bool have_poses = poses && saga_path_is_file(poses);
-    bool ok = true;
-    if (!have_poses && !model)
+    char *const poses = saga_path_join(folder, "poses_bounds.npy", error);
+    char *model = NULL;
+    bool ok = poses && find_model(&model, folder, error);
+    const bool have_poses = ok && saga_path_is_file(poses);
+    if (ok && !have_poses && !model)
         ok = saga_fail(error, folder, "add poses_bounds.npy, or a COLMAP "
                        "model in colmap/ or sparse/0",
                        "has %d videos but no cameras: neither "

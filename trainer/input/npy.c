@@ -125,9 +125,9 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
                          "announces %zu x %zu numbers of %zu bytes but holds "
                          "%zu bytes of them", h.rows, h.cols, item,
                          saga_left(c));
-    npy->data = saga_alloc(h.rows * h.cols, sizeof *npy->data);
+    npy->data = saga_alloc(h.rows * h.cols, sizeof *npy->data, path, error);
     if (!npy->data)
-        return saga_fail(error, path, NULL, "out of memory");
+        return false;
     npy->rows = h.rows;
     npy->cols = h.cols;
     copy_items(npy, &h, c->next);

@@ -206,9 +206,9 @@ bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
                    saga_error *error)
 {
     const size_t n = (size_t)width * (size_t)height;
-    float *const data = saga_alloc(n * 3, sizeof *data);
+    float *const data = saga_alloc(n * 3, sizeof *data, path, error);
     if (!data)
-        return saga_fail(error, path, "use --scale", "out of memory");
+        return false;
     exr_planes planes = {.names = {"R", "G", "B"}, .n = 3,
                          .data = {data, data + n, data + 2 * n}};
     const bool ok = read_planes(path, width, height, &planes, error);
@@ -324,9 +324,10 @@ static bool write_planes(const char *path, int width, int height,
 bool saga_exr_write_depth(const char *path, int width, int height,
                           const float *depth, saga_error *error)
 {
-    float *const data = saga_alloc((size_t)width * (size_t)height, 4);
+    float *const data = saga_alloc((size_t)width * (size_t)height, 4, path,
+                                   error);
     if (!data)
-        return saga_fail(error, path, NULL, "out of memory");
+        return false;
     memcpy(data, depth, (size_t)width * (size_t)height * 4);
     const exr_planes planes = {.names = {"Z"}, .data = {data}, .n = 1};
     const bool ok =
@@ -339,9 +340,9 @@ bool saga_exr_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error)
 {
     const size_t n = (size_t)width * (size_t)height;
-    float *const data = saga_alloc(n * 3, sizeof *data);
+    float *const data = saga_alloc(n * 3, sizeof *data, path, error);
     if (!data)
-        return saga_fail(error, path, NULL, "out of memory");
+        return false;
     float linear[256];
     for (int v = 0; v < 256; v++)
         linear[v] = (float)saga_srgb_to_linear(v / 255.0);

@@ -223,9 +223,9 @@ static bool read_points(saga_cursor *c, const char *path, saga_point **points,
         return saga_fail(error, path, "copy it again", "announces %llu points "
                          "but has only %zu bytes left",
                          (unsigned long long)h.count, saga_left(c));
-    *points = saga_alloc((size_t)h.count, sizeof **points);
+    *points = saga_alloc((size_t)h.count, sizeof **points, path, error);
     if (!*points)
-        return saga_fail(error, path, "give fewer points", "out of memory");
+        return false;
     for (uint64_t i = 0; i < h.count; i++) {
         if (!(h.ascii ? take_ascii(c, &h, values)
                       : take_binary(c, &h, values)))

@@ -168,14 +168,15 @@ static int split_position(double position, int size, uint8_t *fraction)
     return tap;
 }
 
-bool saga_remap_build(saga_remap *remap, const saga_lens *lens)
+bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
+                      const char *file, saga_error *error)
 {
     if (saga_lens_is_pinhole(lens))
         return true;
     const int w = remap->source_width, h = remap->source_height;
     const size_t n = (size_t)w * (size_t)h;
-    remap->taps = saga_alloc(n, sizeof *remap->taps);
-    remap->fractions = saga_alloc(n, 2);
+    remap->taps = saga_alloc(n, sizeof *remap->taps, file, error);
+    remap->fractions = saga_alloc(n, 2, file, error);
     if (!remap->taps || !remap->fractions) {
         saga_remap_free(remap);
         return false;

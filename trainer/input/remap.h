@@ -53,7 +53,8 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                      saga_error *error);
 /* Bytes that saga_remap_build will allocate. */
 uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens);
-bool saga_remap_build(saga_remap *remap, const saga_lens *lens);
+bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
+                      const char *file, saga_error *error);
 void saga_remap_free(saga_remap *remap);
 
 void saga_remap_rgb(const saga_remap *remap, const uint8_t *source,

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "video.h"
 
+#include "alloc.h"
 #include "error.h"
 #include "file.h"
 #include "picture.h"
@@ -10,10 +11,10 @@
 #include <string.h>
 
 /* A path that starts with '-' or looks like a protocol must stay a path. */
-static char *file_url(const char *path)
+static char *file_url(const char *path, saga_error *error)
 {
     const size_t n = strlen(path) + sizeof "file:";
-    char *const url = malloc(n);
+    char *const url = saga_alloc(n, 1, path, error);
     if (url)
         (void)snprintf(url, n, "file:%s", path);
     return url;
@@ -94,9 +95,9 @@ static void probe_rotation(saga_video_info *info, const char *text)
 static bool run_ffprobe(const char *path, char *text, size_t n,
                         saga_error *error)
 {
-    char *const url = file_url(path);
+    char *const url = file_url(path, error);
     if (!url)
-        return saga_fail(error, path, NULL, "out of memory");
+        return false;
     const char *const argv[] = {
         "ffprobe", "-v", "error", "-count_packets", "-select_streams", "v:0",
         "-show_entries",
@@ -158,9 +159,9 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
     /* One more than wanted, so that a surplus shows. */
     const bool all = video->n_wanted == video->info.n_frames;
     (void)snprintf(count, sizeof count, "%d", video->n_wanted + (all ? 1 : 0));
-    char *const url = file_url(video->path);
+    char *const url = file_url(video->path, error);
     if (!url)
-        return saga_fail(error, video->path, NULL, "out of memory");
+        return false;
     const char *const argv[] = {
         "ffmpeg", "-nostdin", "-v", "error", "-threads", "1", "-i", url,
         "-map", "0:v:0", "-frames:v", count,

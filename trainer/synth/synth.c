@@ -210,11 +210,9 @@ static bool write_picture(const synth_job *job, int camera, int frame,
     const size_t n = (size_t)w * (size_t)h;
     const bool exr = job->options->exr;
     char path[MAX_PATH];
-    uint8_t *const rgb = saga_alloc(n, 3);
-    float *const depth = saga_alloc(n, sizeof *depth);
+    uint8_t *const rgb = saga_alloc(n, 3, job->target, error);
+    float *const depth = saga_alloc(n, sizeof *depth, job->target, error);
     bool ok = rgb && depth;
-    if (!ok)
-        saga_fail(error, job->target, "use fewer threads", "out of memory");
     if (ok) {
         render(job, camera, frame, rgb);
         picture_path(job, "images", exr ? "exr" : "png", camera, frame, path);
@@ -267,7 +265,7 @@ static bool write_pictures(synth_job *job)
                                            : omp_get_max_threads();
 #pragma omp parallel for schedule(dynamic, 1) num_threads(n_threads)
     for (int i = 0; i < o->n_cameras * o->n_frames; i++) {
-        saga_error error = {{0}};
+        saga_error error = { "" };
         if (picture_skipped(job, i))
             continue;
         const bool ok =
@@ -382,13 +380,14 @@ static bool sample_point(const synth_job *job, const saga_synth_state *state,
 static bool write_points(const synth_job *job)
 {
     const int wanted = job->options->n_points;
-    saga_point *const points = saga_alloc((size_t)wanted, sizeof *points);
+    saga_point *const points = saga_alloc((size_t)wanted, sizeof *points,
+                                          job->target, job->error);
     uint64_t random = job->options->seed * 0x9e3779b97f4a7c15u + 1;
     saga_synth_state state;
     size_t n = 0;
     char path[MAX_PATH];
     if (!points)
-        return saga_fail(job->error, job->target, NULL, "out of memory");
+        return false;
     saga_synth_at(&state, 0.0);
     for (long tries = 0; n < (size_t)wanted && tries < 100L * wanted; tries++)
         if (sample_point(job, &state, &random, &points[n]))
@@ -550,9 +549,10 @@ static bool make_temporary(synth_job *job)
     if (n > MAX_PATH - 200)
         return saga_fail(job->error, job->target, "use a shorter one",
                          "path is too long");
-    job->folder = malloc(n + sizeof ".XXXXXX");
+    job->folder =
+        saga_alloc(n + sizeof ".XXXXXX", 1, job->target, job->error);
     if (!job->folder)
-        return saga_fail(job->error, job->target, NULL, "out of memory");
+        return false;
     memcpy(job->folder, job->target, n);
     memcpy(job->folder + n, ".XXXXXX", sizeof ".XXXXXX");
     if (!mkdtemp(job->folder))
@@ -594,12 +594,13 @@ bool saga_synth_write(const char *folder, const saga_synth_options *options,
 {
     synth_job job = {.options = options, .error = error, .target = folder,
                      .first_failed = INT32_MAX};
-    *error = (saga_error){{0}};
+    *error = (saga_error){ "" };
     if (!check_options(options, folder, error) || !check_free(&job))
         return false;
-    job.views = saga_calloc((size_t)options->n_cameras, sizeof *job.views);
+    job.views = saga_calloc((size_t)options->n_cameras, sizeof *job.views,
+                            folder, error);
     if (!job.views)
-        return saga_fail(error, folder, NULL, "out of memory");
+        return false;
     for (int i = 0; i < options->n_cameras; i++)
         saga_synth_view(options, i, &job.views[i]);
     bool ok = make_temporary(&job);
