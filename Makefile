@@ -80,8 +80,9 @@ CLI_OBJ     := $(call obj,$(CLI_SRC))
 # differences and references: objects under f64, symbols ending in _f64.
 FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train,\
                  $(wildcard trainer/$(r)/*.c)))
-TWICE_SRC := $(filter-out trainer/scene/hierarchy% trainer/entropy/rate_bits.c \
-               trainer/entropy/rate_choice.c,$(filter trainer/nn/% \
+TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
+               scene/budget.c scene/medoid.c entropy/rate_bits.c \
+               entropy/rate_choice.c),$(filter trainer/nn/% \
                trainer/splat/% trainer/scene/% trainer/entropy/% \
                trainer/train/regress.c,$(FLOAT_SRC)))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)

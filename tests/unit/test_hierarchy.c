@@ -481,7 +481,6 @@ static void check_scene(const saga_scene *s, const uint32_t *source,
 typedef struct {
     saga_model model;
     saga_hierarchy_options o;
-    char why[SAGA_HIERARCHY_WHY];
 } setup;
 
 static void setup_make(setup *u, uint32_t tools, uint32_t max_coarse,
@@ -493,18 +492,26 @@ static void setup_make(setup *u, uint32_t tools, uint32_t max_coarse,
     u->o.max_coarse = max_coarse;
     u->o.max_fine = max_fine;
     u->o.seed = 1;
-    u->o.why = u->why;
-    u->why[0] = 0;
+}
+
+static bool try_build(saga_scene *s, uint32_t *source, const flat *f,
+                      const setup *u, saga_error *why)
+{
+    const saga_hierarchy_pool pool = { &f->p, f->score, f->n };
+
+    why->message[0] = '\0';
+    return saga_hierarchy_build(s, source, &pool, &u->o, why);
 }
 
 /* Builds, checks and returns a scene. */
 static saga_scene build(const setup *u, const flat *f)
 {
     uint32_t *const source = zeros(f->n, sizeof *source);
+    saga_error error;
     saga_scene s;
 
-    if (saga_hierarchy_build(&s, source, &f->p, f->score, f->n, &u->o))
-        fail_msg("%s", u->why);
+    if (!try_build(&s, source, f, u, &error))
+        fail_msg("%s", error.message);
     check_scene(&s, source, f, &u->o);
     free(source);
     return s;
@@ -513,11 +520,11 @@ static saga_scene build(const setup *u, const flat *f)
 static void refuse(const setup *u, const flat *f, const char *why)
 {
     uint32_t *const source = zeros(f->n, sizeof *source);
+    saga_error error;
     saga_scene s;
 
-    assert_int_equal(saga_hierarchy_build(&s, source, &f->p, f->score, f->n,
-                                          &u->o), -1);
-    assert_string_equal(u->why, why);
+    assert_false(try_build(&s, source, f, u, &error));
+    assert_string_equal(error.message, why);
     free(source);
 }
 
@@ -623,6 +630,7 @@ static void hierarchy_should_be_valid_when_limits_vary(void **state)
         flat f = flat_make(n, seed + round);
         uint32_t *const source = zeros(n, sizeof *source);
         setup u;
+        saga_error error;
         saga_scene s;
 
         setup_make(&u, 0, max_coarse, max_fine);
@@ -631,13 +639,14 @@ static void hierarchy_should_be_valid_when_limits_vary(void **state)
         model_vary(&u.model, &seed);
         if (round & 1u)
             flat_cluster(&f);
-        if (saga_hierarchy_build(&s, source, &f.p, f.score, n, &u.o) == 0) {
+        if (try_build(&s, source, &f, &u, &error)) {
             check_scene(&s, source, &f, &u.o);
             saga_scene_free(&s);
             built++;
         } else {
-            assert_true(strstr(u.why, "budget") || strstr(u.why, "deepest"));
-            assert_true(round % 3 || strstr(u.why, "deepest"));
+            assert_true(strstr(error.message, "budget") ||
+                        strstr(error.message, "deepest"));
+            assert_true(round % 3 || strstr(error.message, "deepest"));
         }
         free(source);
         flat_free(&f);
@@ -691,14 +700,14 @@ static void hierarchy_should_split_time_only_where_it_varies(void **state)
 {
     uint32_t source[800];
     setup u;
+    saga_error error;
     saga_scene s;
     flat f;
 
     (void)state;
     setup_make(&u, ALL_TOOLS, 100, 400);
     f = moving_scene(1);
-    assert_int_equal(saga_hierarchy_build(&s, source, &f.p, f.score, f.n,
-                                          &u.o), 0);
+    assert_true(try_build(&s, source, &f, &u, &error));
     check_scene(&s, source, &f, &u.o);
     assert_true(n_split(&s, source, 0) > 360);
     assert_int_equal(n_split(&s, source, 1), 0);
@@ -945,7 +954,7 @@ static void hierarchy_should_refuse_when_budgets_are_short(void **state)
 {
     flat f = flat_make(1000, 10);
     uint32_t octant[8] = { 0 }, need = 0, i;
-    char text[SAGA_HIERARCHY_WHY];
+    char text[SAGA_MESSAGE_NBYTES];
     setup u;
 
     (void)state;
@@ -995,11 +1004,9 @@ static void hierarchy_should_name_what_is_not_finite(void **state)
     refuse(&u, &f, "primitive 0: its score is negative or not finite");
     f.score[0] = -1;
     refuse(&u, &f, "primitive 0: its score is negative or not finite");
-    u.o.why = NULL;
     f.score[0] = 0;
     f.p.quat[79] = (real)NAN;
-    assert_int_equal(saga_hierarchy_build(NULL, NULL, &f.p, f.score, f.n,
-                                          &u.o), -1);
+    refuse(&u, &f, "primitive 19: its quat is not finite");
     flat_free(&f);
 }
 
@@ -1020,6 +1027,7 @@ static void hierarchy_should_be_the_same_when_built_again(void **state)
 {
     flat f = flat_make(2000, 12);
     uint32_t source[2][2000];
+    saga_error error;
     saga_scene s[2];
     setup u;
     int i;
@@ -1028,8 +1036,7 @@ static void hierarchy_should_be_the_same_when_built_again(void **state)
     flat_cluster(&f);
     setup_make(&u, ALL_TOOLS, 300, 1000);
     for (i = 0; i < 2; i++)
-        assert_int_equal(saga_hierarchy_build(&s[i], source[i], &f.p, f.score,
-                                              f.n, &u.o), 0);
+        assert_true(try_build(&s[i], source[i], &f, &u, &error));
     check_same(&s[0], &s[1]);
     assert_memory_equal(source[0], source[1], sizeof source[0]);
     saga_scene_free(&s[0]);
@@ -1046,6 +1053,7 @@ static void hierarchy_should_be_quick_when_large(void **state)
     (void)state;
     for (round = 0; round < 2; round++) {
         setup u;
+        saga_error error;
         saga_scene s;
         clock_t begin;
         double seconds;
@@ -1054,8 +1062,8 @@ static void hierarchy_should_be_quick_when_large(void **state)
             flat_cluster(&f);
         setup_make(&u, ALL_TOOLS, 2000, 6400);
         begin = clock();
-        if (saga_hierarchy_build(&s, source, &f.p, f.score, f.n, &u.o))
-            fail_msg("%s", u.why);
+        if (!try_build(&s, source, &f, &u, &error))
+            fail_msg("%s", error.message);
         seconds = (double)(clock() - begin) / CLOCKS_PER_SEC;
         printf("20000 %s: %.2f s, %u nodes, %u coarse, %u fine, depth in "
                "time %u, rms to anchor %.4f\n",

@@ -10,12 +10,21 @@
 #ifndef SAGA_HIERARCHY_H
 #define SAGA_HIERARCHY_H
 
+#include "error.h"
 #include "scene.h"
 #include "splat.h"
 
 #include <stdint.h>
 
-enum { SAGA_HIERARCHY_WHY = 128 };
+/* What a scene is built from. */
+typedef struct saga_hierarchy_pool {
+    const saga_splat_params *p;  /* (n) colour and log2_scale may be NULL; quat,
+                                  * opacity and slope are looked at for numbers
+                                  * that are not finite alone */
+    const float *score;          /* (n) >= 0: the importance of each; NULL: all
+                                  * alike */
+    uint32_t n;                  /* >= 1 */
+} saga_hierarchy_pool;
 
 typedef struct saga_hierarchy_options {
     const saga_model *model;     /* tools, limits of children, suffix bits */
@@ -36,8 +45,6 @@ typedef struct saga_hierarchy_options {
     /* Fine anchors of a leaf: A = W^alpha (H + epsilon)^beta, with W its share
      * of the weights, H its variance of phi over the root's. */
     double alpha, beta, epsilon;
-    char *why;                   /* (SAGA_HIERARCHY_WHY) takes the reason of a
-                                  * failure; NULL: not wanted */
 } saga_hierarchy_options;
 
 #define saga_hierarchy_defaults SAGA_REAL_NAME(saga_hierarchy_defaults)
@@ -46,26 +53,23 @@ typedef struct saga_hierarchy_options {
 /* Everything but the model and the budgets. */
 void saga_hierarchy_defaults(saga_hierarchy_options *o);
 
-/* Builds scene (saga_scene_free it) from primitives flat[0..n), n >= 1, of
- * which quat, opacity and slope are looked at for non-finite numbers alone;
- * colour and log2_scale may be NULL here.
+/* Builds scene (saga_scene_free it).
  * - Positions and times beyond the cube and the segment are clamped to it; in
  *   a model without temporal tools every time is 1/2.
- * - score (n), >= 0: the importance of each; NULL: all alike.
  * - A primitive's say in the tree's time shrinks with its temporal width; one
  *   without (log2_width NULL, or a model without temporal opacity) is seen all
  *   the time and has none.
- * - prim_source (n): the primitive of flat that became the scene's of each
- *   rank.
+ * - prim_source (pool->n): the primitive of the pool that became the scene's of
+ *   each rank.
  * The scene is what a decoder has before any residual, with these reals:
  * coarse_x the weighted centre (and coarse.x, t the same in units), fine_x the
  * medoid, prim_x the primitive; features are 0, networks as saga_scene_init
  * leaves them.
- * Returns 0, or -1 with the reason in o->why: a number that is not finite (the
- * primitive named), budgets too small (with what is needed), more primitives in
- * a deepest cell than one leaf can take, no memory. Then there is no scene. */
-int saga_hierarchy_build(saga_scene *scene, uint32_t *prim_source,
-                         const saga_splat_params *flat, const float *score,
-                         uint32_t n, const saga_hierarchy_options *o);
+ * False: a number is not finite (the primitive is named), the budgets are too
+ * small (with what is needed), more primitives are in a deepest cell than one
+ * leaf can take, or there is no memory. Then there is no scene. */
+bool saga_hierarchy_build(saga_scene *scene, uint32_t *prim_source,
+                          const saga_hierarchy_pool *pool,
+                          const saga_hierarchy_options *o, saga_error *error);
 
 #endif

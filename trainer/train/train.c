@@ -264,10 +264,11 @@ static int build(saga_train *t, uint32_t *source,
                  saga_error *error)
 {
     float *const score = scores_of(pool, n);
-    char why[SAGA_HIERARCHY_WHY] = "out of memory";
+    const saga_hierarchy_pool all = { pool, score, n };
+    saga_error why = { "" };
     saga_hierarchy_options o;
     saga_model model;
-    int status = -1;
+    bool ok;
 
     saga_train_model(&model, &t->o, t->dynamic);
     saga_hierarchy_defaults(&o);
@@ -275,14 +276,13 @@ static int build(saga_train *t, uint32_t *source,
     o.max_coarse = t->o.n_coarse;
     o.max_fine = t->o.n_fine;
     o.seed = t->o.seed;
-    o.why = why;
-    if (score)
-        status = saga_hierarchy_build(&t->scene, source, pool, score, n, &o);
+    ok = score ? saga_hierarchy_build(&t->scene, source, &all, &o, &why)
+               : saga_fail(&why, NULL, NULL, "out of memory");
     free(score);
-    if (status)
+    if (!ok)
         saga_fail(error, NULL, "try other --primitives", "no hierarchy can be "
-                  "built from the warm-up: %s", why);
-    return status;
+                  "built from the warm-up: %s", why.message);
+    return ok ? 0 : -1;
 }
 
 /* Hierarchy and targets of its ranks, from the warm-up's primitives. */
