@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "hierarchy.h"
 
+#include "alloc.h"
 #include "budget.h"
 #include "medoid.h"
 #include "morton.h"
@@ -9,6 +10,8 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+static const char what[] = "the hierarchy";
 
 /* A scene while it is made from its tree. */
 typedef struct {
@@ -80,13 +83,13 @@ static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
     for (size_t k = 0; k < sizeof array / sizeof *array; k++)
         for (size_t i = 0; array[k].x && i < pool->n * array[k].width; i++)
             if (!isfinite((double)array[k].x[i]))
-                return saga_fail(error, NULL, NULL, "primitive %zu: its %s is "
-                                 "not finite", i / array[k].width,
-                                 array[k].name);
+                return saga_fail(error, NULL, "try another --seed",
+                                 "primitive %zu: its %s is not finite",
+                                 i / array[k].width, array[k].name);
     for (uint32_t i = 0; pool->score && i < pool->n; i++)
         if (!not_negative((double)pool->score[i]))
-            return saga_fail(error, NULL, NULL, "primitive %u: its score is "
-                             "negative or not finite", i);
+            return saga_fail(error, NULL, "try another --seed", "primitive %u: "
+                             "its score is negative or not finite", i);
     return true;
 }
 
@@ -198,9 +201,9 @@ static saga_share share_of(const saga_tree *t, uint32_t rank)
 static bool divide_budget(builder *b, uint32_t *total)
 {
     const saga_tree *const t = &b->tree;
-    saga_share *const s = malloc(t->n_leaves * sizeof *s);
+    saga_share *const s = saga_alloc(t->n_leaves, sizeof *s, what, t->error);
 
-    b->n_fine = malloc(t->n_leaves * sizeof *b->n_fine);
+    b->n_fine = saga_alloc(t->n_leaves, sizeof *b->n_fine, what, t->error);
     if (s && b->n_fine) {
         for (uint32_t rank = 0; rank < t->n_leaves; rank++)
             s[rank] = share_of(t, rank);
@@ -409,11 +412,12 @@ static bool write_scene(builder *b)
     const saga_tree *const t = &b->tree;
     saga_counts n = { t->n_leaves, 0, t->n };
 
-    b->distance = malloc(sizeof *b->distance * SAGA_MEDOID_MOST *
-                         SAGA_MEDOID_MOST);
-    if (!b->distance || !divide_budget(b, &n.fine) ||
-        saga_scene_init(b->scene, t->o->model, n, t->n_nodes, t->o->seed))
-        return saga_fail(t->error, NULL, NULL, "out of memory");
+    b->distance = saga_alloc(SAGA_MEDOID_MOST * SAGA_MEDOID_MOST,
+                             sizeof *b->distance, what, t->error);
+    if (!b->distance || !divide_budget(b, &n.fine))
+        return false;
+    if (saga_scene_init(b->scene, t->o->model, n, t->n_nodes, t->o->seed))
+        return saga_no_memory(0, "the scene", t->error);
     write_tree(b->scene, t);
     for (uint32_t rank = 0; rank < n.coarse; rank++) {
         write_coarse(b, rank);
@@ -429,12 +433,11 @@ bool saga_hierarchy_build(saga_scene *scene, uint32_t *prim_source,
     builder b = { .scene = scene, .prim_source = prim_source };
     bool ok;
 
-    if (!check_options(o, pool->n, error) || !check_pool(pool, error))
+    if (!check_options(o, pool->n, error) || !check_pool(pool, error) ||
+        !saga_tree_init(&b.tree, pool->n, o, error))
         return false;
-    ok = saga_tree_init(&b.tree, pool->n, o, error);
-    if (ok)
-        set_candidates(&b.tree, pool);
-    ok = ok && saga_tree_grow(&b.tree) && write_scene(&b);
+    set_candidates(&b.tree, pool);
+    ok = saga_tree_grow(&b.tree) && write_scene(&b);
     saga_tree_free(&b.tree);
     free(b.n_fine);
     free(b.distance);

@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "tree.h"
 
+#include "alloc.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 enum { MAX_BINS = 16, MAX_DEPTH = SAGA_MAX_DEPTH_X + SAGA_MAX_DEPTH_T };
 
-static bool no_memory(const saga_tree *t)
-{
-    return saga_fail(t->error, NULL, NULL, "out of memory");
-}
+static const char what[] = "the tree";
 
 static int min_int(int a, int b)
 {
@@ -32,11 +31,13 @@ bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
     t->max_x = min_int(SAGA_MAX_DEPTH_X, SAGA_LOG2_HALF_X - bits);
     t->max_t = min_int(SAGA_MAX_DEPTH_T, SAGA_LOG2_HALF_T - bits);
     t->dynamic = saga_is_dynamic(o->model);
-    t->cand = calloc(n, sizeof *t->cand);
-    t->order = malloc(n * sizeof *t->order);
-    t->scratch = malloc(n * sizeof *t->scratch);
-    if (!t->cand || !t->order || !t->scratch)
-        return no_memory(t);
+    t->cand = saga_calloc(n, sizeof *t->cand, what, error);
+    t->order = saga_alloc(n, sizeof *t->order, what, error);
+    t->scratch = saga_alloc(n, sizeof *t->scratch, what, error);
+    if (saga_failed(error)) {
+        saga_tree_free(t);
+        return false;
+    }
     for (uint32_t i = 0; i < n; i++)
         t->order[i] = i;
     return true;
@@ -326,24 +327,24 @@ static uint32_t pop(saga_tree *t)
 
 /* --- Growing the tree ---------------------------------------------------- */
 
-static int reserve_nodes(saga_tree *t, uint32_t more)
+static bool reserve_nodes(saga_tree *t, uint32_t more)
 {
     const uint32_t cap = 2 * t->cap_nodes + more;
     saga_tree_node *nodes;
     uint32_t *heap;
 
     if (t->cap_nodes - t->n_nodes >= more)
-        return 1;
-    nodes = realloc(t->node, cap * sizeof *nodes);
+        return true;
+    nodes = saga_realloc(t->node, cap, sizeof *nodes, what, t->error);
     if (!nodes)
-        return 0;
+        return false;
     t->node = nodes;
-    heap = realloc(t->heap, cap * sizeof *heap);
+    heap = saga_realloc(t->heap, cap, sizeof *heap, what, t->error);
     if (!heap)
-        return 0;
+        return false;
     t->heap = heap;
     t->cap_nodes = cap;
-    return 1;
+    return true;
 }
 
 static void add_child(saga_tree *t, uint32_t id, uint32_t number,
@@ -396,7 +397,7 @@ static bool split_node(saga_tree *t, uint32_t id)
     uint32_t child, i;
 
     if (!reserve_nodes(t, MAX_DEPTH + MAX_BINS))
-        return no_memory(t);
+        return false;
     t->n_leaves += p.added;
     t->need += p.need - saga_tree_need(t, t->node[id].end - t->node[id].begin);
     for (i = 0; i < (uint32_t)p.chain_x + p.chain_t; i++) {
@@ -424,12 +425,13 @@ static int is_worth_it(const saga_tree *t, const saga_tree_node *nd)
            fine <= t->o->max_fine;
 }
 
-static bool within(const saga_tree *t, const char *what, uint32_t need,
+static bool within(const saga_tree *t, const char *which, uint32_t need,
                    uint32_t budget)
 {
     return need <= budget ||
-           saga_fail(t->error, NULL, NULL, "%u %s anchors are needed, the "
-                     "budget is %u", need, what, budget);
+           saga_fail(t->error, NULL, "take fewer primitives",
+                     "%u %s anchors are needed, the budget is %u", need, which,
+                     budget);
 }
 
 /* Once nothing is too big, whatever does not pay or fit stays a leaf; others
@@ -440,7 +442,7 @@ static bool grow(saga_tree *t)
     double time;
 
     if (!reserve_nodes(t, 1))
-        return no_memory(t);
+        return false;
     root.end = t->n;
     t->squares = saga_tree_squares(&time, t, &root);
     find_split(t, &root);
@@ -454,9 +456,9 @@ static bool grow(saga_tree *t)
 
         if (is_too_big(t, nd)) {
             if (nd->best.kind == 0)
-                return saga_fail(t->error, NULL, NULL, "primitive %u: too many "
-                                 "share its deepest cell",
-                                 t->order[nd->begin]);
+                return saga_fail(t->error, NULL, "try another --seed",
+                                 "primitive %u: too many share its deepest "
+                                 "cell", t->order[nd->begin]);
         } else if (!is_worth_it(t, nd)) {
             continue;
         }
@@ -473,10 +475,10 @@ static bool walk(saga_tree *t)
     uint32_t stack[MAX_DEPTH * (MAX_BINS - 1) + 1];
     uint32_t depth = 0, n = 0, rank = 0, i;
 
-    t->walk = malloc(t->n_nodes * sizeof *t->walk);
-    t->leaf = malloc(t->n_leaves * sizeof *t->leaf);
+    t->walk = saga_alloc(t->n_nodes, sizeof *t->walk, what, t->error);
+    t->leaf = saga_alloc(t->n_leaves, sizeof *t->leaf, what, t->error);
     if (!t->walk || !t->leaf)
-        return no_memory(t);
+        return false;
     stack[depth++] = 0;
     while (depth > 0) {
         const uint32_t id = stack[--depth];

@@ -68,15 +68,14 @@ typedef struct saga_tree {
 } saga_tree;
 
 /* Room for n candidates, all zero, their order and the limits of o, which
- * stays the caller's as the error does. False without memory: then, too,
- * saga_tree_free. */
+ * stays the caller's as the error does. False without memory. */
 bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
                     saga_error *error);
 void saga_tree_free(saga_tree *t);
 
 /* From candidates and their weight to leaves: all from `squares` on. False if
  * the budgets are too small, more share a deepest cell than a leaf can take, or
- * there is no memory. */
+ * there is no memory; then, too, saga_tree_free. */
 bool saga_tree_grow(saga_tree *t);
 
 /* The weighted mean of phi over a node's candidates; returns their weight. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "train_state.h"
 
+#include "alloc.h"
 #include "hierarchy.h"
 
 #include <math.h>
@@ -250,9 +251,11 @@ void saga_train_free(saga_train *t)
 /* --- From the warm-up to the fit ----------------------------------------- */
 
 /* The importance of the warm-up's primitives: opaque ones first. */
-static float *scores_of(const saga_splat_params *p, uint32_t n)
+static float *scores_of(const saga_splat_params *p, uint32_t n,
+                        saga_error *error)
 {
-    float *const score = malloc((n + 1u) * sizeof *score);
+    float *const score = saga_alloc(n, sizeof *score, "the warm-up's scores",
+                                    error);
 
     for (uint32_t i = 0; score && i < n; i++)
         score[i] = (float)(0.05 + 1 / (1 + exp2(-(double)p->opacity[i])));
@@ -263,9 +266,8 @@ static int build(saga_train *t, uint32_t *source,
                  const saga_splat_params *pool, uint32_t n,
                  saga_error *error)
 {
-    float *const score = scores_of(pool, n);
+    float *const score = scores_of(pool, n, error);
     const saga_hierarchy_pool all = { pool, score, n };
-    saga_error why = { "" };
     saga_hierarchy_options o;
     saga_model model;
     bool ok;
@@ -276,12 +278,8 @@ static int build(saga_train *t, uint32_t *source,
     o.max_coarse = t->o.n_coarse;
     o.max_fine = t->o.n_fine;
     o.seed = t->o.seed;
-    ok = score ? saga_hierarchy_build(&t->scene, source, &all, &o, &why)
-               : saga_fail(&why, NULL, NULL, "out of memory");
+    ok = score && saga_hierarchy_build(&t->scene, source, &all, &o, error);
     free(score);
-    if (!ok)
-        saga_fail(error, NULL, "try other --primitives", "no hierarchy can be "
-                  "built from the warm-up: %s", why.message);
     return ok ? 0 : -1;
 }
 
