@@ -122,23 +122,14 @@ void saga_header_io(saga_io *f, saga_header *h)
     u8(f, &h->hash_log2_entries);
 }
 
-void saga_tools_io(saga_io *f, saga_model *m)
+void saga_memory_io(saga_io *f, saga_model *m)
 {
     int i;
 
-    if (!f->out) {
-        for (i = SAGA_NET_QUERY; i < SAGA_N_NETS; i++)
-            m->width[i] = m->q_in[i] = m->int8[i] = 0;
-        for (i = 0; i < SAGA_N_CLASS_KINDS; i++)
-            m->class_sources[i] = 0;
-    }
+    for (i = SAGA_NET_QUERY; !f->out && i < SAGA_N_NETS; i++)
+        m->width[i] = m->q_in[i] = m->int8[i] = 0;
     if (m->tools & SAGA_TOOL_MEMORY)
-        network_fields(f, m, SAGA_NET_QUERY, SAGA_NET_CLASS);
-    if (m->tools & SAGA_TOOL_CLASSES) {
-        for (i = 0; i < SAGA_N_CLASS_KINDS; i++)
-            u8(f, &m->class_sources[i]);
-        network_fields(f, m, SAGA_NET_CLASS, SAGA_N_NETS);
-    }
+        network_fields(f, m, SAGA_NET_QUERY, SAGA_N_NETS);
 }
 
 void saga_camera_io(saga_io *f, saga_rig_camera *c)

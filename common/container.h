@@ -6,8 +6,8 @@
  *
  *     header | INDX | NETS | per segment: SEGM COAR FINE PRIM
  *
- * The header is its fixed part, the memory's networks and the classes (each
- * only with its tool), the cameras of the rig, a CRC.
+ * The header is its fixed part, the memory's networks (only with their tool),
+ * the cameras of the rig, a CRC.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -22,7 +22,6 @@ enum {
     SAGA_VERSION = 1,
     SAGA_HEADER_NBYTES = 174,    /* fixed part, magic and version included */
     SAGA_MEMORY_NBYTES = 15,     /* of the memory's networks */
-    SAGA_CLASSES_NBYTES = 16,    /* of the classes' sources and networks */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM */
@@ -64,8 +63,7 @@ typedef struct saga_header {
 static inline uint32_t saga_rig_offset(const saga_header *h)
 {
     return SAGA_HEADER_NBYTES +
-           (h->model.tools & SAGA_TOOL_MEMORY ? SAGA_MEMORY_NBYTES : 0u) +
-           (h->model.tools & SAGA_TOOL_CLASSES ? SAGA_CLASSES_NBYTES : 0u);
+           (h->model.tools & SAGA_TOOL_MEMORY ? SAGA_MEMORY_NBYTES : 0u);
 }
 
 static inline uint32_t saga_rig_end(const saga_header *h)
@@ -110,11 +108,11 @@ typedef struct saga_io {
 
 /* Each moves all fields of its structure; the buffer has the bytes stated
  * above. Reading does not judge values; writing leaves the structure as it is.
- * The header's is its fixed part without magic and version; what the tools add
- * comes behind it. Without its tool, a field is not moved, but cleared when
- * read. */
+ * The header's is its fixed part without magic and version; the memory's
+ * networks come behind it. Without SAGA_TOOL_MEMORY their fields are not moved,
+ * but cleared when read. */
 void saga_header_io(saga_io *f, saga_header *h);
-void saga_tools_io(saga_io *f, saga_model *m);
+void saga_memory_io(saga_io *f, saga_model *m);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);
 void saga_index_io(saga_io *f, saga_index_entry *e);
 void saga_segment_io(saga_io *f, saga_segment_header *s);

@@ -326,14 +326,14 @@ void saga_context_keep(const saga_scaffold *sc, int level,
 
 /* --- Entropy parameters -------------------------------------------------- */
 
-/* What the sources say of a block of a kind, point i of a run, as a network's
- * input. */
-static void in_sources(const saga_scaffold *sc, int net, const block *b,
-                       uint32_t point, int kind, uint32_t sources,
-                       uint32_t group)
+/* What the sources say of a block of a kind becomes the input of its entropy
+ * network, at `point` of a run. */
+static void in_sources(const saga_scaffold *sc, const block *b,
+                       uint32_t point, int kind, uint32_t group)
 {
     const saga_model *const m = sc->model;
-    const uint32_t f = m->features;
+    const uint32_t f = m->features, sources = m->sources[kind];
+    const int net = SAGA_NET_E_COARSE + kind;
     uint32_t at = saga_in_point(sc, net, point);
     int q;
 
@@ -360,11 +360,13 @@ static void in_sources(const saga_scaffold *sc, int net, const block *b,
     }
 }
 
-/* Runs a network on what its sources say of n blocks of group `group`. The
- * hyperprior's input is complete before queries take the embeddings' place. */
-static void run_blocks(const saga_scaffold *sc, int net, const block *b,
-                       uint32_t n, int kind, uint32_t sources, uint32_t group)
+/* Runs a kind's entropy network on what its sources say of n blocks of group
+ * `group`. The hyperprior's input is complete before queries take the
+ * embeddings' place. */
+static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
+                       int kind, uint32_t group)
 {
+    const uint32_t sources = sc->model->sources[kind];
     uint32_t i;
 
     if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
@@ -378,8 +380,8 @@ static void run_blocks(const saga_scaffold *sc, int net, const block *b,
     if (sources & SAGA_SOURCE_HYPER)
         saga_net_run(sc, SAGA_NET_HYPER, n);
     for (i = 0; i < n; i++)
-        in_sources(sc, net, &b[i], i, kind, sources, group);
-    saga_net_run(sc, net, n);
+        in_sources(sc, &b[i], i, kind, group);
+    saga_net_run(sc, SAGA_NET_E_COARSE + kind, n);
 }
 
 static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
@@ -436,34 +438,7 @@ uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
         if (is_in_group(sc, kind, rank, group))
             run->rank[run->n++] = rank;
     make_blocks(b, sc, kind, run->rank, run->n);
-    run_blocks(sc, SAGA_NET_E_COARSE + kind, b, run->n, kind,
-               sc->model->sources[kind], group);
+    run_blocks(sc, b, run->n, kind, group);
     set_params(run, sc, kind);
     return rank;
-}
-
-/* A class network's outputs are in units of a class, Q10; the kind of residual
- * of which it sees what E_* sees, and the kind of block it is asked of. */
-int saga_context_classes(uint8_t class[4], const saga_scaffold *sc, int kind,
-                         uint32_t rank, uint32_t group)
-{
-    static const uint8_t like[SAGA_N_CLASS_KINDS] = {
-        SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_FINE, SAGA_KIND_PRIM
-    };
-    static const uint8_t of[SAGA_N_CLASS_KINDS] = {
-        SAGA_KIND_COARSE, SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM
-    };
-    const uint32_t sources = sc->model->class_sources[kind];
-    block b;
-    uint32_t i;
-
-    if (sources == 0)
-        return 0;
-    make_blocks(&b, sc, of[kind], &rank, 1);
-    run_blocks(sc, SAGA_NET_CLASS + kind, &b, 1, like[kind], sources, group);
-    for (i = 0; i < saga_n_classified(kind); i++)
-        class[i] = (uint8_t)fx_clamp((sc->v->out[i] >> 10) +
-                                     SAGA_N_CLASSES / 2, 0,
-                                     SAGA_N_CLASSES - 1);
-    return 1;
 }

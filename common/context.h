@@ -34,13 +34,6 @@ void saga_context_begin(const saga_scaffold *sc);
 uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
                           uint32_t rank, uint32_t group);
 
-/* Classes, 0..7, of symbols of a SAGA_CLASS_* kind (the number, or the four
- * axes of the set) at the given rank: coarse for N_FINE and FINE_SET, fine for
- * N_PRIM, of group `group`, whose x, t are decoded, and PRIM_SET. Returns 0,
- * and does nothing, if the kind has no source. */
-int saga_context_classes(uint8_t class[4], const saga_scaffold *sc, int kind,
-                         uint32_t rank, uint32_t group);
-
 /* After a run of coarse (fine) anchors is decoded: adds them to their step of
  * the memory, which writes when it has memory_blocks blocks. Without a memory,
  * or if no one reads what this level writes, it does nothing. */

@@ -68,15 +68,6 @@ static void shape_entropy(saga_net_shape *s, const saga_model *m, int kind,
     shape_set(s, in ? 3 : 1, in, width, 2 * saga_n_channels(m, kind));
 }
 
-static void shape_class(saga_net_shape *s, const saga_model *m, int kind)
-{
-    const uint32_t in = entropy_inputs(m, m->class_sources[kind]);
-
-    if (in)
-        shape_set(s, 2, in, m->width[SAGA_NET_CLASS + kind],
-                  saga_n_classified(kind));
-}
-
 static void shape_colour(saga_net_shape *s, const saga_model *m, int net)
 {
     const uint32_t width = m->width[SAGA_NET_COLOUR];
@@ -132,8 +123,6 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
         shape_set(s, 3, f + pe, w, rows.n);
     } else if (net < SAGA_NET_QUERY) {
         shape_colour(s, m, net);
-    } else if (net >= SAGA_NET_CLASS) {
-        shape_class(s, m, net - SAGA_NET_CLASS);
     } else if (m->tools & SAGA_TOOL_MEMORY) {
         shape_memory(s, m, net);
     }
@@ -202,26 +191,6 @@ static int memory_is_valid(const saga_model *m)
            (slots < SAGA_MAX_SLOTS || width >= 16) && m->memory_blocks >= 1;
 }
 
-/* The tool is on where a class kind has a source, and only there. Numbers of
- * fine anchors are coded before anything but cells; sets of fine anchors
- * before every residual of their level, sets of primitives after them. */
-static int classes_are_valid(const saga_model *m)
-{
-    static const uint8_t not[SAGA_N_CLASS_KINDS] = {
-        SAGA_SOURCES_KNOWN & ~SAGA_SOURCE_HYPER, SAGA_SOURCE_GROUPS, 0,
-        SAGA_SOURCE_GROUPS
-    };
-    uint32_t any = 0;
-    int i;
-
-    for (i = 0; i < SAGA_N_CLASS_KINDS; i++) {
-        if (m->class_sources[i] & not[i])
-            return 0;
-        any |= m->class_sources[i];
-    }
-    return (any != 0) == ((m->tools & SAGA_TOOL_CLASSES) != 0);
-}
-
 int saga_model_is_valid(const saga_model *m)
 {
     int i;
@@ -238,5 +207,5 @@ int saga_model_is_valid(const saga_model *m)
         return 0;
     return m->features >= 5 && m->features <= SAGA_MAX_FEATURES &&
            m->octaves >= 1 && m->octaves <= SAGA_MAX_OCTAVES &&
-           nets_are_valid(m) && memory_is_valid(m) && classes_are_valid(m);
+           nets_are_valid(m) && memory_is_valid(m);
 }

@@ -53,10 +53,9 @@ enum {
     SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
     SAGA_TOOL_MEMORY = 1u << 9,     /* memory bank */
     SAGA_TOOL_PLAIN_WRITE = 1u << 10, /* its update without the projection */
-    SAGA_TOOL_CLASSES = 1u << 11,   /* networks choose adaptive models */
     SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
     SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_MEMORY |
-                       SAGA_TOOL_PLAIN_WRITE | SAGA_TOOL_CLASSES
+                       SAGA_TOOL_PLAIN_WRITE
 };
 
 /* Sources of the entropy parameters, bits of saga_model.sources[]. */
@@ -71,18 +70,6 @@ enum {
 /* The three coded kinds of residual. */
 enum { SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM, SAGA_N_KINDS };
 
-/* The kinds of adaptive symbol for which a network may choose among models:
- * numbers of children and the first halving of each axis of a set. */
-enum {
-    SAGA_CLASS_N_FINE,
-    SAGA_CLASS_FINE_SET,
-    SAGA_CLASS_N_PRIM,
-    SAGA_CLASS_PRIM_SET,
-    SAGA_N_CLASS_KINDS
-};
-
-enum { SAGA_N_CLASSES = 8 };
-
 /* The two anchor levels. */
 enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
 
@@ -93,8 +80,7 @@ enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
  * the rest. So is the memory's write, whose first layer adds up what it makes
  * of the step's token and of the slot; a slot enters as a vector of zeros with
  * a 1 at its number, so that SLOT's first layer holds the slots' embeddings.
- * The header describes the networks from QUERY on only with SAGA_TOOL_MEMORY,
- * those from CLASS on, one for each SAGA_CLASS_*, only with SAGA_TOOL_CLASSES.
+ * The header describes the networks from QUERY on only with SAGA_TOOL_MEMORY.
  * FUSE_C and FUSE_F, one for each SAGA_LEVEL_*, exist where their width is not
  * 0; without one, features are taken as they were interpolated. */
 enum {
@@ -114,8 +100,7 @@ enum {
     SAGA_NET_SLOT,          /* write: L -> E (its width) -> W of WRITE */
     SAGA_NET_WRITE_BASE,    /* write: D -> W of WRITE */
     SAGA_NET_WRITE,         /* write: W -> candidate D, gate 1 */
-    SAGA_NET_CLASS,
-    SAGA_N_NETS = SAGA_NET_CLASS + SAGA_N_CLASS_KINDS
+    SAGA_N_NETS
 };
 
 /* Heads: groups of output rows that share a Q format, sent in the header. */
@@ -174,8 +159,6 @@ enum {
 typedef struct saga_model {
     uint32_t tools;
     uint8_t sources[SAGA_N_KINDS];
-    uint8_t class_sources[SAGA_N_CLASS_KINDS]; /* all 0 without
-                                                * SAGA_TOOL_CLASSES */
     uint8_t features;       /* F, 1..64 */
     uint8_t octaves;        /* of the embedding, 1..8 */
     uint16_t lambda_t_q8;   /* weight of time in the distance */
@@ -207,9 +190,7 @@ static inline int saga_is_dynamic(const saga_model *m)
 /* Whether the header describes a network. */
 static inline int saga_is_described(const saga_model *m, int net)
 {
-    return net < SAGA_NET_QUERY ||
-           (m->tools & (net < SAGA_NET_CLASS ? SAGA_TOOL_MEMORY
-                                             : SAGA_TOOL_CLASSES)) != 0;
+    return net < SAGA_NET_QUERY || (m->tools & SAGA_TOOL_MEMORY) != 0;
 }
 
 /* The network that fuses the interpolated features of a level. */
@@ -237,13 +218,10 @@ static inline int saga_fused_q(const saga_model *m, int level)
  * are kinds of the same number. */
 static inline int saga_level_writes(const saga_model *m, int level)
 {
-    uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE] |
-        m->class_sources[SAGA_CLASS_N_PRIM] |
-        m->class_sources[SAGA_CLASS_PRIM_SET];
+    uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE];
 
     if (level == SAGA_LEVEL_COARSE)
-        readers |= m->sources[SAGA_KIND_COARSE] |
-                   m->class_sources[SAGA_CLASS_FINE_SET];
+        readers |= m->sources[SAGA_KIND_COARSE];
     return (readers & SAGA_SOURCE_MEMORY) != 0;
 }
 
@@ -255,8 +233,6 @@ static inline uint32_t saga_any_source(const saga_model *m)
 
     for (i = 0; i < SAGA_N_KINDS; i++)
         any |= m->sources[i];
-    for (i = 0; i < SAGA_N_CLASS_KINDS; i++)
-        any |= m->class_sources[i];
     return any;
 }
 
@@ -270,14 +246,6 @@ static inline uint32_t saga_pe_size(const saga_model *m)
 static inline uint32_t saga_n_channels(const saga_model *m, int kind)
 {
     return kind == SAGA_KIND_COARSE ? 4u + m->features : 4u;
-}
-
-/* Classes that one run of a class network gives: of a number; of the axes x,
- * y, z, t of a set. */
-static inline uint32_t saga_n_classified(int class_kind)
-{
-    return class_kind == SAGA_CLASS_FINE_SET ||
-           class_kind == SAGA_CLASS_PRIM_SET ? 4 : 1;
 }
 
 /* Outputs of F_geo, and where each head begins among them (in the order of the

@@ -91,13 +91,6 @@ typedef struct saga_models {
     saga_set_models set[2];           /* fine, primitive */
 } saga_models;
 
-/* Those that a network chooses among; with SAGA_TOOL_CLASSES only. Of sets:
- * the first halving of each axis, up to SAGA_FEW points. */
-typedef struct saga_class_models {
-    saga_adaptive n_fine[SAGA_N_CLASSES], n_prim[SAGA_N_CLASSES];
-    saga_adaptive set[2][SAGA_N_CLASSES][SAGA_FEW]; /* fine, primitive; n - 1 */
-} saga_class_models;
-
 /* Points that run through networks together, at most. */
 enum { SAGA_MAX_POINTS = 8 };
 
@@ -124,7 +117,6 @@ typedef struct saga_scaffold {
     int16_t *fine_feature;           /* (n.fine, F) */
     int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
     saga_models *models;
-    saga_class_models *class_models; /* not looked at if the tool is off */
     saga_vectors *v;
     saga_memory memory;              /* n_slots = 0: the tool is off */
 } saga_scaffold;

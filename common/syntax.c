@@ -228,23 +228,6 @@ static void begin_set(saga_set_models *m)
                 saga_adaptive_init_binomial(&m->later[i][first][n - 1], n);
 }
 
-static void begin_classes(saga_class_models *m,
-                          const saga_level level[SAGA_N_LEVELS])
-{
-    uint32_t i, n;
-
-    for (i = 0; i < SAGA_N_CLASSES; i++) {
-        saga_adaptive_init(&m->n_fine[i],
-                           level[SAGA_LEVEL_COARSE].max_children + 1u);
-        saga_adaptive_init(&m->n_prim[i],
-                           level[SAGA_LEVEL_FINE].max_children + 1u);
-        for (n = 1; n <= SAGA_FEW; n++) {
-            saga_adaptive_init_binomial(&m->set[0][i][n - 1], n);
-            saga_adaptive_init_binomial(&m->set[1][i][n - 1], n);
-        }
-    }
-}
-
 void saga_syntax_begin(const saga_scaffold *sc)
 {
     const saga_level *const level = sc->model->level;
@@ -263,8 +246,6 @@ void saga_syntax_begin(const saga_scaffold *sc)
     saga_adaptive_init(&m->n_prim, level[SAGA_LEVEL_FINE].max_children + 1u);
     for (i = 0; i < 2; i++)
         begin_set(&m->set[i]);
-    if (sc->model->tools & SAGA_TOOL_CLASSES)
-        begin_classes(sc->class_models, level);
     saga_context_begin(sc);
 }
 
@@ -287,34 +268,13 @@ static void code_block(int16_t *y, saga_coder *c, saga_at at,
         y[i] = dequantise(mu[i], q[i], step_q16);
 }
 
-/* Where the models of a set's halvings come from. */
-typedef struct {
-    saga_set_models *own;
-    saga_adaptive (*of_class)[SAGA_FEW]; /* by class; NULL: no network */
-    uint8_t class[4];                    /* of the axes x, y, z, t */
-} set_source;
-
-/* A set of fine anchors (0) or primitives (1) under the given rank. */
-static void begin_set_source(set_source *s, const saga_scaffold *sc, int which,
-                             uint32_t rank)
-{
-    const int kind = which ? SAGA_CLASS_PRIM_SET : SAGA_CLASS_FINE_SET;
-
-    s->own = &sc->models->set[which];
-    s->of_class = saga_context_classes(s->class, sc, kind, rank, 0)
-        ? sc->class_models->set[which] : NULL;
-}
-
-/* Of a run of n points whose suffixes of 4 * bits bits are known above `bit`.
- */
-static saga_adaptive *set_model(const set_source *s, uint32_t suffix,
+/* The model of a halving: of a run of n points whose suffixes of 4 * bits bits
+ * are known above `bit`. */
+static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix,
                                 uint32_t n, uint32_t bit, uint32_t bits)
 {
-    saga_set_models *const m = s->own;
     const uint32_t later = bits - 1 - bit / 4;
 
-    if (later == 0 && n <= SAGA_FEW && s->of_class)
-        return &s->of_class[s->class[3 - (bit & 3u)]][n - 1];
     if (bit & 3u)
         return &m->space[n - 1];
     if (later == 0 || n > SAGA_FEW)
@@ -326,7 +286,7 @@ static saga_adaptive *set_model(const set_source *s, uint32_t suffix,
 /* A set of n suffixes of 4 * bits bits, ascending: cells are halved axis by
  * axis, coding how many of the n points lie in the lower half. */
 static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
-                     const set_source *source, saga_coder *c, saga_at at)
+                     saga_set_models *models, saga_coder *c, saga_at at)
 {
     struct { uint8_t start, n, bit; } todo[4 * SAGA_MAX_SUFFIX_BITS + 1];
     const uint32_t first = at.index;
@@ -346,7 +306,7 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
 
         at.index = first + start;
         at.bit = (uint8_t)bit;
-        low = c->adaptive(c, at, set_model(source, suffix[start], run, bit,
+        low = c->adaptive(c, at, set_model(models, suffix[start], run, bit,
                                            bits), run + 1);
         for (i = start + low; i < start + run; i++)
             suffix[i] |= 1u << bit;
@@ -462,9 +422,7 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
                     uint32_t rank, uint32_t *n_fine)
 {
     const saga_level *const l = &sc->model->level[SAGA_LEVEL_COARSE];
-    saga_adaptive *m = &sc->models->n_fine[nd->depth_x];
     saga_coarse *a;
-    uint8_t class[4];
     uint32_t v[4];
     int i;
 
@@ -477,11 +435,9 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
     a->depth_x = nd->depth_x;
     a->depth_t = nd->depth_t;
     a->group = (uint8_t)saga_morton_group(v, l->n_groups);
-    a->n_fine = 0;           /* not known to the network */
-    if (saga_context_classes(class, sc, SAGA_CLASS_N_FINE, rank, 0))
-        m = &sc->class_models->n_fine[class[0]];
     a->n_fine = (uint8_t)c->adaptive(c, at_symbol(SAGA_SYM_N_FINE, rank, 0),
-                                     m, l->max_children + 1u);
+                                     &sc->models->n_fine[nd->depth_x],
+                                     l->max_children + 1u);
     a->first_fine = *n_fine;
     *n_fine += a->n_fine;
     return *n_fine <= sc->n.fine;
@@ -603,10 +559,8 @@ static int code_fine_sets(const saga_scaffold *sc, saga_coder *c)
     for (parent = 0; parent < sc->n.coarse; parent++) {
         const uint32_t first = sc->coarse[parent].first_fine;
         const uint32_t n = sc->coarse[parent].n_fine;
-        set_source source;
 
-        begin_set_source(&source, sc, 0, parent);
-        code_set(suffix, n, bits, &source, c,
+        code_set(suffix, n, bits, &sc->models->set[0], c,
                  at_symbol(SAGA_SYM_FINE_SUFFIX, first, 0));
         if (c->error)
             return 0;
@@ -632,21 +586,8 @@ static void keep_context(const saga_scaffold *sc, uint32_t rank,
         feature[i] = 0;
 }
 
-static void code_n_prim(const saga_scaffold *sc, saga_coder *c, uint32_t rank,
-                        uint32_t group)
-{
-    saga_adaptive *m = &sc->models->n_prim;
-    uint8_t class[4];
-
-    if (saga_context_classes(class, sc, SAGA_CLASS_N_PRIM, rank, group))
-        m = &sc->class_models->n_prim[class[0]];
-    sc->fine[rank].n_prim = (uint8_t)c->adaptive(
-        c, at_symbol(SAGA_SYM_N_PRIM, rank, 0), m,
-        sc->model->level[SAGA_LEVEL_FINE].max_children + 1u);
-}
-
 static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
-                             uint32_t rank, uint32_t group, const int16_t *mu,
+                             uint32_t rank, const int16_t *mu,
                              const uint8_t *scale)
 {
     const saga_model *const m = sc->model;
@@ -664,7 +605,9 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
     for (i = 0; i < 3; i++)
         a->x[i] = place.x[i];
     a->t = (uint16_t)place.t;
-    code_n_prim(sc, c, rank, group);
+    a->n_prim = (uint8_t)c->adaptive(
+        c, at_symbol(SAGA_SYM_N_PRIM, rank, 0), &sc->models->n_prim,
+        m->level[SAGA_LEVEL_FINE].max_children + 1u);
     keep_context(sc, rank, residual);
 }
 
@@ -694,7 +637,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
         for (rank = 0; rank < sc->n.fine;) {
             rank = saga_context_run(&run, sc, SAGA_KIND_FINE, rank, group);
             for (i = 0; i < run.n && !c->error; i++)
-                code_fine_anchor(sc, c, run.rank[i], group, run.mu + i * n,
+                code_fine_anchor(sc, c, run.rank[i], run.mu + i * n,
                                  run.scale + i * n);
             if (c->error)
                 return 0;
@@ -720,11 +663,9 @@ static void code_primitives(const saga_scaffold *sc, saga_coder *c,
     const uint32_t first = sc->fine[rank].first_prim;
     const uint32_t n = sc->fine[rank].n_prim;
     uint32_t suffix[SAGA_MAX_CHILDREN];
-    set_source source;
     uint32_t i, axis;
 
-    begin_set_source(&source, sc, 1, rank);
-    code_set(suffix, n, bits, &source, c,
+    code_set(suffix, n, bits, &sc->models->set[1], c,
              at_symbol(SAGA_SYM_PRIM_SUFFIX, first, 0));
     for (i = 0; i < n; i++) {
         int16_t *const o = sc->prim_offset[first + i];

@@ -25,7 +25,7 @@ struct saga_decoder {
     int has_segment, has_view;
 };
 
-_Static_assert(sizeof(saga_decoder) == 728, "format: see plan.c");
+_Static_assert(sizeof(saga_decoder) == 644, "format: see plan.c");
 
 static uint8_t *block_at(saga_decoder *dec, uint32_t offset)
 {
@@ -287,8 +287,6 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     sc->fine_feature = (int16_t *)(void *)block_at(dec, p->fine_feature_at);
     sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
-    sc->class_models = (saga_class_models *)(void *)block_at(
-        dec, p->class_models_at);
     sc->v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
     saga_memory_size(&sc->memory, sc->model);
     saga_memory_place(&sc->memory, block_at(dec, p->memory_at));

@@ -12,7 +12,6 @@
 /* The work block's size decides whether a file fits its level, so these sizes
  * are part of the format (docs/bitstream.md). */
 _Static_assert(sizeof(saga_models) == 6630, "format: adaptive models");
-_Static_assert(sizeof(saga_class_models) == 2176, "format: class models");
 _Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
 _Static_assert(sizeof(saga_step) == 388, "format: step of the memory");
 _Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
@@ -108,9 +107,6 @@ static uint64_t lay_out(saga_plan *p, const saga_header *h,
     (void)region(&at, 1, decoder_nbytes);
     p->nets_at = region(&at, 1, p->nets.nbytes);
     p->models_at = region(&at, 1, sizeof(saga_models));
-    p->class_models_at = region(
-        &at, h->model.tools & SAGA_TOOL_CLASSES ? 1 : 0,
-        sizeof(saga_class_models));
     p->vectors_at = region(&at, 1, sizeof(saga_vectors));
     p->prims_at = region(&at, h->max.prim, sizeof(saga_primitive));
     p->colours_at = region(&at, h->max.prim, 2u * p->colour_stride);
@@ -149,11 +145,12 @@ saga_status saga_plan_make(saga_plan *p, const saga_header *h,
 
 /* --- Cost ---------------------------------------------------------------- */
 
-/* One run of a network on sources, and theirs. */
-static uint64_t run_macs(const saga_nets *nets, const saga_model *m, int net,
-                         uint32_t sources)
+/* One block's entropy parameters: its network's run, and its sources'. */
+static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
+                             int kind)
 {
-    uint64_t macs = saga_net_macs(&nets->shape[net]);
+    const uint32_t sources = m->sources[kind];
+    uint64_t macs = saga_net_macs(&nets->shape[SAGA_NET_E_COARSE + kind]);
 
     if (sources & SAGA_SOURCE_HYPER)
         macs += saga_net_macs(&nets->shape[SAGA_NET_HYPER]);
@@ -161,19 +158,6 @@ static uint64_t run_macs(const saga_nets *nets, const saga_model *m, int net,
         macs += saga_net_macs(&nets->shape[SAGA_NET_QUERY]) +
                 saga_memory_read_macs(m->memory_slots, m->memory_width);
     return macs;
-}
-
-/* One block's entropy parameters. */
-static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
-                             int kind)
-{
-    return run_macs(nets, m, SAGA_NET_E_COARSE + kind, m->sources[kind]);
-}
-
-static uint64_t class_macs(const saga_nets *nets, const saga_model *m,
-                           int kind)
-{
-    return run_macs(nets, m, SAGA_NET_CLASS + kind, m->class_sources[kind]);
 }
 
 /* K groups make the most steps if every one of them has a last step of one
@@ -224,13 +208,9 @@ uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
                         const saga_counts *n)
 {
     const saga_net_shape *const s = nets->shape;
-    const uint64_t coarse = context_macs(nets, m, SAGA_KIND_COARSE) +
-        class_macs(nets, m, SAGA_CLASS_N_FINE) +
-        class_macs(nets, m, SAGA_CLASS_FINE_SET);
+    const uint64_t coarse = context_macs(nets, m, SAGA_KIND_COARSE);
     const uint64_t fine = context_macs(nets, m, SAGA_KIND_FINE) +
         context_macs(nets, m, SAGA_KIND_PRIM) +
-        class_macs(nets, m, SAGA_CLASS_N_PRIM) +
-        class_macs(nets, m, SAGA_CLASS_PRIM_SET) +
         saga_net_macs(&s[SAGA_NET_FUSE_C]) + saga_net_macs(&s[SAGA_NET_FINE]);
     uint64_t prim = saga_net_macs(&s[SAGA_NET_FUSE_F]) +
         saga_net_macs(&s[SAGA_NET_GEO]) +

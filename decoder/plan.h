@@ -14,7 +14,7 @@
  * decoded; the splats of a view lie over them. */
 typedef struct saga_plan {
     saga_nets nets;
-    uint32_t nets_at, models_at, class_models_at, vectors_at;
+    uint32_t nets_at, models_at, vectors_at;
     uint32_t prims_at;       /* saga_primitive (max.prim) */
     uint32_t colours_at;     /* int16_t (max.prim, colour_stride) */
     uint32_t coarse_at, coarse_feature_at, fine_at, fine_feature_at;

@@ -144,15 +144,12 @@ static void set_values(saga_rate *r, const ref_file *in)
                 (float)in->value[SAGA_STEP_FINE][4 * i + k] / 16384;
 }
 
-/* The file's model with another entropy model, which begins from none; classes
- * were fitted to the old one. */
+/* The file's model with another entropy model, which begins from none. */
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
 
-    m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE |
-                           SAGA_TOOL_CLASSES);
-    memset(m.class_sources, 0, sizeof m.class_sources);
+    m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
     m.memory_slots = 0;
     m.memory_width = 0;
     m.memory_blocks = 0;

@@ -121,7 +121,6 @@ static int write_seed(const char *dir, uint32_t number)
         o.seed = 50u * number + i;
         o.n_coarse = 3;
         o.memory = (int)(number % 3);
-        o.classes = (int)(number / 3 % 2);
         gen_stream_make(&g, &o);
         if (number & 1)
             mutate_extreme_nets(&g, &r);

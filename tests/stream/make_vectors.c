@@ -119,7 +119,6 @@ static void to_layers(saga_header *h) { h->model.tools |= SAGA_TOOL_LAYERS; }
 static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
 static void to_memory(saga_header *h) { h->model.tools |= SAGA_TOOL_MEMORY; }
 static void to_tool_12(saga_header *h) { h->model.tools |= 1u << 12; }
-static void to_classes(saga_header *h) { h->model.tools |= SAGA_TOOL_CLASSES; }
 static void to_plain(saga_header *h)
 {
     h->model.tools |= SAGA_TOOL_PLAIN_WRITE;
@@ -223,46 +222,6 @@ static void to_coarse_parent(saga_header *h)
     h->model.sources[SAGA_KIND_COARSE] |= SAGA_SOURCE_PARENT;
 }
 
-static void to_classes_off(saga_header *h)
-{
-    h->model.tools &= ~(uint32_t)SAGA_TOOL_CLASSES;
-}
-
-static void to_classless(saga_header *h)
-{
-    memset(h->model.class_sources, 0, sizeof h->model.class_sources);
-}
-
-static void to_n_fine_parent(saga_header *h)
-{
-    h->model.class_sources[SAGA_CLASS_N_FINE] |= SAGA_SOURCE_PARENT;
-}
-
-static void to_fine_set_groups(saga_header *h)
-{
-    h->model.class_sources[SAGA_CLASS_FINE_SET] |= SAGA_SOURCE_GROUPS;
-}
-
-static void to_prim_set_groups(saga_header *h)
-{
-    h->model.class_sources[SAGA_CLASS_PRIM_SET] |= SAGA_SOURCE_GROUPS;
-}
-
-static void to_class_memory(saga_header *h)
-{
-    h->model.class_sources[SAGA_CLASS_N_PRIM] |= SAGA_SOURCE_MEMORY;
-}
-
-static void to_unknown_class_source(saga_header *h)
-{
-    h->model.class_sources[SAGA_CLASS_N_PRIM] |= SAGA_SOURCES_KNOWN + 1u;
-}
-
-static void to_class_width_0(saga_header *h)
-{
-    h->model.width[SAGA_NET_CLASS] = 0;
-}
-
 /* Weights beyond +-127 in networks that say they have none. */
 static void to_int8(saga_header *h)
 {
@@ -290,11 +249,11 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
 
     memcpy(copy, bytes, n);
     saga_header_io(&in, &h);
-    saga_tools_io(&in, &h.model);
+    saga_memory_io(&in, &h.model);
     f(&h);
     saga_header_io(&out, &h);
     if (saga_rig_offset(&h) <= in.at)
-        saga_tools_io(&out, &h.model);
+        saga_memory_io(&out, &h.model);
     gen_stream_sign_header(copy);
     bad(stem, copy, n, status);
     free(copy);
@@ -323,9 +282,6 @@ static void bad_headers(const gen_options *o, const bad_change *headers,
                    headers[i].status);
     if (g.header.model.tools & SAGA_TOOL_MEMORY)
         bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
-            SAGA_ERR_TRUNCATED);
-    if (g.header.model.tools & SAGA_TOOL_CLASSES)
-        bad("classes_cut", bytes, SAGA_HEADER_NBYTES + 9,
             SAGA_ERR_TRUNCATED);
     free(bytes);
     gen_stream_free(&g);
@@ -411,26 +367,6 @@ static void bad_memory(void)
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
-/* What classes may not be, in a file that has them and no memory. */
-static void bad_classes(void)
-{
-    static const bad_change headers[] = {
-        { "classes_off", to_classes_off, SAGA_ERR_DATA },
-        { "classes_without_source", to_classless, SAGA_ERR_DATA },
-        { "classes_n_fine_parent", to_n_fine_parent, SAGA_ERR_DATA },
-        { "classes_fine_set_groups", to_fine_set_groups, SAGA_ERR_DATA },
-        { "classes_prim_set_groups", to_prim_set_groups, SAGA_ERR_DATA },
-        { "classes_memory", to_class_memory, SAGA_ERR_DATA },
-        { "classes_source_unknown", to_unknown_class_source,
-          SAGA_ERR_VERSION },
-        { "classes_net_width_zero", to_class_width_0, SAGA_ERR_DATA },
-    };
-    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .classes = 1 };
-
-    bad_headers(&o, headers, sizeof headers / sizeof *headers);
-}
-
 /* Networks that must be there, and fields of one that need not. */
 static void bad_fuse(void)
 {
@@ -457,7 +393,6 @@ static void bad_all(void)
         { "tool_memory", to_memory, SAGA_ERR_DATA },
         { "tool_plain_write", to_plain, SAGA_ERR_DATA },
         { "tool_unknown", to_tool_12, SAGA_ERR_VERSION },
-        { "tool_classes", to_classes, SAGA_ERR_DATA },
         { "source_memory", to_memory_source, SAGA_ERR_DATA },
         { "source_unknown", to_unknown_source, SAGA_ERR_VERSION },
         { "cuttable", to_cut, SAGA_ERR_VERSION },
@@ -540,12 +475,6 @@ int main(int argc, char **argv)
         { .seed = 22, .level = 3, .n_coarse = 12,
           .memory = GEN_MEMORY_ORTHOGONAL, .memory_slots = 512,
           .memory_width = 64, .memory_blocks = 2 },
-        { .seed = 23, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .classes = 1 },
-        { .seed = 24, .level = 0, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
-          .memory_slots = 32, .memory_width = 16, .memory_blocks = 3,
-          .classes = 1 },
         { .seed = 25, .level = 1, .n_coarse = 20, .picture = 1,
           .tools_fixed = 1, .tools = all, .no_fuse = 1 },
         { .seed = 26, .level = 1, .n_coarse = 20, .picture = 1,
@@ -556,8 +485,8 @@ int main(int argc, char **argv)
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
         "random_level2", "random_level3", "memory_level0", "memory",
-        "memory_plain", "memory_level2", "memory_level3", "classes",
-        "classes_memory", "no_fuse_coarse", "no_fuse_fine", "no_fuse"
+        "memory_plain", "memory_level2", "memory_level3", "no_fuse_coarse",
+        "no_fuse_fine", "no_fuse"
     };
     char path[1024];
     size_t i;
@@ -583,7 +512,6 @@ int main(int argc, char **argv)
     bad_all();
     bad_scale();
     bad_memory();
-    bad_classes();
     bad_fuse();
     return fclose(manifest) != 0;
 }

@@ -38,11 +38,10 @@ static table tables[] = {
     { .name = "Header" }, { .name = "Level" }, { .name = "Network" },
     { .name = "Camera" }, { .name = "Chunk header" },
     { .name = "Index entry" }, { .name = "Segment header" },
-    { .name = "Memory networks" }, { .name = "Classes" }
+    { .name = "Memory networks" }
 };
 enum {
-    HEADER, LEVEL, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, MEMORY, CLASSES,
-    N_TABLES
+    HEADER, LEVEL, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, MEMORY, N_TABLES
 };
 
 typedef struct {
@@ -300,48 +299,17 @@ static int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
 
 /* --- The header's parts -------------------------------------------------- */
 
-enum {
-    TOOL_MEMORY = 1 << 9, TOOL_PLAIN = 1 << 10, TOOL_CLASSES = 1 << 11,
-    SOURCE_MEMORY = 8
-};
+enum { TOOL_MEMORY = 1 << 9, TOOL_PLAIN = 1 << 10, SOURCE_MEMORY = 8 };
 
 static int has_memory(const uint8_t *header)
 {
     return (get(HEADER, header, "tools", 0) & TOOL_MEMORY) != 0;
 }
 
-static int has_classes(const uint8_t *header)
-{
-    return (get(HEADER, header, "tools", 0) & TOOL_CLASSES) != 0;
-}
-
-static uint32_t classes_at(const uint8_t *header)
+static uint32_t rig_at(const uint8_t *header)
 {
     return tables[HEADER].nbytes +
            (has_memory(header) ? tables[MEMORY].nbytes : 0);
-}
-
-static uint32_t rig_at(const uint8_t *header)
-{
-    return classes_at(header) +
-           (has_classes(header) ? tables[CLASSES].nbytes : 0);
-}
-
-static const char *const class_sources[4] = {
-    "sources_n_fine", "sources_fine_set", "sources_n_prim", "sources_prim_set"
-};
-
-/* Sources of class kind i; without the tool none. */
-static uint32_t class_source(const uint8_t *p, int i)
-{
-    return has_classes(p) ? (uint32_t)get(CLASSES, p + classes_at(p),
-                                          class_sources[i], 0) : 0;
-}
-
-static uint32_t any_class_source(const uint8_t *p)
-{
-    return class_source(p, 0) | class_source(p, 1) | class_source(p, 2) |
-           class_source(p, 3);
 }
 
 /* Where the CRC stands. */
@@ -359,8 +327,8 @@ static int memory_is_consistent(const uint8_t *p)
     const int64_t blocks = get(HEADER, p, "memory_blocks", 0);
     const int read = ((get(HEADER, p, "sources_coarse", 0) |
                        get(HEADER, p, "sources_fine", 0) |
-                       get(HEADER, p, "sources_prim", 0) |
-                       any_class_source(p)) & SOURCE_MEMORY) != 0;
+                       get(HEADER, p, "sources_prim", 0)) &
+                      SOURCE_MEMORY) != 0;
 
     if (has_memory(p))
         return read && slots && width && blocks &&
@@ -554,10 +522,6 @@ static void headers_should_be_as_the_tables_say(void **state)
         assert_true(memory_is_consistent(p));
         if (has_memory(p))
             check_values(MEMORY, p + tables[HEADER].nbytes, &files[i]);
-        if (has_classes(p)) {
-            check_values(CLASSES, p + classes_at(p), &files[i]);
-            assert_int_not_equal(any_class_source(p), 0);
-        }
         assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);
         assert_true(end + 4 <= files[i].n);
         assert_int_equal(load(p + end, 4), crc_of(0, p, end));
@@ -718,24 +682,6 @@ static uint32_t inputs_of(const uint8_t *p, uint32_t s)
            (s >> 3 & 1u) * (uint32_t)get(HEADER, p, "memory_width", 0);
 }
 
-/* Networks 16 to 19. */
-static uint32_t class_weights_of(const uint8_t *p)
-{
-    static const char *const net[4] = {
-        "net_n_fine", "net_fine_set", "net_n_prim", "net_prim_set"
-    };
-    uint32_t n = 0;
-    int i;
-
-    for (i = 0; i < 4; i++)
-        if (class_source(p, i))
-            n += (inputs_of(p, class_source(p, i)) + (i & 1 ? 4u : 1u)) *
-                 (uint32_t)get(NETWORK, p + classes_at(p) +
-                               field_named(CLASSES, net[i])->offset,
-                               "width", 0);
-    return n;
-}
-
 /* Section 9, with the fields' names; W of a network is its own width. */
 static uint32_t weights_of(const uint8_t *p)
 {
@@ -753,7 +699,7 @@ static uint32_t weights_of(const uint8_t *p)
     const uint32_t rows = 8 + (tools & 2u ? 4u : 0u) +
                           ((tools & 3u) || order ? 1u : 0u) + (tools & 1u) +
                           3 * order;
-    uint32_t n = 0, any = any_class_source(p), w, i;
+    uint32_t n = 0, any = 0, w, i;
 
     for (i = 0; i < 3; i++) {
         const uint32_t s = (uint32_t)get(HEADER, p, sources[i], 0);
@@ -775,7 +721,7 @@ static uint32_t weights_of(const uint8_t *p)
     n += in * w + w * w + w * rows;
     w = width_of(p, "net_colour");
     return n + in * w + (tools & 4u ? 3 * w : 0) + w * w + 3 * w +
-           memory_weights_of(p) + class_weights_of(p);
+           memory_weights_of(p);
 }
 
 static void networks_should_have_the_same_number_of_weights(void **state)
@@ -928,12 +874,6 @@ static int is_coupled(const field *f)
     return 0;
 }
 
-/* The classes exist where a kind of theirs has a source, and only there. */
-static int classes_are_consistent(const uint8_t *p)
-{
-    return has_classes(p) == (any_class_source(p) != 0);
-}
-
 /* The status of a header with v in a field, signed anew; *fits tells whether
  * the tools' fields still go together, and the header has their size. */
 static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
@@ -945,8 +885,7 @@ static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
     saga_status s;
 
     store(p + f->offset, f->nbytes, (uint64_t)v);
-    *fits = rig_at(header) == rig && memory_is_consistent(header) &&
-            classes_are_consistent(header);
+    *fits = rig_at(header) == rig && memory_is_consistent(header);
     store(header + end, 4, crc_of(0, header, end));
     s = saga_probe(&info, header, end + 4);
     store(p + f->offset, f->nbytes, old);
@@ -1040,9 +979,6 @@ static void decoder_should_refuse_what_lies_outside_the_ranges(void **state)
         visit(&tables[HEADER], r.header, try_field, &r);
         if (has_memory(r.header))
             visit(&tables[MEMORY], r.header + tables[HEADER].nbytes,
-                  try_field, &r);
-        if (has_classes(r.header))
-            visit(&tables[CLASSES], r.header + classes_at(r.header),
                   try_field, &r);
         assert_true(r.n_tried > 0);
         free(r.header);

@@ -86,7 +86,6 @@ static void make_base(base *b, uint64_t number)
     o.n_segments = number % 5 ? 1 : 2 + (uint32_t)(number % 2);
     o.picture = number % 3 == 0;
     o.memory = (int)(number / 2 % 3);
-    o.classes = (int)(number / 6 % 2);
     o.no_fuse = (uint32_t)(number / 3 % 4);
     if (!o.picture) {
         o.memory_slots = 32;

@@ -27,7 +27,7 @@
 #include <string.h>
 
 /* DECODER_NBYTES: what stands before the plan's regions (plan.c). */
-enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 728 };
+enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 644 };
 
 static uint64_t n_macs;
 
@@ -166,7 +166,6 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools = i % 32;
     o.picture = i / 32 % 2 == 0;
     o.memory = (int)(i / 2 % 3);
-    o.classes = (int)(i / 6 % 2);
     o.no_fuse = i / 5 % 4;
     return o;
 }
@@ -177,7 +176,7 @@ static gen_options full_options(void)
     gen_options o = { .seed = first_seed(), .level = 0, .full = 1,
                       .picture = 1, .tools_fixed = 1,
                       .tools = SAGA_TOOLS_PICTURE,
-                      .memory = GEN_MEMORY_ORTHOGONAL, .classes = 1 };
+                      .memory = GEN_MEMORY_ORTHOGONAL };
 
     for (;; o.seed++) {
         gen_stream g;
@@ -332,13 +331,10 @@ static void tools_should_cost_nothing_when_off(void **state)
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
         assert_int_equal(h.header_nbytes, 178 + (o.memory ? 15 : 0) +
-                         (o.classes ? 16 : 0) +
                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_memory_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.memory_at,
                          o.memory ? saga_memory_place(&size, NULL) : 0);
-        assert_int_equal(plan.vectors_at - plan.class_models_at,
-                         o.classes ? sizeof(saga_class_models) : 0);
         end(&p);
     }
 }

@@ -137,7 +137,6 @@ static uint8_t *make_base(uint64_t number, size_t *n)
     o.memory = (int)(number % 3);
     o.memory_slots = 32;
     o.memory_width = 8;
-    o.classes = (int)(number / 3 % 2);
     gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, n);
     gen_stream_free(&g);

@@ -186,7 +186,6 @@ typedef struct {
     uint32_t tools[32];
     uint32_t sources[SAGA_N_KINDS][8], together[N_SOURCES];
     uint32_t reads[SAGA_N_KINDS][2], update[3];
-    uint32_t class_source[SAGA_N_CLASS_KINDS][4];   /* by bit of the mask */
     uint32_t slots[SAGA_MAX_SLOTS / SAGA_MIN_SLOTS + 1], slot_width[9];
     uint32_t step_of_one, long_steps;
     uint32_t groups[SAGA_N_LEVELS][SAGA_MAX_GROUPS + 1];
@@ -226,15 +225,6 @@ static void cover_memory(coverage *c, const saga_model *m)
     c->long_steps += m->memory_blocks > 1000;
 }
 
-static void cover_classes(coverage *c, const saga_model *m)
-{
-    uint32_t i, bit;
-
-    for (i = 0; i < SAGA_N_CLASS_KINDS; i++)
-        for (bit = 0; bit < 4; bit++)
-            c->class_source[i][bit] += m->class_sources[i] >> bit & 1u;
-}
-
 static void cover(coverage *c, const gen_stream *g)
 {
     const saga_model *const m = &g->header.model;
@@ -246,7 +236,6 @@ static void cover(coverage *c, const gen_stream *g)
     for (i = 0; i < SAGA_N_KINDS; i++)
         c->sources[i][m->sources[i] & 7u]++;
     cover_memory(c, m);
-    cover_classes(c, m);
     together = (m->sources[0] & 1u) | (m->sources[0] >> 1 & 2u);
     together = together << 5 | (m->sources[1] & 7u) << 2 |
                (m->sources[2] & 3u);
@@ -286,12 +275,6 @@ static void assert_sources(const coverage *c)
         assert_int_not_equal(c->sources[SAGA_KIND_COARSE][coarse[i]], 0);
     assert_all(c->sources[SAGA_KIND_FINE], 0, 7);
     assert_all(c->sources[SAGA_KIND_PRIM], 0, 3);
-    assert_all(c->class_source[SAGA_CLASS_N_FINE], 0, 0);
-    assert_all(c->class_source[SAGA_CLASS_FINE_SET], 0, 1);
-    assert_all(c->class_source[SAGA_CLASS_FINE_SET], 3, 3);
-    assert_all(c->class_source[SAGA_CLASS_N_PRIM], 0, 3);
-    assert_all(c->class_source[SAGA_CLASS_PRIM_SET], 0, 1);
-    assert_all(c->class_source[SAGA_CLASS_PRIM_SET], 3, 3);
 }
 
 static void assert_memory(const coverage *c)
@@ -345,7 +328,6 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools_fixed = 1;
     o.tools = i % 32;
     o.memory = (int)(i / 2 % 3);
-    o.classes = (int)(i / 6 % 2);
     return o;
 }
 

@@ -546,7 +546,7 @@ static void damage_model(saga_model *m, uint64_t *r)
 {
     const uint32_t v = odd_value(r);
 
-    switch (pick(r, 10)) {
+    switch (pick(r, 9)) {
     case 0: m->tools ^= 1u << pick(r, 13); break;
     case 1: m->sources[pick(r, 3)] = (uint8_t)(v & 15u); break;
     case 2: m->lambda_t_q8 = (uint16_t)v; break;
@@ -555,9 +555,6 @@ static void damage_model(saga_model *m, uint64_t *r)
     case 5: m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17); break;
     case 6: m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v; break;
     case 7: damage_memory(m, r); break;
-    case 8:
-        m->class_sources[pick(r, SAGA_N_CLASS_KINDS)] = (uint8_t)(v & 15u);
-        break;
     default: damage_level(&m->level[pick(r, 2)], r); break;
     }
 }
@@ -599,12 +596,12 @@ static void damage_header(mutate_file *f, uint64_t *r)
 
         saga_header_io(&in, &h);
         room = saga_rig_offset(&h);
-        saga_tools_io(&in, &h.model);
+        saga_memory_io(&in, &h.model);
         damage_fields(&h, r);
         saga_header_io(&out, &h);
         /* A tool that came with the damage may find no place. */
         if (saga_rig_offset(&h) <= room)
-            saga_tools_io(&out, &h.model);
+            saga_memory_io(&out, &h.model);
     }
     /* Signing must find the place of the CRC. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);

@@ -89,24 +89,6 @@ static void make_memory(saga_model *m, uint64_t *r, const gen_options *o)
         m->memory_blocks = (uint16_t)o->memory_blocks;
 }
 
-static void make_classes(saga_model *m, uint64_t *r, const gen_options *o)
-{
-    static const int32_t may[SAGA_N_CLASS_KINDS] = {
-        SAGA_SOURCE_HYPER,
-        SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT | SAGA_SOURCE_MEMORY,
-        SAGA_SOURCES_KNOWN,
-        SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT | SAGA_SOURCE_MEMORY
-    };
-    const int sure = gen_range(r, 0, SAGA_N_CLASS_KINDS - 1);
-    int i;
-
-    m->tools |= SAGA_TOOL_CLASSES;
-    for (i = 0; i < SAGA_N_CLASS_KINDS; i++)
-        m->class_sources[i] = (uint8_t)(may[i] & gen_range(
-            r, 0, o->memory ? SAGA_SOURCES_KNOWN : SAGA_SOURCE_MEMORY - 1));
-    m->class_sources[sure] |= SAGA_SOURCE_HYPER;
-}
-
 static void make_described(saga_model *m, uint64_t *r, const gen_options *o,
                            int net)
 {
@@ -146,14 +128,10 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     for (i = 0; i < SAGA_NET_QUERY; i++)
         make_described(m, r, o, i);
     m->width[SAGA_NET_COLOUR] = (uint8_t)gen_range(r, 1, 32);
-    for (; o->memory && i < SAGA_NET_CLASS; i++)
+    for (; o->memory && i < SAGA_N_NETS; i++)
         make_described(m, r, o, i);
     if (o->memory)
         make_memory(m, r, o);
-    for (i = SAGA_NET_CLASS; o->classes && i < SAGA_N_NETS; i++)
-        make_described(m, r, o, i);
-    if (o->classes)
-        make_classes(m, r, o);
 }
 
 /* Choices that make a picture worth looking at. */

@@ -28,7 +28,6 @@ typedef struct gen_options {
     int memory;
     uint32_t memory_slots, memory_width, memory_blocks;
     int memory_alone;        /* read by all kinds, and nothing else is */
-    int classes;             /* networks choose models; sources are random */
     uint32_t no_fuse;        /* bit SAGA_LEVEL_*: without Fuse of the level;
                               * 3 is neither. 0: both, or random if no
                               * picture */

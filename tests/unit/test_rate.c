@@ -105,7 +105,7 @@ static void should_have_no_memory(rate_scene *f)
     assert_int_equal(saga_rate_choice_init(&c, &f->r, &x), 0);
     assert_true(f->r.plan.memory_net >= 0);
     assert_int_equal(c.scene.model.tools, SAGA_TOOLS_PICTURE);
-    for (net = SAGA_NET_QUERY; net < SAGA_NET_CLASS; net++)
+    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
         assert_int_equal(c.scene.net[net].n_layers, 0);
     assert_true(saga_model_is_valid(&c.scene.model));
     saga_rate_choice_free(&c);

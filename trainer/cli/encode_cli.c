@@ -444,20 +444,6 @@ static void print_entropy(const saga_train_entropy *e)
                e->memory_weights, e->memory_net);
 }
 
-/* What networks that choose adaptive models would save, or do: bytes of the
- * kind's symbols and of the file. */
-static void print_classes(const saga_class_gain gain[SAGA_N_CLASS_KINDS])
-{
-    for (int i = 0; i < SAGA_N_CLASS_KINDS; i++) {
-        const saga_class_gain *const g = &gain[i];
-
-        if (g->sources)
-            printf("  classes of %-20s %10.0f without, %.0f with, %.0f "
-                   "weights: net %+.0f, %s\n", saga_class_name(i), g->without,
-                   g->with, g->weights, g->net, g->kept ? "kept" : "left out");
-    }
-}
-
 static void print_text(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -478,7 +464,6 @@ static void print_text(const session *s)
                2 * r->n_parameters);
     print_bits(&r->sizes);
     print_entropy(&r->entropy);
-    print_classes(r->classes);
     printf("  mean PSNR of %d + %d pictures  training  held out\n",
            s->decoded.n_training, s->decoded.n_held_out);
     print_quality("flat warm-up (float)", &r->warm);
@@ -547,19 +532,6 @@ static json_t *json_entropy(const saga_train_entropy *e)
     return o;
 }
 
-static json_t *json_classes(const saga_class_gain gain[SAGA_N_CLASS_KINDS])
-{
-    json_t *const o = json_object();
-
-    for (int i = 0; i < SAGA_N_CLASS_KINDS; i++)
-        json_object_set_new(o, saga_class_key(i), json_pack(
-            "{sisbsfsfsfsf}", "sources", (int)gain[i].sources,
-            "kept", gain[i].kept, "without", gain[i].without,
-            "with", gain[i].with, "weights", gain[i].weights,
-            "net", gain[i].net));
-    return o;
-}
-
 static void print_json(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -585,8 +557,7 @@ static void print_json(const session *s)
     json_object_update_new(o, json_pack("{soso}",
         "psnr_decoded_float", json_quality(&r->coded),
         "psnr_against_decoded_float", json_quality(&s->agreement)));
-    json_object_update_new(o, json_pack("{sosososo}",
-        "classes", json_classes(r->classes),
+    json_object_update_new(o, json_pack("{sososo}",
         "bits", json_bits(r->sizes.bits),
         "bits_spent", json_bits(r->sizes.spent),
         "entropy_model", json_entropy(&r->entropy)));

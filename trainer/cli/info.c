@@ -44,8 +44,7 @@ static const struct {
     { SAGA_TOOL_FEATURE_RESIDUAL, "feature residuals", "feature_residuals" },
     { SAGA_TOOL_HASH, "residual hash", "residual_hash" },
     { SAGA_TOOL_MEMORY, "memory bank", "memory_bank" },
-    { SAGA_TOOL_PLAIN_WRITE, "plain memory writes", "plain_memory_writes" },
-    { SAGA_TOOL_CLASSES, "model classes", "model_classes" }
+    { SAGA_TOOL_PLAIN_WRITE, "plain memory writes", "plain_memory_writes" }
 };
 
 enum { N_TOOLS = (int)(sizeof tools / sizeof tools[0]) };

@@ -21,9 +21,6 @@ typedef struct {
     const saga_nets *shapes;
     uint32_t features;
     uint32_t n_nodes;            /* of the tree, asked for so far */
-    saga_encode_watch *watch;    /* or NULL */
-    void *user;
-    const saga_scaffold *sc;     /* for the watch */
 } source;
 
 static const saga_layer_symbols *layer_of(const source *e, saga_at at)
@@ -142,8 +139,6 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
         c->error = 1;
         sym = 0;
     }
-    if (e->watch)
-        e->watch(e->user, e->sc, at, n_sym, sym);
     saga_range_enc_interval(&e->range, saga_adaptive_start(m, sym),
                             sym + 1 < n_sym ? m->start[sym]
                                             : SAGA_PROB_TOTAL);
@@ -190,8 +185,6 @@ struct saga_encoder {
     buffer networks, segments;   /* chunks, as they will stand in the file */
     saga_index_entry *index;     /* offsets from the first segment */
     saga_encode_sizes sizes;
-    saga_encode_watch *watch;
-    void *user;
 };
 
 /* The trainer cannot go on without memory; nothing is half-written then. */
@@ -321,12 +314,6 @@ const uint8_t *saga_encoder_params(const saga_encoder *e,
     return e->params;
 }
 
-void saga_encoder_watch(saga_encoder *e, saga_encode_watch *watch, void *user)
-{
-    e->watch = watch;
-    e->user = user;
-}
-
 void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          const saga_nets *nets, const uint8_t *params,
                          saga_counts n)
@@ -343,7 +330,6 @@ void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     sc->fine_feature = must(calloc(n.fine + 1u, f * sizeof(int16_t)));
     sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
     sc->models = must(calloc(1, sizeof *sc->models));
-    sc->class_models = must(calloc(1, sizeof *sc->class_models));
     sc->v = must(calloc(1, sizeof *sc->v));
     saga_memory_size(&sc->memory, model);
     saga_memory_place(&sc->memory, must(aligned_alloc(
@@ -358,7 +344,6 @@ void saga_scaffold_free(saga_scaffold *sc)
     free(sc->fine_feature);
     free(sc->prim_offset);
     free(sc->models);
-    free(sc->class_models);
     free(sc->v);
     free(sc->memory.slot);
 }
@@ -397,9 +382,6 @@ static int encode_layer(saga_encoder *e, const saga_scaffold *sc,
 
     source_init(&src, e);
     src.s = s;
-    src.sc = sc;
-    src.watch = e->watch;
-    src.user = e->user;
     saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
     if (!code_layer(sc, layer, &cost.coder) || cost.coder.error ||
@@ -482,7 +464,7 @@ static void write_header(saga_encoder *e, buffer *out)
     io.out = reserve(out, h->header_nbytes);
     memcpy(io.out, saga_magic, SAGA_MAGIC_NBYTES);
     saga_header_io(&io, h);
-    saga_tools_io(&io, &h->model);
+    saga_memory_io(&io, &h->model);
     for (i = 0; i < h->n_cameras; i++)
         saga_camera_io(&io, &e->rig[i]);
     fx_store32_le(io.out + io.at, saga_crc32c(0, io.out, io.at));

@@ -42,14 +42,6 @@ saga_encoder *saga_encoder_open(const saga_header *header,
 const uint8_t *saga_encoder_params(const saga_encoder *e,
                                    const saga_nets **nets);
 
-/* Told of every adaptive symbol of a segment, one of n_sym, just before it is
- * coded; sc: as it is then. It may run networks of sc's. */
-typedef void saga_encode_watch(void *user, const saga_scaffold *sc, saga_at at,
-                               uint32_t n_sym, uint32_t sym);
-
-/* From now on; NULL: no one. */
-void saga_encoder_watch(saga_encoder *e, saga_encode_watch *watch, void *user);
-
 /* Appends a segment of n_frames frames. Returns 1, or 0 with a reason in *why
  * if the symbols do not make a valid segment. */
 int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,

@@ -309,7 +309,7 @@ static int try_subsets(search *f)
 
     f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER], &f->r->plan,
                             SAGA_NET_HYPER);
-    for (net = SAGA_NET_QUERY; net < SAGA_NET_CLASS; net++)
+    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
         f->memory += weights_bits(&rounded.net[net], &f->r->plan, net);
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         for (subset = 0; subset <= ALL_SOURCES; subset++)

@@ -105,7 +105,7 @@ static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
     const saga_cube *const cube = saga_flat_cube_of(t->flat);
     saga_pack_options o = {
         .level = level, .weights = saga_fit_weights(t->fit),
-        .n_frames = (uint32_t)t->capture->n_frames, .classes = final,
+        .n_frames = (uint32_t)t->capture->n_frames,
         .decoded = final ? &t->decoded : NULL
     };
     saga_splat_camera cam;
@@ -191,7 +191,6 @@ static int pack(saga_train *t, int level, bool final, saga_error *error)
     free(feature);
     r->sizes = rep.sizes;
     r->quantise = rep.quantise;
-    memcpy(r->classes, rep.classes, sizeof r->classes);
     r->n = t->scene.n;
     r->dynamic = t->dynamic;
     r->explained = t->explained;

@@ -553,13 +553,6 @@ int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
         *why = "the closed loop refused the scene";
         ok = 0;
     }
-    if (ok && options->classes &&
-        saga_classes_choose(&h, &nets, report->classes, rig, &y,
-                            options->n_frames)) {
-        saga_encoder_free(e);
-        e = saga_encoder_open(&h, rig, &nets, why);
-        ok = e != NULL;
-    }
     ok = ok && saga_encoder_segment(e, &y, options->n_frames, why) &&
          saga_encoder_finish(e, bytes, n, &report->sizes, why);
     saga_encoder_free(e);

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
  * From a fitted scene to a file: formats of the heads from the measured
- * ranges, quantised networks, the closed loop, networks of classes, bytes.
+ * ranges, quantised networks, the closed loop, bytes.
  */
 #ifndef SAGA_PACK_H
 #define SAGA_PACK_H
 
-#include "classes.h"
 #include "encode.h"
 #include "fit.h"
 #include "quantise.h"
@@ -19,7 +18,6 @@ typedef struct saga_pack_options {
                                   * choice's */
     uint32_t rate_num, rate_den; /* frames per second */
     uint32_t n_frames;
-    int classes;                 /* whether to look for them (classes.h) */
     saga_scene *decoded;         /* NULL, or takes the scene a decoder has:
                                   * decoded symbols, dequantised networks, in
                                   * float (saga_scene_free it) */
@@ -28,7 +26,6 @@ typedef struct saga_pack_options {
 typedef struct saga_pack_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
-    saga_class_gain classes[SAGA_N_CLASS_KINDS]; /* all 0: not looked for */
     uint32_t *order;             /* (prim) rank in the file -> in the scene */
 } saga_pack_report;
 

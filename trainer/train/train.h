@@ -7,8 +7,7 @@
  *     warm-up      a flat set of primitives (scene/flat.h)
  *     regression   the hierarchy built from it, its networks fitted to it
  *     rendering    rate and distortion against the pictures (scene/fit.h)
- *     packing      quantised networks, closed loop, networks of classes, bytes
- *                  (pack.h, classes.h)
+ *     packing      quantised networks, closed loop, bytes (pack.h)
  *
  * The result does not depend on the number of threads. The capture must outlive
  * the saga_train that reads it.
@@ -26,7 +25,6 @@
 #define SAGA_TRAIN_H
 
 #include "capture.h"
-#include "classes.h"
 #include "encode.h"
 #include "quantise.h"
 #include "saga.h"
@@ -135,7 +133,6 @@ typedef struct saga_train_report {
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */
     saga_train_entropy entropy;
-    saga_class_gain classes[SAGA_N_CLASS_KINDS]; /* of counts and sets */
     uint32_t n_parameters;       /* weights and biases of all networks */
     double weight_bits;          /* of all weights of the networks with inputs,
                                   * but the entropy model's, and of scales by
