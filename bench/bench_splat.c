@@ -105,48 +105,43 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     const size_t plane = (size_t)width * (size_t)height;
     saga_splat_params p = random_scene(n, &cam, sigma_px, spread);
     saga_splat_params d = random_scene(n, &cam, 0, 0);
-    saga_splat_work w = { 0 };
-    saga_splat_rules rules;
+    saga_canvas c;
     bench_times times[N_STAGES];
-    real *const image = calloc(8 * plane, sizeof *image);
-    real *const trans = image + 3 * plane;
-    real *const d_image = trans + plane;
     double total = 0, least = 0;
     size_t k;
     int rep, s;
 
     memset(times, 0, sizeof times);
-    saga_splat_rules_default(&rules);
+    if (saga_canvas_init(&c, plane))
+        exit(1);
+    c.camera = cam;
+    c.t = 0.5f;
     for (k = 0; k < 3 * plane; k++)
-        d_image[k] = saga_rng_float(saga_rng_stream(3, 3), k) - 0.5f;
+        c.d_image[k] = saga_rng_float(saga_rng_stream(3, 3), k) - 0.5f;
     for (rep = 0; rep < reps + 1; rep++) {
         double at;
 
-        saga_splat_forward(image, trans, &w, &p, n, 0.5f, &cam, &rules);
-        saga_splat_backward(&d, NULL, &w, d_image, NULL, image, trans, &p,
-                            0.5f, &cam, &rules);
+        saga_splat_forward(&c, &p, n);
+        saga_splat_backward(&d, NULL, &c, &p);
         at = bench_now_ms();
-        saga_splat_animate_forward(&w.posed, &p, n, 0.5f);
+        saga_splat_animate_forward(&c.splat.posed, &p, n, c.t);
         lap(&times[ANIMATE], &at);
-        saga_splat_project_forward(w.splat, w.extent, &w.posed, &p, n, &cam,
-                                   &rules);
+        saga_splat_project_forward(&c, &p);
         lap(&times[PROJECT], &at);
-        saga_splat_tiles(&w, &cam, rules.cut);
+        saga_splat_tiles(&c);
         lap(&times[TILES], &at);
-        saga_splat_raster_forward(image, trans, &w, &cam, &rules);
+        saga_splat_raster_forward(&c);
         lap(&times[FORWARD], &at);
-        saga_splat_raster_backward(w.record, &w, d_image, NULL, image, trans,
-                                   &cam, &rules);
+        saga_splat_raster_backward(&c);
         lap(&times[BACKWARD], &at);
-        saga_splat_project_backward(&w.d_posed, &d, NULL, &w, &p, &cam);
+        saga_splat_project_backward(&d, NULL, &c, &p);
         lap(&times[PROJECT_B], &at);
-        saga_splat_animate_backward(&d, &w.d_posed, w.extent, &p, n, 0.5f,
-                                    &rules);
+        saga_splat_animate_backward(&d, &c, &p);
         lap(&times[ANIMATE_B], &at);
     }
     printf("%dx%d %6u splats (spread %.1f), %6u visible, %.2f tiles each:",
-           width, height, n, spread, w.n_visible,
-           (double)w.n_pairs / w.n_visible);
+           width, height, n, spread, c.splat.n_visible,
+           (double)c.splat.n_pairs / c.splat.n_visible);
     for (s = 0; s < N_STAGES; s++) {
         total += bench_median(&times[s]);
         least += times[s].ms[0];
@@ -156,8 +151,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     printf(", sum %.1f (%.1f) ms\n", total, least);
     free_scene(&p);
     free_scene(&d);
-    saga_splat_free(&w);
-    free(image);
+    saga_canvas_free(&c);
 }
 
 int main(int argc, char **argv)

@@ -12,24 +12,30 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 /* cmocka wants the headers above. */
 #include <cmocka.h>
 
 static const int sizes[][2] = { { 33, 27 }, { 16, 40 }, { 5, 3 }, { 1, 1 } };
 enum { N_SIZES = sizeof sizes / sizeof *sizes };
 
-/* A noisy version y of a smooth x; a tenth of the pixels flat at 1. */
-static void pictures(double *x, double *y, size_t n, uint64_t seed)
+/* A noisy truth of a smooth image; a tenth of the pixels flat at 1. */
+static saga_canvas pictures(int w, int h, uint64_t seed)
 {
     const saga_rng r = saga_rng_stream(seed, 0);
+    saga_canvas c;
     size_t i;
 
-    for (i = 0; i < n; i++) {
-        x[i] = 0.5 + 0.4 * sin((double)i * 0.05);
-        y[i] = x[i] + 0.2 * (saga_rng_double(r, i) - 0.5);
+    assert_int_equal(saga_canvas_init(&c, (size_t)(w * h)), 0);
+    c.camera.width = w;
+    c.camera.height = h;
+    for (i = 0; i < (size_t)(3 * w * h); i++) {
+        c.image[i] = 0.5 + 0.4 * sin((double)i * 0.05);
+        c.truth[i] = c.image[i] + 0.2 * (saga_rng_double(r, i) - 0.5);
         if (i % 100 < 10)
-            x[i] = y[i] = 1;
+            c.image[i] = c.truth[i] = 1;
     }
+    return c;
 }
 
 static void loss_should_match_the_definition(void **state)
@@ -40,15 +46,13 @@ static void loss_should_match_the_definition(void **state)
     for (k = 0; k < N_SIZES; k++) {
         const int w = sizes[k][0], h = sizes[k][1];
         const size_t plane = (size_t)(w * h);
-        double *const x = malloc(6 * plane * sizeof *x);
-        double *const y = x + 3 * plane;
         const saga_loss_weights weights = saga_loss_paper(0.2);
-        saga_loss_work work = { 0 };
+        saga_canvas canvas = pictures(w, h, (uint64_t)k);
+        const double *const x = canvas.image, *const y = canvas.truth;
         saga_picture_loss out;
         double ssim = 0, l1 = 0, mse = 0;
         size_t i;
 
-        pictures(x, y, 3 * plane, (uint64_t)k);
         for (c = 0; c < 3; c++)
             ssim += ref_ssim(x + (size_t)c * plane, y + (size_t)c * plane, w,
                              h) / 3;
@@ -56,27 +60,24 @@ static void loss_should_match_the_definition(void **state)
             l1 += fabs(x[i] - y[i]) / (double)(3 * plane);
             mse += (x[i] - y[i]) * (x[i] - y[i]) / (double)(3 * plane);
         }
-        assert_int_equal(saga_loss_picture(&out, NULL, &work, x, y, NULL, w, h,
-                                           &weights), 0);
+        assert_int_equal(saga_loss_picture(&out, &canvas, x, &weights), 0);
         assert_true(fabs(out.ssim - ssim) < 1e-12);
         assert_true(fabs(out.l1 - l1) < 1e-13);
         assert_true(fabs(out.mse - mse) < 1e-13);
         assert_true(fabs(out.loss - 0.8 * l1 - 0.1 * (1 - ssim)) < 1e-12);
-        saga_loss_free(&work);
-        free(x);
+        saga_canvas_free(&canvas);
     }
 }
 
-static double loss_at(double *x, double value, const double *all,
-                      const double *y, int w, int h, saga_loss_work *work,
+static double loss_at(saga_canvas *c, size_t i, double value,
                       const saga_loss_weights *weights)
 {
-    const double old = *x;
+    const double old = c->image[i];
     saga_picture_loss out;
 
-    *x = value;
-    saga_loss_picture(&out, NULL, work, all, y, NULL, w, h, weights);
-    *x = old;
+    c->image[i] = value;
+    saga_loss_picture(&out, c, c->image, weights);
+    c->image[i] = old;
     return out.loss;
 }
 
@@ -86,41 +87,39 @@ static void check_gradient(int w, int h, const saga_loss_weights *weights)
 {
     const size_t n = (size_t)(3 * w * h);
     const double step = 5e-5;
-    double *const x = malloc(3 * n * sizeof *x);
-    double *const y = x + n, *const d = y + n;
-    saga_loss_work work = { 0 };
+    double *const d = malloc(n * sizeof *d);
+    saga_canvas c = pictures(w, h, 9);
     saga_picture_loss out;
     double top = 0, worst = 0, f[4];
     size_t i;
     int k;
 
-    pictures(x, y, n, 9);
-    saga_loss_picture(&out, d, &work, x, y, NULL, w, h, weights);
+    saga_loss_picture(&out, &c, c.image, weights);
+    memcpy(d, c.d_image, n * sizeof *d);
     for (i = 0; i < n; i++)
         top = fmax(top, fabs(d[i]));
     for (i = 0; i < n; i++) {
         static const int at[4] = { -2, -1, 1, 2 };
         double slope;
 
-        if (weights->l1 > 0 && fabs(x[i] - y[i]) < 3 * step)
+        if (weights->l1 > 0 && fabs(c.image[i] - c.truth[i]) < 3 * step)
             continue;
         for (k = 0; k < 4; k++)
-            f[k] = loss_at(x + i, x[i] + at[k] * step, x, y, w, h, &work,
-                           weights);
+            f[k] = loss_at(&c, i, c.image[i] + at[k] * step, weights);
         slope = (8 * (f[2] - f[1]) - (f[3] - f[0])) / (12 * step);
         worst = fmax(worst, fabs(slope - d[i]) / fmax(fabs(slope) + 1e-6,
                                                       0.01 * top));
     }
     printf("  %dx%d: worst error %.1e\n", w, h, worst);
     assert_true(worst < 1e-5);
-    saga_loss_free(&work);
-    free(x);
+    saga_canvas_free(&c);
+    free(d);
 }
 
 static void loss_gradient_should_match_differences(void **state)
 {
     static const saga_loss_weights ssim = { 0, 1 }, l1 = { 1, 0 };
-    const saga_loss_weights both = saga_loss_3dgs(0.2);
+    const saga_loss_weights both = saga_loss_paper(0.2);
     int k;
 
     (void)state;

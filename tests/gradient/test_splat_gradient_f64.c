@@ -21,26 +21,18 @@ enum { N = 24, W = 37, H = 29, PIXELS = W * H };
 
 typedef struct {
     saga_splat_params p, d;
-    saga_splat_work work;
-    saga_splat_camera cam;
-    saga_splat_rules rules;
-    real image[3 * PIXELS], trans[PIXELS];
-    real d_image[3 * PIXELS], d_trans[PIXELS];
-    real t;
+    saga_canvas c;
 } fixture;
 
-/* A linear function of picture and transmittance. */
+/* A linear function of the picture. */
 static real loss(fixture *f)
 {
     real sum = 0;
     size_t i;
 
-    assert_int_equal(saga_splat_forward(f->image, f->trans, &f->work, &f->p, N,
-                                        f->t, &f->cam, &f->rules), 0);
+    assert_int_equal(saga_splat_forward(&f->c, &f->p, N), 0);
     for (i = 0; i < 3 * PIXELS; i++)
-        sum += f->d_image[i] * f->image[i];
-    for (i = 0; i < PIXELS; i++)
-        sum += f->d_trans[i] * f->trans[i];
+        sum += f->c.d_image[i] * f->c.image[i];
     return sum;
 }
 
@@ -53,15 +45,13 @@ static fixture *new_fixture(uint64_t seed)
     f->p = scene_alloc(N);
     f->d = scene_alloc(N);
     scene_random(&f->p, N, seed, 4);
-    f->cam = scene_camera(W, H, 0.2);
-    saga_splat_rules_default(&f->rules);
-    f->rules.cut = 60;
-    f->rules.t_floor = 0;
-    f->t = 0.4;
+    assert_int_equal(saga_canvas_init(&f->c, PIXELS), 0);
+    f->c.camera = scene_camera(W, H, 0.2);
+    f->c.rules.cut = 60;
+    f->c.rules.t_floor = 0;
+    f->c.t = 0.4;
     for (i = 0; i < 3 * PIXELS; i++)
-        f->d_image[i] = scene_uniform(r, i, -1, 1);
-    for (i = 0; i < PIXELS; i++)
-        f->d_trans[i] = scene_uniform(r, 3 * PIXELS + i, -1, 1);
+        f->c.d_image[i] = scene_uniform(r, i, -1, 1);
     return f;
 }
 
@@ -69,7 +59,7 @@ static void free_fixture(fixture *f)
 {
     scene_free(&f->p);
     scene_free(&f->d);
-    saga_splat_free(&f->work);
+    saga_canvas_free(&f->c);
     free(f);
 }
 
@@ -108,9 +98,7 @@ static void check(fixture *f)
     int k;
 
     loss(f);
-    assert_int_equal(saga_splat_backward(&f->d, NULL, &f->work, f->d_image,
-                                         f->d_trans, f->image, f->trans, &f->p,
-                                         f->t, &f->cam, &f->rules), 0);
+    assert_int_equal(saga_splat_backward(&f->d, NULL, &f->c, &f->p), 0);
     for (k = 0; k < SCENE_TENSORS; k++)
         worst = fmax(worst, check_tensor(f, k));
     assert_true(worst < TOLERANCE);
@@ -164,12 +152,10 @@ static void splat_gradient_should_skip_time_when_detached(void **state)
     size_t i;
 
     (void)state;
-    f->rules.detach_time = 1;
+    f->c.rules.detach_time = 1;
     f->p.log2_width = NULL;
     loss(f);
-    assert_int_equal(saga_splat_backward(&f->d, NULL, &f->work, f->d_image,
-                                         f->d_trans, f->image, f->trans, &f->p,
-                                         f->t, &f->cam, &f->rules), 0);
+    assert_int_equal(saga_splat_backward(&f->d, NULL, &f->c, &f->p), 0);
     for (i = 0; i < N; i++)
         assert_true(f->d.t_centre[i] == 0);
     assert_true(check_tensor(f, 6) < TOLERANCE);

@@ -126,10 +126,9 @@ static int by_depth(const void *a, const void *b)
     return x->index < y->index ? -1 : x->index > y->index;
 }
 
-/* Returns the transmittance left. */
-static double draw_pixel(double rgb[3], uint8_t *unsure, const splat *s,
-                         size_t n, double x, double y, const ref_camera *cam,
-                         double margin)
+static void draw_pixel(double rgb[3], uint8_t *unsure, const splat *s,
+                       size_t n, double x, double y, const ref_camera *cam,
+                       double margin)
 {
     double t = 1;
     size_t i;
@@ -157,12 +156,10 @@ static double draw_pixel(double rgb[3], uint8_t *unsure, const splat *s,
     }
     for (c = 0; c < 3; c++)
         rgb[c] += t * cam->background[c];
-    return t;
 }
 
-void ref_splats_draw(double *image, double *trans, uint8_t *unsure,
-                     const ref_primitive *p, size_t n, double t,
-                     const ref_camera *cam, double margin)
+void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
+                     size_t n, double t, const ref_camera *cam, double margin)
 {
     const size_t plane = (size_t)cam->width * (size_t)cam->height;
     splat *const s = malloc((n + 1) * sizeof *s);
@@ -179,8 +176,7 @@ void ref_splats_draw(double *image, double *trans, uint8_t *unsure,
         for (x = 0; x < cam->width; x++, i++) {
             double rgb[3];
 
-            trans[i] = draw_pixel(rgb, unsure + i, s, m, x + 0.5, y + 0.5,
-                                  cam, margin);
+            draw_pixel(rgb, unsure + i, s, m, x + 0.5, y + 0.5, cam, margin);
             for (c = 0; c < 3; c++)
                 image[(size_t)c * plane + i] = rgb[c];
         }

@@ -22,10 +22,9 @@ typedef struct ref_camera {
     double cut, alpha_cap, t_floor;
 } ref_camera;
 
-/* image (3, H, W), trans (H, W). unsure[pixel] is 1 where a comparison was
+/* image (3, H, W). unsure[pixel] is 1 where a comparison was
  * decided by less than margin, relative for the floor, absolute for q. */
-void ref_splats_draw(double *image, double *trans, uint8_t *unsure,
-                     const ref_primitive *p, size_t n, double t,
-                     const ref_camera *cam, double margin);
+void ref_splats_draw(double *image, uint8_t *unsure, const ref_primitive *p,
+                     size_t n, double t, const ref_camera *cam, double margin);
 
 #endif

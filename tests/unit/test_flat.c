@@ -725,14 +725,20 @@ static real noise(uint64_t i)
 static void correction_should_be_the_transpose_of_itself(void **state)
 {
     enum { N = 5 * 4 };
-    real in[3 * N], d_out[3 * N], d_in[3 * N], out[3 * N], moved[3 * N];
+    real out[3 * N], moved[3 * N], d_out[3 * N];
+    saga_canvas c;
+    real *in;
     real map[FLAT_CORRECTION], d_map[FLAT_CORRECTION] = { 0 };
     double row[4 * FLAT_CORRECTION], left = 0, right = 0;
 
     (void)state;
+    assert_int_equal(saga_canvas_init(&c, N), 0);
+    c.camera.width = 5;
+    c.camera.height = 4;
+    in = c.image;
     for (uint64_t i = 0; i < 3 * N; i++) {
         in[i] = noise(i);
-        d_out[i] = noise(100 + i);
+        c.d_image[i] = d_out[i] = noise(100 + i);
     }
     for (uint64_t i = 0; i < FLAT_CORRECTION; i++)
         map[i] = noise(200 + i);
@@ -740,10 +746,10 @@ static void correction_should_be_the_transpose_of_itself(void **state)
     /* By hand: the third channel of the second pixel. */
     assert_near(out[2 * N + 1], map[6] * in[1] + map[7] * in[N + 1] +
                        map[8] * in[2 * N + 1] + map[11], 1e-6);
-    saga_flat_correct_backward(d_in, d_map, d_out, in, map, 5, 4, row);
+    saga_flat_correct_backward(d_map, &c, map, row);
     for (uint64_t i = 0; i < 3 * N; i++) {
         moved[i] = in[i] + noise(300 + i);
-        right += (double)(d_in[i] * noise(300 + i));
+        right += (double)(c.d_image[i] * noise(300 + i));
     }
     saga_flat_correct(moved, moved, map, N);
     for (int i = 0; i < 3 * N; i++)
@@ -758,6 +764,7 @@ static void correction_should_be_the_transpose_of_itself(void **state)
     for (int i = 0; i < 3 * N; i++)
         left += (double)(d_out[i] * (moved[i] - out[i]));
     assert_near(left, right, 1e-5);
+    saga_canvas_free(&c);
 }
 
 /* Only training views are corrected, and on the mean nothing is. */

@@ -16,12 +16,8 @@
 
 typedef struct {
     saga_splat_params p, d;
-    saga_splat_work work;
-    saga_splat_camera cam;
-    saga_splat_rules rules;
+    saga_canvas c;
     size_t n, plane;
-    real *image, *trans, *d_image, *d_trans;
-    real t;
 } fixture;
 
 static fixture *new_fixture(size_t n, int width, int height, uint64_t seed,
@@ -36,15 +32,11 @@ static fixture *new_fixture(size_t n, int width, int height, uint64_t seed,
     f->p = scene_alloc(n);
     f->d = scene_alloc(n);
     scene_random(&f->p, n, seed, px);
-    f->cam = scene_camera(width, height, 0.1);
-    saga_splat_rules_default(&f->rules);
-    f->t = 0.5;
-    f->image = calloc(8 * f->plane, sizeof *f->image);
-    f->trans = f->image + 3 * f->plane;
-    f->d_image = f->trans + f->plane;
-    f->d_trans = f->d_image + 3 * f->plane;
-    for (i = 0; i < 4 * f->plane; i++)
-        f->d_image[i] = scene_uniform(r, i, -1, 1);
+    assert_int_equal(saga_canvas_init(&f->c, f->plane), 0);
+    f->c.camera = scene_camera(width, height, 0.1);
+    f->c.t = 0.5;
+    for (i = 0; i < 3 * f->plane; i++)
+        f->c.d_image[i] = scene_uniform(r, i, -1, 1);
     return f;
 }
 
@@ -52,24 +44,19 @@ static void free_fixture(fixture *f)
 {
     scene_free(&f->p);
     scene_free(&f->d);
-    saga_splat_free(&f->work);
-    free(f->image);
+    saga_canvas_free(&f->c);
     free(f);
 }
 
 static void forward(fixture *f)
 {
-    assert_int_equal(saga_splat_forward(f->image, f->trans, &f->work, &f->p,
-                                        (uint32_t)f->n, f->t, &f->cam,
-                                        &f->rules), 0);
+    assert_int_equal(saga_splat_forward(&f->c, &f->p, (uint32_t)f->n), 0);
 }
 
 static void backward(fixture *f, saga_splat_stats *stats)
 {
     memset(f->d.mean, 0, f->n * SCENE_REALS * sizeof(real));
-    assert_int_equal(saga_splat_backward(&f->d, stats, &f->work, f->d_image,
-                                         f->d_trans, f->image, f->trans, &f->p,
-                                         f->t, &f->cam, &f->rules), 0);
+    assert_int_equal(saga_splat_backward(&f->d, stats, &f->c, &f->p), 0);
 }
 
 static int all_finite(const real *x, size_t n)
@@ -114,19 +101,21 @@ static ref_primitive *ref_primitives(const fixture *f)
 
 static ref_camera ref_camera_of(const fixture *f)
 {
+    const saga_splat_camera *const cam = &f->c.camera;
+    const saga_splat_rules *const rules = &f->c.rules;
     ref_camera c;
 
-    widen(c.rotation, f->cam.rotation, 9);
-    widen(c.centre, f->cam.centre, 3);
-    widen(c.focal, f->cam.focal, 2);
-    widen(c.principal, f->cam.principal, 2);
-    widen(&c.near_plane, &f->cam.near_plane, 1);
-    widen(c.background, f->cam.background, 3);
-    widen(&c.cut, &f->rules.cut, 1);
-    widen(&c.alpha_cap, &f->rules.alpha_cap, 1);
-    widen(&c.t_floor, &f->rules.t_floor, 1);
-    c.width = f->cam.width;
-    c.height = f->cam.height;
+    widen(c.rotation, cam->rotation, 9);
+    widen(c.centre, cam->centre, 3);
+    widen(c.focal, cam->focal, 2);
+    widen(c.principal, cam->principal, 2);
+    widen(&c.near_plane, &cam->near_plane, 1);
+    widen(c.background, cam->background, 3);
+    widen(&c.cut, &rules->cut, 1);
+    widen(&c.alpha_cap, &rules->alpha_cap, 1);
+    widen(&c.t_floor, &rules->t_floor, 1);
+    c.width = cam->width;
+    c.height = cam->height;
     return c;
 }
 
@@ -136,27 +125,26 @@ static double error_to_book(fixture *f, double unsure)
 {
     ref_primitive *const r = ref_primitives(f);
     const ref_camera cam = ref_camera_of(f);
-    double *const image = malloc(4 * f->plane * sizeof *image);
+    double *const image = malloc(3 * f->plane * sizeof *image);
     uint8_t *const skip = malloc(f->plane);
     double worst = 0;
     size_t i, n_skipped = 0;
     int c;
 
     forward(f);
-    ref_splats_draw(image, image + 3 * f->plane, skip, r, f->n, (double)f->t,
-                    &cam, 2e-4);
+    ref_splats_draw(image, skip, r, f->n, (double)f->c.t, &cam, 2e-4);
     for (i = 0; i < f->plane; i++)
         if (skip[i])
             n_skipped++;
         else
-            for (c = 0; c < 4; c++) {
+            for (c = 0; c < 3; c++) {
                 const size_t at = i + (size_t)c * f->plane;
 
-                worst = fmax(worst, fabs((double)f->image[at] - image[at]));
+                worst = fmax(worst, fabs((double)f->c.image[at] - image[at]));
             }
     printf("  %zu primitives, %u visible, %zu pairs, %zu of %zu pixels "
-           "unsure: largest error %.1e\n", f->n, f->work.n_visible,
-           f->work.n_pairs, n_skipped, f->plane, worst);
+           "unsure: largest error %.1e\n", f->n, f->c.splat.n_visible,
+           f->c.splat.n_pairs, n_skipped, f->plane, worst);
     assert_true((double)n_skipped <= unsure * (double)f->plane);
     free(r);
     free(image);
@@ -217,7 +205,8 @@ static void splat_should_not_depend_on_threads(void **state)
 {
     fixture *const f = new_fixture(3000, 320, 180, 30, 1.5);
     const size_t n_grad = f->n * SCENE_REALS;
-    real *const kept = calloc(4 * f->plane + n_grad + 4 * f->n, sizeof *kept);
+    const size_t n_image = 3 * f->plane;
+    real *const kept = calloc(n_image + n_grad + 4 * f->n, sizeof *kept);
     real *const st = calloc(4 * f->n, sizeof *st);
     int threads;
 
@@ -231,14 +220,13 @@ static void splat_should_not_depend_on_threads(void **state)
         forward(f);
         backward(f, &s);
         if (threads == 1) {
-            memcpy(kept, f->image, 4 * f->plane * sizeof(real));
-            memcpy(kept + 4 * f->plane, f->d.mean, n_grad * sizeof(real));
-            memcpy(kept + 4 * f->plane + n_grad, st, 4 * f->n * sizeof(real));
+            memcpy(kept, f->c.image, n_image * sizeof(real));
+            memcpy(kept + n_image, f->d.mean, n_grad * sizeof(real));
+            memcpy(kept + n_image + n_grad, st, 4 * f->n * sizeof(real));
         }
-        assert_memory_equal(kept, f->image, 4 * f->plane * sizeof(real));
-        assert_memory_equal(kept + 4 * f->plane, f->d.mean,
-                            n_grad * sizeof(real));
-        assert_memory_equal(kept + 4 * f->plane + n_grad, st,
+        assert_memory_equal(kept, f->c.image, n_image * sizeof(real));
+        assert_memory_equal(kept + n_image, f->d.mean, n_grad * sizeof(real));
+        assert_memory_equal(kept + n_image + n_grad, st,
                             4 * f->n * sizeof(real));
     }
     free(kept);
@@ -248,7 +236,8 @@ static void splat_should_not_depend_on_threads(void **state)
 
 /* --- Statistics ---------------------------------------------------------- */
 
-/* All blending weights and the light left over make one, per pixel. */
+/* All blending weights and the light left over make one, per pixel: where
+ * primitives are black, the white background is what is left. */
 static void splat_stats_should_add_up(void **state)
 {
     fixture *const f = new_fixture(500, 80, 60, 40, 2);
@@ -259,6 +248,9 @@ static void splat_stats_should_add_up(void **state)
     size_t i, n_seen = 0;
 
     (void)state;
+    memset(f->p.colour, 0, 3 * f->n * sizeof(real));
+    for (i = 0; i < 3; i++)
+        f->c.camera.background[i] = 1;
     forward(f);
     backward(f, &s);
     backward(f, &s);
@@ -269,9 +261,9 @@ static void splat_stats_should_add_up(void **state)
         assert_true(seen[i] != 0 || s.grad2d[i] == 0);
     }
     for (i = 0; i < f->plane; i++)
-        left += 1 - (double)f->trans[i];
+        left += 1 - (double)f->c.image[i];
     assert_true(fabs(weight / 2 - left) < 1e-4 * left);
-    assert_int_equal(n_seen, 2 * f->work.n_visible);
+    assert_int_equal(n_seen, 2 * f->c.splat.n_visible);
     free(st);
     free(seen);
     free_fixture(f);
@@ -288,9 +280,9 @@ static void splat_should_draw_background_when_empty(void **state)
     forward(f);
     backward(f, NULL);
     for (i = 0; i < f->plane; i++) {
-        assert_true(f->trans[i] == 1);
-        assert_true(f->image[i] == f->cam.background[0]);
-        assert_true(f->image[2 * f->plane + i] == f->cam.background[2]);
+        assert_true(f->c.image[i] == f->c.camera.background[0]);
+        assert_true(f->c.image[2 * f->plane + i] ==
+                    f->c.camera.background[2]);
     }
     free_fixture(f);
 }
@@ -311,7 +303,7 @@ static void plain(fixture *f, size_t i)
         f->p.motion[9 * i + a] = 0;
     f->p.quat[4 * i] = 1;
     f->p.opacity[i] = 1;
-    f->p.t_centre[i] = f->t;
+    f->p.t_centre[i] = f->c.t;
     f->p.log2_width[i] = 0;
 }
 
@@ -364,14 +356,14 @@ static void splat_should_survive_hard_cases(void **state)
         const struct hard_case *const c = hard_cases + k;
         fixture *const f = new_fixture(1, 40, 30, 60, 2);
 
-        f->cam = scene_camera(40, 30, 0);
+        f->c.camera = scene_camera(40, 30, 0);
         plain(f, 0);
         (*scene_tensor(&f->p, c->tensor))[c->at] = c->value;
         forward(f);
-        if ((int)f->work.n_visible != c->seen)
-            print_error("%s: visible %u\n", c->what, f->work.n_visible);
-        assert_int_equal(f->work.n_visible, c->seen);
-        assert_true(all_finite(f->image, 4 * f->plane));
+        if ((int)f->c.splat.n_visible != c->seen)
+            print_error("%s: visible %u\n", c->what, f->c.splat.n_visible);
+        assert_int_equal(f->c.splat.n_visible, c->seen);
+        assert_true(all_finite(f->c.image, 3 * f->plane));
         backward(f, NULL);
         if (!all_finite(f->d.mean, SCENE_REALS))
             print_error("%s: gradient\n", c->what);
@@ -387,7 +379,7 @@ static void splat_should_break_ties_by_index(void **state)
     int i;
 
     (void)state;
-    f->cam = scene_camera(16, 16, 0);
+    f->c.camera = scene_camera(16, 16, 0);
     for (i = 0; i < 2; i++) {
         plain(f, (size_t)i);
         f->p.opacity[i] = 20;
@@ -395,7 +387,7 @@ static void splat_should_break_ties_by_index(void **state)
         f->p.log2_scale[3 * i] = f->p.log2_scale[3 * i + 1] = 4;
     }
     forward(f);
-    assert_true(f->image[8 * 16 + 8] < 0.02f);
+    assert_true(f->c.image[8 * 16 + 8] < 0.02f);
     free_fixture(f);
 }
 

@@ -32,10 +32,7 @@ typedef struct {
     saga_splat_params p, d, m, v;
     float raw_colour[3 * N], d_colour[3 * N];
     float target[VIEWS][3 * PLANE];
-    float image[3 * PLANE], trans[PLANE], d_image[3 * PLANE];
-    saga_splat_work work;
-    saga_loss_work loss_work;
-    saga_splat_rules rules;
+    saga_canvas c;
 } fit;
 
 static saga_splat_camera camera_of(int view)
@@ -48,12 +45,11 @@ static real time_of(int view)
     return (real)(view % TIMES) / (TIMES - 1);
 }
 
-static void draw(fit *f, float *image, const saga_splat_params *p, int view)
+static void draw(fit *f, const saga_splat_params *p, int view)
 {
-    const saga_splat_camera cam = camera_of(view);
-
-    assert_int_equal(saga_splat_forward(image, f->trans, &f->work, p, N,
-                                        time_of(view), &cam, &f->rules), 0);
+    f->c.camera = camera_of(view);
+    f->c.t = time_of(view);
+    assert_int_equal(saga_splat_forward(&f->c, p, N), 0);
 }
 
 static void draw_targets(fit *f)
@@ -66,8 +62,10 @@ static void draw_targets(fit *f)
         p.opacity[i] += 2;
         p.log2_width[i] += 1;
     }
-    for (i = 0; i < VIEWS; i++)
-        draw(f, f->target[i], &p, i);
+    for (i = 0; i < VIEWS; i++) {
+        draw(f, &p, i);
+        memcpy(f->target[i], f->c.image, sizeof f->target[i]);
+    }
     scene_free(&p);
 }
 
@@ -76,7 +74,7 @@ static fit *new_fit(void)
     fit *const f = calloc(1, sizeof *f);
     int i;
 
-    saga_splat_rules_default(&f->rules);
+    assert_int_equal(saga_canvas_init(&f->c, PLANE), 0);
     f->p = scene_alloc(N);
     f->d = scene_alloc(N);
     f->m = scene_alloc(N);
@@ -101,21 +99,19 @@ static void free_fit(fit *f)
     scene_free(&f->d);
     scene_free(&f->m);
     scene_free(&f->v);
-    saga_splat_free(&f->work);
-    saga_loss_free(&f->loss_work);
+    saga_canvas_free(&f->c);
     free(f);
 }
 
-static saga_picture_loss measure(fit *f, int view, float *d_image)
+static saga_picture_loss measure(fit *f, int view)
 {
     const saga_loss_weights weights = saga_loss_paper(0.2f);
     saga_picture_loss out;
 
     saga_splat_colour_forward(f->p.colour, f->raw_colour, 3 * N);
-    draw(f, f->image, &f->p, view);
-    assert_int_equal(saga_loss_picture(&out, d_image, &f->loss_work, f->image,
-                                       f->target[view], NULL, W, H, &weights),
-                     0);
+    draw(f, &f->p, view);
+    memcpy(f->c.truth, f->target[view], sizeof f->target[view]);
+    assert_int_equal(saga_loss_picture(&out, &f->c, f->c.image, &weights), 0);
     return out;
 }
 
@@ -146,19 +142,14 @@ static void train(fit *f, int from, int to)
     int step;
 
     for (step = from; step < to; step++) {
-        saga_splat_camera cam;
         int view = (int)saga_rng_below(r, (uint64_t)step, VIEWS - TIMES);
 
         if (view / TIMES >= 4)
             view += TIMES;
-        cam = camera_of(view);
-        measure(f, view, f->d_image);
+        measure(f, view);
         memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
         memset(f->d_colour, 0, sizeof f->d_colour);
-        assert_int_equal(saga_splat_backward(&f->d, NULL, &f->work,
-                                             f->d_image, NULL, f->image,
-                                             f->trans, &f->p, time_of(view),
-                                             &cam, &f->rules), 0);
+        assert_int_equal(saga_splat_backward(&f->d, NULL, &f->c, &f->p), 0);
         saga_splat_colour_backward(f->d_colour, f->d.colour, f->raw_colour,
                                    3 * N, SAGA_CLAMP_INWARD);
         adam_step(f, (uint64_t)step + 1);
@@ -173,7 +164,7 @@ static double mean_loss(fit *f, int held_out, double *psnr)
 
     for (i = 0; i < VIEWS; i++)
         if (is_held_out(i) == held_out) {
-            const saga_picture_loss out = measure(f, i, NULL);
+            const saga_picture_loss out = measure(f, i);
 
             sum += out.loss;
             mse += out.mse;

@@ -142,9 +142,7 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     saga_splat_camera cam = scene_camera(width, height, 0.15);
     saga_primitive *const prim = calloc(n, sizeof *prim);
     uint16_t *const rgb = calloc(3 * plane, sizeof *rgb);
-    real *const image = calloc(4 * plane, sizeof *image);
-    saga_splat_work work = { 0 };
-    saga_splat_rules rules;
+    saga_canvas canvas;
     saga_camera camera;
     double mse = 0, worst = 0;
     size_t i, c;
@@ -157,12 +155,13 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     camera = round_camera(&cam);
     assert_int_equal(saga_camera_check(&camera), SAGA_OK);
     draw_integers(rgb, prim, &p, n, 22937, &camera);
-    saga_splat_rules_default(&rules);
-    saga_splat_forward(image, image + 3 * plane, &work, &p, n,
-                       22937 / 65536.0f, &cam, &rules);
+    assert_int_equal(saga_canvas_init(&canvas, plane), 0);
+    canvas.camera = cam;
+    canvas.t = 22937 / 65536.0f;
+    assert_int_equal(saga_splat_forward(&canvas, &p, n), 0);
     for (i = 0; i < plane; i++)
         for (c = 0; c < 3; c++) {
-            const double d = (double)image[c * plane + i] -
+            const double d = (double)canvas.image[c * plane + i] -
                              rgb[3 * i + c] / 65535.0;
 
             mse += d * d / (double)(3 * plane);
@@ -170,13 +169,12 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
         }
     mse = -10 * log10(mse);
     printf("  %u primitives, %u visible, stretch 2^%g: %.1f dB, largest "
-           "difference %.2f of 255\n", n, work.n_visible, stretch, mse,
+           "difference %.2f of 255\n", n, canvas.splat.n_visible, stretch, mse,
            255 * worst);
-    saga_splat_free(&work);
+    saga_canvas_free(&canvas);
     scene_free(&p);
     free(prim);
     free(rgb);
-    free(image);
     return mse;
 }
 

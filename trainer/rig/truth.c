@@ -1,6 +1,24 @@
 /* SPDX-License-Identifier: MIT */
 #include "truth.h"
 
+size_t saga_truth_pixels(const saga_capture *c)
+{
+    size_t most = 0;
+
+    for (int i = 0; i < c->n_views; i++) {
+        const size_t n = (size_t)c->views[i].width *
+                         (size_t)c->views[i].height;
+
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
+int saga_truth_canvas(saga_canvas *canvas, const saga_capture *c)
+{
+    return saga_canvas_init(canvas, saga_truth_pixels(c));
+}
+
 void saga_truth_size(const saga_shot *view, int level, int *w, int *h)
 {
     *w = view->width >> level;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * One pass over strips of rows of a channel. Rows of x, x^2, x y (and y, y^2)
- * are blurred horizontally into a ring of 11 rows; a vertical sum over the
+ * One pass over strips of rows of a channel. Rows of x, x^2, x y, y and y^2 are
+ * blurred horizontally into a ring of 11 rows; a vertical sum over the
  * ring gives the window's means at one row, from them SSIM and its derivatives
  * to the means of x, x^2 and x y; these go through a second ring the same way,
  * since the window is symmetric and its adjoint is itself:
@@ -15,7 +15,6 @@
 
 #include "vec.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #ifdef _OPENMP
@@ -46,9 +45,7 @@ typedef struct {
     int width, padded, height;     /* padded: width up to whole vectors */
     int ya, yb;                    /* rows of the strip */
     const real *image, *truth;     /* (H, W) of the channel */
-    const real *mean_y, *mean_yy;  /* (H, W), or NULL */
-    real *blur_y, *blur_yy;        /* (H, W), where only these are wanted */
-    real *d_image;                 /* (H, W), or NULL */
+    real *d_image;                 /* (H, W) */
     real l1_unit, ssim_unit;       /* of the gradient, per pixel */
     double *row;                   /* (H, 3): sums of SSIM, L1, squares */
     real *zero, *in[N_MEANS], *map[N_MAPS], *out;
@@ -115,45 +112,18 @@ static void take_row(const strip *s, int y)
     const int slot = y % TAPS;
     int i, k;
 
+    put_row(s->in[X], s->image, y, s->width);
     put_row(s->in[Y], s->truth, y, s->width);
-    if (s->image) {
-        put_row(s->in[X], s->image, y, s->width);
-        for (i = 0; i < s->padded; i += VEC_LANES) {
-            const vec x = vec_load(s->in[X] + i);
-
-            vec_store(s->in[XX] + i, x * x);
-            vec_store(s->in[XY] + i, x * vec_load(s->in[Y] + i));
-        }
-        for (k = X; k <= XY; k++)
-            blur_row(s->means[k][slot], s->in[k], s->padded);
-    }
-    if (s->mean_y)
-        return;
     for (i = 0; i < s->padded; i += VEC_LANES) {
+        const vec x_i = vec_load(s->in[X] + i);
         const vec y_i = vec_load(s->in[Y] + i);
 
+        vec_store(s->in[XX] + i, x_i * x_i);
+        vec_store(s->in[XY] + i, x_i * y_i);
         vec_store(s->in[YY] + i, y_i * y_i);
     }
-    for (k = Y; k <= YY; k++)
+    for (k = 0; k < N_MEANS; k++)
         blur_row(s->means[k][slot], s->in[k], s->padded);
-}
-
-/* Means of y and y^2 at row y, into in[Y] and in[YY]. */
-static void truth_means(const strip *s, int y)
-{
-    real *rows[TAPS];
-    int i, k;
-
-    if (s->mean_y) {
-        put_row(s->in[Y], s->mean_y, y, s->width);
-        put_row(s->in[YY], s->mean_yy, y, s->width);
-        return;
-    }
-    for (k = Y; k <= YY; k++) {
-        window_rows(rows, s->means[k], s, y);
-        for (i = 0; i < s->padded; i += VEC_LANES)
-            vec_store(s->in[k] + i, blur_column(rows, i));
-    }
 }
 
 /* Means of x, x^2, x y, y, y^2 of a vector of pixels to SSIM and the
@@ -185,31 +155,25 @@ static inline veci inside(const strip *s, int i)
 
 static void map_row(const strip *s, int y)
 {
-    real *rows[XY + 1][TAPS];
+    real *rows[N_MEANS][TAPS];
     vec total = vec_zero();
     int i, k;
 
-    truth_means(s, y);
-    for (k = X; k <= XY; k++)
+    for (k = 0; k < N_MEANS; k++)
         window_rows(rows[k], s->means[k], s, y);
     for (i = 0; i < s->padded; i += VEC_LANES) {
         const veci mask = inside(s, i);
         vec mean[N_MEANS], d[N_MAPS];
 
-        mean[X] = blur_column(rows[X], i);
-        mean[XX] = blur_column(rows[XX], i);
-        mean[XY] = blur_column(rows[XY], i);
-        mean[Y] = vec_load(s->in[Y] + i);
-        mean[YY] = vec_load(s->in[YY] + i);
+        for (k = 0; k < N_MEANS; k++)
+            mean[k] = blur_column(rows[k], i);
         total += vec_and(mask, ssim_of(d, mean));
         for (k = 0; k < N_MAPS; k++)
             vec_store(s->map[k] + i, vec_and(mask, d[k]));
     }
-    memset(s->in[Y] + s->width, 0,
-           (size_t)(s->padded - s->width) * sizeof(real));
     if (y >= s->ya && y < s->yb)
         s->row[3 * y] = (double)vec_sum(total);
-    for (k = 0; k < N_MAPS && s->d_image; k++)
+    for (k = 0; k < N_MAPS; k++)
         blur_row(s->maps[k][y % TAPS], s->map[k], s->padded);
 }
 
@@ -230,7 +194,7 @@ static void gradient_row(const strip *s, int y, int with_ssim)
 
     put_row(s->in[X], s->image, y, s->width);
     put_row(s->in[Y], s->truth, y, s->width);
-    for (k = 0; k < N_MAPS && with_ssim && s->d_image; k++)
+    for (k = 0; k < N_MAPS && with_ssim; k++)
         window_rows(rows[k], s->maps[k], s, y);
     for (i = 0; i < s->padded; i += VEC_LANES) {
         const vec x = vec_load(s->in[X] + i);
@@ -241,8 +205,6 @@ static void gradient_row(const strip *s, int y, int with_ssim)
 
         l1 += sign * d;
         squares = vec_fma(d, d, squares);
-        if (!s->d_image)
-            continue;
         if (with_ssim) {
             vec b = vec_fma(y_i, blur_column(rows[D_XY], i),
                             blur_column(rows[D_X], i));
@@ -254,9 +216,8 @@ static void gradient_row(const strip *s, int y, int with_ssim)
     }
     s->row[3 * y + 1] = (double)vec_sum(l1);
     s->row[3 * y + 2] = (double)vec_sum(squares);
-    if (s->d_image)
-        memcpy(s->d_image + (size_t)y * (size_t)s->width, s->out,
-               (size_t)s->width * sizeof(real));
+    memcpy(s->d_image + (size_t)y * (size_t)s->width, s->out,
+           (size_t)s->width * sizeof(real));
 }
 
 /* Rows are taken REACH ahead of the map, which runs REACH ahead of the
@@ -286,27 +247,6 @@ static void run_plain_strip(const strip *s)
     for (y = s->ya; y < s->yb; y++) {
         s->row[3 * y] = s->width;
         gradient_row(s, y, 0);
-    }
-}
-
-/* Blurs of y alone. */
-static void run_truth_strip(const strip *s)
-{
-    int y;
-
-    for (y = s->ya - REACH; y < s->yb + REACH; y++) {
-        const int row = y - REACH;
-        const size_t at = (size_t)row * (size_t)s->width;
-
-        if (y >= 0 && y < s->height)
-            take_row(s, y);
-        if (row < s->ya)
-            continue;
-        truth_means(s, row);
-        memcpy(s->blur_y + at, s->in[Y], (size_t)s->width * sizeof(real));
-        memcpy(s->blur_yy + at, s->in[YY], (size_t)s->width * sizeof(real));
-        memset(s->in[Y] + s->width, 0,
-               (size_t)(s->padded - s->width) * sizeof(real));
     }
 }
 
@@ -355,16 +295,6 @@ static int n_strips(int height)
     return n < most ? n : most;
 }
 
-static int grow(void **p, size_t *cap, size_t nbytes)
-{
-    if (nbytes <= *cap)
-        return 0;
-    free(*p);
-    *p = malloc(nbytes);
-    *cap = *p ? nbytes : 0;
-    return *p ? 0 : -1;
-}
-
 /* Runs `stage` on strips of the three channels; `all` has planes of the first
  * channel. */
 static int run_strips(saga_loss_work *work, const strip *all,
@@ -375,7 +305,8 @@ static int run_strips(saga_loss_work *work, const strip *all,
     const size_t plane = (size_t)all->width * (size_t)all->height;
     int job;
 
-    if (grow((void **)&work->strip, &work->cap[0], 3 * (size_t)n * nbytes))
+    if (saga_canvas_grow((void **)&work->strip, &work->cap[0],
+                         3 * (size_t)n * nbytes))
         return -1;
 #pragma omp parallel for schedule(dynamic, 1)
     for (job = 0; job < 3 * n; job++) {
@@ -384,73 +315,38 @@ static int run_strips(saga_loss_work *work, const strip *all,
 
         s.ya = s.height * (job % n) / n;
         s.yb = s.height * (job % n + 1) / n;
-        s.image = s.image ? s.image + skip : NULL;
+        s.image += skip;
         s.truth += skip;
-        s.mean_y = s.mean_y ? s.mean_y + skip : NULL;
-        s.mean_yy = s.mean_yy ? s.mean_yy + skip : NULL;
-        s.blur_y = s.blur_y ? s.blur_y + skip : NULL;
-        s.blur_yy = s.blur_yy ? s.blur_yy + skip : NULL;
-        s.d_image = s.d_image ? s.d_image + skip : NULL;
-        s.row = s.row ? s.row + 3 * (job / n) * s.height : NULL;
+        s.d_image += skip;
+        s.row += 3 * (job / n) * s.height;
         place_rows(&s, work->strip + (size_t)job * (nbytes / sizeof(real)));
         stage(&s);
     }
     return 0;
 }
 
-static strip whole(const real *truth, int width, int height)
+int saga_loss_picture(saga_picture_loss *out, saga_canvas *canvas,
+                      const real *image, const saga_loss_weights *weights)
 {
-    strip s;
-
-    memset(&s, 0, sizeof s);
-    s.width = width;
-    s.padded = (int)(row_stride(width) - 2 * MARGIN);
-    s.height = height;
-    s.truth = truth;
-    return s;
-}
-
-void saga_loss_free(saga_loss_work *work)
-{
-    free(work->strip);
-    free(work->row);
-    memset(work, 0, sizeof *work);
-}
-
-int saga_loss_blur_truth(real *blurs, saga_loss_work *work, const real *truth,
-                         int width, int height)
-{
-    strip s = whole(truth, width, height);
-
-    s.blur_y = blurs;
-    s.blur_yy = blurs + 3 * (size_t)width * (size_t)height;
-    return run_strips(work, &s, run_truth_strip);
-}
-
-int saga_loss_picture(saga_picture_loss *out, real *d_image,
-                      saga_loss_work *work, const real *image,
-                      const real *truth, const real *blurs, int width,
-                      int height, const saga_loss_weights *weights)
-{
-    const size_t n = 3 * (size_t)width * (size_t)height;
-    strip s = whole(truth, width, height);
+    const int w = canvas->camera.width, h = canvas->camera.height;
+    const size_t n = 3 * (size_t)w * (size_t)h;
+    saga_loss_work *const work = &canvas->loss;
     double sum[3] = { 0 };
+    strip s = {
+        .width = w, .padded = (int)(row_stride(w) - 2 * MARGIN), .height = h,
+        .image = image, .truth = canvas->truth, .d_image = canvas->d_image,
+        .l1_unit = weights->l1 / R(n), .ssim_unit = -weights->dssim / R(n)
+    };
     size_t i;
 
-    if (grow((void **)&work->row, &work->cap[1],
-             9 * (size_t)height * sizeof *work->row))
+    if (saga_canvas_grow((void **)&work->row, &work->cap[1],
+                         9 * (size_t)h * sizeof *work->row))
         return -1;
-    s.image = image;
-    s.mean_y = blurs;
-    s.mean_yy = blurs ? blurs + n : NULL;
-    s.d_image = d_image;
-    s.l1_unit = weights->l1 / R(n);
-    s.ssim_unit = -weights->dssim / R(n);
     s.row = work->row;
     if (run_strips(work, &s, weights->dssim > 0 ? run_strip
                                                 : run_plain_strip))
         return -1;
-    for (i = 0; i < 9 * (size_t)height; i++)
+    for (i = 0; i < 9 * (size_t)h; i++)
         sum[i % 3] += work->row[i];
     out->ssim = weights->dssim > 0 ? sum[0] / (double)n : 0;
     out->l1 = sum[1] / (double)n;

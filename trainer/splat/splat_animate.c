@@ -137,28 +137,27 @@ static real opacity_backward(saga_splat_params *d, real d_q0,
 }
 
 void saga_splat_animate_backward(saga_splat_params *d,
-                                 const saga_splat_posed *d_out,
-                                 const real *used, const saga_splat_params *p,
-                                 uint32_t n, real t,
-                                 const saga_splat_rules *rules)
+                                 const saga_canvas *c,
+                                 const saga_splat_params *p)
 {
+    const saga_splat_posed *const d_out = &c->splat.d_posed;
     int64_t j;
 
 #pragma omp parallel for schedule(static)
-    for (j = 0; j < (int64_t)n; j++) {
+    for (j = 0; j < (int64_t)c->splat.n; j++) {
         const size_t i = (size_t)j;
-        const real dt = elapsed(p, i, t);
+        const real dt = elapsed(p, i, c->t);
         real d_dt, d_pose;
         size_t a;
 
-        if (used && used[i] == 0)
+        if (c->splat.extent[i] == 0)
             continue;
         for (a = 0; a < 3; a++)
             d->mean[3 * i + a] += d_out->mean[3 * i + a];
         d_pose = motion_backward(d, d_out->mean + 3 * i, p, i, dt);
         d_pose += quat_backward(d, d_out->quat + 4 * i, p, i, dt);
         d_dt = opacity_backward(d, d_out->q0[i], p, i, dt);
-        if (!rules->detach_time)
+        if (!c->rules.detach_time)
             d_dt += d_pose;
         if (d->t_centre)
             d->t_centre[i] -= d_dt;

@@ -16,12 +16,10 @@ void saga_splat_animate_forward(saga_splat_posed *out,
                                 const saga_splat_params *p, uint32_t n,
                                 real t);
 
-/* Adds to d; d_out's primitives with used[i] == 0 have no gradient and are
- * skipped (used: NULL, or the extents of the projection). */
+/* Adds to d, given canvas->splat.d_posed; primitives that the canvas does not
+ * show have no gradient and are skipped. */
 void saga_splat_animate_backward(saga_splat_params *d,
-                                 const saga_splat_posed *d_out,
-                                 const real *used, const saga_splat_params *p,
-                                 uint32_t n, real t,
-                                 const saga_splat_rules *rules);
+                                 const saga_canvas *canvas,
+                                 const saga_splat_params *p);
 
 #endif

@@ -187,17 +187,18 @@ static real bound(saga_splat_2d *o, const covariance *v, real rest,
     return sqrt(big * rest / K);
 }
 
-static real project_one(saga_splat_2d *o, const saga_splat_posed *posed,
-                        const saga_splat_params *p, size_t i,
-                        const saga_splat_camera *cam,
-                        const saga_splat_rules *rules)
+static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
+                        const saga_splat_params *p, size_t i)
 {
+    const saga_splat_posed *const posed = &canvas->splat.posed;
+    const saga_splat_camera *const cam = &canvas->camera;
+    const real cut = canvas->rules.cut;
     shape s;
     covariance v;
     size_t a;
 
     *o = (saga_splat_2d){ 0 };
-    if (!(posed->q0[i] < rules->cut))
+    if (!(posed->q0[i] < cut))
         return 0;
     if (!project_mean(o->mean, &s, posed->mean + 3 * i, cam))
         return 0;
@@ -212,20 +213,18 @@ static real project_one(saga_splat_2d *o, const saga_splat_posed *posed,
     o->depth = s.view[2];
     for (a = 0; a < 3; a++)
         o->colour[a] = p->colour[3 * i + a];
-    return bound(o, &v, rules->cut - o->q0, cam);
+    return bound(o, &v, cut - o->q0, cam);
 }
 
-void saga_splat_project_forward(saga_splat_2d *out, real *extent,
-                                const saga_splat_posed *posed,
-                                const saga_splat_params *p, uint32_t n,
-                                const saga_splat_camera *cam,
-                                const saga_splat_rules *rules)
+void saga_splat_project_forward(saga_canvas *canvas,
+                                const saga_splat_params *p)
 {
+    saga_splat_work *const w = &canvas->splat;
     int64_t i;
 
 #pragma omp parallel for schedule(static)
-    for (i = 0; i < (int64_t)n; i++)
-        extent[i] = project_one(out + i, posed, p, (size_t)i, cam, rules);
+    for (i = 0; i < (int64_t)w->n; i++)
+        w->extent[i] = project_one(w->splat + i, canvas, p, (size_t)i);
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -352,23 +351,22 @@ static void mean_backward(real *d_mean, const real *d_mean2d,
 }
 
 /* A splat that was shrunk to ROW_MAX has no gradient to its shape. */
-static void project_one_backward(saga_splat_posed *d_posed,
-                                 saga_splat_params *d,
+static void project_one_backward(saga_splat_params *d,
                                  const splat_gradient *ds,
-                                 const saga_splat_work *work, size_t i,
-                                 const saga_splat_params *p,
-                                 const saga_splat_camera *cam)
+                                 saga_canvas *canvas, size_t i,
+                                 const saga_splat_params *p)
 {
-    const real *const quat = work->posed.quat + 4 * i;
+    const saga_splat_work *const work = &canvas->splat;
+    const saga_splat_posed *const d_posed = &work->d_posed;
     const real *const log2_scale = p->log2_scale + 3 * i;
     real dt[2][3] = { { 0 } }, d_row[2][3] = { { 0 } };
     real mean[2];
     shape s;
     size_t a;
 
-    if (!project_mean(mean, &s, work->posed.mean + 3 * i, cam))
+    if (!project_mean(mean, &s, work->posed.mean + 3 * i, &canvas->camera))
         return;
-    project_shape(&s, quat, log2_scale, cam);
+    project_shape(&s, work->posed.quat + 4 * i, log2_scale, &canvas->camera);
     for (a = 0; a < 4; a++)
         d_posed->quat[4 * i + a] = 0;
     if (s.shrink == 1) {
@@ -376,7 +374,8 @@ static void project_one_backward(saga_splat_posed *d_posed,
         shape_backward(d_posed->quat + 4 * i, d->log2_scale + 3 * i, d_row, dt,
                        &s, log2_scale);
     }
-    mean_backward(d_posed->mean + 3 * i, ds->mean, d_row, &s, cam);
+    mean_backward(d_posed->mean + 3 * i, ds->mean, d_row, &s,
+                  &canvas->camera);
     d_posed->q0[i] = ds->q0;
     for (a = 0; a < 3; a++)
         d->colour[3 * i + a] += ds->colour[a];
@@ -396,13 +395,12 @@ static void note(saga_splat_stats *st, const splat_gradient *d, size_t i,
         st->seen[i]++;
 }
 
-void saga_splat_project_backward(saga_splat_posed *d_posed,
-                                 saga_splat_params *d,
+void saga_splat_project_backward(saga_splat_params *d,
                                  saga_splat_stats *stats,
-                                 const saga_splat_work *work,
-                                 const saga_splat_params *p,
-                                 const saga_splat_camera *cam)
+                                 saga_canvas *canvas,
+                                 const saga_splat_params *p)
 {
+    const saga_splat_work *const work = &canvas->splat;
     int64_t j;
 
 #pragma omp parallel for schedule(static)
@@ -413,7 +411,7 @@ void saga_splat_project_backward(saga_splat_posed *d_posed,
         if (work->extent[i] == 0)
             continue;
         gather(&ds, work, i);
-        project_one_backward(d_posed, d, &ds, work, i, p, cam);
+        project_one_backward(d, &ds, canvas, i, p);
         if (stats)
             note(stats, &ds, i, work->extent[i]);
     }

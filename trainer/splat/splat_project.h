@@ -11,22 +11,17 @@
 #define saga_splat_project_forward SAGA_REAL_NAME(saga_splat_project_forward)
 #define saga_splat_project_backward SAGA_REAL_NAME(saga_splat_project_backward)
 
-/* out[i] is empty (x1 = x0) and extent[i] 0 where a primitive is dropped or
- * misses the picture. */
-void saga_splat_project_forward(saga_splat_2d *out, real *extent,
-                                const saga_splat_posed *posed,
-                                const saga_splat_params *p, uint32_t n,
-                                const saga_splat_camera *cam,
-                                const saga_splat_rules *rules);
+/* From canvas->splat.posed to .splat and .extent, which are empty (x1 = x0)
+ * and 0 where a primitive is dropped or misses the picture. */
+void saga_splat_project_forward(saga_canvas *canvas,
+                                const saga_splat_params *p);
 
-/* Sums the records of work's visible splats in tile order and carries them
- * back: SETS d_posed of visible primitives, ADDS to d->log2_scale and
+/* Sums the records of visible splats in tile order and carries them back: SETS
+ * canvas->splat.d_posed of visible primitives, ADDS to d->log2_scale and
  * d->colour, and to stats (NULL: none). */
-void saga_splat_project_backward(saga_splat_posed *d_posed,
-                                 saga_splat_params *d,
+void saga_splat_project_backward(saga_splat_params *d,
                                  saga_splat_stats *stats,
-                                 const saga_splat_work *work,
-                                 const saga_splat_params *p,
-                                 const saga_splat_camera *cam);
+                                 saga_canvas *canvas,
+                                 const saga_splat_params *p);
 
 #endif

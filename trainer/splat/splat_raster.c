@@ -6,8 +6,7 @@
  * code in the same order, so the backward pass sees the forward's bits.
  *
  * Backward: with s = g.c (g = dL/dC), T before the splat and
- *   D = g.(C_final - what splats up to and including this one gave)
- *       + dL/dT_final T_final,
+ *   D = g.(C_final - what splats up to and including this one gave),
  *   dL/dalpha = T s - D / (1 - alpha),   dL/dq = -ln 2 alpha dL/dalpha
  * (0 where the cap holds), so nothing is stored per splat and pixel.
  */
@@ -132,8 +131,7 @@ static void blend(tile *t, const saga_splat_2d *o, const limits *l, real cut)
     }
 }
 
-static void put_tile(real *image, real *trans, const tile *t,
-                     const saga_splat_camera *cam)
+static void put_tile(real *image, const tile *t, const saga_splat_camera *cam)
 {
     const size_t plane = (size_t)cam->width * (size_t)cam->height;
     int c, x, y;
@@ -142,8 +140,6 @@ static void put_tile(real *image, real *trans, const tile *t,
         const size_t to = (size_t)(t->y0 + y) * (size_t)cam->width +
                           (size_t)t->x0;
 
-        for (x = 0; x < t->width; x++)
-            trans[to + (size_t)x] = t->trans[y * TILE + x];
         for (c = 0; c < 3; c++)
             for (x = 0; x < t->width; x++)
                 image[(size_t)c * plane + to + (size_t)x] =
@@ -152,39 +148,40 @@ static void put_tile(real *image, real *trans, const tile *t,
     }
 }
 
-static void draw_tile(real *image, real *trans, const saga_splat_work *work,
-                      size_t index, const saga_splat_camera *cam,
-                      const saga_splat_rules *rules)
+static void draw_tile(saga_canvas *canvas, size_t index)
 {
-    const limits l = limits_of(rules);
+    const saga_splat_work *const work = &canvas->splat;
+    const limits l = limits_of(&canvas->rules);
     const size_t begin = work->tile_begin[index];
     const size_t end = work->tile_begin[index + 1];
     tile t;
     size_t e;
 
-    place(&t, work, index, cam);
+    place(&t, work, index, &canvas->camera);
     clear_trans(&t);
     memset(t.colour, 0, sizeof t.colour);
     for (e = begin; e < end; e++) {
         if ((e - begin) % CHECK_EVERY == CHECK_EVERY - 1 &&
             all_finished(&t, l.floor))
             break;
-        blend(&t, work->splat + work->pair[e].splat, &l, rules->cut);
+        blend(&t, work->splat + work->pair[e].splat, &l, canvas->rules.cut);
     }
-    put_tile(image, trans, &t, cam);
+    put_tile(canvas->image, &t, &canvas->camera);
 }
 
-void saga_splat_raster_forward(real *image, real *trans,
-                               const saga_splat_work *work,
-                               const saga_splat_camera *cam,
-                               const saga_splat_rules *rules)
+static int64_t n_tiles(const saga_splat_work *work)
 {
-    const int64_t n = (int64_t)work->n_tiles_x * work->n_tiles_y;
+    return (int64_t)work->n_tiles_x * work->n_tiles_y;
+}
+
+void saga_splat_raster_forward(saga_canvas *canvas)
+{
+    const int64_t n = n_tiles(&canvas->splat);
     int64_t i;
 
 #pragma omp parallel for schedule(dynamic, 4)
     for (i = 0; i < n; i++)
-        draw_tile(image, trans, work, (size_t)i, cam, rules);
+        draw_tile(canvas, (size_t)i);
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -261,10 +258,9 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
 }
 
 /* dL/dC, and D before the first splat. Pixels outside the picture are zero. */
-static void get_tile(tile *t, const real *d_image, const real *d_trans,
-                     const real *image, const real *trans,
-                     const saga_splat_camera *cam)
+static void get_tile(tile *t, const saga_canvas *canvas)
 {
+    const saga_splat_camera *const cam = &canvas->camera;
     const size_t plane = (size_t)cam->width * (size_t)cam->height;
     int c, x, y;
 
@@ -275,51 +271,51 @@ static void get_tile(tile *t, const real *d_image, const real *d_trans,
                             (size_t)t->x0;
         real *const rest = t->rest + y * TILE;
 
-        for (x = 0; d_trans && x < t->width; x++)
-            rest[x] = d_trans[from + (size_t)x] * trans[from + (size_t)x];
         for (c = 0; c < 3; c++)
             for (x = 0; x < t->width; x++) {
                 const size_t i = (size_t)c * plane + from + (size_t)x;
 
-                t->colour[c][y * TILE + x] = d_image[i];
-                rest[x] += d_image[i] * image[i];
+                t->colour[c][y * TILE + x] = canvas->d_image[i];
+                rest[x] += canvas->d_image[i] * canvas->image[i];
             }
     }
 }
 
-void saga_splat_raster_backward(real *record, const saga_splat_work *work,
-                                const real *d_image, const real *d_trans,
-                                const real *image, const real *trans,
-                                const saga_splat_camera *cam,
-                                const saga_splat_rules *rules)
+static void tile_backward(saga_canvas *canvas, size_t index)
 {
-    const limits l = limits_of(rules);
-    const int64_t n = (int64_t)work->n_tiles_x * work->n_tiles_y;
+    saga_splat_work *const work = &canvas->splat;
+    const limits l = limits_of(&canvas->rules);
+    const size_t begin = work->tile_begin[index];
+    const size_t end = work->tile_begin[index + 1];
+    int finished = 0;
+    tile t;
+    size_t e;
+
+    if (begin == end)
+        return;
+    place(&t, work, index, &canvas->camera);
+    clear_trans(&t);
+    get_tile(&t, canvas);
+    for (e = begin; e < end; e++) {
+        real *const r = work->record +
+                        (size_t)work->pair[e].slot * SAGA_N_SUMS;
+
+        if ((e - begin) % CHECK_EVERY == CHECK_EVERY - 1 && !finished)
+            finished = all_finished(&t, l.floor);
+        if (finished)
+            memset(r, 0, SAGA_N_SUMS * sizeof *r);
+        else
+            blend_backward(r, &t, work->splat + work->pair[e].splat, &l,
+                           canvas->rules.cut);
+    }
+}
+
+void saga_splat_raster_backward(saga_canvas *canvas)
+{
+    const int64_t n = n_tiles(&canvas->splat);
     int64_t i;
 
 #pragma omp parallel for schedule(dynamic, 4)
-    for (i = 0; i < n; i++) {
-        const size_t begin = work->tile_begin[i];
-        const size_t end = work->tile_begin[i + 1];
-        int finished = 0;
-        tile t;
-        size_t e;
-
-        if (begin == end)
-            continue;
-        place(&t, work, (size_t)i, cam);
-        clear_trans(&t);
-        get_tile(&t, d_image, d_trans, image, trans, cam);
-        for (e = begin; e < end; e++) {
-            real *const r = record + (size_t)work->pair[e].slot * SAGA_N_SUMS;
-
-            if ((e - begin) % CHECK_EVERY == CHECK_EVERY - 1 && !finished)
-                finished = all_finished(&t, l.floor);
-            if (finished)
-                memset(r, 0, SAGA_N_SUMS * sizeof *r);
-            else
-                blend_backward(r, &t, work->splat + work->pair[e].splat, &l,
-                               rules->cut);
-        }
-    }
+    for (i = 0; i < n; i++)
+        tile_backward(canvas, (size_t)i);
 }

@@ -13,17 +13,11 @@
 #define saga_splat_raster_forward SAGA_REAL_NAME(saga_splat_raster_forward)
 #define saga_splat_raster_backward SAGA_REAL_NAME(saga_splat_raster_backward)
 
-/* work holds splats and lists. image (3, H, W), trans (H, W). */
-void saga_splat_raster_forward(real *image, real *trans,
-                               const saga_splat_work *work,
-                               const saga_splat_camera *cam,
-                               const saga_splat_rules *rules);
+/* From canvas->splat's splats and lists to canvas->image. */
+void saga_splat_raster_forward(saga_canvas *canvas);
 
-/* SETS record[n_pairs][SAGA_N_SUMS], every one of them. d_trans: NULL is 0. */
-void saga_splat_raster_backward(real *record, const saga_splat_work *work,
-                                const real *d_image, const real *d_trans,
-                                const real *image, const real *trans,
-                                const saga_splat_camera *cam,
-                                const saga_splat_rules *rules);
+/* SETS canvas->splat.record[n_pairs][SAGA_N_SUMS], every one of them, given
+ * canvas->d_image and the image that was drawn. */
+void saga_splat_raster_backward(saga_canvas *canvas);
 
 #endif

@@ -54,9 +54,9 @@ static int sort_by_depth(saga_splat_work *work)
     depth_key *a, *b;
     uint32_t i, n = 0;
 
-    if (saga_splat_grow(&work->scratch[0], &work->cap[10], nbytes) ||
-        saga_splat_grow(&work->scratch[1], &work->cap[11], nbytes) ||
-        saga_splat_grow((void **)&work->order, &work->cap[5],
+    if (saga_canvas_grow(&work->scratch[0], &work->cap[10], nbytes) ||
+        saga_canvas_grow(&work->scratch[1], &work->cap[11], nbytes) ||
+        saga_canvas_grow((void **)&work->order, &work->cap[5],
                         work->n * sizeof *work->order))
         return -1;
     a = work->scratch[0];
@@ -226,7 +226,7 @@ static int fill_lists(saga_splat_work *work, size_t n_tiles, real cut)
     uint32_t i;
     int part;
 
-    if (saga_splat_grow(&work->scratch[2], &work->cap[12], count_nbytes))
+    if (saga_canvas_grow(&work->scratch[2], &work->cap[12], count_nbytes))
         return -1;
     count = work->scratch[2];
     memset(count, 0, count_nbytes);
@@ -238,7 +238,7 @@ static int fill_lists(saga_splat_work *work, size_t n_tiles, real cut)
         work->slot_begin[i + 1] += work->slot_begin[i];
     work->n_pairs = prefix_tiles(count, work, n_tiles, n_parts);
     if (work->n_pairs > UINT32_MAX ||
-        saga_splat_grow((void **)&work->pair, &work->cap[7],
+        saga_canvas_grow((void **)&work->pair, &work->cap[7],
                         work->n_pairs * sizeof *work->pair))
         return -1;
 #pragma omp parallel for schedule(static, 1)
@@ -247,19 +247,19 @@ static int fill_lists(saga_splat_work *work, size_t n_tiles, real cut)
     return 0;
 }
 
-int saga_splat_tiles(saga_splat_work *work, const saga_splat_camera *cam,
-                     real cut)
+int saga_splat_tiles(saga_canvas *canvas)
 {
+    saga_splat_work *const work = &canvas->splat;
     size_t n_tiles;
 
-    work->n_tiles_x = (uint32_t)ceil_tile(cam->width);
-    work->n_tiles_y = (uint32_t)ceil_tile(cam->height);
+    work->n_tiles_x = (uint32_t)ceil_tile(canvas->camera.width);
+    work->n_tiles_y = (uint32_t)ceil_tile(canvas->camera.height);
     n_tiles = (size_t)work->n_tiles_x * work->n_tiles_y;
     if (sort_by_depth(work) ||
-        saga_splat_grow((void **)&work->slot_begin, &work->cap[6],
-                        (work->n + 1u) * sizeof *work->slot_begin) ||
-        saga_splat_grow((void **)&work->tile_begin, &work->cap[8],
-                        (n_tiles + 1) * sizeof *work->tile_begin))
+        saga_canvas_grow((void **)&work->slot_begin, &work->cap[6],
+                         (work->n + 1u) * sizeof *work->slot_begin) ||
+        saga_canvas_grow((void **)&work->tile_begin, &work->cap[8],
+                         (n_tiles + 1) * sizeof *work->tile_begin))
         return -1;
-    return fill_lists(work, n_tiles, cut);
+    return fill_lists(work, n_tiles, canvas->rules.cut);
 }

@@ -11,9 +11,8 @@ enum { SAGA_SPLAT_TILE = 16 };
 
 #define saga_splat_tiles SAGA_REAL_NAME(saga_splat_tiles)
 
-/* From work->splat, ->extent and ->n: fills order, slot_begin, pair,
- * tile_begin and the counts. cut is the rule's. Returns 0 or -1. */
-int saga_splat_tiles(saga_splat_work *work, const saga_splat_camera *cam,
-                     real cut);
+/* From canvas->splat's splat, extent and n: fills its order, slot_begin, pair,
+ * tile_begin and the counts. Returns 0 or -1. */
+int saga_splat_tiles(saga_canvas *canvas);
 
 #endif

@@ -3,6 +3,7 @@
 
 #include "regress.h"
 #include "rng.h"
+#include "truth.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -29,7 +30,7 @@ enum {
 saga_fit_options saga_fit_defaults(void)
 {
     const saga_fit_options o = {
-        .n_regress = 1500, .n_render = 6000, .n_views = 1, .seed = 1,
+        .n_regress = 1500, .n_render = 6000, .seed = 1,
         .eta = R(0.2), .lambda = R(0.0005), .lambda_a = R(0.05), .rate = 1
     };
 
@@ -38,23 +39,8 @@ saga_fit_options saga_fit_defaults(void)
 
 /* --- Memory -------------------------------------------------------------- */
 
-static size_t largest_picture(const saga_capture *c)
-{
-    size_t most = 0;
-    int i;
-
-    for (i = 0; i < c->n_views; i++) {
-        const size_t n = (size_t)c->views[i].width *
-                         (size_t)c->views[i].height;
-
-        most = n > most ? n : most;
-    }
-    return most;
-}
-
 static int alloc_all(saga_fit *f)
 {
-    const size_t pixels = largest_picture(f->capture);
     const saga_scene *const s = f->scene;
 
     f->range = calloc(2 * (size_t)f->capture->n_views, sizeof *f->range);
@@ -66,13 +52,9 @@ static int alloc_all(saga_fit *f)
     f->support = calloc(4 * (size_t)s->n.fine + 1, sizeof *f->support);
     f->m = calloc(s->n_reals, sizeof *f->m);
     f->v = calloc(s->n_reals, sizeof *f->v);
-    f->image = calloc(3 * pixels, sizeof *f->image);
-    f->trans = calloc(pixels, sizeof *f->trans);
-    f->truth = calloc(3 * pixels, sizeof *f->truth);
-    f->d_image = calloc(3 * pixels, sizeof *f->d_image);
     return f->range && f->train && f->weight && f->feature &&
            f->position && f->support && f->m && f->v &&
-           f->image && f->trans && f->truth && f->d_image;
+           !saga_truth_canvas(&f->canvas, f->capture);
 }
 
 /* Small random features: the networks must be able to tell anchors apart, and
@@ -101,34 +83,33 @@ static void start_networks(saga_scene *s)
                                     R(0.3));
 }
 
+static void aim(saga_fit *f, int view, int frame)
+{
+    saga_camera_float(&f->canvas.camera, &f->capture->views[view], &f->cube,
+                      f->range[2 * view], 0);
+    f->canvas.t = R(frame) / R(f->capture->n_frames);
+}
+
 /* The importance of the target's primitives: the roots of their shares of the
  * pictures (of blending weights), mean 1, over a sample of the pictures. */
 static saga_fit_status measure_importance(saga_fit *f)
 {
+    /* The canvas is as it was made: its gradient is 0, and the weights count
+     * all the same. */
+    saga_canvas *const c = &f->canvas;
     enum { N_PICTURES = 48, STRIDE = 7 };
     const size_t n = f->scene->n.prim;
     saga_splat_stats stats = { .weight = f->weight };
     double sum = 0, mean = 0;
-    saga_splat_rules rules;
     size_t i;
     int k;
 
-    saga_splat_rules_default(&rules);
     for (k = 0; k < N_PICTURES; k++) {
         const int view = f->train[k % f->n_train];
-        const saga_shot *const v = &f->capture->views[view];
-        const real t = R(STRIDE * k % f->capture->n_frames) /
-                       R(f->capture->n_frames);
-        saga_splat_camera cam;
 
-        saga_camera_float(&cam, v, &f->cube, f->range[2 * view], 0);
-        memset(f->d_image, 0, 3 * (size_t)v->width * (size_t)v->height *
-               sizeof *f->d_image);
-        if (saga_splat_forward(f->image, f->trans, &f->splat, &f->target,
-                               f->scene->n.prim, t, &cam, &rules) ||
-            saga_splat_backward(&f->twin.d_attr, &stats, &f->splat, f->d_image,
-                                NULL, f->image, f->trans, &f->target, t, &cam,
-                                &rules))
+        aim(f, view, STRIDE * k % f->capture->n_frames);
+        if (saga_splat_forward(c, &f->target, (uint32_t)n) ||
+            saga_splat_backward(&f->twin.d_attr, &stats, c, &f->target))
             return SAGA_FIT_MEMORY;
     }
     for (i = 0; i < n; i++)
@@ -220,8 +201,7 @@ void saga_fit_free(saga_fit *f)
     saga_twin_free(&f->twin);
     saga_rate_free(&f->rate);
     saga_scene_free(&f->grad);
-    saga_splat_free(&f->splat);
-    saga_loss_free(&f->loss);
+    saga_canvas_free(&f->canvas);
     free(f->range);
     free(f->train);
     free(f->weight);
@@ -231,10 +211,6 @@ void saga_fit_free(saga_fit *f)
     free(f->params);
     free(f->m);
     free(f->v);
-    free(f->image);
-    free(f->trans);
-    free(f->truth);
-    free(f->d_image);
     free(f);
 }
 
@@ -465,37 +441,24 @@ static void load_truth(saga_fit *f, int view, int frame)
 
     for (k = 0; k < 3; k++)
         for (i = 0; i < n; i++)
-            f->truth[k * n + i] = R(rgb[3 * i + k]) / 255;
+            f->canvas.truth[k * n + i] = R(rgb[3 * i + k]) / 255;
 }
 
 /* One picture: adds to the twin's gradients. */
 static saga_fit_status picture_step(saga_fit *f, int view, int frame,
                                     saga_picture_loss *out)
 {
-    const saga_shot *const v = &f->capture->views[view];
     const saga_loss_weights weights = saga_loss_paper(f->o.eta);
-    const real t = R(frame) / R(f->capture->n_frames);
-    saga_splat_camera cam;
-    saga_splat_rules rules;
-    size_t i;
+    saga_canvas *const c = &f->canvas;
 
-    saga_splat_rules_default(&rules);
-    saga_camera_float(&cam, v, &f->cube, f->range[2 * view], 0);
+    aim(f, view, frame);
     load_truth(f, view, frame);
-    if (saga_twin_colour(&f->twin, &f->used, cam.centre) ||
-        saga_splat_forward(f->image, f->trans, &f->splat, &f->twin.attr,
-                           f->scene->n.prim, t, &cam, &rules) ||
-        saga_loss_picture(out, f->d_image, &f->loss, f->image, f->truth, NULL,
-                          v->width, v->height, &weights))
-        return SAGA_FIT_MEMORY;
-    for (i = 0; i < 3 * (size_t)v->width * (size_t)v->height; i++)
-        f->d_image[i] /= R(f->o.n_views);
-    if (saga_splat_backward(&f->twin.d_attr, NULL, &f->splat, f->d_image, NULL,
-                            f->image, f->trans, &f->twin.attr, t, &cam,
-                            &rules) ||
-        saga_twin_colour_backward(&f->twin, &f->grad, &f->used))
-        return SAGA_FIT_MEMORY;
-    return SAGA_FIT_OK;
+    return saga_twin_colour(&f->twin, &f->used, c->camera.centre) ||
+           saga_splat_forward(c, &f->twin.attr, f->scene->n.prim) ||
+           saga_loss_picture(out, c, c->image, &weights) ||
+           saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr) ||
+           saga_twin_colour_backward(&f->twin, &f->grad, &f->used)
+        ? SAGA_FIT_MEMORY : SAGA_FIT_OK;
 }
 
 /* Once features are rounded, against the means that the entropy networks
@@ -509,27 +472,19 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     const uint32_t n_frames = (uint32_t)f->capture->n_frames;
     const real ramp = done < RAMP ? R(done + 1) / RAMP : 1;
     const real rate = ramp * f->o.rate * decay(done, f->o.n_render, R(0.03));
-    double mse = 0;
+    const uint32_t at = saga_rng_shuffled(r, (uint64_t)done,
+                                          n_train * n_frames);
+    saga_picture_loss out;
     saga_fit_status s;
-    int k;
 
-    *loss = 0;
     saga_twin_offsets(&f->twin, &f->used);
     if (saga_twin_geometry(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
-    for (k = 0; k < f->o.n_views; k++) {
-        const uint64_t draw = (uint64_t)done * (uint64_t)f->o.n_views +
-                              (uint64_t)k;
-        const uint32_t at = saga_rng_shuffled(r, draw, n_train * n_frames);
-        saga_picture_loss out;
-
-        s = picture_step(f, f->train[at % n_train], (int)(at / n_train), &out);
-        if (s)
-            return s;
-        *loss += out.loss / f->o.n_views;
-        mse += out.mse / f->o.n_views;
-    }
-    *psnr = -10 * log10(mse + 1e-12);
+    s = picture_step(f, f->train[at % n_train], (int)(at / n_train), &out);
+    if (s)
+        return s;
+    *loss = out.loss;
+    *psnr = -10 * log10(out.mse + 1e-12);
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, f->o.lambda_a);
     s = rate_step(f, saga_fit_bit_price(f));
     if (s)

@@ -34,7 +34,6 @@
 
 typedef struct saga_fit_options {
     int n_regress, n_render;     /* iterations of the two parts */
-    int n_views;                 /* pictures an iteration */
     uint64_t seed;
     real eta, lambda, lambda_a;
     real rate;                   /* factor on the learning rates */

@@ -32,9 +32,7 @@ struct saga_fit {
                                   * where position says; not owned */
     real *params;
     saga_weights weights;        /* their steps */
-    real *image, *trans, *truth, *d_image;
-    saga_splat_work splat;
-    saga_loss_work loss;
+    saga_canvas canvas;
     saga_rate rate;
     double bits[SAGA_N_STEPS];   /* of the last iteration */
     saga_adam_fault fault;

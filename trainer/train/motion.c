@@ -4,6 +4,8 @@
  */
 #include "train_state.h"
 
+#include "truth.h"
+
 #include <stdlib.h>
 
 #define CHANGE 8                 /* of 255 */
@@ -73,22 +75,10 @@ static int tally_view(tally *sum, saga_train *t, int view, real *pictures,
     return 0;
 }
 
-static size_t largest(const saga_capture *c)
-{
-    size_t most = 0;
-
-    for (int i = 0; i < c->n_views; i++) {
-        const size_t n = saga_view_frame_nbytes(&c->views[i]);
-
-        most = n > most ? n : most;
-    }
-    return most;
-}
-
 static int tally_views(tally *sum, saga_train *t)
 {
     const saga_capture *const c = t->capture;
-    const size_t picture = largest(c);
+    const size_t picture = 3 * saga_truth_pixels(c);
     real *const pictures = malloc(2 * picture * sizeof *pictures);
     int n_train = 0, seen = 0, status = pictures ? 0 : -1;
 

@@ -4,8 +4,10 @@
  */
 #include "train_state.h"
 
+#include "truth.h"
+
 #include <math.h>
-#include <stdlib.h>
+#include <string.h>
 
 enum { MAX_PICTURES = 60 };      /* of training or held-out views */
 
@@ -93,24 +95,19 @@ typedef struct {
     const saga_train *t;
     const saga_scene *scene;
     saga_twin *twin;
-    saga_splat_work work;
-    real *image, *trans;
+    saga_canvas canvas;
 } painter;
 
 static bool draw(painter *p, int view, int frame)
 {
     const saga_train *const t = p->t;
-    saga_splat_camera cam;
-    saga_splat_rules rules;
+    saga_canvas *const c = &p->canvas;
 
-    saga_splat_rules_default(&rules);
-    saga_camera_float(&cam, &t->capture->views[view],
-                     saga_flat_cube_of(t->flat), t->range[2 * view], 0);
-    return !saga_twin_colour(p->twin, p->scene, cam.centre) &&
-           !saga_splat_forward(p->image, p->trans, &p->work, &p->twin->attr,
-                               p->scene->n.prim,
-                               (real)frame / (real)t->capture->n_frames, &cam,
-                               &rules);
+    saga_camera_float(&c->camera, &t->capture->views[view],
+                      saga_flat_cube_of(t->flat), t->range[2 * view], 0);
+    c->t = (real)frame / (real)t->capture->n_frames;
+    return !saga_twin_colour(p->twin, p->scene, c->camera.centre) &&
+           !saga_splat_forward(c, &p->twin->attr, p->scene->n.prim);
 }
 
 static bool fit_psnr(void *user, double *psnr, int view, int frame)
@@ -121,7 +118,8 @@ static bool fit_psnr(void *user, double *psnr, int view, int frame)
 
     if (!draw(p, view, frame))
         return false;
-    *psnr = -10 * log10(mse_of(p->image, saga_capture_frame(c, view, frame),
+    *psnr = -10 * log10(mse_of(p->canvas.image,
+                               saga_capture_frame(c, view, frame),
                                (size_t)v->width * (size_t)v->height) + 1e-12);
     return true;
 }
@@ -130,20 +128,10 @@ bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
                               const saga_scene *scene, saga_twin *twin)
 {
     painter p = { .t = t, .scene = scene, .twin = twin };
-    size_t most = 0;
-    bool ok;
+    const bool ok = !saga_truth_canvas(&p.canvas, t->capture) &&
+                    measure(q, t->capture, fit_psnr, &p);
 
-    for (int i = 0; i < t->capture->n_views; i++) {
-        const size_t n = saga_view_frame_nbytes(&t->capture->views[i]);
-
-        most = n > most ? n : most;
-    }
-    p.image = malloc(most * sizeof *p.image);
-    p.trans = malloc(most * sizeof *p.trans);
-    ok = p.image && p.trans && measure(q, t->capture, fit_psnr, &p);
-    saga_splat_free(&p.work);
-    free(p.image);
-    free(p.trans);
+    saga_canvas_free(&p.canvas);
     return ok;
 }
 
@@ -162,12 +150,12 @@ bool saga_train_draw(saga_train *t, float *image, int view, int frame)
 {
     const saga_shot *const v = &t->capture->views[view];
     painter p = { .t = t, .scene = &t->decoded, .twin = &t->decoded_twin };
-    bool ok;
+    const bool ok = !saga_truth_canvas(&p.canvas, t->capture) &&
+                    draw(&p, view, frame);
 
-    p.image = image;
-    p.trans = malloc((size_t)v->width * (size_t)v->height * sizeof *p.trans);
-    ok = p.trans && draw(&p, view, frame);
-    saga_splat_free(&p.work);
-    free(p.trans);
+    if (ok)
+        memcpy(image, p.canvas.image, saga_view_frame_nbytes(v) *
+                                      sizeof *image);
+    saga_canvas_free(&p.canvas);
     return ok;
 }

@@ -269,23 +269,21 @@ static bool find_views(saga_flat *f)
 
 static bool make_pictures(saga_flat *f)
 {
-    size_t n = 0, rows = 0;
+    size_t rows = 0;
 
+    if (saga_truth_canvas(&f->canvas, f->capture))
+        return false;
+    f->canvas.rules.detach_time = 1;
+    if (!f->o.colour_correction)
+        return true;
     for (int v = 0; v < f->capture->n_views; v++) {
-        const saga_shot *const w = f->capture->views + v;
-        const size_t here = (size_t)w->width * (size_t)w->height;
+        const size_t h = (size_t)f->capture->views[v].height;
 
-        n = here > n ? here : n;
-        rows = (size_t)w->height > rows ? (size_t)w->height : rows;
+        rows = h > rows ? h : rows;
     }
-    f->image = malloc(3 * n * sizeof(real));
-    f->trans = malloc(n * sizeof(real));
-    f->truth = malloc(3 * n * sizeof(real));
-    f->d_image = malloc(3 * n * sizeof(real));
-    f->shown = f->o.colour_correction ? malloc(3 * n * sizeof(real)) : NULL;
+    f->shown = malloc(3 * saga_truth_pixels(f->capture) * sizeof(real));
     f->row = malloc(rows * FLAT_CORRECTION * sizeof *f->row);
-    return f->image && f->trans && f->truth && f->d_image && f->row &&
-           (f->shown || !f->o.colour_correction);
+    return f->shown && f->row;
 }
 
 static bool make_correction(saga_flat *f)
@@ -389,14 +387,9 @@ void saga_flat_free(saga_flat *f)
     free(f->stats.weight);
     free(f->stats.radius);
     free(f->stats.seen);
-    saga_splat_free(&f->work);
-    saga_loss_free(&f->loss_work);
+    saga_canvas_free(&f->canvas);
     free(f->range);
     free(f->train);
-    free(f->image);
-    free(f->trans);
-    free(f->truth);
-    free(f->d_image);
     free(f->shown);
     free(f->row);
     free(f);
@@ -511,25 +504,16 @@ static void note(saga_flat *f, const saga_picture_loss *l, int level)
     f->recent_loss += (1 - MEMORY_PART) * (l->loss - f->recent_loss);
 }
 
-static saga_flat_status backward(saga_flat *f, int view, int frame, int level)
+static saga_flat_status backward(saga_flat *f)
 {
     const saga_splat_params p = saga_flat_params(f);
     saga_splat_params d = saga_flat_view_of(f->grad, f->o.temporal);
-    saga_splat_rules rules;
-    saga_splat_camera cam;
 
-    saga_splat_rules_default(&rules);
-    rules.detach_time = 1;
-    saga_camera_float(&cam, f->capture->views + view, &f->cube,
-                     saga_flat_near(f, view), level);
     for (int t = 0; t < FLAT_N_TENSORS; t++)
         memset(f->grad[t], 0, (size_t)saga_flat_widths[t] * f->n *
                sizeof(real));
-    if (saga_splat_backward(&d, &f->stats, &f->work, f->d_image, NULL,
-                            f->image, f->trans, &p,
-                            (real)saga_flat_time(f, frame), &cam, &rules))
-        return SAGA_FLAT_MEMORY;
-    return SAGA_FLAT_OK;
+    return saga_splat_backward(&d, &f->stats, &f->canvas, &p)
+        ? SAGA_FLAT_MEMORY : SAGA_FLAT_OK;
 }
 
 double saga_flat_near(const saga_flat *f, int view)
@@ -537,18 +521,13 @@ double saga_flat_near(const saga_flat *f, int view)
     return NEAR_PART * f->range[2 * view];
 }
 
-/* The picture's loss, its gradient in f->d_image. */
-static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view,
-                             int level)
+/* The picture's loss, and its gradient to what was drawn. */
+static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view)
 {
     const saga_loss_weights weights = saga_loss_paper(f->o.eta);
     const size_t at = (size_t)view * FLAT_CORRECTION;
-    int w, h;
 
-    saga_truth_size(f->capture->views + view, level, &w, &h);
-    if (saga_loss_picture(loss, f->d_image, &f->loss_work,
-                          f->o.colour_correction ? f->shown : f->image,
-                          f->truth, NULL, w, h, &weights))
+    if (saga_loss_picture(loss, &f->canvas, saga_flat_shown(f), &weights))
         return SAGA_FLAT_MEMORY;
     if (!(loss->loss >= 0 && loss->loss < INFINITY)) {
         fail(f, "picture of view %s is not finite at iteration %d",
@@ -557,9 +536,8 @@ static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view,
     }
     if (f->o.colour_correction) {
         memset(f->correction[1] + at, 0, FLAT_CORRECTION * sizeof(real));
-        saga_flat_correct_backward(f->d_image, f->correction[1] + at,
-                                   f->d_image, f->image,
-                                   f->correction[0] + at, w, h, f->row);
+        saga_flat_correct_backward(f->correction[1] + at, &f->canvas,
+                                   f->correction[0] + at, f->row);
     }
     return SAGA_FLAT_OK;
 }
@@ -577,9 +555,9 @@ static saga_flat_status step(saga_flat *f)
     pick(f, &view, &frame);
     s = saga_flat_draw(f, view, frame, level);
     if (s == SAGA_FLAT_OK)
-        s = look(f, &loss, view, level);
+        s = look(f, &loss, view);
     if (s == SAGA_FLAT_OK)
-        s = backward(f, view, frame, level);
+        s = backward(f);
     if (s == SAGA_FLAT_OK)
         s = update(f);
     if (s != SAGA_FLAT_OK)
@@ -653,18 +631,16 @@ saga_flat_status saga_flat_render(saga_flat *f, real *image, double *mse,
                                   int view, int frame, int level)
 {
     const saga_flat_status s = saga_flat_draw(f, view, frame, level);
-    const real *const from = f->o.colour_correction ? f->shown : f->image;
+    const real *const from = saga_flat_shown(f);
     double sum = 0;
     size_t n;
-    int w, h;
 
     if (s != SAGA_FLAT_OK)
         return s;
-    saga_truth_size(f->capture->views + view, level, &w, &h);
-    n = 3 * (size_t)w * (size_t)h;
+    n = 3 * (size_t)f->canvas.camera.width * (size_t)f->canvas.camera.height;
     for (size_t i = 0; i < n; i++) {
-        const real x = from[i] < 0 ? 0 : from[i] > 1 ? 1 : from[i];
-        const double e = (double)(x - f->truth[i]);
+        const real x = saga_clamp(from[i], 0, 1);
+        const double e = (double)(x - f->canvas.truth[i]);
 
         if (image)
             image[i] = x;

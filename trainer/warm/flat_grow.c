@@ -165,12 +165,13 @@ static saga_flat_status split_most(saga_flat *f, uint32_t n, bool any)
 /* Squared error summed over the channels, running along the picture. */
 static double error_sums(double *sum, const saga_flat *f, size_t n)
 {
-    const real *const x = f->o.colour_correction ? f->shown : f->image;
+    const real *const x = saga_flat_shown(f);
     double total = 0;
 
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < 3; k++) {
-            const double e = (double)(x[i + k * n] - f->truth[i + k * n]);
+            const double e = (double)(x[i + k * n] -
+                                      f->canvas.truth[i + k * n]);
 
             total += e * e;
         }
@@ -256,17 +257,9 @@ static saga_flat_status grow_from_pixels(saga_flat *f, uint32_t n)
     const uint32_t each = n / N_PICTURES + 1;
     saga_flat_sight *const s = malloc(each * sizeof *s);
     uint8_t *const good = malloc(each);
-    size_t pixels = 1;
-    double *sum;
+    double *const sum = malloc(saga_truth_pixels(f->capture) * sizeof *sum);
     saga_flat_status status = SAGA_FLAT_MEMORY;
 
-    for (int v = 0; v < f->capture->n_views; v++) {
-        const saga_shot *const w = f->capture->views + v;
-        const size_t here = (size_t)w->width * (size_t)w->height;
-
-        pixels = here > pixels ? here : pixels;
-    }
-    sum = malloc(pixels * sizeof *sum);
     if (s && good && sum) {
         status = SAGA_FLAT_OK;
         for (uint32_t k = 0; k < N_PICTURES && status == SAGA_FLAT_OK; k++) {

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "flat_state.h"
 
-/* out = M in + o; may be in place. */
 void saga_flat_correct(real *out, const real *in, const real *map, size_t n)
 {
     int64_t i;
@@ -17,15 +16,18 @@ void saga_flat_correct(real *out, const real *in, const real *map, size_t n)
     }
 }
 
-static void correct_row(double *sum, real *d_in, const real *d_out,
-                        const real *in, const real *map, size_t w, size_t n)
+static void correct_row(double *sum, saga_canvas *c, const real *map, int y)
 {
+    const size_t w = (size_t)c->camera.width;
+    const size_t n = w * (size_t)c->camera.height;
+    const real *const in = c->image + (size_t)y * w;
+    real *const d_in = c->d_image + (size_t)y * w;
     size_t x, k, j;
 
     for (k = 0; k < FLAT_CORRECTION; k++)
         sum[k] = 0;
     for (x = 0; x < w; x++) {
-        const real d[3] = { d_out[x], d_out[x + n], d_out[x + 2 * n] };
+        const real d[3] = { d_in[x], d_in[x + n], d_in[x + 2 * n] };
 
         for (k = 0; k < 3; k++) {
             for (j = 0; j < 3; j++)
@@ -38,22 +40,16 @@ static void correct_row(double *sum, real *d_in, const real *d_out,
     }
 }
 
-/* d_in is set and may be d_out; d_map is added to, row by row in order. */
-void saga_flat_correct_backward(real *d_in, real *d_map, const real *d_out,
-                                const real *in, const real *map, int w, int h,
-                                double *row)
+void saga_flat_correct_backward(real *d_map, saga_canvas *canvas,
+                                const real *map, double *row)
 {
-    const size_t n = (size_t)w * (size_t)h;
+    const int h = canvas->camera.height;
     int y;
     size_t k;
 
 #pragma omp parallel for schedule(static)
-    for (y = 0; y < h; y++) {
-        const size_t at = (size_t)y * (size_t)w;
-
-        correct_row(row + FLAT_CORRECTION * (size_t)y, d_in + at, d_out + at,
-                    in + at, map, (size_t)w, n);
-    }
+    for (y = 0; y < h; y++)
+        correct_row(row + FLAT_CORRECTION * (size_t)y, canvas, map, y);
     for (k = 0; k < FLAT_CORRECTION; k++) {
         double sum = 0;
 
@@ -63,25 +59,27 @@ void saga_flat_correct_backward(real *d_in, real *d_map, const real *d_out,
     }
 }
 
-/* Into f->image and f->trans, corrected into f->shown, truth into f->truth. */
+const real *saga_flat_shown(const saga_flat *f)
+{
+    return f->o.colour_correction ? f->shown : f->canvas.image;
+}
+
 saga_flat_status saga_flat_draw(saga_flat *f, int view, int frame, int level)
 {
     const saga_splat_params p = saga_flat_params(f);
     const size_t v = (size_t)view;
-    saga_splat_rules rules;
-    saga_splat_camera cam;
-    size_t n;
+    saga_canvas *const c = &f->canvas;
 
-    saga_splat_rules_default(&rules);
-    saga_camera_float(&cam, f->capture->views + view, &f->cube,
-                     saga_flat_near(f, view), level);
-    n = (size_t)cam.width * (size_t)cam.height;
-    if (saga_splat_forward(f->image, f->trans, &f->work, &p, f->n,
-                           (real)saga_flat_time(f, frame), &cam, &rules))
+    saga_camera_float(&c->camera, f->capture->views + view, &f->cube,
+                      saga_flat_near(f, view), level);
+    c->t = (real)saga_flat_time(f, frame);
+    if (saga_splat_forward(c, &p, f->n))
         return SAGA_FLAT_MEMORY;
-    saga_truth_load(f->truth, f->capture, view, frame, level);
+    saga_truth_load(c->truth, f->capture, view, frame, level);
     if (f->o.colour_correction)
-        saga_flat_correct(f->shown, f->image,
-                          f->correction[0] + v * FLAT_CORRECTION, n);
+        saga_flat_correct(f->shown, c->image,
+                          f->correction[0] + v * FLAT_CORRECTION,
+                          (size_t)c->camera.width *
+                          (size_t)c->camera.height);
     return SAGA_FLAT_OK;
 }

@@ -54,9 +54,8 @@ struct saga_flat {
     double recent_mse, recent_loss;
     int recent_level;
 
-    saga_splat_work work;
-    saga_loss_work loss_work;
-    real *image, *trans, *truth, *d_image, *shown; /* (3, H, W), trans (H, W) */
+    saga_canvas canvas;
+    real *shown;                /* (3, H, W) the image corrected, or NULL */
     double *row;                /* scratch of sums by rows */
     char message[200];
 };
@@ -89,11 +88,16 @@ void saga_flat_append(saga_flat *f, const saga_flat_one *one);
 void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 
 /* flat_picture.c */
+/* Sets the canvas's image and truth, and f->shown. */
 saga_flat_status saga_flat_draw(saga_flat *f, int view, int frame, int level);
+/* What was drawn, corrected where colours are. */
+const real *saga_flat_shown(const saga_flat *f);
+/* out = M in + o, pictures (3, n); may be in place. */
 void saga_flat_correct(real *out, const real *in, const real *map, size_t n);
-void saga_flat_correct_backward(real *d_in, real *d_map, const real *d_out,
-                                const real *in, const real *map, int w, int h,
-                                double *row);
+/* Takes canvas->d_image from what the map made of canvas->image to this one,
+ * and adds to d_map, row by row in order. row: (H, FLAT_CORRECTION) scratch. */
+void saga_flat_correct_backward(real *d_map, saga_canvas *canvas,
+                                const real *map, double *row);
 
 /* flat_adam.c */
 void saga_flat_adam(real *value, real *m, real *v, const real *grad, size_t n,

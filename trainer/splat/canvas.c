@@ -1,0 +1,66 @@
+/* SPDX-License-Identifier: MIT */
+#include "canvas.h"
+
+#include "model.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const saga_splat_rules norm = {
+    R(SAGA_CUT_LOG2), R(SAGA_ALPHA_CAP_Q16) / 65536,
+    R(SAGA_T_FLOOR_Q16) / 65536, 0
+};
+
+int saga_canvas_init(saga_canvas *c, size_t n_pixels)
+{
+    memset(c, 0, sizeof *c);
+    c->rules = norm;
+    c->image = calloc(9 * n_pixels, sizeof *c->image);
+    if (!c->image)
+        return -1;
+    c->truth = c->image + 3 * n_pixels;
+    c->d_image = c->truth + 3 * n_pixels;
+    return 0;
+}
+
+static void free_posed(saga_splat_posed *p)
+{
+    free(p->mean);
+    free(p->quat);
+    free(p->q0);
+}
+
+void saga_canvas_free(saga_canvas *c)
+{
+    saga_splat_work *const w = &c->splat;
+    int i;
+
+    free_posed(&w->posed);
+    free_posed(&w->d_posed);
+    free(w->splat);
+    free(w->extent);
+    free(w->order);
+    free(w->slot_begin);
+    free(w->pair);
+    free(w->tile_begin);
+    free(w->record);
+    for (i = 0; i < 3; i++)
+        free(w->scratch[i]);
+    free(c->loss.strip);
+    free(c->loss.row);
+    free(c->image);
+    memset(c, 0, sizeof *c);
+}
+
+int saga_canvas_grow(void **p, size_t *cap, size_t nbytes)
+{
+    if (nbytes <= *cap)
+        return 0;
+    free(*p);
+    *cap = 0;
+    *p = malloc(nbytes + nbytes / 4);
+    if (!*p)
+        return -1;
+    *cap = nbytes + nbytes / 4;
+    return 0;
+}

@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A canvas is one picture in the making: where it is seen from and when, what
+ * was drawn, what should have been, the gradient between them, and the work
+ * areas of the passes over it. Whoever draws has one, large enough for the
+ * largest picture.
+ *
+ * Pictures are planar, (3, H, W) of canvas->camera, values 0..1. Pixels: (0, 0)
+ * is the corner of the picture, centres lie at +1/2.
+ */
+#ifndef SAGA_CANVAS_H
+#define SAGA_CANVAS_H
+
+#include "real.h"
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* A pinhole camera; x right, y down, z forward. */
+typedef struct saga_splat_camera {
+    real rotation[9];     /* rows: camera axes in scene axes */
+    real centre[3];       /* scene units */
+    real focal[2];        /* pixels, > 0 */
+    real principal[2];    /* pixels */
+    real near_plane;      /* > 0 */
+    int width, height;    /* 1..16384 */
+    real background[3];
+} saga_splat_camera;
+
+/* saga_canvas_init sets the norm's constants, which only tests change: finite
+ * differences are wrong wherever a pixel crosses the cut or the floor. */
+typedef struct saga_splat_rules {
+    real cut;             /* a splat touches pixels with q < cut */
+    real alpha_cap;
+    real t_floor;         /* a pixel is finished below it */
+    int detach_time;      /* 1: no gradient to t_centre through motion and
+                           * slope, as STG does; 0 at first */
+} saga_splat_rules;
+
+/* Primitives at one time. */
+typedef struct saga_splat_posed {
+    real *mean;           /* (N, 3) */
+    real *quat;           /* (N, 4) not normalised */
+    real *q0;             /* (N) -log2 of opacity times temporal opacity,
+                           * >= 0 */
+} saga_splat_posed;
+
+/* A primitive in one camera. q = q0 + v^2 + w^2 with v = g dx - n dy and
+ * w = h dy, (dx, dy) from the mean to the pixel's centre. */
+typedef struct saga_splat_2d {
+    real mean[2];         /* pixels */
+    real g, n, h;         /* Cholesky factor of the conic, log2 units */
+    real q0;              /* in [0, cut) */
+    real colour[3];
+    real depth;           /* z */
+    int16_t x0, y0, x1, y1; /* pixels touched lie in [x0, x1) x [y0, y1);
+                           * empty: not visible */
+} saga_splat_2d;
+
+/* A record is what the pixels of a tile say about a splat: sums over them of
+ * dL/dq / ln 2 times 1, v, v dx, v dy, dy, dy^2; of dL/dC alpha T; of
+ * alpha T. */
+enum {
+    SAGA_SUM_1, SAGA_SUM_V, SAGA_SUM_VX, SAGA_SUM_VY, SAGA_SUM_Y, SAGA_SUM_YY,
+    SAGA_SUM_R, SAGA_SUM_G, SAGA_SUM_B, SAGA_SUM_WEIGHT, SAGA_N_SUMS
+};
+
+/* An entry of a tile's list. */
+typedef struct saga_splat_pair {
+    uint32_t splat;       /* index of the primitive */
+    uint32_t slot;        /* its record: slots of a splat are consecutive, in
+                           * the order of its tiles */
+} saga_splat_pair;
+
+/* What a forward pass leaves for its backward pass; it grows as needed. */
+typedef struct saga_splat_work {
+    uint32_t n;           /* primitives */
+    uint32_t n_visible;
+    uint32_t n_tiles_x, n_tiles_y;
+    size_t n_pairs;
+    saga_splat_posed posed;
+    saga_splat_2d *splat;       /* (N) */
+    real *extent;               /* (N) major half-axis, px; 0: not visible */
+    uint32_t *order;            /* (n_visible) by (depth, index) */
+    uint32_t *slot_begin;       /* (N + 1) of each primitive's records */
+    saga_splat_pair *pair;      /* (n_pairs) tile by tile */
+    size_t *tile_begin;         /* (tiles + 1) */
+    real *record;               /* (n_pairs, SAGA_N_SUMS) by primitive, then
+                                 * by tile */
+    saga_splat_posed d_posed;
+    void *scratch[3];
+    size_t cap[16];             /* bytes behind each pointer */
+} saga_splat_work;
+
+/* Memory of the loss; it grows as needed. */
+typedef struct saga_loss_work {
+    real *strip;
+    double *row;
+    size_t cap[2];
+} saga_loss_work;
+
+typedef struct saga_canvas {
+    saga_splat_camera camera;   /* set by the caller for each picture */
+    real t;                     /* the same, in the primitives' unit of time */
+    saga_splat_rules rules;
+    real *image;                /* as drawn */
+    real *truth;                /* filled by the caller */
+    real *d_image;              /* dL/dimage */
+    saga_splat_work splat;
+    saga_loss_work loss;
+} saga_canvas;
+
+#define saga_canvas_init SAGA_REAL_NAME(saga_canvas_init)
+#define saga_canvas_free SAGA_REAL_NAME(saga_canvas_free)
+#define saga_canvas_grow SAGA_REAL_NAME(saga_canvas_grow)
+
+/* Room for pictures of up to n_pixels, all of them black. Returns 0, or -1
+ * without memory; saga_canvas_free then has nothing to do. */
+int saga_canvas_init(saga_canvas *canvas, size_t n_pixels);
+
+/* Frees everything in it; a canvas of zeros has nothing. */
+void saga_canvas_free(saga_canvas *canvas);
+
+/* For the passes: makes *p hold at least nbytes; the old content is lost when
+ * it grows. Returns 0 or -1. */
+int saga_canvas_grow(void **p, size_t *cap, size_t nbytes);
+
+#endif
