@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
  * Network 64-64-64-32, forward and backward: CPU milliseconds of one thread,
- * median (min), and GFLOP/s. bench_net [repetitions]
+ * median (min), and GFLOP/s; embedding and Adam. bench_net [repetitions]
  */
+#include "adam.h"
 #include "bench_time.h"
+#include "embedding.h"
 #include "net.h"
 #include "rng.h"
 
@@ -62,6 +64,40 @@ static void run(const saga_net *shape, size_t m, int reps)
     free(x);
 }
 
+/* m points of 4 coordinates in 4 octaves; 8 parameters a point. */
+static void run_rest(size_t m, int reps)
+{
+    enum { AXES = 4, OCTAVES = 4, PE = 2 * AXES * OCTAVES };
+    real *const x = calloc(m * PE, sizeof *x), *const g = x + m * 8;
+    real *const m1 = g + m * 8, *const m2 = m1 + m * 8;
+    real *const pe = calloc(m * PE, sizeof *pe);
+    const saga_adam adam = saga_adam_default();
+    const saga_adam_tensor t = { "x", x, g, m1, m2, m * 8, R(0.01) };
+    saga_adam_fault fault;
+    bench_times times[2];
+    size_t i;
+    int r;
+
+    memset(times, 0, sizeof times);
+    for (i = 0; i < m * 16; i++)
+        x[i] = saga_rng_float(saga_rng_stream(1, 1), i) - 0.5f;
+    for (r = 0; r < reps; r++) {
+        double at = bench_now_ms();
+
+        saga_embedding_forward(pe, PE, x, m, AXES, OCTAVES);
+        bench_add(&times[0], bench_now_ms() - at);
+        at = bench_now_ms();
+        saga_adam_step(&fault, &adam, &t, 1, (uint64_t)r + 1);
+        bench_add(&times[1], bench_now_ms() - at);
+    }
+    printf("%zu points: embedding %.2f", m, bench_median(&times[0]));
+    printf(" (%.2f) ms, Adam of 8 reals each", times[0].ms[0]);
+    printf(" %.2f", bench_median(&times[1]));
+    printf(" (%.2f) ms\n", times[1].ms[0]);
+    free(x);
+    free(pe);
+}
+
 int main(int argc, char **argv)
 {
     static const saga_net big = { .n_layers = 3, .dim = { 64, 64, 64, 32 } };
@@ -75,5 +111,6 @@ int main(int argc, char **argv)
     run(&big, 30000, reps);
     run(&big, 100000, reps > 9 ? 9 : reps);
     run(&small, 30000, reps);
+    run_rest(30000, reps);
     return 0;
 }

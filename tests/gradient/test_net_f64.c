@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
  * Networks in double: a naive evaluation, and finite differences of weights,
- * biases and inputs.
+ * biases and inputs; the embedding against sine and cosine.
  */
+#include "embedding.h"
 #include "net.h"
 #include "rng.h"
 
@@ -142,11 +143,32 @@ static void net_should_accept_no_points(void **state)
     check(shapes[0], 0);
 }
 
+static void embedding_should_be_sine_and_cosine(void **state)
+{
+    double u, worst = 0;
+
+    (void)state;
+    for (u = -9; u < 9; u += 0.0123) {
+        real y[2 * 5];
+        int k;
+
+        saga_embedding_forward(y, 10, &u, 1, 1, 5);
+        for (k = 0; k < 5; k++) {
+            const double angle = acos(-1) / 2 * (1 << k) * u;
+
+            worst = fmax(worst, fabs(y[2 * k] - sin(angle)));
+            worst = fmax(worst, fabs(y[2 * k + 1] - cos(angle)));
+        }
+    }
+    assert_true(worst < 1e-13);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(net_gradient_should_match_differences),
-        cmocka_unit_test(net_should_accept_no_points)
+        cmocka_unit_test(net_should_accept_no_points),
+        cmocka_unit_test(embedding_should_be_sine_and_cosine)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,7 +5,6 @@
  */
 #include "adam.h"
 #include "embedding.h"
-#include "kernel_interp.h"
 #include "net.h"
 #include "rng.h"
 
@@ -195,47 +194,28 @@ static void rng_should_shuffle_each_epoch_anew(void **state)
 
 /* --- Threads ------------------------------------------------------------- */
 
-enum { POINTS = 2345, SOURCES = 300, NEIGHBOURS = 8, FEATURES = 24 };
+enum { POINTS = 2345 };
 
 static const saga_net shape = { .n_layers = 3, .dim = { 27, 32, 16, 5 } };
 
 typedef struct {
     float x[POINTS * 27], dx[POINTS * 27], y[POINTS * 5], dy[POINTS * 5];
     float w[2000], dw[2000];
-    float feature[SOURCES * FEATURES], d_feature[SOURCES * FEATURES];
-    float place[POINTS * 4], support[POINTS * 4];
-    float d_place[POINTS * 4], d_query[POINTS * 4];
-    float out[POINTS * FEATURES], d_out[POINTS * FEATURES];
-    uint32_t index[POINTS * NEIGHBOURS], count[POINTS];
-} everything;
+} batch;
 
-static void run_everything(everything *e)
+static void run_batch(batch *e)
 {
-    const saga_kernel k = { POINTS, SOURCES, FEATURES, NEIGHBOURS, e->index,
-                            e->count, 0.5f, 1 };
-    const saga_kernel_values v = { e->feature, e->place, e->support,
-                                   e->place, e->support };
-    saga_kernel_values dv = { e->d_feature, e->d_place, NULL, e->d_query,
-                              NULL };
     saga_net net = shape, d = shape;
     saga_net_work work = { 0 };
-    saga_kernel_work kernel = { 0 };
 
     saga_net_bind(&net, e->w);
     saga_net_bind(&d, e->dw);
     assert_true(saga_net_n_params(&net) <= 2000);
     memset(e->dw, 0, sizeof e->dw);
-    memset(e->d_feature, 0, sizeof e->d_feature);
-    memset(e->d_place, 0, sizeof e->d_place);
-    memset(e->d_query, 0, sizeof e->d_query);
     assert_int_equal(saga_net_forward(e->y, &work, e->x, POINTS, &net), 0);
     assert_int_equal(saga_net_backward(e->dx, &d, &work, e->dy, e->x, POINTS,
                                        &net), 0);
-    assert_int_equal(saga_kernel_link(&kernel, &k), 0);
-    saga_kernel_forward(e->out, &kernel, &v, &k);
-    saga_kernel_backward(&dv, &kernel, e->d_out, &v, &k);
     saga_net_free(&work);
-    saga_kernel_free(&kernel);
 }
 
 static void fill(float *x, size_t n, uint64_t stream, float lo, float hi)
@@ -248,25 +228,16 @@ static void fill(float *x, size_t n, uint64_t stream, float lo, float hi)
 
 static void nets_should_not_depend_on_threads(void **state)
 {
-    everything *const e = calloc(2, sizeof *e);
-    uint32_t i;
+    batch *const e = calloc(2, sizeof *e);
     int threads;
 
     (void)state;
     fill(e->x, POINTS * 27, 1, -1, 1);
     fill(e->dy, POINTS * 5, 2, -1, 1);
     fill(e->w, 2000, 3, -0.3f, 0.3f);
-    fill(e->feature, SOURCES * FEATURES, 4, -1, 1);
-    fill(e->place, POINTS * 4, 5, -1, 1);
-    fill(e->support, POINTS * 4, 6, 0.2f, 0.5f);
-    fill(e->d_out, POINTS * FEATURES, 7, -1, 1);
-    for (i = 0; i < POINTS * NEIGHBOURS; i++)
-        e->index[i] = saga_rng_below(saga_rng_stream(9, 8), i, SOURCES);
-    for (i = 0; i < POINTS; i++)
-        e->count[i] = 1 + i % NEIGHBOURS;
     for (threads = 1; threads <= 3; threads++) {
         omp_set_num_threads(threads);
-        run_everything(e);
+        run_batch(e);
         if (threads == 1)
             memcpy(e + 1, e, sizeof *e);
         assert_memory_equal(e, e + 1, sizeof *e);
@@ -274,7 +245,6 @@ static void nets_should_not_depend_on_threads(void **state)
     free(e);
 }
 
-/* A float's phase is exact: the embedding is as good near 8 turns as at 0. */
 /* An invariant: without weights of its own a started network gives its first
  * inputs back, whatever their signs, and nothing at its other outputs; of a
  * width too small, as many as fit. */
@@ -310,6 +280,7 @@ static void started_nets_should_pass_their_inputs_on(void **state)
         }
 }
 
+/* A float's phase is exact: the embedding is as good near 8 turns as at 0. */
 static void embedding_should_be_precise_in_float(void **state)
 {
     double worst = 0;

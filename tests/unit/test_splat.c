@@ -4,7 +4,6 @@
  * number of threads, and on hard cases.
  */
 #include "ref_splats.h"
-#include "splat_colour.h"
 #include "splat_scene.h"
 
 #include <omp.h>
@@ -391,27 +390,6 @@ static void splat_should_break_ties_by_index(void **state)
     free_fixture(f);
 }
 
-static void colour_should_clamp_and_pass_gradients(void **state)
-{
-    static const real c[5] = { -0.75f, -0.75f, 0.25f, 0.75f, 0.75f };
-    static const real g[5] = { 1, -1, 1, 1, -1 };
-    static const real want[3][5] = { { 0, 0, 1, 0, 0 }, { 1, -1, 1, 1, -1 },
-                                     { 0, -1, 1, 1, 0 } };
-    real colour[5];
-    int mode, i;
-
-    (void)state;
-    saga_splat_colour_forward(colour, c, 5);
-    assert_true(colour[0] == 0 && colour[2] == 0.75f && colour[3] == 1);
-    for (mode = 0; mode < 3; mode++) {
-        real d[5] = { 0 };
-
-        saga_splat_colour_backward(d, g, c, 5, mode);
-        for (i = 0; i < 5; i++)
-            assert_true(d[i] == want[mode][i]);
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -422,8 +400,7 @@ int main(void)
         cmocka_unit_test(splat_stats_should_add_up),
         cmocka_unit_test(splat_should_draw_background_when_empty),
         cmocka_unit_test(splat_should_survive_hard_cases),
-        cmocka_unit_test(splat_should_break_ties_by_index),
-        cmocka_unit_test(colour_should_clamp_and_pass_gradients)
+        cmocka_unit_test(splat_should_break_ties_by_index)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -6,7 +6,6 @@
  */
 #include "adam.h"
 #include "picture_loss.h"
-#include "splat_colour.h"
 #include "splat_scene.h"
 
 #include <omp.h>
@@ -30,7 +29,6 @@ static int is_held_out(int view)
 
 typedef struct {
     saga_splat_params p, d, m, v;
-    float raw_colour[3 * N], d_colour[3 * N];
     float target[VIEWS][3 * PLANE];
     saga_canvas c;
 } fit;
@@ -81,6 +79,8 @@ static fit *new_fit(void)
     f->v = scene_alloc(N);
     draw_targets(f);
     scene_random(&f->p, N, 102, 3);
+    for (i = 0; i < 3 * N; i++)
+        f->p.colour[i] = 0.5f;
     for (i = 0; i < N; i++) {
         f->p.opacity[i] = 0;
         f->p.log2_width[i] = 1;
@@ -108,7 +108,6 @@ static saga_picture_loss measure(fit *f, int view)
     const saga_loss_weights weights = saga_loss_paper(0.2f);
     saga_picture_loss out;
 
-    saga_splat_colour_forward(f->p.colour, f->raw_colour, 3 * N);
     draw(f, &f->p, view);
     memcpy(f->c.truth, f->target[view], sizeof f->target[view]);
     assert_int_equal(saga_loss_picture(&out, &f->c, f->c.image, &weights), 0);
@@ -131,9 +130,9 @@ static void adam_step(fit *f, uint64_t step)
             *scene_tensor(&f->m, k), *scene_tensor(&f->v, k),
             N * (size_t)scene_size[k], rate[k]
         };
-    t[4].x = f->raw_colour;
-    t[4].g = f->d_colour;
     assert_int_equal(saga_adam_step(&fault, &adam, t, SCENE_TENSORS, step), 0);
+    for (k = 0; k < 3 * N; k++)
+        f->p.colour[k] = saga_clamp(f->p.colour[k], 0, 1);
 }
 
 static void train(fit *f, int from, int to)
@@ -148,10 +147,7 @@ static void train(fit *f, int from, int to)
             view += TIMES;
         measure(f, view);
         memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
-        memset(f->d_colour, 0, sizeof f->d_colour);
         assert_int_equal(saga_splat_backward(&f->d, NULL, &f->c, &f->p), 0);
-        saga_splat_colour_backward(f->d_colour, f->d.colour, f->raw_colour,
-                                   3 * N, SAGA_CLAMP_INWARD);
         adam_step(f, (uint64_t)step + 1);
     }
 }
@@ -210,7 +206,6 @@ static void fit_should_resume_exactly(void **state)
     memcpy(other->p.mean, part->p.mean, nbytes);
     memcpy(other->m.mean, part->m.mean, nbytes);
     memcpy(other->v.mean, part->v.mean, nbytes);
-    memcpy(other->raw_colour, part->raw_colour, sizeof part->raw_colour);
     omp_set_num_threads(3);
     train(other, 13, 30);
     assert_memory_equal(whole->p.mean, other->p.mean, nbytes);

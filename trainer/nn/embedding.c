@@ -3,8 +3,6 @@
 
 #include "vec.h"
 
-#define QUARTER_TURN R(1.5707963267948966)
-
 enum { ANGLES = 32 };     /* of a point that are turned at a time */
 
 /* sin and cos of f quarter turns, |f| <= 1/2, from z = f^2: Chebyshev fits,
@@ -115,26 +113,5 @@ void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,
                 }
             }
         put_pairs(at, x, n);
-    }
-}
-
-void saga_embedding_backward(real *du, const real *dy, const real *y,
-                             size_t stride, size_t m, int n_axes, int octaves)
-{
-    int64_t i;
-
-#pragma omp parallel for schedule(static) if (m > FEW_POINTS)
-    for (i = 0; i < (int64_t)m; i++) {
-        const real *at = y + (size_t)i * stride;
-        const real *d = dy + (size_t)i * stride;
-        int axis, k;
-
-        for (axis = 0; axis < n_axes; axis++) {
-            real sum = 0;
-
-            for (k = 0; k < octaves; k++, at += 2, d += 2)
-                sum += R(1 << k) * (d[0] * at[1] - d[1] * at[0]);
-            du[i * n_axes + axis] += QUARTER_TURN * sum;
-        }
     }
 }

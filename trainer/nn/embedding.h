@@ -12,16 +12,11 @@
 #include <stddef.h>
 
 #define saga_embedding_forward SAGA_REAL_NAME(saga_embedding_forward)
-#define saga_embedding_backward SAGA_REAL_NAME(saga_embedding_backward)
 
 /* y[i * stride + 2 * (octaves * axis + k)] = sine, + 1 = cosine, of
  * u[i * n_axes + axis]. stride >= 2 * octaves * n_axes lets it write into a
  * longer input vector. |2^k u| < 2^20. */
 void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,
                             int n_axes, int octaves);
-
-/* du (M, n_axes) += from dy, given the y of the forward pass. */
-void saga_embedding_backward(real *du, const real *dy, const real *y,
-                             size_t stride, size_t m, int n_axes, int octaves);
 
 #endif
