@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "error.h"
 
+#include "alloc.h"
+
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -23,4 +26,12 @@ bool saga_fail(saga_error *error, const char *file, const char *remedy,
                    tail ? tail : "", tail ? ": " : "", 400, what,
                    remedy ? "; " : "", remedy ? remedy : "");
     return false;
+}
+
+bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,
+                     const char *what)
+{
+    if (errno == ENOMEM)
+        return saga_no_memory(0, file, error);
+    return saga_fail(error, file, remedy, "%s (%s)", what, strerror(errno));
 }

@@ -53,6 +53,11 @@ typedef enum saga_outcome {
 bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...) SAGA_PRINTF(4, 5);
 
+/* The same, of a call to the system or to a library that has just set errno:
+ * "FILE: what (why); remedy". Where errno is ENOMEM it was memory. */
+bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,
+                     const char *what);
+
 /* True once something has failed. */
 static inline bool saga_failed(const saga_error *error)
 {

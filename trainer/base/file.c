@@ -84,8 +84,8 @@ bool saga_read_file(saga_bytes *bytes, const char *path,
     *bytes = (saga_bytes){0};
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
-        return saga_fail(error, path, "check the name and the permissions",
-                         "cannot be opened (%s)", strerror(errno));
+        return saga_fail_errno(error, path, "check the name and the "
+                               "permissions", "cannot be opened");
     struct stat st;
     bool ok = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) && st.st_size >= 0;
     if (!ok)
@@ -131,8 +131,8 @@ bool saga_output_open(saga_output *out, const char *path,
         close(fd);
         unlink(out->temporary);
     }
-    saga_fail(error, path, "choose a folder that exists and can be written",
-              "cannot be created (%s)", strerror(errno));
+    saga_fail_errno(error, path, "choose a folder that exists and can be "
+                    "written", "cannot be created");
     output_free(out);
     return false;
 }
@@ -150,9 +150,9 @@ bool saga_output_close(saga_output *out, bool ok, saga_error *error)
     ok = fclose(out->file) == 0 && ok;
     ok = ok && rename(out->temporary, out->path) == 0;
     if (!ok) {
-        saga_fail(error, out->path, "check the free space of the disk",
-                  "could not be written (%s)",
-                  strerror(flush_errno ? flush_errno : errno));
+        errno = flush_errno ? flush_errno : errno;
+        saga_fail_errno(error, out->path, "check the free space of the disk",
+                        "could not be written");
         unlink(out->temporary);
     }
     output_free(out);

@@ -332,8 +332,8 @@ static bool make_folder(const char *path, saga_error *error)
 {
     if (!path || mkdir(path, 0777) == 0 || saga_path_is_folder(path))
         return true;
-    return saga_fail(error, path, "give another folder for the pictures",
-                     "cannot be made (%s)", strerror(errno));
+    return saga_fail_errno(error, path, "give another folder for the pictures",
+                           "cannot be made");
 }
 
 /* The memory of a comparison; release gives back what there is of it. */

@@ -9,6 +9,7 @@
 #include "notes.h"
 #include "picture.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -551,6 +552,8 @@ static bool carry_out(saga_capture *capture, saga_plan *plan,
 
 static bool unknown_format(const char *path, saga_error *error)
 {
+    if (errno == ENOMEM) /* to list the folder */
+        return saga_no_memory(0, path, error);
     if (!saga_path_is_folder(path))
         return saga_fail(error, path, "give the folder of a capture, or its "
                          "transforms.json", "does not exist or is neither a "
@@ -571,6 +574,7 @@ static bool make_plan(saga_plan *plan, const char *path,
     if (!json)
         return false;
     bool ok;
+    errno = 0;
     if (saga_path_is_file(json))
         ok = saga_nerfstudio_plan(plan, json, options, error);
     else if (saga_neu3d_is_there(path))

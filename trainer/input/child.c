@@ -88,8 +88,9 @@ bool saga_child_start(saga_child *child, const char *const *argv,
     child->pid = 0;
     close_fd(&child->out);
     close_fd(&child->log);
-    return saga_fail(error, argv[0], "install ffmpeg (it brings ffprobe) and "
-                     "have it in PATH", "cannot be run (%s)", strerror(r));
+    errno = r;
+    return saga_fail_errno(error, argv[0], "install ffmpeg (it brings ffprobe) "
+                           "and have it in PATH", "cannot be run");
 }
 
 size_t saga_child_read(saga_child *child, void *buffer, size_t n)

@@ -19,6 +19,7 @@
 
 #include "alloc.h"
 #include "file.h"
+#include "json_memory.h"
 #include "load.h"
 #include "notes.h"
 #include "picture.h"
@@ -756,10 +757,14 @@ bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
     plan->format = "nerfstudio (transforms.json)";
     bool ok = r.folder && saga_read_file(&bytes, json_path, error);
     if (ok) {
+        saga_json_watch();
         r.root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
                             &problem);
-        ok = r.root ? read_all(&r, options)
-                    : bad_json(&problem, json_path, &bytes, error);
+        if (saga_json_starved())
+            ok = saga_no_memory(0, json_path, error);
+        else
+            ok = r.root ? read_all(&r, options)
+                        : bad_json(&problem, json_path, &bytes, error);
         saga_bytes_free(&bytes);
     }
     json_decref(r.root);

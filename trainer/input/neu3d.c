@@ -74,8 +74,8 @@ static bool list_videos(saga_plan *plan, const char *folder,
 {
     DIR *const dir = opendir(folder);
     if (!dir)
-        return saga_fail(error, folder, "check its permissions",
-                         "folder cannot be read (%s)", strerror(errno));
+        return saga_fail_errno(error, folder, "check its permissions",
+                               "folder cannot be read");
     bool ok = true;
     for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
         if (is_camera_video(e->d_name))

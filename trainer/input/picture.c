@@ -44,8 +44,8 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
     uint8_t magic[8] = {0};
     FILE *const file = fopen(path, "rb");
     if (!file)
-        return saga_fail(error, path, "check the path in the capture's files",
-                         "picture cannot be opened (%s)", strerror(errno));
+        return saga_fail_errno(error, path, "check the path in the capture's "
+                               "files", "picture cannot be opened");
     const size_t n = fread(magic, 1, sizeof magic, file);
     fclose(file);
     if (n == 8 && memcmp(magic, "\x89PNG\r\n\x1a\n", 8) == 0)

@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "error.h"
 
+#include <errno.h>
 #include <openexr.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,9 +28,14 @@ static exr_context_initializer_t exr_setup(void)
     return setup;
 }
 
+/* OpenEXR goes on without an attribute that it has no memory for: a picture
+ * has 64 x 64 pixels then, or no channels. So errno, 0 when a file is opened,
+ * is asked before anything it says is believed. */
 static bool exr_fail(saga_error *error, const char *path,
                      exr_result_t code)
 {
+    if (errno == ENOMEM)
+        return saga_no_memory(0, path, error);
     if (code == EXR_ERR_FILE_ACCESS)
         return saga_fail(error, path, "check the path in the capture's files",
                          "cannot be opened");
@@ -50,19 +56,21 @@ static bool exr_open(exr_input *in, const char *path, saga_error *error)
     const exr_context_initializer_t setup = exr_setup();
     exr_storage_t storage = EXR_STORAGE_SCANLINE;
     int32_t rows = 0;
+    errno = 0;
     exr_result_t r = exr_start_read(&in->context, path, &setup);
     if (r == EXR_ERR_SUCCESS)
         r = exr_get_storage(in->context, 0, &storage);
     if (r == EXR_ERR_SUCCESS)
         r = exr_get_data_window(in->context, 0, &in->window);
-    if (r == EXR_ERR_SUCCESS && storage != EXR_STORAGE_SCANLINE) {
+    if (r == EXR_ERR_SUCCESS && errno != ENOMEM &&
+        storage != EXR_STORAGE_SCANLINE) {
         exr_finish(&in->context);
         return saga_fail(error, path, "store it in scanlines",
                          "EXR is tiled or deep");
     }
     if (r == EXR_ERR_SUCCESS)
         r = exr_get_scanlines_per_chunk(in->context, 0, &rows);
-    if (r != EXR_ERR_SUCCESS) {
+    if (r != EXR_ERR_SUCCESS || errno == ENOMEM) {
         exr_finish(&in->context);
         return exr_fail(error, path, r);
     }
@@ -189,7 +197,8 @@ static bool read_planes(const char *path, int width, int height,
                        in.height, width, height);
     if (ok) {
         const exr_result_t r = decode_chunks(&in, planes);
-        ok = r == EXR_ERR_SUCCESS || exr_fail(error, path, r);
+        ok = (r == EXR_ERR_SUCCESS && errno != ENOMEM) ||
+             exr_fail(error, path, r);
     }
     exr_finish(&in.context);
     return ok;
@@ -306,6 +315,7 @@ static bool write_planes(const char *path, int width, int height,
 {
     const exr_context_initializer_t setup = exr_setup();
     exr_context_t context;
+    errno = 0;
     exr_result_t r = exr_start_write(&context, path,
                                      EXR_INTERMEDIATE_TEMP_FILE, &setup);
     if (r == EXR_ERR_SUCCESS) {
@@ -315,6 +325,8 @@ static bool write_planes(const char *path, int width, int height,
         const exr_result_t closed = exr_finish(&context);
         r = r == EXR_ERR_SUCCESS ? closed : r;
     }
+    if (errno == ENOMEM)
+        return saga_no_memory(0, path, error);
     return r == EXR_ERR_SUCCESS ||
            saga_fail(error, path, "check the folder and the free space",
                      "EXR could not be written (%s)",

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "picture.h"
 
+#include "alloc.h"
 #include "error.h"
 #include "file.h"
 
@@ -59,8 +60,9 @@ static bool read_job_begin(png_job *job, const char *path,
     *job = (png_job){0};
     job->file = fopen(path, "rb");
     if (!job->file)
-        return saga_fail(error, path, "check the path in the capture's files",
-                         "picture cannot be opened (%s)", strerror(errno));
+        return saga_fail_errno(error, path, "check the path in the capture's "
+                               "files", "picture cannot be opened");
+    errno = 0;
     if (!check_file_size(job->file, path, error)) {
         read_job_end(job);
         return false;
@@ -71,7 +73,7 @@ static bool read_job_begin(png_job *job, const char *path,
     if (job->info)
         return true;
     read_job_end(job);
-    return saga_fail(error, path, NULL, "out of memory");
+    return saga_no_memory(0, path, error);
 }
 
 static bool read_header(png_job *job)
@@ -108,7 +110,15 @@ static bool read_rows(png_job *job, uint8_t *rgb, int width, int height)
     return true;
 }
 
-static const char damaged[] = "copy or export the picture again";
+/* libpng tells of missing memory as of damage; errno knows the difference. */
+static bool read_failed(const png_job *job, const char *path, const char *what,
+                        saga_error *error)
+{
+    if (errno == ENOMEM)
+        return saga_no_memory(0, path, error);
+    return saga_fail(error, path, "copy or export the picture again",
+                     "%s (%s)", what, job->message);
+}
 
 bool saga_png_probe(const char *path, int *width, int *height,
                     saga_error *error)
@@ -118,8 +128,7 @@ bool saga_png_probe(const char *path, int *width, int *height,
         return false;
     bool ok = read_header(&job);
     if (!ok)
-        saga_fail(error, path, damaged, "PNG header is damaged (%s)",
-                  job.message);
+        read_failed(&job, path, "PNG header is damaged", error);
     else {
         *width = (int)png_get_image_width(job.png, job.info);
         *height = (int)png_get_image_height(job.png, job.info);
@@ -144,8 +153,7 @@ bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
                        (int)png_get_image_height(job.png, job.info), width,
                        height);
     } else if (!ok || !(ok = read_rows(&job, rgb, width, height))) {
-        saga_fail(error, path, damaged, "PNG is damaged or cut short (%s)",
-                  job.message);
+        read_failed(&job, path, "PNG is damaged or cut short", error);
     }
     read_job_end(&job);
     return ok;

@@ -518,9 +518,8 @@ static void remove_all(const synth_job *job)
 static bool make_folder(const synth_job *job, const char *path)
 {
     return mkdir(path, 0755) == 0 ||
-           saga_fail(job->error, job->target, "choose a place that can be "
-                     "written", "folder cannot be made (%s)",
-                     strerror(errno));
+           saga_fail_errno(job->error, job->target, "choose a place that can "
+                           "be written", "folder cannot be made");
 }
 
 static bool make_folders(const synth_job *job)
@@ -556,9 +555,9 @@ static bool make_temporary(synth_job *job)
     memcpy(job->folder, job->target, n);
     memcpy(job->folder + n, ".XXXXXX", sizeof ".XXXXXX");
     if (!mkdtemp(job->folder))
-        return saga_fail(job->error, job->target, "choose a place that exists "
-                         "and can be written", "folder cannot be made (%s)",
-                         strerror(errno));
+        return saga_fail_errno(job->error, job->target, "choose a place that "
+                               "exists and can be written",
+                               "folder cannot be made");
     (void)chmod(job->folder, 0755);
     return true;
 }
@@ -569,8 +568,8 @@ static bool fill_folder(synth_job *job)
         !write_json(job))
         return false;
     return rename(job->folder, job->target) == 0 ||
-           saga_fail(job->error, job->target, "remove it or choose another "
-                     "name", "is in the way (%s)", strerror(errno));
+           saga_fail_errno(job->error, job->target, "remove it or choose "
+                           "another name", "is in the way");
 }
 
 /* Full of files: refused at the start, not after the rendering. */

@@ -1,0 +1,259 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Loading where memory ends: every allocation of ours, of libpng, of jansson,
+ * of OpenEXR and of libc fails once. Small captures of each format; ffprobe and
+ * ffmpeg are stand-ins that give what the real ones would, a hundred times
+ * faster.
+ */
+#include "alloc.h"
+#include "capture_files.h"
+#include "crc32c.h"
+#include "failing_heap.h"
+#include "picture.h"
+#include "synth.h"
+
+#include <sys/stat.h>
+
+enum { W = 16, H = 12 };
+
+/* --- Reading ------------------------------------------------------------- */
+
+typedef struct {
+    const char *path;
+    uint32_t crc;            /* of all that was loaded; 0: not known yet */
+} source;
+
+static uint32_t add(uint32_t crc, const void *p, size_t n)
+{
+    return saga_crc32c(crc, p, n);
+}
+
+static uint32_t crc_of(const saga_capture *c)
+{
+    uint32_t crc = 0;
+
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_shot *const s = &c->views[v];
+
+        crc = add(crc, s->rotation, sizeof s->rotation);
+        crc = add(crc, &s->fx, sizeof s->fx);
+        crc = add(crc, s->rgb, (size_t)c->n_frames * 3 * W * H);
+        for (int k = 0; k < c->n_frames; k++)
+            if (s->depth && s->depth[k])
+                crc = add(crc, s->depth[k], 4 * W * H);
+    }
+    for (size_t i = 0; i < c->n_points; i++)
+        crc = add(crc, c->points[i].position, sizeof c->points[i].position);
+    return crc;
+}
+
+static bool load_and_free(void *user, saga_error *error)
+{
+    saga_capture_options o = saga_capture_defaults();
+    source *const s = user;
+    saga_capture c;
+    bool ok;
+
+    o.n_threads = 1;
+    o.want_depth = true;
+    ok = saga_capture_load(&c, s->path, &o, error);
+    if (ok) {
+        const uint32_t crc = crc_of(&c);
+
+        if (s->crc && s->crc != crc)
+            ok = saga_fail(error, s->path, NULL, "loaded something else");
+        s->crc = crc;
+    }
+    saga_capture_free(&c);
+    return ok;
+}
+
+static void fail_each(folder *f, const char *name)
+{
+    source s = { folder_file(f, name), 0 };
+
+    heap_fail_each(load_and_free, &s, getenv("SAGA_TEST_SANITIZED") ? 5 : 1);
+}
+
+/* --- nerfstudio ---------------------------------------------------------- */
+
+static void write_synth(const char *path, bool exr)
+{
+    saga_synth_options o = saga_synth_defaults();
+    saga_error error = { "" };
+
+    o.width = W;
+    o.height = H;
+    o.n_cameras = 3;
+    o.n_hold_out = 1;
+    o.n_frames = 2;
+    o.depth_every = 2;
+    o.n_points = 20;
+    o.exr = exr;
+    o.n_threads = 1;
+    if (!saga_synth_write(path, &o, &error))
+        fail_msg("%s", error.message);
+}
+
+static void pngs_should_be_refused_when_memory_ends(void **state)
+{
+    write_synth(folder_file(*state, "scene"), false);
+    /* The second camera's lens has to be straightened. */
+    folder_run(*state, "sed -i '/{\"file_path\": .*cam01/s/{/{\"k1\": 0.01, /' "
+               "scene/transforms.json && grep -q k1 scene/transforms.json");
+    fail_each(*state, "scene");
+}
+
+static void exrs_should_be_refused_when_memory_ends(void **state)
+{
+    write_synth(folder_file(*state, "scene"), true);
+    fail_each(*state, "scene");
+}
+
+/* --- Neu3D --------------------------------------------------------------- */
+
+static void write_tool(folder *f, const char *name, const char *command)
+{
+    bytes b = { 0 };
+
+    put_text(&b, "#!/bin/sh\n%s\n", command);
+    write_bytes(f, name, &b);
+    folder_run(f, "chmod +x %s && mkdir -p bin && mv %s bin", name, name);
+}
+
+/* Whatever the video, two frames, each of one grey. */
+static void write_tools(folder *f)
+{
+    char command[300];
+
+    folder_run(f, "head -c %d /dev/zero | tr '\\0' a >raw; touch cam00.mp4 "
+               "cam01.mp4", 2 * 3 * W * H);
+    snprintf(command, sizeof command, "exec cat %s", folder_file(f, "raw"));
+    write_tool(f, "ffmpeg", command);
+    snprintf(command, sizeof command, "echo 'width=%d\nheight=%d\n"
+             "nb_read_packets=2\navg_frame_rate=5/1'", W, H);
+    write_tool(f, "ffprobe", command);
+    snprintf(command, sizeof command, "%s:%s", folder_file(f, "bin"),
+             getenv("PATH"));
+    assert_int_equal(setenv("PATH", command, 1), 0);
+}
+
+/* Two cameras, 0.5 apart, that look along z at four points. */
+static void write_model(folder *f)
+{
+    folder_run(f, "mkdir colmap");
+    write_text(f, "colmap/cameras.txt", "1 PINHOLE 16 12 15 15 8 6\n");
+    write_text(f, "colmap/images.txt",
+               "1 1 0 0 0 0 0 0 1 cam00.png\n8 6 1 9 6 2 8 7 3 7 6 4\n"
+               "2 1 0 0 0 -0.5 0 0 1 cam01.png\n8 6 1 9 6 2 8 7 3 7 6 4\n");
+    write_text(f, "colmap/points3D.txt",
+               "1 0 0 5 9 9 9 1 1 0 2 0\n2 .3 0 5 9 9 9 1 1 1 2 1\n"
+               "3 0 .3 5 9 9 9 1 1 2 2 2\n4 -.3 0 5 9 9 9 1 1 3 2 3\n");
+}
+
+/* Rows that say the same as write_model: down, right, backwards, centre, size
+ * and focal length, near and far (column by column). */
+static void write_poses(folder *f)
+{
+    static const char header[] = "{'descr': '<f8', 'fortran_order': False, "
+                                 "'shape': (2, 17), }\n";
+    bytes b = { 0 };
+
+    put(&b, "\x93NUMPY\x01\x00", 8);
+    put_le(&b, sizeof header - 1, 2);
+    put(&b, header, sizeof header - 1);
+    for (int v = 0; v < 2; v++) {
+        const double row[17] = { 0, 1, 0,  0.5 * v, H,
+                                 1, 0, 0,  0,       W,
+                                 0, 0, -1, 0,       15, 1, 9 };
+
+        for (int i = 0; i < 17; i++)
+            put_f64(&b, row[i]);
+    }
+    write_bytes(f, "poses_bounds.npy", &b);
+}
+
+static void videos_should_be_refused_when_memory_ends(void **state)
+{
+    char *const path = strdup(getenv("PATH"));
+
+    write_synth(folder_file(*state, "scene"), false);
+    folder_run(*state, "mkdir depth && cp scene/depth/cam00/00000.exr "
+               "depth/cam00_f000.exr");
+    write_tools(*state);
+    write_model(*state);
+    write_poses(*state);
+    fail_each(*state, ".");
+    assert_int_equal(setenv("PATH", path, 1), 0);
+    free(path);
+}
+
+/* --- Writing ------------------------------------------------------------- */
+
+/* True, and the file is gone, where one was written; false where none was and
+ * none is left. */
+static bool write_and_remove(void *user, saga_error *error)
+{
+    static const uint8_t rgb[3 * W * H] = { 1, 2, 3 };
+    static const float depth[W * H] = { 1, 2, 3 };
+    const char *const path = user;
+    const bool ok = saga_has_suffix(path, ".png")
+        ? saga_png_write(path, W, H, rgb, error)
+        : saga_has_suffix(path, "Z.exr")
+        ? saga_exr_write_depth(path, W, H, depth, error)
+        : saga_exr_write(path, W, H, rgb, error);
+    char out[160];
+
+    if (ok)
+        unlink(path);
+    snprintf(out, sizeof out, "%.*s", (int)(strrchr(path, '/') - path), path);
+    if (rmdir(out) == 0 && mkdir(out, 0755) == 0)
+        return ok;
+    *error = (saga_error){ "" };
+    return saga_fail(error, out, NULL, "a file is left in it");
+}
+
+static void pictures_should_leave_no_file_when_memory_ends(void **state)
+{
+    static const char *const names[] = { "out/a.png", "out/a.exr",
+                                         "out/Z.exr" };
+
+    folder_run(*state, "mkdir out");
+    for (int i = 0; i < 3; i++)
+        heap_fail_each(write_and_remove,
+                       (void *)folder_file(*state, names[i]), 1);
+}
+
+/* --- Sizes --------------------------------------------------------------- */
+
+static void products_should_be_refused_when_they_overflow(void **state)
+{
+    static const size_t half = SIZE_MAX / 2 + 1; /* times 2 is 0 */
+    saga_error error = { "" };
+    void *const none = saga_alloc(0, 8, "nothing", &error);
+
+    (void)state;
+    assert_non_null(none);
+    free(none);
+    assert_false(saga_failed(&error));
+    assert_null(saga_alloc(half, 2, "a scene", &error));
+    assert_says(&error, "a scene: out of memory, 18446744073709551615 bytes "
+                "wanted; take fewer");
+    assert_null(saga_calloc(half, 2, "x", &error));
+    assert_null(saga_realloc(NULL, half, 2, "x", &error));
+    assert_null(saga_aligned_alloc(64, SIZE_MAX, "x", &error));
+    assert_says(&error, "a scene"); /* the first is kept */
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_FOLDER(pngs_should_be_refused_when_memory_ends),
+        IN_FOLDER(exrs_should_be_refused_when_memory_ends),
+        IN_FOLDER(videos_should_be_refused_when_memory_ends),
+        IN_FOLDER(pictures_should_leave_no_file_when_memory_ends),
+        cmocka_unit_test(products_should_be_refused_when_they_overflow),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

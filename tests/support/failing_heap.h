@@ -1,0 +1,222 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A heap whose k-th allocation fails, for every k. This header defines malloc
+ * and its kin, which then serve the program and all its shared libraries: only
+ * one file of a program may include it. glibc's own heap, or the sanitizer's,
+ * does the work. What OpenMP's library asks for is left alone: it ends
+ * the program itself.
+ *
+ * One thread only, so that the k-th allocation is always the same.
+ */
+#ifndef FAILING_HEAP_H
+#define FAILING_HEAP_H
+
+#include "error.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <errno.h>
+#include <execinfo.h>
+#include <inttypes.h>
+#include <malloc.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+/* --- The heap ------------------------------------------------------------ */
+
+static struct failing_heap {
+    uintptr_t openmp[2], libc[2]; /* code of these libraries */
+    long live;               /* blocks that are not freed */
+    long left;               /* allocations until one fails; 0: none does */
+    const void *caller;      /* of the one that failed; NULL: none has */
+    void *trace[9];         /* what called it */
+    int n_trace;
+} failing_heap;
+
+void *__libc_malloc(size_t n);
+void *__libc_memalign(size_t align, size_t n);
+void *__libc_calloc(size_t n, size_t size);
+void *__libc_realloc(void *p, size_t n);
+void __libc_free(void *p);
+#define WEAK __attribute__((weak))
+WEAK void *__interceptor_malloc(size_t n);
+WEAK void *__interceptor_memalign(size_t align, size_t n);
+WEAK void *__interceptor_calloc(size_t n, size_t size);
+WEAK void *__interceptor_realloc(void *p, size_t n);
+WEAK void __interceptor_free(void *p);
+#undef WEAK
+#define HEAP(f) (__interceptor_##f ? __interceptor_##f : __libc_##f)
+
+static inline bool heap_within(const void *at, const uintptr_t range[2])
+{
+    return (uintptr_t)at >= range[0] && (uintptr_t)at < range[1];
+}
+
+/* p, counted as n more live blocks. */
+static inline void *heap_count(void *p, int n)
+{
+    failing_heap.live += p ? n : 0;
+    return p;
+}
+
+static inline bool heap_fails(const void *caller)
+{
+    struct failing_heap *const h = &failing_heap;
+
+    if (heap_within(caller, h->openmp) || h->left == 0 || --h->left > 0)
+        return false;
+    h->caller = caller;
+    h->n_trace = backtrace(h->trace, 9);
+    errno = ENOMEM;
+    return true;
+}
+
+#define CALLER __builtin_return_address(0)
+#define NEW(block) (heap_fails(CALLER) ? NULL : heap_count(block, 1))
+
+void *malloc(size_t n)
+{
+    return NEW(HEAP(malloc)(n));
+}
+
+void *calloc(size_t n, size_t size)
+{
+    return NEW(HEAP(calloc)(n, size));
+}
+
+void *memalign(size_t align, size_t n)
+{
+    return NEW(HEAP(memalign)(align, n));
+}
+
+void *aligned_alloc(size_t align, size_t n)
+{
+    return NEW(HEAP(memalign)(align, n));
+}
+
+int posix_memalign(void **p, size_t align, size_t n)
+{
+    *p = NEW(HEAP(memalign)(align, n));
+    return *p ? 0 : ENOMEM;
+}
+
+void *realloc(void *p, size_t n)
+{
+    if (heap_fails(CALLER))
+        return NULL;
+    return heap_count(HEAP(realloc)(p, n), p ? 0 : 1);
+}
+
+void free(void *p)
+{
+    HEAP(free)(heap_count(p, -1));
+}
+
+/* Where the code of a library is in memory. */
+static inline void heap_find(uintptr_t range[2], const char *library)
+{
+    FILE *const maps = fopen("/proc/self/maps", "r");
+    char line[512];
+
+    assert_non_null(maps);
+    while (fgets(line, sizeof line, maps))
+        if (strstr(line, library) && strstr(line, " r-xp "))
+            assert_int_equal(sscanf(line, "%" SCNxPTR "-%" SCNxPTR, range,
+                                    range + 1), 2);
+    fclose(maps);
+}
+
+/* --- Trials -------------------------------------------------------------- */
+
+/* What is tried. It frees what it made, whether it fails or not, and checks
+ * what it made if it does not fail: libc does without a file's buffer. */
+typedef bool heap_attempt(void *user, saga_error *error);
+
+enum { HEAP_FAILED_WELL = 10, HEAP_NEVER_FAILED, HEAP_WRONG };
+
+static inline int heap_complain(long k, const char *what, const char *message)
+{
+    fprintf(stderr, "allocation %ld: %s: \"%s\"\n", k, what, message);
+    backtrace_symbols_fd(failing_heap.trace, failing_heap.n_trace, 2);
+    return HEAP_WRONG;
+}
+
+/* In a process of its own: the attempt, with its k-th allocation failing. */
+static inline int heap_try(long k, heap_attempt *attempt, void *user)
+{
+    struct failing_heap *const h = &failing_heap;
+    saga_error error = { "" };
+    long live;
+    bool ok;
+
+#ifdef _OPENMP /* what it allocates once in a new process, it does now */
+#pragma omp parallel num_threads(1)
+    (void)k;
+#endif
+    live = h->live;
+    h->left = k;
+    ok = attempt(user, &error);
+    h->left = 0;
+    if (h->live != live)
+        return heap_complain(k, "leaks", error.message);
+    if (ok && error.message[0])
+        return heap_complain(k, "passes, with a message", error.message);
+    if (ok && !h->caller)
+        return HEAP_NEVER_FAILED;
+    if (ok)
+        return heap_within(h->caller, h->libc)
+            ? HEAP_FAILED_WELL : heap_complain(k, "goes on", "");
+    if (!strstr(error.message, "memory") || !strstr(error.message, "; "))
+        return heap_complain(k, "does not say so", error.message);
+    return HEAP_FAILED_WELL;
+}
+
+static inline int heap_trial(long k, heap_attempt *attempt, void *user)
+{
+    int status;
+    const pid_t child = fork();
+
+    if (child == 0)
+        _exit(heap_try(k, attempt, user));
+    if (child < 0 || waitpid(child, &status, 0) != child)
+        return HEAP_WRONG;
+    if (WIFEXITED(status) && WEXITSTATUS(status) != HEAP_WRONG)
+        return WEXITSTATUS(status);
+    if (WIFSIGNALED(status))
+        fprintf(stderr, "allocation %ld: signal %d\n", k, WTERMSIG(status));
+    return HEAP_WRONG;
+}
+
+/* Fails every step-th allocation of the attempt, one at a time: each must give
+ * a message about memory with a remedy, leak nothing, and crash nothing. */
+static inline void heap_fail_each(heap_attempt *attempt, void *user, int step)
+{
+    int n_wrong = 0, status = 0;
+    saga_error error = { "" };
+    long k;
+
+    /* What libraries allocate once, they do now. */
+    (void)backtrace(failing_heap.trace, 9);
+    if (!attempt(user, &error))
+        fail_msg("%s", error.message);
+    heap_find(failing_heap.openmp, "/libgomp");
+    heap_find(failing_heap.openmp, "/libomp");
+    heap_find(failing_heap.libc, "/libc.so");
+    for (k = 1; status != HEAP_NEVER_FAILED && n_wrong < 10; k += step) {
+        status = heap_trial(k, attempt, user);
+        n_wrong += status != HEAP_FAILED_WELL && status != HEAP_NEVER_FAILED;
+    }
+    printf("%ld allocations, 1 in %d failed\n", k - step - 1, step);
+    assert_int_equal(n_wrong, 0);
+    assert_true(k > 2 * step);
+}
+
+#endif
