@@ -12,6 +12,7 @@ import json
 import math
 import os
 import sys
+import textwrap
 
 VARIANTS = [
     ("full", "full model"),
@@ -167,6 +168,10 @@ def table(head, rows):
     print()
 
 
+def prose(text):
+    print(textwrap.fill(text, 80) + "\n")
+
+
 def kb(n):
     return f"{n / 1000:.1f}"
 
@@ -215,9 +220,9 @@ def runtime(rates):
     rows += [[name + " *"] + [f"{r.eval['decode_ms'][key]:.2f}" for r in runs]
              for key, name in PICTURE]
     table(["component"] + [label(i) for i in range(len(runs))], rows)
-    print("One thread, CPU time, best of several; * mean over all pictures, "
-          "by the clock, with\n"
-          f"{runs[0].eval['decode_ms']['threads']} thread(s).\n")
+    prose("One thread, CPU time, best of several; * mean over all pictures, by "
+          "the clock, with "
+          f"{runs[0].eval['decode_ms']['threads']} thread(s).")
 
 
 def sources(run):
@@ -248,16 +253,16 @@ def ablation(rates):
                      for r in runs])
     table(["variant", "rate", "BD-rate"] + [label(i) + ": kB / dB / sources"
                                             for i in range(len(rates))], rows)
-    print("Sources of coarse anchors, fine offsets and primitive offsets, "
-          "where they were worth\ntheir weights: hyperprior, parent, groups, "
-          "memory. Rate: mean change of the bytes\nagainst the full model "
+    prose("Sources of coarse anchors, fine offsets and primitive offsets, "
+          "where they were worth their weights: hyperprior, parent, groups, "
+          "memory. Rate: mean change of the bytes against the full model "
           "(the last two: against all sources), on the same symbols. "
-          "BD-rate: the same at\nequal PSNR of the training views, by "
-          "monotone cubics of log-rate over the common\ninterval. Fitted "
+          "BD-rate: the same at equal PSNR of the training views, by "
+          "monotone cubics of log-rate over the common interval. Fitted "
           "anew, a value moves by up to half a step where the prediction it "
-          "is\nrounded against moves, which costs PSNR beside the file as "
-          "trained, and differs from\nvariant to variant by chance: where "
-          "the two numbers disagree, that is why.\n")
+          "is rounded against moves, which costs PSNR beside the file as "
+          "trained, and differs from variant to variant by chance: where "
+          "the two numbers disagree, that is why.")
 
 
 def slots(rate, folder):
@@ -283,9 +288,8 @@ def slots(rate, folder):
         print("## Slots of the memory\n")
         table(["slots", "rate", "file, kB", "symbols", "entropy networks",
                "ms to decode a segment"], rows)
-        print("The last rate. Rate: on the same symbols, against all sources "
-              "but the memory; the memory\nstays here, whatever it is "
-              "worth.\n")
+        prose("The last rate. Rate: on the same symbols, against all sources "
+              "but the memory; the memory stays here, whatever it is worth.")
 
 
 def order0(scenes):
@@ -306,11 +310,11 @@ def order0(scenes):
                          kb(k["entropy0"]), f"{100 * k['saving']:.1f} %"])
     table(["scene", "kind", "saga, kB", "order-0, kB", "its entropy, kB",
            "saved"], rows)
-    print("The same symbols: values as decoded, in steps, each channel with "
-          "its own adaptive\nfrequencies (Krichevsky and Trofimov) and 32 bits "
-          "for their range. Structure is\ncoded as a list of coordinates "
-          "there, which flatters us: values are what counts.\nIts entropy is "
-          "what no order-0 coder can go below.\n")
+    prose("The same symbols: values as decoded, in steps, each channel with "
+          "its own adaptive frequencies (Krichevsky and Trofimov) and 32 bits "
+          "for their range. Structure is coded as a list of coordinates "
+          "there, which flatters us: values are what counts. Its entropy is "
+          "what no order-0 coder can go below.")
 
 
 def curves(rates, folder):
@@ -335,9 +339,10 @@ def main(folder, scenes):
         sys.exit(f"ablation_table: {folder} has no finished runs")
     curves(rates, folder)
     print("# Ablation of the entropy model: `make ablation`\n")
-    print("Each rate is one training of the built-in scene; each variant is "
-          "its file with the\nentropy networks fitted anew on the same "
-          "symbols (lab/gen_refit.h).\n")
+    prose("Each rate is one training of the built-in scene; each variant is "
+          "its file with the entropy networks fitted anew on the same "
+          "symbols (lab/gen_refit.h). What disagrees with the paper, and "
+          "why: [lab/sources.md](../lab/sources.md).")
     print("![rate and distortion](ablation.svg)\n")
     components(rates)
     runtime(rates)

@@ -29,7 +29,7 @@ enum {
                                   * or coarser */
     SAGA_RATE_EVERY = 4,         /* blocks: an iteration looks at one of them */
     SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the memory is read anew
-                                  * and learns (cost: docs/decisions.md), */
+                                  * and learns (docs/lab/memory.md), */
     SAGA_RATE_MEMORY_PACE = 2,   /* at so many times the others' learning rate:
                                   * it has fewer steps */
     SAGA_RAW_STEP = 11,          /* of raw networks: 2^-11, and the bits that */

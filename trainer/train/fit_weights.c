@@ -20,7 +20,7 @@
 
 /* Part of a step that noise takes. Rounding layer by layer costs the pictures
  * less than white noise of the whole step does; learned under less noise, steps
- * become larger (docs/results/training.md). */
+ * become larger (docs/lab/networks.md). */
 #define NOISE_PART 0.125
 
 /* Of the price of a residual's bit: noise this small says little of what

@@ -132,11 +132,11 @@ static uint32_t at_most(uint32_t a, uint32_t b)
 }
 
 /* Primitives from which on a memory may be worth its networks: of 15,000 it
- * saves a third of them (docs/results/training.md). */
+ * saves a third of them (docs/lab/memory.md). */
 enum { MEMORY_PAYS = 40000 };
 
 /* A coarse and a fine anchor for each primitive, as far as the level goes: of
- * the budgets that were tried the best (docs/decisions.md). */
+ * the budgets that were tried the best (docs/lab/anchors.md). */
 static void derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];

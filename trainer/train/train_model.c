@@ -107,9 +107,10 @@ static uint32_t prim_step(double lambda)
     return (uint32_t)(step * 16384) << 16;
 }
 
-/* Why these defaults: docs/decisions.md. Steps in Q16 of their symbol's format:
- * a centre two half-cells, a fine offset a suffix cell, so that all anchors
- * stand in the middle of their cells and cost nothing; a feature 1/4.
+/* docs/design/training.md says why these are the defaults. Steps are Q16 of
+ * their symbol's format: a centre's is two half-cells, a fine offset's a suffix
+ * cell, so that all anchors stand in the middle of their cells and cost
+ * nothing; a feature's is 1/4.
  * A coarse anchor for one primitive has fewer features. No Fuse. */
 void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
 {
