@@ -36,15 +36,20 @@ static void assert_near(double a, double b, double within)
 
 /* --- Fixture ------------------------------------------------------------- */
 
+typedef struct {
+    saga_capture capture;
+    saga_pictures pictures;
+} fixture;
+
 static int set_up(void **state)
 {
     saga_synth_options s = saga_synth_defaults();
     saga_capture_options o = saga_capture_defaults();
-    saga_capture *const c = calloc(1, sizeof *c);
+    fixture *const f = calloc(1, sizeof *f);
     saga_error error = { "" };
     char folder[] = "/tmp/test_flat.XXXXXX", path[40], command[60];
 
-    assert_non_null(c);
+    assert_non_null(f);
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/synth", folder);
     s.width = W;
@@ -56,18 +61,22 @@ static int set_up(void **state)
     s.depth_every = 1;
     o.want_depth = true;
     if (!saga_synth_write(path, &s, &error) ||
-        !saga_capture_load(c, path, &o, &error))
+        !saga_capture_load(&f->capture, path, &o, &error) ||
+        !saga_pictures_init(&f->pictures, &f->capture, &error))
         fail_msg("%s", error.message);
     snprintf(command, sizeof command, "rm -rf '%s'", folder);
     assert_int_equal(system(command), 0);
-    *state = c;
+    *state = f;
     return 0;
 }
 
 static int tear_down(void **state)
 {
-    saga_capture_free(*state);
-    free(*state);
+    fixture *const f = *state;
+
+    saga_pictures_free(&f->pictures);
+    saga_capture_free(&f->capture);
+    free(f);
     return 0;
 }
 
@@ -80,10 +89,10 @@ static saga_flat_options small(void)
     return o;
 }
 
-static saga_flat *make(const saga_capture *c, const saga_flat_options *o)
+static saga_flat *make(const fixture *x, const saga_flat_options *o)
 {
     saga_error error = { "" };
-    saga_flat *const f = saga_flat_new(c, o, &error);
+    saga_flat *const f = saga_flat_new(&x->pictures, o, &error);
 
     if (!f)
         fail_msg("%s", error.message);
@@ -130,12 +139,12 @@ static void bits_should_not_depend_on_threads(void **state)
     saga_flat_free(f[1]);
 }
 
-static saga_flat *restore(const saga_capture *c, const saga_flat_options *o,
+static saga_flat *restore(const fixture *x, const saga_flat_options *o,
                           FILE *file, saga_error *error)
 {
     *error = (saga_error){ "" };
     rewind(file);
-    return saga_flat_restore(c, o, file, error);
+    return saga_flat_restore(&x->pictures, o, file, error);
 }
 
 /* Stopped while it grows and while it prunes. */
@@ -167,12 +176,12 @@ static void bits_should_not_depend_on_interruptions(void **state)
     saga_flat_free(whole);
 }
 
-static void refused(const saga_capture *c, const saga_flat_options *o,
+static void refused(const fixture *x, const saga_flat_options *o,
                     FILE *file, const char *what)
 {
     saga_error error;
 
-    assert_null(restore(c, o, file, &error));
+    assert_null(restore(x, o, file, &error));
     if (!strstr(error.message, what))
         fail_msg("no \"%s\" in: %s", what, error.message);
 }
@@ -190,9 +199,9 @@ static FILE *copy_of(FILE *file, long n, long flip)
 
 static void checkpoint_should_be_refused_when_it_does_not_fit(void **state)
 {
-    saga_capture c = *(saga_capture *)*state;
+    fixture *const x = *state;
     saga_flat_options o = small();
-    saga_flat *const f = make(&c, &o);
+    saga_flat *const f = make(x, &o);
     FILE *const file = tmpfile();
     long size;
 
@@ -203,26 +212,27 @@ static void checkpoint_should_be_refused_when_it_does_not_fit(void **state)
     for (long n = 0; n < size; n += 1 + n / 2) {
         FILE *const cut = copy_of(file, n, -1);
 
-        refused(&c, &o, cut, "start anew");
+        refused(x, &o, cut, "start anew");
         fclose(cut);
     }
     for (long at = 0; at < size; at += at < 80 ? 1 : 997) {
         FILE *const other = copy_of(file, size, at);
 
         /* The seed, the options, the capture have their own words. */
-        refused(&c, &o, other, at >= 8 && at < 24 ? "other options"
+        refused(x, &o, other, at >= 8 && at < 24 ? "other options"
                                : at >= 24 && at < 32 ? "another capture"
                                                      : "start anew");
         fclose(other);
     }
     o.seed++;
-    refused(&c, &o, file, "checkpoint of other options");
+    refused(x, &o, file, "checkpoint of other options");
     o = small();
     o.n_iterations++;
-    refused(&c, &o, file, "checkpoint of other options");
+    refused(x, &o, file, "checkpoint of other options");
     o = small();
-    c.n_frames--;
-    refused(&c, &o, file, "checkpoint of another capture");
+    x->capture.n_frames--;
+    refused(x, &o, file, "checkpoint of another capture");
+    x->capture.n_frames++;
     fclose(file);
 }
 
@@ -388,6 +398,13 @@ static void world_of(double x[3], const saga_shot *v, double u, double w,
                v->rotation[6 + k] * cam[2];
 }
 
+static void fit_cube(saga_cube *cube, double *range, const saga_capture *c)
+{
+    saga_error error = { "" };
+
+    assert_true(saga_cube_fit(cube, range, c, &error));
+}
+
 static bool in_cube(const saga_cube *cube, const double *x, double slack)
 {
     for (int i = 0; i < 3; i++)
@@ -399,14 +416,14 @@ static bool in_cube(const saga_cube *cube, const double *x, double slack)
 /* The points but for the outermost, and what two training views show. */
 static void cube_should_hold_what_there_is_to_see(void **state)
 {
-    saga_capture c = *(saga_capture *)*state;
+    saga_capture c = ((fixture *)*state)->capture;
     double range[2 * VIEWS];
     saga_cube cube;
 
     for (int way = 0; way < 2; way++) {
         int n_in = 0;
 
-        saga_cube_fit(&cube, range, &c);
+        fit_cube(&cube, range, &c);
         for (size_t i = 0; i < c.n_points; i++)
             n_in += in_cube(&cube, c.points[i].position, 1);
         assert_true(n_in >= 0.94 * (double)c.n_points);
@@ -447,14 +464,14 @@ static bool is_shared(const saga_capture *c, const double *range,
  * grid of samples misses (0.87 here) and its 2 %. */
 static void cube_should_be_as_large_as_what_two_views_share(void **state)
 {
-    const saga_capture *const c = *state;
+    const saga_capture *const c = &((fixture *)*state)->capture;
     const saga_rng r = saga_rng_stream(5, 6);
     double lo[3] = { INFINITY, INFINITY, INFINITY };
     double hi[3] = { -INFINITY, -INFINITY, -INFINITY };
     double range[2 * VIEWS], half = 0;
     saga_cube cube;
 
-    saga_cube_fit(&cube, range, c);
+    fit_cube(&cube, range, c);
     for (uint64_t i = 0; i < 60000; i++) {
         const int v = (int)(i % VIEWS);
         const double z = range[2 * v] + saga_rng_double(r, 3 * i) *
@@ -476,7 +493,7 @@ static void cube_should_be_as_large_as_what_two_views_share(void **state)
 /* Without points: ranges as the capture gives them, with little slack. */
 static void cube_should_believe_the_depths_of_the_capture(void **state)
 {
-    saga_capture c = *(saga_capture *)*state;
+    saga_capture c = ((fixture *)*state)->capture;
     saga_shot views[VIEWS];
     double range[2 * VIEWS];
     saga_cube cube;
@@ -487,7 +504,7 @@ static void cube_should_believe_the_depths_of_the_capture(void **state)
         views[v].near_depth = 2;
         views[v].far_depth = 4;
     }
-    saga_cube_fit(&cube, range, &c);
+    fit_cube(&cube, range, &c);
     for (int v = 0; v < VIEWS; v++) {
         assert_near(range[2 * v], 1.8, 1e-12);
         assert_near(range[2 * v + 1], 4.2, 1e-12);
@@ -498,9 +515,11 @@ static void cube_should_believe_the_depths_of_the_capture(void **state)
 /* A place of the world is at the same pixel in half-cubes. */
 static void camera_should_see_the_cube_as_the_view_the_world(void **state)
 {
-    const saga_capture *const c = *state;
+    const saga_capture *const c = &((fixture *)*state)->capture;
     const saga_shot *const v = c->views + 3;
     const saga_cube cube = { { 0.5, -1, 2 }, 3 };
+    double range[2 * VIEWS] = { [2 * 3] = 0.75 };
+    const saga_pictures p = { .capture = c, .cube = cube, .range = range };
     const double half[3] = { 0.25, 0.5, -0.125 };
     double x[3], uv[2] = { 0 }, z = 0, cam[3];
     saga_splat_camera s;
@@ -508,7 +527,7 @@ static void camera_should_see_the_cube_as_the_view_the_world(void **state)
     for (int i = 0; i < 3; i++)
         x[i] = cube.centre[i] + cube.unit * half[i];
     assert_true(saga_view_project(v, x, uv, &z));
-    saga_camera_float(&s, v, &cube, 0.75, 1);
+    saga_pictures_camera(&s, &p, (saga_sample){ 3, 0, 1 });
     for (int i = 0; i < 3; i++)
         cam[i] = (double)s.rotation[3 * i] * (half[0] - (double)s.centre[0]) +
             (double)s.rotation[3 * i + 1] * (half[1] - (double)s.centre[1]) +
@@ -535,15 +554,16 @@ static int by_value(const void *a, const void *b)
 /* Depths that the sweep trusts, against the true ones. */
 static void sights_should_have_the_true_depth(void **state)
 {
-    const saga_capture *const c = *state;
+    const saga_capture *const c = &((fixture *)*state)->capture;
+    const saga_pictures *const p = &((fixture *)*state)->pictures;
     const saga_flat_options o = small();
-    saga_flat *const f = make(c, &o);
+    saga_flat *const f = make(*state, &o);
     static double error[1000];
     int n = 0;
 
     for (int i = 0; i < 900; i++) {
         const int x = 4 + i * 37 % (W - 8), y = 4 + i * 11 % (H - 8);
-        const int view = f->train[i % f->n_train], frame = i % FRAMES;
+        const int view = p->train[i % p->n_train], frame = i % FRAMES;
         const double truth =
             (double)saga_capture_depth(c, view, frame)[y * W + x];
         saga_flat_sight s;
@@ -567,16 +587,17 @@ static double psnr(saga_flat *f, int view)
 {
     double mse = 0;
 
-    assert_int_equal(saga_flat_render(f, NULL, &mse, view, 1, 0),
+    assert_int_equal(saga_flat_render(f, NULL, &mse,
+                                      (saga_sample){ view, 1, 0 }),
                      SAGA_FLAT_OK);
     return -10 * log10(mse);
 }
 
 static void warm_up_should_learn_the_held_out_view(void **state)
 {
-    const saga_capture *const c = *state;
+    const saga_capture *const c = &((fixture *)*state)->capture;
     const saga_flat_options o = small();
-    saga_flat *const f = make(c, &o);
+    saga_flat *const f = make(*state, &o);
     int held = 0;
     double before, after;
 
@@ -661,48 +682,62 @@ static void fault_should_be_named_when_it_reaches_a_picture(void **state)
     saga_flat_free(f);
 }
 
-static void refused_new(const saga_capture *c, const saga_flat_options *o,
+static void refused_new(const fixture *x, const saga_flat_options *o,
                         const char *what)
 {
     saga_error error = { "" };
 
-    assert_null(saga_flat_new(c, o, &error));
+    assert_null(saga_flat_new(&x->pictures, o, &error));
     if (!strstr(error.message, what))
         fail_msg("no \"%s\" in: %s", what, error.message);
 }
 
 static void options_should_be_refused_when_they_cannot_be(void **state)
 {
-    saga_capture c = *(saga_capture *)*state;
-    saga_shot views[VIEWS];
     saga_flat_options o = small();
 
     o.n_primitives = 0;
-    refused_new(&c, &o, "0 primitives: 1 to 16777216");
+    refused_new(*state, &o, "0 primitives: 1 to 16777216");
     o = small();
     o.n_iterations = 0;
-    refused_new(&c, &o, "0 iterations");
-    o = small();
+    refused_new(*state, &o, "0 iterations");
+}
+
+static void pictures_should_be_refused_when_they_cannot_be(void **state)
+{
+    saga_capture c = ((fixture *)*state)->capture;
+    saga_error error = { "" };
+    saga_shot views[VIEWS];
+    saga_pictures p;
+
     memcpy(views, c.views, sizeof views);
     c.views = views;
     views[0].width = 7;
-    refused_new(&c, &o, "view cam00 is 7 x 48 pixels, at least 8 x 8");
+    assert_false(saga_pictures_init(&p, &c, &error));
+    assert_non_null(strstr(error.message,
+                           "view cam00 is 7 x 48 pixels, at least 8 x 8"));
+    error = (saga_error){ "" };
     for (int v = 0; v < VIEWS; v++)
         views[v].held_out = true;
-    refused_new(&c, &o, "0 training views");
+    assert_false(saga_pictures_init(&p, &c, &error));
+    assert_non_null(strstr(error.message, "0 training views"));
 }
 
 /* --- Operators ----------------------------------------------------------- */
 
 static void truth_should_be_the_mean_of_boxes(void **state)
 {
-    const saga_capture *const c = *state;
-    static real truth[3 * W * H];
+    const fixture *const x0 = *state;
+    const saga_capture *const c = &x0->capture;
+    saga_canvas canvas;
 
-    for (int level = 0; level < 3; level++) {
-        const int w = W >> level, h = H >> level, side = 1 << level;
+    assert_int_equal(saga_pictures_canvas(&canvas, &x0->pictures), 0);
+    for (int mip = 0; mip < 3; mip++) {
+        const int w = W >> mip, h = H >> mip, side = 1 << mip;
+        const saga_sample picture = { 2, 1, mip };
 
-        saga_truth_load(truth, c, 2, 1, level);
+        saga_pictures_aim(&canvas, &x0->pictures, picture);
+        saga_pictures_truth(&canvas, &x0->pictures, picture);
         for (int i = 0; i < 3 * w * h; i++) {
             const int k = i / (w * h), y = i % (w * h) / w, x = i % w;
             double sum = 0;
@@ -710,9 +745,10 @@ static void truth_should_be_the_mean_of_boxes(void **state)
             for (int j = 0; j < side * side; j++)
                 sum += saga_capture_frame(c, 2, 1)[
                     3 * ((y * side + j / side) * W + x * side + j % side) + k];
-            assert_near(truth[i], sum / 255 / (side * side), 1e-6);
+            assert_near(canvas.truth[i], sum / 255 / (side * side), 1e-6);
         }
     }
+    saga_canvas_free(&canvas);
 }
 
 static real noise(uint64_t i)
@@ -770,13 +806,13 @@ static void correction_should_be_the_transpose_of_itself(void **state)
 /* Only training views are corrected, and on the mean nothing is. */
 static void correction_should_be_the_identity_on_the_mean(void **state)
 {
-    const saga_capture *const c = *state;
+    const saga_pictures *const p = &((fixture *)*state)->pictures;
     saga_flat_options o = small();
     saga_flat *f;
     double moved = 0;
 
     o.colour_correction = true;
-    f = make(c, &o);
+    f = make(*state, &o);
     run(f, 60);
     for (int k = 0; k < FLAT_CORRECTION; k++) {
         const double one = k < 9 && k % 4 == 0;
@@ -785,10 +821,10 @@ static void correction_should_be_the_identity_on_the_mean(void **state)
         for (int v = 0; v < VIEWS; v++) {
             const double x = (double)f->correction[0][v * FLAT_CORRECTION + k];
 
-            if (c->views[v].held_out)
+            if (p->capture->views[v].held_out)
                 assert_true(x == one);
             else
-                mean += x / f->n_train;
+                mean += x / p->n_train;
             moved = fmax(moved, fabs(x - one));
         }
         assert_near(mean, one, 1e-5);
@@ -843,6 +879,7 @@ int main(void)
         cmocka_unit_test(fault_should_be_named),
         cmocka_unit_test(fault_should_be_named_when_it_reaches_a_picture),
         cmocka_unit_test(options_should_be_refused_when_they_cannot_be),
+        cmocka_unit_test(pictures_should_be_refused_when_they_cannot_be),
         cmocka_unit_test(truth_should_be_the_mean_of_boxes),
         cmocka_unit_test(correction_should_be_the_transpose_of_itself),
         cmocka_unit_test(correction_should_be_the_identity_on_the_mean),

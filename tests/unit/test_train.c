@@ -461,8 +461,7 @@ static void add_fuse(saga_train *t)
     saga_scene_free(&old);
     o.n_regress = t->o.n_regress;
     o.n_render = t->o.n_render;
-    t->fit = saga_fit_new(s, &t->target, t->capture,
-                          saga_flat_cube_of(t->flat), &o);
+    t->fit = saga_fit_new(s, &t->target, &t->pictures, &o);
     assert_non_null(t->fit);
 }
 

@@ -8,6 +8,7 @@
  */
 #include "cube.h"
 
+#include "alloc.h"
 #include "camera.h"
 
 #include <math.h>
@@ -252,32 +253,29 @@ static void include_points(double lo[3], double hi[3], const saga_capture *c,
     include(lo, hi, b);
 }
 
-void saga_cube_fit(saga_cube *cube, double *range,
-                        const saga_capture *c)
+bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
+                   saga_error *error)
 {
     double lo[3] = { INFINITY, INFINITY, INFINITY };
     double hi[3] = { -INFINITY, -INFINITY, -INFINITY };
-    double *const r = malloc((size_t)c->n_views * 2 * sizeof *r);
-    double *const scratch = malloc((c->n_points + 1) * sizeof *scratch);
+    double *const scratch = saga_alloc(c->n_points, sizeof *scratch,
+                                       "the capture's points", error);
 
-    *cube = (saga_cube){ { 0, 0, 0 }, 1 };
-    if (r && scratch) {
-        find_ranges(r, c, scratch);
-        if (!include_frusta(lo, hi, c, r, 2))
-            include_frusta(lo, hi, c, r, 1);
-        include_points(lo, hi, c, scratch);
-        cube->unit = 0;
-        for (int i = 0; i < 3; i++) {
-            cube->centre[i] = (lo[i] + hi[i]) / 2;
-            if ((hi[i] - lo[i]) / 2 > cube->unit)
-                cube->unit = (hi[i] - lo[i]) / 2;
-        }
-        cube->unit *= 1.02;
-        for (int i = 0; range && i < 2 * c->n_views; i++)
-            range[i] = r[i];
+    if (!scratch)
+        return false;
+    find_ranges(range, c, scratch);
+    if (!include_frusta(lo, hi, c, range, 2))
+        include_frusta(lo, hi, c, range, 1);
+    include_points(lo, hi, c, scratch);
+    cube->unit = 0;
+    for (int i = 0; i < 3; i++) {
+        cube->centre[i] = (lo[i] + hi[i]) / 2;
+        if ((hi[i] - lo[i]) / 2 > cube->unit)
+            cube->unit = (hi[i] - lo[i]) / 2;
     }
+    cube->unit *= 1.02;
     if (!(cube->unit > 0 && cube->unit < INFINITY))
         cube->unit = 1;
-    free(r);
     free(scratch);
+    return true;
 }

@@ -13,9 +13,9 @@ typedef struct saga_cube {
     double unit;               /* of the world's length per half-cube, > 0 */
 } saga_cube;
 
-/* Finds the cube. range (n_views, 2) receives each view's nearest and
- * farthest depth, world units; NULL: not wanted. */
-void saga_cube_fit(saga_cube *cube, double *range,
-                        const saga_capture *capture);
+/* Finds the cube. range (n_views, 2) receives each view's nearest and farthest
+ * depth, world units. Fails where memory is short. */
+bool saga_cube_fit(saga_cube *cube, double *range,
+                   const saga_capture *capture, saga_error *error);
 
 #endif

@@ -112,6 +112,7 @@ typedef struct saga_canvas {
 
 #define saga_canvas_init SAGA_REAL_NAME(saga_canvas_init)
 #define saga_canvas_free SAGA_REAL_NAME(saga_canvas_free)
+#define saga_canvas_mse SAGA_REAL_NAME(saga_canvas_mse)
 #define saga_canvas_grow SAGA_REAL_NAME(saga_canvas_grow)
 
 /* Room for pictures of up to n_pixels, all of them black. Returns 0, or -1
@@ -120,6 +121,10 @@ int saga_canvas_init(saga_canvas *canvas, size_t n_pixels);
 
 /* Frees everything in it; a canvas of zeros has nothing. */
 void saga_canvas_free(saga_canvas *canvas);
+
+/* The mean squared error of an image (3, H, W), clipped to 0..1, against the
+ * truth. */
+double saga_canvas_mse(const saga_canvas *canvas, const real *image);
 
 /* For the passes: makes *p hold at least nbytes; the old content is lost when
  * it grows. Returns 0 or -1. */

@@ -39,7 +39,7 @@ static void set_rate(saga_pack_options *o, double fps)
 
 static void set_header(saga_header *h, const saga_train *t)
 {
-    const saga_cube *const cube = saga_flat_cube_of(t->flat);
+    const saga_cube *const cube = &t->pictures.cube;
     double most = 1e-9;
 
     memset(h, 0, sizeof *h);
@@ -85,7 +85,7 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 
         memset(&c, 0, sizeof c);
         if (!saga_camera_of_shot(&c, &m, &t->capture->views[i],
-                                 t->range[2 * i], error)) {
+                                 t->pictures.range[2 * i], error)) {
             free(rig);
             return NULL;
         }
@@ -102,7 +102,6 @@ static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
                    const real *feature, const saga_rate_choice *choice,
                    saga_pack_report *rep, saga_error *error)
 {
-    const saga_cube *const cube = saga_flat_cube_of(t->flat);
     saga_pack_options o = {
         .level = level, .weights = saga_fit_weights(t->fit),
         .n_frames = (uint32_t)t->capture->n_frames,
@@ -120,7 +119,7 @@ static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
     if (!rig)
         return 0;
     /* The ranges of the colours' activations are measured from one camera. */
-    saga_camera_float(&cam, &t->capture->views[0], cube, t->range[0], 0);
+    saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
     if (saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre) == 0)
         ok = saga_pack(&t->bytes, &t->nbytes, rep, choice, twin, feature, &h,
                        rig, &o, &why);

@@ -2,8 +2,6 @@
 #include "fit_state.h"
 
 #include "regress.h"
-#include "rng.h"
-#include "truth.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -43,8 +41,6 @@ static int alloc_all(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
 
-    f->range = calloc(2 * (size_t)f->capture->n_views, sizeof *f->range);
-    f->train = calloc((size_t)f->capture->n_views, sizeof *f->train);
     f->weight = calloc(s->n.prim + 1u, sizeof *f->weight);
     f->feature = calloc((size_t)s->n.coarse * s->model.features + 1,
                         sizeof *f->feature);
@@ -52,9 +48,8 @@ static int alloc_all(saga_fit *f)
     f->support = calloc(4 * (size_t)s->n.fine + 1, sizeof *f->support);
     f->m = calloc(s->n_reals, sizeof *f->m);
     f->v = calloc(s->n_reals, sizeof *f->v);
-    return f->range && f->train && f->weight && f->feature &&
-           f->position && f->support && f->m && f->v &&
-           !saga_truth_canvas(&f->canvas, f->capture);
+    return f->weight && f->feature && f->position && f->support && f->m &&
+           f->v && !saga_pictures_canvas(&f->canvas, f->pictures);
 }
 
 /* Small random features: the networks must be able to tell anchors apart, and
@@ -83,13 +78,6 @@ static void start_networks(saga_scene *s)
                                     R(0.3));
 }
 
-static void aim(saga_fit *f, int view, int frame)
-{
-    saga_camera_float(&f->canvas.camera, &f->capture->views[view], &f->cube,
-                      f->range[2 * view], 0);
-    f->canvas.t = R(frame) / R(f->capture->n_frames);
-}
-
 /* The importance of the target's primitives: the roots of their shares of the
  * pictures (of blending weights), mean 1, over a sample of the pictures. */
 static saga_fit_status measure_importance(saga_fit *f)
@@ -105,9 +93,12 @@ static saga_fit_status measure_importance(saga_fit *f)
     int k;
 
     for (k = 0; k < N_PICTURES; k++) {
-        const int view = f->train[k % f->n_train];
+        const saga_sample picture = {
+            .view = f->pictures->train[k % f->pictures->n_train],
+            .frame = STRIDE * k % f->pictures->capture->n_frames
+        };
 
-        aim(f, view, STRIDE * k % f->capture->n_frames);
+        saga_pictures_aim(c, f->pictures, picture);
         if (saga_splat_forward(c, &f->target, (uint32_t)n) ||
             saga_splat_backward(&f->twin.d_attr, &stats, c, &f->target))
             return SAGA_FIT_MEMORY;
@@ -154,20 +145,16 @@ static void want_supports(saga_fit *f)
 }
 
 saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
-                       const saga_capture *capture,
-                       const saga_cube *cube,
+                       const saga_pictures *pictures,
                        const saga_fit_options *options)
 {
     saga_fit *const f = calloc(1, sizeof *f);
-    saga_cube again;
-    uint32_t i;
 
     if (!f)
         return NULL;
     f->scene = scene;
     f->target = *target;
-    f->capture = capture;
-    f->cube = *cube;
+    f->pictures = pictures;
     f->o = *options;
     saga_rate_snap(scene);
     if (!alloc_all(f) || saga_twin_init(&f->twin, scene) ||
@@ -178,10 +165,6 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
         saga_fit_free(f);
         return NULL;
     }
-    saga_cube_fit(&again, f->range, capture);
-    for (i = 0; i < (uint32_t)capture->n_views; i++)
-        if (!capture->views[i].held_out)
-            f->train[f->n_train++] = (int)i;
     if (f->o.raw_networks)
         saga_rate_keep_raw(&f->rate);
     start_features(f);
@@ -202,8 +185,6 @@ void saga_fit_free(saga_fit *f)
     saga_rate_free(&f->rate);
     saga_scene_free(&f->grad);
     saga_canvas_free(&f->canvas);
-    free(f->range);
-    free(f->train);
     free(f->weight);
     free(f->feature);
     free(f->position);
@@ -394,30 +375,24 @@ static int descend(saga_fit *f, real features, real positions, real entropy,
         ? SAGA_FIT_NONFINITE : SAGA_FIT_OK;
 }
 
-void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view)
-{
-    saga_splat_camera cam;
-
-    saga_camera_float(&cam, &f->capture->views[view], &f->cube,
-                     f->range[2 * view], 0);
-    memcpy(centre, cam.centre, sizeof cam.centre);
-}
-
 /* Bits count from the first iteration on: features that are free to grow until
  * the pictures come grow into codes that are dear and that nothing foretells.
  */
 static saga_fit_status regress_step(saga_fit *f, double *loss)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
-    const int view = f->train[saga_rng_below(r, (uint64_t)f->iteration,
-                                             (uint32_t)f->n_train)];
+    const saga_pictures *const p = f->pictures;
+    const saga_sample picture = {
+        .view = p->train[saga_rng_below(r, (uint64_t)f->iteration,
+                                        (uint32_t)p->n_train)]
+    };
     const real rate = f->o.rate * decay(f->iteration, f->o.n_regress, R(0.2));
-    real centre[3];
+    saga_splat_camera camera;
     saga_fit_status s;
 
-    saga_fit_camera_centre(centre, f, view);
+    saga_pictures_camera(&camera, p, picture);
     if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
-        saga_twin_colour(&f->twin, &f->used, centre))
+        saga_twin_colour(&f->twin, &f->used, camera.centre))
         return SAGA_FIT_MEMORY;
     *loss = saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target,
                               f->weight, f->scene->n.prim);
@@ -434,8 +409,9 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
 
 static void load_truth(saga_fit *f, int view, int frame)
 {
-    const saga_shot *const v = &f->capture->views[view];
-    const uint8_t *const rgb = saga_capture_frame(f->capture, view, frame);
+    const saga_capture *const capture = f->pictures->capture;
+    const saga_shot *const v = &capture->views[view];
+    const uint8_t *const rgb = saga_capture_frame(capture, view, frame);
     const size_t n = (size_t)v->width * (size_t)v->height;
     size_t i, k;
 
@@ -445,14 +421,14 @@ static void load_truth(saga_fit *f, int view, int frame)
 }
 
 /* One picture: adds to the twin's gradients. */
-static saga_fit_status picture_step(saga_fit *f, int view, int frame,
+static saga_fit_status picture_step(saga_fit *f, saga_sample picture,
                                     saga_picture_loss *out)
 {
     const saga_loss_weights weights = saga_loss_paper(f->o.eta);
     saga_canvas *const c = &f->canvas;
 
-    aim(f, view, frame);
-    load_truth(f, view, frame);
+    saga_pictures_aim(c, f->pictures, picture);
+    load_truth(f, picture.view, picture.frame);
     return saga_twin_colour(&f->twin, &f->used, c->camera.centre) ||
            saga_splat_forward(c, &f->twin.attr, f->scene->n.prim) ||
            saga_loss_picture(out, c, c->image, &weights) ||
@@ -468,19 +444,16 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
 {
     const int done = f->iteration - f->o.n_regress;
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
-    const uint32_t n_train = (uint32_t)f->n_train;
-    const uint32_t n_frames = (uint32_t)f->capture->n_frames;
     const real ramp = done < RAMP ? R(done + 1) / RAMP : 1;
     const real rate = ramp * f->o.rate * decay(done, f->o.n_render, R(0.03));
-    const uint32_t at = saga_rng_shuffled(r, (uint64_t)done,
-                                          n_train * n_frames);
     saga_picture_loss out;
     saga_fit_status s;
 
     saga_twin_offsets(&f->twin, &f->used);
     if (saga_twin_geometry(&f->twin, &f->used, f->feature))
         return SAGA_FIT_MEMORY;
-    s = picture_step(f, f->train[at % n_train], (int)(at / n_train), &out);
+    s = picture_step(f, saga_pictures_pick(f->pictures, r, (uint64_t)done),
+                     &out);
     if (s)
         return s;
     *loss = out.loss;

@@ -26,11 +26,13 @@
 #ifndef SAGA_FIT_H
 #define SAGA_FIT_H
 
-#include "flat.h"
+#include "pictures.h"
 #include "rate_choice.h"
 #include "scene.h"
 #include "twin.h"
 #include "weight_rate.h"
+
+#include <stdio.h>
 
 typedef struct saga_fit_options {
     int n_regress, n_render;     /* iterations of the two parts */
@@ -47,11 +49,10 @@ saga_fit_options saga_fit_defaults(void);
 
 /* scene's reals are what is fitted; its anchors go to the nearest places that
  * can be coded (saga_rate_snap) and stay there. target (n.prim), in rank order,
- * are the flat primitives; both and the capture stay the caller's. NULL: no
+ * are the flat primitives; both and the pictures stay the caller's. NULL: no
  * memory. */
 saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
-                       const saga_capture *capture,
-                       const saga_cube *cube,
+                       const saga_pictures *pictures,
                        const saga_fit_options *options);
 void saga_fit_free(saga_fit *fit);
 

@@ -7,7 +7,6 @@
 
 #include "adam.h"
 #include "fit.h"
-#include "float_camera.h"
 #include "picture_loss.h"
 
 struct saga_fit {
@@ -15,12 +14,8 @@ struct saga_fit {
     saga_scene grad;
     saga_twin twin;
     saga_splat_params target;
-    const saga_capture *capture;
-    saga_cube cube;
+    const saga_pictures *pictures;
     saga_fit_options o;
-    double *range;               /* (views, 2) depths */
-    int *train;                  /* (n_train) views */
-    int n_train;
     int iteration;
     real *weight;                /* (prim) of the regression */
     real *support;               /* (fine, 4) log2 wanted in the regression */
@@ -43,8 +38,6 @@ int saga_fit_first_rounding(const saga_fit *f);
 
 /* What a bit of a residual costs in the loss. */
 double saga_fit_bit_price(const saga_fit *f);
-
-void saga_fit_camera_centre(real centre[3], const saga_fit *f, int view);
 
 /* fit_weights.c. Memory for the copy of the networks, its scene and the steps;
  * 0 or -1. */

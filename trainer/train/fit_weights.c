@@ -119,13 +119,14 @@ static saga_weight_round_input rounding_of(const saga_fit *f, int t)
 static int round_layers(saga_fit *f, int from, int to)
 {
     real *const params = f->scene->params;
-    real centre[3];
+    const saga_sample picture = { .view = f->pictures->train[0] };
+    saga_splat_camera camera;
     int t;
 
     copy_params(f);
-    saga_fit_camera_centre(centre, f, f->train[0]);
+    saga_pictures_camera(&camera, f->pictures, picture);
     if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
-        saga_twin_colour(&f->twin, &f->used, centre))
+        saga_twin_colour(&f->twin, &f->used, camera.centre))
         return -1;
     for (t = from; t < to; t += 2) {
         const saga_weight_round_input in = rounding_of(f, t);

@@ -4,8 +4,6 @@
  */
 #include "train_state.h"
 
-#include "truth.h"
-
 #include <stdlib.h>
 
 #define CHANGE 8                 /* of 255 */
@@ -62,37 +60,31 @@ static int tally_view(tally *sum, saga_train *t, int view, real *pictures,
 {
     const saga_capture *const c = t->capture;
     const int n = c->n_frames < N_FRAMES ? c->n_frames : N_FRAMES;
+    saga_sample at = { .view = view, .frame = c->n_frames / 2 };
+    double mse;
 
-    if (saga_flat_render(t->flat, pictures, NULL, view, c->n_frames / 2, 0))
+    if (saga_flat_render(t->flat, pictures, &mse, at))
         return -1;
     for (int i = 0; i < n; i++) {
-        const int frame = (int)((int64_t)i * c->n_frames / n);
-
-        if (saga_flat_render(t->flat, pictures + picture, NULL, view, frame, 0))
+        at.frame = (int)((int64_t)i * c->n_frames / n);
+        if (saga_flat_render(t->flat, pictures + picture, &mse, at))
             return -1;
-        count(sum, c, view, frame, pictures + picture, pictures);
+        count(sum, c, view, at.frame, pictures + picture, pictures);
     }
     return 0;
 }
 
 static int tally_views(tally *sum, saga_train *t)
 {
-    const saga_capture *const c = t->capture;
-    const size_t picture = 3 * saga_truth_pixels(c);
+    const saga_pictures *const p = &t->pictures;
+    const size_t picture = 3 * saga_pictures_largest(p);
     real *const pictures = malloc(2 * picture * sizeof *pictures);
-    int n_train = 0, seen = 0, status = pictures ? 0 : -1;
+    int status = pictures ? 0 : -1;
 
-    for (int i = 0; i < c->n_views; i++)
-        n_train += !c->views[i].held_out;
-    for (int i = 0; i < c->n_views && !status; i++) {
-        if (c->views[i].held_out)
-            continue;
+    for (int i = 0; i < p->n_train && !status; i++)
         /* Every (n_train / N_VIEWS)th of them. */
-        if (n_train <= N_VIEWS ||
-            (seen * N_VIEWS) % n_train < N_VIEWS)
-            status = tally_view(sum, t, i, pictures, picture);
-        seen++;
-    }
+        if (p->n_train <= N_VIEWS || (i * N_VIEWS) % p->n_train < N_VIEWS)
+            status = tally_view(sum, t, p->train[i], pictures, picture);
     free(pictures);
     return status;
 }

@@ -4,8 +4,6 @@
  */
 #include "train_state.h"
 
-#include "truth.h"
-
 #include <math.h>
 #include <string.h>
 
@@ -29,20 +27,6 @@ int saga_train_sample(const saga_capture *c, int view, int index)
 
     n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
     return index < n ? (int)((int64_t)index * c->n_frames / n) : -1;
-}
-
-/* Mean squared error of a picture in [0, 1], clipped. */
-static double mse_of(const real *image, const uint8_t *truth, size_t n)
-{
-    double sum = 0;
-
-    for (size_t i = 0; i < 3 * n; i++) {
-        const double x = (double)image[i % 3 * n + i / 3];
-        const double e = fmin(fmax(x, 0), 1) - truth[i] / 255.0;
-
-        sum += e * e;
-    }
-    return sum / (3.0 * (double)n);
 }
 
 /* PSNR of one picture; false: no memory. */
@@ -75,9 +59,10 @@ static bool measure(saga_train_quality *q, const saga_capture *c,
 
 static bool flat_psnr(void *user, double *psnr, int view, int frame)
 {
+    const saga_sample picture = { view, frame, 0 };
     double mse;
 
-    if (saga_flat_render(user, NULL, &mse, view, frame, 0))
+    if (saga_flat_render(user, NULL, &mse, picture))
         return false;
     *psnr = -10 * log10(mse + 1e-12);
     return true;
@@ -98,14 +83,11 @@ typedef struct {
     saga_canvas canvas;
 } painter;
 
-static bool draw(painter *p, int view, int frame)
+static bool draw(painter *p, saga_sample picture)
 {
-    const saga_train *const t = p->t;
     saga_canvas *const c = &p->canvas;
 
-    saga_camera_float(&c->camera, &t->capture->views[view],
-                      saga_flat_cube_of(t->flat), t->range[2 * view], 0);
-    c->t = (real)frame / (real)t->capture->n_frames;
+    saga_pictures_aim(c, &p->t->pictures, picture);
     return !saga_twin_colour(p->twin, p->scene, c->camera.centre) &&
            !saga_splat_forward(c, &p->twin->attr, p->scene->n.prim);
 }
@@ -113,14 +95,12 @@ static bool draw(painter *p, int view, int frame)
 static bool fit_psnr(void *user, double *psnr, int view, int frame)
 {
     painter *const p = user;
-    const saga_capture *const c = p->t->capture;
-    const saga_shot *const v = &c->views[view];
+    const saga_sample picture = { view, frame, 0 };
 
-    if (!draw(p, view, frame))
+    if (!draw(p, picture))
         return false;
-    *psnr = -10 * log10(mse_of(p->canvas.image,
-                               saga_capture_frame(c, view, frame),
-                               (size_t)v->width * (size_t)v->height) + 1e-12);
+    saga_pictures_truth(&p->canvas, &p->t->pictures, picture);
+    *psnr = -10 * log10(saga_canvas_mse(&p->canvas, p->canvas.image) + 1e-12);
     return true;
 }
 
@@ -128,7 +108,7 @@ bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
                               const saga_scene *scene, saga_twin *twin)
 {
     painter p = { .t = t, .scene = scene, .twin = twin };
-    const bool ok = !saga_truth_canvas(&p.canvas, t->capture) &&
+    const bool ok = !saga_pictures_canvas(&p.canvas, &t->pictures) &&
                     measure(q, t->capture, fit_psnr, &p);
 
     saga_canvas_free(&p.canvas);
@@ -150,8 +130,8 @@ bool saga_train_draw(saga_train *t, float *image, int view, int frame)
 {
     const saga_shot *const v = &t->capture->views[view];
     painter p = { .t = t, .scene = &t->decoded, .twin = &t->decoded_twin };
-    const bool ok = !saga_truth_canvas(&p.canvas, t->capture) &&
-                    draw(&p, view, frame);
+    const bool ok = !saga_pictures_canvas(&p.canvas, &t->pictures) &&
+                    draw(&p, (saga_sample){ view, frame, 0 });
 
     if (ok)
         memcpy(image, p.canvas.image, saga_view_frame_nbytes(v) *

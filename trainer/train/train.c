@@ -168,24 +168,23 @@ static saga_train *make(const saga_capture *capture,
                         const saga_train_options *options,
                         saga_error *error)
 {
-    saga_cube cube;
     saga_train *t;
 
     if (!check_options(options, capture, error))
         return NULL;
     t = calloc(1, sizeof *t);
-    if (t)
-        t->range = calloc(2 * (size_t)capture->n_views, sizeof *t->range);
-    if (!t || !t->range) {
-        free(t);
+    if (!t) {
         saga_fail(error, NULL, "free some memory", "out of memory");
+        return NULL;
+    }
+    if (!saga_pictures_init(&t->pictures, capture, error)) {
+        free(t);
         return NULL;
     }
     t->capture = capture;
     t->o = *options;
     derive(&t->o);
     t->explained = (double)NAN;
-    saga_cube_fit(&cube, t->range, capture);
     t->flat_options = saga_flat_defaults();
     t->flat_options.n_primitives = t->o.n_primitives;
     t->flat_options.n_iterations = t->o.n_warm;
@@ -208,7 +207,7 @@ saga_train *saga_train_new(const saga_capture *capture,
 
     if (!t)
         return NULL;
-    t->flat = saga_flat_new(capture, &t->flat_options, error);
+    t->flat = saga_flat_new(&t->pictures, &t->flat_options, error);
     if (!t->flat) {
         saga_train_free(t);
         return NULL;
@@ -243,7 +242,7 @@ void saga_train_free(saga_train *t)
     saga_twin_free(&t->decoded_twin);
     saga_scene_free(&t->decoded);
     saga_flat_free(t->flat);
-    free(t->range);
+    saga_pictures_free(&t->pictures);
     free(t->bytes);
     free(t);
 }
@@ -320,8 +319,7 @@ saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error)
 
     t->fitting = true;
     if (propose(t, error) == 0)
-        t->fit = saga_fit_new(&t->scene, &t->target, t->capture,
-                              saga_flat_cube_of(t->flat), &o);
+        t->fit = saga_fit_new(&t->scene, &t->target, &t->pictures, &o);
     /* The first error is kept. */
     return t->fit ? SAGA_TRAIN_OK
                   : saga_train_fail(error, "no memory for the fit",

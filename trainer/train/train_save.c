@@ -176,7 +176,7 @@ static bool load(saga_train *t, FILE *file, saga_error *error)
         return refuse(t, error, "delete it and start anew", "is cut short");
     if (!fits(t, &h, error))
         return false;
-    t->flat = saga_flat_restore(t->capture, &t->flat_options, file, &why);
+    t->flat = saga_flat_restore(&t->pictures, &t->flat_options, file, &why);
     if (!t->flat)
         return refuse(t, error, "delete it to start anew", why.message);
     if (h.stage > SAGA_TRAIN_PACK ||

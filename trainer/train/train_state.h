@@ -9,8 +9,8 @@
 #include "error.h"
 #include "fit.h"
 #include "flat.h"
-#include "float_camera.h"
 #include "pack.h"
+#include "pictures.h"
 #include "scene.h"
 #include "train.h"
 
@@ -18,11 +18,11 @@
 
 struct saga_train {
     const saga_capture *capture;
+    saga_pictures pictures;      /* of the capture */
     saga_train_options o;        /* resolved: nothing left to derive */
     saga_train_stage stage;
     saga_flat_options flat_options;
     saga_flat *flat;
-    double *range;               /* (views, 2) depths, metres */
 
     /* From the regression on. */
     bool fitting, dynamic;

@@ -8,10 +8,9 @@
 #include <string.h>
 #include <time.h>
 
-enum { MIN_SIDE = 8, COARSEST_WIDTH = 150, MAX_LEVEL = 3 };
+enum { COARSEST_WIDTH = 150, MAX_MIP = 3 };
 
 #define MEMORY_PART 0.98         /* of the recent loss, per iteration */
-#define NEAR_PART 0.3            /* of a view's nearest depth: is not drawn */
 #define PULL R(1e-3)             /* of the correction to the identity */
 
 const int saga_flat_widths[FLAT_N_TENSORS] = { 3, 4, 3, 1, 3, 9, 4, 1, 1 };
@@ -48,7 +47,7 @@ static void set_info(saga_flat *f, enum saga_flat_tensor t, double lo,
 static void fill_info(saga_flat *f)
 {
     const double r = f->reach;
-    const double frame = 1.0 / f->capture->n_frames;
+    const double frame = 1.0 / f->pictures->capture->n_frames;
 
     set_info(f, FLAT_MEAN, -1, 1 - 0x1p-23, 6e-4 * r, 1e-5 * r);
     set_info(f, FLAT_QUAT, -8, 8, 4e-3, 4e-4);
@@ -64,33 +63,28 @@ static void fill_info(saga_flat *f)
             f->info[t].rate = f->info[t].rate_end = 0;
 }
 
-int saga_flat_levels(const saga_flat *f)
+static int most_mips(const saga_pictures *p)
 {
-    int widest = 0, level = 0;
+    int widest = 0, mip = 0;
 
-    for (int k = 0; k < f->n_train; k++) {
-        const saga_shot *const v = f->capture->views + f->train[k];
+    for (int k = 0; k < p->n_train; k++) {
+        const saga_shot *const v = p->capture->views + p->train[k];
 
         widest = v->width > widest ? v->width : widest;
     }
-    while (level < MAX_LEVEL && (widest >> level) / 2 >= COARSEST_WIDTH)
-        level++;
-    return level;
+    while (mip < MAX_MIP && (widest >> mip) / 2 >= COARSEST_WIDTH)
+        mip++;
+    return mip;
 }
 
-int saga_flat_level_at(const saga_flat *f, int iteration)
+int saga_flat_mip_at(const saga_flat *f, int iteration)
 {
-    const int levels = saga_flat_levels(f);
+    const int mips = most_mips(f->pictures);
     const double coarse = (double)f->o.coarse * f->o.n_iterations;
 
-    if (levels == 0 || iteration >= coarse)
+    if (mips == 0 || iteration >= coarse)
         return 0;
-    return levels - (int)(iteration * levels / coarse);
-}
-
-double saga_flat_time(const saga_flat *f, int frame)
-{
-    return (double)frame / f->capture->n_frames;
+    return mips - (int)(iteration * mips / coarse);
 }
 
 saga_splat_params saga_flat_view_of(real *const *t, bool temporal)
@@ -117,7 +111,6 @@ saga_splat_params saga_flat_params(const saga_flat *f)
 
 int saga_flat_iteration(const saga_flat *f) { return f->iteration; }
 uint32_t saga_flat_count(const saga_flat *f) { return f->n; }
-const saga_cube *saga_flat_cube_of(const saga_flat *f) { return &f->cube; }
 const char *saga_flat_message(const saga_flat *f) { return f->message; }
 
 /* --- The set ------------------------------------------------------------- */
@@ -243,52 +236,29 @@ static void fail(saga_flat *f, const char *format, ...)
     va_end(args);
 }
 
-static bool find_views(saga_flat *f)
-{
-    const saga_capture *const c = f->capture;
-
-    for (int v = 0; v < c->n_views; v++) {
-        if (c->views[v].held_out)
-            continue;
-        if (c->views[v].width < MIN_SIDE || c->views[v].height < MIN_SIDE) {
-            fail(f, "view %s is %d x %d pixels, at least %d x %d are needed; "
-                 "use larger pictures or a larger --scale",
-                 c->views[v].name, c->views[v].width, c->views[v].height,
-                 MIN_SIDE, MIN_SIDE);
-            return false;
-        }
-        f->train[f->n_train++] = v;
-    }
-    if (f->n_train == 0 || c->n_frames < 1) {
-        fail(f, "nothing to train on: %d training views, %d frames; hold out "
-             "fewer", f->n_train, c->n_frames);
-        return false;
-    }
-    return true;
-}
-
 static bool make_pictures(saga_flat *f)
 {
+    const saga_capture *const c = f->pictures->capture;
     size_t rows = 0;
 
-    if (saga_truth_canvas(&f->canvas, f->capture))
+    if (saga_pictures_canvas(&f->canvas, f->pictures))
         return false;
     f->canvas.rules.detach_time = 1;
     if (!f->o.colour_correction)
         return true;
-    for (int v = 0; v < f->capture->n_views; v++) {
-        const size_t h = (size_t)f->capture->views[v].height;
+    for (int v = 0; v < c->n_views; v++) {
+        const size_t h = (size_t)c->views[v].height;
 
         rows = h > rows ? h : rows;
     }
-    f->shown = malloc(3 * saga_truth_pixels(f->capture) * sizeof(real));
+    f->shown = malloc(3 * saga_pictures_largest(f->pictures) * sizeof(real));
     f->row = malloc(rows * FLAT_CORRECTION * sizeof *f->row);
     return f->shown && f->row;
 }
 
 static bool make_correction(saga_flat *f)
 {
-    const size_t n = (size_t)f->capture->n_views * FLAT_CORRECTION;
+    const size_t n = (size_t)f->pictures->capture->n_views * FLAT_CORRECTION;
 
     for (int k = 0; k < 4; k++) {
         f->correction[k] = calloc(n, sizeof(real));
@@ -302,16 +272,16 @@ static bool make_correction(saga_flat *f)
 }
 
 /* The geometric mean of the ranges, in half-cubes. */
-static double find_reach(const saga_flat *f)
+static double find_reach(const saga_pictures *p)
 {
     double sum = 0;
 
-    for (int k = 0; k < f->n_train; k++) {
-        const double *const r = f->range + 2 * f->train[k];
+    for (int k = 0; k < p->n_train; k++) {
+        const double *const r = p->range + 2 * p->train[k];
 
         sum += log2(r[0] * r[1]) / 2;
     }
-    return exp2(sum / f->n_train) / f->cube.unit;
+    return exp2(sum / p->n_train) / p->cube.unit;
 }
 
 static bool check_options(saga_flat *f)
@@ -329,24 +299,19 @@ static bool check_options(saga_flat *f)
 }
 
 /* All but the primitives. On failure NULL, and the reason in *error. */
-static saga_flat *make(const saga_capture *c, const saga_flat_options *o,
-                       saga_error *error)
+static saga_flat *make(const saga_pictures *pictures,
+                       const saga_flat_options *o, saga_error *error)
 {
     saga_flat *const f = calloc(1, sizeof *f);
-    const size_t n = c->n_views > 0 ? (size_t)c->n_views : 1;
 
     snprintf(error->message, sizeof error->message, "out of memory");
     if (!f)
         return NULL;
-    f->capture = c;
+    f->pictures = pictures;
     f->o = *o;
-    f->range = malloc(2 * n * sizeof *f->range);
-    f->train = malloc(n * sizeof *f->train);
     f->recent_mse = -1;
-    if (f->range && f->train && check_options(f) && find_views(f) &&
-        make_pictures(f) && make_correction(f)) {
-        saga_cube_fit(&f->cube, f->range, c);
-        f->reach = find_reach(f);
+    if (check_options(f) && make_pictures(f) && make_correction(f)) {
+        f->reach = find_reach(pictures);
         fill_info(f);
         error->message[0] = 0;
         return f;
@@ -357,11 +322,11 @@ static saga_flat *make(const saga_capture *c, const saga_flat_options *o,
     return NULL;
 }
 
-saga_flat *saga_flat_new(const saga_capture *capture,
+saga_flat *saga_flat_new(const saga_pictures *pictures,
                          const saga_flat_options *options,
                          saga_error *error)
 {
-    saga_flat *const f = make(capture, options, error);
+    saga_flat *const f = make(pictures, options, error);
 
     if (f && saga_flat_init(f) != SAGA_FLAT_OK) {
         snprintf(error->message, sizeof error->message, "out of memory");
@@ -388,26 +353,12 @@ void saga_flat_free(saga_flat *f)
     free(f->stats.radius);
     free(f->stats.seen);
     saga_canvas_free(&f->canvas);
-    free(f->range);
-    free(f->train);
     free(f->shown);
     free(f->row);
     free(f);
 }
 
 /* --- One iteration ------------------------------------------------------- */
-
-/* Every picture comes once in as many iterations as there are, in an order
- * drawn anew each time. */
-static void pick(const saga_flat *f, int *view, int *frame)
-{
-    const uint32_t n = (uint32_t)f->n_train * (uint32_t)f->capture->n_frames;
-    const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
-    const uint32_t at = saga_rng_shuffled(r, (uint64_t)f->iteration, n);
-
-    *view = f->train[at % (uint32_t)f->n_train];
-    *frame = (int)(at / (uint32_t)f->n_train);
-}
 
 static real rate_at(const saga_flat *f, int tensor)
 {
@@ -471,6 +422,7 @@ static saga_flat_status update(saga_flat *f)
 static void update_correction(saga_flat *f, int view)
 {
     const size_t at = (size_t)view * FLAT_CORRECTION;
+    const saga_pictures *const p = f->pictures;
     real *const x = f->correction[0], *const g = f->correction[1];
 
     for (size_t k = 0; k < FLAT_CORRECTION; k++) {
@@ -485,21 +437,21 @@ static void update_correction(saga_flat *f, int view)
         const real one = R(k < 9 && k % 4 == 0);
         real mean = 0;
 
-        for (int v = 0; v < f->n_train; v++)
-            mean += x[(size_t)f->train[v] * FLAT_CORRECTION + k] /
-                    R(f->n_train);
-        for (int v = 0; v < f->n_train; v++)
-            x[(size_t)f->train[v] * FLAT_CORRECTION + k] += one - mean;
+        for (int v = 0; v < p->n_train; v++)
+            mean += x[(size_t)p->train[v] * FLAT_CORRECTION + k] /
+                    R(p->n_train);
+        for (int v = 0; v < p->n_train; v++)
+            x[(size_t)p->train[v] * FLAT_CORRECTION + k] += one - mean;
     }
 }
 
-static void note(saga_flat *f, const saga_picture_loss *l, int level)
+static void note(saga_flat *f, const saga_picture_loss *l, int mip)
 {
-    if (f->recent_mse < 0 || level != f->recent_level) {
+    if (f->recent_mse < 0 || mip != f->recent_mip) {
         f->recent_mse = l->mse;
         f->recent_loss = l->loss;
     }
-    f->recent_level = level;
+    f->recent_mip = mip;
     f->recent_mse += (1 - MEMORY_PART) * (l->mse - f->recent_mse);
     f->recent_loss += (1 - MEMORY_PART) * (l->loss - f->recent_loss);
 }
@@ -516,11 +468,6 @@ static saga_flat_status backward(saga_flat *f)
         ? SAGA_FLAT_MEMORY : SAGA_FLAT_OK;
 }
 
-double saga_flat_near(const saga_flat *f, int view)
-{
-    return NEAR_PART * f->range[2 * view];
-}
-
 /* The picture's loss, and its gradient to what was drawn. */
 static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view)
 {
@@ -531,7 +478,7 @@ static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view)
         return SAGA_FLAT_MEMORY;
     if (!(loss->loss >= 0 && loss->loss < INFINITY)) {
         fail(f, "picture of view %s is not finite at iteration %d",
-             f->capture->views[view].name, f->iteration);
+             f->pictures->capture->views[view].name, f->iteration);
         return SAGA_FLAT_NONFINITE;
     }
     if (f->o.colour_correction) {
@@ -544,18 +491,19 @@ static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view)
 
 static saga_flat_status step(saga_flat *f)
 {
-    const int level = saga_flat_level_at(f, f->iteration);
+    const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
+    saga_sample sample = saga_pictures_pick(f->pictures, r,
+                                            (uint64_t)f->iteration);
     saga_picture_loss loss;
     saga_flat_status s;
-    int view, frame;
 
     s = saga_flat_change_count(f);
     if (s != SAGA_FLAT_OK)
         return s;
-    pick(f, &view, &frame);
-    s = saga_flat_draw(f, view, frame, level);
+    sample.mip = saga_flat_mip_at(f, f->iteration);
+    s = saga_flat_draw(f, sample);
     if (s == SAGA_FLAT_OK)
-        s = look(f, &loss, view);
+        s = look(f, &loss, sample.view);
     if (s == SAGA_FLAT_OK)
         s = backward(f);
     if (s == SAGA_FLAT_OK)
@@ -563,8 +511,8 @@ static saga_flat_status step(saga_flat *f)
     if (s != SAGA_FLAT_OK)
         return s;
     if (f->o.colour_correction)
-        update_correction(f, view);
-    note(f, &loss, level);
+        update_correction(f, sample.view);
+    note(f, &loss, sample.mip);
     f->iteration++;
     return SAGA_FLAT_OK;
 }
@@ -577,14 +525,14 @@ static double now(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* Iterations to come, weighted by what a level costs: a half by what grows
- * with the pixels, a half by what does not. */
+/* Iterations to come, weighted by what their pictures cost: a half by what
+ * grows with the pixels, a half by what does not. */
 static double work_between(const saga_flat *f, int a, int b)
 {
     double sum = 0;
 
     for (int i = a; i < b; i++)
-        sum += 0.5 + 0.5 / (1 << (2 * saga_flat_level_at(f, i)));
+        sum += 0.5 + 0.5 / (1 << (2 * saga_flat_mip_at(f, i)));
     return sum;
 }
 
@@ -593,7 +541,7 @@ static bool report(const saga_flat *f, int since, double seconds)
     const int n = f->o.n_iterations;
     const saga_flat_progress p = {
         .iteration = f->iteration, .n_iterations = n, .n_primitives = f->n,
-        .level = f->recent_level,
+        .mip = f->recent_mip,
         .psnr = -10 * log10(f->recent_mse + 1e-12), .loss = f->recent_loss,
         .seconds_left = seconds * work_between(f, f->iteration, n) /
                         (work_between(f, since, f->iteration) + 1e-9)
@@ -628,36 +576,27 @@ saga_flat_status saga_flat_run(saga_flat *f, int until)
 }
 
 saga_flat_status saga_flat_render(saga_flat *f, real *image, double *mse,
-                                  int view, int frame, int level)
+                                  saga_sample sample)
 {
-    const saga_flat_status s = saga_flat_draw(f, view, frame, level);
+    const saga_flat_status s = saga_flat_draw(f, sample);
     const real *const from = saga_flat_shown(f);
-    double sum = 0;
-    size_t n;
+    const saga_splat_camera *const c = &f->canvas.camera;
 
     if (s != SAGA_FLAT_OK)
         return s;
-    n = 3 * (size_t)f->canvas.camera.width * (size_t)f->canvas.camera.height;
-    for (size_t i = 0; i < n; i++) {
-        const real x = saga_clamp(from[i], 0, 1);
-        const double e = (double)(x - f->canvas.truth[i]);
-
-        if (image)
-            image[i] = x;
-        sum += e * e;
-    }
-    if (mse)
-        *mse = sum / (double)n;
+    for (int i = 0; image && i < 3 * c->width * c->height; i++)
+        image[i] = saga_clamp(from[i], 0, 1);
+    *mse = saga_canvas_mse(&f->canvas, from);
     return SAGA_FLAT_OK;
 }
 
 /* --- Restoring ----------------------------------------------------------- */
 
-saga_flat *saga_flat_restore(const saga_capture *capture,
+saga_flat *saga_flat_restore(const saga_pictures *pictures,
                              const saga_flat_options *options, FILE *file,
                              saga_error *error)
 {
-    saga_flat *const f = make(capture, options, error);
+    saga_flat *const f = make(pictures, options, error);
 
     if (!f)
         return NULL;

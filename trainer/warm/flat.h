@@ -5,21 +5,16 @@
  * hierarchy, nothing of it is coded.
  *
  * Conventions
- * - Space: half-cubes. The cube [-1, 1)^3 holds the scene, saga_cube maps
- *   it to the capture's world; the norm's box unit is 2^-23 of it.
- * - Time: [0, 1) over the frames of the capture; frame k of F is at k / F.
- *   Motion and slope are per unit of that time, supports are 1.
- * - Pictures are planar (3, H, W), values 0..1 of the display-referred 8 bits.
- *   Level 0 is the capture's size, level l averages 2^l x 2^l pixels.
+ * - Space and time are those of pictures.h; the norm's box unit is 2^-23 of a
+ *   half-cube. Motion and slope are per unit of time, supports are 1.
  * - Everything is deterministic: the same capture, options and build give the
  *   same bits, for any number of threads, interrupted and restored or not.
- * - The capture must outlive the saga_flat that reads it.
+ * - The pictures must outlive the saga_flat that reads them.
  */
 #ifndef SAGA_FLAT_H
 #define SAGA_FLAT_H
 
-#include "capture.h"
-#include "cube.h"
+#include "pictures.h"
 #include "splat.h"
 
 #include <stdio.h>
@@ -37,8 +32,8 @@ typedef enum saga_flat_status {
 typedef struct saga_flat_progress {
     int iteration, n_iterations;
     uint32_t n_primitives;
-    int level;
-    double psnr;               /* of recent training pictures, that level */
+    int mip;
+    double psnr;               /* of recent training pictures, that mip */
     double loss;
     double seconds_left;       /* estimate */
 } saga_flat_progress;
@@ -58,7 +53,7 @@ typedef struct saga_flat_options {
     real eta;                  /* of the SSIM in the paper's D */
     real growth;               /* most primitives on the way, of the last */
     real start;                /* first primitives, of the last */
-    real coarse;               /* part of the iterations at lower levels */
+    real coarse;               /* part of the iterations at halved pictures */
     real rate;                 /* factor on all learning rates */
     int progress_every;        /* iterations */
     saga_flat_progress_fn *progress; /* or NULL */
@@ -70,9 +65,9 @@ typedef struct saga_flat saga_flat;
 /* 5,000 primitives, 4,000 iterations, everything on but the correction. */
 saga_flat_options saga_flat_defaults(void);
 
-/* Initialises from the capture. NULL, with the reason in *error, where memory
- * is short or there is nothing to train on. */
-saga_flat *saga_flat_new(const saga_capture *capture,
+/* Initialises from the pictures. NULL, with the reason in *error, where memory
+ * is short or an option cannot be. */
+saga_flat *saga_flat_new(const saga_pictures *pictures,
                          const saga_flat_options *options,
                          saga_error *error);
 void saga_flat_free(saga_flat *flat);
@@ -84,19 +79,19 @@ const char *saga_flat_message(const saga_flat *flat);
 
 int saga_flat_iteration(const saga_flat *flat);
 uint32_t saga_flat_count(const saga_flat *flat);
-const saga_cube *saga_flat_cube_of(const saga_flat *flat);
 /* The tensors, valid until the next run; members NULL where temporal is off. */
 saga_splat_params saga_flat_params(const saga_flat *flat);
 
 /* Draws a picture as the training sees it, colour correction included.
- * image (3, H, W) at that level; *mse against the truth if not NULL. */
+ * image (3, H, W; NULL: not wanted) is clipped to 0..1; *mse against the
+ * truth. */
 saga_flat_status saga_flat_render(saga_flat *flat, real *image, double *mse,
-                                  int view, int frame, int level);
+                                  saga_sample sample);
 
 /* The whole state, in this machine's byte order. The caller checks the stream
- * and renames the file. restore needs the same capture and options. */
+ * and renames the file. restore needs the same pictures and options. */
 saga_flat_status saga_flat_save(const saga_flat *flat, FILE *file);
-saga_flat *saga_flat_restore(const saga_capture *capture,
+saga_flat *saga_flat_restore(const saga_pictures *pictures,
                              const saga_flat_options *options, FILE *file,
                              saga_error *error);
 

@@ -162,16 +162,28 @@ static saga_flat_status split_most(saga_flat *f, uint32_t n, bool any)
 
 /* --- From pixels --------------------------------------------------------- */
 
-/* Squared error summed over the channels, running along the picture. */
-static double error_sums(double *sum, const saga_flat *f, size_t n)
+/* Where new primitives may come from, and the squared error summed over the
+ * channels, running along the picture. */
+typedef struct {
+    saga_flat_sight *sight;
+    uint8_t *good;
+    double *sum;
+} places;
+
+static size_t n_pixels(const saga_flat *f)
 {
-    const real *const x = saga_flat_shown(f);
+    return (size_t)f->canvas.camera.width * (size_t)f->canvas.camera.height;
+}
+
+static double error_sums(double *sum, const saga_flat *f)
+{
+    const real *const x = saga_flat_shown(f), *const y = f->canvas.truth;
+    const size_t n = n_pixels(f);
     double total = 0;
 
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < 3; k++) {
-            const double e = (double)(x[i + k * n] -
-                                      f->canvas.truth[i + k * n]);
+            const double e = (double)(x[i + k * n] - y[i + k * n]);
 
             total += e * e;
         }
@@ -197,56 +209,53 @@ static size_t find(const double *sum, size_t n, double at)
 
 /* n pixels of the picture that was drawn, each as likely as its error is
  * large: one in each n-th of the sum. */
-static void look_where_wrong(saga_flat_sight *s, uint8_t *good, uint32_t n,
-                             const saga_flat *f, const double *sum, int view,
-                             int frame, int level, uint64_t counter)
+static void look_where_wrong(const places *p, uint32_t n, const saga_flat *f,
+                             saga_sample picture, uint64_t counter)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW);
-    size_t n_pixels;
-    int w, h;
+    const size_t w = (size_t)f->canvas.camera.width, pixels = n_pixels(f);
+    const int side = 1 << picture.mip;
     int64_t i;
 
-    saga_truth_size(f->capture->views + view, level, &w, &h);
-    n_pixels = (size_t)w * (size_t)h;
 #pragma omp parallel for schedule(dynamic, 8)
     for (i = 0; i < (int64_t)n; i++) {
         const double part = ((double)i + saga_rng_double(r, counter +
                                                          (uint64_t)i)) / n;
-        const size_t at = find(sum, n_pixels, part * sum[n_pixels - 1]);
-        const double u = (double)(at % (size_t)w) + 0.5;
-        const double v = (double)(at / (size_t)w) + 0.5;
+        const size_t at = find(p->sum, pixels, part * p->sum[pixels - 1]);
+        const double u = (double)(at % w) + 0.5;
+        const double v = (double)(at / w) + 0.5;
 
-        good[i] = saga_flat_look(f, view, frame, u * (1 << level),
-                                 v * (1 << level), s + i);
+        p->good[i] = saga_flat_look(f, picture.view, picture.frame, u * side,
+                                    v * side, p->sight + i);
     }
 }
 
-static saga_flat_status grow_from_picture(saga_flat *f, saga_flat_sight *s,
-                                          uint8_t *good, double *sum,
+static saga_flat_status grow_from_picture(saga_flat *f, const places *p,
                                           uint32_t n, uint64_t counter)
 {
+    const saga_pictures *const all = f->pictures;
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW + 100);
-    const int level = saga_flat_level_at(f, f->iteration);
-    const int view = f->train[saga_rng_below(r, 2 * counter,
-                                             (uint32_t)f->n_train)];
-    const int frame = (int)saga_rng_below(r, 2 * counter + 1,
-                                          (uint32_t)f->capture->n_frames);
-    const saga_flat_status status = saga_flat_draw(f, view, frame, level);
-    int w, h;
+    const saga_sample picture = {
+        .view = all->train[saga_rng_below(r, 2 * counter,
+                                          (uint32_t)all->n_train)],
+        .frame = (int)saga_rng_below(r, 2 * counter + 1,
+                                     (uint32_t)all->capture->n_frames),
+        .mip = saga_flat_mip_at(f, f->iteration)
+    };
+    const saga_flat_status status = saga_flat_draw(f, picture);
 
     if (status != SAGA_FLAT_OK)
         return status;
-    saga_truth_size(f->capture->views + view, level, &w, &h);
-    if (!(error_sums(sum, f, (size_t)w * (size_t)h) > 0))
+    if (!(error_sums(p->sum, f) > 0))
         return SAGA_FLAT_OK;
-    look_where_wrong(s, good, n, f, sum, view, frame, level, counter << 32);
+    look_where_wrong(p, n, f, picture, counter << 32);
     for (uint32_t i = 0; i < n; i++) {
         saga_flat_one one;
 
-        if (!good[i])
+        if (!p->good[i])
             continue;
-        saga_flat_one_from(&one, f, s + i, 1.5 * s[i].footprint *
-                           (1 << level));
+        saga_flat_one_from(&one, f, p->sight + i, 1.5 *
+                           p->sight[i].footprint * (1 << picture.mip));
         saga_flat_append(f, &one);
     }
     return SAGA_FLAT_OK;
@@ -255,25 +264,25 @@ static saga_flat_status grow_from_picture(saga_flat *f, saga_flat_sight *s,
 static saga_flat_status grow_from_pixels(saga_flat *f, uint32_t n)
 {
     const uint32_t each = n / N_PICTURES + 1;
-    saga_flat_sight *const s = malloc(each * sizeof *s);
-    uint8_t *const good = malloc(each);
-    double *const sum = malloc(saga_truth_pixels(f->capture) * sizeof *sum);
+    const size_t largest = saga_pictures_largest(f->pictures);
+    const places p = { malloc(each * sizeof *p.sight), malloc(each),
+                       malloc(largest * sizeof *p.sum) };
     saga_flat_status status = SAGA_FLAT_MEMORY;
 
-    if (s && good && sum) {
+    if (p.sight && p.good && p.sum) {
         status = SAGA_FLAT_OK;
         for (uint32_t k = 0; k < N_PICTURES && status == SAGA_FLAT_OK; k++) {
             const uint32_t part = n / N_PICTURES + (k < n % N_PICTURES);
 
             if (part > 0)
-                status = grow_from_picture(f, s, good, sum, part,
+                status = grow_from_picture(f, &p, part,
                                            (uint64_t)f->iteration *
                                            N_PICTURES + k);
         }
     }
-    free(s);
-    free(good);
-    free(sum);
+    free(p.sight);
+    free(p.good);
+    free(p.sum);
     return status;
 }
 

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "flat_state.h"
 
+#define NEAR_PART 0.3            /* of a view's nearest depth: is not drawn */
+
 void saga_flat_correct(real *out, const real *in, const real *map, size_t n)
 {
     int64_t i;
@@ -64,18 +66,18 @@ const real *saga_flat_shown(const saga_flat *f)
     return f->o.colour_correction ? f->shown : f->canvas.image;
 }
 
-saga_flat_status saga_flat_draw(saga_flat *f, int view, int frame, int level)
+saga_flat_status saga_flat_draw(saga_flat *f, saga_sample sample)
 {
     const saga_splat_params p = saga_flat_params(f);
-    const size_t v = (size_t)view;
+    const size_t v = (size_t)sample.view;
     saga_canvas *const c = &f->canvas;
 
-    saga_camera_float(&c->camera, f->capture->views + view, &f->cube,
-                      saga_flat_near(f, view), level);
-    c->t = (real)saga_flat_time(f, frame);
+    saga_pictures_aim(c, f->pictures, sample);
+    c->camera.near_plane = (real)(NEAR_PART * f->pictures->range[2 * v] /
+                                  f->pictures->cube.unit);
     if (saga_splat_forward(c, &p, f->n))
         return SAGA_FLAT_MEMORY;
-    saga_truth_load(c->truth, f->capture, view, frame, level);
+    saga_pictures_truth(c, f->pictures, sample);
     if (f->o.colour_correction)
         saga_flat_correct(f->shown, c->image,
                           f->correction[0] + v * FLAT_CORRECTION,

@@ -14,7 +14,7 @@
 typedef struct header {
     uint64_t magic, seed, options, capture;
     uint32_t n, iteration;
-    int32_t recent_level, real_nbytes;
+    int32_t recent_mip, real_nbytes;
     double recent_mse, recent_loss;
 } header;
 
@@ -80,14 +80,14 @@ static void fill(header *h, const saga_flat *f)
     h->magic = MAGIC;
     h->seed = f->o.seed;
     h->options = print_of_options(&f->o);
-    h->capture = print_of_capture(f->capture);
+    h->capture = print_of_capture(f->pictures->capture);
     h->real_nbytes = (int32_t)sizeof(real);
 }
 
 static void walk_state(stream *s, saga_flat *f)
 {
     const size_t n = f->n * sizeof(real);
-    const size_t c = (size_t)f->capture->n_views * FLAT_CORRECTION *
+    const size_t c = (size_t)f->pictures->capture->n_views * FLAT_CORRECTION *
                      sizeof(real);
     uint64_t sum, expected;
 
@@ -116,7 +116,7 @@ saga_flat_status saga_flat_save(const saga_flat *f, FILE *file)
     fill(&h, f);
     h.n = f->n;
     h.iteration = (uint32_t)f->iteration;
-    h.recent_level = f->recent_level;
+    h.recent_mip = f->recent_mip;
     h.recent_mse = f->recent_mse;
     h.recent_loss = f->recent_loss;
     walk(&s, &h, sizeof h);
@@ -163,7 +163,7 @@ saga_flat_status saga_flat_load(saga_flat *f, FILE *file)
     if (!why) {
         f->n = h.n;
         f->iteration = (int)h.iteration;
-        f->recent_level = h.recent_level;
+        f->recent_mip = h.recent_mip;
         f->recent_mse = h.recent_mse;
         f->recent_loss = h.recent_loss;
         walk_state(&s, f);

@@ -95,18 +95,19 @@ static double centre_distance(const saga_shot *a, const saga_shot *b)
 /* The nearest training views that look the same way, nearest first. */
 static int near_views(int *near, const saga_flat *f, int view)
 {
-    const saga_shot *const all = f->capture->views, *const a = all + view;
+    const saga_pictures *const p = f->pictures;
+    const saga_shot *const all = p->capture->views, *const a = all + view;
     double far[N_NEAR];
     int n = 0;
 
-    for (int k = 0; k < f->n_train; k++) {
-        const saga_shot *const b = all + f->train[k];
+    for (int k = 0; k < p->n_train; k++) {
+        const saga_shot *const b = all + p->train[k];
         double same = 0, d;
         int at;
 
         for (int j = 6; j < 9; j++)
             same += a->rotation[j] * b->rotation[j];
-        if (f->train[k] == view || same < 0.2)
+        if (p->train[k] == view || same < 0.2)
             continue;
         d = centre_distance(a, b);
         if (n == N_NEAR && d >= far[n - 1])
@@ -117,7 +118,7 @@ static int near_views(int *near, const saga_flat *f, int view)
             near[at] = near[at - 1];
         }
         far[at] = d;
-        near[at] = f->train[k];
+        near[at] = p->train[k];
     }
     return n;
 }
@@ -132,7 +133,7 @@ typedef struct sweep {
 /* Mean over the better half of the views that see the place. */
 static double match(const sweep *s, double inverse)
 {
-    const saga_capture *const c = s->f->capture;
+    const saga_capture *const c = s->f->pictures->capture;
     double cost[N_NEAR], x[3], sum = 0;
     int n = 0, half;
 
@@ -161,7 +162,7 @@ static double match(const sweep *s, double inverse)
 /* Inverse depths between which the pixel's ray is inside the cube. */
 static void ray_range(double *near, double *far, const sweep *s)
 {
-    const double *const range = s->f->range + 2 * s->view;
+    const double *const range = s->f->pictures->range + 2 * s->view;
 
     *near = 1 / range[0];
     *far = 1 / range[1];
@@ -213,7 +214,7 @@ static bool unchanged(const saga_flat *f, const patch *then, const int *view,
     for (int k = 0; k < n; k++) {
         patch now;
 
-        if (cut(&now, f->capture, view[k], g, uv[k][0], uv[k][1]) &&
+        if (cut(&now, f->pictures->capture, view[k], g, uv[k][0], uv[k][1]) &&
             distance(then + k, &now) < STILL)
             return true;
     }
@@ -225,7 +226,7 @@ static bool unchanged(const saga_flat *f, const patch *then, const int *view,
 static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
                   double (*uv)[2], int n, int frame)
 {
-    const int n_frames = f->capture->n_frames;
+    const int n_frames = f->pictures->capture->n_frames;
     patch then[N_WITNESSES];
     int same = 0, first = frame, last = frame;
     double half;
@@ -236,7 +237,7 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
     if (!f->o.temporal || n_frames < 2)
         return;
     for (int k = 0; k < n; k++)
-        cut(then + k, f->capture, view[k], frame, uv[k][0], uv[k][1]);
+        cut(then + k, f->pictures->capture, view[k], frame, uv[k][0], uv[k][1]);
     for (int g = 0; g < n_frames; g++)
         same += unchanged(f, then, view, uv, n, g);
     if (same >= 0.85 * n_frames)
@@ -255,7 +256,7 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
 
 static void witness(saga_flat_sight *s, const sweep *w)
 {
-    const saga_capture *const c = w->f->capture;
+    const saga_capture *const c = w->f->pictures->capture;
     int view[N_WITNESSES], n = 1;
     double uv[N_WITNESSES][2];
 
@@ -279,7 +280,7 @@ static void witness(saga_flat_sight *s, const sweep *w)
 
 static void place(saga_flat_sight *s, const sweep *w, double depth)
 {
-    const saga_shot *const v = w->f->capture->views + w->view;
+    const saga_shot *const v = w->f->pictures->capture->views + w->view;
 
     s->depth = depth;
     s->footprint = depth / v->fx;
@@ -297,7 +298,7 @@ static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
     w->u = u;
     w->v = v;
     w->n_near = near_views(w->near, f, view);
-    return cut(&w->own, f->capture, view, frame, u, v);
+    return cut(&w->own, f->pictures->capture, view, frame, u, v);
 }
 
 /* False where the depth is a guess; the rest of *s is then filled all the
@@ -322,12 +323,13 @@ void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
                         const saga_flat_sight *s, double sigma)
 {
     const saga_flat_tensor_info *const i = f->info;
-    const real scale = (real)log2(sigma / f->cube.unit);
+    const saga_cube *const cube = &f->pictures->cube;
+    const real scale = (real)log2(sigma / cube->unit);
 
     memset(one, 0, sizeof *one);
     one->quat[0] = 1;
     for (int a = 0; a < 3; a++) {
-        const double x = (s->position[a] - f->cube.centre[a]) / f->cube.unit;
+        const double x = (s->position[a] - cube->centre[a]) / cube->unit;
 
         one->mean[a] = saga_clamp((real)x, i[FLAT_MEAN].lo, i[FLAT_MEAN].hi);
         one->log2_scale[a] = saga_clamp(scale, i[FLAT_SCALE].lo,
@@ -347,7 +349,7 @@ void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
 static bool look_at_point(const saga_flat *f, const saga_point *p,
                           saga_flat_sight *s)
 {
-    const saga_capture *const c = f->capture;
+    const saga_capture *const c = f->pictures->capture;
     int view[N_WITNESSES], n = 0;
     double uv[N_WITNESSES][2], depth = INFINITY;
 
@@ -356,11 +358,11 @@ static bool look_at_point(const saga_flat *f, const saga_point *p,
         s->position[k] = p->position[k];
         s->rgb[k] = R(p->rgb[k]) / 255;
     }
-    for (int k = 0; k < f->n_train && n < N_WITNESSES; k++) {
+    for (int k = 0; k < f->pictures->n_train && n < N_WITNESSES; k++) {
         double z, d = 0;
         patch q;
 
-        view[n] = f->train[k];
+        view[n] = f->pictures->train[k];
         if (!saga_view_project(c->views + view[n], s->position, uv[n], &z) ||
             !cut(&q, c, view[n], 0, uv[n][0], uv[n][1]))
             continue;
@@ -385,8 +387,8 @@ static void borrow_depth(saga_flat_sight *s, const saga_flat *f, int view,
                          double u, double v, const saga_flat_sight *all,
                          const uint8_t *good, size_t n, double chance)
 {
-    const saga_shot *const w = f->capture->views + view;
-    const double *const range = f->range + 2 * view;
+    const saga_shot *const w = f->pictures->capture->views + view;
+    const double *const range = f->pictures->range + 2 * view;
     double best = INFINITY, z;
 
     z = 1 / (1 / range[1] + chance * (1 / range[0] - 1 / range[1]));
@@ -411,13 +413,14 @@ typedef struct draw { int view, frame; double u, v, chance; } draw;
 static draw draw_pixel(const saga_flat *f, uint64_t counter)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_SEED);
+    const saga_pictures *const p = f->pictures;
     const uint64_t c = counter * 5;
-    const int view = f->train[saga_rng_below(r, c, (uint32_t)f->n_train)];
-    const saga_shot *const v = f->capture->views + view;
+    const int view = p->train[saga_rng_below(r, c, (uint32_t)p->n_train)];
+    const saga_shot *const v = p->capture->views + view;
     draw d;
 
     d.view = view;
-    d.frame = (int)saga_rng_below(r, c + 1, (uint32_t)f->capture->n_frames);
+    d.frame = (int)saga_rng_below(r, c + 1, (uint32_t)p->capture->n_frames);
     d.u = PATCH + saga_rng_double(r, c + 2) * (v->width - 2 * PATCH);
     d.v = PATCH + saga_rng_double(r, c + 3) * (v->height - 2 * PATCH);
     d.chance = saga_rng_double(r, c + 4);
@@ -427,12 +430,12 @@ static draw draw_pixel(const saga_flat *f, uint64_t counter)
 static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
                              size_t room)
 {
-    const size_t n = f->capture->n_points;
+    const size_t n = f->pictures->capture->n_points;
     const size_t take = n < room ? n : room;
     size_t found = 0;
 
     for (size_t i = 0; i < take; i++)
-        found += look_at_point(f, f->capture->points + i * n / take,
+        found += look_at_point(f, f->pictures->capture->points + i * n / take,
                                s + found);
     return found;
 }

@@ -6,10 +6,7 @@
 #define SAGA_FLAT_STATE_H
 
 #include "flat.h"
-#include "float_camera.h"
 #include "picture_loss.h"
-#include "rng.h"
-#include "truth.h"
 
 enum saga_flat_tensor {
     FLAT_MEAN, FLAT_QUAT, FLAT_SCALE, FLAT_OPACITY, FLAT_COLOUR, FLAT_MOTION,
@@ -35,12 +32,8 @@ typedef struct saga_flat_one {
 } saga_flat_one;
 
 struct saga_flat {
-    const saga_capture *capture;
+    const saga_pictures *pictures;
     saga_flat_options o;
-    saga_cube cube;
-    double *range;              /* (views, 2) world */
-    int *train;                 /* (n_train) indices of training views */
-    int n_train;
     double reach;               /* half-cubes: typical depth of the scene */
     saga_flat_tensor_info info[FLAT_N_TENSORS];
 
@@ -52,7 +45,7 @@ struct saga_flat {
                                  * m, v */
     int iteration;
     double recent_mse, recent_loss;
-    int recent_level;
+    int recent_mip;
 
     saga_canvas canvas;
     real *shown;                /* (3, H, W) the image corrected, or NULL */
@@ -72,12 +65,9 @@ typedef struct saga_flat_sight {
 
 /* flat.c */
 extern const int saga_flat_widths[FLAT_N_TENSORS];
-int saga_flat_levels(const saga_flat *f);      /* coarser ones there are */
-int saga_flat_level_at(const saga_flat *f, int iteration);
-double saga_flat_time(const saga_flat *f, int frame);
+/* How often pictures are halved at an iteration. */
+int saga_flat_mip_at(const saga_flat *f, int iteration);
 saga_splat_params saga_flat_view_of(real *const *tensors, bool temporal);
-/* Nearer than that, in world units, nothing is drawn. */
-double saga_flat_near(const saga_flat *f, int view);
 /* Room for n primitives, values kept. */
 int saga_flat_reserve(saga_flat *f, uint32_t n);
 void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one);
@@ -89,7 +79,7 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 
 /* flat_picture.c */
 /* Sets the canvas's image and truth, and f->shown. */
-saga_flat_status saga_flat_draw(saga_flat *f, int view, int frame, int level);
+saga_flat_status saga_flat_draw(saga_flat *f, saga_sample sample);
 /* What was drawn, corrected where colours are. */
 const real *saga_flat_shown(const saga_flat *f);
 /* out = M in + o, pictures (3, n); may be in place. */

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: MIT */
+#include "pictures.h"
+
+#include "alloc.h"
+#include "camera.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MIN_SIDE = 8 };
+
+static bool find_views(saga_pictures *p, saga_error *error)
+{
+    const saga_capture *const c = p->capture;
+
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_shot *const s = &c->views[v];
+
+        if (s->held_out)
+            continue;
+        if (s->width < MIN_SIDE || s->height < MIN_SIDE)
+            return saga_fail(error, NULL, "use larger pictures or a larger "
+                             "--scale", "view %s is %d x %d pixels, at least "
+                             "%d x %d are needed", s->name, s->width,
+                             s->height, MIN_SIDE, MIN_SIDE);
+        p->train[p->n_train++] = v;
+    }
+    return (p->n_train > 0 && c->n_frames > 0) ||
+           saga_fail(error, NULL, "hold out fewer", "nothing to train on: %d "
+                     "training views, %d frames", p->n_train, c->n_frames);
+}
+
+bool saga_pictures_init(saga_pictures *p, const saga_capture *capture,
+                        saga_error *error)
+{
+    const size_t n = (size_t)capture->n_views;
+
+    memset(p, 0, sizeof *p);
+    p->capture = capture;
+    p->range = saga_calloc(2 * n, sizeof *p->range, "the views", error);
+    p->train = saga_calloc(n, sizeof *p->train, "the views", error);
+    if (p->range && p->train && find_views(p, error) &&
+        saga_cube_fit(&p->cube, p->range, capture, error))
+        return true;
+    saga_pictures_free(p);
+    return false;
+}
+
+void saga_pictures_free(saga_pictures *p)
+{
+    free(p->range);
+    free(p->train);
+    memset(p, 0, sizeof *p);
+}
+
+saga_sample saga_pictures_pick(const saga_pictures *p, saga_rng rng,
+                               uint64_t draw)
+{
+    const uint32_t n = (uint32_t)p->n_train;
+    const uint32_t at = saga_rng_shuffled(rng, draw,
+                                          n * (uint32_t)p->capture->n_frames);
+
+    return (saga_sample){ p->train[at % n], (int)(at / n), 0 };
+}
+
+size_t saga_pictures_largest(const saga_pictures *p)
+{
+    const saga_capture *const c = p->capture;
+    size_t most = 0;
+
+    for (int i = 0; i < c->n_views; i++) {
+        const size_t n = (size_t)c->views[i].width *
+                         (size_t)c->views[i].height;
+
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
+int saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p)
+{
+    return saga_canvas_init(canvas, saga_pictures_largest(p));
+}
+
+void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
+                          saga_sample sample)
+{
+    const saga_shot *const v = &p->capture->views[sample.view];
+    const double scale = 1.0 / (1 << sample.mip);
+    double c[3];
+
+    saga_shot_centre(c, v);
+    for (int i = 0; i < 9; i++)
+        cam->rotation[i] = (real)v->rotation[i];
+    for (int i = 0; i < 3; i++) {
+        cam->centre[i] = (real)((c[i] - p->cube.centre[i]) / p->cube.unit);
+        cam->background[i] = 0;
+    }
+    cam->focal[0] = (real)(v->fx * scale);
+    cam->focal[1] = (real)(v->fy * scale);
+    cam->principal[0] = (real)(v->cx * scale);
+    cam->principal[1] = (real)(v->cy * scale);
+    cam->near_plane = (real)(p->range[2 * sample.view] / p->cube.unit);
+    cam->width = v->width >> sample.mip;
+    cam->height = v->height >> sample.mip;
+}
+
+void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
+                       saga_sample sample)
+{
+    saga_pictures_camera(&canvas->camera, p, sample);
+    canvas->t = (real)((double)sample.frame / p->capture->n_frames);
+}
+
+/* Boxes from the picture's corner: what does not fill one is left out. */
+void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
+                         saga_sample sample)
+{
+    const uint8_t *const rgb = saga_capture_frame(p->capture, sample.view,
+                                                  sample.frame);
+    const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
+    const int side = 1 << sample.mip;
+    const real unit = 1 / (R(255) * R(side * side));
+    const int w = canvas->camera.width, h = canvas->camera.height;
+    int y;
+
+#pragma omp parallel for schedule(static)
+    for (y = 0; y < h; y++) {
+        const size_t plane = (size_t)w * (size_t)h;
+        int x, k, i, j;
+
+        for (x = 0; x < w; x++)
+            for (k = 0; k < 3; k++) {
+                const uint8_t *at = rgb + (size_t)(y * side) * stride +
+                                    (size_t)(x * side * 3 + k);
+                int sum = 0;
+
+                for (j = 0; j < side; j++, at += stride)
+                    for (i = 0; i < side; i++)
+                        sum += at[3 * i];
+                canvas->truth[(size_t)k * plane + (size_t)y * (size_t)w +
+                              (size_t)x] = R(sum) * unit;
+            }
+    }
+}

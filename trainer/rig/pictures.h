@@ -1,0 +1,59 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A capture as training sees it: where the scene is, which views are learned
+ * from, in which order their pictures come, and how one of them gets onto a
+ * canvas.
+ *
+ * Space is in half-cubes (cube.h). Time is [0, 1) over the frames of the
+ * capture; frame k of F is at k / F.
+ */
+#ifndef SAGA_PICTURES_H
+#define SAGA_PICTURES_H
+
+#include "canvas.h"
+#include "capture.h"
+#include "cube.h"
+#include "rng.h"
+
+typedef struct saga_pictures {
+    const saga_capture *capture; /* must outlive this */
+    saga_cube cube;
+    double *range;        /* (views, 2) nearest and farthest depth, world */
+    int *train;           /* (n_train) views that are learned from */
+    int n_train;
+} saga_pictures;
+
+/* One picture: what a view saw at a frame, averaged over boxes of 2^mip pixels
+ * a side. */
+typedef struct saga_sample { int view, frame, mip; } saga_sample;
+
+/* False where memory is short or there is nothing to train on. */
+bool saga_pictures_init(saga_pictures *pictures, const saga_capture *capture,
+                        saga_error *error);
+void saga_pictures_free(saga_pictures *pictures);
+
+/* Number `draw` of an endless row in which every training picture comes once
+ * before any comes again, each time in another order; mip 0. */
+saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
+                               uint64_t draw);
+
+/* Pixels of the largest picture. */
+size_t saga_pictures_largest(const saga_pictures *pictures);
+
+/* A canvas for any picture; 0, or -1 without memory. */
+int saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures);
+
+/* The camera of a picture: black background, nothing nearer than the view's
+ * nearest depth. */
+void saga_pictures_camera(saga_splat_camera *camera,
+                          const saga_pictures *pictures, saga_sample sample);
+
+/* Sets the canvas's camera and time. */
+void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *pictures,
+                       saga_sample sample);
+
+/* Sets the truth of the picture that the canvas was aimed at. */
+void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *pictures,
+                         saga_sample sample);
+
+#endif
