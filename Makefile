@@ -147,13 +147,13 @@ MARCH := $(if $(shell grep -m1 -o avx2 /proc/cpuinfo 2>/dev/null),$(if \
            $(filter x86_64,$(shell uname -m)),-march=x86-64-v3))
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 
-I_COMMON  = -Icommon
+I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
 # Of the room that the file in $* lies in.
 I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(firstword $(subst /, ,$*)),\
               $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
-I_ALL     = $(I_DECODER) $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
+I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
 
 # ---------------------------------------------------------------- build
 

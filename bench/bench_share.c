@@ -350,13 +350,13 @@ static void range_decoding(file *f)
 
 static void run_net(file *f, int net, uint32_t times)
 {
-    const uint32_t most = saga_net_points(f->sc.nets, 1u << net);
+    const uint32_t most = saga_net_points(f->sc.net.nets, 1u << net);
     uint32_t n;
 
     for (; times > 0; times -= n) {
         n = times < most ? times : most;
-        saga_net_run(&f->sc, net, n);
-        f->sum += (uint16_t)f->sc.v->out[0];
+        saga_net_run(&f->sc.net, net, n);
+        f->sum += (uint16_t)f->sc.net.v->out[0];
     }
 }
 
@@ -440,7 +440,7 @@ static void interpolate(file *f, int level, const saga_place *p,
     saga_neighbours nb;
 
     saga_interp_find(&nb, &f->sc, level, p, rank, before);
-    saga_interp_sum(f->sc.v->context, &f->sc, level, &nb);
+    saga_interp_sum(f->sc.net.v->context, &f->sc, level, &nb);
 }
 
 /* A fine anchor's place with its parent's support, as before F_fine. */
@@ -500,9 +500,9 @@ static void embeddings(file *f)
 {
     const saga_scaffold *const sc = &f->sc;
     const uint32_t n[SAGA_N_KINDS] = { sc->n.coarse, sc->n.fine, sc->n.fine };
-    uint32_t places = (sc->nets->shape[SAGA_NET_FUSE_C].n_layers
+    uint32_t places = (sc->net.nets->shape[SAGA_NET_FUSE_C].n_layers
                        ? sc->n.fine : 0) +
-                      (sc->nets->shape[SAGA_NET_FUSE_F].n_layers
+                      (sc->net.nets->shape[SAGA_NET_FUSE_F].n_layers
                        ? sc->n.prim : 0);
     const int32_t x[3] = { 1 << 20, -54321, 777 };
     const int16_t offset[4] = { 9000, -300, 77, 12345 };

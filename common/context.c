@@ -67,7 +67,7 @@ static void make_blocks(block *b, const saga_scaffold *sc, int kind,
 /* Their embeddings, until a network's outputs are kept instead. */
 static int16_t *embedding_of(const saga_scaffold *sc, uint32_t point)
 {
-    return sc->v->kept + point * saga_pe_size(sc->model);
+    return sc->net.v->kept + point * saga_pe_size(sc->model);
 }
 
 static void embed_blocks(const saga_scaffold *sc, const block *b, uint32_t n)
@@ -95,9 +95,9 @@ static uint32_t in_side(const saga_scaffold *sc, int net, const block *b,
         size[i] = (int16_t)(b->place.log2_support_q10[i] - 12 * 1024);
     size[3] = (int16_t)(b->place.log2_support_q10[3] - 8 * 1024);
     size[4] = (int16_t)(b->count * 512u);
-    at = saga_in_embedding(sc, net, saga_in_point(sc, net, point),
-                           embedding_of(sc, point));
-    return saga_in_vector(sc, net, at, size, 5, 12);
+    at = saga_in_vector(&sc->net, net, saga_in_point(&sc->net, net, point),
+                        embedding_of(sc, point), saga_pe_size(sc->model), 15);
+    return saga_in_vector(&sc->net, net, at, size, 5, 12);
 }
 
 /* Neighbours of earlier groups of the block's own level. */
@@ -107,7 +107,7 @@ static void add_groups(const saga_scaffold *sc, const block *b, int level,
     saga_neighbours nb;
 
     saga_interp_find(&nb, sc, level, &b->place, b->rank, group);
-    saga_interp_sum(sc->v->context, sc, level, &nb);
+    saga_interp_sum(sc->net.v->context, sc, level, &nb);
 }
 
 /* The parent's context: coarse features interpolated at the block (fine), or
@@ -121,11 +121,11 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
     if (kind == SAGA_KIND_FINE) {
         saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &b->place, b->parent,
                          SAGA_ALL_GROUPS);
-        saga_interp_sum(sc->v->context, sc, SAGA_LEVEL_COARSE, &nb);
+        saga_interp_sum(sc->net.v->context, sc, SAGA_LEVEL_COARSE, &nb);
         return sc->model->head_q[SAGA_HEAD_COARSE];
     }
     for (i = 0; i < f; i++)
-        sc->v->context[i] = sc->fine_feature[(size_t)b->rank * f + i];
+        sc->net.v->context[i] = sc->fine_feature[(size_t)b->rank * f + i];
     return sc->model->head_q[SAGA_HEAD_FINE];
 }
 
@@ -140,12 +140,12 @@ static void in_token(const saga_scaffold *sc, int net, const block *b,
     const uint32_t f = sc->model->features;
     uint32_t at = in_side(sc, net, b, point), i;
 
-    at = saga_in_vector(sc, net, at, &level, 1, 12);
+    at = saga_in_vector(&sc->net, net, at, &level, 1, 12);
     if (values)
-        saga_in_vector(sc, net, at, values, f, q);
+        saga_in_vector(&sc->net, net, at, values, f, q);
     else
         for (i = 0; i < f; i++)
-            sc->v->in[at + i] = 0;
+            sc->net.v->in[at + i] = 0;
 }
 
 /* What the blocks ask the memory for. The parent's feature is its own, not
@@ -169,7 +169,7 @@ static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
         }
         in_token(sc, SAGA_NET_QUERY, &b[i], i, kind, parent, q);
     }
-    saga_net_run(sc, SAGA_NET_QUERY, n);
+    saga_net_run(&sc->net, SAGA_NET_QUERY, n);
 }
 
 static uint32_t query_stride(const saga_scaffold *sc)
@@ -183,7 +183,7 @@ static void keep_queries(const saga_scaffold *sc, uint32_t n)
     uint32_t i;
 
     for (i = 0; i < n * query_stride(sc); i++)
-        sc->v->kept[i] = sc->v->out[i];
+        sc->net.v->kept[i] = sc->net.v->out[i];
 }
 
 /* Hidden units of slot p: the step's part of the first layer and its own. */
@@ -191,11 +191,12 @@ static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
 {
     const saga_memory *const m = &sc->memory;
     const int16_t *const own = m->embedding + (size_t)p * m->hidden;
-    int16_t *const in = sc->v->in + saga_in_point(sc, SAGA_NET_WRITE, point);
+    int16_t *const in = sc->net.v->in +
+                        saga_in_point(&sc->net, SAGA_NET_WRITE, point);
     uint32_t i;
 
     for (i = 0; i < m->hidden; i++)
-        in[i] = fx_sat16(fx_max(sc->v->kept[i] + own[i], 0));
+        in[i] = fx_sat16(fx_max(sc->net.v->kept[i] + own[i], 0));
 }
 
 /* By a candidate and a gate for each of the n slots from p on. */
@@ -206,9 +207,9 @@ static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
 
     for (i = 0; i < n; i++)
         in_slot(sc, p + i, i);
-    saga_net_run(sc, SAGA_NET_WRITE, n);
+    saga_net_run(&sc->net, SAGA_NET_WRITE, n);
     for (i = 0; i < n; i++) {
-        const int16_t *const out = saga_out_point(sc, SAGA_NET_WRITE, i);
+        const int16_t *const out = saga_out_point(&sc->net, SAGA_NET_WRITE, i);
 
         saga_memory_update(m, p + i, out, saga_sigmoid_q11_q15(out[m->width]),
                            (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
@@ -219,15 +220,16 @@ static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
 static void write_memory(const saga_scaffold *sc)
 {
     const saga_memory *const m = &sc->memory;
-    const uint32_t most = saga_net_points(sc->nets, 1u << SAGA_NET_WRITE);
+    const uint32_t most = saga_net_points(sc->net.nets, 1u << SAGA_NET_WRITE);
     int16_t mean[SAGA_MAX_SLOT_WIDTH];
     uint32_t i;
 
     saga_memory_mean(mean, m->step->sum, m->width, m->step->n);
-    saga_in_vector(sc, SAGA_NET_WRITE_BASE, 0, mean, m->width, SAGA_SLOT_Q);
-    saga_net_run(sc, SAGA_NET_WRITE_BASE, 1);
+    saga_in_vector(&sc->net, SAGA_NET_WRITE_BASE, 0, mean, m->width,
+                   SAGA_SLOT_Q);
+    saga_net_run(&sc->net, SAGA_NET_WRITE_BASE, 1);
     for (i = 0; i < m->hidden; i++)
-        sc->v->kept[i] = sc->v->out[i];
+        sc->net.v->kept[i] = sc->net.v->out[i];
     for (i = 0; i < m->n_slots; i += most)
         write_slots(sc, i, m->n_slots - i < most ? m->n_slots - i : most);
 }
@@ -259,11 +261,11 @@ void saga_context_begin(const saga_scaffold *sc)
     begin_step(m->step);
     for (p = 0; p < m->n_slots; p++) {
         for (i = 0; i < m->n_slots; i++)
-            sc->v->in[i] = 0;
-        saga_in_vector(sc, SAGA_NET_SLOT, p, &one, 1, 12);
-        saga_net_run(sc, SAGA_NET_SLOT, 1);
+            sc->net.v->in[i] = 0;
+        saga_in_vector(&sc->net, SAGA_NET_SLOT, p, &one, 1, 12);
+        saga_net_run(&sc->net, SAGA_NET_SLOT, 1);
         for (i = 0; i < m->hidden; i++)
-            m->embedding[(size_t)p * m->hidden + i] = sc->v->out[i];
+            m->embedding[(size_t)p * m->hidden + i] = sc->net.v->out[i];
     }
 }
 
@@ -312,9 +314,9 @@ void saga_context_keep(const saga_scaffold *sc, int level,
     if (!saga_level_writes(sc->model, level))
         return;
     in_tokens(sc, b, level, run);
-    saga_net_run(sc, SAGA_NET_AGG, run->n);
+    saga_net_run(&sc->net, SAGA_NET_AGG, run->n);
     for (i = 0; i < run->n; i++) {
-        const int16_t *const out = saga_out_point(sc, SAGA_NET_AGG, i);
+        const int16_t *const out = saga_out_point(&sc->net, SAGA_NET_AGG, i);
 
         for (k = 0; k < sc->memory.width; k++)
             step->sum[k] += out[k];
@@ -334,29 +336,29 @@ static void in_sources(const saga_scaffold *sc, const block *b,
     const saga_model *const m = sc->model;
     const uint32_t f = m->features, sources = m->sources[kind];
     const int net = SAGA_NET_E_COARSE + kind;
-    uint32_t at = saga_in_point(sc, net, point);
+    uint32_t at = saga_in_point(&sc->net, net, point);
     int q;
 
     if (sources & SAGA_SOURCE_HYPER)
-        at = saga_in_vector(sc, net, at,
-                            saga_out_point(sc, SAGA_NET_HYPER, point), f,
+        at = saga_in_vector(&sc->net, net, at,
+                            saga_out_point(&sc->net, SAGA_NET_HYPER, point), f,
                             m->head_q[SAGA_HEAD_HYPER]);
     if (sources & SAGA_SOURCE_PARENT) {
         q = add_parent(sc, b, kind);
-        at = saga_in_vector(sc, net, at, sc->v->context, f, q);
+        at = saga_in_vector(&sc->net, net, at, sc->net.v->context, f, q);
     }
     if (sources & SAGA_SOURCE_GROUPS) {
         add_groups(sc, b, kind, group);
         /* The coarse features' Q, or Q14 of fine residuals. */
         q = kind == SAGA_KIND_COARSE ? m->head_q[SAGA_HEAD_COARSE] : 14;
-        at = saga_in_vector(sc, net, at, sc->v->context, f, q);
+        at = saga_in_vector(&sc->net, net, at, sc->net.v->context, f, q);
     }
     if (sources & SAGA_SOURCE_MEMORY) {
         int16_t *const read = sc->memory.step->read;
 
         saga_memory_read(read, &sc->memory,
-                         sc->v->kept + point * query_stride(sc));
-        saga_in_vector(sc, net, at, read, m->memory_width, SAGA_SLOT_Q);
+                         sc->net.v->kept + point * query_stride(sc));
+        saga_in_vector(&sc->net, net, at, read, m->memory_width, SAGA_SLOT_Q);
     }
 }
 
@@ -378,10 +380,10 @@ static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
     if (sources & SAGA_SOURCE_MEMORY)
         keep_queries(sc, n);
     if (sources & SAGA_SOURCE_HYPER)
-        saga_net_run(sc, SAGA_NET_HYPER, n);
+        saga_net_run(&sc->net, SAGA_NET_HYPER, n);
     for (i = 0; i < n; i++)
         in_sources(sc, &b[i], i, kind, group);
-    saga_net_run(sc, SAGA_NET_E_COARSE + kind, n);
+    saga_net_run(&sc->net, SAGA_NET_E_COARSE + kind, n);
 }
 
 static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
@@ -392,7 +394,7 @@ static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
 
     for (i = 0; i < run->n; i++) {
         const int16_t *const out = saga_out_point(
-            sc, SAGA_NET_E_COARSE + kind, i);
+            &sc->net, SAGA_NET_E_COARSE + kind, i);
 
         for (k = 0; k < n; k++) {
             run->mu[i * n + k] = out[k];
@@ -412,7 +414,7 @@ static uint32_t most_blocks(const saga_scaffold *sc, int kind)
         nets |= 1u << SAGA_NET_HYPER;
     if (sc->memory.n_slots)
         nets |= 1u << SAGA_NET_QUERY | 1u << SAGA_NET_AGG;
-    n = saga_net_points(sc->nets, nets);
+    n = saga_net_points(sc->net.nets, nets);
     if (sc->memory.n_slots == 0)
         return n;
     room = sc->model->memory_blocks - sc->memory.step->n;

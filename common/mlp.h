@@ -6,35 +6,15 @@
 #ifndef SAGA_MLP_H
 #define SAGA_MLP_H
 
+#include "mlp_layer.h"
+
 #include <stddef.h>
 #include <stdint.h>
-
-/* Rows of weights are padded with zeros to this multiple, so that the inner
- * product is a whole number of vectors. */
-#define SAGA_MLP_PAD 16u
-
-static inline uint32_t saga_mlp_pad(uint32_t n)
-{
-    return (n + SAGA_MLP_PAD - 1) & ~(SAGA_MLP_PAD - 1);
-}
 
 /* Where the weight of a row and an input k < pad(n_in) stands among the
  * n_out * pad(n_in) of a layer: as suits the machine's vectors. */
 size_t saga_mlp_weight_at(uint32_t n_in, uint32_t n_out, uint32_t row,
                           uint32_t k);
-
-/* One layer: y = relu?(sat16(fx_rshift(bias + W x, shift))) row by row. */
-typedef struct saga_layer {
-    const void *weight;      /* n_out * pad(n_in) int8_t or int16_t, placed by
-                              * saga_mlp_weight_at, zero in the padding;
-                              * aligned to 16 */
-    const int32_t *bias;     /* (n_out) at input Q + weight Q */
-    const uint8_t *shift;    /* (n_out), 0..24 */
-    uint16_t n_in, n_out;    /* n_in may be 0 (bias only): weight and x are not
-                              * read then, but are not NULL either */
-    uint8_t int8;            /* weights are int8_t */
-    uint8_t relu;
-} saga_layer;
 
 /* A row can never overflow:
  *     sum|w| * 32767 + |bias| + 2^(shift-1) < 2^31,  shift in 0..24

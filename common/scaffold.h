@@ -2,12 +2,13 @@
  *
  * The scaffold in memory: coarse anchors, fine anchors and what generates the
  * one from the other (interpolation, Fuse, F_fine). Filled by the traversal of
- * syntax.c on both sides. Paper: Hierarchical 4D Anchor.
+ * syntax.h on both sides. Paper: Hierarchical 4D Anchor.
  */
 #ifndef SAGA_SCAFFOLD_H
 #define SAGA_SCAFFOLD_H
 
 #include "model.h"
+#include "nets.h"
 #include "prob.h"
 #include "symbols.h"
 
@@ -19,30 +20,6 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 #define SAGA_X_MIN (-(1 << 23))
 #define SAGA_X_MAX ((1 << 23) - 1)
 #define SAGA_T_MAX 65535
-
-/* The networks of a stream: shapes, and where their parameters lie in one
- * block. Per layer: weights (n_out pad(n_in), as saga_mlp_weight_at places
- * them), biases, row shifts. */
-typedef struct saga_nets {
-    saga_net_shape shape[SAGA_N_NETS];
-    uint32_t offset[SAGA_N_NETS];  /* bytes from the block's start */
-    uint32_t nbytes;               /* of the block */
-} saga_nets;
-
-/* Lays the networks of a valid model out. The block is aligned to 16. */
-void saga_nets_layout(saga_nets *nets, const saga_model *m);
-
-/* Where layer i of network net lies in the block: bytes from its start. */
-typedef struct saga_layer_place {
-    uint32_t weight, bias, shift;
-} saga_layer_place;
-
-void saga_nets_place(saga_layer_place *at, const saga_nets *nets, int net,
-                     int i);
-
-/* Layer i of network net inside block. */
-void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
-                     const uint8_t *block, int net, int i);
 
 /* An active leaf of the 4-D tree. */
 typedef struct saga_coarse {
@@ -91,25 +68,11 @@ typedef struct saga_models {
     saga_set_models set[2];           /* fine, primitive */
 } saga_models;
 
-/* Points that run through networks together, at most. */
-enum { SAGA_MAX_POINTS = 8 };
-
-/* Scratch of the networks, of a run of points: each has its vectors, padded,
- * one after the other. */
-typedef struct saga_vectors {
-    int16_t in[SAGA_MAX_VECTOR];
-    int16_t hidden[SAGA_MAX_VECTOR];
-    int16_t out[SAGA_MAX_VECTOR];
-    int16_t kept[SAGA_MAX_VECTOR];       /* what no network's run touches */
-    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature */
-} saga_vectors;
-
 /* Everything a traversal works on; a transient view, the memory is the
  * caller's. Capacities are n: the segment header's exact counts. */
 typedef struct saga_scaffold {
     const saga_model *model;
-    const saga_nets *nets;
-    const uint8_t *params;           /* block of the networks */
+    saga_runner net;                 /* its networks */
     saga_counts n;
     saga_coarse *coarse;             /* (n.coarse) */
     int16_t *coarse_feature;         /* (n.coarse, F) */
@@ -117,7 +80,6 @@ typedef struct saga_scaffold {
     int16_t *fine_feature;           /* (n.fine, F) */
     int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
     saga_models *models;
-    saga_vectors *v;
     saga_memory memory;              /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
@@ -138,36 +100,10 @@ void saga_place_cell(saga_place *p, const saga_coarse *c);
 /* Centre + offset (Q14, in units of support per axis), clamped to the cube. */
 void saga_place_move(saga_place *p, const int16_t offset_q14[4]);
 
-/* Positional embedding of a place, of an offset: saga_pe_size values in Q15, by
- * axis and octave sine and cosine. */
-void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
-                int32_t t);
-void saga_embed_offset(int16_t *q15, const saga_model *m,
-                       const int16_t offset_q14[4]);
-
-/* How many points, 1..SAGA_MAX_POINTS, the vectors hold for each network of a
- * set (bits 1 << SAGA_NET_*). */
-uint32_t saga_net_points(const saga_nets *nets, uint32_t set);
-
-/* Runs a network on the first n points of sc->v->in, which stays; its last
- * layer's outputs land in sc->v->out. */
-void saga_net_run(const saga_scaffold *sc, int net, uint32_t n);
-
-/* Where the vector of a point begins in sc->v->in; what is in sc->v->out. */
-uint32_t saga_in_point(const saga_scaffold *sc, int net, uint32_t point);
-const int16_t *saga_out_point(const saga_scaffold *sc, int net,
-                              uint32_t point);
-
-/* Writes values to sc->v->in from `at` on; each returns the place after them.
- */
-uint32_t saga_in_vector(const saga_scaffold *sc, int net, uint32_t at,
-                        const int16_t *x, uint32_t n, int q);
-uint32_t saga_in_embedding(const saga_scaffold *sc, int net, uint32_t at,
-                           const int16_t *q15);
-
-/* What F_fine, F_geo and F_color see of a point, sc->v->kept holds: features
- * of level SAGA_LEVEL_* at p, under the parent of the given rank, interpolated
- * and fused; embedding of an offset. Then the networks' input. */
+/* The first keeps in net.v->kept what F_fine, F_geo and F_color see of a point:
+ * features of level SAGA_LEVEL_* at p, under the parent of the given rank,
+ * interpolated and fused, and the embedding of an offset. The second makes n
+ * such points the input of a network. */
 void saga_keep_local(const saga_scaffold *sc, int level, uint32_t point,
                      const saga_place *p, uint32_t parent,
                      const int16_t offset_q14[4]);

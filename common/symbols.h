@@ -120,4 +120,11 @@ typedef struct saga_at {
     uint8_t sym;             /* SAGA_SYM_* */
 } saga_at;
 
+static inline saga_at saga_at_symbol(uint8_t sym, uint32_t index, uint32_t bit)
+{
+    const saga_at at = { index, 0, 0, (uint8_t)bit, sym };
+
+    return at;
+}
+
 #endif

@@ -277,8 +277,8 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     const saga_plan *const p = &dec->plan;
 
     sc->model = &dec->header.model;
-    sc->nets = &p->nets;
-    sc->params = block_at(dec, p->nets_at);
+    sc->net.nets = &p->nets;
+    sc->net.params = block_at(dec, p->nets_at);
     sc->n = dec->n;
     sc->coarse = (saga_coarse *)(void *)block_at(dec, p->coarse_at);
     sc->coarse_feature =
@@ -287,7 +287,7 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     sc->fine_feature = (int16_t *)(void *)block_at(dec, p->fine_feature_at);
     sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
-    sc->v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
+    sc->net.v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
     saga_memory_size(&sc->memory, sc->model);
     saga_memory_place(&sc->memory, block_at(dec, p->memory_at));
 }

@@ -73,23 +73,23 @@ static uint16_t colour_of(int16_t out, int q)
     return (uint16_t)fx_clamp(16384 + fx_requant32(out, q, 15), 0, 32768);
 }
 
-/* F_color's layers after the first, on the n points of sc->v->in: its
+/* F_color's layers after the first, on the n points of sc->net.v->in: its
  * pre-activations. */
 static void finish_colours(const saga_scaffold *sc, uint32_t n)
 {
-    const uint32_t end = saga_in_point(sc, SAGA_NET_COLOUR, n);
+    const uint32_t end = saga_in_point(&sc->net, SAGA_NET_COLOUR, n);
     uint32_t i;
 
     for (i = 0; i < end; i++)
-        if (sc->v->in[i] < 0)
-            sc->v->in[i] = 0;
-    saga_net_run(sc, SAGA_NET_COLOUR, n);
+        if (sc->net.v->in[i] < 0)
+            sc->net.v->in[i] = 0;
+    saga_net_run(&sc->net, SAGA_NET_COLOUR, n);
 }
 
 static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
                        uint32_t point)
 {
-    const int16_t *const out = saga_out_point(sc, SAGA_NET_COLOUR, point);
+    const int16_t *const out = saga_out_point(&sc->net, SAGA_NET_COLOUR, point);
     int i;
 
     for (i = 0; i < 3; i++)
@@ -110,17 +110,17 @@ static void set_colours(int16_t *colours, uint32_t stride,
                         const saga_scaffold *sc, const run *r)
 {
     const uint32_t width = sc->model->width[SAGA_NET_COLOUR];
-    const uint32_t end = saga_in_point(sc, SAGA_NET_COLOUR, r->n);
+    const uint32_t end = saga_in_point(&sc->net, SAGA_NET_COLOUR, r->n);
     uint16_t colour_q15[3];
     uint32_t i, k;
 
     saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_LEVEL_FINE, r->n);
-    saga_net_run(sc, SAGA_NET_COLOUR_BASE, r->n);
+    saga_net_run(&sc->net, SAGA_NET_COLOUR_BASE, r->n);
     colours += (size_t)r->first * stride;
     if (sc->model->tools & SAGA_TOOL_VIEW) {
         for (i = 0; i < r->n; i++) {
             const int16_t *const out = saga_out_point(
-                sc, SAGA_NET_COLOUR_BASE, i);
+                &sc->net, SAGA_NET_COLOUR_BASE, i);
 
             for (k = 0; k < width; k++)
                 colours[i * stride + k] = out[k];
@@ -128,7 +128,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
         return;
     }
     for (i = 0; i < end; i++)
-        sc->v->in[i] = sc->v->out[i];
+        sc->net.v->in[i] = sc->net.v->out[i];
     finish_colours(sc, r->n);
     for (i = 0; i < r->n; i++) {
         get_colour(colour_q15, sc, i);
@@ -143,12 +143,12 @@ static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
     uint32_t i, k;
 
     saga_in_local(sc, SAGA_NET_GEO, SAGA_LEVEL_FINE, r->n);
-    saga_net_run(sc, SAGA_NET_GEO, r->n);
+    saga_net_run(&sc->net, SAGA_NET_GEO, r->n);
     for (i = 0; i < r->n; i++) {
         const saga_fine *const parent = &sc->fine[r->fine[i]];
         saga_primitive *const p = &prims[r->first + i];
 
-        set_geometry(p, sc->model, saga_out_point(sc, SAGA_NET_GEO, i),
+        set_geometry(p, sc->model, saga_out_point(&sc->net, SAGA_NET_GEO, i),
                      &r->place[i], &sc->coarse[parent->parent]);
         for (k = 0; k < 3; k++)
             p->support[k] = parent->support[k];
@@ -175,7 +175,7 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
                       int16_t *colours, uint32_t stride)
 {
     const uint32_t most = saga_net_points(
-        sc->nets, 1u << SAGA_NET_GEO | 1u << SAGA_NET_COLOUR_BASE |
+        sc->net.nets, 1u << SAGA_NET_GEO | 1u << SAGA_NET_COLOUR_BASE |
                   1u << SAGA_NET_COLOUR);
     uint32_t fine = 0;
     run r;
@@ -226,10 +226,10 @@ void saga_shade(uint16_t colour_q15[3], const saga_scaffold *sc,
     uint32_t i;
 
     direction_q14(d, x, centre);
-    saga_in_vector(sc, SAGA_NET_COLOUR_VIEW, 0, d, 3, 14);
-    saga_net_run(sc, SAGA_NET_COLOUR_VIEW, 1);
+    saga_in_vector(&sc->net, SAGA_NET_COLOUR_VIEW, 0, d, 3, 14);
+    saga_net_run(&sc->net, SAGA_NET_COLOUR_VIEW, 1);
     for (i = 0; i < width; i++)
-        sc->v->in[i] = fx_sat16(base[i] + sc->v->out[i]);
+        sc->net.v->in[i] = fx_sat16(base[i] + sc->net.v->out[i]);
     finish_colours(sc, 1);
     get_colour(colour_q15, sc, 0);
 }

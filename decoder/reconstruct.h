@@ -20,7 +20,7 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
                       int16_t *colours, uint32_t stride);
 
 /* Colour of a primitive seen from a camera's centre. x: its position at
- * mid-segment; base: its pre-activations. Uses sc->v. */
+ * mid-segment; base: its pre-activations. Uses sc->net.v. */
 void saga_shade(uint16_t colour_q15[3], const saga_scaffold *sc,
                 const int16_t *base, const int32_t x[3],
                 const int32_t centre[3]);

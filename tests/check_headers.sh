@@ -25,7 +25,7 @@ mkdir "$tmp/include"
 for cc in gcc clang; do
     bad=0
     n=0
-    for h in common/*.h decoder/*.h decoder/*/*.h trainer/*/*.h \
+    for h in common/*.h common/*/*.h decoder/*.h decoder/*/*.h trainer/*/*.h \
         tests/*/*.h lab/*.h bench/*.h; do
         [ -e "$h" ] || continue
         case $h in

@@ -33,7 +33,7 @@ typedef struct ref_file {
     saga_symbols s;
     int16_t *value[SAGA_N_STEPS]; /* of the residuals, by SAGA_STEP_*: (coarse,
                                    * 4), (coarse, F), (fine, 4), (prim, 4), as
-                                   * common/syntax.c dequantises them */
+                                   * common/syntax.h dequantises them */
     saga_scaffold sc;            /* after all layers */
     ref_span chunk[REF_N_CHUNKS]; /* payloads */
     double bits[SAGA_N_SYMS];    /* code lengths, networks included, */

@@ -289,8 +289,8 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     assert_non_null(params);
     memset(params, 0, nets.nbytes + 16);
     sc.model = &s->model;
-    sc.nets = &nets;
-    sc.params = params;
+    sc.net.nets = &nets;
+    sc.net.params = params;
     sc.n = s->n;
     sc.coarse = zeros(s->n.coarse, sizeof *sc.coarse);
     sc.coarse_feature = zeros(s->n.coarse, 2u * s->model.features);
@@ -298,7 +298,7 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     sc.fine_feature = zeros(s->n.fine, 2u * s->model.features);
     sc.prim_offset = zeros(s->n.prim, sizeof *sc.prim_offset);
     sc.models = zeros(1, sizeof *sc.models);
-    sc.v = zeros(1, sizeof *sc.v);
+    sc.net.v = zeros(1, sizeof *sc.net.v);
     saga_syntax_begin(&sc);
     assert_true(saga_syntax_coarse(&sc, &c.coder));
     assert_true(saga_syntax_fine(&sc, &c.coder));
@@ -314,7 +314,7 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     free(sc.fine_feature);
     free(sc.prim_offset);
     free(sc.models);
-    free(sc.v);
+    free(sc.net.v);
 }
 
 static void check_symbols(const saga_symbols *a, const saga_symbols *b)

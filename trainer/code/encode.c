@@ -321,8 +321,8 @@ void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     const size_t f = model->features;
 
     sc->model = model;
-    sc->nets = nets;
-    sc->params = params;
+    sc->net.nets = nets;
+    sc->net.params = params;
     sc->n = n;
     sc->coarse = must(calloc(n.coarse + 1u, sizeof *sc->coarse));
     sc->coarse_feature = must(calloc(n.coarse + 1u, f * sizeof(int16_t)));
@@ -330,7 +330,7 @@ void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
     sc->fine_feature = must(calloc(n.fine + 1u, f * sizeof(int16_t)));
     sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
     sc->models = must(calloc(1, sizeof *sc->models));
-    sc->v = must(calloc(1, sizeof *sc->v));
+    sc->net.v = must(calloc(1, sizeof *sc->net.v));
     saga_memory_size(&sc->memory, model);
     saga_memory_place(&sc->memory, must(aligned_alloc(
         16, saga_memory_place(&sc->memory, NULL))));
@@ -344,7 +344,7 @@ void saga_scaffold_free(saga_scaffold *sc)
     free(sc->fine_feature);
     free(sc->prim_offset);
     free(sc->models);
-    free(sc->v);
+    free(sc->net.v);
     free(sc->memory.slot);
 }
 

@@ -62,7 +62,7 @@ typedef struct saga_targets {
     const float *prim_o;         /* (prim, 4) the same as offsets from decoded
                                   * fine anchors in supports; NULL: derived */
     const int16_t *const *value; /* by SAGA_STEP_*: what the residuals are to
-                                  * decode to, as common/syntax.c has them;
+                                  * decode to, as common/syntax has them;
                                   * s has all suffixes then, and nothing else
                                   * here is read. NULL: derived */
 } saga_targets;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * Inner products with x86's pmaddwd: the twins of mlp.c's plain loops, bit for
- * bit. Included by mlp.c where there is SSE2.
+ * bit. mlp.c includes it where there is SSE2.
  *
  * Compilers find the instruction by themselves, but then add the lanes of each
  * row up on its own and turn sums into results one at a time, which takes
@@ -18,8 +18,9 @@
 #ifndef SAGA_MLP_X86_H
 #define SAGA_MLP_X86_H
 
-#include "mlp.h"
+#include "mlp_layer.h"
 
+#include <stddef.h>
 #include <stdint.h>
 
 /* Rows of a tile: a vector of sums with AVX2, two without. Points that share

@@ -5,214 +5,7 @@
 #include "fx.h"
 #include "morton.h"
 
-static saga_at at_symbol(uint8_t sym, uint32_t index, uint32_t bit)
-{
-    saga_at at;
-
-    at.index = index;
-    at.row = 0;
-    at.column = 0;
-    at.bit = (uint8_t)bit;
-    at.sym = sym;
-    return at;
-}
-
-/* --- Networks ------------------------------------------------------------ */
-
-/* Residuals of a network are asked for in pieces of this many: the stack. */
-enum { PIECE = 64 };
-
-typedef struct {
-    saga_adaptive shift_high, shift_low[4];
-    saga_adaptive scale_mode, drop;
-} net_models;
-
-/* A row shift, 0..24, is coded as its eights and its rest. */
-static int code_shift(net_models *m, saga_coder *c, saga_at at)
-{
-    uint32_t high, low;
-
-    high = c->adaptive(c, at, &m->shift_high, 4);
-    at.column = 1;
-    low = c->adaptive(c, at, &m->shift_low[high], 8);
-    return (int)(8 * high + low);
-}
-
-typedef struct {
-    uint32_t step_q16;
-    int step_shift, bias_shift;
-    uint8_t weight_scale, bias_scale;
-    uint32_t scale_mode;
-} layer_fields;
-
-static void code_fields(layer_fields *f, net_models *m, saga_coder *c, int net,
-                        int i)
-{
-    saga_at at = at_symbol(SAGA_SYM_NET_STEP, (uint32_t)net, (uint32_t)i);
-
-    f->step_q16 = c->uniform(c, at, 16);
-    at.sym = SAGA_SYM_NET_STEP_SHIFT;
-    f->step_shift = (int)c->uniform(c, at, 5);
-    at.sym = SAGA_SYM_NET_BIAS_SHIFT;
-    f->bias_shift = (int)c->uniform(c, at, 5);
-    at.sym = SAGA_SYM_NET_WEIGHT_SCALE;
-    f->weight_scale = (uint8_t)c->uniform(c, at, 6);
-    at.sym = SAGA_SYM_NET_BIAS_SCALE;
-    f->bias_scale = (uint8_t)c->uniform(c, at, 6);
-    at.sym = SAGA_SYM_NET_SCALE_MODE;
-    f->scale_mode = c->adaptive(c, at, &m->scale_mode, SAGA_N_SCALE_MODES);
-}
-
-static void fill(uint8_t *scale, uint32_t n, int value)
-{
-    uint32_t i;
-
-    for (i = 0; i < n; i++)
-        scale[i] = (uint8_t)value;
-}
-
-/* The scale of a row or column, for n weights. Returns 0 if there is none so
- * low. */
-static int code_scale(uint8_t *scale, uint32_t n, const layer_fields *f,
-                      net_models *m, saga_coder *c, saga_at at)
-{
-    int value;
-
-    at.sym = SAGA_SYM_NET_DROP;
-    value = f->weight_scale -
-            SAGA_DROP * (int)c->adaptive(c, at, &m->drop, SAGA_N_DROPS);
-    if (value < 0)
-        return 0;
-    fill(scale, n, value);
-    return 1;
-}
-
-/* What the rows begin with: the scales of the columns. */
-static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
-                        net_models *m, saga_coder *c, saga_at at)
-{
-    uint32_t k;
-
-    fill(scale, n_in, f->weight_scale);
-    for (k = 0; f->scale_mode == SAGA_SCALE_COLUMN && k < n_in; k++) {
-        at.row = (uint16_t)k;
-        if (!code_scale(scale + k, 1, f, m, c, at))
-            return 0;
-    }
-    return 1;
-}
-
-/* Where the weights of a layer go. */
-typedef struct {
-    uint8_t *weights;
-    uint32_t n_in, n_out;
-    int int8;
-} layer_place;
-
-static void store_weight(const layer_place *to, uint32_t row, uint32_t column,
-                         int32_t w)
-{
-    const size_t at = saga_mlp_weight_at(to->n_in, to->n_out, row, column);
-
-    if (to->int8)
-        ((int8_t *)to->weights)[at] = (int8_t)w;
-    else
-        ((int16_t *)(void *)to->weights)[at] = (int16_t)w;
-}
-
-/* The row at.row of weights with its padding, the scale of each given; returns
- * sum|w|, or -1 if one is out of range. |q * step| < 2^32. */
-static int64_t code_weights(const layer_place *to, const uint8_t *scale,
-                            const layer_fields *f, saga_coder *c, saga_at at)
-{
-    const int32_t limit = to->int8 ? 127 : 32767;
-    const uint32_t n_in = to->n_in;
-    int32_t q[PIECE];
-    int64_t sum = 0;
-    uint32_t k, i;
-
-    for (k = 0; k < n_in; k += PIECE) {
-        const uint32_t n = n_in - k < PIECE ? n_in - k : PIECE;
-
-        at.column = (uint16_t)k;
-        c->residual(c, at, q, NULL, f->step_q16, scale + k, n);
-        for (i = 0; i < n; i++) {
-            const int64_t w = fx_rshift64((int64_t)q[i] * f->step_q16,
-                                          f->step_shift);
-
-            if (w < -limit || w > limit)
-                return -1;
-            store_weight(to, at.row, k + i, (int32_t)w);
-            sum += w < 0 ? -w : w;
-        }
-    }
-    for (k = n_in; k < saga_mlp_pad(n_in); k++)
-        store_weight(to, at.row, k, 0);
-    return sum;
-}
-
-static int code_layer(const saga_nets *nets, uint8_t *block, int net, int i,
-                      net_models *models, saga_coder *c)
-{
-    const saga_net_shape *const s = &nets->shape[net];
-    const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
-    saga_at at = at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
-                           (uint32_t)i);
-    uint8_t scale[SAGA_MAX_VECTOR];
-    layer_place to = { NULL, n_in, n_out, s->int8 };
-    saga_layer_place place;
-    layer_fields f;
-    int32_t *bias;
-    uint32_t row;
-
-    saga_nets_place(&place, nets, net, i);
-    to.weights = block + place.weight;
-    bias = (int32_t *)(void *)(block + place.bias);
-    code_fields(&f, models, c, net, i);
-    if (f.step_q16 == 0 || !code_columns(scale, n_in, &f, models, c, at))
-        return 0;
-    for (row = 0; row < n_out; row++) {
-        int32_t q;
-        int64_t b, sum;
-        int shift;
-
-        at.row = (uint16_t)row;
-        at.sym = SAGA_SYM_NET_ROW_SHIFT;
-        shift = code_shift(models, c, at);
-        if (f.scale_mode == SAGA_SCALE_ROW &&
-            !code_scale(scale, n_in, &f, models, c, at))
-            return 0;
-        at.sym = SAGA_SYM_NET_BIAS;
-        c->residual(c, at, &q, NULL, 1u << 16, &f.bias_scale, 1);
-        b = (int64_t)q * ((int64_t)1 << f.bias_shift);
-        at.sym = SAGA_SYM_NET_WEIGHT;
-        sum = code_weights(&to, scale, &f, c, at);
-        if (c->error || sum < 0 || !saga_mlp_row_is_valid(sum, b, shift))
-            return 0;
-        bias[row] = (int32_t)b;
-        block[place.shift + row] = (uint8_t)shift;
-    }
-    return 1;
-}
-
-int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
-{
-    net_models models;
-    int net, i;
-
-    saga_adaptive_init(&models.shift_high, 4);
-    for (i = 0; i < 4; i++)
-        saga_adaptive_init(&models.shift_low[i], 8);
-    saga_adaptive_init(&models.scale_mode, SAGA_N_SCALE_MODES);
-    saga_adaptive_init(&models.drop, SAGA_N_DROPS);
-    for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < nets->shape[net].n_layers; i++)
-            if (!code_layer(nets, block, net, i, &models, c))
-                return 0;
-    return 1;
-}
-
-/* --- Shared by the layers ------------------------------------------------ */
+/* --- Adaptive models ----------------------------------------------------- */
 
 static void begin_set(saga_set_models *m)
 {
@@ -248,6 +41,8 @@ void saga_syntax_begin(const saga_scaffold *sc)
         begin_set(&m->set[i]);
     saga_context_begin(sc);
 }
+
+/* --- What the layers share ----------------------------------------------- */
 
 /* y^ = sat16(mu + q step); |q * step| < 2^48. */
 static int16_t dequantise(int16_t mu, int32_t q, uint32_t step_q16)
@@ -377,6 +172,17 @@ static void child_of(node *child, const node *parent, uint32_t number)
     }
 }
 
+/* The first child that a parent still has to visit. */
+static void next_child(node *child, node *parent)
+{
+    uint32_t number = 0;
+
+    while (!((uint32_t)parent->pending >> number & 1u))
+        number++;
+    parent->pending = (uint16_t)(parent->pending & ~(1u << number));
+    child_of(child, parent, number);
+}
+
 /* Deepest cells whose suffix cells still have integer centres. */
 static int split_is_valid(const saga_model *m, const node *nd)
 {
@@ -406,7 +212,7 @@ static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
 
     for (i = 0; i < n; i++) {
         const uint32_t bit = c->adaptive(
-            c, at_symbol(SAGA_SYM_OCCUPANCY, index, i),
+            c, saga_at_symbol(SAGA_SYM_OCCUPANCY, index, i),
             &sc->models->occupancy[nd->split - 1][seen][n_touching(mask, i)],
             2);
 
@@ -435,9 +241,9 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
     a->depth_x = nd->depth_x;
     a->depth_t = nd->depth_t;
     a->group = (uint8_t)saga_morton_group(v, l->n_groups);
-    a->n_fine = (uint8_t)c->adaptive(c, at_symbol(SAGA_SYM_N_FINE, rank, 0),
-                                     &sc->models->n_fine[nd->depth_x],
-                                     l->max_children + 1u);
+    a->n_fine = (uint8_t)c->adaptive(
+        c, saga_at_symbol(SAGA_SYM_N_FINE, rank, 0),
+        &sc->models->n_fine[nd->depth_x], l->max_children + 1u);
     a->first_fine = *n_fine;
     *n_fine += a->n_fine;
     return *n_fine <= sc->n.fine;
@@ -451,8 +257,9 @@ static int code_tree(const saga_scaffold *sc, saga_coder *c)
     uint32_t depth = 0, index = 0, rank = 0, n_fine = 0;
 
     for (;;) {
-        nd.split = (uint8_t)c->adaptive(c, at_symbol(SAGA_SYM_SPLIT, index, 0),
-                                        &sc->models->split[nd.depth_x], 4);
+        nd.split = (uint8_t)c->adaptive(
+            c, saga_at_symbol(SAGA_SYM_SPLIT, index, 0),
+            &sc->models->split[nd.depth_x], 4);
         if (c->error)
             return 0;
         if (nd.split == 0) {
@@ -471,15 +278,7 @@ static int code_tree(const saga_scaffold *sc, saga_coder *c)
             depth--;
         if (depth == 0)
             return rank == sc->n.coarse && n_fine == sc->n.fine;
-        {
-            node *const top = &stack[depth - 1];
-            uint32_t number = 0;
-
-            while (!((uint32_t)top->pending >> number & 1u))
-                number++;
-            top->pending = (uint16_t)(top->pending & ~(1u << number));
-            child_of(&nd, top, number);
-        }
+        next_child(&nd, &stack[depth - 1]);
     }
 }
 
@@ -493,10 +292,10 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
     int16_t centre[4];
     int i;
 
-    code_block(centre, c, at_symbol(SAGA_SYM_CENTRE, rank, 0), mu, scale,
+    code_block(centre, c, saga_at_symbol(SAGA_SYM_CENTRE, rank, 0), mu, scale,
                m->step_q16[SAGA_STEP_CENTRE], 4);
     code_block(sc->coarse_feature + (size_t)rank * m->features, c,
-               at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
+               saga_at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
                m->step_q16[SAGA_STEP_FEATURE], m->features);
     saga_place_cell(&place, a);
     saga_place_move(&place, centre);
@@ -561,7 +360,7 @@ static int code_fine_sets(const saga_scaffold *sc, saga_coder *c)
         const uint32_t n = sc->coarse[parent].n_fine;
 
         code_set(suffix, n, bits, &sc->models->set[0], c,
-                 at_symbol(SAGA_SYM_FINE_SUFFIX, first, 0));
+                 saga_at_symbol(SAGA_SYM_FINE_SUFFIX, first, 0));
         if (c->error)
             return 0;
         for (i = 0; i < n; i++)
@@ -596,7 +395,7 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
     int16_t residual[4];
     int i;
 
-    code_block(residual, c, at_symbol(SAGA_SYM_FINE_OFFSET, rank, 0), mu,
+    code_block(residual, c, saga_at_symbol(SAGA_SYM_FINE_OFFSET, rank, 0), mu,
                scale, m->step_q16[SAGA_STEP_FINE], 4);
     for (i = 0; i < 4; i++)
         a->local[i] = fx_sat16(a->local[i] + residual[i]);
@@ -606,7 +405,7 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
         a->x[i] = place.x[i];
     a->t = (uint16_t)place.t;
     a->n_prim = (uint8_t)c->adaptive(
-        c, at_symbol(SAGA_SYM_N_PRIM, rank, 0), &sc->models->n_prim,
+        c, saga_at_symbol(SAGA_SYM_N_PRIM, rank, 0), &sc->models->n_prim,
         m->level[SAGA_LEVEL_FINE].max_children + 1u);
     keep_context(sc, rank, residual);
 }
@@ -666,14 +465,15 @@ static void code_primitives(const saga_scaffold *sc, saga_coder *c,
     uint32_t i, axis;
 
     code_set(suffix, n, bits, &sc->models->set[1], c,
-             at_symbol(SAGA_SYM_PRIM_SUFFIX, first, 0));
+             saga_at_symbol(SAGA_SYM_PRIM_SUFFIX, first, 0));
     for (i = 0; i < n; i++) {
         int16_t *const o = sc->prim_offset[first + i];
         int16_t residual[4];
 
         suffix_centre(o, suffix[i], bits);
-        code_block(residual, c, at_symbol(SAGA_SYM_PRIM_OFFSET, first + i, 0),
-                   mu, scale, m->step_q16[SAGA_STEP_PRIM], 4);
+        code_block(residual, c,
+                   saga_at_symbol(SAGA_SYM_PRIM_OFFSET, first + i, 0), mu,
+                   scale, m->step_q16[SAGA_STEP_PRIM], 4);
         for (axis = 0; axis < 4; axis++)
             o[axis] = fx_sat16(o[axis] + residual[axis]);
     }

@@ -1,0 +1,171 @@
+/* SPDX-License-Identifier: MIT */
+#include "nets.h"
+
+#include "fx.h"
+#include "fx_math.h"
+
+/* --- Layout -------------------------------------------------------------- */
+
+static uint32_t layer_weight_nbytes(const saga_net_shape *s, int i)
+{
+    return saga_mlp_pad(s->dim[i]) * s->dim[i + 1] * (s->int8 ? 1u : 2u);
+}
+
+/* Weights, biases and shifts lie together; each layer starts at a multiple of
+ * 16. */
+static uint32_t layer_nbytes(const saga_net_shape *s, int i)
+{
+    const uint32_t n = layer_weight_nbytes(s, i) + 5u * s->dim[i + 1];
+
+    return (n + 15u) & ~15u;
+}
+
+void saga_nets_layout(saga_nets *nets, const saga_model *m)
+{
+    uint32_t at = 0;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_model_net(&nets->shape[net], m, net);
+        nets->offset[net] = at;
+        for (i = 0; i < nets->shape[net].n_layers; i++)
+            at += layer_nbytes(&nets->shape[net], i);
+    }
+    nets->nbytes = at;
+}
+
+void saga_nets_offsets(saga_layer_offsets *at, const saga_nets *nets, int net,
+                       int i)
+{
+    const saga_net_shape *const s = &nets->shape[net];
+    int k;
+
+    at->weight = nets->offset[net];
+    for (k = 0; k < i; k++)
+        at->weight += layer_nbytes(s, k);
+    at->bias = at->weight + layer_weight_nbytes(s, i);
+    at->shift = at->bias + 4u * s->dim[i + 1];
+}
+
+void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
+                     const uint8_t *block, int net, int i)
+{
+    const saga_net_shape *const s = &nets->shape[net];
+    saga_layer_offsets at;
+
+    saga_nets_offsets(&at, nets, net, i);
+    layer->weight = block + at.weight;
+    layer->bias = (const int32_t *)(const void *)(block + at.bias);
+    layer->shift = block + at.shift;
+    layer->n_in = s->dim[i];
+    layer->n_out = s->dim[i + 1];
+    layer->int8 = s->int8;
+    layer->relu = i + 1 < s->n_layers;
+}
+
+/* --- Runs ---------------------------------------------------------------- */
+
+static uint32_t longest_vector(const saga_net_shape *s)
+{
+    uint32_t most = 1;
+    int i;
+
+    for (i = 0; i <= s->n_layers; i++)
+        most = s->dim[i] > most ? s->dim[i] : most;
+    return saga_mlp_pad(most);
+}
+
+uint32_t saga_net_points(const saga_nets *nets, uint32_t set)
+{
+    uint32_t n = SAGA_MAX_POINTS;
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++)
+        if (set >> net & 1u)
+            while (n * longest_vector(&nets->shape[net]) > SAGA_MAX_VECTOR)
+                n--;
+    return n;
+}
+
+/* Layers' outputs alternate between hidden and out, and end in out. */
+void saga_net_run(const saga_runner *r, int net, uint32_t n)
+{
+    saga_vectors *const v = r->v;
+    const int16_t *x = v->in;
+    saga_layer layer;
+    int i;
+
+    for (i = 0; i < r->nets->shape[net].n_layers; i++) {
+        int16_t *const y = (r->nets->shape[net].n_layers - i) & 1
+                               ? v->out : v->hidden;
+
+        saga_nets_layer(&layer, r->nets, r->params, net, i);
+        saga_mlp_layer(y, &layer, x, n);
+        x = y;
+    }
+}
+
+uint32_t saga_in_point(const saga_runner *r, int net, uint32_t point)
+{
+    return point * saga_mlp_pad(r->nets->shape[net].dim[0]);
+}
+
+const int16_t *saga_out_point(const saga_runner *r, int net, uint32_t point)
+{
+    const saga_net_shape *const s = &r->nets->shape[net];
+
+    return r->v->out + point * saga_mlp_pad(s->dim[s->n_layers]);
+}
+
+/* --- Inputs -------------------------------------------------------------- */
+
+uint32_t saga_in_vector(const saga_runner *r, int net, uint32_t at,
+                        const int16_t *x, uint32_t n, int q)
+{
+    const int q_in = r->nets->shape[net].q_in;
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        r->v->in[at + i] = fx_requant16(x[i], q, q_in);
+    return at + n;
+}
+
+static uint32_t sine_and_cosine(uint16_t *phase, uint32_t at, uint32_t p)
+{
+    phase[at] = (uint16_t)(p & 65535u);
+    phase[at + 1] = (uint16_t)((p + 16384u) & 65535u);
+    return at + 2;
+}
+
+/* The position's own bits are the phases, wrapping: a quarter turn per
+ * half-cube at k = 0. */
+void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
+                int32_t t)
+{
+    uint16_t phase[8 * SAGA_MAX_OCTAVES];
+    uint32_t at = 0, k;
+    int i;
+
+    for (i = 0; i < 3; i++)
+        for (k = 0; k < m->octaves; k++)
+            at = sine_and_cosine(phase, at, (uint32_t)(x[i] >> (9 - k)));
+    t -= 32768;
+    at = sine_and_cosine(phase, at, (uint32_t)(t >> 1));
+    for (k = 1; k < m->octaves; k++)
+        at = sine_and_cosine(phase, at, (uint32_t)t << (k - 1));
+    saga_sin_turn16_each(q15, phase, at);
+}
+
+void saga_embed_offset(int16_t *q15, const saga_model *m,
+                       const int16_t offset_q14[4])
+{
+    uint16_t phase[8 * SAGA_MAX_OCTAVES];
+    uint32_t at = 0, k;
+    int i;
+
+    for (i = 0; i < 4; i++)
+        for (k = 0; k < m->octaves; k++)
+            at = sine_and_cosine(phase, at,
+                                 (uint32_t)(int32_t)offset_q14[i] << k);
+    saga_sin_turn16_each(q15, phase, at);
+}

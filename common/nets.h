@@ -1,0 +1,89 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The networks of a stream: how their parameters lie in memory, how their
+ * inputs are put together, and their runs on several points at once.
+ */
+#ifndef SAGA_NETS_H
+#define SAGA_NETS_H
+
+#include "mlp.h"
+#include "model.h"
+
+#include <stdint.h>
+
+/* --- Layout -------------------------------------------------------------- */
+
+/* Shapes of all networks, and where their parameters lie in one block that is
+ * aligned to 16. A layer has its weights (n_out pad(n_in), in the order of
+ * saga_mlp_weight_at), its biases and its row shifts. */
+typedef struct saga_nets {
+    saga_net_shape shape[SAGA_N_NETS];
+    uint32_t offset[SAGA_N_NETS];  /* bytes from the block's start */
+    uint32_t nbytes;               /* of the block */
+} saga_nets;
+
+/* Bytes from the block's start to the parts of a layer. */
+typedef struct saga_layer_offsets {
+    uint32_t weight, bias, shift;
+} saga_layer_offsets;
+
+/* This lays out the networks of a valid model. */
+void saga_nets_layout(saga_nets *nets, const saga_model *m);
+
+/* These find layer i of a network that exists: its parts' offsets; the layer
+ * itself, which points into the block. */
+void saga_nets_offsets(saga_layer_offsets *at, const saga_nets *nets, int net,
+                       int i);
+void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
+                     const uint8_t *block, int net, int i);
+
+/* --- Runs ---------------------------------------------------------------- */
+
+/* So many points run through networks together, at most. */
+enum { SAGA_MAX_POINTS = 8 };
+
+/* The networks' scratch. Each point of a run has its vectors in it, padded,
+ * one after the other. */
+typedef struct saga_vectors {
+    int16_t in[SAGA_MAX_VECTOR];
+    int16_t hidden[SAGA_MAX_VECTOR];
+    int16_t out[SAGA_MAX_VECTOR];
+    int16_t kept[SAGA_MAX_VECTOR];       /* what no network's run touches */
+    int16_t context[SAGA_MAX_FEATURES];  /* one interpolated feature */
+} saga_vectors;
+
+/* What a run needs; the memory behind it is the caller's. */
+typedef struct saga_runner {
+    const saga_nets *nets;
+    const uint8_t *params;       /* the block */
+    saga_vectors *v;
+} saga_runner;
+
+/* Returns how many points, 1..SAGA_MAX_POINTS, the vectors hold for every
+ * network of a set (bits 1 << SAGA_NET_*). */
+uint32_t saga_net_points(const saga_nets *nets, uint32_t set);
+
+/* This runs a network on the first n points of v->in, which stays; the last
+ * layer's outputs land in v->out. */
+void saga_net_run(const saga_runner *r, int net, uint32_t n);
+
+/* These tell where the vector of a point begins: in v->in; in v->out. */
+uint32_t saga_in_point(const saga_runner *r, int net, uint32_t point);
+const int16_t *saga_out_point(const saga_runner *r, int net, uint32_t point);
+
+/* --- Inputs -------------------------------------------------------------- */
+
+/* This writes n values of format q to v->in from `at` on, in the network's
+ * input format. Returns where they end. */
+uint32_t saga_in_vector(const saga_runner *r, int net, uint32_t at,
+                        const int16_t *x, uint32_t n, int q);
+
+/* These give the positional embedding of a position (box units, segment time),
+ * of an offset: saga_pe_size values in Q15, by axis and octave sine and
+ * cosine. */
+void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
+                int32_t t);
+void saga_embed_offset(int16_t *q15, const saga_model *m,
+                       const int16_t offset_q14[4]);
+
+#endif

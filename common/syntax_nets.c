@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: MIT */
+#include "syntax.h"
+
+#include "fx.h"
+
+/* Residuals of a network are asked for in pieces of this many: the stack. */
+enum { PIECE = 64 };
+
+typedef struct {
+    saga_adaptive shift_high, shift_low[4];
+    saga_adaptive scale_mode, drop;
+} net_models;
+
+/* A row shift, 0..24, is coded as its eights and its rest. */
+static int code_shift(net_models *m, saga_coder *c, saga_at at)
+{
+    uint32_t high, low;
+
+    high = c->adaptive(c, at, &m->shift_high, 4);
+    at.column = 1;
+    low = c->adaptive(c, at, &m->shift_low[high], 8);
+    return (int)(8 * high + low);
+}
+
+typedef struct {
+    uint32_t step_q16;
+    int step_shift, bias_shift;
+    uint8_t weight_scale, bias_scale;
+    uint32_t scale_mode;
+} layer_fields;
+
+static void code_fields(layer_fields *f, net_models *m, saga_coder *c, int net,
+                        int i)
+{
+    saga_at at = saga_at_symbol(SAGA_SYM_NET_STEP, (uint32_t)net, (uint32_t)i);
+
+    f->step_q16 = c->uniform(c, at, 16);
+    at.sym = SAGA_SYM_NET_STEP_SHIFT;
+    f->step_shift = (int)c->uniform(c, at, 5);
+    at.sym = SAGA_SYM_NET_BIAS_SHIFT;
+    f->bias_shift = (int)c->uniform(c, at, 5);
+    at.sym = SAGA_SYM_NET_WEIGHT_SCALE;
+    f->weight_scale = (uint8_t)c->uniform(c, at, 6);
+    at.sym = SAGA_SYM_NET_BIAS_SCALE;
+    f->bias_scale = (uint8_t)c->uniform(c, at, 6);
+    at.sym = SAGA_SYM_NET_SCALE_MODE;
+    f->scale_mode = c->adaptive(c, at, &m->scale_mode, SAGA_N_SCALE_MODES);
+}
+
+static void fill(uint8_t *scale, uint32_t n, int value)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        scale[i] = (uint8_t)value;
+}
+
+/* The scale of a row or column, for n weights. Returns 0 if there is none so
+ * low. */
+static int code_scale(uint8_t *scale, uint32_t n, const layer_fields *f,
+                      net_models *m, saga_coder *c, saga_at at)
+{
+    int value;
+
+    at.sym = SAGA_SYM_NET_DROP;
+    value = f->weight_scale -
+            SAGA_DROP * (int)c->adaptive(c, at, &m->drop, SAGA_N_DROPS);
+    if (value < 0)
+        return 0;
+    fill(scale, n, value);
+    return 1;
+}
+
+/* What the rows begin with: the scales of the columns. */
+static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
+                        net_models *m, saga_coder *c, saga_at at)
+{
+    uint32_t k;
+
+    fill(scale, n_in, f->weight_scale);
+    for (k = 0; f->scale_mode == SAGA_SCALE_COLUMN && k < n_in; k++) {
+        at.row = (uint16_t)k;
+        if (!code_scale(scale + k, 1, f, m, c, at))
+            return 0;
+    }
+    return 1;
+}
+
+/* Where the parameters of a layer go. */
+typedef struct {
+    uint8_t *weights, *shift;
+    int32_t *bias;
+    uint32_t n_in, n_out;
+    int int8;
+} layer_place;
+
+static void place_layer(layer_place *to, const saga_nets *nets, uint8_t *block,
+                        int net, int i)
+{
+    const saga_net_shape *const s = &nets->shape[net];
+    saga_layer_offsets at;
+
+    saga_nets_offsets(&at, nets, net, i);
+    to->weights = block + at.weight;
+    to->shift = block + at.shift;
+    to->bias = (int32_t *)(void *)(block + at.bias);
+    to->n_in = s->dim[i];
+    to->n_out = s->dim[i + 1];
+    to->int8 = s->int8;
+}
+
+static void store_weight(const layer_place *to, uint32_t row, uint32_t column,
+                         int32_t w)
+{
+    const size_t at = saga_mlp_weight_at(to->n_in, to->n_out, row, column);
+
+    if (to->int8)
+        ((int8_t *)to->weights)[at] = (int8_t)w;
+    else
+        ((int16_t *)(void *)to->weights)[at] = (int16_t)w;
+}
+
+/* The row at.row of weights with its padding, the scale of each given; returns
+ * sum|w|, or -1 if one is out of range. |q * step| < 2^32. */
+static int64_t code_weights(const layer_place *to, const uint8_t *scale,
+                            const layer_fields *f, saga_coder *c, saga_at at)
+{
+    const int32_t limit = to->int8 ? 127 : 32767;
+    const uint32_t n_in = to->n_in;
+    int32_t q[PIECE];
+    int64_t sum = 0;
+    uint32_t k, i;
+
+    for (k = 0; k < n_in; k += PIECE) {
+        const uint32_t n = n_in - k < PIECE ? n_in - k : PIECE;
+
+        at.column = (uint16_t)k;
+        c->residual(c, at, q, NULL, f->step_q16, scale + k, n);
+        for (i = 0; i < n; i++) {
+            const int64_t w = fx_rshift64((int64_t)q[i] * f->step_q16,
+                                          f->step_shift);
+
+            if (w < -limit || w > limit)
+                return -1;
+            store_weight(to, at.row, k + i, (int32_t)w);
+            sum += w < 0 ? -w : w;
+        }
+    }
+    for (k = n_in; k < saga_mlp_pad(n_in); k++)
+        store_weight(to, at.row, k, 0);
+    return sum;
+}
+
+/* The row at.row; 0 if it could overflow. */
+static int code_row(const layer_place *to, uint8_t *scale,
+                    const layer_fields *f, net_models *m, saga_coder *c,
+                    saga_at at)
+{
+    int64_t bias, sum;
+    int32_t q;
+    int shift;
+
+    at.sym = SAGA_SYM_NET_ROW_SHIFT;
+    shift = code_shift(m, c, at);
+    if (f->scale_mode == SAGA_SCALE_ROW &&
+        !code_scale(scale, to->n_in, f, m, c, at))
+        return 0;
+    at.sym = SAGA_SYM_NET_BIAS;
+    c->residual(c, at, &q, NULL, 1u << 16, &f->bias_scale, 1);
+    bias = (int64_t)q * ((int64_t)1 << f->bias_shift);
+    at.sym = SAGA_SYM_NET_WEIGHT;
+    sum = code_weights(to, scale, f, c, at);
+    if (c->error || sum < 0 || !saga_mlp_row_is_valid(sum, bias, shift))
+        return 0;
+    to->bias[at.row] = (int32_t)bias;
+    to->shift[at.row] = (uint8_t)shift;
+    return 1;
+}
+
+static int code_layer(const layer_place *to, net_models *m, saga_coder *c,
+                      int net, int i)
+{
+    saga_at at = saga_at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
+                                (uint32_t)i);
+    uint8_t scale[SAGA_MAX_VECTOR];
+    layer_fields f;
+    uint32_t row;
+
+    code_fields(&f, m, c, net, i);
+    if (f.step_q16 == 0 || !code_columns(scale, to->n_in, &f, m, c, at))
+        return 0;
+    for (row = 0; row < to->n_out; row++) {
+        at.row = (uint16_t)row;
+        if (!code_row(to, scale, &f, m, c, at))
+            return 0;
+    }
+    return 1;
+}
+
+int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
+{
+    net_models models;
+    layer_place to;
+    int net, i;
+
+    saga_adaptive_init(&models.shift_high, 4);
+    for (i = 0; i < 4; i++)
+        saga_adaptive_init(&models.shift_low[i], 8);
+    saga_adaptive_init(&models.scale_mode, SAGA_N_SCALE_MODES);
+    saga_adaptive_init(&models.drop, SAGA_N_DROPS);
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < nets->shape[net].n_layers; i++) {
+            place_layer(&to, nets, block, net, i);
+            if (!code_layer(&to, &models, c, net, i))
+                return 0;
+        }
+    return 1;
+}
