@@ -78,19 +78,19 @@ for lambda in "${lambdas[@]}"; do
     [ "$at/trained.eval.json" -nt "$at/in.saga" ] ||
         score "$at/in.saga" "$at/trained"
     variant "$at" full
-    variant "$at" no-memory --no-memory
+    variant "$at" no-memory --ablate no-bank
     variant "$at" all --keep
-    variant "$at" all-no-memory --keep --no-memory
-    variant "$at" all-plain --keep --update plain
-    variant "$at" no-hyperprior --no-hyperprior
-    variant "$at" no-parent --no-parent
-    variant "$at" no-groups --groups 1
-    variant "$at" nothing --no-memory --no-hyperprior --no-parent --groups 1
-    variant "$at" raw --raw-networks
+    variant "$at" all-no-memory --keep --ablate no-bank
+    variant "$at" all-plain --keep --ablate plain-update
+    variant "$at" no-hyperprior --ablate no-hyperprior
+    variant "$at" no-parent --ablate no-parent
+    variant "$at" no-groups --ablate groups=1
+    variant "$at" nothing --ablate no-bank,no-hyperprior,no-parent,groups=1
+    variant "$at" raw --ablate raw-networks
 done
 # At the last rate alone: there are most symbols to pay for a memory.
 for slots in 32 64 128 256 512; do
-    variant "$at" "slots$slots" --keep --slots "$slots"
+    variant "$at" "slots$slots" --keep --ablate "slots=$slots"
 done
 
 reports=()

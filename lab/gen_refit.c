@@ -148,12 +148,15 @@ static void set_values(saga_rate *r, const ref_file *in)
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
+    saga_ablation a = o->ablation;
 
+    if (!a.no_bank && !a.slots)
+        a.slots = 64;
     m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
     m.memory_slots = 0;
     m.memory_width = 0;
     m.memory_blocks = 0;
-    saga_train_entropy_model(&m, &o->entropy, in->s.n.prim, SAGA_MAX_SLOTS);
+    saga_train_entropy_model(&m, &a, in->s.n.prim, SAGA_MAX_SLOTS);
     return m;
 }
 
@@ -172,7 +175,7 @@ static void begin(fit *f)
     need(saga_rate_init(&f->rate, &f->s) ||
          saga_rate_refresh(&f->rate, &f->s));
     set_values(&f->rate, in);
-    if (f->o.entropy.raw_networks)
+    if (f->o.ablation.raw_networks)
         saga_rate_keep_raw(&f->rate);
     f->rate.plan.keep = f->o.keep;
     n = (size_t)f->s.n.coarse * m.features;

@@ -12,12 +12,13 @@
 #ifndef GEN_REFIT_H
 #define GEN_REFIT_H
 
+#include "ablation.h"
 #include "rate_choice.h"
 #include "ref_file.h"
 #include "train.h"
 
 typedef struct refit_options {
-    saga_train_entropy_options entropy;
+    saga_ablation ablation;      /* a memory bank is tried in any scene */
     int iterations;              /* >= 3 */
     uint64_t seed;
     bool keep;                   /* sources stay, whatever they are worth */

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * make_refit IN.saga OUT.saga [--no-hyperprior] [--no-parent] [--no-memory]
- *     [--groups K] [--slots L] [--update orth|plain] [--raw-networks]
- *     [--keep] [--iterations N] [--seed N]
+ * make_refit IN.saga OUT.saga [--ablate LIST] [--keep] [--iterations N]
+ *     [--seed N]
  *
  * The scene of IN with its entropy networks fitted anew (lab/gen_refit.h);
  * options as `saga encode` has them, and --keep: all sources that are left
@@ -25,25 +24,16 @@ static int fail(const char *why)
     return 1;
 }
 
-static int usage(void)
+static int usage(const saga_error *error)
 {
-    fprintf(stderr, "usage: make_refit IN.saga OUT.saga [--no-hyperprior] "
-            "[--no-parent]\n    [--no-memory] [--groups K] [--slots L] "
-            "[--update orth|plain]\n    [--raw-networks] [--keep] "
-            "[--iterations N] [--seed N]\n");
+    if (saga_failed(error))
+        fail(error->message);
+    fprintf(stderr, "usage: make_refit IN.saga OUT.saga [--ablate LIST] "
+            "[--keep]\n    [--iterations N] [--seed N]\n");
     return 2;
 }
 
 /* --- Options ------------------------------------------------------------- */
-
-static bool *flag_of(refit_options *o, const char *name)
-{
-    return !strcmp(name, "--no-hyperprior") ? &o->entropy.no_hyper
-         : !strcmp(name, "--no-parent") ? &o->entropy.no_parent
-         : !strcmp(name, "--no-memory") ? &o->entropy.no_memory
-         : !strcmp(name, "--raw-networks") ? &o->entropy.raw_networks
-         : !strcmp(name, "--keep") ? &o->keep : NULL;
-}
 
 static bool set_number(refit_options *o, const char *name, const char *value)
 {
@@ -52,39 +42,28 @@ static bool set_number(refit_options *o, const char *name, const char *value)
 
     if (*rest || rest == value)
         return false;
-    if (!strcmp(name, "--groups"))
-        o->entropy.groups = (uint8_t)n;
-    else if (!strcmp(name, "--slots"))
-        o->entropy.slots = (uint16_t)n;
-    else if (!strcmp(name, "--iterations"))
+    if (!strcmp(name, "--iterations")) {
         o->iterations = (int)n;
-    else if (!strcmp(name, "--seed"))
-        o->seed = (uint64_t)n;
-    else
-        return false;
-    return !strcmp(name, "--groups") ? n >= 1 && n <= SAGA_MAX_GROUPS
-         : !strcmp(name, "--slots") ? n >= SAGA_MIN_SLOTS &&
-                                      n <= SAGA_MAX_SLOTS && !(n & (n - 1))
-         : !strcmp(name, "--iterations") ? n >= 3 && n <= 1000000 : n >= 0;
+        return n >= 3 && n <= 1000000;
+    }
+    o->seed = (uint64_t)n;
+    return !strcmp(name, "--seed") && n >= 0;
 }
 
-static bool read_options(refit_options *o, int argc, char **argv)
+static bool read_options(refit_options *o, int argc, char **argv,
+                         saga_error *error)
 {
     for (int i = 0; i < argc; i++) {
-        bool *const flag = flag_of(o, argv[i]);
+        const char *const name = argv[i];
 
-        if (flag) {
-            *flag = true;
+        if (!strcmp(name, "--keep")) {
+            o->keep = true;
             continue;
         }
-        if (i + 1 == argc)
+        if (++i == argc ||
+            !(strcmp(name, "--ablate") ? set_number(o, name, argv[i])
+              : saga_ablation_read(&o->ablation, argv[i], error)))
             return false;
-        if (!strcmp(argv[i], "--update") &&
-            (!strcmp(argv[i + 1], "orth") || !strcmp(argv[i + 1], "plain")))
-            o->entropy.plain_write = !strcmp(argv[i + 1], "plain");
-        else if (!set_number(o, argv[i], argv[i + 1]))
-            return false;
-        i++;
     }
     return true;
 }
@@ -167,8 +146,8 @@ int main(int argc, char **argv)
     const char *why;
     int status;
 
-    if (argc < 3 || !read_options(&o, argc - 3, argv + 3))
-        return usage();
+    if (argc < 3 || !read_options(&o, argc - 3, argv + 3, &error))
+        return usage(&error);
     if (!saga_read_file(&bytes, argv[1], &error))
         return fail(error.message);
     why = ref_file_read(&in, bytes.data, bytes.nbytes);

@@ -77,8 +77,8 @@ refuses() { # refuses STATUS OPTIONS...
         complain "make_refit $*: status $rc, not $want: $(cat "$tmp/err")"
 }
 refuses 2
-for wrong in '--groups 17' '--slots 48' '--update both' '--iterations 2' \
-    '--iterations' '--nothing'; do
+for wrong in '--ablate groups=17' '--ablate nothing' '--ablate' \
+    '--iterations 2' '--iterations' '--nothing 3'; do
     # shellcheck disable=SC2086
     refuses 2 "$tmp/none.saga" "$tmp/x.saga" $wrong
 done

@@ -119,19 +119,22 @@ expect 2 cap -o x.saga --lambda -1
 says '--lambda -1'
 expect 2 cap -o x.saga --lambda nan
 says '--lambda'
-expect 2 cap -o x.saga --groups 17
-says '--groups'
-expect 2 cap -o x.saga --slots 48
-says '--slots 48'
-expect 2 cap -o x.saga --update other
-says 'orth|plain'
+for word in groups=17 groups=0 groups= groups=4x groups slots=48 slots=16 \
+    no-bank=1 no-ban no-banks '' no-parent, ',no-parent'; do
+    expect 2 cap -o x.saga --ablate "no-bank,$word"
+    says 'no-hyperprior, no-parent, no-bank, groups=1 to 16'
+done
+says "''"
+expect 2 cap -o x.saga --ablate groups=4,nothing,raw-networks
+says "'nothing'"
+expect 2 cap -o x.saga --ablate slots=256
+says 'slots=256 is more than the 128 of level 2'
+for also in slots=64 plain-update; do
+    expect 2 cap -o x.saga --ablate "no-bank,$also"
+    says 'no-bank excludes'
+done
 expect 2 cap -o x.saga --still --moving
 says '--still and --moving'
-for also in '--slots 64' '--update plain'; do
-    # shellcheck disable=SC2086
-    expect 2 cap -o x.saga --no-memory $also
-    says '--no-memory excludes'
-done
 expect 2 cap -o x.saga --iterations 2
 says '--iterations'
 expect 2 cap -o x.saga --primitives many

@@ -168,14 +168,14 @@ static void broken_file_should_be_refused(void **state)
 /* --- Fitted anew --------------------------------------------------------- */
 
 static void refit(ref_file *out, refit_report *r, const ref_file *in,
-                  const saga_train_entropy_options *entropy)
+                  const saga_ablation *ablation)
 {
     refit_options o = refit_defaults();
     uint8_t *bytes = NULL;
     size_t n = 0;
 
     o.iterations = ITERATIONS;
-    o.entropy = *entropy;
+    o.ablation = *ablation;
     assert_null(refit_make(&bytes, &n, r, in, &o));
     assert_null(ref_file_read(out, bytes, n));
     free(bytes);
@@ -231,7 +231,7 @@ static void what_is_kept_should_be_the_same(const ref_file *a,
 static void refit_should_give_the_same_scene(void **state)
 {
     const fixture *const f = *state;
-    const saga_train_entropy_options all = { .groups = 0 };
+    const saga_ablation all = { .groups = 0 };
     refit_report r;
     ref_file g;
 
@@ -292,8 +292,8 @@ static void features_should_have_constants(const constants *c)
 static void refit_without_anything_should_have_constants(void **state)
 {
     const fixture *const f = *state;
-    const saga_train_entropy_options none = {
-        .no_hyper = true, .no_parent = true, .no_memory = true, .groups = 1
+    const saga_ablation none = {
+        .no_hyper = 1, .no_parent = 1, .no_bank = 1, .groups = 1
     };
     refit_options o = refit_defaults();
     constants c = { .f = &f->f };
@@ -302,7 +302,7 @@ static void refit_without_anything_should_have_constants(void **state)
     size_t n = 0;
 
     o.iterations = 3;
-    o.entropy = none;
+    o.ablation = none;
     assert_null(refit_make(&bytes, &n, &r, &f->f, &o));
     assert_true(recorder_tell(one_for_all, &c, bytes, n));
     features_should_have_constants(&c);
@@ -317,7 +317,7 @@ static void refit_without_anything_should_have_constants(void **state)
 static void refit_should_find_a_source_that_tells(void **state)
 {
     const fixture *const f = *state;
-    const saga_train_entropy_options all = { .groups = 0 };
+    const saga_ablation all = { .groups = 0 };
     const uint32_t features = f->f.h.model.features;
     const size_t n = (size_t)f->f.s.n.coarse * features;
     const double step = f->f.h.model.step_q16[SAGA_STEP_FEATURE] / 65536.0;
@@ -344,7 +344,7 @@ static void refit_should_find_a_source_that_tells(void **state)
  * have, with a memory or without, is read and becomes another valid file. */
 static void refit_should_take_any_stream(void **state)
 {
-    const saga_train_entropy_options all = { .groups = 0 };
+    const saga_ablation all = { .groups = 0 };
 
     (void)state;
     for (uint64_t seed = 1; seed <= 12; seed++) {
@@ -360,7 +360,7 @@ static void refit_should_take_any_stream(void **state)
         size_t n;
 
         fast.iterations = 6;
-        fast.entropy = all;
+        fast.ablation = all;
         gen_stream_make(&g, &o);
         gen_stream_encode(&g, &bytes, &n);
         assert_null(ref_file_read(&f, bytes, n));

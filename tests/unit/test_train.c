@@ -93,7 +93,7 @@ static saga_train_options small(void)
     o.n_regress = REGRESS;
     o.n_render = RENDER;
     o.motion = SAGA_TRAIN_MOVING;
-    o.entropy.slots = 32;
+    o.ablate = "slots=32";
     return o;
 }
 
@@ -689,14 +689,9 @@ static void train_should_refuse_a_checkpoint_of_other_options(void **state)
     p.level = 3;
     assert_true(resume_fails(f, &p, "--level 2, not 3"));
     p = o;
-    p.entropy.no_hyper = true;
-    assert_true(resume_fails(f, &p, "--no-hyperprior 0, not 1"));
-    p = o;
-    p.entropy.groups = 4;
-    assert_true(resume_fails(f, &p, "--groups 0, not 4"));
-    p = o;
-    p.entropy.raw_networks = true;
-    assert_true(resume_fails(f, &p, "--raw-networks 0, not 1"));
+    p.ablate = "groups=4,raw-networks";
+    assert_true(resume_fails(f, &p, "begun with --ablate 'slots=32', not "
+                             "'groups=4,raw-networks'"));
     p = o;
     p.checkpoint = "/nowhere/x.ckpt";
     assert_true(resume_fails(f, &p, "/nowhere/x.ckpt"));
@@ -925,12 +920,12 @@ static void train_should_refuse_wrong_options(void **state)
     o.n_warm = 0;
     assert_true(refuses(f, &o, "--iterations"));
     o = small();
-    o.entropy.groups = 17;
-    assert_true(refuses(f, &o, "--groups 17"));
+    o.ablate = "no-parent,groups=17";
+    assert_true(refuses(f, &o, "--ablate does not know 'groups=17'"));
     o = small();
-    o.entropy.slots = 48;
-    assert_true(refuses(f, &o, "--slots 48"));
-    o.entropy.slots = 256;
+    o.ablate = "slots=48";
+    assert_true(refuses(f, &o, "--ablate slots=48"));
+    o.ablate = "slots=256";
     assert_true(refuses(f, &o, "256 is more than the 128 of level 2"));
     o = small();
     o.segment_frames = 2;
@@ -939,14 +934,13 @@ static void train_should_refuse_wrong_options(void **state)
 
 /* --- Ablations ----------------------------------------------------------- */
 
-static void sources_should_be(const saga_train_entropy_options *e,
+static void sources_should_be(const saga_ablation *e,
                               uint8_t coarse, uint8_t fine, uint8_t prim)
 {
-    saga_train_options o = small();
+    const saga_train_options o = small();
     saga_model m;
 
-    o.entropy = *e;
-    saga_train_model(&m, &o, true);
+    saga_train_model(&m, &o, e, true);
     assert_true(saga_model_is_valid(&m));
     assert_int_equal(m.sources[SAGA_KIND_COARSE], coarse);
     assert_int_equal(m.sources[SAGA_KIND_FINE], fine);
@@ -961,7 +955,7 @@ static void train_should_leave_out_forbidden_sources(void **state)
         HYPER = SAGA_SOURCE_HYPER, PARENT = SAGA_SOURCE_PARENT,
         GROUPS = SAGA_SOURCE_GROUPS
     };
-    saga_train_entropy_options e = { .no_memory = true };
+    saga_ablation e = { .no_bank = 1 };
 
     (void)state;
     sources_should_be(&e, HYPER | GROUPS, HYPER | PARENT | GROUPS,
@@ -971,9 +965,9 @@ static void train_should_leave_out_forbidden_sources(void **state)
                       HYPER | PARENT);
     e.groups = 1;
     sources_should_be(&e, HYPER, HYPER | PARENT, HYPER | PARENT);
-    e.no_hyper = true;
+    e.no_hyper = 1;
     sources_should_be(&e, 0, PARENT, PARENT);
-    e.no_parent = true;
+    e.no_parent = 1;
     sources_should_be(&e, 0, 0, 0);
     e.groups = 2;
     sources_should_be(&e, GROUPS, GROUPS, 0);
@@ -989,7 +983,7 @@ static void train_should_keep_raw_networks_fine(void **state)
     saga_error error = { "" };
     saga_train *t;
 
-    o.entropy.raw_networks = true;
+    o.ablate = "raw-networks";
     t = saga_train_new(&f->capture, &o, &error);
     assert_non_null(t);
     assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);

@@ -2,6 +2,7 @@
  *
  * saga encode: from a capture to a file.
  */
+#include "ablation.h"
 #include "cli.h"
 #include "commands.h"
 #include "cost.h"
@@ -26,13 +27,11 @@
 #endif
 
 typedef struct {
-    const char *output, *hold_out;
+    const char *output, *hold_out, *ablate;
     saga_cli_pair frames;
     int scale, threads, memory, primitives, iterations, level, seed, every;
-    int groups, slots;
     double lambda;
     bool still, moving, json, resume;
-    bool no_hyper, no_parent, no_memory, plain_write, raw_networks;
 } options;
 
 /* What is open and what came out. */
@@ -40,6 +39,7 @@ typedef struct {
     const options *o;
     const char *capture_name;
     char *checkpoint;
+    saga_ablation ablation;
     saga_capture capture;
     saga_train *train;
     saga_train_quality decoded;  /* by the integer decoder, from the file */
@@ -125,14 +125,13 @@ static bool training(void *user, const saga_train_progress *p)
 
 /* --- Before -------------------------------------------------------------- */
 
-static int check_options(const options *o)
+static int check_options(session *s)
 {
-    if (o->still && o->moving)
+    if (s->o->still && s->o->moving)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: --still and --moving "
                               "exclude each other");
-    if (o->no_memory && (o->slots || o->plain_write))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --no-memory excludes "
-                              "--slots and --update plain");
+    if (!saga_ablation_read(&s->ablation, s->o->ablate, &s->error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     return SAGA_EXIT_OK;
 }
 
@@ -206,12 +205,7 @@ static saga_train_options train_options(session *s)
     t.seed = (uint64_t)o->seed;
     t.motion = o->still ? SAGA_TRAIN_STILL
              : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
-    t.entropy = (saga_train_entropy_options){
-        .no_hyper = o->no_hyper, .no_parent = o->no_parent,
-        .no_memory = o->no_memory, .groups = (uint8_t)o->groups,
-        .slots = (uint16_t)o->slots, .plain_write = o->plain_write,
-        .raw_networks = o->raw_networks
-    };
+    t.ablate = o->ablate;
     t.checkpoint = s->checkpoint;
     t.checkpoint_seconds = o->every;
     t.progress = training;
@@ -459,7 +453,7 @@ static void print_text(const session *s)
     printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
            "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
            r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
-    if (s->o->raw_networks)
+    if (s->ablation.raw_networks)
         printf("  networks at 16 bits a parameter: %" PRIu32 " bytes\n",
                2 * r->n_parameters);
     print_bits(&r->sizes);
@@ -570,7 +564,7 @@ static void print_json(const session *s)
 
 static int encode(session *s)
 {
-    int status = check_options(s->o);
+    int status = check_options(s);
 
     if (!status)
         status = check_output(s);
@@ -630,14 +624,6 @@ static int run(int argc, char **argv)
     return status;
 }
 
-/* orth or plain: whether it is plain. */
-static bool read_update(void *to, const char *text, const saga_cli_option *o)
-{
-    (void)o;
-    *(bool *)to = strcmp(text, "plain") == 0;
-    return *(bool *)to || strcmp(text, "orth") == 0;
-}
-
 static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga", "the file to write; needed", saga_cli_text,
       offsetof(options, output), 0, 0 },
@@ -663,26 +649,6 @@ static const saga_cli_option option_list[] = {
       offsetof(options, still), 0, 0 },
     { "--moving", NULL, "temporal tools even if nothing seems to move",
       saga_cli_flag, offsetof(options, moving), 0, 0 },
-    { "--no-hyperprior", NULL, "entropy model without what a network says of "
-      "each\nplace", saga_cli_flag, offsetof(options, no_hyper), 0, 0 },
-    { "--no-parent", NULL, "... without the coarser level", saga_cli_flag,
-      offsetof(options, no_parent), 0, 0 },
-    { "--groups", "K", "... with 1 to 16 groups of anchors, each coded by "
-      "what\nthe earlier ones hold (default 8; 1: without)", saga_cli_int,
-      offsetof(options, groups), 1, 16 },
-    { "--no-memory", NULL, "... without the memory bank, which holds what was "
-      "decoded\nso far (--memory is another thing)",
-      saga_cli_flag, offsetof(options, no_memory), 0, 0 },
-    { "--slots", "L", "... with a memory bank of 32, 64, 128, 256 or 512 "
-      "slots\n(default: 64, below 40,000 primitives no bank)",
-      saga_cli_int, offsetof(options, slots), 32, 512 },
-    { "--update", "orth|plain", "... whose slots are told what they do not "
-      "hold yet (orth,\nthe default) or all of it (plain, which asks for a "
-      "bank\nas --slots does)", read_update,
-      offsetof(options, plain_write), 0, 0 },
-    { "--raw-networks", NULL, "networks' parameters unpriced, in steps of "
-      "1/2048: what\ntheir rate in training is worth", saga_cli_flag,
-      offsetof(options, raw_networks), 0, 0 },
     { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
     { "--threads", "N", "threads (default: all cores); no effect on the file",
@@ -695,7 +661,20 @@ static const saga_cli_option option_list[] = {
       "they were; the result is that of an unstopped run", saga_cli_flag,
       offsetof(options, resume), 0, 0 },
     { "--json", NULL, "the report as JSON", saga_cli_flag,
-      offsetof(options, json), 0, 0 }
+      offsetof(options, json), 0, 0 },
+    { "--ablate", "LIST", "leave parts of the entropy model out, to learn what "
+      "they\nare worth; words with commas between:\n"
+      "no-hyperprior  what a network says of each position\n"
+      "no-parent      what the coarser tier holds\n"
+      "no-bank        what the memory bank holds\n"
+      "groups=K       1 to 16 groups of anchors, each coded by\n"
+      "               what the earlier ones hold; 1: none (8)\n"
+      "slots=L        a memory bank of 32, 64, 128, 256 or 512\n"
+      "               slots (64, below 40,000 primitives none)\n"
+      "plain-update   a bank whose slots are told all, not only\n"
+      "               what they do not hold yet\n"
+      "raw-networks   parameters unpriced, in steps of 1/2048",
+      saga_cli_text, offsetof(options, ablate), 0, 0 }
 };
 
 const saga_command saga_command_encode = {

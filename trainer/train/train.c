@@ -79,23 +79,16 @@ static bool check_counts(const saga_train_options *o, saga_error *error)
     return true;
 }
 
-static bool check_entropy(const saga_train_options *o,
+static bool read_ablation(saga_ablation *a, const saga_train_options *o,
                           saga_error *error)
 {
-    const uint32_t slots = o->entropy.slots, most = saga_caps[o->level].n_slots;
+    const uint32_t most = saga_caps[o->level].n_slots;
 
-    if (o->entropy.groups > SAGA_MAX_GROUPS)
-        return saga_fail(error, NULL, "give 1 to 16; 1 means none",
-                         "--groups %u", o->entropy.groups);
-    if (slots && (slots < SAGA_MIN_SLOTS || slots > SAGA_MAX_SLOTS ||
-                  (slots & (slots - 1)) != 0))
-        return saga_fail(error, NULL, "give 32, 64, 128, 256 or 512",
-                         "--slots %u", slots);
-    if (slots > most)
-        return saga_fail(error, NULL, "take fewer, or a higher --level",
-                         "--slots %u is more than the %u of level %d", slots,
-                         most, o->level);
-    return true;
+    return saga_ablation_read(a, o->ablate, error) &&
+           (a->slots <= most ||
+            saga_fail(error, NULL, "take fewer, or a higher --level",
+                      "--ablate slots=%u is more than the %u of level %d",
+                      a->slots, most, o->level));
 }
 
 static bool check_options(const saga_train_options *o,
@@ -123,7 +116,7 @@ static bool check_options(const saga_train_options *o,
         return saga_fail(error, NULL, "leave some out", "%d cameras are more "
                          "than the %d a file can name", c->n_views,
                          SAGA_MAX_CAMERAS);
-    return check_counts(o, error) && check_entropy(o, error);
+    return check_counts(o, error);
 }
 
 static uint32_t at_most(uint32_t a, uint32_t b)
@@ -131,19 +124,12 @@ static uint32_t at_most(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/* Primitives from which on a memory may be worth its networks: of 15,000 it
- * saves a third of them (docs/lab/memory.md). */
-enum { MEMORY_PAYS = 40000 };
-
 /* A coarse and a fine anchor for each primitive, as far as the level goes: of
  * the budgets that were tried the best (docs/lab/anchors.md). */
 static void derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
 
-    if (!o->entropy.slots && !o->entropy.plain_write &&
-        o->n_primitives < MEMORY_PAYS)
-        o->entropy.no_memory = true;
     if (!o->n_coarse)
         o->n_coarse = at_most(o->n_primitives, caps->n_coarse);
     if (!o->n_fine)
@@ -168,9 +154,11 @@ static saga_train *make(const saga_capture *capture,
                         const saga_train_options *options,
                         saga_error *error)
 {
+    saga_ablation ablation;
     saga_train *t;
 
-    if (!check_options(options, capture, error))
+    if (!check_options(options, capture, error) ||
+        !read_ablation(&ablation, options, error))
         return NULL;
     t = calloc(1, sizeof *t);
     if (!t) {
@@ -183,6 +171,7 @@ static saga_train *make(const saga_capture *capture,
     }
     t->capture = capture;
     t->o = *options;
+    t->ablation = ablation;
     derive(&t->o);
     t->explained = (double)NAN;
     t->flat_options = saga_flat_defaults();
@@ -271,7 +260,7 @@ static int build(saga_train *t, uint32_t *source,
     saga_model model;
     bool ok;
 
-    saga_train_model(&model, &t->o, t->dynamic);
+    saga_train_model(&model, &t->o, &t->ablation, t->dynamic);
     saga_hierarchy_defaults(&o);
     o.model = &model;
     o.max_coarse = t->o.n_coarse;
@@ -309,7 +298,7 @@ static saga_fit_options fit_options(const saga_train *t)
     o.n_render = t->o.n_render;
     o.seed = t->o.seed;
     o.lambda = (real)t->o.lambda;
-    o.raw_networks = t->o.entropy.raw_networks;
+    o.raw_networks = t->ablation.raw_networks;
     return o;
 }
 

@@ -61,22 +61,6 @@ typedef struct saga_train_progress {
 /* After every iteration. Return false to stop there. */
 typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
 
-/* The entropy model, for ablations; all zero: what serves best. A source that
- * is allowed is still left out where it is not worth its weights. */
-typedef struct saga_train_entropy_options {
-    bool no_hyper, no_parent;    /* without these sources, */
-    bool no_memory;              /* the memory bank */
-    uint8_t groups;              /* of each level, 1..16; 0: 8; 1: none, and
-                                  * neither the source */
-    uint16_t slots;              /* of the memory: 32, 64, .. 512; 0: 64, and
-                                  * below 40,000 primitives no memory */
-    bool plain_write;            /* a memory, its update without the
-                                  * projection */
-    bool raw_networks;           /* parameters of all networks in steps of
-                                  * 2^-11, unpriced, 16 bits each where sources
-                                  * are weighed against them */
-} saga_train_entropy_options;
-
 typedef struct saga_train_options {
     uint32_t n_primitives;       /* 1..the level's */
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
@@ -86,7 +70,7 @@ typedef struct saga_train_options {
     int level;                   /* 0..3, obeyed */
     uint64_t seed;
     saga_train_motion motion;
-    saga_train_entropy_options entropy;
+    const char *ablate;          /* ablation.h; NULL: nothing */
     int segment_frames;          /* 0: one segment for all frames, the only
                                   * value there is yet */
     const char *checkpoint;      /* file; NULL: none */

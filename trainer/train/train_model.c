@@ -29,29 +29,40 @@ static void set_levels(saga_model *m, const saga_train_options *o)
     }
 }
 
-/* Sources of every kind, as far as o lets them. */
-static void set_sources(saga_model *m, const saga_train_entropy_options *o)
+/* Every kind has its sources, as far as a lets them. */
+static void set_sources(saga_model *m, const saga_ablation *a)
 {
-    const uint8_t hyper = o->no_hyper ? 0 : SAGA_SOURCE_HYPER;
-    const uint8_t parent = o->no_parent ? 0 : SAGA_SOURCE_PARENT;
-    const uint8_t groups = o->groups == 1 ? 0 : SAGA_SOURCE_GROUPS;
+    const uint8_t hyper = a->no_hyper ? 0 : SAGA_SOURCE_HYPER;
+    const uint8_t parent = a->no_parent ? 0 : SAGA_SOURCE_PARENT;
+    const uint8_t groups = a->groups == 1 ? 0 : SAGA_SOURCE_GROUPS;
 
     m->sources[SAGA_KIND_COARSE] = hyper | groups;
     m->sources[SAGA_KIND_FINE] = hyper | parent | groups;
     m->sources[SAGA_KIND_PRIM] = hyper | parent;
     for (int i = 0; i < SAGA_N_LEVELS; i++)
-        m->level[i].n_groups = o->groups ? o->groups : 8;
+        m->level[i].n_groups = (uint8_t)(a->groups ? a->groups : 8);
 }
 
-/* The memory for all kinds, until the rate decides. Narrow networks: they are
- * paid for in bytes. */
-static void set_memory(saga_model *m, const saga_train_entropy_options *o,
+/* Primitives from which on a memory bank may be worth its networks: of 15,000
+ * it saves a third of them (docs/lab/memory.md). */
+enum { BANK_PAYS = 40000 };
+
+static bool has_bank(const saga_ablation *a, uint32_t n_primitives,
+                     uint32_t most_slots)
+{
+    return !a->no_bank && most_slots >= SAGA_MIN_SLOTS &&
+           (a->slots || a->plain_update || n_primitives >= BANK_PAYS);
+}
+
+/* The bank serves all kinds, until the rate decides. Its networks are narrow:
+ * they are paid for in bytes. */
+static void set_bank(saga_model *m, const saga_ablation *a,
                        uint32_t most_slots)
 {
     m->tools |= SAGA_TOOL_MEMORY;
-    if (o->plain_write)
+    if (a->plain_update)
         m->tools |= SAGA_TOOL_PLAIN_WRITE;
-    m->memory_slots = o->slots ? o->slots
+    m->memory_slots = a->slots ? a->slots
                                : (uint16_t)(most_slots < 64 ? most_slots : 64);
     m->memory_width = 32;
     m->memory_blocks = 256;
@@ -71,20 +82,20 @@ static void set_memory(saga_model *m, const saga_train_entropy_options *o,
  * 7,320); what 16 gain over 8 grows with the primitives and pays for their
  * weights from about 20,000 on. */
 void saga_train_entropy_model(saga_model *m,
-                              const saga_train_entropy_options *o,
+                              const saga_ablation *a,
                               uint32_t n_primitives, uint32_t most_slots)
 {
     const uint8_t width = n_primitives < 20000 ? 8 : 16;
 
-    set_sources(m, o);
+    set_sources(m, a);
     for (int i = SAGA_NET_E_COARSE; i <= SAGA_NET_E_PRIM; i++) {
         m->width[i] = width;
         m->q_in[i] = 10;
     }
     m->width[SAGA_NET_HYPER] = width;
     m->head_q[SAGA_HEAD_HYPER] = m->head_q[SAGA_HEAD_SIGMA] = 10;
-    if (!o->no_memory && most_slots >= SAGA_MIN_SLOTS)
-        set_memory(m, o, most_slots);
+    if (has_bank(a, n_primitives, most_slots))
+        set_bank(m, a, most_slots);
 }
 
 /* Hidden units of the networks that make primitives, by what a bit costs: the
@@ -112,7 +123,8 @@ static uint32_t prim_step(double lambda)
  * cell, so that all anchors stand in the middle of their cells and cost
  * nothing; a feature's is 1/4.
  * A coarse anchor for one primitive has fewer features. No Fuse. */
-void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
+void saga_train_model(saga_model *m, const saga_train_options *o,
+                      const saga_ablation *a, bool dynamic)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
     const uint8_t width = hidden_units(o, (uint8_t)caps->width);
@@ -135,5 +147,5 @@ void saga_train_model(saga_model *m, const saga_train_options *o, bool dynamic)
     }
     m->width[SAGA_NET_COLOUR] = 32;
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
-    saga_train_entropy_model(m, &o->entropy, o->n_primitives, caps->n_slots);
+    saga_train_entropy_model(m, a, o->n_primitives, caps->n_slots);
 }

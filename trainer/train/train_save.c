@@ -14,7 +14,7 @@
 
 static const char magic[16] = "saga-checkpoint";
 
-enum { VERSION = 2 };
+enum { VERSION = 3 };
 
 /* Eight bytes each, so that there is no padding. */
 typedef struct {
@@ -22,7 +22,7 @@ typedef struct {
     uint64_t version, real_nbytes;
     uint64_t primitives, coarse, fine, warm, regress, render, level, seed;
     uint64_t motion, frames, views;
-    uint64_t no_hyper, no_parent, no_memory, groups, slots, plain, raw;
+    char ablate[128];
     double lambda;
     uint64_t stage, fitting, dynamic;
     double explained, changing, recent_mse, warm_psnr;
@@ -45,13 +45,8 @@ static void fill(head *h, const saga_train *t)
     h->motion = (uint64_t)t->o.motion;
     h->frames = (uint64_t)t->capture->n_frames;
     h->views = (uint64_t)t->capture->n_views;
-    h->no_hyper = t->o.entropy.no_hyper;
-    h->no_parent = t->o.entropy.no_parent;
-    h->no_memory = t->o.entropy.no_memory;
-    h->groups = t->o.entropy.groups;
-    h->slots = t->o.entropy.slots;
-    h->plain = t->o.entropy.plain_write;
-    h->raw = t->o.entropy.raw_networks;
+    if (t->o.ablate)
+        snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
     h->stage = (uint64_t)t->stage;
     h->fitting = t->fitting;
@@ -110,18 +105,14 @@ static bool same_motion(const saga_train *t, uint64_t had, uint64_t has,
                      names[has]);
 }
 
-/* Flags say 1 where they were given; no memory may also follow from what is
- * asked before it. */
-static bool same_entropy(const saga_train *t, const head *h, const head *now,
-                         saga_error *error)
+static bool same_ablation(const saga_train *t, const head *h, const head *now,
+                          saga_error *error)
 {
-    return same(t, "--no-hyperprior", h->no_hyper, now->no_hyper, error) &&
-           same(t, "--no-parent", h->no_parent, now->no_parent, error) &&
-           same(t, "--groups", h->groups, now->groups, error) &&
-           same(t, "--slots", h->slots, now->slots, error) &&
-           same(t, "--update plain", h->plain, now->plain, error) &&
-           same(t, "--no-memory", h->no_memory, now->no_memory, error) &&
-           same(t, "--raw-networks", h->raw, now->raw, error);
+    return memcmp(h->ablate, now->ablate, sizeof h->ablate) == 0 ||
+           saga_fail(error, t->o.checkpoint, "give the options it was begun "
+                     "with, or delete it", "was begun with --ablate '%.*s', "
+                     "not '%s'", (int)sizeof h->ablate, h->ablate,
+                     now->ablate);
 }
 
 static bool fits(const saga_train *t, const head *h, saga_error *error)
@@ -149,7 +140,7 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
            same(t, "--level", h->level, now.level, error) &&
            same(t, "--seed", h->seed, now.seed, error) &&
            same_motion(t, h->motion, now.motion, error) &&
-           same_entropy(t, h, &now, error) &&
+           same_ablation(t, h, &now, error) &&
            same(t, "frames", h->frames, now.frames, error) &&
            same(t, "views", h->views, now.views, error);
 }

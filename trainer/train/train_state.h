@@ -5,6 +5,7 @@
 #ifndef SAGA_TRAIN_STATE_H
 #define SAGA_TRAIN_STATE_H
 
+#include "ablation.h"
 #include "camera.h"
 #include "error.h"
 #include "fit.h"
@@ -20,6 +21,7 @@ struct saga_train {
     const saga_capture *capture;
     saga_pictures pictures;      /* of the capture */
     saga_train_options o;        /* resolved: nothing left to derive */
+    saga_ablation ablation;      /* what o.ablate says */
     saga_train_stage stage;
     saga_flat_options flat_options;
     saga_flat *flat;
@@ -56,11 +58,11 @@ saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
 void saga_train_model(saga_model *m, const saga_train_options *o,
-                      bool dynamic);
-/* What of the model its entropy model is: sources, groups, sizes. A memory has
- * at most most_slots. */
+                      const saga_ablation *a, bool dynamic);
+/* What of the model its entropy model is: sources, groups, sizes. A memory bank
+ * has at most most_slots. */
 void saga_train_entropy_model(saga_model *m,
-                              const saga_train_entropy_options *o,
+                              const saga_ablation *a,
                               uint32_t n_primitives, uint32_t most_slots);
 
 /* motion.c: t->dynamic, explained, changing. */

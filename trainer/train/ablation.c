@@ -1,0 +1,72 @@
+/* SPDX-License-Identifier: MIT */
+#include "ablation.h"
+
+#include "model.h"
+
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A word that ends in '=' has a number; others stand for 1. */
+static const struct {
+    const char *name;
+    size_t offset;               /* of the number in saga_ablation */
+    long most;
+} words[] = {
+    { "no-hyperprior", offsetof(saga_ablation, no_hyper), 1 },
+    { "no-parent", offsetof(saga_ablation, no_parent), 1 },
+    { "no-bank", offsetof(saga_ablation, no_bank), 1 },
+    { "groups=", offsetof(saga_ablation, groups), SAGA_MAX_GROUPS },
+    { "slots=", offsetof(saga_ablation, slots), SAGA_MAX_SLOTS },
+    { "plain-update", offsetof(saga_ablation, plain_update), 1 },
+    { "raw-networks", offsetof(saga_ablation, raw_networks), 1 }
+};
+
+enum { N_WORDS = sizeof words / sizeof *words };
+
+static const char remedy[] =
+    "the words are no-hyperprior, no-parent, no-bank, groups=1 to 16, slots=32,"
+    " 64, 128, 256 or 512, plain-update and raw-networks";
+
+/* False if the n characters are no word, or its number is none. */
+static bool read_word(saga_ablation *a, const char *text, size_t n)
+{
+    for (int i = 0; i < N_WORDS; i++) {
+        const size_t length = strlen(words[i].name);
+        const bool flag = words[i].name[length - 1] != '=';
+        char *end = NULL;
+
+        if (n < length || memcmp(text, words[i].name, length) != 0 ||
+            flag != (n == length))
+            continue;
+        const long x = flag ? 1 : strtol(text + length, &end, 10);
+        const uint16_t number = (uint16_t)x;
+
+        memcpy((char *)a + words[i].offset, &number, sizeof number);
+        return flag || (end == text + n && x > 0 && x <= words[i].most);
+    }
+    return false;
+}
+
+static bool is_allowed(const saga_ablation *a, saga_error *error)
+{
+    if (a->slots & (a->slots - 1) || (a->slots && a->slots < SAGA_MIN_SLOTS))
+        return saga_fail(error, NULL, remedy, "--ablate slots=%u", a->slots);
+    return !a->no_bank || (!a->slots && !a->plain_update) ||
+           saga_fail(error, NULL, "leave it or them out", "--ablate no-bank "
+                     "excludes slots and plain-update");
+}
+
+bool saga_ablation_read(saga_ablation *a, const char *list, saga_error *error)
+{
+    memset(a, 0, sizeof *a);
+    while (list) {
+        const size_t n = strcspn(list, ",");
+
+        if (!read_word(a, list, n))
+            return saga_fail(error, NULL, remedy, "--ablate does not know "
+                             "'%.*s'", (int)n, list);
+        list = list[n] ? list + n + 1 : NULL;
+    }
+    return is_allowed(a, error);
+}
