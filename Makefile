@@ -255,7 +255,8 @@ run-tests: $(TESTS:$(BUILD)/%=$(BUILD)/log/%.log)
 $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	@mkdir -p $(@D)
 	@s=0; timeout $(TIMEOUT) $< >$@ 2>&1 </dev/null || s=$$?; \
-	    echo $$s >$(@:.log=.rc)
+	    echo $$s >$(@:.log=.rc); \
+	    times >$(@:.log=.cpu)
 
 .PHONY: test check test-all setup sanitize symbols nofloat stack headers \
         tree tables matrix mutants bench vectors clean

@@ -38,6 +38,19 @@ if command -v flock >/dev/null && ! flock -n 9; then
     flock 9
 fi
 
+# seconds FILE: the sum of what `times` wrote there, user and system.
+seconds() {
+    awk '{ gsub(/[ms]/, " "); s += $1 * 60 + $2 + $3 * 60 + $4 }
+         END { printf "%.1f", s }' "$1"
+}
+# phase NAME: what the shell, and what it waited for, took since the last one.
+# A subshell would not do: its times begin at zero.
+phase() {
+    times >"$build/times.txt"
+    echo "$1 $(seconds "$build/times.txt")" >>"$build/phases.txt"
+}
+: >"$build/phases.txt"
+
 passed=0
 failed=0
 failures=
@@ -61,6 +74,7 @@ build() {
         cat "$build/$name/build.txt"
         fail "build $name"
     fi
+    phase "build-$name"
 }
 
 sum_of() { # sum_of WORD LOG: of the lines "[  WORD  ] N test(s)"
@@ -70,7 +84,7 @@ sum_of() { # sum_of WORD LOG: of the lines "[  WORD  ] N test(s)"
 
 # programs NAME FLAGS...: runs every test program of a configuration.
 programs() {
-    local name=$1 log=$build/$1/log src t rc p f start=$SECONDS
+    local name=$1 log=$build/$1/log src t rc p f
     shift
     rm -rf "$log"
     "$make" -s -k -j"$jobs" BUILD="$build/$name" WERROR=-Werror \
@@ -96,7 +110,7 @@ programs() {
         passed=$((passed + p))
         failed=$((failed + f))
         if [ "$rc" = 0 ] && [ "$f" = 0 ] && [ "$p" != 0 ]; then
-            echo "ok   $name $t: $p tests"
+            echo "ok   $name $t: $p tests, $(seconds "$log/$t.cpu") s"
             # What the test has to say, without cmocka's own lines.
             grep -v -e '^\[' -e '^ *$' "$log/$t.log" | sed 's/^/     /'
             continue
@@ -110,12 +124,12 @@ programs() {
             fail "$name $t: $p tests passed, exit status $rc"
         fi
     done
-    echo "     $name: test programs took $((SECONDS - start)) s"
+    phase "programs-$name"
 }
 
 # check NAME COMMAND...: a script that prints "ok ..." and "FAIL ..." lines.
 check() {
-    local name=$1 log=$build/check/$1.txt rc p f start=$SECONDS
+    local name=$1 log=$build/check/$1.txt rc p f
     shift
     mkdir -p "$build/check"
     "$@" </dev/null 2>&1 | tee "$log"
@@ -129,7 +143,7 @@ check() {
     if [ "$f" = 0 ] && { [ "$rc" != 0 ] || [ "$p" = 0 ]; }; then
         fail "$name: $p passed, exit status $rc"
     fi
-    echo "     $name took $((SECONDS - start)) s"
+    phase "$name"
 }
 
 sanitized() {
@@ -169,7 +183,9 @@ if [ -n "$failures" ]; then
     echo "failures:"
     printf '%s' "$failures" | sed 's/^/  /'
 fi
-cpu=$(awk '{ print int($16 / 100 + $17 / 100) }' "/proc/$$/stat" 2>/dev/null)
-echo "CPU ${cpu:-?} s, elapsed $SECONDS s"
+echo "CPU seconds, user and system:"
+awk '{ printf "  %-18s %6.1f\n", $1, $2 - before; before = $2 }
+     END { printf "  %-18s %6.1f\n", "all", before }' "$build/phases.txt"
+echo "elapsed $SECONDS s"
 echo "$passed passed, $failed failed"
 [ "$failed" = 0 ]
