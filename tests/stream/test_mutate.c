@@ -74,6 +74,23 @@ static void find_segments(base *b)
     }
 }
 
+/* Random weights take about a byte each: a stream of more weights than a base
+ * has bytes is too large, and need not be coded to know it. */
+static int is_too_large(const gen_stream *g)
+{
+    size_t n_weights = 0;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_net_shape s;
+
+        saga_model_net(&s, &g->header.model, net);
+        for (i = 0; i < s.n_layers; i++)
+            n_weights += (size_t)s.dim[i] * s.dim[i + 1];
+    }
+    return n_weights > BASE_NBYTES;
+}
+
 /* A small stream of many kinds: pictures, anything, outputs at the limits. */
 static void make_base(base *b, uint64_t number)
 {
@@ -97,6 +114,10 @@ static void make_base(base *b, uint64_t number)
         gen_stream_make(&g, &o);
         if (number % 4 == 1)
             mutate_extreme_nets(&g, &r);
+        if (!o.picture && is_too_large(&g)) {
+            gen_stream_free(&g);
+            continue;
+        }
         gen_stream_encode(&g, &b->bytes, &b->n);
         gen_stream_free(&g);
         if (o.picture || b->n <= BASE_NBYTES)
