@@ -1,0 +1,94 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+#
+# check_docs.sh [FOLDER]: guarantees, for every .md of the tree,
+#   width      80 columns, but for tables, code and pictures
+#   links      a link leads to a file of the tree, and so does every path and
+#              every NAME.md in the text: from the page's folder, from docs/ or
+#              from the root; suffixes may be left out, * matches
+#   diary      README, docs/, docs/design and docs/results tell the present: no
+#              sessions, no commits
+#   decisions  a paragraph of docs/design has 10 lines at most
+#   dates      a page of docs/lab has a date
+#   lists      docs/lab/README.md and docs/design/README.md name every page
+set -eu
+cd "${1:-$(dirname "$0")/..}"
+
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+
+{
+    git ls-files -co --exclude-standard '*.md' 2>/dev/null ||
+        find . -name build -prune -o -name '*.md' -print | sed 's|^\./||'
+} | while read -r f; do [ ! -f "$f" ] || echo "$f"; done | sort >"$tmp/md"
+
+verdict() { # verdict NAME: the complaints in $tmp/bad
+    if [ -s "$tmp/bad" ]; then
+        sed 's/^/     /' "$tmp/bad"
+        echo "FAIL docs $1"
+        echo x >"$tmp/failed"
+    else
+        echo "ok   docs $1"
+    fi
+}
+
+# ---- width
+while read -r f; do
+    awk -v f="$f" '
+        /^```/ { code = !code }
+        length > 80 && !code && !/^(\||    |!\[)/ {
+            print f ":" FNR ": " length " columns" }' "$f"
+done <"$tmp/md" >"$tmp/bad"
+verdict width
+
+# ---- links: "FILE PATH" for all that looks like one
+top=$(find . -mindepth 1 -maxdepth 1 -type d ! -name '.*' ! -name build |
+    sed 's|^\./||' | paste -sd '|')
+while read -r f; do
+    {
+        grep -oE '\]\([^)]*\)' "$f" | sed 's/^](//; s/[#)].*//' |
+            grep -vE '^(https?:|$)' || :
+        # No link again, no address, no path of a build. Links may be cut.
+        sed -E 's|\[[^]]*\]\([^)]*\)||g; s|^[^][]*\]\([^)]*\)||
+                s|https?://[^ )]*||g; s|build/[^ `]*||g' "$f" |
+            grep -oE "(^|[^A-Za-z0-9_/.*-])(\.\./)*(($top)/[A-Za-z0-9_./*-]*|[A-Za-z_-]+\.md)" |
+            sed -E 's/^[^A-Za-z0-9_.]//; s/[.-]$//' || :
+    } | sort -u | sed "s|^|$f |"
+done <"$tmp/md" | while read -r f path; do
+    for at in "$(dirname "$f")/$path" "docs/$path" "$path"; do
+        # shellcheck disable=SC2086
+        for hit in $at $at.*; do
+            [ ! -e "$hit" ] || continue 3
+        done
+    done
+    echo "$f: there is no $path"
+done >"$tmp/bad"
+verdict links
+
+# ---- diary
+grep -nE '^(README|docs/[^/]*|docs/(design|results)/[^/]*)\.md$' "$tmp/md" |
+    cut -d: -f2 | xargs grep -niE \
+    '(this|last|previous|next) session|session before|as of today|commit [0-9a-f]{7}|`[0-9]*[a-f][0-9a-f]{6,39}`' \
+    >"$tmp/bad" || :
+verdict diary
+
+# ---- decisions
+for f in docs/design/*.md; do
+    awk -v f="$f" 'BEGIN { RS = "" }
+        !/^\|/ && gsub(/\n/, "\n") > 9 {
+            print f ": " NF " words in one: " substr($0, 1, 40) }' "$f"
+done >"$tmp/bad"
+verdict decisions
+
+# ---- dates
+grep -LE '20[0-9]{2}-[0-9]{2}-[0-9]{2}' docs/lab/[a-z]*.md >"$tmp/bad" || :
+verdict dates
+
+# ---- lists
+for f in docs/lab/[a-z]*.md docs/design/[a-z]*.md; do
+    grep -q "($(basename "$f"))" "$(dirname "$f")/README.md" ||
+        echo "$f: not in $(dirname "$f")/README.md"
+done >"$tmp/bad"
+verdict lists
+
+[ ! -e "$tmp/failed" ]
