@@ -3,17 +3,19 @@
  * saga encode: from a capture to a file.
  */
 #include "ablation.h"
+#include "alloc.h"
 #include "cli.h"
 #include "commands.h"
 #include "cost.h"
 #include "error.h"
 #include "file.h"
+#include "json_cli.h"
+#include "json_memory.h"
 #include "metrics.h"
 #include "train.h"
 #include "view.h"
 
 #include <inttypes.h>
-#include <jansson.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -159,9 +161,9 @@ static int check_checkpoint(session *s)
 {
     const size_t n = strlen(s->o->output) + sizeof ".ckpt";
 
-    s->checkpoint = malloc(n);
+    s->checkpoint = saga_alloc(n, 1, s->o->output, &s->error);
     if (!s->checkpoint)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: out of memory");
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     snprintf(s->checkpoint, n, "%s.ckpt", s->o->output);
     if (!s->o->resume && saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
@@ -301,13 +303,12 @@ static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
 {
     const saga_shot *const v = &s->capture.views[view];
     const size_t n = (size_t)v->width * (size_t)v->height;
-    float *const image = malloc(3 * n * sizeof *image);
+    float *const image = saga_alloc(3 * n, sizeof *image, v->name, &s->error);
     double sum = 0;
 
     if (!image || !saga_train_draw(s->train, image, view, frame)) {
         free(image);
-        return saga_fail(&s->error, NULL, "free some memory",
-                         "out of memory");
+        return saga_no_memory(0, v->name, &s->error);
     }
     for (size_t i = 0; i < 3 * n; i++) {
         const double x = (double)image[i % 3 * n + i / 3];
@@ -324,7 +325,7 @@ static bool compare_view(session *s, saga_film *film, int view, tally *t)
 {
     const saga_shot *const v = &s->capture.views[view];
     const size_t nbytes = saga_view_frame_nbytes(v);
-    uint8_t *const rgb = malloc(nbytes);
+    uint8_t *const rgb = saga_alloc(nbytes, 1, v->name, &s->error);
     saga_camera camera;
     uint32_t number;
     bool ok = rgb && saga_film_rig(film, (uint32_t)view, &camera, &number,
@@ -526,7 +527,7 @@ static json_t *json_entropy(const saga_train_entropy *e)
     return o;
 }
 
-static void print_json(const session *s)
+static json_t *json_report(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
     json_t *const o = json_pack("{sssssosisisIsIsIsI}",
@@ -555,9 +556,13 @@ static void print_json(const session *s)
         "bits", json_bits(r->sizes.bits),
         "bits_spent", json_bits(r->sizes.spent),
         "entropy_model", json_entropy(&r->entropy)));
-    json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
-    putchar('\n');
-    json_decref(o);
+    return o;
+}
+
+static int print_json(const session *s)
+{
+    saga_json_watch();
+    return saga_cli_print_json(json_report(s), 9, s->o->output);
 }
 
 /* --- Command ------------------------------------------------------------- */
@@ -586,9 +591,8 @@ static int encode(session *s)
         return status;
     unlink(s->checkpoint);
     if (s->o->json)
-        print_json(s);
-    else
-        print_text(s);
+        return print_json(s);
+    print_text(s);
     return SAGA_EXIT_OK;
 }
 

@@ -10,10 +10,11 @@
 #include "error.h"
 #include "evaluate.h"
 #include "file.h"
+#include "json_cli.h"
+#include "json_memory.h"
 #include "layout.h"
 
 #include <inttypes.h>
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -237,7 +238,7 @@ static json_t *json_protocol(const session *s)
         "ms_ssim", SAGA_MS_SSIM_TEXT);
 }
 
-static int print_json(const session *s)
+static json_t *json_report(const session *s)
 {
     const saga_info *const i = &s->film.info;
     json_t *const o = json_pack("{sssIsfsosososososo}",
@@ -249,19 +250,18 @@ static int print_json(const session *s)
         "held_out", json_score(&s->eval.held_out),
         "bytes", saga_bytes_table_json(&s->layout),
         "decode_ms", json_times(&s->film), "protocol", json_protocol(s));
-    int status = SAGA_EXIT_OK;
 
     json_object_set_new(o, "n_training",
                         json_integer(s->eval.n_training));
     json_object_set_new(o, "n_held_out",
                         json_integer(s->eval.n_held_out));
-    if (!o || json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9)))
-        status = saga_cli_error(SAGA_EXIT_USAGE, "%s: the JSON cannot be made;"
-                                " are the files' names UTF-8?", s->file_name);
-    else
-        putchar('\n');
-    json_decref(o);
-    return status;
+    return o;
+}
+
+static int print_json(const session *s)
+{
+    saga_json_watch();
+    return saga_cli_print_json(json_report(s), 9, s->file_name);
 }
 
 /* --- Together ------------------------------------------------------------ */
@@ -278,8 +278,10 @@ static int open_file(session *s)
     if (!saga_film_open(&s->film, s->file_name, s->bytes.data,
                         s->bytes.nbytes, s->o->threads, &s->error))
         return give_up(s, SAGA_EXIT_DATA);
-    if (!saga_layout_read(&s->layout, s->bytes.data, s->bytes.nbytes) ||
-        s->layout.damage[0])
+    if (!saga_layout_read(&s->layout, s->file_name, s->bytes.data,
+                          s->bytes.nbytes, &s->error))
+        return give_up(s, SAGA_EXIT_DATA);
+    if (s->layout.damage[0])
         return saga_cli_error(SAGA_EXIT_DATA, "eval: %s: %s; copy the file "
                               "again", s->file_name, s->layout.damage);
     return SAGA_EXIT_OK;

@@ -8,12 +8,13 @@
 #include "container.h"
 #include "error.h"
 #include "file.h"
+#include "json_cli.h"
+#include "json_memory.h"
 #include "layout.h"
 #include "model.h"
 #include "saga.h"
 
 #include <inttypes.h>
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -277,10 +278,9 @@ static json_t *json_crc(const saga_layout *l)
                      "damage", l->damage);
 }
 
-static int print_json(const subject *s)
+static json_t *json_report(const subject *s)
 {
     json_t *const o = json_header(s);
-    int status = 0;
 
     json_object_set_new(o, "tools", json_tools(&s->info));
     json_object_set_new(o, "decoding", json_decoding(&s->info));
@@ -289,14 +289,13 @@ static int print_json(const subject *s)
     json_object_set_new(o, "segments", json_segments(s));
     json_object_set_new(o, "rig", json_rig(s));
     json_object_set_new(o, "crc", json_crc(&s->layout));
-    /* A file name that is not UTF-8 cannot be in JSON. */
-    if (!o || json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(10)))
-        status = saga_cli_error(SAGA_EXIT_USAGE, "%s: the JSON cannot be made;"
-                                " is the file's name UTF-8?", s->name);
-    else
-        putchar('\n');
-    json_decref(o);
-    return status;
+    return o;
+}
+
+static int print_json(const subject *s)
+{
+    saga_json_watch();
+    return saga_cli_print_json(json_report(s), 10, s->name);
 }
 
 /* --- Together ------------------------------------------------------------ */
@@ -360,15 +359,14 @@ static int damage(const subject *s)
 static int tell(const options *o, const char *name, const saga_bytes *file)
 {
     subject s = { .name = name, .bytes = file->data };
+    saga_error error = { "" };
     int status = probe(&s, file->nbytes);
 
     if (status)
         return status;
     measure(&s);
-    if (!saga_layout_read(&s.layout, file->data, file->nbytes))
-        return saga_cli_error(SAGA_EXIT_DATA, "%s: %s; nothing behind it can "
-                              "be found: copy the file again", name,
-                              s.layout.damage);
+    if (!saga_layout_read(&s.layout, name, file->data, file->nbytes, &error))
+        return saga_cli_error(SAGA_EXIT_DATA, "%s", error.message);
     if (o->json)
         status = print_json(&s);
     else

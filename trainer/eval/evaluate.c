@@ -244,15 +244,17 @@ static void compare_change(const comparison *c, int view, int frame)
 static bool compare_one(const comparison *c, int view, int frame)
 {
     const saga_eval_view *const v = &c->eval->view[view];
+    const saga_picture_pair pair = {
+        c->rgb, saga_capture_frame(c->capture, view, frame), v->width,
+        v->height, c->film->n_threads
+    };
     saga_score score;
 
     if (!saga_film_draw(c->film, &v->camera, (uint32_t)frame, 1, c->rgb,
                         c->error))
         return false;
-    if (!saga_score_picture(&score, c->rgb,
-                            saga_capture_frame(c->capture, view, frame),
-                            v->width, v->height, c->film->n_threads))
-        return saga_no_memory(0, v->name, c->error);
+    if (!saga_score_picture(&score, &pair, c->error))
+        return false;
     saga_score_add(&c->sum[view], &score);
     compare_change(c, view, frame);
     return write_picture(c, view, frame);

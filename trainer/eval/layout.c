@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "layout.h"
 
+#include "alloc.h"
 #include "saga.h"
 
 #include <inttypes.h>
@@ -190,19 +191,19 @@ static bool check_index(const walk *w, const saga_header *h)
                                    saga_status_text(s));
 }
 
-static bool read_all(walk *w, const saga_header *h)
+static bool read_all(walk *w, const saga_header *h, const char *name,
+                     saga_error *error)
 {
     saga_layout *const to = w->to;
     uint32_t frame = 0;
 
     if (!take_head(w, h) || !check_index(w, h))
+        return saga_fail(error, name, "copy the file again", "%s; nothing "
+                         "behind it can be found", to->damage);
+    to->segment =
+        saga_calloc(h->n_segments, sizeof *to->segment, name, error);
+    if (!to->segment)
         return false;
-    to->segment = calloc(h->n_segments, sizeof *to->segment);
-    if (!to->segment) {
-        snprintf(to->damage, sizeof to->damage, "out of memory for %" PRIu32
-                 " segments", h->n_segments);
-        return false;
-    }
     to->n_segments = h->n_segments;
     for (uint32_t i = 0; i < h->n_segments; i++) {
         take_entry(w, i, frame);
@@ -212,7 +213,8 @@ static bool read_all(walk *w, const saga_header *h)
     return true;
 }
 
-bool saga_layout_read(saga_layout *layout, const uint8_t *bytes, size_t n)
+bool saga_layout_read(saga_layout *layout, const char *name,
+                      const uint8_t *bytes, size_t n, saga_error *error)
 {
     walk w = { bytes, n, layout };
     saga_io io = { bytes, NULL, SAGA_MAGIC_NBYTES };
@@ -220,9 +222,9 @@ bool saga_layout_read(saga_layout *layout, const uint8_t *bytes, size_t n)
 
     *layout = (saga_layout){ .file_nbytes = n };
     if (n < SAGA_HEADER_NBYTES)
-        return false;
+        return saga_fail(error, name, "copy the file again", "has no header");
     saga_header_io(&io, &h);
-    return read_all(&w, &h);
+    return read_all(&w, &h, name, error);
 }
 
 void saga_layout_free(saga_layout *layout)

@@ -7,8 +7,8 @@
 #define SAGA_LAYOUT_H
 
 #include "container.h"
+#include "error.h"
 
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -47,11 +47,12 @@ typedef struct saga_layout {
                               * which value; empty if none */
 } saga_layout;
 
-/* Looks at all of a file's bytes[0..n), whose header saga_probe accepts.
- * False if the head (index, networks) is damaged, or out of memory: *layout is
- * empty then but for `damage`. A damaged segment is marked, and its sizes are
- * 0, but the others are told. */
-bool saga_layout_read(saga_layout *layout, const uint8_t *bytes, size_t n);
+/* Looks at all bytes[0..n) of the file `name`, whose header saga_probe accepts.
+ * False if the head (index, networks) is damaged, or there is no memory:
+ * *layout is empty then. A damaged segment is marked, and its sizes are 0, but
+ * the others are told. */
+bool saga_layout_read(saga_layout *layout, const char *name,
+                      const uint8_t *bytes, size_t n, saga_error *error);
 
 void saga_layout_free(saga_layout *layout);
 

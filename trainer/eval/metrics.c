@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "metrics.h"
 
+#include "alloc.h"
+#include "threads.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -44,10 +47,13 @@ double saga_psnr(double mse)
 /* Two channels to be compared, samples in [0, 1]. */
 typedef struct {
     const double *a, *b;    /* (height, width) */
-    int width, height;
+    int width, height, n_threads;
     double tap[TAPS];
     double (*row)[3];       /* (height) sums: SSIM of the row; SSIM and
                              * contrast-structure of its inner columns */
+    double *scratch;        /* (n_threads, n_scratch): a row between zeros, and
+                             * the maps of a band */
+    size_t n_scratch;
 } pair;
 
 /* Means over all windows: of SSIM with zero padding; of SSIM and of the
@@ -134,25 +140,20 @@ static void sum_row(double sum[3], const double *maps, const pair *p)
     }
 }
 
-/* Rows y0.. of the sums; false when out of memory. */
-static bool sum_band(const pair *p, int y0)
+/* Rows y0.. of the sums. */
+static void sum_band(const pair *p, int y0)
 {
     const size_t w = (size_t)p->width;
-    double *const line = calloc(w + 2 * HALF, sizeof *line);
-    double *const maps = malloc((BAND + 2 * HALF) * N_MAPS * w *
-                                sizeof *maps);
+    double *const line = p->scratch + saga_thread_number() * p->n_scratch;
+    double *const maps = line + w + 2 * HALF;
     const int end = y0 + BAND < p->height ? y0 + BAND : p->height;
 
-    if (line && maps) {
-        for (int y = y0 - HALF; y < end + HALF; y++)
-            filter_maps(maps + (size_t)(y - y0 + HALF) * N_MAPS * w, line, p,
-                        y);
-        for (int y = y0; y < end; y++)
-            sum_row(p->row[y], maps + (size_t)(y - y0) * N_MAPS * w, p);
-    }
-    free(line);
-    free(maps);
-    return line && maps;
+    for (int i = 0; i < HALF; i++)
+        line[i] = line[HALF + w + (size_t)i] = 0.0;
+    for (int y = y0 - HALF; y < end + HALF; y++)
+        filter_maps(maps + (size_t)(y - y0 + HALF) * N_MAPS * w, line, p, y);
+    for (int y = y0; y < end; y++)
+        sum_row(p->row[y], maps + (size_t)(y - y0) * N_MAPS * w, p);
 }
 
 static channel_ssim means_of(const pair *p)
@@ -179,52 +180,64 @@ static channel_ssim means_of(const pair *p)
     return s;
 }
 
-static bool channel(channel_ssim *s, const double *a, const double *b,
-                    int width, int height, int n_threads)
-{
-    const int n = (height + BAND - 1) / BAND;
-    pair p = { .a = a, .b = b, .width = width, .height = height };
-    int failed = 0;
+static const char purpose[] = "comparing two pictures";
 
-    (void)n_threads; /* without OpenMP */
-    p.row = malloc((size_t)height * sizeof *p.row);
-    if (!p.row)
-        return false;
-    make_taps(p.tap);
-#pragma omp parallel for num_threads(n_threads) reduction(| : failed)
-    for (int i = 0; i < n; i++)
-        failed |= !sum_band(&p, i * BAND);
-    if (!failed)
+/* p without taps, sums and scratch. */
+static bool channel(channel_ssim *s, pair p, saga_error *error)
+{
+    const int n = (p.height + BAND - 1) / BAND;
+    const size_t w = (size_t)p.width;
+    bool ok;
+
+    p.n_threads = p.n_threads < n ? p.n_threads : n;
+    p.n_scratch = w + 2 * HALF + (BAND + 2 * HALF) * N_MAPS * w;
+    p.row = saga_alloc((size_t)p.height, sizeof *p.row, purpose, error);
+    p.scratch = saga_alloc((size_t)p.n_threads * p.n_scratch,
+                           sizeof *p.scratch, purpose, error);
+    ok = p.row && p.scratch;
+    if (ok) {
+        make_taps(p.tap);
+#pragma omp parallel for num_threads(p.n_threads)
+        for (int i = 0; i < n; i++)
+            sum_band(&p, i * BAND);
         *s = means_of(&p);
+    }
     free(p.row);
-    return !failed;
+    free(p.scratch);
+    return ok;
 }
 
 /* --- Channels of pictures ------------------------------------------------ */
 
-/* Channel c of both pictures, in one block: a, then b. NULL: no memory. */
-static double *take_channel(const uint8_t *a, const uint8_t *b, size_t n,
-                            int c)
+/* Channel c of both pictures, in one block: a, then b. */
+static double *take_channel(const saga_picture_pair *of, int c,
+                            saga_error *error)
 {
-    double *const v = malloc(2 * n * sizeof *v);
+    const size_t n = (size_t)of->width * (size_t)of->height;
+    double *const v = saga_alloc(2 * n, sizeof *v, purpose, error);
 
     for (size_t i = 0; v && i < n; i++) {
-        v[i] = a[3 * i + (size_t)c] / 255.0;
-        v[n + i] = b[3 * i + (size_t)c] / 255.0;
+        v[i] = of->a[3 * i + (size_t)c] / 255.0;
+        v[n + i] = of->b[3 * i + (size_t)c] / 255.0;
     }
     return v;
 }
 
-bool saga_ssim(double *zero, double *valid, const uint8_t *a,
-               const uint8_t *b, int width, int height, int n_threads)
+static pair pair_of(const saga_picture_pair *of, const double *v)
 {
-    const size_t n = (size_t)width * (size_t)height;
+    return (pair){ .a = v, .b = v + (size_t)of->width * (size_t)of->height,
+                   .width = of->width, .height = of->height,
+                   .n_threads = of->n_threads };
+}
 
+bool saga_ssim(double *zero, double *valid, const saga_picture_pair *of,
+               saga_error *error)
+{
     *zero = *valid = 0.0;
     for (int c = 0; c < 3; c++) {
-        double *const v = take_channel(a, b, n, c);
+        double *const v = take_channel(of, c, error);
         channel_ssim s = { 0.0, 0.0, 0.0 };
-        const bool ok = v && channel(&s, v, v + n, width, height, n_threads);
+        const bool ok = v && channel(&s, pair_of(of, v), error);
 
         free(v);
         if (!ok)
@@ -254,41 +267,42 @@ static void halve(double *v, int width, int height)
     }
 }
 
-/* One channel through all scales; a and b are used up. */
-static bool scales(double *value, double *a, double *b, int width,
-                   int height, int n_threads)
+/* One channel through all scales; v, which holds both, is used up. */
+static bool scales(double *value, double *v, const saga_picture_pair *of,
+                   saga_error *error)
 {
+    double *const b = v + (size_t)of->width * (size_t)of->height;
+    pair p = pair_of(of, v);
+
     *value = 1.0;
     for (int i = 0; i < SAGA_MS_SSIM_SCALES; i++) {
         const bool last = i + 1 == SAGA_MS_SSIM_SCALES;
         channel_ssim s;
         double term;
 
-        if (!channel(&s, a, b, width, height, n_threads))
+        if (!channel(&s, p, error))
             return false;
         term = last ? s.valid : s.structure;
         *value *= pow(term > 0.0 ? term : 0.0, ms_weight[i]);
-        halve(a, width, height);
-        halve(b, width, height);
-        width = (width + 1) / 2;
-        height = (height + 1) / 2;
+        halve(v, p.width, p.height);
+        halve(b, p.width, p.height);
+        p.width = (p.width + 1) / 2;
+        p.height = (p.height + 1) / 2;
     }
     return true;
 }
 
-bool saga_ms_ssim(double *value, const uint8_t *a, const uint8_t *b,
-                  int width, int height, int n_threads)
+bool saga_ms_ssim(double *value, const saga_picture_pair *of,
+                  saga_error *error)
 {
-    const size_t n = (size_t)width * (size_t)height;
-
     *value = (double)NAN;
-    if (width < SAGA_MS_SSIM_MIN || height < SAGA_MS_SSIM_MIN)
+    if (of->width < SAGA_MS_SSIM_MIN || of->height < SAGA_MS_SSIM_MIN)
         return true;
     *value = 0.0;
     for (int c = 0; c < 3; c++) {
-        double *const v = take_channel(a, b, n, c);
+        double *const v = take_channel(of, c, error);
         double one = 0.0;
-        const bool ok = v && scales(&one, v, v + n, width, height, n_threads);
+        const bool ok = v && scales(&one, v, of, error);
 
         free(v);
         if (!ok)
@@ -300,16 +314,15 @@ bool saga_ms_ssim(double *value, const uint8_t *a, const uint8_t *b,
 
 /* --- All of them, and their means ---------------------------------------- */
 
-bool saga_score_picture(saga_score *score, const uint8_t *a, const uint8_t *b,
-                        int width, int height, int n_threads)
+bool saga_score_picture(saga_score *score, const saga_picture_pair *of,
+                        saga_error *error)
 {
-    const size_t n = 3 * (size_t)width * (size_t)height;
+    const size_t n = 3 * (size_t)of->width * (size_t)of->height;
 
-    score->mse = saga_mse(a, b, n);
+    score->mse = saga_mse(of->a, of->b, n);
     score->psnr = score->psnr_of_mean = saga_psnr(score->mse);
-    return saga_ssim(&score->ssim_zero, &score->ssim_valid, a, b, width,
-                     height, n_threads) &&
-           saga_ms_ssim(&score->ms_ssim, a, b, width, height, n_threads);
+    return saga_ssim(&score->ssim_zero, &score->ssim_valid, of, error) &&
+           saga_ms_ssim(&score->ms_ssim, of, error);
 }
 
 void saga_score_add(saga_score_sum *to, const saga_score *score)

@@ -11,7 +11,8 @@
 #ifndef SAGA_METRICS_H
 #define SAGA_METRICS_H
 
-#include <stdbool.h>
+#include "error.h"
+
 #include <stddef.h>
 #include <stdint.h>
 
@@ -31,6 +32,13 @@ enum {
     SAGA_MS_SSIM_MIN = 161     /* least side: the window at the last scale */
 };
 
+/* Two pictures to be compared. */
+typedef struct saga_picture_pair {
+    const uint8_t *a, *b;    /* (height, width, 3) */
+    int width, height;
+    int n_threads;           /* to do it with, >= 1 */
+} saga_picture_pair;
+
 /* What one pair of pictures scores. */
 typedef struct saga_score {
     double mse;              /* of 8-bit samples */
@@ -46,21 +54,21 @@ double saga_mse(const uint8_t *a, const uint8_t *b, size_t n);
 /* 10 log10(255^2 / mse), infinity for 0. */
 double saga_psnr(double mse);
 
-/* Both SSIMs of a picture of RGB; valid is NaN when a side is below 11. False
- * when out of memory. */
-bool saga_ssim(double *zero, double *valid, const uint8_t *a,
-               const uint8_t *b, int width, int height, int n_threads);
+/* Both SSIMs of two pictures; valid is NaN when a side is below 11. False: no
+ * memory. */
+bool saga_ssim(double *zero, double *valid, const saga_picture_pair *pair,
+               saga_error *error);
 
 /* MS-SSIM: product of the mean contrast-structure terms (negative means count
  * as 0) of scales 1 to 4 and the mean SSIM of scale 5, to Wang's powers. A
  * scale's picture is the 2x2 mean of the one before; the last row or column of
- * an odd side is repeated. NaN when too small. False when out of memory. */
-bool saga_ms_ssim(double *value, const uint8_t *a, const uint8_t *b,
-                  int width, int height, int n_threads);
+ * an odd side is repeated. NaN when too small. False: no memory. */
+bool saga_ms_ssim(double *value, const saga_picture_pair *pair,
+                  saga_error *error);
 
 /* All of them. */
-bool saga_score_picture(saga_score *score, const uint8_t *a, const uint8_t *b,
-                        int width, int height, int n_threads);
+bool saga_score_picture(saga_score *score, const saga_picture_pair *pair,
+                        saga_error *error);
 
 /* Mean of scores: zero a saga_score_sum, add, take the mean; of none, NaN. */
 typedef struct saga_score_sum {

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 #include "view.h"
 
+#include "alloc.h"
 #include "error.h"
 #include "layout.h"
+#include "threads.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -17,6 +19,7 @@
 enum {
     TILE = 16,
     LIST = 1 << 15,         /* splats a band sees at a time */
+    SCRATCH_ALIGN = 64,     /* a cache line: threads share none */
     JOBS_PER_THREAD = 2     /* a job looks at all splats: few are cheaper,
                              * several share the work better */
 };
@@ -37,10 +40,11 @@ static bool refuse(const saga_film *film, saga_error *error,
                    const char *what, saga_status status)
 {
     const char *remedy = "`saga info` tells what is damaged";
+    saga_error ignored = { "" };
     saga_layout layout;
 
-    if (saga_layout_read(&layout, film->bytes, film->nbytes) &&
-        !layout.damage[0])
+    if (saga_layout_read(&layout, film->name, film->bytes, film->nbytes,
+                         &ignored) && !layout.damage[0])
         remedy = "no checksum is wrong, so it was written like this, perhaps "
                  "by an earlier pre-release of saga: encode it again";
     saga_layout_free(&layout);
@@ -50,14 +54,13 @@ static bool refuse(const saga_film *film, saga_error *error,
 
 static bool open_decoder(saga_film *film, saga_error *error)
 {
-    const size_t n = film->info.work_nbytes + SAGA_WORK_ALIGN - 1;
     const double start = seconds();
     saga_status s;
 
-    film->work = aligned_alloc(SAGA_WORK_ALIGN, n - n % SAGA_WORK_ALIGN);
+    film->work = saga_aligned_alloc(SAGA_WORK_ALIGN, film->info.work_nbytes,
+                                    film->name, error);
     if (!film->work)
-        return saga_fail(error, film->name, "free some memory",
-                         "no memory for the decoder's %zu bytes", n);
+        return false;
     s = saga_open(&film->dec, film->work, film->info.work_nbytes,
                   film->bytes, film->nbytes);
     film->times.head = seconds() - start;
@@ -107,8 +110,9 @@ bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
         return saga_fail(error, film->name, "`saga info` lists them",
                          "has no camera %" PRIu32 " in its rig of %" PRIu32,
                          index, film->info.n_cameras);
-    return saga_rig(camera, number, film->bytes, film->nbytes, index) ==
-           SAGA_OK;
+    const saga_status s =
+        saga_rig(camera, number, film->bytes, film->nbytes, index);
+    return s == SAGA_OK || refuse(film, error, "its rig is refused", s);
 }
 
 /* --- Drawing ------------------------------------------------------------- */
@@ -150,50 +154,63 @@ static void set_rows(saga_job *job, const saga_camera *c, int i, int n)
     job->list_capacity = LIST;
 }
 
-/* All rows of a job, in a scratch that holds them all at once. */
+/* Bytes of scratch that hold all rows of any one of n jobs at once. */
+static size_t scratch_nbytes(const saga_camera *c, int n)
+{
+    const int rows = (c->height + TILE - 1) / TILE;
+    const size_t tiles = (size_t)((c->width + TILE - 1) / TILE) *
+                         (size_t)((rows + n - 1) / n);
+    const size_t nbytes = SAGA_JOB_NBYTES(TILE, LIST) +
+                          SAGA_JOB_NBYTES(TILE, 0) * tiles;
+
+    return (nbytes + SCRATCH_ALIGN - 1) / SCRATCH_ALIGN * SCRATCH_ALIGN;
+}
+
+/* All rows of a job. */
 static saga_status draw_rows(const saga_film *film, const saga_camera *c,
-                             uint8_t *rgb, int i, int n)
+                             uint8_t *rgb, saga_job job)
 {
     const size_t stride = 3 * (size_t)c->width;
-    saga_job job = { 0 };
     saga_picture picture = { .stride_nbytes = stride, .bits = 8 };
     saga_status s;
-    size_t tiles;
 
-    set_rows(&job, c, i, n);
-    tiles = (size_t)((c->width + TILE - 1) / TILE) *
-            (size_t)((job.y1 - job.y0 + TILE - 1) / TILE);
-    job.scratch_nbytes = SAGA_JOB_NBYTES(TILE, LIST) +
-                         SAGA_JOB_NBYTES(TILE, 0) * tiles;
-    job.scratch = malloc(job.scratch_nbytes);
-    if (!job.scratch)
-        return SAGA_ERR_SPACE;
     picture.rgb = rgb + stride * (size_t)job.y0;
     picture.nbytes = stride * (size_t)(job.y1 - job.y0);
     do
         s = saga_draw(film->dec, &job, &picture, UINT32_MAX);
     while (s == SAGA_AGAIN);
-    free(job.scratch);
     return s;
 }
 
-static saga_status draw(const saga_film *film, const saga_camera *c,
-                        uint8_t *rgb)
+static bool draw(const saga_film *film, const saga_camera *c, uint8_t *rgb,
+                 saga_error *error)
 {
     const int rows = (c->height + TILE - 1) / TILE;
     const int wanted = film->n_threads > 1 ? film->n_threads *
                                              JOBS_PER_THREAD : 1;
     const int n = wanted < rows ? wanted : rows;
+    const int n_threads = film->n_threads < n ? film->n_threads : n;
+    const size_t each = scratch_nbytes(c, n);
+    uint8_t *const scratch = saga_aligned_alloc(
+        SCRATCH_ALIGN, (size_t)n_threads * each, film->name, error);
     int worst = SAGA_OK;
 
-#pragma omp parallel for num_threads(film->n_threads) schedule(dynamic) \
+    if (!scratch)
+        return false;
+#pragma omp parallel for num_threads(n_threads) schedule(dynamic) \
     reduction(min : worst)
     for (int i = 0; i < n; i++) {
-        const int s = draw_rows(film, c, rgb, i, n);
+        saga_job job = { .scratch = scratch + saga_thread_number() * each,
+                         .scratch_nbytes = each };
+        int s;
 
+        set_rows(&job, c, i, n);
+        s = draw_rows(film, c, rgb, job);
         worst = s < worst ? s : worst;
     }
-    return (saga_status)worst;
+    free(scratch);
+    return worst == SAGA_OK ||
+           refuse(film, error, "cannot be drawn", (saga_status)worst);
 }
 
 bool saga_film_draw(saga_film *film, const saga_camera *camera,
@@ -204,6 +221,7 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
     saga_status s = saga_find(&seg, film->bytes, film->nbytes, frame_num,
                               frame_den);
     double start, drawn;
+    bool ok;
 
     if (s == SAGA_ERR_ARG)
         return saga_fail(error, film->name, "give a time inside it",
@@ -217,9 +235,10 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
     s = saga_view(film->dec, camera, seg.t);
     drawn = seconds();
     film->times.view += drawn - start;
-    if (s == SAGA_OK)
-        s = draw(film, camera, rgb);
+    if (s)
+        return refuse(film, error, "cannot be drawn", s);
+    ok = draw(film, camera, rgb, error);
     film->times.draw += seconds() - drawn;
     film->times.n_views++;
-    return s == SAGA_OK || refuse(film, error, "cannot be drawn", s);
+    return ok;
 }
