@@ -26,7 +26,7 @@ static const char *const stage_name[N_STAGES] = {
     "animate'"
 };
 
-/* Uniform random, anisotropic (lognormal), as targets.md D: sigma_px is the
+/* The primitives are uniform random, anisotropic (lognormal): sigma_px is the
  * median standard deviation in pixels before the low-pass. */
 static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
                                       double sigma_px, double spread)

@@ -285,7 +285,7 @@ enum { SAGA_N_PROFILES = 4 };
 
 extern const saga_level_caps saga_caps[SAGA_N_PROFILES];
 
-/* --- Rendering constants (design.md 9); the float trainer reads them here  */
+/* --- Rendering constants; the float trainer reads them here -------------- */
 
 #define SAGA_ALPHA_CAP_Q16 64880   /* alpha <= 0.99 */
 #define SAGA_CUT_LOG2 8            /* a splat touches pixels with q < 8 */

@@ -75,8 +75,8 @@ verdict diary
 # ---- decisions
 for f in docs/design/*.md; do
     awk -v f="$f" 'BEGIN { RS = "" }
-        !/^\|/ && gsub(/\n/, "\n") > 9 {
-            print f ": " NF " words in one: " substr($0, 1, 40) }' "$f"
+        !/^\|/ && gsub(/\n/, " ") > 9 {
+            print f ": " substr($0, 1, 60) }' "$f"
 done >"$tmp/bad"
 verdict decisions
 

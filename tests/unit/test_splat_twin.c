@@ -2,7 +2,7 @@
  *
  * One model, two arithmetics: the float rasteriser against the integer
  * decoder's animate, project and raster on the same primitives. The bound is
- * the project's: at least 55 dB from each other (design.md, issue 3).
+ * the project's: at least 55 dB from each other.
  */
 #include "animate.h"
 #include "project.h"

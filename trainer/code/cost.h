@@ -52,8 +52,7 @@ enum { SAGA_COST_SIGMA_Q = 10 };
 /* What reports tell apart, in the order of the stream. */
 typedef enum saga_component {
     SAGA_COMPONENT_NETWORKS,
-    SAGA_COMPONENT_TREE,         /* splits, occupancy, numbers of fine anchors:
-                                  * all of design.md 7, step 0 */
+    SAGA_COMPONENT_TREE,         /* splits, occupancy, fine anchors' numbers */
     SAGA_COMPONENT_CENTRE,
     SAGA_COMPONENT_FEATURE,
     SAGA_COMPONENT_FINE_SUFFIX,

@@ -2,7 +2,7 @@
  *
  * Regression start: the loss that brings a scene's primitives to the flat
  * primitives they came from. Shape is compared as log-covariance, never as
- * quaternion and scale, whose signs and axes are arbitrary (design.md 10).
+ * quaternion and scale, whose signs and axes are arbitrary.
  */
 #ifndef SAGA_REGRESS_H
 #define SAGA_REGRESS_H

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * Training: from a capture to a file. One state machine runs the stages of
- * design.md 10; between any two iterations it can be saved, and a restored one
- * gives the same file, bit for bit.
+ * Training: from a capture to a file. One state machine runs the stages
+ * below; between any two iterations it can be saved, and a restored one gives
+ * the same file, bit for bit.
  *
- *     warm-up      a flat set of primitives (scene/flat.h)
+ *     warm-up      a flat set of primitives (warm/flat.h)
  *     regression   the hierarchy built from it, its networks fitted to it
- *     rendering    rate and distortion against the pictures (scene/fit.h)
+ *     rendering    rate and distortion against the pictures (fit.h)
  *     packing      quantised networks, closed loop, bytes (pack.h)
  *
  * The result does not depend on the number of threads. The capture must outlive
