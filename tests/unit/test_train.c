@@ -651,6 +651,16 @@ static bool resume_fails(const fixture *f, const saga_train_options *o,
     return ok;
 }
 
+static saga_train *resumed(const fixture *f, const saga_train_options *o)
+{
+    saga_error error = { "" };
+    saga_train *const t = saga_train_resume(&f->capture, o, &error);
+
+    if (!t)
+        fail_msg("%s", error.message);
+    return t;
+}
+
 /* A checkpoint in the rendering. */
 static saga_train_options make_checkpoint(const fixture *f)
 {
@@ -697,36 +707,80 @@ static void train_should_refuse_a_checkpoint_of_other_options(void **state)
     assert_true(resume_fails(f, &p, "/nowhere/x.ckpt"));
 }
 
-/* Every 97th byte changed, and every 1/16 of the length cut: refused or, where
- * a byte is of no consequence, read; never a crash. */
-static void train_should_survive_a_damaged_checkpoint(void **state)
+typedef struct { uint8_t *data; size_t n; } content;
+
+static content read_all(const char *path)
+{
+    saga_error error = { "" };
+    saga_bytes b;
+
+    if (!saga_read_file(&b, path, &error))
+        fail_msg("%s", error.message);
+    return (content){ b.data, b.nbytes };
+}
+
+/* The first n bytes, one of them changed (at >= n: none). */
+static void write_damaged(const char *path, const content *b, size_t n,
+                          size_t at)
+{
+    FILE *const file = fopen(path, "wb");
+
+    assert_non_null(file);
+    for (size_t i = 0; i < n; i++)
+        putc(b->data[i] ^ (i == at ? 0x41 : 0), file);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Where the options, the seed among them, and the pictures' digest are kept. */
+enum { HEAD_BEGIN = 32, HEAD_END = 32 + 10 * 8 + 128 };
+
+/* One byte changed, or all from there on missing: in the head, of which a
+ * changed seed must not be told as another --seed, and anywhere. */
+static void train_should_refuse_a_damaged_checkpoint(void **state)
 {
     const fixture *const f = *state;
     const saga_train_options o = make_checkpoint(f);
-    FILE *file = fopen(f->checkpoint, "rb");
-    static uint8_t bytes[1 << 20];
-    const size_t n = fread(bytes, 1, sizeof bytes, file);
-    int refused = 0;
+    const content whole = read_all(f->checkpoint);
+    const saga_rng r = saga_rng_stream(1, 1);
 
-    fclose(file);
-    assert_true(n > 1000 && n < sizeof bytes);
-    for (size_t i = 0; i < 48; i++) {
-        const size_t at = (size_t)saga_rng_below(saga_rng_stream(1, 1), i,
-                                                 (uint32_t)n);
-        const size_t length = i % 3 ? n : at;
-        saga_error error = { "" };
-        saga_train *t;
-
-        bytes[at] ^= 0x41;
-        file = fopen(f->checkpoint, "wb");
-        assert_int_equal(fwrite(bytes, 1, length, file), length);
-        fclose(file);
-        bytes[at] ^= 0x41;
-        t = saga_train_resume(&f->capture, &o, &error);
-        refused += !t && error.message[0];
-        saga_train_free(t);
+    assert_true(whole.n > 1000);
+    for (size_t at = 0; at < HEAD_END; at++) {
+        write_damaged(f->checkpoint, &whole, whole.n, at);
+        assert_true(resume_fails(f, &o, at < HEAD_BEGIN
+                                 ? "is no checkpoint of this version"
+                                 : "is damaged or cut short"));
     }
-    assert_true(refused >= 45);
+    for (uint64_t i = 0; i < 48; i++) {
+        const size_t at = HEAD_END + saga_rng_below(r, i,
+                                          (uint32_t)(whole.n - HEAD_END));
+
+        write_damaged(f->checkpoint, &whole, i % 3 ? whole.n : at, at);
+        assert_true(resume_fails(f, &o, "is damaged or cut short"));
+    }
+    write_damaged(f->checkpoint, &whole, 10, whole.n);
+    assert_true(resume_fails(f, &o, "is cut short"));
+    write_damaged(f->checkpoint, &whole, whole.n, whole.n);
+    saga_train_free(resumed(f, &o));
+    free(whole.data);
+}
+
+/* One channel of one pixel of the last frame, or one camera a little moved. */
+static void train_should_refuse_a_checkpoint_of_other_pictures(void **state)
+{
+    fixture *const f = *state;
+    const saga_train_options o = make_checkpoint(f);
+    saga_shot *const last = &f->capture.views[f->capture.n_views - 1];
+    uint8_t *const pixel = last->rgb + saga_view_frame_nbytes(last) *
+                           (size_t)f->capture.n_frames - 1;
+    const double x = last->translation[0];
+
+    *pixel ^= 1;
+    assert_true(resume_fails(f, &o, "was begun with other pictures"));
+    *pixel ^= 1;
+    last->translation[0] = nextafter(x, 1e9);
+    assert_true(resume_fails(f, &o, "was begun with other pictures"));
+    last->translation[0] = x;
+    saga_train_free(resumed(f, &o));
 }
 
 /* --- Rounding ------------------------------------------------------------ */
@@ -1011,7 +1065,8 @@ int main(void)
         cmocka_unit_test(train_should_not_depend_on_threads),
         cmocka_unit_test(train_should_resume_to_the_same_file),
         cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),
-        cmocka_unit_test(train_should_survive_a_damaged_checkpoint),
+        cmocka_unit_test(train_should_refuse_a_damaged_checkpoint),
+        cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_pictures),
         cmocka_unit_test(entropy_networks_should_stand_still_at_last),
         cmocka_unit_test(train_should_drop_temporal_tools_of_one_frame),
         cmocka_unit_test(train_should_drop_temporal_tools_when_nothing_moves),

@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "camera.h"
+#include "checkpoint.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -51,6 +52,35 @@ void saga_pictures_free(saga_pictures *p)
     free(p->range);
     free(p->train);
     memset(p, 0, sizeof *p);
+}
+
+static uint64_t digest_view(uint64_t sum, const saga_shot *v, int n_frames)
+{
+    const double x[] = { v->width, v->height, v->fx, v->fy, v->cx, v->cy,
+                         v->near_depth, v->far_depth, v->held_out };
+
+    sum = saga_digest(sum, x, sizeof x);
+    sum = saga_digest(sum, v->rotation, sizeof v->rotation);
+    sum = saga_digest(sum, v->translation, sizeof v->translation);
+    return saga_digest(sum, v->rgb, (size_t)n_frames *
+                                    saga_view_frame_nbytes(v));
+}
+
+uint64_t saga_pictures_digest(const saga_pictures *p)
+{
+    const saga_capture *const c = p->capture;
+    const double counts[] = { c->n_frames, c->n_views, c->fps };
+    uint64_t sum = saga_digest(SAGA_DIGEST_START, counts, sizeof counts);
+
+    for (size_t i = 0; i < c->n_points; i++) {
+        const saga_point *const x = &c->points[i];
+
+        sum = saga_digest(sum, x->position, sizeof x->position);
+        sum = saga_digest(sum, x->rgb, sizeof x->rgb);
+    }
+    for (int i = 0; i < c->n_views; i++)
+        sum = digest_view(sum, &c->views[i], c->n_frames);
+    return sum;
 }
 
 saga_sample saga_pictures_pick(const saga_pictures *p, saga_rng rng,

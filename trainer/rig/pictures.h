@@ -32,6 +32,10 @@ bool saga_pictures_init(saga_pictures *pictures, const saga_capture *capture,
                         saga_error *error);
 void saga_pictures_free(saga_pictures *pictures);
 
+/* The digest of all that training takes from the capture: frames, cameras,
+ * points and every pixel. */
+uint64_t saga_pictures_digest(const saga_pictures *pictures);
+
 /* Number `draw` of an endless row in which every training picture comes once
  * before any comes again, each time in another order; mip 0. */
 saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,

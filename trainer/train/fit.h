@@ -26,13 +26,12 @@
 #ifndef SAGA_FIT_H
 #define SAGA_FIT_H
 
+#include "checkpoint.h"
 #include "pictures.h"
 #include "rate_choice.h"
 #include "scene.h"
 #include "twin.h"
 #include "weight_rate.h"
-
-#include <stdio.h>
 
 typedef struct saga_fit_options {
     int n_regress, n_render;     /* iterations of the two parts */
@@ -80,11 +79,9 @@ saga_twin *saga_fit_code(saga_fit *fit, real *feature,
 const saga_scene *saga_fit_scene(const saga_fit *fit);
 const saga_weights *saga_fit_weights(const saga_fit *fit);
 
-/* The state, for a checkpoint, in this machine's byte order; restore into a fit
- * of the same scene, target, capture and options. False: the file failed, or
- * is not one of this fit; its state is then undefined. */
-bool saga_fit_save(saga_fit *fit, FILE *file);
-bool saga_fit_restore(saga_fit *fit, FILE *file);
+/* Writes the state, or reads it into a fit of the same scene, target, pictures
+ * and options. Where the checkpoint fails the state is undefined. */
+void saga_fit_walk(saga_fit *fit, saga_checkpoint *checkpoint);
 
 /* Bits all residuals would take, by the last iteration: an estimate from a
  * quarter of them. */

@@ -174,6 +174,8 @@ static saga_train *make(const saga_capture *capture,
     t->ablation = ablation;
     derive(&t->o);
     t->explained = (double)NAN;
+    if (t->o.checkpoint)
+        t->digest = saga_pictures_digest(&t->pictures);
     t->flat_options = saga_flat_defaults();
     t->flat_options.n_primitives = t->o.n_primitives;
     t->flat_options.n_iterations = t->o.n_warm;

@@ -2,26 +2,17 @@
  *
  * Checkpoints of the training: what the run was asked for, the warm-up, and
  * once it has begun the fit. The hierarchy is not kept: it follows from the
- * warm-up. Machine byte order: a checkpoint does not travel.
+ * warm-up.
  */
 #include "train_state.h"
 
-#include "file.h"
-
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-
-static const char magic[16] = "saga-checkpoint";
-
-enum { VERSION = 3 };
 
 /* Eight bytes each, so that there is no padding. */
 typedef struct {
-    char magic[16];
-    uint64_t version, real_nbytes;
     uint64_t primitives, coarse, fine, warm, regress, render, level, seed;
-    uint64_t motion, frames, views;
+    uint64_t motion, capture;
     char ablate[128];
     double lambda;
     uint64_t stage, fitting, dynamic;
@@ -31,9 +22,6 @@ typedef struct {
 static void fill(head *h, const saga_train *t)
 {
     memset(h, 0, sizeof *h);
-    memcpy(h->magic, magic, sizeof magic);
-    h->version = VERSION;
-    h->real_nbytes = sizeof(real);
     h->primitives = t->o.n_primitives;
     h->coarse = t->o.n_coarse;
     h->fine = t->o.n_fine;
@@ -43,8 +31,7 @@ static void fill(head *h, const saga_train *t)
     h->level = (uint64_t)t->o.level;
     h->seed = t->o.seed;
     h->motion = (uint64_t)t->o.motion;
-    h->frames = (uint64_t)t->capture->n_frames;
-    h->views = (uint64_t)t->capture->n_views;
+    h->capture = t->digest;
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
@@ -59,26 +46,20 @@ static void fill(head *h, const saga_train *t)
 
 bool saga_train_save(const saga_train *t, saga_error *error)
 {
-    saga_output out;
+    saga_checkpoint c;
     head h;
-    bool ok;
 
-    if (!saga_output_open(&out, t->o.checkpoint, error))
+    if (!saga_checkpoint_create(&c, t->o.checkpoint, error))
         return false;
     fill(&h, t);
-    ok = fwrite(&h, sizeof h, 1, out.file) == 1 &&
-         saga_flat_save(t->flat, out.file) == SAGA_FLAT_OK &&
-         (!t->fitting || saga_fit_save(t->fit, out.file));
-    return saga_output_close(&out, ok, error);
+    saga_checkpoint_walk(&c, &h, sizeof h);
+    saga_flat_save(t->flat, &c);
+    if (t->fitting)
+        saga_fit_walk(t->fit, &c);
+    return saga_checkpoint_close(&c, true, error);
 }
 
 /* --- Reading ------------------------------------------------------------- */
-
-static bool refuse(const saga_train *t, saga_error *error,
-                   const char *remedy, const char *what)
-{
-    return saga_fail(error, t->o.checkpoint, remedy, "%s", what);
-}
 
 static bool same(const saga_train *t, const char *option, uint64_t had,
                  uint64_t has, saga_error *error)
@@ -120,10 +101,10 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
     head now;
 
     fill(&now, t);
-    if (memcmp(h->magic, magic, sizeof magic) || h->version != VERSION ||
-        h->real_nbytes != sizeof(real))
-        return refuse(t, error, "delete it and start anew", "is no checkpoint "
-                      "of this program");
+    if (h->capture != now.capture)
+        return saga_fail(error, t->o.checkpoint, "give the capture it was "
+                         "begun with, or delete it",
+                         "was begun with other pictures or cameras");
     if (h->lambda < now.lambda || h->lambda > now.lambda)
         return saga_fail(error, t->o.checkpoint, "give the options it was "
                          "begun with, or delete it",
@@ -140,12 +121,10 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
            same(t, "--level", h->level, now.level, error) &&
            same(t, "--seed", h->seed, now.seed, error) &&
            same_motion(t, h->motion, now.motion, error) &&
-           same_ablation(t, h, &now, error) &&
-           same(t, "frames", h->frames, now.frames, error) &&
-           same(t, "views", h->views, now.views, error);
+           same_ablation(t, h, &now, error);
 }
 
-static bool load_fit(saga_train *t, const head *h, FILE *file,
+static bool load_fit(saga_train *t, const head *h, saga_checkpoint *c,
                      saga_error *error)
 {
     t->dynamic = h->dynamic != 0;
@@ -153,44 +132,31 @@ static bool load_fit(saga_train *t, const head *h, FILE *file,
     t->changing = h->changing;
     if (saga_train_begin_fit(t, error))
         return false;
-    return saga_fit_restore(t->fit, file) ||
-           refuse(t, error, "delete it and start anew",
-                  "is damaged or cut short");
+    saga_fit_walk(t->fit, c);
+    return true;
 }
 
-static bool load(saga_train *t, FILE *file, saga_error *error)
+static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
-    saga_error why = { "" };
     head h;
 
-    if (fread(&h, sizeof h, 1, file) != 1)
-        return refuse(t, error, "delete it and start anew", "is cut short");
+    saga_checkpoint_walk(c, &h, sizeof h);
     if (!fits(t, &h, error))
         return false;
-    t->flat = saga_flat_restore(&t->pictures, &t->flat_options, file, &why);
-    if (!t->flat)
-        return refuse(t, error, "delete it to start anew", why.message);
-    if (h.stage > SAGA_TRAIN_PACK ||
-        (h.stage > SAGA_TRAIN_WARM && !h.fitting))
-        return refuse(t, error, "delete it and start anew", "is damaged");
+    t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
     t->stage = (saga_train_stage)h.stage;
     t->recent_mse = h.recent_mse;
     t->warm_psnr = h.warm_psnr;
-    return !h.fitting || load_fit(t, &h, file, error);
+    return t->flat && (!h.fitting || load_fit(t, &h, c, error));
 }
 
 bool saga_train_load(saga_train *t, saga_error *error)
 {
-    FILE *file;
+    saga_checkpoint c;
     bool ok;
 
-    if (!t->o.checkpoint)
-        return saga_fail(error, NULL, NULL, "no checkpoint is named");
-    file = fopen(t->o.checkpoint, "rb");
-    if (!file)
-        return refuse(t, error, "leave --resume out to start anew",
-                      "cannot be read");
-    ok = load(t, file, error);
-    fclose(file);
-    return ok;
+    if (!saga_checkpoint_open(&c, t->o.checkpoint, error))
+        return false;
+    ok = load(t, &c, error);
+    return saga_checkpoint_close(&c, ok, error);
 }

@@ -20,6 +20,7 @@
 struct saga_train {
     const saga_capture *capture;
     saga_pictures pictures;      /* of the capture */
+    uint64_t digest;             /* of these, where there are checkpoints */
     saga_train_options o;        /* resolved: nothing left to derive */
     saga_ablation ablation;      /* what o.ablate says */
     saga_train_stage stage;

@@ -593,16 +593,16 @@ saga_flat_status saga_flat_render(saga_flat *f, real *image, double *mse,
 /* --- Restoring ----------------------------------------------------------- */
 
 saga_flat *saga_flat_restore(const saga_pictures *pictures,
-                             const saga_flat_options *options, FILE *file,
-                             saga_error *error)
+                             const saga_flat_options *options,
+                             saga_checkpoint *checkpoint, saga_error *error)
 {
     saga_flat *const f = make(pictures, options, error);
 
     if (!f)
         return NULL;
-    if (saga_flat_load(f, file) == SAGA_FLAT_OK)
+    if (saga_flat_load(f, checkpoint) == SAGA_FLAT_OK)
         return f;
-    snprintf(error->message, sizeof error->message, "%s", f->message);
+    snprintf(error->message, sizeof error->message, "out of memory");
     saga_flat_free(f);
     return NULL;
 }

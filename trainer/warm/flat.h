@@ -14,10 +14,9 @@
 #ifndef SAGA_FLAT_H
 #define SAGA_FLAT_H
 
+#include "checkpoint.h"
 #include "pictures.h"
 #include "splat.h"
-
-#include <stdio.h>
 
 enum { SAGA_FLAT_MAX_PRIMITIVES = 1 << 24 };
 
@@ -25,8 +24,7 @@ typedef enum saga_flat_status {
     SAGA_FLAT_OK = 0,
     SAGA_FLAT_STOPPED = 1,     /* by the progress function; go on any time */
     SAGA_FLAT_MEMORY = -1,
-    SAGA_FLAT_NONFINITE = -2,  /* saga_flat_message names the tensor */
-    SAGA_FLAT_DATA = -3        /* a checkpoint that does not fit, or cut */
+    SAGA_FLAT_NONFINITE = -2   /* saga_flat_message names the tensor */
 } saga_flat_status;
 
 typedef struct saga_flat_progress {
@@ -88,11 +86,12 @@ saga_splat_params saga_flat_params(const saga_flat *flat);
 saga_flat_status saga_flat_render(saga_flat *flat, real *image, double *mse,
                                   saga_sample sample);
 
-/* The whole state, in this machine's byte order. The caller checks the stream
- * and renames the file. restore needs the same pictures and options. */
-saga_flat_status saga_flat_save(const saga_flat *flat, FILE *file);
+/* The whole state. restore needs the same pictures and options, and tells
+ * whether there is memory; whether all of the state was there, the checkpoint
+ * knows. */
+void saga_flat_save(saga_flat *flat, saga_checkpoint *checkpoint);
 saga_flat *saga_flat_restore(const saga_pictures *pictures,
-                             const saga_flat_options *options, FILE *file,
-                             saga_error *error);
+                             const saga_flat_options *options,
+                             saga_checkpoint *checkpoint, saga_error *error);
 
 #endif

@@ -100,8 +100,8 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
 void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
                         const saga_flat_sight *s, double sigma);
 
-/* flat_save.c */
-saga_flat_status saga_flat_load(saga_flat *f, FILE *file);
+/* flat_save.c: f as saga_flat_new makes it, but without primitives. */
+saga_flat_status saga_flat_load(saga_flat *f, saga_checkpoint *c);
 
 /* flat_grow.c: before iteration f->iteration. */
 saga_flat_status saga_flat_change_count(saga_flat *f);
