@@ -5,6 +5,9 @@
  * (64 bytes) or recomputed per frame. */
 enum { MAX_COLOUR_WIDTH = 32 };
 
+/* A quaternion's 1 still fits. */
+enum { MAX_QUAT_Q = 14 };
+
 const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
     { 256u << 10, 128, 512, 1024, 48000, 32, 1, 32 },
     { 4u << 20, 2000, 6400, 16000, 128000, 64, 0, 64 },
@@ -12,28 +15,131 @@ const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
     { 1u << 30, 1u << 22, 1u << 22, 1u << 22, 1000000, 128, 0, 512 },
 };
 
-void saga_model_geo_rows(saga_geo_rows *rows, const saga_model *m)
-{
-    const int order = saga_motion_order(m);
-    uint8_t n = 0;
+/* --- Outputs ------------------------------------------------------------- */
 
-    rows->opacity = n;
-    n = (uint8_t)(n + 1);
-    rows->scale = n;
-    n = (uint8_t)(n + 3);
-    rows->quat = n;
-    n = (uint8_t)(n + 4);
-    rows->slope = n;
-    n = (uint8_t)(n + (m->tools & SAGA_TOOL_SLOPE ? 4 : 0));
-    rows->time = n;
-    n = (uint8_t)(n + (saga_is_dynamic(m) ? 1 : 0));
-    rows->width = n;
-    n = (uint8_t)(n + (m->tools & SAGA_TOOL_OPACITY_T ? 1 : 0));
-    rows->motion = n;
-    rows->n = (uint8_t)(n + 3 * order);
+/* Rows whose number the model has; of a format that no head has. */
+enum { ROWS_F = 128, ROWS_C, ROWS_V, ROWS_D, ROWS_BLOCK };
+enum { FIXED = 64, LIKE_INPUT = 128 };
+
+/* Consecutive rows of a network's outputs that share a format: SAGA_HEAD_*,
+ * FIXED + Q, or LIKE_INPUT + the network that takes them. */
+typedef struct {
+    uint8_t net, format, n;
+    uint8_t most_q;         /* see saga_rows */
+    uint8_t tools;          /* any of these; 0: always */
+    uint8_t order;          /* least motion order */
+} output;
+
+enum {
+    DYNAMIC = SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE | SAGA_TOOL_MOTION_MASK,
+    FROM_BASE = LIKE_INPUT + SAGA_NET_COLOUR,
+    FROM_WRITE = LIKE_INPUT + SAGA_NET_WRITE
+};
+
+/* What every network gives, in the order of its rows. A residual's mu is in the
+ * format of what it predicts. */
+static const output outputs[] = {
+    { SAGA_NET_HYPER, SAGA_HEAD_HYPER, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_E_COARSE, FIXED + 14, 4, 0, 0, 0 },
+    { SAGA_NET_E_COARSE, SAGA_HEAD_COARSE, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_E_COARSE, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
+    { SAGA_NET_E_FINE, FIXED + 14, 4, 0, 0, 0 },
+    { SAGA_NET_E_FINE, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
+    { SAGA_NET_E_PRIM, FIXED + 14, 4, 0, 0, 0 },
+    { SAGA_NET_E_PRIM, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
+    { SAGA_NET_FUSE_C, SAGA_HEAD_FUSE_C, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_FUSE_F, SAGA_HEAD_FUSE_F, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_FINE, SAGA_HEAD_FINE, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_FINE, SAGA_HEAD_SUPPORT, 4, 12, 0, 0 },
+    { SAGA_NET_GEO, SAGA_HEAD_OPACITY, 1, 12, 0, 0 },
+    { SAGA_NET_GEO, SAGA_HEAD_SCALE, 3, 12, 0, 0 },
+    { SAGA_NET_GEO, SAGA_HEAD_QUAT, 4, MAX_QUAT_Q, 0, 0 },
+    { SAGA_NET_GEO, SAGA_HEAD_SLOPE, 4, 15, SAGA_TOOL_SLOPE, 0 },
+    { SAGA_NET_GEO, SAGA_HEAD_TIME, 1, 15, DYNAMIC, 0 },
+    { SAGA_NET_GEO, SAGA_HEAD_WIDTH, 1, 12, SAGA_TOOL_OPACITY_T, 0 },
+    { SAGA_NET_GEO, SAGA_HEAD_MOTION1, 3, 15, 0, 1 },
+    { SAGA_NET_GEO, SAGA_HEAD_MOTION2, 3, 15, 0, 2 },
+    { SAGA_NET_GEO, SAGA_HEAD_MOTION3, 3, 15, 0, 3 },
+    { SAGA_NET_COLOUR_BASE, FROM_BASE, ROWS_C, 0, 0, 0 },
+    { SAGA_NET_COLOUR_VIEW, FROM_BASE, ROWS_C, 0, 0, 0 },
+    { SAGA_NET_COLOUR, SAGA_HEAD_COLOUR, 3, 14, 0, 0 },
+    { SAGA_NET_QUERY, FIXED + SAGA_QUERY_Q, ROWS_D, 0, 0, 0 },
+    { SAGA_NET_AGG, FIXED + SAGA_SLOT_Q, ROWS_D, 0, 0, 0 },
+    { SAGA_NET_SLOT, FROM_WRITE, ROWS_V, 0, 0, 0 },
+    { SAGA_NET_WRITE_BASE, FROM_WRITE, ROWS_V, 0, 0, 0 },
+    { SAGA_NET_WRITE, FIXED + SAGA_SLOT_Q, ROWS_D, 0, 0, 0 },
+    { SAGA_NET_WRITE, FIXED + SAGA_GATE_Q, 1, 0, 0, 0 },
+};
+
+enum { N_OUTPUTS = (int)(sizeof outputs / sizeof outputs[0]) };
+
+static int is_fuse(int net)
+{
+    return net == SAGA_NET_FUSE_C || net == SAGA_NET_FUSE_F;
 }
 
-/* Inputs of a network with sources s: one vector of F per source, D from the
+static uint32_t n_rows(const saga_model *m, const output *o)
+{
+    const uint8_t by_model[] = {
+        m->features, m->width[SAGA_NET_COLOUR], m->width[SAGA_NET_WRITE],
+        m->memory_width
+    };
+
+    if ((o->tools && !(m->tools & o->tools)) ||
+        saga_motion_order(m) < o->order ||
+        (is_fuse(o->net) && !m->width[o->net]))
+        return 0;
+    if (o->n == ROWS_BLOCK)
+        return saga_n_channels(m, o->net - SAGA_NET_E_COARSE);
+    return o->n < ROWS_F ? o->n : by_model[o->n - ROWS_F];
+}
+
+static uint32_t n_outputs(const saga_model *m, int net)
+{
+    uint32_t n = 0;
+    int i;
+
+    for (i = 0; i < N_OUTPUTS; i++)
+        n += outputs[i].net == net ? n_rows(m, &outputs[i]) : 0;
+    return n;
+}
+
+void saga_model_rows(saga_rows rows[SAGA_N_HEADS], const saga_model *m)
+{
+    uint32_t first = 0;
+    int i;
+
+    for (i = 0; i < N_OUTPUTS; i++) {
+        const output *const o = &outputs[i];
+        const uint32_t n = n_rows(m, o);
+
+        if (i == 0 || o->net != o[-1].net)
+            first = 0;
+        if (o->format < SAGA_N_HEADS) {
+            rows[o->format].net = o->net;
+            rows[o->format].first = (uint8_t)first;
+            rows[o->format].n = (uint8_t)n;
+            rows[o->format].most_q = o->most_q;
+        }
+        first += n;
+    }
+}
+
+int saga_output_q(const saga_model *m, int net, uint32_t row)
+{
+    const output *o = outputs;
+
+    while (o->net != net)
+        o++;
+    for (; row >= n_rows(m, o); o++)
+        row -= n_rows(m, o);
+    return o->format >= LIKE_INPUT ? m->q_in[o->format - LIKE_INPUT]
+         : o->format >= FIXED ? o->format - FIXED : m->head_q[o->format];
+}
+
+/* --- Shapes -------------------------------------------------------------- */
+
+/* An entropy network with sources s takes a vector of F per source, D from the
  * memory. */
 static uint32_t entropy_inputs(const saga_model *m, uint32_t s)
 {
@@ -46,61 +152,47 @@ static uint32_t entropy_inputs(const saga_model *m, uint32_t s)
     return n;
 }
 
-/* in -> hidden x (n_layers - 1) -> out. */
-static void shape_set(saga_net_shape *s, uint32_t n_layers, uint32_t in,
-                      uint32_t hidden, uint32_t out)
+/* Query and Agg are told of a block: its embedding, 4 sizes, count, kind. */
+static uint32_t n_inputs(const saga_model *m, int net)
 {
-    uint32_t i;
+    const uint32_t pe = saga_pe_size(m), local = m->features + pe;
+    const uint32_t n[SAGA_N_NETS] = {
+        [SAGA_NET_HYPER] = pe + 5,
+        [SAGA_NET_E_COARSE] = entropy_inputs(m, m->sources[SAGA_KIND_COARSE]),
+        [SAGA_NET_E_FINE] = entropy_inputs(m, m->sources[SAGA_KIND_FINE]),
+        [SAGA_NET_E_PRIM] = entropy_inputs(m, m->sources[SAGA_KIND_PRIM]),
+        [SAGA_NET_FUSE_C] = local, [SAGA_NET_FUSE_F] = local,
+        [SAGA_NET_FINE] = local, [SAGA_NET_GEO] = local,
+        [SAGA_NET_COLOUR_BASE] = local, [SAGA_NET_COLOUR_VIEW] = 3,
+        [SAGA_NET_COLOUR] = m->width[SAGA_NET_COLOUR],
+        [SAGA_NET_QUERY] = local + 6, [SAGA_NET_AGG] = local + 6,
+        [SAGA_NET_SLOT] = m->memory_slots,
+        [SAGA_NET_WRITE_BASE] = m->memory_width,
+        [SAGA_NET_WRITE] = m->width[SAGA_NET_WRITE]
+    };
 
-    s->n_layers = (uint8_t)n_layers;
-    s->dim[0] = (uint16_t)in;
-    for (i = 1; i < n_layers; i++)
-        s->dim[i] = (uint16_t)hidden;
-    s->dim[n_layers] = (uint16_t)out;
+    return n[net];
 }
 
-static void shape_entropy(saga_net_shape *s, const saga_model *m, int kind,
-                          uint32_t width)
+static int exists(const saga_model *m, int net)
 {
-    const uint32_t in = entropy_inputs(m, m->sources[kind]);
-
-    /* Without a source the parameters are constants: one row of biases. */
-    shape_set(s, in ? 3 : 1, in, width, 2 * saga_n_channels(m, kind));
-}
-
-static void shape_colour(saga_net_shape *s, const saga_model *m, int net)
-{
-    const uint32_t width = m->width[SAGA_NET_COLOUR];
-
-    if (net == SAGA_NET_COLOUR_BASE)
-        shape_set(s, 1, m->features + saga_pe_size(m), 0, width);
-    else if (net == SAGA_NET_COLOUR)
-        shape_set(s, 2, width, width, 3);
-    else if (m->tools & SAGA_TOOL_VIEW)
-        shape_set(s, 1, 3, 0, width);
-}
-
-/* A block's side information (place, 4 sizes, count, level) and F values. */
-static void shape_memory(saga_net_shape *s, const saga_model *m, int net)
-{
-    const uint32_t in = saga_pe_size(m) + 6 + m->features;
-    const uint32_t hidden = m->width[SAGA_NET_WRITE];
-
-    if (net <= SAGA_NET_AGG)
-        shape_set(s, 2, in, m->width[net], m->memory_width);
-    else if (net == SAGA_NET_SLOT)
-        shape_set(s, 2, m->memory_slots, m->width[net], hidden);
-    else if (net == SAGA_NET_WRITE_BASE)
-        shape_set(s, 1, m->memory_width, 0, hidden);
-    else
-        shape_set(s, 1, hidden, 0, m->memory_width + 1u);
+    return net == SAGA_NET_HYPER
+               ? (saga_any_source(m) & SAGA_SOURCE_HYPER) != 0
+         : is_fuse(net) ? m->width[net] != 0
+         : net == SAGA_NET_COLOUR_VIEW ? (m->tools & SAGA_TOOL_VIEW) != 0
+         : saga_is_described(m, net);
 }
 
 void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
 {
-    const uint32_t f = m->features, pe = saga_pe_size(m);
-    const uint32_t w = m->width[net];
-    saga_geo_rows rows;
+    static const uint8_t n_layers[SAGA_N_NETS] = {
+        [SAGA_NET_HYPER] = 3, [SAGA_NET_E_COARSE] = 3, [SAGA_NET_E_FINE] = 3,
+        [SAGA_NET_E_PRIM] = 3, [SAGA_NET_FUSE_C] = 2, [SAGA_NET_FUSE_F] = 2,
+        [SAGA_NET_FINE] = 3, [SAGA_NET_GEO] = 3, [SAGA_NET_COLOUR_BASE] = 1,
+        [SAGA_NET_COLOUR_VIEW] = 1, [SAGA_NET_COLOUR] = 2,
+        [SAGA_NET_QUERY] = 2, [SAGA_NET_AGG] = 2, [SAGA_NET_SLOT] = 2,
+        [SAGA_NET_WRITE_BASE] = 1, [SAGA_NET_WRITE] = 1
+    };
     int i;
 
     for (i = 0; i <= SAGA_MAX_LAYERS; i++)
@@ -108,24 +200,14 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
     s->n_layers = 0;
     s->int8 = m->int8[net];
     s->q_in = m->q_in[net];
-    if (net == SAGA_NET_HYPER) {
-        if (saga_any_source(m) & SAGA_SOURCE_HYPER)
-            shape_set(s, 3, pe + 5, w, f);
-    } else if (net <= SAGA_NET_E_PRIM) {
-        shape_entropy(s, m, net - SAGA_NET_E_COARSE, w);
-    } else if (net <= SAGA_NET_FUSE_F) {
-        if (w)
-            shape_set(s, 2, f + pe, w, f);
-    } else if (net == SAGA_NET_FINE) {
-        shape_set(s, 3, f + pe, w, f + 4);
-    } else if (net == SAGA_NET_GEO) {
-        saga_model_geo_rows(&rows, m);
-        shape_set(s, 3, f + pe, w, rows.n);
-    } else if (net < SAGA_NET_QUERY) {
-        shape_colour(s, m, net);
-    } else if (m->tools & SAGA_TOOL_MEMORY) {
-        shape_memory(s, m, net);
-    }
+    if (!exists(m, net))
+        return;
+    s->dim[0] = (uint16_t)n_inputs(m, net);
+    /* Without a source the parameters are constants: one row of biases. */
+    s->n_layers = s->dim[0] ? n_layers[net] : 1;
+    for (i = 1; i < s->n_layers; i++)
+        s->dim[i] = m->width[net];
+    s->dim[s->n_layers] = (uint16_t)n_outputs(m, net);
 }
 
 uint32_t saga_net_macs(const saga_net_shape *s)
@@ -138,6 +220,8 @@ uint32_t saga_net_macs(const saga_net_shape *s)
     return macs;
 }
 
+/* --- Validity ------------------------------------------------------------ */
+
 static int level_is_valid(const saga_level *l)
 {
     return l->n_groups >= 1 && l->n_groups <= SAGA_MAX_GROUPS &&
@@ -149,9 +233,8 @@ static int level_is_valid(const saga_level *l)
 
 static int width_is_valid(const saga_model *m, int net)
 {
-    const int least = net == SAGA_NET_FUSE_C || net == SAGA_NET_FUSE_F ? 0 : 1;
-
-    return m->width[net] >= least && m->width[net] <= SAGA_MAX_WIDTH;
+    return m->width[net] >= (is_fuse(net) ? 0 : 1) &&
+           m->width[net] <= SAGA_MAX_WIDTH;
 }
 
 static int nets_are_valid(const saga_model *m)
@@ -166,7 +249,7 @@ static int nets_are_valid(const saga_model *m)
     for (i = 0; i < SAGA_N_HEADS; i++)
         if (m->head_q[i] > SAGA_MAX_HEAD_Q)
             return 0;
-    return m->head_q[SAGA_HEAD_QUAT] <= 14 &&
+    return m->head_q[SAGA_HEAD_QUAT] <= MAX_QUAT_Q &&
            m->width[SAGA_NET_COLOUR] <= MAX_COLOUR_WIDTH;
 }
 

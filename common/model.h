@@ -248,13 +248,18 @@ static inline uint32_t saga_n_channels(const saga_model *m, int kind)
     return kind == SAGA_KIND_COARSE ? 4u + m->features : 4u;
 }
 
-/* Outputs of F_geo, and where each head begins among them (in the order of the
- * heads; a head whose tool is off has no rows). */
-typedef struct saga_geo_rows {
-    uint8_t opacity, scale, quat, slope, time, width, motion, n;
-} saga_geo_rows;
+/* The rows of a network's outputs that are a head's: first .. first + n - 1. A
+ * head whose tool is off, or whose network does not exist, has n = 0. */
+typedef struct saga_rows {
+    uint8_t net, first, n;
+    uint8_t most_q;         /* a finer format is of no use to what reads it */
+} saga_rows;
 
-void saga_model_geo_rows(saga_geo_rows *rows, const saga_model *m);
+/* This finds the rows of every head but SIGMA, which three networks give. */
+void saga_model_rows(saga_rows rows[SAGA_N_HEADS], const saga_model *m);
+
+/* Returns the Q format of a row of a network's outputs. */
+int saga_output_q(const saga_model *m, int net, uint32_t row);
 
 /* Shape of network `net` (SAGA_NET_*) of a valid model. */
 void saga_model_net(saga_net_shape *shape, const saga_model *m, int net);

@@ -21,6 +21,10 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 #define SAGA_X_MAX ((1 << 23) - 1)
 #define SAGA_T_MAX 65535
 
+/* A primitive's temporal centre may lie half a segment outside of its own. */
+#define SAGA_CENTRE_T_MIN (-32768)
+#define SAGA_CENTRE_T_END 98304
+
 /* An active leaf of the 4-D tree. */
 typedef struct saga_coarse {
     int32_t x[3];            /* coded centre: serves interpolation only */

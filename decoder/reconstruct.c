@@ -7,23 +7,25 @@
 void saga_prim_format_of(saga_prim_format *f, const saga_model *m)
 {
     const uint8_t *const q = m->head_q;
+    saga_rows rows[SAGA_N_HEADS];
     int i;
 
+    saga_model_rows(rows, m);
     f->q_quat = q[SAGA_HEAD_QUAT];
     f->q_slope = q[SAGA_HEAD_SLOPE];
     f->q_opacity = q[SAGA_HEAD_OPACITY];
     for (i = 0; i < 3; i++)
         f->q_motion[i] = q[SAGA_HEAD_MOTION1 + i];
     f->motion_order = (uint8_t)saga_motion_order(m);
-    f->has_slope = (m->tools & SAGA_TOOL_SLOPE) != 0;
-    f->has_width = (m->tools & SAGA_TOOL_OPACITY_T) != 0;
+    f->has_slope = rows[SAGA_HEAD_SLOPE].n != 0;
+    f->has_width = rows[SAGA_HEAD_WIDTH].n != 0;
 }
 
 /* mu_t = t + support_t * head, |support_t * head| <= 2^16 * 2^15. */
 static int32_t centre_time(int32_t t, int32_t support_t, int16_t out, int q)
 {
-    return fx_clamp64(t + fx_rshift64((int64_t)support_t * out, q), -32768,
-                      98303);
+    return fx_clamp64(t + fx_rshift64((int64_t)support_t * out, q),
+                      SAGA_CENTRE_T_MIN, SAGA_CENTRE_T_END - 1);
 }
 
 /* A log2 size in Q10, from a head relative to the coarse cell's half-size. */
@@ -32,38 +34,44 @@ static int16_t log2_size_q10(int16_t out, int q, int log2_half)
     return fx_sat16(fx_requant32(out, q, 10) + log2_half * 1024);
 }
 
-/* Rows of F_geo to a primitive; those of tools that are off become zero. */
+/* The values of a head at `to`: zeros for rows that do not exist. */
+static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        to[i] = i < rows.n ? out[rows.first + i] : 0;
+}
+
+/* Rows of F_geo become a primitive. */
 static void set_geometry(saga_primitive *p, const saga_model *m,
+                         const saga_rows rows[SAGA_N_HEADS],
                          const int16_t *out, const saga_place *place,
                          const saga_coarse *cell)
 {
     const uint8_t *const q = m->head_q;
-    saga_geo_rows rows;
     int i;
 
-    saga_model_geo_rows(&rows, m);
     for (i = 0; i < 3; i++) {
         p->x[i] = place->x[i];
         p->log2_scale_q10[i] = log2_size_q10(
-            out[rows.scale + i], q[SAGA_HEAD_SCALE],
+            out[rows[SAGA_HEAD_SCALE].first + i], q[SAGA_HEAD_SCALE],
             SAGA_LOG2_HALF_X - cell->depth_x);
+        take(p->motion + 3 * i, 3, out, rows[SAGA_HEAD_MOTION1 + i]);
     }
-    p->opacity = out[rows.opacity];
-    for (i = 0; i < 4; i++) {
-        p->quat[i] = out[rows.quat + i];
-        p->slope[i] = m->tools & SAGA_TOOL_SLOPE ? out[rows.slope + i] : 0;
-    }
+    take(&p->opacity, 1, out, rows[SAGA_HEAD_OPACITY]);
+    take(p->quat, 4, out, rows[SAGA_HEAD_QUAT]);
+    take(p->slope, 4, out, rows[SAGA_HEAD_SLOPE]);
     p->quat[0] = fx_sat16(p->quat[0] + (1 << q[SAGA_HEAD_QUAT]));
-    for (i = 0; i < 9; i++)
-        p->motion[i] = i < 3 * saga_motion_order(m) ? out[rows.motion + i] : 0;
     p->t_centre = place->t;
-    if (saga_is_dynamic(m))
+    if (rows[SAGA_HEAD_TIME].n)
         p->t_centre = centre_time(place->t, place->support[3],
-                                  out[rows.time], q[SAGA_HEAD_TIME]);
+                                  out[rows[SAGA_HEAD_TIME].first],
+                                  q[SAGA_HEAD_TIME]);
     p->log2_width_q10 = 0;
-    if (m->tools & SAGA_TOOL_OPACITY_T)
+    if (rows[SAGA_HEAD_WIDTH].n)
         p->log2_width_q10 = log2_size_q10(
-            out[rows.width], q[SAGA_HEAD_WIDTH],
+            out[rows[SAGA_HEAD_WIDTH].first], q[SAGA_HEAD_WIDTH],
             SAGA_LOG2_HALF_T - cell->depth_t);
 }
 
@@ -138,7 +146,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
 }
 
 static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
-                           const run *r)
+                           const run *r, const saga_rows rows[SAGA_N_HEADS])
 {
     uint32_t i, k;
 
@@ -148,8 +156,9 @@ static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
         const saga_fine *const parent = &sc->fine[r->fine[i]];
         saga_primitive *const p = &prims[r->first + i];
 
-        set_geometry(p, sc->model, saga_out_point(&sc->net, SAGA_NET_GEO, i),
-                     &r->place[i], &sc->coarse[parent->parent]);
+        set_geometry(p, sc->model, rows,
+                     saga_out_point(&sc->net, SAGA_NET_GEO, i), &r->place[i],
+                     &sc->coarse[parent->parent]);
         for (k = 0; k < 3; k++)
             p->support[k] = parent->support[k];
     }
@@ -177,14 +186,16 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     const uint32_t most = saga_net_points(
         sc->net.nets, 1u << SAGA_NET_GEO | 1u << SAGA_NET_COLOUR_BASE |
                   1u << SAGA_NET_COLOUR);
+    saga_rows rows[SAGA_N_HEADS];
     uint32_t fine = 0;
     run r;
 
+    saga_model_rows(rows, sc->model);
     for (r.first = 0; r.first < sc->n.prim; r.first += r.n) {
         r.n = 0;
         while (r.n < most && r.first + r.n < sc->n.prim)
             fine = add_primitive(&r, sc, fine);
-        set_geometries(prims, sc, &r);
+        set_geometries(prims, sc, &r, rows);
         set_colours(colours, stride, sc, &r);
     }
 }

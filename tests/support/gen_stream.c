@@ -178,27 +178,32 @@ typedef struct {
     double mean, spread;
 } target;
 
+static int is_of(saga_rows r, uint32_t row)
+{
+    return row >= r.first && row < r.first + (uint32_t)r.n;
+}
+
 /* Real-valued targets of the rows of a network's last layer. */
 static target target_of(const saga_model *m, int net, uint32_t row)
 {
     const target plain = { 0, 2000 };
-    saga_geo_rows g;
+    saga_rows rows[SAGA_N_HEADS];
     target t = plain;
 
-    saga_model_geo_rows(&g, m);
+    saga_model_rows(rows, m);
     if (net == SAGA_NET_GEO) {
         const double one = 1 << 11;
 
         t.spread = 0.6 * one;
-        if (row == g.opacity)
+        if (is_of(rows[SAGA_HEAD_OPACITY], row))
             t.mean = 3 * one;
-        else if (row < g.quat)
+        else if (is_of(rows[SAGA_HEAD_SCALE], row))
             t.mean = -3.5 * one;
-        else if (row < g.slope)
+        else if (is_of(rows[SAGA_HEAD_QUAT], row))
             t.spread = 8000;
-        else if (m->tools & SAGA_TOOL_OPACITY_T && row == g.width)
+        else if (is_of(rows[SAGA_HEAD_WIDTH], row))
             t.mean = 0.5 * one;
-        else if (row >= g.motion)
+        else if (row >= rows[SAGA_HEAD_MOTION1].first)
             t.spread = 0.4 * one;
     } else if (net == SAGA_NET_FINE && row >= m->features) {
         t.mean = -1.5 * (1 << 11);

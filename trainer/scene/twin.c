@@ -31,17 +31,19 @@ size_t saga_twin_rows(const saga_twin *w, int net)
 static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
                            const saga_model *m)
 {
+    saga_rows rows[SAGA_N_HEADS];
+
+    saga_model_rows(rows, m);
     p->mean = saga_arena_take(a, 3 * n);
     p->quat = saga_arena_take(a, 4 * n);
     p->log2_scale = saga_arena_take(a, 3 * n);
     p->opacity = saga_arena_take(a, n);
     p->colour = saga_arena_take(a, 3 * n);
     p->support = saga_arena_take(a, 3 * n);
-    p->motion = saga_motion_order(m) ? saga_arena_take(a, 9 * n) : NULL;
-    p->slope = m->tools & SAGA_TOOL_SLOPE ? saga_arena_take(a, 4 * n) : NULL;
-    p->t_centre = saga_is_dynamic(m) ? saga_arena_take(a, n) : NULL;
-    p->log2_width = m->tools & SAGA_TOOL_OPACITY_T ? saga_arena_take(a, n)
-                                                   : NULL;
+    p->motion = rows[SAGA_HEAD_MOTION1].n ? saga_arena_take(a, 9 * n) : NULL;
+    p->slope = rows[SAGA_HEAD_SLOPE].n ? saga_arena_take(a, 4 * n) : NULL;
+    p->t_centre = rows[SAGA_HEAD_TIME].n ? saga_arena_take(a, n) : NULL;
+    p->log2_width = rows[SAGA_HEAD_WIDTH].n ? saga_arena_take(a, n) : NULL;
 }
 
 static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
@@ -202,6 +204,13 @@ static const real *fuse_forward(saga_twin *w, const saga_scene *s, int level,
     return run(w, s, net) ? NULL : w->batch[net].out;
 }
 
+/* A support is one box unit or more of the cube; one time unit of the segment.
+ */
+static real least_log2_support(size_t axis)
+{
+    return axis < 3 ? -R(SAGA_LOG2_HALF_X) : -R(SAGA_LOG2_HALF_T + 1);
+}
+
 static int fine_forward(saga_twin *w, const saga_scene *s,
                         const real *feature)
 {
@@ -224,8 +233,7 @@ static int fine_forward(saga_twin *w, const saga_scene *s,
 
         append(w->fine_feature + i * f, out, f);
         for (k = 0; k < 4; k++) {
-            /* One box unit to the cube; one time unit to the segment. */
-            const real lo = k < 3 ? -23 : -16, hi = 0;
+            const real lo = least_log2_support((size_t)k), hi = 0;
             const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
 
             const real l = saga_clamp(half + out[f + (size_t)k], lo, hi);
@@ -239,37 +247,66 @@ static int fine_forward(saga_twin *w, const saga_scene *s,
 
 /* --- Fine to primitives -------------------------------------------------- */
 
+/* A primitive's temporal centre stays between these. */
+static const real centre_min = R(SAGA_CENTRE_T_MIN) / 65536;
+static const real centre_max = R(SAGA_CENTRE_T_END) / 65536;
+
+/* A head's values among F_geo's outputs for a primitive become attributes from
+ * `at` on; and gradients the other way. */
+static void take(real *attr, size_t at, const real *out, saga_rows rows)
+{
+    size_t k;
+
+    for (k = 0; k < rows.n; k++)
+        attr[at + k] = out[rows.first + k];
+}
+
+static void give(real *d_out, saga_rows rows, const real *d_attr, size_t at)
+{
+    size_t k;
+
+    for (k = 0; k < rows.n; k++)
+        d_out[rows.first + k] = d_attr[at + k];
+}
+
+/* Where F_geo's outputs for primitive i begin. */
+static size_t geo_at(const saga_scene *s, size_t i)
+{
+    const saga_net *const geo = &s->net[SAGA_NET_GEO];
+
+    return i * (size_t)geo->dim[geo->n_layers];
+}
+
 /* F_geo's rows to the attributes of primitive i. */
 static void set_attributes(saga_twin *w, const saga_scene *s,
-                           const saga_geo_rows *g, size_t i)
+                           const saga_rows rows[SAGA_N_HEADS], size_t i)
 {
     const saga_fine *const fine = &s->fine[s->prim_fine[i]];
     const saga_coarse *const cell = &s->coarse[fine->parent];
-    const real *const out = w->batch[SAGA_NET_GEO].out + i * g->n;
+    const real *const out = w->batch[SAGA_NET_GEO].out + geo_at(s, i);
     const real *const support = w->support + 4 * (size_t)s->prim_fine[i];
     saga_splat_params *const a = &w->attr;
-    const int n_motion = 3 * saga_motion_order(&s->model);
-    int k;
+    size_t k;
 
+    take(a->opacity, i, out, rows[SAGA_HEAD_OPACITY]);
+    take(a->log2_scale, 3 * i, out, rows[SAGA_HEAD_SCALE]);
+    take(a->quat, 4 * i, out, rows[SAGA_HEAD_QUAT]);
+    take(a->slope, 4 * i, out, rows[SAGA_HEAD_SLOPE]);
+    take(a->log2_width, i, out, rows[SAGA_HEAD_WIDTH]);
     for (k = 0; k < 3; k++) {
-        a->mean[3 * i + (size_t)k] = s->prim_x[4 * i + (size_t)k];
-        a->log2_scale[3 * i + (size_t)k] = out[g->scale + k] -
-                                           R(cell->depth_x);
-        a->support[3 * i + (size_t)k] = support[k];
+        a->mean[3 * i + k] = s->prim_x[4 * i + k];
+        a->log2_scale[3 * i + k] -= R(cell->depth_x);
+        a->support[3 * i + k] = support[k];
+        take(a->motion, 9 * i + 3 * k, out, rows[SAGA_HEAD_MOTION1 + k]);
     }
-    for (k = 0; k < 4; k++)
-        a->quat[4 * i + (size_t)k] = out[g->quat + k] + (k == 0);
-    a->opacity[i] = out[g->opacity];
-    for (k = 0; a->motion && k < 9; k++)
-        a->motion[9 * i + (size_t)k] = k < n_motion ? out[g->motion + k] : 0;
-    for (k = 0; a->slope && k < 4; k++)
-        a->slope[4 * i + (size_t)k] = out[g->slope + k];
+    a->quat[4 * i] += 1;
     if (a->t_centre)
-        a->t_centre[i] = saga_clamp(s->prim_x[4 * i + 3] +
-                                    support[3] * out[g->time],
-                                    R(-0.5), R(1.5));
+        a->t_centre[i] = saga_clamp(
+            s->prim_x[4 * i + 3] +
+            support[3] * out[rows[SAGA_HEAD_TIME].first],
+            centre_min, centre_max);
     if (a->log2_width)
-        a->log2_width[i] = out[g->width] - R(1 + cell->depth_t);
+        a->log2_width[i] -= R(1 + cell->depth_t);
 }
 
 int saga_twin_geometry(saga_twin *w, const saga_scene *s,
@@ -277,7 +314,7 @@ int saga_twin_geometry(saga_twin *w, const saga_scene *s,
 {
     const size_t f = s->model.features;
     const real *fused;
-    saga_geo_rows rows;
+    saga_rows rows[SAGA_N_HEADS];
     size_t i;
 
     if (fine_forward(w, s, feature))
@@ -292,9 +329,9 @@ int saga_twin_geometry(saga_twin *w, const saga_scene *s,
            w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
     if (run(w, s, SAGA_NET_GEO) || run(w, s, SAGA_NET_COLOUR_BASE))
         return -1;
-    saga_model_geo_rows(&rows, &s->model);
+    saga_model_rows(rows, &s->model);
     for (i = 0; i < w->n.prim; i++)
-        set_attributes(w, s, &rows, i);
+        set_attributes(w, s, rows, i);
     return 0;
 }
 
@@ -470,40 +507,36 @@ static int back(saga_twin *w, saga_scene *d, const saga_scene *s, int net)
 
 /* Attributes of primitive i to F_geo's rows, positions and log supports. */
 static void attributes_backward(saga_twin *w, saga_scene *d,
-                                const saga_scene *s, const saga_geo_rows *g,
-                                size_t i)
+                                const saga_scene *s,
+                                const saga_rows rows[SAGA_N_HEADS], size_t i)
 {
-    real *const out = w->batch[SAGA_NET_GEO].d_out + i * g->n;
-    const real *const raw = w->batch[SAGA_NET_GEO].out + i * g->n;
+    real *const out = w->batch[SAGA_NET_GEO].d_out + geo_at(s, i);
+    const real *const raw = w->batch[SAGA_NET_GEO].out + geo_at(s, i);
     const size_t fine = s->prim_fine[i];
     const real *const support = w->support + 4 * fine;
     real *const d_log2 = w->d_log2_support + 4 * fine;
     const saga_splat_params *const a = &w->d_attr;
-    const int n_motion = 3 * saga_motion_order(&s->model);
-    int k;
+    size_t k;
 
+    give(out, rows[SAGA_HEAD_OPACITY], a->opacity, i);
+    give(out, rows[SAGA_HEAD_SCALE], a->log2_scale, 3 * i);
+    give(out, rows[SAGA_HEAD_QUAT], a->quat, 4 * i);
+    give(out, rows[SAGA_HEAD_SLOPE], a->slope, 4 * i);
+    give(out, rows[SAGA_HEAD_WIDTH], a->log2_width, i);
     for (k = 0; k < 3; k++) {
-        d->prim_x[4 * i + (size_t)k] += a->mean[3 * i + (size_t)k];
-        out[g->scale + k] = a->log2_scale[3 * i + (size_t)k];
-        d_log2[k] += a->support[3 * i + (size_t)k] * support[k] * LN2;
+        d->prim_x[4 * i + k] += a->mean[3 * i + k];
+        d_log2[k] += a->support[3 * i + k] * support[k] * LN2;
+        give(out, rows[SAGA_HEAD_MOTION1 + k], a->motion, 9 * i + 3 * k);
     }
-    for (k = 0; k < 4; k++)
-        out[g->quat + k] = a->quat[4 * i + (size_t)k];
-    out[g->opacity] = a->opacity[i];
-    for (k = 0; k < n_motion; k++)
-        out[g->motion + k] = a->motion[9 * i + (size_t)k];
-    for (k = 0; a->slope && k < 4; k++)
-        out[g->slope + k] = a->slope[4 * i + (size_t)k];
     if (a->t_centre) {
+        const size_t row = rows[SAGA_HEAD_TIME].first;
         const real t = w->attr.t_centre[i];
-        const real dt = t > R(-0.5) && t < R(1.5) ? a->t_centre[i] : 0;
+        const real dt = t > centre_min && t < centre_max ? a->t_centre[i] : 0;
 
         d->prim_x[4 * i + 3] += dt;
-        out[g->time] = dt * support[3];
-        d_log2[3] += dt * raw[g->time] * support[3] * LN2;
+        out[row] = dt * support[3];
+        d_log2[3] += dt * raw[row] * support[3] * LN2;
     }
-    if (a->log2_width)
-        out[g->width] = a->log2_width[i];
 }
 
 /* d_feature = first f of each row. */
@@ -547,12 +580,12 @@ static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     const real *const geo = w->batch[SAGA_NET_GEO].d_in;
     const real *const base = w->batch[SAGA_NET_COLOUR_BASE].d_in;
     real *const to = d_fused(w, s, SAGA_LEVEL_FINE);
-    saga_geo_rows rows;
+    saga_rows rows[SAGA_N_HEADS];
     size_t i, k;
 
-    saga_model_geo_rows(&rows, &s->model);
+    saga_model_rows(rows, &s->model);
     for (i = 0; i < n; i++)
-        attributes_backward(w, d, s, &rows, i);
+        attributes_backward(w, d, s, rows, i);
     if (back(w, d, s, SAGA_NET_GEO) || back(w, d, s, SAGA_NET_COLOUR_BASE))
         return -1;
     for (i = 0; i < n; i++)
@@ -577,7 +610,7 @@ int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
         append(net->d_out + i * (f + 4), w->d_fine_feature + i * f, f);
         for (k = 0; k < 4; k++) {
             const real l = w->log2_support[4 * i + k];
-            const int inside = l < 0 && l > (k < 3 ? -23 : -16);
+            const int inside = l < 0 && l > least_log2_support(k);
 
             net->d_out[i * (f + 4) + f + k] =
                 inside ? w->d_log2_support[4 * i + k] : 0;

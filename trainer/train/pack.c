@@ -163,31 +163,23 @@ static double most_feature(const saga_scene *s, const float *feature)
                    s->model.features);
 }
 
-/* Heads of F_geo: columns of its output. */
-static void geo_formats(saga_model *m, const saga_scene *s,
-                        const saga_twin *w)
+/* The heads of all networks but the entropy networks: as fine as what they give
+ * allows. (1, 0, 0, 0) is added to a quaternion. */
+static void head_formats(saga_model *m, const saga_scene *s,
+                         const saga_twin *w)
 {
-    saga_geo_rows g;
-    uint8_t *const q = m->head_q;
-    int k;
+    saga_rows rows[SAGA_N_HEADS];
+    int head;
 
-    saga_model_geo_rows(&g, m);
-    q[SAGA_HEAD_OPACITY] = q_for(most_out(s, w, SAGA_NET_GEO, g.opacity, 1),
-                                 12);
-    q[SAGA_HEAD_SCALE] = q_for(most_out(s, w, SAGA_NET_GEO, g.scale, 3), 12);
-    /* (1, 0, 0, 0) is added to it. */
-    q[SAGA_HEAD_QUAT] = q_for(1 + most_out(s, w, SAGA_NET_GEO, g.quat, 4), 14);
-    if (m->tools & SAGA_TOOL_SLOPE)
-        q[SAGA_HEAD_SLOPE] = q_for(most_out(s, w, SAGA_NET_GEO, g.slope, 4),
-                                   15);
-    if (saga_is_dynamic(m))
-        q[SAGA_HEAD_TIME] = q_for(most_out(s, w, SAGA_NET_GEO, g.time, 1), 15);
-    if (m->tools & SAGA_TOOL_OPACITY_T)
-        q[SAGA_HEAD_WIDTH] = q_for(most_out(s, w, SAGA_NET_GEO, g.width, 1),
-                                   12);
-    for (k = 0; k < saga_motion_order(m); k++)
-        q[SAGA_HEAD_MOTION1 + k] = q_for(
-            most_out(s, w, SAGA_NET_GEO, (size_t)(g.motion + 3 * k), 3), 15);
+    saga_model_rows(rows, m);
+    for (head = SAGA_HEAD_FUSE_C; head < SAGA_N_HEADS; head++) {
+        const saga_rows *const r = &rows[head];
+
+        if (r->n)
+            m->head_q[head] = q_for(
+                (head == SAGA_HEAD_QUAT ? 1 : 0) +
+                most_out(s, w, r->net, r->first, r->n), r->most_q);
+    }
 }
 
 /* The pre-activations of the colour network and its input share a format. */
@@ -205,7 +197,6 @@ static void measure_formats(saga_model *m, const saga_scene *s,
                             const saga_twin *w, const float *feature,
                             const saga_rate_choice *c)
 {
-    const size_t f = m->features;
     uint8_t *const q = m->head_q;
     int net;
 
@@ -213,14 +204,7 @@ static void measure_formats(saga_model *m, const saga_scene *s,
         m->q_in[net] = 12;
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     entropy_formats(m, c);
-    if (m->width[SAGA_NET_FUSE_C])
-        q[SAGA_HEAD_FUSE_C] = q_for(most_out(s, w, SAGA_NET_FUSE_C, 0, f), 12);
-    if (m->width[SAGA_NET_FUSE_F])
-        q[SAGA_HEAD_FUSE_F] = q_for(most_out(s, w, SAGA_NET_FUSE_F, 0, f), 12);
-    q[SAGA_HEAD_FINE] = q_for(most_out(s, w, SAGA_NET_FINE, 0, f), 12);
-    q[SAGA_HEAD_SUPPORT] = q_for(most_out(s, w, SAGA_NET_FINE, f, 4), 12);
-    geo_formats(m, s, w);
-    q[SAGA_HEAD_COLOUR] = q_for(most_out(s, w, SAGA_NET_COLOUR, 0, 3), 14);
+    head_formats(m, s, w);
     m->q_in[SAGA_NET_COLOUR] = colour_format(s, w);
     /* What enters a network must not saturate either. */
     m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, feature), 12);
@@ -233,48 +217,18 @@ static void measure_formats(saga_model *m, const saga_scene *s,
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Q of each output row of a network's last layer. */
+/* Q of each output row of a network's last layer. What the trainer's entropy
+ * networks give for mu is in units of their own. */
 static void output_formats(uint8_t *q, const saga_model *m, int net,
                            uint32_t n)
 {
-    saga_geo_rows g;
+    const int kind = net - SAGA_NET_E_COARSE;
     uint32_t i;
 
-    saga_model_geo_rows(&g, m);
-    for (i = 0; i < n; i++) {
-        if (net == SAGA_NET_HYPER)
-            q[i] = m->head_q[SAGA_HEAD_HYPER];
-        else if (net <= SAGA_NET_E_PRIM)
-            q[i] = i >= n / 2 ? m->head_q[SAGA_HEAD_SIGMA]
-                : (uint8_t)saga_rate_mu_q(m, net - SAGA_NET_E_COARSE, i);
-        else if (net == SAGA_NET_FUSE_C)
-            q[i] = m->head_q[SAGA_HEAD_FUSE_C];
-        else if (net == SAGA_NET_FUSE_F)
-            q[i] = m->head_q[SAGA_HEAD_FUSE_F];
-        else if (net == SAGA_NET_FINE)
-            q[i] = m->head_q[i < m->features ? SAGA_HEAD_FINE
-                                             : SAGA_HEAD_SUPPORT];
-        else if (net == SAGA_NET_COLOUR)
-            q[i] = m->head_q[SAGA_HEAD_COLOUR];
-        else if (net == SAGA_NET_QUERY)
-            q[i] = SAGA_QUERY_Q;
-        else if (net == SAGA_NET_AGG)
-            q[i] = SAGA_SLOT_Q;
-        else if (net == SAGA_NET_SLOT || net == SAGA_NET_WRITE_BASE)
-            q[i] = m->q_in[SAGA_NET_WRITE];
-        else if (net == SAGA_NET_WRITE)
-            q[i] = i < m->memory_width ? SAGA_SLOT_Q : SAGA_GATE_Q;
-        else if (net != SAGA_NET_GEO)
-            q[i] = m->q_in[SAGA_NET_COLOUR];
-        else if (i >= g.motion)
-            q[i] = m->head_q[SAGA_HEAD_MOTION1 + (i - g.motion) / 3];
-        else
-            q[i] = m->head_q[i >= g.width ? SAGA_HEAD_WIDTH
-                : i >= g.time ? SAGA_HEAD_TIME
-                : i >= g.slope ? SAGA_HEAD_SLOPE
-                : i >= g.quat ? SAGA_HEAD_QUAT
-                : i >= g.scale ? SAGA_HEAD_SCALE : SAGA_HEAD_OPACITY];
-    }
+    for (i = 0; i < n; i++)
+        q[i] = (uint8_t)(kind >= 0 && kind < SAGA_N_KINDS && i < n / 2
+                         ? saga_rate_mu_q(m, kind, i)
+                         : saga_output_q(m, net, i));
 }
 
 /* Activations of hidden layer i (0-based) of the last runs. */
