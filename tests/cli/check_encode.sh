@@ -3,7 +3,8 @@
 #
 # check_encode.sh: guarantees, for `saga encode` (build/saga, or SAGA=...),
 #   good        a capture becomes a file that `saga info` takes; the report
-#               says its size, in text and JSON; no checkpoint stays
+#               says its size, in text and JSON; no checkpoint stays; two
+#               threads make the same file
 #   stopped     Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
 #               --resume makes the file of a run that was not stopped; without
 #               --resume a checkpoint is not overwritten
@@ -54,7 +55,7 @@ for word in 'integer decoder' 'training  held out' 'networks'; do
     grep -q "$word" out || complain "no '$word' in the report"
 done
 "$saga" info whole.saga >out 2>err || complain "info: $(cat err)"
-expect 0 cap -o j.saga "${small[@]}" --json
+expect 0 cap -o j.saga "${small[@]}" --json --threads 2
 python3 -c '
 import json, sys
 r = json.load(open("out"))
@@ -62,7 +63,7 @@ assert r["bytes"]["total"] == int(sys.argv[1]), r["bytes"]
 assert r["temporal"] is True and r["level"] == 2
 assert r["psnr"]["training"] > 5 and r["psnr"]["n_held_out"] == 4
 ' "$size" 2>>bad || complain "JSON: $(cat out)"
-cmp -s whole.saga j.saga || complain "the same options, another file"
+cmp -s whole.saga j.saga || complain "two threads, another file"
 rm -f j.saga
 leaves
 verdict good

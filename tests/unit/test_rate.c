@@ -170,7 +170,7 @@ static void learn(rate_scene *f, int n)
                                      f->s.params);
     real *const m = calloc(2 * n_params, sizeof *m);
     saga_adam_tensor t = { "networks", f->s.params, f->d.params, m,
-                           m + n_params, n_params, 0.004f };
+                           m + n_params, n_params, 0.02f };
     saga_adam_fault fault;
     double bits[SAGA_N_STEPS];
     int i;
@@ -200,7 +200,7 @@ static void decide_should_keep_a_memory_that_learned(void **state)
     m.sources[SAGA_KIND_COARSE] = SAGA_SOURCE_MEMORY;
     rate_scene_make(&f, &m, 3);
     foretell_by_place(&f);
-    learn(&f, 4000);
+    learn(&f, 600);
     decide(&f);
     g = &f.r.plan.gain[SAGA_KIND_COARSE];
     printf("  coarse: %.0f bits with constants, chosen %.0f; weights %.0f and "
