@@ -148,6 +148,7 @@ static void set_values(saga_rate *r, const ref_file *in)
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
+    const saga_policy p = saga_policy_of(0, in->s.n.prim, in->s.n.coarse, 1);
     saga_ablation a = o->ablation;
 
     if (!a.no_bank && !a.slots)
@@ -156,7 +157,7 @@ static saga_model model_of(const ref_file *in, const refit_options *o)
     m.memory_slots = 0;
     m.memory_width = 0;
     m.memory_blocks = 0;
-    saga_train_entropy_model(&m, &a, in->s.n.prim, SAGA_MAX_SLOTS);
+    saga_train_entropy_model(&m, &a, &p, SAGA_MAX_SLOTS);
     return m;
 }
 

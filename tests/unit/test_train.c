@@ -461,6 +461,7 @@ static void add_fuse(saga_train *t)
     saga_scene_free(&old);
     o.n_regress = t->o.n_regress;
     o.n_render = t->o.n_render;
+    o.price = t->policy.price;
     t->fit = saga_fit_new(s, &t->target, &t->pictures, &o);
     assert_non_null(t->fit);
 }
@@ -991,10 +992,14 @@ static void train_should_refuse_wrong_options(void **state)
 static void sources_should_be(const saga_ablation *e,
                               uint8_t coarse, uint8_t fine, uint8_t prim)
 {
-    const saga_train_options o = small();
+    const saga_train t = {
+        .o = small(), .ablation = *e, .dynamic = true,
+        .policy = { .features = 16, .width = 64, .entropy_width = 8,
+                    .prim_step = 0.25 }
+    };
     saga_model m;
 
-    saga_train_model(&m, &o, e, true);
+    saga_train_model(&m, &t);
     assert_true(saga_model_is_valid(&m));
     assert_int_equal(m.sources[SAGA_KIND_COARSE], coarse);
     assert_int_equal(m.sources[SAGA_KIND_FINE], fine);

@@ -12,6 +12,7 @@
 #include "json_cli.h"
 #include "json_memory.h"
 #include "metrics.h"
+#include "policy.h"
 #include "train.h"
 #include "view.h"
 
@@ -27,6 +28,9 @@
 #ifdef _OPENMP
 #include <omp.h>
 #endif
+
+#define TEXT_OF(x) #x
+#define TEXT(x) TEXT_OF(x)
 
 typedef struct {
     const char *output, *hold_out, *ablate;
@@ -636,8 +640,8 @@ static const saga_cli_option option_list[] = {
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
     { "--lambda", "X", "what bits cost in distortion: X times all bits over "
-      "the\nnumber of coarse features' values (default 0.0005);\nhigher: a "
-      "smaller file", saga_cli_real,
+      "the\nnumber of coarse features' values (default "
+      TEXT(SAGA_DEFAULT_LAMBDA) ");\nhigher: a smaller file", saga_cli_real,
       offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,

@@ -14,13 +14,6 @@ enum { REFRESH_EVERY = 50, RAMP = 300 };
 /* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START, STREAM_OFFSET };
 
-/* What a bit costs in the regression, whose loss is that much larger than the
- * pictures'. */
-#define REGRESS_PRICE 100
-
-/* With lambda 0 the entropy networks still learn what they are to code. */
-#define LEAST_LAMBDA 1e-9
-
 enum {
     T_FEATURE, T_PRIM, T_ENTROPY, T_MEMORY, T_PARAMS, T_STEPS, N_TENSORS
 };
@@ -29,7 +22,7 @@ saga_fit_options saga_fit_defaults(void)
 {
     const saga_fit_options o = {
         .n_regress = 1500, .n_render = 6000, .seed = 1,
-        .eta = R(0.2), .lambda = R(0.0005), .lambda_a = R(0.05), .rate = 1
+        .eta = R(0.2), .lambda_a = R(0.05), .rate = 1
     };
 
     return o;
@@ -243,12 +236,6 @@ static int is_remembering(const saga_fit *f)
             done == saga_fit_first_rounding(f));
 }
 
-double saga_fit_bit_price(const saga_fit *f)
-{
-    return fmax((double)f->o.lambda, LEAST_LAMBDA) /
-           ((double)f->scene->n.coarse * f->scene->model.features);
-}
-
 /* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
  * When the rounding begins, what is not worth its bytes is left out. */
 static saga_fit_status rate_step(saga_fit *f, double price)
@@ -397,7 +384,7 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
     *loss = saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target,
                               f->weight, f->scene->n.prim);
     *loss += saga_twin_support_loss(&f->twin, f->support, R(1));
-    s = rate_step(f, REGRESS_PRICE * saga_fit_bit_price(f));
+    s = rate_step(f, f->o.price.regression);
     if (s)
         return s;
     if (saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
@@ -459,7 +446,7 @@ static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
     *loss = out.loss;
     *psnr = -10 * log10(out.mse + 1e-12);
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, f->o.lambda_a);
-    s = rate_step(f, saga_fit_bit_price(f));
+    s = rate_step(f, f->o.price.residual);
     if (s)
         return s;
     if (saga_twin_backward(&f->twin, &f->grad, &f->used))

@@ -28,6 +28,7 @@
 
 #include "checkpoint.h"
 #include "pictures.h"
+#include "policy.h"
 #include "rate_choice.h"
 #include "scene.h"
 #include "twin.h"
@@ -36,7 +37,8 @@
 typedef struct saga_fit_options {
     int n_regress, n_render;     /* iterations of the two parts */
     uint64_t seed;
-    real eta, lambda, lambda_a;
+    real eta, lambda_a;
+    saga_prices price;           /* 0 as a default */
     real rate;                   /* factor on the learning rates */
     bool raw_networks;           /* parameters cost nothing and keep the step
                                   * 2^-SAGA_RAW_STEP; the ablation */

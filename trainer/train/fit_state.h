@@ -36,9 +36,6 @@ struct saga_fit {
 /* First iteration of the rendering that rounds: the last third does. */
 int saga_fit_first_rounding(const saga_fit *f);
 
-/* What a bit of a residual costs in the loss. */
-double saga_fit_bit_price(const saga_fit *f);
-
 /* fit_weights.c. Memory for the copy of the networks, its scene and the steps;
  * 0 or -1. */
 int saga_fit_begin_weights(saga_fit *f);

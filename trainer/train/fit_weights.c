@@ -23,11 +23,6 @@
  * become larger (docs/lab/networks.md). */
 #define NOISE_PART 0.125
 
-/* Of the price of a residual's bit: noise this small says little of what
- * rounding will cost, so this sets the size of steps. The built-in scene's
- * weights take 5.1 bits at 0.4, 4.2 at 1.2, 3.6 at 2.5. */
-#define WEIGHT_PRICE 1.5
-
 /* Of the iterations that are left: in these all layers are rounded. */
 #define ROUNDING_PART 0.75
 
@@ -163,7 +158,7 @@ void saga_fit_rate_weights(saga_fit *f)
     if (!f->o.raw_networks)
         saga_weights_rate(f->grad.params, &f->weights, f->params,
                           f->scene->params,
-                          WEIGHT_PRICE * saga_fit_bit_price(f));
+                          f->o.price.weight);
 }
 
 void saga_fit_round_weights(saga_fit *f)

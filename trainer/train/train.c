@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "hierarchy.h"
+#include "policy.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -52,11 +53,9 @@ const char *saga_train_stage_name(saga_train_stage stage)
 
 saga_train_options saga_train_defaults(void)
 {
-    const saga_fit_options fit = saga_fit_defaults();
-
     return (saga_train_options){
         .n_primitives = 5000, .n_iterations = 6000,
-        .lambda = (double)fit.lambda, .level = 2, .seed = 1,
+        .lambda = SAGA_DEFAULT_LAMBDA, .level = 2, .seed = 1,
         .checkpoint_seconds = 300
     };
 }
@@ -99,8 +98,8 @@ static bool check_options(const saga_train_options *o,
     if (o->level < 0 || o->level >= SAGA_N_PROFILES)
         return saga_fail(error, NULL, "give 0 to 3", "--level %d", o->level);
     if (!(o->lambda >= 0 && o->lambda <= 1e3))
-        return saga_fail(error, NULL, "give 0 to 1000, the default is 0.0005",
-                         "--lambda %g", o->lambda);
+        return saga_fail(error, NULL, "give 0 to 1000", "--lambda %g",
+                         o->lambda);
     if (split ? o->n_warm < 1 || o->n_regress < 1 || o->n_render < 1
               : o->n_iterations < 3)
         return saga_fail(error, NULL, "each stage needs one at least",
@@ -173,6 +172,8 @@ static saga_train *make(const saga_capture *capture,
     t->o = *options;
     t->ablation = ablation;
     derive(&t->o);
+    t->policy = saga_policy_of(t->o.lambda, t->o.n_primitives, t->o.n_coarse,
+                               1);
     t->explained = (double)NAN;
     if (t->o.checkpoint)
         t->digest = saga_pictures_digest(&t->pictures);
@@ -262,7 +263,7 @@ static int build(saga_train *t, uint32_t *source,
     saga_model model;
     bool ok;
 
-    saga_train_model(&model, &t->o, &t->ablation, t->dynamic);
+    saga_train_model(&model, t);
     saga_hierarchy_defaults(&o);
     o.model = &model;
     o.max_coarse = t->o.n_coarse;
@@ -299,18 +300,24 @@ static saga_fit_options fit_options(const saga_train *t)
     o.n_regress = t->o.n_regress;
     o.n_render = t->o.n_render;
     o.seed = t->o.seed;
-    o.lambda = (real)t->o.lambda;
+    o.price = t->policy.price;
     o.raw_networks = t->ablation.raw_networks;
     return o;
 }
 
 saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error)
 {
-    const saga_fit_options o = fit_options(t);
-
     t->fitting = true;
-    if (propose(t, error) == 0)
+    if (propose(t, error) == 0) {
+        saga_fit_options o;
+
+        t->policy = saga_policy_of(t->o.lambda, t->o.n_primitives,
+                                   t->o.n_coarse,
+                                   (double)t->scene.n.coarse *
+                                   t->scene.model.features);
+        o = fit_options(t);
         t->fit = saga_fit_new(&t->scene, &t->target, &t->pictures, &o);
+    }
     /* The first error is kept. */
     return t->fit ? SAGA_TRAIN_OK
                   : saga_train_fail(error, "no memory for the fit",

@@ -11,6 +11,7 @@
 #include "fit.h"
 #include "flat.h"
 #include "pack.h"
+#include "policy.h"
 #include "pictures.h"
 #include "scene.h"
 #include "train.h"
@@ -23,6 +24,7 @@ struct saga_train {
     uint64_t digest;             /* of these, where there are checkpoints */
     saga_train_options o;        /* resolved: nothing left to derive */
     saga_ablation ablation;      /* what o.ablate says */
+    saga_policy policy;
     saga_train_stage stage;
     saga_flat_options flat_options;
     saga_flat *flat;
@@ -58,13 +60,13 @@ saga_train_status saga_train_fail(saga_error *error, const char *what,
 saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
-void saga_train_model(saga_model *m, const saga_train_options *o,
-                      const saga_ablation *a, bool dynamic);
+/* From options, ablation, policy, and whether anything moves. */
+void saga_train_model(saga_model *m, const saga_train *t);
 /* What of the model its entropy model is: sources, groups, sizes. A memory bank
  * has at most most_slots. */
 void saga_train_entropy_model(saga_model *m,
                               const saga_ablation *a,
-                              uint32_t n_primitives, uint32_t most_slots);
+                              const saga_policy *p, uint32_t most_slots);
 
 /* motion.c: t->dynamic, explained, changing. */
 saga_train_status saga_train_decide(saga_train *t, saga_error *error);

@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: MIT */
+#include "policy.h"
+
+#include <math.h>
+
+/* With lambda 0 the entropy networks still learn what they are to code. */
+#define LEAST_LAMBDA 1e-9
+
+/* What a bit costs in the regression, whose loss is that much larger than the
+ * pictures'. */
+#define REGRESS_PRICE 100
+
+/* A weight's bit costs that many residual's: its noise is so small that it says
+ * little of what rounding will cost, so this sets the size of steps. The
+ * built-in scene's weights take 5.1 bits at 0.4, 4.2 at 1.2, 3.6 at 2.5. */
+#define WEIGHT_PRICE 1.5
+
+/* Of 4,000 primitives' offsets and their network 8 hidden units make 5,990
+ * bytes, 16 6,260, 24 6,760 (constants: 7,320); what 16 gain over 8 grows with
+ * the primitives and pays for their weights from about here on. */
+enum { WIDE_PAYS = 20000 };
+
+/* Primitives from which on a memory bank may be worth its networks: of 15,000
+ * it saves a third of them (docs/lab/memory.md). */
+enum { BANK_PAYS = 40000 };
+
+saga_policy saga_policy_of(double lambda, uint32_t n_primitives,
+                           uint32_t n_coarse, double n_symbols)
+{
+    const double price = fmax((double)(float)lambda, LEAST_LAMBDA) / n_symbols;
+    const double share = lambda / n_primitives;
+
+    return (saga_policy){
+        .price = { price, REGRESS_PRICE * price, WEIGHT_PRICE * price },
+        /* What rounding costs in the pictures grows with the square of the
+         * step, what a bit costs with lambda; a quarter says all that the
+         * lowest rates want to know. */
+        .prim_step = fmin(fmax(6 * sqrt(lambda), 1 / 64.0), 0.25),
+        /* A coarse anchor for one primitive has less to say. */
+        .features = n_coarse < n_primitives ? 24 : 16,
+        /* The dearer bits are, the fewer weights are worth theirs. */
+        .width = share < 2e-7 ? 64 : share < 5e-7 ? 48 : 32,
+        .entropy_width = n_primitives < WIDE_PAYS ? 8 : 16,
+        .bank_pays = n_primitives >= BANK_PAYS
+    };
+}
