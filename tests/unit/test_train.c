@@ -31,8 +31,15 @@
 enum { WARM = 40, REGRESS = 65, RENDER = 60 };
 
 typedef struct {
+    uint8_t *bytes;
+    size_t n;
+    saga_train_report report;
+} result;
+
+typedef struct {
     char folder[64], checkpoint[80];
     saga_capture capture;
+    result whole;                /* of small(), never stopped */
 } fixture;
 
 /* --- Fixture ------------------------------------------------------------- */
@@ -58,32 +65,6 @@ static void load(saga_capture *c, const char *parent, const char *name,
         fail_msg("%s", error.message);
 }
 
-static int set_up(void **state)
-{
-    fixture *const f = calloc(1, sizeof *f);
-
-    assert_non_null(f);
-    strcpy(f->folder, "/tmp/test_train.XXXXXX");
-    assert_non_null(mkdtemp(f->folder));
-    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.saga.ckpt",
-             f->folder);
-    load(&f->capture, f->folder, "moving", 5);
-    *state = f;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    fixture *const f = *state;
-    char command[100];
-
-    saga_capture_free(&f->capture);
-    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
-    assert_int_equal(system(command), 0);
-    free(f);
-    return 0;
-}
-
 static saga_train_options small(void)
 {
     saga_train_options o = saga_train_defaults();
@@ -96,14 +77,6 @@ static saga_train_options small(void)
     o.ablate = "slots=32";
     return o;
 }
-
-/* --- Files --------------------------------------------------------------- */
-
-typedef struct {
-    uint8_t *bytes;
-    size_t n;
-    saga_train_report report;
-} result;
 
 /* Takes the training to its end, and it away. */
 static result finish(saga_train *t)
@@ -139,18 +112,47 @@ static bool same(const result *a, const result *b)
     return a->n == b->n && memcmp(a->bytes, b->bytes, a->n) == 0;
 }
 
+static int set_up(void **state)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    saga_train_options o;
+
+    assert_non_null(f);
+    strcpy(f->folder, "/tmp/test_train.XXXXXX");
+    assert_non_null(mkdtemp(f->folder));
+    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.saga.ckpt",
+             f->folder);
+    load(&f->capture, f->folder, "moving", 5);
+    o = small();
+    f->whole = encode(&f->capture, &o);
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    fixture *const f = *state;
+    char command[100];
+
+    saga_capture_free(&f->capture);
+    free(f->whole.bytes);
+    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
+    assert_int_equal(system(command), 0);
+    free(f);
+    return 0;
+}
+
 /* --- What comes out ------------------------------------------------------ */
 
 static void train_should_make_a_file_that_decodes(void **state)
 {
     const fixture *const f = *state;
-    const saga_train_options o = small();
-    const result r = encode(&f->capture, &o);
+    const result *const r = &f->whole;
     saga_error error = { "" };
     saga_film film;
     uint8_t rgb[3 * 64 * 36];
 
-    assert_true(saga_film_open(&film, "x", r.bytes, r.n, 1, &error));
+    assert_true(saga_film_open(&film, "x", r->bytes, r->n, 1, &error));
     assert_int_equal(film.info.n_frames, 5);
     assert_int_equal(film.info.n_cameras, 4);
     assert_int_equal(film.info.max_primitives, 150);
@@ -165,12 +167,11 @@ static void train_should_make_a_file_that_decodes(void **state)
         for (uint32_t k = 0; k < 5; k++)
             assert_true(saga_film_draw(&film, &camera, k, 1, rgb, &error));
     }
-    assert_true(r.report.model.training > 10);
-    assert_int_equal(r.report.model.n_training, 3 * 5);
-    assert_int_equal(r.report.model.n_held_out, 5);
-    assert_int_equal(r.report.sizes.total, r.n);
+    assert_true(r->report.model.training > 10);
+    assert_int_equal(r->report.model.n_training, 3 * 5);
+    assert_int_equal(r->report.model.n_held_out, 5);
+    assert_int_equal(r->report.sizes.total, r->n);
     saga_film_close(&film);
-    free(r.bytes);
 }
 
 /* 0.5 % or 16 bytes, whichever is larger (issue 3). */
@@ -206,19 +207,39 @@ static bool stop_before_packing(void *user, const saga_train_progress *p)
     return p->stage != SAGA_TRAIN_PACK || (*stops)++ > 0;
 }
 
-/* Trained, nothing packed yet. stops: 0, as long as t runs. */
+/* Trained, nothing packed yet, as the checkpoint has it. stops: 0, as long as
+ * t runs. */
 static saga_train *train_until_packing(const fixture *f, saga_train_options *o,
                                        int *stops)
 {
     saga_error error = { "" };
     saga_train *t;
 
+    o->checkpoint = f->checkpoint;
     o->progress = stop_before_packing;
     o->progress_user = stops;
     t = saga_train_new(&f->capture, o, &error);
     assert_non_null(t);
     assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_STOPPED);
     return t;
+}
+
+static saga_train *resumed(const fixture *f, const saga_train_options *o)
+{
+    saga_error error = { "" };
+    saga_train *const t = saga_train_resume(&f->capture, o, &error);
+
+    if (!t)
+        fail_msg("%s", error.message);
+    return t;
+}
+
+/* The same again, from the checkpoint, to be packed in another way. */
+static saga_train *resume_packing(const fixture *f, saga_train_options *o,
+                                  int *stops)
+{
+    *stops = 1;
+    return resumed(f, o);
 }
 
 /* Steps; one in 50 is far out: what a high lambda and many iterations make of
@@ -255,17 +276,17 @@ static void train_should_estimate_what_is_written(void **state)
     };
     const fixture *const f = *state;
 
-    /* With sanitizers the last alone: it runs all networks. */
-    for (int variant = getenv("SAGA_TEST_SANITIZED") ? 2 : 0; variant < 3;
-         variant++) {
-        saga_train_options o = small();
-        int stops = 0;
-        saga_train *t;
+    saga_train_options o = small();
+    int stops = 0;
+
+    o.n_primitives = 1000;
+    o.n_coarse = 250;
+    for (int variant = 0; variant < 3; variant++) {
+        saga_train *const t = variant == 0
+            ? train_until_packing(f, &o, &stops)
+            : resume_packing(f, &o, &stops);
         result r;
 
-        o.n_primitives = 1000;
-        o.n_coarse = 250;
-        t = train_until_packing(f, &o, &stops);
         if (variant == 2)
             keep_all(t);
         if (variant == 1)
@@ -384,19 +405,13 @@ static void write_plainly(saga_train *t)
     t->fit->used.model.tools |= SAGA_TOOL_PLAIN_WRITE;
 }
 
-static void should_be_near(const fixture *f, bool plain)
+static void should_be_near(saga_train *t, bool plain)
 {
-    saga_train_options o = small();
     saga_error error = { "" };
     near_integers near;
     const uint8_t *bytes;
-    int stops = 0;
-    saga_train *t;
     size_t n;
 
-    o.n_primitives = 600;
-    o.n_render = 300;
-    t = train_until_packing(f, &o, &stops);
     keep_all(t);
     if (plain)
         write_plainly(t);
@@ -426,8 +441,13 @@ static void should_be_near(const fixture *f, bool plain)
  * to every block, over all its steps, within 8 LSB of Q12 (measured: 1.0). */
 static void rate_should_be_near_the_integer_path(void **state)
 {
-    should_be_near(*state, false);
-    should_be_near(*state, true);
+    saga_train_options o = small();
+    int stops = 0;
+
+    o.n_primitives = 600;
+    o.n_render = 300;
+    should_be_near(train_until_packing(*state, &o, &stops), false);
+    should_be_near(resume_packing(*state, &o, &stops), true);
 }
 
 /* --- The scene's twin ---------------------------------------------------- */
@@ -528,16 +548,15 @@ static void train_should_depend_on_the_seed_alone(void **state)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
-    const result a = encode(&f->capture, &o), b = encode(&f->capture, &o);
-    result c;
+    const result again = encode(&f->capture, &o);
+    result other;
 
     o.seed = 2;
-    c = encode(&f->capture, &o);
-    assert_true(same(&a, &b));
-    assert_false(same(&a, &c));
-    free(a.bytes);
-    free(b.bytes);
-    free(c.bytes);
+    other = encode(&f->capture, &o);
+    assert_true(same(&f->whole, &again));
+    assert_false(same(&f->whole, &other));
+    free(again.bytes);
+    free(other.bytes);
 }
 
 static void train_should_not_depend_on_threads(void **state)
@@ -546,16 +565,13 @@ static void train_should_not_depend_on_threads(void **state)
     const fixture *const f = *state;
     const saga_train_options o = small();
     const int before = omp_get_max_threads();
-    result a, b;
+    result other;
 
-    omp_set_num_threads(1);
-    a = encode(&f->capture, &o);
-    omp_set_num_threads(2);
-    b = encode(&f->capture, &o);
+    omp_set_num_threads(before == 1 ? 2 : 1);
+    other = encode(&f->capture, &o);
     omp_set_num_threads(before);
-    assert_true(same(&a, &b));
-    free(a.bytes);
-    free(b.bytes);
+    assert_true(same(&f->whole, &other));
+    free(other.bytes);
 #else
     (void)state;
 #endif
@@ -581,62 +597,53 @@ static bool stop_there(void *user, const saga_train_progress *p)
     return p->stage != s->stage || p->iteration != s->iteration;
 }
 
-/* Runs into the stop, forgets everything, goes on from the checkpoint; until
- * the end. */
-static result interrupted(const fixture *f, stop *s, int *n_stops)
+/* Runs into each stop, forgets everything, goes on from the checkpoint; until
+ * the end. The last of stops is never reached. Returns how often it stopped. */
+static int interrupt(const fixture *f, const stop *stops)
 {
     saga_train_options o = small();
     saga_error error = { "" };
+    saga_train_status status;
+    stop s = *stops;
     saga_train *t;
+    int n = 0;
+    result r;
 
     o.checkpoint = f->checkpoint;
     o.progress = stop_there;
-    o.progress_user = s;
+    o.progress_user = &s;
     t = saga_train_new(&f->capture, &o, &error);
-    for (*n_stops = 0;; ++*n_stops) {
-        saga_train_status status;
-
-        if (!t)
-            fail_msg("%s", error.message);
-        status = saga_train_run(t, &error);
+    assert_non_null(t);
+    while ((status = saga_train_run(t, &error)) == SAGA_TRAIN_STOPPED) {
         assert_null(saga_train_complaint(t));
-        if (status == SAGA_TRAIN_OK)
-            return finish(t);
-        assert_int_equal(status, SAGA_TRAIN_STOPPED);
         saga_train_free(t);
-        if (!s->every)
-            s->stage = SAGA_TRAIN_N_STAGES;
-        t = saga_train_resume(&f->capture, &o, &error);
+        n++;
+        if (!s.every)
+            s = stops[n];
+        t = resumed(f, &o);
     }
+    assert_int_equal(status, SAGA_TRAIN_OK);
+    r = finish(t);
+    assert_true(same(&f->whole, &r));
+    free(r.bytes);
+    return n;
 }
 
 static void train_should_resume_to_the_same_file(void **state)
 {
-    static const stop stops[] = {
+    static const stop places[] = {
         { SAGA_TRAIN_WARM, 20, 0, 0 }, { SAGA_TRAIN_WARM, WARM, 0, 0 },
         { SAGA_TRAIN_REGRESS, 1, 0, 0 }, { SAGA_TRAIN_REGRESS, 57, 0, 0 },
         { SAGA_TRAIN_REGRESS, REGRESS, 0, 0 },
         { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
         { SAGA_TRAIN_RENDER, RENDER, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
-        { SAGA_TRAIN_WARM, 0, 17, 0 }
+        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
     };
-    const fixture *const f = *state;
-    const saga_train_options o = small();
-    const result whole = encode(&f->capture, &o);
+    static const stop often = { SAGA_TRAIN_WARM, 0, 17, 0 };
 
-    for (size_t i = 0; i < sizeof stops / sizeof stops[0]; i++) {
-        stop s = stops[i];
-        int n;
-        const result r = interrupted(f, &s, &n);
-
-        if (!same(&whole, &r))
-            fail_msg("stopped in %s at %d, every %d: another file",
-                     saga_train_stage_name(stops[i].stage),
-                     stops[i].iteration, stops[i].every);
-        assert_true(stops[i].every ? n >= 5 : n == 1);
-        free(r.bytes);
-    }
-    free(whole.bytes);
+    assert_int_equal(interrupt(*state, places),
+                     sizeof places / sizeof places[0] - 1);
+    assert_true(interrupt(*state, &often) >= 5);
 }
 
 static bool resume_fails(const fixture *f, const saga_train_options *o,
@@ -650,16 +657,6 @@ static bool resume_fails(const fixture *f, const saga_train_options *o,
         print_error("wanted '%s': '%s'\n", says, error.message);
     saga_train_free(t);
     return ok;
-}
-
-static saga_train *resumed(const fixture *f, const saga_train_options *o)
-{
-    saga_error error = { "" };
-    saga_train *const t = saga_train_resume(&f->capture, o, &error);
-
-    if (!t)
-        fail_msg("%s", error.message);
-    return t;
 }
 
 /* A checkpoint in the rendering. */
