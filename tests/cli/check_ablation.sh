@@ -95,7 +95,7 @@ mkdir "$folder"
     --frames 3 --points 300 --depth-every 0 >"$tmp/out" 2>&1 ||
     complain "synth: $(cat "$tmp/out")"
 ablate() {
-    LAMBDAS='0.01 0.0001' TRAIN='--primitives 150 --iterations 150 --moving' \
+    LAMBDAS='0.09 0.0009' TRAIN='--primitives 150 --iterations 150 --moving' \
         REFIT='--iterations 20' lab/ablation.sh "$saga" "$folder" \
         "$results" 1 "again=$folder/r2/in.saga" >"$tmp/out" 2>&1 ||
         complain "ablation: $(tail -n 3 "$tmp/out")"

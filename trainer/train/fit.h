@@ -8,11 +8,9 @@
  *
  * R is the number of bits of all residuals (coarse centres and features, fine
  * and primitive offsets; rate_loss.h) and 1.5 times that of the networks'
- * weights (fit_weights.c says why), divided by the number of the coarse
- * features' symbols: where features alone cost bits, R is their mean per
- * symbol. lambda below 1e-9 counts as that, so that the entropy networks learn
- * what they are to code. The regression weighs the same bits against its own
- * loss, at a hundred times the price.
+ * weights, per pixel of all training pictures: policy.h turns lambda into what
+ * a bit costs. The regression weighs the same bits against its own loss, at a
+ * hundred times the price.
  *
  * Features and primitives' positions are clean while regressing; then, for the
  * first two thirds of the iterations, they carry uniform noise of one step; in

@@ -3,8 +3,7 @@
 
 #include <math.h>
 
-/* With lambda 0 the entropy networks still learn what they are to code. */
-#define LEAST_LAMBDA 1e-9
+#define LEAST_LAMBDA 1e-7
 
 /* What a bit costs in the regression, whose loss is that much larger than the
  * pictures'. */
@@ -24,22 +23,22 @@ enum { WIDE_PAYS = 20000 };
  * it saves a third of them (docs/lab/memory.md). */
 enum { BANK_PAYS = 40000 };
 
-saga_policy saga_policy_of(double lambda, uint32_t n_primitives,
-                           uint32_t n_coarse, double n_symbols)
+saga_policy saga_policy_of(double lambda, double n_pixels,
+                           uint32_t n_primitives, uint32_t n_coarse)
 {
-    const double price = fmax((double)(float)lambda, LEAST_LAMBDA) / n_symbols;
-    const double share = lambda / n_primitives;
+    const double price = fmax(lambda, LEAST_LAMBDA) / n_pixels;
 
     return (saga_policy){
         .price = { price, REGRESS_PRICE * price, WEIGHT_PRICE * price },
         /* What rounding costs in the pictures grows with the square of the
-         * step, what a bit costs with lambda; a quarter says all that the
-         * lowest rates want to know. */
-        .prim_step = fmin(fmax(6 * sqrt(lambda), 1 / 64.0), 0.25),
+         * step, what it saves with the primitives and the price of their bits;
+         * a quarter says all that the lowest rates want to know. */
+        .prim_step = fmin(fmax(24 * sqrt(price * n_primitives), 1 / 64.0),
+                          0.25),
         /* A coarse anchor for one primitive has less to say. */
         .features = n_coarse < n_primitives ? 24 : 16,
         /* The dearer bits are, the fewer weights are worth theirs. */
-        .width = share < 2e-7 ? 64 : share < 5e-7 ? 48 : 32,
+        .width = price < 1.25e-8 ? 64 : price < 3.125e-8 ? 48 : 32,
         .entropy_width = n_primitives < WIDE_PAYS ? 8 : 16,
         .bank_pays = n_primitives >= BANK_PAYS
     };

@@ -9,8 +9,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* What bits cost in distortion where nobody says otherwise. */
-#define SAGA_DEFAULT_LAMBDA 0.0005
+/* What bits per training pixel cost where nobody says otherwise. */
+#define SAGA_DEFAULT_LAMBDA 0.07
 
 /* What a bit costs in the loss (fit.h). */
 typedef struct saga_prices {
@@ -29,9 +29,12 @@ typedef struct saga_policy {
     bool bank_pays;              /* a memory bank may be worth its networks */
 } saga_policy;
 
-/* lambda >= 0; n_primitives and n_coarse as asked for; n_symbols: values of
- * coarse features. */
-saga_policy saga_policy_of(double lambda, uint32_t n_primitives,
-                           uint32_t n_coarse, double n_symbols);
+/* lambda >= 0 weighs bits per training pixel, of which there are n_pixels > 0:
+ * width times height times frames, over all views that are learned from. It is
+ * the same trade for every scene; below 1e-7 it counts as that for prices, so
+ * that the entropy networks learn what they are to code. n_primitives and
+ * n_coarse are those asked for. */
+saga_policy saga_policy_of(double lambda, double n_pixels,
+                           uint32_t n_primitives, uint32_t n_coarse);
 
 #endif

@@ -149,6 +149,16 @@ static bool keep_psnr(void *user, const saga_flat_progress *p)
     return true;
 }
 
+static double training_pixels(const saga_capture *c)
+{
+    double n = 0;
+
+    for (int i = 0; i < c->n_views; i++)
+        if (!c->views[i].held_out)
+            n += (double)c->views[i].width * c->views[i].height * c->n_frames;
+    return n;
+}
+
 static saga_train *make(const saga_capture *capture,
                         const saga_train_options *options,
                         saga_error *error)
@@ -172,8 +182,8 @@ static saga_train *make(const saga_capture *capture,
     t->o = *options;
     t->ablation = ablation;
     derive(&t->o);
-    t->policy = saga_policy_of(t->o.lambda, t->o.n_primitives, t->o.n_coarse,
-                               1);
+    t->policy = saga_policy_of(t->o.lambda, training_pixels(capture),
+                               t->o.n_primitives, t->o.n_coarse);
     t->explained = (double)NAN;
     if (t->o.checkpoint)
         t->digest = saga_pictures_digest(&t->pictures);
@@ -309,13 +319,8 @@ saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error)
 {
     t->fitting = true;
     if (propose(t, error) == 0) {
-        saga_fit_options o;
+        const saga_fit_options o = fit_options(t);
 
-        t->policy = saga_policy_of(t->o.lambda, t->o.n_primitives,
-                                   t->o.n_coarse,
-                                   (double)t->scene.n.coarse *
-                                   t->scene.model.features);
-        o = fit_options(t);
         t->fit = saga_fit_new(&t->scene, &t->target, &t->pictures, &o);
     }
     /* The first error is kept. */

@@ -66,7 +66,8 @@ typedef struct saga_train_options {
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
     int n_iterations;            /* of all stages together, >= 3; and its */
     int n_warm, n_regress, n_render; /* split, all three or none given */
-    double lambda;               /* bits against distortion, >= 0 */
+    double lambda;               /* bits per training pixel against
+                                  * distortion, >= 0 (policy.h) */
     int level;                   /* 0..3, obeyed */
     uint64_t seed;
     saga_train_motion motion;
