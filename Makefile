@@ -40,8 +40,8 @@ HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
 
 # Parts of the trainer without dependencies: check_vectors may use them and the
 # tests' helpers, so that it can be built for every target with libc and libm.
-PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c encode.c \
-                          vectors.c)
+PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
+                  encode.c vectors.c) $(addprefix trainer/base/,alloc.c error.c)
 
 # The rooms of the trainer, from the ground up, and what each may see.
 ROOMS := base nn input code splat synth rig scene entropy warm train eval cli

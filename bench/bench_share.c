@@ -226,8 +226,8 @@ static void read_segment(file *f)
     uint32_t final_range[3];
 
     saga_segment_io(&io, &seg);
-    saga_scaffold_alloc(&f->sc, &f->header.model, &f->plan.nets, f->params,
-                        seg.n);
+    recorder_scaffold(&f->sc, &f->header.model, &f->plan.nets, f->params,
+                      seg.n);
     f->tape.coder.residual = tape_residual;
     f->tape.coder.adaptive = tape_adaptive;
     f->tape.coder.uniform = tape_uniform;

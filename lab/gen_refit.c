@@ -305,23 +305,19 @@ static void end_symbols(saga_symbols *y)
     free(y->prim_offset);
 }
 
-static const char *write_segment(saga_encoder *e, const ref_file *in,
-                                 const saga_model *m)
+static bool write_segment(saga_encoder *e, const ref_file *in,
+                          saga_error *error)
 {
     const saga_targets t = {
         .value = (const int16_t *const *)in->value
     };
     saga_symbols y = begin_symbols(in);
-    const char *why = "the closed loop refused the scene";
     saga_quantise_report report;
-    const saga_nets *nets;
-    const uint8_t *const params = saga_encoder_params(e, &nets);
-    const int ok = saga_quantise_segment(&y, NULL, &report, m, nets, params,
-                                         &t, NULL) &&
-                   saga_encoder_segment(e, &y, in->segment.n_frames, &why);
+    const bool ok = saga_quantise_segment(&y, &report, e, &t, NULL, error) &&
+                    saga_encoder_segment(e, &y, in->segment.n_frames, error);
 
     end_symbols(&y);
-    return ok ? NULL : why;
+    return ok;
 }
 
 /* The lowest level from the file's on that has such slots. */
@@ -342,22 +338,22 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
     saga_net_symbols entropy, nets;
     saga_encode_sizes sizes;
     saga_encoder *e;
-    const char *why = NULL;
+    saga_error error = { "" };
+    bool ok;
 
     h.model = c->scene.model;
     h.level = level_for(f->in, &h.model);
-    saga_pack_entropy(&entropy, &h.model, c, &f->twin);
+    if (!saga_pack_entropy(&entropy, &h.model, c, &f->twin, &error))
+        return "out of memory";
     for (int net = 0; net < SAGA_N_NETS; net++)
         memcpy(nets.layer[net], saga_is_entropy_net(net) ? entropy.layer[net]
                : f->in->nets.layer[net], sizeof nets.layer[net]);
-    e = saga_encoder_open(&h, f->in->rig, &nets, &why);
-    if (e)
-        why = write_segment(e, f->in, &h.model);
-    if (!why && saga_encoder_finish(e, out, n, &sizes, &why))
-        why = NULL;
+    e = saga_encoder_open(&h, f->in->rig, &nets, &error);
+    ok = e && write_segment(e, f->in, &error) &&
+         saga_encoder_finish(e, out, n, &sizes, &error);
     saga_encoder_free(e);
     saga_net_symbols_free(&entropy);
-    return why;
+    return ok ? NULL : "the file's values cannot be coded again";
 }
 
 static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)

@@ -137,7 +137,7 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
     recorder r;
     int ok;
 
-    saga_scaffold_alloc(&scaffold, sc->model, sc->nets, sc->params, s->n);
+    recorder_scaffold(&scaffold, sc->model, sc->nets, sc->params, s->n);
     ok = recorder_layers(&d.coder, &d.inner, &scaffold, final_range, p, n);
     d.coder.residual = play_residual;
     d.coder.adaptive = play_adaptive;
@@ -158,7 +158,8 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
 static const char *append(saga_encoder *e, const scene *sc,
                           const saga_header *h, const uint8_t *p, size_t n)
 {
-    const char *why = "a segment is not valid";
+    static const char why[] = "a segment is not valid";
+    saga_error error = { "" };
     saga_segment_header seg;
     saga_symbols s;
     uint32_t cap_nodes;
@@ -169,7 +170,7 @@ static const char *append(saga_encoder *e, const scene *sc,
     cap_nodes = recorder_nodes(seg.n.coarse);
     recorder_alloc_symbols(&s, seg.n, h->model.features, cap_nodes);
     ok = change(&s, cap_nodes, sc, p, n) &&
-         saga_encoder_segment(e, &s, seg.n_frames, &why);
+         saga_encoder_segment(e, &s, seg.n_frames, &error);
     recorder_free_symbols(&s);
     return ok ? NULL : why;
 }
@@ -188,16 +189,16 @@ static saga_rig_camera *read_rig(const saga_header *h, const uint8_t *bytes)
 
 /* A new file with the header, rig and networks of the old one. */
 static saga_encoder *begin(const saga_header *h, const uint8_t *bytes,
-                           size_t n, const char **why)
+                           size_t n)
 {
     saga_rig_camera *const rig = read_rig(h, bytes);
     saga_encoder *e = NULL;
     saga_net_symbols nets;
+    saga_error error = { "" };
 
     memset(&nets, 0, sizeof nets);
-    *why = "the networks are not valid";
     if (recorder_read(&nets, NULL, 0, NULL, bytes, n))
-        e = saga_encoder_open(h, rig, &nets, why);
+        e = saga_encoder_open(h, rig, &nets, &error);
     saga_net_symbols_free(&nets);
     free(rig);
     return e;
@@ -208,6 +209,7 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
 {
     scene sc = { .what = what };
     const char *why = NULL;
+    saga_error error = { "" };
     saga_encode_sizes sizes;
     saga_segment seg;
     saga_header h;
@@ -216,20 +218,19 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
 
     if (saga_probe(&info, bytes, n) || saga_head_read(&h, bytes, n))
         return "the header is not valid";
-    e = begin(&h, bytes, n, &why);
+    e = begin(&h, bytes, n);
     if (!e)
-        return why;
+        return "the networks are not valid";
     sc.model = &h.model;
     sc.params = saga_encoder_params(e, &sc.nets);
-    why = NULL;
     for (uint32_t frame = 0; !why && frame < info.n_frames;
          frame += seg.n_frames)
         why = saga_find(&seg, bytes, n, frame, 1) || seg.offset > n ||
               seg.nbytes > n - seg.offset
             ? "the index is not valid"
             : append(e, &sc, &h, bytes + seg.offset, seg.nbytes);
-    if (!why)
-        (void)saga_encoder_finish(e, out, n_out, &sizes, &why);
+    if (!why && !saga_encoder_finish(e, out, n_out, &sizes, &error))
+        why = "a decoder would refuse the file";
     saga_encoder_free(e);
     return why;
 }

@@ -281,12 +281,15 @@ static void rate_should_be_that_of_scales_by_line(void **state)
     for (mode = SAGA_SCALE_ROW; mode < SAGA_N_SCALE_MODES; mode++) {
         const double side = SAGA_QUANTISE_LINE_BITS *
                             (mode == SAGA_SCALE_ROW ? ROWS : COLS);
+        saga_error error = { "" };
         double bits;
 
         begin_layer(&l, mode);
         for (i = 0; i < ROWS * COLS; i++)
             y[i] = (float)l.y[i];
-        bits = saga_quantise_bits(y, ROWS, COLS, 1.0 / 16) - side;
+        assert_true(saga_quantise_bits(&bits, y, ROWS, COLS, 1.0 / 16,
+                                       &error));
+        bits -= side;
         print_message("  %.0f bits, integers %.0f\n", l.w.bits[0], bits);
         assert_true(l.w.bits[0] < bits && bits < 1.012 * l.w.bits[0]);
     }

@@ -75,22 +75,21 @@ static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
 {
     const saga_targets targets = { w->x[0], w->feature, w->x[1], w->x[2],
                                    NULL, NULL };
-    saga_decoded decoded = { NULL, NULL, NULL, w->decoded };
+    saga_decoded decoded = { .feature = w->decoded };
     saga_symbols *const s = &g->segment[0];
-    uint32_t *const order = array(s->n.prim, sizeof *order);
     saga_quantise_report report;
-    const saga_nets *nets;
-    const uint8_t *const params = saga_encoder_params(e, &nets);
+    saga_error error = { "" };
 
     decoded.coarse_x = array(4 * (size_t)s->n.coarse, sizeof(double));
     decoded.fine_x = array(4 * (size_t)s->n.fine, sizeof(double));
     decoded.prim_x = array(4 * (size_t)s->n.prim, sizeof(double));
-    assert_true(saga_quantise_segment(s, order, &report, &g->header.model,
-                                      nets, params, &targets, &decoded));
+    decoded.order = array(s->n.prim, sizeof *decoded.order);
+    assert_true(saga_quantise_segment(s, &report, e, &targets, &decoded,
+                                      &error));
     free(decoded.coarse_x);
     free(decoded.fine_x);
     free(decoded.prim_x);
-    free(order);
+    free(decoded.order);
 }
 
 /* Half a step, and half an LSB that the dequantisation rounds. */
@@ -129,7 +128,7 @@ static void check_loop(uint32_t i)
     saga_net_symbols nets;
     saga_symbols back;
     saga_encode_sizes sizes;
-    const char *why = "";
+    saga_error error = { "" };
     saga_encoder *e;
     uint32_t range[3];
     uint8_t *bytes;
@@ -138,13 +137,13 @@ static void check_loop(uint32_t i)
     size_t n;
 
     gen_stream_make(&g, &o);
-    e = saga_encoder_open(&g.header, g.rig, &g.nets, &why);
+    e = saga_encoder_open(&g.header, g.rig, &g.nets, &error);
     assert_non_null(e);
     make_wanted(&w, &g.segment[0].n, g.header.model.features, &r);
     quantise(&g, e, &w);
     assert_near(&g, &w);
-    assert_true(saga_encoder_segment(e, &g.segment[0], 1, &why));
-    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
+    assert_true(saga_encoder_segment(e, &g.segment[0], 1, &error));
+    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(recorder_read(&nets, &back, 0, range, bytes, n));
     assert_same(&g.segment[0], &back, g.header.model.features);
     saga_net_symbols_free(&nets);

@@ -163,20 +163,20 @@ static saga_encode_sizes encode(const gen_stream *g, uint32_t first,
                                 uint32_t n_segments)
 {
     saga_encode_sizes sizes;
-    const char *why = "";
+    saga_error error = { "" };
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
-                                              &why);
+                                              &error);
     uint8_t *bytes;
     size_t n;
     uint32_t i;
 
     if (!e)
-        fail_msg("%s", why);
+        fail_msg("%s", error.message);
     for (i = first; i < first + n_segments; i++)
-        if (!saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &why))
-            fail_msg("%s", why);
-    if (!saga_encoder_finish(e, &bytes, &n, &sizes, &why))
-        fail_msg("%s", why);
+        if (!saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &error))
+            fail_msg("%s", error.message);
+    if (!saga_encoder_finish(e, &bytes, &n, &sizes, &error))
+        fail_msg("%s", error.message);
     free(bytes);
     saga_encoder_free(e);
     return sizes;

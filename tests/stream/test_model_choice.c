@@ -72,7 +72,7 @@ typedef struct {
 static void begin(world *w, const gen_options *o)
 {
     uint32_t range[3];
-    const char *why = "";
+    saga_error error = { "" };
     saga_encode_sizes sizes;
     const saga_nets *nets;
     const uint8_t *params;
@@ -83,15 +83,15 @@ static void begin(world *w, const gen_options *o)
 
     memset(w, 0, sizeof *w);
     gen_stream_make(&w->g, o);
-    w->encoder = saga_encoder_open(&w->g.header, w->g.rig, &w->g.nets, &why);
+    w->encoder = saga_encoder_open(&w->g.header, w->g.rig, &w->g.nets, &error);
     assert_non_null(w->encoder);
     params = saga_encoder_params(w->encoder, &nets);
     assert_true(saga_encoder_segment(w->encoder, &w->g.segment[0],
-                                     w->g.n_frames[0], &why));
-    assert_true(saga_encoder_finish(w->encoder, &bytes, &n, &sizes, &why));
+                                     w->g.n_frames[0], &error));
+    assert_true(saga_encoder_finish(w->encoder, &bytes, &n, &sizes, &error));
     assert_int_equal(saga_find(&seg, bytes, n, 0, 1), SAGA_OK);
-    saga_scaffold_alloc(&w->sc, &w->g.header.model, nets, params,
-                        w->g.segment[0].n);
+    recorder_scaffold(&w->sc, &w->g.header.model, nets, params,
+                      w->g.segment[0].n);
     w->l.coder.adaptive = listen;
     w->l.coder.residual = pass_on;
     assert_true(recorder_layers(&w->l.coder, &w->l.inner, &w->sc, range,

@@ -78,10 +78,17 @@ static void check_row(const saga_nets *nets, const uint8_t *block, int net,
                      (double)bias[row]) < 1e-12);
 }
 
+static void quantise(saga_layer_symbols *s, const layer *l)
+{
+    saga_error error = { "" };
+
+    assert_true(saga_quantise_layer(s, &l->v, &error));
+}
+
 static void replace(saga_layer_symbols *s, const layer *l)
 {
     saga_layer_symbols_free(s);
-    saga_quantise_layer(s, &l->v);
+    quantise(s, l);
 }
 
 static void check_model(uint64_t seed, double octaves)
@@ -92,7 +99,7 @@ static void check_model(uint64_t seed, double octaves)
     static float bias[SAGA_MAX_VECTOR];
     const saga_nets *nets;
     const uint8_t *block;
-    const char *why = "";
+    saga_error error = { "" };
     saga_encoder *e;
     uint64_t r = seed;
     gen_stream g;
@@ -109,9 +116,9 @@ static void check_model(uint64_t seed, double octaves)
             replace(&g.nets.layer[net][i], &l[net][i]);
         }
     }
-    e = saga_encoder_open(&g.header, g.rig, &g.nets, &why);
+    e = saga_encoder_open(&g.header, g.rig, &g.nets, &error);
     if (!e)
-        fail_msg("seed %d: %s", (int)seed, why);
+        fail_msg("seed %d: %s", (int)seed, error.message);
     block = saga_encoder_params(e, &nets);
     for (net = 0; net < SAGA_N_NETS; net++) {
         saga_model_net(&s, &g.header.model, net);
@@ -146,7 +153,7 @@ static void check_rounding(const layer *l, double part, double slack)
     saga_layer_symbols s;
     uint32_t i;
 
-    saga_quantise_layer(&s, &l->v);
+    quantise(&s, l);
     saga_dequantise_layer(weight, bias, &s, &l->v);
     for (i = 0; i < 64 * 32; i++)
         assert_true(fabs((double)weight[i] - (double)l->weight[i]) <=
@@ -210,7 +217,7 @@ static void quantiser_should_keep_what_is_rounded_already(void **state)
     l.v.step = 0.037f;
     for (i = 0; i < 64 * 32; i++)
         l.weight[i] = 0.037f * (float)(int)(l.weight[i] / 0.037f);
-    saga_quantise_layer(&s, &l.v);
+    quantise(&s, &l);
     saga_dequantise_layer(weight, bias, &s, &l.v);
     for (i = 0; i < 64 * 32; i++) {
         assert_int_equal(s.weight[i], lround((double)l.weight[i] / 0.037));
@@ -229,8 +236,9 @@ static void quantiser_should_keep_what_is_rounded_already(void **state)
 static void check_scales(int mode)
 {
     static layer l;
+    saga_error error = { "" };
     saga_layer_symbols s;
-    double bits = 0;
+    double bits = 0, least;
     uint64_t r = 9;
     uint32_t row, k;
 
@@ -244,7 +252,7 @@ static void check_scales(int mode)
             l.weight[row * 64 + k] = (float)(20 * 0x1p-8 *
                 exp2(-0.5 * line) * real_in(&r, -1, 1));
         }
-    saga_quantise_layer(&s, &l.v);
+    quantise(&s, &l);
     assert_int_equal(s.scale_mode, mode);
     for (row = 0; row < 32; row++)
         for (k = 0; k < 64; k++) {
@@ -256,8 +264,8 @@ static void check_scales(int mode)
             bits += saga_cost_residual(s.weight[row * 64 + k], scale);
         }
     bits += SAGA_QUANTISE_LINE_BITS * saga_scale_lines(s.scale_mode, 64, 32);
-    assert_true(fabs(bits - saga_quantise_bits(l.weight, 32, 64, 0x1p-8)) <
-                1e-6 * bits);
+    assert_true(saga_quantise_bits(&least, l.weight, 32, 64, 0x1p-8, &error));
+    assert_true(fabs(bits - least) < 1e-6 * bits);
     saga_layer_symbols_free(&s);
 }
 

@@ -117,20 +117,16 @@ static int tear_down(void **state)
 static void encode_again(uint8_t **bytes, size_t *n, const ref_file *f)
 {
     const saga_targets t = { .value = (const int16_t *const *)f->value };
-    const saga_nets *nets;
-    const uint8_t *params;
     saga_encode_sizes sizes;
     saga_quantise_report report;
-    const char *why;
+    saga_error error = { "" };
     saga_symbols y = f->s;
-    saga_encoder *const e = saga_encoder_open(&f->h, f->rig, &f->nets, &why);
+    saga_encoder *const e = saga_encoder_open(&f->h, f->rig, &f->nets, &error);
 
     assert_non_null(e);
-    params = saga_encoder_params(e, &nets);
-    assert_true(saga_quantise_segment(&y, NULL, &report, &f->h.model, nets,
-                                      params, &t, NULL));
-    assert_true(saga_encoder_segment(e, &y, f->segment.n_frames, &why));
-    assert_true(saga_encoder_finish(e, bytes, n, &sizes, &why));
+    assert_true(saga_quantise_segment(&y, &report, e, &t, NULL, &error));
+    assert_true(saga_encoder_segment(e, &y, f->segment.n_frames, &error));
+    assert_true(saga_encoder_finish(e, bytes, n, &sizes, &error));
     for (int i = 0; i < SAGA_N_SYMS; i++)
         assert_true(fabs(sizes.bits[i] - f->bits[i]) < 1e-6);
     saga_encoder_free(e);

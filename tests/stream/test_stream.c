@@ -607,9 +607,9 @@ static void make_rich(gen_stream *g)
 
 static saga_encoder *open_encoder(const gen_stream *g)
 {
-    const char *why = NULL;
+    saga_error error = { "" };
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
-                                              &why);
+                                              &error);
 
     assert_non_null(e);
     return e;
@@ -619,7 +619,7 @@ static saga_encoder *open_encoder(const gen_stream *g)
  * same file as alone. */
 static void assert_refused(spoil f, const char *what)
 {
-    const char *why = NULL;
+    saga_error error = { "" };
     saga_encode_sizes sizes, alone_sizes;
     gen_stream bad, good;
     saga_encoder *e;
@@ -630,15 +630,16 @@ static void assert_refused(spoil f, const char *what)
     make_rich(&bad);
     f(&bad);
     e = open_encoder(&good);
-    if (saga_encoder_segment(e, &bad.segment[0], bad.n_frames[0], &why))
+    if (saga_encoder_segment(e, &bad.segment[0], bad.n_frames[0], &error))
         fail_msg("%s: not refused", what);
-    assert_non_null(why);
-    assert_true(saga_encoder_segment(e, &good.segment[0], 7, &why));
-    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
+    assert_true(saga_failed(&error));
+    error.message[0] = '\0';
+    assert_true(saga_encoder_segment(e, &good.segment[0], 7, &error));
+    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     saga_encoder_free(e);
     e = open_encoder(&good);
-    assert_true(saga_encoder_segment(e, &good.segment[0], 7, &why));
-    assert_true(saga_encoder_finish(e, &alone, &n_alone, &alone_sizes, &why));
+    assert_true(saga_encoder_segment(e, &good.segment[0], 7, &error));
+    assert_true(saga_encoder_finish(e, &alone, &n_alone, &alone_sizes, &error));
     saga_encoder_free(e);
     assert_int_equal(n, n_alone);
     assert_memory_equal(bytes, alone, n);
@@ -781,16 +782,16 @@ static void net_weight_large(gen_stream *g)
 
 static void assert_nets_refused(spoil f, const char *what)
 {
-    const char *why = NULL;
+    saga_error error = { "" };
     saga_encoder *e;
     gen_stream g;
 
     make_rich(&g);
     f(&g);
-    e = saga_encoder_open(&g.header, g.rig, &g.nets, &why);
+    e = saga_encoder_open(&g.header, g.rig, &g.nets, &error);
     if (e)
         fail_msg("%s: not refused", what);
-    assert_non_null(why);
+    assert_true(saga_failed(&error));
     gen_stream_free(&g);
 }
 
@@ -826,7 +827,7 @@ static void encoder_should_refuse_a_step_of_zero(void **state)
 
 static void encoder_should_refuse_a_file_without_segments(void **state)
 {
-    const char *why = NULL;
+    saga_error error = { "" };
     saga_encode_sizes sizes;
     saga_encoder *e;
     gen_stream g;
@@ -836,8 +837,8 @@ static void encoder_should_refuse_a_file_without_segments(void **state)
     (void)state;
     make_rich(&g);
     e = open_encoder(&g);
-    assert_false(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
-    assert_non_null(why);
+    assert_false(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
+    assert_true(saga_failed(&error));
     saga_encoder_free(e);
     gen_stream_free(&g);
 }

@@ -75,7 +75,7 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     r.cap_nodes = recorder_nodes(d->s.n.coarse);
     r.features = g->header.model.features;
     recorder_alloc_symbols(&d->s, d->s.n, r.features, r.cap_nodes);
-    saga_scaffold_alloc(&d->sc, &g->header.model, nets, params, d->s.n);
+    recorder_scaffold(&d->sc, &g->header.model, nets, params, d->s.n);
     assert_true(recorder_layers(&r.coder, &r.inner, &d->sc, final_range,
                                 bytes + seg.offset + layers,
                                 seg.nbytes - layers));
@@ -176,9 +176,9 @@ static void check_zeroed(const decoded *a, const decoded *z,
 static void compare_files(const gen_stream *g, const uint8_t *bytes, size_t n,
                           const uint8_t *out, size_t n_out)
 {
-    const char *why = NULL;
+    saga_error error = { "" };
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
-                                              &why);
+                                              &error);
     const saga_nets *nets;
     const uint8_t *params;
     uint32_t i, frame = 0;

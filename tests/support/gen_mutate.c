@@ -7,6 +7,7 @@
 #include "head.h"
 #include "plan.h"
 #include "range_dec.h"
+#include "ref_recorder.h"
 #include "syntax.h"
 
 #include <stdio.h>
@@ -246,7 +247,7 @@ static int head_open(head *h, const uint8_t *header, size_t n,
 
 static void scaffold_open(saga_scaffold *sc, const head *h, saga_counts n)
 {
-    saga_scaffold_alloc(sc, &h->header.model, &h->plan.nets, h->params, n);
+    recorder_scaffold(sc, &h->header.model, &h->plan.nets, h->params, n);
     saga_syntax_begin(sc);
 }
 

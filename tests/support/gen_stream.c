@@ -599,18 +599,18 @@ void gen_stream_free(gen_stream *g)
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
 {
     saga_encode_sizes sizes;
-    const char *why = "";
+    saga_error error = { "" };
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
-                                              &why);
+                                              &error);
     uint32_t i;
     int ok = e != NULL;
 
     for (i = 0; ok && i < g->n_segments; i++)
-        ok = saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &why);
-    ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &why);
+        ok = saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &error);
+    ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &error);
     saga_encoder_free(e);
     if (!ok) {
-        fprintf(stderr, "gen_stream: %s\n", why);
+        fprintf(stderr, "gen_stream: %s\n", error.message);
         exit(2);
     }
 }

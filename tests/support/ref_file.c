@@ -113,8 +113,8 @@ static int read_layers(ref_file *f, ref_span at)
         f->value[i] = must(calloc((size_t)ref_file_rows(f, i) *
                                   ref_file_channels(f, i) + 1,
                                   sizeof *f->value[i]));
-    saga_scaffold_alloc(&f->sc, &f->h.model, &f->shapes, f->params,
-                        f->segment.n);
+    recorder_scaffold(&f->sc, &f->h.model, &f->shapes, f->params,
+                      f->segment.n);
     saga_cost_init(&cost, NULL);
     recorder_init(&r, &cost.coder);
     r.watch = keep_values;

@@ -237,6 +237,18 @@ uint32_t recorder_nodes(uint32_t n_coarse)
     return (SAGA_MAX_DEPTH_X + SAGA_MAX_DEPTH_T + 1) * n_coarse;
 }
 
+void recorder_scaffold(saga_scaffold *sc, const saga_model *model,
+                       const saga_nets *nets, const uint8_t *params,
+                       saga_counts n)
+{
+    saga_error error = { "" };
+
+    if (!saga_scaffold_alloc(sc, model, nets, params, n, &error)) {
+        fprintf(stderr, "recorder: %s\n", error.message);
+        exit(2);
+    }
+}
+
 int recorder_layers(saga_coder *front, saga_coder **inner,
                     const saga_scaffold *sc, uint32_t final_range[3],
                     const uint8_t *p, size_t n)
@@ -284,7 +296,7 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     r.cap_nodes = recorder_nodes(seg.n.coarse);
     r.features = h->model.features;
     recorder_alloc_symbols(s, seg.n, h->model.features, r.cap_nodes);
-    saga_scaffold_alloc(&sc, &h->model, nets, params, seg.n);
+    recorder_scaffold(&sc, &h->model, nets, params, seg.n);
     r.watch = like->watch;
     r.user = like->user;
     r.sc = &sc;

@@ -56,6 +56,11 @@ int recorder_segment(saga_segment_header *seg, const saga_header *h,
  * child, and lies at most 24 deep. */
 uint32_t recorder_nodes(uint32_t n_coarse);
 
+/* saga_scaffold_alloc; exits without memory. */
+void recorder_scaffold(saga_scaffold *sc, const saga_model *model,
+                       const saga_nets *nets, const uint8_t *params,
+                       saga_counts n);
+
 /* Decodes the chunks of a segment's three layers, p[0..n) from COAR on: fills
  * sc. The traversal asks `front`, a coder of the caller's, which asks *inner:
  * before each layer, that is set to its range decoder. Returns 1, or 0 if

@@ -339,7 +339,7 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     saga_symbols read;
     saga_encode_sizes sizes;
     saga_encoder *e;
-    const char *why = "";
+    saga_error error = { "" };
     uint32_t final_range[3];
     uint8_t *bytes;
     size_t n;
@@ -356,10 +356,10 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     for (net = 0; net < SAGA_N_NETS; net++)
         for (i = 0; i < shapes.shape[net].n_layers; i++)
             nets.layer[net][i].step_q16 = 1;
-    e = saga_encoder_open(&h, NULL, &nets, &why);
+    e = saga_encoder_open(&h, NULL, &nets, &error);
     assert_non_null(e);
-    assert_true(saga_encoder_segment(e, symbols, 1, &why));
-    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &why));
+    assert_true(saga_encoder_segment(e, symbols, 1, &error));
+    assert_true(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
     assert_true(recorder_read(&nets_read, &read, 0, final_range, bytes, n));
     check_symbols(symbols, &read);
     saga_encoder_free(e);

@@ -19,6 +19,7 @@
 #include "head.h"
 #include "plan.h"
 #include "range_dec.h"
+#include "ref_recorder.h"
 #include "syntax.h"
 
 #include <inttypes.h>
@@ -135,7 +136,7 @@ static void watch(watched *w, const gen_options *o)
     gen_stream_encode(&w->g, &w->bytes, &w->n);
     open_stream(w);
     n = w->g.segment[0].n;
-    saga_scaffold_alloc(&w->sc, &w->h.model, &w->plan.nets, w->params, n);
+    recorder_scaffold(&w->sc, &w->h.model, &w->plan.nets, w->params, n);
     w->spy.coder.residual = residual;
     w->spy.coder.adaptive = adaptive;
     w->spy.coarse = must(calloc(n.coarse + 1, sizeof(seen)));

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 #include "encode.h"
 
+#include "alloc.h"
 #include "crc32c.h"
 #include "fx.h"
+#include "look_up.h"
 #include "range_enc.h"
 #include "saga.h"
 #include "scaffold.h"
@@ -30,62 +32,27 @@ static const saga_layer_symbols *layer_of(const source *e, saga_at at)
 
 static const int32_t *residuals_of(const source *e, saga_at at)
 {
-    switch (at.sym) {
-    case SAGA_SYM_CENTRE:
-        return e->s->centre + 4 * (size_t)at.index;
-    case SAGA_SYM_FEATURE:
-        return e->s->feature + e->features * (size_t)at.index;
-    case SAGA_SYM_FINE_OFFSET:
-        return e->s->fine_offset + 4 * (size_t)at.index;
-    case SAGA_SYM_PRIM_OFFSET:
-        return e->s->prim_offset + 4 * (size_t)at.index;
-    case SAGA_SYM_NET_BIAS:
+    if (at.sym == SAGA_SYM_NET_BIAS)
         return layer_of(e, at)->bias + at.row;
-    default:
+    if (at.sym == SAGA_SYM_NET_WEIGHT)
         return layer_of(e, at)->weight +
                (size_t)at.row * e->shapes->shape[at.index].dim[at.bit] +
                at.column;
-    }
-}
-
-/* Members of a run of n suffixes whose bit is 0; they must come first, since
- * suffixes ascend: otherwise n + 1, which no model has. */
-static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
-{
-    uint32_t low = 0, i;
-
-    while (low < n && !(suffix[low] >> bit & 1u))
-        low++;
-    for (i = low; i < n; i++)
-        if (!(suffix[i] >> bit & 1u))
-            return n + 1;
-    return low;
+    return saga_look_up_block(e->s, at, e->features);
 }
 
 static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
 {
-    const saga_symbols *const s = e->s;
-
     switch (at.sym) {
-    case SAGA_SYM_SPLIT:
-        return at.index < s->n_nodes ? s->split[at.index] : n_sym;
-    case SAGA_SYM_OCCUPANCY:
-        return (uint32_t)s->occupancy[at.index] >> at.bit & 1u;
-    case SAGA_SYM_N_FINE:
-        return s->n_fine[at.index];
-    case SAGA_SYM_N_PRIM:
-        return s->n_prim[at.index];
-    case SAGA_SYM_FINE_SUFFIX:
-        return count_low(s->fine_suffix + at.index, n_sym - 1, at.bit);
-    case SAGA_SYM_PRIM_SUFFIX:
-        return count_low(s->prim_suffix + at.index, n_sym - 1, at.bit);
     case SAGA_SYM_NET_SCALE_MODE:
         return layer_of(e, at)->scale_mode;
     case SAGA_SYM_NET_DROP:
         return layer_of(e, at)->drop[at.row];
-    default:
+    case SAGA_SYM_NET_ROW_SHIFT:
         return at.column ? layer_of(e, at)->shift[at.row] & 7u
                          : layer_of(e, at)->shift[at.row] >> 3;
+    default:
+        return saga_look_up(e->s, at, n_sym);
     }
 }
 
@@ -187,20 +154,22 @@ struct saga_encoder {
     saga_encode_sizes sizes;
 };
 
-/* The trainer cannot go on without memory; nothing is half-written then. */
-static void *must(void *p)
-{
-    if (!p)
-        abort();
-    return p;
-}
+static const char out_of_what[] = "the file to be written";
+static const char remedy[] = "try another --seed, and report it";
 
-static uint8_t *reserve(buffer *b, size_t n)
+/* Room for n more bytes behind those that are there; NULL: no memory. */
+static uint8_t *reserve(buffer *b, size_t n, saga_error *error)
 {
-    if (b->cap - b->n < n) {
-        b->cap = b->n + n + b->cap / 2;
-        b->p = must(realloc(b->p, b->cap));
-    }
+    const size_t cap = b->n + n + b->cap / 2;
+    uint8_t *p;
+
+    if (b->cap - b->n >= n)
+        return b->p + b->n;
+    p = saga_realloc(b->p, cap, 1, out_of_what, error);
+    if (!p)
+        return NULL;
+    b->p = p;
+    b->cap = cap;
     return b->p + b->n;
 }
 
@@ -252,55 +221,68 @@ static size_t networks_bound(const saga_nets *nets)
     return n;
 }
 
-static int encode_networks(saga_encoder *e, const saga_net_symbols *nets)
+static bool encode_networks(saga_encoder *e, const saga_net_symbols *nets,
+                            saga_error *error)
 {
     const size_t bound = networks_bound(&e->nets);
-    uint8_t *const p = reserve(&e->networks, SAGA_CHUNK_NBYTES + bound);
+    uint8_t *const p = reserve(&e->networks, SAGA_CHUNK_NBYTES + bound, error);
     source src;
     saga_cost cost;
-    size_t n;
+    size_t n = 0;
 
+    if (!p)
+        return false;
     source_init(&src, e);
     src.nets = nets;
     saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
-    if (!saga_syntax_networks(&e->nets, e->params, &cost.coder))
-        return 0;
-    n = saga_range_enc_finish(&src.range);
+    if (saga_syntax_networks(&e->nets, e->params, &cost.coder))
+        n = saga_range_enc_finish(&src.range);
     if (n == 0)
-        return 0;
+        return saga_fail(error, NULL, remedy,
+                         "the networks' symbols are not valid");
     end_chunk(&e->networks, SAGA_CHUNK_NETS, n);
     e->header.nets_nbytes = (uint32_t)n;
     e->sizes.networks = n;
     add_bits(e, &cost);
-    return 1;
+    return true;
+}
+
+/* Copies of what the encoder keeps; room for the networks. */
+static bool begin(saga_encoder *e, const saga_header *header,
+                  const saga_rig_camera *rig, saga_error *error)
+{
+    e->header = *header;
+    e->header.n_segments = 0;
+    e->header.n_frames = 0;
+    memset(&e->header.max, 0, sizeof e->header.max);
+    saga_nets_layout(&e->nets, &header->model);
+    e->rig = saga_alloc(header->n_cameras, sizeof *rig, out_of_what, error);
+    e->params = saga_aligned_alloc(16, e->nets.nbytes, out_of_what, error);
+    if (!e->rig || !e->params)
+        return false;
+    if (header->n_cameras)
+        memcpy(e->rig, rig, header->n_cameras * sizeof *rig);
+    return true;
 }
 
 saga_encoder *saga_encoder_open(const saga_header *header,
                                 const saga_rig_camera *rig,
                                 const saga_net_symbols *nets,
-                                const char **why)
+                                saga_error *error)
 {
-    const size_t rig_nbytes = header->n_cameras * sizeof *rig;
     saga_encoder *e;
 
     if (!saga_model_is_valid(&header->model) ||
         header->n_cameras > SAGA_MAX_CAMERAS) {
-        *why = "a field of the header is out of its range";
+        saga_fail(error, NULL, remedy,
+                  "a field of the header is out of its range");
         return NULL;
     }
-    e = must(calloc(1, sizeof *e));
-    e->header = *header;
-    e->rig = must(malloc(rig_nbytes + 1));
-    if (rig_nbytes)
-        memcpy(e->rig, rig, rig_nbytes);
-    saga_nets_layout(&e->nets, &header->model);
-    e->params = must(aligned_alloc(16, e->nets.nbytes + 16));
-    e->header.n_segments = 0;
-    e->header.n_frames = 0;
-    memset(&e->header.max, 0, sizeof e->header.max);
-    if (!encode_networks(e, nets)) {
-        *why = "the networks' symbols are not valid";
+    e = saga_calloc(1, sizeof *e, out_of_what, error);
+    if (!e)
+        return NULL;
+    if (!begin(e, header, rig, error) || !encode_networks(e, nets, error)) {
         saga_encoder_free(e);
         return NULL;
     }
@@ -314,26 +296,35 @@ const uint8_t *saga_encoder_params(const saga_encoder *e,
     return e->params;
 }
 
-void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
+bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          const saga_nets *nets, const uint8_t *params,
-                         saga_counts n)
+                         saga_counts n, saga_error *error)
 {
-    const size_t f = model->features;
+    static const char what[] = "the anchors of a segment";
+    const size_t feature = model->features * sizeof(int16_t);
+    uint8_t *memory;
 
+    memset(sc, 0, sizeof *sc);
     sc->model = model;
     sc->net.nets = nets;
     sc->net.params = params;
     sc->n = n;
-    sc->coarse = must(calloc(n.coarse + 1u, sizeof *sc->coarse));
-    sc->coarse_feature = must(calloc(n.coarse + 1u, f * sizeof(int16_t)));
-    sc->fine = must(calloc(n.fine + 1u, sizeof *sc->fine));
-    sc->fine_feature = must(calloc(n.fine + 1u, f * sizeof(int16_t)));
-    sc->prim_offset = must(calloc(n.prim + 1u, sizeof *sc->prim_offset));
-    sc->models = must(calloc(1, sizeof *sc->models));
-    sc->net.v = must(calloc(1, sizeof *sc->net.v));
+    sc->coarse = saga_calloc(n.coarse, sizeof *sc->coarse, what, error);
+    sc->coarse_feature = saga_calloc(n.coarse, feature, what, error);
+    sc->fine = saga_calloc(n.fine, sizeof *sc->fine, what, error);
+    sc->fine_feature = saga_calloc(n.fine, feature, what, error);
+    sc->prim_offset = saga_calloc(n.prim, sizeof *sc->prim_offset, what,
+                                  error);
+    sc->models = saga_calloc(1, sizeof *sc->models, what, error);
+    sc->net.v = saga_calloc(1, sizeof *sc->net.v, what, error);
     saga_memory_size(&sc->memory, model);
-    saga_memory_place(&sc->memory, must(aligned_alloc(
-        16, saga_memory_place(&sc->memory, NULL))));
+    memory = saga_aligned_alloc(16, saga_memory_place(&sc->memory, NULL),
+                                what, error);
+    saga_memory_place(&sc->memory, memory);
+    if (!saga_failed(error))
+        return true;
+    saga_scaffold_free(sc);
+    return false;
 }
 
 void saga_scaffold_free(saga_scaffold *sc)
@@ -346,6 +337,13 @@ void saga_scaffold_free(saga_scaffold *sc)
     free(sc->models);
     free(sc->net.v);
     free(sc->memory.slot);
+}
+
+bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
+                           saga_counts n, saga_error *error)
+{
+    return saga_scaffold_alloc(sc, &e->header.model, &e->nets, e->params, n,
+                               error);
 }
 
 static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
@@ -366,102 +364,121 @@ static size_t layer_bound(const saga_encoder *e, const saga_symbols *s,
            2 * (size_t)s->n.coarse;
 }
 
-static int encode_layer(saga_encoder *e, const saga_scaffold *sc,
-                        const saga_symbols *s, int layer)
+static bool encode_layer(saga_encoder *e, const saga_scaffold *sc,
+                         const saga_symbols *s, int layer, saga_error *error)
 {
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
     };
     const size_t bound = layer_bound(e, s, layer);
-    uint8_t *const p = reserve(&e->segments, SAGA_CHUNK_NBYTES + bound);
+    uint8_t *const p = reserve(&e->segments, SAGA_CHUNK_NBYTES + bound, error);
     size_t *const size = layer == 0 ? &e->sizes.coarse
                        : layer == 1 ? &e->sizes.fine : &e->sizes.prim;
     source src;
     saga_cost cost;
-    size_t n;
+    size_t n = 0;
 
+    if (!p)
+        return false;
     source_init(&src, e);
     src.s = s;
     saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
-    if (!code_layer(sc, layer, &cost.coder) || cost.coder.error ||
-        (layer == 0 && src.n_nodes != s->n_nodes))
-        return 0;
-    n = saga_range_enc_finish(&src.range);
+    if (code_layer(sc, layer, &cost.coder) && !cost.coder.error &&
+        (layer > 0 || src.n_nodes == s->n_nodes))
+        n = saga_range_enc_finish(&src.range);
     if (n == 0)
-        return 0;
+        return saga_fail(error, NULL, remedy,
+                         "the symbols do not make a valid segment");
     end_chunk(&e->segments, type[layer], n);
     *size += n;
     add_bits(e, &cost);
-    return 1;
+    return true;
 }
 
-static void begin_segment(saga_encoder *e, const saga_symbols *s,
-                          uint32_t n_frames)
+static bool begin_segment(saga_encoder *e, const saga_symbols *s,
+                          uint32_t n_frames, saga_error *error)
 {
     saga_segment_header seg = { e->header.n_segments, e->header.n_frames,
                                 n_frames, s->n };
-    saga_io io = { NULL, reserve(&e->segments, SAGA_CHUNK_NBYTES +
-                                 SAGA_SEGMENT_NBYTES) + SAGA_CHUNK_NBYTES, 0 };
+    uint8_t *const p = reserve(&e->segments, SAGA_CHUNK_NBYTES +
+                               SAGA_SEGMENT_NBYTES, error);
+    saga_io io = { NULL, p, SAGA_CHUNK_NBYTES };
 
+    if (!p)
+        return false;
     saga_segment_io(&io, &seg);
     end_chunk(&e->segments, SAGA_CHUNK_SEGMENT, SAGA_SEGMENT_NBYTES);
+    return true;
 }
 
 /* The header's maxima and the index, once a segment is whole. */
-static void end_segment(saga_encoder *e, const saga_symbols *s,
-                        uint32_t n_frames, size_t begin)
+static bool end_segment(saga_encoder *e, const saga_symbols *s,
+                        uint32_t n_frames, size_t begin, saga_error *error)
 {
     saga_header *const h = &e->header;
-    saga_index_entry entry = { begin, (uint32_t)(e->segments.n - begin),
-                               n_frames };
+    saga_index_entry *const index = saga_realloc(
+        e->index, h->n_segments + 1u, sizeof *index, out_of_what, error);
 
-    e->index = must(realloc(e->index,
-                            (h->n_segments + 1u) * sizeof *e->index));
-    e->index[h->n_segments++] = entry;
+    if (!index)
+        return false;
+    e->index = index;
+    index[h->n_segments++] = (saga_index_entry){
+        begin, (uint32_t)(e->segments.n - begin), n_frames
+    };
     h->n_frames += n_frames;
     h->max.coarse = s->n.coarse > h->max.coarse ? s->n.coarse : h->max.coarse;
     h->max.fine = s->n.fine > h->max.fine ? s->n.fine : h->max.fine;
     h->max.prim = s->n.prim > h->max.prim ? s->n.prim : h->max.prim;
+    return true;
 }
 
-int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
-                         uint32_t n_frames, const char **why)
+static bool encode_layers(saga_encoder *e, const saga_symbols *s,
+                          saga_error *error)
+{
+    saga_scaffold sc;
+    bool ok = saga_encoder_scaffold(&sc, e, s->n, error);
+    int layer;
+
+    if (!ok)
+        return false;
+    saga_syntax_begin(&sc);
+    for (layer = 0; layer < 3 && ok; layer++)
+        ok = encode_layer(e, &sc, s, layer, error);
+    saga_scaffold_free(&sc);
+    return ok;
+}
+
+bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
+                          uint32_t n_frames, saga_error *error)
 {
     const size_t begin = e->segments.n;
     const saga_encode_sizes sizes = e->sizes;
-    saga_scaffold sc;
-    int layer, ok = 1;
 
-    if (n_frames == 0 || !symbols_are_clean(s, &e->header.model)) {
-        *why = n_frames ? "a symbol has bits that are not coded"
-                        : "a segment needs at least one frame";
-        return 0;
-    }
-    begin_segment(e, s, n_frames);
-    saga_scaffold_alloc(&sc, &e->header.model, &e->nets, e->params, s->n);
-    saga_syntax_begin(&sc);
-    for (layer = 0; layer < 3 && ok; layer++)
-        ok = encode_layer(e, &sc, s, layer);
-    saga_scaffold_free(&sc);
-    if (!ok) {
-        e->segments.n = begin;
-        e->sizes = sizes;
-        *why = "the symbols do not make a valid segment";
-        return 0;
-    }
-    end_segment(e, s, n_frames, begin);
-    return 1;
+    if (n_frames == 0)
+        return saga_fail(error, NULL, remedy,
+                         "a segment needs at least one frame");
+    if (!symbols_are_clean(s, &e->header.model))
+        return saga_fail(error, NULL, remedy,
+                         "a symbol has bits that are not coded");
+    if (begin_segment(e, s, n_frames, error) && encode_layers(e, s, error) &&
+        end_segment(e, s, n_frames, begin, error))
+        return true;
+    e->segments.n = begin;
+    e->sizes = sizes;
+    return false;
 }
 
-static void write_header(saga_encoder *e, buffer *out)
+static bool write_header(saga_encoder *e, buffer *out, saga_error *error)
 {
     saga_header *const h = &e->header;
     saga_io io = { NULL, NULL, SAGA_MAGIC_NBYTES };
     uint32_t i;
 
     h->header_nbytes = saga_rig_end(h) + 4;
-    io.out = reserve(out, h->header_nbytes);
+    io.out = reserve(out, h->header_nbytes, error);
+    if (!io.out)
+        return false;
     memcpy(io.out, saga_magic, SAGA_MAGIC_NBYTES);
     saga_header_io(&io, h);
     saga_memory_io(&io, &h->model);
@@ -469,17 +486,20 @@ static void write_header(saga_encoder *e, buffer *out)
         saga_camera_io(&io, &e->rig[i]);
     fx_store32_le(io.out + io.at, saga_crc32c(0, io.out, io.at));
     out->n += h->header_nbytes;
+    return true;
 }
 
-static void write_index(saga_encoder *e, buffer *out)
+static bool write_index(saga_encoder *e, buffer *out, saga_error *error)
 {
     const uint32_t nbytes = e->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
     const size_t first = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
                          e->header.nets_nbytes;
-    saga_io io = { NULL, reserve(out, SAGA_CHUNK_NBYTES + nbytes) +
-                   SAGA_CHUNK_NBYTES, 0 };
+    saga_io io = { NULL, reserve(out, SAGA_CHUNK_NBYTES + nbytes, error),
+                   SAGA_CHUNK_NBYTES };
     uint32_t i;
 
+    if (!io.out)
+        return false;
     for (i = 0; i < e->header.n_segments; i++) {
         saga_index_entry entry = e->index[i];
 
@@ -488,37 +508,51 @@ static void write_index(saga_encoder *e, buffer *out)
     }
     end_chunk(out, SAGA_CHUNK_INDEX, nbytes);
     e->sizes.index = nbytes;
+    return true;
 }
 
-int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
-                        saga_encode_sizes *sizes, const char **why)
+static bool append(buffer *out, const buffer *b, saga_error *error)
+{
+    uint8_t *const to = reserve(out, b->n, error);
+
+    if (!to)
+        return false;
+    memcpy(to, b->p, b->n);
+    out->n += b->n;
+    return true;
+}
+
+/* What a decoder says to the finished bytes. */
+static bool probe(const buffer *out, saga_error *error)
+{
+    saga_info info;
+    const saga_status s = saga_probe(&info, out->p, out->n);
+
+    return s == SAGA_OK ||
+           saga_fail(error, NULL, "report it",
+                     "a decoder would refuse the file: %s",
+                     saga_status_text(s));
+}
+
+bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
+                         saga_encode_sizes *sizes, saga_error *error)
 {
     buffer out = { NULL, 0, 0 };
-    saga_info info;
-    saga_status s;
 
-    if (e->header.n_segments == 0) {
-        *why = "there is no segment";
-        return 0;
+    if (e->header.n_segments == 0)
+        return saga_fail(error, NULL, remedy, "there is no segment");
+    if (!write_header(e, &out, error) || !write_index(e, &out, error) ||
+        !append(&out, &e->networks, error) ||
+        !append(&out, &e->segments, error) || !probe(&out, error)) {
+        free(out.p);
+        return false;
     }
-    write_header(e, &out);
-    write_index(e, &out);
-    memcpy(reserve(&out, e->networks.n), e->networks.p, e->networks.n);
-    out.n += e->networks.n;
-    memcpy(reserve(&out, e->segments.n), e->segments.p, e->segments.n);
-    out.n += e->segments.n;
     e->sizes.header = e->header.header_nbytes;
     e->sizes.total = out.n;
-    s = saga_probe(&info, out.p, out.n);
-    if (s) {
-        *why = saga_status_text(s);
-        free(out.p);
-        return 0;
-    }
     *sizes = e->sizes;
     *bytes = out.p;
     *n = out.n;
-    return 1;
+    return true;
 }
 
 void saga_encoder_free(saga_encoder *e)

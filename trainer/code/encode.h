@@ -8,6 +8,7 @@
 
 #include "container.h"
 #include "cost.h"
+#include "error.h"
 #include "scaffold.h"
 #include "symbols.h"
 
@@ -29,38 +30,42 @@ typedef struct saga_encode_sizes {
 
 /* Begins a file. header: all fields but header_nbytes, n_segments, n_frames,
  * max and nets_nbytes, which the encoder fills in; rig: header->n_cameras of
- * them. Everything is copied or used at once. Returns NULL with a reason in
- * *why (a constant string) if the model or the networks' symbols are invalid:
- * a row that could overflow, a weight out of range. */
+ * them. Everything is copied or used at once. Returns NULL with an error if the
+ * model or the networks' symbols are invalid (a row that could overflow, a
+ * weight out of range), or without memory. */
 saga_encoder *saga_encoder_open(const saga_header *header,
                                 const saga_rig_camera *rig,
                                 const saga_net_symbols *nets,
-                                const char **why);
+                                saga_error *error);
 
 /* The dequantised networks, for a quantiser that runs the traversal before the
  * symbols are known: the block, and its layout. Both live as long as e. */
 const uint8_t *saga_encoder_params(const saga_encoder *e,
                                    const saga_nets **nets);
 
-/* Appends a segment of n_frames frames. Returns 1, or 0 with a reason in *why
- * if the symbols do not make a valid segment. */
-int saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
-                         uint32_t n_frames, const char **why);
+/* Appends a segment of n_frames frames. It fails if the symbols do not make a
+ * valid segment, and the file is what it was. */
+bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
+                          uint32_t n_frames, saga_error *error);
 
-/* The file, at most once; *bytes belongs to the caller (free). Returns 0 with a
- * reason if there is no segment, or if a decoder would refuse the header: the
- * level's limits, reserved tools. */
-int saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
-                        saga_encode_sizes *sizes, const char **why);
+/* Gives the file, at most once; *bytes belongs to the caller (free). It fails
+ * if there is no segment, or if a decoder would refuse the header: the level's
+ * limits, reserved tools. */
+bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
+                         saga_encode_sizes *sizes, saga_error *error);
 
 void saga_encoder_free(saga_encoder *e);
 
-/* Memory for a traversal of a segment of n: whoever drives one outside the
- * decoder. Aborts without memory; saga_scaffold_free gives it back. */
-void saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
+/* Whoever drives a traversal of a segment of n outside the decoder gets its
+ * memory here; saga_scaffold_free gives it back. */
+bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          const saga_nets *nets, const uint8_t *params,
-                         saga_counts n);
+                         saga_counts n, saga_error *error);
 void saga_scaffold_free(saga_scaffold *sc);
+
+/* The same with the encoder's networks, which must outlive it. */
+bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
+                           saga_counts n, saga_error *error);
 
 /* Arrays of symbols, from wherever they are: malloc's. They are NULL then. */
 void saga_layer_symbols_free(saga_layer_symbols *s);

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 #include "quantise.h"
 
+#include "alloc.h"
 #include "cost.h"
 #include "fx.h"
+#include "look_up.h"
 #include "prob.h"
 #include "suffix.h"
 #include "syntax.h"
@@ -12,12 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void *must(void *p)
-{
-    if (!p)
-        abort();
-    return p;
-}
+static const char out_of_what[] = "symbols of the networks";
 
 /* --- Networks ------------------------------------------------------------ */
 
@@ -214,16 +211,18 @@ static void try_lines(layer_scales *best, uint32_t mode,
     }
 }
 
-/* Of residuals q (rows, columns). */
-static layer_scales least_scales(const int32_t *q, uint32_t rows,
-                                 uint32_t columns)
+/* What takes the least bits for residuals q (rows, columns). */
+static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
+                         uint32_t columns, saga_error *error)
 {
-    scale_bits *const row = must(calloc(rows + columns + 1u, sizeof *row));
+    scale_bits *const row = saga_calloc(rows + columns, sizeof *row,
+                                        out_of_what, error);
     scale_bits *const column = row + rows;
-    layer_scales best = { .mode = SAGA_SCALE_TENSOR };
     scale_bits all = { { 0 } };
     uint32_t i, k;
 
+    if (!row)
+        return false;
     for (i = 0; i < rows; i++)
         for (k = 0; k < columns; k++) {
             const scale_bits one = residual_bits(q[(size_t)i * columns + k]);
@@ -233,56 +232,72 @@ static layer_scales least_scales(const int32_t *q, uint32_t rows,
         }
     for (i = 0; i < rows; i++)
         add_bits(&all, &row[i]);
-    best.scale = least_scale(&all);
-    best.bits = all.at[best.scale];
-    try_lines(&best, SAGA_SCALE_ROW, row, rows);
-    try_lines(&best, SAGA_SCALE_COLUMN, column, columns);
+    best->mode = SAGA_SCALE_TENSOR;
+    best->scale = least_scale(&all);
+    best->bits = all.at[best->scale];
+    try_lines(best, SAGA_SCALE_ROW, row, rows);
+    try_lines(best, SAGA_SCALE_COLUMN, column, columns);
     free(row);
-    return best;
+    return true;
 }
 
-static void set_scales(saga_layer_symbols *out, uint32_t rows,
-                       uint32_t columns)
+static bool set_scales(saga_layer_symbols *out, uint32_t rows,
+                       uint32_t columns, saga_error *error)
 {
-    const layer_scales s = least_scales(out->weight, rows, columns);
-    const uint32_t n = saga_scale_lines(s.mode, columns, rows);
+    layer_scales s;
+    uint32_t n;
 
+    if (!least_scales(&s, out->weight, rows, columns, error))
+        return false;
+    n = saga_scale_lines(s.mode, columns, rows);
     out->weight_scale = s.scale;
     out->scale_mode = s.mode;
-    out->drop = must(calloc(n + 1u, 1));
+    out->drop = saga_alloc(n, 1, out_of_what, error);
+    if (!out->drop)
+        return false;
     memcpy(out->drop, s.drop, n);
     out->bias_scale = bias_scale(out->bias, rows);
+    return true;
 }
 
-double saga_quantise_bits(const float *w, size_t rows, size_t columns,
-                          double step)
+bool saga_quantise_bits(double *bits, const float *w, size_t rows,
+                        size_t columns, double step, saga_error *error)
 {
-    int32_t *const q = must(calloc(rows * columns + 1, sizeof *q));
-    double bits;
+    int32_t *const q = saga_alloc(rows * columns, sizeof *q, out_of_what,
+                                  error);
+    layer_scales s;
+    bool ok;
     size_t i;
 
+    if (!q)
+        return false;
     for (i = 0; i < rows * columns; i++)
         q[i] = (int32_t)lrint((double)w[i] / step);
-    bits = least_scales(q, (uint32_t)rows, (uint32_t)columns).bits;
+    ok = least_scales(&s, q, (uint32_t)rows, (uint32_t)columns, error);
     free(q);
-    return bits;
+    if (ok)
+        *bits = s.bits;
+    return ok;
 }
 
-void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v)
+bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
+                         saga_error *error)
 {
     /* The scale at which a step is 1 to 2 LSB, and what 16 bits can hold. */
     const int unit = (int)ceil(-log2((double)v->step));
     int e = fx_min(unit + 15, most_exponent(v));
 
-    out->weight = must(calloc((size_t)v->n_in * v->n_out + 1,
-                              sizeof *out->weight));
-    out->bias = must(calloc(v->n_out + 1u, sizeof *out->bias));
-    out->shift = must(calloc(v->n_out + 1u, 1));
+    out->weight = saga_calloc((size_t)v->n_in * v->n_out,
+                              sizeof *out->weight, out_of_what, error);
+    out->bias = saga_calloc(v->n_out, sizeof *out->bias, out_of_what, error);
+    out->shift = saga_calloc(v->n_out, 1, out_of_what, error);
+    if (!out->weight || !out->bias || !out->shift)
+        return false;
     while (e > unit && !try_layer(out, v, e))
         e--;
     if (e <= unit)
         force_layer(out, v, unit);
-    set_scales(out, v->n_out, v->n_in);
+    return set_scales(out, v->n_out, v->n_in, error);
 }
 
 void saga_dequantise_layer(float *weight, float *bias,
@@ -361,25 +376,12 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
     }
 }
 
-static int32_t *symbols_of(const loop *l, saga_at at)
-{
-    switch (at.sym) {
-    case SAGA_SYM_CENTRE:
-        return l->s->centre + 4 * (size_t)at.index;
-    case SAGA_SYM_FEATURE:
-        return l->s->feature + (size_t)at.index * l->sc->model->features;
-    case SAGA_SYM_FINE_OFFSET:
-        return l->s->fine_offset + 4 * (size_t)at.index;
-    default:
-        return l->s->prim_offset + 4 * (size_t)at.index;
-    }
-}
-
 static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
                      uint32_t step_q16, const uint8_t *scale, uint32_t n)
 {
     const loop *const l = (const loop *)(const void *)c;
-    int32_t *const keep = symbols_of(l, at);
+    int32_t *const keep = saga_look_up_block(l->s, at,
+                                             l->sc->model->features);
     uint32_t i;
 
     (void)scale;
@@ -393,34 +395,11 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     }
 }
 
-static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
-{
-    uint32_t low = 0;
-
-    while (low < n && !(suffix[low] >> bit & 1u))
-        low++;
-    return low;
-}
-
 static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
                          uint32_t n_sym)
 {
-    const saga_symbols *const s = ((const loop *)(const void *)c)->s;
-    uint32_t sym;
+    uint32_t sym = saga_look_up(((const loop *)(const void *)c)->s, at, n_sym);
 
-    switch (at.sym) {
-    case SAGA_SYM_SPLIT: sym = s->split[at.index]; break;
-    case SAGA_SYM_OCCUPANCY:
-        sym = (uint32_t)s->occupancy[at.index] >> at.bit & 1u;
-        break;
-    case SAGA_SYM_N_FINE: sym = s->n_fine[at.index]; break;
-    case SAGA_SYM_N_PRIM: sym = s->n_prim[at.index]; break;
-    case SAGA_SYM_FINE_SUFFIX:
-        sym = count_low(s->fine_suffix + at.index, n_sym - 1, at.bit);
-        break;
-    default:
-        sym = count_low(s->prim_suffix + at.index, n_sym - 1, at.bit);
-    }
     if (sym >= n_sym) {
         c->error = 1;
         sym = 0;
@@ -512,36 +491,38 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
     }
 }
 
-int saga_quantise_segment(saga_symbols *s, uint32_t *order,
-                          saga_quantise_report *report,
-                          const saga_model *model, const saga_nets *nets,
-                          const uint8_t *params, const saga_targets *targets,
-                          const saga_decoded *decoded)
+static bool run(loop *l, uint32_t *order, saga_quantise_report *report)
+{
+    saga_syntax_begin(l->sc);
+    if (!saga_syntax_coarse(l->sc, &l->coder) ||
+        !saga_syntax_fine(l->sc, &l->coder))
+        return false;
+    if (!l->t->value)
+        place_prims(l, order, report);
+    return saga_syntax_prim(l->sc, &l->coder) && !l->coder.error;
+}
+
+bool saga_quantise_segment(saga_symbols *s, saga_quantise_report *report,
+                           const saga_encoder *e, const saga_targets *targets,
+                           const saga_decoded *decoded, saga_error *error)
 {
     saga_scaffold sc;
-    loop l;
-    int ok;
+    loop l = { { residual, adaptive, NULL, 0 }, s, &sc, targets, NULL, NULL };
+    bool ok = false;
 
-    memset(&l, 0, sizeof l);
     memset(report, 0, sizeof *report);
-    saga_scaffold_alloc(&sc, model, nets, params, s->n);
-    l.coder.residual = residual;
-    l.coder.adaptive = adaptive;
-    l.s = s;
-    l.sc = &sc;
-    l.t = targets;
-    l.order = order;
-    l.prim_o = must(calloc(4 * (size_t)s->n.prim + 1, sizeof *l.prim_o));
-    saga_syntax_begin(&sc);
-    ok = saga_syntax_coarse(&sc, &l.coder) && saga_syntax_fine(&sc, &l.coder);
-    if (ok) {
-        if (!targets->value)
-            place_prims(&l, order, report);
-        ok = saga_syntax_prim(&sc, &l.coder);
-        if (decoded)
-            copy_decoded(decoded, &sc);
-    }
+    if (!saga_encoder_scaffold(&sc, e, s->n, error))
+        return false;
+    l.order = decoded ? decoded->order : NULL;
+    l.prim_o = saga_alloc(4 * (size_t)s->n.prim, sizeof *l.prim_o,
+                          "offsets of the primitives", error);
+    if (l.prim_o)
+        ok = run(&l, decoded ? decoded->order : NULL, report) ||
+             saga_fail(error, NULL, "try another --seed, and report it",
+                       "the closed loop refuses the scene");
+    if (ok && decoded && decoded->coarse_x)
+        copy_decoded(decoded, &sc);
     free(l.prim_o);
     saga_scaffold_free(&sc);
-    return ok && !l.coder.error;
+    return ok;
 }

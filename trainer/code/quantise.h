@@ -28,22 +28,24 @@ typedef struct saga_layer_values {
     int int8;
 } saga_layer_values;
 
-/* Symbols of a layer: allocates out's arrays (saga_net_symbols_free). Weights
- * and biases are rounded to multiples of their steps. Integer weights are made
- * as large as every row's headroom allows, so that the multiples are met to a
- * small part of the step. Where a row is so large, or its q_out so low, that a
- * step would become less than 1 LSB of it, that row's steps double until it is
- * valid. One scale for all weights, for each row or for each column: what is
- * least bits, scales included. */
-void saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v);
+/* Fills the symbols of a layer, whose arrays it allocates (also where it fails:
+ * saga_net_symbols_free). Weights and biases are rounded to multiples of their
+ * steps. Integer weights are made as large as every row's headroom allows, so
+ * that the multiples are met to a small part of the step. Where a row is so
+ * large, or its q_out so low, that a step would become less than 1 LSB of it,
+ * that row's steps double until it is valid. One scale for all weights, for
+ * each row or for each column: what is least bits, scales included. */
+bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
+                         saga_error *error);
 
 /* Bits of the scale of a row or column, about. */
 enum { SAGA_QUANTISE_LINE_BITS = 3 };
 
-/* Code length of a layer's weights w (rows, columns), rounded to multiples of
- * step > 0, with the scales of least bits; those of rows or columns count. */
-double saga_quantise_bits(const float *w, size_t rows, size_t columns,
-                          double step);
+/* Gives the code length of a layer's weights w (rows, columns), rounded to
+ * multiples of step > 0, with the scales of least bits; those of rows or
+ * columns count. */
+bool saga_quantise_bits(double *bits, const float *w, size_t rows,
+                        size_t columns, double step, saga_error *error);
 
 /* What a layer's symbols stand for, in reals: weights (n_out, n_in) and biases
  * (n_out), exactly the decoder's integers. */
@@ -67,11 +69,14 @@ typedef struct saga_targets {
                                   * here is read. NULL: derived */
 } saga_targets;
 
-/* What the decoder will have, in rank order and the same units; arrays of the
- * caller, or NULL where it is not wanted. */
+/* What the decoder will have, in rank order and the same units: arrays of the
+ * caller. coarse_x is NULL if none of it but the order is wanted. */
 typedef struct saga_decoded {
     double *coarse_x, *fine_x, *prim_x; /* (n, 4) */
     float *feature;                     /* (coarse, F) */
+    uint32_t *order;                    /* (prim) index into targets->prim_x
+                                         * of the primitive now at a rank: a
+                                         * parent's are sorted by suffix */
 } saga_decoded;
 
 typedef struct saga_quantise_report {
@@ -81,15 +86,10 @@ typedef struct saga_quantise_report {
 
 /* Fills s: on entry its counts, tree, n_fine, fine_suffix (ascending within a
  * parent) and n_prim are set and all arrays are there; on return the rest is.
- * order (prim): order[rank] = index into prim_x of the primitive now at that
- * rank (a parent's primitives are sorted by suffix); with targets->value it is
- * not touched. params: the networks' block as
- * saga_encoder_params gives it. decoded may be NULL. Returns 1, or 0 if the
- * symbols are refused. */
-int saga_quantise_segment(saga_symbols *s, uint32_t *order,
-                          saga_quantise_report *report,
-                          const saga_model *model, const saga_nets *nets,
-                          const uint8_t *params, const saga_targets *targets,
-                          const saga_decoded *decoded);
+ * The networks are e's. decoded may be NULL with targets->value, and its order
+ * is not touched then. It fails if the symbols cannot be coded. */
+bool saga_quantise_segment(saga_symbols *s, saga_quantise_report *report,
+                           const saga_encoder *e, const saga_targets *targets,
+                           const saga_decoded *decoded, saga_error *error);
 
 #endif

@@ -125,21 +125,24 @@ static float *alloc_params(const saga_scene *s)
 /* --- Costs --------------------------------------------------------------- */
 
 /* Bits of a network's weights, about. */
-static double weights_bits(const saga_net *net, const saga_rate_plan *plan,
-                           int number)
+static int weights_bits(double *bits, const saga_net *net,
+                        const saga_rate_plan *plan, int number)
 {
     const double step = plan->step[number];
-    double bits = 0;
+    saga_error error = { "" };
+    double one;
     int l;
 
-    if (plan->raw)
-        return net->n_layers ? SAGA_RAW_BITS * (double)saga_net_n_params(net)
-                             : 0;
-    for (l = 0; l < net->n_layers; l++)
-        bits += saga_quantise_bits(net->w[l], (size_t)net->dim[l + 1],
-                                   (size_t)net->dim[l], step) + LAYER_BITS +
-                ROW_BITS * net->dim[l + 1];
-    return bits;
+    *bits = 0;
+    if (plan->raw && net->n_layers)
+        *bits = SAGA_RAW_BITS * (double)saga_net_n_params(net);
+    for (l = 0; l < net->n_layers && !plan->raw; l++) {
+        if (!saga_quantise_bits(&one, net->w[l], (size_t)net->dim[l + 1],
+                                (size_t)net->dim[l], step, &error))
+            return -1;
+        *bits += one + LAYER_BITS + ROW_BITS * net->dim[l + 1];
+    }
+    return 0;
 }
 
 /* --- The search ---------------------------------------------------------- */
@@ -217,7 +220,8 @@ static int network_bits(double *total, search *f, int net)
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
     int kind;
 
-    *total = weights_bits(&rounded.net[net], &f->r->plan, net);
+    if (weights_bits(total, &rounded.net[net], &f->r->plan, net))
+        return -1;
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         double bits;
 
@@ -291,9 +295,10 @@ static int try_subset(search *f, int kind, uint32_t subset)
     status = kind_bits(&f->bits[kind][subset], f, kind);
     rounded = saga_rate_rounded(f->r, f->s);
     fewer = reduced(&rounded, f->params, sources);
-    f->weights[kind][subset] = weights_bits(
-        &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->plan,
-        SAGA_NET_E_COARSE + kind);
+    if (weights_bits(&f->weights[kind][subset],
+                     &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->plan,
+                     SAGA_NET_E_COARSE + kind))
+        status = -1;
     fold(f, kind, subset, -1);
     f->r->context.keep[kind] = had;
     return status;
@@ -307,10 +312,16 @@ static int try_subsets(search *f)
     uint32_t subset;
     int kind, net;
 
-    f->hyper = weights_bits(&rounded.net[SAGA_NET_HYPER], &f->r->plan,
-                            SAGA_NET_HYPER);
-    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
-        f->memory += weights_bits(&rounded.net[net], &f->r->plan, net);
+    if (weights_bits(&f->hyper, &rounded.net[SAGA_NET_HYPER], &f->r->plan,
+                     SAGA_NET_HYPER))
+        return -1;
+    for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++) {
+        double bits;
+
+        if (weights_bits(&bits, &rounded.net[net], &f->r->plan, net))
+            return -1;
+        f->memory += bits;
+    }
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         for (subset = 0; subset <= ALL_SOURCES; subset++)
             if (!(subset & ~(uint32_t)f->s->model.sources[kind]) &&

@@ -5,6 +5,8 @@
  */
 #include "train_state.h"
 
+#include "alloc.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -26,18 +28,18 @@ static int exponent_of(double value)
 }
 
 /* Frames per second as a fraction: n, n / 1.001, or thousandths. */
-static void set_rate(saga_pack_options *o, double fps)
+static void set_rate(saga_header *h, double fps)
 {
     const double ntsc = fps * 1.001;
 
-    o->rate_den = fabs(fps - rint(fps)) < 1e-6 ? 1
+    h->rate_den = fabs(fps - rint(fps)) < 1e-6 ? 1
                 : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001 : 1000;
-    o->rate_num = (uint32_t)fmax(1, o->rate_den == 1 ? rint(fps)
-                                 : o->rate_den == 1001 ? 1000 * rint(ntsc)
+    h->rate_num = (uint32_t)fmax(1, h->rate_den == 1 ? rint(fps)
+                                 : h->rate_den == 1001 ? 1000 * rint(ntsc)
                                  : rint(1000 * fps));
 }
 
-static void set_header(saga_header *h, const saga_train *t)
+static void set_header(saga_header *h, const saga_train *t, int level)
 {
     const saga_cube *const cube = &t->pictures.cube;
     double most = 1e-9;
@@ -52,6 +54,8 @@ static void set_header(saga_header *h, const saga_train *t)
         h->centre_mantissa[i] = mantissa_of(cube->centre[i],
                                             h->centre_exponent);
     h->n_cameras = (uint16_t)t->capture->n_views;
+    h->level = (uint8_t)level;
+    set_rate(h, t->capture->fps);
 }
 
 static void copy_camera(saga_rig_camera *r, const saga_camera *c,
@@ -74,7 +78,8 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
                                  saga_error *error)
 {
     const size_t n = (size_t)t->capture->n_views;
-    saga_rig_camera *const rig = calloc(n, sizeof *rig);
+    saga_rig_camera *const rig = saga_calloc(n, sizeof *rig, "the cameras",
+                                             error);
     saga_metric m;
 
     m.unit = ldexp(h->unit_mantissa, h->unit_exponent);
@@ -91,44 +96,40 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
         }
         copy_camera(&rig[i], &c, (uint32_t)i);
     }
-    if (!rig)
-        saga_fail(error, NULL, "free some memory", "out of memory");
     return rig;
 }
 
 /* --- Packing ------------------------------------------------------------- */
 
-static int pack_at(saga_train *t, int level, bool final, saga_twin *twin,
-                   const real *feature, const saga_rate_choice *choice,
-                   saga_pack_report *rep, saga_error *error)
+static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
+                    saga_pack_input *in, saga_error *error)
 {
-    saga_pack_options o = {
-        .level = level, .weights = saga_fit_weights(t->fit),
-        .n_frames = (uint32_t)t->capture->n_frames,
-        .decoded = final ? &t->decoded : NULL
-    };
+    saga_train_report *const r = &t->report;
+    saga_pack_report report;
     saga_splat_camera cam;
     saga_header h;
     saga_rig_camera *rig;
-    const char *why = "out of memory";
-    int ok = 0;
+    bool ok;
 
-    set_rate(&o, t->capture->fps);
-    set_header(&h, t);
+    set_header(&h, t, level);
     rig = make_rig(t, &h, error);
     if (!rig)
-        return 0;
+        return false;
+    in->header = &h;
+    in->rig = rig;
+    in->weights = saga_fit_weights(t->fit);
+    in->n_frames = (uint32_t)t->capture->n_frames;
+    in->decoded = final ? &t->decoded : NULL;
     /* The ranges of the colours' activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
-    if (saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre) == 0)
-        ok = saga_pack(&t->bytes, &t->nbytes, rep, choice, twin, feature, &h,
-                       rig, &o, &why);
-    if (!ok)
-        saga_fail(error, NULL, "try another --seed, and report it",
-                  "the scene cannot be packed: %s", why);
-    free(rep->order);
-    rep->order = NULL;
+    ok = saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre) == 0
+        ? saga_pack(&t->bytes, &t->nbytes, &report, in, error)
+        : saga_no_memory(0, "the colours of the primitives", error);
     free(rig);
+    if (ok) {
+        r->sizes = report.sizes;
+        r->quantise = report.quantise;
+    }
     return ok;
 }
 
@@ -166,30 +167,27 @@ static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
     e->memory_net = c->rate->plan.memory_net / 8;
 }
 
-static int pack(saga_train *t, int level, bool final, saga_error *error)
+static bool pack(saga_train *t, int level, bool final, saga_error *error)
 {
     saga_train_report *const r = &t->report;
-    real *const feature = malloc(((size_t)t->scene.n.coarse *
-                                  t->scene.model.features + 1) *
-                                 sizeof *feature);
+    real *const feature = saga_alloc((size_t)t->scene.n.coarse *
+                                     t->scene.model.features, sizeof *feature,
+                                     "features as they are coded", error);
     saga_rate_choice choice;
-    saga_pack_report rep;
-    saga_twin *twin = NULL;
-    int ok = 0;
+    saga_twin *const twin = feature ? saga_fit_code(t->fit, feature, &choice)
+                                    : NULL;
+    saga_pack_input in = { .choice = &choice, .twin = twin,
+                           .feature = feature };
+    bool ok = twin && (!final || saga_train_measure_scene(
+                                     &r->model, t, saga_fit_scene(t->fit),
+                                     twin));
 
-    memset(&rep, 0, sizeof rep);
-    if (feature)
-        twin = saga_fit_code(t->fit, feature, &choice);
-    if (twin && (!final || saga_train_measure_scene(
-                               &r->model, t, saga_fit_scene(t->fit), twin)))
-        ok = pack_at(t, level, final, twin, feature, &choice, &rep, error);
-    else
-        saga_fail(error, NULL, "free some memory", "out of memory");
+    if (!ok)
+        saga_no_memory(0, "the trained scene", error);
+    ok = ok && pack_at(t, level, final, twin, &in, error);
     if (ok && final && !saga_train_measure_decoded(t))
-        ok = saga_fail(error, NULL, "free some memory", "out of memory");
+        ok = saga_no_memory(0, "the decoded scene", error);
     free(feature);
-    r->sizes = rep.sizes;
-    r->quantise = rep.quantise;
     r->n = t->scene.n;
     r->dynamic = t->dynamic;
     r->explained = t->explained;
@@ -199,8 +197,7 @@ static int pack(saga_train *t, int level, bool final, saga_error *error)
         r->n_parameters = count_parameters(&choice.scene);
         saga_rate_choice_free(&choice);
     }
-    r->weight_bits = saga_fit_weight_bits(t->fit);
-    return ok;
+    return ok && saga_fit_weight_bits(&r->weight_bits, t->fit, error);
 }
 
 /* --- Levels -------------------------------------------------------------- */

@@ -89,6 +89,7 @@ double saga_fit_bits(const saga_fit *fit);
 
 /* Bits of all weights (not biases) of the networks but the entropy model's,
  * and of their rows' or columns' scales, after saga_fit_code. */
-double saga_fit_weight_bits(const saga_fit *fit);
+bool saga_fit_weight_bits(double *bits, const saga_fit *fit,
+                          saga_error *error);
 
 #endif

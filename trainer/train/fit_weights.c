@@ -169,16 +169,19 @@ void saga_fit_round_weights(saga_fit *f)
 
 /* By the integers' own frequencies: a normal distribution says more where a few
  * weights stand far from the others, as those of the identity do. */
-double saga_fit_weight_bits(const saga_fit *f)
+bool saga_fit_weight_bits(double *bits, const saga_fit *f, saga_error *error)
 {
-    double sum = 0;
+    double one;
     int t;
 
+    *bits = 0;
     for (t = 0; t < f->weights.n; t += 2) {
         const saga_weight_tensor *const w = &f->weights.tensor[t];
 
-        sum += saga_quantise_bits(f->params + w->at, w->rows, w->cols,
-                                  saga_weights_step(&f->weights, t));
+        if (!saga_quantise_bits(&one, f->params + w->at, w->rows, w->cols,
+                                saga_weights_step(&f->weights, t), error))
+            return false;
+        *bits += one;
     }
-    return sum;
+    return true;
 }

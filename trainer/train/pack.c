@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "pack.h"
 
+#include "alloc.h"
 #include "cost.h"
 #include "dense.h"
 #include "fx.h"
@@ -8,13 +9,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-static void *must(void *p)
-{
-    if (!p)
-        abort();
-    return p;
-}
 
 /* --- Ranges -------------------------------------------------------------- */
 
@@ -193,21 +187,20 @@ static uint8_t colour_format(const saga_scene *s, const saga_twin *w)
     return q_for(most, 14);
 }
 
-static void measure_formats(saga_model *m, const saga_scene *s,
-                            const saga_twin *w, const float *feature,
-                            const saga_rate_choice *c)
+static void measure_formats(saga_model *m, const saga_pack_input *in)
 {
+    const saga_scene *const s = &in->choice->scene;
     uint8_t *const q = m->head_q;
     int net;
 
     for (net = 0; net < SAGA_N_NETS; net++)
         m->q_in[net] = 12;
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
-    entropy_formats(m, c);
-    head_formats(m, s, w);
-    m->q_in[SAGA_NET_COLOUR] = colour_format(s, w);
+    entropy_formats(m, in->choice);
+    head_formats(m, s, in->twin);
+    m->q_in[SAGA_NET_COLOUR] = colour_format(s, in->twin);
     /* What enters a network must not saturate either. */
-    m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, feature), 12);
+    m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, in->feature), 12);
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
         ? (uint8_t)fx_min(q[SAGA_HEAD_FUSE_C], 12) : m->q_in[SAGA_NET_FUSE_C];
     m->q_in[SAGA_NET_FUSE_F] = (uint8_t)fx_min(q[SAGA_HEAD_FINE], 12);
@@ -216,6 +209,8 @@ static void measure_formats(saga_model *m, const saga_scene *s,
 }
 
 /* --- Networks ------------------------------------------------------------ */
+
+static const char symbols_of_nets[] = "symbols of the networks";
 
 /* Q of each output row of a network's last layer. What the trainer's entropy
  * networks give for mu is in units of their own. */
@@ -267,12 +262,21 @@ static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
     }
 }
 
-/* decoded: NULL, or takes the layers as they were quantised. */
-static void pack_net(saga_net_symbols *out, saga_net *decoded,
-                     const saga_model *m, const saga_twin *w,
-                     const saga_rate_choice *c, int net,
-                     const saga_weights *steps)
+/* What all networks are packed with. */
+typedef struct {
+    const saga_model *model;     /* formats measured */
+    const saga_rate_choice *choice;
+    const saga_twin *twin;
+    const saga_weights *steps;   /* NULL: entropy networks alone */
+    saga_scene *decoded;         /* NULL, or takes the layers as they were
+                                  * quantised */
+} packing;
+
+static bool pack_net(saga_net_symbols *out, const packing *p, int net,
+                     saga_error *error)
 {
+    const saga_model *const m = p->model;
+    const saga_rate_choice *const c = p->choice;
     const saga_scene *const s = &c->scene;
     const saga_net *const f = &s->net[net];
     uint8_t q[SAGA_MAX_VECTOR];
@@ -285,118 +289,135 @@ static void pack_net(saga_net_symbols *out, saga_net *decoded,
             m->int8[net]
         };
 
-        set_layer_steps(&v, c, steps, net, i);
+        set_layer_steps(&v, c, p->steps, net, i);
         if (i + 1 == f->n_layers)
             output_formats(q, m, net, n_out);
         else
-            memset(q, q_for(most_hidden(s, w, c, net, i), 13), n_out);
-        saga_quantise_layer(&out->layer[net][i], &v);
-        if (decoded)
-            saga_dequantise_layer(decoded->w[i], decoded->b[i],
+            memset(q, q_for(most_hidden(s, p->twin, c, net, i), 13), n_out);
+        if (!saga_quantise_layer(&out->layer[net][i], &v, error))
+            return false;
+        if (p->decoded)
+            saga_dequantise_layer(p->decoded->net[net].w[i],
+                                  p->decoded->net[net].b[i],
                                   &out->layer[net][i], &v);
         q_in = q[0];
     }
+    return true;
 }
 
 /* A network without inputs: its biases are the parameters, row by row. */
-static void pack_constants(saga_net_symbols *out, int net,
-                           const int32_t *value, uint32_t n)
+static bool pack_constants(saga_net_symbols *out, int net,
+                           const int32_t *value, uint32_t n,
+                           saga_error *error)
 {
     saga_layer_symbols *const l = &out->layer[net][0];
-    uint32_t i;
 
     l->step_q16 = 1;
     l->bias_scale = 63;
-    l->weight = must(calloc(1, sizeof *l->weight));
-    l->bias = must(calloc(n, sizeof *l->bias));
-    l->shift = must(calloc(n, 1));
-    for (i = 0; i < n; i++)
-        l->bias[i] = value[i];
+    l->weight = saga_calloc(1, sizeof *l->weight, symbols_of_nets, error);
+    l->bias = saga_alloc(n, sizeof *l->bias, symbols_of_nets, error);
+    l->shift = saga_calloc(n, 1, symbols_of_nets, error);
+    if (!l->weight || !l->bias || !l->shift)
+        return false;
+    memcpy(l->bias, value, n * sizeof *l->bias);
+    return true;
 }
 
 /* Entropy parameters as constants per channel. */
-static void pack_entropy(saga_net_symbols *out, const saga_model *m,
-                         const saga_rate_constants *c, int kind)
+static bool pack_entropy(saga_net_symbols *out, const packing *p, int kind,
+                         saga_error *error)
 {
-    const uint32_t n = saga_n_channels(m, kind);
+    const saga_rate_constants *const c = &p->choice->rate->constants;
+    const uint32_t n = saga_n_channels(p->model, kind);
     int32_t v[2 * (4 + SAGA_MAX_FEATURES)];
     uint32_t i;
 
     for (i = 0; i < n; i++) {
         const double mean = (double)c->mean[kind][i];
 
-        v[i] = (int32_t)lrint(ldexp(mean, saga_rate_value_q(m, kind, i)));
+        v[i] = (int32_t)lrint(ldexp(mean, saga_rate_value_q(p->model, kind,
+                                                            i)));
         v[n + i] = (int32_t)lrint(ldexp((double)c->log2_sigma[kind][i],
                                         SAGA_COST_SIGMA_Q));
     }
-    pack_constants(out, SAGA_NET_E_COARSE + kind, v, 2 * n);
+    return pack_constants(out, SAGA_NET_E_COARSE + kind, v, 2 * n, error);
 }
 
-/* steps NULL: without the reconstruction networks. */
-static void pack_nets(saga_net_symbols *out, saga_scene *decoded,
-                      const saga_model *m, const saga_twin *w,
-                      const saga_rate_choice *c, const saga_weights *steps)
+static bool pack_nets(saga_net_symbols *out, const packing *p,
+                      saga_error *error)
 {
+    bool ok = true;
     int net;
 
     memset(out, 0, sizeof *out);
-    for (net = 0; net < SAGA_N_NETS; net++) {
+    for (net = 0; net < SAGA_N_NETS && ok; net++) {
         const int kind = net - SAGA_NET_E_COARSE;
 
-        if (!c->scene.net[net].n_layers ||
-            (!steps && !saga_is_entropy_net(net)))
+        if (!p->choice->scene.net[net].n_layers ||
+            (!p->steps && !saga_is_entropy_net(net)))
             continue;
-        if (kind >= 0 && kind < SAGA_N_KINDS && !m->sources[kind])
-            pack_entropy(out, m, &c->rate->constants, kind);
-        else
-            pack_net(out, decoded ? &decoded->net[net] : NULL, m, w, c, net,
-                     steps);
+        ok = kind >= 0 && kind < SAGA_N_KINDS && !p->model->sources[kind]
+            ? pack_entropy(out, p, kind, error)
+            : pack_net(out, p, net, error);
     }
+    if (!ok)
+        saga_net_symbols_free(out);
+    return ok;
 }
 
-void saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
-                       const saga_rate_choice *choice, const saga_twin *twin)
+bool saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
+                       const saga_rate_choice *choice, const saga_twin *twin,
+                       saga_error *error)
 {
+    const packing p = { m, choice, twin, NULL, NULL };
+
     entropy_formats(m, choice);
-    pack_nets(nets, NULL, m, twin, choice, NULL);
+    return pack_nets(nets, &p, error);
 }
 
 /* --- Segment ------------------------------------------------------------- */
 
-static double *to_units(const float *x, size_t n)
+static const char positions[] = "positions of the anchors";
+
+static double *to_units(const float *x, size_t n, saga_error *error)
 {
-    double *const u = must(malloc((4 * n + 1) * sizeof *u));
+    double *const u = saga_alloc(4 * n, sizeof *u, positions, error);
     size_t i;
 
-    for (i = 0; i < 4 * n; i++)
+    for (i = 0; u && i < 4 * n; i++)
         u[i] = (double)x[i] * (i % 4 < 3 ? 8388608.0 : 65536.0);
     return u;
 }
 
-static void alloc_symbols(saga_symbols *y, const saga_scene *s)
+static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
+                          saga_error *error)
 {
-    const size_t f = s->model.features;
+    static const char what[] = "symbols of the scene";
+    const size_t coarse = s->n.coarse, fine = s->n.fine, prim = s->n.prim;
+    const size_t one = sizeof(int32_t), four = 4 * sizeof(int32_t);
     uint32_t i;
 
-    memset(y, 0, sizeof *y);
     y->n = s->n;
     y->n_nodes = s->n_nodes;
     y->split = s->split;
     y->occupancy = s->occupancy;
-    y->n_fine = must(calloc(s->n.coarse + 1u, 1));
-    y->centre = must(calloc(s->n.coarse + 1u, 4 * sizeof(int32_t)));
-    y->feature = must(calloc(s->n.coarse + 1u, f * sizeof(int32_t)));
-    y->fine_suffix = must(calloc(s->n.fine + 1u, sizeof(uint32_t)));
-    y->fine_offset = must(calloc(s->n.fine + 1u, 4 * sizeof(int32_t)));
-    y->n_prim = must(calloc(s->n.fine + 1u, 1));
-    y->prim_suffix = must(calloc(s->n.prim + 1u, sizeof(uint32_t)));
-    y->prim_offset = must(calloc(s->n.prim + 1u, 4 * sizeof(int32_t)));
-    for (i = 0; i < s->n.coarse; i++)
+    y->n_fine = saga_alloc(coarse, 1, what, error);
+    y->centre = saga_calloc(coarse, four, what, error);
+    y->feature = saga_calloc(coarse, s->model.features * one, what, error);
+    y->fine_suffix = saga_alloc(fine, one, what, error);
+    y->fine_offset = saga_calloc(fine, four, what, error);
+    y->n_prim = saga_alloc(fine, 1, what, error);
+    y->prim_suffix = saga_calloc(prim, one, what, error);
+    y->prim_offset = saga_calloc(prim, four, what, error);
+    if (saga_failed(error))
+        return false;
+    for (i = 0; i < coarse; i++)
         y->n_fine[i] = s->coarse[i].n_fine;
-    for (i = 0; i < s->n.fine; i++) {
+    for (i = 0; i < fine; i++) {
         y->n_prim[i] = s->fine[i].n_prim;
         y->fine_suffix[i] = saga_scene_fine_suffix(s, i);
     }
+    return true;
 }
 
 static void free_symbols(saga_symbols *y)
@@ -421,96 +442,116 @@ static void from_units(float *x, const double *u, size_t n)
 }
 
 /* The same structure; reals to be filled in. */
-static int begin_decoded(saga_scene *d, const saga_scene *s,
-                         const saga_model *m)
+static bool begin_decoded(saga_scene *d, const saga_scene *s,
+                          const saga_model *m, saga_error *error)
 {
     if (saga_scene_init(d, m, s->n, s->n_nodes, 0))
-        return 0;
+        return saga_no_memory(0, "the decoded scene", error);
     memcpy(d->split, s->split, s->n_nodes);
     memcpy(d->occupancy, s->occupancy, s->n_nodes * sizeof *s->occupancy);
     memcpy(d->coarse, s->coarse, s->n.coarse * sizeof *s->coarse);
     memcpy(d->fine, s->fine, s->n.fine * sizeof *s->fine);
     memcpy(d->prim_fine, s->prim_fine, s->n.prim * sizeof *s->prim_fine);
-    return 1;
+    return true;
 }
 
-/* The symbols: y, whose arrays are there. */
-static int close_loop(saga_symbols *y, const saga_encoder *e,
-                      saga_pack_report *report, saga_scene *decoded,
-                      const saga_scene *s, const saga_model *m,
-                      const saga_twin *w)
-{
-    double *const coarse = to_units(s->coarse_x, s->n.coarse);
-    double *const fine = to_units(s->fine_x, s->n.fine);
-    double *const prim = to_units(s->prim_x, s->n.prim);
-    double *const prim_out = must(malloc((4 * (size_t)s->n.prim + 1) *
-                                         sizeof *prim_out));
-    /* Supports come out of the integer networks a little different. Offsets
-     * that were trained to be cheap stay what they are, and positions move by
-     * that little: against the positions they would be anywhere again. */
-    const saga_targets t = { coarse, s->coarse_feature, fine, prim,
-                             w->prim_offset, NULL };
-    saga_decoded d = { coarse, fine, prim_out, NULL };
-    const saga_nets *nets;
-    const uint8_t *params = saga_encoder_params(e, &nets);
-    int ok;
+/* What the closed loop was to meet, and what it did meet, in units; the latter
+ * over the former but for the primitives, which change their order. */
+typedef struct {
+    double *coarse, *fine, *prim, *prim_out;
+    float *feature;
+    uint32_t *order;
+} units;
 
-    report->order = must(calloc(s->n.prim + 1u, sizeof *report->order));
-    d.feature = must(malloc(((size_t)s->n.coarse * m->features + 1) *
-                            sizeof *d.feature));
-    ok = saga_quantise_segment(y, report->order, &report->quantise, m, nets,
-                               params, &t, &d);
-    if (ok && decoded) {
-        from_units(decoded->coarse_x, coarse, s->n.coarse);
-        from_units(decoded->fine_x, fine, s->n.fine);
-        from_units(decoded->prim_x, prim_out, s->n.prim);
-        memcpy(decoded->coarse_feature, d.feature,
-               (size_t)s->n.coarse * m->features * sizeof *d.feature);
+static bool begin_units(units *u, const saga_scene *s, saga_error *error)
+{
+    u->coarse = to_units(s->coarse_x, s->n.coarse, error);
+    u->fine = to_units(s->fine_x, s->n.fine, error);
+    u->prim = to_units(s->prim_x, s->n.prim, error);
+    u->prim_out = saga_alloc(4 * (size_t)s->n.prim, sizeof *u->prim_out,
+                             positions, error);
+    u->feature = saga_alloc((size_t)s->n.coarse * s->model.features,
+                            sizeof *u->feature, "decoded features", error);
+    u->order = saga_alloc(s->n.prim, sizeof *u->order, positions, error);
+    return !saga_failed(error);
+}
+
+static void free_units(units *u)
+{
+    free(u->coarse);
+    free(u->fine);
+    free(u->prim);
+    free(u->prim_out);
+    free(u->feature);
+    free(u->order);
+}
+
+/* Fills the symbols y, whose arrays are there. Supports come out of the integer
+ * networks a little different. Offsets that were trained to be cheap stay what
+ * they are, and positions move by that little: against the positions they would
+ * be anywhere again. */
+static bool close_loop(saga_symbols *y, const saga_encoder *e,
+                       saga_pack_report *report, const packing *p,
+                       saga_error *error)
+{
+    const saga_scene *const s = &p->choice->scene;
+    units u;
+    bool ok = begin_units(&u, s, error);
+
+    if (ok) {
+        const saga_targets t = { u.coarse, s->coarse_feature, u.fine, u.prim,
+                                 p->twin->prim_offset, NULL };
+        const saga_decoded d = { u.coarse, u.fine, u.prim_out, u.feature,
+                                 u.order };
+
+        ok = saga_quantise_segment(y, &report->quantise, e, &t, &d, error);
     }
-    free(d.feature);
-    free(prim_out);
-    free(coarse);
-    free(fine);
-    free(prim);
+    if (ok && p->decoded) {
+        from_units(p->decoded->coarse_x, u.coarse, s->n.coarse);
+        from_units(p->decoded->fine_x, u.fine, s->n.fine);
+        from_units(p->decoded->prim_x, u.prim_out, s->n.prim);
+        memcpy(p->decoded->coarse_feature, u.feature,
+               (size_t)s->n.coarse * p->model->features * sizeof *u.feature);
+    }
+    free_units(&u);
     return ok;
 }
 
-int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
-              const saga_rate_choice *choice, saga_twin *twin,
-              const float *feature, const saga_header *header,
-              const saga_rig_camera *rig, const saga_pack_options *options,
-              const char **why)
+/* Symbols, then bytes, with networks that the encoder has. */
+static bool pack_segment(uint8_t **bytes, size_t *n, saga_pack_report *report,
+                         saga_encoder *e, const packing *p, uint32_t n_frames,
+                         saga_error *error)
 {
-    const saga_scene *const scene = &choice->scene;
-    saga_header h = *header;
-    saga_scene *const decoded = options->decoded;
+    saga_symbols y = { .n_nodes = 0 };
+    const bool ok =
+        alloc_symbols(&y, &p->choice->scene, error) &&
+        close_loop(&y, e, report, p, error) &&
+        saga_encoder_segment(e, &y, n_frames, error) &&
+        saga_encoder_finish(e, bytes, n, &report->sizes, error);
+
+    free_symbols(&y);
+    return ok;
+}
+bool saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
+               const saga_pack_input *in, saga_error *error)
+{
+    saga_header h = *in->header;
+    const packing p = { &h.model, in->choice, in->twin, in->weights,
+                        in->decoded };
     saga_net_symbols nets;
-    saga_symbols y;
     saga_encoder *e;
-    int ok;
+    bool ok;
 
     memset(report, 0, sizeof *report);
-    h.model = scene->model;
-    measure_formats(&h.model, scene, twin, feature, choice);
-    h.level = (uint8_t)options->level;
-    h.rate_num = options->rate_num;
-    h.rate_den = options->rate_den;
-    if (decoded && !begin_decoded(decoded, scene, &h.model)) {
-        *why = "out of memory";
-        return 0;
-    }
-    pack_nets(&nets, decoded, &h.model, twin, choice, options->weights);
-    e = saga_encoder_open(&h, rig, &nets, why);
-    alloc_symbols(&y, scene);
-    ok = e != NULL;
-    if (ok && !close_loop(&y, e, report, decoded, scene, &h.model, twin)) {
-        *why = "the closed loop refused the scene";
-        ok = 0;
-    }
-    ok = ok && saga_encoder_segment(e, &y, options->n_frames, why) &&
-         saga_encoder_finish(e, bytes, n, &report->sizes, why);
+    h.model = in->choice->scene.model;
+    measure_formats(&h.model, in);
+    if ((in->decoded && !begin_decoded(in->decoded, &in->choice->scene,
+                                       &h.model, error)) ||
+        !pack_nets(&nets, &p, error))
+        return false;
+    e = saga_encoder_open(&h, in->rig, &nets, error);
+    ok = e && pack_segment(bytes, n, report, e, &p, in->n_frames, error);
     saga_encoder_free(e);
-    free_symbols(&y);
     saga_net_symbols_free(&nets);
     return ok;
 }

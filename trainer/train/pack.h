@@ -11,40 +11,39 @@
 #include "quantise.h"
 #include "scene.h"
 
-typedef struct saga_pack_options {
-    int level;
+/* What is packed: the choice's scene. All networks have run on all there is,
+ * and choice, feature and twin are as saga_fit_code gives them. */
+typedef struct saga_pack_input {
+    const saga_rate_choice *choice;
+    const saga_twin *twin;
+    const float *feature;
     const saga_weights *weights; /* steps of the networks' parameters,
                                   * but for the entropy networks': the
                                   * choice's */
-    uint32_t rate_num, rate_den; /* frames per second */
+    const saga_header *header;   /* level, frame rate, cube, rig count; its
+                                  * model is not looked at */
+    const saga_rig_camera *rig;
     uint32_t n_frames;
     saga_scene *decoded;         /* NULL, or takes the scene a decoder has:
                                   * decoded symbols, dequantised networks, in
                                   * float (saga_scene_free it) */
-} saga_pack_options;
+} saga_pack_input;
 
 typedef struct saga_pack_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
-    uint32_t *order;             /* (prim) rank in the file -> in the scene */
 } saga_pack_report;
 
-/* Packs the choice's scene. choice, feature and twin: as saga_fit_code gives
- * them, all networks run on all there is. header: cube, rig counts and the
- * like; its model is replaced by the scene's, formats measured. On success
- * returns 1 and *bytes (free it) and report->order (free it); else 0 and
- * *why. */
-int saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
-              const saga_rate_choice *choice, saga_twin *twin,
-              const float *feature, const saga_header *header,
-              const saga_rig_camera *rig, const saga_pack_options *options,
-              const char **why);
+/* Makes the file: *bytes belongs to the caller (free). */
+bool saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
+               const saga_pack_input *in, saga_error *error);
 
-/* The entropy networks of a choice alone, for a scene whose other networks stay
- * as they were coded: their symbols (saga_net_symbols_free), and into m the
- * formats of what they take and give. m's sources and widths are the choice's.
- */
-void saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
-                       const saga_rate_choice *choice, const saga_twin *twin);
+/* Packs the entropy networks of a choice alone, for a scene whose other
+ * networks stay as they were coded: their symbols (saga_net_symbols_free), and
+ * into m the formats of what they take and give. m's sources and widths are the
+ * choice's. */
+bool saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
+                       const saga_rate_choice *choice, const saga_twin *twin,
+                       saga_error *error);
 
 #endif
