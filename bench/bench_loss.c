@@ -17,7 +17,8 @@
 static void run(int width, int height, int reps)
 {
     const size_t n = 3 * (size_t)width * (size_t)height;
-    const saga_loss_weights weights = saga_loss_paper(R(0.2));
+    const saga_loss_weights weights = saga_loss_paper();
+    saga_error error = { "" };
     saga_picture_loss out;
     bench_times plain, l1;
     saga_canvas c;
@@ -26,7 +27,7 @@ static void run(int width, int height, int reps)
 
     memset(&plain, 0, sizeof plain);
     l1 = plain;
-    if (saga_canvas_init(&c, n / 3))
+    if (!saga_canvas_init(&c, n / 3, &error))
         exit(1);
     c.camera.width = width;
     c.camera.height = height;
@@ -38,10 +39,10 @@ static void run(int width, int height, int reps)
         const saga_loss_weights only_l1 = { 1, 0 };
         double at = bench_now_ms();
 
-        saga_loss_picture(&out, &c, c.image, &weights);
+        saga_loss_picture(&out, &c, c.image, &weights, &error);
         bench_add(&plain, bench_now_ms() - at);
         at = bench_now_ms();
-        saga_loss_picture(&out, &c, c.image, &only_l1);
+        saga_loss_picture(&out, &c, c.image, &only_l1, &error);
         bench_add(&l1, bench_now_ms() - at);
     }
     printf("%dx%d L1 + SSIM and gradient:", width, height);

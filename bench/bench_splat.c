@@ -105,6 +105,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     const size_t plane = (size_t)width * (size_t)height;
     saga_splat_params p = random_scene(n, &cam, sigma_px, spread);
     saga_splat_params d = random_scene(n, &cam, 0, 0);
+    saga_error error = { "" };
     saga_canvas c;
     bench_times times[N_STAGES];
     double total = 0, least = 0;
@@ -112,7 +113,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     int rep, s;
 
     memset(times, 0, sizeof times);
-    if (saga_canvas_init(&c, plane))
+    if (!saga_canvas_init(&c, plane, &error))
         exit(1);
     c.camera = cam;
     c.t = 0.5f;
@@ -121,14 +122,14 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     for (rep = 0; rep < reps + 1; rep++) {
         double at;
 
-        saga_splat_forward(&c, &p, n);
-        saga_splat_backward(&d, NULL, &c, &p);
+        saga_splat_forward(&c, &p, n, &error);
+        saga_splat_backward(&d, NULL, &c, &p, &error);
         at = bench_now_ms();
         saga_splat_animate_forward(&c.splat.posed, &p, n, c.t);
         lap(&times[ANIMATE], &at);
         saga_splat_project_forward(&c, &p);
         lap(&times[PROJECT], &at);
-        saga_splat_tiles(&c);
+        saga_splat_tiles(&c, &error);
         lap(&times[TILES], &at);
         saga_splat_raster_forward(&c);
         lap(&times[FORWARD], &at);

@@ -76,7 +76,7 @@ static void train(fixture *f, const saga_capture *c)
     o.n_render = 20;
     o.motion = SAGA_TRAIN_MOVING;
     t = saga_train_new(c, &o, &error);
-    if (!t || saga_train_run(t, &error) != SAGA_TRAIN_OK)
+    if (!t || saga_train_run(t, &error) != SAGA_DONE)
         fail_msg("%s", error.message);
     bytes = saga_train_bytes(t, &f->n);
     f->bytes = malloc(f->n);

@@ -19,13 +19,15 @@
 
 enum { W = 141, H = 83, PLANE = W * H, N = 3 * PLANE };
 
+static saga_error error; /* nothing fails here */
+
 static saga_canvas pictures(void)
 {
     const saga_rng r = saga_rng_stream(5, 0);
     saga_canvas c;
     int i;
 
-    assert_int_equal(saga_canvas_init(&c, PLANE), 0);
+    assert_true(saga_canvas_init(&c, PLANE, &error));
     c.camera.width = W;
     c.camera.height = H;
     for (i = 0; i < N; i++) {
@@ -54,7 +56,8 @@ static void loss_should_be_near_the_definition(void **state)
     }
     for (c = 0; c < 3; c++)
         want += ref_ssim(x + c * PLANE, x + N + c * PLANE, W, H) / 3;
-    saga_loss_picture(&out, &canvas, canvas.image, &weights);
+    assert_true(saga_loss_picture(&out, &canvas, canvas.image, &weights,
+                                  &error));
     printf("  SSIM %.6f, float error %.1e\n", want, fabs(out.ssim - want));
     assert_true(fabs(out.ssim - want) < 1e-6);
     saga_canvas_free(&canvas);
@@ -63,13 +66,13 @@ static void loss_should_be_near_the_definition(void **state)
 
 static void loss_should_be_one_for_equal_pictures(void **state)
 {
-    const saga_loss_weights weights = saga_loss_paper(0.2f);
+    const saga_loss_weights weights = saga_loss_paper();
     saga_canvas c = pictures();
     saga_picture_loss out;
     int i;
 
     (void)state;
-    saga_loss_picture(&out, &c, c.truth, &weights);
+    assert_true(saga_loss_picture(&out, &c, c.truth, &weights, &error));
     assert_true(fabs(out.ssim - 1) < 1e-6);
     assert_true(out.l1 == 0 && out.mse == 0);
     for (i = 0; i < N; i++)
@@ -79,7 +82,7 @@ static void loss_should_be_one_for_equal_pictures(void **state)
 
 static void loss_should_not_depend_on_threads(void **state)
 {
-    const saga_loss_weights weights = saga_loss_paper(0.2f);
+    const saga_loss_weights weights = saga_loss_paper();
     float *const d = malloc(N * sizeof *d);
     saga_picture_loss out, kept;
     int threads;
@@ -89,7 +92,7 @@ static void loss_should_not_depend_on_threads(void **state)
         saga_canvas c = pictures();
 
         omp_set_num_threads(threads);
-        saga_loss_picture(&out, &c, c.image, &weights);
+        assert_true(saga_loss_picture(&out, &c, c.image, &weights, &error));
         if (threads == 1) {
             kept = out;
             memcpy(d, c.d_image, N * sizeof *d);

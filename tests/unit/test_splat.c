@@ -13,6 +13,8 @@
 /* cmocka wants the headers above. */
 #include <cmocka.h>
 
+static saga_error error; /* nothing fails here */
+
 typedef struct {
     saga_splat_params p, d;
     saga_canvas c;
@@ -31,7 +33,7 @@ static fixture *new_fixture(size_t n, int width, int height, uint64_t seed,
     f->p = scene_alloc(n);
     f->d = scene_alloc(n);
     scene_random(&f->p, n, seed, px);
-    assert_int_equal(saga_canvas_init(&f->c, f->plane), 0);
+    assert_true(saga_canvas_init(&f->c, f->plane, &error));
     f->c.camera = scene_camera(width, height, 0.1);
     f->c.t = 0.5;
     for (i = 0; i < 3 * f->plane; i++)
@@ -49,13 +51,13 @@ static void free_fixture(fixture *f)
 
 static void forward(fixture *f)
 {
-    assert_int_equal(saga_splat_forward(&f->c, &f->p, (uint32_t)f->n), 0);
+    assert_true(saga_splat_forward(&f->c, &f->p, (uint32_t)f->n, &error));
 }
 
 static void backward(fixture *f, saga_splat_stats *stats)
 {
     memset(f->d.mean, 0, f->n * SCENE_REALS * sizeof(real));
-    assert_int_equal(saga_splat_backward(&f->d, stats, &f->c, &f->p), 0);
+    assert_true(saga_splat_backward(&f->d, stats, &f->c, &f->p, &error));
 }
 
 static int all_finite(const real *x, size_t n)

@@ -86,7 +86,7 @@ static result finish(saga_train *t)
     const uint8_t *bytes;
     result r;
 
-    if (!t || saga_train_run(t, &error) != SAGA_TRAIN_OK)
+    if (!t || saga_train_run(t, &error) != SAGA_DONE)
         fail_msg("%s", error.message);
     bytes = saga_train_bytes(t, &r.n);
     assert_non_null(bytes);
@@ -221,7 +221,7 @@ static saga_train *train_until_packing(const fixture *f, saga_train_options *o,
     o->progress_user = stops;
     t = saga_train_new(&f->capture, o, &error);
     assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_STOPPED);
+    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
     return t;
 }
 
@@ -418,7 +418,7 @@ static void should_be_near(saga_train *t, bool plain)
         write_plainly(t);
     for (int net = 0; net < SAGA_N_NETS; net++)
         t->fit->rate.plan.step[net] = ldexp(1, -13);
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     bytes = saga_train_bytes(t, &n);
     memset(&near, 0, sizeof near);
     near.s = &t->decoded;
@@ -466,7 +466,10 @@ static void add_fuse(saga_train *t)
 {
     saga_scene old = t->scene;
     saga_scene *const s = &t->scene;
-    saga_fit_options o = saga_fit_defaults();
+    const saga_fit_options o = { .n_regress = t->o.n_regress,
+                                 .n_render = t->o.n_render, .seed = 1,
+                                 .price = t->policy.price };
+    saga_error error = { "" };
     saga_model m = old.model;
 
     saga_fit_free(t->fit);
@@ -480,10 +483,7 @@ static void add_fuse(saga_train *t)
     memcpy(s->reals, old.reals,
            (size_t)(old.params - old.reals) * sizeof *old.reals);
     saga_scene_free(&old);
-    o.n_regress = t->o.n_regress;
-    o.n_render = t->o.n_render;
-    o.price = t->policy.price;
-    t->fit = saga_fit_new(s, &t->target, &t->pictures, &o);
+    t->fit = saga_fit_new(s, &t->target, &t->pictures, &o, &error);
     assert_non_null(t->fit);
 }
 
@@ -531,10 +531,10 @@ static void scene_should_be_near_the_integer_path(void **state)
         o.progress_user = &stops;
         t = saga_train_new(&f->capture, &o, &error);
         assert_non_null(t);
-        assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_STOPPED);
+        assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
         if (fuse)
             add_fuse(t);
-        assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+        assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
         assert_int_equal(t->decoded.net[SAGA_NET_FUSE_C].n_layers, 2 * fuse);
         assert_int_equal(t->decoded.net[SAGA_NET_FUSE_F].n_layers, 2 * fuse);
         worst = worst_scale(t);
@@ -604,7 +604,7 @@ static int interrupt(const fixture *f, const stop *stops)
 {
     saga_train_options o = small();
     saga_error error = { "" };
-    saga_train_status status;
+    saga_outcome status;
     stop s = *stops;
     saga_train *t;
     int n = 0;
@@ -615,7 +615,7 @@ static int interrupt(const fixture *f, const stop *stops)
     o.progress_user = &s;
     t = saga_train_new(&f->capture, &o, &error);
     assert_non_null(t);
-    while ((status = saga_train_run(t, &error)) == SAGA_TRAIN_STOPPED) {
+    while ((status = saga_train_run(t, &error)) == SAGA_STOPPED) {
         assert_null(saga_train_complaint(t));
         saga_train_free(t);
         n++;
@@ -623,7 +623,7 @@ static int interrupt(const fixture *f, const stop *stops)
             s = stops[n];
         t = resumed(f, &o);
     }
-    assert_int_equal(status, SAGA_TRAIN_OK);
+    assert_int_equal(status, SAGA_DONE);
     r = finish(t);
     assert_true(same(&f->whole, &r));
     free(r.bytes);
@@ -673,7 +673,7 @@ static saga_train_options make_checkpoint(const fixture *f)
     o.progress_user = &s;
     t = saga_train_new(&f->capture, &o, &error);
     assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_STOPPED);
+    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
     saga_train_free(t);
     o.progress = NULL;
     return o;
@@ -804,7 +804,7 @@ static void train_should_draw_positions_as_decoded(void **state)
     assert_non_null(drawn);
     memcpy(drawn, t->fit->position, 4 * (size_t)t->scene.n.prim *
                                     sizeof *drawn);
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     step = saga_rate_prim_step(&t->scene);
     for (i = 0; i < 4 * (size_t)t->scene.n.prim; i++) {
         const double support = (double)t->decoded_twin.support[i];
@@ -833,14 +833,14 @@ static void entropy_networks_should_stand_still_at_last(void **state)
     o.progress_user = &s;
     t = saga_train_new(&f->capture, &o, &error);
     assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_STOPPED);
+    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
     assert_int_equal(t->fit->rate.plan.decided, 1);
     n = saga_rate_n_params(&t->scene);
     then = malloc(n * sizeof *then);
     assert_non_null(then);
     memcpy(then, t->scene.params, n * sizeof *then);
     s.stage = SAGA_TRAIN_N_STAGES;
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     assert_memory_equal(then, t->scene.params, n * sizeof *then);
     free(then);
     saga_train_free(t);
@@ -1043,7 +1043,7 @@ static void train_should_keep_raw_networks_fine(void **state)
     o.ablate = "raw-networks";
     t = saga_train_new(&f->capture, &o, &error);
     assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_TRAIN_OK);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     for (int net = SAGA_NET_FUSE_C; net <= SAGA_NET_COLOUR; net++)
         for (int l = 0; l < t->scene.net[net].n_layers; l++) {
             const saga_net *const n = &t->scene.net[net];

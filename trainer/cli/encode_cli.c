@@ -264,11 +264,11 @@ static int stopped(const session *s)
 
 static int train(session *s)
 {
-    const saga_train_status status = saga_train_run(s->train, &s->error);
+    const saga_outcome status = saga_train_run(s->train, &s->error);
 
     saga_meter_end(&s->meter);
     tell_complaint(s);
-    if (status == SAGA_TRAIN_STOPPED)
+    if (status == SAGA_STOPPED)
         return stopped(s);
     return status ? saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
                                    s->error.message)
@@ -310,9 +310,10 @@ static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
     float *const image = saga_alloc(3 * n, sizeof *image, v->name, &s->error);
     double sum = 0;
 
-    if (!image || !saga_train_draw(s->train, image, view, frame)) {
+    if (!image ||
+        !saga_train_draw(s->train, image, view, frame, &s->error)) {
         free(image);
-        return saga_no_memory(0, v->name, &s->error);
+        return false;
     }
     for (size_t i = 0; i < 3 * n; i++) {
         const double x = (double)image[i % 3 * n + i / 3];

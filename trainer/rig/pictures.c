@@ -107,9 +107,10 @@ size_t saga_pictures_largest(const saga_pictures *p)
     return most;
 }
 
-int saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p)
+bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
+                          saga_error *error)
 {
-    return saga_canvas_init(canvas, saga_pictures_largest(p));
+    return saga_canvas_init(canvas, saga_pictures_largest(p), error);
 }
 
 void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,

@@ -44,8 +44,9 @@ saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
 /* Pixels of the largest picture. */
 size_t saga_pictures_largest(const saga_pictures *pictures);
 
-/* A canvas for any picture; 0, or -1 without memory. */
-int saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures);
+/* A canvas for any picture; fails where memory is short. */
+bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
+                          saga_error *error);
 
 /* The camera of a picture: black background, nothing nearer than the view's
  * nearest depth. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "canvas.h"
 
+#include "alloc.h"
 #include "model.h"
 
 #include <stdlib.h>
@@ -11,16 +12,16 @@ static const saga_splat_rules norm = {
     R(SAGA_T_FLOOR_Q16) / 65536, 0
 };
 
-int saga_canvas_init(saga_canvas *c, size_t n_pixels)
+bool saga_canvas_init(saga_canvas *c, size_t n_pixels, saga_error *error)
 {
     memset(c, 0, sizeof *c);
     c->rules = norm;
-    c->image = calloc(9 * n_pixels, sizeof *c->image);
+    c->image = saga_calloc(9 * n_pixels, sizeof *c->image, "a picture", error);
     if (!c->image)
-        return -1;
+        return false;
     c->truth = c->image + 3 * n_pixels;
     c->d_image = c->truth + 3 * n_pixels;
-    return 0;
+    return true;
 }
 
 static void free_posed(saga_splat_posed *p)
@@ -66,15 +67,15 @@ double saga_canvas_mse(const saga_canvas *c, const real *image)
     return sum / (double)n;
 }
 
-int saga_canvas_grow(void **p, size_t *cap, size_t nbytes)
+bool saga_canvas_grow(void **p, size_t *cap, size_t nbytes, saga_error *error)
 {
     if (nbytes <= *cap)
-        return 0;
+        return true;
     free(*p);
     *cap = 0;
-    *p = malloc(nbytes + nbytes / 4);
+    *p = saga_alloc(nbytes + nbytes / 4, 1, "drawing a picture", error);
     if (!*p)
-        return -1;
+        return false;
     *cap = nbytes + nbytes / 4;
-    return 0;
+    return true;
 }

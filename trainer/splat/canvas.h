@@ -11,6 +11,7 @@
 #ifndef SAGA_CANVAS_H
 #define SAGA_CANVAS_H
 
+#include "error.h"
 #include "real.h"
 
 #include <stddef.h>
@@ -115,9 +116,10 @@ typedef struct saga_canvas {
 #define saga_canvas_mse SAGA_REAL_NAME(saga_canvas_mse)
 #define saga_canvas_grow SAGA_REAL_NAME(saga_canvas_grow)
 
-/* Room for pictures of up to n_pixels, all of them black. Returns 0, or -1
- * without memory; saga_canvas_free then has nothing to do. */
-int saga_canvas_init(saga_canvas *canvas, size_t n_pixels);
+/* Room for pictures of up to n_pixels, all of them black. Fails where memory is
+ * short; saga_canvas_free then has nothing to do. */
+bool saga_canvas_init(saga_canvas *canvas, size_t n_pixels,
+                      saga_error *error);
 
 /* Frees everything in it; a canvas of zeros has nothing. */
 void saga_canvas_free(saga_canvas *canvas);
@@ -127,7 +129,8 @@ void saga_canvas_free(saga_canvas *canvas);
 double saga_canvas_mse(const saga_canvas *canvas, const real *image);
 
 /* For the passes: makes *p hold at least nbytes; the old content is lost when
- * it grows. Returns 0 or -1. */
-int saga_canvas_grow(void **p, size_t *cap, size_t nbytes);
+ * it grows. */
+bool saga_canvas_grow(void **p, size_t *cap, size_t nbytes,
+                      saga_error *error);
 
 #endif

@@ -297,17 +297,17 @@ static int n_strips(int height)
 
 /* Runs `stage` on strips of the three channels; `all` has planes of the first
  * channel. */
-static int run_strips(saga_loss_work *work, const strip *all,
-                      void (*stage)(const strip *))
+static bool run_strips(saga_loss_work *work, const strip *all,
+                       void (*stage)(const strip *), saga_error *error)
 {
     const int n = n_strips(all->height);
     const size_t nbytes = N_ROWS * row_stride(all->width) * sizeof(real);
     const size_t plane = (size_t)all->width * (size_t)all->height;
     int job;
 
-    if (saga_canvas_grow((void **)&work->strip, &work->cap[0],
-                         3 * (size_t)n * nbytes))
-        return -1;
+    if (!saga_canvas_grow((void **)&work->strip, &work->cap[0],
+                          3 * (size_t)n * nbytes, error))
+        return false;
 #pragma omp parallel for schedule(dynamic, 1)
     for (job = 0; job < 3 * n; job++) {
         const size_t skip = (size_t)(job / n) * plane;
@@ -322,11 +322,12 @@ static int run_strips(saga_loss_work *work, const strip *all,
         place_rows(&s, work->strip + (size_t)job * (nbytes / sizeof(real)));
         stage(&s);
     }
-    return 0;
+    return true;
 }
 
-int saga_loss_picture(saga_picture_loss *out, saga_canvas *canvas,
-                      const real *image, const saga_loss_weights *weights)
+bool saga_loss_picture(saga_picture_loss *out, saga_canvas *canvas,
+                       const real *image, const saga_loss_weights *weights,
+                       saga_error *error)
 {
     const int w = canvas->camera.width, h = canvas->camera.height;
     const size_t n = 3 * (size_t)w * (size_t)h;
@@ -339,13 +340,13 @@ int saga_loss_picture(saga_picture_loss *out, saga_canvas *canvas,
     };
     size_t i;
 
-    if (saga_canvas_grow((void **)&work->row, &work->cap[1],
-                         9 * (size_t)h * sizeof *work->row))
-        return -1;
+    if (!saga_canvas_grow((void **)&work->row, &work->cap[1],
+                          9 * (size_t)h * sizeof *work->row, error))
+        return false;
     s.row = work->row;
-    if (run_strips(work, &s, weights->dssim > 0 ? run_strip
-                                                : run_plain_strip))
-        return -1;
+    if (!run_strips(work, &s, weights->dssim > 0 ? run_strip
+                                                 : run_plain_strip, error))
+        return false;
     for (i = 0; i < 9 * (size_t)h; i++)
         sum[i % 3] += work->row[i];
     out->ssim = weights->dssim > 0 ? sum[0] / (double)n : 0;
@@ -354,5 +355,5 @@ int saga_loss_picture(saga_picture_loss *out, saga_canvas *canvas,
     out->loss = (double)weights->l1 * out->l1;
     if (weights->dssim > 0)
         out->loss += (double)weights->dssim * (1 - out->ssim);
-    return 0;
+    return true;
 }

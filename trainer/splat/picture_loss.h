@@ -17,17 +17,19 @@ typedef struct saga_picture_loss { double loss, l1, ssim, mse; }
 
 #define saga_loss_picture SAGA_REAL_NAME(saga_loss_picture)
 
-/* The paper's D = (1 - eta) L1 + eta (1 - SSIM) / 2. */
-static inline saga_loss_weights saga_loss_paper(real eta)
+/* What warm-up and fit minimise: the paper's
+ * D = (1 - eta) L1 + eta (1 - SSIM) / 2, eta = 0.2. */
+static inline saga_loss_weights saga_loss_paper(void)
 {
-    return (saga_loss_weights){ 1 - eta, eta / 2 };
+    return (saga_loss_weights){ R(0.8), R(0.1) };
 }
 
 /* Compares image (3, H, W; the canvas's own, or a copy that was changed) with
  * canvas->truth and sets canvas->d_image to the loss's gradient. dssim = 0
  * leaves out the SSIM, which is then 0. The same bits for any number of
- * threads. Returns 0, or -1 without memory. */
-int saga_loss_picture(saga_picture_loss *out, saga_canvas *canvas,
-                      const real *image, const saga_loss_weights *weights);
+ * threads. Fails where memory is short. */
+bool saga_loss_picture(saga_picture_loss *out, saga_canvas *canvas,
+                       const real *image, const saga_loss_weights *weights,
+                       saga_error *error);
 
 #endif

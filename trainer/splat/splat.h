@@ -13,8 +13,8 @@
  * - x_backward ADDS to the gradients it is given; the caller clears them.
  * - Results have the same bits for any number of threads: every sum has a
  *   fixed order, and no partition shows.
- * - Functions that allocate return 0, or -1 when memory is short; the work
- *   area is then still valid, its content undefined.
+ * - Functions that can fail do so where memory is short; the canvas is then
+ *   still valid, its content undefined.
  */
 #ifndef SAGA_SPLAT_H
 #define SAGA_SPLAT_H
@@ -50,17 +50,17 @@ typedef struct saga_splat_stats {
 #define saga_splat_backward SAGA_REAL_NAME(saga_splat_backward)
 
 /* The whole chain: draws primitives p[0..n) at canvas->t into canvas->image,
- * which is overwritten. n < 2^31, n = 0 included. Returns 0, or -1 without
- * memory. */
-int saga_splat_forward(saga_canvas *canvas, const saga_splat_params *p,
-                       uint32_t n);
+ * which is overwritten. n < 2^31, n = 0 included. */
+bool saga_splat_forward(saga_canvas *canvas, const saga_splat_params *p,
+                        uint32_t n, saga_error *error);
 
 /* Adds to d the gradients of the same forward pass, given canvas->d_image.
  * Members of d that are NULL are not computed, except mean, quat, log2_scale,
  * opacity and colour, which must be there. stats may be NULL. (d->colour[0] of
  * a pass with d_image = (error, 0, 0) is a primitive's share of an error map.)
  */
-int saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
-                        saga_canvas *canvas, const saga_splat_params *p);
+bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
+                         saga_canvas *canvas, const saga_splat_params *p,
+                         saga_error *error);
 
 #endif

@@ -7,6 +7,8 @@
  */
 #include "splat_tiles.h"
 
+#include "alloc.h"
+
 #include <string.h>
 #include <tgmath.h>
 
@@ -48,17 +50,17 @@ static void sort_pass(depth_key *to, const depth_key *from, uint32_t n,
         to[begin[(from[i].key >> shift) % RADIX]++] = from[i];
 }
 
-static int sort_by_depth(saga_splat_work *work)
+static bool sort_by_depth(saga_splat_work *work, saga_error *error)
 {
     const size_t nbytes = work->n * sizeof(depth_key);
     depth_key *a, *b;
     uint32_t i, n = 0;
 
-    if (saga_canvas_grow(&work->scratch[0], &work->cap[10], nbytes) ||
-        saga_canvas_grow(&work->scratch[1], &work->cap[11], nbytes) ||
-        saga_canvas_grow((void **)&work->order, &work->cap[5],
-                        work->n * sizeof *work->order))
-        return -1;
+    if (!saga_canvas_grow(&work->scratch[0], &work->cap[10], nbytes, error) ||
+        !saga_canvas_grow(&work->scratch[1], &work->cap[11], nbytes, error) ||
+        !saga_canvas_grow((void **)&work->order, &work->cap[5],
+                          work->n * sizeof *work->order, error))
+        return false;
     a = work->scratch[0];
     b = work->scratch[1];
     for (i = 0; i < work->n; i++)
@@ -70,7 +72,7 @@ static int sort_by_depth(saga_splat_work *work)
     for (i = 0; i < n; i++)
         work->order[i] = b[i].index;
     work->n_visible = n;
-    return 0;
+    return true;
 }
 
 /* --- Tiles of a splat ---------------------------------------------------- */
@@ -218,7 +220,8 @@ static int n_threads(void)
 #endif
 }
 
-static int fill_lists(saga_splat_work *work, size_t n_tiles, real cut)
+static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
+                       saga_error *error)
 {
     const int n_parts = n_threads();
     const size_t count_nbytes = (size_t)n_parts * n_tiles * sizeof(size_t);
@@ -226,8 +229,9 @@ static int fill_lists(saga_splat_work *work, size_t n_tiles, real cut)
     uint32_t i;
     int part;
 
-    if (saga_canvas_grow(&work->scratch[2], &work->cap[12], count_nbytes))
-        return -1;
+    if (!saga_canvas_grow(&work->scratch[2], &work->cap[12], count_nbytes,
+                          error))
+        return false;
     count = work->scratch[2];
     memset(count, 0, count_nbytes);
     memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
@@ -237,17 +241,18 @@ static int fill_lists(saga_splat_work *work, size_t n_tiles, real cut)
     for (i = 0; i < work->n; i++)
         work->slot_begin[i + 1] += work->slot_begin[i];
     work->n_pairs = prefix_tiles(count, work, n_tiles, n_parts);
-    if (work->n_pairs > UINT32_MAX ||
-        saga_canvas_grow((void **)&work->pair, &work->cap[7],
-                        work->n_pairs * sizeof *work->pair))
-        return -1;
+    if (work->n_pairs > UINT32_MAX)
+        return saga_no_memory(0, "drawing a picture", error);
+    if (!saga_canvas_grow((void **)&work->pair, &work->cap[7],
+                          work->n_pairs * sizeof *work->pair, error))
+        return false;
 #pragma omp parallel for schedule(static, 1)
     for (part = 0; part < n_parts; part++)
         scatter_part(count + (size_t)part * n_tiles, work, part, n_parts, cut);
-    return 0;
+    return true;
 }
 
-int saga_splat_tiles(saga_canvas *canvas)
+bool saga_splat_tiles(saga_canvas *canvas, saga_error *error)
 {
     saga_splat_work *const work = &canvas->splat;
     size_t n_tiles;
@@ -255,11 +260,11 @@ int saga_splat_tiles(saga_canvas *canvas)
     work->n_tiles_x = (uint32_t)ceil_tile(canvas->camera.width);
     work->n_tiles_y = (uint32_t)ceil_tile(canvas->camera.height);
     n_tiles = (size_t)work->n_tiles_x * work->n_tiles_y;
-    if (sort_by_depth(work) ||
-        saga_canvas_grow((void **)&work->slot_begin, &work->cap[6],
-                         (work->n + 1u) * sizeof *work->slot_begin) ||
-        saga_canvas_grow((void **)&work->tile_begin, &work->cap[8],
-                         (n_tiles + 1) * sizeof *work->tile_begin))
-        return -1;
-    return fill_lists(work, n_tiles, canvas->rules.cut);
+    return sort_by_depth(work, error) &&
+           saga_canvas_grow((void **)&work->slot_begin, &work->cap[6],
+                            (work->n + 1u) * sizeof *work->slot_begin,
+                            error) &&
+           saga_canvas_grow((void **)&work->tile_begin, &work->cap[8],
+                            (n_tiles + 1) * sizeof *work->tile_begin, error) &&
+           fill_lists(work, n_tiles, canvas->rules.cut, error);
 }

@@ -12,7 +12,7 @@ enum { SAGA_SPLAT_TILE = 16 };
 #define saga_splat_tiles SAGA_REAL_NAME(saga_splat_tiles)
 
 /* From canvas->splat's splat, extent and n: fills its order, slot_begin, pair,
- * tile_begin and the counts. Returns 0 or -1. */
-int saga_splat_tiles(saga_canvas *canvas);
+ * tile_begin and the counts. */
+bool saga_splat_tiles(saga_canvas *canvas, saga_error *error);
 
 #endif

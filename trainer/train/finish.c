@@ -174,19 +174,17 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
                                      t->scene.model.features, sizeof *feature,
                                      "features as they are coded", error);
     saga_rate_choice choice;
-    saga_twin *const twin = feature ? saga_fit_code(t->fit, feature, &choice)
-                                    : NULL;
+    saga_twin *const twin = feature ? saga_fit_code(t->fit, feature, &choice,
+                                                    error) : NULL;
     saga_pack_input in = { .choice = &choice, .twin = twin,
                            .feature = feature };
     bool ok = twin && (!final || saga_train_measure_scene(
                                      &r->model, t, saga_fit_scene(t->fit),
-                                     twin));
+                                     twin, error));
 
-    if (!ok)
-        saga_no_memory(0, "the trained scene", error);
     ok = ok && pack_at(t, level, final, twin, &in, error);
-    if (ok && final && !saga_train_measure_decoded(t))
-        ok = saga_no_memory(0, "the decoded scene", error);
+    if (ok && final)
+        ok = saga_train_measure_decoded(t, error);
     free(feature);
     r->n = t->scene.n;
     r->dynamic = t->dynamic;
@@ -228,40 +226,32 @@ static bool within_level(const saga_info *i, const saga_train *t,
 }
 
 /* What the decoder says to the bytes; they are dropped when it refuses. */
-static saga_train_status probe(saga_train *t, saga_error *error)
+static bool probe(saga_train *t, saga_error *error)
 {
     const saga_status s = saga_probe(&t->report.info, t->bytes, t->nbytes);
 
-    if (s) {
-        saga_fail(error, NULL, "report it", "the decoder refuses the file: %s",
-                  saga_status_text(s));
-        free(t->bytes);
-        t->bytes = NULL;
-        return SAGA_TRAIN_FAILED;
-    }
-    return SAGA_TRAIN_OK;
+    if (!s)
+        return true;
+    free(t->bytes);
+    t->bytes = NULL;
+    return saga_fail(error, NULL, "report it", "the decoder refuses the file: "
+                     "%s", saga_status_text(s));
 }
 
 /* Before the fit, since all of it follows from counts and shapes. */
-saga_train_status saga_train_check_level(saga_train *t,
-                                         saga_error *error)
+bool saga_train_check_level(saga_train *t, saga_error *error)
 {
-    saga_train_status s = SAGA_TRAIN_FAILED;
+    const bool ok = pack(t, SAGA_N_PROFILES - 1, false, error) &&
+                    probe(t, error) &&
+                    within_level(&t->report.info, t, error);
 
-    if (!pack(t, SAGA_N_PROFILES - 1, false, error))
-        return s;
-    s = probe(t, error);
-    if (!s && !within_level(&t->report.info, t, error))
-        s = SAGA_TRAIN_FAILED;
     free(t->bytes);
     t->bytes = NULL;
-    return s;
+    return ok;
 }
 
-saga_train_status saga_train_pack(saga_train *t, saga_error *error)
+bool saga_train_pack(saga_train *t, saga_error *error)
 {
-    if (saga_train_measure_flat(t, error) ||
-        !pack(t, t->o.level, true, error))
-        return SAGA_TRAIN_FAILED;
-    return probe(t, error);
+    return saga_train_measure_flat(t, error) &&
+           pack(t, t->o.level, true, error) && probe(t, error);
 }

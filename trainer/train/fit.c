@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "fit_state.h"
 
+#include "alloc.h"
 #include "regress.h"
 
 #include <math.h>
@@ -14,35 +15,40 @@ enum { REFRESH_EVERY = 50, RAMP = 300 };
 /* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START, STREAM_OFFSET };
 
+/* lambda_a, of anchors' distance from their primitives. */
+#define ANCHOR_PRICE R(0.05)
+
 enum {
     T_FEATURE, T_PRIM, T_ENTROPY, T_MEMORY, T_PARAMS, T_STEPS, N_TENSORS
 };
 
-saga_fit_options saga_fit_defaults(void)
-{
-    const saga_fit_options o = {
-        .n_regress = 1500, .n_render = 6000, .seed = 1,
-        .eta = R(0.2), .lambda_a = R(0.05), .rate = 1
-    };
-
-    return o;
-}
-
 /* --- Memory -------------------------------------------------------------- */
 
-static int alloc_all(saga_fit *f)
+static const char what[] = "the fit";
+
+/* Rooms that return 0 where they succeed lack nothing but memory. */
+static bool done(int status, saga_error *error)
+{
+    return status == 0 || saga_no_memory(0, what, error);
+}
+
+static real *zeros(size_t n, saga_error *error)
+{
+    return saga_calloc(n, sizeof(real), what, error);
+}
+
+static bool alloc_all(saga_fit *f, saga_error *error)
 {
     const saga_scene *const s = f->scene;
 
-    f->weight = calloc(s->n.prim + 1u, sizeof *f->weight);
-    f->feature = calloc((size_t)s->n.coarse * s->model.features + 1,
-                        sizeof *f->feature);
-    f->position = calloc(4 * (size_t)s->n.prim + 1, sizeof *f->position);
-    f->support = calloc(4 * (size_t)s->n.fine + 1, sizeof *f->support);
-    f->m = calloc(s->n_reals, sizeof *f->m);
-    f->v = calloc(s->n_reals, sizeof *f->v);
+    f->weight = zeros(s->n.prim, error);
+    f->feature = zeros((size_t)s->n.coarse * s->model.features, error);
+    f->position = zeros(4 * (size_t)s->n.prim, error);
+    f->support = zeros(4 * (size_t)s->n.fine, error);
+    f->m = zeros(s->n_reals, error);
+    f->v = zeros(s->n_reals, error);
     return f->weight && f->feature && f->position && f->support && f->m &&
-           f->v && !saga_pictures_canvas(&f->canvas, f->pictures);
+           f->v && saga_pictures_canvas(&f->canvas, f->pictures, error);
 }
 
 /* Small random features: the networks must be able to tell anchors apart, and
@@ -73,7 +79,7 @@ static void start_networks(saga_scene *s)
 
 /* The importance of the target's primitives: the roots of their shares of the
  * pictures (of blending weights), mean 1, over a sample of the pictures. */
-static saga_fit_status measure_importance(saga_fit *f)
+static bool measure_importance(saga_fit *f, saga_error *error)
 {
     /* The canvas is as it was made: its gradient is 0, and the weights count
      * all the same. */
@@ -92,9 +98,10 @@ static saga_fit_status measure_importance(saga_fit *f)
         };
 
         saga_pictures_aim(c, f->pictures, picture);
-        if (saga_splat_forward(c, &f->target, (uint32_t)n) ||
-            saga_splat_backward(&f->twin.d_attr, &stats, c, &f->target))
-            return SAGA_FIT_MEMORY;
+        if (!saga_splat_forward(c, &f->target, (uint32_t)n, error) ||
+            !saga_splat_backward(&f->twin.d_attr, &stats, c, &f->target,
+                                 error))
+            return false;
     }
     for (i = 0; i < n; i++)
         sum += (double)f->weight[i] / (double)n;
@@ -106,7 +113,7 @@ static saga_fit_status measure_importance(saga_fit *f)
     }
     for (i = 0; i < n; i++)
         f->weight[i] /= (real)mean;
-    return SAGA_FIT_OK;
+    return true;
 }
 
 /* Supports that hold a fine anchor's primitives within |o| < 0.8, and at least
@@ -137,11 +144,30 @@ static void want_supports(saga_fit *f)
     }
 }
 
+static bool begin(saga_fit *f, saga_error *error)
+{
+    saga_scene *const s = f->scene;
+
+    saga_rate_snap(s);
+    if (!alloc_all(f, error) ||
+        !done(saga_twin_init(&f->twin, s) || saga_rate_init(&f->rate, s) ||
+              saga_rate_refresh(&f->rate, s) ||
+              saga_scene_init(&f->grad, &s->model, s->n, 1, 0), error) ||
+        !saga_fit_begin_weights(f, error))
+        return false;
+    if (f->o.raw_networks)
+        saga_rate_keep_raw(&f->rate);
+    start_features(f);
+    start_networks(s);
+    want_supports(f);
+    return measure_importance(f, error);
+}
+
 saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
                        const saga_pictures *pictures,
-                       const saga_fit_options *options)
+                       const saga_fit_options *options, saga_error *error)
 {
-    saga_fit *const f = calloc(1, sizeof *f);
+    saga_fit *const f = saga_calloc(1, sizeof *f, what, error);
 
     if (!f)
         return NULL;
@@ -149,25 +175,10 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
     f->target = *target;
     f->pictures = pictures;
     f->o = *options;
-    saga_rate_snap(scene);
-    if (!alloc_all(f) || saga_twin_init(&f->twin, scene) ||
-        saga_rate_init(&f->rate, scene) ||
-        saga_rate_refresh(&f->rate, scene) ||
-        saga_fit_begin_weights(f) ||
-        saga_scene_init(&f->grad, &scene->model, scene->n, 1, 0)) {
-        saga_fit_free(f);
-        return NULL;
-    }
-    if (f->o.raw_networks)
-        saga_rate_keep_raw(&f->rate);
-    start_features(f);
-    start_networks(scene);
-    want_supports(f);
-    if (measure_importance(f)) {
-        saga_fit_free(f);
-        return NULL;
-    }
-    return f;
+    if (begin(f, error))
+        return f;
+    saga_fit_free(f);
+    return NULL;
 }
 
 void saga_fit_free(saga_fit *f)
@@ -191,11 +202,6 @@ void saga_fit_free(saga_fit *f)
 int saga_fit_iteration(const saga_fit *f)
 {
     return f->iteration;
-}
-
-const char *saga_fit_fault(const saga_fit *f)
-{
-    return f->fault.name ? f->fault.name : "nothing";
 }
 
 /* --- Rate ---------------------------------------------------------------- */
@@ -238,7 +244,7 @@ static int is_remembering(const saga_fit *f)
 
 /* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
  * When the rounding begins, what is not worth its bytes is left out. */
-static saga_fit_status rate_step(saga_fit *f, double price)
+static bool rate_step(saga_fit *f, double price, saga_error *error)
 {
     const saga_rate_input x = rate_input(f, f->feature);
     saga_rate_options o = {
@@ -248,11 +254,10 @@ static saga_fit_status rate_step(saga_fit *f, double price)
     };
 
     if (o.rounding && !f->rate.plan.decided &&
-        saga_rate_decide(&f->rate, f->scene, &x))
-        return SAGA_FIT_MEMORY;
+        !done(saga_rate_decide(&f->rate, f->scene, &x), error))
+        return false;
     saga_rate_look(&o, f->iteration, is_remembering(f));
-    return saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o)
-        ? SAGA_FIT_MEMORY : SAGA_FIT_OK;
+    return done(saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o), error);
 }
 
 /* f->feature: clean while regressing, then noisy, then rounded. */
@@ -329,10 +334,13 @@ static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
     t->rate = rate;
 }
 
-static int descend(saga_fit *f, real features, real positions, real entropy,
-                   real networks, real steps)
+/* Learning rates. */
+typedef struct { real feature, prim, entropy, networks, steps; } rates;
+
+static bool descend(saga_fit *f, const rates *r, saga_error *error)
 {
     saga_scene *const s = f->scene;
+    saga_adam_fault fault;
     const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
     /* They come first, those of the memory last among them. */
     const size_t n_entropy = saga_rate_n_params(s);
@@ -343,29 +351,31 @@ static int descend(saga_fit *f, real features, real positions, real entropy,
     saga_adam_tensor t[N_TENSORS];
 
     tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
-           (size_t)s->n.coarse * s->model.features, features);
+           (size_t)s->n.coarse * s->model.features, r->feature);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
-           4 * (size_t)s->n.prim, positions);
+           4 * (size_t)s->n.prim, r->prim);
     tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
-           n_entropy - n_memory, entropy);
+           n_entropy - n_memory, r->entropy);
     tensor(&t[T_MEMORY], f, "the memory's networks",
            s->params + n_entropy - n_memory, n_memory,
-           is_remembering(f) ? SAGA_RATE_MEMORY_PACE * entropy : 0);
+           is_remembering(f) ? SAGA_RATE_MEMORY_PACE * r->entropy : 0);
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
-           saga_fit_n_params(s) - first, networks);
+           saga_fit_n_params(s) - first, r->networks);
     t[T_STEPS] = (saga_adam_tensor){
         "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
-        f->weights.m, f->weights.v, (size_t)f->weights.n, steps
+        f->weights.m, f->weights.v, (size_t)f->weights.n, r->steps
     };
-    return saga_adam_step(&f->fault, &adam, t, N_TENSORS,
-                          (uint64_t)f->iteration + 1)
-        ? SAGA_FIT_NONFINITE : SAGA_FIT_OK;
+    return saga_adam_step(&fault, &adam, t, N_TENSORS,
+                          (uint64_t)f->iteration + 1) == 0 ||
+           saga_fail(error, NULL, "try another --seed, and report it", "the "
+                     "%s of the %s is not finite at iteration %d", fault.what,
+                     fault.name, f->iteration);
 }
 
 /* Bits count from the first iteration on: features that are free to grow until
  * the pictures come grow into codes that are dear and that nothing foretells.
  */
-static saga_fit_status regress_step(saga_fit *f, double *loss)
+static bool regress_step(saga_fit *f, saga_error *error)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
     const saga_pictures *const p = f->pictures;
@@ -373,25 +383,22 @@ static saga_fit_status regress_step(saga_fit *f, double *loss)
         .view = p->train[saga_rng_below(r, (uint64_t)f->iteration,
                                         (uint32_t)p->n_train)]
     };
-    const real rate = f->o.rate * decay(f->iteration, f->o.n_regress, R(0.2));
+    const real rate = decay(f->iteration, f->o.n_regress, R(0.2));
+    const rates now = { .feature = rate * R(0.02), .entropy = rate * R(0.004),
+                        .networks = rate * R(0.004) };
     saga_splat_camera camera;
-    saga_fit_status s;
 
     saga_pictures_camera(&camera, p, picture);
-    if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
-        saga_twin_colour(&f->twin, &f->used, camera.centre))
-        return SAGA_FIT_MEMORY;
-    *loss = saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target,
-                              f->weight, f->scene->n.prim);
-    *loss += saga_twin_support_loss(&f->twin, f->support, R(1));
-    s = rate_step(f, f->o.price.regression);
-    if (s)
-        return s;
-    if (saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
-        saga_twin_backward(&f->twin, &f->grad, &f->used))
-        return SAGA_FIT_MEMORY;
-    return (saga_fit_status)descend(f, rate * R(0.02), 0, rate * R(0.004),
-                                    rate * R(0.004), 0);
+    if (!done(saga_twin_geometry(&f->twin, &f->used, f->feature) ||
+              saga_twin_colour(&f->twin, &f->used, camera.centre), error))
+        return false;
+    saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target, f->weight,
+                      f->scene->n.prim);
+    saga_twin_support_loss(&f->twin, f->support, R(1));
+    return rate_step(f, f->o.price.regression, error) &&
+           done(saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
+                saga_twin_backward(&f->twin, &f->grad, &f->used), error) &&
+           descend(f, &now, error);
 }
 
 static void load_truth(saga_fit *f, int view, int frame)
@@ -408,69 +415,69 @@ static void load_truth(saga_fit *f, int view, int frame)
 }
 
 /* One picture: adds to the twin's gradients. */
-static saga_fit_status picture_step(saga_fit *f, saga_sample picture,
-                                    saga_picture_loss *out)
+static bool picture_step(saga_fit *f, saga_sample picture,
+                         saga_picture_loss *out, saga_error *error)
 {
-    const saga_loss_weights weights = saga_loss_paper(f->o.eta);
+    const saga_loss_weights weights = saga_loss_paper();
     saga_canvas *const c = &f->canvas;
 
     saga_pictures_aim(c, f->pictures, picture);
     load_truth(f, picture.view, picture.frame);
-    return saga_twin_colour(&f->twin, &f->used, c->camera.centre) ||
-           saga_splat_forward(c, &f->twin.attr, f->scene->n.prim) ||
-           saga_loss_picture(out, c, c->image, &weights) ||
-           saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr) ||
-           saga_twin_colour_backward(&f->twin, &f->grad, &f->used)
-        ? SAGA_FIT_MEMORY : SAGA_FIT_OK;
+    return done(saga_twin_colour(&f->twin, &f->used, c->camera.centre),
+                error) &&
+           saga_splat_forward(c, &f->twin.attr, f->scene->n.prim, error) &&
+           saga_loss_picture(out, c, c->image, &weights, error) &&
+           saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr,
+                               error) &&
+           done(saga_twin_colour_backward(&f->twin, &f->grad, &f->used),
+                error);
 }
 
 /* Once features are rounded, against the means that the entropy networks
  * foretell, these stand still: a weight that goes to and fro between two
  * multiples of its step would move all features with it. */
-static saga_fit_status render_step(saga_fit *f, double *loss, double *psnr)
+static bool render_step(saga_fit *f, double *mse, saga_error *error)
 {
-    const int done = f->iteration - f->o.n_regress;
+    const int turn = f->iteration - f->o.n_regress;
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
-    const real ramp = done < RAMP ? R(done + 1) / RAMP : 1;
-    const real rate = ramp * f->o.rate * decay(done, f->o.n_render, R(0.03));
+    const saga_sample picture = saga_pictures_pick(f->pictures, r,
+                                                   (uint64_t)turn);
+    const real ramp = turn < RAMP ? R(turn + 1) / RAMP : 1;
+    const real rate = ramp * decay(turn, f->o.n_render, R(0.03));
+    const rates now = {
+        .feature = rate * R(0.006), .prim = rate * R(0.0001),
+        .entropy = is_rounding(f) ? 0 : rate * R(0.004),
+        .networks = rate * R(0.0016),
+        .steps = is_rounding(f) ? 0 : rate * R(0.01)
+    };
     saga_picture_loss out;
-    saga_fit_status s;
 
     saga_twin_offsets(&f->twin, &f->used);
-    if (saga_twin_geometry(&f->twin, &f->used, f->feature))
-        return SAGA_FIT_MEMORY;
-    s = picture_step(f, saga_pictures_pick(f->pictures, r, (uint64_t)done),
-                     &out);
-    if (s)
-        return s;
-    *loss = out.loss;
-    *psnr = -10 * log10(out.mse + 1e-12);
-    saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, f->o.lambda_a);
-    s = rate_step(f, f->o.price.residual);
-    if (s)
-        return s;
-    if (saga_twin_backward(&f->twin, &f->grad, &f->used))
-        return SAGA_FIT_MEMORY;
+    if (!done(saga_twin_geometry(&f->twin, &f->used, f->feature), error) ||
+        !picture_step(f, picture, &out, error))
+        return false;
+    *mse = out.mse;
+    saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, ANCHOR_PRICE);
+    if (!rate_step(f, f->o.price.residual, error) ||
+        !done(saga_twin_backward(&f->twin, &f->grad, &f->used), error))
+        return false;
     saga_fit_rate_weights(f);
-    return (saga_fit_status)descend(f, rate * R(0.006), rate * R(0.0001),
-                                    is_rounding(f) ? 0 : rate * R(0.004),
-                                    rate * R(0.0016),
-                                    is_rounding(f) ? 0 : rate * R(0.01));
+    return descend(f, &now, error);
 }
 
-saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
+bool saga_fit_step(saga_fit *f, double *mse, saga_error *error)
 {
-    const int regressing = f->iteration < f->o.n_regress;
-    saga_fit_status s;
+    const bool regressing = f->iteration < f->o.n_regress;
+    bool ok;
 
-    *psnr = 0;
+    *mse = 0;
     use_features(f);
     use_positions(f);
-    if (saga_fit_use_weights(f))
-        return SAGA_FIT_MEMORY;
+    if (!saga_fit_use_weights(f, error))
+        return false;
     if (f->iteration % REFRESH_EVERY == 0 &&
-        saga_twin_refresh(&f->twin, &f->used, f->feature))
-        return SAGA_FIT_MEMORY;
+        !done(saga_twin_refresh(&f->twin, &f->used, f->feature), error))
+        return false;
     if (f->iteration == 0) {
         const saga_rate_input x = rate_input(f, f->feature);
 
@@ -482,34 +489,34 @@ saga_fit_status saga_fit_step(saga_fit *f, double *loss, double *psnr)
     }
     memset(f->grad.reals, 0, f->grad.n_reals * sizeof(real));
     saga_twin_clear(&f->twin, f->scene);
-    s = regressing ? regress_step(f, loss) : render_step(f, loss, psnr);
+    ok = regressing ? regress_step(f, error) : render_step(f, mse, error);
     f->iteration++;
-    return s;
+    return ok;
 }
 
 /* --- Results ------------------------------------------------------------- */
 
-saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c)
+saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
+                         saga_error *error)
 {
     saga_rate_input x = rate_input(f, feature);
 
     saga_fit_round_weights(f);
     use_positions(f);
     x.scene = &f->used;
-    if (saga_rate_choice_init(c, &f->rate, &x))
+    if (!done(saga_rate_choice_init(c, &f->rate, &x), error))
         return NULL;
     memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
            f->scene->model.features * sizeof *feature);
-    if (saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
-                              SAGA_KIND_COARSE) ||
-        saga_twin_refresh(&f->twin, &f->used, feature) ||
-        saga_twin_geometry(&f->twin, &f->used, feature) ||
-        saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_FINE,
-                              SAGA_KIND_PRIM)) {
-        saga_rate_choice_free(c);
-        return NULL;
-    }
-    return &f->twin;
+    if (done(saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
+                                   SAGA_KIND_COARSE) ||
+             saga_twin_refresh(&f->twin, &f->used, feature) ||
+             saga_twin_geometry(&f->twin, &f->used, feature) ||
+             saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_FINE,
+                                   SAGA_KIND_PRIM), error))
+        return &f->twin;
+    saga_rate_choice_free(c);
+    return NULL;
 }
 
 const saga_scene *saga_fit_scene(const saga_fit *f)

@@ -35,44 +35,34 @@
 typedef struct saga_fit_options {
     int n_regress, n_render;     /* iterations of the two parts */
     uint64_t seed;
-    real eta, lambda_a;
-    saga_prices price;           /* 0 as a default */
-    real rate;                   /* factor on the learning rates */
+    saga_prices price;
     bool raw_networks;           /* parameters cost nothing and keep the step
                                   * 2^-SAGA_RAW_STEP; the ablation */
 } saga_fit_options;
 
 typedef struct saga_fit saga_fit;
 
-saga_fit_options saga_fit_defaults(void);
-
 /* scene's reals are what is fitted; its anchors go to the nearest places that
  * can be coded (saga_rate_snap) and stay there. target (n.prim), in rank order,
- * are the flat primitives; both and the pictures stay the caller's. NULL: no
- * memory. */
+ * are the flat primitives; both and the pictures stay the caller's. Fails where
+ * memory is short. */
 saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
                        const saga_pictures *pictures,
-                       const saga_fit_options *options);
+                       const saga_fit_options *options, saga_error *error);
 void saga_fit_free(saga_fit *fit);
 
-typedef enum saga_fit_status {
-    SAGA_FIT_OK = 0, SAGA_FIT_MEMORY = -1, SAGA_FIT_NONFINITE = -2
-} saga_fit_status;
-
 /* One iteration, of the regression while there are some left, then of the
- * pictures. *loss and *psnr (0 while regressing) of this iteration. */
-saga_fit_status saga_fit_step(saga_fit *fit, double *loss, double *psnr);
+ * pictures; *mse of its picture, 0 while regressing. Fails where memory is
+ * short, or where a tensor, which the error names, is no longer finite. */
+bool saga_fit_step(saga_fit *fit, double *mse, saga_error *error);
 int saga_fit_iteration(const saga_fit *fit);
-
-/* The name of the tensor that is not finite. */
-const char *saga_fit_fault(const saga_fit *fit);
 
 /* The scene as it is to be packed, what its residuals take, and for ranges and
  * pictures of the float model the twin that stands for it; feature (n.coarse,
- * F) becomes the coarse features as they will be decoded. NULL without memory;
- * else saga_rate_choice_free(choice), which reads the fit. */
+ * F) becomes the coarse features as they will be decoded. Fails where memory is
+ * short; else saga_rate_choice_free(choice), which reads the fit. */
 saga_twin *saga_fit_code(saga_fit *fit, real *feature,
-                         saga_rate_choice *choice);
+                         saga_rate_choice *choice, saga_error *error);
 
 /* The scene with its networks as they will be decoded, as saga_fit_code left
  * them, and the steps they are rounded to. */

@@ -30,20 +30,19 @@ struct saga_fit {
     saga_canvas canvas;
     saga_rate rate;
     double bits[SAGA_N_STEPS];   /* of the last iteration */
-    saga_adam_fault fault;
 };
 
 /* First iteration of the rendering that rounds: the last third does. */
 int saga_fit_first_rounding(const saga_fit *f);
 
-/* fit_weights.c. Memory for the copy of the networks, its scene and the steps;
- * 0 or -1. */
-int saga_fit_begin_weights(saga_fit *f);
+/* fit_weights.c. Memory for the copy of the networks, its scene and the steps.
+ */
+bool saga_fit_begin_weights(saga_fit *f, saga_error *error);
 /* Reals of all networks of a scene; the first of them that stand still. */
 size_t saga_fit_n_params(const saga_scene *s);
 size_t saga_fit_n_still(const saga_fit *f);
-/* f->params of this iteration; 0 or -1. */
-int saga_fit_use_weights(saga_fit *f);
+/* f->params of this iteration; fails where memory is short. */
+bool saga_fit_use_weights(saga_fit *f, saga_error *error);
 /* After all other gradients of the networks: adds the rate's, sets the
  * steps'. */
 void saga_fit_rate_weights(saga_fit *f);

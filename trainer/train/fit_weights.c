@@ -11,6 +11,7 @@
  */
 #include "fit_state.h"
 
+#include "alloc.h"
 #include "dense.h"
 #include "quantise.h"
 #include "weight_round.h"
@@ -45,14 +46,15 @@ static void start_steps(saga_fit *f)
         f->weights.log2_step[t] = -SAGA_RAW_STEP;
 }
 
-int saga_fit_begin_weights(saga_fit *f)
+bool saga_fit_begin_weights(saga_fit *f, saga_error *error)
 {
     const saga_scene *const s = f->scene;
     int i;
 
-    f->params = calloc(saga_fit_n_params(s) + 1, sizeof *f->params);
+    f->params = saga_calloc(saga_fit_n_params(s), sizeof *f->params,
+                            "the networks", error);
     if (!f->params)
-        return -1;
+        return false;
     f->used = *s;
     f->used.params = f->params;
     f->used.prim_x = f->position;
@@ -62,7 +64,7 @@ int saga_fit_begin_weights(saga_fit *f)
                           f->params + (s->net[i].w[0] - s->params));
     saga_weights_list(&f->weights, s->net, s->params);
     start_steps(f);
-    return 0;
+    return true;
 }
 
 static void copy_params(saga_fit *f)
@@ -135,7 +137,7 @@ static int round_layers(saga_fit *f, int from, int to)
 
 /* --- Steps of the fit ---------------------------------------------------- */
 
-int saga_fit_use_weights(saga_fit *f)
+bool saga_fit_use_weights(saga_fit *f, saga_error *error)
 {
     const int done = f->iteration - f->o.n_regress;
     const int now = n_rounded(f, done), before = n_rounded(f, done - 1);
@@ -143,14 +145,14 @@ int saga_fit_use_weights(saga_fit *f)
     if (done == 0)
         start_steps(f);
     if (now > before && round_layers(f, before, now))
-        return -1;
+        return saga_no_memory(0, "the networks", error);
     if (done < 0)
         copy_params(f);
     else
         saga_weights_noise(f->params, f->scene->params, &f->weights, now,
                            NOISE_PART, f->o.seed ^ ((uint64_t)done << 20) ^
                                        STREAM_WEIGHTS);
-    return 0;
+    return true;
 }
 
 void saga_fit_rate_weights(saga_fit *f)

@@ -4,6 +4,8 @@
  */
 #include "train_state.h"
 
+#include "alloc.h"
+
 #include <stdlib.h>
 
 #define CHANGE 8                 /* of 255 */
@@ -55,51 +57,52 @@ static void count(tally *sum, const saga_capture *c, int view, int frame,
 }
 
 /* pictures: room for two of the largest view. */
-static int tally_view(tally *sum, saga_train *t, int view, real *pictures,
-                      size_t picture)
+static bool tally_view(tally *sum, saga_train *t, int view, real *pictures,
+                       saga_error *error)
 {
     const saga_capture *const c = t->capture;
     const int n = c->n_frames < N_FRAMES ? c->n_frames : N_FRAMES;
+    real *const drawn = pictures + 3 * saga_pictures_largest(&t->pictures);
     saga_sample at = { .view = view, .frame = c->n_frames / 2 };
     double mse;
 
-    if (saga_flat_render(t->flat, pictures, &mse, at))
-        return -1;
+    if (!saga_flat_render(t->flat, pictures, &mse, at, error))
+        return false;
     for (int i = 0; i < n; i++) {
         at.frame = (int)((int64_t)i * c->n_frames / n);
-        if (saga_flat_render(t->flat, pictures + picture, &mse, at))
-            return -1;
-        count(sum, c, view, at.frame, pictures + picture, pictures);
+        if (!saga_flat_render(t->flat, drawn, &mse, at, error))
+            return false;
+        count(sum, c, view, at.frame, drawn, pictures);
     }
-    return 0;
+    return true;
 }
 
-static int tally_views(tally *sum, saga_train *t)
+static bool tally_views(tally *sum, saga_train *t, saga_error *error)
 {
     const saga_pictures *const p = &t->pictures;
-    const size_t picture = 3 * saga_pictures_largest(p);
-    real *const pictures = malloc(2 * picture * sizeof *pictures);
-    int status = pictures ? 0 : -1;
+    real *const pictures = saga_alloc(6 * saga_pictures_largest(p),
+                                      sizeof *pictures, "two pictures", error);
+    bool ok = pictures != NULL;
 
-    for (int i = 0; i < p->n_train && !status; i++)
+    for (int i = 0; i < p->n_train && ok; i++)
         /* Every (n_train / N_VIEWS)th of them. */
         if (p->n_train <= N_VIEWS || (i * N_VIEWS) % p->n_train < N_VIEWS)
-            status = tally_view(sum, t, p->train[i], pictures, picture);
+            ok = tally_view(sum, t, p->train[i], pictures, error);
     free(pictures);
-    return status;
+    return ok;
 }
 
-saga_train_status saga_train_decide(saga_train *t, saga_error *error)
+bool saga_train_decide(saga_train *t, saga_error *error)
 {
     tally sum = { 0, 0, 0, 0 };
 
     t->dynamic = t->flat_options.temporal;
     if (!t->dynamic || t->o.motion == SAGA_TRAIN_MOVING)
-        return SAGA_TRAIN_OK;
-    if (tally_views(&sum, t))
-        return saga_train_fail(error, "out of memory", "free some memory");
+        return true;
+    if (!tally_views(&sum, t, error))
+        return false;
     t->changing = sum.changing / sum.pixels;
     t->explained = sum.change > 0 ? 1 - sum.left / sum.change : 0;
     t->dynamic = t->changing >= CHANGING_PART && t->explained >= EXPLAINED;
-    return SAGA_TRAIN_OK;
+    return true;
 }

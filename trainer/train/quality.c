@@ -4,6 +4,8 @@
  */
 #include "train_state.h"
 
+#include "alloc.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -29,11 +31,12 @@ int saga_train_sample(const saga_capture *c, int view, int index)
     return index < n ? (int)((int64_t)index * c->n_frames / n) : -1;
 }
 
-/* PSNR of one picture; false: no memory. */
-typedef bool measure_fn(void *user, double *psnr, int view, int frame);
+/* PSNR of one picture. */
+typedef bool measure_fn(void *user, double *psnr, saga_sample picture,
+                        saga_error *error);
 
 static bool measure(saga_train_quality *q, const saga_capture *c,
-                    measure_fn *psnr_of, void *user)
+                    measure_fn *psnr_of, void *user, saga_error *error)
 {
     double sum[2] = { 0, 0 };
     int n[2] = { 0, 0 };
@@ -43,9 +46,10 @@ static bool measure(saga_train_quality *q, const saga_capture *c,
         int frame, i;
 
         for (i = 0; (frame = saga_train_sample(c, v, i)) >= 0; i++) {
+            const saga_sample picture = { v, frame, 0 };
             double psnr;
 
-            if (!psnr_of(user, &psnr, v, frame))
+            if (!psnr_of(user, &psnr, picture, error))
                 return false;
             sum[set] += psnr;
             n[set]++;
@@ -57,23 +61,20 @@ static bool measure(saga_train_quality *q, const saga_capture *c,
 
 /* --- The float models ---------------------------------------------------- */
 
-static bool flat_psnr(void *user, double *psnr, int view, int frame)
+static bool flat_psnr(void *user, double *psnr, saga_sample picture,
+                      saga_error *error)
 {
-    const saga_sample picture = { view, frame, 0 };
     double mse;
 
-    if (saga_flat_render(user, NULL, &mse, picture))
+    if (!saga_flat_render(user, NULL, &mse, picture, error))
         return false;
     *psnr = -10 * log10(mse + 1e-12);
     return true;
 }
 
-saga_train_status saga_train_measure_flat(saga_train *t,
-                                          saga_error *error)
+bool saga_train_measure_flat(saga_train *t, saga_error *error)
 {
-    return measure(&t->report.warm, t->capture, flat_psnr, t->flat)
-        ? SAGA_TRAIN_OK
-        : saga_train_fail(error, "out of memory", "free some memory");
+    return measure(&t->report.warm, t->capture, flat_psnr, t->flat, error);
 }
 
 typedef struct {
@@ -83,21 +84,22 @@ typedef struct {
     saga_canvas canvas;
 } painter;
 
-static bool draw(painter *p, saga_sample picture)
+static bool draw(painter *p, saga_sample picture, saga_error *error)
 {
     saga_canvas *const c = &p->canvas;
 
     saga_pictures_aim(c, &p->t->pictures, picture);
-    return !saga_twin_colour(p->twin, p->scene, c->camera.centre) &&
-           !saga_splat_forward(c, &p->twin->attr, p->scene->n.prim);
+    if (saga_twin_colour(p->twin, p->scene, c->camera.centre))
+        return saga_no_memory(0, "drawing a picture", error);
+    return saga_splat_forward(c, &p->twin->attr, p->scene->n.prim, error);
 }
 
-static bool fit_psnr(void *user, double *psnr, int view, int frame)
+static bool fit_psnr(void *user, double *psnr, saga_sample picture,
+                     saga_error *error)
 {
     painter *const p = user;
-    const saga_sample picture = { view, frame, 0 };
 
-    if (!draw(p, picture))
+    if (!draw(p, picture, error))
         return false;
     saga_pictures_truth(&p->canvas, &p->t->pictures, picture);
     *psnr = -10 * log10(saga_canvas_mse(&p->canvas, p->canvas.image) + 1e-12);
@@ -105,37 +107,39 @@ static bool fit_psnr(void *user, double *psnr, int view, int frame)
 }
 
 bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
-                              const saga_scene *scene, saga_twin *twin)
+                              const saga_scene *scene, saga_twin *twin,
+                              saga_error *error)
 {
     painter p = { .t = t, .scene = scene, .twin = twin };
-    const bool ok = !saga_pictures_canvas(&p.canvas, &t->pictures) &&
-                    measure(q, t->capture, fit_psnr, &p);
+    const bool ok = saga_pictures_canvas(&p.canvas, &t->pictures, error) &&
+                    measure(q, t->capture, fit_psnr, &p, error);
 
     saga_canvas_free(&p.canvas);
     return ok;
 }
 
-bool saga_train_measure_decoded(saga_train *t)
+bool saga_train_measure_decoded(saga_train *t, saga_error *error)
 {
     const saga_scene *const s = &t->decoded;
     saga_twin *const w = &t->decoded_twin;
 
-    return !saga_twin_init(w, s) &&
-           !saga_twin_refresh(w, s, s->coarse_feature) &&
-           !saga_twin_geometry(w, s, s->coarse_feature) &&
-           saga_train_measure_scene(&t->report.coded, t, s, w);
+    if (saga_twin_init(w, s) || saga_twin_refresh(w, s, s->coarse_feature) ||
+        saga_twin_geometry(w, s, s->coarse_feature))
+        return saga_no_memory(0, "the decoded scene", error);
+    return saga_train_measure_scene(&t->report.coded, t, s, w, error);
 }
 
-bool saga_train_draw(saga_train *t, float *image, int view, int frame)
+bool saga_train_draw(saga_train *t, float *image, int view, int frame,
+                     saga_error *error)
 {
-    const saga_shot *const v = &t->capture->views[view];
     painter p = { .t = t, .scene = &t->decoded, .twin = &t->decoded_twin };
-    const bool ok = !saga_pictures_canvas(&p.canvas, &t->pictures) &&
-                    draw(&p, (saga_sample){ view, frame, 0 });
+    const bool ok = saga_pictures_canvas(&p.canvas, &t->pictures, error) &&
+                    draw(&p, (saga_sample){ view, frame, 0 }, error);
 
     if (ok)
-        memcpy(image, p.canvas.image, saga_view_frame_nbytes(v) *
-                                      sizeof *image);
+        memcpy(image, p.canvas.image,
+               saga_view_frame_nbytes(&t->capture->views[view]) *
+               sizeof *image);
     saga_canvas_free(&p.canvas);
     return ok;
 }

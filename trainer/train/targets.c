@@ -5,22 +5,24 @@
  */
 #include "train_state.h"
 
+#include "alloc.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static int gather(real **out, const real *from, const uint32_t *source,
-                  uint32_t n, size_t k)
+static bool gather(real **out, const real *from, const uint32_t *source,
+                   uint32_t n, size_t k, saga_error *error)
 {
     if (!from)
-        return 0;
-    *out = malloc((n * k + 1) * sizeof **out);
+        return true;
+    *out = saga_alloc(n, k * sizeof **out, "the targets", error);
     for (uint32_t i = 0; *out && i < n; i++) {
         const size_t at = source ? source[i] : i;
 
         memcpy(*out + i * k, from + at * k, k * sizeof **out);
     }
-    return *out ? 0 : -1;
+    return *out != NULL;
 }
 
 /* log2(1 + 2^x) */
@@ -71,19 +73,19 @@ static void drop_time(saga_splat_params *p)
     drop(&p->log2_width);
 }
 
-int saga_train_gather(saga_splat_params *o, const saga_splat_params *p,
-                      const uint32_t *source, uint32_t n)
+bool saga_train_gather(saga_splat_params *o, const saga_splat_params *p,
+                       const uint32_t *source, uint32_t n, saga_error *error)
 {
     memset(o, 0, sizeof *o);
-    return gather(&o->mean, p->mean, source, n, 3) ||
-           gather(&o->quat, p->quat, source, n, 4) ||
-           gather(&o->log2_scale, p->log2_scale, source, n, 3) ||
-           gather(&o->opacity, p->opacity, source, n, 1) ||
-           gather(&o->colour, p->colour, source, n, 3) ||
-           gather(&o->motion, p->motion, source, n, 9) ||
-           gather(&o->slope, p->slope, source, n, 4) ||
-           gather(&o->t_centre, p->t_centre, source, n, 1) ||
-           gather(&o->log2_width, p->log2_width, source, n, 1) ? -1 : 0;
+    return gather(&o->mean, p->mean, source, n, 3, error) &&
+           gather(&o->quat, p->quat, source, n, 4, error) &&
+           gather(&o->log2_scale, p->log2_scale, source, n, 3, error) &&
+           gather(&o->opacity, p->opacity, source, n, 1, error) &&
+           gather(&o->colour, p->colour, source, n, 3, error) &&
+           gather(&o->motion, p->motion, source, n, 9, error) &&
+           gather(&o->slope, p->slope, source, n, 4, error) &&
+           gather(&o->t_centre, p->t_centre, source, n, 1, error) &&
+           gather(&o->log2_width, p->log2_width, source, n, 1, error);
 }
 
 void saga_train_freeze(saga_splat_params *p, uint32_t n)

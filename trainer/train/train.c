@@ -19,26 +19,8 @@ static const double warm_part = 0.17, regress_part = 0.25;
  * that is left. */
 static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 1, 1.9, 0 };
 
-/* Iterations of the warm-up between two looks at the progress function. */
-enum { WARM_RUN = 10 };
-
 /* Recent pictures weigh this much less with every newer one. */
 #define MEMORY_PART 0.98
-
-double saga_train_seconds(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
-saga_train_status saga_train_fail(saga_error *error, const char *what,
-                                  const char *remedy)
-{
-    saga_fail(error, NULL, remedy, "%s", what);
-    return SAGA_TRAIN_FAILED;
-}
 
 const char *saga_train_stage_name(saga_train_stage stage)
 {
@@ -143,10 +125,12 @@ static void derive(saga_train_options *o)
 
 /* --- Making and freeing -------------------------------------------------- */
 
-static bool keep_psnr(void *user, const saga_flat_progress *p)
+static double seconds(void)
 {
-    *(double *)user = p->psnr;
-    return true;
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static double training_pixels(const saga_capture *c)
@@ -169,11 +153,9 @@ static saga_train *make(const saga_capture *capture,
     if (!check_options(options, capture, error) ||
         !read_ablation(&ablation, options, error))
         return NULL;
-    t = calloc(1, sizeof *t);
-    if (!t) {
-        saga_fail(error, NULL, "free some memory", "out of memory");
+    t = saga_calloc(1, sizeof *t, "the training", error);
+    if (!t)
         return NULL;
-    }
     if (!saga_pictures_init(&t->pictures, capture, error)) {
         free(t);
         return NULL;
@@ -193,13 +175,8 @@ static saga_train *make(const saga_capture *capture,
     t->flat_options.seed = t->o.seed;
     t->flat_options.temporal = capture->n_frames > 1 &&
                                t->o.motion != SAGA_TRAIN_STILL;
-    t->flat_options.progress = keep_psnr;
-    t->flat_options.progress_user = &t->warm_psnr;
-    t->flat_options.progress_every = WARM_RUN;
     return t;
 }
-
-static void start_clock(saga_train *t);
 
 saga_train *saga_train_new(const saga_capture *capture,
                            const saga_train_options *options,
@@ -214,7 +191,7 @@ saga_train *saga_train_new(const saga_capture *capture,
         saga_train_free(t);
         return NULL;
     }
-    start_clock(t);
+    t->saved = seconds();
     return t;
 }
 
@@ -230,7 +207,7 @@ saga_train *saga_train_resume(const saga_capture *capture,
         saga_train_free(t);
         return NULL;
     }
-    start_clock(t);
+    t->saved = seconds();
     return t;
 }
 
@@ -263,9 +240,9 @@ static float *scores_of(const saga_splat_params *p, uint32_t n,
     return score;
 }
 
-static int build(saga_train *t, uint32_t *source,
-                 const saga_splat_params *pool, uint32_t n,
-                 saga_error *error)
+static bool build(saga_train *t, uint32_t *source,
+                  const saga_splat_params *pool, uint32_t n,
+                  saga_error *error)
 {
     float *const score = scores_of(pool, n, error);
     const saga_hierarchy_pool all = { pool, score, n };
@@ -281,52 +258,41 @@ static int build(saga_train *t, uint32_t *source,
     o.seed = t->o.seed;
     ok = score && saga_hierarchy_build(&t->scene, source, &all, &o, error);
     free(score);
-    return ok ? 0 : -1;
+    return ok;
 }
 
 /* Hierarchy and targets of its ranks, from the warm-up's primitives. */
-static int propose(saga_train *t, saga_error *error)
+static bool propose(saga_train *t, saga_error *error)
 {
     const saga_splat_params flat = saga_flat_params(t->flat);
     const uint32_t n = saga_flat_count(t->flat);
-    uint32_t *const source = malloc((n + 1u) * sizeof *source);
+    uint32_t *const source = saga_alloc(n, sizeof *source, "the targets",
+                                        error);
     saga_splat_params pool;
-    int status = saga_train_gather(&pool, &flat, NULL, n) || !source ? -1 : 0;
+    bool ok = saga_train_gather(&pool, &flat, NULL, n, error) && source;
 
-    if (!status && !t->dynamic)
+    if (ok && !t->dynamic)
         saga_train_freeze(&pool, n);
-    if (!status)
-        status = build(t, source, &pool, n, error) ||
-                 saga_train_gather(&t->target, &pool, source, t->scene.n.prim);
+    ok = ok && build(t, source, &pool, n, error) &&
+         saga_train_gather(&t->target, &pool, source, t->scene.n.prim, error);
     saga_train_params_free(&pool);
     free(source);
-    return status;
+    return ok;
 }
 
-static saga_fit_options fit_options(const saga_train *t)
+bool saga_train_begin_fit(saga_train *t, saga_error *error)
 {
-    saga_fit_options o = saga_fit_defaults();
+    const saga_fit_options o = {
+        .n_regress = t->o.n_regress, .n_render = t->o.n_render,
+        .seed = t->o.seed, .price = t->policy.price,
+        .raw_networks = t->ablation.raw_networks
+    };
 
-    o.n_regress = t->o.n_regress;
-    o.n_render = t->o.n_render;
-    o.seed = t->o.seed;
-    o.price = t->policy.price;
-    o.raw_networks = t->ablation.raw_networks;
-    return o;
-}
-
-saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error)
-{
     t->fitting = true;
-    if (propose(t, error) == 0) {
-        const saga_fit_options o = fit_options(t);
-
-        t->fit = saga_fit_new(&t->scene, &t->target, &t->pictures, &o);
-    }
-    /* The first error is kept. */
-    return t->fit ? SAGA_TRAIN_OK
-                  : saga_train_fail(error, "no memory for the fit",
-                                    "take fewer --primitives");
+    if (!propose(t, error))
+        return false;
+    t->fit = saga_fit_new(&t->scene, &t->target, &t->pictures, &o, error);
+    return t->fit != NULL;
 }
 
 /* --- Progress ------------------------------------------------------------ */
@@ -366,31 +332,18 @@ static double work_of_all(const saga_train *t)
     return sum;
 }
 
-static void start_clock(saga_train *t)
+static bool tell(const saga_train *t)
 {
-    t->started = t->saved = saga_train_seconds();
-    t->work_at_start = work_done(t);
-}
-
-static bool tell(saga_train *t, double psnr)
-{
-    const double done = work_done(t), all = work_of_all(t);
-    const double since = done - t->work_at_start;
-    saga_train_progress p = {
+    const saga_train_progress p = {
         .stage = t->stage, .name = saga_train_stage_name(t->stage),
         .iteration = iteration_of(t),
         .n_iterations = iterations_of(t, t->stage),
-        .psnr = psnr, .done = done / all, .seconds_left = -1
+        .psnr = t->recent_mse > 0 ? -10 * log10(t->recent_mse) : 0,
+        .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->fit) : 0,
+        .done = work_done(t) / work_of_all(t)
     };
 
-    if (!t->o.progress)
-        return true;
-    if (since > 0)
-        p.seconds_left = (saga_train_seconds() - t->started) * (all - done) /
-                         since;
-    if (t->stage == SAGA_TRAIN_RENDER)
-        p.bits = saga_fit_bits(t->fit);
-    return t->o.progress(t->o.progress_user, &p);
+    return !t->o.progress || t->o.progress(t->o.progress_user, &p);
 }
 
 /* --- Checkpoints --------------------------------------------------------- */
@@ -401,7 +354,7 @@ static void save(saga_train *t)
         return;
     t->complaint.message[0] = '\0'; /* the newest is told */
     t->complained = !saga_train_save(t, &t->complaint);
-    t->saved = saga_train_seconds();
+    t->saved = seconds();
 }
 
 const char *saga_train_complaint(saga_train *t)
@@ -412,119 +365,67 @@ const char *saga_train_complaint(saga_train *t)
     return complained ? t->complaint.message : NULL;
 }
 
-/* After an iteration: tells, saves; STOPPED if it is to be the last. */
-static saga_train_status after(saga_train *t, double psnr)
-{
-    const bool go_on = tell(t, psnr);
-
-    if (!go_on || saga_train_seconds() - t->saved >= t->o.checkpoint_seconds)
-        save(t);
-    return go_on ? SAGA_TRAIN_OK : SAGA_TRAIN_STOPPED;
-}
-
 /* --- Stages -------------------------------------------------------------- */
 
-static saga_train_status flat_fault(const saga_train *t,
-                                    saga_error *error)
+static bool step(saga_train *t, double *mse, saga_error *error)
 {
-    return saga_train_fail(error, saga_flat_message(t->flat), "take fewer "
-                           "--primitives, or another --seed");
+    return t->stage == SAGA_TRAIN_WARM
+        ? saga_flat_step(t->flat, mse, error)
+        : saga_fit_step(t->fit, mse, error);
 }
 
-static saga_train_status run_warm(saga_train *t, saga_error *error)
+/* The iterations of the stage that are left; each is told, and saved where it
+ * is time. */
+static saga_outcome run_iterations(saga_train *t, saga_error *error)
 {
-    while (saga_flat_iteration(t->flat) < t->o.n_warm) {
-        saga_train_status s;
+    while (iteration_of(t) < iterations_of(t, t->stage)) {
+        double mse;
+        bool go_on;
 
-        if (saga_flat_run(t->flat, saga_flat_iteration(t->flat) + WARM_RUN))
-            return flat_fault(t, error);
-        s = after(t, t->warm_psnr);
-        if (s)
-            return s;
+        if (!step(t, &mse, error))
+            return SAGA_FAILED;
+        t->recent_mse += (t->recent_mse > 0 ? 1 - MEMORY_PART : 1) *
+                         (mse - t->recent_mse);
+        go_on = tell(t);
+        if (!go_on || seconds() - t->saved >= t->o.checkpoint_seconds)
+            save(t);
+        if (!go_on)
+            return SAGA_STOPPED;
     }
-    return SAGA_TRAIN_OK;
+    return SAGA_DONE;
 }
 
-static saga_train_status fit_fault(const saga_train *t, saga_fit_status s,
-                                   saga_error *error)
+/* What a stage does after its iterations. */
+static bool conclude(saga_train *t, saga_error *error)
 {
-    if (s == SAGA_FIT_MEMORY)
-        return saga_train_fail(error, "out of memory while fitting",
-                               "take fewer --primitives, or --scale");
-    saga_fail(error, NULL, "try another --seed, and report it", "%s: not a "
-              "finite number in %s at iteration %d",
-              saga_train_stage_name(t->stage), saga_fit_fault(t->fit),
-              iteration_of(t));
-    return SAGA_TRAIN_FAILED;
-}
-
-static saga_train_status run_fit(saga_train *t, int until,
-                                 saga_error *error)
-{
-    while (saga_fit_iteration(t->fit) < until) {
-        double loss, psnr;
-        const saga_fit_status f = saga_fit_step(t->fit, &loss, &psnr);
-        saga_train_status s;
-
-        if (f)
-            return fit_fault(t, f, error);
-        if (t->stage == SAGA_TRAIN_RENDER) {
-            const double mse = pow(10, -psnr / 10);
-
-            t->recent_mse = t->recent_mse > 0 ? MEMORY_PART * t->recent_mse +
-                            (1 - MEMORY_PART) * mse : mse;
-            psnr = -10 * log10(t->recent_mse + 1e-12);
-        }
-        s = after(t, psnr);
-        if (s)
-            return s;
-    }
-    return SAGA_TRAIN_OK;
-}
-
-/* What lies between the warm-up and the regression. */
-static saga_train_status turn(saga_train *t, saga_error *error)
-{
-    saga_train_status s = saga_train_decide(t, error);
-
-    if (!s)
-        s = saga_train_begin_fit(t, error);
-    return s ? s : saga_train_check_level(t, error);
-}
-
-static saga_train_status run_stage(saga_train *t, saga_error *error)
-{
-    saga_train_status s;
-
+    t->recent_mse = 0;
     switch (t->stage) {
     case SAGA_TRAIN_WARM:
-        s = run_warm(t, error);
-        return s ? s : turn(t, error);
-    case SAGA_TRAIN_REGRESS:
-        return run_fit(t, t->o.n_regress, error);
-    case SAGA_TRAIN_RENDER:
-        return run_fit(t, t->o.n_regress + t->o.n_render, error);
+        return saga_train_decide(t, error) &&
+               saga_train_begin_fit(t, error) &&
+               saga_train_check_level(t, error);
     case SAGA_TRAIN_PACK:
-        s = tell(t, 0) ? SAGA_TRAIN_OK : SAGA_TRAIN_STOPPED;
-        return s ? s : saga_train_pack(t, error);
-    case SAGA_TRAIN_N_STAGES:
-        break;
+        return saga_train_pack(t, error);
+    default:
+        return true;
     }
-    return SAGA_TRAIN_OK;
 }
 
-saga_train_status saga_train_run(saga_train *t, saga_error *error)
+saga_outcome saga_train_run(saga_train *t, saga_error *error)
 {
     while (t->stage < SAGA_TRAIN_N_STAGES) {
-        const saga_train_status s = run_stage(t, error);
+        const saga_outcome s = t->stage < SAGA_TRAIN_PACK
+            ? run_iterations(t, error) : tell(t) ? SAGA_DONE : SAGA_STOPPED;
 
         if (s)
             return s;
+        if (!conclude(t, error))
+            return SAGA_FAILED;
         t->stage++;
         if (t->stage < SAGA_TRAIN_N_STAGES)
             save(t);
     }
-    return SAGA_TRAIN_OK;
+    return SAGA_DONE;
 }
 
 const saga_train_report *saga_train_report_of(const saga_train *t)

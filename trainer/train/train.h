@@ -34,13 +34,6 @@ typedef enum saga_train_stage {
     SAGA_TRAIN_N_STAGES
 } saga_train_stage;
 
-/* Why saga_train_run came back. */
-typedef enum saga_train_status {
-    SAGA_TRAIN_OK = 0,
-    SAGA_TRAIN_STOPPED = 1,      /* by the progress function; go on any time */
-    SAGA_TRAIN_FAILED = -1       /* the message says why */
-} saga_train_status;
-
 typedef enum saga_train_motion {
     SAGA_TRAIN_MEASURE,          /* the rule above */
     SAGA_TRAIN_MOVING,
@@ -55,7 +48,6 @@ typedef struct saga_train_progress {
     double bits;                 /* the residuals would take; 0 before the
                                   * rendering */
     double done;                 /* 0..1 of all work, an estimate */
-    double seconds_left;         /* an estimate; < 0: none yet */
 } saga_train_progress;
 
 /* After every iteration. Return false to stop there. */
@@ -151,19 +143,20 @@ void saga_train_free(saga_train *train);
  * checkpoint every checkpoint_seconds, at the end of a stage and when stopped;
  * one that cannot be written does not end the training:
  * saga_train_complaint. */
-saga_train_status saga_train_run(saga_train *train, saga_error *error);
+saga_outcome saga_train_run(saga_train *train, saga_error *error);
 
 /* The last failure to write a checkpoint since the last call; NULL: none. */
 const char *saga_train_complaint(saga_train *train);
 
-/* After SAGA_TRAIN_OK. The bytes belong to train. */
+/* After SAGA_DONE. The bytes belong to train. */
 const saga_train_report *saga_train_report_of(const saga_train *train);
 const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
 
-/* After SAGA_TRAIN_OK: the picture (3, H, W) of the decoded symbols and weights
- * in float, which the integer decoder's can be compared with. False: no
- * memory. */
-bool saga_train_draw(saga_train *train, float *image, int view, int frame);
+/* After SAGA_DONE: the picture (3, H, W) of the decoded symbols and weights in
+ * float, which the integer decoder's can be compared with. Fails where memory
+ * is short. */
+bool saga_train_draw(saga_train *train, float *image, int view, int frame,
+                     saga_error *error);
 
 /* Frames of view the qualities are measured on: number `index` of the ones
  * spread over the capture, -1 past the last. The same for every measurement,

@@ -16,7 +16,7 @@ typedef struct {
     char ablate[128];
     double lambda;
     uint64_t stage, fitting, dynamic;
-    double explained, changing, recent_mse, warm_psnr;
+    double explained, changing, recent_mse;
 } head;
 
 static void fill(head *h, const saga_train *t)
@@ -41,7 +41,6 @@ static void fill(head *h, const saga_train *t)
     h->explained = t->explained;
     h->changing = t->changing;
     h->recent_mse = t->recent_mse;
-    h->warm_psnr = t->warm_psnr;
 }
 
 bool saga_train_save(const saga_train *t, saga_error *error)
@@ -130,7 +129,7 @@ static bool load_fit(saga_train *t, const head *h, saga_checkpoint *c,
     t->dynamic = h->dynamic != 0;
     t->explained = h->explained;
     t->changing = h->changing;
-    if (saga_train_begin_fit(t, error))
+    if (!saga_train_begin_fit(t, error))
         return false;
     saga_fit_walk(t->fit, c);
     return true;
@@ -146,7 +145,6 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
     t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
     t->stage = (saga_train_stage)h.stage;
     t->recent_mse = h.recent_mse;
-    t->warm_psnr = h.warm_psnr;
     return t->flat && (!h.fitting || load_fit(t, &h, c, error));
 }
 

@@ -26,6 +26,8 @@ struct saga_train {
     saga_ablation ablation;      /* what o.ablate says */
     saga_policy policy;
     saga_train_stage stage;
+    double recent_mse;           /* of the stage's pictures, for progress; 0:
+                                  * none yet */
     saga_flat_options flat_options;
     saga_flat *flat;
 
@@ -35,8 +37,6 @@ struct saga_train {
     saga_scene scene;
     saga_splat_params target;    /* (prim) in rank order, our arrays */
     saga_fit *fit;
-    double warm_psnr;            /* of recent pictures, for progress */
-    double recent_mse;           /* of the rendering's pictures, for progress */
 
     saga_scene decoded;          /* as the file has it, in float */
     saga_twin decoded_twin;
@@ -45,19 +45,13 @@ struct saga_train {
     size_t nbytes;
     saga_train_report report;
 
-    double started, saved;       /* seconds of the clock */
-    double work_at_start;        /* iterations of the warm-up */
+    double saved;                /* seconds of the clock */
     saga_error complaint;
     bool complained;
 };
 
-/* train.c */
-double saga_train_seconds(void);
-/* Fails with a sentence and its remedy; returns FAILED. */
-saga_train_status saga_train_fail(saga_error *error, const char *what,
-                                  const char *remedy);
-/* Builds the hierarchy and the fit; t->dynamic is decided. */
-saga_train_status saga_train_begin_fit(saga_train *t, saga_error *error);
+/* train.c: builds the hierarchy and the fit; t->dynamic is decided. */
+bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
 /* From options, ablation, policy, and whether anything moves. */
@@ -69,33 +63,31 @@ void saga_train_entropy_model(saga_model *m,
                               const saga_policy *p, uint32_t most_slots);
 
 /* motion.c: t->dynamic, explained, changing. */
-saga_train_status saga_train_decide(saga_train *t, saga_error *error);
+bool saga_train_decide(saga_train *t, saga_error *error);
 
 /* targets.c */
 /* out[i] = p[source[i]], i < n, in arrays of its own (params_free, also after
- * a failure); source NULL: all as they are. 0, or -1 without memory. */
-int saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
-                      const uint32_t *source, uint32_t n);
+ * a failure); source NULL: all as they are. Fails where memory is short. */
+bool saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
+                       const uint32_t *source, uint32_t n, saga_error *error);
 /* Primitives as they are at mid-segment, without temporal members; p's arrays
  * are saga_train_gather's. */
 void saga_train_freeze(saga_splat_params *p, uint32_t n);
 void saga_train_params_free(saga_splat_params *p);
 
 /* quality.c: the report's qualities. */
-saga_train_status saga_train_measure_flat(saga_train *t,
-                                          saga_error *error);
-/* Of the pictures that twin, which stands for scene, draws; false: no memory.
- */
+bool saga_train_measure_flat(saga_train *t, saga_error *error);
+/* Of the pictures that twin, which stands for scene, draws. */
 bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
-                              const saga_scene *scene, saga_twin *twin);
+                              const saga_scene *scene, saga_twin *twin,
+                              saga_error *error);
 /* Makes the twin of the decoded scene first. */
-bool saga_train_measure_decoded(saga_train *t);
+bool saga_train_measure_decoded(saga_train *t, saga_error *error);
 
 /* finish.c */
 /* Packs at level 3 and compares with the caps of the level asked for. */
-saga_train_status saga_train_check_level(saga_train *t,
-                                         saga_error *error);
-saga_train_status saga_train_pack(saga_train *t, saga_error *error);
+bool saga_train_check_level(saga_train *t, saga_error *error);
+bool saga_train_pack(saga_train *t, saga_error *error);
 
 /* train_save.c */
 bool saga_train_save(const saga_train *t, saga_error *error);

@@ -1,16 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "flat_state.h"
 
+#include "alloc.h"
+
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 enum { COARSEST_WIDTH = 150, MAX_MIP = 3 };
 
-#define MEMORY_PART 0.98         /* of the recent loss, per iteration */
 #define PULL R(1e-3)             /* of the correction to the identity */
 
 const int saga_flat_widths[FLAT_N_TENSORS] = { 3, 4, 3, 1, 3, 9, 4, 1, 1 };
@@ -24,9 +22,7 @@ saga_flat_options saga_flat_defaults(void)
 {
     return (saga_flat_options){
         .n_primitives = 5000, .n_iterations = 4000, .seed = 1,
-        .temporal = true, .motion_order = 3, .rotation_slope = true,
-        .eta = R(0.2), .growth = R(1.3), .start = R(0.6), .coarse = R(0.3),
-        .rate = 1, .progress_every = 100
+        .temporal = true, .growth = R(1.3), .start = R(0.6), .coarse = R(0.3)
     };
 }
 
@@ -37,7 +33,7 @@ static void set_info(saga_flat *f, enum saga_flat_tensor t, double lo,
 {
     f->info[t] = (saga_flat_tensor_info){
         names[t], saga_flat_widths[t], (real)lo, (real)hi,
-        (real)rate * f->o.rate, (real)rate_end * f->o.rate
+        (real)rate, (real)rate_end
     };
 }
 
@@ -111,48 +107,48 @@ saga_splat_params saga_flat_params(const saga_flat *f)
 
 int saga_flat_iteration(const saga_flat *f) { return f->iteration; }
 uint32_t saga_flat_count(const saga_flat *f) { return f->n; }
-const char *saga_flat_message(const saga_flat *f) { return f->message; }
 
 /* --- The set ------------------------------------------------------------- */
 
-static int enlarge(real **p, size_t old, size_t cap)
+static bool enlarge(real **p, size_t old, size_t cap, saga_error *error)
 {
-    real *const q = realloc(*p, cap * sizeof *q);
+    real *const q = saga_realloc(*p, cap, sizeof *q, "the warm-up", error);
 
     if (!q)
-        return -1;
+        return false;
     *p = q;
     memset(q + old, 0, (cap - old) * sizeof *q);
-    return 0;
+    return true;
 }
 
-int saga_flat_reserve(saga_flat *f, uint32_t n)
+bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error)
 {
     const uint32_t cap = n + n / 4 + 16, old = f->cap;
     saga_splat_stats *const s = &f->stats;
     uint32_t *seen;
 
     if (n <= f->cap)
-        return 0;
+        return true;
     for (int t = 0; t < FLAT_N_TENSORS; t++) {
         const size_t w = (size_t)saga_flat_widths[t];
 
-        if (enlarge(&f->value[t], w * old, w * cap) ||
-            enlarge(&f->grad[t], w * old, w * cap) ||
-            enlarge(&f->m[t], w * old, w * cap) ||
-            enlarge(&f->v[t], w * old, w * cap))
-            return -1;
+        if (!enlarge(&f->value[t], w * old, w * cap, error) ||
+            !enlarge(&f->grad[t], w * old, w * cap, error) ||
+            !enlarge(&f->m[t], w * old, w * cap, error) ||
+            !enlarge(&f->v[t], w * old, w * cap, error))
+            return false;
     }
-    seen = realloc(s->seen, cap * sizeof *seen);
+    seen = saga_realloc(s->seen, cap, sizeof *seen, "the warm-up", error);
     if (!seen)
-        return -1;
+        return false;
     memset(seen + old, 0, (cap - old) * sizeof *seen);
     s->seen = seen;
-    if (enlarge(&s->grad2d, old, cap) || enlarge(&s->weight, old, cap) ||
-        enlarge(&s->radius, old, cap))
-        return -1;
+    if (!enlarge(&s->grad2d, old, cap, error) ||
+        !enlarge(&s->weight, old, cap, error) ||
+        !enlarge(&s->radius, old, cap, error))
+        return false;
     f->cap = cap;
-    return 0;
+    return true;
 }
 
 /* Where each tensor lies in a saga_flat_one. */
@@ -227,21 +223,12 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep)
 
 /* --- Making one ---------------------------------------------------------- */
 
-static void fail(saga_flat *f, const char *format, ...)
-{
-    va_list args;
-
-    va_start(args, format);
-    vsnprintf(f->message, sizeof f->message, format, args);
-    va_end(args);
-}
-
-static bool make_pictures(saga_flat *f)
+static bool make_pictures(saga_flat *f, saga_error *error)
 {
     const saga_capture *const c = f->pictures->capture;
     size_t rows = 0;
 
-    if (saga_pictures_canvas(&f->canvas, f->pictures))
+    if (!saga_pictures_canvas(&f->canvas, f->pictures, error))
         return false;
     f->canvas.rules.detach_time = 1;
     if (!f->o.colour_correction)
@@ -251,17 +238,20 @@ static bool make_pictures(saga_flat *f)
 
         rows = h > rows ? h : rows;
     }
-    f->shown = malloc(3 * saga_pictures_largest(f->pictures) * sizeof(real));
-    f->row = malloc(rows * FLAT_CORRECTION * sizeof *f->row);
+    f->shown = saga_alloc(3 * saga_pictures_largest(f->pictures),
+                          sizeof(real), "a picture", error);
+    f->row = saga_alloc(rows * FLAT_CORRECTION, sizeof *f->row, "a picture",
+                        error);
     return f->shown && f->row;
 }
 
-static bool make_correction(saga_flat *f)
+static bool make_correction(saga_flat *f, saga_error *error)
 {
     const size_t n = (size_t)f->pictures->capture->n_views * FLAT_CORRECTION;
 
     for (int k = 0; k < 4; k++) {
-        f->correction[k] = calloc(n, sizeof(real));
+        f->correction[k] = saga_calloc(n, sizeof(real), "the colours' "
+                                       "correction", error);
         if (!f->correction[k])
             return false;
     }
@@ -284,40 +274,20 @@ static double find_reach(const saga_pictures *p)
     return exp2(sum / p->n_train) / p->cube.unit;
 }
 
-static bool check_options(saga_flat *f)
-{
-    const saga_flat_options *const o = &f->o;
-
-    if (o->n_primitives < 1 || o->n_primitives > SAGA_FLAT_MAX_PRIMITIVES)
-        fail(f, "%u primitives: 1 to %d can be fitted", o->n_primitives,
-             SAGA_FLAT_MAX_PRIMITIVES);
-    else if (o->n_iterations < 1)
-        fail(f, "%d iterations: at least 1 is needed", o->n_iterations);
-    else
-        return true;
-    return false;
-}
-
-/* All but the primitives. On failure NULL, and the reason in *error. */
+/* All but the primitives. */
 static saga_flat *make(const saga_pictures *pictures,
                        const saga_flat_options *o, saga_error *error)
 {
-    saga_flat *const f = calloc(1, sizeof *f);
+    saga_flat *const f = saga_calloc(1, sizeof *f, "the warm-up", error);
 
-    snprintf(error->message, sizeof error->message, "out of memory");
     if (!f)
         return NULL;
     f->pictures = pictures;
     f->o = *o;
-    f->recent_mse = -1;
-    if (check_options(f) && make_pictures(f) && make_correction(f)) {
-        f->reach = find_reach(pictures);
-        fill_info(f);
-        error->message[0] = 0;
+    f->reach = find_reach(pictures);
+    fill_info(f);
+    if (make_pictures(f, error) && make_correction(f, error))
         return f;
-    }
-    if (f->message[0])
-        snprintf(error->message, sizeof error->message, "%s", f->message);
     saga_flat_free(f);
     return NULL;
 }
@@ -328,12 +298,22 @@ saga_flat *saga_flat_new(const saga_pictures *pictures,
 {
     saga_flat *const f = make(pictures, options, error);
 
-    if (f && saga_flat_init(f) != SAGA_FLAT_OK) {
-        snprintf(error->message, sizeof error->message, "out of memory");
-        saga_flat_free(f);
-        return NULL;
-    }
-    return f;
+    if (!f || saga_flat_init(f, error))
+        return f;
+    saga_flat_free(f);
+    return NULL;
+}
+
+saga_flat *saga_flat_restore(const saga_pictures *pictures,
+                             const saga_flat_options *options,
+                             saga_checkpoint *checkpoint, saga_error *error)
+{
+    saga_flat *const f = make(pictures, options, error);
+
+    if (!f || saga_flat_load(f, checkpoint, error))
+        return f;
+    saga_flat_free(f);
+    return NULL;
 }
 
 void saga_flat_free(saga_flat *f)
@@ -384,37 +364,22 @@ static bool bound(real *x, size_t n, real lo, real hi)
     return !bad;
 }
 
-/* Orders that are off keep their zeros: without gradient nothing moves. */
-static void mask_motion(saga_flat *f)
-{
-    const size_t from = (size_t)f->o.motion_order * 3;
-
-    if (f->o.motion_order < 3)
-        for (size_t i = 0; i < f->n; i++)
-            for (size_t k = from; k < 9; k++)
-                f->grad[FLAT_MOTION][9 * i + k] = 0;
-    if (!f->o.rotation_slope)
-        memset(f->grad[FLAT_SLOPE], 0, 4 * (size_t)f->n * sizeof(real));
-}
-
-static saga_flat_status update(saga_flat *f)
+static bool update(saga_flat *f, saga_error *error)
 {
     const int n = f->o.temporal ? FLAT_N_TENSORS : FLAT_MOTION;
 
-    mask_motion(f);
     for (int t = 0; t < n; t++) {
         const saga_flat_tensor_info *const i = f->info + t;
         const size_t size = (size_t)i->width * f->n;
 
         saga_flat_adam(f->value[t], f->m[t], f->v[t], f->grad[t], size,
                        rate_at(f, t), f->iteration + 1);
-        if (!bound(f->value[t], size, i->lo, i->hi)) {
-            fail(f, "tensor %s is not finite after iteration %d: lower the "
-                 "learning rate", i->name, f->iteration);
-            return SAGA_FLAT_NONFINITE;
-        }
+        if (!bound(f->value[t], size, i->lo, i->hi))
+            return saga_fail(error, NULL, "try another --seed, and report it",
+                             "tensor %s is not finite after iteration %d",
+                             i->name, f->iteration);
     }
-    return SAGA_FLAT_OK;
+    return true;
 }
 
 /* One view's map moves; then all are shifted so that their mean is the
@@ -445,18 +410,7 @@ static void update_correction(saga_flat *f, int view)
     }
 }
 
-static void note(saga_flat *f, const saga_picture_loss *l, int mip)
-{
-    if (f->recent_mse < 0 || mip != f->recent_mip) {
-        f->recent_mse = l->mse;
-        f->recent_loss = l->loss;
-    }
-    f->recent_mip = mip;
-    f->recent_mse += (1 - MEMORY_PART) * (l->mse - f->recent_mse);
-    f->recent_loss += (1 - MEMORY_PART) * (l->loss - f->recent_loss);
-}
-
-static saga_flat_status backward(saga_flat *f)
+static bool backward(saga_flat *f, saga_error *error)
 {
     const saga_splat_params p = saga_flat_params(f);
     saga_splat_params d = saga_flat_view_of(f->grad, f->o.temporal);
@@ -464,145 +418,62 @@ static saga_flat_status backward(saga_flat *f)
     for (int t = 0; t < FLAT_N_TENSORS; t++)
         memset(f->grad[t], 0, (size_t)saga_flat_widths[t] * f->n *
                sizeof(real));
-    return saga_splat_backward(&d, &f->stats, &f->canvas, &p)
-        ? SAGA_FLAT_MEMORY : SAGA_FLAT_OK;
+    return saga_splat_backward(&d, &f->stats, &f->canvas, &p, error);
 }
 
 /* The picture's loss, and its gradient to what was drawn. */
-static saga_flat_status look(saga_flat *f, saga_picture_loss *loss, int view)
+static bool look(saga_flat *f, saga_picture_loss *loss, int view,
+                 saga_error *error)
 {
-    const saga_loss_weights weights = saga_loss_paper(f->o.eta);
+    const saga_loss_weights weights = saga_loss_paper();
     const size_t at = (size_t)view * FLAT_CORRECTION;
 
-    if (saga_loss_picture(loss, &f->canvas, saga_flat_shown(f), &weights))
-        return SAGA_FLAT_MEMORY;
-    if (!(loss->loss >= 0 && loss->loss < INFINITY)) {
-        fail(f, "picture of view %s is not finite at iteration %d",
-             f->pictures->capture->views[view].name, f->iteration);
-        return SAGA_FLAT_NONFINITE;
-    }
+    if (!saga_loss_picture(loss, &f->canvas, saga_flat_shown(f), &weights,
+                           error))
+        return false;
+    if (!(loss->loss >= 0 && loss->loss < INFINITY))
+        return saga_fail(error, NULL, "try another --seed, and report it",
+                         "picture of view %s is not finite at iteration %d",
+                         f->pictures->capture->views[view].name,
+                         f->iteration);
     if (f->o.colour_correction) {
         memset(f->correction[1] + at, 0, FLAT_CORRECTION * sizeof(real));
         saga_flat_correct_backward(f->correction[1] + at, &f->canvas,
                                    f->correction[0] + at, f->row);
     }
-    return SAGA_FLAT_OK;
+    return true;
 }
 
-static saga_flat_status step(saga_flat *f)
+bool saga_flat_step(saga_flat *f, double *mse, saga_error *error)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
     saga_sample sample = saga_pictures_pick(f->pictures, r,
                                             (uint64_t)f->iteration);
     saga_picture_loss loss;
-    saga_flat_status s;
 
-    s = saga_flat_change_count(f);
-    if (s != SAGA_FLAT_OK)
-        return s;
     sample.mip = saga_flat_mip_at(f, f->iteration);
-    s = saga_flat_draw(f, sample);
-    if (s == SAGA_FLAT_OK)
-        s = look(f, &loss, sample.view);
-    if (s == SAGA_FLAT_OK)
-        s = backward(f);
-    if (s == SAGA_FLAT_OK)
-        s = update(f);
-    if (s != SAGA_FLAT_OK)
-        return s;
+    if (!saga_flat_change_count(f, error) ||
+        !saga_flat_draw(f, sample, error) ||
+        !look(f, &loss, sample.view, error) || !backward(f, error) ||
+        !update(f, error))
+        return false;
     if (f->o.colour_correction)
         update_correction(f, sample.view);
-    note(f, &loss, sample.mip);
+    *mse = loss.mse;
     f->iteration++;
-    return SAGA_FLAT_OK;
+    return true;
 }
 
-static double now(void)
+bool saga_flat_render(saga_flat *f, real *image, double *mse,
+                      saga_sample sample, saga_error *error)
 {
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
-/* Iterations to come, weighted by what their pictures cost: a half by what
- * grows with the pixels, a half by what does not. */
-static double work_between(const saga_flat *f, int a, int b)
-{
-    double sum = 0;
-
-    for (int i = a; i < b; i++)
-        sum += 0.5 + 0.5 / (1 << (2 * saga_flat_mip_at(f, i)));
-    return sum;
-}
-
-static bool report(const saga_flat *f, int since, double seconds)
-{
-    const int n = f->o.n_iterations;
-    const saga_flat_progress p = {
-        .iteration = f->iteration, .n_iterations = n, .n_primitives = f->n,
-        .mip = f->recent_mip,
-        .psnr = -10 * log10(f->recent_mse + 1e-12), .loss = f->recent_loss,
-        .seconds_left = seconds * work_between(f, f->iteration, n) /
-                        (work_between(f, since, f->iteration) + 1e-9)
-    };
-
-    return f->o.progress(f->o.progress_user, &p);
-}
-
-saga_flat_status saga_flat_run(saga_flat *f, int until)
-{
-    const int end = until < f->o.n_iterations ? until : f->o.n_iterations;
-    const int every = f->o.progress_every > 0 ? f->o.progress_every : 1;
-    int since = f->iteration;
-    double start = now();
-
-    while (f->iteration < end) {
-        const saga_flat_status s = step(f);
-
-        if (s != SAGA_FLAT_OK) {
-            if (s == SAGA_FLAT_MEMORY)
-                fail(f, "out of memory at iteration %d", f->iteration);
-            return s;
-        }
-        if (!f->o.progress || (f->iteration % every && f->iteration < end))
-            continue;
-        if (!report(f, since, now() - start))
-            return SAGA_FLAT_STOPPED;
-        since = f->iteration;
-        start = now();
-    }
-    return SAGA_FLAT_OK;
-}
-
-saga_flat_status saga_flat_render(saga_flat *f, real *image, double *mse,
-                                  saga_sample sample)
-{
-    const saga_flat_status s = saga_flat_draw(f, sample);
     const real *const from = saga_flat_shown(f);
     const saga_splat_camera *const c = &f->canvas.camera;
 
-    if (s != SAGA_FLAT_OK)
-        return s;
+    if (!saga_flat_draw(f, sample, error))
+        return false;
     for (int i = 0; image && i < 3 * c->width * c->height; i++)
         image[i] = saga_clamp(from[i], 0, 1);
     *mse = saga_canvas_mse(&f->canvas, from);
-    return SAGA_FLAT_OK;
-}
-
-/* --- Restoring ----------------------------------------------------------- */
-
-saga_flat *saga_flat_restore(const saga_pictures *pictures,
-                             const saga_flat_options *options,
-                             saga_checkpoint *checkpoint, saga_error *error)
-{
-    saga_flat *const f = make(pictures, options, error);
-
-    if (!f)
-        return NULL;
-    if (saga_flat_load(f, checkpoint) == SAGA_FLAT_OK)
-        return f;
-    snprintf(error->message, sizeof error->message, "out of memory");
-    saga_flat_free(f);
-    return NULL;
+    return true;
 }

@@ -8,6 +8,8 @@
  */
 #include "flat_state.h"
 
+#include "alloc.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,6 +26,8 @@ enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
 
 typedef struct ranked { real score; uint32_t i; } ranked;
 
+static const char ranking[] = "the ranking of primitives";
+
 /* Largest first, the lower index first among equals. */
 static int compare(const void *a, const void *b)
 {
@@ -34,10 +38,11 @@ static int compare(const void *a, const void *b)
     return (p->i > q->i) - (p->i < q->i);
 }
 
-static ranked *rank(const saga_flat *f, real (*score)(const saga_flat *,
-                                                      uint32_t))
+static ranked *rank(const saga_flat *f,
+                    real (*score)(const saga_flat *, uint32_t),
+                    saga_error *error)
 {
-    ranked *const r = malloc((f->n + 1) * sizeof *r);
+    ranked *const r = saga_alloc(f->n, sizeof *r, ranking, error);
 
     for (uint32_t i = 0; r && i < f->n; i++)
         r[i] = (ranked){ score(f, i), i };
@@ -73,34 +78,35 @@ static bool is_dead(const saga_flat *f, uint32_t i)
            (seen >= 4 && f->stats.weight[i] < R(0.02) * seen);
 }
 
-static saga_flat_status remove_dead(saga_flat *f)
+static bool remove_dead(saga_flat *f, saga_error *error)
 {
-    uint8_t *const keep = malloc(f->n + 1);
+    uint8_t *const keep = saga_alloc(f->n, 1, ranking, error);
     uint32_t left = 0;
 
     if (!keep)
-        return SAGA_FLAT_MEMORY;
+        return false;
     for (uint32_t i = 0; i < f->n; i++)
         left += keep[i] = !is_dead(f, i);
     if (left > 0)
         saga_flat_keep(f, keep);
     free(keep);
-    return SAGA_FLAT_OK;
+    return true;
 }
 
-static saga_flat_status reduce(saga_flat *f, uint32_t n)
+static bool reduce(saga_flat *f, uint32_t n, saga_error *error)
 {
-    uint8_t *const keep = calloc(f->n + 1, 1);
-    ranked *const r = rank(f, importance);
+    uint8_t *const keep = saga_calloc(f->n, 1, ranking, error);
+    ranked *const r = rank(f, importance, error);
+    const bool ok = keep && r;
 
-    if (keep && r) {
+    if (ok) {
         for (uint32_t k = 0; k < n; k++)
             keep[r[k].i] = 1;
         saga_flat_keep(f, keep);
     }
     free(r);
     free(keep);
-    return keep && r ? SAGA_FLAT_OK : SAGA_FLAT_MEMORY;
+    return ok;
 }
 
 /* --- Splitting ----------------------------------------------------------- */
@@ -146,18 +152,18 @@ static void split(saga_flat *f, uint32_t i)
 }
 
 /* Adds up to n; room must be there. */
-static saga_flat_status split_most(saga_flat *f, uint32_t n, bool any)
+static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 {
     const uint32_t before = f->n;
-    ranked *const r = rank(f, any ? importance : doubt);
+    ranked *const r = rank(f, any ? importance : doubt, error);
 
     if (!r)
-        return SAGA_FLAT_MEMORY;
+        return false;
     for (uint32_t k = 0; k < n && k < before; k++)
         if (any || r[k].score > 0)
             split(f, r[k].i);
     free(r);
-    return SAGA_FLAT_OK;
+    return true;
 }
 
 /* --- From pixels --------------------------------------------------------- */
@@ -230,8 +236,8 @@ static void look_where_wrong(const places *p, uint32_t n, const saga_flat *f,
     }
 }
 
-static saga_flat_status grow_from_picture(saga_flat *f, const places *p,
-                                          uint32_t n, uint64_t counter)
+static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
+                              uint64_t counter, saga_error *error)
 {
     const saga_pictures *const all = f->pictures;
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW + 100);
@@ -242,12 +248,11 @@ static saga_flat_status grow_from_picture(saga_flat *f, const places *p,
                                      (uint32_t)all->capture->n_frames),
         .mip = saga_flat_mip_at(f, f->iteration)
     };
-    const saga_flat_status status = saga_flat_draw(f, picture);
 
-    if (status != SAGA_FLAT_OK)
-        return status;
+    if (!saga_flat_draw(f, picture, error))
+        return false;
     if (!(error_sums(p->sum, f) > 0))
-        return SAGA_FLAT_OK;
+        return true;
     look_where_wrong(p, n, f, picture, counter << 32);
     for (uint32_t i = 0; i < n; i++) {
         saga_flat_one one;
@@ -258,32 +263,32 @@ static saga_flat_status grow_from_picture(saga_flat *f, const places *p,
                            p->sight[i].footprint * (1 << picture.mip));
         saga_flat_append(f, &one);
     }
-    return SAGA_FLAT_OK;
+    return true;
 }
 
-static saga_flat_status grow_from_pixels(saga_flat *f, uint32_t n)
+static bool grow_from_pixels(saga_flat *f, uint32_t n, saga_error *error)
 {
+    static const char what[] = "new primitives";
     const uint32_t each = n / N_PICTURES + 1;
     const size_t largest = saga_pictures_largest(f->pictures);
-    const places p = { malloc(each * sizeof *p.sight), malloc(each),
-                       malloc(largest * sizeof *p.sum) };
-    saga_flat_status status = SAGA_FLAT_MEMORY;
+    const places p = {
+        saga_alloc(each, sizeof *p.sight, what, error),
+        saga_alloc(each, 1, what, error),
+        saga_alloc(largest, sizeof *p.sum, what, error)
+    };
+    bool ok = p.sight && p.good && p.sum;
 
-    if (p.sight && p.good && p.sum) {
-        status = SAGA_FLAT_OK;
-        for (uint32_t k = 0; k < N_PICTURES && status == SAGA_FLAT_OK; k++) {
-            const uint32_t part = n / N_PICTURES + (k < n % N_PICTURES);
+    for (uint32_t k = 0; k < N_PICTURES && ok; k++) {
+        const uint32_t part = n / N_PICTURES + (k < n % N_PICTURES);
 
-            if (part > 0)
-                status = grow_from_picture(f, &p, part,
-                                           (uint64_t)f->iteration *
-                                           N_PICTURES + k);
-        }
+        if (part > 0)
+            ok = grow_from_picture(f, &p, part, (uint64_t)f->iteration *
+                                                N_PICTURES + k, error);
     }
     free(p.sight);
     free(p.good);
     free(p.sum);
-    return status;
+    return ok;
 }
 
 /* --- The schedule -------------------------------------------------------- */
@@ -298,21 +303,22 @@ static uint32_t target_at(const saga_flat *f, int iteration)
     return (uint32_t)(n * (start + (peak - start) * (k < 1 ? k : 1)) + 0.5);
 }
 
-static saga_flat_status grow(saga_flat *f)
+static bool grow(saga_flat *f, saga_error *error)
 {
     const uint32_t target = target_at(f, f->iteration);
-    saga_flat_status s = remove_dead(f);
     uint32_t want;
 
-    if (s != SAGA_FLAT_OK || target <= f->n)
-        return s;
-    if (saga_flat_reserve(f, target))
-        return SAGA_FLAT_MEMORY;
+    if (!remove_dead(f, error))
+        return false;
+    if (target <= f->n)
+        return true;
+    if (!saga_flat_reserve(f, target, error))
+        return false;
     want = target - f->n;
-    s = split_most(f, want - (uint32_t)(FROM_PIXELS * want), false);
-    if (s != SAGA_FLAT_OK || target <= f->n)
-        return s;
-    return grow_from_pixels(f, (uint32_t)(FROM_PIXELS * want));
+    if (!split_most(f, want - (uint32_t)(FROM_PIXELS * want), false, error))
+        return false;
+    return target <= f->n ||
+           grow_from_pixels(f, (uint32_t)(FROM_PIXELS * want), error);
 }
 
 static void halve(saga_flat *f)
@@ -327,8 +333,8 @@ static void halve(saga_flat *f)
     }
 }
 
-/* The last of the steps leaves exactly the number asked for. */
-static saga_flat_status prune(saga_flat *f, int k)
+/* The last of the prunes leaves exactly the number asked for. */
+static bool prune(saga_flat *f, int k, saga_error *error)
 {
     const uint32_t n = f->o.n_primitives;
     const double ratio = (double)f->n / n;
@@ -338,18 +344,15 @@ static saga_flat_status prune(saga_flat *f, int k)
         left = (uint32_t)(n * pow(ratio, (N_PRUNES - 1.0 - k) /
                                   (N_PRUNES - k)));
     if (f->n > left)
-        return reduce(f, left);
+        return reduce(f, left, error);
     if (k + 1 < N_PRUNES)
-        return SAGA_FLAT_OK;
-    if (saga_flat_reserve(f, n))
-        return SAGA_FLAT_MEMORY;
-    while (f->n < n) {
-        const saga_flat_status s = split_most(f, n - f->n, true);
-
-        if (s != SAGA_FLAT_OK)
-            return s;
-    }
-    return SAGA_FLAT_OK;
+        return true;
+    if (!saga_flat_reserve(f, n, error))
+        return false;
+    while (f->n < n)
+        if (!split_most(f, n - f->n, true, error))
+            return false;
+    return true;
 }
 
 static int round_length(const saga_flat *f)
@@ -359,18 +362,18 @@ static int round_length(const saga_flat *f)
     return n < 25 ? 25 : n > 250 ? 250 : n;
 }
 
-saga_flat_status saga_flat_change_count(saga_flat *f)
+bool saga_flat_change_count(saga_flat *f, saga_error *error)
 {
     const int n = f->o.n_iterations, at = f->iteration;
-    saga_flat_status s = SAGA_FLAT_OK;
+    bool ok = true;
 
-    for (int k = 0; k < N_PRUNES && s == SAGA_FLAT_OK; k++)
+    for (int k = 0; k < N_PRUNES && ok; k++)
         if (at == (int)(n * (FIRST_PRUNE + PRUNE_STEP * k)))
-            s = prune(f, k);
-    if (s != SAGA_FLAT_OK || at == 0 || at % round_length(f))
-        return s;
+            ok = prune(f, k, error);
+    if (!ok || at == 0 || at % round_length(f))
+        return ok;
     if (at <= GROW_END * n)
-        s = grow(f);
+        ok = grow(f, error);
     halve(f);
-    return s;
+    return ok;
 }

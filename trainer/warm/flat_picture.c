@@ -66,7 +66,7 @@ const real *saga_flat_shown(const saga_flat *f)
     return f->o.colour_correction ? f->shown : f->canvas.image;
 }
 
-saga_flat_status saga_flat_draw(saga_flat *f, saga_sample sample)
+bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error)
 {
     const saga_splat_params p = saga_flat_params(f);
     const size_t v = (size_t)sample.view;
@@ -75,13 +75,13 @@ saga_flat_status saga_flat_draw(saga_flat *f, saga_sample sample)
     saga_pictures_aim(c, f->pictures, sample);
     c->camera.near_plane = (real)(NEAR_PART * f->pictures->range[2 * v] /
                                   f->pictures->cube.unit);
-    if (saga_splat_forward(c, &p, f->n))
-        return SAGA_FLAT_MEMORY;
+    if (!saga_splat_forward(c, &p, f->n, error))
+        return false;
     saga_pictures_truth(c, f->pictures, sample);
     if (f->o.colour_correction)
         saga_flat_correct(f->shown, c->image,
                           f->correction[0] + v * FLAT_CORRECTION,
                           (size_t)c->camera.width *
                           (size_t)c->camera.height);
-    return SAGA_FLAT_OK;
+    return true;
 }

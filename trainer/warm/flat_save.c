@@ -15,9 +15,6 @@ static void walk_state(saga_checkpoint *c, saga_flat *f)
 {
     const size_t n = f->n * sizeof(real);
 
-    saga_checkpoint_walk(c, &f->recent_mip, sizeof f->recent_mip);
-    saga_checkpoint_walk(c, &f->recent_mse, sizeof f->recent_mse);
-    saga_checkpoint_walk(c, &f->recent_loss, sizeof f->recent_loss);
     for (int t = 0; t < FLAT_N_TENSORS; t++) {
         const size_t w = (size_t)saga_flat_widths[t];
 
@@ -44,7 +41,7 @@ void saga_flat_save(saga_flat *f, saga_checkpoint *c)
     walk_state(c, f);
 }
 
-saga_flat_status saga_flat_load(saga_flat *f, saga_checkpoint *c)
+bool saga_flat_load(saga_flat *f, saga_checkpoint *c, saga_error *error)
 {
     uint64_t n = 0, iteration = 0;
 
@@ -52,12 +49,12 @@ saga_flat_status saga_flat_load(saga_flat *f, saga_checkpoint *c)
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
     if (n > most_primitives(&f->o) || iteration > (uint64_t)f->o.n_iterations) {
         c->failed = true;
-        return SAGA_FLAT_OK;
+        return true;
     }
-    if (saga_flat_reserve(f, (uint32_t)n))
-        return SAGA_FLAT_MEMORY;
+    if (!saga_flat_reserve(f, (uint32_t)n, error))
+        return false;
     f->n = (uint32_t)n;
     f->iteration = (int)iteration;
     walk_state(c, f);
-    return SAGA_FLAT_OK;
+    return true;
 }

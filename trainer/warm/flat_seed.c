@@ -9,6 +9,8 @@
  */
 #include "flat_state.h"
 
+#include "alloc.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -544,28 +546,26 @@ static void append_all(saga_flat *f, const saga_flat_sight *s, along *order,
     }
 }
 
-saga_flat_status saga_flat_init(saga_flat *f)
+bool saga_flat_init(saga_flat *f, saga_error *error)
 {
-    size_t n = (size_t)(f->o.start * (real)f->o.n_primitives);
-    saga_flat_sight *s;
-    uint8_t *good;
-    along *order;
-    saga_flat_status status = SAGA_FLAT_MEMORY;
+    static const char what[] = "the first primitives";
+    const size_t asked = (size_t)(f->o.start * (real)f->o.n_primitives);
+    const size_t n = asked < 1 ? 1 : asked;
+    saga_flat_sight *const s = saga_alloc(n, sizeof *s, what, error);
+    uint8_t *const good = saga_alloc(n, 1, what, error);
+    along *const order = saga_alloc(n, sizeof *order, what, error);
+    const bool ok = s && good && order &&
+                    saga_flat_reserve(f, (uint32_t)n, error);
 
-    n = n < 1 ? 1 : n;
-    s = malloc(n * sizeof *s);
-    good = malloc(n);
-    order = malloc(n * sizeof *order);
-    if (s && good && order && saga_flat_reserve(f, (uint32_t)n) == 0) {
+    if (ok) {
         const size_t known = look_at_points(s, f, (n + 1) / 2);
 
         memset(good, 1, n);
         look_at_pixels(s, good, f, known, n);
         append_all(f, s, order, n);
-        status = SAGA_FLAT_OK;
     }
     free(s);
     free(good);
     free(order);
-    return status;
+    return ok;
 }

@@ -44,13 +44,10 @@ struct saga_flat {
     real *correction[4];        /* (views, FLAT_CORRECTION): value, gradient,
                                  * m, v */
     int iteration;
-    double recent_mse, recent_loss;
-    int recent_mip;
 
     saga_canvas canvas;
     real *shown;                /* (3, H, W) the image corrected, or NULL */
     double *row;                /* scratch of sums by rows */
-    char message[200];
 };
 
 /* flat_seed.c: what a pixel says about a place in the scene. */
@@ -69,7 +66,7 @@ extern const int saga_flat_widths[FLAT_N_TENSORS];
 int saga_flat_mip_at(const saga_flat *f, int iteration);
 saga_splat_params saga_flat_view_of(real *const *tensors, bool temporal);
 /* Room for n primitives, values kept. */
-int saga_flat_reserve(saga_flat *f, uint32_t n);
+bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
 void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one);
 void saga_flat_put(saga_flat *f, uint32_t i, const saga_flat_one *one);
 /* Appends with fresh moments; room must be there. */
@@ -79,7 +76,7 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 
 /* flat_picture.c */
 /* Sets the canvas's image and truth, and f->shown. */
-saga_flat_status saga_flat_draw(saga_flat *f, saga_sample sample);
+bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 /* What was drawn, corrected where colours are. */
 const real *saga_flat_shown(const saga_flat *f);
 /* out = M in + o, pictures (3, n); may be in place. */
@@ -94,16 +91,16 @@ void saga_flat_adam(real *value, real *m, real *v, const real *grad, size_t n,
                     real rate, int step);
 
 /* flat_seed.c */
-saga_flat_status saga_flat_init(saga_flat *f);
+bool saga_flat_init(saga_flat *f, saga_error *error);
 bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
                     double v, saga_flat_sight *s);
 void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
                         const saga_flat_sight *s, double sigma);
 
 /* flat_save.c: f as saga_flat_new makes it, but without primitives. */
-saga_flat_status saga_flat_load(saga_flat *f, saga_checkpoint *c);
+bool saga_flat_load(saga_flat *f, saga_checkpoint *c, saga_error *error);
 
 /* flat_grow.c: before iteration f->iteration. */
-saga_flat_status saga_flat_change_count(saga_flat *f);
+bool saga_flat_change_count(saga_flat *f, saga_error *error);
 
 #endif
