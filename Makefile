@@ -142,9 +142,11 @@ LINK    = $(CC) $(OPT) $(SAN_FLAGS) $(CFLAGS) $(LDFLAGS)
 
 OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o): OPT_LEVEL = $(HOT_OPT)
-# Where this machine has AVX2, the float half uses it (trainer/nn/vec.h).
+# Where this machine has AVX2 and the compiler is its own, the float half uses
+# it (trainer/base/vec.h).
 MARCH := $(if $(shell grep -m1 -o avx2 /proc/cpuinfo 2>/dev/null),$(if \
-           $(filter x86_64,$(shell uname -m)),-march=x86-64-v3))
+           $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine)),\
+           -march=x86-64-v3))
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 
 I_COMMON  = -Icommon -Icommon/arch
