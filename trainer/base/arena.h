@@ -9,6 +9,7 @@
 #include "real.h"
 
 #include <stddef.h>
+#include <stdlib.h>
 
 typedef struct saga_arena {
     real *base;
@@ -22,6 +23,15 @@ static inline real *saga_arena_take(saga_arena *a, size_t n)
 
     a->n += (n + 15) & ~(size_t)15;
     return p;
+}
+
+/* The block that was measured, zeros (free it); taking begins anew in it. NULL
+ * without memory. */
+static inline real *saga_arena_alloc(saga_arena *a)
+{
+    a->base = calloc(a->n + 1, sizeof *a->base);
+    a->n = 0;
+    return a->base;
 }
 
 #endif

@@ -38,4 +38,11 @@ static inline real saga_clamp(real x, real lo, real hi)
     return x < lo ? lo : x > hi ? hi : x;
 }
 
+/* The gradient d of what may have been clamped to lo..hi: it learns towards the
+ * inside alone. */
+static inline real saga_inward(real d, real x, real lo, real hi)
+{
+    return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
+}
+
 #endif

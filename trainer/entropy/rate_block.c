@@ -7,18 +7,6 @@
 
 /* --- Inputs -------------------------------------------------------------- */
 
-void saga_rate_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
-                     size_t rows)
-{
-    const size_t in = (size_t)net->dim[0];
-    const size_t out = (size_t)net->dim[net->n_layers];
-
-    b->in = saga_arena_take(a, rows * in);
-    b->d_in = saga_arena_take(a, rows * in);
-    b->out = saga_arena_take(a, rows * out);
-    b->d_out = saga_arena_take(a, rows * out);
-}
-
 real *saga_rate_tell(real *row, const saga_model *m, const real phase[4],
                      const real size[SAGA_RATE_SIZES])
 {
@@ -51,5 +39,5 @@ void saga_rate_through(real *d, const real *x, size_t n, int q)
     size_t i;
 
     for (i = 0; i < n; i++)
-        d[i] = saga_rate_inward(d[i], x[i], -most, most);
+        d[i] = saga_inward(d[i], x[i], -most, most);
 }

@@ -6,7 +6,6 @@
 #ifndef SAGA_RATE_BLOCK_H
 #define SAGA_RATE_BLOCK_H
 
-#include "arena.h"
 #include "scene.h"
 #include "twin.h"
 
@@ -16,34 +15,23 @@ enum {
                               * what GROUPS reads of it, padded to F */
 };
 
-/* What the networks read: values, or their gradients. As gradients, members
- * are added to, and NULL ones are not wanted. */
+/* What the networks read: values; or their gradients, which are added to, and
+ * of which offsets have none (NULL). */
 typedef struct saga_rate_features {
     real *coarse;                /* (n.coarse, F) coarse features */
     real *offset;                /* (n.fine, 5) see SAGA_RATE_OFFSETS */
     real *fine;                  /* (n.fine, F) fine features, after F_fine */
 } saga_rate_features;
 
-#define saga_rate_batch SAGA_REAL_NAME(saga_rate_batch)
 #define saga_rate_tell SAGA_REAL_NAME(saga_rate_tell)
 #define saga_rate_most SAGA_REAL_NAME(saga_rate_most)
 #define saga_rate_clamp SAGA_REAL_NAME(saga_rate_clamp)
 #define saga_rate_through SAGA_REAL_NAME(saga_rate_through)
 
-/* Lays out a network's batch of so many rows. */
-void saga_rate_batch(saga_twin_batch *b, saga_arena *a, const saga_net *net,
-                     size_t rows);
-
 /* row[0 .. pe + 5): embedding of phase (x, y, z, t in -1..1), then the sizes;
  * returns where the next input goes. */
 real *saga_rate_tell(real *row, const saga_model *m, const real phase[4],
                      const real size[SAGA_RATE_SIZES]);
-
-/* The gradient of what may have been clamped to lo..hi: towards the inside. */
-static inline real saga_rate_inward(real d, real x, real lo, real hi)
-{
-    return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;
-}
 
 /* The largest int16 in Q q. */
 real saga_rate_most(int q);

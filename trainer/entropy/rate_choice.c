@@ -20,17 +20,13 @@ enum { ALL_SOURCES = SAGA_SOURCES_KNOWN };
 
 static void bind(saga_scene *s, float *params)
 {
-    saga_net_shape shape;
-    int n, i;
+    int n;
 
     for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
         const int net = saga_scene_net(n);
         saga_net *const f = &s->net[net];
 
-        saga_model_net(&shape, &s->model, net);
-        f->n_layers = shape.n_layers;
-        for (i = 0; i <= shape.n_layers; i++)
-            f->dim[i] = shape.dim[i];
+        saga_scene_shape(f, &s->model, net);
         if (f->n_layers == 0)
             continue;
         saga_net_bind(f, params);

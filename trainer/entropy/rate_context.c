@@ -25,9 +25,9 @@ static void lay_out(saga_rate_context *c, saga_arena *a, const saga_scene *s)
         k->d_mu = saga_arena_take(a, values);
         k->log2_sigma = saga_arena_take(a, values);
         k->d_log2_sigma = saga_arena_take(a, values);
-        saga_rate_batch(&k->net, a, &s->net[SAGA_NET_E_COARSE + kind], n);
+        saga_twin_batch_take(&k->net, a, &s->net[SAGA_NET_E_COARSE + kind], n);
         if (s->model.sources[kind] & SAGA_SOURCE_HYPER)
-            saga_rate_batch(&k->hyper, a, &s->net[SAGA_NET_HYPER], n);
+            saga_twin_batch_take(&k->hyper, a, &s->net[SAGA_NET_HYPER], n);
     }
     c->scratch = saga_arena_take(a, most * s->model.features);
 }
@@ -49,13 +49,11 @@ int saga_rate_context_init(saga_rate_context *c, const saga_scene *s)
     }
     ok = !saga_rate_memory_init(&c->memory, s) && ok;
     lay_out(c, &a, s);
-    c->block = calloc(a.n + 1, sizeof *c->block);
+    c->block = saga_arena_alloc(&a);
     if (!ok || !c->block) {
         saga_rate_context_free(c);
         return -1;
     }
-    a.base = c->block;
-    a.n = 0;
     lay_out(c, &a, s);
     return 0;
 }
@@ -416,8 +414,8 @@ static void parameters_backward(const job *j)
             real *const d = k->net.d_out + 2 * channels * i + c;
 
             d[0] = saga_rate_is_anchor(j->kind, c) ? 0
-                 : unit * saga_rate_inward(k->d_mu[at], k->mu[at], -most, most);
-            d[channels] = saga_rate_inward(k->d_log2_sigma[at],
+                 : unit * saga_inward(k->d_mu[at], k->mu[at], -most, most);
+            d[channels] = saga_inward(k->d_log2_sigma[at],
                                            k->log2_sigma[at],
                                            R(SAGA_RATE_LOG2_MIN),
                                            R(SAGA_RATE_LOG2_MAX));
@@ -442,29 +440,26 @@ static void parent_backward(const saga_rate_features *dx, const job *j,
     const size_t f = j->f;
     size_t i, k;
 
-    if (j->kind == SAGA_KIND_FINE && dx->coarse) {
+    if (j->kind == SAGA_KIND_FINE) {
         copy_columns(j->scratch, f, d_in, j->dim, f, j->list.n);
         saga_links_scatter(dx->coarse, &j->k->parent, j->scratch, f,
                            j->list.block, j->list.n);
+        return;
     }
-    if (j->kind == SAGA_KIND_PRIM && dx->fine)
-        for (i = 0; i < j->list.n; i++)
-            for (k = 0; k < f; k++)
-                dx->fine[j->list.block[i] * f + k] += d_in[i * j->dim + k];
+    for (i = 0; i < j->list.n; i++)
+        for (k = 0; k < f; k++)
+            dx->fine[j->list.block[i] * f + k] += d_in[i * j->dim + k];
 }
 
+/* Fine anchors' offsets, which they read of one another, learn nothing. */
 static void groups_backward(const saga_rate_features *dx, const job *j,
                             const real *d_in)
 {
-    const int is_coarse = j->kind == SAGA_KIND_COARSE;
-    const size_t have = is_coarse ? j->f : SAGA_RATE_OFFSETS;
-    real *const to = is_coarse ? dx->coarse : dx->offset;
-
-    if (!to)
+    if (j->kind != SAGA_KIND_COARSE)
         return;
-    copy_columns(j->scratch, have, d_in, j->dim, have, j->list.n);
-    saga_links_scatter(to, &j->k->groups, j->scratch, have, j->list.block,
-                       j->list.n);
+    copy_columns(j->scratch, j->f, d_in, j->dim, j->f, j->list.n);
+    saga_links_scatter(dx->coarse, &j->k->groups, j->scratch, j->f,
+                       j->list.block, j->list.n);
 }
 
 static void memory_backward(real *d_read, const job *j, const real *d_in)

@@ -85,14 +85,11 @@ void saga_rate_keep_raw(saga_rate *r)
 /* An offset from the cell of coarse anchor c, in its half-sizes. */
 static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 {
-    real centre[4];
     int k;
 
-    saga_scene_cell(centre, c);
+    saga_scene_offset(o, c, x);
     for (k = 0; k < 4; k++)
-        o[k] = saga_clamp_offset(
-            ((double)x[k] - (double)centre[k]) /
-            (double)(k < 3 ? saga_scene_half_x(c) : saga_scene_half_t(c)));
+        o[k] = saga_clamp_offset(o[k]);
 }
 
 int saga_rate_refresh(saga_rate *r, const saga_scene *s)

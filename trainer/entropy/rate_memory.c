@@ -25,18 +25,18 @@ static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
         const size_t blocks = saga_rate_n_blocks(s, kind);
         const size_t runs = saga_rate_runs_most(s, kind);
 
-        saga_rate_batch(&k->query, a, &net[SAGA_NET_QUERY], blocks);
+        saga_twin_batch_take(&k->query, a, &net[SAGA_NET_QUERY], blocks);
         k->d_state = saga_arena_take(a, runs * state);
         k->read = saga_arena_take(a, blocks * m->width);
         k->d_read = saga_arena_take(a, blocks * m->width);
         if (kind == SAGA_KIND_PRIM)
             continue;
-        saga_rate_batch(&k->token, a, &net[SAGA_NET_AGG], blocks);
-        saga_rate_batch(&k->base, a, &net[SAGA_NET_WRITE_BASE], runs);
-        saga_rate_batch(&k->write, a, &net[SAGA_NET_WRITE], runs * slots);
+        saga_twin_batch_take(&k->token, a, &net[SAGA_NET_AGG], blocks);
+        saga_twin_batch_take(&k->base, a, &net[SAGA_NET_WRITE_BASE], runs);
+        saga_twin_batch_take(&k->write, a, &net[SAGA_NET_WRITE], runs * slots);
         n_states += runs;
     }
-    saga_rate_batch(&m->slot, a, &net[SAGA_NET_SLOT], slots);
+    saga_twin_batch_take(&m->slot, a, &net[SAGA_NET_SLOT], slots);
     m->state = saga_arena_take(a, n_states * state);
     m->d_last = saga_arena_take(a, state);
 }
@@ -52,11 +52,9 @@ int saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s)
     m->n_slots = s->model.memory_slots;
     m->width = s->model.memory_width;
     lay_out(m, &a, s);
-    m->block = calloc(a.n + 1, sizeof *m->block);
+    m->block = saga_arena_alloc(&a);
     if (!m->block)
         return -1;
-    a.base = m->block;
-    a.n = 0;
     lay_out(m, &a, s);
     if (saga_rate_bank_start(m->state, m->n_slots, m->width)) {
         saga_rate_memory_free(m);
@@ -107,12 +105,9 @@ static real *values_of(const saga_rate_memory_input *in,
 static void anchor_phase(real phase[4], const saga_rate_memory_input *in,
                          size_t block)
 {
-    const real *const x = (in->kind == SAGA_KIND_COARSE ? in->s->coarse_x
-                                                        : in->s->fine_x) +
-                          4 * block;
-
-    memcpy(phase, x, 3 * sizeof *x);
-    phase[3] = 2 * x[3] - 1;
+    saga_scene_phase(phase, (in->kind == SAGA_KIND_COARSE ? in->s->coarse_x
+                                                          : in->s->fine_x) +
+                            4 * block);
 }
 
 static void fill_row(real *row, const saga_rate_memory_input *in, int net,

@@ -7,22 +7,27 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Networks' shapes and the number of reals in all of them. */
+void saga_scene_shape(saga_net *f, const saga_model *m, int net)
+{
+    saga_net_shape shape;
+    int i;
+
+    saga_model_net(&shape, m, net);
+    f->n_layers = shape.n_layers;
+    for (i = 0; i <= shape.n_layers; i++)
+        f->dim[i] = shape.dim[i];
+}
+
+/* All networks get their shapes; returns the number of reals in them. */
 static size_t shape_nets(saga_scene *s)
 {
     size_t n = 0;
-    int net, i;
+    int net;
 
     for (net = 0; net < SAGA_N_NETS; net++) {
-        saga_net_shape shape;
-        saga_net *const f = &s->net[net];
-
-        saga_model_net(&shape, &s->model, net);
-        f->n_layers = shape.n_layers;
-        for (i = 0; i <= shape.n_layers; i++)
-            f->dim[i] = shape.dim[i];
-        if (shape.n_layers)
-            n += saga_net_n_params(f);
+        saga_scene_shape(&s->net[net], &s->model, net);
+        if (s->net[net].n_layers)
+            n += saga_net_n_params(&s->net[net]);
     }
     return n;
 }
@@ -114,21 +119,23 @@ void saga_scene_cell(real centre[4], const saga_coarse *c)
     centre[3] = R(2 * c->cell_t + 1) * ht;
 }
 
-uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine)
+void saga_scene_offset(double o[4], const saga_coarse *c, const real x[4])
 {
-    const saga_coarse *const c = &s->coarse[s->fine[fine].parent];
     real centre[4];
-    double o[4];
-    size_t k;
+    int k;
 
     saga_scene_cell(centre, c);
-    for (k = 0; k < 4; k++) {
-        const double half = (double)(k < 3 ? saga_scene_half_x(c)
-                                           : saga_scene_half_t(c));
+    for (k = 0; k < 4; k++)
+        o[k] = ((double)x[k] - (double)centre[k]) /
+               (double)(k < 3 ? saga_scene_half_x(c) : saga_scene_half_t(c));
+}
 
-        o[k] = ((double)s->fine_x[4 * (size_t)fine + k] -
-                (double)centre[k]) / half;
-    }
+uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine)
+{
+    double o[4];
+
+    saga_scene_offset(o, &s->coarse[s->fine[fine].parent],
+                      s->fine_x + 4 * (size_t)fine);
     return saga_suffix_of(o, s->model.level[SAGA_LEVEL_COARSE].suffix_bits);
 }
 

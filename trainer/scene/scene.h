@@ -66,13 +66,28 @@ static inline int saga_is_entropy_net(int net)
     return net < SAGA_NET_FUSE_C || net >= SAGA_NET_QUERY;
 }
 
+/* A position and time (x, y, z, t) as embeddings take them: time's half is half
+ * a segment, from its middle. */
+static inline void saga_scene_phase(real phase[4], const real x[4])
+{
+    phase[0] = x[0];
+    phase[1] = x[1];
+    phase[2] = x[2];
+    phase[3] = 2 * x[3] - 1;
+}
+
 #define saga_scene_init SAGA_REAL_NAME(saga_scene_init)
 #define saga_scene_free SAGA_REAL_NAME(saga_scene_free)
 #define saga_scene_place SAGA_REAL_NAME(saga_scene_place)
 #define saga_scene_half_x SAGA_REAL_NAME(saga_scene_half_x)
 #define saga_scene_half_t SAGA_REAL_NAME(saga_scene_half_t)
 #define saga_scene_cell SAGA_REAL_NAME(saga_scene_cell)
+#define saga_scene_offset SAGA_REAL_NAME(saga_scene_offset)
+#define saga_scene_shape SAGA_REAL_NAME(saga_scene_shape)
 #define saga_scene_fine_suffix SAGA_REAL_NAME(saga_scene_fine_suffix)
+
+/* The layers of network number `net` as the model has it. */
+void saga_scene_shape(saga_net *f, const saga_model *m, int net);
 
 /* Allocates a scene of the given counts; structure and reals are zero, the
  * networks initialised (saga_net_init) from seed. Returns 0, or -1 without
@@ -86,6 +101,9 @@ void saga_scene_free(saga_scene *s);
 real saga_scene_half_x(const saga_coarse *c);
 real saga_scene_half_t(const saga_coarse *c);
 void saga_scene_cell(real centre[4], const saga_coarse *c);
+
+/* x (x, y, z, t) from that centre, in half-sizes. */
+void saga_scene_offset(double o[4], const saga_coarse *c, const real x[4]);
 
 /* The suffix of a fine anchor. The hierarchy orders them so; one that training
  * moved is clamped to its cell. */

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "twin.h"
 
-#include "arena.h"
 #include "embedding.h"
 #include "fx.h"
 #include "interp.h"
@@ -26,6 +25,18 @@ size_t saga_twin_rows(const saga_twin *w, int net)
 {
     return net == SAGA_NET_FUSE_C || net == SAGA_NET_FINE ? w->n.fine
          : net >= SAGA_NET_FUSE_F ? w->n.prim : 0;
+}
+
+void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
+                          const saga_net *net, size_t rows)
+{
+    const size_t in = (size_t)net->dim[0];
+    const size_t out = (size_t)net->dim[net->n_layers];
+
+    b->in = saga_arena_take(a, rows * in);
+    b->d_in = saga_arena_take(a, rows * in);
+    b->out = saga_arena_take(a, rows * out);
+    b->d_out = saga_arena_take(a, rows * out);
 }
 
 static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
@@ -54,13 +65,9 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
 
     for (net = 0; net < SAGA_N_NETS; net++) {
         const saga_net *const t = &s->net[net];
-        saga_twin_batch *const b = &w->batch[net];
         const size_t rows = t->n_layers ? saga_twin_rows(w, net) : 0;
 
-        b->in = saga_arena_take(a, rows * (size_t)t->dim[0]);
-        b->d_in = saga_arena_take(a, rows * (size_t)t->dim[0]);
-        b->out = saga_arena_take(a, rows * (size_t)t->dim[t->n_layers]);
-        b->d_out = saga_arena_take(a, rows * (size_t)t->dim[t->n_layers]);
+        saga_twin_batch_take(&w->batch[net], a, t, rows);
     }
     w->fine_feature = saga_arena_take(a, fine * f);
     w->d_fine_feature = saga_arena_take(a, fine * f);
@@ -84,14 +91,12 @@ int saga_twin_init(saga_twin *w, const saga_scene *s)
     memset(w, 0, sizeof *w);
     w->n = s->n;
     lay_out(w, &a, s);
-    w->block = calloc(a.n + 1, sizeof *w->block);
+    w->block = saga_arena_alloc(&a);
     if (!w->block || saga_links_alloc(&w->to_fine, s->n.fine) ||
         saga_links_alloc(&w->to_prim, s->n.prim)) {
         saga_twin_free(w);
         return -1;
     }
-    a.base = w->block;
-    a.n = 0;
     lay_out(w, &a, s);
     return 0;
 }
@@ -109,16 +114,6 @@ void saga_twin_free(saga_twin *w)
 }
 
 /* --- Pieces of input vectors --------------------------------------------- */
-
-/* Position and time as the embedding takes them: time's half is half a
- * segment, from its middle. */
-static void phase_of(real phase[4], const real place[4])
-{
-    phase[0] = place[0];
-    phase[1] = place[1];
-    phase[2] = place[2];
-    phase[3] = 2 * place[3] - 1;
-}
 
 /* Input vectors of a network: n features, then an embedding, for each row. */
 static void assemble(saga_twin *w, const saga_scene *s, int net,
@@ -163,7 +158,7 @@ static void fine_offsets(saga_twin *w, const saga_scene *s)
 
         saga_scene_cell(centre, c);
         local_offset(w->fine_offset + 4 * i, s->fine_x + 4 * i, centre, unit);
-        phase_of(w->fine_phase + 4 * i, s->fine_x + 4 * i);
+        saga_scene_phase(w->fine_phase + 4 * i, s->fine_x + 4 * i);
     }
 }
 
@@ -177,7 +172,7 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s)
 
         local_offset(w->prim_offset + 4 * i, s->prim_x + 4 * i,
                      s->fine_x + 4 * fine, w->support + 4 * fine);
-        phase_of(w->prim_phase + 4 * i, s->prim_x + 4 * i);
+        saga_scene_phase(w->prim_phase + 4 * i, s->prim_x + 4 * i);
     }
 }
 
@@ -447,7 +442,7 @@ double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
     return sum / (4.0 * w->n.prim);
 }
 
-double saga_twin_support_loss(saga_twin *w, const real *target, real weight)
+double saga_twin_support_loss(saga_twin *w, const real *target)
 {
     const size_t n = 4 * (size_t)w->n.fine;
     double sum = 0;
@@ -457,15 +452,9 @@ double saga_twin_support_loss(saga_twin *w, const real *target, real weight)
         const real e = w->log2_support[i] - target[i];
 
         sum += (double)(e * e);
-        w->d_log2_support[i] += 2 * weight * e / R(n);
+        w->d_log2_support[i] += 2 * e / R(n);
     }
     return sum / (double)n;
-}
-
-/* A clamped colour learns only towards the inside. */
-static real through_clamp(real d, real colour)
-{
-    return (colour <= 0 && d > 0) || (colour >= 1 && d < 0) ? 0 : d;
 }
 
 int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
@@ -478,8 +467,8 @@ int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
     size_t i;
 
     for (i = 0; i < 3 * n; i++)
-        last->d_out[i] = through_clamp(w->d_attr.colour[i],
-                                       w->attr.colour[i]);
+        last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
+                                     1);
     clear(w->d_attr.colour, 3 * n);
     if (saga_net_backward(last->d_in, &d->net[SAGA_NET_COLOUR], &last->work,
                           last->d_out, last->in, n, &s->net[SAGA_NET_COLOUR]))

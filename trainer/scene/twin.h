@@ -11,6 +11,7 @@
 #ifndef SAGA_TWIN_H
 #define SAGA_TWIN_H
 
+#include "arena.h"
 #include "links.h"
 #include "scene.h"
 #include "splat.h"
@@ -36,6 +37,7 @@ typedef struct saga_twin {
     real *block;                          /* memory of all of these */
 } saga_twin;
 
+#define saga_twin_batch_take SAGA_REAL_NAME(saga_twin_batch_take)
 #define saga_twin_init SAGA_REAL_NAME(saga_twin_init)
 #define saga_twin_free SAGA_REAL_NAME(saga_twin_free)
 #define saga_twin_rows SAGA_REAL_NAME(saga_twin_rows)
@@ -49,6 +51,10 @@ typedef struct saga_twin {
 #define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
 #define saga_twin_support_loss SAGA_REAL_NAME(saga_twin_support_loss)
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
+
+/* Lays out the batch of so many rows through a network. */
+void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
+                          const saga_net *net, size_t rows);
 
 /* Memory for scenes of s's counts and model. 0, or -1 without memory. */
 int saga_twin_init(saga_twin *w, const saga_scene *s);
@@ -88,9 +94,9 @@ void saga_twin_clear(saga_twin *w, const saga_scene *s);
 double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
                              real weight);
 
-/* Adds weight times the mean squared difference of log2 supports from
- * target (n.fine, 4). The same place. */
-double saga_twin_support_loss(saga_twin *w, const real *target, real weight);
+/* Adds the mean squared difference of log2 supports from target (n.fine, 4),
+ * called where saga_twin_anchor_loss is. Returns it. */
+double saga_twin_support_loss(saga_twin *w, const real *target);
 
 /* Once per view, after saga_splat_backward and before the next view's colour:
  * takes w->d_attr.colour (and clears it), adds to d. */

@@ -394,7 +394,7 @@ static bool regress_step(saga_fit *f, saga_error *error)
         return false;
     saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target, f->weight,
                       f->scene->n.prim);
-    saga_twin_support_loss(&f->twin, f->support, R(1));
+    saga_twin_support_loss(&f->twin, f->support);
     return rate_step(f, f->o.price.regression, error) &&
            done(saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
                 saga_twin_backward(&f->twin, &f->grad, &f->used), error) &&
