@@ -84,11 +84,13 @@ static double loss_at(saga_canvas *c, size_t i, double value,
 }
 
 /* Differences of fourth order; pixels whose |x - y| is within two steps of its
- * corner are left out. */
+ * corner are left out, and with sanitizers, which look at memory and not at
+ * numbers, six of seven. */
 static void check_gradient(int w, int h, const saga_loss_weights *weights)
 {
     const size_t n = (size_t)(3 * w * h);
     const double step = 5e-5;
+    const size_t every = getenv("SAGA_TEST_SANITIZED") ? 7 : 1;
     double *const d = malloc(n * sizeof *d);
     saga_canvas c = pictures(w, h, 9);
     saga_picture_loss out;
@@ -100,7 +102,7 @@ static void check_gradient(int w, int h, const saga_loss_weights *weights)
     memcpy(d, c.d_image, n * sizeof *d);
     for (i = 0; i < n; i++)
         top = fmax(top, fabs(d[i]));
-    for (i = 0; i < n; i++) {
+    for (i = 0; i < n; i += every) {
         static const int at[4] = { -2, -1, 1, 2 };
         double slope;
 

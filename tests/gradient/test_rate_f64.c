@@ -104,16 +104,18 @@ static double rms(const real *x, size_t n)
 
 /* Central differences of step 1e-6, to 2e-5 of a gradient and of their root
  * mean square, and to what rounding leaves of a loss of some hundred (1e-7); a
- * ReLU's corner within the step may make one in a hundred differ. */
+ * ReLU's corner within the step may make one in a hundred differ. Sanitizers,
+ * which look at memory and not at numbers, get one in seven. */
 static void check_range(rate_scene *f, const char *what, real *x, const real *g,
                         size_t n)
 {
     const double h = 1e-6, unit = fmin(1, rms(g, n));
     saga_scene probe;
+    const size_t every = getenv("SAGA_TEST_SANITIZED") ? 7 : 1;
     size_t i, wrong = 0, alive = 0;
 
     assert_int_equal(saga_scene_init(&probe, &f->s.model, f->s.n, 1, 0), 0);
-    for (i = 0; i < n; i++) {
+    for (i = 0; i < n; i += every) {
         const double keep = x[i];
         double up, down, want;
 
@@ -128,6 +130,7 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
         alive += fabs(want) > 1e-6;
         wrong += fabs(want - g[i]) > 2e-5 * (unit + fabs(want)) + 1e-7;
     }
+    n = (n + every - 1) / every;
     printf("  %s: %zu of %zu differ, %zu are not 0\n", what, wrong, n, alive);
     saga_scene_free(&probe);
     assert_true(wrong * 100 <= n);
