@@ -5,7 +5,8 @@
 #include "fx_math.h"
 #include "interp.h"
 
-/* Where a block stands, and what there is around it. */
+/* The networks are told of a block's position, size and count; its rank and
+ * parent tell where its contexts come from. */
 typedef struct {
     saga_place place;
     uint32_t count;          /* children, known before the block */
@@ -22,9 +23,9 @@ static void coarse_block(block *b, const saga_scaffold *sc, uint32_t rank)
     b->rank = b->parent = rank;
 }
 
-/* Centre: the suffix cell's, or, once it is decoded, the anchor's. Support:
- * the parent's, which is what the distances use; size: the suffix cell's,
- * which is what is new. */
+/* The centre is the suffix cell's, or, once it is decoded, the anchor's; the
+ * support is the parent's, which the distances use; the size is the suffix
+ * cell's, which is what is new. */
 static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
     const saga_fine *const fine = &sc->fine[rank];
@@ -49,7 +50,7 @@ static void prim_block(block *b, const saga_scaffold *sc, uint32_t rank)
     b->parent = sc->fine[rank].parent;
 }
 
-/* The blocks of a run of a SAGA_KIND_*, ranks given. */
+/* A run of a SAGA_KIND_* has the blocks of the given ranks. */
 static void make_blocks(block *b, const saga_scaffold *sc, int kind,
                         const uint32_t *rank, uint32_t n)
 {
@@ -64,7 +65,8 @@ static void make_blocks(block *b, const saga_scaffold *sc, int kind,
             prim_block(&b[i], sc, rank[i]);
 }
 
-/* Their embeddings, until a network's outputs are kept instead. */
+/* The blocks' embeddings are kept until a network's outputs take their place.
+ */
 static int16_t *embedding_of(const saga_scaffold *sc, uint32_t point)
 {
     return sc->net.v->kept + point * saga_pe_size(sc->model);
@@ -79,7 +81,7 @@ static void embed_blocks(const saga_scaffold *sc, const block *b, uint32_t n)
                    b[i].place.t);
 }
 
-/* What is known of a block before it is decoded, point i of a run whose
+/* This is known of a block before it is decoded, a point of a run whose
  * embeddings are kept. Sizes and counts enter in Q12, scaled so that they fit
  * the default input range of +-8:
  *     (log2 l - 12) / 4 for space, (log2 l_t - 8) / 4 for time, count / 8.
@@ -100,7 +102,8 @@ static uint32_t in_side(const saga_scaffold *sc, int net, const block *b,
     return saga_in_vector(&sc->net, net, at, size, 5, 12);
 }
 
-/* Neighbours of earlier groups of the block's own level. */
+/* The context interpolates neighbours of earlier groups of the block's own
+ * level. */
 static void add_groups(const saga_scaffold *sc, const block *b, int level,
                        uint32_t group)
 {
@@ -110,7 +113,7 @@ static void add_groups(const saga_scaffold *sc, const block *b, int level,
     saga_interp_sum(sc->net.v->context, sc, level, &nb);
 }
 
-/* The parent's context: coarse features interpolated at the block (fine), or
+/* The parent's context is coarse features interpolated at the block (fine), or
  * the fine anchor's own features (primitives). Returns their Q. */
 static int add_parent(const saga_scaffold *sc, const block *b, int kind)
 {
@@ -131,7 +134,7 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
 
 /* --- Memory -------------------------------------------------------------- */
 
-/* Input of QUERY and AGG: side information, kind (-1, 0, 1) and F values in Q
+/* QUERY and AGG take side information, kind (-1, 0, 1) and F values in Q
  * q; without any, zeros. */
 static void in_token(const saga_scaffold *sc, int net, const block *b,
                      uint32_t point, int kind, const int16_t *values, int q)
@@ -148,7 +151,7 @@ static void in_token(const saga_scaffold *sc, int net, const block *b,
             sc->net.v->in[at + i] = 0;
 }
 
-/* What the blocks ask the memory for. The parent's feature is its own, not
+/* Each block makes a query for the memory. The parent's feature is its own, not
  * interpolated. */
 static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
                         int kind)
@@ -177,7 +180,7 @@ static uint32_t query_stride(const saga_scaffold *sc)
     return saga_mlp_pad(sc->memory.width);
 }
 
-/* In place of the embeddings. */
+/* Queries take the place of the embeddings. */
 static void keep_queries(const saga_scaffold *sc, uint32_t n)
 {
     uint32_t i;
@@ -186,7 +189,8 @@ static void keep_queries(const saga_scaffold *sc, uint32_t n)
         sc->net.v->kept[i] = sc->net.v->out[i];
 }
 
-/* Hidden units of slot p: the step's part of the first layer and its own. */
+/* The hidden units of slot p add up the step's part of the first layer and its
+ * own. */
 static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
 {
     const saga_memory *const m = &sc->memory;
@@ -199,7 +203,7 @@ static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
         in[i] = fx_sat16(fx_max(sc->net.v->kept[i] + own[i], 0));
 }
 
-/* By a candidate and a gate for each of the n slots from p on. */
+/* Each of the n slots from p on is updated by a candidate and a gate. */
 static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
 {
     const saga_memory *const m = &sc->memory;
@@ -302,8 +306,8 @@ static void in_tokens(const saga_scaffold *sc, block *b, int level,
                      sc->fine_feature + (size_t)run->rank[i] * f, 14);
 }
 
-/* |sum| <= 65535 * 32767 < 2^31, since memory_blocks <= 65535. A run ends where
- * its step does. */
+/* No sum leaves 32 bits: |sum| <= 65535 * 32767 < 2^31, since memory_blocks <=
+ * 65535. A run ends where its step does. */
 void saga_context_keep(const saga_scaffold *sc, int level,
                        const saga_run *run)
 {
@@ -349,7 +353,7 @@ static void in_sources(const saga_scaffold *sc, const block *b,
     }
     if (sources & SAGA_SOURCE_GROUPS) {
         add_groups(sc, b, kind, group);
-        /* The coarse features' Q, or Q14 of fine residuals. */
+        /* Contexts are coarse features, or fine residuals in Q14. */
         q = kind == SAGA_KIND_COARSE ? m->head_q[SAGA_HEAD_COARSE] : 14;
         at = saga_in_vector(&sc->net, net, at, sc->net.v->context, f, q);
     }
@@ -403,7 +407,7 @@ static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
     }
 }
 
-/* How many blocks of a kind run together. None of them may read what another's
+/* So many blocks of a kind run together. None of them may read what another's
  * step has written. */
 static uint32_t most_blocks(const saga_scaffold *sc, int kind)
 {

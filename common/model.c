@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "model.h"
 
-/* Hidden units of the colour network: each primitive's pre-activation is kept
- * (64 bytes) or recomputed per frame. */
+/* The colour network has few hidden units: each primitive's pre-activation is
+ * kept (64 bytes) or recomputed per frame. */
 enum { MAX_COLOUR_WIDTH = 32 };
 
 /* A quaternion's 1 still fits. */
@@ -17,11 +17,11 @@ const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
 
 /* --- Outputs ------------------------------------------------------------- */
 
-/* Rows whose number the model has; of a format that no head has. */
+/* Rows may be as many as the model says; a format need not be a head's. */
 enum { ROWS_F = 128, ROWS_C, ROWS_V, ROWS_D, ROWS_BLOCK };
 enum { FIXED = 64, LIKE_INPUT = 128 };
 
-/* Consecutive rows of a network's outputs that share a format: SAGA_HEAD_*,
+/* Consecutive rows of a network's outputs share a format: SAGA_HEAD_*,
  * FIXED + Q, or LIKE_INPUT + the network that takes them. */
 typedef struct {
     uint8_t net, format, n;
@@ -36,8 +36,8 @@ enum {
     FROM_WRITE = LIKE_INPUT + SAGA_NET_WRITE
 };
 
-/* What every network gives, in the order of its rows. A residual's mu is in the
- * format of what it predicts. */
+/* The table has what every network gives, in the order of its rows. A
+ * residual's mu is in the format of what it predicts. */
 static const output outputs[] = {
     { SAGA_NET_HYPER, SAGA_HEAD_HYPER, ROWS_F, 12, 0, 0 },
     { SAGA_NET_E_COARSE, FIXED + 14, 4, 0, 0, 0 },
@@ -284,7 +284,7 @@ int saga_model_is_valid(const saga_model *m)
     for (i = 0; i < SAGA_N_STEPS; i++)
         if (m->step_q16[i] < 16u << 16)
             return 0;
-    /* Sources that a kind cannot have. */
+    /* A kind cannot have these sources. */
     if ((m->sources[SAGA_KIND_COARSE] & SAGA_SOURCE_PARENT) ||
         (m->sources[SAGA_KIND_PRIM] & SAGA_SOURCE_GROUPS))
         return 0;

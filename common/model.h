@@ -30,7 +30,7 @@ enum {
     SAGA_MAX_DEPTH_T = 8,     /* temporal depth */
     SAGA_MAX_LAYERS = 3,
     SAGA_MAX_HEAD_Q = 20,
-    /* Longest vector a network takes or gives, padding included: the write's
+    /* No network takes or gives a longer vector, padding included: the write's
      * slot network takes one value per slot of the memory, up to 512; E_fine
      * with all sources, 3 * 64 + 64, and E_coarse's output 2 * (4 + 64) lie
      * below it. */
@@ -39,14 +39,15 @@ enum {
 
 /* --- Tools --------------------------------------------------------------- */
 
-/* Bits of saga_model.tools. A tool that is off costs no bits and no time. */
+/* These are bits of saga_model.tools. A tool that is off costs no bits and no
+ * time. */
 enum {
     SAGA_TOOL_OPACITY_T = 1u << 0,  /* temporal opacity */
     SAGA_TOOL_SLOPE = 1u << 1,      /* linear rotation */
     SAGA_TOOL_VIEW = 1u << 2,       /* view-dependent colour */
     SAGA_TOOL_MOTION_SHIFT = 3,     /* two bits: motion order 0..3 */
     SAGA_TOOL_MOTION_MASK = 3u << 3,
-    /* Places kept: a stream that sets one needs a newer decoder. */
+    /* These are kept free: a stream that sets one needs a newer decoder. */
     SAGA_TOOL_BASE = 1u << 5,       /* optional base segment */
     SAGA_TOOL_LAYERS = 1u << 6,     /* may be cut between layers */
     SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
@@ -58,7 +59,7 @@ enum {
                        SAGA_TOOL_PLAIN_WRITE
 };
 
-/* Sources of the entropy parameters, bits of saga_model.sources[]. */
+/* Entropy parameters come from these, bits of saga_model.sources[]. */
 enum {
     SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
     SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser level (fine, prim) */
@@ -67,15 +68,15 @@ enum {
     SAGA_SOURCES_KNOWN = (1u << 4) - 1
 };
 
-/* The three coded kinds of residual. */
+/* Residuals are coded of three kinds. */
 enum { SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM, SAGA_N_KINDS };
 
-/* The two anchor levels. */
+/* Anchors have two levels. */
 enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Order of the table = order in the stream. F_color is three of them: the part
+/* The stream has the networks in this order. F_color is three of them: the part
  * of its first layer that does not see the direction, the part that does, and
  * the rest. So is the memory's write, whose first layer adds up what it makes
  * of the step's token and of the slot; a slot enters as a vector of zeros with
@@ -103,7 +104,8 @@ enum {
     SAGA_N_NETS
 };
 
-/* Heads: groups of output rows that share a Q format, sent in the header. */
+/* A head is a group of output rows that share a Q format, which the header
+ * has. */
 enum {
     SAGA_HEAD_COARSE,       /* coarse features: symbols' y and E_coarse's mu */
     SAGA_HEAD_HYPER,        /* hyperprior embedding */
@@ -125,8 +127,8 @@ enum {
     SAGA_N_HEADS
 };
 
-/* Shape of one network: dim[0] inputs, n_layers layers, every one but the last
- * with ReLU. n_layers = 0: the network does not exist. */
+/* A network has dim[0] inputs and n_layers layers, every one but the last with
+ * ReLU. n_layers = 0: the network does not exist. */
 typedef struct saga_net_shape {
     uint16_t dim[SAGA_MAX_LAYERS + 1];
     uint8_t n_layers;
@@ -147,7 +149,7 @@ typedef struct saga_level {
     uint16_t softmax_q8;    /* log2(e) / T, >= 1 */
 } saga_level;
 
-/* Steps by coded group; Q16 in LSB of the coded value, >= 16 LSB. */
+/* Each coded group has its step: Q16 in LSB of the coded value, >= 16 LSB. */
 enum {
     SAGA_STEP_CENTRE,       /* coarse centre residual, y in Q14 half-sizes */
     SAGA_STEP_FEATURE,      /* coarse features, y in SAGA_HEAD_COARSE */
@@ -180,26 +182,26 @@ static inline int saga_motion_order(const saga_model *m)
     return (int)((m->tools & SAGA_TOOL_MOTION_MASK) >> SAGA_TOOL_MOTION_SHIFT);
 }
 
-/* Whether anything in the segment depends on time. */
+/* Tells whether anything in the segment depends on time. */
 static inline int saga_is_dynamic(const saga_model *m)
 {
     return (m->tools & (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE |
                         SAGA_TOOL_MOTION_MASK)) != 0;
 }
 
-/* Whether the header describes a network. */
+/* Tells whether the header describes a network. */
 static inline int saga_is_described(const saga_model *m, int net)
 {
     return net < SAGA_NET_QUERY || (m->tools & SAGA_TOOL_MEMORY) != 0;
 }
 
-/* The network that fuses the interpolated features of a level. */
+/* Returns the network that fuses the interpolated features of a level. */
 static inline int saga_fuse_net(int level)
 {
     return level == SAGA_LEVEL_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
 }
 
-/* Q format of a level's features; of its fused features. */
+/* These return the Q format of a level's features; of its fused features. */
 static inline int saga_feature_q(const saga_model *m, int level)
 {
     return m->head_q[level == SAGA_LEVEL_COARSE ? SAGA_HEAD_COARSE
@@ -214,8 +216,8 @@ static inline int saga_fused_q(const saga_model *m, int level)
                                                 : SAGA_HEAD_FUSE_F];
 }
 
-/* Whether a step of a level writes: only if someone may still read. Levels
- * are kinds of the same number. */
+/* Tells whether a step of a level writes: only if someone may still read.
+ * Levels are kinds of the same number. */
 static inline int saga_level_writes(const saga_model *m, int level)
 {
     uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE];
@@ -225,7 +227,7 @@ static inline int saga_level_writes(const saga_model *m, int level)
     return (readers & SAGA_SOURCE_MEMORY) != 0;
 }
 
-/* Sources that any kind has. */
+/* Returns the sources that any kind has. */
 static inline uint32_t saga_any_source(const saga_model *m)
 {
     uint32_t any = 0;
@@ -236,13 +238,15 @@ static inline uint32_t saga_any_source(const saga_model *m)
     return any;
 }
 
-/* Values of the embedding of a 4-D coordinate: sine and cosine, 4 axes. */
+/* Returns how many values the embedding of a 4-D coordinate has: sine and
+ * cosine, 4 axes. */
 static inline uint32_t saga_pe_size(const saga_model *m)
 {
     return 8u * m->octaves;
 }
 
-/* Channels of a coded block: centre and features; offset; offset. */
+/* Returns how many channels a coded block has: centre and features; offset;
+ * offset. */
 static inline uint32_t saga_n_channels(const saga_model *m, int kind)
 {
     return kind == SAGA_KIND_COARSE ? 4u + m->features : 4u;
@@ -261,17 +265,14 @@ void saga_model_rows(saga_rows rows[SAGA_N_HEADS], const saga_model *m);
 /* Returns the Q format of a row of a network's outputs. */
 int saga_output_q(const saga_model *m, int net, uint32_t row);
 
-/* Shape of network `net` (SAGA_NET_*) of a valid model. */
+/* This gives the shape of network `net` (SAGA_NET_*) of a valid model. */
 void saga_model_net(saga_net_shape *shape, const saga_model *m, int net);
 
-/* Q format of the colour pre-activation as the next layer sees it: the format
- * its row shifts give it, the networks' own business. */
-
-/* Multiply-accumulates of one run of a network, which is also the number of its
+/* Returns the multiply-accumulates of one run of a network, which are also its
  * weights without padding: sum of n_in * n_out. */
 uint32_t saga_net_macs(const saga_net_shape *shape);
 
-/* 1 if every field is inside its range and shapes stay inside
+/* Returns 1 if every field is inside its range and shapes stay inside
  * SAGA_MAX_VECTOR; reserved tools are not looked at. */
 int saga_model_is_valid(const saga_model *m);
 

@@ -30,7 +30,7 @@ void saga_place_cell(saga_place *p, const saga_coarse *c)
     p->log2_support_q10[3] = log2_t * 1024;
 }
 
-/* |support * offset| <= 2^23 * 2^15. */
+/* No product leaves 64 bits: |support * offset| <= 2^23 * 2^15. */
 void saga_place_move(saga_place *p, const int16_t offset_q14[4])
 {
     int i;
@@ -58,7 +58,7 @@ void saga_place_fine(saga_place *p, const saga_fine *f)
 
 /* --- Coarse to fine ------------------------------------------------------ */
 
-/* Interpolated, fused features at p: F of them, in saga_fused_q. */
+/* Features at p are interpolated, then fused: F of them, in saga_fused_q. */
 static void fuse(int16_t *feature, const saga_scaffold *sc, int level,
                  const saga_place *p, uint32_t parent)
 {
@@ -81,8 +81,7 @@ static void fuse(int16_t *feature, const saga_scaffold *sc, int level,
         feature[i] = sc->net.v->out[i];
 }
 
-/* The values of a point: no more than the input of a network that reads them.
- */
+/* A point's values are no more than the input of a network that reads them. */
 static int16_t *kept_local(const saga_scaffold *sc, uint32_t point)
 {
     return sc->net.v->kept + point * (sc->model->features +
@@ -115,7 +114,7 @@ void saga_in_local(const saga_scaffold *sc, int net, int level, uint32_t n)
     }
 }
 
-/* 2^log2 rounded to an integer in 1..2^max; |log2_q10| < 2^15. */
+/* Returns 2^log2 rounded to an integer in 1..2^max; |log2_q10| < 2^15. */
 static int32_t support_from_log2(int32_t log2_q10, int max)
 {
     const int32_t x = fx_clamp(log2_q10, 0, max * 1024);
@@ -143,7 +142,7 @@ static void set_support(saga_fine *f, const saga_coarse *parent,
     }
 }
 
-/* Here the supports are still the parent's half-sizes. */
+/* The anchor's supports are still the parent's half-sizes here. */
 static void keep_fine_anchor(const saga_scaffold *sc, uint32_t rank,
                              uint32_t point)
 {

@@ -14,7 +14,7 @@
 
 #include <stdint.h>
 
-/* Half of the cube in box units, half of a segment in time units, as log2. */
+/* The cube has 2^24 box units to a side, a segment 2^16 time units. */
 enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 
 #define SAGA_X_MIN (-(1 << 23))
@@ -25,7 +25,7 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 #define SAGA_CENTRE_T_MIN (-32768)
 #define SAGA_CENTRE_T_END 98304
 
-/* An active leaf of the 4-D tree. */
+/* A coarse anchor is an active leaf of the 4-D tree. */
 typedef struct saga_coarse {
     int32_t x[3];            /* coded centre: serves interpolation only */
     uint32_t first_fine;     /* rank of its first fine anchor */
@@ -50,7 +50,7 @@ typedef struct saga_fine {
     uint8_t group;
 } saga_fine;
 
-/* Models of a set's halvings, by the number of points n - 1. Moments gather in
+/* The number of points n - 1 chooses a halving's model. Moments gather in
  * the middle of their cell, so that of a few points (n up to SAGA_FEW) a later
  * bit of time is best told by the first one. */
 enum { SAGA_FEW = 3, SAGA_LATER_BITS = 3 };
@@ -62,7 +62,7 @@ typedef struct saga_set_models {
                                                         * and on; the first */
 } saga_set_models;
 
-/* Adaptive models of a segment; they run on from layer to layer. */
+/* A segment's adaptive models run on from layer to layer. */
 typedef struct saga_models {
     saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* by spatial depth */
     saga_adaptive occupancy[3][4][5]; /* by split - 1, children so far, those
@@ -72,8 +72,8 @@ typedef struct saga_models {
     saga_set_models set[2];           /* fine, primitive */
 } saga_models;
 
-/* Everything a traversal works on; a transient view, the memory is the
- * caller's. Capacities are n: the segment header's exact counts. */
+/* A traversal works on this: a transient view, the memory is the caller's.
+ * Capacities are n: the segment header's exact counts. */
 typedef struct saga_scaffold {
     const saga_model *model;
     saga_runner net;                 /* its networks */
@@ -87,10 +87,10 @@ typedef struct saga_scaffold {
     saga_memory memory;              /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
-/* Sizes of the memory that a model has; its arrays are to be placed. */
+/* This sets the sizes of a model's memory; its arrays are to be placed. */
 void saga_memory_size(saga_memory *memory, const saga_model *m);
 
-/* Where something is, how far it reaches, and under whom. */
+/* A place is where something is and how far it reaches, by axis. */
 typedef struct saga_place {
     int32_t x[3];
     int32_t t;
@@ -98,10 +98,11 @@ typedef struct saga_place {
     int32_t log2_support_q10[4];
 } saga_place;
 
-/* The cell of a coarse anchor: centre and half-sizes. */
+/* This gives the cell of a coarse anchor: centre and half-sizes. */
 void saga_place_cell(saga_place *p, const saga_coarse *c);
 
-/* Centre + offset (Q14, in units of support per axis), clamped to the cube. */
+/* This adds an offset (Q14, in units of support per axis) to the centre, and
+ * clamps it to the cube. */
 void saga_place_move(saga_place *p, const int16_t offset_q14[4]);
 
 /* The first keeps in net.v->kept what F_fine, F_geo and F_color see of a point:
@@ -113,10 +114,11 @@ void saga_keep_local(const saga_scaffold *sc, int level, uint32_t point,
                      const int16_t offset_q14[4]);
 void saga_in_local(const saga_scaffold *sc, int net, int level, uint32_t n);
 
-/* F_fine for every fine anchor: features and supports from decoded offsets. */
+/* This runs F_fine for every fine anchor: features and supports follow from
+ * decoded offsets. */
 void saga_scaffold_fine(const saga_scaffold *sc);
 
-/* Place of a fine anchor; of primitive offset o under it. */
+/* This gives the place of a fine anchor. */
 void saga_place_fine(saga_place *p, const saga_fine *f);
 
 #endif

@@ -55,7 +55,7 @@ static void fill(uint8_t *scale, uint32_t n, int value)
         scale[i] = (uint8_t)value;
 }
 
-/* The scale of a row or column, for n weights. Returns 0 if there is none so
+/* A row or column of n weights has a scale. Returns 0 if there is none so
  * low. */
 static int code_scale(uint8_t *scale, uint32_t n, const layer_fields *f,
                       net_models *m, saga_coder *c, saga_at at)
@@ -71,7 +71,7 @@ static int code_scale(uint8_t *scale, uint32_t n, const layer_fields *f,
     return 1;
 }
 
-/* What the rows begin with: the scales of the columns. */
+/* The rows begin with the scales that columns have. */
 static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
                         net_models *m, saga_coder *c, saga_at at)
 {
@@ -86,7 +86,7 @@ static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
     return 1;
 }
 
-/* Where the parameters of a layer go. */
+/* A layer's parameters are written to these addresses. */
 typedef struct {
     uint8_t *weights, *shift;
     int32_t *bias;
@@ -120,8 +120,8 @@ static void store_weight(const layer_place *to, uint32_t row, uint32_t column,
         ((int16_t *)(void *)to->weights)[at] = (int16_t)w;
 }
 
-/* The row at.row of weights with its padding, the scale of each given; returns
- * sum|w|, or -1 if one is out of range. |q * step| < 2^32. */
+/* The row at.row of weights is stored with its padding; each has a scale.
+ * Returns sum|w|, or -1 if one is out of range. |q * step| < 2^32. */
 static int64_t code_weights(const layer_place *to, const uint8_t *scale,
                             const layer_fields *f, saga_coder *c, saga_at at)
 {
@@ -151,7 +151,7 @@ static int64_t code_weights(const layer_place *to, const uint8_t *scale,
     return sum;
 }
 
-/* The row at.row; 0 if it could overflow. */
+/* Returns 0 if the row at.row could overflow. */
 static int code_row(const layer_place *to, uint8_t *scale,
                     const layer_fields *f, net_models *m, saga_coder *c,
                     saga_at at)

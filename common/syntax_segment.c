@@ -44,13 +44,13 @@ void saga_syntax_begin(const saga_scaffold *sc)
 
 /* --- What the layers share ----------------------------------------------- */
 
-/* y^ = sat16(mu + q step); |q * step| < 2^48. */
+/* Returns y^ = sat16(mu + q step); |q * step| < 2^48. */
 static int16_t dequantise(int16_t mu, int32_t q, uint32_t step_q16)
 {
     return fx_sat16_64(mu + fx_rshift64((int64_t)q * step_q16, 16));
 }
 
-/* A block of residuals of one channel group, dequantised. */
+/* A block has the residuals of one channel group; y are its values. */
 static void code_block(int16_t *y, saga_coder *c, saga_at at,
                        const int16_t *mu, const uint8_t *scale,
                        uint32_t step_q16, uint32_t n)
@@ -63,8 +63,8 @@ static void code_block(int16_t *y, saga_coder *c, saga_at at,
         y[i] = dequantise(mu[i], q[i], step_q16);
 }
 
-/* The model of a halving: of a run of n points whose suffixes of 4 * bits bits
- * are known above `bit`. */
+/* A halving's model depends on its run of n points, whose suffixes of 4 * bits
+ * bits are known above `bit`. */
 static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix,
                                 uint32_t n, uint32_t bit, uint32_t bits)
 {
@@ -78,7 +78,7 @@ static saga_adaptive *set_model(saga_set_models *m, uint32_t suffix,
                     [suffix >> (4 * bits - 4) & 1u][n - 1];
 }
 
-/* A set of n suffixes of 4 * bits bits, ascending: cells are halved axis by
+/* A set has n suffixes of 4 * bits bits, ascending: cells are halved axis by
  * axis, coding how many of the n points lie in the lower half. */
 static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
                      saga_set_models *models, saga_coder *c, saga_at at)
@@ -120,7 +120,7 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
     }
 }
 
-/* Centre of a suffix cell in Q14 of the parent's half-sizes: exact, bits <= 8.
+/* A suffix cell's centre in Q14 of the parent's half-sizes is exact: bits <= 8.
  */
 static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
                           uint32_t bits)
@@ -137,7 +137,7 @@ static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
 
 /* --- Layer 1: tree and coarse anchors ------------------------------------ */
 
-/* An inner node whose children are being visited; a child's number is made of
+/* A node's children are being visited; a child's number is made of
  * the bits x, y, z (if space splits) and t (if time does), x first. */
 typedef struct {
     uint16_t cell[3];
@@ -172,7 +172,7 @@ static void child_of(node *child, const node *parent, uint32_t number)
     }
 }
 
-/* The first child that a parent still has to visit. */
+/* Gives the first child that a parent still has to visit. */
 static void next_child(node *child, node *parent)
 {
     uint32_t number = 0;
@@ -183,7 +183,7 @@ static void next_child(node *child, node *parent)
     child_of(child, parent, number);
 }
 
-/* Deepest cells whose suffix cells still have integer centres. */
+/* In the deepest cells, suffix cells still have integer centres. */
 static int split_is_valid(const saga_model *m, const node *nd)
 {
     const int bits = m->level[SAGA_LEVEL_COARSE].suffix_bits;
@@ -194,7 +194,7 @@ static int split_is_valid(const saga_model *m, const node *nd)
            nd->depth_t + (nd->split >> 1) <= max_t;
 }
 
-/* Of the children before child i that share a face with it, how many exist. */
+/* Counts the children before child i that share a face with it and exist. */
 static uint32_t n_touching(uint32_t mask, uint32_t i)
 {
     uint32_t n = 0, k;
@@ -249,8 +249,8 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
     return *n_fine <= sc->n.fine;
 }
 
-/* Depth first. Each inner node has a child and lies at most MAX_TREE_DEPTH
- * deep, so leaves bound the nodes. */
+/* The tree comes depth first. Each inner node has a child and lies at most
+ * MAX_TREE_DEPTH deep, so leaves bound the nodes. */
 static int code_tree(const saga_scaffold *sc, saga_coder *c)
 {
     node stack[MAX_TREE_DEPTH + 1], nd = { { 0, 0, 0 }, 0, 0, 0, 0, 0 };
@@ -452,7 +452,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
 
 /* --- Layer 3: primitives ------------------------------------------------- */
 
-/* The primitives of a fine anchor. */
+/* All primitives of a fine anchor share their parameters. */
 static void code_primitives(const saga_scaffold *sc, saga_coder *c,
                             uint32_t rank, const int16_t *mu,
                             const uint8_t *scale)

@@ -157,7 +157,7 @@ struct saga_encoder {
 static const char out_of_what[] = "the file to be written";
 static const char remedy[] = "try another --seed, and report it";
 
-/* Room for n more bytes behind those that are there; NULL: no memory. */
+/* Makes room for n more bytes behind those that are there; NULL: no memory. */
 static uint8_t *reserve(buffer *b, size_t n, saga_error *error)
 {
     const size_t cap = b->n + n + b->cap / 2;
@@ -195,7 +195,7 @@ static void source_init(source *src, const saga_encoder *e)
     src->features = e->header.model.features;
 }
 
-/* To the bits of the file, what a chunk cost. */
+/* Adds what a chunk cost to the bits of the file. */
 static void add_bits(saga_encoder *e, const saga_cost *cost)
 {
     uint32_t i;
@@ -206,8 +206,8 @@ static void add_bits(saga_encoder *e, const saga_cost *cost)
     }
 }
 
-/* Worst case of the coder: 15 bits to find the escape, 13 of prefix, 16 of
- * rest and a sign for a residual is below 6 bytes; the same bounds the rest. */
+/* A residual takes at most 15 bits to find the escape, 13 of prefix, 16 of rest
+ * and a sign: less than 6 bytes. The same bounds the rest. */
 static size_t networks_bound(const saga_nets *nets)
 {
     size_t n = 64;
@@ -248,7 +248,7 @@ static bool encode_networks(saga_encoder *e, const saga_net_symbols *nets,
     return true;
 }
 
-/* Copies of what the encoder keeps; room for the networks. */
+/* Copies what the encoder keeps, and makes room for the networks. */
 static bool begin(saga_encoder *e, const saga_header *header,
                   const saga_rig_camera *rig, saga_error *error)
 {
@@ -352,8 +352,8 @@ static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
          : layer == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
 }
 
-/* Bytes no layer exceeds; see networks_bound. A set of n points asks for at
- * most 32 n symbols. */
+/* No layer exceeds these bytes; see networks_bound. A set of n points asks for
+ * at most 32 n symbols. */
 static size_t layer_bound(const saga_encoder *e, const saga_symbols *s,
                           int layer)
 {
@@ -412,7 +412,7 @@ static bool begin_segment(saga_encoder *e, const saga_symbols *s,
     return true;
 }
 
-/* The header's maxima and the index, once a segment is whole. */
+/* Sets the header's maxima and the index, once a segment is whole. */
 static bool end_segment(saga_encoder *e, const saga_symbols *s,
                         uint32_t n_frames, size_t begin, saga_error *error)
 {
@@ -522,7 +522,7 @@ static bool append(buffer *out, const buffer *b, saga_error *error)
     return true;
 }
 
-/* What a decoder says to the finished bytes. */
+/* Asks the decoder about the finished bytes. */
 static bool probe(const buffer *out, saga_error *error)
 {
     saga_info info;

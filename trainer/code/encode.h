@@ -17,9 +17,9 @@
 
 typedef struct saga_encoder saga_encoder;
 
-/* What a finished file consists of, in bytes; and what its symbols cost, as the
- * cost counter has it (cost.h). A chunk's payload is what its kinds spent,
- * rounded up to a byte, and at times a byte more. */
+/* This tells what a finished file consists of, in bytes, and what its symbols
+ * cost, as the cost counter has it (cost.h). A chunk's payload is what its
+ * kinds spent, rounded up to a byte, and at times a byte more. */
 typedef struct saga_encode_sizes {
     size_t header, index, networks;
     size_t coarse, fine, prim;   /* payloads of all segments together */
@@ -38,8 +38,8 @@ saga_encoder *saga_encoder_open(const saga_header *header,
                                 const saga_net_symbols *nets,
                                 saga_error *error);
 
-/* The dequantised networks, for a quantiser that runs the traversal before the
- * symbols are known: the block, and its layout. Both live as long as e. */
+/* Returns the block of the dequantised networks, and its layout, for whoever
+ * runs the traversal before the symbols are known. Both live as long as e. */
 const uint8_t *saga_encoder_params(const saga_encoder *e,
                                    const saga_nets **nets);
 
@@ -63,11 +63,11 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          saga_counts n, saga_error *error);
 void saga_scaffold_free(saga_scaffold *sc);
 
-/* The same with the encoder's networks, which must outlive it. */
+/* This does the same with the encoder's networks, which must outlive it. */
 bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
                            saga_counts n, saga_error *error);
 
-/* Arrays of symbols, from wherever they are: malloc's. They are NULL then. */
+/* These free arrays of symbols, whoever allocated them; they are NULL then. */
 void saga_layer_symbols_free(saga_layer_symbols *s);
 void saga_net_symbols_free(saga_net_symbols *s);
 

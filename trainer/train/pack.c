@@ -12,8 +12,8 @@
 
 /* --- Ranges -------------------------------------------------------------- */
 
-/* Q format in which values up to `most` fit int16, with a fifth to spare; the
- * network's arithmetic may exceed what was measured a little. */
+/* Returns the Q format in which values up to `most` fit int16, with a fifth to
+ * spare; the network's arithmetic may exceed what was measured a little. */
 static uint8_t q_for(double most, int limit)
 {
     const int q = (int)floor(log2(32767 / fmax(1.25 * most, 1e-6)));
@@ -21,7 +21,8 @@ static uint8_t q_for(double most, int limit)
     return (uint8_t)(q < 0 ? 0 : q > limit ? limit : q);
 }
 
-/* Largest |x| of columns first..first+n-1 of a (rows, dim) array. */
+/* Returns the largest |x| of columns first..first+n-1 of a (rows, dim) array.
+ */
 static double most_of(const float *x, size_t rows, size_t dim, size_t first,
                       size_t n)
 {
@@ -43,7 +44,7 @@ static double most_out(const saga_scene *s, const saga_twin *w, int net,
                    (size_t)f->dim[f->n_layers], first, n);
 }
 
-/* Batches that an entropy network ran last, and their rows. */
+/* An entropy network ran these batches last, of so many rows. */
 typedef struct {
     const saga_twin_batch *b[SAGA_N_KINDS];
     size_t rows[SAGA_N_KINDS], n;
@@ -106,7 +107,7 @@ static batches entropy_batches(const saga_rate_choice *c, int net)
     return l;
 }
 
-/* Largest |x| that an entropy network takes, and gives. */
+/* These return the largest |x| that an entropy network takes, and gives. */
 static double most_taken(const saga_rate_choice *c, int net)
 {
     const size_t dim = (size_t)c->scene.net[net].dim[0];
@@ -132,8 +133,9 @@ static double most_given(const saga_rate_choice *c, int net)
     return most;
 }
 
-/* Inputs of all entropy networks; the outputs of the hyperprior; and of the two
- * parts of the write's first layer, whose format its second takes as it is. */
+/* Sets the formats of what all entropy networks take and the hyperprior gives,
+ * and of the two parts of the write's first layer, whose format its second
+ * takes as it is. */
 static void entropy_formats(saga_model *m, const saga_rate_choice *c)
 {
     int i;
@@ -157,8 +159,8 @@ static double most_feature(const saga_scene *s, const float *feature)
                    s->model.features);
 }
 
-/* The heads of all networks but the entropy networks: as fine as what they give
- * allows. (1, 0, 0, 0) is added to a quaternion. */
+/* Sets the heads of all networks but the entropy networks: as fine as what they
+ * give allows. (1, 0, 0, 0) is added to a quaternion. */
 static void head_formats(saga_model *m, const saga_scene *s,
                          const saga_twin *w)
 {
@@ -212,7 +214,7 @@ static void measure_formats(saga_model *m, const saga_pack_input *in)
 
 static const char symbols_of_nets[] = "symbols of the networks";
 
-/* Q of each output row of a network's last layer. What the trainer's entropy
+/* Gives the Q of each row of a network's last layer. What the trainer's entropy
  * networks give for mu is in units of their own. */
 static void output_formats(uint8_t *q, const saga_model *m, int net,
                            uint32_t n)
@@ -226,7 +228,8 @@ static void output_formats(uint8_t *q, const saga_model *m, int net,
                          : saga_output_q(m, net, i));
 }
 
-/* Activations of hidden layer i (0-based) of the last runs. */
+/* Returns the largest activation of hidden layer i (0-based) of the last runs.
+ */
 static double most_hidden(const saga_scene *s, const saga_twin *w,
                           const saga_rate_choice *c, int net, int i)
 {
@@ -245,7 +248,7 @@ static double most_hidden(const saga_scene *s, const saga_twin *w,
     return most;
 }
 
-/* Biases of the entropy networks: as fine as what they give. */
+/* The entropy networks' biases are as fine as what they give. */
 static const float entropy_bias_step = 1.0f / 2048;
 
 static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
@@ -262,7 +265,7 @@ static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
     }
 }
 
-/* What all networks are packed with. */
+/* This is what every network is packed with. */
 typedef struct {
     const saga_model *model;     /* formats measured */
     const saga_rate_choice *choice;
@@ -305,7 +308,7 @@ static bool pack_net(saga_net_symbols *out, const packing *p, int net,
     return true;
 }
 
-/* A network without inputs: its biases are the parameters, row by row. */
+/* A network without inputs has biases alone: the parameters, row by row. */
 static bool pack_constants(saga_net_symbols *out, int net,
                            const int32_t *value, uint32_t n,
                            saga_error *error)
@@ -323,7 +326,7 @@ static bool pack_constants(saga_net_symbols *out, int net,
     return true;
 }
 
-/* Entropy parameters as constants per channel. */
+/* A kind without sources has constants per channel. */
 static bool pack_entropy(saga_net_symbols *out, const packing *p, int kind,
                          saga_error *error)
 {
@@ -432,7 +435,7 @@ static void free_symbols(saga_symbols *y)
     free(y->prim_offset);
 }
 
-/* (n, 4) units back to half-cubes and segments. */
+/* (n, 4) units become half-cubes and segments again. */
 static void from_units(float *x, const double *u, size_t n)
 {
     size_t i;
@@ -441,7 +444,7 @@ static void from_units(float *x, const double *u, size_t n)
         x[i] = (float)(u[i] / (i % 4 < 3 ? 8388608.0 : 65536.0));
 }
 
-/* The same structure; reals to be filled in. */
+/* The decoded scene has the same structure; its reals are to be filled in. */
 static bool begin_decoded(saga_scene *d, const saga_scene *s,
                           const saga_model *m, saga_error *error)
 {
@@ -455,8 +458,8 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
     return true;
 }
 
-/* What the closed loop was to meet, and what it did meet, in units; the latter
- * over the former but for the primitives, which change their order. */
+/* The closed loop was to meet these, in units; what it did meet lies over it,
+ * but for the primitives, which change their order. */
 typedef struct {
     double *coarse, *fine, *prim, *prim_out;
     float *feature;
@@ -517,7 +520,7 @@ static bool close_loop(saga_symbols *y, const saga_encoder *e,
     return ok;
 }
 
-/* Symbols, then bytes, with networks that the encoder has. */
+/* Makes symbols, then bytes, with the encoder's networks. */
 static bool pack_segment(uint8_t **bytes, size_t *n, saga_pack_report *report,
                          saga_encoder *e, const packing *p, uint32_t n_frames,
                          saga_error *error)
