@@ -80,10 +80,11 @@ static void softmax(real *x, size_t n)
 
 static void weigh(const saga_rate_bank *b, const real *query, size_t n)
 {
+    const saga_dense columns = { .w = b->columns, .n_out = b->n_slots };
+    const saga_dense_rows queries = { query, n, b->width, b->width };
     size_t i;
 
-    saga_dense_forward(b->weight, query, b->width, b->columns, NULL, n,
-                       b->width, b->n_slots, 0);
+    saga_dense_forward(b->weight, &columns, &queries);
     for (i = 0; i < n; i++)
         softmax(b->weight + i * b->n_slots, b->n_slots);
 }
@@ -97,14 +98,16 @@ void saga_rate_bank_read(real *out, const saga_rate_bank *b,
                          const real *query, size_t n)
 {
     const size_t d = b->width;
+    const saga_dense state = { .w = b->state, .n_out = d };
     size_t at;
 
     for (at = 0; at < n; at += CHUNK) {
         const size_t some = chunk(n - at);
+        const saga_dense_rows weights = { b->weight, some, b->n_slots,
+                                          b->n_slots };
 
         weigh(b, query + at * d, some);
-        saga_dense_forward(out + at * d, b->weight, b->n_slots, b->state, NULL,
-                           some, b->n_slots, d, 0);
+        saga_dense_forward(out + at * d, &state, &weights);
     }
 }
 
@@ -127,22 +130,25 @@ void saga_rate_bank_read_backward(real *d_query, real *d_state,
                                   const real *query, size_t n)
 {
     const size_t d = b->width, slots = b->n_slots;
+    const saga_dense columns = { .w = b->columns, .n_out = slots };
+    const saga_dense state = { .w = b->state, .n_out = d };
     size_t at, i;
 
     for (at = 0; at < n; at += CHUNK) {
         const size_t some = chunk(n - at);
-        const real *const q = query + at * d, *const d_read = d_out + at * d;
+        const saga_dense_rows q = { query + at * d, some, d, d };
+        const saga_dense_rows d_read = { d_out + at * d, some, d, d };
+        const saga_dense_rows weights = { b->weight, some, slots, slots };
+        const saga_dense_rows d_weights = { b->d_weight, some, slots, slots };
 
-        weigh(b, q, some);
-        saga_dense_forward(b->d_weight, d_read, d, b->columns, NULL, some, d,
-                           slots, 0);
+        weigh(b, q.at, some);
+        saga_dense_forward(b->d_weight, &columns, &d_read);
         for (i = 0; i < some; i++)
             softmax_backward(b->d_weight + i * slots, b->weight + i * slots,
                              slots);
-        saga_dense_forward(d_query + at * d, b->d_weight, slots, b->state,
-                           NULL, some, slots, d, 0);
-        saga_dense_backward(d_state, b->weight, slots, d_read, some, d, slots);
-        saga_dense_backward(d_state, b->d_weight, slots, q, some, d, slots);
+        saga_dense_forward(d_query + at * d, &state, &d_weights);
+        saga_dense_backward(d_state, &weights, &d_read);
+        saga_dense_backward(d_state, &d_weights, &q);
     }
 }
 

@@ -115,21 +115,21 @@ static void tile_1x1(const tile *t, size_t row, size_t column)
     put(t, row, column, a);
 }
 
-void saga_dense_forward(real *y, const real *x, size_t x_stride, const real *w,
-                        const real *bias, size_t n, size_t n_in, size_t n_out,
-                        int relu)
+void saga_dense_forward(real *y, const saga_dense *layer,
+                        const saga_dense_rows *x)
 {
-    const size_t width = saga_dense_pad(n_out);
-    const tile t = { x, w, bias, y, x_stride, width, n_in, relu };
+    const size_t width = saga_dense_pad(layer->n_out);
+    const tile t = { x->at, layer->w, layer->bias, y, x->stride, width,
+                     x->width, layer->relu };
     size_t row, column;
 
-    for (row = 0; row + 4 <= n; row += 4) {
+    for (row = 0; row + 4 <= x->n; row += 4) {
         for (column = 0; column + COLUMNS <= width; column += COLUMNS)
             tile_4x2(&t, row, column);
         if (column < width)
             tile_4x1(&t, row, column);
     }
-    for (; row < n; row++)
+    for (; row < x->n; row++)
         for (column = 0; column < width; column += VEC_LANES)
             tile_1x1(&t, row, column);
 }
@@ -230,26 +230,25 @@ static void outer_chunk(const outer *t, size_t n_out)
             outer_1x1(t, row, column);
 }
 
-void saga_dense_backward(real *dw, const real *dy, size_t dy_stride,
-                         const real *x, size_t n, size_t n_in, size_t n_out)
+void saga_dense_backward(real *dw, const saga_dense_rows *dy,
+                         const saga_dense_rows *x)
 {
-    const size_t stride = saga_dense_pad(n_in);
     size_t i;
 
-    for (i = 0; i < n; i += CHUNK) {
-        const outer t = { dw, dy + i * dy_stride, x + i * stride, dy_stride,
-                          stride, n - i < CHUNK ? n - i : CHUNK };
+    for (i = 0; i < dy->n; i += CHUNK) {
+        const size_t left = dy->n - i;
+        const outer t = { dw, dy->at + i * dy->stride, x->at + i * x->stride,
+                          dy->stride, x->stride, left < CHUNK ? left : CHUNK };
 
-        outer_chunk(&t, n_out);
+        outer_chunk(&t, dy->width);
     }
 }
 
-void saga_dense_bias_backward(real *db, const real *dy, size_t dy_stride,
-                              size_t n, size_t n_out)
+void saga_dense_bias_backward(real *db, const saga_dense_rows *dy)
 {
     size_t i, o;
 
-    for (i = 0; i < n; i++)
-        for (o = 0; o < n_out; o++)
-            db[o] += dy[i * dy_stride + o];
+    for (i = 0; i < dy->n; i++)
+        for (o = 0; o < dy->width; o++)
+            db[o] += dy->at[i * dy->stride + o];
 }

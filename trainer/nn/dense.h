@@ -18,21 +18,33 @@
 
 size_t saga_dense_pad(size_t n);
 
-/* y[n][pad(n_out)] = bias + x[n][x_stride] w[n_in][pad(n_out)], w and bias
- * padded; bias NULL: 0; relu: negative values become 0. The sum over n_in runs
- * in its order, whatever n is. With the transposed weights this is also the
- * backward pass to the input. */
-void saga_dense_forward(real *y, const real *x, size_t x_stride, const real *w,
-                        const real *bias, size_t n, size_t n_in, size_t n_out,
-                        int relu);
+/* n rows of `width` reals, a stride apart: what goes in or comes back for n
+ * points. */
+typedef struct saga_dense_rows {
+    const real *at;
+    size_t n, width, stride;
+} saga_dense_rows;
 
-/* dw[n_out][pad(n_in)] += dy[n][dy_stride]^T x[n][pad(n_in)]; in chunks of 64
- * points, each summed in order. */
-void saga_dense_backward(real *dw, const real *dy, size_t dy_stride,
-                         const real *x, size_t n, size_t n_in, size_t n_out);
+/* A layer of width n_out; relu: negative values become 0. */
+typedef struct saga_dense {
+    const real *w;               /* [n_in][pad(n_out)], padded */
+    const real *bias;            /* [pad(n_out)], padded; NULL: 0 */
+    size_t n_out;
+    int relu;
+} saga_dense;
 
-/* db[n_out] += sums over the points of dy[n][dy_stride], in order. */
-void saga_dense_bias_backward(real *db, const real *dy, size_t dy_stride,
-                              size_t n, size_t n_out);
+/* y[n][pad(n_out)] = bias + x w. The sum over x's width runs in its order,
+ * whatever n is. With the transposed weights this is also the backward pass to
+ * the input. */
+void saga_dense_forward(real *y, const saga_dense *layer,
+                        const saga_dense_rows *x);
+
+/* dw[n_out][pad(n_in)] += dy^T x, of n points; dy's width is n_out, x's n_in
+ * and its stride pad(n_in). In chunks of 64 points, each summed in order. */
+void saga_dense_backward(real *dw, const saga_dense_rows *dy,
+                         const saga_dense_rows *x);
+
+/* db[n_out] += sums over the points of dy, in order. */
+void saga_dense_bias_backward(real *db, const saga_dense_rows *dy);
 
 #endif

@@ -215,36 +215,56 @@ static void copy_rows(real *to, size_t to_stride, const real *from,
 
 /* --- Forward ------------------------------------------------------------- */
 
-static void forward_chunk(real *y, const saga_net_work *work, const real *x,
-                          size_t begin, size_t n, const saga_net *net,
-                          real *scratch)
+/* What a pass works on. */
+typedef struct {
+    const saga_net *net;
+    saga_net_work *work;
+    const real *x, *dy;
+    real *y, *dx;                /* dx: NULL where it is not wanted */
+    size_t m;                    /* points */
+} pass;
+
+/* Of this thread: room for three chunks of the widest layer. */
+static real *scratch_of(const pass *p)
 {
+    return p->work->chunk + 3 * CHUNK * widest(p->net) * saga_thread_number();
+}
+
+static size_t chunk_at(size_t begin, size_t end)
+{
+    return end - begin < CHUNK ? end - begin : CHUNK;
+}
+
+static void forward_chunk(const pass *p, size_t begin)
+{
+    const saga_net *const net = p->net;
     const int last = net->n_layers - 1;
-    const size_t n_out = dim(net, last + 1);
+    const size_t n = chunk_at(begin, p->m), n_out = dim(net, last + 1);
     const int whole = pad(net, last + 1) == n_out;
-    const real *in = x + begin * dim(net, 0);
-    size_t stride = dim(net, 0);
+    real *const scratch = scratch_of(p);
+    saga_dense_rows in = { p->x + begin * dim(net, 0), n, dim(net, 0),
+                           dim(net, 0) };
     int l;
 
     for (l = 0; l <= last; l++) {
-        const layer_weights lw = weights_of(work, net, l);
+        const layer_weights lw = weights_of(p->work, net, l);
+        const saga_dense layer = { lw.across, lw.bias, dim(net, l + 1),
+                                   l < last };
         real *const out = l < last
-            ? work->hidden[l] + begin * pad(net, l + 1)
-            : whole ? y + begin * n_out : scratch;
+            ? p->work->hidden[l] + begin * pad(net, l + 1)
+            : whole ? p->y + begin * n_out : scratch;
 
-        saga_dense_forward(out, in, stride, lw.across, lw.bias, n, dim(net, l),
-                           dim(net, l + 1), l < last);
-        in = out;
-        stride = pad(net, l + 1);
+        saga_dense_forward(out, &layer, &in);
+        in = (saga_dense_rows){ out, n, dim(net, l + 1), pad(net, l + 1) };
     }
     if (!whole)
-        copy_rows(y + begin * n_out, n_out, scratch, pad(net, last + 1), n);
+        copy_rows(p->y + begin * n_out, n_out, scratch, pad(net, last + 1), n);
 }
 
 int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
                      const saga_net *net)
 {
-    const size_t scratch = CHUNK * widest(net);
+    const pass p = { .net = net, .work = work, .x = x, .y = y, .m = m };
     const int64_t n_chunks = (int64_t)((m + CHUNK - 1) / CHUNK);
     int64_t c;
     int l;
@@ -253,16 +273,11 @@ int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
         if (grow(&work->hidden[l], &work->cap[l], m * pad(net, l + 1)))
             return -1;
     if (pack(work, net) || grow(&work->chunk, &work->cap[CAP_CHUNK],
-                                3 * scratch * saga_n_threads()))
+                                3 * CHUNK * widest(net) * saga_n_threads()))
         return -1;
 #pragma omp parallel for schedule(static) if (n_chunks > 1)
-    for (c = 0; c < n_chunks; c++) {
-        const size_t begin = (size_t)c * CHUNK;
-
-        forward_chunk(y, work, x, begin, m - begin < CHUNK ? m - begin : CHUNK,
-                      net, work->chunk +
-                      3 * scratch * saga_thread_number());
-    }
+    for (c = 0; c < n_chunks; c++)
+        forward_chunk(&p, (size_t)c * CHUNK);
     return 0;
 }
 
@@ -288,44 +303,53 @@ static void rectify_backward(real *d, const real *active, size_t n)
         d[i] = active[i] > 0 ? d[i] : 0;
 }
 
-/* The scratch holds the input, padded, and two gradients in turn. */
-static void backward_chunk(real *dx, real *partial, const saga_net_work *work,
-                           const real *dy, const real *x, size_t begin,
-                           size_t n, const saga_net *net, real *scratch)
+/* The input of layer l for n points from begin on, padded; in scratch where it
+ * is not so already. */
+static const real *input_of(const pass *p, int l, size_t begin, size_t n,
+                            real *scratch)
 {
+    const size_t n_in = dim(p->net, l);
+
+    if (l > 0)
+        return p->work->hidden[l - 1] + begin * pad(p->net, l);
+    if (pad(p->net, 0) == n_in)
+        return p->x + begin * n_in;
+    copy_rows(scratch, pad(p->net, 0), p->x + begin * n_in, n_in, n);
+    return scratch;
+}
+
+/* Adds to partial. The scratch holds the input, padded, and two gradients in
+ * turn. */
+static void backward_chunk(real *partial, const pass *p, size_t begin,
+                           size_t n)
+{
+    const saga_net *const net = p->net;
     const size_t area = CHUNK * widest(net);
-    const int last = net->n_layers - 1;
-    const real *d = dy + begin * dim(net, last + 1);
-    size_t stride = dim(net, last + 1);
+    const size_t n_out = dim(net, net->n_layers);
+    real *const scratch = scratch_of(p);
+    saga_dense_rows d = { p->dy + begin * n_out, n, n_out, n_out };
     real *at = partial + partial_size(net);
     int l;
 
-    for (l = last; l >= 0; l--) {
-        const size_t n_in = dim(net, l), n_out = dim(net, l + 1);
+    for (l = net->n_layers - 1; l >= 0; l--) {
+        const size_t n_in = dim(net, l), stride = pad(net, l);
+        const saga_dense_rows in = { input_of(p, l, begin, n, scratch), n, n_in,
+                               stride };
+        const saga_dense back = { .w = weights_of(p->work, net, l).along,
+                                  .n_out = n_in };
         real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
-        const real *in = scratch;
 
+        at -= d.width * (stride + 1);
+        saga_dense_backward(at, &d, &in);
+        saga_dense_bias_backward(at + d.width * stride, &d);
+        if (l == 0 && !p->dx)
+            return;
+        saga_dense_forward(d_in, &back, &d);
         if (l > 0)
-            in = work->hidden[l - 1] + begin * pad(net, l);
-        else if (pad(net, 0) == n_in)
-            in = x + begin * n_in;
-        else
-            copy_rows(scratch, pad(net, 0), x + begin * n_in, n_in, n);
-        at -= n_out * (pad(net, l) + 1);
-        saga_dense_backward(at, d, stride, in, n, n_in, n_out);
-        saga_dense_bias_backward(at + n_out * pad(net, l), d, stride, n,
-                                 n_out);
-        if (l == 0 && !dx)
-            break;
-        saga_dense_forward(d_in, d, stride, weights_of(work, net, l).along,
-                           NULL, n, n_out, n_in, 0);
-        if (l > 0)
-            rectify_backward(d_in, in, n * pad(net, l));
-        d = d_in;
-        stride = pad(net, l);
+            rectify_backward(d_in, in.at, n * stride);
+        d = (saga_dense_rows){ d_in, n, n_in, stride };
     }
-    if (dx)
-        copy_rows(dx + begin * dim(net, 0), dim(net, 0), d, stride, n);
+    copy_rows(p->dx + begin * d.width, d.width, d.at, d.stride, n);
 }
 
 /* Adds the blocks' sums, in their order. */
@@ -357,27 +381,26 @@ int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
                       const real *dy, const real *x, size_t m,
                       const saga_net *net)
 {
-    const size_t scratch = 3 * CHUNK * widest(net);
+    const pass p = { .net = net, .work = work, .x = x, .dy = dy, .dx = dx,
+                     .m = m };
     const size_t size = partial_size(net), block = block_size(m);
     const size_t n_blocks = (m + block - 1) / block;
     int64_t k;
 
     if (grow(&work->partial, &work->cap[CAP_PARTIAL], n_blocks * size) ||
         grow(&work->chunk, &work->cap[CAP_CHUNK],
-             scratch * saga_n_threads()))
+             3 * CHUNK * widest(net) * saga_n_threads()))
         return -1;
 #pragma omp parallel for schedule(dynamic, 1) if (n_blocks > 1)
     for (k = 0; k < (int64_t)n_blocks; k++) {
         const size_t end = m < ((size_t)k + 1) * block
             ? m : ((size_t)k + 1) * block;
-        real *const p = work->partial + (size_t)k * size;
+        real *const partial = work->partial + (size_t)k * size;
         size_t i;
 
-        memset(p, 0, size * sizeof *p);
+        memset(partial, 0, size * sizeof *partial);
         for (i = (size_t)k * block; i < end; i += CHUNK)
-            backward_chunk(dx, p, work, dy, x, i,
-                           end - i < CHUNK ? end - i : CHUNK, net,
-                           work->chunk + scratch * saga_thread_number());
+            backward_chunk(partial, &p, i, chunk_at(i, end));
     }
     add_partials(d, work->partial, size, n_blocks);
     return 0;
