@@ -83,8 +83,7 @@ FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train,\
 TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                scene/budget.c scene/medoid.c entropy/rate_bits.c \
                entropy/rate_choice.c),$(filter trainer/nn/% \
-               trainer/splat/% trainer/scene/% trainer/entropy/% \
-               trainer/train/regress.c,$(FLOAT_SRC)))
+               trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC)))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ  := $(call obj,$(HELPER_SRC))
 

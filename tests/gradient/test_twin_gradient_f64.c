@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Gradients of the scene's float twin and of the regression loss against
- * central differences, in double. The loss is a fixed random combination of
+ * Gradients of the scene's float twin against central differences, in double.
+ * The loss is a fixed random combination of
  * every attribute, seen from two cameras, so each output counts.
  */
-#include "regress.h"
 #include "rng.h"
 #include "twin.h"
 
@@ -227,57 +226,6 @@ static void twin_gradients_should_match_differences_without_fuse(void **state)
         run_gradient(SAGA_TOOLS_PICTURE, no_fuse);
 }
 
-static void regress_gradients_should_match_differences(void **state)
-{
-    enum { N = 3, REALS = 32 };
-    const saga_rng r = saga_rng_stream(3, 3);
-    double x[N * REALS], y[N * REALS], g[N * REALS] = { 0 }, weight[N];
-    saga_splat_params p[3];
-    double *const base[3] = { x, y, g };
-    size_t i;
-    int k;
-
-    (void)state;
-    for (k = 0; k < 3; k++) {
-        p[k] = (saga_splat_params){
-            .mean = base[k], .quat = base[k] + 3 * N,
-            .log2_scale = base[k] + 7 * N, .opacity = base[k] + 10 * N,
-            .colour = base[k] + 11 * N, .support = base[k] + 14 * N,
-            .motion = base[k] + 17 * N, .t_centre = base[k] + 26 * N,
-            .log2_width = base[k] + 27 * N, .slope = base[k] + 28 * N };
-    }
-    for (i = 0; i < N * REALS; i++) {
-        x[i] = saga_rng_normal(r, i);
-        y[i] = saga_rng_normal(r, 1000 + i);
-    }
-    for (i = 0; i < N; i++)
-        weight[i] = 0.5 + (double)i;
-    saga_regress_loss(&p[2], &p[0], &p[1], weight, N);
-    for (i = 3 * N; i < REALS * N; i++) {
-        double dummy[N * REALS] = { 0 }, up, down;
-        const double keep = x[i], h = 1e-6;
-        saga_splat_params d = p[2];
-
-        /* Gradients of the probes go nowhere. */
-        d.quat = dummy + 3 * N;
-        d.log2_scale = dummy + 7 * N;
-        d.opacity = dummy + 10 * N;
-        d.colour = dummy + 11 * N;
-        d.support = dummy + 14 * N;
-        d.motion = dummy + 17 * N;
-        d.t_centre = dummy + 26 * N;
-        d.log2_width = dummy + 27 * N;
-        d.slope = dummy + 28 * N;
-        x[i] = keep + h;
-        up = saga_regress_loss(&d, &p[0], &p[1], weight, N);
-        x[i] = keep - h;
-        down = saga_regress_loss(&d, &p[0], &p[1], weight, N);
-        x[i] = keep;
-        assert_true(fabs((up - down) / (2 * h) - g[i]) <
-                    1e-5 * (1 + fabs(g[i])));
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -286,7 +234,6 @@ int main(void)
         cmocka_unit_test(
             twin_gradients_should_match_differences_without_tools),
         cmocka_unit_test(twin_gradients_should_match_differences_without_fuse),
-        cmocka_unit_test(regress_gradients_should_match_differences),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -72,7 +72,6 @@ static void train(fixture *f, const saga_capture *c)
 
     o.n_primitives = 500;
     o.n_warm = 20;
-    o.n_regress = 30;
     o.n_render = 20;
     o.motion = SAGA_TRAIN_MOVING;
     t = saga_train_new(c, &o, &error);
@@ -281,7 +280,10 @@ static void features_should_have_constants(const constants *c)
         log2_sigma = 0.5 * log2(square / (step * step) + 1.0 / 12);
         scale = saga_prob_index((int16_t)lrint(1024 * log2_sigma), 10);
         assert_true(fabs(c->mu[SAGA_SYM_FEATURE][k] - sum) <= 0.51);
-        assert_in_range(c->scale[SAGA_SYM_FEATURE][k], scale - 7, scale + 1);
+        /* One that hardly varies may be taken for less than rounding makes
+         * of it. */
+        assert_in_range(c->scale[SAGA_SYM_FEATURE][k],
+                        square > step * step / 12 ? scale - 7 : 0, scale + 1);
     }
 }
 

@@ -245,41 +245,6 @@ static void nets_should_not_depend_on_threads(void **state)
     free(e);
 }
 
-/* An invariant: without weights of its own a started network gives its first
- * inputs back, whatever their signs, and nothing at its other outputs; of a
- * width too small, as many as fit. */
-static void started_nets_should_pass_their_inputs_on(void **state)
-{
-    enum { N = 4, IN = 7, OUT = 6, N_POINTS = 9 };
-    static const int widths[] = { 2 * N, 2 * N + 3, 2 * N - 3 };
-    int layers;
-    size_t w, i, k;
-
-    (void)state;
-    for (layers = 2; layers <= 3; layers++)
-        for (w = 0; w < sizeof widths / sizeof widths[0]; w++) {
-            saga_net net = { layers, { IN, widths[w], layers == 2 ? OUT
-                             : widths[w], OUT }, { NULL }, { NULL } };
-            const size_t passed = widths[w] < 2 * N ? (size_t)widths[w] / 2 : N;
-            float x[N_POINTS * IN], y[N_POINTS * OUT], *params;
-            saga_net_work work = { 0 };
-
-            params = calloc(saga_net_n_params(&net), sizeof *params);
-            assert_non_null(params);
-            saga_net_bind(&net, params);
-            saga_net_init(&net, 5);
-            saga_net_start_identity(&net, N, 0);
-            fill(x, N_POINTS * IN, 77, -3, 3);
-            assert_int_equal(saga_net_forward(y, &work, x, N_POINTS, &net), 0);
-            for (i = 0; i < N_POINTS; i++)
-                for (k = 0; k < OUT; k++)
-                    assert_true(fabsf(y[OUT * i + k] - (k < passed
-                                      ? x[IN * i + k] : 0)) < 1e-6f);
-            saga_net_free(&work);
-            free(params);
-        }
-}
-
 /* A float's phase is exact: the embedding is as good near 8 turns as at 0. */
 static void embedding_should_be_precise_in_float(void **state)
 {
@@ -313,7 +278,6 @@ int main(void)
         cmocka_unit_test(rng_should_have_unrelated_streams),
         cmocka_unit_test(rng_should_shuffle_each_epoch_anew),
         cmocka_unit_test(nets_should_not_depend_on_threads),
-        cmocka_unit_test(started_nets_should_pass_their_inputs_on),
         cmocka_unit_test(embedding_should_be_precise_in_float)
     };
 

@@ -47,7 +47,7 @@ static void policy_should_keep_what_three_captures_had(void **state)
                                              s->n_primitives, s->n_primitives);
 
         near(p.price.residual, share / 16, 0.001);
-        near(p.price.regression, 100 * share / 16, 0.001);
+        near(p.price.start, 4 * share / 16, 0.001);
         near(p.price.weight, 1.5 * share / 16, 0.001);
         near(p.prim_step, fmin(6 * sqrt(s->old_lambda), 0.25), 0.001);
         assert_int_equal(p.width, share < 2e-7 ? 64 : share < 5e-7 ? 48 : 32);

@@ -28,7 +28,7 @@
 #include <omp.h>
 #endif
 
-enum { WARM = 40, REGRESS = 65, RENDER = 60 };
+enum { WARM = 40, RENDER = 60 };
 
 typedef struct {
     uint8_t *bytes;
@@ -71,7 +71,6 @@ static saga_train_options small(void)
 
     o.n_primitives = 150;
     o.n_warm = WARM;
-    o.n_regress = REGRESS;
     o.n_render = RENDER;
     o.motion = SAGA_TRAIN_MOVING;
     o.lambda = 0.0072;           /* 2e-7 for a bit */
@@ -453,11 +452,11 @@ static void rate_should_be_near_the_integer_path(void **state)
 
 /* --- The scene's twin ---------------------------------------------------- */
 
-static bool stop_in_regression(void *user, const saga_train_progress *p)
+static bool stop_in_rendering(void *user, const saga_train_progress *p)
 {
     int *const stops = user;
 
-    return p->stage != SAGA_TRAIN_REGRESS || (*stops)++ > 0;
+    return p->stage != SAGA_TRAIN_RENDER || (*stops)++ > 0;
 }
 
 /* The fit from its beginning, with networks that fuse features: the same
@@ -466,8 +465,7 @@ static void add_fuse(saga_train *t)
 {
     saga_scene old = t->scene;
     saga_scene *const s = &t->scene;
-    const saga_fit_options o = { .n_regress = t->o.n_regress,
-                                 .n_render = t->o.n_render, .seed = 1,
+    const saga_fit_options o = { .n_render = t->o.n_render, .seed = 1,
                                  .price = t->policy.price };
     saga_error error = { "" };
     saga_model m = old.model;
@@ -485,6 +483,67 @@ static void add_fuse(saga_train *t)
     saga_scene_free(&old);
     t->fit = saga_fit_new(s, &t->target, &t->pictures, &o, &error);
     assert_non_null(t->fit);
+}
+
+/* Pictures of the scene that the fit starts with against those of the warm-up's
+ * primitives, over all views and frames: the mean squared difference. */
+static double start_error(saga_train *t)
+{
+    saga_canvas c;
+    saga_twin *const w = &t->fit->twin;
+    saga_error error = { "" };
+    double sum = 0;
+    int n = 0;
+
+    assert_true(saga_pictures_canvas(&c, &t->pictures, &error));
+    for (int view = 0; view < t->capture->n_views; view++)
+        for (int frame = 0; frame < t->capture->n_frames; frame++, n++) {
+            const saga_sample p = { .view = view, .frame = frame };
+            const uint32_t prims = t->scene.n.prim;
+
+            saga_pictures_aim(&c, &t->pictures, p);
+            assert_true(saga_splat_forward(&c, &t->target, prims, &error));
+            memcpy(c.truth, c.image, 3 * 64 * 36 * sizeof *c.truth);
+            assert_int_equal(saga_twin_colour(w, &t->fit->used,
+                                              c.camera.centre), 0);
+            assert_true(saga_splat_forward(&c, &w->attr, prims, &error));
+            sum += saga_canvas_mse(&c, c.image);
+        }
+    saga_canvas_free(&c);
+    return sum / n;
+}
+
+/* Sixteen numbers are nearly enough for what 150 primitives are, where bits
+ * cost nothing; where they do, less is told. */
+static void fit_should_begin_where_the_warm_up_ends(void **state)
+{
+    static const double lambda[] = { 0, 0.0072, 0.72 };
+    const fixture *const f = *state;
+    double psnr[3];
+
+    for (int i = 0; i < 3; i++) {
+        saga_train_options o = small();
+        saga_error error = { "" };
+        saga_train *t;
+        int stops = 0;
+
+        o.lambda = lambda[i];
+        o.progress = stop_in_rendering;
+        o.progress_user = &stops;
+        t = saga_train_new(&f->capture, &o, &error);
+        assert_non_null(t);
+        while (t->stage == SAGA_TRAIN_WARM)
+            assert_int_not_equal(saga_train_run(t, &error), SAGA_FAILED);
+        saga_fit_free(t->fit);
+        saga_train_params_free(&t->target);
+        saga_scene_free(&t->scene);
+        assert_true(saga_train_begin_fit(t, &error));
+        psnr[i] = -10 * log10(start_error(t));
+        saga_train_free(t);
+    }
+    print_message("start: %.1f, %.1f, %.1f dB beside the warm-up's pictures\n",
+                  psnr[0], psnr[1], psnr[2]);
+    assert_true(psnr[0] > 40 && psnr[0] > psnr[1] && psnr[1] > psnr[2]);
 }
 
 /* Worst difference of log2 scales: outputs of F_geo, behind both levels'
@@ -527,7 +586,7 @@ static void scene_should_be_near_the_integer_path(void **state)
         saga_train *t;
         double worst;
 
-        o.progress = stop_in_regression;
+        o.progress = stop_in_rendering;
         o.progress_user = &stops;
         t = saga_train_new(&f->capture, &o, &error);
         assert_non_null(t);
@@ -634,13 +693,11 @@ static void train_should_resume_to_the_same_file(void **state)
 {
     static const stop places[] = {
         { SAGA_TRAIN_WARM, 20, 0, 0 }, { SAGA_TRAIN_WARM, WARM, 0, 0 },
-        { SAGA_TRAIN_REGRESS, 1, 0, 0 }, { SAGA_TRAIN_REGRESS, 57, 0, 0 },
-        { SAGA_TRAIN_REGRESS, REGRESS, 0, 0 },
         { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
         { SAGA_TRAIN_RENDER, RENDER, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
         { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
     };
-    static const stop often = { SAGA_TRAIN_WARM, 0, 17, 0 };
+    static const stop often = { SAGA_TRAIN_WARM, 0, 11, 0 };
 
     assert_int_equal(interrupt(*state, places),
                      sizeof places / sizeof places[0] - 1);
@@ -693,7 +750,7 @@ static void train_should_refuse_a_checkpoint_of_other_options(void **state)
     assert_true(resume_fails(f, &p, "--lambda 0.0072, not 0.25"));
     p = o;
     p.n_render++;
-    assert_true(resume_fails(f, &p, "--iterations 165, not 166"));
+    assert_true(resume_fails(f, &p, "--iterations 100, not 101"));
     p = o;
     p.level = 3;
     assert_true(resume_fails(f, &p, "--level 2, not 3"));
@@ -1030,9 +1087,21 @@ static void train_should_leave_out_forbidden_sources(void **state)
     sources_should_be(&e, GROUPS, GROUPS, 0);
 }
 
+/* Magnitudes of the row that weight i of layer l lies in. */
+static double sum_of_row(const saga_net *n, int l, int i)
+{
+    const real *const w = n->w[l] + i - i % n->dim[l];
+    double sum = 0;
+
+    for (int k = 0; k < n->dim[l]; k++)
+        sum += fabs((double)w[k]);
+    return sum;
+}
+
 /* Raw weights are coded in steps of 2^-11, not in those that training learns:
  * what is decoded lies within half a step of what was trained, and half an LSB
- * of the integer weights, which is a quarter of a step at most. */
+ * of the integer weights, which is a quarter of a step or, where that is more,
+ * 2^-16 of what a row adds up to: that is to stay below 2^16 LSB. */
 static void train_should_keep_raw_networks_fine(void **state)
 {
     const fixture *const f = *state;
@@ -1051,7 +1120,9 @@ static void train_should_keep_raw_networks_fine(void **state)
             for (int i = 0; i < n->dim[l] * n->dim[l + 1]; i++)
                 assert_true(fabs((double)(n->w[l][i] -
                                           t->decoded.net[net].w[l][i])) <=
-                            ldexp(0.76, -SAGA_RAW_STEP));
+                            ldexp(0.51, -SAGA_RAW_STEP) +
+                            fmax(ldexp(0.25, -SAGA_RAW_STEP),
+                                 ldexp(sum_of_row(n, l, i), -16)));
         }
     saga_train_free(t);
 }
@@ -1063,6 +1134,7 @@ int main(void)
         cmocka_unit_test(train_should_estimate_what_is_written),
         cmocka_unit_test(rate_should_be_near_the_integer_path),
         cmocka_unit_test(train_should_draw_positions_as_decoded),
+        cmocka_unit_test(fit_should_begin_where_the_warm_up_ends),
         cmocka_unit_test(scene_should_be_near_the_integer_path),
         cmocka_unit_test(train_should_depend_on_the_seed_alone),
         cmocka_unit_test(train_should_not_depend_on_threads),

@@ -699,10 +699,10 @@ const saga_command saga_command_encode = {
     "      --hold-out cam00 --primitives 40000 --iterations 20000\n"
     "      two seconds of a real capture, small, one view kept for judging\n"
     "\n"
-    "Stages: warm-up (flat primitives), regression and rendering (the coded\n"
-    "hierarchy), packing. A line on stderr tells stage, iteration, the\n"
-    "PSNR of the pictures trained on, the bits of the residuals and the time\n"
-    "left. Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
+    "Stages: warm-up (flat primitives), rendering (the coded hierarchy),\n"
+    "packing. A line on stderr tells stage, iteration, the PSNR of the\n"
+    "pictures trained on, the bits of the residuals and the time left.\n"
+    "Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
     "The same options give the same bytes, for any number of threads.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

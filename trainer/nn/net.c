@@ -66,38 +66,6 @@ void saga_net_init(saga_net *net, unsigned long long seed)
     }
 }
 
-void saga_net_start_identity(saga_net *net, size_t n, real part)
-{
-    const int last = net->n_layers - 1;
-    int l;
-
-    for (l = 0; l <= last; l++) {
-        const size_t in = dim(net, l), out = dim(net, l + 1);
-        real *const w = net->w[l];
-        size_t i;
-
-        for (i = 0; i < in * out; i++)
-            w[i] *= part;
-        if (l < last && n > out / 2)
-            n = out / 2;
-        for (i = 0; i < n; i++) {
-            /* Units 2i and 2i + 1: what is above zero, and what is below. */
-            real *const above = w + 2 * i * in, *const below = above + in;
-
-            if (l == 0) {
-                above[i] += 1;
-                below[i] -= 1;
-            } else if (l < last) {
-                above[2 * i] += 1;
-                below[2 * i + 1] += 1;
-            } else {
-                w[i * in + 2 * i] += 1;
-                w[i * in + 2 * i + 1] -= 1;
-            }
-        }
-    }
-}
-
 void saga_net_free(saga_net_work *work)
 {
     int l;

@@ -37,7 +37,6 @@ typedef struct saga_net_work {
 #define saga_net_n_params SAGA_REAL_NAME(saga_net_n_params)
 #define saga_net_bind SAGA_REAL_NAME(saga_net_bind)
 #define saga_net_init SAGA_REAL_NAME(saga_net_init)
-#define saga_net_start_identity SAGA_REAL_NAME(saga_net_start_identity)
 #define saga_net_free SAGA_REAL_NAME(saga_net_free)
 #define saga_net_forward SAGA_REAL_NAME(saga_net_forward)
 #define saga_net_backward SAGA_REAL_NAME(saga_net_backward)
@@ -51,12 +50,6 @@ void saga_net_bind(saga_net *net, real *params);
 /* He's initialisation: uniform weights of variance 2 / dim[l] (1 / dim[l] in
  * the last layer), biases 0. */
 void saga_net_init(saga_net *net, unsigned long long seed);
-
-/* After saga_net_init: a network of two layers or more whose first outputs are
- * its first n inputs, but for its own weights at `part` of their size. Pairs of
- * hidden units carry an input and its negative; n shrinks to half the width
- * where that is less. */
-void saga_net_start_identity(saga_net *net, size_t n, real part);
 
 void saga_net_free(saga_net_work *work);
 

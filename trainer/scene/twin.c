@@ -442,21 +442,6 @@ double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
     return sum / (4.0 * w->n.prim);
 }
 
-double saga_twin_support_loss(saga_twin *w, const real *target)
-{
-    const size_t n = 4 * (size_t)w->n.fine;
-    double sum = 0;
-    size_t i;
-
-    for (i = 0; i < n; i++) {
-        const real e = w->log2_support[i] - target[i];
-
-        sum += (double)(e * e);
-        w->d_log2_support[i] += 2 * e / R(n);
-    }
-    return sum / (double)n;
-}
-
 int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
                               const saga_scene *s)
 {

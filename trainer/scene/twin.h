@@ -49,7 +49,6 @@ typedef struct saga_twin {
 #define saga_twin_colour_backward \
     SAGA_REAL_NAME(saga_twin_colour_backward)
 #define saga_twin_anchor_loss SAGA_REAL_NAME(saga_twin_anchor_loss)
-#define saga_twin_support_loss SAGA_REAL_NAME(saga_twin_support_loss)
 #define saga_twin_backward SAGA_REAL_NAME(saga_twin_backward)
 
 /* Lays out the batch of so many rows through a network. */
@@ -93,10 +92,6 @@ void saga_twin_clear(saga_twin *w, const saga_scene *s);
  * saga_twin_backward. Between saga_twin_clear and that. Returns the mean. */
 double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
                              real weight);
-
-/* Adds the mean squared difference of log2 supports from target (n.fine, 4),
- * called where saga_twin_anchor_loss is. Returns it. */
-double saga_twin_support_loss(saga_twin *w, const real *target);
 
 /* Once per view, after saga_splat_backward and before the next view's colour:
  * takes w->d_attr.colour (and clears it), adds to d. */

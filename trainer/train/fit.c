@@ -2,7 +2,7 @@
 #include "fit_state.h"
 
 #include "alloc.h"
-#include "regress.h"
+#include "start.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -13,7 +13,7 @@
 enum { REFRESH_EVERY = 50, RAMP = 300 };
 
 /* Streams of random numbers. */
-enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_START, STREAM_OFFSET };
+enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET };
 
 /* lambda_a, of anchors' distance from their primitives. */
 #define ANCHOR_PRICE R(0.05)
@@ -41,107 +41,26 @@ static bool alloc_all(saga_fit *f, saga_error *error)
 {
     const saga_scene *const s = f->scene;
 
-    f->weight = zeros(s->n.prim, error);
     f->feature = zeros((size_t)s->n.coarse * s->model.features, error);
     f->position = zeros(4 * (size_t)s->n.prim, error);
-    f->support = zeros(4 * (size_t)s->n.fine, error);
     f->m = zeros(s->n_reals, error);
     f->v = zeros(s->n_reals, error);
-    return f->weight && f->feature && f->position && f->support && f->m &&
-           f->v && saga_pictures_canvas(&f->canvas, f->pictures, error);
+    return f->feature && f->position && f->m && f->v &&
+           saga_pictures_canvas(&f->canvas, f->pictures, error);
 }
 
-/* Small random features: the networks must be able to tell anchors apart, and
- * what they begin with is paid for. */
-static void start_features(saga_fit *f)
-{
-    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_START);
-    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
-    size_t i;
-
-    for (i = 0; i < n; i++)
-        f->scene->coarse_feature[i] = (real)(0.1 * saga_rng_normal(r, i));
-}
-
-/* Features pass the networks between coarse anchors and primitives as they are,
- * and these learn what to add: ten layers in a row learn little from noise. */
-static void start_networks(saga_scene *s)
-{
-    static const int nets[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE,
-                                SAGA_NET_FUSE_F };
-    size_t i;
-
-    for (i = 0; i < sizeof nets / sizeof *nets; i++)
-        if (s->net[nets[i]].n_layers)
-            saga_net_start_identity(&s->net[nets[i]], s->model.features,
-                                    R(0.3));
-}
-
-/* The importance of the target's primitives: the roots of their shares of the
- * pictures (of blending weights), mean 1, over a sample of the pictures. */
-static bool measure_importance(saga_fit *f, saga_error *error)
-{
-    /* The canvas is as it was made: its gradient is 0, and the weights count
-     * all the same. */
-    saga_canvas *const c = &f->canvas;
-    enum { N_PICTURES = 48, STRIDE = 7 };
-    const size_t n = f->scene->n.prim;
-    saga_splat_stats stats = { .weight = f->weight };
-    double sum = 0, mean = 0;
-    size_t i;
-    int k;
-
-    for (k = 0; k < N_PICTURES; k++) {
-        const saga_sample picture = {
-            .view = f->pictures->train[k % f->pictures->n_train],
-            .frame = STRIDE * k % f->pictures->capture->n_frames
-        };
-
-        saga_pictures_aim(c, f->pictures, picture);
-        if (!saga_splat_forward(c, &f->target, (uint32_t)n, error) ||
-            !saga_splat_backward(&f->twin.d_attr, &stats, c, &f->target,
-                                 error))
-            return false;
-    }
-    for (i = 0; i < n; i++)
-        sum += (double)f->weight[i] / (double)n;
-    for (i = 0; i < n; i++) {
-        const double share = sqrt((double)f->weight[i] / (sum + 1e-9));
-
-        f->weight[i] = (real)fmin(fmax(share, 0.05), 20);
-        mean += (double)f->weight[i] / (double)n;
-    }
-    for (i = 0; i < n; i++)
-        f->weight[i] /= (real)mean;
-    return true;
-}
-
-/* Supports that hold a fine anchor's primitives within |o| < 0.8, and at least
- * an eighth of the cell: room for them to move. */
-static void want_supports(saga_fit *f)
+/* The twin of the scene as it stands, without noise: what the first iteration
+ * finds where later ones find the last one's. */
+static bool begin_twin(saga_fit *f, saga_error *error)
 {
     const saga_scene *const s = f->scene;
-    uint32_t i, p;
-    int k;
 
-    for (i = 0; i < s->n.fine; i++) {
-        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
-
-        for (k = 0; k < 4; k++) {
-            const double half = (double)(k < 3 ? saga_scene_half_x(c)
-                                               : saga_scene_half_t(c));
-            double most = half / 10;
-
-            for (p = 0; p < s->fine[i].n_prim; p++) {
-                const size_t at = s->fine[i].first_prim + p;
-
-                most = fmax(most, fabs((double)(
-                    s->prim_x[4 * at + (size_t)k] -
-                    s->fine_x[4 * (size_t)i + (size_t)k])));
-            }
-            f->support[4 * (size_t)i + (size_t)k] = (real)log2(1.25 * most);
-        }
-    }
+    memcpy(f->feature, s->coarse_feature, (size_t)s->n.coarse *
+           s->model.features * sizeof *f->feature);
+    memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
+    memcpy(f->params, s->params, saga_fit_n_params(s) * sizeof *f->params);
+    return done(saga_twin_refresh(&f->twin, &f->used, f->feature) ||
+                saga_twin_geometry(&f->twin, &f->used, f->feature), error);
 }
 
 static bool begin(saga_fit *f, saga_error *error)
@@ -157,10 +76,7 @@ static bool begin(saga_fit *f, saga_error *error)
         return false;
     if (f->o.raw_networks)
         saga_rate_keep_raw(&f->rate);
-    start_features(f);
-    start_networks(s);
-    want_supports(f);
-    return measure_importance(f, error);
+    return saga_fit_start(f, error) && begin_twin(f, error);
 }
 
 saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
@@ -189,10 +105,8 @@ void saga_fit_free(saga_fit *f)
     saga_rate_free(&f->rate);
     saga_scene_free(&f->grad);
     saga_canvas_free(&f->canvas);
-    free(f->weight);
     free(f->feature);
     free(f->position);
-    free(f->support);
     free(f->params);
     free(f->m);
     free(f->v);
@@ -227,15 +141,13 @@ int saga_fit_first_rounding(const saga_fit *f)
 
 static int is_rounding(const saga_fit *f)
 {
-    return f->iteration - f->o.n_regress >= saga_fit_first_rounding(f);
+    return f->iteration >= saga_fit_first_rounding(f);
 }
 
-/* Counted from the first picture, so not always in the first iteration of the
- * regression: reads are 0 up to there. And where the rounding begins, which
- * leaves reads of another model. */
+/* Where the rounding begins, too, which leaves reads of another model. */
 static int is_remembering(const saga_fit *f)
 {
-    const int done = f->iteration - f->o.n_regress;
+    const int done = f->iteration;
 
     return saga_rate_readers(&f->rate.context, f->scene) &&
            (done % SAGA_RATE_REMEMBER_EVERY == 0 ||
@@ -260,11 +172,11 @@ static bool rate_step(saga_fit *f, double price, saga_error *error)
     return done(saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o), error);
 }
 
-/* f->feature: clean while regressing, then noisy, then rounded. */
+/* f->feature: noisy, then rounded. */
 static void use_features(saga_fit *f)
 {
     const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
-    const int done = f->iteration - f->o.n_regress;
+    const int done = f->iteration;
     const saga_rng r = saga_rng_stream(f->o.seed ^ ((uint64_t)done << 20),
                                        STREAM_NOISE);
     const double step = feature_step(f->scene);
@@ -273,25 +185,25 @@ static void use_features(saga_fit *f)
     for (i = 0; i < n; i++) {
         const double x = (double)f->scene->coarse_feature[i];
 
-        f->feature[i] = (real)(done < 0 ? x
-            : is_rounding(f) ? (double)saga_rate_round(&f->rate, f->scene, i)
+        f->feature[i] = (real)(is_rounding(f)
+            ? (double)saga_rate_round(&f->rate, f->scene, i)
             : x + step * (saga_rng_double(r, i) - 0.5));
     }
 }
 
-/* f->position: clean while regressing, then with noise of a step of the offset
- * from its anchor, then with the offset rounded. */
+/* f->position: with noise of a step of the offset from its anchor, then with
+ * the offset rounded. */
 static void use_positions(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
-    const int done = f->iteration - f->o.n_regress;
+    const int done = f->iteration;
     const saga_rng r = saga_rng_stream(f->o.seed ^ ((uint64_t)done << 20),
                                        STREAM_OFFSET);
     const double step = saga_rate_prim_step(s);
     size_t i, k;
 
     memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
-    for (i = 0; done >= 0 && i < s->n.prim; i++) {
+    for (i = 0; i < s->n.prim; i++) {
         const size_t fine = s->prim_fine[i];
         const real *const at = s->fine_x + 4 * fine;
         const real *const support = f->twin.support + 4 * fine;
@@ -372,35 +284,6 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
                      fault.name, f->iteration);
 }
 
-/* Bits count from the first iteration on: features that are free to grow until
- * the pictures come grow into codes that are dear and that nothing foretells.
- */
-static bool regress_step(saga_fit *f, saga_error *error)
-{
-    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
-    const saga_pictures *const p = f->pictures;
-    const saga_sample picture = {
-        .view = p->train[saga_rng_below(r, (uint64_t)f->iteration,
-                                        (uint32_t)p->n_train)]
-    };
-    const real rate = decay(f->iteration, f->o.n_regress, R(0.2));
-    const rates now = { .feature = rate * R(0.02), .entropy = rate * R(0.004),
-                        .networks = rate * R(0.004) };
-    saga_splat_camera camera;
-
-    saga_pictures_camera(&camera, p, picture);
-    if (!done(saga_twin_geometry(&f->twin, &f->used, f->feature) ||
-              saga_twin_colour(&f->twin, &f->used, camera.centre), error))
-        return false;
-    saga_regress_loss(&f->twin.d_attr, &f->twin.attr, &f->target, f->weight,
-                      f->scene->n.prim);
-    saga_twin_support_loss(&f->twin, f->support);
-    return rate_step(f, f->o.price.regression, error) &&
-           done(saga_twin_colour_backward(&f->twin, &f->grad, &f->used) ||
-                saga_twin_backward(&f->twin, &f->grad, &f->used), error) &&
-           descend(f, &now, error);
-}
-
 static void load_truth(saga_fit *f, int view, int frame)
 {
     const saga_capture *const capture = f->pictures->capture;
@@ -438,7 +321,7 @@ static bool picture_step(saga_fit *f, saga_sample picture,
  * multiples of its step would move all features with it. */
 static bool render_step(saga_fit *f, double *mse, saga_error *error)
 {
-    const int turn = f->iteration - f->o.n_regress;
+    const int turn = f->iteration;
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
     const saga_sample picture = saga_pictures_pick(f->pictures, r,
                                                    (uint64_t)turn);
@@ -467,7 +350,6 @@ static bool render_step(saga_fit *f, double *mse, saga_error *error)
 
 bool saga_fit_step(saga_fit *f, double *mse, saga_error *error)
 {
-    const bool regressing = f->iteration < f->o.n_regress;
     bool ok;
 
     *mse = 0;
@@ -483,13 +365,9 @@ bool saga_fit_step(saga_fit *f, double *mse, saga_error *error)
 
         saga_rate_start(&f->rate, f->scene, &x);
     }
-    if (f->iteration == f->o.n_regress) {
-        memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
-        memset(f->v, 0, f->scene->n_reals * sizeof *f->v);
-    }
     memset(f->grad.reals, 0, f->grad.n_reals * sizeof(real));
     saga_twin_clear(&f->twin, f->scene);
-    ok = regressing ? regress_step(f, error) : render_step(f, mse, error);
+    ok = render_step(f, mse, error);
     f->iteration++;
     return ok;
 }

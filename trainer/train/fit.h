@@ -1,23 +1,22 @@
 /* SPDX-License-Identifier: MIT
  *
- * Fitting a scene: first its primitives to the flat ones they came from
- * (regression start), then its pictures to the capture under a rate-distortion
- * objective (paper: Rate-Distortion Optimization).
+ * Fitting a scene's pictures to the capture under a rate-distortion objective
+ * (paper: Rate-Distortion Optimization). It begins with a linear map of the
+ * primitives it came from (start.h).
  *
  *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
  *
  * R is the number of bits of all residuals (coarse centres and features, fine
  * and primitive offsets; rate_loss.h) and 1.5 times that of the networks'
  * weights, per pixel of all training pictures: policy.h turns lambda into what
- * a bit costs. The regression weighs the same bits against its own loss, at a
- * hundred times the price.
+ * a bit costs.
  *
- * Features and primitives' positions are clean while regressing; then, for the
- * first two thirds of the iterations, they carry uniform noise of one step; in
- * the rest they are rounded. When that begins, sources of the entropy model
- * that are not worth their weights are left out (rate_choice.h), and the
- * entropy networks stand still: what is rounded is rounded against the means
- * they foretell. What the other networks do is told in fit_weights.c.
+ * For the first two thirds of the iterations features and primitives' positions
+ * carry uniform noise of one step; in the rest they are rounded. When that
+ * begins, sources of the entropy model that are not worth their weights are
+ * left out (rate_choice.h), and the entropy networks stand still: what is
+ * rounded is rounded against the means they foretell. What the other networks
+ * do is told in fit_weights.c.
  *
  * The same bits for any number of threads.
  */
@@ -33,7 +32,7 @@
 #include "weight_rate.h"
 
 typedef struct saga_fit_options {
-    int n_regress, n_render;     /* iterations of the two parts */
+    int n_render;                /* iterations */
     uint64_t seed;
     saga_prices price;
     bool raw_networks;           /* parameters cost nothing and keep the step
@@ -51,9 +50,8 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
                        const saga_fit_options *options, saga_error *error);
 void saga_fit_free(saga_fit *fit);
 
-/* One iteration, of the regression while there are some left, then of the
- * pictures; *mse of its picture, 0 while regressing. Fails where memory is
- * short, or where a tensor, which the error names, is no longer finite. */
+/* One iteration; *mse of its picture. Fails where memory is short, or where a
+ * tensor, which the error names, is no longer finite. */
 bool saga_fit_step(saga_fit *fit, double *mse, saga_error *error);
 int saga_fit_iteration(const saga_fit *fit);
 

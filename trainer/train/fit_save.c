@@ -2,8 +2,8 @@
  *
  * The fit's part of a checkpoint: what the next iteration reads and nothing
  * else makes again. Random numbers need no state, the structure follows from
- * the warm-up. Links stand still between refreshes, while regressing offsets
- * too, and new offsets are in the last iteration's supports: so they are kept.
+ * the warm-up. Links stand still between refreshes, and
+ * new offsets are in the last iteration's supports: so they are kept.
  */
 #include "fit_state.h"
 

@@ -17,8 +17,6 @@ struct saga_fit {
     const saga_pictures *pictures;
     saga_fit_options o;
     int iteration;
-    real *weight;                /* (prim) of the regression */
-    real *support;               /* (fine, 4) log2 wanted in the regression */
     real *feature;               /* (coarse, F) as used: noisy or rounded */
     real *position;              /* (prim, 4) the same, used.prim_x */
     real *m, *v;                 /* Adam's moments (n_reals) */

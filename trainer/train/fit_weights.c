@@ -90,7 +90,7 @@ static int n_rounded(const saga_fit *f, int done)
 
 size_t saga_fit_n_still(const saga_fit *f)
 {
-    const int n = n_rounded(f, f->iteration - f->o.n_regress);
+    const int n = n_rounded(f, f->iteration);
 
     return n == 0 ? 0 : n == f->weights.n ? saga_fit_n_params(f->scene)
          : f->weights.tensor[n].at;
@@ -139,7 +139,7 @@ static int round_layers(saga_fit *f, int from, int to)
 
 bool saga_fit_use_weights(saga_fit *f, saga_error *error)
 {
-    const int done = f->iteration - f->o.n_regress;
+    const int done = f->iteration;
     const int now = n_rounded(f, done), before = n_rounded(f, done - 1);
 
     if (done == 0)

@@ -5,9 +5,10 @@
 
 #define LEAST_LAMBDA 1e-7
 
-/* What a bit costs in the regression, whose loss is that much larger than the
- * pictures'. */
-#define REGRESS_PRICE 100
+/* What bits are worth where the fit starts, of what they are in training:
+ * features are coded in a step or less, where a bit buys more than at high
+ * rates. */
+#define START_PRICE 4
 
 /* A weight's bit costs that many residual's: its noise is so small that it says
  * little of what rounding will cost, so this sets the size of steps. The
@@ -29,7 +30,7 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
     const double price = fmax(lambda, LEAST_LAMBDA) / n_pixels;
 
     return (saga_policy){
-        .price = { price, REGRESS_PRICE * price, WEIGHT_PRICE * price },
+        .price = { price, START_PRICE * price, WEIGHT_PRICE * price },
         /* What rounding costs in the pictures grows with the square of the
          * step, what it saves with the primitives and the price of their bits;
          * a quarter says all that the lowest rates want to know. */

@@ -15,7 +15,7 @@
 /* What a bit costs in the loss (fit.h). */
 typedef struct saga_prices {
     double residual;             /* of a residual, in the pictures' loss, */
-    double regression;           /* in that of the regression; */
+    double start;                /* the same where the fit starts; */
     double weight;               /* of a weight, in the pictures' loss */
 } saga_prices;
 

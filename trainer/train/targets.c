@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The targets of the regression: the warm-up's primitives in the order of the
+ * What the fit starts from: the warm-up's primitives in the order of the
  * hierarchy, and as they stand still where nothing moves.
  */
 #include "train_state.h"

@@ -10,14 +10,13 @@
 #include <string.h>
 #include <time.h>
 
-/* Parts of the iterations. On the built-in scene the warm-up gains little after
- * 2,000; the regression's are half as dear as the rendering's, and four times
- * as many of them (500 to 2,000 before 6,000) gave 0.95 dB. */
-static const double warm_part = 0.17, regress_part = 0.25;
+/* The warm-up's part of the iterations; the rendering begins where it ends, and
+ * its iterations are dearer. */
+static const double warm_part = 0.6;
 
 /* What an iteration costs, relative to each other: for the estimate of the time
  * that is left. */
-static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 1, 1.9, 0 };
+static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 1.9, 0 };
 
 /* Recent pictures weigh this much less with every newer one. */
 #define MEMORY_PART 0.98
@@ -25,7 +24,7 @@ static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 1, 1.9, 0 };
 const char *saga_train_stage_name(saga_train_stage stage)
 {
     static const char *const names[SAGA_TRAIN_N_STAGES] = {
-        "warm-up", "regression", "rendering", "packing"
+        "warm-up", "rendering", "packing"
     };
 
     return stage < SAGA_TRAIN_N_STAGES ? names[stage] : "done";
@@ -75,15 +74,14 @@ static bool read_ablation(saga_ablation *a, const saga_train_options *o,
 static bool check_options(const saga_train_options *o,
                           const saga_capture *c, saga_error *error)
 {
-    const bool split = o->n_warm || o->n_regress || o->n_render;
+    const bool split = o->n_warm || o->n_render;
 
     if (o->level < 0 || o->level >= SAGA_N_PROFILES)
         return saga_fail(error, NULL, "give 0 to 3", "--level %d", o->level);
     if (!(o->lambda >= 0 && o->lambda <= 1e3))
         return saga_fail(error, NULL, "give 0 to 1000", "--lambda %g",
                          o->lambda);
-    if (split ? o->n_warm < 1 || o->n_regress < 1 || o->n_render < 1
-              : o->n_iterations < 3)
+    if (split ? o->n_warm < 1 || o->n_render < 1 : o->n_iterations < 2)
         return saga_fail(error, NULL, "each stage needs one at least",
                          "too few --iterations");
     if (o->segment_frames != 0)
@@ -117,10 +115,9 @@ static void derive(saga_train_options *o)
         o->n_fine = at_most(o->n_primitives, caps->n_fine);
     if (!o->n_warm) {
         o->n_warm = (int)fmax(1, warm_part * o->n_iterations);
-        o->n_regress = (int)fmax(1, regress_part * o->n_iterations);
-        o->n_render = o->n_iterations - o->n_warm - o->n_regress;
+        o->n_render = o->n_iterations - o->n_warm;
     }
-    o->n_iterations = o->n_warm + o->n_regress + o->n_render;
+    o->n_iterations = o->n_warm + o->n_render;
 }
 
 /* --- Making and freeing -------------------------------------------------- */
@@ -283,7 +280,7 @@ static bool propose(saga_train *t, saga_error *error)
 bool saga_train_begin_fit(saga_train *t, saga_error *error)
 {
     const saga_fit_options o = {
-        .n_regress = t->o.n_regress, .n_render = t->o.n_render,
+        .n_render = t->o.n_render,
         .seed = t->o.seed, .price = t->policy.price,
         .raw_networks = t->ablation.raw_networks
     };
@@ -300,16 +297,13 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
 static int iterations_of(const saga_train *t, saga_train_stage stage)
 {
     return stage == SAGA_TRAIN_WARM ? t->o.n_warm
-         : stage == SAGA_TRAIN_REGRESS ? t->o.n_regress
          : stage == SAGA_TRAIN_RENDER ? t->o.n_render : 1;
 }
 
 static int iteration_of(const saga_train *t)
 {
     return t->stage == SAGA_TRAIN_WARM ? saga_flat_iteration(t->flat)
-         : t->stage == SAGA_TRAIN_REGRESS ? saga_fit_iteration(t->fit)
-         : t->stage == SAGA_TRAIN_RENDER
-             ? saga_fit_iteration(t->fit) - t->o.n_regress : 0;
+         : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit) : 0;
 }
 
 /* In units of an iteration of the warm-up. */

@@ -5,7 +5,6 @@
  * the same file, bit for bit.
  *
  *     warm-up      a flat set of primitives (warm/flat.h)
- *     regression   the hierarchy built from it, its networks fitted to it
  *     rendering    rate and distortion against the pictures (fit.h)
  *     packing      quantised networks, closed loop, bytes (pack.h)
  *
@@ -30,7 +29,7 @@
 #include "saga.h"
 
 typedef enum saga_train_stage {
-    SAGA_TRAIN_WARM, SAGA_TRAIN_REGRESS, SAGA_TRAIN_RENDER, SAGA_TRAIN_PACK,
+    SAGA_TRAIN_WARM, SAGA_TRAIN_RENDER, SAGA_TRAIN_PACK,
     SAGA_TRAIN_N_STAGES
 } saga_train_stage;
 
@@ -56,8 +55,8 @@ typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
 typedef struct saga_train_options {
     uint32_t n_primitives;       /* 1..the level's */
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
-    int n_iterations;            /* of all stages together, >= 3; and its */
-    int n_warm, n_regress, n_render; /* split, all three or none given */
+    int n_iterations;            /* of all stages together, >= 2; and its */
+    int n_warm, n_render;        /* split, both or none given */
     double lambda;               /* bits per training pixel against
                                   * distortion, >= 0 (policy.h) */
     int level;                   /* 0..3, obeyed */

@@ -13,7 +13,7 @@ static void set_levels(saga_model *m, const saga_train_options *o)
         saga_level *const l = &m->level[i];
 
         l->window = 16;
-        l->neighbours = 4;
+        l->neighbours = i == SAGA_LEVEL_COARSE ? 1 : 4;
         l->suffix_bits = 4;
         l->max_children = i ? 10 : 16;
         l->radius2_q12 = 4 << 12;  /* rho = 2 */

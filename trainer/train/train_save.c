@@ -11,7 +11,7 @@
 
 /* Eight bytes each, so that there is no padding. */
 typedef struct {
-    uint64_t primitives, coarse, fine, warm, regress, render, level, seed;
+    uint64_t primitives, coarse, fine, warm, render, level, seed;
     uint64_t motion, capture;
     char ablate[128];
     double lambda;
@@ -26,7 +26,6 @@ static void fill(head *h, const saga_train *t)
     h->coarse = t->o.n_coarse;
     h->fine = t->o.n_fine;
     h->warm = (uint64_t)t->o.n_warm;
-    h->regress = (uint64_t)t->o.n_regress;
     h->render = (uint64_t)t->o.n_render;
     h->level = (uint64_t)t->o.level;
     h->seed = t->o.seed;
@@ -113,10 +112,8 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
            same(t, "coarse anchors", h->coarse, now.coarse, error) &&
            same(t, "fine anchors", h->fine, now.fine, error) &&
            same(t, "--iterations",
-                h->warm + h->regress + h->render,
-                now.warm + now.regress + now.render, error) &&
+                h->warm + h->render, now.warm + now.render, error) &&
            same(t, "warm-up iterations", h->warm, now.warm, error) &&
-           same(t, "regression iterations", h->regress, now.regress, error) &&
            same(t, "--level", h->level, now.level, error) &&
            same(t, "--seed", h->seed, now.seed, error) &&
            same_motion(t, h->motion, now.motion, error) &&

@@ -31,7 +31,7 @@ struct saga_train {
     saga_flat_options flat_options;
     saga_flat *flat;
 
-    /* From the regression on. */
+    /* From the rendering on. */
     bool fitting, dynamic;
     double explained, changing;
     saga_scene scene;

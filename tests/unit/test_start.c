@@ -1,0 +1,175 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What the start of the fit stands on: small linear algebra, against its
+ * definitions, and the canonical form of primitives, against their pictures.
+ */
+#include "canonical.h"
+#include "canvas.h"
+#include "linear.h"
+#include "rng.h"
+#include "splat.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+/* --- Linear algebra ------------------------------------------------------ */
+
+/* a = g g^T + ridge: positive definite; rank as many as g has columns. */
+static void make_symmetric(saga_matrix a, size_t n, size_t rank, double ridge)
+{
+    const saga_rng r = saga_rng_stream(11, n);
+
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            a[i][j] = i == j ? ridge : 0;
+            for (size_t k = 0; k < rank; k++)
+                a[i][j] += saga_rng_normal(r, i * 100 + k) *
+                           saga_rng_normal(r, j * 100 + k);
+        }
+}
+
+static void solve_should_invert_the_product(void **state)
+{
+    size_t n, i, j;
+
+    (void)state;
+    for (n = 1; n <= SAGA_LINEAR_MOST; n++) {
+        double b[SAGA_LINEAR_MOST] = { 0 };
+        saga_matrix a;
+
+        make_symmetric(a, n, n, 0.1);
+        for (i = 0; i < n; i++)
+            for (j = 0; j < n; j++)
+                b[i] += a[i][j] * (1 + (double)j);
+        saga_solve(a, b, n);
+        for (i = 0; i < n; i++)
+            assert_true(fabs(b[i] - 1 - (double)i) < 1e-7);
+    }
+}
+
+/* Also of a matrix that has no inverse: eigenvalues of 0 are found. */
+static void eigen_should_take_matrices_apart(void **state)
+{
+    size_t n, i, j, k;
+
+    (void)state;
+    for (n = 1; n <= SAGA_LINEAR_MOST; n += 3) {
+        saga_matrix a, v, whole;
+
+        make_symmetric(a, n, (n + 1) / 2, 0);
+        memcpy(whole, a, sizeof a);
+        saga_eigen(v, a, n);
+        for (i = 0; i < n; i++) {
+            assert_true(i == 0 || a[i][i] <= a[i - 1][i - 1]);
+            assert_true(i < (n + 1) / 2 || fabs(a[i][i]) < 1e-9);
+            for (j = 0; j < n; j++) {
+                double product = 0, dot = 0;
+
+                for (k = 0; k < n; k++) {
+                    product += v[i][k] * a[k][k] * v[j][k];
+                    dot += v[k][i] * v[k][j];
+                }
+                assert_true(fabs(product - whole[i][j]) < 1e-9);
+                assert_true(fabs(dot - (i == j)) < 1e-12);
+            }
+        }
+    }
+}
+
+/* --- Canonical form ------------------------------------------------------ */
+
+enum { N = 60, SIDE = 48 };
+
+typedef struct {
+    real mean[3 * N], quat[4 * N], scale[3 * N], opacity[N], colour[3 * N];
+    real slope[4 * N], centre[N];
+} primitives;
+
+static saga_splat_params make_primitives(primitives *p)
+{
+    const saga_rng r = saga_rng_stream(5, 5);
+    uint64_t at = 0;
+
+    for (size_t i = 0; i < N; i++) {
+        for (size_t k = 0; k < 4; k++) {
+            p->quat[4 * i + k] = (real)(3 * saga_rng_normal(r, at++));
+            p->slope[4 * i + k] = (real)saga_rng_normal(r, at++);
+        }
+        for (size_t k = 0; k < 3; k++) {
+            p->mean[3 * i + k] = (real)(0.3 * saga_rng_normal(r, at++));
+            p->scale[3 * i + k] = (real)(-4 + saga_rng_normal(r, at++));
+            p->colour[3 * i + k] = saga_rng_float(r, at++);
+        }
+        p->opacity[i] = 1;
+        p->centre[i] = saga_rng_float(r, at++);
+    }
+    return (saga_splat_params){
+        .mean = p->mean, .quat = p->quat, .log2_scale = p->scale,
+        .opacity = p->opacity, .colour = p->colour, .slope = p->slope,
+        .t_centre = p->centre
+    };
+}
+
+static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
+{
+    saga_error error = { "" };
+
+    c->camera = (saga_splat_camera){
+        .rotation = { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, .centre = { 0, 0, -2 },
+        .focal = { SIDE, SIDE }, .principal = { SIDE / 2, SIDE / 2 },
+        .near_plane = R(0.1), .width = SIDE, .height = SIDE
+    };
+    c->rules.cut = 30;           /* nothing jumps across it */
+    c->t = R(0.4);
+    assert_true(saga_splat_forward(c, p, N, &error));
+    memcpy(image, c->image, 3 * SIDE * SIDE * sizeof *image);
+}
+
+static void canonical_form_should_draw_the_same(void **state)
+{
+    static real before[3 * SIDE * SIDE], after[3 * SIDE * SIDE];
+    static primitives p;
+    const saga_splat_params params = make_primitives(&p);
+    saga_splat_params turned = params;
+    double bright = 0;
+    saga_error error = { "" };
+    saga_canvas c;
+
+    (void)state;
+    assert_true(saga_canvas_init(&c, SIDE * SIDE, &error));
+    draw(before, &c, &params);
+    saga_splat_canonical(&turned, N);
+    draw(after, &c, &turned);
+    for (size_t i = 0; i < 3 * SIDE * SIDE; i++) {
+        bright += (double)before[i];
+        assert_true(fabsf(before[i] - after[i]) < 2e-5f);
+    }
+    assert_true(bright > 100);
+    for (size_t i = 0; i < N; i++) {
+        const real *const q = p.quat + 4 * i;
+
+        assert_true(fabsf(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] +
+                          q[3] * q[3] - 1) < 1e-5f);
+        /* The farthest rotation from all of the cube's is by 62.8 degrees. */
+        assert_true(q[0] > R(0.853));
+    }
+    saga_canvas_free(&c);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(solve_should_invert_the_product),
+        cmocka_unit_test(eigen_should_take_matrices_apart),
+        cmocka_unit_test(canonical_form_should_draw_the_same)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: MIT */
+#include "linear.h"
+
+#include <float.h>
+#include <math.h>
+
+/* a = L L^T, L in the lower triangle. A pivot that rounding made 0 counts as
+ * the least positive number: its unknown then has no say. */
+static void factorise(saga_matrix a, size_t n)
+{
+    for (size_t j = 0; j < n; j++) {
+        for (size_t k = 0; k < j; k++)
+            for (size_t i = j; i < n; i++)
+                a[i][j] -= a[i][k] * a[j][k];
+        const double pivot = sqrt(fmax(a[j][j], DBL_MIN));
+        for (size_t i = j; i < n; i++)
+            a[i][j] /= pivot;
+    }
+}
+
+void saga_solve(saga_matrix a, double *b, size_t n)
+{
+    factorise(a, n);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < i; k++)
+            b[i] -= a[i][k] * b[k];
+        b[i] /= a[i][i];
+    }
+    for (size_t i = n; i-- > 0;) {
+        for (size_t k = i + 1; k < n; k++)
+            b[i] -= a[k][i] * b[k];
+        b[i] /= a[i][i];
+    }
+}
+
+/* Turns x and y by the rotation of cosine c and sine s. */
+static void turn(double *x, double *y, double c, double s)
+{
+    const double u = *x, v = *y;
+
+    *x = c * u - s * v;
+    *y = s * u + c * v;
+}
+
+/* The rotation of axes p and q after which a[p][q] is 0. */
+static void annihilate(saga_matrix v, saga_matrix a, size_t p, size_t q,
+                       size_t n)
+{
+    const double theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
+    const double t = (theta < 0 ? -1 : 1) /
+                     (fabs(theta) + sqrt(theta * theta + 1));
+    const double c = 1 / sqrt(t * t + 1), s = t * c;
+
+    for (size_t k = 0; k < n; k++)
+        turn(&a[k][p], &a[k][q], c, s);
+    for (size_t k = 0; k < n; k++)
+        turn(&a[p][k], &a[q][k], c, s);
+    for (size_t k = 0; k < n; k++)
+        turn(&v[k][p], &v[k][q], c, s);
+}
+
+static void swap(double *x, double *y)
+{
+    const double t = *x;
+
+    *x = *y;
+    *y = t;
+}
+
+static void sort(saga_matrix v, saga_matrix a, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        size_t best = i;
+
+        for (size_t j = i + 1; j < n; j++)
+            if (a[j][j] > a[best][best])
+                best = j;
+        if (best == i)
+            continue;
+        swap(&a[i][i], &a[best][best]);
+        for (size_t k = 0; k < n; k++)
+            swap(&v[k][i], &v[k][best]);
+    }
+}
+
+void saga_eigen(saga_matrix v, saga_matrix a, size_t n)
+{
+    enum { SWEEPS = 40 };        /* ten are plenty for 32 rows */
+
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++)
+            v[i][j] = i == j;
+    for (int sweep = 0; sweep < SWEEPS; sweep++)
+        for (size_t p = 0; p < n; p++)
+            for (size_t q = p + 1; q < n; q++)
+                if (fabs(a[p][q]) > DBL_EPSILON *
+                        sqrt(fabs(a[p][p] * a[q][q])) + DBL_MIN)
+                    annihilate(v, a, p, q, n);
+    sort(v, a, n);
+}

@@ -1,0 +1,622 @@
+/* SPDX-License-Identifier: MIT */
+#include "start.h"
+
+#include "alloc.h"
+#include "canonical.h"
+#include "linear.h"
+#include "rng.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { STREAM_SIGNS = 110 };
+
+/* Pictures of random signs; each gives every attribute one more sample. */
+enum { N_PICTURES = 64 };
+
+/* Turns of basis and features, each fitted while the other stands still. */
+enum { N_TURNS = 6 };
+
+/* What unseen primitives count, of the mean: their attributes are free, but for
+ * the networks' sake not arbitrary, since what is nowhere seen today may be
+ * tomorrow. */
+#define LEAST_WEIGHT 0.1
+
+/* A feature's value costs about its square over twice its variance, in nats:
+ * so much that the fit of one primitive is not worth far-fetched ones. */
+#define PRIOR 10
+
+/* Features beyond it leave no room in their format to learn in: bits that cost
+ * next to nothing do not make them larger. */
+#define MOST_FEATURE 12.0
+
+/* Groups of attributes, in the order of the dimensions. */
+enum { OPACITY, SCALE, QUAT, SLOPE, WIDTH, MOTION, COLOUR, N_GROUPS };
+
+typedef struct {
+    double mse, loss;            /* of the warm-up's pictures, sums */
+    size_t n, d, f;              /* primitives, dimensions, features; more
+                                  * features than dimensions stay 0 */
+    size_t width[N_GROUPS];      /* of each group; 0: the model has none */
+    double *wanted, *weight;     /* (n, d) */
+    double *code;                /* (n, f) */
+    saga_matrix basis;           /* (d, f) */
+    double mean[SAGA_LINEAR_MOST];
+    double log2_support[4];      /* of fine anchors, relative to the cell */
+} start;
+
+static const char what[] = "the start of the fit";
+
+static void groups_of(real *group[N_GROUPS], const saga_splat_params *p)
+{
+    group[OPACITY] = p->opacity;
+    group[SCALE] = p->log2_scale;
+    group[QUAT] = p->quat;
+    group[SLOPE] = p->slope;
+    group[WIDTH] = p->log2_width;
+    group[MOTION] = p->motion;
+    group[COLOUR] = p->colour;
+}
+
+/* Reals of a primitive in a group's tensor. */
+static const size_t stride[N_GROUPS] = { 1, 3, 4, 4, 1, 9, 3 };
+
+static bool init(start *x, const saga_fit *f, saga_error *error)
+{
+    const saga_model *const m = &f->scene->model;
+    real *group[N_GROUPS];
+
+    groups_of(group, &f->twin.attr);
+    x->n = f->scene->n.prim;
+    for (int g = 0; g < N_GROUPS; g++) {
+        x->width[g] = !group[g] ? 0
+                    : g == MOTION ? 3 * (size_t)saga_motion_order(m)
+                    : stride[g];
+        x->d += x->width[g];
+    }
+    x->f = m->features < x->d ? m->features : x->d;
+    x->wanted = saga_calloc(x->n * x->d, sizeof *x->wanted, what, error);
+    x->weight = saga_calloc(x->n * x->d, sizeof *x->weight, what, error);
+    x->code = saga_calloc(x->n * x->f, sizeof *x->code, what, error);
+    return x->wanted && x->weight && x->code;
+}
+
+static void release(start *x)
+{
+    free(x->wanted);
+    free(x->weight);
+    free(x->code);
+}
+
+/* --- What pictures say --------------------------------------------------- */
+
+/* Adds to the sums how well the target draws the picture on the canvas. */
+static bool compare(start *x, saga_fit *f, saga_error *error)
+{
+    const saga_loss_weights weights = saga_loss_paper();
+    saga_picture_loss out;
+
+    if (!saga_loss_picture(&out, &f->canvas, f->canvas.image, &weights, error))
+        return false;
+    x->mse += out.mse;
+    x->loss += out.loss;
+    return true;
+}
+
+/* The gradient of a picture's sum with random signs has, squared, the mean
+ * that is looked for: products of two pixels' derivatives cancel. */
+static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
+                        saga_error *error)
+{
+    saga_canvas *const c = &f->canvas;
+    real *group[N_GROUPS];
+    size_t n;
+
+    const saga_sample picture = saga_pictures_pick(f->pictures, r, number);
+
+    saga_pictures_aim(c, f->pictures, picture);
+    saga_pictures_truth(c, f->pictures, picture);
+    if (!saga_splat_forward(c, &f->target, f->scene->n.prim, error) ||
+        !compare(x, f, error))
+        return false;
+    n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
+    for (size_t i = 0; i < n; i++)
+        c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
+                                                                     : R(-1);
+    saga_twin_clear(&f->twin, f->scene);
+    if (!saga_splat_backward(&f->twin.d_attr, NULL, c, &f->target, error))
+        return false;
+    groups_of(group, &f->twin.d_attr);
+    for (size_t i = 0; i < x->n; i++) {
+        double *w = x->weight + i * x->d;
+
+        for (int g = 0; g < N_GROUPS; g++)
+            for (size_t k = 0; k < x->width[g]; k++) {
+                const double e = (double)group[g][i * stride[g] + k];
+
+                *w++ += e * e / ((double)n * N_PICTURES);
+            }
+    }
+    return true;
+}
+
+static bool weigh(start *x, saga_fit *f, saga_error *error)
+{
+    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_SIGNS);
+
+    for (uint64_t i = 0; i < N_PICTURES; i++)
+        if (!add_picture(x, f, r, i, error))
+            return false;
+    return true;
+}
+
+/* Output `k` of group g for the target's value `a`: sizes are relative to the
+ * cell, motion to the support, rotation and colour to the middle. *unit: what a
+ * unit of the output is, in units of the attribute. */
+static double output_of(double *unit, double a, int g, size_t k,
+                        const saga_coarse *cell, const start *x)
+{
+    *unit = 1;
+    switch (g) {
+    case OPACITY:
+        return fmin(fmax(a, -8), 8);
+    case SCALE:
+        return a + cell->depth_x;
+    case QUAT:
+        return a - (k == 0);
+    case WIDTH:
+        return a + 1 + cell->depth_t;
+    case MOTION:
+        *unit = exp2(x->log2_support[k % 3] - cell->depth_x);
+        return a / *unit;
+    case COLOUR:
+        return a - 0.5;
+    default:
+        return a;
+    }
+}
+
+/* All fine anchors get one support, relative to their cells: the mean of what
+ * holds their primitives within |o| < 0.8, and at least an eighth of the cell,
+ * room for them to move. */
+static void choose_supports(start *x, const saga_scene *s)
+{
+    for (uint32_t i = 0; i < s->n.fine; i++) {
+        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+
+        for (size_t k = 0; k < 4; k++) {
+            const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                               : saga_scene_half_t(c));
+            double most = half / 10;
+
+            for (size_t p = 0; p < s->fine[i].n_prim; p++)
+                most = fmax(most, fabs((double)(
+                    s->prim_x[4 * (s->fine[i].first_prim + p) + k] -
+                    s->fine_x[4 * (size_t)i + k])));
+            x->log2_support[k] += log2(1.25 * most / half) / s->n.fine;
+        }
+    }
+}
+
+static void want(start *x, const saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    real *group[N_GROUPS];
+
+    groups_of(group, &f->target);
+    for (size_t i = 0; i < x->n; i++) {
+        const saga_coarse *const cell =
+            &s->coarse[s->fine[s->prim_fine[i]].parent];
+        size_t at = i * x->d;
+
+        for (int g = 0; g < N_GROUPS; g++)
+            for (size_t k = 0; k < x->width[g]; k++, at++) {
+                const double a = group[g]
+                    ? (double)group[g][i * stride[g] + k] : 0;
+                double unit;
+
+                x->wanted[at] = output_of(&unit, a, g, k, cell, x);
+                x->weight[at] *= unit * unit;
+            }
+    }
+}
+
+static void raise_weights(start *x)
+{
+    for (size_t k = 0; k < x->d; k++) {
+        double sum = 0;
+
+        for (size_t i = 0; i < x->n; i++)
+            sum += x->weight[i * x->d + k];
+        for (size_t i = 0; i < x->n; i++)
+            x->weight[i * x->d + k] += LEAST_WEIGHT * sum / (double)x->n +
+                                       1e-30;
+    }
+}
+
+/* --- Basis and features -------------------------------------------------- */
+
+/* Principal axes where each dimension is scaled by the root of its mean weight,
+ * and each primitive counts by the mean of its weights over those. */
+static void first_basis(start *x)
+{
+    static const saga_matrix zero;
+    double w[SAGA_LINEAR_MOST] = { 0 };
+    saga_matrix c, v;
+
+    memcpy(c, zero, sizeof c);
+    for (size_t k = 0; k < x->d; k++) {
+        double sum = 0;
+
+        for (size_t i = 0; i < x->n; i++) {
+            w[k] += x->weight[i * x->d + k];
+            sum += x->weight[i * x->d + k] * x->wanted[i * x->d + k];
+        }
+        x->mean[k] = sum / w[k];
+        w[k] = sqrt(w[k] / (double)x->n);
+    }
+    for (size_t i = 0; i < x->n; i++) {
+        double e[SAGA_LINEAR_MOST], say = 0;
+
+        for (size_t k = 0; k < x->d; k++) {
+            say += x->weight[i * x->d + k] / (w[k] * w[k]);
+            e[k] = w[k] * (x->wanted[i * x->d + k] - x->mean[k]);
+        }
+        for (size_t k = 0; k < x->d; k++)
+            for (size_t j = 0; j < x->d; j++)
+                c[k][j] += say * e[k] * e[j];
+    }
+    saga_eigen(v, c, x->d);
+    for (size_t k = 0; k < x->d; k++)
+        for (size_t j = 0; j < x->f; j++)
+            x->basis[k][j] = v[k][j] / w[k];
+}
+
+/* The features of every primitive, given the basis. ridge (f): what the square
+ * of each costs; NULL: next to nothing. */
+static void fit_codes(start *x, const double *ridge)
+{
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < x->n; i++) {
+        double *const b = x->code + i * x->f, trace = 0;
+        saga_matrix a;
+
+        memset(a, 0, sizeof a);
+        memset(b, 0, x->f * sizeof *b);
+        for (size_t k = 0; k < x->d; k++) {
+            const double w = x->weight[i * x->d + k];
+            const double e = x->wanted[i * x->d + k] - x->mean[k];
+
+            for (size_t j = 0; j < x->f; j++) {
+                b[j] += w * x->basis[k][j] * e;
+                for (size_t l = 0; l <= j; l++)
+                    a[j][l] += w * x->basis[k][j] * x->basis[k][l];
+            }
+        }
+        for (size_t j = 0; j < x->f; j++)
+            trace += a[j][j];
+        for (size_t j = 0; j < x->f; j++)
+            a[j][j] += ridge ? ridge[j] : 1e-3 * trace / (double)x->f;
+        saga_solve(a, b, x->f);
+    }
+}
+
+/* Basis and mean of every dimension, given the features. */
+static void fit_basis(start *x)
+{
+    const size_t n = x->f + 1;
+
+    for (size_t k = 0; k < x->d; k++) {
+        double b[SAGA_LINEAR_MOST] = { 0 }, z[SAGA_LINEAR_MOST];
+        saga_matrix a;
+
+        memset(a, 0, sizeof a);
+        z[x->f] = 1;
+        for (size_t i = 0; i < x->n; i++) {
+            const double w = x->weight[i * x->d + k];
+
+            memcpy(z, x->code + i * x->f, x->f * sizeof *z);
+            for (size_t j = 0; j < n; j++) {
+                b[j] += w * z[j] * x->wanted[i * x->d + k];
+                for (size_t l = 0; l <= j; l++)
+                    a[j][l] += w * z[j] * z[l];
+            }
+        }
+        for (size_t j = 0; j < n; j++)
+            a[j][j] *= 1 + 1e-6;
+        saga_solve(a, b, n);
+        memcpy(x->basis[k], b, x->f * sizeof *b);
+        x->mean[k] = b[x->f];
+    }
+}
+
+/* code <- forth code (rows: new features), basis <- basis back, with back the
+ * inverse of forth. */
+static void change(start *x, saga_matrix forth, saga_matrix back)
+{
+    double y[SAGA_LINEAR_MOST];
+
+    for (size_t i = 0; i < x->n; i++) {
+        double *const c = x->code + i * x->f;
+
+        for (size_t j = 0; j < x->f; j++) {
+            y[j] = 0;
+            for (size_t l = 0; l < x->f; l++)
+                y[j] += forth[j][l] * c[l];
+        }
+        memcpy(c, y, x->f * sizeof *c);
+    }
+    for (size_t k = 0; k < x->d; k++) {
+        for (size_t j = 0; j < x->f; j++) {
+            y[j] = 0;
+            for (size_t l = 0; l < x->f; l++)
+                y[j] += x->basis[k][l] * back[l][j];
+        }
+        memcpy(x->basis[k], y, x->f * sizeof *y);
+    }
+}
+
+/* Features whose unit errors cost `price` each on the mean of the
+ * primitives. */
+static void scale(start *x, double price)
+{
+    saga_matrix g, v, forth, back;
+
+    memset(g, 0, sizeof g);
+    for (size_t k = 0; k < x->d; k++) {
+        double w = 0;
+
+        for (size_t i = 0; i < x->n; i++)
+            w += x->weight[i * x->d + k] / ((double)x->n * price);
+        for (size_t j = 0; j < x->f; j++)
+            for (size_t l = 0; l < x->f; l++)
+                g[j][l] += w * x->basis[k][j] * x->basis[k][l];
+    }
+    saga_eigen(v, g, x->f);
+    for (size_t j = 0; j < x->f; j++)
+        for (size_t l = 0; l < x->f; l++) {
+            const double root = sqrt(fmax(g[l][l], 1e-12 * g[0][0]));
+
+            forth[l][j] = v[j][l] * root;
+            back[j][l] = v[j][l] / root;
+        }
+    change(x, forth, back);
+}
+
+/* Features of mean 0 without correlation, that of the largest variance
+ * first; variance (f). */
+static void decorrelate(start *x, double *variance)
+{
+    double mean[SAGA_LINEAR_MOST] = { 0 };
+    saga_matrix c, v, forth;
+
+    memset(c, 0, sizeof c);
+    for (size_t i = 0; i < x->n; i++)
+        for (size_t j = 0; j < x->f; j++)
+            mean[j] += x->code[i * x->f + j] / (double)x->n;
+    for (size_t k = 0; k < x->d; k++)
+        for (size_t j = 0; j < x->f; j++)
+            x->mean[k] += x->basis[k][j] * mean[j];
+    for (size_t i = 0; i < x->n; i++) {
+        double *const y = x->code + i * x->f;
+
+        for (size_t j = 0; j < x->f; j++)
+            y[j] -= mean[j];
+        for (size_t j = 0; j < x->f; j++)
+            for (size_t l = 0; l < x->f; l++)
+                c[j][l] += y[j] * y[l] / (double)x->n;
+    }
+    saga_eigen(v, c, x->f);
+    for (size_t j = 0; j < x->f; j++)
+        for (size_t l = 0; l < x->f; l++)
+            forth[l][j] = v[j][l];
+    change(x, forth, v);
+    for (size_t j = 0; j < x->f; j++)
+        variance[j] = c[j][j];
+}
+
+/* --- Networks ------------------------------------------------------------ */
+
+/* Hidden units 2 i and 2 i + 1 carry input i < n and its negative through all
+ * layers but the last. */
+static void carry(saga_net *net, size_t n)
+{
+    for (int l = 0; l + 1 < net->n_layers; l++) {
+        const size_t in = (size_t)net->dim[l];
+
+        memset(net->w[l], 0, 2 * n * in * sizeof(real));
+        for (size_t i = 0; i < 2 * n; i++)
+            net->w[l][i * in + (l ? i : i / 2)] = l || i % 2 == 0 ? 1 : -1;
+    }
+}
+
+/* The last layer's row: bias plus b times what n pairs carry. */
+static void set_row(saga_net *net, size_t row, const double *b, size_t n,
+                    double bias)
+{
+    const int l = net->n_layers - 1;
+    const size_t in = (size_t)net->dim[l];
+    real *const w = net->w[l] + row * in;
+
+    memset(w, 0, in * sizeof *w);
+    for (size_t i = 0; i < n; i++) {
+        w[2 * i] = (real)b[i];
+        w[2 * i + 1] = (real)-b[i];
+    }
+    net->b[l][row] = (real)bias;
+}
+
+/* Features that a network's hidden units can carry. */
+static size_t carried(const saga_net *net, size_t n)
+{
+    const size_t pairs = (size_t)net->dim[1] / 2;
+
+    return pairs < n ? pairs : n;
+}
+
+/* First outputs = first inputs, the features. */
+static void pass_features(saga_net *net, size_t f)
+{
+    const size_t n = carried(net, f);
+
+    carry(net, n);
+    for (size_t i = 0; i < f; i++) {
+        double unit[SAGA_LINEAR_MOST] = { 0 };
+
+        unit[i] = 1;
+        set_row(net, i, unit, n, 0);
+    }
+}
+
+static void set_supports(const start *x, saga_fit *f)
+{
+    const size_t n = f->scene->model.features;
+
+    for (size_t k = 0; k < 4; k++)
+        set_row(&f->scene->net[SAGA_NET_FINE], n + k, NULL, 0,
+                x->log2_support[k]);
+}
+
+static void set_geometry(const start *x, saga_fit *f)
+{
+    saga_net *const net = &f->scene->net[SAGA_NET_GEO];
+    const size_t n = carried(net, x->f);
+    static const int head[COLOUR] = {
+        [OPACITY] = SAGA_HEAD_OPACITY, [SCALE] = SAGA_HEAD_SCALE,
+        [QUAT] = SAGA_HEAD_QUAT, [SLOPE] = SAGA_HEAD_SLOPE,
+        [WIDTH] = SAGA_HEAD_WIDTH, [MOTION] = SAGA_HEAD_MOTION1
+    };
+    const size_t n_rows = (size_t)net->dim[net->n_layers];
+    saga_rows rows[SAGA_N_HEADS];
+    size_t at = 0;
+
+    saga_model_rows(rows, &f->scene->model);
+    carry(net, n);
+    for (size_t i = 0; i < n_rows; i++)
+        set_row(net, i, NULL, 0, 0);
+    for (int g = 0; g < COLOUR; g++)
+        for (size_t k = 0; k < x->width[g]; k++, at++)
+            set_row(net, (size_t)rows[head[g]].first + k, x->basis[at], n,
+                    x->mean[at]);
+}
+
+/* The colour itself goes through pairs of hidden units: the first layer, in
+ * two parts, makes it of the features and leaves the direction out. */
+static void set_colour(const start *x, saga_fit *f)
+{
+    saga_net *const base = &f->scene->net[SAGA_NET_COLOUR_BASE];
+    saga_net *const view = &f->scene->net[SAGA_NET_COLOUR_VIEW];
+    saga_net *const net = &f->scene->net[SAGA_NET_COLOUR];
+    const size_t in = (size_t)base->dim[0], at = x->d - 3;
+
+    memset(base->w[0], 0, 6 * in * sizeof(real));
+    for (size_t i = 0; i < 6; i++)
+        for (size_t j = 0; j < x->f; j++)
+            base->w[0][i * in + j] = (real)((i % 2 ? -1 : 1) *
+                                            x->basis[at + i / 2][j]);
+    if (view->n_layers)
+        memset(view->w[0], 0, 6 * (size_t)view->dim[0] * sizeof(real));
+    memset(net->w[0], 0, 6 * (size_t)net->dim[0] * sizeof(real));
+    for (size_t i = 0; i < 6; i++)
+        net->w[0][i * (size_t)net->dim[0] + i] = 1;
+    for (size_t k = 0; k < 3; k++) {
+        double unit[3] = { 0 };
+
+        unit[k] = 1;
+        set_row(net, k, unit, 3, x->mean[at + k]);
+    }
+}
+
+/* A coarse anchor has the mean of what its primitives want. */
+static void set_features(const start *x, saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    const size_t n = s->model.features;
+    uint32_t i, c, p;
+
+    memset(s->coarse_feature, 0, s->n.coarse * n * sizeof(real));
+    for (i = p = 0; i < s->n.coarse; i++) {
+        const uint32_t first = p;
+
+        for (c = 0; c < s->coarse[i].n_fine; c++)
+            p += s->fine[s->coarse[i].first_fine + c].n_prim;
+        for (c = first; c < p; c++)
+            for (size_t k = 0; k < x->f; k++)
+                s->coarse_feature[i * n + k] +=
+                    (real)(x->code[c * x->f + k] / (p - first));
+    }
+}
+
+/* --- The whole ----------------------------------------------------------- */
+
+/* What a unit of a feature may cost the pictures' mean squared error. A step of
+ * it costs price step^2 / 12, which at equal slopes is a bit's worth over
+ * 2 ln 2. Bits are weighed against the loss, which falls with the error's size,
+ * its square twice as fast. */
+static double price_of(const start *x, const saga_fit *f)
+{
+    const saga_model *const m = &f->scene->model;
+    const double step = ldexp(m->step_q16[SAGA_STEP_FEATURE] / 65536.0,
+                              -m->head_q[SAGA_HEAD_COARSE]);
+    const double bit = f->o.price.start * 2 * x->mse / (x->loss + 1e-9);
+
+    return fmax(6 * bit / (M_LN2 * step * step), 1e-12);
+}
+
+static double largest(const start *x)
+{
+    double most = 0;
+
+    for (size_t i = 0; i < x->n * x->f; i++)
+        most = fmax(most, fabs(x->code[i]));
+    return most;
+}
+
+static void solve_all(start *x, double price)
+{
+    double ridge[SAGA_LINEAR_MOST], most;
+
+    first_basis(x);
+    for (int i = 0; i < N_TURNS; i++) {
+        if (i)
+            fit_basis(x);
+        fit_codes(x, NULL);
+    }
+    scale(x, price);
+    most = largest(x);
+    if (most > MOST_FEATURE) {
+        price *= most * most / (MOST_FEATURE * MOST_FEATURE);
+        scale(x, price);
+    }
+    decorrelate(x, ridge);
+    for (size_t k = 0; k < x->f; k++)
+        ridge[k] = PRIOR * price / (192 * (ridge[k] + 1e-6));
+    fit_codes(x, ridge);
+}
+
+bool saga_fit_start(saga_fit *f, saga_error *error)
+{
+    static const int passing[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE,
+                                   SAGA_NET_FUSE_F };
+    start x = { 0 };
+    bool ok;
+
+    saga_splat_canonical(&f->target, f->scene->n.prim);
+    ok = init(&x, f, error) && weigh(&x, f, error);
+    if (ok) {
+        for (size_t i = 0; i < sizeof passing / sizeof *passing; i++)
+            if (f->scene->net[passing[i]].n_layers)
+                pass_features(&f->scene->net[passing[i]], x.f);
+        choose_supports(&x, f->scene);
+        set_supports(&x, f);
+        want(&x, f);
+        raise_weights(&x);
+        solve_all(&x, price_of(&x, f));
+        set_geometry(&x, f);
+        set_colour(&x, f);
+        set_features(&x, f);
+    }
+    release(&x);
+    return ok;
+}
