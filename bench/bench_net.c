@@ -26,7 +26,8 @@ static void run(const saga_net *shape, size_t m, int reps)
     real *const x = calloc(2 * m * (n_in + n_out), sizeof *x);
     real *const dx = x + m * n_in, *const y = dx + m * n_in;
     real *const dy = y + m * n_out;
-    saga_net_work work = { 0 };
+    saga_error error = { "" };
+    saga_net_work work;
     bench_times forward, backward;
     double gflop = 0;
     size_t i;
@@ -34,6 +35,8 @@ static void run(const saga_net *shape, size_t m, int reps)
 
     memset(&forward, 0, sizeof forward);
     backward = forward;
+    if (!saga_net_reserve(&work, &net, m, &error))
+        return;
     saga_net_bind(&net, w);
     saga_net_bind(&d, w + n);
     saga_net_init(&net, 1);

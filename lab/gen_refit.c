@@ -22,10 +22,12 @@ static void *must(void *p)
     return p;
 }
 
-static void need(int status)
+static void need(bool done, const saga_error *error)
 {
-    if (status)
-        must(NULL);
+    if (done)
+        return;
+    fprintf(stderr, "refit: %s\n", error->message);
+    exit(2);
 }
 
 /* A fit. What the reconstruction networks give is not computed but copied from
@@ -165,16 +167,18 @@ static void begin(fit *f)
 {
     const ref_file *const in = f->in;
     const saga_model m = model_of(in, &f->o);
+    saga_error error = { "" };
     size_t n;
 
-    need(saga_scene_init(&f->s, &m, in->s.n, in->s.n_nodes, f->o.seed));
-    need(saga_scene_init(&f->d, &m, in->s.n, in->s.n_nodes, 0));
+    need(saga_scene_init(&f->s, &m, in->s.n, in->s.n_nodes, f->o.seed,
+                         &error) &&
+         saga_scene_init(&f->d, &m, in->s.n, in->s.n_nodes, 0, &error), &error);
     set_structure(&f->s, in);
     set_places(&f->s, in);
-    need(saga_twin_init(&f->twin, &f->s));
+    need(saga_twin_init(&f->twin, &f->s, &error), &error);
     set_twin(&f->twin, in);
-    need(saga_rate_init(&f->rate, &f->s) ||
-         saga_rate_refresh(&f->rate, &f->s));
+    need(saga_rate_init(&f->rate, &f->s, &error) &&
+         saga_rate_refresh(&f->rate, &f->s, &error), &error);
     set_values(&f->rate, in);
     if (f->o.ablation.raw_networks)
         saga_rate_keep_raw(&f->rate);
@@ -250,17 +254,18 @@ static const char *step(fit *f, int i, int decide)
     double bits[SAGA_N_STEPS];
     saga_adam_fault fault;
     saga_adam_tensor t[2];
+    saga_error error = { "" };
     size_t n;
 
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     saga_twin_clear(&f->twin, &f->s);
     saga_rate_look(&o, i, remember);
     if (i == decide)
-        need(saga_rate_decide(&f->rate, &f->s, &x));
+        need(saga_rate_decide(&f->rate, &f->s, &x, &error), &error);
     for (n = 0; i >= decide && n < (size_t)f->s.n.coarse *
                                    f->s.model.features; n++)
         f->feature[n] = saga_rate_round(&f->rate, &f->s, n);
-    need(saga_rate_step(bits, &f->rate, &f->d, &x, &o));
+    saga_rate_step(bits, &f->rate, &f->d, &x, &o);
     n = tensor_of(&t[0], f, SAGA_NET_HYPER, SAGA_NET_FUSE_C, rate);
     n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_N_NETS,
                    remember ? SAGA_RATE_MEMORY_PACE * rate : 0);
@@ -359,13 +364,14 @@ static const char *write_file(uint8_t **out, size_t *n, const fit *f,
 static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
 {
     const saga_rate_input x = { &f->s, &f->twin, f->feature };
+    saga_error error = { "" };
     saga_rate_choice c;
     const char *why;
 
-    need(saga_rate_choice_init(&c, &f->rate, &x));
+    need(saga_rate_choice_init(&c, &f->rate, &x, &error), &error);
     memcpy(f->feature, f->s.coarse_feature, (size_t)f->s.n.coarse *
            f->s.model.features * sizeof *f->feature);
-    need(saga_rate_choice_code(&c, &f->rate, &x, 0, SAGA_N_KINDS - 1));
+    saga_rate_choice_code(&c, &f->rate, &x, 0, SAGA_N_KINDS - 1);
     memcpy(r->sources, c.scene.model.sources, sizeof r->sources);
     memcpy(r->estimate, c.bits, sizeof r->estimate);
     r->plan = f->rate.plan;

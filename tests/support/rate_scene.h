@@ -127,6 +127,7 @@ static inline void rate_scene_fine(saga_scene *s, saga_rng r)
 static inline void rate_scene_make(rate_scene *f, const saga_model *m,
                                    uint32_t depth)
 {
+    saga_error error = { "" };
     const uint32_t n = 1u << (3 * depth);
     const saga_counts counts = { n, 3 * n, 15 * n / 2 };
     const saga_rng r = saga_rng_stream(5, 0);
@@ -134,8 +135,8 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     size_t i;
 
     memset(f, 0, sizeof *f);
-    assert_int_equal(saga_scene_init(s, m, counts, 1, 77), 0);
-    assert_int_equal(saga_scene_init(&f->d, m, counts, 1, 0), 0);
+    assert_true(saga_scene_init(s, m, counts, 1, 77, &error));
+    assert_true(saga_scene_init(&f->d, m, counts, 1, 0, &error));
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
     rate_scene_coarse(s, depth, saga_rng_stream(5, 1));
     rate_scene_fine(s, saga_rng_stream(5, 2));
@@ -145,10 +146,10 @@ static inline void rate_scene_make(rate_scene *f, const saga_model *m,
     for (i = 0; i < s->n_reals - (size_t)(s->params - s->reals); i++)
         s->params[i] = R(0.5) * s->params[i] +
                        R(0.05 * saga_rng_normal(r, 100000 + i));
-    assert_int_equal(saga_twin_init(&f->w, s), 0);
-    assert_int_equal(saga_rate_init(&f->r, s), 0);
-    assert_int_equal(saga_twin_refresh(&f->w, s, s->coarse_feature), 0);
-    assert_int_equal(saga_rate_refresh(&f->r, s), 0);
+    assert_true(saga_twin_init(&f->w, s, &error));
+    assert_true(saga_rate_init(&f->r, s, &error));
+    assert_true(saga_twin_refresh(&f->w, s, s->coarse_feature, &error));
+    assert_true(saga_rate_refresh(&f->r, s, &error));
     saga_twin_clear(&f->w, s);
     f->o.every = 1;
     f->o.seed = 3;

@@ -383,18 +383,19 @@ static void compare(void *user, const saga_scaffold *sc, saga_at at,
 
 static void predict_decoded(near_integers *t, saga_twin *w)
 {
+    saga_error error = { "" };
     const saga_rate_input x = { t->s, w, t->s->coarse_feature };
     double bits[SAGA_N_STEPS] = { 0 };
 
-    assert_int_equal(saga_rate_init(&t->rate, t->s), 0);
-    assert_int_equal(saga_rate_refresh(&t->rate, t->s), 0);
-    assert_int_equal(saga_rate_context_begin(&t->rate.context, t->s), 0);
+    assert_true(saga_rate_init(&t->rate, t->s, &error));
+    assert_true(saga_rate_refresh(&t->rate, t->s, &error));
+    saga_rate_context_begin(&t->rate.context, t->s);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
         assert_true(t->s->model.sources[kind] != 0);
         /* The offsets that groups read. */
         if (kind == SAGA_KIND_FINE)
-            assert_int_equal(saga_rate_code(bits, &t->rate, &x, kind), 0);
-        assert_int_equal(saga_rate_all(&t->rate, &x, kind), 0);
+            saga_rate_code(bits, &t->rate, &x, kind);
+        saga_rate_all(&t->rate, &x, kind);
     }
 }
 
@@ -472,7 +473,7 @@ static void add_fuse(saga_train *t)
 
     saga_fit_free(t->fit);
     m.width[SAGA_NET_FUSE_C] = m.width[SAGA_NET_FUSE_F] = 32;
-    assert_int_equal(saga_scene_init(s, &m, old.n, old.n_nodes, 7), 0);
+    assert_true(saga_scene_init(s, &m, old.n, old.n_nodes, 7, &error));
     memcpy(s->split, old.split, old.n_nodes);
     memcpy(s->occupancy, old.occupancy, old.n_nodes * sizeof *old.occupancy);
     memcpy(s->coarse, old.coarse, old.n.coarse * sizeof *old.coarse);
@@ -504,8 +505,7 @@ static double start_error(saga_train *t)
             saga_pictures_aim(&c, &t->pictures, p);
             assert_true(saga_splat_forward(&c, &t->target, prims, &error));
             memcpy(c.truth, c.image, 3 * 64 * 36 * sizeof *c.truth);
-            assert_int_equal(saga_twin_colour(w, &t->fit->used,
-                                              c.camera.centre), 0);
+            saga_twin_colour(w, &t->fit->used, c.camera.centre);
             assert_true(saga_splat_forward(&c, &w->attr, prims, &error));
             sum += saga_canvas_mse(&c, c.image);
         }

@@ -6,10 +6,10 @@
 #ifndef SAGA_ARENA_H
 #define SAGA_ARENA_H
 
+#include "alloc.h"
 #include "real.h"
 
 #include <stddef.h>
-#include <stdlib.h>
 
 typedef struct saga_arena {
     real *base;
@@ -25,11 +25,11 @@ static inline real *saga_arena_take(saga_arena *a, size_t n)
     return p;
 }
 
-/* The block that was measured, zeros (free it); taking begins anew in it. NULL
- * without memory. */
-static inline real *saga_arena_alloc(saga_arena *a)
+/* The block that was measured, zeros (free it); taking begins anew in it. */
+static inline real *saga_arena_alloc(saga_arena *a, const char *what,
+                                     saga_error *error)
 {
-    a->base = calloc(a->n + 1, sizeof *a->base);
+    a->base = saga_calloc(a->n, sizeof *a->base, what, error);
     a->n = 0;
     return a->base;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_bank.h"
 
+#include "alloc.h"
 #include "dense.h"
 #include "memory_bank.h"
 #include "vec.h"
@@ -15,23 +16,25 @@ enum { CHUNK = 128 };
 
 /* --- States -------------------------------------------------------------- */
 
-int saga_rate_bank_start(real *state, size_t n_slots, size_t width)
+bool saga_rate_bank_start(real *state, size_t n_slots, size_t width,
+                          saga_error *error)
 {
     saga_memory bank = { .n_slots = (uint32_t)n_slots,
                          .width = (uint32_t)width };
     const size_t stride = saga_mlp_pad(bank.width);
-    uint8_t *const block = aligned_alloc(16, saga_memory_place(&bank, NULL));
+    uint8_t *const block = saga_aligned_alloc(
+        16, saga_memory_place(&bank, NULL), "the memory bank", error);
     size_t p, i;
 
     if (!block)
-        return -1;
+        return false;
     saga_memory_place(&bank, block);
     saga_memory_start(&bank);
     for (p = 0; p < n_slots; p++)
         for (i = 0; i < width; i++)
             state[p * width + i] = R(bank.slot[p * stride + i]) / 4096;
     free(block);
-    return 0;
+    return true;
 }
 
 size_t saga_rate_bank_scratch(size_t n_slots, size_t width)

@@ -9,6 +9,7 @@
 #ifndef SAGA_RATE_BANK_H
 #define SAGA_RATE_BANK_H
 
+#include "error.h"
 #include "real.h"
 
 #include <stddef.h>
@@ -31,8 +32,9 @@ typedef struct saga_rate_bank {
 #define saga_rate_bank_update_backward \
     SAGA_REAL_NAME(saga_rate_bank_update_backward)
 
-/* S_0 as the integers have it. 0, or -1 without memory. */
-int saga_rate_bank_start(real *state, size_t n_slots, size_t width);
+/* S_0 as the integers have it. False: no memory. */
+bool saga_rate_bank_start(real *state, size_t n_slots, size_t width,
+                          saga_error *error);
 
 /* Reals of a thread's scratch; the bank in it. */
 size_t saga_rate_bank_scratch(size_t n_slots, size_t width);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_choice.h"
 
+#include "alloc.h"
 #include "quantise.h"
 
 #include <math.h>
@@ -105,8 +106,10 @@ static saga_scene reduced(const saga_scene *s, float *params,
     return c;
 }
 
+static const char purpose[] = "choosing sources";
+
 /* Room for the entropy networks of s, whatever their sources. */
-static float *alloc_params(const saga_scene *s)
+static float *alloc_params(const saga_scene *s, saga_error *error)
 {
     /* Constants can have more biases than a small network has parameters. */
     size_t n = SAGA_N_KINDS * 2u * (4 + SAGA_MAX_FEATURES);
@@ -115,30 +118,30 @@ static float *alloc_params(const saga_scene *s)
     for (i = 0; i < SAGA_N_ENTROPY_NETS; i++)
         if (s->net[saga_scene_net(i)].n_layers)
             n += saga_net_n_params(&s->net[saga_scene_net(i)]);
-    return calloc(n, sizeof(float));
+    return saga_calloc(n, sizeof(float), purpose, error);
 }
 
 /* --- Costs --------------------------------------------------------------- */
 
-/* Bits of a network's weights, about. */
-static int weights_bits(double *bits, const saga_net *net,
-                        const saga_rate_plan *plan, int number)
+/* Bits of the weights of network `number`, about. */
+static bool weights_bits(double *bits, const saga_net *net,
+                         const saga_rate_plan *plan, int number,
+                         saga_error *error)
 {
-    const double step = plan->step[number];
-    saga_error error = { "" };
-    double one;
     int l;
 
-    *bits = 0;
-    if (plan->raw && net->n_layers)
-        *bits = SAGA_RAW_BITS * (double)saga_net_n_params(net);
-    for (l = 0; l < net->n_layers && !plan->raw; l++) {
-        if (!saga_quantise_bits(&one, net->w[l], (size_t)net->dim[l + 1],
-                                (size_t)net->dim[l], step, &error))
-            return -1;
-        *bits += one + LAYER_BITS + ROW_BITS * net->dim[l + 1];
+    *bits = plan->raw && net->n_layers
+        ? SAGA_RAW_BITS * (double)saga_net_n_params(net) : 0;
+    for (l = 0; !plan->raw && l < net->n_layers; l++) {
+        double layer;
+
+        if (!saga_quantise_bits(&layer, net->w[l], (size_t)net->dim[l + 1],
+                                (size_t)net->dim[l], plan->step[number],
+                                error))
+            return false;
+        *bits += layer + LAYER_BITS + ROW_BITS * net->dim[l + 1];
     }
-    return 0;
+    return true;
 }
 
 /* --- The search ---------------------------------------------------------- */
@@ -154,10 +157,11 @@ typedef struct {
     double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* residuals, by sources */
     double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
     double hyper, memory;        /* weights of their networks */
+    saga_error *error;
 } search;
 
 /* Bits of the residuals of a kind with the sources of r. */
-static int kind_bits(double *sum, search *f, int kind)
+static double kind_bits(search *f, int kind)
 {
     const size_t n = (size_t)f->s->n.coarse * f->s->model.features;
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
@@ -166,15 +170,13 @@ static int kind_bits(double *sum, search *f, int kind)
     double bits[SAGA_N_STEPS] = { 0 };
 
     memcpy(f->scratch, f->s->coarse_feature, n * sizeof *f->scratch);
-    if (saga_rate_code(bits, f->r, &y, kind))
-        return -1;
-    *sum = bits[0] + bits[1] + bits[2] + bits[3];
-    return 0;
+    saga_rate_code(bits, f->r, &y, kind);
+    return bits[0] + bits[1] + bits[2] + bits[3];
 }
 
 /* Features and offsets as all sources code them, and the networks' mean
  * inputs. */
-static int begin_search(search *f)
+static bool begin_search(search *f)
 {
     const size_t n = (size_t)f->s->n.coarse * f->s->model.features;
     const saga_rate_input y = { f->s, f->x->twin, f->feature };
@@ -188,10 +190,12 @@ static int begin_search(search *f)
         size_t i, j;
 
         saga_rate_measure(f->r, f->x, kind);
-        f->mean[kind] = calloc(dim + 1, sizeof *f->mean[kind]);
-        if (!f->mean[kind] || saga_rate_code(bits, f->r, &y, kind) ||
-            saga_rate_all(f->r, &y, kind))
-            return -1;
+        f->mean[kind] = saga_calloc(dim, sizeof *f->mean[kind], purpose,
+                                    f->error);
+        if (!f->mean[kind])
+            return false;
+        saga_rate_code(bits, f->r, &y, kind);
+        saga_rate_all(f->r, &y, kind);
         for (j = 0; j < dim; j++) {
             double sum = 0;
 
@@ -200,7 +204,7 @@ static int begin_search(search *f)
             f->mean[kind][j] = (float)(sum / (double)k->n_blocks);
         }
     }
-    return 0;
+    return true;
 }
 
 /* Whether a kind's residuals depend on a network: its own, the hyperprior's,
@@ -211,27 +215,20 @@ static int depends(int kind, int net)
 }
 
 /* Bits of a network that was trained, and of all residuals it has a say in. */
-static int network_bits(double *total, search *f, int net)
+static bool network_bits(double *total, search *f, int net)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
     int kind;
 
-    if (weights_bits(total, &rounded.net[net], &f->r->plan, net))
-        return -1;
-    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        double bits;
-
-        if (!depends(kind, net))
-            continue;
-        if (kind_bits(&bits, f, kind))
-            return -1;
-        *total += bits;
-    }
-    return 0;
+    if (!weights_bits(total, &rounded.net[net], &f->r->plan, net, f->error))
+        return false;
+    for (kind = 0; kind < SAGA_N_KINDS; kind++)
+        *total += depends(kind, net) ? kind_bits(f, kind) : 0;
+    return true;
 }
 
 /* The step of each network in turn, the others as they are. */
-static int find_steps(search *f)
+static bool find_steps(search *f)
 {
     double *const step = f->r->plan.step;
     int e, n;
@@ -243,8 +240,8 @@ static int find_steps(search *f)
         for (e = COARSEST; f->s->net[net].n_layers && e <= SAGA_RATE_FINEST;
              e++) {
             step[net] = ldexp(1, -e);
-            if (network_bits(&bits, f, net))
-                return -1;
+            if (!network_bits(&bits, f, net))
+                return false;
             if (bits < least) {
                 least = bits;
                 best = step[net];
@@ -252,7 +249,7 @@ static int find_steps(search *f)
         }
         step[net] = best;
     }
-    return 0;
+    return true;
 }
 
 /* Moves the means of a kind's sources that are not in `keep` into the biases;
@@ -278,52 +275,51 @@ static void fold(search *f, int kind, uint32_t keep, float sign)
     }
 }
 
-static int try_subset(search *f, int kind, uint32_t subset)
+static bool try_subset(search *f, int kind, uint32_t subset)
 {
     const uint8_t had = f->s->model.sources[kind];
     uint8_t sources[SAGA_N_KINDS] = { 0 };
     saga_scene rounded, fewer;
-    int status;
+    bool ok;
 
     sources[kind] = (uint8_t)subset;
     f->r->context.keep[kind] = (uint8_t)subset;
     fold(f, kind, subset, 1);
-    status = kind_bits(&f->bits[kind][subset], f, kind);
+    f->bits[kind][subset] = kind_bits(f, kind);
     rounded = saga_rate_rounded(f->r, f->s);
     fewer = reduced(&rounded, f->params, sources);
-    if (weights_bits(&f->weights[kind][subset],
-                     &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->plan,
-                     SAGA_NET_E_COARSE + kind))
-        status = -1;
+    ok = weights_bits(&f->weights[kind][subset],
+                      &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->plan,
+                      SAGA_NET_E_COARSE + kind, f->error);
     fold(f, kind, subset, -1);
     f->r->context.keep[kind] = had;
-    return status;
+    return ok;
 }
 
 /* Every subset of each kind's sources, the other kinds as they are; the last
  * is all of them, so that the memory goes on with what these make of it. */
-static int try_subsets(search *f)
+static bool try_subsets(search *f)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
     uint32_t subset;
+    double bits;
     int kind, net;
 
-    if (weights_bits(&f->hyper, &rounded.net[SAGA_NET_HYPER], &f->r->plan,
-                     SAGA_NET_HYPER))
-        return -1;
+    if (!weights_bits(&f->hyper, &rounded.net[SAGA_NET_HYPER], &f->r->plan,
+                      SAGA_NET_HYPER, f->error))
+        return false;
     for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++) {
-        double bits;
-
-        if (weights_bits(&bits, &rounded.net[net], &f->r->plan, net))
-            return -1;
+        if (!weights_bits(&bits, &rounded.net[net], &f->r->plan, net,
+                          f->error))
+            return false;
         f->memory += bits;
     }
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         for (subset = 0; subset <= ALL_SOURCES; subset++)
             if (!(subset & ~(uint32_t)f->s->model.sources[kind]) &&
-                try_subset(f, kind, subset))
-                return -1;
-    return 0;
+                !try_subset(f, kind, subset))
+                return false;
+    return true;
 }
 
 /* The best subset of a kind that has none of `without`. */
@@ -415,50 +411,52 @@ static void settle(search *f)
     }
 }
 
-int saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x)
+bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
+                      saga_error *error)
 {
     const size_t n = (size_t)s->n.coarse * s->model.features;
-    search f = { .r = r, .s = s, .x = x };
-    int kind, status;
+    search f = { .r = r, .s = s, .x = x, .error = error };
+    int kind;
+    bool ok;
 
-    f.feature = malloc((n + 1) * sizeof *f.feature);
-    f.scratch = malloc((n + 1) * sizeof *f.scratch);
-    f.params = alloc_params(s);
-    status = !f.feature || !f.scratch || !f.params || begin_search(&f) ? -1 : 0;
-    if (!status) {
+    f.feature = saga_alloc(n, sizeof *f.feature, purpose, error);
+    f.scratch = saga_alloc(n, sizeof *f.scratch, purpose, error);
+    f.params = alloc_params(s, error);
+    ok = f.feature && f.scratch && f.params && begin_search(&f);
+    if (ok) {
         r->plan.decided = 1;
-        status = find_steps(&f) || try_subsets(&f) ? -1 : 0;
-        r->plan.decided = !status;
+        ok = find_steps(&f) && try_subsets(&f);
+        r->plan.decided = ok;
     }
-    if (!status)
+    if (ok)
         settle(&f);
     free(f.feature);
     free(f.scratch);
     free(f.params);
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         free(f.mean[kind]);
-    return status;
+    return ok;
 }
 
 /* --- The scene to be packed ---------------------------------------------- */
 
-int saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
-                          const saga_rate_input *x)
+bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
+                           const saga_rate_input *x, saga_error *error)
 {
     const saga_scene rounded = saga_rate_rounded(r, x->scene);
     uint8_t sources[SAGA_N_KINDS];
     int kind;
 
     memset(c, 0, sizeof *c);
-    c->params = alloc_params(x->scene);
+    c->params = alloc_params(x->scene, error);
     if (!c->params)
-        return -1;
+        return false;
     c->rate = r;
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         sources[kind] = (uint8_t)saga_rate_sources(&r->context, x->scene,
                                                    kind);
     c->scene = reduced(&rounded, c->params, sources);
-    return 0;
+    return true;
 }
 
 void saga_rate_choice_free(saga_rate_choice *c)
@@ -467,16 +465,15 @@ void saga_rate_choice_free(saga_rate_choice *c)
     memset(c, 0, sizeof *c);
 }
 
-int saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
-                          const saga_rate_input *x, int first, int last)
+void saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
+                           const saga_rate_input *x, int first, int last)
 {
     const saga_rate_input y = { &c->scene, x->twin, x->feature };
     int kind;
 
     for (kind = first; kind <= last; kind++) {
         saga_rate_measure(r, &y, kind);
-        if (saga_rate_code(c->bits, r, &y, kind) || saga_rate_all(r, &y, kind))
-            return -1;
+        saga_rate_code(c->bits, r, &y, kind);
+        saga_rate_all(r, &y, kind);
     }
-    return 0;
 }

@@ -19,8 +19,9 @@
 
 /* Sets r->plan and the sources that r keeps; s (x's scene) gets the biases of
  * what is left out. The twin's offsets, supports and features stand for the
- * scene's. 0, or -1 without memory: then nothing is decided. */
-int saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x);
+ * scene's. False: no memory, and nothing is decided. */
+bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
+                      saga_error *error);
 
 /* The scene as it is to be packed, with what the networks gave. */
 typedef struct saga_rate_choice {
@@ -31,15 +32,15 @@ typedef struct saga_rate_choice {
     double bits[SAGA_N_STEPS];   /* code lengths of the residuals, estimated */
 } saga_rate_choice;
 
-/* By the plan of r, which must outlive the choice. 0, or -1 without memory:
- * then there is nothing to free. */
-int saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
-                          const saga_rate_input *x);
+/* By the plan of r, which must outlive the choice. False: nothing is to be
+ * freed. */
+bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
+                           const saga_rate_input *x, saga_error *error);
 void saga_rate_choice_free(saga_rate_choice *c);
 
 /* c->bits of kinds first..last, in their order, x as for saga_rate_code;
- * their constants, and the batches of all their blocks. 0 or -1. */
-int saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
-                          const saga_rate_input *x, int first, int last);
+ * their constants, and the batches of all their blocks. */
+void saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
+                           const saga_rate_input *x, int first, int last);
 
 #endif

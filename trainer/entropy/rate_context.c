@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_context.h"
 
+#include "alloc.h"
 #include "arena.h"
 #include "rate_bits.h"
 
@@ -32,30 +33,45 @@ static void lay_out(saga_rate_context *c, saga_arena *a, const saga_scene *s)
     c->scratch = saga_arena_take(a, most * s->model.features);
 }
 
-int saga_rate_context_init(saga_rate_context *c, const saga_scene *s)
+static bool alloc_kind(saga_rate_kind *k, const saga_scene *s, int kind,
+                       saga_error *error)
+{
+    const saga_net *const net = &s->net[SAGA_NET_E_COARSE + kind];
+    const saga_net *const hyper = &s->net[SAGA_NET_HYPER];
+    const size_t n = saga_rate_n_blocks(s, kind);
+
+    k->n_blocks = n;
+    return saga_rate_runs_alloc(&k->runs, s, kind, error) &&
+           saga_links_alloc(&k->parent, n, error) &&
+           saga_links_alloc(&k->groups, n, error) &&
+           (net->n_layers == 0 ||
+            saga_net_reserve(&k->net.work, net, n, error)) &&
+           (!(s->model.sources[kind] & SAGA_SOURCE_HYPER) ||
+            saga_net_reserve(&k->hyper.work, hyper, n, error));
+}
+
+bool saga_rate_context_init(saga_rate_context *c, const saga_scene *s,
+                            saga_error *error)
 {
     saga_arena a = { NULL, 0 };
-    int kind, ok = 1;
+    bool ok = true;
+    int kind;
 
     memset(c, 0, sizeof *c);
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        saga_rate_kind *const k = &c->kind[kind];
-
         c->keep[kind] = UINT8_MAX;
-        k->n_blocks = saga_rate_n_blocks(s, kind);
-        ok = !saga_rate_runs_alloc(&k->runs, s, kind) && ok &&
-             !saga_links_alloc(&k->parent, k->n_blocks) &&
-             !saga_links_alloc(&k->groups, k->n_blocks);
+        ok = ok && alloc_kind(&c->kind[kind], s, kind, error);
     }
-    ok = !saga_rate_memory_init(&c->memory, s) && ok;
+    ok = ok && saga_rate_memory_init(&c->memory, s, error);
     lay_out(c, &a, s);
-    c->block = saga_arena_alloc(&a);
-    if (!ok || !c->block) {
+    if (ok)
+        c->block = saga_arena_alloc(&a, "the entropy model", error);
+    if (!c->block) {
         saga_rate_context_free(c);
-        return -1;
+        return false;
     }
     lay_out(c, &a, s);
-    return 0;
+    return true;
 }
 
 void saga_rate_context_free(saga_rate_context *c)
@@ -147,19 +163,20 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
     }
 }
 
-int saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s)
+bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
+                               saga_error *error)
 {
     saga_scaffold sc;
     int kind;
 
-    if (saga_links_scaffold(&sc, s))
-        return -1;
+    if (!saga_links_scaffold(&sc, s, error))
+        return false;
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         saga_rate_runs_set(&c->kind[kind].runs, s, kind);
     refresh_coarse(&c->kind[SAGA_KIND_COARSE], &sc);
     refresh_fine(&c->kind[SAGA_KIND_FINE], &sc);
     saga_links_scaffold_free(&sc);
-    return 0;
+    return true;
 }
 
 /* --- Formats and sources ------------------------------------------------- */
@@ -251,7 +268,7 @@ static void place_prims(saga_rate_kind *k, const saga_scene *s,
     }
 }
 
-static int hyper_forward(const job *j)
+static void hyper_forward(const job *j)
 {
     const saga_net *const net = &j->s->net[SAGA_NET_HYPER];
     const size_t dim = (size_t)net->dim[0];
@@ -266,11 +283,9 @@ static int hyper_forward(const job *j)
     }
     saga_rate_clamp(b->in, j->list.n * dim,
                     j->s->model.q_in[SAGA_NET_HYPER]);
-    if (saga_net_forward(b->out, &b->work, b->in, j->list.n, net))
-        return -1;
+    saga_net_forward(b->out, &b->work, b->in, j->list.n, net);
     saga_rate_clamp(b->out, j->list.n * j->f,
                     j->s->model.head_q[SAGA_HEAD_HYPER]);
-    return 0;
 }
 
 static void parent_forward(real *in, const job *j, const saga_rate_features *x)
@@ -350,12 +365,11 @@ size_t saga_rate_columns(const saga_model *m, uint32_t source)
 }
 
 /* One source's columns. */
-static int source_forward(real *in, saga_rate_context *c, const job *j,
-                          uint32_t source, const saga_rate_features *x)
+static void source_forward(real *in, saga_rate_context *c, const job *j,
+                           uint32_t source, const saga_rate_features *x)
 {
     if (source == SAGA_SOURCE_HYPER) {
-        if (hyper_forward(j))
-            return -1;
+        hyper_forward(j);
         copy_columns(in, j->dim, j->k->hyper.out, j->f, j->f, j->list.n);
     } else if (source == SAGA_SOURCE_PARENT) {
         parent_forward(in, j, x);
@@ -364,12 +378,12 @@ static int source_forward(real *in, saga_rate_context *c, const job *j,
     } else {
         memory_forward(in, j, c->memory.kind[j->kind].read);
     }
-    return 0;
 }
 
-int saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
-                              const saga_twin *w, int kind,
-                              saga_rate_list list, const saga_rate_features *x)
+void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
+                               const saga_twin *w, int kind,
+                               saga_rate_list list,
+                               const saga_rate_features *x)
 {
     const job j = job_of(c, s, kind, list);
     const uint32_t have = s->model.sources[kind];
@@ -386,15 +400,13 @@ int saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
             continue;
         if (!(c->keep[kind] & source))
             drop(in, &j, columns);
-        else if (source_forward(in, c, &j, source, x))
-            return -1;
+        else
+            source_forward(in, c, &j, source, x);
         in += columns;
     }
     saga_rate_clamp(b->in, list.n * j.dim, s->model.q_in[j.net]);
-    if (saga_net_forward(b->out, &b->work, b->in, list.n, &s->net[j.net]))
-        return -1;
+    saga_net_forward(b->out, &b->work, b->in, list.n, &s->net[j.net]);
     take_parameters(&j);
-    return 0;
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -422,7 +434,7 @@ static void parameters_backward(const job *j)
         }
 }
 
-static int hyper_backward(saga_scene *d, const job *j, const real *d_in)
+static void hyper_backward(saga_scene *d, const job *j, const real *d_in)
 {
     saga_twin_batch *const b = &j->k->hyper;
     const size_t n = j->list.n;
@@ -430,8 +442,8 @@ static int hyper_backward(saga_scene *d, const job *j, const real *d_in)
     copy_columns(b->d_out, j->f, d_in, j->dim, j->f, n);
     saga_rate_through(b->d_out, b->out, n * j->f,
                       j->s->model.head_q[SAGA_HEAD_HYPER]);
-    return saga_net_backward(NULL, &d->net[SAGA_NET_HYPER], &b->work, b->d_out,
-                             b->in, n, &j->s->net[SAGA_NET_HYPER]);
+    saga_net_backward(NULL, &d->net[SAGA_NET_HYPER], &b->work, b->d_out, b->in,
+                      n, &j->s->net[SAGA_NET_HYPER]);
 }
 
 static void parent_backward(const saga_rate_features *dx, const job *j,
@@ -472,25 +484,24 @@ static void memory_backward(real *d_read, const job *j, const real *d_in)
                d_in + i * j->dim, d * sizeof *d_read);
 }
 
-static int source_backward(saga_rate_context *c, saga_scene *d,
-                           const saga_rate_features *dx, const job *j,
-                           uint32_t source, const real *d_in)
+static void source_backward(saga_rate_context *c, saga_scene *d,
+                            const saga_rate_features *dx, const job *j,
+                            uint32_t source, const real *d_in)
 {
     if (source == SAGA_SOURCE_HYPER)
-        return hyper_backward(d, j, d_in);
-    if (source == SAGA_SOURCE_PARENT)
+        hyper_backward(d, j, d_in);
+    else if (source == SAGA_SOURCE_PARENT)
         parent_backward(dx, j, d_in);
     else if (source == SAGA_SOURCE_GROUPS)
         groups_backward(dx, j, d_in);
     else
         memory_backward(c->memory.kind[j->kind].d_read, j, d_in);
-    return 0;
 }
 
-int saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
-                               const saga_scene *s, int kind,
-                               saga_rate_list list,
-                               const saga_rate_features *dx)
+void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
+                                const saga_scene *s, int kind,
+                                saga_rate_list list,
+                                const saga_rate_features *dx)
 {
     const job j = job_of(c, s, kind, list);
     const uint32_t have = s->model.sources[kind];
@@ -499,19 +510,16 @@ int saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
     uint32_t source;
 
     parameters_backward(&j);
-    if (saga_net_backward(b->d_in, &d->net[j.net], &b->work, b->d_out, b->in,
-                          list.n, &s->net[j.net]))
-        return -1;
+    saga_net_backward(b->d_in, &d->net[j.net], &b->work, b->d_out, b->in,
+                      list.n, &s->net[j.net]);
     saga_rate_through(b->d_in, b->in, list.n * j.dim, s->model.q_in[j.net]);
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
         if (!(have & source))
             continue;
-        if ((c->keep[kind] & source) &&
-            source_backward(c, d, dx, &j, source, d_in))
-            return -1;
+        if (c->keep[kind] & source)
+            source_backward(c, d, dx, &j, source, d_in);
         d_in += saga_rate_columns(&s->model, source);
     }
-    return 0;
 }
 
 /* --- The memory ---------------------------------------------------------- */
@@ -541,14 +549,15 @@ static saga_rate_memory_input memory_input(const saga_rate_context *c,
     return in;
 }
 
-int saga_rate_context_begin(saga_rate_context *c, const saga_scene *s)
+void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s)
 {
-    return saga_rate_readers(c, s) ? saga_rate_memory_begin(&c->memory, s) : 0;
+    if (saga_rate_readers(c, s))
+        saga_rate_memory_begin(&c->memory, s);
 }
 
-int saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
-                           const saga_twin *w, int kind, size_t from,
-                           size_t to, const saga_rate_features *x)
+void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
+                            const saga_twin *w, int kind, size_t from,
+                            size_t to, const saga_rate_features *x)
 {
     const saga_rate_memory_input in = memory_input(c, s, kind, x);
     const uint32_t begin = in.runs->begin[from];
@@ -556,44 +565,42 @@ int saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
                                   in.runs->begin[to] - begin };
 
     if (!(saga_rate_readers(c, s) >> kind & 1u))
-        return 0;
+        return;
     if (kind == SAGA_KIND_PRIM)
         place_prims(&c->kind[kind], s, w, list);
-    return saga_rate_memory_read(&c->memory, &in, from, to);
+    saga_rate_memory_read(&c->memory, &in, from, to);
 }
 
-int saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
-                            int kind, size_t from, size_t to,
-                            const saga_rate_features *x)
+void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
+                             int kind, size_t from, size_t to,
+                             const saga_rate_features *x)
 {
     const saga_rate_memory_input in = memory_input(c, s, kind, x);
 
-    return kind == SAGA_KIND_PRIM || !(saga_rate_readers(c, s) >> kind)
-        ? 0 : saga_rate_memory_write(&c->memory, &in, from, to);
+    if (kind != SAGA_KIND_PRIM && saga_rate_readers(c, s) >> kind)
+        saga_rate_memory_write(&c->memory, &in, from, to);
 }
 
-int saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
-                               const saga_twin *w, const saga_rate_features *x)
+void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
+                                const saga_twin *w,
+                                const saga_rate_features *x)
 {
     int kind;
 
-    if (saga_rate_context_begin(c, s))
-        return -1;
+    saga_rate_context_begin(c, s);
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const size_t n = c->kind[kind].n_blocks * c->memory.width;
 
-        if (saga_rate_context_write(c, s, kind, 0, c->kind[kind].runs.n, x) ||
-            saga_rate_context_read(c, s, w, kind, 0, c->kind[kind].runs.n, x))
-            return -1;
+        saga_rate_context_write(c, s, kind, 0, c->kind[kind].runs.n, x);
+        saga_rate_context_read(c, s, w, kind, 0, c->kind[kind].runs.n, x);
         memset(c->memory.kind[kind].d_read, 0, n * sizeof(real));
     }
-    return 0;
 }
 
-int saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
-                                        const saga_scene *s,
-                                        const saga_rate_features *x,
-                                        const saga_rate_features *dx)
+void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
+                                         const saga_scene *s,
+                                         const saga_rate_features *x,
+                                         const saga_rate_features *dx)
 {
     const uint32_t readers = saga_rate_readers(c, s);
     int kind;
@@ -602,10 +609,9 @@ int saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
     for (kind = SAGA_N_KINDS - 1; kind >= 0; kind--) {
         const saga_rate_memory_input in = memory_input(c, s, kind, x);
 
-        if (readers >> kind &&
+        if (readers >> kind)
             saga_rate_memory_backward(&c->memory, d, dx, &in,
-                                      readers >> kind & 1u))
-            return -1;
+                                      readers >> kind & 1u);
     }
-    return saga_rate_memory_end(&c->memory, d, s);
+    saga_rate_memory_end(&c->memory, d, s);
 }

@@ -82,14 +82,16 @@ typedef struct saga_rate_list {
     SAGA_REAL_NAME(saga_rate_context_remember_backward)
 
 /* Memory for scenes of s's counts whose entropy networks have at most s's
- * inputs; all sources are kept. 0, or -1 without memory: then there is nothing
- * to free. */
-int saga_rate_context_init(saga_rate_context *c, const saga_scene *s);
+ * inputs, and all that is done with them but saga_rate_context_refresh; all
+ * sources are kept. False: nothing is to be freed. */
+bool saga_rate_context_init(saga_rate_context *c, const saga_scene *s,
+                            saga_error *error);
 void saga_rate_context_free(saga_rate_context *c);
 
 /* Cells' places and sizes, and neighbours, from the scene's structure and
- * positions. 0 or -1. */
-int saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s);
+ * positions. False: no memory. */
+bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
+                               saga_error *error);
 
 /* Of a kind's channel: which step it has (SAGA_STEP_*), and the Q of its
  * value and mu. */
@@ -120,19 +122,19 @@ size_t saga_rate_columns(const saga_model *m, uint32_t source);
 
 /* mu and log2_sigma of the listed blocks. Kinds with such sources only. w: its
  * fine_phase and log2_support say where and how large the primitives' anchors
- * are (NULL unless kind is SAGA_KIND_PRIM). 0, or -1 without memory. */
-int saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
-                              const saga_twin *w, int kind,
-                              saga_rate_list list,
-                              const saga_rate_features *x);
+ * are (NULL unless kind is SAGA_KIND_PRIM). */
+void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
+                               const saga_twin *w, int kind,
+                               saga_rate_list list,
+                               const saga_rate_features *x);
 
 /* Of the same forward pass, from the kind's d_mu and d_log2_sigma: adds to d's
  * networks and to dx, and sets the blocks' d_read where the kind reads the
- * memory. 0 or -1. */
-int saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
-                               const saga_scene *s, int kind,
-                               saga_rate_list list,
-                               const saga_rate_features *dx);
+ * memory. */
+void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
+                                const saga_scene *s, int kind,
+                                saga_rate_list list,
+                                const saga_rate_features *dx);
 
 /* --- The memory ---------------------------------------------------------- */
 
@@ -142,25 +144,25 @@ uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s);
 
 /* In the order of coding: begin; of each kind, run by run, what the blocks of
  * runs from .. to - 1 read, if the kind reads, and what they write once they
- * are decoded, if it writes. w as above, x: what is decoded. 0 or -1. */
-int saga_rate_context_begin(saga_rate_context *c, const saga_scene *s);
-int saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
-                           const saga_twin *w, int kind, size_t from,
-                           size_t to, const saga_rate_features *x);
-int saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
-                            int kind, size_t from, size_t to,
-                            const saga_rate_features *x);
+ * are decoded, if it writes. w as above, x: what is decoded. */
+void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s);
+void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
+                            const saga_twin *w, int kind, size_t from,
+                            size_t to, const saga_rate_features *x);
+void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
+                             int kind, size_t from, size_t to,
+                             const saga_rate_features *x);
 
 /* All of it at once, x standing for what will be decoded; all d_read become
  * 0. */
-int saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
-                               const saga_twin *w,
-                               const saga_rate_features *x);
+void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
+                                const saga_twin *w,
+                                const saga_rate_features *x);
 
-/* Of that, from d_read: adds to d's networks and to dx. 0 or -1. */
-int saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
-                                        const saga_scene *s,
-                                        const saga_rate_features *x,
-                                        const saga_rate_features *dx);
+/* Of that, from d_read: adds to d's networks and to dx. */
+void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
+                                         const saga_scene *s,
+                                         const saga_rate_features *x,
+                                         const saga_rate_features *dx);
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_loss.h"
 
+#include "alloc.h"
 #include "cost.h"
 #include "rate_bits.h"
 #include "rng.h"
@@ -30,31 +31,43 @@ size_t saga_rate_n_params(const saga_scene *s)
     return (size_t)(s->net[net].w[0] - s->params);
 }
 
-int saga_rate_init(saga_rate *r, const saga_scene *s)
+static const char purpose[] = "the rate of anchors";
+
+static real *reals(size_t n, saga_error *error)
+{
+    return saga_calloc(n, sizeof(real), purpose, error);
+}
+
+static bool alloc_all(saga_rate *r, const saga_scene *s, saga_error *error)
 {
     const size_t coarse = s->n.coarse, fine = s->n.fine;
     const size_t most = coarse > fine ? coarse : fine;
+
+    r->mu_feature = reals(coarse * s->model.features, error);
+    r->mu_offset = reals(4 * fine, error);
+    r->centre = reals(4 * coarse, error);
+    r->offset = reals(SAGA_RATE_OFFSETS * fine, error);
+    r->decoded = reals(SAGA_RATE_OFFSETS * fine, error);
+    r->params = reals(saga_rate_n_params(s), error);
+    r->row_bits = saga_calloc(SAGA_N_STEPS * most, sizeof *r->row_bits,
+                              purpose, error);
+    r->list = saga_calloc(most, sizeof *r->list, purpose, error);
+    return r->mu_feature && r->mu_offset && r->centre && r->offset &&
+           r->decoded && r->params && r->row_bits && r->list;
+}
+
+bool saga_rate_init(saga_rate *r, const saga_scene *s, saga_error *error)
+{
     int net;
 
     memset(r, 0, sizeof *r);
     for (net = 0; net < SAGA_N_NETS; net++)
         r->plan.step[net] = ldexp(1, -SAGA_RATE_FINEST);
-    r->mu_feature = calloc(coarse * s->model.features + 1,
-                           sizeof *r->mu_feature);
-    r->mu_offset = calloc(4 * fine + 1, sizeof *r->mu_offset);
-    r->centre = calloc(4 * coarse + 1, sizeof *r->centre);
-    r->offset = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->offset);
-    r->decoded = calloc(SAGA_RATE_OFFSETS * fine + 1, sizeof *r->decoded);
-    r->params = calloc(saga_rate_n_params(s) + 1, sizeof *r->params);
-    r->row_bits = calloc(SAGA_N_STEPS * most + 1, sizeof *r->row_bits);
-    r->list = calloc(most + 1, sizeof *r->list);
-    if (saga_rate_context_init(&r->context, s) || !r->mu_feature ||
-        !r->mu_offset || !r->centre || !r->offset || !r->decoded ||
-        !r->params || !r->row_bits || !r->list) {
-        saga_rate_free(r);
-        return -1;
-    }
-    return 0;
+    if (saga_rate_context_init(&r->context, s, error) &&
+        alloc_all(r, s, error))
+        return true;
+    saga_rate_free(r);
+    return false;
 }
 
 void saga_rate_free(saga_rate *r)
@@ -92,7 +105,7 @@ static void cell_offset(double o[4], const saga_coarse *c, const real *x)
         o[k] = saga_clamp_offset(o[k]);
 }
 
-int saga_rate_refresh(saga_rate *r, const saga_scene *s)
+bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
 {
     const saga_rate_input anchors = { s, NULL, NULL };
     const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
@@ -114,10 +127,10 @@ int saga_rate_refresh(saga_rate *r, const saga_scene *s)
             to[k] = R(o[k] - saga_suffix_centre(suffix, bits, k));
         to[4] = R(s->fine[i].n_prim) / 16;
     }
-    if (saga_rate_context_refresh(&r->context, s))
-        return -1;
+    if (!saga_rate_context_refresh(&r->context, s, error))
+        return false;
     saga_rate_measure(r, &anchors, SAGA_KIND_FINE);
-    return 0;
+    return true;
 }
 
 /* In reals of the value. */
@@ -421,8 +434,8 @@ static saga_rate_features features_of(const saga_rate_input *x, real *offset)
 }
 
 /* mu and log2 sigma of the listed blocks, by networks or constants. */
-static int predict(saga_rate *r, const saga_rate_input *x, int kind,
-                   saga_rate_list list, real *offset)
+static void predict(saga_rate *r, const saga_rate_input *x, int kind,
+                    saga_rate_list list, real *offset)
 {
     const saga_scene *const s = x->scene;
     const saga_rate_features features = features_of(x, offset);
@@ -430,16 +443,17 @@ static int predict(saga_rate *r, const saga_rate_input *x, int kind,
     saga_rate_kind *const k = &r->context.kind[kind];
     size_t i;
 
-    if (saga_rate_sources(&r->context, s, kind))
-        return saga_rate_context_forward(&r->context, s, x->twin, kind, list,
-                                         &features);
+    if (saga_rate_sources(&r->context, s, kind)) {
+        saga_rate_context_forward(&r->context, s, x->twin, kind, list,
+                                  &features);
+        return;
+    }
     for (i = 0; i < list.n; i++) {
         memcpy(k->mu + i * channels, r->constants.mean[kind],
                channels * sizeof *k->mu);
         memcpy(k->log2_sigma + i * channels, r->constants.log2_sigma[kind],
                channels * sizeof *k->log2_sigma);
     }
-    return 0;
 }
 
 /* --- A step of training -------------------------------------------------- */
@@ -535,7 +549,7 @@ static saga_rate_list every_one(saga_rate *r, int kind, uint32_t first,
     return list;
 }
 
-static int step_kind(double bits[SAGA_N_STEPS], const job *j)
+static void step_kind(double bits[SAGA_N_STEPS], const job *j)
 {
     saga_rate *const r = j->r;
     const saga_scene *const s = j->x->scene;
@@ -551,8 +565,7 @@ static int step_kind(double bits[SAGA_N_STEPS], const job *j)
     if (!saga_rate_sources(&r->context, s, j->kind) &&
         j->kind != SAGA_KIND_FINE)
         saga_rate_measure(r, j->x, j->kind);
-    if (predict(r, j->x, j->kind, list, r->offset))
-        return -1;
+    predict(r, j->x, j->kind, list, r->offset);
 #pragma omp parallel for schedule(static)
     for (i = 0; i < (ptrdiff_t)list.n; i++)
         add_block(j, (size_t)i, list.block[i]);
@@ -562,13 +575,12 @@ static int step_kind(double bits[SAGA_N_STEPS], const job *j)
         remember_mu(r, &s->model, j->kind, list.block[i],
                     k->mu + (size_t)i * saga_n_channels(&s->model, j->kind));
     }
-    return saga_rate_sources(&r->context, s, j->kind)
-        ? saga_rate_context_backward(&r->context, j->d, s, j->kind, list, &dx)
-        : 0;
+    if (saga_rate_sources(&r->context, s, j->kind))
+        saga_rate_context_backward(&r->context, j->d, s, j->kind, list, &dx);
 }
 
-int saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
-                   const saga_rate_input *x, const saga_rate_options *o)
+void saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
+                    const saga_rate_input *x, const saga_rate_options *o)
 {
     const saga_scene rounded = saga_rate_rounded(r, x->scene);
     const saga_rate_input y = { &rounded, x->twin, x->feature };
@@ -580,17 +592,15 @@ int saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
     job j = { r, d, &y, o, 0, { 0 } };
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
-    if (remember && saga_rate_context_remember(&r->context, &rounded, y.twin,
-                                               &features))
-        return -1;
+    if (remember)
+        saga_rate_context_remember(&r->context, &rounded, y.twin, &features);
     for (; j.kind < SAGA_N_KINDS; j.kind++) {
         j.noise = saga_rng_stream(o->seed, (uint64_t)j.kind);
-        if (step_kind(bits, &j))
-            return -1;
+        step_kind(bits, &j);
     }
-    return remember ? saga_rate_context_remember_backward(
-                          &r->context, d, &rounded, &features, &dx)
-                    : 0;
+    if (remember)
+        saga_rate_context_remember_backward(&r->context, d, &rounded,
+                                            &features, &dx);
 }
 
 static double nearest(double x, double mu, double step)
@@ -658,16 +668,15 @@ static void keep_decoded(saga_rate *r, const saga_rate_input *x, int kind,
         r->decoded[SAGA_RATE_OFFSETS * block + i] = R(y[i]);
 }
 
-static int code_list(double bits[SAGA_N_STEPS], saga_rate *r,
-                     const saga_rate_input *x, int kind, saga_rate_list list)
+static void code_list(double bits[SAGA_N_STEPS], saga_rate *r,
+                      const saga_rate_input *x, int kind, saga_rate_list list)
 {
     const saga_model *const m = &x->scene->model;
     const size_t channels = saga_n_channels(m, kind);
     const saga_rate_kind *const k = &r->context.kind[kind];
     size_t i, c;
 
-    if (predict(r, x, kind, list, r->decoded))
-        return -1;
+    predict(r, x, kind, list, r->decoded);
     for (i = 0; i < list.n; i++) {
         double y[MOST_VALUES];
         const size_t rows = read_block(y, r, x, kind, list.block[i]);
@@ -680,7 +689,6 @@ static int code_list(double bits[SAGA_N_STEPS], saga_rate *r,
         }
         keep_decoded(r, x, kind, list.block[i], y);
     }
-    return 0;
 }
 
 /* Counts are known before offsets. */
@@ -690,39 +698,36 @@ static void begin_offsets(saga_rate *r, const saga_scene *s)
            SAGA_RATE_OFFSETS * (size_t)s->n.fine * sizeof *r->decoded);
 }
 
-int saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
-                   const saga_rate_input *x, int kind)
+void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
+                    const saga_rate_input *x, int kind)
 {
     const saga_rate_runs *const runs = &r->context.kind[kind].runs;
     const saga_rate_features features = features_of(x, r->decoded);
     saga_rate_context *const c = &r->context;
     size_t i;
 
-    if (kind == SAGA_KIND_COARSE && saga_rate_context_begin(c, x->scene))
-        return -1;
+    if (kind == SAGA_KIND_COARSE)
+        saga_rate_context_begin(c, x->scene);
     if (kind == SAGA_KIND_FINE)
         begin_offsets(r, x->scene);
     for (i = 0; i < runs->n; i++) {
         const saga_rate_list list = { runs->block + runs->begin[i],
                                       runs->begin[i + 1] - runs->begin[i] };
 
-        if (saga_rate_context_read(c, x->scene, x->twin, kind, i, i + 1,
-                                   &features) ||
-            code_list(bits, r, x, kind, list) ||
-            saga_rate_context_write(c, x->scene, kind, i, i + 1, &features))
-            return -1;
+        saga_rate_context_read(c, x->scene, x->twin, kind, i, i + 1,
+                               &features);
+        code_list(bits, r, x, kind, list);
+        saga_rate_context_write(c, x->scene, kind, i, i + 1, &features);
     }
-    return 0;
 }
 
-int saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
+void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
 {
     const size_t n = r->context.kind[kind].runs.n;
     const saga_rate_features features = features_of(x, r->decoded);
 
-    return saga_rate_context_write(&r->context, x->scene, kind, 0, n,
-                                   &features) ||
-           saga_rate_context_read(&r->context, x->scene, x->twin, kind, 0, n,
-                                  &features)
-        ? -1 : predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);
+    saga_rate_context_write(&r->context, x->scene, kind, 0, n, &features);
+    saga_rate_context_read(&r->context, x->scene, x->twin, kind, 0, n,
+                           &features);
+    predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);
 }

@@ -15,8 +15,6 @@
 
 #include "rate_context.h"
 
-#include <stdbool.h>
-
 /* Per kind and channel: mean in reals, log2 of the deviation in steps that is
  * cheapest. */
 typedef struct saga_rate_constants {
@@ -127,8 +125,9 @@ static inline void saga_rate_look(saga_rate_options *o, int turn,
  * model's. */
 size_t saga_rate_n_params(const saga_scene *s);
 
-/* Memory for scenes as saga_rate_context_init takes them. 0 or -1. */
-int saga_rate_init(saga_rate *r, const saga_scene *s);
+/* Memory for scenes as saga_rate_context_init takes them, and all that is done
+ * here with them but saga_rate_refresh. False: nothing is to be freed. */
+bool saga_rate_init(saga_rate *r, const saga_scene *s, saga_error *error);
 void saga_rate_free(saga_rate *r);
 
 /* Before anything is decided: the ablation in which weights are not coded. */
@@ -138,8 +137,8 @@ void saga_rate_keep_raw(saga_rate *r);
 void saga_rate_snap(saga_scene *s);
 
 /* Anchors' places, values and neighbours, and the constants of fine offsets,
- * from the scene. Once, and whenever an anchor moved. 0 or -1. */
-int saga_rate_refresh(saga_rate *r, const saga_scene *s);
+ * from the scene. Once, and whenever an anchor moved. False: no memory. */
+bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error);
 
 /* The constants of a kind, from all its values without noise. Of x, fine
  * offsets take the scene alone. */
@@ -169,19 +168,19 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s);
  * times their gradient to d (coarse features, primitives' positions, networks,
  * the latter straight through the rounding) and to the twin's d_fine_feature,
  * which saga_twin_backward then takes. No gradient flows to anchors' positions,
- * nor to supports. 0, or -1 without memory. */
-int saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
-                   const saga_rate_input *x, const saga_rate_options *o);
+ * nor to supports. */
+void saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
+                    const saga_rate_input *x, const saga_rate_options *o);
 
 /* Adds code lengths of all values of a kind, quantised in the order of coding
  * as the closed loop will: parameters from what is decoded, rounded to the
  * integers', symbols' costs those of cost.h. Of coarse anchors, x->feature
- * becomes what is decoded. Kinds in their order. 0, or -1 without memory. */
-int saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
-                   const saga_rate_input *x, int kind);
+ * becomes what is decoded. Kinds in their order. */
+void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
+                    const saga_rate_input *x, int kind);
 
 /* The parameters of all blocks of a kind at once, from what saga_rate_code
- * left: for the ranges in the kind's batches and the memory's. 0 or -1. */
-int saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind);
+ * left: for the ranges in the kind's batches and the memory's. */
+void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind);
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_memory.h"
 
+#include "alloc.h"
 #include "arena.h"
 #include "rate_bank.h"
 #include "threads.h"
@@ -12,6 +13,8 @@
 enum { FEW_BLOCKS = 256 };
 
 /* --- Memory -------------------------------------------------------------- */
+
+static const char purpose[] = "the memory bank";
 
 static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
 {
@@ -41,28 +44,62 @@ static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
     m->d_last = saga_arena_take(a, state);
 }
 
-int saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s)
+/* What the networks' passes need. */
+static bool reserve(saga_rate_memory *m, const saga_scene *s,
+                    saga_error *error)
+{
+    const saga_net *const net = s->net;
+    int kind;
+
+    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
+        saga_rate_memory_kind *const k = &m->kind[kind];
+        const size_t blocks = saga_rate_n_blocks(s, kind);
+        const size_t runs = saga_rate_runs_most(s, kind);
+
+        if (!saga_net_reserve(&k->query.work, &net[SAGA_NET_QUERY], blocks,
+                              error))
+            return false;
+        if (kind == SAGA_KIND_PRIM)
+            continue;
+        if (!saga_net_reserve(&k->token.work, &net[SAGA_NET_AGG], blocks,
+                              error) ||
+            !saga_net_reserve(&k->base.work, &net[SAGA_NET_WRITE_BASE], runs,
+                              error) ||
+            !saga_net_reserve(&k->write.work, &net[SAGA_NET_WRITE],
+                              runs * m->n_slots, error))
+            return false;
+    }
+    m->n_threads = saga_n_threads();
+    m->scratch = saga_alloc(m->n_threads *
+                            saga_rate_bank_scratch(m->n_slots, m->width),
+                            sizeof *m->scratch, purpose, error);
+    return m->scratch && saga_net_reserve(
+        &m->slot.work, &net[SAGA_NET_SLOT], m->n_slots, error);
+}
+
+bool saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s,
+                           saga_error *error)
 {
     saga_arena a = { NULL, 0 };
     size_t p;
 
     memset(m, 0, sizeof *m);
     if (!(s->model.tools & SAGA_TOOL_MEMORY))
-        return 0;
+        return true;
     m->n_slots = s->model.memory_slots;
     m->width = s->model.memory_width;
     lay_out(m, &a, s);
-    m->block = saga_arena_alloc(&a);
-    if (!m->block)
-        return -1;
-    lay_out(m, &a, s);
-    if (saga_rate_bank_start(m->state, m->n_slots, m->width)) {
+    m->block = saga_arena_alloc(&a, purpose, error);
+    if (m->block)
+        lay_out(m, &a, s);
+    if (!m->block || !reserve(m, s, error) ||
+        !saga_rate_bank_start(m->state, m->n_slots, m->width, error)) {
         saga_rate_memory_free(m);
-        return -1;
+        return false;
     }
     for (p = 0; p < m->n_slots; p++)
         m->slot.in[p * m->n_slots + p] = 1;
-    return 0;
+    return true;
 }
 
 void saga_rate_memory_free(saga_rate_memory *m)
@@ -134,8 +171,8 @@ static void fill_row(real *row, const saga_rate_memory_input *in, int net,
 }
 
 /* QUERY or AGG on the blocks of order first .. end - 1. */
-static int run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
-                      int net, size_t first, size_t end)
+static void run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
+                       int net, size_t first, size_t end)
 {
     const saga_net *const f = &in->s->net[net];
     const size_t n_in = (size_t)f->dim[0];
@@ -145,18 +182,16 @@ static int run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
 #pragma omp parallel for schedule(static) if (end - first > FEW_BLOCKS)
     for (i = (ptrdiff_t)first; i < (ptrdiff_t)end; i++)
         fill_row(b->in + (size_t)i * n_in, in, net, in->runs->block[i]);
-    if (saga_net_forward(b->out + first * n_out, &b->work,
-                         b->in + first * n_in, end - first, f))
-        return -1;
+    saga_net_forward(b->out + first * n_out, &b->work, b->in + first * n_in,
+                     end - first, f);
     saga_rate_clamp(b->out + first * n_out, (end - first) * n_out,
                     net == SAGA_NET_AGG ? SAGA_SLOT_Q : SAGA_QUERY_Q);
-    return 0;
 }
 
 /* Of all blocks, from b->d_out. */
-static int blocks_backward(saga_scene *d, const saga_rate_features *dx,
-                           saga_twin_batch *b, const saga_rate_memory_input *in,
-                           int net)
+static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
+                            saga_twin_batch *b,
+                            const saga_rate_memory_input *in, int net)
 {
     const saga_net *const f = &in->s->net[net];
     const size_t n = saga_rate_n_blocks(in->s, in->kind);
@@ -167,9 +202,7 @@ static int blocks_backward(saga_scene *d, const saga_rate_features *dx,
 
     saga_rate_through(b->d_out, b->out, n * n_out,
                       net == SAGA_NET_AGG ? SAGA_SLOT_Q : SAGA_QUERY_Q);
-    if (saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in, n,
-                          f))
-        return -1;
+    saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in, n, f);
     saga_rate_through(b->d_in, b->in, n * n_in, in->s->model.q_in[net]);
     for (i = 0; i < n; i++) {
         real *const to = values_of(in, dx, in->runs->block[i],
@@ -178,22 +211,16 @@ static int blocks_backward(saga_scene *d, const saga_rate_features *dx,
         for (k = 0; to && k < have; k++)
             to[k] += b->d_in[i * n_in + side + k];
     }
-    return 0;
 }
 
 /* --- Reads --------------------------------------------------------------- */
 
-static int alloc_scratch(saga_rate_memory *m)
+/* That there is scratch for. */
+static int n_threads(const saga_rate_memory *m)
 {
-    const size_t n = saga_n_threads() *
-                     saga_rate_bank_scratch(m->n_slots, m->width);
+    const size_t now = saga_n_threads();
 
-    if (n <= m->n_scratch)
-        return 0;
-    free(m->scratch);
-    m->scratch = malloc(n * sizeof *m->scratch);
-    m->n_scratch = m->scratch ? n : 0;
-    return m->scratch ? 0 : -1;
+    return (int)(now < m->n_threads ? now : m->n_threads);
 }
 
 /* What a run reads; primitives all read the last state. */
@@ -220,20 +247,18 @@ static void read_run(saga_rate_memory *m, const saga_rate_memory_input *in,
                         in->runs->begin[run + 1] - begin);
 }
 
-int saga_rate_memory_read(saga_rate_memory *m,
-                          const saga_rate_memory_input *in, size_t from,
-                          size_t to)
+void saga_rate_memory_read(saga_rate_memory *m,
+                           const saga_rate_memory_input *in, size_t from,
+                           size_t to)
 {
     ptrdiff_t run;
 
-    if (alloc_scratch(m) ||
-        run_blocks(&m->kind[in->kind].query, in, SAGA_NET_QUERY,
-                   in->runs->begin[from], in->runs->begin[to]))
-        return -1;
-#pragma omp parallel for schedule(dynamic, 1) if (to - from > 1)
+    run_blocks(&m->kind[in->kind].query, in, SAGA_NET_QUERY,
+               in->runs->begin[from], in->runs->begin[to]);
+#pragma omp parallel for schedule(dynamic, 1) if (to - from > 1) \
+    num_threads(n_threads(m))
     for (run = (ptrdiff_t)from; run < (ptrdiff_t)to; run++)
         read_run(m, in, (size_t)run);
-    return 0;
 }
 
 /* Sets the run's d_state and its queries' gradients. */
@@ -311,8 +336,8 @@ static void clamp_writes(real *write, size_t n, size_t width)
     }
 }
 
-static int run_write(saga_rate_memory *m, const saga_rate_memory_input *in,
-                     size_t from, size_t to)
+static void run_write(saga_rate_memory *m, const saga_rate_memory_input *in,
+                      size_t from, size_t to)
 {
     const saga_net *const base = &in->s->net[SAGA_NET_WRITE_BASE];
     const saga_net *const write = &in->s->net[SAGA_NET_WRITE];
@@ -323,43 +348,37 @@ static int run_write(saga_rate_memory *m, const saga_rate_memory_input *in,
     take_means(k, in, d, from, to);
     saga_rate_clamp(k->base.in + from * d, (to - from) * d,
                     in->s->model.q_in[SAGA_NET_WRITE_BASE]);
-    if (saga_net_forward(k->base.out + from * hidden, &k->base.work,
-                         k->base.in + from * d, to - from, base))
-        return -1;
+    saga_net_forward(k->base.out + from * hidden, &k->base.work,
+                     k->base.in + from * d, to - from, base);
     saga_rate_clamp(k->base.out + from * hidden, (to - from) * hidden,
                     in->s->model.q_in[SAGA_NET_WRITE]);
     add_own(m, k, in->s, from, to);
-    if (saga_net_forward(k->write.out + row * (d + 1), &k->write.work,
-                         k->write.in + row * hidden, rows, write))
-        return -1;
+    saga_net_forward(k->write.out + row * (d + 1), &k->write.work,
+                     k->write.in + row * hidden, rows, write);
     clamp_writes(k->write.out + row * (d + 1), rows, d);
-    return 0;
 }
 
-int saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s)
+void saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s)
 {
     const saga_net *const net = &s->net[SAGA_NET_SLOT];
 
-    if (saga_net_forward(m->slot.out, &m->slot.work, m->slot.in, m->n_slots,
-                         net))
-        return -1;
+    saga_net_forward(m->slot.out, &m->slot.work, m->slot.in, m->n_slots, net);
     saga_rate_clamp(m->slot.out, m->n_slots * (size_t)net->dim[net->n_layers],
                     s->model.q_in[SAGA_NET_WRITE]);
-    return 0;
 }
 
-int saga_rate_memory_write(saga_rate_memory *m,
-                           const saga_rate_memory_input *in, size_t from,
-                           size_t to)
+void saga_rate_memory_write(saga_rate_memory *m,
+                            const saga_rate_memory_input *in, size_t from,
+                            size_t to)
 {
     saga_rate_memory_kind *const k = &m->kind[in->kind];
     const size_t slots = m->n_slots, d = m->width;
     const int plain = is_plain(in->s);
     ptrdiff_t p;
 
-    if (run_blocks(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
-                   in->runs->begin[to]) || run_write(m, in, from, to))
-        return -1;
+    run_blocks(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
+               in->runs->begin[to]);
+    run_write(m, in, from, to);
 #pragma omp parallel for schedule(static) if (to - from > 1)
     for (p = 0; p < (ptrdiff_t)slots; p++) {
         size_t run;
@@ -373,7 +392,6 @@ int saga_rate_memory_write(saga_rate_memory *m,
                                   plain);
         }
     }
-    return 0;
 }
 
 /* --- Backward of the writes ---------------------------------------------- */
@@ -467,9 +485,9 @@ static void means_backward(saga_rate_memory_kind *k,
     }
 }
 
-static int write_backward(saga_rate_memory *m, saga_scene *d,
-                          const saga_rate_features *dx,
-                          const saga_rate_memory_input *in, int reads)
+static void write_backward(saga_rate_memory *m, saga_scene *d,
+                           const saga_rate_features *dx,
+                           const saga_rate_memory_input *in, int reads)
 {
     const saga_net *const net = in->s->net;
     saga_rate_memory_kind *const k = &m->kind[in->kind];
@@ -480,17 +498,14 @@ static int write_backward(saga_rate_memory *m, saga_scene *d,
     for (p = 0; p < (ptrdiff_t)m->n_slots; p++)
         slot_backward(m, in, (size_t)p, reads);
     writes_through(&k->write, rows, m->width);
-    if (saga_net_backward(k->write.d_in, &d->net[SAGA_NET_WRITE],
-                          &k->write.work, k->write.d_out, k->write.in, rows,
-                          &net[SAGA_NET_WRITE]))
-        return -1;
+    saga_net_backward(k->write.d_in, &d->net[SAGA_NET_WRITE], &k->write.work,
+                      k->write.d_out, k->write.in, rows, &net[SAGA_NET_WRITE]);
     add_own_backward(m, k, in->s, in->runs->n);
-    if (saga_net_backward(k->base.d_in, &d->net[SAGA_NET_WRITE_BASE],
-                          &k->base.work, k->base.d_out, k->base.in,
-                          in->runs->n, &net[SAGA_NET_WRITE_BASE]))
-        return -1;
+    saga_net_backward(k->base.d_in, &d->net[SAGA_NET_WRITE_BASE],
+                      &k->base.work, k->base.d_out, k->base.in, in->runs->n,
+                      &net[SAGA_NET_WRITE_BASE]);
     means_backward(k, in, m->width);
-    return blocks_backward(d, dx, &k->token, in, SAGA_NET_AGG);
+    blocks_backward(d, dx, &k->token, in, SAGA_NET_AGG);
 }
 
 /* Primitives: what they all read from the last state. */
@@ -506,41 +521,38 @@ static void add_last(saga_rate_memory *m, size_t n_runs)
 }
 
 /* What was read: queries, and the states they were answered from. */
-static int read_backward(saga_rate_memory *m, saga_scene *d,
-                         const saga_rate_features *dx,
-                         const saga_rate_memory_input *in)
+static void read_backward(saga_rate_memory *m, saga_scene *d,
+                          const saga_rate_features *dx,
+                          const saga_rate_memory_input *in)
 {
     ptrdiff_t run;
 
-    if (alloc_scratch(m))
-        return -1;
-#pragma omp parallel for schedule(dynamic, 1)
+#pragma omp parallel for schedule(dynamic, 1) num_threads(n_threads(m))
     for (run = 0; run < (ptrdiff_t)in->runs->n; run++)
         read_run_backward(m, in, (size_t)run);
     if (in->kind == SAGA_KIND_PRIM)
         add_last(m, in->runs->n);
-    return blocks_backward(d, dx, &m->kind[in->kind].query, in,
-                           SAGA_NET_QUERY);
+    blocks_backward(d, dx, &m->kind[in->kind].query, in, SAGA_NET_QUERY);
 }
 
-int saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
-                              const saga_rate_features *dx,
-                              const saga_rate_memory_input *in, int reads)
+void saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
+                               const saga_rate_features *dx,
+                               const saga_rate_memory_input *in, int reads)
 {
-    if (reads && read_backward(m, d, dx, in))
-        return -1;
-    return in->kind == SAGA_KIND_PRIM ? 0
-         : write_backward(m, d, dx, in, reads);
+    if (reads)
+        read_backward(m, d, dx, in);
+    if (in->kind != SAGA_KIND_PRIM)
+        write_backward(m, d, dx, in, reads);
 }
 
-int saga_rate_memory_end(saga_rate_memory *m, saga_scene *d,
-                         const saga_scene *s)
+void saga_rate_memory_end(saga_rate_memory *m, saga_scene *d,
+                          const saga_scene *s)
 {
     const saga_net *const net = &s->net[SAGA_NET_SLOT];
 
     saga_rate_through(m->slot.d_out, m->slot.out, m->n_slots *
                       (size_t)net->dim[net->n_layers],
                       s->model.q_in[SAGA_NET_WRITE]);
-    return saga_net_backward(NULL, &d->net[SAGA_NET_SLOT], &m->slot.work,
-                             m->slot.d_out, m->slot.in, m->n_slots, net);
+    saga_net_backward(NULL, &d->net[SAGA_NET_SLOT], &m->slot.work,
+                      m->slot.d_out, m->slot.in, m->n_slots, net);
 }

@@ -48,7 +48,7 @@ typedef struct saga_rate_memory {
     real *d_last;                /* (L, D) */
     real *block;                 /* memory of all of these */
     real *scratch;               /* of each thread */
-    size_t n_scratch;            /* reals it has */
+    size_t n_threads;            /* that have some */
 } saga_rate_memory;
 
 /* What a kind's blocks are. */
@@ -71,32 +71,33 @@ typedef struct saga_rate_memory_input {
 #define saga_rate_memory_end SAGA_REAL_NAME(saga_rate_memory_end)
 
 /* Memory for scenes of s's counts and model, and the start state; nothing if
- * the model has none. 0, or -1: then there is nothing to free. */
-int saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s);
+ * the model has none. False: nothing is to be freed. */
+bool saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s,
+                           saga_error *error);
 void saga_rate_memory_free(saga_rate_memory *m);
 
-/* Before the first run: the slots' own vectors. 0 or -1, like all of these. */
-int saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s);
+/* Before the first run: the slots' own vectors. */
+void saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s);
 
 /* Runs from .. to - 1 of a level write, the state before the first being
  * there. */
-int saga_rate_memory_write(saga_rate_memory *m,
-                           const saga_rate_memory_input *in, size_t from,
-                           size_t to);
+void saga_rate_memory_write(saga_rate_memory *m,
+                            const saga_rate_memory_input *in, size_t from,
+                            size_t to);
 
 /* What the blocks of runs from .. to - 1 read; their states are there. */
-int saga_rate_memory_read(saga_rate_memory *m,
-                          const saga_rate_memory_input *in, size_t from,
-                          size_t to);
+void saga_rate_memory_read(saga_rate_memory *m,
+                           const saga_rate_memory_input *in, size_t from,
+                           size_t to);
 
 /* The backward pass of a kind that read (reads: d_read of all its blocks is
  * set), and if a level wrote, all its runs at once. Clear first; kinds in
  * reverse; end last. Adds to d's networks and to dx. */
 void saga_rate_memory_clear(saga_rate_memory *m, const saga_scene *s);
-int saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
-                              const saga_rate_features *dx,
-                              const saga_rate_memory_input *in, int reads);
-int saga_rate_memory_end(saga_rate_memory *m, saga_scene *d,
-                         const saga_scene *s);
+void saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
+                               const saga_rate_features *dx,
+                               const saga_rate_memory_input *in, int reads);
+void saga_rate_memory_end(saga_rate_memory *m, saga_scene *d,
+                          const saga_scene *s);
 
 #endif

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "rate_runs.h"
 
+#include "alloc.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -34,13 +36,18 @@ size_t saga_rate_runs_most(const saga_scene *s, int kind)
            saga_rate_n_blocks(s, kind) / most_blocks(s, kind);
 }
 
-int saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind)
+bool saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind,
+                          saga_error *error)
 {
+    static const char purpose[] = "the order of coding";
+    const size_t n = saga_rate_n_blocks(s, kind);
+
     r->n = 0;
-    r->block = calloc(saga_rate_n_blocks(s, kind) + 1, sizeof *r->block);
-    r->place = calloc(saga_rate_n_blocks(s, kind) + 1, sizeof *r->place);
-    r->begin = calloc(saga_rate_runs_most(s, kind) + 1, sizeof *r->begin);
-    return r->block && r->place && r->begin ? 0 : -1;
+    r->block = saga_calloc(n, sizeof *r->block, purpose, error);
+    r->place = saga_calloc(n, sizeof *r->place, purpose, error);
+    r->begin = saga_calloc(saga_rate_runs_most(s, kind) + 1, sizeof *r->begin,
+                           purpose, error);
+    return r->block && r->place && r->begin;
 }
 
 void saga_rate_runs_free(saga_rate_runs *r)

@@ -32,8 +32,9 @@ static inline size_t saga_rate_n_blocks(const saga_scene *s, int kind)
 /* Most runs that scenes of s's counts and model have of a kind. */
 size_t saga_rate_runs_most(const saga_scene *s, int kind);
 
-/* 0, or -1 without memory: then, too, saga_rate_runs_free. */
-int saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind);
+/* Memory for those. Also after a failure: saga_rate_runs_free. */
+bool saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind,
+                          saga_error *error);
 void saga_rate_runs_free(saga_rate_runs *r);
 
 /* From the groups of s's anchors. */

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "weight_round.h"
 
+#include "alloc.h"
+
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -128,19 +130,21 @@ static void round_row(real *weight, real *bias, double *row, const work *w,
     }
 }
 
-int saga_weight_round(real *weight, real *bias,
-                      const saga_weight_round_input *in)
+bool saga_weight_round(real *weight, real *bias,
+                       const saga_weight_round_input *in, saga_error *error)
 {
+    static const char purpose[] = "rounding weights";
     const size_t n = in->n_in + 1;
     work w = { .n = n };
-    double *const block = calloc(3 * n * n + n, sizeof *block);
+    double *const block = saga_calloc(3 * n * n + n, sizeof *block, purpose,
+                                      error);
     size_t r;
 
-    w.order = calloc(n, sizeof *w.order);
+    w.order = saga_calloc(n, sizeof *w.order, purpose, error);
     if (!block || !w.order) {
         free(block);
         free(w.order);
-        return -1;
+        return false;
     }
     w.h = block + n;
     w.factor = w.h + n * n;
@@ -154,5 +158,5 @@ int saga_weight_round(real *weight, real *bias,
         round_row(weight + r * in->n_in, bias + r, block, &w, in);
     free(block);
     free(w.order);
-    return 0;
+    return true;
 }

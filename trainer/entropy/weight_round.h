@@ -12,6 +12,7 @@
 #ifndef SAGA_WEIGHT_ROUND_H
 #define SAGA_WEIGHT_ROUND_H
 
+#include "error.h"
 #include "real.h"
 
 #include <stddef.h>
@@ -27,8 +28,8 @@ typedef struct saga_weight_round_input {
 } saga_weight_round_input;
 
 /* Rounds weight (n_out, n_in) and bias (n_out) to multiples of their steps.
- * Returns 0, or -1 without memory: nothing was changed then. */
-int saga_weight_round(real *weight, real *bias,
-                      const saga_weight_round_input *in);
+ * False: no memory, and nothing was changed. */
+bool saga_weight_round(real *weight, real *bias,
+                       const saga_weight_round_input *in, saga_error *error);
 
 #endif

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "net.h"
 
+#include "alloc.h"
 #include "dense.h"
 #include "rng.h"
 #include "threads.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,9 +16,6 @@ enum {
     MAX_BLOCKS = 32,     /* sums of gradients kept apart */
     MIN_BLOCK = 512      /* points */
 };
-
-/* Slots of work->cap after those of hidden. */
-enum { CAP_PACKED = SAGA_NET_LAYERS, CAP_CHUNK, CAP_PARTIAL };
 
 static size_t dim(const saga_net *net, int l)
 {
@@ -66,28 +65,6 @@ void saga_net_init(saga_net *net, unsigned long long seed)
     }
 }
 
-void saga_net_free(saga_net_work *work)
-{
-    int l;
-
-    for (l = 0; l < SAGA_NET_LAYERS; l++)
-        free(work->hidden[l]);
-    free(work->packed);
-    free(work->chunk);
-    free(work->partial);
-    memset(work, 0, sizeof *work);
-}
-
-static int grow(real **p, size_t *cap, size_t n)
-{
-    if (n <= *cap)
-        return 0;
-    free(*p);
-    *p = aligned_alloc(64, (n * sizeof **p + 63) / 64 * 64);
-    *cap = *p ? n : 0;
-    return *p ? 0 : -1;
-}
-
 /* --- Weights as the products want them ----------------------------------- */
 
 /* Of one layer, in work->packed: transposed (dim[l], pad(l + 1)), bias
@@ -131,18 +108,23 @@ static void pack_layer(real *at, const saga_net *net, int l)
         }
 }
 
-static int pack(saga_net_work *work, const saga_net *net)
+static size_t packed_size(const saga_net *net)
 {
     size_t n = 0;
     int l;
 
     for (l = 0; l < net->n_layers; l++)
         n += layer_size(net, l);
-    if (grow(&work->packed, &work->cap[CAP_PACKED], n))
-        return -1;
-    for (l = 0, n = 0; l < net->n_layers; n += layer_size(net, l), l++)
-        pack_layer(work->packed + n, net, l);
-    return 0;
+    return n;
+}
+
+static void pack(saga_net_work *work, const saga_net *net)
+{
+    real *at = work->packed;
+    int l;
+
+    for (l = 0; l < net->n_layers; at += layer_size(net, l), l++)
+        pack_layer(at, net, l);
 }
 
 /* --- Blocks and chunks --------------------------------------------------- */
@@ -155,6 +137,19 @@ static size_t widest(const saga_net *net)
     for (l = 0; l <= net->n_layers; l++)
         top = pad(net, l) > top ? pad(net, l) : top;
     return top;
+}
+
+/* Reals of a thread: room for three chunks of the widest layer. */
+static size_t scratch_size(const saga_net *net)
+{
+    return 3 * CHUNK * widest(net);
+}
+
+static int n_threads(const saga_net_work *work)
+{
+    const size_t now = saga_n_threads();
+
+    return (int)(now < work->n_threads ? now : work->n_threads);
 }
 
 /* Points of a block: a multiple of CHUNK that depends on m alone. */
@@ -192,10 +187,10 @@ typedef struct {
     size_t m;                    /* points */
 } pass;
 
-/* Of this thread: room for three chunks of the widest layer. */
+/* Of this thread. */
 static real *scratch_of(const pass *p)
 {
-    return p->work->chunk + 3 * CHUNK * widest(p->net) * saga_thread_number();
+    return p->work->chunk + scratch_size(p->net) * saga_thread_number();
 }
 
 static size_t chunk_at(size_t begin, size_t end)
@@ -229,24 +224,19 @@ static void forward_chunk(const pass *p, size_t begin)
         copy_rows(p->y + begin * n_out, n_out, scratch, pad(net, last + 1), n);
 }
 
-int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
-                     const saga_net *net)
+void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
+                      const saga_net *net)
 {
     const pass p = { .net = net, .work = work, .x = x, .y = y, .m = m };
     const int64_t n_chunks = (int64_t)((m + CHUNK - 1) / CHUNK);
     int64_t c;
-    int l;
 
-    for (l = 0; l + 1 < net->n_layers; l++)
-        if (grow(&work->hidden[l], &work->cap[l], m * pad(net, l + 1)))
-            return -1;
-    if (pack(work, net) || grow(&work->chunk, &work->cap[CAP_CHUNK],
-                                3 * CHUNK * widest(net) * saga_n_threads()))
-        return -1;
-#pragma omp parallel for schedule(static) if (n_chunks > 1)
+    assert(m <= work->n_points);
+    pack(work, net);
+#pragma omp parallel for schedule(static) if (n_chunks > 1) \
+    num_threads(n_threads(work))
     for (c = 0; c < n_chunks; c++)
         forward_chunk(&p, (size_t)c * CHUNK);
-    return 0;
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -345,9 +335,9 @@ static void add_partials(saga_net *d, const real *partial, size_t size,
     }
 }
 
-int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
-                      const real *dy, const real *x, size_t m,
-                      const saga_net *net)
+void saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
+                       const real *dy, const real *x, size_t m,
+                       const saga_net *net)
 {
     const pass p = { .net = net, .work = work, .x = x, .dy = dy, .dx = dx,
                      .m = m };
@@ -355,11 +345,9 @@ int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
     const size_t n_blocks = (m + block - 1) / block;
     int64_t k;
 
-    if (grow(&work->partial, &work->cap[CAP_PARTIAL], n_blocks * size) ||
-        grow(&work->chunk, &work->cap[CAP_CHUNK],
-             3 * CHUNK * widest(net) * saga_n_threads()))
-        return -1;
-#pragma omp parallel for schedule(dynamic, 1) if (n_blocks > 1)
+    assert(m <= work->n_points);
+#pragma omp parallel for schedule(dynamic, 1) if (n_blocks > 1) \
+    num_threads(n_threads(work))
     for (k = 0; k < (int64_t)n_blocks; k++) {
         const size_t end = m < ((size_t)k + 1) * block
             ? m : ((size_t)k + 1) * block;
@@ -371,5 +359,45 @@ int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
             backward_chunk(partial, &p, i, chunk_at(i, end));
     }
     add_partials(d, work->partial, size, n_blocks);
-    return 0;
+}
+
+/* --- Memory -------------------------------------------------------------- */
+
+void saga_net_free(saga_net_work *work)
+{
+    int l;
+
+    for (l = 0; l < SAGA_NET_LAYERS; l++)
+        free(work->hidden[l]);
+    free(work->packed);
+    free(work->chunk);
+    free(work->partial);
+    memset(work, 0, sizeof *work);
+}
+
+static real *reals(size_t n, saga_error *error)
+{
+    return saga_aligned_alloc(64, n * sizeof(real), "a network", error);
+}
+
+bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
+                      saga_error *error)
+{
+    const size_t n_blocks = m < MIN_BLOCK * MAX_BLOCKS
+        ? (m + MIN_BLOCK - 1) / MIN_BLOCK : MAX_BLOCKS;
+    bool ok = true;
+    int l;
+
+    *work = (saga_net_work){ .n_points = m, .n_threads = saga_n_threads() };
+    for (l = 0; l + 1 < net->n_layers; l++) {
+        work->hidden[l] = reals(m * pad(net, l + 1), error);
+        ok = ok && work->hidden[l];
+    }
+    work->packed = reals(packed_size(net), error);
+    work->chunk = reals(scratch_size(net) * work->n_threads, error);
+    work->partial = reals(n_blocks * partial_size(net), error);
+    ok = ok && work->packed && work->chunk && work->partial;
+    if (!ok)
+        saga_net_free(work);
+    return ok;
 }

@@ -10,6 +10,7 @@
 #ifndef SAGA_NET_H
 #define SAGA_NET_H
 
+#include "error.h"
 #include "real.h"
 
 #include <stddef.h>
@@ -24,19 +25,20 @@ typedef struct saga_net {
     real *b[SAGA_NET_LAYERS];     /* (dim[l + 1]) */
 } saga_net;
 
-/* What a forward pass leaves for its backward pass. Zero it before the first
- * use, saga_net_free at the end. */
+/* What a forward pass leaves for its backward pass, and scratch. Zero, or
+ * saga_net_reserve; saga_net_free at the end. */
 typedef struct saga_net_work {
+    size_t n_points, n_threads;    /* at most */
     real *hidden[SAGA_NET_LAYERS]; /* (M, padded), after ReLU */
     real *packed;                  /* weights, transposed and as they are */
     real *chunk;                   /* scratch of each thread */
     real *partial;                 /* gradients of each block */
-    size_t cap[SAGA_NET_LAYERS + 3];
 } saga_net_work;
 
 #define saga_net_n_params SAGA_REAL_NAME(saga_net_n_params)
 #define saga_net_bind SAGA_REAL_NAME(saga_net_bind)
 #define saga_net_init SAGA_REAL_NAME(saga_net_init)
+#define saga_net_reserve SAGA_REAL_NAME(saga_net_reserve)
 #define saga_net_free SAGA_REAL_NAME(saga_net_free)
 #define saga_net_forward SAGA_REAL_NAME(saga_net_forward)
 #define saga_net_backward SAGA_REAL_NAME(saga_net_backward)
@@ -51,16 +53,21 @@ void saga_net_bind(saga_net *net, real *params);
  * the last layer), biases 0. */
 void saga_net_init(saga_net *net, unsigned long long seed);
 
+/* Memory for up to m points through networks no larger than this one, layer by
+ * layer, with as many threads as there may be now. False: nothing is to be
+ * freed. */
+bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
+                      saga_error *error);
 void saga_net_free(saga_net_work *work);
 
-/* Sets y (M, dim[n_layers]). Returns 0, or -1 without memory. */
-int saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
-                     const saga_net *net);
+/* Sets y (M, dim[n_layers]). */
+void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
+                      const saga_net *net);
 
 /* Of the same forward pass: SETS dx (M, dim[0]; NULL: not wanted), ADDS to
  * d's weights and biases. */
-int saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
-                      const real *dy, const real *x, size_t m,
-                      const saga_net *net);
+void saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
+                       const real *dy, const real *x, size_t m,
+                       const saga_net *net);
 
 #endif

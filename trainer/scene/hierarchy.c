@@ -416,8 +416,9 @@ static bool write_scene(builder *b)
                              sizeof *b->distance, what, t->error);
     if (!b->distance || !divide_budget(b, &n.fine))
         return false;
-    if (saga_scene_init(b->scene, t->o->model, n, t->n_nodes, t->o->seed))
-        return saga_no_memory(0, "the scene", t->error);
+    if (!saga_scene_init(b->scene, t->o->model, n, t->n_nodes, t->o->seed,
+                         t->error))
+        return false;
     write_tree(b->scene, t);
     for (uint32_t rank = 0; rank < n.coarse; rank++) {
         write_coarse(b, rank);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "links.h"
 
+#include "alloc.h"
 #include "fx.h"
 
 #include <math.h>
@@ -9,13 +10,17 @@
 
 /* --- Links --------------------------------------------------------------- */
 
-int saga_links_alloc(saga_links *l, size_t queries)
+static const char purpose[] = "the neighbours of anchors";
+
+bool saga_links_alloc(saga_links *l, size_t queries, saga_error *error)
 {
-    l->begin = calloc(queries + 1, sizeof *l->begin);
-    l->rank = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->rank);
-    l->weight = calloc(queries * SAGA_MAX_NEIGHBOURS + 1, sizeof *l->weight);
+    const size_t most = queries * SAGA_MAX_NEIGHBOURS;
+
+    l->begin = saga_calloc(queries + 1, sizeof *l->begin, purpose, error);
+    l->rank = saga_calloc(most, sizeof *l->rank, purpose, error);
+    l->weight = saga_calloc(most, sizeof *l->weight, purpose, error);
     l->n = 0;
-    return l->begin && l->rank && l->weight ? 0 : -1;
+    return l->begin && l->rank && l->weight;
 }
 
 void saga_links_free(saga_links *l)
@@ -121,20 +126,21 @@ static void integer_fine(saga_scaffold *sc, const saga_scene *s)
     }
 }
 
-int saga_links_scaffold(saga_scaffold *sc, const saga_scene *s)
+bool saga_links_scaffold(saga_scaffold *sc, const saga_scene *s,
+                         saga_error *error)
 {
     memset(sc, 0, sizeof *sc);
     sc->model = &s->model;
     sc->n = s->n;
-    sc->coarse = calloc(s->n.coarse + 1u, sizeof *sc->coarse);
-    sc->fine = calloc(s->n.fine + 1u, sizeof *sc->fine);
+    sc->coarse = saga_calloc(s->n.coarse, sizeof *sc->coarse, purpose, error);
+    sc->fine = saga_calloc(s->n.fine, sizeof *sc->fine, purpose, error);
     if (!sc->coarse || !sc->fine) {
         saga_links_scaffold_free(sc);
-        return -1;
+        return false;
     }
     integer_coarse(sc, s);
     integer_fine(sc, s);
-    return 0;
+    return true;
 }
 
 void saga_links_supports(saga_scaffold *sc, const real *support)

@@ -27,9 +27,9 @@ typedef struct saga_links {
 #define saga_links_supports SAGA_REAL_NAME(saga_links_supports)
 #define saga_links_scaffold_free SAGA_REAL_NAME(saga_links_scaffold_free)
 
-/* Room for so many queries, none of them linked. 0, or -1 without memory:
- * then, too, saga_links_free. */
-int saga_links_alloc(saga_links *l, size_t queries);
+/* Room for so many queries, none of them linked. Also after a failure:
+ * saga_links_free. */
+bool saga_links_alloc(saga_links *l, size_t queries, saga_error *error);
 void saga_links_free(saga_links *l);
 
 /* The links of the next query: 0, 1, 2, ... after l->n was set to 0. */
@@ -47,9 +47,9 @@ void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
 
 /* What saga_interp_find reads of a scaffold: anchors with rounded positions,
  * fine ones with the supports they have before F_fine has run, `local` the
- * suffix cell's centre. 0, or -1 without memory: then there is nothing to
- * free. */
-int saga_links_scaffold(saga_scaffold *sc, const saga_scene *s);
+ * suffix cell's centre. False: nothing is to be freed. */
+bool saga_links_scaffold(saga_scaffold *sc, const saga_scene *s,
+                         saga_error *error);
 /* The supports after F_fine: (n.fine, 4). */
 void saga_links_supports(saga_scaffold *sc, const real *support);
 void saga_links_scaffold_free(saga_scaffold *sc);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "scene.h"
 
+#include "alloc.h"
 #include "morton.h"
 
 #include <math.h>
@@ -32,34 +33,39 @@ static size_t shape_nets(saga_scene *s)
     return n;
 }
 
-static int alloc_structure(saga_scene *s)
+static const char purpose[] = "the scene";
+
+static bool alloc_structure(saga_scene *s, saga_error *error)
 {
-    s->split = calloc(s->n_nodes + 1u, 1);
-    s->occupancy = calloc(s->n_nodes + 1u, sizeof *s->occupancy);
-    s->coarse = calloc(s->n.coarse + 1u, sizeof *s->coarse);
-    s->fine = calloc(s->n.fine + 1u, sizeof *s->fine);
-    s->prim_fine = calloc(s->n.prim + 1u, sizeof *s->prim_fine);
+    s->split = saga_calloc(s->n_nodes, 1, purpose, error);
+    s->occupancy = saga_calloc(s->n_nodes, sizeof *s->occupancy, purpose,
+                               error);
+    s->coarse = saga_calloc(s->n.coarse, sizeof *s->coarse, purpose, error);
+    s->fine = saga_calloc(s->n.fine, sizeof *s->fine, purpose, error);
+    s->prim_fine = saga_calloc(s->n.prim, sizeof *s->prim_fine, purpose,
+                               error);
     return s->split && s->occupancy && s->coarse && s->fine && s->prim_fine;
 }
 
-static int alloc_reals(saga_scene *s, size_t n_params)
+static bool alloc_reals(saga_scene *s, size_t n_params, saga_error *error)
 {
     const size_t c = s->n.coarse, f = s->n.fine, p = s->n.prim;
 
     s->n_reals = 4 * (c + f + p) + s->model.features * c + n_params;
-    s->reals = calloc(s->n_reals, sizeof *s->reals);
+    s->reals = saga_calloc(s->n_reals, sizeof *s->reals, purpose, error);
     if (!s->reals)
-        return 0;
+        return false;
     s->coarse_x = s->reals;
     s->coarse_feature = s->coarse_x + 4 * c;
     s->fine_x = s->coarse_feature + s->model.features * c;
     s->prim_x = s->fine_x + 4 * f;
     s->params = s->prim_x + 4 * p;
-    return 1;
+    return true;
 }
 
-int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
-                    uint32_t n_nodes, unsigned long long seed)
+bool saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
+                     uint32_t n_nodes, unsigned long long seed,
+                     saga_error *error)
 {
     size_t n_params;
     real *at;
@@ -70,9 +76,9 @@ int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
     s->n = n;
     s->n_nodes = n_nodes;
     n_params = shape_nets(s);
-    if (!alloc_structure(s) || !alloc_reals(s, n_params)) {
+    if (!alloc_structure(s, error) || !alloc_reals(s, n_params, error)) {
         saga_scene_free(s);
-        return -1;
+        return false;
     }
     at = s->params;
     for (i = 0; i < SAGA_N_NETS; i++) {
@@ -85,7 +91,7 @@ int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
         at += saga_net_n_params(f);
         saga_net_init(f, seed + (unsigned long long)net);
     }
-    return 0;
+    return true;
 }
 
 void saga_scene_free(saga_scene *s)

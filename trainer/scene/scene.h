@@ -90,10 +90,11 @@ static inline void saga_scene_phase(real phase[4], const real x[4])
 void saga_scene_shape(saga_net *f, const saga_model *m, int net);
 
 /* Allocates a scene of the given counts; structure and reals are zero, the
- * networks initialised (saga_net_init) from seed. Returns 0, or -1 without
- * memory. */
-int saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
-                    uint32_t n_nodes, unsigned long long seed);
+ * networks initialised (saga_net_init) from seed. False: nothing is to be
+ * freed. */
+bool saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
+                     uint32_t n_nodes, unsigned long long seed,
+                     saga_error *error);
 void saga_scene_free(saga_scene *s);
 
 /* Half-size of the cell of a coarse anchor: space (half-cubes), time

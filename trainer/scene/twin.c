@@ -84,21 +84,37 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
     lay_attributes(&w->d_attr, a, prim, &s->model);
 }
 
-int saga_twin_init(saga_twin *w, const saga_scene *s)
+/* What the networks' passes need. */
+static bool reserve(saga_twin *w, const saga_scene *s, saga_error *error)
+{
+    int net;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        const size_t rows = saga_twin_rows(w, net);
+
+        if (rows && s->net[net].n_layers &&
+            !saga_net_reserve(&w->batch[net].work, &s->net[net], rows, error))
+            return false;
+    }
+    return true;
+}
+
+bool saga_twin_init(saga_twin *w, const saga_scene *s, saga_error *error)
 {
     saga_arena a = { NULL, 0 };
 
     memset(w, 0, sizeof *w);
     w->n = s->n;
     lay_out(w, &a, s);
-    w->block = saga_arena_alloc(&a);
-    if (!w->block || saga_links_alloc(&w->to_fine, s->n.fine) ||
-        saga_links_alloc(&w->to_prim, s->n.prim)) {
+    w->block = saga_arena_alloc(&a, "anchors and primitives", error);
+    if (!w->block || !saga_links_alloc(&w->to_fine, s->n.fine, error) ||
+        !saga_links_alloc(&w->to_prim, s->n.prim, error) ||
+        !reserve(w, s, error)) {
         saga_twin_free(w);
-        return -1;
+        return false;
     }
     lay_out(w, &a, s);
-    return 0;
+    return true;
 }
 
 void saga_twin_free(saga_twin *w)
@@ -178,16 +194,15 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s)
 
 /* --- Coarse to fine ------------------------------------------------------ */
 
-static int run(saga_twin *w, const saga_scene *s, int net)
+static void run(saga_twin *w, const saga_scene *s, int net)
 {
     saga_twin_batch *const b = &w->batch[net];
 
-    return saga_net_forward(b->out, &b->work, b->in, saga_twin_rows(w, net),
-                            &s->net[net]);
+    saga_net_forward(b->out, &b->work, b->in, saga_twin_rows(w, net),
+                     &s->net[net]);
 }
 
-/* What Fuse of a level makes of w->context; that itself where there is none.
- * NULL: out of memory. */
+/* What Fuse of a level makes of w->context; that itself where there is none. */
 static const real *fuse_forward(saga_twin *w, const saga_scene *s, int level,
                                 const real *phase)
 {
@@ -196,7 +211,8 @@ static const real *fuse_forward(saga_twin *w, const saga_scene *s, int level,
     if (s->net[net].n_layers == 0)
         return w->context;
     assemble(w, s, net, w->context, phase);
-    return run(w, s, net) ? NULL : w->batch[net].out;
+    run(w, s, net);
+    return w->batch[net].out;
 }
 
 /* A support is one box unit or more of the cube; one time unit of the segment.
@@ -206,8 +222,8 @@ static real least_log2_support(size_t axis)
     return axis < 3 ? -R(SAGA_LOG2_HALF_X) : -R(SAGA_LOG2_HALF_T + 1);
 }
 
-static int fine_forward(saga_twin *w, const saga_scene *s,
-                        const real *feature)
+static void fine_forward(saga_twin *w, const saga_scene *s,
+                         const real *feature)
 {
     const size_t f = s->model.features;
     saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
@@ -217,11 +233,8 @@ static int fine_forward(saga_twin *w, const saga_scene *s,
 
     saga_links_gather(w->context, &w->to_fine, feature, f, NULL, w->n.fine);
     fused = fuse_forward(w, s, SAGA_LEVEL_COARSE, w->fine_phase);
-    if (!fused)
-        return -1;
     assemble(w, s, SAGA_NET_FINE, fused, w->fine_offset);
-    if (run(w, s, SAGA_NET_FINE))
-        return -1;
+    run(w, s, SAGA_NET_FINE);
     for (i = 0; i < w->n.fine; i++) {
         const saga_coarse *const c = &s->coarse[s->fine[i].parent];
         const real *const out = net->out + i * (f + 4);
@@ -237,7 +250,6 @@ static int fine_forward(saga_twin *w, const saga_scene *s,
             w->support[4 * i + (size_t)k] = EXP2(l);
         }
     }
-    return 0;
 }
 
 /* --- Fine to primitives -------------------------------------------------- */
@@ -304,30 +316,26 @@ static void set_attributes(saga_twin *w, const saga_scene *s,
         a->log2_width[i] -= R(1 + cell->depth_t);
 }
 
-int saga_twin_geometry(saga_twin *w, const saga_scene *s,
-                       const real *feature)
+void saga_twin_geometry(saga_twin *w, const saga_scene *s,
+                        const real *feature)
 {
     const size_t f = s->model.features;
     const real *fused;
     saga_rows rows[SAGA_N_HEADS];
     size_t i;
 
-    if (fine_forward(w, s, feature))
-        return -1;
+    fine_forward(w, s, feature);
     saga_links_gather(w->context, &w->to_prim, w->fine_feature, f, NULL,
                       w->n.prim);
     fused = fuse_forward(w, s, SAGA_LEVEL_FINE, w->prim_phase);
-    if (!fused)
-        return -1;
     assemble(w, s, SAGA_NET_GEO, fused, w->prim_offset);
     memcpy(w->batch[SAGA_NET_COLOUR_BASE].in, w->batch[SAGA_NET_GEO].in,
            w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
-    if (run(w, s, SAGA_NET_GEO) || run(w, s, SAGA_NET_COLOUR_BASE))
-        return -1;
+    run(w, s, SAGA_NET_GEO);
+    run(w, s, SAGA_NET_COLOUR_BASE);
     saga_model_rows(rows, &s->model);
     for (i = 0; i < w->n.prim; i++)
         set_attributes(w, s, rows, i);
-    return 0;
 }
 
 /* --- Colour -------------------------------------------------------------- */
@@ -365,7 +373,7 @@ static void set_direction(real d[3], const saga_twin *w, size_t i,
         d[k] = n2 > 0 ? d[k] / SQRT(n2) : 0;
 }
 
-int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
+void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
 {
     const size_t width = s->model.width[SAGA_NET_COLOUR];
     saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
@@ -376,8 +384,7 @@ int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
         for (i = 0; centre && i < w->n.prim; i++)
             set_direction(w->batch[SAGA_NET_COLOUR_VIEW].in + 3 * i, w, i,
                           centre);
-        if (run(w, s, SAGA_NET_COLOUR_VIEW))
-            return -1;
+        run(w, s, SAGA_NET_COLOUR_VIEW);
     }
     for (i = 0; i < w->n.prim * width; i++) {
         const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
@@ -385,11 +392,9 @@ int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
 
         last->in[i] = x > 0 ? x : 0;
     }
-    if (run(w, s, SAGA_NET_COLOUR))
-        return -1;
+    run(w, s, SAGA_NET_COLOUR);
     for (i = 0; i < 3 * (size_t)w->n.prim; i++)
         w->attr.colour[i] = saga_clamp(R(0.5) + last->out[i], 0, 1);
-    return 0;
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -442,8 +447,8 @@ double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
     return sum / (4.0 * w->n.prim);
 }
 
-int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
-                              const saga_scene *s)
+void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
+                               const saga_scene *s)
 {
     const size_t width = s->model.width[SAGA_NET_COLOUR], n = w->n.prim;
     saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
@@ -455,28 +460,26 @@ int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
         last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
                                      1);
     clear(w->d_attr.colour, 3 * n);
-    if (saga_net_backward(last->d_in, &d->net[SAGA_NET_COLOUR], &last->work,
-                          last->d_out, last->in, n, &s->net[SAGA_NET_COLOUR]))
-        return -1;
+    saga_net_backward(last->d_in, &d->net[SAGA_NET_COLOUR], &last->work,
+                      last->d_out, last->in, n, &s->net[SAGA_NET_COLOUR]);
     for (i = 0; i < n * width; i++) {
         const real g = last->in[i] > 0 ? last->d_in[i] : 0;
 
         d_base[i] += g;
         last->d_in[i] = g;
     }
-    if (!(s->model.tools & SAGA_TOOL_VIEW))
-        return 0;
-    return saga_net_backward(NULL, &d->net[SAGA_NET_COLOUR_VIEW], &view->work,
-                             last->d_in, view->in, n,
-                             &s->net[SAGA_NET_COLOUR_VIEW]);
+    if (s->model.tools & SAGA_TOOL_VIEW)
+        saga_net_backward(NULL, &d->net[SAGA_NET_COLOUR_VIEW], &view->work,
+                          last->d_in, view->in, n,
+                          &s->net[SAGA_NET_COLOUR_VIEW]);
 }
 
-static int back(saga_twin *w, saga_scene *d, const saga_scene *s, int net)
+static void back(saga_twin *w, saga_scene *d, const saga_scene *s, int net)
 {
     saga_twin_batch *const b = &w->batch[net];
 
-    return saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in,
-                             saga_twin_rows(w, net), &s->net[net]);
+    saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in,
+                      saga_twin_rows(w, net), &s->net[net]);
 }
 
 /* Attributes of primitive i to F_geo's rows, positions and log supports. */
@@ -533,21 +536,19 @@ static real *d_fused(saga_twin *w, const saga_scene *s, int level)
 }
 
 /* From there to w->d_context. */
-static int fuse_backward(saga_twin *w, saga_scene *d, const saga_scene *s,
-                         int level)
+static void fuse_backward(saga_twin *w, saga_scene *d, const saga_scene *s,
+                          int level)
 {
     const int net = saga_fuse_net(level);
 
     if (s->net[net].n_layers == 0)
-        return 0;
-    if (back(w, d, s, net))
-        return -1;
+        return;
+    back(w, d, s, net);
     take_features(w->d_context, w->batch[net].d_in, saga_twin_rows(w, net),
                   (size_t)s->net[net].dim[0], s->model.features);
-    return 0;
 }
 
-static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     const size_t f = s->model.features, n = w->n.prim;
     const size_t dim = (size_t)s->net[SAGA_NET_GEO].dim[0];
@@ -560,26 +561,23 @@ static int prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     saga_model_rows(rows, &s->model);
     for (i = 0; i < n; i++)
         attributes_backward(w, d, s, rows, i);
-    if (back(w, d, s, SAGA_NET_GEO) || back(w, d, s, SAGA_NET_COLOUR_BASE))
-        return -1;
+    back(w, d, s, SAGA_NET_GEO);
+    back(w, d, s, SAGA_NET_COLOUR_BASE);
     for (i = 0; i < n; i++)
         for (k = 0; k < f; k++)
             to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
-    if (fuse_backward(w, d, s, SAGA_LEVEL_FINE))
-        return -1;
+    fuse_backward(w, d, s, SAGA_LEVEL_FINE);
     saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context, f, NULL,
                        n);
-    return 0;
 }
 
-int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     const size_t f = s->model.features, n = w->n.fine;
     saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
     size_t i, k;
 
-    if (prims_backward(w, d, s))
-        return -1;
+    prims_backward(w, d, s);
     for (i = 0; i < n; i++) {
         append(net->d_out + i * (f + 4), w->d_fine_feature + i * f, f);
         for (k = 0; k < 4; k++) {
@@ -590,15 +588,12 @@ int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
                 inside ? w->d_log2_support[4 * i + k] : 0;
         }
     }
-    if (back(w, d, s, SAGA_NET_FINE))
-        return -1;
+    back(w, d, s, SAGA_NET_FINE);
     take_features(d_fused(w, s, SAGA_LEVEL_COARSE), net->d_in, n,
                   (size_t)s->net[SAGA_NET_FINE].dim[0], f);
-    if (fuse_backward(w, d, s, SAGA_LEVEL_COARSE))
-        return -1;
+    fuse_backward(w, d, s, SAGA_LEVEL_COARSE);
     saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context, f, NULL,
                        n);
-    return 0;
 }
 
 /* --- Neighbours from the integer path ------------------------------------ */
@@ -635,19 +630,19 @@ static void link_prims(saga_twin *w, const saga_scaffold *sc,
     }
 }
 
-int saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature)
+bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
+                       saga_error *error)
 {
     saga_scaffold sc;
-    int status;
 
-    if (saga_links_scaffold(&sc, s))
-        return -1;
+    if (!saga_links_scaffold(&sc, s, error))
+        return false;
     link_fine(w, &sc);
     fine_offsets(w, s);
-    status = fine_forward(w, s, feature);
+    fine_forward(w, s, feature);
     saga_links_supports(&sc, w->support);
     link_prims(w, &sc, s);
     saga_twin_offsets(w, s);
     saga_links_scaffold_free(&sc);
-    return status;
+    return true;
 }

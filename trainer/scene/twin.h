@@ -16,7 +16,8 @@
 #include "scene.h"
 #include "splat.h"
 
-/* One batch through a network: what goes in and comes out, and gradients. */
+/* One batch through a network: what goes in and comes out, and gradients.
+ * Room is made for the most rows there will be: passes do not fail. */
 typedef struct saga_twin_batch {
     real *in, *out, *d_in, *d_out;
     saga_net_work work;
@@ -55,8 +56,9 @@ typedef struct saga_twin {
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows);
 
-/* Memory for scenes of s's counts and model. 0, or -1 without memory. */
-int saga_twin_init(saga_twin *w, const saga_scene *s);
+/* Memory for scenes of s's counts and model, and all that is done with them
+ * but saga_twin_refresh. False: nothing is to be freed. */
+bool saga_twin_init(saga_twin *w, const saga_scene *s, saga_error *error);
 void saga_twin_free(saga_twin *w);
 
 /* Points that go through a network: rows of its batch. */
@@ -64,8 +66,9 @@ size_t saga_twin_rows(const saga_twin *w, int net);
 
 /* Neighbours and weights anew, by common/interp.c on rounded positions; those
  * of primitives on the supports that F_fine gives with the new ones of fine
- * anchors. feature as for saga_twin_geometry. 0 or -1. */
-int saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature);
+ * anchors. feature as for saga_twin_geometry. False: no memory. */
+bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
+                       saga_error *error);
 
 /* Local offsets and phases anew, from the positions and the supports of the
  * last saga_twin_geometry; a step of training does it once. Refresh includes
@@ -74,13 +77,13 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s);
 
 /* Everything that does not depend on the camera: w->attr without colour, the
  * colour's pre-activations. feature (n.coarse, F): the coarse features to use,
- * scene's own or with noise or rounded. 0 or -1. */
-int saga_twin_geometry(saga_twin *w, const saga_scene *s,
-                       const real *feature);
+ * scene's own or with noise or rounded. */
+void saga_twin_geometry(saga_twin *w, const saga_scene *s,
+                        const real *feature);
 
 /* w->attr.colour, seen from centre (half-cubes); NULL: the directions of the
- * last call again (or the model has no view dependence). 0 or -1. */
-int saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre);
+ * last call again (or the model has no view dependence). */
+void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre);
 
 /* w->d_attr and the accumulated gradients to zero: before the first view of a
  * step. saga_splat_backward then adds to w->d_attr, and whoever else reads
@@ -95,11 +98,11 @@ double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
 
 /* Once per view, after saga_splat_backward and before the next view's colour:
  * takes w->d_attr.colour (and clears it), adds to d. */
-int saga_twin_colour_backward(saga_twin *w, saga_scene *d,
-                              const saga_scene *s);
+void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
+                               const saga_scene *s);
 
 /* Once per step: takes the rest, adds to d (a scene of the same counts whose
- * reals are gradients). 0 or -1. */
-int saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
+ * reals are gradients). */
+void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
 
 #endif

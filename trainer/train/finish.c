@@ -122,9 +122,8 @@ static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
     in->decoded = final ? &t->decoded : NULL;
     /* The ranges of the colours' activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
-    ok = saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre) == 0
-        ? saga_pack(&t->bytes, &t->nbytes, &report, in, error)
-        : saga_no_memory(0, "the colours of the primitives", error);
+    saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
+    ok = saga_pack(&t->bytes, &t->nbytes, &report, in, error);
     free(rig);
     if (ok) {
         r->sizes = report.sizes;

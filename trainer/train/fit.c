@@ -26,12 +26,6 @@ enum {
 
 static const char what[] = "the fit";
 
-/* Rooms that return 0 where they succeed lack nothing but memory. */
-static bool done(int status, saga_error *error)
-{
-    return status == 0 || saga_no_memory(0, what, error);
-}
-
 static real *zeros(size_t n, saga_error *error)
 {
     return saga_calloc(n, sizeof(real), what, error);
@@ -59,8 +53,10 @@ static bool begin_twin(saga_fit *f, saga_error *error)
            s->model.features * sizeof *f->feature);
     memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
     memcpy(f->params, s->params, saga_fit_n_params(s) * sizeof *f->params);
-    return done(saga_twin_refresh(&f->twin, &f->used, f->feature) ||
-                saga_twin_geometry(&f->twin, &f->used, f->feature), error);
+    if (!saga_twin_refresh(&f->twin, &f->used, f->feature, error))
+        return false;
+    saga_twin_geometry(&f->twin, &f->used, f->feature);
+    return true;
 }
 
 static bool begin(saga_fit *f, saga_error *error)
@@ -69,9 +65,10 @@ static bool begin(saga_fit *f, saga_error *error)
 
     saga_rate_snap(s);
     if (!alloc_all(f, error) ||
-        !done(saga_twin_init(&f->twin, s) || saga_rate_init(&f->rate, s) ||
-              saga_rate_refresh(&f->rate, s) ||
-              saga_scene_init(&f->grad, &s->model, s->n, 1, 0), error) ||
+        !saga_twin_init(&f->twin, s, error) ||
+        !saga_rate_init(&f->rate, s, error) ||
+        !saga_rate_refresh(&f->rate, s, error) ||
+        !saga_scene_init(&f->grad, &s->model, s->n, 1, 0, error) ||
         !saga_fit_begin_weights(f, error))
         return false;
     if (f->o.raw_networks)
@@ -166,10 +163,11 @@ static bool rate_step(saga_fit *f, double price, saga_error *error)
     };
 
     if (o.rounding && !f->rate.plan.decided &&
-        !done(saga_rate_decide(&f->rate, f->scene, &x), error))
+        !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
     saga_rate_look(&o, f->iteration, is_remembering(f));
-    return done(saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o), error);
+    saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o);
+    return true;
 }
 
 /* f->feature: noisy, then rounded. */
@@ -306,14 +304,13 @@ static bool picture_step(saga_fit *f, saga_sample picture,
 
     saga_pictures_aim(c, f->pictures, picture);
     load_truth(f, picture.view, picture.frame);
-    return done(saga_twin_colour(&f->twin, &f->used, c->camera.centre),
-                error) &&
-           saga_splat_forward(c, &f->twin.attr, f->scene->n.prim, error) &&
-           saga_loss_picture(out, c, c->image, &weights, error) &&
-           saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr,
-                               error) &&
-           done(saga_twin_colour_backward(&f->twin, &f->grad, &f->used),
-                error);
+    saga_twin_colour(&f->twin, &f->used, c->camera.centre);
+    if (!saga_splat_forward(c, &f->twin.attr, f->scene->n.prim, error) ||
+        !saga_loss_picture(out, c, c->image, &weights, error) ||
+        !saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr, error))
+        return false;
+    saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
+    return true;
 }
 
 /* Once features are rounded, against the means that the entropy networks
@@ -336,14 +333,14 @@ static bool render_step(saga_fit *f, double *mse, saga_error *error)
     saga_picture_loss out;
 
     saga_twin_offsets(&f->twin, &f->used);
-    if (!done(saga_twin_geometry(&f->twin, &f->used, f->feature), error) ||
-        !picture_step(f, picture, &out, error))
+    saga_twin_geometry(&f->twin, &f->used, f->feature);
+    if (!picture_step(f, picture, &out, error))
         return false;
     *mse = out.mse;
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, ANCHOR_PRICE);
-    if (!rate_step(f, f->o.price.residual, error) ||
-        !done(saga_twin_backward(&f->twin, &f->grad, &f->used), error))
+    if (!rate_step(f, f->o.price.residual, error))
         return false;
+    saga_twin_backward(&f->twin, &f->grad, &f->used);
     saga_fit_rate_weights(f);
     return descend(f, &now, error);
 }
@@ -358,7 +355,7 @@ bool saga_fit_step(saga_fit *f, double *mse, saga_error *error)
     if (!saga_fit_use_weights(f, error))
         return false;
     if (f->iteration % REFRESH_EVERY == 0 &&
-        !done(saga_twin_refresh(&f->twin, &f->used, f->feature), error))
+        !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
     if (f->iteration == 0) {
         const saga_rate_input x = rate_input(f, f->feature);
@@ -382,19 +379,19 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
     saga_fit_round_weights(f);
     use_positions(f);
     x.scene = &f->used;
-    if (!done(saga_rate_choice_init(c, &f->rate, &x), error))
+    if (!saga_rate_choice_init(c, &f->rate, &x, error))
         return NULL;
     memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
            f->scene->model.features * sizeof *feature);
-    if (done(saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
-                                   SAGA_KIND_COARSE) ||
-             saga_twin_refresh(&f->twin, &f->used, feature) ||
-             saga_twin_geometry(&f->twin, &f->used, feature) ||
-             saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_FINE,
-                                   SAGA_KIND_PRIM), error))
-        return &f->twin;
-    saga_rate_choice_free(c);
-    return NULL;
+    saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
+                          SAGA_KIND_COARSE);
+    if (!saga_twin_refresh(&f->twin, &f->used, feature, error)) {
+        saga_rate_choice_free(c);
+        return NULL;
+    }
+    saga_twin_geometry(&f->twin, &f->used, feature);
+    saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_FINE, SAGA_KIND_PRIM);
+    return &f->twin;
 }
 
 const saga_scene *saga_fit_scene(const saga_fit *f)

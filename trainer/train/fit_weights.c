@@ -113,7 +113,7 @@ static saga_weight_round_input rounding_of(const saga_fit *f, int t)
 }
 
 /* Rounds tensors from..to-1, given what the networks are now. */
-static int round_layers(saga_fit *f, int from, int to)
+static bool round_layers(saga_fit *f, int from, int to, saga_error *error)
 {
     real *const params = f->scene->params;
     const saga_sample picture = { .view = f->pictures->train[0] };
@@ -122,17 +122,17 @@ static int round_layers(saga_fit *f, int from, int to)
 
     copy_params(f);
     saga_pictures_camera(&camera, f->pictures, picture);
-    if (saga_twin_geometry(&f->twin, &f->used, f->feature) ||
-        saga_twin_colour(&f->twin, &f->used, camera.centre))
-        return -1;
+    saga_twin_geometry(&f->twin, &f->used, f->feature);
+    saga_twin_colour(&f->twin, &f->used, camera.centre);
     for (t = from; t < to; t += 2) {
         const saga_weight_round_input in = rounding_of(f, t);
 
-        if (saga_weight_round(params + f->weights.tensor[t].at,
-                              params + f->weights.tensor[t + 1].at, &in))
-            return -1;
+        if (!saga_weight_round(params + f->weights.tensor[t].at,
+                               params + f->weights.tensor[t + 1].at, &in,
+                               error))
+            return false;
     }
-    return 0;
+    return true;
 }
 
 /* --- Steps of the fit ---------------------------------------------------- */
@@ -144,8 +144,8 @@ bool saga_fit_use_weights(saga_fit *f, saga_error *error)
 
     if (done == 0)
         start_steps(f);
-    if (now > before && round_layers(f, before, now))
-        return saga_no_memory(0, "the networks", error);
+    if (now > before && !round_layers(f, before, now, error))
+        return false;
     if (done < 0)
         copy_params(f);
     else

@@ -448,8 +448,8 @@ static void from_units(float *x, const double *u, size_t n)
 static bool begin_decoded(saga_scene *d, const saga_scene *s,
                           const saga_model *m, saga_error *error)
 {
-    if (saga_scene_init(d, m, s->n, s->n_nodes, 0))
-        return saga_no_memory(0, "the decoded scene", error);
+    if (!saga_scene_init(d, m, s->n, s->n_nodes, 0, error))
+        return false;
     memcpy(d->split, s->split, s->n_nodes);
     memcpy(d->occupancy, s->occupancy, s->n_nodes * sizeof *s->occupancy);
     memcpy(d->coarse, s->coarse, s->n.coarse * sizeof *s->coarse);

@@ -89,8 +89,7 @@ static bool draw(painter *p, saga_sample picture, saga_error *error)
     saga_canvas *const c = &p->canvas;
 
     saga_pictures_aim(c, &p->t->pictures, picture);
-    if (saga_twin_colour(p->twin, p->scene, c->camera.centre))
-        return saga_no_memory(0, "drawing a picture", error);
+    saga_twin_colour(p->twin, p->scene, c->camera.centre);
     return saga_splat_forward(c, &p->twin->attr, p->scene->n.prim, error);
 }
 
@@ -123,9 +122,10 @@ bool saga_train_measure_decoded(saga_train *t, saga_error *error)
     const saga_scene *const s = &t->decoded;
     saga_twin *const w = &t->decoded_twin;
 
-    if (saga_twin_init(w, s) || saga_twin_refresh(w, s, s->coarse_feature) ||
-        saga_twin_geometry(w, s, s->coarse_feature))
-        return saga_no_memory(0, "the decoded scene", error);
+    if (!saga_twin_init(w, s, error) ||
+        !saga_twin_refresh(w, s, s->coarse_feature, error))
+        return false;
+    saga_twin_geometry(w, s, s->coarse_feature);
     return saga_train_measure_scene(&t->report.coded, t, s, w, error);
 }
 
