@@ -10,8 +10,8 @@
 #   tools    see saga.h alone
 #   tests, lab, bench  see everything
 #
-# Everything is built under BUILD. A change of compiler or flags rebuilds;
-# configurations that live side by side take different BUILD folders:
+# Everything is built under BUILD. A change of the compiler or of a flag builds
+# it anew; configurations that live side by side take folders of their own:
 #   make BUILD=build/clang CC=clang OPT=-O3
 
 MAKEFLAGS += --no-builtin-rules
@@ -35,15 +35,17 @@ LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
 ARGS =# of a program run by `make bench`
 
+# The inner loops of the decoder are compiled with HOT_OPT.
 HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
       decoder/project
 
-# Parts of the trainer without dependencies: check_vectors may use them and the
-# tests' helpers, so that it can be built for every target with libc and libm.
+# check_vectors is built for every machine that has libc and libm: it links
+# these parts of the trainer and no others.
 PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
                   encode.c vectors.c) $(addprefix trainer/base/,alloc.c error.c)
 
-# The rooms of the trainer, from the ground up, and what each may see.
+# SEE_room lists what a room of the trainer may see; each room stands on those
+# above it. docs/architecture.md has the same table, tests/check_tree.sh both.
 ROOMS := base nn input code splat synth rig scene entropy warm train eval cli
 SEE_base    :=
 SEE_nn      := base
@@ -65,6 +67,7 @@ COMMON_SRC  := $(sort $(wildcard common/*.c))
 DECODER_SRC := $(sort $(wildcard decoder/*.c decoder/*/*.c))
 TRAINER_SRC := $(sort $(wildcard trainer/*/*.c))
 CLI_SRC     := $(filter trainer/cli/%,$(TRAINER_SRC))
+TOOLS_SRC   := $(sort $(wildcard tools/*.c))
 TESTS_SRC   := $(sort $(wildcard tests/*/test_*.c))
 HELPER_SRC  := $(sort $(wildcard tests/support/*.c lab/gen_*.c))
 BENCH_SRC   := $(sort $(wildcard bench/bench_*.c))
@@ -76,8 +79,8 @@ DECODER_OBJ := $(call obj,$(DECODER_SRC))
 TRAINER_OBJ := $(call obj,$(filter-out $(CLI_SRC),$(TRAINER_SRC)))
 CLI_OBJ     := $(call obj,$(CLI_SRC))
 
-# The float half. Its operators compile a second time in double, for finite
-# differences and references: objects under f64, symbols ending in _f64.
+# Operators of the float half compile a second time in double, for the tests'
+# finite differences and references: objects under f64, symbols with _f64.
 FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train,\
                  $(wildcard trainer/$(r)/*.c)))
 TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
@@ -86,18 +89,20 @@ TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC)))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ  := $(call obj,$(HELPER_SRC))
+EVERY_OBJ := $(COMMON_OBJ) $(DECODER_OBJ) $(TRAINER_OBJ) $(CLI_OBJ) \
+             $(F64_OBJ) $(HELPER_OBJ) $(call obj,$(sort $(TOOLS_SRC) \
+             $(TESTS_SRC) $(BENCH_SRC) $(wildcard tests/stream/*.c lab/*.c)))
 
 LIB     = $(BUILD)/libsaga.a
 TRAIN   = $(BUILD)/libtrainer.a
+TWICE   = $(BUILD)/libtwice.a
 PLAIN   = $(BUILD)/libplain.a
 HELPERS = $(BUILD)/libhelpers.a
 SAGA_H  = $(BUILD)/include/saga.h
 
-TOOLS := $(if $(wildcard tools/saga_dec.c),$(BUILD)/saga-dec) \
-         $(if $(CLI_SRC),$(BUILD)/saga) \
-         $(if $(wildcard tools/gen_tables.c),$(BUILD)/gen_tables)
+TOOLS = $(addprefix $(BUILD)/,saga-dec saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
-# What scripts in lab/ take files apart with: coarse features zeroed, entropy
+# Scripts of lab/ take files apart with these: coarse features zeroed, entropy
 # networks fitted anew, the order-0 coder's bytes, times of the layers.
 FILE_TOOLS := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit \
                 make_times)
@@ -113,25 +118,22 @@ SAN_FLAGS = $(if $(SANITIZE),$(SAN_ALL))
 SAN_DEFS  = $(if $(SANITIZE),-DSAGA_CHECK)
 BASE = -std=c11 $(WARN) $(SAN_DEFS) -MMD -MP
 
-# The norm: freestanding integers. The folder of the object says what it sees.
+# common/ and decoder/ are freestanding integers.
 CORE = $(BASE) -ffreestanding
-# Hosted code: POSIX names; floats are never contracted nor reassociated.
+# Hosted code has POSIX names; its floats are never contracted nor reassociated.
 HOST = $(BASE) -D_XOPEN_SOURCE=700 -ffp-contract=off
 
-# OpenMP where the compiler can link it (Debian's clang cannot without libomp;
-# the trainer's results do not depend on the number of threads).
-OPENMP = $(shell printf 'int main(void){return 0;}' | $(CC) -fopenmp -x c \
-           - -o /dev/null 2>/dev/null && echo -fopenmp)
-ifneq ($(CLI_SRC)$(TRAINER_SRC),)
-OPENMP_FLAG := $(OPENMP)
-endif
-OMP = $(if $(OPENMP_FLAG),$(OPENMP_FLAG),-Wno-unknown-pragmas)
+# OpenMP is used where the compiler can link it (Debian's clang cannot without
+# libomp). Results do not depend on the number of threads.
+OPENMP := $(shell printf 'int main(void){return 0;}' | $(CC) -fopenmp -x c \
+            - -o /dev/null 2>/dev/null && echo -fopenmp)
+OMP = $(if $(OPENMP),$(OPENMP),-Wno-unknown-pragmas)
 
 comma := ,
 AS_NEEDED = $(if $(filter Darwin,$(shell uname -s)),,-Wl$(comma)--as-needed)
 HOST_LIBS = $(AS_NEEDED) -lOpenEXRCore $(shell pkg-config --libs jansson \
               libpng zlib 2>/dev/null || echo -ljansson -lpng -lz) -lm
-# System headers: their warnings are not ours.
+# Warnings in system headers are not ours.
 EXR_INC   = $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I \
               OpenEXR 2>/dev/null))
 CMOCKA    = $(AS_NEEDED) -lcmocka
@@ -141,8 +143,8 @@ LINK    = $(CC) $(OPT) $(SAN_FLAGS) $(CFLAGS) $(LDFLAGS)
 
 OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o): OPT_LEVEL = $(HOT_OPT)
-# Where this machine has AVX2 and the compiler is its own, the float half uses
-# it (trainer/base/vec.h).
+# The float half uses AVX2 (trainer/base/vec.h) where this machine has it and
+# the compiler is its own.
 MARCH := $(if $(shell grep -m1 -o avx2 /proc/cpuinfo 2>/dev/null),$(if \
            $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine)),\
            -march=x86-64-v3))
@@ -151,24 +153,28 @@ $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
-# Of the room that the file in $* lies in.
+# $* is the file's path below trainer/, and begins with its room.
 I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(firstword $(subst /, ,$*)),\
               $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
 I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
 
 # ---------------------------------------------------------------- build
 
-.PHONY: all lib tests bench-programs help
+.PHONY: all lib tests lab-programs bench-programs objects help
 all: lib $(TOOLS)
 lib: $(LIB)
-tests: $(TESTS) $(FILE_TOOLS)
+tests: $(TESTS)
+lab-programs: $(FILE_TOOLS)
 bench-programs: $(BENCH)
+# Every file of the tree, compiled and not linked.
+objects: $(EVERY_OBJ)
 
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
-$(TRAIN): $(TRAINER_OBJ) $(F64_OBJ)
+$(TRAIN): $(TRAINER_OBJ)
+$(TWICE): $(F64_OBJ)
 $(PLAIN): $(call obj,$(PLAIN_TRAINER))
 $(HELPERS): $(HELPER_OBJ)
-$(LIB) $(TRAIN) $(PLAIN) $(HELPERS):
+$(LIB) $(TRAIN) $(TWICE) $(PLAIN) $(HELPERS):
 	@mkdir -p $(@D)
 	@rm -f $@
 	$(AR) rcs $@ $^
@@ -206,12 +212,12 @@ $(OBJ)/bench/%.o: bench/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) -Ibench) -c $< -o $@
 
-# saga.h alone, for those who may see nothing else of the decoder.
+# The trainer and the tools may see this header of the decoder and no other.
 $(SAGA_H): decoder/saga.h
 	@mkdir -p $(@D)
 	@cp $< $@
 
-# Rewritten only when the compiler or a flag changes.
+# This file is rewritten only when the compiler or a flag changes.
 FLAGS_NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(SAN_FLAGS) $(OMP) $(CFLAGS) \
             $(LDFLAGS) $(LEVEL)
 $(BUILD)/flags: FORCE
@@ -222,7 +228,7 @@ FORCE:
 
 # ---------------------------------------------------------------- programs
 
-# The reference decoder: common/ and decoder/ plus reading and writing files.
+# The reference decoder is common/ and decoder/, and reads and writes files.
 $(BUILD)/saga-dec: $(OBJ)/tools/saga_dec.o $(LIB)
 	$(LINK) $^ -o $@
 
@@ -233,7 +239,7 @@ $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 	$(LINK) $^ -lm -o $@
 
 $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
-$(TESTS): $(HELPERS) $(TRAIN) $(LIB)
+$(TESTS): $(HELPERS) $(TWICE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(CMOCKA) $(HOST_LIBS) -o $@
 
 $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
@@ -242,14 +248,17 @@ $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 $(FILE_TOOLS): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-# No library but libc and libm: for every target of tests/run_matrix.sh.
-$(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o $(HELPERS) $(PLAIN) $(LIB)
+# This one is built for every target of tests/run_matrix.sh: no library but libc
+# and libm.
+$(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
+    $(OBJ)/tests/support/ref_recorder.o $(PLAIN) $(LIB)
 	$(LINK) $^ -lm -o $@
 
 # ---------------------------------------------------------------- tests
 
-# Runs every test program, in parallel with -j and past failures: the output
-# goes to $(BUILD)/log/NAME.log, the exit status to NAME.rc.
+# run-tests runs every test program, in parallel with -j and past failures. Its
+# output goes to $(BUILD)/log/NAME.log, the exit status to NAME.rc, and what the
+# shell's `times` says to NAME.cpu.
 TIMEOUT = 1200
 .PHONY: run-tests
 run-tests: $(TESTS:$(BUILD)/%=$(BUILD)/log/%.log)
@@ -259,13 +268,14 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    echo $$s >$(@:.log=.rc); \
 	    times >$(@:.log=.cpu)
 
-.PHONY: test check test-all setup sanitize symbols nofloat stack headers \
-        tree tables matrix mutants bench vectors clean
+.PHONY: check test test-all setup sanitize symbols nofloat stack headers \
+        tree docs tables matrix mutants bench vectors clean
 setup:
 	@tests/setup.sh
 
-test check: setup
-	@tests/run_tests.sh small
+# tests/README.md says what each of these runs.
+check test: setup
+	@tests/run_tests.sh $@
 
 test-all:
 	@tests/setup.sh all
@@ -273,6 +283,17 @@ test-all:
 
 sanitize:
 	@tests/run_tests.sh sanitize
+
+# Editors and linters read here how each file is compiled.
+COMMANDS = compile_commands.json
+$(COMMANDS): $(SAGA_H) FORCE
+	@$(MAKE) --no-print-directory -Bn objects | awk -v dir='$(CURDIR)' ' \
+	    / -c / && !/\/f64\// { \
+	        file = $$0; sub(/.* -c /, "", file); sub(/ .*/, "", file); \
+	        gsub(/["\\]/, "\\\\&"); \
+	        printf "%s{ \"directory\": \"%s\", \"file\": \"%s\",\n" \
+	            "\"command\": \"%s\" }", n++ ? ",\n" : "[\n", dir, file, $$0 \
+	    } END { print "\n]" }' >$@
 
 symbols:
 	@tests/check_symbols.sh
@@ -284,7 +305,9 @@ headers:
 	@tests/check_headers.sh
 tree:
 	@tests/check_tree.sh
-# common/*_tables.h are what tools/gen_tables.c prints.
+docs:
+	@tests/check_docs.sh
+# tools/gen_tables.c prints common/*_tables.h.
 tables: $(BUILD)/gen_tables
 	@for t in fx prob; do \
 	    if $< $$t | cmp - common/$${t}_tables.h; then \
@@ -296,7 +319,7 @@ tables: $(BUILD)/gen_tables
 matrix:
 	@tests/run_matrix.sh small
 mutants:
-	@tests/run_mutants.sh small
+	@tests/run_mutants.sh
 
 bench:
 	@+$(MAKE) --no-print-directory BUILD=$(BUILD)/bench \
@@ -304,15 +327,15 @@ bench:
 	@for b in $(BENCH_SRC:bench/%.c=%); do \
 	    echo "== $$b"; $(BUILD)/bench/$$b $(ARGS) || exit 1; done
 
-# The built-in scene through synth, encode and eval: what README shows.
+# README shows what becomes of the built-in scene through synth, encode, eval.
 THREADS = 2
 .PHONY: demo
 demo: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga
 	@tools/demo.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
-# What the demo's file is worth beside what needs no such codec: another
-# training, and a table of goals and numbers.
+# A table tells what the demo's file is worth beside what needs no such codec,
+# for which there is another training.
 .PHONY: floors
 floors: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga $(BUILD)/make_zeroed
@@ -320,9 +343,9 @@ floors: setup
 	    $(MAKE) --no-print-directory demo
 	@lab/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
-# What the parts of the entropy model are worth, on the built-in scene at four
-# rates: docs/results/ablation.md and .svg, which it writes anew. SCENES: more
-# files for the comparison with an order-0 coder, NAME=FILE.saga each.
+# docs/results/ablation.md and .svg, which this writes anew, tell what the parts
+# of the entropy model are worth on the built-in scene at four rates. SCENES are
+# more files for the comparison with an order-0 coder, NAME=FILE.saga each.
 SCENES =
 .PHONY: ablation
 ablation:
@@ -331,8 +354,8 @@ ablation:
 	@lab/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
 	    $(THREADS) $(SCENES)
 
-# Regenerates vectors/ and its MANIFEST. Look at the difference before
-# committing it: only a change of the format may change a vector.
+# Only a change of the format may change a vector: look at the difference before
+# you commit it.
 $(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) $(TRAIN) \
     $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
@@ -348,14 +371,17 @@ make demo        the built-in scene, encoded, decoded and judged; 10 CPU minutes
 make floors      the demo beside what needs no such codec; 10 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
 make setup       installs what is missing to build and test (Debian, as root)
-make test        installs what is missing (Debian), then all; 16-20 CPU minutes
+make check       unit tests, vectors, a tiny encode: less than a CPU minute
+make test        what CI runs, sanitizers and mutants too: 10 CPU minutes
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone
+make compile_commands.json   how each file is compiled, for editors
 make symbols     undefined symbols, prefixes, .data and .bss of the decoder
 make nofloat     no floating point in common/ and decoder/
 make stack       worst-case stack of every public function
 make headers     every header compiles alone
 make tree        include law, file names, licence lines, columns
+make docs        links, columns and manner of the pages
 make tables      the generated tables are what gen_tables prints
 make matrix      the vectors on every compiler and emulated target
 make mutants     planted mistakes that the gates must catch

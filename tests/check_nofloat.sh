@@ -1,45 +1,48 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# check_nofloat.sh: guarantees that common/ and decoder/ use no floating point:
+# check_nofloat.sh [NAME...]: guarantees that common/ and decoder/ use no
+# floating point:
 #   source   no float, double or floating constant outside comments
 #   objects  they compile with -mgeneral-regs-only on x86-64 and AArch64, and
 #            neither there nor on soft-float Arm call a float routine
+# NAME: the objects of these targets alone.
 set -eu
 cd "$(dirname "$0")/.."
 
 make=${MAKE:-make}
-build=${BUILD:-build}/nofloat
+only=" $* "
+build=${BUILD:-build}
 unset MAKEFLAGS MFLAGS
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
 
-# Comments, strings and characters blanked; line numbers kept.
-strip() {
-    python3 -c '
+# Comments, strings and characters are blanked before the search.
+source_check() {
+    find common decoder -name '*.[ch]' | sort | python3 -c '
 import re, sys
-def blank(m):
-    return re.sub(r"[^\n]", " ", m.group())
-text = open(sys.argv[1], encoding="utf-8").read()
-sys.stdout.write(re.sub(
-    r"/\*.*?\*/|//[^\n]*|\"(\\.|[^\"\\\n])*\"|\x27(\\.|[^\x27\\\n])*\x27",
-    blank, text, flags=re.S))' "$1"
+code = re.compile(
+    r"/\*.*?\*/|//[^\n]*|\"(\\.|[^\"\\\n])*\"|\x27(\\.|[^\x27\\\n])*\x27", re.S)
+token = re.compile(
+    r"(?<![A-Za-z0-9_])(float|double|_Complex|__fp16|_Float[0-9]+|__float[0-9]+"
+    r"|(math|float|complex|tgmath)\.h|[0-9]+\.[0-9]*|\.[0-9]+"
+    r"|[0-9]+[eE][-+]?[0-9]+|0[xX][0-9a-fA-F]+[pP][-+]?[0-9]+)"
+    r"([fFlL]?)(?![A-Za-z0-9_])")
+for name in sys.stdin.read().split():
+    with open(name, encoding="utf-8") as f:
+        text = code.sub(lambda m: re.sub(r"[^\n]", " ", m.group()), f.read())
+    for n, line in enumerate(text.split("\n"), 1):
+        if token.search(line):
+            print("     %s:%d:%s" % (name, n, line))' >"$tmp/bad"
+    if [ -s "$tmp/bad" ]; then
+        cat "$tmp/bad"
+        echo "FAIL nofloat source"
+        : >"$tmp/failed"
+    else
+        echo "ok   nofloat source"
+    fi
 }
-
-token='(^|[^A-Za-z0-9_])(float|double|_Complex|__fp16|_Float[0-9]+|__float[0-9]+'
-token="$token|(math|float|complex|tgmath)\\.h|[0-9]+\\.[0-9]*|\\.[0-9]+"
-token="$token|[0-9]+[eE][-+]?[0-9]+|0[xX][0-9a-fA-F]+[pP][-+]?[0-9]+)"
-token="$token([fFlL]?)([^A-Za-z0-9_]|\$)"
-find common decoder -name '*.[ch]' | sort | while read -r f; do
-    strip "$f" | grep -nE "$token" | sed "s|^|     $f:|" || :
-done >"$tmp/bad"
-if [ -s "$tmp/bad" ]; then
-    cat "$tmp/bad"
-    echo "FAIL nofloat source"
-    : >"$tmp/failed"
-else
-    echo "ok   nofloat source"
-fi
+[ $# != 0 ] || source_check
 
 # The float routines of libgcc and of the Arm run-time ABI, and libm.
 routine='__(add|sub|mul|div|neg|eq|ne|lt|le|gt|ge|cmp|unord|pow)[sdtx]f[23]'
@@ -48,16 +51,21 @@ routine="$routine|__(extend|trunc)[sdtxh]f[sdtxh]f2"
 routine="$routine|__aeabi_[cfd][a-z0-9]*|__aeabi_[iu]?[il]?2[fd]|__aeabi_u?[il]2[fd]"
 routine="$routine|__gnu_[fhd]2[fhd].*|(ll?r(int|ound)|sqrt|exp2?|log2?|sin|cos|pow|fabs|floor|ceil)f?"
 
-target() { # target NAME CC NM FLAGS
-    if ! "$make" -s -k -j"$(nproc)" BUILD="$build/$1" CC="$2" CFLAGS="$4" \
-        lib >"$tmp/log" 2>&1; then
+target() { # target NAME CC NM FOLDER OPT FLAGS
+    case $only in
+    "  " | *" $1 "*) ;;
+    *) return ;;
+    esac
+    folder=$build/$4/$1
+    if ! "$make" -s -k -j"$(nproc)" BUILD="$folder" CC="$2" OPT="$5" \
+        CFLAGS="$6" lib >"$tmp/log" 2>&1; then
         cat "$tmp/log"
         echo "FAIL nofloat $1: does not build"
         : >"$tmp/failed"
         return
     fi
     find common decoder -name '*.c' | sort |
-        sed "s|^\(.*\)\.c\$|$build/$1/obj/\1.o|" >"$tmp/objects"
+        sed "s|^\(.*\)\.c\$|$folder/obj/\1.o|" >"$tmp/objects"
     if ! xargs "$3" -u -o <"$tmp/objects" >"$tmp/undefined"; then
         echo "FAIL nofloat $1: $3 cannot read the objects"
         : >"$tmp/failed"
@@ -73,16 +81,17 @@ target() { # target NAME CC NM FLAGS
     fi
 }
 
-target x86_64 gcc nm -mgeneral-regs-only
-target x86_64-clang clang nm -mgeneral-regs-only
-target aarch64-clang clang nm \
+target x86_64 gcc nm nofloat -O2 -mgeneral-regs-only
+target x86_64-clang clang nm nofloat -O2 -mgeneral-regs-only
+target aarch64-clang clang nm nofloat -O2 \
     '--target=aarch64-none-elf -mgeneral-regs-only'
 if command -v aarch64-linux-gnu-gcc >/dev/null; then
-    target aarch64-gcc aarch64-linux-gnu-gcc aarch64-linux-gnu-nm \
+    target aarch64-gcc aarch64-linux-gnu-gcc aarch64-linux-gnu-nm nofloat -O2 \
         -mgeneral-regs-only
 fi
+# check_symbols.sh builds the same objects.
 for cpu in cortex-m0 cortex-m3; do
-    target "$cpu" arm-none-eabi-gcc arm-none-eabi-nm \
-        "-mthumb -mcpu=$cpu -mfloat-abi=soft"
+    target "$cpu" arm-none-eabi-gcc arm-none-eabi-nm symbols -Os \
+        "-mthumb -mfloat-abi=soft -mcpu=$cpu"
 done
 [ ! -e "$tmp/failed" ]

@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# check_symbols.sh [small|all]: guarantees, for the objects of common/ and
+# check_symbols.sh [small|all] [NAME...]: guarantees, for the objects of common/ and
 # decoder/ of several compilers and machines,
 #   undefined   only symbols they define themselves, or of the allow list of
 #               the machine: mem*; on Cortex-M0 and rv32 also the 64-bit
@@ -9,6 +9,7 @@
 #   defined     every global symbol is prefixed saga_, and defined once
 #   memory      .data, .bss, .tdata and .tbss are empty
 # Constant tables of pointers (.data.rel.ro) are read-only and allowed.
+# NAME: these targets alone.
 #
 # check_symbols.sh --objects TARGET FILE.o...: the same for given objects.
 set -eu
@@ -68,12 +69,18 @@ fi
 
 cd "$(dirname "$0")/.."
 what=${1:-small}
+[ $# = 0 ] || shift
+only=" $* "
 make=${MAKE:-make}
 build=${BUILD:-build}/symbols
 unset MAKEFLAGS MFLAGS
 
 # target NAME CC OPT CFLAGS
 target() {
+    case $only in
+    "  " | *" $1 "*) ;;
+    *) return ;;
+    esac
     if ! command -v "$2" >/dev/null; then
         echo "FAIL symbols $1: no $2"
         : >"$tmp/failed"

@@ -125,33 +125,28 @@ done >"$tmp/bad"
 verdict names
 
 # ---- licence
-while read -r f; do
-    head -n 3 "$f" | grep -q 'SPDX-License-Identifier: MIT' ||
-        echo "$f: no SPDX-License-Identifier: MIT"
-done <"$tmp/source" >"$tmp/bad"
+tr '\n' '\0' <"$tmp/source" | xargs -0 awk '
+    FNR == 1 { files[++n] = FILENAME }
+    FNR <= 3 && /SPDX-License-Identifier: MIT/ { has[FILENAME] = 1 }
+    END { for (i = 1; i <= n; i++) if (!(files[i] in has))
+              print files[i] ": no SPDX-License-Identifier: MIT" }' \
+    >"$tmp/bad"
 verdict licence
 
-# ---- text
-tab=$(printf '\t')
-while read -r f; do
-    case $f in
-    *Makefile) ;;
-    *) grep -n "$tab" "$f" | sed "s|^\([0-9]*\):.*|$f:\1: tab|" ;;
-    esac
-    grep -n '[[:blank:]]$' "$f" |
-        sed "s|^\([0-9]*\):.*|$f:\1: trailing blank|"
-    LC_ALL=C grep -n '[^ -~'"$tab"']' "$f" |
-        sed "s|^\([0-9]*\):.*|$f:\1: not ASCII|"
-    [ ! -s "$f" ] || [ -z "$(tail -c 1 "$f")" ] ||
-        echo "$f: no newline at the end"
-    case $f in
-    *_tables.h) ;;
-    *.c | *.h)
-        awk -v f="$f" \
-            'length > 80 { print f ":" FNR ": " length " columns" }' "$f"
-        ;;
-    esac
-done <"$tmp/source" >"$tmp/bad"
+# ---- text: a last line without a newline is one that awk counts and wc does not
+tr '\n' '\0' <"$tmp/source" | xargs -0 wc -l >"$tmp/lines"
+tr '\n' '\0' <"$tmp/source" | LC_ALL=C xargs -0 awk -v lines="$tmp/lines" '
+    FNR == 1 { limit = FILENAME ~ /\.[ch]$/ && FILENAME !~ /_tables\.h$/ }
+    { n[FILENAME] = FNR }
+    function complain(what) { print FILENAME ":" FNR ": " what }
+    /\t/ && FILENAME !~ /Makefile$/ { complain("tab") }
+    /[ \t]$/ { complain("trailing blank") }
+    /[^ -~\t]/ { complain("not ASCII") }
+    limit && length > 80 { complain(length " columns") }
+    END { while ((getline text < lines) > 0) {
+              split(text, f, " ")
+              if (f[2] in n && n[f[2]] != f[1])
+                  print f[2] ": no newline at the end" } }' >"$tmp/bad"
 verdict text
 
 [ ! -e "$tmp/failed" ]

@@ -30,11 +30,11 @@ small clang-O0             | clang | | -O0 |
 small clang-O3             | clang | | -O3 |
 small gcc-O3-avx2          | gcc   | | -O3 | AVX2
 small gcc-O2-sanitize      | gcc   | | -O2 | SANITIZE=1
-small clang-O1-sanitize    | clang | | -O1 | SANITIZE=1
 small s390x-gcc-O2         | s390x-linux-gnu-gcc | s390x | -O2 | STATIC
 all gcc-Os                 | gcc   | | -Os |
 all gcc-O3-native          | gcc   | | -O3 | CFLAGS=-march=native
 all gcc-O2-unsigned-char   | gcc   | | -O2 | CFLAGS=-funsigned-char
+all clang-O1-sanitize      | clang | | -O1 | SANITIZE=1
 all clang-O3-avx2          | clang | | -O3 | AVX2
 all clang-O2-unsigned-char | clang | | -O2 | CFLAGS=-funsigned-char
 all s390x-gcc-O0           | s390x-linux-gnu-gcc | s390x | -O0 | STATIC

@@ -1,73 +1,79 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# run_mutants.sh [small|all] [NAME...]: guarantees that the gates catch what
-# they are there for. Each mutant is one planted mistake in a copy of the tree
-# (build/mutants/NAME). It must change its file, and each gate under "caught
-# by" must fail on it; the gates under "passes" must not: they show that the
-# first are needed, and that the mutant is the mistake it claims to be.
+# run_mutants.sh [NAME...]: guarantees that the gates catch what they are there
+# for. Each mutant is one planted mistake in a copy of the tree (mutants/NAME in
+# the build folder). It must change its file, and each gate under "caught by"
+# must fail on it; the gates under "passes" must not: they show that the first
+# are needed, and that the mutant is the mistake it claims to be.
 #
 # A gate is the name of a row of tests/run_matrix.sh, which must build, run and
-# report mismatches, or NAME:REGEX, which is tests/check_NAME.* and something
-# that it must say beside FAIL.
+# report mismatches, or CHECK/TARGET:REGEX, which is tests/check_CHECK.* of that
+# target alone (all if there is none) and something that it must say beside
+# FAIL. tests/README.md has them in a table.
+#
+# Objects that the gates have built of the tree itself are copied, so that only
+# what a mutant changes is compiled again.
 set -u
 cd "$(dirname "$0")/.."
 
-what=${1:-small}
-[ $# = 0 ] || shift
 only=" $* "
-build=${BUILD:-build}/mutants
+build=${BUILD:-build}
+case $build in
+/*) inner=build ;; # the copies build in themselves
+*) inner=$build ;;
+esac
 failed=0
 
-# mutant SIZE NAME FILE PERL CAUGHT_BY PASSES; PERL edits the whole file, $_.
+# mutant NAME FILE PERL CAUGHT_BY PASSES; PERL edits the whole file, $_.
 mutants() {
     # The format is little-endian; a little-endian machine cannot tell.
-    mutant small native-endian common/fx.h \
+    mutant native-endian common/fx.h \
         's/(fx_load32_le\(const uint8_t \*p\)\s*\{\s*)return [^;]*;/$1uint32_t x;\n    __builtin_memcpy(&x, p, 4);\n    return x;/' \
         's390x-gcc-O2' 'gcc-O0'
 
     # Bytes from 128 on, read through a signed char.
-    mutant small signed-char common/fx.h \
+    mutant signed-char common/fx.h \
         's/return \(uint32_t\)p\[0\] \| \(uint32_t\)p\[1\] << 8;/return (uint32_t)((const char *)p)[0] |\n           (uint32_t)((const char *)p)[1] << 8;/' \
         'gcc-O0' ''
 
     # 8-bit weights, read through a char that is unsigned on Arm, s390x, ...
-    mutant small unsigned-char common/mlp.c \
+    mutant unsigned-char common/mlp.c \
         's/const int8_t \*/const char */g' \
         's390x-gcc-O2' 'gcc-O0'
 
     # A tile that stops when its first pixel is opaque.
-    mutant small tile-stop-early decoder/raster.c \
+    mutant tile-stop-early decoder/raster.c \
         's/any = 0;(.*?)any \|= t\[i\];/any = ~0u;$1any &= t[i];/s' \
         'gcc-O0' ''
 
     # Pixels that stop only when all of their tile is opaque.
-    mutant small tile-stop-late decoder/raster.c \
+    mutant tile-stop-late decoder/raster.c \
         's/ \|\| \*t < SAGA_T_FLOOR_Q16//; s/ & \(ti >= SAGA_T_FLOOR_Q16\)//' \
         'gcc-O0 gcc-O3-avx2' ''
 
     # The one rounding of the format without its half.
-    mutant small rounding common/fx.h \
+    mutant rounding common/fx.h \
         's/return \(x \+ \(int32_t\)\(1u << \(n - 1\)\)\) >> n;/return x >> n;/' \
         'gcc-O0' ''
 
     # The checks of the objects and of the tree.
-    mutant small variable common/mlp.c \
+    mutant variable common/mlp.c \
         '$_ .= "static int planted;\nint saga_planted(void);\nint saga_planted(void)\n{\n    return planted++;\n}\n"' \
-        'symbols:variable.planted' ''
-    mutant small division common/mlp.c \
+        'symbols/x86_64-gcc:variable.planted' ''
+    mutant division common/mlp.c \
         '$_ .= "uint64_t saga_planted(uint64_t a, uint64_t b);\nuint64_t saga_planted(uint64_t a, uint64_t b)\n{\n    return a / b;\n}\n"' \
-        'symbols:undefined.__aeabi_uldivmod' ''
-    mutant small float common/mlp.c \
+        'symbols/cortex-m0:undefined.__aeabi_uldivmod' ''
+    mutant float common/mlp.c \
         '$_ .= "int saga_planted(int a);\nint saga_planted(int a)\n{\n    return (int)((__typeof__(1 / 2.f))a * 3 / 2);\n}\n"' \
-        'nofloat:undefined.*__aeabi_fmul|U.__aeabi_fmul' ''
-    mutant small recursion common/mlp.c \
+        'nofloat/cortex-m0:undefined.*__aeabi_fmul|U.__aeabi_fmul' ''
+    mutant recursion common/mlp.c \
         '$_ .= "void saga_planted(volatile int *n);\nvoid saga_planted(volatile int *n)\n{\n    if (*n)\n        saga_planted(n + 1);\n    *n = 0;\n}\n"' \
-        'stack:recursion:.saga_planted' ''
-    mutant small unlisted common/mlp.c \
+        'stack/x86_64:recursion:.saga_planted' ''
+    mutant unlisted common/mlp.c \
         '$_ .= "int (*saga_planted(void))(int);\nstatic int planted(int x)\n{\n    return x;\n}\nint (*saga_planted(void))(int)\n{\n    return planted;\n}\n"' \
-        'stack:planted.*its.address.is.taken' ''
-    mutant small include common/mlp.c \
+        'stack/x86_64:planted.*its.address.is.taken' ''
+    mutant include common/mlp.c \
         '$_ = qq(#include "range_dec.h"\n$_)' \
         'tree:common.must.not.see.decoder/range_dec.h' ''
 }
@@ -77,26 +83,39 @@ fail() {
     echo "FAIL mutant $1: $2"
 }
 
-# gate TREE ROW: caught (it says how many mismatches), passes or broken (does
+# reuse TREE FOLDER: what is built there already, with its dates.
+reuse() {
+    [ -d "$build/$2" ] && [ "$inner" = "$build" ] || return 0
+    mkdir -p "$1/$inner/${2%/*}"
+    cp -Rp "$build/$2" "$1/$inner/$2"
+}
+
+# gate TREE GATE: caught (it says how many mismatches), passes or broken (does
 # not build, crashes, checks nothing).
 gate() {
-    local out rx
+    local out name=${2%%:*} check target
     if [[ $2 == *:* ]]; then
-        rx=${2#*:}
-        out=$(cd "$1" && BUILD=build GIT_DIR=/nonexistent \
-            tests/check_"${2%%:*}".* 2>&1)
+        check=${name%/*}
+        target=${name#"$check"}
+        target=${target#/}
+        reuse "$1" "symbols/$target"
+        reuse "$1" "stack/$target"
+        [ "$check" = symbols ] && target="small $target"
+        # shellcheck disable=SC2086
+        out=$(cd "$1" && BUILD=$inner GIT_DIR=/nonexistent \
+            tests/check_"$check".* $target 2>&1)
         echo "$out" >"$1/gate.txt"
-        if ! grep -q "^FAIL ${2%%:*}" <<<"$out"; then
+        if ! grep -q "^FAIL $check" <<<"$out"; then
             echo passes
-        elif grep -Eq "$rx" <<<"$out"; then
+        elif grep -Eq "${2#*:}" <<<"$out"; then
             echo caught
         else
             echo "fails for another reason"
         fi
         return
     fi
-    out=$(cd "$1" && BUILD=build VECTORS=vectors \
-        tests/run_matrix.sh all "$2" 2>&1)
+    reuse "$1" "matrix/$2"
+    out=$(cd "$1" && BUILD=$inner tests/run_matrix.sh all "$2" 2>&1)
     echo "$out" >"$1/gate.txt"
     if [[ $out == *"ok   matrix $2:"* ]]; then
         echo passes
@@ -108,13 +127,12 @@ gate() {
 }
 
 mutant() {
-    local size=$1 name=$2 file=$3 perl=$4 caught=$5 passes=$6 tree row got
-    [ "$what" = all ] || [ "$size" = small ] || return 0
+    local name=$1 file=$2 perl=$3 caught=$4 passes=$5 tree row got
     [ "$only" = "  " ] || [[ $only == *" $name "* ]] || return 0
-    tree=$build/$name
+    tree=$build/mutants/$name
     rm -rf "$tree"
     mkdir -p "$tree"
-    cp -R Makefile common decoder trainer tests vectors "$tree" || {
+    cp -Rp Makefile common decoder trainer tests vectors "$tree" || {
         fail "$name" "cannot copy the tree"
         return
     }
@@ -128,6 +146,10 @@ mutant() {
         return
     fi
     for row in $caught; do
+        grep -q "^| $name | .*\`${row%%:*}\`" tests/README.md || {
+            fail "$name" "tests/README.md does not say that ${row%%:*} catches it"
+            return
+        }
         got=$(gate "$tree" "$row")
         if [ "$got" != caught ]; then
             sed 's/^/     /' "$tree/gate.txt"

@@ -1,21 +1,22 @@
 #!/bin/bash
 # SPDX-License-Identifier: MIT
 #
-# run_tests.sh small|all|sanitize: builds everything, runs every test program
-# and every check, goes on after a failure, and ends with one line
+# run_tests.sh check|test|all|sanitize: builds what the tier needs, runs its
+# programs and checks, goes on after a failure, and ends with one line
 #
 #     N passed, N failed
 #
 # N counts the tests of the cmocka programs and the "ok"/"FAIL" lines of the
 # check scripts. A program that cannot be built, crashes, runs out of time or
 # reports no test counts as one failure. Exits non-zero if anything failed.
+# tests/README.md has the tiers in a table.
 #
 # Programs see SAGA_TEST_LONG=1 in `all`, SAGA_TEST_SANITIZED=1 when built
 # with sanitizers, and SAGA_TEST_SEED, SAGA_TEST_COUNT if the caller set them.
 set -u
 cd "$(dirname "$0")/.."
 
-what=${1:-small}
+what=${1:-test}
 build=${BUILD:-build}/test
 jobs=${JOBS:-$(nproc 2>/dev/null || echo 2)}
 make=${MAKE:-make}
@@ -28,9 +29,15 @@ export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-3000}
 export ASAN_OPTIONS=${ASAN_OPTIONS:-detect_stack_use_after_return=1}
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
 timeout=1200
+size=small
 if [ "$what" = all ]; then
     export SAGA_TEST_LONG=1
+    size=all
     timeout=14400
+fi
+sources=$(echo tests/*/test_*.c)
+if [ "$what" = check ]; then
+    sources=$(echo tests/unit/test_*.c tests/gradient/test_*.c)
 fi
 
 # Two runs in one folder would build over each other.
@@ -64,14 +71,21 @@ fail() {
     echo "FAIL $1"
 }
 
+# make_in NAME ARGUMENTS...: make, with all test programs of this tier.
+make_in() {
+    local name=$1
+    shift
+    "$make" -s -k -j"$jobs" BUILD="$build/$name" WERROR=-Werror \
+        TIMEOUT="$timeout" TESTS_SRC="$sources" "$@"
+}
+
 # build NAME TARGETS FLAGS...: one line; the messages only on failure.
 build() {
     local name=$1 targets=$2
     shift 2
     mkdir -p "$build/$name"
     # shellcheck disable=SC2086
-    if "$make" -s -k -j"$jobs" BUILD="$build/$name" WERROR=-Werror "$@" \
-        $targets >"$build/$name/build.txt" 2>&1; then
+    if make_in "$name" "$@" $targets >"$build/$name/build.txt" 2>&1; then
         pass "build $name"
     else
         cat "$build/$name/build.txt"
@@ -90,10 +104,8 @@ programs() {
     local name=$1 log=$build/$1/log src t rc p f
     shift
     rm -rf "$log"
-    "$make" -s -k -j"$jobs" BUILD="$build/$name" WERROR=-Werror \
-        TIMEOUT="$timeout" "$@" run-tests >/dev/null 2>&1
-    for src in tests/*/test_*.c; do
-        [ -e "$src" ] || continue
+    make_in "$name" "$@" run-tests >/dev/null 2>&1
+    for src in $sources; do
         t=$(basename "$src" .c)
         if [ ! -e "$log/$t.rc" ]; then
             fail "$name $t: not built"
@@ -149,38 +161,73 @@ check() {
     phase "$name"
 }
 
-sanitized() {
-    build sanitize tests CC=clang OPT=-O1 SANITIZE=1
-    LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.supp:print_suppressions=0 \
-        OMP_WAIT_POLICY=passive SAGA_TEST_SANITIZED=1 \
-        programs sanitize CC=clang OPT=-O1 SANITIZE=1
+# vectors NAME: what the MANIFEST says of the streams of vectors/.
+vectors() {
+    local program=$build/$1/check_vectors log=$build/$1/vectors.txt last
+    timeout "$timeout" "$program" vectors >"$log" 2>&1 </dev/null
+    last=$(tail -n 1 "$log")
+    if [[ $last =~ ^[1-9][0-9]*\ passed,\ 0\ failed$ ]]; then
+        pass "vectors $1: $last"
+    else
+        cat "$log"
+        fail "vectors $1"
+    fi
+    phase "vectors-$1"
 }
 
-export BUILD="$build"
-if [ "$what" = sanitize ]; then
-    sanitized
-else
+tree() {
     check tree tests/check_tree.sh
-    build gcc 'all tests bench-programs' CC=gcc
-    # Only whether it compiles, without a warning: the programs run with gcc,
-    # with clang's sanitizers, and in the matrix.
-    build clang 'all tests bench-programs' CC=clang OPT=-O0
+    check docs tests/check_docs.sh
+}
+
+sanitized() {
+    local flags=(CC=clang OPT=-O1 SANITIZE=1)
+    build sanitize "tests $build/sanitize/check_vectors" "${flags[@]}"
+    export LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.supp
+    export LSAN_OPTIONS=$LSAN_OPTIONS:print_suppressions=0
+    vectors sanitize
+    OMP_WAIT_POLICY=passive SAGA_TEST_SANITIZED=1 \
+        programs sanitize "${flags[@]}"
+}
+
+# What a change of a line must pass.
+few() {
+    tree
+    build gcc "all tests $build/gcc/check_vectors" CC=gcc
+    vectors gcc
+    programs gcc CC=gcc
+    check round tests/cli/check_round.sh
+}
+
+# What a push must pass.
+many() {
+    tree
+    build gcc "all tests lab-programs bench-programs
+        $build/gcc/check_vectors" CC=gcc
+    # The sanitizers are clang's; here it only warns.
+    build clang objects CC=clang CFLAGS=-fsyntax-only
     check tables "$make" -s BUILD="$build/gcc" CC=gcc WERROR=-Werror tables
     check headers tests/check_headers.sh
-    check symbols tests/check_symbols.sh "$what"
+    check symbols tests/check_symbols.sh "$size"
     check nofloat tests/check_nofloat.sh
-    check cli env SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec" \
-        tests/cli/check_cli.sh
-    check encode env SAGA="$build/gcc/saga" tests/cli/check_encode.sh
-    check floors env SAGA="$build/gcc/saga" tests/cli/check_floors.sh
-    check ablation env SAGA="$build/gcc/saga" tests/cli/check_ablation.sh
-    check input env SAGA="$build/gcc/saga" tests/cli/check_input.sh
     check stack python3 tests/check_stack.py
+    for name in round cli encode floors ablation input; do
+        check "$name" "tests/cli/check_$name.sh"
+    done
+    vectors gcc
     programs gcc CC=gcc
     sanitized
-    check matrix tests/run_matrix.sh "$what"
-    check mutants tests/run_mutants.sh "$what"
-fi
+    check matrix tests/run_matrix.sh "$size"
+    check mutants tests/run_mutants.sh
+}
+
+export BUILD="$build" SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec"
+case $what in
+check) few ;;
+test | all) many ;;
+sanitize) sanitized ;;
+*) echo "run_tests.sh check|test|all|sanitize" >&2; exit 2 ;;
+esac
 
 if [ -n "$failures" ]; then
     echo "failures:"

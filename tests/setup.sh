@@ -1,10 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# setup.sh [all|plot]: installs what the tests need and this Debian lacks
-# ("all": also every cross compiler of `make test-all`; "plot": what draws
-# plots). Where it cannot install, it prints the command to be run and fails.
-# SAGA_NO_SETUP=1 skips it.
+# setup.sh [all|lint|plot]: installs what the tests need and this Debian lacks
+# ("all": also every cross compiler of `make test-all`; "lint": also what `make
+# lint` runs; "plot": also what draws plots). Where it cannot install, it prints
+# the command to be run and fails. SAGA_NO_SETUP=1 skips it.
 set -eu
 
 test -z "${SAGA_NO_SETUP:-}" || exit 0
@@ -13,7 +13,8 @@ packages="gcc make binutils libc6-dev clang pkg-config python3
     libcmocka-dev libjansson-dev libpng-dev zlib1g-dev libopenexr-dev ffmpeg
     gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
     qemu-user-static"
-if [ "${1:-small}" = all ]; then
+case ${1:-} in
+all)
     packages="$packages
     gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     gcc-arm-linux-gnueabihf libc6-dev-armhf-cross
@@ -22,27 +23,31 @@ if [ "${1:-small}" = all ]; then
     gcc-mips-linux-gnu libc6-dev-mips-cross
     gcc-i686-linux-gnu libc6-dev-i386-cross
     gcc-riscv64-unknown-elf"
-fi
-if [ "${1:-small}" = plot ]; then
-    packages="$packages gnuplot-nox"
-fi
-
-is_installed() {
-    dpkg-query -W -f '${Status}' "$1" 2>/dev/null |
-        grep -q 'install ok installed'
-}
+    ;;
+lint) packages="$packages clang-tidy" ;;
+plot) packages="$packages gnuplot-nox" ;;
+esac
 
 # The sanitizers' library carries clang's version in its name.
 clang_rt() {
-    v=$(apt-cache depends clang 2>/dev/null |
-        sed -n 's/.*Depends: clang-\([0-9][0-9]*\).*/\1/p' | head -n 1)
-    if [ -n "$v" ]; then echo "libclang-rt-$v-dev"; fi
+    for ask in "dpkg-query -W -f \${Depends}" "apt-cache depends"; do
+        v=$($ask clang 2>/dev/null |
+            sed -n 's/.*clang-\([0-9][0-9]*\).*/\1/p' | head -n 1)
+        [ -z "$v" ] || { echo "libclang-rt-$v-dev"; return; }
+    done
 }
 
 find_missing() {
+    # shellcheck disable=SC2046,SC2086
+    set -- $packages $(clang_rt)
+    installed=" $(dpkg-query -W -f '${Package} ${db:Status-Status}\n' "$@" \
+        2>/dev/null | sed -n 's/ installed$//p' | tr '\n' ' ')"
     missing=
-    for p in $packages $(clang_rt); do
-        is_installed "$p" || missing="$missing $p"
+    for p in "$@"; do
+        case $installed in
+        *" $p "*) ;;
+        *) missing="$missing $p" ;;
+        esac
     done
 }
 

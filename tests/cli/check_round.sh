@@ -1,0 +1,33 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_round.sh: guarantees, for build/saga (SAGA=...) and build/saga-dec
+# (SAGA_DEC=...), the way of a tiny scene from one end to the other:
+#   round       a capture is written, encoded, understood and drawn; what was
+#               drawn resembles the capture, by the decoder's own pixels
+set -u
+build=${BUILD:-build}
+saga=$(realpath "${SAGA:-$build/saga}")
+saga_dec=$(realpath "${SAGA_DEC:-$build/saga-dec}")
+checks=round
+. "$(dirname "$0")/verdict.sh"
+cd "$tmp" || exit
+
+run() { # run PROGRAM ARGUMENTS...
+    "$@" >out 2>err </dev/null || complain "$*: $(tail -n 1 err)"
+}
+
+run "$saga" synth cap --size 64x36 --cameras 4 --hold-out 1 --frames 4 \
+    --points 300 --depth-every 0
+run "$saga" encode cap -o x.saga --primitives 300 --iterations 300 --moving
+run "$saga" info x.saga
+run "$saga_dec" x.saga --camera rig:0 --time 1/2 -o x.ppm
+[ "$(wc -c <x.ppm)" = $((13 + 3 * 64 * 36)) ] || complain "x.ppm: another size"
+run "$saga" eval x.saga cap --json
+python3 -c 'import json
+r = json.load(open("out"))
+assert r["training"]["psnr"] > 18, r["training"]' 2>>"$bad" ||
+    complain "eval: $(head -c 300 out)"
+verdict round
+
+all_passed
