@@ -27,9 +27,11 @@ enum { N_TURNS = 6 };
  * so much that the fit of one primitive is not worth far-fetched ones. */
 #define PRIOR 10
 
-/* Features beyond it leave no room in their format to learn in: bits that cost
- * next to nothing do not make them larger. */
-#define MOST_FEATURE 12.0
+/* Bits that cost next to nothing do not make features larger than this: their
+ * standard deviation, and, with some room in their format to learn in, their
+ * magnitude. */
+#define MOST_DEVIATION 4.0
+#define MOST_FEATURE 24.0
 
 /* Groups of attributes, in the order of the dimensions. */
 enum { OPACITY, SCALE, QUAT, SLOPE, WIDTH, MOTION, COLOUR, N_GROUPS };
@@ -564,18 +566,15 @@ static double price_of(const start *x, const saga_fit *f)
     return fmax(6 * bit / (M_LN2 * step * step), 1e-12);
 }
 
-static double largest(const start *x)
+static void limit_codes(start *x)
 {
-    double most = 0;
-
     for (size_t i = 0; i < x->n * x->f; i++)
-        most = fmax(most, fabs(x->code[i]));
-    return most;
+        x->code[i] = fmin(fmax(x->code[i], -MOST_FEATURE), MOST_FEATURE);
 }
 
 static void solve_all(start *x, double price)
 {
-    double ridge[SAGA_LINEAR_MOST], most;
+    double ridge[SAGA_LINEAR_MOST];
 
     first_basis(x);
     for (int i = 0; i < N_TURNS; i++) {
@@ -584,15 +583,16 @@ static void solve_all(start *x, double price)
         fit_codes(x, NULL);
     }
     scale(x, price);
-    most = largest(x);
-    if (most > MOST_FEATURE) {
-        price *= most * most / (MOST_FEATURE * MOST_FEATURE);
-        scale(x, price);
-    }
     decorrelate(x, ridge);
+    if (ridge[0] > MOST_DEVIATION * MOST_DEVIATION) {
+        price *= ridge[0] / (MOST_DEVIATION * MOST_DEVIATION);
+        scale(x, price);
+        decorrelate(x, ridge);
+    }
     for (size_t k = 0; k < x->f; k++)
         ridge[k] = PRIOR * price / (192 * (ridge[k] + 1e-6));
     fit_codes(x, ridge);
+    limit_codes(x);
 }
 
 bool saga_fit_start(saga_fit *f, saga_error *error)
