@@ -162,4 +162,16 @@ static inline bool saga_view_project(const saga_shot *view,
     return true;
 }
 
+/* The world point that a pixel shows at a depth. */
+static inline void saga_view_lift(const saga_shot *view, const double uv[2],
+                                  double depth, double world[3])
+{
+    const double *const r = view->rotation, *const t = view->translation;
+    const double c[3] = {(uv[0] - view->cx) / view->fx * depth - t[0],
+                         (uv[1] - view->cy) / view->fy * depth - t[1],
+                         depth - t[2]};
+    for (int i = 0; i < 3; i++)
+        world[i] = r[i] * c[0] + r[3 + i] * c[1] + r[6 + i] * c[2];
+}
+
 #endif

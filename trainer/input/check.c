@@ -99,27 +99,16 @@ static double rig_size(const saga_capture *capture)
     return size > 0.0 ? size : 1.0;
 }
 
-/* The world point behind a position of the picture at some depth. */
-static void lift(const saga_shot *v, double u, double w, double z,
-                 double world[3])
-{
-    const double c[3] = {(u - v->cx) / v->fx * z - v->translation[0],
-                         (w - v->cy) / v->fy * z - v->translation[1],
-                         z - v->translation[2]};
-    for (int i = 0; i < 3; i++)
-        world[i] = v->rotation[i] * c[0] + v->rotation[3 + i] * c[1] +
-                   v->rotation[6 + i] * c[2];
-}
-
 /* Does b see anything of what a may see, from a quarter to sixteen times the
  * size of the rig? */
 static bool frusta_meet(const saga_shot *a, const saga_shot *b, double size)
 {
     for (double z = 0.25 * size; z <= 16.0 * size; z *= 2.0)
         for (int i = 0; i < 25; i++) {
+            const double uv[2] = {a->width * (i % 5 + 0.5) / 5,
+                                  a->height * (i / 5 + 0.5) / 5};
             double world[3], depth;
-            lift(a, a->width * (i % 5 + 0.5) / 5, a->height * (i / 5 + 0.5) / 5,
-                 z, world);
+            saga_view_lift(a, uv, z, world);
             if (sees(b, world, 1.0, &depth))
                 return true;
         }

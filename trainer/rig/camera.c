@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "camera.h"
 
+#include "pose.h"
+
 #include <math.h>
 
 saga_metric saga_metric_of(const saga_info *info)
@@ -15,10 +17,7 @@ saga_metric saga_metric_of(const saga_info *info)
 
 void saga_shot_centre(double centre[3], const saga_shot *shot)
 {
-    for (int i = 0; i < 3; i++)
-        centre[i] = -(shot->rotation[i] * shot->translation[0] +
-                      shot->rotation[3 + i] * shot->translation[1] +
-                      shot->rotation[6 + i] * shot->translation[2]);
+    saga_pose_centre(shot->rotation, shot->translation, centre);
 }
 
 /* value rounded into *v; false if it lies outside low..high or is NaN. */

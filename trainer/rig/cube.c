@@ -201,17 +201,12 @@ static void include(double lo[3], double hi[3], const double *x)
 static void sample_world(double *x, const saga_shot *v, const double *range,
                          int i)
 {
-    const double u = (i % GRID) * v->width / (GRID - 1.0);
-    const double w = (i / GRID % GRID) * v->height / (GRID - 1.0);
+    const double uv[2] = { (i % GRID) * v->width / (GRID - 1.0),
+                           (i / GRID % GRID) * v->height / (GRID - 1.0) };
     const double k = (i / GRID / GRID) / (LAYERS - 1.0);
-    const double z = 1 / (1 / range[0] + k * (1 / range[1] - 1 / range[0]));
-    const double cam[3] = { (u - v->cx) / v->fx * z - v->translation[0],
-                            (w - v->cy) / v->fy * z - v->translation[1],
-                            z - v->translation[2] };
 
-    for (int j = 0; j < 3; j++)
-        x[j] = v->rotation[j] * cam[0] + v->rotation[3 + j] * cam[1] +
-               v->rotation[6 + j] * cam[2];
+    saga_view_lift(v, uv, 1 / (1 / range[0] +
+                               k * (1 / range[1] - 1 / range[0])), x);
 }
 
 /* False if no two views share anything. */

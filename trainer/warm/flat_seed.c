@@ -67,18 +67,6 @@ static double distance(const patch *a, const patch *b)
 
 /* --- Depth of a pixel ---------------------------------------------------- */
 
-static void unproject(double *x, const saga_shot *w, double u, double v,
-                      double z)
-{
-    const double cam[3] = { (u - w->cx) / w->fx * z - w->translation[0],
-                            (v - w->cy) / w->fy * z - w->translation[1],
-                            z - w->translation[2] };
-
-    for (int j = 0; j < 3; j++)
-        x[j] = w->rotation[j] * cam[0] + w->rotation[3 + j] * cam[1] +
-               w->rotation[6 + j] * cam[2];
-}
-
 static double centre_distance(const saga_shot *a, const saga_shot *b)
 {
     double sum = 0;
@@ -128,7 +116,7 @@ static int near_views(int *near, const saga_flat *f, int view)
 typedef struct sweep {
     const saga_flat *f;
     int view, frame, n_near, near[N_NEAR];
-    double u, v;
+    double uv[2];
     patch own;
 } sweep;
 
@@ -139,7 +127,7 @@ static double match(const sweep *s, double inverse)
     double cost[N_NEAR], x[3], sum = 0;
     int n = 0, half;
 
-    unproject(x, c->views + s->view, s->u, s->v, 1 / inverse);
+    saga_view_lift(c->views + s->view, s->uv, 1 / inverse, x);
     for (int k = 0; k < s->n_near; k++) {
         double uv[2], z, d;
         patch p;
@@ -263,8 +251,8 @@ static void witness(saga_flat_sight *s, const sweep *w)
     double uv[N_WITNESSES][2];
 
     view[0] = w->view;
-    uv[0][0] = w->u;
-    uv[0][1] = w->v;
+    uv[0][0] = w->uv[0];
+    uv[0][1] = w->uv[1];
     for (int k = 0; k < w->n_near && n < N_WITNESSES; k++) {
         double z;
         patch p;
@@ -286,7 +274,7 @@ static void place(saga_flat_sight *s, const sweep *w, double depth)
 
     s->depth = depth;
     s->footprint = depth / v->fx;
-    unproject(s->position, v, w->u, w->v, depth);
+    saga_view_lift(v, w->uv, depth, s->position);
     for (int k = 0; k < 3; k++)
         s->rgb[k] = (real)w->own.at[2 * PATCH * (PATCH + 1)][k];
 }
@@ -297,8 +285,8 @@ static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
     w->f = f;
     w->view = view;
     w->frame = frame;
-    w->u = u;
-    w->v = v;
+    w->uv[0] = u;
+    w->uv[1] = v;
     w->n_near = near_views(w->near, f, view);
     return cut(&w->own, f->pictures->capture, view, frame, u, v);
 }
@@ -384,33 +372,8 @@ static bool look_at_point(const saga_flat *f, const saga_point *p,
     return true;
 }
 
-/* Of a guess: the depth of the nearest trusted sight in the same picture. */
-static void borrow_depth(saga_flat_sight *s, const saga_flat *f, int view,
-                         double u, double v, const saga_flat_sight *all,
-                         const uint8_t *good, size_t n, double chance)
-{
-    const saga_shot *const w = f->pictures->capture->views + view;
-    const double *const range = f->pictures->range + 2 * view;
-    double best = INFINITY, z;
-
-    z = 1 / (1 / range[1] + chance * (1 / range[0] - 1 / range[1]));
-    for (size_t i = 0; i < n; i++) {
-        double uv[2], depth, d;
-
-        if (!good[i] || !saga_view_project(w, all[i].position, uv, &depth))
-            continue;
-        d = (uv[0] - u) * (uv[0] - u) + (uv[1] - v) * (uv[1] - v);
-        if (d < best) {
-            best = d;
-            z = depth;
-        }
-    }
-    s->depth = z;
-    s->footprint = z / w->fx;
-    unproject(s->position, w, u, v, z);
-}
-
-typedef struct draw { int view, frame; double u, v, chance; } draw;
+/* A pixel drawn at random; chance is what its depth is if nobody knows. */
+typedef struct draw { int view, frame; double uv[2], chance; } draw;
 
 static draw draw_pixel(const saga_flat *f, uint64_t counter)
 {
@@ -419,14 +382,49 @@ static draw draw_pixel(const saga_flat *f, uint64_t counter)
     const uint64_t c = counter * 5;
     const int view = p->train[saga_rng_below(r, c, (uint32_t)p->n_train)];
     const saga_shot *const v = p->capture->views + view;
-    draw d;
 
-    d.view = view;
-    d.frame = (int)saga_rng_below(r, c + 1, (uint32_t)p->capture->n_frames);
-    d.u = PATCH + saga_rng_double(r, c + 2) * (v->width - 2 * PATCH);
-    d.v = PATCH + saga_rng_double(r, c + 3) * (v->height - 2 * PATCH);
-    d.chance = saga_rng_double(r, c + 4);
-    return d;
+    return (draw){
+        .view = view,
+        .frame = (int)saga_rng_below(r, c + 1,
+                                     (uint32_t)p->capture->n_frames),
+        .uv = { PATCH + saga_rng_double(r, c + 2) * (v->width - 2 * PATCH),
+                PATCH + saga_rng_double(r, c + 3) * (v->height - 2 * PATCH) },
+        .chance = saga_rng_double(r, c + 4)
+    };
+}
+
+/* All sights, and which of them are trusted. */
+typedef struct sights {
+    saga_flat_sight *at;
+    uint8_t *good;
+    size_t n;
+} sights;
+
+/* Of a guess: the depth of the nearest trusted sight in the same picture. */
+static void borrow_depth(saga_flat_sight *s, const saga_flat *f, const draw *d,
+                         const sights *all)
+{
+    const saga_shot *const w = f->pictures->capture->views + d->view;
+    const double *const range = f->pictures->range + 2 * d->view;
+    double best = INFINITY, z;
+
+    z = 1 / (1 / range[1] + d->chance * (1 / range[0] - 1 / range[1]));
+    for (size_t i = 0; i < all->n; i++) {
+        double uv[2], depth, far;
+
+        if (!all->good[i] ||
+            !saga_view_project(w, all->at[i].position, uv, &depth))
+            continue;
+        far = (uv[0] - d->uv[0]) * (uv[0] - d->uv[0]) +
+              (uv[1] - d->uv[1]) * (uv[1] - d->uv[1]);
+        if (far < best) {
+            best = far;
+            z = depth;
+        }
+    }
+    s->depth = z;
+    s->footprint = z / w->fx;
+    saga_view_lift(w, d->uv, z, s->position);
 }
 
 static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
@@ -442,24 +440,24 @@ static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
     return found;
 }
 
-/* Fills s[from..n) with pixels drawn at random. */
-static void look_at_pixels(saga_flat_sight *s, uint8_t *good,
-                           const saga_flat *f, size_t from, size_t n)
+/* Fills all from `from` on with pixels drawn at random. */
+static void look_at_pixels(const sights *all, const saga_flat *f, size_t from)
 {
     int64_t i;
 
 #pragma omp parallel for schedule(dynamic, 16)
-    for (i = (int64_t)from; i < (int64_t)n; i++) {
+    for (i = (int64_t)from; i < (int64_t)all->n; i++) {
         const draw d = draw_pixel(f, (uint64_t)i);
 
-        good[i] = saga_flat_look(f, d.view, d.frame, d.u, d.v, s + i);
+        all->good[i] = saga_flat_look(f, d.view, d.frame, d.uv[0], d.uv[1],
+                                      all->at + i);
     }
 #pragma omp parallel for schedule(dynamic, 16)
-    for (i = (int64_t)from; i < (int64_t)n; i++) {
+    for (i = (int64_t)from; i < (int64_t)all->n; i++) {
         const draw d = draw_pixel(f, (uint64_t)i);
 
-        if (!good[i])
-            borrow_depth(s + i, f, d.view, d.u, d.v, s, good, n, d.chance);
+        if (!all->good[i])
+            borrow_depth(all->at + i, f, &d, all);
     }
 }
 
@@ -551,21 +549,19 @@ bool saga_flat_init(saga_flat *f, saga_error *error)
     static const char what[] = "the first primitives";
     const size_t asked = (size_t)(f->o.start * (real)f->o.n_primitives);
     const size_t n = asked < 1 ? 1 : asked;
-    saga_flat_sight *const s = saga_alloc(n, sizeof *s, what, error);
-    uint8_t *const good = saga_alloc(n, 1, what, error);
+    const sights all = { saga_alloc(n, sizeof *all.at, what, error),
+                         saga_alloc(n, 1, what, error), n };
     along *const order = saga_alloc(n, sizeof *order, what, error);
-    const bool ok = s && good && order &&
+    const bool ok = all.at && all.good && order &&
                     saga_flat_reserve(f, (uint32_t)n, error);
 
     if (ok) {
-        const size_t known = look_at_points(s, f, (n + 1) / 2);
-
-        memset(good, 1, n);
-        look_at_pixels(s, good, f, known, n);
-        append_all(f, s, order, n);
+        memset(all.good, 1, n);
+        look_at_pixels(&all, f, look_at_points(all.at, f, (n + 1) / 2));
+        append_all(f, all.at, order, n);
     }
-    free(s);
-    free(good);
+    free(all.at);
+    free(all.good);
     free(order);
     return ok;
 }
