@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Queries that are answered together. */
+/* So many queries are answered together. */
 enum { CHUNK = 128 };
 
 #define LN2 R(0.69314718055994530942)
@@ -58,8 +58,8 @@ saga_rate_bank saga_rate_bank_of(const real *state, size_t n_slots,
 
 /* --- Reads --------------------------------------------------------------- */
 
-/* Scores to weights that sum to 1. Those 100 and more below the largest have
- * 2^-100. */
+/* Turns scores into weights that sum to 1. Those 100 and more below the largest
+ * have 2^-100. */
 static void softmax(real *x, size_t n)
 {
     vec most = vec_load(x), sum = vec_zero();
@@ -114,7 +114,7 @@ void saga_rate_bank_read(real *out, const saga_rate_bank *b,
     }
 }
 
-/* Gradients of scores from those of weights: base 2. */
+/* Turns gradients of weights into those of scores, in base 2. */
 static void softmax_backward(real *d, const real *weight, size_t n)
 {
     vec sum = vec_zero();
@@ -172,8 +172,8 @@ static real sigmoid(real x)
     return 1 / (1 + exp(-x));
 }
 
-/* What a slot becomes before its normalisation; returns its length, *along =
- * <v, s>. */
+/* Sets u to what a slot becomes before its normalisation; returns its length,
+ * *along = <v, s>. */
 static real update(real *u, real *along, const real *s, const real *write,
                    size_t n, int plain)
 {

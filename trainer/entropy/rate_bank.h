@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The operators of common/memory_bank.c in float, and their gradients: reads of
- * a state (L, D) by softmax attention in base 2, and the update of one slot.
- * Paper: Hierarchical Context Modeling, equations of the write.
+ * These are the operators of common/memory_bank.c in float, and their
+ * gradients: reads of a state (L, D) by softmax attention in base 2, and the
+ * update of one slot. Paper: Hierarchical Context Modeling, equations of the
+ * write.
  *
  * L and D are whole numbers of vectors (vec.h): the format has multiples of 8.
  */
@@ -14,7 +15,7 @@
 
 #include <stddef.h>
 
-/* A state that is read, in a thread's scratch. */
+/* A state is read out of a thread's scratch. */
 typedef struct saga_rate_bank {
     size_t n_slots, width;       /* L, D */
     const real *state;           /* (L, D) */
@@ -32,16 +33,17 @@ typedef struct saga_rate_bank {
 #define saga_rate_bank_update_backward \
     SAGA_REAL_NAME(saga_rate_bank_update_backward)
 
-/* S_0 as the integers have it. False: no memory. */
+/* Sets S_0 as the integers have it. False: no memory. */
 bool saga_rate_bank_start(real *state, size_t n_slots, size_t width,
                           saga_error *error);
 
-/* Reals of a thread's scratch; the bank in it. */
+/* The first returns the reals of a thread's scratch, the second the bank in it.
+ */
 size_t saga_rate_bank_scratch(size_t n_slots, size_t width);
 saga_rate_bank saga_rate_bank_of(const real *state, size_t n_slots,
                                  size_t width, real *scratch);
 
-/* out (n, D) = what the queries (n, D) read. */
+/* Sets out (n, D) to what the queries (n, D) read. */
 void saga_rate_bank_read(real *out, const saga_rate_bank *b,
                          const real *query, size_t n);
 
@@ -50,15 +52,16 @@ void saga_rate_bank_read_backward(real *d_query, real *d_state,
                                   const saga_rate_bank *b, const real *d_out,
                                   const real *query, size_t n);
 
-/* to = what slot s becomes by write: candidate v (D), then w, the gate being
- * sigmoid(w).
+/* Sets `to` to what slot s becomes by write: candidate v (D), then w, the gate
+ * being sigmoid(w).
  *     orthogonal (plain = 0)  Norm(s + g (v - <v, s> s))
  *     plain                   Norm(s + g v)
  * A sum of zero leaves it. to is not s. */
 void saga_rate_bank_update(real *to, const real *s, const real *write,
                            size_t width, int plain);
 
-/* d: of what the slot became; turns into that of s. Sets d_write (D + 1). */
+/* Turns d, the gradient of what the slot became, into that of s. Sets d_write
+ * (D + 1). */
 void saga_rate_bank_update_backward(real *d, real *d_write, const real *s,
                                     const real *write, size_t width,
                                     int plain);

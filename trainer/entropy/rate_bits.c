@@ -10,7 +10,7 @@
 saga_rate_cost saga_rate_bits(double v, double log2_sigma)
 {
     const double per_sigma = exp2(-log2_sigma);
-    /* By symmetry on the side where the tails are precise. */
+    /* Symmetry allows the side where the tails are precise. */
     const double near = (fabs(v) - 0.5) * per_sigma;
     const double far = (fabs(v) + 0.5) * per_sigma;
     const double at_near = saga_normal_pdf(near);

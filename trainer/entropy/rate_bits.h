@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a residual costs under the distribution common/prob.c codes it with,
- * as a smooth function: the float twin of the residual coder. Paper:
+ * The float twin of the residual coder: a residual costs this under the
+ * distribution that common/prob.c codes it with, as a smooth function. Paper:
  * Rate-Distortion Optimization, the rate term.
  *
  *     bits(v) = -log2(p(v) + 2^-e(v)),
@@ -17,7 +17,7 @@
 #ifndef SAGA_RATE_BITS_H
 #define SAGA_RATE_BITS_H
 
-/* log2 sigma of the first and the last of the coder's scales. */
+/* The coder's first and last scale have these log2 sigma. */
 #define SAGA_RATE_LOG2_MIN (-22.0 / 7.0)
 #define SAGA_RATE_LOG2_MAX (41.0 / 7.0)
 
@@ -26,7 +26,7 @@ typedef struct saga_rate_cost {
     double d_v, d_log2_sigma;    /* its derivatives */
 } saga_rate_cost;
 
-/* Any finite v; log2_sigma within the range above. */
+/* Takes any finite v, and log2_sigma within the range above. */
 saga_rate_cost saga_rate_bits(double v, double log2_sigma);
 
 #endif

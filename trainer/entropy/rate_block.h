@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the entropy model's networks are told of a block, and the clamps of the
- * integer path: for rate_context and rate_memory.
+ * rate_context and rate_memory share what the entropy model's networks are told
+ * of a block, and the clamps of the integer path.
  */
 #ifndef SAGA_RATE_BLOCK_H
 #define SAGA_RATE_BLOCK_H
@@ -15,8 +15,8 @@ enum {
                               * what GROUPS reads of it, padded to F */
 };
 
-/* What the networks read: values; or their gradients, which are added to, and
- * of which offsets have none (NULL). */
+/* The networks read these values. Their gradients, which are added to, have the
+ * same places; offsets have none (NULL). */
 typedef struct saga_rate_features {
     real *coarse;                /* (n.coarse, F) coarse features */
     real *offset;                /* (n.fine, 5) see SAGA_RATE_OFFSETS */
@@ -28,18 +28,18 @@ typedef struct saga_rate_features {
 #define saga_rate_clamp SAGA_REAL_NAME(saga_rate_clamp)
 #define saga_rate_through SAGA_REAL_NAME(saga_rate_through)
 
-/* row[0 .. pe + 5): embedding of phase (x, y, z, t in -1..1), then the sizes;
- * returns where the next input goes. */
+/* Writes row[0 .. pe + 5): the embedding of phase (x, y, z, t in -1..1), then
+ * the sizes. Returns where the next input goes. */
 real *saga_rate_tell(real *row, const saga_model *m, const real phase[4],
                      const real size[SAGA_RATE_SIZES]);
 
-/* The largest int16 in Q q. */
+/* Returns the largest int16 in Q q. */
 real saga_rate_most(int q);
 
-/* x to +-that. */
+/* Clamps x to plus or minus that. */
 void saga_rate_clamp(real *x, size_t n, int q);
 
-/* Gradients of what has been clamped so. */
+/* Takes from the gradients d of a clamped x what leads outside. */
 void saga_rate_through(real *d, const real *x, size_t n, int q);
 
 #endif

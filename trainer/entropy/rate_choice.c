@@ -8,11 +8,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Steps that are tried: 2^-SAGA_RATE_FINEST .. 2^-COARSEST. */
+/* Steps from 2^-SAGA_RATE_FINEST to 2^-COARSEST are tried. */
 enum { COARSEST = 2 };
 
-/* Bits of a row's shift and bias, of a layer's steps and scales: about what
- * they come to. */
+/* A row's shift and bias, a layer's steps and scales come to about so many
+ * bits. */
 enum { ROW_BITS = 13, LAYER_BITS = 38 };
 
 enum { ALL_SOURCES = SAGA_SOURCES_KNOWN };
@@ -35,7 +35,7 @@ static void bind(saga_scene *s, float *params)
     }
 }
 
-/* First layer: the columns of the sources that stay. */
+/* The first layer keeps the columns of the sources that stay. */
 static void take_columns(saga_net *to, const saga_net *from,
                          const saga_model *m, uint32_t had, uint32_t has)
 {
@@ -69,7 +69,7 @@ static int is_kind_net(int net)
     return net >= SAGA_NET_E_COARSE && net <= SAGA_NET_E_PRIM;
 }
 
-/* The sources, and the memory that they leave. */
+/* Sets the sources, and the memory bank that they leave. */
 static void set_sources(saga_model *m, const uint8_t sources[SAGA_N_KINDS])
 {
     memcpy(m->sources, sources, SAGA_N_KINDS);
@@ -80,7 +80,7 @@ static void set_sources(saga_model *m, const uint8_t sources[SAGA_N_KINDS])
     m->memory_width = 0;
 }
 
-/* s with the given sources alone, its entropy networks in params. */
+/* Returns s with the given sources alone, its entropy networks in params. */
 static saga_scene reduced(const saga_scene *s, float *params,
                           const uint8_t sources[SAGA_N_KINDS])
 {
@@ -108,7 +108,7 @@ static saga_scene reduced(const saga_scene *s, float *params,
 
 static const char purpose[] = "choosing sources";
 
-/* Room for the entropy networks of s, whatever their sources. */
+/* Makes room for the entropy networks of s, whatever their sources. */
 static float *alloc_params(const saga_scene *s, saga_error *error)
 {
     /* Constants can have more biases than a small network has parameters. */
@@ -123,7 +123,7 @@ static float *alloc_params(const saga_scene *s, saga_error *error)
 
 /* --- Costs --------------------------------------------------------------- */
 
-/* Bits of the weights of network `number`, about. */
+/* Returns the bits of the weights of network `number`, about. */
 static bool weights_bits(double *bits, const saga_net *net,
                          const saga_rate_plan *plan, int number,
                          saga_error *error)
@@ -160,7 +160,7 @@ typedef struct {
     saga_error *error;
 } search;
 
-/* Bits of the residuals of a kind with the sources of r. */
+/* Returns the bits of the residuals of a kind with the sources of r. */
 static double kind_bits(search *f, int kind)
 {
     const size_t n = (size_t)f->s->n.coarse * f->s->model.features;
@@ -174,7 +174,7 @@ static double kind_bits(search *f, int kind)
     return bits[0] + bits[1] + bits[2] + bits[3];
 }
 
-/* Features and offsets as all sources code them, and the networks' mean
+/* Finds features and offsets as all sources code them, and the networks' mean
  * inputs. */
 static bool begin_search(search *f)
 {
@@ -207,14 +207,15 @@ static bool begin_search(search *f)
     return true;
 }
 
-/* Whether a kind's residuals depend on a network: its own, the hyperprior's,
- * and the memory's. */
+/* Tells whether a kind's residuals depend on a network: its own, the
+ * hyperprior's, and the memory's. */
 static int depends(int kind, int net)
 {
     return is_kind_net(net) ? kind == net - SAGA_NET_E_COARSE : 1;
 }
 
-/* Bits of a network that was trained, and of all residuals it has a say in. */
+/* Returns the bits of a network that was trained, and of all residuals it has a
+ * say in. */
 static bool network_bits(double *total, search *f, int net)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
@@ -227,7 +228,7 @@ static bool network_bits(double *total, search *f, int net)
     return true;
 }
 
-/* The step of each network in turn, the others as they are. */
+/* Chooses the step of each network in turn, the others as they are. */
 static bool find_steps(search *f)
 {
     double *const step = f->r->plan.step;
@@ -296,8 +297,9 @@ static bool try_subset(search *f, int kind, uint32_t subset)
     return ok;
 }
 
-/* Every subset of each kind's sources, the other kinds as they are; the last
- * is all of them, so that the memory goes on with what these make of it. */
+/* Tries every subset of each kind's sources, the other kinds as they are; the
+ * last is all of them, so that the memory goes on with what these make of it.
+ */
 static bool try_subsets(search *f)
 {
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
@@ -322,7 +324,7 @@ static bool try_subsets(search *f)
     return true;
 }
 
-/* The best subset of a kind that has none of `without`. */
+/* Returns the best subset of a kind that has none of `without`. */
 static uint32_t best_subset(const search *f, int kind, uint32_t without)
 {
     const uint32_t not = ~(uint32_t)f->s->model.sources[kind] | without;
@@ -336,7 +338,7 @@ static uint32_t best_subset(const search *f, int kind, uint32_t without)
     return best;
 }
 
-/* Each kind's best. Returns all their bits. */
+/* Finds each kind's best. Returns all their bits. */
 static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
                           uint32_t without)
 {
@@ -355,7 +357,7 @@ static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
            (any & SAGA_SOURCE_MEMORY ? f->memory : 0);
 }
 
-/* Hyperprior and memory for those who are better off with them, or for
+/* Hyperprior and memory bank are for those who are better off with them, or for
  * nobody. */
 static void choose(uint8_t best[SAGA_N_KINDS], search *f)
 {
@@ -378,7 +380,7 @@ static void choose(uint8_t best[SAGA_N_KINDS], search *f)
     f->r->plan.memory_net = least[0] - least[1];
 }
 
-/* The mask of a kind's sources but for the memory. */
+/* Returns the mask of a kind's sources but for the memory bank. */
 static uint32_t forgetful(const search *f, int kind)
 {
     return f->s->model.sources[kind] & ~(uint32_t)SAGA_SOURCE_MEMORY;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * What of an entropy model in training is worth its bytes: sources of each kind
- * and the steps of the weights, by code lengths on all blocks.
+ * Code lengths on all blocks choose what of an entropy model in training is
+ * worth its bytes: sources of each kind and the steps of the weights.
  *
  * A source that is left out is replaced by its mean: its columns of the first
  * layer move into the biases. A kind without any has measured constants. The
@@ -23,7 +23,7 @@
 bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
                       saga_error *error);
 
-/* The scene as it is to be packed, with what the networks gave. */
+/* This is the scene as it is to be packed, with what the networks gave. */
 typedef struct saga_rate_choice {
     saga_scene scene;            /* the trained one; its entropy networks and
                                   * model.sources are what is left of them */
@@ -32,14 +32,14 @@ typedef struct saga_rate_choice {
     double bits[SAGA_N_STEPS];   /* code lengths of the residuals, estimated */
 } saga_rate_choice;
 
-/* By the plan of r, which must outlive the choice. False: nothing is to be
- * freed. */
+/* Makes the choice by the plan of r, which must outlive it. False: nothing is
+ * to be freed. */
 bool saga_rate_choice_init(saga_rate_choice *c, saga_rate *r,
                            const saga_rate_input *x, saga_error *error);
 void saga_rate_choice_free(saga_rate_choice *c);
 
-/* c->bits of kinds first..last, in their order, x as for saga_rate_code;
- * their constants, and the batches of all their blocks. */
+/* Adds to c->bits those of kinds first..last, in their order, x as for
+ * saga_rate_code; sets their constants, and the batches of all their blocks. */
 void saga_rate_choice_code(saga_rate_choice *c, saga_rate *r,
                            const saga_rate_input *x, int first, int last);
 

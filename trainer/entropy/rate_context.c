@@ -94,7 +94,8 @@ void saga_rate_context_free(saga_rate_context *c)
 
 /* --- Places and neighbours ----------------------------------------------- */
 
-/* As in_side of common/context.c: log2 half-sizes in units, count / 8. */
+/* Sets sizes as in_side of common/context.c does: log2 half-sizes in units,
+ * count / 8. */
 static void set_size(real size[SAGA_RATE_SIZES], const real log2_units[4],
                      uint32_t count)
 {
@@ -220,7 +221,7 @@ uint32_t saga_rate_sources(const saga_rate_context *c, const saga_scene *s,
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* One evaluation. */
+/* A job is one evaluation. */
 typedef struct {
     const saga_scene *s;
     saga_rate_kind *k;
@@ -251,7 +252,8 @@ static void copy_columns(real *to, size_t to_stride, const real *from,
         memcpy(to + i * to_stride, from + i * stride, n_columns * sizeof *to);
 }
 
-/* Of primitives' blocks: places and sizes are the fine anchors'. */
+/* A block of primitives has no position of its own; it uses its fine anchor's,
+ * and its size. */
 static void place_prims(saga_rate_kind *k, const saga_scene *s,
                         const saga_twin *w, saga_rate_list list)
 {
@@ -318,7 +320,7 @@ static void groups_forward(real *in, const job *j, const saga_rate_features *x)
         memset(in + i * j->dim + have, 0, (j->f - have) * sizeof *in);
 }
 
-/* The network's output to mu and log2 sigma. */
+/* The network's output becomes mu and log2 sigma. */
 static void take_parameters(const job *j)
 {
     const saga_model *const m = &j->s->model;
@@ -350,7 +352,7 @@ static void memory_forward(real *in, const job *j, const real *read)
                d * sizeof *in);
 }
 
-/* Zeros in the columns of a source that is not kept. */
+/* Puts zeros into the columns of a source that is not kept. */
 static void drop(real *in, const job *j, size_t columns)
 {
     size_t i;
@@ -364,7 +366,7 @@ size_t saga_rate_columns(const saga_model *m, uint32_t source)
     return source == SAGA_SOURCE_MEMORY ? m->memory_width : m->features;
 }
 
-/* One source's columns. */
+/* Fills one source's columns. */
 static void source_forward(real *in, saga_rate_context *c, const job *j,
                            uint32_t source, const saga_rate_features *x)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The float twin of common/context.c: what a block's entropy parameters are
+ * The float twin of common/context.c has what a block's entropy parameters are
  * computed from, the networks that do it, and the gradients back. Paper:
  * Hierarchical Context Modeling.
  *
@@ -41,7 +41,7 @@ typedef struct saga_rate_kind {
     real *phase;                 /* (blocks, 4) of the cells, as embedded; */
     real *size;                  /* (blocks, 5). Primitives: by the twin, as
                                   * the last forward pass had it */
-    /* Of the last forward pass, a row for each block of its list. */
+    /* The last forward pass left a row for each block of its list. */
     saga_twin_batch hyper, net;
     real *mu, *d_mu;             /* (rows, channels) reals of the value */
     real *log2_sigma, *d_log2_sigma; /* (rows, channels) of sigma in steps */
@@ -56,7 +56,7 @@ typedef struct saga_rate_context {
     real *block;                 /* memory of the kinds' and of scratch */
 } saga_rate_context;
 
-/* Which blocks are evaluated: ranks, ascending. */
+/* A list says which blocks are evaluated: ranks, ascending. */
 typedef struct saga_rate_list {
     const uint32_t *block;       /* (n) */
     size_t n;
@@ -81,25 +81,24 @@ typedef struct saga_rate_list {
 #define saga_rate_context_remember_backward \
     SAGA_REAL_NAME(saga_rate_context_remember_backward)
 
-/* Memory for scenes of s's counts whose entropy networks have at most s's
- * inputs, and all that is done with them but saga_rate_context_refresh; all
+/* Takes memory for scenes of s's counts whose entropy networks have at most s's
+ * inputs, and for all that is done with them but saga_rate_context_refresh; all
  * sources are kept. False: nothing is to be freed. */
 bool saga_rate_context_init(saga_rate_context *c, const saga_scene *s,
                             saga_error *error);
 void saga_rate_context_free(saga_rate_context *c);
 
-/* Cells' places and sizes, and neighbours, from the scene's structure and
- * positions. False: no memory. */
+/* Sets cells' positions and sizes, and neighbours, from the scene's structure
+ * and positions. False: no memory. */
 bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
                                saga_error *error);
 
-/* Of a kind's channel: which step it has (SAGA_STEP_*), and the Q of its
- * value and mu. */
+/* A kind's channel has a step (SAGA_STEP_*), and its value a Q. */
 int saga_rate_step_of(int kind, size_t channel);
 int saga_rate_value_q(const saga_model *m, int kind, size_t channel);
 
-/* Whether a channel is the place of an anchor, coarse or fine. Its mu is 0: the
- * anchors stand where their steps from 0 lead (saga_rate_snap). */
+/* Tells whether a channel is the position of an anchor, coarse or fine. Its mu
+ * is 0: the anchors stand where their steps from 0 lead (saga_rate_snap). */
 static inline int saga_rate_is_anchor(int kind, size_t channel)
 {
     return kind == SAGA_KIND_FINE ||
@@ -113,24 +112,25 @@ static inline int saga_rate_is_anchor(int kind, size_t channel)
 real saga_rate_mu_unit(const saga_model *m, int kind, size_t channel);
 int saga_rate_mu_q(const saga_model *m, int kind, size_t channel);
 
-/* Sources of a kind that the scene has and the context keeps. */
+/* Returns the sources of a kind that the scene has and the context keeps. */
 uint32_t saga_rate_sources(const saga_rate_context *c, const saga_scene *s,
                            int kind);
 
-/* Inputs of an entropy network that are one source's: F, of the memory D. */
+/* Returns how many inputs of an entropy network are one source's: F, of the
+ * memory bank D. */
 size_t saga_rate_columns(const saga_model *m, uint32_t source);
 
-/* mu and log2_sigma of the listed blocks. Kinds with such sources only. w: its
- * fine_phase and log2_support say where and how large the primitives' anchors
- * are (NULL unless kind is SAGA_KIND_PRIM). */
+/* Sets mu and log2_sigma of the listed blocks, of kinds with such sources only.
+ * w: its fine_phase and log2_support say where and how large the primitives'
+ * anchors are (NULL unless kind is SAGA_KIND_PRIM). */
 void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
                                const saga_twin *w, int kind,
                                saga_rate_list list,
                                const saga_rate_features *x);
 
-/* Of the same forward pass, from the kind's d_mu and d_log2_sigma: adds to d's
- * networks and to dx, and sets the blocks' d_read where the kind reads the
- * memory. */
+/* Goes back through the same forward pass, from the kind's d_mu and
+ * d_log2_sigma: adds to d's networks and to dx, and sets the blocks' d_read
+ * where the kind reads the memory. */
 void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
                                 const saga_scene *s, int kind,
                                 saga_rate_list list,
@@ -138,13 +138,13 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
 
 /* --- The memory ---------------------------------------------------------- */
 
-/* Kinds that read it, as bits 1 << kind; 0: it does not run. A level writes if
- * it reads or one of the kinds after it. */
+/* Returns the kinds that read it, as bits 1 << kind; 0: it does not run. A
+ * level writes if it reads or one of the kinds after it. */
 uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s);
 
-/* In the order of coding: begin; of each kind, run by run, what the blocks of
- * runs from .. to - 1 read, if the kind reads, and what they write once they
- * are decoded, if it writes. w as above, x: what is decoded. */
+/* These run it in the order of coding: begin; of each kind, run by run, what
+ * the blocks of runs from .. to - 1 read, if the kind reads, and what they
+ * write once they are decoded, if it writes. w as above, x: what is decoded. */
 void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s);
 void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
                             const saga_twin *w, int kind, size_t from,
@@ -153,13 +153,13 @@ void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
                              int kind, size_t from, size_t to,
                              const saga_rate_features *x);
 
-/* All of it at once, x standing for what will be decoded; all d_read become
- * 0. */
+/* Runs all of it at once, x standing for what will be decoded; all d_read
+ * become 0. */
 void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
                                 const saga_twin *w,
                                 const saga_rate_features *x);
 
-/* Of that, from d_read: adds to d's networks and to dx. */
+/* Goes back through that, from d_read: adds to d's networks and to dx. */
 void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
                                          const saga_scene *s,
                                          const saga_rate_features *x,

@@ -16,7 +16,7 @@
 #define FLOOR floorf
 #endif
 
-/* Of a block: an anchor's, or all its primitives'. */
+/* A block has so many values at most: an anchor's, or all its primitives'. */
 enum { MOST_VALUES = 4 + SAGA_MAX_FEATURES };
 _Static_assert(MOST_VALUES >= 4 * SAGA_MAX_CHILDREN, "room for primitives");
 
@@ -95,7 +95,7 @@ void saga_rate_keep_raw(saga_rate *r)
 
 /* --- Values -------------------------------------------------------------- */
 
-/* An offset from the cell of coarse anchor c, in its half-sizes. */
+/* Sets o to the offset from the cell of coarse anchor c, in its half-sizes. */
 static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 {
     int k;
@@ -133,14 +133,14 @@ bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
     return true;
 }
 
-/* In reals of the value. */
+/* Returns a step in reals of the value. */
 static double step_size(const saga_model *m, int kind, size_t c)
 {
     return ldexp(m->step_q16[saga_rate_step_of(kind, c)],
                  -16 - saga_rate_value_q(m, kind, c));
 }
 
-/* Coarse anchors to the nearest steps from their cells' centres. */
+/* Moves coarse anchors to the nearest steps from their cells' centres. */
 static void snap_coarse(saga_scene *s)
 {
     const double step = step_size(&s->model, SAGA_KIND_COARSE, 0);
@@ -167,7 +167,8 @@ static void snap_fine(saga_scene *s)
 {
     const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
     const double step = step_size(&s->model, SAGA_KIND_FINE, 0);
-    /* Inside their cells, or they would have another suffix. */
+    /* Fine anchors stay inside their cells, or they would have another suffix.
+     */
     const double most = ceil(ldexp(1, -(int)bits) / step) - 1;
     double o[4];
     uint32_t i, k;
@@ -198,7 +199,7 @@ void saga_rate_snap(saga_scene *s)
     snap_fine(s);
 }
 
-/* A primitive's residual in its suffix cell. */
+/* Finds a primitive's residual in its suffix cell. */
 static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
 {
     const uint32_t bits = x->scene->model.level[SAGA_LEVEL_FINE].suffix_bits;
@@ -211,8 +212,8 @@ static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
         y[k] -= saga_suffix_centre(suffix, bits, k);
 }
 
-/* The values of a block: rows of all its channels. Returns how many rows: one,
- * or as many as it has primitives. */
+/* Finds the values of a block: rows of all its channels. Returns how many rows:
+ * one, or as many as it has primitives. */
 static size_t read_block(double y[MOST_VALUES], const saga_rate *r,
                          const saga_rate_input *x, int kind, size_t block)
 {
@@ -238,8 +239,8 @@ static size_t read_block(double y[MOST_VALUES], const saga_rate *r,
 
 /* --- Parameters ---------------------------------------------------------- */
 
-/* Bits of a kind's values under its constants, of the channels that are not
- * settled; of some thousand blocks, which tell enough. */
+/* Adds up the bits of a kind's values under its constants, of the channels that
+ * are not settled; of some thousand blocks, which tell enough. */
 static void constants_bits(double bits[MOST_VALUES], const saga_rate *r,
                            const saga_rate_input *x, int kind,
                            const bool settled[MOST_VALUES])
@@ -266,8 +267,8 @@ static void constants_bits(double bits[MOST_VALUES], const saga_rate *r,
     }
 }
 
-/* Few values far from the others make a deviation that serves none of them:
- * down from scale to scale of the coder while a channel gets cheaper. */
+/* Few values far from the others make a deviation that serves none of them. It
+ * goes down from scale to scale of the coder while a channel gets cheaper. */
 static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
 {
     const size_t channels = saga_n_channels(&x->scene->model, kind);
@@ -330,7 +331,7 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
     narrow_constants(r, &clean, kind);
 }
 
-/* The last layer: no weights, and the constants as biases. */
+/* The last layer begins with no weights, and the constants as biases. */
 static void begin_as_constants(saga_net *net, const saga_model *m,
                                const saga_rate_constants *c, int kind)
 {
@@ -395,8 +396,8 @@ static void remember_mu(saga_rate *r, const saga_model *m, int kind,
         memcpy(r->mu_offset + 4 * block, mu, 4 * sizeof *mu);
 }
 
-/* Every fine anchor in the middle of its suffix cell, which is no wider than
- * the step (Q16 of Q14): its offset's residual is 0. */
+/* Tells whether every fine anchor is in the middle of its suffix cell, which is
+ * no wider than the step (Q16 of Q14): its offset's residual is 0. */
 static bool fine_offsets_are_0(const saga_model *m)
 {
     return m->step_q16[SAGA_STEP_FINE] >> 16 >=
@@ -425,7 +426,7 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
                     r->constants.mean[SAGA_KIND_PRIM]);
 }
 
-/* offset: as they are, or as coded. */
+/* The offsets come as they are, or as coded. */
 static saga_rate_features features_of(const saga_rate_input *x, real *offset)
 {
     const saga_rate_features f = { x->feature, offset, x->twin->fine_feature };
@@ -433,7 +434,7 @@ static saga_rate_features features_of(const saga_rate_input *x, real *offset)
     return f;
 }
 
-/* mu and log2 sigma of the listed blocks, by networks or constants. */
+/* Sets mu and log2 sigma of the listed blocks, by networks or constants. */
 static void predict(saga_rate *r, const saga_rate_input *x, int kind,
                     saga_rate_list list, real *offset)
 {
@@ -467,8 +468,8 @@ typedef struct {
     saga_rng noise;
 } job;
 
-/* Where channel c of row `row` of a block gets its gradient; NULL: nowhere.
- * *per: the value's units in the tensor's. */
+/* Returns where channel c of row `row` of a block gets its gradient; NULL:
+ * nowhere. *per becomes the value's units in the tensor's. */
 static real *gradient_of(const job *j, size_t block, size_t row, size_t c,
                          double *per)
 {
@@ -489,14 +490,14 @@ static real *gradient_of(const job *j, size_t block, size_t row, size_t c,
     return j->d->prim_x + 4 * prim + c;
 }
 
-/* Whether a value is rounded here. */
+/* Tells whether a value is rounded here. */
 static bool is_rounded(const job *j, size_t c)
 {
     return j->o->rounding &&
            saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
 }
 
-/* Number `at` of the list. Writes to its own rows alone. */
+/* Evaluates number `at` of the list, and writes to its own rows alone. */
 static void add_block(const job *j, size_t at, uint32_t block)
 {
     const saga_model *const m = &j->x->scene->model;
@@ -637,8 +638,8 @@ void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
 
 /* --- As it is coded ------------------------------------------------------ */
 
-/* One value: mu and sigma as integers have them, the symbol the closed loop
- * makes. Returns its cost; *y becomes what is decoded. */
+/* Codes one value with mu and sigma as integers have them, by the symbol the
+ * closed loop makes. Returns its cost; *y becomes what is decoded. */
 static double code_value(double *y, const saga_model *m, int kind, size_t c,
                          real mu, real log2_sigma)
 {

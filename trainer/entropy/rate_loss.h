@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The rate of a scene's residuals, differentiable in training, and as the
- * closed loop will code them at its end. Paper: Rate-Distortion Optimization.
+ * The rate of a scene's residuals is differentiable in training, and at its end
+ * what the closed loop will code. Paper: Rate-Distortion Optimization.
  *
  * Values, in reals: a coarse centre's offset from its cell's centre in
  * half-sizes; coarse features; a fine anchor's offset from its suffix cell's
@@ -15,8 +15,8 @@
 
 #include "rate_context.h"
 
-/* Per kind and channel: mean in reals, log2 of the deviation in steps that is
- * cheapest. */
+/* Each kind and channel has a mean in reals, and the log2 of the deviation in
+ * steps that is cheapest. */
 typedef struct saga_rate_constants {
     real mean[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
     real log2_sigma[SAGA_N_KINDS][4 + SAGA_MAX_FEATURES];
@@ -34,8 +34,8 @@ enum {
     SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */
 };
 
-/* Bits of a kind's residuals and of its network, hyperprior and memory apart,
- * when its sources were chosen. */
+/* A kind's residuals and its network, hyperprior and memory bank apart, took
+ * these bits when its sources were chosen. */
 typedef struct saga_rate_gain {
     double constants;            /* residuals without sources, */
     double networks;             /* with those that were trained, */
@@ -44,7 +44,7 @@ typedef struct saga_rate_gain {
     double weights;              /* of the network that is kept; 0: constants */
 } saga_rate_gain;
 
-/* What was found to be worth its bytes (rate_choice.h). */
+/* The plan says what was found to be worth its bytes (rate_choice.h). */
 typedef struct saga_rate_plan {
     uint64_t decided;            /* 1: by then; 0: everything is kept */
     double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
@@ -74,8 +74,8 @@ typedef struct saga_rate {
     uint32_t *list;              /* (blocks) */
 } saga_rate;
 
-/* What is coded: anchors and networks of scene; offsets, supports and features
- * of primitives and fine anchors of twin; coarse features as they are used. */
+/* Coded are anchors and networks of scene; offsets, supports and features of
+ * primitives and fine anchors of twin; coarse features as they are used. */
 typedef struct saga_rate_input {
     const saga_scene *scene;
     saga_twin *twin;
@@ -95,8 +95,8 @@ typedef struct saga_rate_options {
     real weight;                 /* of a bit in the loss */
 } saga_rate_options;
 
-/* What iteration `turn` evaluates: every SAGA_RATE_EVERY-th block, in turn, or
- * with the memory all of them. */
+/* Iteration `turn` evaluates every SAGA_RATE_EVERY-th block, in turn, or with
+ * the memory bank all of them. */
 static inline void saga_rate_look(saga_rate_options *o, int turn,
                                   bool remember)
 {
@@ -121,50 +121,54 @@ static inline void saga_rate_look(saga_rate_options *o, int turn,
 #define saga_rate_code SAGA_REAL_NAME(saga_rate_code)
 #define saga_rate_all SAGA_REAL_NAME(saga_rate_all)
 
-/* Of s->params, those before the first network that is not the entropy
- * model's. */
+/* Returns how many of s->params lie before the first network that is not the
+ * entropy model's. */
 size_t saga_rate_n_params(const saga_scene *s);
 
-/* Memory for scenes as saga_rate_context_init takes them, and all that is done
- * here with them but saga_rate_refresh. False: nothing is to be freed. */
+/* Takes memory for scenes as saga_rate_context_init takes them, and for all
+ * that is done here with them but saga_rate_refresh. False: nothing is to be
+ * freed. */
 bool saga_rate_init(saga_rate *r, const saga_scene *s, saga_error *error);
 void saga_rate_free(saga_rate *r);
 
-/* Before anything is decided: the ablation in which weights are not coded. */
+/* Asks, before anything is decided, for the ablation in which weights are not
+ * coded. */
 void saga_rate_keep_raw(saga_rate *r);
 
-/* Coarse and fine anchors to the nearest places that can be coded. */
+/* Moves coarse and fine anchors to the nearest positions that can be coded. */
 void saga_rate_snap(saga_scene *s);
 
-/* Anchors' places, values and neighbours, and the constants of fine offsets,
- * from the scene. Once, and whenever an anchor moved. False: no memory. */
+/* Sets anchors' positions, values and neighbours, and the constants of fine
+ * offsets, from the scene: once, and whenever an anchor moved. False: no
+ * memory. */
 bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error);
 
-/* The constants of a kind, from all its values without noise. Of x, fine
- * offsets take the scene alone. */
+/* Measures the constants of a kind, from all its values without noise. Of x,
+ * fine offsets take the scene alone. */
 void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
 
-/* Before the first step: constants of all kinds; networks begin as them (s's
- * last layers: biases alone), features are rounded against them. The memory
- * begins with slots that differ and gates of 1/8. Fine offsets that are all 0
- * by their step do without any source. */
+/* Measures the constants of all kinds, before the first step; networks begin as
+ * them (s's last layers: biases alone), features are rounded against them. The
+ * memory begins with slots that differ and gates of 1/8. Fine offsets that are
+ * all 0 by their step do without any source. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
-/* The value nearest to feature i (of n.coarse * F) that can be coded. */
+/* Returns the value nearest to feature i (of n.coarse * F) that can be coded.
+ */
 real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i);
 
-/* A primitive's step in supports, and the offset o of one of a fine anchor's to
- * the nearest that can be coded. */
+/* The first returns a primitive's step in supports, the second moves the offset
+ * o of one of a fine anchor's to the nearest that can be coded. */
 double saga_rate_prim_step(const saga_scene *s);
 void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
                             size_t fine);
 
-/* The scene with entropy networks whose weights are rounded to the plan's steps
- * (once it is decided): what is trained for from then on, and coded. They live
- * in the rate, until the next call. */
+/* Returns the scene with entropy networks whose weights are rounded to the
+ * plan's steps (once it is decided): what is trained for from then on, and
+ * coded. They live in the rate, until the next call. */
 saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s);
 
-/* Estimated bits of all blocks, from those that are evaluated; adds weight
+/* Estimates the bits of all blocks from those that are evaluated; adds weight
  * times their gradient to d (coarse features, primitives' positions, networks,
  * the latter straight through the rounding) and to the twin's d_fine_feature,
  * which saga_twin_backward then takes. No gradient flows to anchors' positions,
@@ -179,8 +183,9 @@ void saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
 void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
                     const saga_rate_input *x, int kind);
 
-/* The parameters of all blocks of a kind at once, from what saga_rate_code
- * left: for the ranges in the kind's batches and the memory's. */
+/* Computes the parameters of all blocks of a kind at once, from what
+ * saga_rate_code left: for the ranges in the kind's batches and the memory's.
+ */
 void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind);
 
 #endif

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Too few to be worth several threads: one step while it is coded. */
+/* So few blocks are not worth several threads: one step while it is coded. */
 enum { FEW_BLOCKS = 256 };
 
 /* --- Memory -------------------------------------------------------------- */
@@ -44,7 +44,7 @@ static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
     m->d_last = saga_arena_take(a, state);
 }
 
-/* What the networks' passes need. */
+/* Makes room for what the networks' passes need. */
 static bool reserve(saga_rate_memory *m, const saga_scene *s,
                     saga_error *error)
 {
@@ -120,8 +120,9 @@ void saga_rate_memory_free(saga_rate_memory *m)
 
 /* --- Inputs of queries and tokens ---------------------------------------- */
 
-/* Queries: what is above a block. Tokens: what the block itself is. Where it
- * lies in x, or in its gradients: NULL where there is nothing. *n values. */
+/* A query is told what is above a block, a token what the block itself is.
+ * Returns where that lies in x, or in its gradients, *n values; NULL where
+ * there is nothing. */
 static real *values_of(const saga_rate_memory_input *in,
                        const saga_rate_features *x, size_t block, int is_token,
                        size_t *n)
@@ -138,7 +139,7 @@ static real *values_of(const saga_rate_memory_input *in,
     return from ? from + block * *n : NULL;
 }
 
-/* The decoded place of an anchor. */
+/* Sets the phase of an anchor where it is decoded. */
 static void anchor_phase(real phase[4], const saga_rate_memory_input *in,
                          size_t block)
 {
@@ -170,7 +171,7 @@ static void fill_row(real *row, const saga_rate_memory_input *in, int net,
     saga_rate_clamp(row, dim, m->q_in[net]);
 }
 
-/* QUERY or AGG on the blocks of order first .. end - 1. */
+/* Runs QUERY or AGG on the blocks of order first .. end - 1. */
 static void run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
                        int net, size_t first, size_t end)
 {
@@ -188,7 +189,7 @@ static void run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
                     net == SAGA_NET_AGG ? SAGA_SLOT_Q : SAGA_QUERY_Q);
 }
 
-/* Of all blocks, from b->d_out. */
+/* Goes back through all blocks, from b->d_out. */
 static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
                             saga_twin_batch *b,
                             const saga_rate_memory_input *in, int net)
@@ -215,7 +216,7 @@ static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
 
 /* --- Reads --------------------------------------------------------------- */
 
-/* That there is scratch for. */
+/* Returns how many threads have scratch. */
 static int n_threads(const saga_rate_memory *m)
 {
     const size_t now = saga_n_threads();
@@ -223,7 +224,7 @@ static int n_threads(const saga_rate_memory *m)
     return (int)(now < m->n_threads ? now : m->n_threads);
 }
 
-/* What a run reads; primitives all read the last state. */
+/* Returns what a run reads; primitives all read the last state. */
 static saga_rate_bank bank_of(const saga_rate_memory *m,
                               const saga_rate_memory_input *in, size_t run)
 {
@@ -285,7 +286,7 @@ static int is_plain(const saga_scene *s)
     return (s->model.tools & SAGA_TOOL_PLAIN_WRITE) != 0;
 }
 
-/* WRITE_BASE's inputs. */
+/* Sets WRITE_BASE's inputs, a mean for each run. */
 static void take_means(saga_rate_memory_kind *k,
                        const saga_rate_memory_input *in, size_t width,
                        size_t from, size_t to)
@@ -306,7 +307,7 @@ static void take_means(saga_rate_memory_kind *k,
     }
 }
 
-/* WRITE's inputs: of every step and slot. */
+/* Sets WRITE's inputs, of every step and slot. */
 static void add_own(saga_rate_memory *m, saga_rate_memory_kind *k,
                     const saga_scene *s, size_t from, size_t to)
 {
@@ -325,7 +326,7 @@ static void add_own(saga_rate_memory *m, saga_rate_memory_kind *k,
         }
 }
 
-/* Candidates to +-8, gates to +-16. */
+/* Clamps candidates to +-8, gates to +-16. */
 static void clamp_writes(real *write, size_t n, size_t width)
 {
     size_t i;
@@ -404,8 +405,8 @@ void saga_rate_memory_clear(saga_rate_memory *m, const saga_scene *s)
     memset(m->slot.d_out, 0, m->n_slots * hidden * sizeof *m->slot.d_out);
 }
 
-/* Slot p through all steps of a level, from its last state's gradient to that
- * of the first; with what was read from each. */
+/* Takes slot p back through all steps of a level, from its last state's
+ * gradient to that of the first; with what was read from each. */
 static void slot_backward(saga_rate_memory *m, const saga_rate_memory_input *in,
                           size_t p, int reads)
 {
@@ -439,7 +440,8 @@ static void writes_through(saga_twin_batch *b, size_t n, size_t width)
     }
 }
 
-/* From WRITE's inputs to the steps' and the slots' parts of them. */
+/* Gradients go from WRITE's inputs to the steps' and the slots' parts of them.
+ */
 static void add_own_backward(saga_rate_memory *m, saga_rate_memory_kind *k,
                              const saga_scene *s, size_t n_runs)
 {
@@ -466,7 +468,7 @@ static void add_own_backward(saga_rate_memory *m, saga_rate_memory_kind *k,
     saga_rate_through(k->base.d_out, k->base.out, n_runs * hidden, q);
 }
 
-/* From the means to the tokens. */
+/* Gradients go from the means to the tokens. */
 static void means_backward(saga_rate_memory_kind *k,
                            const saga_rate_memory_input *in, size_t width)
 {
@@ -508,7 +510,7 @@ static void write_backward(saga_rate_memory *m, saga_scene *d,
     blocks_backward(d, dx, &k->token, in, SAGA_NET_AGG);
 }
 
-/* Primitives: what they all read from the last state. */
+/* Adds what all primitives read from the last state. */
 static void add_last(saga_rate_memory *m, size_t n_runs)
 {
     const size_t n = m->n_slots * m->width;
@@ -520,7 +522,8 @@ static void add_last(saga_rate_memory *m, size_t n_runs)
             m->d_last[i] += d[run * n + i];
 }
 
-/* What was read: queries, and the states they were answered from. */
+/* Goes back through what was read: queries, and the states they were answered
+ * from. */
 static void read_backward(saga_rate_memory *m, saga_scene *d,
                           const saga_rate_features *dx,
                           const saga_rate_memory_input *in)

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * The float twin of the memory in common/context.c: the bank (rate_bank.h) and
- * the networks around it (QUERY, AGG, SLOT, WRITE_BASE, WRITE), over all blocks
- * in the order in which they are coded, and the gradients back through all of
- * its steps. Paper: Hierarchical Context Modeling, equations of the write.
+ * The float twin of the memory bank in common/context.c has the bank
+ * (rate_bank.h) and the networks around it (QUERY, AGG, SLOT, WRITE_BASE,
+ * WRITE), over all blocks in the order in which they are coded, and the
+ * gradients back through all of its steps. Paper: Hierarchical Context
+ * Modeling, equations of the write.
  *
  *     token    AGG of a decoded anchor: place, sizes, count, kind, values
  *     mean     of a run's tokens
@@ -51,7 +52,7 @@ typedef struct saga_rate_memory {
     size_t n_threads;            /* that have some */
 } saga_rate_memory;
 
-/* What a kind's blocks are. */
+/* A kind has these blocks. */
 typedef struct saga_rate_memory_input {
     const saga_scene *s;
     int kind;
@@ -70,29 +71,29 @@ typedef struct saga_rate_memory_input {
 #define saga_rate_memory_backward SAGA_REAL_NAME(saga_rate_memory_backward)
 #define saga_rate_memory_end SAGA_REAL_NAME(saga_rate_memory_end)
 
-/* Memory for scenes of s's counts and model, and the start state; nothing if
- * the model has none. False: nothing is to be freed. */
+/* Takes memory for scenes of s's counts and model, and sets the start state;
+ * does nothing if the model has no bank. False: nothing is to be freed. */
 bool saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s,
                            saga_error *error);
 void saga_rate_memory_free(saga_rate_memory *m);
 
-/* Before the first run: the slots' own vectors. */
+/* Sets the slots' own vectors, before the first run. */
 void saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s);
 
-/* Runs from .. to - 1 of a level write, the state before the first being
+/* Lets runs from .. to - 1 of a level write, the state before the first being
  * there. */
 void saga_rate_memory_write(saga_rate_memory *m,
                             const saga_rate_memory_input *in, size_t from,
                             size_t to);
 
-/* What the blocks of runs from .. to - 1 read; their states are there. */
+/* Lets the blocks of runs from .. to - 1 read; their states are there. */
 void saga_rate_memory_read(saga_rate_memory *m,
                            const saga_rate_memory_input *in, size_t from,
                            size_t to);
 
-/* The backward pass of a kind that read (reads: d_read of all its blocks is
- * set), and if a level wrote, all its runs at once. Clear first; kinds in
- * reverse; end last. Adds to d's networks and to dx. */
+/* Goes back through a kind that read (reads: d_read of all its blocks is set),
+ * and if a level wrote, all its runs at once. Clear first; kinds in reverse;
+ * end last. Adds to d's networks and to dx. */
 void saga_rate_memory_clear(saga_rate_memory *m, const saga_scene *s);
 void saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
                                const saga_rate_features *dx,

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Blocks of primitives of a run: enough for the products to be large. */
+/* A run of primitives has so many blocks that the products are large. */
 enum { LEAST_PRIM_RUN = 256 };
 
 static uint32_t most_blocks(const saga_scene *s, int kind)

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * The order in which the blocks of a scene are coded.
+ * The blocks of a scene are coded in an order, in runs.
  */
 #ifndef SAGA_RATE_RUNS_H
 #define SAGA_RATE_RUNS_H
 
 #include "scene.h"
 
-/* Blocks of a kind in the order in which they are coded. Run i holds
- * block[begin[i]] .. block[begin[i + 1] - 1], which see nothing of one
- * another: a group's, or with a memory at most memory_blocks of them. Those of
+/* The blocks of a kind stand in the order in which they are coded. Run i holds
+ * block[begin[i]] .. block[begin[i + 1] - 1], which see nothing of one another:
+ * a group's, or with a memory at most memory_blocks of them. Those of
  * primitives, which write nothing, are only a division of the work. */
 typedef struct saga_rate_runs {
     uint32_t *block;             /* (blocks) ranks, ascending in a run */
@@ -23,21 +23,21 @@ typedef struct saga_rate_runs {
 #define saga_rate_runs_free SAGA_REAL_NAME(saga_rate_runs_free)
 #define saga_rate_runs_set SAGA_REAL_NAME(saga_rate_runs_set)
 
-/* Blocks of a kind. */
+/* Returns how many blocks a kind has. */
 static inline size_t saga_rate_n_blocks(const saga_scene *s, int kind)
 {
     return kind == SAGA_KIND_COARSE ? s->n.coarse : s->n.fine;
 }
 
-/* Most runs that scenes of s's counts and model have of a kind. */
+/* Returns the most runs that scenes of s's counts and model have of a kind. */
 size_t saga_rate_runs_most(const saga_scene *s, int kind);
 
-/* Memory for those. Also after a failure: saga_rate_runs_free. */
+/* Makes room for those. saga_rate_runs_free it also after a failure. */
 bool saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind,
                           saga_error *error);
 void saga_rate_runs_free(saga_rate_runs *r);
 
-/* From the groups of s's anchors. */
+/* Sets the runs from the groups of s's anchors. */
 void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind);
 
 #endif

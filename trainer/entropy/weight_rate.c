@@ -33,21 +33,21 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
         }
 }
 
-/* Deviations of a tensor's rows or columns, or of all of it. */
+/* These are the deviations of a tensor's rows or columns, or of all of it. */
 typedef struct {
     int mode;                /* SAGA_SCALE_* */
     size_t lines;
     double sigma[SAGA_MAX_VECTOR];
 } deviations;
 
-/* The line of parameter i of a tensor. */
+/* Returns the line of parameter i of a tensor. */
 static size_t line_of(int mode, size_t i, size_t cols)
 {
     return mode == SAGA_SCALE_ROW ? i / cols
          : mode == SAGA_SCALE_COLUMN ? i % cols : 0;
 }
 
-/* None is below `least`. */
+/* Measures deviations, of which none is below `least`. */
 static void measure(deviations *d, int mode, const real *x,
                     const saga_weight_tensor *t, double least)
 {
@@ -131,8 +131,8 @@ void saga_weights_round(real *y, const real *x, const saga_weights *w)
 
 /* --- Bits ---------------------------------------------------------------- */
 
-/* What an interval of `step` around y costs, and its derivatives by y and by
- * the logarithm (base e) of the step. */
+/* An interval of `step` around y costs bits, with derivatives by y and by the
+ * logarithm (base e) of the step. */
 typedef struct { double bits, by_y, by_ln; } cost;
 
 static cost cost_of(double y, double step, double sigma)
@@ -147,7 +147,7 @@ static cost cost_of(double y, double step, double sigma)
                    -(pa + pb) * step / 2 * scale };
 }
 
-/* About what n parameters and their deviations' scales take: a normal
+/* Returns about what n parameters and their deviations' scales take: a normal
  * distribution's log2(sigma / step sqrt(2 pi e)) each, with a 1 under the root
  * so that what is far below a step takes nothing. */
 static double about(const deviations *d, size_t n, double step)
@@ -165,8 +165,8 @@ static double about(const deviations *d, size_t n, double step)
     return bits;
 }
 
-/* By what takes the fewest bits; biases have one scale. No deviation is below
- * that of the file's lowest scale. */
+/* Chooses the mode that takes the fewest bits; biases have one scale. No
+ * deviation is below that of the file's lowest scale. */
 static void choose(deviations *d, const real *x, const saga_weight_tensor *t,
                    double step, int is_bias)
 {
@@ -186,7 +186,7 @@ static void choose(deviations *d, const real *x, const saga_weight_tensor *t,
     }
 }
 
-/* Everything of one tensor. */
+/* Does everything for one tensor. */
 static void rate_of(real *dx, saga_weights *w, int t, const real *y,
                     const real *x, double price)
 {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The rate of the networks' parameters, and the copy of them that training
- * runs. A tensor is a layer's weights, or its biases. Each has a step, learned
- * as its log2, and a part that is rounded to multiples of it: nothing at first,
- * all of it in the end.
+ * Training runs a copy of the networks' parameters, and pays for their rate. A
+ * tensor is a layer's weights, or its biases. Each has a step, learned as its
+ * log2, and a part that is rounded to multiples of it: nothing at first, all of
+ * it in the end.
  *
  *     not yet rounded    y = x + noise step (u - 1/2), u uniform in [0, 1)
  *     rounded            y = x, and x stands still
@@ -31,7 +31,7 @@
 
 enum { SAGA_WEIGHT_TENSORS = 2 * SAGA_N_NETS * SAGA_NET_LAYERS };
 
-/* Even tensors are weights, odd ones the biases of the same layer. */
+/* Even tensors are weights, odd ones are the biases of the same layer. */
 typedef struct saga_weight_tensor {
     int net, layer;
     size_t at;               /* first parameter */
@@ -56,33 +56,34 @@ typedef struct saga_weights {
 #define saga_weights_noise SAGA_REAL_NAME(saga_weights_noise)
 #define saga_weights_rate SAGA_REAL_NAME(saga_weights_rate)
 
-/* The tensors of the nets that are not the entropy model's (scene.h); params is
- * what the nets are bound into (saga_net_bind). Steps are 1. */
+/* Lists the tensors of the nets that are not the entropy model's (scene.h);
+ * params is what the nets are bound into (saga_net_bind). Steps are 1. */
 void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
                        const real *params);
 
-/* Fine steps to begin with: a 64th of each tensor's root mean square. */
+/* Sets fine steps to begin with: a 64th of each tensor's root mean square. */
 void saga_weights_start(saga_weights *w, const real *params);
 
-/* A layer's weights; its biases are the next tensor. -1: not among them. */
+/* Finds a layer's weights; its biases are the next tensor. -1: it is not among
+ * them. */
 int saga_weights_find(const saga_weights *w, int net, int layer);
 
-/* The step of tensor t. Biases' is the power of two next to the learned one,
- * which is all that the file can say. */
+/* Returns the step of tensor t. Biases' is the power of two next to the learned
+ * one, which is all that the file can say. */
 double saga_weights_step(const saga_weights *w, int t);
 
-/* The copy y of x, both indexed as params: the first n_rounded tensors as they
- * are, the others with `noise` of their step. Parameters of no tensor are not
- * touched. */
+/* Makes the copy y of x, both indexed as params: the first n_rounded tensors as
+ * they are, the others with `noise` of their step. Parameters of no tensor are
+ * not touched. */
 void saga_weights_noise(real *y, const real *x, const saga_weights *w,
                         int n_rounded, double noise, uint64_t seed);
 
-/* All tensors at multiples of their steps. */
+/* Rounds all tensors to multiples of their steps. */
 void saga_weights_round(real *y, const real *x, const saga_weights *w);
 
-/* Bits of all of y, also by tensor, without those of scales. Adds price times
- * their gradient to dx, which holds that of everything else; then sets the
- * steps' gradients. */
+/* Returns the bits of all of y, also by tensor, without those of scales. Adds
+ * price times their gradient to dx, which holds that of everything else; then
+ * sets the steps' gradients. */
 double saga_weights_rate(real *dx, saga_weights *w, const real *y,
                          const real *x, double price);
 

@@ -7,12 +7,12 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-/* Of H's mean diagonal, added to it: directions that no input takes must not
- * take the errors of the others. */
+/* This part of H's mean diagonal is added to it: directions that no input takes
+ * must not take the errors of the others. */
 #define DAMPING 1e-3
 
-/* Columns in the reverse of the order they are rounded in: first the bias, then
- * by ascending diagonal. */
+/* Columns stand in the reverse of the order they are rounded in: first the
+ * bias, then by ascending diagonal. */
 typedef struct {
     size_t n;                    /* n_in + 1 */
     size_t *order;               /* (n) */
@@ -72,7 +72,7 @@ static void sort_columns(size_t *order, const double *h, size_t n)
     }
 }
 
-/* Cholesky. */
+/* This is Cholesky's factorisation. */
 static void factorise(work *w)
 {
     const size_t n = w->n;
@@ -90,7 +90,7 @@ static void factorise(work *w)
         }
 }
 
-/* The regression of input i on those before it, z = H_<<^-1 H_<i: with
+/* Finds the regression of input i on those before it, z = H_<<^-1 H_<i: with
  * H_<i = F f_i and H_<< = F F^T, F^T z = f_i. */
 static void regress(work *w)
 {
@@ -110,7 +110,7 @@ static void regress(work *w)
     }
 }
 
-/* row: (n) the row's parameters in order, scratch. */
+/* Rounds one row; row (n) is scratch, the row's parameters in order. */
 static void round_row(real *weight, real *bias, double *row, const work *w,
                       const saga_weight_round_input *in)
 {

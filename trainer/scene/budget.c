@@ -10,7 +10,8 @@ static double scaled(const saga_share *s, double scale)
     return x < s->lo ? s->lo : x > s->hi ? s->hi : x;
 }
 
-/* The scale at which the clamped shares add up to total, or just below. */
+/* Returns the scale at which the clamped shares add up to total, or just below.
+ */
 static double find_scale(const saga_share *s, uint32_t n, double total)
 {
     double lo = 0, hi = 0;

@@ -13,7 +13,7 @@
 
 static const char what[] = "the hierarchy";
 
-/* A scene while it is made from its tree. */
+/* A builder makes a scene from its tree. */
 typedef struct {
     saga_tree tree;
     saga_scene *scene;
@@ -95,7 +95,8 @@ static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
 
 /* --- Candidates ---------------------------------------------------------- */
 
-/* Not saga_clamp, which rounds to float: costs and capacities are double. */
+/* This is not saga_clamp, which rounds to float: costs and capacities are
+ * double. */
 static double clamp(double x, double lo, double hi)
 {
     return x < lo ? lo : x > hi ? hi : x;
@@ -128,8 +129,8 @@ static void set_descriptor(const saga_tree *t, saga_candidate *c,
     }
 }
 
-/* How far a primitive has a time of its own, 0..1: none if it is seen all the
- * time, half if its temporal width is half a segment. */
+/* Tells how far a primitive has a time of its own, 0..1: not at all if it is
+ * seen all the time, half if its temporal width is half a segment. */
 static double locality(const saga_tree *t, const saga_splat_params *p,
                        uint32_t i)
 {
@@ -180,7 +181,8 @@ static void set_candidates(saga_tree *t, const saga_hierarchy_pool *pool)
 
 /* --- Fine anchors of each leaf ------------------------------------------- */
 
-/* The capacity A_m of a leaf: neither 0 nor infinite, whatever the options. */
+/* Returns the capacity A_m of a leaf, which is neither 0 nor infinite, whatever
+ * the options. */
 static saga_share share_of(const saga_tree *t, uint32_t rank)
 {
     const saga_tree_node *const nd = &t->node[t->leaf[rank]];
@@ -197,7 +199,7 @@ static saga_share share_of(const saga_tree *t, uint32_t rank)
     };
 }
 
-/* n_fine of every leaf; their sum in *total. */
+/* Sets n_fine of every leaf, and their sum in *total. */
 static bool divide_budget(builder *b, uint32_t *total)
 {
     const saga_tree *const t = &b->tree;
@@ -233,7 +235,7 @@ static double distance_of(const saga_candidate *a, const saga_candidate *b,
     return sum;
 }
 
-/* The fine anchors of a leaf, as medoids of its candidates. */
+/* Finds the fine anchors of a leaf, as medoids of its candidates. */
 static void divide_leaf(saga_medoid_division *v, builder *b, uint32_t rank)
 {
     const saga_tree *const t = &b->tree;
@@ -265,7 +267,8 @@ static void write_tree(saga_scene *s, const saga_tree *t)
     }
 }
 
-/* The centre of its candidates' weights, where it is in time included. */
+/* A coarse anchor stands at the centre of its candidates' weights, in time too.
+ */
 static void write_centre(saga_scene *s, const saga_tree *t, uint32_t rank)
 {
     const saga_tree_node *const nd = &t->node[t->leaf[rank]];
@@ -307,7 +310,7 @@ static void write_coarse(builder *b, uint32_t rank)
     write_centre(b->scene, t, rank);
 }
 
-/* Coordinates of a candidate in its cell's grid. */
+/* Finds the coordinates of a candidate in its cell's grid. */
 static void suffix_axes(uint32_t v[4], const saga_tree *t,
                         const saga_candidate *c, const saga_tree_node *nd)
 {
@@ -349,7 +352,7 @@ static void write_fine(const builder *b, uint32_t parent,
     a->t = (uint16_t)p.t;
 }
 
-/* Medoids by (suffix, candidate). */
+/* Sorts medoids by (suffix, candidate). */
 static void order_medoids(uint32_t sorted[SAGA_MAX_CHILDREN],
                           const saga_medoid_division *v, const saga_tree *t,
                           const saga_tree_node *nd)

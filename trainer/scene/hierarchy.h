@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * From a flat set of primitives to a scene: the 4-D tree, its coarse anchors,
+ * A flat set of primitives becomes a scene: the 4-D tree, its coarse anchors,
  * fine anchors and the primitives under them. Paper: Initialization and
  * Optimization; Hierarchical Morton Ordering.
  *
@@ -16,7 +16,7 @@
 
 #include <stdint.h>
 
-/* What a scene is built from. */
+/* A scene is built from these primitives. */
 typedef struct saga_hierarchy_pool {
     const saga_splat_params *p;  /* (n) colour and log2_scale may be NULL; quat,
                                   * opacity and slope are looked at for numbers
@@ -31,9 +31,9 @@ typedef struct saga_hierarchy_options {
     uint32_t max_coarse;         /* budgets, >= 1; the fine one is used up as */
     uint32_t max_fine;           /* far as the limits of children let it */
     unsigned long long seed;     /* of the networks */
-    /* The tree: phi = [x, lambda_t tau, lambda_h h]; x in half-cubes, tau in
-     * segments, h: colour, log2 scale / 8, velocity in half-cubes per segment,
-     * locality in time (see min_local). */
+    /* The tree splits phi = [x, lambda_t tau, lambda_h h]; x in half-cubes, tau
+     * in segments, h: colour, log2 scale / 8, velocity in half-cubes per
+     * segment, locality in time (see min_local). */
     double lambda_t, lambda_h;
     double min_time_std;         /* segments: a node whose tau deviate less is
                                   * not split in time, */
@@ -42,15 +42,15 @@ typedef struct saga_hierarchy_options {
                                   * temporal width s is 1 / (1 + 4 s^2) */
     double min_gain;             /* least reduction per added leaf, as a share
                                   * of the root's sum of squares */
-    /* Fine anchors of a leaf: A = W^alpha (H + epsilon)^beta, with W its share
-     * of the weights, H its variance of phi over the root's. */
+    /* A leaf wants fine anchors as A = W^alpha (H + epsilon)^beta, with W its
+     * share of the weights, H its variance of phi over the root's. */
     double alpha, beta, epsilon;
 } saga_hierarchy_options;
 
 #define saga_hierarchy_defaults SAGA_REAL_NAME(saga_hierarchy_defaults)
 #define saga_hierarchy_build SAGA_REAL_NAME(saga_hierarchy_build)
 
-/* Everything but the model and the budgets. */
+/* Sets everything but the model and the budgets. */
 void saga_hierarchy_defaults(saga_hierarchy_options *o);
 
 /* Builds scene (saga_scene_free it).

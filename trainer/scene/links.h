@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Kernel interpolation with neighbours and weights of the integer path
+ * Kernel interpolation takes neighbours and weights of the integer path
  * (common/interp.c) on a scene's rounded positions: no gradient flows through
  * them. Paper: Kernel Interpolation.
  */
@@ -10,7 +10,7 @@
 #include "interp.h"
 #include "scene.h"
 
-/* For each query up to SAGA_MAX_NEIGHBOURS sources. */
+/* Each query is linked to up to SAGA_MAX_NEIGHBOURS ranks. */
 typedef struct saga_links {
     uint32_t *begin;         /* (queries + 1) */
     uint32_t *rank;          /* (links) */
@@ -27,30 +27,30 @@ typedef struct saga_links {
 #define saga_links_supports SAGA_REAL_NAME(saga_links_supports)
 #define saga_links_scaffold_free SAGA_REAL_NAME(saga_links_scaffold_free)
 
-/* Room for so many queries, none of them linked. Also after a failure:
- * saga_links_free. */
+/* Makes room for so many queries, none of them linked. saga_links_free it also
+ * after a failure. */
 bool saga_links_alloc(saga_links *l, size_t queries, saga_error *error);
 void saga_links_free(saga_links *l);
 
-/* The links of the next query: 0, 1, 2, ... after l->n was set to 0. */
+/* Adds the links of the next query: 0, 1, 2, ... after l->n was set to 0. */
 void saga_links_add(saga_links *l, size_t query, const saga_neighbours *nb);
 
-/* out (n, F): weighted sums of the rows of source (sources, F); row i is of
- * query[i], or of query i where query is NULL. */
+/* Sets out (n, F) to weighted sums of the rows of source (sources, F). Row i is
+ * of query[i], or of query i where query is NULL. */
 void saga_links_gather(real *out, const saga_links *l, const real *source,
                        size_t f, const uint32_t *query, size_t n);
 
-/* The transpose: adds to d_source. In the order of the queries by one thread:
- * cheap enough, and the sums have one order. */
+/* Adds the transpose to d_source, in the order of the queries by one thread:
+ * that is cheap enough, and the sums have one order. */
 void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
                         size_t f, const uint32_t *query, size_t n);
 
-/* What saga_interp_find reads of a scaffold: anchors with rounded positions,
- * fine ones with the supports they have before F_fine has run, `local` the
- * suffix cell's centre. False: nothing is to be freed. */
+/* Makes what saga_interp_find reads of a scaffold: anchors with rounded
+ * positions, fine ones with the supports they have before F_fine has run,
+ * `local` the suffix cell's centre. False: nothing is to be freed. */
 bool saga_links_scaffold(saga_scaffold *sc, const saga_scene *s,
                          saga_error *error);
-/* The supports after F_fine: (n.fine, 4). */
+/* Takes the supports after F_fine: (n.fine, 4). */
 void saga_links_supports(saga_scaffold *sc, const real *support);
 void saga_links_scaffold_free(saga_scaffold *sc);
 

@@ -6,7 +6,7 @@
 
 enum { ROUNDS = 4 };             /* of nearest medoid, medoid of the nearest */
 
-/* Greedy: each medoid is the member that lowers the cost most, given those
+/* Each medoid in turn is the member that lowers the cost most, given those
  * before it; the first is the medoid of all. */
 static void seed_medoids(saga_medoid_division *v)
 {
@@ -57,7 +57,7 @@ static void assign_nearest(saga_medoid_division *v)
         v->of[v->medoid[i]] = (uint8_t)i;
 }
 
-/* Each cluster takes its own medoid; 1 if any changed. */
+/* Each cluster takes its own medoid. Returns 1 if any changed. */
 static int move_medoids(saga_medoid_division *v)
 {
     double best[SAGA_MAX_CHILDREN];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Dividing a leaf: a few of its members become medoids, the rest goes to near
+ * A leaf is divided: a few of its members become medoids, the rest goes to near
  * ones that have room. Paper: Initialization and Optimization.
  */
 #ifndef SAGA_MEDOID_H
@@ -21,7 +21,7 @@ typedef struct saga_medoid_division {
     uint8_t of[SAGA_MEDOID_MOST];    /* result: each member's medoid, 0..k-1 */
 } saga_medoid_division;
 
-/* From distance, n, k and w to medoid and of: no medoid has more than `room`
+/* Finds medoid and of from distance, n, k and w. No medoid has more than `room`
  * members, itself among them. k * room >= n. */
 void saga_medoid_divide(saga_medoid_division *v, uint32_t room);
 

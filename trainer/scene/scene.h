@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A scene in float: the scaffold of common/scaffold.h with real-valued
+ * A scene in float is the scaffold of common/scaffold.h with real-valued
  * positions, features and networks, as training sees it.
  *
  * Units: positions in half-cubes, the cube of the segment is [-1, 1) on each
@@ -37,7 +37,7 @@ typedef struct saga_scene {
                               * saga_links_scaffold */
     uint32_t *prim_fine;     /* (n.prim) rank of the parent */
 
-    /* Reals, one block of n_reals from `reals` on: an optimiser's view. */
+    /* An optimiser sees all reals as one block of n_reals from `reals` on. */
     real *reals;
     size_t n_reals;
     real *coarse_x;          /* (n.coarse, 4) centre: x, y, z, t */
@@ -48,8 +48,9 @@ typedef struct saga_scene {
     saga_net net[SAGA_N_NETS]; /* bound into params; n_layers = 0: absent */
 } saga_scene;
 
-/* The networks of the entropy model are those before FUSE_C and, with a memory,
- * those from QUERY on. Network number i in the order of params: */
+/* The networks of the entropy model are those before FUSE_C and, with a memory
+ * bank, those from QUERY on. They come first in params; saga_scene_net says
+ * which network is number i there. */
 enum {
     SAGA_N_ENTROPY_NETS = SAGA_NET_FUSE_C + SAGA_N_NETS - SAGA_NET_QUERY
 };
@@ -66,8 +67,8 @@ static inline int saga_is_entropy_net(int net)
     return net < SAGA_NET_FUSE_C || net >= SAGA_NET_QUERY;
 }
 
-/* A position and time (x, y, z, t) as embeddings take them: time's half is half
- * a segment, from its middle. */
+/* Sets a position and time (x, y, z, t) as embeddings take them: time's half is
+ * half a segment, from its middle. */
 static inline void saga_scene_phase(real phase[4], const real x[4])
 {
     phase[0] = x[0];
@@ -86,7 +87,7 @@ static inline void saga_scene_phase(real phase[4], const real x[4])
 #define saga_scene_shape SAGA_REAL_NAME(saga_scene_shape)
 #define saga_scene_fine_suffix SAGA_REAL_NAME(saga_scene_fine_suffix)
 
-/* The layers of network number `net` as the model has it. */
+/* Sets the layers of network number `net` as the model has it. */
 void saga_scene_shape(saga_net *f, const saga_model *m, int net);
 
 /* Allocates a scene of the given counts; structure and reals are zero, the
@@ -97,20 +98,21 @@ bool saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
                      saga_error *error);
 void saga_scene_free(saga_scene *s);
 
-/* Half-size of the cell of a coarse anchor: space (half-cubes), time
- * (segments); and its centre (x, y, z, t). */
+/* These give the half-size of the cell of a coarse anchor, in space
+ * (half-cubes) and time (segments), and its centre (x, y, z, t). */
 real saga_scene_half_x(const saga_coarse *c);
 real saga_scene_half_t(const saga_coarse *c);
 void saga_scene_cell(real centre[4], const saga_coarse *c);
 
-/* x (x, y, z, t) from that centre, in half-sizes. */
+/* Sets o to x (x, y, z, t) from that centre, in half-sizes. */
 void saga_scene_offset(double o[4], const saga_coarse *c, const real x[4]);
 
-/* The suffix of a fine anchor. The hierarchy orders them so; one that training
- * moved is clamped to its cell. */
+/* Returns the suffix of a fine anchor, by which the hierarchy orders them. One
+ * that training moved is clamped to its cell. */
 uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine);
 
-/* A position and time as the integers of the decoder, clamped to the cube. */
+/* Rounds a position and time to the integers of the decoder, clamped to the
+ * cube. */
 void saga_scene_place(int32_t x[3], int32_t *t, const real place[4]);
 
 #endif

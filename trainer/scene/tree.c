@@ -99,8 +99,8 @@ double saga_tree_squares(double *time, const saga_tree *t,
 
 /* --- The best split of a node -------------------------------------------- */
 
-/* Candidates by the child of a split of both kinds: sums about the mean of the
- * node, so that no square of the mean has to cancel. */
+/* Candidates are summed by the child of a split of both kinds, about the mean
+ * of the node, so that no square of the mean has to cancel. */
 typedef struct {
     double w[MAX_BINS], sum[MAX_BINS][SAGA_N_PHI];
     uint32_t n[MAX_BINS];
@@ -116,7 +116,8 @@ uint32_t saga_tree_need(const saga_tree *t, uint32_t n)
     return (n + t->c_fine - 1) / t->c_fine;
 }
 
-/* Number of a candidate's child when cells of these depths split. */
+/* Returns the number of a candidate's child when cells of these depths split.
+ */
 static uint32_t child_number(const saga_candidate *c, int split, int depth_x,
                              int depth_t)
 {
@@ -138,7 +139,8 @@ static int floor_log2(uint32_t x)
     return n;
 }
 
-/* Depths at which the candidates part: > max_x, max_t if they never do. */
+/* Finds the depths at which the candidates part: > max_x, max_t if they never
+ * do. */
 static void branch_depths(int *depth_x, int *depth_t, const saga_tree *t,
                           const saga_tree_node *nd)
 {
@@ -177,7 +179,7 @@ static void fill_bins(bins *s, const saga_tree *t, const saga_tree_node *nd,
     }
 }
 
-/* Bins of both kinds merged into those of one kind. */
+/* Merges bins of both kinds into those of one kind. */
 static void merge_bins(bins *to, const bins *from, int split)
 {
     uint32_t j;
@@ -194,7 +196,7 @@ static void merge_bins(bins *to, const bins *from, int split)
     }
 }
 
-/* What a split of this kind gains; the sum of squares between children. */
+/* Rates a split of this kind: it gains the sum of squares between children. */
 static saga_tree_split gain_of(const saga_tree *t, const bins *joint, int split)
 {
     saga_tree_split p = { 0, 0, 0, (uint8_t)split, 0, 0 };
@@ -216,8 +218,8 @@ static saga_tree_split gain_of(const saga_tree *t, const bins *joint, int split)
     return p;
 }
 
-/* Whether the times of a node's candidates differ enough for it, and most of
- * them have one: what is seen all the time keeps its wide cells. */
+/* Tells whether the times of a node's candidates differ enough for a split, and
+ * most of them have one: what is seen all the time keeps its wide cells. */
 static int varies_in_time(const saga_tree *t, const saga_tree_node *nd)
 {
     const double least = t->o->min_time_std * t->o->lambda_t;
@@ -239,8 +241,9 @@ static int is_too_big(const saga_tree *t, const saga_tree_node *nd)
     return nd->end - nd->begin > limit_of(t);
 }
 
-/* The kinds a node may be split in, as bits: kind k is bit k. A node that has
- * to be split and cannot be in space is split in time whatever its variance. */
+/* Returns the kinds a node may be split in, as bits: kind k is bit k. A node
+ * that has to be split and cannot be in space is split in time whatever its
+ * variance. */
 static unsigned allowed_splits(const saga_tree *t, const saga_tree_node *nd,
                                int depth_x, int depth_t)
 {
@@ -281,7 +284,7 @@ static void find_split(const saga_tree *t, saga_tree_node *nd)
 
 /* --- The queue ----------------------------------------------------------- */
 
-/* Nodes that are too big first, then by gain, then by number. */
+/* Nodes that are too big come first, then order is by gain, then by number. */
 static int comes_before(const saga_tree *t, uint32_t x, uint32_t y)
 {
     const saga_tree_node *const p = &t->node[x], *const q = &t->node[y];
@@ -364,7 +367,8 @@ static void add_child(saga_tree *t, uint32_t id, uint32_t number,
     t->n_nodes++;
 }
 
-/* One split: candidates parted by child, in their order; children appended. */
+/* Parts a node's candidates by child, in their order, and appends the children.
+ */
 static void split_once(saga_tree *t, uint32_t id, int split)
 {
     saga_tree_node *const nd = &t->node[id];
@@ -413,7 +417,8 @@ static bool split_node(saga_tree *t, uint32_t id)
     return true;
 }
 
-/* Whether a leaf may be split by choice: for a gain and within the budgets. */
+/* Tells whether a leaf may be split by choice: for a gain and within the
+ * budgets. */
 static int is_worth_it(const saga_tree *t, const saga_tree_node *nd)
 {
     const saga_tree_split *const p = &nd->best;
@@ -469,7 +474,7 @@ static bool grow(saga_tree *t)
            within(t, "fine", t->need, t->o->max_fine);
 }
 
-/* Nodes in the decoder's order; leaves among them by rank. */
+/* Lists nodes in the decoder's order, and leaves among them by rank. */
 static bool walk(saga_tree *t)
 {
     uint32_t stack[MAX_DEPTH * (MAX_BINS - 1) + 1];

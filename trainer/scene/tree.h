@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The 4-D tree over candidates for primitives: it splits the leaf that gains
- * most, in space, in time or in both, until the budgets are used up. Its leaves
+ * The 4-D tree over candidates for primitives splits the leaf that gains most,
+ * in space, in time or in both, until the budgets are used up. Its leaves
  * become the coarse anchors. Paper: Initialization and Optimization.
  */
 #ifndef SAGA_TREE_H
@@ -26,9 +26,9 @@ typedef struct saga_candidate {
     uint32_t u[4];           /* position in 24 bits, time in 16 */
 } saga_candidate;
 
-/* The best split of a leaf: single-child splits of space, then of time, until
- * the candidates part, then one of `kind`. Cutting empty space off costs no
- * leaf. */
+/* The best split of a leaf is made of single-child splits of space, then of
+ * time, until the candidates part, then one of `kind`. Cutting empty space off
+ * costs no leaf. */
 typedef struct saga_tree_split {
     double gain;             /* per added leaf */
     uint32_t added;          /* leaves */
@@ -37,7 +37,7 @@ typedef struct saga_tree_split {
     uint8_t chain_x, chain_t;
 } saga_tree_split;
 
-/* Its candidates are order[begin..end), ascending in leaves. */
+/* A node's candidates are order[begin..end), ascending in leaves. */
 typedef struct saga_tree_node {
     uint32_t begin, end;
     uint32_t first_child;    /* children are consecutive, by number */
@@ -67,26 +67,28 @@ typedef struct saga_tree {
     uint32_t *leaf;                  /* (n_leaves) by rank */
 } saga_tree;
 
-/* Room for n candidates, all zero, their order and the limits of o, which
- * stays the caller's as the error does. False without memory. */
+/* Makes room for n candidates, all zero, and sets their order and the limits of
+ * o, which stays the caller's as the error does. False without memory. */
 bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
                     saga_error *error);
 void saga_tree_free(saga_tree *t);
 
-/* From candidates and their weight to leaves: all from `squares` on. False if
- * the budgets are too small, more share a deepest cell than a leaf can take, or
- * there is no memory; then, too, saga_tree_free. */
+/* Grows leaves from candidates and their weight: sets all from `squares` on.
+ * False if the budgets are too small, more share a deepest cell than a leaf can
+ * take, or there is no memory; then, too, saga_tree_free. */
 bool saga_tree_grow(saga_tree *t);
 
-/* The weighted mean of phi over a node's candidates; returns their weight. */
+/* Sets the weighted mean of phi over a node's candidates; returns their weight.
+ */
 double saga_tree_mean(double mean[SAGA_N_PHI], const saga_tree *t,
                       const saga_tree_node *nd);
 
-/* Weighted sum of squares about that mean; of tau in *time (lambda_t in it). */
+/* Returns the weighted sum of squares about that mean, and tau's part of it in
+ * *time (lambda_t in it). */
 double saga_tree_squares(double *time, const saga_tree *t,
                          const saga_tree_node *nd);
 
-/* Least fine anchors that take n candidates. */
+/* Returns the least number of fine anchors that take n candidates. */
 uint32_t saga_tree_need(const saga_tree *t, uint32_t n);
 
 #endif

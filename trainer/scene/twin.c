@@ -84,7 +84,7 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
     lay_attributes(&w->d_attr, a, prim, &s->model);
 }
 
-/* What the networks' passes need. */
+/* Makes room for what the networks' passes need. */
 static bool reserve(saga_twin *w, const saga_scene *s, saga_error *error)
 {
     int net;
@@ -131,7 +131,7 @@ void saga_twin_free(saga_twin *w)
 
 /* --- Pieces of input vectors --------------------------------------------- */
 
-/* Input vectors of a network: n features, then an embedding, for each row. */
+/* Each row of a network's input has F features, then an embedding. */
 static void assemble(saga_twin *w, const saga_scene *s, int net,
                      const real *feature, const real *phase)
 {
@@ -151,7 +151,7 @@ static real *append(real *to, const real *x, size_t n)
     return to + n;
 }
 
-/* o = (x - x_parent) / unit. */
+/* Sets o = (x - x_parent) / unit, clamped. */
 static void local_offset(real o[4], const real x[4], const real parent[4],
                          const real unit[4])
 {
@@ -202,7 +202,8 @@ static void run(saga_twin *w, const saga_scene *s, int net)
                      &s->net[net]);
 }
 
-/* What Fuse of a level makes of w->context; that itself where there is none. */
+/* Returns what Fuse of a level makes of w->context; that itself where there is
+ * none. */
 static const real *fuse_forward(saga_twin *w, const saga_scene *s, int level,
                                 const real *phase)
 {
@@ -215,7 +216,7 @@ static const real *fuse_forward(saga_twin *w, const saga_scene *s, int level,
     return w->batch[net].out;
 }
 
-/* A support is one box unit or more of the cube; one time unit of the segment.
+/* A support is at least one box unit of the cube, one time unit of the segment.
  */
 static real least_log2_support(size_t axis)
 {
@@ -276,7 +277,7 @@ static void give(real *d_out, saga_rows rows, const real *d_attr, size_t at)
         d_out[rows.first + k] = d_attr[at + k];
 }
 
-/* Where F_geo's outputs for primitive i begin. */
+/* Returns where F_geo's outputs for primitive i begin. */
 static size_t geo_at(const saga_scene *s, size_t i)
 {
     const saga_net *const geo = &s->net[SAGA_NET_GEO];
@@ -284,7 +285,7 @@ static size_t geo_at(const saga_scene *s, size_t i)
     return i * (size_t)geo->dim[geo->n_layers];
 }
 
-/* F_geo's rows to the attributes of primitive i. */
+/* F_geo's rows become the attributes of primitive i. */
 static void set_attributes(saga_twin *w, const saga_scene *s,
                            const saga_rows rows[SAGA_N_HEADS], size_t i)
 {
@@ -340,7 +341,7 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
 
 /* --- Colour -------------------------------------------------------------- */
 
-/* Where a primitive is at mid-segment, t = 1/2. */
+/* Finds where a primitive is at mid-segment, t = 1/2. */
 static void mid_position(real x[3], const saga_twin *w, size_t i)
 {
     const saga_splat_params *const a = &w->attr;
@@ -482,7 +483,8 @@ static void back(saga_twin *w, saga_scene *d, const saga_scene *s, int net)
                       saga_twin_rows(w, net), &s->net[net]);
 }
 
-/* Attributes of primitive i to F_geo's rows, positions and log supports. */
+/* Gradients of the attributes of primitive i go to F_geo's rows, positions and
+ * log supports. */
 static void attributes_backward(saga_twin *w, saga_scene *d,
                                 const saga_scene *s,
                                 const saga_rows rows[SAGA_N_HEADS], size_t i)
@@ -516,7 +518,7 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
     }
 }
 
-/* d_feature = first f of each row. */
+/* Sets d_feature to the first f of each row. */
 static void take_features(real *d_feature, const real *d_in, size_t rows,
                           size_t dim, size_t f)
 {
@@ -527,7 +529,7 @@ static void take_features(real *d_feature, const real *d_in, size_t rows,
             d_feature[i * f + k] = d_in[i * dim + k];
 }
 
-/* Where the gradients of fuse_forward's features go. */
+/* Returns where the gradients of fuse_forward's features go. */
 static real *d_fused(saga_twin *w, const saga_scene *s, int level)
 {
     const int net = saga_fuse_net(level);
@@ -535,7 +537,7 @@ static real *d_fused(saga_twin *w, const saga_scene *s, int level)
     return s->net[net].n_layers ? w->batch[net].d_out : w->d_context;
 }
 
-/* From there to w->d_context. */
+/* The gradients go on from there to w->d_context. */
 static void fuse_backward(saga_twin *w, saga_scene *d, const saga_scene *s,
                           int level)
 {

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The float twin of common/scaffold.c and decoder/reconstruct.c: from a scene
- * to the primitives saga_splat draws, and the gradients back. Paper: Overview
- * (Representation), Kernel Interpolation.
+ * The float twin of common/scaffold.c and decoder/reconstruct.c goes from a
+ * scene to the primitives saga_splat draws, and back with the gradients. Paper:
+ * Overview (Representation), Kernel Interpolation.
  *
  * Neighbours and their weights come from the integer path (saga_twin_refresh)
  * and stand still between refreshes; no gradient flows through them, nor
@@ -16,7 +16,7 @@
 #include "scene.h"
 #include "splat.h"
 
-/* One batch through a network: what goes in and comes out, and gradients.
+/* A batch goes through a network: what goes in and comes out, and gradients.
  * Room is made for the most rows there will be: passes do not fail. */
 typedef struct saga_twin_batch {
     real *in, *out, *d_in, *d_out;
@@ -56,37 +56,37 @@ typedef struct saga_twin {
 void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
                           const saga_net *net, size_t rows);
 
-/* Memory for scenes of s's counts and model, and all that is done with them
- * but saga_twin_refresh. False: nothing is to be freed. */
+/* Takes memory for scenes of s's counts and model, and for all that is done
+ * with them but saga_twin_refresh. False: nothing is to be freed. */
 bool saga_twin_init(saga_twin *w, const saga_scene *s, saga_error *error);
 void saga_twin_free(saga_twin *w);
 
-/* Points that go through a network: rows of its batch. */
+/* Returns how many points go through a network: rows of its batch. */
 size_t saga_twin_rows(const saga_twin *w, int net);
 
-/* Neighbours and weights anew, by common/interp.c on rounded positions; those
- * of primitives on the supports that F_fine gives with the new ones of fine
- * anchors. feature as for saga_twin_geometry. False: no memory. */
+/* Finds neighbours and weights anew, by common/interp.c on rounded positions;
+ * those of primitives on the supports that F_fine gives with the new ones of
+ * fine anchors. feature as for saga_twin_geometry. False: no memory. */
 bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
                        saga_error *error);
 
-/* Local offsets and phases anew, from the positions and the supports of the
+/* Sets local offsets and phases, from the positions and the supports of the
  * last saga_twin_geometry; a step of training does it once. Refresh includes
  * it. */
 void saga_twin_offsets(saga_twin *w, const saga_scene *s);
 
-/* Everything that does not depend on the camera: w->attr without colour, the
- * colour's pre-activations. feature (n.coarse, F): the coarse features to use,
- * scene's own or with noise or rounded. */
+/* Sets everything that does not depend on the camera: w->attr without colour,
+ * the colour's pre-activations. feature (n.coarse, F) are the coarse features
+ * to use, the scene's own or with noise or rounded. */
 void saga_twin_geometry(saga_twin *w, const saga_scene *s,
                         const real *feature);
 
-/* w->attr.colour, seen from centre (half-cubes); NULL: the directions of the
- * last call again (or the model has no view dependence). */
+/* Sets w->attr.colour, seen from centre (half-cubes); NULL: the directions of
+ * the last call again (or the model has no view dependence). */
 void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre);
 
-/* w->d_attr and the accumulated gradients to zero: before the first view of a
- * step. saga_splat_backward then adds to w->d_attr, and whoever else reads
+/* Sets w->d_attr and the accumulated gradients to zero: before the first view
+ * of a step. saga_splat_backward then adds to w->d_attr, and whoever else reads
  * w->fine_feature may add to w->d_fine_feature before saga_twin_backward. */
 void saga_twin_clear(saga_twin *w, const saga_scene *s);
 
@@ -96,13 +96,13 @@ void saga_twin_clear(saga_twin *w, const saga_scene *s);
 double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
                              real weight);
 
-/* Once per view, after saga_splat_backward and before the next view's colour:
- * takes w->d_attr.colour (and clears it), adds to d. */
+/* Takes w->d_attr.colour (and clears it) and adds to d: once per view, after
+ * saga_splat_backward and before the next view's colour. */
 void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
                                const saga_scene *s);
 
-/* Once per step: takes the rest, adds to d (a scene of the same counts whose
- * reals are gradients). */
+/* Takes the rest and adds to d, a scene of the same counts whose reals are
+ * gradients: once per step. */
 void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s);
 
 #endif
