@@ -45,7 +45,7 @@ void order0_channel(order0_row *row, const int32_t *v, size_t stride,
     free(count);
 }
 
-/* (n, channels) symbols in rank order, by channel. */
+/* Adds (n, channels) symbols in rank order, by channel. */
 static void add_channels(order0_row *row, const int32_t *v, size_t channels,
                          size_t n)
 {
@@ -66,7 +66,7 @@ static void add_values(order0_row *row, const ref_file *f, int step)
     free(v);
 }
 
-/* Leaves in rank order: coordinates, depths, how many fine anchors. */
+/* Lists leaves in rank order: coordinates, depths, how many fine anchors. */
 static void add_tree(order0_row *row, const ref_file *f)
 {
     enum { N = 7 };

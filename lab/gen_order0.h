@@ -31,15 +31,15 @@ typedef struct order0_row {
                                   * it does not say the frequencies */
 } order0_row;
 
-/* One channel, v[0], v[stride], ... (n of them): adds to all of row but
+/* Adds one channel, v[0], v[stride], ... (n of them), to all of row but
  * row->saga. */
 void order0_channel(order0_row *row, const int32_t *v, size_t stride,
                     size_t n);
 
-/* All components but the networks (cost.h). */
+/* Sets all components but the networks (cost.h). */
 void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f);
 
-/* Whether a component is structure: tree, sets and counts. */
+/* Tells whether a component is structure: tree, sets and counts. */
 int order0_is_structure(saga_component c);
 
 #endif

@@ -30,8 +30,8 @@ static void need(bool done, const saga_error *error)
     exit(2);
 }
 
-/* A fit. What the reconstruction networks give is not computed but copied from
- * the file: the twin holds it. */
+/* In a fit, what the reconstruction networks give is not computed but copied
+ * from the file: the twin holds it. */
 typedef struct {
     const ref_file *in;
     refit_options o;
@@ -72,7 +72,7 @@ static void set_structure(saga_scene *s, const ref_file *in)
     }
 }
 
-/* Units of the decoder to those of a scene. */
+/* Turns units of the decoder into those of a scene. */
 static void set_place(float to[4], const int32_t x[3], int32_t t)
 {
     for (int k = 0; k < 3; k++)
@@ -94,8 +94,8 @@ static void set_places(saga_scene *s, const ref_file *in)
             -s->model.head_q[SAGA_HEAD_COARSE]);
 }
 
-/* A primitive's offset. Rounding may have put it outside its suffix cell, and
- * the rate looks for the cell by the offset. */
+/* Returns a primitive's offset. Rounding may have put it outside its suffix
+ * cell, and the rate looks for the cell by the offset. */
 static float prim_offset(const ref_file *in, size_t prim, uint32_t axis)
 {
     const uint32_t bits = in->h.model.level[SAGA_LEVEL_FINE].suffix_bits;
@@ -134,8 +134,8 @@ static void set_twin(saga_twin *w, const ref_file *in)
             w->prim_offset[4 * i + k] = prim_offset(in, i, k);
 }
 
-/* The values of anchors: exactly what the file has, not what a float place
- * says they are. */
+/* The values of anchors are exactly what the file has, not what a float
+ * position says they are. */
 static void set_values(saga_rate *r, const ref_file *in)
 {
     for (size_t i = 0; i < 4 * (size_t)in->s.n.coarse; i++)
@@ -146,7 +146,8 @@ static void set_values(saga_rate *r, const ref_file *in)
                 (float)in->value[SAGA_STEP_FINE][4 * i + k] / 16384;
 }
 
-/* The file's model with another entropy model, which begins from none. */
+/* Returns the file's model with another entropy model, which begins from none.
+ */
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
@@ -204,8 +205,9 @@ static void end(fit *f)
 
 /* --- Fitting ------------------------------------------------------------- */
 
-/* A half cosine down to 0.03 of the highest, as for the trainer's pictures, and
- * a third of their ramp: there are fewer iterations, and features are done. */
+/* The learning rate falls by a half cosine to 0.03 of the highest, as for the
+ * trainer's pictures, and a third of their ramp: there are fewer iterations,
+ * and features are done. */
 static float learning_rate(const fit *f, int i)
 {
     enum { RAMP = 100 };
@@ -215,7 +217,8 @@ static float learning_rate(const fit *f, int i)
     return (float)(0.004 * ramp * (0.03 + 0.97 * 0.5 * (1 + cos(M_PI * x))));
 }
 
-/* Consecutive parameters of networks from..to-1, if there are any. */
+/* Makes a tensor of the consecutive parameters of networks from..to-1, if there
+ * are any. */
 static size_t tensor_of(saga_adam_tensor *t, fit *f, int from, int to,
                         float rate)
 {
@@ -287,7 +290,7 @@ static const char *run(fit *f)
 
 /* --- The file ------------------------------------------------------------ */
 
-/* Symbols of the closed loop: structure is shared, residuals are new. */
+/* The symbols of the closed loop share their structure; residuals are new. */
 static saga_symbols begin_symbols(const ref_file *in)
 {
     saga_symbols y = in->s;
@@ -325,7 +328,7 @@ static bool write_segment(saga_encoder *e, const ref_file *in,
     return ok;
 }
 
-/* The lowest level from the file's on that has such slots. */
+/* Returns the lowest level from the file's on that has such slots. */
 static uint8_t level_for(const ref_file *in, const saga_model *m)
 {
     uint8_t level = in->h.level;

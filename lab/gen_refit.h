@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * The same scene with another entropy model: keeps a file's structure,
- * positions, features and reconstruction networks, fits the entropy networks
- * anew on these symbols alone (trainer/entropy), chooses among their sources as
- * the trainer does, and codes everything in closed loop. So ablations of the
- * entropy model compare what one thing costs, instead of two trainings.
+ * A refit makes the same scene with another entropy model: it keeps a file's
+ * structure, positions, features and reconstruction networks, fits the entropy
+ * networks anew on these symbols alone (trainer/entropy), chooses among their
+ * sources as the trainer does, and codes everything in closed loop. So
+ * ablations of the entropy model compare what one thing costs, instead of two
+ * trainings.
  *
  * Residuals are taken against the new mu: values move by half a step at most
  * where the model has one, and networks that run on them follow.
@@ -32,8 +33,8 @@ typedef struct refit_report {
 
 refit_options refit_defaults(void);
 
-/* The bytes (free them) of the file fitted anew. The same for any number of
- * threads. NULL: done; else why not, a constant string. */
+/* Makes the bytes (free them) of the file fitted anew, the same for any number
+ * of threads. NULL: done; else why not, a constant string. */
 const char *refit_make(uint8_t **out, size_t *n, refit_report *report,
                        const ref_file *in, const refit_options *options);
 

@@ -24,8 +24,9 @@ static void *must(void *p)
 
 /* --- The tape ------------------------------------------------------------ */
 
-/* Everything the traversal of a segment was given, in order: a symbol, or mu
- * and q of a residual. Tree and counts decide the order, features do not. */
+/* The tape holds everything the traversal of a segment was given, in order: a
+ * symbol, or mu and q of a residual. Tree and counts decide the order, features
+ * do not. */
 typedef struct {
     int32_t *v;
     size_t n, cap, at;       /* at: the next one to be played */
@@ -40,7 +41,7 @@ static void record(tape *t, int32_t v)
     t->v[t->n++] = v;
 }
 
-/* A coder over the tape: records what `inner` decodes; without one, plays. */
+/* A coder over the tape records what `inner` decodes; without one, plays. */
 typedef struct {
     saga_coder coder;        /* first: its functions cast back */
     saga_coder *inner;
@@ -57,7 +58,7 @@ static int32_t play(deck *d)
     return d->tape.v[d->tape.at++];
 }
 
-/* The residual that brings mu nearest to `value`. */
+/* Returns the residual that brings mu nearest to `value`. */
 static int32_t nearest(double value, int16_t mu, uint32_t step_q16)
 {
     const double q = floor((value - mu) * 65536 / step_q16 + 0.5);
@@ -125,8 +126,8 @@ typedef struct {
     zeroed_what what;
 } scene;
 
-/* The chunks p[0..n) of the layers of a segment of s->n: onto the tape, and
- * from it, changed, into the arrays of s. */
+/* Reads the chunks p[0..n) of the layers of a segment of s->n onto the tape,
+ * and from it, changed, into the arrays of s. */
 static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
                   const uint8_t *p, size_t n)
 {
@@ -154,7 +155,7 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
     return ok;
 }
 
-/* A segment's bytes, changed, appended to the file. */
+/* Appends a segment's bytes, changed, to the file. */
 static const char *append(saga_encoder *e, const scene *sc,
                           const saga_header *h, const uint8_t *p, size_t n)
 {
@@ -187,7 +188,7 @@ static saga_rig_camera *read_rig(const saga_header *h, const uint8_t *bytes)
     return rig;
 }
 
-/* A new file with the header, rig and networks of the old one. */
+/* Begins a new file with the header, rig and networks of the old one. */
 static saga_encoder *begin(const saga_header *h, const uint8_t *bytes,
                            size_t n)
 {

@@ -70,7 +70,7 @@ static bool read_options(refit_options *o, int argc, char **argv,
 
 /* --- Report -------------------------------------------------------------- */
 
-/* Estimated bytes of a kind, as `saga encode --json` tells them. */
+/* Gives the estimated bytes of a kind, as `saga encode --json` tells them. */
 static json_t *kind_of(const refit_report *r, int kind)
 {
     const saga_rate_gain *const g = &r->plan.gain[kind];

@@ -52,7 +52,7 @@ static int run_chunk(const ref_file *f, int chunk)
     return ok && saga_range_dec_finish(&range);
 }
 
-/* As a player does. */
+/* Decodes as a player does. */
 static int run_decoder(double *ms, const saga_bytes *in)
 {
     saga_decoder *dec;

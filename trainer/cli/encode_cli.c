@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga encode: from a capture to a file.
+ * saga encode makes a file from a capture.
  */
 #include "ablation.h"
 #include "alloc.h"
@@ -40,7 +40,7 @@ typedef struct {
     bool still, moving, json, resume;
 } options;
 
-/* What is open and what came out. */
+/* A session has what is open and what came out. */
 typedef struct {
     const options *o;
     const char *capture_name;
@@ -56,7 +56,7 @@ typedef struct {
     double done_at_start, started;
 } session;
 
-/* The signal that asks to stop; a handler can tell no one else. */
+/* This signal asked to stop; a handler can tell no one else. */
 static volatile sig_atomic_t stop_signal;
 
 static void ask_to_stop(int number)
@@ -106,7 +106,8 @@ static void tell_complaint(session *s)
     saga_cli_error(0, "encode: no checkpoint: %s", complaint);
 }
 
-/* One line: stage, iteration, PSNR, bits; the meter adds the time left. */
+/* Shows one line: stage, iteration, PSNR, bits; the meter adds the time left.
+ */
 static bool training(void *user, const saga_train_progress *p)
 {
     session *const s = user;
@@ -236,7 +237,7 @@ static int open_training(session *s)
                                      s->error.message);
 }
 
-/* What the loader decided, and warns of. */
+/* Tells what the loader decided, and warns of. */
 static void tell_notes(const session *s)
 {
     const char *line = s->capture.notes;
@@ -301,7 +302,8 @@ typedef struct {
     int n[2];
 } tally;
 
-/* PSNR between a decoded picture and the float one of the same symbols. */
+/* Gives the PSNR between a decoded picture and the float one of the same
+ * symbols. */
 static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
                           int view, int frame)
 {
@@ -399,8 +401,8 @@ static void print_motion(const saga_train_report *r)
     putchar('\n');
 }
 
-/* What the symbols cost: by their code lengths, and as the range coder spends
- * it (cost.h), which is what is in the file. */
+/* Prints what the symbols cost: by their code lengths, and as the range coder
+ * spends it (cost.h), which is what is in the file. */
 static void print_bits(const saga_encode_sizes *z)
 {
     double length[SAGA_N_COMPONENTS], spent[SAGA_N_COMPONENTS];
@@ -414,8 +416,9 @@ static void print_bits(const saga_encode_sizes *z)
                100 * spent[i] / (8 * (double)z->total));
 }
 
-/* What the sources of the entropy model are worth: bytes of the residuals with
- * constants and with networks, as estimated when some were left out. */
+/* Prints what the sources of the entropy model are worth: bytes of the
+ * residuals with constants and with networks, as estimated when some were left
+ * out. */
 static void print_entropy(const saga_train_entropy *e)
 {
     static const char *const names[SAGA_N_KINDS] = {

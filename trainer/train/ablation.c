@@ -28,7 +28,7 @@ static const char remedy[] =
     "the words are no-hyperprior, no-parent, no-bank, groups=1 to 16, slots=32,"
     " 64, 128, 256 or 512, plain-update and raw-networks";
 
-/* False if the n characters are no word, or its number is none. */
+/* Reads a word of n characters. False if it is none, or its number is none. */
 static bool read_word(saga_ablation *a, const char *text, size_t n)
 {
     for (int i = 0; i < N_WORDS; i++) {

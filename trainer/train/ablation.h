@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Research switches: which part of the entropy model is left out, or is
+ * Research switches say which part of the entropy model is left out, or is
  * otherwise, to learn what it is worth. As text they are a list of words,
  * "no-parent,groups=4".
  */
@@ -11,8 +11,8 @@
 
 #include <stdint.h>
 
-/* All zero: what serves best. A source that is allowed is still left out where
- * it is not worth its weights. */
+/* All zero is what serves best. A source that is allowed is still left out
+ * where it is not worth its weights. */
 typedef struct saga_ablation {
     uint16_t no_hyper, no_parent, no_bank; /* 1: without these sources */
     uint16_t groups;             /* of each tier, 1..16; 0: 8; 1: none, and
@@ -26,7 +26,7 @@ typedef struct saga_ablation {
                                   * are weighed against them */
 } saga_ablation;
 
-/* *a becomes what the list says; NULL: all zero. False: a word is none, a
+/* Sets *a to what the list says; NULL: all zero. False: a word is none, a
  * number is out of range, or words exclude each other. */
 bool saga_ablation_read(saga_ablation *a, const char *list, saga_error *error);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * From the trained state to the file: header, rig, packing, and whether it
- * keeps within its level.
+ * The trained state becomes a file: header, rig, packing, and a look at whether
+ * it keeps within its level.
  */
 #include "train_state.h"
 
@@ -13,7 +13,7 @@
 
 /* --- Header and rig ------------------------------------------------------ */
 
-/* value = mantissa 2^exponent with 30 bits. */
+/* Returns the mantissa of value = mantissa 2^exponent, with 30 bits. */
 static int32_t mantissa_of(double value, int exponent)
 {
     return (int32_t)lround(ldexp(value, -exponent));
@@ -27,7 +27,7 @@ static int exponent_of(double value)
     return e - 30;
 }
 
-/* Frames per second as a fraction: n, n / 1.001, or thousandths. */
+/* Sets frames per second as a fraction: n, n / 1.001, or thousandths. */
 static void set_rate(saga_header *h, double fps)
 {
     const double ntsc = fps * 1.001;
@@ -72,8 +72,9 @@ static void copy_camera(saga_rig_camera *r, const saga_camera *c,
     r->number = number;
 }
 
-/* All cameras of the capture, held-out ones too, in its order; near plane: the
- * nearest depth the view sees, which the fit draws with as well. */
+/* The rig has all cameras of the capture, held-out ones too, in its order.
+ * Their near plane is the nearest depth the view sees, which the fit draws with
+ * as well. */
 static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
                                  saga_error *error)
 {
@@ -224,7 +225,7 @@ static bool within_level(const saga_info *i, const saga_train *t,
                   caps->work_nbytes, t, error);
 }
 
-/* What the decoder says to the bytes; they are dropped when it refuses. */
+/* Asks what the decoder says to the bytes; they are dropped when it refuses. */
 static bool probe(saga_train *t, saga_error *error)
 {
     const saga_status s = saga_probe(&t->report.info, t->bytes, t->nbytes);
@@ -237,7 +238,7 @@ static bool probe(saga_train *t, saga_error *error)
                      "%s", saga_status_text(s));
 }
 
-/* Before the fit, since all of it follows from counts and shapes. */
+/* This comes before the fit, since all of it follows from counts and shapes. */
 bool saga_train_check_level(saga_train *t, saga_error *error)
 {
     const bool ok = pack(t, SAGA_N_PROFILES - 1, false, error) &&

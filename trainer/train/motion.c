@@ -13,8 +13,8 @@
 #define EXPLAINED 0.1
 enum { N_VIEWS = 8, N_FRAMES = 8 }; /* most that are looked at */
 
-/* Over the pixels that change: the square of the change against the middle
- * frame, and of what the warm-up's own change leaves of it. */
+/* Summed over the pixels that change are the square of the change against the
+ * middle frame, and of what the warm-up's own change leaves of it. */
 typedef struct {
     double change, left;
     double changing, pixels;
@@ -56,7 +56,7 @@ static void count(tally *sum, const saga_capture *c, int view, int frame,
                         drawn_middle + i, n);
 }
 
-/* pictures: room for two of the largest view. */
+/* Tallies one view; pictures has room for two of the largest view. */
 static bool tally_view(tally *sum, saga_train *t, int view, real *pictures,
                        saga_error *error)
 {
@@ -85,7 +85,7 @@ static bool tally_views(tally *sum, saga_train *t, saga_error *error)
     bool ok = pictures != NULL;
 
     for (int i = 0; i < p->n_train && ok; i++)
-        /* Every (n_train / N_VIEWS)th of them. */
+        /* Looked at is every (n_train / N_VIEWS)th of them. */
         if (p->n_train <= N_VIEWS || (i * N_VIEWS) % p->n_train < N_VIEWS)
             ok = tally_view(sum, t, p->train[i], pictures, error);
     free(pictures);

@@ -20,7 +20,7 @@
  * the primitives and pays for their weights from about here on. */
 enum { WIDE_PAYS = 20000 };
 
-/* Primitives from which on a memory bank may be worth its networks: of 15,000
+/* From so many primitives on a memory bank may be worth its networks: of 15,000
  * it saves a third of them (docs/lab/memory.md). */
 enum { BANK_PAYS = 40000 };
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * One policy: what lambda and the size of a scene decide about prices, steps
- * and widths. What does not depend on them is a constant of train_model.c.
+ * One policy says what lambda and the size of a scene decide about prices,
+ * steps and widths. What does not depend on them is a constant of
+ * train_model.c.
  */
 #ifndef SAGA_POLICY_H
 #define SAGA_POLICY_H
@@ -9,10 +10,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* What bits per training pixel cost where nobody says otherwise. */
+/* Bits per training pixel cost so much where nobody says otherwise. */
 #define SAGA_DEFAULT_LAMBDA 0.07
 
-/* What a bit costs in the loss (fit.h). */
+/* A bit costs so much in the loss (fit.h). */
 typedef struct saga_prices {
     double residual;             /* of a residual, in the pictures' loss, */
     double start;                /* the same where the fit starts; */

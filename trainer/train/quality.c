@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * How well the float models draw: PSNR over a sample of the capture's pictures.
+ * A sample of the capture's pictures tells how well the float models draw:
+ * PSNR.
  */
 #include "train_state.h"
 
@@ -31,7 +32,7 @@ int saga_train_sample(const saga_capture *c, int view, int index)
     return index < n ? (int)((int64_t)index * c->n_frames / n) : -1;
 }
 
-/* PSNR of one picture. */
+/* A function gives the PSNR of one picture. */
 typedef bool measure_fn(void *user, double *psnr, saga_sample picture,
                         saga_error *error);
 

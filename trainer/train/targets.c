@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the fit starts from: the warm-up's primitives in the order of the
+ * The fit starts from these: the warm-up's primitives in the order of the
  * hierarchy, and as they stand still where nothing moves.
  */
 #include "train_state.h"
@@ -25,13 +25,13 @@ static bool gather(real **out, const real *from, const uint32_t *source,
     return *out != NULL;
 }
 
-/* log2(1 + 2^x) */
+/* Returns log2(1 + 2^x). */
 static double softplus2(double x)
 {
     return fmax(x, 0) + log2(1 + exp2(-fabs(x)));
 }
 
-/* The opacity's logit after a loss of `lost` in log2 of opacity. */
+/* Returns the opacity's logit after a loss of `lost` in log2 of opacity. */
 static double dimmed(double logit, double lost)
 {
     const double q = softplus2(-logit) + lost;
@@ -39,7 +39,7 @@ static double dimmed(double logit, double lost)
     return q < 1e-9 ? logit : q < 40 ? -log2(exp2(q) - 1) : -q;
 }
 
-/* Primitive i as it is in the middle of the segment, for ever. */
+/* Primitive i becomes what it is in the middle of the segment, for ever. */
 static void freeze(saga_splat_params *p, size_t i)
 {
     const real dt = R(0.5) - p->t_centre[i];

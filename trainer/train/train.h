@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Training: from a capture to a file. One state machine runs the stages
+ * Training makes a file from a capture. One state machine runs the stages
  * below; between any two iterations it can be saved, and a restored one gives
  * the same file, bit for bit.
  *
@@ -49,7 +49,7 @@ typedef struct saga_train_progress {
     double done;                 /* 0..1 of all work, an estimate */
 } saga_train_progress;
 
-/* After every iteration. Return false to stop there. */
+/* It is called after every iteration. Return false to stop there. */
 typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
 
 typedef struct saga_train_options {
@@ -71,13 +71,13 @@ typedef struct saga_train_options {
     void *progress_user;
 } saga_train_options;
 
-/* Means over at most some 60 pictures of each set, evenly spread. */
+/* These are means over at most some 60 pictures of each set, evenly spread. */
 typedef struct saga_train_quality {
     double training, held_out;   /* PSNR, dB; NaN: no such picture */
     int n_training, n_held_out;
 } saga_train_quality;
 
-/* One kind of residual: what its sources are worth, bytes. */
+/* The sources of one kind of residual are worth so much, in bytes. */
 typedef struct saga_train_kind {
     uint32_t sources;            /* SAGA_SOURCE_* that were kept */
     double constants;            /* residuals without sources, */
@@ -87,7 +87,7 @@ typedef struct saga_train_kind {
     double weights;              /* of the kept network, about */
 } saga_train_kind;
 
-/* The choice among sources: estimates on the trained model. */
+/* The choice among sources rests on these estimates on the trained model. */
 typedef struct saga_train_entropy {
     saga_train_kind kind[SAGA_N_KINDS];
     double hyper_weights;        /* bytes of the hyperprior, about; 0: off */
@@ -121,11 +121,12 @@ typedef struct saga_train_report {
 
 typedef struct saga_train saga_train;
 
-/* 5,000 primitives, 6,000 iterations, level 2, a checkpoint every 5 minutes
- * where one is wanted. */
+/* The defaults are 5,000 primitives, 6,000 iterations, level 2, a checkpoint
+ * every 5 minutes where one is wanted. */
 saga_train_options saga_train_defaults(void);
 
-/* NULL, with the reason in *error: an option and the remedy. */
+/* Begins a training. NULL, with the reason in *error: an option and the remedy.
+ */
 saga_train *saga_train_new(const saga_capture *capture,
                            const saga_train_options *options,
                            saga_error *error);
@@ -144,22 +145,23 @@ void saga_train_free(saga_train *train);
  * saga_train_complaint. */
 saga_outcome saga_train_run(saga_train *train, saga_error *error);
 
-/* The last failure to write a checkpoint since the last call; NULL: none. */
+/* Returns the last failure to write a checkpoint since the last call; NULL:
+ * none. */
 const char *saga_train_complaint(saga_train *train);
 
-/* After SAGA_DONE. The bytes belong to train. */
+/* These may be called after SAGA_DONE. The bytes belong to train. */
 const saga_train_report *saga_train_report_of(const saga_train *train);
 const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
 
-/* After SAGA_DONE: the picture (3, H, W) of the decoded symbols and weights in
- * float, which the integer decoder's can be compared with. Fails where memory
- * is short. */
+/* Draws, after SAGA_DONE, the picture (3, H, W) of the decoded symbols and
+ * weights in float, which the integer decoder's can be compared with. Fails
+ * where memory is short. */
 bool saga_train_draw(saga_train *train, float *image, int view, int frame,
                      saga_error *error);
 
-/* Frames of view the qualities are measured on: number `index` of the ones
- * spread over the capture, -1 past the last. The same for every measurement,
- * so that others compare with theirs. */
+/* Returns the frames of view the qualities are measured on: number `index` of
+ * the ones spread over the capture, -1 past the last. The same for every
+ * measurement, so that others compare with theirs. */
 int saga_train_sample(const saga_capture *capture, int view, int index);
 
 const char *saga_train_stage_name(saga_train_stage stage);

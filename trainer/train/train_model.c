@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The model of a scene from the options: sizes, formats, steps, and the entropy
- * model's sources.
+ * Options, ablation and policy make the model of a scene: sizes, formats,
+ * steps, and the entropy model's sources.
  */
 #include "train_state.h"
 
@@ -20,7 +20,7 @@ static void set_levels(saga_model *m, const saga_train_options *o)
         l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
     }
     if (o->n_fine >= o->n_primitives) {
-        /* A primitive is at its anchor's place, and has its features. */
+        /* A primitive is where its anchor is, and has its features. */
         m->level[SAGA_LEVEL_FINE].suffix_bits = 0;
         m->level[SAGA_LEVEL_FINE].max_children = 1;
         m->level[SAGA_LEVEL_FINE].window = 0;
