@@ -15,12 +15,14 @@ enum {
                               * what GROUPS reads of it, padded to F */
 };
 
-/* The networks read these values. Their gradients, which are added to, have the
- * same places; offsets have none (NULL). */
+/* The networks read these values; or these are their gradients, which are added
+ * to, and of which offsets and the twin have none (NULL). */
 typedef struct saga_rate_features {
     real *coarse;                /* (n.coarse, F) coarse features */
     real *offset;                /* (n.fine, 5) see SAGA_RATE_OFFSETS */
     real *fine;                  /* (n.fine, F) fine features, after F_fine */
+    const saga_twin *twin;       /* its fine_phase and log2_support say where
+                                  * and how large primitives' anchors are */
 } saga_rate_features;
 
 #define saga_rate_tell SAGA_REAL_NAME(saga_rate_tell)

@@ -383,8 +383,7 @@ static void source_forward(real *in, saga_rate_context *c, const job *j,
 }
 
 void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
-                               const saga_twin *w, int kind,
-                               saga_rate_list list,
+                               int kind, saga_rate_list list,
                                const saga_rate_features *x)
 {
     const job j = job_of(c, s, kind, list);
@@ -394,7 +393,7 @@ void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
     uint32_t source;
 
     if (kind == SAGA_KIND_PRIM)
-        place_prims(j.k, s, w, list);
+        place_prims(j.k, s, x->twin, list);
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
         const size_t columns = saga_rate_columns(&s->model, source);
 
@@ -558,8 +557,8 @@ void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s)
 }
 
 void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
-                            const saga_twin *w, int kind, size_t from,
-                            size_t to, const saga_rate_features *x)
+                            int kind, size_t from, size_t to,
+                            const saga_rate_features *x)
 {
     const saga_rate_memory_input in = memory_input(c, s, kind, x);
     const uint32_t begin = in.runs->begin[from];
@@ -569,7 +568,7 @@ void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
     if (!(saga_rate_readers(c, s) >> kind & 1u))
         return;
     if (kind == SAGA_KIND_PRIM)
-        place_prims(&c->kind[kind], s, w, list);
+        place_prims(&c->kind[kind], s, x->twin, list);
     saga_rate_memory_read(&c->memory, &in, from, to);
 }
 
@@ -584,7 +583,6 @@ void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
 }
 
 void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
-                                const saga_twin *w,
                                 const saga_rate_features *x)
 {
     int kind;
@@ -594,7 +592,7 @@ void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
         const size_t n = c->kind[kind].n_blocks * c->memory.width;
 
         saga_rate_context_write(c, s, kind, 0, c->kind[kind].runs.n, x);
-        saga_rate_context_read(c, s, w, kind, 0, c->kind[kind].runs.n, x);
+        saga_rate_context_read(c, s, kind, 0, c->kind[kind].runs.n, x);
         memset(c->memory.kind[kind].d_read, 0, n * sizeof(real));
     }
 }

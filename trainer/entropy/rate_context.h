@@ -121,11 +121,9 @@ uint32_t saga_rate_sources(const saga_rate_context *c, const saga_scene *s,
 size_t saga_rate_columns(const saga_model *m, uint32_t source);
 
 /* Sets mu and log2_sigma of the listed blocks, of kinds with such sources only.
- * w: its fine_phase and log2_support say where and how large the primitives'
- * anchors are (NULL unless kind is SAGA_KIND_PRIM). */
+ */
 void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
-                               const saga_twin *w, int kind,
-                               saga_rate_list list,
+                               int kind, saga_rate_list list,
                                const saga_rate_features *x);
 
 /* Goes back through the same forward pass, from the kind's d_mu and
@@ -144,11 +142,11 @@ uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s);
 
 /* These run it in the order of coding: begin; of each kind, run by run, what
  * the blocks of runs from .. to - 1 read, if the kind reads, and what they
- * write once they are decoded, if it writes. w as above, x: what is decoded. */
+ * write once they are decoded, if it writes. x: what is decoded. */
 void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s);
 void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
-                            const saga_twin *w, int kind, size_t from,
-                            size_t to, const saga_rate_features *x);
+                            int kind, size_t from, size_t to,
+                            const saga_rate_features *x);
 void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
                              int kind, size_t from, size_t to,
                              const saga_rate_features *x);
@@ -156,7 +154,6 @@ void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
 /* Runs all of it at once, x standing for what will be decoded; all d_read
  * become 0. */
 void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
-                                const saga_twin *w,
                                 const saga_rate_features *x);
 
 /* Goes back through that, from d_read: adds to d's networks and to dx. */

@@ -429,7 +429,8 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
 /* The offsets come as they are, or as coded. */
 static saga_rate_features features_of(const saga_rate_input *x, real *offset)
 {
-    const saga_rate_features f = { x->feature, offset, x->twin->fine_feature };
+    const saga_rate_features f = { x->feature, offset, x->twin->fine_feature,
+                                   x->twin };
 
     return f;
 }
@@ -445,8 +446,7 @@ static void predict(saga_rate *r, const saga_rate_input *x, int kind,
     size_t i;
 
     if (saga_rate_sources(&r->context, s, kind)) {
-        saga_rate_context_forward(&r->context, s, x->twin, kind, list,
-                                  &features);
+        saga_rate_context_forward(&r->context, s, kind, list, &features);
         return;
     }
     for (i = 0; i < list.n; i++) {
@@ -556,8 +556,8 @@ static void step_kind(double bits[SAGA_N_STEPS], const job *j)
     const saga_scene *const s = j->x->scene;
     const saga_rate_list list = every_one(r, j->kind, j->o->first,
                                           j->o->every);
-    const saga_rate_features dx = { j->d->coarse_feature, NULL,
-                                    j->x->twin->d_fine_feature };
+    const saga_rate_features dx = { .coarse = j->d->coarse_feature,
+                                    .fine = j->x->twin->d_fine_feature };
     const saga_rate_kind *const k = &r->context.kind[j->kind];
     ptrdiff_t i;
     size_t c;
@@ -586,15 +586,15 @@ void saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
     const saga_scene rounded = saga_rate_rounded(r, x->scene);
     const saga_rate_input y = { &rounded, x->twin, x->feature };
     const saga_rate_features features = features_of(&y, r->offset);
-    const saga_rate_features dx = { d->coarse_feature, NULL,
-                                    x->twin->d_fine_feature };
+    const saga_rate_features dx = { .coarse = d->coarse_feature,
+                                    .fine = x->twin->d_fine_feature };
     const int remember = o->remember &&
                          saga_rate_readers(&r->context, &rounded);
     job j = { r, d, &y, o, 0, { 0 } };
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
     if (remember)
-        saga_rate_context_remember(&r->context, &rounded, y.twin, &features);
+        saga_rate_context_remember(&r->context, &rounded, &features);
     for (; j.kind < SAGA_N_KINDS; j.kind++) {
         j.noise = saga_rng_stream(o->seed, (uint64_t)j.kind);
         step_kind(bits, &j);
@@ -715,8 +715,7 @@ void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
         const saga_rate_list list = { runs->block + runs->begin[i],
                                       runs->begin[i + 1] - runs->begin[i] };
 
-        saga_rate_context_read(c, x->scene, x->twin, kind, i, i + 1,
-                               &features);
+        saga_rate_context_read(c, x->scene, kind, i, i + 1, &features);
         code_list(bits, r, x, kind, list);
         saga_rate_context_write(c, x->scene, kind, i, i + 1, &features);
     }
@@ -728,7 +727,6 @@ void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
     const saga_rate_features features = features_of(x, r->decoded);
 
     saga_rate_context_write(&r->context, x->scene, kind, 0, n, &features);
-    saga_rate_context_read(&r->context, x->scene, x->twin, kind, 0, n,
-                           &features);
+    saga_rate_context_read(&r->context, x->scene, kind, 0, n, &features);
     predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);
 }
