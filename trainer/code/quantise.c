@@ -143,6 +143,25 @@ static scale_bits residual_bits(int32_t q)
     return b;
 }
 
+/* Bits of small residuals, -SMALL .. SMALL: a layer has each of them many
+ * times, and they take long to compute. */
+enum { SMALL = 63 };
+
+typedef struct {
+    bool known[2 * SMALL + 1];
+    scale_bits bits[2 * SMALL + 1];
+} small_bits;
+
+static scale_bits remembered_bits(small_bits *s, int32_t q)
+{
+    if (q < -SMALL || q > SMALL)
+        return residual_bits(q);
+    if (!s->known[q + SMALL])
+        s->bits[q + SMALL] = residual_bits(q);
+    s->known[q + SMALL] = true;
+    return s->bits[q + SMALL];
+}
+
 static uint8_t least_scale(const scale_bits *b)
 {
     uint8_t best = 0, i;
@@ -217,15 +236,17 @@ static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
 {
     scale_bits *const row = saga_calloc(rows + columns, sizeof *row,
                                         out_of_what, error);
-    scale_bits *const column = row + rows;
-    scale_bits all = { { 0 } };
+    scale_bits *column, all = { { 0 } };
+    small_bits small = { .known = { false } };
     uint32_t i, k;
 
     if (!row)
         return false;
+    column = row + rows;
     for (i = 0; i < rows; i++)
         for (k = 0; k < columns; k++) {
-            const scale_bits one = residual_bits(q[(size_t)i * columns + k]);
+            const scale_bits one =
+                remembered_bits(&small, q[(size_t)i * columns + k]);
 
             add_bits(&row[i], &one);
             add_bits(&column[k], &one);
