@@ -238,6 +238,12 @@ expect 0 render "$scene" -o "$tmp/seq/b%d.exr" --orbit 3 --size 64x32
     "$(printf 'a%03d.png ' $((frames - 2)) $((frames - 1)))b0.exr b1.exr b2.exr " ] ||
     complain "a sequence makes $(ls "$tmp/seq")"
 rm -f "$tmp"/*.p?m "$tmp"/*.png
+# 805 MB for the pixels, and more to draw them.
+(ulimit -c 0 -v 2000000
+ "$saga" render "$scene" -o "$tmp/big.png" --size 16384x16384 \
+     >"$tmp/out" 2>"$tmp/err")
+says 'out of memory, '
+[ ! -e "$tmp/big.png" ] || complain "a picture without memory"
 expect 2 render "$scene"
 says '-o OUT is missing'
 expect 2 render "$scene" -o "$tmp/x.jpg"

@@ -12,6 +12,8 @@
 #   capture     a missing camera file, an unknown view or frame: status 1
 #   output      a folder that is not there is found before training, a full
 #               disk ends with status 2, and no half-written file stays
+#   memory      from far too little of it to just enough: a message that says
+#               how much was wanted, and no half-written file
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
 checks=encode
@@ -182,5 +184,29 @@ else
 fi
 rmdir small
 verdict output
+
+# ---- memory
+# The loader of libraries takes some MiB: where they are too few, saga has no
+# say. A checkpoint may stay: more memory can go on from there.
+n=0
+rc=1
+for kib in $(seq 12000 500 40000); do
+    rm -f m.saga.ckpt
+    (ulimit -c 0 -v "$kib"
+     exec "$saga" encode cap -o m.saga --primitives 1000 --iterations 12 \
+         --moving --threads 1) >out 2>err </dev/null
+    rc=$?
+    [ "$rc" = 0 ] && break
+    [ "$n" = 0 ] && ! grep -q '^saga: ' err && continue
+    n=$((n + 1))
+    grep -q '^saga: encode: .*: out of memory.*; take fewer' err ||
+        complain "$kib KiB: status $rc: $(tail -n 1 err)"
+    grep -q 'encode: the file was written, but: ' err && rm -f m.saga
+    leaves m.saga.ckpt
+done
+[ "$rc" = 0 ] || complain "40,000 KiB are too little"
+[ "$n" -ge 4 ] || complain "memory ended $n times"
+rm -f m.saga
+verdict memory
 
 all_passed

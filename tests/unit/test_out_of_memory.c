@@ -1,0 +1,205 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Training, packing and evaluation where memory ends: every allocation of each
+ * iteration of each stage fails once. A scene as small as one can be that has
+ * all tools and all sources.
+ */
+#include "capture_files.h"
+#include "evaluate.h"
+#include "failing_heap.h"
+#include "synth.h"
+#include "train.h"
+
+#include <dirent.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+/* One in how many is tried: the sanitizers take long. */
+static int stride(void)
+{
+    return getenv("SAGA_TEST_SANITIZED") ? 11 : 1;
+}
+
+typedef struct {
+    saga_capture capture;
+    saga_train_options options;
+    saga_train *train;
+    const char *pictures;    /* folder for those of an evaluation */
+} session;
+
+/* After each iteration; packing cannot be stopped. */
+static bool stop_at_once(void *user, const saga_train_progress *p)
+{
+    (void)user;
+    return p->stage == SAGA_TRAIN_PACK;
+}
+
+static void begin(session *s, folder *f)
+{
+    saga_synth_options o = saga_synth_defaults();
+    saga_error error = { "" };
+
+    o.width = 16;
+    o.height = 12;
+    o.n_cameras = 3;
+    o.n_hold_out = 1;
+    o.n_frames = 2;
+    o.n_points = 20;
+    o.depth_every = 0;
+    o.n_threads = 1;
+    if (!saga_synth_write(folder_file(f, "scene"), &o, &error))
+        fail_msg("%s", error.message);
+    s->capture = load(folder_file(f, "scene"));
+    s->options = saga_train_defaults();
+    s->options.n_primitives = 12;
+    s->options.n_warm = 2;
+    s->options.n_render = 3;
+    s->options.motion = SAGA_TRAIN_MOVING;
+    s->options.ablate = "slots=32";
+    s->options.progress = stop_at_once;
+    s->train = NULL;
+}
+
+/* The first iteration, or what there is to do before it. */
+static bool begin_training(void *user, saga_error *error)
+{
+    session *const s = user;
+
+    s->train = saga_train_new(&s->capture, &s->options, error);
+    saga_train_free(s->train);
+    return s->train != NULL;
+}
+
+/* One more iteration, and what is to be done behind it. */
+static bool go_on_training(void *user, saga_error *error)
+{
+    session *const s = user;
+    const saga_outcome status = saga_train_run(s->train, error);
+
+    saga_train_free(s->train);
+    return status >= 0;
+}
+
+static void training_should_be_refused_when_memory_ends(void **state)
+{
+    saga_outcome status = SAGA_STOPPED;
+    saga_error error = { "" };
+    session s;
+    long n;
+
+    begin(&s, *state);
+    n = heap_fail_each(begin_training, &s, stride());
+    s.train = saga_train_new(&s.capture, &s.options, &error);
+    assert_non_null(s.train);
+    while (status == SAGA_STOPPED) {
+        n += heap_fail_each(go_on_training, &s, stride());
+        status = saga_train_run(s.train, &error);
+    }
+    printf("%ld allocations, 1 in %d failed\n", n, stride());
+    assert_true(n > 900);
+    assert_int_equal(status, SAGA_DONE);
+    saga_train_free(s.train);
+    saga_capture_free(&s.capture);
+}
+
+/* From a checkpoint in the rendering. */
+static bool resume(void *user, saga_error *error)
+{
+    session *const s = user;
+    saga_train *const t = saga_train_resume(&s->capture, &s->options, error);
+
+    saga_train_free(t);
+    return t != NULL;
+}
+
+static void resuming_should_be_refused_when_memory_ends(void **state)
+{
+    saga_error error = { "" };
+    session s;
+
+    begin(&s, *state);
+    s.options.checkpoint = folder_file(*state, "checkpoint");
+    s.train = saga_train_new(&s.capture, &s.options, &error);
+    assert_non_null(s.train);
+    for (int i = 0; i < s.options.n_warm + 1; i++)
+        assert_int_equal(saga_train_run(s.train, &error), SAGA_STOPPED);
+    saga_train_free(s.train);
+    assert_true(heap_fail_each(resume, &s, stride()) > 100);
+    saga_capture_free(&s.capture);
+}
+
+/* --- Evaluation ---------------------------------------------------------- */
+
+/* Removes all of a folder; false if there is something that is no picture. */
+static bool only_pictures(const char *path)
+{
+    DIR *const dir = opendir(path);
+    bool ok = true;
+
+    assert_non_null(dir);
+    for (struct dirent *e; (e = readdir(dir)) != NULL;) {
+        char file[300];
+
+        if (e->d_name[0] == '.')
+            continue;
+        ok = ok && saga_has_suffix(e->d_name, ".png");
+        snprintf(file, sizeof file, "%s/%s", path, e->d_name);
+        unlink(file);
+    }
+    closedir(dir);
+    return ok;
+}
+
+static bool evaluate(void *user, saga_error *error)
+{
+    session *const s = user;
+    const saga_eval_options o = { .pictures = s->pictures };
+    saga_film film;
+    saga_eval eval = { .n_views = 0 };
+    size_t n;
+    const uint8_t *const file = saga_train_bytes(s->train, &n);
+    bool ok = saga_film_open(&film, "x.saga", file, n, 1, error) &&
+              saga_eval_match(&eval, &film, &s->capture, error) &&
+              saga_eval_run(&eval, &film, &s->capture, &o, error);
+
+    saga_eval_free(&eval);
+    saga_film_close(&film);
+    failing_heap.left = 0;
+    if (only_pictures(s->pictures))
+        return ok;
+    *error = (saga_error){ "" };
+    return saga_fail(error, s->pictures, NULL, "half a picture is left");
+}
+
+static void evaluation_should_be_refused_when_memory_ends(void **state)
+{
+    saga_error error = { "" };
+    session s;
+
+    begin(&s, *state);
+    s.options.progress = NULL;
+    s.train = saga_train_new(&s.capture, &s.options, &error);
+    assert_non_null(s.train);
+    assert_int_equal(saga_train_run(s.train, &error), SAGA_DONE);
+    s.pictures = folder_file(*state, "out");
+    folder_run(*state, "mkdir out");
+    assert_true(heap_fail_each(evaluate, &s, stride()) > 90);
+    saga_train_free(s.train);
+    saga_capture_free(&s.capture);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_FOLDER(training_should_be_refused_when_memory_ends),
+        IN_FOLDER(resuming_should_be_refused_when_memory_ends),
+        IN_FOLDER(evaluation_should_be_refused_when_memory_ends),
+    };
+
+#ifdef _OPENMP
+    omp_set_num_threads(1);
+#endif
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
