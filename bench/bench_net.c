@@ -76,7 +76,7 @@ static void run_rest(size_t m, int reps)
     real *const pe = calloc(m * PE, sizeof *pe);
     const saga_adam adam = saga_adam_default();
     const saga_adam_tensor t = { "x", x, g, m1, m2, m * 8, R(0.01) };
-    saga_adam_fault fault;
+    saga_error error = { "" };
     bench_times times[2];
     size_t i;
     int r;
@@ -90,7 +90,7 @@ static void run_rest(size_t m, int reps)
         saga_embedding_forward(pe, PE, x, m, AXES, OCTAVES);
         bench_add(&times[0], bench_now_ms() - at);
         at = bench_now_ms();
-        saga_adam_step(&fault, &adam, &t, 1, (uint64_t)r + 1);
+        saga_adam_step(&adam, &t, 1, (uint64_t)r + 1, &error);
         bench_add(&times[1], bench_now_ms() - at);
     }
     printf("%zu points: embedding %.2f", m, bench_median(&times[0]));

@@ -255,7 +255,6 @@ static const char *step(fit *f, int i, int decide)
     const saga_adam adam = saga_adam_default();
     const float rate = learning_rate(f, i);
     double bits[SAGA_N_STEPS];
-    saga_adam_fault fault;
     saga_adam_tensor t[2];
     saga_error error = { "" };
     size_t n;
@@ -272,8 +271,8 @@ static const char *step(fit *f, int i, int decide)
     n = tensor_of(&t[0], f, SAGA_NET_HYPER, SAGA_NET_FUSE_C, rate);
     n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_N_NETS,
                    remember ? SAGA_RATE_MEMORY_PACE * rate : 0);
-    return saga_adam_step(&fault, &adam, t, n, (uint64_t)i + 1)
-        ? "the fit left the finite numbers" : NULL;
+    return saga_adam_step(&adam, t, n, (uint64_t)i + 1, &error)
+        ? NULL : "the fit left the finite numbers";
 }
 
 static const char *run(fit *f)

@@ -173,7 +173,7 @@ static void learn(rate_scene *f, int n)
     real *const m = calloc(2 * n_params, sizeof *m);
     saga_adam_tensor t = { "networks", f->s.params, f->d.params, m,
                            m + n_params, n_params, 0.02f };
-    saga_adam_fault fault;
+    saga_error error = { "" };
     double bits[SAGA_N_STEPS];
     int i;
 
@@ -182,7 +182,7 @@ static void learn(rate_scene *f, int n)
     for (i = 1; i <= n; i++) {
         memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
         saga_rate_step(bits, &f->r, &f->d, &x, &f->o);
-        assert_int_equal(saga_adam_step(&fault, &adam, &t, 1, (uint64_t)i), 0);
+        assert_true(saga_adam_step(&adam, &t, 1, (uint64_t)i, &error));
     }
     free(m);
 }

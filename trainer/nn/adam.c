@@ -47,19 +47,15 @@ static size_t first_fault(const real *x, size_t n)
     return i;
 }
 
-static int check(saga_adam_fault *fault, const saga_adam_tensor *t)
+static bool check(const real *x, const char *what, const saga_adam_tensor *t,
+                  uint64_t step, saga_error *error)
 {
-    size_t i = first_fault(t->g, t->n);
+    const size_t i = first_fault(x, t->n);
 
-    fault->name = t->name;
-    fault->what = "gradient";
-    fault->index = i;
-    if (i < t->n)
-        return -1;
-    i = first_fault(t->x, t->n);
-    fault->what = "value";
-    fault->index = i;
-    return i < t->n ? -1 : 0;
+    return i == t->n ||
+           saga_fail(error, NULL, "try another --seed, and report it", "%s %zu "
+                     "of the %s is not finite in iteration %llu", what, i,
+                     t->name, (unsigned long long)step);
 }
 
 /* x -= (rate / c1) m / (sqrt(v) / sqrt(c2) + eps). */
@@ -134,17 +130,20 @@ static void step_tensor(const saga_adam_tensor *t, const saga_adam *adam,
     }
 }
 
-int saga_adam_step(saga_adam_fault *fault, const saga_adam *adam,
-                   const saga_adam_tensor *tensors, size_t n_tensors,
-                   uint64_t step)
+bool saga_adam_step(const saga_adam *adam, const saga_adam_tensor *tensors,
+                    size_t n_tensors, uint64_t step, saga_error *error)
 {
     size_t k;
 
-    for (k = 0; k < n_tensors; k++)
-        if (check(fault, tensors + k))
-            return -1;
+    for (k = 0; k < n_tensors; k++) {
+        const saga_adam_tensor *const t = tensors + k;
+
+        if (!check(t->g, "gradient", t, step, error) ||
+            !check(t->x, "value", t, step, error))
+            return false;
+    }
     for (k = 0; k < n_tensors; k++)
         if (tensors[k].rate > 0)
             step_tensor(tensors + k, adam, step);
-    return 0;
+    return true;
 }

@@ -6,6 +6,7 @@
 #ifndef SAGA_ADAM_H
 #define SAGA_ADAM_H
 
+#include "error.h"
 #include "real.h"
 
 #include <stddef.h>
@@ -23,13 +24,6 @@ typedef struct saga_adam_tensor {
     real rate;               /* 0: frozen, its moments too */
 } saga_adam_tensor;
 
-/* The first value that is not finite. */
-typedef struct saga_adam_fault {
-    const char *name;
-    const char *what;        /* "gradient" or "value" */
-    size_t index;
-} saga_adam_fault;
-
 #define saga_adam_default SAGA_REAL_NAME(saga_adam_default)
 #define saga_adam_step SAGA_REAL_NAME(saga_adam_step)
 
@@ -42,10 +36,9 @@ saga_adam saga_adam_default(void);
 /* x -= rate m' / (sqrt(v') + eps), m' = m / (1 - beta1^step), v' = v / (1 -
  * beta2^step); step counts from 1. Of m, g is clamped to +-SAGA_ADAM_MOST
  * (sqrt(v') + eps): one picture out of the ordinary does not throw away what
- * thousands have taught. Returns 0, or -1 if a gradient or a value
- * is not finite: then nothing was changed, and *fault says where. */
-int saga_adam_step(saga_adam_fault *fault, const saga_adam *adam,
-                   const saga_adam_tensor *tensors, size_t n_tensors,
-                   uint64_t step);
+ * thousands have taught. False if a gradient or a value is not finite: nothing
+ * was changed then. */
+bool saga_adam_step(const saga_adam *adam, const saga_adam_tensor *tensors,
+                    size_t n_tensors, uint64_t step, saga_error *error);
 
 #endif

@@ -250,7 +250,6 @@ typedef struct { real feature, prim, entropy, networks, steps; } rates;
 static bool descend(saga_fit *f, const rates *r, saga_error *error)
 {
     saga_scene *const s = f->scene;
-    saga_adam_fault fault;
     const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
     /* They come first, those of the memory last among them. */
     const size_t n_entropy = saga_rate_n_params(s);
@@ -275,11 +274,8 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
         "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
         f->weights.m, f->weights.v, (size_t)f->weights.n, r->steps
     };
-    return saga_adam_step(&fault, &adam, t, N_TENSORS,
-                          (uint64_t)f->iteration + 1) == 0 ||
-           saga_fail(error, NULL, "try another --seed, and report it", "the "
-                     "%s of the %s is not finite at iteration %d", fault.what,
-                     fault.name, f->iteration);
+    return saga_adam_step(&adam, t, N_TENSORS, (uint64_t)f->iteration + 1,
+                          error);
 }
 
 static void load_truth(saga_fit *f, int view, int frame)
