@@ -255,8 +255,8 @@ static const char *step(fit *f, int i, int decide)
     const saga_adam adam = saga_adam_default();
     const float rate = learning_rate(f, i);
     double bits[SAGA_N_STEPS];
-    saga_adam_tensor t[2];
     saga_error error = { "" };
+    saga_adam_tensor t[2];
     size_t n;
 
     memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);

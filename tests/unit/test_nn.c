@@ -54,15 +54,43 @@ static void adam_should_match_steps_by_hand(void **state)
                          sqrt(0.009999 / 0.001999))) < 1e-5);
 }
 
+/* Kingma and Ba, algorithm 1, in double, with other betas and no bound. */
+static void adam_should_be_adam(void **state)
+{
+    enum { N = 13, STEPS = 20 };
+    const saga_adam adam = { 0.9f, 0.995f, 1e-15f, 15 };
+    const saga_rng r = saga_rng_stream(3, 4);
+    float x[N] = { 0 }, m[N] = { 0 }, v[N] = { 0 }, g[N];
+    double rx[N] = { 0 }, rm[N] = { 0 }, rv[N] = { 0 };
+    const saga_adam_tensor tensor = { "x", x, g, m, v, N, 0.01f };
+    saga_error error = { "" };
+    int t, i;
+
+    (void)state;
+    for (t = 1; t <= STEPS; t++) {
+        for (i = 0; i < N; i++) {
+            g[i] = saga_rng_float(r, (uint64_t)(t * N + i)) - 0.3f;
+            rm[i] = 0.9 * rm[i] + 0.1 * (double)g[i];
+            rv[i] = 0.995 * rv[i] + 0.005 * (double)g[i] * (double)g[i];
+            rx[i] -= 0.01 * (rm[i] / (1 - pow(0.9, t))) /
+                     (sqrt(rv[i] / (1 - pow(0.995, t))) + 1e-15);
+        }
+        assert_true(saga_adam_step(&adam, &tensor, 1,
+                                        (uint64_t)t, &error));
+    }
+    for (i = 0; i < N; i++)
+        assert_true(fabs((double)x[i] - rx[i]) < 1e-6);
+}
+
 /* After gradients of +-1, m = 0 and v = 1, one of 1,000: sqrt(v') = 31.6. Then
  * none. Without a bound x moves by 3.16 rates, and 0.9^k of that k steps later:
- * 31 in all. With it the first step is 0.1 SAGA_ADAM_MOST rates. */
+ * 31 in all. With it the first step is 0.1 `most` rates. */
 static void adam_should_bound_what_is_out_of_the_ordinary(void **state)
 {
     const saga_adam adam = saga_adam_default();
     float x = 0, g = 1000, m = 0, v = 1;
     const saga_adam_tensor t = { "x", &x, &g, &m, &v, 1, 0.5f };
-    const double first = 0.5 * 0.1 * SAGA_ADAM_MOST;
+    const double first = 0.5 * 0.1 * (double)adam.most;
     saga_error error = { "" };
     int i;
 
@@ -93,15 +121,15 @@ static void adam_should_name_what_is_not_finite(void **state)
         x[N + i] = x[5 * N + i] = 1;
     x[5 * N + 9997] = NAN;
     x[5 * N + 4321] = INFINITY;
-    assert_false(saga_adam_step(&adam, t, 2, 1, &error));
-    assert_non_null(strstr(error.message, "gradient 4321 of the bad is not "
-                                          "finite in iteration 1; "));
-    error = (saga_error){ "" };
+    assert_false(saga_adam_step(&adam, t, 2, 7, &error));
+    assert_non_null(strstr(error.message, "number 4321 of the gradients of "
+                           "the bad is not finite at step 7"));
     assert_true(x[0] == 0);
     x[5 * N + 9997] = x[5 * N + 4321] = 1;
     x[4 * N + 9998] = -INFINITY;
+    error = (saga_error){ "" };
     assert_false(saga_adam_step(&adam, t, 2, 1, &error));
-    assert_non_null(strstr(error.message, "value 9998 of the bad"));
+    assert_non_null(strstr(error.message, "number 9998 of the values"));
     x[4 * N + 9998] = 0;
     assert_true(saga_adam_step(&adam, t, 2, 1, &error));
     assert_true(x[0] < 0 && x[4 * N + 9998] < 0);
@@ -272,6 +300,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(adam_should_match_steps_by_hand),
+        cmocka_unit_test(adam_should_be_adam),
         cmocka_unit_test(adam_should_bound_what_is_out_of_the_ordinary),
         cmocka_unit_test(adam_should_name_what_is_not_finite),
         cmocka_unit_test(rng_should_have_the_right_moments),

@@ -167,7 +167,7 @@ static void decide_should_keep_what_foretells(void **state)
 static void learn(rate_scene *f, int n)
 {
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
-    const saga_adam adam = { 0.9f, 0.999f, 1e-15f };
+    const saga_adam adam = saga_adam_default();
     const size_t n_params = (size_t)(f->s.net[SAGA_NET_FUSE_C].w[0] -
                                      f->s.params);
     real *const m = calloc(2 * n_params, sizeof *m);

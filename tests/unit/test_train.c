@@ -149,9 +149,12 @@ static void train_should_make_a_file_that_decodes(void **state)
     const fixture *const f = *state;
     const result *const r = &f->whole;
     saga_error error = { "" };
+    saga_pictures pictures;
+    saga_splat_camera trained;
     saga_film film;
     uint8_t rgb[3 * 64 * 36];
 
+    assert_true(saga_pictures_init(&pictures, &f->capture, &error));
     assert_true(saga_film_open(&film, "x", r->bytes, r->n, 1, &error));
     assert_int_equal(film.info.n_frames, 5);
     assert_int_equal(film.info.n_cameras, 4);
@@ -164,6 +167,12 @@ static void train_should_make_a_file_that_decodes(void **state)
         assert_true(saga_film_rig(&film, v, &camera, &number, &error));
         assert_int_equal(number, v);
         assert_int_equal(camera.width, 64);
+        /* Both trainings drew what the file's rig lets decoders draw. */
+        saga_pictures_camera(&trained, &pictures,
+                             (saga_sample){ (int)v, 0, 0 });
+        assert_true(fabs((double)trained.near_plane * pictures.cube.unit -
+                         camera.near_plane * film.metric.unit) <=
+                    film.metric.unit);
         for (uint32_t k = 0; k < 5; k++)
             assert_true(saga_film_draw(&film, &camera, k, 1, rgb, &error));
     }
@@ -171,6 +180,7 @@ static void train_should_make_a_file_that_decodes(void **state)
     assert_int_equal(r->report.model.n_training, 3 * 5);
     assert_int_equal(r->report.model.n_held_out, 5);
     assert_int_equal(r->report.sizes.total, r->n);
+    saga_pictures_free(&pictures);
     saga_film_close(&film);
 }
 

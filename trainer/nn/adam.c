@@ -7,7 +7,7 @@ enum { PART = 4096 };        /* reals a thread takes at a time */
 
 saga_adam saga_adam_default(void)
 {
-    return (saga_adam){ R(0.9), R(0.999), R(1e-15) };
+    return (saga_adam){ R(0.9), R(0.999), R(1e-15), R(4) };
 }
 
 /* x * 0 is 0 for finite x, NaN otherwise. */
@@ -47,19 +47,22 @@ static size_t first_fault(const real *x, size_t n)
     return i;
 }
 
-static bool check(const real *x, const char *what, const saga_adam_tensor *t,
-                  uint64_t step, saga_error *error)
+static bool is_finite(const real *x, const char *what,
+                      const saga_adam_tensor *t, uint64_t step,
+                      saga_error *error)
 {
     const size_t i = first_fault(x, t->n);
 
     return i == t->n ||
-           saga_fail(error, NULL, "try another --seed, and report it", "%s %zu "
-                     "of the %s is not finite in iteration %llu", what, i,
-                     t->name, (unsigned long long)step);
+           saga_fail(error, NULL, "try another --seed, and report it", "number "
+                     "%zu of the %s of the %s is not finite at step %llu", i,
+                     what, t->name, (unsigned long long)step);
 }
 
 /* x -= (rate / c1) m / (sqrt(v) / sqrt(c2) + eps). */
-typedef struct { vec beta1, rest1, beta2, rest2, rate, scale, eps; } factors;
+typedef struct {
+    vec beta1, rest1, beta2, rest2, rate, scale, eps, most;
+} factors;
 
 static inline vec step_of(vec *m, vec *v, vec g, const factors *f)
 {
@@ -67,7 +70,7 @@ static inline vec step_of(vec *m, vec *v, vec g, const factors *f)
 
     *v = vec_fma(f->beta2, *v, f->rest2 * (g * g));
     sigma = vec_fma(vec_sqrt(*v), f->scale, f->eps);
-    most = vec_set1(R(SAGA_ADAM_MOST)) * sigma;
+    most = f->most * sigma;
     g = vec_min(vec_max(g, -most), most);
     *m = vec_fma(f->beta1, *m, f->rest1 * g);
     return f->rate * *m / sigma;
@@ -117,7 +120,7 @@ static void step_tensor(const saga_adam_tensor *t, const saga_adam *adam,
         vec_set1(adam->beta1), vec_set1(1 - adam->beta1),
         vec_set1(adam->beta2), vec_set1(1 - adam->beta2),
         vec_set1(R((double)t->rate / c1)), vec_set1(R(1 / sqrt(c2))),
-        vec_set1(adam->eps)
+        vec_set1(adam->eps), vec_set1(adam->most)
     };
     const int64_t n_parts = (int64_t)((t->n + PART - 1) / PART);
     int64_t k;
@@ -135,13 +138,10 @@ bool saga_adam_step(const saga_adam *adam, const saga_adam_tensor *tensors,
 {
     size_t k;
 
-    for (k = 0; k < n_tensors; k++) {
-        const saga_adam_tensor *const t = tensors + k;
-
-        if (!check(t->g, "gradient", t, step, error) ||
-            !check(t->x, "value", t, step, error))
+    for (k = 0; k < n_tensors; k++)
+        if (!is_finite(tensors[k].g, "gradients", tensors + k, step, error) ||
+            !is_finite(tensors[k].x, "values", tensors + k, step, error))
             return false;
-    }
     for (k = 0; k < n_tensors; k++)
         if (tensors[k].rate > 0)
             step_tensor(tensors + k, adam, step);

@@ -12,11 +12,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
-typedef struct saga_adam { real beta1, beta2, eps; } saga_adam;
+typedef struct saga_adam {
+    real beta1, beta2, eps;
+    real most;               /* of its root mean square that a gradient counts;
+                              * beyond 1 / sqrt(1 - beta2) it binds none */
+} saga_adam;
 
 /* One tensor, with its own learning rate. */
 typedef struct saga_adam_tensor {
-    const char *name;        /* for messages */
+    const char *name;        /* for the error */
     real *x;
     const real *g;           /* gradient */
     real *m, *v;             /* moments, zero before the first step */
@@ -27,17 +31,14 @@ typedef struct saga_adam_tensor {
 #define saga_adam_default SAGA_REAL_NAME(saga_adam_default)
 #define saga_adam_step SAGA_REAL_NAME(saga_adam_step)
 
-/* 0.9, 0.999, 1e-15. */
+/* 0.9, 0.999, 1e-15, 4. */
 saga_adam saga_adam_default(void);
 
-/* Gradients count up to so many times their root mean square. */
-#define SAGA_ADAM_MOST 4
-
 /* x -= rate m' / (sqrt(v') + eps), m' = m / (1 - beta1^step), v' = v / (1 -
- * beta2^step); step counts from 1. Of m, g is clamped to +-SAGA_ADAM_MOST
+ * beta2^step); step counts from 1. Of m, g is clamped to +-most
  * (sqrt(v') + eps): one picture out of the ordinary does not throw away what
- * thousands have taught. False if a gradient or a value is not finite: nothing
- * was changed then. */
+ * thousands have taught. Fails where a gradient or a value is not finite, which
+ * the error names; then nothing was changed. */
 bool saga_adam_step(const saga_adam *adam, const saga_adam_tensor *tensors,
                     size_t n_tensors, uint64_t step, saga_error *error);
 

@@ -10,6 +10,8 @@
 
 enum { MIN_SIDE = 8 };
 
+#define NEAR_PART 0.3            /* of a view's nearest depth */
+
 static bool find_views(saga_pictures *p, saga_error *error)
 {
     const saga_capture *const c = p->capture;
@@ -113,6 +115,11 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
     return saga_canvas_init(canvas, saga_pictures_largest(p), error);
 }
 
+double saga_pictures_near(const saga_pictures *p, int view)
+{
+    return NEAR_PART * p->range[2 * view];
+}
+
 void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
                           saga_sample sample)
 {
@@ -131,7 +138,8 @@ void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
     cam->focal[1] = (real)(v->fy * scale);
     cam->principal[0] = (real)(v->cx * scale);
     cam->principal[1] = (real)(v->cy * scale);
-    cam->near_plane = (real)(p->range[2 * sample.view] / p->cube.unit);
+    cam->near_plane = (real)(saga_pictures_near(p, sample.view) /
+                             p->cube.unit);
     cam->width = v->width >> sample.mip;
     cam->height = v->height >> sample.mip;
 }
@@ -151,7 +159,7 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                                                   sample.frame);
     const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
     const int side = 1 << sample.mip;
-    const real unit = 1 / (R(255) * R(side * side));
+    const real white = R(255 * side * side);
     const int w = canvas->camera.width, h = canvas->camera.height;
     int y;
 
@@ -170,7 +178,7 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                     for (i = 0; i < side; i++)
                         sum += at[3 * i];
                 canvas->truth[(size_t)k * plane + (size_t)y * (size_t)w +
-                              (size_t)x] = R(sum) * unit;
+                              (size_t)x] = R(sum) / white;
             }
     }
 }

@@ -48,8 +48,11 @@ size_t saga_pictures_largest(const saga_pictures *pictures);
 bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
                           saga_error *error);
 
-/* The camera of a picture: black background, nothing nearer than the view's
- * nearest depth. */
+/* What is nearer to a view than that, world units, is drawn by nobody: neither
+ * in training nor with the file's rig, which holds it. */
+double saga_pictures_near(const saga_pictures *pictures, int view);
+
+/* The camera of a picture; black background. */
 void saga_pictures_camera(saga_splat_camera *camera,
                           const saga_pictures *pictures, saga_sample sample);
 

@@ -72,9 +72,7 @@ static void copy_camera(saga_rig_camera *r, const saga_camera *c,
     r->number = number;
 }
 
-/* The rig has all cameras of the capture, held-out ones too, in its order.
- * Their near plane is the nearest depth the view sees, which the fit draws with
- * as well. */
+/* The rig has all cameras of the capture, held-out ones too, in its order. */
 static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
                                  saga_error *error)
 {
@@ -91,7 +89,8 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 
         memset(&c, 0, sizeof c);
         if (!saga_camera_of_shot(&c, &m, &t->capture->views[i],
-                                 t->pictures.range[2 * i], error)) {
+                                 saga_pictures_near(&t->pictures, (int)i),
+                                 error)) {
             free(rig);
             return NULL;
         }

@@ -250,7 +250,7 @@ typedef struct { real feature, prim, entropy, networks, steps; } rates;
 static bool descend(saga_fit *f, const rates *r, saga_error *error)
 {
     saga_scene *const s = f->scene;
-    const saga_adam adam = { R(0.9), R(0.999), R(1e-15) };
+    const saga_adam adam = saga_adam_default();
     /* They come first, those of the memory last among them. */
     const size_t n_entropy = saga_rate_n_params(s);
     const size_t n_memory = s->net[SAGA_NET_QUERY].n_layers
@@ -265,7 +265,7 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
            4 * (size_t)s->n.prim, r->prim);
     tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
            n_entropy - n_memory, r->entropy);
-    tensor(&t[T_MEMORY], f, "the memory's networks",
+    tensor(&t[T_MEMORY], f, "memory bank's networks",
            s->params + n_entropy - n_memory, n_memory,
            is_remembering(f) ? SAGA_RATE_MEMORY_PACE * r->entropy : 0);
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
@@ -278,19 +278,6 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
                           error);
 }
 
-static void load_truth(saga_fit *f, int view, int frame)
-{
-    const saga_capture *const capture = f->pictures->capture;
-    const saga_shot *const v = &capture->views[view];
-    const uint8_t *const rgb = saga_capture_frame(capture, view, frame);
-    const size_t n = (size_t)v->width * (size_t)v->height;
-    size_t i, k;
-
-    for (k = 0; k < 3; k++)
-        for (i = 0; i < n; i++)
-            f->canvas.truth[k * n + i] = R(rgb[3 * i + k]) / 255;
-}
-
 /* One picture: adds to the twin's gradients. */
 static bool picture_step(saga_fit *f, saga_sample picture,
                          saga_picture_loss *out, saga_error *error)
@@ -299,7 +286,7 @@ static bool picture_step(saga_fit *f, saga_sample picture,
     saga_canvas *const c = &f->canvas;
 
     saga_pictures_aim(c, f->pictures, picture);
-    load_truth(f, picture.view, picture.frame);
+    saga_pictures_truth(c, f->pictures, picture);
     saga_twin_colour(&f->twin, &f->used, c->camera.centre);
     if (!saga_splat_forward(c, &f->twin.attr, f->scene->n.prim, error) ||
         !saga_loss_picture(out, c, c->image, &weights, error) ||

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "flat_state.h"
 
+#include "adam.h"
 #include "alloc.h"
 
 #include <math.h>
@@ -10,6 +11,10 @@
 enum { COARSEST_WIDTH = 150, MAX_MIP = 3 };
 
 #define PULL R(1e-3)             /* of the correction to the identity */
+
+/* The bound binds none: a new primitive begins without moments, and while these
+ * grow its gradients are far above their root mean square. */
+static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
 
 const int saga_flat_widths[FLAT_N_TENSORS] = { 3, 4, 3, 1, 3, 9, 4, 1, 1 };
 
@@ -350,54 +355,55 @@ static real rate_at(const saga_flat *f, int tensor)
     return (real)(i->rate * pow(i->rate_end / i->rate, k));
 }
 
-/* Clamps; false if a value is not a number. */
-static bool bound(real *x, size_t n, real lo, real hi)
+static void bound(real *x, size_t n, real lo, real hi)
 {
-    int bad = 0;
     int64_t i;
 
-#pragma omp parallel for schedule(static) reduction(| : bad)
-    for (i = 0; i < (int64_t)n; i++) {
-        bad |= x[i] != x[i];
+#pragma omp parallel for schedule(static)
+    for (i = 0; i < (int64_t)n; i++)
         x[i] = saga_clamp(x[i], lo, hi);
-    }
-    return !bad;
 }
 
 static bool update(saga_flat *f, saga_error *error)
 {
     const int n = f->o.temporal ? FLAT_N_TENSORS : FLAT_MOTION;
+    saga_adam_tensor tensors[FLAT_N_TENSORS];
 
-    for (int t = 0; t < n; t++) {
-        const saga_flat_tensor_info *const i = f->info + t;
-        const size_t size = (size_t)i->width * f->n;
-
-        saga_flat_adam(f->value[t], f->m[t], f->v[t], f->grad[t], size,
-                       rate_at(f, t), f->iteration + 1);
-        if (!bound(f->value[t], size, i->lo, i->hi))
-            return saga_fail(error, NULL, "try another --seed, and report it",
-                             "tensor %s is not finite after iteration %d",
-                             i->name, f->iteration);
-    }
+    for (int t = 0; t < n; t++)
+        tensors[t] = (saga_adam_tensor){
+            .name = f->info[t].name, .x = f->value[t], .g = f->grad[t],
+            .m = f->m[t], .v = f->v[t], .n = (size_t)f->info[t].width * f->n,
+            .rate = rate_at(f, t)
+        };
+    if (!saga_adam_step(&adam, tensors, (size_t)n, (uint64_t)f->iteration + 1,
+                        error))
+        return false;
+    for (int t = 0; t < n; t++)
+        bound(f->value[t], tensors[t].n, f->info[t].lo, f->info[t].hi);
     return true;
 }
 
 /* One view's map moves; then all are shifted so that their mean is the
  * identity, or the scene's colours would drift with them. */
-static void update_correction(saga_flat *f, int view)
+static bool update_correction(saga_flat *f, int view, saga_error *error)
 {
     const size_t at = (size_t)view * FLAT_CORRECTION;
     const saga_pictures *const p = f->pictures;
     real *const x = f->correction[0], *const g = f->correction[1];
+    const saga_adam_tensor tensor = {
+        .name = "colour correction", .x = x + at, .g = g + at,
+        .m = f->correction[2] + at, .v = f->correction[3] + at,
+        .n = FLAT_CORRECTION,
+        .rate = R(2e-3) * rate_at(f, FLAT_COLOUR) / f->info[FLAT_COLOUR].rate
+    };
 
     for (size_t k = 0; k < FLAT_CORRECTION; k++) {
         const real one = R(k < 9 && k % 4 == 0);
 
         g[at + k] += PULL * (x[at + k] - one);
     }
-    saga_flat_adam(x + at, f->correction[2] + at, f->correction[3] + at,
-                   g + at, FLAT_CORRECTION, R(2e-3) * rate_at(f, FLAT_COLOUR) /
-                   f->info[FLAT_COLOUR].rate, f->iteration + 1);
+    if (!saga_adam_step(&adam, &tensor, 1, (uint64_t)f->iteration + 1, error))
+        return false;
     for (size_t k = 0; k < FLAT_CORRECTION; k++) {
         const real one = R(k < 9 && k % 4 == 0);
         real mean = 0;
@@ -408,6 +414,7 @@ static void update_correction(saga_flat *f, int view)
         for (int v = 0; v < p->n_train; v++)
             x[(size_t)p->train[v] * FLAT_CORRECTION + k] += one - mean;
     }
+    return true;
 }
 
 static bool backward(saga_flat *f, saga_error *error)
@@ -455,10 +462,10 @@ bool saga_flat_step(saga_flat *f, double *mse, saga_error *error)
     if (!saga_flat_change_count(f, error) ||
         !saga_flat_draw(f, sample, error) ||
         !look(f, &loss, sample.view, error) || !backward(f, error) ||
-        !update(f, error))
+        !update(f, error) ||
+        (f->o.colour_correction &&
+         !update_correction(f, sample.view, error)))
         return false;
-    if (f->o.colour_correction)
-        update_correction(f, sample.view);
     *mse = loss.mse;
     f->iteration++;
     return true;

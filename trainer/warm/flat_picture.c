@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "flat_state.h"
 
-#define NEAR_PART 0.3            /* of a view's nearest depth: is not drawn */
-
 void saga_flat_correct(real *out, const real *in, const real *map, size_t n)
 {
     int64_t i;
@@ -73,8 +71,6 @@ bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error)
     saga_canvas *const c = &f->canvas;
 
     saga_pictures_aim(c, f->pictures, sample);
-    c->camera.near_plane = (real)(NEAR_PART * f->pictures->range[2 * v] /
-                                  f->pictures->cube.unit);
     if (!saga_splat_forward(c, &p, f->n, error))
         return false;
     saga_pictures_truth(c, f->pictures, sample);

@@ -86,10 +86,6 @@ void saga_flat_correct(real *out, const real *in, const real *map, size_t n);
 void saga_flat_correct_backward(real *d_map, saga_canvas *canvas,
                                 const real *map, double *row);
 
-/* flat_adam.c */
-void saga_flat_adam(real *value, real *m, real *v, const real *grad, size_t n,
-                    real rate, int step);
-
 /* flat_seed.c */
 bool saga_flat_init(saga_flat *f, saga_error *error);
 bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
