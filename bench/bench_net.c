@@ -90,7 +90,7 @@ static void run_rest(size_t m, int reps)
         saga_embedding_forward(pe, PE, x, m, AXES, OCTAVES);
         bench_add(&times[0], bench_now_ms() - at);
         at = bench_now_ms();
-        saga_adam_step(&adam, &t, 1, (uint64_t)r + 1, &error);
+        saga_adam_update(&adam, &t, 1, (uint64_t)r + 1, &error);
         bench_add(&times[1], bench_now_ms() - at);
     }
     printf("%zu points: embedding %.2f", m, bench_median(&times[0]));

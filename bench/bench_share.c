@@ -199,20 +199,20 @@ static void read_networks(file *f)
         fail("networks");
 }
 
-/* Writes of a level: one for each `memory_blocks` anchors of a group. */
+/* Writes of a level: one for each `bank_blocks` anchors of a group. */
 static uint32_t count_steps(const file *f, int level)
 {
     const saga_scaffold *const sc = &f->sc;
     const uint32_t n = level ? sc->n.fine : sc->n.coarse;
     uint32_t in_group[SAGA_MAX_GROUPS] = { 0 }, steps = 0, i;
 
-    if (sc->memory.n_slots == 0 || !saga_level_writes(sc->model, level))
+    if (sc->memory.n_slots == 0 || !saga_tier_writes(sc->model, level))
         return 0;
     for (i = 0; i < n; i++)
         in_group[level ? sc->fine[i].group : sc->coarse[i].group]++;
     for (i = 0; i < SAGA_MAX_GROUPS; i++)
-        steps += (in_group[i] + sc->model->memory_blocks - 1u) /
-                 sc->model->memory_blocks;
+        steps += (in_group[i] + sc->model->bank_blocks - 1u) /
+                 sc->model->bank_blocks;
     return steps;
 }
 
@@ -234,8 +234,8 @@ static void read_segment(file *f)
     if (!recorder_layers(&f->tape.coder, &f->tape.inner, &f->sc, final_range,
                          p + head, f->segment.nbytes - head))
         fail("segment");
-    f->steps = count_steps(f, SAGA_LEVEL_COARSE) +
-               count_steps(f, SAGA_LEVEL_FINE);
+    f->steps = count_steps(f, SAGA_TIER_COARSE) +
+               count_steps(f, SAGA_TIER_FINE);
 }
 
 static void open_whole(file *f)
@@ -374,7 +374,7 @@ static void entropy_networks(file *f)
     }
 }
 
-static void memory_networks(file *f)
+static void bank_networks(file *f)
 {
     const saga_model *const m = f->sc.model;
     const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
@@ -382,19 +382,19 @@ static void memory_networks(file *f)
     int k;
 
     for (k = 0; k < SAGA_N_KINDS; k++)
-        if (m->sources[k] & SAGA_SOURCE_MEMORY)
+        if (m->sources[k] & SAGA_SOURCE_BANK)
             run_net(f, SAGA_NET_QUERY, n[k]);
-    for (k = 0; k < SAGA_N_LEVELS; k++)
-        if (saga_level_writes(m, k))
+    for (k = 0; k < SAGA_N_TIERS; k++)
+        if (saga_tier_writes(m, k))
             run_net(f, SAGA_NET_AGG, n[k]);
-    run_net(f, SAGA_NET_SLOT, m->memory_slots);
+    run_net(f, SAGA_NET_SLOT, m->bank_slots);
     run_net(f, SAGA_NET_WRITE_BASE, f->steps);
-    run_net(f, SAGA_NET_WRITE, f->steps * m->memory_slots);
+    run_net(f, SAGA_NET_WRITE, f->steps * m->bank_slots);
 }
 
 static void memory_bank(file *f)
 {
-    const saga_memory *const m = &f->sc.memory;
+    const saga_bank *const m = &f->sc.memory;
     const saga_model *const model = f->sc.model;
     const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
                                        f->sc.n.fine };
@@ -403,12 +403,12 @@ static void memory_bank(file *f)
     int k;
 
     for (k = 0; k < SAGA_N_KINDS; k++)
-        for (i = 0; model->sources[k] & SAGA_SOURCE_MEMORY && i < n[k]; i++)
-            saga_memory_read(m->step->read, m, value);
+        for (i = 0; model->sources[k] & SAGA_SOURCE_BANK && i < n[k]; i++)
+            saga_bank_read(m->step->read, m, value);
     for (i = 0; i < f->steps; i++)
         for (p = 0; p < m->n_slots; p++)
-            saga_memory_update(m, p, value, 8192,
-                               (model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+            saga_bank_update(m, p, value, 8192,
+                             (model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
 }
 
 static void fuse_and_fine(file *f)
@@ -434,7 +434,7 @@ static void colour(file *f)
         run_net(f, SAGA_NET_COLOUR, f->sc.n.prim);
 }
 
-static void interpolate(file *f, int level, const saga_place *p,
+static void interpolate(file *f, int level, const saga_position *p,
                         uint32_t rank, uint32_t before)
 {
     saga_neighbours nb;
@@ -444,12 +444,12 @@ static void interpolate(file *f, int level, const saga_place *p,
 }
 
 /* A fine anchor's place with its parent's support, as before F_fine. */
-static void place_under_parent(saga_place *p, const file *f, uint32_t rank)
+static void place_under_parent(saga_position *p, const file *f, uint32_t rank)
 {
     const saga_fine *const a = &f->sc.fine[rank];
     int i;
 
-    saga_place_cell(p, &f->sc.coarse[a->parent]);
+    saga_position_cell(p, &f->sc.coarse[a->parent]);
     for (i = 0; i < 3; i++)
         p->x[i] = a->x[i];
     p->t = a->t;
@@ -459,38 +459,38 @@ static void context_interpolation(file *f)
 {
     const saga_scaffold *const sc = &f->sc;
     const uint8_t *const sources = sc->model->sources;
-    saga_place p;
+    saga_position p;
     uint32_t i;
 
     for (i = 0; i < sc->n.coarse; i++)
         if (sources[SAGA_KIND_COARSE] & SAGA_SOURCE_GROUPS) {
-            saga_place_cell(&p, &sc->coarse[i]);
-            interpolate(f, SAGA_LEVEL_COARSE, &p, i, sc->coarse[i].group);
+            saga_position_cell(&p, &sc->coarse[i]);
+            interpolate(f, SAGA_TIER_COARSE, &p, i, sc->coarse[i].group);
         }
     for (i = 0; i < sc->n.fine; i++) {
         place_under_parent(&p, f, i);
         if (sources[SAGA_KIND_FINE] & SAGA_SOURCE_PARENT)
-            interpolate(f, SAGA_LEVEL_COARSE, &p, sc->fine[i].parent,
+            interpolate(f, SAGA_TIER_COARSE, &p, sc->fine[i].parent,
                         SAGA_ALL_GROUPS);
         if (sources[SAGA_KIND_FINE] & SAGA_SOURCE_GROUPS)
-            interpolate(f, SAGA_LEVEL_FINE, &p, i, sc->fine[i].group);
+            interpolate(f, SAGA_TIER_FINE, &p, i, sc->fine[i].group);
     }
 }
 
 static void scaffold_interpolation(file *f)
 {
     const saga_scaffold *const sc = &f->sc;
-    saga_place p;
+    saga_position p;
     uint32_t i, k;
 
     for (i = 0; i < sc->n.fine; i++) {
         place_under_parent(&p, f, i);
-        interpolate(f, SAGA_LEVEL_COARSE, &p, sc->fine[i].parent,
+        interpolate(f, SAGA_TIER_COARSE, &p, sc->fine[i].parent,
                     SAGA_ALL_GROUPS);
         for (k = 0; k < sc->fine[i].n_prim; k++) {
-            saga_place_fine(&p, &sc->fine[i]);
-            saga_place_move(&p, sc->prim_offset[sc->fine[i].first_prim + k]);
-            interpolate(f, SAGA_LEVEL_FINE, &p, i, SAGA_ALL_GROUPS);
+            saga_position_fine(&p, &sc->fine[i]);
+            saga_position_move(&p, sc->prim_offset[sc->fine[i].first_prim + k]);
+            interpolate(f, SAGA_TIER_FINE, &p, i, SAGA_ALL_GROUPS);
         }
     }
 }
@@ -511,10 +511,10 @@ static void embeddings(file *f)
     int k;
 
     for (k = 0; k < SAGA_N_KINDS; k++)
-        if (sc->model->sources[k] & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
+        if (sc->model->sources[k] & (SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK))
             places += n[k];
-    for (k = 0; k < SAGA_N_LEVELS; k++)
-        if (saga_level_writes(sc->model, k))
+    for (k = 0; k < SAGA_N_TIERS; k++)
+        if (saga_tier_writes(sc->model, k))
             places += n[k];
     for (i = 0; i < places; i++) {
         saga_embed(e, sc->model, x, (int32_t)(i & 65535u));
@@ -584,7 +584,7 @@ static const component components[] = {
     { "range decoding", range_decoding, 1 },
     { "context interpolation", context_interpolation, 1 },
     { "hyperprior and entropy networks", entropy_networks, 1 },
-    { "memory networks", memory_networks, 1 },
+    { "memory networks", bank_networks, 1 },
     { "memory bank", memory_bank, 1 },
     { "scaffold interpolation", scaffold_interpolation, 1 },
     { "embeddings", embeddings, 1 },

@@ -52,7 +52,7 @@ static void u8(saga_io *f, uint8_t *v)
     *v = (uint8_t)x;
 }
 
-static void level_fields(saga_io *f, saga_level *l)
+static void tier_fields(saga_io *f, saga_tier *l)
 {
     u8(f, &l->n_groups);
     u8(f, &l->window);
@@ -84,16 +84,16 @@ static void model_fields(saga_io *f, saga_model *m)
     u8(f, &m->features);
     u8(f, &m->octaves);
     u16(f, &m->lambda_t_q8);
-    for (i = 0; i < SAGA_N_LEVELS; i++)
-        level_fields(f, &m->level[i]);
+    for (i = 0; i < SAGA_N_TIERS; i++)
+        tier_fields(f, &m->tier[i]);
     for (i = 0; i < SAGA_N_STEPS; i++)
         u32(f, &m->step_q16[i]);
     for (i = 0; i < SAGA_N_HEADS; i++)
         u8(f, &m->head_q[i]);
     network_fields(f, m, 0, SAGA_NET_QUERY);
-    u16(f, &m->memory_slots);
-    u8(f, &m->memory_width);
-    u16(f, &m->memory_blocks);
+    u16(f, &m->bank_slots);
+    u8(f, &m->bank_width);
+    u16(f, &m->bank_blocks);
 }
 
 void saga_header_io(saga_io *f, saga_header *h)
@@ -106,8 +106,8 @@ void saga_header_io(saga_io *f, saga_header *h)
     u16(f, &h->n_cameras);
     u32(f, &h->n_segments);
     u32(f, &h->n_frames);
-    u32(f, &h->rate_num);
-    u32(f, &h->rate_den);
+    u32(f, &h->fps_num);
+    u32(f, &h->fps_den);
     u32(f, &h->max.coarse);
     u32(f, &h->max.fine);
     u32(f, &h->max.prim);
@@ -122,13 +122,13 @@ void saga_header_io(saga_io *f, saga_header *h)
     u8(f, &h->hash_log2_entries);
 }
 
-void saga_memory_io(saga_io *f, saga_model *m)
+void saga_bank_io(saga_io *f, saga_model *m)
 {
     int i;
 
     for (i = SAGA_NET_QUERY; !f->out && i < SAGA_N_NETS; i++)
         m->width[i] = m->q_in[i] = m->int8[i] = 0;
-    if (m->tools & SAGA_TOOL_MEMORY)
+    if (m->tools & SAGA_TOOL_BANK)
         network_fields(f, m, SAGA_NET_QUERY, SAGA_N_NETS);
 }
 

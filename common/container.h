@@ -48,7 +48,7 @@ typedef struct saga_header {
     uint8_t cuttable;            /* place kept: 0 */
     uint32_t n_segments;         /* 1..2^20 */
     uint32_t n_frames;           /* all segments together */
-    uint32_t rate_num, rate_den; /* frames per second */
+    uint32_t fps_num, fps_den; /* frames per second */
     saga_counts max;             /* of any segment */
     uint32_t nets_nbytes;        /* payload of NETS */
     /* metres = centre + units * unit, each mantissa * 2^exponent */
@@ -63,7 +63,7 @@ typedef struct saga_header {
 static inline uint32_t saga_rig_offset(const saga_header *h)
 {
     return SAGA_HEADER_NBYTES +
-           (h->model.tools & SAGA_TOOL_MEMORY ? SAGA_MEMORY_NBYTES : 0u);
+           (h->model.tools & SAGA_TOOL_BANK ? SAGA_MEMORY_NBYTES : 0u);
 }
 
 static inline uint32_t saga_rig_end(const saga_header *h)
@@ -109,10 +109,10 @@ typedef struct saga_io {
 /* Each moves all fields of its structure; the buffer has the bytes stated
  * above. Reading does not judge values; writing leaves the structure as it is.
  * The header's is its fixed part without magic and version; the memory's
- * networks come behind it. Without SAGA_TOOL_MEMORY their fields are not moved,
+ * networks come behind it. Without SAGA_TOOL_BANK their fields are not moved,
  * but cleared when read. */
 void saga_header_io(saga_io *f, saga_header *h);
-void saga_memory_io(saga_io *f, saga_model *m);
+void saga_bank_io(saga_io *f, saga_model *m);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);
 void saga_index_io(saga_io *f, saga_index_entry *e);
 void saga_segment_io(saga_io *f, saga_segment_header *s);

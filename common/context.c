@@ -8,7 +8,7 @@
 /* The networks are told of a block's position, size and count; its rank and
  * parent tell where its contexts come from. */
 typedef struct {
-    saga_place place;
+    saga_position place;
     uint32_t count;          /* children, known before the block */
     uint32_t rank;
     uint32_t parent;         /* coarse rank that its context comes from */
@@ -18,7 +18,7 @@ typedef struct {
 
 static void coarse_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
-    saga_place_cell(&b->place, &sc->coarse[rank]);
+    saga_position_cell(&b->place, &sc->coarse[rank]);
     b->count = sc->coarse[rank].n_fine;
     b->rank = b->parent = rank;
 }
@@ -30,11 +30,11 @@ static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
     const saga_fine *const fine = &sc->fine[rank];
     const saga_coarse *const parent = &sc->coarse[fine->parent];
-    const int bits = sc->model->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const int bits = sc->model->tier[SAGA_TIER_COARSE].suffix_bits;
     int i;
 
-    saga_place_cell(&b->place, parent);
-    saga_place_move(&b->place, fine->local);
+    saga_position_cell(&b->place, parent);
+    saga_position_move(&b->place, fine->local);
     for (i = 0; i < 4; i++)
         b->place.log2_support_q10[i] -= bits * 1024;
     b->count = parent->n_fine;
@@ -44,7 +44,7 @@ static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
 
 static void prim_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
-    saga_place_fine(&b->place, &sc->fine[rank]);
+    saga_position_fine(&b->place, &sc->fine[rank]);
     b->count = sc->fine[rank].n_prim;
     b->rank = rank;
     b->parent = sc->fine[rank].parent;
@@ -103,14 +103,14 @@ static uint32_t in_side(const saga_scaffold *sc, int net, const block *b,
 }
 
 /* The context interpolates neighbours of earlier groups of the block's own
- * level. */
-static void add_groups(const saga_scaffold *sc, const block *b, int level,
+ * tier. */
+static void add_groups(const saga_scaffold *sc, const block *b, int tier,
                        uint32_t group)
 {
     saga_neighbours nb;
 
-    saga_interp_find(&nb, sc, level, &b->place, b->rank, group);
-    saga_interp_sum(sc->net.v->context, sc, level, &nb);
+    saga_interp_find(&nb, sc, tier, &b->place, b->rank, group);
+    saga_interp_sum(sc->net.v->context, sc, tier, &nb);
 }
 
 /* The parent's context is coarse features interpolated at the block (fine), or
@@ -122,9 +122,9 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
     uint32_t i;
 
     if (kind == SAGA_KIND_FINE) {
-        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &b->place, b->parent,
+        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &b->place, b->parent,
                          SAGA_ALL_GROUPS);
-        saga_interp_sum(sc->net.v->context, sc, SAGA_LEVEL_COARSE, &nb);
+        saga_interp_sum(sc->net.v->context, sc, SAGA_TIER_COARSE, &nb);
         return sc->model->head_q[SAGA_HEAD_COARSE];
     }
     for (i = 0; i < f; i++)
@@ -139,11 +139,11 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
 static void in_token(const saga_scaffold *sc, int net, const block *b,
                      uint32_t point, int kind, const int16_t *values, int q)
 {
-    const int16_t level = (int16_t)((kind - 1) * 4096);
+    const int16_t tier = (int16_t)((kind - 1) * 4096);
     const uint32_t f = sc->model->features;
     uint32_t at = in_side(sc, net, b, point), i;
 
-    at = saga_in_vector(&sc->net, net, at, &level, 1, 12);
+    at = saga_in_vector(&sc->net, net, at, &tier, 1, 12);
     if (values)
         saga_in_vector(&sc->net, net, at, values, f, q);
     else
@@ -193,7 +193,7 @@ static void keep_queries(const saga_scaffold *sc, uint32_t n)
  * own. */
 static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
 {
-    const saga_memory *const m = &sc->memory;
+    const saga_bank *const m = &sc->memory;
     const int16_t *const own = m->embedding + (size_t)p * m->hidden;
     int16_t *const in = sc->net.v->in +
                         saga_in_point(&sc->net, SAGA_NET_WRITE, point);
@@ -206,7 +206,7 @@ static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
 /* Each of the n slots from p on is updated by a candidate and a gate. */
 static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
 {
-    const saga_memory *const m = &sc->memory;
+    const saga_bank *const m = &sc->memory;
     uint32_t i;
 
     for (i = 0; i < n; i++)
@@ -215,20 +215,20 @@ static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
     for (i = 0; i < n; i++) {
         const int16_t *const out = saga_out_point(&sc->net, SAGA_NET_WRITE, i);
 
-        saga_memory_update(m, p + i, out, saga_sigmoid_q11_q15(out[m->width]),
-                           (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+        saga_bank_update(m, p + i, out, saga_sigmoid_q11_q15(out[m->width]),
+                         (sc->model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
     }
 }
 
 /* All slots are updated from the step's mean token; none is read meanwhile. */
-static void write_memory(const saga_scaffold *sc)
+static void write_bank(const saga_scaffold *sc)
 {
-    const saga_memory *const m = &sc->memory;
+    const saga_bank *const m = &sc->memory;
     const uint32_t most = saga_net_points(sc->net.nets, 1u << SAGA_NET_WRITE);
     int16_t mean[SAGA_MAX_SLOT_WIDTH];
     uint32_t i;
 
-    saga_memory_mean(mean, m->step->sum, m->width, m->step->n);
+    saga_bank_mean(mean, m->step->sum, m->width, m->step->n);
     saga_in_vector(&sc->net, SAGA_NET_WRITE_BASE, 0, mean, m->width,
                    SAGA_SLOT_Q);
     saga_net_run(&sc->net, SAGA_NET_WRITE_BASE, 1);
@@ -249,19 +249,19 @@ static void begin_step(saga_step *step)
 
 static void end_step(const saga_scaffold *sc)
 {
-    write_memory(sc);
+    write_bank(sc);
     begin_step(sc->memory.step);
 }
 
 void saga_context_begin(const saga_scaffold *sc)
 {
-    const saga_memory *const m = &sc->memory;
+    const saga_bank *const m = &sc->memory;
     const int16_t one = 4096;
     uint32_t p, i;
 
     if (m->n_slots == 0)
         return;
-    saga_memory_start(m);
+    saga_bank_start(m);
     begin_step(m->step);
     for (p = 0; p < m->n_slots; p++) {
         for (i = 0; i < m->n_slots; i++)
@@ -282,42 +282,42 @@ void saga_context_end_group(const saga_scaffold *sc)
 /* Coarse anchors stand at their decoded centres. A fine anchor's feature does
  * not exist yet: in its place stand the residual and the number of primitives.
  */
-static void in_tokens(const saga_scaffold *sc, block *b, int level,
+static void in_tokens(const saga_scaffold *sc, block *b, int tier,
                       const saga_run *run)
 {
     const uint32_t f = sc->model->features;
     uint32_t i;
     int k;
 
-    make_blocks(b, sc, level, run->rank, run->n);
-    for (i = 0; level == SAGA_LEVEL_COARSE && i < run->n; i++) {
+    make_blocks(b, sc, tier, run->rank, run->n);
+    for (i = 0; tier == SAGA_TIER_COARSE && i < run->n; i++) {
         for (k = 0; k < 3; k++)
             b[i].place.x[k] = sc->coarse[run->rank[i]].x[k];
         b[i].place.t = sc->coarse[run->rank[i]].t;
     }
     embed_blocks(sc, b, run->n);
     for (i = 0; i < run->n; i++)
-        if (level == SAGA_LEVEL_COARSE)
-            in_token(sc, SAGA_NET_AGG, &b[i], i, level,
+        if (tier == SAGA_TIER_COARSE)
+            in_token(sc, SAGA_NET_AGG, &b[i], i, tier,
                      sc->coarse_feature + (size_t)run->rank[i] * f,
                      sc->model->head_q[SAGA_HEAD_COARSE]);
         else
-            in_token(sc, SAGA_NET_AGG, &b[i], i, level,
+            in_token(sc, SAGA_NET_AGG, &b[i], i, tier,
                      sc->fine_feature + (size_t)run->rank[i] * f, 14);
 }
 
-/* No sum leaves 32 bits: |sum| <= 65535 * 32767 < 2^31, since memory_blocks <=
+/* No sum leaves 32 bits: |sum| <= 65535 * 32767 < 2^31, since bank_blocks <=
  * 65535. A run ends where its step does. */
-void saga_context_keep(const saga_scaffold *sc, int level,
+void saga_context_keep(const saga_scaffold *sc, int tier,
                        const saga_run *run)
 {
     saga_step *const step = sc->memory.step;
     block b[SAGA_MAX_POINTS];
     uint32_t i, k;
 
-    if (!saga_level_writes(sc->model, level))
+    if (!saga_tier_writes(sc->model, tier))
         return;
-    in_tokens(sc, b, level, run);
+    in_tokens(sc, b, tier, run);
     saga_net_run(&sc->net, SAGA_NET_AGG, run->n);
     for (i = 0; i < run->n; i++) {
         const int16_t *const out = saga_out_point(&sc->net, SAGA_NET_AGG, i);
@@ -326,7 +326,7 @@ void saga_context_keep(const saga_scaffold *sc, int level,
             step->sum[k] += out[k];
     }
     step->n += run->n;
-    if (step->n == sc->model->memory_blocks)
+    if (step->n == sc->model->bank_blocks)
         end_step(sc);
 }
 
@@ -357,12 +357,12 @@ static void in_sources(const saga_scaffold *sc, const block *b,
         q = kind == SAGA_KIND_COARSE ? m->head_q[SAGA_HEAD_COARSE] : 14;
         at = saga_in_vector(&sc->net, net, at, sc->net.v->context, f, q);
     }
-    if (sources & SAGA_SOURCE_MEMORY) {
+    if (sources & SAGA_SOURCE_BANK) {
         int16_t *const read = sc->memory.step->read;
 
-        saga_memory_read(read, &sc->memory,
-                         sc->net.v->kept + point * query_stride(sc));
-        saga_in_vector(&sc->net, net, at, read, m->memory_width, SAGA_SLOT_Q);
+        saga_bank_read(read, &sc->memory,
+                       sc->net.v->kept + point * query_stride(sc));
+        saga_in_vector(&sc->net, net, at, read, m->bank_width, SAGA_SLOT_Q);
     }
 }
 
@@ -375,13 +375,13 @@ static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
     const uint32_t sources = sc->model->sources[kind];
     uint32_t i;
 
-    if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY))
+    if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK))
         embed_blocks(sc, b, n);
-    if (sources & SAGA_SOURCE_MEMORY)
+    if (sources & SAGA_SOURCE_BANK)
         run_queries(sc, b, n, kind);
     for (i = 0; sources & SAGA_SOURCE_HYPER && i < n; i++)
         in_side(sc, SAGA_NET_HYPER, &b[i], i);
-    if (sources & SAGA_SOURCE_MEMORY)
+    if (sources & SAGA_SOURCE_BANK)
         keep_queries(sc, n);
     if (sources & SAGA_SOURCE_HYPER)
         saga_net_run(&sc->net, SAGA_NET_HYPER, n);
@@ -421,7 +421,7 @@ static uint32_t most_blocks(const saga_scaffold *sc, int kind)
     n = saga_net_points(sc->net.nets, nets);
     if (sc->memory.n_slots == 0)
         return n;
-    room = sc->model->memory_blocks - sc->memory.step->n;
+    room = sc->model->bank_blocks - sc->memory.step->n;
     return room < n ? room : n;
 }
 

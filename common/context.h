@@ -35,9 +35,9 @@ uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
                           uint32_t rank, uint32_t group);
 
 /* After a run of coarse (fine) anchors is decoded, this adds them to their step
- * of the memory, which writes when it has memory_blocks blocks. Without a
- * memory, or if no one reads what this level writes, it does nothing. */
-void saga_context_keep(const saga_scaffold *sc, int level,
+ * of the memory, which writes when it has bank_blocks blocks. Without a
+ * memory, or if no one reads what this tier writes, it does nothing. */
+void saga_context_keep(const saga_scaffold *sc, int tier,
                        const saga_run *run);
 
 /* After the last anchor of a group, its last step writes, however short. */

@@ -31,12 +31,12 @@ typedef struct {
     int32_t x[3], t, support[4];
 } source;
 
-static void source_at(source *s, const saga_scaffold *sc, int level,
+static void source_at(source *s, const saga_scaffold *sc, int tier,
                       uint32_t rank)
 {
     int i;
 
-    if (level == SAGA_LEVEL_COARSE) {
+    if (tier == SAGA_TIER_COARSE) {
         const saga_coarse *const c = &sc->coarse[rank];
 
         for (i = 0; i < 3; i++) {
@@ -59,7 +59,7 @@ static void source_at(source *s, const saga_scaffold *sc, int level,
 /* d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2, Q12, saturating: three
  * squares <= 2^30 and lambda_t's product < 2^46 are summed in 64 bits. */
 static uint32_t distance_q12(recip r[2], const saga_model *m,
-                             const saga_place *q, const source *s)
+                             const saga_position *q, const source *s)
 {
     int64_t sum = 0;
     int i;
@@ -136,12 +136,12 @@ static void softmax(saga_neighbours *nb, uint32_t softmax_q8)
                                                   shift - 14);
 }
 
-void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int level,
-                      const saga_place *query, uint32_t centre,
+void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
+                      const saga_position *query, uint32_t centre,
                       uint32_t before)
 {
-    const saga_level *const l = &sc->model->level[level];
-    const uint32_t n = level == SAGA_LEVEL_COARSE ? sc->n.coarse : sc->n.fine;
+    const saga_tier *const l = &sc->model->tier[tier];
+    const uint32_t n = tier == SAGA_TIER_COARSE ? sc->n.coarse : sc->n.fine;
     const uint32_t first = centre > l->window ? centre - l->window : 0;
     const uint32_t last = n - 1 - centre > l->window ? centre + l->window
                                                      : n - 1;
@@ -150,14 +150,14 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int level,
 
     nb->n = 0;
     for (rank = first; rank <= last; rank++) {
-        const uint32_t group = level == SAGA_LEVEL_COARSE
+        const uint32_t group = tier == SAGA_TIER_COARSE
             ? sc->coarse[rank].group : sc->fine[rank].group;
         source s;
         uint32_t d;
 
         if (group >= before)
             continue;
-        source_at(&s, sc, level, rank);
+        source_at(&s, sc, tier, rank);
         d = distance_q12(r, sc->model, query, &s);
         if (rank == centre)
             d_parent = d;
@@ -171,11 +171,11 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int level,
 }
 
 /* Weights sum to at most 2^14 + K/2, so |sum| < 2^29 + 2^19. */
-void saga_interp_sum(int16_t *out, const saga_scaffold *sc, int level,
+void saga_interp_sum(int16_t *out, const saga_scaffold *sc, int tier,
                      const saga_neighbours *nb)
 {
     const uint32_t f = sc->model->features;
-    const int16_t *const table = level == SAGA_LEVEL_COARSE
+    const int16_t *const table = tier == SAGA_TIER_COARSE
         ? sc->coarse_feature : sc->fine_feature;
     int32_t sum[SAGA_MAX_FEATURES];
     uint32_t i, k;

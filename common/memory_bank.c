@@ -20,7 +20,7 @@ static uint8_t *take(uint8_t *block, uint32_t *at, uint32_t nbytes)
     return p;
 }
 
-uint32_t saga_memory_place(saga_memory *m, uint8_t *block)
+uint32_t saga_bank_lay(saga_bank *m, uint8_t *block)
 {
     const uint32_t n = m->n_slots;
     uint32_t at = 0;
@@ -48,17 +48,17 @@ static uint32_t update_products(int plain)
     return plain ? MACS_GATE : MACS_ORTHOGONAL + MACS_GATE;
 }
 
-uint32_t saga_memory_read_macs(uint32_t n_slots, uint32_t width)
+uint32_t saga_bank_read_macs(uint32_t n_slots, uint32_t width)
 {
     return 2 * n_slots * width;
 }
 
-uint32_t saga_memory_update_macs(uint32_t width, int plain)
+uint32_t saga_bank_update_macs(uint32_t width, int plain)
 {
     return (update_products(plain) + MACS_NORM) * width;
 }
 
-uint32_t saga_memory_start_macs(uint32_t n_slots, uint32_t width)
+uint32_t saga_bank_start_macs(uint32_t n_slots, uint32_t width)
 {
     return MACS_NORM * n_slots * width;
 }
@@ -103,7 +103,7 @@ static void normalise(int16_t *slot, const int32_t *u, uint32_t width)
                                        18 - y.exp);
 }
 
-void saga_memory_put(const saga_memory *m, uint32_t p, const int16_t *slot)
+void saga_bank_put(const saga_bank *m, uint32_t p, const int16_t *slot)
 {
     const uint32_t stride = saga_mlp_pad(m->width);
     int16_t *const row = m->slot + (size_t)p * stride;
@@ -136,7 +136,7 @@ static uint32_t generator(uint32_t n_slots)
          : 0x11;                      /* x^9 + x^4 + 1 */
 }
 
-void saga_memory_start(const saga_memory *m)
+void saga_bank_start(const saga_bank *m)
 {
     const uint32_t feedback = generator(m->n_slots);
     int16_t slot[SAGA_MAX_SLOT_WIDTH];
@@ -153,7 +153,7 @@ void saga_memory_start(const saga_memory *m)
                 power = (power ^ m->n_slots) ^ feedback;
         }
         normalise(slot, u, m->width);
-        saga_memory_put(m, p, slot);
+        saga_bank_put(m, p, slot);
     }
 }
 
@@ -162,7 +162,7 @@ void saga_memory_start(const saga_memory *m)
 /* Scores in Q22, at most 32767 sum|s| < 2^31 in size, so that their difference
  * fits 32 unsigned bits. e_p in Q15, 2^15 for the largest: their sum is in
  * 2^15..2^24, its reciprocal's shift in 46..55. */
-static void softmax(const saga_memory *m)
+static void softmax(const saga_bank *m)
 {
     int32_t *const score = m->score;
     int32_t most = score[0];
@@ -183,8 +183,8 @@ static void softmax(const saga_memory *m)
 }
 
 /* Weights sum to 2^14 within L / 2 and |s| <= 2^12: |sum| < 2^27. */
-void saga_memory_read(int16_t *out, const saga_memory *m,
-                      const int16_t *query_q10)
+void saga_bank_read(int16_t *out, const saga_bank *m,
+                    const int16_t *query_q10)
 {
     int32_t sum[SAGA_MAX_SLOT_WIDTH];
     uint32_t d;
@@ -195,14 +195,14 @@ void saga_memory_read(int16_t *out, const saga_memory *m,
     saga_mlp_products(sum, m->column, m->weight, m->n_slots, m->width);
     for (d = 0; d < m->width; d++)
         out[d] = fx_sat16(fx_rshift(sum[d], 14));
-    count_macs(saga_memory_read_macs(m->n_slots, m->width));
+    count_macs(saga_bank_read_macs(m->n_slots, m->width));
 }
 
 /* --- Write --------------------------------------------------------------- */
 
 /* |sum| <= 65535 * 32767 < 2^31, reciprocal <= 2^31: product < 2^62. */
-void saga_memory_mean(int16_t *out, const int32_t *sum, uint32_t n,
-                      uint32_t count)
+void saga_bank_mean(int16_t *out, const int32_t *sum, uint32_t n,
+                    uint32_t count)
 {
     int shift = 31;
     const uint32_t r = count ? saga_recip32(count, &shift) : 0;
@@ -227,8 +227,8 @@ static int32_t component_along(const int16_t *slot, const int16_t *write,
 }
 
 /* s + g v in Q27: |s| 2^15 <= 2^27, g v < 2^30. In Q20 below 2^24. */
-void saga_memory_update(const saga_memory *m, uint32_t p,
-                        const int16_t *write, int32_t gate_q15, int plain)
+void saga_bank_update(const saga_bank *m, uint32_t p,
+                      const int16_t *write, int32_t gate_q15, int plain)
 {
     int16_t *const slot = m->slot + (size_t)p * saga_mlp_pad(m->width);
     const int32_t along = plain ? 0 : component_along(slot, write, m->width);
@@ -242,5 +242,5 @@ void saga_memory_update(const saga_memory *m, uint32_t p,
     }
     count_macs(update_products(plain) * m->width);
     normalise(slot, u, m->width);
-    saga_memory_put(m, p, slot);
+    saga_bank_put(m, p, slot);
 }

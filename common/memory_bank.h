@@ -37,7 +37,7 @@ typedef struct saga_step {
 } saga_step;
 
 /* A bank in memory that is the caller's; n_slots = 0: there is none. */
-typedef struct saga_memory {
+typedef struct saga_bank {
     int16_t *slot;           /* (n_slots, pad(width)) Q12, padding zero */
     int16_t *column;         /* (width, n_slots) the same, transposed */
     int16_t *embedding;      /* (n_slots, hidden) of the write's network */
@@ -47,19 +47,19 @@ typedef struct saga_memory {
     uint32_t n_slots;        /* L */
     uint32_t width;          /* D */
     uint32_t hidden;         /* of the write's network */
-} saga_memory;
+} saga_bank;
 
 /* Places the arrays of a bank (n_slots, width, hidden are set) in a block, 16
  * bytes aligned; returns the bytes they take, a multiple of 16. With block =
  * NULL it only counts. */
-uint32_t saga_memory_place(saga_memory *m, uint8_t *block);
+uint32_t saga_bank_lay(saga_bank *m, uint8_t *block);
 
 /* S_0: component d of slot p is +-1/sqrt(D), minus where the bits that p and
  * the d-th power of the generator of GF(L) have in common are odd in number:
  * rows of a maximum length sequence. Slots differ from one another unless
  * L > 2^D; their cosines have the mean square that L unit vectors in D
  * dimensions cannot go below, within 2 % (D < L). */
-void saga_memory_start(const saga_memory *m);
+void saga_bank_start(const saga_bank *m);
 
 /* Attention: out[0..D) in Q12 = sum of w_p s_p, w = softmax in base 2 of the
  * inner products of query (Q10, pad(D) of them) and slots. Any query; equal
@@ -68,16 +68,16 @@ void saga_memory_start(const saga_memory *m);
  * most 1/2 + L 2^-15 (1 + 1.3/E) max|s| LSB, where E in 1..L is the sum of the
  * exponentials over the largest: half an LSB of Q14 for each weight, 0.65 of
  * Q15 twice for each exponential. */
-void saga_memory_read(int16_t *out, const saga_memory *m,
-                      const int16_t *query_q10);
+void saga_bank_read(int16_t *out, const saga_bank *m,
+                    const int16_t *query_q10);
 
 /* out[0..n) = sum / count rounded to nearest, halves up, within 2^-30
  * relative; count = 0: zeros. */
-void saga_memory_mean(int16_t *out, const int32_t *sum, uint32_t n,
-                      uint32_t count);
+void saga_bank_mean(int16_t *out, const int32_t *sum, uint32_t n,
+                    uint32_t count);
 
 /* Sets slot p. */
-void saga_memory_put(const saga_memory *m, uint32_t p, const int16_t *slot);
+void saga_bank_put(const saga_bank *m, uint32_t p, const int16_t *slot);
 
 /* Update of slot p, v (Q12) into s with the gate g in 0..32768 (Q15):
  *     orthogonal (plain = 0):  v - <v, s> s,  then  Norm(s + g v)
@@ -85,12 +85,12 @@ void saga_memory_put(const saga_memory *m, uint32_t p, const int16_t *slot);
  * <v, s> is not divided by |s|^2, which is 1 but for 0.2 % at D = 64. A zero
  * v or gate leaves the slot but for rounding; a zero s takes the direction of
  * v; a sum of zero (plain: v = -s, g = 1) leaves s as it is. */
-void saga_memory_update(const saga_memory *m, uint32_t p,
-                        const int16_t *write, int32_t gate_q15, int plain);
+void saga_bank_update(const saga_bank *m, uint32_t p,
+                      const int16_t *write, int32_t gate_q15, int plain);
 
 /* Products of a read of the bank and of an update of one slot. */
-uint32_t saga_memory_read_macs(uint32_t n_slots, uint32_t width);
-uint32_t saga_memory_update_macs(uint32_t width, int plain);
-uint32_t saga_memory_start_macs(uint32_t n_slots, uint32_t width);
+uint32_t saga_bank_read_macs(uint32_t n_slots, uint32_t width);
+uint32_t saga_bank_update_macs(uint32_t width, int plain);
+uint32_t saga_bank_start_macs(uint32_t n_slots, uint32_t width);
 
 #endif

@@ -82,7 +82,7 @@ static uint32_t n_rows(const saga_model *m, const output *o)
 {
     const uint8_t by_model[] = {
         m->features, m->width[SAGA_NET_COLOUR], m->width[SAGA_NET_WRITE],
-        m->memory_width
+        m->bank_width
     };
 
     if ((o->tools && !(m->tools & o->tools)) ||
@@ -148,7 +148,7 @@ static uint32_t entropy_inputs(const saga_model *m, uint32_t s)
     n += s & SAGA_SOURCE_HYPER ? m->features : 0u;
     n += s & SAGA_SOURCE_PARENT ? m->features : 0u;
     n += s & SAGA_SOURCE_GROUPS ? m->features : 0u;
-    n += s & SAGA_SOURCE_MEMORY ? m->memory_width : 0u;
+    n += s & SAGA_SOURCE_BANK ? m->bank_width : 0u;
     return n;
 }
 
@@ -166,8 +166,8 @@ static uint32_t n_inputs(const saga_model *m, int net)
         [SAGA_NET_COLOUR_BASE] = local, [SAGA_NET_COLOUR_VIEW] = 3,
         [SAGA_NET_COLOUR] = m->width[SAGA_NET_COLOUR],
         [SAGA_NET_QUERY] = local + 6, [SAGA_NET_AGG] = local + 6,
-        [SAGA_NET_SLOT] = m->memory_slots,
-        [SAGA_NET_WRITE_BASE] = m->memory_width,
+        [SAGA_NET_SLOT] = m->bank_slots,
+        [SAGA_NET_WRITE_BASE] = m->bank_width,
         [SAGA_NET_WRITE] = m->width[SAGA_NET_WRITE]
     };
 
@@ -222,7 +222,7 @@ uint32_t saga_net_macs(const saga_net_shape *s)
 
 /* --- Validity ------------------------------------------------------------ */
 
-static int level_is_valid(const saga_level *l)
+static int tier_is_valid(const saga_tier *l)
 {
     return l->n_groups >= 1 && l->n_groups <= SAGA_MAX_GROUPS &&
            l->window <= SAGA_MAX_WINDOW && l->neighbours >= 1 &&
@@ -259,27 +259,27 @@ static int is_power_of_two(uint32_t x)
 }
 
 /* The tool is on where a kind reads the memory, and only there. */
-static int memory_is_valid(const saga_model *m)
+static int bank_is_valid(const saga_model *m)
 {
-    const uint32_t slots = m->memory_slots, width = m->memory_width;
+    const uint32_t slots = m->bank_slots, width = m->bank_width;
     const uint32_t read = saga_any_source(m);
 
-    if (!(m->tools & SAGA_TOOL_MEMORY))
+    if (!(m->tools & SAGA_TOOL_BANK))
         return !(m->tools & SAGA_TOOL_PLAIN_WRITE) &&
-               !(read & SAGA_SOURCE_MEMORY) && slots == 0 && width == 0 &&
-               m->memory_blocks == 0;
-    return (read & SAGA_SOURCE_MEMORY) && slots >= SAGA_MIN_SLOTS &&
+               !(read & SAGA_SOURCE_BANK) && slots == 0 && width == 0 &&
+               m->bank_blocks == 0;
+    return (read & SAGA_SOURCE_BANK) && slots >= SAGA_MIN_SLOTS &&
            slots <= SAGA_MAX_SLOTS && is_power_of_two(slots) && width >= 8 &&
            width <= SAGA_MAX_SLOT_WIDTH && width % 8 == 0 &&
-           (slots < SAGA_MAX_SLOTS || width >= 16) && m->memory_blocks >= 1;
+           (slots < SAGA_MAX_SLOTS || width >= 16) && m->bank_blocks >= 1;
 }
 
 int saga_model_is_valid(const saga_model *m)
 {
     int i;
 
-    for (i = 0; i < SAGA_N_LEVELS; i++)
-        if (!level_is_valid(&m->level[i]))
+    for (i = 0; i < SAGA_N_TIERS; i++)
+        if (!tier_is_valid(&m->tier[i]))
             return 0;
     for (i = 0; i < SAGA_N_STEPS; i++)
         if (m->step_q16[i] < 16u << 16)
@@ -290,5 +290,5 @@ int saga_model_is_valid(const saga_model *m)
         return 0;
     return m->features >= 5 && m->features <= SAGA_MAX_FEATURES &&
            m->octaves >= 1 && m->octaves <= SAGA_MAX_OCTAVES &&
-           nets_are_valid(m) && memory_is_valid(m);
+           nets_are_valid(m) && bank_is_valid(m);
 }

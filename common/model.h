@@ -52,10 +52,10 @@ enum {
     SAGA_TOOL_LAYERS = 1u << 6,     /* may be cut between layers */
     SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
     SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
-    SAGA_TOOL_MEMORY = 1u << 9,     /* memory bank */
+    SAGA_TOOL_BANK = 1u << 9,     /* memory bank */
     SAGA_TOOL_PLAIN_WRITE = 1u << 10, /* its update without the projection */
     SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
-    SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_MEMORY |
+    SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_BANK |
                        SAGA_TOOL_PLAIN_WRITE
 };
 
@@ -64,7 +64,7 @@ enum {
     SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
     SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser level (fine, prim) */
     SAGA_SOURCE_GROUPS = 1u << 2,   /* earlier groups (coarse, fine) */
-    SAGA_SOURCE_MEMORY = 1u << 3,   /* memory bank */
+    SAGA_SOURCE_BANK = 1u << 3,   /* memory bank */
     SAGA_SOURCES_KNOWN = (1u << 4) - 1
 };
 
@@ -72,7 +72,7 @@ enum {
 enum { SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM, SAGA_N_KINDS };
 
 /* Anchors have two levels. */
-enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
+enum { SAGA_TIER_COARSE, SAGA_TIER_FINE, SAGA_N_TIERS };
 
 /* --- Networks ------------------------------------------------------------ */
 
@@ -81,7 +81,7 @@ enum { SAGA_LEVEL_COARSE, SAGA_LEVEL_FINE, SAGA_N_LEVELS };
  * the rest. So is the memory's write, whose first layer adds up what it makes
  * of the step's token and of the slot; a slot enters as a vector of zeros with
  * a 1 at its number, so that SLOT's first layer holds the slots' embeddings.
- * The header describes the networks from QUERY on only with SAGA_TOOL_MEMORY.
+ * The header describes the networks from QUERY on only with SAGA_TOOL_BANK.
  * FUSE_C and FUSE_F, one for each SAGA_LEVEL_*, exist where their width is not
  * 0; without one, features are taken as they were interpolated. */
 enum {
@@ -138,7 +138,7 @@ typedef struct saga_net_shape {
 
 /* --- The header's model part --------------------------------------------- */
 
-typedef struct saga_level {
+typedef struct saga_tier {
     uint8_t n_groups;       /* modulo groups, 1..16 */
     uint8_t window;         /* w, 0..32 */
     uint8_t neighbours;     /* K, 1..16 */
@@ -147,7 +147,7 @@ typedef struct saga_level {
     uint8_t max_children;   /* of this level's anchors, 1..16 */
     uint16_t radius2_q12;   /* rho^2, d < rho^2 */
     uint16_t softmax_q8;    /* log2(e) / T, >= 1 */
-} saga_level;
+} saga_tier;
 
 /* Each coded group has its step: Q16 in LSB of the coded value, >= 16 LSB. */
 enum {
@@ -164,17 +164,17 @@ typedef struct saga_model {
     uint8_t features;       /* F, 1..64 */
     uint8_t octaves;        /* of the embedding, 1..8 */
     uint16_t lambda_t_q8;   /* weight of time in the distance */
-    saga_level level[SAGA_N_LEVELS];
+    saga_tier tier[SAGA_N_TIERS];
     uint32_t step_q16[SAGA_N_STEPS];
     uint8_t head_q[SAGA_N_HEADS];
     uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128; FUSE_C, FUSE_F: 0
                                   * where there is no such network */
     uint8_t q_in[SAGA_N_NETS];
     uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
-    /* The memory; all 0 without SAGA_TOOL_MEMORY. */
-    uint16_t memory_slots;  /* L: 32, 64, 128, 256 or 512 */
-    uint8_t memory_width;   /* D: 8, 16, ..., 64; 16 or more if L is 512 */
-    uint16_t memory_blocks; /* B: blocks per step at most, >= 1 */
+    /* The memory; all 0 without SAGA_TOOL_BANK. */
+    uint16_t bank_slots;  /* L: 32, 64, 128, 256 or 512 */
+    uint8_t bank_width;   /* D: 8, 16, ..., 64; 16 or more if L is 512 */
+    uint16_t bank_blocks; /* B: blocks per step at most, >= 1 */
 } saga_model;
 
 static inline int saga_motion_order(const saga_model *m)
@@ -192,19 +192,19 @@ static inline int saga_is_dynamic(const saga_model *m)
 /* Tells whether the header describes a network. */
 static inline int saga_is_described(const saga_model *m, int net)
 {
-    return net < SAGA_NET_QUERY || (m->tools & SAGA_TOOL_MEMORY) != 0;
+    return net < SAGA_NET_QUERY || (m->tools & SAGA_TOOL_BANK) != 0;
 }
 
 /* Returns the network that fuses the interpolated features of a level. */
 static inline int saga_fuse_net(int level)
 {
-    return level == SAGA_LEVEL_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
+    return level == SAGA_TIER_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
 }
 
 /* These return the Q format of a level's features; of its fused features. */
 static inline int saga_feature_q(const saga_model *m, int level)
 {
-    return m->head_q[level == SAGA_LEVEL_COARSE ? SAGA_HEAD_COARSE
+    return m->head_q[level == SAGA_TIER_COARSE ? SAGA_HEAD_COARSE
                                                 : SAGA_HEAD_FINE];
 }
 
@@ -212,19 +212,19 @@ static inline int saga_fused_q(const saga_model *m, int level)
 {
     if (!m->width[saga_fuse_net(level)])
         return saga_feature_q(m, level);
-    return m->head_q[level == SAGA_LEVEL_COARSE ? SAGA_HEAD_FUSE_C
+    return m->head_q[level == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
                                                 : SAGA_HEAD_FUSE_F];
 }
 
 /* Tells whether a step of a level writes: only if someone may still read.
  * Levels are kinds of the same number. */
-static inline int saga_level_writes(const saga_model *m, int level)
+static inline int saga_tier_writes(const saga_model *m, int level)
 {
     uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE];
 
-    if (level == SAGA_LEVEL_COARSE)
+    if (level == SAGA_TIER_COARSE)
         readers |= m->sources[SAGA_KIND_COARSE];
-    return (readers & SAGA_SOURCE_MEMORY) != 0;
+    return (readers & SAGA_SOURCE_BANK) != 0;
 }
 
 /* Returns the sources that any kind has. */

@@ -5,16 +5,16 @@
 #include "fx_math.h"
 #include "interp.h"
 
-void saga_memory_size(saga_memory *memory, const saga_model *m)
+void saga_bank_size(saga_bank *memory, const saga_model *m)
 {
-    memory->n_slots = m->memory_slots;
-    memory->width = m->memory_width;
+    memory->n_slots = m->bank_slots;
+    memory->width = m->bank_width;
     memory->hidden = m->width[SAGA_NET_WRITE];
 }
 
 /* --- Places -------------------------------------------------------------- */
 
-void saga_place_cell(saga_place *p, const saga_coarse *c)
+void saga_position_cell(saga_position *p, const saga_coarse *c)
 {
     const int log2_x = SAGA_LOG2_HALF_X - c->depth_x;
     const int log2_t = SAGA_LOG2_HALF_T - c->depth_t;
@@ -31,7 +31,7 @@ void saga_place_cell(saga_place *p, const saga_coarse *c)
 }
 
 /* No product leaves 64 bits: |support * offset| <= 2^23 * 2^15. */
-void saga_place_move(saga_place *p, const int16_t offset_q14[4])
+void saga_position_move(saga_position *p, const int16_t offset_q14[4])
 {
     int i;
 
@@ -43,7 +43,7 @@ void saga_place_move(saga_place *p, const int16_t offset_q14[4])
                                          offset_q14[3], 14), 0, SAGA_T_MAX);
 }
 
-void saga_place_fine(saga_place *p, const saga_fine *f)
+void saga_position_fine(saga_position *p, const saga_fine *f)
 {
     int i;
 
@@ -59,21 +59,21 @@ void saga_place_fine(saga_place *p, const saga_fine *f)
 /* --- Coarse to fine ------------------------------------------------------ */
 
 /* Features at p are interpolated, then fused: F of them, in saga_fused_q. */
-static void fuse(int16_t *feature, const saga_scaffold *sc, int level,
-                 const saga_place *p, uint32_t parent)
+static void fuse(int16_t *feature, const saga_scaffold *sc, int tier,
+                 const saga_position *p, uint32_t parent)
 {
     const uint32_t f = sc->model->features;
-    const int net = saga_fuse_net(level);
+    const int net = saga_fuse_net(tier);
     int16_t embedding[8 * SAGA_MAX_OCTAVES];
     saga_neighbours nb;
     uint32_t at, i;
 
-    saga_interp_find(&nb, sc, level, p, parent, SAGA_ALL_GROUPS);
-    saga_interp_sum(feature, sc, level, &nb);
+    saga_interp_find(&nb, sc, tier, p, parent, SAGA_ALL_GROUPS);
+    saga_interp_sum(feature, sc, tier, &nb);
     if (sc->net.nets->shape[net].n_layers == 0)
         return;
     at = saga_in_vector(&sc->net, net, 0, feature, f,
-                        saga_feature_q(sc->model, level));
+                        saga_feature_q(sc->model, tier));
     saga_embed(embedding, sc->model, p->x, p->t);
     saga_in_vector(&sc->net, net, at, embedding, saga_pe_size(sc->model), 15);
     saga_net_run(&sc->net, net, 1);
@@ -88,17 +88,17 @@ static int16_t *kept_local(const saga_scaffold *sc, uint32_t point)
                                   saga_pe_size(sc->model));
 }
 
-void saga_keep_local(const saga_scaffold *sc, int level, uint32_t point,
-                     const saga_place *p, uint32_t parent,
+void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
+                     const saga_position *p, uint32_t parent,
                      const int16_t offset_q14[4])
 {
     int16_t *const to = kept_local(sc, point);
 
-    fuse(to, sc, level, p, parent);
+    fuse(to, sc, tier, p, parent);
     saga_embed_offset(to + sc->model->features, sc->model, offset_q14);
 }
 
-void saga_in_local(const saga_scaffold *sc, int net, int level, uint32_t n)
+void saga_in_local(const saga_scaffold *sc, int net, int tier, uint32_t n)
 {
     const uint32_t f = sc->model->features;
     uint32_t i;
@@ -107,7 +107,7 @@ void saga_in_local(const saga_scaffold *sc, int net, int level, uint32_t n)
         const int16_t *const from = kept_local(sc, i);
         const uint32_t at = saga_in_vector(
             &sc->net, net, saga_in_point(&sc->net, net, i), from, f,
-            saga_fused_q(sc->model, level));
+            saga_fused_q(sc->model, tier));
 
         saga_in_vector(&sc->net, net, at, from + f, saga_pe_size(sc->model),
                        15);
@@ -147,10 +147,10 @@ static void keep_fine_anchor(const saga_scaffold *sc, uint32_t rank,
                              uint32_t point)
 {
     const saga_fine *const fine = &sc->fine[rank];
-    saga_place p;
+    saga_position p;
 
-    saga_place_fine(&p, fine);
-    saga_keep_local(sc, SAGA_LEVEL_COARSE, point, &p, fine->parent,
+    saga_position_fine(&p, fine);
+    saga_keep_local(sc, SAGA_TIER_COARSE, point, &p, fine->parent,
                     fine->local);
 }
 
@@ -177,7 +177,7 @@ void saga_scaffold_fine(const saga_scaffold *sc)
         n = sc->n.fine - rank < most ? sc->n.fine - rank : most;
         for (i = 0; i < n; i++)
             keep_fine_anchor(sc, rank + i, i);
-        saga_in_local(sc, SAGA_NET_FINE, SAGA_LEVEL_COARSE, n);
+        saga_in_local(sc, SAGA_NET_FINE, SAGA_TIER_COARSE, n);
         saga_net_run(&sc->net, SAGA_NET_FINE, n);
         for (i = 0; i < n; i++)
             set_fine_anchor(sc, rank + i,

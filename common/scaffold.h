@@ -84,41 +84,41 @@ typedef struct saga_scaffold {
     int16_t *fine_feature;           /* (n.fine, F) */
     int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
     saga_models *models;
-    saga_memory memory;              /* n_slots = 0: the tool is off */
+    saga_bank memory;              /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
 /* This sets the sizes of a model's memory; its arrays are to be placed. */
-void saga_memory_size(saga_memory *memory, const saga_model *m);
+void saga_bank_size(saga_bank *memory, const saga_model *m);
 
 /* A place is where something is and how far it reaches, by axis. */
-typedef struct saga_place {
+typedef struct saga_position {
     int32_t x[3];
     int32_t t;
     int32_t support[4];
     int32_t log2_support_q10[4];
-} saga_place;
+} saga_position;
 
 /* This gives the cell of a coarse anchor: centre and half-sizes. */
-void saga_place_cell(saga_place *p, const saga_coarse *c);
+void saga_position_cell(saga_position *p, const saga_coarse *c);
 
 /* This adds an offset (Q14, in units of support per axis) to the centre, and
  * clamps it to the cube. */
-void saga_place_move(saga_place *p, const int16_t offset_q14[4]);
+void saga_position_move(saga_position *p, const int16_t offset_q14[4]);
 
 /* The first keeps in net.v->kept what F_fine, F_geo and F_color see of a point:
- * features of level SAGA_LEVEL_* at p, under the parent of the given rank,
+ * features of tier SAGA_LEVEL_* at p, under the parent of the given rank,
  * interpolated and fused, and the embedding of an offset. The second makes n
  * such points the input of a network. */
-void saga_keep_local(const saga_scaffold *sc, int level, uint32_t point,
-                     const saga_place *p, uint32_t parent,
+void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
+                     const saga_position *p, uint32_t parent,
                      const int16_t offset_q14[4]);
-void saga_in_local(const saga_scaffold *sc, int net, int level, uint32_t n);
+void saga_in_local(const saga_scaffold *sc, int net, int tier, uint32_t n);
 
 /* This runs F_fine for every fine anchor: features and supports follow from
  * decoded offsets. */
 void saga_scaffold_fine(const saga_scaffold *sc);
 
 /* This gives the place of a fine anchor. */
-void saga_place_fine(saga_place *p, const saga_fine *f);
+void saga_position_fine(saga_position *p, const saga_fine *f);
 
 #endif

@@ -23,20 +23,20 @@ static void begin_set(saga_set_models *m)
 
 void saga_syntax_begin(const saga_scaffold *sc)
 {
-    const saga_level *const level = sc->model->level;
+    const saga_tier *const tier = sc->model->tier;
     saga_models *const m = sc->models;
     uint32_t i, j, k;
 
     for (i = 0; i <= SAGA_MAX_DEPTH_X; i++) {
         saga_adaptive_init(&m->split[i], 4);
         saga_adaptive_init(&m->n_fine[i],
-                           level[SAGA_LEVEL_COARSE].max_children + 1u);
+                           tier[SAGA_TIER_COARSE].max_children + 1u);
     }
     for (i = 0; i < 3; i++)
         for (j = 0; j < 4; j++)
             for (k = 0; k < 5; k++)
                 saga_adaptive_init(&m->occupancy[i][j][k], 2);
-    saga_adaptive_init(&m->n_prim, level[SAGA_LEVEL_FINE].max_children + 1u);
+    saga_adaptive_init(&m->n_prim, tier[SAGA_TIER_FINE].max_children + 1u);
     for (i = 0; i < 2; i++)
         begin_set(&m->set[i]);
     saga_context_begin(sc);
@@ -186,7 +186,7 @@ static void next_child(node *child, node *parent)
 /* In the deepest cells, suffix cells still have integer centres. */
 static int split_is_valid(const saga_model *m, const node *nd)
 {
-    const int bits = m->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const int bits = m->tier[SAGA_TIER_COARSE].suffix_bits;
     const int max_x = fx_min(SAGA_MAX_DEPTH_X, SAGA_LOG2_HALF_X - bits);
     const int max_t = fx_min(SAGA_MAX_DEPTH_T, SAGA_LOG2_HALF_T - bits);
 
@@ -227,7 +227,7 @@ static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
 static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
                     uint32_t rank, uint32_t *n_fine)
 {
-    const saga_level *const l = &sc->model->level[SAGA_LEVEL_COARSE];
+    const saga_tier *const l = &sc->model->tier[SAGA_TIER_COARSE];
     saga_coarse *a;
     uint32_t v[4];
     int i;
@@ -288,7 +288,7 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
 {
     const saga_model *const m = sc->model;
     saga_coarse *const a = &sc->coarse[rank];
-    saga_place place;
+    saga_position place;
     int16_t centre[4];
     int i;
 
@@ -297,8 +297,8 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
     code_block(sc->coarse_feature + (size_t)rank * m->features, c,
                saga_at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
                m->step_q16[SAGA_STEP_FEATURE], m->features);
-    saga_place_cell(&place, a);
-    saga_place_move(&place, centre);
+    saga_position_cell(&place, a);
+    saga_position_move(&place, centre);
     for (i = 0; i < 3; i++)
         a->x[i] = place.x[i];
     a->t = (uint16_t)place.t;
@@ -306,7 +306,7 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
 
 int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 {
-    const uint32_t n_groups = sc->model->level[SAGA_LEVEL_COARSE].n_groups;
+    const uint32_t n_groups = sc->model->tier[SAGA_TIER_COARSE].n_groups;
     const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_COARSE);
     uint32_t group, rank, i;
     saga_run run;
@@ -321,7 +321,7 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
                                    run.scale + i * n);
             if (c->error)
                 return 0;
-            saga_context_keep(sc, SAGA_LEVEL_COARSE, &run);
+            saga_context_keep(sc, SAGA_TIER_COARSE, &run);
         }
         saga_context_end_group(sc);
     }
@@ -333,10 +333,10 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 static void begin_fine(const saga_scaffold *sc, uint32_t rank, uint32_t parent,
                        uint32_t suffix)
 {
-    const saga_level *const l = &sc->model->level[SAGA_LEVEL_COARSE];
-    const uint32_t n_groups = sc->model->level[SAGA_LEVEL_FINE].n_groups;
+    const saga_tier *const l = &sc->model->tier[SAGA_TIER_COARSE];
+    const uint32_t n_groups = sc->model->tier[SAGA_TIER_FINE].n_groups;
     saga_fine *const a = &sc->fine[rank];
-    saga_place p;
+    saga_position p;
     uint32_t v[4], i;
 
     for (i = 0; i < 4; i++)
@@ -344,14 +344,14 @@ static void begin_fine(const saga_scaffold *sc, uint32_t rank, uint32_t parent,
     a->group = (uint8_t)saga_morton_group(v, n_groups);
     a->parent = parent;
     suffix_centre(a->local, suffix, l->suffix_bits);
-    saga_place_cell(&p, &sc->coarse[parent]);
+    saga_position_cell(&p, &sc->coarse[parent]);
     for (i = 0; i < 4; i++)
         a->support[i] = p.support[i];
 }
 
 static int code_fine_sets(const saga_scaffold *sc, saga_coder *c)
 {
-    const uint32_t bits = sc->model->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const uint32_t bits = sc->model->tier[SAGA_TIER_COARSE].suffix_bits;
     uint32_t suffix[SAGA_MAX_CHILDREN];
     uint32_t parent, i;
 
@@ -391,7 +391,7 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
 {
     const saga_model *const m = sc->model;
     saga_fine *const a = &sc->fine[rank];
-    saga_place place;
+    saga_position place;
     int16_t residual[4];
     int i;
 
@@ -399,14 +399,14 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
                scale, m->step_q16[SAGA_STEP_FINE], 4);
     for (i = 0; i < 4; i++)
         a->local[i] = fx_sat16(a->local[i] + residual[i]);
-    saga_place_cell(&place, &sc->coarse[a->parent]);
-    saga_place_move(&place, a->local);
+    saga_position_cell(&place, &sc->coarse[a->parent]);
+    saga_position_move(&place, a->local);
     for (i = 0; i < 3; i++)
         a->x[i] = place.x[i];
     a->t = (uint16_t)place.t;
     a->n_prim = (uint8_t)c->adaptive(
         c, saga_at_symbol(SAGA_SYM_N_PRIM, rank, 0), &sc->models->n_prim,
-        m->level[SAGA_LEVEL_FINE].max_children + 1u);
+        m->tier[SAGA_TIER_FINE].max_children + 1u);
     keep_context(sc, rank, residual);
 }
 
@@ -425,7 +425,7 @@ static int number_primitives(const saga_scaffold *sc)
 
 int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
 {
-    const uint32_t n_groups = sc->model->level[SAGA_LEVEL_FINE].n_groups;
+    const uint32_t n_groups = sc->model->tier[SAGA_TIER_FINE].n_groups;
     const uint32_t n = saga_n_channels(sc->model, SAGA_KIND_FINE);
     uint32_t group, rank, i;
     saga_run run;
@@ -440,7 +440,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
                                  run.scale + i * n);
             if (c->error)
                 return 0;
-            saga_context_keep(sc, SAGA_LEVEL_FINE, &run);
+            saga_context_keep(sc, SAGA_TIER_FINE, &run);
         }
         saga_context_end_group(sc);
     }
@@ -458,7 +458,7 @@ static void code_primitives(const saga_scaffold *sc, saga_coder *c,
                             const uint8_t *scale)
 {
     const saga_model *const m = sc->model;
-    const uint32_t bits = m->level[SAGA_LEVEL_FINE].suffix_bits;
+    const uint32_t bits = m->tier[SAGA_TIER_FINE].suffix_bits;
     const uint32_t first = sc->fine[rank].first_prim;
     const uint32_t n = sc->fine[rank].n_prim;
     uint32_t suffix[SAGA_MAX_CHILDREN];

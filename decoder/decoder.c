@@ -64,8 +64,8 @@ static void info_of(saga_info *info, const saga_header *h,
     info->head_nbytes = (size_t)saga_head_nbytes(h);
     info->n_segments = h->n_segments;
     info->n_frames = h->n_frames;
-    info->rate_num = h->rate_num;
-    info->rate_den = h->rate_den;
+    info->fps_num = h->fps_num;
+    info->fps_den = h->fps_den;
     info->n_cameras = h->n_cameras;
     info->max_coarse = h->max.coarse;
     info->max_fine = h->max.fine;
@@ -288,8 +288,8 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
     sc->net.v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
-    saga_memory_size(&sc->memory, sc->model);
-    saga_memory_place(&sc->memory, block_at(dec, p->memory_at));
+    saga_bank_size(&sc->memory, sc->model);
+    saga_bank_lay(&sc->memory, block_at(dec, p->bank_at));
 }
 
 static saga_status read_segment_header(saga_decoder *dec, const uint8_t *bytes,

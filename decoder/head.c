@@ -33,7 +33,7 @@ saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n)
         return SAGA_ERR_DATA;
     if (n < h->header_nbytes)
         return SAGA_ERR_TRUNCATED;
-    saga_memory_io(&io, &h->model);
+    saga_bank_io(&io, &h->model);
     if (saga_crc32c(0, bytes, end) != fx_load32_le(bytes + end))
         return SAGA_ERR_DATA;
     return SAGA_OK;

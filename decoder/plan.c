@@ -36,7 +36,7 @@ static saga_status check_version(const saga_header *h)
 static saga_status check_counts(const saga_header *h)
 {
     if (h->n_segments < 1 || h->n_segments > SAGA_MAX_SEGMENTS ||
-        h->n_frames < h->n_segments || h->rate_num < 1 || h->rate_den < 1 ||
+        h->n_frames < h->n_segments || h->fps_num < 1 || h->fps_den < 1 ||
         h->max.coarse < 1 || h->nets_nbytes > MAX_NETS_NBYTES)
         return SAGA_ERR_DATA;
     return SAGA_OK;
@@ -56,7 +56,7 @@ static saga_status check_level(const saga_header *h, const saga_nets *nets)
             (cap->int8_only && !h->model.int8[net]))
             return SAGA_ERR_LEVEL;
     }
-    if (h->model.memory_slots > cap->n_slots || weights > cap->n_weights ||
+    if (h->model.bank_slots > cap->n_slots || weights > cap->n_weights ||
         h->max.coarse > cap->n_coarse ||
         h->max.fine > cap->n_fine || h->max.prim > cap->n_prim)
         return SAGA_ERR_LEVEL;
@@ -78,11 +78,11 @@ static uint32_t region(uint64_t *at, uint64_t n, uint64_t nbytes)
 static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
 {
     const uint64_t feature = 2u * h->model.features;
-    saga_memory memory;
+    saga_bank memory;
 
-    saga_memory_size(&memory, &h->model);
-    p->memory_at = region(&at, memory.n_slots ? 1 : 0,
-                          saga_memory_place(&memory, NULL));
+    saga_bank_size(&memory, &h->model);
+    p->bank_at = region(&at, memory.n_slots ? 1 : 0,
+                        saga_bank_lay(&memory, NULL));
     p->coarse_at = region(&at, h->max.coarse, sizeof(saga_coarse));
     p->coarse_feature_at = region(&at, h->max.coarse, feature);
     p->fine_at = region(&at, h->max.fine, sizeof(saga_fine));
@@ -154,9 +154,9 @@ static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
 
     if (sources & SAGA_SOURCE_HYPER)
         macs += saga_net_macs(&nets->shape[SAGA_NET_HYPER]);
-    if (sources & SAGA_SOURCE_MEMORY)
+    if (sources & SAGA_SOURCE_BANK)
         macs += saga_net_macs(&nets->shape[SAGA_NET_QUERY]) +
-                saga_memory_read_macs(m->memory_slots, m->memory_width);
+                saga_bank_read_macs(m->bank_slots, m->bank_width);
     return macs;
 }
 
@@ -164,43 +164,43 @@ static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
  * block: K + floor((n - K) / B). A quotient x below 2^23 times a reciprocal
  * good to 2^-30 errs by less than 2^-7 / B; (2x + 1) / 2B lies 1 / 2B or more
  * from a whole number. */
-uint32_t saga_plan_steps(const saga_model *m, int level, uint32_t n)
+uint32_t saga_plan_rounds(const saga_model *m, int level, uint32_t n)
 {
-    const uint32_t groups = m->level[level].n_groups;
+    const uint32_t groups = m->tier[level].n_groups;
     uint64_t rest;
     int shift;
 
     if (n <= groups)
         return n;
     rest = 2 * (uint64_t)(n - groups) + 1;
-    rest *= saga_recip32(m->memory_blocks, &shift);
+    rest *= saga_recip32(m->bank_blocks, &shift);
     return groups + (uint32_t)(rest >> (shift + 1));
 }
 
-uint64_t saga_plan_step_macs(const saga_model *m, const saga_nets *nets)
+uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets)
 {
     const uint64_t slot = saga_net_macs(&nets->shape[SAGA_NET_WRITE]) +
-        saga_memory_update_macs(m->memory_width,
-                                (m->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+        saga_bank_update_macs(m->bank_width,
+                              (m->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
 
     return saga_net_macs(&nets->shape[SAGA_NET_WRITE_BASE]) +
-           slot * m->memory_slots;
+           slot * m->bank_slots;
 }
 
 /* Start, tokens and writes of the memory. */
-static uint64_t memory_macs(const saga_model *m, const saga_nets *nets,
-                            const saga_counts *n)
+static uint64_t bank_macs(const saga_model *m, const saga_nets *nets,
+                          const saga_counts *n)
 {
-    const uint32_t count[SAGA_N_LEVELS] = { n->coarse, n->fine };
+    const uint32_t count[SAGA_N_TIERS] = { n->coarse, n->fine };
     const uint64_t token = saga_net_macs(&nets->shape[SAGA_NET_AGG]);
-    uint64_t macs = saga_memory_start_macs(m->memory_slots, m->memory_width) +
-        (uint64_t)saga_net_macs(&nets->shape[SAGA_NET_SLOT]) * m->memory_slots;
+    uint64_t macs = saga_bank_start_macs(m->bank_slots, m->bank_width) +
+        (uint64_t)saga_net_macs(&nets->shape[SAGA_NET_SLOT]) * m->bank_slots;
     int level;
 
-    for (level = 0; level < SAGA_N_LEVELS; level++)
-        if (saga_level_writes(m, level))
-            macs += token * count[level] + saga_plan_step_macs(m, nets) *
-                    saga_plan_steps(m, level, count[level]);
+    for (level = 0; level < SAGA_N_TIERS; level++)
+        if (saga_tier_writes(m, level))
+            macs += token * count[level] + saga_plan_round_macs(m, nets) *
+                    saga_plan_rounds(m, level, count[level]);
     return macs;
 }
 
@@ -219,7 +219,7 @@ uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
     if (!(m->tools & SAGA_TOOL_VIEW))
         prim += saga_net_macs(&s[SAGA_NET_COLOUR]);
     return coarse * n->coarse + fine * n->fine + prim * n->prim +
-           (m->tools & SAGA_TOOL_MEMORY ? memory_macs(m, nets, n) : 0);
+           (m->tools & SAGA_TOOL_BANK ? bank_macs(m, nets, n) : 0);
 }
 
 uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m)

@@ -19,7 +19,7 @@ typedef struct saga_plan {
     uint32_t colours_at;     /* int16_t (max.prim, colour_stride) */
     uint32_t coarse_at, coarse_feature_at, fine_at, fine_feature_at;
     uint32_t offsets_at;     /* int16_t (max.prim, 4) */
-    uint32_t memory_at;      /* saga_memory_place; nothing without the tool */
+    uint32_t bank_at;      /* saga_bank_lay; nothing without the tool */
     uint32_t splats_at, keys_at, keys_tmp_at;
     uint32_t colour_stride;  /* pre-activations, or the colour itself */
     uint32_t work_nbytes;
@@ -32,10 +32,10 @@ saga_status saga_plan_make(saga_plan *plan, const saga_header *h,
 
 /* Most steps of the memory in which n anchors of a level can be decoded: the
  * counts do not tell how they fall into groups. */
-uint32_t saga_plan_steps(const saga_model *m, int level, uint32_t n);
+uint32_t saga_plan_rounds(const saga_model *m, int level, uint32_t n);
 
 /* Multiply-accumulates of one step's write. */
-uint64_t saga_plan_step_macs(const saga_model *m, const saga_nets *nets);
+uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
 
 /* Multiply-accumulates of networks and memory to decode a segment of n:
  * exactly, without a memory; with one, less those of the steps that there are

@@ -46,7 +46,7 @@ static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
 /* Rows of F_geo become a primitive. */
 static void set_geometry(saga_primitive *p, const saga_model *m,
                          const saga_rows rows[SAGA_N_HEADS],
-                         const int16_t *out, const saga_place *place,
+                         const int16_t *out, const saga_position *place,
                          const saga_coarse *cell)
 {
     const uint8_t *const q = m->head_q;
@@ -109,7 +109,7 @@ static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
 typedef struct {
     uint32_t first, n;
     uint32_t fine[SAGA_MAX_POINTS];      /* their anchors */
-    saga_place place[SAGA_MAX_POINTS];
+    saga_position place[SAGA_MAX_POINTS];
 } run;
 
 /* F_color's first layer without the direction; all of F_color if there is
@@ -122,7 +122,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
     uint16_t colour_q15[3];
     uint32_t i, k;
 
-    saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_LEVEL_FINE, r->n);
+    saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_COLOUR_BASE, r->n);
     colours += (size_t)r->first * stride;
     if (sc->model->tools & SAGA_TOOL_VIEW) {
@@ -150,7 +150,7 @@ static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
 {
     uint32_t i, k;
 
-    saga_in_local(sc, SAGA_NET_GEO, SAGA_LEVEL_FINE, r->n);
+    saga_in_local(sc, SAGA_NET_GEO, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_GEO, r->n);
     for (i = 0; i < r->n; i++) {
         const saga_fine *const parent = &sc->fine[r->fine[i]];
@@ -169,13 +169,13 @@ static uint32_t add_primitive(run *r, const saga_scaffold *sc, uint32_t fine)
 {
     const uint32_t prim = r->first + r->n;
     const int16_t *const offset = sc->prim_offset[prim];
-    saga_place *const place = &r->place[r->n];
+    saga_position *const place = &r->place[r->n];
 
     while (prim - sc->fine[fine].first_prim >= sc->fine[fine].n_prim)
         fine++;
-    saga_place_fine(place, &sc->fine[fine]);
-    saga_place_move(place, offset);
-    saga_keep_local(sc, SAGA_LEVEL_FINE, r->n, place, fine, offset);
+    saga_position_fine(place, &sc->fine[fine]);
+    saga_position_move(place, offset);
+    saga_keep_local(sc, SAGA_TIER_FINE, r->n, place, fine, offset);
     r->fine[r->n++] = fine;
     return fine;
 }

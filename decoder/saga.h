@@ -122,7 +122,7 @@ typedef struct saga_info {
     size_t work_nbytes;      /* of the block saga_open needs, exactly */
     size_t head_nbytes;      /* header, index and networks: the file's start */
     uint32_t n_segments, n_frames;
-    uint32_t rate_num, rate_den; /* frames per second */
+    uint32_t fps_num, fps_den; /* frames per second */
     uint32_t n_cameras;      /* of the rig */
     uint32_t max_coarse, max_fine, max_primitives; /* of any segment */
     uint32_t n_weights;      /* of all networks */

@@ -116,7 +116,7 @@ int order0_is_structure(saga_component c)
 
 void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f)
 {
-    const saga_level *const l = f->h.model.level;
+    const saga_tier *const l = f->h.model.tier;
     double saga[SAGA_N_COMPONENTS];
 
     saga_cost_components(saga, f->bits);
@@ -126,10 +126,10 @@ void order0_file(order0_row row[SAGA_N_COMPONENTS], const ref_file *f)
     add_values(&row[SAGA_COMPONENT_CENTRE], f, SAGA_STEP_CENTRE);
     add_values(&row[SAGA_COMPONENT_FEATURE], f, SAGA_STEP_FEATURE);
     add_suffixes(&row[SAGA_COMPONENT_FINE_SUFFIX], f->s.fine_suffix,
-                 f->s.n.fine, l[SAGA_LEVEL_COARSE].suffix_bits);
+                 f->s.n.fine, l[SAGA_TIER_COARSE].suffix_bits);
     add_values(&row[SAGA_COMPONENT_FINE_OFFSET], f, SAGA_STEP_FINE);
     add_counts(&row[SAGA_COMPONENT_N_PRIM], f);
     add_suffixes(&row[SAGA_COMPONENT_PRIM_SUFFIX], f->s.prim_suffix,
-                 f->s.n.prim, l[SAGA_LEVEL_FINE].suffix_bits);
+                 f->s.n.prim, l[SAGA_TIER_FINE].suffix_bits);
     add_values(&row[SAGA_COMPONENT_PRIM_OFFSET], f, SAGA_STEP_PRIM);
 }

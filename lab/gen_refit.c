@@ -46,8 +46,8 @@ typedef struct {
 
 static void set_structure(saga_scene *s, const ref_file *in)
 {
-    const saga_level *const l = s->model.level;
-    const uint32_t bits = l[SAGA_LEVEL_COARSE].suffix_bits;
+    const saga_tier *const l = s->model.tier;
+    const uint32_t bits = l[SAGA_TIER_COARSE].suffix_bits;
     uint32_t i, k, v[4];
 
     memcpy(s->split, in->s.split, s->n_nodes);
@@ -60,13 +60,13 @@ static void set_structure(saga_scene *s, const ref_file *in)
             v[k] = s->coarse[i].cell[k];
         v[3] = s->coarse[i].cell_t;
         s->coarse[i].group = (uint8_t)saga_morton_group(
-            v, l[SAGA_LEVEL_COARSE].n_groups);
+            v, l[SAGA_TIER_COARSE].n_groups);
     }
     for (i = 0; i < s->n.fine; i++) {
         for (k = 0; k < 4; k++)
             v[k] = saga_morton_axis(in->s.fine_suffix[i], bits, k);
         s->fine[i].group = (uint8_t)saga_morton_group(
-            v, l[SAGA_LEVEL_FINE].n_groups);
+            v, l[SAGA_TIER_FINE].n_groups);
         for (k = 0; k < s->fine[i].n_prim; k++)
             s->prim_fine[s->fine[i].first_prim + k] = i;
     }
@@ -98,7 +98,7 @@ static void set_places(saga_scene *s, const ref_file *in)
  * cell, and the rate looks for the cell by the offset. */
 static float prim_offset(const ref_file *in, size_t prim, uint32_t axis)
 {
-    const uint32_t bits = in->h.model.level[SAGA_LEVEL_FINE].suffix_bits;
+    const uint32_t bits = in->h.model.tier[SAGA_TIER_FINE].suffix_bits;
     const double most = bits ? ldexp(1, -(int)bits) - ldexp(1, -14) : 2;
     const double residual = in->value[SAGA_STEP_PRIM][4 * prim + axis] /
                             16384.0;
@@ -156,10 +156,10 @@ static saga_model model_of(const ref_file *in, const refit_options *o)
 
     if (!a.no_bank && !a.slots)
         a.slots = 64;
-    m.tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
-    m.memory_slots = 0;
-    m.memory_width = 0;
-    m.memory_blocks = 0;
+    m.tools &= ~(uint32_t)(SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
+    m.bank_slots = 0;
+    m.bank_width = 0;
+    m.bank_blocks = 0;
     saga_train_entropy_model(&m, &a, &p, SAGA_MAX_SLOTS);
     return m;
 }
@@ -183,7 +183,7 @@ static void begin(fit *f)
     set_values(&f->rate, in);
     if (f->o.ablation.raw_networks)
         saga_rate_keep_raw(&f->rate);
-    f->rate.plan.keep = f->o.keep;
+    f->rate.decision.keep = f->o.keep;
     n = (size_t)f->s.n.coarse * m.features;
     f->feature = must(malloc((n + 1) * sizeof *f->feature));
     memcpy(f->feature, f->s.coarse_feature, n * sizeof *f->feature);
@@ -267,11 +267,11 @@ static const char *step(fit *f, int i, int decide)
     for (n = 0; i >= decide && n < (size_t)f->s.n.coarse *
                                    f->s.model.features; n++)
         f->feature[n] = saga_rate_round(&f->rate, &f->s, n);
-    saga_rate_step(bits, &f->rate, &f->d, &x, &o);
+    saga_rate_add(bits, &f->rate, &f->d, &x, &o);
     n = tensor_of(&t[0], f, SAGA_NET_HYPER, SAGA_NET_FUSE_C, rate);
     n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_N_NETS,
-                   remember ? SAGA_RATE_MEMORY_PACE * rate : 0);
-    return saga_adam_step(&adam, t, n, (uint64_t)i + 1, &error)
+                   remember ? SAGA_BANK_TWIN_PACE * rate : 0);
+    return saga_adam_update(&adam, t, n, (uint64_t)i + 1, &error)
         ? NULL : "the fit left the finite numbers";
 }
 
@@ -333,7 +333,7 @@ static uint8_t level_for(const ref_file *in, const saga_model *m)
     uint8_t level = in->h.level;
 
     while (level < SAGA_N_PROFILES - 1 &&
-           saga_caps[level].n_slots < m->memory_slots)
+           saga_caps[level].n_slots < m->bank_slots)
         level++;
     return level;
 }
@@ -376,7 +376,7 @@ static const char *finish(uint8_t **out, size_t *n, refit_report *r, fit *f)
     saga_rate_choice_code(&c, &f->rate, &x, 0, SAGA_N_KINDS - 1);
     memcpy(r->sources, c.scene.model.sources, sizeof r->sources);
     memcpy(r->estimate, c.bits, sizeof r->estimate);
-    r->plan = f->rate.plan;
+    r->decision = f->rate.decision;
     why = write_file(out, n, f, &c);
     saga_rate_choice_free(&c);
     return why;

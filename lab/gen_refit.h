@@ -27,7 +27,7 @@ typedef struct refit_options {
 
 typedef struct refit_report {
     uint8_t sources[SAGA_N_KINDS]; /* that were kept */
-    saga_rate_plan plan;
+    saga_rate_decision decision;
     double estimate[SAGA_N_STEPS]; /* code lengths of the residuals, bits */
 } refit_report;
 

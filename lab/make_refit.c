@@ -73,7 +73,7 @@ static bool read_options(refit_options *o, int argc, char **argv,
 /* Gives the estimated bytes of a kind, as `saga encode --json` tells them. */
 static json_t *kind_of(const refit_report *r, int kind)
 {
-    const saga_rate_gain *const g = &r->plan.gain[kind];
+    const saga_rate_gain *const g = &r->decision.gain[kind];
 
     return json_pack("{sisfsfsfsf}", "sources", (int)r->sources[kind],
                      "constants", g->constants / 8, "networks",
@@ -95,7 +95,7 @@ static void print(const ref_file *in, const ref_file *out, size_t n_in,
     for (int i = 0; i < SAGA_N_KINDS; i++)
         json_object_set_new(kinds, keys[i], kind_of(r, i));
     json_object_set_new(kinds, "hyperprior_weights",
-                        json_real(r->plan.hyper_weights / 8));
+                        json_real(r->decision.hyper_weights / 8));
     json_object_set_new(o, "entropy_model", kinds);
     json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9));
     putchar('\n');

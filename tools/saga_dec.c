@@ -299,8 +299,8 @@ static void print_info(const saga_info *i)
            "memory      %zu bytes\n"
            "decoding    %" PRIu64 " multiply-accumulates a segment, %" PRIu32
            " a primitive and picture\n",
-           i->version, i->level, i->n_segments, i->n_frames, i->rate_num,
-           i->rate_den, i->n_cameras, i->max_coarse, i->max_fine,
+           i->version, i->level, i->n_segments, i->n_frames, i->fps_num,
+           i->fps_den, i->n_cameras, i->max_coarse, i->max_fine,
            i->max_primitives, i->n_weights, i->nets_nbytes, i->work_nbytes,
            i->decode_macs, i->view_macs);
 }

@@ -88,7 +88,7 @@ static double loss(rate_scene *f, saga_scene *d)
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
     double bits[SAGA_N_STEPS];
 
-    saga_rate_step(bits, &f->r, d, &x, &f->o);
+    saga_rate_add(bits, &f->r, d, &x, &f->o);
     return f->o.weight * (bits[0] + bits[1] + bits[2] + bits[3]);
 }
 
@@ -149,7 +149,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
 
     rate_scene_model(&m);
     if (tools)
-        rate_scene_memory(&m, tools);
+        rate_scene_bank(&m, tools);
     rate_scene_make(&f, &m, 1);
     f.o.remember = true;
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
@@ -186,9 +186,9 @@ static void rate_gradients_should_match_differences(void **state)
 static void memory_gradients_should_match_differences(void **state)
 {
     (void)state;
-    check_gradients(SAGA_SOURCES_KNOWN, SAGA_TOOL_MEMORY);
-    check_gradients(SAGA_SOURCE_MEMORY,
-                    SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
+    check_gradients(SAGA_SOURCES_KNOWN, SAGA_TOOL_BANK);
+    check_gradients(SAGA_SOURCE_BANK,
+                    SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
 }
 
 /* The quarters of the blocks together are all of them. */

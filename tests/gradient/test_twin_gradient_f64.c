@@ -33,20 +33,20 @@ static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
     m->lambda_t_q8 = 256;
     for (i = 0; i < SAGA_N_KINDS; i++)
         m->sources[i] = SAGA_SOURCE_HYPER;
-    for (i = 0; i < SAGA_N_LEVELS; i++) {
-        m->level[i].n_groups = 2;
-        m->level[i].window = 8;
-        m->level[i].neighbours = 4;
-        m->level[i].suffix_bits = 4;
-        m->level[i].max_children = 8;
-        m->level[i].radius2_q12 = 65535;
-        m->level[i].softmax_q8 = 739;
+    for (i = 0; i < SAGA_N_TIERS; i++) {
+        m->tier[i].n_groups = 2;
+        m->tier[i].window = 8;
+        m->tier[i].neighbours = 4;
+        m->tier[i].suffix_bits = 4;
+        m->tier[i].max_children = 8;
+        m->tier[i].radius2_q12 = 65535;
+        m->tier[i].softmax_q8 = 739;
     }
     for (i = 0; i < SAGA_N_NETS; i++) {
         m->width[i] = 8;
         m->q_in[i] = 12;
     }
-    for (i = 0; i < SAGA_N_LEVELS; i++)
+    for (i = 0; i < SAGA_N_TIERS; i++)
         if (no_fuse >> i & 1u)
             m->width[saga_fuse_net(i)] = 0;
 }

@@ -245,7 +245,7 @@ static void scale_should_average_areas_exactly(void **state)
     c = load_scaled(*state, N);
     assert_int_equal(c.views[0].width, SMALL);
     assert_int_equal(c.views[0].height, FULL_H / N);
-    assert_int_equal(c.views[0].source_width, FULL_W);
+    assert_int_equal(c.views[0].original_width, FULL_W);
     for (int i = 0; i < 3 * SMALL * (FULL_H / N); i++) {
         const int x = i / 3 % SMALL, y = i / 3 / SMALL;
         int sum = 0;

@@ -117,7 +117,7 @@ typedef void (*change)(saga_header *h);
 static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
 static void to_layers(saga_header *h) { h->model.tools |= SAGA_TOOL_LAYERS; }
 static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
-static void to_memory(saga_header *h) { h->model.tools |= SAGA_TOOL_MEMORY; }
+static void to_bank(saga_header *h) { h->model.tools |= SAGA_TOOL_BANK; }
 static void to_tool_12(saga_header *h) { h->model.tools |= 1u << 12; }
 static void to_plain(saga_header *h)
 {
@@ -125,17 +125,17 @@ static void to_plain(saga_header *h)
 }
 
 static void to_cut(saga_header *h) { h->cuttable = 1; }
-static void to_slots(saga_header *h) { h->model.memory_slots = 64; }
-static void to_slot_width(saga_header *h) { h->model.memory_width = 32; }
-static void to_blocks(saga_header *h) { h->model.memory_blocks = 256; }
-static void to_slots_0(saga_header *h) { h->model.memory_slots = 0; }
-static void to_slots_96(saga_header *h) { h->model.memory_slots = 96; }
-static void to_slots_128(saga_header *h) { h->model.memory_slots = 128; }
-static void to_slots_1024(saga_header *h) { h->model.memory_slots = 1024; }
-static void to_slot_width_0(saga_header *h) { h->model.memory_width = 0; }
-static void to_slot_width_12(saga_header *h) { h->model.memory_width = 12; }
-static void to_slot_width_72(saga_header *h) { h->model.memory_width = 72; }
-static void to_blocks_0(saga_header *h) { h->model.memory_blocks = 0; }
+static void to_slots(saga_header *h) { h->model.bank_slots = 64; }
+static void to_slot_width(saga_header *h) { h->model.bank_width = 32; }
+static void to_blocks(saga_header *h) { h->model.bank_blocks = 256; }
+static void to_slots_0(saga_header *h) { h->model.bank_slots = 0; }
+static void to_slots_96(saga_header *h) { h->model.bank_slots = 96; }
+static void to_slots_128(saga_header *h) { h->model.bank_slots = 128; }
+static void to_slots_1024(saga_header *h) { h->model.bank_slots = 1024; }
+static void to_slot_width_0(saga_header *h) { h->model.bank_width = 0; }
+static void to_slot_width_12(saga_header *h) { h->model.bank_width = 12; }
+static void to_slot_width_72(saga_header *h) { h->model.bank_width = 72; }
+static void to_blocks_0(saga_header *h) { h->model.bank_blocks = 0; }
 static void to_query_0(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 0; }
 static void to_query_65(saga_header *h) { h->model.width[SAGA_NET_QUERY] = 65; }
 static void to_hash_levels(saga_header *h) { h->hash_levels = 1; }
@@ -175,8 +175,8 @@ static void to_no_fuse_q_21(saga_header *h)
 }
 
 static void to_octaves_9(saga_header *h) { h->model.octaves = 9; }
-static void to_groups_17(saga_header *h) { h->model.level[0].n_groups = 17; }
-static void to_window_33(saga_header *h) { h->model.level[1].window = 33; }
+static void to_groups_17(saga_header *h) { h->model.tier[0].n_groups = 17; }
+static void to_window_33(saga_header *h) { h->model.tier[1].window = 33; }
 static void to_quat_15(saga_header *h) { h->model.head_q[SAGA_HEAD_QUAT] = 15; }
 static void to_cameras_0(saga_header *h) { h->n_cameras = 0; }
 static void to_step_15(saga_header *h) { h->model.step_q16[0] = 15u << 16; }
@@ -187,9 +187,9 @@ static void to_feature_residual(saga_header *h)
     h->model.tools |= SAGA_TOOL_FEATURE_RESIDUAL;
 }
 
-static void to_memory_source(saga_header *h)
+static void to_bank_source(saga_header *h)
 {
-    h->model.sources[0] |= SAGA_SOURCE_MEMORY;
+    h->model.sources[0] |= SAGA_SOURCE_BANK;
 }
 
 static void to_unknown_source(saga_header *h)
@@ -197,9 +197,9 @@ static void to_unknown_source(saga_header *h)
     h->model.sources[0] |= SAGA_SOURCES_KNOWN + 1u;
 }
 
-static void to_memory_off(saga_header *h)
+static void to_bank_off(saga_header *h)
 {
-    h->model.tools &= ~(uint32_t)SAGA_TOOL_MEMORY;
+    h->model.tools &= ~(uint32_t)SAGA_TOOL_BANK;
 }
 
 static void to_unread(saga_header *h)
@@ -207,14 +207,14 @@ static void to_unread(saga_header *h)
     int i;
 
     for (i = 0; i < SAGA_N_KINDS; i++)
-        h->model.sources[i] &= (uint8_t)~SAGA_SOURCE_MEMORY;
+        h->model.sources[i] &= (uint8_t)~SAGA_SOURCE_BANK;
 }
 
 /* More slots than directions a start state of +-1 has. */
 static void to_twins(saga_header *h)
 {
-    h->model.memory_slots = 512;
-    h->model.memory_width = 8;
+    h->model.bank_slots = 512;
+    h->model.bank_width = 8;
 }
 
 static void to_coarse_parent(saga_header *h)
@@ -249,11 +249,11 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
 
     memcpy(copy, bytes, n);
     saga_header_io(&in, &h);
-    saga_memory_io(&in, &h.model);
+    saga_bank_io(&in, &h.model);
     f(&h);
     saga_header_io(&out, &h);
     if (saga_rig_offset(&h) <= in.at)
-        saga_memory_io(&out, &h.model);
+        saga_bank_io(&out, &h.model);
     gen_stream_sign_header(copy);
     bad(stem, copy, n, status);
     free(copy);
@@ -280,7 +280,7 @@ static void bad_headers(const gen_options *o, const bad_change *headers,
     for (i = 0; i < n_headers; i++)
         bad_header(headers[i].stem, bytes, n, headers[i].f,
                    headers[i].status);
-    if (g.header.model.tools & SAGA_TOOL_MEMORY)
+    if (g.header.model.tools & SAGA_TOOL_BANK)
         bad("memory_cut_in_networks", bytes, SAGA_HEADER_NBYTES + 7,
             SAGA_ERR_TRUNCATED);
     free(bytes);
@@ -345,7 +345,7 @@ static void bad_scale(void)
 static void bad_memory(void)
 {
     static const bad_change headers[] = {
-        { "memory_off", to_memory_off, SAGA_ERR_DATA },
+        { "memory_off", to_bank_off, SAGA_ERR_DATA },
         { "memory_unread", to_unread, SAGA_ERR_DATA },
         { "memory_slots_zero", to_slots_0, SAGA_ERR_DATA },
         { "memory_slots_96", to_slots_96, SAGA_ERR_DATA },
@@ -360,9 +360,9 @@ static void bad_memory(void)
         { "memory_net_width_level", to_query_65, SAGA_ERR_LEVEL },
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .memory = GEN_MEMORY_ORTHOGONAL,
-                            .memory_slots = 64, .memory_width = 16,
-                            .memory_blocks = 4 };
+                            .tools_fixed = 1, .memory = GEN_BANK_ORTHOGONAL,
+                            .bank_slots = 64, .bank_width = 16,
+                            .bank_blocks = 4 };
 
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
@@ -390,10 +390,10 @@ static void bad_all(void)
         { "tool_layers", to_layers, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
         { "tool_hash", to_hash, SAGA_ERR_VERSION },
-        { "tool_memory", to_memory, SAGA_ERR_DATA },
+        { "tool_memory", to_bank, SAGA_ERR_DATA },
         { "tool_plain_write", to_plain, SAGA_ERR_DATA },
         { "tool_unknown", to_tool_12, SAGA_ERR_VERSION },
-        { "source_memory", to_memory_source, SAGA_ERR_DATA },
+        { "source_memory", to_bank_source, SAGA_ERR_DATA },
         { "source_unknown", to_unknown_source, SAGA_ERR_VERSION },
         { "cuttable", to_cut, SAGA_ERR_VERSION },
         { "memory_slots", to_slots, SAGA_ERR_DATA },
@@ -461,20 +461,20 @@ int main(int argc, char **argv)
         { .seed = 16, .level = 2, .n_coarse = 20 },
         { .seed = 17, .level = 3, .n_coarse = 12 },
         { .seed = 18, .level = 0, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
-          .memory_slots = 32, .memory_width = 16, .memory_blocks = 3 },
+          .tools_fixed = 1, .tools = all, .memory = GEN_BANK_ORTHOGONAL,
+          .bank_slots = 32, .bank_width = 16, .bank_blocks = 3 },
         { .seed = 19, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .memory = GEN_MEMORY_ORTHOGONAL,
-          .memory_slots = 64, .memory_width = 32, .memory_blocks = 256 },
+          .tools_fixed = 1, .tools = all, .memory = GEN_BANK_ORTHOGONAL,
+          .bank_slots = 64, .bank_width = 32, .bank_blocks = 256 },
         { .seed = 20, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = 0, .memory = GEN_MEMORY_PLAIN,
-          .memory_slots = 64, .memory_width = 8, .memory_blocks = 1 },
+          .tools_fixed = 1, .tools = 0, .memory = GEN_BANK_PLAIN,
+          .bank_slots = 64, .bank_width = 8, .bank_blocks = 1 },
         { .seed = 21, .level = 2, .n_coarse = 12, .n_segments = 2,
-          .memory = GEN_MEMORY_PLAIN, .memory_slots = 128,
-          .memory_width = 40, .memory_blocks = 5 },
+          .memory = GEN_BANK_PLAIN, .bank_slots = 128,
+          .bank_width = 40, .bank_blocks = 5 },
         { .seed = 22, .level = 3, .n_coarse = 12,
-          .memory = GEN_MEMORY_ORTHOGONAL, .memory_slots = 512,
-          .memory_width = 64, .memory_blocks = 2 },
+          .memory = GEN_BANK_ORTHOGONAL, .bank_slots = 512,
+          .bank_width = 64, .bank_blocks = 2 },
         { .seed = 25, .level = 1, .n_coarse = 20, .picture = 1,
           .tools_fixed = 1, .tools = all, .no_fuse = 1 },
         { .seed = 26, .level = 1, .n_coarse = 20, .picture = 1,

@@ -301,7 +301,7 @@ static int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
 
 enum { TOOL_MEMORY = 1 << 9, TOOL_PLAIN = 1 << 10, SOURCE_MEMORY = 8 };
 
-static int has_memory(const uint8_t *header)
+static int has_bank(const uint8_t *header)
 {
     return (get(HEADER, header, "tools", 0) & TOOL_MEMORY) != 0;
 }
@@ -309,7 +309,7 @@ static int has_memory(const uint8_t *header)
 static uint32_t rig_at(const uint8_t *header)
 {
     return tables[HEADER].nbytes +
-           (has_memory(header) ? tables[MEMORY].nbytes : 0);
+           (has_bank(header) ? tables[MEMORY].nbytes : 0);
 }
 
 /* Where the CRC stands. */
@@ -320,7 +320,7 @@ static uint32_t rig_end(const uint8_t *header)
 }
 
 /* What section 3 says of the fields that hang on the memory tool. */
-static int memory_is_consistent(const uint8_t *p)
+static int bank_is_consistent(const uint8_t *p)
 {
     const int64_t slots = get(HEADER, p, "memory_slots", 0);
     const int64_t width = get(HEADER, p, "memory_width", 0);
@@ -330,7 +330,7 @@ static int memory_is_consistent(const uint8_t *p)
                        get(HEADER, p, "sources_prim", 0)) &
                       SOURCE_MEMORY) != 0;
 
-    if (has_memory(p))
+    if (has_bank(p))
         return read && slots && width && blocks &&
                !(slots == 512 && width == 8);
     return !read && !slots && !width && !blocks &&
@@ -519,8 +519,8 @@ static void headers_should_be_as_the_tables_say(void **state)
         uint32_t c;
 
         check_values(HEADER, p, &files[i]);
-        assert_true(memory_is_consistent(p));
-        if (has_memory(p))
+        assert_true(bank_is_consistent(p));
+        if (has_bank(p))
             check_values(MEMORY, p + tables[HEADER].nbytes, &files[i]);
         assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);
         assert_true(end + 4 <= files[i].n);
@@ -622,8 +622,8 @@ static void probe_should_report_the_same_values(void **state)
         assert_int_equal(get(HEADER, p, "level", 0), a.level);
         assert_int_equal(get(HEADER, p, "n_segments", 0), a.n_segments);
         assert_int_equal(get(HEADER, p, "n_frames", 0), a.n_frames);
-        assert_int_equal(get(HEADER, p, "rate_num", 0), a.rate_num);
-        assert_int_equal(get(HEADER, p, "rate_den", 0), a.rate_den);
+        assert_int_equal(get(HEADER, p, "rate_num", 0), a.fps_num);
+        assert_int_equal(get(HEADER, p, "rate_den", 0), a.fps_den);
         assert_int_equal(get(HEADER, p, "n_cameras", 0), a.n_cameras);
         assert_int_equal(get(HEADER, p, "max_coarse", 0), a.max_coarse);
         assert_int_equal(get(HEADER, p, "max_fine", 0), a.max_fine);
@@ -651,14 +651,14 @@ static uint32_t width_of(const uint8_t *p, const char *net)
                          "width", 0);
 }
 
-static uint32_t memory_width_of(const uint8_t *p, const char *net)
+static uint32_t bank_width_of(const uint8_t *p, const char *net)
 {
     return (uint32_t)get(NETWORK, p + tables[HEADER].nbytes +
                          field_named(MEMORY, net)->offset, "width", 0);
 }
 
 /* Networks 11 to 15. */
-static uint32_t memory_weights_of(const uint8_t *p)
+static uint32_t bank_weights_of(const uint8_t *p)
 {
     const uint32_t in = 8 * (uint32_t)get(HEADER, p, "octaves", 0) + 6 +
                         (uint32_t)get(HEADER, p, "features", 0);
@@ -666,12 +666,12 @@ static uint32_t memory_weights_of(const uint8_t *p)
     const uint32_t d = (uint32_t)get(HEADER, p, "memory_width", 0);
     uint32_t v;
 
-    if (!has_memory(p))
+    if (!has_bank(p))
         return 0;
-    v = memory_width_of(p, "net_write");
-    return (in + d) * (memory_width_of(p, "net_query") +
-                       memory_width_of(p, "net_agg")) +
-           (l + v) * memory_width_of(p, "net_slot") + d * v + v * (d + 1);
+    v = bank_width_of(p, "net_write");
+    return (in + d) * (bank_width_of(p, "net_query") +
+                       bank_width_of(p, "net_agg")) +
+           (l + v) * bank_width_of(p, "net_slot") + d * v + v * (d + 1);
 }
 
 /* Inputs of a network with sources s. */
@@ -721,7 +721,7 @@ static uint32_t weights_of(const uint8_t *p)
     n += in * w + w * w + w * rows;
     w = width_of(p, "net_colour");
     return n + in * w + (tools & 4u ? 3 * w : 0) + w * w + 3 * w +
-           memory_weights_of(p);
+           bank_weights_of(p);
 }
 
 static void networks_should_have_the_same_number_of_weights(void **state)
@@ -885,7 +885,7 @@ static saga_status status_with(uint8_t *header, const field *f, uint8_t *p,
     saga_status s;
 
     store(p + f->offset, f->nbytes, (uint64_t)v);
-    *fits = rig_at(header) == rig && memory_is_consistent(header);
+    *fits = rig_at(header) == rig && bank_is_consistent(header);
     store(header + end, 4, crc_of(0, header, end));
     s = saga_probe(&info, header, end + 4);
     store(p + f->offset, f->nbytes, old);
@@ -977,7 +977,7 @@ static void decoder_should_refuse_what_lies_outside_the_ranges(void **state)
         assert_non_null(r.header);
         memcpy(r.header, f->p, r.end);
         visit(&tables[HEADER], r.header, try_field, &r);
-        if (has_memory(r.header))
+        if (has_bank(r.header))
             visit(&tables[MEMORY], r.header + tables[HEADER].nbytes,
                   try_field, &r);
         assert_true(r.n_tried > 0);

@@ -178,7 +178,7 @@ static void expect_halving(page *p, const request *q)
 {
     const world *const w = p->w;
     const int prim = q->at.sym == SAGA_SYM_PRIM_SUFFIX;
-    const uint32_t bits = w->g.header.model.level[prim].suffix_bits;
+    const uint32_t bits = w->g.header.model.tier[prim].suffix_bits;
     const uint32_t suffix = prim ? w->g.segment[0].prim_suffix[q->at.index]
                                  : w->g.segment[0].fine_suffix[q->at.index];
     const uint32_t n = q->n_sym - 1, axis = 3 - q->at.bit % 4;

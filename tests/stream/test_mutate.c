@@ -105,8 +105,8 @@ static void make_base(base *b, uint64_t number)
     o.memory = (int)(number / 2 % 3);
     o.no_fuse = (uint32_t)(number / 3 % 4);
     if (!o.picture) {
-        o.memory_slots = 32;
-        o.memory_width = 8;
+        o.bank_slots = 32;
+        o.bank_width = 8;
     }
     for (o.seed = 1000 * number;; o.seed++) {
         gen_stream g;

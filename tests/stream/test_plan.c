@@ -176,7 +176,7 @@ static gen_options full_options(void)
     gen_options o = { .seed = first_seed(), .level = 0, .full = 1,
                       .picture = 1, .tools_fixed = 1,
                       .tools = SAGA_TOOLS_PICTURE,
-                      .memory = GEN_MEMORY_ORTHOGONAL };
+                      .memory = GEN_BANK_ORTHOGONAL };
 
     for (;; o.seed++) {
         gen_stream g;
@@ -324,7 +324,7 @@ static void tools_should_cost_nothing_when_off(void **state)
         const gen_options o = options_of(first_seed(), i);
         saga_header h;
         saga_plan plan;
-        saga_memory size;
+        saga_bank size;
         player p;
 
         begin(&p, &o);
@@ -332,9 +332,9 @@ static void tools_should_cost_nothing_when_off(void **state)
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
         assert_int_equal(h.header_nbytes, 178 + (o.memory ? 15 : 0) +
                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
-        saga_memory_size(&size, &h.model);
-        assert_int_equal(plan.coarse_at - plan.memory_at,
-                         o.memory ? saga_memory_place(&size, NULL) : 0);
+        saga_bank_size(&size, &h.model);
+        assert_int_equal(plan.coarse_at - plan.bank_at,
+                         o.memory ? saga_bank_lay(&size, NULL) : 0);
         end(&p);
     }
 }
@@ -363,11 +363,11 @@ static uint32_t suffix_group(uint32_t suffix, uint32_t n_groups)
 
 /* The coarse groups come from the decoder's memory, since the tree is not
  * walked here. */
-static uint32_t steps_of_level(const player *p, uint32_t number, int level)
+static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
 {
     const saga_model *const m = &p->g.header.model;
     const saga_symbols *const s = &p->g.segment[number];
-    const uint32_t n = level == SAGA_LEVEL_COARSE ? s->n.coarse : s->n.fine;
+    const uint32_t n = level == SAGA_TIER_COARSE ? s->n.coarse : s->n.fine;
     uint32_t *const group = must(calloc(n + 1, sizeof *group));
     saga_header h;
     saga_plan plan;
@@ -378,9 +378,9 @@ static uint32_t steps_of_level(const player *p, uint32_t number, int level)
     assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
     coarse = (const saga_coarse *)(const void *)(p->work + plan.coarse_at);
     for (i = 0; i < n; i++)
-        group[i] = level == SAGA_LEVEL_COARSE ? coarse[i].group
-            : suffix_group(s->fine_suffix[i], m->level[level].n_groups);
-    steps = steps_of(group, n, m->memory_blocks);
+        group[i] = level == SAGA_TIER_COARSE ? coarse[i].group
+            : suffix_group(s->fine_suffix[i], m->tier[level].n_groups);
+    steps = steps_of(group, n, m->bank_blocks);
     free(group);
     return steps;
 }
@@ -391,20 +391,20 @@ static uint64_t macs_of_segment(const player *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;
     const saga_counts *const n = &p->g.segment[number].n;
-    const uint32_t count[SAGA_N_LEVELS] = { n->coarse, n->fine };
+    const uint32_t count[SAGA_N_TIERS] = { n->coarse, n->fine };
     saga_nets nets;
     uint64_t macs;
     int level;
 
     saga_nets_layout(&nets, m);
     macs = saga_plan_macs(m, &nets, n);
-    for (level = 0; level < SAGA_N_LEVELS; level++)
-        if (m->memory_slots && saga_level_writes(m, level)) {
-            const uint32_t most = saga_plan_steps(m, level, count[level]);
-            const uint32_t steps = steps_of_level(p, number, level);
+    for (level = 0; level < SAGA_N_TIERS; level++)
+        if (m->bank_slots && saga_tier_writes(m, level)) {
+            const uint32_t most = saga_plan_rounds(m, level, count[level]);
+            const uint32_t steps = rounds_of_tier(p, number, level);
 
             assert_true(steps <= most);
-            macs -= (most - steps) * saga_plan_step_macs(m, &nets);
+            macs -= (most - steps) * saga_plan_round_macs(m, &nets);
         }
     return macs;
 }
@@ -434,16 +434,16 @@ static void most_steps_should_be_reached_and_never_passed(void **state)
         saga_model m;
 
         memset(&m, 0, sizeof m);
-        m.level[0].n_groups = (uint8_t)gen_range(&r, 1, SAGA_MAX_GROUPS);
-        m.memory_blocks = (uint16_t)gen_range(&r, 1, i & 2 ? 20 : 65535);
-        assert_int_equal(saga_plan_steps(&m, 0, n),
-                         most_steps(n, m.level[0].n_groups,
-                                    m.memory_blocks));
+        m.tier[0].n_groups = (uint8_t)gen_range(&r, 1, SAGA_MAX_GROUPS);
+        m.bank_blocks = (uint16_t)gen_range(&r, 1, i & 2 ? 20 : 65535);
+        assert_int_equal(saga_plan_rounds(&m, 0, n),
+                         most_steps(n, m.tier[0].n_groups,
+                                    m.bank_blocks));
         for (k = 0; k < 200; k++)
-            group[k] = (uint32_t)gen_range(&r, 0, m.level[0].n_groups - 1);
+            group[k] = (uint32_t)gen_range(&r, 0, m.tier[0].n_groups - 1);
         if (n <= 200)
-            assert_true(steps_of(group, n, m.memory_blocks) <=
-                        saga_plan_steps(&m, 0, n));
+            assert_true(steps_of(group, n, m.bank_blocks) <=
+                        saga_plan_rounds(&m, 0, n));
     }
 }
 

@@ -135,8 +135,8 @@ static uint8_t *make_base(uint64_t number, size_t *n)
     o.seed = number;
     o.n_coarse = 1 + (uint32_t)(number % 5);
     o.memory = (int)(number % 3);
-    o.memory_slots = 32;
-    o.memory_width = 8;
+    o.bank_slots = 32;
+    o.bank_width = 8;
     gen_stream_make(&g, &o);
     gen_stream_encode(&g, &bytes, n);
     gen_stream_free(&g);

@@ -333,7 +333,7 @@ static void refit_should_find_a_source_that_tells(void **state)
     values_should_be_within_half_a_step(&in, &g);
     assert_int_not_equal(r.sources[SAGA_KIND_COARSE], 0);
     assert_true(g.bits[SAGA_SYM_FEATURE] < 4 * (double)n);
-    assert_true(r.plan.gain[SAGA_KIND_COARSE].constants > 5 * (double)n);
+    assert_true(r.decision.gain[SAGA_KIND_COARSE].constants > 5 * (double)n);
     ref_file_free(&g);
     free(told);
 }

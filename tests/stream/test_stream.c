@@ -188,11 +188,11 @@ typedef struct {
     uint32_t reads[SAGA_N_KINDS][2], update[3];
     uint32_t slots[SAGA_MAX_SLOTS / SAGA_MIN_SLOTS + 1], slot_width[9];
     uint32_t step_of_one, long_steps;
-    uint32_t groups[SAGA_N_LEVELS][SAGA_MAX_GROUPS + 1];
-    uint32_t window[SAGA_N_LEVELS][SAGA_MAX_WINDOW + 1];
-    uint32_t neighbours[SAGA_N_LEVELS][SAGA_MAX_NEIGHBOURS + 1];
-    uint32_t suffix[SAGA_N_LEVELS][SAGA_MAX_SUFFIX_BITS + 1];
-    uint32_t children[SAGA_N_LEVELS][SAGA_MAX_CHILDREN + 1];
+    uint32_t groups[SAGA_N_TIERS][SAGA_MAX_GROUPS + 1];
+    uint32_t window[SAGA_N_TIERS][SAGA_MAX_WINDOW + 1];
+    uint32_t neighbours[SAGA_N_TIERS][SAGA_MAX_NEIGHBOURS + 1];
+    uint32_t suffix[SAGA_N_TIERS][SAGA_MAX_SUFFIX_BITS + 1];
+    uint32_t children[SAGA_N_TIERS][SAGA_MAX_CHILDREN + 1];
     uint32_t level[4], segments[GEN_MAX_SEGMENTS + 1];
     uint32_t no_fine, no_prim, one_coarse, extreme;
 } coverage;
@@ -213,16 +213,16 @@ static void cover_memory(coverage *c, const saga_model *m)
 {
     uint32_t i;
 
-    c->update[!(m->tools & SAGA_TOOL_MEMORY) ? 0
+    c->update[!(m->tools & SAGA_TOOL_BANK) ? 0
               : m->tools & SAGA_TOOL_PLAIN_WRITE ? 2 : 1]++;
-    if (!(m->tools & SAGA_TOOL_MEMORY))
+    if (!(m->tools & SAGA_TOOL_BANK))
         return;
     for (i = 0; i < SAGA_N_KINDS; i++)
-        c->reads[i][(m->sources[i] & SAGA_SOURCE_MEMORY) != 0]++;
-    c->slots[m->memory_slots / SAGA_MIN_SLOTS]++;
-    c->slot_width[m->memory_width / 8]++;
-    c->step_of_one += m->memory_blocks == 1;
-    c->long_steps += m->memory_blocks > 1000;
+        c->reads[i][(m->sources[i] & SAGA_SOURCE_BANK) != 0]++;
+    c->slots[m->bank_slots / SAGA_MIN_SLOTS]++;
+    c->slot_width[m->bank_width / 8]++;
+    c->step_of_one += m->bank_blocks == 1;
+    c->long_steps += m->bank_blocks > 1000;
 }
 
 static void cover(coverage *c, const gen_stream *g)
@@ -240,12 +240,12 @@ static void cover(coverage *c, const gen_stream *g)
     together = together << 5 | (m->sources[1] & 7u) << 2 |
                (m->sources[2] & 3u);
     c->together[together]++;
-    for (i = 0; i < SAGA_N_LEVELS; i++) {
-        c->groups[i][m->level[i].n_groups]++;
-        c->window[i][m->level[i].window]++;
-        c->neighbours[i][m->level[i].neighbours]++;
-        c->suffix[i][m->level[i].suffix_bits]++;
-        c->children[i][m->level[i].max_children]++;
+    for (i = 0; i < SAGA_N_TIERS; i++) {
+        c->groups[i][m->tier[i].n_groups]++;
+        c->window[i][m->tier[i].window]++;
+        c->neighbours[i][m->tier[i].neighbours]++;
+        c->suffix[i][m->tier[i].suffix_bits]++;
+        c->children[i][m->tier[i].max_children]++;
     }
     for (i = 0; i < g->n_segments; i++)
         cover_segment(c, &g->segment[i]);
@@ -298,7 +298,7 @@ static void assert_covered(const coverage *c, uint32_t n)
     assert_all(c->tools, 0, 31);
     assert_sources(c);
     assert_memory(c);
-    for (i = 0; i < SAGA_N_LEVELS; i++) {
+    for (i = 0; i < SAGA_N_TIERS; i++) {
         assert_all(c->groups[i], 1, SAGA_MAX_GROUPS);
         assert_all(c->neighbours[i], 1, SAGA_MAX_NEIGHBOURS);
         assert_all(c->suffix[i], 0, SAGA_MAX_SUFFIX_BITS);
@@ -368,7 +368,7 @@ static void make_full(gen_stream *g)
     o.full = 1;
     o.tools_fixed = 1;
     o.tools = SAGA_TOOLS_PICTURE;
-    o.memory = GEN_MEMORY_ORTHOGONAL;
+    o.memory = GEN_BANK_ORTHOGONAL;
     for (o.seed = first_seed();; o.seed++) {
         const saga_symbols *const s = &g->segment[0];
 
@@ -512,13 +512,13 @@ static void fewer_nodes(gen_stream *g)
 static void more_children(gen_stream *g)
 {
     g->segment[0].n_fine[0] = (uint8_t)
-        (g->header.model.level[SAGA_LEVEL_COARSE].max_children + 1);
+        (g->header.model.tier[SAGA_TIER_COARSE].max_children + 1);
 }
 
 static void more_prims(gen_stream *g)
 {
     g->segment[0].n_prim[0] = (uint8_t)
-        (g->header.model.level[SAGA_LEVEL_FINE].max_children + 1);
+        (g->header.model.tier[SAGA_TIER_FINE].max_children + 1);
 }
 
 static void coarse_less(gen_stream *g) { g->segment[0].n.coarse--; }
@@ -540,14 +540,14 @@ static void deep(gen_stream *g)
  * back. */
 static void fine_suffix_wide(gen_stream *g)
 {
-    const uint32_t bits = g->header.model.level[0].suffix_bits;
+    const uint32_t bits = g->header.model.tier[0].suffix_bits;
 
     g->segment[0].fine_suffix[g->segment[0].n_fine[0] - 1] |= 1u << 4 * bits;
 }
 
 static void prim_suffix_wide(gen_stream *g)
 {
-    const uint32_t bits = g->header.model.level[1].suffix_bits;
+    const uint32_t bits = g->header.model.tier[1].suffix_bits;
 
     g->segment[0].prim_suffix[g->segment[0].n_prim[0] - 1] |= 1u << 4 * bits;
 }
@@ -591,7 +591,7 @@ static void make_rich(gen_stream *g)
     o.level = 1;
     o.n_coarse = 24;
     for (o.seed = 100 + first_seed();; o.seed++) {
-        const saga_level *const l = g->header.model.level;
+        const saga_tier *const l = g->header.model.tier;
         const saga_symbols *const s = &g->segment[0];
 
         gen_stream_make(g, &o);

@@ -518,7 +518,7 @@ static uint32_t odd_value(uint64_t *r)
     return odd[pick(r, sizeof odd / sizeof *odd)];
 }
 
-static void damage_level(saga_level *l, uint64_t *r)
+static void damage_level(saga_tier *l, uint64_t *r)
 {
     const uint32_t v = odd_value(r);
 
@@ -537,9 +537,9 @@ static void damage_memory(saga_model *m, uint64_t *r)
 {
     switch (pick(r, 4)) {
     case 0: m->tools ^= SAGA_TOOL_PLAIN_WRITE; break;
-    case 1: m->memory_slots = (uint16_t)(1u << pick(r, 11)); break;
-    case 2: m->memory_width = (uint8_t)(8 * pick(r, 10)); break;
-    default: m->memory_blocks = (uint16_t)pick(r, 9); break;
+    case 1: m->bank_slots = (uint16_t)(1u << pick(r, 11)); break;
+    case 2: m->bank_width = (uint8_t)(8 * pick(r, 10)); break;
+    default: m->bank_blocks = (uint16_t)pick(r, 9); break;
     }
 }
 
@@ -556,7 +556,7 @@ static void damage_model(saga_model *m, uint64_t *r)
     case 5: m->q_in[pick(r, SAGA_N_NETS)] = (uint8_t)(v % 17); break;
     case 6: m->width[pick(r, SAGA_N_NETS)] = (uint8_t)v; break;
     case 7: damage_memory(m, r); break;
-    default: damage_level(&m->level[pick(r, 2)], r); break;
+    default: damage_level(&m->tier[pick(r, 2)], r); break;
     }
 }
 
@@ -572,11 +572,11 @@ static void damage_fields(saga_header *h, uint64_t *r)
     case 4: h->max.fine = v; break;
     case 5: h->max.prim = v; break;
     case 6: h->nets_nbytes = v; break;
-    case 7: h->rate_num = v; break;
+    case 7: h->fps_num = v; break;
     case 8: h->header_nbytes = v; break;
     case 9: h->model.features = (uint8_t)v; break;
     case 10: h->model.octaves = (uint8_t)v; break;
-    case 11: h->model.memory_slots = (uint16_t)v; break;
+    case 11: h->model.bank_slots = (uint16_t)v; break;
     default: damage_model(&h->model, r); break;
     }
 }
@@ -597,12 +597,12 @@ static void damage_header(mutate_file *f, uint64_t *r)
 
         saga_header_io(&in, &h);
         room = saga_rig_offset(&h);
-        saga_memory_io(&in, &h.model);
+        saga_bank_io(&in, &h.model);
         damage_fields(&h, r);
         saga_header_io(&out, &h);
         /* A tool that came with the damage may find no place. */
         if (saga_rig_offset(&h) <= room)
-            saga_memory_io(&out, &h.model);
+            saga_bank_io(&out, &h.model);
     }
     /* Signing must find the place of the CRC. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);

@@ -48,7 +48,7 @@ static void *array(size_t n, size_t size)
 
 /* --- Model --------------------------------------------------------------- */
 
-static void make_level(saga_level *l, uint64_t *r, int full)
+static void make_level(saga_tier *l, uint64_t *r, int full)
 {
     l->n_groups = (uint8_t)gen_range(r, 1, SAGA_MAX_GROUPS);
     l->window = (uint8_t)gen_range(r, 0, one_in(r, 4) ? SAGA_MAX_WINDOW : 8);
@@ -66,27 +66,27 @@ static void make_memory(saga_model *m, uint64_t *r, const gen_options *o)
     const int reader = gen_range(r, 0, SAGA_N_KINDS - 1);
     int i;
 
-    m->tools |= SAGA_TOOL_MEMORY;
-    if (o->memory == GEN_MEMORY_PLAIN)
+    m->tools |= SAGA_TOOL_BANK;
+    if (o->memory == GEN_BANK_PLAIN)
         m->tools |= SAGA_TOOL_PLAIN_WRITE;
     for (i = 0; i < SAGA_N_KINDS; i++)
-        if (o->memory_alone)
-            m->sources[i] = SAGA_SOURCE_MEMORY;
+        if (o->bank_alone)
+            m->sources[i] = SAGA_SOURCE_BANK;
         else if (i == reader || one_in(r, 2))
-            m->sources[i] |= SAGA_SOURCE_MEMORY;
-    m->memory_slots = SAGA_MIN_SLOTS;
-    while (2 * m->memory_slots <= most && !one_in(r, 3))
-        m->memory_slots = (uint16_t)(2 * m->memory_slots);
-    m->memory_width = (uint8_t)(8 * gen_range(
-        r, m->memory_slots < SAGA_MAX_SLOTS ? 1 : 2, o->level == 0 ? 4 : 8));
-    m->memory_blocks = (uint16_t)(one_in(r, 2) ? gen_range(r, 1, 8)
+            m->sources[i] |= SAGA_SOURCE_BANK;
+    m->bank_slots = SAGA_MIN_SLOTS;
+    while (2 * m->bank_slots <= most && !one_in(r, 3))
+        m->bank_slots = (uint16_t)(2 * m->bank_slots);
+    m->bank_width = (uint8_t)(8 * gen_range(
+        r, m->bank_slots < SAGA_MAX_SLOTS ? 1 : 2, o->level == 0 ? 4 : 8));
+    m->bank_blocks = (uint16_t)(one_in(r, 2) ? gen_range(r, 1, 8)
                                                : gen_range(r, 1, 65535));
-    if (o->memory_slots)
-        m->memory_slots = (uint16_t)o->memory_slots;
-    if (o->memory_width)
-        m->memory_width = (uint8_t)o->memory_width;
-    if (o->memory_blocks)
-        m->memory_blocks = (uint16_t)o->memory_blocks;
+    if (o->bank_slots)
+        m->bank_slots = (uint16_t)o->bank_slots;
+    if (o->bank_width)
+        m->bank_width = (uint8_t)o->bank_width;
+    if (o->bank_blocks)
+        m->bank_blocks = (uint16_t)o->bank_blocks;
 }
 
 static void make_described(saga_model *m, uint64_t *r, const gen_options *o,
@@ -114,8 +114,8 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
         m->features = (uint8_t)gen_range(r, 5, 16);
     m->octaves = (uint8_t)gen_range(r, 1, o->level == 0 ? 4 : 8);
     m->lambda_t_q8 = (uint16_t)gen_range(r, 0, one_in(r, 4) ? 65535 : 512);
-    for (i = 0; i < SAGA_N_LEVELS; i++)
-        make_level(&m->level[i], r, o->full);
+    for (i = 0; i < SAGA_N_TIERS; i++)
+        make_level(&m->tier[i], r, o->full);
     for (i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = (uint32_t)gen_range(r, 16 << 16, 400 << 16);
     if (one_in(r, 8))
@@ -139,13 +139,13 @@ static void model_for_picture(saga_model *m)
 {
     int i;
 
-    m->level[SAGA_LEVEL_COARSE].suffix_bits = 4;
-    m->level[SAGA_LEVEL_FINE].suffix_bits = 4;
-    for (i = 0; i < SAGA_N_LEVELS; i++) {
-        m->level[i].softmax_q8 = 739;        /* log2(e) / 0.5 */
-        m->level[i].radius2_q12 = 4 << 12;
-        m->level[i].neighbours = 8;
-        m->level[i].window = 16;
+    m->tier[SAGA_TIER_COARSE].suffix_bits = 4;
+    m->tier[SAGA_TIER_FINE].suffix_bits = 4;
+    for (i = 0; i < SAGA_N_TIERS; i++) {
+        m->tier[i].softmax_q8 = 739;        /* log2(e) / 0.5 */
+        m->tier[i].radius2_q12 = 4 << 12;
+        m->tier[i].neighbours = 8;
+        m->tier[i].window = 16;
     }
     m->lambda_t_q8 = 256;
     for (i = 0; i < SAGA_N_STEPS; i++)
@@ -166,7 +166,7 @@ static void drop_fuse(saga_model *m, uint64_t *r, const gen_options *o)
 {
     int i;
 
-    for (i = 0; i < SAGA_N_LEVELS; i++)
+    for (i = 0; i < SAGA_N_TIERS; i++)
         if ((o->no_fuse >> i & 1u) || (!o->picture && one_in(r, 3)))
             m->width[saga_fuse_net(i)] = 0;
 }
@@ -462,7 +462,7 @@ static void make_segment(saga_symbols *s, const saga_model *m, uint64_t *r,
                          const gen_options *o)
 {
     const saga_level_caps *const cap = &saga_caps[o->level];
-    const saga_level *const l = m->level;
+    const saga_tier *const l = m->tier;
     const uint32_t want = o->full ? cap->n_coarse
         : (uint32_t)gen_range(r, 1, o->n_coarse ? (int32_t)o->n_coarse : 12);
     tree t = { s, 0, want, 0, 0, saga_is_dynamic(m) || !o->picture };
@@ -558,8 +558,8 @@ void gen_stream_make(gen_stream *g, const gen_options *o)
     memset(g, 0, sizeof *g);
     fit_model(&g->header.model, &r, o);
     g->header.level = (uint8_t)o->level;
-    g->header.rate_num = 30;
-    g->header.rate_den = 1;
+    g->header.fps_num = 30;
+    g->header.fps_den = 1;
     g->header.unit_mantissa = 1;
     g->header.unit_exponent = -22;
     g->header.n_cameras = GEN_MAX_CAMERAS;

@@ -26,14 +26,14 @@ typedef struct gen_options {
     /* A memory bank: 0 none, else as GEN_MEMORY; sizes and readers are random
      * but for what is not 0 here. Adds its tools to those above. */
     int memory;
-    uint32_t memory_slots, memory_width, memory_blocks;
-    int memory_alone;        /* read by all kinds, and nothing else is */
+    uint32_t bank_slots, bank_width, bank_blocks;
+    int bank_alone;        /* read by all kinds, and nothing else is */
     uint32_t no_fuse;        /* bit SAGA_LEVEL_*: without Fuse of the level;
                               * 3 is neither. 0: both, or random if no
                               * picture */
 } gen_options;
 
-enum { GEN_MEMORY_ORTHOGONAL = 1, GEN_MEMORY_PLAIN };
+enum { GEN_BANK_ORTHOGONAL = 1, GEN_BANK_PLAIN };
 
 typedef struct gen_stream {
     saga_header header;

@@ -39,14 +39,14 @@ static inline void rate_scene_model(saga_model *m)
     m->sources[SAGA_KIND_FINE] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
                                  SAGA_SOURCE_GROUPS;
     m->sources[SAGA_KIND_PRIM] = SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT;
-    for (i = 0; i < SAGA_N_LEVELS; i++) {
-        m->level[i].n_groups = 3;
-        m->level[i].window = 12;
-        m->level[i].neighbours = 4;
-        m->level[i].suffix_bits = 3;
-        m->level[i].max_children = 8;
-        m->level[i].radius2_q12 = 65535;
-        m->level[i].softmax_q8 = 739;
+    for (i = 0; i < SAGA_N_TIERS; i++) {
+        m->tier[i].n_groups = 3;
+        m->tier[i].window = 12;
+        m->tier[i].neighbours = 4;
+        m->tier[i].suffix_bits = 3;
+        m->tier[i].max_children = 8;
+        m->tier[i].radius2_q12 = 65535;
+        m->tier[i].softmax_q8 = 739;
     }
     m->step_q16[SAGA_STEP_CENTRE] = 900u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
@@ -60,17 +60,17 @@ static inline void rate_scene_model(saga_model *m)
     }
 }
 
-/* tools: SAGA_TOOL_MEMORY, and _PLAIN_WRITE or not. */
-static inline void rate_scene_memory(saga_model *m, uint32_t tools)
+/* tools: SAGA_TOOL_BANK, and _PLAIN_WRITE or not. */
+static inline void rate_scene_bank(saga_model *m, uint32_t tools)
 {
     int i;
 
     m->tools |= tools;
-    m->memory_slots = SAGA_MIN_SLOTS;
-    m->memory_width = 8;
-    m->memory_blocks = 5;
+    m->bank_slots = SAGA_MIN_SLOTS;
+    m->bank_width = 8;
+    m->bank_blocks = 5;
     for (i = 0; i < SAGA_N_KINDS; i++)
-        m->sources[i] |= SAGA_SOURCE_MEMORY;
+        m->sources[i] |= SAGA_SOURCE_BANK;
 }
 
 static inline void rate_scene_coarse(saga_scene *s, uint32_t depth, saga_rng r)

@@ -106,7 +106,7 @@ static void run(saga_flat *f, int until)
     double mse;
 
     while (f->iteration < until && f->iteration < f->o.n_iterations)
-        if (!saga_flat_step(f, &mse, &error))
+        if (!saga_flat_iterate(f, &mse, &error))
             fail_msg("%s", error.message);
 }
 
@@ -553,7 +553,7 @@ static void should_fail(saga_flat *f, const char *what, const char *when)
     saga_error error = { "" };
     double mse;
 
-    assert_false(saga_flat_step(f, &mse, &error));
+    assert_false(saga_flat_iterate(f, &mse, &error));
     if (!strstr(error.message, what) || !strstr(error.message, when))
         fail_msg("no \"%s\", \"%s\" in: %s", what, when, error.message);
 }

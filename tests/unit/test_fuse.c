@@ -72,7 +72,7 @@ static void add_identity(gen_stream *g, int level)
     uint32_t k;
 
     m->q_in[net] = (uint8_t)saga_feature_q(m, level);
-    m->head_q[level == SAGA_LEVEL_COARSE ? SAGA_HEAD_FUSE_C
+    m->head_q[level == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
                                          : SAGA_HEAD_FUSE_F] = m->q_in[net];
     m->width[net] = (uint8_t)(2 * f);
     saga_model_net(&s, m, net);
@@ -132,7 +132,7 @@ static void absence_should_be_identity(void **state)
         none = play(&g);
         assert_true(none.stages.frame != 0);
         /* Fine first in every other stream: each is alone once. */
-        for (level = 0; level < SAGA_N_LEVELS; level++) {
+        for (level = 0; level < SAGA_N_TIERS; level++) {
             played with;
 
             add_identity(&g, (level + (int)i) % 2);
@@ -157,8 +157,8 @@ static void absence_should_spare_all_work(void **state)
 
         make_plain(&g, first_seed() + i);
         none = play(&g);
-        add_identity(&g, SAGA_LEVEL_COARSE);
-        add_identity(&g, SAGA_LEVEL_FINE);
+        add_identity(&g, SAGA_TIER_COARSE);
+        add_identity(&g, SAGA_TIER_FINE);
         with = play(&g);
         coarse = fine = (2u * g.header.model.features +
                          8u * g.header.model.octaves) *

@@ -129,16 +129,16 @@ static void model_make(saga_model *m, uint32_t tools)
     m->features = 5;
     m->octaves = 2;
     m->lambda_t_q8 = 256;
-    for (i = 0; i < SAGA_N_LEVELS; i++) {
-        m->level[i].n_groups = 8;
-        m->level[i].window = 2;
-        m->level[i].neighbours = 2;
-        m->level[i].suffix_bits = 4;
-        m->level[i].radius2_q12 = 4 << 12;
-        m->level[i].softmax_q8 = 739;
+    for (i = 0; i < SAGA_N_TIERS; i++) {
+        m->tier[i].n_groups = 8;
+        m->tier[i].window = 2;
+        m->tier[i].neighbours = 2;
+        m->tier[i].suffix_bits = 4;
+        m->tier[i].radius2_q12 = 4 << 12;
+        m->tier[i].softmax_q8 = 739;
     }
-    m->level[SAGA_LEVEL_COARSE].max_children = 16;
-    m->level[SAGA_LEVEL_FINE].max_children = 10;
+    m->tier[SAGA_TIER_COARSE].max_children = 16;
+    m->tier[SAGA_TIER_FINE].max_children = 10;
     for (i = 0; i < SAGA_N_STEPS; i++)
         m->step_q16[i] = 256u << 16;
     for (i = 0; i < SAGA_N_HEADS; i++)
@@ -210,7 +210,7 @@ static uint32_t look_up(saga_coder *c, saga_at at, saga_adaptive *m,
 
 static uint32_t suffix_of(const saga_scene *s, uint32_t rank)
 {
-    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
     uint32_t v[4], i;
 
     for (i = 0; i < 4; i++)
@@ -348,8 +348,8 @@ static void check_bytes(const saga_scene *s, const saga_symbols *symbols)
     memset(&h, 0, sizeof h);
     h.model = s->model;
     h.level = 3;
-    h.rate_num = 30;
-    h.rate_den = 1;
+    h.fps_num = 30;
+    h.fps_den = 1;
     h.unit_mantissa = 1;
     saga_nets_layout(&shapes, &s->model);
     recorder_alloc_nets(&nets, &shapes);
@@ -392,13 +392,13 @@ static void check_inside(const saga_scene *s, const real x[4],
 static void check_leaf(const saga_scene *s, uint32_t rank)
 {
     const saga_coarse *const c = &s->coarse[rank];
-    const saga_level *const l = s->model.level;
-    const int bits = l[SAGA_LEVEL_COARSE].suffix_bits;
+    const saga_tier *const l = s->model.tier;
+    const int bits = l[SAGA_TIER_COARSE].suffix_bits;
     real cell[4];
     uint32_t i;
     int k;
 
-    assert_in_range(c->n_fine, 1, l[SAGA_LEVEL_COARSE].max_children);
+    assert_in_range(c->n_fine, 1, l[SAGA_TIER_COARSE].max_children);
     saga_scene_cell(cell, c);
     check_inside(s, s->coarse_x + 4 * rank, c);
     for (i = c->first_fine; i < c->first_fine + c->n_fine; i++) {
@@ -406,7 +406,7 @@ static void check_leaf(const saga_scene *s, uint32_t rank)
 
         assert_int_equal(s->fine[i].parent, rank);
         assert_in_range(s->fine[i].n_prim, 1,
-                        l[SAGA_LEVEL_FINE].max_children);
+                        l[SAGA_TIER_FINE].max_children);
         check_inside(s, x, c);
         for (k = 0; k < 4; k++) {
             const double half = (double)(k < 3 ? saga_scene_half_x(c)
@@ -608,7 +608,7 @@ static void hierarchy_should_hold_everything_when_clustered(void **state)
 
 static void model_vary(saga_model *m, uint64_t *seed)
 {
-    saga_level *const l = m->level;
+    saga_tier *const l = m->tier;
 
     model_make(m, (uint32_t)(uniform(seed) * (SAGA_TOOLS_PICTURE + 1)));
     l[0].suffix_bits = (uint8_t)(uniform(seed) * 9);
@@ -887,7 +887,7 @@ static void hierarchy_should_find_crowds_with_medoids(void **state)
         assert_int_equal(s.fine[i].n_prim, 10);
     saga_scene_free(&s);
     u.o.max_fine = 7;
-    u.model.level[SAGA_LEVEL_FINE].max_children = 8;
+    u.model.tier[SAGA_TIER_FINE].max_children = 8;
     s = build(&u, &f);
     for (i = 0; i < 7; i++)
         assert_in_range(s.fine[i].n_prim, 1, 8);

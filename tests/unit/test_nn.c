@@ -37,7 +37,7 @@ static void adam_should_match_steps_by_hand(void **state)
         x[i] = 2;
         g[i] = i % 2 ? -1e-12f : 1;
     }
-    assert_true(saga_adam_step(&adam, &t, 1, 1, &error));
+    assert_true(saga_adam_update(&adam, &t, 1, 1, &error));
     for (i = 0; i < N; i++) {
         /* |g| = 1e-12 stands 1000 above eps. */
         const double want = i % 2 ? 2 + 0.5 / 1.001 : 1.5;
@@ -48,7 +48,7 @@ static void adam_should_match_steps_by_hand(void **state)
     }
     for (i = 0; i < N; i++)
         g[i] = 3;
-    assert_true(saga_adam_step(&adam, &t, 1, 2, &error));
+    assert_true(saga_adam_update(&adam, &t, 1, 2, &error));
     for (i = 0; i < N; i += 2)
         assert_true(fabs((double)x[i] - (1.5 - 0.5 * (0.39 / 0.19) /
                          sqrt(0.009999 / 0.001999))) < 1e-5);
@@ -75,7 +75,7 @@ static void adam_should_be_adam(void **state)
             rx[i] -= 0.01 * (rm[i] / (1 - pow(0.9, t))) /
                      (sqrt(rv[i] / (1 - pow(0.995, t))) + 1e-15);
         }
-        assert_true(saga_adam_step(&adam, &tensor, 1,
+        assert_true(saga_adam_update(&adam, &tensor, 1,
                                         (uint64_t)t, &error));
     }
     for (i = 0; i < N; i++)
@@ -95,11 +95,11 @@ static void adam_should_bound_what_is_out_of_the_ordinary(void **state)
     int i;
 
     (void)state;
-    assert_true(saga_adam_step(&adam, &t, 1, 1000000, &error));
+    assert_true(saga_adam_update(&adam, &t, 1, 1000000, &error));
     assert_true(fabs((double)x + first) < 1e-4 * first);
     g = 0;
     for (i = 1; i < 200; i++)
-        assert_true(saga_adam_step(&adam, &t, 1, 1000000, &error));
+        assert_true(saga_adam_update(&adam, &t, 1, 1000000, &error));
     /* v' falls by 0.001 a step meanwhile: not half a per cent more. */
     assert_true(fabs((double)x + 10 * first) < 0.005 * 10 * first);
 }
@@ -121,17 +121,17 @@ static void adam_should_name_what_is_not_finite(void **state)
         x[N + i] = x[5 * N + i] = 1;
     x[5 * N + 9997] = NAN;
     x[5 * N + 4321] = INFINITY;
-    assert_false(saga_adam_step(&adam, t, 2, 7, &error));
+    assert_false(saga_adam_update(&adam, t, 2, 7, &error));
     assert_non_null(strstr(error.message, "number 4321 of the gradients of "
                            "the bad is not finite at step 7"));
     assert_true(x[0] == 0);
     x[5 * N + 9997] = x[5 * N + 4321] = 1;
     x[4 * N + 9998] = -INFINITY;
     error = (saga_error){ "" };
-    assert_false(saga_adam_step(&adam, t, 2, 1, &error));
+    assert_false(saga_adam_update(&adam, t, 2, 1, &error));
     assert_non_null(strstr(error.message, "number 9998 of the values"));
     x[4 * N + 9998] = 0;
-    assert_true(saga_adam_step(&adam, t, 2, 1, &error));
+    assert_true(saga_adam_update(&adam, t, 2, 1, &error));
     assert_true(x[0] < 0 && x[4 * N + 9998] < 0);
     free(x);
 }

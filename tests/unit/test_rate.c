@@ -83,7 +83,7 @@ static void decide(rate_scene *f)
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
 
     assert_true(saga_rate_decide(&f->r, &f->s, &x, &error));
-    assert_int_equal(f->r.plan.decided, 1);
+    assert_int_equal(f->r.decision.decided, 1);
 }
 
 /* With or without a memory. */
@@ -93,7 +93,7 @@ static void make_scene(rate_scene *f, uint32_t depth, uint32_t tools)
 
     rate_scene_model(&m);
     if (tools)
-        rate_scene_memory(&m, tools);
+        rate_scene_bank(&m, tools);
     rate_scene_make(f, &m, depth);
 }
 
@@ -105,7 +105,7 @@ static void should_have_no_memory(rate_scene *f)
     int net;
 
     assert_true(saga_rate_choice_init(&c, &f->r, &x, &error));
-    assert_true(f->r.plan.memory_net >= 0);
+    assert_true(f->r.decision.bank_net >= 0);
     assert_int_equal(c.scene.model.tools, SAGA_TOOLS_PICTURE);
     for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++)
         assert_int_equal(c.scene.net[net].n_layers, 0);
@@ -122,14 +122,14 @@ static void should_drop_everything(uint32_t tools)
     begin_as_constants(&f);
     decide(&f);
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        const saga_rate_gain *const g = &f.r.plan.gain[kind];
+        const saga_rate_gain *const g = &f.r.decision.gain[kind];
 
         assert_int_equal(f.r.context.keep[kind], 0);
         /* The same distribution but for the steps of networks' formats. */
         assert_true(fabs(g->networks - g->constants) < 0.002 * g->constants);
         assert_true(g->weights <= 0);
     }
-    assert_true(f.r.plan.hyper_weights <= 0);
+    assert_true(f.r.decision.hyper_weights <= 0);
     should_have_no_memory(&f);
     rate_scene_free(&f);
 }
@@ -138,7 +138,7 @@ static void decide_should_drop_what_foretells_nothing(void **state)
 {
     (void)state;
     should_drop_everything(0);
-    should_drop_everything(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
+    should_drop_everything(SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
 }
 
 static void decide_should_keep_what_foretells(void **state)
@@ -150,16 +150,16 @@ static void decide_should_keep_what_foretells(void **state)
     rate_scene_init(&f, 3);
     foretell(&f);
     decide(&f);
-    g = &f.r.plan.gain[SAGA_KIND_COARSE];
+    g = &f.r.decision.gain[SAGA_KIND_COARSE];
     printf("  coarse: %.0f bits with constants, %.0f with networks, chosen "
            "%.0f; weights %.0f and %.0f\n", g->constants, g->networks,
-           g->chosen, g->weights, f.r.plan.hyper_weights);
+           g->chosen, g->weights, f.r.decision.hyper_weights);
     assert_int_equal(f.r.context.keep[SAGA_KIND_COARSE], SAGA_SOURCE_HYPER);
     assert_int_equal(f.r.context.keep[SAGA_KIND_FINE], 0);
     assert_int_equal(f.r.context.keep[SAGA_KIND_PRIM], 0);
-    assert_true(g->chosen + g->weights + f.r.plan.hyper_weights <
+    assert_true(g->chosen + g->weights + f.r.decision.hyper_weights <
                 g->constants);
-    assert_true(f.r.plan.hyper_weights > 0);
+    assert_true(f.r.decision.hyper_weights > 0);
     rate_scene_free(&f);
 }
 
@@ -181,8 +181,8 @@ static void learn(rate_scene *f, int n)
     f->o.remember = true;
     for (i = 1; i <= n; i++) {
         memset(f->d.reals, 0, f->d.n_reals * sizeof *f->d.reals);
-        saga_rate_step(bits, &f->r, &f->d, &x, &f->o);
-        assert_true(saga_adam_step(&adam, &t, 1, (uint64_t)i, &error));
+        saga_rate_add(bits, &f->r, &f->d, &x, &f->o);
+        assert_true(saga_adam_update(&adam, &t, 1, (uint64_t)i, &error));
     }
     free(m);
 }
@@ -197,22 +197,22 @@ static void decide_should_keep_a_memory_that_learned(void **state)
 
     (void)state;
     rate_scene_model(&m);
-    rate_scene_memory(&m, SAGA_TOOL_MEMORY);
+    rate_scene_bank(&m, SAGA_TOOL_BANK);
     memset(m.sources, 0, sizeof m.sources);
-    m.sources[SAGA_KIND_COARSE] = SAGA_SOURCE_MEMORY;
+    m.sources[SAGA_KIND_COARSE] = SAGA_SOURCE_BANK;
     rate_scene_make(&f, &m, 3);
     foretell_by_place(&f);
     learn(&f, 600);
     decide(&f);
-    g = &f.r.plan.gain[SAGA_KIND_COARSE];
+    g = &f.r.decision.gain[SAGA_KIND_COARSE];
     printf("  coarse: %.0f bits with constants, chosen %.0f; weights %.0f and "
            "%.0f, net %.0f\n", g->constants, g->chosen, g->weights,
-           f.r.plan.memory_weights, f.r.plan.memory_net);
-    assert_int_equal(f.r.context.keep[SAGA_KIND_COARSE], SAGA_SOURCE_MEMORY);
-    assert_true(f.r.plan.memory_weights > 0);
-    assert_true(g->chosen + g->weights + f.r.plan.memory_weights <
+           f.r.decision.bank_weights, f.r.decision.bank_net);
+    assert_int_equal(f.r.context.keep[SAGA_KIND_COARSE], SAGA_SOURCE_BANK);
+    assert_true(f.r.decision.bank_weights > 0);
+    assert_true(g->chosen + g->weights + f.r.decision.bank_weights <
                 g->constants);
-    assert_true(f.r.plan.memory_net < 0);
+    assert_true(f.r.decision.bank_net < 0);
     rate_scene_free(&f);
 }
 
@@ -240,8 +240,8 @@ static void memory_should_be_causal(void **state)
     int kind;
 
     (void)state;
-    make_scene(&f, 2, SAGA_TOOL_MEMORY);
-    n = (f.s.n.coarse + 2 * (size_t)f.s.n.fine) * f.s.model.memory_width;
+    make_scene(&f, 2, SAGA_TOOL_BANK);
+    n = (f.s.n.coarse + 2 * (size_t)f.s.n.fine) * f.s.model.bank_width;
     one = malloc(n * sizeof *one);
     all = malloc(n * sizeof *all);
     assert_true(one && all);
@@ -312,14 +312,14 @@ static void choice_should_code_as_the_rate_does(void **state)
         SAGA_SOURCE_HYPER, SAGA_SOURCE_GROUPS, SAGA_SOURCE_PARENT
     };
     static const uint8_t with[SAGA_N_KINDS] = {
-        SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY, SAGA_SOURCE_GROUPS,
-        SAGA_SOURCE_MEMORY
+        SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK, SAGA_SOURCE_GROUPS,
+        SAGA_SOURCE_BANK
     };
 
     (void)state;
     should_code_alike(0, without);
-    should_code_alike(SAGA_TOOL_MEMORY, without);
-    should_code_alike(SAGA_TOOL_MEMORY, with);
+    should_code_alike(SAGA_TOOL_BANK, without);
+    should_code_alike(SAGA_TOOL_BANK, with);
 }
 
 int main(void)

@@ -131,7 +131,7 @@ static void adam_step(fit *f, uint64_t step)
             *scene_tensor(&f->m, k), *scene_tensor(&f->v, k),
             N * (size_t)scene_size[k], rate[k]
         };
-    assert_true(saga_adam_step(&adam, t, SCENE_TENSORS, step, &error));
+    assert_true(saga_adam_update(&adam, t, SCENE_TENSORS, step, &error));
     for (k = 0; k < 3 * N; k++)
         f->p.colour[k] = saga_clamp(f->p.colour[k], 0, 1);
 }

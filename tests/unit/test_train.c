@@ -159,7 +159,7 @@ static void train_should_make_a_file_that_decodes(void **state)
     assert_int_equal(film.info.n_frames, 5);
     assert_int_equal(film.info.n_cameras, 4);
     assert_int_equal(film.info.max_primitives, 150);
-    assert_int_equal(film.info.rate_num, 24 * film.info.rate_den);
+    assert_int_equal(film.info.fps_num, 24 * film.info.fps_den);
     for (uint32_t v = 0; v < 4; v++) {
         saga_camera camera;
         uint32_t number;
@@ -427,7 +427,7 @@ static void should_be_near(saga_train *t, bool plain)
     if (plain)
         write_plainly(t);
     for (int net = 0; net < SAGA_N_NETS; net++)
-        t->fit->rate.plan.step[net] = ldexp(1, -13);
+        t->fit->rate.decision.step[net] = ldexp(1, -13);
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     bytes = saga_train_bytes(t, &n);
     memset(&near, 0, sizeof near);
@@ -901,7 +901,7 @@ static void entropy_networks_should_stand_still_at_last(void **state)
     t = saga_train_new(&f->capture, &o, &error);
     assert_non_null(t);
     assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
-    assert_int_equal(t->fit->rate.plan.decided, 1);
+    assert_int_equal(t->fit->rate.decision.decided, 1);
     n = saga_rate_n_params(&t->scene);
     then = malloc(n * sizeof *then);
     assert_non_null(then);
@@ -1069,8 +1069,8 @@ static void sources_should_be(const saga_ablation *e,
     assert_int_equal(m.sources[SAGA_KIND_COARSE], coarse);
     assert_int_equal(m.sources[SAGA_KIND_FINE], fine);
     assert_int_equal(m.sources[SAGA_KIND_PRIM], prim);
-    for (int i = 0; i < SAGA_N_LEVELS; i++)
-        assert_int_equal(m.level[i].n_groups, e->groups ? e->groups : 8);
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        assert_int_equal(m.tier[i].n_groups, e->groups ? e->groups : 8);
 }
 
 static void train_should_leave_out_forbidden_sources(void **state)

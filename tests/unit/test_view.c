@@ -334,7 +334,7 @@ static saga_capture rig_capture(const opened *o)
     const saga_info *const i = &o->film.info;
     saga_capture c = { .format = "test", .n_views = (int)i->n_cameras,
                        .n_frames = (int)i->n_frames, .scale = 1,
-                       .fps = (double)i->rate_num / i->rate_den };
+                       .fps = (double)i->fps_num / i->fps_den };
 
     c.views = must(calloc(i->n_cameras, sizeof *c.views));
     for (uint32_t k = 0; k < i->n_cameras; k++) {

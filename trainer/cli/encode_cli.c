@@ -438,13 +438,13 @@ static void print_entropy(const saga_train_entropy *e)
                k->sources & SAGA_SOURCE_HYPER ? "  hyperprior" : "",
                k->sources & SAGA_SOURCE_PARENT ? "  parent" : "",
                k->sources & SAGA_SOURCE_GROUPS ? "  groups" : "",
-               k->sources & SAGA_SOURCE_MEMORY ? "  memory" : "");
+               k->sources & SAGA_SOURCE_BANK ? "  memory" : "");
     }
     if (e->hyper_weights > 0)
         printf("  %-20s %54.0f\n", "hyperprior", e->hyper_weights);
-    if (e->memory_weights > 0)
+    if (e->bank_weights > 0)
         printf("  %-20s %54.0f  net of what it saves: %+.0f\n", "memory",
-               e->memory_weights, e->memory_net);
+               e->bank_weights, e->bank_net);
 }
 
 static void print_text(const session *s)
@@ -519,8 +519,8 @@ static json_t *json_entropy(const saga_train_entropy *e)
                                                     "primitives" };
     json_t *const o = json_pack("{sfsfsfso}",
                                 "hyperprior_weights", e->hyper_weights,
-                                "memory_weights", e->memory_weights,
-                                "memory_net", e->memory_net,
+                                "memory_weights", e->bank_weights,
+                                "memory_net", e->bank_net,
                                 "bits_estimated", json_bits(e->estimate));
 
     for (int i = 0; i < SAGA_N_KINDS; i++) {

@@ -150,7 +150,7 @@ static void print_protocol(const session *s)
 
 static double film_seconds(const saga_info *i)
 {
-    return (double)i->n_frames * i->rate_den / i->rate_num;
+    return (double)i->n_frames * i->fps_den / i->fps_num;
 }
 
 static void print_text(const session *s)

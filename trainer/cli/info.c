@@ -44,7 +44,7 @@ static const struct {
     { SAGA_TOOL_LAYERS, "layers", "layers" },
     { SAGA_TOOL_FEATURE_RESIDUAL, "feature residuals", "feature_residuals" },
     { SAGA_TOOL_HASH, "residual hash", "residual_hash" },
-    { SAGA_TOOL_MEMORY, "memory bank", "memory_bank" },
+    { SAGA_TOOL_BANK, "memory bank", "memory_bank" },
     { SAGA_TOOL_PLAIN_WRITE, "plain memory writes", "plain_memory_writes" }
 };
 
@@ -52,8 +52,8 @@ enum { N_TOOLS = (int)(sizeof tools / sizeof tools[0]) };
 
 static double seconds_of(const subject *s, uint32_t n_frames)
 {
-    return s->info.rate_num ? (double)n_frames * s->info.rate_den /
-                              s->info.rate_num : 0.0;
+    return s->info.fps_num ? (double)n_frames * s->info.fps_den /
+                              s->info.fps_num : 0.0;
 }
 
 static double rate_of(uint64_t nbytes, double seconds)
@@ -93,7 +93,7 @@ static void print_header(const subject *s)
            " per second: %.3f s in %" PRIu32 " segment%s\n"
            "rate        %.0f bit/s, all bytes over all time\n",
            s->name, s->layout.file_nbytes, i->version, i->level, i->n_frames,
-           i->rate_num, i->rate_den, s->seconds, i->n_segments,
+           i->fps_num, i->fps_den, s->seconds, i->n_segments,
            i->n_segments == 1 ? "" : "s",
            rate_of(s->layout.file_nbytes, s->seconds));
     print_tools(i);
@@ -186,7 +186,7 @@ static json_t *json_header(const subject *s)
         "nbytes", number(s->layout.file_nbytes),
         "version", number(i->version), "level", number(i->level),
         "n_frames", number(i->n_frames), "n_segments", number(i->n_segments),
-        "frames_per_second", number(i->rate_num), number(i->rate_den),
+        "frames_per_second", number(i->fps_num), number(i->fps_den),
         "seconds", s->seconds,
         "bits_per_second", rate_of(s->layout.file_nbytes, s->seconds));
 }

@@ -84,7 +84,7 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
         *num = (uint32_t)o->frame.a;
         *den = (uint32_t)o->frame.b;
     } else if (o->time >= 0.0) {
-        const double frames = o->time * info->rate_num / info->rate_den;
+        const double frames = o->time * info->fps_num / info->fps_den;
 
         /* As fine as a segment's time, where 32 bits hold it. */
         *den = frames < 65535.0 ? 65536 : 1;

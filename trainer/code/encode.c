@@ -61,8 +61,8 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
 static int symbols_are_clean(const saga_symbols *s, const saga_model *m)
 {
     static const uint32_t children[4] = { 0, 0xff, 0x3, 0xffff };
-    const uint32_t bits[2] = { 4u * m->level[SAGA_LEVEL_COARSE].suffix_bits,
-                               4u * m->level[SAGA_LEVEL_FINE].suffix_bits };
+    const uint32_t bits[2] = { 4u * m->tier[SAGA_TIER_COARSE].suffix_bits,
+                               4u * m->tier[SAGA_TIER_FINE].suffix_bits };
     uint32_t i;
 
     for (i = 0; i < s->n_nodes; i++)
@@ -317,10 +317,10 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                                   error);
     sc->models = saga_calloc(1, sizeof *sc->models, what, error);
     sc->net.v = saga_calloc(1, sizeof *sc->net.v, what, error);
-    saga_memory_size(&sc->memory, model);
-    memory = saga_aligned_alloc(16, saga_memory_place(&sc->memory, NULL),
+    saga_bank_size(&sc->memory, model);
+    memory = saga_aligned_alloc(16, saga_bank_lay(&sc->memory, NULL),
                                 what, error);
-    saga_memory_place(&sc->memory, memory);
+    saga_bank_lay(&sc->memory, memory);
     if (!saga_failed(error))
         return true;
     saga_scaffold_free(sc);
@@ -481,7 +481,7 @@ static bool write_header(saga_encoder *e, buffer *out, saga_error *error)
         return false;
     memcpy(io.out, saga_magic, SAGA_MAGIC_NBYTES);
     saga_header_io(&io, h);
-    saga_memory_io(&io, &h->model);
+    saga_bank_io(&io, &h->model);
     for (i = 0; i < h->n_cameras; i++)
         saga_camera_io(&io, &e->rig[i]);
     fx_store32_le(io.out + io.at, saga_crc32c(0, io.out, io.at));

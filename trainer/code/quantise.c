@@ -355,7 +355,7 @@ static double local(double x, double centre, double unit)
     return saga_clamp_offset((x - centre) / unit);
 }
 
-static double cell_offset(const saga_place *cell, const double *x,
+static double cell_offset(const saga_position *cell, const double *x,
                           uint32_t axis)
 {
     return local(x[axis], axis < 3 ? cell->x[axis] : cell->t,
@@ -368,7 +368,7 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
     const saga_model *const m = l->sc->model;
     const int16_t *const value =
         l->t->value ? l->t->value[saga_step_of(at.sym)] : NULL;
-    saga_place cell;
+    saga_position cell;
 
     if (value)
         return at.sym == SAGA_SYM_FEATURE
@@ -376,24 +376,24 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
             : value[4 * (size_t)at.index + i];
     switch (at.sym) {
     case SAGA_SYM_CENTRE:
-        saga_place_cell(&cell, &l->sc->coarse[at.index]);
+        saga_position_cell(&cell, &l->sc->coarse[at.index]);
         return 16384 * cell_offset(&cell, l->t->coarse_x + 4 * (size_t)at.index,
                                    i);
     case SAGA_SYM_FEATURE:
         return ldexp((double)l->t->feature[(size_t)at.index * m->features + i],
                      m->head_q[SAGA_HEAD_COARSE]);
     case SAGA_SYM_FINE_OFFSET:
-        saga_place_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
+        saga_position_cell(&cell, &l->sc->coarse[l->sc->fine[at.index].parent]);
         return 16384 * (cell_offset(&cell, l->t->fine_x + 4 * (size_t)at.index,
                                     i) -
                         saga_suffix_centre(
                             l->s->fine_suffix[at.index],
-                            m->level[SAGA_LEVEL_COARSE].suffix_bits, i));
+                            m->tier[SAGA_TIER_COARSE].suffix_bits, i));
     default:
         return 16384 * (l->prim_o[4 * (size_t)l->order[at.index] + i] -
                         saga_suffix_centre(
                             l->s->prim_suffix[at.index],
-                            m->level[SAGA_LEVEL_FINE].suffix_bits, i));
+                            m->tier[SAGA_TIER_FINE].suffix_bits, i));
     }
 }
 
@@ -448,7 +448,7 @@ static int compare(const void *a, const void *b)
 static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
 {
     const saga_scaffold *const sc = l->sc;
-    const uint32_t bits = sc->model->level[SAGA_LEVEL_FINE].suffix_bits;
+    const uint32_t bits = sc->model->tier[SAGA_TIER_FINE].suffix_bits;
     uint32_t fine, i, axis;
 
     for (fine = 0; fine < sc->n.fine; fine++) {
@@ -492,7 +492,7 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
 {
     const saga_model *const m = sc->model;
     uint32_t i, k;
-    saga_place p;
+    saga_position p;
 
     for (i = 0; i < sc->n.coarse; i++)
         copy_place(d->coarse_x + 4 * (size_t)i, sc->coarse[i].x,
@@ -505,8 +505,8 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
         for (k = 0; k < sc->fine[i].n_prim; k++) {
             const uint32_t rank = sc->fine[i].first_prim + k;
 
-            saga_place_fine(&p, &sc->fine[i]);
-            saga_place_move(&p, sc->prim_offset[rank]);
+            saga_position_fine(&p, &sc->fine[i]);
+            saga_position_move(&p, sc->prim_offset[rank]);
             copy_place(d->prim_x + 4 * (size_t)rank, p.x, p.t);
         }
     }

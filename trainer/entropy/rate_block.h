@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * rate_context and rate_memory share what the entropy model's networks are told
+ * rate_context and bank_twin share what the entropy model's networks are told
  * of a block, and the clamps of the integer path.
  */
 #ifndef SAGA_RATE_BLOCK_H

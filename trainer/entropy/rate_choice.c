@@ -73,11 +73,11 @@ static int is_kind_net(int net)
 static void set_sources(saga_model *m, const uint8_t sources[SAGA_N_KINDS])
 {
     memcpy(m->sources, sources, SAGA_N_KINDS);
-    if ((sources[0] | sources[1] | sources[2]) & SAGA_SOURCE_MEMORY)
+    if ((sources[0] | sources[1] | sources[2]) & SAGA_SOURCE_BANK)
         return;
-    m->tools &= ~(uint32_t)(SAGA_TOOL_MEMORY | SAGA_TOOL_PLAIN_WRITE);
-    m->memory_slots = m->memory_blocks = 0;
-    m->memory_width = 0;
+    m->tools &= ~(uint32_t)(SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
+    m->bank_slots = m->bank_blocks = 0;
+    m->bank_width = 0;
 }
 
 /* Returns s with the given sources alone, its entropy networks in params. */
@@ -125,7 +125,7 @@ static float *alloc_params(const saga_scene *s, saga_error *error)
 
 /* Returns the bits of the weights of network `number`, about. */
 static bool weights_bits(double *bits, const saga_net *net,
-                         const saga_rate_plan *plan, int number,
+                         const saga_rate_decision *plan, int number,
                          saga_error *error)
 {
     int l;
@@ -221,7 +221,7 @@ static bool network_bits(double *total, search *f, int net)
     const saga_scene rounded = saga_rate_rounded(f->r, f->s);
     int kind;
 
-    if (!weights_bits(total, &rounded.net[net], &f->r->plan, net, f->error))
+    if (!weights_bits(total, &rounded.net[net], &f->r->decision, net, f->error))
         return false;
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         *total += depends(kind, net) ? kind_bits(f, kind) : 0;
@@ -231,10 +231,10 @@ static bool network_bits(double *total, search *f, int net)
 /* Chooses the step of each network in turn, the others as they are. */
 static bool find_steps(search *f)
 {
-    double *const step = f->r->plan.step;
+    double *const step = f->r->decision.step;
     int e, n;
 
-    for (n = 0; !f->r->plan.raw && n < SAGA_N_ENTROPY_NETS; n++) {
+    for (n = 0; !f->r->decision.raw && n < SAGA_N_ENTROPY_NETS; n++) {
         const int net = saga_scene_net(n);
         double least = HUGE_VAL, best = step[net], bits;
 
@@ -290,7 +290,7 @@ static bool try_subset(search *f, int kind, uint32_t subset)
     rounded = saga_rate_rounded(f->r, f->s);
     fewer = reduced(&rounded, f->params, sources);
     ok = weights_bits(&f->weights[kind][subset],
-                      &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->plan,
+                      &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->decision,
                       SAGA_NET_E_COARSE + kind, f->error);
     fold(f, kind, subset, -1);
     f->r->context.keep[kind] = had;
@@ -307,11 +307,11 @@ static bool try_subsets(search *f)
     double bits;
     int kind, net;
 
-    if (!weights_bits(&f->hyper, &rounded.net[SAGA_NET_HYPER], &f->r->plan,
+    if (!weights_bits(&f->hyper, &rounded.net[SAGA_NET_HYPER], &f->r->decision,
                       SAGA_NET_HYPER, f->error))
         return false;
     for (net = SAGA_NET_QUERY; net < SAGA_N_NETS; net++) {
-        if (!weights_bits(&bits, &rounded.net[net], &f->r->plan, net,
+        if (!weights_bits(&bits, &rounded.net[net], &f->r->decision, net,
                           f->error))
             return false;
         f->memory += bits;
@@ -354,7 +354,7 @@ static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
         total += f->bits[kind][best] + f->weights[kind][best];
     }
     return total + (any & SAGA_SOURCE_HYPER ? f->hyper : 0) +
-           (any & SAGA_SOURCE_MEMORY ? f->memory : 0);
+           (any & SAGA_SOURCE_BANK ? f->memory : 0);
 }
 
 /* Hyperprior and memory bank are for those who are better off with them, or for
@@ -362,33 +362,33 @@ static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
 static void choose(uint8_t best[SAGA_N_KINDS], search *f)
 {
     static const uint32_t without[] = {
-        0, SAGA_SOURCE_HYPER, SAGA_SOURCE_MEMORY,
-        SAGA_SOURCE_HYPER | SAGA_SOURCE_MEMORY
+        0, SAGA_SOURCE_HYPER, SAGA_SOURCE_BANK,
+        SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK
     };
     double least[2] = { HUGE_VAL, HUGE_VAL };  /* with a memory, without */
     uint8_t sources[SAGA_N_KINDS];
     size_t i;
 
     for (i = 0; i < sizeof without / sizeof without[0]; i++) {
-        const int forgets = (without[i] & SAGA_SOURCE_MEMORY) != 0;
+        const int forgets = (without[i] & SAGA_SOURCE_BANK) != 0;
         const double total = best_of_all(sources, f, without[i]);
 
         if (total < fmin(least[0], least[1]))
             memcpy(best, sources, sizeof sources);
         least[forgets] = fmin(least[forgets], total);
     }
-    f->r->plan.memory_net = least[0] - least[1];
+    f->r->decision.bank_net = least[0] - least[1];
 }
 
 /* Returns the mask of a kind's sources but for the memory bank. */
 static uint32_t forgetful(const search *f, int kind)
 {
-    return f->s->model.sources[kind] & ~(uint32_t)SAGA_SOURCE_MEMORY;
+    return f->s->model.sources[kind] & ~(uint32_t)SAGA_SOURCE_BANK;
 }
 
 static void settle(search *f)
 {
-    saga_rate_plan *const plan = &f->r->plan;
+    saga_rate_decision *const plan = &f->r->decision;
     uint8_t best[SAGA_N_KINDS] = { 0 };
     int kind;
 
@@ -397,7 +397,7 @@ static void settle(search *f)
     else
         choose(best, f);
     plan->hyper_weights = 0;
-    plan->memory_weights = f->memory;
+    plan->bank_weights = f->memory;
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const uint8_t had = f->s->model.sources[kind];
 
@@ -426,9 +426,9 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
     f.params = alloc_params(s, error);
     ok = f.feature && f.scratch && f.params && begin_search(&f);
     if (ok) {
-        r->plan.decided = 1;
+        r->decision.decided = 1;
         ok = find_steps(&f) && try_subsets(&f);
-        r->plan.decided = ok;
+        r->decision.decided = ok;
     }
     if (ok)
         settle(&f);

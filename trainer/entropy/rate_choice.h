@@ -17,8 +17,8 @@
 
 #include "rate_loss.h"
 
-/* Sets r->plan and the sources that r keeps; s (x's scene) gets the biases of
- * what is left out. The twin's offsets, supports and features stand for the
+/* Sets r->decision and the sources that r keeps; s (x's scene) gets the biases
+ * of what is left out. The twin's offsets, supports and features stand for the
  * scene's. False: no memory, and nothing is decided. */
 bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
                       saga_error *error);

@@ -62,7 +62,7 @@ bool saga_rate_context_init(saga_rate_context *c, const saga_scene *s,
         c->keep[kind] = UINT8_MAX;
         ok = ok && alloc_kind(&c->kind[kind], s, kind, error);
     }
-    ok = ok && saga_rate_memory_init(&c->memory, s, error);
+    ok = ok && saga_bank_twin_init(&c->memory, s, error);
     lay_out(c, &a, s);
     if (ok)
         c->block = saga_arena_alloc(&a, "the entropy model", error);
@@ -87,7 +87,7 @@ void saga_rate_context_free(saga_rate_context *c)
         saga_net_free(&k->hyper.work);
         saga_net_free(&k->net.work);
     }
-    saga_rate_memory_free(&c->memory);
+    saga_bank_twin_free(&c->memory);
     free(c->block);
     memset(c, 0, sizeof *c);
 }
@@ -106,7 +106,7 @@ static void set_size(real size[SAGA_RATE_SIZES], const real log2_units[4],
     size[4] = R(count) / 8;
 }
 
-static void keep_place(saga_rate_kind *k, size_t i, const saga_place *p,
+static void keep_place(saga_rate_kind *k, size_t i, const saga_position *p,
                        uint32_t count)
 {
     real log2_units[4];
@@ -123,14 +123,14 @@ static void keep_place(saga_rate_kind *k, size_t i, const saga_place *p,
 static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc)
 {
     saga_neighbours nb;
-    saga_place p;
+    saga_position p;
     uint32_t i;
 
     k->groups.n = 0;
     for (i = 0; i < sc->n.coarse; i++) {
-        saga_place_cell(&p, &sc->coarse[i]);
+        saga_position_cell(&p, &sc->coarse[i]);
         keep_place(k, i, &p, sc->coarse[i].n_fine);
-        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &p, i,
+        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, i,
                          sc->coarse[i].group);
         saga_links_add(&k->groups, i, &nb);
     }
@@ -140,9 +140,9 @@ static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc)
  * (saga_context_run). */
 static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
 {
-    const int bits = sc->model->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const int bits = sc->model->tier[SAGA_TIER_COARSE].suffix_bits;
     saga_neighbours nb;
-    saga_place p;
+    saga_position p;
     uint32_t i;
     int a;
 
@@ -151,15 +151,15 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
         const saga_fine *const f = &sc->fine[i];
         const saga_coarse *const parent = &sc->coarse[f->parent];
 
-        saga_place_cell(&p, parent);
-        saga_place_move(&p, f->local);
+        saga_position_cell(&p, parent);
+        saga_position_move(&p, f->local);
         for (a = 0; a < 4; a++)
             p.log2_support_q10[a] -= bits * 1024;
         keep_place(k, i, &p, parent->n_fine);
-        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &p, f->parent,
+        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, f->parent,
                          SAGA_ALL_GROUPS);
         saga_links_add(&k->parent, i, &nb);
-        saga_interp_find(&nb, sc, SAGA_LEVEL_FINE, &p, i, f->group);
+        saga_interp_find(&nb, sc, SAGA_TIER_FINE, &p, i, f->group);
         saga_links_add(&k->groups, i, &nb);
     }
 }
@@ -342,9 +342,9 @@ static void take_parameters(const job *j)
         }
 }
 
-static void memory_forward(real *in, const job *j, const real *read)
+static void bank_forward(real *in, const job *j, const real *read)
 {
-    const size_t d = j->s->model.memory_width;
+    const size_t d = j->s->model.bank_width;
     size_t i;
 
     for (i = 0; i < j->list.n; i++)
@@ -363,7 +363,7 @@ static void drop(real *in, const job *j, size_t columns)
 
 size_t saga_rate_columns(const saga_model *m, uint32_t source)
 {
-    return source == SAGA_SOURCE_MEMORY ? m->memory_width : m->features;
+    return source == SAGA_SOURCE_BANK ? m->bank_width : m->features;
 }
 
 /* Fills one source's columns. */
@@ -378,7 +378,7 @@ static void source_forward(real *in, saga_rate_context *c, const job *j,
     } else if (source == SAGA_SOURCE_GROUPS) {
         groups_forward(in, j, x);
     } else {
-        memory_forward(in, j, c->memory.kind[j->kind].read);
+        bank_forward(in, j, c->memory.kind[j->kind].read);
     }
 }
 
@@ -477,7 +477,7 @@ static void groups_backward(const saga_rate_features *dx, const job *j,
 
 static void memory_backward(real *d_read, const job *j, const real *d_in)
 {
-    const size_t d = j->s->model.memory_width;
+    const size_t d = j->s->model.bank_width;
     size_t i;
 
     for (i = 0; i < j->list.n; i++)
@@ -531,17 +531,17 @@ uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s)
     int kind;
 
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
-        if (saga_rate_sources(c, s, kind) & SAGA_SOURCE_MEMORY)
+        if (saga_rate_sources(c, s, kind) & SAGA_SOURCE_BANK)
             readers |= 1u << kind;
     return readers;
 }
 
-static saga_rate_memory_input memory_input(const saga_rate_context *c,
-                                           const saga_scene *s, int kind,
-                                           const saga_rate_features *x)
+static saga_bank_twin_input bank_input(const saga_rate_context *c,
+                                       const saga_scene *s, int kind,
+                                       const saga_rate_features *x)
 {
     const saga_rate_kind *const k = &c->kind[kind];
-    saga_rate_memory_input in = { s, kind, &k->runs, 0, k->phase, k->size,
+    saga_bank_twin_input in = { s, kind, &k->runs, 0, k->phase, k->size,
                                   *x };
     int i;
 
@@ -553,14 +553,14 @@ static saga_rate_memory_input memory_input(const saga_rate_context *c,
 void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s)
 {
     if (saga_rate_readers(c, s))
-        saga_rate_memory_begin(&c->memory, s);
+        saga_bank_twin_begin(&c->memory, s);
 }
 
 void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
                             int kind, size_t from, size_t to,
                             const saga_rate_features *x)
 {
-    const saga_rate_memory_input in = memory_input(c, s, kind, x);
+    const saga_bank_twin_input in = bank_input(c, s, kind, x);
     const uint32_t begin = in.runs->begin[from];
     const saga_rate_list list = { in.runs->block + begin,
                                   in.runs->begin[to] - begin };
@@ -569,17 +569,17 @@ void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
         return;
     if (kind == SAGA_KIND_PRIM)
         place_prims(&c->kind[kind], s, x->twin, list);
-    saga_rate_memory_read(&c->memory, &in, from, to);
+    saga_bank_twin_read(&c->memory, &in, from, to);
 }
 
 void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
                              int kind, size_t from, size_t to,
                              const saga_rate_features *x)
 {
-    const saga_rate_memory_input in = memory_input(c, s, kind, x);
+    const saga_bank_twin_input in = bank_input(c, s, kind, x);
 
     if (kind != SAGA_KIND_PRIM && saga_rate_readers(c, s) >> kind)
-        saga_rate_memory_write(&c->memory, &in, from, to);
+        saga_bank_twin_write(&c->memory, &in, from, to);
 }
 
 void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
@@ -605,13 +605,13 @@ void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
     const uint32_t readers = saga_rate_readers(c, s);
     int kind;
 
-    saga_rate_memory_clear(&c->memory, s);
+    saga_bank_twin_clear(&c->memory, s);
     for (kind = SAGA_N_KINDS - 1; kind >= 0; kind--) {
-        const saga_rate_memory_input in = memory_input(c, s, kind, x);
+        const saga_bank_twin_input in = bank_input(c, s, kind, x);
 
         if (readers >> kind)
-            saga_rate_memory_backward(&c->memory, d, dx, &in,
-                                      readers >> kind & 1u);
+            saga_bank_twin_backward(&c->memory, d, dx, &in,
+                                    readers >> kind & 1u);
     }
-    saga_rate_memory_end(&c->memory, d, s);
+    saga_bank_twin_end(&c->memory, d, s);
 }

@@ -11,8 +11,8 @@
  *     HYPER   the hyperprior's network at the block's place, size and count
  *     PARENT  coarse features interpolated at a fine anchor's suffix cell, or
  *             the fine anchor's own features
- *     GROUPS  neighbours of earlier groups of the block's level
- *     MEMORY  what was last read for the block (rate_memory.h): a constant
+ *     GROUPS  neighbours of earlier groups of the block's tier
+ *     MEMORY  what was last read for the block (bank_twin.h): a constant
  *             between saga_rate_context_remember and its backward pass
  *
  * Neighbours and weights stand still between refreshes, as the scene's twin's
@@ -29,7 +29,7 @@
 #define SAGA_RATE_CONTEXT_H
 
 #include "links.h"
-#include "rate_memory.h"
+#include "bank_twin.h"
 #include "rate_block.h"
 #include "rate_runs.h"
 #include "twin.h"
@@ -51,7 +51,7 @@ typedef struct saga_rate_context {
     saga_rate_kind kind[SAGA_N_KINDS];
     uint8_t keep[SAGA_N_KINDS];  /* SAGA_SOURCE_*: the other sources' inputs
                                   * are 0, and learn nothing */
-    saga_rate_memory memory;
+    saga_bank_twin memory;
     real *scratch;               /* (blocks, F) */
     real *block;                 /* memory of the kinds' and of scratch */
 } saga_rate_context;
@@ -137,7 +137,7 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
 /* --- The memory ---------------------------------------------------------- */
 
 /* Returns the kinds that read it, as bits 1 << kind; 0: it does not run. A
- * level writes if it reads or one of the kinds after it. */
+ * tier writes if it reads or one of the kinds after it. */
 uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s);
 
 /* These run it in the order of coding: begin; of each kind, run by run, what

@@ -62,7 +62,7 @@ bool saga_rate_init(saga_rate *r, const saga_scene *s, saga_error *error)
 
     memset(r, 0, sizeof *r);
     for (net = 0; net < SAGA_N_NETS; net++)
-        r->plan.step[net] = ldexp(1, -SAGA_RATE_FINEST);
+        r->decision.step[net] = ldexp(1, -SAGA_RATE_FINEST);
     if (saga_rate_context_init(&r->context, s, error) &&
         alloc_all(r, s, error))
         return true;
@@ -88,9 +88,9 @@ void saga_rate_keep_raw(saga_rate *r)
 {
     int net;
 
-    r->plan.raw = 1;
+    r->decision.raw = 1;
     for (net = 0; net < SAGA_N_NETS; net++)
-        r->plan.step[net] = ldexp(1, -SAGA_RAW_STEP);
+        r->decision.step[net] = ldexp(1, -SAGA_RAW_STEP);
 }
 
 /* --- Values -------------------------------------------------------------- */
@@ -108,7 +108,7 @@ static void cell_offset(double o[4], const saga_coarse *c, const real *x)
 bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
 {
     const saga_rate_input anchors = { s, NULL, NULL };
-    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
     double o[4];
     uint32_t i, k;
 
@@ -165,7 +165,7 @@ static void snap_coarse(saga_scene *s)
 
 static void snap_fine(saga_scene *s)
 {
-    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
     const double step = step_size(&s->model, SAGA_KIND_FINE, 0);
     /* Fine anchors stay inside their cells, or they would have another suffix.
      */
@@ -202,7 +202,7 @@ void saga_rate_snap(saga_scene *s)
 /* Finds a primitive's residual in its suffix cell. */
 static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
 {
-    const uint32_t bits = x->scene->model.level[SAGA_LEVEL_FINE].suffix_bits;
+    const uint32_t bits = x->scene->model.tier[SAGA_TIER_FINE].suffix_bits;
     uint32_t suffix, k;
 
     for (k = 0; k < 4; k++)
@@ -353,13 +353,13 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
     int n, l;
     size_t i;
 
-    if (!r->plan.decided)
+    if (!r->decision.decided)
         return to;
     memcpy(r->params, s->params, saga_rate_n_params(s) * sizeof *r->params);
     for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
         const int net = saga_scene_net(n);
         saga_net *const f = &to.net[net];
-        const real step = R(r->plan.step[net]);
+        const real step = R(r->decision.step[net]);
 
         for (l = 0; l < f->n_layers; l++) {
             f->w[l] = r->params + (f->w[l] - s->params);
@@ -373,7 +373,7 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
 
 /* A slot's number enters as a 1 among zeros: weights as large as if it were all
  * of its layer's variance. The gate's bias is sigmoid^-1(1/8). */
-static void begin_memory(saga_scene *s)
+static void begin_bank(saga_scene *s)
 {
     const saga_net *const slot = &s->net[SAGA_NET_SLOT];
     const saga_net *const write = &s->net[SAGA_NET_WRITE];
@@ -383,7 +383,7 @@ static void begin_memory(saga_scene *s)
 
     for (i = 0; i < n; i++)
         slot->w[0][i] *= gain;
-    write->b[0][s->model.memory_width] = R(-1.9459101490553132);
+    write->b[0][s->model.bank_width] = R(-1.9459101490553132);
 }
 
 static void remember_mu(saga_rate *r, const saga_model *m, int kind,
@@ -401,7 +401,7 @@ static void remember_mu(saga_rate *r, const saga_model *m, int kind,
 static bool fine_offsets_are_0(const saga_model *m)
 {
     return m->step_q16[SAGA_STEP_FINE] >> 16 >=
-           32768u >> m->level[SAGA_LEVEL_COARSE].suffix_bits;
+           32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits;
 }
 
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
@@ -416,8 +416,8 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
     }
     if (fine_offsets_are_0(&s->model))
         r->context.keep[SAGA_KIND_FINE] = 0;
-    if (s->model.tools & SAGA_TOOL_MEMORY)
-        begin_memory(s);
+    if (s->model.tools & SAGA_TOOL_BANK)
+        begin_bank(s);
     for (i = 0; i < s->n.coarse; i++)
         remember_mu(r, &s->model, SAGA_KIND_COARSE, i,
                     r->constants.mean[SAGA_KIND_COARSE]);
@@ -580,8 +580,8 @@ static void step_kind(double bits[SAGA_N_STEPS], const job *j)
         saga_rate_context_backward(&r->context, j->d, s, j->kind, list, &dx);
 }
 
-void saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
-                    const saga_rate_input *x, const saga_rate_options *o)
+void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
+                   const saga_rate_input *x, const saga_rate_options *o)
 {
     const saga_scene rounded = saga_rate_rounded(r, x->scene);
     const saga_rate_input y = { &rounded, x->twin, x->feature };
@@ -623,7 +623,7 @@ double saga_rate_prim_step(const saga_scene *s)
 void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
                             size_t fine)
 {
-    const uint32_t bits = s->model.level[SAGA_LEVEL_FINE].suffix_bits;
+    const uint32_t bits = s->model.tier[SAGA_TIER_FINE].suffix_bits;
     const double at[4] = { (double)o[0], (double)o[1], (double)o[2],
                            (double)o[3] };
     const uint32_t suffix = saga_suffix_of(at, bits);

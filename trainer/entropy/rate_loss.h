@@ -28,7 +28,7 @@ enum {
     SAGA_RATE_EVERY = 4,         /* blocks: an iteration looks at one of them */
     SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the memory is read anew
                                   * and learns (docs/lab/memory.md), */
-    SAGA_RATE_MEMORY_PACE = 2,   /* at so many times the others' learning rate:
+    SAGA_BANK_TWIN_PACE = 2,   /* at so many times the others' learning rate:
                                   * it has fewer steps */
     SAGA_RAW_STEP = 11,          /* of raw networks: 2^-11, and the bits that */
     SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */
@@ -45,23 +45,23 @@ typedef struct saga_rate_gain {
 } saga_rate_gain;
 
 /* The plan says what was found to be worth its bytes (rate_choice.h). */
-typedef struct saga_rate_plan {
+typedef struct saga_rate_decision {
     uint64_t decided;            /* 1: by then; 0: everything is kept */
     double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
     saga_rate_gain gain[SAGA_N_KINDS];
     double hyper_weights;        /* bits; 0: no kind reads it */
-    double memory_weights;       /* of the memory's networks, kept or not */
-    double memory_net;           /* bits of the best choice in which those who
+    double bank_weights;       /* of the memory's networks, kept or not */
+    double bank_net;           /* bits of the best choice in which those who
                                   * gain from a memory read it, its networks
                                   * counted, less those of the best without:
                                   * kept if below 0; 0: nobody gains */
     uint64_t raw;                /* 1: steps are given, SAGA_RAW_BITS each */
     uint64_t keep;               /* 1: all sources stay, at whatever cost */
-} saga_rate_plan;
+} saga_rate_decision;
 
 typedef struct saga_rate {
     saga_rate_context context;
-    saga_rate_plan plan;
+    saga_rate_decision decision;
     saga_rate_constants constants;
     real *mu_feature;            /* (coarse, F) of each block's last evaluation:
                                   * what its features are rounded against */
@@ -117,7 +117,7 @@ static inline void saga_rate_look(saga_rate_options *o, int turn,
 #define saga_rate_prim_step SAGA_REAL_NAME(saga_rate_prim_step)
 #define saga_rate_round_offset SAGA_REAL_NAME(saga_rate_round_offset)
 #define saga_rate_rounded SAGA_REAL_NAME(saga_rate_rounded)
-#define saga_rate_step SAGA_REAL_NAME(saga_rate_step)
+#define saga_rate_add SAGA_REAL_NAME(saga_rate_add)
 #define saga_rate_code SAGA_REAL_NAME(saga_rate_code)
 #define saga_rate_all SAGA_REAL_NAME(saga_rate_all)
 
@@ -173,8 +173,8 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s);
  * the latter straight through the rounding) and to the twin's d_fine_feature,
  * which saga_twin_backward then takes. No gradient flows to anchors' positions,
  * nor to supports. */
-void saga_rate_step(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
-                    const saga_rate_input *x, const saga_rate_options *o);
+void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
+                   const saga_rate_input *x, const saga_rate_options *o);
 
 /* Adds code lengths of all values of a kind, quantised in the order of coding
  * as the closed loop will: parameters from what is decoded, rounded to the

@@ -11,9 +11,9 @@ enum { LEAST_PRIM_RUN = 256 };
 
 static uint32_t most_blocks(const saga_scene *s, int kind)
 {
-    const uint32_t most = s->model.memory_blocks;
+    const uint32_t most = s->model.bank_blocks;
 
-    if (!(s->model.tools & SAGA_TOOL_MEMORY))
+    if (!(s->model.tools & SAGA_TOOL_BANK))
         return UINT32_MAX;
     return kind == SAGA_KIND_PRIM && most < LEAST_PRIM_RUN ? LEAST_PRIM_RUN
                                                            : most;
@@ -21,7 +21,7 @@ static uint32_t most_blocks(const saga_scene *s, int kind)
 
 static uint32_t n_groups(const saga_scene *s, int kind)
 {
-    return kind == SAGA_KIND_PRIM ? 1 : s->model.level[kind].n_groups;
+    return kind == SAGA_KIND_PRIM ? 1 : s->model.tier[kind].n_groups;
 }
 
 static uint32_t group_of(const saga_scene *s, int kind, size_t block)

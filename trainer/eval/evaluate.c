@@ -33,7 +33,7 @@ static bool check_time(const saga_film *film, const saga_capture *capture,
                        saga_error *error)
 {
     const saga_info *const i = &film->info;
-    const double rate = (double)i->rate_num / i->rate_den;
+    const double rate = (double)i->fps_num / i->fps_den;
 
     if ((uint32_t)capture->n_frames != i->n_frames)
         return saga_fail(error, film->name, "give the --frames A:B it was "

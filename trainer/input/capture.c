@@ -42,13 +42,13 @@ void saga_capture_free(saga_capture *capture)
     *capture = (saga_capture){0};
 }
 
-/* -------------------------------------------------------------------- plan */
+/* ---------------------------------------------------------------- listing */
 
-void saga_plan_free(saga_plan *plan)
+void saga_listing_free(saga_listing *listing)
 {
-    for (int i = 0; i < plan->n_sources; i++) {
-        saga_source *const s = &plan->sources[i];
-        for (int k = 0; k < plan->n_frames; k++) {
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        for (int k = 0; k < listing->n_frames; k++) {
             if (s->pictures)
                 free(s->pictures[k]);
             if (s->depths)
@@ -58,98 +58,99 @@ void saga_plan_free(saga_plan *plan)
         free(s->depths);
         free(s->video);
     }
-    free(plan->sources);
-    free(plan->points);
-    *plan = (saga_plan){0};
+    free(listing->sources);
+    free(listing->points);
+    *listing = (saga_listing){0};
 }
 
 /* All names in one line, for messages. */
-static void list_names(const saga_plan *plan, char *text, size_t n)
+static void list_names(const saga_listing *listing, char *text, size_t n)
 {
     size_t used = 0;
     text[0] = '\0';
-    for (int i = 0; i < plan->n_sources && used + 8 < n; i++)
+    for (int i = 0; i < listing->n_sources && used + 8 < n; i++)
         used += (size_t)snprintf(text + used, n - used, "%s%.40s",
-                                 i ? "," : "", plan->sources[i].name);
+                                 i ? "," : "", listing->sources[i].name);
 }
 
-static bool hold_out_one(saga_plan *plan, const char *name, size_t n,
+static bool hold_out_one(saga_listing *listing, const char *name, size_t n,
                          saga_error *error)
 {
-    for (int i = 0; i < plan->n_sources; i++) {
-        saga_source *const s = &plan->sources[i];
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
         if (strlen(s->name) != n || strncmp(s->name, name, n) != 0)
             continue;
         s->held_out = true;
         return true;
     }
     char names[160];
-    list_names(plan, names, sizeof names);
-    return saga_fail(error, plan->path, "use names of this capture's cameras",
+    list_names(listing, names, sizeof names);
+    return saga_fail(error, listing->path,
+                     "use names of this capture's cameras",
                      "--hold-out names \"%.*s\", but the cameras are %s",
                      (int)(n < 60 ? n : 60), name, names);
 }
 
-bool saga_plan_hold_out(saga_plan *plan, const char *names,
-                        saga_error *error)
+bool saga_listing_hold_out(saga_listing *listing, const char *names,
+                           saga_error *error)
 {
-    for (int i = 0; names && i < plan->n_sources; i++)
-        plan->sources[i].held_out = false;
+    for (int i = 0; names && i < listing->n_sources; i++)
+        listing->sources[i].held_out = false;
     for (const char *p = names; p && *p;) {
         const size_t n = strcspn(p, ",");
-        if (n > 0 && !hold_out_one(plan, p, n, error))
+        if (n > 0 && !hold_out_one(listing, p, n, error))
             return false;
         p += n + (p[n] == ',');
     }
-    for (int i = 0; i < plan->n_sources; i++)
-        if (!plan->sources[i].held_out)
+    for (int i = 0; i < listing->n_sources; i++)
+        if (!listing->sources[i].held_out)
             return true;
-    return saga_fail(error, plan->path, "use --hold-out to keep some for "
+    return saga_fail(error, listing->path, "use --hold-out to keep some for "
                      "training", "all %d cameras are held out",
-                     plan->n_sources);
+                     listing->n_sources);
 }
 
-bool saga_source_probe_video(saga_source *source, saga_plan *plan,
-                             saga_error *error)
+bool saga_probe_video(saga_source *source, saga_listing *listing,
+                      saga_error *error)
 {
     if (!saga_video_probe(&source->info, source->video, error))
         return false;
     source->width = source->info.width;
     source->height = source->info.height;
-    if (source->info.untagged && !strstr(plan->notes, "colour:"))
-        saga_note(plan->notes, "colour: video without a matrix tag (%s) is "
+    if (source->info.untagged && !strstr(listing->notes, "colour:"))
+        saga_note(listing->notes, "colour: video without a matrix tag (%s) is "
                   "taken as BT.709", source->name);
     return true;
 }
 
-bool saga_plan_match_videos(saga_plan *plan,
-                            const saga_capture_options *options,
-                            saga_error *error)
+bool saga_listing_match_videos(saga_listing *listing,
+                               const saga_capture_options *options,
+                               saga_error *error)
 {
-    const saga_source *shortest = &plan->sources[0];
+    const saga_source *shortest = &listing->sources[0];
     const saga_source *longest = shortest;
-    for (int i = 1; i < plan->n_sources; i++) {
-        const saga_source *const s = &plan->sources[i];
+    for (int i = 1; i < listing->n_sources; i++) {
+        const saga_source *const s = &listing->sources[i];
         if (s->info.n_frames < shortest->info.n_frames)
             shortest = s;
         if (s->info.n_frames > longest->info.n_frames)
             longest = s;
-        if (fabs(s->info.fps - plan->sources[0].info.fps) >
+        if (fabs(s->info.fps - listing->sources[0].info.fps) >
             0.001 * s->info.fps)
             return saga_fail(error, s->video, "give all cameras one frame "
                              "rate", "has %g frames per second, %s has %g",
-                             s->info.fps, plan->sources[0].name,
-                             plan->sources[0].info.fps);
+                             s->info.fps, listing->sources[0].name,
+                             listing->sources[0].info.fps);
     }
-    plan->n_frames = shortest->info.n_frames;
-    if (plan->fps == 0.0)
-        plan->fps = plan->sources[0].info.fps;
-    if (longest->info.n_frames == plan->n_frames ||
-        (options->end_frame > 0 && options->end_frame <= plan->n_frames))
+    listing->n_frames = shortest->info.n_frames;
+    if (listing->fps == 0.0)
+        listing->fps = listing->sources[0].info.fps;
+    if (longest->info.n_frames == listing->n_frames ||
+        (options->end_frame > 0 && options->end_frame <= listing->n_frames))
         return true;
     char remedy[120];
     (void)snprintf(remedy, sizeof remedy, "cut the videos alike, or use "
-                   "--frames 0:%d if they start together", plan->n_frames);
+                   "--frames 0:%d if they start together", listing->n_frames);
     return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
                      "%s has %d frames, %s has %d", shortest->name,
                      shortest->info.n_frames, longest->name,
@@ -172,18 +173,18 @@ static bool check_options(const saga_capture_options *o, const char *path,
     return true;
 }
 
-static bool choose_range(saga_capture *capture, const saga_plan *plan,
+static bool choose_range(saga_capture *capture, const saga_listing *listing,
                          const saga_capture_options *o,
                          saga_error *error)
 {
-    const int end = o->end_frame ? o->end_frame : plan->n_frames;
+    const int end = o->end_frame ? o->end_frame : listing->n_frames;
     char remedy[64];
     (void)snprintf(remedy, sizeof remedy, "use a range within 0:%d",
-                   plan->n_frames);
-    if (end > plan->n_frames || o->first_frame >= end)
-        return saga_fail(error, plan->path, remedy, "--frames %d:%d is not in "
-                         "the capture's %d frames", o->first_frame, end,
-                         plan->n_frames);
+                   listing->n_frames);
+    if (end > listing->n_frames || o->first_frame >= end)
+        return saga_fail(error, listing->path, remedy, "--frames %d:%d is not "
+                         "in the capture's %d frames", o->first_frame, end,
+                         listing->n_frames);
     capture->first_frame = o->first_frame;
     capture->n_frames = end - o->first_frame;
     return true;
@@ -193,7 +194,7 @@ static bool choose_range(saga_capture *capture, const saga_plan *plan,
 
 typedef struct load_job {
     const saga_capture_options *options;
-    const saga_plan *plan;
+    const saga_listing *listing;
     saga_capture *capture;
     saga_remap *remaps;       /* (n_views), planned, without tables */
     int n_threads;
@@ -206,7 +207,7 @@ typedef struct load_job {
 
 static double picture_nbytes(const load_job *job, int v, double scale)
 {
-    const saga_source *const s = &job->plan->sources[v];
+    const saga_source *const s = &job->listing->sources[v];
     const double px = floor(s->width / scale) * floor(s->height / scale);
     double n = 3.0 * px * job->capture->n_frames;
     for (int k = 0; s->depths && job->options->want_depth &&
@@ -220,8 +221,8 @@ static double picture_nbytes(const load_job *job, int v, double scale)
 static double scratch_nbytes(const load_job *job)
 {
     double most = 0.0;
-    for (int v = 0; v < job->plan->n_sources; v++) {
-        const saga_source *const s = &job->plan->sources[v];
+    for (int v = 0; v < job->listing->n_sources; v++) {
+        const saga_source *const s = &job->listing->sources[v];
         most = fmax(most, 7.0 * s->width * s->height +
                               (double)saga_remap_nbytes(&job->remaps[v],
                                                         &s->lens));
@@ -232,7 +233,7 @@ static double scratch_nbytes(const load_job *job)
 static double forecast(const load_job *job, double scale)
 {
     double n = scratch_nbytes(job);
-    for (int v = 0; v < job->plan->n_sources; v++)
+    for (int v = 0; v < job->listing->n_sources; v++)
         n += picture_nbytes(job, v, scale);
     return n;
 }
@@ -263,12 +264,12 @@ static bool check_budget(const load_job *job)
     const double need = forecast(job, job->options->scale);
     if (need <= (double)job->options->memory_nbytes && need < 9e15)
         return true;
-    const saga_source *const s = &job->plan->sources[0];
+    const saga_source *const s = &job->listing->sources[0];
     char remedy[200];
     say_remedy(job, need, remedy, sizeof remedy);
-    return saga_fail(job->error, job->plan->path, remedy, "%d cameras x %d "
+    return saga_fail(job->error, job->listing->path, remedy, "%d cameras x %d "
                      "frames of %d x %d pixels at 1/%d need %.1f MiB, the "
-                     "budget is %.1f MiB", job->plan->n_sources,
+                     "budget is %.1f MiB", job->listing->n_sources,
                      job->capture->n_frames, s->width, s->height,
                      job->options->scale, need / 1048576.0,
                      (double)job->options->memory_nbytes / 1048576.0);
@@ -293,7 +294,7 @@ static void item_done(load_job *job, int item, bool ok,
             !o->progress(o->progress_user,
                          (double)job->n_done / job->n_items, "loading")) {
             job->first_failed = -1;
-            saga_fail(job->error, job->plan->path, NULL, "cancelled");
+            saga_fail(job->error, job->listing->path, NULL, "cancelled");
         }
     }
 }
@@ -317,7 +318,7 @@ static uint8_t *frame_to_fill(const load_job *job, int v, int k)
 static bool read_video(load_job *job, int v, const saga_remap *remap,
                        uint8_t *buffer, saga_error *error)
 {
-    const saga_source *const s = &job->plan->sources[v];
+    const saga_source *const s = &job->listing->sources[v];
     const int first = job->capture->first_frame;
     const int end = first + job->capture->n_frames;
     saga_video video;
@@ -337,7 +338,7 @@ static bool read_video(load_job *job, int v, const saga_remap *remap,
 
 static void load_video(load_job *job, int v)
 {
-    const saga_source *const s = &job->plan->sources[v];
+    const saga_source *const s = &job->listing->sources[v];
     saga_error error = { "" };
     saga_remap remap = job->remaps[v];
     uint8_t *const buffer = saga_alloc((size_t)s->width * (size_t)s->height,
@@ -351,7 +352,7 @@ static void load_video(load_job *job, int v)
 
 static void load_picture(load_job *job, int v, int k, const saga_remap *remap)
 {
-    const saga_source *const s = &job->plan->sources[v];
+    const saga_source *const s = &job->listing->sources[v];
     const char *const path = s->pictures[job->capture->first_frame + k];
     saga_error error = { "" };
     uint8_t *const buffer =
@@ -366,7 +367,7 @@ static void load_picture(load_job *job, int v, int k, const saga_remap *remap)
 
 static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
 {
-    const saga_source *const s = &job->plan->sources[v];
+    const saga_source *const s = &job->listing->sources[v];
     const saga_shot *const view = &job->capture->views[v];
     const char *const path = s->depths[job->capture->first_frame + k];
     saga_error error = { "" };
@@ -383,11 +384,11 @@ static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
 /* All still pictures, or all depths, of one view. */
 static void load_view(load_job *job, int v, bool depth)
 {
-    const saga_source *const s = &job->plan->sources[v];
+    const saga_source *const s = &job->listing->sources[v];
     const int n = job->capture->n_frames;
     saga_remap remap = job->remaps[v];
     saga_error error = { "" };
-    if (!saga_remap_build(&remap, &s->lens, job->plan->path, &error)) {
+    if (!saga_remap_build(&remap, &s->lens, job->listing->path, &error)) {
         item_done(job, v * n, false, &error);
         return;
     }
@@ -405,8 +406,8 @@ static void load_view(load_job *job, int v, bool depth)
 
 static bool load_all(load_job *job)
 {
-    const int n_views = job->plan->n_sources;
-    const bool videos = job->plan->sources[0].video != NULL;
+    const int n_views = job->listing->n_sources;
+    const bool videos = job->listing->sources[0].video != NULL;
     job->n_items = videos ? n_views : n_views * job->capture->n_frames;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(job->n_threads)
     for (int v = 0; v < (videos ? n_views : 0); v++)
@@ -454,14 +455,14 @@ static bool allocate_view(const load_job *job, saga_shot *view,
 
 static bool make_view(const load_job *job, int v)
 {
-    const saga_source *const s = &job->plan->sources[v];
+    const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
     saga_shot *const view = &job->capture->views[v];
     *view = (saga_shot){
         .width = m->width, .height = m->height, .fx = m->fx, .fy = m->fy,
         .cx = m->cx, .cy = m->cy, .near_depth = s->near_depth,
         .far_depth = s->far_depth, .held_out = s->held_out,
-        .source_width = s->width, .source_height = s->height,
+        .original_width = s->width, .original_height = s->height,
         .focal_scale = m->focal_scale, .n_observations = s->n_observations,
         .reprojection_median = s->reprojection_median,
         .reprojection_p90 = s->reprojection_p90};
@@ -480,7 +481,7 @@ static void note_decisions(const load_job *job)
                   job->options->scale);
     for (int v = 0; v < job->capture->n_views; v++) {
         const saga_shot *const view = &job->capture->views[v];
-        if (!saga_lens_is_pinhole(&job->plan->sources[v].lens))
+        if (!saga_lens_is_pinhole(&job->listing->sources[v].lens))
             saga_note(notes, "lens: %s undistorted, focal length x %.5f",
                       view->name, view->focal_scale);
     }
@@ -489,24 +490,24 @@ static void note_decisions(const load_job *job)
 static bool fill_capture(load_job *job)
 {
     saga_capture *const c = job->capture;
-    const saga_plan *const plan = job->plan;
-    c->views = saga_calloc((size_t)plan->n_sources, sizeof *c->views,
-                           plan->path, job->error);
+    const saga_listing *const listing = job->listing;
+    c->views = saga_calloc((size_t)listing->n_sources, sizeof *c->views,
+                           listing->path, job->error);
     if (!c->views)
         return false;
-    c->n_views = plan->n_sources;
+    c->n_views = listing->n_sources;
     for (int v = 0; v < c->n_views; v++)
         if (!make_view(job, v))
             return false;
     note_decisions(job);
     /* Poses are cheap to check, pictures are not to decode. */
-    return saga_check_overlap(c, plan->path, job->error) && load_all(job);
+    return saga_check_overlap(c, listing->path, job->error) && load_all(job);
 }
 
 static bool plan_remaps(load_job *job)
 {
-    for (int v = 0; v < job->plan->n_sources; v++) {
-        const saga_source *const s = &job->plan->sources[v];
+    for (int v = 0; v < job->listing->n_sources; v++) {
+        const saga_source *const s = &job->listing->sources[v];
         if (!saga_remap_plan(&job->remaps[v], &s->lens, s->width, s->height,
                              job->options->scale,
                              s->video ? s->video : s->pictures[0],
@@ -516,32 +517,32 @@ static bool plan_remaps(load_job *job)
     return true;
 }
 
-static bool carry_out(saga_capture *capture, saga_plan *plan,
+static bool carry_out(saga_capture *capture, saga_listing *listing,
                       const saga_capture_options *options,
                       saga_error *error)
 {
-    load_job job = {.options = options, .plan = plan, .capture = capture,
+    load_job job = {.options = options, .listing = listing, .capture = capture,
                     .error = error, .first_failed = INT32_MAX,
                     .n_threads = options->n_threads > 0
                                      ? options->n_threads
                                      : omp_get_max_threads()};
-    capture->format = plan->format;
+    capture->format = listing->format;
     capture->scale = options->scale;
-    capture->points = plan->points;
-    capture->n_points = plan->n_points;
-    plan->points = NULL;
-    memcpy(capture->notes, plan->notes, sizeof capture->notes);
-    capture->fps = plan->fps > 0.0      ? plan->fps
+    capture->points = listing->points;
+    capture->n_points = listing->n_points;
+    listing->points = NULL;
+    memcpy(capture->notes, listing->notes, sizeof capture->notes);
+    capture->fps = listing->fps > 0.0      ? listing->fps
                    : options->fps > 0.0 ? options->fps
                                         : 30.0;
-    if (plan->fps <= 0.0 && plan->n_frames > 1)
+    if (listing->fps <= 0.0 && listing->n_frames > 1)
         saga_note(capture->notes, "time: frame rate unknown, %g assumed",
                   capture->fps);
-    job.remaps = saga_calloc((size_t)plan->n_sources, sizeof *job.remaps,
-                             plan->path, error);
+    job.remaps = saga_calloc((size_t)listing->n_sources, sizeof *job.remaps,
+                             listing->path, error);
     if (!job.remaps)
         return false;
-    const bool ok = choose_range(capture, plan, options, error) &&
+    const bool ok = choose_range(capture, listing, options, error) &&
                     plan_remaps(&job) && check_budget(&job) &&
                     fill_capture(&job);
     free(job.remaps);
@@ -564,21 +565,21 @@ static bool unknown_format(const char *path, saga_error *error)
                      "holds no capture of a known format");
 }
 
-static bool make_plan(saga_plan *plan, const char *path,
-                      const saga_capture_options *options,
-                      saga_error *error)
+static bool make_listing(saga_listing *listing, const char *path,
+                         const saga_capture_options *options,
+                         saga_error *error)
 {
     if (saga_has_suffix(path, ".json") && saga_path_is_file(path))
-        return saga_nerfstudio_plan(plan, path, options, error);
+        return saga_nerfstudio_list(listing, path, options, error);
     char *const json = saga_path_join(path, "transforms.json", error);
     if (!json)
         return false;
     bool ok;
     errno = 0;
     if (saga_path_is_file(json))
-        ok = saga_nerfstudio_plan(plan, json, options, error);
+        ok = saga_nerfstudio_list(listing, json, options, error);
     else if (saga_neu3d_is_there(path))
-        ok = saga_neu3d_plan(plan, path, options, error);
+        ok = saga_neu3d_list(listing, path, options, error);
     else
         ok = unknown_format(path, error);
     free(json);
@@ -589,13 +590,13 @@ bool saga_capture_load(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
                        saga_error *error)
 {
-    saga_plan plan = {.path = path};
+    saga_listing listing = {.path = path};
     *capture = (saga_capture){0};
     *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
-                    make_plan(&plan, path, options, error) &&
-                    carry_out(capture, &plan, options, error);
-    saga_plan_free(&plan);
+                    make_listing(&listing, path, options, error) &&
+                    carry_out(capture, &listing, options, error);
+    saga_listing_free(&listing);
     if (!ok)
         saga_capture_free(capture);
     return ok;

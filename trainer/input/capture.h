@@ -66,7 +66,7 @@ typedef struct saga_shot {
     bool held_out;            /* for evaluation only, never trained on */
 
     /* Where it came from: for reports. */
-    int source_width, source_height;
+    int original_width, original_height;
     double focal_scale;       /* pinhole focal / lens focal, at source size;
                                * 1 if there was no distortion */
     int n_observations;       /* of points, if a COLMAP model came along */

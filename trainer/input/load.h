@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * What a format's loader finds out before any picture is decoded. The loaders
- * fill a plan (nerfstudio.c, neu3d.c); capture.c turns it into a capture, the
- * same way for all of them.
+ * fill a listing (nerfstudio.c, neu3d.c); capture.c turns it into a capture,
+ * the same way for all of them.
  */
 #ifndef SAGA_LOAD_H
 #define SAGA_LOAD_H
@@ -27,7 +27,7 @@ typedef struct saga_source {
     saga_video_info info;     /* of the video */
 } saga_source;
 
-typedef struct saga_plan {
+typedef struct saga_listing {
     const char *format;
     const char *path;         /* the capture's folder or file: for messages */
     saga_source *sources;     /* (n_sources) */
@@ -37,27 +37,27 @@ typedef struct saga_plan {
     size_t n_points;
     bool trust_points;        /* false: no tracks, n_seen is unknown */
     char notes[SAGA_NOTES_NBYTES];
-} saga_plan;
+} saga_listing;
 
-void saga_plan_free(saga_plan *plan);
+void saga_listing_free(saga_listing *listing);
 
 /* Which views are held out: by the option if given, else as the format said.
  * Must run before points are counted by training views. */
-bool saga_plan_hold_out(saga_plan *plan, const char *names,
-                        saga_error *error);
+bool saga_listing_hold_out(saga_listing *listing, const char *names,
+                           saga_error *error);
 /* Probes a source's video, checks or sets its size. */
-bool saga_source_probe_video(saga_source *source, saga_plan *plan,
-                             saga_error *error);
+bool saga_probe_video(saga_source *source, saga_listing *listing,
+                      saga_error *error);
 /* Frame counts and rates of all videos must agree; sets n_frames and fps. */
-bool saga_plan_match_videos(saga_plan *plan,
-                            const saga_capture_options *options,
-                            saga_error *error);
+bool saga_listing_match_videos(saga_listing *listing,
+                               const saga_capture_options *options,
+                               saga_error *error);
 
-bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
+bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
                           const saga_capture_options *options,
                           saga_error *error);
 bool saga_neu3d_is_there(const char *folder);
-bool saga_neu3d_plan(saga_plan *plan, const char *folder,
+bool saga_neu3d_list(saga_listing *listing, const char *folder,
                      const saga_capture_options *options,
                      saga_error *error);
 

@@ -55,7 +55,7 @@ typedef struct reader {
     json_t *root;
     const char *path;         /* of the JSON */
     char *folder;
-    saga_plan *plan;
+    saga_listing *listing;
     saga_error *error;
     entry *entries;
     int n_entries;
@@ -372,13 +372,13 @@ static bool check_times(const reader *r, int n)
 static void guess_fps(reader *r, int n)
 {
     const double first = r->entries[0].time, last = r->entries[n - 1].time;
-    if (r->plan->fps > 0.0 || n < 2 || count_times(r) == 0)
+    if (r->listing->fps > 0.0 || n < 2 || count_times(r) == 0)
         return;
     if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
-        saga_note(r->plan->notes, "time: 0..1 is taken as normalised");
+        saga_note(r->listing->notes, "time: 0..1 is taken as normalised");
         return;
     }
-    r->plan->fps = (n - 1) / (last - first);
+    r->listing->fps = (n - 1) / (last - first);
 }
 
 static bool read_fps(reader *r)
@@ -389,7 +389,7 @@ static bool read_fps(reader *r)
     if (json_object_get(r->root, "fps") && !(fps > 0.0 && fps < 1e5))
         return saga_fail(r->error, r->path, "give frames per second",
                          "\"fps\" is %g", fps);
-    r->plan->fps = fps;
+    r->listing->fps = fps;
     return true;
 }
 
@@ -444,13 +444,13 @@ static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
     saga_copy_name(name, base, len);
 }
 
-static bool names_differ(const saga_plan *plan)
+static bool names_differ(const saga_listing *listing)
 {
-    for (int i = 0; i < plan->n_sources; i++) {
-        if (plan->sources[i].name[0] == '\0')
+    for (int i = 0; i < listing->n_sources; i++) {
+        if (listing->sources[i].name[0] == '\0')
             return false;
         for (int k = 0; k < i; k++)
-            if (strcmp(plan->sources[i].name, plan->sources[k].name) == 0)
+            if (strcmp(listing->sources[i].name, listing->sources[k].name) == 0)
                 return false;
     }
     return true;
@@ -459,11 +459,11 @@ static bool names_differ(const saga_plan *plan)
 /* The first scheme that tells all cameras apart. */
 static void name_views(const reader *r, int n)
 {
-    saga_plan *const plan = r->plan;
+    saga_listing *const listing = r->listing;
     for (int scheme = n > 1 ? 0 : 2; scheme < 4; scheme++) {
         for (int v = 0; v < r->n_views; v++) {
             const entry *const e = &r->entries[v * n];
-            char *const name = plan->sources[v].name;
+            char *const name = listing->sources[v].name;
             const char *const base = base_of(e->file);
             if (scheme == 0)
                 folder_name(e->file, name);
@@ -474,7 +474,7 @@ static void name_views(const reader *r, int n)
             else
                 (void)snprintf(name, SAGA_NAME_NBYTES, "view%03d", v);
         }
-        if (names_differ(plan))
+        if (names_differ(listing))
             return;
     }
 }
@@ -548,7 +548,7 @@ static bool split_views(reader *r, int n)
         !mark_list(r, "test_filenames", false))
         return false;
     for (int i = 0; i < r->n_entries; i++) {
-        saga_source *const s = &r->plan->sources[i / n];
+        saga_source *const s = &r->listing->sources[i / n];
         if (i % n == 0)
             s->held_out = r->entries[i].held_out;
         else if (s->held_out != r->entries[i].held_out)
@@ -629,7 +629,7 @@ static bool fill_files(const reader *r, saga_source *s, const entry *e, int n)
 {
     if (r->videos) {
         s->video = saga_path_join(r->folder, e->file, r->error);
-        return s->video && saga_source_probe_video(s, r->plan, r->error);
+        return s->video && saga_probe_video(s, r->listing, r->error);
     }
     s->pictures =
         saga_calloc((size_t)n, sizeof *s->pictures, r->path, r->error);
@@ -655,15 +655,15 @@ static bool fill_files(const reader *r, saga_source *s, const entry *e, int n)
 
 static bool fill_views(reader *r, int n)
 {
-    r->plan->sources = saga_calloc(
-        (size_t)r->n_views, sizeof *r->plan->sources, r->path, r->error);
-    if (!r->plan->sources)
+    r->listing->sources = saga_calloc(
+        (size_t)r->n_views, sizeof *r->listing->sources, r->path, r->error);
+    if (!r->listing->sources)
         return false;
-    r->plan->n_sources = r->n_views;
-    r->plan->n_frames = r->videos ? 0 : n;
+    r->listing->n_sources = r->n_views;
+    r->listing->n_frames = r->videos ? 0 : n;
     name_views(r, n);
     for (int v = 0; v < r->n_views; v++) {
-        saga_source *const s = &r->plan->sources[v];
+        saga_source *const s = &r->listing->sources[v];
         const entry *const e = &r->entries[v * n];
         if (!fill_files(r, s, e, n) || !fill_lens(r, s, e) ||
             !fill_pose(r, s, e))
@@ -679,17 +679,17 @@ static bool read_ply(reader *r)
     if (!get_string(r, r->root, -1, "ply_file_path", &file))
         return false;
     if (!file) {
-        saga_note(r->plan->notes, "points: none (no ply_file_path)");
+        saga_note(r->listing->notes, "points: none (no ply_file_path)");
         return true;
     }
     char *const path = saga_path_join(r->folder, file, r->error);
-    const bool ok = path && saga_ply_read(path, &r->plan->points,
-                                          &r->plan->n_points, &n_dropped,
+    const bool ok = path && saga_ply_read(path, &r->listing->points,
+                                          &r->listing->n_points, &n_dropped,
                                           r->error);
     free(path);
     if (ok)
-        saga_note(r->plan->notes, "points: %zu of unknown visibility, %zu "
-                  "dropped as not finite", r->plan->n_points, n_dropped);
+        saga_note(r->listing->notes, "points: %zu of unknown visibility, %zu "
+                  "dropped as not finite", r->listing->n_points, n_dropped);
     return ok;
 }
 
@@ -709,13 +709,13 @@ static bool read_all(reader *r, const saga_capture_options *options)
         guess_fps(r, n);
     if (!fill_views(r, n))
         return false;
-    if (r->videos && !saga_plan_match_videos(r->plan, options, r->error))
+    if (r->videos && !saga_listing_match_videos(r->listing, options, r->error))
         return false;
     if (r->masks)
-        saga_note(r->plan->notes, "masks: mask_path is ignored");
+        saga_note(r->listing->notes, "masks: mask_path is ignored");
     if (r->odd_depths)
-        saga_note(r->plan->notes, "depth: only .exr files are read");
-    return saga_plan_hold_out(r->plan, options->hold_out, r->error) &&
+        saga_note(r->listing->notes, "depth: only .exr files are read");
+    return saga_listing_hold_out(r->listing, options->hold_out, r->error) &&
            read_ply(r);
 }
 
@@ -746,15 +746,15 @@ static bool bad_json(const json_error_t *problem, const char *path,
                      problem->line, problem->column, problem->text);
 }
 
-bool saga_nerfstudio_plan(saga_plan *plan, const char *json_path,
+bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
                           const saga_capture_options *options,
                           saga_error *error)
 {
-    reader r = {.path = json_path, .plan = plan, .error = error,
+    reader r = {.path = json_path, .listing = listing, .error = error,
                 .folder = folder_of(json_path, error)};
     json_error_t problem;
     saga_bytes bytes;
-    plan->format = "nerfstudio (transforms.json)";
+    listing->format = "nerfstudio (transforms.json)";
     bool ok = r.folder && saga_read_file(&bytes, json_path, error);
     if (ok) {
         saga_json_watch();

@@ -50,26 +50,26 @@ static int by_name(const void *a, const void *b)
     return strcmp(x->video, y->video);
 }
 
-static bool add_video(saga_plan *plan, const char *folder, const char *name,
-                      saga_error *error)
+static bool add_video(saga_listing *listing, const char *folder,
+                      const char *name, saga_error *error)
 {
-    if (plan->n_sources == SAGA_MAX_VIEWS)
+    if (listing->n_sources == SAGA_MAX_VIEWS)
         return saga_fail(error, folder, "split the capture",
                          "has more than %d videos", SAGA_MAX_VIEWS);
     saga_source *const more =
-        saga_realloc(plan->sources, (size_t)plan->n_sources + 1, sizeof *more,
-                     folder, error);
+        saga_realloc(listing->sources, (size_t)listing->n_sources + 1,
+                     sizeof *more, folder, error);
     if (!more)
         return false;
-    plan->sources = more;
-    saga_source *const source = &more[plan->n_sources++];
+    listing->sources = more;
+    saga_source *const source = &more[listing->n_sources++];
     *source = (saga_source){.video = saga_path_join(folder, name, error)};
     saga_copy_name(source->name, name, strlen(name) - strlen(".mp4"));
     source->held_out = strcmp(source->name, "cam00") == 0;
     return source->video != NULL;
 }
 
-static bool list_videos(saga_plan *plan, const char *folder,
+static bool list_videos(saga_listing *listing, const char *folder,
                         saga_error *error)
 {
     DIR *const dir = opendir(folder);
@@ -79,16 +79,16 @@ static bool list_videos(saga_plan *plan, const char *folder,
     bool ok = true;
     for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
         if (is_camera_video(e->d_name))
-            ok = add_video(plan, folder, e->d_name, error);
+            ok = add_video(listing, folder, e->d_name, error);
     closedir(dir);
-    if (ok && plan->n_sources > 0)
-        qsort(plan->sources, (size_t)plan->n_sources, sizeof *plan->sources,
-              by_name);
-    for (int i = 0; ok && i < plan->n_sources; i++)
-        ok = saga_source_probe_video(&plan->sources[i], plan, error);
+    if (ok && listing->n_sources > 0)
+        qsort(listing->sources, (size_t)listing->n_sources,
+              sizeof *listing->sources, by_name);
+    for (int i = 0; ok && i < listing->n_sources; i++)
+        ok = saga_probe_video(&listing->sources[i], listing, error);
     /* One camera alone has nobody to be compared with. */
-    if (plan->n_sources == 1)
-        plan->sources[0].held_out = false;
+    if (listing->n_sources == 1)
+        listing->sources[0].held_out = false;
     return ok;
 }
 
@@ -137,7 +137,7 @@ static bool row_camera(saga_source *source, const double *row,
     return row_intrinsics(source, row[4], row[9], row[14], path, error);
 }
 
-static bool read_poses(saga_plan *plan, const char *path,
+static bool read_poses(saga_listing *listing, const char *path,
                        saga_error *error)
 {
     saga_npy npy;
@@ -147,13 +147,13 @@ static bool read_poses(saga_plan *plan, const char *path,
     if (npy.cols != 17)
         ok = saga_fail(error, path, "save N rows of 17 numbers",
                        "has %zu columns", npy.cols);
-    else if (npy.rows != (size_t)plan->n_sources)
+    else if (npy.rows != (size_t)listing->n_sources)
         ok = saga_fail(error, path, "remove or add videos so that there is "
                        "one per row, in sorted order",
                        "has %zu rows but there are %d videos cam*.mp4",
-                       npy.rows, plan->n_sources);
-    for (int i = 0; ok && i < plan->n_sources; i++)
-        ok = row_camera(&plan->sources[i], npy.data + 17 * i, path, error);
+                       npy.rows, listing->n_sources);
+    for (int i = 0; ok && i < listing->n_sources; i++)
+        ok = row_camera(&listing->sources[i], npy.data + 17 * i, path, error);
     saga_npy_free(&npy);
     return ok;
 }
@@ -176,25 +176,25 @@ static bool names_image(const char *name, const char *image)
 }
 
 /* The first image of each view; -1 if it has none. */
-static void match_images(const saga_plan *plan, const saga_colmap *model,
+static void match_images(const saga_listing *listing, const saga_colmap *model,
                          int *image_of)
 {
-    for (int i = 0; i < plan->n_sources; i++) {
+    for (int i = 0; i < listing->n_sources; i++) {
         image_of[i] = -1;
         for (size_t k = 0; k < model->n_images && image_of[i] < 0; k++)
-            if (names_image(plan->sources[i].name, model->images[k].name))
+            if (names_image(listing->sources[i].name, model->images[k].name))
                 image_of[i] = (int)k;
     }
 }
 
 /* Largest distance between a camera's two centres, in diameters of the rig.
  * Another world frame differs by the order of one. */
-static double disagreement(const saga_plan *plan, const saga_colmap *model,
-                           const int *image_of)
+static double disagreement(const saga_listing *listing,
+                           const saga_colmap *model, const int *image_of)
 {
     double size = 0.0, worst = 0.0, first[3] = {0};
-    for (int i = 0; i < plan->n_sources; i++) {
-        const saga_source *const s = &plan->sources[i];
+    for (int i = 0; i < listing->n_sources; i++) {
+        const saga_source *const s = &listing->sources[i];
         double a[3], b[3], d2 = 0.0, r2 = 0.0;
         saga_pose_centre(s->rotation, s->translation, a);
         if (i == 0)
@@ -213,24 +213,24 @@ static double disagreement(const saga_plan *plan, const saga_colmap *model,
     return worst / fmax(size, 1e-9);
 }
 
-static bool all_matched(const saga_plan *plan, const int *image_of,
+static bool all_matched(const saga_listing *listing, const int *image_of,
                         const char **missing)
 {
-    for (int i = 0; i < plan->n_sources; i++)
+    for (int i = 0; i < listing->n_sources; i++)
         if (image_of[i] < 0) {
-            *missing = plan->sources[i].name;
+            *missing = listing->sources[i].name;
             return false;
         }
     return true;
 }
 
 /* A model made from pictures of another size is scaled to the videos. */
-static bool adopt_cameras(saga_plan *plan, const saga_colmap *model,
+static bool adopt_cameras(saga_listing *listing, const saga_colmap *model,
                           const int *image_of, const char *folder,
                           saga_error *error)
 {
-    for (int i = 0; i < plan->n_sources; i++) {
-        saga_source *const s = &plan->sources[i];
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
         const saga_colmap_image *const image = &model->images[image_of[i]];
         const saga_colmap_camera *const camera =
             saga_colmap_camera_of(model, image->camera);
@@ -256,27 +256,27 @@ static bool adopt_cameras(saga_plan *plan, const saga_colmap *model,
     return true;
 }
 
-static int view_of_image(const saga_plan *plan, const char *image)
+static int view_of_image(const saga_listing *listing, const char *image)
 {
-    for (int i = 0; i < plan->n_sources; i++)
-        if (names_image(plan->sources[i].name, image))
+    for (int i = 0; i < listing->n_sources; i++)
+        if (names_image(listing->sources[i].name, image))
             return i;
     return -1;
 }
 
 /* (n_images): the view each image belongs to, -1 none. */
-static int *map_images(const saga_plan *plan, const saga_colmap *model,
+static int *map_images(const saga_listing *listing, const saga_colmap *model,
                        saga_error *error)
 {
     int *const view =
-        saga_alloc(model->n_images, sizeof *view, plan->path, error);
+        saga_alloc(model->n_images, sizeof *view, listing->path, error);
     for (size_t k = 0; view && k < model->n_images; k++)
-        view[k] = view_of_image(plan, model->images[k].name);
+        view[k] = view_of_image(listing, model->images[k].name);
     return view;
 }
 
 /* Distinct training views in a point's track. */
-static int count_training_views(const saga_plan *plan,
+static int count_training_views(const saga_listing *listing,
                                 const saga_colmap *model, const int *view,
                                 const saga_colmap_point *point, size_t *stamp,
                                 size_t now)
@@ -286,7 +286,7 @@ static int count_training_views(const saga_plan *plan,
         const saga_colmap_image *const image =
             saga_colmap_image_of(model, model->tracks[point->first + t]);
         const int v = image ? view[image - model->images] : -1;
-        if (v < 0 || plan->sources[v].held_out || stamp[v] == now)
+        if (v < 0 || listing->sources[v].held_out || stamp[v] == now)
             continue;
         stamp[v] = now;
         n++;
@@ -294,18 +294,18 @@ static int count_training_views(const saga_plan *plan,
     return n;
 }
 
-static bool take_points(saga_plan *plan, const saga_colmap *model,
+static bool take_points(saga_listing *listing, const saga_colmap *model,
                         const int *view, saga_error *error)
 {
-    size_t *const stamp = saga_calloc((size_t)plan->n_sources, sizeof *stamp,
-                                      plan->path, error);
-    plan->points = saga_alloc(model->n_points, sizeof *plan->points,
-                              plan->path, error);
+    size_t *const stamp = saga_calloc((size_t)listing->n_sources, sizeof *stamp,
+                                      listing->path, error);
+    listing->points = saga_alloc(model->n_points, sizeof *listing->points,
+                                 listing->path, error);
     size_t n_few = 0, n_bad = 0;
-    for (size_t k = 0; stamp && plan->points && k < model->n_points; k++) {
+    for (size_t k = 0; stamp && listing->points && k < model->n_points; k++) {
         const saga_colmap_point *const p = &model->points[k];
         const int n =
-            count_training_views(plan, model, view, p, stamp, k + 1);
+            count_training_views(listing, model, view, p, stamp, k + 1);
         const bool finite = isfinite(p->position[0]) &&
                             isfinite(p->position[1]) &&
                             isfinite(p->position[2]);
@@ -313,19 +313,19 @@ static bool take_points(saga_plan *plan, const saga_colmap *model,
         n_few += finite && n < 2 ? 1 : 0;
         if (!finite || n < 2)
             continue;
-        saga_point *const to = &plan->points[plan->n_points++];
+        saga_point *const to = &listing->points[listing->n_points++];
         *to = (saga_point){.n_seen = (int16_t)n};
         memcpy(to->position, p->position, sizeof to->position);
         memcpy(to->rgb, p->rgb, sizeof to->rgb);
     }
-    const bool ok = stamp && plan->points;
+    const bool ok = stamp && listing->points;
     free(stamp);
     if (!ok)
         return false;
-    plan->trust_points = true;
-    saga_note(plan->notes, "points: %zu of COLMAP's %zu kept, %zu dropped "
+    listing->trust_points = true;
+    saga_note(listing->notes, "points: %zu of COLMAP's %zu kept, %zu dropped "
               "(seen by fewer than 2 training cameras), %zu not finite",
-              plan->n_points, model->n_points, n_few, n_bad);
+              listing->n_points, model->n_points, n_few, n_bad);
     return true;
 }
 
@@ -375,16 +375,16 @@ static bool measure_view(saga_source *s, const saga_colmap *model,
     return e != NULL;
 }
 
-static bool measure_views(saga_plan *plan, const saga_colmap *model,
+static bool measure_views(saga_listing *listing, const saga_colmap *model,
                           const int *image_of, saga_error *error)
 {
-    for (int i = 0; i < plan->n_sources; i++) {
+    for (int i = 0; i < listing->n_sources; i++) {
         if (image_of[i] < 0)
             continue;
         const saga_colmap_image *const image = &model->images[image_of[i]];
         const saga_colmap_camera *const camera =
             saga_colmap_camera_of(model, image->camera);
-        if (camera && !measure_view(&plan->sources[i], model, image, camera,
+        if (camera && !measure_view(&listing->sources[i], model, image, camera,
                                     error))
             return false;
     }
@@ -395,48 +395,49 @@ static bool measure_views(saga_plan *plan, const saga_colmap *model,
  * less than it matters. */
 static const double same_frame = 1e-3;
 
-static bool use_model(saga_plan *plan, const saga_colmap *model,
+static bool use_model(saga_listing *listing, const saga_colmap *model,
                       const char *folder, bool have_poses, int *image_of,
                       saga_error *error)
 {
     const char *missing = "";
-    match_images(plan, model, image_of);
-    const bool complete = all_matched(plan, image_of, &missing);
-    const double off = have_poses ? disagreement(plan, model, image_of) : 0.0;
+    match_images(listing, model, image_of);
+    const bool complete = all_matched(listing, image_of, &missing);
+    const double off = have_poses ? disagreement(listing, model, image_of)
+                                  : 0.0;
     if (!complete && !have_poses)
         return saga_fail(error, folder, "add poses_bounds.npy or reconstruct "
                          "with all cameras", "no image of the COLMAP model "
                          "belongs to %s", missing);
     if (!complete && off > same_frame) {
-        saga_note(plan->notes, "points: none; COLMAP's model has another "
+        saga_note(listing->notes, "points: none; COLMAP's model has another "
                   "world frame than poses_bounds.npy and lacks %s", missing);
         return true;
     }
     if (!have_poses || off > same_frame) {
-        if (!adopt_cameras(plan, model, image_of, folder, error))
+        if (!adopt_cameras(listing, model, image_of, folder, error))
             return false;
         if (have_poses)
-            saga_note(plan->notes, "cameras: from COLMAP's model, since "
+            saga_note(listing->notes, "cameras: from COLMAP's model, since "
                       "poses_bounds.npy has another world frame (centres "
                       "differ by %.3g rig diameters)", off);
         else
-            saga_note(plan->notes, "cameras: from COLMAP's model");
+            saga_note(listing->notes, "cameras: from COLMAP's model");
     }
-    int *const view = map_images(plan, model, error);
-    const bool ok = view && take_points(plan, model, view, error);
+    int *const view = map_images(listing, model, error);
+    const bool ok = view && take_points(listing, model, view, error);
     free(view);
-    return ok && measure_views(plan, model, image_of, error);
+    return ok && measure_views(listing, model, image_of, error);
 }
 
-static bool read_model(saga_plan *plan, const char *folder, bool have_poses,
-                       saga_error *error)
+static bool read_model(saga_listing *listing, const char *folder,
+                       bool have_poses, saga_error *error)
 {
     saga_colmap model;
     if (!saga_colmap_read(&model, folder, error))
         return false;
     int *const image_of =
-        saga_alloc((size_t)plan->n_sources, sizeof *image_of, folder, error);
-    const bool ok = image_of && use_model(plan, &model, folder, have_poses,
+        saga_alloc((size_t)listing->n_sources, sizeof *image_of, folder, error);
+    const bool ok = image_of && use_model(listing, &model, folder, have_poses,
                                           image_of, error);
     free(image_of);
     saga_colmap_free(&model);
@@ -463,17 +464,17 @@ static bool find_model(char **model, const char *folder, saga_error *error)
 /* ------------------------------------------------------------------- depth */
 
 /* depth/NAME_fKKK.exr of a source, where there are some. */
-static bool find_depths_of(saga_source *s, const saga_plan *plan,
+static bool find_depths_of(saga_source *s, const saga_listing *listing,
                            const char *folder, saga_error *error)
 {
-    for (int k = 0; k < plan->n_frames; k++) {
+    for (int k = 0; k < listing->n_frames; k++) {
         char name[SAGA_NAME_NBYTES + 32];
         (void)snprintf(name, sizeof name, "depth/%s_f%03d.exr", s->name, k);
         if (!saga_folder_has(folder, name))
             continue;
         if (!s->depths)
-            s->depths = saga_calloc((size_t)plan->n_frames, sizeof *s->depths,
-                                    folder, error);
+            s->depths = saga_calloc((size_t)listing->n_frames,
+                                    sizeof *s->depths, folder, error);
         if (!s->depths)
             return false;
         s->depths[k] = saga_path_join(folder, name, error);
@@ -483,23 +484,23 @@ static bool find_depths_of(saga_source *s, const saga_plan *plan,
     return true;
 }
 
-static bool find_depths(saga_plan *plan, const char *folder,
+static bool find_depths(saga_listing *listing, const char *folder,
                         saga_error *error)
 {
-    for (int i = 0; i < plan->n_sources; i++)
-        if (!find_depths_of(&plan->sources[i], plan, folder, error))
+    for (int i = 0; i < listing->n_sources; i++)
+        if (!find_depths_of(&listing->sources[i], listing, folder, error))
             return false;
     return true;
 }
 
-bool saga_neu3d_plan(saga_plan *plan, const char *folder,
+bool saga_neu3d_list(saga_listing *listing, const char *folder,
                      const saga_capture_options *options,
                      saga_error *error)
 {
-    plan->format = "Neu3D (cam*.mp4)";
-    if (!list_videos(plan, folder, error) ||
-        !saga_plan_match_videos(plan, options, error) ||
-        !saga_plan_hold_out(plan, options->hold_out, error))
+    listing->format = "Neu3D (cam*.mp4)";
+    if (!list_videos(listing, folder, error) ||
+        !saga_listing_match_videos(listing, options, error) ||
+        !saga_listing_hold_out(listing, options->hold_out, error))
         return false;
     char *const poses = saga_path_join(folder, "poses_bounds.npy", error);
     char *model = NULL;
@@ -510,14 +511,14 @@ bool saga_neu3d_plan(saga_plan *plan, const char *folder,
                        "model in colmap/ or sparse/0",
                        "has %d videos but no cameras: neither "
                        "poses_bounds.npy nor a COLMAP model",
-                       plan->n_sources);
-    ok = ok && (!have_poses || read_poses(plan, poses, error));
+                       listing->n_sources);
+    ok = ok && (!have_poses || read_poses(listing, poses, error));
     if (ok && model)
-        ok = read_model(plan, model, have_poses, error);
+        ok = read_model(listing, model, have_poses, error);
     else if (ok)
-        saga_note(plan->notes, "points: none (no COLMAP model in colmap/ or "
+        saga_note(listing->notes, "points: none (no COLMAP model in colmap/ or "
                   "sparse/0)");
-    ok = ok && (!options->want_depth || find_depths(plan, folder, error));
+    ok = ok && (!options->want_depth || find_depths(listing, folder, error));
     free(poses);
     free(model);
     return ok;

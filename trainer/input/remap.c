@@ -118,7 +118,7 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                      int height, int scale, const char *file,
                      saga_error *error)
 {
-    *remap = (saga_remap){.source_width = width, .source_height = height,
+    *remap = (saga_remap){.original_width = width, .original_height = height,
                           .scale = scale, .focal_scale = 1.0,
                           .width = width / scale, .height = height / scale};
     if (remap->width < 1 || remap->height < 1)
@@ -148,8 +148,8 @@ uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
 {
     return saga_lens_is_pinhole(lens)
                ? 0
-               : (uint64_t)remap->source_width *
-                     (uint64_t)remap->source_height * 6;
+               : (uint64_t)remap->original_width *
+                     (uint64_t)remap->original_height * 6;
 }
 
 /* Position of the upper left of four taps and the way to the next, in 1/256,
@@ -173,7 +173,7 @@ bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
 {
     if (saga_lens_is_pinhole(lens))
         return true;
-    const int w = remap->source_width, h = remap->source_height;
+    const int w = remap->original_width, h = remap->original_height;
     const size_t n = (size_t)w * (size_t)h;
     remap->taps = saga_alloc(n, sizeof *remap->taps, file, error);
     remap->fractions = saga_alloc(n, 2, file, error);
@@ -206,9 +206,9 @@ static inline void add_bilinear(const saga_remap *remap, const uint8_t *source,
 {
     const uint32_t fx = remap->fractions[2 * i];
     const uint32_t fy = remap->fractions[2 * i + 1];
-    const size_t right = remap->source_width > 1 ? 3 : 0;
+    const size_t right = remap->original_width > 1 ? 3 : 0;
     const size_t down =
-        remap->source_height > 1 ? (size_t)remap->source_width * 3 : 0;
+        remap->original_height > 1 ? (size_t)remap->original_width * 3 : 0;
     const uint8_t *const p = source + (size_t)remap->taps[i] * 3;
     for (size_t c = 0; c < 3; c++) {
         const uint32_t top = p[c] * (256 - fx) + p[right + c] * fx;
@@ -221,7 +221,7 @@ static inline void add_bilinear(const saga_remap *remap, const uint8_t *source,
 static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
                       int y, uint8_t *rgb)
 {
-    const size_t n = (size_t)remap->scale, w = (size_t)remap->source_width;
+    const size_t n = (size_t)remap->scale, w = (size_t)remap->original_width;
     uint64_t sum[3] = {0};
     for (size_t b = 0; b < n; b++)
         for (size_t a = 0; a < n; a++) {
@@ -255,7 +255,7 @@ void saga_remap_rgb(const saga_remap *remap, const uint8_t *source,
 void saga_remap_depth(const saga_remap *remap, const float *source,
                       float *depth)
 {
-    const size_t n = (size_t)remap->scale, w = (size_t)remap->source_width;
+    const size_t n = (size_t)remap->scale, w = (size_t)remap->original_width;
     for (size_t y = 0; y < (size_t)remap->height; y++)
         for (size_t x = 0; x < (size_t)remap->width; x++) {
             size_t i = (y * n + n / 2) * w + x * n + n / 2;

@@ -32,7 +32,7 @@ typedef struct saga_lens {
 } saga_lens;
 
 typedef struct saga_remap {
-    int source_width, source_height;
+    int original_width, original_height;
     int scale;
     int width, height;        /* of what comes out */
     double fx, fy, cx, cy;    /* of what comes out */

@@ -133,8 +133,8 @@ static void step_tensor(const saga_adam_tensor *t, const saga_adam *adam,
     }
 }
 
-bool saga_adam_step(const saga_adam *adam, const saga_adam_tensor *tensors,
-                    size_t n_tensors, uint64_t step, saga_error *error)
+bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
+                      size_t n_tensors, uint64_t step, saga_error *error)
 {
     size_t k;
 

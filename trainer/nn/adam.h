@@ -29,7 +29,7 @@ typedef struct saga_adam_tensor {
 } saga_adam_tensor;
 
 #define saga_adam_default SAGA_REAL_NAME(saga_adam_default)
-#define saga_adam_step SAGA_REAL_NAME(saga_adam_step)
+#define saga_adam_update SAGA_REAL_NAME(saga_adam_update)
 
 /* 0.9, 0.999, 1e-15, 4. */
 saga_adam saga_adam_default(void);
@@ -39,7 +39,7 @@ saga_adam saga_adam_default(void);
  * (sqrt(v') + eps): one picture out of the ordinary does not throw away what
  * thousands have taught. Fails where a gradient or a value is not finite, which
  * the error names; then nothing was changed. */
-bool saga_adam_step(const saga_adam *adam, const saga_adam_tensor *tensors,
-                    size_t n_tensors, uint64_t step, saga_error *error);
+bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
+                      size_t n_tensors, uint64_t step, saga_error *error);
 
 #endif

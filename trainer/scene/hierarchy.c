@@ -17,7 +17,7 @@ static const char what[] = "the hierarchy";
 typedef struct {
     saga_tree tree;
     saga_scene *scene;
-    uint32_t *prim_source;
+    uint32_t *prim_origin;
     uint32_t *n_fine;                /* (leaves) */
     double *distance;                /* (SAGA_MEDOID_MOST ^ 2) of a leaf */
     uint32_t fine, prim;             /* the next ranks */
@@ -283,7 +283,7 @@ static void write_centre(saga_scene *s, const saga_tree *t, uint32_t rank)
     for (int i = 0; i < 3; i++)
         x[i] = (real)mean[i];
     x[3] = (real)(time / w);
-    saga_scene_place(a->x, &units, x);
+    saga_scene_position(a->x, &units, x);
     a->t = (uint16_t)units;
 }
 
@@ -304,7 +304,7 @@ static void write_coarse(builder *b, uint32_t rank)
     a->depth_x = nd->depth_x;
     a->depth_t = nd->depth_t;
     a->group = (uint8_t)saga_morton_group(
-        v, t->o->model->level[SAGA_LEVEL_COARSE].n_groups);
+        v, t->o->model->tier[SAGA_TIER_COARSE].n_groups);
     a->first_fine = b->fine;
     a->n_fine = (uint8_t)b->n_fine[rank];
     write_centre(b->scene, t, rank);
@@ -314,7 +314,7 @@ static void write_coarse(builder *b, uint32_t rank)
 static void suffix_axes(uint32_t v[4], const saga_tree *t,
                         const saga_candidate *c, const saga_tree_node *nd)
 {
-    const int bits = t->o->model->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const int bits = t->o->model->tier[SAGA_TIER_COARSE].suffix_bits;
     const uint32_t mask = (1u << bits) - 1;
 
     for (int i = 0; i < 3; i++)
@@ -328,25 +328,25 @@ static void write_fine(const builder *b, uint32_t parent,
 {
     const saga_tree *const t = &b->tree;
     const saga_model *const m = t->o->model;
-    const int bits = m->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const int bits = m->tier[SAGA_TIER_COARSE].suffix_bits;
     saga_fine *const a = &b->scene->fine[b->fine];
     real *const x = b->scene->fine_x + 4 * (size_t)b->fine;
     uint32_t v[4];
-    saga_place p;
+    saga_position p;
 
     suffix_axes(v, t, c, &t->node[t->leaf[parent]]);
     a->group = (uint8_t)saga_morton_group(
-        v, m->level[SAGA_LEVEL_FINE].n_groups);
+        v, m->tier[SAGA_TIER_FINE].n_groups);
     a->parent = parent;
     a->first_prim = b->prim;
-    saga_place_cell(&p, &b->scene->coarse[parent]);
+    saga_position_cell(&p, &b->scene->coarse[parent]);
     for (int i = 0; i < 4; i++) {
         a->support[i] = p.support[i];
         a->local[i] = (int16_t)((int32_t)((2 * v[i] + 1) << (14 - bits)) -
                                 16384);
         x[i] = (real)(i < 3 ? c->phi[i] : c->t);
     }
-    saga_place_move(&p, a->local);
+    saga_position_move(&p, a->local);
     for (int i = 0; i < 3; i++)
         a->x[i] = p.x[i];
     a->t = (uint16_t)p.t;
@@ -357,7 +357,7 @@ static void order_medoids(uint32_t sorted[SAGA_MAX_CHILDREN],
                           const saga_medoid_division *v, const saga_tree *t,
                           const saga_tree_node *nd)
 {
-    const uint32_t bits = t->o->model->level[SAGA_LEVEL_COARSE].suffix_bits;
+    const uint32_t bits = t->o->model->tier[SAGA_TIER_COARSE].suffix_bits;
     uint32_t suffix[SAGA_MAX_CHILDREN], j;
 
     for (uint32_t i = 0; i < v->k; i++) {
@@ -382,7 +382,7 @@ static void write_prim(builder *b, uint32_t index)
     const saga_candidate *const c = &b->tree.cand[index];
     real *const x = b->scene->prim_x + 4 * (size_t)b->prim;
 
-    b->prim_source[b->prim] = index;
+    b->prim_origin[b->prim] = index;
     b->scene->prim_fine[b->prim] = b->fine;
     b->scene->fine[b->fine].n_prim++;
     for (int i = 0; i < 3; i++)
@@ -430,11 +430,11 @@ static bool write_scene(builder *b)
     return true;
 }
 
-bool saga_hierarchy_build(saga_scene *scene, uint32_t *prim_source,
+bool saga_hierarchy_build(saga_scene *scene, uint32_t *prim_origin,
                           const saga_hierarchy_pool *pool,
                           const saga_hierarchy_options *o, saga_error *error)
 {
-    builder b = { .scene = scene, .prim_source = prim_source };
+    builder b = { .scene = scene, .prim_origin = prim_origin };
     bool ok;
 
     if (!check_options(o, pool->n, error) || !check_pool(pool, error) ||

@@ -59,7 +59,7 @@ void saga_hierarchy_defaults(saga_hierarchy_options *o);
  * - A primitive's say in the tree's time shrinks with its temporal width; one
  *   without (log2_width NULL, or a model without temporal opacity) is seen all
  *   the time and has none.
- * - prim_source (pool->n): the primitive of the pool that became the scene's of
+ * - prim_origin (pool->n): the primitive of the pool that became the scene's of
  *   each rank.
  * The scene is what a decoder has before any residual, with these reals:
  * coarse_x the weighted centre (and coarse.x, t the same in units), fine_x the
@@ -68,7 +68,7 @@ void saga_hierarchy_defaults(saga_hierarchy_options *o);
  * False: a number is not finite (the primitive is named), the budgets are too
  * small (with what is needed), more primitives are in a deepest cell than one
  * leaf can take, or there is no memory. Then there is no scene. */
-bool saga_hierarchy_build(saga_scene *scene, uint32_t *prim_source,
+bool saga_hierarchy_build(saga_scene *scene, uint32_t *prim_origin,
                           const saga_hierarchy_pool *pool,
                           const saga_hierarchy_options *o, saga_error *error);
 

@@ -98,25 +98,25 @@ static void integer_coarse(saga_scaffold *sc, const saga_scene *s)
         int32_t t;
 
         sc->coarse[i] = s->coarse[i];
-        saga_scene_place(sc->coarse[i].x, &t, s->coarse_x + 4 * (size_t)i);
+        saga_scene_position(sc->coarse[i].x, &t, s->coarse_x + 4 * (size_t)i);
         sc->coarse[i].t = (uint16_t)t;
     }
 }
 
 static void integer_fine(saga_scaffold *sc, const saga_scene *s)
 {
-    const uint32_t bits = s->model.level[SAGA_LEVEL_COARSE].suffix_bits;
+    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
     uint32_t i, k;
 
     for (i = 0; i < s->n.fine; i++) {
         const uint32_t suffix = saga_scene_fine_suffix(s, i);
         saga_fine *const f = &sc->fine[i];
-        saga_place cell;
+        saga_position cell;
         int32_t t;
 
         *f = s->fine[i];
-        saga_place_cell(&cell, &s->coarse[f->parent]);
-        saga_scene_place(f->x, &t, s->fine_x + 4 * (size_t)i);
+        saga_position_cell(&cell, &s->coarse[f->parent]);
+        saga_scene_position(f->x, &t, s->fine_x + 4 * (size_t)i);
         f->t = (uint16_t)t;
         for (k = 0; k < 4; k++) {
             f->support[k] = cell.support[k];

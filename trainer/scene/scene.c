@@ -142,7 +142,7 @@ uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine)
 
     saga_scene_offset(o, &s->coarse[s->fine[fine].parent],
                       s->fine_x + 4 * (size_t)fine);
-    return saga_suffix_of(o, s->model.level[SAGA_LEVEL_COARSE].suffix_bits);
+    return saga_suffix_of(o, s->model.tier[SAGA_TIER_COARSE].suffix_bits);
 }
 
 static int32_t to_units(real x, double unit, int32_t lo, int32_t hi)
@@ -152,7 +152,7 @@ static int32_t to_units(real x, double unit, int32_t lo, int32_t hi)
     return v < lo ? lo : v > hi ? hi : (int32_t)v;
 }
 
-void saga_scene_place(int32_t x[3], int32_t *t, const real place[4])
+void saga_scene_position(int32_t x[3], int32_t *t, const real place[4])
 {
     int i;
 

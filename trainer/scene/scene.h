@@ -79,7 +79,7 @@ static inline void saga_scene_phase(real phase[4], const real x[4])
 
 #define saga_scene_init SAGA_REAL_NAME(saga_scene_init)
 #define saga_scene_free SAGA_REAL_NAME(saga_scene_free)
-#define saga_scene_place SAGA_REAL_NAME(saga_scene_place)
+#define saga_scene_position SAGA_REAL_NAME(saga_scene_position)
 #define saga_scene_half_x SAGA_REAL_NAME(saga_scene_half_x)
 #define saga_scene_half_t SAGA_REAL_NAME(saga_scene_half_t)
 #define saga_scene_cell SAGA_REAL_NAME(saga_scene_cell)
@@ -113,6 +113,6 @@ uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine);
 
 /* Rounds a position and time to the integers of the decoder, clamped to the
  * cube. */
-void saga_scene_place(int32_t x[3], int32_t *t, const real place[4]);
+void saga_scene_position(int32_t x[3], int32_t *t, const real place[4]);
 
 #endif

@@ -19,15 +19,15 @@ static int min_int(int a, int b)
 bool saga_tree_init(saga_tree *t, uint32_t n, const saga_hierarchy_options *o,
                     saga_error *error)
 {
-    const saga_level *const l = o->model->level;
-    const int bits = l[SAGA_LEVEL_COARSE].suffix_bits;
+    const saga_tier *const l = o->model->tier;
+    const int bits = l[SAGA_TIER_COARSE].suffix_bits;
 
     memset(t, 0, sizeof *t);
     t->o = o;
     t->error = error;
     t->n = n;
-    t->c_coarse = l[SAGA_LEVEL_COARSE].max_children;
-    t->c_fine = l[SAGA_LEVEL_FINE].max_children;
+    t->c_coarse = l[SAGA_TIER_COARSE].max_children;
+    t->c_fine = l[SAGA_TIER_FINE].max_children;
     t->max_x = min_int(SAGA_MAX_DEPTH_X, SAGA_LOG2_HALF_X - bits);
     t->max_t = min_int(SAGA_MAX_DEPTH_T, SAGA_LOG2_HALF_T - bits);
     t->dynamic = saga_is_dynamic(o->model);

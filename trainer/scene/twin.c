@@ -202,12 +202,12 @@ static void run(saga_twin *w, const saga_scene *s, int net)
                      &s->net[net]);
 }
 
-/* Returns what Fuse of a level makes of w->context; that itself where there is
+/* Returns what Fuse of a tier makes of w->context; that itself where there is
  * none. */
-static const real *fuse_forward(saga_twin *w, const saga_scene *s, int level,
+static const real *fuse_forward(saga_twin *w, const saga_scene *s, int tier,
                                 const real *phase)
 {
-    const int net = saga_fuse_net(level);
+    const int net = saga_fuse_net(tier);
 
     if (s->net[net].n_layers == 0)
         return w->context;
@@ -233,7 +233,7 @@ static void fine_forward(saga_twin *w, const saga_scene *s,
     int k;
 
     saga_links_gather(w->context, &w->to_fine, feature, f, NULL, w->n.fine);
-    fused = fuse_forward(w, s, SAGA_LEVEL_COARSE, w->fine_phase);
+    fused = fuse_forward(w, s, SAGA_TIER_COARSE, w->fine_phase);
     assemble(w, s, SAGA_NET_FINE, fused, w->fine_offset);
     run(w, s, SAGA_NET_FINE);
     for (i = 0; i < w->n.fine; i++) {
@@ -328,7 +328,7 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
     fine_forward(w, s, feature);
     saga_links_gather(w->context, &w->to_prim, w->fine_feature, f, NULL,
                       w->n.prim);
-    fused = fuse_forward(w, s, SAGA_LEVEL_FINE, w->prim_phase);
+    fused = fuse_forward(w, s, SAGA_TIER_FINE, w->prim_phase);
     assemble(w, s, SAGA_NET_GEO, fused, w->prim_offset);
     memcpy(w->batch[SAGA_NET_COLOUR_BASE].in, w->batch[SAGA_NET_GEO].in,
            w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
@@ -530,18 +530,18 @@ static void take_features(real *d_feature, const real *d_in, size_t rows,
 }
 
 /* Returns where the gradients of fuse_forward's features go. */
-static real *d_fused(saga_twin *w, const saga_scene *s, int level)
+static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
 {
-    const int net = saga_fuse_net(level);
+    const int net = saga_fuse_net(tier);
 
     return s->net[net].n_layers ? w->batch[net].d_out : w->d_context;
 }
 
 /* The gradients go on from there to w->d_context. */
 static void fuse_backward(saga_twin *w, saga_scene *d, const saga_scene *s,
-                          int level)
+                          int tier)
 {
-    const int net = saga_fuse_net(level);
+    const int net = saga_fuse_net(tier);
 
     if (s->net[net].n_layers == 0)
         return;
@@ -556,7 +556,7 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     const size_t dim = (size_t)s->net[SAGA_NET_GEO].dim[0];
     const real *const geo = w->batch[SAGA_NET_GEO].d_in;
     const real *const base = w->batch[SAGA_NET_COLOUR_BASE].d_in;
-    real *const to = d_fused(w, s, SAGA_LEVEL_FINE);
+    real *const to = d_fused(w, s, SAGA_TIER_FINE);
     saga_rows rows[SAGA_N_HEADS];
     size_t i, k;
 
@@ -568,7 +568,7 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     for (i = 0; i < n; i++)
         for (k = 0; k < f; k++)
             to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
-    fuse_backward(w, d, s, SAGA_LEVEL_FINE);
+    fuse_backward(w, d, s, SAGA_TIER_FINE);
     saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context, f, NULL,
                        n);
 }
@@ -591,9 +591,9 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
         }
     }
     back(w, d, s, SAGA_NET_FINE);
-    take_features(d_fused(w, s, SAGA_LEVEL_COARSE), net->d_in, n,
+    take_features(d_fused(w, s, SAGA_TIER_COARSE), net->d_in, n,
                   (size_t)s->net[SAGA_NET_FINE].dim[0], f);
-    fuse_backward(w, d, s, SAGA_LEVEL_COARSE);
+    fuse_backward(w, d, s, SAGA_TIER_COARSE);
     saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context, f, NULL,
                        n);
 }
@@ -603,13 +603,13 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 static void link_fine(saga_twin *w, const saga_scaffold *sc)
 {
     saga_neighbours nb;
-    saga_place p;
+    saga_position p;
     uint32_t i;
 
     w->to_fine.n = 0;
     for (i = 0; i < w->n.fine; i++) {
-        saga_place_fine(&p, &sc->fine[i]);
-        saga_interp_find(&nb, sc, SAGA_LEVEL_COARSE, &p, sc->fine[i].parent,
+        saga_position_fine(&p, &sc->fine[i]);
+        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, sc->fine[i].parent,
                          SAGA_ALL_GROUPS);
         saga_links_add(&w->to_fine, i, &nb);
     }
@@ -619,14 +619,14 @@ static void link_prims(saga_twin *w, const saga_scaffold *sc,
                        const saga_scene *s)
 {
     saga_neighbours nb;
-    saga_place p;
+    saga_position p;
     uint32_t i;
 
     w->to_prim.n = 0;
     for (i = 0; i < w->n.prim; i++) {
-        saga_place_fine(&p, &sc->fine[s->prim_fine[i]]);
-        saga_scene_place(p.x, &p.t, s->prim_x + 4 * (size_t)i);
-        saga_interp_find(&nb, sc, SAGA_LEVEL_FINE, &p, s->prim_fine[i],
+        saga_position_fine(&p, &sc->fine[s->prim_fine[i]]);
+        saga_scene_position(p.x, &p.t, s->prim_x + 4 * (size_t)i);
+        saga_interp_find(&nb, sc, SAGA_TIER_FINE, &p, s->prim_fine[i],
                          SAGA_ALL_GROUPS);
         saga_links_add(&w->to_prim, i, &nb);
     }

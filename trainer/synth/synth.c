@@ -102,8 +102,8 @@ void saga_synth_view(const saga_synth_options *options, int index,
     down[2] = forward[0] * right[1] - forward[1] * right[0];
     *view = (saga_shot){.width = options->width, .height = options->height,
                         .held_out = is_held_out(options, index),
-                        .source_width = options->width,
-                        .source_height = options->height,
+                        .original_width = options->width,
+                        .original_height = options->height,
                         .focal_scale = 1.0};
     view->fx = view->fy = 0.9 * options->width;
     view->cx = 0.5 * options->width;

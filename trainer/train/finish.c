@@ -32,11 +32,11 @@ static void set_rate(saga_header *h, double fps)
 {
     const double ntsc = fps * 1.001;
 
-    h->rate_den = fabs(fps - rint(fps)) < 1e-6 ? 1
+    h->fps_den = fabs(fps - rint(fps)) < 1e-6 ? 1
                 : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001 : 1000;
-    h->rate_num = (uint32_t)fmax(1, h->rate_den == 1 ? rint(fps)
-                                 : h->rate_den == 1001 ? 1000 * rint(ntsc)
-                                 : rint(1000 * fps));
+    h->fps_num = (uint32_t)fmax(1, h->fps_den == 1 ? rint(fps)
+                                : h->fps_den == 1001 ? 1000 * rint(ntsc)
+                                : rint(1000 * fps));
 }
 
 static void set_header(saga_header *h, const saga_train *t, int level)
@@ -154,16 +154,16 @@ static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
     for (int i = 0; i < SAGA_N_STEPS; i++)
         e->estimate[sym[i]] = c->bits[i];
     for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
-        const saga_rate_gain *const g = &c->rate->plan.gain[kind];
+        const saga_rate_gain *const g = &c->rate->decision.gain[kind];
 
         e->kind[kind] = (saga_train_kind){
             c->scene.model.sources[kind], g->constants / 8, g->networks / 8,
             g->forgetful / 8, g->chosen / 8, g->weights / 8
         };
     }
-    e->hyper_weights = c->rate->plan.hyper_weights / 8;
-    e->memory_weights = c->rate->plan.memory_weights / 8;
-    e->memory_net = c->rate->plan.memory_net / 8;
+    e->hyper_weights = c->rate->decision.hyper_weights / 8;
+    e->bank_weights = c->rate->decision.bank_weights / 8;
+    e->bank_net = c->rate->decision.bank_net / 8;
 }
 
 static bool pack(saga_train *t, int level, bool final, saga_error *error)

@@ -19,7 +19,7 @@ enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET };
 #define ANCHOR_PRICE R(0.05)
 
 enum {
-    T_FEATURE, T_PRIM, T_ENTROPY, T_MEMORY, T_PARAMS, T_STEPS, N_TENSORS
+    T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS
 };
 
 /* --- Memory -------------------------------------------------------------- */
@@ -153,7 +153,7 @@ static int is_remembering(const saga_fit *f)
 
 /* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
  * When the rounding begins, what is not worth its bytes is left out. */
-static bool rate_step(saga_fit *f, double price, saga_error *error)
+static bool add_rate(saga_fit *f, double price, saga_error *error)
 {
     const saga_rate_input x = rate_input(f, f->feature);
     saga_rate_options o = {
@@ -162,11 +162,11 @@ static bool rate_step(saga_fit *f, double price, saga_error *error)
         .weight = (real)price
     };
 
-    if (o.rounding && !f->rate.plan.decided &&
+    if (o.rounding && !f->rate.decision.decided &&
         !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
     saga_rate_look(&o, f->iteration, is_remembering(f));
-    saga_rate_step(f->bits, &f->rate, &f->grad, &x, &o);
+    saga_rate_add(f->bits, &f->rate, &f->grad, &x, &o);
     return true;
 }
 
@@ -253,7 +253,7 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
     const saga_adam adam = saga_adam_default();
     /* They come first, those of the memory last among them. */
     const size_t n_entropy = saga_rate_n_params(s);
-    const size_t n_memory = s->net[SAGA_NET_QUERY].n_layers
+    const size_t n_bank = s->net[SAGA_NET_QUERY].n_layers
         ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;
     const size_t still = saga_fit_n_still(f);
     const size_t first = still > n_entropy ? still : n_entropy;
@@ -264,23 +264,23 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
            4 * (size_t)s->n.prim, r->prim);
     tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
-           n_entropy - n_memory, r->entropy);
-    tensor(&t[T_MEMORY], f, "memory bank's networks",
-           s->params + n_entropy - n_memory, n_memory,
-           is_remembering(f) ? SAGA_RATE_MEMORY_PACE * r->entropy : 0);
+           n_entropy - n_bank, r->entropy);
+    tensor(&t[T_BANK], f, "memory bank's networks",
+           s->params + n_entropy - n_bank, n_bank,
+           is_remembering(f) ? SAGA_BANK_TWIN_PACE * r->entropy : 0);
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
            saga_fit_n_params(s) - first, r->networks);
     t[T_STEPS] = (saga_adam_tensor){
         "steps of the networks", f->weights.log2_step, f->weights.d_log2_step,
         f->weights.m, f->weights.v, (size_t)f->weights.n, r->steps
     };
-    return saga_adam_step(&adam, t, N_TENSORS, (uint64_t)f->iteration + 1,
-                          error);
+    return saga_adam_update(&adam, t, N_TENSORS, (uint64_t)f->iteration + 1,
+                            error);
 }
 
 /* One picture: adds to the twin's gradients. */
-static bool picture_step(saga_fit *f, saga_sample picture,
-                         saga_picture_loss *out, saga_error *error)
+static bool learn_picture(saga_fit *f, saga_sample picture,
+                          saga_picture_loss *out, saga_error *error)
 {
     const saga_loss_weights weights = saga_loss_paper();
     saga_canvas *const c = &f->canvas;
@@ -299,7 +299,7 @@ static bool picture_step(saga_fit *f, saga_sample picture,
 /* Once features are rounded, against the means that the entropy networks
  * foretell, these stand still: a weight that goes to and fro between two
  * multiples of its step would move all features with it. */
-static bool render_step(saga_fit *f, double *mse, saga_error *error)
+static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
 {
     const int turn = f->iteration;
     const saga_rng r = saga_rng_stream(f->o.seed, STREAM_VIEW);
@@ -317,18 +317,18 @@ static bool render_step(saga_fit *f, double *mse, saga_error *error)
 
     saga_twin_offsets(&f->twin, &f->used);
     saga_twin_geometry(&f->twin, &f->used, f->feature);
-    if (!picture_step(f, picture, &out, error))
+    if (!learn_picture(f, picture, &out, error))
         return false;
     *mse = out.mse;
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, ANCHOR_PRICE);
-    if (!rate_step(f, f->o.price.residual, error))
+    if (!add_rate(f, f->o.price.residual, error))
         return false;
     saga_twin_backward(&f->twin, &f->grad, &f->used);
     saga_fit_rate_weights(f);
     return descend(f, &now, error);
 }
 
-bool saga_fit_step(saga_fit *f, double *mse, saga_error *error)
+bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
 {
     bool ok;
 
@@ -347,7 +347,7 @@ bool saga_fit_step(saga_fit *f, double *mse, saga_error *error)
     }
     memset(f->grad.reals, 0, f->grad.n_reals * sizeof(real));
     saga_twin_clear(&f->twin, f->scene);
-    ok = render_step(f, mse, error);
+    ok = render_iteration(f, mse, error);
     f->iteration++;
     return ok;
 }

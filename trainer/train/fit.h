@@ -52,7 +52,7 @@ void saga_fit_free(saga_fit *fit);
 
 /* One iteration; *mse of its picture. Fails where memory is short, or where a
  * tensor, which the error names, is no longer finite. */
-bool saga_fit_step(saga_fit *fit, double *mse, saga_error *error);
+bool saga_fit_iterate(saga_fit *fit, double *mse, saga_error *error);
 int saga_fit_iteration(const saga_fit *fit);
 
 /* The scene as it is to be packed, what its residuals take, and for ranges and

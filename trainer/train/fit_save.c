@@ -49,7 +49,7 @@ static void walk_rate(saga_checkpoint *c, saga_rate *r, const saga_scene *s)
     walk_reals(c, r->mu_feature, (size_t)s->n.coarse * s->model.features);
     walk_reals(c, r->mu_offset, 4 * (size_t)s->n.fine);
     saga_checkpoint_walk(c, k->keep, sizeof k->keep);
-    saga_checkpoint_walk(c, &r->plan, sizeof r->plan);
+    saga_checkpoint_walk(c, &r->decision, sizeof r->decision);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         walk_reals(c, k->memory.kind[kind].read,
                    k->kind[kind].n_blocks * k->memory.width);

@@ -57,7 +57,7 @@ static void add_batch(batches *l, const saga_twin_batch *b, size_t rows)
 }
 
 /* Kinds that read it query the memory, levels before them write into it. */
-static void memory_batches(batches *l, const saga_rate_choice *c, int net)
+static void bank_batches(batches *l, const saga_rate_choice *c, int net)
 {
     const saga_rate_context *const r = &c->rate->context;
     const uint32_t readers = saga_rate_readers(r, &c->scene);
@@ -68,7 +68,7 @@ static void memory_batches(batches *l, const saga_rate_choice *c, int net)
         return;
     }
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        const saga_rate_memory_kind *const k = &r->memory.kind[kind];
+        const saga_bank_twin_kind *const k = &r->memory.kind[kind];
         const size_t runs = r->kind[kind].runs.n;
 
         if (net == SAGA_NET_QUERY && (readers >> kind & 1u))
@@ -92,7 +92,7 @@ static batches entropy_batches(const saga_rate_choice *c, int net)
     if (!c->scene.net[net].n_layers)
         return l;
     if (net >= SAGA_NET_QUERY) {
-        memory_batches(&l, c, net);
+        bank_batches(&l, c, net);
         return l;
     }
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
@@ -207,7 +207,7 @@ static void measure_formats(saga_model *m, const saga_pack_input *in)
         ? (uint8_t)fx_min(q[SAGA_HEAD_FUSE_C], 12) : m->q_in[SAGA_NET_FUSE_C];
     m->q_in[SAGA_NET_FUSE_F] = (uint8_t)fx_min(q[SAGA_HEAD_FINE], 12);
     m->q_in[SAGA_NET_GEO] = m->q_in[SAGA_NET_COLOUR_BASE] =
-        (uint8_t)fx_min(saga_fused_q(m, SAGA_LEVEL_FINE), 12);
+        (uint8_t)fx_min(saga_fused_q(m, SAGA_TIER_FINE), 12);
 }
 
 /* --- Networks ------------------------------------------------------------ */
@@ -255,7 +255,7 @@ static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
                             const saga_weights *steps, int net, int layer)
 {
     if (saga_is_entropy_net(net)) {
-        v->step = (float)c->rate->plan.step[net];
+        v->step = (float)c->rate->decision.step[net];
         v->bias_step = entropy_bias_step;
     } else {
         const int t = saga_weights_find(steps, net, layer);

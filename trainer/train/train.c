@@ -364,8 +364,8 @@ const char *saga_train_complaint(saga_train *t)
 static bool step(saga_train *t, double *mse, saga_error *error)
 {
     return t->stage == SAGA_TRAIN_WARM
-        ? saga_flat_step(t->flat, mse, error)
-        : saga_fit_step(t->fit, mse, error);
+        ? saga_flat_iterate(t->flat, mse, error)
+        : saga_fit_iterate(t->fit, mse, error);
 }
 
 /* The iterations of the stage that are left; each is told, and saved where it

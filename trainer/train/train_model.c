@@ -7,13 +7,13 @@
 
 #include <string.h>
 
-static void set_levels(saga_model *m, const saga_train_options *o)
+static void set_tiers(saga_model *m, const saga_train_options *o)
 {
-    for (int i = 0; i < SAGA_N_LEVELS; i++) {
-        saga_level *const l = &m->level[i];
+    for (int i = 0; i < SAGA_N_TIERS; i++) {
+        saga_tier *const l = &m->tier[i];
 
         l->window = 16;
-        l->neighbours = i == SAGA_LEVEL_COARSE ? 1 : 4;
+        l->neighbours = i == SAGA_TIER_COARSE ? 1 : 4;
         l->suffix_bits = 4;
         l->max_children = i ? 10 : 16;
         l->radius2_q12 = 4 << 12;  /* rho = 2 */
@@ -21,10 +21,10 @@ static void set_levels(saga_model *m, const saga_train_options *o)
     }
     if (o->n_fine >= o->n_primitives) {
         /* A primitive is where its anchor is, and has its features. */
-        m->level[SAGA_LEVEL_FINE].suffix_bits = 0;
-        m->level[SAGA_LEVEL_FINE].max_children = 1;
-        m->level[SAGA_LEVEL_FINE].window = 0;
-        m->level[SAGA_LEVEL_FINE].neighbours = 1;
+        m->tier[SAGA_TIER_FINE].suffix_bits = 0;
+        m->tier[SAGA_TIER_FINE].max_children = 1;
+        m->tier[SAGA_TIER_FINE].window = 0;
+        m->tier[SAGA_TIER_FINE].neighbours = 1;
     }
 }
 
@@ -38,8 +38,8 @@ static void set_sources(saga_model *m, const saga_ablation *a)
     m->sources[SAGA_KIND_COARSE] = hyper | groups;
     m->sources[SAGA_KIND_FINE] = hyper | parent | groups;
     m->sources[SAGA_KIND_PRIM] = hyper | parent;
-    for (int i = 0; i < SAGA_N_LEVELS; i++)
-        m->level[i].n_groups = (uint8_t)(a->groups ? a->groups : 8);
+    for (int i = 0; i < SAGA_N_TIERS; i++)
+        m->tier[i].n_groups = (uint8_t)(a->groups ? a->groups : 8);
 }
 
 static bool has_bank(const saga_ablation *a, const saga_policy *p,
@@ -54,15 +54,15 @@ static bool has_bank(const saga_ablation *a, const saga_policy *p,
 static void set_bank(saga_model *m, const saga_ablation *a,
                      uint32_t most_slots)
 {
-    m->tools |= SAGA_TOOL_MEMORY;
+    m->tools |= SAGA_TOOL_BANK;
     if (a->plain_update)
         m->tools |= SAGA_TOOL_PLAIN_WRITE;
-    m->memory_slots = a->slots ? a->slots
+    m->bank_slots = a->slots ? a->slots
                                : (uint16_t)(most_slots < 64 ? most_slots : 64);
-    m->memory_width = 32;
-    m->memory_blocks = 256;
+    m->bank_width = 32;
+    m->bank_blocks = 256;
     for (int i = 0; i < SAGA_N_KINDS; i++)
-        m->sources[i] |= SAGA_SOURCE_MEMORY;
+        m->sources[i] |= SAGA_SOURCE_BANK;
     m->width[SAGA_NET_QUERY] = m->width[SAGA_NET_AGG] = 8;
     m->width[SAGA_NET_SLOT] = 4;
     m->width[SAGA_NET_WRITE_BASE] = m->width[SAGA_NET_WRITE] = 8;
@@ -103,7 +103,7 @@ void saga_train_model(saga_model *m, const saga_train *t)
     m->features = p->features;
     m->octaves = 4;
     m->lambda_t_q8 = 256;
-    set_levels(m, &t->o);
+    set_tiers(m, &t->o);
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
     m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
     m->step_q16[SAGA_STEP_FINE] = 2048u << 16;

@@ -375,8 +375,8 @@ static bool update(saga_flat *f, saga_error *error)
             .m = f->m[t], .v = f->v[t], .n = (size_t)f->info[t].width * f->n,
             .rate = rate_at(f, t)
         };
-    if (!saga_adam_step(&adam, tensors, (size_t)n, (uint64_t)f->iteration + 1,
-                        error))
+    if (!saga_adam_update(&adam, tensors, (size_t)n, (uint64_t)f->iteration + 1,
+                          error))
         return false;
     for (int t = 0; t < n; t++)
         bound(f->value[t], tensors[t].n, f->info[t].lo, f->info[t].hi);
@@ -402,7 +402,7 @@ static bool update_correction(saga_flat *f, int view, saga_error *error)
 
         g[at + k] += PULL * (x[at + k] - one);
     }
-    if (!saga_adam_step(&adam, &tensor, 1, (uint64_t)f->iteration + 1, error))
+    if (!saga_adam_update(&adam, &tensor, 1, (uint64_t)f->iteration + 1, error))
         return false;
     for (size_t k = 0; k < FLAT_CORRECTION; k++) {
         const real one = R(k < 9 && k % 4 == 0);
@@ -451,7 +451,7 @@ static bool look(saga_flat *f, saga_picture_loss *loss, int view,
     return true;
 }
 
-bool saga_flat_step(saga_flat *f, double *mse, saga_error *error)
+bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
     saga_sample sample = saga_pictures_pick(f->pictures, r,

@@ -45,7 +45,7 @@ void saga_flat_free(saga_flat *flat);
  * primitives as were asked for. *mse of its picture. Fails where memory is
  * short, or where a picture or a tensor, which the error names, is no longer
  * finite. */
-bool saga_flat_step(saga_flat *flat, double *mse, saga_error *error);
+bool saga_flat_iterate(saga_flat *flat, double *mse, saga_error *error);
 
 int saga_flat_iteration(const saga_flat *flat);
 uint32_t saga_flat_count(const saga_flat *flat);

@@ -24,7 +24,7 @@
 #define N_QUERIES 64
 
 typedef struct {
-    saga_memory m;
+    saga_bank m;
     uint8_t *block;
     int16_t query[N_QUERIES][SAGA_MAX_SLOT_WIDTH];
     int16_t write[SAGA_MAX_SLOTS][SAGA_MAX_SLOT_WIDTH];
@@ -51,11 +51,11 @@ static void fill(bench *b, uint32_t n_slots, uint32_t width)
     b->m.n_slots = n_slots;
     b->m.width = width;
     b->m.hidden = 0;
-    b->block = aligned_alloc(16, saga_memory_place(&b->m, NULL));
+    b->block = aligned_alloc(16, saga_bank_lay(&b->m, NULL));
     if (!b->block)
         exit(1);
-    saga_memory_place(&b->m, b->block);
-    saga_memory_start(&b->m);
+    saga_bank_lay(&b->m, b->block);
+    saga_bank_start(&b->m);
     for (p = 0; p < N_QUERIES; p++)
         for (d = 0; d < SAGA_MAX_SLOT_WIDTH; d++)
             b->query[p][d] = random_q12(&state);
@@ -71,7 +71,7 @@ static void write_all(bench *b, int plain)
     uint32_t p;
 
     for (p = 0; p < b->m.n_slots; p++)
-        saga_memory_update(&b->m, p, b->write[p], b->gate[p], plain);
+        saga_bank_update(&b->m, p, b->write[p], b->gate[p], plain);
 }
 
 /* Returns the best time of one, in ms. */
@@ -96,13 +96,13 @@ static double run_reads(bench *b)
         const double start = bench_now_ms();
 
         for (k = 0; k < READS; k++) {
-            saga_memory_read(out, &b->m, b->query[k % N_QUERIES]);
+            saga_bank_read(out, &b->m, b->query[k % N_QUERIES]);
             b->sum = b->sum * 31 + (uint16_t)out[0];
         }
         bench_add(&t, bench_now_ms() - start);
     }
     return report("read", b, &t, READS,
-                  saga_memory_read_macs(b->m.n_slots, b->m.width));
+                  saga_bank_read_macs(b->m.n_slots, b->m.width));
 }
 
 static double run_writes(bench *b, int plain)
@@ -119,7 +119,7 @@ static double run_writes(bench *b, int plain)
         b->sum = b->sum * 31 + (uint16_t)b->m.slot[0];
     }
     return report(plain ? "plain write" : "write", b, &t, WRITES,
-                  b->m.n_slots * saga_memory_update_macs(b->m.width, plain));
+                  b->m.n_slots * saga_bank_update_macs(b->m.width, plain));
 }
 
 /* --- A segment ----------------------------------------------------------- */
@@ -127,7 +127,7 @@ static double run_writes(bench *b, int plain)
 static void check(saga_status s)
 {
     if (s) {
-        fprintf(stderr, "bench_memory: %s\n", saga_status_text(s));
+        fprintf(stderr, "bench_bank: %s\n", saga_status_text(s));
         exit(1);
     }
 }
@@ -163,9 +163,9 @@ static void run_segment(bench *b)
     const gen_options o = { .seed = 12, .level = 3, .n_coarse = 600,
                             .picture = 1, .tools_fixed = 1,
                             .tools = SAGA_TOOLS_PICTURE,
-                            .memory = GEN_MEMORY_ORTHOGONAL,
-                            .memory_slots = 64, .memory_width = 64,
-                            .memory_blocks = 256, .memory_alone = 1 };
+                            .memory = GEN_BANK_ORTHOGONAL,
+                            .bank_slots = 64, .bank_width = 64,
+                            .bank_blocks = 256, .bank_alone = 1 };
     double decode, reads, writes;
     saga_header h;
     saga_plan plan;
@@ -180,8 +180,8 @@ static void run_segment(bench *b)
     decode = decode_ms(bytes, n);
     fill(b, 64, 64);
     reads = run_reads(b) * (h.max.coarse + 2.0 * h.max.fine);
-    writes = run_writes(b, 0) * (saga_plan_steps(&h.model, 0, h.max.coarse) +
-                                 saga_plan_steps(&h.model, 1, h.max.fine));
+    writes = run_writes(b, 0) * (saga_plan_rounds(&h.model, 0, h.max.coarse) +
+                                 saga_plan_rounds(&h.model, 1, h.max.fine));
     printf("a segment of %u coarse, %u fine, %u primitives decodes in %.1f "
            "ms: reads %.1f %%, writes %.1f %%\n", (unsigned)h.max.coarse,
            (unsigned)h.max.fine, (unsigned)h.max.prim, decode,

@@ -24,29 +24,29 @@ enum { N_SLOTS = 5 };
 
 /* --- A bank -------------------------------------------------------------- */
 
-static saga_memory bank_of(uint32_t n_slots, uint32_t width)
+static saga_bank bank_of(uint32_t n_slots, uint32_t width)
 {
-    saga_memory m;
+    saga_bank m;
     uint8_t *block;
 
     memset(&m, 0, sizeof m);
     m.n_slots = n_slots;
     m.width = width;
     m.hidden = 8;
-    block = aligned_alloc(16, saga_memory_place(&m, NULL));
+    block = aligned_alloc(16, saga_bank_lay(&m, NULL));
     assert_non_null(block);
-    memset(block, 0xa5, saga_memory_place(&m, NULL));
-    saga_memory_place(&m, block);
-    saga_memory_start(&m);
+    memset(block, 0xa5, saga_bank_lay(&m, NULL));
+    saga_bank_lay(&m, block);
+    saga_bank_start(&m);
     return m;
 }
 
-static void drop(saga_memory *m)
+static void drop(saga_bank *m)
 {
     free(m->slot);
 }
 
-static int16_t *slot_of(const saga_memory *m, uint32_t p)
+static int16_t *slot_of(const saga_bank *m, uint32_t p)
 {
     return m->slot + p * saga_mlp_pad(m->width);
 }
@@ -99,14 +99,14 @@ static void update(int16_t *slot, const int16_t *write, int32_t gate,
                    uint32_t width, int plain)
 {
     enum { AT = 13 };
-    saga_memory m = bank_of(32, width);
-    saga_memory before = bank_of(32, width);
+    saga_bank m = bank_of(32, width);
+    saga_bank before = bank_of(32, width);
     uint32_t p;
 
-    saga_memory_put(&m, AT, slot);
-    saga_memory_update(&m, AT, write, gate, plain);
+    saga_bank_put(&m, AT, slot);
+    saga_bank_update(&m, AT, write, gate, plain);
     memcpy(slot, slot_of(&m, AT), 2 * width);
-    saga_memory_put(&before, AT, slot);
+    saga_bank_put(&before, AT, slot);
     for (p = 0; p < 32; p++)
         assert_memory_equal(slot_of(&m, p), slot_of(&before, p),
                             2 * saga_mlp_pad(width));
@@ -133,7 +133,7 @@ static void random_slot(int16_t *slot, gen_rng *r, uint32_t width)
 
 static void check_start(uint32_t n_slots, uint32_t width)
 {
-    saga_memory m = bank_of(n_slots, width);
+    saga_bank m = bank_of(n_slots, width);
     /* sum over pairs of cos^2 is at least L^2/D (Welch), itself included. */
     const double least = ((double)n_slots * n_slots / width - n_slots) /
                          ((double)n_slots * (n_slots - 1));
@@ -182,7 +182,7 @@ static void first_slots_should_be_those_worked_out_by_hand(void **state)
         { 1, -1, 1, 1, 1, 1, -1, 1 },        /* 2: in 2 and 10 */
         { -1, -1, 1, 1, 1, -1, -1, 1 }       /* 3 */
     };
-    saga_memory m = bank_of(32, 8);
+    saga_bank m = bank_of(32, 8);
     uint32_t p, d;
 
     (void)state;
@@ -196,7 +196,7 @@ static void first_slots_should_be_those_worked_out_by_hand(void **state)
 
 /* softmax in base 2 and the weighted sum, in double; returns the sum of the
  * exponentials over the largest. */
-static double read_reference(double *out, const saga_memory *m,
+static double read_reference(double *out, const saga_bank *m,
                              const int16_t *query)
 {
     double z[MAX_L], q[MAX_D], s[MAX_D], most = -1e300, sum = 0;
@@ -218,7 +218,7 @@ static double read_reference(double *out, const saga_memory *m,
     return sum;
 }
 
-static double greatest(const saga_memory *m)
+static double greatest(const saga_bank *m)
 {
     double most = 0;
     uint32_t p, d;
@@ -230,14 +230,14 @@ static double greatest(const saga_memory *m)
 }
 
 /* Returns the error over its bound. */
-static double check_read(const saga_memory *m, const int16_t *query)
+static double check_read(const saga_bank *m, const int16_t *query)
 {
     double want[MAX_D], e, bound, worst = 0;
     int16_t got[MAX_D + 1];
     uint32_t d;
 
     got[m->width] = 0x5a5a;
-    saga_memory_read(got, m, query);
+    saga_bank_read(got, m, query);
     assert_int_equal(got[m->width], 0x5a5a);
     e = read_reference(want, m, query);
     bound = 0.5 + m->n_slots * ldexp(1 + 1.3 / e, -15) * greatest(m);
@@ -256,14 +256,14 @@ static void read_should_stay_within_bound_of_double(void **state)
 
     (void)state;
     for (i = 0; i < 200; i++) {
-        saga_memory m = bank_of(all_slots[i % N_SLOTS],
-                                8u * (uint32_t)gen_int(&r, 1, 8));
+        saga_bank m = bank_of(all_slots[i % N_SLOTS],
+                              8u * (uint32_t)gen_int(&r, 1, 8));
 
         for (p = 0; p < m.n_slots; p++) {
             int16_t slot[MAX_D];
 
             random_slot(slot, &r, m.width);
-            saga_memory_put(&m, p, slot);
+            saga_bank_put(&m, p, slot);
         }
         for (k = 0; k < 20; k++) {
             /* From flat to one slot alone; past the width anything. */
@@ -285,10 +285,10 @@ static void zero_query_should_read_the_mean_of_all_slots(void **state)
 
     (void)state;
     for (i = 0; i < N_SLOTS; i++) {
-        saga_memory m = bank_of(all_slots[i], 40);
+        saga_bank m = bank_of(all_slots[i], 40);
         int16_t got[MAX_D];
 
-        saga_memory_read(got, &m, zero);
+        saga_bank_read(got, &m, zero);
         for (d = 0; d < 40; d++) {
             double sum = 0;
 
@@ -303,7 +303,7 @@ static void zero_query_should_read_the_mean_of_all_slots(void **state)
 /* Its own row scores 8 * 4 * 2 = 64, every other one 16 or more below. */
 static void query_along_a_slot_should_read_it_exactly(void **state)
 {
-    saga_memory m = bank_of(64, 64);
+    saga_bank m = bank_of(64, 64);
     int16_t query[MAX_D], got[MAX_D];
     uint32_t p, d;
 
@@ -311,7 +311,7 @@ static void query_along_a_slot_should_read_it_exactly(void **state)
     for (p = 0; p < 64; p++) {
         for (d = 0; d < 64; d++)
             query[d] = (int16_t)(slot_of(&m, p)[d] * 16);
-        saga_memory_read(got, &m, query);
+        saga_bank_read(got, &m, query);
         assert_memory_equal(got, slot_of(&m, p), sizeof got);
     }
     drop(&m);
@@ -324,7 +324,7 @@ static void extreme_queries_should_read_something_in_range(void **state)
 
     (void)state;
     for (i = 0; i < N_SLOTS; i++) {
-        saga_memory m = bank_of(all_slots[i], 64);
+        saga_bank m = bank_of(all_slots[i], 64);
 
         for (k = 0; k < 100; k++) {
             int16_t query[MAX_D];
@@ -359,7 +359,7 @@ static void mean_should_be_the_rounded_quotient(void **state)
             sum[d] = (int32_t)(gen_uniform(&r, -32767, 32767) * count);
         sum[0] = 32767 * (int32_t)count;
         sum[1] = -sum[0];
-        saga_memory_mean(got, sum, MAX_D, count);
+        saga_bank_mean(got, sum, MAX_D, count);
         assert_int_equal(got[0], 32767);
         assert_int_equal(got[1], -32767);
         for (d = 0; d < MAX_D; d++) {
@@ -369,7 +369,7 @@ static void mean_should_be_the_rounded_quotient(void **state)
                         0.5 + ldexp(fabs(want) + 1, -30));
         }
     }
-    saga_memory_mean(got, sum, MAX_D, 0);
+    saga_bank_mean(got, sum, MAX_D, 0);
     for (d = 0; d < MAX_D; d++)
         assert_int_equal(got[d], 0);
 }

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-#include "rate_memory.h"
+#include "bank_twin.h"
 
 #include "alloc.h"
 #include "arena.h"
-#include "rate_bank.h"
+#include "bank_float.h"
 #include "threads.h"
 
 #include <stdlib.h>
@@ -16,7 +16,7 @@ enum { FEW_BLOCKS = 256 };
 
 static const char purpose[] = "the memory bank";
 
-static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
+static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
 {
     const saga_net *const net = s->net;
     const size_t slots = m->n_slots, state = slots * m->width;
@@ -24,7 +24,7 @@ static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
     int kind;
 
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        saga_rate_memory_kind *const k = &m->kind[kind];
+        saga_bank_twin_kind *const k = &m->kind[kind];
         const size_t blocks = saga_rate_n_blocks(s, kind);
         const size_t runs = saga_rate_runs_most(s, kind);
 
@@ -45,14 +45,14 @@ static void lay_out(saga_rate_memory *m, saga_arena *a, const saga_scene *s)
 }
 
 /* Makes room for what the networks' passes need. */
-static bool reserve(saga_rate_memory *m, const saga_scene *s,
+static bool reserve(saga_bank_twin *m, const saga_scene *s,
                     saga_error *error)
 {
     const saga_net *const net = s->net;
     int kind;
 
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        saga_rate_memory_kind *const k = &m->kind[kind];
+        saga_bank_twin_kind *const k = &m->kind[kind];
         const size_t blocks = saga_rate_n_blocks(s, kind);
         const size_t runs = saga_rate_runs_most(s, kind);
 
@@ -71,30 +71,30 @@ static bool reserve(saga_rate_memory *m, const saga_scene *s,
     }
     m->n_threads = saga_n_threads();
     m->scratch = saga_alloc(m->n_threads *
-                            saga_rate_bank_scratch(m->n_slots, m->width),
+                            saga_bank_float_scratch(m->n_slots, m->width),
                             sizeof *m->scratch, purpose, error);
     return m->scratch && saga_net_reserve(
         &m->slot.work, &net[SAGA_NET_SLOT], m->n_slots, error);
 }
 
-bool saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s,
-                           saga_error *error)
+bool saga_bank_twin_init(saga_bank_twin *m, const saga_scene *s,
+                         saga_error *error)
 {
     saga_arena a = { NULL, 0 };
     size_t p;
 
     memset(m, 0, sizeof *m);
-    if (!(s->model.tools & SAGA_TOOL_MEMORY))
+    if (!(s->model.tools & SAGA_TOOL_BANK))
         return true;
-    m->n_slots = s->model.memory_slots;
-    m->width = s->model.memory_width;
+    m->n_slots = s->model.bank_slots;
+    m->width = s->model.bank_width;
     lay_out(m, &a, s);
     m->block = saga_arena_alloc(&a, purpose, error);
     if (m->block)
         lay_out(m, &a, s);
     if (!m->block || !reserve(m, s, error) ||
-        !saga_rate_bank_start(m->state, m->n_slots, m->width, error)) {
-        saga_rate_memory_free(m);
+        !saga_bank_float_start(m->state, m->n_slots, m->width, error)) {
+        saga_bank_twin_free(m);
         return false;
     }
     for (p = 0; p < m->n_slots; p++)
@@ -102,7 +102,7 @@ bool saga_rate_memory_init(saga_rate_memory *m, const saga_scene *s,
     return true;
 }
 
-void saga_rate_memory_free(saga_rate_memory *m)
+void saga_bank_twin_free(saga_bank_twin *m)
 {
     int kind;
 
@@ -123,7 +123,7 @@ void saga_rate_memory_free(saga_rate_memory *m)
 /* A query is told what is above a block, a token what the block itself is.
  * Returns where that lies in x, or in its gradients, *n values; NULL where
  * there is nothing. */
-static real *values_of(const saga_rate_memory_input *in,
+static real *values_of(const saga_bank_twin_input *in,
                        const saga_rate_features *x, size_t block, int is_token,
                        size_t *n)
 {
@@ -140,7 +140,7 @@ static real *values_of(const saga_rate_memory_input *in,
 }
 
 /* Sets the phase of an anchor where it is decoded. */
-static void anchor_phase(real phase[4], const saga_rate_memory_input *in,
+static void anchor_phase(real phase[4], const saga_bank_twin_input *in,
                          size_t block)
 {
     saga_scene_phase(phase, (in->kind == SAGA_KIND_COARSE ? in->s->coarse_x
@@ -148,7 +148,7 @@ static void anchor_phase(real phase[4], const saga_rate_memory_input *in,
                             4 * block);
 }
 
-static void fill_row(real *row, const saga_rate_memory_input *in, int net,
+static void fill_row(real *row, const saga_bank_twin_input *in, int net,
                      size_t block)
 {
     const saga_model *const m = &in->s->model;
@@ -172,7 +172,7 @@ static void fill_row(real *row, const saga_rate_memory_input *in, int net,
 }
 
 /* Runs QUERY or AGG on the blocks of order first .. end - 1. */
-static void run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
+static void run_blocks(saga_twin_batch *b, const saga_bank_twin_input *in,
                        int net, size_t first, size_t end)
 {
     const saga_net *const f = &in->s->net[net];
@@ -192,7 +192,7 @@ static void run_blocks(saga_twin_batch *b, const saga_rate_memory_input *in,
 /* Goes back through all blocks, from b->d_out. */
 static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
                             saga_twin_batch *b,
-                            const saga_rate_memory_input *in, int net)
+                            const saga_bank_twin_input *in, int net)
 {
     const saga_net *const f = &in->s->net[net];
     const size_t n = saga_rate_n_blocks(in->s, in->kind);
@@ -217,7 +217,7 @@ static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
 /* --- Reads --------------------------------------------------------------- */
 
 /* Returns how many threads have scratch. */
-static int n_threads(const saga_rate_memory *m)
+static int n_threads(const saga_bank_twin *m)
 {
     const size_t now = saga_n_threads();
 
@@ -225,32 +225,32 @@ static int n_threads(const saga_rate_memory *m)
 }
 
 /* Returns what a run reads; primitives all read the last state. */
-static saga_rate_bank bank_of(const saga_rate_memory *m,
-                              const saga_rate_memory_input *in, size_t run)
+static saga_bank_float bank_of(const saga_bank_twin *m,
+                               const saga_bank_twin_input *in, size_t run)
 {
     const size_t state = in->first + (in->kind == SAGA_KIND_PRIM ? 0 : run);
 
-    return saga_rate_bank_of(m->state + state * m->n_slots * m->width,
-                             m->n_slots, m->width, m->scratch +
-                             saga_thread_number() *
-                             saga_rate_bank_scratch(m->n_slots, m->width));
+    return saga_bank_float_of(m->state + state * m->n_slots * m->width,
+                              m->n_slots, m->width, m->scratch +
+                              saga_thread_number() *
+                              saga_bank_float_scratch(m->n_slots, m->width));
 }
 
-static void read_run(saga_rate_memory *m, const saga_rate_memory_input *in,
+static void read_run(saga_bank_twin *m, const saga_bank_twin_input *in,
                      size_t run)
 {
-    saga_rate_memory_kind *const k = &m->kind[in->kind];
-    const saga_rate_bank b = bank_of(m, in, run);
+    saga_bank_twin_kind *const k = &m->kind[in->kind];
+    const saga_bank_float b = bank_of(m, in, run);
     const size_t begin = in->runs->begin[run];
 
-    saga_rate_bank_read(k->read + begin * m->width, &b,
-                        k->query.out + begin * m->width,
-                        in->runs->begin[run + 1] - begin);
+    saga_bank_float_read(k->read + begin * m->width, &b,
+                         k->query.out + begin * m->width,
+                         in->runs->begin[run + 1] - begin);
 }
 
-void saga_rate_memory_read(saga_rate_memory *m,
-                           const saga_rate_memory_input *in, size_t from,
-                           size_t to)
+void saga_bank_twin_read(saga_bank_twin *m,
+                         const saga_bank_twin_input *in, size_t from,
+                         size_t to)
 {
     ptrdiff_t run;
 
@@ -263,20 +263,20 @@ void saga_rate_memory_read(saga_rate_memory *m,
 }
 
 /* Sets the run's d_state and its queries' gradients. */
-static void read_run_backward(saga_rate_memory *m,
-                              const saga_rate_memory_input *in, size_t run)
+static void read_run_backward(saga_bank_twin *m,
+                              const saga_bank_twin_input *in, size_t run)
 {
-    saga_rate_memory_kind *const k = &m->kind[in->kind];
-    const saga_rate_bank b = bank_of(m, in, run);
+    saga_bank_twin_kind *const k = &m->kind[in->kind];
+    const saga_bank_float b = bank_of(m, in, run);
     const size_t d = m->width, n = m->n_slots * d;
     const size_t begin = in->runs->begin[run];
 
     memset(k->d_state + run * n, 0, n * sizeof *k->d_state);
-    saga_rate_bank_read_backward(k->query.d_out + begin * d,
-                                 k->d_state + run * n, &b,
-                                 k->d_read + begin * d,
-                                 k->query.out + begin * d,
-                                 in->runs->begin[run + 1] - begin);
+    saga_bank_float_read_backward(k->query.d_out + begin * d,
+                                  k->d_state + run * n, &b,
+                                  k->d_read + begin * d,
+                                  k->query.out + begin * d,
+                                  in->runs->begin[run + 1] - begin);
 }
 
 /* --- Writes -------------------------------------------------------------- */
@@ -287,8 +287,8 @@ static int is_plain(const saga_scene *s)
 }
 
 /* Sets WRITE_BASE's inputs, a mean for each run. */
-static void take_means(saga_rate_memory_kind *k,
-                       const saga_rate_memory_input *in, size_t width,
+static void take_means(saga_bank_twin_kind *k,
+                       const saga_bank_twin_input *in, size_t width,
                        size_t from, size_t to)
 {
     size_t run, at, i;
@@ -308,7 +308,7 @@ static void take_means(saga_rate_memory_kind *k,
 }
 
 /* Sets WRITE's inputs, of every step and slot. */
-static void add_own(saga_rate_memory *m, saga_rate_memory_kind *k,
+static void add_own(saga_bank_twin *m, saga_bank_twin_kind *k,
                     const saga_scene *s, size_t from, size_t to)
 {
     const size_t hidden = (size_t)s->net[SAGA_NET_WRITE].dim[0];
@@ -337,12 +337,12 @@ static void clamp_writes(real *write, size_t n, size_t width)
     }
 }
 
-static void run_write(saga_rate_memory *m, const saga_rate_memory_input *in,
+static void run_write(saga_bank_twin *m, const saga_bank_twin_input *in,
                       size_t from, size_t to)
 {
     const saga_net *const base = &in->s->net[SAGA_NET_WRITE_BASE];
     const saga_net *const write = &in->s->net[SAGA_NET_WRITE];
-    saga_rate_memory_kind *const k = &m->kind[in->kind];
+    saga_bank_twin_kind *const k = &m->kind[in->kind];
     const size_t d = m->width, hidden = (size_t)write->dim[0];
     const size_t row = from * m->n_slots, rows = (to - from) * m->n_slots;
 
@@ -359,7 +359,7 @@ static void run_write(saga_rate_memory *m, const saga_rate_memory_input *in,
     clamp_writes(k->write.out + row * (d + 1), rows, d);
 }
 
-void saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s)
+void saga_bank_twin_begin(saga_bank_twin *m, const saga_scene *s)
 {
     const saga_net *const net = &s->net[SAGA_NET_SLOT];
 
@@ -368,11 +368,11 @@ void saga_rate_memory_begin(saga_rate_memory *m, const saga_scene *s)
                     s->model.q_in[SAGA_NET_WRITE]);
 }
 
-void saga_rate_memory_write(saga_rate_memory *m,
-                            const saga_rate_memory_input *in, size_t from,
-                            size_t to)
+void saga_bank_twin_write(saga_bank_twin *m,
+                          const saga_bank_twin_input *in, size_t from,
+                          size_t to)
 {
-    saga_rate_memory_kind *const k = &m->kind[in->kind];
+    saga_bank_twin_kind *const k = &m->kind[in->kind];
     const size_t slots = m->n_slots, d = m->width;
     const int plain = is_plain(in->s);
     ptrdiff_t p;
@@ -388,16 +388,16 @@ void saga_rate_memory_write(saga_rate_memory *m,
             real *const s = m->state + (in->first + run) * slots * d +
                             (size_t)p * d;
 
-            saga_rate_bank_update(s + slots * d, s, k->write.out +
-                                  (run * slots + (size_t)p) * (d + 1), d,
-                                  plain);
+            saga_bank_float_update(s + slots * d, s, k->write.out +
+                                   (run * slots + (size_t)p) * (d + 1), d,
+                                   plain);
         }
     }
 }
 
 /* --- Backward of the writes ---------------------------------------------- */
 
-void saga_rate_memory_clear(saga_rate_memory *m, const saga_scene *s)
+void saga_bank_twin_clear(saga_bank_twin *m, const saga_scene *s)
 {
     const size_t hidden = (size_t)s->net[SAGA_NET_WRITE].dim[0];
 
@@ -405,12 +405,12 @@ void saga_rate_memory_clear(saga_rate_memory *m, const saga_scene *s)
     memset(m->slot.d_out, 0, m->n_slots * hidden * sizeof *m->slot.d_out);
 }
 
-/* Takes slot p back through all steps of a level, from its last state's
+/* Takes slot p back through all steps of a tier, from its last state's
  * gradient to that of the first; with what was read from each. */
-static void slot_backward(saga_rate_memory *m, const saga_rate_memory_input *in,
+static void slot_backward(saga_bank_twin *m, const saga_bank_twin_input *in,
                           size_t p, int reads)
 {
-    saga_rate_memory_kind *const k = &m->kind[in->kind];
+    saga_bank_twin_kind *const k = &m->kind[in->kind];
     const size_t slots = m->n_slots, d = m->width;
     real *const last = m->d_last + p * d;
     size_t run, i;
@@ -418,7 +418,7 @@ static void slot_backward(saga_rate_memory *m, const saga_rate_memory_input *in,
     for (run = in->runs->n; run-- > 0;) {
         const size_t at = run * slots + p;
 
-        saga_rate_bank_update_backward(
+        saga_bank_float_update_backward(
             last, k->write.d_out + at * (d + 1),
             m->state + ((in->first + run) * slots + p) * d,
             k->write.out + at * (d + 1), d, is_plain(in->s));
@@ -442,7 +442,7 @@ static void writes_through(saga_twin_batch *b, size_t n, size_t width)
 
 /* Gradients go from WRITE's inputs to the steps' and the slots' parts of them.
  */
-static void add_own_backward(saga_rate_memory *m, saga_rate_memory_kind *k,
+static void add_own_backward(saga_bank_twin *m, saga_bank_twin_kind *k,
                              const saga_scene *s, size_t n_runs)
 {
     const size_t hidden = (size_t)s->net[SAGA_NET_WRITE].dim[0];
@@ -469,8 +469,8 @@ static void add_own_backward(saga_rate_memory *m, saga_rate_memory_kind *k,
 }
 
 /* Gradients go from the means to the tokens. */
-static void means_backward(saga_rate_memory_kind *k,
-                           const saga_rate_memory_input *in, size_t width)
+static void means_backward(saga_bank_twin_kind *k,
+                           const saga_bank_twin_input *in, size_t width)
 {
     size_t run, at, i;
 
@@ -487,12 +487,12 @@ static void means_backward(saga_rate_memory_kind *k,
     }
 }
 
-static void write_backward(saga_rate_memory *m, saga_scene *d,
+static void write_backward(saga_bank_twin *m, saga_scene *d,
                            const saga_rate_features *dx,
-                           const saga_rate_memory_input *in, int reads)
+                           const saga_bank_twin_input *in, int reads)
 {
     const saga_net *const net = in->s->net;
-    saga_rate_memory_kind *const k = &m->kind[in->kind];
+    saga_bank_twin_kind *const k = &m->kind[in->kind];
     const size_t rows = in->runs->n * m->n_slots;
     ptrdiff_t p;
 
@@ -511,7 +511,7 @@ static void write_backward(saga_rate_memory *m, saga_scene *d,
 }
 
 /* Adds what all primitives read from the last state. */
-static void add_last(saga_rate_memory *m, size_t n_runs)
+static void add_last(saga_bank_twin *m, size_t n_runs)
 {
     const size_t n = m->n_slots * m->width;
     const real *const d = m->kind[SAGA_KIND_PRIM].d_state;
@@ -524,9 +524,9 @@ static void add_last(saga_rate_memory *m, size_t n_runs)
 
 /* Goes back through what was read: queries, and the states they were answered
  * from. */
-static void read_backward(saga_rate_memory *m, saga_scene *d,
+static void read_backward(saga_bank_twin *m, saga_scene *d,
                           const saga_rate_features *dx,
-                          const saga_rate_memory_input *in)
+                          const saga_bank_twin_input *in)
 {
     ptrdiff_t run;
 
@@ -538,9 +538,9 @@ static void read_backward(saga_rate_memory *m, saga_scene *d,
     blocks_backward(d, dx, &m->kind[in->kind].query, in, SAGA_NET_QUERY);
 }
 
-void saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
-                               const saga_rate_features *dx,
-                               const saga_rate_memory_input *in, int reads)
+void saga_bank_twin_backward(saga_bank_twin *m, saga_scene *d,
+                             const saga_rate_features *dx,
+                             const saga_bank_twin_input *in, int reads)
 {
     if (reads)
         read_backward(m, d, dx, in);
@@ -548,8 +548,8 @@ void saga_rate_memory_backward(saga_rate_memory *m, saga_scene *d,
         write_backward(m, d, dx, in, reads);
 }
 
-void saga_rate_memory_end(saga_rate_memory *m, saga_scene *d,
-                          const saga_scene *s)
+void saga_bank_twin_end(saga_bank_twin *m, saga_scene *d,
+                        const saga_scene *s)
 {
     const saga_net *const net = &s->net[SAGA_NET_SLOT];
 

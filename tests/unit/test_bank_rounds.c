@@ -252,23 +252,23 @@ static void put_values(input *in, const watched *w, const int16_t *x, int q)
 /* --- The memory, once more ----------------------------------------------- */
 
 typedef struct {
-    saga_memory m;
+    saga_bank m;
     int16_t own[SAGA_MAX_SLOTS][SAGA_MAX_WIDTH];
     int64_t sum[MAX_D];
     uint32_t n;
     uint32_t n_reads, n_writes;
 } memory;
 
-static void begin_memory(memory *k, const watched *w)
+static void begin_bank(memory *k, const watched *w)
 {
     const int hidden = w->plan.nets.shape[SAGA_NET_SLOT].dim[2];
     uint32_t p;
 
     memset(k, 0, sizeof *k);
-    saga_memory_size(&k->m, &w->h.model);
-    saga_memory_place(&k->m, must(aligned_alloc(
-        16, saga_memory_place(&k->m, NULL))));
-    saga_memory_start(&k->m);
+    saga_bank_size(&k->m, &w->h.model);
+    saga_bank_lay(&k->m, must(aligned_alloc(
+        16, saga_bank_lay(&k->m, NULL))));
+    saga_bank_start(&k->m);
     for (p = 0; p < k->m.n_slots; p++) {
         input in = input_of(w, SAGA_NET_SLOT);
         int16_t out[SAGA_MAX_VECTOR];
@@ -294,9 +294,9 @@ static void expect(memory *k, const watched *w, const place *p, int kind,
     put_side(&in, w, p, kind);
     put_values(&in, w, parent, q);
     run(query, w, SAGA_NET_QUERY, in.x);
-    saga_memory_read(got, &k->m, query);
+    saga_bank_read(got, &k->m, query);
     in = input_of(w, SAGA_NET_E_COARSE + kind);
-    for (i = 0; i < m->memory_width; i++)
+    for (i = 0; i < m->bank_width; i++)
         put(&in, got[i], 12);
     run(out, w, SAGA_NET_E_COARSE + kind, in.x);
     for (i = 0; i < n; i++) {
@@ -336,7 +336,7 @@ static void write_step(memory *k, const watched *w)
 
     for (i = 0; i < k->m.width; i++)
         sum[i] = (int32_t)k->sum[i];
-    saga_memory_mean(mean, sum, k->m.width, k->n);
+    saga_bank_mean(mean, sum, k->m.width, k->n);
     for (i = 0; i < k->m.width; i++)
         put(&in, mean[i], 12);
     run(base, w, SAGA_NET_WRITE_BASE, in.x);
@@ -347,9 +347,9 @@ static void write_step(memory *k, const watched *w)
             h[i] = (int16_t)(v < 0 ? 0 : v);
         }
         run(out, w, SAGA_NET_WRITE, h);
-        saga_memory_update(&k->m, p, out,
-                           saga_sigmoid_q11_q15(out[k->m.width]),
-                           (w->h.model.tools & SAGA_TOOL_PLAIN_WRITE) != 0);
+        saga_bank_update(&k->m, p, out,
+                         saga_sigmoid_q11_q15(out[k->m.width]),
+                         (w->h.model.tools & SAGA_TOOL_PLAIN_WRITE) != 0);
     }
     memset(k->sum, 0, sizeof k->sum);
     k->n = 0;
@@ -415,7 +415,7 @@ static void follow_fine(memory *k, const watched *w, uint32_t rank)
     const saga_model *const m = &w->h.model;
     const saga_symbols *const sym = &w->g.segment[0];
     const uint32_t parent = w->sc.fine[rank].parent;
-    const uint32_t bits = m->level[0].suffix_bits;
+    const uint32_t bits = m->tier[0].suffix_bits;
     const seen *const s = &w->spy.fine[rank];
     int16_t o[4], context[SAGA_MAX_FEATURES] = { 0 };
     place cell, p;
@@ -452,7 +452,7 @@ static void follow_level(memory *k, const watched *w, int level)
     const uint32_t n = level == 0 ? w->sc.n.coarse : w->sc.n.fine;
     uint32_t group, rank;
 
-    for (group = 0; group < w->h.model.level[level].n_groups; group++) {
+    for (group = 0; group < w->h.model.tier[level].n_groups; group++) {
         for (rank = 0; rank < n; rank++) {
             if ((level == 0 ? w->sc.coarse[rank].group
                             : w->sc.fine[rank].group) != group)
@@ -461,7 +461,7 @@ static void follow_level(memory *k, const watched *w, int level)
                 follow_coarse(k, w, rank);
             else
                 follow_fine(k, w, rank);
-            if (k->n == w->h.model.memory_blocks)
+            if (k->n == w->h.model.bank_blocks)
                 write_step(k, w);
         }
         if (k->n)
@@ -514,9 +514,9 @@ static gen_options options_of(uint32_t i)
     o.seed = first_seed() + i;
     o.level = (int)(i % 8 == 7 ? 3 : i & 1u);
     o.memory = 1 + (int)(i & 1u);
-    o.memory_alone = 1;
+    o.bank_alone = 1;
     /* Every second one ends its steps by B, the others by groups too. */
-    o.memory_blocks = i & 2u ? 1 + i % 5 : 0;
+    o.bank_blocks = i & 2u ? 1 + i % 5 : 0;
     return o;
 }
 
@@ -531,9 +531,9 @@ static void parameters_should_be_those_of_the_page(void **state)
         memory *const k = must(malloc(sizeof *k));
 
         watch(&w, &o);
-        begin_memory(k, &w);
-        follow_level(k, &w, SAGA_LEVEL_COARSE);
-        follow_level(k, &w, SAGA_LEVEL_FINE);
+        begin_bank(k, &w);
+        follow_level(k, &w, SAGA_TIER_COARSE);
+        follow_level(k, &w, SAGA_TIER_FINE);
         check_bank(k, &w);
         follow_prims(k, &w);
         n_reads += k->n_reads;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "rate_bank.h"
+#include "bank_float.h"
 
 #include "alloc.h"
 #include "dense.h"
@@ -16,20 +16,20 @@ enum { CHUNK = 128 };
 
 /* --- States -------------------------------------------------------------- */
 
-bool saga_rate_bank_start(real *state, size_t n_slots, size_t width,
-                          saga_error *error)
+bool saga_bank_float_start(real *state, size_t n_slots, size_t width,
+                           saga_error *error)
 {
-    saga_memory bank = { .n_slots = (uint32_t)n_slots,
+    saga_bank bank = { .n_slots = (uint32_t)n_slots,
                          .width = (uint32_t)width };
     const size_t stride = saga_mlp_pad(bank.width);
     uint8_t *const block = saga_aligned_alloc(
-        16, saga_memory_place(&bank, NULL), "the memory bank", error);
+        16, saga_bank_lay(&bank, NULL), "the memory bank", error);
     size_t p, i;
 
     if (!block)
         return false;
-    saga_memory_place(&bank, block);
-    saga_memory_start(&bank);
+    saga_bank_lay(&bank, block);
+    saga_bank_start(&bank);
     for (p = 0; p < n_slots; p++)
         for (i = 0; i < width; i++)
             state[p * width + i] = R(bank.slot[p * stride + i]) / 4096;
@@ -37,16 +37,16 @@ bool saga_rate_bank_start(real *state, size_t n_slots, size_t width,
     return true;
 }
 
-size_t saga_rate_bank_scratch(size_t n_slots, size_t width)
+size_t saga_bank_float_scratch(size_t n_slots, size_t width)
 {
     return n_slots * width + 2 * CHUNK * n_slots;
 }
 
-saga_rate_bank saga_rate_bank_of(const real *state, size_t n_slots,
-                                 size_t width, real *scratch)
+saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
+                                   size_t width, real *scratch)
 {
     real *const weight = scratch + n_slots * width;
-    const saga_rate_bank b = { n_slots, width, state, scratch, weight,
+    const saga_bank_float b = { n_slots, width, state, scratch, weight,
                                weight + CHUNK * n_slots };
     size_t p, i;
 
@@ -81,7 +81,7 @@ static void softmax(real *x, size_t n)
         vec_store(x + i, vec_load(x + i) * vec_set1(top));
 }
 
-static void weigh(const saga_rate_bank *b, const real *query, size_t n)
+static void weigh(const saga_bank_float *b, const real *query, size_t n)
 {
     const saga_dense columns = { .w = b->columns, .n_out = b->n_slots };
     const saga_dense_rows queries = { query, n, b->width, b->width };
@@ -97,8 +97,8 @@ static size_t chunk(size_t n)
     return n < CHUNK ? n : CHUNK;
 }
 
-void saga_rate_bank_read(real *out, const saga_rate_bank *b,
-                         const real *query, size_t n)
+void saga_bank_float_read(real *out, const saga_bank_float *b,
+                          const real *query, size_t n)
 {
     const size_t d = b->width;
     const saga_dense state = { .w = b->state, .n_out = d };
@@ -128,9 +128,9 @@ static void softmax_backward(real *d, const real *weight, size_t n)
                          (vec_load(d + i) - vec_set1(dot)));
 }
 
-void saga_rate_bank_read_backward(real *d_query, real *d_state,
-                                  const saga_rate_bank *b, const real *d_out,
-                                  const real *query, size_t n)
+void saga_bank_float_read_backward(real *d_query, real *d_state,
+                                   const saga_bank_float *b, const real *d_out,
+                                   const real *query, size_t n)
 {
     const size_t d = b->width, slots = b->n_slots;
     const saga_dense columns = { .w = b->columns, .n_out = slots };
@@ -186,8 +186,8 @@ static real update(real *u, real *along, const real *s, const real *write,
     return sqrt(dot(u, u, n));
 }
 
-void saga_rate_bank_update(real *to, const real *s, const real *write,
-                           size_t n, int plain)
+void saga_bank_float_update(real *to, const real *s, const real *write,
+                            size_t n, int plain)
 {
     real along, length = update(to, &along, s, write, n, plain);
     size_t i;
@@ -199,8 +199,8 @@ void saga_rate_bank_update(real *to, const real *s, const real *write,
         memcpy(to, s, n * sizeof *to);
 }
 
-void saga_rate_bank_update_backward(real *d, real *d_write, const real *s,
-                                    const real *write, size_t n, int plain)
+void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
+                                     const real *write, size_t n, int plain)
 {
     const real g = sigmoid(write[n]);
     real u[SAGA_MAX_SLOT_WIDTH], along, d_along = 0, d_gate = 0, part;

@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * These are the operators of common/memory_bank.c in float, and their
+ * gradients: reads of a state (L, D) by softmax attention in base 2, and the
+ * update of one slot. Paper: Hierarchical Context Modeling, equations of the
+ * write.
+ *
+ * L and D are whole numbers of vectors (vec.h): the format has multiples of 8.
+ */
+#ifndef SAGA_BANK_FLOAT_H
+#define SAGA_BANK_FLOAT_H
+
+#include "error.h"
+#include "real.h"
+
+#include <stddef.h>
+
+/* A state is read out of a thread's scratch. */
+typedef struct saga_bank_float {
+    size_t n_slots, width;       /* L, D */
+    const real *state;           /* (L, D) */
+    real *columns;               /* (D, L) the same, transposed */
+    real *weight, *d_weight;     /* (some queries, L) */
+} saga_bank_float;
+
+#define saga_bank_float_start SAGA_REAL_NAME(saga_bank_float_start)
+#define saga_bank_float_scratch SAGA_REAL_NAME(saga_bank_float_scratch)
+#define saga_bank_float_of SAGA_REAL_NAME(saga_bank_float_of)
+#define saga_bank_float_read SAGA_REAL_NAME(saga_bank_float_read)
+#define saga_bank_float_read_backward \
+    SAGA_REAL_NAME(saga_bank_float_read_backward)
+#define saga_bank_float_update SAGA_REAL_NAME(saga_bank_float_update)
+#define saga_bank_float_update_backward \
+    SAGA_REAL_NAME(saga_bank_float_update_backward)
+
+/* Sets S_0 as the integers have it. False: no memory. */
+bool saga_bank_float_start(real *state, size_t n_slots, size_t width,
+                           saga_error *error);
+
+/* The first returns the reals of a thread's scratch, the second the bank in it.
+ */
+size_t saga_bank_float_scratch(size_t n_slots, size_t width);
+saga_bank_float saga_bank_float_of(const real *state, size_t n_slots,
+                                   size_t width, real *scratch);
+
+/* Sets out (n, D) to what the queries (n, D) read. */
+void saga_bank_float_read(real *out, const saga_bank_float *b,
+                          const real *query, size_t n);
+
+/* Sets d_query (n, D), adds to d_state (L, D). */
+void saga_bank_float_read_backward(real *d_query, real *d_state,
+                                   const saga_bank_float *b, const real *d_out,
+                                   const real *query, size_t n);
+
+/* Sets `to` to what slot s becomes by write: candidate v (D), then w, the gate
+ * being sigmoid(w).
+ *     orthogonal (plain = 0)  Norm(s + g (v - <v, s> s))
+ *     plain                   Norm(s + g v)
+ * A sum of zero leaves it. to is not s. */
+void saga_bank_float_update(real *to, const real *s, const real *write,
+                            size_t width, int plain);
+
+/* Turns d, the gradient of what the slot became, into that of s. Sets d_write
+ * (D + 1). */
+void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
+                                     const real *write, size_t width,
+                                     int plain);
+
+#endif
