@@ -136,10 +136,9 @@ static void resuming_should_be_refused_when_memory_ends(void **state)
 static bool only_pictures(const char *path)
 {
     DIR *const dir = opendir(path);
-    bool ok = true;
+    bool ok = dir != NULL;
 
-    assert_non_null(dir);
-    for (struct dirent *e; (e = readdir(dir)) != NULL;) {
+    for (struct dirent *e; dir && (e = readdir(dir)) != NULL;) {
         char file[300];
 
         if (e->d_name[0] == '.')
@@ -148,7 +147,8 @@ static bool only_pictures(const char *path)
         snprintf(file, sizeof file, "%s/%s", path, e->d_name);
         unlink(file);
     }
-    closedir(dir);
+    if (dir)
+        closedir(dir);
     return ok;
 }
 

@@ -15,6 +15,8 @@
  * - Memory whose size depends on input comes from alloc.h, which writes the
  *   sentence itself. Nothing aborts the program: neither a file nor a machine
  *   that is too small is a mistake of ours. assert() is for those.
+ * - What is done in every iteration works in memory that was reserved before,
+ *   where its size is known by then; a function that cannot fail returns void.
  * - A saga_error belongs to one thread. Each job of a parallel loop has its
  *   own, and the one of the lowest job is passed on, so that the sentence does
  *   not depend on the number of threads.
