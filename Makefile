@@ -268,7 +268,7 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    echo $$s >$(@:.log=.rc); \
 	    times >$(@:.log=.cpu)
 
-.PHONY: check test test-all setup sanitize symbols nofloat stack headers \
+.PHONY: check test test-all setup sanitize lint symbols nofloat stack headers \
         tree docs tables matrix mutants bench vectors clean
 setup:
 	@tests/setup.sh
@@ -294,6 +294,10 @@ $(COMMANDS): $(SAGA_H) FORCE
 	        printf "%s{ \"directory\": \"%s\", \"file\": \"%s\",\n" \
 	            "\"command\": \"%s\" }", n++ ? ",\n" : "[\n", dir, file, $$0 \
 	    } END { print "\n]" }' >$@
+
+lint:
+	@tests/setup.sh lint
+	@tests/check_lint.sh
 
 symbols:
 	@tests/check_symbols.sh
@@ -375,6 +379,7 @@ make check       unit tests, vectors, a tiny encode: less than a CPU minute
 make test        what CI runs, sanitizers and mutants too: 10 CPU minutes
 make test-all    the same with every emulated target and the long counts
 make sanitize    the test programs under ASan and UBSan alone
+make lint        what clang-tidy finds, with the exceptions of .clang-tidy
 make compile_commands.json   how each file is compiled, for editors
 make symbols     undefined symbols, prefixes, .data and .bss of the decoder
 make nofloat     no floating point in common/ and decoder/

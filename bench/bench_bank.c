@@ -5,8 +5,6 @@
  * and which share of it these make, from their own speed and number. CPU time
  * of this thread, min and median of the repetitions.
  */
-#define _POSIX_C_SOURCE 200809L
-
 #include "bench_time.h"
 #include "gen_stream.h"
 #include "head.h"

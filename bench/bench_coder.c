@@ -5,8 +5,6 @@
  * what they take over its entropy; then adaptive symbols. CPU time of this
  * thread, minimum and median of the repetitions.
  */
-#define _POSIX_C_SOURCE 200809L
-
 #include "bench_time.h"
 #include "gen_stream.h"
 #include "prob.h"

@@ -4,8 +4,6 @@
  * and the shapes of our models, over 10,048 points, one at a time and eight
  * together. CPU time of this thread; min and median of the repetitions.
  */
-#define _POSIX_C_SOURCE 200809L
-
 #include "mlp.h"
 
 #include <stdint.h>

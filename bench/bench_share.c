@@ -11,8 +11,6 @@
  * whole, medians of repetitions that measure all of them in turn; "rest" is
  * what is left of the whole (traversal, requantisation, conversions).
  */
-#define _POSIX_C_SOURCE 200809L
-
 #include "animate.h"
 #include "bench_time.h"
 #include "container.h"

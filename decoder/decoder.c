@@ -134,14 +134,14 @@ static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
     return SAGA_OK;
 }
 
-saga_status saga_open(saga_decoder **out, void *work, size_t work_nbytes,
+saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
                       const uint8_t *head, size_t n)
 {
-    saga_decoder *const dec = work;
+    saga_decoder *const d = work;
     saga_info info;
     saga_status s;
 
-    *out = NULL;
+    *dec = NULL;
     s = saga_probe(&info, head, n);
     if (s)
         return s;
@@ -149,13 +149,13 @@ saga_status saga_open(saga_decoder **out, void *work, size_t work_nbytes,
         return SAGA_ERR_ALIGN;
     if (work_nbytes < info.work_nbytes)
         return SAGA_ERR_SPACE;
-    s = read_head(&dec->header, &dec->plan, head, n, 1);
+    s = read_head(&d->header, &d->plan, head, n, 1);
     if (s)
         return s;
-    begin(dec);
-    s = read_networks(dec, head, n);
+    begin(d);
+    s = read_networks(d, head, n);
     if (s == SAGA_OK)
-        *out = dec;
+        *dec = d;
     return s;
 }
 

@@ -201,7 +201,7 @@ static int read_camera(saga_camera *c, const options *o, size_t head_nbytes)
     uint32_t index, number;
     saga_status s;
 
-    if (strncmp(o->camera, "rig:", 4))
+    if (strncmp(o->camera, "rig:", 4) != 0)
         return read_camera_file(c, o->camera);
     if (!parse_u32(&index, o->camera + 4, '\0')) {
         fprintf(stderr, "saga-dec: '%s' names no camera of the rig\n",

@@ -324,7 +324,7 @@ static int probe(subject *s, size_t n)
         return 0;
     for (size_t i = 0; i < 4 && i < n; i++)
         snprintf(start + 3 * i, sizeof start - 3 * i, " %02x", s->bytes[i]);
-    if (n >= 4 && memcmp(s->bytes, saga_magic, 4))
+    if (n >= 4 && memcmp(s->bytes, saga_magic, 4) != 0)
         return saga_cli_error(SAGA_EXIT_DATA, "%s: not a .saga file: it "
                               "begins with the bytes%s, not 53 41 47 41; "
                               "check the name", s->name, start);

@@ -164,12 +164,12 @@ static scale_bits remembered_bits(small_bits *s, int32_t q)
 
 static uint8_t least_scale(const scale_bits *b)
 {
-    uint8_t best = 0, i;
+    int best = 0, i;
 
     for (i = 1; i < SAGA_N_SCALES; i++)
         if (b->at[i] < b->at[best])
             best = i;
-    return best;
+    return (uint8_t)best;
 }
 
 static uint8_t bias_scale(const int32_t *q, uint32_t n)

@@ -52,18 +52,17 @@ void saga_bank_float_read_backward(real *d_query, real *d_state,
                                    const saga_bank_float *b, const real *d_out,
                                    const real *query, size_t n);
 
-/* Sets `to` to what slot s becomes by write: candidate v (D), then w, the gate
- * being sigmoid(w).
+/* Sets `to` (n) to what slot s becomes by write: candidate v (n), then w, the
+ * gate being sigmoid(w).
  *     orthogonal (plain = 0)  Norm(s + g (v - <v, s> s))
  *     plain                   Norm(s + g v)
  * A sum of zero leaves it. to is not s. */
 void saga_bank_float_update(real *to, const real *s, const real *write,
-                            size_t width, int plain);
+                            size_t n, int plain);
 
 /* Turns d, the gradient of what the slot became, into that of s. Sets d_write
- * (D + 1). */
+ * (n + 1). */
 void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
-                                     const real *write, size_t width,
-                                     int plain);
+                                     const real *write, size_t n, int plain);
 
 #endif

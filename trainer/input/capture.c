@@ -20,7 +20,6 @@
 #else
 #define omp_get_max_threads() 1
 #endif
-#include <stdlib.h>
 
 saga_capture_options saga_capture_defaults(void)
 {

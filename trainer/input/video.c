@@ -98,11 +98,12 @@ static bool run_ffprobe(const char *path, char *text, size_t n,
     char *const url = file_url(path, error);
     if (!url)
         return false;
+    static const char entries[] =
+        "stream=width,height,avg_frame_rate,nb_read_packets,color_space,"
+        "color_range:stream_tags=rotate:stream_side_data=rotation";
     const char *const argv[] = {
         "ffprobe", "-v", "error", "-count_packets", "-select_streams", "v:0",
-        "-show_entries",
-        "stream=width,height,avg_frame_rate,nb_read_packets,color_space,"
-        "color_range:stream_tags=rotate:stream_side_data=rotation",
+        "-show_entries", entries,
         "-of", "default=noprint_wrappers=1", url, NULL};
     saga_child child;
     bool ok = saga_child_start(&child, argv, error);

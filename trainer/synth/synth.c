@@ -21,7 +21,6 @@
 #else
 #define omp_get_max_threads() 1
 #endif
-#include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
