@@ -371,7 +371,7 @@ clean:
 
 define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
-make demo        the built-in scene, encoded, decoded and judged; 10 CPU minutes
+make demo        the built-in scene, encoded, decoded and judged; 7 CPU minutes
 make floors      the demo beside what needs no such codec; 10 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
 make setup       installs what is missing to build and test (Debian, as root)
