@@ -322,9 +322,9 @@ static uint32_t rig_end(const uint8_t *header)
 /* What section 3 says of the fields that hang on the memory tool. */
 static int bank_is_consistent(const uint8_t *p)
 {
-    const int64_t slots = get(HEADER, p, "memory_slots", 0);
-    const int64_t width = get(HEADER, p, "memory_width", 0);
-    const int64_t blocks = get(HEADER, p, "memory_blocks", 0);
+    const int64_t slots = get(HEADER, p, "bank_slots", 0);
+    const int64_t width = get(HEADER, p, "bank_width", 0);
+    const int64_t blocks = get(HEADER, p, "bank_blocks", 0);
     const int read = ((get(HEADER, p, "sources_coarse", 0) |
                        get(HEADER, p, "sources_fine", 0) |
                        get(HEADER, p, "sources_prim", 0)) &
@@ -622,8 +622,8 @@ static void probe_should_report_the_same_values(void **state)
         assert_int_equal(get(HEADER, p, "level", 0), a.level);
         assert_int_equal(get(HEADER, p, "n_segments", 0), a.n_segments);
         assert_int_equal(get(HEADER, p, "n_frames", 0), a.n_frames);
-        assert_int_equal(get(HEADER, p, "rate_num", 0), a.fps_num);
-        assert_int_equal(get(HEADER, p, "rate_den", 0), a.fps_den);
+        assert_int_equal(get(HEADER, p, "fps_num", 0), a.fps_num);
+        assert_int_equal(get(HEADER, p, "fps_den", 0), a.fps_den);
         assert_int_equal(get(HEADER, p, "n_cameras", 0), a.n_cameras);
         assert_int_equal(get(HEADER, p, "max_coarse", 0), a.max_coarse);
         assert_int_equal(get(HEADER, p, "max_fine", 0), a.max_fine);
@@ -662,8 +662,8 @@ static uint32_t bank_weights_of(const uint8_t *p)
 {
     const uint32_t in = 8 * (uint32_t)get(HEADER, p, "octaves", 0) + 6 +
                         (uint32_t)get(HEADER, p, "features", 0);
-    const uint32_t l = (uint32_t)get(HEADER, p, "memory_slots", 0);
-    const uint32_t d = (uint32_t)get(HEADER, p, "memory_width", 0);
+    const uint32_t l = (uint32_t)get(HEADER, p, "bank_slots", 0);
+    const uint32_t d = (uint32_t)get(HEADER, p, "bank_width", 0);
     uint32_t v;
 
     if (!has_bank(p))
@@ -679,7 +679,7 @@ static uint32_t inputs_of(const uint8_t *p, uint32_t s)
 {
     return (uint32_t)get(HEADER, p, "features", 0) *
            ((s & 1u) + (s >> 1 & 1u) + (s >> 2 & 1u)) +
-           (s >> 3 & 1u) * (uint32_t)get(HEADER, p, "memory_width", 0);
+           (s >> 3 & 1u) * (uint32_t)get(HEADER, p, "bank_width", 0);
 }
 
 /* Section 9, with the fields' names; W of a network is its own width. */
