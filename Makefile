@@ -88,10 +88,9 @@ TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                entropy/rate_choice.c),$(filter trainer/nn/% \
                trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC)))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
-HELPER_OBJ  := $(call obj,$(HELPER_SRC))
-EVERY_OBJ := $(COMMON_OBJ) $(DECODER_OBJ) $(TRAINER_OBJ) $(CLI_OBJ) \
-             $(F64_OBJ) $(HELPER_OBJ) $(call obj,$(sort $(TOOLS_SRC) \
-             $(TESTS_SRC) $(BENCH_SRC) $(wildcard tests/stream/*.c lab/*.c)))
+HELPER_OBJ := $(call obj,$(HELPER_SRC))
+EVERY_OBJ := $(F64_OBJ) $(call obj,$(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
+               $(TOOLS_SRC) $(sort $(wildcard tests/*/*.c lab/*.c bench/*.c)))
 
 LIB     = $(BUILD)/libsaga.a
 TRAIN   = $(BUILD)/libtrainer.a
@@ -104,8 +103,7 @@ TOOLS = $(addprefix $(BUILD)/,saga-dec saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # Scripts of lab/ take files apart with these: coarse features zeroed, entropy
 # networks fitted anew, the order-0 coder's bytes, times of the layers.
-FILE_TOOLS := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit \
-                make_times)
+LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times)
 BENCH := $(BENCH_SRC:bench/%.c=$(BUILD)/%)
 
 # ---------------------------------------------------------------- flags
@@ -164,7 +162,7 @@ I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
 all: lib $(TOOLS)
 lib: $(LIB)
 tests: $(TESTS)
-lab-programs: $(FILE_TOOLS)
+lab-programs: $(LAB)
 bench-programs: $(BENCH)
 # Every file of the tree, compiled and not linked.
 objects: $(EVERY_OBJ)
@@ -174,10 +172,9 @@ $(TRAIN): $(TRAINER_OBJ)
 $(TWICE): $(F64_OBJ)
 $(PLAIN): $(call obj,$(PLAIN_TRAINER))
 $(HELPERS): $(HELPER_OBJ)
-$(LIB) $(TRAIN) $(TWICE) $(PLAIN) $(HELPERS):
-	@mkdir -p $(@D)
+$(LIB) $(TRAIN) $(TWICE) $(PLAIN) $(HELPERS): $(BUILD)/sources
 	@rm -f $@
-	$(AR) rcs $@ $^
+	$(AR) rcs $@ $(filter %.o,$^)
 
 $(OBJ)/common/%.o: common/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
@@ -217,12 +214,14 @@ $(SAGA_H): decoder/saga.h
 	@mkdir -p $(@D)
 	@cp $< $@
 
-# This file is rewritten only when the compiler or a flag changes.
-FLAGS_NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(SAN_FLAGS) $(OMP) $(CFLAGS) \
-            $(LDFLAGS) $(LEVEL)
-$(BUILD)/flags: FORCE
+# These two are rewritten only when they change: every object depends on the
+# compiler and its flags, every library on which files there are.
+$(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(SAN_FLAGS) \
+                      $(OMP) $(CFLAGS) $(LDFLAGS) $(LEVEL)
+$(BUILD)/sources: NOW = $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) $(HELPER_SRC)
+$(BUILD)/flags $(BUILD)/sources: FORCE
 	@mkdir -p $(@D)
-	@echo '$(FLAGS_NOW)' | cmp -s - $@ || echo '$(FLAGS_NOW)' > $@
+	@echo '$(NOW)' | cmp -s - $@ || echo '$(NOW)' > $@
 .PHONY: FORCE
 FORCE:
 
@@ -240,12 +239,13 @@ $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 
 $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
 $(TESTS): $(HELPERS) $(TWICE) $(TRAIN) $(LIB)
-	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(CMOCKA) $(HOST_LIBS) -o $@
+	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(CMOCKA) $(HOST_LIBS) \
+	    -o $@
 
 $(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-$(FILE_TOOLS): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(TRAIN) $(LIB)
+$(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # This one is built for every target of tests/run_matrix.sh: no library but libc
@@ -354,7 +354,7 @@ SCENES =
 .PHONY: ablation
 ablation:
 	@tests/setup.sh plot
-	@$(MAKE) --no-print-directory $(BUILD)/saga $(FILE_TOOLS)
+	@$(MAKE) --no-print-directory $(BUILD)/saga $(LAB)
 	@lab/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
 	    $(THREADS) $(SCENES)
 
