@@ -2,7 +2,7 @@
  *
  * Prints one generated header: `gen_tables fx` is common/fx_tables.h,
  * `gen_tables prob` is common/prob_tables.h. The headers are checked in, and
- * `make check` compares them with this program's output.
+ * `make tables` compares them with this program's output.
  *
  * Entries are real formulas rounded to the nearest integer. A value very near
  * to a half could round differently with another libm: the program then
