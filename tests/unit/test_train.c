@@ -10,6 +10,7 @@
 #include "ref_recorder.h"
 #include "rng.h"
 #include "saga.h"
+#include "start.h"
 #include "synth.h"
 #include "train_state.h"
 #include "view.h"
@@ -492,8 +493,9 @@ static void add_fuse(saga_train *t)
     memcpy(s->reals, old.reals,
            (size_t)(old.params - old.reals) * sizeof *old.reals);
     saga_scene_free(&old);
-    t->fit = saga_fit_new(s, &t->target, &t->pictures, &o, &error);
+    t->fit = saga_fit_new(s, &t->pictures, &o, &error);
     assert_non_null(t->fit);
+    assert_true(saga_fit_start(t->fit, &t->target, &error));
 }
 
 /* Pictures of the scene that the fit starts with against those of the warm-up's
@@ -548,6 +550,7 @@ static void fit_should_begin_where_the_warm_up_ends(void **state)
         saga_train_params_free(&t->target);
         saga_scene_free(&t->scene);
         assert_true(saga_train_begin_fit(t, &error));
+        assert_true(saga_fit_start(t->fit, &t->target, &error));
         psnr[i] = -10 * log10(start_error(t));
         saga_train_free(t);
     }

@@ -2,7 +2,6 @@
 #include "fit_state.h"
 
 #include "alloc.h"
-#include "start.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -43,22 +42,6 @@ static bool alloc_all(saga_fit *f, saga_error *error)
            saga_pictures_canvas(&f->canvas, f->pictures, error);
 }
 
-/* The twin of the scene as it stands, without noise: what the first iteration
- * finds where later ones find the last one's. */
-static bool begin_twin(saga_fit *f, saga_error *error)
-{
-    const saga_scene *const s = f->scene;
-
-    memcpy(f->feature, s->coarse_feature, (size_t)s->n.coarse *
-           s->model.features * sizeof *f->feature);
-    memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
-    memcpy(f->params, s->params, saga_fit_n_params(s) * sizeof *f->params);
-    if (!saga_twin_refresh(&f->twin, &f->used, f->feature, error))
-        return false;
-    saga_twin_geometry(&f->twin, &f->used, f->feature);
-    return true;
-}
-
 static bool begin(saga_fit *f, saga_error *error)
 {
     saga_scene *const s = f->scene;
@@ -73,11 +56,10 @@ static bool begin(saga_fit *f, saga_error *error)
         return false;
     if (f->o.raw_networks)
         saga_rate_keep_raw(&f->rate);
-    return saga_fit_start(f, error) && begin_twin(f, error);
+    return true;
 }
 
-saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
-                       const saga_pictures *pictures,
+saga_fit *saga_fit_new(saga_scene *scene, const saga_pictures *pictures,
                        const saga_fit_options *options, saga_error *error)
 {
     saga_fit *const f = saga_calloc(1, sizeof *f, what, error);
@@ -85,7 +67,6 @@ saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
     if (!f)
         return NULL;
     f->scene = scene;
-    f->target = *target;
     f->pictures = pictures;
     f->o = *options;
     if (begin(f, error))
@@ -117,8 +98,7 @@ int saga_fit_iteration(const saga_fit *f)
 
 /* --- Rate ---------------------------------------------------------------- */
 
-/* Step of the coarse features, reals. */
-static double feature_step(const saga_scene *s)
+double saga_fit_feature_step(const saga_scene *s)
 {
     return ldexp(s->model.step_q16[SAGA_STEP_FEATURE] / 65536.0,
                  -s->model.head_q[SAGA_HEAD_COARSE]);
@@ -141,14 +121,13 @@ static int is_rounding(const saga_fit *f)
     return f->iteration >= saga_fit_first_rounding(f);
 }
 
-/* Where the rounding begins, too, which leaves reads of another model. */
+/* The reads are made anew at intervals, and where the rounding begins, which
+ * leaves those of another model. */
 static int is_remembering(const saga_fit *f)
 {
-    const int done = f->iteration;
-
     return saga_rate_readers(&f->rate.context, f->scene) &&
-           (done % SAGA_RATE_REMEMBER_EVERY == 0 ||
-            done == saga_fit_first_rounding(f));
+           (f->iteration % SAGA_RATE_REMEMBER_EVERY == 0 ||
+            f->iteration == saga_fit_first_rounding(f));
 }
 
 /* Adds the gradients of the rate, `price` for a bit; before saga_twin_backward.
@@ -170,14 +149,13 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
     return true;
 }
 
-/* f->feature: noisy, then rounded. */
+/* Sets f->feature: with noise of a step, then rounded. */
 static void use_features(saga_fit *f)
 {
     const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
-    const int done = f->iteration;
-    const saga_rng r = saga_rng_stream(f->o.seed ^ ((uint64_t)done << 20),
-                                       STREAM_NOISE);
-    const double step = feature_step(f->scene);
+    const saga_rng r = saga_rng_stream(
+        f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_NOISE);
+    const double step = saga_fit_feature_step(f->scene);
     size_t i;
 
     for (i = 0; i < n; i++) {
@@ -189,14 +167,13 @@ static void use_features(saga_fit *f)
     }
 }
 
-/* f->position: with noise of a step of the offset from its anchor, then with
- * the offset rounded. */
+/* Sets f->position: with noise of a step of the offset from its anchor, then
+ * with the offset rounded. */
 static void use_positions(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
-    const int done = f->iteration;
-    const saga_rng r = saga_rng_stream(f->o.seed ^ ((uint64_t)done << 20),
-                                       STREAM_OFFSET);
+    const saga_rng r = saga_rng_stream(
+        f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_OFFSET);
     const double step = saga_rate_prim_step(s);
     size_t i, k;
 

@@ -41,12 +41,11 @@ typedef struct saga_fit_options {
 
 typedef struct saga_fit saga_fit;
 
-/* scene's reals are what is fitted; its anchors go to the nearest places that
- * can be coded (saga_rate_snap) and stay there. target (n.prim), in rank order,
- * are the flat primitives; both and the pictures stay the caller's. Fails where
- * memory is short. */
-saga_fit *saga_fit_new(saga_scene *scene, const saga_splat_params *target,
-                       const saga_pictures *pictures,
+/* scene's reals are what is fitted; its anchors go to the nearest positions
+ * that can be coded (saga_rate_snap) and stay there. Scene and pictures stay
+ * the caller's. Before the first iteration come saga_fit_start (start.h) or
+ * saga_fit_walk, one of them. Fails where memory is short. */
+saga_fit *saga_fit_new(saga_scene *scene, const saga_pictures *pictures,
                        const saga_fit_options *options, saga_error *error);
 void saga_fit_free(saga_fit *fit);
 

@@ -13,7 +13,6 @@ struct saga_fit {
     saga_scene *scene;
     saga_scene grad;
     saga_twin twin;
-    saga_splat_params target;
     const saga_pictures *pictures;
     saga_fit_options o;
     int iteration;
@@ -29,6 +28,9 @@ struct saga_fit {
     saga_rate rate;
     double bits[SAGA_N_STEPS];   /* of the last iteration */
 };
+
+/* The quantisation step of the coarse features, reals. */
+double saga_fit_feature_step(const saga_scene *s);
 
 /* First iteration of the rendering that rounds: the last third does. */
 int saga_fit_first_rounding(const saga_fit *f);

@@ -3,6 +3,7 @@
 
 #include "alloc.h"
 #include "canonical.h"
+#include "fit_state.h"
 #include "linear.h"
 #include "rng.h"
 
@@ -23,8 +24,9 @@ enum { N_TURNS = 6 };
  * tomorrow. */
 #define LEAST_WEIGHT 0.1
 
-/* A feature's value costs about its square over twice its variance, in nats:
- * so much that the fit of one primitive is not worth far-fetched ones. */
+/* What the square of a feature over its variance counts beside its primitive's
+ * error, in errors of a rounded feature (price step^2 / 12): a primitive is not
+ * worth far-fetched values. */
 #define PRIOR 10
 
 /* Bits that cost next to nothing do not make features larger than this: their
@@ -37,6 +39,7 @@ enum { N_TURNS = 6 };
 enum { OPACITY, SCALE, QUAT, SLOPE, WIDTH, MOTION, COLOUR, N_GROUPS };
 
 typedef struct {
+    saga_splat_params *target;
     double mse, loss;            /* of the warm-up's pictures, sums */
     size_t n, d, f;              /* primitives, dimensions, features; more
                                   * features than dimensions stay 0 */
@@ -113,13 +116,12 @@ static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
 {
     saga_canvas *const c = &f->canvas;
     real *group[N_GROUPS];
-    size_t n;
-
     const saga_sample picture = saga_pictures_pick(f->pictures, r, number);
+    size_t n;
 
     saga_pictures_aim(c, f->pictures, picture);
     saga_pictures_truth(c, f->pictures, picture);
-    if (!saga_splat_forward(c, &f->target, f->scene->n.prim, error) ||
+    if (!saga_splat_forward(c, x->target, f->scene->n.prim, error) ||
         !compare(x, f, error))
         return false;
     n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
@@ -127,7 +129,7 @@ static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
         c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
                                                                      : R(-1);
     saga_twin_clear(&f->twin, f->scene);
-    if (!saga_splat_backward(&f->twin.d_attr, NULL, c, &f->target, error))
+    if (!saga_splat_backward(&f->twin.d_attr, NULL, c, x->target, error))
         return false;
     groups_of(group, &f->twin.d_attr);
     for (size_t i = 0; i < x->n; i++) {
@@ -206,7 +208,7 @@ static void want(start *x, const saga_fit *f)
     const saga_scene *const s = f->scene;
     real *group[N_GROUPS];
 
-    groups_of(group, &f->target);
+    groups_of(group, x->target);
     for (size_t i = 0; i < x->n; i++) {
         const saga_coarse *const cell =
             &s->coarse[s->fine[s->prim_fine[i]].parent];
@@ -243,11 +245,10 @@ static void raise_weights(start *x)
  * and each primitive counts by the mean of its weights over those. */
 static void first_basis(start *x)
 {
-    static const saga_matrix zero;
     double w[SAGA_LINEAR_MOST] = { 0 };
     saga_matrix c, v;
 
-    memcpy(c, zero, sizeof c);
+    memset(c, 0, sizeof c);
     for (size_t k = 0; k < x->d; k++) {
         double sum = 0;
 
@@ -558,9 +559,7 @@ static void set_features(const start *x, saga_fit *f)
  * its square twice as fast. */
 static double price_of(const start *x, const saga_fit *f)
 {
-    const saga_model *const m = &f->scene->model;
-    const double step = ldexp(m->step_q16[SAGA_STEP_FEATURE] / 65536.0,
-                              -m->head_q[SAGA_HEAD_COARSE]);
+    const double step = saga_fit_feature_step(f->scene);
     const double bit = f->o.price.start * 2 * x->mse / (x->loss + 1e-9);
 
     return fmax(6 * bit / (M_LN2 * step * step), 1e-12);
@@ -572,7 +571,7 @@ static void limit_codes(start *x)
         x->code[i] = fmin(fmax(x->code[i], -MOST_FEATURE), MOST_FEATURE);
 }
 
-static void solve_all(start *x, double price)
+static void solve_all(start *x, double price, double step)
 {
     double ridge[SAGA_LINEAR_MOST];
 
@@ -590,19 +589,36 @@ static void solve_all(start *x, double price)
         decorrelate(x, ridge);
     }
     for (size_t k = 0; k < x->f; k++)
-        ridge[k] = PRIOR * price / (192 * (ridge[k] + 1e-6));
+        ridge[k] = PRIOR * price /
+                   (12 / (step * step) * (ridge[k] + 1e-6));
     fit_codes(x, ridge);
     limit_codes(x);
 }
 
-bool saga_fit_start(saga_fit *f, saga_error *error)
+/* The twin of the scene as it stands, without noise: what the first iteration
+ * finds where later ones find the last one's. */
+static bool begin_twin(saga_fit *f, saga_error *error)
+{
+    const saga_scene *const s = f->scene;
+
+    memcpy(f->feature, s->coarse_feature, (size_t)s->n.coarse *
+           s->model.features * sizeof *f->feature);
+    memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
+    memcpy(f->params, s->params, saga_fit_n_params(s) * sizeof *f->params);
+    if (!saga_twin_refresh(&f->twin, &f->used, f->feature, error))
+        return false;
+    saga_twin_geometry(&f->twin, &f->used, f->feature);
+    return true;
+}
+
+bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error)
 {
     static const int passing[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE,
                                    SAGA_NET_FUSE_F };
-    start x = { 0 };
+    start x = { .target = target };
     bool ok;
 
-    saga_splat_canonical(&f->target, f->scene->n.prim);
+    saga_splat_canonical(target, f->scene->n.prim);
     ok = init(&x, f, error) && weigh(&x, f, error);
     if (ok) {
         for (size_t i = 0; i < sizeof passing / sizeof *passing; i++)
@@ -612,11 +628,11 @@ bool saga_fit_start(saga_fit *f, saga_error *error)
         set_supports(&x, f);
         want(&x, f);
         raise_weights(&x);
-        solve_all(&x, price_of(&x, f));
+        solve_all(&x, price_of(&x, f), saga_fit_feature_step(f->scene));
         set_geometry(&x, f);
         set_colour(&x, f);
         set_features(&x, f);
     }
     release(&x);
-    return ok;
+    return ok && begin_twin(f, error);
 }

@@ -22,10 +22,12 @@
 #ifndef SAGA_START_H
 #define SAGA_START_H
 
-#include "fit_state.h"
+#include "fit.h"
 
-/* Sets features and networks (but the entropy model's) of f's scene; gives f's
- * target its canonical form (canonical.h). Fails where memory is short. */
-bool saga_fit_start(saga_fit *f, saga_error *error);
+/* Sets features and networks (but the entropy model's) of f's scene, and f's
+ * twin accordingly. target (n.prim), in rank order, are the warm-up's
+ * primitives; they take their canonical form (canonical.h) and are not needed
+ * afterwards. Fails where memory is short. */
+bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error);
 
 #endif

@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "hierarchy.h"
 #include "policy.h"
+#include "start.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -288,7 +289,7 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
     t->fitting = true;
     if (!propose(t, error))
         return false;
-    t->fit = saga_fit_new(&t->scene, &t->target, &t->pictures, &o, error);
+    t->fit = saga_fit_new(&t->scene, &t->pictures, &o, error);
     return t->fit != NULL;
 }
 
@@ -397,6 +398,7 @@ static bool conclude(saga_train *t, saga_error *error)
     case SAGA_TRAIN_WARM:
         return saga_train_decide(t, error) &&
                saga_train_begin_fit(t, error) &&
+               saga_fit_start(t->fit, &t->target, error) &&
                saga_train_check_level(t, error);
     case SAGA_TRAIN_PACK:
         return saga_train_pack(t, error);
