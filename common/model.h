@@ -62,7 +62,7 @@ enum {
 /* Entropy parameters come from these, bits of saga_model.sources[]. */
 enum {
     SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
-    SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser level (fine, prim) */
+    SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser tier (fine, prim) */
     SAGA_SOURCE_GROUPS = 1u << 2,   /* earlier groups (coarse, fine) */
     SAGA_SOURCE_BANK = 1u << 3,   /* memory bank */
     SAGA_SOURCES_KNOWN = (1u << 4) - 1
@@ -71,7 +71,7 @@ enum {
 /* Residuals are coded of three kinds. */
 enum { SAGA_KIND_COARSE, SAGA_KIND_FINE, SAGA_KIND_PRIM, SAGA_N_KINDS };
 
-/* Anchors have two levels. */
+/* Anchors have two tiers. */
 enum { SAGA_TIER_COARSE, SAGA_TIER_FINE, SAGA_N_TIERS };
 
 /* --- Networks ------------------------------------------------------------ */
@@ -142,9 +142,9 @@ typedef struct saga_tier {
     uint8_t n_groups;       /* modulo groups, 1..16 */
     uint8_t window;         /* w, 0..32 */
     uint8_t neighbours;     /* K, 1..16 */
-    uint8_t suffix_bits;    /* B of the CHILDREN of this level's anchors, 0..8:
+    uint8_t suffix_bits;    /* B of the CHILDREN of this tier's anchors, 0..8:
                              * [coarse] B_f, [fine] B_prim */
-    uint8_t max_children;   /* of this level's anchors, 1..16 */
+    uint8_t max_children;   /* of this tier's anchors, 1..16 */
     uint16_t radius2_q12;   /* rho^2, d < rho^2 */
     uint16_t softmax_q8;    /* log2(e) / T, >= 1 */
 } saga_tier;
@@ -195,34 +195,34 @@ static inline int saga_is_described(const saga_model *m, int net)
     return net < SAGA_NET_QUERY || (m->tools & SAGA_TOOL_BANK) != 0;
 }
 
-/* Returns the network that fuses the interpolated features of a level. */
-static inline int saga_fuse_net(int level)
+/* Returns the network that fuses the interpolated features of a tier. */
+static inline int saga_fuse_net(int tier)
 {
-    return level == SAGA_TIER_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
+    return tier == SAGA_TIER_COARSE ? SAGA_NET_FUSE_C : SAGA_NET_FUSE_F;
 }
 
-/* These return the Q format of a level's features; of its fused features. */
-static inline int saga_feature_q(const saga_model *m, int level)
+/* These return the Q format of a tier's features; of its fused features. */
+static inline int saga_feature_q(const saga_model *m, int tier)
 {
-    return m->head_q[level == SAGA_TIER_COARSE ? SAGA_HEAD_COARSE
-                                                : SAGA_HEAD_FINE];
+    return m->head_q[tier == SAGA_TIER_COARSE ? SAGA_HEAD_COARSE
+                                               : SAGA_HEAD_FINE];
 }
 
-static inline int saga_fused_q(const saga_model *m, int level)
+static inline int saga_fused_q(const saga_model *m, int tier)
 {
-    if (!m->width[saga_fuse_net(level)])
-        return saga_feature_q(m, level);
-    return m->head_q[level == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
-                                                : SAGA_HEAD_FUSE_F];
+    if (!m->width[saga_fuse_net(tier)])
+        return saga_feature_q(m, tier);
+    return m->head_q[tier == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
+                                               : SAGA_HEAD_FUSE_F];
 }
 
-/* Tells whether a step of a level writes: only if someone may still read.
+/* Tells whether a step of a tier writes: only if someone may still read.
  * Levels are kinds of the same number. */
-static inline int saga_tier_writes(const saga_model *m, int level)
+static inline int saga_tier_writes(const saga_model *m, int tier)
 {
     uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE];
 
-    if (level == SAGA_TIER_COARSE)
+    if (tier == SAGA_TIER_COARSE)
         readers |= m->sources[SAGA_KIND_COARSE];
     return (readers & SAGA_SOURCE_BANK) != 0;
 }

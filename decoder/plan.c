@@ -164,9 +164,9 @@ static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
  * block: K + floor((n - K) / B). A quotient x below 2^23 times a reciprocal
  * good to 2^-30 errs by less than 2^-7 / B; (2x + 1) / 2B lies 1 / 2B or more
  * from a whole number. */
-uint32_t saga_plan_rounds(const saga_model *m, int level, uint32_t n)
+uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n)
 {
-    const uint32_t groups = m->tier[level].n_groups;
+    const uint32_t groups = m->tier[tier].n_groups;
     uint64_t rest;
     int shift;
 
@@ -195,12 +195,12 @@ static uint64_t bank_macs(const saga_model *m, const saga_nets *nets,
     const uint64_t token = saga_net_macs(&nets->shape[SAGA_NET_AGG]);
     uint64_t macs = saga_bank_start_macs(m->bank_slots, m->bank_width) +
         (uint64_t)saga_net_macs(&nets->shape[SAGA_NET_SLOT]) * m->bank_slots;
-    int level;
+    int tier;
 
-    for (level = 0; level < SAGA_N_TIERS; level++)
-        if (saga_tier_writes(m, level))
-            macs += token * count[level] + saga_plan_round_macs(m, nets) *
-                    saga_plan_rounds(m, level, count[level]);
+    for (tier = 0; tier < SAGA_N_TIERS; tier++)
+        if (saga_tier_writes(m, tier))
+            macs += token * count[tier] + saga_plan_round_macs(m, nets) *
+                    saga_plan_rounds(m, tier, count[tier]);
     return macs;
 }
 

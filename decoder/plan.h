@@ -30,9 +30,9 @@ typedef struct saga_plan {
 saga_status saga_plan_make(saga_plan *plan, const saga_header *h,
                            uint32_t decoder_nbytes);
 
-/* Most steps of the memory in which n anchors of a level can be decoded: the
+/* Most rounds of the bank in which n anchors of a tier can be decoded: the
  * counts do not tell how they fall into groups. */
-uint32_t saga_plan_rounds(const saga_model *m, int level, uint32_t n);
+uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n);
 
 /* Multiply-accumulates of one step's write. */
 uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
