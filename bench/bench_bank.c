@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Speed of the memory bank: one read of all slots, and one step's write (the
+ * Speed of the memory bank: one read of all slots, and one round's write (the
  * updates alone; the networks around are bench_mlp's). Then a decoded segment,
  * and which share of it these make, from their own speed and number. CPU time
  * of this thread, min and median of the repetitions.
@@ -155,13 +155,13 @@ static double decode_ms(const uint8_t *bytes, size_t n)
     return t.ms[0];
 }
 
-/* All kinds read; one step for each group of a level and each B blocks. */
+/* All kinds read; one round for each group of a tier and each B blocks. */
 static void run_segment(bench *b)
 {
     const gen_options o = { .seed = 12, .level = 3, .n_coarse = 600,
                             .picture = 1, .tools_fixed = 1,
                             .tools = SAGA_TOOLS_PICTURE,
-                            .memory = GEN_BANK_ORTHOGONAL,
+                            .bank = GEN_BANK_ORTHOGONAL,
                             .bank_slots = 64, .bank_width = 64,
                             .bank_blocks = 256, .bank_alone = 1 };
     double decode, reads, writes;

@@ -154,7 +154,7 @@ typedef struct {
     uint8_t *params;
     saga_scaffold sc;
     tape tape;
-    uint32_t steps;              /* writes of the memory */
+    uint32_t rounds;             /* writes of the bank */
     saga_decoder *dec;           /* the whole */
     saga_prim_format format;
     saga_primitive *prims;
@@ -197,21 +197,21 @@ static void read_networks(file *f)
         fail("networks");
 }
 
-/* Writes of a level: one for each `bank_blocks` anchors of a group. */
-static uint32_t count_steps(const file *f, int level)
+/* Writes of a tier: one for each `bank_blocks` anchors of a group. */
+static uint32_t count_rounds(const file *f, int tier)
 {
     const saga_scaffold *const sc = &f->sc;
-    const uint32_t n = level ? sc->n.fine : sc->n.coarse;
-    uint32_t in_group[SAGA_MAX_GROUPS] = { 0 }, steps = 0, i;
+    const uint32_t n = tier ? sc->n.fine : sc->n.coarse;
+    uint32_t in_group[SAGA_MAX_GROUPS] = { 0 }, rounds = 0, i;
 
-    if (sc->memory.n_slots == 0 || !saga_tier_writes(sc->model, level))
+    if (sc->bank.n_slots == 0 || !saga_tier_writes(sc->model, tier))
         return 0;
     for (i = 0; i < n; i++)
-        in_group[level ? sc->fine[i].group : sc->coarse[i].group]++;
+        in_group[tier ? sc->fine[i].group : sc->coarse[i].group]++;
     for (i = 0; i < SAGA_MAX_GROUPS; i++)
-        steps += (in_group[i] + sc->model->bank_blocks - 1u) /
+        rounds += (in_group[i] + sc->model->bank_blocks - 1u) /
                  sc->model->bank_blocks;
-    return steps;
+    return rounds;
 }
 
 /* The scaffold as it is after the segment, and the tape of its decoding. */
@@ -232,8 +232,8 @@ static void read_segment(file *f)
     if (!recorder_layers(&f->tape.coder, &f->tape.inner, &f->sc, final_range,
                          p + head, f->segment.nbytes - head))
         fail("segment");
-    f->steps = count_steps(f, SAGA_TIER_COARSE) +
-               count_steps(f, SAGA_TIER_FINE);
+    f->rounds = count_rounds(f, SAGA_TIER_COARSE) +
+               count_rounds(f, SAGA_TIER_FINE);
 }
 
 static void open_whole(file *f)
@@ -386,13 +386,13 @@ static void bank_networks(file *f)
         if (saga_tier_writes(m, k))
             run_net(f, SAGA_NET_AGG, n[k]);
     run_net(f, SAGA_NET_SLOT, m->bank_slots);
-    run_net(f, SAGA_NET_WRITE_BASE, f->steps);
-    run_net(f, SAGA_NET_WRITE, f->steps * m->bank_slots);
+    run_net(f, SAGA_NET_WRITE_BASE, f->rounds);
+    run_net(f, SAGA_NET_WRITE, f->rounds * m->bank_slots);
 }
 
 static void memory_bank(file *f)
 {
-    const saga_bank *const m = &f->sc.memory;
+    const saga_bank *const m = &f->sc.bank;
     const saga_model *const model = f->sc.model;
     const uint32_t n[SAGA_N_KINDS] = { f->sc.n.coarse, f->sc.n.fine,
                                        f->sc.n.fine };
@@ -403,7 +403,7 @@ static void memory_bank(file *f)
     for (k = 0; k < SAGA_N_KINDS; k++)
         for (i = 0; model->sources[k] & SAGA_SOURCE_BANK && i < n[k]; i++)
             saga_bank_read(m->step->read, m, value);
-    for (i = 0; i < f->steps; i++)
+    for (i = 0; i < f->rounds; i++)
         for (p = 0; p < m->n_slots; p++)
             saga_bank_update(m, p, value, 8192,
                              (model->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
@@ -432,13 +432,13 @@ static void colour(file *f)
         run_net(f, SAGA_NET_COLOUR, f->sc.n.prim);
 }
 
-static void interpolate(file *f, int level, const saga_position *p,
+static void interpolate(file *f, int tier, const saga_position *p,
                         uint32_t rank, uint32_t before)
 {
     saga_neighbours nb;
 
-    saga_interp_find(&nb, &f->sc, level, p, rank, before);
-    saga_interp_sum(f->sc.net.v->context, &f->sc, level, &nb);
+    saga_interp_find(&nb, &f->sc, tier, p, rank, before);
+    saga_interp_sum(f->sc.net.v->context, &f->sc, tier, &nb);
 }
 
 /* A fine anchor's place with its parent's support, as before F_fine. */
@@ -582,7 +582,7 @@ static const component components[] = {
     { "range decoding", range_decoding, 1 },
     { "context interpolation", context_interpolation, 1 },
     { "hyperprior and entropy networks", entropy_networks, 1 },
-    { "memory networks", bank_networks, 1 },
+    { "bank networks", bank_networks, 1 },
     { "memory bank", memory_bank, 1 },
     { "scaffold interpolation", scaffold_interpolation, 1 },
     { "embeddings", embeddings, 1 },

@@ -6,7 +6,7 @@
  *
  *     header | INDX | NETS | per segment: SEGM COAR FINE PRIM
  *
- * The header is its fixed part, the memory's networks (only with their tool),
+ * The header is its fixed part, the bank's networks (only with their tool),
  * the cameras of the rig, a CRC.
  */
 #ifndef SAGA_CONTAINER_H
@@ -21,7 +21,7 @@
 enum {
     SAGA_VERSION = 1,
     SAGA_HEADER_NBYTES = 174,    /* fixed part, magic and version included */
-    SAGA_MEMORY_NBYTES = 15,     /* of the memory's networks */
+    SAGA_BANK_NBYTES = 15,       /* of the bank's networks */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM */
@@ -45,7 +45,7 @@ enum {
 typedef struct saga_header {
     uint32_t header_nbytes;      /* all of it, CRC included */
     uint8_t level;               /* 0..3 */
-    uint8_t cuttable;            /* place kept: 0 */
+    uint8_t cuttable;            /* reserved: 0 */
     uint32_t n_segments;         /* 1..2^20 */
     uint32_t n_frames;           /* all segments together */
     uint32_t fps_num, fps_den; /* frames per second */
@@ -56,14 +56,14 @@ typedef struct saga_header {
     int32_t centre_mantissa[3], centre_exponent;
     uint16_t n_cameras;
     saga_model model;
-    uint8_t hash_levels, hash_log2_entries; /* places kept: 0 */
+    uint8_t hash_levels, hash_log2_entries; /* reserved: 0 */
 } saga_header;
 
 /* Where the cameras begin, and where they end: the CRC's place. */
 static inline uint32_t saga_rig_offset(const saga_header *h)
 {
     return SAGA_HEADER_NBYTES +
-           (h->model.tools & SAGA_TOOL_BANK ? SAGA_MEMORY_NBYTES : 0u);
+           (h->model.tools & SAGA_TOOL_BANK ? SAGA_BANK_NBYTES : 0u);
 }
 
 static inline uint32_t saga_rig_end(const saga_header *h)
@@ -108,7 +108,7 @@ typedef struct saga_io {
 
 /* Each moves all fields of its structure; the buffer has the bytes stated
  * above. Reading does not judge values; writing leaves the structure as it is.
- * The header's is its fixed part without magic and version; the memory's
+ * The header's is its fixed part without magic and version; the bank's
  * networks come behind it. Without SAGA_TOOL_BANK their fields are not moved,
  * but cleared when read. */
 void saga_header_io(saga_io *f, saga_header *h);

@@ -8,7 +8,7 @@
 /* The networks are told of a block's position, size and count; its rank and
  * parent tell where its contexts come from. */
 typedef struct {
-    saga_position place;
+    saga_position position;
     uint32_t count;          /* children, known before the block */
     uint32_t rank;
     uint32_t parent;         /* coarse rank that its context comes from */
@@ -18,7 +18,7 @@ typedef struct {
 
 static void coarse_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
-    saga_position_cell(&b->place, &sc->coarse[rank]);
+    saga_position_cell(&b->position, &sc->coarse[rank]);
     b->count = sc->coarse[rank].n_fine;
     b->rank = b->parent = rank;
 }
@@ -33,10 +33,10 @@ static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
     const int bits = sc->model->tier[SAGA_TIER_COARSE].suffix_bits;
     int i;
 
-    saga_position_cell(&b->place, parent);
-    saga_position_move(&b->place, fine->local);
+    saga_position_cell(&b->position, parent);
+    saga_position_move(&b->position, fine->local);
     for (i = 0; i < 4; i++)
-        b->place.log2_support_q10[i] -= bits * 1024;
+        b->position.log2_support_q10[i] -= bits * 1024;
     b->count = parent->n_fine;
     b->rank = rank;
     b->parent = fine->parent;
@@ -44,7 +44,7 @@ static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
 
 static void prim_block(block *b, const saga_scaffold *sc, uint32_t rank)
 {
-    saga_position_fine(&b->place, &sc->fine[rank]);
+    saga_position_fine(&b->position, &sc->fine[rank]);
     b->count = sc->fine[rank].n_prim;
     b->rank = rank;
     b->parent = sc->fine[rank].parent;
@@ -77,8 +77,8 @@ static void embed_blocks(const saga_scaffold *sc, const block *b, uint32_t n)
     uint32_t i;
 
     for (i = 0; i < n; i++)
-        saga_embed(embedding_of(sc, i), sc->model, b[i].place.x,
-                   b[i].place.t);
+        saga_embed(embedding_of(sc, i), sc->model, b[i].position.x,
+                   b[i].position.t);
 }
 
 /* This is known of a block before it is decoded, a point of a run whose
@@ -94,8 +94,8 @@ static uint32_t in_side(const saga_scaffold *sc, int net, const block *b,
     int i;
 
     for (i = 0; i < 3; i++)
-        size[i] = (int16_t)(b->place.log2_support_q10[i] - 12 * 1024);
-    size[3] = (int16_t)(b->place.log2_support_q10[3] - 8 * 1024);
+        size[i] = (int16_t)(b->position.log2_support_q10[i] - 12 * 1024);
+    size[3] = (int16_t)(b->position.log2_support_q10[3] - 8 * 1024);
     size[4] = (int16_t)(b->count * 512u);
     at = saga_in_vector(&sc->net, net, saga_in_point(&sc->net, net, point),
                         embedding_of(sc, point), saga_pe_size(sc->model), 15);
@@ -109,7 +109,7 @@ static void add_groups(const saga_scaffold *sc, const block *b, int tier,
 {
     saga_neighbours nb;
 
-    saga_interp_find(&nb, sc, tier, &b->place, b->rank, group);
+    saga_interp_find(&nb, sc, tier, &b->position, b->rank, group);
     saga_interp_sum(sc->net.v->context, sc, tier, &nb);
 }
 
@@ -122,7 +122,7 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
     uint32_t i;
 
     if (kind == SAGA_KIND_FINE) {
-        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &b->place, b->parent,
+        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &b->position, b->parent,
                          SAGA_ALL_GROUPS);
         saga_interp_sum(sc->net.v->context, sc, SAGA_TIER_COARSE, &nb);
         return sc->model->head_q[SAGA_HEAD_COARSE];
@@ -132,7 +132,7 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
     return sc->model->head_q[SAGA_HEAD_FINE];
 }
 
-/* --- Memory -------------------------------------------------------------- */
+/* --- Memory bank --------------------------------------------------------- */
 
 /* QUERY and AGG take side information, kind (-1, 0, 1) and F values in Q
  * q; without any, zeros. */
@@ -151,7 +151,7 @@ static void in_token(const saga_scaffold *sc, int net, const block *b,
             sc->net.v->in[at + i] = 0;
 }
 
-/* Each block makes a query for the memory. The parent's feature is its own, not
+/* Each block makes a query for the bank. The parent's feature is its own, not
  * interpolated. */
 static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
                         int kind)
@@ -177,7 +177,7 @@ static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
 
 static uint32_t query_stride(const saga_scaffold *sc)
 {
-    return saga_mlp_pad(sc->memory.width);
+    return saga_mlp_pad(sc->bank.width);
 }
 
 /* Queries take the place of the embeddings. */
@@ -189,11 +189,11 @@ static void keep_queries(const saga_scaffold *sc, uint32_t n)
         sc->net.v->kept[i] = sc->net.v->out[i];
 }
 
-/* The hidden units of slot p add up the step's part of the first layer and its
+/* The hidden units of slot p add up the round's part of the first layer and its
  * own. */
 static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
 {
-    const saga_bank *const m = &sc->memory;
+    const saga_bank *const m = &sc->bank;
     const int16_t *const own = m->embedding + (size_t)p * m->hidden;
     int16_t *const in = sc->net.v->in +
                         saga_in_point(&sc->net, SAGA_NET_WRITE, point);
@@ -206,7 +206,7 @@ static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
 /* Each of the n slots from p on is updated by a candidate and a gate. */
 static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
 {
-    const saga_bank *const m = &sc->memory;
+    const saga_bank *const m = &sc->bank;
     uint32_t i;
 
     for (i = 0; i < n; i++)
@@ -220,15 +220,15 @@ static void write_slots(const saga_scaffold *sc, uint32_t p, uint32_t n)
     }
 }
 
-/* All slots are updated from the step's mean token; none is read meanwhile. */
+/* All slots are updated from the round's mean token; none is read meanwhile. */
 static void write_bank(const saga_scaffold *sc)
 {
-    const saga_bank *const m = &sc->memory;
+    const saga_bank *const m = &sc->bank;
     const uint32_t most = saga_net_points(sc->net.nets, 1u << SAGA_NET_WRITE);
     int16_t mean[SAGA_MAX_SLOT_WIDTH];
     uint32_t i;
 
-    saga_bank_mean(mean, m->step->sum, m->width, m->step->n);
+    saga_bank_mean(mean, m->round->sum, m->width, m->round->n);
     saga_in_vector(&sc->net, SAGA_NET_WRITE_BASE, 0, mean, m->width,
                    SAGA_SLOT_Q);
     saga_net_run(&sc->net, SAGA_NET_WRITE_BASE, 1);
@@ -238,31 +238,31 @@ static void write_bank(const saga_scaffold *sc)
         write_slots(sc, i, m->n_slots - i < most ? m->n_slots - i : most);
 }
 
-static void begin_step(saga_step *step)
+static void begin_round(saga_round *round)
 {
     uint32_t i;
 
-    step->n = 0;
+    round->n = 0;
     for (i = 0; i < SAGA_MAX_SLOT_WIDTH; i++)
-        step->sum[i] = 0;
+        round->sum[i] = 0;
 }
 
-static void end_step(const saga_scaffold *sc)
+static void end_round(const saga_scaffold *sc)
 {
     write_bank(sc);
-    begin_step(sc->memory.step);
+    begin_round(sc->bank.round);
 }
 
 void saga_context_begin(const saga_scaffold *sc)
 {
-    const saga_bank *const m = &sc->memory;
+    const saga_bank *const m = &sc->bank;
     const int16_t one = 4096;
     uint32_t p, i;
 
     if (m->n_slots == 0)
         return;
     saga_bank_start(m);
-    begin_step(m->step);
+    begin_round(m->round);
     for (p = 0; p < m->n_slots; p++) {
         for (i = 0; i < m->n_slots; i++)
             sc->net.v->in[i] = 0;
@@ -275,8 +275,8 @@ void saga_context_begin(const saga_scaffold *sc)
 
 void saga_context_end_group(const saga_scaffold *sc)
 {
-    if (sc->memory.n_slots && sc->memory.step->n)
-        end_step(sc);
+    if (sc->bank.n_slots && sc->bank.round->n)
+        end_round(sc);
 }
 
 /* Coarse anchors stand at their decoded centres. A fine anchor's feature does
@@ -292,8 +292,8 @@ static void in_tokens(const saga_scaffold *sc, block *b, int tier,
     make_blocks(b, sc, tier, run->rank, run->n);
     for (i = 0; tier == SAGA_TIER_COARSE && i < run->n; i++) {
         for (k = 0; k < 3; k++)
-            b[i].place.x[k] = sc->coarse[run->rank[i]].x[k];
-        b[i].place.t = sc->coarse[run->rank[i]].t;
+            b[i].position.x[k] = sc->coarse[run->rank[i]].x[k];
+        b[i].position.t = sc->coarse[run->rank[i]].t;
     }
     embed_blocks(sc, b, run->n);
     for (i = 0; i < run->n; i++)
@@ -307,11 +307,11 @@ static void in_tokens(const saga_scaffold *sc, block *b, int tier,
 }
 
 /* No sum leaves 32 bits: |sum| <= 65535 * 32767 < 2^31, since bank_blocks <=
- * 65535. A run ends where its step does. */
+ * 65535. A run ends where its round does. */
 void saga_context_keep(const saga_scaffold *sc, int tier,
                        const saga_run *run)
 {
-    saga_step *const step = sc->memory.step;
+    saga_round *const round = sc->bank.round;
     block b[SAGA_MAX_POINTS];
     uint32_t i, k;
 
@@ -322,12 +322,12 @@ void saga_context_keep(const saga_scaffold *sc, int tier,
     for (i = 0; i < run->n; i++) {
         const int16_t *const out = saga_out_point(&sc->net, SAGA_NET_AGG, i);
 
-        for (k = 0; k < sc->memory.width; k++)
-            step->sum[k] += out[k];
+        for (k = 0; k < sc->bank.width; k++)
+            round->sum[k] += out[k];
     }
-    step->n += run->n;
-    if (step->n == sc->model->bank_blocks)
-        end_step(sc);
+    round->n += run->n;
+    if (round->n == sc->model->bank_blocks)
+        end_round(sc);
 }
 
 /* --- Entropy parameters -------------------------------------------------- */
@@ -358,9 +358,9 @@ static void in_sources(const saga_scaffold *sc, const block *b,
         at = saga_in_vector(&sc->net, net, at, sc->net.v->context, f, q);
     }
     if (sources & SAGA_SOURCE_BANK) {
-        int16_t *const read = sc->memory.step->read;
+        int16_t *const read = sc->bank.round->read;
 
-        saga_bank_read(read, &sc->memory,
+        saga_bank_read(read, &sc->bank,
                        sc->net.v->kept + point * query_stride(sc));
         saga_in_vector(&sc->net, net, at, read, m->bank_width, SAGA_SLOT_Q);
     }
@@ -368,7 +368,7 @@ static void in_sources(const saga_scaffold *sc, const block *b,
 
 /* Runs a kind's entropy network on what its sources say of n blocks of group
  * `group`. The hyperprior's input is complete before queries take the
- * embeddings' place. */
+ * embeddings' position. */
 static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
                        int kind, uint32_t group)
 {
@@ -408,7 +408,7 @@ static void set_params(saga_run *run, const saga_scaffold *sc, int kind)
 }
 
 /* So many blocks of a kind run together. None of them may read what another's
- * step has written. */
+ * round has written. */
 static uint32_t most_blocks(const saga_scaffold *sc, int kind)
 {
     const uint32_t sources = sc->model->sources[kind];
@@ -416,12 +416,12 @@ static uint32_t most_blocks(const saga_scaffold *sc, int kind)
 
     if (sources & SAGA_SOURCE_HYPER)
         nets |= 1u << SAGA_NET_HYPER;
-    if (sc->memory.n_slots)
+    if (sc->bank.n_slots)
         nets |= 1u << SAGA_NET_QUERY | 1u << SAGA_NET_AGG;
     n = saga_net_points(sc->net.nets, nets);
-    if (sc->memory.n_slots == 0)
+    if (sc->bank.n_slots == 0)
         return n;
-    room = sc->model->bank_blocks - sc->memory.step->n;
+    room = sc->model->bank_blocks - sc->bank.round->n;
     return room < n ? room : n;
 }
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * Entropy parameters (mu, scale index) of a block of residuals from what is
- * already decoded: INR hyperprior, parent, earlier groups, memory; and what is
- * decoded goes into the memory. Paper: Hierarchical Context Modeling, E_phi.
+ * already decoded: INR hyperprior, parent, earlier groups, bank; and what is
+ * decoded goes into the bank. Paper: Hierarchical Context Modeling, E_phi.
  */
 #ifndef SAGA_CONTEXT_H
 #define SAGA_CONTEXT_H
@@ -20,12 +20,12 @@ typedef struct saga_run {
     uint8_t scale[SAGA_MAX_VECTOR / 2];
 } saga_run;
 
-/* Before the first block of a segment this gives the memory's state S_0 and
+/* Before the first block of a segment this gives the bank's state S_0 and
  * what its networks make of the slots' numbers. */
 void saga_context_begin(const saga_scaffold *sc);
 
 /* Makes the next run of a SAGA_KIND_*: blocks of group `group` from `rank` on,
- * as many as the vectors hold and the memory's step has room for. Returns the
+ * as many as the vectors hold and the bank's round has room for. Returns the
  * rank to go on from.
  *   coarse: an anchor; channels centre 4, features F.
  *   fine:   an anchor, whose x, t are its suffix cell's centre; offset 4.
@@ -34,13 +34,13 @@ void saga_context_begin(const saga_scaffold *sc);
 uint32_t saga_context_run(saga_run *run, const saga_scaffold *sc, int kind,
                           uint32_t rank, uint32_t group);
 
-/* After a run of coarse (fine) anchors is decoded, this adds them to their step
- * of the memory, which writes when it has bank_blocks blocks. Without a
- * memory, or if no one reads what this tier writes, it does nothing. */
+/* After a run of coarse (fine) anchors is decoded, this adds them to their
+ * round of the bank, which writes when it has bank_blocks blocks. Without a
+ * bank, or if no one reads what this tier writes, it does nothing. */
 void saga_context_keep(const saga_scaffold *sc, int tier,
                        const saga_run *run);
 
-/* After the last anchor of a group, its last step writes, however short. */
+/* After the last anchor of a group, its last round writes, however short. */
 void saga_context_end_group(const saga_scaffold *sc);
 
 #endif

@@ -3,7 +3,7 @@
  * Slots are kept by rows and by columns, so that both products of a read are
  * mlp.c's inner products of int16. (L = D = 64, gcc: 0.39 us with AVX2 and
  * more, 0.53 with SSE2; with the second product as a sum of weighted rows, 0.44
- * and 0.72. A write of all slots takes 2 us more for it, once per step.)
+ * and 0.72. A write of all slots takes 2 us more for it, once per round.)
  */
 #include "memory_bank.h"
 
@@ -31,7 +31,7 @@ uint32_t saga_bank_lay(saga_bank *m, uint8_t *block)
     m->embedding = (int16_t *)(void *)take(block, &at, 2 * n * m->hidden);
     m->score = (int32_t *)(void *)take(block, &at, 4 * n);
     m->weight = (int16_t *)(void *)take(block, &at, 2 * n);
-    m->step = (saga_step *)(void *)take(block, &at, sizeof(saga_step));
+    m->round = (saga_round *)(void *)take(block, &at, sizeof(saga_round));
     return at;
 }
 

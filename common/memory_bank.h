@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The memory bank: L slots that hold what was decoded, whatever its distance.
- * A query reads all of them by softmax attention; a step of the decoding
+ * A query reads all of them by softmax attention; a round of the decoding
  * writes into each. Only the operators are here, the networks around them are
  * context.c's. Paper: Hierarchical Context Modeling, equations of the write.
  *
@@ -23,18 +23,18 @@ enum {
     SAGA_MIN_SLOTS = 32,         /* L, a power of two; or no bank */
     SAGA_MAX_SLOTS = 512,
     SAGA_MAX_SLOT_WIDTH = 64,    /* D, a multiple of 8 */
-    SAGA_MAX_STEP = 65535,       /* tokens that may be added up */
+    SAGA_MAX_ROUND = 65535,       /* tokens that may be added up */
     SAGA_SLOT_Q = 12,            /* slots, what is read, what is written */
     SAGA_QUERY_Q = 10,
     SAGA_GATE_Q = 11             /* before the sigmoid */
 };
 
-/* What one step leaves behind until it writes. */
-typedef struct saga_step {
+/* What one round leaves behind until it writes. */
+typedef struct saga_round {
     uint32_t n;                          /* tokens so far */
     int32_t sum[SAGA_MAX_SLOT_WIDTH];    /* of them, Q12 */
     int16_t read[SAGA_MAX_SLOT_WIDTH];   /* of the block that is decoded */
-} saga_step;
+} saga_round;
 
 /* A bank in memory that is the caller's; n_slots = 0: there is none. */
 typedef struct saga_bank {
@@ -43,7 +43,7 @@ typedef struct saga_bank {
     int16_t *embedding;      /* (n_slots, hidden) of the write's network */
     int32_t *score;          /* (n_slots) scratch of a read */
     int16_t *weight;         /* (n_slots) scratch of a read */
-    saga_step *step;
+    saga_round *round;
     uint32_t n_slots;        /* L */
     uint32_t width;          /* D */
     uint32_t hidden;         /* of the write's network */

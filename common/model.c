@@ -140,7 +140,7 @@ int saga_output_q(const saga_model *m, int net, uint32_t row)
 /* --- Shapes -------------------------------------------------------------- */
 
 /* An entropy network with sources s takes a vector of F per source, D from the
- * memory. */
+ * bank. */
 static uint32_t entropy_inputs(const saga_model *m, uint32_t s)
 {
     uint32_t n = 0;
@@ -258,7 +258,7 @@ static int is_power_of_two(uint32_t x)
     return (x & (x - 1)) == 0;
 }
 
-/* The tool is on where a kind reads the memory, and only there. */
+/* The tool is on where a kind reads the bank, and only there. */
 static int bank_is_valid(const saga_model *m)
 {
     const uint32_t slots = m->bank_slots, width = m->bank_width;

@@ -31,7 +31,7 @@ enum {
     SAGA_MAX_LAYERS = 3,
     SAGA_MAX_HEAD_Q = 20,
     /* No network takes or gives a longer vector, padding included: the write's
-     * slot network takes one value per slot of the memory, up to 512; E_fine
+     * slot network takes one value per slot of the bank, up to 512; E_fine
      * with all sources, 3 * 64 + 64, and E_coarse's output 2 * (4 + 64) lie
      * below it. */
     SAGA_MAX_VECTOR = SAGA_MAX_SLOTS
@@ -52,7 +52,7 @@ enum {
     SAGA_TOOL_LAYERS = 1u << 6,     /* may be cut between layers */
     SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
     SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
-    SAGA_TOOL_BANK = 1u << 9,     /* memory bank */
+    SAGA_TOOL_BANK = 1u << 9,       /* memory bank */
     SAGA_TOOL_PLAIN_WRITE = 1u << 10, /* its update without the projection */
     SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
     SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_BANK |
@@ -64,7 +64,7 @@ enum {
     SAGA_SOURCE_HYPER = 1u << 0,    /* INR hyperprior */
     SAGA_SOURCE_PARENT = 1u << 1,   /* decoded coarser tier (fine, prim) */
     SAGA_SOURCE_GROUPS = 1u << 2,   /* earlier groups (coarse, fine) */
-    SAGA_SOURCE_BANK = 1u << 3,   /* memory bank */
+    SAGA_SOURCE_BANK = 1u << 3,      /* memory bank */
     SAGA_SOURCES_KNOWN = (1u << 4) - 1
 };
 
@@ -78,11 +78,11 @@ enum { SAGA_TIER_COARSE, SAGA_TIER_FINE, SAGA_N_TIERS };
 
 /* The stream has the networks in this order. F_color is three of them: the part
  * of its first layer that does not see the direction, the part that does, and
- * the rest. So is the memory's write, whose first layer adds up what it makes
- * of the step's token and of the slot; a slot enters as a vector of zeros with
+ * the rest. So is the bank's write, whose first layer adds up what it makes
+ * of the round's token and of the slot; a slot enters as a vector of zeros with
  * a 1 at its number, so that SLOT's first layer holds the slots' embeddings.
  * The header describes the networks from QUERY on only with SAGA_TOOL_BANK.
- * FUSE_C and FUSE_F, one for each SAGA_LEVEL_*, exist where their width is not
+ * FUSE_C and FUSE_F, one for each SAGA_TIER_*, exist where their width is not
  * 0; without one, features are taken as they were interpolated. */
 enum {
     SAGA_NET_HYPER,
@@ -96,8 +96,8 @@ enum {
     SAGA_NET_COLOUR_BASE,
     SAGA_NET_COLOUR_VIEW,
     SAGA_NET_COLOUR,
-    SAGA_NET_QUERY,         /* what a block asks the memory for */
-    SAGA_NET_AGG,           /* what a decoded block adds to its step */
+    SAGA_NET_QUERY,         /* what a block asks the bank for */
+    SAGA_NET_AGG,           /* what a decoded block adds to its round */
     SAGA_NET_SLOT,          /* write: L -> E (its width) -> W of WRITE */
     SAGA_NET_WRITE_BASE,    /* write: D -> W of WRITE */
     SAGA_NET_WRITE,         /* write: W -> candidate D, gate 1 */
@@ -171,10 +171,10 @@ typedef struct saga_model {
                                   * where there is no such network */
     uint8_t q_in[SAGA_N_NETS];
     uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
-    /* The memory; all 0 without SAGA_TOOL_BANK. */
+    /* The memory bank; all 0 without SAGA_TOOL_BANK. */
     uint16_t bank_slots;  /* L: 32, 64, 128, 256 or 512 */
     uint8_t bank_width;   /* D: 8, 16, ..., 64; 16 or more if L is 512 */
-    uint16_t bank_blocks; /* B: blocks per step at most, >= 1 */
+    uint16_t bank_blocks; /* B: blocks per round at most, >= 1 */
 } saga_model;
 
 static inline int saga_motion_order(const saga_model *m)
@@ -216,8 +216,8 @@ static inline int saga_fused_q(const saga_model *m, int tier)
                                                : SAGA_HEAD_FUSE_F];
 }
 
-/* Tells whether a step of a tier writes: only if someone may still read.
- * Levels are kinds of the same number. */
+/* Tells whether a round of a tier writes: only if someone may still read.
+ * Tiers are kinds of the same number. */
 static inline int saga_tier_writes(const saga_model *m, int tier)
 {
     uint32_t readers = m->sources[SAGA_KIND_PRIM] | m->sources[SAGA_KIND_FINE];
@@ -284,7 +284,7 @@ typedef struct saga_level_caps {
     uint32_t n_weights;
     uint32_t width;
     uint32_t int8_only;     /* every network must be int8 */
-    uint32_t n_slots;       /* of the memory */
+    uint32_t n_slots;       /* of the bank */
 } saga_level_caps;
 
 enum { SAGA_N_PROFILES = 4 };

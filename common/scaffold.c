@@ -5,14 +5,14 @@
 #include "fx_math.h"
 #include "interp.h"
 
-void saga_bank_size(saga_bank *memory, const saga_model *m)
+void saga_bank_size(saga_bank *bank, const saga_model *m)
 {
-    memory->n_slots = m->bank_slots;
-    memory->width = m->bank_width;
-    memory->hidden = m->width[SAGA_NET_WRITE];
+    bank->n_slots = m->bank_slots;
+    bank->width = m->bank_width;
+    bank->hidden = m->width[SAGA_NET_WRITE];
 }
 
-/* --- Places -------------------------------------------------------------- */
+/* --- Positions ----------------------------------------------------------- */
 
 void saga_position_cell(saga_position *p, const saga_coarse *c)
 {

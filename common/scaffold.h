@@ -84,13 +84,13 @@ typedef struct saga_scaffold {
     int16_t *fine_feature;           /* (n.fine, F) */
     int16_t (*prim_offset)[4];       /* (n.prim) o in l_f, Q14 */
     saga_models *models;
-    saga_bank memory;              /* n_slots = 0: the tool is off */
+    saga_bank bank;              /* n_slots = 0: the tool is off */
 } saga_scaffold;
 
-/* This sets the sizes of a model's memory; its arrays are to be placed. */
-void saga_bank_size(saga_bank *memory, const saga_model *m);
+/* This sets the sizes of a model's bank; its arrays are to be placed. */
+void saga_bank_size(saga_bank *bank, const saga_model *m);
 
-/* A place is where something is and how far it reaches, by axis. */
+/* A position is where something is and how far it reaches, by axis. */
 typedef struct saga_position {
     int32_t x[3];
     int32_t t;
@@ -106,7 +106,7 @@ void saga_position_cell(saga_position *p, const saga_coarse *c);
 void saga_position_move(saga_position *p, const int16_t offset_q14[4]);
 
 /* The first keeps in net.v->kept what F_fine, F_geo and F_color see of a point:
- * features of tier SAGA_LEVEL_* at p, under the parent of the given rank,
+ * features of tier SAGA_TIER_* at p, under the parent of the given rank,
  * interpolated and fused, and the embedding of an offset. The second makes n
  * such points the input of a network. */
 void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
@@ -118,7 +118,7 @@ void saga_in_local(const saga_scaffold *sc, int net, int tier, uint32_t n);
  * decoded offsets. */
 void saga_scaffold_fine(const saga_scaffold *sc);
 
-/* This gives the place of a fine anchor. */
+/* This gives the position of a fine anchor. */
 void saga_position_fine(saga_position *p, const saga_fine *f);
 
 #endif

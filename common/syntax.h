@@ -16,7 +16,7 @@
 int saga_syntax_networks(const saga_nets *nets, uint8_t *block,
                          saga_coder *c);
 
-/* Fresh adaptive models and memory; before the first layer of a segment. */
+/* Fresh adaptive models and bank; before the first layer of a segment. */
 void saga_syntax_begin(const saga_scaffold *sc);
 
 /* Layer 1: the tree with the numbers of fine anchors; centres and features of

@@ -288,7 +288,7 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
 {
     const saga_model *const m = sc->model;
     saga_coarse *const a = &sc->coarse[rank];
-    saga_position place;
+    saga_position position;
     int16_t centre[4];
     int i;
 
@@ -297,11 +297,11 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
     code_block(sc->coarse_feature + (size_t)rank * m->features, c,
                saga_at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
                m->step_q16[SAGA_STEP_FEATURE], m->features);
-    saga_position_cell(&place, a);
-    saga_position_move(&place, centre);
+    saga_position_cell(&position, a);
+    saga_position_move(&position, centre);
     for (i = 0; i < 3; i++)
-        a->x[i] = place.x[i];
-    a->t = (uint16_t)place.t;
+        a->x[i] = position.x[i];
+    a->t = (uint16_t)position.t;
 }
 
 int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
@@ -391,7 +391,7 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
 {
     const saga_model *const m = sc->model;
     saga_fine *const a = &sc->fine[rank];
-    saga_position place;
+    saga_position position;
     int16_t residual[4];
     int i;
 
@@ -399,11 +399,11 @@ static void code_fine_anchor(const saga_scaffold *sc, saga_coder *c,
                scale, m->step_q16[SAGA_STEP_FINE], 4);
     for (i = 0; i < 4; i++)
         a->local[i] = fx_sat16(a->local[i] + residual[i]);
-    saga_position_cell(&place, &sc->coarse[a->parent]);
-    saga_position_move(&place, a->local);
+    saga_position_cell(&position, &sc->coarse[a->parent]);
+    saga_position_move(&position, a->local);
     for (i = 0; i < 3; i++)
-        a->x[i] = place.x[i];
-    a->t = (uint16_t)place.t;
+        a->x[i] = position.x[i];
+    a->t = (uint16_t)position.t;
     a->n_prim = (uint8_t)c->adaptive(
         c, saga_at_symbol(SAGA_SYM_N_PRIM, rank, 0), &sc->models->n_prim,
         m->tier[SAGA_TIER_FINE].max_children + 1u);

@@ -288,8 +288,8 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
     sc->net.v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
-    saga_bank_size(&sc->memory, sc->model);
-    saga_bank_lay(&sc->memory, block_at(dec, p->bank_at));
+    saga_bank_size(&sc->bank, sc->model);
+    saga_bank_lay(&sc->bank, block_at(dec, p->bank_at));
 }
 
 static saga_status read_segment_header(saga_decoder *dec, const uint8_t *bytes,

@@ -13,7 +13,7 @@
  * are part of the format (docs/bitstream.md). */
 _Static_assert(sizeof(saga_models) == 6630, "format: adaptive models");
 _Static_assert(sizeof(saga_vectors) == 4224, "format: network vectors");
-_Static_assert(sizeof(saga_step) == 388, "format: step of the memory");
+_Static_assert(sizeof(saga_round) == 388, "format: round of the bank");
 _Static_assert(sizeof(saga_primitive) == 72, "format: primitive");
 _Static_assert(sizeof(saga_coarse) == 32, "format: coarse anchor");
 _Static_assert(sizeof(saga_fine) == 48, "format: fine anchor");
@@ -78,11 +78,11 @@ static uint32_t region(uint64_t *at, uint64_t n, uint64_t nbytes)
 static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
 {
     const uint64_t feature = 2u * h->model.features;
-    saga_bank memory;
+    saga_bank bank;
 
-    saga_bank_size(&memory, &h->model);
-    p->bank_at = region(&at, memory.n_slots ? 1 : 0,
-                        saga_bank_lay(&memory, NULL));
+    saga_bank_size(&bank, &h->model);
+    p->bank_at = region(&at, bank.n_slots ? 1 : 0,
+                        saga_bank_lay(&bank, NULL));
     p->coarse_at = region(&at, h->max.coarse, sizeof(saga_coarse));
     p->coarse_feature_at = region(&at, h->max.coarse, feature);
     p->fine_at = region(&at, h->max.fine, sizeof(saga_fine));
@@ -187,7 +187,7 @@ uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets)
            slot * m->bank_slots;
 }
 
-/* Start, tokens and writes of the memory. */
+/* Start, tokens and writes of the bank. */
 static uint64_t bank_macs(const saga_model *m, const saga_nets *nets,
                           const saga_counts *n)
 {

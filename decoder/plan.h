@@ -37,8 +37,8 @@ uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n);
 /* Multiply-accumulates of one step's write. */
 uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
 
-/* Multiply-accumulates of networks and memory to decode a segment of n:
- * exactly, without a memory; with one, less those of the steps that there are
+/* Multiply-accumulates of networks and bank to decode a segment of n:
+ * exactly, without a bank; with one, less those of the rounds that there are
  * not. */
 uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
                         const saga_counts *n);

@@ -46,14 +46,14 @@ static void take(int16_t *to, uint32_t n, const int16_t *out, saga_rows rows)
 /* Rows of F_geo become a primitive. */
 static void set_geometry(saga_primitive *p, const saga_model *m,
                          const saga_rows rows[SAGA_N_HEADS],
-                         const int16_t *out, const saga_position *place,
+                         const int16_t *out, const saga_position *position,
                          const saga_coarse *cell)
 {
     const uint8_t *const q = m->head_q;
     int i;
 
     for (i = 0; i < 3; i++) {
-        p->x[i] = place->x[i];
+        p->x[i] = position->x[i];
         p->log2_scale_q10[i] = log2_size_q10(
             out[rows[SAGA_HEAD_SCALE].first + i], q[SAGA_HEAD_SCALE],
             SAGA_LOG2_HALF_X - cell->depth_x);
@@ -63,9 +63,9 @@ static void set_geometry(saga_primitive *p, const saga_model *m,
     take(p->quat, 4, out, rows[SAGA_HEAD_QUAT]);
     take(p->slope, 4, out, rows[SAGA_HEAD_SLOPE]);
     p->quat[0] = fx_sat16(p->quat[0] + (1 << q[SAGA_HEAD_QUAT]));
-    p->t_centre = place->t;
+    p->t_centre = position->t;
     if (rows[SAGA_HEAD_TIME].n)
-        p->t_centre = centre_time(place->t, place->support[3],
+        p->t_centre = centre_time(position->t, position->support[3],
                                   out[rows[SAGA_HEAD_TIME].first],
                                   q[SAGA_HEAD_TIME]);
     p->log2_width_q10 = 0;
@@ -109,7 +109,7 @@ static void get_colour(uint16_t colour_q15[3], const saga_scaffold *sc,
 typedef struct {
     uint32_t first, n;
     uint32_t fine[SAGA_MAX_POINTS];      /* their anchors */
-    saga_position place[SAGA_MAX_POINTS];
+    saga_position position[SAGA_MAX_POINTS];
 } run;
 
 /* F_color's first layer without the direction; all of F_color if there is
@@ -157,7 +157,7 @@ static void set_geometries(saga_primitive *prims, const saga_scaffold *sc,
         saga_primitive *const p = &prims[r->first + i];
 
         set_geometry(p, sc->model, rows,
-                     saga_out_point(&sc->net, SAGA_NET_GEO, i), &r->place[i],
+                     saga_out_point(&sc->net, SAGA_NET_GEO, i), &r->position[i],
                      &sc->coarse[parent->parent]);
         for (k = 0; k < 3; k++)
             p->support[k] = parent->support[k];
@@ -169,13 +169,13 @@ static uint32_t add_primitive(run *r, const saga_scaffold *sc, uint32_t fine)
 {
     const uint32_t prim = r->first + r->n;
     const int16_t *const offset = sc->prim_offset[prim];
-    saga_position *const place = &r->place[r->n];
+    saga_position *const position = &r->position[r->n];
 
     while (prim - sc->fine[fine].first_prim >= sc->fine[fine].n_prim)
         fine++;
-    saga_position_fine(place, &sc->fine[fine]);
-    saga_position_move(place, offset);
-    saga_keep_local(sc, SAGA_TIER_FINE, r->n, place, fine, offset);
+    saga_position_fine(position, &sc->fine[fine]);
+    saga_position_move(position, offset);
+    saga_keep_local(sc, SAGA_TIER_FINE, r->n, position, fine, offset);
     r->fine[r->n++] = fine;
     return fine;
 }

@@ -130,9 +130,9 @@ typedef struct saga_info {
     uint32_t tools;          /* as in the header, docs/bitstream.md */
     uint32_t motion_order;   /* 0..3 */
     uint32_t features;
-    uint64_t decode_macs;    /* multiply-accumulates of networks and memory to
+    uint64_t decode_macs;    /* multiply-accumulates of networks and bank to
                               * decode a segment of the maximal counts; the
-                              * most there can be, with a memory */
+                              * most there can be, with a bank */
     uint32_t view_macs;      /* the same per visible primitive and view */
     /* metres = centre + box units * unit; value = mantissa * 2^exponent */
     int32_t unit_mantissa, unit_exponent;

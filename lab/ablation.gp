@@ -13,8 +13,8 @@ set ylabel "PSNR of the training views, dB"
 plot for [i=0:*] folder."/curves.dat" index i using 1:2 \
     with linespoints title columnheader(1)
 set logscale x 2
-set xlabel "slots of the memory"
-set ylabel "rate against no memory, %"
+set xlabel "slots of the bank"
+set ylabel "rate against no bank, %"
 set y2label "decoding the segment, ms"
 set ytics nomirror
 set y2tics

@@ -78,9 +78,9 @@ for lambda in "${lambdas[@]}"; do
     [ "$at/trained.eval.json" -nt "$at/in.saga" ] ||
         score "$at/in.saga" "$at/trained"
     variant "$at" full
-    variant "$at" no-memory --ablate no-bank
+    variant "$at" no-bank --ablate no-bank
     variant "$at" all --keep
-    variant "$at" all-no-memory --keep --ablate no-bank
+    variant "$at" all-no-bank --keep --ablate no-bank
     variant "$at" all-plain --keep --ablate plain-update
     variant "$at" no-hyperprior --ablate no-hyperprior
     variant "$at" no-parent --ablate no-parent
@@ -88,7 +88,7 @@ for lambda in "${lambdas[@]}"; do
     variant "$at" nothing --ablate no-bank,no-hyperprior,no-parent,groups=1
     variant "$at" raw --ablate raw-networks
 done
-# At the last rate alone: there are most symbols to pay for a memory.
+# At the last rate alone: there are most symbols to pay for a bank.
 for slots in 32 64 128 256 512; do
     variant "$at" "slots$slots" --keep --ablate "slots=$slots"
 done

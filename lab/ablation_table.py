@@ -16,18 +16,18 @@ import textwrap
 
 VARIANTS = [
     ("full", "full model"),
-    ("no-memory", "no memory"),
+    ("no-bank", "no bank"),
     ("no-hyperprior", "no hyperprior"),
     ("no-parent", "no parent"),
     ("no-groups", "no groups"),
     ("nothing", "constants by channel"),
     ("raw", "raw networks, 16 bits"),
     ("all", "all sources, whatever they are worth"),
-    ("all-no-memory", "... but the memory"),
+    ("all-no-bank", "... but the bank"),
     ("all-plain", "... with the plain update"),
 ]
 # What a variant is compared with, if it is not the full model.
-AGAINST = {"all-no-memory": "all", "all-plain": "all"}
+AGAINST = {"all-no-bank": "all", "all-plain": "all"}
 SLOTS = 32, 64, 128, 256, 512
 KINDS = [
     ("tree", "tree"),
@@ -255,7 +255,7 @@ def ablation(rates):
                                             for i in range(len(rates))], rows)
     prose("Sources of coarse anchors, fine offsets and primitive offsets, "
           "where they were worth their weights: hyperprior, parent, groups, "
-          "memory. Rate: mean change of the bytes against the full model "
+          "bank. Rate: mean change of the bytes against the full model "
           "(the last two: against all sources), on the same symbols. "
           "BD-rate: the same at equal PSNR of the training views, by "
           "monotone cubics of log-rate over the common interval. Fitted "
@@ -267,7 +267,7 @@ def ablation(rates):
 
 def slots(rate, folder):
     rows, lines = [], []
-    without = rate["all-no-memory"]
+    without = rate["all-no-bank"]
     if not without.there:
         return
     for n, run in [(0, without)] + [(n, rate[f"slots{n}"]) for n in SLOTS]:
@@ -285,11 +285,11 @@ def slots(rate, folder):
         out.write("# slots, rate %, ms to decode the segment\n")
         out.writelines(" ".join(x) + "\n" for x in lines)
     if rows:
-        print("## Slots of the memory\n")
+        print("## Slots of the bank\n")
         table(["slots", "rate", "file, kB", "symbols", "entropy networks",
                "ms to decode a segment"], rows)
         prose("The last rate. Rate: on the same symbols, against all sources "
-              "but the memory; the memory stays here, whatever it is worth.")
+              "but the bank; the bank stays here, whatever it is worth.")
 
 
 def order0(scenes):

@@ -104,10 +104,10 @@ ablate
 python3 - "$folder" >>"$bad" 2>&1 <<'PYTHON' || complain "what was made"
 import json, os, sys
 
-HYPER, PARENT, GROUPS, MEMORY = 1, 2, 4, 8
-never = {"no-memory": MEMORY, "no-hyperprior": HYPER, "no-parent": PARENT,
-         "no-groups": GROUPS, "nothing": HYPER | PARENT | GROUPS | MEMORY,
-         "all-no-memory": MEMORY}
+HYPER, PARENT, GROUPS, BANK = 1, 2, 4, 8
+never = {"no-bank": BANK, "no-hyperprior": HYPER, "no-parent": PARENT,
+         "no-groups": GROUPS, "nothing": HYPER | PARENT | GROUPS | BANK,
+         "all-no-bank": BANK}
 slots = [f"slots{n}" for n in (32, 64, 128, 256, 512)]
 for rate in "r1", "r2":
     at = os.path.join(sys.argv[1], rate)
@@ -121,7 +121,7 @@ for rate in "r1", "r2":
             kind = r["entropy_model"][key]
             assert not kind["sources"] & never.get(name, 0), (name, kind)
             if name in ["all", "all-plain"] + slots:
-                assert kind["sources"] & MEMORY, (name, kind)
+                assert kind["sources"] & BANK, (name, kind)
         for key in "tree", "fine_suffixes", "primitive_suffixes":
             assert r["after"][key] == full["after"][key], (name, key)
 PYTHON

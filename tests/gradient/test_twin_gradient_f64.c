@@ -21,7 +21,7 @@ enum { N_FINE = 5, N_PRIM = 11 };
 
 static const double centres[2][3] = { { 2.0, 0.3, -1.0 }, { -1.5, 1.0, 2.0 } };
 
-/* no_fuse: bit SAGA_LEVEL_*, a level whose features are not fused. */
+/* no_fuse: bit SAGA_TIER_*, a tier whose features are not fused. */
 static void make_model(saga_model *m, uint32_t tools, uint32_t no_fuse)
 {
     int i;

@@ -120,7 +120,7 @@ static int write_seed(const char *dir, uint32_t number)
         memset(&o, 0, sizeof o);
         o.seed = 50u * number + i;
         o.n_coarse = 3;
-        o.memory = (int)(number % 3);
+        o.bank = (int)(number % 3);
         gen_stream_make(&g, &o);
         if (number & 1)
             mutate_extreme_nets(&g, &r);

@@ -341,7 +341,7 @@ static void bad_scale(void)
     gen_stream_free(&g);
 }
 
-/* What a memory may not be, in a file that has one. */
+/* What a bank may not be, in a file that has one. */
 static void bad_memory(void)
 {
     static const bad_change headers[] = {
@@ -360,7 +360,7 @@ static void bad_memory(void)
         { "memory_net_width_level", to_query_65, SAGA_ERR_LEVEL },
     };
     const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
-                            .tools_fixed = 1, .memory = GEN_BANK_ORTHOGONAL,
+                            .tools_fixed = 1, .bank = GEN_BANK_ORTHOGONAL,
                             .bank_slots = 64, .bank_width = 16,
                             .bank_blocks = 4 };
 
@@ -461,19 +461,19 @@ int main(int argc, char **argv)
         { .seed = 16, .level = 2, .n_coarse = 20 },
         { .seed = 17, .level = 3, .n_coarse = 12 },
         { .seed = 18, .level = 0, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .memory = GEN_BANK_ORTHOGONAL,
+          .tools_fixed = 1, .tools = all, .bank = GEN_BANK_ORTHOGONAL,
           .bank_slots = 32, .bank_width = 16, .bank_blocks = 3 },
         { .seed = 19, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = all, .memory = GEN_BANK_ORTHOGONAL,
+          .tools_fixed = 1, .tools = all, .bank = GEN_BANK_ORTHOGONAL,
           .bank_slots = 64, .bank_width = 32, .bank_blocks = 256 },
         { .seed = 20, .level = 1, .n_coarse = 20, .picture = 1,
-          .tools_fixed = 1, .tools = 0, .memory = GEN_BANK_PLAIN,
+          .tools_fixed = 1, .tools = 0, .bank = GEN_BANK_PLAIN,
           .bank_slots = 64, .bank_width = 8, .bank_blocks = 1 },
         { .seed = 21, .level = 2, .n_coarse = 12, .n_segments = 2,
-          .memory = GEN_BANK_PLAIN, .bank_slots = 128,
+          .bank = GEN_BANK_PLAIN, .bank_slots = 128,
           .bank_width = 40, .bank_blocks = 5 },
         { .seed = 22, .level = 3, .n_coarse = 12,
-          .memory = GEN_BANK_ORTHOGONAL, .bank_slots = 512,
+          .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 512,
           .bank_width = 64, .bank_blocks = 2 },
         { .seed = 25, .level = 1, .n_coarse = 20, .picture = 1,
           .tools_fixed = 1, .tools = all, .no_fuse = 1 },

@@ -35,13 +35,13 @@ typedef struct {
 } table;
 
 static table tables[] = {
-    { .name = "Header" }, { .name = "Level" }, { .name = "Network" },
+    { .name = "Header" }, { .name = "Tier" }, { .name = "Network" },
     { .name = "Camera" }, { .name = "Chunk header" },
     { .name = "Index entry" }, { .name = "Segment header" },
-    { .name = "Memory networks" }
+    { .name = "Bank networks" }
 };
 enum {
-    HEADER, LEVEL, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, MEMORY, N_TABLES
+    HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, N_TABLES
 };
 
 typedef struct {
@@ -299,17 +299,17 @@ static int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
 
 /* --- The header's parts -------------------------------------------------- */
 
-enum { TOOL_MEMORY = 1 << 9, TOOL_PLAIN = 1 << 10, SOURCE_MEMORY = 8 };
+enum { TOOL_BANK = 1 << 9, TOOL_PLAIN = 1 << 10, SOURCE_BANK = 8 };
 
 static int has_bank(const uint8_t *header)
 {
-    return (get(HEADER, header, "tools", 0) & TOOL_MEMORY) != 0;
+    return (get(HEADER, header, "tools", 0) & TOOL_BANK) != 0;
 }
 
 static uint32_t rig_at(const uint8_t *header)
 {
     return tables[HEADER].nbytes +
-           (has_bank(header) ? tables[MEMORY].nbytes : 0);
+           (has_bank(header) ? tables[BANK].nbytes : 0);
 }
 
 /* Where the CRC stands. */
@@ -319,7 +319,7 @@ static uint32_t rig_end(const uint8_t *header)
            (uint32_t)get(HEADER, header, "n_cameras", 0);
 }
 
-/* What section 3 says of the fields that hang on the memory tool. */
+/* What section 3 says of the fields that hang on the bank's tool. */
 static int bank_is_consistent(const uint8_t *p)
 {
     const int64_t slots = get(HEADER, p, "bank_slots", 0);
@@ -328,7 +328,7 @@ static int bank_is_consistent(const uint8_t *p)
     const int read = ((get(HEADER, p, "sources_coarse", 0) |
                        get(HEADER, p, "sources_fine", 0) |
                        get(HEADER, p, "sources_prim", 0)) &
-                      SOURCE_MEMORY) != 0;
+                      SOURCE_BANK) != 0;
 
     if (has_bank(p))
         return read && slots && width && blocks &&
@@ -521,7 +521,7 @@ static void headers_should_be_as_the_tables_say(void **state)
         check_values(HEADER, p, &files[i]);
         assert_true(bank_is_consistent(p));
         if (has_bank(p))
-            check_values(MEMORY, p + tables[HEADER].nbytes, &files[i]);
+            check_values(BANK, p + tables[HEADER].nbytes, &files[i]);
         assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);
         assert_true(end + 4 <= files[i].n);
         assert_int_equal(load(p + end, 4), crc_of(0, p, end));
@@ -654,7 +654,7 @@ static uint32_t width_of(const uint8_t *p, const char *net)
 static uint32_t bank_width_of(const uint8_t *p, const char *net)
 {
     return (uint32_t)get(NETWORK, p + tables[HEADER].nbytes +
-                         field_named(MEMORY, net)->offset, "width", 0);
+                         field_named(BANK, net)->offset, "width", 0);
 }
 
 /* Networks 11 to 15. */
@@ -978,7 +978,7 @@ static void decoder_should_refuse_what_lies_outside_the_ranges(void **state)
         memcpy(r.header, f->p, r.end);
         visit(&tables[HEADER], r.header, try_field, &r);
         if (has_bank(r.header))
-            visit(&tables[MEMORY], r.header + tables[HEADER].nbytes,
+            visit(&tables[BANK], r.header + tables[HEADER].nbytes,
                   try_field, &r);
         assert_true(r.n_tried > 0);
         free(r.header);

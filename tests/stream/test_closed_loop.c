@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The quantiser in the loop: it runs the traversal, so whatever its entropy
- * parameters come from (hyperprior, parent, groups, memory), what it chose
+ * parameters come from (hyperprior, parent, groups, bank), what it chose
  * passes the encoder and comes back from the bytes, and no value lies farther
  * from its target than half a step.
  */
@@ -123,7 +123,7 @@ static void check_loop(uint32_t i)
 {
     const gen_options o = { .seed = first_seed() + i, .level = (int)(i & 1u),
                             .n_coarse = 12, .picture = 1,
-                            .memory = (int)(i % 3) };
+                            .bank = (int)(i % 3) };
     uint64_t r = i;
     saga_net_symbols nets;
     saga_symbols back;

@@ -203,7 +203,7 @@ static void models_should_be_those_of_the_page(void **state)
     for (i = 0; i < N_STREAMS; i++) {
         const gen_options o = { .seed = 100 + i, .level = 1,
                                 .n_coarse = i % 4 ? 0 : 40,
-                                .memory = (int)(i % 3) };
+                                .bank = (int)(i % 3) };
         world w;
         page p = { &w, 0, 0, 0, 0 };
 

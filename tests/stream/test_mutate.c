@@ -102,7 +102,7 @@ static void make_base(base *b, uint64_t number)
     o.n_coarse = 1 + (uint32_t)(number % 7);
     o.n_segments = number % 5 ? 1 : 2 + (uint32_t)(number % 2);
     o.picture = number % 3 == 0;
-    o.memory = (int)(number / 2 % 3);
+    o.bank = (int)(number / 2 % 3);
     o.no_fuse = (uint32_t)(number / 3 % 4);
     if (!o.picture) {
         o.bank_slots = 32;

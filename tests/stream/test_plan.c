@@ -165,7 +165,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools_fixed = 1;
     o.tools = i % 32;
     o.picture = i / 32 % 2 == 0;
-    o.memory = (int)(i / 2 % 3);
+    o.bank = (int)(i / 2 % 3);
     o.no_fuse = i / 5 % 4;
     return o;
 }
@@ -176,7 +176,7 @@ static gen_options full_options(void)
     gen_options o = { .seed = first_seed(), .level = 0, .full = 1,
                       .picture = 1, .tools_fixed = 1,
                       .tools = SAGA_TOOLS_PICTURE,
-                      .memory = GEN_BANK_ORTHOGONAL };
+                      .bank = GEN_BANK_ORTHOGONAL };
 
     for (;; o.seed++) {
         gen_stream g;
@@ -330,11 +330,11 @@ static void tools_should_cost_nothing_when_off(void **state)
         begin(&p, &o);
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
-        assert_int_equal(h.header_nbytes, 178 + (o.memory ? 15 : 0) +
+        assert_int_equal(h.header_nbytes, 178 + (o.bank ? 15 : 0) +
                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_bank_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.bank_at,
-                         o.memory ? saga_bank_lay(&size, NULL) : 0);
+                         o.bank ? saga_bank_lay(&size, NULL) : 0);
         end(&p);
     }
 }
@@ -460,7 +460,7 @@ static void check_macs(const gen_options *o)
         assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
         assert_true(n_macs <= p.info.decode_macs);
         assert_true(n_macs == macs_of_segment(&p, i));
-        if (p.g.n_segments == 1 && !o->memory)
+        if (p.g.n_segments == 1 && !o->bank)
             assert_true(n_macs == p.info.decode_macs);
         c = rig(&p, i % p.info.n_cameras);
         n_macs = 0;

@@ -134,7 +134,7 @@ static uint8_t *make_base(uint64_t number, size_t *n)
     memset(&o, 0, sizeof o);
     o.seed = number;
     o.n_coarse = 1 + (uint32_t)(number % 5);
-    o.memory = (int)(number % 3);
+    o.bank = (int)(number % 3);
     o.bank_slots = 32;
     o.bank_width = 8;
     gen_stream_make(&g, &o);

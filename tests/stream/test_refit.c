@@ -339,7 +339,7 @@ static void refit_should_find_a_source_that_tells(void **state)
 }
 
 /* Of random streams, whose networks say nothing of their values: whatever they
- * have, with a memory or without, is read and becomes another valid file. */
+ * have, with a bank or without, is read and becomes another valid file. */
 static void refit_should_take_any_stream(void **state)
 {
     const saga_ablation all = { .groups = 0 };
@@ -348,7 +348,7 @@ static void refit_should_take_any_stream(void **state)
     for (uint64_t seed = 1; seed <= 12; seed++) {
         const gen_options o = {
             .seed = seed, .level = 3, .n_coarse = 20, .n_segments = 1,
-            .memory = (int)(seed % 3)
+            .bank = (int)(seed % 3)
         };
         refit_options fast = refit_defaults();
         uint8_t *bytes, *again = NULL;

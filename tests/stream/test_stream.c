@@ -327,7 +327,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.n_segments = i % 8 ? 1 : 1 + i / 8 % GEN_MAX_SEGMENTS;
     o.tools_fixed = 1;
     o.tools = i % 32;
-    o.memory = (int)(i / 2 % 3);
+    o.bank = (int)(i / 2 % 3);
     return o;
 }
 
@@ -368,7 +368,7 @@ static void make_full(gen_stream *g)
     o.full = 1;
     o.tools_fixed = 1;
     o.tools = SAGA_TOOLS_PICTURE;
-    o.memory = GEN_BANK_ORTHOGONAL;
+    o.bank = GEN_BANK_ORTHOGONAL;
     for (o.seed = first_seed();; o.seed++) {
         const saga_symbols *const s = &g->segment[0];
 

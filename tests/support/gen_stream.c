@@ -67,7 +67,7 @@ static void make_memory(saga_model *m, uint64_t *r, const gen_options *o)
     int i;
 
     m->tools |= SAGA_TOOL_BANK;
-    if (o->memory == GEN_BANK_PLAIN)
+    if (o->bank == GEN_BANK_PLAIN)
         m->tools |= SAGA_TOOL_PLAIN_WRITE;
     for (i = 0; i < SAGA_N_KINDS; i++)
         if (o->bank_alone)
@@ -128,9 +128,9 @@ static void make_model(saga_model *m, uint64_t *r, const gen_options *o)
     for (i = 0; i < SAGA_NET_QUERY; i++)
         make_described(m, r, o, i);
     m->width[SAGA_NET_COLOUR] = (uint8_t)gen_range(r, 1, 32);
-    for (; o->memory && i < SAGA_N_NETS; i++)
+    for (; o->bank && i < SAGA_N_NETS; i++)
         make_described(m, r, o, i);
-    if (o->memory)
+    if (o->bank)
         make_memory(m, r, o);
 }
 

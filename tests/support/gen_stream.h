@@ -23,12 +23,12 @@ typedef struct gen_options {
     int picture;             /* networks biased so that a picture shows */
     uint32_t tools;          /* with tools_fixed: SAGA_TOOL_* */
     int tools_fixed;
-    /* A memory bank: 0 none, else as GEN_MEMORY; sizes and readers are random
+    /* A memory bank: 0 none, else as GEN_BANK; sizes and readers are random
      * but for what is not 0 here. Adds its tools to those above. */
-    int memory;
+    int bank;
     uint32_t bank_slots, bank_width, bank_blocks;
     int bank_alone;        /* read by all kinds, and nothing else is */
-    uint32_t no_fuse;        /* bit SAGA_LEVEL_*: without Fuse of the level;
+    uint32_t no_fuse;        /* bit SAGA_TIER_*: without Fuse of the tier;
                               * 3 is neither. 0: both, or random if no
                               * picture */
 } gen_options;

@@ -352,8 +352,8 @@ static void mean_should_be_the_rounded_quotient(void **state)
     (void)state;
     for (i = 0; i < 20000; i++) {
         const uint32_t count = i < 1000 ? i + 1
-                             : i < 1010 ? SAGA_MAX_STEP - (i - 1000)
-                             : (uint32_t)gen_int(&r, 1, SAGA_MAX_STEP);
+                             : i < 1010 ? SAGA_MAX_ROUND - (i - 1000)
+                             : (uint32_t)gen_int(&r, 1, SAGA_MAX_ROUND);
 
         for (d = 0; d < MAX_D; d++)
             sum[d] = (int32_t)(gen_uniform(&r, -32767, 32767) * count);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Who reads the memory when, and what is written: a second implementation of
+ * Who reads the bank when, and what is written: a second implementation of
  * arithmetic.md's section "Memory", from the tables of the page, follows the
- * decoding of streams in which the memory is the only source, and predicts
+ * decoding of streams in which the bank is the only source, and predicts
  * every mu and every scale. Layers are plain 64-bit sums here; the bank's
  * operators are common/'s, which test_memory.c compares with double.
  */
@@ -249,7 +249,7 @@ static void put_values(input *in, const watched *w, const int16_t *x, int q)
         put(in, x ? x[i] : 0, q);
 }
 
-/* --- The memory, once more ----------------------------------------------- */
+/* --- The bank, once more ------------------------------------------------- */
 
 typedef struct {
     saga_bank m;
@@ -257,9 +257,9 @@ typedef struct {
     int64_t sum[MAX_D];
     uint32_t n;
     uint32_t n_reads, n_writes;
-} memory;
+} bank;
 
-static void begin_bank(memory *k, const watched *w)
+static void begin_bank(bank *k, const watched *w)
 {
     const int hidden = w->plan.nets.shape[SAGA_NET_SLOT].dim[2];
     uint32_t p;
@@ -282,7 +282,7 @@ static void begin_bank(memory *k, const watched *w)
 }
 
 /* Parameters of a block from its query, compared with those that were used. */
-static void expect(memory *k, const watched *w, const place *p, int kind,
+static void expect(bank *k, const watched *w, const place *p, int kind,
                    const int16_t *parent, int q, const seen *used)
 {
     const saga_model *const m = &w->h.model;
@@ -309,7 +309,7 @@ static void expect(memory *k, const watched *w, const place *p, int kind,
     k->n_reads++;
 }
 
-static void keep(memory *k, const watched *w, const place *p, int kind,
+static void keep(bank *k, const watched *w, const place *p, int kind,
                  const int16_t *values, int q)
 {
     input in = input_of(w, SAGA_NET_AGG);
@@ -325,7 +325,7 @@ static void keep(memory *k, const watched *w, const place *p, int kind,
 }
 
 /* The mean is the rounded quotient: its own test shows that of the operator. */
-static void write_step(memory *k, const watched *w)
+static void write_round(bank *k, const watched *w)
 {
     const uint32_t hidden = w->plan.nets.shape[SAGA_NET_WRITE].dim[0];
     input in = input_of(w, SAGA_NET_WRITE_BASE);
@@ -392,7 +392,7 @@ static void move(place *p, const int16_t o[4])
     }
 }
 
-static void follow_coarse(memory *k, const watched *w, uint32_t rank)
+static void follow_coarse(bank *k, const watched *w, uint32_t rank)
 {
     const saga_model *const m = &w->h.model;
     const seen *const s = &w->spy.coarse[rank];
@@ -410,7 +410,7 @@ static void follow_coarse(memory *k, const watched *w, uint32_t rank)
     keep(k, w, &p, SAGA_KIND_COARSE, feature, m->head_q[SAGA_HEAD_COARSE]);
 }
 
-static void follow_fine(memory *k, const watched *w, uint32_t rank)
+static void follow_fine(bank *k, const watched *w, uint32_t rank)
 {
     const saga_model *const m = &w->h.model;
     const saga_symbols *const sym = &w->g.segment[0];
@@ -446,30 +446,30 @@ static void follow_fine(memory *k, const watched *w, uint32_t rank)
     keep(k, w, &p, SAGA_KIND_FINE, context, 14);
 }
 
-/* Steps of a level: its groups one after another, each in order of rank. */
-static void follow_level(memory *k, const watched *w, int level)
+/* Rounds of a tier: its groups one after another, each in order of rank. */
+static void follow_tier(bank *k, const watched *w, int tier)
 {
-    const uint32_t n = level == 0 ? w->sc.n.coarse : w->sc.n.fine;
+    const uint32_t n = tier == 0 ? w->sc.n.coarse : w->sc.n.fine;
     uint32_t group, rank;
 
-    for (group = 0; group < w->h.model.tier[level].n_groups; group++) {
+    for (group = 0; group < w->h.model.tier[tier].n_groups; group++) {
         for (rank = 0; rank < n; rank++) {
-            if ((level == 0 ? w->sc.coarse[rank].group
+            if ((tier == 0 ? w->sc.coarse[rank].group
                             : w->sc.fine[rank].group) != group)
                 continue;
-            if (level == 0)
+            if (tier == 0)
                 follow_coarse(k, w, rank);
             else
                 follow_fine(k, w, rank);
             if (k->n == w->h.model.bank_blocks)
-                write_step(k, w);
+                write_round(k, w);
         }
         if (k->n)
-            write_step(k, w);
+            write_round(k, w);
     }
 }
 
-static void follow_prims(memory *k, const watched *w)
+static void follow_prims(bank *k, const watched *w)
 {
     const saga_model *const m = &w->h.model;
     uint32_t rank, i, at = 0;
@@ -489,13 +489,13 @@ static void follow_prims(memory *k, const watched *w)
     }
 }
 
-static void check_bank(const memory *k, const watched *w)
+static void check_bank(const bank *k, const watched *w)
 {
     const uint32_t stride = saga_mlp_pad(k->m.width);
 
-    assert_memory_equal(k->m.slot, w->sc.memory.slot,
+    assert_memory_equal(k->m.slot, w->sc.bank.slot,
                         2 * k->m.n_slots * stride);
-    assert_memory_equal(k->m.column, w->sc.memory.column,
+    assert_memory_equal(k->m.column, w->sc.bank.column,
                         2 * k->m.n_slots * k->m.width);
 }
 
@@ -513,9 +513,9 @@ static gen_options options_of(uint32_t i)
     memset(&o, 0, sizeof o);
     o.seed = first_seed() + i;
     o.level = (int)(i % 8 == 7 ? 3 : i & 1u);
-    o.memory = 1 + (int)(i & 1u);
+    o.bank = 1 + (int)(i & 1u);
     o.bank_alone = 1;
-    /* Every second one ends its steps by B, the others by groups too. */
+    /* Every second one ends its rounds by B, the others by groups too. */
     o.bank_blocks = i & 2u ? 1 + i % 5 : 0;
     return o;
 }
@@ -528,12 +528,12 @@ static void parameters_should_be_those_of_the_page(void **state)
     for (i = 0; i < 100; i++) {
         const gen_options o = options_of(i);
         watched w;
-        memory *const k = must(malloc(sizeof *k));
+        bank *const k = must(malloc(sizeof *k));
 
         watch(&w, &o);
         begin_bank(k, &w);
-        follow_level(k, &w, SAGA_TIER_COARSE);
-        follow_level(k, &w, SAGA_TIER_FINE);
+        follow_tier(k, &w, SAGA_TIER_COARSE);
+        follow_tier(k, &w, SAGA_TIER_FINE);
         check_bank(k, &w);
         follow_prims(k, &w);
         n_reads += k->n_reads;
@@ -543,7 +543,7 @@ static void parameters_should_be_those_of_the_page(void **state)
         unwatch(&w);
     }
     print_message("seeds from %" PRIu64 ": %" PRIu32 " reads, %" PRIu32
-                  " steps\n", first_seed(), n_reads, n_writes);
+                  " rounds\n", first_seed(), n_reads, n_writes);
     assert_true(n_reads > 1000 && n_writes > 300);
 }
 

@@ -28,7 +28,7 @@ static uint64_t first_seed(void)
 
 /* --- Streams ------------------------------------------------------------- */
 
-/* Without Fuse of any level; the formats of both levels' features differ. */
+/* Without Fuse of any tier; the formats of both tiers' features differ. */
 static void make_plain(gen_stream *g, uint64_t seed)
 {
     const gen_options o = { .seed = seed, .level = 3, .n_coarse = 12,
@@ -59,20 +59,20 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
     l->shift = zeros(n_out, sizeof *l->shift);
 }
 
-/* The network of a level: two hidden units for each feature x, max(x, 0) and
+/* The network of a tier: two hidden units for each feature x, max(x, 0) and
  * max(-x, 0), and their difference. Input and output have the features' own
  * format, so that nothing is rounded or cut off. */
-static void add_identity(gen_stream *g, int level)
+static void add_identity(gen_stream *g, int tier)
 {
     saga_model *const m = &g->header.model;
-    const int net = saga_fuse_net(level);
+    const int net = saga_fuse_net(tier);
     saga_layer_symbols *const l = g->nets.layer[net];
     const uint32_t f = m->features;
     saga_net_shape s;
     uint32_t k;
 
-    m->q_in[net] = (uint8_t)saga_feature_q(m, level);
-    m->head_q[level == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
+    m->q_in[net] = (uint8_t)saga_feature_q(m, tier);
+    m->head_q[tier == SAGA_TIER_COARSE ? SAGA_HEAD_FUSE_C
                                          : SAGA_HEAD_FUSE_F] = m->q_in[net];
     m->width[net] = (uint8_t)(2 * f);
     saga_model_net(&s, m, net);
@@ -121,7 +121,7 @@ static void assert_same_stages(const saga_stages *a, const saga_stages *b)
 static void absence_should_be_identity(void **state)
 {
     uint32_t i;
-    int level;
+    int tier;
 
     (void)state;
     for (i = 0; i < N_STREAMS; i++) {
@@ -132,10 +132,10 @@ static void absence_should_be_identity(void **state)
         none = play(&g);
         assert_true(none.stages.frame != 0);
         /* Fine first in every other stream: each is alone once. */
-        for (level = 0; level < SAGA_N_TIERS; level++) {
+        for (tier = 0; tier < SAGA_N_TIERS; tier++) {
             played with;
 
-            add_identity(&g, (level + (int)i) % 2);
+            add_identity(&g, (tier + (int)i) % 2);
             with = play(&g);
             assert_same_stages(&with.stages, &none.stages);
         }

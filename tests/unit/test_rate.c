@@ -222,9 +222,9 @@ static void copy_reads(real *to, const rate_scene *f)
     int kind;
 
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        const size_t n = c->kind[kind].n_blocks * c->memory.width;
+        const size_t n = c->kind[kind].n_blocks * c->bank.width;
 
-        memcpy(to, c->memory.kind[kind].read, n * sizeof *to);
+        memcpy(to, c->bank.kind[kind].read, n * sizeof *to);
         to += n;
     }
 }

@@ -350,14 +350,14 @@ static void read_alone(const saga_scaffold *sc, int kind, uint32_t rank)
 static void compare_read(near_integers *t, const saga_scaffold *sc, int kind,
                          size_t block)
 {
-    const size_t d = sc->memory.width;
-    const real *const read = t->rate.context.memory.kind[kind].read +
+    const size_t d = sc->bank.width;
+    const real *const read = t->rate.context.bank.kind[kind].read +
                              t->rate.context.kind[kind].runs.place[block] * d;
 
     read_alone(sc, kind, (uint32_t)block);
     for (size_t i = 0; i < d; i++)
         t->read = fmax(t->read, fabs((double)read[i] -
-                                     sc->memory.step->read[i] / 4096.0));
+                                     sc->bank.round->read[i] / 4096.0));
 }
 
 static void compare(void *user, const saga_scaffold *sc, saga_at at,
@@ -559,7 +559,7 @@ static void fit_should_begin_where_the_warm_up_ends(void **state)
     assert_true(psnr[0] > 40 && psnr[0] > psnr[1] && psnr[1] > psnr[2]);
 }
 
-/* Worst difference of log2 scales: outputs of F_geo, behind both levels'
+/* Worst difference of log2 scales: outputs of F_geo, behind both tiers'
  * features and networks. Box units, 2^23 to a half-cube. */
 static double worst_scale(const saga_train *t)
 {

@@ -426,7 +426,7 @@ static void print_entropy(const saga_train_entropy *e)
     };
 
     printf("  %-20s %10s %10s %10s %10s %10s  sources kept\n",
-           "entropy model", "constants", "networks", "no memory", "chosen",
+           "entropy model", "constants", "networks", "no bank", "chosen",
            "weights");
     for (int i = 0; i < SAGA_N_KINDS; i++) {
         const saga_train_kind *const k = &e->kind[i];
@@ -438,12 +438,12 @@ static void print_entropy(const saga_train_entropy *e)
                k->sources & SAGA_SOURCE_HYPER ? "  hyperprior" : "",
                k->sources & SAGA_SOURCE_PARENT ? "  parent" : "",
                k->sources & SAGA_SOURCE_GROUPS ? "  groups" : "",
-               k->sources & SAGA_SOURCE_BANK ? "  memory" : "");
+               k->sources & SAGA_SOURCE_BANK ? "  bank" : "");
     }
     if (e->hyper_weights > 0)
         printf("  %-20s %54.0f\n", "hyperprior", e->hyper_weights);
     if (e->bank_weights > 0)
-        printf("  %-20s %54.0f  net of what it saves: %+.0f\n", "memory",
+        printf("  %-20s %54.0f  net of what it saves: %+.0f\n", "bank",
                e->bank_weights, e->bank_net);
 }
 
@@ -519,8 +519,8 @@ static json_t *json_entropy(const saga_train_entropy *e)
                                                     "primitives" };
     json_t *const o = json_pack("{sfsfsfso}",
                                 "hyperprior_weights", e->hyper_weights,
-                                "memory_weights", e->bank_weights,
-                                "memory_net", e->bank_net,
+                                "bank_weights", e->bank_weights,
+                                "bank_net", e->bank_net,
                                 "bits_estimated", json_bits(e->estimate));
 
     for (int i = 0; i < SAGA_N_KINDS; i++) {
@@ -529,7 +529,7 @@ static json_t *json_entropy(const saga_train_entropy *e)
         json_object_set_new(o, keys[i], json_pack(
             "{sisfsfsfsfsf}", "sources", (int)k->sources,
             "constants", k->constants, "networks", k->networks,
-            "without_memory", k->forgetful, "chosen", k->chosen,
+            "without_bank", k->forgetful, "chosen", k->chosen,
             "weights", k->weights));
     }
     return o;

@@ -45,7 +45,7 @@ static const struct {
     { SAGA_TOOL_FEATURE_RESIDUAL, "feature residuals", "feature_residuals" },
     { SAGA_TOOL_HASH, "residual hash", "residual_hash" },
     { SAGA_TOOL_BANK, "memory bank", "memory_bank" },
-    { SAGA_TOOL_PLAIN_WRITE, "plain memory writes", "plain_memory_writes" }
+    { SAGA_TOOL_PLAIN_WRITE, "plain bank writes", "plain_bank_writes" }
 };
 
 enum { N_TOOLS = (int)(sizeof tools / sizeof tools[0]) };

@@ -317,10 +317,10 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                                   error);
     sc->models = saga_calloc(1, sizeof *sc->models, what, error);
     sc->net.v = saga_calloc(1, sizeof *sc->net.v, what, error);
-    saga_bank_size(&sc->memory, model);
-    memory = saga_aligned_alloc(16, saga_bank_lay(&sc->memory, NULL),
+    saga_bank_size(&sc->bank, model);
+    memory = saga_aligned_alloc(16, saga_bank_lay(&sc->bank, NULL),
                                 what, error);
-    saga_bank_lay(&sc->memory, memory);
+    saga_bank_lay(&sc->bank, memory);
     if (!saga_failed(error))
         return true;
     saga_scaffold_free(sc);
@@ -336,7 +336,7 @@ void saga_scaffold_free(saga_scaffold *sc)
     free(sc->prim_offset);
     free(sc->models);
     free(sc->net.v);
-    free(sc->memory.slot);
+    free(sc->bank.slot);
 }
 
 bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* So few blocks are not worth several threads: one step while it is coded. */
+/* So few blocks are not worth several threads: one round while it is coded. */
 enum { FEW_BLOCKS = 256 };
 
 /* --- Memory -------------------------------------------------------------- */
@@ -307,7 +307,7 @@ static void take_means(saga_bank_twin_kind *k,
     }
 }
 
-/* Sets WRITE's inputs, of every step and slot. */
+/* Sets WRITE's inputs, of every round and slot. */
 static void add_own(saga_bank_twin *m, saga_bank_twin_kind *k,
                     const saga_scene *s, size_t from, size_t to)
 {
@@ -405,7 +405,7 @@ void saga_bank_twin_clear(saga_bank_twin *m, const saga_scene *s)
     memset(m->slot.d_out, 0, m->n_slots * hidden * sizeof *m->slot.d_out);
 }
 
-/* Takes slot p back through all steps of a tier, from its last state's
+/* Takes slot p back through all rounds of a tier, from its last state's
  * gradient to that of the first; with what was read from each. */
 static void slot_backward(saga_bank_twin *m, const saga_bank_twin_input *in,
                           size_t p, int reads)
@@ -440,7 +440,7 @@ static void writes_through(saga_twin_batch *b, size_t n, size_t width)
     }
 }
 
-/* Gradients go from WRITE's inputs to the steps' and the slots' parts of them.
+/* Gradients go from WRITE's inputs to the rounds' and the slots' parts of them.
  */
 static void add_own_backward(saga_bank_twin *m, saga_bank_twin_kind *k,
                              const saga_scene *s, size_t n_runs)

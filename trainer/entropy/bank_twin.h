@@ -3,7 +3,7 @@
  * The float twin of the memory bank in common/context.c has the bank
  * (bank_float.h) and the networks around it (QUERY, AGG, SLOT, WRITE_BASE,
  * WRITE), over all blocks in the order in which they are coded, and the
- * gradients back through all of its steps. Paper: Hierarchical Context
+ * gradients back through all of its rounds. Paper: Hierarchical Context
  * Modeling, equations of the write.
  *
  *     token    AGG of a decoded anchor: place, sizes, count, kind, values
@@ -14,9 +14,9 @@
  *     read     sum of w_p s_p, w = softmax in base 2 of <QUERY, s_p>
  *
  * What is written does not depend on what the slots hold: the networks run on
- * all steps at once, and only the last line but one goes step by step.
+ * all rounds at once, and only the last line but one goes round by round.
  *
- * A run of blocks (rate_runs.h) is a step: it reads the state before it and
+ * A run of blocks (rate_runs.h) is a round: it reads the state before it and
  * writes the next. Coarse anchors come first, then fine ones; primitives read
  * the last state and write nothing.
  *

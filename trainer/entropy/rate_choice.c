@@ -156,7 +156,7 @@ typedef struct {
     float *mean[SAGA_N_KINDS];   /* (inputs) of the networks' inputs */
     double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* residuals, by sources */
     double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
-    double hyper, memory;        /* weights of their networks */
+    double hyper, bank;         /* weights of their networks */
     saga_error *error;
 } search;
 
@@ -208,7 +208,7 @@ static bool begin_search(search *f)
 }
 
 /* Tells whether a kind's residuals depend on a network: its own, the
- * hyperprior's, and the memory's. */
+ * hyperprior's, and the bank's. */
 static int depends(int kind, int net)
 {
     return is_kind_net(net) ? kind == net - SAGA_NET_E_COARSE : 1;
@@ -298,7 +298,7 @@ static bool try_subset(search *f, int kind, uint32_t subset)
 }
 
 /* Tries every subset of each kind's sources, the other kinds as they are; the
- * last is all of them, so that the memory goes on with what these make of it.
+ * last is all of them, so that the bank goes on with what these make of it.
  */
 static bool try_subsets(search *f)
 {
@@ -314,7 +314,7 @@ static bool try_subsets(search *f)
         if (!weights_bits(&bits, &rounded.net[net], &f->r->decision, net,
                           f->error))
             return false;
-        f->memory += bits;
+        f->bank += bits;
     }
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         for (subset = 0; subset <= ALL_SOURCES; subset++)
@@ -354,7 +354,7 @@ static double best_of_all(uint8_t sources[SAGA_N_KINDS], const search *f,
         total += f->bits[kind][best] + f->weights[kind][best];
     }
     return total + (any & SAGA_SOURCE_HYPER ? f->hyper : 0) +
-           (any & SAGA_SOURCE_BANK ? f->memory : 0);
+           (any & SAGA_SOURCE_BANK ? f->bank : 0);
 }
 
 /* Hyperprior and memory bank are for those who are better off with them, or for
@@ -365,7 +365,7 @@ static void choose(uint8_t best[SAGA_N_KINDS], search *f)
         0, SAGA_SOURCE_HYPER, SAGA_SOURCE_BANK,
         SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK
     };
-    double least[2] = { HUGE_VAL, HUGE_VAL };  /* with a memory, without */
+    double least[2] = { HUGE_VAL, HUGE_VAL };  /* with a bank, without */
     uint8_t sources[SAGA_N_KINDS];
     size_t i;
 
@@ -397,7 +397,7 @@ static void settle(search *f)
     else
         choose(best, f);
     plan->hyper_weights = 0;
-    plan->bank_weights = f->memory;
+    plan->bank_weights = f->bank;
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const uint8_t had = f->s->model.sources[kind];
 

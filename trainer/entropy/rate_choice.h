@@ -6,7 +6,7 @@
  * A source that is left out is replaced by its mean: its columns of the first
  * layer move into the biases. A kind without any has measured constants. The
  * hyperprior's network counts once, if any kind reads it, and so do those of
- * the memory, which is no more once nobody reads it. Left out is whatever makes
+ * the bank, which is no more once nobody reads it. Left out is whatever makes
  * residuals and weights together dearer.
  *
  * Decided once, while there is training left: coarse features are rounded

@@ -62,7 +62,7 @@ bool saga_rate_context_init(saga_rate_context *c, const saga_scene *s,
         c->keep[kind] = UINT8_MAX;
         ok = ok && alloc_kind(&c->kind[kind], s, kind, error);
     }
-    ok = ok && saga_bank_twin_init(&c->memory, s, error);
+    ok = ok && saga_bank_twin_init(&c->bank, s, error);
     lay_out(c, &a, s);
     if (ok)
         c->block = saga_arena_alloc(&a, "the entropy model", error);
@@ -87,7 +87,7 @@ void saga_rate_context_free(saga_rate_context *c)
         saga_net_free(&k->hyper.work);
         saga_net_free(&k->net.work);
     }
-    saga_bank_twin_free(&c->memory);
+    saga_bank_twin_free(&c->bank);
     free(c->block);
     memset(c, 0, sizeof *c);
 }
@@ -378,7 +378,7 @@ static void source_forward(real *in, saga_rate_context *c, const job *j,
     } else if (source == SAGA_SOURCE_GROUPS) {
         groups_forward(in, j, x);
     } else {
-        bank_forward(in, j, c->memory.kind[j->kind].read);
+        bank_forward(in, j, c->bank.kind[j->kind].read);
     }
 }
 
@@ -475,7 +475,7 @@ static void groups_backward(const saga_rate_features *dx, const job *j,
                        j->list.block, j->list.n);
 }
 
-static void memory_backward(real *d_read, const job *j, const real *d_in)
+static void bank_backward(real *d_read, const job *j, const real *d_in)
 {
     const size_t d = j->s->model.bank_width;
     size_t i;
@@ -496,7 +496,7 @@ static void source_backward(saga_rate_context *c, saga_scene *d,
     else if (source == SAGA_SOURCE_GROUPS)
         groups_backward(dx, j, d_in);
     else
-        memory_backward(c->memory.kind[j->kind].d_read, j, d_in);
+        bank_backward(c->bank.kind[j->kind].d_read, j, d_in);
 }
 
 void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
@@ -553,7 +553,7 @@ static saga_bank_twin_input bank_input(const saga_rate_context *c,
 void saga_rate_context_begin(saga_rate_context *c, const saga_scene *s)
 {
     if (saga_rate_readers(c, s))
-        saga_bank_twin_begin(&c->memory, s);
+        saga_bank_twin_begin(&c->bank, s);
 }
 
 void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
@@ -569,7 +569,7 @@ void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
         return;
     if (kind == SAGA_KIND_PRIM)
         place_prims(&c->kind[kind], s, x->twin, list);
-    saga_bank_twin_read(&c->memory, &in, from, to);
+    saga_bank_twin_read(&c->bank, &in, from, to);
 }
 
 void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
@@ -579,7 +579,7 @@ void saga_rate_context_write(saga_rate_context *c, const saga_scene *s,
     const saga_bank_twin_input in = bank_input(c, s, kind, x);
 
     if (kind != SAGA_KIND_PRIM && saga_rate_readers(c, s) >> kind)
-        saga_bank_twin_write(&c->memory, &in, from, to);
+        saga_bank_twin_write(&c->bank, &in, from, to);
 }
 
 void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
@@ -589,11 +589,11 @@ void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
 
     saga_rate_context_begin(c, s);
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        const size_t n = c->kind[kind].n_blocks * c->memory.width;
+        const size_t n = c->kind[kind].n_blocks * c->bank.width;
 
         saga_rate_context_write(c, s, kind, 0, c->kind[kind].runs.n, x);
         saga_rate_context_read(c, s, kind, 0, c->kind[kind].runs.n, x);
-        memset(c->memory.kind[kind].d_read, 0, n * sizeof(real));
+        memset(c->bank.kind[kind].d_read, 0, n * sizeof(real));
     }
 }
 
@@ -605,13 +605,13 @@ void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
     const uint32_t readers = saga_rate_readers(c, s);
     int kind;
 
-    saga_bank_twin_clear(&c->memory, s);
+    saga_bank_twin_clear(&c->bank, s);
     for (kind = SAGA_N_KINDS - 1; kind >= 0; kind--) {
         const saga_bank_twin_input in = bank_input(c, s, kind, x);
 
         if (readers >> kind)
-            saga_bank_twin_backward(&c->memory, d, dx, &in,
+            saga_bank_twin_backward(&c->bank, d, dx, &in,
                                     readers >> kind & 1u);
     }
-    saga_bank_twin_end(&c->memory, d, s);
+    saga_bank_twin_end(&c->bank, d, s);
 }

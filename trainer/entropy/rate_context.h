@@ -51,7 +51,7 @@ typedef struct saga_rate_context {
     saga_rate_kind kind[SAGA_N_KINDS];
     uint8_t keep[SAGA_N_KINDS];  /* SAGA_SOURCE_*: the other sources' inputs
                                   * are 0, and learn nothing */
-    saga_bank_twin memory;
+    saga_bank_twin bank;
     real *scratch;               /* (blocks, F) */
     real *block;                 /* memory of the kinds' and of scratch */
 } saga_rate_context;
@@ -128,7 +128,7 @@ void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
 
 /* Goes back through the same forward pass, from the kind's d_mu and
  * d_log2_sigma: adds to d's networks and to dx, and sets the blocks' d_read
- * where the kind reads the memory. */
+ * where the kind reads the bank. */
 void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
                                 const saga_scene *s, int kind,
                                 saga_rate_list list,

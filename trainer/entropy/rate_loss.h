@@ -26,7 +26,7 @@ enum {
     SAGA_RATE_FINEST = 9,        /* steps of the entropy networks' weights: 2^-9
                                   * or coarser */
     SAGA_RATE_EVERY = 4,         /* blocks: an iteration looks at one of them */
-    SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the memory is read anew
+    SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the bank is read anew
                                   * and learns (docs/lab/memory.md), */
     SAGA_BANK_TWIN_PACE = 2,   /* at so many times the others' learning rate:
                                   * it has fewer steps */
@@ -39,7 +39,7 @@ enum {
 typedef struct saga_rate_gain {
     double constants;            /* residuals without sources, */
     double networks;             /* with those that were trained, */
-    double forgetful;            /* with these but for the memory, */
+    double forgetful;            /* with these but for the bank, */
     double chosen;               /* and with those that were kept */
     double weights;              /* of the network that is kept; 0: constants */
 } saga_rate_gain;
@@ -50,9 +50,9 @@ typedef struct saga_rate_decision {
     double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
     saga_rate_gain gain[SAGA_N_KINDS];
     double hyper_weights;        /* bits; 0: no kind reads it */
-    double bank_weights;       /* of the memory's networks, kept or not */
+    double bank_weights;       /* of the bank's networks, kept or not */
     double bank_net;           /* bits of the best choice in which those who
-                                  * gain from a memory read it, its networks
+                                  * gain from a bank read it, its networks
                                   * counted, less those of the best without:
                                   * kept if below 0; 0: nobody gains */
     uint64_t raw;                /* 1: steps are given, SAGA_RAW_BITS each */
@@ -88,7 +88,7 @@ typedef struct saga_rate_options {
     bool rounding;               /* anchors' offsets rounded, or with noise of
                                   * a step; features and primitives' offsets
                                   * come as they are used */
-    bool remember;               /* the memory is read anew, and learns; if any
+    bool remember;               /* the bank is read anew, and learns; if any
                                   * kind reads it. Else what was last read is a
                                   * constant */
     uint64_t seed;               /* of the noise */
@@ -149,7 +149,7 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
 
 /* Measures the constants of all kinds, before the first step; networks begin as
  * them (s's last layers: biases alone), features are rounded against them. The
- * memory begins with slots that differ and gates of 1/8. Fine offsets that are
+ * bank begins with slots that differ and gates of 1/8. Fine offsets that are
  * all 0 by their step do without any source. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
@@ -184,7 +184,7 @@ void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
                     const saga_rate_input *x, int kind);
 
 /* Computes the parameters of all blocks of a kind at once, from what
- * saga_rate_code left: for the ranges in the kind's batches and the memory's.
+ * saga_rate_code left: for the ranges in the kind's batches and the bank's.
  */
 void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind);
 

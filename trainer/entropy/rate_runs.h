@@ -9,7 +9,7 @@
 
 /* The blocks of a kind stand in the order in which they are coded. Run i holds
  * block[begin[i]] .. block[begin[i + 1] - 1], which see nothing of one another:
- * a group's, or with a memory at most bank_blocks of them. Those of
+ * a group's, or with a bank at most bank_blocks of them. Those of
  * primitives, which write nothing, are only a division of the work. */
 typedef struct saga_rate_runs {
     uint32_t *block;             /* (blocks) ranks, ascending in a run */

@@ -228,7 +228,7 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
 {
     saga_scene *const s = f->scene;
     const saga_adam adam = saga_adam_default();
-    /* They come first, those of the memory last among them. */
+    /* They come first, those of the bank last among them. */
     const size_t n_entropy = saga_rate_n_params(s);
     const size_t n_bank = s->net[SAGA_NET_QUERY].n_layers
         ? n_entropy - (size_t)(s->net[SAGA_NET_QUERY].w[0] - s->params) : 0;

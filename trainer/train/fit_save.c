@@ -51,8 +51,8 @@ static void walk_rate(saga_checkpoint *c, saga_rate *r, const saga_scene *s)
     saga_checkpoint_walk(c, k->keep, sizeof k->keep);
     saga_checkpoint_walk(c, &r->decision, sizeof r->decision);
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
-        walk_reals(c, k->memory.kind[kind].read,
-                   k->kind[kind].n_blocks * k->memory.width);
+        walk_reals(c, k->bank.kind[kind].read,
+                   k->kind[kind].n_blocks * k->bank.width);
 }
 
 void saga_fit_walk(saga_fit *f, saga_checkpoint *c)

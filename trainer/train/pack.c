@@ -56,7 +56,7 @@ static void add_batch(batches *l, const saga_twin_batch *b, size_t rows)
     l->rows[l->n++] = rows;
 }
 
-/* Kinds that read it query the memory, levels before them write into it. */
+/* Kinds that read it query the bank, tiers before them write into it. */
 static void bank_batches(batches *l, const saga_rate_choice *c, int net)
 {
     const saga_rate_context *const r = &c->rate->context;
@@ -64,11 +64,11 @@ static void bank_batches(batches *l, const saga_rate_choice *c, int net)
     int kind;
 
     if (net == SAGA_NET_SLOT) {
-        add_batch(l, &r->memory.slot, r->memory.n_slots);
+        add_batch(l, &r->bank.slot, r->bank.n_slots);
         return;
     }
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        const saga_bank_twin_kind *const k = &r->memory.kind[kind];
+        const saga_bank_twin_kind *const k = &r->bank.kind[kind];
         const size_t runs = r->kind[kind].runs.n;
 
         if (net == SAGA_NET_QUERY && (readers >> kind & 1u))
@@ -80,7 +80,7 @@ static void bank_batches(batches *l, const saga_rate_choice *c, int net)
         else if (net == SAGA_NET_WRITE_BASE)
             add_batch(l, &k->base, runs);
         else if (net == SAGA_NET_WRITE)
-            add_batch(l, &k->write, runs * r->memory.n_slots);
+            add_batch(l, &k->write, runs * r->bank.n_slots);
     }
 }
 
