@@ -55,6 +55,7 @@ static void spread(fixture *f)
 
 static void begin(fixture *f)
 {
+    const uint8_t int8[SAGA_N_NETS] = { 0 };
     const saga_rng r = saga_rng_stream(3, 0);
     size_t i;
     int t;
@@ -73,7 +74,7 @@ static void begin(fixture *f)
         f->x[i] = saga_rng_normal(r, i);
         f->c[i] = saga_rng_normal(r, 1000 + i);
     }
-    saga_weights_list(&f->w, f->net, f->x);
+    saga_weights_list(&f->w, f->net, int8, f->x);
     for (t = 0; t < f->w.n; t++)
         f->w.log2_step[t] = -5.3 + 0.7 * t;
     spread(f);
@@ -131,8 +132,9 @@ static void noise_should_have_the_size_of_the_step(void **state)
         assert_true(fabs(square[t] / 2000 - 1) < 0.05);
 }
 
-/* The file can say powers of two for biases, any step for weights. */
-static void steps_of_biases_should_be_powers_of_two(void **state)
+/* The file can say powers of two for biases, any step for weights; of weights
+ * of 8 bits, powers of two alone are met. */
+static void steps_should_be_powers_of_two_where_others_are_missed(void **state)
 {
     static fixture f;
 
@@ -140,9 +142,12 @@ static void steps_of_biases_should_be_powers_of_two(void **state)
     begin(&f);
     f.w.log2_step[0] = f.w.log2_step[1] = -3.4;
     f.w.log2_step[3] = -3.5;
+    f.w.log2_step[4] = -3.4;
+    f.w.tensor[4].int8 = true;
     assert_true(fabs(saga_weights_step(&f.w, 0) - exp2(-3.4)) < 1e-15);
     assert_true(fabs(saga_weights_step(&f.w, 1) - 0.125) < 1e-15);
     assert_true(fabs(saga_weights_step(&f.w, 3) - 0.125) < 1e-15);
+    assert_true(fabs(saga_weights_step(&f.w, 4) - 0.125) < 1e-15);
 }
 
 /* --- Gradients ----------------------------------------------------------- */
@@ -230,6 +235,7 @@ static double sigma_of(int mode, size_t i)
 static void begin_layer(layer *l, int mode)
 {
     static double dx[ROWS * COLS + ROWS];
+    const uint8_t int8[SAGA_N_NETS] = { 0 };
     const saga_rng r = saga_rng_stream(9, 1);
     saga_net net[SAGA_N_NETS];
     size_t i;
@@ -240,7 +246,7 @@ static void begin_layer(layer *l, int mode)
     net[FIRST].dim[0] = COLS;
     net[FIRST].dim[1] = ROWS;
     saga_net_bind(&net[FIRST], l->x);
-    saga_weights_list(&l->w, net, l->x);
+    saga_weights_list(&l->w, net, int8, l->x);
     l->w.log2_step[0] = -4;
     for (i = 0; i < ROWS * COLS; i++)
         l->x[i] = l->y[i] = floor(sigma_of(mode, i) * saga_rng_normal(r, i) +
@@ -359,7 +365,7 @@ static void round_both(double *plain, double *ours, const double *x)
     saga_error error = { "" };
     double w0[IN * OUT], b0[OUT], w[IN * OUT], b[OUT];
     const saga_weight_round_input in = {
-        x, POINTS, IN, IN, OUT, 0.25, 0.125
+        x, POINTS, IN, IN, OUT, 0.25, 0.125, 0
     };
     size_t i;
 
@@ -403,7 +409,7 @@ static void rounding_should_be_plain_for_orthogonal_inputs(void **state)
 {
     saga_error error = { "" };
     double x[16 * IN], w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
-    const saga_weight_round_input in = { x, 16, IN, IN, OUT, 0.25, 0.125 };
+    const saga_weight_round_input in = { x, 16, IN, IN, OUT, 0.25, 0.125, 0 };
     size_t p, c;
 
     (void)state;
@@ -434,7 +440,7 @@ static void rounding_should_end_with_the_bias(void **state)
     static double x[POINTS * IN];
     double w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
     const saga_weight_round_input in = {
-        x, POINTS, IN, IN, OUT, 0.25, 0.125
+        x, POINTS, IN, IN, OUT, 0.25, 0.125, 0
     };
     size_t o, c, i;
 
@@ -454,18 +460,62 @@ static void rounding_should_end_with_the_bias(void **state)
     }
 }
 
+/* Whether all of a row stands on multiples of its steps, times `times`. */
+static int is_multiple(const double *w, double b, double times)
+{
+    int c;
+
+    for (c = 0; c < IN; c++)
+        if (remainder(w[c], 0.25 * times) != 0)
+            return 0;
+    return remainder(b, 0.125 * times) == 0;
+}
+
+/* A row with a weight of 100 steps where 30 are the most has steps four times
+ * as large, its bias too; the others keep theirs. */
+static void rounding_should_double_the_steps_of_large_rows(void **state)
+{
+    saga_error error = { "" };
+    static double x[POINTS * IN];
+    double w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
+    const saga_weight_round_input all = {
+        x, POINTS, IN, IN, OUT, 0.25, 0.125, 0
+    };
+    saga_weight_round_input limited = all;
+    size_t c, o;
+
+    (void)state;
+    make_inputs(x, 3);
+    make_weights(w0, b0);
+    w0[IN + 5] = 25;
+    memcpy(w, w0, sizeof w);
+    memcpy(b, b0, sizeof b);
+    assert_true(saga_weight_round(w, b, &all, &error));
+    limited.most = 30;
+    assert_true(saga_weight_round(w0, b0, &limited, &error));
+    for (o = 0; o < OUT; o++) {
+        for (c = 0; c < IN; c++)
+            assert_true(fabs(w0[o * IN + c]) <= 30 * 0.25 * (o == 1 ? 4 : 1));
+        if (o != 1)
+            assert_memory_equal(w0 + o * IN, w + o * IN, IN * sizeof *w);
+    }
+    assert_false(is_multiple(w + IN, b[1], 4));
+    assert_true(is_multiple(w0 + IN, b0[1], 4));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(list_should_hold_every_parameter_once),
         cmocka_unit_test(noise_should_have_the_size_of_the_step),
-        cmocka_unit_test(steps_of_biases_should_be_powers_of_two),
+        cmocka_unit_test(steps_should_be_powers_of_two_where_others_are_missed),
         cmocka_unit_test(rate_should_have_the_gradient_of_its_differences),
         cmocka_unit_test(rate_should_be_what_the_integers_take),
         cmocka_unit_test(rate_should_be_that_of_scales_by_line),
         cmocka_unit_test(rounding_should_hide_errors_where_no_input_goes),
         cmocka_unit_test(rounding_should_be_plain_for_orthogonal_inputs),
-        cmocka_unit_test(rounding_should_end_with_the_bias)
+        cmocka_unit_test(rounding_should_end_with_the_bias),
+        cmocka_unit_test(rounding_should_double_the_steps_of_large_rows)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

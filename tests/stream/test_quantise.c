@@ -227,6 +227,35 @@ static void quantiser_should_keep_what_is_rounded_already(void **state)
     saga_layer_symbols_free(&s);
 }
 
+/* Weights of 8 bits that are multiples of a power of two are met, up to 127 of
+ * it; in a row that has more, those of twice that, its bias too. */
+static void quantiser_should_meet_8_bits(void **state)
+{
+    const double step = 0x1p-5;
+    static layer l;
+    static float weight[64 * 32], bias[32];
+    saga_layer_symbols s;
+    uint64_t r = 8;
+    uint32_t row, k;
+
+    (void)state;
+    make_layer(&l, 64, 32, 12, 1, 0, &r);
+    l.v.step = l.v.bias_step = (float)step;
+    for (row = 0; row < 32; row++) {
+        const double unit = row % 3 ? step : 2 * step;
+
+        for (k = 0; k < 64; k++)
+            l.weight[row * 64 + k] = (float)(unit * gen_range(&r, -127, 127));
+        l.weight[row * 64] = (float)(unit * 127);
+        l.bias[row] = (float)(unit * gen_range(&r, -99, 99));
+    }
+    quantise(&s, &l);
+    saga_dequantise_layer(weight, bias, &s, &l.v);
+    assert_memory_equal(weight, l.weight, sizeof weight);
+    assert_memory_equal(bias, l.bias, sizeof bias);
+    saga_layer_symbols_free(&s);
+}
+
 /* --- Scales -------------------------------------------------------------- */
 
 /* Weights spread evenly within +-20 steps, less half an octave a line. The
@@ -285,6 +314,7 @@ int main(void)
         cmocka_unit_test(quantiser_should_round_to_half_a_step),
         cmocka_unit_test(quantiser_should_keep_steps_where_shifts_end),
         cmocka_unit_test(quantiser_should_keep_what_is_rounded_already),
+        cmocka_unit_test(quantiser_should_meet_8_bits),
         cmocka_unit_test(quantiser_should_choose_scales_as_weights_spread)
     };
 

@@ -11,14 +11,13 @@
 
 /* --- Tensors and steps --------------------------------------------------- */
 
-static void add_tensor(saga_weights *w, int net, int layer, size_t at,
-                       size_t rows, size_t cols)
+static void add_tensor(saga_weights *w, saga_weight_tensor t)
 {
-    w->tensor[w->n++] = (saga_weight_tensor){ net, layer, at, rows, cols };
+    w->tensor[w->n++] = t;
 }
 
 void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
-                       const real *params)
+                       const uint8_t int8[SAGA_N_NETS], const real *params)
 {
     int i, k;
 
@@ -27,9 +26,11 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
         for (k = 0; k < net[i].n_layers && net[i].dim[0] > 0; k++) {
             const size_t rows = (size_t)net[i].dim[k + 1];
 
-            add_tensor(w, i, k, (size_t)(net[i].w[k] - params), rows,
-                       (size_t)net[i].dim[k]);
-            add_tensor(w, i, k, (size_t)(net[i].b[k] - params), rows, 1);
+            add_tensor(w, (saga_weight_tensor){
+                i, k, (size_t)(net[i].w[k] - params), rows,
+                (size_t)net[i].dim[k], int8[i] });
+            add_tensor(w, (saga_weight_tensor){
+                i, k, (size_t)(net[i].b[k] - params), rows, 1, int8[i] });
         }
 }
 
@@ -92,7 +93,7 @@ double saga_weights_step(const saga_weights *w, int t)
 {
     const double x = (double)w->log2_step[t];
 
-    return exp2(t % 2 ? floor(x + 0.5) : x);
+    return exp2(t % 2 || w->tensor[t].int8 ? floor(x + 0.5) : x);
 }
 
 void saga_weights_noise(real *y, const real *x, const saga_weights *w,

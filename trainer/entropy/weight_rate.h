@@ -26,6 +26,7 @@
 #include "net.h"
 #include "real.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -36,6 +37,7 @@ typedef struct saga_weight_tensor {
     int net, layer;
     size_t at;               /* first parameter */
     size_t rows, cols;       /* biases: (n_out, 1) */
+    bool int8;               /* the file has 8 bits for each weight */
 } saga_weight_tensor;
 
 typedef struct saga_weights {
@@ -57,9 +59,10 @@ typedef struct saga_weights {
 #define saga_weights_rate SAGA_REAL_NAME(saga_weights_rate)
 
 /* Lists the tensors of the nets that are not the entropy model's (scene.h);
- * params is what the nets are bound into (saga_net_bind). Steps are 1. */
+ * params is what the nets are bound into (saga_net_bind), int8 tells which nets
+ * have 8 bits for a weight. Steps are 1. */
 void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
-                       const real *params);
+                       const uint8_t int8[SAGA_N_NETS], const real *params);
 
 /* Sets fine steps to begin with: a 64th of each tensor's root mean square. */
 void saga_weights_start(saga_weights *w, const real *params);
@@ -69,7 +72,9 @@ void saga_weights_start(saga_weights *w, const real *params);
 int saga_weights_find(const saga_weights *w, int net, int layer);
 
 /* Returns the step of tensor t. Biases' is the power of two next to the learned
- * one, which is all that the file can say. */
+ * one, which is all that the file can say. So is that of weights of 8 bits: the
+ * file's integers are then multiples of it, where another step would be rounded
+ * to so few LSB that multiples are missed by a third of it. */
 double saga_weights_step(const saga_weights *w, int t);
 
 /* Makes the copy y of x, both indexed as params: the first n_rounded tensors as

@@ -110,24 +110,44 @@ static void regress(work *w)
     }
 }
 
+/* Rounds row, (n) parameters in order, with steps `times` the input's. Returns
+ * the largest weight, in steps. */
+static double round_ordered(double *row, const work *w,
+                            const saga_weight_round_input *in, double times)
+{
+    double most = 0;
+    size_t i, k;
+
+    for (i = w->n; i-- > 0;) {
+        const bool is_weight = w->order[i] < in->n_in;
+        const double step = times * (is_weight ? in->step : in->bias_step);
+        const double q = floor(row[i] / step + 0.5);
+
+        for (k = 0; k < i; k++)
+            row[k] += (row[i] - step * q) * w->follow[i * w->n + k];
+        row[i] = step * q;
+        most = fmax(most, is_weight ? fabs(q) : 0);
+    }
+    return most;
+}
+
 /* Rounds one row; row (n) is scratch, the row's parameters in order. */
 static void round_row(real *weight, real *bias, double *row, const work *w,
                       const saga_weight_round_input *in)
 {
-    size_t i, k;
+    double times = 0.5, most;
+    size_t i;
 
+    do {
+        times *= 2;
+        for (i = 0; i < w->n; i++)
+            row[i] = w->order[i] < in->n_in ? (double)weight[w->order[i]]
+                                            : (double)*bias;
+        most = round_ordered(row, w, in, times);
+    } while (in->most && most > in->most);
     for (i = 0; i < w->n; i++)
-        row[i] = w->order[i] < in->n_in ? (double)weight[w->order[i]]
-                                        : (double)*bias;
-    for (i = w->n; i-- > 0;) {
-        const size_t c = w->order[i];
-        const double step = c < in->n_in ? in->step : in->bias_step;
-        const double q = step * floor(row[i] / step + 0.5);
-
-        for (k = 0; k < i; k++)
-            row[k] += (row[i] - q) * w->follow[i * w->n + k];
-        *(c < in->n_in ? &weight[c] : bias) = (real)q;
-    }
+        *(w->order[i] < in->n_in ? &weight[w->order[i]] : bias) =
+            (real)row[i];
 }
 
 bool saga_weight_round(real *weight, real *bias,

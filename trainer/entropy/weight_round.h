@@ -20,14 +20,17 @@
 #define saga_weight_round SAGA_REAL_NAME(saga_weight_round)
 
 /* A layer was given x (points, stride), n_in reals of each used; it has steps
- * of weights and of biases. */
+ * of weights and of biases. Both double, for the whole of a row, until no
+ * weight is more than `most` steps; 0: there is no such limit. */
 typedef struct saga_weight_round_input {
     const real *x;
     size_t points, stride, n_in, n_out;
     double step, bias_step;
+    int most;
 } saga_weight_round_input;
 
-/* Rounds weight (n_out, n_in) and bias (n_out) to multiples of their steps.
+/* Rounds weight (n_out, n_in) and bias (n_out) to multiples of their rows'
+ * steps.
  * False: no memory, and nothing was changed. */
 bool saga_weight_round(real *weight, real *bias,
                        const saga_weight_round_input *in, saga_error *error);

@@ -27,6 +27,9 @@
 /* Of the iterations that are left: in these all layers are rounded. */
 #define ROUNDING_PART 0.75
 
+/* The largest weight of 8 bits. */
+enum { INT8_MOST = 127 };
+
 /* Stream of random numbers; fit.c has others. */
 enum { STREAM_WEIGHTS = 110 };
 
@@ -62,7 +65,7 @@ bool saga_fit_begin_weights(saga_fit *f, saga_error *error)
         if (s->net[i].n_layers)
             saga_net_bind(&f->used.net[i],
                           f->params + (s->net[i].w[0] - s->params));
-    saga_weights_list(&f->weights, s->net, s->params);
+    saga_weights_list(&f->weights, s->net, s->model.int8, s->params);
     start_steps(f);
     return true;
 }
@@ -108,7 +111,8 @@ static saga_weight_round_input rounding_of(const saga_fit *f, int t)
         .stride = l->layer ? saga_dense_pad(l->cols) : l->cols,
         .n_in = l->cols, .n_out = l->rows,
         .step = saga_weights_step(&f->weights, t),
-        .bias_step = saga_weights_step(&f->weights, t + 1)
+        .bias_step = saga_weights_step(&f->weights, t + 1),
+        .most = l->int8 ? INT8_MOST : 0
     };
 }
 
