@@ -25,7 +25,7 @@ shift 4
 lab=$(dirname "$0")
 bin=$(dirname "$saga")
 capture=$folder/capture
-read -ra lambdas <<<"${LAMBDAS:-0.55 0.21 0.07 0.021}"
+read -ra lambdas <<<"${LAMBDAS:-1600 600 200 60}"
 read -ra train <<<"${TRAIN:---primitives 5000 --iterations 6000}"
 read -ra refit <<<"${REFIT:-}"
 export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-3000}

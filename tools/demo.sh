@@ -26,7 +26,7 @@ if [ -f "$file.ckpt" ] || [ ! "$file" -nt "$saga" ]; then
     [ ! -f "$file.ckpt" ] || resume=(--resume)
     # The default lambda missed floor (a) by 0.02 dB when this was chosen.
     "$saga" encode "$capture" -o "$file" --primitives 5000 \
-        --iterations 18000 --lambda 0.0484 --threads "$threads" \
+        --iterations 18000 --lambda 150 --threads "$threads" \
         "${resume[@]}" "$@" --json >"$demo/encode.json"
 fi
 "$saga" eval "$file" "$capture" --threads "$threads" \

@@ -123,8 +123,6 @@ static void assert_same(const saga_flat *a, const saga_flat *b)
         assert_memory_equal(a->m[t], b->m[t], n);
         assert_memory_equal(a->v[t], b->v[t], n);
     }
-    assert_memory_equal(a->correction[0], b->correction[0],
-                        VIEWS * FLAT_CORRECTION * sizeof(real));
 }
 
 static void bits_should_not_depend_on_threads(void **state)
@@ -132,7 +130,6 @@ static void bits_should_not_depend_on_threads(void **state)
     saga_flat_options o = small();
     saga_flat *f[2];
 
-    o.colour_correction = true;
     for (int i = 0; i < 2; i++) {
         omp_set_num_threads(i + 1);
         f[i] = make(*state, &o);
@@ -172,7 +169,6 @@ static void bits_should_not_depend_on_interruptions(void **state)
     saga_flat_options o = small();
     saga_flat *whole;
 
-    o.colour_correction = true;
     whole = make(*state, &o);
     run(whole, ITERATIONS);
     for (int i = 0; i < 2; i++) {
@@ -634,89 +630,6 @@ static void truth_should_be_the_mean_of_boxes(void **state)
     saga_canvas_free(&canvas);
 }
 
-static real noise(uint64_t i)
-{
-    return (real)saga_rng_float(saga_rng_stream(3, 4), i) - R(0.5);
-}
-
-/* It is linear in the picture and in the map, so that for any direction
- * d_out . (f(in + a) - f(in)) = d_in . a, and the same for the map. */
-static void correction_should_be_the_transpose_of_itself(void **state)
-{
-    enum { N = 5 * 4 };
-    real out[3 * N], moved[3 * N], d_out[3 * N];
-    saga_error error = { "" };
-    saga_canvas c;
-    real *in;
-    real map[FLAT_CORRECTION], d_map[FLAT_CORRECTION] = { 0 };
-    double row[4 * FLAT_CORRECTION], left = 0, right = 0;
-
-    (void)state;
-    assert_true(saga_canvas_init(&c, N, &error));
-    c.camera.width = 5;
-    c.camera.height = 4;
-    in = c.image;
-    for (uint64_t i = 0; i < 3 * N; i++) {
-        in[i] = noise(i);
-        c.d_image[i] = d_out[i] = noise(100 + i);
-    }
-    for (uint64_t i = 0; i < FLAT_CORRECTION; i++)
-        map[i] = noise(200 + i);
-    saga_flat_correct(out, in, map, N);
-    /* By hand: the third channel of the second pixel. */
-    assert_near(out[2 * N + 1], map[6] * in[1] + map[7] * in[N + 1] +
-                       map[8] * in[2 * N + 1] + map[11], 1e-6);
-    saga_flat_correct_backward(d_map, &c, map, row);
-    for (uint64_t i = 0; i < 3 * N; i++) {
-        moved[i] = in[i] + noise(300 + i);
-        right += (double)(c.d_image[i] * noise(300 + i));
-    }
-    saga_flat_correct(moved, moved, map, N);
-    for (int i = 0; i < 3 * N; i++)
-        left += (double)(d_out[i] * (moved[i] - out[i]));
-    assert_near(left, right, 1e-5);
-    left = right = 0;
-    for (uint64_t i = 0; i < FLAT_CORRECTION; i++) {
-        right += (double)(d_map[i] * noise(400 + i));
-        map[i] += noise(400 + i);
-    }
-    saga_flat_correct(moved, in, map, N);
-    for (int i = 0; i < 3 * N; i++)
-        left += (double)(d_out[i] * (moved[i] - out[i]));
-    assert_near(left, right, 1e-5);
-    saga_canvas_free(&c);
-}
-
-/* Only training views are corrected, and on the mean nothing is. */
-static void correction_should_be_the_identity_on_the_mean(void **state)
-{
-    const saga_pictures *const p = &((fixture *)*state)->pictures;
-    saga_flat_options o = small();
-    saga_flat *f;
-    double moved = 0;
-
-    o.colour_correction = true;
-    f = make(*state, &o);
-    run(f, 60);
-    for (int k = 0; k < FLAT_CORRECTION; k++) {
-        const double one = k < 9 && k % 4 == 0;
-        double mean = 0;
-
-        for (int v = 0; v < VIEWS; v++) {
-            const double x = (double)f->correction[0][v * FLAT_CORRECTION + k];
-
-            if (p->capture->views[v].held_out)
-                assert_true(x == one);
-            else
-                mean += x / p->n_train;
-            moved = fmax(moved, fabs(x - one));
-        }
-        assert_near(mean, one, 1e-5);
-    }
-    assert_true(moved > 1e-4);
-    saga_flat_free(f);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -736,9 +649,7 @@ int main(void)
         cmocka_unit_test(fault_should_be_named),
         cmocka_unit_test(fault_should_be_named_when_it_reaches_a_picture),
         cmocka_unit_test(pictures_should_be_refused_when_they_cannot_be),
-        cmocka_unit_test(truth_should_be_the_mean_of_boxes),
-        cmocka_unit_test(correction_should_be_the_transpose_of_itself),
-        cmocka_unit_test(correction_should_be_the_identity_on_the_mean)
+        cmocka_unit_test(truth_should_be_the_mean_of_boxes)
     };
 
     return cmocka_run_group_tests(tests, set_up, tear_down);

@@ -74,7 +74,7 @@ static saga_train_options small(void)
     o.n_warm = WARM;
     o.n_render = RENDER;
     o.motion = SAGA_TRAIN_MOVING;
-    o.lambda = 0.0072;           /* 2e-7 for a bit */
+    o.lambda = 22;
     o.ablate = "slots=32";
     return o;
 }
@@ -529,7 +529,7 @@ static double start_error(saga_train *t)
  * cost nothing; where they do, less is told. */
 static void fit_should_begin_where_the_warm_up_ends(void **state)
 {
-    static const double lambda[] = { 0, 0.0072, 0.72 };
+    static const double lambda[] = { 0, 22, 2200 };
     const fixture *const f = *state;
     double psnr[3];
 
@@ -760,7 +760,7 @@ static void train_should_refuse_a_checkpoint_of_other_options(void **state)
     assert_true(resume_fails(f, &p, "--seed 1, not 7"));
     p = o;
     p.lambda = 0.25;
-    assert_true(resume_fails(f, &p, "--lambda 0.0072, not 0.25"));
+    assert_true(resume_fails(f, &p, "--lambda 22, not 0.25"));
     p = o;
     p.n_render++;
     assert_true(resume_fails(f, &p, "--iterations 100, not 101"));

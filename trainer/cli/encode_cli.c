@@ -643,9 +643,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
-    { "--lambda", "X", "what bits cost in distortion: X times the bits for "
-      "each\npixel trained on (default " TEXT(SAGA_DEFAULT_LAMBDA)
-      "), the same trade for every\ncapture; higher: a smaller file",
+    { "--lambda", "X", "what bits cost: X times the bits for each pixel "
+      "trained on\nweigh as much as the mean squared error in 8-bit levels\n"
+      "(default " TEXT(SAGA_DEFAULT_LAMBDA) "); higher: a smaller file",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,

@@ -93,13 +93,6 @@ typedef struct saga_splat_work {
     size_t cap[16];             /* bytes behind each pointer */
 } saga_splat_work;
 
-/* Memory of the loss; it grows as needed. */
-typedef struct saga_loss_work {
-    real *strip;
-    double *row;
-    size_t cap[2];
-} saga_loss_work;
-
 typedef struct saga_canvas {
     saga_splat_camera camera;   /* set by the caller for each picture */
     real t;                     /* the same, in the primitives' unit of time */
@@ -107,9 +100,18 @@ typedef struct saga_canvas {
     real *image;                /* as drawn */
     real *truth;                /* filled by the caller */
     real *d_image;              /* dL/dimage */
+    double *strip;              /* the loss's sums, by strips of values */
     saga_splat_work splat;
-    saga_loss_work loss;
 } saga_canvas;
+
+/* Sums over pictures are taken by strips of so many values, in order: the same
+ * bits for any number of threads. */
+enum { SAGA_CANVAS_STRIP = 1024 };
+
+static inline size_t saga_canvas_strips(size_t n_values)
+{
+    return (n_values + SAGA_CANVAS_STRIP - 1) / SAGA_CANVAS_STRIP;
+}
 
 #define saga_canvas_init SAGA_REAL_NAME(saga_canvas_init)
 #define saga_canvas_free SAGA_REAL_NAME(saga_canvas_free)

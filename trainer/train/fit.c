@@ -15,7 +15,7 @@ enum { REFRESH_EVERY = 50, RAMP = 300 };
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET };
 
 /* lambda_a, of anchors' distance from their primitives. */
-#define ANCHOR_PRICE R(0.05)
+#define ANCHOR_PRICE R(0.005)
 
 enum {
     T_FEATURE, T_PRIM, T_ENTROPY, T_BANK, T_PARAMS, T_STEPS, N_TENSORS
@@ -257,17 +257,17 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
 
 /* One picture: adds to the twin's gradients. */
 static bool learn_picture(saga_fit *f, saga_sample picture,
-                          saga_picture_loss *out, saga_error *error)
+                          double *mse, saga_error *error)
 {
-    const saga_loss_weights weights = saga_loss_paper();
     saga_canvas *const c = &f->canvas;
 
     saga_pictures_aim(c, f->pictures, picture);
     saga_pictures_truth(c, f->pictures, picture);
     saga_twin_colour(&f->twin, &f->used, c->camera.centre);
-    if (!saga_splat_forward(c, &f->twin.attr, f->scene->n.prim, error) ||
-        !saga_loss_picture(out, c, c->image, &weights, error) ||
-        !saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr, error))
+    if (!saga_splat_forward(c, &f->twin.attr, f->scene->n.prim, error))
+        return false;
+    *mse = saga_loss_picture(c);
+    if (!saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr, error))
         return false;
     saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
     return true;
@@ -290,13 +290,11 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
         .networks = rate * R(0.0016),
         .steps = is_rounding(f) ? 0 : rate * R(0.01)
     };
-    saga_picture_loss out;
 
     saga_twin_offsets(&f->twin, &f->used);
     saga_twin_geometry(&f->twin, &f->used, f->feature);
-    if (!learn_picture(f, picture, &out, error))
+    if (!learn_picture(f, picture, mse, error))
         return false;
-    *mse = out.mse;
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, ANCHOR_PRICE);
     if (!add_rate(f, f->o.price.residual, error))
         return false;

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#define LEAST_LAMBDA 1e-7
+#define LEAST_LAMBDA 1e-3
 
 /* What bits are worth where the fit starts, of what they are in training:
  * features are coded in a step or less, where a bit buys more than at high
@@ -27,19 +27,19 @@ enum { BANK_PAYS = 40000 };
 saga_policy saga_policy_of(double lambda, double n_pixels,
                            uint32_t n_primitives, uint32_t n_coarse)
 {
-    const double price = fmax(lambda, LEAST_LAMBDA) / n_pixels;
+    const double price = fmax(lambda, LEAST_LAMBDA) / (255 * 255 * n_pixels);
 
     return (saga_policy){
         .price = { price, START_PRICE * price, WEIGHT_PRICE * price },
         /* What rounding costs in the pictures grows with the square of the
          * step, what it saves with the primitives and the price of their bits;
          * a quarter says all that the lowest rates want to know. */
-        .prim_step = fmin(fmax(24 * sqrt(price * n_primitives), 1 / 64.0),
+        .prim_step = fmin(fmax(100 * sqrt(price * n_primitives), 1 / 64.0),
                           0.25),
         /* A coarse anchor for one primitive has less to say. */
         .features = n_coarse < n_primitives ? 24 : 16,
         /* The dearer bits are, the fewer weights are worth theirs. */
-        .width = price < 1.25e-8 ? 64 : price < 3.125e-8 ? 48 : 32,
+        .width = price < 7e-10 ? 64 : price < 3e-9 ? 48 : 32,
         .entropy_width = n_primitives < WIDE_PAYS ? 8 : 16,
         .bank_pays = n_primitives >= BANK_PAYS
     };

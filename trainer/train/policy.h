@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 /* Bits per training pixel cost so much where nobody says otherwise. */
-#define SAGA_DEFAULT_LAMBDA 0.07
+#define SAGA_DEFAULT_LAMBDA 200
 
 /* A bit costs so much in the loss (fit.h). */
 typedef struct saga_prices {
@@ -30,9 +30,10 @@ typedef struct saga_policy {
     bool bank_pays;              /* a memory bank may be worth its networks */
 } saga_policy;
 
-/* lambda >= 0 weighs bits per training pixel, of which there are n_pixels > 0:
- * width times height times frames, over all views that are learned from. It is
- * the same trade for every scene; below 1e-7 it counts as that for prices, so
+/* lambda >= 0 weighs bits per training pixel against the mean squared error in
+ * 8-bit levels. There are n_pixels > 0 of them: width times height times
+ * frames, over all views that are learned from. It is the same trade for every
+ * scene; below 1e-3 it counts as that for prices, so
  * that the entropy networks learn what they are to code. n_primitives and
  * n_coarse are those asked for. */
 saga_policy saga_policy_of(double lambda, double n_pixels,

@@ -40,7 +40,6 @@ enum { OPACITY, SCALE, QUAT, SLOPE, WIDTH, MOTION, COLOUR, N_GROUPS };
 
 typedef struct {
     saga_splat_params *target;
-    double mse, loss;            /* of the warm-up's pictures, sums */
     size_t n, d, f;              /* primitives, dimensions, features; more
                                   * features than dimensions stay 0 */
     size_t width[N_GROUPS];      /* of each group; 0: the model has none */
@@ -96,19 +95,6 @@ static void release(start *x)
 
 /* --- What pictures say --------------------------------------------------- */
 
-/* Adds to the sums how well the target draws the picture on the canvas. */
-static bool compare(start *x, saga_fit *f, saga_error *error)
-{
-    const saga_loss_weights weights = saga_loss_paper();
-    saga_picture_loss out;
-
-    if (!saga_loss_picture(&out, &f->canvas, f->canvas.image, &weights, error))
-        return false;
-    x->mse += out.mse;
-    x->loss += out.loss;
-    return true;
-}
-
 /* The gradient of a picture's sum with random signs has, squared, the mean
  * that is looked for: products of two pixels' derivatives cancel. */
 static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
@@ -120,9 +106,7 @@ static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
     size_t n;
 
     saga_pictures_aim(c, f->pictures, picture);
-    saga_pictures_truth(c, f->pictures, picture);
-    if (!saga_splat_forward(c, x->target, f->scene->n.prim, error) ||
-        !compare(x, f, error))
+    if (!saga_splat_forward(c, x->target, f->scene->n.prim, error))
         return false;
     n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
     for (size_t i = 0; i < n; i++)
@@ -555,14 +539,12 @@ static void set_features(const start *x, saga_fit *f)
 
 /* What a unit of a feature may cost the pictures' mean squared error. A step of
  * it costs price step^2 / 12, which at equal slopes is a bit's worth over
- * 2 ln 2. Bits are weighed against the loss, which falls with the error's size,
- * its square twice as fast. */
-static double price_of(const start *x, const saga_fit *f)
+ * 2 ln 2. */
+static double price_of(const saga_fit *f)
 {
     const double step = saga_fit_feature_step(f->scene);
-    const double bit = f->o.price.start * 2 * x->mse / (x->loss + 1e-9);
 
-    return fmax(6 * bit / (M_LN2 * step * step), 1e-12);
+    return 6 * f->o.price.start / (M_LN2 * step * step);
 }
 
 static void limit_codes(start *x)
@@ -628,7 +610,7 @@ bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error)
         set_supports(&x, f);
         want(&x, f);
         raise_weights(&x);
-        solve_all(&x, price_of(&x, f), saga_fit_feature_step(f->scene));
+        solve_all(&x, price_of(f), saga_fit_feature_step(f->scene));
         set_geometry(&x, f);
         set_colour(&x, f);
         set_features(&x, f);

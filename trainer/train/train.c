@@ -79,8 +79,8 @@ static bool check_options(const saga_train_options *o,
 
     if (o->level < 0 || o->level >= SAGA_N_PROFILES)
         return saga_fail(error, NULL, "give 0 to 3", "--level %d", o->level);
-    if (!(o->lambda >= 0 && o->lambda <= 1e3))
-        return saga_fail(error, NULL, "give 0 to 1000", "--lambda %g",
+    if (!(o->lambda >= 0 && o->lambda <= 1e6))
+        return saga_fail(error, NULL, "give 0 to 1000000", "--lambda %g",
                          o->lambda);
     if (split ? o->n_warm < 1 || o->n_render < 1 : o->n_iterations < 2)
         return saga_fail(error, NULL, "each stage needs one at least",

@@ -10,8 +10,6 @@
 
 enum { COARSEST_WIDTH = 150, MAX_MIP = 3 };
 
-#define PULL R(1e-3)             /* of the correction to the identity */
-
 /* The bound binds none: a new primitive begins without moments, and while these
  * grow its gradients are far above their root mean square. */
 static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
@@ -230,39 +228,9 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep)
 
 static bool make_pictures(saga_flat *f, saga_error *error)
 {
-    const saga_capture *const c = f->pictures->capture;
-    size_t rows = 0;
-
     if (!saga_pictures_canvas(&f->canvas, f->pictures, error))
         return false;
     f->canvas.rules.detach_time = 1;
-    if (!f->o.colour_correction)
-        return true;
-    for (int v = 0; v < c->n_views; v++) {
-        const size_t h = (size_t)c->views[v].height;
-
-        rows = h > rows ? h : rows;
-    }
-    f->shown = saga_alloc(3 * saga_pictures_largest(f->pictures),
-                          sizeof(real), "a picture", error);
-    f->row = saga_alloc(rows * FLAT_CORRECTION, sizeof *f->row, "a picture",
-                        error);
-    return f->shown && f->row;
-}
-
-static bool make_correction(saga_flat *f, saga_error *error)
-{
-    const size_t n = (size_t)f->pictures->capture->n_views * FLAT_CORRECTION;
-
-    for (int k = 0; k < 4; k++) {
-        f->correction[k] = saga_calloc(n, sizeof(real), "the colours' "
-                                       "correction", error);
-        if (!f->correction[k])
-            return false;
-    }
-    for (size_t i = 0; i < n; i += FLAT_CORRECTION)
-        for (size_t k = 0; k < 3; k++)
-            f->correction[0][i + 4 * k] = 1;
     return true;
 }
 
@@ -291,7 +259,7 @@ static saga_flat *make(const saga_pictures *pictures,
     f->o = *o;
     f->reach = find_reach(pictures);
     fill_info(f);
-    if (make_pictures(f, error) && make_correction(f, error))
+    if (make_pictures(f, error))
         return f;
     saga_flat_free(f);
     return NULL;
@@ -331,15 +299,11 @@ void saga_flat_free(saga_flat *f)
         free(f->m[t]);
         free(f->v[t]);
     }
-    for (int k = 0; k < 4; k++)
-        free(f->correction[k]);
     free(f->stats.grad2d);
     free(f->stats.weight);
     free(f->stats.radius);
     free(f->stats.seen);
     saga_canvas_free(&f->canvas);
-    free(f->shown);
-    free(f->row);
     free(f);
 }
 
@@ -383,38 +347,13 @@ static bool update(saga_flat *f, saga_error *error)
     return true;
 }
 
-/* One view's map moves; then all are shifted so that their mean is the
- * identity, or the scene's colours would drift with them. */
-static bool update_correction(saga_flat *f, int view, saga_error *error)
+bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error)
 {
-    const size_t at = (size_t)view * FLAT_CORRECTION;
-    const saga_pictures *const p = f->pictures;
-    real *const x = f->correction[0], *const g = f->correction[1];
-    const saga_adam_tensor tensor = {
-        .name = "colour correction", .x = x + at, .g = g + at,
-        .m = f->correction[2] + at, .v = f->correction[3] + at,
-        .n = FLAT_CORRECTION,
-        .rate = R(2e-3) * rate_at(f, FLAT_COLOUR) / f->info[FLAT_COLOUR].rate
-    };
+    const saga_splat_params p = saga_flat_params(f);
 
-    for (size_t k = 0; k < FLAT_CORRECTION; k++) {
-        const real one = R(k < 9 && k % 4 == 0);
-
-        g[at + k] += PULL * (x[at + k] - one);
-    }
-    if (!saga_adam_update(&adam, &tensor, 1, (uint64_t)f->iteration + 1, error))
-        return false;
-    for (size_t k = 0; k < FLAT_CORRECTION; k++) {
-        const real one = R(k < 9 && k % 4 == 0);
-        real mean = 0;
-
-        for (int v = 0; v < p->n_train; v++)
-            mean += x[(size_t)p->train[v] * FLAT_CORRECTION + k] /
-                    R(p->n_train);
-        for (int v = 0; v < p->n_train; v++)
-            x[(size_t)p->train[v] * FLAT_CORRECTION + k] += one - mean;
-    }
-    return true;
+    saga_pictures_aim(&f->canvas, f->pictures, sample);
+    saga_pictures_truth(&f->canvas, f->pictures, sample);
+    return saga_splat_forward(&f->canvas, &p, f->n, error);
 }
 
 static bool backward(saga_flat *f, saga_error *error)
@@ -428,27 +367,14 @@ static bool backward(saga_flat *f, saga_error *error)
     return saga_splat_backward(&d, &f->stats, &f->canvas, &p, error);
 }
 
-/* The picture's loss, and its gradient to what was drawn. */
-static bool look(saga_flat *f, saga_picture_loss *loss, int view,
-                 saga_error *error)
+/* Sets the gradient of the picture that was drawn. */
+static bool look(saga_flat *f, double *mse, int view, saga_error *error)
 {
-    const saga_loss_weights weights = saga_loss_paper();
-    const size_t at = (size_t)view * FLAT_CORRECTION;
-
-    if (!saga_loss_picture(loss, &f->canvas, saga_flat_shown(f), &weights,
-                           error))
-        return false;
-    if (!(loss->loss >= 0 && loss->loss < INFINITY))
-        return saga_fail(error, NULL, "try another --seed, and report it",
-                         "picture of view %s is not finite at iteration %d",
-                         f->pictures->capture->views[view].name,
-                         f->iteration);
-    if (f->o.colour_correction) {
-        memset(f->correction[1] + at, 0, FLAT_CORRECTION * sizeof(real));
-        saga_flat_correct_backward(f->correction[1] + at, &f->canvas,
-                                   f->correction[0] + at, f->row);
-    }
-    return true;
+    *mse = saga_loss_picture(&f->canvas);
+    return (*mse >= 0 && *mse < INFINITY) ||
+           saga_fail(error, NULL, "try another --seed, and report it",
+                     "picture of view %s is not finite at iteration %d",
+                     f->pictures->capture->views[view].name, f->iteration);
 }
 
 bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
@@ -456,17 +382,13 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
     saga_sample sample = saga_pictures_pick(f->pictures, r,
                                             (uint64_t)f->iteration);
-    saga_picture_loss loss;
 
     sample.mip = saga_flat_mip_at(f, f->iteration);
     if (!saga_flat_change_count(f, error) ||
         !saga_flat_draw(f, sample, error) ||
-        !look(f, &loss, sample.view, error) || !backward(f, error) ||
-        !update(f, error) ||
-        (f->o.colour_correction &&
-         !update_correction(f, sample.view, error)))
+        !look(f, mse, sample.view, error) || !backward(f, error) ||
+        !update(f, error))
         return false;
-    *mse = loss.mse;
     f->iteration++;
     return true;
 }
@@ -474,7 +396,7 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
 bool saga_flat_render(saga_flat *f, real *image, double *mse,
                       saga_sample sample, saga_error *error)
 {
-    const real *const from = saga_flat_shown(f);
+    const real *const from = f->canvas.image;
     const saga_splat_camera *const c = &f->canvas.camera;
 
     if (!saga_flat_draw(f, sample, error))

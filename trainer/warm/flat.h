@@ -24,7 +24,6 @@ typedef struct saga_flat_options {
     uint64_t seed;
     bool temporal;             /* motion, slope and temporal opacity; false:
                                 * the ablation, a still scene */
-    bool colour_correction;    /* an affine map per camera, not kept */
     real growth;               /* most primitives on the way, of the last */
     real start;                /* first primitives, of the last */
     real coarse;               /* part of the iterations at halved pictures */
@@ -32,7 +31,7 @@ typedef struct saga_flat_options {
 
 typedef struct saga_flat saga_flat;
 
-/* 5,000 primitives, 4,000 iterations, everything on but the correction. */
+/* 5,000 primitives, 4,000 iterations, everything on. */
 saga_flat_options saga_flat_defaults(void);
 
 /* The first primitives. Fails where memory is short. */
@@ -53,9 +52,8 @@ uint32_t saga_flat_count(const saga_flat *flat);
  */
 saga_splat_params saga_flat_params(const saga_flat *flat);
 
-/* Draws a picture as the training sees it, colour correction included.
- * image (3, H, W; NULL: not wanted) is clipped to 0..1; *mse against the truth.
- * Fails where memory is short. */
+/* Draws a picture. image (3, H, W; NULL: not wanted) is clipped to 0..1; *mse
+ * against the truth. Fails where memory is short. */
 bool saga_flat_render(saga_flat *flat, real *image, double *mse,
                       saga_sample sample, saga_error *error);
 

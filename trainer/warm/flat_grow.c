@@ -183,7 +183,7 @@ static size_t n_pixels(const saga_flat *f)
 
 static double error_sums(double *sum, const saga_flat *f)
 {
-    const real *const x = saga_flat_shown(f), *const y = f->canvas.truth;
+    const real *const x = f->canvas.image, *const y = f->canvas.truth;
     const size_t n = n_pixels(f);
     double total = 0;
 

@@ -26,10 +26,6 @@ static void walk_state(saga_checkpoint *c, saga_flat *f)
     saga_checkpoint_walk(c, f->stats.weight, n);
     saga_checkpoint_walk(c, f->stats.radius, n);
     saga_checkpoint_walk(c, f->stats.seen, f->n * sizeof *f->stats.seen);
-    for (int k = 0; k < 4; k++)
-        saga_checkpoint_walk(c, f->correction[k],
-                             (size_t)f->pictures->capture->n_views *
-                             FLAT_CORRECTION * sizeof(real));
 }
 
 void saga_flat_save(saga_flat *f, saga_checkpoint *c)

@@ -16,8 +16,6 @@ enum saga_flat_tensor {
 /* Streams of the random numbers; counters are iterations or draws. */
 enum { FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE };
 
-enum { FLAT_CORRECTION = 12 };  /* 3 x 3 map, then 3 offsets */
-
 typedef struct saga_flat_tensor_info {
     const char *name;
     int width;                  /* reals per primitive */
@@ -41,13 +39,9 @@ struct saga_flat {
     real *value[FLAT_N_TENSORS], *grad[FLAT_N_TENSORS];
     real *m[FLAT_N_TENSORS], *v[FLAT_N_TENSORS];
     saga_splat_stats stats;     /* sums, halved at every round */
-    real *correction[4];        /* (views, FLAT_CORRECTION): value, gradient,
-                                 * m, v */
     int iteration;
 
     saga_canvas canvas;
-    real *shown;                /* (3, H, W) the image corrected, or NULL */
-    double *row;                /* scratch of sums by rows */
 };
 
 /* flat_seed.c: what a pixel says about a place in the scene. */
@@ -62,6 +56,8 @@ typedef struct saga_flat_sight {
 
 /* flat.c */
 extern const int saga_flat_widths[FLAT_N_TENSORS];
+/* Sets the canvas's image and truth. */
+bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 /* How often pictures are halved at an iteration. */
 int saga_flat_mip_at(const saga_flat *f, int iteration);
 saga_splat_params saga_flat_view_of(real *const *tensors, bool temporal);
@@ -73,18 +69,6 @@ void saga_flat_put(saga_flat *f, uint32_t i, const saga_flat_one *one);
 void saga_flat_append(saga_flat *f, const saga_flat_one *one);
 /* Keeps those with keep[i], in order. */
 void saga_flat_keep(saga_flat *f, const uint8_t *keep);
-
-/* flat_picture.c */
-/* Sets the canvas's image and truth, and f->shown. */
-bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
-/* What was drawn, corrected where colours are. */
-const real *saga_flat_shown(const saga_flat *f);
-/* out = M in + o, pictures (3, n); may be in place. */
-void saga_flat_correct(real *out, const real *in, const real *map, size_t n);
-/* Takes canvas->d_image from what the map made of canvas->image to this one,
- * and adds to d_map, row by row in order. row: (H, FLAT_CORRECTION) scratch. */
-void saga_flat_correct_backward(real *d_map, saga_canvas *canvas,
-                                const real *map, double *row);
 
 /* flat_seed.c */
 bool saga_flat_init(saga_flat *f, saga_error *error);
