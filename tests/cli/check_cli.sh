@@ -290,6 +290,12 @@ python3 -m json.tool "$tmp/syn/transforms.json" >/dev/null ||
     complain "transforms.json is not JSON"
 expect 2 synth "$tmp/syn"
 says "$tmp/syn"
+expect 0 synth "$tmp/ring" --scene ring --size 48x32 --frames 1 --samples 1 \
+    --depth-every 0 --points 50
+[ "$(find "$tmp/ring" -name '*.png' | wc -l)" = 14 ] ||
+    complain "synth --scene ring makes $(find "$tmp/ring" -name '*.png')"
+expect 2 synth "$tmp/other" --scene rink
+says 'there is no scene rink; use room or ring'
 expect 2 synth "$tmp/other" --cameras 1
 says '--cameras takes N, 2 to 99'
 expect 2 synth "$tmp/none/other" --size 48x32

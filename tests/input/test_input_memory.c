@@ -82,7 +82,7 @@ static void fail_each(folder *f, const char *name, long least)
 
 static void write_synth(const char *path, bool exr)
 {
-    saga_synth_options o = saga_synth_defaults();
+    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
     saga_error error = { "" };
 
     o.width = W;

@@ -8,7 +8,7 @@
 #include "picture.h"
 #include "pose.h"
 #include "synth.h"
-#include "synth_scene.h"
+#include "synth_room.h"
 
 #include <math.h>
 
@@ -253,7 +253,7 @@ static void quaternion_should_turn_as_its_product_does(void **state)
 
 static saga_synth_options synth_options(void)
 {
-    saga_synth_options o = saga_synth_defaults();
+    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
 
     o.width = 96;
     o.height = 64;
@@ -338,15 +338,15 @@ static void depth_should_be_along_the_axis_of_the_loaded_camera(void **state)
         const int frame = i / 5 % 2, at = i * 7919 % (v->width * v->height);
         const double truth = (double)saga_capture_depth(&c, i % 5, frame)[at];
         double origin[3], x[3], d[3], uv[2], z = 0;
-        saga_synth_state scene;
-        saga_synth_hit hit;
+        saga_room_state scene;
+        saga_room_hit hit;
 
-        saga_synth_at(&scene, frame / s.fps);
+        saga_room_at(&scene, frame / s.fps);
         saga_pose_centre(v->rotation, v->translation, origin);
         world_of(v, at % v->width + 0.5, at / v->width + 0.5, 1, x);
         for (int k = 0; k < 3; k++)
             d[k] = x[k] - origin[k];
-        hit = saga_synth_trace(&scene, origin, d);
+        hit = saga_room_trace(&scene, origin, d);
         assert_true(saga_view_project(v, hit.position, uv, &z));
         assert_true(fabs(z - truth) < 1e-6 * truth);
     }

@@ -38,7 +38,7 @@ static bool stop_at_once(void *user, const saga_train_progress *p)
 
 static void begin(session *s, folder *f)
 {
-    saga_synth_options o = saga_synth_defaults();
+    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
     saga_error error = { "" };
 
     o.width = 16;

@@ -44,7 +44,7 @@ typedef struct {
 
 static int set_up(void **state)
 {
-    saga_synth_options s = saga_synth_defaults();
+    saga_synth_options s = saga_synth_defaults(SAGA_SYNTH_ROOM);
     saga_capture_options o = saga_capture_defaults();
     fixture *const f = calloc(1, sizeof *f);
     saga_error error = { "" };

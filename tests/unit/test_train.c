@@ -48,7 +48,7 @@ typedef struct {
 static void load(saga_capture *c, const char *parent, const char *name,
                  int frames)
 {
-    saga_synth_options s = saga_synth_defaults();
+    saga_synth_options s = saga_synth_defaults(SAGA_SYNTH_ROOM);
     saga_capture_options o = saga_capture_defaults();
     saga_error error = { "" };
     char path[100];

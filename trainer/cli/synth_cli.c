@@ -1,49 +1,72 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga synth: the built-in scene, as a capture.
+ * saga synth: a built-in scene, as a capture.
  */
 #include "cli.h"
 #include "commands.h"
 #include "synth.h"
 
+#include <math.h>
 #include <stddef.h>
 #include <stdio.h>
+#include <string.h>
+
+#define NAMES "use room or ring"
 
 typedef struct {
+    const char *scene;
+    /* The scene's default: a size of 0, numbers below 0, an fps of NaN. */
     saga_cli_pair size;
-    int cameras, hold_out, frames, samples, depth_every, points, seed,
-        threads;
+    int cameras, hold_out, frames, samples, depth_every, points, seed, threads;
     double fps;
     bool exr;
 } options;
 
-static options defaults(void)
+static bool find_scene(saga_synth_scene *scene, const char *name)
 {
-    const saga_synth_options d = saga_synth_defaults();
+    *scene = strcmp(name, "ring") == 0 ? SAGA_SYNTH_RING : SAGA_SYNTH_ROOM;
+    return *scene == SAGA_SYNTH_RING || strcmp(name, "room") == 0;
+}
 
-    return (options){
-        .size = { d.width, d.height }, .cameras = d.n_cameras,
-        .hold_out = d.n_hold_out, .frames = d.n_frames,
-        .samples = d.samples, .depth_every = d.depth_every,
-        .points = d.n_points, .seed = (int)d.seed, .fps = d.fps,
-        .exr = d.exr
-    };
+static int or_default(int given, int standard)
+{
+    return given < 0 ? standard : given;
+}
+
+static saga_synth_options resolve(const options *o, saga_synth_scene scene)
+{
+    saga_synth_options s = saga_synth_defaults(scene);
+
+    s.width = o->size.a ? o->size.a : s.width;
+    s.height = o->size.b ? o->size.b : s.height;
+    s.n_cameras = or_default(o->cameras, s.n_cameras);
+    s.n_hold_out = or_default(o->hold_out, s.n_hold_out);
+    s.n_frames = or_default(o->frames, s.n_frames);
+    s.samples = or_default(o->samples, s.samples);
+    s.depth_every = or_default(o->depth_every, s.depth_every);
+    s.n_points = or_default(o->points, s.n_points);
+    s.seed = (uint32_t)or_default(o->seed, (int)s.seed);
+    s.fps = isnan(o->fps) ? s.fps : o->fps;
+    s.exr = o->exr;
+    s.n_threads = o->threads;
+    return s;
 }
 
 static int write(const char *folder, const options *o)
 {
     saga_meter meter = { 0 };
-    saga_synth_options s = {
-        .width = o->size.a, .height = o->size.b, .n_cameras = o->cameras,
-        .n_hold_out = o->hold_out, .n_frames = o->frames, .fps = o->fps,
-        .samples = o->samples, .depth_every = o->depth_every,
-        .n_points = o->points, .seed = (uint32_t)o->seed, .exr = o->exr,
-        .n_threads = o->threads, .progress = saga_meter_progress,
-        .progress_user = &meter
-    };
+    saga_synth_scene scene;
+    saga_synth_options s;
     saga_error error = { "" };
-    const bool ok = saga_synth_write(folder, &s, &error);
+    bool ok;
 
+    if (!find_scene(&scene, o->scene))
+        return saga_cli_error(SAGA_EXIT_USAGE, "synth: there is no scene %s; "
+                              NAMES, o->scene);
+    s = resolve(o, scene);
+    s.progress = saga_meter_progress;
+    s.progress_user = &meter;
+    ok = saga_synth_write(folder, &s, &error);
     saga_meter_end(&meter);
     if (!ok)
         return saga_cli_error(SAGA_EXIT_USAGE, "synth: %s", error.message);
@@ -55,7 +78,9 @@ static int write(const char *folder, const options *o)
 
 static int run(int argc, char **argv)
 {
-    options o = defaults();
+    options o = { .scene = "room", .cameras = -1, .hold_out = -1,
+                  .frames = -1, .samples = -1, .depth_every = -1,
+                  .points = -1, .seed = -1, .fps = (double)NAN };
     const char *folder;
     const int status = saga_cli_parse(&saga_command_synth, &o, &folder, argc,
                                       argv);
@@ -64,23 +89,27 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
+    { "--scene", "NAME", "room, from the front (default), or ring: hard "
+      "motion,\ncameras all round", saga_cli_text, offsetof(options, scene), 0,
+      0 },
     { "--size", "WxH", "pixels of a picture (default 320x180)", saga_cli_size,
       offsetof(options, size), 8, 4096 },
-    { "--cameras", "N", "on an arc (default 10)", saga_cli_int,
-      offsetof(options, cameras), 2, 99 },
+    { "--cameras", "N", "on an arc (default 10), of the ring all round\n"
+      "(default 14)", saga_cli_int, offsetof(options, cameras), 2, 99 },
     { "--hold-out", "N", "cameras not to be trained on (default 2)",
       saga_cli_int, offsetof(options, hold_out), 0, 97 },
-    { "--frames", "N", "frames (default 24)", saga_cli_int,
+    { "--frames", "N", "frames (default 24, ring 32)", saga_cli_int,
       offsetof(options, frames), 1, 100000 },
-    { "--fps", "F", "frames per second (default 24)", saga_cli_real,
+    { "--fps", "F", "frames per second (default 24, ring 30)", saga_cli_real,
       offsetof(options, fps), 0, 0 },
-    { "--samples", "N", "per pixel and axis (default 2)", saga_cli_int,
+    { "--samples", "N", "per pixel and axis (default 2, ring 3)", saga_cli_int,
       offsetof(options, samples), 1, 8 },
     { "--depth-every", "N", "true depth for every Nth frame; 0: none (default "
       "12)", saga_cli_int, offsetof(options, depth_every), 0, 100000 },
     { "--points", "N", "points as structure from motion finds them (default "
       "3000)", saga_cli_int, offsetof(options, points), 0, 1000000 },
-    { "--seed", "N", "of the points' places and noise", saga_cli_int,
+    { "--seed", "N", "of the points' places and noise; of the ring's\n"
+      "colours, shapes and motions besides (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
     { "--exr", NULL, "pictures as EXR, not PNG", saga_cli_flag,
       offsetof(options, exr), 0, 0 },
@@ -90,10 +119,12 @@ static const saga_cli_option option_list[] = {
 
 const saga_command saga_command_synth = {
     "synth", "DIR", 1,
-    "the built-in scene, rendered as a capture",
-    "Renders a small moving scene (a textured room, something that rotates,\n"
-    "something that appears, something thin, something glossy) with exact\n"
-    "cameras into a new folder: transforms.json, pictures, depth, points.ply.\n"
+    "a built-in scene, rendered as a capture",
+    "Renders a small moving scene with exact cameras into a new folder:\n"
+    "transforms.json, pictures, depth, points.ply. The room has something\n"
+    "that rotates, something that appears, something thin, something glossy;\n"
+    "in the ring somebody runs and throws a ball, things come and go from one\n"
+    "picture to the next, and displays show a new picture in every frame.\n"
     "The same options give the same bytes.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

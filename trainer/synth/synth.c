@@ -7,7 +7,9 @@
 #include "picture.h"
 #include "ply.h"
 #include "pose.h"
-#include "synth_scene.h"
+#include "ring_motion.h"
+#include "synth_math.h"
+#include "synth_world.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -24,12 +26,19 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-saga_synth_options saga_synth_defaults(void)
+saga_synth_options saga_synth_defaults(saga_synth_scene scene)
 {
-    return (saga_synth_options){
-        .width = 320, .height = 180, .n_cameras = 10, .n_hold_out = 2,
-        .n_frames = 24, .fps = 24.0, .samples = 2, .depth_every = 12,
-        .n_points = 3000, .seed = 1};
+    saga_synth_options o = {
+        .scene = scene, .width = 320, .height = 180, .n_cameras = 10,
+        .n_hold_out = 2, .n_frames = 24, .fps = 24.0, .samples = 2,
+        .depth_every = 12, .n_points = 3000, .seed = 1};
+    if (scene == SAGA_SYNTH_RING) {
+        o.n_cameras = 14;
+        o.n_frames = 32;
+        o.fps = 30.0;
+        o.samples = 3;
+    }
+    return o;
 }
 
 static bool check_options(const saga_synth_options *o, const char *folder,
@@ -65,7 +74,8 @@ static bool check_options(const saga_synth_options *o, const char *folder,
 
 /* ----------------------------------------------------------------- cameras */
 
-/* Held-out views lie between training views, never at an end if avoidable. */
+/* Held-out views lie between training views, never at an arc's end if
+ * avoidable. */
 static bool is_held_out(const saga_synth_options *o, int index)
 {
     for (int k = 0; k < o->n_hold_out; k++)
@@ -74,19 +84,48 @@ static bool is_held_out(const saga_synth_options *o, int index)
     return false;
 }
 
+/* Where a camera stands, what it looks at, and its focal length in widths of
+ * the picture. */
+typedef struct stand {
+    double centre[3], target[3], focal;
+} stand;
+
+static stand stand_on_arc(const saga_synth_options *o, int index)
+{
+    stand a = {.target = {0.0, 0.45, 0.82}, .focal = 0.9};
+    const double turn = (-25.0 + 50.0 * index / (o->n_cameras - 1)) / 360.0;
+    double s, c;
+    saga_synth_sin_cos(turn, &s, &c);
+    a.centre[0] = a.target[0] + 3.2 * s;
+    a.centre[1] = a.target[1] - 3.2 * c;
+    a.centre[2] = index % 2 ? 1.80 : 1.20;
+    return a;
+}
+
+/* All round, as people put tripods: evenly, but not quite. */
+static stand stand_on_ring(const saga_synth_options *o, int index)
+{
+    stand a = {.target = {0.0, 0.0, 0.92}, .focal = 0.8};
+    const double off = saga_ring_draw(o->seed, 500 + index, -0.1, 0.1);
+    const double away = saga_ring_draw(o->seed, 600 + index, 3.1, 3.3);
+    double s, c;
+    saga_synth_sin_cos((index + off) / o->n_cameras, &s, &c);
+    a.centre[0] = away * c;
+    a.centre[1] = away * s;
+    a.centre[2] = (index % 2 ? 1.95 : 1.05) +
+                  saga_ring_draw(o->seed, 700 + index, -0.08, 0.08);
+    return a;
+}
+
 void saga_synth_view(const saga_synth_options *options, int index,
                      saga_shot *view)
 {
-    static const double target[3] = {0.0, 0.45, 0.82};
-    const double turn =
-        (-25.0 + 50.0 * index / (options->n_cameras - 1)) / 360.0;
-    double s, c, right[3], down[3], forward[3];
-    saga_synth_sin_cos(turn, &s, &c);
-    const double centre[3] = {target[0] + 3.2 * s, target[1] - 3.2 * c,
-                              index % 2 ? 1.80 : 1.20};
-    double n2 = 0.0;
+    const stand at = options->scene == SAGA_SYNTH_RING
+                         ? stand_on_ring(options, index)
+                         : stand_on_arc(options, index);
+    double right[3], down[3], forward[3], n2 = 0.0;
     for (int i = 0; i < 3; i++) {
-        forward[i] = target[i] - centre[i];
+        forward[i] = at.target[i] - at.centre[i];
         n2 += forward[i] * forward[i];
     }
     for (int i = 0; i < 3; i++)
@@ -104,11 +143,11 @@ void saga_synth_view(const saga_synth_options *options, int index,
                         .original_width = options->width,
                         .original_height = options->height,
                         .focal_scale = 1.0};
-    view->fx = view->fy = 0.9 * options->width;
+    view->fx = view->fy = at.focal * options->width;
     view->cx = 0.5 * options->width;
     view->cy = 0.5 * options->height;
     (void)snprintf(view->name, sizeof view->name, "cam%02d", index % 100);
-    (void)saga_pose_from_axes(right, down, forward, centre, view->rotation,
+    (void)saga_pose_from_axes(right, down, forward, at.centre, view->rotation,
                               view->translation);
 }
 
@@ -141,7 +180,7 @@ static uint8_t display(double light)
     return x >= 255.0 ? 255 : (uint8_t)x;
 }
 
-static void render_pixel(const synth_job *job, const saga_synth_state *state,
+static void render_pixel(const synth_job *job, const saga_synth_world *world,
                          const saga_shot *view, const double origin[3], int x,
                          int y, uint8_t *rgb)
 {
@@ -151,7 +190,7 @@ static void render_pixel(const synth_job *job, const saga_synth_state *state,
         double d[3], light[3];
         pixel_direction(view, x + (k % n + 0.5) / n, y + (k / n + 0.5) / n,
                         d);
-        saga_synth_radiance(state, origin, d, light);
+        saga_synth_light(world, origin, d, light);
         for (int c = 0; c < 3; c++)
             sum[c] += light[c] < 1.0 ? light[c] : 1.0;
     }
@@ -162,27 +201,27 @@ static void render_pixel(const synth_job *job, const saga_synth_state *state,
 static void render(const synth_job *job, int camera, int frame, uint8_t *rgb)
 {
     const saga_shot *const view = &job->views[camera];
-    saga_synth_state state;
+    saga_synth_world world;
     double origin[3];
-    saga_synth_at(&state, frame / job->options->fps);
+    saga_synth_world_at(&world, job->options, frame / job->options->fps);
     saga_pose_centre(view->rotation, view->translation, origin);
     for (int y = 0; y < view->height; y++)
         for (int x = 0; x < view->width; x++, rgb += 3)
-            render_pixel(job, &state, view, origin, x, y, rgb);
+            render_pixel(job, &world, view, origin, x, y, rgb);
 }
 
 static void render_depth(const synth_job *job, int camera, int frame,
                          float *depth)
 {
     const saga_shot *const view = &job->views[camera];
-    saga_synth_state state;
+    saga_synth_world world;
     double origin[3], d[3];
-    saga_synth_at(&state, frame / job->options->fps);
+    saga_synth_world_at(&world, job->options, frame / job->options->fps);
     saga_pose_centre(view->rotation, view->translation, origin);
     for (int y = 0; y < view->height; y++)
         for (int x = 0; x < view->width; x++) {
             pixel_direction(view, x + 0.5, y + 0.5, d);
-            *depth++ = (float)saga_synth_trace(&state, origin, d).distance;
+            *depth++ = (float)saga_synth_look(&world, origin, d).distance;
         }
 }
 
@@ -299,24 +338,24 @@ static double random_bell(uint64_t *state)
     return sum * 1.7320508075688772;
 }
 
-static void radiance_at(const saga_shot *view, const saga_synth_state *state,
+static void radiance_at(const saga_shot *view, const saga_synth_world *world,
                         const double origin[3], double u, double v,
                         double rgb[3])
 {
     double d[3];
     pixel_direction(view, u, v, d);
-    saga_synth_radiance(state, origin, d, rgb);
+    saga_synth_light(world, origin, d, rgb);
 }
 
 /* How much the picture changes over 1.5 pixels, in display units 0..1. */
-static double contrast(const saga_shot *view, const saga_synth_state *state,
+static double contrast(const saga_shot *view, const saga_synth_world *world,
                        const double origin[3], double u, double v,
                        double rgb[3])
 {
     double other[3], sum = 0.0;
-    radiance_at(view, state, origin, u, v, rgb);
+    radiance_at(view, world, origin, u, v, rgb);
     for (int k = 0; k < 2; k++) {
-        radiance_at(view, state, origin, u + (k ? 0.0 : 1.5),
+        radiance_at(view, world, origin, u + (k ? 0.0 : 1.5),
                     v + (k ? 1.5 : 0.0), other);
         for (int c = 0; c < 3; c++)
             sum += fabs(sqrt(other[c]) - sqrt(rgb[c]));
@@ -325,7 +364,7 @@ static double contrast(const saga_shot *view, const saga_synth_state *state,
 }
 
 /* Seen unhidden by a training view other than the one it came from? */
-static bool seen_again(const synth_job *job, const saga_synth_state *state,
+static bool seen_again(const synth_job *job, const saga_synth_world *world,
                        const double point[3], int from)
 {
     for (int i = 0; i < job->options->n_cameras; i++) {
@@ -338,14 +377,14 @@ static bool seen_again(const synth_job *job, const saga_synth_state *state,
             continue;
         saga_pose_centre(v->rotation, v->translation, origin);
         pixel_direction(v, uv[0], uv[1], d);
-        if (fabs(saga_synth_trace(state, origin, d).distance - z) < 0.005 * z)
+        if (fabs(saga_synth_look(world, origin, d).distance - z) < 0.005 * z)
             return true;
     }
     return false;
 }
 
 /* One try; noise as of half a pixel across and three times that along. */
-static bool sample_point(const synth_job *job, const saga_synth_state *state,
+static bool sample_point(const synth_job *job, const saga_synth_world *world,
                          uint64_t *random, saga_point *point)
 {
     const int camera =
@@ -358,12 +397,12 @@ static bool sample_point(const synth_job *job, const saga_synth_state *state,
     if (view->held_out)
         return false;
     saga_pose_centre(view->rotation, view->translation, origin);
-    if (dice > 0.06 + 6.0 * contrast(view, state, origin, u, v, rgb))
+    if (dice > 0.06 + 6.0 * contrast(view, world, origin, u, v, rgb))
         return false;
     pixel_direction(view, u, v, d);
-    const saga_synth_hit hit = saga_synth_trace(state, origin, d);
-    if (hit.object == SAGA_SYNTH_MIRROR ||
-        !seen_again(job, state, hit.position, camera))
+    const saga_synth_sight hit = saga_synth_look(world, origin, d);
+    if (!hit.fixed ||
+        !seen_again(job, world, hit.position, camera))
         return false;
     const double across = 0.5 * hit.distance / view->fx;
     const double along = 3.0 * across * random_bell(random);
@@ -382,14 +421,14 @@ static bool write_points(const synth_job *job)
     saga_point *const points = saga_alloc((size_t)wanted, sizeof *points,
                                           job->target, job->error);
     uint64_t random = job->options->seed * 0x9e3779b97f4a7c15u + 1;
-    saga_synth_state state;
+    saga_synth_world world;
     size_t n = 0;
     char path[MAX_PATH];
     if (!points)
         return false;
-    saga_synth_at(&state, 0.0);
+    saga_synth_world_at(&world, job->options, 0.0);
     for (long tries = 0; n < (size_t)wanted && tries < 100L * wanted; tries++)
-        if (sample_point(job, &state, &random, &points[n]))
+        if (sample_point(job, &world, &random, &points[n]))
             n++;
     (void)snprintf(path, sizeof path, "%s/points.ply", job->folder);
     const bool ok = saga_ply_write(path, points, n, job->error);

@@ -1,120 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-#include "synth_scene.h"
+#include "synth_room.h"
+
+#include "synth_math.h"
 
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
-
-/* ----------------------------------------------------------------- numbers */
-
-static inline double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static inline void normalise(double a[3])
-{
-    const double s = 1.0 / sqrt(dot(a, a));
-    for (int i = 0; i < 3; i++)
-        a[i] *= s;
-}
-
-static inline double clamp01(double x)
-{
-    return x < 0.0 ? 0.0 : x > 1.0 ? 1.0 : x;
-}
-
-static inline double mix(double a, double b, double t)
-{
-    return a + (b - a) * t;
-}
-
-/* 0 below a, 1 above b, smooth between. */
-static inline double ramp(double a, double b, double x)
-{
-    const double t = clamp01((x - a) / (b - a));
-    return t * t * (3.0 - 2.0 * t);
-}
-
-/* Taylor's series on an eighth of a turn either side: error below 1e-15. */
-void saga_synth_sin_cos(double turns, double *s, double *c)
-{
-    const double quarter = floor(4.0 * turns + 0.5);
-    const double x = (turns - 0.25 * quarter) * 6.283185307179586477;
-    const double x2 = x * x;
-    double sine = 1.0, cosine = 1.0;
-    for (int k = 8; k >= 1; k--) {
-        sine = 1.0 - sine * x2 / ((2.0 * k) * (2.0 * k + 1.0));
-        cosine = 1.0 - cosine * x2 / ((2.0 * k - 1.0) * (2.0 * k));
-    }
-    sine *= x;
-    const double q4 = quarter - 4.0 * floor(0.25 * quarter);
-    const double table[5] = {sine, cosine, -sine, -cosine, sine};
-    *s = table[(int)q4];
-    *c = table[(int)q4 + 1];
-}
-
-/* ----------------------------------------------------------------- texture */
-
-static inline double lattice(int32_t x, int32_t y, uint32_t salt)
-{
-    uint32_t h = (uint32_t)x * 0x9e3779b1u ^ (uint32_t)y * 0x85ebca77u ^
-                 salt * 0xc2b2ae3du;
-    h ^= h >> 15;
-    h *= 0x2c1b3c6du;
-    h ^= h >> 12;
-    h *= 0x297a2d39u;
-    h ^= h >> 15;
-    return (double)(h >> 8) * (1.0 / 16777216.0);
-}
-
-/* Smooth noise in 0..1 with features of about one unit. */
-static double noise(double x, double y, uint32_t salt)
-{
-    const double fx = floor(x), fy = floor(y);
-    const int32_t ix = (int32_t)fx, iy = (int32_t)fy;
-    const double u = x - fx, v = y - fy;
-    const double su = u * u * (3.0 - 2.0 * u), sv = v * v * (3.0 - 2.0 * v);
-    const double top =
-        mix(lattice(ix, iy, salt), lattice(ix + 1, iy, salt), su);
-    const double bottom =
-        mix(lattice(ix, iy + 1, salt), lattice(ix + 1, iy + 1, salt), su);
-    return mix(top, bottom, sv);
-}
-
-/* Two octaves about 0, broad and finer. */
-static double grain(double x, double y, uint32_t salt)
-{
-    return (noise(x, y, salt) - 0.5) +
-           0.45 * (noise(3.7 * x, 3.7 * y, salt + 1) - 0.5);
-}
-
-static void paint(double rgb[3], double r, double g, double b, double amount)
-{
-    rgb[0] = mix(rgb[0], r, amount);
-    rgb[1] = mix(rgb[1], g, amount);
-    rgb[2] = mix(rgb[2], b, amount);
-}
-
-static void brighten(double rgb[3], double factor)
-{
-    for (int i = 0; i < 3; i++)
-        rgb[i] *= factor;
-}
-
-/* A line of the given half-width every period, edges one half-width soft. */
-static double lines(double x, double period, double half)
-{
-    const double d = fabs(x / period - floor(x / period + 0.5)) * period;
-    return 1.0 - ramp(half, 2.0 * half, d);
-}
-
-static double inside_rect(double x, double y, double cx, double cy, double hx,
-                          double hy)
-{
-    const double dx = hx - fabs(x - cx), dy = hy - fabs(y - cy);
-    return ramp(-0.006, 0.006, dx < dy ? dx : dy);
-}
 
 static void poster_rings(double x, double z, double rgb[3])
 {
@@ -203,7 +94,7 @@ static const double bench_high[3] = {0.95, 0.95, 0.6};
 enum { CUBE_HALF_MM = 210 };
 static const double cube_centre[3] = {0.08, 0.5, 0.6 + CUBE_HALF_MM / 1000.0};
 
-static void room_colour(const saga_synth_hit *hit, double rgb[3])
+static void room_colour(const saga_room_hit *hit, double rgb[3])
 {
     const double *const p = hit->position, *const n = hit->normal;
     if (n[2] > 0.5)
@@ -222,7 +113,7 @@ static void room_colour(const saga_synth_hit *hit, double rgb[3])
     }
 }
 
-static void bench_colour(const saga_synth_hit *hit, double rgb[3])
+static void bench_colour(const saga_room_hit *hit, double rgb[3])
 {
     const double *const p = hit->position;
     if (hit->normal[2] > 0.5) {
@@ -244,7 +135,7 @@ static void bench_colour(const saga_synth_hit *hit, double rgb[3])
 }
 
 /* Faces in the cube's own axes, each with its own colour and a disc. */
-static void cube_colour(const saga_synth_state *s, const saga_synth_hit *hit,
+static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
                         double rgb[3])
 {
     static const double face[4][3] = {{0.60, 0.16, 0.10}, {0.10, 0.36, 0.50},
@@ -273,7 +164,7 @@ static void cube_colour(const saga_synth_state *s, const saga_synth_hit *hit,
 }
 
 /* Stripes and noise that turn with the ball. */
-static void ball_colour(const saga_synth_state *s, const saga_synth_hit *hit,
+static void ball_colour(const saga_room_state *s, const saga_room_hit *hit,
                         double rgb[3])
 {
     const double dx = hit->normal[0], dz = hit->normal[2];
@@ -286,24 +177,24 @@ static void ball_colour(const saga_synth_state *s, const saga_synth_hit *hit,
     brighten(rgb, 1.0 + 0.3 * grain(3.0 * x + 5.0, 3.0 * (y + z), 66));
 }
 
-static void albedo(const saga_synth_state *s, const saga_synth_hit *hit,
+static void albedo(const saga_room_state *s, const saga_room_hit *hit,
                    double rgb[3])
 {
     const double *const n = hit->normal;
     switch (hit->object) {
-    case SAGA_SYNTH_ROOM: room_colour(hit, rgb); break;
-    case SAGA_SYNTH_BENCH: bench_colour(hit, rgb); break;
-    case SAGA_SYNTH_CUBE: cube_colour(s, hit, rgb); break;
-    case SAGA_SYNTH_BALL: ball_colour(s, hit, rgb); break;
-    case SAGA_SYNTH_GUEST:
+    case SAGA_ROOM_WALLS: room_colour(hit, rgb); break;
+    case SAGA_ROOM_BENCH: bench_colour(hit, rgb); break;
+    case SAGA_ROOM_CUBE: cube_colour(s, hit, rgb); break;
+    case SAGA_ROOM_BALL: ball_colour(s, hit, rgb); break;
+    case SAGA_ROOM_GUEST:
         paint(rgb, 0.70, 0.30, 0.05, 1.0);
         paint(rgb, 0.75, 0.66, 0.20, ramp(-0.1, 0.1, n[2] - 0.2));
         brighten(rgb, 1.0 + 0.4 * grain(3.0 * n[0], 3.0 * n[2], 67));
         break;
-    case SAGA_SYNTH_MIRROR: paint(rgb, 0.05, 0.07, 0.10, 1.0); break;
-    case SAGA_SYNTH_BOB: paint(rgb, 0.10, 0.42, 0.30, 1.0); break;
-    case SAGA_SYNTH_LAMP: paint(rgb, 0.80, 0.74, 0.58, 1.0); break;
-    case SAGA_SYNTH_POLE: paint(rgb, 0.08, 0.08, 0.09, 1.0); break;
+    case SAGA_ROOM_MIRROR: paint(rgb, 0.05, 0.07, 0.10, 1.0); break;
+    case SAGA_ROOM_BOB: paint(rgb, 0.10, 0.42, 0.30, 1.0); break;
+    case SAGA_ROOM_LAMP: paint(rgb, 0.80, 0.74, 0.58, 1.0); break;
+    case SAGA_ROOM_POLE: paint(rgb, 0.08, 0.08, 0.09, 1.0); break;
     default: paint(rgb, 0.55, 0.50, 0.42, 1.0); break;
     }
 }
@@ -317,9 +208,9 @@ static double guest_size(double seconds)
     return ramp(0.4, 0.5, t) - ramp(1.6, 1.7, t);
 }
 
-void saga_synth_at(saga_synth_state *state, double seconds)
+void saga_room_at(saga_room_state *state, double seconds)
 {
-    static const double still[SAGA_SYNTH_N_BALLS][4] = {
+    static const double still[SAGA_ROOM_N_BALLS][4] = {
         {0.0, -0.5, 0.20, 0.20},   /* ball; x below */
         {0.64, 0.36, 0.78, 0.18},  /* guest; radius below */
         {-0.56, 0.42, 0.80, 0.20}, /* mirror */
@@ -328,7 +219,7 @@ void saga_synth_at(saga_synth_state *state, double seconds)
     };
     double s, c;
     state->seconds = seconds;
-    for (int i = 0; i < SAGA_SYNTH_N_BALLS; i++) {
+    for (int i = 0; i < SAGA_ROOM_N_BALLS; i++) {
         memcpy(state->ball[i], still[i], sizeof state->ball[i]);
         state->radius[i] = still[i][3];
     }
@@ -354,46 +245,6 @@ void saga_synth_at(saga_synth_state *state, double seconds)
 
 /* ----------------------------------------------------------------- tracing */
 
-/* Enters a box from outside; t of the entry and its axis. */
-static bool enter_box(const double low[3], const double high[3],
-                      const double o[3], const double inverse[3], double *t,
-                      int *axis)
-{
-    double near = 0.0, far = 1e30;
-    int which = -1;
-    for (int i = 0; i < 3; i++) {
-        double a = (low[i] - o[i]) * inverse[i];
-        double b = (high[i] - o[i]) * inverse[i];
-        if (a > b) {
-            const double swap = a;
-            a = b;
-            b = swap;
-        }
-        if (a > near) {
-            near = a;
-            which = i;
-        }
-        far = b < far ? b : far;
-    }
-    *t = near;
-    *axis = which;
-    return which >= 0 && near < far;
-}
-
-static bool enter_ball(const double centre[3], double radius,
-                       const double o[3], const double d[3], double d2,
-                       double *t)
-{
-    const double v[3] = {centre[0] - o[0], centre[1] - o[1],
-                         centre[2] - o[2]};
-    const double b = dot(v, d);
-    const double disc = b * b - d2 * (dot(v, v) - radius * radius);
-    if (b <= 0.0 || disc <= 0.0)
-        return false;
-    *t = (b - sqrt(disc)) / d2;
-    return *t > 1e-9;
-}
-
 /* A round rod without caps from p along its axis of given length. */
 static bool enter_rod(const double p[3], const double axis[3], double length,
                       double radius, const double o[3], const double d[3],
@@ -416,30 +267,13 @@ static bool enter_rod(const double p[3], const double axis[3], double length,
     return true;
 }
 
-typedef struct ray {
-    const double *origin, *direction;
-    double inverse[3], length2;
-} ray;
-
-/* Zero components become tiny: the quotients then are huge, never NaN. */
-static ray make_ray(const double origin[3], const double direction[3])
-{
-    ray r = {.origin = origin, .direction = direction,
-             .length2 = dot(direction, direction)};
-    for (int i = 0; i < 3; i++)
-        r.inverse[i] =
-            1.0 / (direction[i] == 0.0 ? 1e-300 : direction[i]);
-    return r;
-}
-
-static void set_hit(saga_synth_hit *hit, double t,
-                    enum saga_synth_object object)
+static void set_hit(saga_room_hit *hit, double t, enum saga_room_object object)
 {
     hit->distance = t;
     hit->object = object;
 }
 
-static void hit_room(const ray *r, saga_synth_hit *hit)
+static void hit_room(const ray *r, saga_room_hit *hit)
 {
     double best = 1e30;
     int axis = 0;
@@ -452,25 +286,25 @@ static void hit_room(const ray *r, saga_synth_hit *hit)
             axis = i;
         }
     }
-    set_hit(hit, best, SAGA_SYNTH_ROOM);
+    set_hit(hit, best, SAGA_ROOM_WALLS);
     memset(hit->normal, 0, sizeof hit->normal);
     hit->normal[axis] = r->direction[axis] > 0.0 ? -1.0 : 1.0;
 }
 
-static void hit_bench(const ray *r, saga_synth_hit *hit)
+static void hit_bench(const ray *r, saga_room_hit *hit)
 {
     double t;
     int axis;
     if (!enter_box(bench_low, bench_high, r->origin, r->inverse, &t, &axis) ||
         t >= hit->distance)
         return;
-    set_hit(hit, t, SAGA_SYNTH_BENCH);
+    set_hit(hit, t, SAGA_ROOM_BENCH);
     memset(hit->normal, 0, sizeof hit->normal);
     hit->normal[axis] = r->direction[axis] > 0.0 ? -1.0 : 1.0;
 }
 
-static void hit_cube(const saga_synth_state *s, const ray *r,
-                     saga_synth_hit *hit)
+static void hit_cube(const saga_room_state *s, const ray *r,
+                     saga_room_hit *hit)
 {
     const double half = CUBE_HALF_MM / 1000.0;
     const double low[3] = {-half, -half, -half}, high[3] = {half, half, half};
@@ -491,7 +325,7 @@ static void hit_cube(const saga_synth_state *s, const ray *r,
     if (!enter_box(low, high, o2, local.inverse, &t, &axis) ||
         t >= hit->distance)
         return;
-    set_hit(hit, t, SAGA_SYNTH_CUBE);
+    set_hit(hit, t, SAGA_ROOM_CUBE);
     double n[3] = {0};
     n[axis] = d2[axis] > 0.0 ? -1.0 : 1.0;
     hit->normal[0] = s->cube_cos * n[0] - s->cube_sin * n[1];
@@ -499,15 +333,15 @@ static void hit_cube(const saga_synth_state *s, const ray *r,
     hit->normal[2] = n[2];
 }
 
-static void hit_balls(const saga_synth_state *s, const ray *r,
-                      saga_synth_hit *hit)
+static void hit_balls(const saga_room_state *s, const ray *r,
+                      saga_room_hit *hit)
 {
-    for (int i = 0; i < SAGA_SYNTH_N_BALLS; i++) {
+    for (int i = 0; i < SAGA_ROOM_N_BALLS; i++) {
         double t;
         if (!enter_ball(s->ball[i], s->radius[i], r->origin, r->direction,
                         r->length2, &t) || t >= hit->distance)
             continue;
-        set_hit(hit, t, (enum saga_synth_object)(SAGA_SYNTH_BALL + i));
+        set_hit(hit, t, (enum saga_room_object)(SAGA_ROOM_BALL + i));
         for (int k = 0; k < 3; k++)
             hit->normal[k] =
                 (r->origin[k] + t * r->direction[k] - s->ball[i][k]) /
@@ -515,32 +349,32 @@ static void hit_balls(const saga_synth_state *s, const ray *r,
     }
 }
 
-static void hit_rods(const saga_synth_state *s, const ray *r,
-                     saga_synth_hit *hit)
+static void hit_rods(const saga_room_state *s, const ray *r,
+                     saga_room_hit *hit)
 {
     static const double up[3] = {0.0, 0.0, 1.0};
     const double foot[3] = {s->ball[4][0], s->ball[4][1], 0.0};
     double axis[3], normal[3], t;
     if (enter_rod(foot, up, s->ball[4][2], 0.016, r->origin, r->direction, &t,
                   normal) && t < hit->distance) {
-        set_hit(hit, t, SAGA_SYNTH_POLE);
+        set_hit(hit, t, SAGA_ROOM_POLE);
         memcpy(hit->normal, normal, sizeof normal);
     }
     for (int i = 0; i < 3; i++)
         axis[i] = (s->ball[3][i] - s->hook[i]) * (1.0 / 1.15);
     if (enter_rod(s->hook, axis, 1.15, 0.011, r->origin, r->direction, &t,
                   normal) && t < hit->distance) {
-        set_hit(hit, t, SAGA_SYNTH_ROD);
+        set_hit(hit, t, SAGA_ROOM_ROD);
         memcpy(hit->normal, normal, sizeof normal);
     }
 }
 
-saga_synth_hit saga_synth_trace(const saga_synth_state *state,
-                                const double origin[3],
-                                const double direction[3])
+saga_room_hit saga_room_trace(const saga_room_state *state,
+                              const double origin[3],
+                              const double direction[3])
 {
     const ray r = make_ray(origin, direction);
-    saga_synth_hit hit;
+    saga_room_hit hit;
     hit_room(&r, &hit);
     hit_bench(&r, &hit);
     hit_cube(state, &r, &hit);
@@ -571,15 +405,15 @@ static double shadow_of(const double centre[3], double radius,
     return ramp(radius - width, radius + width, sqrt(d2 > 0.0 ? d2 : 0.0));
 }
 
-static double lit(const saga_synth_state *s, const saga_synth_hit *hit,
+static double lit(const saga_room_state *s, const saga_room_hit *hit,
                   const double to_light[3])
 {
     double open = 1.0;
-    for (int i = 0; i < SAGA_SYNTH_N_BALLS - 1; i++)
-        if ((int)hit->object != SAGA_SYNTH_BALL + i)
+    for (int i = 0; i < SAGA_ROOM_N_BALLS - 1; i++)
+        if ((int)hit->object != SAGA_ROOM_BALL + i)
             open *= shadow_of(s->ball[i], s->radius[i], hit->position,
                               to_light);
-    if (hit->object != SAGA_SYNTH_CUBE)
+    if (hit->object != SAGA_ROOM_CUBE)
         open *= shadow_of(cube_centre, 0.25, hit->position, to_light);
     return open;
 }
@@ -597,7 +431,7 @@ static double near_bench(const double p[3])
     return 0.55 + 0.45 * ramp(-0.1, 0.45, sqrt(d2));
 }
 
-static void diffuse(const saga_synth_state *s, const saga_synth_hit *hit,
+static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
                     double rgb[3])
 {
     double to_light[3] = {light[0] - hit->position[0],
@@ -607,12 +441,12 @@ static void diffuse(const saga_synth_state *s, const saga_synth_hit *hit,
     normalise(to_light);
     const double facing = dot(hit->normal, to_light);
     double bright = 0.34 + 0.10 * hit->normal[2];
-    if (hit->object == SAGA_SYNTH_ROOM)
+    if (hit->object == SAGA_ROOM_WALLS)
         bright *= near_bench(hit->position);
     if (facing > 0.0)
         bright += 1.9 / (1.0 + 0.11 * distance2) * facing *
                   lit(s, hit, to_light);
-    if (hit->object == SAGA_SYNTH_LAMP)
+    if (hit->object == SAGA_ROOM_LAMP)
         bright = 0.9 + 0.2 * hit->normal[2];
     rgb[0] = rgb[1] = rgb[2] = 0.0;
     albedo(s, hit, rgb);
@@ -621,7 +455,7 @@ static void diffuse(const saga_synth_state *s, const saga_synth_hit *hit,
 
 /* The glossy ball: the room once mirrored, more at grazing angles, and the
  * light as a soft spot. */
-static void add_gloss(const saga_synth_state *s, const saga_synth_hit *hit,
+static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                       const double direction[3], double rgb[3])
 {
     double view[3] = {direction[0], direction[1], direction[2]};
@@ -632,7 +466,7 @@ static void add_gloss(const saga_synth_state *s, const saga_synth_hit *hit,
         mirrored[i] = view[i] + 2.0 * cosine * hit->normal[i];
         origin[i] = hit->position[i] + 1e-6 * hit->normal[i];
     }
-    const saga_synth_hit other = saga_synth_trace(s, origin, mirrored);
+    const saga_room_hit other = saga_room_trace(s, origin, mirrored);
     diffuse(s, &other, seen);
     const double g = 1.0 - clamp01(cosine);
     const double strength = 0.35 + 0.5 * g * g * g;
@@ -647,11 +481,11 @@ static void add_gloss(const saga_synth_state *s, const saga_synth_hit *hit,
         rgb[i] += strength * seen[i] + 0.8 * spot;
 }
 
-void saga_synth_radiance(const saga_synth_state *state, const double origin[3],
-                         const double direction[3], double rgb[3])
+void saga_room_radiance(const saga_room_state *state, const double origin[3],
+                        const double direction[3], double rgb[3])
 {
-    const saga_synth_hit hit = saga_synth_trace(state, origin, direction);
+    const saga_room_hit hit = saga_room_trace(state, origin, direction);
     diffuse(state, &hit, rgb);
-    if (hit.object == SAGA_SYNTH_MIRROR)
+    if (hit.object == SAGA_ROOM_MIRROR)
         add_gloss(state, &hit, direction, rgb);
 }
