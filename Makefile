@@ -7,7 +7,7 @@
 #   decoder  sees common, decoder
 #   trainer  sees common and saga.h alone (build/include), and each of its rooms
 #            what SEE_room says below
-#   tools    see saga.h alone
+#   tools    see saga.h alone, and so does ports
 #   tests, lab, bench  see everything
 #
 # Everything is built under BUILD. A change of the compiler or of a flag builds
@@ -151,6 +151,9 @@ $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
+# $* is the source without its suffix.
+I_WASM    = $(if $(filter common/%,$*),$(I_COMMON),$(if $(filter decoder/%,$*),\
+              $(I_DECODER),$(I_SAGA)))
 # $* is the file's path below trainer/, and begins with its room.
 I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(firstword $(subst /, ,$*)),\
               $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
@@ -158,7 +161,7 @@ I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
 
 # ---------------------------------------------------------------- build
 
-.PHONY: all lib tests lab-programs bench-programs objects help
+.PHONY: all lib tests lab-programs bench-programs objects web help
 all: lib $(TOOLS)
 lib: $(LIB)
 tests: $(TESTS)
@@ -214,11 +217,56 @@ $(SAGA_H): decoder/saga.h
 	@mkdir -p $(@D)
 	@cp $< $@
 
+# The decoder for browsers is freestanding WebAssembly, once with SIMD and once
+# without; `saga view` carries the page. Without clang and wasm-ld it is left
+# out.
+WASM_CC = clang
+WASM_LD = wasm-ld
+WASM_FLAGS = --target=wasm32 -std=c11 -O3 $(WARN) -ffreestanding -mbulk-memory \
+             -MMD -MP
+WASM_LDFLAGS = --no-entry --stack-first -z stack-size=65536 --strip-all
+WASM_SRC := $(COMMON_SRC) $(DECODER_SRC) ports/web/saga_web.c
+HAS_WASM := $(and $(shell command -v $(WASM_CC)),$(shell command -v $(WASM_LD)))
+WEB = $(BUILD)/web
+WEB_FILES := $(addprefix $(WEB)/,$(notdir $(sort $(wildcard \
+    $(addprefix ports/web/*.,html css js)))) $(if $(HAS_WASM),saga.wasm \
+    saga_simd.wasm))
+# What `npm pack` wants beside it.
+WEB_PACK := $(patsubst ports/web/%,$(WEB)/%,$(sort $(wildcard ports/web/*.ts \
+    ports/web/*.json ports/web/*.md)))
+web: $(WEB_FILES) $(WEB_PACK)
+
+$(OBJ)/wasm/%.o: %.c $(BUILD)/flags $(SAGA_H)
+	@mkdir -p $(@D)
+	$(WASM_CC) $(WASM_FLAGS) $(I_WASM) -c $< -o $@
+
+$(OBJ)/wasm_simd/%.o: %.c $(BUILD)/flags $(SAGA_H)
+	@mkdir -p $(@D)
+	$(WASM_CC) $(WASM_FLAGS) -msimd128 $(I_WASM) -c $< -o $@
+
+$(WEB)/saga.wasm: $(WASM_SRC:%.c=$(OBJ)/wasm/%.o)
+$(WEB)/saga_simd.wasm: $(WASM_SRC:%.c=$(OBJ)/wasm_simd/%.o)
+$(WEB)/%.wasm: $(BUILD)/sources
+	@mkdir -p $(@D)
+	$(WASM_LD) $(WASM_LDFLAGS) $(filter %.o,$^) -o $@
+
+$(WEB)/%: ports/web/%
+	@mkdir -p $(@D)
+	@cp $< $@
+
+$(OBJ)/view_files.c: $(WEB_FILES) tools/embed.sh $(BUILD)/sources
+	@mkdir -p $(@D)
+	tools/embed.sh $(WEB_FILES) >$@
+
+$(OBJ)/view_files.o: $(OBJ)/view_files.c trainer/cli/view_files.h
+	$(call COMPILE,$(HOST) -Itrainer/cli) -c $< -o $@
+
 # These two are rewritten only when they change: every object depends on the
 # compiler and its flags, every library on which files there are.
 $(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(SAN_FLAGS) \
                       $(OMP) $(CFLAGS) $(LDFLAGS) $(LEVEL)
-$(BUILD)/sources: NOW = $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) $(HELPER_SRC)
+$(BUILD)/sources: NOW = $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
+                        $(HELPER_SRC) $(WEB_FILES)
 $(BUILD)/flags $(BUILD)/sources: FORCE
 	@mkdir -p $(@D)
 	@echo '$(NOW)' | cmp -s - $@ || echo '$(NOW)' > $@
@@ -231,7 +279,7 @@ FORCE:
 $(BUILD)/saga-dec: $(OBJ)/tools/saga_dec.o $(LIB)
 	$(LINK) $^ -o $@
 
-$(BUILD)/saga: $(CLI_OBJ) $(TRAIN) $(LIB)
+$(BUILD)/saga: $(CLI_OBJ) $(OBJ)/view_files.o $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
@@ -274,7 +322,11 @@ setup:
 	@tests/setup.sh
 
 # tests/README.md says what each of these runs.
-check test: setup
+check: setup
+	@tests/run_tests.sh $@
+
+test:
+	@tests/setup.sh test
 	@tests/run_tests.sh $@
 
 test-all:
@@ -374,6 +426,7 @@ make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tab
 make demo        the built-in scene, encoded, decoded and judged; 7 CPU minutes
 make floors      the demo beside what needs no such codec; 10 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
+make web         the page and the decoder for browsers, in $(BUILD)/web
 make setup       installs what is missing to build and test (Debian, as root)
 make check       unit tests, vectors, a tiny encode: less than a CPU minute
 make test        what CI runs, sanitizers and mutants too: 10 CPU minutes

@@ -4,7 +4,7 @@
 # check_tree.sh: guarantees, for every source file of the tree,
 #   includes    common sees common; decoder sees common and decoder; a room of
 #               the trainer sees common, saga.h and the rooms that the Makefile
-#               gives it; tools see saga.h; common and decoder use no system
+#               gives it; tools and ports see saga.h; common and decoder use no system
 #               header but the freestanding ones; no path in an #include
 #   rooms       a room of the trainer sees only rooms below it, and the table
 #               of docs/architecture.md says the same as the Makefile
@@ -28,7 +28,7 @@ trap 'rm -rf "$tmp"' EXIT
             sed 's|^\./||'
     fi
 } | while read -r f; do [ ! -f "$f" ] || echo "$f"; done | sort >"$tmp/all"
-grep -E '\.(c|h|sh|py)$|(^|/)Makefile$|^\.ci/run$' "$tmp/all" >"$tmp/source"
+grep -E '\.(c|h|sh|py|js|css|html)$|\.d\.ts$|(^|/)Makefile$|^\.ci/run$' "$tmp/all" >"$tmp/source"
 grep -E '\.[ch]$' "$tmp/source" >"$tmp/c" || :
 
 : >"$tmp/bad"
@@ -85,7 +85,7 @@ END {
     for (i in s) free[s[i] ".h"] = 1
     may["common"] = " common "
     may["decoder"] = " common decoder "
-    may["tools"] = " "
+    may["tools"] = may["ports"] = " "
     for (i = 1; i <= n; i++) {
         f = files[i]; d = folder(f)
         if (!(d in may)) continue

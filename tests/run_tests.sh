@@ -214,6 +214,7 @@ many() {
     for name in round cli encode floors ablation input; do
         check "$name" "tests/cli/check_$name.sh"
     done
+    check web python3 tests/cli/check_web.py
     vectors gcc
     programs gcc CC=gcc
     sanitized

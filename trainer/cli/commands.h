@@ -12,5 +12,6 @@ extern const saga_command saga_command_eval;
 extern const saga_command saga_command_info;
 extern const saga_command saga_command_render;
 extern const saga_command saga_command_synth;
+extern const saga_command saga_command_view;
 
 #endif

@@ -17,7 +17,8 @@ static const saga_command *const commands[] = {
     &saga_command_encode,
     &saga_command_info,
     &saga_command_eval,
-    &saga_command_render
+    &saga_command_render,
+    &saga_command_view
 };
 
 enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };
@@ -41,6 +42,7 @@ static const char last_words[] =
     "  saga encode demo -o demo.saga    learns it; takes minutes\n"
     "  saga info demo.saga              what the file holds\n"
     "  saga eval demo.saga demo         how good it is\n"
+    "  saga view demo.saga              shows it in the browser\n"
     "  saga render demo.saga -o tour_%02d.png --orbit 60\n"
     "\n"
     "On small devices, saga-dec shows what the decoder alone can do\n"

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT
+//
+// Cameras in float, as a user moves them, and in the decoder's integers.
+//
+// A pose is { rotation, centre }: rows right, down, forward of the camera in
+// box axes (9), and where it stands in box units (3). The `values` of a camera
+// are the 22 integers of saga_camera, in its order.
+
+const ROTATION = 0, CENTRE = 9, FOCAL = 12, PRINCIPAL = 14, SIZE = 17;
+const ONE_Q30 = 2 ** 30, ONE_Q16 = 65536;
+const FARTHEST = 2 ** 29; // box units, of a camera
+
+// --- Vectors ---------------------------------------------------------------
+
+export const add = (a, b) => a.map((x, i) => x + b[i]);
+export const sub = (a, b) => a.map((x, i) => x - b[i]);
+export const times = (a, s) => a.map((x) => x * s);
+export const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
+export const norm = (a) => Math.hypot(...a);
+export const unit = (a) => times(a, 1 / (norm(a) || 1));
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1],
+    a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+
+// v turned by an angle about a unit axis.
+function turned(v, axis, angle) {
+    const c = Math.cos(angle), s = Math.sin(angle);
+
+    return add(add(times(v, c), times(cross(axis, v), s)),
+        times(axis, dot(axis, v) * (1 - c)));
+}
+
+// --- Poses -----------------------------------------------------------------
+
+export const rightOf = (pose) => pose.rotation.slice(0, 3);
+export const downOf = (pose) => pose.rotation.slice(3, 6);
+export const forwardOf = (pose) => pose.rotation.slice(6, 9);
+
+export function poseOf(values) {
+    return {
+        rotation: Array.from(values.slice(ROTATION, ROTATION + 9),
+            (r) => r / ONE_Q30),
+        centre: Array.from(values.slice(CENTRE, CENTRE + 3)),
+    };
+}
+
+// A camera that stands at eye and looks at target, its picture's top towards
+// up.
+export function lookAt(eye, target, up) {
+    const forward = unit(sub(target, eye));
+    const right = unit(cross(forward, up));
+
+    return { rotation: [...right, ...cross(forward, right), ...forward],
+        centre: eye };
+}
+
+// The pose turned rigidly about a point.
+function turnedAbout(pose, pivot, axis, angle) {
+    const rows = [rightOf(pose), downOf(pose), forwardOf(pose)];
+
+    return {
+        rotation: rows.flatMap((row) => turned(row, axis, angle)),
+        centre: add(pivot, turned(sub(pose.centre, pivot), axis, angle)),
+    };
+}
+
+// Around the pivot: yaw about up, then pitch, which stops short of up and down.
+export function orbited(pose, pivot, up, yaw, pitch) {
+    const limit = 0.05;
+    const angle = Math.acos(Math.max(-1, Math.min(1,
+        dot(forwardOf(pose), up))));
+    const next = Math.max(limit, Math.min(Math.PI - limit, angle - pitch));
+    const level = turnedAbout(pose, pivot, up, yaw);
+
+    return turnedAbout(level, pivot, rightOf(level), angle - next);
+}
+
+// Nearer to the pivot, or farther away.
+export function dollied(pose, pivot, factor) {
+    return { rotation: pose.rotation,
+        centre: add(pivot, times(sub(pose.centre, pivot), factor)) };
+}
+
+export function moved(pose, by) {
+    return { rotation: pose.rotation, centre: add(pose.centre, by) };
+}
+
+// --- Integers --------------------------------------------------------------
+
+// The lens (values) scaled to another size of the picture.
+export function resized(lens, scale) {
+    const values = Int32Array.from(lens);
+
+    if (scale === 1)
+        return values;
+    for (const at of [FOCAL, FOCAL + 1])
+        values[at] = Math.max(1, Math.round(lens[at] * scale));
+    for (const i of [0, 1]) {
+        const side = Math.max(1, Math.min(16384,
+            Math.round(lens[SIZE + i] * scale)));
+        const off = lens[PRINCIPAL + i] - lens[SIZE + i] * ONE_Q16 / 2;
+
+        values[SIZE + i] = side;
+        values[PRINCIPAL + i] = Math.round(side * ONE_Q16 / 2 + off * scale);
+    }
+    return values;
+}
+
+// A lens at a pose.
+export function placed(lens, pose) {
+    const values = Int32Array.from(lens);
+
+    pose.rotation.forEach((r, i) => {
+        values[ROTATION + i] = Math.round(r * ONE_Q30);
+    });
+    pose.centre.forEach((c, i) => {
+        values[CENTRE + i] = Math.max(-FARTHEST,
+            Math.min(FARTHEST, Math.round(c)));
+    });
+    return values;
+}
+
+export const widthOf = (values) => values[SIZE];
+export const heightOf = (values) => values[SIZE + 1];
+
+// Vertical, in degrees.
+export function fovOf(values) {
+    const half = heightOf(values) * ONE_Q16 / 2 / values[FOCAL + 1];
+
+    return 2 * Math.atan(half) * 180 / Math.PI;
+}
+
+// The lens with another vertical field of view, in degrees.
+export function withFov(lens, fov) {
+    const values = Int32Array.from(lens);
+    const focal = heightOf(lens) * ONE_Q16 / 2 /
+        Math.tan(fov * Math.PI / 360);
+    const aspect = lens[FOCAL] / lens[FOCAL + 1];
+
+    values[FOCAL] = Math.max(1, Math.round(focal * aspect));
+    values[FOCAL + 1] = Math.max(1, Math.round(focal));
+    return values;
+}
+
+// Straight ahead from 1.2 cubes away: for files without a rig.
+export function standInLens() {
+    const width = 640, height = 360;
+    const values = new Int32Array(22);
+
+    values.set([width * ONE_Q16, width * ONE_Q16, width * ONE_Q16 / 2,
+        height * ONE_Q16 / 2, 2 ** 14, width, height], FOCAL);
+    return placed(values, lookAt([0, 0, -1.2 * 2 ** 24], [0, 0, 0],
+        [0, -1, 0]));
+}
+
+// --- A rig -----------------------------------------------------------------
+
+// m x = v for a symmetric positive 3x3 matrix, by Cramer's rule.
+function solve3(m, v) {
+    const column = (i) => [m[0][i], m[1][i], m[2][i]];
+    const det = (a, b, c) => dot(a, cross(b, c));
+    const [a, b, c] = [0, 1, 2].map(column);
+    const d = det(a, b, c);
+
+    return [det(v, b, c) / d, det(a, v, c) / d, det(a, b, v) / d];
+}
+
+// Where the cameras look: the point nearest to all their axes, drawn a little
+// to the cube's centre, which decides for a single camera.
+export function focusOf(poses) {
+    const m = [0, 1, 2].map((i) => [0, 1, 2].map(
+        (k) => (i === k ? 1e-3 * poses.length : 0)));
+    let v = [0, 0, 0];
+
+    for (const pose of poses) {
+        const f = forwardOf(pose);
+
+        for (let i = 0; i < 3; i++)
+            for (let k = 0; k < 3; k++)
+                m[i][k] += (i === k ? 1 : 0) - f[i] * f[k];
+        v = add(v, sub(pose.centre, times(f, dot(f, pose.centre))));
+    }
+    return solve3(m, v);
+}
+
+// What is up for people who hold their cameras level, whatever their tilt: at
+// right angles to all horizontal axes, near the pictures' mean up.
+export function upOf(poses) {
+    const mean = poses.reduce((sum, pose) => sub(sum, downOf(pose)),
+        [0, 0, 0]);
+    let up = unit(norm(mean) > 1e-6 ? mean : times(downOf(poses[0]), -1));
+
+    for (let step = 0; step < 64; step++) {
+        const next = poses.reduce((sum, pose) => sub(sum, times(rightOf(pose),
+            dot(rightOf(pose), up) / poses.length)), up);
+
+        if (norm(next) < 1e-6)
+            break;
+        up = unit(next);
+    }
+    return up;
+}

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+//
+// Mouse, pen and fingers on a viewer's canvas: a drag orbits, with shift or
+// another button it pans, the wheel and two fingers go nearer or farther.
+
+const TURN = Math.PI; // radians of a drag across the canvas
+
+export function addControls(viewer, element) {
+    const pointers = new Map(); // id -> { x, y }
+
+    // Middle and spread of what touches.
+    const gauge = () => {
+        const all = [...pointers.values()];
+        const x = all.reduce((sum, p) => sum + p.x, 0) / all.length;
+        const y = all.reduce((sum, p) => sum + p.y, 0) / all.length;
+        const spread = all.length < 2 ? 0
+            : Math.hypot(all[0].x - all[1].x, all[0].y - all[1].y);
+
+        return { x, y, spread };
+    };
+    const perPixel = () => {
+        const { canvas } = viewer;
+
+        return canvas.width / (canvas.clientWidth || 1) / viewer.scale;
+    };
+
+    element.addEventListener('pointerdown', (event) => {
+        if (!viewer.info)
+            return;
+        element.setPointerCapture(event.pointerId);
+        pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+        event.preventDefault();
+    });
+
+    element.addEventListener('pointermove', (event) => {
+        if (!viewer.info || !pointers.has(event.pointerId))
+            return;
+        const before = gauge();
+
+        pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+        const now = gauge();
+        const dx = now.x - before.x, dy = now.y - before.y;
+
+        if (event.shiftKey || event.buttons > 1 || pointers.size > 1)
+            viewer.pan(dx * perPixel(), dy * perPixel());
+        else
+            viewer.orbit(-dx / element.clientWidth * TURN,
+                -dy / element.clientWidth * TURN);
+        if (pointers.size > 1 && before.spread && now.spread)
+            viewer.dolly(before.spread / now.spread);
+    });
+
+    for (const end of ['pointerup', 'pointercancel'])
+        element.addEventListener(end, (event) =>
+            pointers.delete(event.pointerId));
+
+    element.addEventListener('wheel', (event) => {
+        if (!viewer.info)
+            return;
+        event.preventDefault();
+        viewer.dolly(Math.exp(Math.max(-0.5, Math.min(0.5,
+            event.deltaY * (event.deltaMode ? 0.05 : 0.0015)))));
+    }, { passive: false });
+
+    element.addEventListener('contextmenu', (event) =>
+        event.preventDefault());
+}

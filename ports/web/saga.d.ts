@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: MIT
+
+/** An error with a sentence for the user. */
+export class SagaError extends Error {
+    /** A saga_status of saga.h, an HTTP status, or 0. */
+    status: number;
+}
+
+/** Where the bytes of a file come from. */
+export interface SagaSource {
+    /** For messages. */
+    readonly name: string;
+    /** Bytes; NaN until it is known. */
+    readonly size: number;
+    /** Bytes that came so far. */
+    readonly fetched: number;
+    /** Gives fewer bytes only where the file ends. */
+    read(offset: number, nbytes: number): Promise<Uint8Array>;
+}
+
+export class BytesSource implements SagaSource {
+    constructor(bytes: Uint8Array, name?: string);
+    readonly name: string;
+    readonly size: number;
+    readonly fetched: number;
+    read(offset: number, nbytes: number): Promise<Uint8Array>;
+}
+
+export class BlobSource implements SagaSource {
+    constructor(blob: Blob);
+    readonly name: string;
+    readonly size: number;
+    readonly fetched: number;
+    read(offset: number, nbytes: number): Promise<Uint8Array>;
+}
+
+/** By HTTP ranges; as a whole where the server gives none. */
+export class HttpSource implements SagaSource {
+    constructor(url: string | URL);
+    readonly name: string;
+    readonly size: number;
+    readonly fetched: number;
+    read(offset: number, nbytes: number): Promise<Uint8Array>;
+}
+
+/** Whether the decoder with SIMD can be used here. */
+export function hasSimd(): boolean;
+
+/** The compiled decoder; `base` is where the .wasm files lie. */
+export function loadModule(options?: {
+    simd?: boolean;
+    base?: string | URL;
+}): Promise<WebAssembly.Module>;
+
+export interface SagaInfo {
+    version: number;
+    level: number;
+    workNbytes: number;
+    headNbytes: number;
+    nSegments: number;
+    nFrames: number;
+    fpsNum: number;
+    fpsDen: number;
+    /** Frames a second. */
+    fps: number;
+    nCameras: number;
+    /** Of any segment. */
+    maxPrimitives: number;
+    /** The capture's unit: centre + unit * box units. */
+    unit: number;
+    centre: [number, number, number];
+}
+
+export interface SagaCamera {
+    /** The number that the capture gives it. */
+    number?: number;
+    /** The 22 integers of saga_camera in saga.h, in its order. */
+    values: Int32Array;
+}
+
+export interface SagaSegment {
+    number: number;
+    firstFrame: number;
+    nFrames: number;
+    offset: number;
+    nbytes: number;
+    /** Of the wanted time in it, 0..65535. */
+    t: number;
+}
+
+export interface SagaPicture {
+    width: number;
+    height: number;
+    /** Rows of R, G, B; a view of the decoder's memory until the next call. */
+    rgb: Uint8Array;
+    /** The same with an alpha of 255. */
+    rgba: Uint8Array;
+    nPrimitives: number;
+    /** Of them seen from the camera. */
+    nSplats: number;
+}
+
+/** An open file. It draws one picture at a time. */
+export class SagaFile {
+    static open(
+        source: string | URL | Blob | Uint8Array | SagaSource,
+        options?: { module?: WebAssembly.Module },
+    ): Promise<SagaFile>;
+
+    readonly info: SagaInfo;
+    readonly rig: SagaCamera[];
+    readonly segments: SagaSegment[];
+    readonly source: SagaSource;
+    /** Milliseconds of the last segment, view and picture. */
+    readonly times: { segment: number; view: number; draw: number };
+
+    /** The segment that shows the time num / den, in frames. */
+    find(num: number, den: number): SagaSegment;
+
+    /** The bytes of a segment, fetched once; call it ahead of time too. */
+    fetchSegment(number: number): Promise<Uint8Array>;
+
+    /** The picture at the time num / den, in frames; both are integers. */
+    draw(camera: SagaCamera, num: number, den?: number): Promise<SagaPicture>;
+
+    /** CRC-32C of the last picture's rgb, 8 digits. */
+    crc(): string;
+}

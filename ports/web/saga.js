@@ -1,0 +1,379 @@
+// SPDX-License-Identifier: MIT
+//
+// A .saga file in JavaScript: the C decoder in WebAssembly, and the bytes of
+// the file fetched as they are needed. The same pixels as everywhere.
+//
+//     const file = await SagaFile.open('scene.saga');
+//     const picture = await file.draw(file.rig[0], 0);
+//     picture.rgba, picture.width, picture.height, file.crc()
+//
+// Runs wherever WebAssembly does: page, worker or Node. One SagaFile draws one
+// picture at a time; saga.d.ts has the types.
+
+// Positions of saga_web.c's structures, in 32-bit integers.
+const INFO = {
+    version: 0, level: 1, workNbytes: 2, headNbytes: 3, nSegments: 4,
+    nFrames: 5, fpsNum: 6, fpsDen: 7, nCameras: 8, maxPrimitives: 9,
+};
+const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15;
+const CAMERA_LENGTH = 22; // and the camera's number behind them
+
+const TRUNCATED = -11;
+const FIRST_NBYTES = 4096; // header and rig of a usual file
+const KEPT_SEGMENTS = 64;  // coded ones
+
+// A sentence for the user, with what may help.
+export class SagaError extends Error {
+    constructor(message, status = 0) {
+        super(message);
+        this.name = 'SagaError';
+        this.status = status;
+    }
+}
+
+// --- Where bytes come from -------------------------------------------------
+//
+// A source has a name, read(offset, nbytes), which gives fewer bytes only where
+// the file ends, size (NaN until it is known) and fetched, the bytes that came.
+
+export class BytesSource {
+    constructor(bytes, name = 'the file') {
+        this.bytes = bytes;
+        this.name = name;
+        this.size = bytes.length;
+        this.fetched = bytes.length;
+    }
+
+    async read(offset, nbytes) {
+        return this.bytes.subarray(offset, offset + nbytes);
+    }
+}
+
+// A File or Blob that the user chose.
+export class BlobSource {
+    constructor(blob) {
+        this.blob = blob;
+        this.name = blob.name || 'the file';
+        this.size = blob.size;
+        this.fetched = 0;
+    }
+
+    async read(offset, nbytes) {
+        const part = this.blob.slice(offset, offset + nbytes);
+
+        this.fetched += part.size;
+        return new Uint8Array(await part.arrayBuffer());
+    }
+}
+
+// An address. Where the server does not give parts, the whole file is taken
+// once.
+export class HttpSource {
+    constructor(url) {
+        this.url = url;
+        this.name = decodeURIComponent(String(url).replace(/[?#].*/, '')
+            .replace(/.*\//, '')) || String(url);
+        this.size = NaN;
+        this.fetched = 0;
+        this.whole = null;
+    }
+
+    async read(offset, nbytes) {
+        if (!this.whole) {
+            const part = await this.readPart(offset, nbytes);
+
+            if (part)
+                return part;
+        }
+        return this.whole.subarray(offset, offset + nbytes);
+    }
+
+    // The part, or null where the whole has come.
+    async readPart(offset, nbytes) {
+        const response = await this.request(offset, nbytes);
+
+        if (response.status === 416)
+            return new Uint8Array(0);
+        const bytes = new Uint8Array(await this.bodyOf(response));
+
+        this.fetched += bytes.length;
+        if (response.status === 206) {
+            const range = response.headers.get('Content-Range') || '';
+
+            this.size = Number(range.replace(/.*\//, '')) || NaN;
+            return bytes;
+        }
+        this.whole = bytes;
+        this.size = bytes.length;
+        return null;
+    }
+
+    async request(offset, nbytes) {
+        const headers = { Range: `bytes=${offset}-${offset + nbytes - 1}` };
+        let response;
+
+        try {
+            response = await fetch(this.url, { headers });
+        } catch (error) {
+            throw new SagaError(`${this.name}: cannot be fetched ` +
+                `(${error.message}); check the address and the network`);
+        }
+        if (!response.ok && response.status !== 416)
+            throw new SagaError(`${this.name}: the server answers ` +
+                `${response.status}; check the address`, response.status);
+        return response;
+    }
+
+    async bodyOf(response) {
+        try {
+            return await response.arrayBuffer();
+        } catch (error) {
+            throw new SagaError(`${this.name}: the transfer broke off ` +
+                `(${error.message}); try again`);
+        }
+    }
+}
+
+// --- The module ------------------------------------------------------------
+
+// A function of one SIMD instruction: browsers that take it have SIMD.
+const SIMD_PROBE = new Uint8Array([
+    0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1,
+    8, 0, 65, 0, 253, 15, 253, 98, 11,
+]);
+
+export function hasSimd() {
+    return WebAssembly.validate(SIMD_PROBE);
+}
+
+// The compiled decoder, to be given to SagaFile.open, to workers too.
+export async function loadModule({ simd = hasSimd(), base } = {}) {
+    const name = simd ? 'saga_simd.wasm' : 'saga.wasm';
+    const url = new URL(name, base || import.meta.url);
+    const response = await fetch(url).catch(() => null);
+
+    if (!response || !response.ok)
+        throw new SagaError(`${name}: cannot be fetched; it belongs beside ` +
+            'saga.js, `make web` builds it');
+    return WebAssembly.compile(await response.arrayBuffer());
+}
+
+// --- A file ----------------------------------------------------------------
+
+export class SagaFile {
+    // source: an address, a File or Blob, bytes, or an object like the sources
+    // above. module: of loadModule, which is called without it.
+    static async open(source, { module } = {}) {
+        const compiled = module || await loadModule();
+        const instance = await WebAssembly.instantiate(compiled, {});
+        const file = new SagaFile(instance.exports, sourceOf(source));
+
+        await file.readHead();
+        return file;
+    }
+
+    constructor(wasm, source) {
+        this.wasm = wasm;
+        this.source = source;
+        this.segment = -1;         // the decoded one
+        this.coded = new Map();    // number -> promise of a segment's bytes
+        this.times = { segment: 0, view: 0, draw: 0 }; // ms, of the last ones
+    }
+
+    ints(at, n) {
+        return new Int32Array(this.wasm.memory.buffer, at, n);
+    }
+
+    bytes(at, n) {
+        return new Uint8Array(this.wasm.memory.buffer, at, n);
+    }
+
+    // Throws unless the status is 0.
+    check(status, what) {
+        if (status === 0)
+            return;
+        const at = this.wasm.saga_web_status_text(status);
+        const text = this.bytes(at, 80);
+        const why = String.fromCharCode(...text.subarray(0, text.indexOf(0)));
+
+        throw new SagaError(`${this.source.name}: ${what} (${why}); ` +
+            remedyOf(status), status);
+    }
+
+    write(at, bytes) {
+        if (!at)
+            this.check(-2, 'is too large for this browser\'s memory');
+        this.bytes(at, bytes.length).set(bytes);
+    }
+
+    // --- Head
+
+    // As much of the start as the header takes, then what it says is the head.
+    async readHead() {
+        let bytes = await this.source.read(0, FIRST_NBYTES);
+        let status = this.probe(bytes);
+
+        while (status === TRUNCATED && bytes.length < this.source.size) {
+            bytes = await this.readOn(bytes, 2 * bytes.length);
+            status = this.probe(bytes);
+        }
+        this.check(status, 'is not a .saga file that can be shown');
+        this.tellInfo();
+        if (bytes.length < this.info.headNbytes)
+            bytes = await this.readOn(bytes, this.info.headNbytes);
+        this.write(this.wasm.saga_web_head(bytes.length), bytes);
+        this.check(this.wasm.saga_web_probe(), 'its header is refused');
+        this.check(this.wasm.saga_web_open(), 'its networks are refused');
+        this.rig = Array.from({ length: this.info.nCameras },
+            (_, i) => this.readCamera(i));
+        this.segments = this.listSegments();
+    }
+
+    probe(bytes) {
+        this.write(this.wasm.saga_web_head(bytes.length), bytes);
+        return this.wasm.saga_web_probe();
+    }
+
+    async readOn(bytes, nbytes) {
+        const more = await this.source.read(bytes.length,
+            nbytes - bytes.length);
+        const all = new Uint8Array(bytes.length + more.length);
+
+        all.set(bytes);
+        all.set(more, bytes.length);
+        return all;
+    }
+
+    tellInfo() {
+        const told = this.ints(this.wasm.saga_web_info(), 16);
+        const power = (mantissa, exponent) => mantissa * 2 ** exponent;
+
+        this.info = Object.fromEntries(Object.entries(INFO).map(
+            ([name, at]) => [name, told[at] >>> 0]));
+        this.info.fps = this.info.fpsNum / this.info.fpsDen || 25; // a still
+        // Metres (the capture's unit) = centre + unit * box units.
+        this.info.unit = power(told[UNIT], told[UNIT + 1]);
+        this.info.centre = [0, 1, 2].map(
+            (i) => power(told[CENTRE + i], told[CENTRE_EXPONENT]));
+    }
+
+    // A camera of the rig: { number, values }, values as saga_camera has them.
+    readCamera(index) {
+        this.check(this.wasm.saga_web_rig(index), 'its rig is refused');
+        const told = this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH + 1);
+
+        return { number: told[CAMERA_LENGTH],
+            values: told.slice(0, CAMERA_LENGTH) };
+    }
+
+    // Of every segment where it is and which frames it has.
+    listSegments() {
+        const list = [];
+
+        for (let frame = 0; frame < this.info.nFrames;
+            frame += list[list.length - 1].nFrames)
+            list.push(this.find(frame, 1));
+        return list;
+    }
+
+    find(num, den) {
+        this.check(this.wasm.saga_web_find(num, den), 'has no such time');
+        const told = this.ints(this.wasm.saga_web_segment(), 7);
+
+        return { number: told[0], firstFrame: told[1], nFrames: told[2],
+            offset: (told[3] >>> 0) + 2 ** 32 * (told[4] >>> 0),
+            nbytes: told[5] >>> 0, t: told[6] };
+    }
+
+    // --- Segments
+
+    // The bytes of a segment, which are fetched once: also ahead of time.
+    fetchSegment(number) {
+        const { offset, nbytes } = this.segments[number];
+        let bytes = this.coded.get(number);
+
+        if (!bytes) {
+            bytes = this.source.read(offset, nbytes);
+            bytes.catch(() => this.coded.delete(number));
+        }
+        this.coded.delete(number); // to the end of those to be forgotten
+        this.coded.set(number, bytes);
+        if (this.coded.size > KEPT_SEGMENTS)
+            this.coded.delete(this.coded.keys().next().value);
+        return bytes;
+    }
+
+    async decode(number) {
+        if (this.segment === number)
+            return;
+        const bytes = await this.fetchSegment(number);
+        const start = performance.now();
+
+        this.segment = -1;
+        this.write(this.wasm.saga_web_input(bytes.length), bytes);
+        const status = this.wasm.saga_web_decode(bytes.length);
+
+        if (status)
+            this.coded.delete(number);
+        this.check(status, `segment ${number} is refused`);
+        this.segment = number;
+        this.times.segment = performance.now() - start;
+    }
+
+    // --- Pictures
+
+    // The picture at a time in frames, a fraction num / den of integers. rgba
+    // is a view of the decoder's memory, good until the next call; rgb too,
+    // without alpha, as saga-dec writes it.
+    async draw(camera, num, den = 1) {
+        const { number, t } = this.find(num, den);
+
+        await this.decode(number);
+        this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH)
+            .set(camera.values);
+        const start = performance.now();
+
+        this.check(this.wasm.saga_web_view(t), 'cannot be seen from there');
+        const seen = performance.now();
+
+        this.check(this.wasm.saga_web_draw(), 'cannot be drawn');
+        this.times.view = seen - start;
+        this.times.draw = performance.now() - seen;
+        return this.picture();
+    }
+
+    picture() {
+        const [width, height, rgb, rgba, nPrimitives, nSplats] =
+            this.ints(this.wasm.saga_web_picture(), 6);
+
+        return { width, height, nPrimitives, nSplats,
+            rgb: this.bytes(rgb >>> 0, 3 * width * height),
+            rgba: this.bytes(rgba >>> 0, 4 * width * height) };
+    }
+
+    // CRC-32C of the last picture's rgb, which saga-dec --crc prints.
+    crc() {
+        return (this.wasm.saga_web_crc() >>> 0).toString(16).padStart(8, '0');
+    }
+}
+
+function sourceOf(source) {
+    if (source instanceof Uint8Array)
+        return new BytesSource(source);
+    if (typeof Blob !== 'undefined' && source instanceof Blob)
+        return new BlobSource(source);
+    if (typeof source === 'string' || source instanceof URL)
+        return new HttpSource(source);
+    return source;
+}
+
+function remedyOf(status) {
+    switch (status) {
+    case TRUNCATED: return 'the file is cut off: copy it again';
+    case -12: return 'it needs a newer version of this page';
+    case -13: return 'this decoder does not take files of its level';
+    case -2: return 'close other tabs, or use saga-dec';
+    case -1: return 'choose another time or camera';
+    default: return '`saga info` tells what is damaged';
+    }
+}

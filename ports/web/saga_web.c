@@ -1,0 +1,388 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The decoder for WebAssembly: saga.h behind functions of plain numbers, which
+ * saga.js calls. One instance of the module is one open file.
+ *
+ * What is larger than a number goes through memory: a function tells where,
+ * JavaScript reads or writes there. Memory above the program's own is laid out
+ * by the order of calls:
+ *
+ *     head | work block | a segment's bytes, or picture and scratch
+ *
+ * and grows where it must, so that JavaScript has to look at the memory anew
+ * after every function here that takes a size, and after saga_web_draw.
+ */
+#include "saga.h"
+
+enum {
+    PAGE = 65536,           /* of WebAssembly's memory */
+    ALIGN = 64,
+    TILE = 16,
+    LIST = 1 << 15          /* splats that a band sees at a time */
+};
+
+/* Whatever JavaScript reads, as 32-bit integers. */
+typedef struct {
+    uint32_t version, level, work_nbytes, head_nbytes;
+    uint32_t n_segments, n_frames, fps_num, fps_den;
+    uint32_t n_cameras, max_primitives;
+    int32_t unit_mantissa, unit_exponent;
+    int32_t centre_mantissa[3], centre_exponent;
+} web_info;
+
+typedef struct {
+    int32_t rotation_q30[9], centre[3], focal_q16[2], principal_q16[2];
+    int32_t near_plane, width, height, background_q15[3];
+    int32_t number;         /* in the capture */
+} web_camera;
+
+typedef struct {
+    uint32_t number, first_frame, n_frames;
+    uint32_t offset[2];     /* low half, high half */
+    uint32_t nbytes;
+    int32_t t;
+} web_segment;
+
+typedef struct {
+    uint32_t width, height; /* pixels */
+    const uint8_t *rgb;     /* (height, width, 3) */
+    const uint8_t *rgba;    /* (height, width, 4), opaque */
+    uint32_t n_primitives, n_splats;
+} web_picture;
+
+/* --- What JavaScript calls ------------------------------------------------ */
+
+/* A function keeps its C name; its prototype stands here. */
+#define EXPORT(name) __attribute__((export_name(#name)))
+
+/* Room for the first nbytes of a file, which must be written there before
+ * saga_web_probe. Closes what was open. NULL: no memory. */
+EXPORT(saga_web_head) uint8_t *saga_web_head(uint32_t nbytes);
+
+/* saga_probe of what is in the head so far, told at saga_web_info. */
+EXPORT(saga_web_probe) int32_t saga_web_probe(void);
+EXPORT(saga_web_info) const web_info *saga_web_info(void);
+
+/* saga_open of the whole head, in a work block behind it. */
+EXPORT(saga_web_open) int32_t saga_web_open(void);
+
+/* Where a camera lies: saga_web_rig writes it, saga_web_view reads it. */
+EXPORT(saga_web_camera) web_camera *saga_web_camera(void);
+EXPORT(saga_web_rig) int32_t saga_web_rig(uint32_t index);
+
+/* saga_find, told at saga_web_segment. */
+EXPORT(saga_web_find)
+int32_t saga_web_find(uint32_t frame_num, uint32_t frame_den);
+EXPORT(saga_web_segment) const web_segment *saga_web_segment(void);
+
+/* Room for a segment's bytes, to be written there before saga_web_decode. The
+ * last picture is lost. NULL: no memory. */
+EXPORT(saga_web_input) uint8_t *saga_web_input(uint32_t nbytes);
+EXPORT(saga_web_decode) int32_t saga_web_decode(uint32_t nbytes);
+
+/* saga_view of the camera at saga_web_camera, then its picture, told at
+ * saga_web_picture. */
+EXPORT(saga_web_view) int32_t saga_web_view(int32_t t);
+EXPORT(saga_web_draw) int32_t saga_web_draw(void);
+EXPORT(saga_web_picture) const web_picture *saga_web_picture(void);
+
+/* CRC-32C of the last picture's R, G, B bytes. */
+EXPORT(saga_web_crc) uint32_t saga_web_crc(void);
+
+EXPORT(saga_web_status_text) const char *saga_web_status_text(int32_t status);
+
+/* --- State --------------------------------------------------------------- */
+
+static struct {
+    saga_info info;
+    saga_decoder *dec;
+    uint8_t *head, *work, *input;
+    size_t head_nbytes;
+    saga_camera view;       /* of the last saga_web_view */
+    web_info told;
+    web_camera camera;
+    web_segment segment;
+    web_picture picture;
+} web;
+
+extern uint8_t __heap_base; /* the linker's: the first free byte */
+
+/* --- Memory -------------------------------------------------------------- */
+
+static uint8_t *align_up(uint8_t *p)
+{
+    return (uint8_t *)(((uintptr_t)p + ALIGN - 1) / ALIGN * ALIGN);
+}
+
+/* Makes memory reach from `from` for `nbytes`; 0 where there is no more. */
+static int reach(const uint8_t *from, uint64_t nbytes)
+{
+    const uint64_t end = (uintptr_t)from + nbytes;
+    const uint64_t have = (uint64_t)__builtin_wasm_memory_size(0) * PAGE;
+
+    if (end <= have)
+        return 1;
+    if (end > 0xffff0000u)
+        return 0;
+    return __builtin_wasm_memory_grow(0, (size_t)((end - have + PAGE - 1) /
+                                                  PAGE)) != (size_t)-1;
+}
+
+/* --- A file -------------------------------------------------------------- */
+
+uint8_t *saga_web_head(uint32_t nbytes)
+{
+    web.dec = NULL;
+    web.head = align_up(&__heap_base);
+    web.head_nbytes = nbytes;
+    return reach(web.head, nbytes) ? web.head : NULL;
+}
+
+static void tell_info(void)
+{
+    const saga_info *const from = &web.info;
+    web_info *const to = &web.told;
+    int i;
+
+    to->version = from->version;
+    to->level = from->level;
+    to->work_nbytes = from->work_nbytes;
+    to->head_nbytes = from->head_nbytes;
+    to->n_segments = from->n_segments;
+    to->n_frames = from->n_frames;
+    to->fps_num = from->fps_num;
+    to->fps_den = from->fps_den;
+    to->n_cameras = from->n_cameras;
+    to->max_primitives = from->max_primitives;
+    to->unit_mantissa = from->unit_mantissa;
+    to->unit_exponent = from->unit_exponent;
+    for (i = 0; i < 3; i++)
+        to->centre_mantissa[i] = from->centre_mantissa[i];
+    to->centre_exponent = from->centre_exponent;
+}
+
+int32_t saga_web_probe(void)
+{
+    const saga_status s = saga_probe(&web.info, web.head, web.head_nbytes);
+
+    if (s == SAGA_OK)
+        tell_info();
+    return s;
+}
+
+const web_info *saga_web_info(void)
+{
+    return &web.told;
+}
+
+int32_t saga_web_open(void)
+{
+    const size_t nbytes = web.info.work_nbytes;
+
+    web.work = align_up(web.head + web.head_nbytes);
+    if (!reach(web.work, nbytes))
+        return SAGA_ERR_SPACE;
+    web.input = align_up(web.work + nbytes);
+    return saga_open(&web.dec, web.work, nbytes, web.head, web.head_nbytes);
+}
+
+web_camera *saga_web_camera(void)
+{
+    return &web.camera;
+}
+
+int32_t saga_web_rig(uint32_t index)
+{
+    web_camera *const to = &web.camera;
+    saga_camera c;
+    uint32_t number;
+    const saga_status s = saga_rig(&c, &number, web.head, web.head_nbytes,
+                                   index);
+    int i;
+
+    if (s)
+        return s;
+    for (i = 0; i < 9; i++)
+        to->rotation_q30[i] = c.rotation_q30[i];
+    for (i = 0; i < 3; i++) {
+        to->centre[i] = c.centre[i];
+        to->background_q15[i] = c.background_q15[i];
+    }
+    for (i = 0; i < 2; i++) {
+        to->focal_q16[i] = c.focal_q16[i];
+        to->principal_q16[i] = c.principal_q16[i];
+    }
+    to->near_plane = c.near_plane;
+    to->width = c.width;
+    to->height = c.height;
+    to->number = (int32_t)number;
+    return SAGA_OK;
+}
+
+/* --- A segment ----------------------------------------------------------- */
+
+int32_t saga_web_find(uint32_t frame_num, uint32_t frame_den)
+{
+    web_segment *const to = &web.segment;
+    saga_segment seg;
+    const saga_status s = saga_find(&seg, web.head, web.head_nbytes,
+                                    frame_num, frame_den);
+
+    if (s)
+        return s;
+    to->number = seg.number;
+    to->first_frame = seg.first_frame;
+    to->n_frames = seg.n_frames;
+    to->offset[0] = (uint32_t)seg.offset;
+    to->offset[1] = (uint32_t)(seg.offset >> 32);
+    to->nbytes = seg.nbytes;
+    to->t = seg.t;
+    return SAGA_OK;
+}
+
+const web_segment *saga_web_segment(void)
+{
+    return &web.segment;
+}
+
+uint8_t *saga_web_input(uint32_t nbytes)
+{
+    return reach(web.input, nbytes) ? web.input : NULL;
+}
+
+int32_t saga_web_decode(uint32_t nbytes)
+{
+    saga_report report;
+    const saga_status s = web.dec ? saga_decode(web.dec, web.input, nbytes)
+                                  : SAGA_ERR_STATE;
+
+    if (s == SAGA_OK && saga_tell(&report, web.dec) == SAGA_OK)
+        web.picture.n_primitives = report.n_primitives;
+    return s;
+}
+
+/* --- A picture ----------------------------------------------------------- */
+
+static int get_camera(saga_camera *to)
+{
+    const web_camera *const from = &web.camera;
+    int i;
+
+    if (from->width < 1 || from->width > 16384 || from->height < 1 ||
+        from->height > 16384)
+        return 0;
+    for (i = 0; i < 9; i++)
+        to->rotation_q30[i] = from->rotation_q30[i];
+    for (i = 0; i < 3; i++) {
+        to->centre[i] = from->centre[i];
+        to->background_q15[i] = (uint16_t)from->background_q15[i];
+    }
+    for (i = 0; i < 2; i++) {
+        to->focal_q16[i] = from->focal_q16[i];
+        to->principal_q16[i] = from->principal_q16[i];
+    }
+    to->near_plane = from->near_plane;
+    to->width = (uint16_t)from->width;
+    to->height = (uint16_t)from->height;
+    return 1;
+}
+
+int32_t saga_web_view(int32_t t)
+{
+    saga_report report;
+    saga_status s;
+
+    web.view.width = 0;
+    if (!get_camera(&web.view))
+        return SAGA_ERR_ARG;
+    s = web.dec ? saga_view(web.dec, &web.view, t) : SAGA_ERR_STATE;
+    if (s == SAGA_OK && saga_tell(&report, web.dec) == SAGA_OK)
+        web.picture.n_splats = report.n_splats;
+    return s;
+}
+
+static void expand(uint8_t *rgba, const uint8_t *rgb, size_t n_pixels)
+{
+    size_t i;
+
+    for (i = 0; i < n_pixels; i++) {
+        rgba[4 * i] = rgb[3 * i];
+        rgba[4 * i + 1] = rgb[3 * i + 1];
+        rgba[4 * i + 2] = rgb[3 * i + 2];
+        rgba[4 * i + 3] = 255;
+    }
+}
+
+static saga_status draw_all(uint8_t *rgb, uint8_t *scratch, size_t nbytes)
+{
+    const uint32_t width = web.view.width, height = web.view.height;
+    saga_picture picture;
+    saga_job job;
+    saga_status s;
+    int i;
+
+    job.x0 = job.y0 = 0;
+    job.x1 = (int32_t)width;
+    job.y1 = (int32_t)height;
+    job.tile = TILE;
+    job.list_capacity = LIST;
+    job.scratch = scratch;
+    job.scratch_nbytes = nbytes;
+    for (i = 0; i < 4; i++)
+        job.cursor[i] = 0;
+    picture.rgb = rgb;
+    picture.stride_nbytes = 3 * width;
+    picture.nbytes = (size_t)3 * width * height;
+    picture.bits = 8;
+    do
+        s = saga_draw(web.dec, &job, &picture, UINT32_MAX);
+    while (s == SAGA_AGAIN);
+    return s;
+}
+
+int32_t saga_web_draw(void)
+{
+    const uint32_t width = web.view.width, height = web.view.height;
+    const size_t n_pixels = (size_t)width * height;
+    const uint64_t n_tiles = (uint64_t)((width + TILE - 1) / TILE) *
+                             ((height + TILE - 1) / TILE);
+    const uint64_t nbytes = SAGA_JOB_NBYTES(TILE, LIST) +
+                            SAGA_JOB_NBYTES(TILE, 0) * n_tiles;
+    web_picture *const p = &web.picture;
+    uint8_t *const rgb = web.input;
+    uint8_t *rgba, *scratch;
+    saga_status s;
+
+    if (!web.dec || !width)
+        return SAGA_ERR_STATE;
+    if (!reach(rgb, 7 * (uint64_t)n_pixels + nbytes + 2 * ALIGN))
+        return SAGA_ERR_SPACE;
+    rgba = align_up(rgb + 3 * n_pixels);
+    scratch = align_up(rgba + 4 * n_pixels);
+    s = draw_all(rgb, scratch, (size_t)nbytes);
+    if (s)
+        return s;
+    expand(rgba, rgb, n_pixels);
+    p->width = width;
+    p->height = height;
+    p->rgb = rgb;
+    p->rgba = rgba;
+    return SAGA_OK;
+}
+
+const web_picture *saga_web_picture(void)
+{
+    return &web.picture;
+}
+
+uint32_t saga_web_crc(void)
+{
+    const web_picture *const p = &web.picture;
+
+    return saga_crc32c(0, p->rgb, (size_t)3 * p->width * p->height);
+}
+
+const char *saga_web_status_text(int32_t status)
+{
+    return saga_status_text((saga_status)status);
+}

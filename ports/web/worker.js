@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+//
+// A worker that has one file open and draws it, so that the page stays
+// responsive. It answers every message but `fetch` once, in their order:
+//
+//     { open: address or File, simd }     -> { opened } or { failed }
+//     { draw: { values, num, den, crc, buffer } } -> { drawn } or { failed }
+//     { fetch: segment }                  ahead of time
+
+import { SagaFile, hasSimd, loadModule } from './saga.js';
+
+let file = null;
+
+async function open({ open: source, simd = hasSimd() }) {
+    file = null;
+    const module = await loadModule({ simd });
+
+    file = await SagaFile.open(source, { module });
+    const { info, rig, segments } = file;
+    const { name, size } = file.source;
+
+    return { opened: { info, rig, segments, name, size, simd } };
+}
+
+// The picture in buffer, if that is as large as it must be.
+async function draw({ values, num, den, crc, buffer }) {
+    const { width, height, rgba, nPrimitives, nSplats } =
+        await file.draw({ values }, num, den);
+    const fits = buffer && buffer.byteLength === rgba.length;
+    const pixels = new Uint8ClampedArray(
+        fits ? buffer : new ArrayBuffer(rgba.length));
+
+    pixels.set(rgba);
+    return { drawn: {
+        width, height, pixels, nPrimitives, nSplats,
+        crc: crc ? file.crc() : null, num, den, values,
+        segment: file.segment, times: { ...file.times },
+        fetched: file.source.fetched, size: file.source.size,
+        kept: [...file.coded.keys()],
+    } };
+}
+
+async function answer(message) {
+    try {
+        return message.open ? await open(message) : await draw(message.draw);
+    } catch (error) {
+        const text = error.name === 'SagaError' ? error.message
+            : `the decoder stopped (${error.message}); load the page again`;
+
+        return { failed: text };
+    }
+}
+
+let last = Promise.resolve();
+
+onmessage = ({ data }) => {
+    if (data.fetch !== undefined) {
+        file?.fetchSegment(data.fetch).catch(() => {});
+        return;
+    }
+    last = last.then(() => answer(data)).then((reply) =>
+        postMessage(reply, reply.drawn ? [reply.drawn.pixels.buffer] : []));
+};

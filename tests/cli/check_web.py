@@ -1,0 +1,444 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_web.py: guarantees, for the page of ports/web in headless Chromium,
+  pixels      the canvas has saga-dec's pixels, bit by bit: vectors, cameras of
+              the rig and moved ones, times between frames, with SIMD and
+              without; the CRC the page shows is theirs, and told from a wrong
+              one
+  bad         every bad vector is refused with the MANIFEST's status; what is
+              damaged, missing or no file at all is told in a sentence that
+              names it, and a good file can be opened then
+  ranges      of a file of several segments only those that are shown are
+              fetched, each once, and the head; counted by the server. Without
+              ranges the file is taken whole, once
+  controls    mouse, wheel and keys move what they should; a key camera comes
+              back as it was, in the capture's units
+  view        `saga view` serves the page with the file, and the page finds the
+              program's CRC
+  rate        tells pictures a second; no bound, since machines differ
+Without Chromium, or without the decoder for it, it says that it was skipped."""
+
+import base64
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
+import browser  # noqa: E402
+
+os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
+WEB = os.path.join(os.path.dirname(SAGA), "web")
+GOOD = "vectors/good/"
+SEGMENTS = "segments.saga"
+
+complaints = []
+failed = False
+
+
+def complain(*words):
+    complaints.append(" ".join(str(w) for w in words))
+
+
+def verdict(name):
+    global failed
+    for c in complaints:
+        print("     " + c)
+    print(("FAIL" if complaints else "ok  ") + " web " + name, flush=True)
+    failed = failed or bool(complaints)
+    complaints.clear()
+
+
+def read(path):
+    with open(path, "rb") as f:
+        return f.read()
+
+
+# --- References ------------------------------------------------------------
+
+def reference(tmp, path, camera, time):
+    """saga-dec's pixels: R, G, B bytes."""
+    out = os.path.join(tmp, "reference.ppm")
+    subprocess.run([SAGA_DEC, path, "--camera", camera, "--time", time, "-o",
+                    out], check=True)
+    ppm = read(out)
+    head = re.match(rb"P6\n(\d+) (\d+)\n255\n", ppm)
+    return ppm[head.end():]
+
+
+def crc32c(data):
+    crc = 0xffffffff
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82f63b78 if crc & 1 else 0)
+    return "%08x" % (crc ^ 0xffffffff)
+
+
+# --- The page --------------------------------------------------------------
+
+# What is on the canvas, as R, G, B bytes in base 64.
+CANVAS = """(() => {
+    const { width, height } = viewer.canvas;
+    const from = viewer.canvas.getContext('2d')
+        .getImageData(0, 0, width, height).data;
+    let text = '';
+    for (let i = 0; i < from.length; i++)
+        if (i % 4 !== 3)
+            text += String.fromCharCode(from[i]);
+    return btoa(text);
+})()"""
+STATE = "document.documentElement.dataset.state"
+
+
+class Page:
+    def __init__(self, files):
+        self.server = browser.FileServer(files)
+        self.tab = browser.Browser()
+        self.tab.call("Emulation.setDeviceMetricsOverride", width=640,
+                      height=480, deviceScaleFactor=1, mobile=False)
+
+    def show(self, query, server=None):
+        self.tab.go((server or self.server).url + "index.html?" + query)
+        return self.settle()
+
+    def settle(self):
+        """Waits until what was asked for is shown or refused."""
+        self.tab.wait("%s === 'problem' || %s === 'empty' || (%s === 'ready' "
+                      "&& viewer.drawn && !viewer.busy)" % (3 * (STATE,)))
+        return self.tab.run(STATE)
+
+    def do(self, script):
+        self.tab.run("(() => { %s })()" % script)
+        return self.settle()
+
+    def pixels(self):
+        return base64.b64decode(self.tab.run(CANVAS))
+
+    def sentence(self):
+        return self.tab.run("document.getElementById('sentence').textContent")
+
+
+def compare(page, want, what):
+    if page.tab.run(STATE) != "ready":
+        complain(what, "is not shown:", page.sentence())
+    elif page.pixels() != want:
+        complain(what, "has other pixels than saga-dec's")
+
+
+# --- Checks ----------------------------------------------------------------
+
+def check_pixels(page, tmp):
+    for name in ("still", "motion", "random_level2", "no_fuse", "memory"):
+        for simd in (1, 0):
+            page.show("src=%s.saga&simd=%d&stats=1" % (name, simd))
+            if page.tab.run("viewer.usesSimd") != bool(simd):
+                complain("simd=%d is not obeyed" % simd)
+            n = page.tab.run("viewer.info.nFrames")
+            for camera, frame in ((0, 0), (1, n - 1), (2, n // 2)):
+                page.do("viewer.selectCamera(%d); viewer.seek(%d)" %
+                        (camera, frame))
+                compare(page, reference(
+                    tmp, GOOD + name + ".saga", "rig:%d" % camera,
+                    str(frame)), "%s, simd=%d, camera %d, frame %d" %
+                    (name, simd, camera, frame))
+        check_moved(page, tmp, name)
+    check_crc(page, tmp)
+    check_library(page, tmp)
+    verdict("pixels")
+
+
+def check_moved(page, tmp, name):
+    page.do("viewer.orbit(0.2, -0.1); viewer.dolly(0.9); viewer.pan(3, -2); "
+            "viewer.setScale(0.5)")
+    camera = os.path.join(tmp, "camera.txt")
+    with open(camera, "w") as f:
+        f.write(" ".join(map(str, page.tab.run(
+            "Array.from(viewer.drawn.values)"))))
+    frame = page.tab.run("viewer.drawn.num")
+    compare(page, reference(tmp, GOOD + name + ".saga", camera, str(frame)),
+            name + ", moved")
+    page.do("viewer.setScale(1)")
+
+
+def check_crc(page, tmp):
+    right = crc32c(reference(tmp, GOOD + "still.saga", "rig:1", "0"))
+    for crc, want in ((right, "good"), ("00000000", "bad"), ("", "")):
+        page.show("src=still.saga&camera=1&crc=" + crc)
+        shown = page.tab.run("document.documentElement.dataset.crc")
+        got = page.tab.run("document.documentElement.dataset.verdict")
+        if shown != right or got != want:
+            complain("crc=%s: shown %s, '%s', not %s, '%s'" %
+                     (crc, shown, got, right, want))
+
+
+def check_library(page, tmp):
+    """SagaFile alone, between two frames."""
+    text = page.tab.run("""(async () => {
+        const { SagaFile } = await import('/saga.js');
+        const file = await SagaFile.open('/motion.saga');
+        const { rgb } = await file.draw(file.rig[1], 15, 2);
+        return btoa(String.fromCharCode(...rgb));
+    })()""")
+    if base64.b64decode(text) != reference(tmp, GOOD + "motion.saga",
+                                           "rig:1", "15/2"):
+        complain("frame 15/2 of motion.saga differs")
+
+
+def check_bad(page):
+    with open("vectors/MANIFEST") as f:
+        bad = dict(re.findall(r"^(bad/\S+) status (-\d+)$", f.read(), re.M))
+    got = page.tab.run("""(async () => {
+        const { SagaFile, loadModule } = await import('/saga.js');
+        const module = await loadModule();
+        const status = {};
+        for (const name of %s) {
+            status[name] = 0;
+            try {
+                const file = await SagaFile.open('/' + name, { module });
+                for (const s of file.segments)
+                    await file.draw(file.rig[0], s.firstFrame);
+            } catch (error) {
+                status[name] = error.status;
+            }
+        }
+        return status;
+    })()""" % json.dumps(list(bad)))
+    for name, status in bad.items():
+        # What is cut off inside its rig may be told when cameras are listed.
+        if got[name] != int(status):
+            complain(name, "is refused with", got[name], "not", status)
+    if len(bad) < 40:
+        complain("the MANIFEST lists", len(bad), "bad vectors")
+    for query, word in (("src=bad/crc_segment.saga", "crc_segment.saga"),
+                        ("src=bad/magic.saga", "magic.saga"),
+                        ("src=none.saga", "404"),
+                        ("src=saga.js", "saga.js: ")):
+        if page.show(query) != "problem" or word not in page.sentence():
+            complain(query, "says", repr(page.sentence()))
+    page.do("viewer.open(new File([new Uint8Array(9)], 'dropped.saga'))"
+            ".catch(() => {})")
+    page.tab.wait("document.getElementById('sentence').textContent"
+                  ".startsWith('dropped.saga: ')")
+    page.do("viewer.open('still.saga')")
+    page.tab.wait(STATE + " === 'ready'")
+    page.show("src=%s&path=still.saga" % SEGMENTS)
+    page.tab.wait(STATE + " === 'problem'")
+    verdict("bad")
+
+
+def bytes_of(server, path):
+    """(first, number) of what was served of it; forgets it."""
+    served = [(a, n) for p, a, n in server.served if p == path]
+    server.served.clear()
+    return served
+
+
+def check_ranges(page, files, tmp):
+    page.server.served.clear()
+    page.show("src=" + SEGMENTS)
+    head = page.tab.run("viewer.info.headNbytes")
+    part = page.tab.run("viewer.segments.map((s) => [s.offset, s.nbytes])")
+    part = [tuple(p) for p in part]
+
+    def want(what, *ranges):
+        got = bytes_of(page.server, SEGMENTS)
+        if got != list(ranges):
+            complain(what, "fetches", got, "not", list(ranges))
+
+    if len(part) != 3 or head + sum(n for _, n in part) != len(
+            files[SEGMENTS]):
+        complain("segments.saga:", head, part)
+    want("the start", (0, 4096), (4096, head - 4096), part[0])
+    frame = page.tab.run("viewer.segments[2].firstFrame + 3")
+    page.do("viewer.seek(%d)" % frame)
+    want("a seek", part[2])
+    compare(page, reference(tmp, GOOD + SEGMENTS, "rig:0", str(frame)),
+            "after a seek")
+    page.do("viewer.seek(2)")
+    want("a seek back")
+    told = page.tab.run("viewer.drawn.fetched")
+    if told != head + part[0][1] + part[2][1]:
+        complain("the page says that it fetched", told, "bytes")
+    page.tab.run("viewer.play()")
+    page.tab.wait("viewer.drawn.kept.length === 3")
+    page.tab.run("viewer.pause()")
+    page.settle()
+    want("playing", part[1])
+    check_whole(page, files, tmp)
+    verdict("ranges: %d of %d bytes for the first picture, %d for a seek" %
+            (head + part[0][1], len(files[SEGMENTS]), part[2][1]))
+
+
+def check_whole(page, files, tmp):
+    plain = browser.FileServer(files, ranges=False)
+    page.show("src=%s&frame=70" % SEGMENTS, plain)
+    compare(page, reference(tmp, GOOD + SEGMENTS, "rig:0", "70"),
+            "without ranges")
+    page.do("viewer.seek(1)")
+    got = bytes_of(plain, SEGMENTS)
+    if got != [(0, len(files[SEGMENTS]))]:
+        complain("without ranges it fetches", got)
+
+
+def mouse(tab, kind, x, y, **more):
+    tab.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
+
+
+def drag(page, dx, dy, **more):
+    more = {"button": "left", "buttons": 1, **more}
+    mouse(page.tab, "mousePressed", 320, 240, clickCount=1, **more)
+    mouse(page.tab, "mouseMoved", 320 + dx, 240 + dy, **more)
+    mouse(page.tab, "mouseReleased", 320 + dx, 240 + dy, clickCount=1, **more)
+    page.settle()
+
+
+def press(page, key):
+    page.tab.call("Input.dispatchKeyEvent", type="keyDown", key=key, text=key)
+    page.tab.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+    page.settle()
+
+
+def check_controls(page):
+    run = page.tab.run
+    page.show("src=motion.saga&camera=1&frame=3")
+    if run("viewer.camera + ' ' + viewer.frame") != "1 3":
+        complain("camera= and frame= are not obeyed")
+    place = "Array.from(viewer.drawn.values.slice(0, 12))"
+    gap = ("Math.hypot(...viewer.pose.centre.map((c, i) => "
+           "c - viewer.pivot[i]))")
+    before, far = run(place), run(gap)
+    drag(page, 60, 20)
+    if run(place) == before or abs(run(gap) / far - 1) > 1e-6:
+        complain("a drag does not orbit")
+    before = run(place)
+    drag(page, 30, 0, modifiers=8)
+    after = run(place)
+    if after[:9] != before[:9] or after[9:] == before[9:]:
+        complain("a drag with shift does not pan")
+    mouse(page.tab, "mouseWheel", 320, 240, deltaX=0, deltaY=100)
+    page.tab.wait("Math.abs(%s / %r - 1) > 0.1" % (gap, far))
+    page.settle()
+    press(page, "r")
+    if run("viewer.moved"):
+        complain("R does not go back to the camera")
+    press(page, "2")
+    press(page, ".")
+    if run("viewer.camera + ' ' + viewer.frame") != "1 4":
+        complain("2 and . do not choose camera and frame")
+    check_path(page)
+    verdict("controls")
+
+
+def check_path(page):
+    run = page.tab.run
+    drag(page, 40, -10)
+    press(page, "k")
+    key = run("viewer.key()")
+    metres = run("viewer.pose.centre.map((c, i) => "
+                 "viewer.info.centre[i] + c * viewer.info.unit)")
+    if any(abs(a - b) > 1e-9 for a, b in zip(key["eye"], metres)):
+        complain("a key camera is not in the capture's units")
+    before = run("Array.from(viewer.drawn.values)")
+    press(page, "1")
+    page.do("document.querySelector('#keys .go').click()")
+    after = run("Array.from(viewer.drawn.values)")
+    if max(abs(a - b) for a, b in zip(before[:9], after[:9])) > 2 ** 14 or \
+            before[9:12] != after[9:12]:
+        complain("a key camera does not come back", before, after)
+    # A path through two cameras: their middle lies between them.
+    middle = run("""(async () => {
+        const { keyAt, parsePath } = await import('/path.js');
+        const a = viewer.key(0);
+        const b = { ...a, seconds: 2, frame: 10, fov: a.fov + 4 };
+        const path = parsePath(JSON.stringify(
+            { format: 'saga camera path 1', keys: [b, a] }));
+        const { frame, fov } = keyAt(path.keys, 1);
+        return [frame - (a.frame + 10) / 2, fov - a.fov - 2];
+    })()""")
+    if max(map(abs, middle)) > 1e-9:
+        complain("a path's middle is off by", middle)
+
+
+def check_view(page):
+    view = subprocess.Popen([SAGA, "view", GOOD + "still.saga"],
+                            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    try:
+        url = view.stdout.readline().decode().strip()
+        page.tab.go(url)
+        page.settle()
+        verdicts = []
+        for camera in range(3):
+            page.do("viewer.selectCamera(%d)" % camera)
+            verdicts.append(page.tab.run(
+                "document.documentElement.dataset.verdict"))
+        if verdicts != ["good"] * 3:
+            complain(url, "finds the CRCs", verdicts)
+    finally:
+        view.terminate()
+    if view.wait(10) != 0:
+        complain("saga view ends with", view.returncode)
+    verdict("view")
+
+
+def check_rate(page, name):
+    texts = []
+    for simd in (1, 0):
+        page.show("src=%s&simd=%d&play=1" % (name, simd))
+        rate = page.tab.run("""(async () => {
+            let n = 0;
+            viewer.addEventListener('drawn', () => n++);
+            const start = performance.now();
+            while (performance.now() - start < 1500)
+                await new Promise(requestAnimationFrame);
+            return 1000 * n / (performance.now() - start);
+        })()""")
+        times = page.tab.run("viewer.drawn.times")
+        texts.append("%.0f a second, view %.1f and draw %.1f ms%s" % (
+            rate, times["view"], times["draw"],
+            "" if simd else " without SIMD"))
+        if rate < 1:
+            complain("nothing is drawn:", rate)
+    size = page.tab.run("viewer.drawn.width + 'x' + viewer.drawn.height")
+    n = page.tab.run("viewer.drawn.nPrimitives")
+    verdict("rate: %s, %s, %d primitives: %s" % (name, size, n,
+                                                 "; ".join(texts)))
+
+
+def main():
+    if not os.path.exists(os.path.join(WEB, "saga.wasm")):
+        print("ok   web skipped: no clang or no wasm-ld, so no decoder")
+        return 0
+    if not browser.find_chromium():
+        print("ok   web skipped: chromium is not installed")
+        return 0
+    files = {name: read(os.path.join(WEB, name)) for name in os.listdir(WEB)}
+    for folder, prefix in ((GOOD, ""), ("vectors/bad/", "bad/")):
+        files.update({prefix + name: read(folder + name)
+                      for name in os.listdir(folder)})
+    rated = "still.saga"
+    if os.path.exists("docs/demo.saga"):
+        rated = "demo.saga"
+        files[rated] = read("docs/demo.saga")
+    with tempfile.TemporaryDirectory() as tmp:
+        page = Page(files)
+        try:
+            check_pixels(page, tmp)
+            check_bad(page)
+            check_ranges(page, files, tmp)
+            check_controls(page)
+            check_view(page)
+            check_rate(page, rated)
+            complaints.extend(page.tab.log)
+            verdict("console")
+        finally:
+            page.tab.close()
+    return 1 if failed else 0
+
+
+sys.exit(main())

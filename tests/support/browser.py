@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: MIT
+"""A headless Chromium, driven through its debugging pipe: no driver, no package
+is needed. And a server of files that tells which bytes were asked for."""
+
+import fcntl
+import http.server
+import json
+import os
+import re
+import select
+import shutil
+import subprocess
+import tempfile
+import threading
+import time
+
+FLAGS = [
+    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update",
+    "--disable-sync", "--disable-extensions", "--disable-gpu", "--mute-audio",
+    "--hide-scrollbars", "--disable-dev-shm-usage", "--remote-debugging-pipe",
+]
+
+
+def find_chromium():
+    return shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+class Browser:
+    """One tab. Calls wait for their answer; what takes longer than `patience`
+    seconds raises TimeoutError."""
+
+    def __init__(self, patience=60.0):
+        self.patience = patience
+        self.profile = tempfile.mkdtemp()
+        self.last = 0
+        self.buffer = b""
+        self.log = []          # what the page threw or wrote to its console
+        ours_in, theirs_out = os.pipe()
+        theirs_in, ours_out = os.pipe()
+        # Chromium reads commands at 3 and writes answers at 4.
+        high = [fcntl.fcntl(fd, fcntl.F_DUPFD, 20)
+                for fd in (theirs_in, theirs_out)]
+
+        def place():
+            os.dup2(high[0], 3)
+            os.dup2(high[1], 4)
+
+        self.process = subprocess.Popen(
+            [find_chromium(), *FLAGS, "--user-data-dir=" + self.profile,
+             "about:blank"], stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            preexec_fn=place, pass_fds=(3, 4))
+        for fd in (theirs_in, theirs_out, *high):
+            os.close(fd)
+        self.ours_in, self.ours_out = ours_in, ours_out
+        self.session = None
+        tab = [t for t in self.call("Target.getTargets")["targetInfos"]
+               if t["type"] == "page"][0]["targetId"]
+        self.session = self.call("Target.attachToTarget", targetId=tab,
+                                 flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime"):
+            self.call(domain + ".enable")
+
+    def close(self):
+        os.close(self.ours_out)
+        try:
+            self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        os.close(self.ours_in)
+        shutil.rmtree(self.profile, ignore_errors=True)
+
+    def read_message(self, until):
+        while b"\0" not in self.buffer:
+            if not select.select([self.ours_in], [], [],
+                                 max(0.0, until - time.monotonic()))[0]:
+                raise TimeoutError("the browser does not answer")
+            more = os.read(self.ours_in, 1 << 20)
+            if not more:
+                raise TimeoutError("the browser has ended")
+            self.buffer += more
+        text, self.buffer = self.buffer.split(b"\0", 1)
+        return json.loads(text)
+
+    def call(self, method, **params):
+        self.last += 1
+        message = {"id": self.last, "method": method, "params": params}
+        if self.session:
+            message["sessionId"] = self.session
+        os.write(self.ours_out, json.dumps(message).encode() + b"\0")
+        until = time.monotonic() + self.patience
+        while True:
+            reply = self.read_message(until)
+            self.note(reply)
+            if reply.get("id") == self.last:
+                if "error" in reply:
+                    raise RuntimeError(method + ": " + str(reply["error"]))
+                return reply["result"]
+
+    def note(self, event):
+        params = event.get("params", {})
+        if event.get("method") == "Runtime.exceptionThrown":
+            self.log.append(str(params["exceptionDetails"]))
+        elif event.get("method") == "Runtime.consoleAPICalled":
+            self.log.append(str([a.get("value") for a in params["args"]]))
+
+    def run(self, script):
+        """What an expression of JavaScript gives, promises awaited."""
+        reply = self.call("Runtime.evaluate", expression=script,
+                          awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in reply:
+            raise RuntimeError(str(reply["exceptionDetails"]))
+        return reply["result"].get("value")
+
+    def wait(self, script):
+        """Until an expression is true."""
+        until = time.monotonic() + self.patience
+        while not self.run(script):
+            if time.monotonic() > until:
+                raise TimeoutError("never true: " + script)
+            time.sleep(0.02)
+
+    def go(self, url):
+        self.call("Page.navigate", url=url)
+        self.wait("document.readyState === 'complete' && "
+                  "location.href === " + json.dumps(url))
+
+    def screenshot(self, path):
+        import base64
+        with open(path, "wb") as f:
+            f.write(base64.b64decode(
+                self.call("Page.captureScreenshot")["data"]))
+
+
+class FileServer(http.server.ThreadingHTTPServer):
+    """Serves {path: bytes} on a port of its own; `served` lists (path, first
+    byte, number of bytes) of what was sent. ranges=False: whole files only."""
+
+    TYPES = {".html": "text/html", ".js": "text/javascript",
+             ".css": "text/css", ".wasm": "application/wasm"}
+
+    def __init__(self, files, ranges=True):
+        super().__init__(("127.0.0.1", 0), FileHandler)
+        self.files = files
+        self.ranges = ranges
+        self.served = []
+        self.url = "http://127.0.0.1:%d/" % self.server_port
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+
+class FileHandler(http.server.BaseHTTPRequestHandler):
+    def do_GET(self):
+        path = self.path.split("?")[0].lstrip("/")
+        data = self.server.files.get(path)
+        first = 0
+        if data is None:
+            self.send_error(404)
+            return
+        n = len(data)
+        asked = re.fullmatch(r"bytes=(\d+)-(\d+)",
+                             self.headers.get("Range", ""))
+        if asked and self.server.ranges:
+            first = int(asked[1])
+            if first >= n:
+                self.send_error(416)
+                return
+            part = data[first:int(asked[2]) + 1]
+            self.send_response(206)
+            self.send_header("Content-Range", "bytes %d-%d/%d" % (
+                first, first + len(part) - 1, n))
+        else:
+            part = data
+            self.send_response(200)
+        self.server.served.append((path, first, len(part)))
+        self.send_header("Content-Type", self.server.TYPES.get(
+            os.path.splitext(path)[1], "application/octet-stream"))
+        self.send_header("Content-Length", str(len(part)))
+        self.end_headers()
+        self.wfile.write(part)
+
+    def log_message(self, *args):
+        pass

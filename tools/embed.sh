@@ -1,0 +1,24 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+#
+# embed.sh FILE...: the files as a C source on stdout, the table of
+# trainer/cli/view_files.h.
+set -eu
+
+echo '/* Made by tools/embed.sh. */'
+echo '#include "view_files.h"'
+n=0
+for f in "$@"; do
+    echo "static const uint8_t bytes_$n[] = {"
+    od -An -v -tu1 "$f" | sed 's/  */,/g; s/^,//; s/$/,/'
+    echo '};'
+    n=$((n + 1))
+done
+echo 'const saga_view_file saga_view_files[] = {'
+n=0
+for f in "$@"; do
+    echo "{ \"$(basename "$f")\", bytes_$n, sizeof bytes_$n },"
+    n=$((n + 1))
+done
+echo '};'
+echo "const int saga_n_view_files = $n;"

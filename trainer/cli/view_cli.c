@@ -1,0 +1,291 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga view: a file in the browser. Serves the page of ports/web, which this
+ * program carries, and the file beside it.
+ */
+#include "cli.h"
+
+#include "alloc.h"
+#include "commands.h"
+#include "error.h"
+#include "file.h"
+#include "json_memory.h"
+#include "view.h"
+#include "view_files.h"
+#include "view_http.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    USUAL_PORT = 8470,       /* if it is free */
+    MAX_PICTURES = 4         /* of which the page is told the CRC */
+};
+
+/* index.html has this where the page looks for what it shows. */
+static const char placeholder[] = "{ \"src\": null, \"pictures\": [] }";
+
+typedef struct {
+    int port;                /* 0: not given */
+} options;
+
+/* All that is served. */
+typedef struct {
+    saga_http http;
+    saga_http_file *file;    /* (n_files): the program's, then the user's */
+    int n_files;
+    char *path;              /* of the user's */
+    char *index;             /* index.html, filled in */
+    saga_bytes bytes;
+    saga_error error;
+} session;
+
+static volatile sig_atomic_t stopped;
+
+static void stop(int number)
+{
+    (void)number;
+    stopped = 1;
+}
+
+static void catch_signals(void)
+{
+    struct sigaction action = { .sa_handler = stop };
+
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+}
+
+/* --- The user's file ----------------------------------------------------- */
+
+/* "film/NAME", NAME as in an address: all but letters, digits and . - _ as
+ * %XX. */
+static char *path_of(const char *name, saga_error *error)
+{
+    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
+                                "UVWXYZ0123456789.-_";
+    const char *const slash = strrchr(name, '/');
+    const char *p = slash ? slash + 1 : name;
+    const size_t nbytes = 6 + 3 * strlen(p);
+    char *const path = saga_alloc(nbytes, 1, name, error);
+    char *to = path;
+
+    if (!path)
+        return NULL;
+    to += sprintf(to, "film/");
+    for (; *p; p++)
+        to += strchr(plain, *p) ? sprintf(to, "%c", *p)
+                                : sprintf(to, "%%%02X", (uint8_t)*p);
+    return path;
+}
+
+/* { "camera": i, "frame": 0, "crc": "..." } of the first cameras' pictures;
+ * false where one cannot be drawn. */
+static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
+{
+    bool ok = true;
+
+    for (uint32_t i = 0; ok && i < film->info.n_cameras && i < MAX_PICTURES;
+         i++) {
+        saga_camera c;
+        uint32_t number;
+        uint8_t *rgb = NULL;
+        char crc[9];
+        size_t n = 0;
+
+        ok = saga_film_rig(film, i, &c, &number, error);
+        if (ok) {
+            n = (size_t)3 * c.width * c.height;
+            rgb = saga_alloc(n, 1, film->name, error);
+            ok = rgb && saga_film_draw(film, &c, 0, 1, rgb, error);
+        }
+        if (ok) {
+            snprintf(crc, sizeof crc, "%08" PRIx32, saga_crc32c(0, rgb, n));
+            json_array_append_new(list, json_pack(
+                "{s:i, s:i, s:s}", "camera", (int)i, "frame", 0, "crc", crc));
+        }
+        free(rgb);
+    }
+    return ok;
+}
+
+/* What the page carries of the file, as text; free() frees it. */
+static char *describe(session *s, const char *name)
+{
+    json_t *list, *o;
+    char *text = NULL;
+    saga_film film;
+    bool ok;
+
+    saga_json_watch();
+    list = json_array();
+    o = json_object();
+    ok = saga_film_open(&film, name, s->bytes.data, s->bytes.nbytes, 0,
+                        &s->error);
+
+    ok = ok && add_pictures(list, &film, &s->error);
+    saga_film_close(&film);
+    json_object_set_new(o, "src", json_string(s->path));
+    json_object_set_new(o, "pictures", list);
+    if (ok)
+        text = json_dumps(o, JSON_COMPACT);
+    json_decref(o);
+    if (ok && (!text || saga_json_starved())) {
+        saga_no_memory(0, name, &s->error);
+        free(text);
+        text = NULL;
+    }
+    return text;
+}
+
+/* --- The page ------------------------------------------------------------ */
+
+static const char *type_of(const char *name)
+{
+    static const char *const types[][2] = {
+        { ".html", "text/html; charset=utf-8" }, { ".css", "text/css" },
+        { ".js", "text/javascript" }, { ".wasm", "application/wasm" }
+    };
+
+    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
+        if (saga_has_suffix(name, types[i][0]))
+            return types[i][1];
+    return "application/octet-stream";
+}
+
+static const saga_view_file *find_file(const char *name)
+{
+    for (int i = 0; i < saga_n_view_files; i++)
+        if (!strcmp(saga_view_files[i].name, name))
+            return &saga_view_files[i];
+    return NULL;
+}
+
+/* index.html with `text` in its place. */
+static bool fill_in(session *s, const char *text)
+{
+    const saga_view_file *const page = find_file("index.html");
+    const size_t n = strlen(text), gap = sizeof placeholder - 1;
+    const char *const start = (const char *)page->bytes;
+    size_t at = 0;
+
+    while (memcmp(start + at, placeholder, gap))
+        at++; /* the tests see to it that it is there */
+    s->index = saga_alloc(page->nbytes + n, 1, "index.html", &s->error);
+    if (!s->index)
+        return false;
+    memcpy(s->index, start, at);
+    memcpy(s->index + at, text, n);
+    memcpy(s->index + at + n, start + at + gap, page->nbytes - at - gap);
+    s->file[0] = (saga_http_file){
+        .path = "", .type = type_of(page->name),
+        .bytes = (const uint8_t *)s->index,
+        .nbytes = page->nbytes - gap + n };
+    return true;
+}
+
+/* The page at "", its parts beside it, the user's file in film/. */
+static bool list_files(session *s, const char *text)
+{
+    s->n_files = saga_n_view_files + 2;
+    s->file = saga_calloc((size_t)s->n_files, sizeof *s->file, "the page",
+                          &s->error);
+    if (!s->file || !fill_in(s, text))
+        return false;
+    for (int i = 0; i < saga_n_view_files; i++) {
+        const saga_view_file *const f = &saga_view_files[i];
+
+        s->file[i + 1] = (saga_http_file){ f->name, type_of(f->name),
+                                           f->bytes, f->nbytes };
+    }
+    s->file[s->n_files - 1] = (saga_http_file){
+        s->path, "application/octet-stream", s->bytes.data, s->bytes.nbytes };
+    s->http.file = s->file;
+    s->http.n_files = s->n_files;
+    return true;
+}
+
+/* --- Together ------------------------------------------------------------ */
+
+/* On the port that was given, or on the usual one or any other. */
+static bool open_server(session *s, int port)
+{
+    saga_error busy = { "" };
+
+    if (port)
+        return saga_http_open(&s->http, port, &s->error);
+    return saga_http_open(&s->http, USUAL_PORT, &busy) ||
+           saga_http_open(&s->http, 0, &s->error);
+}
+
+static int serve(session *s, int port)
+{
+    if (!open_server(s, port))
+        return SAGA_EXIT_USAGE;
+    printf("http://127.0.0.1:%d/\n", s->http.port);
+    if (fflush(stdout) == 0) {
+        fprintf(stderr, "saga: open this address in a browser; Ctrl-C ends\n");
+        saga_http_serve(&s->http, &stopped);
+    }
+    saga_http_close(&s->http);
+    return SAGA_EXIT_OK;
+}
+
+static int view(session *s, const options *o, const char *name)
+{
+    char *text;
+    int status = SAGA_EXIT_DATA;
+
+    if (!find_file("saga.wasm"))
+        return saga_cli_error(SAGA_EXIT_USAGE, "view: this program was built "
+                              "without the decoder for browsers; install clang "
+                              "and lld, then `make` again");
+    if (!saga_read_file(&s->bytes, name, &s->error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "view: %s", s->error.message);
+    s->path = path_of(name, &s->error);
+    text = s->path ? describe(s, name) : NULL;
+    if (text && list_files(s, text))
+        status = serve(s, o->port);
+    free(text);
+    if (saga_failed(&s->error))
+        saga_cli_error(status, "view: %s", s->error.message);
+    return status;
+}
+
+static int run(int argc, char **argv)
+{
+    options o = { 0 };
+    session s = { .http.listener = -1 };
+    const char *name;
+    int status = saga_cli_parse(&saga_command_view, &o, &name, argc, argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    catch_signals();
+    status = view(&s, &o, name);
+    free(s.file);
+    free(s.index);
+    free(s.path);
+    saga_bytes_free(&s.bytes);
+    return status;
+}
+
+static const saga_cli_option option_list[] = {
+    { "--port", "N", "serve there (default: 8470, or any that is free)",
+      saga_cli_int, offsetof(options, port), 1, 65535 }
+};
+
+const saga_command saga_command_view = {
+    "view", "FILE", 1,
+    "a file in the browser: look around, play, find camera paths",
+    "Serves a page that shows a .saga file, decoded in the browser to the\n"
+    "same pixels, on this machine alone. Prints the address; Ctrl-C ends.\n"
+    "\n"
+    "  saga view scene.saga\n",
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+};

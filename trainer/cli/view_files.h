@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The files of ports/web as they lie in the program: tools/embed.sh makes the
+ * table at build time. The decoder for browsers, saga.wasm, is missing where
+ * there was no compiler for it.
+ */
+#ifndef SAGA_VIEW_FILES_H
+#define SAGA_VIEW_FILES_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct saga_view_file {
+    const char *name;        /* without a folder */
+    const uint8_t *bytes;
+    size_t nbytes;
+} saga_view_file;
+
+extern const saga_view_file saga_view_files[];
+extern const int saga_n_view_files;
+
+#endif
