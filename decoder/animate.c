@@ -10,6 +10,9 @@
 
 #define LIMIT_X (1 << 29)      /* positions saturate here */
 #define LIMIT_U (16 << 16)     /* u of the temporal opacity, Q16 */
+#define LIMIT_AGE (4 << 16)    /* Q16 */
+#define LIMIT_MOTION ((int64_t)1 << 39) /* Q20, supports */
+#define HALF_SEGMENT (15 << 10) /* log2 of it in units of time, Q10 */
 #define LOG2_E_Q20 1512775     /* log2(e) */
 
 /* A head's value in Q20: |v| <= 2^15 * 2^20. */
@@ -18,11 +21,39 @@ static int64_t to_q20(int16_t v, int q)
     return v * ((int64_t)1 << (20 - q));
 }
 
-/* ((b3 dt + b2) dt + b1) dt, Q20, in supports. |b| <= 2^35 and |dt| <= 98303
- * < 1.5 * 2^16: the sums are at most 1, 2.5 and 4.75 times 2^35, the products
- * below 2^55, the result below 7.13 * 2^35 < 2^38. */
+/* |dt| / width, Q16, saturating at 16. With 1/width = m * 2^(k-30), m in
+ * [2^30, 2^31) and k in -32..32, it is the product (below 2^48) shifted right
+ * by 14 - k; where that is under 11, |dt| >= 1 saturates already. */
+static int32_t width_ratio_q16(int32_t dt, int32_t log2_width_q10)
+{
+    const int32_t e = -log2_width_q10;
+    const int n = 14 - (e >> 10);
+    const uint32_t m = saga_exp2_frac_q16_q30((uint32_t)(e & 1023) << 6);
+    const int64_t product = (int64_t)(dt < 0 ? -dt : dt) * m;
+
+    if (n < 11)
+        return product != 0 ? LIMIT_U : 0;
+    return fx_clamp64(fx_rshift64(product, n), 0, LIMIT_U);
+}
+
+/* dt in temporal widths, Q16, |age| <= 4; a width counts as half a segment
+ * where it is longer. */
+static int32_t age_q16(const saga_primitive *p, const saga_prim_format *f,
+                       int32_t dt)
+{
+    const int32_t width = f->has_width && p->log2_width_q10 < HALF_SEGMENT
+        ? p->log2_width_q10 : HALF_SEGMENT;
+    const int32_t u = width_ratio_q16(dt, width);
+    const int32_t age = u < LIMIT_AGE ? u : LIMIT_AGE;
+
+    return dt < 0 ? -age : age;
+}
+
+/* ((b3 age + b2) age + b1) age, Q20, in supports. |b| <= 2^35 and |age| <= 4:
+ * the sums are at most 1, 5 and 21 times 2^35, the products below 2^58, the
+ * result below 2^42 before it saturates. */
 static int64_t motion_q20(const saga_primitive *p, const saga_prim_format *f,
-                          int axis, int32_t dt)
+                          int axis, int32_t age)
 {
     int64_t sum = 0;
     int order;
@@ -30,26 +61,27 @@ static int64_t motion_q20(const saga_primitive *p, const saga_prim_format *f,
     for (order = f->motion_order; order >= 1; order--) {
         sum += to_q20(p->motion[3 * (order - 1) + axis],
                       f->q_motion[order - 1]);
-        sum = fx_rshift64(sum * dt, 16);
+        sum = fx_rshift64(sum * age, 16);
     }
-    return sum;
+    return sum < -LIMIT_MOTION ? -LIMIT_MOTION
+         : sum > LIMIT_MOTION ? LIMIT_MOTION : sum;
 }
 
-/* support <= 2^23: the product is below 2^61. */
+/* support <= 2^23: the product is at most 2^62. */
 static void animate_position(saga_animated *out, const saga_primitive *p,
-                             const saga_prim_format *f, int32_t dt)
+                             const saga_prim_format *f, int32_t age)
 {
     int i;
 
     for (i = 0; i < 3; i++) {
-        const int64_t m = motion_q20(p, f, i, dt) * p->support[i];
+        const int64_t m = motion_q20(p, f, i, age) * p->support[i];
 
         out->x[i] = fx_clamp64(p->x[i] + fx_rshift64(m, 20),
                                -LIMIT_X, LIMIT_X);
     }
 }
 
-/* The common shift that brings four values below 2^37 under 2^30: 0..7. It
+/* The common shift that brings four values below 2^38 under 2^30: 0..8. It
  * depends on their bits only, so that a slope of 0 rotates exactly as no slope
  * does: projection ignores the quaternion's length. */
 static int quat_shift(const int64_t *v)
@@ -63,9 +95,9 @@ static int quat_shift(const int64_t *v)
     return n > 0 ? n : 0;
 }
 
-/* quat + slope dt in Q20: below 2^35 + 1.5 * 2^35 < 2^37. */
+/* quat + slope age in Q20: below 2^35 + 4 * 2^35 < 2^38. */
 static void animate_quat(saga_animated *out, const saga_primitive *p,
-                         const saga_prim_format *f, int32_t dt)
+                         const saga_prim_format *f, int32_t age)
 {
     int64_t v[4];
     int i, n;
@@ -73,26 +105,11 @@ static void animate_quat(saga_animated *out, const saga_primitive *p,
     for (i = 0; i < 4; i++) {
         v[i] = to_q20(p->quat[i], f->q_quat);
         if (f->has_slope)
-            v[i] += fx_rshift64(to_q20(p->slope[i], f->q_slope) * dt, 16);
+            v[i] += fx_rshift64(to_q20(p->slope[i], f->q_slope) * age, 16);
     }
     n = quat_shift(v);
     for (i = 0; i < 4; i++)
         out->quat[i] = (int32_t)fx_rshift64(v[i], n);
-}
-
-/* u = |dt| / width, Q16, saturating at 16. With 1/width = m * 2^(k-30), m in
- * [2^30, 2^31) and k in -32..32, u is the product (below 2^48) shifted right
- * by 14 - k; where that is under 11, |dt| >= 1 saturates already. */
-static int32_t width_ratio_q16(int32_t dt, int16_t log2_width_q10)
-{
-    const int32_t e = -(int32_t)log2_width_q10;
-    const int n = 14 - (e >> 10);
-    const uint32_t m = saga_exp2_frac_q16_q30((uint32_t)(e & 1023) << 6);
-    const int64_t product = (int64_t)(dt < 0 ? -dt : dt) * m;
-
-    if (n < 11)
-        return product != 0 ? LIMIT_U : 0;
-    return fx_clamp64(fx_rshift64(product, n), 0, LIMIT_U);
 }
 
 /* log2(e) u^2: u^2 <= 2^40 in Q32, the product below 2^61; result <= 370 * 2^20
@@ -107,12 +124,12 @@ static int32_t fade_q20(int32_t dt, int16_t log2_width_q10)
 void saga_animate(saga_animated *out, const saga_primitive *p,
                   const saga_prim_format *f, int32_t t)
 {
-    const int32_t dt = t - p->t_centre;
+    const int32_t dt = t - p->t_centre, age = age_q16(p, f, dt);
     const int32_t o_q12 = fx_requant32(-(int32_t)p->opacity, f->q_opacity, 12);
     int i;
 
-    animate_position(out, p, f, dt);
-    animate_quat(out, p, f, dt);
+    animate_position(out, p, f, age);
+    animate_quat(out, p, f, age);
     for (i = 0; i < 3; i++)
         out->log2_scale_q10[i] = p->log2_scale_q10[i];
     out->q0_q20 = saga_softplus2_q12_q20(o_q12);

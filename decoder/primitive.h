@@ -16,9 +16,9 @@ typedef struct saga_primitive {
     int32_t support[3];      /* l_f of the fine anchor, 1..2^23: unit of the
                               * motion */
     int16_t quat[4];         /* w, x, y, z; any length, zero included */
-    int16_t slope[4];        /* of the quaternion, per segment */
+    int16_t slope[4];        /* of the quaternion, per age (animate.h) */
     int16_t motion[9];       /* order 1 x, y, z; order 2; order 3; in support
-                              * per segment^order */
+                              * per age^order */
     int16_t log2_scale_q10[3]; /* standard deviations, log2 of box units */
     int16_t opacity;         /* logit in log2 units: alpha = 1/(1+2^-o) */
     int16_t log2_width_q10;  /* temporal width, log2 of 1/65536 segment */

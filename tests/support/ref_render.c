@@ -32,7 +32,9 @@ static void normalise(double q[4])
 void ref_animate(ref_animated *out, const saga_primitive *p,
                  const saga_prim_format *f, int32_t t)
 {
-    const double tau = (t - p->t_centre) / 65536.0;
+    const double width = f->has_width ? fmin(32768, exp2(p->log2_width_q10 /
+                                                         1024.0)) : 32768;
+    const double age = clamp((t - p->t_centre) / width, -4, 4);
     int i, k;
 
     for (i = 0; i < 3; i++) {
@@ -40,14 +42,15 @@ void ref_animate(ref_animated *out, const saga_primitive *p,
 
         for (k = 0; k < f->motion_order; k++)
             m += p->motion[3 * k + i] * exp2(-f->q_motion[k]) *
-                 pow(tau, k + 1);
+                 pow(age, k + 1);
+        m = clamp(m, -524288, 524288);
         out->x[i] = clamp(p->x[i] + p->support[i] * m, -536870912.0,
                           536870912.0);
         out->scale[i] = exp2(p->log2_scale_q10[i] / 1024.0);
     }
     for (i = 0; i < 4; i++)
         out->quat[i] = p->quat[i] * exp2(-f->q_quat) +
-                       (f->has_slope ? p->slope[i] * exp2(-f->q_slope) * tau
+                       (f->has_slope ? p->slope[i] * exp2(-f->q_slope) * age
                                      : 0);
     normalise(out->quat);
     out->q0 = log2(1 + exp2(-p->opacity * exp2(-f->q_opacity)));

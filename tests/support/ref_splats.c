@@ -83,15 +83,17 @@ static int project(splat *o, const ref_primitive *p, double t,
 {
     const double dt = t - p->t_centre;
     const double u = fmin(16, fabs(dt) / exp2(p->log2_width));
+    const double life = dt / fmin(0.5, exp2(p->log2_width));
+    const double age = fmin(4, fmax(-4, life));
     double x[3], quat[4], view[3], cov[3], det;
     int i, k;
 
     for (i = 0; i < 3; i++)
         x[i] = p->mean[i] - cam->centre[i] + p->support[i] *
-               (p->motion[i] * dt + p->motion[3 + i] * dt * dt +
-                p->motion[6 + i] * dt * dt * dt);
+               (p->motion[i] * age + p->motion[3 + i] * age * age +
+                p->motion[6 + i] * age * age * age);
     for (i = 0; i < 4; i++)
-        quat[i] = p->quat[i] + p->slope[i] * dt;
+        quat[i] = p->quat[i] + p->slope[i] * age;
     for (i = 0; i < 3; i++)
         for (view[i] = 0, k = 0; k < 3; k++)
             view[i] += cam->rotation[3 * i + k] * x[k];

@@ -3,8 +3,10 @@
  * Primitives at a time against double, with the bounds that follow from the
  * roundings of the norm:
  *
- *     position     1/2 + 2.375 support / 2^20 box units: three roundings of
- *                  Q20, of which the first two grow by |dt| <= 1.5 each
+ *     age          0.51 LSB of Q16
+ *     position     1/2 + 10.5 support / 2^20 box units: three roundings of
+ *                  Q20, of which the first two grow by |age| <= 4 each; and
+ *                  what it moves in the age's error
  *     quaternion   one rounding of its slope and one of the common shift
  *     q0           1.31 LSB of Q20 of softplus2, 128 more where the opacity is
  *                  rounded to Q12 first; the fade: u to 0.51 LSB of Q16 and
@@ -94,27 +96,50 @@ static int32_t any_t(gen_rng *r)
 
 /* --- Position ------------------------------------------------------------ */
 
-static double true_position(const saga_primitive *p, const saga_prim_format *f,
-                            int axis, double tau)
+/* Temporal widths since its centre, at most 4. */
+static double true_age(const saga_primitive *p, const saga_prim_format *f,
+                       int32_t t)
+{
+    const double width = f->has_width
+        ? fmin(32768, exp2(p->log2_width_q10 / 1024.0)) : 32768;
+
+    return fmin(fmax((t - p->t_centre) / width, -4), 4);
+}
+
+static double cubic(const saga_primitive *p, const saga_prim_format *f,
+                    int axis, double age)
 {
     double m = 0;
-    int k;
 
-    for (k = 0; k < f->motion_order; k++)
+    for (int k = 0; k < f->motion_order; k++)
         m += ldexp(p->motion[3 * k + axis], -f->q_motion[k]) *
-             pow(tau, k + 1);
-    return fmin(fmax(p->x[axis] + p->support[axis] * m, -limit_x), limit_x);
+             pow(age, k + 1);
+    return fmin(fmax(m, -524288), 524288);
+}
+
+/* The largest that the cubic changes by where the age is off by 0.51 LSB. */
+static double age_error(const saga_primitive *p, const saga_prim_format *f,
+                        int axis, double age)
+{
+    double d = 0;
+
+    for (int k = 0; k < f->motion_order; k++)
+        d += fabs(ldexp(p->motion[3 * k + axis], -f->q_motion[k])) *
+             (k + 1) * pow(fabs(age) + 1e-4, k);
+    return d * 0.51 / 65536;
 }
 
 static void check_position(const saga_animated *a, const saga_primitive *p,
                            const saga_prim_format *f, int32_t t)
 {
-    const double tau = (t - p->t_centre) / 65536.0;
-    int i;
+    const double age = true_age(p, f, t);
 
-    for (i = 0; i < 3; i++) {
-        const double x = true_position(p, f, i, tau);
-        const double bound = 0.5001 + 2.375 * p->support[i] / 1048576.0;
+    for (int i = 0; i < 3; i++) {
+        const double m = cubic(p, f, i, age);
+        const double x = fmin(fmax(p->x[i] + p->support[i] * m, -limit_x),
+                              limit_x);
+        const double bound = 0.5001 + p->support[i] *
+            (10.5 / 1048576.0 + age_error(p, f, i, age));
 
         assert_true(fabs(a->x[i] - x) <= bound);
         assert_true(a->x[i] >= -(1 << 29) && a->x[i] <= 1 << 29);
@@ -165,13 +190,20 @@ static void position_should_saturate_at_the_limit(void **state)
         for (i = 0; i < 3; i++)
             assert_int_equal(a.x[i], sign * (1 << 29));
     }
-    p.motion[3] = p.motion[6] = 0;  /* x: 32767 tau box units */
+    p.motion[3] = p.motion[6] = 0;  /* x: 32767 age box units */
     p.support[0] = 1;
     saga_animate(&a, &p, &f, 32768);
-    assert_int_equal(a.x[0], 32767);
+    assert_int_equal(a.x[0], 2 * 32767);
+    p.motion[3] = p.motion[6] = 32767; /* 14 x 32767, then 84, but for 2^19 */
+    saga_animate(&a, &p, &f, 32768);
+    assert_int_equal(a.x[0], 14 * 32767);
+    p.log2_width_q10 = 0;
+    saga_animate(&a, &p, &(saga_prim_format){ .motion_order = 3,
+                                              .has_width = 1 }, 0);
+    assert_int_equal(a.x[0], 524288);
 }
 
-/* support 2^14, 1/2 of it per segment: 8192 tau, halves upwards. */
+/* support 2^14, 1/4 of it in half a segment: 4096 age, halves upwards. */
 static void position_should_be_exact_where_it_can_be(void **state)
 {
     const saga_prim_format f = { .motion_order = 1, .q_motion = { 14 } };
@@ -183,8 +215,8 @@ static void position_should_be_exact_where_it_can_be(void **state)
     memset(&p, 0, sizeof p);
     p.t_centre = 32768;
     p.support[0] = p.support[1] = p.support[2] = 1 << 14;
-    p.motion[0] = 8192;
-    p.motion[1] = -8192;
+    p.motion[0] = 4096;
+    p.motion[1] = -4096;
     for (t = 0; t < 65536; t++) {
         const int32_t dt = t - 32768;
 
@@ -223,7 +255,7 @@ static void check_quat(const saga_animated *a, const double *v)
     assert_true(n == 0 || max >= 1 << 29);
 }
 
-static void quaternion_should_be_linear_in_time(void **state)
+static void quaternion_should_be_linear_in_age(void **state)
 {
     gen_rng r = gen_seeded(12);
     saga_prim_format f;
@@ -238,11 +270,12 @@ static void quaternion_should_be_linear_in_time(void **state)
 
         any_format(&f, &r);
         any_primitive(&p, &r);
+        p.log2_width_q10 &= ~1023; /* the age is exact */
         saga_animate(&a, &p, &f, t);
         for (k = 0; k < 4; k++)
             v[k] = ldexp(p.quat[k], 20 - f.q_quat) +
-                   (f.has_slope ? ldexp(p.slope[k], 4 - f.q_slope) *
-                                  (t - p.t_centre)
+                   (f.has_slope ? ldexp(p.slope[k], 20 - f.q_slope) *
+                                  true_age(&p, &f, t)
                                 : 0);
         check_quat(&a, v);
     }
@@ -425,7 +458,7 @@ int main(void)
         cmocka_unit_test(position_should_follow_the_cubic),
         cmocka_unit_test(position_should_saturate_at_the_limit),
         cmocka_unit_test(position_should_be_exact_where_it_can_be),
-        cmocka_unit_test(quaternion_should_be_linear_in_time),
+        cmocka_unit_test(quaternion_should_be_linear_in_age),
         cmocka_unit_test(slope_of_zero_should_rotate_as_no_slope),
         cmocka_unit_test(opacity_should_fade_with_the_distance_in_time),
         cmocka_unit_test(every_width_should_fade),

@@ -34,8 +34,8 @@ typedef struct saga_splat_rules {
     real cut;             /* a splat touches pixels with q < cut */
     real alpha_cap;
     real t_floor;         /* a pixel is finished below it */
-    int detach_time;      /* 1: no gradient to t_centre through motion and
-                           * slope, as STG does; 0 at first */
+    int detach_time;      /* 1: no gradient to t_centre and log2_width through
+                           * motion and slope; 0 at first */
 } saga_splat_rules;
 
 /* Primitives at one time. */

@@ -8,8 +8,9 @@
  * - Tensors are points-major and dense: (N, 3) is x, y, z of primitive 0, of
  *   primitive 1, ...
  * - Units are the caller's: one unit of length for means, supports, log2_scale
- *   and the camera; one unit of time for t, t_centre, log2_width, and the
- *   motion and slope per unit of time.
+ *   and the camera; one unit of time, the segment, for t, t_centre and
+ *   log2_width. Motion and slope go by age: dt over the temporal width, or over
+ *   half a unit where that is shorter or there is no width.
  * - x_backward ADDS to the gradients it is given; the caller clears them.
  * - Results have the same bits for any number of threads: every sum has a
  *   fixed order, and no partition shows.
@@ -31,8 +32,8 @@ typedef struct saga_splat_params {
     real *colour;     /* (N, 3) R, G, B, in [0, 1] */
     real *support;    /* (N, 3) unit of the motion; NULL: 1 */
     real *motion;     /* (N, 9) order 1 x, y, z; order 2; order 3; in supports
-                       * per time^order; NULL: none */
-    real *slope;      /* (N, 4) of the quaternion per time; NULL: none */
+                       * per age^order; NULL: none */
+    real *slope;      /* (N, 4) of the quaternion per age; NULL: none */
     real *t_centre;   /* (N); NULL: 0 */
     real *log2_width; /* (N) temporal width; NULL: no temporal opacity */
 } saga_splat_params;

@@ -4,7 +4,9 @@
 #include <tgmath.h>
 
 #define LOG2_E R(1.4426950408889634)
-#define LIMIT_U R(16)         /* of |dt| / width, as the norm saturates */
+#define LN_2 R(0.6931471805599453)
+#define LIMIT_U R(16)         /* of |dt| / width, as the norm saturates; */
+#define LIMIT_AGE R(4)        /* of the age */
 
 /* log2(1 + 2^x), without overflow and exact for small 2^x. */
 static real softplus2(real x)
@@ -28,8 +30,20 @@ static real width_ratio(const saga_splat_params *p, size_t i, real dt)
     return u > LIMIT_U ? LIMIT_U : u;
 }
 
+static bool is_short(const saga_splat_params *p, size_t i)
+{
+    return p->log2_width && p->log2_width[i] < -1;
+}
+
+/* How much older a primitive is after a unit of time: 1 / min(width, 1/2), and
+ * never so much that a dt of 0 is more than that. */
+static real ageing(const saga_splat_params *p, size_t i)
+{
+    return is_short(p, i) ? exp2(fmin(-p->log2_width[i], R(100))) : 2;
+}
+
 static void animate_mean(real *out, const saga_splat_params *p, size_t i,
-                         real dt)
+                         real age)
 {
     size_t a;
 
@@ -39,7 +53,7 @@ static void animate_mean(real *out, const saga_splat_params *p, size_t i,
 
         out[a] = p->mean[3 * i + a];
         if (b)
-            out[a] += support * (((b[6] * dt + b[3]) * dt + b[0]) * dt);
+            out[a] += support * (((b[6] * age + b[3]) * age + b[0]) * age);
     }
 }
 
@@ -53,13 +67,14 @@ void saga_splat_animate_forward(saga_splat_posed *out,
     for (j = 0; j < (int64_t)n; j++) {
         const size_t i = (size_t)j;
         const real dt = elapsed(p, i, t);
+        const real age = saga_clamp(dt * ageing(p, i), -LIMIT_AGE, LIMIT_AGE);
         size_t a;
 
-        animate_mean(out->mean + 3 * i, p, i, dt);
+        animate_mean(out->mean + 3 * i, p, i, age);
         for (a = 0; a < 4; a++) {
             out->quat[4 * i + a] = p->quat[4 * i + a];
             if (p->slope)
-                out->quat[4 * i + a] += p->slope[4 * i + a] * dt;
+                out->quat[4 * i + a] += p->slope[4 * i + a] * age;
         }
         out->q0[i] = softplus2(-p->opacity[i]);
         if (p->log2_width) {
@@ -70,11 +85,11 @@ void saga_splat_animate_forward(saga_splat_posed *out,
     }
 }
 
-/* Returns dL/ddt through the motion. */
+/* Returns dL/dage through the motion. */
 static real motion_backward(saga_splat_params *d, const real *d_mean,
-                            const saga_splat_params *p, size_t i, real dt)
+                            const saga_splat_params *p, size_t i, real age)
 {
-    real d_dt = 0;
+    real d_age = 0;
     size_t a;
 
     if (!p->motion)
@@ -87,23 +102,23 @@ static real motion_backward(saga_splat_params *d, const real *d_mean,
         if (d->motion) {
             real *const db = d->motion + 9 * i + a;
 
-            db[0] += s * dt;
-            db[3] += s * (dt * dt);
-            db[6] += s * (dt * dt * dt);
+            db[0] += s * age;
+            db[3] += s * (age * age);
+            db[6] += s * (age * age * age);
         }
         if (d->support)
             d->support[3 * i + a] +=
-                d_mean[a] * (((b[6] * dt + b[3]) * dt + b[0]) * dt);
-        d_dt += s * ((3 * b[6] * dt + 2 * b[3]) * dt + b[0]);
+                d_mean[a] * (((b[6] * age + b[3]) * age + b[0]) * age);
+        d_age += s * ((3 * b[6] * age + 2 * b[3]) * age + b[0]);
     }
-    return d_dt;
+    return d_age;
 }
 
-/* Returns dL/ddt through the rotation. */
+/* Returns dL/dage through the rotation. */
 static real quat_backward(saga_splat_params *d, const real *d_quat,
-                          const saga_splat_params *p, size_t i, real dt)
+                          const saga_splat_params *p, size_t i, real age)
 {
-    real d_dt = 0;
+    real d_age = 0;
     size_t a;
 
     for (a = 0; a < 4; a++) {
@@ -111,10 +126,22 @@ static real quat_backward(saga_splat_params *d, const real *d_quat,
         if (!p->slope)
             continue;
         if (d->slope)
-            d->slope[4 * i + a] += d_quat[a] * dt;
-        d_dt += d_quat[a] * p->slope[4 * i + a];
+            d->slope[4 * i + a] += d_quat[a] * age;
+        d_age += d_quat[a] * p->slope[4 * i + a];
     }
-    return d_dt;
+    return d_age;
+}
+
+/* Returns dL/dage. */
+static real pose_backward(saga_splat_params *d, const saga_splat_posed *d_out,
+                          const saga_splat_params *p, size_t i, real age)
+{
+    size_t a;
+
+    for (a = 0; a < 3; a++)
+        d->mean[3 * i + a] += d_out->mean[3 * i + a];
+    return motion_backward(d, d_out->mean + 3 * i, p, i, age) +
+           quat_backward(d, d_out->quat + 4 * i, p, i, age);
 }
 
 /* d log2(1 + 2^-o) / do = -1 / (1 + 2^o). With u = |dt| / width below its
@@ -147,18 +174,19 @@ void saga_splat_animate_backward(saga_splat_params *d,
     for (j = 0; j < (int64_t)c->splat.n; j++) {
         const size_t i = (size_t)j;
         const real dt = elapsed(p, i, c->t);
-        real d_dt, d_pose;
-        size_t a;
+        const real pace = ageing(p, i), age = dt * pace;
+        real d_dt, d_age;
 
         if (c->splat.extent[i] == 0)
             continue;
-        for (a = 0; a < 3; a++)
-            d->mean[3 * i + a] += d_out->mean[3 * i + a];
-        d_pose = motion_backward(d, d_out->mean + 3 * i, p, i, dt);
-        d_pose += quat_backward(d, d_out->quat + 4 * i, p, i, dt);
+        d_age = pose_backward(d, d_out, p, i,
+                              saga_clamp(age, -LIMIT_AGE, LIMIT_AGE));
         d_dt = opacity_backward(d, d_out->q0[i], p, i, dt);
-        if (!c->rules.detach_time)
-            d_dt += d_pose;
+        if (!c->rules.detach_time && fabs(age) < LIMIT_AGE) {
+            d_dt += pace * d_age;
+            if (d->log2_width && is_short(p, i))
+                d->log2_width[i] -= LN_2 * age * d_age;
+        }
         if (d->t_centre)
             d->t_centre[i] -= d_dt;
     }

@@ -53,8 +53,8 @@ static void fill_info(saga_flat *f)
     set_info(f, FLAT_SCALE, -16, -1, 0.02, 2e-3);
     set_info(f, FLAT_OPACITY, -7.9, 12, 0.06, 0.015);
     set_info(f, FLAT_COLOUR, 0, 1, 0.01, 1e-3);
-    set_info(f, FLAT_MOTION, -4, 4, 1.5e-3 * r, 5e-5 * r);
-    set_info(f, FLAT_SLOPE, -16, 16, 4e-3, 4e-4);
+    set_info(f, FLAT_MOTION, -4, 4, 5e-4 * r, 2e-5 * r);
+    set_info(f, FLAT_SLOPE, -16, 16, 2e-3, 2e-4);
     set_info(f, FLAT_CENTRE, 0, 1, 2e-3, 2e-4);
     set_info(f, FLAT_WIDTH, log2(frame / 2), 3, 0.02, 2e-3);
     if (!f->o.temporal)

@@ -6,7 +6,7 @@
  *
  * Conventions
  * - Space and time are those of pictures.h; the norm's box unit is 2^-23 of a
- *   half-cube. Motion and slope are per unit of time, supports are 1.
+ *   half-cube. Supports are 1.
  * - Everything is deterministic: the same capture, options and build give the
  *   same bits, for any number of threads, interrupted and restored or not.
  * - The pictures must outlive the saga_flat that reads them.
