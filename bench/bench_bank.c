@@ -147,7 +147,7 @@ static double decode_ms(const uint8_t *bytes, size_t n)
     for (i = 0; i < 7; i++) {
         const double start = bench_now_ms();
 
-        check(saga_decode(dec, bytes + seg.offset, seg.nbytes));
+        check(saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes));
         bench_add(&t, bench_now_ms() - start);
     }
     (void)bench_median(&t);

@@ -126,7 +126,7 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     t[OPEN] = now_ms();
     check(saga_open(&dec, work, info->work_nbytes, bytes, n), "open");
     t[DECODE] = now_ms();
-    check(saga_decode(dec, bytes + seg.offset, seg.nbytes), "decode");
+    check(saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes), "decode");
     t[VIEW] = now_ms();
     check(saga_view(dec, &camera, 20000), "view");
     t[DRAW] = now_ms();

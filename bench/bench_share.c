@@ -217,20 +217,20 @@ static uint32_t count_rounds(const file *f, int tier)
 /* The scaffold as it is after the segment, and the tape of its decoding. */
 static void read_segment(file *f)
 {
-    const size_t head = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
-    const uint8_t *const p = f->bytes + f->segment.offset;
-    saga_io io = { p + SAGA_CHUNK_NBYTES, NULL, 0 };
+    recorder_chunks at = recorder_segment_chunks(&f->header, f->bytes,
+                                                 &f->segment);
     saga_segment_header seg;
     uint32_t final_range[3];
 
-    saga_segment_io(&io, &seg);
+    if (!recorder_segment(&seg, &f->header, &at))
+        fail("segment");
     recorder_scaffold(&f->sc, &f->header.model, &f->plan.nets, f->params,
                       seg.n);
     f->tape.coder.residual = tape_residual;
     f->tape.coder.adaptive = tape_adaptive;
     f->tape.coder.uniform = tape_uniform;
     if (!recorder_layers(&f->tape.coder, &f->tape.inner, &f->sc, final_range,
-                         p + head, f->segment.nbytes - head))
+                         at))
         fail("segment");
     f->rounds = count_rounds(f, SAGA_TIER_COARSE) +
                count_rounds(f, SAGA_TIER_FINE);
@@ -302,7 +302,7 @@ static void open_file(file *f, const char *path)
 
 static void decode(file *f)
 {
-    check(saga_decode(f->dec, f->bytes + f->segment.offset,
+    check(saga_decode(f->dec, &f->segment, f->bytes + f->segment.offset,
                       f->segment.nbytes));
 }
 
@@ -402,7 +402,7 @@ static void memory_bank(file *f)
 
     for (k = 0; k < SAGA_N_KINDS; k++)
         for (i = 0; model->sources[k] & SAGA_SOURCE_BANK && i < n[k]; i++)
-            saga_bank_read(m->step->read, m, value);
+            saga_bank_read(m->round->read, m, value);
     for (i = 0; i < f->rounds; i++)
         for (p = 0; p < m->n_slots; p++)
             saga_bank_update(m, p, value, 8192,

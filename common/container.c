@@ -181,11 +181,12 @@ void saga_chunk_io(saga_io *f, saga_chunk *c)
     u32(f, &c->crc);
 }
 
-uint32_t saga_chunk_crc(const saga_chunk *c, const uint8_t *payload)
+uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
+                        const uint8_t *payload)
 {
     uint8_t head[8];
 
     fx_store32_le(head, c->type);
     fx_store32_le(head + 4, c->nbytes);
-    return saga_crc32c(saga_crc32c(0, head, 8), payload, c->nbytes);
+    return saga_crc32c(saga_crc32c(owner, head, 8), payload, c->nbytes);
 }

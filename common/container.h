@@ -123,7 +123,10 @@ void saga_chunk_io(saga_io *f, saga_chunk *c);
 enum { SAGA_MAGIC_NBYTES = 8 };
 extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
 
-/* CRC-32C of a chunk: its type and length as written, then its payload. */
-uint32_t saga_chunk_crc(const saga_chunk *c, const uint8_t *payload);
+/* CRC-32C of a chunk: its type and length as written, then its payload. It goes
+ * on from that of what the chunk belongs to, so that it fits nothing else: the
+ * header's for INDX and NETS, that of NETS for the chunks of a segment. */
+uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
+                        const uint8_t *payload);
 
 #endif

@@ -4,6 +4,7 @@
  * and pictures. The stages themselves are in the other files.
  */
 #include "animate.h"
+#include "crc32c.h"
 #include "fx.h"
 #include "head.h"
 #include "plan.h"
@@ -22,10 +23,14 @@ struct saga_decoder {
     saga_camera camera;          /* of the view */
     uint32_t final_range[3];
     uint32_t n_splats;
+    uint32_t owner;              /* the networks' CRC: segments go on from it */
+    uint32_t n_views;            /* number of the view */
+    uint32_t view_digest;        /* of file, segment, time and camera */
     int has_segment, has_view;
 };
 
-_Static_assert(sizeof(saga_decoder) == 644, "format: see plan.c");
+/* The block begins with 656 bytes for this. */
+_Static_assert(sizeof(saga_decoder) <= 656, "format: see plan.c");
 
 static uint8_t *block_at(saga_decoder *dec, uint32_t offset)
 {
@@ -109,6 +114,7 @@ static void begin(saga_decoder *dec)
     dec->has_segment = 0;
     dec->has_view = 0;
     dec->n_splats = 0;
+    dec->n_views = 0;
 }
 
 static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
@@ -121,9 +127,11 @@ static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
     saga_chunk chunk;
     saga_status s;
 
-    s = saga_head_chunk(&chunk, SAGA_CHUNK_NETS, head + at, n - at);
+    s = saga_head_chunk(&chunk, SAGA_CHUNK_NETS,
+                        saga_head_crc(&dec->header, head), head + at, n - at);
     if (s)
         return s;
+    dec->owner = chunk.crc;
     if (chunk.nbytes != dec->header.nets_nbytes)
         return SAGA_ERR_DATA;
     saga_range_dec_init(&range, head + at + SAGA_CHUNK_NBYTES, chunk.nbytes);
@@ -171,14 +179,13 @@ static saga_status index_of(const uint8_t **entries, saga_header *h,
 
     if (s)
         return s;
-    head += h->header_nbytes;
-    n -= h->header_nbytes;
-    s = saga_head_chunk(&chunk, SAGA_CHUNK_INDEX, head, n);
+    s = saga_head_chunk(&chunk, SAGA_CHUNK_INDEX, saga_head_crc(h, head),
+                        head + h->header_nbytes, n - h->header_nbytes);
     if (s)
         return s;
     if (chunk.nbytes != h->n_segments * (uint32_t)SAGA_INDEX_ENTRY_NBYTES)
         return SAGA_ERR_DATA;
-    *entries = head + SAGA_CHUNK_NBYTES;
+    *entries = head + h->header_nbytes + SAGA_CHUNK_NBYTES;
     return SAGA_OK;
 }
 
@@ -292,15 +299,16 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     saga_bank_lay(&sc->bank, block_at(dec, p->bank_at));
 }
 
-static saga_status read_segment_header(saga_decoder *dec, const uint8_t *bytes,
-                                       size_t n)
+static saga_status read_segment_header(saga_decoder *dec,
+                                       const saga_segment *wanted,
+                                       const uint8_t *bytes, size_t n)
 {
     const saga_counts *const max = &dec->header.max;
     saga_segment_header seg;
     saga_chunk chunk;
     saga_io io = { bytes + SAGA_CHUNK_NBYTES, NULL, 0 };
-    const saga_status s = saga_head_chunk(&chunk, SAGA_CHUNK_SEGMENT, bytes,
-                                          n);
+    const saga_status s = saga_head_chunk(&chunk, SAGA_CHUNK_SEGMENT,
+                                          dec->owner, bytes, n);
 
     if (s)
         return s;
@@ -309,9 +317,8 @@ static saga_status read_segment_header(saga_decoder *dec, const uint8_t *bytes,
     saga_segment_io(&io, &seg);
     if (seg.n.coarse < 1 || seg.n.coarse > max->coarse ||
         seg.n.fine > max->fine || seg.n.prim > max->prim ||
-        seg.number >= dec->header.n_segments || seg.n_frames < 1 ||
-        seg.n_frames > dec->header.n_frames ||
-        seg.first_frame > dec->header.n_frames - seg.n_frames)
+        seg.number != wanted->number || seg.n_frames != wanted->n_frames ||
+        seg.first_frame != wanted->first_frame)
         return SAGA_ERR_DATA;
     dec->n = seg.n;
     return SAGA_OK;
@@ -332,7 +339,8 @@ static saga_status read_layer(saga_decoder *dec, const saga_scaffold *sc,
                         : layer == 1 ? SAGA_CHUNK_FINE : SAGA_CHUNK_PRIM;
     saga_range_dec range;
     saga_chunk chunk;
-    const saga_status s = saga_head_chunk(&chunk, type, bytes + *at, n - *at);
+    const saga_status s = saga_head_chunk(&chunk, type, dec->owner,
+                                          bytes + *at, n - *at);
 
     if (s)
         return s;
@@ -346,7 +354,8 @@ static saga_status read_layer(saga_decoder *dec, const saga_scaffold *sc,
     return SAGA_OK;
 }
 
-saga_status saga_decode(saga_decoder *dec, const uint8_t *bytes, size_t n)
+saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
+                        const uint8_t *bytes, size_t n)
 {
     size_t at = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
     saga_scaffold sc;
@@ -356,7 +365,7 @@ saga_status saga_decode(saga_decoder *dec, const uint8_t *bytes, size_t n)
     dec->has_segment = 0;
     dec->has_view = 0;
     dec->n_splats = 0;
-    s = read_segment_header(dec, bytes, n);
+    s = read_segment_header(dec, segment, bytes, n);
     if (s)
         return s;
     scaffold_of(&sc, dec);
@@ -416,6 +425,24 @@ static void shade(uint16_t colour_q15[3], saga_decoder *dec,
         colour_q15[i] = (uint16_t)base[i];
 }
 
+/* Views of one decoder differ by their number, those of two decoders by what
+ * they show. */
+static void number_view(saga_decoder *dec, int32_t t)
+{
+    const uint8_t *const camera = (const uint8_t *)&dec->camera;
+    uint32_t crc = dec->owner;
+
+    crc = saga_crc32c(crc, (const uint8_t *)dec->final_range,
+                      sizeof dec->final_range);
+    crc = saga_crc32c(crc, (const uint8_t *)&t, sizeof t);
+    /* Bytes behind the last field are not looked at. */
+    dec->view_digest = saga_crc32c(crc, camera,
+                                   offsetof(saga_camera, background_q15) +
+                                   sizeof dec->camera.background_q15);
+    dec->n_views++;
+    dec->has_view = 1;
+}
+
 saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
 {
     saga_splat *const splats =
@@ -448,7 +475,7 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
     saga_depth_sort(keys, (saga_key *)(void *)
                     block_at(dec, dec->plan.keys_tmp_at), n);
     dec->n_splats = n;
-    dec->has_view = 1;
+    number_view(dec, t);
     return SAGA_OK;
 }
 
@@ -456,6 +483,15 @@ saga_status saga_draw(const saga_decoder *dec, saga_job *job,
                       const saga_picture *picture, uint32_t budget)
 {
     if (!dec->has_view)
+        return SAGA_ERR_STATE;
+    if (budget == 0)
+        return SAGA_ERR_ARG;
+    if (job->cursor[0] == 0) {
+        job->cursor[1] = dec->n_views;
+        job->cursor[2] = dec->view_digest;
+    }
+    /* The scratch of a job that has begun numbers the splats of its view. */
+    if (job->cursor[1] != dec->n_views || job->cursor[2] != dec->view_digest)
         return SAGA_ERR_STATE;
     return saga_raster(job, picture, &dec->camera, splats_of(dec),
                        keys_of(dec), dec->n_splats, budget);
@@ -521,6 +557,6 @@ const char *saga_status_text(saga_status status)
     if (status == SAGA_ERR_LEVEL)
         return "the stream exceeds its level, or this decoder's";
     if (status == SAGA_ERR_STATE)
-        return "called too early: nothing decoded, or no view";
+        return "nothing decoded, no view, or a job of another view";
     return "unknown status";
 }

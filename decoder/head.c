@@ -45,7 +45,12 @@ uint64_t saga_head_nbytes(const saga_header *h)
            (uint64_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES + h->nets_nbytes;
 }
 
-saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type,
+uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes)
+{
+    return fx_load32_le(bytes + saga_rig_end(h));
+}
+
+saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,
                             const uint8_t *bytes, size_t n)
 {
     saga_io io = { bytes, NULL, 0 };
@@ -57,7 +62,7 @@ saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type,
         return SAGA_ERR_DATA;
     if (chunk->nbytes > n - SAGA_CHUNK_NBYTES)
         return SAGA_ERR_TRUNCATED;
-    if (saga_chunk_crc(chunk, bytes + SAGA_CHUNK_NBYTES) != chunk->crc)
+    if (saga_chunk_crc(owner, chunk, bytes + SAGA_CHUNK_NBYTES) != chunk->crc)
         return SAGA_ERR_DATA;
     return SAGA_OK;
 }

@@ -16,10 +16,13 @@ saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n);
  * checked. */
 uint64_t saga_head_nbytes(const saga_header *h);
 
+/* CRC of the header at the start of bytes, which was read into *h. */
+uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes);
+
 /* A chunk at bytes[0..n): OK with its payload's place in *chunk and
- * bytes + SAGA_CHUNK_NBYTES; TRUNCATED, or DATA for another type or a wrong
- * CRC. */
-saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type,
+ * bytes + SAGA_CHUNK_NBYTES; TRUNCATED, or DATA for another type or a CRC that
+ * does not go on from the owner's. */
+saga_status saga_head_chunk(saga_chunk *chunk, uint32_t type, uint32_t owner,
                             const uint8_t *bytes, size_t n);
 
 #endif

@@ -21,7 +21,7 @@
  * progress is in struct state, so that a call may stop after any unit of work.
  *
  * cursor[0]: 0 not begun, 1 begun (struct state is valid), 2 finished. The
- * others are 0.
+ * others belong to the caller, who keeps a job with its view.
  */
 #include "raster.h"
 

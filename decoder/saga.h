@@ -15,6 +15,7 @@
  * - Threads: one decoder must not be changed by two threads at once. After
  *   saga_view, any number of threads may call saga_draw on the same decoder,
  *   each with its own saga_job.
+ * - C++ may include this header: its functions have C linkage.
  * - Input is not trusted: whatever the bytes, every function returns, never
  *   reads or writes outside what it was given, and its loops are bounded by
  *   counts checked against the header.
@@ -28,6 +29,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum saga_status {
     SAGA_OK = 0,
     SAGA_AGAIN = 1,          /* work left: call again with the same job */
@@ -38,7 +43,8 @@ typedef enum saga_status {
     SAGA_ERR_TRUNCATED = -11,/* more bytes are needed */
     SAGA_ERR_VERSION = -12,  /* valid, but needs a newer decoder */
     SAGA_ERR_LEVEL = -13,    /* exceeds its declared level, or this build's */
-    SAGA_ERR_STATE = -20     /* called too early: nothing decoded, no view */
+    SAGA_ERR_STATE = -20     /* nothing decoded, no view, or the job began with
+                              * another view */
 } saga_status;
 
 /* A pinhole camera; x right, y down, z forward. Integers only, since the bits
@@ -77,7 +83,9 @@ typedef struct saga_picture {
 
 /* A rectangle of the picture to be drawn by one thread, and its progress.
  * Set the first block, zero the second, call saga_draw until it returns
- * something other than SAGA_AGAIN. */
+ * something other than SAGA_AGAIN. A job belongs to the view with which it
+ * began: zero the second block again for another one. Until it ends, the first
+ * block and the bytes of the scratch stay as they are. */
 typedef struct saga_job {
     int32_t x0, y0, x1, y1;  /* inside the camera's picture, not empty */
     int32_t tile;            /* side of a tile in pixels: 8, 16, 32 or 64; has
@@ -89,7 +97,8 @@ typedef struct saga_job {
     size_t scratch_nbytes;   /* more lets a band of several tiles share one
                               * pass over the splats */
 
-    uint32_t cursor[4];      /* internal; zero at the start */
+    uint32_t cursor[4];      /* internal: progress, the view; zero at the
+                              * start */
 } saga_job;
 
 /* Bytes of scratch the smallest band (one tile) needs. */
@@ -105,7 +114,7 @@ typedef struct saga_job {
  *     saga_probe(&info, bytes, n);             how much memory, how many bytes
  *     saga_open(&dec, work, info.work_nbytes, bytes, info.head_nbytes);
  *     saga_find(&seg, bytes, info.head_nbytes, frame, 1);
- *     saga_decode(dec, bytes + seg.offset, seg.nbytes);
+ *     saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes);
  *     saga_view(dec, &camera, seg.t);
  *     while (saga_draw(dec, &job, &picture, budget) == SAGA_AGAIN) ;
  */
@@ -177,19 +186,26 @@ saga_status saga_rig(saga_camera *camera, uint32_t *number,
                      const uint8_t *head, size_t n, uint32_t index);
 
 /* Decodes a segment's bytes[0..n) into primitives, in place of an earlier
- * one. SAGA_OK; TRUNCATED, DATA: no segment is decoded then. */
-saga_status saga_decode(saga_decoder *dec, const uint8_t *bytes, size_t n);
+ * one. segment: as saga_find gave it; its number and frames must be those that
+ * the bytes tell, so that one segment does not pass for another. Bytes of
+ * another file are refused as well: their checksums go on from its networks'.
+ * SAGA_OK; TRUNCATED, DATA: no segment is decoded then. */
+saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
+                        const uint8_t *bytes, size_t n);
 
 /* Prepares a picture: primitives at time t (0..65535) as sorted splats in the
- * camera. SAGA_OK; ARG: t or a field of the camera; STATE: no segment. */
+ * camera. It ends the jobs of the view before.
+ * SAGA_OK; ARG: t or a field of the camera, the view before stays; STATE: no
+ * segment. */
 saga_status saga_view(saga_decoder *dec, const saga_camera *camera,
                       int32_t t);
 
 /* Draws some of a job: see saga_job. budget >= 1 bounds the work of the call:
  * one unit is a splat looked at or a row of a splat in a tile blended.
  * SAGA_OK: finished; SAGA_AGAIN: budget spent, call again; ARG, SPACE, ALIGN:
- * job or picture; STATE: no view. Pixels outside the job's rectangle are not
- * touched; those inside are written when final. */
+ * job, picture or budget; STATE: no view, or the job began with another one and
+ * must begin anew. Pixels outside the job's rectangle are not touched; those
+ * inside are written when final. */
 saga_status saga_draw(const saga_decoder *dec, saga_job *job,
                       const saga_picture *picture, uint32_t budget);
 
@@ -228,5 +244,9 @@ saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
  * SAGA_OK, ARG, STATE. */
 saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,
                           uint32_t order);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -126,10 +126,10 @@ typedef struct {
     zeroed_what what;
 } scene;
 
-/* Reads the chunks p[0..n) of the layers of a segment of s->n onto the tape,
- * and from it, changed, into the arrays of s. */
+/* Reads the chunks of the layers of a segment of s->n onto the tape, and from
+ * it, changed, into the arrays of s. */
 static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
-                  const uint8_t *p, size_t n)
+                  recorder_chunks at)
 {
     deck d = { .coder = { .residual = record_residual,
                           .adaptive = record_adaptive }, .what = sc->what };
@@ -139,7 +139,7 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
     int ok;
 
     recorder_scaffold(&scaffold, sc->model, sc->nets, sc->params, s->n);
-    ok = recorder_layers(&d.coder, &d.inner, &scaffold, final_range, p, n);
+    ok = recorder_layers(&d.coder, &d.inner, &scaffold, final_range, at);
     d.coder.residual = play_residual;
     d.coder.adaptive = play_adaptive;
     recorder_init(&r, &d.coder);
@@ -157,7 +157,7 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
 
 /* Appends a segment's bytes, changed, to the file. */
 static const char *append(saga_encoder *e, const scene *sc,
-                          const saga_header *h, const uint8_t *p, size_t n)
+                          const saga_header *h, recorder_chunks at)
 {
     static const char why[] = "a segment is not valid";
     saga_error error = { "" };
@@ -166,11 +166,11 @@ static const char *append(saga_encoder *e, const scene *sc,
     uint32_t cap_nodes;
     int ok;
 
-    if (!recorder_segment(&seg, h, &p, &n))
+    if (!recorder_segment(&seg, h, &at))
         return why;
     cap_nodes = recorder_nodes(seg.n.coarse);
     recorder_alloc_symbols(&s, seg.n, h->model.features, cap_nodes);
-    ok = change(&s, cap_nodes, sc, p, n) &&
+    ok = change(&s, cap_nodes, sc, at) &&
          saga_encoder_segment(e, &s, seg.n_frames, &error);
     recorder_free_symbols(&s);
     return ok ? NULL : why;
@@ -229,7 +229,7 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
         why = saga_find(&seg, bytes, n, frame, 1) || seg.offset > n ||
               seg.nbytes > n - seg.offset
             ? "the index is not valid"
-            : append(e, &sc, &h, bytes + seg.offset, seg.nbytes);
+            : append(e, &sc, &h, recorder_segment_chunks(&h, bytes, &seg));
     if (!why && !saga_encoder_finish(e, out, n_out, &sizes, &error))
         why = "a decoder would refuse the file";
     saga_encoder_free(e);

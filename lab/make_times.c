@@ -69,7 +69,7 @@ static int run_decoder(double *ms, const saga_bytes *in)
     ok = work && !saga_open(&dec, work, info.work_nbytes, in->data,
                             in->nbytes);
     begin = now_ms();
-    ok = ok && !saga_decode(dec, in->data + seg.offset, seg.nbytes);
+    ok = ok && !saga_decode(dec, &seg, in->data + seg.offset, seg.nbytes);
     *ms = fmin(*ms, now_ms() - begin);
     free(work);
     return ok;

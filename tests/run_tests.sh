@@ -211,6 +211,7 @@ many() {
     check symbols tests/check_symbols.sh "$size"
     check nofloat tests/check_nofloat.sh
     check stack python3 tests/check_stack.py
+    SAGA_LIB=$build/gcc/libsaga.a check api tests/check_api.sh
     for name in round cli encode floors ablation input; do
         check "$name" "tests/cli/check_$name.sh"
     done

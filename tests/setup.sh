@@ -10,7 +10,7 @@ set -eu
 
 test -z "${SAGA_NO_SETUP:-}" || exit 0
 
-packages="gcc make binutils libc6-dev clang lld pkg-config python3
+packages="gcc g++ make binutils libc6-dev clang lld pkg-config python3
     libcmocka-dev libjansson-dev libpng-dev zlib1g-dev libopenexr-dev ffmpeg
     gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
     qemu-user-static"

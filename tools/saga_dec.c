@@ -337,7 +337,7 @@ static int run(const options *o, FILE *f, const saga_info *info)
         return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
     if (read_at(f, seg.offset, seg.nbytes) != (long)seg.nbytes)
         return fail(o->file, "cannot read the segment");
-    s = saga_decode(dec, memory.input, seg.nbytes);
+    s = saga_decode(dec, &seg, memory.input, seg.nbytes);
     if (s)
         return refuse(o->file, "cannot decode the segment", s);
     s = saga_view(dec, &camera, seg.t);

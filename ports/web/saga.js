@@ -311,7 +311,8 @@ export class SagaFile {
 
         this.segment = -1;
         this.write(this.wasm.saga_web_input(bytes.length), bytes);
-        const status = this.wasm.saga_web_decode(bytes.length);
+        const { firstFrame } = this.segments[number];
+        const status = this.wasm.saga_web_decode(firstFrame, bytes.length);
 
         if (status)
             this.coded.delete(number);

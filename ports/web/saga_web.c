@@ -76,9 +76,11 @@ int32_t saga_web_find(uint32_t frame_num, uint32_t frame_den);
 EXPORT(saga_web_segment) const web_segment *saga_web_segment(void);
 
 /* Room for a segment's bytes, to be written there before saga_web_decode. The
- * last picture is lost. NULL: no memory. */
+ * last picture is lost. NULL: no memory. The segment is named by its first
+ * frame. */
 EXPORT(saga_web_input) uint8_t *saga_web_input(uint32_t nbytes);
-EXPORT(saga_web_decode) int32_t saga_web_decode(uint32_t nbytes);
+EXPORT(saga_web_decode)
+int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes);
 
 /* saga_view of the camera at saga_web_camera, then its picture, told at
  * saga_web_picture. */
@@ -250,12 +252,16 @@ uint8_t *saga_web_input(uint32_t nbytes)
     return reach(web.input, nbytes) ? web.input : NULL;
 }
 
-int32_t saga_web_decode(uint32_t nbytes)
+int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes)
 {
     saga_report report;
-    const saga_status s = web.dec ? saga_decode(web.dec, web.input, nbytes)
-                                  : SAGA_ERR_STATE;
+    saga_segment seg;
+    saga_status s = saga_find(&seg, web.head, web.head_nbytes, first_frame, 1);
 
+    if (s)
+        return s;
+    s = web.dec ? saga_decode(web.dec, &seg, web.input, nbytes)
+                : SAGA_ERR_STATE;
     if (s == SAGA_OK && saga_tell(&report, web.dec) == SAGA_OK)
         web.picture.n_primitives = report.n_primitives;
     return s;

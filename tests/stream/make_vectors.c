@@ -254,7 +254,7 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
     saga_header_io(&out, &h);
     if (saga_rig_offset(&h) <= in.at)
         saga_bank_io(&out, &h.model);
-    gen_stream_sign_header(copy);
+    mutate_sign(copy, n);
     bad(stem, copy, n, status);
     free(copy);
 }

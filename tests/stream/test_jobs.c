@@ -56,7 +56,8 @@ static void open_scene(scene *s, size_t block)
     assert_int_equal(saga_open(&s->dec, s->work, block, s->bytes, s->n),
                      SAGA_OK);
     assert_int_equal(saga_find(&seg, s->bytes, s->n, 1, 3), SAGA_OK);
-    assert_int_equal(saga_decode(s->dec, s->bytes + seg.offset, seg.nbytes),
+    assert_int_equal(saga_decode(s->dec, &seg, s->bytes + seg.offset,
+                                 seg.nbytes),
                      SAGA_OK);
     assert_int_equal(saga_rig(&s->camera, &number, s->bytes, s->n, 0),
                      SAGA_OK);

@@ -12,6 +12,7 @@
 #include "container.h"
 #include "encode.h"
 #include "gen_stream.h"
+#include "head.h"
 #include "ref_recorder.h"
 #include "saga.h"
 
@@ -79,7 +80,9 @@ static void begin(world *w, const gen_options *o)
     saga_segment seg;
     uint8_t *bytes;
     size_t n;
-    const size_t layers = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
+    saga_segment_header layers;
+    recorder_chunks at;
+    saga_header h;
 
     memset(w, 0, sizeof *w);
     gen_stream_make(&w->g, o);
@@ -94,9 +97,11 @@ static void begin(world *w, const gen_options *o)
                       w->g.segment[0].n);
     w->l.coder.adaptive = listen;
     w->l.coder.residual = pass_on;
+    assert_int_equal(saga_head_read(&h, bytes, n), SAGA_OK);
+    at = recorder_segment_chunks(&h, bytes, &seg);
+    assert_true(recorder_segment(&layers, &h, &at));
     assert_true(recorder_layers(&w->l.coder, &w->l.inner, &w->sc, range,
-                                bytes + seg.offset + layers,
-                                seg.nbytes - layers));
+                                at));
     free(bytes);
 }
 

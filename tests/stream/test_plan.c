@@ -27,7 +27,7 @@
 #include <string.h>
 
 /* DECODER_NBYTES: what stands before the plan's regions (plan.c). */
-enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 644 };
+enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 656 };
 
 static uint64_t n_macs;
 
@@ -117,7 +117,7 @@ static saga_status decode(player *p, saga_decoder *dec, uint32_t number)
         frame += p->g.n_frames[i];
     assert_int_equal(saga_find(&seg, p->bytes, p->n, frame, 1), SAGA_OK);
     assert_int_equal(seg.number, number);
-    return saga_decode(dec, p->bytes + seg.offset, seg.nbytes);
+    return saga_decode(dec, &seg, p->bytes + seg.offset, seg.nbytes);
 }
 
 static saga_camera rig(const player *p, uint32_t index)
@@ -712,7 +712,7 @@ static void calls_out_of_order_should_be_refused(void **state)
     assert_no_view(p.dec, &c);
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
     assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
-    assert_int_equal(saga_decode(p.dec, p.bytes + seg.offset, 1),
+    assert_int_equal(saga_decode(p.dec, &seg, p.bytes + seg.offset, 1),
                      SAGA_ERR_TRUNCATED);
     assert_nothing_decoded(p.dec, &c);
     assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
@@ -738,7 +738,7 @@ static void cut_segment_should_be_refused(void **state)
         uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes + seg.offset, n);
-        assert_int_equal(saga_decode(p.dec, copy, n), SAGA_ERR_TRUNCATED);
+        assert_int_equal(saga_decode(p.dec, &seg, copy, n), SAGA_ERR_TRUNCATED);
         free(copy);
     }
     end(&p);

@@ -152,7 +152,8 @@ static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
     assert_true(recorder_read(&nets, &s, number, range, bytes, n));
     assert_same_nets(&nets, &g->nets, &g->header.model);
     assert_same_symbols(&s, &g->segment[number], g->header.model.features);
-    assert_int_equal(saga_decode(p->dec, bytes + seg.offset, seg.nbytes),
+    assert_int_equal(saga_decode(p->dec, &seg, bytes + seg.offset,
+                                 seg.nbytes),
                      SAGA_OK);
     assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
     assert_int_equal(report.n_coarse, s.n.coarse);
@@ -851,7 +852,7 @@ static void decode_copy(player *p, const gen_stream *g, const uint8_t *bytes,
     const saga_segment seg = segment_of(g, bytes, n, number);
     uint8_t *const copy = copy_of(bytes + seg.offset, seg.nbytes);
 
-    assert_int_equal(saga_decode(p->dec, copy, seg.nbytes), SAGA_OK);
+    assert_int_equal(saga_decode(p->dec, &seg, copy, seg.nbytes), SAGA_OK);
     free(copy);
 }
 

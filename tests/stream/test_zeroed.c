@@ -13,6 +13,7 @@
 #include "encode.h"
 #include "gen_stream.h"
 #include "gen_zeroed.h"
+#include "head.h"
 #include "ref_recorder.h"
 #include "saga.h"
 
@@ -58,8 +59,10 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
                    const uint8_t *params, const uint8_t *bytes, size_t n,
                    uint32_t frame)
 {
-    const size_t layers = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
     saga_net_symbols net_symbols;
+    saga_segment_header layers;
+    recorder_chunks at;
+    saga_header h;
     uint32_t final_range[3];
     saga_segment seg;
     recorder r;
@@ -76,9 +79,11 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     r.features = g->header.model.features;
     recorder_alloc_symbols(&d->s, d->s.n, r.features, r.cap_nodes);
     recorder_scaffold(&d->sc, &g->header.model, nets, params, d->s.n);
+    assert_int_equal(saga_head_read(&h, bytes, n), SAGA_OK);
+    at = recorder_segment_chunks(&h, bytes, &seg);
+    assert_true(recorder_segment(&layers, &h, &at));
     assert_true(recorder_layers(&r.coder, &r.inner, &d->sc, final_range,
-                                bytes + seg.offset + layers,
-                                seg.nbytes - layers));
+                                at));
 }
 
 static void free_decoded(decoded *d)

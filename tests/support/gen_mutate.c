@@ -83,7 +83,6 @@ static void write_chunk(uint8_t *out, const mutate_part *part)
 
     if (part->n)
         memcpy(out + SAGA_CHUNK_NBYTES, part->p, part->n);
-    chunk.crc = saga_chunk_crc(&chunk, out + SAGA_CHUNK_NBYTES);
     saga_chunk_io(&io, &chunk);
 }
 
@@ -112,6 +111,9 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
  * fields, n_segments, n_frames, rate and maxima. */
 enum { NETS_NBYTES_AT = 8 + 4 + 4 + 4 + 4 + 8 + 12 };
 
+/* The networks' place among the chunks: those behind it go on from its CRC. */
+enum { NETS_CHUNK = 1 };
+
 static uint8_t *join(const mutate_file *f, size_t *n, int link)
 {
     uint8_t *out;
@@ -131,10 +133,7 @@ static uint8_t *join(const mutate_file *f, size_t *n, int link)
         write_chunk(out + at, &f->part[i]);
         at += SAGA_CHUNK_NBYTES + f->part[i].n;
     }
-    if (fx_load32_le(f->header + SAGA_MAGIC_NBYTES) == f->header_nbytes)
-        gen_stream_sign_header(out);
-    else
-        mutate_sign(out, *n);
+    mutate_sign(out, *n);
     return out;
 }
 
@@ -146,6 +145,7 @@ uint8_t *mutate_join(const mutate_file *f, size_t *n)
 void mutate_sign(uint8_t *bytes, size_t n)
 {
     uint64_t at;
+    uint32_t owner, i;
 
     if (n < SAGA_HEADER_NBYTES)
         return;
@@ -153,15 +153,19 @@ void mutate_sign(uint8_t *bytes, size_t n)
     if (at < SAGA_HEADER_NBYTES + 4 || at > n)
         return;
     gen_stream_sign_header(bytes);
-    while (n - at >= SAGA_CHUNK_NBYTES) {
+    owner = fx_load32_le(bytes + at - 4);
+    for (i = 0; n - at >= SAGA_CHUNK_NBYTES; i++) {
         saga_io io = { bytes + at, NULL, 0 };
         saga_chunk chunk;
 
         saga_chunk_io(&io, &chunk);
         if (chunk.nbytes > n - at - SAGA_CHUNK_NBYTES)
             return;
-        fx_store32_le(bytes + at + 8,
-                      saga_chunk_crc(&chunk, bytes + at + SAGA_CHUNK_NBYTES));
+        chunk.crc = saga_chunk_crc(owner, &chunk,
+                                   bytes + at + SAGA_CHUNK_NBYTES);
+        fx_store32_le(bytes + at + 8, chunk.crc);
+        if (i == NETS_CHUNK)
+            owner = chunk.crc;
         at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     }
 }
@@ -983,6 +987,7 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
         SAGA_CHUNK_PRIM
     };
     const size_t nets = p->info.head_nbytes - p->info.nets_nbytes;
+    const uint32_t owner = fx_load32_le(p->head + nets - 4);
     mutate_part part[4];
     mutate_stage stage;
     saga_counts counts;
@@ -993,7 +998,7 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
     for (i = 0; i < 4; i++) {
         saga_chunk chunk;
 
-        if (saga_head_chunk(&chunk, type[i], bytes + at, n - at))
+        if (saga_head_chunk(&chunk, type[i], owner, bytes + at, n - at))
             return MUTATE_AT_SEGMENT;
         part[i].type = chunk.type;
         part[i].n = chunk.nbytes;
@@ -1018,7 +1023,7 @@ static void play_segment(player *p, const saga_segment *seg,
 {
     mutate_result *const result = p->result;
     uint8_t *const copy = copy_of(bytes + seg->offset, seg->nbytes);
-    const saga_status s = saga_decode(p->dec, copy, seg->nbytes);
+    const saga_status s = saga_decode(p->dec, seg, copy, seg->nbytes);
     saga_report report;
     saga_camera c;
 

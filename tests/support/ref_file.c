@@ -37,11 +37,11 @@ uint32_t ref_file_rows(const ref_file *f, int step)
 /* --- Chunks -------------------------------------------------------------- */
 
 /* The chunk of that type at the beginning of *at, which moves past it. */
-static int take_chunk(ref_span *payload, ref_span *at, uint32_t type)
+static int take_chunk(ref_span *payload, recorder_chunks *at, uint32_t type)
 {
     saga_chunk chunk;
 
-    payload->p = recorder_chunk(&chunk, type, &at->p, &at->n);
+    payload->p = recorder_chunk(&chunk, type, at);
     payload->n = payload->p ? chunk.nbytes : 0;
     return payload->p != NULL;
 }
@@ -99,7 +99,7 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
             (int64_t)q[first + i] * f->h.model.step_q16[step], 16));
 }
 
-static int read_layers(ref_file *f, ref_span at)
+static int read_layers(ref_file *f, recorder_chunks at)
 {
     const uint32_t cap_nodes = recorder_nodes(f->segment.n.coarse);
     uint32_t final_range[3];
@@ -122,8 +122,7 @@ static int read_layers(ref_file *f, ref_span at)
     r.s = &f->s;
     r.cap_nodes = cap_nodes;
     r.features = f->h.model.features;
-    ok = recorder_layers(&r.coder, &cost.inner, &f->sc, final_range, at.p,
-                         at.n);
+    ok = recorder_layers(&r.coder, &cost.inner, &f->sc, final_range, at);
     for (int i = 0; i < SAGA_N_SYMS; i++)
         f->bits[i] += cost.bits[i];
     return ok && take_chunk(&f->chunk[REF_COARSE], &at, SAGA_CHUNK_COARSE) &&
@@ -133,7 +132,7 @@ static int read_layers(ref_file *f, ref_span at)
 
 static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n)
 {
-    ref_span at = { bytes + f->h.header_nbytes, n - f->h.header_nbytes };
+    recorder_chunks at = recorder_head(&f->h, bytes, n);
     saga_segment seg;
     ref_span payload;
 
@@ -146,8 +145,8 @@ static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n)
     if (!take_chunk(&f->chunk[REF_NETWORKS], &at, SAGA_CHUNK_NETS) ||
         f->chunk[REF_NETWORKS].n != f->h.nets_nbytes || !read_nets(f))
         return "the networks are not valid";
-    at = (ref_span){ bytes + seg.offset, seg.nbytes };
-    if (!recorder_segment(&f->segment, &f->h, &at.p, &at.n))
+    at = recorder_segment_chunks(&f->h, bytes, &seg);
+    if (!recorder_segment(&f->segment, &f->h, &at))
         return "the segment's header is not valid";
     return read_layers(f, at) ? NULL : "the segment is not valid";
 }

@@ -2,6 +2,7 @@
 #include "ref_recorder.h"
 
 #include "encode.h"
+#include "fx.h"
 #include "head.h"
 #include "plan.h"
 #include "range_dec.h"
@@ -203,33 +204,57 @@ void recorder_free_symbols(saga_symbols *s)
 
 /* --- A whole file -------------------------------------------------------- */
 
-const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
-                              const uint8_t **p, size_t *n)
+recorder_chunks recorder_head(const saga_header *h, const uint8_t *bytes,
+                              size_t n)
 {
-    const uint8_t *const payload = *p + SAGA_CHUNK_NBYTES;
+    const recorder_chunks at = { bytes + h->header_nbytes,
+                                 n - h->header_nbytes,
+                                 saga_head_crc(h, bytes), { 0 } };
 
-    if (saga_head_chunk(chunk, type, *p, *n))
+    return at;
+}
+
+recorder_chunks recorder_segment_chunks(const saga_header *h,
+                                        const uint8_t *bytes,
+                                        const saga_segment *seg)
+{
+    const uint32_t nets = h->header_nbytes + SAGA_CHUNK_NBYTES +
+                          h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    const recorder_chunks at = { bytes + seg->offset, seg->nbytes,
+                                 fx_load32_le(bytes + nets + 8), *seg };
+
+    return at;
+}
+
+const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
+                              recorder_chunks *at)
+{
+    const uint8_t *const payload = at->p + SAGA_CHUNK_NBYTES;
+
+    if (saga_head_chunk(chunk, type, at->owner, at->p, at->n))
         return NULL;
-    *p = payload + chunk->nbytes;
-    *n -= SAGA_CHUNK_NBYTES + chunk->nbytes;
+    at->p = payload + chunk->nbytes;
+    at->n -= SAGA_CHUNK_NBYTES + chunk->nbytes;
+    if (type == SAGA_CHUNK_NETS)
+        at->owner = chunk->crc;
     return payload;
 }
 
 int recorder_segment(saga_segment_header *seg, const saga_header *h,
-                     const uint8_t **p, size_t *n)
+                     recorder_chunks *at)
 {
     saga_io io = { NULL, NULL, 0 };
     saga_chunk chunk;
 
-    io.in = recorder_chunk(&chunk, SAGA_CHUNK_SEGMENT, p, n);
+    io.in = recorder_chunk(&chunk, SAGA_CHUNK_SEGMENT, at);
     if (!io.in || chunk.nbytes != SAGA_SEGMENT_NBYTES)
         return 0;
     saga_segment_io(&io, seg);
     return seg->n.coarse >= 1 && seg->n.coarse <= h->max.coarse &&
            seg->n.fine <= h->max.fine && seg->n.prim <= h->max.prim &&
-           seg->number < h->n_segments && seg->n_frames >= 1 &&
-           seg->n_frames <= h->n_frames &&
-           seg->first_frame <= h->n_frames - seg->n_frames;
+           seg->number == at->wanted.number &&
+           seg->first_frame == at->wanted.first_frame &&
+           seg->n_frames == at->wanted.n_frames;
 }
 
 uint32_t recorder_nodes(uint32_t n_coarse)
@@ -251,7 +276,7 @@ void recorder_scaffold(saga_scaffold *sc, const saga_model *model,
 
 int recorder_layers(saga_coder *front, saga_coder **inner,
                     const saga_scaffold *sc, uint32_t final_range[3],
-                    const uint8_t *p, size_t n)
+                    recorder_chunks at)
 {
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
@@ -263,7 +288,7 @@ int recorder_layers(saga_coder *front, saga_coder **inner,
         saga_range_dec range;
         saga_chunk chunk;
         const uint8_t *const payload = recorder_chunk(&chunk, type[layer],
-                                                      &p, &n);
+                                                      &at);
 
         if (!payload)
             return 0;
@@ -276,20 +301,20 @@ int recorder_layers(saga_coder *front, saga_coder **inner,
         final_range[layer] = range.range;
     }
     *inner = NULL;
-    return ok && n == 0;
+    return ok && at.n == 0;
 }
 
 static int read_segment(const saga_header *h, const saga_nets *nets,
                         const uint8_t *params, saga_symbols *s,
                         uint32_t final_range[3], const recorder *like,
-                        const uint8_t *p, size_t n)
+                        recorder_chunks at)
 {
     saga_segment_header seg;
     saga_scaffold sc;
     recorder r;
     int ok;
 
-    if (!recorder_segment(&seg, h, &p, &n))
+    if (!recorder_segment(&seg, h, &at))
         return 0;
     recorder_init(&r, NULL);
     r.s = s;
@@ -300,20 +325,20 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     r.watch = like->watch;
     r.user = like->user;
     r.sc = &sc;
-    ok = recorder_layers(&r.coder, &r.inner, &sc, final_range, p, n);
+    ok = recorder_layers(&r.coder, &r.inner, &sc, final_range, at);
     saga_scaffold_free(&sc);
     return ok;
 }
 
 static int read_nets(saga_net_symbols *out, const saga_header *h,
-                     const saga_nets *nets, uint8_t *params, const uint8_t *p,
-                     size_t n)
+                     const saga_nets *nets, uint8_t *params,
+                     recorder_chunks at)
 {
     saga_range_dec range;
     saga_chunk chunk;
     recorder r;
-    const uint8_t *const payload = recorder_chunk(&chunk, SAGA_CHUNK_NETS, &p,
-                                                  &n);
+    const uint8_t *const payload = recorder_chunk(&chunk, SAGA_CHUNK_NETS,
+                                                  &at);
 
     if (!payload || chunk.nbytes != h->nets_nbytes)
         return 0;
@@ -326,6 +351,24 @@ static int read_nets(saga_net_symbols *out, const saga_header *h,
            saga_range_dec_finish(&range);
 }
 
+/* Segment `number`, if all of the index is valid and its bytes are there. */
+static int find_segment(saga_segment *seg, uint32_t number,
+                        const saga_header *h, const uint8_t *bytes, size_t n)
+{
+    uint32_t frame = 0;
+
+    /* The last frame is behind all of the index. */
+    if (number >= h->n_segments ||
+        saga_find(seg, bytes, n, h->n_frames - 1, 1))
+        return 0;
+    do {
+        if (saga_find(seg, bytes, n, frame, 1))
+            return 0;
+        frame += seg->n_frames;
+    } while (seg->number != number);
+    return seg->offset < n && seg->nbytes <= n - seg->offset;
+}
+
 static int read_file(saga_net_symbols *nets, saga_symbols *segment,
                      uint32_t number, uint32_t final_range[3],
                      const recorder *like, const uint8_t *bytes, size_t n)
@@ -333,31 +376,22 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
     saga_header h;
     saga_plan plan;
     saga_chunk chunk;
-    saga_io io = { NULL, NULL, number * SAGA_INDEX_ENTRY_NBYTES };
-    saga_index_entry entry;
-    saga_segment last;
-    const uint8_t *p = bytes;
-    size_t left = n;
+    saga_segment seg;
+    recorder_chunks at;
     uint8_t *params;
     int ok;
 
     if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0) ||
-        number >= h.n_segments ||
-        /* The last frame is behind all of the index. */
-        saga_find(&last, bytes, n, h.n_frames - 1, 1))
+        !find_segment(&seg, number, &h, bytes, n))
         return 0;
-    p += h.header_nbytes;
-    left -= h.header_nbytes;
-    io.in = recorder_chunk(&chunk, SAGA_CHUNK_INDEX, &p, &left);
-    if (!io.in)
+    at = recorder_head(&h, bytes, n);
+    if (!recorder_chunk(&chunk, SAGA_CHUNK_INDEX, &at))
         return 0;
-    saga_index_io(&io, &entry);
     params = aligned_alloc(16, plan.nets.nbytes + 16);
-    ok = params && read_nets(nets, &h, &plan.nets, params, p, left);
+    ok = params && read_nets(nets, &h, &plan.nets, params, at);
     if (ok && segment)
-        ok = entry.offset < n && entry.nbytes <= n - entry.offset &&
-             read_segment(&h, &plan.nets, params, segment, final_range, like,
-                          bytes + entry.offset, entry.nbytes);
+        ok = read_segment(&h, &plan.nets, params, segment, final_range, like,
+                          recorder_segment_chunks(&h, bytes, &seg));
     free(params);
     return ok;
 }

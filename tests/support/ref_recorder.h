@@ -8,6 +8,7 @@
 
 #include "container.h"
 #include "prob.h"
+#include "saga.h"
 #include "scaffold.h"
 #include "symbols.h"
 
@@ -42,15 +43,31 @@ void recorder_alloc_symbols(saga_symbols *s, saga_counts n,
 void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes);
 void recorder_free_symbols(saga_symbols *s);
 
-/* The chunk of that type which begins at *p: its payload, and *p and *n move
- * past it. NULL if there is none, or its CRC is another. */
-const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
-                              const uint8_t **p, size_t *n);
+/* Chunks that follow one another, and the CRC that theirs go on from. */
+typedef struct recorder_chunks {
+    const uint8_t *p;
+    size_t n;
+    uint32_t owner;
+    saga_segment wanted;         /* of a segment's chunks: which it is */
+} recorder_chunks;
 
-/* The chunk SEGM at *p, which *p and *n move past: 1 if it is one and its
- * numbers, which arrays are made for, are such as h allows; else 0. */
+/* What stands behind a file's header, and the chunks of a segment. */
+recorder_chunks recorder_head(const saga_header *h, const uint8_t *bytes,
+                              size_t n);
+recorder_chunks recorder_segment_chunks(const saga_header *h,
+                                        const uint8_t *bytes,
+                                        const saga_segment *seg);
+
+/* The chunk of that type which *at begins with: its payload, and *at moves past
+ * it; what follows NETS goes on from its CRC. NULL if there is none, or its CRC
+ * is another. */
+const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
+                              recorder_chunks *at);
+
+/* The chunk SEGM, which *at moves past: 1 if it is the wanted one and its
+ * counts, which arrays are made for, are such as h allows; else 0. */
 int recorder_segment(saga_segment_header *seg, const saga_header *h,
-                     const uint8_t **p, size_t *n);
+                     recorder_chunks *at);
 
 /* Nodes that the tree of so many leaves has at most: each inner one has a
  * child, and lies at most 24 deep. */
@@ -61,13 +78,13 @@ void recorder_scaffold(saga_scaffold *sc, const saga_model *model,
                        const saga_nets *nets, const uint8_t *params,
                        saga_counts n);
 
-/* Decodes the chunks of a segment's three layers, p[0..n) from COAR on: fills
- * sc. The traversal asks `front`, a coder of the caller's, which asks *inner:
- * before each layer, that is set to its range decoder. Returns 1, or 0 if
- * anything is invalid or follows; final_range[0..2] as saga_tell gives them. */
+/* Decodes the chunks of a segment's three layers, from COAR on: fills sc. The
+ * traversal asks `front`, a coder of the caller's, which asks *inner: before
+ * each layer, that is set to its range decoder. Returns 1, or 0 if anything is
+ * invalid or follows; final_range[0..2] as saga_tell gives them. */
 int recorder_layers(saga_coder *front, saga_coder **inner,
                     const saga_scaffold *sc, uint32_t final_range[3],
-                    const uint8_t *p, size_t n);
+                    recorder_chunks at);
 
 /* All symbols of a file's bytes, decoded by decoder/range_dec and common/'s
  * traversal: networks, and segment `number` (or none if segment is NULL).

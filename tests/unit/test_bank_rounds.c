@@ -78,7 +78,8 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
 typedef struct {
     gen_stream g;
     uint8_t *bytes, *params;
-    size_t n, at;            /* of the bytes, done */
+    size_t n;
+    recorder_chunks at;      /* those to come */
     saga_header h;
     saga_plan plan;
     saga_scaffold sc;
@@ -87,13 +88,11 @@ typedef struct {
 
 static const uint8_t *next_chunk(watched *w, uint32_t type, uint32_t *nbytes)
 {
-    const uint8_t *const payload = w->bytes + w->at + SAGA_CHUNK_NBYTES;
     saga_chunk chunk;
+    const uint8_t *const payload = recorder_chunk(&chunk, type, &w->at);
 
-    assert_int_equal(saga_head_chunk(&chunk, type, w->bytes + w->at,
-                                     w->n - w->at), SAGA_OK);
+    assert_non_null(payload);
     *nbytes = chunk.nbytes;
-    w->at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     return payload;
 }
 
@@ -105,7 +104,7 @@ static void open_stream(watched *w)
 
     assert_int_equal(saga_head_read(&w->h, w->bytes, w->n), SAGA_OK);
     assert_int_equal(saga_plan_make(&w->plan, &w->h, 0), SAGA_OK);
-    w->at = w->h.header_nbytes;
+    w->at = recorder_head(&w->h, w->bytes, w->n);
     next_chunk(w, SAGA_CHUNK_INDEX, &nbytes);
     p = next_chunk(w, SAGA_CHUNK_NETS, &nbytes);
     w->params = must(aligned_alloc(16, w->plan.nets.nbytes + 16));

@@ -174,13 +174,12 @@ static uint8_t *reserve(buffer *b, size_t n, saga_error *error)
 }
 
 /* Completes the chunk whose payload of nbytes was written behind its header's
- * place. */
+ * place, but for the CRC, which needs the file's header. */
 static void end_chunk(buffer *b, uint32_t type, size_t nbytes)
 {
     saga_io io = { NULL, b->p + b->n, 0 };
     saga_chunk chunk = { type, (uint32_t)nbytes, 0 };
 
-    chunk.crc = saga_chunk_crc(&chunk, b->p + b->n + SAGA_CHUNK_NBYTES);
     saga_chunk_io(&io, &chunk);
     b->n += SAGA_CHUNK_NBYTES + nbytes;
 }
@@ -522,6 +521,26 @@ static bool append(buffer *out, const buffer *b, saga_error *error)
     return true;
 }
 
+/* Writes the CRCs of all chunks: the header is known last. */
+static void sign(buffer *file, size_t header_nbytes)
+{
+    uint32_t owner = fx_load32_le(file->p + header_nbytes - 4);
+    size_t at = header_nbytes;
+
+    while (at < file->n) {
+        uint8_t *const p = file->p + at;
+        saga_io in = { p, NULL, 0 }, out = { NULL, p, 0 };
+        saga_chunk chunk;
+
+        saga_chunk_io(&in, &chunk);
+        chunk.crc = saga_chunk_crc(owner, &chunk, p + SAGA_CHUNK_NBYTES);
+        saga_chunk_io(&out, &chunk);
+        if (chunk.type == SAGA_CHUNK_NETS)
+            owner = chunk.crc;
+        at += SAGA_CHUNK_NBYTES + chunk.nbytes;
+    }
+}
+
 /* Asks the decoder about the finished bytes. */
 static bool probe(const buffer *out, saga_error *error)
 {
@@ -547,6 +566,7 @@ bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
         free(out.p);
         return false;
     }
+    sign(&out, e->header.header_nbytes);
     e->sizes.header = e->header.header_nbytes;
     e->sizes.total = out.n;
     *sizes = e->sizes;

@@ -191,7 +191,7 @@ static saga_status run_stages(saga_stages *out, saga_decoder *dec,
         return s;
     if (seg.offset > n || seg.nbytes > n - seg.offset)
         return SAGA_ERR_TRUNCATED;
-    s = saga_decode(dec, bytes + seg.offset, seg.nbytes);
+    s = saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes);
     if (s)
         return s;
     s = saga_rig(&c, &name, bytes, n, camera);

@@ -2,6 +2,7 @@
 #include "layout.h"
 
 #include "alloc.h"
+#include "file.h"
 #include "saga.h"
 
 #include <inttypes.h>
@@ -13,6 +14,7 @@ typedef struct {
     const uint8_t *bytes;
     size_t n;
     saga_layout *to;
+    uint32_t owner;          /* the CRC that the next chunk's goes on from */
 } walk;
 
 static void name_of(char name[5], uint32_t type)
@@ -81,7 +83,7 @@ static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
         return wrong_type(w, type, at, c->type);
     if (c->nbytes > w->n - at - SAGA_CHUNK_NBYTES)
         return cut(w, type, at, (uint64_t)c->nbytes + SAGA_CHUNK_NBYTES);
-    crc = saga_chunk_crc(c, w->bytes + at + SAGA_CHUNK_NBYTES);
+    crc = saga_chunk_crc(w->owner, c, w->bytes + at + SAGA_CHUNK_NBYTES);
     if (crc != c->crc)
         return wrong_crc(w, c, at, crc);
     w->to->n_chunks++;
@@ -105,6 +107,7 @@ static bool take_head(walk *w, const saga_header *h)
                     SAGA_CHUNK_NBYTES + c.nbytes))
         return false;
     to->nets_nbytes = c.nbytes;
+    w->owner = c.crc;
     return true;
 }
 
@@ -216,7 +219,7 @@ static bool read_all(walk *w, const saga_header *h, const char *name,
 bool saga_layout_read(saga_layout *layout, const char *name,
                       const uint8_t *bytes, size_t n, saga_error *error)
 {
-    walk w = { bytes, n, layout };
+    walk w = { bytes, n, layout, 0 };
     saga_io io = { bytes, NULL, SAGA_MAGIC_NBYTES };
     saga_header h;
 
@@ -224,6 +227,8 @@ bool saga_layout_read(saga_layout *layout, const char *name,
     if (n < SAGA_HEADER_NBYTES)
         return saga_fail(error, name, "copy the file again", "has no header");
     saga_header_io(&io, &h);
+    if (h.header_nbytes >= SAGA_HEADER_NBYTES && h.header_nbytes <= n)
+        w.owner = (uint32_t)saga_load_le(bytes + h.header_nbytes - 4, 4);
     return read_all(&w, &h, name, error);
 }
 

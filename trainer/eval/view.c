@@ -129,7 +129,8 @@ static bool decode(saga_film *film, const saga_segment *seg,
     film->segment = -1;
     if (seg->offset <= film->nbytes &&
         seg->nbytes <= film->nbytes - seg->offset)
-        s = saga_decode(film->dec, film->bytes + seg->offset, seg->nbytes);
+        s = saga_decode(film->dec, seg, film->bytes + seg->offset,
+                        seg->nbytes);
     snprintf(what, sizeof what, "segment %" PRIu32 " is refused",
              seg->number);
     if (s)

@@ -1,0 +1,362 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What a caller may mix up, views, jobs, segments, files, is refused, and
+ * nothing is written where it does not belong.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_stream.h"
+#include "saga.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { SIDE = 64, TILE = 16, LIST = 64, FEW = 40 };
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+/* --- A file, a decoder, a picture ---------------------------------------- */
+
+typedef struct {
+    uint8_t *bytes, *work;
+    size_t n;
+    saga_info info;
+    saga_decoder *dec;
+} player;
+
+static const gen_options options = { .seed = 5, .level = 1, .n_coarse = 24,
+                                     .n_segments = 2, .picture = 1,
+                                     .tools_fixed = 1, .tools = 0 };
+
+static void open_stream(player *p, gen_stream *g)
+{
+    gen_stream_encode(g, &p->bytes, &p->n);
+    assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
+    p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
+    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes,
+                               p->bytes, p->info.head_nbytes), SAGA_OK);
+}
+
+static void begin(player *p)
+{
+    gen_stream g;
+
+    gen_stream_make(&g, &options);
+    open_stream(p, &g);
+    gen_stream_free(&g);
+}
+
+static void end(player *p)
+{
+    free(p->work);
+    free(p->bytes);
+}
+
+static saga_segment segment_of(const player *p, uint32_t number)
+{
+    saga_segment seg;
+
+    assert_int_equal(saga_find(&seg, p->bytes, p->n, 0, 1), SAGA_OK);
+    if (number > 0)
+        assert_int_equal(saga_find(&seg, p->bytes, p->n, seg.n_frames, 1),
+                         SAGA_OK);
+    assert_int_equal(seg.number, number);
+    return seg;
+}
+
+static void decode(player *p, uint32_t number)
+{
+    const saga_segment seg = segment_of(p, number);
+
+    assert_int_equal(saga_decode(p->dec, &seg, p->bytes + seg.offset,
+                                 seg.nbytes), SAGA_OK);
+}
+
+static void view(player *p, uint32_t camera, int32_t t)
+{
+    saga_camera c;
+    uint32_t number;
+
+    assert_int_equal(saga_rig(&c, &number, p->bytes, p->n, camera), SAGA_OK);
+    assert_true(c.width >= SIDE && c.height >= SIDE);
+    assert_int_equal(saga_view(p->dec, &c, t), SAGA_OK);
+}
+
+typedef struct {
+    saga_job job;
+    saga_picture picture;
+    uint8_t rgb[3 * SIDE * SIDE];
+    _Alignas(4) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST)];
+} painter;
+
+static void prepare(painter *a)
+{
+    memset(a, 0, sizeof *a);
+    a->job.x1 = a->job.y1 = SIDE;
+    a->job.tile = TILE;
+    a->job.list_capacity = LIST;
+    a->job.scratch = a->scratch;
+    a->job.scratch_nbytes = sizeof a->scratch;
+    a->picture.rgb = a->rgb;
+    a->picture.stride_nbytes = 3 * SIDE;
+    a->picture.nbytes = sizeof a->rgb;
+    a->picture.bits = 8;
+}
+
+static saga_status go_on(const player *p, painter *a, uint32_t budget)
+{
+    return saga_draw(p->dec, &a->job, &a->picture, budget);
+}
+
+static saga_status finish(const player *p, painter *a)
+{
+    saga_status s;
+
+    do
+        s = go_on(p, a, 1000);
+    while (s == SAGA_AGAIN);
+    return s;
+}
+
+/* A job that has been begun and is far from its end. */
+static void begin_job(const player *p, painter *a)
+{
+    int i;
+
+    prepare(a);
+    for (i = 0; i < 20; i++)
+        assert_int_equal(go_on(p, a, FEW), SAGA_AGAIN);
+}
+
+/* The job is refused and leaves the picture alone; begun anew it is drawn. */
+static void assert_refused(const player *p, painter *a)
+{
+    uint8_t before[sizeof a->rgb];
+
+    memcpy(before, a->rgb, sizeof before);
+    assert_int_equal(go_on(p, a, FEW), SAGA_ERR_STATE);
+    assert_int_equal(finish(p, a), SAGA_ERR_STATE);
+    assert_memory_equal(a->rgb, before, sizeof before);
+    memset(a->job.cursor, 0, sizeof a->job.cursor);
+    assert_int_equal(finish(p, a), SAGA_OK);
+}
+
+/* --- Jobs ---------------------------------------------------------------- */
+
+static void job_should_be_refused_when_the_view_is_another(void **state)
+{
+    player p;
+    painter a;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    begin_job(&p, &a);
+    view(&p, 1, 30000);
+    assert_refused(&p, &a);
+    begin_job(&p, &a);
+    view(&p, 1, 30000);
+    assert_refused(&p, &a);
+    end(&p);
+}
+
+static void job_should_be_refused_when_the_segment_is_another(void **state)
+{
+    player p;
+    painter a;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    begin_job(&p, &a);
+    decode(&p, 1);
+    assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
+    view(&p, 0, 0);
+    assert_refused(&p, &a);
+    end(&p);
+}
+
+/* Both decoders have made as many views. */
+static void job_should_be_refused_when_the_decoder_is_another(void **state)
+{
+    player p, q;
+    painter a;
+
+    (void)state;
+    begin(&p);
+    begin(&q);
+    decode(&p, 0);
+    decode(&q, 1);
+    view(&p, 0, 0);
+    view(&q, 0, 0);
+    begin_job(&p, &a);
+    assert_refused(&q, &a);
+    view(&p, 0, 5);
+    decode(&q, 0);
+    view(&q, 1, 5);
+    begin_job(&p, &a);
+    assert_refused(&q, &a);
+    end(&p);
+    end(&q);
+}
+
+static void job_should_be_refused_when_finished_for_another_view(void **state)
+{
+    player p;
+    painter a;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    prepare(&a);
+    assert_int_equal(finish(&p, &a), SAGA_OK);
+    assert_int_equal(finish(&p, &a), SAGA_OK);
+    view(&p, 1, 0);
+    assert_refused(&p, &a);
+    end(&p);
+}
+
+/* A view that is refused leaves the one before, and its jobs. */
+static void job_should_go_on_when_a_view_was_refused(void **state)
+{
+    player p;
+    painter a, b;
+    saga_camera c;
+    uint32_t number;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    prepare(&b);
+    assert_int_equal(finish(&p, &b), SAGA_OK);
+    begin_job(&p, &a);
+    assert_int_equal(saga_rig(&c, &number, p.bytes, p.n, 0), SAGA_OK);
+    assert_int_equal(saga_view(p.dec, &c, -1), SAGA_ERR_ARG);
+    c.near_plane = 0;
+    assert_int_equal(saga_view(p.dec, &c, 0), SAGA_ERR_ARG);
+    assert_int_equal(finish(&p, &a), SAGA_OK);
+    assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
+    end(&p);
+}
+
+static void job_should_go_on_when_the_decoder_was_moved(void **state)
+{
+    player p, q;
+    painter a, b;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    prepare(&b);
+    assert_int_equal(finish(&p, &b), SAGA_OK);
+    begin_job(&p, &a);
+    q = p;
+    q.work = must(aligned_alloc(SAGA_WORK_ALIGN, p.info.work_nbytes));
+    memcpy(q.work, p.work, p.info.work_nbytes);
+    memset(p.work, 0, p.info.work_nbytes);
+    q.dec = (saga_decoder *)(void *)q.work;
+    assert_int_equal(finish(&q, &a), SAGA_OK);
+    assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
+    free(q.work);
+    end(&p);
+}
+
+static void budget_should_be_refused_when_0(void **state)
+{
+    player p;
+    painter a;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    prepare(&a);
+    assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
+    assert_int_equal(go_on(&p, &a, FEW), SAGA_AGAIN);
+    assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
+    assert_int_equal(finish(&p, &a), SAGA_OK);
+    end(&p);
+}
+
+/* --- Segments ------------------------------------------------------------ */
+
+static void segment_should_be_refused_when_another_is_named(void **state)
+{
+    saga_segment seg[2], wrong;
+    player p;
+    int i;
+
+    (void)state;
+    begin(&p);
+    seg[0] = segment_of(&p, 0);
+    seg[1] = segment_of(&p, 1);
+    for (i = 0; i < 2; i++)
+        assert_int_equal(saga_decode(p.dec, &seg[1 - i],
+                                     p.bytes + seg[i].offset, seg[i].nbytes),
+                         SAGA_ERR_DATA);
+    for (i = 0; i < 3; i++) {
+        wrong = seg[0];
+        *(i == 0 ? &wrong.number : i == 1 ? &wrong.first_frame
+                                          : &wrong.n_frames) += 1;
+        assert_int_equal(saga_decode(p.dec, &wrong, p.bytes + wrong.offset,
+                                     wrong.nbytes), SAGA_ERR_DATA);
+    }
+    decode(&p, 0);
+    end(&p);
+}
+
+/* Two files whose segments would decode in the other one as well: only a field
+ * of the header tells them apart. */
+static void segment_should_be_refused_when_of_another_file(void **state)
+{
+    player p, q;
+    gen_stream g;
+    uint32_t i;
+
+    (void)state;
+    gen_stream_make(&g, &options);
+    open_stream(&p, &g);
+    g.header.unit_exponent++;
+    open_stream(&q, &g);
+    gen_stream_free(&g);
+    assert_int_equal(p.n, q.n);
+    for (i = 0; i < 2; i++) {
+        const saga_segment seg = segment_of(&p, i);
+
+        decode(&q, i);
+        assert_int_equal(saga_decode(q.dec, &seg, p.bytes + seg.offset,
+                                     seg.nbytes), SAGA_ERR_DATA);
+    }
+    end(&p);
+    end(&q);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(job_should_be_refused_when_the_view_is_another),
+        cmocka_unit_test(job_should_be_refused_when_the_segment_is_another),
+        cmocka_unit_test(job_should_be_refused_when_the_decoder_is_another),
+        cmocka_unit_test(job_should_be_refused_when_finished_for_another_view),
+        cmocka_unit_test(job_should_go_on_when_a_view_was_refused),
+        cmocka_unit_test(job_should_go_on_when_the_decoder_was_moved),
+        cmocka_unit_test(budget_should_be_refused_when_0),
+        cmocka_unit_test(segment_should_be_refused_when_another_is_named),
+        cmocka_unit_test(segment_should_be_refused_when_of_another_file),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
