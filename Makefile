@@ -33,7 +33,7 @@ WERROR =# -Werror in the tests
 CFLAGS =# added to every compilation, after ours
 LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
-ARGS =# of a program run by `make bench`
+ARGS =# of a program run by `make bench`, or of `make rd`
 
 # The inner loops of the decoder are compiled with HOT_OPT.
 HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
@@ -410,6 +410,22 @@ ablation:
 	@lab/ablation.sh $(BUILD)/saga $(BUILD)/ablation docs/results \
 	    $(THREADS) $(SCENES)
 
+# docs/results/rd.md and .svg tell what files are worth beside other codecs:
+# every scene of lab/rd.ini at four rates with its seeds, hours of CPU, of which
+# docs/results/rd keeps every row. CAPTURES are captures that are not built in,
+# NAME=PATH each; ARGS (`lab/rd.py` has them) choose scenes, rates and seeds.
+CAPTURES = studio=../shared/data/studio person4=../shared/data/person4
+RD = SAGA=$(BUILD)/saga WORK=$(BUILD)/rd THREADS=$(THREADS) lab/rd.py
+.PHONY: rd rd-short
+rd:
+	@tests/setup.sh plot
+	@$(MAKE) --no-print-directory $(BUILD)/saga
+	@$(RD) --x265 $(ARGS) $(CAPTURES) && $(RD) $(ARGS) $(CAPTURES)
+
+rd-short: setup
+	@$(MAKE) --no-print-directory $(BUILD)/saga
+	@$(RD) --short $(ARGS)
+
 # Only a change of the format may change a vector: look at the difference before
 # you commit it.
 $(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) $(TRAIN) \
@@ -426,6 +442,8 @@ make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tab
 make demo        the built-in scene, encoded, decoded and judged; 7 CPU minutes
 make floors      the demo beside what needs no such codec; 10 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
+make rd          rate and distortion of all scenes beside other codecs; hours
+make rd-short    the same of two small scenes at one rate, beside the last row
 make web         the page and the decoder for browsers, in $(BUILD)/web
 make setup       installs what is missing to build and test (Debian, as root)
 make check       unit tests, vectors, a tiny encode: less than a CPU minute
@@ -449,7 +467,8 @@ make clean       removes $(BUILD)
 
 CC=gcc|clang|...   OPT=-O2   HOT_OPT=-O3 (inner loops)   CFLAGS= LDFLAGS=
 WERROR=-Werror   SANITIZE=1   LEVEL=2 (memory of saga-dec)   BUILD=build
-THREADS=2 (demo, floors, ablation)   SCENES='NAME=FILE.saga ...' (ablation)
+THREADS=2 (demo, floors, ablation, rd)   CAPTURES='NAME=PATH ...' (rd)
+SCENES='NAME=FILE.saga ...' (ablation)
 SAGA_TEST_SEED, SAGA_TEST_COUNT, SAGA_TEST_LONG=1 (environment): random tests
 endef
 export HELP

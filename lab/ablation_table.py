@@ -14,6 +14,8 @@ import os
 import sys
 import textwrap
 
+from bd_rate import bd_rate
+
 VARIANTS = [
     ("full", "full model"),
     ("no-bank", "no bank"),
@@ -46,68 +48,6 @@ STAGES = [("networks", "open: networks"), ("coarse", "tree, coarse anchors"),
           ("decode", "a segment: all but networks")]
 PICTURE = [("view", "a picture: animate, project, sort"),
            ("draw", "a picture: blend")]
-
-
-# --- Bjontegaard -------------------------------------------------------------
-
-def pchip_slopes(x, y):
-    """Derivatives of the monotone cubic through (x, y) (Fritsch, Carlson)."""
-    n = len(x)
-    h = [b - a for a, b in zip(x, x[1:])]
-    slope = [(b - a) / s for a, b, s in zip(y, y[1:], h)]
-    if n == 2:
-        return [slope[0]] * 2
-
-    def end(h0, h1, s0, s1):
-        d = ((2 * h0 + h1) * s0 - h0 * s1) / (h0 + h1)
-        if d * s0 <= 0:
-            return 0.0
-        return 3 * s0 if s0 * s1 <= 0 and abs(d) > 3 * abs(s0) else d
-
-    d = [end(h[0], h[1], slope[0], slope[1])]
-    for i in range(1, n - 1):
-        a, b = slope[i - 1], slope[i]
-        w1, w2 = 2 * h[i] + h[i - 1], h[i] + 2 * h[i - 1]
-        d.append(0.0 if a * b <= 0 else (w1 + w2) / (w1 / a + w2 / b))
-    return d + [end(h[-1], h[-2], slope[-1], slope[-2])]
-
-
-def integral(x, y, lo, hi):
-    """Of the monotone cubic through (x, y), from lo to hi within x."""
-    d = pchip_slopes(x, y)
-    total = 0.0
-    for i in range(len(x) - 1):
-        h = x[i + 1] - x[i]
-        s = (y[i + 1] - y[i]) / h
-        c, b = (3 * s - 2 * d[i] - d[i + 1]) / h, (d[i] + d[i + 1] - 2 * s) / h
-        b /= h
-
-        def antiderivative(t):
-            return t * (y[i] + t * (d[i] / 2 + t * (c / 3 + t * b / 4)))
-
-        t0 = min(max(lo - x[i], 0), h)
-        t1 = min(max(hi - x[i], 0), h)
-        total += antiderivative(t1) - antiderivative(t0)
-    return total
-
-
-def bd_rate(anchor, test):
-    """Mean change of the rate at equal PSNR, in per cent, of test against
-    anchor: lists of (bytes, dB), two points or more. None where the curves
-    have no common interval, or PSNR does not grow."""
-    curves = []
-    for points in anchor, test:
-        points = sorted((p, math.log(r)) for r, p in points)
-        if len(points) < 2 or any(b[0] - a[0] <= 0 for a, b in
-                                  zip(points, points[1:])):
-            return None
-        curves.append(([p for p, _ in points], [r for _, r in points]))
-    lo = max(c[0][0] for c in curves)
-    hi = min(c[0][-1] for c in curves)
-    if lo >= hi:
-        return None
-    mean = [integral(x, y, lo, hi) / (hi - lo) for x, y in curves]
-    return 100 * (math.exp(mean[1] - mean[0]) - 1)
 
 
 # --- Reading -----------------------------------------------------------------

@@ -376,6 +376,17 @@ awk 'length > 100 { print "eval: " length " columns" }
     rows { sum += $(NF - 2) }
     $0 == "bytes" { rows = 1 }
     END { if (!sum) print "no bytes" }' "$tmp/out" >>"$tmp/bad"
+# Another codec's pictures, here the very same: nothing is wrong, nothing has a
+# size.
+expect 0 eval "$cap" "$cap" --json --no-ssim
+python3 -c 'import json, sys
+j = json.load(open(sys.argv[1]))
+assert len(j["views"]) == 3 and not {"nbytes", "bytes", "decode_ms"} & set(j)
+for v in j["views"]:
+    assert v["mse"] == 0 and v["psnr"] is None and v["ssim_zero"] is None, v
+' "$tmp/out" 2>"$tmp/py" || complain "eval of pictures: $(tail -n 1 "$tmp/py")"
+expect 1 eval "$tmp/syn" "$cap"
+says "$tmp/syn: has 3 views of 2 frames, the capture 3 of $frames"
 # The segments' order: frame 0 shown as the last and the other way round.
 mv "$cap/images/cam01/00000.png" "$tmp/swap.png"
 mv "$cap/images/cam01/$last.png" "$cap/images/cam01/00000.png"

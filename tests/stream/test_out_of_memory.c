@@ -157,12 +157,13 @@ static bool evaluate(void *user, saga_error *error)
     session *const s = user;
     const saga_eval_options o = { .pictures = s->pictures };
     saga_film film;
+    const saga_eval_maker maker = { "x.saga", 1, &film, NULL };
     saga_eval eval = { .n_views = 0 };
     size_t n;
     const uint8_t *const file = saga_train_bytes(s->train, &n);
     bool ok = saga_film_open(&film, "x.saga", file, n, 1, error) &&
               saga_eval_match(&eval, &film, &s->capture, error) &&
-              saga_eval_run(&eval, &film, &s->capture, &o, error);
+              saga_eval_run(&eval, &maker, &s->capture, &o, error);
 
     saga_eval_free(&eval);
     saga_film_close(&film);

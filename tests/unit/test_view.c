@@ -472,6 +472,7 @@ static void score_should_tell_medians_and_changes(void **state)
     saga_capture c;
     saga_eval e;
     opened o;
+    const saga_eval_maker maker = { "vector", 1, &o.film, NULL };
 
     (void)state;
     open_vector(&o, 2);
@@ -479,7 +480,7 @@ static void score_should_tell_medians_and_changes(void **state)
     c.views[2].held_out = true;
     assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
     fill_capture(&c, &o, &e, 180);
-    assert_true(saga_eval_run(&e, &o.film, &c, &options, &o.error));
+    assert_true(saga_eval_run(&e, &maker, &c, &options, &o.error));
     for (int i = 0; i < 3; i++) {
         const saga_eval_score *const got = &e.view[i].score;
 
@@ -500,6 +501,48 @@ static void score_should_tell_medians_and_changes(void **state)
     assert_memory_equal(&e.held_out.change, &e.view[2].score.change,
                         sizeof e.held_out.change);
     saga_eval_free(&e);
+    saga_capture_free(&c);
+    close_vector(&o);
+}
+
+/* Another codec's pictures: all samples of one frame of view 1 are 10 off, so
+ * that its squared error is 100 over the number of frames; the rest is right.
+ */
+static void pictures_of_another_codec_should_be_judged_alike(void **state)
+{
+    const saga_eval_options options = { .pictures = NULL };
+    saga_capture c, made;
+    saga_eval e;
+    opened o;
+    const saga_eval_maker maker = { "made", 1, NULL, &made };
+
+    (void)state;
+    open_vector(&o, 2);
+    c = rig_capture(&o);
+    assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
+    fill_capture(&c, &o, &e, 180);
+    saga_eval_free(&e);
+    made = rig_capture(&o);
+    for (int i = 0; i < c.n_views; i++) {
+        const size_t n = saga_view_frame_nbytes(&c.views[i]);
+
+        made.views[i].rgb = must(malloc(n * (size_t)c.n_frames));
+        memcpy(made.views[i].rgb, c.views[i].rgb, n * (size_t)c.n_frames);
+        if (i == 1)
+            memset(made.views[i].rgb, 190, n);
+    }
+    assert_true(saga_eval_match_pictures(&e, "made", &made, &c, &o.error));
+    assert_true(saga_eval_run(&e, &maker, &c, &options, &o.error));
+    for (int i = 0; i < c.n_views; i++)
+        assert_true(fabs(e.view[i].score.decode.mse -
+                         (i == 1) * 100.0 / c.n_frames) < 1e-9);
+    saga_eval_free(&e);
+    strcpy(made.views[0].name, "other");
+    assert_false(saga_eval_match_pictures(&e, "made", &made, &c, &o.error));
+    assert_non_null(strstr(o.error.message, "has other of"));
+    made.n_frames--;
+    assert_false(saga_eval_match_pictures(&e, "made", &made, &c, &o.error));
+    saga_capture_free(&made);
     saga_capture_free(&c);
     close_vector(&o);
 }
@@ -557,6 +600,7 @@ int main(void)
         cmocka_unit_test(orbit_should_stay_where_the_rig_was),
         cmocka_unit_test(capture_should_be_refused_where_it_differs),
         cmocka_unit_test(score_should_tell_medians_and_changes),
+        cmocka_unit_test(pictures_of_another_codec_should_be_judged_alike),
         cmocka_unit_test(difference_should_be_clipped),
         cmocka_unit_test(montage_should_place_pictures_on_grey),
     };

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * saga eval: how good a file is, measured on the pictures that the integer
- * decoder makes of it.
+ * decoder makes of it; and by the same measures what another codec made.
  */
 #include "bytes_table.h"
 
@@ -20,7 +20,7 @@
 #include <string.h>
 
 typedef struct {
-    bool json;
+    bool json, no_ssim;
     saga_cli_pair frames;
     int scale, threads, memory;
     const char *hold_out, *pictures;
@@ -30,6 +30,8 @@ typedef struct {
 typedef struct {
     const options *o;
     const char *file_name, *capture_name;
+    bool is_folder;          /* file_name is one: no film, but pictures */
+    saga_capture pictures;
     saga_bytes bytes;
     saga_film film;
     saga_layout layout;
@@ -121,15 +123,22 @@ static void print_sizes(const saga_eval *e)
                    e->view[i].height);
 }
 
+static const char *made_by(const session *s)
+{
+    return s->is_folder ? "as another codec left them, 8 bits"
+                        : "of the integer decoder, from the file alone, 8 "
+                          "bits";
+}
+
 static void print_protocol(const session *s)
 {
     const saga_capture *const c = &s->capture;
 
     printf("\nprotocol\n"
-           "  pictures  of the integer decoder, from the file alone, 8 bits\n"
+           "  pictures  %s\n"
            "  capture   %s (%s), %d views\n"
            "  frames    %d to %d of it, all compared\n"
-           "  size      ", s->capture_name, c->format, c->n_views,
+           "  size      ", made_by(s), s->capture_name, c->format, c->n_views,
            c->first_frame, c->first_frame + c->n_frames - 1);
     print_sizes(&s->eval);
     if (c->scale == 1)
@@ -153,18 +162,24 @@ static double film_seconds(const saga_info *i)
     return (double)i->n_frames * i->fps_den / i->fps_num;
 }
 
-static void print_text(const session *s)
+static void print_file(const session *s)
 {
     const saga_info *const i = &s->film.info;
 
-    printf("%s against %s\n\n", s->file_name, s->capture_name);
-    print_scores(&s->eval);
     saga_bytes_table_print(&s->layout);
     printf("  %-18s %12" PRIu64 "  %.0f bit/s, %.0f bytes per frame\n",
            "file", s->layout.file_nbytes,
            8.0 * (double)s->layout.file_nbytes / film_seconds(i),
            (double)s->layout.file_nbytes / i->n_frames);
     print_times(&s->film);
+}
+
+static void print_text(const session *s)
+{
+    printf("%s against %s\n\n", s->file_name, s->capture_name);
+    print_scores(&s->eval);
+    if (!s->is_folder)
+        print_file(s);
     print_protocol(s);
 }
 
@@ -226,7 +241,8 @@ static json_t *json_protocol(const session *s)
     const saga_capture *const c = &s->capture;
 
     return json_pack("{sssssss[ii]sisssbssssssssssssss}",
-        "decoder", "integer, from the closed file, 8 bits",
+        "decoder", s->is_folder ? "another codec's, 8 bits"
+                                : "integer, from the closed file, 8 bits",
         "capture", s->capture_name, "format", c->format,
         "frames", c->first_frame, c->first_frame + c->n_frames,
         "scale", c->scale,
@@ -241,20 +257,22 @@ static json_t *json_protocol(const session *s)
 static json_t *json_report(const session *s)
 {
     const saga_info *const i = &s->film.info;
-    json_t *const o = json_pack("{sssIsfsosososososo}",
-        "file", s->file_name, "nbytes", (json_int_t)s->layout.file_nbytes,
-        "bits_per_second",
-        8.0 * (double)s->layout.file_nbytes / film_seconds(i),
-        "views", json_views(&s->eval),
+    json_t *const o = json_pack("{sssosososo}",
+        "file", s->file_name, "views", json_views(&s->eval),
         "training", json_score(&s->eval.training),
         "held_out", json_score(&s->eval.held_out),
-        "bytes", saga_bytes_table_json(&s->layout),
-        "decode_ms", json_times(&s->film), "protocol", json_protocol(s));
+        "protocol", json_protocol(s));
 
     json_object_set_new(o, "n_training",
                         json_integer(s->eval.n_training));
     json_object_set_new(o, "n_held_out",
                         json_integer(s->eval.n_held_out));
+    if (!s->is_folder)
+        json_object_update_new(o, json_pack("{sIsfsoso}",
+            "nbytes", (json_int_t)s->layout.file_nbytes, "bits_per_second",
+            8.0 * (double)s->layout.file_nbytes / film_seconds(i),
+            "bytes", saga_bytes_table_json(&s->layout),
+            "decode_ms", json_times(&s->film)));
     return o;
 }
 
@@ -287,12 +305,12 @@ static int open_file(session *s)
     return SAGA_EXIT_OK;
 }
 
-static int open_capture(session *s, saga_meter *meter)
+static int open_capture(session *s, saga_capture *to, const char *name)
 {
     const options *const o = s->o;
     saga_capture_options c = saga_capture_defaults();
-    const bool there = saga_path_is_folder(s->capture_name) ||
-                       saga_path_is_file(s->capture_name);
+    const bool there = saga_path_is_folder(name) || saga_path_is_file(name);
+    saga_meter meter = { 0 };
     bool ok;
 
     c.scale = o->scale;
@@ -302,25 +320,38 @@ static int open_capture(session *s, saga_meter *meter)
     c.n_threads = o->threads;
     c.memory_nbytes = (uint64_t)o->memory << 30;
     c.progress = saga_meter_progress;
-    c.progress_user = meter;
-    ok = saga_capture_load(&s->capture, s->capture_name, &c, &s->error);
-    saga_meter_end(meter);
+    c.progress_user = &meter;
+    ok = saga_capture_load(to, name, &c, &s->error);
+    saga_meter_end(&meter);
     return ok ? SAGA_EXIT_OK
               : give_up(s, there ? SAGA_EXIT_DATA : SAGA_EXIT_USAGE);
 }
 
-static int compare(session *s, saga_meter *meter)
+static bool match(session *s)
 {
+    if (s->is_folder)
+        return saga_eval_match_pictures(&s->eval, s->file_name, &s->pictures,
+                                        &s->capture, &s->error);
+    return saga_eval_match(&s->eval, &s->film, &s->capture, &s->error);
+}
+
+static int compare(session *s)
+{
+    saga_meter meter = { 0 };
     const saga_eval_options o = {
-        .pictures = s->o->pictures, .progress = saga_meter_progress,
-        .progress_user = meter
+        .pictures = s->o->pictures, .no_ssim = s->o->no_ssim,
+        .progress = saga_meter_progress, .progress_user = &meter
+    };
+    const saga_eval_maker maker = {
+        .name = s->file_name, .film = s->is_folder ? NULL : &s->film,
+        .pictures = &s->pictures, .n_threads = s->o->threads
     };
     bool ok;
 
-    if (!saga_eval_match(&s->eval, &s->film, &s->capture, &s->error))
+    if (!match(s))
         return give_up(s, SAGA_EXIT_DATA);
-    ok = saga_eval_run(&s->eval, &s->film, &s->capture, &o, &s->error);
-    saga_meter_end(meter);
+    ok = saga_eval_run(&s->eval, &maker, &s->capture, &o, &s->error);
+    saga_meter_end(&meter);
     if (!ok)
         return give_up(s, SAGA_EXIT_USAGE);
     if (s->o->json)
@@ -333,7 +364,6 @@ static int run(int argc, char **argv)
 {
     options o = { .scale = 1, .memory = 4 };
     const char *names[2];
-    saga_meter loading = { 0 }, comparing = { 0 };
     session s = { .o = &o };
     int status = saga_cli_parse(&saga_command_eval, &o, names, argc, argv);
 
@@ -341,12 +371,15 @@ static int run(int argc, char **argv)
         return status;
     s.file_name = names[0];
     s.capture_name = names[1];
-    status = open_file(&s);
+    s.is_folder = saga_path_is_folder(s.file_name);
+    status = s.is_folder ? open_capture(&s, &s.pictures, s.file_name)
+                         : open_file(&s);
     if (!status)
-        status = open_capture(&s, &loading);
+        status = open_capture(&s, &s.capture, s.capture_name);
     if (!status)
-        status = compare(&s, &comparing);
+        status = compare(&s);
     saga_eval_free(&s.eval);
+    saga_capture_free(&s.pictures);
     saga_capture_free(&s.capture);
     saga_layout_free(&s.layout);
     saga_film_close(&s.film);
@@ -368,6 +401,8 @@ static const saga_cli_option option_list[] = {
     { "--pictures", "DIR", "write each view's middle frame there: truth, "
       "decode\nand 4 x difference side by side", saga_cli_text,
       offsetof(options, pictures), 0, 0 },
+    { "--no-ssim", NULL, "leave out SSIM and MS-SSIM, which take most of the "
+      "time", saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
     { "--memory", "GIB", "memory for the capture's pictures (default 4)",
       saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
     { "--threads", "N", "threads (default: all cores); the scores do not "
@@ -385,6 +420,7 @@ const saga_command saga_command_eval = {
     "is worth: the PSNR of a still picture, each view's temporal median, and\n"
     "the file's PSNR where pixels are more than 8/255 off that median.\n"
     "A capture whose cameras, frames or frame rate are not the file's is\n"
-    "refused.\n",
+    "refused. FILE may be a folder: a capture of the same views whose\n"
+    "pictures another codec decoded, to be judged by the same measures.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

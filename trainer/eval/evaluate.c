@@ -5,6 +5,7 @@
 #include "error.h"
 #include "file.h"
 #include "montage.h"
+#include "threads.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -174,15 +175,59 @@ bool saga_eval_match(saga_eval *eval, const saga_film *film,
     return ok;
 }
 
+static bool match_pictures_of(saga_eval_view *v, const char *name,
+                              const saga_shot *made, const saga_shot *shot,
+                              saga_error *error)
+{
+    *v = (saga_eval_view){ .name = shot->name, .width = shot->width,
+                           .height = shot->height, .rig = -1,
+                           .held_out = shot->held_out };
+    if (strcmp(made->name, shot->name) == 0 && made->width == shot->width &&
+        made->height == shot->height)
+        return true;
+    return saga_fail(error, name, "give pictures of the same capture",
+                     "has %s of %d x %d where the capture has %s of %d x %d",
+                     made->name, made->width, made->height, shot->name,
+                     shot->width, shot->height);
+}
+
+bool saga_eval_match_pictures(saga_eval *eval, const char *name,
+                              const saga_capture *pictures,
+                              const saga_capture *capture, saga_error *error)
+{
+    const int n = capture->n_views;
+    bool ok = (pictures->n_views == n &&
+               pictures->n_frames == capture->n_frames) ||
+              saga_fail(error, name, "give pictures of the same capture",
+                        "has %d views of %d frames, the capture %d of %d",
+                        pictures->n_views, pictures->n_frames, n,
+                        capture->n_frames);
+
+    *eval = (saga_eval){ .n_views = n, .n_frames = capture->n_frames };
+    if (ok)
+        eval->view = saga_calloc((size_t)n, sizeof *eval->view, name, error);
+    ok = ok && eval->view;
+    for (int i = 0; i < n && ok; i++) {
+        ok = match_pictures_of(&eval->view[i], name, &pictures->views[i],
+                               &capture->views[i], error);
+        eval->n_training += !capture->views[i].held_out;
+        eval->n_held_out += capture->views[i].held_out;
+    }
+    if (!ok)
+        saga_eval_free(eval);
+    return ok;
+}
+
 /* --- The comparison ------------------------------------------------------ */
 
 typedef struct {
     saga_eval *eval;
-    saga_film *film;
+    const saga_eval_maker *maker;
     const saga_capture *capture;
     const saga_eval_options *options;
     saga_error *error;
-    uint8_t *rgb;           /* of the largest view */
+    int n_threads;
+    uint8_t *rgb;           /* of the largest view: a decoded picture */
     const uint8_t **frame;  /* (n_frames) of one view */
     uint8_t **median;       /* (n_views) its temporal median picture */
     saga_score_sum *sum;    /* (n_views) */
@@ -200,7 +245,7 @@ static bool make_medians(const comparison *c)
         for (int k = 0; k < c->eval->n_frames; k++)
             c->frame[k] = saga_capture_frame(c->capture, i, k);
         saga_median_picture(c->median[i], c->frame, c->eval->n_frames, n,
-                            c->film->n_threads);
+                            c->n_threads);
     }
     return true;
 }
@@ -241,19 +286,32 @@ static void compare_change(const comparison *c, int view, int frame)
     saga_change_add(&s->change, median, truth, c->rgb, n / 3);
 }
 
+static bool make_picture(const comparison *c, int view, int frame)
+{
+    const saga_eval_maker *const m = c->maker;
+
+    if (m->film)
+        return saga_film_draw(m->film, &c->eval->view[view].camera,
+                              (uint32_t)frame, 1, c->rgb, c->error);
+    memcpy(c->rgb, saga_capture_frame(m->pictures, view, frame),
+           saga_view_frame_nbytes(&m->pictures->views[view]));
+    return true;
+}
+
 static bool compare_one(const comparison *c, int view, int frame)
 {
     const saga_eval_view *const v = &c->eval->view[view];
     const saga_picture_pair pair = {
         c->rgb, saga_capture_frame(c->capture, view, frame), v->width,
-        v->height, c->film->n_threads
+        v->height, c->n_threads
     };
     saga_score score;
 
-    if (!saga_film_draw(c->film, &v->camera, (uint32_t)frame, 1, c->rgb,
-                        c->error))
+    if (!make_picture(c, view, frame))
         return false;
-    if (!saga_score_picture(&score, &pair, c->error))
+    if (c->options->no_ssim)
+        score = saga_score_psnr(&pair);
+    else if (!saga_score_picture(&score, &pair, c->error))
         return false;
     saga_score_add(&c->sum[view], &score);
     compare_change(c, view, frame);
@@ -343,7 +401,7 @@ static bool allocate(comparison *c)
 {
     const size_t n_views = (size_t)c->eval->n_views;
     const size_t n_frames = (size_t)c->eval->n_frames;
-    const char *const name = c->film->name;
+    const char *const name = c->maker->name;
 
     c->rgb = saga_alloc(largest(c->eval), 1, name, c->error);
     c->frame = saga_calloc(n_frames, sizeof *c->frame, name, c->error);
@@ -362,13 +420,15 @@ static void release(const comparison *c)
     free(c->sum);
 }
 
-bool saga_eval_run(saga_eval *eval, saga_film *film,
+bool saga_eval_run(saga_eval *eval, const saga_eval_maker *maker,
                    const saga_capture *capture,
-                   const saga_eval_options *options,
-                   saga_error *error)
+                   const saga_eval_options *options, saga_error *error)
 {
-    comparison c = { .eval = eval, .film = film, .capture = capture,
-                     .options = options, .error = error };
+    comparison c = { .eval = eval, .maker = maker, .capture = capture,
+                     .options = options, .error = error,
+                     .n_threads = maker->n_threads > 0 ? maker->n_threads
+                                                       : (int)saga_n_threads()
+                   };
     const bool ok = make_folder(options->pictures, error) && allocate(&c) &&
                     make_medians(&c) && compare_all(&c);
 

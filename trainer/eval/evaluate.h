@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * A file against the capture it was made from: pictures of the integer
- * decoder against the loaded ones, after both were opened anew.
+ * decoder against the loaded ones, after both were opened anew. Or what
+ * another codec made of a capture's pictures, by the same measures.
  */
 #ifndef SAGA_EVALUATE_H
 #define SAGA_EVALUATE_H
@@ -13,9 +14,19 @@
 typedef struct saga_eval_options {
     const char *pictures;    /* folder for side-by-side PNGs, made if it is not
                               * there; NULL: none */
+    bool no_ssim;            /* SSIM and MS-SSIM stay NaN, which saves time */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_eval_options;
+
+/* What makes the pictures that are judged: a film, or a capture whose pictures
+ * another codec decoded. The other one is NULL. */
+typedef struct saga_eval_maker {
+    const char *name;        /* for messages */
+    int n_threads;           /* of comparing; 0: as many as there are */
+    saga_film *film;
+    const saga_capture *pictures;
+} saga_eval_maker;
 
 /* What a view scores, or the mean over a set of views. */
 typedef struct saga_eval_score {
@@ -52,13 +63,18 @@ typedef struct saga_eval {
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
                      const saga_capture *capture, saga_error *error);
 
-/* Decodes and compares every frame of every view that matched. With
+/* The same for pictures of another codec: they must be as many views and
+ * frames, and views of the same names and sizes. */
+bool saga_eval_match_pictures(saga_eval *eval, const char *name,
+                              const saga_capture *pictures,
+                              const saga_capture *capture, saga_error *error);
+
+/* Makes and compares every frame of every view that matched. With
  * options->pictures, writes NAME_FFFFF.png (truth, decode, 4 x difference) of
  * each view's middle frame. */
-bool saga_eval_run(saga_eval *eval, saga_film *film,
+bool saga_eval_run(saga_eval *eval, const saga_eval_maker *maker,
                    const saga_capture *capture,
-                   const saga_eval_options *options,
-                   saga_error *error);
+                   const saga_eval_options *options, saga_error *error);
 
 void saga_eval_free(saga_eval *eval);
 

@@ -314,13 +314,20 @@ bool saga_ms_ssim(double *value, const saga_picture_pair *of,
 
 /* --- All of them, and their means ---------------------------------------- */
 
+saga_score saga_score_psnr(const saga_picture_pair *of)
+{
+    const size_t n = 3 * (size_t)of->width * (size_t)of->height;
+    const double mse = saga_mse(of->a, of->b, n), none = (double)NAN;
+
+    return (saga_score){ .mse = mse, .psnr = saga_psnr(mse),
+                         .psnr_of_mean = saga_psnr(mse), .ssim_zero = none,
+                         .ssim_valid = none, .ms_ssim = none };
+}
+
 bool saga_score_picture(saga_score *score, const saga_picture_pair *of,
                         saga_error *error)
 {
-    const size_t n = 3 * (size_t)of->width * (size_t)of->height;
-
-    score->mse = saga_mse(of->a, of->b, n);
-    score->psnr = score->psnr_of_mean = saga_psnr(score->mse);
+    *score = saga_score_psnr(of);
     return saga_ssim(&score->ssim_zero, &score->ssim_valid, of, error) &&
            saga_ms_ssim(&score->ms_ssim, of, error);
 }

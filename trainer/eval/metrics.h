@@ -66,6 +66,9 @@ bool saga_ssim(double *zero, double *valid, const saga_picture_pair *pair,
 bool saga_ms_ssim(double *value, const saga_picture_pair *pair,
                   saga_error *error);
 
+/* The squared error and PSNR alone; the others are NaN. */
+saga_score saga_score_psnr(const saga_picture_pair *pair);
+
 /* All of them. */
 bool saga_score_picture(saga_score *score, const saga_picture_pair *pair,
                         saga_error *error);

@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: MIT
+"""Rows of lab/rd.py as a page, a plot, and differences."""
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import textwrap
+
+from bd_rate import bd_rate, common
+
+LAB = os.path.dirname(os.path.abspath(__file__))
+LEAST = 1.0  # dB in common, below which a BD-rate says nothing
+CODECS = {"x265": "x265 medium", "vvenc": "VVenC medium"}
+
+
+def mean(values):
+    values = [v for v in values if v is not None]
+    return sum(values) / len(values) if values else None
+
+
+def db(x):
+    return "-" if x is None else f"{x:.2f}"
+
+
+def kb(x):
+    return f"{x / 1000:.1f}"
+
+
+def percent(x):
+    return "-" if x is None else f"{x:+.1f} %"
+
+
+def line(row):
+    """A row or point in a line of the terminal."""
+    p, c = row["psnr"], row.get("changing", {})
+    text = (f"{row['scene']:8} {kb(row['bytes']):>8} kB  held out "
+            f"{db(p.get('held_out')):>5}  training {db(p.get('training')):>5}"
+            f"  changing {db(c.get('held_out')):>5} / "
+            f"{db(c.get('training')):>5}")
+    if "cpu_minutes" in row:
+        text += f"  {row['cpu_minutes']:.1f} CPU min"
+    return text
+
+
+# --- Curves ------------------------------------------------------------------
+
+def setting(row):
+    """A row's options without the seed's."""
+    o = row["options"]
+    at = o.index("--seed")
+    return tuple(o[:at] + o[at + 2:])
+
+
+class Point:
+    """A rate: what its seeds have in the mean."""
+
+    def __init__(self, rows):
+        self.rows = rows
+        self.bytes = math.exp(mean(math.log(r["bytes"]) for r in rows))
+
+    def psnr(self, of, key="psnr"):
+        return mean(r[key].get(of) for r in self.rows)
+
+
+def rates(rows):
+    groups = {}
+    for row in rows:
+        groups.setdefault(setting(row), []).append(row)
+    return sorted((Point(g) for g in groups.values()), key=lambda p: p.bytes)
+
+
+def curve(points, of):
+    """(bytes, dB) of rows or rates; empty if a set has no such views."""
+    out = [(p.bytes, p.psnr(of)) if isinstance(p, Point) else
+           (p["bytes"], p["psnr"].get(of)) for p in points]
+    return [] if any(d is None for _, d in out) else out
+
+
+def of_scene(rows, scene):
+    """The scene's rows of today's table, by code, the oldest first."""
+    wanted = {tuple(scene.encode_options(i, seed)) for i in
+              range(len(scene.rates)) for seed in scene.seeds}
+    states = {}
+    for row in rows:
+        if (row["scene"] == scene.name and row["source"] == scene.source() and
+                tuple(row["options"]) in wanted):
+            # A state that is measured again is the newest.
+            states[row["code"]] = states.pop(row["code"], []) + [row]
+    return list(states.values())
+
+
+def anchors(points, scene):
+    """{codec: its points of this scene's pictures}"""
+    out = {}
+    for p in points:
+        if p["scene"] == scene.name and p.get("source", scene.source()) == \
+                scene.source():
+            out.setdefault(p["codec"], []).append(p)
+    return {c: sorted(out[c], key=lambda p: p["bytes"]) for c in CODECS
+            if c in out}
+
+
+# --- The page ----------------------------------------------------------------
+
+def table(head, rows):
+    return ("\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+                      + ["| " + " | ".join(r) + " |" for r in rows]) + "\n\n")
+
+
+def prose(text):
+    return textwrap.fill(" ".join(text.split()), 80,
+                         break_on_hyphens=False) + "\n\n"
+
+
+def scene_table(rows):
+    out = []
+    for p in rates(rows):
+        o = p.rows[0]["options"]
+        warm = [[r["warm_up"][s] for r in p.rows]
+                for s in ("held_out", "training")]
+        out.append([o[1], o[3], kb(p.bytes), f"**{db(p.psnr('held_out'))}**",
+                    db(p.psnr("training")),
+                    db(p.psnr("held_out", "changing")),
+                    db(p.psnr("training", "changing")),
+                    f"{db(mean(warm[0]))} / {db(mean(warm[1]))}",
+                    f"{mean(r['cpu_minutes'] for r in p.rows):.1f}",
+                    str(len(p.rows))])
+    return table(["primitives", "lambda", "kB", "**held out**", "training",
+                  "changing, held out", "changing, training",
+                  "warm-up, held out / training", "CPU min", "seeds"], out)
+
+
+def against(anchor, test, within):
+    """BD-rate and its interval, as two cells."""
+    if not anchor or not test:
+        return ["-", ""]
+    interval = common(anchor, test, within)
+    if not interval:
+        return ["-", "nothing in common"]
+    rate = bd_rate(anchor, test, within, LEAST)
+    return [percent(rate), f"{interval[0]:.1f} to {interval[1]:.1f}" +
+            ("" if rate is not None else ": too little")]
+
+
+def seeds_of(rows, anchor, of, within):
+    """The range of the seeds' own BD-rates, where there are several."""
+    own = {}
+    for row in rows:
+        own.setdefault(row["seed"], []).append(row)
+    values = [bd_rate(anchor, curve(r, of), within, LEAST)
+              for r in own.values() if curve(r, of)]
+    values = [v for v in values if v is not None]
+    return f"{min(values):+.1f} .. {max(values):+.1f}" if len(values) > 1 \
+        else "-"
+
+
+def bd_table(scenes, rows, points):
+    out = []
+    for scene in scenes:
+        states = of_scene(rows, scene)
+        if not states:
+            continue
+        all_views = curve(rates(states[-1]), "all")
+        held_out = curve(rates(states[-1]), "held_out")
+        for codec, its in anchors(points, scene).items():
+            anchor = curve(its, "all")
+            out.append([scene.name, CODECS[codec]] +
+                       against(anchor, all_views, scene.within) +
+                       [seeds_of(states[-1], anchor, "all", scene.within)] +
+                       against(curve(its, "held_out"), held_out,
+                               scene.within))
+        if len(states) > 1:
+            before = rates(states[-2])
+            out.append([scene.name, "the rows before"] +
+                       against(curve(before, "all"), all_views, None) + ["-"] +
+                       against(curve(before, "held_out"), held_out, None))
+    return table(["scene", "against", "all cameras", "over dB", "by seeds",
+                  "held-out cameras", "over dB"], out)
+
+
+def point_table(scenes, points):
+    out = [[scene.name, CODECS[codec], p.get("crf", "-"), kb(p["bytes"]),
+            db(p["psnr"].get("held_out")), db(p["psnr"].get("training")),
+            db(p["psnr"].get("all")),
+            db(p.get("changing", {}).get("held_out"))]
+           for scene in scenes
+           for codec, its in anchors(points, scene).items() for p in its]
+    return table(["scene", "codec", "crf", "kB", "held-out cameras",
+                  "training cameras", "all cameras",
+                  "changing, held-out cameras"], out)
+
+
+PROTOCOL = """Each row is a file of `saga encode`, closed, reopened and decoded by
+the integer decoder. PSNR is that of the squared error over all frames of a
+camera, R, G and B, and then the mean over cameras; changing pixels are more
+than 8/255 off the temporal median of their view. A rate's row is the mean over
+its seeds. Held-out cameras are those that training never saw. CPU minutes are
+of `saga encode`, all threads together; the machine is shared."""
+
+OTHERS = """x265 and VVenC code every camera as a stream of its own, the held-out
+ones too, which to them are views like all others; bytes are those of all raw
+streams, against our whole file. x265's decoded videos pass the same loader and
+the same measures (`saga eval` of a folder); it has the preset medium, --tune
+psnr, no wavefronts and no text in the stream (lab/rd_x265.py). VVenC's points
+are those that came with the capture: version 1.15, preset medium, all cameras
+together."""
+
+BD = """BD-rate is the mean change of bytes at equal PSNR, by monotone cubics of
+log-rate over the interval that both curves have; below 1 dB in common none is
+told. By seeds: the lowest and the highest of the seeds' own. Held-out cameras:
+our PSNR where we never looked against theirs of the same cameras, which they
+coded, at all bytes of both."""
+
+
+def page(scenes, rows, points):
+    out = "# Rate and distortion: `make rd`\n\n"
+    out += prose(PROTOCOL)
+    out += "![rate and distortion](rd.svg)\n\n"
+    out += "## BD-rate\n\n" + bd_table(scenes, rows, points) + prose(BD)
+    for scene in scenes:
+        states = of_scene(rows, scene)
+        if not states:
+            continue
+        out += f"## {scene.name}\n\n"
+        o = " ".join(scene.options + ["--iterations", scene.iterations])
+        out += prose(f"Capture: {scene.source()}; options: {o}.")
+        out += scene_table(states[-1])
+    out += "## Other codecs\n\n" + point_table(scenes, points) + prose(OTHERS)
+    return out.rstrip("\n") + "\n"
+
+
+# --- The plot ----------------------------------------------------------------
+
+def block(title, points):
+    return f'"{title}"\n' + "".join(f"{b / 1000:.3f} {d:.4f}\n"
+                                    for b, d in points) + "\n\n"
+
+
+def plot(scenes, rows, points, to):
+    if not shutil.which("gnuplot"):
+        print("rd: no gnuplot, so no " + to, file=sys.stderr)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        names = []
+        for scene in scenes:
+            states = of_scene(rows, scene)
+            its = anchors(points, scene)
+            if not states and not its:
+                continue
+            names.append(scene.name)
+            with open(os.path.join(folder, scene.name + ".dat"), "w") as f:
+                for of, title in (("all", "saga, all cameras"),
+                                  ("held_out", "saga, held out")):
+                    c = curve(rates(states[-1]), of) if states else []
+                    f.write(block(title, c) if c else "")
+                for codec, p in its.items():
+                    f.write(block(CODECS[codec], curve(p, "all")))
+        subprocess.check_call(
+            ["gnuplot", "-e", f"folder='{folder}'; out='{to}'; "
+             f"scenes='{' '.join(names)}'", os.path.join(LAB, "rd.gp")])
+
+
+def write(results, rows, points, scenes):
+    if not rows and not points:
+        print("rd: nothing is measured, so nothing is written")
+        return
+    with open(results + ".md.part", "w") as f:
+        f.write(page(scenes, rows, points))
+    os.replace(results + ".md.part", results + ".md")
+    plot(scenes, rows, points, results + ".svg")
+    print(bd_table(scenes, rows, points) + results + ".md")
+
+
+# --- The short form ----------------------------------------------------------
+
+def change(old, new, of, key):
+    a, b = old[key].get(of), new[key].get(of)
+    return f"{b - a:+.2f}" if None not in (a, b) else "-"
+
+
+def differences(rows, scenes, code):
+    """How the rows of this code differ from the last ones of another."""
+    for scene in scenes:
+        states = of_scene(rows, scene)
+        now = [s for s in states if s[0]["code"] == code]
+        before = [s for s in states if s[0]["code"] != code]
+        if not now:
+            continue
+        for row in now[0]:
+            print(line(row) + f"  seed {row['seed']}")
+        if not before:
+            print(f"{scene.name}: no row before, nothing to compare with")
+            continue
+        for new in now[0]:
+            for old in before[-1]:
+                if old["options"] == new["options"]:
+                    compare(old, new)
+
+
+def compare(old, new):
+    more = 100 * (new["bytes"] / old["bytes"] - 1)
+    print(f"{new['scene']:8} {more:+7.1f} %   held out "
+          f"{change(old, new, 'held_out', 'psnr')}  training "
+          f"{change(old, new, 'training', 'psnr')}  changing "
+          f"{change(old, new, 'held_out', 'changing')} / "
+          f"{change(old, new, 'training', 'changing')}  CPU "
+          f"x{new['cpu_minutes'] / old['cpu_minutes']:.2f}  seed {new['seed']}"
+          f", against {old['commit']} of {old['date']}")

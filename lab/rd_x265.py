@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: MIT
+"""A capture's videos through x265, and what it decodes as a capture again.
+
+Each camera is a stream of its own: preset medium, tuned for PSNR, at a constant
+quality; one thread and no wavefronts, which saves bits, and no text about the
+encoder in the stream. The pictures are judged as saga's are, by `saga eval`:
+the decoded videos take the place of the capture's, so that both sides pass the
+same loader, lenses removed and all.
+"""
+import glob
+import os
+import re
+import shutil
+import subprocess
+
+# Conversions between RGB of 8 bits and 4:2:0, as good as ffmpeg has them.
+TO_YUV = ("scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd"
+          "+full_chroma_int,format=yuv420p")
+TO_RGB = ("scale=in_color_matrix=bt709:in_range=tv:out_range=full:flags=bicubic"
+          "+accurate_rnd+full_chroma_int+full_chroma_inp,format=rgb24")
+PARAMS = "log-level=error:info=0:pools=none:frame-threads=1"
+
+
+class Missing(Exception):
+    """There is no ffmpeg with libx265."""
+
+
+def ffmpeg(*words):
+    subprocess.check_call(["ffmpeg", "-v", "error", "-nostdin", "-y"] +
+                          list(words))
+
+
+def check():
+    try:
+        encoders = subprocess.check_output(
+            ["ffmpeg", "-hide_banner", "-encoders"],
+            stderr=subprocess.DEVNULL, text=True)
+    except (OSError, subprocess.CalledProcessError):
+        encoders = ""
+    if "libx265" not in encoders:
+        raise Missing("there is no ffmpeg with libx265")
+
+
+def cameras(capture):
+    """(input options, path from the capture's folder) of each camera: a video,
+    or a folder of pictures."""
+    out = []
+    for path in sorted(glob.glob(os.path.join(capture, "cam*.mp4")) +
+                       glob.glob(os.path.join(capture, "videos", "*.mp4"))):
+        out.append((["-i", path], os.path.relpath(path, capture)))
+    fps = 30
+    transforms = os.path.join(capture, "transforms.json")
+    if os.path.exists(transforms):
+        found = re.search(r'"fps": *([0-9.]+)', open(transforms).read())
+        fps = found.group(1) if found else fps
+    for path in sorted(glob.glob(os.path.join(capture, "images", "*", ""))):
+        out.append((["-framerate", str(fps), "-pattern_type", "glob", "-i",
+                     os.path.join(glob.escape(path), "*.png")],
+                    os.path.relpath(path, capture)))
+    return out
+
+
+def decoded(folder):
+    return os.path.join(folder, "decoded")
+
+
+def share_rest(capture, to):
+    """Poses, points and the like are the capture's own."""
+    for name in os.listdir(capture):
+        if name in ("images", "videos", "depth") or \
+                re.fullmatch(r"cam.*\.mp4", name):
+            continue
+        os.symlink(os.path.abspath(os.path.join(capture, name)),
+                   os.path.join(to, name))
+
+
+def decode_pictures(mp4, source, to):
+    """Into pictures of the names that the capture's have."""
+    os.makedirs(to)
+    ffmpeg("-i", mp4, "-vf", TO_RGB, "-start_number", "0",
+           os.path.join(to, "x%05d.png"))
+    names = sorted(n for n in os.listdir(source) if n.endswith(".png"))
+    made = sorted(os.listdir(to))
+    if len(names) != len(made):
+        raise RuntimeError(f"{mp4} has {len(made)} pictures, {source} "
+                           f"{len(names)}")
+    for old, new in zip(made, names):
+        os.rename(os.path.join(to, old), os.path.join(to, new))
+
+
+def encode(capture, crf, folder):
+    """The bytes of all raw streams; the pictures are in decoded(folder)."""
+    check()
+    to = decoded(folder)
+    shutil.rmtree(to, ignore_errors=True)
+    os.makedirs(os.path.join(to, "videos"))
+    share_rest(capture, to)
+    nbytes = []
+    for source, path in cameras(capture):
+        mp4 = os.path.join(folder, "x.mp4")
+        raw = os.path.join(folder, "x.hevc")
+        ffmpeg(*source, "-an", "-vf", TO_YUV, "-colorspace", "bt709",
+               "-color_range", "tv", "-c:v", "libx265", "-preset", "medium",
+               "-tune", "psnr", "-crf", crf, "-x265-params", PARAMS, mp4)
+        ffmpeg("-i", mp4, "-c", "copy", "-f", "hevc", raw)
+        nbytes.append(os.path.getsize(raw))
+        if path.endswith(".mp4"):
+            os.replace(mp4, os.path.join(to, path))
+        else:
+            decode_pictures(mp4, os.path.join(capture, path),
+                            os.path.join(to, path))
+    if not nbytes:
+        raise RuntimeError(f"no camera in {capture}")
+    return {"bytes": sum(nbytes), "streams": len(nbytes)}
