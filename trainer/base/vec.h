@@ -202,6 +202,34 @@ static inline void vec_sum8(real *out, const vec *v)
 #endif
 }
 
+/* The same of two. */
+static inline void vec_sum2(real *out, vec a, vec b)
+{
+#if defined __AVX2__ && !defined SAGA_REAL_DOUBLE
+    const __m256 ab = _mm256_hadd_ps((__m256)a, (__m256)b);
+    const __m256 h = _mm256_hadd_ps(ab, ab);
+    const __m128 sum = _mm_add_ps(_mm256_castps256_ps128(h),
+                                  _mm256_extractf128_ps(h, 1));
+
+    _mm_storel_pi((__m64 *)(void *)out, sum);
+#else
+    const vec v[8] = { a, b };
+    real sums[8];
+
+    vec_sum8(sums, v);
+    out[0] = sums[0];
+    out[1] = sums[1];
+#endif
+}
+
+/* 2^-f for |f| <= 1/2, in float. */
+#define VEC_EXP2_5 (-0.00133908633646712344f)
+#define VEC_EXP2_4 0.00967603191832205408f
+#define VEC_EXP2_3 (-0.0555035711421907782f)
+#define VEC_EXP2_2 0.240221074853083375f
+#define VEC_EXP2_1 (-0.693147188026228781f)
+#define VEC_EXP2_0 1.00000007545489719f
+
 /* 2^-x for x in [0, 100]; relative error below 2e-7 (double: 4e-16). Garbage
  * outside, never a trap. The integer nearest to x is read from the bits of
  * x + 1.5 * 2^(mantissa bits); the polynomials are Chebyshev fits on
@@ -230,13 +258,13 @@ static inline vec vec_exp2_neg(vec x)
     const vec magic = vec_set1(0x1.8p23f);
     const vec i = x + magic;
     const vec f = x - (i - magic);
-    vec p = vec_set1(-0.00133908633646712344f);
+    vec p = vec_set1(VEC_EXP2_5);
 
-    p = vec_fma(p, f, vec_set1(0.00967603191832205408f));
-    p = vec_fma(p, f, vec_set1(-0.0555035711421907782f));
-    p = vec_fma(p, f, vec_set1(0.240221074853083375f));
-    p = vec_fma(p, f, vec_set1(-0.693147188026228781f));
-    p = vec_fma(p, f, vec_set1(1.00000007545489719f));
+    p = vec_fma(p, f, vec_set1(VEC_EXP2_4));
+    p = vec_fma(p, f, vec_set1(VEC_EXP2_3));
+    p = vec_fma(p, f, vec_set1(VEC_EXP2_2));
+    p = vec_fma(p, f, vec_set1(VEC_EXP2_1));
+    p = vec_fma(p, f, vec_set1(VEC_EXP2_0));
     return (vec)((vecu)p - ((vecu)i << 23));
 #endif
 }

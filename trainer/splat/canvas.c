@@ -49,6 +49,8 @@ void saga_canvas_free(saga_canvas *c)
     free(w->pair);
     free(w->tile_begin);
     free(w->record);
+    free(w->touched);
+    free(w->kept);
     for (i = 0; i < 3; i++)
         free(w->scratch[i]);
     free(c->strip);

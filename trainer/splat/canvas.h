@@ -88,9 +88,12 @@ typedef struct saga_splat_work {
     size_t *tile_begin;         /* (tiles + 1) */
     real *record;               /* (n_pairs, SAGA_N_SUMS) by primitive, then
                                  * by tile */
+    uint16_t *touched;          /* (n_pairs) blocks of the tile */
+    void *kept;                 /* what each thread's tile keeps for backward */
+    size_t n_kept;              /* threads there is room for */
     saga_splat_posed d_posed;
     void *scratch[3];
-    size_t cap[16];             /* bytes behind each pointer */
+    size_t cap[17];             /* bytes behind each other pointer */
 } saga_splat_work;
 
 typedef struct saga_canvas {

@@ -42,8 +42,7 @@ bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
 {
     saga_splat_work *const w = &c->splat;
 
-    if (!saga_canvas_grow((void **)&w->record, &w->cap[9],
-                          w->n_pairs * SAGA_N_SUMS * sizeof(real), error) ||
+    if (!saga_splat_raster_reserve(c, error) ||
         !grow_posed(&w->d_posed, &w->cap[13], w->n, error))
         return false;
     saga_splat_raster_backward(c);

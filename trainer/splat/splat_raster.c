@@ -1,42 +1,91 @@
 /* SPDX-License-Identifier: MIT
  *
- * One tile at a time, splat by splat, in groups of VEC_LANES pixels of a row;
- * the tile's state stays in L1. A group whose pixels are all outside the cut
- * or finished is skipped. Both directions evaluate q, alpha and T by the same
- * code in the same order, so the backward pass sees the forward's bits.
+ * One tile at a time, splat by splat, in blocks of 8 x 2 pixels; the tile's
+ * state stays in L1. Blocks whose pixels are all outside the cut are skipped.
  *
- * Backward: with s = g.c (g = dL/dC), T before the splat and
+ * Backward begins with the forward pass of the same tile, which keeps alpha
+ * and alpha T of every block that a splat touches: in L2, as many as there is
+ * room for; of the splats behind these, backward computes them again. With
+ * s = g.c (g = dL/dC), T before the splat and
  *   D = g.(C_final - what splats up to and including this one gave),
  *   dL/dalpha = T s - D / (1 - alpha),   dL/dq = -ln 2 alpha dL/dalpha
- * (0 where the cap holds), so nothing is stored per splat and pixel.
+ * (0 where the cap holds).
+ *
+ * Sums over pixels are taken of dL/dq times powers of x and y from the tile's
+ * middle, and become those of the record at the end: so far from the splat's
+ * mean nothing cancels.
  */
 #include "splat_raster.h"
 
+#include "alloc.h"
 #include "splat_tiles.h"
-#include "vec.h"
+#include "threads.h"
+#include "wide.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 enum {
     TILE = SAGA_SPLAT_TILE,
     AREA = TILE * TILE,
-    GROUPS = TILE / VEC_LANES,
-    CHECK_EVERY = 32      /* splats between two looks for an unfinished pixel */
+    ROWS = WIDE_LANES / 8, /* of a block */
+    PAIRS = TILE / ROWS,   /* blocks above each other */
+    BLOCKS = AREA / WIDE_LANES,
+    CHECK_EVERY = 32,      /* splats between looks for an unfinished pixel */
+    KEPT = 2048,           /* blocks of a tile that are kept for backward; */
+    LAST = KEPT + BLOCKS,  /* the splat that fills them ends before, */
+    KEPT_ALL = LAST + BLOCKS /* and one more is worked on */
 };
 
-/* State of a tile's pixels, row by row. */
+/* State of a tile's pixels, block by block: blocks of the left half from top
+ * to bottom, then those of the right. */
 typedef struct {
-    real trans[AREA];
-    real colour[3][AREA];  /* forward: so far; backward: dL/dC */
+    _Alignas(64) real trans[AREA];
+    real colour[3][AREA];  /* so far */
+    real slope[3][AREA];   /* backward: dL/dC */
     real rest[AREA];       /* backward: D */
     int x0, y0;            /* of the tile in the picture */
     int width, height;     /* of its part in the picture */
 } tile;
 
-/* Rows and groups of a splat in a tile. */
-typedef struct { int y0, y1, g0, g1; } window;
+/* Half-columns and pairs of rows of a splat in a tile. */
+typedef struct { int y0, y1, x0, x1; } window;
 
-typedef struct { vec floor, cut, cap; } limits;
+typedef struct { wide floor, cut, cap; } limits;
+
+/* What a splat did to a block. */
+typedef struct { real alpha[WIDE_LANES], weight[WIDE_LANES]; } kept;
+
+/* Coordinates of a block's pixels from the tile's middle. */
+typedef struct {
+    _Alignas(64) real x[2][WIDE_LANES], y[PAIRS][WIDE_LANES];
+} grid;
+
+static void fill_grid(grid *g)
+{
+    int i, k;
+
+    for (i = 0; i < WIDE_LANES; i++) {
+        for (k = 0; k < 2; k++)
+            g->x[k][i] = R(8 * k + i % 8) + R(0.5) - TILE / 2;
+        for (k = 0; k < PAIRS; k++)
+            g->y[k][i] = R(ROWS * k + i / 8) + R(0.5) - TILE / 2;
+    }
+}
+
+/* Where eight pixels of row y lie, from the left (half 0) or the middle on. */
+static int eight_at(int half, int y)
+{
+    return (half * PAIRS + y / ROWS) * WIDE_LANES + y % ROWS * 8;
+}
+
+/* How many of these are in the picture. */
+static int n_inside(const tile *t, int half)
+{
+    const int n = t->width - 8 * half;
+
+    return n < 0 ? 0 : n > 8 ? 8 : n;
+}
 
 static void place(tile *t, const saga_splat_work *work, size_t index,
                   const saga_splat_camera *cam)
@@ -51,35 +100,35 @@ static void place(tile *t, const saga_splat_work *work, size_t index,
  * they hold counts. */
 static void clear_trans(tile *t)
 {
-    int x, y;
+    int half, y, x;
 
-    for (y = 0; y < TILE; y++)
-        for (x = 0; x < TILE; x++)
-            t->trans[y * TILE + x] = x < t->width && y < t->height;
+    memset(t->trans, 0, sizeof t->trans);
+    for (half = 0; half < 2; half++)
+        for (y = 0; y < t->height; y++)
+            for (x = 0; x < n_inside(t, half); x++)
+                t->trans[eight_at(half, y) + x] = 1;
 }
 
-static int all_finished(const tile *t, vec floor)
+static int all_finished(const tile *t, wide floor)
 {
-    vec top = vec_load(t->trans);
+    wide top = wide_load(t->trans);
     int i;
 
-    for (i = VEC_LANES; i < AREA; i += VEC_LANES)
-        top = vec_max(vec_load(t->trans + i), top);
-    return !vec_any((veci)(top >= floor));
+    for (i = WIDE_LANES; i < AREA; i += WIDE_LANES)
+        top = wide_max(wide_load(t->trans + i), top);
+    return !wide_any(wide_at_least(top, floor));
 }
 
 static window clip(const saga_splat_2d *o, const tile *t)
 {
-    window w;
-    int x0 = o->x0 - t->x0, x1 = o->x1 - t->x0;
+    const int x0 = o->x0 - t->x0, x1 = o->x1 - t->x0;
+    const int y0 = o->y0 - t->y0, y1 = o->y1 - t->y0;
 
-    w.y0 = o->y0 > t->y0 ? o->y0 - t->y0 : 0;
-    w.y1 = o->y1 < t->y0 + TILE ? o->y1 - t->y0 : TILE;
-    x0 = x0 > 0 ? x0 : 0;
-    x1 = x1 < TILE ? x1 : TILE;
-    w.g0 = x0 / VEC_LANES;
-    w.g1 = (x1 + VEC_LANES - 1) / VEC_LANES;
-    return w;
+    return (window){
+        .y0 = y0 > 0 ? y0 / ROWS : 0,
+        .y1 = y1 < TILE ? (y1 + ROWS - 1) / ROWS : PAIRS,
+        .x0 = x0 >= 8, .x1 = x1 > 8 ? 2 : 1
+    };
 }
 
 static limits limits_of(const saga_splat_rules *rules)
@@ -87,86 +136,185 @@ static limits limits_of(const saga_splat_rules *rules)
     /* A floor of 0 means none; padding pixels must stay below it. */
     const real floor = rules->t_floor > 0 ? rules->t_floor : REAL_MIN;
 
-    return (limits){ vec_set1(floor), vec_set1(rules->cut),
-                     vec_set1(rules->alpha_cap) };
+    return (limits){ wide_set1(floor), wide_set1(rules->cut),
+                     wide_set1(rules->alpha_cap) };
+}
+
+/* From the splat's mean to the tile's middle. */
+static void to_middle(real d[2], const saga_splat_2d *o, const tile *t)
+{
+    d[0] = R(t->x0 + TILE / 2) - o->mean[0];
+    d[1] = R(t->y0 + TILE / 2) - o->mean[1];
 }
 
 /* --- Forward ------------------------------------------------------------- */
 
-static void blend(tile *t, const saga_splat_2d *o, const limits *l, real cut)
+/* What all tiles share. */
+typedef struct {
+    saga_canvas *canvas;
+    limits limit;
+    grid grid;
+} pass;
+
+static pass pass_of(saga_canvas *canvas)
+{
+    pass p = { .canvas = canvas, .limit = limits_of(&canvas->rules) };
+
+    fill_grid(&p.grid);
+    return p;
+}
+
+/* q of all blocks in the splat's window; returns which of them it touches, bit
+ * b for block b. */
+static unsigned touch(real q[BLOCKS][WIDE_LANES], const tile *t,
+                      const saga_splat_2d *o, const pass *p)
 {
     const window win = clip(o, t);
-    const vec g = vec_set1(o->g);
-    const vec red = vec_set1(o->colour[0]);
-    const vec green = vec_set1(o->colour[1]);
-    const vec blue = vec_set1(o->colour[2]);
-    const vec dx0 = vec_iota() + (R(t->x0) + R(0.5) - o->mean[0]);
-    int y, k;
+    const wide n = wide_set1(o->n), h = wide_set1(o->h);
+    const wide q0 = wide_set1(o->q0);
+    unsigned touched = 0;
+    real d[2];
+    int j, k;
 
-    for (y = win.y0; y < win.y1; y++) {
-        const real dy = R(t->y0 + y) + R(0.5) - o->mean[1];
-        const real w = o->h * dy;
-        const real q_row = o->q0 + w * w;
-        const vec n_dy = vec_set1(-(o->n * dy));
+    to_middle(d, o, t);
+    for (k = win.x0; k < win.x1; k++) {
+        const wide dx = wide_add(wide_load(p->grid.x[k]), wide_set1(d[0]));
+        const wide g_dx = wide_mul(wide_set1(o->g), dx);
 
-        if (!(q_row < cut))
-            continue;
-        for (k = win.g0; k < win.g1; k++) {
-            const int at = y * TILE + k * VEC_LANES;
-            const vec v = vec_fma(g, dx0 + R(k * VEC_LANES), n_dy);
-            const vec q = vec_fma(v, v, vec_set1(q_row));
-            const vec trans = vec_load(t->trans + at);
-            const veci on = (veci)(q < l->cut) & (veci)(trans >= l->floor);
-            vec a;
+        for (j = win.y0; j < win.y1; j++) {
+            const int b = k * PAIRS + j;
+            const wide dy = wide_add(wide_load(p->grid.y[j]),
+                                     wide_set1(d[1]));
+            const wide v = wide_fnma(n, dy, g_dx), w = wide_mul(h, dy);
+            const wide at = wide_fma(v, v, wide_fma(w, w, q0));
 
-            a = vec_and(on, vec_min(vec_exp2_neg(q), l->cap)) * trans;
-            vec_store(t->trans + at, trans - a);
-            vec_store(t->colour[0] + at,
-                      vec_fma(a, red, vec_load(t->colour[0] + at)));
-            vec_store(t->colour[1] + at,
-                      vec_fma(a, green, vec_load(t->colour[1] + at)));
-            vec_store(t->colour[2] + at,
-                      vec_fma(a, blue, vec_load(t->colour[2] + at)));
+            wide_store(q[b], at);
+            touched |= (unsigned)wide_any(wide_less(at, p->limit.cut)) << b;
         }
     }
+    return touched;
 }
 
-static void put_tile(real *image, const tile *t, const saga_splat_camera *cam)
+/* Writes what it did to the blocks it touches, which it returns. */
+static unsigned blend(kept *to, tile *t, const saga_splat_2d *o, const pass *p)
 {
-    const size_t plane = (size_t)cam->width * (size_t)cam->height;
-    int c, x, y;
+    const wide red = wide_set1(o->colour[0]);
+    const wide green = wide_set1(o->colour[1]);
+    const wide blue = wide_set1(o->colour[2]);
+    _Alignas(64) real q[BLOCKS][WIDE_LANES];
+    const unsigned touched = touch(q, t, o, p);
+    unsigned left;
 
-    for (y = 0; y < t->height; y++) {
-        const size_t to = (size_t)(t->y0 + y) * (size_t)cam->width +
-                          (size_t)t->x0;
+    for (left = touched; left; left &= left - 1, to++) {
+        const int b = __builtin_ctz(left), at = b * WIDE_LANES;
+        const wide q_b = wide_load(q[b]), trans = wide_load(t->trans + at);
+        const wide_mask on = wide_both(wide_less(q_b, p->limit.cut),
+                                       wide_at_least(trans, p->limit.floor));
+        const wide alpha = wide_keep(on, wide_min(wide_exp2_neg(q_b),
+                                                  p->limit.cap));
+        const wide weight = wide_mul(alpha, trans);
 
-        for (c = 0; c < 3; c++)
-            for (x = 0; x < t->width; x++)
-                image[(size_t)c * plane + to + (size_t)x] =
-                    t->colour[c][y * TILE + x] +
-                    t->trans[y * TILE + x] * cam->background[c];
+        wide_store(to->alpha, alpha);
+        wide_store(to->weight, weight);
+        wide_store(t->trans + at, wide_sub(trans, weight));
+        wide_store(t->colour[0] + at,
+                   wide_fma(weight, red, wide_load(t->colour[0] + at)));
+        wide_store(t->colour[1] + at,
+                   wide_fma(weight, green, wide_load(t->colour[1] + at)));
+        wide_store(t->colour[2] + at,
+                   wide_fma(weight, blue, wide_load(t->colour[2] + at)));
     }
+    return touched;
 }
 
-static void draw_tile(saga_canvas *canvas, size_t index)
+static void begin_tile(tile *t, const pass *p, size_t index)
 {
+    place(t, &p->canvas->splat, index, &p->canvas->camera);
+    clear_trans(t);
+    memset(t->colour, 0, sizeof t->colour);
+}
+
+/* Shows the background where something is left of it. */
+static void end_tile(tile *t, const real *background)
+{
+    int i, c;
+
+    for (c = 0; c < 3; c++)
+        for (i = 0; i < AREA; i++)
+            t->colour[c][i] += t->trans[i] * background[c];
+}
+
+/* Where eight pixels of the tile lie in a plane of the picture. */
+static size_t plane_at(const tile *t, int half, int y, int width)
+{
+    return (size_t)(t->y0 + y) * (size_t)width + (size_t)(t->x0 + 8 * half);
+}
+
+/* Copies the tile's part of a plane, either way. */
+static void take_plane(real *to, const tile *t, const real *plane, int width)
+{
+    int half, y;
+
+    for (half = 0; half < 2; half++)
+        for (y = 0; y < t->height; y++)
+            memcpy(to + eight_at(half, y),
+                   plane + plane_at(t, half, y, width),
+                   (size_t)n_inside(t, half) * sizeof *to);
+}
+
+static void put_plane(real *plane, const tile *t, const real *from, int width)
+{
+    int half, y;
+
+    for (half = 0; half < 2; half++)
+        for (y = 0; y < t->height; y++)
+            memcpy(plane + plane_at(t, half, y, width),
+                   from + eight_at(half, y),
+                   (size_t)n_inside(t, half) * sizeof *from);
+}
+
+static size_t plane_size(const saga_splat_camera *cam)
+{
+    return (size_t)cam->width * (size_t)cam->height;
+}
+
+/* Lists jump about in the splats, so these are asked for in time: without that
+ * half of the forward pass waits for memory. */
+static const saga_splat_2d *splat_at(const saga_splat_work *work, size_t e)
+{
+    const uint32_t ahead = work->pair[e + SAGA_SPLAT_AHEAD].splat;
+    const saga_splat_2d *const next = work->splat + ahead;
+
+    __builtin_prefetch(next);
+    __builtin_prefetch(&next->y1);
+    return work->splat + work->pair[e].splat;
+}
+
+/* Whether it is time to look, and nothing is left to draw. */
+static int is_done(const tile *t, const pass *p, size_t nth)
+{
+    return nth % CHECK_EVERY == CHECK_EVERY - 1 &&
+           all_finished(t, p->limit.floor);
+}
+
+static void draw_tile(const pass *p, size_t index)
+{
+    saga_canvas *const canvas = p->canvas;
     const saga_splat_work *const work = &canvas->splat;
-    const limits l = limits_of(&canvas->rules);
     const size_t begin = work->tile_begin[index];
     const size_t end = work->tile_begin[index + 1];
+    _Alignas(64) kept passing[BLOCKS];
     tile t;
     size_t e;
+    int c;
 
-    place(&t, work, index, &canvas->camera);
-    clear_trans(&t);
-    memset(t.colour, 0, sizeof t.colour);
-    for (e = begin; e < end; e++) {
-        if ((e - begin) % CHECK_EVERY == CHECK_EVERY - 1 &&
-            all_finished(&t, l.floor))
-            break;
-        blend(&t, work->splat + work->pair[e].splat, &l, canvas->rules.cut);
-    }
-    put_tile(canvas->image, &t, &canvas->camera);
+    begin_tile(&t, p, index);
+    for (e = begin; e < end && !is_done(&t, p, e - begin); e++)
+        blend(passing, &t, splat_at(work, e), p);
+    end_tile(&t, canvas->camera.background);
+    for (c = 0; c < 3; c++)
+        put_plane(canvas->image + (size_t)c * plane_size(&canvas->camera), &t,
+                  t.colour[c], canvas->camera.width);
 }
 
 static int64_t n_tiles(const saga_splat_work *work)
@@ -177,145 +325,249 @@ static int64_t n_tiles(const saga_splat_work *work)
 void saga_splat_raster_forward(saga_canvas *canvas)
 {
     const int64_t n = n_tiles(&canvas->splat);
+    const pass p = pass_of(canvas);
     int64_t i;
 
 #pragma omp parallel for schedule(dynamic, 4)
     for (i = 0; i < n; i++)
-        draw_tile(canvas, (size_t)i);
+        draw_tile(&p, (size_t)i);
 }
 
 /* --- Backward ------------------------------------------------------------ */
 
-static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
-                           const limits *l, real cut)
+/* Sums over the pixels of a tile, of which the moments are of dL/dq / ln 2. */
+typedef struct {
+    wide m00, m10, m01, m20, m11, m02;
+    wide red, green, blue, weight;
+} sums;
+
+/* The record's sums of v = g dx - n dy and dy, where (x, y) is from the tile's
+ * middle, which lies d from the mean. */
+static void write_record(real *record, const sums *s, const saga_splat_2d *o,
+                         const tile *t)
 {
-    const window win = clip(o, t);
-    const vec g = vec_set1(o->g);
-    const vec red = vec_set1(o->colour[0]);
-    const vec green = vec_set1(o->colour[1]);
-    const vec blue = vec_set1(o->colour[2]);
-    const vec dx0 = vec_iota() + (R(t->x0) + R(0.5) - o->mean[0]);
-    vec s1 = vec_zero(), sv = vec_zero(), svx = vec_zero(), svy = vec_zero();
-    vec sy = vec_zero(), syy = vec_zero(), sw = vec_zero();
-    vec s_red = vec_zero(), s_green = vec_zero(), s_blue = vec_zero();
-    int y, k;
+    const vec all[8] = {
+        wide_fold(s->m00), wide_fold(s->m10), wide_fold(s->m01),
+        wide_fold(s->m20), wide_fold(s->m11), wide_fold(s->m02),
+        wide_fold(s->red), wide_fold(s->green)
+    };
+    real m[8], d[2], v0, vx, vy;
 
-    for (y = win.y0; y < win.y1; y++) {
-        const real dy = R(t->y0 + y) + R(0.5) - o->mean[1];
-        const real w = o->h * dy;
-        const real q_row = o->q0 + w * w;
-        const vec n_dy = vec_set1(-(o->n * dy));
-        vec row1 = vec_zero(), row_v = vec_zero();
+    vec_sum8(m, all);
+    vec_sum2(record + SAGA_SUM_B, wide_fold(s->blue), wide_fold(s->weight));
+    to_middle(d, o, t);
+    v0 = o->g * d[0] - o->n * d[1];
+    vx = v0 * m[1] + o->g * m[3] - o->n * m[4];
+    vy = v0 * m[2] + o->g * m[4] - o->n * m[5];
+    record[SAGA_SUM_1] = m[0];
+    record[SAGA_SUM_V] = v0 * m[0] + o->g * m[1] - o->n * m[2];
+    record[SAGA_SUM_VX] = vx + d[0] * record[SAGA_SUM_V];
+    record[SAGA_SUM_VY] = vy + d[1] * record[SAGA_SUM_V];
+    record[SAGA_SUM_Y] = m[2] + d[1] * m[0];
+    record[SAGA_SUM_YY] = m[5] + d[1] * (2 * m[2] + d[1] * m[0]);
+    record[SAGA_SUM_R] = m[6];
+    record[SAGA_SUM_G] = m[7];
+}
 
-        if (!(q_row < cut))
-            continue;
-        for (k = win.g0; k < win.g1; k++) {
-            const int at = y * TILE + k * VEC_LANES;
-            const vec dx = dx0 + R(k * VEC_LANES);
-            const vec v = vec_fma(g, dx, n_dy);
-            const vec q = vec_fma(v, v, vec_set1(q_row));
-            const vec trans = vec_load(t->trans + at);
-            const veci on = (veci)(q < l->cut) & (veci)(trans >= l->floor);
-            vec uncapped, alpha, a, d_red, d_green, d_blue, s, rest, d_q;
+/* Adds the blocks of a half that the splat touched, of which `from` tells. */
+static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
+                     const kept *from, int half, unsigned touched)
+{
+    const wide red = wide_set1(o->colour[0]);
+    const wide green = wide_set1(o->colour[1]);
+    const wide blue = wide_set1(o->colour[2]), one = wide_set1(1);
+    const wide x = wide_load(p->grid.x[half]);
+    wide m0 = wide_zero(), m1 = m0, m2 = m0, m0_x;
+    wide s_red = s->red, s_green = s->green, s_blue = s->blue;
+    wide s_weight = s->weight;
 
-            if (!vec_any(on))
-                continue;
-            uncapped = vec_exp2_neg(q);
-            alpha = vec_and(on, vec_min(uncapped, l->cap));
-            a = alpha * trans;
-            d_red = vec_load(t->colour[0] + at);
-            d_green = vec_load(t->colour[1] + at);
-            d_blue = vec_load(t->colour[2] + at);
-            s = vec_fma(d_blue, blue, vec_fma(d_green, green, d_red * red));
-            rest = vec_fnma(a, s, vec_load(t->rest + at));
-            vec_store(t->rest + at, rest);
-            vec_store(t->trans + at, trans - a);
-            d_q = (rest / (R(1) - alpha) - trans * s) * alpha;
-            d_q = vec_and((veci)(uncapped < l->cap), d_q);
-            row1 += d_q;
-            d_q *= v;
-            row_v += d_q;
-            svx = vec_fma(d_q, dx, svx);
-            s_red = vec_fma(a, d_red, s_red);
-            s_green = vec_fma(a, d_green, s_green);
-            s_blue = vec_fma(a, d_blue, s_blue);
-            sw += a;
+    for (; touched; touched &= touched - 1, from++) {
+        const int j = __builtin_ctz(touched);
+        const int at = (half * PAIRS + j) * WIDE_LANES;
+        const wide alpha = wide_load(from->alpha);
+        const wide weight = wide_load(from->weight);
+        const wide d_red = wide_load(t->slope[0] + at);
+        const wide d_green = wide_load(t->slope[1] + at);
+        const wide d_blue = wide_load(t->slope[2] + at);
+        const wide shown = wide_mul(
+            weight, wide_fma(d_blue, blue, wide_fma(d_green, green,
+                                                    wide_mul(d_red, red))));
+        const wide rest = wide_sub(wide_load(t->rest + at), shown);
+        const wide y = wide_load(p->grid.y[j]);
+        const wide odds = wide_div(alpha, wide_sub(one, alpha));
+        const wide d_q = wide_keep(wide_less(alpha, p->limit.cap),
+                                   wide_sub(wide_mul(odds, rest), shown));
+        const wide d_q_y = wide_mul(d_q, y);
+
+        wide_store(t->rest + at, rest);
+        m0 = wide_add(m0, d_q);
+        m1 = wide_add(m1, d_q_y);
+        m2 = wide_fma(d_q_y, y, m2);
+        s_red = wide_fma(weight, d_red, s_red);
+        s_green = wide_fma(weight, d_green, s_green);
+        s_blue = wide_fma(weight, d_blue, s_blue);
+        s_weight = wide_add(s_weight, weight);
+    }
+    m0_x = wide_mul(m0, x);
+    s->m00 = wide_add(s->m00, m0);
+    s->m10 = wide_add(s->m10, m0_x);
+    s->m20 = wide_fma(m0_x, x, s->m20);
+    s->m01 = wide_add(s->m01, m1);
+    s->m11 = wide_fma(m1, x, s->m11);
+    s->m02 = wide_add(s->m02, m2);
+    s->red = s_red;
+    s->green = s_green;
+    s->blue = s_blue;
+    s->weight = s_weight;
+}
+
+static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
+                           const pass *p, const kept *from, unsigned touched)
+{
+    const unsigned left = touched & ((1u << PAIRS) - 1);
+    const unsigned right = touched >> PAIRS;
+    const wide zero = wide_zero();
+    sums s = { zero, zero, zero, zero, zero, zero, zero, zero, zero, zero };
+
+    if (left)
+        add_half(&s, t, o, p, from, 0, left);
+    if (right)
+        add_half(&s, t, o, p, from + __builtin_popcount(left), 1, right);
+    write_record(record, &s, o, t);
+}
+
+/* What the forward pass of a tile left. */
+typedef struct {
+    kept *block;
+    uint16_t *touched;     /* of each splat of the list that is kept */
+    size_t begin, end;     /* of the list, as far as it was drawn */
+    size_t unkept;         /* first that is not kept, or end */
+    real trans[AREA];      /* before it */
+} trail;
+
+static void draw_and_keep(trail *r, tile *t, const pass *p)
+{
+    const saga_splat_work *const work = &p->canvas->splat;
+    kept *to = r->block;
+    size_t e;
+
+    r->unkept = r->end;
+    for (e = r->begin; e < r->end && !is_done(t, p, e - r->begin); e++) {
+        if (r->unkept == r->end && to > r->block + KEPT) {
+            r->unkept = e;
+            memcpy(r->trans, t->trans, sizeof r->trans);
         }
-        s1 += row1;
-        sv += row_v;
-        svy += row_v * dy;
-        row1 *= dy;
-        sy += row1;
-        syy += row1 * dy;
+        if (e >= r->unkept) {
+            blend(r->block + LAST, t, splat_at(work, e), p);
+            continue;
+        }
+        r->touched[e] = (uint16_t)blend(to, t, splat_at(work, e), p);
+        to += __builtin_popcount(r->touched[e]);
     }
-    {
-        const vec sums[8] = { s1, sv, svx, svy, sy, syy, s_red, s_green };
+    r->end = e;
+    if (r->unkept > e)
+        r->unkept = e;
+}
 
-        vec_sum8(record, sums);
+static real *record_of(const saga_splat_work *work, size_t e)
+{
+    const size_t next = work->pair[e + SAGA_SPLAT_AHEAD].slot;
+
+    __builtin_prefetch(work->record + next * SAGA_N_SUMS, 1);
+    return work->record + (size_t)work->pair[e].slot * SAGA_N_SUMS;
+}
+
+/* t holds the gradient of its pixels. */
+static void go_back(const trail *r, tile *t, const pass *p)
+{
+    const saga_splat_work *const work = &p->canvas->splat;
+    const kept *from = r->block;
+    size_t e;
+
+    for (e = r->begin; e < r->unkept; e++) {
+        blend_backward(record_of(work, e), t, splat_at(work, e), p, from,
+                       r->touched[e]);
+        from += __builtin_popcount(r->touched[e]);
     }
-    record[SAGA_SUM_B] = vec_sum(s_blue);
-    record[SAGA_SUM_WEIGHT] = vec_sum(sw);
+    if (e < r->end)
+        memcpy(t->trans, r->trans, sizeof t->trans);
+    for (; e < r->end; e++) {
+        kept *const now = r->block + LAST;
+        const unsigned touched = blend(now, t, splat_at(work, e), p);
+
+        blend_backward(record_of(work, e), t, splat_at(work, e), p, now,
+                       touched);
+    }
+}
+
+bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error)
+{
+    saga_splat_work *const work = &canvas->splat;
+    const size_t n_threads = saga_n_threads();
+
+    if (!saga_canvas_grow((void **)&work->record, &work->cap[9],
+                          work->n_pairs * SAGA_N_SUMS * sizeof(real), error) ||
+        !saga_canvas_grow((void **)&work->touched, &work->cap[16],
+                          work->n_pairs * sizeof *work->touched, error))
+        return false;
+    if (n_threads <= work->n_kept)
+        return true;
+    free(work->kept);
+    work->n_kept = 0;
+    work->kept = saga_aligned_alloc(64, n_threads * KEPT_ALL * sizeof(kept),
+                                    "drawing a picture", error);
+    if (!work->kept)
+        return false;
+    work->n_kept = n_threads;
+    return true;
 }
 
 /* dL/dC, and D before the first splat. Pixels outside the picture are zero. */
-static void get_tile(tile *t, const saga_canvas *canvas)
+static void get_slope(tile *t, const saga_canvas *canvas)
 {
-    const saga_splat_camera *const cam = &canvas->camera;
-    const size_t plane = (size_t)cam->width * (size_t)cam->height;
-    int c, x, y;
+    const size_t plane = plane_size(&canvas->camera);
+    int c, i;
 
-    memset(t->colour, 0, sizeof t->colour);
+    memset(t->slope, 0, sizeof t->slope);
     memset(t->rest, 0, sizeof t->rest);
-    for (y = 0; y < t->height; y++) {
-        const size_t from = (size_t)(t->y0 + y) * (size_t)cam->width +
-                            (size_t)t->x0;
-        real *const rest = t->rest + y * TILE;
-
-        for (c = 0; c < 3; c++)
-            for (x = 0; x < t->width; x++) {
-                const size_t i = (size_t)c * plane + from + (size_t)x;
-
-                t->colour[c][y * TILE + x] = canvas->d_image[i];
-                rest[x] += canvas->d_image[i] * canvas->image[i];
-            }
+    for (c = 0; c < 3; c++) {
+        take_plane(t->slope[c], t, canvas->d_image + (size_t)c * plane,
+                   canvas->camera.width);
+        for (i = 0; i < AREA; i++)
+            t->rest[i] += t->slope[c][i] * t->colour[c][i];
     }
 }
 
-static void tile_backward(saga_canvas *canvas, size_t index)
+static void tile_backward(const pass *p, size_t index)
 {
-    saga_splat_work *const work = &canvas->splat;
-    const limits l = limits_of(&canvas->rules);
-    const size_t begin = work->tile_begin[index];
+    const saga_splat_work *const work = &p->canvas->splat;
     const size_t end = work->tile_begin[index + 1];
-    int finished = 0;
+    trail r = {
+        .block = (kept *)work->kept + saga_thread_number() * KEPT_ALL,
+        .touched = work->touched,
+        .begin = work->tile_begin[index], .end = end
+    };
     tile t;
     size_t e;
 
-    if (begin == end)
+    if (r.begin == end)
         return;
-    place(&t, work, index, &canvas->camera);
-    clear_trans(&t);
-    get_tile(&t, canvas);
-    for (e = begin; e < end; e++) {
-        real *const r = work->record +
-                        (size_t)work->pair[e].slot * SAGA_N_SUMS;
-
-        if ((e - begin) % CHECK_EVERY == CHECK_EVERY - 1 && !finished)
-            finished = all_finished(&t, l.floor);
-        if (finished)
-            memset(r, 0, SAGA_N_SUMS * sizeof *r);
-        else
-            blend_backward(r, &t, work->splat + work->pair[e].splat, &l,
-                           canvas->rules.cut);
-    }
+    begin_tile(&t, p, index);
+    draw_and_keep(&r, &t, p);
+    end_tile(&t, p->canvas->camera.background);
+    get_slope(&t, p->canvas);
+    go_back(&r, &t, p);
+    for (e = r.end; e < end; e++)
+        memset(record_of(work, e), 0, SAGA_N_SUMS * sizeof(real));
 }
 
 void saga_splat_raster_backward(saga_canvas *canvas)
 {
     const int64_t n = n_tiles(&canvas->splat);
+    const pass p = pass_of(canvas);
     int64_t i;
 
 #pragma omp parallel for schedule(dynamic, 4)
     for (i = 0; i < n; i++)
-        tile_backward(canvas, (size_t)i);
+        tile_backward(&p, (size_t)i);
 }

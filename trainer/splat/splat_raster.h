@@ -10,14 +10,19 @@
 
 #include "splat.h"
 
+#define saga_splat_raster_reserve SAGA_REAL_NAME(saga_splat_raster_reserve)
 #define saga_splat_raster_forward SAGA_REAL_NAME(saga_splat_raster_forward)
 #define saga_splat_raster_backward SAGA_REAL_NAME(saga_splat_raster_backward)
 
 /* From canvas->splat's splats and lists to canvas->image. */
 void saga_splat_raster_forward(saga_canvas *canvas);
 
+/* Takes memory for a backward pass over the same lists, with as many threads as
+ * there may be now. */
+bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error);
+
 /* SETS canvas->splat.record[n_pairs][SAGA_N_SUMS], every one of them, given
- * canvas->d_image and the image that was drawn. */
+ * canvas->d_image. */
 void saga_splat_raster_backward(saga_canvas *canvas);
 
 #endif

@@ -244,8 +244,11 @@ static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
     if (work->n_pairs > UINT32_MAX)
         return saga_no_memory(0, "drawing a picture", error);
     if (!saga_canvas_grow((void **)&work->pair, &work->cap[7],
-                          work->n_pairs * sizeof *work->pair, error))
+                          (work->n_pairs + SAGA_SPLAT_AHEAD) *
+                          sizeof *work->pair, error))
         return false;
+    memset(work->pair + work->n_pairs, 0,
+           SAGA_SPLAT_AHEAD * sizeof *work->pair);
 #pragma omp parallel for schedule(static, 1)
     for (part = 0; part < n_parts; part++)
         scatter_part(count + (size_t)part * n_tiles, work, part, n_parts, cut);

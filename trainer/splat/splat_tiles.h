@@ -7,7 +7,11 @@
 
 #include "splat.h"
 
-enum { SAGA_SPLAT_TILE = 16 };
+enum {
+    SAGA_SPLAT_TILE = 16,
+    SAGA_SPLAT_AHEAD = 8   /* entries behind the last list: of splat 0, and of
+                            * no meaning */
+};
 
 #define saga_splat_tiles SAGA_REAL_NAME(saga_splat_tiles)
 

@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A whole training's iterations: CPU milliseconds of one thread, median (min),
+ * over the second half of the warm-up and of the rendering, 15,000 primitives.
+ * bench_train [iterations of the warm-up [CAPTURE]]; the built-in scene at
+ * 480x270, and the rendering has half as many.
+ */
+#include "bench_time.h"
+#include "synth.h"
+#include "synth_room.h"
+#include "train.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+typedef struct {
+    double at, psnr[SAGA_TRAIN_PACK];
+    bench_times times[SAGA_TRAIN_PACK];
+} watch;
+
+static bool tick(void *user, const saga_train_progress *p)
+{
+    watch *const w = user;
+    const double now = bench_now_ms();
+    const int n = p->n_iterations, step = n / 2 / BENCH_MAX + 1;
+
+    if (p->stage == SAGA_TRAIN_PACK)
+        return false;
+    if (p->iteration > n / 2 && p->iteration % step == 0)
+        bench_add(&w->times[p->stage], now - w->at);
+    w->psnr[p->stage] = p->psnr;
+    w->at = bench_now_ms();
+    return true;
+}
+
+static void draw(saga_shot *v, const saga_room_state *state, int frame)
+{
+    uint8_t *to = v->rgb + (size_t)frame * saga_view_frame_nbytes(v);
+    double origin[3], at[3], rgb[3];
+    int x, y, k;
+
+    saga_view_lift(v, (const double[2]){ 0, 0 }, 0, origin);
+    for (y = 0; y < v->height; y++)
+        for (x = 0; x < v->width; x++) {
+            saga_view_lift(v, (const double[2]){ x + 0.5, y + 0.5 }, 1, at);
+            for (k = 0; k < 3; k++)
+                at[k] -= origin[k];
+            saga_room_radiance(state, origin, at, rgb);
+            for (k = 0; k < 3; k++)
+                *to++ = (uint8_t)(255.5 * sqrt(fmin(rgb[k], 1)));
+        }
+}
+
+static void built_in(saga_capture *c)
+{
+    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
+    saga_room_state state;
+    int i, k;
+
+    o.width = 480;
+    o.height = 270;
+    o.n_cameras = 6;
+    memset(c, 0, sizeof *c);
+    c->format = "built-in scene";
+    c->n_views = o.n_cameras;
+    c->n_frames = 8;
+    c->fps = o.fps;
+    c->scale = 1;
+    c->views = calloc((size_t)c->n_views, sizeof *c->views);
+    for (i = 0; i < c->n_views; i++) {
+        saga_shot *const v = c->views + i;
+
+        saga_synth_view(&o, i, v);
+        v->rgb = malloc((size_t)c->n_frames * saga_view_frame_nbytes(v));
+        for (k = 0; k < c->n_frames; k++) {
+            saga_room_at(&state, k / c->fps);
+            draw(v, &state, k);
+        }
+    }
+}
+
+int main(int argc, char **argv)
+{
+    const saga_capture_options load = saga_capture_defaults();
+    saga_train_options o = saga_train_defaults();
+    saga_error error = { "" };
+    saga_capture capture;
+    saga_train *train;
+    watch w;
+    int s;
+
+    memset(&w, 0, sizeof w);
+#ifdef _OPENMP
+    omp_set_num_threads(1);
+#endif
+    o.n_warm = argc > 1 ? atoi(argv[1]) : 200;
+    o.n_render = o.n_warm / 2;
+    o.n_primitives = 15000;
+    o.motion = SAGA_TRAIN_MOVING;
+    o.progress = tick;
+    o.progress_user = &w;
+    if (argc <= 2)
+        built_in(&capture);
+    else if (!saga_capture_load(&capture, argv[2], &load, &error)) {
+        fprintf(stderr, "%s\n", error.message);
+        return 1;
+    }
+    train = saga_train_new(&capture, &o, &error);
+    if (!train || saga_train_run(train, &error) != SAGA_STOPPED) {
+        fprintf(stderr, "%s\n", error.message);
+        return 1;
+    }
+    for (s = 0; s < SAGA_TRAIN_PACK; s++) {
+        printf("%s %.2f", saga_train_stage_name((saga_train_stage)s),
+               bench_median(&w.times[s]));
+        printf(" (%.2f) ms, %.3f dB%s", w.times[s].ms[0], w.psnr[s],
+               s + 1 < SAGA_TRAIN_PACK ? "; " : "\n");
+    }
+    saga_train_free(train);
+    saga_capture_free(&capture);
+    return 0;
+}
