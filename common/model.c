@@ -204,7 +204,7 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
         return;
     s->dim[0] = (uint16_t)n_inputs(m, net);
     /* Without a source the parameters are constants: one row of biases. */
-    s->n_layers = s->dim[0] ? n_layers[net] : 1;
+    s->n_layers = s->dim[0] && m->width[net] ? n_layers[net] : 1;
     for (i = 1; i < s->n_layers; i++)
         s->dim[i] = m->width[net];
     s->dim[s->n_layers] = (uint16_t)n_outputs(m, net);
@@ -233,7 +233,10 @@ static int tier_is_valid(const saga_tier *l)
 
 static int width_is_valid(const saga_model *m, int net)
 {
-    return m->width[net] >= (is_fuse(net) ? 0 : 1) &&
+    const int may_be_0 = is_fuse(net) || net == SAGA_NET_FINE ||
+                         net == SAGA_NET_GEO;
+
+    return m->width[net] >= (may_be_0 ? 0 : 1) &&
            m->width[net] <= SAGA_MAX_WIDTH;
 }
 

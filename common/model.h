@@ -168,7 +168,8 @@ typedef struct saga_model {
     uint32_t step_q16[SAGA_N_STEPS];
     uint8_t head_q[SAGA_N_HEADS];
     uint8_t width[SAGA_N_NETS];  /* hidden units, 1..128; FUSE_C, FUSE_F: 0
-                                  * where there is no such network */
+                                  * where there is no such network; FINE, GEO:
+                                  * 0 where it has one layer */
     uint8_t q_in[SAGA_N_NETS];
     uint8_t int8[SAGA_N_NETS];   /* 0 or 1 */
     /* The memory bank; all 0 without SAGA_TOOL_BANK. */

@@ -148,7 +148,7 @@ static void to_features_4(saga_header *h) { h->model.features = 4; }
 static void to_width_0(saga_header *h) { h->model.width[0] = 0; }
 static void to_fine_width_0(saga_header *h)
 {
-    h->model.width[SAGA_NET_FINE] = 0;
+    h->model.width[SAGA_NET_E_FINE] = 0;
 }
 
 static void to_colour_base_0(saga_header *h)
@@ -481,12 +481,14 @@ int main(int argc, char **argv)
           .tools_fixed = 1, .tools = all, .no_fuse = 2 },
         { .seed = 27, .level = 0, .n_coarse = 20, .picture = 1,
           .tools_fixed = 1, .tools = all, .no_fuse = 3 },
+        { .seed = 28, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 3, .linear = 1 },
     };
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
         "random_level2", "random_level3", "memory_level0", "memory",
         "memory_plain", "memory_level2", "memory_level3", "no_fuse_coarse",
-        "no_fuse_fine", "no_fuse"
+        "no_fuse_fine", "no_fuse", "linear"
     };
     char path[1024];
     size_t i;

@@ -104,6 +104,7 @@ static void make_base(base *b, uint64_t number)
     o.picture = number % 3 == 0;
     o.bank = (int)(number / 2 % 3);
     o.no_fuse = (uint32_t)(number / 3 % 4);
+    o.linear = number % 5 == 0;
     if (!o.picture) {
         o.bank_slots = 32;
         o.bank_width = 8;

@@ -167,6 +167,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.picture = i / 32 % 2 == 0;
     o.bank = (int)(i / 2 % 3);
     o.no_fuse = i / 5 % 4;
+    o.linear = i % 7 == 0;
     return o;
 }
 

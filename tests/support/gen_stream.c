@@ -160,15 +160,17 @@ static void model_for_picture(saga_model *m)
     m->width[SAGA_NET_COLOUR] = 32;
 }
 
-/* Fuse is there or not. Pictures have what they are asked for, so that they
- * stay as they are. */
-static void drop_fuse(saga_model *m, uint64_t *r, const gen_options *o)
+/* Fuse is there or not, and so are hidden layers of F_fine and F_geo. Pictures
+ * have what they are asked for, so that they stay as they are. */
+static void drop_layers(saga_model *m, uint64_t *r, const gen_options *o)
 {
     int i;
 
     for (i = 0; i < SAGA_N_TIERS; i++)
         if ((o->no_fuse >> i & 1u) || (!o->picture && one_in(r, 3)))
             m->width[saga_fuse_net(i)] = 0;
+    if (o->linear)
+        m->width[SAGA_NET_FINE] = m->width[SAGA_NET_GEO] = 0;
 }
 
 /* --- Networks ------------------------------------------------------------ */
@@ -541,7 +543,7 @@ static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
         make_model(m, r, o);
         if (o->picture)
             model_for_picture(m);
-        drop_fuse(m, r, o);
+        drop_layers(m, r, o);
         weights = 0;
         for (net = 0; net < SAGA_N_NETS; net++) {
             saga_model_net(&s, m, net);

@@ -31,6 +31,7 @@ typedef struct gen_options {
     uint32_t no_fuse;        /* bit SAGA_TIER_*: without Fuse of the tier;
                               * 3 is neither. 0: both, or random if no
                               * picture */
+    int linear;            /* F_fine and F_geo have one layer */
 } gen_options;
 
 enum { GEN_BANK_ORTHOGONAL = 1, GEN_BANK_PLAIN };

@@ -51,7 +51,7 @@ static void policy_should_be_monotone(void **state)
         last = p;
     }
     assert_int_equal(last.width, 32);
-    near(last.prim_step, 0.25, 1e-12);
+    near(last.prim_step, 0.5, 1e-12);
 }
 
 static void policy_should_follow_counts(void **state)

@@ -35,9 +35,7 @@ static bool is_short(const saga_splat_params *p, size_t i)
     return p->log2_width && p->log2_width[i] < -1;
 }
 
-/* How much older a primitive is after a unit of time: 1 / min(width, 1/2), and
- * never so much that a dt of 0 is more than that. */
-static real ageing(const saga_splat_params *p, size_t i)
+real saga_splat_ageing(const saga_splat_params *p, size_t i)
 {
     return is_short(p, i) ? exp2(fmin(-p->log2_width[i], R(100))) : 2;
 }
@@ -67,7 +65,8 @@ void saga_splat_animate_forward(saga_splat_posed *out,
     for (j = 0; j < (int64_t)n; j++) {
         const size_t i = (size_t)j;
         const real dt = elapsed(p, i, t);
-        const real age = saga_clamp(dt * ageing(p, i), -LIMIT_AGE, LIMIT_AGE);
+        const real age = saga_clamp(dt * saga_splat_ageing(p, i), -LIMIT_AGE,
+                                    LIMIT_AGE);
         size_t a;
 
         animate_mean(out->mean + 3 * i, p, i, age);
@@ -174,7 +173,7 @@ void saga_splat_animate_backward(saga_splat_params *d,
     for (j = 0; j < (int64_t)c->splat.n; j++) {
         const size_t i = (size_t)j;
         const real dt = elapsed(p, i, c->t);
-        const real pace = ageing(p, i), age = dt * pace;
+        const real pace = saga_splat_ageing(p, i), age = dt * pace;
         real d_dt, d_age;
 
         if (c->splat.extent[i] == 0)

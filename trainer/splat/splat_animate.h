@@ -7,11 +7,17 @@
 
 #include "splat.h"
 
+#define saga_splat_ageing SAGA_REAL_NAME(saga_splat_ageing)
 #define saga_splat_animate_forward SAGA_REAL_NAME(saga_splat_animate_forward)
 #define saga_splat_animate_backward SAGA_REAL_NAME(saga_splat_animate_backward)
 
-/* dt = t - t_centre; mean + support (((b3 dt + b2) dt + b1) dt),
- * quat + slope dt, log2(1 + 2^-o) + log2(e) min(16, |dt| 2^-log2_width)^2. */
+/* How much older primitive i is after a unit of time: 1 / min(width, 1/2), and
+ * 2^100 at most, so that a dt of 0 is none. */
+real saga_splat_ageing(const saga_splat_params *p, size_t i);
+
+/* dt = t - t_centre, age = dt ageing within +-4;
+ * mean + support (((b3 age + b2) age + b1) age), quat + slope age,
+ * log2(1 + 2^-o) + log2(e) min(16, |dt| 2^-log2_width)^2. */
 void saga_splat_animate_forward(saga_splat_posed *out,
                                 const saga_splat_params *p, uint32_t n,
                                 real t);

@@ -33,9 +33,9 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
         .price = { price, START_PRICE * price, WEIGHT_PRICE * price },
         /* What rounding costs in the pictures grows with the square of the
          * step, what it saves with the primitives and the price of their bits;
-         * a quarter says all that the lowest rates want to know. */
-        .prim_step = fmin(fmax(100 * sqrt(price * n_primitives), 1 / 64.0),
-                          0.25),
+         * half a support says all that the lowest rates want to know. */
+        .prim_step = fmin(fmax(425 * sqrt(price * n_primitives), 1 / 64.0),
+                          0.5),
         /* A coarse anchor for one primitive has less to say. */
         .features = n_coarse < n_primitives ? 24 : 16,
         /* The dearer bits are, the fewer weights are worth theirs. */

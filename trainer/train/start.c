@@ -418,7 +418,8 @@ static void carry(saga_net *net, size_t n)
     }
 }
 
-/* The last layer's row: bias plus b times what n pairs carry. */
+/* The last layer's row: bias plus b times what n pairs carry, or n inputs where
+ * there is no other layer. */
 static void set_row(saga_net *net, size_t row, const double *b, size_t n,
                     double bias)
 {
@@ -427,19 +428,22 @@ static void set_row(saga_net *net, size_t row, const double *b, size_t n,
     real *const w = net->w[l] + row * in;
 
     memset(w, 0, in * sizeof *w);
-    for (size_t i = 0; i < n; i++) {
-        w[2 * i] = (real)b[i];
-        w[2 * i + 1] = (real)-b[i];
-    }
+    for (size_t i = 0; i < n; i++)
+        if (l == 0) {
+            w[i] = (real)b[i];
+        } else {
+            w[2 * i] = (real)b[i];
+            w[2 * i + 1] = (real)-b[i];
+        }
     net->b[l][row] = (real)bias;
 }
 
-/* Features that a network's hidden units can carry. */
+/* Features that a network's hidden units can carry, if it has any. */
 static size_t carried(const saga_net *net, size_t n)
 {
     const size_t pairs = (size_t)net->dim[1] / 2;
 
-    return pairs < n ? pairs : n;
+    return net->n_layers > 1 && pairs < n ? pairs : n;
 }
 
 /* First outputs = first inputs, the features. */

@@ -6,10 +6,15 @@
 #include "train_state.h"
 
 #include "alloc.h"
+#include "splat_animate.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* log2 of the temporal width, in segments, from which on a primitive counts as
+ * always there: the moment of its centre is worth no bits. */
+#define LONG_LIFE R(0.5)
 
 static bool gather(real **out, const real *from, const uint32_t *source,
                    uint32_t n, size_t k, saga_error *error)
@@ -39,24 +44,30 @@ static double dimmed(double logit, double lost)
     return q < 1e-9 ? logit : q < 40 ? -log2(exp2(q) - 1) : -q;
 }
 
-/* Primitive i becomes what it is in the middle of the segment, for ever. */
-static void freeze(saga_splat_params *p, size_t i)
+/* The centre of primitive i's life becomes the middle of the segment, where it
+ * moves and turns as before; its opacity fades from there, the same on the mean
+ * over the segment. */
+static void centre(saga_splat_params *p, size_t i)
 {
     const real dt = R(0.5) - p->t_centre[i];
+    const real age = dt * saga_splat_ageing(p, i);
 
     for (size_t a = 0; p->motion && a < 3; a++) {
-        const real *const b = p->motion + 9 * i + a;
+        real *const b = p->motion + 9 * i + a;
 
-        p->mean[3 * i + a] += ((b[6] * dt + b[3]) * dt + b[0]) * dt;
+        p->mean[3 * i + a] += ((b[6] * age + b[3]) * age + b[0]) * age;
+        b[0] += (3 * b[6] * age + 2 * b[3]) * age;
+        b[3] += 3 * b[6] * age;
     }
     for (size_t a = 0; p->slope && a < 4; a++)
-        p->quat[4 * i + a] += p->slope[4 * i + a] * dt;
+        p->quat[4 * i + a] += p->slope[4 * i + a] * age;
     if (p->log2_width) {
         const double u = (double)dt * exp2(-(double)p->log2_width[i]);
 
         p->opacity[i] = (real)dimmed((double)p->opacity[i],
                                      1.4426950408889634 * fmin(u * u, 256));
     }
+    p->t_centre[i] = R(0.5);
 }
 
 static void drop(real **p)
@@ -92,8 +103,15 @@ void saga_train_freeze(saga_splat_params *p, uint32_t n)
 {
     if (p->t_centre)
         for (uint32_t i = 0; i < n; i++)
-            freeze(p, i);
+            centre(p, i);
     drop_time(p);
+}
+
+void saga_train_centre(saga_splat_params *p, uint32_t n)
+{
+    for (uint32_t i = 0; i < n; i++)
+        if (p->log2_width[i] >= LONG_LIFE)
+            centre(p, i);
 }
 
 void saga_train_params_free(saga_splat_params *p)

@@ -269,7 +269,9 @@ static bool propose(saga_train *t, saga_error *error)
     saga_splat_params pool;
     bool ok = saga_train_gather(&pool, &flat, NULL, n, error) && source;
 
-    if (ok && !t->dynamic)
+    if (ok && t->dynamic)
+        saga_train_centre(&pool, n);
+    else if (ok)
         saga_train_freeze(&pool, n);
     ok = ok && build(t, source, &pool, n, error) &&
          saga_train_gather(&t->target, &pool, source, t->scene.n.prim, error);

@@ -14,7 +14,7 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
 
         l->window = 16;
         l->neighbours = i == SAGA_TIER_COARSE ? 1 : 4;
-        l->suffix_bits = 4;
+        l->suffix_bits = 3;
         l->max_children = i ? 10 : 16;
         l->radius2_q12 = 4 << 12;  /* rho = 2 */
         l->softmax_q8 = 3000;      /* log2(e) / T, T = 1/8 */
@@ -90,7 +90,7 @@ void saga_train_entropy_model(saga_model *m, const saga_ablation *a,
 /* docs/design/training.md says why these are the defaults. Steps are Q16 of
  * their symbol's format: a centre's is two half-cells, a fine offset's a suffix
  * cell, so that all anchors stand in the middle of their cells and cost
- * nothing; a feature's is 1/4. No Fuse. */
+ * nothing; a feature's is 1/16. No Fuse. */
 void saga_train_model(saga_model *m, const saga_train *t)
 {
     const saga_policy *const p = &t->policy;
@@ -105,8 +105,9 @@ void saga_train_model(saga_model *m, const saga_train *t)
     m->lambda_t_q8 = 256;
     set_tiers(m, &t->o);
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
-    m->step_q16[SAGA_STEP_FEATURE] = 256u << 16;
-    m->step_q16[SAGA_STEP_FINE] = 2048u << 16;
+    m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
+    m->step_q16[SAGA_STEP_FINE] =
+        (32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits) << 16;
     m->step_q16[SAGA_STEP_PRIM] = (uint32_t)(p->prim_step * 16384) << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
     for (int i = 0; i < SAGA_N_NETS; i++) {
@@ -116,5 +117,8 @@ void saga_train_model(saga_model *m, const saga_train *t)
     }
     m->width[SAGA_NET_COLOUR] = 32;
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
+    /* An anchor of one's own has nothing to make of the features. */
+    if (t->o.n_fine >= t->o.n_primitives)
+        m->width[SAGA_NET_FINE] = 0;
     saga_train_entropy_model(m, &t->ablation, p, caps->n_slots);
 }

@@ -73,6 +73,9 @@ bool saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
 /* Primitives as they are at mid-segment, without temporal members; p's arrays
  * are saga_train_gather's. */
 void saga_train_freeze(saga_splat_params *p, uint32_t n);
+/* Those that live through the segment get the middle of it for a centre. p has
+ * temporal members. */
+void saga_train_centre(saga_splat_params *p, uint32_t n);
 void saga_train_params_free(saga_splat_params *p);
 
 /* quality.c: the report's qualities. */

@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Targets of the fit: what is centred in time moves and turns as before, and
+ * fades as much on the mean; what is frozen is what it was in the middle.
+ */
+#include "rng.h"
+#include "splat_animate.h"
+#include "train_state.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+/* cmocka wants the headers above. */
+#include <cmocka.h>
+
+enum { N = 200 };
+
+static saga_error error; /* nothing fails here */
+
+typedef struct {
+    real mean[3 * N], quat[4 * N], log2_scale[3 * N], opacity[N];
+    real colour[3 * N], motion[9 * N], slope[4 * N], t_centre[N];
+    real log2_width[N];
+} primitives;
+
+static real any(uint64_t *k, real lo, real hi)
+{
+    return lo + (hi - lo) * (real)saga_rng_float(saga_rng_stream(1, 2), (*k)++);
+}
+
+/* Half of them live for 1/2^2 to 1/2 segment, half for 2 to 4. */
+static saga_splat_params make_primitives(primitives *p)
+{
+    uint64_t k = 0;
+
+    for (int i = 0; i < N; i++) {
+        for (int a = 0; a < 3; a++)
+            p->mean[3 * i + a] = any(&k, -1, 1);
+        for (int a = 0; a < 4; a++) {
+            p->quat[4 * i + a] = any(&k, -1, 1);
+            p->slope[4 * i + a] = any(&k, -1, 1);
+        }
+        for (int a = 0; a < 9; a++)
+            p->motion[9 * i + a] = any(&k, -R(0.3), R(0.3));
+        p->opacity[i] = any(&k, -3, 3);
+        p->t_centre[i] = any(&k, 0, 1);
+        p->log2_width[i] = i % 2 ? any(&k, -2, -1) : any(&k, 1, 2);
+    }
+    return (saga_splat_params){
+        .mean = p->mean, .quat = p->quat, .log2_scale = p->log2_scale,
+        .opacity = p->opacity, .colour = p->colour, .motion = p->motion,
+        .slope = p->slope, .t_centre = p->t_centre,
+        .log2_width = p->log2_width
+    };
+}
+
+typedef struct { real mean[3 * N], quat[4 * N], q0[N]; } posed;
+
+static void pose(posed *out, const saga_splat_params *p, real t)
+{
+    saga_splat_posed to = { out->mean, out->quat, out->q0 };
+
+    saga_splat_animate_forward(&to, p, N, t);
+}
+
+static void centre_should_leave_motion_and_mean_fading(void **state)
+{
+    enum { TIMES = 64 };
+    static primitives set;
+    static posed before, after;
+    const saga_splat_params p = make_primitives(&set);
+    double faded[2] = { 0 };
+    saga_splat_params q;
+
+    (void)state;
+    assert_true(saga_train_gather(&q, &p, NULL, N, &error));
+    saga_train_centre(&q, N);
+    for (int k = 0; k < TIMES; k++) {
+        pose(&before, &p, (R(k) + R(0.5)) / TIMES);
+        pose(&after, &q, (R(k) + R(0.5)) / TIMES);
+        for (int i = 0; i < N; i++) {
+            for (int a = 0; a < 3; a++)
+                assert_true(fabsf(before.mean[3 * i + a] -
+                                  after.mean[3 * i + a]) < 1e-5f);
+            for (int a = 0; a < 4; a++)
+                assert_true(fabsf(before.quat[4 * i + a] -
+                                  after.quat[4 * i + a]) < 1e-5f);
+            faded[0] += (double)before.q0[i];
+            faded[1] += (double)after.q0[i];
+        }
+    }
+    assert_true(fabs(faded[0] / faded[1] - 1) < 1e-4);
+    for (int i = 0; i < N; i++)
+        assert_true(i % 2 ? q.t_centre[i] == p.t_centre[i]
+                          : q.t_centre[i] == R(0.5));
+    saga_train_params_free(&q);
+}
+
+static void frozen_should_be_what_the_middle_was(void **state)
+{
+    static primitives set;
+    static posed before, after;
+    const saga_splat_params p = make_primitives(&set);
+    saga_splat_params q;
+
+    (void)state;
+    assert_true(saga_train_gather(&q, &p, NULL, N, &error));
+    saga_train_freeze(&q, N);
+    pose(&before, &p, R(0.5));
+    pose(&after, &q, R(0.1));
+    assert_null(q.motion);
+    for (int i = 0; i < N; i++) {
+        for (int a = 0; a < 3; a++)
+            assert_true(fabsf(before.mean[3 * i + a] -
+                              after.mean[3 * i + a]) < 1e-6f);
+        assert_true(fabsf(before.q0[i] - after.q0[i]) < 1e-4f);
+    }
+    saga_train_params_free(&q);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(centre_should_leave_motion_and_mean_fading),
+        cmocka_unit_test(frozen_should_be_what_the_middle_was)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
