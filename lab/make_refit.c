@@ -13,6 +13,7 @@
 
 #include "error.h"
 #include "file.h"
+#include "output.h"
 
 #include <stdio.h>
 #include <stdlib.h>

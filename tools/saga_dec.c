@@ -6,11 +6,17 @@
  */
 #include "saga.h"
 
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <inttypes.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #ifndef SAGA_LEVEL
 #define SAGA_LEVEL 2
@@ -51,7 +57,8 @@ static const char usage[] =
     "                   # begins a comment\n"
     "  --time N/D       the time in frames, a fraction (default 0/1; 15/2\n"
     "                   lies half-way between frames 7 and 8)\n"
-    "  -o OUT.ppm       write the picture (8 bits, binary PPM)\n"
+    "  -o OUT.ppm       write the picture (8 bits, binary PPM); a device or a\n"
+    "                   pipe is written directly\n"
     "  --crc            print the CRC-32C of its pixels instead\n"
     "  --info           print what the header says and stop\n"
     "\n"
@@ -261,30 +268,135 @@ static int draw(const options *o, const saga_decoder *dec,
     return 0;
 }
 
-/* Whole or not at all: written beside its place, then renamed. */
+/* A picture's file: written beside its place and renamed when it is whole, as
+ * all output of saga is. What is no regular file is written directly. */
+typedef struct {
+    FILE *f;
+    char path[PATH_MAX];         /* links followed */
+    char part[PATH_MAX];         /* empty: written directly */
+} output;
+
+#define PART ".saga-part-"
+
+/* Removes a part whose writer was killed: nobody has it locked. */
+static void remove_part(const char *part)
+{
+    const int fd = open(part, O_RDONLY | O_NOFOLLOW | O_NONBLOCK);
+    struct stat info;
+
+    if (fd < 0)
+        return;
+    if (fstat(fd, &info) == 0 && S_ISREG(info.st_mode) &&
+        flock(fd, LOCK_EX | LOCK_NB) == 0)
+        unlink(part);
+    close(fd);
+}
+
+/* Looks for parts of the path that are left. */
+static void sweep(const char *path)
+{
+    const char *const slash = strrchr(path, '/');
+    const char *const base = slash ? slash + 1 : path;
+    const int n = (int)(base - path);
+    const size_t n_base = strlen(base);
+    static char folder[PATH_MAX], part[PATH_MAX];
+    struct dirent *e;
+    DIR *dir;
+
+    snprintf(folder, sizeof folder, "%.*s", n, path);
+    dir = opendir(n ? folder : ".");
+    while (dir && (e = readdir(dir)) != NULL) {
+        const char *const rest = e->d_name + n_base + sizeof PART - 1;
+
+        if (strncmp(e->d_name, base, n_base) ||
+            strncmp(e->d_name + n_base, PART, sizeof PART - 1) ||
+            !*rest || rest[strspn(rest, "0123456789-")])
+            continue;
+        if (snprintf(part, sizeof part, "%s%s", folder, e->d_name) <
+            (int)sizeof part)
+            remove_part(part);
+    }
+    if (dir)
+        closedir(dir);
+}
+
+/* A new part, locked as long as it is open; -1 with errno. */
+static int create_part(output *out, const struct stat *old)
+{
+    int fd = -1, i;
+
+    for (i = 0; i < 1000 && fd < 0; i++) {
+        struct stat info;
+
+        if (snprintf(out->part, sizeof out->part, "%s" PART "%ld-%d",
+                     out->path, (long)getpid(), i) >= (int)sizeof out->part)
+            errno = ENAMETOOLONG;
+        else
+            fd = open(out->part, O_WRONLY | O_CREAT | O_EXCL, 0666);
+        if (fd < 0 && errno != EEXIST)
+            return -1;
+        if (fd < 0)
+            continue;
+        /* Another one's sweep may have taken it before it was locked. */
+        flock(fd, LOCK_EX);
+        if (fstat(fd, &info) == 0 && info.st_nlink > 0)
+            break;
+        close(fd);
+        fd = -1;
+    }
+    if (fd >= 0 && old)
+        fchmod(fd, old->st_mode & 0777);
+    return fd;
+}
+
+static int open_output(output *out, const char *name)
+{
+    struct stat old;
+    int exists, fd;
+
+    out->part[0] = '\0';
+    if (strlen(name) >= sizeof out->path) {
+        errno = ENAMETOOLONG;
+        return fail(name, "cannot write");
+    }
+    if (!realpath(name, out->path))
+        strcpy(out->path, name);
+    exists = stat(out->path, &old) == 0;
+    if (exists && !S_ISREG(old.st_mode)) {
+        fd = open(out->path, O_WRONLY);
+    } else {
+        sweep(out->path);
+        fd = create_part(out, exists ? &old : NULL);
+    }
+    out->f = fd < 0 ? NULL : fdopen(fd, "wb");
+    return out->f ? 0 : fail(name, "cannot write");
+}
+
+/* status: of what was written. */
+static int close_output(output *out, const char *name, int status)
+{
+    if (!status && fflush(out->f))
+        status = fail(name, "cannot write");
+    if (!status && out->part[0] && rename(out->part, out->path))
+        status = fail(name, "cannot write");
+    if (fclose(out->f) && !status && !out->part[0])
+        status = fail(name, "cannot write");
+    if (status && out->part[0])
+        unlink(out->part);
+    return status;
+}
+
 static int write_picture(const options *o, const saga_decoder *dec,
                          const saga_camera *c, uint32_t *crc)
 {
-    char part[4096];
-    FILE *f;
-    int status;
+    static output out;
+    int status = open_output(&out, o->out);
 
-    if (snprintf(part, sizeof part, "%s.part", o->out) >= (int)sizeof part) {
-        errno = ENAMETOOLONG;
-        return fail(o->out, "cannot write");
-    }
-    f = fopen(part, "wb");
-    if (!f)
-        return fail(o->out, "cannot write");
-    fprintf(f, "P6\n%u %u\n255\n", c->width, c->height);
-    status = draw(o, dec, c, f, crc);
-    if (fclose(f) && !status)
-        status = fail(o->out, "cannot write");
-    if (!status && rename(part, o->out))
-        status = fail(o->out, "cannot write");
     if (status)
-        remove(part);
-    return status;
+        return status;
+    fprintf(out.f, "P6\n%u %u\n255\n", c->width, c->height);
+    status = draw(o, dec, c, out.f, crc);
+    return close_output(&out, o->out, status);
 }
 
 static void print_info(const saga_info *i)
@@ -350,6 +462,32 @@ static int run(const options *o, FILE *f, const saga_info *info)
     return status;
 }
 
+/* Output that could not be written is a failure: the disk may be full. */
+static int flushed(int status)
+{
+    errno = 0;
+    if ((fflush(stdout) || ferror(stdout)) && !status)
+        return fail("standard output", "cannot write");
+    return status;
+}
+
+/* The file, without waiting for somebody to write into a pipe. */
+static FILE *open_input(const char *name)
+{
+    const int fd = open(name, O_RDONLY | O_NONBLOCK);
+    struct stat info;
+
+    if (fd < 0 || fstat(fd, &info)) {
+        fail(name, "cannot open");
+        return NULL;
+    }
+    if (S_ISREG(info.st_mode))
+        return fdopen(fd, "rb");
+    close(fd);
+    fprintf(stderr, "saga-dec: %s: is not a regular file\n", name);
+    return NULL;
+}
+
 int main(int argc, char **argv)
 {
     options o = { NULL, NULL, NULL, 0, 1, 0, 0 };
@@ -361,13 +499,13 @@ int main(int argc, char **argv)
 
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(usage, stdout);
-        return 0;
+        return flushed(0);
     }
     if (!parse_options(&o, argc, argv))
         return 2;
-    f = fopen(o.file, "rb");
+    f = open_input(o.file);
     if (!f)
-        return fail(o.file, "cannot open");
+        return 2;
     n = read_at(f, 0, PROBE_NBYTES);
     s = n < 0 ? SAGA_OK : saga_probe(&info, memory.input, (size_t)n);
     if (n < 0)
@@ -379,5 +517,5 @@ int main(int argc, char **argv)
     else
         status = run(&o, f, &info);
     fclose(f);
-    return status;
+    return flushed(status);
 }

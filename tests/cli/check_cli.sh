@@ -13,6 +13,9 @@
 #               status 1 and one line that names the file; nothing crashes
 #   render      the pixels of saga-dec; times, sizes, sequences and paths; what
 #               cannot be drawn or written is told, nothing half-written stays
+#   outputs     of saga and saga-dec: devices and pipes stay what they are,
+#               files of the user's stay, umask is obeyed, what a killed run
+#               left goes, a standard output that is full is told
 #   synth       a capture appears whole, or not at all
 #   eval        a capture of the file's own pictures is found equal; a known
 #               error has its PSNR; a capture that does not fit is refused
@@ -280,6 +283,52 @@ for f in scale_below_zero more_than_maximum; do
 done
 [ -z "$(find "$tmp" -name '*x*.png*')" ] || complain "something half-written"
 verdict render
+
+# ---- outputs
+# write_by PROGRAM OUT: one picture.
+write_by() {
+    if [ "$1" = saga ]; then
+        "$saga" render "$scene" -o "$2" >"$tmp/out" 2>"$tmp/err"
+    else
+        "$saga_dec" "$scene" --camera rig:0 -o "$2" >"$tmp/out" 2>"$tmp/err"
+    fi
+}
+for by in saga saga_dec; do
+    mkdir "$tmp/to"
+    ln -s /dev/null "$tmp/to/null.png"
+    write_by $by "$tmp/to/null.png" || complain "$by: null: $(cat "$tmp/err")"
+    [ -L "$tmp/to/null.png" ] || complain "$by: a link to a device is a file"
+    mkfifo "$tmp/to/fifo.png"
+    cat "$tmp/to/fifo.png" >"$tmp/piped" &
+    write_by $by "$tmp/to/fifo.png" || complain "$by: fifo: $(cat "$tmp/err")"
+    [ -p "$tmp/to/fifo.png" ] && wait || complain "$by: a pipe is a file"
+    kill $! 2>/dev/null && wait
+    rm -f "$tmp/to/"*
+    echo mine >"$tmp/to/a.png.part"
+    echo half >"$tmp/to/a.png.saga-part-1-0"
+    (umask 077; write_by $by "$tmp/to/a.png") || complain "$by: umask"
+    [ "$(stat -c %a "$tmp/to/a.png")" = 600 ] || complain "$by: umask ignored"
+    [ "$(cat "$tmp/to/a.png.part")" = mine ] || complain "$by: a.png.part"
+    [ "$(ls "$tmp/to" | tr '\n' ' ')" = "a.png a.png.part " ] ||
+        complain "$by leaves $(ls "$tmp/to")"
+    cmp -s "$tmp/to/a.png" "$tmp/piped" || complain "$by: other bytes in a pipe"
+    rm -r "$tmp/to"
+done
+mkfifo "$tmp/fifo"
+for by in "$saga info" "$saga_dec --info"; do
+    timeout 10 $by "$tmp/fifo" >"$tmp/out" 2>"$tmp/err"
+    [ $? = 2 ] || complain "$by: a pipe as input"
+    says 'is not a regular file'
+done
+if [ -e /dev/full ]; then
+    for what in --info '--camera rig:0 --crc'; do
+        # shellcheck disable=SC2086
+        "$saga_dec" "$scene" $what >/dev/full 2>"$tmp/err"
+        [ $? = 2 ] || complain "saga-dec $what: a full disk is not status 2"
+        grep -q 'standard output' "$tmp/err" || complain "saga-dec: no message"
+    done
+fi
+verdict outputs
 
 # ---- synth
 expect 0 synth "$tmp/syn" --size 48x32 --cameras 3 --hold-out 1 --frames 2 \

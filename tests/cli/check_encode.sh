@@ -8,6 +8,7 @@
 #   stopped     Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
 #               --resume makes the file of a run that was not stopped; without
 #               --resume a checkpoint is not overwritten
+#   alone       two runs do not write to one file; what a killed one left goes
 #   usage       wrong values end with status 2 and one line that names them
 #   capture     a missing camera file, an unknown view or frame: status 1
 #   output      a folder that is not there is found before training, a full
@@ -108,6 +109,30 @@ grep -q 'starting anew' err || complain "--resume of nothing: $(cat err)"
 cmp -s s.saga whole.saga || complain "--resume of nothing: another file"
 rm -f s.saga s.whole
 verdict stopped
+
+# ---- alone
+start() { # a run that is still going on when it has a checkpoint
+    "$saga" encode cap -o k.saga --primitives 150 --iterations 100000 \
+        --checkpoint-every 0 >killed 2>&1 </dev/null &
+    pid=$!
+    for ((i = 0; i < 500; i++)); do
+        [ -f k.saga.ckpt ] && break
+        sleep 0.02
+    done
+}
+start
+expect 2 cap -o k.saga "${small[@]}" --resume
+says 'is being written by another run'
+kill -KILL $pid
+wait $pid 2>/dev/null
+rm -f killed k.saga.ckpt
+ls | grep -q '^k\.saga\.saga-part-' || complain "a killed run leaves $(ls)"
+touch k.saga.ckpt.saga-part-1-0
+expect 0 cap -o k.saga "${small[@]}"
+cmp -s k.saga whole.saga || complain "after a killed run: another file"
+rm -f k.saga
+leaves
+verdict alone
 
 # ---- usage
 expect 2

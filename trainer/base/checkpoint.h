@@ -10,6 +10,7 @@
 #define SAGA_CHECKPOINT_H
 
 #include "file.h"
+#include "output.h"
 
 typedef struct saga_checkpoint {
     const char *path;

@@ -82,7 +82,8 @@ bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error)
 {
     *bytes = (saga_bytes){0};
-    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    /* Without waiting for somebody to write into a pipe. */
+    const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0)
         return saga_fail_errno(error, path, "check the name and the "
                                "permissions", "cannot be opened");
@@ -102,59 +103,4 @@ void saga_bytes_free(saga_bytes *bytes)
 {
     free(bytes->data);
     *bytes = (saga_bytes){0};
-}
-
-static void output_free(saga_output *out)
-{
-    free(out->path);
-    free(out->temporary);
-    *out = (saga_output){0};
-}
-
-bool saga_output_open(saga_output *out, const char *path,
-                      saga_error *error)
-{
-    const size_t n = strlen(path) + sizeof ".XXXXXX";
-    *out = (saga_output){.path = saga_string_copy(path, error),
-                         .temporary = saga_alloc(n, 1, path, error)};
-    if (!out->path || !out->temporary) {
-        output_free(out);
-        return false;
-    }
-    (void)snprintf(out->temporary, n, "%s.XXXXXX", path);
-    const int fd = mkstemp(out->temporary);
-    if (fd >= 0) {
-        (void)fchmod(fd, 0644);
-        out->file = fdopen(fd, "wb");
-        if (out->file)
-            return true;
-        close(fd);
-        unlink(out->temporary);
-    }
-    saga_fail_errno(error, path, "choose a folder that exists and can be "
-                    "written", "cannot be created");
-    output_free(out);
-    return false;
-}
-
-bool saga_output_close(saga_output *out, bool ok, saga_error *error)
-{
-    /* Of the write that failed, if the caller has just seen one. */
-    const int write_errno = ok ? 0 : errno;
-    errno = 0;
-    /* On the disk before it has the name: after a power cut there is the old
-     * file or the new one, not an empty one. */
-    ok = ok && fflush(out->file) == 0 && !ferror(out->file) &&
-         fsync(fileno(out->file)) == 0;
-    const int flush_errno = write_errno ? write_errno : errno;
-    ok = fclose(out->file) == 0 && ok;
-    ok = ok && rename(out->temporary, out->path) == 0;
-    if (!ok) {
-        errno = flush_errno ? flush_errno : errno;
-        saga_fail_errno(error, out->path, "check the free space of the disk",
-                        "could not be written");
-        unlink(out->temporary);
-    }
-    output_free(out);
-    return ok;
 }

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files, paths, little-endian bytes, and output that appears whole or not at
- * all.
+ * Files, paths, little-endian bytes.
  */
 #ifndef SAGA_FILE_H
 #define SAGA_FILE_H
@@ -90,17 +89,5 @@ static inline double saga_take_f64(saga_cursor *c)
     const uint8_t *const p = saga_take(c, 8);
     return p ? saga_load_f64(p) : 0.0;
 }
-
-/* A file that is written beside its final name and renamed when complete. */
-typedef struct saga_output {
-    FILE *file;
-    char *path, *temporary;
-} saga_output;
-
-bool saga_output_open(saga_output *out, const char *path,
-                      saga_error *error);
-/* Flushes to the disk, checks and renames; on any failure (or ok == false) the
- * temporary file is removed and false returned. */
-bool saga_output_close(saga_output *out, bool ok, saga_error *error);
 
 #endif

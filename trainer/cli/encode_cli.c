@@ -12,6 +12,7 @@
 #include "json_cli.h"
 #include "json_memory.h"
 #include "metrics.h"
+#include "output.h"
 #include "policy.h"
 #include "train.h"
 #include "view.h"
@@ -51,6 +52,7 @@ typedef struct {
     saga_train_quality decoded;  /* by the integer decoder, from the file */
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
+    saga_output out;             /* open from the start: the name is ours */
     saga_error error;
     saga_meter meter;
     double done_at_start, started;
@@ -146,9 +148,7 @@ static int check_options(session *s)
  * now. */
 static int check_output(session *s)
 {
-    saga_error ignored = { "" };
     struct stat info;
-    saga_output probe;
 
     if (!s->o->output)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: where to? give -o "
@@ -156,9 +156,8 @@ static int check_output(session *s)
     if (stat(s->o->output, &info) == 0 && !S_ISREG(info.st_mode))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is not a file; "
                               "give the name of one", s->o->output);
-    if (!saga_output_open(&probe, s->o->output, &s->error))
+    if (!saga_output_open_alone(&s->out, s->o->output, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
-    saga_output_close(&probe, false, &ignored);
     return SAGA_EXIT_OK;
 }
 
@@ -170,6 +169,7 @@ static int check_checkpoint(session *s)
     if (!s->checkpoint)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     snprintf(s->checkpoint, n, "%s.ckpt", s->o->output);
+    saga_output_sweep(s->checkpoint);
     if (!s->o->resume && saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
                               "that was stopped; give --resume to go on with "
@@ -280,14 +280,10 @@ static int write_file(session *s)
 {
     size_t n;
     const uint8_t *const bytes = saga_train_bytes(s->train, &n);
-    saga_output out;
-    bool ok;
 
-    if (saga_output_open(&out, s->o->output, &s->error)) {
-        ok = fwrite(bytes, 1, n, out.file) == n;
-        if (saga_output_close(&out, ok, &s->error))
-            return SAGA_EXIT_OK;
-    }
+    if (saga_output_close(&s->out, fwrite(bytes, 1, n, s->out.file) == n,
+                          &s->error))
+        return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s; %s", s->error.message,
                           saga_path_is_file(s->checkpoint)
                           ? "then --resume writes it again"
@@ -630,6 +626,8 @@ static int run(int argc, char **argv)
 #endif
     catch_signals();
     status = encode(&s);
+    if (s.out.file)
+        saga_output_close(&s.out, false, &s.error);
     saga_train_free(s.train);
     saga_capture_free(&s.capture);
     free(s.checkpoint);
@@ -644,7 +642,7 @@ static const saga_cli_option option_list[] = {
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
     { "--lambda", "X", "what bits cost: X times the bits for each pixel "
-      "trained on\nweigh as much as the mean squared error in 8-bit levels\n"
+      "trained\non weigh as much as the mean squared error in 8-bit levels\n"
       "(default " TEXT(SAGA_DEFAULT_LAMBDA) "); higher: a smaller file",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"

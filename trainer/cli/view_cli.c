@@ -282,7 +282,7 @@ static const saga_cli_option option_list[] = {
 
 const saga_command saga_command_view = {
     "view", "FILE", 1,
-    "a file in the browser: look around, play, find camera paths",
+    "a file in the browser, from any side, playing",
     "Serves a page that shows a .saga file, decoded in the browser to the\n"
     "same pixels, on this machine alone. Prints the address; Ctrl-C ends.\n"
     "\n"

@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "error.h"
 #include "file.h"
+#include "output.h"
 
 #include <errno.h>
 #include <png.h>

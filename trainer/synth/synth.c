@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "error.h"
 #include "file.h"
+#include "output.h"
 #include "picture.h"
 #include "ply.h"
 #include "pose.h"
@@ -555,7 +556,7 @@ static void remove_all(const synth_job *job)
 
 static bool make_folder(const synth_job *job, const char *path)
 {
-    return mkdir(path, 0755) == 0 ||
+    return mkdir(path, 0777) == 0 ||
            saga_fail_errno(job->error, job->target, "choose a place that can "
                            "be written", "folder cannot be made");
 }
@@ -596,7 +597,10 @@ static bool make_temporary(synth_job *job)
         return saga_fail_errno(job->error, job->target, "choose a place that "
                                "exists and can be written",
                                "folder cannot be made");
-    (void)chmod(job->folder, 0755);
+    /* What mkdtemp makes is for its owner alone, whatever umask says. */
+    const mode_t mask = umask(0);
+    (void)umask(mask);
+    (void)chmod(job->folder, 0777 & ~mask);
     return true;
 }
 

@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Output that appears whole or not at all, beside what else may be there:
+ * devices, pipes, links, permissions, files of the user's, parts of runs that
+ * were killed, other writers.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "file.h"
+#include "output.h"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+static char folder[] = "/tmp/test_output.XXXXXX";
+
+static int enter(void **state)
+{
+    (void)state;
+    return !mkdtemp(folder) || chdir(folder) != 0;
+}
+
+/* Files of the folder. */
+static int count(void)
+{
+    DIR *const dir = opendir(".");
+    int n = -2;
+
+    assert_non_null(dir);
+    while (readdir(dir))
+        n++;
+    closedir(dir);
+    return n;
+}
+
+static int clear(void **state)
+{
+    (void)state;
+    return system("rm -f ./*") != 0;
+}
+
+static int leave(void **state)
+{
+    return clear(state) || chdir("/") != 0 || rmdir(folder) != 0;
+}
+
+static void write_text(const char *path, const char *text)
+{
+    saga_error error = { "" };
+    saga_output out;
+
+    assert_true(saga_output_open(&out, path, &error));
+    assert_true(fputs(text, out.file) >= 0);
+    assert_true(saga_output_close(&out, true, &error));
+}
+
+static void assert_holds(const char *path, const char *text)
+{
+    saga_error error = { "" };
+    saga_bytes bytes;
+
+    assert_true(saga_read_file(&bytes, path, &error));
+    assert_string_equal((const char *)bytes.data, text);
+    saga_bytes_free(&bytes);
+}
+
+static mode_t kind_of(const char *path)
+{
+    struct stat info;
+
+    assert_int_equal(lstat(path, &info), 0);
+    return info.st_mode;
+}
+
+static void part_should_go_when_given_up(void **state)
+{
+    saga_error error = { "" };
+    saga_output out;
+
+    (void)state;
+    write_text("a", "old");
+    assert_true(saga_output_open(&out, "a", &error));
+    assert_int_equal(count(), 2);
+    assert_true(fputs("new", out.file) >= 0);
+    assert_holds("a", "old");
+    assert_false(saga_output_close(&out, false, &error));
+    assert_int_equal(count(), 1);
+    assert_holds("a", "old");
+}
+
+static void device_should_stay_one(void **state)
+{
+    (void)state;
+    assert_int_equal(symlink("/dev/null", "null"), 0);
+    write_text("null", "text");
+    assert_true(S_ISLNK(kind_of("null")));
+    assert_int_equal(count(), 1);
+}
+
+static void pipe_should_be_written(void **state)
+{
+    char text[8] = "";
+    int fd;
+
+    (void)state;
+    assert_int_equal(mkfifo("fifo", 0600), 0);
+    fd = open("fifo", O_RDONLY | O_NONBLOCK);
+    assert_true(fd >= 0);
+    write_text("fifo", "text");
+    assert_int_equal(read(fd, text, sizeof text), 4);
+    assert_string_equal(text, "text");
+    close(fd);
+    assert_true(S_ISFIFO(kind_of("fifo")));
+    assert_int_equal(count(), 1);
+}
+
+static void pipe_should_not_be_waited_for_when_read(void **state)
+{
+    saga_error error = { "" };
+    saga_bytes bytes;
+
+    (void)state;
+    assert_int_equal(mkfifo("fifo", 0600), 0);
+    alarm(10);
+    assert_false(saga_read_file(&bytes, "fifo", &error));
+    alarm(0);
+    assert_non_null(strstr(error.message, "not a regular file"));
+}
+
+static void full_device_should_be_told(void **state)
+{
+    saga_error error = { "" };
+    saga_output out;
+
+    (void)state;
+    if (access("/dev/full", W_OK) != 0)
+        return;
+    assert_true(saga_output_open(&out, "/dev/full", &error));
+    assert_true(fputs("text", out.file) >= 0);
+    assert_false(saga_output_close(&out, true, &error));
+    assert_non_null(strstr(error.message, "free space"));
+}
+
+static void link_should_be_followed(void **state)
+{
+    (void)state;
+    write_text("file", "old");
+    assert_int_equal(symlink("file", "link"), 0);
+    write_text("link", "new");
+    assert_true(S_ISLNK(kind_of("link")));
+    assert_holds("file", "new");
+}
+
+static void folder_should_be_refused(void **state)
+{
+    saga_error error = { "" };
+    saga_output out;
+
+    (void)state;
+    assert_false(saga_output_open(&out, ".", &error));
+    assert_non_null(strstr(error.message, "is a folder"));
+}
+
+static void permissions_should_be_those_of_umask(void **state)
+{
+    const mode_t old = umask(077);
+
+    (void)state;
+    write_text("a", "");
+    umask(022);
+    write_text("b", "");
+    umask(old);
+    assert_int_equal(kind_of("a") & 0777, 0600);
+    assert_int_equal(kind_of("b") & 0777, 0644);
+    assert_int_equal(chmod("b", 0664), 0);
+    write_text("b", "again");
+    assert_int_equal(kind_of("b") & 0777, 0664);
+}
+
+/* Opens the output and dies, as a run that is killed does. */
+static void die_writing(const char *path)
+{
+    const pid_t pid = fork();
+    int status;
+
+    if (pid == 0) {
+        saga_error error = { "" };
+        saga_output out;
+
+        if (!saga_output_open(&out, path, &error) ||
+            fputs("half", out.file) < 0 || fflush(out.file))
+            _exit(1);
+        _exit(0);
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_int_equal(status, 0);
+}
+
+static void parts_of_killed_runs_should_be_removed(void **state)
+{
+    (void)state;
+    die_writing("a");
+    die_writing("b");
+    die_writing("a");
+    assert_int_equal(count(), 2);
+    write_text("a", "whole");
+    assert_int_equal(count(), 2);
+    assert_false(saga_output_sweep("b"));
+    assert_int_equal(count(), 1);
+    assert_holds("a", "whole");
+}
+
+static void files_of_the_user_should_stay(void **state)
+{
+    static const char *const names[] = {
+        "a.part", "a.XXXXXX", "a.saga-part", "a.saga-part-", "a.saga-part-x",
+        "a.saga-part-12x", "ba.saga-part-1-2", "a.ckpt.saga-part-1-2"
+    };
+    const int n = (int)(sizeof names / sizeof *names);
+    int i;
+
+    (void)state;
+    for (i = 0; i < n; i++)
+        fclose(fopen(names[i], "w"));
+    write_text("a", "text");
+    assert_int_equal(count(), n + 1);
+}
+
+static void writers_should_keep_apart_when_one_is_alone(void **state)
+{
+    saga_error error = { "" }, none = { "" };
+    saga_output first, second;
+
+    (void)state;
+    assert_true(saga_output_open_alone(&first, "a", &none));
+    assert_false(saga_output_open_alone(&second, "a", &error));
+    assert_non_null(strstr(error.message, "written by another run"));
+    assert_int_equal(count(), 1);
+    assert_true(saga_output_sweep("a"));
+    assert_true(saga_output_open_alone(&second, "b", &none));
+    assert_false(saga_output_close(&second, false, &none));
+    assert_true(fputs("first", first.file) >= 0);
+    assert_true(saga_output_close(&first, true, &none));
+    assert_holds("a", "first");
+    assert_true(saga_output_open_alone(&second, "a", &none));
+    assert_true(saga_output_close(&second, true, &none));
+    assert_int_equal(count(), 1);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, NULL, clear)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(part_should_go_when_given_up),
+        TEST(device_should_stay_one),
+        TEST(pipe_should_be_written),
+        TEST(pipe_should_not_be_waited_for_when_read),
+        TEST(full_device_should_be_told),
+        TEST(link_should_be_followed),
+        TEST(folder_should_be_refused),
+        TEST(permissions_should_be_those_of_umask),
+        TEST(parts_of_killed_runs_should_be_removed),
+        TEST(files_of_the_user_should_stay),
+        TEST(writers_should_keep_apart_when_one_is_alone),
+    };
+
+    return cmocka_run_group_tests(tests, enter, leave);
+}

@@ -1,0 +1,231 @@
+/* SPDX-License-Identifier: MIT */
+#include "output.h"
+
+#include "alloc.h"
+#include "file.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static const char mark[] = ".saga-part-";
+
+/* More parts of one path are not written at a time. */
+enum { N_NAMES = 1000 };
+
+static void output_free(saga_output *out)
+{
+    free(out->path);
+    free(out->temporary);
+    *out = (saga_output){ NULL, NULL, NULL };
+}
+
+static bool no_file(const char *path, saga_error *error)
+{
+    return saga_fail_errno(error, path, "choose a folder that exists and can "
+                           "be written", "cannot be created");
+}
+
+/* --- Parts --------------------------------------------------------------- */
+
+/* Whether `name` is that of a part of `base`. */
+static bool is_part(const char *name, const char *base)
+{
+    const size_t n = strlen(base), m = sizeof mark - 1;
+
+    if (strncmp(name, base, n) != 0 || strncmp(name + n, mark, m) != 0)
+        return false;
+    name += n + m;
+    return name[0] != '\0' && name[strspn(name, "0123456789-")] == '\0';
+}
+
+/* Removes a part that nobody has locked; true if somebody has. */
+static bool is_held(const char *part)
+{
+    const int fd = open(part, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    struct stat info;
+    bool held = false;
+
+    if (fd < 0)
+        return false;
+    if (fstat(fd, &info) == 0 && S_ISREG(info.st_mode)) {
+        if (flock(fd, LOCK_EX | LOCK_NB) == 0)
+            (void)unlink(part);
+        else
+            held = errno == EWOULDBLOCK;
+    }
+    close(fd);
+    return held;
+}
+
+/* Looks at all parts of a path but `own`, which may be NULL. */
+static bool sweep(const char *path, const char *own)
+{
+    const char *const slash = strrchr(path, '/');
+    const char *const base = slash ? slash + 1 : path;
+    const int n = (int)(base - path);
+    char folder[PATH_MAX], part[PATH_MAX];
+    bool held = false;
+    DIR *dir;
+
+    if (n >= PATH_MAX)
+        return false;
+    (void)snprintf(folder, sizeof folder, "%.*s", n, path);
+    dir = opendir(n ? folder : ".");
+    for (struct dirent *e; dir && (e = readdir(dir)) != NULL;) {
+        if (!is_part(e->d_name, base) ||
+            snprintf(part, sizeof part, "%s%s", folder, e->d_name) >= PATH_MAX)
+            continue;
+        if (!own || strcmp(part, own) != 0)
+            held = is_held(part) || held;
+    }
+    if (dir)
+        closedir(dir);
+    return held;
+}
+
+/* Gives the file that a path's links lead to, or a copy of the path. */
+static char *follow(const char *path, saga_error *error)
+{
+    char *const real = realpath(path, NULL);
+
+    return real ? real : saga_string_copy(path, error);
+}
+
+bool saga_output_sweep(const char *path)
+{
+    saga_error ignored = { "" };
+    char *const real = follow(path, &ignored);
+    const bool held = real && sweep(real, NULL);
+
+    free(real);
+    return held;
+}
+
+/* A new part, locked; -1 with errno. One that is just being looked at by a
+ * sweep may be gone when it is locked: then another is tried. */
+static int create_part(char *name, size_t nbytes, const char *path)
+{
+    for (int i = 0; i < N_NAMES; i++) {
+        struct stat info;
+        int fd;
+
+        (void)snprintf(name, nbytes, "%s%s%ld-%d", path, mark, (long)getpid(),
+                       i);
+        fd = open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (fd < 0 && errno != EEXIST)
+            return -1;
+        if (fd < 0)
+            continue;
+        (void)flock(fd, LOCK_EX);
+        if (fstat(fd, &info) == 0 && info.st_nlink > 0)
+            return fd;
+        close(fd);
+    }
+    errno = EEXIST;
+    return -1;
+}
+
+/* --- Open and close ------------------------------------------------------ */
+
+static bool open_file(saga_output *out, int fd, const char *path,
+                      saga_error *error)
+{
+    out->file = fd >= 0 ? fdopen(fd, "wb") : NULL;
+    if (out->file)
+        return true;
+    no_file(path, error);
+    if (fd >= 0)
+        close(fd);
+    if (fd >= 0 && out->temporary)
+        unlink(out->temporary);
+    return false;
+}
+
+static bool open_part(saga_output *out, const struct stat *old, bool alone,
+                      saga_error *error)
+{
+    const size_t n = strlen(out->path) + sizeof mark + 40;
+    int fd;
+
+    out->temporary = saga_alloc(n, 1, out->path, error);
+    if (!out->temporary)
+        return false;
+    fd = create_part(out->temporary, n, out->path);
+    if (fd >= 0 && old)
+        (void)fchmod(fd, old->st_mode & 0777);
+    if (!open_file(out, fd, out->path, error))
+        return false;
+    if (!sweep(out->path, out->temporary) || !alone)
+        return true;
+    saga_fail(error, out->path, "wait for it, or choose another name",
+              "is being written by another run");
+    (void)fclose(out->file);
+    unlink(out->temporary);
+    return false;
+}
+
+static bool open_output(saga_output *out, const char *path, bool alone,
+                        saga_error *error)
+{
+    struct stat info;
+    bool ok, exists;
+
+    *out = (saga_output){ .path = follow(path, error) };
+    if (!out->path)
+        return false;
+    exists = stat(out->path, &info) == 0;
+    if (exists && S_ISDIR(info.st_mode))
+        ok = saga_fail(error, path, "give the name of a file", "is a folder");
+    else if (exists && !S_ISREG(info.st_mode))
+        ok = open_file(out, open(out->path, O_WRONLY | O_CLOEXEC), path,
+                       error);
+    else
+        ok = open_part(out, exists ? &info : NULL, alone, error);
+    if (!ok)
+        output_free(out);
+    return ok;
+}
+
+bool saga_output_open(saga_output *out, const char *path, saga_error *error)
+{
+    return open_output(out, path, false, error);
+}
+
+bool saga_output_open_alone(saga_output *out, const char *path,
+                            saga_error *error)
+{
+    return open_output(out, path, true, error);
+}
+
+bool saga_output_close(saga_output *out, bool ok, saga_error *error)
+{
+    /* Of the write that failed, if the caller has just seen one. */
+    const int write_errno = ok ? 0 : errno;
+
+    errno = 0;
+    /* On the disk before it has the name: after a power cut there is the old
+     * file or the new one, not an empty one. */
+    ok = ok && fflush(out->file) == 0 && !ferror(out->file) &&
+         (!out->temporary || fsync(fileno(out->file)) == 0) &&
+         (!out->temporary || rename(out->temporary, out->path) == 0);
+    const int flush_errno = write_errno ? write_errno : errno;
+    /* Nothing is left to be written: this only lets go of the lock. */
+    const bool closed = fclose(out->file) == 0;
+    if (!ok || (!out->temporary && !closed)) {
+        ok = false;
+        errno = flush_errno ? flush_errno : errno;
+        saga_fail_errno(error, out->path, "check the free space of the disk",
+                        "could not be written");
+        if (out->temporary)
+            unlink(out->temporary);
+    }
+    output_free(out);
+    return ok;
+}

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Output that appears whole or not at all. A file is written under another
+ * name beside its own, NAME.saga-part-P-N, which is locked as long as its
+ * writer lives, and renamed when it is complete. A part that nobody has locked
+ * is left from a run that was killed; whoever writes to NAME next removes it.
+ *
+ * A link is followed: what it names is replaced. What is no regular file (a
+ * device, a pipe) is written directly. A new file has the permissions that
+ * umask leaves it, one that is replaced keeps its own.
+ */
+#ifndef SAGA_OUTPUT_H
+#define SAGA_OUTPUT_H
+
+#include "error.h"
+
+#include <stdio.h>
+
+typedef struct saga_output {
+    FILE *file;              /* NULL: not open */
+    char *path, *temporary;  /* temporary is NULL where there is no part */
+} saga_output;
+
+bool saga_output_open(saga_output *out, const char *path, saga_error *error);
+
+/* The same for a file that takes long: fails while another process writes to
+ * that path, and has others fail who call this until it is closed. */
+bool saga_output_open_alone(saga_output *out, const char *path,
+                            saga_error *error);
+
+/* Flushes to the disk, checks and renames; on any failure (or ok == false) the
+ * part is removed and false returned. */
+bool saga_output_close(saga_output *out, bool ok, saga_error *error);
+
+/* Removes what killed runs left of a path. Returns true if somebody else is
+ * writing to it. */
+bool saga_output_sweep(const char *path);
+
+#endif
