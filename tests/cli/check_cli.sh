@@ -190,6 +190,21 @@ assert [s["damaged"] for s in j["segments"]] == [False, False, True]
 assert sum(j["bytes"].values()) == j["nbytes"]' "$tmp/out" 2>"$tmp/py" ||
     complain "a flipped byte: $(tail -n 1 "$tmp/py")"
 grep -q 'CRC' "$tmp/err" || complain "a flipped byte: $(cat "$tmp/err")"
+# Checksums that begin anew in every chunk, as they once did.
+python3 -c '
+import sys
+b = bytearray(open(sys.argv[1], "rb").read())
+at = int.from_bytes(b[8:12], "little")
+n = int.from_bytes(b[at + 4:at + 8], "little")
+crc = 0xffffffff
+for x in b[at:at + 8] + b[at + 12:at + 12 + n]:
+    crc ^= x
+    for _ in range(8):
+        crc = crc >> 1 ^ (0x82f63b78 if crc & 1 else 0)
+b[at + 8:at + 12] = (crc ^ 0xffffffff).to_bytes(4, "little")
+open(sys.argv[2], "wb").write(b)' "$good" "$tmp/early.saga"
+expect 1 info "$tmp/early.saga"
+says 'pre-release of saga has written it: encode it again'
 verdict "bad: $n files"
 
 # ---- render
@@ -241,11 +256,27 @@ expect 0 render "$scene" -o "$tmp/seq/b%d.exr" --orbit 3 --size 64x32
     "$(printf 'a%03d.png ' $((frames - 2)) $((frames - 1)))b0.exr b1.exr b2.exr " ] ||
     complain "a sequence makes $(ls "$tmp/seq")"
 rm -f "$tmp"/*.p?m "$tmp"/*.png
-# 805 MB for the pixels, and more to draw them.
-(ulimit -c 0 -v 2000000
+# 28 MB for the pixels, 64 to draw them; 160 hold all of the picture at once.
+(ulimit -c 0 -v 140000
+ "$saga" render "$scene" -o "$tmp/big.png" --size 3072x3072 --threads 1 \
+     >"$tmp/out" 2>"$tmp/err") || complain "bands: $(cat "$tmp/err")"
+rm -f "$tmp/big.png"
+# 805 MB for the pixels.
+(ulimit -c 0 -v 500000
  "$saga" render "$scene" -o "$tmp/big.png" --size 16384x16384 \
      >"$tmp/out" 2>"$tmp/err")
-says 'out of memory, '
+says 'render: the picture: out of memory, 805306368 bytes wanted'
+(ulimit -c 0 -v 60000
+ "$saga" render "$scene" -o "$tmp/big.png" --size 3072x3072 --threads 1 \
+     >"$tmp/out" 2>"$tmp/err")
+says 'render: drawing: out of memory, '
+for command in "render $scene -o $tmp/big.png" "synth $tmp/big.png" \
+    "encode $tmp -o $tmp/big.png" "eval $scene $tmp"; do
+    # shellcheck disable=SC2086
+    (ulimit -c 0 -v 200000
+     "$saga" $command --threads 500 >"$tmp/out" 2>"$tmp/err")
+    says '500 threads: out of memory, 1048576000 bytes wanted; take fewer'
+done
 [ ! -e "$tmp/big.png" ] || complain "a picture without memory"
 expect 2 render "$scene"
 says '-o OUT is missing'

@@ -232,6 +232,15 @@ done
 [ "$rc" = 0 ] || complain "40,000 KiB are too little"
 [ "$n" -ge 4 ] || complain "memory ended $n times"
 rm -f m.saga
+# The stacks of threads need some too.
+for kib in 20000 60000 100000; do
+    (ulimit -c 0 -v "$kib"
+     exec "$saga" encode cap -o m.saga --primitives 1000 --iterations 12 \
+         --moving --threads 100) >out 2>err </dev/null
+    grep -q '^saga: encode: 100 threads: out of memory, 209715200 bytes' err ||
+        complain "$kib KiB: $(tail -n 1 err)"
+    leaves
+done
 verdict memory
 
 all_passed

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "cli.h"
 
+#include "threads.h"
+
 #include <errno.h>
 #include <math.h>
 #include <stdarg.h>
@@ -22,6 +24,21 @@ int saga_cli_error(int status, const char *format, ...)
     fputc('\n', stderr);
     va_end(args);
     return status;
+}
+
+/* --- Threads ------------------------------------------------------------- */
+
+int saga_cli_threads(const char *command, int n)
+{
+    saga_error error = { "" };
+
+#ifdef _OPENMP
+    if (n > 0)
+        omp_set_num_threads(n);
+#endif
+    if (saga_threads_reserve(n > 0 ? n : (int)saga_n_threads(), &error))
+        return SAGA_EXIT_OK;
+    return saga_cli_error(SAGA_EXIT_USAGE, "%s: %s", command, error.message);
 }
 
 /* --- Values -------------------------------------------------------------- */

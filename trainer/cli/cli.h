@@ -90,6 +90,12 @@ void saga_cli_help(const saga_command *c);
 const char *saga_cli_nearest(const char *name, const void *names, size_t n,
                              size_t stride);
 
+/* --- Threads -------------------------------------------------------------- */
+
+/* Takes n threads, 0 for as many as there are cores: SAGA_EXIT_OK, or the
+ * status after a message of `command`. */
+int saga_cli_threads(const char *command, int n);
+
 /* --- Messages ------------------------------------------------------------ */
 
 /* Prints "saga: ..." and a newline on stderr; returns status. */

@@ -26,10 +26,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 #define TEXT_OF(x) #x
 #define TEXT(x) TEXT_OF(x)
 
@@ -620,10 +616,9 @@ static int run(int argc, char **argv)
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-#ifdef _OPENMP
-    if (o.threads)
-        omp_set_num_threads(o.threads);
-#endif
+    status = saga_cli_threads("encode", o.threads);
+    if (status)
+        return status;
     catch_signals();
     status = encode(&s);
     if (s.out.file)
@@ -642,7 +637,7 @@ static const saga_cli_option option_list[] = {
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
     { "--lambda", "X", "what bits cost: X times the bits for each pixel "
-      "trained\non weigh as much as the mean squared error in 8-bit levels\n"
+      "trained\non weigh as much as the mean squared error in\n8-bit levels "
       "(default " TEXT(SAGA_DEFAULT_LAMBDA) "); higher: a smaller file",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"

@@ -369,6 +369,9 @@ static int run(int argc, char **argv)
 
     if (status != SAGA_CLI_GO_ON)
         return status;
+    status = saga_cli_threads("eval", o.threads);
+    if (status)
+        return status;
     s.file_name = names[0];
     s.capture_name = names[1];
     s.is_folder = saga_path_is_folder(s.file_name);

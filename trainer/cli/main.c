@@ -6,6 +6,7 @@
 #include "cli.h"
 #include "commands.h"
 #include "container.h"
+#include "threads.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -127,14 +128,18 @@ static int run(int argc, char **argv)
 }
 
 /* libgomp's threads spin while they wait, which makes two of them many times
- * slower than one where something else wants the cores. It reads its
- * environment before main: so once more, with another one. Where that cannot
- * be done nothing is lost but time. */
-static void wait_passively(char **argv)
+ * slower than one where something else wants the cores, and have 8 MiB of stack
+ * each. It reads its environment before main: so once more, with another one.
+ * Where that cannot be done nothing is lost but time and memory. */
+static void tame_threads(char **argv)
 {
 #ifdef _OPENMP
+    char stack[32];
+
+    snprintf(stack, sizeof stack, "%zuB", SAGA_STACK_NBYTES);
     if (!getenv("OMP_WAIT_POLICY") &&
-        setenv("OMP_WAIT_POLICY", "passive", 1) == 0)
+        setenv("OMP_WAIT_POLICY", "passive", 1) == 0 &&
+        setenv("OMP_STACKSIZE", stack, 0) == 0)
         execv("/proc/self/exe", argv);
 #else
     (void)argv;
@@ -143,6 +148,6 @@ static void wait_passively(char **argv)
 
 int main(int argc, char **argv)
 {
-    wait_passively(argv);
+    tame_threads(argv);
     return flushed(run(argc, argv));
 }

@@ -216,7 +216,7 @@ static bool prepare(session *s)
     if (o->size.a)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
     s->rgb = saga_alloc((size_t)s->camera.width * s->camera.height, 3,
-                        o->out, &s->error);
+                        "the picture", &s->error);
     return s->rgb != NULL;
 }
 
@@ -248,6 +248,9 @@ static int run(int argc, char **argv)
     status = check_options(&o);
     if (!status)
         status = check_name(&s);
+    if (status)
+        return status;
+    status = saga_cli_threads("render", o.threads);
     if (status)
         return status;
     if (!saga_read_file(&bytes, name, &s.error))

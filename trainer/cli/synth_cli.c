@@ -82,10 +82,12 @@ static int run(int argc, char **argv)
                   .frames = -1, .samples = -1, .depth_every = -1,
                   .points = -1, .seed = -1, .fps = (double)NAN };
     const char *folder;
-    const int status = saga_cli_parse(&saga_command_synth, &o, &folder, argc,
-                                      argv);
+    int status = saga_cli_parse(&saga_command_synth, &o, &folder, argc, argv);
 
-    return status == SAGA_CLI_GO_ON ? write(folder, &o) : status;
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    status = saga_cli_threads("synth", o.threads);
+    return status ? status : write(folder, &o);
 }
 
 static const saga_cli_option option_list[] = {

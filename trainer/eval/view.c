@@ -20,8 +20,10 @@ enum {
     TILE = 16,
     LIST = 1 << 15,         /* splats a band sees at a time */
     SCRATCH_ALIGN = 64,     /* a cache line: threads share none */
-    JOBS_PER_THREAD = 2     /* a job looks at all splats: few are cheaper,
+    JOBS_PER_THREAD = 2,    /* a job looks at all splats: few are cheaper,
                              * several share the work better */
+    MAX_SCRATCH = 64 << 20  /* of a thread: what needs more is drawn in bands,
+                             * each of which looks at all splats once more */
 };
 
 static double seconds(void)
@@ -155,14 +157,17 @@ static void set_rows(saga_job *job, const saga_camera *c, int i, int n)
     job->list_capacity = LIST;
 }
 
-/* Bytes of scratch that hold all rows of any one of n jobs at once. */
+/* Bytes of scratch that hold all rows of any one of n jobs at once, or as many
+ * as MAX_SCRATCH allows, but one. */
 static size_t scratch_nbytes(const saga_camera *c, int n)
 {
     const int rows = (c->height + TILE - 1) / TILE;
-    const size_t tiles = (size_t)((c->width + TILE - 1) / TILE) *
-                         (size_t)((rows + n - 1) / n);
+    const size_t row = SAGA_JOB_NBYTES(TILE, 0) *
+                       (size_t)((c->width + TILE - 1) / TILE);
+    const size_t wanted = (size_t)((rows + n - 1) / n), most =
+                       MAX_SCRATCH / row;
     const size_t nbytes = SAGA_JOB_NBYTES(TILE, LIST) +
-                          SAGA_JOB_NBYTES(TILE, 0) * tiles;
+                          row * (wanted < most ? wanted : most);
 
     return (nbytes + SCRATCH_ALIGN - 1) / SCRATCH_ALIGN * SCRATCH_ALIGN;
 }
@@ -193,7 +198,7 @@ static bool draw(const saga_film *film, const saga_camera *c, uint8_t *rgb,
     const int n_threads = film->n_threads < n ? film->n_threads : n;
     const size_t each = scratch_nbytes(c, n);
     uint8_t *const scratch = saga_aligned_alloc(
-        SCRATCH_ALIGN, (size_t)n_threads * each, film->name, error);
+        SCRATCH_ALIGN, (size_t)n_threads * each, "drawing", error);
     int worst = SAGA_OK;
 
     if (!scratch)
