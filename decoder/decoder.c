@@ -26,7 +26,8 @@ struct saga_decoder {
     uint32_t owner;              /* the networks' CRC: segments go on from it */
     uint32_t n_views;            /* number of the view */
     uint32_t view_digest;        /* of file, segment, time and camera */
-    int has_segment, has_view;
+    uint32_t cpu;                /* saga_cpu of this machine */
+    uint16_t has_segment, has_view;
 };
 
 /* The block begins with 656 bytes for this. */
@@ -115,6 +116,7 @@ static void begin(saga_decoder *dec)
     dec->has_view = 0;
     dec->n_splats = 0;
     dec->n_views = 0;
+    dec->cpu = saga_cpu_best();
 }
 
 static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
@@ -474,6 +476,7 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
     }
     saga_depth_sort(keys, (saga_key *)(void *)
                     block_at(dec, dec->plan.keys_tmp_at), n);
+    saga_raster_boxes(keys, splats, n, camera);
     dec->n_splats = n;
     number_view(dec, t);
     return SAGA_OK;
@@ -482,6 +485,9 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
 saga_status saga_draw(const saga_decoder *dec, saga_job *job,
                       const saga_picture *picture, uint32_t budget)
 {
+    const saga_drawing drawing = { &dec->camera, splats_of(dec), keys_of(dec),
+                                   dec->n_splats, (saga_cpu)dec->cpu };
+
     if (!dec->has_view)
         return SAGA_ERR_STATE;
     if (budget == 0)
@@ -493,8 +499,7 @@ saga_status saga_draw(const saga_decoder *dec, saga_job *job,
     /* The scratch of a job that has begun numbers the splats of its view. */
     if (job->cursor[1] != dec->n_views || job->cursor[2] != dec->view_digest)
         return SAGA_ERR_STATE;
-    return saga_raster(job, picture, &dec->camera, splats_of(dec),
-                       keys_of(dec), dec->n_splats, budget);
+    return saga_raster(job, picture, &drawing, budget);
 }
 
 /* --- Taps ---------------------------------------------------------------- */

@@ -48,9 +48,9 @@ mutants() {
         'gcc-O0' ''
 
     # Pixels that stop only when all of their tile is opaque.
-    mutant tile-stop-late decoder/raster.c \
-        's/ \|\| \*t < SAGA_T_FLOOR_Q16//; s/ & \(ti >= SAGA_T_FLOOR_Q16\)//' \
-        'gcc-O0 gcc-O3-avx2' ''
+    mutant tile-stop-late decoder/blend.c \
+        's/if \(\*t < SAGA_T_FLOOR_Q16\)\n\s*continue;\n//' \
+        's390x-gcc-O2' ''
 
     # The one rounding of the format without its half.
     mutant rounding common/fx.h \

@@ -28,6 +28,7 @@
 enum { GUARD = 64 };
 
 static const double eps = 7e-4;
+static saga_cpu cpu;            /* all tests run with each of this machine's */
 
 /* --- Scenes -------------------------------------------------------------- */
 
@@ -54,6 +55,7 @@ static void sort_scene(scene *s)
     for (i = 0; i < s->n; i++)
         s->order[i] = (saga_key){ s->splats[i].depth, i };
     saga_depth_sort(s->order, tmp, s->n);
+    saga_raster_boxes(s->order, s->splats, s->n, &s->cam);
     free(tmp);
 }
 
@@ -199,17 +201,22 @@ static void new_job(saga_job *job, const setting *with, int32_t x0, int32_t y0,
     memset(job->scratch, CANARY, job->scratch_nbytes);
 }
 
+static saga_drawing drawing_of(const scene *s)
+{
+    return (saga_drawing){ &s->cam, s->splats, s->order, s->n, cpu };
+}
+
 /* Calls until the job is finished; returns how many. */
 static uint32_t finish_job(saga_job *job, const saga_picture *pic,
                            const scene *s, uint32_t budget)
 {
     uint32_t calls = 1;
 
-    while (saga_raster(job, pic, &s->cam, s->splats, s->order, s->n,
-                       budget) == SAGA_AGAIN)
+    const saga_drawing d = drawing_of(s);
+
+    while (saga_raster(job, pic, &d, budget) == SAGA_AGAIN)
         calls++;
-    assert_int_equal(saga_raster(job, pic, &s->cam, s->splats, s->order, s->n,
-                                 budget), SAGA_OK);
+    assert_int_equal(saga_raster(job, pic, &d, budget), SAGA_OK);
     return calls;
 }
 
@@ -457,9 +464,12 @@ static void equal_depths_should_be_drawn_by_index(void **state)
     for (i = 0; i < s.n; i++)
         s.splats[i].depth = 1000 + i % 3;
     sort_scene(&s);
-    for (i = 1; i < s.n; i++)
-        assert_true(s.order[i - 1].depth < s.order[i].depth ||
-                    s.order[i - 1].index < s.order[i].index);
+    for (i = 1; i < s.n; i++) {
+        const uint32_t a = s.order[i - 1].index, b = s.order[i].index;
+
+        assert_true(s.splats[a].depth < s.splats[b].depth ||
+                    (s.splats[a].depth == s.splats[b].depth && a < b));
+    }
     exact_picture(&want, &s, 8);
     expect_with(&s, &plain, &want);
     for (i = 0; i < s.n / 2; i++) { /* the opposite order does show */
@@ -570,6 +580,7 @@ static void finished_tiles_should_not_change(void **state)
         s.splats[i].x1 = 50;
         s.splats[i].y1 = 30;
     }
+    sort_scene(&s);
     exact_picture(&want, &s, 16);
     for (i = 0; i < 4; i++)
         expect_with(&s, &with[i], &want);
@@ -751,6 +762,7 @@ static void pixels_should_be_written_when_final(void **state)
     const setting with = { 8, 37, 3000, 97 };
     gen_rng r = gen_seeded(39);
     picture want, got;
+    saga_drawing d;
     saga_job job;
     scene s;
     int x, y, partial = 0;
@@ -760,8 +772,8 @@ static void pixels_should_be_written_when_final(void **state)
     exact_picture(&want, &s, 8);
     new_picture(&got, 47, 33, 8, 0);
     new_job(&job, &with, 0, 0, 47, 33);
-    while (saga_raster(&job, &got.pic, &s.cam, s.splats, s.order, s.n,
-                       with.budget) == SAGA_AGAIN)
+    d = drawing_of(&s);
+    while (saga_raster(&job, &got.pic, &d, with.budget) == SAGA_AGAIN)
         for (y = 0; y < 33; y++)
             for (x = 0; x < 47; x++)
                 if (memcmp(sample_at(&got, x, y), sample_at(&want, x, y), 3)) {
@@ -804,6 +816,7 @@ static void finished_job_should_write_nothing(void **state)
 {
     gen_rng r = gen_seeded(41);
     picture p;
+    saga_drawing d;
     saga_job job;
     scene s;
 
@@ -813,8 +826,8 @@ static void finished_job_should_write_nothing(void **state)
     new_job(&job, &plain, 0, 0, 20, 20);
     finish_job(&job, &p.pic, &s, UINT32_MAX);
     memset(p.block, CANARY, p.nbytes);
-    assert_int_equal(saga_raster(&job, &p.pic, &s.cam, s.splats, s.order, s.n,
-                                 1), SAGA_OK);
+    d = drawing_of(&s);
+    assert_int_equal(saga_raster(&job, &p.pic, &d, 1), SAGA_OK);
     assert_int_equal(value_at(&p, 0, 0, 0), CANARY);
     assert_int_equal(value_at(&p, 19, 19, 2), CANARY);
     free(job.scratch);
@@ -850,8 +863,8 @@ static void close_checked(checked *c)
 
 static void expect_status(checked *c, saga_status status)
 {
-    const saga_status got = saga_raster(&c->job, &c->p.pic, &c->s.cam, NULL,
-                                        NULL, 0, 1);
+    const saga_drawing d = { &c->s.cam, NULL, NULL, 0, cpu };
+    const saga_status got = saga_raster(&c->job, &c->p.pic, &d, 1);
 
     assert_int_equal(got == SAGA_AGAIN ? SAGA_OK : got, status);
     if (status != SAGA_OK)
@@ -1126,5 +1139,9 @@ int main(void)
         cmocka_unit_test(picture_should_be_that_of_double),
     };
 
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    int failed = 0;
+
+    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
+        failed += cmocka_run_group_tests(tests, NULL, NULL);
+    return failed;
 }

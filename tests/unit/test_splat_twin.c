@@ -106,6 +106,7 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
     };
     saga_splat *const s = calloc(n, sizeof *s);
     saga_key *const keys = calloc(2 * n, sizeof *keys);
+    saga_drawing drawing = { cam, s, keys, 0, saga_cpu_best() };
     const size_t nbytes = 1u << 22;
     const saga_picture pic = { rgb, 6u * cam->width,
                                6u * (size_t)cam->width * cam->height, 16 };
@@ -127,7 +128,9 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
         keys[m++] = (saga_key){ s[i].depth, i };
     }
     saga_depth_sort(keys, keys + n, m);
-    while (saga_raster(&job, &pic, cam, s, keys, m, 1u << 20) == SAGA_AGAIN)
+    saga_raster_boxes(keys, s, m, cam);
+    drawing.n = m;
+    while (saga_raster(&job, &pic, &drawing, 1u << 20) == SAGA_AGAIN)
         ;
     free(job.scratch);
     free(keys);

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The inner loop of blending: one splat into one tile. blend.c has the plain
+ * loops, which are the norm; arch/ has their twins in vectors, bit for bit.
+ */
+#ifndef SAGA_BLEND_H
+#define SAGA_BLEND_H
+
+#include "cpu.h"
+#include "model.h"
+
+#include <stdint.h>
+
+#define SAGA_CUT_Q20 (SAGA_CUT_LOG2 << 20)
+
+/* The rows of a splat in a tile. v and w: docs/arithmetic.md. */
+typedef struct saga_patch {
+    int64_t v, w;                /* Q28, at the centre of the first row's first
+                                  * pixel; below 2^53 */
+    int32_t g, n, h;             /* Q28: steps of v to the right, of v upwards,
+                                  * of w downwards */
+    int32_t q0;                  /* Q20 */
+    int32_t x0, x1;              /* the columns [x0, x1) of the tile lie in the
+                                  * splat's box; x0 < x1 */
+    uint32_t n_rows;             /* >= 1, all inside the box */
+    uint16_t colour_q15[3];
+} saga_patch;
+
+/* Blends p into a tile of side * side pixels (8..64), of which t is the first
+ * pixel of p's first row: four planes T, R, G, B of uint32_t. Pixels with
+ * T < 8 do not change. */
+void saga_blend(uint32_t *t, uint32_t side, const saga_patch *p, saga_cpu cpu);
+
+/* A twin. p->v and p->w are tame: |v| < 7 and |w| < 7 in the box's corners,
+ * so that 32 bits hold them. */
+void saga_blend__avx2(uint32_t *t, uint32_t side, const saga_patch *p);
+
+#endif

@@ -1,0 +1,199 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A splat into a tile: the plain loops against the norm, pixel by pixel, and
+ * their twins in vectors against them, with canaries around the tile.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "blend.h"
+#include "gen_scene.h"
+#include "ref_render.h"
+
+#include <string.h>
+
+enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000 };
+
+/* Largest factors, docs/arithmetic.md: 1.551 in Q28. */
+#define MOST_FACTOR 416377000
+
+static saga_cpu cpu;
+
+/* Guards, the four planes, guards again. */
+typedef struct {
+    uint32_t block[GUARD + MOST + GUARD];
+} tile;
+
+static tile want, got;
+
+static int32_t any_of(gen_rng *r, const int32_t *values, int n)
+{
+    return values[gen_int(r, 0, n - 1)];
+}
+
+/* Any number of bits, so that all sizes occur. */
+static int32_t any_size(gen_rng *r, int32_t most)
+{
+    return gen_int(r, 0, most) >> gen_int(r, 0, 28);
+}
+
+/* T in 0..65536, mostly at the limits; C so that a splat more fits. */
+static void fill_tile(tile *to, gen_rng *r, uint32_t n)
+{
+    uint32_t *const t = to->block + GUARD;
+    static const int32_t limits[] = { 65536, 65535, 0, 1, 7, 8, 9 };
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        t[i] = gen_int(r, 0, 3) ? (uint32_t)gen_int(r, 0, 65536)
+                                : (uint32_t)any_of(r, limits, 7);
+    for (; i < 4 * n; i++)
+        t[i] = gen_u32(r) >> 2;
+    for (i = 0; i < GUARD; i++)
+        t[(int32_t)i - GUARD] = t[4 * n + i] = 0xa5a5a5a5;
+}
+
+/* A patch in a tile of `side`, its first row `first`. Its v and w are mostly
+ * small somewhere in it. */
+static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
+{
+    static const int32_t colours[] = { 0, 1, 32767, 32768 };
+    static const int32_t q[] = { 0, 1, (8 << 20) - 1, 7 << 20, (1 << 20) - 1 };
+    int64_t x, y;
+    int i;
+
+    memset(p, 0, sizeof *p);
+    p->x0 = gen_int(r, 0, side - 1);
+    p->x1 = gen_int(r, p->x0 + 1, side);
+    p->n_rows = (uint32_t)gen_int(r, 1, side - first);
+    p->g = any_size(r, MOST_FACTOR);
+    p->h = any_size(r, MOST_FACTOR);
+    p->n = any_size(r, MOST_FACTOR) * (gen_int(r, 0, 1) ? 1 : -1);
+    p->q0 = gen_int(r, 0, 2) ? any_size(r, (8 << 20) - 1) : any_of(r, q, 5);
+    x = gen_int(r, -4 * 256, (side + 4) * 256);
+    y = gen_int(r, -4 * 256, (side + 4) * 256);
+    p->v = (-p->g * x + p->n * y) >> 8;
+    p->w = -p->h * y >> 8;
+    if (gen_int(r, 0, 7) == 0)
+        p->v += ((int64_t)gen_int(r, -100, 100)) << gen_int(r, 20, 45);
+    if (gen_int(r, 0, 7) == 0)
+        p->w = ((int64_t)gen_int(r, -100, 100)) << gen_int(r, 20, 45);
+    for (i = 0; i < 3; i++)
+        p->colour_q15[i] = (uint16_t)any_of(r, colours, 4);
+    if (gen_int(r, 0, 3) == 0) { /* halves, which rounding takes up */
+        p->g &= ~0x7fff;
+        p->h &= ~0x7fff;
+        p->n &= ~0x7fff;
+        p->v = (p->v & ~(int64_t)0x7fff) | 0x4000;
+        p->w = (p->w & ~(int64_t)0x7fff) | 0x4000;
+    }
+}
+
+/* The norm's formula, from the pixel's own v and w. */
+static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
+                        int64_t x, int64_t y)
+{
+    const int64_t v = ((p->v + p->g * x - p->n * y) + (1 << 14)) >> 15;
+    const int64_t w = ((p->w + p->h * y) + (1 << 14)) >> 15;
+    uint32_t weight, k;
+    int64_t q;
+
+    if (*t < 8 || v < -65536 || v > 65536 || w < -65536 || w > 65536)
+        return;
+    q = p->q0 + ((w * w + 32) >> 6) + ((v * v + 32) >> 6);
+    if (q >= 8 << 20)
+        return;
+    weight = ref_alpha_q16((int32_t)q) * *t >> 16;
+    *t -= weight;
+    for (k = 0; k < 3; k++)
+        t[(k + 1) * plane] += weight * p->colour_q15[k];
+}
+
+/* Outside the box every pixel must be beyond the cut; so the box is widened to
+ * the tile where one is not, which a caller promises too. */
+static int box_holds(const saga_patch *p, int32_t side)
+{
+    int32_t x, y;
+
+    for (y = 0; y < (int32_t)p->n_rows; y++)
+        for (x = 0; x < side; x++) {
+            uint32_t t[4] = { 65536, 0, 0, 0 };
+
+            blend_pixel(t, 1, p, x, y);
+            if (t[0] != 65536 && (x < p->x0 || x >= p->x1))
+                return 0;
+        }
+    return 1;
+}
+
+static void compare(gen_rng *r, int32_t side)
+{
+    const int32_t first = gen_int(r, 0, side - 1);
+    const uint32_t plane = (uint32_t)(side * side);
+    saga_patch p;
+    int32_t x, y;
+
+    any_patch(&p, r, side, first);
+    if (!box_holds(&p, side)) {
+        p.x0 = 0;
+        p.x1 = side;
+    }
+    fill_tile(&want, r, plane);
+    memcpy(&got, &want, (2 * GUARD + 4 * plane) * sizeof *got.block);
+    for (y = 0; y < (int32_t)p.n_rows; y++)
+        for (x = 0; x < side; x++)
+            blend_pixel(want.block + GUARD + (first + y) * side + x, plane, &p,
+                        x, y);
+    saga_blend(got.block + GUARD + first * side, (uint32_t)side, &p, cpu);
+    assert_memory_equal(&got, &want,
+                        (2 * GUARD + 4 * plane) * sizeof *got.block);
+}
+
+static void patches_should_be_those_of_the_norm(void **state)
+{
+    static const int32_t sides[] = { 8, 8, 16, 16, 16, 16, 32, 64 };
+    gen_rng r = gen_seeded(51);
+    int i;
+
+    (void)state;
+    for (i = 0; i < COUNT; i++)
+        compare(&r, any_of(&r, sides, 8));
+}
+
+/* All of q in Q12, eight transmittances each. */
+static void alpha_should_be_that_of_the_norm(void **state)
+{
+    enum { PLANE = 64 };
+    int32_t q;
+
+    (void)state;
+    for (q = 0; q < 8 << 20; q += 4095) {
+        saga_patch p = { .q0 = q, .x1 = 8, .n_rows = 1,
+                         .colour_q15 = { 32768, 1, 0 } };
+        uint32_t a[4 * PLANE] = { 0 }, b[4 * PLANE] = { 0 };
+        uint32_t i;
+
+        for (i = 0; i < 8; i++) {
+            a[i] = b[i] = 65536 >> (2 * i);
+            blend_pixel(a + i, PLANE, &p, i, 0);
+        }
+        saga_blend(b, 8, &p, cpu);
+        assert_memory_equal(b, a, sizeof b);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(patches_should_be_those_of_the_norm),
+        cmocka_unit_test(alpha_should_be_that_of_the_norm),
+    };
+    int failed = 0;
+
+    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
+        failed += cmocka_run_group_tests(tests, NULL, NULL);
+    return failed;
+}
