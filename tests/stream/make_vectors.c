@@ -341,6 +341,91 @@ static void bad_scale(void)
     gen_stream_free(&g);
 }
 
+/* Chunks of a file of one segment, as mutate_split numbers them. */
+enum { PART_SEGMENT = 2, PART_COARSE, PART_FINE, PART_PRIM };
+
+/* A file in which a chunk has `more` bytes behind its payload (zeros; or fewer
+ * for a negative number), and 1 is added to the byte at `at` of a segment's
+ * header, if at < SAGA_SEGMENT_NBYTES. All of it is signed. */
+static void bad_chunk(const char *stem, const uint8_t *bytes, size_t n,
+                      int part, int more, size_t at)
+{
+    mutate_file f;
+    uint8_t *changed, *payload;
+    size_t size;
+
+    mutate_split(&f, bytes, n);
+    if (at < SAGA_SEGMENT_NBYTES)
+        f.part[PART_SEGMENT].p[at]++;
+    size = f.part[part].n + (size_t)(more > 0 ? more : 0);
+    payload = calloc(size, 1);
+    memcpy(payload, f.part[part].p, f.part[part].n);
+    free(f.part[part].p);
+    f.part[part].p = payload;
+    f.part[part].n += (size_t)more;
+    changed = mutate_join(&f, &n);
+    bad(stem, changed, n, SAGA_ERR_DATA);
+    free(changed);
+    mutate_free(&f);
+}
+
+/* The index says one byte more than the segment has; `more` bytes follow. */
+static void bad_index(const char *stem, const uint8_t *bytes, size_t n,
+                      size_t more, saga_status status)
+{
+    uint8_t *const copy = calloc(n + more, 1);
+    const size_t at = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) +
+                      SAGA_CHUNK_NBYTES + 8;
+
+    memcpy(copy, bytes, n);
+    fx_store32_le(copy + at, fx_load32_le(copy + at) + 1);
+    mutate_sign(copy, n + more);
+    bad(stem, copy, n + more, status);
+    free(copy);
+}
+
+/* The head of one file, the segment of another that has the same number, frames
+ * and bytes: the same stream with another height of its cameras' pictures. */
+static void bad_owner(const uint8_t *bytes, size_t n)
+{
+    uint8_t *const copy = malloc(n);
+    const size_t nets = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) +
+                        2 * SAGA_CHUNK_NBYTES + SAGA_INDEX_ENTRY_NBYTES;
+    const size_t head = nets + fx_load32_le(bytes + nets - 8);
+
+    memcpy(copy, bytes, n);
+    copy[SAGA_HEADER_NBYTES + 74]++;
+    mutate_sign(copy, n);
+    memcpy(copy + head, bytes + head, n - head);
+    bad("segment_of_another_file", copy, n, SAGA_ERR_DATA);
+    free(copy);
+}
+
+/* Segments that are not what the index says, and bytes left over. */
+static void bad_segments(void)
+{
+    const gen_options o = { .seed = 14, .level = 0, .n_coarse = 2 };
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    bad_chunk("segment_number", bytes, n, PART_SEGMENT, 0, 0);
+    bad_chunk("segment_first_frame", bytes, n, PART_SEGMENT, 0, 4);
+    bad_chunk("segment_frames", bytes, n, PART_SEGMENT, 0, 8);
+    bad_chunk("segment_header_longer", bytes, n, PART_SEGMENT, 1,
+              SAGA_SEGMENT_NBYTES);
+    bad_chunk("coarse_longer", bytes, n, PART_COARSE, 1, SAGA_SEGMENT_NBYTES);
+    bad_chunk("fine_longer", bytes, n, PART_FINE, 1, SAGA_SEGMENT_NBYTES);
+    bad_chunk("prim_shorter", bytes, n, PART_PRIM, -1, SAGA_SEGMENT_NBYTES);
+    bad_index("segment_longer", bytes, n, 1, SAGA_ERR_DATA);
+    bad_index("segment_beyond_the_end", bytes, n, 0, SAGA_ERR_TRUNCATED);
+    bad_owner(bytes, n);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
 /* What a bank may not be, in a file that has one. */
 static void bad_memory(void)
 {
@@ -515,5 +600,6 @@ int main(int argc, char **argv)
     bad_scale();
     bad_memory();
     bad_fuse();
+    bad_segments();
     return fclose(manifest) != 0;
 }
