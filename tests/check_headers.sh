@@ -26,12 +26,13 @@ for cc in gcc clang; do
     bad=0
     n=0
     for h in common/*.h common/*/*.h decoder/*.h decoder/*/*.h trainer/*/*.h \
-        tests/*/*.h lab/*.h bench/*.h; do
+        ports/*/*.h tests/*/*.h lab/*.h bench/*.h; do
         [ -e "$h" ] || continue
         case $h in
         *_tables.h) continue ;; # parts of one C file
         common/*) see="-ffreestanding -Icommon" ;;
         decoder/*) see="-ffreestanding -Icommon -Idecoder" ;;
+        ports/*) see="-ffreestanding -I$tmp/include" ;;
         trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $(rooms "$h")" ;;
         *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Itests/support -Ilab -Ibench" ;;
         esac

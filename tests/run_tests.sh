@@ -216,6 +216,7 @@ many() {
         check "$name" "tests/cli/check_$name.sh"
     done
     check web python3 tests/cli/check_web.py
+    check firmware tests/check_firmware.sh
     vectors gcc
     programs gcc CC=gcc
     sanitized

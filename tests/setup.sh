@@ -12,8 +12,8 @@ test -z "${SAGA_NO_SETUP:-}" || exit 0
 
 packages="gcc g++ make binutils libc6-dev clang lld pkg-config python3
     libcmocka-dev libjansson-dev libpng-dev zlib1g-dev libopenexr-dev ffmpeg
-    gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
-    qemu-user-static"
+    gcc-arm-none-eabi qemu-system-arm gcc-s390x-linux-gnu
+    libc6-dev-s390x-cross qemu-user-static"
 case ${1:-} in
 test) packages="$packages chromium" ;;
 all)
