@@ -695,6 +695,12 @@ static uint32_t inputs_of(const uint8_t *p, uint32_t s)
            (s >> 3 & 1u) * (uint32_t)get(HEADER, p, "bank_width", 0);
 }
 
+/* Weights of a network with two hidden layers of w units, none if w is 0. */
+static uint32_t layers_of(uint32_t n_in, uint32_t w, uint32_t n_out)
+{
+    return w ? n_in * w + w * w + w * n_out : n_in * n_out;
+}
+
 /* Section 9, with the fields' names; W of a network is its own width. */
 static uint32_t weights_of(const uint8_t *p)
 {
@@ -728,10 +734,8 @@ static uint32_t weights_of(const uint8_t *p)
         n += (in - f + 5) * w + w * w + w * f;
     for (i = 0; i < 2; i++)
         n += (in + f) * width_of(p, fuse[i]);
-    w = width_of(p, "net_fine");
-    n += in * w + w * w + w * (f + 4);
-    w = width_of(p, "net_geo");
-    n += in * w + w * w + w * rows;
+    n += layers_of(in, width_of(p, "net_fine"), f + 4) +
+         layers_of(in, width_of(p, "net_geo"), rows);
     w = width_of(p, "net_colour");
     return n + in * w + (tools & 4u ? 3 * w : 0) + w * w + 3 * w +
            bank_weights_of(p);
@@ -935,16 +939,22 @@ static void try_value(trial *r, const field *f, uint8_t *p, int64_t v)
 }
 
 /* Widths with limits of their own: bitstream.md says so in the meanings of
- * width, net_fuse_c, net_fuse_f and net_colour. */
+ * width and of these networks. */
 static int is_refused_width(const trial *r, const field *f, const uint8_t *p,
                             int64_t v)
 {
+    static const char *const may_be_0[] = {
+        "net_fuse_c", "net_fuse_f", "net_fine", "net_geo"
+    };
     const uint8_t *const h = r->header;
+    size_t i;
 
     if (strcmp(f->name, "width") != 0)
         return 0;
-    return (v == 0 && p != h + field_named(HEADER, "net_fuse_c")->offset &&
-            p != h + field_named(HEADER, "net_fuse_f")->offset) ||
+    for (i = 0; i < sizeof may_be_0 / sizeof *may_be_0; i++)
+        if (p == h + field_named(HEADER, may_be_0[i])->offset)
+            return 0;
+    return v == 0 ||
            (v > 32 && p == h + field_named(HEADER, "net_colour")->offset);
 }
 
