@@ -164,12 +164,92 @@ static void splat_gradient_should_skip_time_when_detached(void **state)
     free_fixture(f);
 }
 
+/* So many splats in one tile that not all of what they did to it is kept:
+ * opacities alone, front and back. */
+static void splat_gradient_should_match_in_a_crowd(void **state)
+{
+    enum { CROWD = 300, SIDE = 16 };
+    saga_splat_params p = scene_alloc(CROWD), d = scene_alloc(CROWD);
+    fixture f = { .p = p, .d = d };
+    const saga_rng r = saga_rng_stream(6, 6);
+    size_t i, k;
+
+    (void)state;
+    scene_random(&p, CROWD, 6, 40);
+    assert_true(saga_canvas_init(&f.c, SIDE * SIDE, &error));
+    f.c.camera = scene_camera(SIDE, SIDE, 0.2);
+    f.c.rules.cut = 60;
+    f.c.rules.t_floor = 0;
+    f.c.t = 0.4;
+    for (i = 0; i < CROWD; i++) {
+        p.opacity[i] = -7;
+        p.log2_width[i] = 3;
+    }
+    for (i = 0; i < 3 * SIDE * SIDE; i++)
+        f.c.d_image[i] = scene_uniform(r, i, -1, 1);
+    assert_true(saga_splat_forward(&f.c, &p, CROWD, &error));
+    assert_true(saga_splat_backward(&d, NULL, &f.c, &p, &error));
+    assert_true(f.c.splat.n_pairs > 200);
+    for (i = 0; i < CROWD; i++) {
+        double slope[2];
+
+        for (k = 0; k < 2; k++) {
+            size_t j;
+
+            p.opacity[i] = -7 + (k ? -STEP : STEP);
+            assert_true(saga_splat_forward(&f.c, &p, CROWD, &error));
+            for (slope[k] = 0, j = 0; j < 3 * SIDE * SIDE; j++)
+                slope[k] += f.c.d_image[j] * f.c.image[j];
+        }
+        p.opacity[i] = -7;
+        assert_true(fabs((slope[0] - slope[1]) / (2 * STEP) - d.opacity[i]) <
+                    1e-7);
+    }
+    scene_free(&p);
+    scene_free(&d);
+    saga_canvas_free(&f.c);
+}
+
+/* The squared error's gradient to the picture, taken back from there. */
+static void learn_should_match_backward_of_the_squared_error(void **state)
+{
+    fixture *const f = new_fixture(5);
+    saga_splat_params twin = scene_alloc(N);
+    saga_splat_learning l = { .d = twin };
+    double mse = 0;
+    size_t i;
+
+    (void)state;
+    for (i = 0; i < 3 * PIXELS; i++)
+        f->c.truth[i] = f->c.d_image[i];
+    assert_true(saga_splat_forward(&f->c, &f->p, N, &error));
+    for (i = 0; i < 3 * PIXELS; i++) {
+        const double e = f->c.image[i] - f->c.truth[i];
+
+        mse += e * e / (3 * PIXELS);
+        f->c.d_image[i] = 2 * e / (3 * PIXELS);
+    }
+    assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
+    memset(f->c.image, 0, 3 * PIXELS * sizeof(real));
+    memset(f->c.d_image, 0, 3 * PIXELS * sizeof(real));
+    assert_true(saga_splat_learn(&l, &f->c, &f->p, N, &error));
+    assert_true(fabs(l.mse / mse - 1) < 1e-12);
+    for (i = 0; i < N * SCENE_REALS; i++)
+        assert_true(fabs(twin.mean[i] - f->d.mean[i]) <
+                    1e-12 + 1e-9 * fabs(f->d.mean[i]));
+    scene_free(&twin);
+    free_fixture(f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(splat_gradient_should_match_differences),
         cmocka_unit_test(splat_gradient_should_match_when_extreme),
-        cmocka_unit_test(splat_gradient_should_skip_time_when_detached)
+        cmocka_unit_test(splat_gradient_should_skip_time_when_detached),
+        cmocka_unit_test(splat_gradient_should_match_in_a_crowd),
+        cmocka_unit_test(
+            learn_should_match_backward_of_the_squared_error)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,7 +5,6 @@
  * Adam. Views not trained on judge the result.
  */
 #include "adam.h"
-#include "picture_loss.h"
 #include "splat_scene.h"
 
 #include <omp.h>
@@ -109,7 +108,18 @@ static double measure(fit *f, int view)
 {
     draw(f, &f->p, view);
     memcpy(f->c.truth, f->target[view], sizeof f->target[view]);
-    return saga_loss_picture(&f->c);
+    return saga_canvas_mse(&f->c, f->c.image);
+}
+
+static void learn(fit *f, int view)
+{
+    saga_splat_learning l = { .d = f->d };
+
+    f->c.camera = camera_of(view);
+    f->c.t = time_of(view);
+    memcpy(f->c.truth, f->target[view], sizeof f->target[view]);
+    memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
+    assert_true(saga_splat_learn(&l, &f->c, &f->p, N, &error));
 }
 
 static void adam_step(fit *f, uint64_t step)
@@ -142,9 +152,7 @@ static void train(fit *f, int from, int to)
 
         if (view / TIMES >= 4)
             view += TIMES;
-        measure(f, view);
-        memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
-        assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
+        learn(f, view);
         adam_step(f, (uint64_t)step + 1);
     }
 }

@@ -17,12 +17,8 @@ bool saga_canvas_init(saga_canvas *c, size_t n_pixels, saga_error *error)
     memset(c, 0, sizeof *c);
     c->rules = norm;
     c->image = saga_calloc(9 * n_pixels, sizeof *c->image, "a picture", error);
-    c->strip = saga_calloc(saga_canvas_strips(3 * n_pixels), sizeof *c->strip,
-                           "a picture", error);
-    if (!c->image || !c->strip) {
-        saga_canvas_free(c);
+    if (!c->image)
         return false;
-    }
     c->truth = c->image + 3 * n_pixels;
     c->d_image = c->truth + 3 * n_pixels;
     return true;
@@ -50,10 +46,10 @@ void saga_canvas_free(saga_canvas *c)
     free(w->tile_begin);
     free(w->record);
     free(w->touched);
+    free(w->squares);
     free(w->kept);
     for (i = 0; i < 3; i++)
         free(w->scratch[i]);
-    free(c->strip);
     free(c->image);
     memset(c, 0, sizeof *c);
 }

@@ -93,7 +93,8 @@ typedef struct saga_splat_work {
     size_t n_kept;              /* threads there is room for */
     saga_splat_posed d_posed;
     void *scratch[3];
-    size_t cap[17];             /* bytes behind each other pointer */
+    double *squares;            /* (tiles) sums of squared errors */
+    size_t cap[18];             /* bytes behind each other pointer */
 } saga_splat_work;
 
 typedef struct saga_canvas {
@@ -103,18 +104,8 @@ typedef struct saga_canvas {
     real *image;                /* as drawn */
     real *truth;                /* filled by the caller */
     real *d_image;              /* dL/dimage */
-    double *strip;              /* the loss's sums, by strips of values */
     saga_splat_work splat;
 } saga_canvas;
-
-/* Sums over pictures are taken by strips of so many values, in order: the same
- * bits for any number of threads. */
-enum { SAGA_CANVAS_STRIP = 1024 };
-
-static inline size_t saga_canvas_strips(size_t n_values)
-{
-    return (n_values + SAGA_CANVAS_STRIP - 1) / SAGA_CANVAS_STRIP;
-}
 
 #define saga_canvas_init SAGA_REAL_NAME(saga_canvas_init)
 #define saga_canvas_free SAGA_REAL_NAME(saga_canvas_free)

@@ -16,7 +16,8 @@ static bool grow_posed(saga_splat_posed *p, size_t *cap, size_t n,
            saga_canvas_grow((void **)&p->q0, cap + 2, n * sizeof(real), error);
 }
 
-bool saga_splat_forward(saga_canvas *c, const saga_splat_params *p, uint32_t n,
+/* From primitives to the tiles' lists. */
+static bool list_splats(saga_canvas *c, const saga_splat_params *p, uint32_t n,
                         saga_error *error)
 {
     saga_splat_work *const w = &c->splat;
@@ -30,23 +31,46 @@ bool saga_splat_forward(saga_canvas *c, const saga_splat_params *p, uint32_t n,
         return false;
     saga_splat_animate_forward(&w->posed, p, n, c->t);
     saga_splat_project_forward(c, p);
-    if (!saga_splat_tiles(c, error))
+    return saga_splat_tiles(c, error);
+}
+
+bool saga_splat_forward(saga_canvas *c, const saga_splat_params *p, uint32_t n,
+                        saga_error *error)
+{
+    if (!list_splats(c, p, n, error))
         return false;
     saga_splat_raster_forward(c);
     return true;
+}
+
+static bool reserve(saga_canvas *c, saga_error *error)
+{
+    saga_splat_work *const w = &c->splat;
+
+    return saga_splat_raster_reserve(c, error) &&
+           grow_posed(&w->d_posed, &w->cap[13], w->n, error);
 }
 
 bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
                          saga_canvas *c, const saga_splat_params *p,
                          saga_error *error)
 {
-    saga_splat_work *const w = &c->splat;
-
-    if (!saga_splat_raster_reserve(c, error) ||
-        !grow_posed(&w->d_posed, &w->cap[13], w->n, error))
+    if (!reserve(c, error))
         return false;
     saga_splat_raster_backward(c);
     saga_splat_project_backward(d, stats, c, p);
     saga_splat_animate_backward(d, c, p);
+    return true;
+}
+
+bool saga_splat_learn(saga_splat_learning *l, saga_canvas *c,
+                      const saga_splat_params *p, uint32_t n,
+                      saga_error *error)
+{
+    if (!list_splats(c, p, n, error) || !reserve(c, error))
+        return false;
+    l->mse = saga_splat_raster_learn(c);
+    saga_splat_project_backward(&l->d, l->stats, c, p);
+    saga_splat_animate_backward(&l->d, c, p);
     return true;
 }

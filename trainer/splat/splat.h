@@ -49,6 +49,14 @@ typedef struct saga_splat_stats {
 
 #define saga_splat_forward SAGA_REAL_NAME(saga_splat_forward)
 #define saga_splat_backward SAGA_REAL_NAME(saga_splat_backward)
+#define saga_splat_learn SAGA_REAL_NAME(saga_splat_learn)
+
+/* What a picture teaches. */
+typedef struct saga_splat_learning {
+    double mse;           /* out: mean of (image - truth)^2, not clipped */
+    saga_splat_params d;  /* gradients, as saga_splat_backward's */
+    saga_splat_stats *stats; /* the same; may be NULL */
+} saga_splat_learning;
 
 /* The whole chain: draws primitives p[0..n) at canvas->t into canvas->image,
  * which is overwritten. n < 2^31, n = 0 included. */
@@ -63,5 +71,12 @@ bool saga_splat_forward(saga_canvas *canvas, const saga_splat_params *p,
 bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
                          saga_canvas *canvas, const saga_splat_params *p,
                          saga_error *error);
+
+/* Both at once, where the loss is the mean squared error against
+ * canvas->truth: what training minimises, since PSNR measures it. Leaves
+ * canvas->image and d_image as they were. */
+bool saga_splat_learn(saga_splat_learning *learning, saga_canvas *canvas,
+                      const saga_splat_params *p, uint32_t n,
+                      saga_error *error);
 
 #endif

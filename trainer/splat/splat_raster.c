@@ -152,6 +152,7 @@ static void to_middle(real d[2], const saga_splat_2d *o, const tile *t)
 /* What all tiles share. */
 typedef struct {
     saga_canvas *canvas;
+    int learn;             /* backward: from the truth, not from d_image */
     limits limit;
     grid grid;
 } pass;
@@ -510,6 +511,10 @@ bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error)
         !saga_canvas_grow((void **)&work->touched, &work->cap[16],
                           work->n_pairs * sizeof *work->touched, error))
         return false;
+    if (!saga_canvas_grow((void **)&work->squares, &work->cap[17],
+                          (size_t)n_tiles(work) * sizeof *work->squares,
+                          error))
+        return false;
     if (n_threads <= work->n_kept)
         return true;
     free(work->kept);
@@ -522,43 +527,79 @@ bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error)
     return true;
 }
 
-/* dL/dC, and D before the first splat. Pixels outside the picture are zero. */
-static void get_slope(tile *t, const saga_canvas *canvas)
+/* The slope becomes a picture's values; those outside of it are 0. */
+static void take_picture(tile *t, const saga_splat_camera *cam,
+                         const real *picture)
 {
-    const size_t plane = plane_size(&canvas->camera);
-    int c, i;
+    int c;
 
     memset(t->slope, 0, sizeof t->slope);
-    memset(t->rest, 0, sizeof t->rest);
-    for (c = 0; c < 3; c++) {
-        take_plane(t->slope[c], t, canvas->d_image + (size_t)c * plane,
-                   canvas->camera.width);
-        for (i = 0; i < AREA; i++)
-            t->rest[i] += t->slope[c][i] * t->colour[c][i];
+    for (c = 0; c < 3; c++)
+        take_plane(t->slope[c], t, picture + (size_t)c * plane_size(cam),
+                   cam->width);
+}
+
+/* The slope, which holds the truth, becomes that of the mean squared error.
+ * Returns the sum of squares. */
+static double compare(tile *t, const saga_splat_camera *cam)
+{
+    const wide unit = wide_set1(R(2) / R(3 * plane_size(cam)));
+    wide sum = wide_zero();
+    int c, i;
+
+    for (c = 0; c < 3; c++)
+        for (i = 0; i < AREA; i += WIDE_LANES) {
+            const wide e = wide_sub(wide_load(t->colour[c] + i),
+                                    wide_load(t->slope[c] + i));
+
+            sum = wide_fma(e, e, sum);
+            wide_store(t->slope[c] + i, wide_mul(unit, e));
+        }
+    return (double)vec_sum(wide_fold(sum));
+}
+
+/* D before the first splat. */
+static void begin_rest(tile *t)
+{
+    int c, i;
+
+    for (i = 0; i < AREA; i += WIDE_LANES) {
+        wide rest = wide_zero();
+
+        for (c = 0; c < 3; c++)
+            rest = wide_fma(wide_load(t->slope[c] + i),
+                            wide_load(t->colour[c] + i), rest);
+        wide_store(t->rest + i, rest);
     }
 }
 
-static void tile_backward(const pass *p, size_t index)
+/* From the gradient to the picture, or from the truth. Returns the sum of
+ * squared errors, which without a truth is of no meaning. */
+static double tile_backward(const pass *p, size_t index)
 {
     const saga_splat_work *const work = &p->canvas->splat;
+    const saga_splat_camera *const cam = &p->canvas->camera;
     const size_t end = work->tile_begin[index + 1];
     trail r = {
         .block = (kept *)work->kept + saga_thread_number() * KEPT_ALL,
         .touched = work->touched,
         .begin = work->tile_begin[index], .end = end
     };
+    double squares = 0;
     tile t;
     size_t e;
 
-    if (r.begin == end)
-        return;
     begin_tile(&t, p, index);
     draw_and_keep(&r, &t, p);
-    end_tile(&t, p->canvas->camera.background);
-    get_slope(&t, p->canvas);
+    end_tile(&t, cam->background);
+    take_picture(&t, cam, p->learn ? p->canvas->truth : p->canvas->d_image);
+    if (p->learn)
+        squares = compare(&t, cam);
+    begin_rest(&t);
     go_back(&r, &t, p);
     for (e = r.end; e < end; e++)
         memset(record_of(work, e), 0, SAGA_N_SUMS * sizeof(real));
+    return squares;
 }
 
 void saga_splat_raster_backward(saga_canvas *canvas)
@@ -570,4 +611,21 @@ void saga_splat_raster_backward(saga_canvas *canvas)
 #pragma omp parallel for schedule(dynamic, 4)
     for (i = 0; i < n; i++)
         tile_backward(&p, (size_t)i);
+}
+
+double saga_splat_raster_learn(saga_canvas *canvas)
+{
+    const int64_t n = n_tiles(&canvas->splat);
+    double *const squares = canvas->splat.squares;
+    pass p = pass_of(canvas);
+    double sum = 0;
+    int64_t i;
+
+    p.learn = 1;
+#pragma omp parallel for schedule(dynamic, 4)
+    for (i = 0; i < n; i++)
+        squares[i] = tile_backward(&p, (size_t)i);
+    for (i = 0; i < n; i++)
+        sum += squares[i];
+    return sum / (3 * (double)plane_size(&canvas->camera));
 }

@@ -13,6 +13,7 @@
 #define saga_splat_raster_reserve SAGA_REAL_NAME(saga_splat_raster_reserve)
 #define saga_splat_raster_forward SAGA_REAL_NAME(saga_splat_raster_forward)
 #define saga_splat_raster_backward SAGA_REAL_NAME(saga_splat_raster_backward)
+#define saga_splat_raster_learn SAGA_REAL_NAME(saga_splat_raster_learn)
 
 /* From canvas->splat's splats and lists to canvas->image. */
 void saga_splat_raster_forward(saga_canvas *canvas);
@@ -24,5 +25,10 @@ bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error);
 /* SETS canvas->splat.record[n_pairs][SAGA_N_SUMS], every one of them, given
  * canvas->d_image. */
 void saga_splat_raster_backward(saga_canvas *canvas);
+
+/* The same where the loss is the mean of (image - truth)^2, which it returns:
+ * forward, loss and backward of a tile in one visit. Neither image nor d_image
+ * is read or written. */
+double saga_splat_raster_learn(saga_canvas *canvas);
 
 #endif

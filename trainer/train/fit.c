@@ -259,16 +259,15 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
 static bool learn_picture(saga_fit *f, saga_sample picture,
                           double *mse, saga_error *error)
 {
+    saga_splat_learning l = { .d = f->twin.d_attr };
     saga_canvas *const c = &f->canvas;
 
     saga_pictures_aim(c, f->pictures, picture);
     saga_pictures_truth(c, f->pictures, picture);
     saga_twin_colour(&f->twin, &f->used, c->camera.centre);
-    if (!saga_splat_forward(c, &f->twin.attr, f->scene->n.prim, error))
+    if (!saga_splat_learn(&l, c, &f->twin.attr, f->scene->n.prim, error))
         return false;
-    *mse = saga_loss_picture(c);
-    if (!saga_splat_backward(&f->twin.d_attr, NULL, c, &f->twin.attr, error))
-        return false;
+    *mse = l.mse;
     saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
     return true;
 }

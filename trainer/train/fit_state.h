@@ -7,7 +7,6 @@
 
 #include "adam.h"
 #include "fit.h"
-#include "picture_loss.h"
 
 struct saga_fit {
     saga_scene *scene;

@@ -356,25 +356,28 @@ bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error)
     return saga_splat_forward(&f->canvas, &p, f->n, error);
 }
 
-static bool backward(saga_flat *f, saga_error *error)
+/* Sets the gradients of a picture's error, and adds to the statistics. */
+static bool look(saga_flat *f, double *mse, saga_sample sample,
+                 saga_error *error)
 {
     const saga_splat_params p = saga_flat_params(f);
-    saga_splat_params d = saga_flat_view_of(f->grad, f->o.temporal);
+    saga_splat_learning l = {
+        .d = saga_flat_view_of(f->grad, f->o.temporal), .stats = &f->stats
+    };
 
+    saga_pictures_aim(&f->canvas, f->pictures, sample);
+    saga_pictures_truth(&f->canvas, f->pictures, sample);
     for (int t = 0; t < FLAT_N_TENSORS; t++)
         memset(f->grad[t], 0, (size_t)saga_flat_widths[t] * f->n *
                sizeof(real));
-    return saga_splat_backward(&d, &f->stats, &f->canvas, &p, error);
-}
-
-/* Sets the gradient of the picture that was drawn. */
-static bool look(saga_flat *f, double *mse, int view, saga_error *error)
-{
-    *mse = saga_loss_picture(&f->canvas);
+    if (!saga_splat_learn(&l, &f->canvas, &p, f->n, error))
+        return false;
+    *mse = l.mse;
     return (*mse >= 0 && *mse < INFINITY) ||
            saga_fail(error, NULL, "try another --seed, and report it",
                      "picture of view %s is not finite at iteration %d",
-                     f->pictures->capture->views[view].name, f->iteration);
+                     f->pictures->capture->views[sample.view].name,
+                     f->iteration);
 }
 
 bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
@@ -385,9 +388,7 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
 
     sample.mip = saga_flat_mip_at(f, f->iteration);
     if (!saga_flat_change_count(f, error) ||
-        !saga_flat_draw(f, sample, error) ||
-        !look(f, mse, sample.view, error) || !backward(f, error) ||
-        !update(f, error))
+        !look(f, mse, sample, error) || !update(f, error))
         return false;
     f->iteration++;
     return true;

@@ -6,7 +6,6 @@
 #define SAGA_FLAT_STATE_H
 
 #include "flat.h"
-#include "picture_loss.h"
 
 enum saga_flat_tensor {
     FLAT_MEAN, FLAT_QUAT, FLAT_SCALE, FLAT_OPACITY, FLAT_COLOUR, FLAT_MOTION,
