@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The policy: bits are priced per pixel, steps and widths follow the price.
+ * The policy: bits are priced per pixel, steps and widths follow the price, and
+ * lambda the warm-up.
  */
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,6 +36,17 @@ static void policy_should_price_bits_per_pixel(void **state)
     assert_true(saga_policy_of(0, 1e6, 1000, 1000).price.residual > 0);
 }
 
+/* Twice as many primitives, or half the error, make a bit worth half. */
+static void lambda_should_balance_primitives_and_bits(void **state)
+{
+    const double lambda = saga_policy_lambda(1e-4, 1e7, 5000);
+
+    (void)state;
+    near(saga_policy_lambda(1e-4, 1e7, 10000), lambda / 2, 1e-12);
+    near(saga_policy_lambda(0.5e-4, 1e7, 5000), lambda / 2, 1e-12);
+    near(saga_policy_lambda(1e-4, 2e7, 5000), lambda * 2, 1e-12);
+}
+
 /* Dearer bits: fewer units and longer steps, within their limits. */
 static void policy_should_be_monotone(void **state)
 {
@@ -67,6 +79,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(policy_should_price_bits_per_pixel),
+        cmocka_unit_test(lambda_should_balance_primitives_and_bits),
         cmocka_unit_test(policy_should_be_monotone),
         cmocka_unit_test(policy_should_follow_counts)
     };

@@ -26,9 +26,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define TEXT_OF(x) #x
-#define TEXT(x) TEXT_OF(x)
-
 typedef struct {
     const char *output, *hold_out, *ablate;
     saga_cli_pair frames;
@@ -451,6 +448,8 @@ static void print_text(const session *s)
            "primitives\n", c->n_views, c->n_frames, r->n.coarse, r->n.fine,
            r->n.prim);
     print_motion(r);
+    printf("  lambda %.4g%s\n", r->lambda, s->o->lambda > 0 ? "" :
+           ", which balances primitives and bits");
     printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
            "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
            r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
@@ -538,8 +537,8 @@ static json_t *json_report(const session *s)
         "primitives", (json_int_t)r->n.prim,
         "work_bytes", (json_int_t)r->info.work_nbytes);
 
-    json_object_update_new(o, json_pack("{sisIsbsososfsfsososo}",
-        "level", (int)r->info.level,
+    json_object_update_new(o, json_pack("{sfsisIsbsososfsfsososo}",
+        "lambda", r->lambda, "level", (int)r->info.level,
         "parameters", (json_int_t)r->n_parameters,
         "temporal", (int)r->dynamic,
         "explained", real_or_null(r->explained),
@@ -637,8 +636,9 @@ static const saga_cli_option option_list[] = {
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
     { "--lambda", "X", "what bits cost: X times the bits for each pixel "
-      "trained\non weigh as much as the mean squared error in\n8-bit levels "
-      "(default " TEXT(SAGA_DEFAULT_LAMBDA) "); higher: a smaller file",
+      "trained\non weigh as much as the mean squared error in\n8-bit levels; "
+      "higher: a smaller file (default: what balances\n--primitives and the "
+      "bits of each, by the error after\nthe warm-up)",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,

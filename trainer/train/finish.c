@@ -186,6 +186,7 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
         ok = saga_train_measure_decoded(t, error);
     free(feature);
     r->n = t->scene.n;
+    r->lambda = t->lambda;
     r->dynamic = t->dynamic;
     r->explained = t->explained;
     r->changing = t->changing;

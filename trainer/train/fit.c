@@ -284,7 +284,7 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     const real ramp = turn < RAMP ? R(turn + 1) / RAMP : 1;
     const real rate = ramp * decay(turn, f->o.n_render, R(0.03));
     const rates now = {
-        .feature = rate * R(0.006), .prim = rate * R(0.0001),
+        .feature = rate * R(0.012), .prim = rate * R(0.0001),
         .entropy = is_rounding(f) ? 0 : rate * R(0.004),
         .networks = rate * R(0.0016),
         .steps = is_rounding(f) ? 0 : rate * R(0.01)

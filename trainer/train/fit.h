@@ -4,8 +4,9 @@
  * (paper: Rate-Distortion Optimization). It begins with a linear map of the
  * primitives it came from (start.h).
  *
- *     L = D + lambda R + lambda_a L_A,   D = (1 - eta) L1 + eta (1 - SSIM) / 2
+ *     L = D + lambda R / 255^2 + lambda_a L_A
  *
+ * D is the mean squared error of the pictures (picture_loss.h).
  * R is the number of bits of all residuals (coarse centres and features, fine
  * and primitive offsets; rate_loss.h) and 1.5 times that of the networks'
  * weights, per pixel of all training pictures: policy.h turns lambda into what

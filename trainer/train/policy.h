@@ -10,9 +10,6 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Bits per training pixel cost so much where nobody says otherwise. */
-#define SAGA_DEFAULT_LAMBDA 200
-
 /* A bit costs so much in the loss (fit.h). */
 typedef struct saga_prices {
     double residual;             /* of a residual, in the pictures' loss, */
@@ -38,5 +35,10 @@ typedef struct saga_policy {
  * n_coarse are those asked for. */
 saga_policy saga_policy_of(double lambda, double n_pixels,
                            uint32_t n_primitives, uint32_t n_coarse);
+
+/* The lambda at which bits are worth as much in more exact primitives as in
+ * more of them, where n_primitives reach the mean squared error mse > 0 before
+ * they are coded. */
+double saga_policy_lambda(double mse, double n_pixels, uint32_t n_primitives);
 
 #endif

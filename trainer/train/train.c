@@ -37,7 +37,7 @@ saga_train_options saga_train_defaults(void)
 {
     return (saga_train_options){
         .n_primitives = 5000, .n_iterations = 6000,
-        .lambda = SAGA_DEFAULT_LAMBDA, .level = 2, .seed = 1,
+        .level = 2, .seed = 1,
         .checkpoint_seconds = 300
     };
 }
@@ -162,8 +162,7 @@ static saga_train *make(const saga_capture *capture,
     t->o = *options;
     t->ablation = ablation;
     derive(&t->o);
-    t->policy = saga_policy_of(t->o.lambda, training_pixels(capture),
-                               t->o.n_primitives, t->o.n_coarse);
+    t->lambda = t->o.lambda;
     t->explained = (double)NAN;
     if (t->o.checkpoint)
         t->digest = saga_pictures_digest(&t->pictures);
@@ -282,12 +281,18 @@ static bool propose(saga_train *t, saga_error *error)
 
 bool saga_train_begin_fit(saga_train *t, saga_error *error)
 {
-    const saga_fit_options o = {
-        .n_render = t->o.n_render,
-        .seed = t->o.seed, .price = t->policy.price,
+    const double n_pixels = training_pixels(t->capture);
+    saga_fit_options o = {
+        .n_render = t->o.n_render, .seed = t->o.seed,
         .raw_networks = t->ablation.raw_networks
     };
 
+    if (!(t->lambda > 0))
+        t->lambda = saga_policy_lambda(t->recent_mse, n_pixels,
+                                       t->o.n_primitives);
+    t->policy = saga_policy_of(t->lambda, n_pixels, t->o.n_primitives,
+                               t->o.n_coarse);
+    o.price = t->policy.price;
     t->fitting = true;
     if (!propose(t, error))
         return false;
@@ -395,18 +400,16 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
 /* What a stage does after its iterations. */
 static bool conclude(saga_train *t, saga_error *error)
 {
+    bool ok = true;
+
+    if (t->stage == SAGA_TRAIN_WARM)
+        ok = saga_train_decide(t, error) && saga_train_begin_fit(t, error) &&
+             saga_fit_start(t->fit, &t->target, error) &&
+             saga_train_check_level(t, error);
+    else if (t->stage == SAGA_TRAIN_PACK)
+        ok = saga_train_pack(t, error);
     t->recent_mse = 0;
-    switch (t->stage) {
-    case SAGA_TRAIN_WARM:
-        return saga_train_decide(t, error) &&
-               saga_train_begin_fit(t, error) &&
-               saga_fit_start(t->fit, &t->target, error) &&
-               saga_train_check_level(t, error);
-    case SAGA_TRAIN_PACK:
-        return saga_train_pack(t, error);
-    default:
-        return true;
-    }
+    return ok;
 }
 
 saga_outcome saga_train_run(saga_train *t, saga_error *error)

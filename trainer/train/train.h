@@ -58,7 +58,8 @@ typedef struct saga_train_options {
     int n_iterations;            /* of all stages together, >= 2; and its */
     int n_warm, n_render;        /* split, both or none given */
     double lambda;               /* bits per training pixel against
-                                  * distortion, >= 0 (policy.h) */
+                                  * distortion (policy.h); 0: what balances
+                                  * the warm-up's error and n_primitives */
     int level;                   /* 0..3, obeyed */
     uint64_t seed;
     saga_train_motion motion;
@@ -105,6 +106,7 @@ typedef struct saga_train_report {
     saga_quantise_report quantise;
     saga_counts n;               /* coarse, fine, primitives */
     saga_info info;              /* of the file, as its decoder sees it */
+    double lambda;               /* as asked for, or by the rule */
     bool dynamic;                /* temporal tools are on */
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */

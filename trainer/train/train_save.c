@@ -14,7 +14,7 @@ typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
     uint64_t motion, capture;
     char ablate[128];
-    double lambda;
+    double lambda, chosen_lambda;
     uint64_t stage, fitting, dynamic;
     double explained, changing, recent_mse;
 } head;
@@ -34,6 +34,7 @@ static void fill(head *h, const saga_train *t)
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
+    h->chosen_lambda = t->lambda;
     h->stage = (uint64_t)t->stage;
     h->fitting = t->fitting;
     h->dynamic = t->dynamic;
@@ -126,6 +127,7 @@ static bool load_fit(saga_train *t, const head *h, saga_checkpoint *c,
     t->dynamic = h->dynamic != 0;
     t->explained = h->explained;
     t->changing = h->changing;
+    t->lambda = h->chosen_lambda;
     if (!saga_train_begin_fit(t, error))
         return false;
     saga_fit_walk(t->fit, c);

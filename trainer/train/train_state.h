@@ -24,7 +24,9 @@ struct saga_train {
     uint64_t digest;             /* of these, where there are checkpoints */
     saga_train_options o;        /* resolved: nothing left to derive */
     saga_ablation ablation;      /* what o.ablate says */
-    saga_policy policy;
+    double lambda;               /* the option, or by the rule from the end of
+                                  * the warm-up on */
+    saga_policy policy;          /* from the end of the warm-up on */
     saga_train_stage stage;
     double recent_mse;           /* of the stage's pictures, for progress; 0:
                                   * none yet */
