@@ -143,11 +143,16 @@ LINK    = $(CC) $(OPT) $(SAN_FLAGS) $(CFLAGS) $(LDFLAGS)
 OPT_LEVEL = $(OPT)
 $(foreach f,$(HOT),$(OBJ)/$(f).o): OPT_LEVEL = $(HOT_OPT)
 # The float half uses AVX2 (trainer/base/vec.h) where this machine has it and
-# the compiler is its own.
-MARCH := $(if $(shell grep -m1 -o avx2 /proc/cpuinfo 2>/dev/null),$(if \
-           $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine)),\
-           -march=x86-64-v3))
+# the compiler is its own; WIDE files AVX-512 (wide.h), which gives their bits.
+WIDE = trainer/splat/splat_raster
+CPU_FLAGS := $(shell sed -n '/^flags/{p;q;}' /proc/cpuinfo 2>/dev/null)
+OWN := $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine))
+MARCH := $(if $(OWN),$(if $(filter avx2,$(CPU_FLAGS)),-march=x86-64-v3))
+AVX512 = avx512f avx512bw avx512cd avx512dq avx512vl
+WIDE_MARCH := $(if $(MARCH),$(if $(filter-out $(CPU_FLAGS),$(AVX512)),,\
+                -march=x86-64-v4))
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
+$(WIDE:%=$(OBJ)/%.o): OPT_LEVEL = $(HOT_OPT) $(MARCH) $(WIDE_MARCH)
 
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
@@ -264,8 +269,8 @@ $(OBJ)/view_files.o: $(OBJ)/view_files.c trainer/cli/view_files.h
 
 # These two are rewritten only when they change: every object depends on the
 # compiler and its flags, every library on which files there are.
-$(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(SAN_FLAGS) \
-                      $(OMP) $(CFLAGS) $(LDFLAGS) $(LEVEL)
+$(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(WIDE_MARCH) \
+                      $(SAN_FLAGS) $(OMP) $(CFLAGS) $(LDFLAGS) $(LEVEL)
 $(BUILD)/sources: NOW = $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
                         $(HELPER_SRC) $(WEB_FILES)
 $(BUILD)/flags $(BUILD)/sources: FORCE
