@@ -78,6 +78,22 @@ static bool read_open_file(saga_bytes *bytes, int fd, size_t size,
                      "%zu bytes cannot be read", size);
 }
 
+FILE *saga_open_file(const char *path)
+{
+    const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    struct stat st;
+    if (fd < 0)
+        return NULL;
+    errno = EINVAL;
+    FILE *const f = fstat(fd, &st) == 0 && S_ISREG(st.st_mode)
+        ? fdopen(fd, "rb") : NULL;
+    const int why = errno;
+    if (!f)
+        close(fd);
+    errno = why;
+    return f;
+}
+
 bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error)
 {

@@ -29,6 +29,10 @@ typedef struct saga_bytes {
     size_t nbytes;
 } saga_bytes;
 
+/* Opens a file to be read; errno says why it is NULL. What is no regular file
+ * is none (EINVAL), and a pipe is not waited for. */
+FILE *saga_open_file(const char *path);
+
 bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error);
 void saga_bytes_free(saga_bytes *bytes);

@@ -254,8 +254,8 @@ static void say_remedy(const load_job *job, double need, char *text, size_t n)
         used += (size_t)snprintf(text + used, n - used, "--frames %d:%d, ",
                                  job->capture->first_frame,
                                  job->capture->first_frame + fit);
-    (void)snprintf(text + used, n - used, "or --mem %.0fM",
-                   ceil(need / 1048576.0));
+    (void)snprintf(text + used, n - used, "or --memory %.0f (GiB)",
+                   ceil(need / 1073741824.0));
 }
 
 static bool check_budget(const load_job *job)
@@ -503,11 +503,41 @@ static bool fill_capture(load_job *job)
     return saga_check_overlap(c, listing->path, job->error) && load_all(job);
 }
 
+/* Focal lengths in sides of the picture: of an angle of 175 degrees, and of a
+ * telescope. */
+#define MIN_FOCAL 0.02
+#define MAX_FOCAL 1000.0
+
+static bool check_focal(const saga_source *s, const char *path,
+                        saga_error *error)
+{
+    const double x = s->lens.fx / s->width, y = s->lens.fy / s->height;
+    /* saga_remap_plan refuses those that are not positive. */
+    if (!(fmin(x, y) > 0.0) ||
+        (fmin(x, y) >= MIN_FOCAL && fmax(x, y) <= MAX_FOCAL))
+        return true;
+    return saga_fail(error, path, "give focal lengths in pixels of these "
+                     "pictures", "%s has focal lengths of %g and %g pixels "
+                     "for pictures of %d x %d", s->name, s->lens.fx,
+                     s->lens.fy, s->width, s->height);
+}
+
+/* What a file can say of its rate, 1/1000 of a frame per second, has three
+ * digits left. */
+static bool check_fps(double fps, const char *path, saga_error *error)
+{
+    return (fps >= 0.1 && fps <= 1e5) ||
+           saga_fail(error, path, "give \"fps\", frames per second, or times "
+                     "in seconds", "its frame rate is %g, not 0.1 to 100000",
+                     fps);
+}
+
 static bool plan_remaps(load_job *job)
 {
     for (int v = 0; v < job->listing->n_sources; v++) {
         const saga_source *const s = &job->listing->sources[v];
-        if (!saga_remap_plan(&job->remaps[v], &s->lens, s->width, s->height,
+        if (!check_focal(s, job->listing->path, job->error) ||
+            !saga_remap_plan(&job->remaps[v], &s->lens, s->width, s->height,
                              job->options->scale,
                              s->video ? s->video : s->pictures[0],
                              job->error))
@@ -541,7 +571,8 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
                              listing->path, error);
     if (!job.remaps)
         return false;
-    const bool ok = choose_range(capture, listing, options, error) &&
+    const bool ok = check_fps(capture->fps, listing->path, error) &&
+                    choose_range(capture, listing, options, error) &&
                     plan_remaps(&job) && check_budget(&job) &&
                     fill_capture(&job);
     free(job.remaps);

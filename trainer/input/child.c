@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <spawn.h>
 #include <stdio.h>
@@ -22,7 +23,7 @@ static void close_fd(int *fd)
     *fd = -1;
 }
 
-static int open_log(void)
+static int open_log(saga_error *error)
 {
     const char *folder = getenv("TMPDIR");
     char path[512];
@@ -30,8 +31,11 @@ static int open_log(void)
         folder = "/tmp";
     (void)snprintf(path, sizeof path, "%s/saga-log.XXXXXX", folder);
     const int fd = mkstemp(path);
-    if (fd < 0)
+    if (fd < 0) {
+        saga_fail_errno(error, folder, "set TMPDIR to a folder that can be "
+                        "written", "no temporary file can be made there");
         return -1;
+    }
     unlink(path);
     (void)fcntl(fd, F_SETFD, FD_CLOEXEC);
     return fd;
@@ -76,13 +80,15 @@ static int start_locked(saga_child *child, const char *const *argv)
 bool saga_child_start(saga_child *child, const char *const *argv,
                       saga_error *error)
 {
-    *child = (saga_child){.out = -1, .log = open_log()};
-    int r = child->log < 0 ? errno : 0;
+    int r = 0;
+    *child = (saga_child){.out = -1, .log = open_log(error),
+                          .patience = SAGA_CHILD_PATIENCE};
+    if (child->log < 0)
+        return false;
     /* One at a time: a child born between another thread's pipe() and its
      * close-on-exec would keep that pipe open. */
 #pragma omp critical(saga_child)
-    if (r == 0)
-        r = start_locked(child, argv);
+    r = start_locked(child, argv);
     if (r == 0)
         return true;
     child->pid = 0;
@@ -93,11 +99,26 @@ bool saga_child_start(saga_child *child, const char *const *argv,
                            "and have it in PATH", "cannot be run");
 }
 
+/* Waits for output, or for its end. */
+static bool has_output(saga_child *child)
+{
+    struct pollfd p = {.fd = child->out, .events = POLLIN};
+    int r;
+    do
+        r = poll(&p, 1, 1000 * child->patience);
+    while (r < 0 && errno == EINTR);
+    if (r != 0)
+        return true;
+    child->hung = true;
+    (void)kill(child->pid, SIGKILL);
+    return false;
+}
+
 size_t saga_child_read(saga_child *child, void *buffer, size_t n)
 {
     uint8_t *const bytes = buffer;
     size_t got = 0;
-    while (got < n) {
+    while (got < n && has_output(child)) {
         const ssize_t r = read(child->out, bytes + got, n - got);
         if (r < 0 && errno == EINTR)
             continue;
@@ -141,6 +162,9 @@ int saga_child_end(saga_child *child, bool kill_it)
     while (r < 0 && errno == EINTR);
     child->pid = 0;
     quote_log(child);
+    if (child->hung)
+        (void)snprintf(child->tail, sizeof child->tail, "it said nothing for "
+                       "%d s", child->patience);
     close_fd(&child->log);
     return r > 0 && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }

@@ -386,7 +386,7 @@ static bool read_fps(reader *r)
     double fps = 0.0;
     if (!get_number(r, r->root, -1, "fps", &fps))
         return false;
-    if (json_object_get(r->root, "fps") && !(fps > 0.0 && fps < 1e5))
+    if (json_object_get(r->root, "fps") && !(fps > 0.0))
         return saga_fail(r->error, r->path, "give frames per second",
                          "\"fps\" is %g", fps);
     r->listing->fps = fps;

@@ -2,6 +2,7 @@
 #include "picture.h"
 
 #include "error.h"
+#include "file.h"
 
 #include <errno.h>
 #include <math.h>
@@ -42,7 +43,7 @@ static bool picture_kind(const char *path, enum picture_kind *kind,
                          saga_error *error)
 {
     uint8_t magic[8] = {0};
-    FILE *const file = fopen(path, "rb");
+    FILE *const file = saga_open_file(path);
     if (!file)
         return saga_fail_errno(error, path, "check the path in the capture's "
                                "files", "picture cannot be opened");

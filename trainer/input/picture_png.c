@@ -59,7 +59,7 @@ static bool read_job_begin(png_job *job, const char *path,
                            saga_error *error)
 {
     *job = (png_job){0};
-    job->file = fopen(path, "rb");
+    job->file = saga_open_file(path);
     if (!job->file)
         return saga_fail_errno(error, path, "check the path in the capture's "
                                "files", "picture cannot be opened");

@@ -20,6 +20,15 @@ static char *file_url(const char *path, saga_error *error)
     return url;
 }
 
+/* Files of strangers: only containers that hold the video themselves, so that
+ * a playlist cannot name other files, and only from files. The names are those
+ * of ffmpeg's demuxers. */
+#define ONLY_FILES "-protocol_whitelist", "file", "-format_whitelist", \
+    "mov,matroska,avi,mpegts,mpeg,ogg,flv,ivf,obu,h264,hevc,m4v,mpegvideo"
+
+/* SAGA_MAX_SIDE on both sides: a decoder refuses more before it allocates. */
+#define MOST_PIXELS "268435456"
+
 /* Value of "key=" at the start of a line; empty if missing. */
 static void field(const char *text, const char *key, char *value, size_t n)
 {
@@ -102,7 +111,8 @@ static bool run_ffprobe(const char *path, char *text, size_t n,
         "stream=width,height,avg_frame_rate,nb_read_packets,color_space,"
         "color_range:stream_tags=rotate:stream_side_data=rotation";
     const char *const argv[] = {
-        "ffprobe", "-v", "error", "-count_packets", "-select_streams", "v:0",
+        "ffprobe", "-v", "error", ONLY_FILES, "-max_pixels", MOST_PIXELS,
+        "-count_packets", "-select_streams", "v:0",
         "-show_entries", entries,
         "-of", "default=noprint_wrappers=1", url, NULL};
     saga_child child;
@@ -137,7 +147,11 @@ bool saga_video_probe(saga_video_info *info, const char *path,
                          "has no video stream");
     if (!saga_check_size(path, width, height, error))
         return false;
-    if (n < 1 || n > SAGA_MAX_FRAMES)
+    if (n < 1)
+        return saga_fail(error, path, "copy or encode the video again",
+                         "has no frame that ffprobe can count; it may be cut "
+                         "short");
+    if (n > SAGA_MAX_FRAMES)
         return saga_fail(error, path, "give a video with 1..1048576 frames",
                          "has %ld frames", n);
     info->width = (int)width;
@@ -164,7 +178,8 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
     if (!url)
         return false;
     const char *const argv[] = {
-        "ffmpeg", "-nostdin", "-v", "error", "-threads", "1", "-i", url,
+        "ffmpeg", "-nostdin", "-v", "error", ONLY_FILES, "-max_pixels",
+        MOST_PIXELS, "-threads", "1", "-i", url,
         "-map", "0:v:0", "-frames:v", count,
         video->old_ffmpeg ? "-vsync" : "-fps_mode",
         video->old_ffmpeg ? "0" : "passthrough",

@@ -1,0 +1,211 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Captures from strangers: what would make ffmpeg read other files, programs
+ * wait for ever, or training go on with numbers that mean nothing, is refused
+ * with a message that helps.
+ */
+#include "capture_files.h"
+#include "child.h"
+#include "picture.h"
+
+#include <sys/stat.h>
+#include <time.h>
+
+enum { W = 32, H = 16 };
+
+static void write_png(folder *f, const char *name)
+{
+    static uint8_t rgb[3 * W * H];
+    saga_error error = { "" };
+
+    assert_true(saga_png_write(folder_file(f, name), W, H, rgb, &error));
+}
+
+/* Two cameras side by side, each with a file; `also` goes in front. */
+static void write_json(folder *f, const char *also, const char *a,
+                       const char *b)
+{
+    bytes json = { 0 };
+
+    put_text(&json, "{%s, \"frames\": [{\"file_path\": \"%s\", "
+             "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}, "
+             "{\"file_path\": \"%s\", "
+             "\"transform_matrix\": [[1,0,0,1],[0,1,0,0],[0,0,1,0]]}]}",
+             also, a, b);
+    write_bytes(f, "transforms.json", &json);
+}
+
+/* --- Videos -------------------------------------------------------------- */
+
+static void write_video(folder *f, const char *name)
+{
+    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
+               "d=0.5 -c:v libx264 -movflags +faststart -y %s", W, H, name);
+}
+
+/* Lists of other files, whatever they are called. */
+static void playlist_should_not_be_followed(void **state)
+{
+    static const char *const lists[] = {
+        "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n%s/secret.mp4\n"
+        "#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile 'secret.mp4'\n"
+    };
+    folder *const f = *state;
+
+    write_video(f, "secret.mp4");
+    write_video(f, "b.mp4");
+    write_json(f, "\"fl_x\": 30", "a.mp4", "b.mp4");
+    for (int i = 0; i < 2; i++) {
+        bytes b = { 0 };
+        saga_capture c;
+
+        put_text(&b, lists[i], f->path);
+        write_bytes(f, "a.mp4", &b);
+        refused(f->path, "a.mp4", "is no video that ffprobe can read");
+        folder_run(f, "cp secret.mp4 a.mp4");
+        c = load(f->path);
+        saga_capture_free(&c);
+    }
+}
+
+/* Only the part of an mp4 that lists the frames. */
+static void video_should_be_refused_when_cut_before_its_frames(void **state)
+{
+    folder *const f = *state;
+
+    write_video(f, "b.mp4");
+    folder_run(f, "head -c $(($(grep -abom1 mdat b.mp4 | cut -d: -f1) + 4)) "
+               "b.mp4 >a.mp4");
+    write_json(f, "\"fl_x\": 30", "a.mp4", "b.mp4");
+    refused(f->path, "a.mp4", "it may be cut short");
+}
+
+static void child_should_be_given_up_when_it_hangs(void **state)
+{
+    static const char *const argv[] = { "sleep", "100", NULL };
+    saga_error error = { "" };
+    const time_t start = time(NULL);
+    saga_child child;
+    char byte;
+
+    (void)state;
+    assert_true(saga_child_start(&child, argv, &error));
+    assert_int_equal(child.patience, SAGA_CHILD_PATIENCE);
+    child.patience = 1;
+    assert_int_equal(saga_child_read(&child, &byte, 1), 0);
+    assert_int_equal(saga_child_end(&child, false), -1);
+    assert_string_equal(child.tail, "it said nothing for 1 s");
+    assert_true(time(NULL) - start < 50);
+}
+
+static void folder_of_temporary_files_should_be_blamed(void **state)
+{
+    folder *const f = *state;
+    const char *const old = getenv("TMPDIR");
+    char *const before = old ? strdup(old) : NULL;
+
+    write_video(f, "a.mp4");
+    write_json(f, "\"fl_x\": 30", "a.mp4", "a.mp4");
+    setenv("TMPDIR", "/nowhere/at/all", 1);
+    refused(f->path, "/nowhere/at/all", "set TMPDIR to a folder");
+    if (before)
+        setenv("TMPDIR", before, 1);
+    else
+        unsetenv("TMPDIR");
+    free(before);
+}
+
+/* --- Pipes --------------------------------------------------------------- */
+
+static void pipe_should_not_be_waited_for(void **state)
+{
+    folder *const f = *state;
+
+    write_png(f, "b.png");
+    assert_int_equal(mkfifo(folder_file(f, "a.png"), 0600), 0);
+    write_json(f, "\"fl_x\": 30", "a.png", "b.png");
+    alarm(20);
+    refused(f->path, "a.png", "is missing");
+    folder_run(f, "rm transforms.json && mkfifo transforms.json");
+    refused(folder_file(f, "transforms.json"), "transforms.json",
+            "give the folder of a capture");
+    folder_run(f, "rm transforms.json");
+    write_json(f, "\"fl_x\": 30, \"ply_file_path\": \"p.ply\"", "b.png",
+               "b.png");
+    assert_int_equal(mkfifo(folder_file(f, "p.ply"), 0600), 0);
+    refused(f->path, "p.ply", "is not a regular file");
+    alarm(0);
+}
+
+/* --- Numbers ------------------------------------------------------------- */
+
+static void focal_length_should_be_refused_when_absurd(void **state)
+{
+    static const char *const absurd[] = {
+        "\"fl_x\": 1e-5", "\"fl_x\": 0.6", "\"fl_x\": 1e9",
+        "\"fl_x\": 30, \"fl_y\": 1e-300", "\"camera_angle_x\": 3.14159",
+        "\"camera_angle_x\": 1e-6"
+    };
+    folder *const f = *state;
+    saga_capture c;
+
+    write_png(f, "a.png");
+    write_png(f, "b.png");
+    for (size_t i = 0; i < sizeof absurd / sizeof *absurd; i++) {
+        write_json(f, absurd[i], "a.png", "b.png");
+        refused(f->path, f->path, "focal lengths of");
+    }
+    write_json(f, "\"fl_x\": 0.7", "a.png", "b.png");
+    c = load(f->path);
+    saga_capture_free(&c);
+}
+
+static void frame_rate_should_be_refused_when_absurd(void **state)
+{
+    static const char *const absurd[] = { "1e-300", "0.05", "1e6", "1e300" };
+    folder *const f = *state;
+    saga_capture c;
+    char also[80];
+
+    write_png(f, "a.png");
+    write_png(f, "b.png");
+    for (size_t i = 0; i < sizeof absurd / sizeof *absurd; i++) {
+        snprintf(also, sizeof also, "\"fl_x\": 30, \"fps\": %s", absurd[i]);
+        write_json(f, also, "a.png", "b.png");
+        refused(f->path, f->path, "its frame rate is");
+    }
+    write_json(f, "\"fl_x\": 30, \"fps\": 0.1", "a.png", "b.png");
+    c = load(f->path);
+    assert_true(c.fps == 0.1);
+    saga_capture_free(&c);
+}
+
+/* The remedy names an option that `saga encode` has. */
+static void memory_should_be_asked_for_by_its_option(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+
+    write_png(f, "a.png");
+    write_png(f, "b.png");
+    write_json(f, "\"fl_x\": 30", "a.png", "b.png");
+    o.memory_nbytes = 100;
+    refused_with(f->path, &o, f->path, "or --memory 1 (GiB)");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_FOLDER(playlist_should_not_be_followed),
+        IN_FOLDER(video_should_be_refused_when_cut_before_its_frames),
+        cmocka_unit_test(child_should_be_given_up_when_it_hangs),
+        IN_FOLDER(folder_of_temporary_files_should_be_blamed),
+        IN_FOLDER(pipe_should_not_be_waited_for),
+        IN_FOLDER(focal_length_should_be_refused_when_absurd),
+        IN_FOLDER(frame_rate_should_be_refused_when_absurd),
+        IN_FOLDER(memory_should_be_asked_for_by_its_option),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
