@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 #
-# Rate and distortion of every scene. Set: folder (with NAME.dat), scenes, out.
+# Rate and distortion of every scene. Set: folder (with NAME.dat), scenes, their
+# types (a word a scene: the line type of each of its curves, a digit), out.
 n = words(scenes)
 columns = n < 3 ? n : 3
 lines = (n + columns - 1) / columns
@@ -8,7 +9,7 @@ set terminal svg size 340 * columns, 320 * lines font "sans-serif,11" \
     background "white"
 set output out
 set multiplot layout lines, columns
-set key bottom right
+set key top left
 set grid
 set logscale x
 set xlabel "bytes of all cameras, kB"
@@ -16,8 +17,8 @@ set ylabel "PSNR, dB"
 do for [i = 1:n] {
     set title word(scenes, i)
     file = folder . "/" . word(scenes, i) . ".dat"
-    stats file using 1:2 nooutput
-    plot for [k = 0:STATS_blocks - 2] file index k using 1:2 \
-        with linespoints title columnheader(1)
+    type = word(types, i)
+    plot for [k = 0:strlen(type) - 1] file index k using 1:2 \
+        with linespoints linetype int(type[k + 1:k + 1]) title columnheader(1)
 }
 unset multiplot

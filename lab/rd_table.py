@@ -233,6 +233,17 @@ def page(scenes, rows, points):
 
 # --- The plot ----------------------------------------------------------------
 
+def curves_of(scene, rows, points):
+    """(title, its line's type, curve) of what there is of a scene."""
+    states, its = of_scene(rows, scene), anchors(points, scene)
+    ours = rates(states[-1]) if states else []
+    out = [("saga, all cameras", 1, curve(ours, "all")),
+           ("saga, held out", 2, curve(ours, "held_out"))]
+    out += [(title, 3 + i, curve(its.get(codec, []), "all"))
+            for i, (codec, title) in enumerate(CODECS.items())]
+    return [c for c in out if c[2]]
+
+
 def block(title, points):
     return f'"{title}"\n' + "".join(f"{b / 1000:.3f} {d:.4f}\n"
                                     for b, d in points) + "\n\n"
@@ -243,23 +254,19 @@ def plot(scenes, rows, points, to):
         print("rd: no gnuplot, so no " + to, file=sys.stderr)
         return
     with tempfile.TemporaryDirectory() as folder:
-        names = []
+        names, types = [], []
         for scene in scenes:
-            states = of_scene(rows, scene)
-            its = anchors(points, scene)
-            if not states and not its:
+            curves = curves_of(scene, rows, points)
+            if not curves:
                 continue
             names.append(scene.name)
+            types.append("".join(str(c[1]) for c in curves))
             with open(os.path.join(folder, scene.name + ".dat"), "w") as f:
-                for of, title in (("all", "saga, all cameras"),
-                                  ("held_out", "saga, held out")):
-                    c = curve(rates(states[-1]), of) if states else []
-                    f.write(block(title, c) if c else "")
-                for codec, p in its.items():
-                    f.write(block(CODECS[codec], curve(p, "all")))
+                f.writelines(block(c[0], c[2]) for c in curves)
         subprocess.check_call(
             ["gnuplot", "-e", f"folder='{folder}'; out='{to}'; "
-             f"scenes='{' '.join(names)}'", os.path.join(LAB, "rd.gp")])
+             f"scenes='{' '.join(names)}'; types='{' '.join(types)}'",
+             os.path.join(LAB, "rd.gp")])
 
 
 def write(results, rows, points, scenes):
