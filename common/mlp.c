@@ -3,7 +3,8 @@
  * Points-major inner products in plain C. A reduction over int16 products is
  * what compilers vectorise best (pmaddwd and its relatives), four rows at a
  * time share every load of x, and padded rows leave no remainder: compile this
- * file with -O3. On x86 mlp_x86.h takes eight rows of four points at a time.
+ * file with -O3. On x86 and in browsers mlp_x86.h takes eight rows of four
+ * points at a time.
  */
 #include "mlp.h"
 
@@ -30,7 +31,8 @@ int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
 
 /* sum[r] = the inner product of x and row r of four; n a multiple of
  * SAGA_MLP_PAD. */
-#if defined __SSE2__ && (defined __clang__ || __GNUC__ >= 12)
+#if (defined __SSE2__ && (defined __clang__ || __GNUC__ >= 12)) || \
+    defined __wasm_simd128__
 #include "mlp_x86.h"
 #else
 

@@ -184,6 +184,11 @@ static void blend_wild(uint32_t *t, uint32_t side, const saga_patch *p)
 static int blend_vectors(uint32_t *t, uint32_t side, const saga_patch *p,
                          saga_cpu cpu)
 {
+#ifdef __wasm_simd128__
+    (void)cpu; /* a module is compiled for them or not at all */
+    saga_blend__wasm(t, side, p);
+    return 1;
+#else
 #if defined __x86_64__ && defined __SSE2__
     if (cpu == SAGA_CPU_AVX2) {
         saga_blend__avx2(t, side, p);
@@ -195,6 +200,7 @@ static int blend_vectors(uint32_t *t, uint32_t side, const saga_patch *p,
     (void)p;
     (void)cpu;
     return 0;
+#endif
 }
 
 void saga_blend(uint32_t *t, uint32_t side, const saga_patch *p, saga_cpu cpu)

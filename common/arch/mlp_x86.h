@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Inner products with x86's pmaddwd: the twins of mlp.c's plain loops, bit for
- * bit. mlp.c includes it where there is SSE2.
+ * Inner products with x86's pmaddwd, which WebAssembly's vectors have too: the
+ * twins of mlp.c's plain loops, bit for bit. mlp.c includes it where there is
+ * SSE2 or simd128.
  *
  * Compilers find the instruction by themselves, but then add the lanes of each
  * row up on its own and turn sums into results one at a time, which takes
@@ -126,10 +127,21 @@ enum { LANES = 8, VECTORS = 2 };
 typedef saga_i32x4 saga_sums;
 typedef saga_i16x8 saga_words;
 
+#ifdef __wasm_simd128__
+
+static inline saga_sums products(saga_words w, saga_words x)
+{
+    return (saga_sums)__builtin_wasm_dot_s_i32x4_i16x8(w, x);
+}
+
+#else
+
 static inline saga_sums products(saga_words w, saga_words x)
 {
     return (saga_sums)__builtin_ia32_pmaddwd128(w, x);
 }
+
+#endif
 
 /* Bytes in the upper halves, then shifted down with their sign. */
 static inline saga_words load_i8(const int8_t *p)
@@ -145,7 +157,7 @@ static inline saga_words load_i8(const int8_t *p)
         6, 22, 7, 23) >> 8;
 }
 
-/* SSE2 shifts all lanes by one number: lane i is taken from i's. */
+/* SSE2 and simd128 shift all lanes by one number: lane i is taken from i's. */
 typedef struct {
     int32_t by[4];
 } saga_shifts;
@@ -191,6 +203,16 @@ static inline saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 }
 
 #endif
+
+/* Saturated, the lanes of low first. */
+static inline saga_i16x8 pack(saga_i32x4 low, saga_i32x4 high)
+{
+#ifdef __wasm_simd128__
+    return (saga_i16x8)__builtin_wasm_narrow_s_i16x8_i32x4(low, high);
+#else
+    return (saga_i16x8)__builtin_ia32_packssdw128(low, high);
+#endif
+}
 
 static inline saga_words load_i16(const int16_t *p)
 {
@@ -339,7 +361,7 @@ static INLINE void finish_tile(int16_t *y, const ending *e,
     low = v[0];
     high = v[1];
 #endif
-    out = (saga_i16x8)__builtin_ia32_packssdw128(low, high);
+    out = pack(low, high);
     out -= (saga_i16x8)(out == -32768);
     __builtin_memcpy(y, &out, sizeof out);
 }

@@ -177,6 +177,7 @@ export class SagaFile {
         this.source = source;
         this.segment = -1;         // the decoded one
         this.coded = new Map();    // number -> promise of a segment's bytes
+        this.here = new Set();     // numbers of those that have come
         this.times = { segment: 0, view: 0, draw: 0 }; // ms, of the last ones
     }
 
@@ -294,13 +295,19 @@ export class SagaFile {
 
         if (!bytes) {
             bytes = this.source.read(offset, nbytes);
-            bytes.catch(() => this.coded.delete(number));
+            bytes.then(() => this.here.add(number),
+                () => this.forget(number));
         }
         this.coded.delete(number); // to the end of those to be forgotten
         this.coded.set(number, bytes);
         if (this.coded.size > KEPT_SEGMENTS)
-            this.coded.delete(this.coded.keys().next().value);
+            this.forget(this.coded.keys().next().value);
         return bytes;
+    }
+
+    forget(number) {
+        this.coded.delete(number);
+        this.here.delete(number);
     }
 
     async decode(number) {
@@ -315,7 +322,7 @@ export class SagaFile {
         const status = this.wasm.saga_web_decode(firstFrame, bytes.length);
 
         if (status)
-            this.coded.delete(number);
+            this.forget(number);
         this.check(status, `segment ${number} is refused`);
         this.segment = number;
         this.times.segment = performance.now() - start;

@@ -17,7 +17,7 @@
 enum {
     PAGE = 65536,           /* of WebAssembly's memory */
     ALIGN = 64,
-    TILE = 16,
+    TILE = 32,
     LIST = 1 << 15          /* splats that a band sees at a time */
 };
 

@@ -36,7 +36,7 @@ async function draw({ values, num, den, crc, buffer }) {
         crc: crc ? file.crc() : null, num, den, values,
         segment: file.segment, times: { ...file.times },
         fetched: file.source.fetched, size: file.source.size,
-        kept: [...file.coded.keys()],
+        kept: [...file.here],
     } };
 }
 

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """check_web.py: guarantees, for the page of ports/web in headless Chromium,
+  vectors     every good vector's frames have the MANIFEST's CRC, with SIMD and
+              without
   pixels      the canvas has saga-dec's pixels, bit by bit: vectors, cameras of
               the rig and moved ones, times between frames, with SIMD and
               without; the CRC the page shows is theirs, and told from a wrong
@@ -190,9 +192,37 @@ def check_library(page, tmp):
         complain("frame 15/2 of motion.saga differs")
 
 
-def check_bad(page):
-    with open("vectors/MANIFEST") as f:
-        bad = dict(re.findall(r"^(bad/\S+) status (-\d+)$", f.read(), re.M))
+def check_vectors(page, manifest):
+    # File, segment; time and camera; CRC of the frame.
+    rows = re.findall(r"^good/(\S+) (\d+) .* (\d+) (\d+) \S+ \S+ (\S+)$",
+                      manifest, re.M)
+    wrong = page.tab.run("""(async () => {
+        const { SagaFile, loadModule } = await import('/saga.js');
+        const wrong = [];
+        for (const simd of [true, false]) {
+            const module = await loadModule({ simd });
+            for (const [name, segment, t, camera, crc] of %s) {
+                const file = await SagaFile.open('/' + name, { module });
+                await file.decode(Number(segment));
+                file.ints(file.wasm.saga_web_camera(), 22)
+                    .set(file.rig[camera].values);
+                file.check(file.wasm.saga_web_view(Number(t)), 'view');
+                file.check(file.wasm.saga_web_draw(), 'draw');
+                if (file.crc() !== crc)
+                    wrong.push([name, segment, camera, simd, file.crc()]);
+            }
+        }
+        return wrong;
+    })()""" % json.dumps(rows))
+    for w in wrong:
+        complain("other pixels:", w)
+    if len(rows) < 30:
+        complain("the MANIFEST has", len(rows), "good rows")
+    verdict("vectors: %d frames, twice" % len(rows))
+
+
+def check_bad(page, manifest):
+    bad = dict(re.findall(r"^(bad/\S+) status (-\d+)$", manifest, re.M))
     got = page.tab.run("""(async () => {
         const { SagaFile, loadModule } = await import('/saga.js');
         const module = await loadModule();
@@ -389,7 +419,9 @@ def check_view(page):
 def check_rate(page, name):
     texts = []
     for simd in (1, 0):
-        page.show("src=%s&simd=%d&play=1" % (name, simd))
+        page.tab.go(page.server.url + "index.html?src=%s&simd=%d&play=1" %
+                    (name, simd))
+        page.tab.wait("viewer.drawn")
         rate = page.tab.run("""(async () => {
             let n = 0;
             viewer.addEventListener('drawn', () => n++);
@@ -421,6 +453,7 @@ def main():
     for folder, prefix in ((GOOD, ""), ("vectors/bad/", "bad/")):
         files.update({prefix + name: read(folder + name)
                       for name in os.listdir(folder)})
+    manifest = read("vectors/MANIFEST").decode()
     rated = "still.saga"
     if os.path.exists("docs/demo.saga"):
         rated = "demo.saga"
@@ -428,8 +461,10 @@ def main():
     with tempfile.TemporaryDirectory() as tmp:
         page = Page(files)
         try:
+            page.show("")
+            check_vectors(page, manifest)
             check_pixels(page, tmp)
-            check_bad(page)
+            check_bad(page, manifest)
             check_ranges(page, files, tmp)
             check_controls(page)
             check_view(page)
