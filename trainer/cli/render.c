@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga render: pictures of a file, from its rig or on a path through it.
+ * saga render: pictures of a file, from its rig, from elsewhere or on a path
+ * through it.
  */
 #include "cli.h"
 
@@ -10,6 +11,8 @@
 #include "file.h"
 #include "orbit.h"
 #include "picture.h"
+#include "render_path.h"
+#include "render_video.h"
 #include "view.h"
 
 #include <inttypes.h>
@@ -20,7 +23,13 @@
 enum { MAX_ORBIT = 100000 };
 
 typedef struct {
-    const char *out;
+    bool given;
+    double at[3];           /* the capture's units */
+} point;
+
+typedef struct {
+    const char *out, *path;
+    point eye, look_at;
     int camera, orbit, threads;
     double time;            /* seconds; < 0: not given */
     saga_cli_pair frame, frames, size;
@@ -31,6 +40,8 @@ typedef struct {
     const options *o;
     saga_film film;
     saga_orbit orbit;
+    saga_path path;
+    saga_film_writer video; /* of .mp4 */
     saga_camera camera;
     uint8_t *rgb;
     int first, n;           /* pictures first .. first + n - 1 */
@@ -55,24 +66,39 @@ static int check_options(const options *o)
         return mistake("-o OUT is missing");
     if (times > 1)
         return mistake("--time, --frame and --frames exclude each other");
-    if (o->orbit && o->camera >= 0)
-        return mistake("--camera and --orbit exclude each other");
-    if (o->orbit && o->frames.b &&
-        o->frames.b - o->frames.a != o->orbit)
-        return mistake("--orbit K and --frames A:B differ in number");
+    if ((o->camera >= 0) + (o->orbit > 0) + (o->path != NULL) > 1)
+        return mistake("--camera, --orbit and --path exclude each other");
+    if (o->look_at.given && (o->orbit || o->path))
+        return mistake("--look-at goes with --camera or --eye alone");
+    if (o->eye.given && !o->look_at.given)
+        return mistake("--eye needs --look-at");
     return SAGA_EXIT_OK;
 }
 
-static void plan(session *s)
+static int plan(session *s)
 {
     const options *const o = s->o;
+    const int moving = o->path ? s->path.n : o->orbit;
 
     s->first = o->frames.b ? o->frames.a : 0;
-    s->n = o->orbit ? o->orbit : o->frames.b ? o->frames.b - o->frames.a : 1;
+    s->n = moving ? moving : o->frames.b ? o->frames.b - o->frames.a : 1;
+    if (moving && o->frames.b && o->frames.b - o->frames.a != moving)
+        return mistake("the path's pictures and --frames A:B differ in number");
+    return SAGA_EXIT_OK;
 }
 
-/* The time of picture i as a fraction of frames. An orbit for which no time
- * is given goes once through the file. */
+/* The time that a path gives its picture i, within the file. */
+static double path_time(const session *s, int i)
+{
+    const double last = s->film.info.n_frames - 1.0;
+    const double time = s->path.camera[i].time;
+    const double frame = s->path.clock == SAGA_PATH_SHARE ? time * last : time;
+
+    return frame < 0.0 ? 0.0 : frame > last ? last : frame;
+}
+
+/* The time of picture i as a fraction of frames. An orbit or path for which no
+ * time is given goes once through the file. */
 static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
 {
     const options *const o = s->o;
@@ -90,8 +116,11 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
         *den = frames < 65535.0 ? 65536 : 1;
         *num = frames * *den < 4294967295.0
             ? (uint32_t)(frames * *den + 0.5) : UINT32_MAX;
-    } else if (o->orbit && !o->frames.b) {
-        *den = (uint32_t)o->orbit;
+    } else if (s->path.clock != SAGA_PATH_TIMELESS && !o->frames.b) {
+        *den = info->n_frames < 65536 ? 65536 : 1;
+        *num = (uint32_t)(path_time(s, i) * *den + 0.5);
+    } else if ((o->orbit || o->path) && !o->frames.b) {
+        *den = (uint32_t)s->n;
         *num = (uint32_t)((uint64_t)info->n_frames * (uint64_t)i);
     }
 }
@@ -131,15 +160,22 @@ static char *name_of(session *s, int number)
     return name;
 }
 
+static bool is_video(const char *out)
+{
+    return saga_has_suffix(out, ".mp4");
+}
+
 static int check_name(const session *s)
 {
     const char *const out = s->o->out;
     size_t n;
     int width;
 
+    if (is_video(out))
+        return SAGA_EXIT_OK;
     if (!saga_has_suffix(out, ".png") && !saga_has_suffix(out, ".exr"))
         return saga_cli_error(SAGA_EXIT_USAGE, "render: %s: pictures are "
-                              "written as .png or .exr", out);
+                              "written as .png or .exr, films as .mp4", out);
     if (s->n > 1 && !find_number(out, &width, &n))
         return saga_cli_error(SAGA_EXIT_USAGE, "render: %s: %d pictures need "
                               "one number in the name, like out_%%04d.png",
@@ -151,9 +187,12 @@ static int check_name(const session *s)
 
 static bool write_one(session *s, const saga_camera *c, int number)
 {
-    char *const name = name_of(s, number);
+    char *name;
     bool ok;
 
+    if (s->video.out.path)
+        return saga_film_writer_add(&s->video, s->rgb, &s->error);
+    name = name_of(s, number);
     if (!name)
         return false;
     ok = saga_has_suffix(name, ".exr")
@@ -163,18 +202,35 @@ static bool write_one(session *s, const saga_camera *c, int number)
     return ok;
 }
 
+/* The camera of picture i; *c has the lens. */
+static bool camera_of(saga_camera *c, session *s, int i)
+{
+    const saga_metric *const metric = &s->film.metric;
+    bool ok = true;
+
+    if (s->o->path) {
+        saga_shot shot;
+
+        saga_path_shot(&shot, &s->path.camera[i], c->width, c->height);
+        ok = saga_camera_of_shot(c, metric, &shot,
+                                 metric->unit * c->near_plane, &s->error);
+    } else if (s->o->orbit) {
+        ok = saga_orbit_camera(c, &s->orbit, metric, (double)i / s->n,
+                               &s->error);
+        if (ok && s->o->size.a)
+            saga_camera_resize(c, s->o->size.a, s->o->size.b);
+    }
+    return ok;
+}
+
 /* 0, or the exit status. */
 static int make_one(session *s, int i)
 {
     saga_camera c = s->camera;
     uint32_t num, den;
 
-    if (s->o->orbit &&
-        !saga_orbit_camera(&c, &s->orbit, &s->film.metric,
-                           (double)i / s->n, &s->error))
+    if (!camera_of(&c, s, i))
         return SAGA_EXIT_DATA;
-    if (s->o->orbit && s->o->size.a)
-        saga_camera_resize(&c, s->o->size.a, s->o->size.b);
     time_of(&num, &den, s, i);
     if (!saga_film_draw(&s->film, &c, num, den, s->rgb, &s->error))
         return SAGA_EXIT_DATA;
@@ -197,6 +253,47 @@ static int make_all(session *s)
     return status;
 }
 
+/* Turns the camera to what --look-at says, from where it stands or from --eye;
+ * up is the rig's. */
+static bool turn(session *s)
+{
+    const options *const o = s->o;
+    const saga_metric *const metric = &s->film.metric;
+    saga_shot shot = { .name = "--look-at" };
+    saga_orbit rig;
+    double eye[3];
+
+    if (!saga_orbit_of(&rig, &s->film, &s->error))
+        return false;
+    saga_shot_of_camera(&shot, metric, &s->camera);
+    saga_shot_centre(eye, &shot);
+    if (o->eye.given)
+        memcpy(eye, o->eye.at, sizeof eye);
+    if (!saga_look_at(shot.rotation, eye, o->look_at.at, rig.up))
+        return saga_fail(&s->error, "--look-at", "give another point",
+                         "the camera stands there, or looks straight up or "
+                         "down");
+    for (int i = 0; i < 3; i++) {
+        shot.translation[i] = 0.0;
+        for (int k = 0; k < 3; k++)
+            shot.translation[i] -= shot.rotation[3 * i + k] * eye[k];
+    }
+    return saga_camera_of_shot(&s->camera, metric, &shot,
+                               metric->unit * s->camera.near_plane, &s->error);
+}
+
+static bool open_video(session *s)
+{
+    const saga_info *const info = &s->film.info;
+    double fps = info->fps_num && info->fps_den
+        ? (double)info->fps_num / info->fps_den : 25.0;
+
+    if (s->path.fps > 0.0)
+        fps = s->path.fps;
+    return saga_film_writer_open(&s->video, s->o->out, s->camera.width,
+                                 s->camera.height, fps, &s->error);
+}
+
 /* The rig's camera and the path; memory for a picture. */
 static bool prepare(session *s)
 {
@@ -213,8 +310,12 @@ static bool prepare(session *s)
         return false;
     if (o->orbit && !saga_orbit_of(&s->orbit, &s->film, &s->error))
         return false;
+    if (o->look_at.given && !turn(s))
+        return false;
     if (o->size.a)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
+    else if (s->path.width)
+        saga_camera_resize(&s->camera, s->path.width, s->path.height);
     s->rgb = saga_alloc((size_t)s->camera.width * s->camera.height, 3,
                         "the picture", &s->error);
     return s->rgb != NULL;
@@ -226,7 +327,10 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
 
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes,
                        s->o->threads, &s->error) && prepare(s))
-        status = make_all(s);
+        status = !is_video(s->o->out) || open_video(s) ? make_all(s)
+                                                       : SAGA_EXIT_USAGE;
+    if (!saga_film_writer_close(&s->video, !status, &s->error) && !status)
+        status = SAGA_EXIT_USAGE;
     if (status)
         saga_cli_error(status, "render: %s", s->error.message);
     free(s->rgb);
@@ -244,21 +348,48 @@ static int run(int argc, char **argv)
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    plan(&s);
     status = check_options(&o);
-    if (!status)
-        status = check_name(&s);
     if (status)
         return status;
     status = saga_cli_threads("render", o.threads);
     if (status)
         return status;
-    if (!saga_read_file(&bytes, name, &s.error))
-        return saga_cli_error(SAGA_EXIT_USAGE, "render: %s",
-                              s.error.message);
-    status = render(&s, name, &bytes);
-    saga_bytes_free(&bytes);
+    if (o.path && !saga_path_read(&s.path, o.path, &s.error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "render: %s", s.error.message);
+    status = plan(&s);
+    if (!status)
+        status = check_name(&s);
+    if (!status && !saga_read_file(&bytes, name, &s.error))
+        status = saga_cli_error(SAGA_EXIT_USAGE, "render: %s",
+                                s.error.message);
+    else if (!status) {
+        status = render(&s, name, &bytes);
+        saga_bytes_free(&bytes);
+    }
+    saga_path_free(&s.path);
     return status;
+}
+
+/* "X,Y,Z". */
+static bool read_point(void *to, const char *text,
+                       const saga_cli_option *option)
+{
+    point *const p = to;
+    char part[64];
+
+    for (int i = 0; i < 3; i++) {
+        const size_t n = strcspn(text, ",");
+
+        if (n >= sizeof part || (text[n] == ',') != (i < 2))
+            return false;
+        memcpy(part, text, n);
+        part[n] = '\0';
+        if (!saga_cli_real(&p->at[i], part, option))
+            return false;
+        text += n + 1;
+    }
+    p->given = true;
+    return true;
 }
 
 /* A time of day, not before the start. */
@@ -275,13 +406,21 @@ static bool read_time(void *to, const char *text,
 
 static const saga_cli_option option_list[] = {
     { "-o", "OUT", "the picture: .png (8 bits) or .exr (the same 8 bits as\n"
-      "linear light); for several, with %d or %04d in the name",
+      "linear light); for several, with %d or %04d in the name;\n"
+      "or all as a film: .mp4, by ffmpeg",
       saga_cli_text, offsetof(options, out), 0, 0 },
     { "--camera", "N", "camera N of the file's rig (default 0); `saga info` "
       "lists\nthem", saga_cli_int, offsetof(options, camera), 0, 65535 },
     { "--orbit", "K", "K pictures on a closed path through the angles the rig\n"
       "filmed from, and once through the file's time", saga_cli_int,
       offsetof(options, orbit), 1, MAX_ORBIT },
+    { "--path", "FILE.json", "pictures along a path: key cameras as `saga "
+      "view` saves\nthem, or nerfstudio's camera path; in the capture's units",
+      saga_cli_text, offsetof(options, path), 0, 0 },
+    { "--look-at", "X,Y,Z", "the camera turned to a point, in the capture's "
+      "units", read_point, offsetof(options, look_at), 0, 0 },
+    { "--eye", "X,Y,Z", "... from there", read_point, offsetof(options, eye),
+      0, 0 },
     { "--time", "SECONDS", "when (default 0)", read_time,
       offsetof(options, time), 0, 0 },
     { "--frame", "N[/D]", "when, in frames: 15/2 is half-way from 7 to 8",
@@ -299,9 +438,17 @@ const saga_command saga_command_render = {
     "render", "FILE", 1,
     "pictures of a file, from any view at any time",
     "Draws a .saga file with the integer decoder: the same pixels on every\n"
-    "machine. From a camera of its rig, or on a path between them.\n"
+    "machine. From a camera of its rig, on a path between them, or on one of\n"
+    "your own.\n"
     "\n"
     "  saga render scene.saga -o front.png --camera 0 --time 1.5\n"
-    "  saga render scene.saga -o tour_%03d.png --orbit 90 --size 640x360\n",
+    "  saga render scene.saga -o tour_%03d.png --orbit 90 --size 640x360\n"
+    "  saga render scene.saga -o tour.mp4 --path scene-path.json\n"
+    "  saga render scene.saga -o above.png --eye 0,-1,3 --look-at 0,0,0\n"
+    "\n"
+    "A path: { \"format\": \"saga camera path 1\", \"fps\": 30, \"size\": "
+    "[480, 270],\n\"keys\": [{ \"seconds\": 0, \"frame\": 0, \"eye\": "
+    "[0, -1, 3], \"target\":\n[0, 0, 0], \"up\": [0, -1, 0], \"fov\": 45 "
+    "}, ...] }: fov is vertical, in degrees.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

@@ -11,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -41,17 +42,18 @@ static int open_log(saga_error *error)
     return fd;
 }
 
-/* dup2 in the child clears close-on-exec on the copies only. */
-static int spawn(saga_child *child, const char *const *argv, int out_end)
+/* end: what the child has as its standard output, or, `fed`, as its input. dup2
+ * in the child clears close-on-exec on the copies only. */
+static int spawn(saga_child *child, const char *const *argv, int end, bool fed)
 {
     posix_spawn_file_actions_t actions;
     int r = posix_spawn_file_actions_init(&actions);
     if (r != 0)
         return r;
-    r = posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY,
-                                         0);
+    r = posix_spawn_file_actions_addopen(&actions, fed ? 1 : 0, "/dev/null",
+                                         O_RDWR, 0);
     if (r == 0)
-        r = posix_spawn_file_actions_adddup2(&actions, out_end, 1);
+        r = posix_spawn_file_actions_adddup2(&actions, end, fed ? 0 : 1);
     if (r == 0)
         r = posix_spawn_file_actions_adddup2(&actions, child->log, 2);
     /* posix_spawnp promises not to write to the strings. */
@@ -64,39 +66,70 @@ static int spawn(saga_child *child, const char *const *argv, int out_end)
     return r;
 }
 
-static int start_locked(saga_child *child, const char *const *argv)
+/* Ours is ends[0]. What we write goes through a socket, which tells us that the
+ * child has ended without a signal. */
+static int start_locked(saga_child *child, const char *const *argv, bool fed)
 {
     int ends[2];
-    if (pipe(ends) != 0)
+    if (fed ? socketpair(AF_UNIX, SOCK_STREAM, 0, ends) : pipe(ends))
         return errno;
     (void)fcntl(ends[0], F_SETFD, FD_CLOEXEC);
     (void)fcntl(ends[1], F_SETFD, FD_CLOEXEC);
-    const int r = spawn(child, argv, ends[1]);
+    const int r = spawn(child, argv, ends[1], fed);
     close(ends[1]);
-    child->out = ends[0];
+    *(fed ? &child->in : &child->out) = ends[0];
     return r;
 }
 
-bool saga_child_start(saga_child *child, const char *const *argv,
-                      saga_error *error)
+static bool start(saga_child *child, const char *const *argv, bool fed,
+                  saga_error *error)
 {
     int r = 0;
-    *child = (saga_child){.out = -1, .log = open_log(error),
+    *child = (saga_child){.in = -1, .out = -1, .log = open_log(error),
                           .patience = SAGA_CHILD_PATIENCE};
     if (child->log < 0)
         return false;
     /* One at a time: a child born between another thread's pipe() and its
      * close-on-exec would keep that pipe open. */
 #pragma omp critical(saga_child)
-    r = start_locked(child, argv);
+    r = start_locked(child, argv, fed);
     if (r == 0)
         return true;
     child->pid = 0;
+    close_fd(&child->in);
     close_fd(&child->out);
     close_fd(&child->log);
     errno = r;
     return saga_fail_errno(error, argv[0], "install ffmpeg (it brings ffprobe) "
                            "and have it in PATH", "cannot be run");
+}
+
+bool saga_child_start(saga_child *child, const char *const *argv,
+                      saga_error *error)
+{
+    return start(child, argv, false, error);
+}
+
+bool saga_child_start_fed(saga_child *child, const char *const *argv,
+                          saga_error *error)
+{
+    return start(child, argv, true, error);
+}
+
+bool saga_child_write(saga_child *child, const void *buffer, size_t n)
+{
+    const uint8_t *const bytes = buffer;
+    size_t done = 0;
+    while (done < n) {
+        const ssize_t r = send(child->in, bytes + done, n - done,
+                               MSG_NOSIGNAL);
+        if (r < 0 && errno == EINTR)
+            continue;
+        if (r <= 0)
+            return false;
+        done += (size_t)r;
+    }
+    return true;
 }
 
 /* Waits for output, or for its end. */
@@ -154,6 +187,7 @@ int saga_child_end(saga_child *child, bool kill_it)
         return -1;
     if (kill_it)
         (void)kill(child->pid, SIGKILL);
+    close_fd(&child->in);
     close_fd(&child->out);
     int status = 0;
     pid_t r;

@@ -1,0 +1,296 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_path.py: guarantees, for cameras of `saga render` that no capture had,
+  keys        key cameras in the capture's units: saga-dec's pixels for the
+              camera and time computed here, on the keys and between them
+  nerfstudio  nerfstudio's camera path, its axes and its render_time
+  look-at     --look-at with and without --eye
+  film        .mp4 has the pictures, their number and rate; nothing stays where
+              ffmpeg fails or is missing
+  bad         paths that are none are told in one line"""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import tempfile
+
+os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
+SCENE = "vectors/good/motion.saga"
+# The vector's header, as tests/support/gen_stream.c writes it.
+UNIT = 2.0 ** -22
+NEAR = 1 << 18
+BACKGROUND = [3000, 4000, 8000]
+N_FRAMES = 20
+
+complaints = []
+failed = False
+
+
+def complain(*words):
+    complaints.append(" ".join(str(w) for w in words))
+
+
+def verdict(name):
+    global failed
+    for c in complaints:
+        print("     " + c)
+    print(("FAIL" if complaints else "ok  ") + " path " + name, flush=True)
+    failed = failed or bool(complaints)
+    complaints.clear()
+
+
+# --- The same cameras, computed here ---------------------------------------
+
+def sub(a, b):
+    return [x - y for x, y in zip(a, b)]
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0]]
+
+
+def unit(a):
+    n = math.sqrt(sum(x * x for x in a))
+    return [x / n for x in a]
+
+
+def looking(eye, target, up):
+    forward = unit(sub(target, eye))
+    right = unit(cross(forward, up))
+    return right + cross(forward, right) + forward
+
+
+def camera(rotation, eye, fov, width, height):
+    """The 22 integers."""
+    focal = height / 2 / math.tan(math.radians(fov) / 2)
+    return [round(r * 2 ** 30) for r in rotation] + \
+        [round(x / UNIT) for x in eye] + 2 * [round(focal * 65536)] + \
+        [width * 32768, height * 32768, NEAR, width, height] + BACKGROUND
+
+
+def mix(a, b, x):
+    if isinstance(a, list):
+        return [mix(p, q, x) for p, q in zip(a, b)]
+    return a + (b - a) * x
+
+
+def pixels_of(tmp, values, frame):
+    name, out = tmp + "/camera.txt", tmp + "/want.ppm"
+    with open(name, "w") as f:
+        f.write(" ".join(map(str, values)))
+    subprocess.run([SAGA_DEC, SCENE, "--camera", name, "--time", "%d/65536" %
+                    round(frame * 65536), "-o", out], check=True)
+    with open(out, "rb") as f:
+        return re.sub(rb"^P6\n\d+ \d+\n255\n", b"", f.read(), count=1)
+
+
+def decoded(name):
+    return subprocess.run(["ffmpeg", "-v", "error", "-i", name, "-f",
+                           "rawvideo", "-pix_fmt", "rgb24", "-"], check=True,
+                          stdout=subprocess.PIPE).stdout
+
+
+# --- Running ---------------------------------------------------------------
+
+def render(*arguments, status=0, says="", env=None):
+    done = subprocess.run([SAGA, "render", SCENE, *arguments],
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          env=env)
+    text = done.stderr.decode()
+    if done.returncode != status:
+        complain(arguments, "ends with", done.returncode, "not", status, text)
+    elif status and (says not in text or text.count("\n") != 1):
+        complain(arguments, "says", repr(text), "not", repr(says))
+
+
+def write(tmp, what):
+    name = tmp + "/path.json"
+    with open(name, "w") as f:
+        f.write(what if isinstance(what, str) else json.dumps(what))
+    return name
+
+
+def same(tmp, name, values, frame):
+    if not os.path.exists(name):
+        complain(name, "is not there")
+    elif decoded(name) != pixels_of(tmp, values, frame):
+        complain(name, "has other pixels than saga-dec's")
+
+
+KEYS = [
+    {"seconds": 0, "frame": 0, "eye": [-1.5, 1.3, -4.8],
+     "target": [0, 0, 0], "up": [0, -1, 0], "fov": 50},
+    {"seconds": 2, "frame": 10, "eye": [1.5, 1.0, -4.0],
+     "target": [0.25, 0.5, 0.25], "up": [0.25, -1, 0], "fov": 60},
+    {"seconds": 3, "frame": 40, "eye": [1.5, -1.0, -4.0],
+     "target": [0, 0.5, 0], "up": [0, -1, 0], "fov": 40},
+]
+
+
+def key_camera(key, width, height):
+    return camera(looking(key["eye"], key["target"], key["up"]), key["eye"],
+                  key["fov"], width, height)
+
+
+def between(a, b, x):
+    return {name: mix(a[name], b[name], x) for name in a}
+
+
+def check_keys(tmp):
+    """Two keys: straight from one to the other. Three: through all of them."""
+    path = {"format": "saga camera path 1", "fps": 2, "size": [96, 60],
+            "keys": [KEYS[1], KEYS[0]]}
+    render("-o", tmp + "/two%d.png", "--path", write(tmp, path))
+    for i in range(5):
+        key = between(KEYS[0], KEYS[1], i / 4)
+        same(tmp, tmp + "/two%d.png" % i, key_camera(key, 96, 60),
+             key["frame"])
+    path["keys"] = KEYS
+    render("-o", tmp + "/three%d.png", "--path", write(tmp, path))
+    for i, key, frame in ((0, KEYS[0], 0), (4, KEYS[1], 10),
+                          (6, KEYS[2], N_FRAMES - 1)):
+        same(tmp, tmp + "/three%d.png" % i, key_camera(key, 96, 60), frame)
+    if os.path.exists(tmp + "/three7.png"):
+        complain("three seconds at 2 a second are not 7 pictures")
+    # A time of one's own stands still; one key is one picture.
+    path["keys"] = KEYS[1:2]
+    render("-o", tmp + "/one.png", "--path", write(tmp, path), "--frame", "3")
+    same(tmp, tmp + "/one.png", key_camera(KEYS[1], 96, 60), 3)
+    verdict("keys")
+
+
+def check_nerfstudio(tmp):
+    poses = []
+    for key, share in ((KEYS[0], 0.0), (KEYS[1], 1.0)):
+        rows = looking(key["eye"], key["target"], key["up"])
+        axes = (rows[0:3], [-x for x in rows[3:6]], [-x for x in rows[6:9]])
+        matrix = [x for i in range(3) for x in
+                  [axes[0][i], axes[1][i], axes[2][i], key["eye"][i]]]
+        poses.append({"camera_to_world": matrix + [0, 0, 0, 1],
+                      "fov": key["fov"], "aspect": 1.6, "render_time": share})
+    path = {"camera_type": "perspective", "render_width": 96,
+            "render_height": 60, "fps": 24, "seconds": 1,
+            "camera_path": poses}
+    render("-o", tmp + "/nerf%d.png", "--path", write(tmp, path))
+    same(tmp, tmp + "/nerf0.png", key_camera(KEYS[0], 96, 60), 0)
+    same(tmp, tmp + "/nerf1.png", key_camera(KEYS[1], 96, 60), N_FRAMES - 1)
+    path["camera_type"] = "equirectangular"
+    render("-o", tmp + "/x%d.png", "--path", write(tmp, path), status=2,
+           says='"camera_type" is not "perspective"')
+    verdict("nerfstudio")
+
+
+def check_look_at(tmp):
+    rig = json.loads(subprocess.run([SAGA, "info", SCENE, "--json"],
+                                    stdout=subprocess.PIPE,
+                                    check=True).stdout)["rig"]
+    # The rig stands level, so up is -y.
+    fov = math.degrees(2 * math.atan(60 / rig[2]["focal"][1]))
+    eye = [round(x / UNIT) * UNIT for x in rig[2]["centre_metres"]]
+    render("-o", tmp + "/at.png", "--camera", "2", "--look-at", "0.5,0,-0.5")
+    render("-o", tmp + "/from.png", "--eye=-1,0.5,-4", "--look-at=0.5,0,-.5")
+    for name, place in (("at", eye), ("from", [-1, 0.5, -4])):
+        values = camera(looking(place, [0.5, 0, -0.5], [0, -1, 0]), place,
+                        fov, 160, 120)
+        want = pixels_of(tmp, values, 0)
+        got = decoded(tmp + "/%s.png" % name)
+        # Up comes from the rig by iteration, so rows may differ in a last bit.
+        off = max(abs(a - b) for a, b in zip(got, want))
+        if len(got) != len(want) or off > 1:
+            complain("--look-at,", name + ": pixels are off by", off)
+    render("-o", tmp + "/x.png", "--eye", "1,2,3", status=2,
+           says="--eye needs --look-at")
+    render("-o", tmp + "/x.png", "--look-at", "1,2", status=2,
+           says="--look-at takes X,Y,Z")
+    render("-o", tmp + "/x%d.png", "--look-at", "1,2,3", "--orbit", "3",
+           status=2, says="--look-at goes with")
+    render("-o", tmp + "/x.png", "--look-at", "1,2,3", "--eye", "1,2,3",
+           status=1, says="give another point")
+    verdict("look-at")
+
+
+def check_film(tmp):
+    path = write(tmp, {"format": "saga camera path 1", "fps": 6,
+                       "size": [95, 61], "keys": KEYS[:2]})
+    film = tmp + "/film.mp4"
+    render("-o", film, "--path", path)
+    told = subprocess.run(
+        ["ffprobe", "-v", "error", "-count_frames", "-show_entries",
+         "stream=codec_name,width,height,r_frame_rate,nb_read_frames,"
+         "color_space", "-of", "csv=p=0", film], check=True,
+        stdout=subprocess.PIPE).stdout.decode().strip()
+    if told != "h264,96,62,bt709,6/1,13":
+        complain("the film is", told)
+    got = decoded(film)[:3 * 96 * 62]
+    want = pixels_of(tmp, key_camera(KEYS[0], 95, 61), 0)
+    pairs = [(got[y * 288 + x], want[y * 285 + x]) for y in range(61)
+             for x in range(285)]
+    error = sum((a - b) ** 2 for a, b in pairs) / len(pairs)
+    # Chroma is of half size, and these are small blots of colour.
+    if error > 100:
+        complain("the film's first picture has a squared error of", error)
+    before = sorted(os.listdir(tmp))
+    render("-o", tmp + "/lost.mp4", "--orbit", "3", status=2,
+           says="install ffmpeg", env={**os.environ, "PATH": tmp})
+    fake = tmp + "/ffmpeg"
+    with open(fake, "w") as f:
+        f.write("#!/bin/sh\necho it is broken >&2\nexit 1\n")
+    os.chmod(fake, 0o755)
+    render("-o", tmp + "/lost.mp4", "--orbit", "3", status=2,
+           says="it is broken", env={**os.environ, "PATH": tmp + ":/bin"})
+    os.remove(fake)
+    if sorted(os.listdir(tmp)) != before:
+        complain("left behind:", set(os.listdir(tmp)) - set(before))
+    verdict("film")
+
+
+def check_bad(tmp):
+    def refused(what, says):
+        render("-o", tmp + "/x%d.png", "--path", write(tmp, what), status=2,
+               says=says)
+
+    key = KEYS[0]
+    form = "saga camera path 1"
+    refused("{", "is not valid JSON")
+    refused([], "is no camera path")
+    refused({"format": "saga camera path 9", "keys": KEYS}, "is no camera")
+    refused({"format": form, "keys": []}, '0 "keys"')
+    refused({"format": form, "keys": [key, {**key, "eye": [1, 2]}]},
+            'camera 2 of the path has no valid "eye"')
+    refused({"format": form, "keys": [{**key, "fov": 180}]}, '"fov"')
+    refused({"format": form, "keys": [{**key, "eye": [0, 0, 0]}]},
+            "looks nowhere")
+    refused({"format": form, "size": [0, 5], "keys": KEYS}, "path.json")
+    refused({"format": form, "fps": -1, "keys": KEYS}, '"fps"')
+    refused({"format": form, "keys": [key, {**key, "seconds": 1e9}]},
+            "pictures")
+    refused({"camera_path": [{"camera_to_world": [0] * 16, "fov": 40}]},
+            "camera_to_world")
+    refused({"camera_path": []}, "pictures")
+    render("-o", tmp + "/x%d.png", "--path", tmp + "/none.json", status=2,
+           says="none.json: cannot be opened")
+    render("-o", tmp + "/x%d.png", "--path", write(tmp, {}), "--orbit", "3",
+           status=2, says="exclude each other")
+    if [n for n in os.listdir(tmp) if n.startswith("x")]:
+        complain("pictures of refused paths")
+    verdict("bad")
+
+
+def main():
+    with tempfile.TemporaryDirectory() as tmp:
+        check_keys(tmp)
+        check_nerfstudio(tmp)
+        check_look_at(tmp)
+        check_film(tmp)
+        check_bad(tmp)
+    return 1 if failed else 0
+
+
+sys.exit(main())

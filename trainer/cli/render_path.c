@@ -1,0 +1,348 @@
+/* SPDX-License-Identifier: MIT */
+#include "render_path.h"
+
+#include "alloc.h"
+#include "file.h"
+#include "json_memory.h"
+#include "picture.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A key camera's numbers, in this order. */
+enum { SECONDS, FRAME, FOV, EYE, TARGET = EYE + 3, UP = TARGET + 3,
+       KEY_LENGTH = UP + 3 };
+
+typedef double key_row[KEY_LENGTH];
+
+typedef struct {
+    const char *name;        /* of the file */
+    saga_path *path;
+    saga_error *error;
+} reader;
+
+static const double pi = 3.14159265358979323846;
+
+/* --- Poses --------------------------------------------------------------- */
+
+static bool normalise(double v[3])
+{
+    const double n = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+
+    for (int i = 0; i < 3; i++)
+        v[i] /= n;
+    return n > 1e-12 && isfinite(n);
+}
+
+static void cross(double out[3], const double a[3], const double b[3])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] -
+                 a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+bool saga_look_at(double rotation[9], const double eye[3],
+                  const double target[3], const double up[3])
+{
+    double *const right = rotation, *const down = rotation + 3;
+    double *const forward = rotation + 6;
+
+    for (int i = 0; i < 3; i++)
+        forward[i] = target[i] - eye[i];
+    if (!normalise(forward))
+        return false;
+    cross(right, forward, up);
+    if (!normalise(right))
+        return false;
+    cross(down, forward, right);
+    return true;
+}
+
+void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
+                    int height)
+{
+    const double focal = 0.5 * height / tan(camera->fov * pi / 360.0);
+
+    *shot = (saga_shot){ .name = "path", .width = width, .height = height,
+                         .fx = focal, .fy = focal, .cx = 0.5 * width,
+                         .cy = 0.5 * height };
+    memcpy(shot->rotation, camera->rotation, sizeof shot->rotation);
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < 3; k++)
+            shot->translation[i] -= shot->rotation[3 * i + k] *
+                                    camera->centre[k];
+}
+
+/* --- JSON ---------------------------------------------------------------- */
+
+static bool bad(const reader *r, size_t i, const char *what)
+{
+    return saga_fail(r->error, r->name, "`saga help render` has an example",
+                     "camera %zu of the path has no valid \"%s\"", i + 1,
+                     what);
+}
+
+static bool number_of(double *v, const json_t *value)
+{
+    *v = json_number_value(value);
+    return json_is_number(value) && isfinite(*v);
+}
+
+/* n numbers of an array of n. */
+static bool numbers_of(double *v, const json_t *array, size_t n)
+{
+    bool ok = json_is_array(array) && json_array_size(array) == n;
+
+    for (size_t i = 0; ok && i < n; i++)
+        ok = number_of(&v[i], json_array_get(array, i));
+    return ok;
+}
+
+static bool is_fov(double v)
+{
+    return v > 0.0 && v < 180.0;
+}
+
+static bool make_room(const reader *r, double n)
+{
+    if (!(n >= 1.0 && n <= SAGA_MAX_PATH))
+        return saga_fail(r->error, r->name, "give it 1 to 100000",
+                         "the path has %.0f pictures", n);
+    r->path->n = (int)n;
+    r->path->camera = saga_calloc((size_t)n, sizeof *r->path->camera, r->name,
+                                  r->error);
+    return r->path->camera != NULL;
+}
+
+/* What is not said stays 0; a size must be one. */
+static bool read_frame(const reader *r, const json_t *fps, const json_t *width,
+                       const json_t *height)
+{
+    saga_path *const p = r->path;
+
+    if (fps && (!number_of(&p->fps, fps) || p->fps <= 0.0))
+        return saga_fail(r->error, r->name, "give pictures a second",
+                         "its \"fps\" is no number above 0");
+    if (!width && !height)
+        return true;
+    p->width = (int)json_integer_value(width);
+    p->height = (int)json_integer_value(height);
+    return saga_check_size(r->name, json_integer_value(width),
+                           json_integer_value(height), r->error);
+}
+
+/* --- Key cameras --------------------------------------------------------- */
+
+static bool read_key(const reader *r, double *row, const json_t *key, size_t i)
+{
+    static const struct {
+        const char *name;
+        int at;
+        size_t n;            /* 1: a number, else an array of so many */
+    } parts[] = {
+        { "seconds", SECONDS, 1 }, { "frame", FRAME, 1 }, { "fov", FOV, 1 },
+        { "eye", EYE, 3 }, { "target", TARGET, 3 }, { "up", UP, 3 }
+    };
+
+    for (size_t p = 0; p < sizeof parts / sizeof parts[0]; p++) {
+        const json_t *const value = json_object_get(key, parts[p].name);
+        double *const to = row + parts[p].at;
+
+        if (parts[p].n == 1 ? !number_of(to, value)
+                            : !numbers_of(to, value, parts[p].n))
+            return bad(r, i, parts[p].name);
+    }
+    return is_fov(row[FOV]) || bad(r, i, "fov");
+}
+
+static int by_seconds(const void *a, const void *b)
+{
+    const double x = ((const double *)a)[SECONDS];
+    const double y = ((const double *)b)[SECONDS];
+
+    return (x > y) - (x < y);
+}
+
+/* The slope of number c at key i: towards its neighbours, at an end that of the
+ * last stretch. */
+static double slope(const key_row *key, int n, int i, int c)
+{
+    const int a = i > 0 ? i - 1 : 0, b = i + 1 < n ? i + 1 : n - 1;
+    const double span = key[b][SECONDS] - key[a][SECONDS];
+
+    return span > 0.0 ? (key[b][c] - key[a][c]) / span : 0.0;
+}
+
+/* The row at a time between the first key and the last. */
+static void row_at(double *row, const key_row *key, int n, double seconds)
+{
+    int i = 0;
+    double span, x;
+
+    while (i + 2 < n && key[i + 1][SECONDS] <= seconds)
+        i++;
+    span = n > 1 ? key[i + 1][SECONDS] - key[i][SECONDS] : 0.0;
+    x = span > 0.0 ? (seconds - key[i][SECONDS]) / span : 0.0;
+    for (int c = 0; c < KEY_LENGTH; c++) {
+        const double a = key[i][c], b = key[n > 1 ? i + 1 : i][c];
+        const double m = span * slope(key, n, i, c);
+        const double e = n > 1 ? span * slope(key, n, i + 1, c) : 0.0;
+
+        row[c] = a + x * (m + x * (3.0 * (b - a) - 2.0 * m - e +
+                                   x * (2.0 * (a - b) + m + e)));
+    }
+}
+
+static bool play_keys(const reader *r, const key_row *key, int n)
+{
+    saga_path *const p = r->path;
+    const double fps = p->fps > 0.0 ? p->fps : 30.0;
+    const double start = key[0][SECONDS];
+
+    p->fps = fps;
+    p->clock = SAGA_PATH_FRAMES;
+    if (!make_room(r, floor((key[n - 1][SECONDS] - start) * fps + 1e-6) + 1.0))
+        return false;
+    for (int i = 0; i < p->n; i++) {
+        saga_path_camera *const c = &p->camera[i];
+        key_row row;
+
+        row_at(row, key, n, start + i / fps);
+        if (!is_fov(row[FOV]) ||
+            !saga_look_at(c->rotation, row + EYE, row + TARGET, row + UP))
+            return saga_fail(r->error, r->name, "put eye and target apart, and "
+                             "up not along them", "picture %d of the path "
+                             "looks nowhere", i + 1);
+        memcpy(c->centre, row + EYE, sizeof c->centre);
+        c->fov = row[FOV];
+        c->time = row[FRAME];
+    }
+    return true;
+}
+
+static bool read_keys(const reader *r, const json_t *root)
+{
+    const json_t *const keys = json_object_get(root, "keys");
+    const json_t *const size = json_object_get(root, "size");
+    const size_t n = json_array_size(keys);
+    key_row *key;
+    bool ok;
+
+    if (n < 1 || n > SAGA_MAX_PATH)
+        return saga_fail(r->error, r->name, "give one or more",
+                         "its path has %zu \"keys\"", n);
+    key = saga_alloc(n, sizeof *key, r->name, r->error);
+    ok = key && read_frame(r, json_object_get(root, "fps"),
+                           json_array_get(size, 0), json_array_get(size, 1));
+    for (size_t i = 0; ok && i < n; i++)
+        ok = read_key(r, key[i], json_array_get(keys, i), i);
+    if (ok) {
+        qsort(key, n, sizeof *key, by_seconds);
+        ok = play_keys(r, (const key_row *)key, (int)n);
+    }
+    free(key);
+    return ok;
+}
+
+/* --- nerfstudio ---------------------------------------------------------- */
+
+/* m: 3x4 of camera to world, y up, z backwards. */
+static bool read_pose(saga_path_camera *c, const double *m)
+{
+    for (int i = 0; i < 3; i++) {
+        double axis[3] = { m[i], m[4 + i], m[8 + i] };
+        const double sign = i ? -1.0 : 1.0;
+
+        if (!normalise(axis))
+            return false;
+        for (int k = 0; k < 3; k++)
+            c->rotation[3 * i + k] = sign * axis[k];
+        c->centre[i] = m[4 * i + 3];
+    }
+    return true;
+}
+
+static bool read_picture(const reader *r, const json_t *picture, size_t i)
+{
+    saga_path_camera *const c = &r->path->camera[i];
+    const json_t *const time = json_object_get(picture, "render_time");
+    double m[16];
+
+    if (!numbers_of(m, json_object_get(picture, "camera_to_world"), 16) ||
+        !read_pose(c, m))
+        return bad(r, i, "camera_to_world");
+    if (!number_of(&c->fov, json_object_get(picture, "fov")) || !is_fov(c->fov))
+        return bad(r, i, "fov");
+    if (time && number_of(&c->time, time))
+        r->path->clock = SAGA_PATH_SHARE;
+    return true;
+}
+
+static bool read_nerfstudio(const reader *r, const json_t *root)
+{
+    const json_t *const list = json_object_get(root, "camera_path");
+    const json_t *const type = json_object_get(root, "camera_type");
+    const size_t n = json_array_size(list);
+    bool ok = make_room(r, (double)n);
+
+    if (ok && type && strcmp(json_is_string(type) ? json_string_value(type)
+                                                  : "", "perspective"))
+        return saga_fail(r->error, r->name, "export a perspective one",
+                         "its \"camera_type\" is not \"perspective\"");
+    ok = ok && read_frame(r, json_object_get(root, "fps"),
+                          json_object_get(root, "render_width"),
+                          json_object_get(root, "render_height"));
+    for (size_t i = 0; ok && i < n; i++)
+        ok = read_picture(r, json_array_get(list, i), i);
+    return ok;
+}
+
+/* --- Together ------------------------------------------------------------ */
+
+static bool read_root(const reader *r, const json_t *root)
+{
+    const char *const format =
+        json_string_value(json_object_get(root, "format"));
+
+    if (format && !strcmp(format, "saga camera path 1"))
+        return read_keys(r, root);
+    if (json_object_get(root, "camera_path"))
+        return read_nerfstudio(r, root);
+    return saga_fail(r->error, r->name, "save one in `saga view` or in "
+                     "nerfstudio's viewer", "is no camera path");
+}
+
+bool saga_path_read(saga_path *path, const char *name, saga_error *error)
+{
+    const reader r = { name, path, error };
+    json_error_t problem;
+    saga_bytes bytes;
+    json_t *root;
+    bool ok;
+
+    *path = (saga_path){ 0 };
+    if (!saga_read_file(&bytes, name, error))
+        return false;
+    saga_json_watch();
+    root = json_loadb((const char *)bytes.data, bytes.nbytes, 0, &problem);
+    saga_bytes_free(&bytes);
+    if (saga_json_starved())
+        ok = saga_no_memory(0, name, error);
+    else if (!root)
+        ok = saga_fail(error, name, "correct it", "is not valid JSON (line %d: "
+                       "%s)", problem.line, problem.text);
+    else
+        ok = read_root(&r, root);
+    json_decref(root);
+    if (!ok)
+        saga_path_free(path);
+    return ok;
+}
+
+void saga_path_free(saga_path *path)
+{
+    free(path->camera);
+    *path = (saga_path){ 0 };
+}
