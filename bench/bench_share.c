@@ -526,7 +526,7 @@ static void embeddings(file *f)
 
 /* --- Components of a view ------------------------------------------------ */
 
-/* A second time for the direction of the colour. */
+/* The mean a second time for the direction of the colour. */
 static void animate(file *f)
 {
     const uint32_t n = f->sc.n.prim;
@@ -536,7 +536,8 @@ static void animate(file *f)
         saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
     if (f->sc.model->tools & SAGA_TOOL_VIEW)
         for (i = 0; i < f->n_splats; i++)
-            saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
+            saga_animate_mean(f->animated[i].x, &f->prims[i], &f->format,
+                              T_MID);
 }
 
 static void project(file *f)
@@ -550,16 +551,21 @@ static void project(file *f)
 
 static void shade(file *f)
 {
-    uint16_t colour_q15[3];
-    uint32_t i;
+    const uint32_t most = saga_shade_points(&f->sc);
+    saga_seen seen;
+    uint32_t i, k;
 
     if (!(f->sc.model->tools & SAGA_TOOL_VIEW))
         return;
-    for (i = 0; i < f->n_splats; i++) {
-        saga_shade(colour_q15, &f->sc,
-                   f->colours + (size_t)i * f->plan.colour_stride,
-                   f->animated[i].x, f->camera.centre);
-        f->sum += colour_q15[0];
+    for (i = 0; i < f->n_splats; i += seen.n) {
+        seen.n = f->n_splats - i < most ? f->n_splats - i : most;
+        for (k = 0; k < seen.n; k++) {
+            seen.base[k] = f->colours +
+                           (size_t)(i + k) * f->plan.colour_stride;
+            memcpy(seen.x[k], f->animated[i + k].x, sizeof seen.x[k]);
+        }
+        saga_shade(f->splats + i, &f->sc, &seen, f->camera.centre);
+        f->sum += f->splats[i].colour_q15[0];
     }
 }
 

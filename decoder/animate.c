@@ -68,16 +68,15 @@ static int64_t motion_q20(const saga_primitive *p, const saga_prim_format *f,
 }
 
 /* support <= 2^23: the product is at most 2^62. */
-static void animate_position(saga_animated *out, const saga_primitive *p,
-                             const saga_prim_format *f, int32_t age)
+static void animate_mean(int32_t x[3], const saga_primitive *p,
+                         const saga_prim_format *f, int32_t age)
 {
     int i;
 
     for (i = 0; i < 3; i++) {
         const int64_t m = motion_q20(p, f, i, age) * p->support[i];
 
-        out->x[i] = fx_clamp64(p->x[i] + fx_rshift64(m, 20),
-                               -LIMIT_X, LIMIT_X);
+        x[i] = fx_clamp64(p->x[i] + fx_rshift64(m, 20), -LIMIT_X, LIMIT_X);
     }
 }
 
@@ -128,11 +127,17 @@ void saga_animate(saga_animated *out, const saga_primitive *p,
     const int32_t o_q12 = fx_requant32(-(int32_t)p->opacity, f->q_opacity, 12);
     int i;
 
-    animate_position(out, p, f, age);
+    animate_mean(out->x, p, f, age);
     animate_quat(out, p, f, age);
     for (i = 0; i < 3; i++)
         out->log2_scale_q10[i] = p->log2_scale_q10[i];
     out->q0_q20 = saga_softplus2_q12_q20(o_q12);
     if (f->has_width)
         out->q0_q20 += fade_q20(dt, p->log2_width_q10);
+}
+
+void saga_animate_mean(int32_t x[3], const saga_primitive *p,
+                       const saga_prim_format *f, int32_t t)
+{
+    animate_mean(x, p, f, age_q16(p, f, t - p->t_centre));
 }

@@ -15,4 +15,8 @@
 void saga_animate(saga_animated *out, const saga_primitive *p,
                   const saga_prim_format *f, int32_t t);
 
+/* x alone. */
+void saga_animate_mean(int32_t x[3], const saga_primitive *p,
+                       const saga_prim_format *f, int32_t t);
+
 #endif

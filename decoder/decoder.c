@@ -409,22 +409,58 @@ static const saga_key *keys_of(const saga_decoder *dec)
 /* The middle of a segment, where view directions are taken from. */
 enum { T_MID = 32768 };
 
-static void shade(uint16_t colour_q15[3], saga_decoder *dec,
-                  const saga_scaffold *sc, uint32_t prim)
+/* Colours of the last seen->n of n splats. */
+static void shade(saga_splat *splats, uint32_t n, const saga_decoder *dec,
+                  const saga_scaffold *sc, saga_seen *seen)
+{
+    if (seen->n > 0)
+        saga_shade(splats + (n - seen->n), sc, seen, dec->camera.centre);
+    seen->n = 0;
+}
+
+/* A splat has its colour at once, or waits for it in `seen`. */
+static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
+                saga_seen *seen)
 {
     const int16_t *const base =
         (const int16_t *)(const void *)const_at(dec, dec->plan.colours_at) +
         (size_t)prim * dec->plan.colour_stride;
-    saga_animated mid;
     int i;
 
     if (dec->header.model.tools & SAGA_TOOL_VIEW) {
-        saga_animate(&mid, &prims_of(dec)[prim], &dec->format, T_MID);
-        saga_shade(colour_q15, sc, base, mid.x, dec->camera.centre);
+        seen->base[seen->n] = base;
+        saga_animate_mean(seen->x[seen->n++], &prims_of(dec)[prim],
+                          &dec->format, T_MID);
         return;
     }
     for (i = 0; i < 3; i++)
-        colour_q15[i] = (uint16_t)base[i];
+        splat->colour_q15[i] = (uint16_t)base[i];
+}
+
+/* All primitives that are visible, with keys by depth; returns their number. */
+static uint32_t make_splats(saga_splat *splats, saga_key *keys,
+                            saga_decoder *dec, int32_t t)
+{
+    saga_seen seen = { 0 };
+    saga_scaffold sc;
+    uint32_t i, n = 0, most;
+
+    scaffold_of(&sc, dec);
+    most = saga_shade_points(&sc);
+    for (i = 0; i < dec->n.prim; i++) {
+        saga_animated a;
+
+        saga_animate(&a, &prims_of(dec)[i], &dec->format, t);
+        if (!saga_project(&splats[n], &a, &dec->camera))
+            continue;
+        keys[n].depth = splats[n].depth;
+        keys[n].index = n;
+        see(&splats[n++], dec, i, &seen);
+        if (seen.n == most)
+            shade(splats, n, dec, &sc, &seen);
+    }
+    shade(splats, n, dec, &sc, &seen);
+    return n;
 }
 
 /* Views of one decoder differ by their number, those of two decoders by what
@@ -452,8 +488,7 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
     saga_key *const keys =
         (saga_key *)(void *)block_at(dec, dec->plan.keys_at);
     const saga_status s = saga_camera_check(camera);
-    saga_scaffold sc;
-    uint32_t i, n = 0;
+    uint32_t n;
 
     if (!dec->has_segment)
         return SAGA_ERR_STATE;
@@ -462,18 +497,7 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
     if (t < 0 || t > SAGA_T_MAX)
         return SAGA_ERR_ARG;
     dec->camera = *camera;
-    scaffold_of(&sc, dec);
-    for (i = 0; i < dec->n.prim; i++) {
-        saga_animated a;
-
-        saga_animate(&a, &prims_of(dec)[i], &dec->format, t);
-        if (!saga_project(&splats[n], &a, camera))
-            continue;
-        shade(splats[n].colour_q15, dec, &sc, i);
-        keys[n].depth = splats[n].depth;
-        keys[n].index = n;
-        n++;
-    }
+    n = make_splats(splats, keys, dec, t);
     saga_depth_sort(keys, (saga_key *)(void *)
                     block_at(dec, dec->plan.keys_tmp_at), n);
     saga_raster_boxes(keys, splats, n, camera);

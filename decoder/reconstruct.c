@@ -228,19 +228,37 @@ static void direction_q14(int16_t d[3], const int32_t x[3],
                                        16 - n2.exp));
 }
 
-void saga_shade(uint16_t colour_q15[3], const saga_scaffold *sc,
-                const int16_t *base, const int32_t x[3],
-                const int32_t centre[3])
+uint32_t saga_shade_points(const saga_scaffold *sc)
+{
+    return saga_net_points(sc->net.nets, 1u << SAGA_NET_COLOUR_VIEW |
+                                         1u << SAGA_NET_COLOUR);
+}
+
+void saga_shade(saga_splat *splats, const saga_scaffold *sc,
+                const saga_seen *seen, const int32_t centre[3])
 {
     const uint32_t width = sc->model->width[SAGA_NET_COLOUR];
-    int16_t d[3];
-    uint32_t i;
+    uint32_t i, k;
 
-    direction_q14(d, x, centre);
-    saga_in_vector(&sc->net, SAGA_NET_COLOUR_VIEW, 0, d, 3, 14);
-    saga_net_run(&sc->net, SAGA_NET_COLOUR_VIEW, 1);
-    for (i = 0; i < width; i++)
-        sc->net.v->in[i] = fx_sat16(base[i] + sc->net.v->out[i]);
-    finish_colours(sc, 1);
-    get_colour(colour_q15, sc, 0);
+    for (i = 0; i < seen->n; i++) {
+        int16_t d[3];
+
+        direction_q14(d, seen->x[i], centre);
+        saga_in_vector(&sc->net, SAGA_NET_COLOUR_VIEW,
+                       saga_in_point(&sc->net, SAGA_NET_COLOUR_VIEW, i), d, 3,
+                       14);
+    }
+    saga_net_run(&sc->net, SAGA_NET_COLOUR_VIEW, seen->n);
+    for (i = 0; i < seen->n; i++) {
+        const int16_t *const out = saga_out_point(&sc->net,
+                                                  SAGA_NET_COLOUR_VIEW, i);
+        int16_t *const in = sc->net.v->in +
+                            saga_in_point(&sc->net, SAGA_NET_COLOUR, i);
+
+        for (k = 0; k < width; k++)
+            in[k] = fx_sat16(seen->base[i][k] + out[k]);
+    }
+    finish_colours(sc, seen->n);
+    for (i = 0; i < seen->n; i++)
+        get_colour(splats[i].colour_q15, sc, i);
 }

@@ -19,10 +19,18 @@ void saga_prim_format_of(saga_prim_format *f, const saga_model *m);
 void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
                       int16_t *colours, uint32_t stride);
 
-/* Colour of a primitive seen from a camera's centre. x: its position at
- * mid-segment; base: its pre-activations. Uses sc->net.v. */
-void saga_shade(uint16_t colour_q15[3], const saga_scaffold *sc,
-                const int16_t *base, const int32_t x[3],
-                const int32_t centre[3]);
+/* Primitives that are seen, up to saga_shade_points together. */
+typedef struct saga_seen {
+    uint32_t n;
+    const int16_t *base[SAGA_MAX_POINTS]; /* pre-activations */
+    int32_t x[SAGA_MAX_POINTS][3];        /* positions at mid-segment */
+} saga_seen;
+
+uint32_t saga_shade_points(const saga_scaffold *sc);
+
+/* Colours of primitives seen from a camera's centre: splats[0..seen->n). Uses
+ * sc->net.v. */
+void saga_shade(saga_splat *splats, const saga_scaffold *sc,
+                const saga_seen *seen, const int32_t centre[3]);
 
 #endif
