@@ -127,7 +127,7 @@ static void assert_same(const saga_flat *a, const saga_flat *b)
 
 static void bits_should_not_depend_on_threads(void **state)
 {
-    saga_flat_options o = small();
+    const saga_flat_options o = small();
     saga_flat *f[2];
 
     for (int i = 0; i < 2; i++) {
@@ -166,10 +166,9 @@ static saga_flat *saved_and_restored(const fixture *x, saga_flat *f,
 static void bits_should_not_depend_on_interruptions(void **state)
 {
     static const int stops[] = { 60, 130 };
-    saga_flat_options o = small();
-    saga_flat *whole;
+    const saga_flat_options o = small();
+    saga_flat *const whole = make(*state, &o);
 
-    whole = make(*state, &o);
     run(whole, ITERATIONS);
     for (int i = 0; i < 2; i++) {
         saga_flat *f = make(*state, &o);

@@ -519,7 +519,7 @@ static double start_error(saga_train *t)
             memcpy(c.truth, c.image, 3 * 64 * 36 * sizeof *c.truth);
             saga_twin_colour(w, &t->fit->used, c.camera.centre);
             assert_true(saga_splat_forward(&c, &w->attr, prims, &error));
-            sum += saga_canvas_mse(&c, c.image);
+            sum += saga_canvas_mse(&c);
         }
     saga_canvas_free(&c);
     return sum / n;

@@ -523,7 +523,7 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
     }
 }
 
-/* --- The memory ---------------------------------------------------------- */
+/* --- The bank ------------------------------------------------------------ */
 
 uint32_t saga_rate_readers(const saga_rate_context *c, const saga_scene *s)
 {

@@ -134,7 +134,7 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
                                 saga_rate_list list,
                                 const saga_rate_features *dx);
 
-/* --- The memory ---------------------------------------------------------- */
+/* --- The bank ------------------------------------------------------------ */
 
 /* Returns the kinds that read it, as bits 1 << kind; 0: it does not run. A
  * tier writes if it reads or one of the kinds after it. */

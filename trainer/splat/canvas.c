@@ -54,14 +54,14 @@ void saga_canvas_free(saga_canvas *c)
     memset(c, 0, sizeof *c);
 }
 
-double saga_canvas_mse(const saga_canvas *c, const real *image)
+double saga_canvas_mse(const saga_canvas *c)
 {
     const size_t n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
     double sum = 0;
     size_t i;
 
     for (i = 0; i < n; i++) {
-        const double e = (double)(saga_clamp(image[i], 0, 1) - c->truth[i]);
+        const double e = (double)(saga_clamp(c->image[i], 0, 1) - c->truth[i]);
 
         sum += e * e;
     }

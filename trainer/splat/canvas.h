@@ -120,9 +120,8 @@ bool saga_canvas_init(saga_canvas *canvas, size_t n_pixels,
 /* Frees everything in it; a canvas of zeros has nothing. */
 void saga_canvas_free(saga_canvas *canvas);
 
-/* The mean squared error of an image (3, H, W), clipped to 0..1, against the
- * truth. */
-double saga_canvas_mse(const saga_canvas *canvas, const real *image);
+/* The mean squared error of the image, clipped to 0..1, against the truth. */
+double saga_canvas_mse(const saga_canvas *canvas);
 
 /* For the passes: makes *p hold at least nbytes; the old content is lost when
  * it grows. */

@@ -2,8 +2,10 @@
  *
  * The fit's part of a checkpoint: what the next iteration reads and nothing
  * else makes again. Random numbers need no state, the structure follows from
- * the warm-up. Links stand still between refreshes, and
- * new offsets are in the last iteration's supports: so they are kept.
+ * the warm-up. Of the twin, links stand still between refreshes, new offsets
+ * are in the last iteration's supports, and layers are rounded before the
+ * offsets of their iteration are made: so these three are kept. (Phases would
+ * be too if the trainer had a Fuse, which alone reads them that early.)
  */
 #include "fit_state.h"
 
@@ -28,16 +30,11 @@ static void walk_links(saga_checkpoint *c, saga_links *l, size_t queries)
 
 static void walk_twin(saga_checkpoint *c, saga_twin *w)
 {
-    const size_t fine = 4 * (size_t)w->n.fine, prim = 4 * (size_t)w->n.prim;
-
     walk_links(c, &w->to_fine, w->n.fine);
     walk_links(c, &w->to_prim, w->n.prim);
-    walk_reals(c, w->log2_support, fine);
-    walk_reals(c, w->support, fine);
-    walk_reals(c, w->fine_offset, fine);
-    walk_reals(c, w->fine_phase, fine);
-    walk_reals(c, w->prim_offset, prim);
-    walk_reals(c, w->prim_phase, prim);
+    walk_reals(c, w->support, 4 * (size_t)w->n.fine);
+    walk_reals(c, w->fine_offset, 4 * (size_t)w->n.fine);
+    walk_reals(c, w->prim_offset, 4 * (size_t)w->n.prim);
 }
 
 /* Anchors do not move: the rest of the rate is as it was made. What the
@@ -69,7 +66,6 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     walk_reals(c, f->m, f->scene->n_reals);
     walk_reals(c, f->v, f->scene->n_reals);
     walk_rate(c, &f->rate, f->scene);
-    saga_checkpoint_walk(c, f->bits, sizeof f->bits);
     saga_checkpoint_walk(c, w->log2_step, sizeof w->log2_step);
     saga_checkpoint_walk(c, w->m, sizeof w->m);
     saga_checkpoint_walk(c, w->v, sizeof w->v);

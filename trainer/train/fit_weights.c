@@ -150,12 +150,9 @@ bool saga_fit_use_weights(saga_fit *f, saga_error *error)
         start_steps(f);
     if (now > before && !round_layers(f, before, now, error))
         return false;
-    if (done < 0)
-        copy_params(f);
-    else
-        saga_weights_noise(f->params, f->scene->params, &f->weights, now,
-                           NOISE_PART, f->o.seed ^ ((uint64_t)done << 20) ^
-                                       STREAM_WEIGHTS);
+    saga_weights_noise(f->params, f->scene->params, &f->weights, now,
+                       NOISE_PART, f->o.seed ^ ((uint64_t)done << 20) ^
+                                   STREAM_WEIGHTS);
     return true;
 }
 
@@ -163,8 +160,7 @@ void saga_fit_rate_weights(saga_fit *f)
 {
     if (!f->o.raw_networks)
         saga_weights_rate(f->grad.params, &f->weights, f->params,
-                          f->scene->params,
-                          f->o.price.weight);
+                          f->scene->params, f->o.price.weight);
 }
 
 void saga_fit_round_weights(saga_fit *f)

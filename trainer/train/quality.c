@@ -102,7 +102,7 @@ static bool fit_psnr(void *user, double *psnr, saga_sample picture,
     if (!draw(p, picture, error))
         return false;
     saga_pictures_truth(&p->canvas, &p->t->pictures, picture);
-    *psnr = -10 * log10(saga_canvas_mse(&p->canvas, p->canvas.image) + 1e-12);
+    *psnr = -10 * log10(saga_canvas_mse(&p->canvas) + 1e-12);
     return true;
 }
 

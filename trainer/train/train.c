@@ -20,7 +20,7 @@ static const double warm_part = 0.6;
 static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 1.9, 0 };
 
 /* Recent pictures weigh this much less with every newer one. */
-#define MEMORY_PART 0.98
+#define RECENT_PART 0.98
 
 const char *saga_train_stage_name(saga_train_stage stage)
 {
@@ -386,7 +386,7 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
 
         if (!step(t, &mse, error))
             return SAGA_FAILED;
-        t->recent_mse += (t->recent_mse > 0 ? 1 - MEMORY_PART : 1) *
+        t->recent_mse += (t->recent_mse > 0 ? 1 - RECENT_PART : 1) *
                          (mse - t->recent_mse);
         go_on = tell(t);
         if (!go_on || seconds() - t->saved >= t->o.checkpoint_seconds)

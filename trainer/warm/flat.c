@@ -86,7 +86,7 @@ int saga_flat_mip_at(const saga_flat *f, int iteration)
     return mips - (int)(iteration * mips / coarse);
 }
 
-saga_splat_params saga_flat_view_of(real *const *t, bool temporal)
+static saga_splat_params view_of(real *const *t, bool temporal)
 {
     saga_splat_params p = {
         .mean = t[FLAT_MEAN], .quat = t[FLAT_QUAT],
@@ -105,7 +105,7 @@ saga_splat_params saga_flat_view_of(real *const *t, bool temporal)
 
 saga_splat_params saga_flat_params(const saga_flat *f)
 {
-    return saga_flat_view_of(f->value, f->o.temporal);
+    return view_of(f->value, f->o.temporal);
 }
 
 int saga_flat_iteration(const saga_flat *f) { return f->iteration; }
@@ -362,7 +362,7 @@ static bool look(saga_flat *f, double *mse, saga_sample sample,
 {
     const saga_splat_params p = saga_flat_params(f);
     saga_splat_learning l = {
-        .d = saga_flat_view_of(f->grad, f->o.temporal), .stats = &f->stats
+        .d = view_of(f->grad, f->o.temporal), .stats = &f->stats
     };
 
     saga_pictures_aim(&f->canvas, f->pictures, sample);
@@ -404,6 +404,6 @@ bool saga_flat_render(saga_flat *f, real *image, double *mse,
         return false;
     for (int i = 0; image && i < 3 * c->width * c->height; i++)
         image[i] = saga_clamp(from[i], 0, 1);
-    *mse = saga_canvas_mse(&f->canvas, from);
+    *mse = saga_canvas_mse(&f->canvas);
     return true;
 }

@@ -59,7 +59,6 @@ extern const int saga_flat_widths[FLAT_N_TENSORS];
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 /* How often pictures are halved at an iteration. */
 int saga_flat_mip_at(const saga_flat *f, int iteration);
-saga_splat_params saga_flat_view_of(real *const *tensors, bool temporal);
 /* Room for n primitives, values kept. */
 bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
 void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one);
