@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Damaged files of every kind that a capture has: the readers take or refuse
+ * them, with a message, and never crash. SAGA_TEST_COUNT damaged files of each
+ * kind (300), from SAGA_TEST_SEED on. fuzz_input.c is the same with libFuzzer.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_input.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+static uint64_t setting(const char *name, uint64_t otherwise)
+{
+    const char *const s = getenv(name);
+
+    return s ? strtoull(s, NULL, 0) : otherwise;
+}
+
+static void seed_should_be_taken(void **state)
+{
+    (void)state;
+    for (int k = 0; k < INPUT_N_KINDS; k++) {
+        size_t n;
+        uint8_t *const p = input_seed((input_kind)k, &n);
+
+        if (!input_play((input_kind)k, p, n))
+            fail_msg("%s is refused", input_kind_text[k]);
+        free(p);
+    }
+}
+
+static void damage_should_be_survived(void **state)
+{
+    const uint64_t first = setting("SAGA_TEST_SEED", 1);
+    const uint64_t count = setting("SAGA_TEST_COUNT", 300);
+
+    (void)state;
+    for (int k = 0; k < INPUT_N_KINDS; k++) {
+        size_t n;
+        uint8_t *const p = input_seed((input_kind)k, &n);
+        unsigned taken = 0;
+
+        for (uint64_t i = first; i < first + count; i++) {
+            uint64_t r = i * 0x9e3779b97f4a7c15u + (uint64_t)k;
+            size_t m;
+            uint8_t *const q = input_damage((input_kind)k, p, n, &r, &m);
+
+            taken += (unsigned)input_play((input_kind)k, q, m);
+            free(q);
+        }
+        printf("%s: %u of %u taken\n", input_kind_text[k], taken,
+               (unsigned)count);
+        assert_true(taken < count);
+        free(p);
+    }
+}
+
+static int begin(void **state)
+{
+    (void)state;
+    input_begin();
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    input_end();
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(seed_should_be_taken),
+        cmocka_unit_test(damage_should_be_survived),
+    };
+
+    return cmocka_run_group_tests(tests, begin, end);
+}

@@ -1,0 +1,521 @@
+/* SPDX-License-Identifier: MIT */
+#include "gen_input.h"
+
+#include "capture.h"
+#include "colmap.h"
+#include "npy.h"
+#include "picture.h"
+#include "ply.h"
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zlib.h>
+
+const char *const input_kind_text[INPUT_N_KINDS] = {
+    "PNG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON", "COLMAP",
+    "COLMAP text"
+};
+
+enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
+
+static char folder[] = "/tmp/saga_input.XXXXXX";
+
+static void *must(void *p)
+{
+    if (!p) {
+        fprintf(stderr, "gen_input: out of memory\n");
+        exit(2);
+    }
+    return p;
+}
+
+static void check(int ok, const char *what)
+{
+    if (!ok) {
+        fprintf(stderr, "gen_input: %s\n", what);
+        abort();
+    }
+}
+
+/* --- Bytes and files ----------------------------------------------------- */
+
+typedef struct {
+    uint8_t *p;
+    size_t n;
+} bytes;
+
+static void put(bytes *b, const void *data, size_t n)
+{
+    b->p = must(realloc(b->p, b->n + n + 1));
+    if (n)
+        memcpy(b->p + b->n, data, n);
+    b->n += n;
+}
+
+static void put_text(bytes *b, const char *text)
+{
+    put(b, text, strlen(text));
+}
+
+/* The lowest n bytes of x, the low end first. */
+static void put_le(bytes *b, uint64_t x, int n)
+{
+    for (int i = 0; i < n; i++) {
+        const uint8_t byte = (uint8_t)(x >> 8 * i);
+
+        put(b, &byte, 1);
+    }
+}
+
+static void put_f64(bytes *b, double x)
+{
+    uint64_t bits;
+
+    memcpy(&bits, &x, sizeof bits);
+    put_le(b, bits, 8);
+}
+
+static const char *path_of(const char *name)
+{
+    static char path[2][80];
+    static int turn;
+
+    turn = !turn;
+    snprintf(path[turn], sizeof path[turn], "%s/%s", folder, name);
+    return path[turn];
+}
+
+static void write_file(const char *name, const uint8_t *p, size_t n)
+{
+    FILE *const f = fopen(path_of(name), "wb");
+
+    check(f && fwrite(p, 1, n, f) == n && fclose(f) == 0, name);
+}
+
+static uint8_t *read_file(const char *name, size_t *n)
+{
+    FILE *const f = fopen(path_of(name), "rb");
+    uint8_t *p = must(malloc(1 << 16));
+
+    check(f != NULL, name);
+    *n = fread(p, 1, 1 << 16, f);
+    fclose(f);
+    return p;
+}
+
+static void write_pixels(const char *name, int exr)
+{
+    saga_error error = { "" };
+    uint8_t rgb[3 * W * H];
+
+    for (int i = 0; i < 3 * W * H; i++)
+        rgb[i] = (uint8_t)(i * i * 37 >> 3);
+    check(exr ? saga_exr_write(path_of(name), W, H, rgb, &error)
+              : saga_png_write(path_of(name), W, H, rgb, &error),
+          error.message);
+}
+
+void input_begin(void)
+{
+    check(mkdtemp(folder) && mkdir(path_of("colmap"), 0700) == 0 &&
+          mkdir(path_of("text"), 0700) == 0, "no folder can be made in /tmp");
+    write_pixels("a.png", 0);
+    write_pixels("b.png", 0);
+}
+
+static void remove_files(const char *path)
+{
+    DIR *const dir = opendir(path);
+    char file[400];
+
+    for (struct dirent *e; dir && (e = readdir(dir)) != NULL;) {
+        snprintf(file, sizeof file, "%s/%s", path, e->d_name);
+        (void)unlink(file);
+    }
+    if (dir)
+        closedir(dir);
+    (void)rmdir(path);
+}
+
+void input_end(void)
+{
+    remove_files(path_of("colmap"));
+    remove_files(path_of("text"));
+    remove_files(folder);
+}
+
+/* --- Valid files --------------------------------------------------------- */
+
+static void seed_npy(bytes *b)
+{
+    static const char head[] = "{'descr': '<f8', 'fortran_order': False, "
+                               "'shape': (3, 17), }                \n";
+
+    put(b, "\x93NUMPY\1\0", 8);
+    put_le(b, sizeof head - 1, 2);
+    put_text(b, head);
+    for (int i = 0; i < 3 * 17; i++)
+        put_f64(b, i % 5 - 2);
+}
+
+static void seed_ply(bytes *b, int text)
+{
+    static const uint8_t points[5 * 15] = { 0, 0, 0x80, 0x3f, 0, 0, 0, 0x40 };
+
+    put_text(b, text ? "ply\nformat ascii 1.0\n"
+                     : "ply\nformat binary_little_endian 1.0\n");
+    put_text(b, "comment x\nelement vertex 5\nproperty float x\nproperty float "
+             "y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
+             "property uchar blue\nend_header\n");
+    if (!text)
+        put(b, points, sizeof points);
+    for (int i = 0; text && i < 5; i++)
+        put_text(b, "1.5 -2e0 3 255 0 7\n");
+}
+
+static void seed_json(bytes *b)
+{
+    static const char *const name[] = { "a", "b" };
+    char text[400];
+
+    put_text(b, "{\"fl_x\": 7.5, \"fl_y\": 7, \"cx\": 4, \"cy\": 3, \"w\": 8, "
+             "\"h\": 6, \"k1\": 0.01, \"k2\": -0.02, \"p1\": 0.001, \"p2\": 0, "
+             "\"fps\": 30, \"camera_model\": \"OPENCV\", "
+             "\"train_filenames\": [\"a.png\"], \"test_filenames\": "
+             "[\"b.png\"], \"frames\": [");
+    for (int i = 0; i < 2; i++) {
+        snprintf(text, sizeof text, "%s{\"file_path\": \"%s.png\", "
+                 "\"camera\": \"%s\", \"time\": 0.0, \"transform_matrix\": "
+                 "[[1, 0, 0, %d], [0, 1, 0, 0.5], [0, 0, 1, 0], "
+                 "[0, 0, 0, 1]]}", i ? ", " : "", name[i], name[i], i);
+        put_text(b, text);
+    }
+    put_text(b, "]}");
+}
+
+enum { N_IMAGES = 2, N_POINTS = 4 };
+
+static void put_images(bytes *b)
+{
+    put_le(b, N_IMAGES, 8);
+    for (uint64_t i = 0; i < N_IMAGES; i++) {
+        put_le(b, i + 1, 4);
+        put_f64(b, 1);
+        for (int k = 0; k < 6; k++)
+            put_f64(b, k == 3 ? (double)i : 0);
+        put_le(b, 1, 4);
+        put(b, i ? "cam01.png" : "cam00.png", 10);
+        put_le(b, N_POINTS, 8);
+        for (uint64_t k = 0; k < N_POINTS; k++) {
+            put_f64(b, (double)k);
+            put_f64(b, 3);
+            put_le(b, k == 3 ? UINT64_MAX : k + 1, 8);
+        }
+    }
+}
+
+static void put_points(bytes *b)
+{
+    put_le(b, N_POINTS, 8);
+    for (uint64_t i = 0; i < N_POINTS; i++) {
+        put_le(b, i + 1, 8);
+        for (int k = 0; k < 3; k++)
+            put_f64(b, k == 2 ? 4 : (double)i);
+        put_le(b, 0x102030, 3);
+        put_f64(b, 0.5);
+        put_le(b, N_IMAGES, 8);
+        for (uint64_t k = 0; k < N_IMAGES; k++) {
+            put_le(b, k + 1, 4);
+            put_le(b, i, 4);
+        }
+    }
+}
+
+static void put_part(bytes *all, bytes *part)
+{
+    put_le(all, part->n, 2);
+    put(all, part->p, part->n);
+    free(part->p);
+    *part = (bytes){ NULL, 0 };
+}
+
+static void seed_colmap(bytes *b)
+{
+    static const double lens[8] = { 8, 8, 4, 3, 0.01, 0, 0, 0 };
+    bytes part = { NULL, 0 };
+
+    put_le(&part, 1, 8);
+    put_le(&part, 1, 4);
+    put_le(&part, 4, 4);     /* OPENCV */
+    put_le(&part, W, 8);
+    put_le(&part, H, 8);
+    for (int i = 0; i < 8; i++)
+        put_f64(&part, lens[i]);
+    put_part(b, &part);
+    put_images(&part);
+    put_part(b, &part);
+    put_points(&part);
+    put_part(b, &part);
+}
+
+static void seed_colmap_text(bytes *b)
+{
+    static const char *const text[N_COLMAP] = {
+        "# cameras\n1 PINHOLE 8 6 8 8 4 3\n2 OPENCV 8 6 8 8 4 3 0.1 0 0 0\n",
+        "1 1 0 0 0 0 0 0 1 cam00.png\n1.5 2.5 1 3 4 -1 5 5 2\n"
+        "2 1 0 0 0 1 0 0 2 cam01.png\n1.5 2.5 1 3 4 2\n",
+        "1 0 0 4 10 20 30 0.5 1 0 2 0\n2 1 0 4 10 20 30 0.5 1 2 2 1\n"
+    };
+
+    for (int i = 0; i < N_COLMAP; i++) {
+        bytes part = { NULL, 0 };
+
+        put_text(&part, text[i]);
+        put_part(b, &part);
+    }
+}
+
+uint8_t *input_seed(input_kind kind, size_t *n)
+{
+    saga_error error = { "" };
+    float depth[W * H];
+    bytes b = { NULL, 0 };
+
+    for (int i = 0; i < W * H; i++)
+        depth[i] = (float)i;
+    if (kind == INPUT_PNG)
+        return read_file("a.png", n);
+    if (kind == INPUT_EXR)
+        write_pixels("seed", 1);
+    else if (kind == INPUT_EXR_DEPTH)
+        check(saga_exr_write_depth(path_of("seed"), W, H, depth, &error),
+              error.message);
+    if (kind == INPUT_EXR || kind == INPUT_EXR_DEPTH)
+        return read_file("seed", n);
+    if (kind == INPUT_NPY)
+        seed_npy(&b);
+    else if (kind == INPUT_PLY || kind == INPUT_PLY_TEXT)
+        seed_ply(&b, kind == INPUT_PLY_TEXT);
+    else if (kind == INPUT_JSON)
+        seed_json(&b);
+    else if (kind == INPUT_COLMAP)
+        seed_colmap(&b);
+    else
+        seed_colmap_text(&b);
+    *n = b.n;
+    return b.p;
+}
+
+/* --- Damage -------------------------------------------------------------- */
+
+static uint64_t next(uint64_t *r)
+{
+    *r = *r * 6364136223846793005u + 1442695040888963407u;
+    return *r >> 33;
+}
+
+/* What integers and reals are at their ends. */
+static void plant(uint8_t *p, size_t n, uint64_t *r)
+{
+    static const uint64_t value[] = {
+        0, 1, 2, 0x7f, 0x80, 0xff, 0x7fff, 0xffff, 0x7fffffff, 0x80000000,
+        0xffffffff, 0x100000001, 0x7fffffffffffffff, 0x8000000000000000,
+        0x7ff0000000000000, 0x7ff8000000000000, 0x7fefffffffffffff,
+        0x0010000000000000, 0xbff0000000000000, 0xffffffffffffffff
+    };
+    const uint64_t v = value[next(r) % (sizeof value / sizeof *value)];
+    const size_t size = (size_t)1 << next(r) % 4;
+
+    for (size_t i = 0; i < size && i < n; i++)
+        p[i] = (uint8_t)(v >> 8 * i);
+}
+
+static int is_text(input_kind kind)
+{
+    return kind == INPUT_JSON || kind == INPUT_PLY_TEXT ||
+           kind == INPUT_COLMAP_TEXT;
+}
+
+/* Puts a word in the place of n bytes at `at`. */
+static void put_word(bytes *b, size_t at, size_t n, uint64_t *r)
+{
+    static const char *const word[] = {
+        "", "0", "-1", "1e999", "nan", "-inf", "1e-320", "4294967296",
+        "18446744073709551616", "99999999999999999999999", "\"", "[", "]", "{",
+        "}", ",", ":", "null", "true", "\n", " ", "#", "\\u0000", "a.png",
+        "transform_matrix", "\"frames\": [", "[[[[[[[["
+    };
+    const char *const w = word[next(r) % (sizeof word / sizeof *word)];
+    const size_t m = strlen(w), rest = b->n - at - n;
+
+    b->p = must(realloc(b->p, b->n + m + 1));
+    memmove(b->p + at + m, b->p + at + n, rest);
+    memcpy(b->p + at, w, m);
+    b->n = at + m + rest;
+}
+
+static void damage_once(bytes *b, input_kind kind, uint64_t *r)
+{
+    const size_t at = b->n ? next(r) % b->n : 0, left = b->n - at;
+    const unsigned how = (unsigned)(next(r) % 8);
+
+    if (b->n == 0)
+        return;
+    if (is_text(kind) && how < 6) {
+        size_t n = 0;
+
+        while (n < left && strchr("0123456789.-e", b->p[at + n]))
+            n++;
+        put_word(b, at, n, r);
+    } else if (how < 3) {
+        b->p[at] = (uint8_t)(b->p[at] ^ 1u << next(r) % 8);
+    } else if (how < 6) {
+        plant(b->p + at, left, r);
+    } else if (how == 6) {
+        b->n = next(r) % 4 ? b->n : at; /* cut, at times */
+        b->p[at] = (uint8_t)next(r);
+    } else {
+        const size_t from = next(r) % b->n;
+        const size_t most = left < b->n - from ? left : b->n - from;
+
+        memmove(b->p + at, b->p + from, next(r) % (most + 1));
+    }
+}
+
+/* Writes the CRCs of a PNG's chunks anew, as far as the lengths lead. */
+static void sign_png(bytes *b)
+{
+    for (size_t at = 8; b->n > at + 12;) {
+        uint8_t *const p = b->p + at;
+        const uint32_t n = (uint32_t)p[0] << 24 | (uint32_t)p[1] << 16 |
+                           (uint32_t)p[2] << 8 | p[3];
+        uint32_t crc;
+
+        if (n > b->n - at - 12)
+            return;
+        crc = (uint32_t)crc32(0, p + 4, n + 4);
+        for (int i = 0; i < 4; i++)
+            p[8 + n + (uint32_t)i] = (uint8_t)(crc >> (24 - 8 * i));
+        at += 12 + n;
+    }
+}
+
+uint8_t *input_damage(input_kind kind, const uint8_t *p, size_t n,
+                      uint64_t *r, size_t *n_out)
+{
+    bytes b = { NULL, 0 };
+
+    put(&b, p, n);
+    for (unsigned i = 1 + (unsigned)(next(r) % 3); i > 0; i--)
+        damage_once(&b, kind, r);
+    if (kind == INPUT_PNG && next(r) % 8)
+        sign_png(&b);
+    *n_out = b.n;
+    return b.p;
+}
+
+/* --- Reading ------------------------------------------------------------- */
+
+static int play_picture(input_kind kind, const char *path, saga_error *error)
+{
+    uint8_t *rgb;
+    float *depth;
+    int w, h, ok;
+
+    if (!saga_picture_probe(path, &w, &h, error))
+        return 0;
+    if ((long)w * h > MAX_PIXELS)
+        return saga_fail(error, path, NULL, "too large for this harness");
+    rgb = must(malloc((size_t)w * (size_t)h * 3));
+    ok = saga_picture_read(path, w, h, rgb, error);
+    free(rgb);
+    if (kind != INPUT_EXR_DEPTH)
+        return ok;
+    *error = (saga_error){ "" };
+    depth = must(malloc((size_t)w * (size_t)h * sizeof *depth));
+    ok = saga_exr_read_depth(path, w, h, depth, error);
+    free(depth);
+    return ok;
+}
+
+/* The three files, as far as they reach. */
+static int play_colmap(int text, const uint8_t *p, size_t n, saga_error *error)
+{
+    static const char *const name[2][N_COLMAP] = {
+        { "colmap/cameras.bin", "colmap/images.bin", "colmap/points3D.bin" },
+        { "text/cameras.txt", "text/images.txt", "text/points3D.txt" }
+    };
+    saga_colmap model;
+    int ok;
+
+    for (int i = 0; i < N_COLMAP; i++) {
+        size_t m = n < 2 ? 0 : (size_t)(p[0] | p[1] << 8);
+
+        p += n < 2 ? 0 : 2;
+        n -= n < 2 ? 0 : 2;
+        m = m < n ? m : n;
+        write_file(name[text][i], p, m);
+        p += m;
+        n -= m;
+    }
+    ok = saga_colmap_read(&model, path_of(text ? "text" : "colmap"), error);
+    if (ok)
+        saga_colmap_free(&model);
+    return ok;
+}
+
+static int play_json(const char *path, saga_error *error)
+{
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture capture;
+
+    o.n_threads = 1;
+    o.memory_nbytes = 1 << 22;
+    if (!saga_capture_load(&capture, path, &o, error))
+        return 0;
+    saga_capture_free(&capture);
+    return 1;
+}
+
+static int play_file(input_kind kind, const char *path, saga_error *error)
+{
+    saga_point *points = NULL;
+    size_t n, dropped;
+    saga_npy npy;
+    int ok;
+
+    if (kind == INPUT_NPY) {
+        ok = saga_npy_read(&npy, path, error);
+        if (ok)
+            saga_npy_free(&npy);
+        return ok;
+    }
+    if (kind == INPUT_PLY || kind == INPUT_PLY_TEXT) {
+        ok = saga_ply_read(path, &points, &n, &dropped, error);
+        free(points);
+        return ok;
+    }
+    return kind == INPUT_JSON ? play_json(path, error)
+                              : play_picture(kind, path, error);
+}
+
+int input_play(input_kind kind, const uint8_t *p, size_t n)
+{
+    saga_error error = { "" };
+    int ok;
+
+    if (kind == INPUT_COLMAP || kind == INPUT_COLMAP_TEXT) {
+        ok = play_colmap(kind == INPUT_COLMAP_TEXT, p, n, &error);
+    } else {
+        const char *const name = kind == INPUT_JSON ? "x.json" : "x";
+
+        write_file(name, p, n);
+        ok = play_file(kind, path_of(name), &error);
+    }
+    check(ok || saga_failed(&error), "a refusal without a message");
+    return ok;
+}
