@@ -266,8 +266,8 @@ static void seed_colmap_text(bytes *b)
 {
     static const char *const text[N_COLMAP] = {
         "# cameras\n1 PINHOLE 8 6 8 8 4 3\n2 OPENCV 8 6 8 8 4 3 0.1 0 0 0\n",
-        "1 1 0 0 0 0 0 0 1 cam00.png\n1.5 2.5 1 3 4 -1 5 5 2\n"
-        "2 1 0 0 0 1 0 0 2 cam01.png\n1.5 2.5 1 3 4 2\n",
+        ("1 1 0 0 0 0 0 0 1 cam00.png\n1.5 2.5 1 3 4 -1 5 5 2\n"
+         "2 1 0 0 0 1 0 0 2 cam01.png\n1.5 2.5 1 3 4 2\n"),
         "1 0 0 4 10 20 30 0.5 1 0 2 0\n2 1 0 4 10 20 30 0.5 1 2 2 1\n"
     };
 
