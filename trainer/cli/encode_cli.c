@@ -637,8 +637,8 @@ static const saga_cli_option option_list[] = {
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
     { "--lambda", "X", "what bits cost: X times the bits for each pixel "
       "trained\non weigh as much as the mean squared error in\n8-bit levels; "
-      "higher: a smaller file (default: what balances\n--primitives and the "
-      "bits of each, by the error after\nthe warm-up)",
+      "higher: a smaller file (default: what\nbalances --primitives and the "
+      "bits of each, by the\nerror after the warm-up)",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
