@@ -27,7 +27,7 @@ enum { N_TURNS = 6 };
 /* What the square of a feature over its variance counts beside its primitive's
  * error, in errors of a rounded feature (price step^2 / 12): a primitive is not
  * worth far-fetched values. */
-#define PRIOR 30
+#define PRIOR 100
 
 /* Bits that cost next to nothing do not make features larger than this: their
  * standard deviation, and, with some room in their format to learn in, their
