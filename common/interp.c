@@ -29,9 +29,9 @@ static int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la, int32_t lb)
 
 typedef struct {
     int32_t x[3], t, support[4];
-} source;
+} anchor;
 
-static void source_at(source *s, const saga_scaffold *sc, int tier,
+static void anchor_at(anchor *s, const saga_scaffold *sc, int tier,
                       uint32_t rank)
 {
     int i;
@@ -59,7 +59,7 @@ static void source_at(source *s, const saga_scaffold *sc, int tier,
 /* d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2, Q12, saturating: three
  * squares <= 2^30 and lambda_t's product < 2^46 are summed in 64 bits. */
 static uint32_t distance_q12(recip r[2], const saga_model *m,
-                             const saga_position *q, const source *s)
+                             const saga_position *q, const anchor *s)
 {
     int64_t sum = 0;
     int i;
@@ -152,12 +152,12 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
     for (rank = first; rank <= last; rank++) {
         const uint32_t group = tier == SAGA_TIER_COARSE
             ? sc->coarse[rank].group : sc->fine[rank].group;
-        source s;
+        anchor s;
         uint32_t d;
 
         if (group >= before)
             continue;
-        source_at(&s, sc, tier, rank);
+        anchor_at(&s, sc, tier, rank);
         d = distance_q12(r, sc->model, query, &s);
         if (rank == centre)
             d_parent = d;

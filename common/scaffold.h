@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The scaffold in memory: coarse anchors, fine anchors and what generates the
- * one from the other (interpolation, Fuse, F_fine). Filled by the traversal of
- * syntax.h on both sides. Paper: Hierarchical 4D Anchor.
+ * The scaffold in memory: coarse and fine anchors, and where they are. Filled
+ * by the traversal of syntax.h on both sides. Paper: Hierarchical 4D Anchor.
  */
 #ifndef SAGA_SCAFFOLD_H
 #define SAGA_SCAFFOLD_H
@@ -104,19 +103,6 @@ void saga_position_cell(saga_position *p, const saga_coarse *c);
 /* This adds an offset (Q14, in units of support per axis) to the centre, and
  * clamps it to the cube. */
 void saga_position_move(saga_position *p, const int16_t offset_q14[4]);
-
-/* The first keeps in net.v->kept what F_fine, F_geo and F_color see of a point:
- * features of tier SAGA_TIER_* at p, under the parent of the given rank,
- * interpolated and fused, and the embedding of an offset. The second makes n
- * such points the input of a network. */
-void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
-                     const saga_position *p, uint32_t parent,
-                     const int16_t offset_q14[4]);
-void saga_in_local(const saga_scaffold *sc, int net, int tier, uint32_t n);
-
-/* This runs F_fine for every fine anchor: features and supports follow from
- * decoded offsets. */
-void saga_scaffold_fine(const saga_scaffold *sc);
 
 /* This gives the position of a fine anchor. */
 void saga_position_fine(saga_position *p, const saga_fine *f);

@@ -2,6 +2,7 @@
 #include "syntax.h"
 
 #include "context.h"
+#include "fine.h"
 #include "fx.h"
 #include "morton.h"
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "reconstruct.h"
 
+#include "fine.h"
 #include "fx.h"
 #include "fx_math.h"
 
