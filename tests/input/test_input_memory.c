@@ -10,7 +10,7 @@
 #include "crc32c.h"
 #include "failing_heap.h"
 #include "picture.h"
-#include "synth.h"
+#include "synth_capture.h"
 
 #include <sys/stat.h>
 
@@ -82,18 +82,11 @@ static void fail_each(folder *f, const char *name, long least)
 
 static void write_synth(const char *path, bool exr)
 {
-    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
+    saga_synth_options o = synth_options(W, H, 3, 2, 20);
     saga_error error = { "" };
 
-    o.width = W;
-    o.height = H;
-    o.n_cameras = 3;
-    o.n_hold_out = 1;
-    o.n_frames = 2;
     o.depth_every = 2;
-    o.n_points = 20;
     o.exr = exr;
-    o.n_threads = 1;
     if (!saga_synth_write(path, &o, &error))
         fail_msg("%s", error.message);
 }

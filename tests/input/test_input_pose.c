@@ -7,7 +7,7 @@
 #include "capture_files.h"
 #include "picture.h"
 #include "pose.h"
-#include "synth.h"
+#include "synth_capture.h"
 #include "synth_room.h"
 
 #include <math.h>
@@ -251,30 +251,19 @@ static void quaternion_should_turn_as_its_product_does(void **state)
 
 /* --- The built-in scene -------------------------------------------------- */
 
-static saga_synth_options synth_options(void)
+static saga_synth_options options(void)
 {
-    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
+    saga_synth_options o = synth_options(96, 64, 5, 2, 400);
 
-    o.width = 96;
-    o.height = 64;
-    o.n_cameras = 5;
-    o.n_hold_out = 1;
-    o.n_frames = 2;
-    o.n_points = 400;
     o.depth_every = 1;
     return o;
 }
 
-static saga_capture synth_capture(folder *f)
+static saga_capture load_synth(folder *f)
 {
-    const saga_synth_options s = synth_options();
-    saga_capture_options o = saga_capture_defaults();
-    saga_error error = { "" };
+    const saga_synth_options o = options();
 
-    if (!saga_synth_write(folder_file(f, "synth"), &s, &error))
-        fail_msg("%s", error.message);
-    o.want_depth = true;
-    return load_with(folder_file(f, "synth"), &o);
+    return synth_capture(folder_file(f, "synth"), &o);
 }
 
 static void world_of(const saga_shot *v, double u, double w, double z,
@@ -304,8 +293,8 @@ static double quantile(double *x, int n, double q)
 
 static void synth_should_be_found_again_by_the_loader(void **state)
 {
-    const saga_synth_options s = synth_options();
-    saga_capture c = synth_capture(*state);
+    const saga_synth_options s = options();
+    saga_capture c = load_synth(*state);
 
     assert_int_equal(c.n_views, 5);
     assert_int_equal(c.n_frames, 2);
@@ -330,8 +319,8 @@ static void synth_should_be_found_again_by_the_loader(void **state)
  * of the EXR, in the loaded camera. */
 static void depth_should_be_along_the_axis_of_the_loaded_camera(void **state)
 {
-    const saga_synth_options s = synth_options();
-    saga_capture c = synth_capture(*state);
+    const saga_synth_options s = options();
+    saga_capture c = load_synth(*state);
 
     for (int i = 0; i < 5 * 2 * 200; i++) {
         const saga_shot *const v = c.views + i % 5;
@@ -356,7 +345,7 @@ static void depth_should_be_along_the_axis_of_the_loaded_camera(void **state)
 /* A place seen from one camera looks the same from another that sees it. */
 static void views_should_agree_where_they_see_the_same(void **state)
 {
-    saga_capture c = synth_capture(*state);
+    saga_capture c = load_synth(*state);
     static double colour[10000], depth[10000];
     int n = 0, tried = 0;
 
@@ -389,7 +378,7 @@ static void views_should_agree_where_they_see_the_same(void **state)
 
 static void points_should_lie_where_the_pictures_show_them(void **state)
 {
-    saga_capture c = synth_capture(*state);
+    saga_capture c = load_synth(*state);
     static double colour[4000], depth[4000];
     int n = 0, n_shared = 0;
 

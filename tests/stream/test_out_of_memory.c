@@ -7,7 +7,7 @@
 #include "capture_files.h"
 #include "evaluate.h"
 #include "failing_heap.h"
-#include "synth.h"
+#include "synth_capture.h"
 #include "train.h"
 
 #include <dirent.h>
@@ -38,20 +38,9 @@ static bool stop_at_once(void *user, const saga_train_progress *p)
 
 static void begin(session *s, folder *f)
 {
-    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
-    saga_error error = { "" };
+    const saga_synth_options o = synth_options(16, 12, 3, 2, 20);
 
-    o.width = 16;
-    o.height = 12;
-    o.n_cameras = 3;
-    o.n_hold_out = 1;
-    o.n_frames = 2;
-    o.n_points = 20;
-    o.depth_every = 0;
-    o.n_threads = 1;
-    if (!saga_synth_write(folder_file(f, "scene"), &o, &error))
-        fail_msg("%s", error.message);
-    s->capture = load(folder_file(f, "scene"));
+    s->capture = synth_capture(folder_file(f, "scene"), &o);
     s->options = saga_train_defaults();
     s->options.n_primitives = 12;
     s->options.n_warm = 2;

@@ -19,7 +19,7 @@
 #include "prob.h"
 #include "quantise.h"
 #include "ref_recorder.h"
-#include "synth.h"
+#include "synth_capture.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -41,26 +41,17 @@ typedef struct {
 
 /* --- Fixture: a file of 500 primitives ----------------------------------- */
 
-static void load(saga_capture *c, const char *folder)
+static saga_capture load(const char *folder)
 {
-    saga_synth_options s = saga_synth_defaults(SAGA_SYNTH_ROOM);
-    saga_capture_options o = saga_capture_defaults();
-    saga_error error = { "" };
+    const saga_synth_options o = synth_options(64, 36, 4, 3, 300);
     char path[100], command[120];
+    saga_capture c;
 
     snprintf(path, sizeof path, "%s/cap", folder);
-    s.width = 64;
-    s.height = 36;
-    s.n_cameras = 4;
-    s.n_hold_out = 1;
-    s.n_frames = 3;
-    s.n_points = 300;
-    s.depth_every = 0;
-    if (!saga_synth_write(path, &s, &error) ||
-        !saga_capture_load(c, path, &o, &error))
-        fail_msg("%s", error.message);
+    c = synth_capture(path, &o);
     snprintf(command, sizeof command, "rm -rf '%s'", folder);
     assert_int_equal(system(command), 0);
+    return c;
 }
 
 static void train(fixture *f, const saga_capture *c)
@@ -92,7 +83,7 @@ static int set_up(void **state)
 
     assert_non_null(f);
     assert_non_null(mkdtemp(folder));
-    load(&c, folder);
+    c = load(folder);
     train(f, &c);
     saga_capture_free(&c);
     assert_null(ref_file_read(&f->f, f->bytes, f->n));

@@ -9,7 +9,7 @@
 #include "capture.h"
 #include "flat_state.h"
 #include "error.h"
-#include "synth.h"
+#include "synth_capture.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -44,8 +44,7 @@ typedef struct {
 
 static int set_up(void **state)
 {
-    saga_synth_options s = saga_synth_defaults(SAGA_SYNTH_ROOM);
-    saga_capture_options o = saga_capture_defaults();
+    saga_synth_options s = synth_options(W, H, VIEWS, FRAMES, 120);
     fixture *const f = calloc(1, sizeof *f);
     saga_error error = { "" };
     char folder[] = "/tmp/test_flat.XXXXXX", path[40], command[60];
@@ -53,17 +52,9 @@ static int set_up(void **state)
     assert_non_null(f);
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/synth", folder);
-    s.width = W;
-    s.height = H;
-    s.n_cameras = VIEWS;
-    s.n_hold_out = 1;
-    s.n_frames = FRAMES;
-    s.n_points = 120;
     s.depth_every = 1;
-    o.want_depth = true;
-    if (!saga_synth_write(path, &s, &error) ||
-        !saga_capture_load(&f->capture, path, &o, &error) ||
-        !saga_pictures_init(&f->pictures, &f->capture, &error))
+    f->capture = synth_capture(path, &s);
+    if (!saga_pictures_init(&f->pictures, &f->capture, &error))
         fail_msg("%s", error.message);
     snprintf(command, sizeof command, "rm -rf '%s'", folder);
     assert_int_equal(system(command), 0);

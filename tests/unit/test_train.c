@@ -11,7 +11,7 @@
 #include "rng.h"
 #include "saga.h"
 #include "start.h"
-#include "synth.h"
+#include "synth_capture.h"
 #include "train_state.h"
 #include "view.h"
 
@@ -45,25 +45,13 @@ typedef struct {
 
 /* --- Fixture ------------------------------------------------------------- */
 
-static void load(saga_capture *c, const char *parent, const char *name,
-                 int frames)
+static saga_capture load(const char *parent, const char *name, int frames)
 {
-    saga_synth_options s = saga_synth_defaults(SAGA_SYNTH_ROOM);
-    saga_capture_options o = saga_capture_defaults();
-    saga_error error = { "" };
+    const saga_synth_options o = synth_options(64, 36, 4, frames, 300);
     char path[100];
 
     snprintf(path, sizeof path, "%s/%s", parent, name);
-    s.width = 64;
-    s.height = 36;
-    s.n_cameras = 4;
-    s.n_hold_out = 1;
-    s.n_frames = frames;
-    s.n_points = 300;
-    s.depth_every = 0;
-    if (!saga_synth_write(path, &s, &error) ||
-        !saga_capture_load(c, path, &o, &error))
-        fail_msg("%s", error.message);
+    return synth_capture(path, &o);
 }
 
 static saga_train_options small(void)
@@ -123,7 +111,7 @@ static int set_up(void **state)
     assert_non_null(mkdtemp(f->folder));
     snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.saga.ckpt",
              f->folder);
-    load(&f->capture, f->folder, "moving", 5);
+    f->capture = load(f->folder, "moving", 5);
     o = small();
     f->whole = encode(&f->capture, &o);
     *state = f;
@@ -926,7 +914,7 @@ static void train_should_drop_temporal_tools_of_one_frame(void **state)
     saga_capture c;
     result r;
 
-    load(&c, f->folder, "single", 1);
+    c = load(f->folder, "single", 1);
     o.motion = SAGA_TRAIN_MEASURE;
     r = encode(&c, &o);
     assert_int_equal(r.report.info.tools, SAGA_TOOL_VIEW);
@@ -965,7 +953,7 @@ static void train_should_drop_temporal_tools_when_nothing_moves(void **state)
     saga_capture c;
     result r;
 
-    load(&c, f->folder, "still", 1);
+    c = load(f->folder, "still", 1);
     hold_still(&c, 6);
     o.motion = SAGA_TRAIN_MEASURE;
     o.n_warm = 800;

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The built-in room as a capture of the few pixels that a test can afford.
+ * Brings cmocka with what it wants.
+ */
+#ifndef SYNTH_CAPTURE_H
+#define SYNTH_CAPTURE_H
+
+#include "capture.h"
+#include "synth.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+
+#include <cmocka.h>
+
+/* Pictures of w x h, one camera held out, no depths; one thread writes them. */
+static inline saga_synth_options synth_options(int w, int h, int n_cameras,
+                                               int n_frames, int n_points)
+{
+    saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_ROOM);
+
+    o.width = w;
+    o.height = h;
+    o.n_cameras = n_cameras;
+    o.n_hold_out = 1;
+    o.n_frames = n_frames;
+    o.n_points = n_points;
+    o.depth_every = 0;
+    o.n_threads = 1;
+    return o;
+}
+
+/* Writes it to a new folder `path`, and loads it with the depths it has. */
+static inline saga_capture synth_capture(const char *path,
+                                         const saga_synth_options *s)
+{
+    saga_capture_options o = saga_capture_defaults();
+    saga_error error = { "" };
+    saga_capture c;
+
+    o.want_depth = s->depth_every > 0;
+    if (!saga_synth_write(path, s, &error) ||
+        !saga_capture_load(&c, path, &o, &error))
+        fail_msg("%s", error.message);
+    return c;
+}
+
+#endif
