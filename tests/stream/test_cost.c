@@ -54,20 +54,6 @@ static void residual_should_cost_its_interval(void **state)
     assert_true(is_near(saga_cost_residual(-65535, 22), 15 + 13 + 16 + 1));
 }
 
-static void adaptive_should_cost_its_interval(void **state)
-{
-    saga_adaptive m;
-
-    (void)state;
-    saga_adaptive_init(&m, 4);
-    assert_true(is_near(saga_cost_adaptive(&m, 4, 0), 2));
-    assert_true(is_near(saga_cost_adaptive(&m, 4, 3), 2));
-    saga_adaptive_init(&m, 3);
-    /* 10922 and, the last one, 10924 of 2^15 */
-    assert_true(is_near(saga_cost_adaptive(&m, 3, 0), 15 - log2(10922)));
-    assert_true(is_near(saga_cost_adaptive(&m, 3, 2), 15 - log2(10924)));
-}
-
 /* The place at which the stub fails: a network's number, too. */
 enum { BROKEN = SAGA_N_NETS - 1 };
 
@@ -129,6 +115,10 @@ static void counter_should_add_up_by_kind(void **state)
     /* 8192 of 2^15; then the starts have moved by an eighth, to 7168, 14336
      * and 21504, which leaves 11264. */
     assert_true(is_near(k.bits[SAGA_SYM_SPLIT], 2 + 15 - log2(11264)));
+    /* The last of three has what the division leaves over. */
+    saga_adaptive_init(&m, 3);
+    assert_int_equal(c->adaptive(c, at_symbol(SAGA_SYM_N_FINE, 0), &m, 3), 2);
+    assert_true(is_near(k.bits[SAGA_SYM_N_FINE], 15 - log2(10924)));
     assert_true(is_near(k.bits[SAGA_SYM_NET_STEP], 16));
     assert_true(is_near(k.bits[SAGA_SYM_FEATURE], 0));
 }
@@ -415,7 +405,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(residual_should_cost_its_interval),
-        cmocka_unit_test(adaptive_should_cost_its_interval),
         cmocka_unit_test(counter_should_add_up_by_kind),
         cmocka_unit_test(counter_should_pass_errors_on),
         cmocka_unit_test(spent_should_be_the_bytes_of_random_streams),

@@ -108,7 +108,7 @@ static double measure(fit *f, int view)
 {
     draw(f, &f->p, view);
     memcpy(f->c.truth, f->target[view], sizeof f->target[view]);
-    return saga_canvas_mse(&f->c, f->c.image);
+    return saga_canvas_mse(&f->c);
 }
 
 static void learn(fit *f, int view)

@@ -67,12 +67,6 @@ double saga_cost_residual(int32_t q, uint32_t scale)
     return length_of(code_residual(q, scale));
 }
 
-double saga_cost_adaptive(const saga_adaptive *m, uint32_t n_sym,
-                          uint32_t sym)
-{
-    return length_of(code_adaptive(m, n_sym, sym));
-}
-
 /* --- The coder ----------------------------------------------------------- */
 
 static void renormalise(saga_cost *k)

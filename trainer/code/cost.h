@@ -39,10 +39,6 @@ void saga_cost_init(saga_cost *c, saga_coder *inner);
 /* Code length of residual q, |q| <= 65535, with scale index 0..63. */
 double saga_cost_residual(int32_t q, uint32_t scale);
 
-/* Code length of symbol sym in 0..n_sym-1, by the model as it stands. */
-double saga_cost_adaptive(const saga_adaptive *m, uint32_t n_sym,
-                          uint32_t sym);
-
 /* The Q the trainer gives the sigma head, and constants of log2 sigma: what
  * saga_prob_index takes. */
 enum { SAGA_COST_SIGMA_Q = 10 };

@@ -95,6 +95,18 @@ saga_sample saga_pictures_pick(const saga_pictures *p, saga_rng rng,
     return (saga_sample){ p->train[at % n], (int)(at / n), 0 };
 }
 
+double saga_pictures_pixels(const saga_pictures *p)
+{
+    double n = 0;
+
+    for (int i = 0; i < p->n_train; i++) {
+        const saga_shot *const v = &p->capture->views[p->train[i]];
+
+        n += (double)v->width * v->height * p->capture->n_frames;
+    }
+    return n;
+}
+
 size_t saga_pictures_largest(const saga_pictures *p)
 {
     const saga_capture *const c = p->capture;

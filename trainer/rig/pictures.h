@@ -41,6 +41,9 @@ uint64_t saga_pictures_digest(const saga_pictures *pictures);
 saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
                                uint64_t draw);
 
+/* Pixels of all pictures that are learned from. */
+double saga_pictures_pixels(const saga_pictures *pictures);
+
 /* Pixels of the largest picture. */
 size_t saga_pictures_largest(const saga_pictures *pictures);
 

@@ -145,12 +145,6 @@ static void assemble(saga_twin *w, const saga_scene *s, int net,
     saga_embedding_forward(in + f, dim, phase, rows, 4, s->model.octaves);
 }
 
-static real *append(real *to, const real *x, size_t n)
-{
-    memcpy(to, x, n * sizeof *x);
-    return to + n;
-}
-
 /* Sets o = (x - x_parent) / unit, clamped. */
 static void local_offset(real o[4], const real x[4], const real parent[4],
                          const real unit[4])
@@ -202,6 +196,32 @@ static void run(saga_twin *w, const saga_scene *s, int net)
                      &s->net[net]);
 }
 
+/* Returns where a network's outputs for row i of its batch begin. */
+static size_t out_at(const saga_scene *s, int net, size_t i)
+{
+    const saga_net *const n = &s->net[net];
+
+    return i * (size_t)n->dim[n->n_layers];
+}
+
+/* A head's values among a network's outputs for a row become attributes from
+ * `at` on; and gradients the other way. */
+static void take(real *attr, size_t at, const real *out, saga_rows rows)
+{
+    size_t k;
+
+    for (k = 0; k < rows.n; k++)
+        attr[at + k] = out[rows.first + k];
+}
+
+static void give(real *d_out, saga_rows rows, const real *d_attr, size_t at)
+{
+    size_t k;
+
+    for (k = 0; k < rows.n; k++)
+        d_out[rows.first + k] = d_attr[at + k];
+}
+
 /* Returns what Fuse of a tier makes of w->context; that itself where there is
  * none. */
 static const real *fuse_forward(saga_twin *w, const saga_scene *s, int tier,
@@ -227,25 +247,27 @@ static void fine_forward(saga_twin *w, const saga_scene *s,
                          const real *feature)
 {
     const size_t f = s->model.features;
-    saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
+    saga_rows rows[SAGA_N_HEADS];
     const real *fused;
     size_t i;
     int k;
 
+    saga_model_rows(rows, &s->model);
     saga_links_gather(w->context, &w->to_fine, feature, f, NULL, w->n.fine);
     fused = fuse_forward(w, s, SAGA_TIER_COARSE, w->fine_phase);
     assemble(w, s, SAGA_NET_FINE, fused, w->fine_offset);
     run(w, s, SAGA_NET_FINE);
     for (i = 0; i < w->n.fine; i++) {
         const saga_coarse *const c = &s->coarse[s->fine[i].parent];
-        const real *const out = net->out + i * (f + 4);
+        const real *const out = w->batch[SAGA_NET_FINE].out +
+                                out_at(s, SAGA_NET_FINE, i);
+        const real *const raw = out + rows[SAGA_HEAD_SUPPORT].first;
 
-        append(w->fine_feature + i * f, out, f);
+        take(w->fine_feature, i * f, out, rows[SAGA_HEAD_FINE]);
         for (k = 0; k < 4; k++) {
             const real lo = least_log2_support((size_t)k), hi = 0;
             const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
-
-            const real l = saga_clamp(half + out[f + (size_t)k], lo, hi);
+            const real l = saga_clamp(half + raw[k], lo, hi);
 
             w->log2_support[4 * i + (size_t)k] = l;
             w->support[4 * i + (size_t)k] = EXP2(l);
@@ -259,39 +281,14 @@ static void fine_forward(saga_twin *w, const saga_scene *s,
 static const real centre_min = R(SAGA_CENTRE_T_MIN) / 65536;
 static const real centre_max = R(SAGA_CENTRE_T_END) / 65536;
 
-/* A head's values among F_geo's outputs for a primitive become attributes from
- * `at` on; and gradients the other way. */
-static void take(real *attr, size_t at, const real *out, saga_rows rows)
-{
-    size_t k;
-
-    for (k = 0; k < rows.n; k++)
-        attr[at + k] = out[rows.first + k];
-}
-
-static void give(real *d_out, saga_rows rows, const real *d_attr, size_t at)
-{
-    size_t k;
-
-    for (k = 0; k < rows.n; k++)
-        d_out[rows.first + k] = d_attr[at + k];
-}
-
-/* Returns where F_geo's outputs for primitive i begin. */
-static size_t geo_at(const saga_scene *s, size_t i)
-{
-    const saga_net *const geo = &s->net[SAGA_NET_GEO];
-
-    return i * (size_t)geo->dim[geo->n_layers];
-}
-
 /* F_geo's rows become the attributes of primitive i. */
 static void set_attributes(saga_twin *w, const saga_scene *s,
                            const saga_rows rows[SAGA_N_HEADS], size_t i)
 {
     const saga_fine *const fine = &s->fine[s->prim_fine[i]];
     const saga_coarse *const cell = &s->coarse[fine->parent];
-    const real *const out = w->batch[SAGA_NET_GEO].out + geo_at(s, i);
+    const real *const out = w->batch[SAGA_NET_GEO].out +
+                            out_at(s, SAGA_NET_GEO, i);
     const real *const support = w->support + 4 * (size_t)s->prim_fine[i];
     saga_splat_params *const a = &w->attr;
     size_t k;
@@ -489,8 +486,9 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
                                 const saga_scene *s,
                                 const saga_rows rows[SAGA_N_HEADS], size_t i)
 {
-    real *const out = w->batch[SAGA_NET_GEO].d_out + geo_at(s, i);
-    const real *const raw = w->batch[SAGA_NET_GEO].out + geo_at(s, i);
+    const size_t at = out_at(s, SAGA_NET_GEO, i);
+    real *const out = w->batch[SAGA_NET_GEO].d_out + at;
+    const real *const raw = w->batch[SAGA_NET_GEO].out + at;
     const size_t fine = s->prim_fine[i];
     const real *const support = w->support + 4 * fine;
     real *const d_log2 = w->d_log2_support + 4 * fine;
@@ -577,16 +575,20 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     const size_t f = s->model.features, n = w->n.fine;
     saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
+    saga_rows rows[SAGA_N_HEADS];
     size_t i, k;
 
+    saga_model_rows(rows, &s->model);
     prims_backward(w, d, s);
     for (i = 0; i < n; i++) {
-        append(net->d_out + i * (f + 4), w->d_fine_feature + i * f, f);
+        real *const d_out = net->d_out + out_at(s, SAGA_NET_FINE, i);
+
+        give(d_out, rows[SAGA_HEAD_FINE], w->d_fine_feature, i * f);
         for (k = 0; k < 4; k++) {
             const real l = w->log2_support[4 * i + k];
             const int inside = l < 0 && l > least_log2_support(k);
 
-            net->d_out[i * (f + 4) + f + k] =
+            d_out[rows[SAGA_HEAD_SUPPORT].first + k] =
                 inside ? w->d_log2_support[4 * i + k] : 0;
         }
     }

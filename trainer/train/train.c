@@ -131,16 +131,6 @@ static double seconds(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static double training_pixels(const saga_capture *c)
-{
-    double n = 0;
-
-    for (int i = 0; i < c->n_views; i++)
-        if (!c->views[i].held_out)
-            n += (double)c->views[i].width * c->views[i].height * c->n_frames;
-    return n;
-}
-
 static saga_train *make(const saga_capture *capture,
                         const saga_train_options *options,
                         saga_error *error)
@@ -281,7 +271,7 @@ static bool propose(saga_train *t, saga_error *error)
 
 bool saga_train_begin_fit(saga_train *t, saga_error *error)
 {
-    const double n_pixels = training_pixels(t->capture);
+    const double n_pixels = saga_pictures_pixels(&t->pictures);
     saga_fit_options o = {
         .n_render = t->o.n_render, .seed = t->o.seed,
         .raw_networks = t->ablation.raw_networks
