@@ -24,7 +24,7 @@ static size_t product(size_t count, size_t size)
     return count == 0 || size == 0 ? 1 : count * size;
 }
 
-/* p, or NULL with the error. */
+/* Returns p, or sets the error where it is NULL. */
 static void *checked(void *p, size_t nbytes, const char *what,
                      saga_error *error)
 {

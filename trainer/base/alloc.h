@@ -15,11 +15,11 @@
 
 #include <stddef.h>
 
-/* Undefined contents. */
+/* Returns memory of undefined contents. */
 void *saga_alloc(size_t count, size_t size, const char *what,
                  saga_error *error);
 
-/* Zeros. */
+/* Returns memory of zeros. */
 void *saga_calloc(size_t count, size_t size, const char *what,
                   saga_error *error);
 
@@ -28,7 +28,7 @@ void *saga_calloc(size_t count, size_t size, const char *what,
 void *saga_realloc(void *p, size_t count, size_t size, const char *what,
                    saga_error *error);
 
-/* nbytes at a multiple of align, a power of two. */
+/* Returns nbytes at a multiple of align, a power of two. */
 void *saga_aligned_alloc(size_t align, size_t nbytes, const char *what,
                          saga_error *error);
 

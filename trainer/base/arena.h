@@ -16,7 +16,7 @@ typedef struct saga_arena {
     size_t n;                /* reals taken */
 } saga_arena;
 
-/* n reals at a multiple of 16; NULL while measuring. */
+/* Takes n reals at a multiple of 16; NULL while measuring. */
 static inline real *saga_arena_take(saga_arena *a, size_t n)
 {
     real *const p = a->base ? a->base + a->n : NULL;

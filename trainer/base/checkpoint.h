@@ -31,7 +31,7 @@ bool saga_checkpoint_create(saga_checkpoint *c, const char *path,
 bool saga_checkpoint_open(saga_checkpoint *c, const char *path,
                           saga_error *error);
 
-/* nbytes to the file, or from it. */
+/* Writes nbytes to the file, or reads them from it. */
 void saga_checkpoint_walk(saga_checkpoint *c, void *data, size_t nbytes);
 
 /* A number that must be the same in both directions. */
@@ -41,7 +41,7 @@ void saga_checkpoint_expect(saga_checkpoint *c, uint64_t value);
  * what was read does not hold together. */
 bool saga_checkpoint_close(saga_checkpoint *c, bool ok, saga_error *error);
 
-/* FNV-1a of 64 bits, to notice damage and change; begins with
+/* This is FNV-1a of 64 bits, to notice damage and change; it begins with
  * SAGA_DIGEST_START, and the digest of two pieces is that of the whole. */
 #define SAGA_DIGEST_START 0xcbf29ce484222325u
 uint64_t saga_digest(uint64_t sum, const void *data, size_t nbytes);

@@ -30,8 +30,8 @@
 
 enum { SAGA_MESSAGE_NBYTES = 1024 };
 
-/* One sentence for the user; empty as long as nothing failed, so it begins as
- * `saga_error error = { "" };`. */
+/* An error holds one sentence for the user; empty as long as nothing failed, so
+ * it begins as `saga_error error = { "" };`. */
 typedef struct saga_error {
     char message[SAGA_MESSAGE_NBYTES];
 } saga_error;

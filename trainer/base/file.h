@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files, paths, little-endian bytes.
+ * This room's door to files: whole ones are read, paths are put together,
+ * little-endian bytes taken apart.
  */
 #ifndef SAGA_FILE_H
 #define SAGA_FILE_H
@@ -23,7 +24,7 @@ bool saga_path_is_folder(const char *path);
 bool saga_folder_has(const char *folder, const char *name);
 bool saga_has_suffix(const char *s, const char *suffix);
 
-/* A whole file in memory, a NUL behind its last byte. */
+/* A whole file is in memory, with a NUL behind its last byte. */
 typedef struct saga_bytes {
     uint8_t *data;
     size_t nbytes;
@@ -37,7 +38,7 @@ bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error);
 void saga_bytes_free(saga_bytes *bytes);
 
-/* A reader over bytes: past the end it gives zeros and stays failed. */
+/* A cursor reads bytes: past the end it gives zeros and stays failed. */
 typedef struct saga_cursor {
     const uint8_t *next, *end;
     bool failed;

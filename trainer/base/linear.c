@@ -4,8 +4,8 @@
 #include <float.h>
 #include <math.h>
 
-/* a = L L^T, L in the lower triangle. A pivot that rounding made 0 counts as
- * the least positive number: its unknown then has no say. */
+/* Finds L of a = L L^T, in the lower triangle. A pivot that rounding made 0
+ * counts as the least positive number: its unknown then has no say. */
 static void factorise(saga_matrix a, size_t n)
 {
     for (size_t j = 0; j < n; j++) {

@@ -108,8 +108,8 @@ bool saga_output_sweep(const char *path)
     return held;
 }
 
-/* A new part, locked; -1 with errno. One that is just being looked at by a
- * sweep may be gone when it is locked: then another is tried. */
+/* Creates a new part, locked; -1 with errno. One that is just being looked at
+ * by a sweep may be gone when it is locked: then another is tried. */
 static int create_part(char *name, size_t nbytes, const char *path)
 {
     for (int i = 0; i < N_NAMES; i++) {

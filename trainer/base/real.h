@@ -29,10 +29,10 @@ typedef float real;
 #define REAL_MIN FLT_MIN
 #endif
 
-/* A constant of type real; exact for the double build. */
+/* R(x) makes a constant of type real; exact for the double build. */
 #define R(x) ((real)(x))
 
-/* x within lo..hi. */
+/* Returns x, moved into lo..hi. */
 static inline real saga_clamp(real x, real lo, real hi)
 {
     return x < lo ? lo : x > hi ? hi : x;

@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-/* Identifies a sequence; build once, copy freely. */
+/* A stream identifies a sequence; build once, copy freely. */
 typedef struct saga_rng { uint64_t key; } saga_rng;
 
 /* Streams of one seed are unrelated, and so are seeds. */
@@ -17,16 +17,16 @@ saga_rng saga_rng_stream(uint64_t seed, uint64_t stream);
 
 uint64_t saga_rng_bits(saga_rng r, uint64_t counter);
 
-/* In [0, 1): 24 bits as float, 53 as double. */
+/* These are uniform in [0, 1): 24 bits as float, 53 as double. */
 float saga_rng_float(saga_rng r, uint64_t counter);
 double saga_rng_double(saga_rng r, uint64_t counter);
 
-/* In 0..n-1, n >= 1; bias below n / 2^64. */
+/* Returns a number in 0..n-1, n >= 1; bias below n / 2^64. */
 uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n);
 
-/* Numbers of 0..n-1 (n >= 1) without replacement: draws 0..n-1 give each of
- * them once in random order, the next n draws give each once in another order,
- * and so on. */
+/* Draws numbers of 0..n-1 (n >= 1) without replacement: draws 0..n-1 give each
+ * of them once in random order, the next n draws give each once in another
+ * order, and so on. */
 uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n);
 
 /* Mean 0, variance 1. */

@@ -12,7 +12,7 @@
 /* Prints a table on stdout; components without bytes are left out. */
 void saga_bytes_table_print(const saga_layout *layout);
 
-/* An object of all components; their sum is the file's size. */
+/* Returns an object of all components; their sum is the file's size. */
 json_t *saga_bytes_table_json(const saga_layout *layout);
 
 #endif

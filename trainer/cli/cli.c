@@ -244,7 +244,7 @@ static int wrong_value(const saga_command *c, const saga_cli_option *o,
                           o->value, range, value, c->name);
 }
 
-/* The option at argv[*i], with its value. */
+/* Reads the option at argv[*i], with its value. */
 static int take_option(const saga_command *c, void *values, int argc,
                        char **argv, int *i)
 {

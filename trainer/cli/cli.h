@@ -19,10 +19,10 @@
 #define SAGA_CLI_PRINTF(f, a)
 #endif
 
-/* The program's version; the bitstream has its own (SAGA_VERSION). */
+/* This is the program's version; the bitstream has its own (SAGA_VERSION). */
 #define SAGA_CLI_VERSION "0.1.0"
 
-/* Exit statuses of every subcommand. */
+/* Every subcommand has these exit statuses. */
 enum {
     SAGA_EXIT_OK = 0,
     SAGA_EXIT_DATA = 1,     /* what a file holds is refused */
@@ -82,7 +82,7 @@ typedef struct saga_cli_pair {
 int saga_cli_parse(const saga_command *c, void *values,
                    const char **arguments, int argc, char **argv);
 
-/* The help of one command, on stdout. */
+/* Prints the help of one command, on stdout. */
 void saga_cli_help(const saga_command *c);
 
 /* The nearest of n names to `name`, or NULL if none is near enough to have
@@ -103,9 +103,9 @@ int saga_cli_error(int status, const char *format, ...) SAGA_CLI_PRINTF(2, 3);
 
 /* --- Progress ------------------------------------------------------------ */
 
-/* One line on stderr: rewritten in place on a terminal, else a new one every
- * few seconds. Zero it, set quiet to say nothing. Not for several threads at
- * once. */
+/* A meter is one line on stderr: rewritten in place on a terminal, else a new
+ * one every few seconds. Zero it, set quiet to say nothing. Not for several
+ * threads at once. */
 typedef struct saga_meter {
     bool quiet;
     bool started, terminal;

@@ -160,7 +160,7 @@ static void print_text(const subject *s)
 
 /* --- As JSON ------------------------------------------------------------- */
 
-/* Numbers of 64 bits; none of ours reaches 2^63. */
+/* Numbers have 64 bits; none of ours reaches 2^63. */
 static json_int_t number(uint64_t v)
 {
     return (json_int_t)v;

@@ -59,10 +59,11 @@ typedef enum saga_component {
     SAGA_N_COMPONENTS
 } saga_component;
 
-/* Of a kind of symbol, SAGA_SYM_*. */
+/* Returns the component of a kind of symbol, SAGA_SYM_*. */
 saga_component saga_component_of(uint32_t sym);
 
-/* For people ("coarse features") and as a key ("coarse_features"). */
+/* A component has a name for people ("coarse features") and a key for reports
+ * ("coarse_features"). */
 const char *saga_component_name(saga_component c);
 const char *saga_component_key(saga_component c);
 

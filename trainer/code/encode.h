@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * From symbols to bytes: a whole .saga file. Drives the range encoder with
+ * Symbols become bytes here: a whole .saga file. Drives the range encoder with
  * common/'s integer entropy model through the same traversal as the decoder.
  */
 #ifndef SAGA_ENCODE_H

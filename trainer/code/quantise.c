@@ -18,7 +18,7 @@ static const char out_of_what[] = "symbols of the networks";
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* The integer weight of a symbol. */
+/* Returns the integer weight of a symbol. */
 static int64_t weight_of(const saga_layer_symbols *s, int32_t q)
 {
     return fx_rshift64((int64_t)q * s->step_q16, s->step_shift);
@@ -90,7 +90,8 @@ static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
         ilogb((double)v->bias_step) + v->q_in + e, 0, 31);
 }
 
-/* All rows at the scale 2^e, or the next larger one that their shifts allow. */
+/* Makes all rows at the scale 2^e, or the next larger one that their shifts
+ * allow. */
 static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
                      int e)
 {
@@ -103,8 +104,8 @@ static int try_layer(saga_layer_symbols *out, const saga_layer_values *v,
     return 1;
 }
 
-/* All rows at the scale 2^e; one that is not valid there halves its own, that
- * is, doubles its steps. */
+/* Makes all rows at the scale 2^e; one that is not valid there halves its own,
+ * that is, doubles its steps. */
 static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
                         int e)
 {
@@ -120,7 +121,7 @@ static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
     }
 }
 
-/* Bits of residuals that share a scale, at each of them. */
+/* Residuals that share a scale take these bits, at each of the scales. */
 typedef struct {
     double at[SAGA_N_SCALES];
 } scale_bits;
@@ -349,7 +350,7 @@ typedef struct {
     const uint32_t *order;
 } loop;
 
-/* Wanted offset from a cell's centre in half-sizes. */
+/* Returns the wanted offset from a cell's centre, in half-sizes. */
 static double local(double x, double centre, double unit)
 {
     return saga_clamp_offset((x - centre) / unit);

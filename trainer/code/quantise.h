@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * From real values to symbols: networks, and the closed-loop quantiser, one of
- * the four coders behind the traversal. It quantises each residual against the
- * mu the decoder will have.
+ * Real values become symbols here: networks, and the closed-loop quantiser, one
+ * of the four coders behind the traversal. It quantises each residual against
+ * the mu the decoder will have.
  */
 #ifndef SAGA_QUANTISE_H
 #define SAGA_QUANTISE_H
@@ -16,8 +16,8 @@
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* One layer in reals: weights (n_out, n_in), biases (n_out), and for each row
- * the Q of what it gives. The Q of its input is q_in. */
+/* A layer is given in reals: weights (n_out, n_in), biases (n_out), and for
+ * each row the Q of what it gives. The Q of its input is q_in. */
 typedef struct saga_layer_values {
     const float *weight, *bias;
     uint32_t n_in, n_out;
@@ -38,7 +38,7 @@ typedef struct saga_layer_values {
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 
-/* Bits of the scale of a row or column, about. */
+/* The scale of a row or column takes about so many bits. */
 enum { SAGA_QUANTISE_LINE_BITS = 3 };
 
 /* Gives the code length of a layer's weights w (rows, columns), rounded to

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Range encoder: the inverse of decoder/range_dec, over a buffer that grows to
- * a capacity given by the caller.
+ * The range encoder is the inverse of decoder/range_dec, over a buffer that
+ * grows to a capacity given by the caller.
  */
 #ifndef SAGA_RANGE_ENC_H
 #define SAGA_RANGE_ENC_H
@@ -24,10 +24,10 @@ void saga_range_enc_init(saga_range_enc *e, uint8_t *p, size_t cap);
 /* The interval [start, end) of 2^15; end = 2^15 takes the remainder. */
 void saga_range_enc_interval(saga_range_enc *e, uint32_t start, uint32_t end);
 
-/* `bits` plain bits of v, most significant first. */
+/* Writes `bits` plain bits of v, most significant first. */
 void saga_range_enc_bits(saga_range_enc *e, uint32_t v, uint32_t bits);
 
-/* q in -65535..65535 with the residual coder's scale index 0..63. */
+/* Writes q in -65535..65535 with the residual coder's scale index 0..63. */
 void saga_range_enc_residual(saga_range_enc *e, int32_t q, uint32_t scale);
 
 /* Writes the last byte: the shortest end the decoder reads right, with three

@@ -17,8 +17,9 @@ static inline double saga_clamp_offset(double o)
          : o > SAGA_OFFSET_MAX ? SAGA_OFFSET_MAX : o;
 }
 
-/* Suffix of an offset, in supports of its parent: its cell in a grid of 2^bits
- * cells an axis over -1..1, clamped to it; and a cell's centre on an axis. */
+/* The first returns the suffix of an offset, in supports of its parent: its
+ * cell in a grid of 2^bits cells an axis over -1..1, clamped to it; and a
+ * cell's centre on an axis. */
 uint32_t saga_suffix_of(const double o[4], uint32_t bits);
 double saga_suffix_centre(uint32_t suffix, uint32_t bits, uint32_t axis);
 

@@ -160,8 +160,8 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     return SAGA_OK;
 }
 
-/* Byte range of segment `number`: its first frame lies after those of the
- * segments before it. */
+/* Finds the byte range of segment `number`: its first frame lies after those of
+ * the segments before it. */
 static saga_status find_segment(saga_segment *seg, const uint8_t *bytes,
                                 size_t n, uint32_t number)
 {

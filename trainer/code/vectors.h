@@ -26,14 +26,14 @@ typedef struct saga_stages {
     uint32_t frame;              /* 8-bit picture */
 } saga_stages;
 
-/* CRC of the symbols: every integer as 4 bytes, little-endian, in the order of
- * symbols.h; the networks' layers in the order of the stream. */
+/* Returns the CRC of the symbols: every integer as 4 bytes, little-endian, in
+ * the order of symbols.h; the networks' layers in the order of the stream. */
 uint32_t saga_symbols_crc(const saga_net_symbols *nets,
                           const saga_nets *shapes, const saga_symbols *s,
                           uint32_t features);
 
-/* All stages but the symbols, from the bytes of a file, through saga.h alone:
- * segment `number` (found through its first frame), time t, rig camera.
+/* Runs all stages but the symbols, from the bytes of a file, through saga.h
+ * alone: segment `number` (found through its first frame), time t, rig camera.
  * Returns the first status that is not SAGA_OK. pixels: room for the camera's
  * picture, 3 bytes per pixel, at least pixels_nbytes. */
 saga_status saga_stages_of(saga_stages *stages, const uint8_t *bytes, size_t n,

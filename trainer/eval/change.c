@@ -10,7 +10,7 @@
 /* Samples whose histograms a thread keeps at a time: 64 KiB of them. */
 enum { BLOCK = 64, N_VALUES = 256 };
 
-/* The value of rank `rank` (from 0). */
+/* Returns the value of rank `rank` (from 0). */
 static int value_at(const uint32_t count[N_VALUES], uint32_t rank)
 {
     uint32_t below = count[0];

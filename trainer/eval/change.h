@@ -21,8 +21,9 @@
 
 enum { SAGA_CHANGE_LEVEL = 8 }; /* of 255 */
 
-/* Medians of n samples over the n_frames >= 1 frames frame[0..n_frames), each
- * (n). Of an even number: the mean of the middle two, halves up. */
+/* Sets the medians of n samples over the n_frames >= 1 frames
+ * frame[0..n_frames), each (n). Of an even number: the mean of the middle two,
+ * halves up. */
 void saga_median_picture(uint8_t *median, const uint8_t *const *frame,
                          int n_frames, size_t n, int n_threads);
 
@@ -41,11 +42,11 @@ void saga_change_add(saga_change *to, const uint8_t *median,
 /* Adds other sums. */
 void saga_change_merge(saga_change *to, const saga_change *from);
 
-/* PSNR of the changing pixels, all three channels: infinite where they are
- * right; NaN when there is none. */
+/* Returns the PSNR of the changing pixels, all three channels: infinite where
+ * they are right; NaN when there is none. */
 double saga_change_psnr(const saga_change *c);
 
-/* Changing pixels, as a part of all of them; NaN of none. */
+/* Returns the changing pixels as a part of all of them; NaN of none. */
 double saga_change_share(const saga_change *c);
 
 #endif

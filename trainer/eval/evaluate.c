@@ -47,7 +47,7 @@ static bool check_time(const saga_film *film, const saga_capture *capture,
     return true;
 }
 
-/* Angle between the poses of two cameras, degrees. */
+/* Returns the angle between the poses of two cameras, in degrees. */
 static double turn_between(const saga_shot *a, const saga_shot *b)
 {
     double trace = 0.0, c;
@@ -233,7 +233,7 @@ typedef struct {
     saga_score_sum *sum;    /* (n_views) */
 } comparison;
 
-/* The median pictures, of the truth alone. */
+/* Makes the median pictures, of the truth alone. */
 static bool make_medians(const comparison *c)
 {
     for (int i = 0; i < c->eval->n_views; i++) {
@@ -396,7 +396,8 @@ static bool make_folder(const char *path, saga_error *error)
                            "cannot be made");
 }
 
-/* The memory of a comparison; release gives back what there is of it. */
+/* Allocates the memory of a comparison; release gives back what there is of it.
+ */
 static bool allocate(comparison *c)
 {
     const size_t n_views = (size_t)c->eval->n_views;

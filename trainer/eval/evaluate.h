@@ -63,7 +63,7 @@ typedef struct saga_eval {
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
                      const saga_capture *capture, saga_error *error);
 
-/* The same for pictures of another codec: they must be as many views and
+/* Does the same for pictures of another codec: they must be as many views and
  * frames, and views of the same names and sizes. */
 bool saga_eval_match_pictures(saga_eval *eval, const char *name,
                               const saga_capture *pictures,

@@ -74,7 +74,7 @@ static bool cut(const walk *w, uint32_t type, uint64_t at, uint64_t needs)
     return damaged(w, type, at, what);
 }
 
-/* The chunk of a type at byte `at`, whole and with the right CRC. */
+/* Finds the chunk of a type at byte `at`, whole and with the right CRC. */
 static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
 {
     saga_io io = { w->bytes, NULL, 0 };

@@ -14,7 +14,7 @@
 
 enum { SAGA_DAMAGE_NBYTES = 256 };
 
-/* The chunks of a segment, in the order of the file. */
+/* A segment has these chunks, in the order of the file. */
 enum {
     SAGA_PART_SEGMENT,
     SAGA_PART_COARSE,

@@ -76,7 +76,7 @@ static void make_taps(double tap[TAPS])
         tap[i] /= sum;
 }
 
-/* One map of a row, filtered along it: line has HALF zeros at both ends. */
+/* Filters one map of a row along it: line has HALF zeros at both ends. */
 static void filter_row(double *out, const double *line, int width,
                        const double tap[TAPS])
 {
@@ -209,7 +209,7 @@ static bool channel(channel_ssim *s, pair p, saga_error *error)
 
 /* --- Channels of pictures ------------------------------------------------ */
 
-/* Channel c of both pictures, in one block: a, then b. */
+/* Takes channel c of both pictures into one block: a, then b. */
 static double *take_channel(const saga_picture_pair *of, int c,
                             saga_error *error)
 {
@@ -267,7 +267,7 @@ static void halve(double *v, int width, int height)
     }
 }
 
-/* One channel through all scales; v, which holds both, is used up. */
+/* Takes one channel through all scales; v, which holds both, is used up. */
 static bool scales(double *value, double *v, const saga_picture_pair *of,
                    saga_error *error)
 {

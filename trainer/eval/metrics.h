@@ -16,7 +16,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The variants, as reports name them. */
+/* Reports name the variants so. */
 #define SAGA_PSNR_TEXT "8-bit RGB, mean of the pictures' values"
 #define SAGA_PSNR_OF_MEAN_TEXT "8-bit RGB, of the mean squared error of all"
 #define SAGA_SSIM_ZERO_TEXT \
@@ -39,7 +39,7 @@ typedef struct saga_picture_pair {
     int n_threads;           /* to do it with, >= 1 */
 } saga_picture_pair;
 
-/* What one pair of pictures scores. */
+/* One pair of pictures scores this. */
 typedef struct saga_score {
     double mse;              /* of 8-bit samples */
     double psnr;             /* dB; infinity for equal pictures */
@@ -51,11 +51,11 @@ typedef struct saga_score {
 /* Mean squared difference of n samples; 0 for n = 0. */
 double saga_mse(const uint8_t *a, const uint8_t *b, size_t n);
 
-/* 10 log10(255^2 / mse), infinity for 0. */
+/* Returns 10 log10(255^2 / mse), infinity for 0. */
 double saga_psnr(double mse);
 
-/* Both SSIMs of two pictures; valid is NaN when a side is below 11. False: no
- * memory. */
+/* Computes both SSIMs of two pictures; valid is NaN when a side is below 11.
+ * False: no memory. */
 bool saga_ssim(double *zero, double *valid, const saga_picture_pair *pair,
                saga_error *error);
 
@@ -66,10 +66,10 @@ bool saga_ssim(double *zero, double *valid, const saga_picture_pair *pair,
 bool saga_ms_ssim(double *value, const saga_picture_pair *pair,
                   saga_error *error);
 
-/* The squared error and PSNR alone; the others are NaN. */
+/* Computes the squared error and PSNR alone; the others are NaN. */
 saga_score saga_score_psnr(const saga_picture_pair *pair);
 
-/* All of them. */
+/* Computes all of them. */
 bool saga_score_picture(saga_score *score, const saga_picture_pair *pair,
                         saga_error *error);
 

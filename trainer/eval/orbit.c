@@ -129,7 +129,7 @@ static double split(double level[3], const saga_orbit *o,
     return height;
 }
 
-/* Axes, radius and height. */
+/* Finds axes, radius and height. */
 static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
 {
     double level[3];
@@ -159,7 +159,8 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The cameras' angles, without the widest gap between two of them. */
+/* Finds the range of the cameras' angles, without the widest gap between two of
+ * them. */
 static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
                        double *angle)
 {

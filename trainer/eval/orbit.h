@@ -27,8 +27,9 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        const saga_metric *metric, double turn,
                        saga_error *error);
 
-/* Another picture size: all that was seen stays in it, pixels stay square as
- * they were, the principal point stays where it was around the middle. */
+/* Gives the camera another picture size: all that was seen stays in it, pixels
+ * stay square as they were, the principal point stays where it was around the
+ * middle. */
 void saga_camera_resize(saga_camera *camera, int width, int height);
 
 #endif

@@ -36,10 +36,11 @@ static double seconds(void)
 
 /* --- Opening ------------------------------------------------------------- */
 
-/* Index, networks or a segment. What no CRC finds wrong was written so: streams
- * of before version 1 is final have no number of their own. */
-static bool refuse(const saga_film *film, saga_error *error,
-                   const char *what, saga_status status)
+/* Says that index, networks or a segment are refused. What no CRC finds wrong
+ * was written so: streams of before version 1 is final have no number of their
+ * own. */
+static bool refuse(const saga_film *film, const char *what,
+                   saga_status status, saga_error *error)
 {
     const char *remedy = "`saga info` tells what is damaged";
     saga_error ignored = { "" };
@@ -66,7 +67,7 @@ static bool open_decoder(saga_film *film, saga_error *error)
     s = saga_open(&film->dec, film->work, film->info.work_nbytes,
                   film->bytes, film->nbytes);
     film->times.head = seconds() - start;
-    return s == SAGA_OK || refuse(film, error, "its networks are refused", s);
+    return s == SAGA_OK || refuse(film, "its networks are refused", s, error);
 }
 
 static int threads_of(int wanted)
@@ -114,7 +115,7 @@ bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
                          index, film->info.n_cameras);
     const saga_status s =
         saga_rig(camera, number, film->bytes, film->nbytes, index);
-    return s == SAGA_OK || refuse(film, error, "its rig is refused", s);
+    return s == SAGA_OK || refuse(film, "its rig is refused", s, error);
 }
 
 /* --- Drawing ------------------------------------------------------------- */
@@ -136,14 +137,14 @@ static bool decode(saga_film *film, const saga_segment *seg,
     snprintf(what, sizeof what, "segment %" PRIu32 " is refused",
              seg->number);
     if (s)
-        return refuse(film, error, what, s);
+        return refuse(film, what, s, error);
     film->segment = seg->number;
     film->times.segment += seconds() - start;
     film->times.n_segments++;
     return true;
 }
 
-/* Rows of one job out of n, whole tiles. */
+/* Sets the rows of one job out of n, whole tiles. */
 static void set_rows(saga_job *job, const saga_camera *c, int i, int n)
 {
     const int rows = (c->height + TILE - 1) / TILE;
@@ -172,7 +173,7 @@ static size_t scratch_nbytes(const saga_camera *c, int n)
     return (nbytes + SCRATCH_ALIGN - 1) / SCRATCH_ALIGN * SCRATCH_ALIGN;
 }
 
-/* All rows of a job. */
+/* Draws all rows of a job. */
 static saga_status draw_rows(const saga_film *film, const saga_camera *c,
                              uint8_t *rgb, saga_job job)
 {
@@ -216,7 +217,7 @@ static bool draw(const saga_film *film, const saga_camera *c, uint8_t *rgb,
     }
     free(scratch);
     return worst == SAGA_OK ||
-           refuse(film, error, "cannot be drawn", (saga_status)worst);
+           refuse(film, "cannot be drawn", (saga_status)worst, error);
 }
 
 bool saga_film_draw(saga_film *film, const saga_camera *camera,
@@ -234,7 +235,7 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                          "has no frame %g among its %" PRIu32,
                          (double)frame_num / frame_den, film->info.n_frames);
     if (s)
-        return refuse(film, error, "its index is refused", s);
+        return refuse(film, "its index is refused", s, error);
     if (!decode(film, &seg, error))
         return false;
     start = seconds();
@@ -242,7 +243,7 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
     drawn = seconds();
     film->times.view += drawn - start;
     if (s)
-        return refuse(film, error, "cannot be drawn", s);
+        return refuse(film, "cannot be drawn", s, error);
     ok = draw(film, camera, rgb, error);
     film->times.draw += seconds() - drawn;
     film->times.n_views++;

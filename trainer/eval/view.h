@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A .saga file, watched through the public decoder: what a player would do,
- * in float where a player's user interface is in float.
+ * A film is a .saga file, watched through the public decoder: what a player
+ * would do, in float where a player's user interface is in float.
  *
  * Metres and box units: metres = centre + box units * unit (saga_info).
  */
@@ -47,7 +47,8 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                     uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
                     saga_error *error);
 
-/* Camera `index` of the file's rig, and the number the capture gave it. */
+/* Gives camera `index` of the file's rig, and the number the capture gave it.
+ */
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
                    uint32_t *number, saga_error *error);
 

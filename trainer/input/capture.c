@@ -216,7 +216,7 @@ static double picture_nbytes(const load_job *job, int v, double scale)
     return n;
 }
 
-/* One source picture, its table and one depth picture per thread. */
+/* A thread has one source picture, its table and one depth picture. */
 static double scratch_nbytes(const load_job *job)
 {
     double most = 0.0;
@@ -276,8 +276,8 @@ static bool check_budget(const load_job *job)
 
 /* ---------------------------------------------------------------- decoding */
 
-/* Called after each item. The error of the lowest item wins: items start in
- * order, so it is the same one for any number of threads. */
+/* This is called after each item. The error of the lowest item wins: items
+ * start in order, so it is the same one for any number of threads. */
 static void item_done(load_job *job, int item, bool ok,
                       const saga_error *error)
 {
@@ -380,7 +380,7 @@ static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
     item_done(job, v * job->capture->n_frames + k, ok, &error);
 }
 
-/* All still pictures, or all depths, of one view. */
+/* Loads all still pictures, or all depths, of one view. */
 static void load_view(load_job *job, int v, bool depth)
 {
     const saga_source *const s = &job->listing->sources[v];

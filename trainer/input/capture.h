@@ -37,8 +37,9 @@ enum {
     SAGA_MAX_SCALE = 64
 };
 
-/* Called from any thread, one call at a time; done runs from 0 to 1. Return
- * false to cancel: the call in progress then fails with "cancelled". */
+/* A progress function is called from any thread, one call at a time; done runs
+ * from 0 to 1. Return false to cancel: the call in progress then fails with
+ * "cancelled". */
 typedef bool saga_progress_fn(void *user, double done, const char *doing);
 
 typedef struct saga_capture_options {
@@ -135,7 +136,7 @@ static inline const float *saga_capture_depth(const saga_capture *capture,
     return v->depth ? v->depth[frame] : NULL;
 }
 
-/* A world point in camera axes. */
+/* Turns a world point into camera axes. */
 static inline void saga_view_transform(const saga_shot *view,
                                        const double world[3], double cam[3])
 {
@@ -146,8 +147,8 @@ static inline void saga_view_transform(const saga_shot *view,
     }
 }
 
-/* Pixel and depth of a world point; false (uv untouched) if it lies behind
- * the camera. */
+/* Finds pixel and depth of a world point; false (uv untouched) if it lies
+ * behind the camera. */
 static inline bool saga_view_project(const saga_shot *view,
                                      const double world[3], double uv[2],
                                      double *depth)

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Whether jansson got the memory it asked for. By itself it does not always
- * tell: a string becomes an invalid token, and a long number loses a digit and
- * is accepted.
+ * jansson does not say whether it got the memory it asked for; this does. By
+ * itself it does not always tell: a string becomes an invalid token, and a long
+ * number loses a digit and is accepted.
  */
 #ifndef SAGA_JSON_MEMORY_H
 #define SAGA_JSON_MEMORY_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * nerfstudio's transforms.json.
+ * This reads nerfstudio's transforms.json.
  *
  * Every entry of "frames" is one picture with its camera, or one video with
  * all its frames. Intrinsics stand in the entry or, for all, at the top.
@@ -87,7 +87,7 @@ static bool wrong_type(const reader *r, int index, const char *key,
                      value ? type_name(value) : "missing", wanted);
 }
 
-/* From the entry, else from the top, else left alone. */
+/* A number is taken from the entry, else from the top, else left alone. */
 static bool get_number(const reader *r, const json_t *frame, int index,
                        const char *key, double *x)
 {
@@ -252,7 +252,7 @@ static bool read_entries(reader *r)
 
 /* ----------------------------------------------------------------- cameras */
 
-/* Room for one more view in first (n_views). */
+/* Makes room for one more view in first (n_views). */
 static bool add_view(const reader *r, int **first)
 {
     if (r->n_views == SAGA_MAX_VIEWS)
@@ -297,7 +297,7 @@ static bool assign_views(reader *r)
     return true;
 }
 
-/* By camera, then by time, then by name. */
+/* Sorts by camera, then by time, then by name. */
 static int entry_order(const void *a, const void *b)
 {
     const entry *const x = a, *const y = b;
@@ -407,7 +407,7 @@ static const char *base_of(const char *file)
     return slash ? slash + 1 : file;
 }
 
-/* The last folder of a path; empty if it has none. */
+/* Returns the last folder of a path; empty if it has none. */
 static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
 {
     const char *const base = base_of(file);

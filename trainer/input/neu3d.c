@@ -175,7 +175,7 @@ static bool names_image(const char *name, const char *image)
     return false;
 }
 
-/* The first image of each view; -1 if it has none. */
+/* Finds the first image of each view; -1 if it has none. */
 static void match_images(const saga_listing *listing, const saga_colmap *model,
                          int *image_of)
 {
@@ -187,8 +187,8 @@ static void match_images(const saga_listing *listing, const saga_colmap *model,
     }
 }
 
-/* Largest distance between a camera's two centres, in diameters of the rig.
- * Another world frame differs by the order of one. */
+/* Returns the largest distance between a camera's two centres, in diameters of
+ * the rig. Another world frame differs by the order of one. */
 static double disagreement(const saga_listing *listing,
                            const saga_colmap *model, const int *image_of)
 {
@@ -264,7 +264,7 @@ static int view_of_image(const saga_listing *listing, const char *image)
     return -1;
 }
 
-/* (n_images): the view each image belongs to, -1 none. */
+/* Returns the view each image belongs to (n_images), -1 for none. */
 static int *map_images(const saga_listing *listing, const saga_colmap *model,
                        saga_error *error)
 {
@@ -275,7 +275,7 @@ static int *map_images(const saga_listing *listing, const saga_colmap *model,
     return view;
 }
 
-/* Distinct training views in a point's track. */
+/* Counts the distinct training views in a point's track. */
 static int count_training_views(const saga_listing *listing,
                                 const saga_colmap *model, const int *view,
                                 const saga_colmap_point *point, size_t *stamp,
@@ -335,7 +335,7 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Every observation against the loaded camera, through the lens: tells a
+/* Compares every observation with the loaded camera, through the lens: tells a
  * wrong convention or a wrong size at once. */
 static bool measure_view(saga_source *s, const saga_colmap *model,
                          const saga_colmap_image *image,

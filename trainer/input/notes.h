@@ -10,8 +10,8 @@
 /* Appends a line to a notes buffer of SAGA_NOTES_NBYTES; cut when full. */
 void saga_note(char *notes, const char *format, ...) SAGA_PRINTF(2, 3);
 
-/* A name for messages and tables: characters that could disturb a terminal
- * or a list become '_'. */
+/* Returns a name for messages and tables: characters that could disturb a
+ * terminal or a list become '_'. */
 void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n);
 
 #endif

@@ -23,7 +23,8 @@ static const char *skip_space(const char *p)
     return p;
 }
 
-/* The text behind 'key': in the header's dictionary, NULL if missing. */
+/* Returns the text behind 'key': in the header's dictionary, NULL if missing.
+ */
 static const char *value_of(const char *text, const char *key)
 {
     const char *p = strstr(text, key);
@@ -36,7 +37,7 @@ static const char *value_of(const char *text, const char *key)
     return *p == ':' ? skip_space(p + 1) : NULL;
 }
 
-/* (a,) or (a, b); digits only, so that nothing negative gets through. */
+/* Reads (a,) or (a, b); digits only, so that nothing negative gets through. */
 static bool parse_shape(const char *p, npy_header *h)
 {
     size_t sides[2] = {0, 1};

@@ -27,16 +27,17 @@ bool saga_exr_probe(const char *path, int *width, int *height,
                     saga_error *error);
 bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
                    saga_error *error);
-/* The channel Z, or the only one; (height, width) floats. */
+/* Reads the channel Z, or the only one; (height, width) floats. */
 bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
                          saga_error *error);
-/* 8-bit sRGB as linear half floats: reading gives the same 8 bits again. */
+/* Writes 8-bit sRGB as linear half floats: reading gives the same 8 bits again.
+ */
 bool saga_exr_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error);
 bool saga_exr_write_depth(const char *path, int width, int height,
                           const float *depth, saga_error *error);
 
-/* sRGB transfer function (IEC 61966-2-1). */
+/* This is the sRGB transfer function (IEC 61966-2-1). */
 double saga_srgb_to_linear(double encoded);
 uint8_t saga_linear_to_srgb8(double linear);
 

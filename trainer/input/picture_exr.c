@@ -31,8 +31,7 @@ static exr_context_initializer_t exr_setup(void)
 /* OpenEXR goes on without an attribute that it has no memory for: a picture
  * has 64 x 64 pixels then, or no channels. So errno, 0 when a file is opened,
  * is asked before anything it says is believed. */
-static bool exr_fail(saga_error *error, const char *path,
-                     exr_result_t code)
+static bool exr_fail(const char *path, exr_result_t code, saga_error *error)
 {
     if (errno == ENOMEM)
         return saga_no_memory(0, path, error);
@@ -72,7 +71,7 @@ static bool exr_open(exr_input *in, const char *path, saga_error *error)
         r = exr_get_scanlines_per_chunk(in->context, 0, &rows);
     if (r != EXR_ERR_SUCCESS || errno == ENOMEM) {
         exr_finish(&in->context);
-        return exr_fail(error, path, r);
+        return exr_fail(path, r, error);
     }
     const long long w = (long long)in->window.max.x - in->window.min.x + 1;
     const long long h = (long long)in->window.max.y - in->window.min.y + 1;
@@ -98,8 +97,8 @@ bool saga_exr_probe(const char *path, int *width, int *height,
     return true;
 }
 
-/* Planes of floats, one per wanted channel name; names[0] == NULL: the only
- * channel of the file, whatever it is called. */
+/* Planes of floats are filled, one per wanted channel name; names[0] == NULL:
+ * the only channel of the file, whatever it is called. */
 typedef struct exr_planes {
     const char *names[3];
     float *data[3];
@@ -164,7 +163,7 @@ static bool check_channels(const exr_input *in, const char *path,
     const exr_attr_chlist_t *list = NULL;
     const exr_result_t r = exr_get_channels(in->context, 0, &list);
     if (r != EXR_ERR_SUCCESS)
-        return exr_fail(error, path, r);
+        return exr_fail(path, r, error);
     if (planes->n == 1 && list->num_channels == 1)
         planes->names[0] = list->entries[0].name.str;
     for (int i = 0; i < planes->n; i++) {
@@ -198,7 +197,7 @@ static bool read_planes(const char *path, int width, int height,
     if (ok) {
         const exr_result_t r = decode_chunks(&in, planes);
         ok = (r == EXR_ERR_SUCCESS && errno != ENOMEM) ||
-             exr_fail(error, path, r);
+             exr_fail(path, r, error);
     }
     exr_finish(&in.context);
     return ok;

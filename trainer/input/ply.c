@@ -74,8 +74,8 @@ static bool add_property(ply_header *h, const char *type, const char *name)
     return false;
 }
 
-/* One header line; elements are tracked so that only the vertices' properties
- * count. */
+/* Reads one header line; elements are tracked so that only the vertices'
+ * properties count. */
 typedef struct ply_state {
     bool seen_format, seen_vertex, in_vertex;
 } ply_state;

@@ -8,8 +8,8 @@
 
 #include <stdbool.h>
 
-/* Unit quaternion w, x, y, z after normalising; false if it is zero or not
- * finite. */
+/* Takes a quaternion w, x, y, z, which it normalises; false if it is zero or
+ * not finite. */
 bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9]);
 
 /* From camera axes and centre in the world: the columns of a camera-to-world

@@ -251,7 +251,8 @@ void saga_remap_rgb(const saga_remap *remap, const uint8_t *source,
             box_pixel(remap, source, x, y, rgb);
 }
 
-/* The sample in the middle of the box, for even N the one right below. */
+/* Returns the sample in the middle of the box, for even N the one right below.
+ */
 void saga_remap_depth(const saga_remap *remap, const float *source,
                       float *depth)
 {

@@ -42,7 +42,7 @@ typedef struct saga_remap {
     uint8_t *fractions;       /* (source height, source width, 2) of 1/256 */
 } saga_remap;
 
-/* The pixel of the lens' picture in direction (x, y, 1). */
+/* Finds the pixel of the lens' picture in direction (x, y, 1). */
 void saga_lens_project(const saga_lens *lens, double x, double y,
                        double uv[2]);
 bool saga_lens_is_pinhole(const saga_lens *lens);

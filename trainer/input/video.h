@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Video through the programs ffprobe and ffmpeg.
+ * Videos are read through the programs ffprobe and ffmpeg.
  *
  * Colour: ffmpeg converts to RGB with the matrix and range that the stream is
  * tagged with; an untagged stream is taken as BT.709, limited range. Both are
@@ -41,7 +41,7 @@ typedef struct saga_video {
 bool saga_video_open(saga_video *video, const char *path,
                      const saga_video_info *info, int n_wanted,
                      saga_error *error);
-/* The next frame, (height, width, 3). */
+/* Reads the next frame, (height, width, 3). */
 bool saga_video_next(saga_video *video, uint8_t *rgb, saga_error *error);
 /* Ends ffmpeg. With ok, checks that it had nothing more and no complaint;
  * otherwise kills it. Returns false if anything failed. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Adam with bias correction. The state is the caller's: two moments per
+ * This is Adam with bias correction. The state is the caller's: two moments per
  * parameter and the number of the step, so that a checkpoint holds them.
  */
 #ifndef SAGA_ADAM_H

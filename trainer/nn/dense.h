@@ -18,8 +18,8 @@
 
 size_t saga_dense_pad(size_t n);
 
-/* n rows of `width` reals, a stride apart: what goes in or comes back for n
- * points. */
+/* n rows have `width` reals each, a stride apart: what goes in or comes back
+ * for n points. */
 typedef struct saga_dense_rows {
     const real *at;
     size_t n, width, stride;

@@ -139,7 +139,7 @@ static size_t widest(const saga_net *net)
     return top;
 }
 
-/* Reals of a thread: room for three chunks of the widest layer. */
+/* Returns the reals of a thread: room for three chunks of the widest layer. */
 static size_t scratch_size(const saga_net *net)
 {
     return 3 * CHUNK * widest(net);
@@ -161,7 +161,7 @@ static size_t block_size(size_t m)
     return (n + CHUNK - 1) / CHUNK * CHUNK;
 }
 
-/* n rows of one stride to another, the excess zero. */
+/* Copies n rows of one stride to another, the excess zero. */
 static void copy_rows(real *to, size_t to_stride, const real *from,
                       size_t from_stride, size_t n)
 {
@@ -187,7 +187,7 @@ typedef struct {
     size_t m;                    /* points */
 } pass;
 
-/* Of this thread. */
+/* Returns the scratch of this thread. */
 static real *scratch_of(const pass *p)
 {
     return p->work->chunk + scratch_size(p->net) * saga_thread_number();
@@ -241,7 +241,7 @@ void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
 
 /* --- Backward ------------------------------------------------------------ */
 
-/* Padded gradients of one block: per layer dw (dim[l + 1], pad(l)), db. */
+/* A block has padded gradients: per layer dw (dim[l + 1], pad(l)), db. */
 static size_t partial_size(const saga_net *net)
 {
     size_t n = 0;

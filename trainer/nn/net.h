@@ -17,7 +17,7 @@
 
 enum { SAGA_NET_LAYERS = 4 };
 
-/* Weights, or their gradients, or an optimiser's moments. */
+/* A network has weights, or their gradients, or an optimiser's moments. */
 typedef struct saga_net {
     int n_layers;                 /* 1..SAGA_NET_LAYERS */
     int dim[SAGA_NET_LAYERS + 1]; /* >= 1 */
@@ -43,7 +43,7 @@ typedef struct saga_net_work {
 #define saga_net_forward SAGA_REAL_NAME(saga_net_forward)
 #define saga_net_backward SAGA_REAL_NAME(saga_net_backward)
 
-/* Reals of all weights and biases. */
+/* Returns the reals of all weights and biases. */
 size_t saga_net_n_params(const saga_net *net);
 
 /* Points w and b into params[n_params]: w[0], b[0], w[1], ... */
@@ -64,8 +64,8 @@ void saga_net_free(saga_net_work *work);
 void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
                       const saga_net *net);
 
-/* Of the same forward pass: SETS dx (M, dim[0]; NULL: not wanted), ADDS to
- * d's weights and biases. */
+/* Goes back through the same forward pass: SETS dx (M, dim[0]; NULL: not
+ * wanted), ADDS to d's weights and biases. */
 void saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
                        const real *dy, const real *x, size_t m,
                        const saga_net *net);

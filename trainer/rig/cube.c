@@ -83,8 +83,8 @@ static double baseline(double *mean, const saga_capture *c)
     return sqrt(sum);
 }
 
-/* The point nearest to all optical axes. Parallel axes leave it open along
- * them: a weak pull towards five baselines before the cameras decides. */
+/* Finds the point nearest to all optical axes. Parallel axes leave it open
+ * along them: a weak pull towards five baselines before the cameras decides. */
 static double focus(double *x, const saga_capture *c)
 {
     double mean[3], axis[3] = { 0 }, a[3][3] = { { 0 } };
@@ -209,7 +209,7 @@ static void sample_world(double *x, const saga_shot *v, const double *range,
                                k * (1 / range[1] - 1 / range[0])), x);
 }
 
-/* False if no two views share anything. */
+/* Returns false if no two views share anything. */
 static bool include_frusta(double lo[3], double hi[3], const saga_capture *c,
                            const double *range, int n_needed)
 {

@@ -163,7 +163,7 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
     canvas->t = (real)((double)sample.frame / p->capture->n_frames);
 }
 
-/* Boxes from the picture's corner: what does not fill one is left out. */
+/* Boxes begin at the picture's corner: what does not fill one is left out. */
 void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                          saga_sample sample)
 {

@@ -23,8 +23,8 @@ typedef struct saga_pictures {
     int n_train;
 } saga_pictures;
 
-/* One picture: what a view saw at a frame, averaged over boxes of 2^mip pixels
- * a side. */
+/* A sample names one picture: what a view saw at a frame, averaged over boxes
+ * of 2^mip pixels a side. */
 typedef struct saga_sample { int view, frame, mip; } saga_sample;
 
 /* False where memory is short or there is nothing to train on. */
@@ -41,13 +41,13 @@ uint64_t saga_pictures_digest(const saga_pictures *pictures);
 saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
                                uint64_t draw);
 
-/* Pixels of all pictures that are learned from. */
+/* Returns the pixels of all pictures that are learned from. */
 double saga_pictures_pixels(const saga_pictures *pictures);
 
-/* Pixels of the largest picture. */
+/* Returns the pixels of the largest picture. */
 size_t saga_pictures_largest(const saga_pictures *pictures);
 
-/* A canvas for any picture; fails where memory is short. */
+/* Makes a canvas for any picture; fails where memory is short. */
 bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
                           saga_error *error);
 
@@ -55,7 +55,7 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
  * in training nor with the file's rig, which holds it. */
 double saga_pictures_near(const saga_pictures *pictures, int view);
 
-/* The camera of a picture; black background. */
+/* Sets the camera of a picture; black background. */
 void saga_pictures_camera(saga_splat_camera *camera,
                           const saga_pictures *pictures, saga_sample sample);
 

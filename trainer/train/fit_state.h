@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inside of the fit, shared by fit*.c.
+ * This is the inside of the fit, which fit*.c share.
  */
 #ifndef SAGA_FIT_STATE_H
 #define SAGA_FIT_STATE_H
@@ -28,7 +28,7 @@ struct saga_fit {
     double bits[SAGA_N_STEPS];   /* of the last iteration */
 };
 
-/* The quantisation step of the coarse features, reals. */
+/* Returns the quantisation step of the coarse features, in reals. */
 double saga_fit_feature_step(const saga_scene *s);
 
 /* First iteration of the rendering that rounds: the last third does. */

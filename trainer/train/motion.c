@@ -56,7 +56,7 @@ static void count(tally *sum, const saga_capture *c, int view, int frame,
                         drawn_middle + i, n);
 }
 
-/* Tallies one view; pictures has room for two of the largest view. */
+/* Adds one view to the tally; pictures has room for two of the largest view. */
 static bool tally_view(tally *sum, saga_train *t, int view, real *pictures,
                        saga_error *error)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inside of the training, shared by train*.c.
+ * This is the inside of the training, which train*.c share.
  */
 #ifndef SAGA_TRAIN_STATE_H
 #define SAGA_TRAIN_STATE_H
