@@ -189,7 +189,7 @@ static void learn(rate_scene *f, int n)
 
 /* Features that follow from the place, by no source but the memory: a query
  * knows its place. */
-static void decide_should_keep_a_memory_that_learned(void **state)
+static void decide_should_keep_a_bank_that_learned(void **state)
 {
     const saga_rate_gain *g;
     rate_scene f;
@@ -327,7 +327,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(decide_should_drop_what_foretells_nothing),
         cmocka_unit_test(decide_should_keep_what_foretells),
-        cmocka_unit_test(decide_should_keep_a_memory_that_learned),
+        cmocka_unit_test(decide_should_keep_a_bank_that_learned),
         cmocka_unit_test(memory_should_be_causal),
         cmocka_unit_test(choice_should_code_as_the_rate_does)
     };

@@ -350,7 +350,7 @@ static void compare_read(near_integers *t, const saga_scaffold *sc, int kind,
 {
     const size_t d = sc->bank.width;
     const real *const read = t->rate.context.bank.kind[kind].read +
-                             t->rate.context.kind[kind].runs.place[block] * d;
+                             t->rate.context.kind[kind].runs.index[block] * d;
 
     read_alone(sc, kind, (uint32_t)block);
     for (size_t i = 0; i < d; i++)

@@ -61,7 +61,7 @@ static double rate_of(uint64_t nbytes, double seconds)
     return seconds > 0.0 ? 8.0 * (double)nbytes / seconds : 0.0;
 }
 
-/* A place of the file in metres. */
+/* Returns a coordinate of the file in metres. */
 static double metres(const subject *s, int axis, int32_t units)
 {
     return s->centre[axis] + s->unit * units;

@@ -6,7 +6,7 @@
  * gradients back through all of its rounds. Paper: Hierarchical Context
  * Modeling, equations of the write.
  *
- *     token    AGG of a decoded anchor: place, sizes, count, kind, values
+ *     token    AGG of a decoded anchor: position, sizes, count, kind, values
  *     mean     of a run's tokens
  *     h_p      relu(WRITE_BASE(mean) + SLOT(p))
  *     v_p, w_p WRITE(h_p),  g = sigmoid(w)

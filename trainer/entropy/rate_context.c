@@ -92,7 +92,7 @@ void saga_rate_context_free(saga_rate_context *c)
     memset(c, 0, sizeof *c);
 }
 
-/* --- Places and neighbours ----------------------------------------------- */
+/* --- Positions and neighbours -------------------------------------------- */
 
 /* Sets sizes as in_side of common/context.c does: log2 half-sizes in units,
  * count / 8. */
@@ -106,7 +106,7 @@ static void set_size(real size[SAGA_RATE_SIZES], const real log2_units[4],
     size[4] = R(count) / 8;
 }
 
-static void keep_place(saga_rate_kind *k, size_t i, const saga_position *p,
+static void keep_position(saga_rate_kind *k, size_t i, const saga_position *p,
                        uint32_t count)
 {
     real log2_units[4];
@@ -129,7 +129,7 @@ static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc)
     k->groups.n = 0;
     for (i = 0; i < sc->n.coarse; i++) {
         saga_position_cell(&p, &sc->coarse[i]);
-        keep_place(k, i, &p, sc->coarse[i].n_fine);
+        keep_position(k, i, &p, sc->coarse[i].n_fine);
         saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, i,
                          sc->coarse[i].group);
         saga_links_add(&k->groups, i, &nb);
@@ -155,7 +155,7 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
         saga_position_move(&p, f->local);
         for (a = 0; a < 4; a++)
             p.log2_support_q10[a] -= bits * 1024;
-        keep_place(k, i, &p, parent->n_fine);
+        keep_position(k, i, &p, parent->n_fine);
         saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, f->parent,
                          SAGA_ALL_GROUPS);
         saga_links_add(&k->parent, i, &nb);
@@ -348,7 +348,7 @@ static void bank_forward(real *in, const job *j, const real *read)
     size_t i;
 
     for (i = 0; i < j->list.n; i++)
-        memcpy(in + i * j->dim, read + j->k->runs.place[j->list.block[i]] * d,
+        memcpy(in + i * j->dim, read + j->k->runs.index[j->list.block[i]] * d,
                d * sizeof *in);
 }
 
@@ -481,7 +481,7 @@ static void bank_backward(real *d_read, const job *j, const real *d_in)
     size_t i;
 
     for (i = 0; i < j->list.n; i++)
-        memcpy(d_read + j->k->runs.place[j->list.block[i]] * d,
+        memcpy(d_read + j->k->runs.index[j->list.block[i]] * d,
                d_in + i * j->dim, d * sizeof *d_read);
 }
 

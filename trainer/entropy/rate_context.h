@@ -8,7 +8,7 @@
  * again, each for the primitives under it. Evaluated are the blocks of a list.
  *
  * Sources, in the order of the network's input, F values each, the last D:
- *     HYPER   the hyperprior's network at the block's place, size and count
+ *     HYPER   the hyperprior's network at the block's position, size and count
  *     PARENT  coarse features interpolated at a fine anchor's suffix cell, or
  *             the fine anchor's own features
  *     GROUPS  neighbours of earlier groups of the block's tier

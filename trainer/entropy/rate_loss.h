@@ -28,7 +28,7 @@ enum {
     SAGA_RATE_EVERY = 4,         /* blocks: an iteration looks at one of them */
     SAGA_RATE_REMEMBER_EVERY = 16, /* iterations: in one the bank is read anew
                                   * and learns (docs/lab/memory.md), */
-    SAGA_BANK_TWIN_PACE = 2,   /* at so many times the others' learning rate:
+    SAGA_BANK_TWIN_PACE = 2,     /* at so many times the others' learning rate:
                                   * it has fewer steps */
     SAGA_RAW_STEP = 11,          /* of raw networks: 2^-11, and the bits that */
     SAGA_RAW_BITS = 16           /* stand for a parameter of theirs */
@@ -50,8 +50,8 @@ typedef struct saga_rate_decision {
     double step[SAGA_N_NETS];    /* of the entropy networks' weights, reals */
     saga_rate_gain gain[SAGA_N_KINDS];
     double hyper_weights;        /* bits; 0: no kind reads it */
-    double bank_weights;       /* of the bank's networks, kept or not */
-    double bank_net;           /* bits of the best choice in which those who
+    double bank_weights;         /* of the bank's networks, kept or not */
+    double bank_net;             /* bits of the best choice in which those who
                                   * gain from a bank read it, its networks
                                   * counted, less those of the best without:
                                   * kept if below 0; 0: nobody gains */

@@ -44,16 +44,16 @@ bool saga_rate_runs_alloc(saga_rate_runs *r, const saga_scene *s, int kind,
 
     r->n = 0;
     r->block = saga_calloc(n, sizeof *r->block, purpose, error);
-    r->place = saga_calloc(n, sizeof *r->place, purpose, error);
+    r->index = saga_calloc(n, sizeof *r->index, purpose, error);
     r->begin = saga_calloc(saga_rate_runs_most(s, kind) + 1, sizeof *r->begin,
                            purpose, error);
-    return r->block && r->place && r->begin;
+    return r->block && r->index && r->begin;
 }
 
 void saga_rate_runs_free(saga_rate_runs *r)
 {
     free(r->block);
-    free(r->place);
+    free(r->index);
     free(r->begin);
     memset(r, 0, sizeof *r);
 }
@@ -73,7 +73,7 @@ void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind)
             if (group_of(s, kind, i) == group) {
                 if ((at - first) % most == 0)
                     r->begin[r->n++] = at;
-                r->place[i] = at;
+                r->index[i] = at;
                 r->block[at++] = (uint32_t)i;
             }
     }

@@ -13,7 +13,7 @@
  * primitives, which write nothing, are only a division of the work. */
 typedef struct saga_rate_runs {
     uint32_t *block;             /* (blocks) ranks, ascending in a run */
-    uint32_t *place;             /* (blocks) of a rank, where it is there */
+    uint32_t *index;             /* (blocks) of a rank, where it is there */
     uint32_t *begin;             /* (n + 1) */
     size_t n;
 } saga_rate_runs;

@@ -114,7 +114,7 @@ static void find_up(double up[3], const saga_shot *shots, int n)
     }
 }
 
-/* A camera's place seen from the focus: along up, and away from it. */
+/* A camera's position seen from the focus: along up, and away from it. */
 static double split(double level[3], const saga_orbit *o,
                     const saga_shot *shot)
 {

@@ -152,11 +152,11 @@ static int32_t to_units(real x, double unit, int32_t lo, int32_t hi)
     return v < lo ? lo : v > hi ? hi : (int32_t)v;
 }
 
-void saga_scene_position(int32_t x[3], int32_t *t, const real place[4])
+void saga_scene_position(int32_t x[3], int32_t *t, const real at[4])
 {
     int i;
 
     for (i = 0; i < 3; i++)
-        x[i] = to_units(place[i], 8388608.0, SAGA_X_MIN, SAGA_X_MAX);
-    *t = to_units(place[3], 65536.0, 0, SAGA_T_MAX);
+        x[i] = to_units(at[i], 8388608.0, SAGA_X_MIN, SAGA_X_MAX);
+    *t = to_units(at[3], 65536.0, 0, SAGA_T_MAX);
 }

@@ -113,6 +113,6 @@ uint32_t saga_scene_fine_suffix(const saga_scene *s, uint32_t fine);
 
 /* Rounds a position and time to the integers of the decoder, clamped to the
  * cube. */
-void saga_scene_position(int32_t x[3], int32_t *t, const real place[4]);
+void saga_scene_position(int32_t x[3], int32_t *t, const real at[4]);
 
 #endif

@@ -92,9 +92,9 @@ typedef struct saga_train_kind {
 typedef struct saga_train_entropy {
     saga_train_kind kind[SAGA_N_KINDS];
     double hyper_weights;        /* bytes of the hyperprior, about; 0: off */
-    double bank_weights;       /* of the bank's networks, about, kept or
+    double bank_weights;         /* of the bank's networks, about, kept or
                                   * not */
-    double bank_net;           /* what the bank adds to all of this, its
+    double bank_net;             /* what the bank adds to all of this, its
                                   * networks counted: kept if below 0; 0: no
                                   * kind gains from it */
     double estimate[SAGA_N_SYMS]; /* code lengths of the residuals, bits, by
