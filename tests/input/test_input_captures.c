@@ -5,7 +5,6 @@
  * lenses) against its own frames as ffmpeg gives them and OpenCV's formula.
  */
 #include "capture_files.h"
-#include "check.h"
 
 #include <jansson.h>
 #include <math.h>
@@ -264,6 +263,21 @@ static void check_studio_pixels(const saga_capture *c, int from, int to,
     assert_true(median <= 4);
 }
 
+/* A view sees more than half of the points. */
+static void check_points_inside(const saga_capture *c, const saga_shot *v)
+{
+    size_t n = 0;
+
+    for (size_t i = 0; i < c->n_points; i++) {
+        double uv[2], depth;
+
+        n += saga_view_project(v, c->points[i].position, uv, &depth) &&
+             uv[0] >= 0 && uv[1] >= 0 && uv[0] < v->width &&
+             uv[1] < v->height;
+    }
+    assert_true(2 * n > c->n_points);
+}
+
 static void studio_should_agree_with_its_readme(void **state)
 {
     saga_capture c;
@@ -277,7 +291,7 @@ static void studio_should_agree_with_its_readme(void **state)
     check_studio_pixels(&c, 1, 2, 0.90, 0.73);
     check_studio_pixels(&c, 0, 11, 0.93, 0.75);
     for (int i = 0; i < c.n_views; i++)
-        assert_true(saga_check_points(&c, i).inside > 0.5);
+        check_points_inside(&c, &c.views[i]);
     saga_capture_free(&c);
 }
 

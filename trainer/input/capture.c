@@ -43,7 +43,7 @@ void saga_capture_free(saga_capture *capture)
 
 /* ---------------------------------------------------------------- listing */
 
-void saga_listing_free(saga_listing *listing)
+static void listing_free(saga_listing *listing)
 {
     for (int i = 0; i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
@@ -626,7 +626,7 @@ bool saga_capture_load(saga_capture *capture, const char *path,
     const bool ok = check_options(options, path, error) &&
                     make_listing(&listing, path, options, error) &&
                     carry_out(capture, &listing, options, error);
-    saga_listing_free(&listing);
+    listing_free(&listing);
     if (!ok)
         saga_capture_free(capture);
     return ok;

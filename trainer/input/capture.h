@@ -81,7 +81,6 @@ typedef struct saga_shot {
 typedef struct saga_point {
     double position[3];
     uint8_t rgb[3];
-    int16_t n_seen;           /* training views that saw it; -1 unknown */
 } saga_point;
 
 typedef struct saga_capture {

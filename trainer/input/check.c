@@ -24,32 +24,18 @@ static bool sees(const saga_shot *view, const double world[3], double flip,
     return u >= 0.0 && v >= 0.0 && u < view->width && v < view->height;
 }
 
-saga_check_view saga_check_points(const saga_capture *capture, int view)
+/* Returns the share of the points, of which there is one, that a view sees. */
+static double share_seen(const saga_capture *capture, int view)
 {
-    const saga_shot *const v = &capture->views[view];
-    size_t n_front = 0, n_inside = 0, n_flipped = 0;
-    saga_check_view out = {.n_points = capture->n_points};
-    for (size_t i = 0; i < capture->n_points; i++) {
-        double z, other;
-        const bool inside = sees(v, capture->points[i].position, 1.0, &z);
-        n_front += z > 0.0 ? 1 : 0;
-        n_flipped += sees(v, capture->points[i].position, -1.0, &other);
-        if (!inside)
-            continue;
-        out.nearest = n_inside ? fmin(out.nearest, z) : z;
-        out.farthest = fmax(out.farthest, z);
-        n_inside++;
-    }
-    if (capture->n_points > 0) {
-        const double n = (double)capture->n_points;
-        out.in_front = (double)n_front / n;
-        out.inside = (double)n_inside / n;
-        out.inside_flipped = (double)n_flipped / n;
-    }
-    return out;
+    size_t n = 0;
+    double depth;
+    for (size_t i = 0; i < capture->n_points; i++)
+        n += sees(&capture->views[view], capture->points[i].position, 1.0,
+                  &depth);
+    return (double)n / (double)capture->n_points;
 }
 
-/* Points that at least two views see. */
+/* Counts the points that at least two views see. */
 static size_t count_shared(const saga_capture *capture, double flip)
 {
     size_t n_shared = 0;
@@ -134,11 +120,11 @@ bool saga_check_overlap(saga_capture *capture, const char *path,
 {
     if (capture->n_points >= FEW_POINTS)
         for (int v = 0; v < capture->n_views; v++) {
-            const saga_check_view c = saga_check_points(capture, v);
-            if (c.inside < 0.01)
+            const double share = share_seen(capture, v);
+            if (share < 0.01)
                 saga_note(capture->notes, "warning: %s sees only %.1f %% of "
                           "the points; does it look away?",
-                          capture->views[v].name, 100.0 * c.inside);
+                          capture->views[v].name, 100.0 * share);
         }
     if (capture->n_views < 2)
         return true;

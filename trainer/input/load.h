@@ -35,11 +35,8 @@ typedef struct saga_listing {
     double fps;               /* 0: unknown */
     saga_point *points;
     size_t n_points;
-    bool trust_points;        /* false: no tracks, n_seen is unknown */
     char notes[SAGA_NOTES_NBYTES];
 } saga_listing;
-
-void saga_listing_free(saga_listing *listing);
 
 /* Which views are held out: by the option if given, else as the format said.
  * Must run before points are counted by training views. */

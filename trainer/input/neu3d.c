@@ -314,7 +314,6 @@ static bool take_points(saga_listing *listing, const saga_colmap *model,
         if (!finite || n < 2)
             continue;
         saga_point *const to = &listing->points[listing->n_points++];
-        *to = (saga_point){.n_seen = (int16_t)n};
         memcpy(to->position, p->position, sizeof to->position);
         memcpy(to->rgb, p->rgb, sizeof to->rgb);
     }
@@ -322,7 +321,6 @@ static bool take_points(saga_listing *listing, const saga_colmap *model,
     free(stamp);
     if (!ok)
         return false;
-    listing->trust_points = true;
     saga_note(listing->notes, "points: %zu of COLMAP's %zu kept, %zu dropped "
               "(seen by fewer than 2 training cameras), %zu not finite",
               listing->n_points, model->n_points, n_few, n_bad);

@@ -191,7 +191,7 @@ static uint8_t colour_byte(double v, int type)
 static bool fill_point(saga_point *point, const ply_header *h,
                        const double *values)
 {
-    *point = (saga_point){.rgb = {128, 128, 128}, .n_seen = -1};
+    *point = (saga_point){.rgb = {128, 128, 128}};
     for (int i = 0; i < 3; i++) {
         point->position[i] = values[h->field[i]];
         const int colour = h->field[FIELD_RED + i];

@@ -10,7 +10,7 @@
 #include "capture.h"
 
 /* *points is allocated; points that are not finite are left out and counted.
- * n_seen of each point is -1. */
+ */
 bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
                    size_t *n_dropped, saga_error *error);
 /* Binary little-endian, float positions; appears whole or not at all. */

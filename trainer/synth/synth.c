@@ -412,7 +412,6 @@ static bool sample_point(const synth_job *job, const saga_synth_world *world,
                              across * random_bell(random) + along * d[i];
         point->rgb[i] = display(rgb[i]);
     }
-    point->n_seen = -1;
     return true;
 }
 
