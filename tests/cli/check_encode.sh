@@ -58,6 +58,9 @@ for word in 'integer decoder' 'training  held out' 'networks'; do
     grep -q "$word" out || complain "no '$word' in the report"
 done
 "$saga" info whole.saga >out 2>err || complain "info: $(cat err)"
+expect 0 cap -o x.saga "${small[@]}" --hold-out ""
+grep -q 'no view was held out' out || complain "no word of held-out views"
+rm -f x.saga
 expect 0 cap -o j.saga "${small[@]}" --json --threads 2
 python3 -c '
 import json, sys

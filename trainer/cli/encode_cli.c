@@ -26,6 +26,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* dB that held-out views may be below the others before that is told. */
+#define MOST_GAP 3.0
+
 typedef struct {
     const char *output, *hold_out, *ablate;
     saga_cli_pair frames;
@@ -381,6 +384,20 @@ static void print_quality(const char *what, const saga_train_quality *q)
     putchar('\n');
 }
 
+/* Free viewpoints are what held-out views tell of. */
+static void print_verdict(const saga_train_quality *q)
+{
+    const double gap = q->training - q->held_out;
+
+    if (!q->n_held_out)
+        puts("  no view was held out, so nothing tells how good others are: "
+             "--hold-out NAME");
+    else if (gap > MOST_GAP)
+        printf("  views between the cameras are poor: held-out ones are %.1f "
+               "dB below those\n  trained on; more cameras or points of the "
+               "scene help\n", gap);
+}
+
 static void print_motion(const saga_train_report *r)
 {
     printf("  %s", r->dynamic ? "temporal tools on" : "no temporal tools");
@@ -465,6 +482,7 @@ static void print_text(const session *s)
     print_quality("decoded symbols (float)", &r->coded);
     print_quality("file, integer decoder", &s->decoded);
     print_quality("  ... against that float", &s->agreement);
+    print_verdict(&s->decoded);
     printf("  %.0f s\n", saga_cli_seconds() - s->started);
 }
 
