@@ -102,7 +102,7 @@ static void good_full(void)
         const saga_symbols *const s = &g.segment[0];
 
         gen_stream_make(&g, &o);
-        found = s->n.coarse == cap->n_coarse && s->n.fine == cap->n_fine &&
+        found = s->n.coarse == GEN_FULL_COARSE && s->n.fine == cap->n_fine &&
                 s->n.prim == cap->n_prim;
         gen_stream_free(&g);
     }

@@ -186,7 +186,7 @@ static gen_options full_options(void)
         gen_stream_make(&g, &o);
         n = g.segment[0].n;
         gen_stream_free(&g);
-        if (n.coarse == saga_caps[0].n_coarse &&
+        if (n.coarse == GEN_FULL_COARSE &&
             n.fine == saga_caps[0].n_fine && n.prim == saga_caps[0].n_prim)
             return o;
     }

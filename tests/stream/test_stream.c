@@ -374,7 +374,7 @@ static void make_full(gen_stream *g)
         const saga_symbols *const s = &g->segment[0];
 
         gen_stream_make(g, &o);
-        if (s->n.coarse == cap->n_coarse && s->n.fine == cap->n_fine &&
+        if (s->n.coarse == GEN_FULL_COARSE && s->n.fine == cap->n_fine &&
             s->n.prim == cap->n_prim)
             return;
         gen_stream_free(g);

@@ -465,7 +465,7 @@ static void make_segment(saga_symbols *s, const saga_model *m, uint64_t *r,
 {
     const saga_level_caps *const cap = &saga_caps[o->level];
     const saga_tier *const l = m->tier;
-    const uint32_t want = o->full ? cap->n_coarse
+    const uint32_t want = o->full ? GEN_FULL_COARSE
         : (uint32_t)gen_range(r, 1, o->n_coarse ? (int32_t)o->n_coarse : 12);
     tree t = { s, 0, want, 0, 0, saga_is_dynamic(m) || !o->picture };
 
