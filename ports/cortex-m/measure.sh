@@ -17,7 +17,7 @@ mkdir -p "$out"
     "$saga" synth "$out/capture" --size 160x120 >"$out/log" 2>&1
 [ -e "$out/scene.saga" ] ||
     "$saga" encode "$out/capture" -o "$out/scene.saga" --level 0 \
-        --primitives 1000 --iterations 3000 --lambda 0.02 >"$out/log" 2>&1
+        --primitives 512 --iterations 3000 --lambda 0.02 >"$out/log" 2>&1
 
 # The level 0 streams of the vectors, and the scene as the last.
 set --
