@@ -308,8 +308,8 @@ static void sweep(const char *path)
     while (dir && (e = readdir(dir)) != NULL) {
         const char *const rest = e->d_name + n_base + sizeof PART - 1;
 
-        if (strncmp(e->d_name, base, n_base) ||
-            strncmp(e->d_name + n_base, PART, sizeof PART - 1) ||
+        if (strncmp(e->d_name, base, n_base) != 0 ||
+            strncmp(e->d_name + n_base, PART, sizeof PART - 1) != 0 ||
             !*rest || rest[strspn(rest, "0123456789-")])
             continue;
         if (snprintf(part, sizeof part, "%s%s", folder, e->d_name) <

@@ -287,8 +287,9 @@ static bool read_nerfstudio(const reader *r, const json_t *root)
     const size_t n = json_array_size(list);
     bool ok = make_room(r, (double)n);
 
-    if (ok && type && strcmp(json_is_string(type) ? json_string_value(type)
-                                                  : "", "perspective"))
+    if (ok && type &&
+        (!json_is_string(type) ||
+         strcmp(json_string_value(type), "perspective") != 0))
         return saga_fail(r->error, r->name, "export a perspective one",
                          "its \"camera_type\" is not \"perspective\"");
     ok = ok && read_frame(r, json_object_get(root, "fps"),

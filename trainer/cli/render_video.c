@@ -6,13 +6,15 @@
 bool saga_film_writer_open(saga_film_writer *w, const char *path, int width,
                            int height, double fps, saga_error *error)
 {
-    char size[32], rate[32], name[FILENAME_MAX];
     /* Chroma of half size wants even sides. */
+    static const char even_bt709[] = "scale=out_color_matrix=bt709:"
+                                     "out_range=tv,"
+                                     "pad=ceil(iw/2)*2:ceil(ih/2)*2";
+    char size[32], rate[32], name[FILENAME_MAX];
     const char *const argv[] = {
         "ffmpeg", "-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
         "-s", size, "-r", rate, "-i", "-", "-vf",
-        "scale=out_color_matrix=bt709:out_range=tv,"
-        "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+        even_bt709,
         "-c:v", "libx264", "-crf", "16", "-preset", "medium", "-pix_fmt",
         "yuv420p", "-colorspace", "bt709", "-color_primaries", "bt709",
         "-color_trc", "bt709", "-color_range", "tv", "-movflags", "+faststart",

@@ -174,7 +174,7 @@ static bool fill_in(session *s, const char *text)
     const char *const start = (const char *)page->bytes;
     size_t at = 0;
 
-    while (memcmp(start + at, placeholder, gap))
+    while (memcmp(start + at, placeholder, gap) != 0)
         at++; /* the tests see to it that it is there */
     s->index = saga_alloc(page->nbytes + n, 1, "index.html", &s->error);
     if (!s->index)

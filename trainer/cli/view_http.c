@@ -114,7 +114,7 @@ static range_kind parse_range(size_t *first, size_t *end, const char *p,
     size_t last;
     bool from;
 
-    if (!p || strncmp(p, "bytes=", 6))
+    if (!p || strncmp(p, "bytes=", 6) != 0)
         return RANGE_NONE;
     p += 6;
     from = take_number(first, &p);
@@ -170,7 +170,7 @@ static void answer(const saga_http *http, int fd, const char *request)
     const saga_http_file *file;
     size_t n, first = 0, end = 0;
 
-    if (strncmp(request, "GET ", 4)) {
+    if (strncmp(request, "GET ", 4) != 0) {
         refuse(fd, "405 Method Not Allowed");
         return;
     }

@@ -67,7 +67,7 @@ bool saga_ms_ssim(double *value, const saga_picture_pair *pair,
                   saga_error *error);
 
 /* Computes the squared error and PSNR alone; the others are NaN. */
-saga_score saga_score_psnr(const saga_picture_pair *pair);
+saga_score saga_score_psnr(const saga_picture_pair *of);
 
 /* Computes all of them. */
 bool saga_score_picture(saga_score *score, const saga_picture_pair *pair,
