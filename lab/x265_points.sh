@@ -3,11 +3,13 @@
 #
 # x265_points.sh CAPTURE NBYTES...: prints the PSNR that H.265 reaches on a
 # capture's videos with so many bytes for all of them, simulcast: each camera is
-# a stream of its own, by x265 with the preset medium and --tune psnr. The
-# PSNR is that of the squared error over all frames of a camera, R, G and B, and
-# then the mean over cameras (`saga eval --json`: psnr_of_mean_mse). It is
-# interpolated between the two constant qualities (crf) nearest to NBYTES, whose
-# raw streams' bytes and PSNR are printed beside it.
+# a stream of its own, by x265 with the preset medium and --tune psnr, without
+# what only costs bytes: wavefronts, and the text on itself that x265 writes
+# into each stream (lab/rd_x265.py does the same). The PSNR is that of the
+# squared error over all frames of a camera, R, G and B, and then the mean over
+# cameras (`saga eval --json`: psnr_of_mean_mse). It is interpolated between the
+# two constant qualities (crf) nearest to NBYTES, whose raw streams' bytes and
+# PSNR are printed beside it.
 #
 # A capture is what `saga encode` reads: camNN.mp4, videos/NAME.mp4 or
 # images/NAME/*.png. Frames are taken as they were filmed, no lens removed.
@@ -54,7 +56,8 @@ point() {
             "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p" \
             -colorspace bt709 -color_range tv -c:v libx265 \
             -preset "$preset" -tune psnr -crf "$1" \
-            -x265-params log-level=error -f hevc "$tmp/$i.hevc" </dev/null
+            -x265-params log-level=error:info=0:pools=none:frame-threads=1 \
+            -f hevc "$tmp/$i.hevc" </dev/null
         ffmpeg -v info -nostats -i "$tmp/$i.hevc" "${in[@]}" -lavfi \
             "[0:v]settb=1,setpts=N,$rgb[a];[1:v]settb=1,setpts=N,$rgb[b];
              [a][b]psnr" -f null - </dev/null 2>"$tmp/$i.txt"
