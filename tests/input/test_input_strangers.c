@@ -125,7 +125,7 @@ static void pipe_should_not_be_waited_for(void **state)
     write_png(f, "b.png");
     assert_int_equal(mkfifo(folder_file(f, "a.png"), 0600), 0);
     write_json(f, "\"fl_x\": 30", "a.png", "b.png");
-    alarm(20);
+    alarm(120);
     refused(f->path, "a.png", "is missing");
     folder_run(f, "rm transforms.json && mkfifo transforms.json");
     refused(folder_file(f, "transforms.json"), "transforms.json",

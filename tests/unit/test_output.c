@@ -130,7 +130,7 @@ static void pipe_should_not_be_waited_for_when_read(void **state)
 
     (void)state;
     assert_int_equal(mkfifo("fifo", 0600), 0);
-    alarm(10);
+    alarm(120);
     assert_false(saga_read_file(&bytes, "fifo", &error));
     alarm(0);
     assert_non_null(strstr(error.message, "not a regular file"));
@@ -219,6 +219,48 @@ static void parts_of_killed_runs_should_be_removed(void **state)
     assert_holds("a", "whole");
 }
 
+/* Makes a folder with a file, and dies. */
+static void die_filling(const char *path)
+{
+    const pid_t pid = fork();
+    int status;
+
+    if (pid == 0) {
+        saga_error error = { "" };
+        int lock;
+        const char *const name = saga_output_folder(path, &lock, &error);
+
+        if (!name || chdir(name) || mkdir("in", 0700) ||
+            !fopen("in/file", "w"))
+            _exit(1);
+        _exit(0);
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    assert_int_equal(status, 0);
+}
+
+static void folders_of_killed_runs_should_be_removed(void **state)
+{
+    const mode_t old = umask(027);
+    saga_error error = { "" };
+    char *name;
+    int lock;
+
+    (void)state;
+    die_filling("a");
+    assert_int_equal(count(), 1);
+    name = saga_output_folder("a", &lock, &error);
+    umask(old);
+    assert_non_null(name);
+    assert_int_equal(count(), 1);
+    assert_int_equal(kind_of(name) & 0777, 0750);
+    assert_true(saga_output_sweep("a"));
+    close(lock);
+    assert_false(saga_output_sweep("a"));
+    assert_int_equal(count(), 0);
+    free(name);
+}
+
 static void files_of_the_user_should_stay(void **state)
 {
     static const char *const names[] = {
@@ -270,6 +312,7 @@ int main(void)
         TEST(folder_should_be_refused),
         TEST(permissions_should_be_those_of_umask),
         TEST(parts_of_killed_runs_should_be_removed),
+        TEST(folders_of_killed_runs_should_be_removed),
         TEST(files_of_the_user_should_stay),
         TEST(writers_should_keep_apart_when_one_is_alone),
     };

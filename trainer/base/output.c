@@ -7,6 +7,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <ftw.h>
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
@@ -45,6 +46,16 @@ static bool is_part(const char *name, const char *base)
     return name[0] != '\0' && name[strspn(name, "0123456789-")] == '\0';
 }
 
+static int remove_entry(const char *path, const struct stat *info, int kind,
+                        struct FTW *at)
+{
+    (void)info;
+    (void)kind;
+    (void)at;
+    (void)remove(path);
+    return 0;
+}
+
 /* Removes a part that nobody has locked; true if somebody has. */
 static bool is_held(const char *part)
 {
@@ -54,9 +65,10 @@ static bool is_held(const char *part)
 
     if (fd < 0)
         return false;
-    if (fstat(fd, &info) == 0 && S_ISREG(info.st_mode)) {
+    if (fstat(fd, &info) == 0 &&
+        (S_ISREG(info.st_mode) || S_ISDIR(info.st_mode))) {
         if (flock(fd, LOCK_EX | LOCK_NB) == 0)
-            (void)unlink(part);
+            (void)nftw(part, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
         else
             held = errno == EWOULDBLOCK;
     }
@@ -110,7 +122,8 @@ bool saga_output_sweep(const char *path)
 
 /* Creates a new part, locked; -1 with errno. One that is just being looked at
  * by a sweep may be gone when it is locked: then another is tried. */
-static int create_part(char *name, size_t nbytes, const char *path)
+static int create_part(char *name, size_t nbytes, const char *path,
+                       bool folder)
 {
     for (int i = 0; i < N_NAMES; i++) {
         struct stat info;
@@ -118,7 +131,10 @@ static int create_part(char *name, size_t nbytes, const char *path)
 
         (void)snprintf(name, nbytes, "%s%s%ld-%d", path, mark, (long)getpid(),
                        i);
-        fd = open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (!folder)
+            fd = open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        else
+            fd = mkdir(name, 0777) ? -1 : open(name, O_RDONLY | O_CLOEXEC);
         if (fd < 0 && errno != EEXIST)
             return -1;
         if (fd < 0)
@@ -130,6 +146,29 @@ static int create_part(char *name, size_t nbytes, const char *path)
     }
     errno = EEXIST;
     return -1;
+}
+
+/* Of the longest name of a part. */
+static size_t part_nbytes(const char *path)
+{
+    return strlen(path) + sizeof mark + 40;
+}
+
+char *saga_output_folder(const char *path, int *lock, saga_error *error)
+{
+    char *const name = saga_alloc(part_nbytes(path), 1, path, error);
+
+    if (!name)
+        return NULL;
+    *lock = create_part(name, part_nbytes(path), path, true);
+    if (*lock >= 0) {
+        (void)sweep(path, name);
+        return name;
+    }
+    saga_fail_errno(error, path, "choose a place that exists and can be "
+                    "written", "folder cannot be made");
+    free(name);
+    return NULL;
 }
 
 /* --- Open and close ------------------------------------------------------ */
@@ -151,13 +190,13 @@ static bool open_file(saga_output *out, int fd, const char *path,
 static bool open_part(saga_output *out, const struct stat *old, bool alone,
                       saga_error *error)
 {
-    const size_t n = strlen(out->path) + sizeof mark + 40;
+    const size_t n = part_nbytes(out->path);
     int fd;
 
     out->temporary = saga_alloc(n, 1, out->path, error);
     if (!out->temporary)
         return false;
-    fd = create_part(out->temporary, n, out->path);
+    fd = create_part(out->temporary, n, out->path, false);
     if (fd >= 0 && old)
         (void)fchmod(fd, old->st_mode & 0777);
     if (!open_file(out, fd, out->path, error))

@@ -5,6 +5,8 @@
  * writer lives, and renamed when it is complete. A part that nobody has locked
  * is left from a run that was killed; whoever writes to NAME next removes it.
  *
+ * A folder is made in the same way.
+ *
  * A link is followed: what it names is replaced. What is no regular file (a
  * device, a pipe) is written directly. A new file has the permissions that
  * umask leaves it, one that is replaced keeps its own.
@@ -31,6 +33,11 @@ bool saga_output_open_alone(saga_output *out, const char *path,
 /* Flushes to the disk, checks and renames; on any failure (or ok == false) the
  * part is removed and false returned. */
 bool saga_output_close(saga_output *out, bool ok, saga_error *error);
+
+/* Makes a folder that will become `path`, which must not end with a slash, and
+ * returns its name (free it; NULL on failure). *lock is a file descriptor: to
+ * be closed when the folder was renamed or removed. */
+char *saga_output_folder(const char *path, int *lock, saga_error *error);
 
 /* Removes what killed runs left of a path. Returns true if somebody else is
  * writing to it. */

@@ -168,6 +168,7 @@ static void pixel_direction(const saga_shot *view, double u, double v,
 typedef struct synth_job {
     const saga_synth_options *options;
     char *folder;             /* being filled */
+    int lock;                 /* on it */
     saga_shot *views;         /* (n_cameras) */
     saga_error *error;
     const char *target;       /* final name, for messages */
@@ -586,21 +587,14 @@ static bool make_temporary(synth_job *job)
     if (n > MAX_PATH - 200)
         return saga_fail(job->error, job->target, "use a shorter one",
                          "path is too long");
-    job->folder =
-        saga_alloc(n + sizeof ".XXXXXX", 1, job->target, job->error);
-    if (!job->folder)
+    char *const target = saga_alloc(n + 1, 1, job->target, job->error);
+    if (!target)
         return false;
-    memcpy(job->folder, job->target, n);
-    memcpy(job->folder + n, ".XXXXXX", sizeof ".XXXXXX");
-    if (!mkdtemp(job->folder))
-        return saga_fail_errno(job->error, job->target, "choose a place that "
-                               "exists and can be written",
-                               "folder cannot be made");
-    /* What mkdtemp makes is for its owner alone, whatever umask says. */
-    const mode_t mask = umask(0);
-    (void)umask(mask);
-    (void)chmod(job->folder, 0777 & ~mask);
-    return true;
+    memcpy(target, job->target, n);
+    target[n] = '\0';
+    job->folder = saga_output_folder(target, &job->lock, job->error);
+    free(target);
+    return job->folder != NULL;
 }
 
 static bool fill_folder(synth_job *job)
@@ -648,6 +642,7 @@ bool saga_synth_write(const char *folder, const saga_synth_options *options,
         ok = fill_folder(&job);
         if (!ok)
             remove_all(&job);
+        close(job.lock);
     }
     free(job.folder);
     free(job.views);
