@@ -11,6 +11,9 @@
 
 enum { WIDE_LANES = 16 };
 
+/* Before a short loop, whose values then stay in registers. */
+#define WIDE_UNROLL _Pragma("GCC unroll 8")
+
 #if defined __AVX512F__ && defined __FMA__ && !defined SAGA_REAL_DOUBLE
 
 typedef __m512 wide;
@@ -96,8 +99,6 @@ enum { WIDE_VECS = WIDE_LANES / VEC_LANES };
 
 typedef struct wide { vec v[WIDE_VECS]; } wide;
 typedef struct wide_mask { veci v[WIDE_VECS]; } wide_mask;
-
-#define WIDE_UNROLL _Pragma("GCC unroll 8")
 
 static inline wide wide_load(const real *p)
 {

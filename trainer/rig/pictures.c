@@ -163,14 +163,32 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
     canvas->t = (real)((double)sample.frame / p->capture->n_frames);
 }
 
-/* Boxes begin at the picture's corner: what does not fill one is left out. */
-void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
-                         saga_sample sample)
+/* A picture that is not halved takes its values from a table of 256 levels. */
+static void plain_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride)
 {
-    const uint8_t *const rgb = saga_capture_frame(p->capture, sample.view,
-                                                  sample.frame);
-    const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
-    const int side = 1 << sample.mip;
+    const int w = canvas->camera.width, h = canvas->camera.height;
+    const size_t plane = (size_t)w * (size_t)h;
+    real level[256];
+
+    for (int i = 0; i < 256; i++)
+        level[i] = R(i) / 255;
+#pragma omp parallel for schedule(static)
+    for (int y = 0; y < h; y++) {
+        const uint8_t *const from = rgb + (size_t)y * stride;
+        real *const to = canvas->truth + (size_t)y * (size_t)w;
+
+        for (size_t x = 0; x < (size_t)w; x++) {
+            to[x] = level[from[3 * x]];
+            to[x + plane] = level[from[3 * x + 1]];
+            to[x + 2 * plane] = level[from[3 * x + 2]];
+        }
+    }
+}
+
+/* Boxes begin at the picture's corner: what does not fill one is left out. */
+static void boxed_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride,
+                        int side)
+{
     const real white = R(255 * side * side);
     const int w = canvas->camera.width, h = canvas->camera.height;
     int y;
@@ -193,4 +211,17 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                               (size_t)x] = R(sum) / white;
             }
     }
+}
+
+void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
+                         saga_sample sample)
+{
+    const uint8_t *const rgb = saga_capture_frame(p->capture, sample.view,
+                                                  sample.frame);
+    const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
+
+    if (sample.mip == 0)
+        plain_truth(canvas, rgb, stride);
+    else
+        boxed_truth(canvas, rgb, stride, 1 << sample.mip);
 }
