@@ -124,6 +124,7 @@ function showState() {
     $('time').value = Math.min(frame, info.nFrames - 1);
     $('clock').textContent = `${(frame / info.fps).toFixed(2)} / ` +
         `${(info.nFrames / info.fps).toFixed(2)} s`;
+    $('scale').value = viewer.scale;
     $('camera').value = viewer.moved ? 'free' : viewer.camera;
     viewer.wantCrc = !$('stats').hidden || !viewer.playing;
     fit();

@@ -315,17 +315,21 @@ export class SagaFile {
             return;
         const bytes = await this.fetchSegment(number);
         const start = performance.now();
-
-        this.segment = -1;
-        this.write(this.wasm.saga_web_input(bytes.length), bytes);
-        const { firstFrame } = this.segments[number];
-        const status = this.wasm.saga_web_decode(firstFrame, bytes.length);
+        const status = this.decodeBytes(this.segments[number], bytes);
 
         if (status)
             this.forget(number);
         this.check(status, `segment ${number} is refused`);
         this.segment = number;
         this.times.segment = performance.now() - start;
+    }
+
+    decodeBytes({ firstFrame, nbytes }, bytes) {
+        this.segment = -1;
+        if (bytes.length < nbytes)
+            return TRUNCATED;
+        this.write(this.wasm.saga_web_input(nbytes), bytes);
+        return this.wasm.saga_web_decode(firstFrame, nbytes);
     }
 
     // --- Pictures

@@ -3,6 +3,7 @@
 is needed. And a server of files that tells which bytes were asked for."""
 
 import fcntl
+import glob
 import http.server
 import json
 import os
@@ -24,6 +25,12 @@ FLAGS = [
 
 def find_chromium():
     return shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+def stat_of(folder):
+    """The fields of a process or thread behind its name (proc(5))."""
+    with open(folder + "/stat") as f:
+        return f.read().rsplit(")", 1)[1].split()
 
 
 class Browser:
@@ -126,6 +133,28 @@ class Browser:
         self.call("Page.navigate", url=url)
         self.wait("document.readyState === 'complete' && "
                   "location.href === " + json.dumps(url))
+
+    def worker_seconds(self):
+        """CPU time of the workers of our pages so far."""
+        ticks = 0
+        for task in glob.glob("/proc/[0-9]*/task/*"):
+            try:
+                with open(task + "/comm") as f:
+                    if not f.read().startswith("DedicatedWorker"):
+                        continue
+                if self.is_ours(task.split("/")[2]):
+                    fields = stat_of(task)
+                    ticks += int(fields[11]) + int(fields[12])
+            except OSError:
+                pass # it has ended
+        return ticks / os.sysconf("SC_CLK_TCK")
+
+    def is_ours(self, pid):
+        while int(pid) > 1:
+            if int(pid) == self.process.pid:
+                return True
+            pid = stat_of("/proc/" + pid)[1]
+        return False
 
     def screenshot(self, path):
         import base64
