@@ -37,7 +37,7 @@ static inline saga_capture synth_capture(const char *path,
 {
     saga_capture_options o = saga_capture_defaults();
     saga_error error = { "" };
-    saga_capture c;
+    saga_capture c = { 0 };
 
     o.want_depth = s->depth_every > 0;
     if (!saga_synth_write(path, s, &error) ||
