@@ -49,7 +49,7 @@ static const saga_ring_shape *find(const saga_ring_state *s,
 static saga_capture make_capture(folder *f, const saga_synth_options *options)
 {
     saga_capture_options load = saga_capture_defaults();
-    saga_capture c;
+    saga_capture c = { .n_views = 0 };
     saga_error error = { "" };
 
     if (!saga_synth_write(folder_file(f, "scene"), options, &error) ||
