@@ -8,7 +8,8 @@
 #            fails otherwise), 4 KiB of stack
 #   vectors  the checksums of every level 0 stream, as vectors/MANIFEST has them
 #   scene    the pictures of a file that was trained, as saga-dec draws them
-# SAGA and SAGA_DEC are the programs.
+# SAGA and SAGA_DEC are the programs. Without the compiler or the emulator it
+# says that it is skipped.
 set -u
 cd "$(dirname "$0")/.." || exit
 
@@ -16,6 +17,12 @@ build=${BUILD:-build}/firmware
 saga=${SAGA:-build/saga}
 dec=${SAGA_DEC:-build/saga-dec}
 scene=$build/scene.saga
+for p in arm-none-eabi-gcc qemu-system-arm; do
+    command -v $p >/dev/null || {
+        echo "ok   firmware skipped: $p is not installed"
+        exit 0
+    }
+done
 code_most=49152
 stack_most=4096
 tmp=$(mktemp -d)

@@ -2,22 +2,22 @@
 # SPDX-License-Identifier: MIT
 #
 # setup.sh [test|all|lint|plot]: installs what the tests need and this Debian
-# lacks ("test": also the browser of `make test`; "all": that, and every cross
-# compiler of `make test-all`; "lint": also what `make lint` runs; "plot": also
-# what draws plots). Where it cannot install, it prints the command to be run
-# and fails. SAGA_NO_SETUP=1 skips it.
+# lacks ("test": also the browser and the boards of `make test`; "all": that,
+# and every cross compiler of `make test-all`; "lint": also what `make lint`
+# runs; "plot": also what draws plots). Where it cannot install, it prints the
+# command to be run and fails. SAGA_NO_SETUP=1 skips it.
 set -eu
 
 test -z "${SAGA_NO_SETUP:-}" || exit 0
 
 packages="gcc g++ make binutils libc6-dev clang lld pkg-config python3
     libcmocka-dev libjansson-dev libpng-dev zlib1g-dev libopenexr-dev ffmpeg
-    gcc-arm-none-eabi qemu-system-arm gcc-s390x-linux-gnu
-    libc6-dev-s390x-cross qemu-user-static"
+    gcc-arm-none-eabi gcc-s390x-linux-gnu libc6-dev-s390x-cross
+    qemu-user-static"
 case ${1:-} in
-test) packages="$packages chromium" ;;
+test) packages="$packages chromium qemu-system-arm" ;;
 all)
-    packages="$packages chromium
+    packages="$packages chromium qemu-system-arm
     gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     gcc-arm-linux-gnueabihf libc6-dev-armhf-cross
     gcc-riscv64-linux-gnu libc6-dev-riscv64-cross
