@@ -37,7 +37,7 @@ ARGS =# of a program run by `make bench`, or of `make rd`
 
 # The inner loops of the decoder are compiled with HOT_OPT.
 HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
-      decoder/blend decoder/arch/blend_avx2 \
+      decoder/blend $(addprefix decoder/arch/blend_,avx2 sse4 neon) \
       decoder/project
 
 # check_vectors is built for every machine that has libc and libm: it links

@@ -6,7 +6,7 @@
  *
  *     bench_render [REPETITIONS] [TILE] [CPU]
  *
- * CPU: 0 plain C, 1 SSE4.1, 2 AVX2; without it the best there is.
+ * CPU: 0 plain C, 1 SSE4.1 or NEON, 2 AVX2; without it the best there is.
  */
 #include "animate.h"
 #include "depth_sort.h"

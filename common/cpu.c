@@ -3,8 +3,7 @@
 
 #include <stdint.h>
 
-/* -mgeneral-regs-only takes __SSE2__ away, and the versions in vectors too. */
-#if defined __x86_64__ && defined __SSE2__
+#ifdef SAGA_MAY_AVX2
 
 enum { EAX, EBX, ECX, EDX };
 
@@ -38,16 +37,20 @@ saga_cpu saga_cpu_best(void)
     if ((r[ECX] & sse4) != sse4)
         return SAGA_CPU_PLAIN;
     if ((r[ECX] & avx) != avx || most < 7 || !keeps_ymm())
-        return SAGA_CPU_SSE4;
+        return SAGA_CPU_X4;
     cpuid(r, 7);
-    return r[EBX] & 1u << 5 ? SAGA_CPU_AVX2 : SAGA_CPU_SSE4;
+    return r[EBX] & 1u << 5 ? SAGA_CPU_AVX2 : SAGA_CPU_X4;
 }
 
 #else
 
 saga_cpu saga_cpu_best(void)
 {
+#ifdef SAGA_MAY_X4
+    return SAGA_CPU_X4;
+#else
     return SAGA_CPU_PLAIN;
+#endif
 }
 
 #endif

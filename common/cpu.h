@@ -10,12 +10,21 @@
 /* In ascending order: a machine that has one has those before it. */
 typedef enum saga_cpu {
     SAGA_CPU_PLAIN,          /* C, compiled for what the compiler was told */
-    SAGA_CPU_SSE4,           /* x86-64 with SSE4.1 */
-    SAGA_CPU_AVX2            /* x86-64 with AVX2 */
+    SAGA_CPU_X4,             /* 128 bits: SSE4.1, NEON, WebAssembly's */
+    SAGA_CPU_AVX2            /* 256 bits: AVX2 */
 } saga_cpu;
 
-/* The last one that this machine has. Asks the processor, which under a
- * hypervisor may take microseconds. */
+/* What a file may be compiled for; -mgeneral-regs-only takes __SSE2__ away.
+ * x86-64 is asked what it has. Others are compiled for vectors or without. */
+#if defined __x86_64__ && defined __SSE2__
+#define SAGA_MAY_AVX2
+#define SAGA_MAY_X4
+#elif defined __ARM_NEON || defined __wasm_simd128__
+#define SAGA_MAY_X4
+#endif
+
+/* The last one that this machine has. Asking x86-64 may take microseconds
+ * under a hypervisor. */
 saga_cpu saga_cpu_best(void);
 
 #endif

@@ -180,33 +180,29 @@ static void blend_wild(uint32_t *t, uint32_t side, const saga_patch *p)
     }
 }
 
-/* The twin of blend_tame for this machine; returns 0 if there is none. */
-static int blend_vectors(uint32_t *t, uint32_t side, const saga_patch *p,
-                         saga_cpu cpu)
+static void blend_small(uint32_t *t, uint32_t side, const saga_patch *p,
+                        saga_cpu cpu)
 {
-#ifdef __wasm_simd128__
-    (void)cpu; /* a module is compiled for them or not at all */
-    saga_blend__wasm(t, side, p);
-    return 1;
-#else
-#if defined __x86_64__ && defined __SSE2__
-    if (cpu == SAGA_CPU_AVX2) {
+    switch (cpu) {
+#ifdef SAGA_MAY_AVX2
+    case SAGA_CPU_AVX2:
         saga_blend__avx2(t, side, p);
-        return 1;
+        break;
+#endif
+#ifdef SAGA_MAY_X4
+    case SAGA_CPU_X4:
+        saga_blend__x4(t, side, p);
+        break;
+#endif
+    default:
+        blend_tame(t, side, p);
     }
-#endif
-    (void)t;
-    (void)side;
-    (void)p;
-    (void)cpu;
-    return 0;
-#endif
 }
 
 void saga_blend(uint32_t *t, uint32_t side, const saga_patch *p, saga_cpu cpu)
 {
-    if (!is_tame(p))
+    if (is_tame(p))
+        blend_small(t, side, p, cpu);
+    else
         blend_wild(t, side, p);
-    else if (!blend_vectors(t, side, p, cpu))
-        blend_tame(t, side, p);
 }

@@ -34,6 +34,6 @@ void saga_blend(uint32_t *t, uint32_t side, const saga_patch *p, saga_cpu cpu);
 /* Twins. p->v and p->w are tame: |v| < 7 and |w| < 7 in the box's corners, so
  * that 32 bits hold them. */
 void saga_blend__avx2(uint32_t *t, uint32_t side, const saga_patch *p);
-void saga_blend__wasm(uint32_t *t, uint32_t side, const saga_patch *p);
+void saga_blend__x4(uint32_t *t, uint32_t side, const saga_patch *p);
 
 #endif

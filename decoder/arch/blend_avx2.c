@@ -16,7 +16,7 @@
  */
 #include "blend.h"
 
-#if defined __x86_64__ && defined __SSE2__
+#ifdef SAGA_MAY_AVX2
 
 #define AVX2 __attribute__((target("avx2")))
 #define INLINE static inline __attribute__((always_inline)) AVX2
