@@ -100,7 +100,7 @@ PLAIN   = $(BUILD)/libplain.a
 HELPERS = $(BUILD)/libhelpers.a
 SAGA_H  = $(BUILD)/include/saga.h
 
-TOOLS = $(addprefix $(BUILD)/,saga-dec saga gen_tables)
+TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # Scripts of lab/ take files apart with these: coarse features zeroed, entropy
 # networks fitted anew, the order-0 coder's bytes, times of the layers.
@@ -284,6 +284,10 @@ FORCE:
 # The reference decoder is common/ and decoder/, and reads and writes files.
 $(BUILD)/saga-dec: $(OBJ)/tools/saga_dec.o $(LIB)
 	$(LINK) $^ -o $@
+
+# The example of docs/threads.md.
+$(BUILD)/saga-play: $(OBJ)/tools/saga_play.o $(LIB)
+	$(LINK) $^ -pthread -o $@
 
 $(BUILD)/saga: $(CLI_OBJ) $(OBJ)/view_files.o $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@

@@ -5,10 +5,12 @@
 # (SAGA_DEC=...), the way of a tiny scene from one end to the other:
 #   round       a capture is written, encoded, understood and drawn; what was
 #               drawn resembles the capture, by the decoder's own pixels
+#   play        saga-play's pictures are saga-dec's, with any number of threads
 set -u
 build=${BUILD:-build}
 saga=$(realpath "${SAGA:-$build/saga}")
 saga_dec=$(realpath "${SAGA_DEC:-$build/saga-dec}")
+saga_play=$(dirname "$saga_dec")/saga-play
 checks=round
 . "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
@@ -29,5 +31,18 @@ r = json.load(open("out"))
 assert r["training"]["psnr"] > 18, r["training"]' 2>>"$bad" ||
     complain "eval: $(head -c 300 out)"
 verdict round
+
+run "$saga_play" x.saga 1
+cp out one
+for threads in 2 5; do
+    run "$saga_play" x.saga $threads
+    cmp -s one out || complain "$threads threads draw other pictures than one"
+done
+for frame in 0 3; do
+    run "$saga_dec" x.saga --camera rig:0 --time $frame/1 --crc
+    grep -qi "^$frame $(cat out)\$" one ||
+        complain "picture $frame is not saga-dec's: $(cat out)"
+done
+verdict play
 
 all_passed
