@@ -748,6 +748,34 @@ static saga_train_options make_checkpoint(const fixture *f)
     return o;
 }
 
+/* A trial decides on the iterations once; a checkpoint keeps them. */
+static void train_should_keep_what_its_minutes_gave(void **state)
+{
+    const fixture *const f = *state;
+    stop s = { SAGA_TRAIN_WARM, 3, 0, 0 };
+    saga_train_options o = small();
+    saga_error error = { "" };
+    saga_train *t;
+    int n;
+
+    o.n_warm = o.n_render = 0;
+    o.minutes = 0.5;
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = &s;
+    t = saga_train_new(&f->capture, &o, &error);
+    assert_non_null(t);
+    n = saga_train_n_iterations(t);
+    assert_true(n >= 100);
+    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+    saga_train_free(t);
+    o.minutes = 20;
+    t = resumed(f, &o);
+    assert_int_equal(saga_train_n_iterations(t), n);
+    saga_train_free(t);
+    unlink(f->checkpoint);
+}
+
 static void train_should_refuse_a_checkpoint_of_other_options(void **state)
 {
     const fixture *const f = *state;
@@ -1039,6 +1067,9 @@ static void train_should_refuse_wrong_options(void **state)
     o.lambda = -1;
     assert_true(refuses(f, &o, "--lambda -1"));
     o = small();
+    o.minutes = -1;
+    assert_true(refuses(f, &o, "--time -1"));
+    o = small();
     o.n_warm = 0;
     assert_true(refuses(f, &o, "--iterations"));
     o = small();
@@ -1151,6 +1182,7 @@ int main(void)
         cmocka_unit_test(train_should_depend_on_the_seed_alone),
         cmocka_unit_test(train_should_not_depend_on_threads),
         cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(train_should_keep_what_its_minutes_gave),
         cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),
         cmocka_unit_test(train_should_refuse_a_damaged_checkpoint),
         cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_pictures),

@@ -33,7 +33,7 @@ typedef struct {
     const char *output, *hold_out, *ablate;
     saga_cli_pair frames;
     int scale, threads, memory, primitives, iterations, level, seed, every;
-    double lambda;
+    double lambda, minutes;
     bool still, moving, json, resume;
 } options;
 
@@ -203,6 +203,7 @@ static saga_train_options train_options(session *s)
 
     t.n_primitives = (uint32_t)o->primitives;
     t.n_iterations = o->iterations;
+    t.minutes = o->minutes;
     t.lambda = o->lambda;
     t.level = o->level;
     t.seed = (uint64_t)o->seed;
@@ -228,9 +229,12 @@ static int open_training(session *s)
                 s->checkpoint);
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
                       : saga_train_new(&s->capture, &t, &s->error);
-    return s->train ? SAGA_EXIT_OK
-                    : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
-                                     s->error.message);
+    if (!s->train)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    if (t.minutes > 0)
+        fprintf(stderr, "saga: encode: %g minutes: %d iterations\n", t.minutes,
+                saga_train_n_iterations(s->train));
+    return SAGA_EXIT_OK;
 }
 
 /* Tells what the loader decided, and warns of. */
@@ -653,6 +657,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
     { "--iterations", "N", "of all stages together (default 6000); time grows "
       "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
+    { "--time", "MINUTES", "instead of --iterations: as many as this machine "
+      "does in\nso many minutes, by a trial of two seconds",
+      saga_cli_real, offsetof(options, minutes), 0, 0 },
     { "--lambda", "X", "what bits cost: X times the bits for each pixel "
       "trained\non weigh as much as the mean squared error in\n8-bit levels; "
       "higher: a smaller file (default: what\nbalances --primitives and the "

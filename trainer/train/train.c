@@ -17,7 +17,14 @@ static const double warm_part = 0.6;
 
 /* What an iteration costs, relative to each other: for the estimate of the time
  * that is left. */
-static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 1.9, 0 };
+static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 3.2, 0 };
+
+/* A trial takes that long, and an iteration of it that many of the warm-up's
+ * mean, since it has no small pictures. */
+#define TRIAL_SECONDS 2.0
+#define TRIAL_COST 1.2
+
+enum { LEAST_TIMED = 100, MOST_TIMED = 10000000 };
 
 /* Recent pictures weigh this much less with every newer one. */
 #define RECENT_PART 0.98
@@ -72,19 +79,27 @@ static bool read_ablation(saga_ablation *a, const saga_train_options *o,
                       a->slots, most, o->level));
 }
 
-static bool check_options(const saga_train_options *o,
-                          const saga_capture *c, saga_error *error)
+static bool check_iterations(const saga_train_options *o, saga_error *error)
 {
     const bool split = o->n_warm || o->n_render;
 
+    if (!(o->minutes >= 0 && o->minutes <= 1e5))
+        return saga_fail(error, NULL, "give minutes up to 100000",
+                         "--time %g", o->minutes);
+    return (split ? o->n_warm >= 1 && o->n_render >= 1
+                  : o->n_iterations >= 2) ||
+           saga_fail(error, NULL, "each stage needs one at least",
+                     "too few --iterations");
+}
+
+static bool check_options(const saga_train_options *o,
+                          const saga_capture *c, saga_error *error)
+{
     if (o->level < 0 || o->level >= SAGA_N_PROFILES)
         return saga_fail(error, NULL, "give 0 to 3", "--level %d", o->level);
     if (!(o->lambda >= 0 && o->lambda <= 1e6))
         return saga_fail(error, NULL, "give 0 to 1000000", "--lambda %g",
                          o->lambda);
-    if (split ? o->n_warm < 1 || o->n_render < 1 : o->n_iterations < 2)
-        return saga_fail(error, NULL, "each stage needs one at least",
-                         "too few --iterations");
     if (o->segment_frames != 0)
         return saga_fail(error, NULL, "leave it 0", "segments of %d frames "
                          "cannot be made yet", o->segment_frames);
@@ -96,7 +111,7 @@ static bool check_options(const saga_train_options *o,
         return saga_fail(error, NULL, "leave some out", "%d cameras are more "
                          "than the %d a file can name", c->n_views,
                          SAGA_MAX_CAMERAS);
-    return check_counts(o, error);
+    return check_iterations(o, error) && check_counts(o, error);
 }
 
 static uint32_t at_most(uint32_t a, uint32_t b)
@@ -165,6 +180,50 @@ static saga_train *make(const saga_capture *capture,
     return t;
 }
 
+/* Seconds of an iteration of a warm-up with all primitives, by a trial; not
+ * positive where it fails. */
+static double try_iterations(const saga_train *t, saga_error *error)
+{
+    saga_flat_options o = t->flat_options;
+    double begun = 0, spent = 0, mse;
+    saga_flat *f;
+    int n = 0;
+
+    o.n_iterations = MOST_TIMED;
+    o.start = o.growth = 1;
+    o.coarse = 0;
+    f = saga_flat_new(&t->pictures, &o, error);
+    /* The first finds nothing in the caches. */
+    while (f && spent < TRIAL_SECONDS && saga_flat_iterate(f, &mse, error)) {
+        if (n++ == 0)
+            begun = seconds();
+        spent = seconds() - begun;
+    }
+    saga_flat_free(f);
+    return saga_failed(error) || n < 2 ? 0 : spent / (n - 1);
+}
+
+/* As many iterations as the minutes asked for allow. */
+static bool spend_minutes(saga_train *t, saga_error *error)
+{
+    const double warm = try_iterations(t, error) / TRIAL_COST;
+    const double mean = warm * (warm_part + (1 - warm_part) * cost[1]);
+
+    if (!(mean > 0))
+        return false;
+    t->o.n_warm = 0;
+    t->o.n_iterations = (int)fmin(fmax(60 * t->o.minutes / mean, LEAST_TIMED),
+                                  MOST_TIMED);
+    derive(&t->o);
+    t->flat_options.n_iterations = t->o.n_warm;
+    return true;
+}
+
+int saga_train_n_iterations(const saga_train *t)
+{
+    return t->o.n_iterations;
+}
+
 saga_train *saga_train_new(const saga_capture *capture,
                            const saga_train_options *options,
                            saga_error *error)
@@ -173,7 +232,8 @@ saga_train *saga_train_new(const saga_capture *capture,
 
     if (!t)
         return NULL;
-    t->flat = saga_flat_new(&t->pictures, &t->flat_options, error);
+    if (!(t->o.minutes > 0) || spend_minutes(t, error))
+        t->flat = saga_flat_new(&t->pictures, &t->flat_options, error);
     if (!t->flat) {
         saga_train_free(t);
         return NULL;

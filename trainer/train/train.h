@@ -57,6 +57,9 @@ typedef struct saga_train_options {
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
     int n_iterations;            /* of all stages together, >= 2; and its */
     int n_warm, n_render;        /* split, both or none given */
+    double minutes;              /* > 0: n_iterations is what this machine does
+                                  * in them, by a trial when training begins;
+                                  * a checkpoint keeps it */
     double lambda;               /* bits per training pixel against
                                   * distortion (policy.h); 0: what balances
                                   * the warm-up's error and n_primitives */
@@ -126,6 +129,9 @@ typedef struct saga_train saga_train;
 /* The defaults are 5,000 primitives, 6,000 iterations, level 2, a checkpoint
  * every 5 minutes where one is wanted. */
 saga_train_options saga_train_defaults(void);
+
+/* Iterations of all stages together, as asked for or tried. */
+int saga_train_n_iterations(const saga_train *train);
 
 /* Begins a training. NULL, with the reason in *error: an option and the remedy.
  */

@@ -6,6 +6,7 @@
  */
 #include "train_state.h"
 
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -134,11 +135,27 @@ static bool load_fit(saga_train *t, const head *h, saga_checkpoint *c,
     return true;
 }
 
+/* Takes over what a trial found when the training began. */
+static bool adopt_iterations(saga_train *t, const head *h)
+{
+    if (h->warm - 1 >= INT_MAX / 2 || h->render - 1 >= INT_MAX / 2)
+        return false;
+    t->o.n_warm = (int)h->warm;
+    t->o.n_render = (int)h->render;
+    t->o.n_iterations = t->o.n_warm + t->o.n_render;
+    t->flat_options.n_iterations = t->o.n_warm;
+    return true;
+}
+
 static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     head h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
+    if (t->o.minutes > 0 && !adopt_iterations(t, &h)) {
+        c->failed = true;
+        return false;
+    }
     if (!fits(t, &h, error))
         return false;
     t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
