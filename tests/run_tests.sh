@@ -215,6 +215,7 @@ many() {
     for name in round cli encode floors ablation rd input; do
         check "$name" "tests/cli/check_$name.sh"
     done
+    check view python3 tests/cli/check_view.py
     check path python3 tests/cli/check_path.py
     check web python3 tests/cli/check_web.py
     check firmware tests/check_firmware.sh

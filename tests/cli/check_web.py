@@ -334,7 +334,7 @@ def press(page, key):
     page.settle()
 
 
-def check_controls(page):
+def check_controls(page, tmp):
     run = page.tab.run
     page.show("src=motion.saga&camera=1&frame=3")
     if run("viewer.camera + ' ' + viewer.frame") != "1 3":
@@ -371,11 +371,11 @@ def check_controls(page):
     press(page, ".")
     if run("viewer.camera + ' ' + viewer.frame") != "1 4":
         complain("2 and . do not choose camera and frame")
-    check_path(page)
+    check_path(page, tmp)
     verdict("controls")
 
 
-def check_path(page):
+def check_path(page, tmp):
     run = page.tab.run
     drag(page, 40, -10)
     press(page, "k")
@@ -391,6 +391,7 @@ def check_path(page):
     if max(abs(a - b) for a, b in zip(before[:9], after[:9])) > 2 ** 14 or \
             before[9:12] != after[9:12]:
         complain("a key camera does not come back", before, after)
+    check_render(page, tmp, key)
     # A path through two cameras: their middle lies between them.
     middle = run("""(async () => {
         const { keyAt, parsePath } = await import('/path.js');
@@ -403,6 +404,24 @@ def check_path(page):
     })()""")
     if max(map(abs, middle)) > 1e-9:
         complain("a path's middle is off by", middle)
+
+
+def check_render(page, tmp, key):
+    """`saga render` sees from a key camera what the page does."""
+    path, out = tmp + "/path.json", tmp + "/path.png"
+    with open(path, "w") as f:
+        json.dump({"format": "saga camera path 1", "fps": 30,
+                   "size": [160, 120], "keys": [key]}, f)
+    subprocess.run([SAGA, "render", GOOD + "motion.saga", "--path", path,
+                    "-o", out], check=True)
+    got = subprocess.run(["ffmpeg", "-v", "error", "-i", out, "-f", "rawvideo",
+                          "-pix_fmt", "rgb24", "-"], check=True,
+                         stdout=subprocess.PIPE).stdout
+    want = page.pixels()
+    # A direction's last bit may differ.
+    if len(got) != len(want) or max(abs(a - b) for a, b in
+                                    zip(got, want)) > 1:
+        complain("saga render sees something else from a key camera")
 
 
 def check_view(page):
@@ -485,7 +504,7 @@ def main():
             check_pixels(page, tmp)
             check_bad(page, manifest)
             check_ranges(page, files, tmp)
-            check_controls(page)
+            check_controls(page, tmp)
             check_view(page)
             check_rate(page, rated)
             complaints.extend(page.tab.log)

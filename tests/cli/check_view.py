@@ -1,0 +1,212 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_view.py: guarantees, for the server of `saga view`,
+  files       the page with what it carries, its parts, the file: whole and in
+              parts (RFC 9110, 14), with lengths and types; nothing else
+  refusals    other methods, other hosts, paths out of the folder, requests that
+              are none or do not end: an answer, and the server goes on
+  command     the address on stdout, Ctrl-C ends with 0, a port that is taken
+              and files that cannot be shown are told in one line
+check_web.py has a browser look at it."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+
+os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+WEB = os.path.join(os.path.dirname(SAGA), "web")
+GOOD = "vectors/good/still.saga"
+
+complaints = []
+failed = False
+
+
+def complain(*words):
+    complaints.append(" ".join(str(w) for w in words))
+
+
+def verdict(name):
+    global failed
+    for c in complaints:
+        print("     " + c)
+    print(("FAIL" if complaints else "ok  ") + " view " + name, flush=True)
+    failed = failed or bool(complaints)
+    complaints.clear()
+
+
+def read(path):
+    with open(path, "rb") as f:
+        return f.read()
+
+
+class View:
+    def __init__(self, *arguments):
+        self.process = subprocess.Popen(
+            ["env", "--default-signal=INT", SAGA, "view", *arguments],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.url = self.process.stdout.readline().decode().strip()
+        found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/", self.url)
+        self.port = int(found[1]) if found else 0
+
+    def end(self, number=signal.SIGINT):
+        self.process.send_signal(number)
+        self.process.communicate(timeout=20)
+        return self.process.returncode
+
+    def say(self, request):
+        """The whole answer: status, header lines in lower case, body."""
+        with socket.create_connection(("127.0.0.1", self.port), 20) as s:
+            s.sendall(request)
+            answer = b""
+            while True:
+                more = s.recv(1 << 20)
+                if not more:
+                    break
+                answer += more
+        head, _, body = answer.partition(b"\r\n\r\n")
+        lines = head.decode().split("\r\n")
+        return lines[0].partition(" ")[2], [x.lower() for x in lines[1:]], body
+
+    def get(self, path, *lines, method="GET", host=None):
+        host = host or "127.0.0.1:%d" % self.port
+        text = "\r\n".join(["%s %s HTTP/1.1" % (method, path),
+                            "Host: " + host, *lines, "", ""])
+        return self.say(text.encode())
+
+
+def check_files(view):
+    status, lines, body = view.get("/?camera=1")
+    page = read(WEB + "/index.html").decode()
+    parts = page.split('{ "src": null, "pictures": [] }')
+    if len(parts) != 2:
+        complain("index.html has no place for what it carries")
+    text = body.decode()
+    if status != "200 OK" or not text.startswith(parts[0]) or \
+            not text.endswith(parts[-1]):
+        complain("the page:", status, text[:80])
+        return
+    carried = json.loads(text[len(parts[0]):-len(parts[-1])])
+    if [p["camera"] for p in carried["pictures"]] != [0, 1, 2]:
+        complain("the page carries", carried)
+    for name in os.listdir(WEB):
+        wanted = name.endswith((".html", ".js", ".css", ".wasm"))
+        status, lines, body = view.get("/" + name)
+        if wanted and (status != "200 OK" or body != read(WEB + "/" + name)):
+            complain(name, status, len(body), "bytes")
+        if name.endswith(".js") and "content-type: text/javascript" not in \
+                lines:
+            complain(name, "has the type", lines)
+    check_parts(view, "/" + carried["src"], read(GOOD))
+
+
+def check_parts(view, path, data):
+    n = len(data)
+    for asked, first, end in (
+            (None, 0, 0), ("bytes=0-0", 0, 1), ("bytes=5-9", 5, 10),
+            ("bytes=%d-" % (n - 3), n - 3, n), ("bytes=-4", n - 4, n),
+            ("bytes=-%d" % (2 * n), 0, n), ("bytes=7-99999999999999999999", 7,
+                                            n),
+            ("bytes=9-5", 0, 0), ("bytes=0-1,3-4", 0, 0), ("lines=1-2", 0, 0),
+            ("bytes=-", 0, 0), ("bytes=a-b", 0, 0)):
+        status, lines, body = view.get(
+            path, *(["Range: " + asked] if asked else []))
+        part = data[first:end] if end else data
+        want = "206 Partial Content" if end else "200 OK"
+        place = "content-range: bytes %d-%d/%d" % (first, end - 1, n)
+        if status != want or body != part or \
+                "content-length: %d" % len(part) not in lines or \
+                (place in lines) != (end > 0):
+            complain(asked, status, lines, len(body), "bytes")
+    for asked in ("bytes=%d-" % n, "bytes=-0"):
+        status, _, _ = view.get(path, "Range: " + asked)
+        if status != "416 Range Not Satisfiable":
+            complain(asked, status)
+
+
+def check_refusals(view):
+    for want, arguments in (
+            ("404", {"path": "/none.js"}), ("404", {"path": "/film/"}),
+            ("404", {"path": "/../" + GOOD}), ("404", {"path": "//"}),
+            ("405", {"path": "/", "method": "POST"}),
+            ("405", {"path": "/", "method": "HEAD"}),
+            ("403", {"path": "/", "host": "example.org"}),
+            ("403", {"path": "/", "host": "127.0.0.1:1"}),
+            ("400", {"path": "index.html"}), ("400", {"path": ""})):
+        status, _, _ = view.get(**arguments)
+        if not status.startswith(want):
+            complain(arguments, status, "not", want)
+    if not view.get("/", host="localhost:%d" % view.port)[0] == "200 OK":
+        complain("localhost is refused")
+    for request, want in ((b"\r\n\r\n", "405"), (b"GET\r\n\r\n", "405"),
+                          (b"GET /\r\n\r\n", "40"),
+                          (b"GET / HTTP/1.1\r\n\r\n", "403"),
+                          (b"GET /" + 9000 * b"a", "431")):
+        if not view.say(request)[0].startswith(want):
+            complain(request[:20], "is not answered", want)
+    # Browsers open connections ahead of time and say nothing there.
+    idle = [socket.create_connection(("127.0.0.1", view.port))
+            for _ in range(40)]
+    idle[-1].sendall(b"GET / HT")
+    if view.get("/page.js")[0] != "200 OK":
+        complain("silent connections block the server")
+    for s in idle:
+        s.close()
+    verdict("refusals")
+
+
+def refused(arguments, status, says):
+    done = subprocess.run([SAGA, "view", *arguments], timeout=60,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    text = done.stderr.decode()
+    if done.returncode != status or says not in text or \
+            text.count("\n") != 1 or done.stdout:
+        complain(arguments, "ends with", done.returncode, text)
+
+
+def check_command(view):
+    refused([GOOD, "--port", str(view.port)], 2, "give another --port")
+    refused(["none.saga"], 2, "none.saga: cannot be opened")
+    refused(["vectors/bad/crc_segment.saga"], 1, "crc_segment.saga: ")
+    refused(["README.md"], 1, "README.md: ")
+    refused([GOOD, "--port", "0"], 2, "--port takes N, 1 to 65535")
+    with tempfile.TemporaryDirectory() as tmp:
+        name = tmp + "/a b%\u00e4\"<.saga"
+        with open(name, "wb") as f:
+            f.write(read(GOOD))
+        other = View(name)
+        text = other.get("/")[2].decode()
+        src = re.search(r'"src":"(film/[^"]*)"', text)
+        if not src or src[1] != "film/a%20b%25%C3%A4%22%3C.saga" or \
+                other.get("/" + src[1])[2] != read(GOOD):
+            complain("a strange name:", src and src[1])
+        if other.end(signal.SIGTERM) != 0:
+            complain("SIGTERM ends with", other.process.returncode)
+    if view.end() != 0:
+        complain("Ctrl-C ends with", view.process.returncode)
+    verdict("command")
+
+
+def main():
+    if not os.path.exists(WEB + "/saga.wasm"):
+        refused([GOOD], 2, "install clang and lld")
+        verdict("without a decoder for browsers it says what is missing")
+        return 1 if failed else 0
+    view = View(GOOD)
+    if not view.port:
+        complain("the address is", view.url)
+    else:
+        check_files(view)
+    verdict("files")
+    check_refusals(view)
+    check_command(view)
+    return 1 if failed else 0
+
+
+sys.exit(main())
