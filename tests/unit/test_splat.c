@@ -207,28 +207,28 @@ static void splat_should_not_depend_on_threads(void **state)
     fixture *const f = new_fixture(3000, 320, 180, 30, 1.5);
     const size_t n_grad = f->n * SCENE_REALS;
     const size_t n_image = 3 * f->plane;
-    real *const kept = calloc(n_image + n_grad + 4 * f->n, sizeof *kept);
-    real *const st = calloc(4 * f->n, sizeof *st);
+    real *const kept = calloc(n_image + n_grad + 3 * f->n, sizeof *kept);
+    real *const st = calloc(3 * f->n, sizeof *st);
     int threads;
 
     (void)state;
     for (threads = 1; threads <= 3; threads++) {
-        saga_splat_stats s = { st, st + f->n, st + 2 * f->n,
-                               (uint32_t *)(void *)(st + 3 * f->n) };
+        saga_splat_stats s = { st, st + f->n,
+                               (uint32_t *)(void *)(st + 2 * f->n) };
 
         omp_set_num_threads(threads);
-        memset(st, 0, 4 * f->n * sizeof *st);
+        memset(st, 0, 3 * f->n * sizeof *st);
         forward(f);
         backward(f, &s);
         if (threads == 1) {
             memcpy(kept, f->c.image, n_image * sizeof(real));
             memcpy(kept + n_image, f->d.mean, n_grad * sizeof(real));
-            memcpy(kept + n_image + n_grad, st, 4 * f->n * sizeof(real));
+            memcpy(kept + n_image + n_grad, st, 3 * f->n * sizeof(real));
         }
         assert_memory_equal(kept, f->c.image, n_image * sizeof(real));
         assert_memory_equal(kept + n_image, f->d.mean, n_grad * sizeof(real));
         assert_memory_equal(kept + n_image + n_grad, st,
-                            4 * f->n * sizeof(real));
+                            3 * f->n * sizeof(real));
     }
     free(kept);
     free(st);
@@ -242,9 +242,9 @@ static void splat_should_not_depend_on_threads(void **state)
 static void splat_stats_should_add_up(void **state)
 {
     fixture *const f = new_fixture(500, 80, 60, 40, 2);
-    real *const st = calloc(3 * f->n, sizeof *st);
+    real *const st = calloc(2 * f->n, sizeof *st);
     uint32_t *const seen = calloc(f->n, sizeof *seen);
-    saga_splat_stats s = { st, st + f->n, st + 2 * f->n, seen };
+    saga_splat_stats s = { st, st + f->n, seen };
     double weight = 0, left = 0;
     size_t i, n_seen = 0;
 
@@ -258,7 +258,7 @@ static void splat_stats_should_add_up(void **state)
     for (i = 0; i < f->n; i++) {
         weight += (double)s.weight[i];
         n_seen += seen[i];
-        assert_true((seen[i] == 0) == (s.radius[i] == 0));
+        assert_true((seen[i] == 0) == (f->c.splat.extent[i] == 0));
         assert_true(seen[i] != 0 || s.grad2d[i] == 0);
     }
     for (i = 0; i < f->plane; i++)

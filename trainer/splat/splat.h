@@ -43,7 +43,6 @@ typedef struct saga_splat_params {
 typedef struct saga_splat_stats {
     real *grad2d;         /* (N) += |dL / d 2-D mean|, per pixel */
     real *weight;         /* (N) += blending weights alpha T over the pixels */
-    real *radius;         /* (N) max= major half-axis of what is drawn, px */
     uint32_t *seen;       /* (N) += 1 if it may touch a pixel */
 } saga_splat_stats;
 

@@ -381,16 +381,13 @@ static void project_one_backward(saga_splat_params *d,
         d->colour[3 * i + a] += ds->colour[a];
 }
 
-static void note(saga_splat_stats *st, const splat_gradient *d, size_t i,
-                 real extent)
+static void note(saga_splat_stats *st, const splat_gradient *d, size_t i)
 {
     if (st->grad2d)
         st->grad2d[i] += sqrt(d->mean[0] * d->mean[0] +
                                          d->mean[1] * d->mean[1]);
     if (st->weight)
         st->weight[i] += d->weight;
-    if (st->radius)
-        st->radius[i] = max_real(st->radius[i], extent);
     if (st->seen)
         st->seen[i]++;
 }
@@ -413,6 +410,6 @@ void saga_splat_project_backward(saga_splat_params *d,
         gather(&ds, work, i);
         project_one_backward(d, &ds, canvas, i, p);
         if (stats)
-            note(stats, &ds, i, work->extent[i]);
+            note(stats, &ds, i);
     }
 }

@@ -3,7 +3,7 @@
  * How many primitives there are, and where. In the first half of the training
  * rounds of growing raise their number beyond the target: some by splitting
  * those whose place in the picture is most in doubt, some from the pixels with
- * the largest error, at their own moment. Afterwards the least important ones
+ * the largest error, at their own moment. Afterwards those that are worth least
  * go in three steps, down to exactly the number asked for.
  */
 #include "flat_state.h"
@@ -19,7 +19,7 @@ enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
 #define GROW_END 0.5
 #define FIRST_PRUNE 0.6
 #define PRUNE_STEP 0.1
-#define FROM_PIXELS 0.5      /* part of the new ones */
+#define FROM_PIXELS 0.75     /* part of the new ones */
 #define DEAD R(-6)           /* opacity logit */
 
 /* --- Ranking ------------------------------------------------------------- */
@@ -51,10 +51,9 @@ static ranked *rank(const saga_flat *f,
     return r;
 }
 
-/* The pixels it colours, over the pictures since the sums were halved. */
-static real importance(const saga_flat *f, uint32_t i)
+static real worth(const saga_flat *f, uint32_t i)
 {
-    return f->stats.weight[i];
+    return f->worth[i];
 }
 
 /* Mean gradient where it is seen, times the root of how often that is: what
@@ -96,7 +95,7 @@ static bool remove_dead(saga_flat *f, saga_error *error)
 static bool reduce(saga_flat *f, uint32_t n, saga_error *error)
 {
     uint8_t *const keep = saga_calloc(f->n, 1, ranking, error);
-    ranked *const r = rank(f, importance, error);
+    ranked *const r = rank(f, worth, error);
     const bool ok = keep && r;
 
     if (ok) {
@@ -155,7 +154,7 @@ static void split(saga_flat *f, uint32_t i)
 static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 {
     const uint32_t before = f->n;
-    ranked *const r = rank(f, any ? importance : doubt, error);
+    ranked *const r = rank(f, any ? worth : doubt, error);
 
     if (!r)
         return false;
@@ -321,14 +320,24 @@ static bool grow(saga_flat *f, saga_error *error)
            grow_from_pixels(f, (uint32_t)(FROM_PIXELS * want), error);
 }
 
+static int round_length(const saga_flat *f)
+{
+    const int n = (int)(GROW_END * f->o.n_iterations / N_ROUNDS);
+
+    return n < 25 ? 25 : n > 250 ? 250 : n;
+}
+
 static void halve(saga_flat *f)
 {
     saga_splat_stats *const s = &f->stats;
+    const double epoch = (double)f->pictures->n_train *
+                         f->pictures->capture->n_frames;
+    const real kept = (real)exp2(-round_length(f) / epoch);
 
     for (uint32_t i = 0; i < f->n; i++) {
         s->grad2d[i] /= 2;
         s->weight[i] /= 2;
-        s->radius[i] = 0;
+        f->worth[i] *= kept;
         s->seen[i] /= 2;
     }
 }
@@ -353,13 +362,6 @@ static bool prune(saga_flat *f, int k, saga_error *error)
         if (!split_most(f, n - f->n, true, error))
             return false;
     return true;
-}
-
-static int round_length(const saga_flat *f)
-{
-    const int n = (int)(GROW_END * f->o.n_iterations / N_ROUNDS);
-
-    return n < 25 ? 25 : n > 250 ? 250 : n;
 }
 
 bool saga_flat_change_count(saga_flat *f, saga_error *error)

@@ -24,7 +24,7 @@ static void walk_state(saga_checkpoint *c, saga_flat *f)
     }
     saga_checkpoint_walk(c, f->stats.grad2d, n);
     saga_checkpoint_walk(c, f->stats.weight, n);
-    saga_checkpoint_walk(c, f->stats.radius, n);
+    saga_checkpoint_walk(c, f->worth, n);
     saga_checkpoint_walk(c, f->stats.seen, f->n * sizeof *f->stats.seen);
 }
 

@@ -25,7 +25,7 @@ enum {
 };
 
 #define NO_MATCH 0.25    /* cost where no view can tell */
-#define GOOD_MATCH 0.06
+#define GOOD_MATCH 0.1
 #define CONTRAST 1.8     /* mean cost over best, to trust a match */
 #define STILL 0.05       /* mean difference of patches that are the same */
 
@@ -33,7 +33,7 @@ enum {
 
 typedef struct patch { float at[(2 * PATCH + 1) * (2 * PATCH + 1)][3]; } patch;
 
-/* Nearest pixels; false if it leaves the picture. */
+/* The pixel at (u, v) and those around it; false if it leaves the picture. */
 static bool cut(patch *p, const saga_capture *c, int view, int frame, double u,
                 double v)
 {
@@ -51,6 +51,36 @@ static bool cut(patch *p, const saga_capture *c, int view, int frame, double u,
         for (x = 0; x <= 2 * PATCH; x++, n++)
             for (int k = 0; k < 3; k++)
                 p->at[n][k] = (float)rgb[3 * x + k] / 255;
+    return true;
+}
+
+/* The same where (u, v) is no pixel's centre: between pixels, linearly. */
+static bool cut_between(patch *p, const saga_capture *c, int view, int frame,
+                        double u, double v)
+{
+    const saga_shot *const w = c->views + view;
+    const size_t stride = saga_view_row_nbytes(w);
+    const double left = u - PATCH - 0.5, top = v - PATCH - 0.5;
+    const uint8_t *rgb;
+    float part[2];
+    int x, y, n = 0;
+
+    if (!(left >= 0 && top >= 0 && left + 2 * PATCH + 1 < w->width &&
+          top + 2 * PATCH + 1 < w->height))
+        return false;
+    part[0] = (float)(left - (int)left);
+    part[1] = (float)(top - (int)top);
+    rgb = saga_capture_frame(c, view, frame) + (size_t)(int)top * stride +
+          (size_t)(int)left * 3;
+    for (y = 0; y <= 2 * PATCH; y++, rgb += stride)
+        for (x = 0; x <= 2 * PATCH; x++, n++)
+            for (int k = 0; k < 3; k++) {
+                const uint8_t *const a = rgb + 3 * x + k, *const b = a + stride;
+                const float up = (float)a[0] + part[0] * (float)(a[3] - a[0]);
+                const float low = (float)b[0] + part[0] * (float)(b[3] - b[0]);
+
+                p->at[n][k] = (up + part[1] * (low - up)) / 255;
+            }
     return true;
 }
 
@@ -134,7 +164,7 @@ static double match(const sweep *s, double inverse)
         int at;
 
         if (!saga_view_project(c->views + s->near[k], x, uv, &z) ||
-            !cut(&p, c, s->near[k], s->frame, uv[0], uv[1]))
+            !cut_between(&p, c, s->near[k], s->frame, uv[0], uv[1]))
             continue;
         d = distance(&s->own, &p);
         for (at = n++; at > 0 && cost[at - 1] > d; at--)
@@ -285,8 +315,8 @@ static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
     w->f = f;
     w->view = view;
     w->frame = frame;
-    w->uv[0] = u;
-    w->uv[1] = v;
+    w->uv[0] = floor(u) + 0.5;
+    w->uv[1] = floor(v) + 0.5;
     w->n_near = near_views(w->near, f, view);
     return cut(&w->own, f->pictures->capture, view, frame, u, v);
 }

@@ -38,6 +38,8 @@ struct saga_flat {
     real *value[FLAT_N_TENSORS], *grad[FLAT_N_TENSORS];
     real *m[FLAT_N_TENSORS], *v[FLAT_N_TENSORS];
     saga_splat_stats stats;     /* sums, halved at every round */
+    real *worth;                /* (n) what the squared error would grow by
+                                 * without it: a sum that an epoch halves */
     int iteration;
 
     saga_canvas canvas;
