@@ -127,9 +127,14 @@ static inline int fx_clz32(uint32_t x)
 
 static inline int fx_clz64(uint64_t x)
 {
+#if defined __x86_64__ || defined __aarch64__
+    FX_ASSERT(x != 0);
+    return __builtin_clzll(x);
+#else
     const uint32_t hi = (uint32_t)(x >> 32);
 
     return hi ? fx_clz32(hi) : 32 + fx_clz32((uint32_t)x);
+#endif
 }
 
 /* Bytes: the format is little-endian, the machine need not be. */
