@@ -52,7 +52,7 @@ void saga_median_picture(uint8_t *median, const uint8_t *const *frame,
     }
 }
 
-/* Whether a pixel is far enough from the median's. */
+/* Says whether a pixel is far enough from the median's. */
 static int changes(const uint8_t a[3], const uint8_t b[3])
 {
     return abs(a[0] - b[0]) > SAGA_CHANGE_LEVEL ||

@@ -17,7 +17,7 @@
 
 enum { DIFFERENCE_GAIN = 4 };
 
-/* How far a view may be from the rig's camera it is taken for. */
+/* A view may be so far from the rig's camera it is taken for. */
 static const double max_distance = 1e-4; /* of the cube's width */
 static const double max_degrees = 0.1;
 static const double max_focal = 0.01;    /* scaling crops odd rests */
@@ -69,7 +69,7 @@ static double distance_between(const saga_shot *a, const saga_shot *b)
                 (p[2] - q[2]) * (p[2] - q[2]));
 }
 
-/* What separates a view from the rig's camera that is nearest to it. */
+/* This separates a view from the rig's camera that is nearest to it. */
 typedef struct {
     int rig;
     uint32_t number;
@@ -120,7 +120,7 @@ static bool refuse_view(const saga_film *film, const saga_shot *shot,
                      m->degrees, 100.0 * m->focal);
 }
 
-/* Near plane and background: of camera `rig`, or without a rig a guess. */
+/* Takes near plane and background of camera `rig`, or guesses without a rig. */
 static void borrow(saga_eval_view *v, double *near_metres,
                    const saga_film *film, int rig)
 {
@@ -333,7 +333,7 @@ static bool progress(const comparison *c, int view, int frame)
            saga_fail(c->error, NULL, NULL, "cancelled");
 }
 
-/* Frame by frame, so that each segment is decoded once. */
+/* Goes frame by frame, so that each segment is decoded once. */
 static bool compare_all(const comparison *c)
 {
     for (int frame = 0; frame < c->eval->n_frames; frame++)

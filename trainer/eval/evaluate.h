@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A file against the capture it was made from: pictures of the integer
- * decoder against the loaded ones, after both were opened anew. Or what
+ * This compares a file with the capture it was made from: pictures of the
+ * integer decoder with the loaded ones, after both were opened anew. Or what
  * another codec made of a capture's pictures, by the same measures.
  */
 #ifndef SAGA_EVALUATE_H
@@ -19,8 +19,8 @@ typedef struct saga_eval_options {
     void *progress_user;
 } saga_eval_options;
 
-/* What makes the pictures that are judged: a film, or a capture whose pictures
- * another codec decoded. The other one is NULL. */
+/* A maker gives the pictures that are judged: a film, or a capture whose
+ * pictures another codec decoded. The other one is NULL. */
 typedef struct saga_eval_maker {
     const char *name;        /* for messages */
     int n_threads;           /* of comparing; 0: as many as there are */
@@ -28,7 +28,7 @@ typedef struct saga_eval_maker {
     const saga_capture *pictures;
 } saga_eval_maker;
 
-/* What a view scores, or the mean over a set of views. */
+/* A view scores this, or a set of views in the mean. */
 typedef struct saga_eval_score {
     saga_score decode;       /* the file's pictures: mean over the frames */
     double median_psnr;      /* the temporal median picture's: the same mean */
@@ -53,8 +53,8 @@ typedef struct saga_eval {
     saga_eval_score training, held_out; /* means over views; of none, NaN */
 } saga_eval;
 
-/* Whether the capture is what the file was made from, camera by camera; fills
- * in all but the scores. The file's frame 0 is the capture's first.
+/* Says whether the capture is what the file was made from, camera by camera;
+ * fills in all but the scores. The file's frame 0 is the capture's first.
  * Training views must be in the file's rig (if it has one), up to 10^-4 of the
  * cube's width, 0.1 degrees and 1 % of the focal length; held-out ones need
  * not. A view in the rig takes the rig's background and near plane, the others

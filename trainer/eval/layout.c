@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* The file, and what has been found in it. */
+/* A walk holds the file and what has been found in it. */
 typedef struct {
     const uint8_t *bytes;
     size_t n;
@@ -154,7 +154,7 @@ static bool take_segment(walk *w, saga_layout_segment *s)
                    "length of the segment than its chunks have");
 }
 
-/* Segment i of the index, which saga_find has accepted as a whole. */
+/* Takes segment i of the index, which saga_find has accepted as a whole. */
 static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
 {
     saga_layout_segment *const s = &w->to->segment[i];
@@ -188,7 +188,7 @@ static void count_other(saga_layout *to)
     to->other_nbytes = to->file_nbytes > known ? to->file_nbytes - known : 0;
 }
 
-/* What saga_find says of the whole index: the last frame is behind it all. */
+/* Asks saga_find about the whole index: the last frame is behind it all. */
 static bool check_index(const walk *w, const saga_header *h)
 {
     saga_segment last;

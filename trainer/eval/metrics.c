@@ -15,7 +15,7 @@ enum {
     N_MAPS = 5              /* a, b, a a, b b, a b */
 };
 
-/* (0.01)^2 and (0.03)^2 of the SSIM paper, for samples in [0, 1]. */
+/* These are (0.01)^2 and (0.03)^2 of the SSIM paper, for samples in [0, 1]. */
 static const double c1 = 1e-4, c2 = 9e-4;
 
 static const double ms_weight[SAGA_MS_SSIM_SCALES] = {
@@ -44,7 +44,7 @@ double saga_psnr(double mse)
 
 /* --- SSIM of one channel ------------------------------------------------- */
 
-/* Two channels to be compared, samples in [0, 1]. */
+/* A pair is two channels to be compared, samples in [0, 1]. */
 typedef struct {
     const double *a, *b;    /* (height, width) */
     int width, height, n_threads;
@@ -56,8 +56,8 @@ typedef struct {
     size_t n_scratch;
 } pair;
 
-/* Means over all windows: of SSIM with zero padding; of SSIM and of the
- * contrast-structure term of the windows inside. */
+/* These are means over all windows: of SSIM with zero padding; of SSIM and of
+ * the contrast-structure term of the windows inside. */
 typedef struct {
     double zero, valid, structure;
 } channel_ssim;
@@ -87,7 +87,7 @@ static void filter_row(double *out, const double *line, int width,
             out[x] += tap[k] * line[x + k];
 }
 
-/* The five maps of row y, filtered along it; zeros outside the picture. */
+/* Filters the five maps of row y along it; outside the picture are zeros. */
 static void filter_maps(double *out, double *line, const pair *p, int y)
 {
     const size_t w = (size_t)p->width;
@@ -109,7 +109,7 @@ static void filter_maps(double *out, double *line, const pair *p, int y)
     }
 }
 
-/* SSIM and its contrast-structure part from the filtered maps of a pixel. */
+/* Finds SSIM and its contrast-structure part from a pixel's filtered maps. */
 static double ssim_of(const double m[N_MAPS], double *structure)
 {
     const double aa = m[0] * m[0], bb = m[1] * m[1], ab = m[0] * m[1];
@@ -140,7 +140,7 @@ static void sum_row(double sum[3], const double *maps, const pair *p)
     }
 }
 
-/* Rows y0.. of the sums. */
+/* Fills rows y0.. of the sums. */
 static void sum_band(const pair *p, int y0)
 {
     const size_t w = (size_t)p->width;
@@ -182,7 +182,7 @@ static channel_ssim means_of(const pair *p)
 
 static const char purpose[] = "comparing two pictures";
 
-/* p without taps, sums and scratch. */
+/* p comes without taps, sums and scratch. */
 static bool channel(channel_ssim *s, pair p, saga_error *error)
 {
     const int n = (p.height + BAND - 1) / BAND;
@@ -248,8 +248,8 @@ bool saga_ssim(double *zero, double *valid, const saga_picture_pair *of,
     return true;
 }
 
-/* In place: the 2x2 means, a smaller picture at the same start. An output is
- * never behind what is still to be read. */
+/* Takes the 2x2 means in place, a smaller picture at the same start. An output
+ * is never behind what is still to be read. */
 static void halve(double *v, int width, int height)
 {
     const int w = (width + 1) / 2, h = (height + 1) / 2;

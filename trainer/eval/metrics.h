@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * How far two pictures are from each other.
+ * This measures how far two pictures are from each other.
  *
  * Conventions. Pictures are 8-bit RGB rows without padding, as a viewer gets
  * them: clipped and rounded. Sums are taken in double, rows in order, so that
@@ -32,7 +32,7 @@ enum {
     SAGA_MS_SSIM_MIN = 161     /* least side: the window at the last scale */
 };
 
-/* Two pictures to be compared. */
+/* A pair is two pictures to be compared. */
 typedef struct saga_picture_pair {
     const uint8_t *a, *b;    /* (height, width, 3) */
     int width, height;
@@ -59,10 +59,10 @@ double saga_psnr(double mse);
 bool saga_ssim(double *zero, double *valid, const saga_picture_pair *pair,
                saga_error *error);
 
-/* MS-SSIM: product of the mean contrast-structure terms (negative means count
- * as 0) of scales 1 to 4 and the mean SSIM of scale 5, to Wang's powers. A
- * scale's picture is the 2x2 mean of the one before; the last row or column of
- * an odd side is repeated. NaN when too small. False: no memory. */
+/* Finds MS-SSIM: the product of the mean contrast-structure terms (negative
+ * means count as 0) of scales 1 to 4 and the mean SSIM of scale 5, to Wang's
+ * powers. A scale's picture is the 2x2 mean of the one before; the last row or
+ * column of an odd side is repeated. NaN when too small. False: no memory. */
 bool saga_ms_ssim(double *value, const saga_picture_pair *pair,
                   saga_error *error);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Several pictures in one PNG, to be looked at side by side.
+ * A montage is several pictures in one PNG, to be looked at side by side.
  */
 #ifndef SAGA_MONTAGE_H
 #define SAGA_MONTAGE_H
@@ -19,7 +19,7 @@ typedef struct saga_still {
 bool saga_montage_write(const char *path, const saga_still *stills, int n,
                         int columns, saga_error *error);
 
-/* Truth, decode and difference x gain, side by side, of equal sizes. */
+/* Shows truth, decode and difference x gain side by side, of equal sizes. */
 bool saga_montage_compare(const char *path, const saga_still *truth,
                           const saga_still *decode, int gain,
                           saga_error *error);

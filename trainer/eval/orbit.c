@@ -24,7 +24,7 @@ static void cross(double c[3], const double a[3], const double b[3])
     c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* False, and *a as it was, if it has hardly any length. */
+/* Returns false, and leaves *a as it was, if it has hardly any length. */
 static bool normalise(double a[3])
 {
     const double n = sqrt(dot(a, a));
@@ -51,8 +51,8 @@ static void solve(double x[3], const double m[9], const double v[3])
         x[i] = (c[0][i] * v[0] + c[1][i] * v[1] + c[2][i] * v[2]) / d;
 }
 
-/* The point nearest to all optical axes, pulled a little towards the middle
- * of the cube, which decides where the axes are parallel. */
+/* Finds the point nearest to all optical axes, pulled a little towards the
+ * middle of the cube, which decides where the axes are parallel. */
 static void find_focus(double focus[3], const saga_metric *metric,
                        const saga_shot *shots, int n)
 {
@@ -80,7 +80,7 @@ static void find_focus(double focus[3], const saga_metric *metric,
 
 /* --- The sweep ----------------------------------------------------------- */
 
-/* The mean of the cameras' up, or if they cancel out, the first one's. */
+/* Takes the mean of the cameras' up, or if they cancel out, the first one's. */
 static void mean_up(double up[3], const saga_shot *shots, int n)
 {
     for (int i = 0; i < 3; i++) {
@@ -114,7 +114,7 @@ static void find_up(double up[3], const saga_shot *shots, int n)
     }
 }
 
-/* A camera's position seen from the focus: along up, and away from it. */
+/* Splits a camera's position from the focus: along up, and away from it. */
 static double split(double level[3], const saga_orbit *o,
                     const saga_shot *shot)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A camera path for a file whose viewer gives none: a closed sweep through the
- * angles its rig filmed from, so that it never looks at what no camera saw.
+ * An orbit is a camera path if the viewer gives none: a closed sweep through
+ * the angles the rig filmed from, so that it never looks at what no camera saw.
  */
 #ifndef SAGA_ORBIT_H
 #define SAGA_ORBIT_H
@@ -18,11 +18,11 @@ typedef struct saga_orbit {
     saga_camera lens;        /* the rig's first: all but the pose is used */
 } saga_orbit;
 
-/* False: the file has no rig, or its cameras all stand at the focus. */
+/* Fails if the file has no rig, or its cameras all stand at the focus. */
 bool saga_orbit_of(saga_orbit *orbit, const saga_film *film,
                    saga_error *error);
 
-/* The camera at `turn` of the path, 0 to 1; 1 is 0 again. */
+/* Sets the camera at `turn` of the path, 0 to 1; 1 is 0 again. */
 bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        const saga_metric *metric, double turn,
                        saga_error *error);

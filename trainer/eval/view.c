@@ -158,8 +158,8 @@ static void set_rows(saga_job *job, const saga_camera *c, int i, int n)
     job->list_capacity = LIST;
 }
 
-/* Bytes of scratch that hold all rows of any one of n jobs at once, or as many
- * as MAX_SCRATCH allows, but one. */
+/* Returns the bytes of scratch that hold all rows of any one of n jobs at once,
+ * or as many as MAX_SCRATCH allows, but one. */
 static size_t scratch_nbytes(const saga_camera *c, int n)
 {
     const int rows = (c->height + TILE - 1) / TILE;

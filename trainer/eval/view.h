@@ -12,7 +12,7 @@
 #include "capture.h"
 #include "saga.h"
 
-/* Seconds on the wall clock since the file was opened. */
+/* These are seconds on the wall clock since the file was opened. */
 typedef struct saga_stage_times {
     double head, segment, view, draw;
     uint32_t n_segments, n_views; /* how often */

@@ -20,7 +20,7 @@ void saga_shot_centre(double centre[3], const saga_shot *shot)
     saga_pose_centre(shot->rotation, shot->translation, centre);
 }
 
-/* value rounded into *v; false if it lies outside low..high or is NaN. */
+/* Rounds value into *v; false if it lies outside low..high or is NaN. */
 static bool take(int32_t *v, double value, double low, double high)
 {
     const double r = rint(value);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A camera of a capture as the decoder wants it, in integers.
+ * This makes a camera of a capture as the decoder wants it, in integers.
  *
  * Metres and box units: metres = centre + box units * unit (saga_info).
  */
@@ -21,7 +21,7 @@ static inline double saga_metric_width(const saga_metric *m)
 
 saga_metric saga_metric_of(const saga_info *info);
 
-/* A camera of a capture as integers. Encoder and evaluation must both come
+/* Sets a camera of a capture in integers. Encoder and evaluation must both come
  * through here, since pixels depend on every bit:
  *   rotation   each row divided by its length, times 2^30, to nearest (halves
  *              to even): sum |r| <= sqrt(3) 2^30 + 1.5 < 1.7321 * 2^30
@@ -39,7 +39,7 @@ bool saga_camera_of_shot(saga_camera *camera, const saga_metric *metric,
 void saga_shot_of_camera(saga_shot *shot, const saga_metric *metric,
                          const saga_camera *camera);
 
-/* Where a shot's camera stands, metres. */
+/* Finds where a shot's camera stands, metres. */
 void saga_shot_centre(double centre[3], const saga_shot *shot);
 
 #endif

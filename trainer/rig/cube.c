@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where the scene is. Each view gets a range of depths: what the capture says,
- * else what its points say, else what the crossing of the optical axes
- * suggests. The cube then holds what two views see within their ranges, as
+ * This finds where the scene is. Each view gets a range of depths: what the
+ * capture says, else what its points say, else what the crossing of the optical
+ * axes suggests. The cube then holds what two views see within their ranges, as
  * far as a coarse grid of samples tells, and the points but for the outermost
  * ones.
  */
@@ -20,7 +20,7 @@ enum {
     MIN_POINTS = 12       /* in a view, to believe them */
 };
 
-/* Of the points' depths, for what they miss on either side. */
+/* The points' depths get this slack, for what they miss on either side. */
 #define NEAR_SLACK 0.6
 #define FAR_SLACK 1.5
 
@@ -121,7 +121,7 @@ static double focus(double *x, const saga_capture *c)
     return base;
 }
 
-/* From the points the view sees; false if there are too few. */
+/* Takes the range from the points the view sees; false if there are too few. */
 static bool range_of_points(double *range, const saga_capture *c, int view,
                             double *scratch)
 {
@@ -172,7 +172,7 @@ static void find_ranges(double *range, const saga_capture *c, double *scratch)
     }
 }
 
-/* Training views that have the place within picture and range. */
+/* Counts training views that have the place within picture and range. */
 static int n_seeing(const saga_capture *c, const double *range,
                     const double *world)
 {

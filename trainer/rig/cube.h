@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where the scene is: the cube [-1, 1)^3 of half-cubes and the capture's world.
+ * A cube maps [-1, 1)^3, in half-cubes, to the capture's world.
  */
 #ifndef SAGA_CUBE_H
 #define SAGA_CUBE_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A capture as training sees it: where the scene is, which views are learned
- * from, in which order their pictures come, and how one of them gets onto a
- * canvas.
+ * This is a capture as training sees it: where the scene is, which views are
+ * learned from, in which order their pictures come, and how one of them gets
+ * onto a canvas.
  *
  * Space is in half-cubes (cube.h). Time is [0, 1) over the frames of the
  * capture; frame k of F is at k / F.
@@ -27,17 +27,17 @@ typedef struct saga_pictures {
  * of 2^mip pixels a side. */
 typedef struct saga_sample { int view, frame, mip; } saga_sample;
 
-/* False where memory is short or there is nothing to train on. */
+/* Returns false where memory is short or there is nothing to train on. */
 bool saga_pictures_init(saga_pictures *pictures, const saga_capture *capture,
                         saga_error *error);
 void saga_pictures_free(saga_pictures *pictures);
 
-/* The digest of all that training takes from the capture: frames, cameras,
- * points and every pixel. */
+/* Returns the digest of all that training takes from the capture: frames,
+ * cameras, points and every pixel. */
 uint64_t saga_pictures_digest(const saga_pictures *pictures);
 
-/* Number `draw` of an endless row in which every training picture comes once
- * before any comes again, each time in another order; mip 0. */
+/* Returns number `draw` of an endless row in which every training picture comes
+ * once before any comes again, each time in another order; mip 0. */
 saga_sample saga_pictures_pick(const saga_pictures *pictures, saga_rng rng,
                                uint64_t draw);
 

@@ -6,7 +6,7 @@
 
 enum { N_TURNS = 24 };           /* rotations of a cube onto itself */
 
-/* x = a b, quaternions. */
+/* Sets x = a b, quaternions. */
 static void multiply(double x[4], const double a[4], const double b[4])
 {
     x[0] = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3];
@@ -20,7 +20,7 @@ static double dot(const double a[4], const double b[4])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
 }
 
-/* All products of quarter turns about x and y, each once. */
+/* Finds all products of quarter turns about x and y, each once. */
 static void find_turns(double turn[N_TURNS][4])
 {
     const double h = sqrt(0.5);

@@ -17,7 +17,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* A pinhole camera; x right, y down, z forward. */
+/* This is a pinhole camera; x right, y down, z forward. */
 typedef struct saga_splat_camera {
     real rotation[9];     /* rows: camera axes in scene axes */
     real centre[3];       /* scene units */
@@ -38,7 +38,7 @@ typedef struct saga_splat_rules {
                            * motion and slope; 0 at first */
 } saga_splat_rules;
 
-/* Primitives at one time. */
+/* These are primitives at one time. */
 typedef struct saga_splat_posed {
     real *mean;           /* (N, 3) */
     real *quat;           /* (N, 4) not normalised */
@@ -46,8 +46,8 @@ typedef struct saga_splat_posed {
                            * >= 0 */
 } saga_splat_posed;
 
-/* A primitive in one camera. q = q0 + v^2 + w^2 with v = g dx - n dy and
- * w = h dy, (dx, dy) from the mean to the pixel's centre. */
+/* This is a primitive in one camera. q = q0 + v^2 + w^2 with v = g dx - n dy
+ * and w = h dy, (dx, dy) from the mean to the pixel's centre. */
 typedef struct saga_splat_2d {
     real mean[2];         /* pixels */
     real g, n, h;         /* Cholesky factor of the conic, log2 units */
@@ -66,14 +66,14 @@ enum {
     SAGA_SUM_R, SAGA_SUM_G, SAGA_SUM_B, SAGA_SUM_WEIGHT, SAGA_N_SUMS
 };
 
-/* An entry of a tile's list. */
+/* A pair is an entry of a tile's list. */
 typedef struct saga_splat_pair {
     uint32_t splat;       /* index of the primitive */
     uint32_t slot;        /* its record: slots of a splat are consecutive, in
                            * the order of its tiles */
 } saga_splat_pair;
 
-/* What a forward pass leaves for its backward pass; it grows as needed. */
+/* A forward pass leaves this for its backward pass; it grows as needed. */
 typedef struct saga_splat_work {
     uint32_t n;           /* primitives */
     uint32_t n_visible;
@@ -112,15 +112,15 @@ typedef struct saga_canvas {
 #define saga_canvas_mse SAGA_REAL_NAME(saga_canvas_mse)
 #define saga_canvas_grow SAGA_REAL_NAME(saga_canvas_grow)
 
-/* Room for pictures of up to n_pixels, all of them black. Fails where memory is
- * short; saga_canvas_free then has nothing to do. */
+/* Makes room for pictures of up to n_pixels, all of them black. Fails where
+ * memory is short; saga_canvas_free then has nothing to do. */
 bool saga_canvas_init(saga_canvas *canvas, size_t n_pixels,
                       saga_error *error);
 
 /* Frees everything in it; a canvas of zeros has nothing. */
 void saga_canvas_free(saga_canvas *canvas);
 
-/* The mean squared error of the image, clipped to 0..1, against the truth. */
+/* Returns the mean squared error of image, clipped to 0..1, against truth. */
 double saga_canvas_mse(const saga_canvas *canvas);
 
 /* For the passes: makes *p hold at least nbytes; the old content is lost when

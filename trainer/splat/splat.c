@@ -16,7 +16,7 @@ static bool grow_posed(saga_splat_posed *p, size_t *cap, size_t n,
            saga_canvas_grow((void **)&p->q0, cap + 2, n * sizeof(real), error);
 }
 
-/* From primitives to the tiles' lists. */
+/* Goes from primitives to the tiles' lists. */
 static bool list_splats(saga_canvas *c, const saga_splat_params *p, uint32_t n,
                         saga_error *error)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The differentiable rasteriser: primitives -> at a time -> in a camera ->
- * pictures, and the gradients back. The float twin of decoder/animate.*,
+ * The differentiable rasteriser goes primitives -> at a time -> in a camera ->
+ * pictures, and back with the gradients. The float twin of decoder/animate.*,
  * project.* and raster.*, with the norm's rules and constants.
  *
  * Conventions
@@ -22,7 +22,7 @@
 
 #include "canvas.h"
 
-/* Primitives, their gradients, or anything else of the same shape. */
+/* This holds primitives, their gradients, or anything of the same shape. */
 typedef struct saga_splat_params {
     real *mean;       /* (N, 3) at t = t_centre */
     real *quat;       /* (N, 4) w, x, y, z; any length; (0, 0, 0, 0) counts as
@@ -38,7 +38,7 @@ typedef struct saga_splat_params {
     real *log2_width; /* (N) temporal width; NULL: no temporal opacity */
 } saga_splat_params;
 
-/* For growing and pruning; every call of saga_splat_backward adds. NULL
+/* Growing and pruning use these; every call of saga_splat_backward adds. NULL
  * members are left out. */
 typedef struct saga_splat_stats {
     real *grad2d;         /* (N) += |dL / d 2-D mean|, per pixel */
@@ -50,15 +50,15 @@ typedef struct saga_splat_stats {
 #define saga_splat_backward SAGA_REAL_NAME(saga_splat_backward)
 #define saga_splat_learn SAGA_REAL_NAME(saga_splat_learn)
 
-/* What a picture teaches. */
+/* A picture teaches this. */
 typedef struct saga_splat_learning {
     double mse;           /* out: mean of (image - truth)^2, not clipped */
     saga_splat_params d;  /* gradients, as saga_splat_backward's */
     saga_splat_stats *stats; /* the same; may be NULL */
 } saga_splat_learning;
 
-/* The whole chain: draws primitives p[0..n) at canvas->t into canvas->image,
- * which is overwritten. n < 2^31, n = 0 included. */
+/* Draws primitives p[0..n) at canvas->t into canvas->image, which is
+ * overwritten. n < 2^31, n = 0 included. */
 bool saga_splat_forward(saga_canvas *canvas, const saga_splat_params *p,
                         uint32_t n, saga_error *error);
 
@@ -71,7 +71,7 @@ bool saga_splat_backward(saga_splat_params *d, saga_splat_stats *stats,
                          saga_canvas *canvas, const saga_splat_params *p,
                          saga_error *error);
 
-/* Both at once, where the loss is the mean squared error against
+/* Does both at once, where the loss is the mean squared error against
  * canvas->truth: what training minimises, since PSNR measures it. Leaves
  * canvas->image and d_image as they were. */
 bool saga_splat_learn(saga_splat_learning *learning, saga_canvas *canvas,

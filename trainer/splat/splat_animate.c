@@ -8,7 +8,7 @@
 #define LIMIT_U R(16)         /* of |dt| / width, as the norm saturates; */
 #define LIMIT_AGE R(4)        /* of the age */
 
-/* log2(1 + 2^x), without overflow and exact for small 2^x. */
+/* Returns log2(1 + 2^x), without overflow and exact for small 2^x. */
 static real softplus2(real x)
 {
     const real e = exp2(-fabs(x));
@@ -21,8 +21,8 @@ static real elapsed(const saga_splat_params *p, size_t i, real t)
     return p->t_centre ? t - p->t_centre[i] : t;
 }
 
-/* |dt| / width, saturated; the comparison fails for NaN, which stays. dt = 0
- * is 0 for every width, 2^-width infinite included. */
+/* Returns |dt| / width, saturated; the comparison fails for NaN, which stays.
+ * dt = 0 is 0 for every width, 2^-width infinite included. */
 static real width_ratio(const saga_splat_params *p, size_t i, real dt)
 {
     const real u = dt == 0 ? 0 : fabs(dt) * exp2(-p->log2_width[i]);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Primitives at a time t: cubic motion, linear rotation, temporal opacity.
+ * Primitives at a time t have cubic motion, linear rotation, temporal opacity.
  */
 #ifndef SAGA_SPLAT_ANIMATE_H
 #define SAGA_SPLAT_ANIMATE_H
@@ -11,8 +11,8 @@
 #define saga_splat_animate_forward SAGA_REAL_NAME(saga_splat_animate_forward)
 #define saga_splat_animate_backward SAGA_REAL_NAME(saga_splat_animate_backward)
 
-/* How much older primitive i is after a unit of time: 1 / min(width, 1/2), and
- * 2^100 at most, so that a dt of 0 is none. */
+/* Says how much older primitive i is after a unit of time: 1 / min(width, 1/2),
+ * and 2^100 at most, so that a dt of 0 is none. */
 real saga_splat_ageing(const saga_splat_params *p, size_t i);
 
 /* dt = t - t_centre, age = dt ageing within +-4;

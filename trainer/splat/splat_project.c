@@ -22,7 +22,7 @@
 #define SCALE_MAX R(60)                /* |log2_scale| used */
 #define ROW_MAX R(1048576)             /* px: larger splats are drawn so */
 
-/* What forward and backward both need of the projection. */
+/* Forward and backward both need this of the projection. */
 typedef struct {
     real view[3];          /* in camera axes */
     real ratio[2];         /* x/z, y/z */
@@ -56,7 +56,7 @@ static real max_real(real a, real b)
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* The norm's drop rules. Comparisons are written so that NaN drops. */
+/* Applies the norm's drop rules. Comparisons are written so that NaN drops. */
 static int project_mean(real *mean, shape *s, const real *x,
                         const saga_splat_camera *cam)
 {
@@ -154,8 +154,8 @@ static void covariance_of(covariance *v, const shape *s)
              LOW_PASS * LOW_PASS;
 }
 
-/* Pixels of one axis whose centre may lie within half of mean; half is
- * widened by more than its rounding error. */
+/* Finds the pixels of one axis whose centre may lie within half of mean; half
+ * is widened by more than its rounding error. */
 static void span(int16_t *lo, int16_t *hi, real mean, real half, int side)
 {
     const real h = half * R(1.0001) + R(0.01);
@@ -229,7 +229,7 @@ void saga_splat_project_forward(saga_canvas *canvas,
 
 /* --- Backward ------------------------------------------------------------ */
 
-/* What the picture says about one splat. */
+/* The picture says this about one splat. */
 typedef struct {
     real mean[2], g, n, h, q0, colour[3], weight;
 } splat_gradient;
@@ -258,7 +258,7 @@ static void gather(splat_gradient *d, const saga_splat_work *work, size_t i)
     d->weight = sum[SAGA_SUM_WEIGHT];
 }
 
-/* To the rows of T. */
+/* Carries the gradient to the rows of T. */
 static void conic_backward(real dt[2][3], const splat_gradient *d,
                            const saga_splat_2d *o, const shape *s)
 {
@@ -282,7 +282,7 @@ static void conic_backward(real dt[2][3], const splat_gradient *d,
     }
 }
 
-/* dR[i][j] to the quaternion, through its normalisation. */
+/* Carries dR[i][j] to the quaternion, through its normalisation. */
 static void rotation_backward(real *d_quat, const real *dr, const shape *s)
 {
     const real *const q = s->quat;
@@ -302,7 +302,7 @@ static void rotation_backward(real *d_quat, const real *dr, const shape *s)
         d_quat[i] = (d[i] - along * q[i]) * s->quat_recip;
 }
 
-/* To quaternion, scales and the rows of J W. */
+/* Goes on to quaternion, scales and the rows of J W. */
 static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
                            real dt[2][3], const shape *s,
                            const real *log2_scale)
@@ -326,8 +326,8 @@ static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
     rotation_backward(d_quat, dr, s);
 }
 
-/* Rows f/z (w_i - slope w_2) and mean = p + f x/z, to the position. Where the
- * slope was clamped it is a constant. */
+/* Carries rows f/z (w_i - slope w_2) and mean = p + f x/z to the position.
+ * Where the slope was clamped it is a constant. */
 static void mean_backward(real *d_mean, const real *d_mean2d,
                           real d_row[2][3], const shape *s,
                           const saga_splat_camera *cam)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * From primitives at a time to splats in a camera: EWA projection with the
- * norm's rules (docs/arithmetic.md: camera, projection, splat).
+ * This goes from primitives at a time to splats in a camera: EWA projection
+ * with the norm's rules (docs/arithmetic.md: camera, projection, splat).
  */
 #ifndef SAGA_SPLAT_PROJECT_H
 #define SAGA_SPLAT_PROJECT_H
@@ -11,7 +11,7 @@
 #define saga_splat_project_forward SAGA_REAL_NAME(saga_splat_project_forward)
 #define saga_splat_project_backward SAGA_REAL_NAME(saga_splat_project_backward)
 
-/* From canvas->splat.posed to .splat and .extent, which are empty (x1 = x0)
+/* Projects canvas->splat.posed to .splat and .extent, which are empty (x1 = x0)
  * and 0 where a primitive is dropped or misses the picture. */
 void saga_splat_project_forward(saga_canvas *canvas,
                                 const saga_splat_params *p);

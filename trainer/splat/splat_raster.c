@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * One tile at a time, splat by splat, in blocks of 8 x 2 pixels; the tile's
- * state stays in L1. Blocks whose pixels are all outside the cut are skipped.
+ * Work goes by tile and splat, in blocks of 8 x 2 pixels; the tile's state
+ * stays in L1. Blocks whose pixels are all outside the cut are skipped.
  *
  * Backward begins with the forward pass of the same tile, which keeps alpha
  * and alpha T of every block that a splat touches: in L2, as many as there is
@@ -37,8 +37,8 @@ enum {
     KEPT_ALL = LAST + BLOCKS /* and one more is worked on */
 };
 
-/* State of a tile's pixels, block by block: blocks of the left half from top
- * to bottom, then those of the right. */
+/* This is the state of a tile's pixels, block by block: blocks of the left half
+ * from top to bottom, then those of the right. */
 typedef struct {
     _Alignas(64) real trans[AREA];
     real colour[3][AREA];  /* so far */
@@ -48,15 +48,15 @@ typedef struct {
     int width, height;     /* of its part in the picture */
 } tile;
 
-/* Half-columns and pairs of rows of a splat in a tile. */
+/* A splat in a tile has these pairs of rows and half-columns. */
 typedef struct { int y0, y1, x0, x1; } window;
 
 typedef struct { wide floor, cut, cap; } limits;
 
-/* What a splat did to a block. */
+/* A splat does this to a block. */
 typedef struct { real alpha[WIDE_LANES], weight[WIDE_LANES]; } kept;
 
-/* Coordinates of a block's pixels from the tile's middle. */
+/* These are coordinates of a block's pixels from the tile's middle. */
 typedef struct {
     _Alignas(64) real x[2][WIDE_LANES], y[PAIRS][WIDE_LANES];
 } grid;
@@ -73,13 +73,13 @@ static void fill_grid(grid *g)
     }
 }
 
-/* Where eight pixels of row y lie, from the left (half 0) or the middle on. */
+/* Finds eight pixels of row y, from the left (half 0) or the middle on. */
 static int eight_at(int half, int y)
 {
     return (half * PAIRS + y / ROWS) * WIDE_LANES + y % ROWS * 8;
 }
 
-/* How many of these are in the picture. */
+/* Says how many of these are in the picture. */
 static int n_inside(const tile *t, int half)
 {
     const int n = t->width - 8 * half;
@@ -140,7 +140,7 @@ static limits limits_of(const saga_splat_rules *rules)
                      wide_set1(rules->alpha_cap) };
 }
 
-/* From the splat's mean to the tile's middle. */
+/* Goes from the splat's mean to the tile's middle. */
 static void to_middle(real d[2], const saga_splat_2d *o, const tile *t)
 {
     d[0] = R(t->x0 + TILE / 2) - o->mean[0];
@@ -149,7 +149,7 @@ static void to_middle(real d[2], const saga_splat_2d *o, const tile *t)
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* What all tiles share. */
+/* All tiles share this. */
 typedef struct {
     saga_canvas *canvas;
     int learn;             /* backward: from the truth, not from d_image */
@@ -165,8 +165,8 @@ static pass pass_of(saga_canvas *canvas)
     return p;
 }
 
-/* q of all blocks in the splat's window; returns which of them it touches, bit
- * b for block b. */
+/* Finds q of all blocks in the splat's window; returns which of them it
+ * touches, bit b for block b. */
 static unsigned touch(real q[BLOCKS][WIDE_LANES], const tile *t,
                       const saga_splat_2d *o, const pass *p)
 {
@@ -245,7 +245,7 @@ static void end_tile(tile *t, const real *background)
             t->colour[c][i] += t->trans[i] * background[c];
 }
 
-/* Where eight pixels of the tile lie in a plane of the picture. */
+/* Says where eight pixels of the tile lie in a plane of the picture. */
 static size_t plane_at(const tile *t, int half, int y, int width)
 {
     return (size_t)(t->y0 + y) * (size_t)width + (size_t)(t->x0 + 8 * half);
@@ -291,7 +291,7 @@ static const saga_splat_2d *splat_at(const saga_splat_work *work, size_t e)
     return work->splat + work->pair[e].splat;
 }
 
-/* Whether it is time to look, and nothing is left to draw. */
+/* Says whether it is time to look, and nothing is left to draw. */
 static int is_done(const tile *t, const pass *p, size_t nth)
 {
     return nth % CHECK_EVERY == CHECK_EVERY - 1 &&
@@ -342,8 +342,8 @@ typedef struct {
     wide red, green, blue, weight;
 } sums;
 
-/* The record's sums of v = g dx - n dy and dy, where (x, y) is from the tile's
- * middle, which lies d from the mean. */
+/* Writes the record's sums of v = g dx - n dy and dy, where (x, y) is from the
+ * tile's middle, which lies d from the mean. */
 static void write_record(real *record, const sums *s, const saga_splat_2d *o,
                          const tile *t)
 {
@@ -437,7 +437,7 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
     write_record(record, &s, o, t);
 }
 
-/* What the forward pass of a tile left. */
+/* The forward pass of a tile leaves this. */
 typedef struct {
     kept *block;
     uint16_t *touched;     /* of each splat of the list that is kept */
@@ -558,7 +558,7 @@ static double compare(tile *t, const saga_splat_camera *cam)
     return (double)vec_sum(wide_fold(sum));
 }
 
-/* D before the first splat. */
+/* Sets D before the first splat. */
 static void begin_rest(tile *t)
 {
     int c, i;
@@ -573,8 +573,8 @@ static void begin_rest(tile *t)
     }
 }
 
-/* From the gradient to the picture, or from the truth. Returns the sum of
- * squared errors, which without a truth is of no meaning. */
+/* Goes back from the gradient to the picture, or from the truth. Returns the
+ * sum of squared errors, which without a truth is of no meaning. */
 static double tile_backward(const pass *p, size_t index)
 {
     const saga_splat_work *const work = &p->canvas->splat;

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Blending the tiles' lists front to back, and its derivative. The rules are
- * the decoder's: a splat touches the pixels with q < cut, alpha = 2^-q capped,
- * w = alpha T, a pixel is finished once its T fell below the floor, and what
- * is left shows the background.
+ * This blends the tiles' lists front to back, and differentiates it. The rules
+ * are the decoder's: a splat touches the pixels with q < cut, alpha = 2^-q
+ * capped, w = alpha T, a pixel is finished once its T fell below the floor, and
+ * what is left shows the background.
  */
 #ifndef SAGA_SPLAT_RASTER_H
 #define SAGA_SPLAT_RASTER_H
@@ -15,7 +15,7 @@
 #define saga_splat_raster_backward SAGA_REAL_NAME(saga_splat_raster_backward)
 #define saga_splat_raster_learn SAGA_REAL_NAME(saga_splat_raster_learn)
 
-/* From canvas->splat's splats and lists to canvas->image. */
+/* Draws canvas->splat's splats and lists into canvas->image. */
 void saga_splat_raster_forward(saga_canvas *canvas);
 
 /* Takes memory for a backward pass over the same lists, with as many threads as
@@ -26,9 +26,9 @@ bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error);
  * canvas->d_image. */
 void saga_splat_raster_backward(saga_canvas *canvas);
 
-/* The same where the loss is the mean of (image - truth)^2, which it returns:
- * forward, loss and backward of a tile in one visit. Neither image nor d_image
- * is read or written. */
+/* Does the same where the loss is the mean of (image - truth)^2, which it
+ * returns: forward, loss and backward of a tile in one visit. Neither image nor
+ * d_image is read or written. */
 double saga_splat_raster_learn(saga_canvas *canvas);
 
 #endif

@@ -92,10 +92,10 @@ static int clamp_int(real x, int lo, int hi)
     return x < R(lo) ? lo : x > R(hi) ? hi : (int)x;
 }
 
-/* Columns of tiles the ellipse q < cut touches in the pixel rows ya..yb-1:
+/* Finds columns of tiles the ellipse q < cut touches in pixel rows ya..yb-1:
  * its extremes in x over that strip, widened by more than the rounding error.
- * At dy the ellipse spans (n dy +- sqrt(rest - h^2 dy^2)) / g, which is
- * extreme at dy = +-n sqrt(rest / (n^2 + h^2)) / h, or at the strip's edge. */
+ * At dy the ellipse spans (n dy +- sqrt(rest - h^2 dy^2)) / g, which is extreme
+ * at dy = +-n sqrt(rest / (n^2 + h^2)) / h, or at the strip's edge. */
 static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
                     real cut)
 {
@@ -121,7 +121,7 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
                                    o->x1 - 1));
 }
 
-/* The same for one row of tiles; small boxes are taken whole. */
+/* Does the same for one row of tiles; small boxes are taken whole. */
 static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
                          real cut)
 {
@@ -138,7 +138,7 @@ static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
 
 /* --- Lists --------------------------------------------------------------- */
 
-/* Fixed division of [0, n) in parts. */
+/* Divides [0, n) in parts, always alike. */
 static uint32_t part_begin(uint32_t n, int part, int n_parts)
 {
     return (uint32_t)((uint64_t)n * (uint64_t)part / (uint64_t)n_parts);

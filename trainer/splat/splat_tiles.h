@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Which splats touch which tiles of 16 x 16 pixels, in the order of drawing.
+ * Tiles of 16 x 16 pixels list the splats that touch them, in drawing order.
  */
 #ifndef SAGA_SPLAT_TILES_H
 #define SAGA_SPLAT_TILES_H
@@ -15,8 +15,8 @@ enum {
 
 #define saga_splat_tiles SAGA_REAL_NAME(saga_splat_tiles)
 
-/* From canvas->splat's splat, extent and n: fills its order, slot_begin, pair,
- * tile_begin and the counts. */
+/* Fills order, slot_begin, pair, tile_begin and the counts of canvas->splat
+ * from its splat, extent and n. */
 bool saga_splat_tiles(saga_canvas *canvas, saga_error *error);
 
 #endif

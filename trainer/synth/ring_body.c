@@ -54,7 +54,7 @@ saga_ring_shape saga_ring_ball(const double centre[3], double radius,
 
 /* -------------------------------------------------------------------- pose */
 
-/* The runner's own axes: forward, left, up, leaning into the curve. */
+/* The runner has own axes: forward, left, up, leaning into the curve. */
 typedef struct pose {
     const saga_ring_plan *plan;
     double t;                /* seconds */
@@ -65,7 +65,7 @@ typedef struct pose {
     int n;
 } pose;
 
-/* from + f forward + l left + u up. */
+/* Sets out = from + f forward + l left + u up. */
 static void reach(double out[3], const double from[3], double axes[3][3],
                   const double flu[3])
 {
@@ -74,8 +74,8 @@ static void reach(double out[3], const double from[3], double axes[3][3],
                  flu[2] * axes[2][i];
 }
 
-/* The end of a limb that hangs down at 0 turns, points forward at 1/4 and up
- * at 1/2; `out` is how far it points to the left. */
+/* Finds the end of a limb that hangs down at 0 turns, points forward at 1/4 and
+ * up at 1/2; `out` is how far it points to the left. */
 static void limb(double end[3], const double from[3], double axes[3][3],
                  double turns, const double length_out[2])
 {
@@ -107,7 +107,7 @@ static void add_ball(pose *p, const double centre[3], double radius,
 
 /* ------------------------------------------------------------------- steps */
 
-/* Joints of a leg, from the hip on. */
+/* A leg has these joints, from the hip on. */
 typedef struct leg {
     double hip[3], knee[3], ankle[3], toe[3];
 } leg;
@@ -187,13 +187,14 @@ static void twist(pose *p, double turns)
     }
 }
 
-/* Angles of upper arm and forearm, and how far the arm points sideways. */
+/* This holds the angles of upper arm and forearm, and how far the arm points
+ * sideways. */
 typedef struct arm {
     double upper, fore, out;
 } arm;
 
-/* Up and back until 0.10 s before the ball goes, then through to the front
- * within 0.2 s. */
+/* The arm goes up and back until 0.10 s before the ball goes, then through to
+ * the front within 0.2 s. */
 static arm throwing(const saga_ring_plan *plan, double t, arm swinging)
 {
     const double s = t - SAGA_RING_ROUND * floor(t / SAGA_RING_ROUND) -

@@ -12,7 +12,7 @@ double saga_ring_draw(uint32_t seed, int index, double lo, double hi)
     return mix(lo, hi, lattice(index, 0, seed * 0x9e3779b1u + 77u));
 }
 
-/* Hue of 0..6 from red over green and blue, saturation, brightness. */
+/* Mixes hue, 0..6 from red over green and blue, saturation, brightness. */
 static void tint(double rgb[3], double hue, double saturation, double bright)
 {
     for (int i = 0; i < 3; i++) {
@@ -116,7 +116,7 @@ void saga_ring_fly(double at[3], const double from[3], const double speed[3],
     fold(&at[1], &way, SAGA_RING_HALL - SAGA_RING_BALL_RADIUS);
 }
 
-/* How fast it must leave to land where it is aimed. */
+/* Finds how fast it must leave to land where it is aimed. */
 static void throw_speed(double speed[3], const double hand[3],
                         const saga_ring_plan *p, double seconds)
 {
@@ -130,7 +130,7 @@ static void throw_speed(double speed[3], const double hand[3],
                0.5 * 9.81 * p->flight;
 }
 
-/* Own axes that turn about a slanted axis. */
+/* Sets own axes that turn about a slanted axis. */
 static void spin(double frame[3][3], double turns)
 {
     static const double axis[3][3] = {
@@ -165,7 +165,7 @@ static void add_thrown(saga_ring_state *s, const double hand[3])
 
 /* ------------------------------------------------------------------- things */
 
-/* A box that is turned about z. */
+/* Makes a box that is turned about z. */
 static saga_ring_shape box(const double centre[3], const double half[3],
                            double turns, enum saga_ring_object object)
 {

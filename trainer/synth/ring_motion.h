@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT
  *
- * The scene "ring": what a seed draws, and where everything is.
+ * This says what a seed draws for the scene "ring", and where everything is.
  */
 #ifndef SAGA_RING_MOTION_H
 #define SAGA_RING_MOTION_H
 
 #include "synth_ring.h"
 
-/* A number of lo..hi, the index-th that a seed draws. */
+/* Returns a number of lo..hi, the index-th that a seed draws. */
 double saga_ring_draw(uint32_t seed, int index, double lo, double hi);
 
 void saga_ring_draw_plan(saga_ring_plan *plan, uint32_t seed);
@@ -18,8 +18,8 @@ enum { SAGA_RING_BODY_SHAPES = 22 };
 int saga_ring_body(saga_ring_shape *to, double hand[3],
                    const saga_ring_plan *plan, double seconds);
 
-/* A capsule from a to b, whose second own axis is `side` as far as it can be;
- * and a ball whose own axes are the rows of `frame`. */
+/* Makes a capsule from a to b, whose second own axis is `side` as far as it can
+ * be; and a ball whose own axes are the rows of `frame`. */
 saga_ring_shape saga_ring_capsule(const double a[3], const double b[3],
                                   double radius, const double side[3],
                                   enum saga_ring_object object);

@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-/* Colours of the plan. */
+/* These are colours of the plan. */
 enum {
     C_SHIRT, C_STRIPE, C_TROUSERS, C_CHECK, C_HAIR, C_SHOE, C_BALL, C_SEAM,
     C_COMER, C_GOER, C_CRATE, C_GROUND, C_MAT, C_WALL /* and one more */
@@ -18,7 +18,7 @@ static void dye(double rgb[3], const saga_ring_plan *p, int colour,
     paint(rgb, c[0], c[1], c[2], amount);
 }
 
-/* Stripes of width 1/2 with edges soft over `soft`, 0 or 1. */
+/* Draws stripes of width 1/2 with edges soft over `soft`, 0 or 1. */
 static double stripes(double x, double soft)
 {
     const double d = fabs(x - floor(x + 0.5));
@@ -44,7 +44,7 @@ static void trousers(const saga_ring_plan *p, const double at[3],
     brighten(rgb, 1.0 + 0.5 * grain(18.0 * at[0], 3.0 * at[2], p->salt + 2));
 }
 
-/* at: forward, left, up. */
+/* at is forward, left, up. */
 static void head(const saga_ring_plan *p, const double at[3], double rgb[3])
 {
     const double l = fabs(at[1]), u = at[2], f = at[0];
@@ -81,7 +81,7 @@ static void goer(const saga_ring_plan *p, const double at[3], double rgb[3])
                                             p->salt + 6), 0.08));
 }
 
-/* The two coordinates of a box's face, and its number. */
+/* Finds the two coordinates of a box's face, and its number. */
 static int face_of(const saga_ring_shape *b, const saga_ring_hit *hit,
                    double at[2])
 {
@@ -120,8 +120,8 @@ static void crate(const saga_ring_plan *p, int face, const double at[2],
     brighten(rgb, 1.0 - 0.5 * lines(at[0] - 0.1, 0.20, 0.008));
 }
 
-/* The picture of a number: a hash's colours in a ramp, with three discs and a
- * grid of cells. */
+/* Paints the picture of a number: a hash's colours in a ramp, with three discs
+ * and a grid of cells. */
 static void picture(int32_t number, const double at[2], uint32_t salt,
                     double rgb[3])
 {
@@ -162,7 +162,7 @@ static bool display(const saga_ring_state *s, int shape, int face,
 
 /* --------------------------------------------------------------------- hall */
 
-/* Boards, and in the middle a mat of cells that are light or dark. */
+/* Paints boards, and in the middle a mat of cells that are light or dark. */
 static void ground(const saga_ring_plan *p, double x, double y, double rgb[3])
 {
     const double board = floor(x / 0.30);
@@ -263,8 +263,8 @@ static void wall(const saga_ring_plan *p, const saga_ring_hit *hit,
     posters(p, number, at, rgb);
 }
 
-/* A capsule's texture: how far along it in metres, and its normal in its own
- * axes; a ball's: the normal alone. */
+/* A capsule's texture goes by how far along it in metres, and its normal in its
+ * own axes; a ball's by the normal alone. */
 static void around(const saga_ring_shape *s, const saga_ring_hit *hit,
                    double at[3])
 {

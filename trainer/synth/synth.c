@@ -85,8 +85,8 @@ static bool is_held_out(const saga_synth_options *o, int index)
     return false;
 }
 
-/* Where a camera stands, what it looks at, and its focal length in widths of
- * the picture. */
+/* A stand says where a camera is, what it looks at, and its focal length in
+ * widths of the picture. */
 typedef struct stand {
     double centre[3], target[3], focal;
 } stand;
@@ -103,7 +103,7 @@ static stand stand_on_arc(const saga_synth_options *o, int index)
     return a;
 }
 
-/* All round, as people put tripods: evenly, but not quite. */
+/* Goes all round, as people put tripods: evenly, but not quite. */
 static stand stand_on_ring(const saga_synth_options *o, int index)
 {
     stand a = {.target = {0.0, 0.0, 0.92}, .focal = 0.8};
@@ -152,8 +152,8 @@ void saga_synth_view(const saga_synth_options *options, int index,
                               view->translation);
 }
 
-/* Direction of a pixel position, with z = 1 in the camera: the distance along
- * it is the depth. */
+/* Finds the direction of a pixel position, with z = 1 in the camera: the
+ * distance along it is the depth. */
 static void pixel_direction(const saga_shot *view, double u, double v,
                             double d[3])
 {
@@ -175,7 +175,7 @@ typedef struct synth_job {
     int first_failed, n_done; /* guarded by "omp critical(saga_synth)" */
 } synth_job;
 
-/* Light to 8 bits: gamma 2, exact on every machine. */
+/* Turns light to 8 bits: gamma 2, exact on every machine. */
 static uint8_t display(double light)
 {
     const double x = sqrt(light > 0.0 ? light : 0.0) * 255.0 + 0.5;
@@ -330,7 +330,7 @@ static double random_unit(uint64_t *state)
     return (next_random(state) + 0.5) * (1.0 / 4294967296.0);
 }
 
-/* Sum of four uniforms, scaled to variance 1: near enough to a Gaussian, and
+/* Sums four uniforms, scaled to variance 1: near enough to a Gaussian, and
  * never far out. */
 static double random_bell(uint64_t *state)
 {
@@ -349,7 +349,7 @@ static void radiance_at(const saga_shot *view, const saga_synth_world *world,
     saga_synth_light(world, origin, d, rgb);
 }
 
-/* How much the picture changes over 1.5 pixels, in display units 0..1. */
+/* Says how much the picture changes over 1.5 pixels, in display units 0..1. */
 static double contrast(const saga_shot *view, const saga_synth_world *world,
                        const double origin[3], double u, double v,
                        double rgb[3])
@@ -365,7 +365,7 @@ static double contrast(const saga_shot *view, const saga_synth_world *world,
     return sum / 3.0;
 }
 
-/* Seen unhidden by a training view other than the one it came from? */
+/* Says whether a training view but the one it came from sees it unhidden. */
 static bool seen_again(const synth_job *job, const saga_synth_world *world,
                        const double point[3], int from)
 {
@@ -385,7 +385,7 @@ static bool seen_again(const synth_job *job, const saga_synth_world *world,
     return false;
 }
 
-/* One try; noise as of half a pixel across and three times that along. */
+/* Tries once; noise is as of half a pixel across and three times that along. */
 static bool sample_point(const synth_job *job, const saga_synth_world *world,
                          uint64_t *random, saga_point *point)
 {
@@ -578,7 +578,7 @@ static bool make_folders(const synth_job *job)
     return true;
 }
 
-/* Beside the final place, so that rename can move it there in one step. */
+/* Makes it beside the final place, so that rename can move it in one step. */
 static bool make_temporary(synth_job *job)
 {
     size_t n = strlen(job->target);
@@ -607,7 +607,7 @@ static bool fill_folder(synth_job *job)
                            "another name", "is in the way");
 }
 
-/* Full of files: refused at the start, not after the rendering. */
+/* Refuses a folder of files at the start, not after the rendering. */
 static bool check_free(const synth_job *job)
 {
     DIR *const dir = opendir(job->target);

@@ -43,17 +43,17 @@ typedef struct saga_synth_options {
     void *progress_user;
 } saga_synth_options;
 
-/* Cameras of 320x180, 2 held out, depth every 12th frame, 3,000 points. The
- * room: 10 cameras, 24 frames at 24 fps, 2 x 2 samples; the ring: 14 cameras,
- * 32 frames at 30 fps, 3 x 3 samples. */
+/* Returns cameras of 320x180, 2 held out, depth every 12th frame, 3,000 points.
+ * The room: 10 cameras, 24 frames at 24 fps, 2 x 2 samples; the ring: 14
+ * cameras, 32 frames at 30 fps, 3 x 3 samples. */
 saga_synth_options saga_synth_defaults(saga_synth_scene scene);
 
 /* folder must not exist, or be empty. */
 bool saga_synth_write(const char *folder, const saga_synth_options *options,
                       saga_error *error);
 
-/* Name, camera and held_out of a view, without pictures: what a loader finds
- * again. */
+/* Sets name, camera and held_out of a view, without pictures: what a loader
+ * finds again. */
 void saga_synth_view(const saga_synth_options *options, int index,
                      saga_shot *view);
 

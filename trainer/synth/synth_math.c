@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "synth_math.h"
 
-/* Taylor's series on an eighth of a turn either side: error below 1e-15. */
+/* Sums Taylor's series on 1/8 turn either side: error below 1e-15. */
 void saga_synth_sin_cos(double turns, double *s, double *c)
 {
     const double quarter = floor(4.0 * turns + 0.5);

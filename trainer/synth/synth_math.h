@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the scenes are drawn with: numbers, noise, colours, rays and what they
+ * The scenes are drawn with this: numbers, noise, colours, rays and what they
  * enter.
  *
  * Everything is made of IEEE additions, products, quotients, square roots and
@@ -14,7 +14,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Sine and cosine of an angle in turns, within 1e-15. */
+/* Finds sine and cosine of an angle in turns, within 1e-15. */
 void saga_synth_sin_cos(double turns, double *s, double *c);
 
 /* ----------------------------------------------------------------- numbers */
@@ -41,7 +41,7 @@ static inline double mix(double a, double b, double t)
     return a + (b - a) * t;
 }
 
-/* 0 below a, 1 above b, smooth between. */
+/* Returns 0 below a, 1 above b, smooth between. */
 static inline double ramp(double a, double b, double x)
 {
     const double t = clamp01((x - a) / (b - a));
@@ -62,7 +62,7 @@ static inline double lattice(int32_t x, int32_t y, uint32_t salt)
     return (double)(h >> 8) * (1.0 / 16777216.0);
 }
 
-/* Smooth noise in 0..1 with features of about one unit. */
+/* Returns smooth noise in 0..1 with features of about one unit. */
 static inline double noise(double x, double y, uint32_t salt)
 {
     const double fx = floor(x), fy = floor(y);
@@ -76,7 +76,7 @@ static inline double noise(double x, double y, uint32_t salt)
     return mix(top, bottom, sv);
 }
 
-/* Two octaves about 0, broad and finer. */
+/* Sums two octaves about 0, broad and finer. */
 static inline double grain(double x, double y, uint32_t salt)
 {
     return (noise(x, y, salt) - 0.5) +
@@ -97,7 +97,7 @@ static inline void brighten(double rgb[3], double factor)
         rgb[i] *= factor;
 }
 
-/* A line of the given half-width every period, edges one half-width soft. */
+/* Draws a line of given half-width every period, edges one half-width soft. */
 static inline double lines(double x, double period, double half)
 {
     const double d = fabs(x / period - floor(x / period + 0.5)) * period;

@@ -8,7 +8,7 @@
 
 /* ----------------------------------------------------------------- tracing */
 
-/* Whether a ray surely passes a ball by, or leaves it behind. */
+/* Says whether a ray surely passes a ball by, or leaves it behind. */
 static bool passes(const double centre[3], double bound, const ray *r)
 {
     const double v[3] = {centre[0] - r->origin[0], centre[1] - r->origin[1],
@@ -32,8 +32,8 @@ static bool enter_end(const saga_ring_shape *s, const ray *r, bool far_end,
     return true;
 }
 
-/* From outside. The endless cylinder first: where it is entered beyond an end,
- * that end's ball decides. */
+/* Enters from outside. The endless cylinder comes first: where it is entered
+ * beyond an end, that end's ball decides. */
 static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
                           double normal[3])
 {
@@ -132,8 +132,8 @@ saga_ring_hit saga_ring_trace(const saga_ring_state *s, const double origin[3],
 
 /* ----------------------------------------------------------------- shading */
 
-/* How much of the light passes a capsule: its edge widens with the distance.
- * `r` runs towards the light, with unit length. */
+/* Says how much of the light passes a capsule: its edge widens with the
+ * distance. `r` runs towards the light, with unit length. */
 static double open_of(const saga_ring_shape *s, const ray *r)
 {
     const double *const axis = s->frame[0], *const d = r->direction;
@@ -152,8 +152,8 @@ static double open_of(const saga_ring_shape *s, const ray *r)
     return ramp(s->radius - width, s->radius + width, sqrt(dot(v, v)));
 }
 
-/* The light's path from a place, which the shape it is on does not hide; a box
- * has sharp edges. */
+/* Follows the light's path from a place, which the shape it is on does not
+ * hide; a box has sharp edges. */
 static double lit(const saga_ring_state *s, const saga_ring_hit *hit,
                   const double to_light[3])
 {
@@ -175,7 +175,7 @@ static double lit(const saga_ring_state *s, const saga_ring_hit *hit,
     return open;
 }
 
-/* A soft spot of the light on what shines. */
+/* Draws a soft spot of the light on what shines. */
 static double spot(const saga_ring_hit *hit, const double direction[3],
                    const double to_light[3])
 {

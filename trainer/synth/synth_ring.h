@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The scene "ring": hard motion, with cameras all round. In the middle of a
+ * The scene "ring" has hard motion, with cameras all round. In the middle of a
  * hall somebody runs in a circle, swings a thin baton and throws a ball, which
  * flies, spins and bounces; a cube comes from one picture to the next, and a
  * ball goes; two displays show a new picture in every frame; thin poles, a wire
@@ -38,7 +38,7 @@ enum {
     SAGA_RING_MAX_SHAPES = 40
 };
 
-/* What a seed draws; angles are in turns, times in seconds. */
+/* A seed draws this plan; angles are in turns, times in seconds. */
 typedef struct saga_ring_plan {
     uint32_t salt;               /* of the textures */
     double colour[SAGA_RING_N_COLOURS][3];
@@ -52,7 +52,7 @@ typedef struct saga_ring_plan {
     double light[3];
 } saga_ring_plan;
 
-/* A capsule, a ball (length 0) or a box. */
+/* A shape is a capsule, a ball (length 0) or a box. */
 typedef struct saga_ring_shape {
     enum saga_ring_object object;
     bool is_box;
@@ -64,7 +64,7 @@ typedef struct saga_ring_shape {
     double centre[3], bound;     /* a ball around all of it */
 } saga_ring_shape;
 
-/* Where things are at one moment. */
+/* A state says where things are at one moment. */
 typedef struct saga_ring_state {
     saga_ring_plan plan;
     double seconds;
@@ -80,18 +80,18 @@ typedef struct saga_ring_hit {
     int shape;                   /* -1: the hall's own */
 } saga_ring_hit;
 
-/* Time of a round, after which throw, coming and going begin anew. */
+/* A round takes this time, after which throw, coming and going begin anew. */
 #define SAGA_RING_ROUND 2.4
 
-/* Any time, also negative. */
+/* Takes any time, also negative. */
 void saga_ring_at(saga_ring_state *state, uint32_t seed, double seconds);
 
-/* Where the ball is so many seconds after it left a hand at `from` with the
- * velocity `speed`, m/s: it falls, bounces off floor and walls. */
+/* Finds where the ball is so many seconds after it left a hand at `from` with
+ * the velocity `speed`, m/s: it falls, bounces off floor and walls. */
 void saga_ring_fly(double at[3], const double from[3], const double speed[3],
                    double seconds);
 
-/* Radius of the thrown ball. */
+/* The thrown ball has this radius. */
 #define SAGA_RING_BALL_RADIUS 0.11
 
 /* From inside the hall something is always hit. direction need not be of unit
@@ -100,11 +100,11 @@ saga_ring_hit saga_ring_trace(const saga_ring_state *state,
                               const double origin[3],
                               const double direction[3]);
 
-/* Linear light coming back along a ray, each channel 0..1 and a bit. */
+/* Finds linear light coming back along a ray, each channel 0..1 and a bit. */
 void saga_ring_radiance(const saga_ring_state *state, const double origin[3],
                         const double direction[3], double rgb[3]);
 
-/* Half the hall's width, and its height. */
+/* This is half the hall's width, and its height. */
 #define SAGA_RING_HALL 4.4
 #define SAGA_RING_CEILING 3.4
 

@@ -134,7 +134,7 @@ static void bench_colour(const saga_room_hit *hit, double rgb[3])
     paint(rgb, 0.55, 0.42, 0.16, 0.8 * (1.0 - ramp(0.26, 0.30, r)));
 }
 
-/* Faces in the cube's own axes, each with its own colour and a disc. */
+/* Paints faces in the cube's own axes, each with its own colour and a disc. */
 static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
                         double rgb[3])
 {
@@ -163,7 +163,7 @@ static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
     paint(rgb, 0.72, 0.70, 0.64, ramp(0.06, 0.075, r) - ramp(0.12, 0.135, r));
 }
 
-/* Stripes and noise that turn with the ball. */
+/* Paints stripes and noise that turn with the ball. */
 static void ball_colour(const saga_room_state *s, const saga_room_hit *hit,
                         double rgb[3])
 {
@@ -201,7 +201,7 @@ static void albedo(const saga_room_state *s, const saga_room_hit *hit,
 
 /* ------------------------------------------------------------------ motion */
 
-/* 0 until 0.4 s, there from 0.5 s to 1.6 s, gone from 1.7 s; every 2.5 s. */
+/* It is 0 until 0.4 s, there 0.5 s to 1.6 s, gone from 1.7 s; every 2.5 s. */
 static double guest_size(double seconds)
 {
     const double t = seconds - 2.5 * floor(seconds / 2.5);
@@ -245,7 +245,7 @@ void saga_room_at(saga_room_state *state, double seconds)
 
 /* ----------------------------------------------------------------- tracing */
 
-/* A round rod without caps from p along its axis of given length. */
+/* Enters a round rod without caps from p along its axis of given length. */
 static bool enter_rod(const double p[3], const double axis[3], double length,
                       double radius, const double o[3], const double d[3],
                       double *t, double normal[3])
@@ -389,8 +389,8 @@ saga_room_hit saga_room_trace(const saga_room_state *state,
 
 static const double light[3] = {-1.3, -2.0, 2.45};
 
-/* A soft disc of shadow from each ball, and from the cube as if it were one;
- * the penumbra widens with the distance. */
+/* Casts a soft disc of shadow from each ball, and from the cube as if it were
+ * one; the penumbra widens with the distance. */
 static double shadow_of(const double centre[3], double radius,
                         const double p[3], const double to_light[3])
 {
@@ -453,8 +453,8 @@ static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
     brighten(rgb, bright);
 }
 
-/* The glossy ball: the room once mirrored, more at grazing angles, and the
- * light as a soft spot. */
+/* The glossy ball mirrors the room once, more at grazing angles, and the light
+ * as a soft spot. */
 static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                       const double direction[3], double rgb[3])
 {

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The scene "room": a textured room with a bench; a ball that rolls, a cube
- * that turns, a pendulum on a thin rod, a ball that appears, a glossy ball
- * and a thin lamp pole that stand still. Metres, z up, y away from the
- * cameras, light from the front left.
+ * The scene "room" is a textured room with a bench; a ball that rolls, a cube
+ * that turns, a pendulum on a thin rod, a ball that appears, a glossy ball and
+ * a thin lamp pole that stand still. Metres, z up, y away from the cameras,
+ * light from the front left.
  */
 #ifndef SAGA_SYNTH_ROOM_H
 #define SAGA_SYNTH_ROOM_H
@@ -26,7 +26,7 @@ enum saga_room_object {
 
 enum { SAGA_ROOM_N_BALLS = 5 };  /* BALL .. LAMP, in that order */
 
-/* Where things are at one moment. */
+/* A state says where things are at one moment. */
 typedef struct saga_room_state {
     double seconds;
     double ball[SAGA_ROOM_N_BALLS][3];  /* centres */
@@ -42,7 +42,7 @@ typedef struct saga_room_hit {
     enum saga_room_object object;
 } saga_room_hit;
 
-/* Any time, also negative; all motions are periodic and have no jumps but
+/* Takes any time, also negative; all motions are periodic and have no jumps but
  * the guest's coming. */
 void saga_room_at(saga_room_state *state, double seconds);
 
@@ -52,7 +52,7 @@ saga_room_hit saga_room_trace(const saga_room_state *state,
                               const double origin[3],
                               const double direction[3]);
 
-/* Linear light coming back along a ray, each channel 0..1 and a bit. */
+/* Finds linear light coming back along a ray, each channel 0..1 and a bit. */
 void saga_room_radiance(const saga_room_state *state, const double origin[3],
                         const double direction[3], double rgb[3]);
 

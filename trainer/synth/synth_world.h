@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a capture is rendered of: one of the scenes at one moment.
+ * A capture is rendered of a world: one of the scenes at one moment.
  */
 #ifndef SAGA_SYNTH_WORLD_H
 #define SAGA_SYNTH_WORLD_H
@@ -17,7 +17,7 @@ typedef struct saga_synth_world {
     } at;
 } saga_synth_world;
 
-/* What a ray meets. */
+/* A sight is what a ray meets. */
 typedef struct saga_synth_sight {
     double distance;         /* in lengths of the direction */
     double position[3];
@@ -31,7 +31,7 @@ saga_synth_sight saga_synth_look(const saga_synth_world *world,
                                  const double origin[3],
                                  const double direction[3]);
 
-/* Linear light, each channel 0..1 and a bit. */
+/* Finds the linear light, each channel 0..1 and a bit. */
 void saga_synth_light(const saga_synth_world *world, const double origin[3],
                       const double direction[3], double rgb[3]);
 

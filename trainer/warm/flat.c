@@ -154,7 +154,7 @@ bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error)
     return true;
 }
 
-/* Where each tensor lies in a saga_flat_one. */
+/* Says where each tensor lies in a saga_flat_one. */
 static real *part_of(saga_flat_one *one, int tensor)
 {
     real *const part[FLAT_N_TENSORS] = {
@@ -234,7 +234,7 @@ static bool make_pictures(saga_flat *f, saga_error *error)
     return true;
 }
 
-/* The geometric mean of the ranges, in half-cubes. */
+/* Returns the geometric mean of the ranges, in half-cubes. */
 static double find_reach(const saga_pictures *p)
 {
     double sum = 0;
@@ -247,7 +247,7 @@ static double find_reach(const saga_pictures *p)
     return exp2(sum / p->n_train) / p->cube.unit;
 }
 
-/* All but the primitives. */
+/* Makes all but the primitives. */
 static saga_flat *make(const saga_pictures *pictures,
                        const saga_flat_options *o, saga_error *error)
 {

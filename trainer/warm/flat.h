@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The warm-up: a flat set of 4-D Gaussians fitted to the training views of a
+ * The warm-up is a flat set of 4-D Gaussians fitted to the training views of a
  * capture. It only proposes: what it finds becomes the candidate pool of the
  * hierarchy, nothing of it is coded.
  *
@@ -31,25 +31,25 @@ typedef struct saga_flat_options {
 
 typedef struct saga_flat saga_flat;
 
-/* 5,000 primitives, 4,000 iterations, everything on. */
+/* Returns 5,000 primitives, 4,000 iterations, everything on. */
 saga_flat_options saga_flat_defaults(void);
 
-/* The first primitives. Fails where memory is short. */
+/* Makes the first primitives. Fails where memory is short. */
 saga_flat *saga_flat_new(const saga_pictures *pictures,
                          const saga_flat_options *options,
                          saga_error *error);
 void saga_flat_free(saga_flat *flat);
 
-/* One iteration, of n_iterations in all; the last one of them leaves as many
- * primitives as were asked for. *mse of its picture. Fails where memory is
+/* Does one iteration, of n_iterations in all; the last one of them leaves as
+ * many primitives as were asked for. *mse of its picture. Fails where memory is
  * short, or where a picture or a tensor, which the error names, is no longer
  * finite. */
 bool saga_flat_iterate(saga_flat *flat, double *mse, saga_error *error);
 
 int saga_flat_iteration(const saga_flat *flat);
 uint32_t saga_flat_count(const saga_flat *flat);
-/* The tensors, valid until the next step; members NULL where temporal is off.
- */
+/* Returns the tensors, valid until the next step; members NULL where temporal
+ * is off. */
 saga_splat_params saga_flat_params(const saga_flat *flat);
 
 /* Draws a picture. image (3, H, W; NULL: not wanted) is clipped to 0..1; *mse
@@ -57,8 +57,8 @@ saga_splat_params saga_flat_params(const saga_flat *flat);
 bool saga_flat_render(saga_flat *flat, real *image, double *mse,
                       saga_sample sample, saga_error *error);
 
-/* The whole state. restore needs the same pictures and options, and fails where
- * memory is short; whether all of the state was there, the checkpoint knows. */
+/* Saves the whole state. restore needs the same pictures and options, and fails
+ * where memory is short; the checkpoint knows whether all of it was there. */
 void saga_flat_save(saga_flat *flat, saga_checkpoint *checkpoint);
 saga_flat *saga_flat_restore(const saga_pictures *pictures,
                              const saga_flat_options *options,

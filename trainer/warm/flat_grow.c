@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * How many primitives there are, and where. In the first half of the training
- * rounds of growing raise their number beyond the target: some by splitting
- * those whose place in the picture is most in doubt, some from the pixels with
- * the largest error, at their own moment. Afterwards those that are worth least
- * go in three steps, down to exactly the number asked for.
+ * This decides how many primitives there are, and where. In the first half of
+ * the training rounds of growing raise their number beyond the target: some by
+ * splitting those whose place in the picture is most in doubt, some from the
+ * pixels with the largest error, at their own moment. Afterwards those that are
+ * worth least go in three steps, down to exactly the number asked for.
  */
 #include "flat_state.h"
 
@@ -28,7 +28,7 @@ typedef struct ranked { real score; uint32_t i; } ranked;
 
 static const char ranking[] = "the ranking of primitives";
 
-/* Largest first, the lower index first among equals. */
+/* Puts the largest first, the lower index first among equals. */
 static int compare(const void *a, const void *b)
 {
     const ranked *const p = a, *const q = b;
@@ -124,7 +124,7 @@ static void axis_of(real *axis, const real *q, int k)
     memcpy(axis, m[k], sizeof m[k]);
 }
 
-/* Two halves along the longest axis: +-0.6 sigma, each 0.75 sigma long. */
+/* Makes halves along the longest axis: +-0.6 sigma, each 0.75 sigma long. */
 static void split(saga_flat *f, uint32_t i)
 {
     saga_flat_one one, two;
@@ -167,7 +167,7 @@ static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 
 /* --- From pixels --------------------------------------------------------- */
 
-/* Where new primitives may come from, and the squared error summed over the
+/* New primitives may come from these; sum is the squared error over the
  * channels, running along the picture. */
 typedef struct {
     saga_flat_sight *sight;
@@ -212,8 +212,8 @@ static size_t find(const double *sum, size_t n, double at)
     return lo;
 }
 
-/* n pixels of the picture that was drawn, each as likely as its error is
- * large: one in each n-th of the sum. */
+/* Looks at n pixels of the picture that was drawn, each as likely as its error
+ * is large: one in each n-th of the sum. */
 static void look_where_wrong(const places *p, uint32_t n, const saga_flat *f,
                              saga_sample picture, uint64_t counter)
 {

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where primitives come from: the capture's points, and pixels whose depth a
- * plane sweep finds. A pixel of a picture is tried at depths even in
- * 1 / depth; at each, a patch is compared with the patches seen there by the
- * nearest training views at the same moment, and the better half of the views
- * decides, since the others may be covered. Whether the place stands still is
- * then read from its pixels over time.
+ * Primitives come from the capture's points, and from pixels whose depth a
+ * plane sweep finds. A pixel of a picture is tried at depths even in 1 / depth;
+ * at each, a patch is compared with the patches seen there by the nearest
+ * training views at the same moment, and the better half of the views decides,
+ * since the others may be covered. Whether the place stands still is then read
+ * from its pixels over time.
  */
 #include "flat_state.h"
 
@@ -33,7 +33,7 @@ enum {
 
 typedef struct patch { float at[(2 * PATCH + 1) * (2 * PATCH + 1)][3]; } patch;
 
-/* The pixel at (u, v) and those around it; false if it leaves the picture. */
+/* Cuts the pixel at (u, v) and those around; false if it leaves the picture. */
 static bool cut(patch *p, const saga_capture *c, int view, int frame, double u,
                 double v)
 {
@@ -54,7 +54,7 @@ static bool cut(patch *p, const saga_capture *c, int view, int frame, double u,
     return true;
 }
 
-/* The same where (u, v) is no pixel's centre: between pixels, linearly. */
+/* Does the same where (u, v) is no pixel's centre: between pixels, linearly. */
 static bool cut_between(patch *p, const saga_capture *c, int view, int frame,
                         double u, double v)
 {
@@ -112,7 +112,7 @@ static double centre_distance(const saga_shot *a, const saga_shot *b)
     return sum;
 }
 
-/* The nearest training views that look the same way, nearest first. */
+/* Finds the nearest training views that look the same way, nearest first. */
 static int near_views(int *near, const saga_flat *f, int view)
 {
     const saga_pictures *const p = f->pictures;
@@ -179,7 +179,7 @@ static double match(const sweep *s, double inverse)
     return sum / half;
 }
 
-/* Inverse depths between which the pixel's ray is inside the cube. */
+/* Finds the inverse depths between which the pixel's ray is inside the cube. */
 static void ray_range(double *near, double *far, const sweep *s)
 {
     const double *const range = s->f->pictures->range + 2 * s->view;
@@ -227,7 +227,7 @@ static double find_depth(saga_flat_sight *out, const sweep *s)
 
 /* --- Over time ----------------------------------------------------------- */
 
-/* Whether any witness still sees at frame g what it saw at `frame`. */
+/* Says whether any witness still sees at frame g what it saw at `frame`. */
 static bool unchanged(const saga_flat *f, const patch *then, const int *view,
                       double (*uv)[2], int n, int g)
 {
@@ -241,8 +241,8 @@ static bool unchanged(const saga_flat *f, const patch *then, const int *view,
     return false;
 }
 
-/* Longest stretch without change around a frame. A place that is the same in
- * most frames stands still, and what passed before it is someone else's. */
+/* Finds the longest stretch without change around a frame. A place that is the
+ * same in most frames stands still; what passed before it is someone else's. */
 static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
                   double (*uv)[2], int n, int frame)
 {
@@ -321,8 +321,8 @@ static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
     return cut(&w->own, f->pictures->capture, view, frame, u, v);
 }
 
-/* False where the depth is a guess; the rest of *s is then filled all the
- * same, unless the pixel is too near to the border (depth 0). */
+/* Returns false where the depth is a guess; the rest of *s is then filled all
+ * the same, unless the pixel is too near to the border (depth 0). */
 bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
                     double v, saga_flat_sight *s)
 {
@@ -338,7 +338,7 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
     return w.n_near > 0 && s->cost < GOOD_MATCH && s->contrast > CONTRAST;
 }
 
-/* sigma in world units. */
+/* sigma is in world units. */
 void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
                         const saga_flat_sight *s, double sigma)
 {
@@ -364,8 +364,8 @@ void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
 
 /* --- The first set ------------------------------------------------------- */
 
-/* A point of the capture, seen at frame 0 by the views where its colour
- * fits. */
+/* Looks at a point of the capture, seen at frame 0 by the views where its
+ * colour fits. */
 static bool look_at_point(const saga_flat *f, const saga_point *p,
                           saga_flat_sight *s)
 {
@@ -402,7 +402,7 @@ static bool look_at_point(const saga_flat *f, const saga_point *p,
     return true;
 }
 
-/* A pixel drawn at random; chance is what its depth is if nobody knows. */
+/* A draw is a pixel at random; chance is what its depth is if nobody knows. */
 typedef struct draw { int view, frame; double uv[2], chance; } draw;
 
 static draw draw_pixel(const saga_flat *f, uint64_t counter)
@@ -423,14 +423,14 @@ static draw draw_pixel(const saga_flat *f, uint64_t counter)
     };
 }
 
-/* All sights, and which of them are trusted. */
+/* This holds all sights, and which of them are trusted. */
 typedef struct sights {
     saga_flat_sight *at;
     uint8_t *good;
     size_t n;
 } sights;
 
-/* Of a guess: the depth of the nearest trusted sight in the same picture. */
+/* Gives a guess the depth of the nearest trusted sight in the same picture. */
 static void borrow_depth(saga_flat_sight *s, const saga_flat *f, const draw *d,
                          const sights *all)
 {
@@ -513,7 +513,7 @@ static void note_neighbour(double *best, double d)
     best[at] = d;
 }
 
-/* Squared distance of the places at ranks a and b. */
+/* Returns the squared distance of the places at ranks a and b. */
 static double between(const saga_flat_sight *s, const along *order, size_t a,
                       size_t b)
 {
@@ -524,8 +524,8 @@ static double between(const saga_flat_sight *s, const along *order, size_t a,
            (p[2] - q[2]) * (p[2] - q[2]);
 }
 
-/* RMS distance to the nearest places: outwards along x from each, until x
- * alone is farther than the worst of the best. */
+/* Finds the RMS distance to the nearest places: outwards along x from each,
+ * until x alone is farther than the worst of the best. */
 static double spacing(const saga_flat_sight *s, const along *order, size_t k,
                       size_t n)
 {

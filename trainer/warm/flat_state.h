@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The inside of the warm-up, shared by flat*.c.
+ * This is the inside of the warm-up, shared by flat*.c.
  */
 #ifndef SAGA_FLAT_STATE_H
 #define SAGA_FLAT_STATE_H
@@ -12,7 +12,7 @@ enum saga_flat_tensor {
     FLAT_SLOPE, FLAT_CENTRE, FLAT_WIDTH, FLAT_N_TENSORS
 };
 
-/* Streams of the random numbers; counters are iterations or draws. */
+/* These are streams of the random numbers; counters are iterations or draws. */
 enum { FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE };
 
 typedef struct saga_flat_tensor_info {
@@ -22,7 +22,7 @@ typedef struct saga_flat_tensor_info {
     real rate, rate_end;        /* learning rate: first, last */
 } saga_flat_tensor_info;
 
-/* One primitive, apart from the set. */
+/* This is one primitive, apart from the set. */
 typedef struct saga_flat_one {
     real mean[3], quat[4], log2_scale[3], opacity, colour[3], motion[9];
     real slope[4], t_centre, log2_width;
@@ -45,7 +45,7 @@ struct saga_flat {
     saga_canvas canvas;
 };
 
-/* flat_seed.c: what a pixel says about a place in the scene. */
+/* flat_seed.c: a pixel says this about a place in the scene. */
 typedef struct saga_flat_sight {
     double position[3];         /* world */
     double depth, footprint;    /* world; size of a pixel there */
@@ -59,9 +59,9 @@ typedef struct saga_flat_sight {
 extern const int saga_flat_widths[FLAT_N_TENSORS];
 /* Sets the canvas's image and truth. */
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
-/* How often pictures are halved at an iteration. */
+/* Says how often pictures are halved at an iteration. */
 int saga_flat_mip_at(const saga_flat *f, int iteration);
-/* Room for n primitives, values kept. */
+/* Makes room for n primitives, values kept. */
 bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
 void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one);
 void saga_flat_put(saga_flat *f, uint32_t i, const saga_flat_one *one);
