@@ -15,8 +15,8 @@ bool saga_no_memory(size_t nbytes, const char *what, saga_error *error)
                      nbytes);
 }
 
-/* The bytes of count elements: at least 1, and where the product overflows,
- * more than anybody has. */
+/* Returns the bytes of count elements: at least 1, and where the product
+ * overflows, more than anybody has. */
 static size_t product(size_t count, size_t size)
 {
     if (size != 0 && count > SIZE_MAX / size)

@@ -23,8 +23,8 @@ void *saga_alloc(size_t count, size_t size, const char *what,
 void *saga_calloc(size_t count, size_t size, const char *what,
                   saga_error *error);
 
-/* p, which may be NULL, with another count; what is new has undefined contents.
- * p stays as it was where this fails. */
+/* Returns p, which may be NULL, with another count; what is new has undefined
+ * contents. p stays as it was where this fails. */
 void *saga_realloc(void *p, size_t count, size_t size, const char *what,
                    saga_error *error);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Arrays that are parts of one block: laid out once to measure it (base NULL),
- * once more to place them.
+ * An arena holds arrays that are parts of one block: they are laid out once to
+ * measure it (base NULL), once more to place them.
  */
 #ifndef SAGA_ARENA_H
 #define SAGA_ARENA_H
@@ -25,7 +25,8 @@ static inline real *saga_arena_take(saga_arena *a, size_t n)
     return p;
 }
 
-/* The block that was measured, zeros (free it); taking begins anew in it. */
+/* Returns the block that was measured, zeros (free it); taking begins anew in
+ * it. */
 static inline real *saga_arena_alloc(saga_arena *a, const char *what,
                                      saga_error *error)
 {

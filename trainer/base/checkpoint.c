@@ -36,7 +36,7 @@ bool saga_checkpoint_create(saga_checkpoint *c, const char *path,
     return true;
 }
 
-/* The head, and the digest at the end. */
+/* Compares the head, and the digest at the end. */
 static bool check(const saga_bytes *b, const char *path, saga_error *error)
 {
     const head mine = head_of_this();

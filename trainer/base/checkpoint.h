@@ -34,11 +34,11 @@ bool saga_checkpoint_open(saga_checkpoint *c, const char *path,
 /* Writes nbytes to the file, or reads them from it. */
 void saga_checkpoint_walk(saga_checkpoint *c, void *data, size_t nbytes);
 
-/* A number that must be the same in both directions. */
+/* Walks over a number that must be the same in both directions. */
 void saga_checkpoint_expect(saga_checkpoint *c, uint64_t value);
 
-/* False if any of it failed, or if ok is false: then no file was written, or
- * what was read does not hold together. */
+/* Returns false if any of it failed, or if ok is false: then no file was
+ * written, or what was read does not hold together. */
 bool saga_checkpoint_close(saga_checkpoint *c, bool ok, saga_error *error);
 
 /* This is FNV-1a of 64 bits, to notice damage and change; it begins with

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * How the trainer fails. There is one convention, for every room:
+ * This is how the trainer fails. There is one convention, for every room:
  *
  * - A function that can fail returns bool (true: done) or a pointer (NULL:
  *   failed) and takes a saga_error, never NULL, as its last parameter. Where it
@@ -36,7 +36,7 @@ typedef struct saga_error {
     char message[SAGA_MESSAGE_NBYTES];
 } saga_error;
 
-/* Why a function came back that the user may stop. */
+/* This says why a function came back that the user may stop. */
 typedef enum saga_outcome {
     SAGA_FAILED = -1,        /* the saga_error says why */
     SAGA_DONE = 0,
@@ -55,12 +55,12 @@ typedef enum saga_outcome {
 bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...) SAGA_PRINTF(4, 5);
 
-/* The same, of a call to the system or to a library that has just set errno:
- * "FILE: what (why); remedy". Where errno is ENOMEM it was memory. */
+/* Says the same of a call to the system or to a library that has just set
+ * errno: "FILE: what (why); remedy". Where errno is ENOMEM it was memory. */
 bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,
                      const char *what);
 
-/* True once something has failed. */
+/* Returns true once something has failed. */
 static inline bool saga_failed(const saga_error *error)
 {
     return error->message[0] != '\0';

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * This room's door to files: whole ones are read, paths are put together,
- * little-endian bytes taken apart.
+ * This is the room's door to files: whole ones are read, paths are put
+ * together, little-endian bytes taken apart.
  */
 #ifndef SAGA_FILE_H
 #define SAGA_FILE_H
@@ -14,8 +14,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* A copy of "folder/name" (of name alone if it is absolute or folder is NULL);
- * free() frees it. */
+/* Returns a copy of "folder/name" (of name alone if it is absolute or folder is
+ * NULL); free() frees it. */
 char *saga_path_join(const char *folder, const char *name, saga_error *error);
 char *saga_string_copy(const char *s, saga_error *error);
 bool saga_path_is_file(const char *path);

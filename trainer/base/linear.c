@@ -42,7 +42,7 @@ static void turn(double *x, double *y, double c, double s)
     *y = s * u + c * v;
 }
 
-/* The rotation of axes p and q after which a[p][q] is 0. */
+/* Applies the rotation of axes p and q after which a[p][q] is 0. */
 static void annihilate(saga_matrix v, saga_matrix a, size_t p, size_t q,
                        size_t n)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Small symmetric matrices in double: rows of SAGA_LINEAR_MOST numbers, of
- * which the first n rows and columns count.
+ * Small symmetric matrices are in double. They have rows of SAGA_LINEAR_MOST
+ * numbers, of which the first n rows and columns count.
  */
 #ifndef SAGA_LINEAR_H
 #define SAGA_LINEAR_H

@@ -148,7 +148,7 @@ static int create_part(char *name, size_t nbytes, const char *path,
     return -1;
 }
 
-/* Of the longest name of a part. */
+/* Returns the bytes of the longest name of a part. */
 static size_t part_nbytes(const char *path)
 {
     return strlen(path) + sizeof mark + 40;

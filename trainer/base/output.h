@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Output that appears whole or not at all. A file is written under another
- * name beside its own, NAME.saga-part-P-N, which is locked as long as its
- * writer lives, and renamed when it is complete. A part that nobody has locked
- * is left from a run that was killed; whoever writes to NAME next removes it.
+ * Output appears whole or not at all. A file is written under another name
+ * beside its own, NAME.saga-part-P-N, which is locked as long as its writer
+ * lives, and renamed when it is complete. A part that nobody has locked is left
+ * from a run that was killed; whoever writes to NAME next removes it.
  *
  * A folder is made in the same way.
  *
@@ -25,8 +25,8 @@ typedef struct saga_output {
 
 bool saga_output_open(saga_output *out, const char *path, saga_error *error);
 
-/* The same for a file that takes long: fails while another process writes to
- * that path, and has others fail who call this until it is closed. */
+/* Does the same for a file that takes long: fails while another process writes
+ * to that path, and has others fail who call this until it is closed. */
 bool saga_output_open_alone(saga_output *out, const char *path,
                             saga_error *error);
 

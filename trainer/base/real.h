@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * The trainer's real type. Every operator compiles twice: with float for
- * training, with double (-DSAGA_REAL_DOUBLE) for finite differences and as the
- * float64 reference. Both sets of objects may be linked into one program: the
- * symbols of the second end in _f64. A header that declares such a function
+ * This is the trainer's real type. Every operator compiles twice: with float
+ * for training, with double (-DSAGA_REAL_DOUBLE) for finite differences and as
+ * the float64 reference. Both sets of objects may be linked into one program:
+ * the symbols of the second end in _f64. A header that declares such a function
  * renames it with
  *
  *     #define saga_thing SAGA_REAL_NAME(saga_thing)
@@ -38,8 +38,8 @@ static inline real saga_clamp(real x, real lo, real hi)
     return x < lo ? lo : x > hi ? hi : x;
 }
 
-/* The gradient d of what may have been clamped to lo..hi: it learns towards the
- * inside alone. */
+/* Returns the gradient d of what may have been clamped to lo..hi: it learns
+ * towards the inside alone. */
 static inline real saga_inward(real d, real x, real lo, real hi)
 {
     return (x <= lo && d > 0) || (x >= hi && d < 0) ? 0 : d;

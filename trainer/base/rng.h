@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Random numbers without a state: value number `counter` of stream `stream` of
- * a seed. Nothing has to be saved for a run to resume, and threads may draw in
- * any order. Not for secrets.
+ * Random numbers have no state: each is value number `counter` of stream
+ * `stream` of a seed. Nothing has to be saved for a run to resume, and threads
+ * may draw in any order. Not for secrets.
  */
 #ifndef SAGA_RNG_H
 #define SAGA_RNG_H
@@ -29,7 +29,7 @@ uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n);
  * order, and so on. */
 uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n);
 
-/* Mean 0, variance 1. */
+/* Draws from the normal distribution of mean 0, variance 1. */
 double saga_rng_normal(saga_rng r, uint64_t counter);
 
 #endif

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-/* Threads that wait until all of them are there. */
+/* These threads wait until all of them are there. */
 typedef struct {
     pthread_mutex_t gate;        /* held by whoever starts them */
     pthread_t *thread;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Threads: which one this is, how many there may be, whether there is room for
- * so many.
+ * This tells of threads: which one this is, how many there may be, whether
+ * there is room for so many.
  */
 #ifndef SAGA_THREADS_H
 #define SAGA_THREADS_H

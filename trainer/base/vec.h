@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Vectors of reals, by the GNU extension: 32 bytes where AVX2 is compiled in,
+ * Vectors of reals are the GNU extension's: 32 bytes where AVX2 is compiled in,
  * else 16 (gcc 12 splits longer ones badly). Results depend on the build's
  * vector length and on whether it has fused multiply-add, on nothing else: the
  * sources say where a product is fused, and -ffp-contract=off keeps the
@@ -59,7 +59,7 @@ static inline vec vec_zero(void)
     return (vec){ 0 };
 }
 
-/* 0, 1, 2, ... */
+/* Returns 0, 1, 2, ... */
 static inline vec vec_iota(void)
 {
     vec v = { 0 };
@@ -70,7 +70,7 @@ static inline vec vec_iota(void)
     return v;
 }
 
-/* a b + c: one rounding where the target has it, else two. */
+/* Returns a b + c: one rounding where the target has it, else two. */
 static inline vec vec_fma(vec a, vec b, vec c)
 {
 #if defined __FMA__ && defined __AVX2__ && defined SAGA_REAL_DOUBLE
@@ -82,7 +82,7 @@ static inline vec vec_fma(vec a, vec b, vec c)
 #endif
 }
 
-/* c - a b */
+/* Returns c - a b. */
 static inline vec vec_fnma(vec a, vec b, vec c)
 {
 #if defined __FMA__ && defined __AVX2__ && defined SAGA_REAL_DOUBLE
@@ -94,7 +94,7 @@ static inline vec vec_fnma(vec a, vec b, vec c)
 #endif
 }
 
-/* Lanes of a where mask is all ones, 0 where it is zero. */
+/* Returns lanes of a where mask is all ones, 0 where it is zero. */
 static inline vec vec_and(veci mask, vec a)
 {
     return (vec)(mask & (veci)a);
@@ -105,7 +105,7 @@ static inline vec vec_select(veci mask, vec a, vec b)
     return (vec)((mask & (veci)a) | (~mask & (veci)b));
 }
 
-/* The second operand where either is NaN, as the instruction does. */
+/* Returns the second operand where either is NaN, as the instruction does. */
 static inline vec vec_min(vec a, vec b)
 {
 #if defined __AVX2__ && defined SAGA_REAL_DOUBLE
@@ -160,7 +160,7 @@ static inline int vec_any(veci mask)
 #endif
 }
 
-/* Halves added first: the order is fixed. */
+/* Adds halves first: the order is fixed. */
 static inline real vec_sum(vec a)
 {
     real x[VEC_LANES];
@@ -202,7 +202,7 @@ static inline void vec_sum8(real *out, const vec *v)
 #endif
 }
 
-/* The same of two. */
+/* Does the same for two. */
 static inline void vec_sum2(real *out, vec a, vec b)
 {
 #if defined __AVX2__ && !defined SAGA_REAL_DOUBLE
@@ -230,9 +230,9 @@ static inline void vec_sum2(real *out, vec a, vec b)
 #define VEC_EXP2_1 (-0.693147188026228781f)
 #define VEC_EXP2_0 1.00000007545489719f
 
-/* 2^-x for x in [0, 100]; relative error below 2e-7 (double: 4e-16). Garbage
- * outside, never a trap. The integer nearest to x is read from the bits of
- * x + 1.5 * 2^(mantissa bits); the polynomials are Chebyshev fits on
+/* Returns 2^-x for x in [0, 100]; relative error below 2e-7 (double: 4e-16).
+ * Garbage outside, never a trap. The integer nearest to x is read from the bits
+ * of x + 1.5 * 2^(mantissa bits); the polynomials are Chebyshev fits on
  * [-1/2, 1/2] (errors 7.9e-8 and 3.2e-18). */
 static inline vec vec_exp2_neg(vec x)
 {

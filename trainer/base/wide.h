@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Sixteen reals at once, in as many vectors (vec.h) as that takes, or in one
+ * A wide is sixteen reals, in as many vectors (vec.h) as that takes, or in one
  * register where AVX-512 is compiled in. Every build keeps sixteen sums apart
  * and adds them in one order, so that AVX-512 gives the bits of AVX2.
  */
@@ -29,13 +29,13 @@ static inline wide wide_div(wide a, wide b) { return _mm512_div_ps(a, b); }
 static inline wide wide_min(wide a, wide b) { return _mm512_min_ps(a, b); }
 static inline wide wide_max(wide a, wide b) { return _mm512_max_ps(a, b); }
 
-/* a b + c */
+/* Returns a b + c. */
 static inline wide wide_fma(wide a, wide b, wide c)
 {
     return _mm512_fmadd_ps(a, b, c);
 }
 
-/* c - a b */
+/* Returns c - a b. */
 static inline wide wide_fnma(wide a, wide b, wide c)
 {
     return _mm512_fnmadd_ps(a, b, c);
@@ -56,7 +56,7 @@ static inline wide_mask wide_both(wide_mask a, wide_mask b)
     return (wide_mask)(a & b);
 }
 
-/* Lanes of a where the mask is set, else 0. */
+/* Returns lanes of a where the mask is set, else 0. */
 static inline wide wide_keep(wide_mask mask, wide a)
 {
     return _mm512_maskz_mov_ps(mask, a);
@@ -67,7 +67,7 @@ static inline int wide_any(wide_mask mask)
     return mask != 0;
 }
 
-/* 2^-x, as vec_exp2_neg. */
+/* Returns 2^-x, as vec_exp2_neg. */
 static inline wide wide_exp2_neg(wide x)
 {
     const wide magic = wide_set1(0x1.8p23f);
@@ -85,7 +85,7 @@ static inline wide wide_exp2_neg(wide x)
         _mm512_slli_epi32(_mm512_castps_si512(i), 23)));
 }
 
-/* The lower eight lanes plus the upper eight. */
+/* Returns the lower eight lanes plus the upper eight. */
 static inline vec wide_fold(wide a)
 {
     return (vec)_mm256_add_ps(
@@ -191,7 +191,7 @@ static inline wide wide_max(wide a, wide b)
     return a;
 }
 
-/* a b + c */
+/* Returns a b + c. */
 static inline wide wide_fma(wide a, wide b, wide c)
 {
     int i;
@@ -202,7 +202,7 @@ static inline wide wide_fma(wide a, wide b, wide c)
     return c;
 }
 
-/* c - a b */
+/* Returns c - a b. */
 static inline wide wide_fnma(wide a, wide b, wide c)
 {
     int i;
@@ -245,7 +245,7 @@ static inline wide_mask wide_both(wide_mask a, wide_mask b)
     return a;
 }
 
-/* Lanes of a where the mask is set, else 0. */
+/* Returns lanes of a where the mask is set, else 0. */
 static inline wide wide_keep(wide_mask mask, wide a)
 {
     int i;
@@ -267,7 +267,7 @@ static inline int wide_any(wide_mask mask)
     return vec_any(any);
 }
 
-/* 2^-x, as vec_exp2_neg. */
+/* Returns 2^-x, as vec_exp2_neg. */
 static inline wide wide_exp2_neg(wide x)
 {
     int i;
@@ -278,8 +278,8 @@ static inline wide wide_exp2_neg(wide x)
     return x;
 }
 
-/* The first vector's lanes plus the others' that are a whole number of eights
- * away, ... */
+/* Returns the first vector's lanes plus the others' that are a whole number of
+ * eights away, ... */
 static inline vec wide_fold(wide a)
 {
     int n, i;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Bytes by component, as `saga info` and `saga eval` both tell them.
+ * `saga info` and `saga eval` both tell bytes by component.
  */
 #ifndef SAGA_BYTES_TABLE_H
 #define SAGA_BYTES_TABLE_H

@@ -65,7 +65,7 @@ bool saga_cli_names(void *to, const char *text, const saga_cli_option *option)
     return true;
 }
 
-/* A decimal integer of o's range at *text, which moves behind it. */
+/* Takes a decimal integer of o's range at *text, which moves behind it. */
 static bool take_int(int32_t *v, const char **text, const saga_cli_option *o)
 {
     char *end;
@@ -349,7 +349,7 @@ double saga_cli_seconds(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* "3 s", "12 min", "4 h": about as exact as the estimate. */
+/* Writes "3 s", "12 min", "4 h": about as exact as the estimate. */
 static void time_text(char *text, size_t n, double seconds)
 {
     if (seconds < 90.0)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the subcommands of `saga` share: their description, the command line,
+ * The subcommands of `saga` share this: their description, the command line,
  * messages, progress.
  *
  * Messages go to stderr, as one sentence each: the file or the option, the
@@ -58,7 +58,7 @@ typedef struct saga_command {
     int (*run)(int argc, char **argv); /* argv[0] is the command's name */
 } saga_command;
 
-/* Readers of values, and what lies at the option's offset. */
+/* These read values; behind each is what lies at the option's offset. */
 saga_cli_read_fn saga_cli_flag;  /* bool; text is NULL */
 saga_cli_read_fn saga_cli_text;  /* const char *; not empty */
 saga_cli_read_fn saga_cli_names; /* const char *; empty for none */
@@ -85,8 +85,8 @@ int saga_cli_parse(const saga_command *c, void *values,
 /* Prints the help of one command, on stdout. */
 void saga_cli_help(const saga_command *c);
 
-/* The nearest of n names to `name`, or NULL if none is near enough to have
- * been meant. Names lie `stride` bytes apart, each a const char *. */
+/* Returns the nearest of n names to `name`, or NULL if none is near enough to
+ * have been meant. Names lie `stride` bytes apart, each a const char *. */
 const char *saga_cli_nearest(const char *name, const void *names, size_t n,
                              size_t stride);
 
@@ -116,13 +116,13 @@ typedef struct saga_meter {
 /* done runs from 0 to 1; `doing` says what is being done, with numbers. */
 void saga_meter_show(saga_meter *m, double done, const char *doing);
 
-/* The same as a saga_progress_fn; user is the meter. Never cancels. */
+/* Does the same as a saga_progress_fn; user is the meter. Never cancels. */
 bool saga_meter_progress(void *user, double done, const char *doing);
 
 /* Takes the line away, so that other output may follow. */
 void saga_meter_end(saga_meter *m);
 
-/* Seconds of a clock that only goes forward. */
+/* Returns the seconds of a clock that only goes forward. */
 double saga_cli_seconds(void);
 
 #endif

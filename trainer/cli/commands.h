@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The subcommands of `saga`, one file each.
+ * The subcommands of `saga` have one file each.
  */
 #ifndef SAGA_COMMANDS_H
 #define SAGA_COMMANDS_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga eval: how good a file is, measured on the pictures that the integer
+ * saga eval measures how good a file is, on the pictures that the integer
  * decoder makes of it; and by the same measures what another codec made.
  */
 #include "bytes_table.h"
@@ -42,7 +42,7 @@ typedef struct {
 
 /* --- As text ------------------------------------------------------------- */
 
-/* A column of the table, or a dash where there is no such number. */
+/* Prints a column of the table, or a dash where there is no such number. */
 static void print_column(int width, int decimals, double v, const char *unit)
 {
     if (isnan(v))

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga info: what a file says of itself, and where its bytes are.
+ * saga info tells what a file says of itself, and where its bytes are.
  */
 #include "bytes_table.h"
 #include "cli.h"
@@ -300,7 +300,7 @@ static int print_json(const subject *s)
 
 /* --- Together ------------------------------------------------------------ */
 
-/* What to do about a header that the decoder refuses. */
+/* Says what to do about a header that the decoder refuses. */
 static const char *remedy(saga_status status)
 {
     switch (status) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Reports as JSON, whole or not at all.
+ * Reports are written as JSON, whole or not at all.
  */
 #ifndef SAGA_JSON_CLI_H
 #define SAGA_JSON_CLI_H

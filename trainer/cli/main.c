@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga: the program of the desktop. One file per subcommand; this one finds
+ * saga is the program of the desktop. One file per subcommand; this one finds
  * the subcommand and helps those who do not know it.
  */
 #include "cli.h"

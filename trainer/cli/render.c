@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga render: pictures of a file, from its rig, from elsewhere or on a path
- * through it.
+ * saga render makes pictures of a file, from its rig, from elsewhere or on a
+ * path through it.
  */
 #include "cli.h"
 
@@ -35,7 +35,7 @@ typedef struct {
     saga_cli_pair frame, frames, size;
 } options;
 
-/* The pictures to be made, and with what. */
+/* This holds the pictures to be made, and with what. */
 typedef struct {
     const options *o;
     saga_film film;
@@ -56,7 +56,7 @@ static int mistake(const char *what)
                           "explains", what);
 }
 
-/* At most one of the ways to say when. */
+/* Allows at most one of the ways to say when. */
 static int check_options(const options *o)
 {
     const int times = (o->time >= 0.0) + (o->frame.b > 0) +
@@ -87,7 +87,7 @@ static int plan(session *s)
     return SAGA_EXIT_OK;
 }
 
-/* The time that a path gives its picture i, within the file. */
+/* Returns the time that a path gives its picture i, within the file. */
 static double path_time(const session *s, int i)
 {
     const double last = s->film.info.n_frames - 1.0;
@@ -97,8 +97,8 @@ static double path_time(const session *s, int i)
     return frame < 0.0 ? 0.0 : frame > last ? last : frame;
 }
 
-/* The time of picture i as a fraction of frames. An orbit or path for which no
- * time is given goes once through the file. */
+/* Sets the time of picture i as a fraction of frames. An orbit or path for
+ * which no time is given goes once through the file. */
 static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
 {
     const options *const o = s->o;
@@ -127,7 +127,8 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
 
 /* --- Names --------------------------------------------------------------- */
 
-/* The one %d or %0Nd of a name; NULL if there is none, or something else. */
+/* Finds the one %d or %0Nd of a name; NULL if there is none, or something
+ * else. */
 static const char *find_number(const char *name, int *width, size_t *n)
 {
     const char *const at = strchr(name, '%');
@@ -142,7 +143,7 @@ static const char *find_number(const char *name, int *width, size_t *n)
     return at;
 }
 
-/* Name of picture `number`; to be freed. */
+/* Returns the name of picture `number`; to be freed. */
 static char *name_of(session *s, int number)
 {
     const char *const out = s->o->out;
@@ -223,7 +224,7 @@ static bool camera_of(saga_camera *c, session *s, int i)
     return ok;
 }
 
-/* 0, or the exit status. */
+/* Returns 0, or the exit status. */
 static int make_one(session *s, int i)
 {
     saga_camera c = s->camera;
@@ -294,7 +295,7 @@ static bool open_video(session *s)
                                  s->camera.height, fps, &s->error);
 }
 
-/* The rig's camera and the path; memory for a picture. */
+/* Gets the rig's camera and the path; memory for a picture. */
 static bool prepare(session *s)
 {
     const options *const o = s->o;
@@ -370,7 +371,7 @@ static int run(int argc, char **argv)
     return status;
 }
 
-/* "X,Y,Z". */
+/* Reads "X,Y,Z". */
 static bool read_point(void *to, const char *text,
                        const saga_cli_option *option)
 {
@@ -392,7 +393,7 @@ static bool read_point(void *to, const char *text,
     return true;
 }
 
-/* A time of day, not before the start. */
+/* Reads a time of day, not before the start. */
 static bool read_time(void *to, const char *text,
                       const saga_cli_option *option)
 {

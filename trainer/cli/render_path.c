@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A key camera's numbers, in this order. */
+/* A key camera's numbers are in this order. */
 enum { SECONDS, FRAME, FOV, EYE, TARGET = EYE + 3, UP = TARGET + 3,
        KEY_LENGTH = UP + 3 };
 
@@ -90,7 +90,7 @@ static bool number_of(double *v, const json_t *value)
     return json_is_number(value) && isfinite(*v);
 }
 
-/* n numbers of an array of n. */
+/* Takes n numbers of an array of n. */
 static bool numbers_of(double *v, const json_t *array, size_t n)
 {
     bool ok = json_is_array(array) && json_array_size(array) == n;
@@ -165,8 +165,8 @@ static int by_seconds(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The slope of number c at key i: towards its neighbours, at an end that of the
- * last stretch. */
+/* Returns the slope of number c at key i: towards its neighbours, at an end
+ * that of the last stretch. */
 static double slope(const key_row *key, int n, int i, int c)
 {
     const int a = i > 0 ? i - 1 : 0, b = i + 1 < n ? i + 1 : n - 1;
@@ -175,7 +175,7 @@ static double slope(const key_row *key, int n, int i, int c)
     return span > 0.0 ? (key[b][c] - key[a][c]) / span : 0.0;
 }
 
-/* The row at a time between the first key and the last. */
+/* Computes the row at a time between the first key and the last. */
 static void row_at(double *row, const key_row *key, int n, double seconds)
 {
     int i = 0;
@@ -248,7 +248,7 @@ static bool read_keys(const reader *r, const json_t *root)
 
 /* --- nerfstudio ---------------------------------------------------------- */
 
-/* m: 3x4 of camera to world, y up, z backwards. */
+/* m is 3x4 of camera to world, y up, z backwards. */
 static bool read_pose(saga_path_camera *c, const double *m)
 {
     for (int i = 0; i < 3; i++) {

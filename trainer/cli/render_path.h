@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Cameras that no capture had: a path from a file, or a look at a point. All
- * places are in the capture's units and axes.
+ * These are cameras that no capture had: a path from a file, or a look at a
+ * point. All places are in the capture's units and axes.
  *
  * Two kinds of JSON are read. Our own, which the page of ports/web saves, has
  * key cameras:
@@ -42,17 +42,17 @@ typedef struct saga_path {
     } clock;
 } saga_path;
 
-/* False: *error says why, and there is nothing to free. */
+/* Reads a path; false: *error says why, and there is nothing to free. */
 bool saga_path_read(saga_path *path, const char *name, saga_error *error);
 void saga_path_free(saga_path *path);
 
-/* Rows right, down, forward of a camera at eye that looks at target, up towards
- * the picture's top. False where they do not say how it stands. */
+/* Sets rows right, down, forward of a camera at eye that looks at target, up
+ * towards the picture's top. False where they do not say how it stands. */
 bool saga_look_at(double rotation[9], const double eye[3],
                   const double target[3], const double up[3]);
 
-/* The camera as a shot of width x height square pixels, its axis through the
- * middle. */
+/* Sets the camera as a shot of width x height square pixels, its axis through
+ * the middle. */
 void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
                     int height);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Pictures into a video file, through the program ffmpeg: H.264 in MP4, BT.709
+ * Pictures become a video file through the program ffmpeg: H.264 in MP4, BT.709
  * in limited range, which every player takes. Lossy: for watching.
  */
 #ifndef SAGA_RENDER_VIDEO_H
@@ -15,10 +15,10 @@ typedef struct saga_film_writer {
     size_t picture_nbytes;
 } saga_film_writer;
 
-/* Pictures of width x height, `fps` a second. */
+/* Takes pictures of width x height, `fps` a second. */
 bool saga_film_writer_open(saga_film_writer *w, const char *path, int width,
                            int height, double fps, saga_error *error);
-/* rgb: (height, width, 3). */
+/* rgb is (height, width, 3). */
 bool saga_film_writer_add(saga_film_writer *w, const uint8_t *rgb,
                           saga_error *error);
 /* The file appears if ok and ffmpeg was content; else it does not, and false

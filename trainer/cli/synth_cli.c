@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga synth: a built-in scene, as a capture.
+ * saga synth writes a built-in scene as a capture.
  */
 #include "cli.h"
 #include "commands.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * saga view: a file in the browser. Serves the page of ports/web, which this
- * program carries, and the file beside it.
+ * saga view shows a file in the browser. It serves the page of ports/web, which
+ * this program carries, and the file beside it.
  */
 #include "cli.h"
 
@@ -33,7 +33,7 @@ typedef struct {
     int port;                /* 0: not given */
 } options;
 
-/* All that is served. */
+/* This is all that is served. */
 typedef struct {
     saga_http http;
     saga_http_file *file;    /* (n_files): the program's, then the user's */
@@ -63,8 +63,8 @@ static void catch_signals(void)
 
 /* --- The user's file ----------------------------------------------------- */
 
-/* "film/NAME", NAME as in an address: all but letters, digits and . - _ as
- * %XX. */
+/* Returns "film/NAME", NAME as in an address: all but letters, digits and . - _
+ * as %XX. */
 static char *path_of(const char *name, saga_error *error)
 {
     static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRST"
@@ -84,8 +84,8 @@ static char *path_of(const char *name, saga_error *error)
     return path;
 }
 
-/* { "camera": i, "frame": 0, "crc": "..." } of the first cameras' pictures;
- * false where one cannot be drawn. */
+/* Adds { "camera": i, "frame": 0, "crc": "..." } of the first cameras'
+ * pictures; false where one cannot be drawn. */
 static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
 {
     bool ok = true;
@@ -166,7 +166,7 @@ static const saga_view_file *find_file(const char *name)
     return NULL;
 }
 
-/* index.html with `text` in its place. */
+/* Makes index.html with `text` in its place. */
 static bool fill_in(session *s, const char *text)
 {
     const saga_view_file *const page = find_file("index.html");
@@ -189,7 +189,7 @@ static bool fill_in(session *s, const char *text)
     return true;
 }
 
-/* The page at "", its parts beside it, the user's file in film/. */
+/* Lists the page at "", its parts beside it, the user's file in film/. */
 static bool list_files(session *s, const char *text)
 {
     s->n_files = saga_n_view_files + 2;
@@ -212,7 +212,7 @@ static bool list_files(session *s, const char *text)
 
 /* --- Together ------------------------------------------------------------ */
 
-/* On the port that was given, or on the usual one or any other. */
+/* Opens on the port that was given, or on the usual one or any other. */
 static bool open_server(session *s, int port)
 {
     saga_error busy = { "" };

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The files of ports/web as they lie in the program: tools/embed.sh makes the
- * table at build time. The decoder for browsers, saga.wasm, is missing where
- * there was no compiler for it.
+ * These are the files of ports/web as they lie in the program: tools/embed.sh
+ * makes the table at build time. The decoder for browsers, saga.wasm, is
+ * missing where there was no compiler for it.
  */
 #ifndef SAGA_VIEW_FILES_H
 #define SAGA_VIEW_FILES_H

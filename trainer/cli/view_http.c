@@ -29,7 +29,7 @@ typedef struct {
 
 /* --- Answers ------------------------------------------------------------- */
 
-/* False where the browser went away. */
+/* Returns false where the browser went away. */
 static bool send_all(int fd, const void *bytes, size_t n)
 {
     const char *p = bytes;
@@ -58,7 +58,7 @@ static void refuse(int fd, const char *status)
     send_all(fd, head, (size_t)n);
 }
 
-/* The part [first, end) of a file; end = 0: all of it. */
+/* Sends the part [first, end) of a file; end = 0: all of it. */
 static void give(int fd, const saga_http_file *file, size_t first, size_t end)
 {
     char head[HEAD_NBYTES], range[96] = "";
@@ -79,7 +79,8 @@ static void give(int fd, const saga_http_file *file, size_t first, size_t end)
 
 /* --- Requests ------------------------------------------------------------ */
 
-/* The value of a header line of a request, up to its \r; NULL: not there. */
+/* Finds the value of a header line of a request, up to its \r; NULL: not
+ * there. */
 static const char *header(const char *request, const char *name)
 {
     const size_t n = strlen(name);
@@ -93,7 +94,7 @@ static const char *header(const char *request, const char *name)
     return NULL;
 }
 
-/* A number of digits at *p, which moves behind them; saturated. */
+/* Takes a number of digits at *p, which moves behind them; saturated. */
 static bool take_number(size_t *v, const char **p)
 {
     const char *const start = *p;
@@ -106,8 +107,8 @@ static bool take_number(size_t *v, const char **p)
 
 typedef enum { RANGE_NONE, RANGE_PART, RANGE_OUTSIDE } range_kind;
 
-/* "bytes=A-B", "bytes=A-" or "bytes=-N" of a file of `nbytes`; what is not
- * understood may be ignored (RFC 9110, 14.2). */
+/* Parses "bytes=A-B", "bytes=A-" or "bytes=-N" of a file of `nbytes`; what is
+ * not understood may be ignored (RFC 9110, 14.2). */
 static range_kind parse_range(size_t *first, size_t *end, const char *p,
                               size_t nbytes)
 {
@@ -162,7 +163,7 @@ static bool is_host_ours(const saga_http *http, const char *request)
     return false;
 }
 
-/* request: complete, its first line "METHOD /PATH HTTP/1.x". */
+/* request is complete, its first line "METHOD /PATH HTTP/1.x". */
 static void answer(const saga_http *http, int fd, const char *request)
 {
     const char *const end_of_line = strstr(request, "\r\n");
@@ -206,7 +207,7 @@ static void hang_up(client *c)
     c->n = 0;
 }
 
-/* In the place of a connection that is free, or of the first. */
+/* Takes the place of a connection that is free, or of the first. */
 static void greet(client *clients, int fd)
 {
     const struct timeval patience = { .tv_sec = SEND_SECONDS };

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * A small HTTP/1.1 server for one user's browser: it listens on 127.0.0.1,
- * gives files that lie in memory, and parts of them (one Range), to GET, one
- * answer per connection. Whoever asks by another name than the machine's own
- * is refused, so that no foreign page reads along through its own name.
+ * This is a small HTTP/1.1 server for one user's browser: it listens on
+ * 127.0.0.1, gives files that lie in memory, and parts of them (one Range), to
+ * GET, one answer per connection. Whoever asks by another name than the
+ * machine's own is refused, so that no foreign page reads along through its own
+ * name.
  */
 #ifndef SAGA_VIEW_HTTP_H
 #define SAGA_VIEW_HTTP_H

@@ -18,7 +18,8 @@ static double length_of(code x)
     return SAGA_PROB_BITS - log2(x.end - x.start) + x.plain;
 }
 
-/* Prefix and rest of the Exp-Golomb code of v, whose order grows up to 16. */
+/* Counts prefix and rest of the Exp-Golomb code of v, whose order grows up to
+ * 16. */
 static uint32_t escape_bits(uint32_t v)
 {
     uint32_t order = SAGA_ESCAPE_ORDER, prefix = 0;

@@ -36,7 +36,8 @@ void saga_cost_init(saga_cost *c, saga_coder *inner);
 
 /* --- Single symbols ------------------------------------------------------ */
 
-/* Code length of residual q, |q| <= 65535, with scale index 0..63. */
+/* Returns the code length of residual q, |q| <= 65535, with scale index
+ * 0..63. */
 double saga_cost_residual(int32_t q, uint32_t scale);
 
 /* The Q the trainer gives the sigma head, and constants of log2 sigma: what
@@ -45,7 +46,7 @@ enum { SAGA_COST_SIGMA_Q = 10 };
 
 /* --- Components ---------------------------------------------------------- */
 
-/* What reports tell apart, in the order of the stream. */
+/* Reports tell these apart, in the order of the stream. */
 typedef enum saga_component {
     SAGA_COMPONENT_NETWORKS,
     SAGA_COMPONENT_TREE,         /* splits, occupancy, fine anchors' numbers */

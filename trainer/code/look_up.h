@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What the traversal asks for, looked up in the symbols of a segment. Encoder
+ * What the traversal asks for is looked up in the symbols of a segment. Encoder
  * and quantiser stand behind it with symbols that they know.
  */
 #ifndef SAGA_LOOK_UP_H

@@ -24,7 +24,8 @@ static int64_t weight_of(const saga_layer_symbols *s, int32_t q)
     return fx_rshift64((int64_t)q * s->step_q16, s->step_shift);
 }
 
-/* Symbols of a row whose weights have the scale 2^e; 1 if it is valid. */
+/* Writes the symbols of a row whose weights have the scale 2^e; 1 if it is
+ * valid. */
 static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
                    uint32_t row, int e)
 {
@@ -62,8 +63,8 @@ static int row_exponent(const saga_layer_values *v, uint32_t row, int wanted)
     return fx_clamp(wanted, least, least + 24);
 }
 
-/* The largest scale that every row's shift allows: a row at a smaller one than
- * the others has larger steps. */
+/* Returns the largest scale that every row's shift allows: a row at a smaller
+ * one than the others has larger steps. */
 static int most_exponent(const saga_layer_values *v)
 {
     int most = INT_MAX;
@@ -74,8 +75,8 @@ static int most_exponent(const saga_layer_values *v)
     return most;
 }
 
-/* The steps' fields where the weights' scale is 2^e: the weights' step with as
- * many digits as there is room for. */
+/* Sets the steps' fields where the weights' scale is 2^e: the weights' step
+ * with as many digits as there is room for. */
 static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
                       int e)
 {
@@ -144,8 +145,8 @@ static scale_bits residual_bits(int32_t q)
     return b;
 }
 
-/* Bits of small residuals, -SMALL .. SMALL: a layer has each of them many
- * times, and they take long to compute. */
+/* A table holds the bits of small residuals, -SMALL .. SMALL: a layer has each
+ * of them many times, and they take long to compute. */
 enum { SMALL = 63 };
 
 typedef struct {
@@ -186,13 +187,13 @@ static uint8_t bias_scale(const int32_t *q, uint32_t n)
     return least_scale(&b);
 }
 
-/* The scales of a layer's weights, and what all of that takes. */
+/* This holds the scales of a layer's weights, and what all of that takes. */
 typedef struct {
     double bits;
     uint8_t mode, scale, drop[SAGA_MAX_VECTOR];
 } layer_scales;
 
-/* Scales that lines drop to from the given one. */
+/* Returns the scales that lines drop to from the given one. */
 static layer_scales drop_from(uint8_t scale, uint32_t mode,
                               const scale_bits *line, uint32_t n)
 {
@@ -445,7 +446,7 @@ static int compare(const void *a, const void *b)
     return x->index < y->index ? -1 : 1;
 }
 
-/* Offsets, suffixes and their order, now that F_fine has run. */
+/* Sets offsets, suffixes and their order, now that F_fine has run. */
 static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
 {
     const saga_scaffold *const sc = l->sc;

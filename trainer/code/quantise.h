@@ -47,8 +47,8 @@ enum { SAGA_QUANTISE_LINE_BITS = 3 };
 bool saga_quantise_bits(double *bits, const float *w, size_t rows,
                         size_t columns, double step, saga_error *error);
 
-/* What a layer's symbols stand for, in reals: weights (n_out, n_in) and biases
- * (n_out), exactly the decoder's integers. */
+/* This is what a layer's symbols stand for, in reals: weights (n_out, n_in) and
+ * biases (n_out), exactly the decoder's integers. */
 void saga_dequantise_layer(float *weight, float *bias,
                            const saga_layer_symbols *s,
                            const saga_layer_values *v);

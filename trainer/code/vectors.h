@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Test vectors: what a conforming decoder makes of a file, stage by stage, as
- * CRC-32C. One line of vectors/MANIFEST is one picture:
+ * Test vectors say what a conforming decoder makes of a file, stage by stage,
+ * as CRC-32C. One line of vectors/MANIFEST is one picture:
  *
  *     FILE SEGMENT SYMBOLS RANGE RANGE RANGE T CAMERA PRIMITIVES SPLATS FRAME
  *

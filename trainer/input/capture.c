@@ -62,7 +62,7 @@ static void listing_free(saga_listing *listing)
     *listing = (saga_listing){0};
 }
 
-/* All names in one line, for messages. */
+/* Writes all names in one line, for messages. */
 static void list_names(const saga_listing *listing, char *text, size_t n)
 {
     size_t used = 0;

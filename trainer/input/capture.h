@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Captures: several cameras that filmed one moving scene.
+ * A capture is several cameras that filmed one moving scene.
  *
  * Conventions. World: right-handed, units and axes as the capture has them
  * (nothing is recentred or rescaled). Camera: OpenCV axes, x right, y down,
@@ -95,8 +95,8 @@ typedef struct saga_capture {
     char notes[SAGA_NOTES_NBYTES]; /* lines: what the loader decided */
 } saga_capture;
 
-/* Options as a user who gives none would have them: full size, all frames,
- * 4 GiB. */
+/* Returns options as a user who gives none would have them: full size, all
+ * frames, 4 GiB. */
 saga_capture_options saga_capture_defaults(void);
 
 /* Loads the capture in a folder (or its transforms.json), whichever format it
@@ -119,7 +119,8 @@ static inline size_t saga_view_frame_nbytes(const saga_shot *view)
     return saga_view_row_nbytes(view) * (size_t)view->height;
 }
 
-/* Rows of one picture; view and frame within the capture's counts. */
+/* Returns the rows of one picture; view and frame within the capture's
+ * counts. */
 static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
                                                 int view, int frame)
 {
@@ -127,7 +128,7 @@ static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
     return v->rgb + saga_view_frame_nbytes(v) * (size_t)frame;
 }
 
-/* NULL where there is no true depth for that picture. */
+/* Returns a picture's true depth, NULL where there is none. */
 static inline const float *saga_capture_depth(const saga_capture *capture,
                                               int view, int frame)
 {
@@ -162,7 +163,7 @@ static inline bool saga_view_project(const saga_shot *view,
     return true;
 }
 
-/* The world point that a pixel shows at a depth. */
+/* Computes the world point that a pixel shows at a depth. */
 static inline void saga_view_lift(const saga_shot *view, const double uv[2],
                                   double depth, double world[3])
 {

@@ -10,7 +10,7 @@
 
 enum { FEW_POINTS = 8 };
 
-/* flip: -1 mirrors the camera's y and z axes, 1 leaves them. */
+/* flip = -1 mirrors the camera's y and z axes, 1 leaves them. */
 static bool sees(const saga_shot *view, const double world[3], double flip,
                  double *depth)
 {

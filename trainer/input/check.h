@@ -9,9 +9,9 @@
 
 #include "capture.h"
 
-/* False with an error if no two views see anything in common, by the points
- * or, with fewer than 8 of them, by the frusta. Views that see hardly any
- * point are named in the notes. */
+/* Returns false with an error if no two views see anything in common, by the
+ * points or, with fewer than 8 of them, by the frusta. Views that see hardly
+ * any point are named in the notes. */
 bool saga_check_overlap(saga_capture *capture, const char *path,
                         saga_error *error);
 

@@ -42,8 +42,8 @@ static int open_log(saga_error *error)
     return fd;
 }
 
-/* end: what the child has as its standard output, or, `fed`, as its input. dup2
- * in the child clears close-on-exec on the copies only. */
+/* `end` becomes the child's standard output, or, `fed`, its input. dup2 in the
+ * child clears close-on-exec on the copies only. */
 static int spawn(saga_child *child, const char *const *argv, int end, bool fed)
 {
     posix_spawn_file_actions_t actions;
@@ -162,7 +162,7 @@ size_t saga_child_read(saga_child *child, void *buffer, size_t n)
     return got;
 }
 
-/* The last non-empty line, control characters made visible. */
+/* Quotes the last non-empty line, control characters made visible. */
 static void quote_log(saga_child *child)
 {
     char text[2048];

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A child process whose standard output we read, or whose standard input we
- * write: no shell, the other one is empty, standard error goes to an unnamed
- * file from which the last line can be quoted.
+ * This runs a child process whose standard output we read, or whose standard
+ * input we write: no shell, the other one is empty, standard error goes to an
+ * unnamed file from which the last line can be quoted.
  */
 #ifndef SAGA_CHILD_H
 #define SAGA_CHILD_H
@@ -11,8 +11,8 @@
 
 #include <sys/types.h>
 
-/* Seconds without output after which a child is given up: counting the packets
- * of a long video takes minutes. */
+/* A child is given up after so many seconds without output: counting the
+ * packets of a long video takes minutes. */
 enum { SAGA_CHILD_PATIENCE = 300 };
 
 typedef struct saga_child {
@@ -27,7 +27,7 @@ typedef struct saga_child {
 /* argv[0] is looked up in PATH; argv ends with NULL. */
 bool saga_child_start(saga_child *child, const char *const *argv,
                       saga_error *error);
-/* The same, but we write what it reads. */
+/* Does the same, but we write what it reads. */
 bool saga_child_start_fed(saga_child *child, const char *const *argv,
                           saga_error *error);
 /* Writes n bytes; false where the child takes no more. */

@@ -53,8 +53,8 @@ typedef struct colmap_job {
     saga_error *error;
 } colmap_job;
 
-/* The array with room for one more item behind count, possibly moved; NULL
- * with the error where there is no memory, the old array untouched. */
+/* Returns the array with room for one more item behind count, possibly moved;
+ * NULL with the error where there is no memory, the old array untouched. */
 static void *grow(const colmap_job *job, void *items, size_t count,
                   size_t size)
 {

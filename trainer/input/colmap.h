@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * COLMAP's sparse model, text or little-endian binary: cameras, images,
- * points3D. World to camera, axes x right, y down, z forward, centre of the
- * first pixel at (1/2, 1/2): our conventions as they stand. Files of other
+ * This reads COLMAP's sparse model, text or little-endian binary: cameras,
+ * images, points3D. World to camera, axes x right, y down, z forward, centre of
+ * the first pixel at (1/2, 1/2): our conventions as they stand. Files of other
  * names (rigs, frames) are left alone.
  */
 #ifndef SAGA_COLMAP_H
@@ -45,13 +45,13 @@ typedef struct saga_colmap {
     size_t n_cameras, n_images, n_points, n_observations, n_tracks;
 } saga_colmap;
 
-/* True if the folder holds cameras, images and points3D of one kind. */
+/* Returns true if the folder holds cameras, images and points3D of one kind. */
 bool saga_colmap_is_there(const char *folder);
 bool saga_colmap_read(saga_colmap *model, const char *folder,
                       saga_error *error);
 void saga_colmap_free(saga_colmap *model);
 
-/* NULL if there is none with that id. */
+/* Returns the camera with that id, NULL if there is none. */
 const saga_colmap_camera *saga_colmap_camera_of(const saga_colmap *model,
                                                 uint32_t id);
 const saga_colmap_image *saga_colmap_image_of(const saga_colmap *model,

@@ -75,7 +75,7 @@ static const char *type_name(const json_t *value)
     return t >= 0 && t < 8 ? names[t] : "something else";
 }
 
-/* index < 0: at the top of the file. */
+/* index < 0 stands for the top of the file. */
 static bool wrong_type(const reader *r, int index, const char *key,
                        const json_t *value, const char *wanted)
 {
@@ -368,7 +368,7 @@ static bool check_times(const reader *r, int n)
     return true;
 }
 
-/* Seconds, unless times run from exactly 0 to exactly 1. */
+/* Times are seconds, unless they run from exactly 0 to exactly 1. */
 static void guess_fps(reader *r, int n)
 {
     const double first = r->entries[0].time, last = r->entries[n - 1].time;
@@ -418,8 +418,8 @@ static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
     saga_copy_name(name, start, (size_t)(end - start));
 }
 
-/* What the names of all pictures of a camera begin with, without the frame
- * number: "cam03_f000" and "cam03_f001" give "cam03". */
+/* Finds what the names of all pictures of a camera begin with, without the
+ * frame number: "cam03_f000" and "cam03_f001" give "cam03". */
 static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
 {
     const char *const base = base_of(e[0].file);
@@ -456,7 +456,7 @@ static bool names_differ(const saga_listing *listing)
     return true;
 }
 
-/* The first scheme that tells all cameras apart. */
+/* Takes the first scheme that tells all cameras apart. */
 static void name_views(const reader *r, int n)
 {
     saga_listing *const listing = r->listing;
@@ -719,7 +719,7 @@ static bool read_all(reader *r, const saga_capture_options *options)
            read_ply(r);
 }
 
-/* The folder of a path, "." if it has none. */
+/* Returns the folder of a path, "." if it has none. */
 static char *folder_of(const char *path, saga_error *error)
 {
     const char *const slash = strrchr(path, '/');

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Neu3D / DyNeRF: camNN.mp4 and poses_bounds.npy, one row per video in the
+ * Neu3D / DyNeRF has camNN.mp4 and poses_bounds.npy, one row per video in the
  * order of the sorted names; a COLMAP sparse model for points, and for the
  * cameras where poses_bounds.npy is missing or lives in another frame.
  *
@@ -389,8 +389,8 @@ static bool measure_views(saga_listing *listing, const saga_colmap *model,
     return true;
 }
 
-/* 0.1 % of the rig: COLMAP was then given these poses, or refined them by
- * less than it matters. */
+/* Poses agree within 0.1 % of the rig: COLMAP was then given these poses, or
+ * refined them by less than it matters. */
 static const double same_frame = 1e-3;
 
 static bool use_model(saga_listing *listing, const saga_colmap *model,
@@ -461,7 +461,7 @@ static bool find_model(char **model, const char *folder, saga_error *error)
 
 /* ------------------------------------------------------------------- depth */
 
-/* depth/NAME_fKKK.exr of a source, where there are some. */
+/* Finds depth/NAME_fKKK.exr of a source, where there are some. */
 static bool find_depths_of(saga_source *s, const saga_listing *listing,
                            const char *folder, saga_error *error)
 {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * One array of real numbers from a .npy file (versions 1 to 3, little-endian
- * f4 or f8, C or Fortran order, one or two dimensions), as doubles in C order.
+ * This reads one array of real numbers from a .npy file (versions 1 to 3,
+ * little-endian f4 or f8, C or Fortran order, one or two dimensions), as
+ * doubles in C order.
  */
 #ifndef SAGA_NPY_H
 #define SAGA_NPY_H

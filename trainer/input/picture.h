@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Still pictures: PNG (8 or 16 bits, grey, palette or colour; alpha over
+ * Still pictures are PNG (8 or 16 bits, grey, palette or colour; alpha over
  * black; gamma chunks are ignored, as video pipelines do) and OpenEXR
- * (scanlines; R G B are linear light and become 8-bit sRGB; Z is depth).
- * The kind is told from the first bytes, not from the name.
+ * (scanlines; R G B are linear light and become 8-bit sRGB; Z is depth). The
+ * kind is told from the first bytes, not from the name.
  */
 #ifndef SAGA_PICTURE_H
 #define SAGA_PICTURE_H
@@ -12,7 +12,7 @@
 
 bool saga_picture_probe(const char *path, int *width, int *height,
                         saga_error *error);
-/* rgb: (height, width, 3); the file must have exactly that size. */
+/* rgb is (height, width, 3); the file must have exactly that size. */
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
                        saga_error *error);
 

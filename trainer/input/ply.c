@@ -37,7 +37,7 @@ typedef struct ply_header {
     int field[N_FIELDS];     /* property index, -1: missing */
 } ply_header;
 
-/* A line without its end, cut to fit; false at the end of the data. */
+/* Takes a line without its end, cut to fit; false at the end of the data. */
 static bool take_line(saga_cursor *c, char line[MAX_LINE])
 {
     const size_t left = saga_left(c);

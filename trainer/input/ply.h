@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Points from a PLY file: ascii or binary_little_endian, any order of scalar
- * vertex properties; x, y, z are needed, red, green, blue (grey without them)
- * are taken. Elements behind the vertices are ignored.
+ * This reads points from a PLY file: ascii or binary_little_endian, any order
+ * of scalar vertex properties; x, y, z are needed, red, green, blue (grey
+ * without them) are taken. Elements behind the vertices are ignored.
  */
 #ifndef SAGA_PLY_H
 #define SAGA_PLY_H
@@ -13,7 +13,8 @@
  */
 bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
                    size_t *n_dropped, saga_error *error);
-/* Binary little-endian, float positions; appears whole or not at all. */
+/* Writes binary little-endian, float positions; the file appears whole or not
+ * at all. */
 bool saga_ply_write(const char *path, const saga_point *points,
                     size_t n_points, saga_error *error);
 

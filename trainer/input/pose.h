@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Poses from the conventions of files into ours: world to camera, OpenCV
- * axes, an orthonormal rotation.
+ * This takes poses from the conventions of files into ours: world to camera,
+ * OpenCV axes, an orthonormal rotation.
  */
 #ifndef SAGA_POSE_H
 #define SAGA_POSE_H
@@ -12,10 +12,10 @@
  * not finite. */
 bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9]);
 
-/* From camera axes and centre in the world: the columns of a camera-to-world
- * matrix, each axis a unit vector. False if anything is not finite or the
- * axes are more than 1 % off orthonormal or left-handed; smaller errors (few
- * digits in a file) are projected away. */
+/* Makes a pose from camera axes and centre in the world: the columns of a
+ * camera-to-world matrix, each axis a unit vector. False if anything is not
+ * finite or the axes are more than 1 % off orthonormal or left-handed; smaller
+ * errors (few digits in a file) are projected away. */
 bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3]);

@@ -27,7 +27,8 @@ bool saga_lens_is_pinhole(const saga_lens *lens)
            lens->p1 == 0.0 && lens->p2 == 0.0;
 }
 
-/* Source position of a pinhole position when focals are lens focals times s. */
+/* Computes the source position of a pinhole position when focals are lens
+ * focals times s. */
 static void source_of(const saga_lens *lens, double s, double u, double v,
                       double uv[2])
 {
@@ -79,8 +80,8 @@ static bool all_valid(const saga_lens *lens, double s, int width, int height)
     return true;
 }
 
-/* Smallest s that is valid together with everything from there to the first
- * valid value at or above 1; 0 if there is none up to 4. */
+/* Returns the smallest s that is valid together with everything from there to
+ * the first valid value at or above 1; 0 if there is none up to 4. */
 static double choose_scale(const saga_lens *lens, int width, int height)
 {
     double good = 1.0;
@@ -152,8 +153,9 @@ uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
                      (uint64_t)remap->original_height * 6;
 }
 
-/* Position of the upper left of four taps and the way to the next, in 1/256,
- * kept so that tap + 1 is inside; at the last one the fraction is 255/256. */
+/* Returns the position of the upper left of four taps and the way to the next,
+ * in 1/256, kept so that tap + 1 is inside; at the last one the fraction is
+ * 255/256. */
 static int split_position(double position, int size, uint8_t *fraction)
 {
     if (size < 2) {

@@ -51,7 +51,7 @@ bool saga_lens_is_pinhole(const saga_lens *lens);
 bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                      int height, int scale, const char *file,
                      saga_error *error);
-/* Bytes that saga_remap_build will allocate. */
+/* Returns the bytes that saga_remap_build will allocate. */
 uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens);
 bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
                       const char *file, saga_error *error);

@@ -29,7 +29,7 @@ static char *file_url(const char *path, saga_error *error)
 /* SAGA_MAX_SIDE on both sides: a decoder refuses more before it allocates. */
 #define MOST_PIXELS "268435456"
 
-/* Value of "key=" at the start of a line; empty if missing. */
+/* Finds the value of "key=" at the start of a line; empty if missing. */
 static void field(const char *text, const char *key, char *value, size_t n)
 {
     const size_t key_len = strlen(key);

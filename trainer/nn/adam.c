@@ -24,7 +24,7 @@ static int part_is_finite(const real *x, size_t n)
     return vec_sum(sum) + rest == 0;
 }
 
-/* Index of the first value that is not finite, or n. */
+/* Returns the index of the first value that is not finite, or n. */
 static size_t first_fault(const real *x, size_t n)
 {
     const int64_t n_parts = (int64_t)((n + PART - 1) / PART);
@@ -59,7 +59,7 @@ static bool is_finite(const real *x, const char *what,
                      what, t->name, (unsigned long long)step);
 }
 
-/* x -= (rate / c1) m / (sqrt(v) / sqrt(c2) + eps). */
+/* A step is x -= (rate / c1) m / (sqrt(v) / sqrt(c2) + eps). */
 typedef struct {
     vec beta1, rest1, beta2, rest2, rate, scale, eps, most;
 } factors;

@@ -18,7 +18,7 @@ typedef struct saga_adam {
                               * beyond 1 / sqrt(1 - beta2) it binds none */
 } saga_adam;
 
-/* One tensor, with its own learning rate. */
+/* This is one tensor, with its own learning rate. */
 typedef struct saga_adam_tensor {
     const char *name;        /* for the error */
     real *x;
@@ -31,11 +31,11 @@ typedef struct saga_adam_tensor {
 #define saga_adam_default SAGA_REAL_NAME(saga_adam_default)
 #define saga_adam_update SAGA_REAL_NAME(saga_adam_update)
 
-/* 0.9, 0.999, 1e-15, 4. */
+/* Returns 0.9, 0.999, 1e-15, 4. */
 saga_adam saga_adam_default(void);
 
-/* x -= rate m' / (sqrt(v') + eps), m' = m / (1 - beta1^step), v' = v / (1 -
- * beta2^step); step counts from 1. Of m, g is clamped to +-most
+/* A step is x -= rate m' / (sqrt(v') + eps), m' = m / (1 - beta1^step),
+ * v' = v / (1 - beta2^step); step counts from 1. Of m, g is clamped to +-most
  * (sqrt(v') + eps): one picture out of the ordinary does not throw away what
  * thousands have taught. Fails where a gradient or a value is not finite, which
  * the error names; then nothing was changed. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Tiles of 16 columns and as many rows as make eight accumulators, which two
+ * Tiles have 16 columns and as many rows as make eight accumulators, which two
  * fused multiply-adds a cycle need at four cycles each: 8 rows in AVX-512, 4 in
  * AVX2. Each sum runs in its own order, so both give the same bits.
  */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Products of matrices for dense layers over batches of points. Matrices are
- * row-major; what is called `padded` has rows of a whole number of vectors,
- * saga_dense_pad(n) reals, the excess zero.
+ * These are products of matrices for dense layers over batches of points.
+ * Matrices are row-major; what is called `padded` has rows of a whole number of
+ * vectors, saga_dense_pad(n) reals, the excess zero.
  */
 #ifndef SAGA_DENSE_H
 #define SAGA_DENSE_H
@@ -25,7 +25,7 @@ typedef struct saga_dense_rows {
     size_t n, width, stride;
 } saga_dense_rows;
 
-/* A layer of width n_out; relu: negative values become 0. */
+/* This is a layer of width n_out; with relu negative values become 0. */
 typedef struct saga_dense {
     const real *w;               /* [n_in][pad(n_out)], padded */
     const real *bias;            /* [pad(n_out)], padded; NULL: 0 */
@@ -33,9 +33,9 @@ typedef struct saga_dense {
     int relu;
 } saga_dense;
 
-/* y[n][pad(n_out)] = bias + x w. The sum over x's width runs in its order,
- * whatever n is. With the transposed weights this is also the backward pass to
- * the input. */
+/* Computes y[n][pad(n_out)] = bias + x w. The sum over x's width runs in its
+ * order, whatever n is. With the transposed weights this is also the backward
+ * pass to the input. */
 void saga_dense_forward(real *y, const saga_dense *layer,
                         const saga_dense_rows *x);
 
@@ -44,7 +44,7 @@ void saga_dense_forward(real *y, const saga_dense *layer,
 void saga_dense_backward(real *dw, const saga_dense_rows *dy,
                          const saga_dense_rows *x);
 
-/* db[n_out] += sums over the points of dy, in order. */
+/* Adds to db[n_out] the sums over the points of dy, in order. */
 void saga_dense_bias_backward(real *db, const saga_dense_rows *dy);
 
 #endif

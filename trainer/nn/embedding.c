@@ -5,9 +5,9 @@
 
 enum { ANGLES = 32 };     /* of a point that are turned at a time */
 
-/* sin and cos of f quarter turns, |f| <= 1/2, from z = f^2: Chebyshev fits,
- * errors 4.9e-9 and 4.8e-11 (double: below 1e-20). x + magic holds the nearest
- * integer to x in its low bits. */
+/* These give sin and cos of f quarter turns, |f| <= 1/2, from z = f^2:
+ * Chebyshev fits, errors 4.9e-9 and 4.8e-11 (double: below 1e-20). x + magic
+ * holds the nearest integer to x in its low bits. */
 #ifdef SAGA_REAL_DOUBLE
 #define MAGIC 0x1.8p52
 static const real sine_fit[] = {
@@ -46,7 +46,7 @@ static inline vec polynomial(const real *c, int n, vec z)
     return p;
 }
 
-/* a, or -a where bit 1 of n is set. */
+/* Returns a, or -a where bit 1 of n is set. */
 static inline vec negate_on_bit1(vec a, veci n)
 {
     const veci sign = (n & 2) != 0;
@@ -69,7 +69,8 @@ static inline void turn(vec *sine, vec *cosine, vec x)
     *cosine = negate_on_bit1(vec_select(odd, s, c), n + 1);
 }
 
-/* Angles x[0..n), n <= ANGLES, to pairs. x has room for whole vectors. */
+/* Turns angles x[0..n), n <= ANGLES, into pairs. x has room for whole
+ * vectors. */
 static void put_pairs(real *y, const real *x, int n)
 {
     real s[ANGLES], c[ANGLES];
@@ -88,7 +89,7 @@ static void put_pairs(real *y, const real *x, int n)
     }
 }
 
-/* Not worth waking threads for. */
+/* So few points are not worth waking threads for. */
 enum { FEW_POINTS = 64 };
 
 void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,

@@ -67,7 +67,7 @@ void saga_net_init(saga_net *net, unsigned long long seed)
 
 /* --- Weights as the products want them ----------------------------------- */
 
-/* Of one layer, in work->packed: transposed (dim[l], pad(l + 1)), bias
+/* work->packed has of one layer: transposed (dim[l], pad(l + 1)), bias
  * (pad(l + 1)), as they are (dim[l + 1], pad(l)). */
 typedef struct { const real *across, *bias, *along; } layer_weights;
 
@@ -152,7 +152,8 @@ static int n_threads(const saga_net_work *work)
     return (int)(now < work->n_threads ? now : work->n_threads);
 }
 
-/* Points of a block: a multiple of CHUNK that depends on m alone. */
+/* Returns the points of a block: a multiple of CHUNK that depends on m
+ * alone. */
 static size_t block_size(size_t m)
 {
     const size_t share = (m + MAX_BLOCKS - 1) / MAX_BLOCKS;
@@ -178,7 +179,7 @@ static void copy_rows(real *to, size_t to_stride, const real *from,
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* What a pass works on. */
+/* A pass works on this. */
 typedef struct {
     const saga_net *net;
     saga_net_work *work;
@@ -261,8 +262,8 @@ static void rectify_backward(real *d, const real *active, size_t n)
         d[i] = active[i] > 0 ? d[i] : 0;
 }
 
-/* The input of layer l for n points from begin on, padded; in scratch where it
- * is not so already. */
+/* Returns the input of layer l for n points from begin on, padded; in scratch
+ * where it is not so already. */
 static const real *input_of(const pass *p, int l, size_t begin, size_t n,
                             real *scratch)
 {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Networks of dense layers, ReLU after every layer but the last, over batches
- * of points: x (M, dim[0]) -> y (M, dim[n_layers]).
+ * These are networks of dense layers, ReLU after every layer but the last, over
+ * batches of points: x (M, dim[0]) -> y (M, dim[n_layers]).
  *
  * The same bits for any number of threads: points are divided in blocks by
  * their number alone, each block sums its gradients, the blocks' sums are
@@ -25,8 +25,8 @@ typedef struct saga_net {
     real *b[SAGA_NET_LAYERS];     /* (dim[l + 1]) */
 } saga_net;
 
-/* What a forward pass leaves for its backward pass, and scratch. Zero, or
- * saga_net_reserve; saga_net_free at the end. */
+/* This holds what a forward pass leaves for its backward pass, and scratch.
+ * Zero, or saga_net_reserve; saga_net_free at the end. */
 typedef struct saga_net_work {
     size_t n_points, n_threads;    /* at most */
     real *hidden[SAGA_NET_LAYERS]; /* (M, padded), after ReLU */
@@ -49,13 +49,13 @@ size_t saga_net_n_params(const saga_net *net);
 /* Points w and b into params[n_params]: w[0], b[0], w[1], ... */
 void saga_net_bind(saga_net *net, real *params);
 
-/* He's initialisation: uniform weights of variance 2 / dim[l] (1 / dim[l] in
- * the last layer), biases 0. */
+/* This is He's initialisation: uniform weights of variance 2 / dim[l]
+ * (1 / dim[l] in the last layer), biases 0. */
 void saga_net_init(saga_net *net, unsigned long long seed);
 
-/* Memory for up to m points through networks no larger than this one, layer by
- * layer, with as many threads as there may be now. False: nothing is to be
- * freed. */
+/* Reserves memory for up to m points through networks no larger than this one,
+ * layer by layer, with as many threads as there may be now. False: nothing is
+ * to be freed. */
 bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
                       saga_error *error);
 void saga_net_free(saga_net_work *work);

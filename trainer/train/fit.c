@@ -7,11 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Iterations between refreshes of the neighbours; iterations until the full
- * learning rate of the pictures, while Adam's moments fill anew. */
+/* So many iterations pass between refreshes of the neighbours; so many until
+ * the full learning rate of the pictures, while Adam's moments fill anew. */
 enum { REFRESH_EVERY = 50, RAMP = 300 };
 
-/* Streams of random numbers. */
+/* These are streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET };
 
 /* lambda_a, of anchors' distance from their primitives. */
@@ -198,7 +198,7 @@ static void use_positions(saga_fit *f)
 
 /* --- Steps --------------------------------------------------------------- */
 
-/* From 1 down to `last`, a half cosine. */
+/* Falls from 1 down to `last`, a half cosine. */
 static real decay(int i, int n, real last)
 {
     const double x = n > 1 ? (double)i / (double)(n - 1) : 0;
@@ -221,7 +221,7 @@ static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
     t->rate = rate;
 }
 
-/* Learning rates. */
+/* These are learning rates. */
 typedef struct { real feature, prim, entropy, networks, steps; } rates;
 
 static bool descend(saga_fit *f, const rates *r, saga_error *error)
@@ -255,7 +255,7 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
                             error);
 }
 
-/* One picture: adds to the twin's gradients. */
+/* Draws one picture and adds to the twin's gradients. */
 static bool learn_picture(saga_fit *f, saga_sample picture,
                           double *mse, saga_error *error)
 {

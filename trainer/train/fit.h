@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Fitting a scene's pictures to the capture under a rate-distortion objective
+ * This fits a scene's pictures to the capture under a rate-distortion objective
  * (paper: Rate-Distortion Optimization). It begins with a linear map of the
  * primitives it came from (start.h).
  *
@@ -55,15 +55,16 @@ void saga_fit_free(saga_fit *fit);
 bool saga_fit_iterate(saga_fit *fit, double *mse, saga_error *error);
 int saga_fit_iteration(const saga_fit *fit);
 
-/* The scene as it is to be packed, what its residuals take, and for ranges and
- * pictures of the float model the twin that stands for it; feature (n.coarse,
- * F) becomes the coarse features as they will be decoded. Fails where memory is
- * short; else saga_rate_choice_free(choice), which reads the fit. */
+/* Gives the scene as it is to be packed, what its residuals take, and for
+ * ranges and pictures of the float model the twin that stands for it; feature
+ * (n.coarse, F) becomes the coarse features as they will be decoded. Fails
+ * where memory is short; else saga_rate_choice_free(choice), which reads the
+ * fit. */
 saga_twin *saga_fit_code(saga_fit *fit, real *feature,
                          saga_rate_choice *choice, saga_error *error);
 
-/* The scene with its networks as they will be decoded, as saga_fit_code left
- * them, and the steps they are rounded to. */
+/* These return the scene with its networks as they will be decoded, as
+ * saga_fit_code left them, and the steps they are rounded to. */
 const saga_scene *saga_fit_scene(const saga_fit *fit);
 const saga_weights *saga_fit_weights(const saga_fit *fit);
 
@@ -75,8 +76,8 @@ void saga_fit_walk(saga_fit *fit, saga_checkpoint *checkpoint);
  * quarter of them. */
 double saga_fit_bits(const saga_fit *fit);
 
-/* Bits of all weights (not biases) of the networks but the entropy model's,
- * and of their rows' or columns' scales, after saga_fit_code. */
+/* Sets the bits of all weights (not biases) of the networks but the entropy
+ * model's, and of their rows' or columns' scales, after saga_fit_code. */
 bool saga_fit_weight_bits(double *bits, const saga_fit *fit,
                           saga_error *error);
 

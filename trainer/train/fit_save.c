@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The fit's part of a checkpoint: what the next iteration reads and nothing
+ * The fit's part of a checkpoint is what the next iteration reads and nothing
  * else makes again. Random numbers need no state, the structure follows from
  * the warm-up. Of the twin, links stand still between refreshes, new offsets
  * are in the last iteration's supports, and layers are rounded before the

@@ -31,21 +31,23 @@ struct saga_fit {
 /* Returns the quantisation step of the coarse features, in reals. */
 double saga_fit_feature_step(const saga_scene *s);
 
-/* First iteration of the rendering that rounds: the last third does. */
+/* Returns the first iteration of the rendering that rounds: the last third
+ * does. */
 int saga_fit_first_rounding(const saga_fit *f);
 
-/* fit_weights.c. Memory for the copy of the networks, its scene and the steps.
- */
+/* fit_weights.c. Allocates memory for the copy of the networks, its scene and
+ * the steps. */
 bool saga_fit_begin_weights(saga_fit *f, saga_error *error);
-/* Reals of all networks of a scene; the first of them that stand still. */
+/* These count reals: of all networks of a scene; the first of them that stand
+ * still. */
 size_t saga_fit_n_params(const saga_scene *s);
 size_t saga_fit_n_still(const saga_fit *f);
-/* f->params of this iteration; fails where memory is short. */
+/* Makes f->params of this iteration; fails where memory is short. */
 bool saga_fit_use_weights(saga_fit *f, saga_error *error);
-/* After all other gradients of the networks: adds the rate's, sets the
+/* Adds the rate's gradients after all others of the networks, sets the
  * steps'. */
 void saga_fit_rate_weights(saga_fit *f);
-/* f->params as they will be coded. */
+/* Makes f->params as they will be coded. */
 void saga_fit_round_weights(saga_fit *f);
 
 #endif

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The networks' parameters while pictures are fitted: what the twin runs on,
- * their steps' rate, and how they come to stand on multiples of their steps.
+ * This is about the networks' parameters while pictures are fitted: what the
+ * twin runs on, their steps' rate, and how they come to stand on multiples of
+ * their steps.
  *
  * Until two thirds of the iterations they carry noise. Then they are rounded a
  * layer at a time, in the networks' order, over the next quarter of all: each
@@ -27,7 +28,7 @@
 /* Of the iterations that are left: in these all layers are rounded. */
 #define ROUNDING_PART 0.75
 
-/* The largest weight of 8 bits. */
+/* This is the largest weight of 8 bits. */
 enum { INT8_MOST = 127 };
 
 /* Stream of random numbers; fit.c has others. */
@@ -78,8 +79,8 @@ static void copy_params(saga_fit *f)
 
 /* --- Rounding ------------------------------------------------------------ */
 
-/* Tensors that stand rounded at iteration `done` of the rendering. Raw ones
- * learn to the end: their steps are too small to be felt. */
+/* Counts the tensors that stand rounded at iteration `done` of the rendering.
+ * Raw ones learn to the end: their steps are too small to be felt. */
 static int n_rounded(const saga_fit *f, int done)
 {
     const int first = saga_fit_first_rounding(f);
@@ -169,8 +170,9 @@ void saga_fit_round_weights(saga_fit *f)
     saga_weights_round(f->params, f->scene->params, &f->weights);
 }
 
-/* By the integers' own frequencies: a normal distribution says more where a few
- * weights stand far from the others, as those of the identity do. */
+/* Counts by the integers' own frequencies: a normal distribution says more
+ * where a few weights stand far from the others, as those of the identity
+ * do. */
 bool saga_fit_weight_bits(double *bits, const saga_fit *f, saga_error *error)
 {
     double one;

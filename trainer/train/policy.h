@@ -36,9 +36,9 @@ typedef struct saga_policy {
 saga_policy saga_policy_of(double lambda, double n_pixels,
                            uint32_t n_primitives, uint32_t n_coarse);
 
-/* The lambda at which bits are worth as much in more exact primitives as in
- * more of them, where n_primitives reach the mean squared error mse > 0 before
- * they are coded. */
+/* Returns the lambda at which bits are worth as much in more exact primitives
+ * as in more of them, where n_primitives reach the mean squared error mse > 0
+ * before they are coded. */
 double saga_policy_lambda(double mse, double n_pixels, uint32_t n_primitives);
 
 #endif

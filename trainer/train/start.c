@@ -16,7 +16,8 @@ enum { STREAM_SIGNS = 110 };
 /* Pictures of random signs; each gives every attribute one more sample. */
 enum { N_PICTURES = 64 };
 
-/* Turns of basis and features, each fitted while the other stands still. */
+/* Basis and features take so many turns, each fitted while the other stands
+ * still. */
 enum { N_TURNS = 6 };
 
 /* What unseen primitives count, of the mean: their attributes are free, but for
@@ -35,7 +36,7 @@ enum { N_TURNS = 6 };
 #define MOST_DEVIATION 4.0
 #define MOST_FEATURE 24.0
 
-/* Groups of attributes, in the order of the dimensions. */
+/* Groups of attributes are in the order of the dimensions. */
 enum { OPACITY, SCALE, QUAT, SLOPE, WIDTH, MOTION, COLOUR, N_GROUPS };
 
 typedef struct {
@@ -63,7 +64,7 @@ static void groups_of(real *group[N_GROUPS], const saga_splat_params *p)
     group[COLOUR] = p->colour;
 }
 
-/* Reals of a primitive in a group's tensor. */
+/* A primitive has so many reals in a group's tensor. */
 static const size_t stride[N_GROUPS] = { 1, 3, 4, 4, 1, 9, 3 };
 
 static bool init(start *x, const saga_fit *f, saga_error *error)
@@ -139,9 +140,9 @@ static bool weigh(start *x, saga_fit *f, saga_error *error)
     return true;
 }
 
-/* Output `k` of group g for the target's value `a`: sizes are relative to the
- * cell, motion to the support, rotation and colour to the middle. *unit: what a
- * unit of the output is, in units of the attribute. */
+/* Returns output `k` of group g for the target's value `a`: sizes are relative
+ * to the cell, motion to the support, rotation and colour to the middle. *unit:
+ * what a unit of the output is, in units of the attribute. */
 static double output_of(double *unit, double a, int g, size_t k,
                         const saga_coarse *cell, const start *x)
 {
@@ -225,8 +226,8 @@ static void raise_weights(start *x)
 
 /* --- Basis and features -------------------------------------------------- */
 
-/* Principal axes where each dimension is scaled by the root of its mean weight,
- * and each primitive counts by the mean of its weights over those. */
+/* Finds principal axes where each dimension is scaled by the root of its mean
+ * weight, and each primitive counts by the mean of its weights over those. */
 static void first_basis(start *x)
 {
     double w[SAGA_LINEAR_MOST] = { 0 };
@@ -260,8 +261,8 @@ static void first_basis(start *x)
             x->basis[k][j] = v[k][j] / w[k];
 }
 
-/* The features of every primitive, given the basis. ridge (f): what the square
- * of each costs; NULL: next to nothing. */
+/* Fits the features of every primitive, given the basis. ridge (f): what the
+ * square of each costs; NULL: next to nothing. */
 static void fit_codes(start *x, const double *ridge)
 {
 #pragma omp parallel for schedule(static)
@@ -289,7 +290,7 @@ static void fit_codes(start *x, const double *ridge)
     }
 }
 
-/* Basis and mean of every dimension, given the features. */
+/* Fits basis and mean of every dimension, given the features. */
 static void fit_basis(start *x)
 {
     const size_t n = x->f + 1;
@@ -344,7 +345,7 @@ static void change(start *x, saga_matrix forth, saga_matrix back)
     }
 }
 
-/* Features whose unit errors cost `price` each on the mean of the
+/* Makes features whose unit errors cost `price` each on the mean of the
  * primitives. */
 static void scale(start *x, double price)
 {
@@ -371,7 +372,7 @@ static void scale(start *x, double price)
     change(x, forth, back);
 }
 
-/* Features of mean 0 without correlation, that of the largest variance
+/* Makes features of mean 0 without correlation, that of the largest variance
  * first; variance (f). */
 static void decorrelate(start *x, double *variance)
 {
@@ -418,8 +419,8 @@ static void carry(saga_net *net, size_t n)
     }
 }
 
-/* The last layer's row: bias plus b times what n pairs carry, or n inputs where
- * there is no other layer. */
+/* Sets the last layer's row: bias plus b times what n pairs carry, or n inputs
+ * where there is no other layer. */
 static void set_row(saga_net *net, size_t row, const double *b, size_t n,
                     double bias)
 {
@@ -438,7 +439,8 @@ static void set_row(saga_net *net, size_t row, const double *b, size_t n,
     net->b[l][row] = (real)bias;
 }
 
-/* Features that a network's hidden units can carry, if it has any. */
+/* Counts the features that a network's hidden units can carry, if it has
+ * any. */
 static size_t carried(const saga_net *net, size_t n)
 {
     const size_t pairs = (size_t)net->dim[1] / 2;
@@ -446,7 +448,7 @@ static size_t carried(const saga_net *net, size_t n)
     return net->n_layers > 1 && pairs < n ? pairs : n;
 }
 
-/* First outputs = first inputs, the features. */
+/* Makes first outputs = first inputs, the features. */
 static void pass_features(saga_net *net, size_t f)
 {
     const size_t n = carried(net, f);
@@ -581,8 +583,8 @@ static void solve_all(start *x, double price, double step)
     limit_codes(x);
 }
 
-/* The twin of the scene as it stands, without noise: what the first iteration
- * finds where later ones find the last one's. */
+/* Makes the twin of the scene as it stands, without noise: what the first
+ * iteration finds where later ones find the last one's. */
 static bool begin_twin(saga_fit *f, saga_error *error)
 {
     const saga_scene *const s = f->scene;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where the fit starts: with features and networks that draw the warm-up's
+ * The fit starts here: with features and networks that draw the warm-up's
  * primitives as well as a linear map from so few numbers can. Nothing is
  * trained for it, so that the rendering begins where the warm-up ended.
  *

@@ -119,8 +119,8 @@ static uint32_t at_most(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/* A coarse and a fine anchor for each primitive, as far as the level goes: of
- * the budgets that were tried the best (docs/lab/anchors.md). */
+/* Derives a coarse and a fine anchor for each primitive, as far as the level
+ * goes: of the budgets that were tried the best (docs/lab/anchors.md). */
 static void derive(saga_train_options *o)
 {
     const saga_level_caps *const caps = &saga_caps[o->level];
@@ -180,8 +180,8 @@ static saga_train *make(const saga_capture *capture,
     return t;
 }
 
-/* Seconds of an iteration of a warm-up with all primitives, by a trial; not
- * positive where it fails. */
+/* Returns the seconds of an iteration of a warm-up with all primitives, by a
+ * trial; not positive where it fails. */
 static double try_iterations(const saga_train *t, saga_error *error)
 {
     saga_flat_options o = t->flat_options;
@@ -203,7 +203,7 @@ static double try_iterations(const saga_train *t, saga_error *error)
     return saga_failed(error) || n < 2 ? 0 : spent / (n - 1);
 }
 
-/* As many iterations as the minutes asked for allow. */
+/* Takes as many iterations as the minutes asked for allow. */
 static bool spend_minutes(saga_train *t, saga_error *error)
 {
     const double warm = try_iterations(t, error) / TRIAL_COST;
@@ -275,7 +275,7 @@ void saga_train_free(saga_train *t)
 
 /* --- From the warm-up to the fit ----------------------------------------- */
 
-/* The importance of the warm-up's primitives: opaque ones first. */
+/* Returns the importance of the warm-up's primitives: opaque ones first. */
 static float *scores_of(const saga_splat_params *p, uint32_t n,
                         saga_error *error)
 {
@@ -308,7 +308,7 @@ static bool build(saga_train *t, uint32_t *source,
     return ok;
 }
 
-/* Hierarchy and targets of its ranks, from the warm-up's primitives. */
+/* Makes hierarchy and targets of its ranks, from the warm-up's primitives. */
 static bool propose(saga_train *t, saga_error *error)
 {
     const saga_splat_params flat = saga_flat_params(t->flat);
@@ -364,7 +364,7 @@ static int iteration_of(const saga_train *t)
          : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit) : 0;
 }
 
-/* In units of an iteration of the warm-up. */
+/* Counts in units of an iteration of the warm-up. */
 static double work_done(const saga_train *t)
 {
     double sum = 0;
@@ -426,8 +426,8 @@ static bool step(saga_train *t, double *mse, saga_error *error)
         : saga_fit_iterate(t->fit, mse, error);
 }
 
-/* The iterations of the stage that are left; each is told, and saved where it
- * is time. */
+/* Runs the iterations of the stage that are left; each is told, and saved where
+ * it is time. */
 static saga_outcome run_iterations(saga_train *t, saga_error *error)
 {
     while (iteration_of(t) < iterations_of(t, t->stage)) {

@@ -130,7 +130,7 @@ typedef struct saga_train saga_train;
  * every 5 minutes where one is wanted. */
 saga_train_options saga_train_defaults(void);
 
-/* Iterations of all stages together, as asked for or tried. */
+/* Returns the iterations of all stages together, as asked for or tried. */
 int saga_train_n_iterations(const saga_train *train);
 
 /* Begins a training. NULL, with the reason in *error: an option and the remedy.

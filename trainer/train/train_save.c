@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Checkpoints of the training: what the run was asked for, the warm-up, and
+ * Checkpoints of the training hold what the run was asked for, the warm-up, and
  * once it has begun the fit. The hierarchy is not kept: it follows from the
  * warm-up.
  */
@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Eight bytes each, so that there is no padding. */
+/* Each has eight bytes, so that there is no padding. */
 typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
     uint64_t motion, capture;

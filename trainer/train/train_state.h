@@ -56,33 +56,34 @@ struct saga_train {
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
-/* From options, ablation, policy, and whether anything moves. */
+/* Makes m from options, ablation, policy, and whether anything moves. */
 void saga_train_model(saga_model *m, const saga_train *t);
-/* What of the model its entropy model is: sources, groups, sizes. A memory bank
- * has at most most_slots. */
+/* Sets what of the model its entropy model is: sources, groups, sizes. A memory
+ * bank has at most most_slots. */
 void saga_train_entropy_model(saga_model *m,
                               const saga_ablation *a,
                               const saga_policy *p, uint32_t most_slots);
 
-/* motion.c: t->dynamic, explained, changing. */
+/* motion.c: sets t->dynamic, explained, changing. */
 bool saga_train_decide(saga_train *t, saga_error *error);
 
 /* targets.c */
-/* out[i] = p[source[i]], i < n, in arrays of its own (params_free, also after
- * a failure); source NULL: all as they are. Fails where memory is short. */
+/* Sets out[i] = p[source[i]], i < n, in arrays of its own (params_free, also
+ * after a failure); source NULL: all as they are. Fails where memory is
+ * short. */
 bool saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
                        const uint32_t *source, uint32_t n, saga_error *error);
-/* Primitives as they are at mid-segment, without temporal members; p's arrays
- * are saga_train_gather's. */
+/* Makes primitives as they are at mid-segment, without temporal members; p's
+ * arrays are saga_train_gather's. */
 void saga_train_freeze(saga_splat_params *p, uint32_t n);
 /* Those that live through the segment get the middle of it for a centre. p has
  * temporal members. */
 void saga_train_centre(saga_splat_params *p, uint32_t n);
 void saga_train_params_free(saga_splat_params *p);
 
-/* quality.c: the report's qualities. */
+/* quality.c: measures the report's qualities. */
 bool saga_train_measure_flat(saga_train *t, saga_error *error);
-/* Of the pictures that twin, which stands for scene, draws. */
+/* Measures the pictures that twin, which stands for scene, draws. */
 bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
                               const saga_scene *scene, saga_twin *twin,
                               saga_error *error);
