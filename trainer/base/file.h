@@ -20,7 +20,7 @@ char *saga_path_join(const char *folder, const char *name, saga_error *error);
 char *saga_string_copy(const char *s, saga_error *error);
 bool saga_path_is_file(const char *path);
 bool saga_path_is_folder(const char *path);
-/* Whether there is a file of that name in the folder. */
+/* Tells whether there is a file of that name in the folder. */
 bool saga_folder_has(const char *folder, const char *name);
 bool saga_has_suffix(const char *s, const char *suffix);
 

@@ -16,7 +16,7 @@ typedef double saga_matrix[SAGA_LINEAR_MOST][SAGA_LINEAR_MOST];
  * and destroyed; x takes the place of b (Cholesky). */
 void saga_solve(saga_matrix a, double *b, size_t n);
 
-/* Eigenvectors of a in the columns of v, the largest eigenvalue first; a
+/* Puts eigenvectors of a in the columns of v, the largest eigenvalue first; a
  * becomes the diagonal matrix of eigenvalues (cyclic Jacobi). */
 void saga_eigen(saga_matrix v, saga_matrix a, size_t n);
 

@@ -35,7 +35,7 @@ static bool no_file(const char *path, saga_error *error)
 
 /* --- Parts --------------------------------------------------------------- */
 
-/* Whether `name` is that of a part of `base`. */
+/* Tells whether `name` is that of a part of `base`. */
 static bool is_part(const char *name, const char *base)
 {
     const size_t n = strlen(base), m = sizeof mark - 1;

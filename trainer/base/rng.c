@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A counter times an odd constant, keyed, through two rounds of multiply and
- * xor-shift (Stafford's variant 13 of the 64-bit finaliser, as in SplitMix64).
+ * A counter times an odd constant, keyed, goes through two rounds of multiply
+ * and xor-shift (Stafford's variant 13 of the 64-bit finaliser, as in
+ * SplitMix64).
  */
 #include "rng.h"
 

@@ -143,7 +143,7 @@ static inline vec vec_sqrt(vec a)
 #endif
 }
 
-/* Whether any lane of a comparison is true. */
+/* Tells whether any lane of a comparison is true. */
 static inline int vec_any(veci mask)
 {
 #if defined __AVX2__ && defined SAGA_REAL_DOUBLE
@@ -173,8 +173,8 @@ static inline real vec_sum(vec a)
     return x[0];
 }
 
-/* out[i] = the sum of v[i], eight at once: neighbours first, then pairs, then
- * halves, in every build. */
+/* Sets out[i] = the sum of v[i], eight at once: neighbours first, then pairs,
+ * then halves, in every build. */
 static inline void vec_sum8(real *out, const vec *v)
 {
 #if defined __AVX2__ && !defined SAGA_REAL_DOUBLE

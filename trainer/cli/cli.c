@@ -156,7 +156,7 @@ static int min3(int a, int b, int c)
     return ab < c ? ab : c;
 }
 
-/* Letters to insert, remove or change to make b of a; both are short. */
+/* Counts letters to insert, remove or change to make b of a; both are short. */
 static int distance(const char *a, const char *b)
 {
     const int na = (int)strlen(a), nb = (int)strlen(b);

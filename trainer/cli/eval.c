@@ -26,7 +26,7 @@ typedef struct {
     const char *hold_out, *pictures;
 } options;
 
-/* What is open and what came out. */
+/* This holds what is open and what came out. */
 typedef struct {
     const options *o;
     const char *file_name, *capture_name;

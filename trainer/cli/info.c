@@ -23,7 +23,7 @@ typedef struct {
     bool json;
 } options;
 
-/* All there is to tell. */
+/* This is all there is to tell. */
 typedef struct {
     const char *name;
     const uint8_t *bytes;

@@ -203,7 +203,7 @@ static bool write_one(session *s, const saga_camera *c, int number)
     return ok;
 }
 
-/* The camera of picture i; *c has the lens. */
+/* Sets the camera of picture i; *c has the lens. */
 static bool camera_of(saga_camera *c, session *s, int i)
 {
     const saga_metric *const metric = &s->film.metric;

@@ -114,7 +114,7 @@ static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
     return ok;
 }
 
-/* What the page carries of the file, as text; free() frees it. */
+/* Returns what the page carries of the file, as text; free() frees it. */
 static char *describe(session *s, const char *name)
 {
     json_t *list, *o;

@@ -146,7 +146,7 @@ static const saga_http_file *find_file(const saga_http *http, const char *path,
     return NULL;
 }
 
-/* Whether the browser was told to come to this machine. */
+/* Tells whether the browser was told to come to this machine. */
 static bool is_host_ours(const saga_http *http, const char *request)
 {
     const char *const host = header(request, "Host");

@@ -8,7 +8,7 @@
 
 /* --- Single symbols ------------------------------------------------------ */
 
-/* How a symbol is coded: an interval of 2^15, then plain bits. */
+/* A symbol is coded so: an interval of 2^15, then plain bits. */
 typedef struct {
     uint32_t start, end, plain;
 } code;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The cost counter: what symbols cost under common/'s integer frequencies, in
- * bits. One of the four coders behind the traversal; it asks another one for
+ * The cost counter tells what symbols cost under common/'s integer frequencies,
+ * in bits. One of the four coders behind the traversal; it asks another one for
  * the values and passes them on.
  *
  * It counts twice. The code length is -log2 of the nominal frequencies. The
@@ -40,8 +40,8 @@ void saga_cost_init(saga_cost *c, saga_coder *inner);
  * 0..63. */
 double saga_cost_residual(int32_t q, uint32_t scale);
 
-/* The Q the trainer gives the sigma head, and constants of log2 sigma: what
- * saga_prob_index takes. */
+/* This is the Q the trainer gives the sigma head, and constants of log2 sigma:
+ * what saga_prob_index takes. */
 enum { SAGA_COST_SIGMA_Q = 10 };
 
 /* --- Components ---------------------------------------------------------- */

@@ -232,7 +232,7 @@ static void try_lines(layer_scales *best, uint32_t mode,
     }
 }
 
-/* What takes the least bits for residuals q (rows, columns). */
+/* Finds what takes the least bits for residuals q (rows, columns). */
 static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
                          uint32_t columns, saga_error *error)
 {
@@ -364,7 +364,8 @@ static double cell_offset(const saga_position *cell, const double *x,
                  cell->support[axis]);
 }
 
-/* What channel i of the block would be if nothing were quantised, in LSB. */
+/* Returns what channel i of the block would be if nothing were quantised, in
+ * LSB. */
 static double target_of(const loop *l, saga_at at, uint32_t i)
 {
     const saga_model *const m = l->sc->model;

@@ -55,7 +55,7 @@ void saga_dequantise_layer(float *weight, float *bias,
 
 /* --- A segment ----------------------------------------------------------- */
 
-/* What is to be coded, in rank order; positions in box and time units. */
+/* This is to be coded, in rank order; positions in box and time units. */
 typedef struct saga_targets {
     const double *coarse_x;      /* (coarse, 4) */
     const float *feature;        /* (coarse, F) */
@@ -69,7 +69,7 @@ typedef struct saga_targets {
                                   * here is read. NULL: derived */
 } saga_targets;
 
-/* What the decoder will have, in rank order and the same units: arrays of the
+/* The decoder will have this, in rank order and the same units: arrays of the
  * caller. coarse_x is NULL if none of it but the order is wanted. */
 typedef struct saga_decoded {
     double *coarse_x, *fine_x, *prim_x; /* (n, 4) */

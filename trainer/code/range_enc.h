@@ -21,7 +21,7 @@ typedef struct saga_range_enc {
 
 void saga_range_enc_init(saga_range_enc *e, uint8_t *p, size_t cap);
 
-/* The interval [start, end) of 2^15; end = 2^15 takes the remainder. */
+/* Codes the interval [start, end) of 2^15; end = 2^15 takes the remainder. */
 void saga_range_enc_interval(saga_range_enc *e, uint32_t start, uint32_t end);
 
 /* Writes `bits` plain bits of v, most significant first. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where an anchor or primitive lies in its parent: offsets, and the suffixes
- * that number the cells of a parent's grid.
+ * This says where an anchor or primitive lies in its parent: offsets, and the
+ * suffixes that number the cells of a parent's grid.
  */
 #ifndef SAGA_SUFFIX_H
 #define SAGA_SUFFIX_H

@@ -11,7 +11,7 @@
 
 /* Begins to watch what jansson does in this thread. */
 void saga_json_watch(void);
-/* Whether some memory was refused since. */
+/* Tells whether some memory was refused since. */
 bool saga_json_starved(void);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a format's loader finds out before any picture is decoded. The loaders
+ * A format's loader finds this out before any picture is decoded. The loaders
  * fill a listing (nerfstudio.c, neu3d.c); capture.c turns it into a capture,
  * the same way for all of them.
  */
@@ -38,8 +38,8 @@ typedef struct saga_listing {
     char notes[SAGA_NOTES_NBYTES];
 } saga_listing;
 
-/* Which views are held out: by the option if given, else as the format said.
- * Must run before points are counted by training views. */
+/* Sets which views are held out: by the option if given, else as the format
+ * said. Must run before points are counted by training views. */
 bool saga_listing_hold_out(saga_listing *listing, const char *names,
                            saga_error *error);
 /* Probes a source's video, checks or sets its size. */

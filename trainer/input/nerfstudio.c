@@ -32,7 +32,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What has to be the same in all pictures of a camera; no padding, so that
+/* This has to be the same in all pictures of a camera; no padding, so that
  * bytes can be compared. Unknown values are NaN, kept as one bit pattern. */
 typedef struct camera_key {
     double pose[12];          /* camera to world, rows of 3 x 4 */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a loader has to say about a capture: its notes and its names.
+ * A loader has this to say about a capture: its notes and its names.
  */
 #ifndef SAGA_NOTES_H
 #define SAGA_NOTES_H

@@ -202,7 +202,8 @@ static bool fill_point(saga_point *point, const ply_header *h,
            isfinite(point->position[2]);
 }
 
-/* Least bytes one vertex takes: checked before anything is allocated. */
+/* Returns the least bytes one vertex takes: checked before anything is
+ * allocated. */
 static uint64_t least_nbytes(const ply_header *h)
 {
     uint64_t n = 0;

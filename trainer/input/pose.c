@@ -32,7 +32,7 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* How far the rows are from orthonormal; NaN if any of them is. */
+/* Tells how far the rows are from orthonormal; NaN if any of them is. */
 static double defect(const double r[9])
 {
     double worst = 0.0;
@@ -46,8 +46,8 @@ static double defect(const double r[9])
     return worst;
 }
 
-/* Newton's iteration to the nearest rotation, R <- (R + R^-T) / 2; the rows
- * of R^-T are cross products over the determinant. */
+/* This is Newton's iteration to the nearest rotation, R <- (R + R^-T) / 2; the
+ * rows of R^-T are cross products over the determinant. */
 static void nearest_rotation(double r[9])
 {
     for (int round = 0; round < 6; round++) {

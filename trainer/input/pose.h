@@ -20,7 +20,7 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
                          const double forward[3], const double centre[3],
                          double rotation[9], double translation[3]);
 
-/* Where the camera stands: -rotation^T translation. */
+/* Computes where the camera stands: -rotation^T translation. */
 void saga_pose_centre(const double rotation[9], const double translation[3],
                       double centre[3]);
 

@@ -39,8 +39,9 @@ typedef struct saga_dense {
 void saga_dense_forward(real *y, const saga_dense *layer,
                         const saga_dense_rows *x);
 
-/* dw[n_out][pad(n_in)] += dy^T x, of n points; dy's width is n_out, x's n_in
- * and its stride pad(n_in). In chunks of 64 points, each summed in order. */
+/* Adds to dw[n_out][pad(n_in)] dy^T x, of n points; dy's width is n_out, x's
+ * n_in and its stride pad(n_in). In chunks of 64 points, each summed in
+ * order. */
 void saga_dense_backward(real *dw, const saga_dense_rows *dy,
                          const saga_dense_rows *x);
 

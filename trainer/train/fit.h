@@ -72,8 +72,8 @@ const saga_weights *saga_fit_weights(const saga_fit *fit);
  * and options. Where the checkpoint fails the state is undefined. */
 void saga_fit_walk(saga_fit *fit, saga_checkpoint *checkpoint);
 
-/* Bits all residuals would take, by the last iteration: an estimate from a
- * quarter of them. */
+/* Returns the bits all residuals would take, by the last iteration: an estimate
+ * from a quarter of them. */
 double saga_fit_bits(const saga_fit *fit);
 
 /* Sets the bits of all weights (not biases) of the networks but the entropy

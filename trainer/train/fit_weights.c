@@ -31,7 +31,7 @@
 /* This is the largest weight of 8 bits. */
 enum { INT8_MOST = 127 };
 
-/* Stream of random numbers; fit.c has others. */
+/* This is a stream of random numbers; fit.c has others. */
 enum { STREAM_WEIGHTS = 110 };
 
 /* --- The copy ------------------------------------------------------------ */
@@ -100,7 +100,7 @@ size_t saga_fit_n_still(const saga_fit *f)
          : f->weights.tensor[n].at;
 }
 
-/* What the layer of tensor t was last given, and its steps. */
+/* Gives what the layer of tensor t was last given, and its steps. */
 static saga_weight_round_input rounding_of(const saga_fit *f, int t)
 {
     const saga_weight_tensor *const l = &f->weights.tensor[t];

@@ -11,8 +11,8 @@
 #include "quantise.h"
 #include "scene.h"
 
-/* What is packed: the choice's scene. All networks have run on all there is,
- * and choice, feature and twin are as saga_fit_code gives them. */
+/* The choice's scene is packed. All networks have run on all there is, and
+ * choice, feature and twin are as saga_fit_code gives them. */
 typedef struct saga_pack_input {
     const saga_rate_choice *choice;
     const saga_twin *twin;

@@ -13,7 +13,8 @@
 
 enum { STREAM_SIGNS = 110 };
 
-/* Pictures of random signs; each gives every attribute one more sample. */
+/* So many pictures have random signs; each gives every attribute one more
+ * sample. */
 enum { N_PICTURES = 64 };
 
 /* Basis and features take so many turns, each fitted while the other stands
@@ -543,9 +544,9 @@ static void set_features(const start *x, saga_fit *f)
 
 /* --- The whole ----------------------------------------------------------- */
 
-/* What a unit of a feature may cost the pictures' mean squared error. A step of
- * it costs price step^2 / 12, which at equal slopes is a bit's worth over
- * 2 ln 2. */
+/* Returns what a unit of a feature may cost the pictures' mean squared error. A
+ * step of it costs price step^2 / 12, which at equal slopes is a bit's worth
+ * over 2 ln 2. */
 static double price_of(const saga_fit *f)
 {
     const double step = saga_fit_feature_step(f->scene);

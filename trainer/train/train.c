@@ -11,11 +11,11 @@
 #include <string.h>
 #include <time.h>
 
-/* The warm-up's part of the iterations; the rendering begins where it ends, and
- * its iterations are dearer. */
+/* The warm-up has this part of the iterations; the rendering begins where it
+ * ends, and its iterations are dearer. */
 static const double warm_part = 0.6;
 
-/* What an iteration costs, relative to each other: for the estimate of the time
+/* Iterations cost this, relative to each other: for the estimate of the time
  * that is left. */
 static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 3.2, 0 };
 
@@ -447,7 +447,7 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
     return SAGA_DONE;
 }
 
-/* What a stage does after its iterations. */
+/* Does what a stage does after its iterations. */
 static bool conclude(saga_train *t, saga_error *error)
 {
     bool ok = true;
