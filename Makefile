@@ -450,7 +450,7 @@ clean:
 
 define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
-make demo        the built-in scene, encoded, decoded and judged; 7 CPU minutes
+make demo        the built-in scene, encoded, decoded and judged; 3 CPU minutes
 make floors      the demo beside what needs no such codec; 10 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
 make rd          rate and distortion of all scenes beside other codecs; hours

@@ -23,7 +23,8 @@ import math
 import sys
 
 sys.path.insert(0, "lab")
-from ablation_table import bd_rate, integral, same_symbols
+from ablation_table import same_symbols
+from bd_rate import bd_rate, integral
 
 
 def near(a, b):

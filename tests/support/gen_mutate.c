@@ -863,18 +863,19 @@ static int rig_camera(saga_camera *c, player *p)
 }
 
 /* More units than a picture can take: clearing and writing of all tiles; per
- * splat a look in each band, once more when the list was full, an entry and
- * its rows in each tile; one per tile each time the list is full. */
+ * splat in each band a look to keep its key, to count and to list it, and in
+ * each tile its count, its entry and its rows; each time the list is full, half
+ * of which may be keys, a splat and the tiles once more. */
 static uint64_t most_units(const saga_job *job, uint32_t n_splats)
 {
     const uint64_t side = (uint64_t)job->tile;
     const uint64_t tiles = (((uint64_t)(job->x1 - job->x0) + side - 1) / side) *
                            (((uint64_t)(job->y1 - job->y0) + side - 1) / side);
     const uint64_t entries = tiles * n_splats;
-    const uint64_t passes = entries / job->list_capacity + tiles + 1;
+    const uint64_t passes = 2 * entries / job->list_capacity + tiles + 1;
 
-    return tiles * (2 * side + 2) + 3 * entries + entries * side +
-           passes * (tiles + 2);
+    return tiles * (2 * side + 2) + 6 * entries + entries * side +
+           passes * (3 * tiles + 4);
 }
 
 static uint32_t crc_of_samples(uint32_t crc, const uint8_t *pixels, size_t n,

@@ -31,7 +31,8 @@ enum { N_TURNS = 6 };
  * worth far-fetched values. */
 #define PRIOR 100
 
-/* Bits that cost next to nothing do not make features larger than this: their
+/* Bits that cost next to nothing do not make features larger than this, nor
+ * dear ones smaller than a step, or weights would be beyond all formats: their
  * standard deviation, and, with some room in their format to learn in, their
  * magnitude. */
 #define MOST_DEVIATION 4.0
@@ -562,7 +563,7 @@ static void limit_codes(start *x)
 
 static void solve_all(start *x, double price, double step)
 {
-    double ridge[SAGA_LINEAR_MOST];
+    double ridge[SAGA_LINEAR_MOST], most;
 
     first_basis(x);
     for (int i = 0; i < N_TURNS; i++) {
@@ -572,8 +573,9 @@ static void solve_all(start *x, double price, double step)
     }
     scale(x, price);
     decorrelate(x, ridge);
-    if (ridge[0] > MOST_DEVIATION * MOST_DEVIATION) {
-        price *= ridge[0] / (MOST_DEVIATION * MOST_DEVIATION);
+    most = fmin(fmax(ridge[0], step * step), MOST_DEVIATION * MOST_DEVIATION);
+    if (ridge[0] > 1e-12 && (ridge[0] < most || ridge[0] > most)) {
+        price *= ridge[0] / most;
         scale(x, price);
         decorrelate(x, ridge);
     }
