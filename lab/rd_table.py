@@ -120,7 +120,8 @@ def scene_table(rows):
         o = p.rows[0]["options"]
         warm = [[r["warm_up"][s] for r in p.rows]
                 for s in ("held_out", "training")]
-        out.append([o[1], o[3], kb(p.bytes), f"**{db(p.psnr('held_out'))}**",
+        out.append([o[1], o[3] if float(o[3]) else "rule", kb(p.bytes),
+                    f"**{db(p.psnr('held_out'))}**",
                     db(p.psnr("training")),
                     db(p.psnr("held_out", "changing")),
                     db(p.psnr("training", "changing")),
