@@ -78,9 +78,9 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
     p->v = (-p->g * x + p->n * y) >> 8;
     p->w = -p->h * y >> 8;
     if (gen_int(r, 0, 7) == 0)
-        p->v += ((int64_t)gen_int(r, -100, 100)) << gen_int(r, 20, 45);
+        p->v += gen_int(r, -100, 100) * ((int64_t)1 << gen_int(r, 20, 45));
     if (gen_int(r, 0, 7) == 0)
-        p->w = ((int64_t)gen_int(r, -100, 100)) << gen_int(r, 20, 45);
+        p->w = gen_int(r, -100, 100) * ((int64_t)1 << gen_int(r, 20, 45));
     for (i = 0; i < 3; i++)
         p->colour_q15[i] = (uint16_t)any_of(r, colours, 4);
     if (gen_int(r, 0, 3) == 0) { /* halves, which rounding takes up */
