@@ -9,7 +9,7 @@ set terminal svg size 340 * columns, 320 * lines font "sans-serif,11" \
     background "white"
 set output out
 set multiplot layout lines, columns
-set key top left
+set key below
 set grid
 set logscale x
 set xlabel "bytes of all cameras, kB"
