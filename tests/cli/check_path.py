@@ -17,6 +17,8 @@ import subprocess
 import sys
 import tempfile
 
+from verdict import Verdicts
+
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
 SAGA = os.environ.get("SAGA", BUILD + "/saga")
@@ -28,21 +30,8 @@ NEAR = 1 << 18
 BACKGROUND = [3000, 4000, 8000]
 N_FRAMES = 20
 
-complaints = []
-failed = False
-
-
-def complain(*words):
-    complaints.append(" ".join(str(w) for w in words))
-
-
-def verdict(name):
-    global failed
-    for c in complaints:
-        print("     " + c)
-    print(("FAIL" if complaints else "ok  ") + " path " + name, flush=True)
-    failed = failed or bool(complaints)
-    complaints.clear()
+checks = Verdicts("path")
+complain, verdict = checks.complain, checks.verdict
 
 
 # --- The same cameras, computed here ---------------------------------------
@@ -290,7 +279,7 @@ def main():
         check_look_at(tmp)
         check_film(tmp)
         check_bad(tmp)
-    return 1 if failed else 0
+    return 1 if checks.failed else 0
 
 
 sys.exit(main())

@@ -18,32 +18,16 @@ import subprocess
 import sys
 import tempfile
 
+from verdict import Verdicts, read
+
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
 SAGA = os.environ.get("SAGA", BUILD + "/saga")
 WEB = os.path.join(os.path.dirname(SAGA), "web")
 GOOD = "vectors/good/still.saga"
 
-complaints = []
-failed = False
-
-
-def complain(*words):
-    complaints.append(" ".join(str(w) for w in words))
-
-
-def verdict(name):
-    global failed
-    for c in complaints:
-        print("     " + c)
-    print(("FAIL" if complaints else "ok  ") + " view " + name, flush=True)
-    failed = failed or bool(complaints)
-    complaints.clear()
-
-
-def read(path):
-    with open(path, "rb") as f:
-        return f.read()
+checks = Verdicts("view")
+complain, verdict = checks.complain, checks.verdict
 
 
 class View:
@@ -197,7 +181,7 @@ def main():
     if not os.path.exists(WEB + "/saga.wasm"):
         refused([GOOD], 2, "install clang and lld")
         verdict("without a decoder for browsers it says what is missing")
-        return 1 if failed else 0
+        return 1 if checks.failed else 0
     view = View(GOOD)
     if not view.port:
         complain("the address is", view.url)
@@ -206,7 +190,7 @@ def main():
     verdict("files")
     check_refusals(view)
     check_command(view)
-    return 1 if failed else 0
+    return 1 if checks.failed else 0
 
 
 sys.exit(main())

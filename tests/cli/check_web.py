@@ -30,6 +30,7 @@ import tempfile
 
 sys.path.insert(0, os.path.join(os.path.dirname(__file__), "..", "support"))
 import browser  # noqa: E402
+from verdict import Verdicts, read  # noqa: E402
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
@@ -39,26 +40,8 @@ WEB = os.path.join(os.path.dirname(SAGA), "web")
 GOOD = "vectors/good/"
 SEGMENTS = "segments.saga"
 
-complaints = []
-failed = False
-
-
-def complain(*words):
-    complaints.append(" ".join(str(w) for w in words))
-
-
-def verdict(name):
-    global failed
-    for c in complaints:
-        print("     " + c)
-    print(("FAIL" if complaints else "ok  ") + " web " + name, flush=True)
-    failed = failed or bool(complaints)
-    complaints.clear()
-
-
-def read(path):
-    with open(path, "rb") as f:
-        return f.read()
+checks = Verdicts("web")
+complain, verdict = checks.complain, checks.verdict
 
 
 # --- References ------------------------------------------------------------
@@ -507,11 +490,11 @@ def main():
             check_controls(page, tmp)
             check_view(page)
             check_rate(page, rated)
-            complaints.extend(page.tab.log)
+            checks.complaints.extend(page.tab.log)
             verdict("console")
         finally:
             page.tab.close()
-    return 1 if failed else 0
+    return 1 if checks.failed else 0
 
 
 sys.exit(main())
