@@ -451,7 +451,7 @@ clean:
 define HELP
 make [all]       $(BUILD)/libsaga.a, saga-dec (decoder), saga (trainer), gen_tables
 make demo        the built-in scene, encoded, decoded and judged; 3 CPU minutes
-make floors      the demo beside what needs no such codec; 10 CPU minutes more
+make floors      the demo beside what needs no such codec; 4 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
 make rd          rate and distortion of all scenes beside other codecs; hours
 make rd-short    the same of two small scenes at one rate, beside the last row

@@ -6,7 +6,7 @@
  *
  *     L = D + lambda R / 255^2 + lambda_a L_A
  *
- * D is the mean squared error of the pictures (picture_loss.h).
+ * D is the mean squared error of the pictures.
  * R is the number of bits of all residuals (coarse centres and features, fine
  * and primitive offsets; rate_loss.h) and 1.5 times that of the networks'
  * weights, per pixel of all training pictures: policy.h turns lambda into what
