@@ -33,7 +33,7 @@ INLINE u32x4 shift_each(u32x4 m, u32x4 n)
 
 void saga_blend__x4(uint32_t *t, uint32_t side, const saga_patch *p)
 {
-    blend_x4(t, side, p);
+    blend_lanes(t, side, p);
 }
 
 #endif

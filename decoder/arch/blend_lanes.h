@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Blending in vectors of LANES pixels of a row. The numbers of rows and of
+ * groups of pixels are known before the first one, so that nothing is decided
+ * per row; pixels outside the box are masked out, since their v may wrap
+ * around.
+ *
+ * With Q = q in Q12, of which eight bits are the fraction,
+ *     Q = (v^2 + 32 + 64 q_line) >> 18,  v in Q13,
+ * one shift for the two of the norm: 64 q_line is a multiple of 64. v is below
+ * 7 2^13 in the box: its square and 64 * 8 2^20 + 32 are below 2^32.
+ *
+ * 2^-f is blend.c's polynomial. Builtins and vector types rather than
+ * immintrin.h, which wants a C library. A file of a machine defines what
+ * machines have differently and then includes this:
+ *
+ *     INLINE, LANES             how its functions are inlined; 4 or 8
+ *     PAIRS                     1: two groups of a row are blended at a time
+ *     u32s, i32s, IOTA          vectors of LANES; { 0, 1, 2, .. }
+ *     u32s min_u32(u32s, u32s)
+ *     u32s exp2_minus(u32s q)   2^-q in Q16, q in Q12 below the cut; anything
+ *                               for other q
+ */
+#ifndef SAGA_BLEND_LANES_H
+#define SAGA_BLEND_LANES_H
+
+#include "blend.h"
+
+#ifdef LANES
+
+enum { ROWS = 16 };              /* whose v and q are held at a time */
+
+INLINE u32s all(uint32_t x)
+{
+    const u32s zero = { 0 };
+
+    return zero + x;
+}
+
+INLINE u32s load(const uint32_t *p)
+{
+    u32s v;
+
+    __builtin_memcpy(&v, p, sizeof v);
+    return v;
+}
+
+INLINE void store(uint32_t *p, u32s v)
+{
+    __builtin_memcpy(p, &v, sizeof v);
+}
+
+/* This is a group of LANES columns. */
+typedef struct {
+    u32s steps;                 /* of v from the tile's first column */
+    u32s outside;               /* 2^31 - 1 where not in the box, else 0 */
+} group;
+
+typedef struct {
+    u32s colour[3];
+} paint;
+
+/* Returns min(2^-q, cap) in Q16; q in Q12, 0 from the cut on. */
+INLINE u32s alpha_q16(u32s q)
+{
+    const u32s a = min_u32(exp2_minus(q), all(SAGA_ALPHA_CAP_Q16));
+
+    return a & (u32s)((i32s)q < SAGA_CUT_LOG2 << 8);
+}
+
+/* A group of a row: v at the tile's first column and k = 32 + 64 q_line are
+ * the same in all lanes. */
+INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
+                        const group *c, const paint *p)
+{
+    const u32s v_q13 = (u32s)((i32s)(v + c->steps) >> 15);
+    const u32s q = (v_q13 * v_q13 + k) >> 18 | c->outside;
+    const u32s before = load(t);
+    const u32s a = alpha_q16(q) &
+                    (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);
+    const u32s w = a * before >> 16;
+    uint32_t i;
+
+    store(t, before - w);
+    for (i = 0; i < 3; i++) {
+        t += plane;
+        store(t, load(t) + w * p->colour[i]);
+    }
+}
+
+/* v + 2^14, so that a shift rounds it, and k of up to ROWS rows. */
+typedef struct {
+    uint32_t v[ROWS], k[ROWS];
+} rows;
+
+/* w below 7: its square in Q20 is below 2^26, q_line below 2^27. */
+INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first)
+{
+    const u32s iota = IOTA;
+    const u32s v0 = all((uint32_t)p->v + 0x4000u);
+    const u32s w0 = all((uint32_t)p->w + 0x4000u);
+    uint32_t i;
+
+    for (i = 0; i < ROWS; i += LANES) {
+        const u32s y = iota + (first + i);
+        const u32s w_q13 =
+            (u32s)((i32s)(w0 + y * (uint32_t)p->h) >> 15);
+        const u32s q = ((w_q13 * w_q13 + 32) >> 6) + (uint32_t)p->q0;
+
+        store(r->v + i, v0 - y * (uint32_t)p->n);
+        store(r->k + i, (min_u32(q, all(SAGA_CUT_Q20)) << 6) + 32);
+    }
+}
+
+INLINE void begin_group(group *c, const saga_patch *p, int32_t first)
+{
+    const i32s x = (i32s)IOTA + first;
+
+    c->steps = (u32s)x * (uint32_t)p->g;
+    c->outside = (u32s)((x < p->x0) | (x >= p->x1)) >> 1;
+}
+
+/* One or two neighbouring groups of n rows. */
+INLINE void blend_rows(uint32_t *t, uint32_t side, const rows *r,
+                       const group *c, const paint *p, uint32_t n,
+                       uint32_t n_groups)
+{
+    const uint32_t plane = side * side;
+    uint32_t i;
+
+    for (i = 0; i < n; i++, t += side) {
+        const u32s v = all(r->v[i]), k = all(r->k[i]);
+
+        blend_group(t, plane, v, k, c, p);
+        if (n_groups == 2)
+            blend_group(t + LANES, plane, v, k, c + 1, p);
+    }
+}
+
+INLINE void blend_lanes(uint32_t *t, uint32_t side, const saga_patch *p)
+{
+    const paint with = { { all(p->colour_q15[0]), all(p->colour_q15[1]),
+                           all(p->colour_q15[2]) } };
+    uint32_t row, n;
+
+    for (row = 0; row < p->n_rows; row += n, t += n * side) {
+        int32_t x = p->x0 & ~(LANES - 1);
+        group c[2];
+        rows r;
+
+        n = p->n_rows - row < ROWS ? p->n_rows - row : ROWS;
+        begin_rows(&r, p, row);
+        for (; PAIRS && x + LANES < p->x1; x += 2 * LANES) {
+            begin_group(c, p, x);
+            begin_group(c + 1, p, x + LANES);
+            blend_rows(t + x, side, &r, c, &with, n, 2);
+        }
+        for (; x < p->x1; x += LANES) {
+            begin_group(c, p, x);
+            blend_rows(t + x, side, &r, c, &with, n, 1);
+        }
+    }
+}
+
+#endif
+#endif
