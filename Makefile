@@ -46,7 +46,8 @@ PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
 
 # SEE_room lists what a room of the trainer may see; each room stands on those
 # above it. docs/architecture.md has the same table, tests/check_tree.sh both.
-ROOMS := base nn input code splat synth rig scene entropy warm train eval cli
+ROOMS := base nn input code splat synth rig scene entropy warm train eval \
+         exchange cli
 SEE_base    :=
 SEE_nn      := base
 SEE_input   := base
@@ -59,7 +60,8 @@ SEE_entropy := base nn code splat scene
 SEE_warm    := base nn input splat rig
 SEE_train   := base nn input code splat rig scene entropy warm
 SEE_eval    := base input rig
-SEE_cli     := base nn input code splat synth rig scene entropy warm train eval
+SEE_exchange := base input code rig eval
+SEE_cli     := base nn input code splat synth rig scene entropy warm train eval exchange
 
 # ---------------------------------------------------------------- sources
 

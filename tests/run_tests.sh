@@ -217,6 +217,7 @@ many() {
     done
     check view python3 tests/cli/check_view.py
     check path python3 tests/cli/check_path.py
+    check exchange python3 tests/cli/check_exchange.py
     check web python3 tests/cli/check_web.py
     check firmware tests/check_firmware.sh
     vectors gcc

@@ -7,9 +7,11 @@
 
 #include "cli.h"
 
+extern const saga_command saga_command_cut;
 extern const saga_command saga_command_encode;
 extern const saga_command saga_command_eval;
 extern const saga_command saga_command_info;
+extern const saga_command saga_command_join;
 extern const saga_command saga_command_render;
 extern const saga_command saga_command_synth;
 extern const saga_command saga_command_view;

@@ -19,7 +19,9 @@ static const saga_command *const commands[] = {
     &saga_command_info,
     &saga_command_eval,
     &saga_command_render,
-    &saga_command_view
+    &saga_command_view,
+    &saga_command_cut,
+    &saga_command_join
 };
 
 enum { N_COMMANDS = (int)(sizeof commands / sizeof commands[0]) };

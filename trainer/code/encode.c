@@ -483,7 +483,6 @@ static bool write_header(saga_encoder *e, buffer *out, saga_error *error)
     saga_bank_io(&io, &h->model);
     for (i = 0; i < h->n_cameras; i++)
         saga_camera_io(&io, &e->rig[i]);
-    fx_store32_le(io.out + io.at, saga_crc32c(0, io.out, io.at));
     out->n += h->header_nbytes;
     return true;
 }
@@ -521,14 +520,14 @@ static bool append(buffer *out, const buffer *b, saga_error *error)
     return true;
 }
 
-/* Writes the CRCs of all chunks: the header is known last. */
-static void sign(buffer *file, size_t header_nbytes)
+void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
 {
-    uint32_t owner = fx_load32_le(file->p + header_nbytes - 4);
+    uint32_t owner = saga_crc32c(0, file, header_nbytes - 4);
     size_t at = header_nbytes;
 
-    while (at < file->n) {
-        uint8_t *const p = file->p + at;
+    fx_store32_le(file + header_nbytes - 4, owner);
+    while (at < n) {
+        uint8_t *const p = file + at;
         saga_io in = { p, NULL, 0 }, out = { NULL, p, 0 };
         saga_chunk chunk;
 
@@ -557,16 +556,19 @@ bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
                          saga_encode_sizes *sizes, saga_error *error)
 {
     buffer out = { NULL, 0, 0 };
+    bool ok;
 
     if (e->header.n_segments == 0)
         return saga_fail(error, NULL, remedy, "there is no segment");
-    if (!write_header(e, &out, error) || !write_index(e, &out, error) ||
-        !append(&out, &e->networks, error) ||
-        !append(&out, &e->segments, error) || !probe(&out, error)) {
+    ok = write_header(e, &out, error) && write_index(e, &out, error) &&
+         append(&out, &e->networks, error) &&
+         append(&out, &e->segments, error);
+    if (ok)
+        saga_file_sign(out.p, out.n, e->header.header_nbytes);
+    if (!ok || !probe(&out, error)) {
         free(out.p);
         return false;
     }
-    sign(&out, e->header.header_nbytes);
     e->sizes.header = e->header.header_nbytes;
     e->sizes.total = out.n;
     *sizes = e->sizes;

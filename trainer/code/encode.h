@@ -56,6 +56,10 @@ bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
 
 void saga_encoder_free(saga_encoder *e);
 
+/* Writes the CRCs of the header, which takes header_nbytes, and of all chunks
+ * into file[0..n), which is complete but for them. */
+void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes);
+
 /* Whoever drives a traversal of a segment of n outside the decoder gets its
  * memory here; saga_scaffold_free gives it back. */
 bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,

@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga cut takes frames out of a file, and saga join puts files one after the
+ * other. Nothing is trained or decoded.
+ */
+#include "cli.h"
+#include "commands.h"
+#include "error.h"
+#include "file.h"
+#include "output.h"
+#include "splice.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+enum { MOST_PARTS = 2 };
+
+typedef struct {
+    const char *out;
+} options;
+
+static bool write_file(const char *path, const uint8_t *bytes, size_t n,
+                       saga_error *error)
+{
+    saga_output out;
+
+    if (!saga_output_open(&out, path, error))
+        return false;
+    return saga_output_close(&out, fwrite(bytes, 1, n, out.file) == n, error);
+}
+
+static int write_splice(const char *command, const char *path,
+                        const saga_splice_part *part, int n_parts)
+{
+    saga_error error = { "" };
+    uint8_t *bytes;
+    size_t n;
+    int status = SAGA_EXIT_OK;
+
+    if (!saga_splice(&bytes, &n, part, n_parts, &error))
+        status = SAGA_EXIT_DATA;
+    else if (!write_file(path, bytes, n, &error))
+        status = SAGA_EXIT_USAGE;
+    free(bytes);
+    if (status)
+        return saga_cli_error(status, "%s: %s", command, error.message);
+    printf("%s: %zu bytes\n", path, n);
+    return status;
+}
+
+/* Reads the files part[].name, splices and frees them. */
+static int splice_files(const char *command, const char *path,
+                        saga_splice_part *part, int n_parts)
+{
+    saga_bytes file[MOST_PARTS] = { { NULL, 0 } };
+    saga_error error = { "" };
+    int status = SAGA_EXIT_OK;
+
+    if (!path)
+        return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o OUT is missing; `saga "
+                              "help %s` explains", command, command);
+    for (int i = 0; i < n_parts && !status; i++) {
+        if (!saga_read_file(&file[i], part[i].name, &error))
+            status = saga_cli_error(SAGA_EXIT_USAGE, "%s: %s", command,
+                                    error.message);
+        part[i].bytes = file[i].data;
+        part[i].nbytes = file[i].nbytes;
+    }
+    if (!status)
+        status = write_splice(command, path, part, n_parts);
+    for (int i = 0; i < n_parts; i++)
+        saga_bytes_free(&file[i]);
+    return status;
+}
+
+static int run_cut(int argc, char **argv)
+{
+    static const saga_cli_option frames = { .min = 0, .max = INT32_MAX };
+    options o = { NULL };
+    const char *argument[2];
+    saga_cli_pair range = { 0, 0 };
+    saga_splice_part part = { NULL };
+    int status = saga_cli_parse(&saga_command_cut, &o, argument, argc, argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    if (!saga_cli_range(&range, argument[1], &frames))
+        return saga_cli_error(SAGA_EXIT_USAGE, "cut: '%s' is no range of "
+                              "frames; give A:B, like 0:24, for frames A to "
+                              "B - 1", argument[1]);
+    part.name = argument[0];
+    part.first = (uint32_t)range.a;
+    part.end = (uint32_t)range.b;
+    return splice_files("cut", o.out, &part, 1);
+}
+
+static int run_join(int argc, char **argv)
+{
+    options o = { NULL };
+    const char *name[2];
+    saga_splice_part part[2] = { { NULL }, { NULL } };
+    int status = saga_cli_parse(&saga_command_join, &o, name, argc, argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    part[0].name = name[0];
+    part[1].name = name[1];
+    return splice_files("join", o.out, part, 2);
+}
+
+static const saga_cli_option option_list[] = {
+    { "-o", "OUT", "the file to be written", saga_cli_text,
+      offsetof(options, out), 0, 0 }
+};
+
+const saga_command saga_command_cut = {
+    "cut", "FILE A:B", 2,
+    "frames of a file, as a file",
+    "Writes frames A to B - 1 of a .saga file as a file of their own, without\n"
+    "decoding: the same pixels, from the same bytes. An end left out is the\n"
+    "file's: 24: is all from frame 24 on. A segment is decoded as a whole, so\n"
+    "the range must begin and end where segments do; `saga info` lists them.\n",
+    option_list, 1, run_cut
+};
+
+const saga_command saga_command_join = {
+    "join", "A B", 2,
+    "two files, one after the other",
+    "Writes a .saga file that shows A and then B, without decoding. They must\n"
+    "have the same networks, model, cameras and frame rate: files that `saga\n"
+    "cut` took out of one encoding, in any order, or twice the same. Files of\n"
+    "two encodings have networks of their own, and are refused.\n",
+    option_list, 1, run_join
+};

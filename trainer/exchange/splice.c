@@ -1,0 +1,322 @@
+/* SPDX-License-Identifier: MIT */
+#include "splice.h"
+
+#include "alloc.h"
+#include "container.h"
+#include "encode.h"
+#include "layout.h"
+#include "saga.h"
+
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A part with its file's header, and with where its segments are. */
+typedef struct {
+    const saga_splice_part *part;
+    saga_header header;
+    saga_layout layout;
+    uint32_t first, end;         /* segments */
+} piece;
+
+/* What is written: the header's counts grow with every segment. */
+typedef struct {
+    saga_header header;
+    uint8_t *bytes;
+    size_t at;                   /* bytes written */
+    uint32_t n_segments, n_frames; /* written */
+} splice;
+
+static bool read_header(piece *p, saga_error *error)
+{
+    const saga_splice_part *const part = p->part;
+    saga_io io = { part->bytes, NULL, SAGA_MAGIC_NBYTES };
+    saga_info info;
+    const saga_status s = saga_probe(&info, part->bytes, part->nbytes);
+
+    if (s != SAGA_OK)
+        return saga_fail(error, part->name, "give a whole .saga file",
+                         "its header is refused: %s", saga_status_text(s));
+    saga_header_io(&io, &p->header);
+    saga_bank_io(&io, &p->header.model);
+    return true;
+}
+
+static bool check_damage(const piece *p, saga_error *error)
+{
+    return !p->layout.n_damaged ||
+           saga_fail(error, p->part->name, "copy the file again, or encode it "
+                     "again", "%s", p->layout.damage);
+}
+
+/* Finds the segment that begins with a frame; n_segments at the file's end. */
+static bool find_segment(uint32_t *segment, const piece *p, uint32_t frame,
+                         saga_error *error)
+{
+    const saga_layout *const l = &p->layout;
+    uint32_t i = 0;
+
+    while (i < l->n_segments &&
+           l->segment[i].first_frame + l->segment[i].n_frames <= frame)
+        i++;
+    *segment = i;
+    if (i == l->n_segments || l->segment[i].first_frame == frame)
+        return true;
+    return saga_fail(error, p->part->name, "a segment is decoded as a whole: "
+                     "begin and end where segments do",
+                     "frame %" PRIu32 " is inside segment %" PRIu32 ", which "
+                     "is frames %" PRIu32 ":%" PRIu32, frame, i,
+                     l->segment[i].first_frame,
+                     l->segment[i].first_frame + l->segment[i].n_frames);
+}
+
+static bool find_segments(piece *p, saga_error *error)
+{
+    const saga_splice_part *const part = p->part;
+    const uint32_t n_frames = p->header.n_frames;
+    const uint32_t end = part->end ? part->end : n_frames;
+
+    if (part->first >= end || end > n_frames)
+        return saga_fail(error, part->name, "give a range inside them",
+                         "frames %" PRIu32 ":%" PRIu32 " are not among its "
+                         "%" PRIu32 " frames", part->first, end, n_frames);
+    return find_segment(&p->first, p, part->first, error) &&
+           find_segment(&p->end, p, end, error);
+}
+
+static bool read_piece(piece *p, const saga_splice_part *part,
+                       saga_error *error)
+{
+    p->part = part;
+    return read_header(p, error) &&
+           saga_layout_read(&p->layout, part->name, part->bytes, part->nbytes,
+                            error) &&
+           check_damage(p, error) && find_segments(p, error);
+}
+
+/* --- What must agree ----------------------------------------------------- */
+
+static const uint8_t *networks_of(const piece *p)
+{
+    return p->part->bytes + p->header.header_nbytes +
+           2 * SAGA_CHUNK_NBYTES + p->layout.index_nbytes;
+}
+
+/* Writes the model's fields of a header and nothing else that may differ. */
+static void model_bytes(uint8_t bytes[SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES],
+                        const saga_header *from)
+{
+    saga_io io = { NULL, bytes, 0 };
+    saga_header h = { .level = from->level, .model = from->model,
+                      .cuttable = from->cuttable };
+
+    memset(bytes, 0, SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES);
+    saga_header_io(&io, &h);
+    saga_bank_io(&io, &h.model);
+}
+
+static bool same_model(const saga_header *a, const saga_header *b)
+{
+    uint8_t of_a[SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES];
+    uint8_t of_b[sizeof of_a];
+
+    model_bytes(of_a, a);
+    model_bytes(of_b, b);
+    return memcmp(of_a, of_b, sizeof of_a) == 0;
+}
+
+static bool same_cube(const saga_header *a, const saga_header *b)
+{
+    return a->unit_mantissa == b->unit_mantissa &&
+           a->unit_exponent == b->unit_exponent &&
+           a->centre_exponent == b->centre_exponent &&
+           memcmp(a->centre_mantissa, b->centre_mantissa,
+                  sizeof a->centre_mantissa) == 0;
+}
+
+static bool same_rig(const piece *a, const piece *b)
+{
+    const uint32_t at = saga_rig_offset(&a->header);
+
+    return a->header.n_cameras == b->header.n_cameras &&
+           memcmp(a->part->bytes + at, b->part->bytes + at,
+                  saga_rig_end(&a->header) - at) == 0;
+}
+
+static bool same_networks(const piece *a, const piece *b)
+{
+    return a->layout.nets_nbytes == b->layout.nets_nbytes &&
+           memcmp(networks_of(a), networks_of(b), a->layout.nets_nbytes) == 0;
+}
+
+static bool check_same(const piece *a, const piece *b, saga_error *error)
+{
+    const saga_header *const h = &a->header, *const g = &b->header;
+    const char *const what =
+        h->fps_num != g->fps_num || h->fps_den != g->fps_den ? "frame rate"
+        : !same_cube(h, g) ? "cube (place or size of the scene)"
+        : !same_model(h, g) ? "model (level, tools, widths or formats)"
+        : !same_rig(a, b) ? "rig (the cameras)"
+        : !same_networks(a, b) ? "networks" : NULL;
+
+    return !what || saga_fail(error, b->part->name, "join files that were cut "
+                              "from one encoding", "its %s is not what %s has",
+                              what, a->part->name);
+}
+
+/* --- Writing ------------------------------------------------------------- */
+
+static uint32_t most(uint32_t a, uint32_t b)
+{
+    return a > b ? a : b;
+}
+
+/* Adds a piece's segments to the header's counts and their bytes to *nbytes.
+ */
+static bool count(saga_header *h, size_t *nbytes, const piece *p,
+                  saga_error *error)
+{
+    for (uint32_t i = p->first; i < p->end; i++) {
+        const saga_layout_segment *const s = &p->layout.segment[i];
+
+        if (h->n_segments == SAGA_MAX_SEGMENTS ||
+            h->n_frames > UINT32_MAX - s->n_frames)
+            return saga_fail(error, p->part->name, "join fewer", "there are "
+                             "more segments or frames than a file can have");
+        h->n_segments++;
+        h->n_frames += s->n_frames;
+        h->max.coarse = most(h->max.coarse, s->n.coarse);
+        h->max.fine = most(h->max.fine, s->n.fine);
+        h->max.prim = most(h->max.prim, s->n.prim);
+        *nbytes += s->nbytes;
+    }
+    return true;
+}
+
+static void write_chunk_head(splice *s, uint32_t type, uint32_t nbytes)
+{
+    saga_io io = { NULL, s->bytes + s->at, 0 };
+    saga_chunk chunk = { type, nbytes, 0 };
+
+    saga_chunk_io(&io, &chunk);
+    s->at += SAGA_CHUNK_NBYTES;
+}
+
+static void write_bytes(splice *s, const uint8_t *from, size_t n)
+{
+    memcpy(s->bytes + s->at, from, n);
+    s->at += n;
+}
+
+/* The rest of the header is the first piece's; its CRC comes with the others.
+ */
+static void write_header(splice *s, const piece *p)
+{
+    saga_io io = { NULL, s->bytes, SAGA_MAGIC_NBYTES };
+
+    memcpy(s->bytes, p->part->bytes, s->header.header_nbytes);
+    saga_header_io(&io, &s->header);
+    s->at = s->header.header_nbytes;
+}
+
+static void write_index(splice *s, const piece *p, int n_pieces)
+{
+    const uint32_t nbytes = s->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    uint64_t at = s->at + 2u * SAGA_CHUNK_NBYTES + nbytes +
+                  s->header.nets_nbytes;
+
+    write_chunk_head(s, SAGA_CHUNK_INDEX, nbytes);
+    for (int k = 0; k < n_pieces; k++)
+        for (uint32_t i = p[k].first; i < p[k].end; i++) {
+            const saga_layout_segment *const g = &p[k].layout.segment[i];
+            saga_index_entry e = { at, g->nbytes, g->n_frames };
+            saga_io io = { NULL, s->bytes + s->at, 0 };
+
+            saga_index_io(&io, &e);
+            s->at += io.at;
+            at += g->nbytes;
+        }
+}
+
+/* A segment says itself which one it is. */
+static void write_segment(splice *s, const piece *p, uint32_t i)
+{
+    const saga_layout_segment *const g = &p->layout.segment[i];
+    saga_io io = { NULL, s->bytes + s->at, SAGA_CHUNK_NBYTES };
+    saga_segment_header h = { s->n_segments++, s->n_frames, g->n_frames,
+                              g->n };
+
+    write_bytes(s, p->part->bytes + g->offset, g->nbytes);
+    saga_segment_io(&io, &h);
+    s->n_frames += g->n_frames;
+}
+
+static void write_all(splice *s, const piece *p, int n_pieces)
+{
+    write_header(s, p);
+    write_index(s, p, n_pieces);
+    write_chunk_head(s, SAGA_CHUNK_NETS, s->header.nets_nbytes);
+    write_bytes(s, networks_of(p), s->header.nets_nbytes);
+    for (int k = 0; k < n_pieces; k++)
+        for (uint32_t i = p[k].first; i < p[k].end; i++)
+            write_segment(s, &p[k], i);
+    saga_file_sign(s->bytes, s->at, s->header.header_nbytes);
+}
+
+/* Parts may each keep to their level and not together: one has more anchors,
+ * the other more primitives. */
+static bool check_level(const splice *s, const piece *p, saga_error *error)
+{
+    saga_info info;
+    const saga_status status = saga_probe(&info, s->bytes, s->at);
+
+    return status == SAGA_OK ||
+           saga_fail(error, p->part->name, "encode for a higher --level",
+                     "a decoder would refuse the file of all parts: %s",
+                     saga_status_text(status));
+}
+
+static bool splice_pieces(splice *s, const piece *p, int n_pieces,
+                          saga_error *error)
+{
+    saga_header *const h = &s->header;
+    size_t nbytes = 0;
+
+    *h = p->header;
+    h->n_segments = h->n_frames = 0;
+    h->max = (saga_counts){ 0, 0, 0 };
+    for (int k = 0; k < n_pieces; k++)
+        if (!check_same(p, &p[k], error) || !count(h, &nbytes, &p[k], error))
+            return false;
+    nbytes += h->header_nbytes + 2u * SAGA_CHUNK_NBYTES + h->nets_nbytes +
+              (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    s->bytes = saga_alloc(nbytes, 1, "the file to be written", error);
+    if (!s->bytes)
+        return false;
+    write_all(s, p, n_pieces);
+    return check_level(s, p, error);
+}
+
+bool saga_splice(uint8_t **bytes, size_t *n, const saga_splice_part *part,
+                 int n_parts, saga_error *error)
+{
+    piece *const p = saga_calloc((size_t)n_parts, sizeof *p, "the files",
+                                 error);
+    splice s = { .at = 0 };
+    bool ok = p != NULL;
+
+    for (int k = 0; k < n_parts && ok; k++)
+        ok = read_piece(&p[k], &part[k], error);
+    if (ok)
+        ok = splice_pieces(&s, p, n_parts, error);
+    for (int k = 0; k < n_parts && p; k++)
+        saga_layout_free(&p[k].layout);
+    free(p);
+    if (!ok) {
+        free(s.bytes);
+        s.bytes = NULL;
+    }
+    *bytes = s.bytes;
+    *n = s.at;
+    return ok;
+}
