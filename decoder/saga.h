@@ -29,6 +29,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* The version of this library and of the programs that come with it. A file
+ * has a version of its own (saga_info). */
+#define SAGA_RELEASE "0.1.0"
+
 #ifdef __cplusplus
 extern "C" {
 #endif

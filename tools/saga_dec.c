@@ -46,6 +46,7 @@ typedef struct {
 static const char usage[] =
     "usage: saga-dec FILE --camera CAM [--time N/D] (-o OUT.ppm | --crc)\n"
     "       saga-dec FILE --info\n"
+    "       saga-dec --version\n"
     "\n"
     "Draws one picture of a .saga file, the same bits on every machine.\n"
     "\n"
@@ -61,6 +62,8 @@ static const char usage[] =
     "                   pipe is written directly\n"
     "  --crc            print the CRC-32C of its pixels instead\n"
     "  --info           print what the header says and stop\n"
+    "  --version        print the program's version and the level of its\n"
+    "                   memory\n"
     "\n"
     "Exit status: 0 done, 1 the stream or the camera is refused, 2 a file or\n"
     "the command line.\n";
@@ -499,6 +502,10 @@ int main(int argc, char **argv)
 
     if (argc > 1 && !strcmp(argv[1], "--help")) {
         fputs(usage, stdout);
+        return flushed(0);
+    }
+    if (argc > 1 && !strcmp(argv[1], "--version")) {
+        printf("saga-dec %s, level %d\n", SAGA_RELEASE, SAGA_LEVEL);
         return flushed(0);
     }
     if (!parse_options(&o, argc, argv))

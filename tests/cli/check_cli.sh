@@ -68,6 +68,10 @@ grep -q . "$tmp/help" || complain "--help lists no command"
 expect 0 --version
 grep -Eq '^saga [0-9.]+, files of version [0-9]+$' "$tmp/out" ||
     complain "--version says $(cat "$tmp/out")"
+version=$(sed -n 's/^saga \([0-9.]*\),.*/\1/p' "$tmp/out")
+"$saga_dec" --version >"$tmp/out" 2>&1
+grep -q "^saga-dec $version, level [0-3]$" "$tmp/out" ||
+    complain "saga-dec --version says $(cat "$tmp/out")"
 verdict help
 
 # ---- usage
@@ -440,7 +444,13 @@ assert "median" in j["protocol"] and "changing" in j["protocol"]
 assert sum(j["bytes"].values()) == j["nbytes"] == os.path.getsize(sys.argv[2])
 assert j["decode_ms"]["n_views"] == 3 * frames
 assert j["decode_ms"]["n_segments"] == 1
-assert j["protocol"]["frames"] == [0, frames]' \
+p = j["protocol"]
+assert (j["schema"], j["command"], j["program"][:5]) == (1, "eval", "saga ")
+assert p["frames"] == p["file_frames"] == [0, frames]
+assert [(c["name"], c["held_out"]) for c in p["cameras"]] == [
+    ("cam00", False), ("cam01", False), ("cam02", True)], p["cameras"]
+assert all(c["resolution"] == [v["width"], v["height"]]
+           for c, v in zip(p["cameras"], j["views"])), p["cameras"]' \
     "$tmp/out" "$scene" "$frames" 2>"$tmp/py" ||
     complain "eval of a file's own pictures: $(tail -n 1 "$tmp/py")"
 [ "$(ls "$tmp/pictures" | tr '\n' ' ')" = \
@@ -456,6 +466,27 @@ awk 'length > 100 { print "eval: " length " columns" }
     rows { sum += $(NF - 2) }
     $0 == "bytes" { rows = 1 }
     END { if (!sum) print "no bytes" }' "$tmp/out" >>"$tmp/bad"
+# A part of the file is what the same frames of the whole one are; a single
+# frame has nothing that changes.
+expect 0 eval "$scene" "$cap" --json --no-ssim --only 3:5
+cp "$tmp/out" "$tmp/part"
+expect 0 eval "$scene" "$cap" --json --no-ssim --only 3:4
+cp "$tmp/out" "$tmp/three"
+expect 0 eval "$scene" "$cap" --json --no-ssim --only 4:5
+python3 -c 'import json, sys
+part, three, four = [json.load(open(n)) for n in sys.argv[1:]]
+assert part["protocol"]["file_frames"] == [3, 5] == part["protocol"]["frames"]
+for a, b, c in zip(part["views"], three["views"], four["views"]):
+    assert abs(2 * a["mse"] - b["mse"] - c["mse"]) < 1e-8, (a, b, c)
+    assert b["changing_psnr"] is None and b["changing_share"] == 0, b
+assert part["nbytes"] == three["nbytes"] == four["nbytes"]' \
+    "$tmp/part" "$tmp/three" "$tmp/out" 2>"$tmp/py" ||
+    complain "eval --only: $(tail -n 1 "$tmp/py")"
+expect 0 eval "$scene" "$cap" --no-ssim --only "$((frames - 1)):"
+grep -q "^  frames    $((frames - 1)) of it alone; the file's" "$tmp/out" ||
+    complain "--only of the last frame: $(grep '  frames ' "$tmp/out")"
+expect 1 eval "$scene" "$cap" --only "3:$((frames + 1))"
+says "$((frames + 1))"
 # Another codec's pictures, here the very same: nothing is wrong, nothing has a
 # size.
 expect 0 eval "$cap" "$cap" --json --no-ssim

@@ -65,12 +65,19 @@ expect 0 cap -o j.saga "${small[@]}" --json --threads 2
 python3 -c '
 import json, sys
 r = json.load(open("out"))
-assert r["bytes"]["total"] == int(sys.argv[1]), r["bytes"]
+assert r["schema"] == 1 and r["command"] == "encode"
+assert r["nbytes"] == sum(r["bytes"].values()) == int(sys.argv[1]), r["bytes"]
 assert r["temporal"] is True and r["level"] == 2
 assert r["psnr"]["training"] > 5 and r["psnr"]["n_held_out"] == 4
 ' "$size" 2>>bad || complain "JSON: $(cat out)"
 cmp -s whole.saga j.saga || complain "two threads, another file"
 rm -f j.saga
+expect 0 cap -o still.saga --primitives 150 --iterations 120 --frames 1:2
+! grep -q 'bit/s' out || complain "a still has a rate: $(grep 'bit/s' out)"
+grep -q '^  4 views, 1 frame;' out || complain "a still: $(head -n 2 out)"
+"$saga" info still.saga >out 2>err || complain "info: $(cat err)"
+! grep -q 'per second' out || complain "a still: $(grep 'per second' out)"
+rm -f still.saga
 leaves
 verdict good
 

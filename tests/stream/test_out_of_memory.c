@@ -151,7 +151,7 @@ static bool evaluate(void *user, saga_error *error)
     size_t n;
     const uint8_t *const file = saga_train_bytes(s->train, &n);
     bool ok = saga_film_open(&film, "x.saga", file, n, 1, error) &&
-              saga_eval_match(&eval, &film, &s->capture, error) &&
+              saga_eval_match(&eval, &film, &s->capture, -1, error) &&
               saga_eval_run(&eval, &maker, &s->capture, &o, error);
 
     saga_eval_free(&eval);

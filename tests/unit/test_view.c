@@ -354,7 +354,7 @@ static void mismatch(const opened *o, const saga_capture *c, const char *says)
     saga_error error = { "" };
     saga_eval e;
 
-    assert_false(saga_eval_match(&e, &o->film, c, &error));
+    assert_false(saga_eval_match(&e, &o->film, c, -1, &error));
     assert_null(e.view);
     if (!strstr(error.message, says))
         fail_msg("no '%s' in: %s", says, error.message);
@@ -383,7 +383,7 @@ static void capture_should_be_refused_where_it_differs(void **state)
     v->translation[0] += 1e-3 * saga_metric_width(&o.film.metric);
     mismatch(&o, &c, "cam01 is no camera of its rig");
     v->held_out = true;
-    assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
+    assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
     assert_int_equal(e.view[0].rig, 0);
     assert_int_equal(e.view[1].rig, -1);
     assert_int_equal(e.view[2].rig, 2);
@@ -478,7 +478,7 @@ static void score_should_tell_medians_and_changes(void **state)
     open_vector(&o, 2);
     c = rig_capture(&o);
     c.views[2].held_out = true;
-    assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
+    assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
     fill_capture(&c, &o, &e, 180);
     assert_true(saga_eval_run(&e, &maker, &c, &options, &o.error));
     for (int i = 0; i < 3; i++) {
@@ -519,7 +519,7 @@ static void pictures_of_another_codec_should_be_judged_alike(void **state)
     (void)state;
     open_vector(&o, 2);
     c = rig_capture(&o);
-    assert_true(saga_eval_match(&e, &o.film, &c, &o.error));
+    assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
     fill_capture(&c, &o, &e, 180);
     saga_eval_free(&e);
     made = rig_capture(&o);

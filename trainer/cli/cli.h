@@ -19,9 +19,6 @@
 #define SAGA_CLI_PRINTF(f, a)
 #endif
 
-/* This is the program's version; the bitstream has its own (SAGA_VERSION). */
-#define SAGA_CLI_VERSION "0.1.0"
-
 /* Every subcommand has these exit statuses. */
 enum {
     SAGA_EXIT_OK = 0,

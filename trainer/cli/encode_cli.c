@@ -4,6 +4,7 @@
  */
 #include "ablation.h"
 #include "alloc.h"
+#include "bytes_table.h"
 #include "cli.h"
 #include "commands.h"
 #include "cost.h"
@@ -49,6 +50,7 @@ typedef struct {
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
     saga_output out;             /* open from the start: the name is ours */
+    saga_layout layout;      /* of the closed file */
     saga_error error;
     saga_meter meter;
     double done_at_start, started;
@@ -360,7 +362,9 @@ static int check_file(session *s)
     saga_film film = { .segment = -1 };
     bool ok = saga_read_file(&bytes, s->o->output, &s->error) &&
               saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
-                             s->o->threads, &s->error);
+                             s->o->threads, &s->error) &&
+              saga_layout_read(&s->layout, s->o->output, bytes.data,
+                               bytes.nbytes, &s->error);
 
     for (int v = 0; ok && v < s->capture.n_views; v++)
         ok = compare_view(s, &film, v, &t);
@@ -462,12 +466,14 @@ static void print_text(const session *s)
     const saga_train_report *const r = saga_train_report_of(s->train);
     const saga_capture *const c = &s->capture;
 
-    printf("%s: %zu bytes, %.1f kbit/s, level %" PRIu32 "\n", s->o->output,
-           r->sizes.total, 8e-3 * (double)r->sizes.total * c->fps /
-           c->n_frames, r->info.level);
-    printf("  %d views, %d frames; %u coarse anchors, %u fine, %u "
-           "primitives\n", c->n_views, c->n_frames, r->n.coarse, r->n.fine,
-           r->n.prim);
+    printf("%s: %zu bytes, ", s->o->output, r->sizes.total);
+    if (c->n_frames > 1)
+        printf("%.1f kbit/s, ", 8e-3 * (double)r->sizes.total * c->fps /
+               c->n_frames);
+    printf("level %" PRIu32 "\n", r->info.level);
+    printf("  %d views, %d frame%s; %u coarse anchors, %u fine, %u "
+           "primitives\n", c->n_views, c->n_frames,
+           c->n_frames == 1 ? "" : "s", r->n.coarse, r->n.fine, r->n.prim);
     print_motion(r);
     printf("  lambda %.4g%s\n", r->lambda, s->o->lambda > 0 ? "" :
            ", which balances primitives and bits");
@@ -501,17 +507,6 @@ static json_t *json_quality(const saga_train_quality *q)
                      "held_out", real_or_null(q->held_out),
                      "n_training", q->n_training,
                      "n_held_out", q->n_held_out);
-}
-
-static json_t *json_sizes(const saga_encode_sizes *z)
-{
-    return json_pack("{sIsIsIsIsIsIsI}", "total", (json_int_t)z->total,
-                     "header", (json_int_t)z->header,
-                     "index", (json_int_t)z->index,
-                     "networks", (json_int_t)z->networks,
-                     "coarse", (json_int_t)z->coarse,
-                     "fine", (json_int_t)z->fine,
-                     "primitives", (json_int_t)z->prim);
 }
 
 static json_t *json_bits(const double bits[SAGA_N_SYMS])
@@ -551,14 +546,16 @@ static json_t *json_entropy(const saga_train_entropy *e)
 static json_t *json_report(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
-    json_t *const o = json_pack("{sssssosisisIsIsIsI}",
-        "file", s->o->output, "capture", s->capture_name,
-        "bytes", json_sizes(&r->sizes),
-        "views", s->capture.n_views, "frames", s->capture.n_frames,
-        "coarse", (json_int_t)r->n.coarse, "fine", (json_int_t)r->n.fine,
-        "primitives", (json_int_t)r->n.prim,
-        "work_bytes", (json_int_t)r->info.work_nbytes);
+    json_t *const o = saga_cli_json_head("encode", s->o->output);
 
+    json_object_update_new(o, json_pack("{sssIsosisisIsIsIsI}",
+        "capture", s->capture_name,
+        "nbytes", (json_int_t)s->layout.file_nbytes,
+        "bytes", saga_bytes_table_json(&s->layout),
+        "n_views", s->capture.n_views, "n_frames", s->capture.n_frames,
+        "n_coarse", (json_int_t)r->n.coarse, "n_fine", (json_int_t)r->n.fine,
+        "n_primitives", (json_int_t)r->n.prim,
+        "memory_nbytes", (json_int_t)r->info.work_nbytes));
     json_object_update_new(o, json_pack("{sfsisIsbsososfsfsososo}",
         "lambda", r->lambda, "level", (int)r->info.level,
         "parameters", (json_int_t)r->n_parameters,
@@ -646,6 +643,7 @@ static int run(int argc, char **argv)
         saga_output_close(&s.out, false, &s.error);
     saga_train_free(s.train);
     saga_capture_free(&s.capture);
+    saga_layout_free(&s.layout);
     free(s.checkpoint);
     return status;
 }

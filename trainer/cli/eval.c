@@ -21,7 +21,7 @@
 
 typedef struct {
     bool json, no_ssim;
-    saga_cli_pair frames;
+    saga_cli_pair frames, only;
     int scale, threads, memory;
     const char *hold_out, *pictures;
 } options;
@@ -40,6 +40,11 @@ typedef struct {
     saga_error error;
 } session;
 
+static bool is_part(const options *o)
+{
+    return o->only.a || o->only.b;
+}
+
 /* --- As text ------------------------------------------------------------- */
 
 /* Prints a column of the table, or a dash where there is no such number. */
@@ -51,20 +56,30 @@ static void print_column(int width, int decimals, double v, const char *unit)
         printf("%*.*f%s", width, decimals, v, unit);
 }
 
-static void print_score(const saga_eval_score *s)
+/* Of one frame, the median is that frame and nothing changes. */
+static bool has_motion(const saga_eval *e)
 {
+    return e->n_frames > 1;
+}
+
+static void print_score(const saga_eval *e, const saga_eval_score *s)
+{
+    const double none = (double)NAN;
+
     print_column(8, 3, s->decode.psnr, "");
     print_column(11, 3, s->decode.psnr_of_mean, "");
-    print_column(9, 3, s->median_psnr, "");
+    print_column(9, 3, has_motion(e) ? s->median_psnr : none, "");
     print_column(10, 3, saga_change_psnr(&s->change), "");
-    print_column(8, 2, 100.0 * saga_change_share(&s->change), " %");
+    print_column(8, 2, has_motion(e) ? 100.0 * saga_change_share(&s->change)
+                                     : none, " %");
     print_column(9, 5, s->decode.ssim_zero, "");
     print_column(9, 5, s->decode.ssim_valid, "");
     print_column(9, 5, s->decode.ms_ssim, "");
     putchar('\n');
 }
 
-static void print_mean(const char *name, int n, const saga_eval_score *score)
+static void print_mean(const saga_eval *e, const char *name, int n,
+                       const saga_eval_score *score)
 {
     char text[40];
 
@@ -72,7 +87,7 @@ static void print_mean(const char *name, int n, const saga_eval_score *score)
         return;
     snprintf(text, sizeof text, "mean of %d", n);
     printf("%-15.15s %-8s", text, name);
-    print_score(score);
+    print_score(e, score);
 }
 
 static void print_scores(const saga_eval *e)
@@ -82,10 +97,10 @@ static void print_scores(const saga_eval *e)
     for (int i = 0; i < e->n_views; i++) {
         printf("%-15.15s %-8s", e->view[i].name,
                e->view[i].held_out ? "held out" : "training");
-        print_score(&e->view[i].score);
+        print_score(e, &e->view[i].score);
     }
-    print_mean("training", e->n_training, &e->training);
-    print_mean("held out", e->n_held_out, &e->held_out);
+    print_mean(e, "training", e->n_training, &e->training);
+    print_mean(e, "held out", e->n_held_out, &e->held_out);
 }
 
 static double each(double seconds, uint32_t n)
@@ -130,6 +145,19 @@ static const char *made_by(const session *s)
                           "bits";
 }
 
+static void print_frames(const session *s)
+{
+    const int first = s->capture.first_frame, n = s->capture.n_frames;
+
+    if (has_motion(&s->eval))
+        printf("%d to %d of it, all compared", first, first + n - 1);
+    else
+        printf("%d of it alone", first);
+    if (is_part(s->o))
+        printf("; the file's from %d on, and no others", s->o->only.a);
+    putchar('\n');
+}
+
 static void print_protocol(const session *s)
 {
     const saga_capture *const c = &s->capture;
@@ -137,9 +165,10 @@ static void print_protocol(const session *s)
     printf("\nprotocol\n"
            "  pictures  %s\n"
            "  capture   %s (%s), %d views\n"
-           "  frames    %d to %d of it, all compared\n"
-           "  size      ", made_by(s), s->capture_name, c->format, c->n_views,
-           c->first_frame, c->first_frame + c->n_frames - 1);
+           "  frames    ", made_by(s), s->capture_name, c->format,
+           c->n_views);
+    print_frames(s);
+    fputs("  size      ", stdout);
     print_sizes(&s->eval);
     if (c->scale == 1)
         puts(" pixels, as loaded");
@@ -147,11 +176,12 @@ static void print_protocol(const session *s)
         printf(" pixels, 1/%d by means of %d x %d boxes\n", c->scale,
                c->scale, c->scale);
     puts("  PSNR      " SAGA_PSNR_TEXT "\n"
-         "  PSNR(mse) " SAGA_PSNR_OF_MEAN_TEXT "\n"
-         "  median    " SAGA_MEDIAN_TEXT "\n"
-         "  changing  " SAGA_CHANGE_TEXT "\n"
-         "  share     of such pixels; a set's are taken together\n"
-         "  SSIM 0    " SAGA_SSIM_ZERO_TEXT "\n"
+         "  PSNR(mse) " SAGA_PSNR_OF_MEAN_TEXT);
+    if (has_motion(&s->eval))
+        puts("  median    " SAGA_MEDIAN_TEXT "\n"
+             "  changing  " SAGA_CHANGE_TEXT "\n"
+             "  share     of such pixels; a set's are taken together");
+    puts("  SSIM 0    " SAGA_SSIM_ZERO_TEXT "\n"
          "  SSIM v    " SAGA_SSIM_VALID_TEXT "\n"
          "  MS-SSIM   " SAGA_MS_SSIM_TEXT "\n"
          "  mean      over views, each the mean over its frames");
@@ -167,10 +197,13 @@ static void print_file(const session *s)
     const saga_info *const i = &s->film.info;
 
     saga_bytes_table_print(&s->layout);
-    printf("  %-18s %12" PRIu64 "  %.0f bit/s, %.0f bytes per frame\n",
-           "file", s->layout.file_nbytes,
-           8.0 * (double)s->layout.file_nbytes / film_seconds(i),
-           (double)s->layout.file_nbytes / i->n_frames);
+    printf("  %-18s %12" PRIu64 "  ", "file", s->layout.file_nbytes);
+    if (i->n_frames == 1)
+        puts("a still scene");
+    else
+        printf("%.0f bit/s, %.0f bytes per frame\n",
+               8.0 * (double)s->layout.file_nbytes / film_seconds(i),
+               (double)s->layout.file_nbytes / i->n_frames);
     print_times(&s->film);
 }
 
@@ -236,15 +269,29 @@ static json_t *json_times(const saga_film *film)
         "n_views", (json_int_t)t->n_views);
 }
 
+/* Says which cameras, at which size. */
+static json_t *json_cameras(const saga_eval *e)
+{
+    json_t *const list = json_array();
+
+    for (int i = 0; i < e->n_views; i++)
+        json_array_append_new(list, json_pack("{sss[ii]sb}",
+            "name", e->view[i].name, "resolution", e->view[i].width,
+            e->view[i].height, "held_out", (int)e->view[i].held_out));
+    return list;
+}
+
 static json_t *json_protocol(const session *s)
 {
     const saga_capture *const c = &s->capture;
 
-    return json_pack("{sssssss[ii]sisssbssssssssssssss}",
+    return json_pack("{sssssss[ii]s[ii]sosisssbssssssssssssss}",
         "decoder", s->is_folder ? "another codec's, 8 bits"
                                 : "integer, from the closed file, 8 bits",
         "capture", s->capture_name, "format", c->format,
         "frames", c->first_frame, c->first_frame + c->n_frames,
+        "file_frames", s->eval.first_frame,
+        s->eval.first_frame + c->n_frames, "cameras", json_cameras(&s->eval),
         "scale", c->scale,
         "scale_filter", c->scale == 1 ? "none" : "box mean",
         "frames_all_compared", 1,
@@ -254,23 +301,31 @@ static json_t *json_protocol(const session *s)
         "ms_ssim", SAGA_MS_SSIM_TEXT);
 }
 
+/* A still has no rate. */
+static json_t *json_rate(const session *s)
+{
+    return s->film.info.n_frames == 1 ? json_null()
+        : json_real(8.0 * (double)s->layout.file_nbytes /
+                    film_seconds(&s->film.info));
+}
+
 static json_t *json_report(const session *s)
 {
-    const saga_info *const i = &s->film.info;
-    json_t *const o = json_pack("{sssosososo}",
-        "file", s->file_name, "views", json_views(&s->eval),
+    json_t *const o = saga_cli_json_head("eval", s->file_name);
+
+    json_object_update_new(o, json_pack("{sosososo}",
+        "views", json_views(&s->eval),
         "training", json_score(&s->eval.training),
         "held_out", json_score(&s->eval.held_out),
-        "protocol", json_protocol(s));
-
+        "protocol", json_protocol(s)));
     json_object_set_new(o, "n_training",
                         json_integer(s->eval.n_training));
     json_object_set_new(o, "n_held_out",
                         json_integer(s->eval.n_held_out));
     if (!s->is_folder)
-        json_object_update_new(o, json_pack("{sIsfsoso}",
-            "nbytes", (json_int_t)s->layout.file_nbytes, "bits_per_second",
-            8.0 * (double)s->layout.file_nbytes / film_seconds(i),
+        json_object_update_new(o, json_pack("{sIsososo}",
+            "nbytes", (json_int_t)s->layout.file_nbytes,
+            "bits_per_second", json_rate(s),
             "bytes", saga_bytes_table_json(&s->layout),
             "decode_ms", json_times(&s->film)));
     return o;
@@ -305,6 +360,18 @@ static int open_file(session *s)
     return SAGA_EXIT_OK;
 }
 
+/* Returns the end of the capture's frames; 0: its own. */
+static int last_frame(const session *s)
+{
+    const options *const o = s->o;
+
+    if (o->only.b)
+        return o->frames.a + o->only.b;
+    if (o->only.a && !o->frames.b && !s->is_folder)
+        return o->frames.a + (int)s->film.info.n_frames;
+    return o->frames.b;
+}
+
 static int open_capture(session *s, saga_capture *to, const char *name)
 {
     const options *const o = s->o;
@@ -314,8 +381,8 @@ static int open_capture(session *s, saga_capture *to, const char *name)
     bool ok;
 
     c.scale = o->scale;
-    c.first_frame = o->frames.a;
-    c.end_frame = o->frames.b;
+    c.first_frame = o->frames.a + o->only.a;
+    c.end_frame = last_frame(s);
     c.hold_out = o->hold_out;
     c.n_threads = o->threads;
     c.memory_nbytes = (uint64_t)o->memory << 30;
@@ -332,7 +399,8 @@ static bool match(session *s)
     if (s->is_folder)
         return saga_eval_match_pictures(&s->eval, s->file_name, &s->pictures,
                                         &s->capture, &s->error);
-    return saga_eval_match(&s->eval, &s->film, &s->capture, &s->error);
+    return saga_eval_match(&s->eval, &s->film, &s->capture,
+                           is_part(s->o) ? s->o->only.a : -1, &s->error);
 }
 
 static int compare(session *s)
@@ -396,6 +464,8 @@ static const saga_cli_option option_list[] = {
     { "--frames", "A:B", "frames A to B - 1 of the capture: those the file "
       "was\nencoded from (default all)", saga_cli_range,
       offsetof(options, frames), 0, SAGA_MAX_FRAMES },
+    { "--only", "A:B", "compare frames A to B - 1 of the file, no others",
+      saga_cli_range, offsetof(options, only), 0, SAGA_MAX_FRAMES },
     { "--scale", "1/N", "scale of the pictures, by means of N x N boxes",
       saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
     { "--hold-out", "NAME,..", "views that were not trained on, \"\" for none "

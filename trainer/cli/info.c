@@ -82,20 +82,30 @@ static void print_tools(const saga_info *info)
     puts(n ? "" : "none");
 }
 
+static void print_time(const subject *s)
+{
+    const saga_info *const i = &s->info;
+
+    if (i->n_frames == 1) {
+        puts("time        a single frame: a still scene");
+        return;
+    }
+    printf("time        %" PRIu32 " frames at %" PRIu32 "/%" PRIu32
+           " per second: %.3f s in %" PRIu32 " segment%s\n"
+           "rate        %.0f bit/s, all bytes over all time\n", i->n_frames,
+           i->fps_num, i->fps_den, s->seconds, i->n_segments,
+           i->n_segments == 1 ? "" : "s",
+           rate_of(s->layout.file_nbytes, s->seconds));
+}
+
 static void print_header(const subject *s)
 {
     const saga_info *const i = &s->info;
 
     printf("%s\n\n"
            "file        %" PRIu64 " bytes, version %" PRIu32 ", level %" PRIu32
-           "\n"
-           "time        %" PRIu32 " frames at %" PRIu32 "/%" PRIu32
-           " per second: %.3f s in %" PRIu32 " segment%s\n"
-           "rate        %.0f bit/s, all bytes over all time\n",
-           s->name, s->layout.file_nbytes, i->version, i->level, i->n_frames,
-           i->fps_num, i->fps_den, s->seconds, i->n_segments,
-           i->n_segments == 1 ? "" : "s",
-           rate_of(s->layout.file_nbytes, s->seconds));
+           "\n", s->name, s->layout.file_nbytes, i->version, i->level);
+    print_time(s);
     print_tools(i);
     printf("networks    %" PRIu32 " weights, %" PRIu32
            " feature channels\n"
@@ -177,18 +187,28 @@ static json_t *json_tools(const saga_info *info)
     return o;
 }
 
+/* A still has no rate. */
+static json_t *json_rate(const subject *s, uint64_t nbytes, uint32_t n_frames)
+{
+    return s->info.n_frames == 1 ? json_null()
+        : json_real(rate_of(nbytes, seconds_of(s, n_frames)));
+}
+
 static json_t *json_header(const subject *s)
 {
     const saga_info *const i = &s->info;
 
-    return json_pack("{sssIsIsIsIsIs[II]sfsf}",
-        "file", s->name,
+    json_t *const o = saga_cli_json_head("info", s->name);
+
+    json_object_update_new(o, json_pack("{sIsIsIsIsIs[II]sfso}",
         "nbytes", number(s->layout.file_nbytes),
         "version", number(i->version), "level", number(i->level),
         "n_frames", number(i->n_frames), "n_segments", number(i->n_segments),
         "frames_per_second", number(i->fps_num), number(i->fps_den),
         "seconds", s->seconds,
-        "bits_per_second", rate_of(s->layout.file_nbytes, s->seconds));
+        "bits_per_second", json_rate(s, s->layout.file_nbytes,
+                                     i->n_frames)));
+    return o;
 }
 
 static json_t *json_decoding(const saga_info *i)
@@ -223,11 +243,11 @@ static json_t *json_segments(const subject *s)
         const saga_layout_segment *const g = &s->layout.segment[i];
 
         json_array_append_new(list, json_pack(
-            "{sIsIsIsIsfsbsIsIsIsIsIsI}",
+            "{sIsIsIsIsosbsIsIsIsIsIsI}",
             "first_frame", number(g->first_frame),
             "n_frames", number(g->n_frames), "offset", number(g->offset),
             "nbytes", number(g->nbytes), "bits_per_second",
-            rate_of(g->nbytes, seconds_of(s, g->n_frames)),
+            json_rate(s, g->nbytes, g->n_frames),
             "damaged", (int)g->damaged, "n_coarse", number(g->n.coarse),
             "n_fine", number(g->n.fine), "n_primitives", number(g->n.prim),
             "coarse_nbytes", number(g->payload_nbytes[SAGA_PART_COARSE]),

@@ -4,9 +4,17 @@
 #include "alloc.h"
 #include "cli.h"
 #include "json_memory.h"
+#include "saga.h"
 
 #include <stdio.h>
 #include <stdlib.h>
+
+json_t *saga_cli_json_head(const char *command, const char *file)
+{
+    return json_pack("{sissssss}", "schema", SAGA_JSON_SCHEMA,
+                     "program", "saga " SAGA_RELEASE, "command", command,
+                     "file", file);
+}
 
 int saga_cli_print_json(json_t *o, size_t precision, const char *file)
 {

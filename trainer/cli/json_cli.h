@@ -7,6 +7,14 @@
 
 #include <jansson.h>
 
+/* Reports have a schema's number: a key that is there keeps its meaning while
+ * the number is the same; keys may be added. */
+enum { SAGA_JSON_SCHEMA = 1 };
+
+/* Returns an object with what every report begins with: "schema", "program"
+ * (with its version), "command", and the "file" it is about. */
+json_t *saga_cli_json_head(const char *command, const char *file);
+
 /* Prints o, and frees it; o was built since saga_json_watch (json_memory.h).
  * Reals have `precision` digits. file is for messages: its name is in o. The
  * exit status. */

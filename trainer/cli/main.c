@@ -6,6 +6,7 @@
 #include "cli.h"
 #include "commands.h"
 #include "container.h"
+#include "saga.h"
 #include "threads.h"
 
 #include <stdio.h>
@@ -121,7 +122,7 @@ static int run(int argc, char **argv)
         !strcmp(name, "help"))
         return help(argc > 2 ? argv[2] : NULL);
     if (!strcmp(name, "--version")) {
-        printf("saga %s, files of version %d\n", SAGA_CLI_VERSION,
+        printf("saga %s, files of version %d\n", SAGA_RELEASE,
                SAGA_VERSION);
         return SAGA_EXIT_OK;
     }

@@ -30,17 +30,24 @@ void saga_eval_free(saga_eval *eval)
 
 /* --- Does it fit? -------------------------------------------------------- */
 
+/* A single frame has no rate that could differ. */
 static bool check_time(const saga_film *film, const saga_capture *capture,
-                       saga_error *error)
+                       int first_frame, saga_error *error)
 {
     const saga_info *const i = &film->info;
     const double rate = (double)i->fps_num / i->fps_den;
 
-    if ((uint32_t)capture->n_frames != i->n_frames)
+    if (first_frame >= 0 &&
+        (uint64_t)first_frame + (uint64_t)capture->n_frames > i->n_frames)
+        return saga_fail(error, film->name, "give frames inside it to --only",
+                         "has %" PRIu32 " frames, compared would be %d:%d",
+                         i->n_frames, first_frame,
+                         first_frame + capture->n_frames);
+    if (first_frame < 0 && (uint32_t)capture->n_frames != i->n_frames)
         return saga_fail(error, film->name, "give the --frames A:B it was "
                          "encoded with", "has %" PRIu32 " frames, the capture "
                          "gives %d", i->n_frames, capture->n_frames);
-    if (!(fabs(capture->fps - rate) <= 1e-3 * rate))
+    if (i->n_frames > 1 && !(fabs(capture->fps - rate) <= 1e-3 * rate))
         return saga_fail(error, film->name, "give the capture it was made "
                          "from", "has %g frames per second, the capture %g",
                          rate, capture->fps);
@@ -155,12 +162,14 @@ static bool match_view(saga_eval_view *v, const saga_film *film,
 }
 
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
-                     const saga_capture *capture, saga_error *error)
+                     const saga_capture *capture, int first_frame,
+                     saga_error *error)
 {
     const int n = capture->n_views;
-    bool ok = check_time(film, capture, error);
+    bool ok = check_time(film, capture, first_frame, error);
 
-    *eval = (saga_eval){ .n_views = n, .n_frames = capture->n_frames };
+    *eval = (saga_eval){ .n_views = n, .n_frames = capture->n_frames,
+                         .first_frame = first_frame < 0 ? 0 : first_frame };
     if (ok)
         eval->view =
             saga_calloc((size_t)n, sizeof *eval->view, film->name, error);
@@ -263,7 +272,8 @@ static bool write_picture(const comparison *c, int view, int frame)
 
     if (!c->options->pictures || frame != c->eval->n_frames / 2)
         return true;
-    (void)snprintf(name, sizeof name, "%s_%05d.png", v->name, frame);
+    (void)snprintf(name, sizeof name, "%s_%05d.png", v->name,
+                   c->eval->first_frame + frame);
     path = saga_path_join(c->options->pictures, name, c->error);
     ok = path && saga_montage_compare(path, &truth, &decode, DIFFERENCE_GAIN,
                                       c->error);
@@ -292,7 +302,8 @@ static bool make_picture(const comparison *c, int view, int frame)
 
     if (m->film)
         return saga_film_draw(m->film, &c->eval->view[view].camera,
-                              (uint32_t)frame, 1, c->rgb, c->error);
+                              (uint32_t)(c->eval->first_frame + frame), 1,
+                              c->rgb, c->error);
     memcpy(c->rgb, saga_capture_frame(m->pictures, view, frame),
            saga_view_frame_nbytes(&m->pictures->views[view]));
     return true;

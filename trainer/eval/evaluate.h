@@ -48,20 +48,23 @@ typedef struct saga_eval_view {
 
 typedef struct saga_eval {
     int n_views, n_frames;
+    int first_frame;         /* the film's, shown by the capture's first */
     saga_eval_view *view;    /* (n_views) in the capture's order */
     int n_training, n_held_out;
     saga_eval_score training, held_out; /* means over views; of none, NaN */
 } saga_eval;
 
 /* Says whether the capture is what the file was made from, camera by camera;
- * fills in all but the scores. The file's frame 0 is the capture's first.
+ * fills in all but the scores. With first_frame -1 the capture must have all
+ * frames of the film; else its frames are the film's from first_frame on.
  * Training views must be in the file's rig (if it has one), up to 10^-4 of the
  * cube's width, 0.1 degrees and 1 % of the focal length; held-out ones need
  * not. A view in the rig takes the rig's background and near plane, the others
  * those of the rig's first camera; with no rig: black, 2^-10 of the cube.
  * False: *error says what does not fit and *eval is empty. */
 bool saga_eval_match(saga_eval *eval, const saga_film *film,
-                     const saga_capture *capture, saga_error *error);
+                     const saga_capture *capture, int first_frame,
+                     saga_error *error);
 
 /* Does the same for pictures of another codec: they must be as many views and
  * frames, and views of the same names and sizes. */
