@@ -9,6 +9,8 @@
 #               --resume makes the file of a run that was not stopped; without
 #               --resume a checkpoint is not overwritten
 #   alone       two runs do not write to one file; what a killed one left goes
+#   log         --log keeps every tenth iteration, as CSV and as JSON lines,
+#               and a resumed run's is that of one that was not stopped
 #   usage       wrong values end with status 2 and one line that names them
 #   capture     a missing camera file, an unknown view or frame: status 1
 #   output      a folder that is not there is found before training, a full
@@ -119,6 +121,57 @@ grep -q 'starting anew' err || complain "--resume of nothing: $(cat err)"
 cmp -s s.saga whole.saga || complain "--resume of nothing: another file"
 rm -f s.saga s.whole
 verdict stopped
+
+# ---- log
+log() { # log STATUS NAME OPTIONS...: to NAME; its lines without times in kept
+    local want=$1 name=$2
+    shift 2
+    expect "$want" cap -o l.saga "${small[@]}" --log "$name" "$@"
+    sed -e 's/,[^,]*$//' "$name" >kept
+}
+log 0 l.csv
+[ "$(head -n 1 l.csv)" = iteration,stage,psnr,bits,seconds ] ||
+    complain "CSV begins with $(head -n 1 l.csv)"
+[ "$(cut -d, -f1,2 kept | tail -n +2 | tr '\n' ' ')" = "$(for i in $(seq 12)
+    do echo "${i}0,$([ $i -le 7 ] && echo warm-up || echo rendering)"
+    done | tr '\n' ' ')" ] || complain "CSV: $(cat l.csv)"
+mv kept whole.kept
+cmp -s l.saga whole.saga || complain "with a log another file"
+rm l.csv
+set -m
+$stoppable "$saga" encode cap -o l.saga "${small[@]}" --log l.csv \
+    --checkpoint-every 0 >out 2>err </dev/null &
+pid=$!
+while [ ! -s l.csv ] || [ "$(wc -l <l.csv)" -lt 6 ]; do
+    kill -0 "$pid" 2>/dev/null || break
+    sleep 0.01
+done
+kill -KILL "$pid"
+wait "$pid" 2>/dev/null
+set +m
+echo 'half of a li' >>l.csv
+log 0 l.csv --resume
+cmp -s kept whole.kept || complain "the log of a resumed run: $(cat kept)"
+log 0 l.jsonl
+python3 -c '
+import csv, json
+rows = list(csv.DictReader(open("l.csv")))
+lines = [json.loads(line) for line in open("l.jsonl")]
+assert len(rows) == len(lines) == 12
+for row, line in zip(rows, lines):
+    assert list(row) == list(line), line
+    assert row["stage"] == line["stage"]
+    for key in "iteration", "psnr", "bits":
+        assert float(row[key]) == line[key], (key, row, line)
+assert float(rows[6]["bits"]) == 0 < float(rows[7]["bits"])
+' 2>>bad || complain "JSON lines: $(head -n 2 l.jsonl)"
+expect 2 cap -o x.saga --log nowhere/l.csv
+says nowhere/l.csv
+expect 2 cap -o x.saga --log l.txt
+says 'FILE.jsonl'
+rm -f l.* kept whole.kept
+leaves
+verdict log
 
 # ---- alone
 start() { # a run that is still going on when it has a checkpoint

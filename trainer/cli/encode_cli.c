@@ -8,6 +8,7 @@
 #include "cli.h"
 #include "commands.h"
 #include "cost.h"
+#include "encode_log.h"
 #include "error.h"
 #include "file.h"
 #include "json_cli.h"
@@ -31,7 +32,7 @@
 #define MOST_GAP 3.0
 
 typedef struct {
-    const char *output, *hold_out, *ablate;
+    const char *output, *hold_out, *ablate, *log;
     saga_cli_pair frames;
     int scale, threads, memory, primitives, iterations, level, seed, every;
     double lambda, minutes;
@@ -50,10 +51,11 @@ typedef struct {
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
     saga_output out;             /* open from the start: the name is ours */
-    saga_layout layout;      /* of the closed file */
+    saga_layout layout;          /* of the closed file */
+    saga_encode_log log;
     saga_error error;
     saga_meter meter;
-    double done_at_start, started;
+    double done_at_start, started, log_began;
 } session;
 
 /* This signal asked to stop; a handler can tell no one else. */
@@ -116,6 +118,7 @@ static bool training(void *user, const saga_train_progress *p)
                      p->n_iterations);
 
     tell_complaint(s);
+    saga_encode_log_write(&s->log, p, saga_cli_seconds() - s->log_began);
     if (s->done_at_start < 0)
         s->done_at_start = p->done;
     if (p->psnr > 0)
@@ -139,6 +142,9 @@ static int check_options(session *s)
                               "exclude each other");
     if (!saga_ablation_read(&s->ablation, s->o->ablate, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    if (s->o->log && !saga_encode_log_name(s->o->log))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --log takes FILE.csv "
+                              "or FILE.jsonl, not '%s'", s->o->log);
     return SAGA_EXIT_OK;
 }
 
@@ -237,6 +243,16 @@ static int open_training(session *s)
         fprintf(stderr, "saga: encode: %g minutes: %d iterations\n", t.minutes,
                 saga_train_n_iterations(s->train));
     return SAGA_EXIT_OK;
+}
+
+static int open_log(session *s)
+{
+    s->log_began = saga_cli_seconds();
+    if (!s->o->log || saga_encode_log_open(&s->log, s->o->log,
+                                           saga_train_iteration(s->train),
+                                           &s->error))
+        return SAGA_EXIT_OK;
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
 }
 
 /* Tells what the loader decided, and warns of. */
@@ -597,6 +613,8 @@ static int encode(session *s)
         status = open_capture(s);
     if (!status)
         status = open_training(s);
+    if (!status)
+        status = open_log(s);
     if (!status) {
         tell_notes(s);
         status = train(s);
@@ -641,6 +659,9 @@ static int run(int argc, char **argv)
     status = encode(&s);
     if (s.out.file)
         saga_output_close(&s.out, false, &s.error);
+    if (!saga_encode_log_close(&s.log, &s.error))
+        status = saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
+                                s.error.message);
     saga_train_free(s.train);
     saga_capture_free(&s.capture);
     saga_layout_free(&s.layout);
@@ -688,6 +709,9 @@ static const saga_cli_option option_list[] = {
     { "--resume", NULL, "go on from FILE.saga.ckpt, with the other options as\n"
       "they were; the result is that of an unstopped run", saga_cli_flag,
       offsetof(options, resume), 0, 0 },
+    { "--log", "FILE", "keep how it went: a line for every tenth iteration, as "
+      "CSV in\nFILE.csv or as JSON lines in FILE.jsonl; lab/log.gp\ndraws "
+      "it", saga_cli_text, offsetof(options, log), 0, 0 },
     { "--json", NULL, "the report as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 },
     { "--ablate", "LIST", "leave parts of the entropy model out, to learn what "

@@ -364,6 +364,15 @@ static int iteration_of(const saga_train *t)
          : t->stage == SAGA_TRAIN_RENDER ? saga_fit_iteration(t->fit) : 0;
 }
 
+int saga_train_iteration(const saga_train *t)
+{
+    int sum = 0;
+
+    for (int s = 0; s < (int)t->stage; s++)
+        sum += iterations_of(t, (saga_train_stage)s);
+    return sum + (t->stage < SAGA_TRAIN_N_STAGES ? iteration_of(t) : 0);
+}
+
 /* Counts in units of an iteration of the warm-up. */
 static double work_done(const saga_train *t)
 {
@@ -390,6 +399,7 @@ static bool tell(const saga_train *t)
         .stage = t->stage, .name = saga_train_stage_name(t->stage),
         .iteration = iteration_of(t),
         .n_iterations = iterations_of(t, t->stage),
+        .all = saga_train_iteration(t),
         .psnr = t->recent_mse > 0 ? -10 * log10(t->recent_mse) : 0,
         .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->fit) : 0,
         .done = work_done(t) / work_of_all(t)

@@ -43,6 +43,7 @@ typedef struct saga_train_progress {
     saga_train_stage stage;
     const char *name;            /* of the stage */
     int iteration, n_iterations; /* of the stage; it begins at 0 */
+    int all;                     /* iterations of all stages so far */
     double psnr;                 /* of recent training pictures; 0: none yet */
     double bits;                 /* the residuals would take; 0 before the
                                   * rendering */
@@ -130,8 +131,10 @@ typedef struct saga_train saga_train;
  * every 5 minutes where one is wanted. */
 saga_train_options saga_train_defaults(void);
 
-/* Returns the iterations of all stages together, as asked for or tried. */
+/* These return the iterations of all stages together: as asked for or tried;
+ * that are done. */
 int saga_train_n_iterations(const saga_train *train);
+int saga_train_iteration(const saga_train *train);
 
 /* Begins a training. NULL, with the reason in *error: an option and the remedy.
  */
