@@ -35,6 +35,14 @@ LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
 ARGS =# of a program run by `make bench`, or of `make rd`
 
+# Where `make install` puts things; DESTDIR goes before all of them.
+PREFIX = /usr/local
+BINDIR = $(PREFIX)/bin
+LIBDIR = $(PREFIX)/lib
+INCLUDEDIR = $(PREFIX)/include
+DATADIR = $(PREFIX)/share
+DESTDIR =
+
 # The inner loops of the decoder are compiled with HOT_OPT.
 HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
       decoder/blend $(addprefix decoder/arch/blend_,avx2 sse4 neon)
@@ -95,6 +103,7 @@ EVERY_OBJ := $(F64_OBJ) $(call obj,$(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
                $(TOOLS_SRC) $(sort $(wildcard tests/*/*.c lab/*.c bench/*.c)))
 
 LIB     = $(BUILD)/libsaga.a
+SHARED  = $(BUILD)/libsaga.so.0
 TRAIN   = $(BUILD)/libtrainer.a
 TWICE   = $(BUILD)/libtwice.a
 PLAIN   = $(BUILD)/libplain.a
@@ -142,9 +151,9 @@ COMPILE = $(CC) $(1) $(OPT_LEVEL) $(SAN_FLAGS) $(CFLAGS)
 LINK    = $(CC) $(OPT) $(SAN_FLAGS) $(CFLAGS) $(LDFLAGS)
 
 OPT_LEVEL = $(OPT)
-$(foreach f,$(HOT),$(OBJ)/$(f).o): OPT_LEVEL = $(HOT_OPT)
+$(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
 # SSE2 has no shifts of 64 bits to speak of: gcc's vectors cost a tenth here.
-$(OBJ)/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
+$(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
 # The float half uses AVX2 (trainer/base/vec.h) where this machine has it and
 # the compiler is its own; WIDE files AVX-512 (wide.h), which gives their bits.
 WIDE = trainer/splat/splat_raster trainer/nn/dense
@@ -161,8 +170,8 @@ I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
 # $* is the source without its suffix.
-I_WASM    = $(if $(filter common/%,$*),$(I_COMMON),$(if $(filter decoder/%,$*),\
-              $(I_DECODER),$(I_SAGA)))
+I_CORE    = $(if $(filter common/%,$*),$(I_COMMON),$(I_DECODER))
+I_WASM    = $(if $(filter ports/%,$*),$(I_SAGA),$(I_CORE))
 # $* is the file's path below trainer/, and begins with its room.
 I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(firstword $(subst /, ,$*)),\
               $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
@@ -170,9 +179,10 @@ I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
 
 # ---------------------------------------------------------------- build
 
-.PHONY: all lib tests lab-programs bench-programs objects web help
+.PHONY: all lib shared tests lab-programs bench-programs objects web help
 all: lib $(TOOLS)
 lib: $(LIB)
+shared: $(SHARED)
 tests: $(TESTS)
 lab-programs: $(LAB)
 bench-programs: $(BENCH)
@@ -195,6 +205,22 @@ $(OBJ)/common/%.o: common/%.c $(BUILD)/flags
 $(OBJ)/decoder/%.o: decoder/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	$(call COMPILE,$(CORE) $(I_DECODER)) -c $< -o $@
+
+$(OBJ)/pic/%.o: %.c $(BUILD)/flags
+	@mkdir -p $(@D)
+	$(call COMPILE,$(CORE) -fPIC $(I_CORE)) -c $< -o $@
+
+# The shared library shows what saga.h declares and nothing else.
+$(OBJ)/saga.map: $(SAGA_H)
+	@mkdir -p $(@D)
+	@echo '{ global:' >$@
+	@sed -n 's/^[a-z].*[ *]\(saga_[a-z0-9_]*\)(.*/    \1;/p' $< >>$@
+	@echo 'local: *; };' >>$@
+
+$(SHARED): $(patsubst %.c,$(OBJ)/pic/%.o,$(COMMON_SRC) $(DECODER_SRC)) \
+    $(OBJ)/saga.map $(BUILD)/sources
+	$(LINK) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/saga.map \
+	    $(filter %.o,$^) -o $@
 
 $(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
@@ -314,6 +340,23 @@ $(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(TRAIN) $(LIB)
 $(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
     $(OBJ)/tests/support/ref_recorder.o $(PLAIN) $(LIB)
 	$(LINK) $^ -lm -o $@
+
+# ---------------------------------------------------------------- install
+
+# Manual pages and completions come from what the programs' --help says.
+PAGES = $(BUILD)/pages
+PAGE_FILES := $(foreach p,saga saga-dec,$(foreach f,man bash zsh fish,\
+                $(PAGES)/$(p).$(f)))
+$(PAGE_FILES): $(BUILD)/saga $(BUILD)/saga-dec tools/help_pages.sh
+	@mkdir -p $(@D)
+	@tools/help_pages.sh $(subst .,,$(suffix $@)) \
+	    $(BUILD)/$(basename $(@F)) >$@
+
+.PHONY: pages install
+pages: $(PAGE_FILES)
+install: all shared pages
+	@BINDIR='$(BINDIR)' LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' \
+	    DATADIR='$(DATADIR)' DESTDIR='$(DESTDIR)' tools/install.sh $(BUILD)
 
 # ---------------------------------------------------------------- tests
 
@@ -457,6 +500,9 @@ make floors      the demo beside what needs no such codec; 4 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
 make rd          rate and distortion of all scenes beside other codecs; hours
 make rd-short    the same of two small scenes at one rate, beside the last row
+make install     programs, library, header, manual pages, completion: PREFIX=
+                 /usr/local, DESTDIR=, BINDIR, LIBDIR, INCLUDEDIR, DATADIR
+make shared      $(SHARED), which a program or a module loads
 make web         the page and the decoder for browsers, in $(BUILD)/web
 make setup       installs what is missing to build and test (Debian, as root)
 make check       unit tests, vectors, a tiny encode: less than a CPU minute

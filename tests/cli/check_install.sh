@@ -1,0 +1,126 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_install.sh: guarantees, for what `make install` puts below DESTDIR,
+#   files       all that was named, nothing outside; the release is one number
+#               everywhere
+#   library     pkg-config is enough for a program of a user; the shared library
+#               shows the functions of saga.h and no others
+#   pages       every option of every command is in the manual page and in each
+#               completion; the page has no warnings; bash completes
+set -u
+cd "$(dirname "$0")/../.." || exit
+checks=install
+# shellcheck source=tests/cli/verdict.sh
+. tests/cli/verdict.sh
+
+build=${BUILD:-build}
+[ ! -d "$build/gcc" ] || build=$build/gcc # of run_tests.sh
+"${MAKE:-make}" -s BUILD="$build" CC=gcc ${SAGA:+WERROR=-Werror} install \
+    DESTDIR="$tmp/root" PREFIX=/opt/saga >"$tmp/log" 2>&1 ||
+    complain "make install: $(tail -n 1 "$tmp/log")"
+at=$tmp/root/opt/saga
+share=$at/share
+
+# ---- files
+(cd "$tmp/root" && find . ! -type d | sort) >"$tmp/there"
+sort >"$tmp/wanted" <<'FILES'
+./opt/saga/bin/saga
+./opt/saga/bin/saga-dec
+./opt/saga/include/saga.h
+./opt/saga/lib/libsaga.a
+./opt/saga/lib/libsaga.so
+./opt/saga/lib/libsaga.so.0
+./opt/saga/lib/pkgconfig/saga.pc
+./opt/saga/share/bash-completion/completions/saga
+./opt/saga/share/bash-completion/completions/saga-dec
+./opt/saga/share/fish/vendor_completions.d/saga-dec.fish
+./opt/saga/share/fish/vendor_completions.d/saga.fish
+./opt/saga/share/man/man1/saga-dec.1
+./opt/saga/share/man/man1/saga.1
+./opt/saga/share/zsh/site-functions/_saga
+./opt/saga/share/zsh/site-functions/_saga-dec
+FILES
+diff "$tmp/wanted" "$tmp/there" >>"$bad"
+release=$(sed -n 's/^#define SAGA_RELEASE "\(.*\)"/\1/p' decoder/saga.h)
+for p in saga saga-dec; do
+    "$at/bin/$p" --version | grep -q "^$p $release," ||
+        complain "$p is no $release"
+    head -n 1 "$share/man/man1/$p.1" | grep -qF "saga $release" ||
+        complain "$p.1 is no $release"
+done
+verdict files
+
+# ---- library
+export PKG_CONFIG_PATH=$at/lib/pkgconfig
+[ "$(pkg-config --modversion saga)" = "$release" ] ||
+    complain "saga.pc is no $release"
+# shellcheck disable=SC2046
+gcc tests/api/use_from_c.c -o "$tmp/use" \
+    $(pkg-config --define-variable=libdir="$at/lib" \
+        --define-variable=includedir="$at/include" --cflags --libs saga) \
+    2>"$tmp/log" || complain "$(head -n 1 "$tmp/log")"
+want=$(awk '$1 == "good/motion.saga" && $2 == 0 && $7 == 0 && $8 == 0 {
+    print $11 }' vectors/MANIFEST)
+[ -n "$want" ] && [ "$(LD_LIBRARY_PATH=$at/lib "$tmp/use" \
+    vectors/good/motion.saga)" = "$want" ] ||
+    complain "the program with the shared library draws no $want"
+grep -q 'NEEDED.*libsaga.so.0' <(objdump -p "$tmp/use") ||
+    complain "the program does not use the shared library"
+sed -n 's/^[a-z].*[ *]\(saga_[a-z0-9_]*\)(.*/\1/p' decoder/saga.h |
+    sort -u >"$tmp/names"
+nm -D --defined-only "$at/lib/libsaga.so.0" | awk '{ print $3 }' | sort |
+    diff "$tmp/names" - >>"$bad"
+verdict library
+
+# ---- pages: "COMMAND OPTION" of all of them, from the help once more
+options() { # options PROGRAM COMMAND ARGUMENTS...
+    "$1" "${@:3}" | grep -oE '^  --?[A-Za-z][A-Za-z-]*' | sed "s/^ */$2 /"
+}
+commands=$("$at/bin/saga" --help |
+    sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p')
+for c in $commands; do options "$at/bin/saga" "$c" help "$c"; done >"$tmp/all"
+# Those of the tables' source, too: what the help shows must be all.
+grep -hoE '^    \{ "--?[a-z-]+"' trainer/cli/*.c | cut -d'"' -f2 | sort -u |
+    while read -r o; do
+        grep -qE " $o\$" "$tmp/all" || complain "no command's help has $o"
+    done
+while read -r c o; do
+    section=$(echo "$c" | tr a-z A-Z)
+    sed -n "/^.SH COMMAND $section\$/,/^.SH [CE]/p" "$share/man/man1/saga.1" |
+        sed 's/\\-/-/g' | grep -qE "^.B $o( |$)" ||
+        complain "saga.1 has no $c $o"
+    grep -E "^ *$c\) words=" "$share/bash-completion/completions/saga" |
+        grep -qE "['\" ]$o[' ]" || complain "bash has no $c $o"
+    sed -n "/^$c)/,/;;/p" "$share/zsh/site-functions/_saga" |
+        grep -qF -e "'*$o[" || complain "zsh has no $c $o"
+    dashes=${o%%[a-z]*}
+    [ "$dashes" = -- ] && flag="-l ${o#--}" || flag="-s ${o#-}"
+    grep -F "from $c'" "$share/fish/vendor_completions.d/saga.fish" |
+        grep -qE -e "$flag " || complain "fish has no $c $o"
+done <"$tmp/all"
+for o in $(options "$at/bin/saga-dec" x --help | cut -d' ' -f2 | sort -u); do
+    sed 's/\\-/-/g' "$share/man/man1/saga-dec.1" | grep -qE "^.B $o( |$)" ||
+        complain "saga-dec.1 has no $o"
+    grep -qE "['\" ]$o[' ]" "$share/bash-completion/completions/saga-dec" ||
+        complain "bash has no $o"
+done
+for p in saga saga-dec; do
+    if command -v groff >/dev/null; then
+        groff -man -ww -z "$share/man/man1/$p.1" >>"$bad" 2>&1
+    fi
+done
+# complete WORD...: what bash offers for the last of them.
+offers() {
+    bash -c '. "$0"; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _saga
+        printf "%s\n" "${COMPREPLY[@]}"' \
+        "$share/bash-completion/completions/saga" "$@"
+}
+[ "$(offers saga enc)" = encode ] || complain "enc: $(offers saga enc)"
+[ "$(offers saga encode --prim)" = --primitives ] ||
+    complain "--prim: $(offers saga encode --prim)"
+[ "$(offers saga info vectors/MANI)" = vectors/MANIFEST ] ||
+    complain "a file: $(offers saga info vectors/MANI)"
+verdict pages
+
+all_passed

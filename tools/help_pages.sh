@@ -1,0 +1,226 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+#
+# help_pages.sh man|bash|zsh|fish PROGRAM: a manual page, or the completion of a
+# shell, on stdout. Both are made of what the program's own --help says, which
+# saga prints from its tables of options: so there is nothing to keep in step.
+set -eu
+
+form=$1
+program=$2
+name=$(basename "$program")
+tmp=$(mktemp -d)
+trap 'rm -rf "$tmp"' EXIT
+
+"$program" --help >"$tmp/all"
+# Only saga has commands; each is a line "  NAME ARGUMENTS  SUMMARY".
+if grep -q "^usage: $name COMMAND" "$tmp/all"; then
+    sed -n '/^usage:/,/^  saga help/s/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' \
+        "$tmp/all" >"$tmp/commands"
+else
+    : >"$tmp/commands"
+fi
+while read -r c; do "$program" help "$c" >"$tmp/$c"; done <"$tmp/commands"
+
+# table FILE: "NAME<tab>VALUE<tab>FIRST LINE OF ITS HELP" of each option. The
+# help may begin on the line below.
+table() {
+    awk '
+        function flush() { if (name) print name "\t" value "\t" help }
+        /^  --?[A-Za-z]/ {
+            flush()
+            name = $1
+            rest = substr($0, 3 + length(name))
+            value = rest ~ /^ [^ ]/ ? $2 : ""
+            help = substr(rest, value == "" ? 1 : 2 + length(value))
+            sub(/^ */, "", help)
+            next
+        }
+        name && help == "" { help = $0; sub(/^ */, "", help) }
+        END { flush() }' "$1"
+}
+
+summary() { sed -nE "s/^  $1 +[A-Z][^ ]*( [^ ]+)*  +(.*)/\2/p" "$tmp/all"; }
+
+# ---- manual pages
+
+# roff FILE: a command's help, without the usage line, as roff.
+roff() {
+    sed 1,2d "$1" | sed 's/\\/\\e/g; s/-/\\-/g' | awk '
+        function text(line) {
+            if (paragraph) print ".PP"
+            paragraph = 0
+            print (line ~ /^[.'"'"']/ ? "\\&" : "") line
+        }
+        function example(on) {
+            if (on && paragraph) print ".PP"
+            if (on) paragraph = 0
+            if (on != nf) print on ? ".nf" : ".fi"
+            nf = on
+        }
+        /^  \\-/ {
+            example(0)
+            paragraph = 0
+            print ".TP"
+            rest = substr($0, 3)
+            n = match(rest, /  +/)
+            if (n == 0) n = length(rest) + 1
+            print ".B " substr(rest, 1, n - 1)
+            indent = n + RLENGTH + 1
+            rest = substr(rest, n)
+            sub(/^ */, "", rest)
+            if (rest != "") text(rest)
+            option = 1
+            next
+        }
+        /^$/ { example(0); paragraph = 1; option = 0; next }
+        option {
+            line = $0
+            sub(/^ */, "", line)
+            # A list inside of the help of an option keeps its lines.
+            if (line ~ /  /) print ".br"
+            text(line)
+            next
+        }
+        { example(/^  /); text($0) }
+        END { example(0) }'
+}
+
+man() {
+    release=$("$program" --version | sed 's/^[^ ]* \([0-9.]*\).*/\1/')
+    about=$(sed '/^usage:/d; /^  /d; /^$/d' "$tmp/all" | head -n 1)
+    upper=$(echo "$name" | tr a-z A-Z)
+    echo ".TH $upper 1 \"\" \"saga $release\" \"User commands\""
+    echo ".SH NAME"
+    case $name in
+    saga) echo "saga \\- volumetric video in small files" ;;
+    *) echo "$name \\- ${about%.}" | sed 's/- D/- d/' ;;
+    esac
+    echo ".SH SYNOPSIS"
+    echo ".nf"
+    sed -n '/^usage:/,/^$/p' "$tmp/all" |
+        sed '/^$/d; s/^usage: //; s/^  *//; s/-/\\-/g'
+    echo ".fi"
+    echo ".SH DESCRIPTION"
+    if [ -s "$tmp/commands" ]; then
+        sed '/^usage:/,$d' "$tmp/all"
+        while read -r c; do
+            echo ".SH COMMAND $c" | tr a-z A-Z
+            echo ".B $(sed -n '1s/^usage: //p' "$tmp/$c" | sed 's/-/\\-/g')"
+            echo ".PP"
+            roff "$tmp/$c"
+        done <"$tmp/commands"
+        echo ".SH EXAMPLES"
+        echo ".nf"
+        sed -n '/^First steps:/,/^On small/p' "$tmp/all" | sed -n 's/^  //p' |
+            sed 's/\\/\\e/g; s/-/\\-/g'
+        echo ".fi"
+        others="saga-dec"
+    else
+        sed '/^usage:/,/^$/d' "$tmp/all" | sed '1i\\n' >"$tmp/rest"
+        sed '/^Exit status/,$d' "$tmp/rest" >"$tmp/options"
+        roff "$tmp/options"
+        others="saga"
+    fi
+    echo ".SH EXIT STATUS"
+    sed -n '/^Exit status/,$p' "$tmp/all" | sed 's/^Exit status: //'
+    echo ".SH SEE ALSO"
+    echo ".BR $others (1)"
+}
+
+# ---- completion
+
+# words FILE: the names of its options in one line.
+words() { table "$1" | cut -f 1 | tr '\n' ' ' | sed 's/ $//'; }
+
+bash_completion() {
+    echo "# Made by tools/help_pages.sh."
+    echo "_$(echo "$name" | tr - _)() {"
+    echo "    local cur=\${COMP_WORDS[COMP_CWORD]} words="
+    if [ -s "$tmp/commands" ]; then
+        echo "    if [ \"\$COMP_CWORD\" = 1 ]; then"
+        echo "        words='$(tr '\n' ' ' <"$tmp/commands")help --version'"
+        echo "    else"
+        echo "        case \${COMP_WORDS[1]} in"
+        while read -r c; do
+            echo "        $c) words='$(words "$tmp/$c") --help' ;;"
+        done <"$tmp/commands"
+        echo "        help) words='$(tr '\n' ' ' <"$tmp/commands")' ;;"
+        echo "        esac"
+        echo "    fi"
+    else
+        echo "    words='$(words "$tmp/all") --help'"
+    fi
+    echo "    case \$cur in"
+    echo "    -*) ;;"
+    echo "    *) COMPREPLY=(\$(compgen -f -- \"\$cur\")) ;;"
+    echo "    esac"
+    echo "    COMPREPLY+=(\$(compgen -W \"\$words\" -- \"\$cur\"))"
+    echo "}"
+    echo "complete -o filenames -F _$(echo "$name" | tr - _) $name"
+}
+
+# zsh_options FILE: arguments of _arguments, a line each.
+zsh_options() {
+    table "$1" | sed "s/'//g; s/\[/(/g; s/\]/)/g; s/:/ /g" |
+        awk -F '\t' '{
+            printf "        '"'"'*%s[%s]%s'"'"' \\\n", $1, $3, \
+                $2 == "" ? "" : ":" $2 ":_files" }'
+    echo "        '*:file:_files'"
+}
+
+zsh_completion() {
+    echo "#compdef $name"
+    echo "# Made by tools/help_pages.sh."
+    if [ ! -s "$tmp/commands" ]; then
+        echo "_arguments \\"
+        zsh_options "$tmp/all"
+        return
+    fi
+    echo "if ((CURRENT == 2)); then"
+    echo "    local -a commands=("
+    while read -r c; do
+        echo "        '$c:$(summary "$c" | sed "s/'//g")'"
+    done <"$tmp/commands"
+    echo "    )"
+    echo "    _describe command commands"
+    echo "    return"
+    echo "fi"
+    echo "case \${words[2]} in"
+    while read -r c; do
+        echo "$c)"
+        echo "    _arguments \\"
+        zsh_options "$tmp/$c"
+        echo "    ;;"
+    done <"$tmp/commands"
+    echo "esac"
+}
+
+# fish_options FILE CONDITION
+fish_options() {
+    table "$1" | sed "s/'//g" | awk -F '\t' -v p="$name" -v when="$2" '{
+        flag = $1 ~ /^--/ ? " -l " substr($1, 3) : " -s " substr($1, 2)
+        print "complete -c " p when flag ($2 == "" ? "" : " -r") \
+            " -d '"'"'" $3 "'"'"'" }'
+}
+
+fish_completion() {
+    echo "# Made by tools/help_pages.sh."
+    if [ ! -s "$tmp/commands" ]; then
+        fish_options "$tmp/all" ""
+        return
+    fi
+    while read -r c; do
+        echo "complete -c $name -n __fish_use_subcommand -a $c -d" \
+            "'$(summary "$c" | sed "s/'//g")'"
+        fish_options "$tmp/$c" " -n '__fish_seen_subcommand_from $c'"
+    done <"$tmp/commands"
+}
+
+case $form in
+man) man ;;
+bash) bash_completion ;;
+zsh) zsh_completion ;;
+fish) fish_completion ;;
+*) echo "help_pages.sh man|bash|zsh|fish PROGRAM" >&2; exit 2 ;;
+esac

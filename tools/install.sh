@@ -1,0 +1,40 @@
+#!/bin/sh
+# SPDX-License-Identifier: MIT
+#
+# install.sh BUILD: puts what is in BUILD below DESTDIR, in BINDIR, LIBDIR,
+# INCLUDEDIR and DATADIR: programs, libraries, header, pkg-config's description,
+# manual pages, completions. `make install` runs it.
+set -eu
+
+build=$1
+
+put() { # put MODE FILE PLACE
+    mkdir -p "$DESTDIR$(dirname "$3")"
+    install -m "$1" "$2" "$DESTDIR$3"
+}
+
+for p in saga saga-dec; do
+    put 755 "$build/$p" "$BINDIR/$p"
+    put 644 "$build/pages/$p.man" "$DATADIR/man/man1/$p.1"
+    put 644 "$build/pages/$p.bash" "$DATADIR/bash-completion/completions/$p"
+    put 644 "$build/pages/$p.zsh" "$DATADIR/zsh/site-functions/_$p"
+    put 644 "$build/pages/$p.fish" "$DATADIR/fish/vendor_completions.d/$p.fish"
+done
+put 644 "$build/libsaga.a" "$LIBDIR/libsaga.a"
+put 644 "$build/libsaga.so.0" "$LIBDIR/libsaga.so.0"
+ln -sf libsaga.so.0 "$DESTDIR$LIBDIR/libsaga.so"
+put 644 "$build/include/saga.h" "$INCLUDEDIR/saga.h"
+
+release=$(sed -n 's/^#define SAGA_RELEASE "\(.*\)"/\1/p' \
+    "$build/include/saga.h")
+cat >"$build/pages/saga.pc" <<PC
+libdir=$LIBDIR
+includedir=$INCLUDEDIR
+
+Name: saga
+Description: decoder of volumetric video, the same bits on every machine
+Version: $release
+Libs: -L\${libdir} -lsaga
+Cflags: -I\${includedir}
+PC
+put 644 "$build/pages/saga.pc" "$LIBDIR/pkgconfig/saga.pc"
