@@ -8,6 +8,8 @@
 #   trainer  sees common and saga.h alone (build/include), and each of its rooms
 #            what SEE_room says below
 #   tools    see saga.h alone, and so does ports
+#   reference  sees common, decoder, and of the trainer base and code; the
+#            trainer's cli sees its verify.h (build/include)
 #   tests, lab, bench  see everything
 #
 # Everything is built under BUILD. A change of the compiler or of a flag builds
@@ -79,6 +81,7 @@ TRAINER_SRC := $(sort $(wildcard trainer/*/*.c))
 CLI_SRC     := $(filter trainer/cli/%,$(TRAINER_SRC))
 TOOLS_SRC   := $(sort $(wildcard tools/*.c))
 TESTS_SRC   := $(sort $(wildcard tests/*/test_*.c))
+REFERENCE_SRC := $(sort $(wildcard reference/*.c))
 HELPER_SRC  := $(sort $(wildcard tests/support/*.c lab/gen_*.c))
 BENCH_SRC   := $(sort $(wildcard bench/bench_*.c))
 
@@ -99,16 +102,19 @@ TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC)))
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ := $(call obj,$(HELPER_SRC))
+REFERENCE_OBJ := $(call obj,$(REFERENCE_SRC))
 EVERY_OBJ := $(F64_OBJ) $(call obj,$(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
-               $(TOOLS_SRC) $(sort $(wildcard tests/*/*.c lab/*.c bench/*.c)))
+               $(REFERENCE_SRC) $(TOOLS_SRC) $(sort $(wildcard tests/*/*.c lab/*.c bench/*.c)))
 
 LIB     = $(BUILD)/libsaga.a
 SHARED  = $(BUILD)/libsaga.so.0
 TRAIN   = $(BUILD)/libtrainer.a
 TWICE   = $(BUILD)/libtwice.a
 PLAIN   = $(BUILD)/libplain.a
+REFERENCE = $(BUILD)/libreference.a
 HELPERS = $(BUILD)/libhelpers.a
 SAGA_H  = $(BUILD)/include/saga.h
+VERIFY_H = $(BUILD)/include/verify.h
 
 TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
@@ -175,7 +181,9 @@ I_WASM    = $(if $(filter ports/%,$*),$(I_SAGA),$(I_CORE))
 # $* is the file's path below trainer/, and begins with its room.
 I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(firstword $(subst /, ,$*)),\
               $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
-I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Itests/support -Ilab
+I_REFERENCE = $(I_DECODER) -Itrainer/base -Itrainer/code
+I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Ireference \
+            -Itests/support -Ilab
 
 # ---------------------------------------------------------------- build
 
@@ -193,8 +201,9 @@ $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
 $(TRAIN): $(TRAINER_OBJ)
 $(TWICE): $(F64_OBJ)
 $(PLAIN): $(call obj,$(PLAIN_TRAINER))
+$(REFERENCE): $(REFERENCE_OBJ)
 $(HELPERS): $(HELPER_OBJ)
-$(LIB) $(TRAIN) $(TWICE) $(PLAIN) $(HELPERS): $(BUILD)/sources
+$(LIB) $(TRAIN) $(TWICE) $(PLAIN) $(REFERENCE) $(HELPERS): $(BUILD)/sources
 	@rm -f $@
 	$(AR) rcs $@ $(filter %.o,$^)
 
@@ -222,7 +231,7 @@ $(SHARED): $(patsubst %.c,$(OBJ)/pic/%.o,$(COMMON_SRC) $(DECODER_SRC)) \
 	$(LINK) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/saga.map \
 	    $(filter %.o,$^) -o $@
 
-$(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
+$(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H) $(VERIFY_H)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM)) -c $< -o $@
 
@@ -233,6 +242,10 @@ $(OBJ)/f64/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
 $(OBJ)/tools/%.o: tools/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(I_SAGA) -DSAGA_LEVEL=$(LEVEL)) -c $< -o $@
+
+$(OBJ)/reference/%.o: reference/%.c $(BUILD)/flags
+	@mkdir -p $(@D)
+	$(call COMPILE,$(HOST) $(I_REFERENCE)) -c $< -o $@
 
 $(OBJ)/tests/%.o: tests/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
@@ -247,8 +260,11 @@ $(OBJ)/bench/%.o: bench/%.c $(BUILD)/flags
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) -Ibench) -c $< -o $@
 
-# The trainer and the tools may see this header of the decoder and no other.
+# The trainer and the tools may see this header of the decoder and no other, and
+# the trainer's cli this one of the reference.
 $(SAGA_H): decoder/saga.h
+$(VERIFY_H): reference/verify.h
+$(SAGA_H) $(VERIFY_H):
 	@mkdir -p $(@D)
 	@cp $< $@
 
@@ -301,7 +317,7 @@ $(OBJ)/view_files.o: $(OBJ)/view_files.c trainer/cli/view_files.h
 $(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(WIDE_MARCH) \
                       $(SAN_FLAGS) $(OMP) $(CFLAGS) $(LDFLAGS) $(LEVEL)
 $(BUILD)/sources: NOW = $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
-                        $(HELPER_SRC) $(WEB_FILES)
+                        $(REFERENCE_SRC) $(HELPER_SRC) $(WEB_FILES)
 $(BUILD)/flags $(BUILD)/sources: FORCE
 	@mkdir -p $(@D)
 	@echo '$(NOW)' | cmp -s - $@ || echo '$(NOW)' > $@
@@ -318,27 +334,28 @@ $(BUILD)/saga-dec: $(OBJ)/tools/saga_dec.o $(LIB)
 $(BUILD)/saga-play: $(OBJ)/tools/saga_play.o $(LIB)
 	$(LINK) $^ -pthread -o $@
 
-$(BUILD)/saga: $(CLI_OBJ) $(OBJ)/view_files.o $(TRAIN) $(LIB)
+$(BUILD)/saga: $(CLI_OBJ) $(OBJ)/view_files.o $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 	$(LINK) $^ -lm -o $@
 
 $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
-$(TESTS): $(HELPERS) $(TWICE) $(TRAIN) $(LIB)
+$(TESTS): $(HELPERS) $(REFERENCE) $(TWICE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(CMOCKA) $(HOST_LIBS) \
 	    -o $@
 
-$(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(TRAIN) $(LIB)
+$(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(REFERENCE) $(TRAIN) \
+    $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
-$(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(TRAIN) $(LIB)
+$(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 # This one is built for every target of tests/run_matrix.sh: no library but libc
 # and libm.
 $(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
-    $(OBJ)/tests/support/ref_recorder.o $(PLAIN) $(LIB)
+    $(OBJ)/reference/ref_recorder.o $(PLAIN) $(LIB)
 	$(LINK) $^ -lm -o $@
 
 # ---------------------------------------------------------------- install
@@ -394,7 +411,7 @@ sanitize:
 
 # Editors and linters read here how each file is compiled.
 COMMANDS = compile_commands.json
-$(COMMANDS): $(SAGA_H) FORCE
+$(COMMANDS): $(SAGA_H) $(VERIFY_H) FORCE
 	@$(MAKE) --no-print-directory -Bn objects | awk -v dir='$(CURDIR)' ' \
 	    / -c / && !/\/f64\// { \
 	        file = $$0; sub(/.* -c /, "", file); sub(/ .*/, "", file); \
@@ -484,8 +501,8 @@ rd-short: setup
 
 # Only a change of the format may change a vector: look at the difference before
 # you commit it.
-$(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) $(TRAIN) \
-    $(LIB)
+$(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) \
+    $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 vectors: $(BUILD)/make_vectors
 	$(BUILD)/make_vectors vectors

@@ -162,11 +162,13 @@ static void report_error(scene *s)
     uint32_t *const order = need(s->n * sizeof *order);
     double *const rgb = need(s->pic.nbytes * sizeof *rgb);
     double steps, psnr;
+    ref_primitive still;
     ref_animated a;
     uint32_t i, k, n = 0;
 
     for (i = 0; i < s->n; i++) {
-        ref_animate(&a, s->primitives + i, &gen_still_format, 32768);
+        ref_primitive_of(&still, s->primitives + i, &gen_still_format);
+        ref_animate(&a, &still, 0.5);
         if (!ref_project(ref + n, &a, &s->cam))
             continue;
         uint16_t colour[3];

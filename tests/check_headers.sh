@@ -26,7 +26,7 @@ for cc in gcc clang; do
     bad=0
     n=0
     for h in common/*.h common/*/*.h decoder/*.h decoder/*/*.h trainer/*/*.h \
-        ports/*/*.h tests/*/*.h lab/*.h bench/*.h; do
+        ports/*/*.h reference/*.h tests/*/*.h lab/*.h bench/*.h; do
         [ -e "$h" ] || continue
         case $h in
         *_tables.h) continue ;; # parts of one C file
@@ -34,7 +34,8 @@ for cc in gcc clang; do
         decoder/*) see="-ffreestanding -Icommon -Idecoder" ;;
         ports/*) see="-ffreestanding -I$tmp/include" ;;
         trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $(rooms "$h")" ;;
-        *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Itests/support -Ilab -Ibench" ;;
+        reference/*) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder -Itrainer/base -Itrainer/code" ;;
+        *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Ireference -Itests/support -Ilab -Ibench" ;;
         esac
         n=$((n + 1))
         name=$(basename "$h")

@@ -13,6 +13,7 @@
 #               status 1 and one line that names the file; nothing crashes
 #   render      the pixels of saga-dec; times, sizes, sequences and paths; what
 #               cannot be drawn or written is told, nothing half-written stays
+#   verify      text and JSON of a file; what has no picture is refused
 #   outputs     of saga and saga-dec: devices and pipes stay what they are,
 #               files of the user's stay, umask is obeyed, what a killed run
 #               left goes, a standard output that is full is told
@@ -318,6 +319,29 @@ for f in scale_below_zero more_than_maximum; do
 done
 [ -z "$(find "$tmp" -name '*x*.png*')" ] || complain "something half-written"
 verdict render
+
+# ---- verify
+expect 0 verify "$scene" --camera 1 --frame 15/2
+for text in ' splats$' 'predicted feature' 'stopped otherwise'; do
+    grep -q "$text" "$tmp/out" || complain "verify: no '$text'"
+done
+expect 0 verify "$scene" --json --size 64x32
+python3 -c '
+import json, sys
+v = json.load(open(sys.argv[1]))
+assert (v["width"], v["height"]) == (64, 32)
+assert v["rows"][0]["alone"]["n"] > 0
+assert v["pictures_from"]["symbols"]["max"] <= 2' "$tmp/out" 2>"$tmp/py" ||
+    complain "verify --json: $(tail -n 1 "$tmp/py")"
+expect 1 verify "$scene" --frame "$frames"
+says "lies past its $frames frames"
+expect 1 verify "$scene" --camera 3
+says 'no camera 3 in its rig of 3'
+expect 1 verify vectors/bad/crc_segment.saga
+says 'crc_segment.saga'
+expect 2 verify
+says 'verify'
+verdict verify
 
 # ---- outputs
 # write_by PROGRAM OUT: one picture.

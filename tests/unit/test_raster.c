@@ -272,7 +272,7 @@ static int one_splat(scene *s, ref_splat *ref, gen_rng *r)
         return 0;
     for (k = 0; k < 3; k++)
         s->splats->colour_q15[k] = 32768;
-    ref_from_animated(&ra, &a);
+    ref_animated_of(&ra, &a);
     return ref_project(ref, &ra, &s->cam);
 }
 
@@ -1056,11 +1056,13 @@ static void true_picture(double *rgb, const saga_primitive *p, uint32_t n,
     uint32_t *const order = need(n * sizeof *order);
     uint32_t i, kept = 0;
     uint16_t colour[3];
+    ref_primitive still;
     ref_animated a;
     int k;
 
     for (i = 0; i < n; i++) {
-        ref_animate(&a, p + i, &gen_still_format, 32768);
+        ref_primitive_of(&still, p + i, &gen_still_format);
+        ref_animate(&a, &still, 0.5);
         if (!ref_project(splats + kept, &a, cam))
             continue;
         gen_colour(colour, i);

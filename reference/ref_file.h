@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * A .saga file of one segment as its parts: header and rig, the symbols, what
+ * A segment of a .saga file as its parts: header and rig, the symbols, what
  * they decode to, and what they cost. For tools that code the same scene
- * otherwise.
+ * otherwise, and for the reference, which decodes it otherwise.
  */
 #ifndef REF_FILE_H
 #define REF_FILE_H
 
 #include "container.h"
 #include "cost.h"
+#include "saga.h"
 #include "scaffold.h"
 #include "symbols.h"
 
@@ -34,15 +35,20 @@ typedef struct ref_file {
     int16_t *value[SAGA_N_STEPS]; /* of the residuals, by SAGA_STEP_*: (coarse,
                                    * 4), (coarse, F), (fine, 4), (prim, 4), as
                                    * common/syntax.h dequantises them */
+    int16_t *mu[SAGA_N_STEPS];   /* what was predicted of each, */
+    uint8_t *scale[SAGA_N_STEPS]; /* and the index of its distribution */
     saga_scaffold sc;            /* after all layers */
     ref_span chunk[REF_N_CHUNKS]; /* payloads */
     double bits[SAGA_N_SYMS];    /* code lengths, networks included, */
     double net_bits[SAGA_N_NETS]; /* and of each of them */
 } ref_file;
 
-/* NULL: done, and ref_file_free; else why not, a constant string, and there is
- * nothing to free. */
+/* This reads a file that has one segment. NULL: done, and ref_file_free; else
+ * why not, a constant string, and there is nothing to free. */
 const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n);
+/* The same of one segment of any file, which saga_find has found. */
+const char *ref_file_read_segment(ref_file *f, const uint8_t *bytes, size_t n,
+                                  const saga_segment *seg);
 void ref_file_free(ref_file *f);
 
 /* Channels of a step's values: 4 or F. */

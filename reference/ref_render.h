@@ -19,6 +19,16 @@
 
 /* --- In double ----------------------------------------------------------- */
 
+/* Units of space are any, of time a segment. */
+typedef struct ref_primitive {
+    double mean[3];          /* at t_centre */
+    double quat[4], slope[4]; /* slope per age */
+    double log2_scale[3];
+    double opacity;          /* logit in log2 units */
+    double support[3], motion[9]; /* motion in supports per age^order */
+    double t_centre, log2_width; /* log2_width INFINITY: it never fades */
+} ref_primitive;
+
 typedef struct ref_animated {
     double x[3];             /* box units */
     double quat[4];          /* unit length */
@@ -30,31 +40,43 @@ typedef struct ref_splat {
     double mean[2];          /* pixels */
     double cov[3];           /* A = var x, B, C = var y, low-pass included */
     double det;              /* of the covariance */
+    double chol[3];          /* g, n, h: what is drawn */
     double q0, depth;
     double colour[3];        /* 0..1 */
 } ref_splat;
 
-void ref_animate(ref_animated *out, const saga_primitive *p,
-                 const saga_prim_format *f, int32_t t);
+void ref_animate(ref_animated *out, const ref_primitive *p, double t);
 
-/* The double view of an integer one, to test a stage alone. */
-void ref_from_animated(ref_animated *out, const saga_animated *a);
+/* The double view of integer ones, to test a stage alone: box units; a splat
+ * has no covariance then. */
+void ref_primitive_of(ref_primitive *out, const saga_primitive *p,
+                      const saga_prim_format *f);
+void ref_animated_of(ref_animated *out, const saga_animated *a);
+void ref_splat_of(ref_splat *out, const saga_splat *s);
 
-/* 0 if dropped; colour is the caller's. */
+/* 0 if dropped; colour is the caller's, and depth is not rounded. */
 int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c);
 
-/* The Cholesky factor g, n, h of the conic in log2 units. */
-void ref_factor(double chol[3], const ref_splat *s);
-
-/* q = -log2(alpha) at the offset (dx, dy) from the mean, pixels. */
+/* q = -log2(alpha) at the offset (dx, dy) from the mean, pixels: of the
+ * covariance, not of its factor. */
 double ref_q(const ref_splat *s, double dx, double dy);
+
+/* What is blended: q at the centre of pixel (x, y), by the factor; pixels that
+ * a splat may touch, x0, y0, x1, y1; alpha; whether neither cut nor stop; and
+ * one splat into one pixel, which begins as 0, 0, 0 and 1. */
+double ref_q_at(const ref_splat *s, int x, int y);
+void ref_box(int box[4], const ref_splat *s, const saga_camera *c);
+double ref_alpha(double q);
+int ref_blends(double trans, double q);
+void ref_blend_pixel(double rgb[3], double *trans, const ref_splat *s,
+                     double q);
 
 /* Renders n splats in the given order: rgb has width * height * 3 values in
  * 0..1. */
 void ref_blend(double *rgb, const saga_camera *c, const ref_splat *splats,
                const uint32_t *order, uint32_t n);
 
-/* Order of (depth, index). */
+/* Order of (depth rounded, index). */
 void ref_sort(uint32_t *order, const ref_splat *splats, uint32_t n);
 
 /* 10 log10(max^2 / mean squared difference) between a picture of 8 or 16 bits
@@ -69,6 +91,13 @@ int32_t ref_q_q20(const saga_splat *s, int x, int y);
 
 /* alpha of the norm for q_q20 < 8 << 20, Q16. */
 uint32_t ref_alpha_q16(int32_t q_q20);
+
+/* The same of the norm: sums and T begin as 0 and 65536, and end as a pixel. */
+int ref_blends_exact(uint32_t t, int32_t q_q20);
+void ref_blend_pixel_exact(uint64_t sum[3], uint32_t *t, const saga_splat *s,
+                           int32_t q_q20);
+void ref_store_exact(const saga_picture *pic, const saga_camera *c, int x,
+                     int y, const uint64_t sum[3], uint32_t t);
 
 /* The whole picture by the norm; boxes are not looked at. */
 void ref_blend_exact(const saga_picture *pic, const saga_camera *c,

@@ -93,7 +93,8 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
     const size_t first = (size_t)at.index * n;
 
     (void)sc;
-    (void)scale;
+    memcpy(f->mu[step] + first, mu, n * sizeof *mu);
+    memcpy(f->scale[step] + first, scale, n);
     for (uint32_t i = 0; i < n; i++)
         f->value[step][first + i] = fx_sat16_64(mu[i] + fx_rshift64(
             (int64_t)q[first + i] * f->h.model.step_q16[step], 16));
@@ -109,10 +110,13 @@ static int read_layers(ref_file *f, recorder_chunks at)
 
     recorder_alloc_symbols(&f->s, f->segment.n, f->h.model.features,
                            cap_nodes);
-    for (int i = 0; i < SAGA_N_STEPS; i++)
-        f->value[i] = must(calloc((size_t)ref_file_rows(f, i) *
-                                  ref_file_channels(f, i) + 1,
-                                  sizeof *f->value[i]));
+    for (int i = 0; i < SAGA_N_STEPS; i++) {
+        const size_t n = (size_t)ref_file_rows(f, i) * ref_file_channels(f, i);
+
+        f->value[i] = must(calloc(n + 1, sizeof *f->value[i]));
+        f->mu[i] = must(calloc(n + 1, sizeof *f->mu[i]));
+        f->scale[i] = must(calloc(n + 1, 1));
+    }
     recorder_scaffold(&f->sc, &f->h.model, &f->shapes, f->params,
                       f->segment.n);
     saga_cost_init(&cost, NULL);
@@ -130,28 +134,27 @@ static int read_layers(ref_file *f, recorder_chunks at)
            take_chunk(&f->chunk[REF_PRIM], &at, SAGA_CHUNK_PRIM);
 }
 
-static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n)
+static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n,
+                              const saga_segment *seg)
 {
     recorder_chunks at = recorder_head(&f->h, bytes, n);
-    saga_segment seg;
     ref_span payload;
 
     read_rig(f, bytes);
-    /* The last frame is behind all of the index. */
-    if (saga_find(&seg, bytes, n, f->h.n_frames - 1, 1) || seg.offset > n ||
-        seg.nbytes > n - seg.offset ||
+    if (seg->offset > n || seg->nbytes > n - seg->offset ||
         !take_chunk(&payload, &at, SAGA_CHUNK_INDEX))
         return "the index is not valid";
     if (!take_chunk(&f->chunk[REF_NETWORKS], &at, SAGA_CHUNK_NETS) ||
         f->chunk[REF_NETWORKS].n != f->h.nets_nbytes || !read_nets(f))
         return "the networks are not valid";
-    at = recorder_segment_chunks(&f->h, bytes, &seg);
+    at = recorder_segment_chunks(&f->h, bytes, seg);
     if (!recorder_segment(&f->segment, &f->h, &at))
         return "the segment's header is not valid";
     return read_layers(f, at) ? NULL : "the segment is not valid";
 }
 
-const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
+const char *ref_file_read_segment(ref_file *f, const uint8_t *bytes, size_t n,
+                                  const saga_segment *seg)
 {
     const char *why;
     saga_info info;
@@ -159,20 +162,37 @@ const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
     memset(f, 0, sizeof *f);
     if (saga_probe(&info, bytes, n) || saga_head_read(&f->h, bytes, n))
         return "the header is not valid";
-    if (f->h.n_segments != 1)
-        return "files of several segments cannot be taken apart yet";
-    why = read_parts(f, bytes, n);
+    why = read_parts(f, bytes, n, seg);
     if (why)
         ref_file_free(f);
     return why;
+}
+
+const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
+{
+    saga_segment seg;
+    saga_info info;
+
+    memset(f, 0, sizeof *f);
+    if (saga_probe(&info, bytes, n))
+        return "the header is not valid";
+    if (info.n_segments != 1)
+        return "files of several segments cannot be taken apart yet";
+    /* The last frame is behind all of the index. */
+    if (saga_find(&seg, bytes, n, info.n_frames - 1, 1))
+        return "the index is not valid";
+    return ref_file_read_segment(f, bytes, n, &seg);
 }
 
 void ref_file_free(ref_file *f)
 {
     recorder_free_symbols(&f->s);
     saga_net_symbols_free(&f->nets);
-    for (int i = 0; i < SAGA_N_STEPS; i++)
+    for (int i = 0; i < SAGA_N_STEPS; i++) {
         free(f->value[i]);
+        free(f->mu[i]);
+        free(f->scale[i]);
+    }
     if (f->sc.model)
         saga_scaffold_free(&f->sc);
     free(f->params);

@@ -9,6 +9,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 static const double log2_e = 1.4426950408889634;
 
@@ -29,42 +30,57 @@ static void normalise(double q[4])
         q[i] = len > 0 ? q[i] / len : i == 0;
 }
 
-void ref_animate(ref_animated *out, const saga_primitive *p,
-                 const saga_prim_format *f, int32_t t)
+void ref_primitive_of(ref_primitive *out, const saga_primitive *p,
+                      const saga_prim_format *f)
 {
-    const double width = f->has_width ? fmin(32768, exp2(p->log2_width_q10 /
-                                                         1024.0)) : 32768;
-    const double age = clamp((t - p->t_centre) / width, -4, 4);
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        out->mean[i] = p->x[i];
+        out->support[i] = p->support[i];
+        out->log2_scale[i] = p->log2_scale_q10[i] / 1024.0;
+    }
+    for (i = 0; i < 9; i++)
+        out->motion[i] = i / 3 < f->motion_order
+                             ? ldexp(p->motion[i], -f->q_motion[i / 3]) : 0;
+    for (i = 0; i < 4; i++) {
+        out->quat[i] = ldexp(p->quat[i], -f->q_quat);
+        out->slope[i] = f->has_slope ? ldexp(p->slope[i], -f->q_slope) : 0;
+    }
+    out->opacity = ldexp(p->opacity, -f->q_opacity);
+    out->t_centre = p->t_centre / 65536.0;
+    out->log2_width = f->has_width ? p->log2_width_q10 / 1024.0 - 16
+                                   : INFINITY;
+}
+
+void ref_animate(ref_animated *out, const ref_primitive *p, double t)
+{
+    const double width = fmin(0.5, exp2(p->log2_width));
+    const double dt = t - p->t_centre;
+    const double age = clamp(dt / width, -4, 4);
+    const double u = fmin(16, fabs(dt) / exp2(p->log2_width));
     int i, k;
 
     for (i = 0; i < 3; i++) {
         double m = 0;
 
-        for (k = 0; k < f->motion_order; k++)
-            m += p->motion[3 * k + i] * exp2(-f->q_motion[k]) *
-                 pow(age, k + 1);
+        for (k = 0; k < 3; k++)
+            m += p->motion[3 * k + i] * pow(age, k + 1);
         m = clamp(m, -524288, 524288);
-        out->x[i] = clamp(p->x[i] + p->support[i] * m, -536870912.0,
+        out->x[i] = clamp(p->mean[i] + p->support[i] * m, -536870912.0,
                           536870912.0);
-        out->scale[i] = exp2(p->log2_scale_q10[i] / 1024.0);
+        out->scale[i] = exp2(p->log2_scale[i]);
     }
     for (i = 0; i < 4; i++)
-        out->quat[i] = p->quat[i] * exp2(-f->q_quat) +
-                       (f->has_slope ? p->slope[i] * exp2(-f->q_slope) * age
-                                     : 0);
+        out->quat[i] = p->quat[i] + p->slope[i] * age;
     normalise(out->quat);
-    out->q0 = log2(1 + exp2(-p->opacity * exp2(-f->q_opacity)));
+    out->q0 = log2(1 + exp2(-p->opacity));
     if (isinf(out->q0))
-        out->q0 = -p->opacity * exp2(-f->q_opacity);
-    if (f->has_width) {
-        const double u = fmin(16, abs(t - p->t_centre) /
-                                  exp2(p->log2_width_q10 / 1024.0));
-
-        out->q0 += log2_e * u * u;
-    }
+        out->q0 = -p->opacity;
+    out->q0 += log2_e * u * u;
 }
 
-void ref_from_animated(ref_animated *out, const saga_animated *a)
+void ref_animated_of(ref_animated *out, const saga_animated *a)
 {
     int i;
 
@@ -76,6 +92,21 @@ void ref_from_animated(ref_animated *out, const saga_animated *a)
         out->quat[i] = a->quat[i];
     normalise(out->quat);
     out->q0 = a->q0_q20 / 1048576.0;
+}
+
+void ref_splat_of(ref_splat *out, const saga_splat *s)
+{
+    int i;
+
+    memset(out, 0, sizeof *out);
+    for (i = 0; i < 2; i++)
+        out->mean[i] = s->mean_q8[i] / 256.0;
+    for (i = 0; i < 3; i++) {
+        out->chol[i] = s->chol_q28[i] / 268435456.0;
+        out->colour[i] = s->colour_q15[i] / 32768.0;
+    }
+    out->q0 = s->q0_q20 / 1048576.0;
+    out->depth = s->depth;
 }
 
 static void quat_matrix(double r[3][3], const double q[4])
@@ -136,6 +167,16 @@ static void covariance(ref_splat *s, double t[2][3])
     s->det = cross2 + d * (a + c) + d * d;
 }
 
+/* The Cholesky factor of the conic in log2 units. */
+static void factor(ref_splat *s)
+{
+    const double k = log2_e / 2;
+
+    s->chol[0] = sqrt(k * s->cov[2] / s->det);
+    s->chol[1] = s->chol[0] * s->cov[1] / s->cov[2];
+    s->chol[2] = sqrt(k / s->cov[2]);
+}
+
 int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
 {
     const double size[2] = { c->width, c->height };
@@ -147,9 +188,9 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
         for (k = 0; k < 3; k++)
             v[i] += c->rotation_q30[3 * i + k] / 1073741824.0 *
                     (a->x[k] - c->centre[k]);
-    s->depth = floor(v[2] + 0.5);
+    s->depth = v[2];
     s->q0 = a->q0;
-    if (a->q0 >= SAGA_CUT_LOG2 || s->depth < c->near_plane)
+    if (a->q0 >= SAGA_CUT_LOG2 || floor(v[2] + 0.5) < c->near_plane)
         return 0;
     for (i = 0; i < 2; i++) {
         const double f = c->focal_q16[i] / 65536.0;
@@ -164,16 +205,8 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
     }
     affine(t, a, c, slope, v[2]);
     covariance(s, t);
+    factor(s);
     return 1;
-}
-
-void ref_factor(double chol[3], const ref_splat *s)
-{
-    const double k = log2_e / 2;
-
-    chol[0] = sqrt(k * s->cov[2] / s->det);
-    chol[1] = chol[0] * s->cov[1] / s->cov[2];
-    chol[2] = sqrt(k / s->cov[2]);
 }
 
 double ref_q(const ref_splat *s, double dx, double dy)
@@ -192,29 +225,61 @@ static void bounds(int *lo, int *hi, double mean, double extent, int side)
     *hi = (int)clamp(ceil(mean + extent) + 1, 0, side);
 }
 
+void ref_box(int box[4], const ref_splat *s, const saga_camera *c)
+{
+    const double g = s->chol[0], n = s->chol[1], h = s->chol[2];
+    const double reach = sqrt(SAGA_CUT_LOG2 - s->q0);
+
+    bounds(&box[0], &box[2], s->mean[0],
+           g > 0 && h > 0 ? reach * hypot(h, n) / (g * h) : INFINITY,
+           c->width);
+    bounds(&box[1], &box[3], s->mean[1], h > 0 ? reach / h : INFINITY,
+           c->height);
+}
+
+double ref_q_at(const ref_splat *s, int x, int y)
+{
+    const double dx = x + 0.5 - s->mean[0], dy = y + 0.5 - s->mean[1];
+    const double v = s->chol[0] * dx - s->chol[1] * dy;
+    const double w = s->chol[2] * dy;
+
+    return s->q0 + v * v + w * w;
+}
+
+double ref_alpha(double q)
+{
+    return fmin(exp2(-q), SAGA_ALPHA_CAP_Q16 / 65536.0);
+}
+
+int ref_blends(double trans, double q)
+{
+    return q < SAGA_CUT_LOG2 && trans >= SAGA_T_FLOOR_Q16 / 65536.0;
+}
+
+void ref_blend_pixel(double rgb[3], double *trans, const ref_splat *s,
+                     double q)
+{
+    const double w = ref_alpha(q) * *trans;
+    int k;
+
+    if (!ref_blends(*trans, q))
+        return;
+    for (k = 0; k < 3; k++)
+        rgb[k] += w * s->colour[k];
+    *trans -= w;
+}
+
 static void blend_one(double *rgb, double *trans, const saga_camera *c,
                       const ref_splat *s)
 {
-    const double cap = SAGA_ALPHA_CAP_Q16 / 65536.0;
-    const double floor_t = SAGA_T_FLOOR_Q16 / 65536.0;
-    const double reach = sqrt(2 / log2_e * (SAGA_CUT_LOG2 - s->q0));
-    int x0, x1, y0, y1, x, y, k;
+    int box[4], x, y;
 
-    bounds(&x0, &x1, s->mean[0], reach * sqrt(s->cov[0]), c->width);
-    bounds(&y0, &y1, s->mean[1], reach * sqrt(s->cov[2]), c->height);
-    for (y = y0; y < y1; y++)
-        for (x = x0; x < x1; x++) {
-            double *const p = rgb + 3 * (y * c->width + x);
-            double *const tr = trans + y * c->width + x;
-            const double q = ref_q(s, x + 0.5 - s->mean[0],
-                                   y + 0.5 - s->mean[1]);
-            const double w = fmin(exp2(-q), cap) * *tr;
+    ref_box(box, s, c);
+    for (y = box[1]; y < box[3]; y++)
+        for (x = box[0]; x < box[2]; x++) {
+            const int at = y * c->width + x;
 
-            if (q >= SAGA_CUT_LOG2 || *tr < floor_t)
-                continue;
-            for (k = 0; k < 3; k++)
-                p[k] += w * s->colour[k];
-            *tr -= w;
+            ref_blend_pixel(rgb + 3 * at, trans + at, s, ref_q_at(s, x, y));
         }
 }
 
@@ -245,8 +310,11 @@ static int by_depth(const void *a, const void *b)
 {
     const uint32_t i = *(const uint32_t *)a, k = *(const uint32_t *)b;
 
-    if (sorted[i].depth != sorted[k].depth)
-        return sorted[i].depth < sorted[k].depth ? -1 : 1;
+    const double a_depth = floor(sorted[i].depth + 0.5);
+    const double b_depth = floor(sorted[k].depth + 0.5);
+
+    if (a_depth != b_depth)
+        return a_depth < b_depth ? -1 : 1;
     return i < k ? -1 : i > k;
 }
 
@@ -346,11 +414,39 @@ static void store(const saga_picture *pic, int x, int y, int k, uint64_t c)
         ((uint16_t *)(void *)line)[3 * x + k] = (uint16_t)(v < max ? v : max);
 }
 
+int ref_blends_exact(uint32_t t, int32_t q_q20)
+{
+    return q_q20 < SAGA_CUT_LOG2 << 20 && t >= SAGA_T_FLOOR_Q16;
+}
+
+void ref_blend_pixel_exact(uint64_t sum[3], uint32_t *t, const saga_splat *s,
+                           int32_t q_q20)
+{
+    uint32_t w;
+    int k;
+
+    if (!ref_blends_exact(*t, q_q20))
+        return;
+    w = ref_alpha_q16(q_q20) * *t >> 16;
+    *t -= w;
+    for (k = 0; k < 3; k++)
+        sum[k] += (uint64_t)w * s->colour_q15[k];
+}
+
+void ref_store_exact(const saga_picture *pic, const saga_camera *c, int x,
+                     int y, const uint64_t sum[3], uint32_t t)
+{
+    int k;
+
+    for (k = 0; k < 3; k++)
+        store(pic, x, y, k, sum[k] + (uint64_t)t * c->background_q15[k]);
+}
+
 void ref_blend_exact(const saga_picture *pic, const saga_camera *c,
                      const saga_splat *splats, const saga_key *order,
                      uint32_t n)
 {
-    int x, y, k;
+    int x, y;
     uint32_t i;
 
     for (y = 0; y < c->height; y++)
@@ -360,18 +456,9 @@ void ref_blend_exact(const saga_picture *pic, const saga_camera *c,
 
             for (i = 0; i < n && t >= SAGA_T_FLOOR_Q16; i++) {
                 const saga_splat *const s = splats + order[i].index;
-                const int32_t q = ref_q_q20(s, x, y);
-                uint32_t w;
 
-                if (q >= SAGA_CUT_LOG2 << 20)
-                    continue;
-                w = ref_alpha_q16(q) * t >> 16;
-                t -= w;
-                for (k = 0; k < 3; k++)
-                    sum[k] += (uint64_t)w * s->colour_q15[k];
+                ref_blend_pixel_exact(sum, &t, s, ref_q_q20(s, x, y));
             }
-            for (k = 0; k < 3; k++)
-                store(pic, x, y, k,
-                      sum[k] + (uint64_t)t * c->background_q15[k]);
+            ref_store_exact(pic, c, x, y, sum, t);
         }
 }

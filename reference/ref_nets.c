@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: MIT */
+#include "ref_nets.h"
+
+#include "alloc.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double turn = 6.283185307179586;
+
+/* --- Parameters ---------------------------------------------------------- */
+
+static double weight_of(const saga_layer *l, uint32_t row, uint32_t k)
+{
+    const size_t at = saga_mlp_weight_at(l->n_in, l->n_out, row, k);
+
+    return l->int8 ? ((const int8_t *)l->weight)[at]
+                   : ((const int16_t *)l->weight)[at];
+}
+
+/* A row's shift is a factor of its weights and bias. */
+static bool take_layer(ref_nets *n, int net, int i, const saga_layer *l,
+                       saga_error *error)
+{
+    double *const w = saga_alloc(l->n_out, l->n_in * sizeof *w,
+                                 "a network", error);
+    double *const b = saga_alloc(l->n_out, sizeof *b, "a network", error);
+
+    n->weight[net][i] = w;
+    n->bias[net][i] = b;
+    if (!w || !b)
+        return false;
+    for (uint32_t row = 0; row < l->n_out; row++) {
+        b[row] = ldexp(l->bias[row], -l->shift[row]);
+        for (uint32_t k = 0; k < l->n_in; k++)
+            w[row * l->n_in + k] = ldexp(weight_of(l, row, k),
+                                         -l->shift[row]);
+    }
+    return true;
+}
+
+bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
+                   const uint8_t *params, saga_error *error)
+{
+    memset(n, 0, sizeof *n);
+    n->model = m;
+    memcpy(n->shape, shapes->shape, sizeof n->shape);
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        for (int i = 0; i < n->shape[net].n_layers; i++) {
+            saga_layer l;
+
+            saga_nets_layer(&l, shapes, params, net, i);
+            if (!take_layer(n, net, i, &l, error))
+                return false;
+        }
+    return true;
+}
+
+void ref_nets_free(ref_nets *n)
+{
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        for (int i = 0; i < SAGA_MAX_LAYERS; i++) {
+            free(n->weight[net][i]);
+            free(n->bias[net][i]);
+        }
+    memset(n, 0, sizeof *n);
+}
+
+bool ref_nets_has(const ref_nets *n, int net)
+{
+    return n->shape[net].n_layers > 0;
+}
+
+/* --- A run --------------------------------------------------------------- */
+
+/* Activations are in the last places of their formats here, whatever those
+ * are: only the first and the last are known. */
+void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
+{
+    const saga_net_shape *const s = &n->shape[net];
+    double x[SAGA_MAX_VECTOR], y[SAGA_MAX_VECTOR];
+
+    for (uint32_t k = 0; k < s->dim[0]; k++)
+        x[k] = ref_saturate(ldexp(in[k], s->q_in), 1);
+    for (int i = 0; i < s->n_layers; i++) {
+        const double *w = n->weight[net][i];
+
+        for (uint32_t row = 0; row < s->dim[i + 1]; row++) {
+            double sum = n->bias[net][i][row];
+
+            for (uint32_t k = 0; k < s->dim[i]; k++)
+                sum += *w++ * x[k];
+            if (sum < 0 && i + 1 < s->n_layers)
+                sum = 0;
+            y[row] = ref_saturate(sum, 1);
+        }
+        memcpy(x, y, s->dim[i + 1] * sizeof *x);
+    }
+    for (uint32_t row = 0; row < s->dim[s->n_layers]; row++)
+        out[row] = ldexp(x[row], -saga_output_q(n->model, net, row));
+}
+
+/* --- Embedding ----------------------------------------------------------- */
+
+/* Octaves of one axis, whose first has `turns` turns; returns 2 octaves. */
+static uint32_t octaves(double *out, const saga_model *m, double turns)
+{
+    for (uint32_t k = 0; k < m->octaves; k++) {
+        out[2 * k] = sin(turn * ldexp(turns, (int)k));
+        out[2 * k + 1] = cos(turn * ldexp(turns, (int)k));
+    }
+    return 2u * m->octaves;
+}
+
+/* A quarter turn per half-cube and per half of a segment. */
+uint32_t ref_embed(double *out, const saga_model *m, const double x[4])
+{
+    uint32_t at = 0;
+
+    for (int i = 0; i < 3; i++)
+        at += octaves(out + at, m, ldexp(x[i], -25));
+    return at + octaves(out + at, m, ldexp(x[3] - 32768, -17));
+}
+
+/* A quarter turn per half-size. */
+uint32_t ref_embed_offset(double *out, const saga_model *m,
+                          const double offset[4])
+{
+    uint32_t at = 0;
+
+    for (int i = 0; i < 4; i++)
+        at += octaves(out + at, m, ldexp(offset[i], -2));
+    return at;
+}

@@ -1,0 +1,175 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The integer decoder beside the reference in double: all good vectors, whose
+ * networks are random and hard, and the demo's file, which was trained. The
+ * reference says itself where the decoder's pixels are not the norm's.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "file.h"
+#include "verify.h"
+
+#include <dirent.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void verify(saga_verify *v, const char *path, uint32_t frame)
+{
+    saga_verify_view view = { .frame_num = frame, .frame_den = 1 };
+    saga_error error = { "" };
+    saga_bytes file;
+    uint32_t number;
+
+    assert_true(saga_read_file(&file, path, &error));
+    assert_int_equal(saga_rig(&view.camera, &number, file.data, file.nbytes,
+                              0), SAGA_OK);
+    if (!saga_verify_file(v, path, file.data, file.nbytes, &view, &error))
+        fail_msg("%s", error.message);
+    saga_bytes_free(&file);
+}
+
+static const saga_verify_row *row_of(const saga_verify *v, int stage,
+                                     const char *name)
+{
+    for (int i = 0; i < v->n_rows; i++)
+        if (v->row[i].stage == stage && !strcmp(v->row[i].name, name))
+            return &v->row[i];
+    fail_msg("no row %s", name);
+    return NULL;
+}
+
+/* Largest error of a stage alone, in steps of its format. */
+static double steps(const saga_verify *v, int stage, const char *name)
+{
+    const saga_verify_row *const r = row_of(v, stage, name);
+
+    return r->alone.max / r->step;
+}
+
+/* What is rounded once from exact integers is within half a step, and the
+ * approximations before it (2^-29 of x/z) are far below one. A primitive's
+ * position is rounded once, and its support, a factor of up to two, once. */
+static void check_roundings(const saga_verify *v)
+{
+    assert_true(steps(v, SAGA_VERIFY_SPLATS, "mean") < 0.51);
+    assert_true(steps(v, SAGA_VERIFY_SPLATS, "depth") < 0.51);
+    assert_true(steps(v, SAGA_VERIFY_PRIMITIVES, "position") < 1.51);
+}
+
+/* Of the picture alone: q's fraction has 8 bits, so that an alpha is wrong by
+ * 2^-9 log(2) of itself and 2^-16, which weights add up to once; q itself adds
+ * 5e-4. Twice for T, and a splat at the cut makes a level at most. */
+static void check_pixels(const saga_verify *v)
+{
+    const double relative = (1 / 512.0 + 5e-4) * log(2) + 1 / 256.0;
+    const saga_verify_row *const r = row_of(v, SAGA_VERIFY_PIXELS,
+                                            "picture before 8 bits");
+
+    assert_true(r->alone.max < 1 + 2 * 255 * relative);
+    assert_true(v->picture[SAGA_VERIFY_PIXELS].max <= 1);
+    assert_true(v->picture[SAGA_VERIFY_PIXELS].psnr > 60);
+    assert_true(v->picture[SAGA_VERIFY_ANIMATION].max <= 1);
+    assert_true(v->picture[SAGA_VERIFY_ANIMATION].psnr > 60);
+}
+
+/* Networks have three layers, in which a step may grow: with random weights by
+ * an order of magnitude. A formula that differs is off by whole values, 2^9
+ * steps and more. */
+static void check_networks(const saga_verify *v)
+{
+    for (int i = 0; i < v->n_rows; i++) {
+        const saga_verify_row *const r = &v->row[i];
+
+        if (r->stage > SAGA_VERIFY_PRIMITIVES || r->alone.n == 0 ||
+            !strcmp(r->name, "position"))
+            continue;
+        if (r->alone.rms > 64 * r->step)
+            fail_msg("%s %s: rms %g in steps of %g",
+                     saga_verify_stage[r->stage], r->name, r->alone.rms,
+                     r->step);
+    }
+}
+
+static void vectors_should_be_near_double_in_every_stage(void **state)
+{
+    DIR *const dir = opendir("vectors/good");
+    const struct dirent *e;
+    int n = 0;
+
+    (void)state;
+    assert_non_null(dir);
+    while ((e = readdir(dir)) != NULL) {
+        saga_verify v;
+        char path[512];
+
+        if (!strstr(e->d_name, ".saga"))
+            continue;
+        snprintf(path, sizeof path, "vectors/good/%s", e->d_name);
+        verify(&v, path, 0);
+        check_networks(&v);
+        if (v.n_splats > 0) {
+            check_roundings(&v);
+            check_pixels(&v);
+        }
+        n++;
+    }
+    closedir(dir);
+    assert_true(n >= 10);
+}
+
+/* A trained file: everything in double since the symbols. */
+static void demo_should_be_near_double_as_a_whole(void **state)
+{
+    const saga_verify_picture *p;
+    saga_verify v;
+
+    (void)state;
+    verify(&v, "docs/demo.saga", 12);
+    p = &v.picture[SAGA_VERIFY_SYMBOLS];
+    printf("  %.2f dB, %d level%s\n", p->psnr, p->max,
+           p->max == 1 ? "" : "s");
+    assert_true(v.n_splats > 1000);
+    assert_true(p->psnr > 61);
+    assert_true(p->max <= 2);
+    assert_true(row_of(&v, SAGA_VERIFY_SCAFFOLD, "fine feature")->chain.psnr >
+                80);
+}
+
+static void bad_files_should_be_refused(void **state)
+{
+    static const char *const name[] = { "crc_segment", "crc_header",
+                                        "cut_in_segment" };
+    const saga_verify_view view = { .frame_den = 1 };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof name / sizeof name[0]; i++) {
+        saga_error error = { "" };
+        saga_bytes file;
+        saga_verify v;
+        char path[512];
+
+        snprintf(path, sizeof path, "vectors/bad/%s.saga", name[i]);
+        assert_true(saga_read_file(&file, path, &error));
+        assert_false(saga_verify_file(&v, path, file.data, file.nbytes, &view,
+                                      &error));
+        assert_non_null(strstr(error.message, path));
+        saga_bytes_free(&file);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(vectors_should_be_near_double_in_every_stage),
+        cmocka_unit_test(demo_should_be_near_double_as_a_whole),
+        cmocka_unit_test(bad_files_should_be_refused)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
