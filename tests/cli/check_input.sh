@@ -249,7 +249,7 @@ odd 'png("images/cam01/odd.png", 48, 36)' \
 odd 'png("images/cam01/odd.png", 0, 0)' 'size of 0 x 0 pixels'
 odd 'png("images/cam01/odd.png", 64, 0)' 'size of 64 x 0 pixels'
 odd 'png("images/cam01/odd.png", 64, 20000)' 'size of 64 x 20000 pixels'
-odd 'write("images/cam01/odd.png", b"")' 'neither PNG nor OpenEXR' \
+odd 'write("images/cam01/odd.png", b"")' 'no PNG, JPEG, WebP, TIFF or OpenEXR' \
     '0 bytes read'
 odd 'write("images/cam01/odd.png", b"GIF89a, not a PNG")' \
     'starts with 47 49 46 38'

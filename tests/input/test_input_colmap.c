@@ -499,7 +499,7 @@ static void cameras_should_be_scaled_to_the_videos(void **state)
     assert_true(c.views[0].reprojection_median > 10);
     saga_capture_free(&c);
     write_text(f, "colmap/cameras.txt", "7 PINHOLE 128 48 120 122 64 48\n");
-    refused(f->path, "colmap", "128 x 48 pixels, the video 64 x 48");
+    refused(f->path, "colmap", "128 x 48 pixels, its pictures 64 x 48");
     write_text(f, "colmap/cameras.txt", "8 PINHOLE 64 48 60 61 32 24\n");
     refused(f->path, "colmap", "names camera 7, which is missing");
     folder_run(f, "mv cam02.mp4 cam04.mp4");

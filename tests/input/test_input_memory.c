@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Loading where memory ends: every allocation of ours, of libpng, of jansson,
- * of OpenEXR and of libc fails once. Small captures of each format; ffprobe and
- * ffmpeg are stand-ins that give what the real ones would, a hundred times
- * faster.
+ * Loading where memory ends: every allocation of ours, of libpng, of
+ * libjpeg-turbo, of jansson, of OpenEXR and of libc fails once. Small captures
+ * of each format; ffprobe and ffmpeg are stand-ins that give what the real ones
+ * would, a hundred times faster.
  */
 #include "alloc.h"
 #include "capture_files.h"
@@ -106,6 +106,19 @@ static void exrs_should_be_refused_when_memory_ends(void **state)
     fail_each(*state, "scene", 500);
 }
 
+/* --- COLMAP -------------------------------------------------------------- */
+
+static void write_model(folder *f, const char *where);
+
+static void jpegs_should_be_refused_when_memory_ends(void **state)
+{
+    folder_run(*state, "mkdir images && for i in 0 1; do ffmpeg -nostdin "
+               "-v error -f lavfi -i testsrc=s=%dx%d -frames:v 1 "
+               "images/cam0$i.jpg || exit; done", W, H);
+    write_model(*state, "sparse");
+    fail_each(*state, ".", 90);
+}
+
 /* --- Neu3D --------------------------------------------------------------- */
 
 static void write_tool(folder *f, const char *name, const char *command)
@@ -135,16 +148,17 @@ static void write_tools(folder *f)
 }
 
 /* Two cameras, 0.5 apart, that look along z at four points. */
-static void write_model(folder *f)
+static void write_model(folder *f, const char *where)
 {
-    folder_run(f, "mkdir colmap");
-    write_text(f, "colmap/cameras.txt", "1 PINHOLE 16 12 15 15 8 6\n");
-    write_text(f, "colmap/images.txt",
-               "1 1 0 0 0 0 0 0 1 cam00.png\n8 6 1 9 6 2 8 7 3 7 6 4\n"
-               "2 1 0 0 0 -0.5 0 0 1 cam01.png\n8 6 1 9 6 2 8 7 3 7 6 4\n");
-    write_text(f, "colmap/points3D.txt",
+    folder_run(f, "mkdir %s", where);
+    write_text(f, "cameras.txt", "1 PINHOLE 16 12 15 15 8 6\n");
+    write_text(f, "images.txt",
+               "1 1 0 0 0 0 0 0 1 cam00.jpg\n8 6 1 9 6 2 8 7 3 7 6 4\n"
+               "2 1 0 0 0 -0.5 0 0 1 cam01.jpg\n8 6 1 9 6 2 8 7 3 7 6 4\n");
+    write_text(f, "points3D.txt",
                "1 0 0 5 9 9 9 1 1 0 2 0\n2 .3 0 5 9 9 9 1 1 1 2 1\n"
                "3 0 .3 5 9 9 9 1 1 2 2 2\n4 -.3 0 5 9 9 9 1 1 3 2 3\n");
+    folder_run(f, "mv *.txt %s", where);
 }
 
 /* Rows that say the same as write_model: down, right, backwards, centre, size
@@ -177,7 +191,7 @@ static void videos_should_be_refused_when_memory_ends(void **state)
     folder_run(*state, "mkdir depth && cp scene/depth/cam00/00000.exr "
                "depth/cam00_f000.exr");
     write_tools(*state);
-    write_model(*state);
+    write_model(*state, "colmap");
     write_poses(*state);
     fail_each(*state, ".", 70);
     assert_int_equal(setenv("PATH", path, 1), 0);
@@ -246,6 +260,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         IN_FOLDER(pngs_should_be_refused_when_memory_ends),
         IN_FOLDER(exrs_should_be_refused_when_memory_ends),
+        IN_FOLDER(jpegs_should_be_refused_when_memory_ends),
         IN_FOLDER(videos_should_be_refused_when_memory_ends),
         IN_FOLDER(pictures_should_leave_no_file_when_memory_ends),
         cmocka_unit_test(products_should_be_refused_when_they_overflow),

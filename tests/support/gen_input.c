@@ -12,12 +12,13 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <turbojpeg.h>
 #include <unistd.h>
 #include <zlib.h>
 
 const char *const input_kind_text[INPUT_N_KINDS] = {
-    "PNG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON", "COLMAP",
-    "COLMAP text"
+    "PNG", "JPEG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON",
+    "COLMAP", "COLMAP text"
 };
 
 enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
@@ -149,6 +150,21 @@ void input_end(void)
 }
 
 /* --- Valid files --------------------------------------------------------- */
+
+static void seed_jpeg(bytes *b)
+{
+    const tjhandle encoder = must(tjInitCompress());
+    unsigned char *jpeg = NULL, rgb[3 * W * H];
+    unsigned long n = 0;
+
+    for (int i = 0; i < 3 * W * H; i++)
+        rgb[i] = (unsigned char)(i * i * 37 >> 3);
+    check(tjCompress2(encoder, rgb, W, 0, H, TJPF_RGB, &jpeg, &n, TJSAMP_420,
+                      90, TJFLAG_PROGRESSIVE) == 0, "no JPEG");
+    put(b, jpeg, n);
+    tjFree(jpeg);
+    tjDestroy(encoder);
+}
 
 static void seed_npy(bytes *b)
 {
@@ -296,7 +312,9 @@ uint8_t *input_seed(input_kind kind, size_t *n)
               error.message);
     if (kind == INPUT_EXR || kind == INPUT_EXR_DEPTH)
         return read_file("seed", n);
-    if (kind == INPUT_NPY)
+    if (kind == INPUT_JPEG)
+        seed_jpeg(&b);
+    else if (kind == INPUT_NPY)
         seed_npy(&b);
     else if (kind == INPUT_PLY || kind == INPUT_PLY_TEXT)
         seed_ply(&b, kind == INPUT_PLY_TEXT);

@@ -2,8 +2,8 @@
  *
  * Files as a capture consists of them, small and valid; damage to them; and
  * the reader of their kind, which may refuse anything and may crash at
- * nothing. Of the readers of trainer/input only video is missing: that is
- * ffmpeg's.
+ * nothing. Of the readers of trainer/input only those of ffmpeg are missing:
+ * video, WebP, TIFF.
  */
 #ifndef GEN_INPUT_H
 #define GEN_INPUT_H
@@ -13,6 +13,7 @@
 
 typedef enum input_kind {
     INPUT_PNG,
+    INPUT_JPEG,
     INPUT_EXR,               /* colours */
     INPUT_EXR_DEPTH,
     INPUT_NPY,

@@ -289,10 +289,12 @@ static void compare_change(const comparison *c, int view, int frame)
     const uint8_t *const median = c->median[view];
     const size_t n = saga_view_frame_nbytes(&c->capture->views[view]);
     const double mse = saga_mse(median, truth, n);
+    const int n_frames =
+        c->eval->n_frames - c->capture->views[view].n_missing;
     saga_eval_score *const s = &c->eval->view[view].score;
 
-    s->median_mse += mse / c->eval->n_frames;
-    s->median_psnr += saga_psnr(mse) / c->eval->n_frames;
+    s->median_mse += mse / n_frames;
+    s->median_psnr += saga_psnr(mse) / n_frames;
     saga_change_add(&s->change, median, truth, c->rgb, n / 3);
 }
 
@@ -318,6 +320,8 @@ static bool compare_one(const comparison *c, int view, int frame)
     };
     saga_score score;
 
+    if (!saga_capture_has(c->capture, view, frame))
+        return true;
     if (!make_picture(c, view, frame))
         return false;
     if (c->options->no_ssim)

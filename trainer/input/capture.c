@@ -9,7 +9,6 @@
 #include "notes.h"
 #include "picture.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -34,6 +33,7 @@ void saga_capture_free(saga_capture *capture)
         for (int k = 0; view->depth && k < capture->n_frames; k++)
             free(view->depth[k]);
         free(view->depth);
+        free(view->missing);
         free(view->rgb);
     }
     free(capture->views);
@@ -43,20 +43,23 @@ void saga_capture_free(saga_capture *capture)
 
 /* ---------------------------------------------------------------- listing */
 
+static void source_free(saga_source *s, int n_frames)
+{
+    for (int k = 0; k < n_frames; k++) {
+        if (s->pictures)
+            free(s->pictures[k]);
+        if (s->depths)
+            free(s->depths[k]);
+    }
+    free(s->pictures);
+    free(s->depths);
+    free(s->video);
+}
+
 static void listing_free(saga_listing *listing)
 {
-    for (int i = 0; i < listing->n_sources; i++) {
-        saga_source *const s = &listing->sources[i];
-        for (int k = 0; k < listing->n_frames; k++) {
-            if (s->pictures)
-                free(s->pictures[k]);
-            if (s->depths)
-                free(s->depths[k]);
-        }
-        free(s->pictures);
-        free(s->depths);
-        free(s->video);
-    }
+    for (int i = 0; i < listing->n_sources; i++)
+        source_free(&listing->sources[i], listing->n_frames);
     free(listing->sources);
     free(listing->points);
     *listing = (saga_listing){0};
@@ -109,10 +112,67 @@ bool saga_listing_hold_out(saga_listing *listing, const char *names,
                      listing->n_sources);
 }
 
+bool saga_listing_names_differ(const saga_listing *listing)
+{
+    for (int i = 0; i < listing->n_sources; i++) {
+        if (listing->sources[i].name[0] == '\0')
+            return false;
+        for (int k = 0; k < i; k++)
+            if (strcmp(listing->sources[i].name, listing->sources[k].name) == 0)
+                return false;
+    }
+    return true;
+}
+
+static bool has_picture(const saga_source *s, int first, int end)
+{
+    for (int k = first; s->pictures && k < end; k++)
+        if (s->pictures[k])
+            return true;
+    return s->video != NULL;
+}
+
+bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
+                             int *kept_as, saga_error *error)
+{
+    int n = 0;
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        const bool keep = has_picture(s, first, end);
+        if (kept_as)
+            kept_as[i] = keep ? n : -1;
+        if (keep) {
+            listing->sources[n++] = *s;
+            continue;
+        }
+        saga_note(listing->notes, "pictures: camera %s is left out, all of "
+                  "its pictures are missing", s->name);
+        source_free(s, listing->n_frames);
+    }
+    const int n_before = listing->n_sources;
+    listing->n_sources = n;
+    return n > 0 || saga_fail(error, listing->path, "copy the pictures beside "
+                              "the cameras", "none of its %d cameras has a "
+                              "picture", n_before);
+}
+
+bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
+{
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        int k = 0;
+        while (!s->pictures[k])
+            k++;
+        if (!saga_picture_probe(s->pictures[k], &s->width, &s->height, error))
+            return false;
+    }
+    return true;
+}
+
 bool saga_probe_video(saga_source *source, saga_listing *listing,
                       saga_error *error)
 {
-    if (!saga_video_probe(&source->info, source->video, error))
+    if (!saga_video_probe(&source->info, source->video, NULL, error))
         return false;
     source->width = source->info.width;
     source->height = source->info.height;
@@ -395,12 +455,26 @@ static void load_view(load_job *job, int v, bool depth)
     for (int k = 0; k < n; k++) {
         if (item_skipped(job, v * n + k))
             continue;
-        if (!depth)
+        if (!depth && !saga_capture_has(job->capture, v, k))
+            item_done(job, v * n + k, true, &error);
+        else if (!depth)
             load_picture(job, v, k, &remap);
         else if (job->capture->views[v].depth[k])
             load_depth(job, v, k, &remap);
     }
     saga_remap_free(&remap);
+}
+
+/* A missing picture looks like the nearest of its camera that is there, so that
+ * what compares moments sees no motion in it. */
+static void fill_missing(load_job *job, int v)
+{
+    const saga_capture *const c = job->capture;
+    for (int k = 0; k < c->n_frames; k++)
+        if (!saga_capture_has(c, v, k))
+            memcpy(frame_to_fill(job, v, k),
+                   frame_to_fill(job, v, saga_capture_near(c, v, k)),
+                   saga_view_frame_nbytes(&c->views[v]));
 }
 
 static bool load_all(load_job *job)
@@ -416,6 +490,8 @@ static bool load_all(load_job *job)
         load_view(job, v, false);
     if (job->first_failed != INT32_MAX)
         return false;
+    for (int v = 0; v < n_views; v++)
+        fill_missing(job, v);
     job->n_done = 0;
     job->n_items = n_views * job->capture->n_frames;
     for (int v = 0; v < n_views; v++)
@@ -425,6 +501,25 @@ static bool load_all(load_job *job)
 }
 
 /* ----------------------------------------------------------------- capture */
+
+/* Marks the frames whose picture is missing; nothing where none is. */
+static bool mark_missing(const load_job *job, saga_shot *view,
+                         const saga_source *s)
+{
+    const int n = job->capture->n_frames;
+    for (int k = 0; !s->video && k < n; k++) {
+        if (s->pictures[job->capture->first_frame + k])
+            continue;
+        if (!view->missing)
+            view->missing = saga_calloc((size_t)n, sizeof *view->missing,
+                                        s->name, job->error);
+        if (!view->missing)
+            return false;
+        view->missing[k] = true;
+        view->n_missing++;
+    }
+    return true;
+}
 
 static bool allocate_view(const load_job *job, saga_shot *view,
                           const saga_source *s)
@@ -468,7 +563,7 @@ static bool make_view(const load_job *job, int v)
     memcpy(view->name, s->name, sizeof view->name);
     memcpy(view->rotation, s->rotation, sizeof view->rotation);
     memcpy(view->translation, s->translation, sizeof view->translation);
-    return allocate_view(job, view, s);
+    return allocate_view(job, view, s) && mark_missing(job, view, s);
 }
 
 static void note_decisions(const load_job *job)
@@ -478,12 +573,30 @@ static void note_decisions(const load_job *job)
         saga_note(notes, "scale: 1/%d, boxes of %d x %d pixels averaged",
                   job->options->scale, job->options->scale,
                   job->options->scale);
+    double least = INFINITY, most = 0.0;
+    int n_lenses = 0, n_missing = 0, n_lacking = 0, n_most = 0;
+    const char *worst = "";
     for (int v = 0; v < job->capture->n_views; v++) {
         const saga_shot *const view = &job->capture->views[v];
-        if (!saga_lens_is_pinhole(&job->listing->sources[v].lens))
-            saga_note(notes, "lens: %s undistorted, focal length x %.5f",
-                      view->name, view->focal_scale);
+        if (!saga_lens_is_pinhole(&job->listing->sources[v].lens)) {
+            least = fmin(least, view->focal_scale);
+            most = fmax(most, view->focal_scale);
+            n_lenses++;
+        }
+        n_missing += view->n_missing;
+        n_lacking += view->n_missing > 0;
+        if (view->n_missing > n_most) {
+            n_most = view->n_missing;
+            worst = view->name;
+        }
     }
+    if (n_lenses > 0)
+        saga_note(notes, "lens: %d of %d cameras undistorted, focal lengths x "
+                  "%.5f to %.5f", n_lenses, job->capture->n_views, least, most);
+    if (n_missing > 0)
+        saga_note(notes, "pictures: %d are missing, and neither learned nor "
+                  "judged: of %d cameras, most of %s (%d of %d)", n_missing,
+                  n_lacking, worst, n_most, job->capture->n_frames);
 }
 
 static bool fill_capture(load_job *job)
@@ -532,6 +645,15 @@ static bool check_fps(double fps, const char *path, saga_error *error)
                      fps);
 }
 
+/* Returns a file that a source has, for messages. */
+static const char *source_file(const saga_source *s)
+{
+    int k = 0;
+    while (!s->video && !s->pictures[k])
+        k++;
+    return s->video ? s->video : s->pictures[k];
+}
+
 static bool plan_remaps(load_job *job)
 {
     for (int v = 0; v < job->listing->n_sources; v++) {
@@ -539,7 +661,7 @@ static bool plan_remaps(load_job *job)
         if (!check_focal(s, job->listing->path, job->error) ||
             !saga_remap_plan(&job->remaps[v], &s->lens, s->width, s->height,
                              job->options->scale,
-                             s->video ? s->video : s->pictures[0],
+                             source_file(s),
                              job->error))
             return false;
     }
@@ -555,6 +677,11 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
                     .n_threads = options->n_threads > 0
                                      ? options->n_threads
                                      : omp_get_max_threads()};
+    if (!choose_range(capture, listing, options, error) ||
+        !saga_listing_drop_empty(listing, capture->first_frame,
+                                 capture->first_frame + capture->n_frames,
+                                 NULL, error))
+        return false;
     capture->format = listing->format;
     capture->scale = options->scale;
     capture->points = listing->points;
@@ -572,47 +699,9 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
     if (!job.remaps)
         return false;
     const bool ok = check_fps(capture->fps, listing->path, error) &&
-                    choose_range(capture, listing, options, error) &&
                     plan_remaps(&job) && check_budget(&job) &&
                     fill_capture(&job);
     free(job.remaps);
-    return ok;
-}
-
-/* ------------------------------------------------------------------ format */
-
-static bool unknown_format(const char *path, saga_error *error)
-{
-    if (errno == ENOMEM) /* to list the folder */
-        return saga_no_memory(0, path, error);
-    if (!saga_path_is_folder(path))
-        return saga_fail(error, path, "give the folder of a capture, or its "
-                         "transforms.json", "does not exist or is neither a "
-                         "folder nor a .json file");
-    return saga_fail(error, path, "looked for transforms.json (nerfstudio) "
-                     "and for cam*.mp4 with poses_bounds.npy or a COLMAP "
-                     "model in colmap/ or sparse/0 (Neu3D)",
-                     "holds no capture of a known format");
-}
-
-static bool make_listing(saga_listing *listing, const char *path,
-                         const saga_capture_options *options,
-                         saga_error *error)
-{
-    if (saga_has_suffix(path, ".json") && saga_path_is_file(path))
-        return saga_nerfstudio_list(listing, path, options, error);
-    char *const json = saga_path_join(path, "transforms.json", error);
-    if (!json)
-        return false;
-    bool ok;
-    errno = 0;
-    if (saga_path_is_file(json))
-        ok = saga_nerfstudio_list(listing, json, options, error);
-    else if (saga_neu3d_is_there(path))
-        ok = saga_neu3d_list(listing, path, options, error);
-    else
-        ok = unknown_format(path, error);
-    free(json);
     return ok;
 }
 
@@ -624,7 +713,7 @@ bool saga_capture_load(saga_capture *capture, const char *path,
     *capture = (saga_capture){0};
     *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
-                    make_listing(&listing, path, options, error) &&
+                    saga_listing_make(&listing, path, options, error) &&
                     carry_out(capture, &listing, options, error);
     listing_free(&listing);
     if (!ok)

@@ -74,6 +74,10 @@ typedef struct saga_shot {
     double reprojection_median, reprojection_p90; /* of those, source px */
 
     uint8_t *rgb;             /* (n_frames, height, width, 3) */
+    bool *missing;            /* (n_frames) no picture: rgb is that of the
+                               * nearest frame that has one; NULL: all are
+                               * there */
+    int n_missing;
     float **depth;            /* (n_frames) each (height, width) or NULL: z
                                * along the optical axis; NULL if none at all */
 } saga_shot;
@@ -126,6 +130,29 @@ static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
 {
     const saga_shot *const v = &capture->views[view];
     return v->rgb + saga_view_frame_nbytes(v) * (size_t)frame;
+}
+
+/* Tells whether there is such a picture, to be learned or judged. */
+static inline bool saga_capture_has(const saga_capture *capture, int view,
+                                    int frame)
+{
+    const saga_shot *const v = &capture->views[view];
+    return !v->missing || !v->missing[frame];
+}
+
+/* Returns the frame nearest to one that the view has a picture of; the earlier
+ * of two. */
+static inline int saga_capture_near(const saga_capture *capture, int view,
+                                    int frame)
+{
+    for (int d = 0; d < capture->n_frames; d++) {
+        if (frame - d >= 0 && saga_capture_has(capture, view, frame - d))
+            return frame - d;
+        if (frame + d < capture->n_frames &&
+            saga_capture_has(capture, view, frame + d))
+            return frame + d;
+    }
+    return frame;
 }
 
 /* Returns a picture's true depth, NULL where there is none. */

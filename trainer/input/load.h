@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * A format's loader finds this out before any picture is decoded. The loaders
- * fill a listing (nerfstudio.c, neu3d.c); capture.c turns it into a capture,
+ * fill a listing, which one formats.c says; capture.c turns it into a capture,
  * the same way for all of them.
  */
 #ifndef SAGA_LOAD_H
@@ -22,7 +22,7 @@ typedef struct saga_source {
     double reprojection_median, reprojection_p90;
 
     char *video;              /* path; or NULL and */
-    char **pictures;          /* (n_frames) paths */
+    char **pictures;          /* (n_frames) paths, NULL where one is missing */
     char **depths;            /* (n_frames) paths or NULL each; or NULL */
     saga_video_info info;     /* of the video */
 } saga_source;
@@ -42,6 +42,15 @@ typedef struct saga_listing {
  * said. Must run before points are counted by training views. */
 bool saga_listing_hold_out(saga_listing *listing, const char *names,
                            saga_error *error);
+/* Leaves out sources without any picture in frames first..end-1, and says so
+ * in the notes; an error if none is left. kept_as, NULL or (n_sources as it
+ * was), is set to each one's new index, -1 for none. */
+bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
+                             int *kept_as, saga_error *error);
+/* Sets the size of every source to that of its first picture. */
+bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error);
+/* Tells whether every source has a name, and no two the same. */
+bool saga_listing_names_differ(const saga_listing *listing);
 /* Probes a source's video, checks or sets its size. */
 bool saga_probe_video(saga_source *source, saga_listing *listing,
                       saga_error *error);
@@ -50,10 +59,23 @@ bool saga_listing_match_videos(saga_listing *listing,
                                const saga_capture_options *options,
                                saga_error *error);
 
+/* Lists the capture at a path, whatever its format (formats.c). */
+bool saga_listing_make(saga_listing *listing, const char *path,
+                       const saga_capture_options *options, saga_error *error);
+
 bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
                           const saga_capture_options *options,
                           saga_error *error);
-bool saga_neu3d_is_there(const char *folder);
+/* Tells whether there is a COLMAP model; false with an error as below. */
+bool saga_colmap_folder_is_there(const char *folder, saga_error *error);
+/* model_folder is NULL where the model is in the folder of the pictures. */
+bool saga_colmap_folder_list(saga_listing *listing, const char *folder,
+                             const char *model_folder,
+                             const saga_capture_options *options,
+                             saga_error *error);
+/* Tells whether there are videos cam*.mp4; false with an error where no memory
+ * is left to look. */
+bool saga_neu3d_is_there(const char *folder, saga_error *error);
 bool saga_neu3d_list(saga_listing *listing, const char *folder,
                      const saga_capture_options *options,
                      saga_error *error);

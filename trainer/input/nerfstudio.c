@@ -444,18 +444,6 @@ static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
     saga_copy_name(name, base, len);
 }
 
-static bool names_differ(const saga_listing *listing)
-{
-    for (int i = 0; i < listing->n_sources; i++) {
-        if (listing->sources[i].name[0] == '\0')
-            return false;
-        for (int k = 0; k < i; k++)
-            if (strcmp(listing->sources[i].name, listing->sources[k].name) == 0)
-                return false;
-    }
-    return true;
-}
-
 /* Takes the first scheme that tells all cameras apart. */
 static void name_views(const reader *r, int n)
 {
@@ -474,7 +462,7 @@ static void name_views(const reader *r, int n)
             else
                 (void)snprintf(name, SAGA_NAME_NBYTES, "view%03d", v);
         }
-        if (names_differ(listing))
+        if (saga_listing_names_differ(listing))
             return;
     }
 }

@@ -3,13 +3,16 @@
 
 #include "error.h"
 #include "file.h"
+#include "video.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-enum picture_kind { PICTURE_PNG, PICTURE_EXR };
+enum picture_kind {
+    PICTURE_PNG, PICTURE_EXR, PICTURE_JPEG, PICTURE_WEBP, PICTURE_TIFF
+};
 
 double saga_srgb_to_linear(double encoded)
 {
@@ -39,26 +42,78 @@ bool saga_check_size(const char *path, long long width, long long height,
                      "has a size of %lld x %lld pixels", width, height);
 }
 
+bool saga_check_same_size(const char *path, int width, int height,
+                          int expected_width, int expected_height,
+                          saga_error *error)
+{
+    if (width == expected_width && height == expected_height)
+        return true;
+    return saga_fail(error, path,
+                     "all pictures of a camera must have one size",
+                     "is %d x %d pixels, expected %d x %d", width, height,
+                     expected_width, expected_height);
+}
+
 static bool picture_kind(const char *path, enum picture_kind *kind,
                          saga_error *error)
 {
-    uint8_t magic[8] = {0};
+    uint8_t magic[12] = {0};
     FILE *const file = saga_open_file(path);
     if (!file)
         return saga_fail_errno(error, path, "check the path in the capture's "
                                "files", "picture cannot be opened");
     const size_t n = fread(magic, 1, sizeof magic, file);
     fclose(file);
-    if (n == 8 && memcmp(magic, "\x89PNG\r\n\x1a\n", 8) == 0)
+    if (n >= 8 && memcmp(magic, "\x89PNG\r\n\x1a\n", 8) == 0)
         *kind = PICTURE_PNG;
     else if (n >= 4 && memcmp(magic, "\x76\x2f\x31\x01", 4) == 0)
         *kind = PICTURE_EXR;
+    else if (n >= 3 && memcmp(magic, "\xff\xd8\xff", 3) == 0)
+        *kind = PICTURE_JPEG;
+    else if (n == 12 && memcmp(magic, "RIFF", 4) == 0 &&
+             memcmp(magic + 8, "WEBP", 4) == 0)
+        *kind = PICTURE_WEBP;
+    else if (n >= 4 && (memcmp(magic, "II*\0", 4) == 0 ||
+                        memcmp(magic, "MM\0*", 4) == 0))
+        *kind = PICTURE_TIFF;
     else
-        return saga_fail(error, path, "convert it to PNG or OpenEXR",
-                         "is neither PNG nor OpenEXR (starts with %02x %02x "
-                         "%02x %02x, %zu bytes read)",
+        return saga_fail(error, path, "convert it to PNG or JPEG",
+                         "is no PNG, JPEG, WebP, TIFF or OpenEXR (starts with "
+                         "%02x %02x %02x %02x, %zu bytes read)",
                          magic[0], magic[1], magic[2], magic[3], n);
     return true;
+}
+
+/* What is neither PNG, JPEG nor OpenEXR goes through ffmpeg: a process for each
+ * picture. */
+static const char *ffmpeg_name(enum picture_kind kind)
+{
+    return kind == PICTURE_WEBP ? "webp_pipe" : "tiff_pipe";
+}
+
+static bool still_probe(const char *path, enum picture_kind kind, int *width,
+                        int *height, saga_error *error)
+{
+    saga_video_info info;
+    if (!saga_video_probe(&info, path, ffmpeg_name(kind), error))
+        return false;
+    *width = info.width;
+    *height = info.height;
+    return true;
+}
+
+static bool still_read(const char *path, enum picture_kind kind, int width,
+                       int height, uint8_t *rgb, saga_error *error)
+{
+    saga_video_info info;
+    saga_video video;
+    if (!saga_video_probe(&info, path, ffmpeg_name(kind), error) ||
+        !saga_check_same_size(path, info.width, info.height, width, height,
+                              error) ||
+        !saga_video_open(&video, path, &info, 1, error))
+        return false;
+    return saga_video_close(&video, saga_video_next(&video, rgb, error),
+                            error);
 }
 
 bool saga_picture_probe(const char *path, int *width, int *height,
@@ -67,8 +122,12 @@ bool saga_picture_probe(const char *path, int *width, int *height,
     enum picture_kind kind = PICTURE_PNG;
     if (!picture_kind(path, &kind, error))
         return false;
-    return kind == PICTURE_PNG ? saga_png_probe(path, width, height, error)
-                               : saga_exr_probe(path, width, height, error);
+    switch (kind) {
+    case PICTURE_PNG: return saga_png_probe(path, width, height, error);
+    case PICTURE_EXR: return saga_exr_probe(path, width, height, error);
+    case PICTURE_JPEG: return saga_jpeg_probe(path, width, height, error);
+    default: return still_probe(path, kind, width, height, error);
+    }
 }
 
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
@@ -77,7 +136,10 @@ bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
     enum picture_kind kind = PICTURE_PNG;
     if (!picture_kind(path, &kind, error))
         return false;
-    return kind == PICTURE_PNG
-               ? saga_png_read(path, width, height, rgb, error)
-               : saga_exr_read(path, width, height, rgb, error);
+    switch (kind) {
+    case PICTURE_PNG: return saga_png_read(path, width, height, rgb, error);
+    case PICTURE_EXR: return saga_exr_read(path, width, height, rgb, error);
+    case PICTURE_JPEG: return saga_jpeg_read(path, width, height, rgb, error);
+    default: return still_read(path, kind, width, height, rgb, error);
+    }
 }

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
  * Still pictures are PNG (8 or 16 bits, grey, palette or colour; alpha over
- * black; gamma chunks are ignored, as video pipelines do) and OpenEXR
- * (scanlines; R G B are linear light and become 8-bit sRGB; Z is depth). The
- * kind is told from the first bytes, not from the name.
+ * black; gamma chunks are ignored, as video pipelines do), JPEG (of grey or
+ * colour; turned by no EXIF note, since calibration was not either), OpenEXR
+ * (scanlines; R G B are linear light and become 8-bit sRGB; Z is depth), and
+ * through ffmpeg WebP and TIFF (alpha is dropped). The kind is told from the
+ * first bytes, not from the name.
  */
 #ifndef SAGA_PICTURE_H
 #define SAGA_PICTURE_H
@@ -23,6 +25,11 @@ bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
 bool saga_png_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error);
 
+bool saga_jpeg_probe(const char *path, int *width, int *height,
+                     saga_error *error);
+bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
+                    saga_error *error);
+
 bool saga_exr_probe(const char *path, int *width, int *height,
                     saga_error *error);
 bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,
@@ -40,6 +47,11 @@ bool saga_exr_write_depth(const char *path, int width, int height,
 /* This is the sRGB transfer function (IEC 61966-2-1). */
 double saga_srgb_to_linear(double encoded);
 uint8_t saga_linear_to_srgb8(double linear);
+
+/* Checks the size of a picture against what its camera's first one has. */
+bool saga_check_same_size(const char *path, int width, int height,
+                          int expected_width, int expected_height,
+                          saga_error *error);
 
 /* Checks both sides against 1..SAGA_MAX_SIDE. */
 bool saga_check_size(const char *path, long long width, long long height,

@@ -188,12 +188,9 @@ static bool read_planes(const char *path, int width, int height,
     exr_input in;
     if (!exr_open(&in, path, error))
         return false;
-    bool ok = check_channels(&in, path, planes, error);
-    if (ok && (in.width != width || in.height != height))
-        ok = saga_fail(error, path,
-                       "all pictures of a camera must have one size",
-                       "is %d x %d pixels, expected %d x %d", in.width,
-                       in.height, width, height);
+    bool ok = check_channels(&in, path, planes, error) &&
+              saga_check_same_size(path, in.width, in.height, width, height,
+                                   error);
     if (ok) {
         const exr_result_t r = decode_chunks(&in, planes);
         ok = (r == EXR_ERR_SUCCESS && errno != ENOMEM) ||

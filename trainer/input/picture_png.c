@@ -144,18 +144,14 @@ bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
     png_job job;
     if (!read_job_begin(&job, path, error))
         return false;
-    bool ok = read_header(&job);
-    if (ok && ((int)png_get_image_width(job.png, job.info) != width ||
-               (int)png_get_image_height(job.png, job.info) != height)) {
-        ok = saga_fail(error, path,
-                       "all pictures of a camera must have one size",
-                       "is %d x %d pixels, expected %d x %d",
-                       (int)png_get_image_width(job.png, job.info),
-                       (int)png_get_image_height(job.png, job.info), width,
-                       height);
-    } else if (!ok || !(ok = read_rows(&job, rgb, width, height))) {
+    const bool ok =
+        read_header(&job) &&
+        saga_check_same_size(path, (int)png_get_image_width(job.png, job.info),
+                             (int)png_get_image_height(job.png, job.info),
+                             width, height, error) &&
+        read_rows(&job, rgb, width, height);
+    if (!ok) /* a size that differs has been told */
         read_failed(&job, path, "PNG is damaged or cut short", error);
-    }
     read_job_end(&job);
     return ok;
 }

@@ -20,14 +20,33 @@ static char *file_url(const char *path, saga_error *error)
     return url;
 }
 
+enum { MOST_ARGUMENTS = 40 };
+
+/* Appends words to an argument list of MOST_ARGUMENTS; both end with NULL. */
+static void add_words(const char **argv, const char *const *words)
+{
+    int n = 0;
+    while (argv[n])
+        n++;
+    while (*words && n < MOST_ARGUMENTS - 1)
+        argv[n++] = *words++;
+    argv[n] = NULL;
+}
+
 /* Files of strangers: only containers that hold the video themselves, so that
  * a playlist cannot name other files, and only from files. The names are those
- * of ffmpeg's demuxers. */
-#define ONLY_FILES "-protocol_whitelist", "file", "-format_whitelist", \
-    "mov,matroska,avi,mpegts,mpeg,ogg,flv,ivf,obu,h264,hevc,m4v,mpegvideo"
-
-/* SAGA_MAX_SIDE on both sides: a decoder refuses more before it allocates. */
-#define MOST_PIXELS "268435456"
+ * of ffmpeg's demuxers. A decoder refuses more than SAGA_MAX_SIDE on both
+ * sides before it allocates. */
+static void add_guard(const char **argv, const char *still)
+{
+    static const char videos[] = "mov,matroska,avi,mpegts,mpeg,ogg,flv,ivf,obu,"
+                                 "h264,hevc,m4v,mpegvideo";
+    const char *const guard[] = {
+        "-protocol_whitelist", "file", "-format_whitelist",
+        still ? still : videos, "-max_pixels", "268435456",
+        still ? "-f" : NULL, still, NULL};
+    add_words(argv, guard);
+}
 
 /* Finds the value of "key=" at the start of a line; empty if missing. */
 static void field(const char *text, const char *key, char *value, size_t n)
@@ -101,8 +120,8 @@ static void probe_rotation(saga_video_info *info, const char *text)
     info->height = width;
 }
 
-static bool run_ffprobe(const char *path, char *text, size_t n,
-                        saga_error *error)
+static bool run_ffprobe(const char *path, const char *still, char *text,
+                        size_t n, saga_error *error)
 {
     char *const url = file_url(path, error);
     if (!url)
@@ -110,11 +129,13 @@ static bool run_ffprobe(const char *path, char *text, size_t n,
     static const char entries[] =
         "stream=width,height,avg_frame_rate,nb_read_packets,color_space,"
         "color_range:stream_tags=rotate:stream_side_data=rotation";
-    const char *const argv[] = {
-        "ffprobe", "-v", "error", ONLY_FILES, "-max_pixels", MOST_PIXELS,
+    const char *argv[MOST_ARGUMENTS] = {"ffprobe", "-v", "error"};
+    const char *const rest[] = {
         "-count_packets", "-select_streams", "v:0",
         "-show_entries", entries,
         "-of", "default=noprint_wrappers=1", url, NULL};
+    add_guard(argv, still);
+    add_words(argv, rest);
     saga_child child;
     bool ok = saga_child_start(&child, argv, error);
     if (ok) {
@@ -130,14 +151,14 @@ static bool run_ffprobe(const char *path, char *text, size_t n,
 }
 
 bool saga_video_probe(saga_video_info *info, const char *path,
-                      saga_error *error)
+                      const char *still, saga_error *error)
 {
     char text[8192];
-    *info = (saga_video_info){0};
+    *info = (saga_video_info){.still = still};
     if (!saga_path_is_file(path))
         return saga_fail(error, path, "check the name; every camera needs its "
                          "video", "video is missing");
-    if (!run_ffprobe(path, text, sizeof text, error))
+    if (!run_ffprobe(path, still, text, sizeof text, error))
         return false;
     const long width = field_number(text, "width");
     const long height = field_number(text, "height");
@@ -177,13 +198,15 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
     char *const url = file_url(video->path, error);
     if (!url)
         return false;
-    const char *const argv[] = {
-        "ffmpeg", "-nostdin", "-v", "error", ONLY_FILES, "-max_pixels",
-        MOST_PIXELS, "-threads", "1", "-i", url,
+    const char *argv[MOST_ARGUMENTS] = {"ffmpeg", "-nostdin", "-v", "error"};
+    const char *const rest[] = {
+        "-threads", "1", "-i", url,
         "-map", "0:v:0", "-frames:v", count,
         video->old_ffmpeg ? "-vsync" : "-fps_mode",
         video->old_ffmpeg ? "0" : "passthrough",
         "-vf", filter, "-pix_fmt", "rgb24", "-f", "rawvideo", "-", NULL};
+    add_guard(argv, video->info.still);
+    add_words(argv, rest);
     const bool ok = saga_child_start(&video->child, argv, error);
     free(url);
     return ok;

@@ -24,10 +24,14 @@ typedef struct saga_video_info {
     bool untagged;       /* no colour matrix in the file */
     char matrix[16];     /* name for ffmpeg's scaler */
     bool full_range;
+    const char *still;   /* as saga_video_probe was told */
 } saga_video_info;
 
+/* Finds out what a file holds. `still` is NULL for a video; for a still picture
+ * it is ffmpeg's name of its format, "webp_pipe" or "tiff_pipe", a static
+ * string. */
 bool saga_video_probe(saga_video_info *info, const char *path,
-                      saga_error *error);
+                      const char *still, saga_error *error);
 
 typedef struct saga_video {
     saga_child child;

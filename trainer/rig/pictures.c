@@ -33,6 +33,26 @@ static bool find_views(saga_pictures *p, saga_error *error)
                      "training views, %d frames", p->n_train, c->n_frames);
 }
 
+/* Lists the training pictures that there are, where some are missing. */
+static bool find_pictures(saga_pictures *p, saga_error *error)
+{
+    const int n = p->n_train * p->capture->n_frames;
+    int n_missing = 0;
+
+    for (int i = 0; i < p->n_train; i++)
+        n_missing += p->capture->views[p->train[i]].n_missing;
+    p->n_there = n - n_missing;
+    if (n_missing == 0)
+        return true;
+    p->there = saga_alloc((size_t)n, sizeof *p->there, "the pictures", error);
+    p->n_there = 0;
+    for (int at = 0; p->there && at < n; at++)
+        if (saga_capture_has(p->capture, p->train[at % p->n_train],
+                             at / p->n_train))
+            p->there[p->n_there++] = at;
+    return p->there != NULL;
+}
+
 bool saga_pictures_init(saga_pictures *p, const saga_capture *capture,
                         saga_error *error)
 {
@@ -43,6 +63,7 @@ bool saga_pictures_init(saga_pictures *p, const saga_capture *capture,
     p->range = saga_calloc(2 * n, sizeof *p->range, "the views", error);
     p->train = saga_calloc(n, sizeof *p->train, "the views", error);
     if (p->range && p->train && find_views(p, error) &&
+        find_pictures(p, error) &&
         saga_cube_fit(&p->cube, p->range, capture, error))
         return true;
     saga_pictures_free(p);
@@ -53,6 +74,7 @@ void saga_pictures_free(saga_pictures *p)
 {
     free(p->range);
     free(p->train);
+    free(p->there);
     memset(p, 0, sizeof *p);
 }
 
@@ -64,6 +86,8 @@ static uint64_t digest_view(uint64_t sum, const saga_shot *v, int n_frames)
     sum = saga_digest(sum, x, sizeof x);
     sum = saga_digest(sum, v->rotation, sizeof v->rotation);
     sum = saga_digest(sum, v->translation, sizeof v->translation);
+    if (v->missing)
+        sum = saga_digest(sum, v->missing, (size_t)n_frames);
     return saga_digest(sum, v->rgb, (size_t)n_frames *
                                     saga_view_frame_nbytes(v));
 }
@@ -88,11 +112,10 @@ uint64_t saga_pictures_digest(const saga_pictures *p)
 saga_sample saga_pictures_pick(const saga_pictures *p, saga_rng rng,
                                uint64_t draw)
 {
-    const uint32_t n = (uint32_t)p->n_train;
-    const uint32_t at = saga_rng_shuffled(rng, draw,
-                                          n * (uint32_t)p->capture->n_frames);
+    const uint32_t one = saga_rng_shuffled(rng, draw, (uint32_t)p->n_there);
+    const int at = p->there ? p->there[one] : (int)one;
 
-    return (saga_sample){ p->train[at % n], (int)(at / n), 0 };
+    return (saga_sample){ p->train[at % p->n_train], at / p->n_train, 0 };
 }
 
 double saga_pictures_pixels(const saga_pictures *p)
@@ -102,7 +125,8 @@ double saga_pictures_pixels(const saga_pictures *p)
     for (int i = 0; i < p->n_train; i++) {
         const saga_shot *const v = &p->capture->views[p->train[i]];
 
-        n += (double)v->width * v->height * p->capture->n_frames;
+        n += (double)v->width * v->height *
+             (p->capture->n_frames - v->n_missing);
     }
     return n;
 }

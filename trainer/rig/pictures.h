@@ -21,6 +21,9 @@ typedef struct saga_pictures {
     double *range;        /* (views, 2) nearest and farthest depth, world */
     int *train;           /* (n_train) views that are learned from */
     int n_train;
+    int *there;           /* (n_there) training pictures that there are: frame *
+                           * n_train + index in train; NULL: all are */
+    int n_there;
 } saga_pictures;
 
 /* A sample names one picture: what a view saw at a frame, averaged over boxes

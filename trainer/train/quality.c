@@ -29,7 +29,8 @@ int saga_train_sample(const saga_capture *c, int view, int index)
     int n = MAX_PICTURES / views;
 
     n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
-    return index < n ? (int)((int64_t)index * c->n_frames / n) : -1;
+    return index < n ? saga_capture_near(
+        c, view, (int)((int64_t)index * c->n_frames / n)) : -1;
 }
 
 /* A function gives the PSNR of one picture. */

@@ -248,6 +248,8 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
         .mip = saga_flat_mip_at(f, f->iteration)
     };
 
+    if (!saga_capture_has(all->capture, picture.view, picture.frame))
+        return true;
     if (!saga_flat_draw(f, picture, error))
         return false;
     if (!(error_sums(p->sum, f) > 0))

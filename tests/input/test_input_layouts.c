@@ -1,0 +1,347 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * One scene in every layout: the built-in room, loaded from its transforms.json
+ * and written again as the other formats have it, must be loaded from there
+ * with the same cameras and the same pixels, or at 40 dB where the pictures are
+ * not lossless. What is missing or wrong there is left out or refused.
+ */
+#include "capture_files.h"
+#include "picture.h"
+#include "synth_capture.h"
+
+#include <math.h>
+
+enum { W = 64, H = 48, N_VIEWS = 4, N_FRAMES = 3, N_POINTS = 300 };
+
+/* --- The scene ----------------------------------------------------------- */
+
+static saga_capture scene;
+
+static int make_scene(void **state)
+{
+    saga_synth_options s = synth_options(W, H, N_VIEWS, N_FRAMES, N_POINTS);
+    folder *f;
+
+    s.n_hold_out = 0;
+    if (folder_make(state))
+        return 1;
+    f = *state;
+    scene = synth_capture(folder_file(f, "scene"), &s);
+    return folder_remove(state);
+}
+
+static int free_scene(void **state)
+{
+    (void)state;
+    saga_capture_free(&scene);
+    return 0;
+}
+
+/* w, x, y, z of a rotation matrix whose w is not small. */
+static void quaternion_of(const double r[9], double q[4])
+{
+    q[0] = sqrt(1 + r[0] + r[4] + r[8]) / 2;
+    assert_true(q[0] > 0.1);
+    q[1] = (r[7] - r[5]) / (4 * q[0]);
+    q[2] = (r[2] - r[6]) / (4 * q[0]);
+    q[3] = (r[3] - r[1]) / (4 * q[0]);
+}
+
+/* --- Its files ----------------------------------------------------------- */
+
+/* Writes a picture, where the format's arguments are the view and the frame. */
+static void write_picture(folder *f, const char *name, int view, int frame)
+{
+    saga_error error = { "" };
+
+    if (!saga_png_write(folder_file(f, name), W, H,
+                        saga_capture_frame(&scene, view, frame), &error))
+        fail_msg("%s", error.message);
+}
+
+/* Calls a file of a view and a frame, numbers from 0. */
+typedef void name_fn(char name[80], int view, int frame);
+
+static void camera_and_number(char name[80], int view, int frame)
+{
+    snprintf(name, 80, "cam%02d/f_%04d.png", view, 10 * frame);
+}
+
+static void number_and_camera(char name[80], int view, int frame)
+{
+    snprintf(name, 80, "t%d/cam%02d.png", 8 + frame, view);
+}
+
+static void camera_alone(char name[80], int view, int frame)
+{
+    (void)frame;
+    snprintf(name, 80, "cam%02d.png", view);
+}
+
+/* Pictures of the frames from..to-1 in a folder. */
+static void write_pictures(folder *f, const char *root, name_fn *name, int from,
+                           int to)
+{
+    for (int v = 0; v < N_VIEWS; v++)
+        for (int k = from; k < to; k++) {
+            char part[80], path[120];
+
+            name(part, v, k);
+            snprintf(path, sizeof path, "%s/%s", root, part);
+            folder_run(f, "mkdir -p $(dirname %s)", path);
+            write_picture(f, path, v, k);
+        }
+}
+
+/* COLMAP's model with images of n_frames frames each, without features. */
+static void write_model(folder *f, const char *root, name_fn *name,
+                        int n_frames)
+{
+    bytes cameras = { 0 }, images = { 0 }, points = { 0 };
+    char part[80], path[120];
+
+    folder_run(f, "mkdir -p %s", root);
+    for (int v = 0; v < N_VIEWS; v++) {
+        const saga_shot *const s = &scene.views[v];
+        double q[4];
+
+        put_text(&cameras, "%d PINHOLE %d %d %.17g %.17g %.17g %.17g\n", v + 1,
+                 W, H, s->fx, s->fy, s->cx, s->cy);
+        quaternion_of(s->rotation, q);
+        for (int k = 0; k < n_frames; k++) {
+            name(part, v, k);
+            put_text(&images, "%d %.17g %.17g %.17g %.17g %.17g %.17g %.17g "
+                     "%d %s\n\n", v + N_VIEWS * k + 1, q[0], q[1], q[2], q[3],
+                     s->translation[0], s->translation[1], s->translation[2],
+                     v + 1, part);
+        }
+    }
+    for (size_t i = 0; i < scene.n_points; i++)
+        put_text(&points, "%zu %.17g %.17g %.17g %d %d %d 0.5 1 0 2 0\n", i + 1,
+                 scene.points[i].position[0], scene.points[i].position[1],
+                 scene.points[i].position[2], scene.points[i].rgb[0],
+                 scene.points[i].rgb[1], scene.points[i].rgb[2]);
+    snprintf(path, sizeof path, "%s/cameras.txt", root);
+    write_bytes(f, path, &cameras);
+    snprintf(path, sizeof path, "%s/images.txt", root);
+    write_bytes(f, path, &images);
+    snprintf(path, sizeof path, "%s/points3D.txt", root);
+    write_bytes(f, path, &points);
+}
+
+/* --- Comparing ----------------------------------------------------------- */
+
+static double psnr(const uint8_t *a, const uint8_t *b)
+{
+    double sum = 0;
+
+    for (int i = 0; i < 3 * W * H; i++)
+        sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return sum > 0 ? 10 * log10(255.0 * 255 * 3 * W * H / sum) : 99;
+}
+
+static void check_camera(const saga_shot *a, const saga_shot *b)
+{
+    for (int i = 0; i < 9; i++)
+        assert_true(fabs(a->rotation[i] - b->rotation[i]) < 1e-6);
+    for (int i = 0; i < 3; i++)
+        assert_true(fabs(a->translation[i] - b->translation[i]) < 1e-6);
+    assert_true(fabs(a->fx - b->fx) < 1e-6 && fabs(a->fy - b->fy) < 1e-6);
+    assert_true(fabs(a->cx - b->cx) < 1e-6 && fabs(a->cy - b->cy) < 1e-6);
+    assert_string_equal(a->name, b->name);
+    assert_int_equal(a->width, W);
+    assert_int_equal(a->height, H);
+}
+
+/* Loads it: the scene's first n_frames frames, pictures of that PSNR at least.
+ */
+static void check_same_options(const char *path, int n_frames, double least,
+                               const saga_capture_options *o)
+{
+    saga_capture c = load_with(path, o);
+
+    assert_int_equal(c.n_views, N_VIEWS);
+    assert_int_equal(c.n_frames, n_frames);
+    for (int v = 0; v < N_VIEWS; v++) {
+        check_camera(&c.views[v], &scene.views[v]);
+        for (int k = 0; k < n_frames; k++) {
+            const double db = psnr(saga_capture_frame(&c, v, k),
+                                   saga_capture_frame(&scene, v, k));
+
+            if (db < least)
+                fail_msg("view %d, frame %d: %.2f dB", v, k, db);
+        }
+    }
+    saga_capture_free(&c);
+}
+
+static void check_same(const char *path, int n_frames, double least)
+{
+    const saga_capture_options o = saga_capture_defaults();
+
+    check_same_options(path, n_frames, least, &o);
+}
+
+enum { LOSSLESS = 99 };
+
+/* --- COLMAP -------------------------------------------------------------- */
+
+static void colmap_folder_should_be_the_scene(void **state)
+{
+    folder *const f = *state;
+    saga_capture c;
+
+    write_model(f, "sparse/0", camera_alone, 1);
+    write_pictures(f, "images", camera_alone, 0, 1);
+    check_same(f->path, 1, LOSSLESS);
+    c = load(f->path);
+    assert_int_equal(c.n_points, scene.n_points);
+    assert_true(fabs(c.points[0].position[1] - scene.points[0].position[1]) <
+                1e-9);
+    saga_capture_free(&c);
+}
+
+static void colmap_folder_should_have_frames_by_camera(void **state)
+{
+    folder *const f = *state;
+
+    /* Every picture is in the model. */
+    write_model(f, "sparse/0", camera_and_number, N_FRAMES);
+    write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
+    check_same(f->path, N_FRAMES, LOSSLESS);
+    /* The first of each is. */
+    write_model(f, "sparse/0", camera_and_number, 1);
+    check_same(f->path, N_FRAMES, LOSSLESS);
+    /* The model knows a picture cam00.png, the frames are in cam00/. */
+    write_model(f, "sparse/0", camera_alone, 1);
+    check_same(f->path, N_FRAMES, LOSSLESS);
+    /* There is no folder images/. */
+    folder_run(f, "mv images/* . && rmdir images");
+    check_same(f->path, N_FRAMES, LOSSLESS);
+}
+
+static void colmap_folder_should_have_frames_by_moment(void **state)
+{
+    folder *const f = *state;
+
+    write_model(f, "sparse/0", number_and_camera, N_FRAMES);
+    write_pictures(f, "images", number_and_camera, 0, N_FRAMES);
+    check_same(f->path, N_FRAMES, LOSSLESS);
+}
+
+static void frame_folders_should_be_the_scene(void **state)
+{
+    folder *const f = *state;
+
+    /* t8 t9 t10: by number, not by letter. One model beside them. */
+    write_pictures(f, ".", number_and_camera, 0, N_FRAMES);
+    write_model(f, "sparse/0", camera_alone, 1);
+    check_same(f->path, N_FRAMES, LOSSLESS);
+    /* Or a capture of its own in each. */
+    folder_run(f, "for t in t8 t9 t10; do mkdir $t/images && mv $t/*.png "
+               "$t/images && cp -r sparse $t; done; rm -r sparse t9/sparse");
+    check_same(f->path, N_FRAMES, LOSSLESS);
+}
+
+/* --- Stills -------------------------------------------------------------- */
+
+static void convert(folder *f, const char *ending, const char *how)
+{
+    folder_run(f, "for p in images/*.png; do ffmpeg -nostdin -v error -y -i $p "
+               "%s ${p%%png}%s && rm $p || exit; done; sed -i s/png/%s/ "
+               "sparse/0/images.txt", how, ending, ending);
+}
+
+static void stills_should_be_the_scene_in_every_format(void **state)
+{
+    static const struct { const char *ending, *how; double least; } t[] = {
+        { "jpg", "-q:v 1 -qmin 1 -pix_fmt yuvj444p", 40 },
+        { "webp", "-lossless 1", LOSSLESS },
+        { "tif", "", LOSSLESS },
+        { "tiff", "-compression_algo lzw -pix_fmt rgb48le", LOSSLESS },
+    };
+    folder *const f = *state;
+
+    for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+        folder_run(f, "rm -rf images");
+        write_model(f, "sparse/0", camera_alone, 1);
+        write_pictures(f, "images", camera_alone, 0, 1);
+        convert(f, t[i].ending, t[i].how);
+        check_same(f->path, 1, t[i].least);
+    }
+}
+
+static void jpegs_should_be_refused_when_damaged(void **state)
+{
+    folder *const f = *state;
+
+    write_model(f, "sparse/0", camera_alone, 1);
+    write_pictures(f, "images", camera_alone, 0, 1);
+    convert(f, "jpg", "-q:v 2");
+    folder_run(f, "cp images/cam01.jpg whole; head -c 900 whole "
+               ">images/cam01.jpg");
+    refused(f->path, "images/cam01.jpg", "is damaged");
+    folder_run(f, "head -c 300 whole >images/cam01.jpg");
+    refused(f->path, "images/cam01.jpg", "is damaged");
+    folder_run(f, "printf 'GIF89a..........' >images/cam01.jpg");
+    refused(f->path, "images/cam01.jpg", "no PNG, JPEG, WebP, TIFF or OpenEXR");
+    folder_run(f, "printf 'RIFF....WEBPVP8 ' >images/cam01.jpg");
+    refused(f->path, "images/cam01.jpg", "a size of 0 x 0 pixels");
+}
+
+/* --- What is missing ----------------------------------------------------- */
+
+static void missing_pictures_should_be_left_out(void **state)
+{
+    folder *const f = *state;
+    saga_capture c;
+
+    write_model(f, "sparse/0", camera_and_number, N_FRAMES);
+    write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
+    folder_run(f, "rm images/cam02/f_0000.png images/cam00/*");
+    c = load(f->path);
+    assert_int_equal(c.n_views, N_VIEWS - 1);
+    assert_int_equal(c.n_frames, N_FRAMES);
+    assert_string_equal(c.views[1].name, "cam02");
+    assert_false(saga_capture_has(&c, 1, 0));
+    assert_true(saga_capture_has(&c, 1, 1) && saga_capture_has(&c, 0, 0));
+    assert_memory_equal(saga_capture_frame(&c, 1, 0),
+                        saga_capture_frame(&scene, 2, 1), 3 * W * H);
+    assert_memory_equal(saga_capture_frame(&c, 1, 2),
+                        saga_capture_frame(&scene, 2, 2), 3 * W * H);
+    assert_non_null(strstr(c.notes, "camera cam00 is left out"));
+    assert_non_null(strstr(c.notes, "most of cam02 (1 of 3)"));
+    saga_capture_free(&c);
+    folder_run(f, "rm images/*/*");
+    refused(f->path, f->path, "none of its 4 cameras has a picture");
+}
+
+static void colmap_folder_should_be_refused_when_wrong(void **state)
+{
+    folder *const f = *state;
+
+    write_model(f, "sparse/0", camera_and_number, N_FRAMES);
+    write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
+    folder_run(f, "mv images/cam01/f_0020.png images/cam01/g_0010.png");
+    write_model(f, "sparse/0", camera_and_number, 1);
+    refused(f->path, "images/cam01/g_0010.png", "second picture of camera "
+            "cam01 with the number 10");
+    write_text(f, "sparse/0/images.txt", "# none\n");
+    refused(f->path, "sparse/0", "has 0 different cameras");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_FOLDER(colmap_folder_should_be_the_scene),
+        IN_FOLDER(colmap_folder_should_have_frames_by_camera),
+        IN_FOLDER(colmap_folder_should_have_frames_by_moment),
+        IN_FOLDER(frame_folders_should_be_the_scene),
+        IN_FOLDER(stills_should_be_the_scene_in_every_format),
+        IN_FOLDER(jpegs_should_be_refused_when_damaged),
+        IN_FOLDER(missing_pictures_should_be_left_out),
+        IN_FOLDER(colmap_folder_should_be_refused_when_wrong),
+    };
+
+    return cmocka_run_group_tests(tests, make_scene, free_scene);
+}
