@@ -390,13 +390,13 @@ int32_t ref_q_q20(const saga_splat *s, int x, int y)
 uint32_t ref_alpha_q16(int32_t q_q20)
 {
     const uint32_t f15 = ((uint32_t)q_q20 & 0xfffff) >> 5;
-    const uint32_t f = (f15 & ~127u) | 64;
+    const uint32_t f = (f15 & ~15u) | 8;
     uint32_t u, alpha;
 
-    u = f * 1453 >> 15;
-    u = 7775 - u;
+    u = f * 1366 >> 15;
+    u = 7661 - u;
     u = f * u >> 15;
-    u = 22706 - u;
+    u = 22685 - u;
     u = f * u >> 15;
     alpha = (32767 - u) << 1 >> (q_q20 >> 20);
     return alpha < SAGA_ALPHA_CAP_Q16 ? alpha : SAGA_ALPHA_CAP_Q16;

@@ -41,12 +41,12 @@ INLINE u32s min_u32(u32s a, u32s b)
 
 INLINE u32s exp2_minus(u32s q)
 {
-    const u32s f2 = q << 8 | 128;            /* Q16, in the lower half */
-    const u32s p2 = 7775 - mulhi_u16(f2, (u32s){ 1453, 1453, 1453, 1453, 1453,
-                                                 1453, 1453, 1453 });
-    const u32s p1 = 22706 - mulhi_u16(f2, p2);
+    const u32s f2 = q << 5 | 16;             /* Q16, in the lower half */
+    const u32s p2 = 7661 - mulhi_u16(f2, (u32s){ 1366, 1366, 1366, 1366, 1366,
+                                                 1366, 1366, 1366 });
+    const u32s p1 = 22685 - mulhi_u16(f2, p2);
 
-    return shift_each((32767 - mulhi_u16(f2, p1)) << 1, q >> 8);
+    return shift_each((32767 - mulhi_u16(f2, p1)) << 1, q >> 11);
 }
 
 #include "blend_lanes.h"

@@ -5,8 +5,8 @@
  * per row; pixels outside the box are masked out, since their v may wrap
  * around.
  *
- * With Q = q in Q12, of which eight bits are the fraction,
- *     Q = (v^2 + 32 + 64 q_line) >> 18,  v in Q13,
+ * Of q eleven bits of fraction count, as Q in Q11:
+ *     Q = (v^2 + 32 + 64 q_line) >> 15,  v in Q13,
  * one shift for the two of the norm: 64 q_line is a multiple of 64. v is below
  * 7 2^13 in the box: its square and 64 * 8 2^20 + 32 are below 2^32.
  *
@@ -18,7 +18,7 @@
  *     PAIRS                     1: two groups of a row are blended at a time
  *     u32s, i32s, IOTA          vectors of LANES; { 0, 1, 2, .. }
  *     u32s min_u32(u32s, u32s)
- *     u32s exp2_minus(u32s q)   2^-q in Q16, q in Q12 below the cut; anything
+ *     u32s exp2_minus(u32s q)   2^-q in Q16, q in Q11 below the cut; anything
  *                               for other q
  */
 #ifndef SAGA_BLEND_LANES_H
@@ -60,12 +60,12 @@ typedef struct {
     u32s colour[3];
 } paint;
 
-/* Returns min(2^-q, cap) in Q16; q in Q12, 0 from the cut on. */
+/* Returns min(2^-q, cap) in Q16; q in Q11, 0 from the cut on. */
 INLINE u32s alpha_q16(u32s q)
 {
     const u32s a = min_u32(exp2_minus(q), all(SAGA_ALPHA_CAP_Q16));
 
-    return a & (u32s)((i32s)q < SAGA_CUT_LOG2 << 8);
+    return a & (u32s)((i32s)q < SAGA_CUT_LOG2 << 11);
 }
 
 /* A group of a row: v at the tile's first column and k = 32 + 64 q_line are
@@ -74,7 +74,7 @@ INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
                         const group *c, const paint *p)
 {
     const u32s v_q13 = (u32s)((i32s)(v + c->steps) >> 15);
-    const u32s q = (v_q13 * v_q13 + k) >> 18 | c->outside;
+    const u32s q = (v_q13 * v_q13 + k) >> 15 | c->outside;
     const u32s before = load(t);
     const u32s a = alpha_q16(q) &
                     (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);

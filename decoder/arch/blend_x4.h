@@ -31,11 +31,11 @@ INLINE u32s min_u32(u32s a, u32s b)
 
 INLINE u32s exp2_minus(u32s q)
 {
-    const u32s f = (q & 255) << 7 | 64;
-    const u32s p2 = 7775 - mulhi_15(f, (u32s){ 1453, 1453, 1453, 1453 });
-    const u32s p1 = 22706 - mulhi_15(f, p2);
+    const u32s f = (q & 2047) << 4 | 8;
+    const u32s p2 = 7661 - mulhi_15(f, (u32s){ 1366, 1366, 1366, 1366 });
+    const u32s p1 = 22685 - mulhi_15(f, p2);
 
-    return shift_each(32767 - mulhi_15(f, p1), q >> 8);
+    return shift_each(32767 - mulhi_15(f, p1), q >> 11);
 }
 
 #include "blend_lanes.h"
