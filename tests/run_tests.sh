@@ -37,7 +37,7 @@ if [ "$what" = all ]; then
 fi
 sources=$(echo tests/*/test_*.c)
 if [ "$what" = check ]; then
-    sources=$(echo tests/unit/test_*.c tests/gradient/test_*.c)
+    sources=$(echo tests/{unit,gradient,hardcases}/test_*.c)
 fi
 
 # Two runs in one folder would build over each other.

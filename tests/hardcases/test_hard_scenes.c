@@ -1,0 +1,692 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Hard cases of the picture: primitives and cameras at the ends of what the
+ * format can say, each in a file of its own that is encoded, decoded and drawn.
+ * What must come out is a formula or an invariant told at each test, and the
+ * picture in double. README.md here has the table.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_scene.h"
+#include "given_view.h"
+#include "model.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The side of pictures is odd, so that the axis of the camera goes through the
+ * centre of pixel (SIDE / 2, SIDE / 2). */
+enum { SIDE = 65, MIDDLE = SIDE / 2, DEPTH = 1 << 20, MID = 32768 };
+enum {
+    STILL = 0, FADES = SAGA_TOOL_OPACITY_T,
+    MOVES = 3 << SAGA_TOOL_MOTION_SHIFT
+};
+
+static const double cap = SAGA_ALPHA_CAP_Q16 / 65536.0;
+
+/* A black room before it, focal length = width. */
+static saga_camera front(int width, int height)
+{
+    saga_camera c;
+
+    gen_front_camera(&c, width, height);
+    memset(c.background_q15, 0, sizeof c.background_q15);
+    return c;
+}
+
+static gen_given ball(int log2_scale)
+{
+    return gen_given_ball(DEPTH, log2_scale);
+}
+
+static void set_scales(gen_given *g, double x, double y, double z)
+{
+    g->p.log2_scale_q10[0] = (int16_t)(1024 * x);
+    g->p.log2_scale_q10[1] = (int16_t)(1024 * y);
+    g->p.log2_scale_q10[2] = (int16_t)(1024 * z);
+}
+
+static void set_quat(gen_given *g, int w, int x, int y, int z)
+{
+    const int q[4] = { w, x, y, z };
+    int i;
+
+    for (i = 0; i < 4; i++)
+        g->p.quat[i] = (int16_t)q[i];
+}
+
+/* What every picture must be: near the one in double. */
+static void see(given_view *v, const saga_camera *c, int32_t t)
+{
+    saga_verify_picture p;
+
+    given_draw(v, c, t);
+    p = given_verify(v);
+    print_message("  %.1f dB, at most %d; %.1f dB, at most %d without %d "
+                  "pixels that are cut or stopped otherwise\n", p.psnr, p.max,
+                  p.psnr_same, p.max_same, (int)(p.n_cut + p.n_stop));
+    assert_true(p.psnr >= 62);
+    assert_true(p.max <= 1);
+}
+
+static void see_one(given_view *v, const gen_given *g, uint32_t tools,
+                    const saga_camera *c, int32_t t)
+{
+    given_open(v, g, 1, tools);
+    see(v, c, t);
+}
+
+/* Grey that a white thing of this alpha leaves of black. */
+static void expect(const given_view *v, int x, int y, double alpha)
+{
+    const double want = 255 * (alpha < 1.0 / 256 ? 0 : fmin(alpha, cap));
+    int i;
+
+    for (i = 0; i < 3; i++)
+        assert_true(fabs(given_sample(v, x, y, i) - want) <= 0.6);
+}
+
+static void expect_all(const given_view *v, double alpha)
+{
+    int x, y;
+
+    for (y = 0; y < v->cam.height; y++)
+        for (x = 0; x < v->cam.width; x++)
+            expect(v, x, y, alpha);
+}
+
+static void expect_nothing(const given_view *v)
+{
+    assert_int_equal(v->report.n_splats, 0);
+    expect_all(v, 0);
+}
+
+static void expect_same(const given_view *a, const given_view *b)
+{
+    assert_memory_equal(a->rgb, b->rgb, 3u * a->cam.width * a->cam.height);
+}
+
+/* --- Shapes -------------------------------------------------------------- */
+
+/* Projection looks at a quaternion's direction alone: zero is the identity, as
+ * is one unit of w and half a turn about an axis of the ellipsoid; (1, 0, 0, 1)
+ * turns by a right angle as (512, 0, 0, 512) does. */
+static void zero_quaternion_should_be_the_identity(void **state)
+{
+    static const int same[][4] = {
+        { 0, 0, 0, 0 }, { 1, 0, 0, 0 }, { -1, 0, 0, 0 }, { 0, 1, 0, 0 },
+        { 0, 0, 1, 0 }, { 0, 0, 0, 1 }, { 0, 0, 0, -2047 }
+    };
+    const saga_camera c = front(SIDE, SIDE);
+    gen_given g = ball(0);
+    given_view v, w;
+    size_t i;
+
+    (void)state;
+    set_scales(&g, 18, 16.5, 14);
+    see_one(&v, &g, STILL, &c, MID);
+    for (i = 0; i < sizeof same / sizeof *same; i++) {
+        set_quat(&g, same[i][0], same[i][1], same[i][2], same[i][3]);
+        see_one(&w, &g, STILL, &c, MID);
+        expect_same(&v, &w);
+        given_close(&w);
+    }
+    given_close(&v);
+    set_quat(&g, 1, 0, 0, 1);
+    see_one(&v, &g, STILL, &c, MID);
+    set_quat(&g, 512, 0, 0, 512);
+    see_one(&w, &g, STILL, &c, MID);
+    expect_same(&v, &w);
+    given_close(&v);
+    given_close(&w);
+}
+
+/* It is (1, 0, 0, 0) at the centre, less 1 for each age, so nothing is left of
+ * it half a segment later: the identity, not a number divided by zero. */
+static void quaternion_should_pass_through_zero(void **state)
+{
+    const saga_camera c = front(SIDE, SIDE);
+    saga_animated a;
+    gen_given g = ball(0);
+    given_view v, w;
+
+    (void)state;
+    set_scales(&g, 18, 16.5, 14);
+    g.p.t_centre = 0;
+    see_one(&v, &g, SAGA_TOOL_SLOPE, &c, 32768);
+    g.p.slope[0] = -(1 << GIVEN_Q_QUAT);
+    see_one(&w, &g, SAGA_TOOL_SLOPE, &c, 32768);
+    assert_int_equal(saga_primitive_at(&a, w.dec, 0, 32768), SAGA_OK);
+    assert_int_equal(a.quat[0] | a.quat[1] | a.quat[2] | a.quat[3], 0);
+    expect_same(&v, &w);
+    given_close(&v);
+    given_close(&w);
+}
+
+/* A point is the low-pass alone, 0.3 px^2, whatever makes it a point. */
+static void points_should_be_the_low_pass(void **state)
+{
+    static const int scales[] = { 3, -1, -20, -31 };
+    const saga_camera c = front(SIDE, SIDE);
+    size_t i;
+    int d;
+
+    (void)state;
+    for (i = 0; i < sizeof scales / sizeof *scales; i++) {
+        const gen_given g = ball(scales[i]);
+        given_view v;
+
+        see_one(&v, &g, STILL, &c, MID);
+        for (d = 0; d <= 3; d++) {
+            expect(&v, MIDDLE + d, MIDDLE, exp(-d * d / 0.6));
+            expect(&v, MIDDLE - d, MIDDLE + d, exp(-2 * d * d / 0.6));
+        }
+        given_close(&v);
+    }
+}
+
+/* Standard deviations of 16 pictures and more: one grey, that of the cap. */
+static void scene_wide_scales_should_fill_the_picture(void **state)
+{
+    static const int scales[] = { 24, 28, 31 };
+    const saga_camera c = front(SIDE, SIDE);
+    size_t i;
+
+    (void)state;
+    for (i = 0; i < sizeof scales / sizeof *scales; i++) {
+        const gen_given g = ball(scales[i]);
+        given_view v;
+
+        see_one(&v, &g, STILL, &c, MID);
+        expect_all(&v, 1);
+        given_close(&v);
+    }
+}
+
+/* 1 : 10^4, 2^13.3125. Along x: grey falls as exp(-d^2 / 2 sigma^2) with sigma
+ * = 13.2 px, across as that of a point. Along z it is a point. */
+static void needles_should_be_a_line_from_the_side(void **state)
+{
+    const saga_camera c = front(SIDE, SIDE);
+    const double thin = 17.6875 - 13.3125, sigma = SIDE * exp2(17.6875 - 20);
+    gen_given g = ball(0);
+    given_view v;
+    int d;
+
+    (void)state;
+    set_scales(&g, 17.6875, thin, thin);
+    see_one(&v, &g, STILL, &c, MID);
+    for (d = -30; d <= 30; d++) {
+        const double alpha = exp(-d * d / (2 * (sigma * sigma + 0.3)));
+
+        expect(&v, MIDDLE + d, MIDDLE, alpha);
+        expect(&v, MIDDLE + d, MIDDLE + 1, alpha * exp(-1 / 0.6));
+    }
+    given_close(&v);
+    set_scales(&g, thin, thin, 17.6875);
+    see_one(&v, &g, STILL, &c, MID);
+    expect(&v, MIDDLE, MIDDLE, 1);
+    expect(&v, MIDDLE, MIDDLE + 1, exp(-1 / 0.6));
+    given_close(&v);
+}
+
+/* Needles of 30,000 px and of 30, turned all ways, near the axis and not. */
+static void turned_needles_should_be_those_of_double(void **state)
+{
+    const saga_camera c = front(SIDE, SIDE);
+    gen_rng r = gen_seeded(51);
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < 24; i++) {
+        const double wide = i & 1 ? 28 : 18;
+        gen_given g = ball(0);
+        given_view v;
+
+        set_scales(&g, wide, wide - 13.3125, wide - 13.3125);
+        for (k = 0; k < 4; k++)
+            g.p.quat[k] = (int16_t)gen_int(&r, -1000, 1000);
+        for (k = 0; k < 2; k++)
+            g.p.x[k] = gen_int(&r, -DEPTH / 2, DEPTH / 2);
+        see_one(&v, &g, STILL, &c, MID);
+        given_close(&v);
+    }
+}
+
+/* --- Where they are ------------------------------------------------------ */
+
+/* On the near plane it is seen; a box unit before it, at the camera's place and
+ * behind, there is nothing. */
+static void near_plane_should_decide_by_a_unit(void **state)
+{
+    static const int32_t behind[] = { 1023, 1, 0, -1, -1024, -(1 << 22) };
+    const saga_camera c = front(SIDE, SIDE);
+    size_t i;
+
+    (void)state;
+    for (i = 0; i < 2; i++) {
+        const gen_given g = gen_given_ball(1024, i ? 14 : 9);
+        given_view v;
+
+        see_one(&v, &g, STILL, &c, MID);
+        assert_int_equal(v.report.n_splats, 1);
+        expect(&v, MIDDLE, MIDDLE, 1);
+        given_close(&v);
+    }
+    for (i = 0; i < sizeof behind / sizeof *behind; i++) {
+        const gen_given g = gen_given_ball(behind[i], 9);
+        given_view v;
+
+        see_one(&v, &g, STILL, &c, MID);
+        expect_nothing(&v);
+        given_close(&v);
+    }
+}
+
+/* A ball of 2^20 around the camera: its mean, not its body, decides. In front
+ * it is 65 pictures wide, even at one box unit of depth. */
+static void camera_inside_should_see_what_is_before_it(void **state)
+{
+    static const struct { int32_t depth; int seen; } cases[] = {
+        { 1 << 18, 1 }, { 1 << 14, 1 }, { 1, 1 }, { 0, 0 }, { -1, 0 },
+        { -(1 << 18), 0 }
+    };
+    saga_camera c = front(SIDE, SIDE);
+    size_t i;
+
+    (void)state;
+    c.near_plane = 1;
+    for (i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const gen_given g = gen_given_ball(cases[i].depth, 20);
+        given_view v;
+
+        see_one(&v, &g, STILL, &c, MID);
+        assert_int_equal(v.report.n_splats, cases[i].seen);
+        if (cases[i].depth < 1 << 18)
+            expect_all(&v, cases[i].seen);
+        given_close(&v);
+    }
+}
+
+/* From the corner of what a camera can be, sqrt(3) 2^29 away, and along an
+ * axis, with the longest focal length, 2^15 px: a ball of 2^18 is 16 px there.
+ * Its grey is its formula's. */
+static void farthest_camera_should_see_through_the_longest_lens(void **state)
+{
+    const gen_given g = gen_given_ball(0, 18);
+    const double sigma2 = 16 * 16 + 0.3;
+    saga_camera c = front(SIDE, SIDE);
+    given_view v;
+    int d;
+
+    (void)state;
+    c.focal_q16[0] = c.focal_q16[1] = INT32_MAX;
+    c.centre[2] = -(1 << 29);
+    see_one(&v, &g, STILL, &c, MID);
+    for (d = 0; d <= MIDDLE; d++)
+        expect(&v, MIDDLE + d, MIDDLE - d, exp(-2 * d * d / (2 * sigma2)));
+    c.centre[0] = c.centre[1] = -(1 << 29);
+    for (d = 0; d < 3; d++) {
+        static const double axes[3][3] = {
+            { 0.7071067811865476, -0.7071067811865476, 0 },
+            { 0.408248290463863, 0.408248290463863, -0.816496580927726 },
+            { 0.5773502691896257, 0.5773502691896257, 0.5773502691896257 }
+        };
+        int i;
+
+        for (i = 0; i < 3; i++)
+            c.rotation_q30[3 * d + i] = (int32_t)lrint(axes[d][i] * (1 << 30));
+    }
+    see(&v, &c, MID);
+    for (d = 0; d <= MIDDLE; d++)
+        expect(&v, MIDDLE, MIDDLE + d,
+               exp(-d * d / (2 * (16 * 16 / 3.0 + 0.3))));
+    given_close(&v);
+}
+
+/* 8 supports of half a cube for each age: 2^26 after half a segment. */
+static void motion_should_leave_the_cube(void **state)
+{
+    static const int32_t times[] = { 0, 8192, 32768, 65535 };
+    saga_camera c = front(SIDE, SIDE);
+    gen_given g = gen_given_ball(0, 17);
+    saga_animated a;
+    given_view v;
+    size_t i;
+
+    (void)state;
+    g.p.t_centre = 0;
+    g.p.support[0] = 1 << 23;
+    g.p.motion[0] = 8 << GIVEN_Q_MOTION;
+    given_open(&v, &g, 1, MOVES);
+    c.centre[2] = -DEPTH;
+    for (i = 0; i < sizeof times / sizeof *times; i++) {
+        c.centre[0] = times[i] << 11;
+        see(&v, &c, times[i]);
+        assert_int_equal(saga_primitive_at(&a, v.dec, 0, times[i]), SAGA_OK);
+        assert_int_equal(a.x[0], times[i] << 11);
+        expect(&v, MIDDLE, MIDDLE, 1);
+    }
+    given_close(&v);
+}
+
+/* The largest motion of all orders ends at +-2^29, where a camera can be. */
+static void motion_should_end_where_cameras_end(void **state)
+{
+    saga_camera c = front(SIDE, SIDE);
+    gen_given g = gen_given_ball(0, 17);
+    saga_animated a;
+    given_view v;
+    int i;
+
+    (void)state;
+    g.p.t_centre = 0;
+    for (i = 0; i < 3; i++)
+        g.p.support[i] = 1 << 23;
+    for (i = 0; i < 9; i++)
+        g.p.motion[i] = i % 3 == 0 ? 32752 : i % 3 == 1 ? -32752 : 0;
+    given_open(&v, &g, 1, MOVES);
+    c.centre[0] = 1 << 29;
+    c.centre[1] = -(1 << 29);
+    c.centre[2] = -DEPTH;
+    see(&v, &c, 65535);
+    assert_int_equal(saga_primitive_at(&a, v.dec, 0, 65535), SAGA_OK);
+    assert_int_equal(a.x[0], 1 << 29);
+    assert_int_equal(a.x[1], -(1 << 29));
+    expect(&v, MIDDLE, MIDDLE, 1);
+    given_close(&v);
+}
+
+/* The direction of view is that of the middle of the segment; there the camera
+ * stands in it, so it has none, and the colour is the base's alone. */
+static void camera_at_the_place_should_add_no_direction(void **state)
+{
+    const saga_camera c = front(SIDE, SIDE);
+    gen_given g = gen_given_ball(0, 18);
+    given_view v;
+
+    (void)state;
+    g.p.t_centre = 32768;
+    g.p.support[2] = 1 << 21;
+    g.p.motion[2] = 1 << GIVEN_Q_MOTION;  /* 2^21 further at its end */
+    g.colour_q15[0] = 8192;
+    g.colour_q15[1] = 16384;
+    g.colour_q15[2] = 0;
+    see_one(&v, &g, SAGA_TOOL_VIEW | 1 << SAGA_TOOL_MOTION_SHIFT, &c, 65535);
+    assert_int_equal(given_sample(&v, MIDDLE, MIDDLE, 0), 63); /* 255 cap/4 */
+    assert_int_equal(given_sample(&v, MIDDLE, MIDDLE, 1), 126);
+    assert_int_equal(given_sample(&v, MIDDLE, MIDDLE, 2), 0);
+    given_close(&v);
+}
+
+/* --- How much of them there is ------------------------------------------- */
+
+/* alpha = 1 / (1 + 2^-o): 0 is no splat, 1 is the cap, and between -8, whose q
+ * is 8.006, and -8 + 1/64, whose q is 7.990, lies the cut. Of the latter the
+ * pixels within 0.1 standard deviations of its centre are left. */
+static void opacity_should_be_nothing_cut_or_cap(void **state)
+{
+    static const int16_t nothing[] = { -32, -16, -8 };
+    const saga_camera c = front(SIDE, SIDE);
+    const double q0 = log2(1 + exp2(8 - 1 / 64.0));
+    const double sigma = SIDE / 2.0;
+    gen_given g = ball(19);
+    given_view v;
+    int i, x, y;
+
+    (void)state;
+    for (i = 0; i < 3; i++) {
+        g.p.opacity = (int16_t)((nothing[i] << GIVEN_Q_OPACITY) + 16 * !i);
+        see_one(&v, &g, STILL, &c, MID);
+        expect_nothing(&v);
+        given_close(&v);
+    }
+    g.p.opacity = -8 * (1 << GIVEN_Q_OPACITY) + 16;
+    see_one(&v, &g, STILL, &c, MID);
+    assert_int_equal(v.report.n_splats, 1);
+    for (y = 0; y < SIDE; y++)
+        for (x = 0; x < SIDE; x++) {
+            const int dx = x - MIDDLE, dy = y - MIDDLE;
+            const double q = q0 + (dx * dx + dy * dy) / 2 / log(2) /
+                             (sigma * sigma + 0.3);
+
+            assert_int_equal(given_sample(&v, x, y, 0), q < 8);
+        }
+    given_close(&v);
+    g.p.opacity = 31 << GIVEN_Q_OPACITY;
+    see_one(&v, &g, STILL, &c, MID);
+    expect(&v, MIDDLE, MIDDLE, 1);
+    given_close(&v);
+}
+
+/* Eight colours, 256 of each at one place, alpha 1/129 all over the picture:
+ * the first takes 1 - T, the next T (1 - T), T = (128/129)^256, until T^k is
+ * below 2^-13. Equal depths are drawn by number, so no two machines differ.
+ * A weight below 2^-16 is none, so T stays at 129 of them, half a level. */
+static void coincident_splats_should_be_drawn_by_number(void **state)
+{
+    const double all = pow(128 / 129.0, 256);
+    gen_given g[8];
+    saga_camera c = front(9, 7);
+    saga_splat s;
+    given_view v;
+    double want[3] = { 0, 0, 0 };
+    uint32_t i;
+    int k;
+
+    (void)state;
+    for (i = 0; i < 8; i++) {
+        g[i] = gen_given_ball(0, 28);
+        g[i].p.opacity = -7 * (1 << GIVEN_Q_OPACITY);
+        g[i].copies = 256;
+        for (k = 0; k < 3; k++)
+            g[i].colour_q15[k] = i >> k & 1u ? 32768 : 4096;
+    }
+    c.centre[2] = -DEPTH;
+    given_open(&v, g, 8, STILL);
+    given_draw(&v, &c, MID);
+    assert_true(given_verify(&v).max <= 1);
+    assert_int_equal(v.report.n_splats, 2048);
+    for (i = 0; i < 2048; i++) {
+        assert_int_equal(saga_splat_at(&s, v.dec, i), SAGA_OK);
+        assert_int_equal(s.depth, DEPTH);
+        assert_int_equal(s.colour_q15[0], v.p[i / 256].colour_q15[0]);
+    }
+    for (i = 0; i < 5; i++)     /* the fifth is cut after 135 */
+        for (k = 0; k < 3; k++)
+            want[k] += (pow(all, i) - (i < 4 ? pow(all, i + 1) : exp2(-13))) *
+                       v.p[i].colour_q15[k] / 32768;
+    for (k = 0; k < 3; k++)
+        assert_true(fabs(given_sample(&v, 4, 3, k) - 255 * want[k]) <= 1);
+    given_close(&v);
+}
+
+/* --- Time ---------------------------------------------------------------- */
+
+/* A frame of a thousand: 64 units. alpha is exp(-u^2), u of them away, and
+ * nothing from sqrt(log 256) = 2.355 on. */
+static void width_of_a_frame_should_last_a_frame(void **state)
+{
+    static const int32_t away[] = { 0, 1, 32, 64, 128, 150, 151, 1000, 32767 };
+    const saga_camera c = front(9, 7);
+    gen_given g = ball(28);
+    given_view v;
+    size_t i;
+
+    (void)state;
+    g.p.log2_width_q10 = 6 << 10;
+    given_open(&v, &g, 1, FADES);
+    for (i = 0; i < sizeof away / sizeof *away; i++) {
+        const double u = away[i] / 64.0;
+
+        see(&v, &c, 32768 - away[i]);
+        expect_all(&v, exp(-u * u));
+        see(&v, &c, 32768 + away[i]);
+        expect_all(&v, exp(-u * u));
+    }
+    given_close(&v);
+}
+
+/* A thousand segments, 2^26 units: u is 2^-11 at most, and the fade of 2^-22
+ * log2(e) is below half a unit of q: the same bytes at all times. */
+static void width_of_a_thousand_segments_should_not_fade(void **state)
+{
+    static const int32_t times[] = { 0, 1, 32767, 65535 };
+    const saga_camera c = front(SIDE, SIDE);
+    gen_given g = ball(18);
+    given_view v, w;
+    size_t i;
+
+    (void)state;
+    g.p.log2_width_q10 = 26 << 10;
+    see_one(&v, &g, FADES, &c, MID);
+    for (i = 0; i < sizeof times / sizeof *times; i++) {
+        see_one(&w, &g, FADES, &c, times[i]);
+        expect_same(&v, &w);
+        given_close(&w);
+    }
+    given_close(&v);
+}
+
+/* Half a segment before its start, and after its end, with widths of half a
+ * segment: exp(-1) at the near end, exp(-9), which is cut, at the far one. */
+static void centres_outside_should_fade_into_the_segment(void **state)
+{
+    const saga_camera c = front(9, 7);
+    int i;
+
+    (void)state;
+    for (i = 0; i < 2; i++) {
+        gen_given g = ball(28);
+        given_view v;
+
+        g.p.t_centre = i ? 98272 : -32768;
+        g.p.log2_width_q10 = 15 << 10;
+        given_open(&v, &g, 1, FADES);
+        see(&v, &c, i ? 65504 : 0);
+        expect_all(&v, exp(-1));
+        see(&v, &c, i ? 0 : 65535);
+        expect_nothing(&v);
+        given_close(&v);
+    }
+}
+
+/* A view of a time outside the segment is refused, and the last one stays. */
+static void times_outside_should_be_refused(void **state)
+{
+    static const int32_t times[] = { -1, 65536, INT32_MIN, INT32_MAX };
+    const saga_camera c = front(SIDE, SIDE);
+    const gen_given g = ball(18);
+    saga_animated a;
+    saga_splat s;
+    given_view v;
+    size_t i;
+
+    (void)state;
+    see_one(&v, &g, FADES, &c, MID);
+    for (i = 0; i < sizeof times / sizeof *times; i++) {
+        assert_int_equal(saga_view(v.dec, &c, times[i]), SAGA_ERR_ARG);
+        assert_int_equal(saga_primitive_at(&a, v.dec, 0, times[i]),
+                         SAGA_ERR_ARG);
+        assert_int_equal(saga_splat_at(&s, v.dec, 0), SAGA_OK);
+        assert_int_equal(s.depth, DEPTH);
+    }
+    given_close(&v);
+}
+
+/* --- The least and the most of everything -------------------------------- */
+
+/* One of each: anchor, primitive, frame, camera, pixel. */
+static void one_of_everything_should_be_enough(void **state)
+{
+    const saga_camera c = front(1, 1);
+    const gen_given g = ball(16);
+    saga_segment seg;
+    saga_camera rig;
+    saga_info info;
+    uint32_t number;
+    given_view v;
+
+    (void)state;
+    see_one(&v, &g, FADES, &c, 0);
+    assert_int_equal(v.report.n_coarse, 1);
+    assert_int_equal(v.report.n_fine, 1);
+    assert_int_equal(v.report.n_primitives, 1);
+    expect(&v, 0, 0, 1);
+    assert_int_equal(saga_probe(&info, v.bytes, v.nbytes), SAGA_OK);
+    assert_int_equal(info.n_frames, 1);
+    assert_int_equal(saga_find(&seg, v.bytes, v.nbytes, 999, 1000), SAGA_OK);
+    assert_int_equal(seg.t, 65470);  /* floor(65536 * 0.999) */
+    assert_int_equal(saga_find(&seg, v.bytes, v.nbytes, 1, 1), SAGA_ERR_ARG);
+    assert_int_equal(saga_rig(&rig, &number, v.bytes, v.nbytes, 0), SAGA_OK);
+    assert_int_equal(saga_rig(&rig, &number, v.bytes, v.nbytes, 1),
+                     SAGA_ERR_ARG);
+    given_close(&v);
+}
+
+/* Rows of 16,384 pixels, and columns: a ball at each end and one that spans
+ * everything, a picture in double for all of them. The ends are lit, and alike
+ * but for the half pixel between the axis and the middle of the row. */
+static void longest_rows_should_be_drawn_to_both_ends(void **state)
+{
+    gen_given g[3];
+    given_view v;
+    int i, k;
+
+    (void)state;
+    for (k = 0; k < 2; k++) {
+        saga_camera c = front(16384, 16384);
+
+        for (i = 0; i < 3; i++) {
+            g[i] = gen_given_ball(DEPTH + 64 * i, i < 2 ? 10 : 18);
+            g[i].p.x[k] = i < 2 ? (1 - 2 * i) * (DEPTH / 2) : 0;
+            g[i].colour_q15[i] = 0;
+        }
+        if (k) {
+            c.width = 1;
+            c.principal_q16[0] = 1 << 15;
+        } else {
+            c.height = 1;
+            c.principal_q16[1] = 1 << 15;
+        }
+        given_open(&v, g, 3, STILL);
+        see(&v, &c, MID);
+        assert_int_equal(v.report.n_splats, 3);
+        assert_true(given_sample(&v, k ? 0 : 16383, k ? 16383 : 0, 2) > 245);
+        assert_true(given_sample(&v, 0, 0, 2) > 245);
+        given_close(&v);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(zero_quaternion_should_be_the_identity),
+        cmocka_unit_test(quaternion_should_pass_through_zero),
+        cmocka_unit_test(points_should_be_the_low_pass),
+        cmocka_unit_test(scene_wide_scales_should_fill_the_picture),
+        cmocka_unit_test(needles_should_be_a_line_from_the_side),
+        cmocka_unit_test(turned_needles_should_be_those_of_double),
+        cmocka_unit_test(near_plane_should_decide_by_a_unit),
+        cmocka_unit_test(camera_inside_should_see_what_is_before_it),
+        cmocka_unit_test(farthest_camera_should_see_through_the_longest_lens),
+        cmocka_unit_test(motion_should_leave_the_cube),
+        cmocka_unit_test(motion_should_end_where_cameras_end),
+        cmocka_unit_test(camera_at_the_place_should_add_no_direction),
+        cmocka_unit_test(opacity_should_be_nothing_cut_or_cap),
+        cmocka_unit_test(coincident_splats_should_be_drawn_by_number),
+        cmocka_unit_test(width_of_a_frame_should_last_a_frame),
+        cmocka_unit_test(width_of_a_thousand_segments_should_not_fade),
+        cmocka_unit_test(centres_outside_should_fade_into_the_segment),
+        cmocka_unit_test(times_outside_should_be_refused),
+        cmocka_unit_test(one_of_everything_should_be_enough),
+        cmocka_unit_test(longest_rows_should_be_drawn_to_both_ends)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

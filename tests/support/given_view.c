@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * See given_view.h.
+ */
+#include "given_view.h"
+
+#include "animate.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdlib.h>
+#include <string.h>
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+/* --- A file -------------------------------------------------------------- */
+
+static uint32_t n_copies(const gen_given *p)
+{
+    return p->copies ? p->copies : 1;
+}
+
+/* At both ends of the segment and in its middle. */
+static void assert_given(const given_view *v)
+{
+    static const int32_t times[] = { 0, 32768, 65535 };
+    const saga_prim_format f = gen_given_format(v->tools);
+    saga_animated want, got;
+    uint32_t i, k, index = 0;
+    int j;
+
+    for (i = 0; i < v->n; i++)
+        for (k = 0; k < n_copies(&v->p[i]); k++, index++)
+            for (j = 0; j < 3; j++) {
+                saga_animate(&want, &v->p[i].p, &f, times[j]);
+                assert_int_equal(saga_primitive_at(&got, v->dec, index,
+                                                   times[j]),
+                                 SAGA_OK);
+                assert_memory_equal(&got, &want, sizeof got);
+            }
+    assert_int_equal(v->report.n_primitives, index);
+}
+
+void given_open(given_view *v, const gen_given *p, uint32_t n,
+                uint32_t tools)
+{
+    saga_segment seg;
+    saga_info info;
+    gen_stream g;
+
+    memset(v, 0, sizeof *v);
+    assert_in_range(n, 1, GIVEN_MOST);
+    memcpy(v->p, p, n * sizeof *p);
+    v->n = n;
+    v->tools = tools;
+    gen_given_make(&g, v->p, n, tools, 1);
+    gen_stream_encode(&g, &v->bytes, &v->nbytes);
+    gen_stream_free(&g);
+    assert_int_equal(saga_probe(&info, v->bytes, v->nbytes), SAGA_OK);
+    v->work = must(aligned_alloc(SAGA_WORK_ALIGN,
+                                 (info.work_nbytes + 15) & ~(size_t)15));
+    assert_int_equal(saga_open(&v->dec, v->work, info.work_nbytes, v->bytes,
+                               v->nbytes), SAGA_OK);
+    assert_int_equal(saga_find(&seg, v->bytes, v->nbytes, 0, 1), SAGA_OK);
+    assert_int_equal(saga_decode(v->dec, &seg, v->bytes + seg.offset,
+                                 seg.nbytes), SAGA_OK);
+    assert_int_equal(saga_tell(&v->report, v->dec), SAGA_OK);
+    assert_given(v);
+}
+
+void given_close(given_view *v)
+{
+    free(v->rgb);
+    free(v->work);
+    free(v->bytes);
+}
+
+void given_draw(given_view *v, const saga_camera *cam, int32_t t)
+{
+    const size_t stride = 3u * cam->width;
+    const size_t scratch = SAGA_JOB_NBYTES(64, 4096);
+    saga_job job = { .x1 = cam->width, .y1 = cam->height, .tile = 64,
+                     .list_capacity = 4096, .scratch_nbytes = scratch };
+    saga_picture pic = { .stride_nbytes = stride,
+                         .nbytes = stride * cam->height, .bits = 8 };
+
+    free(v->rgb);
+    v->rgb = pic.rgb = must(malloc(pic.nbytes));
+    v->cam = *cam;
+    v->t = t;
+    job.scratch = must(malloc(scratch));
+    assert_int_equal(saga_view(v->dec, cam, t), SAGA_OK);
+    assert_int_equal(saga_draw(v->dec, &job, &pic, UINT32_MAX), SAGA_OK);
+    assert_int_equal(saga_tell(&v->report, v->dec), SAGA_OK);
+    free(job.scratch);
+}
+
+int given_sample(const given_view *v, int x, int y, int channel)
+{
+    return v->rgb[3 * (y * v->cam.width + x) + channel];
+}
+
+/* With one frame in the file, t / 65536 frames are the time t. */
+saga_verify_picture given_verify(const given_view *v)
+{
+    const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL,
+                                    NULL };
+    saga_verify *const report = must(malloc(sizeof *report));
+    saga_error error = { "" };
+    saga_verify_picture picture;
+
+    if (!saga_verify_file(report, "the file", v->bytes, v->nbytes, &view,
+                          &error))
+        fail_msg("%s", error.message);
+    picture = report->picture[SAGA_VERIFY_SYMBOLS];
+    free(report);
+    return picture;
+}
