@@ -171,6 +171,7 @@ AVX512 = avx512f avx512bw avx512cd avx512dq avx512vl
 WIDE_MARCH := $(if $(MARCH),$(if $(filter-out $(CPU_FLAGS),$(AVX512)),,\
                 -march=x86-64-v4))
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
+$(addprefix $(OBJ)/trainer/eval/,conv.o yuv.o): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 $(WIDE:%=$(OBJ)/%.o): OPT_LEVEL = $(HOT_OPT) $(MARCH) $(WIDE_MARCH)
 
 I_COMMON  = -Icommon -Icommon/arch

@@ -215,6 +215,7 @@ many() {
     for name in round cli encode floors ablation rd input install; do
         check "$name" "tests/cli/check_$name.sh"
     done
+    check metrics python3 tests/cli/check_metrics.py
     check view python3 tests/cli/check_view.py
     check path python3 tests/cli/check_path.py
     check exchange python3 tests/cli/check_exchange.py

@@ -13,6 +13,8 @@
 #include "json_cli.h"
 #include "json_memory.h"
 #include "layout.h"
+#include "lpips.h"
+#include "yuv.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -20,10 +22,10 @@
 #include <string.h>
 
 typedef struct {
-    bool json, no_ssim;
+    bool json, no_ssim, equirect;
     saga_cli_pair frames, only;
     int scale, threads, memory;
-    const char *hold_out, *pictures;
+    const char *hold_out, *pictures, *weights;
 } options;
 
 /* This holds what is open and what came out. */
@@ -36,6 +38,7 @@ typedef struct {
     saga_film film;
     saga_layout layout;
     saga_capture capture;
+    saga_lpips *lpips;       /* NULL: not wanted */
     saga_eval eval;
     saga_error error;
 } session;
@@ -62,24 +65,45 @@ static bool has_motion(const saga_eval *e)
     return e->n_frames > 1;
 }
 
-static void print_score(const saga_eval *e, const saga_eval_score *s)
+/* The first table's columns: RGB. */
+static void print_score(const session *s, const saga_eval_score *score)
 {
+    const saga_score *const d = &score->decode;
+    const bool moves = has_motion(&s->eval);
     const double none = (double)NAN;
 
-    print_column(8, 3, s->decode.psnr, "");
-    print_column(11, 3, s->decode.psnr_of_mean, "");
-    print_column(9, 3, has_motion(e) ? s->median_psnr : none, "");
-    print_column(10, 3, saga_change_psnr(&s->change), "");
-    print_column(8, 2, has_motion(e) ? 100.0 * saga_change_share(&s->change)
-                                     : none, " %");
-    print_column(9, 5, s->decode.ssim_zero, "");
-    print_column(9, 5, s->decode.ssim_valid, "");
-    print_column(9, 5, s->decode.ms_ssim, "");
-    putchar('\n');
+    print_column(8, 3, d->psnr, "");
+    print_column(11, 3, d->psnr_of_mean, "");
+    print_column(9, 3, moves ? score->median_psnr : none, "");
+    print_column(10, 3, saga_change_psnr(&score->change), "");
+    print_column(8, 2, moves ? 100.0 * saga_change_share(&score->change)
+                             : none, " %");
+    print_column(9, 5, d->ssim_zero, "");
+    print_column(9, 5, d->ssim_valid, "");
+    print_column(9, 5, d->ms_ssim, "");
 }
 
-static void print_mean(const saga_eval *e, const char *name, int n,
-                       const saga_eval_score *score)
+/* The second table's: luma and chroma, and what judges as eyes do. */
+static void print_more(const session *s, const saga_eval_score *score)
+{
+    const saga_score *const d = &score->decode;
+
+    print_column(8, 3, d->psnr_y, "");
+    print_column(8, 3, d->psnr_u, "");
+    print_column(8, 3, d->psnr_v, "");
+    print_column(8, 3, d->psnr_yuv, "");
+    print_column(10, 3, saga_psnr(score->temporal_mse), "");
+    print_column(9, 3, d->iv_psnr, "");
+    if (s->o->equirect)
+        print_column(9, 3, d->ws_psnr, "");
+    if (s->lpips)
+        print_column(9, 5, d->lpips, "");
+}
+
+typedef void print_fn(const session *s, const saga_eval_score *score);
+
+static void print_mean(const session *s, print_fn *print, const char *name,
+                       int n, const saga_eval_score *score)
 {
     char text[40];
 
@@ -87,20 +111,33 @@ static void print_mean(const saga_eval *e, const char *name, int n,
         return;
     snprintf(text, sizeof text, "mean of %d", n);
     printf("%-15.15s %-8s", text, name);
-    print_score(e, score);
+    print(s, score);
+    putchar('\n');
 }
 
-static void print_scores(const saga_eval *e)
+static void print_table(const session *s, print_fn *print)
 {
-    puts("view            set         PSNR  PSNR(mse)   median  changing"
-         "     share   SSIM 0   SSIM v  MS-SSIM");
+    const saga_eval *const e = &s->eval;
+
     for (int i = 0; i < e->n_views; i++) {
         printf("%-15.15s %-8s", e->view[i].name,
                e->view[i].held_out ? "held out" : "training");
-        print_score(e, &e->view[i].score);
+        print(s, &e->view[i].score);
+        putchar('\n');
     }
-    print_mean(e, "training", e->n_training, &e->training);
-    print_mean(e, "held out", e->n_held_out, &e->held_out);
+    print_mean(s, print, "training", e->n_training, &e->training);
+    print_mean(s, print, "held out", e->n_held_out, &e->held_out);
+}
+
+static void print_scores(const session *s)
+{
+    puts("view            set         PSNR  PSNR(mse)   median  changing"
+         "     share   SSIM 0   SSIM v  MS-SSIM");
+    print_table(s, print_score);
+    printf("\nview            set       PSNR-Y  PSNR-U  PSNR-V     YUV"
+           "  temporal  IV-PSNR%s%s\n", s->o->equirect ? "  WS-PSNR" : "",
+           s->lpips ? "    LPIPS" : "");
+    print_table(s, print_more);
 }
 
 static double each(double seconds, uint32_t n)
@@ -184,7 +221,15 @@ static void print_protocol(const session *s)
     puts("  SSIM 0    " SAGA_SSIM_ZERO_TEXT "\n"
          "  SSIM v    " SAGA_SSIM_VALID_TEXT "\n"
          "  MS-SSIM   " SAGA_MS_SSIM_TEXT "\n"
-         "  mean      over views, each the mean over its frames");
+         "  PSNR-Y..V " SAGA_PSNR_YUV_TEXT "\n"
+         "  YUV       " SAGA_PSNR_YUV_MEAN_TEXT "\n"
+         "  temporal  " SAGA_TEMPORAL_TEXT "\n"
+         "  IV-PSNR   " SAGA_IV_PSNR_TEXT);
+    if (s->o->equirect)
+        puts("  WS-PSNR   " SAGA_WS_PSNR_TEXT);
+    if (s->lpips)
+        printf("  LPIPS     %s\n", saga_lpips_text(s->lpips));
+    puts("  mean      over views, each the mean over its frames");
 }
 
 static double film_seconds(const saga_info *i)
@@ -210,7 +255,7 @@ static void print_file(const session *s)
 static void print_text(const session *s)
 {
     printf("%s against %s\n\n", s->file_name, s->capture_name);
-    print_scores(&s->eval);
+    print_scores(s);
     if (!s->is_folder)
         print_file(s);
     print_protocol(s);
@@ -239,6 +284,12 @@ static json_t *json_score(const saga_eval_score *score)
         "changing_psnr", real(saga_change_psnr(c)),
         "changing_share", real(saga_change_share(c)),
         "changing_pixels", (json_int_t)c->n_changing));
+    json_object_update_new(o, json_pack("{sosososososososo}",
+        "psnr_y", real(s->psnr_y), "psnr_u", real(s->psnr_u),
+        "psnr_v", real(s->psnr_v), "psnr_yuv", real(s->psnr_yuv),
+        "ws_psnr", real(s->ws_psnr), "iv_psnr", real(s->iv_psnr),
+        "temporal_psnr", real(saga_psnr(score->temporal_mse)),
+        "lpips", real(s->lpips)));
     return o;
 }
 
@@ -285,7 +336,7 @@ static json_t *json_protocol(const session *s)
 {
     const saga_capture *const c = &s->capture;
 
-    return json_pack("{sssssss[ii]s[ii]sosisssbssssssssssssss}",
+    json_t *const o = json_pack("{sssssss[ii]s[ii]sosisssbssssssssssssss}",
         "decoder", s->is_folder ? "another codec's, 8 bits"
                                 : "integer, from the closed file, 8 bits",
         "capture", s->capture_name, "format", c->format,
@@ -299,6 +350,15 @@ static json_t *json_protocol(const session *s)
         "median", SAGA_MEDIAN_TEXT, "changing", SAGA_CHANGE_TEXT,
         "ssim_zero", SAGA_SSIM_ZERO_TEXT, "ssim_valid", SAGA_SSIM_VALID_TEXT,
         "ms_ssim", SAGA_MS_SSIM_TEXT);
+
+    json_object_update_new(o, json_pack("{ssssssssssss*}",
+        "psnr_yuv_components", SAGA_PSNR_YUV_TEXT,
+        "psnr_yuv", SAGA_PSNR_YUV_MEAN_TEXT,
+        "temporal_psnr", SAGA_TEMPORAL_TEXT, "iv_psnr", SAGA_IV_PSNR_TEXT,
+        "ws_psnr", s->o->equirect ? SAGA_WS_PSNR_TEXT
+                                  : "PSNR-Y: no projection all round",
+        "lpips", s->lpips ? saga_lpips_text(s->lpips) : NULL));
+    return o;
 }
 
 /* A still has no rate. */
@@ -408,6 +468,7 @@ static int compare(session *s)
     saga_meter meter = { 0 };
     const saga_eval_options o = {
         .pictures = s->o->pictures, .no_ssim = s->o->no_ssim,
+        .equirect = s->o->equirect, .lpips = s->lpips,
         .progress = saga_meter_progress, .progress_user = &meter
     };
     const saga_eval_maker maker = {
@@ -445,11 +506,18 @@ static int run(int argc, char **argv)
     s.is_folder = saga_path_is_folder(s.file_name);
     status = s.is_folder ? open_capture(&s, &s.pictures, s.file_name)
                          : open_file(&s);
+    if (!status && o.weights) {
+        s.lpips = saga_lpips_load(o.weights, &s.error);
+        if (!s.lpips)
+            status = give_up(&s, saga_path_is_file(o.weights)
+                                     ? SAGA_EXIT_DATA : SAGA_EXIT_USAGE);
+    }
     if (!status)
         status = open_capture(&s, &s.capture, s.capture_name);
     if (!status)
         status = compare(&s);
     saga_eval_free(&s.eval);
+    saga_lpips_free(s.lpips);
     saga_capture_free(&s.pictures);
     saga_capture_free(&s.capture);
     saga_layout_free(&s.layout);
@@ -474,8 +542,14 @@ static const saga_cli_option option_list[] = {
     { "--pictures", "DIR", "write each view's middle frame there: truth, "
       "decode\nand 4 x difference side by side", saga_cli_text,
       offsetof(options, pictures), 0, 0 },
-    { "--no-ssim", NULL, "leave out SSIM and MS-SSIM, which take most of the "
-      "time", saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
+    { "--no-ssim", NULL, "leave out SSIM, MS-SSIM and IV-PSNR, which take "
+      "most of\nthe time", saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
+    { "--lpips", "FILE.npz", "LPIPS, too, with the weights of this file; "
+      "docs/metrics.md\nsays where there are some", saga_cli_text,
+      offsetof(options, weights), 0, 0 },
+    { "--equirect", NULL, "the pictures are equirectangular: WS-PSNR, too, "
+      "and\nIV-PSNR with its weights", saga_cli_flag,
+      offsetof(options, equirect), 0, 0 },
     { "--memory", "GIB", "memory for the capture's pictures (default 4)",
       saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
     { "--threads", "N", "threads (default: all cores); the scores do not "
@@ -486,8 +560,9 @@ const saga_command saga_command_eval = {
     "eval", "FILE CAPTURE", 2,
     "how good a file is: PSNR, SSIM, bytes, time",
     "Decodes every frame of a .saga file in every view of the capture it was\n"
-    "made from, with the integer decoder, and compares. Tells PSNR, SSIM and\n"
-    "MS-SSIM per view and their means, training and held-out views apart;\n"
+    "made from, with the integer decoder, and compares. Tells PSNR (RGB and\n"
+    "YUV, of the pictures and of what changes between them), SSIM, MS-SSIM,\n"
+    "IV-PSNR per view and their means, training and held-out views apart;\n"
     "bytes by component; decoding time by stage; and the protocol, without\n"
     "which such numbers cannot be compared. Two more columns tell what motion\n"
     "is worth: the PSNR of a still picture, each view's temporal median, and\n"

@@ -6,6 +6,7 @@
 #include "file.h"
 #include "montage.h"
 #include "threads.h"
+#include "yuv.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -239,17 +240,20 @@ typedef struct {
     uint8_t *rgb;           /* of the largest view: a decoded picture */
     const uint8_t **frame;  /* (n_frames) of one view */
     uint8_t **median;       /* (n_views) its temporal median picture */
+    uint8_t **before;       /* (n_views) what was made of the frame before */
     saga_score_sum *sum;    /* (n_views) */
 } comparison;
 
-/* Makes the median pictures, of the truth alone. */
+/* Makes the median pictures, of the truth alone, and room for the pictures of
+ * the frame before. */
 static bool make_medians(const comparison *c)
 {
     for (int i = 0; i < c->eval->n_views; i++) {
         const size_t n = saga_view_frame_nbytes(&c->capture->views[i]);
 
         c->median[i] = saga_alloc(n, 1, c->eval->view[i].name, c->error);
-        if (!c->median[i])
+        c->before[i] = saga_alloc(n, 1, c->eval->view[i].name, c->error);
+        if (!c->median[i] || !c->before[i])
             return false;
         for (int k = 0; k < c->eval->n_frames; k++)
             c->frame[k] = saga_capture_frame(c->capture, i, k);
@@ -298,6 +302,61 @@ static void compare_change(const comparison *c, int view, int frame)
     saga_change_add(&s->change, median, truth, c->rgb, n / 3);
 }
 
+/* Returns the mean squared error of what changes from the pictures a0, b0 to
+ * a1, b1. */
+static double change_mse(const uint8_t *a0, const uint8_t *a1,
+                         const uint8_t *b0, const uint8_t *b1, size_t n)
+{
+    uint64_t sum = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        const int d = a1[i] - a0[i] - (b1[i] - b0[i]);
+
+        sum += (uint64_t)(d * d);
+    }
+    return (double)sum / (double)n;
+}
+
+/* Flicker and lag show in how pictures follow each other; both of them must be
+ * there. */
+static void compare_time(const comparison *c, int view, int frame)
+{
+    const size_t n = saga_view_frame_nbytes(&c->capture->views[view]);
+    saga_eval_score *const s = &c->eval->view[view].score;
+
+    if (frame > 0 && saga_capture_has(c->capture, view, frame - 1)) {
+        s->temporal_mse += change_mse(
+            c->before[view], c->rgb,
+            saga_capture_frame(c->capture, view, frame - 1),
+            saga_capture_frame(c->capture, view, frame), n);
+        s->n_steps++;
+    }
+    memcpy(c->before[view], c->rgb, n);
+}
+
+/* Scores a pair of pictures by all that is wanted. */
+static bool score_pair(saga_score *score, const saga_picture_pair *pair,
+                       const comparison *c)
+{
+    const saga_eval_options *const o = c->options;
+    saga_yuv_score yuv;
+
+    if (o->no_ssim)
+        *score = saga_score_psnr(pair);
+    else if (!saga_score_picture(score, pair, c->error))
+        return false;
+    if (!saga_yuv_compare(&yuv, pair, o->equirect, !o->no_ssim, c->error))
+        return false;
+    score->psnr_y = yuv.psnr[0];
+    score->psnr_u = yuv.psnr[1];
+    score->psnr_v = yuv.psnr[2];
+    score->psnr_yuv = yuv.psnr_yuv;
+    score->ws_psnr = yuv.ws_psnr;
+    score->iv_psnr = yuv.iv_psnr;
+    return !o->lpips || saga_lpips_distance(&score->lpips, o->lpips, pair,
+                                            c->error);
+}
+
 static bool make_picture(const comparison *c, int view, int frame)
 {
     const saga_eval_maker *const m = c->maker;
@@ -322,14 +381,11 @@ static bool compare_one(const comparison *c, int view, int frame)
 
     if (!saga_capture_has(c->capture, view, frame))
         return true;
-    if (!make_picture(c, view, frame))
-        return false;
-    if (c->options->no_ssim)
-        score = saga_score_psnr(&pair);
-    else if (!saga_score_picture(&score, &pair, c->error))
+    if (!make_picture(c, view, frame) || !score_pair(&score, &pair, c))
         return false;
     saga_score_add(&c->sum[view], &score);
     compare_change(c, view, frame);
+    compare_time(c, view, frame);
     return write_picture(c, view, frame);
 }
 
@@ -373,19 +429,25 @@ static saga_eval_score mean_of(const saga_eval *eval, bool held_out)
         saga_score_add(&decode, &s->decode);
         mean.median_psnr += s->median_psnr;
         mean.median_mse += s->median_mse;
+        mean.temporal_mse += s->temporal_mse;
         saga_change_merge(&mean.change, &s->change);
     }
     n = decode.n ? (double)decode.n : (double)NAN;
     mean.decode = saga_score_mean(&decode);
     mean.median_psnr /= n;
     mean.median_mse /= n;
+    mean.temporal_mse /= n;
     return mean;
 }
 
 static void take_means(const comparison *c)
 {
-    for (int i = 0; i < c->eval->n_views; i++)
-        c->eval->view[i].score.decode = saga_score_mean(&c->sum[i]);
+    for (int i = 0; i < c->eval->n_views; i++) {
+        saga_eval_score *const s = &c->eval->view[i].score;
+
+        s->decode = saga_score_mean(&c->sum[i]);
+        s->temporal_mse /= s->n_steps ? s->n_steps : (double)NAN;
+    }
     c->eval->training = mean_of(c->eval, false);
     c->eval->held_out = mean_of(c->eval, true);
 }
@@ -422,17 +484,21 @@ static bool allocate(comparison *c)
     c->rgb = saga_alloc(largest(c->eval), 1, name, c->error);
     c->frame = saga_calloc(n_frames, sizeof *c->frame, name, c->error);
     c->median = saga_calloc(n_views, sizeof *c->median, name, c->error);
+    c->before = saga_calloc(n_views, sizeof *c->before, name, c->error);
     c->sum = saga_calloc(n_views, sizeof *c->sum, name, c->error);
-    return c->rgb && c->frame && c->median && c->sum;
+    return c->rgb && c->frame && c->median && c->before && c->sum;
 }
 
 static void release(const comparison *c)
 {
     for (int i = 0; c->median && i < c->eval->n_views; i++)
         free(c->median[i]);
+    for (int i = 0; c->before && i < c->eval->n_views; i++)
+        free(c->before[i]);
     free(c->rgb);
     free(c->frame);
     free(c->median);
+    free(c->before);
     free(c->sum);
 }
 

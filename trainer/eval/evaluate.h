@@ -8,13 +8,20 @@
 #define SAGA_EVALUATE_H
 
 #include "change.h"
+#include "lpips.h"
 #include "metrics.h"
 #include "view.h"
+
+#define SAGA_TEMPORAL_TEXT \
+    "PSNR of the differences of successive pictures, of the mean of all"
 
 typedef struct saga_eval_options {
     const char *pictures;    /* folder for side-by-side PNGs, made if it is not
                               * there; NULL: none */
-    bool no_ssim;            /* SSIM and MS-SSIM stay NaN, which saves time */
+    bool no_ssim;            /* SSIM, MS-SSIM and IV-PSNR stay NaN, which saves
+                              * time */
+    bool equirect;           /* the pictures are all round: see yuv.h */
+    const saga_lpips *lpips; /* or NULL: LPIPS stays NaN */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_eval_options;
@@ -33,6 +40,9 @@ typedef struct saga_eval_score {
     saga_score decode;       /* the file's pictures: mean over the frames */
     double median_psnr;      /* the temporal median picture's: the same mean */
     double median_mse;
+    double temporal_mse;     /* of the differences of successive pictures; NaN
+                              * where there are none */
+    int n_steps;             /* such differences, of a view */
     saga_change change;      /* the file's, on changing pixels; of a set: all
                               * pixels of its views together */
 } saga_eval_score;

@@ -38,8 +38,8 @@ double saga_mse(const uint8_t *a, const uint8_t *b, size_t n)
 
 double saga_psnr(double mse)
 {
-    return mse > 0.0 ? 10.0 * log10(255.0 * 255.0 / mse)
-                     : (double)INFINITY;
+    return mse <= 0.0 ? (double)INFINITY
+                      : 10.0 * log10(255.0 * 255.0 / mse);
 }
 
 /* --- SSIM of one channel ------------------------------------------------- */
@@ -319,9 +319,8 @@ saga_score saga_score_psnr(const saga_picture_pair *of)
     const size_t n = 3 * (size_t)of->width * (size_t)of->height;
     const double mse = saga_mse(of->a, of->b, n), none = (double)NAN;
 
-    return (saga_score){ .mse = mse, .psnr = saga_psnr(mse),
-                         .psnr_of_mean = saga_psnr(mse), .ssim_zero = none,
-                         .ssim_valid = none, .ms_ssim = none };
+    return (saga_score){ mse, saga_psnr(mse), saga_psnr(mse), none, none, none,
+                         none, none, none, none, none, none, none };
 }
 
 bool saga_score_picture(saga_score *score, const saga_picture_pair *of,
@@ -332,27 +331,31 @@ bool saga_score_picture(saga_score *score, const saga_picture_pair *of,
            saga_ms_ssim(&score->ms_ssim, of, error);
 }
 
+/* A score is nothing but numbers, of which the mean is taken one by one. */
+enum { N_SCORES = (int)(sizeof(saga_score) / sizeof(double)) };
+
 void saga_score_add(saga_score_sum *to, const saga_score *score)
 {
-    to->sum.mse += score->mse;
-    to->sum.psnr += score->psnr;
-    to->sum.ssim_zero += score->ssim_zero;
-    to->sum.ssim_valid += score->ssim_valid;
-    to->sum.ms_ssim += score->ms_ssim;
+    double sum[N_SCORES], one[N_SCORES];
+
+    memcpy(sum, &to->sum, sizeof sum);
+    memcpy(one, score, sizeof one);
+    for (int i = 0; i < N_SCORES; i++)
+        sum[i] += one[i];
+    memcpy(&to->sum, sum, sizeof sum);
     to->n++;
 }
 
 saga_score saga_score_mean(const saga_score_sum *of)
 {
     const double n = of->n ? (double)of->n : (double)NAN;
-    const double mse = of->sum.mse / n;
+    double mean[N_SCORES];
+    saga_score s;
 
-    return (saga_score){
-        .mse = mse,
-        .psnr = of->sum.psnr / n,
-        .psnr_of_mean = of->n ? saga_psnr(mse) : (double)NAN,
-        .ssim_zero = of->sum.ssim_zero / n,
-        .ssim_valid = of->sum.ssim_valid / n,
-        .ms_ssim = of->sum.ms_ssim / n
-    };
+    memcpy(mean, &of->sum, sizeof mean);
+    for (int i = 0; i < N_SCORES; i++)
+        mean[i] /= n;
+    memcpy(&s, mean, sizeof s);
+    s.psnr_of_mean = of->n ? saga_psnr(s.mse) : (double)NAN;
+    return s;
 }

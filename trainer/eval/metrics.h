@@ -46,12 +46,15 @@ typedef struct saga_score {
     double psnr_of_mean;     /* of a set: of its mean mse; of one: psnr */
     double ssim_zero, ssim_valid;
     double ms_ssim;          /* NaN when a side is below SAGA_MS_SSIM_MIN */
+    double psnr_y, psnr_u, psnr_v, psnr_yuv; /* yuv.h has these, */
+    double ws_psnr, iv_psnr; /* and these */
+    double lpips;            /* and lpips.h this; NaN: not measured */
 } saga_score;
 
 /* Mean squared difference of n samples; 0 for n = 0. */
 double saga_mse(const uint8_t *a, const uint8_t *b, size_t n);
 
-/* Returns 10 log10(255^2 / mse), infinity for 0. */
+/* Returns 10 log10(255^2 / mse), infinity for 0, NaN for NaN. */
 double saga_psnr(double mse);
 
 /* Computes both SSIMs of two pictures; valid is NaN when a side is below 11.
@@ -69,7 +72,7 @@ bool saga_ms_ssim(double *value, const saga_picture_pair *pair,
 /* Computes the squared error and PSNR alone; the others are NaN. */
 saga_score saga_score_psnr(const saga_picture_pair *of);
 
-/* Computes all of them. */
+/* Computes all up to MS-SSIM; the others are NaN. */
 bool saga_score_picture(saga_score *score, const saga_picture_pair *pair,
                         saga_error *error);
 

@@ -13,6 +13,8 @@ enum { MAX_HEADER = 4096 };
 typedef struct npy_header {
     int item_nbytes;
     bool fortran;
+    int n_sides;
+    size_t side[SAGA_NPY_SIDES];
     size_t rows, cols;
 } npy_header;
 
@@ -37,30 +39,44 @@ static const char *value_of(const char *text, const char *key)
     return *p == ':' ? skip_space(p + 1) : NULL;
 }
 
-/* Reads (a,) or (a, b); digits only, so that nothing negative gets through. */
+/* Multiplies the sides behind the first; false where that is too many. */
+static bool multiply_sides(npy_header *h)
+{
+    h->rows = h->side[0];
+    h->cols = 1;
+    for (int i = 1; i < SAGA_NPY_SIDES; i++) {
+        if (h->side[i] && h->cols > SIZE_MAX / 16 / h->side[i])
+            return false;
+        h->cols *= h->side[i];
+    }
+    return true;
+}
+
+/* Reads (a,), (a, b) and so on; digits only, so that nothing negative gets
+ * through. */
 static bool parse_shape(const char *p, npy_header *h)
 {
-    size_t sides[2] = {0, 1};
     int n = 0;
+    for (int i = 0; i < SAGA_NPY_SIDES; i++)
+        h->side[i] = 1;
     if (!p || *p++ != '(')
         return false;
     for (p = skip_space(p); *p != ')'; p = skip_space(p)) {
-        if (n == 2 || *p < '0' || *p > '9')
+        if (n == SAGA_NPY_SIDES || *p < '0' || *p > '9')
             return false;
         char *end;
         const unsigned long long x = strtoull(p, &end, 10);
         if (x > SIZE_MAX / 16)
             return false;
-        sides[n++] = (size_t)x;
+        h->side[n++] = (size_t)x;
         p = skip_space(end);
         if (*p == ',')
             p++;
         else if (*p != ')')
             return false;
     }
-    h->rows = sides[0];
-    h->cols = sides[1];
-    return n > 0;
+    h->n_sides = n;
+    return n > 0 && (n <= 2 || !h->fortran) && multiply_sides(h);
 }
 
 static bool parse_header(const char *text, npy_header *h)
@@ -129,10 +145,20 @@ static bool read_array(saga_npy *npy, saga_cursor *c, const char *path,
     npy->data = saga_alloc(h.rows * h.cols, sizeof *npy->data, path, error);
     if (!npy->data)
         return false;
+    npy->n_sides = h.n_sides;
+    memcpy(npy->side, h.side, sizeof npy->side);
     npy->rows = h.rows;
     npy->cols = h.cols;
     copy_items(npy, &h, c->next);
     return true;
+}
+
+bool saga_npy_parse(saga_npy *npy, const uint8_t *bytes, size_t nbytes,
+                    const char *path, saga_error *error)
+{
+    saga_cursor c = {bytes, bytes + nbytes, false};
+    *npy = (saga_npy){0};
+    return read_array(npy, &c, path, error);
 }
 
 bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error)
@@ -141,9 +167,14 @@ bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error)
     *npy = (saga_npy){0};
     if (!saga_read_file(&bytes, path, error))
         return false;
-    saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
-    const bool ok = read_array(npy, &c, path, error);
+    bool ok = saga_npy_parse(npy, bytes.data, bytes.nbytes, path, error);
     saga_bytes_free(&bytes);
+    if (ok && npy->n_sides > 2) {
+        ok = saga_fail(error, path, "save a plain float64 array",
+                       "has a header that is not understood (%d dimensions)",
+                       npy->n_sides);
+        saga_npy_free(npy);
+    }
     return ok;
 }
 

@@ -1,20 +1,29 @@
 /* SPDX-License-Identifier: MIT
  *
  * This reads one array of real numbers from a .npy file (versions 1 to 3,
- * little-endian f4 or f8, C or Fortran order, one or two dimensions), as
- * doubles in C order.
+ * little-endian f4 or f8, C or Fortran order), as doubles in C order.
  */
 #ifndef SAGA_NPY_H
 #define SAGA_NPY_H
 
 #include "capture.h"
 
+enum { SAGA_NPY_SIDES = 4 };
+
 typedef struct saga_npy {
-    size_t rows, cols;    /* one dimension: cols 1 */
+    int n_sides;          /* dimensions */
+    size_t side[SAGA_NPY_SIDES]; /* those that are not there: 1 */
+    size_t rows, cols;    /* the first side, and the product of the others */
     double *data;         /* (rows, cols) */
 } saga_npy;
 
+/* Reads a file of one or two dimensions. */
 bool saga_npy_read(saga_npy *npy, const char *path, saga_error *error);
+
+/* Reads what such a file holds, of up to four dimensions; those of more than
+ * two must be in C order. path is for messages. */
+bool saga_npy_parse(saga_npy *npy, const uint8_t *bytes, size_t nbytes,
+                    const char *path, saga_error *error);
 void saga_npy_free(saga_npy *npy);
 
 #endif

@@ -1,0 +1,180 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_metrics.py: guarantees, for what `saga eval` measures,
+
+  ffmpeg      PSNR of RGB, and of Y, U and V as a formula written here makes
+              them, is ffmpeg's within 1e-4 dB
+  temporal    PSNR of differences of successive pictures is what they give
+  lpips       a file of weights that is none, lacks one or is cut is told; with
+              those of ../shared/data, where they are, LPIPS is in the report
+
+Pictures are a built-in scene's and a noisy copy of them. SAGA=... is the
+program (build/saga).
+"""
+import json
+import math
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from verdict import Verdicts, read  # noqa: E402
+
+SAGA = os.environ.get("SAGA", "build/saga")
+WIDTH, HEIGHT, FRAMES = 64, 40, 3
+LPIPS = "../shared/data/lpips/lpips_squeeze_v0.1.npz"
+v = Verdicts("metrics")
+
+
+def ffmpeg(*words):
+    return subprocess.run(["ffmpeg", "-hide_banner", "-nostdin", "-y", *words],
+                          check=True, capture_output=True, text=True).stderr
+
+
+def pixels(path):
+    """8-bit RGB of a picture."""
+    raw = os.path.join(tmp, "raw")
+    ffmpeg("-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", raw)
+    return read(raw)
+
+
+def evaluate(*words):
+    run = subprocess.run([SAGA, "eval", *words], capture_output=True,
+                         text=True)
+    return run.returncode, run.stdout, run.stderr
+
+
+def add_noise(path, seed):
+    """Writes the picture anew, as PNG, with noise that a generator gives."""
+    rgb = bytearray(pixels(path))
+    for i, x in enumerate(rgb):
+        seed = (seed * 1664525 + 1013904223) & 0xffffffff
+        rgb[i] = min(max(x + (seed >> 24) % 17 - 6, 0), 255)
+    rows = b"".join(b"\0" + bytes(rgb[3 * WIDTH * y:3 * WIDTH * (y + 1)])
+                    for y in range(HEIGHT))
+    with open(path, "wb") as f:
+        f.write(b"\x89PNG\r\n\x1a\n")
+        for kind, data in ((b"IHDR", struct.pack(">IIBBBBB", WIDTH, HEIGHT, 8,
+                                                 2, 0, 0, 0)),
+                           (b"IDAT", zlib.compress(rows)), (b"IEND", b"")):
+            f.write(struct.pack(">I", len(data)) + kind + data +
+                    struct.pack(">I", zlib.crc32(kind + data)))
+
+
+def yuv(rgb):
+    """Planes of 8-bit YCbCr, BT.709, full range."""
+    planes = bytearray(), bytearray(), bytearray()
+    for i in range(0, len(rgb), 3):
+        r, g, b = rgb[i:i + 3]
+        y = 0.2126 * r + 0.7152 * g + 0.0722 * b
+        for plane, x in zip(planes, (y, 128 + (b - y) / 1.8556,
+                                     128 + (r - y) / 1.5748)):
+            plane.append(min(max(math.floor(x + 0.5), 0), 255))
+    return b"".join(planes)
+
+
+def psnr_of_ffmpeg(a, b, form):
+    """What ffmpeg says of two raw pictures, by component."""
+    for name, data in (("a.raw", a), ("b.raw", b)):
+        with open(os.path.join(tmp, name), "wb") as f:
+            f.write(data)
+    raw = ["-f", "rawvideo", "-pix_fmt", form, "-s", f"{WIDTH}x{HEIGHT}", "-i"]
+    text = ffmpeg(*raw, os.path.join(tmp, "a.raw"), *raw,
+                  os.path.join(tmp, "b.raw"), "-lavfi", "psnr", "-f", "null",
+                  "-")
+    line = re.search(r"PSNR (.*)", text).group(1)
+    return {k: float(x) for k, x in re.findall(r"(\w+):([0-9.]+)", line)}
+
+
+def near(what, value, wanted):
+    if value is None or abs(value - wanted) > 1e-4:
+        v.complain(what, "is", value, "not", wanted)
+
+
+def check_ffmpeg():
+    for frame in range(FRAMES):
+        status, out, err = evaluate(noisy, capture, "--json", "--no-ssim",
+                                    "--only", f"{frame}:{frame + 1}")
+        if status:
+            return v.complain(err)
+        view = json.loads(out)["views"][1]
+        a, b = [pixels(f"{c}/images/cam01/{frame:05d}.png")
+                for c in (noisy, capture)]
+        near("PSNR", view["psnr"], psnr_of_ffmpeg(a, b, "rgb24")["average"])
+        parts = psnr_of_ffmpeg(yuv(a), yuv(b), "yuvj444p")
+        for k in "yuv":
+            near("PSNR-" + k, view["psnr_" + k], parts[k])
+
+
+def check_temporal():
+    _, out, _ = evaluate(noisy, capture, "--json", "--no-ssim")
+    report = json.loads(out)
+    a, b = [[pixels(f"{c}/images/cam00/{i:05d}.png") for i in range(FRAMES)]
+            for c in (noisy, capture)]
+    errors = [(a[i][k] - a[i - 1][k] - b[i][k] + b[i - 1][k]) ** 2
+              for i in range(1, FRAMES) for k in range(len(a[0]))]
+    mse = sum(errors) / len(errors)
+    near("temporal PSNR", report["views"][0]["temporal_psnr"],
+         10 * math.log10(255 ** 2 / mse))
+    _, out, _ = evaluate(noisy, capture, "--json", "--no-ssim", "--only",
+                         "1:2")
+    if json.loads(out)["views"][0]["temporal_psnr"] is not None:
+        v.complain("a single picture has a temporal PSNR")
+
+
+def check_lpips():
+    bad = os.path.join(tmp, "weights.npz")
+    for data, word in ((b"no weights at all, but some text", "no .npz"),
+                       (b"PK\5\6" + bytes(18), "alex.lin0")):
+        with open(bad, "wb") as f:
+            f.write(data)
+        status, out, err = evaluate(noisy, capture, "--lpips", bad)
+        if status != 1 or out or word not in err or bad not in err:
+            v.complain("bad weights:", status, err)
+    status, _, err = evaluate(noisy, capture, "--lpips", bad + "x")
+    if status != 2 or bad + "x" not in err:
+        v.complain("no weights:", status, err)
+    if not os.path.exists(LPIPS):
+        print("     skipped: there is no " + LPIPS)
+        return
+    whole = read(LPIPS)
+    with open(bad, "wb") as f:
+        f.write(whole.replace(b"squeeze.lin5.npy", b"squeeze.lin9.npy"))
+    status, out, err = evaluate(noisy, capture, "--lpips", bad)
+    if status != 1 or "squeeze.lin5" not in err:
+        v.complain("weights without lin5:", status, err)
+    status, out, err = evaluate(noisy, capture, "--lpips", LPIPS, "--json",
+                                "--only", "0:1")
+    report = json.loads(out) if not status else {}
+    if not report or not 0.001 < report["training"]["lpips"] < 1:
+        v.complain("no LPIPS:", status, err)
+    elif "SqueezeNet" not in report["protocol"]["lpips"]:
+        v.complain("the protocol has no net")
+
+
+tmp = tempfile.mkdtemp()
+try:
+    capture, noisy = os.path.join(tmp, "a"), os.path.join(tmp, "b")
+    subprocess.run([SAGA, "synth", capture, "--size", f"{WIDTH}x{HEIGHT}",
+                    "--cameras", "2", "--frames", str(FRAMES), "--hold-out",
+                    "0", "--depth-every", "0"], check=True,
+                   capture_output=True)
+    shutil.copytree(capture, noisy)
+    for camera in range(2):
+        for frame in range(FRAMES):
+            add_noise(f"{noisy}/images/cam{camera:02d}/{frame:05d}.png",
+                      3 * camera + frame)
+    check_ffmpeg()
+    v.verdict("ffmpeg")
+    check_temporal()
+    v.verdict("temporal")
+    check_lpips()
+    v.verdict("lpips")
+finally:
+    shutil.rmtree(tmp)
+sys.exit(v.failed)

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * This reads the arrays of a .npz file, which is a ZIP archive of .npy files,
+ * as numpy.savez (stored) and numpy.savez_compressed (deflated) write it.
+ */
+#ifndef SAGA_NPZ_H
+#define SAGA_NPZ_H
+
+#include "file.h"
+#include "npy.h"
+
+typedef struct saga_npz {
+    const char *path;        /* the caller's, for messages */
+    saga_bytes bytes;        /* the whole file */
+    size_t directory;        /* where the list of its members begins */
+    uint32_t n_members;
+} saga_npz;
+
+/* Reads the file and finds its directory. Close it, also after a failure. */
+bool saga_npz_open(saga_npz *npz, const char *path, saga_error *error);
+
+/* Tells whether there is an array of this name (without ".npy"). */
+bool saga_npz_has(const saga_npz *npz, const char *name);
+
+/* Reads an array; its checksum is checked. */
+bool saga_npz_read(saga_npy *npy, const saga_npz *npz, const char *name,
+                   saga_error *error);
+
+void saga_npz_close(saga_npz *npz);
+
+#endif
