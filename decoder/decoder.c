@@ -554,6 +554,30 @@ saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
     return SAGA_OK;
 }
 
+saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
+                           uint32_t index, const int32_t from[3])
+{
+    saga_seen seen = { 0 };
+    saga_scaffold sc;
+    saga_splat splat;
+    int i;
+
+    if (!dec->has_segment)
+        return SAGA_ERR_STATE;
+    if (index >= dec->n.prim)
+        return SAGA_ERR_ARG;
+    for (i = 0; i < 3; i++)
+        if (from[i] < -(1 << 29) || from[i] > 1 << 29)
+            return SAGA_ERR_ARG;
+    scaffold_of(&sc, dec);
+    see(&splat, dec, index, &seen);
+    if (seen.n > 0)
+        saga_shade(&splat, &sc, &seen, from);
+    for (i = 0; i < 3; i++)
+        colour_q15[i] = splat.colour_q15[i];
+    return SAGA_OK;
+}
+
 saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,
                           uint32_t order)
 {

@@ -244,6 +244,12 @@ typedef struct saga_animated {
 saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
                               uint32_t index, int32_t t);
 
+/* The colour that primitive `index` has for a camera at `from`: box units,
+ * |from| <= 2^29. It changes nothing but working memory, so the view stays; no
+ * other thread may use the decoder meanwhile. SAGA_OK, ARG, STATE. */
+saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
+                           uint32_t index, const int32_t from[3]);
+
 /* Splat number `order` of the last view in drawing order, nearest first.
  * SAGA_OK, ARG, STATE. */
 saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,

@@ -1,18 +1,27 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_exchange.py: guarantees, for files that are cut and joined,
+"""check_exchange.py: guarantees, for splats that are exported and files that are
+cut and joined,
+  draw        a renderer that is not ours draws the exported PLY like saga-dec
+              the file: places, shapes, opacities, colours, axes and units
+  formats     PLY, SPZ and GLB hold the same splats, SPZ within its steps; the
+              frames asked for, and whole or not at all
   cut         frames of a file draw the same pixels, from the same bytes
   join        the parts of a file, joined, are the file; in another order they
               draw what they drew
   refused     ranges inside a segment or beyond the file, and files of other
               networks, cameras, rates or cubes, in one line that says why"""
 
+import math
 import os
+import re
+import json
 import struct
 import subprocess
 import sys
 import tempfile
 
+import splats
 from verdict import Verdicts, read
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
@@ -23,6 +32,7 @@ SCENE = "vectors/good/segments.saga"
 # The vector's segments begin at these frames, as tests/support/gen_stream.c
 # writes it; the last one ends where the file does.
 STARTS = [0, 16, 65, 89]
+DEMO = "docs/demo.saga"
 
 checks = Verdicts("exchange")
 complain, verdict = checks.complain, checks.verdict
@@ -158,7 +168,108 @@ def check_refused(tmp, part):
     verdict("refused")
 
 
+# --- Splats ----------------------------------------------------------------
+
+def small_camera(index, scale):
+    """Camera `index` of the demo's rig, with a smaller picture."""
+    info = json.loads(saga("info", DEMO, "--json"))
+    c = info["rig"][index]
+    for name in ("width", "height"):
+        c[name] //= scale
+    for name in ("focal", "principal"):
+        c[name] = [v / scale for v in c[name]]
+    return c
+
+
+def drawn(path, camera, index, frame):
+    """PSNR of a PLY against our picture."""
+    size = "%dx%d" % (camera["width"], camera["height"])
+    out = os.path.dirname(path) + "/want.ppm"
+    saga("render", DEMO, "--camera", index, "--frame", frame, "--size", size,
+         "-o", out.replace("ppm", "png"))
+    subprocess.run(["ffmpeg", "-v", "error", "-y", "-i",
+                    out.replace("ppm", "png"), out], check=True)
+    pixels = re.sub(rb"^P6\n\d+ \d+\n255\n", b"", read(out), count=1)
+    picture = splats.draw(splats.read_ply(path), camera, [0, 0, 0])
+    return splats.psnr(picture, pixels)
+
+
+def check_draw(tmp):
+    camera = small_camera(3, 4)
+    for name, options, least in (("baked", ["--camera", "3"], 52),
+                                 ("fitted", ["--sh", "1"], 40)):
+        folder = tmp + "/" + name
+        saga("export", DEMO, "--ply-seq", folder, "--frames", "7:8", *options)
+        got = drawn(folder + "/frame_00007.ply", camera, 3, 7)
+        print("     %s colours: %.1f dB" % (name, got))
+        if not got > least:
+            complain(name, "colours are drawn at", got, "dB, not", least)
+    verdict("draw")
+
+
+def far(a, b):
+    return max(abs(x - y) for x, y in zip(a, b))
+
+
+def flat(matrix):
+    return [v for row in matrix for v in row]
+
+
+def compare(a, b, name, bounds):
+    """Splats of two files; bounds of mean, rotation, log scale, opacity,
+    constant and other colours."""
+    if len(a) != len(b):
+        complain(name, "has", len(b), "splats, not", len(a))
+    worst = [0.0] * 6
+    for s, t in zip(a, b):
+        for i, d in enumerate((
+                far(s["mean"], t["mean"]),
+                far(flat(splats.covariance(dict(s, scale=[1, 2, 4]))),
+                    flat(splats.covariance(dict(t, scale=[1, 2, 4])))),
+                max(abs(math.log(x / y)) if x > math.exp(-10) else 0
+                    for x, y in zip(s["scale"], t["scale"])),
+                abs(s["opacity"] - t["opacity"]),
+                far(s["colour"][0], t["colour"][0]),
+                far(flat(s["colour"][1:]) + [0], flat(t["colour"][1:]) + [0]))):
+            worst[i] = max(worst[i], d)
+    if not all(w <= bound for w, bound in zip(worst, bounds)):
+        complain(name, "is off by", worst, "not within", bounds)
+
+
+def check_formats(tmp):
+    spz, glb, folder = tmp + "/x.spz", tmp + "/x.glb", tmp + "/ply"
+    saga("export", DEMO, "--spz", spz, "--glb", glb, "--frame", "12",
+         "--ply-seq", folder, "--frames", "11:13")
+    if sorted(os.listdir(folder)) != ["frame_00011.ply", "frame_00012.ply"]:
+        complain("frames 11:13 are", os.listdir(folder))
+    ply = splats.read_ply(folder + "/frame_00012.ply")
+    compare(ply, splats.read_glb(glb), "GLB", [1e-6, 1e-5, 1e-5, 1e-6, 0, 0])
+    compare(ply, splats.read_spz(spz), "SPZ",
+            [0.51 / 4096, 0.06, 0.51 / 16, 0.51 / 255, 0.51 / 255 / 0.15,
+             4.6 / 128])
+    if len(ply[0]["colour"]) != 4 or not any(
+            abs(v) > 0.01 for s in ply for v in flat(s["colour"][1:])):
+        complain("no harmonics of degree 1")
+    out = tmp + "/none"
+    saga("export", DEMO, status=2, says="--ply-seq DIR")
+    saga("export", DEMO, "--ply-seq", folder, status=2, says="exists")
+    saga("export", DEMO, "--ply-seq", out, "--frames", "20:30", status=1,
+         says="its 24 frames")
+    saga("export", DEMO, "--glb", out, "--frame", "24", status=1,
+         says="has no frame 24 among its 24")
+    saga("export", DEMO, "--spz", out, "--camera", "99", status=1,
+         says="has no camera 99")
+    saga("export", "Makefile", "--spz", out, status=1, says="Makefile")
+    saga("export", DEMO, "--spz", tmp + "/no/x.spz", status=1,
+         says="cannot be created")
+    if [n for n in os.listdir(tmp) if n.startswith("none")]:
+        complain("something was written though it was refused")
+    verdict("formats")
+
+
 with tempfile.TemporaryDirectory() as folder:
+    check_draw(folder)
+    check_formats(folder)
     check_refused(folder, check_cut(folder)[0])
     check_join(folder, [folder + "/part%d.saga" % i for i in range(3)])
 sys.exit(checks.failed)

@@ -19,6 +19,7 @@
 #include "gen_stream.h"
 #include "head.h"
 #include "plan.h"
+#include "project.h"
 #include "saga.h"
 
 #include <inttypes.h>
@@ -649,6 +650,101 @@ static void picture_should_not_depend_on_what_the_block_held(void **state)
     end(&p);
 }
 
+/* --- Colours ------------------------------------------------------------- */
+
+typedef struct {
+    uint32_t depth, index;
+} seen;
+
+static int nearer(const void *a, const void *b)
+{
+    const seen *const p = a, *const q = b;
+
+    return p->depth != q->depth ? (p->depth < q->depth ? -1 : 1)
+         : p->index < q->index ? -1 : p->index > q->index;
+}
+
+/* The primitives that a camera sees, in the order of drawing. */
+static uint32_t see_all(seen *list, const player *p, const saga_camera *c,
+                        int32_t t)
+{
+    saga_report report;
+    saga_animated a;
+    saga_splat s;
+    uint32_t i, n = 0;
+
+    assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
+    for (i = 0; i < report.n_primitives; i++) {
+        assert_int_equal(saga_primitive_at(&a, p->dec, i, t), SAGA_OK);
+        if (saga_project(&s, &a, c))
+            list[n++] = (seen){ s.depth, i };
+    }
+    qsort(list, n, sizeof *list, nearer);
+    assert_int_equal(n, report.n_splats);
+    return n;
+}
+
+static void check_colours(uint32_t tools)
+{
+    const int32_t t = 20000;
+    gen_options o = picture_options;
+    player p;
+    saga_camera c;
+    seen *list;
+    uint32_t crc, n, i;
+
+    o.tools = tools;
+    begin(&p, &o);
+    c = rig(&p, 1);
+    list = must(malloc(p.info.max_primitives * sizeof *list));
+    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_int_equal(saga_view(p.dec, &c, t), SAGA_OK);
+    crc = draw(p.dec, &c);
+    n = see_all(list, &p, &c, t);
+    assert_true(n > 5);
+    for (i = 0; i < n; i++) {
+        uint16_t colour[3];
+        saga_splat s;
+
+        assert_int_equal(saga_colour_at(colour, p.dec, list[i].index,
+                                        c.centre), SAGA_OK);
+        assert_int_equal(saga_splat_at(&s, p.dec, i), SAGA_OK);
+        assert_memory_equal(colour, s.colour_q15, sizeof colour);
+    }
+    assert_int_equal(draw(p.dec, &c), crc);
+    free(list);
+    end(&p);
+}
+
+static void colour_should_be_that_of_a_view_from_there(void **state)
+{
+    (void)state;
+    check_colours(SAGA_TOOLS_PICTURE | SAGA_TOOL_VIEW);
+    check_colours(SAGA_TOOLS_PICTURE & ~(uint32_t)SAGA_TOOL_VIEW);
+}
+
+static void colour_of_what_is_not_there_should_be_refused(void **state)
+{
+    const int32_t edge[3] = { 1 << 29, -(1 << 29), 0 };
+    int32_t beyond[3] = { 0, 0, (1 << 29) + 1 };
+    uint16_t colour[3];
+    saga_report report;
+    player p;
+
+    (void)state;
+    begin(&p, &picture_options);
+    assert_int_equal(saga_colour_at(colour, p.dec, 0, edge), SAGA_ERR_STATE);
+    assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
+    assert_int_equal(saga_tell(&report, p.dec), SAGA_OK);
+    assert_int_equal(saga_colour_at(colour, p.dec, 0, edge), SAGA_OK);
+    assert_int_equal(saga_colour_at(colour, p.dec, report.n_primitives, edge),
+                     SAGA_ERR_ARG);
+    assert_int_equal(saga_colour_at(colour, p.dec, 0, beyond), SAGA_ERR_ARG);
+    beyond[2] = -beyond[2];
+    assert_int_equal(saga_colour_at(colour, p.dec, 0, beyond), SAGA_ERR_ARG);
+    end(&p);
+}
+
 /* --- Order of calls ------------------------------------------------------ */
 
 static saga_status try_draw(const saga_decoder *dec, const saga_camera *c)
@@ -785,6 +881,8 @@ int main(void)
         cmocka_unit_test(decoder_should_be_movable_at_any_time),
         cmocka_unit_test(copy_should_not_follow_its_original),
         cmocka_unit_test(picture_should_not_depend_on_what_the_block_held),
+        cmocka_unit_test(colour_should_be_that_of_a_view_from_there),
+        cmocka_unit_test(colour_of_what_is_not_there_should_be_refused),
         cmocka_unit_test(calls_out_of_order_should_be_refused),
         cmocka_unit_test(cut_segment_should_be_refused),
         cmocka_unit_test(cut_head_should_be_refused),

@@ -220,15 +220,12 @@ static bool draw(const saga_film *film, const saga_camera *c, uint8_t *rgb,
            refuse(film, "cannot be drawn", (saga_status)worst, error);
 }
 
-bool saga_film_draw(saga_film *film, const saga_camera *camera,
-                    uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
-                    saga_error *error)
+bool saga_film_seek(saga_film *film, uint32_t frame_num, uint32_t frame_den,
+                    int32_t *t, saga_error *error)
 {
     saga_segment seg;
-    saga_status s = saga_find(&seg, film->bytes, film->nbytes, frame_num,
-                              frame_den);
-    double start, drawn;
-    bool ok;
+    const saga_status s = saga_find(&seg, film->bytes, film->nbytes,
+                                    frame_num, frame_den);
 
     if (s == SAGA_ERR_ARG)
         return saga_fail(error, film->name, "give a time inside it",
@@ -236,10 +233,23 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                          (double)frame_num / frame_den, film->info.n_frames);
     if (s)
         return refuse(film, "its index is refused", s, error);
-    if (!decode(film, &seg, error))
+    *t = seg.t;
+    return decode(film, &seg, error);
+}
+
+bool saga_film_draw(saga_film *film, const saga_camera *camera,
+                    uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
+                    saga_error *error)
+{
+    saga_status s;
+    double start, drawn;
+    int32_t t;
+    bool ok;
+
+    if (!saga_film_seek(film, frame_num, frame_den, &t, error))
         return false;
     start = seconds();
-    s = saga_view(film->dec, camera, seg.t);
+    s = saga_view(film->dec, camera, t);
     drawn = seconds();
     film->times.view += drawn - start;
     if (s)

@@ -40,9 +40,15 @@ bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
 /* Takes an empty one too. */
 void saga_film_close(saga_film *film);
 
+/* Decodes the segment of the time frame_num / frame_den, in frames, if it is
+ * not the last one that was; *t is that time in it, for saga_view and the taps.
+ */
+bool saga_film_seek(saga_film *film, uint32_t frame_num, uint32_t frame_den,
+                    int32_t *t, saga_error *error);
+
 /* Draws the time frame_num / frame_den (in frames) into rgb: 8-bit rows
- * without padding, camera->height x camera->width x 3. Decodes the segment if
- * it is not the last one that was. Pixels do not depend on n_threads. */
+ * without padding, camera->height x camera->width x 3. Pixels do not depend on
+ * n_threads. */
 bool saga_film_draw(saga_film *film, const saga_camera *camera,
                     uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
                     saga_error *error);

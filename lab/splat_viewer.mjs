@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT
+//
+// node splat_viewer.mjs VIEWER FILE INFO.json CAMERA OUT.png
+//
+// The picture that a public viewer draws of a splat file, in headless Chromium,
+// from a camera of the rig that `saga info --json` lists. VIEWER is gs3d
+// (@mkkellogg/gaussian-splats-3d) or spark (@sparkjsdev/spark); OPTIONS in the
+// environment are more of its options, as JSON. It runs in a folder where npm
+// has installed the viewer, three and puppeteer-core; docs/results/export.md
+// has the commands.
+import fs from 'fs';
+import http from 'http';
+import path from 'path';
+import { createRequire } from 'module';
+
+const [viewer, file, info, index, out] = process.argv.slice(2);
+const here = process.cwd();
+const puppeteer = createRequire(here + '/')('puppeteer-core');
+const camera = JSON.parse(fs.readFileSync(info)).rig[Number(index)];
+const extension = path.extname(file);
+const options = process.env.OPTIONS || '{}';
+
+const gs3d = '/node_modules/@mkkellogg/gaussian-splats-3d/build/' +
+    'gaussian-splats-3d.module.js';
+const programs = {
+gs3d: `
+import * as G from '${gs3d}';
+renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
+const viewer = new G.Viewer({ selfDrivenMode: false, useBuiltInControls: false,
+    renderer, camera, sharedMemoryForWorkers: false, gpuAcceleratedSort: false,
+    sphericalHarmonicsDegree: 2, integerBasedSort: false,
+    splatSortDistanceMapPrecision: 20, maxScreenSpaceSplatSize: 4096,
+    sceneRevealMode: G.SceneRevealMode.Instant, ...${options} });
+await viewer.addSplatScene('/file', { format: G.SceneFormat.Ply,
+    splatAlphaRemovalThreshold: 1, showLoadingUI: false,
+    progressiveLoad: false });
+const draw = () => { viewer.update(); viewer.render(); };`,
+spark: `
+import { SparkRenderer, SplatMesh } from
+    '/node_modules/@sparkjsdev/spark/dist/spark.module.js';
+const scene = new THREE.Scene();
+scene.add(new SparkRenderer({ renderer, ...${options} }));
+const mesh = new SplatMesh({ url: '/file', fileName: 'x${extension}' });
+await mesh.initialized;
+scene.add(mesh);
+const draw = () => renderer.render(scene, camera);`
+};
+
+// Our cameras have y down and z forward, those of three y up and z back; in SPZ
+// the whole scene is turned around x.
+const page = `<!doctype html><canvas></canvas>
+<script type="importmap">{ "imports":
+    { "three": "/node_modules/three/build/three.module.js",
+      "three/addons/": "/node_modules/three/examples/jsm/" } }</script>
+<script type="module">
+import * as THREE from 'three';
+const c = ${JSON.stringify(camera)}, r = c.rotation, e = c.centre_metres;
+const turn = ${extension === '.spz'} ? [1, -1, -1] : [1, 1, 1];
+const renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true,
+    canvas: document.querySelector('canvas') });
+renderer.setSize(c.width, c.height, false);
+renderer.setClearColor(0, 1);
+const camera = new THREE.PerspectiveCamera(
+    2 * Math.atan(c.height / 2 / c.focal[1]) * 180 / Math.PI,
+    c.width / c.height * c.focal[1] / c.focal[0], c.near_metres, 1000);
+const rows = [0, 1, 2].map(i => [r[i], -r[3 + i], -r[6 + i], e[i]]
+    .map(v => turn[i] * v));
+new THREE.Matrix4().set(...rows.flat(), 0, 0, 0, 1)
+    .decompose(camera.position, camera.quaternion, camera.scale);
+camera.updateMatrixWorld(true);
+${programs[viewer]}
+for (let i = 0; i < 40; i++) {
+    draw();
+    await new Promise(done => setTimeout(done, 50));
+}
+window.done = true;
+</script>`;
+
+const server = http.createServer((request, response) => {
+    const url = request.url.split('?')[0];
+    const name = url === '/file' ? file : path.join(here, url);
+    const is_script = /\.m?js$/.test(url);
+    if (url !== '/' && !fs.existsSync(name))
+        return response.writeHead(404).end();
+    response.writeHead(200, { 'content-type': url === '/' ? 'text/html' :
+        is_script ? 'text/javascript' : 'application/octet-stream' });
+    response.end(url === '/' ? page : fs.readFileSync(name));
+}).listen(0);
+
+const browser = await puppeteer.launch({
+    executablePath: process.env.CHROMIUM || '/usr/bin/chromium',
+    args: ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader',
+           '--enable-unsafe-swiftshader']
+});
+const tab = await browser.newPage();
+tab.on('pageerror', error => console.error(String(error)));
+await tab.goto(`http://localhost:${server.address().port}/`);
+await tab.waitForFunction('window.done', { timeout: 120000 });
+const url = await tab.evaluate(
+    'document.querySelector("canvas").toDataURL("image/png")');
+fs.writeFileSync(out, Buffer.from(url.split(',')[1], 'base64'));
+await browser.close();
+server.close();

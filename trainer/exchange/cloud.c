@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: MIT */
+#include "cloud.h"
+
+#include "alloc.h"
+
+#include <stdlib.h>
+
+bool saga_cloud_alloc(saga_cloud *cloud, size_t n, int degree,
+                      saga_error *error)
+{
+    static const char what[] = "splats";
+    const size_t colours = 3 * (size_t)saga_n_harmonics(degree);
+
+    *cloud = (saga_cloud){ .n = n, .degree = degree };
+    cloud->mean = saga_alloc(n, 3 * sizeof(float), what, error);
+    cloud->quat = saga_alloc(n, 4 * sizeof(float), what, error);
+    cloud->log_scale = saga_alloc(n, 3 * sizeof(float), what, error);
+    cloud->logit = saga_alloc(n, sizeof(float), what, error);
+    cloud->colour = saga_alloc(n, colours * sizeof(float), what, error);
+    if (!saga_failed(error))
+        return true;
+    saga_cloud_free(cloud);
+    return false;
+}
+
+void saga_cloud_free(saga_cloud *cloud)
+{
+    free(cloud->mean);
+    free(cloud->quat);
+    free(cloud->log_scale);
+    free(cloud->logit);
+    free(cloud->colour);
+    *cloud = (saga_cloud){ .n = 0 };
+}
+
+/* The ellipsoid of the rotation F R F is that of F R, since F, which is
+ * diagonal with two -1, changes the signs of deviations alone. */
+void saga_cloud_turn(saga_cloud *cloud, int axis)
+{
+    const int n_harmonics = saga_n_harmonics(cloud->degree);
+
+    for (size_t i = 0; i < cloud->n; i++) {
+        float *const colour = cloud->colour + 3 * (size_t)n_harmonics * i;
+
+        for (int a = 0; a < 3; a++)
+            if (a != axis) {
+                cloud->mean[3 * i + (size_t)a] *= -1.0f;
+                cloud->quat[4 * i + 1 + (size_t)a] *= -1.0f;
+            }
+        for (int k = 1; k < n_harmonics; k++)
+            for (int c = 0; c < 3; c++)
+                colour[3 * k + c] *= (float)saga_harmonic_turned(k, axis);
+    }
+}
