@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "encode.h"
+#include "encode_state.h"
 
 #include "alloc.h"
 #include "crc32c.h"
@@ -139,26 +139,11 @@ static uint32_t uniform(saga_coder *c, saga_at at, uint32_t bits)
 
 /* --- The file ------------------------------------------------------------ */
 
-typedef struct {
-    uint8_t *p;
-    size_t n, cap;
-} buffer;
-
-struct saga_encoder {
-    saga_header header;
-    saga_rig_camera *rig;
-    saga_nets nets;
-    uint8_t *params;             /* dequantised networks */
-    buffer networks, segments;   /* chunks, as they will stand in the file */
-    saga_index_entry *index;     /* offsets from the first segment */
-    saga_encode_sizes sizes;
-};
-
 static const char out_of_what[] = "the file to be written";
 static const char remedy[] = "try another --seed, and report it";
 
 /* Makes room for n more bytes behind those that are there; NULL: no memory. */
-static uint8_t *reserve(buffer *b, size_t n, saga_error *error)
+static uint8_t *reserve(saga_buffer *b, size_t n, saga_error *error)
 {
     const size_t cap = b->n + n + b->cap / 2;
     uint8_t *p;
@@ -175,7 +160,7 @@ static uint8_t *reserve(buffer *b, size_t n, saga_error *error)
 
 /* Completes the chunk whose payload of nbytes was written behind its header's
  * place, but for the CRC, which needs the file's header. */
-static void end_chunk(buffer *b, uint32_t type, size_t nbytes)
+static void end_chunk(saga_buffer *b, uint32_t type, size_t nbytes)
 {
     saga_io io = { NULL, b->p + b->n, 0 };
     saga_chunk chunk = { type, (uint32_t)nbytes, 0 };
@@ -295,6 +280,11 @@ const uint8_t *saga_encoder_params(const saga_encoder *e,
     return e->params;
 }
 
+const saga_model *saga_encoder_model(const saga_encoder *e)
+{
+    return &e->header.model;
+}
+
 bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          const saga_nets *nets, const uint8_t *params,
                          saga_counts n, saga_error *error)
@@ -395,11 +385,11 @@ static bool encode_layer(saga_encoder *e, const saga_scaffold *sc,
     return true;
 }
 
+/* The segment's number and first frame are the finished file's to say. */
 static bool begin_segment(saga_encoder *e, const saga_symbols *s,
                           uint32_t n_frames, saga_error *error)
 {
-    saga_segment_header seg = { e->header.n_segments, e->header.n_frames,
-                                n_frames, s->n };
+    saga_segment_header seg = { 0, 0, n_frames, s->n };
     uint8_t *const p = reserve(&e->segments, SAGA_CHUNK_NBYTES +
                                SAGA_SEGMENT_NBYTES, error);
     saga_io io = { NULL, p, SAGA_CHUNK_NBYTES };
@@ -411,9 +401,10 @@ static bool begin_segment(saga_encoder *e, const saga_symbols *s,
     return true;
 }
 
-/* Sets the header's maxima and the index, once a segment is whole. */
-static bool end_segment(saga_encoder *e, const saga_symbols *s,
-                        uint32_t n_frames, size_t begin, saga_error *error)
+/* Sets the header's maxima and the index, once a segment is whole; the place is
+ * one of those there are, or the next. */
+static bool end_segment(saga_encoder *e, uint32_t place, const saga_symbols *s,
+                        saga_index_entry entry, saga_error *error)
 {
     saga_header *const h = &e->header;
     saga_index_entry *const index = saga_realloc(
@@ -422,10 +413,11 @@ static bool end_segment(saga_encoder *e, const saga_symbols *s,
     if (!index)
         return false;
     e->index = index;
-    index[h->n_segments++] = (saga_index_entry){
-        begin, (uint32_t)(e->segments.n - begin), n_frames
-    };
-    h->n_frames += n_frames;
+    memmove(index + place + 1, index + place,
+            (h->n_segments - place) * sizeof *index);
+    index[place] = entry;
+    h->n_segments++;
+    h->n_frames += entry.n_frames;
     h->max.coarse = s->n.coarse > h->max.coarse ? s->n.coarse : h->max.coarse;
     h->max.fine = s->n.fine > h->max.fine ? s->n.fine : h->max.fine;
     h->max.prim = s->n.prim > h->max.prim ? s->n.prim : h->max.prim;
@@ -448,11 +440,13 @@ static bool encode_layers(saga_encoder *e, const saga_symbols *s,
     return ok;
 }
 
-bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
-                          uint32_t n_frames, saga_error *error)
+bool saga_encoder_insert(saga_encoder *e, uint32_t place,
+                         const saga_symbols *s, uint32_t n_frames,
+                         saga_error *error)
 {
     const size_t begin = e->segments.n;
     const saga_encode_sizes sizes = e->sizes;
+    saga_index_entry entry = { begin, 0, n_frames };
 
     if (n_frames == 0)
         return saga_fail(error, NULL, remedy,
@@ -460,15 +454,23 @@ bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
     if (!symbols_are_clean(s, &e->header.model))
         return saga_fail(error, NULL, remedy,
                          "a symbol has bits that are not coded");
-    if (begin_segment(e, s, n_frames, error) && encode_layers(e, s, error) &&
-        end_segment(e, s, n_frames, begin, error))
-        return true;
+    if (begin_segment(e, s, n_frames, error) && encode_layers(e, s, error)) {
+        entry.nbytes = (uint32_t)(e->segments.n - begin);
+        if (end_segment(e, place, s, entry, error))
+            return true;
+    }
     e->segments.n = begin;
     e->sizes = sizes;
     return false;
 }
 
-static bool write_header(saga_encoder *e, buffer *out, saga_error *error)
+bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
+                          uint32_t n_frames, saga_error *error)
+{
+    return saga_encoder_insert(e, e->header.n_segments, s, n_frames, error);
+}
+
+static bool write_header(saga_encoder *e, saga_buffer *out, saga_error *error)
 {
     saga_header *const h = &e->header;
     saga_io io = { NULL, NULL, SAGA_MAGIC_NBYTES };
@@ -487,11 +489,11 @@ static bool write_header(saga_encoder *e, buffer *out, saga_error *error)
     return true;
 }
 
-static bool write_index(saga_encoder *e, buffer *out, saga_error *error)
+static bool write_index(saga_encoder *e, saga_buffer *out, saga_error *error)
 {
     const uint32_t nbytes = e->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
-    const size_t first = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
-                         e->header.nets_nbytes;
+    uint64_t offset = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
+                      e->header.nets_nbytes;
     saga_io io = { NULL, reserve(out, SAGA_CHUNK_NBYTES + nbytes, error),
                    SAGA_CHUNK_NBYTES };
     uint32_t i;
@@ -501,7 +503,8 @@ static bool write_index(saga_encoder *e, buffer *out, saga_error *error)
     for (i = 0; i < e->header.n_segments; i++) {
         saga_index_entry entry = e->index[i];
 
-        entry.offset += first;
+        entry.offset = offset;
+        offset += entry.nbytes;
         saga_index_io(&io, &entry);
     }
     end_chunk(out, SAGA_CHUNK_INDEX, nbytes);
@@ -509,14 +512,41 @@ static bool write_index(saga_encoder *e, buffer *out, saga_error *error)
     return true;
 }
 
-static bool append(buffer *out, const buffer *b, saga_error *error)
+/* Returns where the n bytes that it appends lie now; NULL: no memory. */
+static uint8_t *append(saga_buffer *out, const uint8_t *p, size_t n,
+                       saga_error *error)
 {
-    uint8_t *const to = reserve(out, b->n, error);
+    uint8_t *const to = reserve(out, n, error);
 
     if (!to)
-        return false;
-    memcpy(to, b->p, b->n);
-    out->n += b->n;
+        return NULL;
+    memcpy(to, p, n);
+    out->n += n;
+    return to;
+}
+
+/* Copies the segments in the index's order, which is that of time. */
+static bool write_segments(const saga_encoder *e, saga_buffer *out,
+                           saga_error *error)
+{
+    uint32_t i, first_frame = 0;
+
+    for (i = 0; i < e->header.n_segments; i++) {
+        const saga_index_entry *const entry = &e->index[i];
+        uint8_t *const p = append(out, e->segments.p + entry->offset,
+                                  entry->nbytes, error);
+        saga_io in = { p, NULL, SAGA_CHUNK_NBYTES };
+        saga_io to = { NULL, p, SAGA_CHUNK_NBYTES };
+        saga_segment_header seg;
+
+        if (!p)
+            return false;
+        saga_segment_io(&in, &seg);
+        seg.number = i;
+        seg.first_frame = first_frame;
+        saga_segment_io(&to, &seg);
+        first_frame += entry->n_frames;
+    }
     return true;
 }
 
@@ -541,7 +571,7 @@ void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
 }
 
 /* Asks the decoder about the finished bytes. */
-static bool probe(const buffer *out, saga_error *error)
+static bool probe(const saga_buffer *out, saga_error *error)
 {
     saga_info info;
     const saga_status s = saga_probe(&info, out->p, out->n);
@@ -555,14 +585,14 @@ static bool probe(const buffer *out, saga_error *error)
 bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
                          saga_encode_sizes *sizes, saga_error *error)
 {
-    buffer out = { NULL, 0, 0 };
+    saga_buffer out = { NULL, 0, 0 };
     bool ok;
 
     if (e->header.n_segments == 0)
         return saga_fail(error, NULL, remedy, "there is no segment");
     ok = write_header(e, &out, error) && write_index(e, &out, error) &&
-         append(&out, &e->networks, error) &&
-         append(&out, &e->segments, error);
+         append(&out, e->networks.p, e->networks.n, error) &&
+         write_segments(e, &out, error);
     if (ok)
         saga_file_sign(out.p, out.n, e->header.header_nbytes);
     if (!ok || !probe(&out, error)) {

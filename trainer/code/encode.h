@@ -43,14 +43,24 @@ saga_encoder *saga_encoder_open(const saga_header *header,
 const uint8_t *saga_encoder_params(const saga_encoder *e,
                                    const saga_nets **nets);
 
+/* Returns the model of the file, which lives as long as e. */
+const saga_model *saga_encoder_model(const saga_encoder *e);
+
 /* Appends a segment of n_frames frames. It fails if the symbols do not make a
  * valid segment, and the file is what it was. */
 bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
                           uint32_t n_frames, saga_error *error);
 
-/* Gives the file, at most once; *bytes belongs to the caller (free). It fails
- * if there is no segment, or if a decoder would refuse the header: the level's
- * limits, reserved tools. */
+/* Does the same with a segment that is to lie at a place among those there are,
+ * 0..their number: in time it comes before the one that has the place now. */
+bool saga_encoder_insert(saga_encoder *e, uint32_t place,
+                         const saga_symbols *s, uint32_t n_frames,
+                         saga_error *error);
+
+/* Gives the file of the segments there are; more may follow, and another file
+ * with them. *bytes belongs to the caller (free). It fails if there is no
+ * segment, or if a decoder would refuse the header: the level's limits,
+ * reserved tools. */
 bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
                          saga_encode_sizes *sizes, saga_error *error);
 
