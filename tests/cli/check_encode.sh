@@ -9,6 +9,8 @@
 #               --resume makes the file of a run that was not stopped; without
 #               --resume a checkpoint is not overwritten
 #   alone       two runs do not write to one file; what a killed one left goes
+#   segments    --segment makes one file of several, which eval, info, cut and
+#               saga-dec take; a killed one resumes, in the segment it was in
 #   log         --log keeps every tenth iteration, as CSV and as JSON lines,
 #               and a resumed run's is that of one that was not stopped
 #   usage       wrong values end with status 2 and one line that names them
@@ -19,6 +21,7 @@
 #               how much was wanted, and no half-written file
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
+dec=$(realpath "${BUILD:-build}/saga-dec")
 checks=encode
 . "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit
@@ -121,6 +124,49 @@ grep -q 'starting anew' err || complain "--resume of nothing: $(cat err)"
 cmp -s s.saga whole.saga || complain "--resume of nothing: another file"
 rm -f s.saga s.whole
 verdict stopped
+
+# ---- segments
+expect 0 cap -o seg.saga "${small[@]}" --segment 2
+grep -q '4 views, 4 frames in 2 segments' out || complain "$(head -n 2 out)"
+"$saga" info seg.saga --json >out 2>err || complain "info: $(cat err)"
+python3 -c '
+import json
+s = json.load(open("out"))["segments"]
+assert [(x["first_frame"], x["n_frames"]) for x in s] == [(0, 2), (2, 2)], s
+' 2>>bad || complain "segments: $(cat out)"
+"$saga" eval seg.saga cap --json >out 2>err || complain "eval: $(cat err)"
+python3 -c '
+import json
+r = json.load(open("out"))
+assert r["protocol"]["frames"] == [0, 4] and r["decode_ms"]["n_segments"] == 2, r
+' 2>>bad || complain "eval: $(cat out)"
+"$saga" cut seg.saga 2:4 -o late.saga >out 2>err || complain "cut: $(cat err)"
+for time in 3/2:x 2/1:0/1 7/2:3/2; do
+    "$dec" seg.saga --camera rig:1 --time ${time%:*} --crc >out 2>err ||
+        complain "saga-dec: $(cat err)"
+    [ "${time#*:}" = x ] && continue
+    "$dec" late.saga --camera rig:1 --time ${time#*:} --crc >alone 2>err
+    cmp -s out alone || complain "segment 1 alone at $time is another picture"
+done
+set -m
+$stoppable "$saga" encode cap -o k.saga "${small[@]}" --segment 2 \
+    --log k.csv --checkpoint-every 0 >out 2>err </dev/null &
+pid=$!
+while kill -0 "$pid" 2>/dev/null && ! grep -q '^150,' k.csv 2>/dev/null; do
+    sleep 0.01
+done
+kill -KILL "$pid"
+wait "$pid" 2>/dev/null
+set +m
+expect 2 cap -o k.saga "${small[@]}" --resume
+says 'a number of segments of 2, not 1'
+expect 0 cap -o k.saga "${small[@]}" --segment 2 --resume
+cmp -s k.saga seg.saga || complain "killed in a segment: another file"
+expect 2 cap -o x.saga --segment 1
+says "'1'"
+rm -f seg.saga late.saga k.saga k.csv alone
+leaves
+verdict segments
 
 # ---- log
 log() { # log STATUS NAME OPTIONS...: to NAME; its lines without times in kept

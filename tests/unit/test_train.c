@@ -1080,9 +1080,6 @@ static void train_should_refuse_wrong_options(void **state)
     assert_true(refuses(f, &o, "--ablate slots=48"));
     o.ablate = "slots=256";
     assert_true(refuses(f, &o, "256 is more than the 128 of level 2"));
-    o = small();
-    o.segment_frames = 2;
-    assert_true(refuses(f, &o, "segments of 2"));
 }
 
 /* --- Ablations ----------------------------------------------------------- */

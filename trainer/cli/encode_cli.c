@@ -28,6 +28,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+/* A segment has so many frames at most. */
+enum { MOST_FRAMES = 65535 };
+
 /* dB that held-out views may be below the others before that is told. */
 #define MOST_GAP 3.0
 
@@ -35,6 +38,7 @@ typedef struct {
     const char *output, *hold_out, *ablate, *log;
     saga_cli_pair frames;
     int scale, threads, memory, primitives, iterations, level, seed, every;
+    int segment;                 /* frames; 0: about a second */
     double lambda, minutes;
     bool still, moving, json, resume;
 } options;
@@ -45,7 +49,9 @@ typedef struct {
     const char *capture_name;
     char *checkpoint;
     saga_ablation ablation;
-    saga_capture capture;
+    saga_capture whole;          /* what is known of it without a picture */
+    int n_segments;
+    saga_capture capture;        /* of one segment */
     saga_train *train;
     saga_train_quality decoded;  /* by the integer decoder, from the file */
     saga_train_quality agreement; /* of its pictures with the float ones of
@@ -114,9 +120,13 @@ static bool training(void *user, const saga_train_progress *p)
 {
     session *const s = user;
     char text[120];
-    int n = snprintf(text, sizeof text, "%s %d/%d", p->name, p->iteration,
-                     p->n_iterations);
+    int n = 0;
 
+    if (s->n_segments > 1)
+        n = snprintf(text, sizeof text, "segment %d of %d: ", p->segment + 1,
+                     s->n_segments);
+    n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
+                  p->iteration, p->n_iterations);
     tell_complaint(s);
     saga_encode_log_write(&s->log, p, saga_cli_seconds() - s->log_began);
     if (s->done_at_start < 0)
@@ -181,7 +191,7 @@ static int check_checkpoint(session *s)
     return SAGA_EXIT_OK;
 }
 
-static int open_capture(session *s)
+static saga_capture_options capture_options(session *s)
 {
     saga_capture_options c = saga_capture_defaults();
 
@@ -193,15 +203,87 @@ static int open_capture(session *s)
     c.n_threads = s->o->threads;
     c.progress = loading;
     c.progress_user = s;
+    return c;
+}
+
+/* Divides the capture into segments that differ by a frame at most. One of two
+ * frames is the shortest in which something can move. */
+static int look_at_capture(session *s)
+{
+    const saga_capture_options c = capture_options(s);
+    saga_capture *const whole = &s->whole;
+    int frames;
+
+    if (!saga_capture_look(whole, s->capture_name, &c, &s->error))
+        return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+    frames = s->o->segment ? s->o->segment
+                           : (int)fmax(2, fmin(rint(whole->fps), MOST_FRAMES));
+    s->n_segments = (whole->n_frames + frames / 2) / frames;
+    if (s->n_segments > whole->n_frames / 2)
+        s->n_segments = whole->n_frames / 2;
+    if (s->n_segments < 1)
+        s->n_segments = 1;
+    return SAGA_EXIT_OK;
+}
+
+/* Returns the frame of the whole capture that a segment begins with. */
+static int begin_of(const session *s, int segment)
+{
+    return (int)((int64_t)segment * s->whole.n_frames / s->n_segments);
+}
+
+static int stopped(const session *s)
+{
+    if (saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
+                              "same command with --resume goes on from %s",
+                              stop_signal == SIGINT ? "Ctrl-C" : "a signal",
+                              s->checkpoint);
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, and no "
+                          "checkpoint could be written; nothing is left");
+}
+
+/* Loads the pictures of a segment in the place of those that were there. */
+static int open_capture(session *s, int segment)
+{
+    saga_capture_options c = capture_options(s);
+
+    c.first_frame = s->whole.first_frame + begin_of(s, segment);
+    c.end_frame = s->whole.first_frame + begin_of(s, segment + 1);
+    saga_capture_free(&s->capture);
+    s->meter = (saga_meter){ 0 };
     if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
         saga_meter_end(&s->meter);
         return SAGA_EXIT_OK;
     }
     saga_meter_end(&s->meter);
+    if (stop_signal && saga_path_is_file(s->checkpoint))
+        return stopped(s);
     if (stop_signal)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
                               "the capture; nothing was written");
     return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+}
+
+/* Sets *first to the segment that changes most: it makes the networks. */
+static int find_first(session *s, int *first)
+{
+    double most = -1;
+
+    *first = 0;
+    for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
+        const int status = open_capture(s, i);
+        double change;
+
+        if (status)
+            return status;
+        change = saga_train_change(&s->capture);
+        if (change > most) {
+            most = change;
+            *first = i;
+        }
+    }
+    return SAGA_EXIT_OK;
 }
 
 static saga_train_options train_options(session *s)
@@ -209,6 +291,7 @@ static saga_train_options train_options(session *s)
     const options *const o = s->o;
     saga_train_options t = saga_train_defaults();
 
+    t.n_segments = s->n_segments;
     t.n_primitives = (uint32_t)o->primitives;
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
@@ -225,16 +308,33 @@ static saga_train_options train_options(session *s)
     return t;
 }
 
+/* Sets *segment to the one that the checkpoint was in. Where it was begun with
+ * more of them than there are now, whoever reads all of it says so. */
+static int find_stopped(session *s, int *segment)
+{
+    *segment = saga_train_stopped_in(s->checkpoint, &s->error);
+    if (*segment < 0)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    *segment = *segment < s->n_segments ? *segment : 0;
+    return SAGA_EXIT_OK;
+}
+
+/* Begins with the segment that the checkpoint was in, or else with the one that
+ * makes the networks. */
 static int open_training(session *s)
 {
-    const saga_train_options t = train_options(s);
     const bool resume = s->o->resume && saga_path_is_file(s->checkpoint);
+    saga_train_options t = train_options(s);
+    int status;
 
-    s->meter = (saga_meter){ 0 };
-    s->done_at_start = -1;
     if (s->o->resume && !resume)
         fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
                 s->checkpoint);
+    status = resume ? find_stopped(s, &t.first) : find_first(s, &t.first);
+    if (!status)
+        status = open_capture(s, t.first);
+    if (status)
+        return status;
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
                       : saga_train_new(&s->capture, &t, &s->error);
     if (!s->train)
@@ -270,21 +370,13 @@ static void tell_notes(const session *s)
 
 /* --- Training ------------------------------------------------------------ */
 
-static int stopped(const session *s)
+static int train_segment(session *s)
 {
-    if (saga_path_is_file(s->checkpoint))
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
-                              "same command with --resume goes on from %s",
-                              stop_signal == SIGINT ? "Ctrl-C" : "a signal",
-                              s->checkpoint);
-    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, and no "
-                          "checkpoint could be written; nothing is left");
-}
+    saga_outcome status;
 
-static int train(session *s)
-{
-    const saga_outcome status = saga_train_run(s->train, &s->error);
-
+    s->meter = (saga_meter){ 0 };
+    s->done_at_start = -1;
+    status = saga_train_run(s->train, &s->error);
     saga_meter_end(&s->meter);
     tell_complaint(s);
     if (status == SAGA_STOPPED)
@@ -292,6 +384,21 @@ static int train(session *s)
     return status ? saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
                                    s->error.message)
                   : SAGA_EXIT_OK;
+}
+
+static int train(session *s)
+{
+    int status = train_segment(s), next;
+
+    while (!status && (next = saga_train_upcoming(s->train)) >= 0) {
+        status = open_capture(s, next);
+        if (!status && !saga_train_next(s->train, &s->capture, &s->error))
+            return saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
+                                  s->error.message);
+        if (!status)
+            status = train_segment(s);
+    }
+    return status;
 }
 
 static int write_file(session *s)
@@ -313,7 +420,7 @@ static int write_file(session *s)
 
 typedef struct {
     double sum[2], agree[2];
-    int n[2];
+    int n[2], n_agree[2];
 } tally;
 
 /* Gives the PSNR between a decoded picture and the float one of the same
@@ -342,9 +449,12 @@ static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
     return true;
 }
 
-static bool compare_view(session *s, saga_film *film, int view, tally *t)
+/* The float model in memory is that of the segment that was trained last. */
+static bool compare_view(session *s, saga_film *film, int segment, int view,
+                         tally *t)
 {
     const saga_shot *const v = &s->capture.views[view];
+    const int first = begin_of(s, segment);
     const size_t nbytes = saga_view_frame_nbytes(v);
     uint8_t *const rgb = saga_alloc(nbytes, 1, v->name, &s->error);
     saga_camera camera;
@@ -355,45 +465,60 @@ static bool compare_view(session *s, saga_film *film, int view, tally *t)
 
     for (i = 0; ok && (frame = saga_train_sample(&s->capture, view, i)) >= 0;
          i++) {
-        ok = saga_film_draw(film, &camera, (uint32_t)frame, 1, rgb, &s->error);
+        ok = saga_film_draw(film, &camera, (uint32_t)(first + frame), 1, rgb,
+                            &s->error);
         t->sum[v->held_out] += ok ? saga_psnr(saga_mse(
             rgb, saga_capture_frame(&s->capture, view, frame), nbytes)) : 0;
         t->n[v->held_out]++;
-        if (ok) {
+        if (ok && segment == saga_train_segment(s->train)) {
             double psnr = 0;
 
             ok = compare_float(s, &psnr, rgb, view, frame);
             t->agree[v->held_out] += psnr;
+            t->n_agree[v->held_out]++;
         }
     }
     free(rgb);
     return ok;
 }
 
+static int compare_segment(session *s, saga_film *film, int segment, tally *t)
+{
+    const int status = s->n_segments > 1 ? open_capture(s, segment)
+                                         : SAGA_EXIT_OK;
+
+    for (int v = 0; !status && v < s->capture.n_views; v++)
+        if (!compare_view(s, film, segment, v, t))
+            return saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was "
+                                  "written, but: %s", s->error.message);
+    return status;
+}
+
 /* What is told about quality comes from the closed file, opened again. */
 static int check_file(session *s)
 {
-    tally t = { { 0, 0 }, { 0, 0 }, { 0, 0 } };
+    tally t = { { 0, 0 }, { 0, 0 }, { 0, 0 }, { 0, 0 } };
     saga_bytes bytes = { NULL, 0 };
     saga_film film = { .segment = -1 };
-    bool ok = saga_read_file(&bytes, s->o->output, &s->error) &&
-              saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
-                             s->o->threads, &s->error) &&
-              saga_layout_read(&s->layout, s->o->output, bytes.data,
-                               bytes.nbytes, &s->error);
+    int status = SAGA_EXIT_OK;
 
-    for (int v = 0; ok && v < s->capture.n_views; v++)
-        ok = compare_view(s, &film, v, &t);
+    if (!saga_read_file(&bytes, s->o->output, &s->error) ||
+        !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
+                        s->o->threads, &s->error) ||
+        !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
+                          &s->error))
+        status = saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was "
+                                "written, but: %s", s->error.message);
+    for (int i = 0; !status && i < s->n_segments; i++)
+        status = compare_segment(s, &film, i, &t);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
     s->decoded = (saga_train_quality){ t.sum[0] / t.n[0], t.sum[1] / t.n[1],
                                        t.n[0], t.n[1] };
-    s->agreement = (saga_train_quality){ t.agree[0] / t.n[0],
-                                         t.agree[1] / t.n[1],
-                                         t.n[0], t.n[1] };
-    return ok ? SAGA_EXIT_OK
-              : saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was written, "
-                               "but: %s", s->error.message);
+    s->agreement = (saga_train_quality){ t.agree[0] / t.n_agree[0],
+                                         t.agree[1] / t.n_agree[1],
+                                         t.n_agree[0], t.n_agree[1] };
+    return status;
 }
 
 /* --- Telling ------------------------------------------------------------- */
@@ -480,16 +605,21 @@ static void print_entropy(const saga_train_entropy *e)
 static void print_text(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
-    const saga_capture *const c = &s->capture;
+    const int n_frames = s->whole.n_frames;
 
     printf("%s: %zu bytes, ", s->o->output, r->sizes.total);
-    if (c->n_frames > 1)
-        printf("%.1f kbit/s, ", 8e-3 * (double)r->sizes.total * c->fps /
-               c->n_frames);
+    if (n_frames > 1)
+        printf("%.1f kbit/s, ", 8e-3 * (double)r->sizes.total * s->whole.fps /
+               n_frames);
     printf("level %" PRIu32 "\n", r->info.level);
-    printf("  %d views, %d frame%s; %u coarse anchors, %u fine, %u "
-           "primitives\n", c->n_views, c->n_frames,
-           c->n_frames == 1 ? "" : "s", r->n.coarse, r->n.fine, r->n.prim);
+    printf("  %d views, %d frame%s", s->capture.n_views, n_frames,
+           n_frames == 1 ? "" : "s");
+    if (s->n_segments > 1)
+        printf(" in %d segments of up to", s->n_segments);
+    else
+        putchar(';');
+    printf(" %u coarse anchors, %u fine, %u primitives\n", r->n.coarse,
+           r->n.fine, r->n.prim);
     print_motion(r);
     printf("  lambda %.4g%s\n", r->lambda, s->o->lambda > 0 ? "" :
            ", which balances primitives and bits");
@@ -568,7 +698,7 @@ static json_t *json_report(const session *s)
         "capture", s->capture_name,
         "nbytes", (json_int_t)s->layout.file_nbytes,
         "bytes", saga_bytes_table_json(&s->layout),
-        "n_views", s->capture.n_views, "n_frames", s->capture.n_frames,
+        "n_views", s->capture.n_views, "n_frames", s->whole.n_frames,
         "n_coarse", (json_int_t)r->n.coarse, "n_fine", (json_int_t)r->n.fine,
         "n_primitives", (json_int_t)r->n.prim,
         "memory_nbytes", (json_int_t)r->info.work_nbytes));
@@ -610,7 +740,7 @@ static int encode(session *s)
     if (!status)
         status = check_checkpoint(s);
     if (!status)
-        status = open_capture(s);
+        status = look_at_capture(s);
     if (!status)
         status = open_training(s);
     if (!status)
@@ -672,6 +802,10 @@ static int run(int argc, char **argv)
 static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga", "the file to write; needed", saga_cli_text,
       offsetof(options, output), 0, 0 },
+    { "--segment", "FRAMES", "frames of a segment, about, each of which plays "
+      "without\nthe others (default: a second); --primitives and\n"
+      "--iterations are of each", saga_cli_int, offsetof(options, segment), 2,
+      MOST_FRAMES },
     { "--primitives", "N", "Gaussians to draw with (default 5000)",
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
     { "--iterations", "N", "of all stages together (default 6000); time grows "
@@ -702,7 +836,7 @@ static const saga_cli_option option_list[] = {
       offsetof(options, seed), 0, INT32_MAX },
     { "--threads", "N", "threads (default: all cores); no effect on the file",
       saga_cli_int, offsetof(options, threads), 1, 1024 },
-    { "--memory", "GIB", "memory for the capture's pictures (default 4)",
+    { "--memory", "GIB", "memory for a segment's pictures (default 4)",
       saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
     { "--checkpoint-every", "S", "seconds between checkpoints (default 300)",
       saga_cli_int, offsetof(options, every), 0, 1000000 },

@@ -93,6 +93,12 @@ void saga_rate_keep_raw(saga_rate *r)
         r->decision.step[net] = ldexp(1, -SAGA_RAW_STEP);
 }
 
+void saga_rate_give(saga_rate *r, const saga_rate_constants *constants)
+{
+    r->constants = *constants;
+    r->decision.given = 1;
+}
+
 /* --- Values -------------------------------------------------------------- */
 
 /* Sets o to the offset from the cell of coarse anchor c, in its half-sizes. */
@@ -306,6 +312,8 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
     double sum[MOST_VALUES] = { 0 }, square[MOST_VALUES] = { 0 };
     size_t n = 0, b, i;
 
+    if (r->decision.given)
+        return;
     for (b = 0; b < r->context.kind[kind].n_blocks; b++) {
         double y[MOST_VALUES];
         const size_t rows = read_block(y, r, &clean, kind, b);
@@ -404,9 +412,9 @@ static bool fine_offsets_are_0(const saga_model *m)
            32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits;
 }
 
-void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
+static void begin_networks(saga_rate *r, saga_scene *s,
+                           const saga_rate_input *x)
 {
-    size_t i;
     int kind;
 
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
@@ -418,6 +426,14 @@ void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
         r->context.keep[SAGA_KIND_FINE] = 0;
     if (s->model.tools & SAGA_TOOL_BANK)
         begin_bank(s);
+}
+
+void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
+{
+    size_t i;
+
+    if (!r->decision.given)
+        begin_networks(r, s, x);
     for (i = 0; i < s->n.coarse; i++)
         remember_mu(r, &s->model, SAGA_KIND_COARSE, i,
                     r->constants.mean[SAGA_KIND_COARSE]);

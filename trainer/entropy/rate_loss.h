@@ -57,6 +57,8 @@ typedef struct saga_rate_decision {
                                   * kept if below 0; 0: nobody gains */
     uint64_t raw;                /* 1: steps are given, SAGA_RAW_BITS each */
     uint64_t keep;               /* 1: all sources stay, at whatever cost */
+    uint64_t given;              /* 1: networks and constants are another
+                                  * scene's, and stay what they are */
 } saga_rate_decision;
 
 typedef struct saga_rate {
@@ -109,6 +111,7 @@ static inline void saga_rate_look(saga_rate_options *o, int turn,
 #define saga_rate_init SAGA_REAL_NAME(saga_rate_init)
 #define saga_rate_free SAGA_REAL_NAME(saga_rate_free)
 #define saga_rate_keep_raw SAGA_REAL_NAME(saga_rate_keep_raw)
+#define saga_rate_give SAGA_REAL_NAME(saga_rate_give)
 #define saga_rate_snap SAGA_REAL_NAME(saga_rate_snap)
 #define saga_rate_refresh SAGA_REAL_NAME(saga_rate_refresh)
 #define saga_rate_measure SAGA_REAL_NAME(saga_rate_measure)
@@ -135,6 +138,10 @@ void saga_rate_free(saga_rate *r);
  * coded. */
 void saga_rate_keep_raw(saga_rate *r);
 
+/* Sets, before the first refresh, the constants of a scene whose networks were
+ * trained with it and are the rate's from now on: nothing is measured. */
+void saga_rate_give(saga_rate *r, const saga_rate_constants *constants);
+
 /* Moves coarse and fine anchors to the nearest positions that can be coded. */
 void saga_rate_snap(saga_scene *s);
 
@@ -143,14 +150,14 @@ void saga_rate_snap(saga_scene *s);
  * memory. */
 bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error);
 
-/* Measures the constants of a kind, from all its values without noise. Of x,
- * fine offsets take the scene alone. */
+/* Measures the constants of a kind, from all its values without noise, unless
+ * they are given. Of x, fine offsets take the scene alone. */
 void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
 
-/* Measures the constants of all kinds, before the first step; networks begin as
- * them (s's last layers: biases alone), features are rounded against them. The
- * bank begins with slots that differ and gates of 1/8. Fine offsets that are
- * all 0 by their step do without any source. */
+/* Measures the constants of all kinds, before the first step; networks that are
+ * not given begin as them (s's last layers: biases alone), features are rounded
+ * against them. The bank begins with slots that differ and gates of 1/8. Fine
+ * offsets that are all 0 by their step do without any source. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
 /* Returns the value nearest to feature i (of n.coarse * F) that can be coded.

@@ -668,6 +668,19 @@ static bool plan_remaps(load_job *job)
     return true;
 }
 
+static bool choose_frames(saga_capture *capture, const saga_listing *listing,
+                          const saga_capture_options *options,
+                          saga_error *error)
+{
+    capture->format = listing->format;
+    capture->scale = options->scale;
+    capture->fps = listing->fps > 0.0      ? listing->fps
+                   : options->fps > 0.0 ? options->fps
+                                        : 30.0;
+    return check_fps(capture->fps, listing->path, error) &&
+           choose_range(capture, listing, options, error);
+}
+
 static bool carry_out(saga_capture *capture, saga_listing *listing,
                       const saga_capture_options *options,
                       saga_error *error)
@@ -677,20 +690,15 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
                     .n_threads = options->n_threads > 0
                                      ? options->n_threads
                                      : omp_get_max_threads()};
-    if (!choose_range(capture, listing, options, error) ||
+    if (!choose_frames(capture, listing, options, error) ||
         !saga_listing_drop_empty(listing, capture->first_frame,
                                  capture->first_frame + capture->n_frames,
                                  NULL, error))
         return false;
-    capture->format = listing->format;
-    capture->scale = options->scale;
     capture->points = listing->points;
     capture->n_points = listing->n_points;
     listing->points = NULL;
     memcpy(capture->notes, listing->notes, sizeof capture->notes);
-    capture->fps = listing->fps > 0.0      ? listing->fps
-                   : options->fps > 0.0 ? options->fps
-                                        : 30.0;
     if (listing->fps <= 0.0 && listing->n_frames > 1)
         saga_note(capture->notes, "time: frame rate unknown, %g assumed",
                   capture->fps);
@@ -698,10 +706,23 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
                              listing->path, error);
     if (!job.remaps)
         return false;
-    const bool ok = check_fps(capture->fps, listing->path, error) &&
-                    plan_remaps(&job) && check_budget(&job) &&
+    const bool ok = plan_remaps(&job) && check_budget(&job) &&
                     fill_capture(&job);
     free(job.remaps);
+    return ok;
+}
+
+bool saga_capture_look(saga_capture *capture, const char *path,
+                       const saga_capture_options *options,
+                       saga_error *error)
+{
+    saga_listing listing = {.path = path};
+    *capture = (saga_capture){0};
+    *error = (saga_error){ "" };
+    const bool ok = check_options(options, path, error) &&
+                    saga_listing_make(&listing, path, options, error) &&
+                    choose_frames(capture, &listing, options, error);
+    listing_free(&listing);
     return ok;
 }
 

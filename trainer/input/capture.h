@@ -109,6 +109,13 @@ bool saga_capture_load(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
                        saga_error *error);
 
+/* Sets of *capture what is known before a picture is decoded: format, frames
+ * and their rate. It fails as saga_capture_load does, and sets no view nor
+ * anything else that would have to be freed. */
+bool saga_capture_look(saga_capture *capture, const char *path,
+                       const saga_capture_options *options,
+                       saga_error *error);
+
 /* Frees what saga_capture_load allocated and empties *capture; an empty one
  * is fine. */
 void saga_capture_free(saga_capture *capture);

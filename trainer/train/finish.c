@@ -101,11 +101,10 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 
 /* --- Packing ------------------------------------------------------------- */
 
-static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
-                    saga_pack_input *in, saga_error *error)
+static bool begin_file(saga_packed *file, saga_train *t, int level,
+                       saga_twin *twin, const saga_pack_input *in,
+                       saga_error *error)
 {
-    saga_train_report *const r = &t->report;
-    saga_pack_report report;
     saga_splat_camera cam;
     saga_header h;
     saga_rig_camera *rig;
@@ -115,20 +114,35 @@ static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
     rig = make_rig(t, &h, error);
     if (!rig)
         return false;
-    in->header = &h;
-    in->rig = rig;
-    in->weights = saga_fit_weights(t->fit);
-    in->n_frames = (uint32_t)t->capture->n_frames;
-    in->decoded = final ? &t->decoded : NULL;
     /* The ranges of the colours' activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
     saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
-    ok = saga_pack(&t->bytes, &t->nbytes, &report, in, error);
+    ok = saga_pack_begin(file, in, &h, rig, error);
     free(rig);
-    if (ok) {
-        r->sizes = report.sizes;
-        r->quantise = report.quantise;
-    }
+    return ok;
+}
+
+/* Packs into the training's file, or where that is not final into one of its
+ * own. */
+static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
+                    const saga_pack_input *in, saga_error *error)
+{
+    saga_packed trial = { .encoder = NULL };
+    saga_packed *const file = final ? &t->file : &trial;
+    /* All before it are there by its turn; at the first there is none. */
+    const int place = t->turn ? saga_train_segment(t) : 0;
+    saga_quantise_report quantise;
+    bool ok = file->encoder ||
+              begin_file(file, t, level, twin, in, error);
+
+    ok = ok && saga_pack_segment(file, (uint32_t)place,
+                                 (uint32_t)t->capture->n_frames, &quantise,
+                                 final ? &t->decoded : NULL, in, error);
+    ok = ok && saga_encoder_finish(file->encoder, &t->bytes, &t->nbytes,
+                                   &t->report.sizes, error);
+    if (ok && final)
+        t->report.quantise.n_clamped += quantise.n_clamped;
+    saga_packed_free(&trial);
     return ok;
 }
 
@@ -166,6 +180,13 @@ static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
     e->bank_net = c->rate->decision.bank_net / 8;
 }
 
+static void keep_counts(saga_counts *most, const saga_counts *n)
+{
+    most->coarse = n->coarse > most->coarse ? n->coarse : most->coarse;
+    most->fine = n->fine > most->fine ? n->fine : most->fine;
+    most->prim = n->prim > most->prim ? n->prim : most->prim;
+}
+
 static bool pack(saga_train *t, int level, bool final, saga_error *error)
 {
     saga_train_report *const r = &t->report;
@@ -175,8 +196,8 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
     saga_rate_choice choice;
     saga_twin *const twin = feature ? saga_fit_code(t->fit, feature, &choice,
                                                     error) : NULL;
-    saga_pack_input in = { .choice = &choice, .twin = twin,
-                           .feature = feature };
+    const saga_pack_input in = { &choice, twin, feature,
+                                 saga_fit_weights(t->fit) };
     bool ok = twin && (!final || saga_train_measure_scene(
                                      &r->model, t, saga_fit_scene(t->fit),
                                      twin, error));
@@ -185,17 +206,19 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
     if (ok && final)
         ok = saga_train_measure_decoded(t, error);
     free(feature);
-    r->n = t->scene.n;
+    keep_counts(&r->n, &t->scene.n);
     r->lambda = t->lambda;
     r->dynamic = t->dynamic;
     r->explained = t->explained;
     r->changing = t->changing;
-    if (twin) {
+    if (twin && t->turn == 0) {
         keep_entropy(&r->entropy, &choice);
         r->n_parameters = count_parameters(&choice.scene);
-        saga_rate_choice_free(&choice);
     }
-    return ok && saga_fit_weight_bits(&r->weight_bits, t->fit, error);
+    if (twin)
+        saga_rate_choice_free(&choice);
+    return ok && (t->turn > 0 ||
+                  saga_fit_weight_bits(&r->weight_bits, t->fit, error));
 }
 
 /* --- Levels -------------------------------------------------------------- */
@@ -238,12 +261,14 @@ static bool probe(saga_train *t, saga_error *error)
                      "%s", saga_status_text(s));
 }
 
-/* This comes before the fit, since all of it follows from counts and shapes. */
+/* This comes before the fit, since all of it follows from counts and shapes; of
+ * the first segment, since the others have about the same. */
 bool saga_train_check_level(saga_train *t, saga_error *error)
 {
-    const bool ok = pack(t, SAGA_N_PROFILES - 1, false, error) &&
-                    probe(t, error) &&
-                    within_level(&t->report.info, t, error);
+    const bool ok = t->turn > 0 ||
+                    (pack(t, SAGA_N_PROFILES - 1, false, error) &&
+                     probe(t, error) &&
+                     within_level(&t->report.info, t, error));
 
     free(t->bytes);
     t->bytes = NULL;

@@ -47,10 +47,16 @@ static bool begin(saga_fit *f, saga_error *error)
     saga_scene *const s = f->scene;
 
     saga_rate_snap(s);
+    if (f->o.given)
+        memcpy(s->params, f->o.given->scene.params,
+               saga_fit_n_params(s) * sizeof *s->params);
     if (!alloc_all(f, error) ||
         !saga_twin_init(&f->twin, s, error) ||
-        !saga_rate_init(&f->rate, s, error) ||
-        !saga_rate_refresh(&f->rate, s, error) ||
+        !saga_rate_init(&f->rate, s, error))
+        return false;
+    if (f->o.given)
+        saga_rate_give(&f->rate, &f->o.given->constants);
+    if (!saga_rate_refresh(&f->rate, s, error) ||
         !saga_scene_init(&f->grad, &s->model, s->n, 1, 0, error) ||
         !saga_fit_begin_weights(f, error))
         return false;
@@ -141,7 +147,7 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
         .weight = (real)price
     };
 
-    if (o.rounding && !f->rate.decision.decided &&
+    if (o.rounding && !f->o.given && !f->rate.decision.decided &&
         !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
     saga_rate_look(&o, f->iteration, is_remembering(f));
@@ -285,9 +291,9 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     const real rate = ramp * decay(turn, f->o.n_render, R(0.03));
     const rates now = {
         .feature = rate * R(0.012), .prim = rate * R(0.0001),
-        .entropy = is_rounding(f) ? 0 : rate * R(0.004),
-        .networks = rate * R(0.0016),
-        .steps = is_rounding(f) ? 0 : rate * R(0.01)
+        .entropy = is_rounding(f) || f->o.given ? 0 : rate * R(0.004),
+        .networks = f->o.given ? 0 : rate * R(0.0016),
+        .steps = is_rounding(f) || f->o.given ? 0 : rate * R(0.01)
     };
 
     saga_twin_offsets(&f->twin, &f->used);

@@ -19,6 +19,9 @@
  * rounded is rounded against the means they foretell. What the other networks
  * do is told in fit_weights.c.
  *
+ * A fit with given networks learns features and positions alone: the networks
+ * are those of a file's first segment, as they are decoded.
+ *
  * The same bits for any number of threads.
  */
 #ifndef SAGA_FIT_H
@@ -32,17 +35,27 @@
 #include "twin.h"
 #include "weight_rate.h"
 
+/* These are networks as they are decoded, and what kinds without sources have
+ * instead of one. */
+typedef struct saga_fit_networks {
+    saga_scene scene;            /* model with its formats, networks; nothing
+                                  * else */
+    saga_rate_constants constants;
+} saga_fit_networks;
+
 typedef struct saga_fit_options {
     int n_render;                /* iterations */
     uint64_t seed;
     saga_prices price;
     bool raw_networks;           /* parameters cost nothing and keep the step
                                   * 2^-SAGA_RAW_STEP; the ablation */
+    const saga_fit_networks *given; /* NULL: the fit makes its own */
 } saga_fit_options;
 
 typedef struct saga_fit saga_fit;
 
-/* scene's reals are what is fitted; its anchors go to the nearest positions
+/* scene's reals are what is fitted; where networks are given its model is
+ * theirs, and its own become them. Its anchors go to the nearest positions
  * that can be coded (saga_rate_snap) and stay there. Scene and pictures stay
  * the caller's. Before the first iteration come saga_fit_start (start.h) or
  * saga_fit_walk, one of them. Fails where memory is short. */

@@ -147,6 +147,10 @@ bool saga_fit_use_weights(saga_fit *f, saga_error *error)
     const int done = f->iteration;
     const int now = n_rounded(f, done), before = n_rounded(f, done - 1);
 
+    if (f->o.given) {
+        copy_params(f);
+        return true;
+    }
     if (done == 0)
         start_steps(f);
     if (now > before && !round_layers(f, before, now, error))
@@ -159,7 +163,7 @@ bool saga_fit_use_weights(saga_fit *f, saga_error *error)
 
 void saga_fit_rate_weights(saga_fit *f)
 {
-    if (!f->o.raw_networks)
+    if (!f->o.raw_networks && !f->o.given)
         saga_weights_rate(f->grad.params, &f->weights, f->params,
                           f->scene->params, f->o.price.weight);
 }
@@ -167,7 +171,8 @@ void saga_fit_rate_weights(saga_fit *f)
 void saga_fit_round_weights(saga_fit *f)
 {
     copy_params(f);
-    saga_weights_round(f->params, f->scene->params, &f->weights);
+    if (!f->o.given)
+        saga_weights_round(f->params, f->scene->params, &f->weights);
 }
 
 /* Counts by the integers' own frequencies: a normal distribution says more

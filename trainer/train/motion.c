@@ -26,6 +26,28 @@ static bool changes(const uint8_t *a, const uint8_t *b)
            abs(a[2] - b[2]) > CHANGE;
 }
 
+double saga_train_change(const saga_capture *c)
+{
+    const int n = c->n_frames < N_FRAMES ? c->n_frames : N_FRAMES;
+    double changing = 0, pixels = 0;
+
+    for (int v = 0; v < c->n_views; v++) {
+        const size_t size = saga_view_frame_nbytes(&c->views[v]);
+        const uint8_t *const middle = saga_capture_frame(c, v,
+                                                         c->n_frames / 2);
+
+        for (int i = 0; i < n && !c->views[v].held_out; i++) {
+            const uint8_t *const now = saga_capture_frame(
+                c, v, (int)((int64_t)i * c->n_frames / n));
+
+            for (size_t at = 0; at < size; at += 3)
+                changing += changes(now + at, middle + at);
+            pixels += (double)(size / 3);
+        }
+    }
+    return pixels > 0 ? changing / pixels : 0;
+}
+
 static void count_pixel(tally *sum, const uint8_t *now, const uint8_t *middle,
                         const real *drawn, const real *drawn_middle,
                         size_t plane)
@@ -96,6 +118,8 @@ bool saga_train_decide(saga_train *t, saga_error *error)
 {
     tally sum = { 0, 0, 0, 0 };
 
+    if (t->turn > 0)
+        return true;
     t->dynamic = t->flat_options.temporal;
     if (!t->dynamic || t->o.motion == SAGA_TRAIN_MOVING)
         return true;

@@ -271,8 +271,8 @@ typedef struct {
     const saga_rate_choice *choice;
     const saga_twin *twin;
     const saga_weights *steps;   /* NULL: entropy networks alone */
-    saga_scene *decoded;         /* NULL, or takes the layers as they were
-                                  * quantised */
+    saga_scene *decoded;         /* NULL, or takes what was quantised: the
+                                  * layers, or the rest */
 } packing;
 
 static bool pack_net(saga_net_symbols *out, const packing *p, int net,
@@ -444,12 +444,15 @@ static void from_units(float *x, const double *u, size_t n)
         x[i] = (float)(u[i] / (i % 4 < 3 ? 8388608.0 : 65536.0));
 }
 
-/* The decoded scene has the same structure; its reals are to be filled in. */
+/* The decoded scene has the same structure, and the file's networks; its other
+ * reals are to be filled in. */
 static bool begin_decoded(saga_scene *d, const saga_scene *s,
-                          const saga_model *m, saga_error *error)
+                          const saga_scene *networks, saga_error *error)
 {
-    if (!saga_scene_init(d, m, s->n, s->n_nodes, 0, error))
+    if (!saga_scene_init(d, &networks->model, s->n, s->n_nodes, 0, error))
         return false;
+    memcpy(d->params, networks->params,
+           networks->n_reals * sizeof *networks->params);
     memcpy(d->split, s->split, s->n_nodes);
     memcpy(d->occupancy, s->occupancy, s->n_nodes * sizeof *s->occupancy);
     memcpy(d->coarse, s->coarse, s->n.coarse * sizeof *s->coarse);
@@ -494,7 +497,7 @@ static void free_units(units *u)
  * they are, and positions move by that little: against the positions they would
  * be anywhere again. */
 static bool close_loop(saga_symbols *y, const saga_encoder *e,
-                       saga_pack_report *report, const packing *p,
+                       saga_quantise_report *report, const packing *p,
                        saga_error *error)
 {
     const saga_scene *const s = &p->choice->scene;
@@ -507,7 +510,7 @@ static bool close_loop(saga_symbols *y, const saga_encoder *e,
         const saga_decoded d = { u.coarse, u.fine, u.prim_out, u.feature,
                                  u.order };
 
-        ok = saga_quantise_segment(y, &report->quantise, e, &t, &d, error);
+        ok = saga_quantise_segment(y, report, e, &t, &d, error);
     }
     if (ok && p->decoded) {
         from_units(p->decoded->coarse_x, u.coarse, s->n.coarse);
@@ -520,41 +523,71 @@ static bool close_loop(saga_symbols *y, const saga_encoder *e,
     return ok;
 }
 
-/* Makes symbols, then bytes, with the encoder's networks. */
-static bool pack_segment(uint8_t **bytes, size_t *n, saga_pack_report *report,
-                         saga_encoder *e, const packing *p, uint32_t n_frames,
-                         saga_error *error)
+/* --- The file ------------------------------------------------------------ */
+
+/* Sets the constants to what kinds without sources are coded with. */
+static void keep_constants(saga_rate_constants *c, const saga_model *m)
 {
+    for (int kind = 0; kind < SAGA_N_KINDS; kind++)
+        for (uint32_t i = 0; i < saga_n_channels(m, kind); i++) {
+            const int q = saga_rate_value_q(m, kind, i);
+            float *const mean = &c->mean[kind][i];
+            float *const sigma = &c->log2_sigma[kind][i];
+
+            *mean = (float)ldexp(rint(ldexp((double)*mean, q)), -q);
+            *sigma = (float)ldexp(rint(ldexp((double)*sigma,
+                                             SAGA_COST_SIGMA_Q)),
+                                  -SAGA_COST_SIGMA_Q);
+        }
+}
+
+bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
+                     const saga_header *header, const saga_rig_camera *rig,
+                     saga_error *error)
+{
+    saga_header h = *header;
+    saga_scene *const networks = &file->networks.scene;
+    const packing p = { &h.model, in->choice, in->twin, in->weights,
+                        networks };
+    saga_net_symbols nets;
+
+    h.model = in->choice->scene.model;
+    measure_formats(&h.model, in);
+    file->networks.constants = in->choice->rate->constants;
+    keep_constants(&file->networks.constants, &h.model);
+    if (!saga_scene_init(networks, &h.model, (saga_counts){ 0 }, 0, 0, error))
+        return false;
+    if (pack_nets(&nets, &p, error)) {
+        file->encoder = saga_encoder_open(&h, rig, &nets, error);
+        saga_net_symbols_free(&nets);
+    }
+    if (!file->encoder)
+        saga_packed_free(file);
+    return file->encoder != NULL;
+}
+
+bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
+                       saga_quantise_report *report, saga_scene *decoded,
+                       const saga_pack_input *in, saga_error *error)
+{
+    const saga_scene *const networks = &file->networks.scene;
+    const packing p = { &networks->model, in->choice, in->twin, NULL,
+                        decoded };
     saga_symbols y = { .n_nodes = 0 };
     const bool ok =
-        alloc_symbols(&y, &p->choice->scene, error) &&
-        close_loop(&y, e, report, p, error) &&
-        saga_encoder_segment(e, &y, n_frames, error) &&
-        saga_encoder_finish(e, bytes, n, &report->sizes, error);
+        (!decoded || begin_decoded(decoded, &in->choice->scene, networks,
+                                   error)) &&
+        alloc_symbols(&y, &in->choice->scene, error) &&
+        close_loop(&y, file->encoder, report, &p, error) &&
+        saga_encoder_insert(file->encoder, place, &y, n_frames, error);
 
     free_symbols(&y);
     return ok;
 }
-bool saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
-               const saga_pack_input *in, saga_error *error)
-{
-    saga_header h = *in->header;
-    const packing p = { &h.model, in->choice, in->twin, in->weights,
-                        in->decoded };
-    saga_net_symbols nets;
-    saga_encoder *e;
-    bool ok;
 
-    memset(report, 0, sizeof *report);
-    h.model = in->choice->scene.model;
-    measure_formats(&h.model, in);
-    if ((in->decoded && !begin_decoded(in->decoded, &in->choice->scene,
-                                       &h.model, error)) ||
-        !pack_nets(&nets, &p, error))
-        return false;
-    e = saga_encoder_open(&h, in->rig, &nets, error);
-    ok = e && pack_segment(bytes, n, report, e, &p, in->n_frames, error);
-    saga_encoder_free(e);
-    saga_net_symbols_free(&nets);
-    return ok;
+void saga_packed_free(saga_packed *file)
+{
+    saga_encoder_free(file->encoder);
+    saga_scene_free(&file->networks.scene);
+    memset(file, 0, sizeof *file);
 }

@@ -11,6 +11,13 @@
 #include "quantise.h"
 #include "scene.h"
 
+/* This is a file in the making: its networks as they are decoded, which every
+ * segment shares, and the segments so far. Empty: all zero. */
+typedef struct saga_packed {
+    saga_encoder *encoder;
+    saga_fit_networks networks;
+} saga_packed;
+
 /* The choice's scene is packed. All networks have run on all there is, and
  * choice, feature and twin are as saga_fit_code gives them. */
 typedef struct saga_pack_input {
@@ -20,23 +27,25 @@ typedef struct saga_pack_input {
     const saga_weights *weights; /* steps of the networks' parameters,
                                   * but for the entropy networks': the
                                   * choice's */
-    const saga_header *header;   /* level, frame rate, cube, rig count; its
-                                  * model is not looked at */
-    const saga_rig_camera *rig;
-    uint32_t n_frames;
-    saga_scene *decoded;         /* NULL, or takes the scene a decoder has:
-                                  * decoded symbols, dequantised networks, in
-                                  * float (saga_scene_free it) */
 } saga_pack_input;
 
-typedef struct saga_pack_report {
-    saga_encode_sizes sizes;
-    saga_quantise_report quantise;
-} saga_pack_report;
+/* Begins a file: packs the networks, in formats that the measured ranges allow.
+ * header: level, frame rate, cube, rig count; its model is not looked at. rig
+ * is its cameras. Where it fails there is nothing to free. */
+bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
+                     const saga_header *header, const saga_rig_camera *rig,
+                     saga_error *error);
 
-/* Makes the file: *bytes belongs to the caller (free). */
-bool saga_pack(uint8_t **bytes, size_t *n, saga_pack_report *report,
-               const saga_pack_input *in, saga_error *error);
+/* Puts a segment of n_frames at a place among those of the file
+ * (saga_encoder_insert). The networks of the choice's scene are the file's.
+ * decoded: NULL, or takes the scene a decoder has, decoded symbols and
+ * networks, in float (saga_scene_free it, also after a failure). */
+bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
+                       saga_quantise_report *report, saga_scene *decoded,
+                       const saga_pack_input *in, saga_error *error);
+
+/* Takes an empty one too, and leaves it so. */
+void saga_packed_free(saga_packed *file);
 
 /* Packs the entropy networks of a choice alone, for a scene whose other
  * networks stay as they were coded: their symbols (saga_net_symbols_free), and

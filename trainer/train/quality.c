@@ -37,11 +37,12 @@ int saga_train_sample(const saga_capture *c, int view, int index)
 typedef bool measure_fn(void *user, double *psnr, saga_sample picture,
                         saga_error *error);
 
+/* Adds the segment's pictures to the means of those before. */
 static bool measure(saga_train_quality *q, const saga_capture *c,
                     measure_fn *psnr_of, void *user, saga_error *error)
 {
-    double sum[2] = { 0, 0 };
-    int n[2] = { 0, 0 };
+    int n[2] = { q->n_training, q->n_held_out };
+    double sum[2] = { q->training * n[0], q->held_out * n[1] };
 
     for (int v = 0; v < c->n_views; v++) {
         const int set = c->views[v].held_out;

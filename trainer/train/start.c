@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "start.h"
 
+#include "adam.h"
 #include "alloc.h"
 #include "canonical.h"
 #include "fit_state.h"
@@ -37,6 +38,12 @@ enum { N_TURNS = 6 };
  * magnitude. */
 #define MOST_DEVIATION 4.0
 #define MOST_FEATURE 24.0
+
+/* Features for given networks take so many steps of descent, at rates that fall
+ * from the first to the last. */
+enum { N_STEPS = 300 };
+#define FIRST_RATE 0.1
+#define LAST_RATE 0.005
 
 /* Groups of attributes are in the order of the dimensions. */
 enum { OPACITY, SCALE, QUAT, SLOPE, WIDTH, MOTION, COLOUR, N_GROUPS };
@@ -543,7 +550,7 @@ static void set_features(const start *x, saga_fit *f)
     }
 }
 
-/* --- The whole ----------------------------------------------------------- */
+/* --- Networks of one's own ----------------------------------------------- */
 
 /* Returns what a unit of a feature may cost the pictures' mean squared error. A
  * step of it costs price step^2 / 12, which at equal slopes is a bit's worth
@@ -602,27 +609,143 @@ static bool begin_twin(saga_fit *f, saga_error *error)
     return true;
 }
 
-bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error)
+static void make_networks(start *x, saga_fit *f)
 {
     static const int passing[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE,
                                    SAGA_NET_FUSE_F };
+
+    for (size_t i = 0; i < sizeof passing / sizeof *passing; i++)
+        if (f->scene->net[passing[i]].n_layers)
+            pass_features(&f->scene->net[passing[i]], x->f);
+    choose_supports(x, f->scene);
+    set_supports(x, f);
+    want(x, f);
+    raise_weights(x);
+    solve_all(x, price_of(f), saga_fit_feature_step(f->scene));
+    set_geometry(x, f);
+    set_colour(x, f);
+    set_features(x, f);
+}
+
+/* --- Given networks ------------------------------------------------------ */
+
+/* Features begin with their mean; their twin is made. */
+static bool begin_features(saga_fit *f, saga_error *error)
+{
+    const real *const mean =
+        f->rate.constants.mean[SAGA_KIND_COARSE] + 4;
+    const size_t n = f->scene->model.features;
+
+    for (size_t i = 0; i < n * f->scene->n.coarse; i++)
+        f->scene->coarse_feature[i] = mean[i % n];
+    return begin_twin(f, error);
+}
+
+/* Sets the twin's gradients to those of
+ * sum_i sum_k w_ik (a_ik - wanted_ik)^2, a and wanted as pictures see them. */
+static void pull(const start *x, saga_fit *f)
+{
+    real *has[N_GROUPS], *wants[N_GROUPS], *d[N_GROUPS];
+    const double *w = x->weight;
+
+    groups_of(has, &f->twin.attr);
+    groups_of(wants, x->target);
+    groups_of(d, &f->twin.d_attr);
+    saga_twin_clear(&f->twin, f->scene);
+    for (size_t i = 0; i < x->n; i++)
+        for (int g = 0; g < N_GROUPS; g++)
+            for (size_t k = 0; k < x->width[g]; k++, w++) {
+                const size_t at = i * stride[g] + k, axis = 3 * i + k % 3;
+                const real unit = g == MOTION ? f->twin.attr.support[axis] : 1;
+                const real a = wants[g] ? wants[g][at] : 0;
+                const real e = 2 * (real)*w * (has[g][at] * unit - a);
+
+                d[g][at] += e * unit;
+                if (g == MOTION)
+                    f->twin.d_attr.support[axis] += e * has[g][at];
+            }
+}
+
+/* Adds the gradient of the features' bits, by the constants of their kind. */
+static void add_bits(saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    const saga_rate_constants *const c = &f->rate.constants;
+    const double step = saga_fit_feature_step(s);
+    const size_t n = s->model.features;
+
+    for (size_t k = 0; k < n; k++) {
+        const double sigma =
+            step * exp2((double)c->log2_sigma[SAGA_KIND_COARSE][4 + k]);
+        const real price = (real)(f->o.price.start / (M_LN2 * sigma * sigma));
+
+        for (size_t i = k; i < n * s->n.coarse; i += n)
+            f->grad.coarse_feature[i] += price *
+                (s->coarse_feature[i] - c->mean[SAGA_KIND_COARSE][4 + k]);
+    }
+}
+
+static bool descend(saga_fit *f, int turn, saga_error *error)
+{
+    const saga_scene *const s = f->scene;
+    const saga_adam adam = saga_adam_default();
+    const size_t at = (size_t)(s->coarse_feature - s->reals);
+    const double rate = FIRST_RATE * pow(LAST_RATE / FIRST_RATE,
+                                         (double)turn / (N_STEPS - 1));
+    const saga_adam_tensor t = {
+        "coarse features", s->coarse_feature, f->grad.coarse_feature,
+        f->m + at, f->v + at, (size_t)s->n.coarse * s->model.features,
+        (real)rate
+    };
+
+    return saga_adam_update(&adam, &t, 1, (uint64_t)turn + 1, error);
+}
+
+/* Colours are looked at from where the pictures were taken. Adam's moments are
+ * the fit's, which begins after this. */
+static bool find_features(const start *x, saga_fit *f, saga_error *error)
+{
+    const saga_rng r = saga_rng_stream(f->o.seed, STREAM_SIGNS);
+    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
+    bool ok = begin_features(f, error);
+
+    for (int i = 0; ok && i < N_STEPS; i++) {
+        saga_splat_camera camera;
+
+        saga_pictures_camera(&camera, f->pictures,
+                             saga_pictures_pick(f->pictures, r, (uint64_t)i));
+        memset(f->grad.reals, 0, f->grad.n_reals * sizeof(real));
+        saga_twin_geometry(&f->twin, &f->used, f->scene->coarse_feature);
+        saga_twin_colour(&f->twin, &f->used, camera.centre);
+        pull(x, f);
+        saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
+        saga_twin_backward(&f->twin, &f->grad, &f->used);
+        add_bits(f);
+        ok = descend(f, i, error);
+    }
+    for (size_t i = 0; i < n; i++)
+        f->scene->coarse_feature[i] =
+            saga_clamp(f->scene->coarse_feature[i], -(real)MOST_FEATURE,
+                       (real)MOST_FEATURE);
+    memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
+    memset(f->v, 0, f->scene->n_reals * sizeof *f->v);
+    return ok;
+}
+
+/* --- All of it ----------------------------------------------------------- */
+
+bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error)
+{
     start x = { .target = target };
     bool ok;
 
     saga_splat_canonical(target, f->scene->n.prim);
     ok = init(&x, f, error) && weigh(&x, f, error);
-    if (ok) {
-        for (size_t i = 0; i < sizeof passing / sizeof *passing; i++)
-            if (f->scene->net[passing[i]].n_layers)
-                pass_features(&f->scene->net[passing[i]], x.f);
-        choose_supports(&x, f->scene);
-        set_supports(&x, f);
-        want(&x, f);
+    if (ok && f->o.given) {
         raise_weights(&x);
-        solve_all(&x, price_of(f), saga_fit_feature_step(f->scene));
-        set_geometry(&x, f);
-        set_colour(&x, f);
-        set_features(&x, f);
+        ok = find_features(&x, f, error);
+    } else if (ok) {
+        make_networks(&x, f);
     }
     release(&x);
     return ok && begin_twin(f, error);

@@ -18,16 +18,20 @@
  * primitive i: the diagonal of the Gauss-Newton matrix, estimated from pictures
  * of random signs. Features are uncorrelated, and scaled so that a quantisation
  * step of each costs the pictures what its bits are worth.
+ *
+ * Given networks have their basis already, and are not linear. Then features
+ * alone are found, by gradient descent from their mean, and what they cost by
+ * the entropy model's constants counts too.
  */
 #ifndef SAGA_START_H
 #define SAGA_START_H
 
 #include "fit.h"
 
-/* Sets features and networks (but the entropy model's) of f's scene, and f's
- * twin accordingly. target (n.prim), in rank order, are the warm-up's
- * primitives; they take their canonical form (canonical.h) and are not needed
- * afterwards. Fails where memory is short. */
+/* Sets features and, unless they are given, networks (but the entropy model's)
+ * of f's scene, and f's twin accordingly. target (n.prim), in rank order, are
+ * the warm-up's primitives; they take their canonical form (canonical.h) and
+ * are not needed afterwards. Fails where memory is short. */
 bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error);
 
 #endif

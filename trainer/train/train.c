@@ -43,7 +43,7 @@ const char *saga_train_stage_name(saga_train_stage stage)
 saga_train_options saga_train_defaults(void)
 {
     return (saga_train_options){
-        .n_primitives = 5000, .n_iterations = 6000,
+        .n_segments = 1, .n_primitives = 5000, .n_iterations = 6000,
         .level = 2, .seed = 1,
         .checkpoint_seconds = 300
     };
@@ -100,11 +100,8 @@ static bool check_options(const saga_train_options *o,
     if (!(o->lambda >= 0 && o->lambda <= 1e6))
         return saga_fail(error, NULL, "give 0 to 1000000", "--lambda %g",
                          o->lambda);
-    if (o->segment_frames != 0)
-        return saga_fail(error, NULL, "leave it 0", "segments of %d frames "
-                         "cannot be made yet", o->segment_frames);
     if (c->n_frames > 65535)
-        return saga_fail(error, NULL, "take a part with --frames A:B",
+        return saga_fail(error, NULL, "take shorter ones with --segment",
                          "%d frames are more than the 65535 of a segment",
                          c->n_frames);
     if (c->n_views > SAGA_MAX_CAMERAS)
@@ -146,6 +143,18 @@ static double seconds(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+/* Makes the pictures of a segment's capture. */
+static bool look_at(saga_train *t, const saga_capture *capture,
+                    saga_error *error)
+{
+    if (!saga_pictures_init(&t->pictures, capture, error))
+        return false;
+    t->capture = capture;
+    if (t->o.checkpoint)
+        t->digest = saga_pictures_digest(&t->pictures);
+    return true;
+}
+
 static saga_train *make(const saga_capture *capture,
                         const saga_train_options *options,
                         saga_error *error)
@@ -159,18 +168,15 @@ static saga_train *make(const saga_capture *capture,
     t = saga_calloc(1, sizeof *t, "the training", error);
     if (!t)
         return NULL;
-    if (!saga_pictures_init(&t->pictures, capture, error)) {
+    t->o = *options;
+    if (!look_at(t, capture, error)) {
         free(t);
         return NULL;
     }
-    t->capture = capture;
-    t->o = *options;
     t->ablation = ablation;
     derive(&t->o);
     t->lambda = t->o.lambda;
     t->explained = (double)NAN;
-    if (t->o.checkpoint)
-        t->digest = saga_pictures_digest(&t->pictures);
     t->flat_options = saga_flat_defaults();
     t->flat_options.n_primitives = t->o.n_primitives;
     t->flat_options.n_iterations = t->o.n_warm;
@@ -212,8 +218,9 @@ static bool spend_minutes(saga_train *t, saga_error *error)
     if (!(mean > 0))
         return false;
     t->o.n_warm = 0;
-    t->o.n_iterations = (int)fmin(fmax(60 * t->o.minutes / mean, LEAST_TIMED),
-                                  MOST_TIMED);
+    t->o.n_iterations = (int)fmin(
+        fmax(60 * t->o.minutes / t->o.n_segments / mean, LEAST_TIMED),
+        MOST_TIMED);
     derive(&t->o);
     t->flat_options.n_iterations = t->o.n_warm;
     return true;
@@ -258,10 +265,9 @@ saga_train *saga_train_resume(const saga_capture *capture,
     return t;
 }
 
-void saga_train_free(saga_train *t)
+/* Drops all that is of one segment. */
+static void end_segment(saga_train *t)
 {
-    if (!t)
-        return;
     saga_fit_free(t->fit);
     saga_train_params_free(&t->target);
     saga_scene_free(&t->scene);
@@ -270,7 +276,86 @@ void saga_train_free(saga_train *t)
     saga_flat_free(t->flat);
     saga_pictures_free(&t->pictures);
     free(t->bytes);
+    t->fit = NULL;
+    t->flat = NULL;
+    t->bytes = NULL;
+}
+
+void saga_train_free(saga_train *t)
+{
+    if (!t)
+        return;
+    end_segment(t);
+    saga_packed_free(&t->file);
     free(t);
+}
+
+/* --- Checkpoints --------------------------------------------------------- */
+
+static void save(saga_train *t)
+{
+    if (!t->o.checkpoint)
+        return;
+    t->complaint.message[0] = '\0'; /* the newest is told */
+    t->complained = !saga_train_save(t, &t->complaint);
+    t->saved = seconds();
+}
+
+const char *saga_train_complaint(saga_train *t)
+{
+    const bool complained = t->complained;
+
+    t->complained = false;
+    return complained ? t->complaint.message : NULL;
+}
+
+/* --- Segments ------------------------------------------------------------ */
+
+int saga_train_segment_at(int first, int turn)
+{
+    return turn == 0 ? first : turn <= first ? turn - 1 : turn;
+}
+
+int saga_train_segment(const saga_train *t)
+{
+    return saga_train_segment_at(t->o.first, t->turn);
+}
+
+int saga_train_upcoming(const saga_train *t)
+{
+    return t->turn + 1 < t->o.n_segments
+        ? saga_train_segment_at(t->o.first, t->turn + 1) : -1;
+}
+
+/* The file has one rig. */
+static bool same_views(const saga_train *t, const saga_capture *capture,
+                       saga_error *error)
+{
+    const int n = (int)t->report.info.n_cameras;
+
+    return capture->n_views == n ||
+           saga_fail(error, NULL, "give a longer --segment, or leave those "
+                     "cameras out", "%d cameras have pictures in segment %d, "
+                     "%d in the one before", capture->n_views,
+                     saga_train_upcoming(t), n);
+}
+
+bool saga_train_next(saga_train *t, const saga_capture *capture,
+                     saga_error *error)
+{
+    if (!same_views(t, capture, error))
+        return false;
+    end_segment(t);
+    t->fitting = false;
+    if (!look_at(t, capture, error))
+        return false;
+    t->flat = saga_flat_new(&t->pictures, &t->flat_options, error);
+    if (!t->flat)
+        return false;
+    t->turn++;
+    t->stage = SAGA_TRAIN_WARM;
+    save(t);
+    return true;
 }
 
 /* --- From the warm-up to the fit ----------------------------------------- */
@@ -297,7 +382,10 @@ static bool build(saga_train *t, uint32_t *source,
     saga_model model;
     bool ok;
 
-    saga_train_model(&model, t);
+    if (t->file.encoder)
+        model = t->file.networks.scene.model;
+    else
+        saga_train_model(&model, t);
     saga_hierarchy_defaults(&o);
     o.model = &model;
     o.max_coarse = t->o.n_coarse;
@@ -334,7 +422,8 @@ bool saga_train_begin_fit(saga_train *t, saga_error *error)
     const double n_pixels = saga_pictures_pixels(&t->pictures);
     saga_fit_options o = {
         .n_render = t->o.n_render, .seed = t->o.seed,
-        .raw_networks = t->ablation.raw_networks
+        .raw_networks = t->ablation.raw_networks,
+        .given = t->file.encoder ? &t->file.networks : NULL
     };
 
     if (!(t->lambda > 0))
@@ -366,7 +455,7 @@ static int iteration_of(const saga_train *t)
 
 int saga_train_iteration(const saga_train *t)
 {
-    int sum = 0;
+    int sum = t->turn * t->o.n_iterations;
 
     for (int s = 0; s < (int)t->stage; s++)
         sum += iterations_of(t, (saga_train_stage)s);
@@ -397,34 +486,16 @@ static bool tell(const saga_train *t)
 {
     const saga_train_progress p = {
         .stage = t->stage, .name = saga_train_stage_name(t->stage),
+        .segment = saga_train_segment(t),
         .iteration = iteration_of(t),
         .n_iterations = iterations_of(t, t->stage),
         .all = saga_train_iteration(t),
         .psnr = t->recent_mse > 0 ? -10 * log10(t->recent_mse) : 0,
         .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->fit) : 0,
-        .done = work_done(t) / work_of_all(t)
+        .done = (t->turn + work_done(t) / work_of_all(t)) / t->o.n_segments
     };
 
     return !t->o.progress || t->o.progress(t->o.progress_user, &p);
-}
-
-/* --- Checkpoints --------------------------------------------------------- */
-
-static void save(saga_train *t)
-{
-    if (!t->o.checkpoint)
-        return;
-    t->complaint.message[0] = '\0'; /* the newest is told */
-    t->complained = !saga_train_save(t, &t->complaint);
-    t->saved = seconds();
-}
-
-const char *saga_train_complaint(saga_train *t)
-{
-    const bool complained = t->complained;
-
-    t->complained = false;
-    return complained ? t->complaint.message : NULL;
 }
 
 /* --- Stages -------------------------------------------------------------- */

@@ -8,8 +8,13 @@
  *     rendering    rate and distortion against the pictures (fit.h)
  *     packing      quantised networks, closed loop, bytes (pack.h)
  *
- * The result does not depend on the number of threads. The capture must outlive
- * the saga_train that reads it.
+ * A long capture is trained in segments, one after the other, and only the
+ * pictures of one are needed at a time. The first to be trained makes the
+ * networks. They go into the file once, and the others find primitives and
+ * features for them as they are. What stays of a finished segment is its bytes.
+ *
+ * The result does not depend on the number of threads. A capture must outlive
+ * the training of its segment.
  *
  * Model only what a scene needs. A capture of one frame has no temporal tools.
  * One of several loses them when the warm-up shows that nothing moves. Looked
@@ -42,25 +47,31 @@ typedef enum saga_train_motion {
 typedef struct saga_train_progress {
     saga_train_stage stage;
     const char *name;            /* of the stage */
+    int segment;                 /* of the file, in order of time */
     int iteration, n_iterations; /* of the stage; it begins at 0 */
-    int all;                     /* iterations of all stages so far */
+    int all;                     /* iterations of all stages and segments so
+                                  * far */
     double psnr;                 /* of recent training pictures; 0: none yet */
     double bits;                 /* the residuals would take; 0 before the
                                   * rendering */
-    double done;                 /* 0..1 of all work, an estimate */
+    double done;                 /* 0..1 of all segments' work, an estimate */
 } saga_train_progress;
 
 /* It is called after every iteration. Return false to stop there. */
 typedef bool saga_train_progress_fn(void *user, const saga_train_progress *p);
 
 typedef struct saga_train_options {
-    uint32_t n_primitives;       /* 1..the level's */
+    int n_segments;              /* of the file, >= 1 */
+    int first;                   /* the one that is trained first, and makes
+                                  * the networks */
+    uint32_t n_primitives;       /* of a segment, 1..the level's */
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
-    int n_iterations;            /* of all stages together, >= 2; and its */
+    int n_iterations;            /* of all stages of a segment, >= 2; and its */
     int n_warm, n_render;        /* split, both or none given */
-    double minutes;              /* > 0: n_iterations is what this machine does
-                                  * in them, by a trial when training begins;
-                                  * a checkpoint keeps it */
+    double minutes;              /* of all segments; > 0: n_iterations is what
+                                  * this machine does in a segment's part of
+                                  * them, by a trial when training begins; a
+                                  * checkpoint keeps it */
     double lambda;               /* bits per training pixel against
                                   * distortion (policy.h); 0: what balances
                                   * the warm-up's error and n_primitives */
@@ -68,15 +79,14 @@ typedef struct saga_train_options {
     uint64_t seed;
     saga_train_motion motion;
     const char *ablate;          /* ablation.h; NULL: nothing */
-    int segment_frames;          /* 0: one segment for all frames, the only
-                                  * value there is yet */
     const char *checkpoint;      /* file; NULL: none */
     double checkpoint_seconds;   /* between two of them, >= 0 */
     saga_train_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_train_options;
 
-/* These are means over at most some 60 pictures of each set, evenly spread. */
+/* These are means over at most some 60 pictures of each set in a segment,
+ * evenly spread. */
 typedef struct saga_train_quality {
     double training, held_out;   /* PSNR, dB; NaN: no such picture */
     int n_training, n_held_out;
@@ -92,7 +102,8 @@ typedef struct saga_train_kind {
     double weights;              /* of the kept network, about */
 } saga_train_kind;
 
-/* The choice among sources rests on these estimates on the trained model. */
+/* The choice among sources rests on these estimates on the trained model, of
+ * the segment that made the networks. */
 typedef struct saga_train_entropy {
     saga_train_kind kind[SAGA_N_KINDS];
     double hyper_weights;        /* bytes of the hyperprior, about; 0: off */
@@ -105,10 +116,11 @@ typedef struct saga_train_entropy {
                                   * SAGA_SYM_*; 0: none of them */
 } saga_train_entropy;
 
+/* This is about all segments that are finished. */
 typedef struct saga_train_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
-    saga_counts n;               /* coarse, fine, primitives */
+    saga_counts n;               /* coarse, fine, primitives; most of any */
     saga_info info;              /* of the file, as its decoder sees it */
     double lambda;               /* as asked for, or by the rule */
     bool dynamic;                /* temporal tools are on */
@@ -127,32 +139,41 @@ typedef struct saga_train_report {
 
 typedef struct saga_train saga_train;
 
-/* The defaults are 5,000 primitives, 6,000 iterations, level 2, a checkpoint
- * every 5 minutes where one is wanted. */
+/* The defaults are one segment, 5,000 primitives, 6,000 iterations, level 2, a
+ * checkpoint every 5 minutes where one is wanted. */
 saga_train_options saga_train_defaults(void);
 
-/* These return the iterations of all stages together: as asked for or tried;
- * that are done. */
+/* Returns how much of a capture moves: of the pixels of training views, the
+ * part that differs by more than 8/255 from the view's middle frame. The more
+ * a segment moves, the more its networks learn that others need. */
+double saga_train_change(const saga_capture *capture);
+
+/* These return the iterations of all stages together, as asked for or tried, of
+ * a segment; and those that are done, of all segments. */
 int saga_train_n_iterations(const saga_train *train);
 int saga_train_iteration(const saga_train *train);
 
-/* Begins a training. NULL, with the reason in *error: an option and the remedy.
- */
+/* Begins a training; the capture is that of segment options->first. NULL, with
+ * the reason in *error: an option and the remedy. */
 saga_train *saga_train_new(const saga_capture *capture,
                            const saga_train_options *options,
                            saga_error *error);
 
-/* Continues from options->checkpoint; capture and options as they were, but
- * for progress, checkpoint and its time. */
+/* Returns the segment that a checkpoint's training was in; negative, with the
+ * reason in *error, where it cannot be read. */
+int saga_train_stopped_in(const char *checkpoint, saga_error *error);
+
+/* Continues from options->checkpoint; options as they were, but for first,
+ * progress, checkpoint and its time; the capture of the segment it was in. */
 saga_train *saga_train_resume(const saga_capture *capture,
                               const saga_train_options *options,
                               saga_error *error);
 
 void saga_train_free(saga_train *train);
 
-/* Works until the file is there, or the progress function stops it. Writes the
- * checkpoint every checkpoint_seconds, at the end of a stage and when stopped;
- * one that cannot be written does not end the training:
+/* Works until the segment is there, or the progress function stops it. Writes
+ * the checkpoint every checkpoint_seconds, at the end of a stage and when
+ * stopped; one that cannot be written does not end the training:
  * saga_train_complaint. */
 saga_outcome saga_train_run(saga_train *train, saga_error *error);
 
@@ -160,13 +181,25 @@ saga_outcome saga_train_run(saga_train *train, saga_error *error);
  * none. */
 const char *saga_train_complaint(saga_train *train);
 
-/* These may be called after SAGA_DONE. The bytes belong to train. */
+/* These return the segment in training, or just finished; and the one that
+ * comes after it, -1 where it is the last. */
+int saga_train_segment(const saga_train *train);
+int saga_train_upcoming(const saga_train *train);
+
+/* Goes on with the upcoming segment, whose capture it is, after SAGA_DONE; the
+ * last one's is not needed any more. Where it fails only saga_train_free is
+ * left to be called. */
+bool saga_train_next(saga_train *train, const saga_capture *capture,
+                     saga_error *error);
+
+/* These may be called after SAGA_DONE: the file of all finished segments. The
+ * bytes belong to train, until its next segment. */
 const saga_train_report *saga_train_report_of(const saga_train *train);
 const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
 
 /* Draws, after SAGA_DONE, the picture (3, H, W) of the decoded symbols and
- * weights in float, which the integer decoder's can be compared with. Fails
- * where memory is short. */
+ * weights of the finished segment in float, which the integer decoder's can be
+ * compared with. Fails where memory is short. */
 bool saga_train_draw(saga_train *train, float *image, int view, int frame,
                      saga_error *error);
 

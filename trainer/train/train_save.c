@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * Checkpoints of the training hold what the run was asked for, the warm-up, and
- * once it has begun the fit. The hierarchy is not kept: it follows from the
- * warm-up.
+ * Checkpoints of the training hold what the run was asked for, the file of the
+ * finished segments, the warm-up, and once it has begun the fit. The hierarchy
+ * is not kept: it follows from the warm-up.
  */
+#include "encode_save.h"
 #include "train_state.h"
 
 #include <limits.h>
@@ -13,7 +14,7 @@
 /* Each has eight bytes, so that there is no padding. */
 typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
-    uint64_t motion, capture;
+    uint64_t motion, capture, segments, first, turn;
     char ablate[128];
     double lambda, chosen_lambda;
     uint64_t stage, fitting, dynamic;
@@ -32,6 +33,9 @@ static void fill(head *h, const saga_train *t)
     h->seed = t->o.seed;
     h->motion = (uint64_t)t->o.motion;
     h->capture = t->digest;
+    h->segments = (uint64_t)t->o.n_segments;
+    h->first = (uint64_t)t->o.first;
+    h->turn = (uint64_t)t->turn;
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
@@ -44,7 +48,18 @@ static void fill(head *h, const saga_train *t)
     h->recent_mse = t->recent_mse;
 }
 
-bool saga_train_save(const saga_train *t, saga_error *error)
+/* Walks over the networks and the report of the finished segments. */
+static void walk_file(saga_train *t, saga_checkpoint *c)
+{
+    saga_fit_networks *const n = &t->file.networks;
+
+    saga_checkpoint_walk(c, n->scene.params,
+                         n->scene.n_reals * sizeof *n->scene.params);
+    saga_checkpoint_walk(c, &n->constants, sizeof n->constants);
+    saga_checkpoint_walk(c, &t->report, sizeof t->report);
+}
+
+bool saga_train_save(saga_train *t, saga_error *error)
 {
     saga_checkpoint c;
     head h;
@@ -53,6 +68,10 @@ bool saga_train_save(const saga_train *t, saga_error *error)
         return false;
     fill(&h, t);
     saga_checkpoint_walk(&c, &h, sizeof h);
+    if (t->turn > 0) {
+        saga_encoder_save(t->file.encoder, &c);
+        walk_file(t, &c);
+    }
     saga_flat_save(t->flat, &c);
     if (t->fitting)
         saga_fit_walk(t->fit, &c);
@@ -101,6 +120,8 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
     head now;
 
     fill(&now, t);
+    if (!same(t, "a number of segments of", h->segments, now.segments, error))
+        return false;
     if (h->capture != now.capture)
         return saga_fail(error, t->o.checkpoint, "give the capture it was "
                          "begun with, or delete it",
@@ -122,13 +143,8 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
            same_ablation(t, h, &now, error);
 }
 
-static bool load_fit(saga_train *t, const head *h, saga_checkpoint *c,
-                     saga_error *error)
+static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
-    t->dynamic = h->dynamic != 0;
-    t->explained = h->explained;
-    t->changing = h->changing;
-    t->lambda = h->chosen_lambda;
     if (!saga_train_begin_fit(t, error))
         return false;
     saga_fit_walk(t->fit, c);
@@ -147,6 +163,33 @@ static bool adopt_iterations(saga_train *t, const head *h)
     return true;
 }
 
+/* The first segment to be trained, and which is in training, are the
+ * checkpoint's. */
+static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
+                      saga_error *error)
+{
+    if (h->first >= h->segments || h->turn >= h->segments) {
+        c->failed = true;
+        return false;
+    }
+    t->o.first = (int)h->first;
+    t->turn = (int)h->turn;
+    t->dynamic = h->dynamic != 0;
+    t->explained = h->explained;
+    t->changing = h->changing;
+    t->lambda = h->chosen_lambda;
+    if (t->turn == 0)
+        return true;
+    t->file.encoder = saga_encoder_restore(c, error);
+    if (!t->file.encoder ||
+        !saga_scene_init(&t->file.networks.scene,
+                         saga_encoder_model(t->file.encoder),
+                         (saga_counts){ 0 }, 0, 0, error))
+        return false;
+    walk_file(t, c);
+    return true;
+}
+
 static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     head h;
@@ -156,12 +199,12 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
         c->failed = true;
         return false;
     }
-    if (!fits(t, &h, error))
+    if (!fits(t, &h, error) || !load_turn(t, &h, c, error))
         return false;
     t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
     t->stage = (saga_train_stage)h.stage;
     t->recent_mse = h.recent_mse;
-    return t->flat && (!h.fitting || load_fit(t, &h, c, error));
+    return t->flat && (!h.fitting || load_fit(t, c, error));
 }
 
 bool saga_train_load(saga_train *t, saga_error *error)
@@ -173,4 +216,20 @@ bool saga_train_load(saga_train *t, saga_error *error)
         return false;
     ok = load(t, &c, error);
     return saga_checkpoint_close(&c, ok, error);
+}
+
+int saga_train_stopped_in(const char *checkpoint, saga_error *error)
+{
+    saga_checkpoint c;
+    head h;
+
+    if (!saga_checkpoint_open(&c, checkpoint, error))
+        return -1;
+    saga_checkpoint_walk(&c, &h, sizeof h);
+    c.failed = c.failed || h.first >= h.segments || h.turn >= h.segments ||
+               h.segments > SAGA_MAX_SEGMENTS;
+    /* The rest is not wanted here. */
+    saga_take(&c.rest, saga_left(&c.rest));
+    return saga_checkpoint_close(&c, true, error)
+        ? saga_train_segment_at((int)h.first, (int)h.turn) : -1;
 }

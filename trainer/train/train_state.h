@@ -27,7 +27,8 @@ struct saga_train {
     double lambda;               /* the option, or by the rule from the end of
                                   * the warm-up on */
     saga_policy policy;          /* from the end of the warm-up on */
-    saga_train_stage stage;
+    int turn;                    /* how many segments are finished */
+    saga_train_stage stage;      /* of the segment in training */
     double recent_mse;           /* of the stage's pictures, for progress; 0:
                                   * none yet */
     saga_flat_options flat_options;
@@ -43,7 +44,8 @@ struct saga_train {
     saga_scene decoded;          /* as the file has it, in float */
     saga_twin decoded_twin;
 
-    uint8_t *bytes;
+    saga_packed file;            /* of the finished segments */
+    uint8_t *bytes;              /* the same, once its segment is finished */
     size_t nbytes;
     saga_train_report report;
 
@@ -52,7 +54,9 @@ struct saga_train {
     bool complained;
 };
 
-/* train.c: builds the hierarchy and the fit; t->dynamic is decided. */
+/* train.c: returns the segment of a turn, where `first` has the first; builds
+ * the hierarchy and the fit, t->dynamic is decided. */
+int saga_train_segment_at(int first, int turn);
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
@@ -81,7 +85,7 @@ void saga_train_freeze(saga_splat_params *p, uint32_t n);
 void saga_train_centre(saga_splat_params *p, uint32_t n);
 void saga_train_params_free(saga_splat_params *p);
 
-/* quality.c: measures the report's qualities. */
+/* quality.c: adds the segment to the report's qualities. */
 bool saga_train_measure_flat(saga_train *t, saga_error *error);
 /* Measures the pictures that twin, which stands for scene, draws. */
 bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
@@ -96,7 +100,7 @@ bool saga_train_check_level(saga_train *t, saga_error *error);
 bool saga_train_pack(saga_train *t, saga_error *error);
 
 /* train_save.c */
-bool saga_train_save(const saga_train *t, saga_error *error);
+bool saga_train_save(saga_train *t, saga_error *error);
 bool saga_train_load(saga_train *t, saga_error *error);
 
 #endif

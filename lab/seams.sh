@@ -1,0 +1,58 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# seams.sh FILE.saga CAPTURE: how well a file changes from frame to frame, on the
+# seams between its segments and elsewhere. CAPTURE is one of `saga synth`.
+#
+# The temporal PSNR of a pair of frames is that of the change from one to the
+# next, each value the difference of two 8-bit ones and clipped to +-128. The
+# mean squared error is taken over all cameras of a pair, and over the pairs of
+# a row. PSNR is that of the frames themselves, of the pairs' second ones.
+set -eu
+saga=${SAGA:-${BUILD:-build}/saga}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+"$saga" info "$1" --json >"$work/info"
+read -r frames views seams <<<"$(python3 -c '
+import json, sys
+r = json.load(open(sys.argv[1]))
+print(sum(s["n_frames"] for s in r["segments"]), len(r["rig"]),
+      *(s["first_frame"] for s in r["segments"][1:]))' "$work/info")"
+
+change='format=gbrp,tblend=all_mode=grainextract'
+for ((v = 0; v < views; v++)); do
+    "$saga" render "$1" --camera "$v" --frames "0:$frames" \
+        -o "$work/%04d.png" 2>"$work/err"
+    ffmpeg -v error -start_number 0 -i "$work/%04d.png" \
+        -pattern_type glob -i "$2/images/$(printf 'cam%02d' "$v")/*.png" \
+        -lavfi "[0]format=gbrp,split[a][b];[1]format=gbrp,split[c][d];
+                [a]$change[e];[c]$change[f];
+                [e][f]psnr=stats_file=$work/change.$v[x];
+                [b][d]psnr=stats_file=$work/plain.$v[y]" \
+        -map '[x]' -map '[y]' -f null -
+done
+# ffmpeg counts frames from 1, and pairs too: pair n ends with frame n.
+awk -v seams="$seams" '
+    BEGIN { split(seams, s, " "); for (i in s) is_seam[s[i]] = 1 }
+    {
+        change = FILENAME ~ /change/
+        split($1, n, ":")
+        split($2, mse, ":")
+        at = change ? n[2] : n[2] - 1
+        if (at > 0) {
+            row = at in is_seam
+            sum[row, change] += mse[2]
+            count[row, change]++
+        }
+    }
+    function psnr(row, change) {
+        return 10 * log(255 ^ 2 * count[row, change] / sum[row, change]) / log(10)
+    }
+    END {
+        printf "%-10s %8s %14s\n", "", "PSNR, dB", "temporal PSNR"
+        for (row = 0; row < 2; row++)
+            if (count[row, 1])
+                printf "%-10s %8.2f %14.2f\n", row ? "seams" : "elsewhere",
+                       psnr(row, 0), psnr(row, 1)
+    }' "$work"/change.* "$work"/plain.*

@@ -1,0 +1,447 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A capture trained in segments: one file with the networks once, each of whose
+ * segments plays from the head and its own bytes, and that no interruption
+ * shows in.
+ */
+#include "container.h"
+#include "fit_state.h"
+#include "saga.h"
+#include "start.h"
+#include "synth_capture.h"
+#include "train_state.h"
+#include "view.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+/* The middle one is trained first. */
+enum { N = 3, FRAMES = 3, FIRST = 1, PICTURE = 3 * 64 * 36 };
+
+typedef struct {
+    char folder[64], checkpoint[80];
+    saga_capture capture;
+    uint8_t *bytes;              /* of an encode that was never stopped */
+    size_t n;
+    saga_train_report report;
+} fixture;
+
+static saga_train_options small(void)
+{
+    saga_train_options o = saga_train_defaults();
+
+    o.n_segments = N;
+    o.first = FIRST;
+    o.n_primitives = 150;
+    o.n_warm = 40;
+    o.n_render = 60;
+    o.motion = SAGA_TRAIN_MOVING;
+    return o;
+}
+
+/* A segment's frames lie among those of the whole capture. */
+typedef struct {
+    saga_capture capture;
+    saga_shot view[4];
+} slice;
+
+static const saga_capture *slice_of(slice *s, const fixture *f, int segment)
+{
+    s->capture = f->capture;
+    s->capture.views = s->view;
+    s->capture.n_frames = FRAMES;
+    for (int v = 0; v < f->capture.n_views; v++) {
+        s->view[v] = f->capture.views[v];
+        s->view[v].rgb += saga_view_frame_nbytes(&s->view[v]) *
+                          (size_t)(segment * FRAMES);
+    }
+    return &s->capture;
+}
+
+static saga_train *begin(const fixture *f, slice *s,
+                         const saga_train_options *o)
+{
+    saga_error error = { "" };
+    saga_train *const t = saga_train_new(slice_of(s, f, o->first), o, &error);
+
+    if (!t)
+        fail_msg("%s", error.message);
+    return t;
+}
+
+/* Goes on with the next segment, if there is one. */
+static bool proceed(saga_train *t, const fixture *f, slice *s)
+{
+    const int next = saga_train_upcoming(t);
+    saga_error error = { "" };
+
+    if (next >= 0 && !saga_train_next(t, slice_of(s, f, next), &error))
+        fail_msg("%s", error.message);
+    return next >= 0;
+}
+
+/* Runs until it is stopped, or nothing is left. */
+static saga_outcome run(saga_train *t, const fixture *f, slice *s)
+{
+    saga_error error = { "" };
+    saga_outcome status;
+
+    do
+        status = saga_train_run(t, &error);
+    while (status == SAGA_DONE && proceed(t, f, s));
+    if (status == SAGA_FAILED)
+        fail_msg("%s", error.message);
+    return status;
+}
+
+static int set_up(void **state)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    const saga_synth_options o = synth_options(64, 36, 4, N * FRAMES, 300);
+    const saga_train_options options = small();
+    char path[80];
+    saga_train *t;
+    slice s;
+
+    assert_non_null(f);
+    strcpy(f->folder, "/tmp/test_segments.XXXXXX");
+    assert_non_null(mkdtemp(f->folder));
+    snprintf(path, sizeof path, "%s/room", f->folder);
+    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.ckpt", f->folder);
+    f->capture = synth_capture(path, &o);
+    t = begin(f, &s, &options);
+    assert_int_equal(run(t, f, &s), SAGA_DONE);
+    f->n = t->nbytes;
+    f->bytes = malloc(f->n);
+    assert_non_null(f->bytes);
+    memcpy(f->bytes, t->bytes, f->n);
+    f->report = *saga_train_report_of(t);
+    saga_train_free(t);
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    fixture *const f = *state;
+    char command[100];
+
+    saga_capture_free(&f->capture);
+    free(f->bytes);
+    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
+    assert_int_equal(system(command), 0);
+    free(f);
+    return 0;
+}
+
+/* --- The file ------------------------------------------------------------ */
+
+static saga_segment find(const fixture *f, uint32_t num, uint32_t den)
+{
+    saga_segment seg;
+
+    assert_int_equal(saga_find(&seg, f->bytes, f->n, num, den), SAGA_OK);
+    return seg;
+}
+
+static void draw(uint8_t *rgb, const uint8_t *bytes, size_t n, uint32_t frame)
+{
+    saga_error error = { "" };
+    saga_camera camera;
+    saga_film film;
+    uint32_t number;
+
+    if (!saga_film_open(&film, "x", bytes, n, 1, &error) ||
+        !saga_film_rig(&film, 0, &camera, &number, &error) ||
+        !saga_film_draw(&film, &camera, frame, 1, rgb, &error))
+        fail_msg("%s", error.message);
+    saga_film_close(&film);
+}
+
+static void segment_should_play_from_its_own_bytes(void **state)
+{
+    const fixture *const f = *state;
+    uint8_t *const alone = malloc(f->n);
+    uint8_t rgb[PICTURE], again[PICTURE];
+
+    assert_non_null(alone);
+    for (uint32_t i = 0; i < N; i++) {
+        const saga_segment seg = find(f, i * FRAMES, 1);
+        const size_t head = find(f, 0, 1).offset;
+
+        memset(alone, 0, f->n);
+        memcpy(alone, f->bytes, head);
+        memcpy(alone + seg.offset, f->bytes + seg.offset, seg.nbytes);
+        for (uint32_t k = 0; k < FRAMES; k++) {
+            draw(rgb, f->bytes, f->n, i * FRAMES + k);
+            draw(again, alone, f->n, i * FRAMES + k);
+            assert_memory_equal(rgb, again, sizeof rgb);
+        }
+    }
+    free(alone);
+}
+
+/* By the norm: frame k of a segment of 3 is at floor(65536 k / 3), and a time
+ * belongs to the first segment whose end lies beyond it. */
+static void time_should_lead_to_its_segment(void **state)
+{
+    static const uint32_t at[FRAMES] = { 0, 21845, 43690 };
+    const fixture *const f = *state;
+
+    for (uint32_t k = 0; k < N * FRAMES; k++) {
+        const saga_segment seg = find(f, k, 1);
+
+        assert_int_equal(seg.number, k / FRAMES);
+        assert_int_equal(seg.t, at[k % FRAMES]);
+    }
+    assert_int_equal(find(f, 299999, 100000).number, 0);
+    assert_int_equal(find(f, 299999, 100000).t, 65535);
+    assert_int_equal(find(f, 300000, 100000).number, 1);
+    assert_int_equal(find(f, 300000, 100000).t, 0);
+}
+
+/* Returns the payload of a chunk, which the file holds once from `from` on. */
+static const uint8_t *payload(uint32_t *n, const uint8_t *bytes, size_t from,
+                              uint32_t type)
+{
+    saga_io io = { bytes + from, NULL, 0 };
+    saga_chunk chunk;
+
+    for (;;) {
+        saga_chunk_io(&io, &chunk);
+        if (chunk.type == type)
+            break;
+        io.at += chunk.nbytes;
+    }
+    *n = chunk.nbytes;
+    return io.in + io.at;
+}
+
+static void payload_should_equal(const fixture *f, const uint8_t *one,
+                                 uint32_t type, size_t from, size_t from_one)
+{
+    uint32_t n, n_one;
+    const uint8_t *const p = payload(&n, f->bytes, from, type);
+    const uint8_t *const p_one = payload(&n_one, one, from_one, type);
+
+    assert_int_equal(n, n_one);
+    assert_memory_equal(p, p_one, n);
+}
+
+/* The one that is trained first is what it is in a file of its own, and so are
+ * the networks; and there are no others, since nothing else is in the file. */
+static void first_should_make_the_networks(void **state)
+{
+    static const uint32_t layers[] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
+                                       SAGA_CHUNK_PRIM };
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    saga_error error = { "" };
+    saga_info info;
+    saga_segment seg;
+    saga_train *t;
+    size_t index, sum = 0;
+    slice s;
+
+    o.n_segments = 1;
+    o.first = 0;
+    t = saga_train_new(slice_of(&s, f, FIRST), &o, &error);
+    assert_non_null(t);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_int_equal(saga_probe(&info, f->bytes, f->n), SAGA_OK);
+    assert_int_equal(info.n_segments, N);
+    assert_int_equal(info.n_frames, N * FRAMES);
+    index = t->report.sizes.header;
+    assert_int_equal(f->report.sizes.header, index);
+    payload_should_equal(f, t->bytes, SAGA_CHUNK_NETS, index, index);
+    assert_int_equal(saga_find(&seg, t->bytes, t->nbytes, 0, 1), SAGA_OK);
+    for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
+        payload_should_equal(f, t->bytes, layers[i],
+                             find(f, FIRST * FRAMES, 1).offset, seg.offset);
+    for (uint32_t i = 0; i < N; i++)
+        sum += find(f, i * FRAMES, 1).nbytes;
+    assert_int_equal(find(f, 0, 1).offset + sum, f->n);
+    saga_train_free(t);
+}
+
+/* --- The training -------------------------------------------------------- */
+
+typedef struct {
+    int segment;
+    saga_train_stage stage;
+    int iteration;
+} stop;
+
+static bool stop_there(void *user, const saga_train_progress *p)
+{
+    const stop *const s = user;
+
+    assert_true(p->done >= 0 && p->done <= 1);
+    return p->segment != s->segment || p->stage != s->stage ||
+           p->iteration != s->iteration;
+}
+
+static void networks_should_stay_what_they_are(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    stop last = { N - 1, SAGA_TRAIN_PACK, 0 };
+    const saga_scene *made;
+    saga_train *t;
+    slice s;
+
+    o.progress = stop_there;
+    o.progress_user = &last;
+    t = begin(f, &s, &o);
+    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    made = &t->file.networks.scene;
+    assert_int_equal(saga_fit_n_params(&t->scene), made->n_reals);
+    assert_memory_equal(t->scene.params, made->params,
+                        made->n_reals * sizeof *made->params);
+    assert_memory_equal(t->fit->params, made->params,
+                        made->n_reals * sizeof *made->params);
+    saga_train_free(t);
+}
+
+/* Returns the PSNR of what the fit draws against the warm-up's primitives. */
+static double near_target(saga_train *t)
+{
+    saga_twin *const w = &t->fit->twin;
+    saga_error error = { "" };
+    saga_canvas c;
+    double sum = 0;
+
+    assert_true(saga_pictures_canvas(&c, &t->pictures, &error));
+    for (int v = 0; v < t->capture->n_views; v++) {
+        const saga_sample p = { .view = v, .frame = 1 };
+
+        saga_pictures_aim(&c, &t->pictures, p);
+        assert_true(saga_splat_forward(&c, &t->target, t->scene.n.prim,
+                                       &error));
+        memcpy(c.truth, c.image, PICTURE * sizeof *c.truth);
+        saga_twin_colour(w, &t->fit->used, c.camera.centre);
+        assert_true(saga_splat_forward(&c, &w->attr, t->scene.n.prim,
+                                       &error));
+        sum += saga_canvas_mse(&c) / t->capture->n_views;
+    }
+    saga_canvas_free(&c);
+    return -10 * log10(sum);
+}
+
+/* Features at their mean draw what the networks know without a scene; the fit
+ * begins far nearer to the primitives it is to be. */
+static void fit_should_begin_near_the_warm_up(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    stop start = { 0, SAGA_TRAIN_RENDER, 1 };
+    saga_scene *scene;
+    double begun, mean;
+    saga_error error = { "" };
+    saga_train *t;
+    slice s;
+
+    o.lambda = 22;
+    o.progress = stop_there;
+    o.progress_user = &start;
+    t = begin(f, &s, &o);
+    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    saga_fit_free(t->fit);
+    saga_train_params_free(&t->target);
+    saga_scene_free(&t->scene);
+    assert_true(saga_train_begin_fit(t, &error));
+    assert_true(saga_fit_start(t->fit, &t->target, &error));
+    begun = near_target(t);
+    scene = t->fit->scene;
+    for (size_t i = 0; i < (size_t)scene->n.coarse * scene->model.features;
+         i++)
+        scene->coarse_feature[i] = t->fit->rate.constants.mean
+            [SAGA_KIND_COARSE][4 + i % scene->model.features];
+    saga_twin_geometry(&t->fit->twin, &t->fit->used, scene->coarse_feature);
+    mean = near_target(t);
+    print_message("start: %.1f dB beside the warm-up's pictures, mean features "
+                  "%.1f dB\n", begun, mean);
+    assert_true(begun > mean + 6);
+    saga_train_free(t);
+}
+
+/* Stops at each place, forgets everything, and goes on with the capture that
+ * the checkpoint asks for. */
+static void train_should_resume_to_the_same_file(void **state)
+{
+    static const stop places[] = {
+        { FIRST, SAGA_TRAIN_PACK, 0 }, { 0, SAGA_TRAIN_WARM, 7 },
+        { 0, SAGA_TRAIN_RENDER, 44 }, { 2, SAGA_TRAIN_WARM, 1 },
+        { 2, SAGA_TRAIN_PACK, 0 }, { -1, SAGA_TRAIN_WARM, 0 }
+    };
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    saga_error error = { "" };
+    saga_train *t;
+    slice s;
+    int i;
+
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = (void *)&places[0];
+    t = begin(f, &s, &o);
+    for (i = 0; run(t, f, &s) == SAGA_STOPPED; i++) {
+        const int in = saga_train_stopped_in(f->checkpoint, &error);
+
+        assert_int_equal(in, places[i].segment);
+        saga_train_free(t);
+        o.first = 0; /* the checkpoint knows */
+        o.progress_user = (void *)&places[i + 1];
+        t = saga_train_resume(slice_of(&s, f, in), &o, &error);
+        if (!t)
+            fail_msg("%s", error.message);
+    }
+    assert_int_equal(i, sizeof places / sizeof places[0] - 1);
+    assert_int_equal(t->nbytes, f->n);
+    assert_memory_equal(t->bytes, f->bytes, f->n);
+    assert_int_equal(t->report.model.n_training,
+                     f->report.model.n_training);
+    assert_true(fabs(t->report.model.training -
+                     f->report.model.training) < 1e-9);
+    saga_train_free(t);
+}
+
+static void resume_should_refuse_other_segments(void **state)
+{
+    const fixture *const f = *state;
+    stop place = { FIRST, SAGA_TRAIN_WARM, 3 };
+    saga_train_options o = small();
+    saga_error error = { "" };
+    saga_train *t;
+    slice s;
+
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = &place;
+    t = begin(f, &s, &o);
+    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    saga_train_free(t);
+    o.n_segments = 2;
+    assert_null(saga_train_resume(slice_of(&s, f, FIRST), &o, &error));
+    assert_non_null(strstr(error.message, "a number of segments of 3, not 2"));
+    assert_true(saga_train_stopped_in("/nonexistent", &error) < 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(segment_should_play_from_its_own_bytes),
+        cmocka_unit_test(time_should_lead_to_its_segment),
+        cmocka_unit_test(first_should_make_the_networks),
+        cmocka_unit_test(networks_should_stay_what_they_are),
+        cmocka_unit_test(fit_should_begin_near_the_warm_up),
+        cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(resume_should_refuse_other_segments)
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
