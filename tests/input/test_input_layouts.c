@@ -129,6 +129,35 @@ static void write_model(folder *f, const char *root, name_fn *name,
     write_bytes(f, path, &points);
 }
 
+/* transforms.json, or another name, of some frames of the views from..to-1. */
+static void write_json(folder *f, const char *path, name_fn *name, int from,
+                       int to, int n_frames, const char *root)
+{
+    bytes b = { 0 };
+    char part[80];
+
+    put_text(&b, "{\"camera_angle_x\": %.17g, \"fl_y\": %.17g, \"frames\": [",
+             2 * atan(W / (2 * scene.views[0].fx)), scene.views[0].fy);
+    for (int v = from; v < to; v++)
+        for (int k = 0; k < n_frames; k++) {
+            const saga_shot *const s = &scene.views[v];
+            const double *const r = s->rotation, *const t = s->translation;
+
+            name(part, v, k);
+            *strrchr(part, '.') = '\0';
+            put_text(&b, "%s{\"file_path\": \"%s/%s\", \"transform_matrix\": [",
+                     v > from || k ? ", " : "", root, part);
+            /* Columns right, up, backwards, centre. */
+            for (int i = 0; i < 3; i++)
+                put_text(&b, "[%.17g, %.17g, %.17g, %.17g], ", r[i],
+                         -r[3 + i], -r[6 + i], -(r[i] * t[0] +
+                         r[3 + i] * t[1] + r[6 + i] * t[2]));
+            put_text(&b, "[0, 0, 0, 1]]}");
+        }
+    put_text(&b, "]}");
+    write_bytes(f, path, &b);
+}
+
 /* --- Comparing ----------------------------------------------------------- */
 
 static double psnr(const uint8_t *a, const uint8_t *b)
@@ -243,6 +272,45 @@ static void frame_folders_should_be_the_scene(void **state)
     check_same(f->path, N_FRAMES, LOSSLESS);
 }
 
+/* --- Blender ------------------------------------------------------------- */
+
+/* Three cameras to train on, one to test; names have no ending. */
+static void blender_scene_should_be_the_scene(void **state)
+{
+    folder *const f = *state;
+    saga_capture c;
+
+    write_json(f, "transforms_train.json", camera_alone, 0, 3, 1, "./train");
+    write_json(f, "transforms_test.json", camera_alone, 3, 4, 1, "./train");
+    write_pictures(f, "train", camera_alone, 0, 1);
+    c = load(f->path);
+    /* In the order in which they are read, test first. */
+    assert_int_equal(c.n_views, N_VIEWS);
+    for (int v = 0; v < N_VIEWS; v++) {
+        const int from = (v + 3) % N_VIEWS;
+
+        check_camera(&c.views[v], &scene.views[from]);
+        assert_int_equal(c.views[v].held_out, v == 0);
+        assert_memory_equal(saga_capture_frame(&c, v, 0),
+                            saga_capture_frame(&scene, from, 0), 3 * W * H);
+    }
+    saga_capture_free(&c);
+    write_text(f, "transforms_test.json", "[]");
+    refused(f->path, "transforms_test.json", "expected an object");
+}
+
+static void listed_pictures_should_have_any_ending(void **state)
+{
+    folder *const f = *state;
+
+    write_json(f, "transforms.json", camera_and_number, 0, N_VIEWS, N_FRAMES,
+               "p");
+    write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
+    check_same(f->path, N_FRAMES, LOSSLESS);
+    folder_run(f, "for p in p/*/*.png; do mv $p ${p%%png}jpg; done");
+    check_same(f->path, N_FRAMES, LOSSLESS);
+}
+
 /* --- Stills -------------------------------------------------------------- */
 
 static void convert(folder *f, const char *ending, const char *how)
@@ -316,6 +384,34 @@ static void missing_pictures_should_be_left_out(void **state)
     refused(f->path, f->path, "none of its 4 cameras has a picture");
 }
 
+/* The names' numbers tell which moment is not listed. */
+static void unlisted_pictures_should_be_left_out(void **state)
+{
+    folder *const f = *state;
+    saga_capture c;
+
+    write_json(f, "transforms.json", camera_and_number, 0, N_VIEWS, N_FRAMES,
+               "p");
+    write_pictures(f, "p", camera_and_number, 0, N_FRAMES);
+    folder_run(f, "rm p/cam03/f_0020.png && sed -i "
+               "'s/{\"file_path\": \"p.cam01.f_0010\"[^}]*}, //' "
+               "transforms.json");
+    c = load(f->path);
+    assert_int_equal(c.n_views, N_VIEWS);
+    for (int v = 0; v < N_VIEWS; v++)
+        for (int k = 0; k < N_FRAMES; k++) {
+            const bool there = saga_capture_has(&c, v, k);
+
+            assert_int_equal(there, !(v == 1 && k == 1) && !(v == 3 && k == 2));
+            if (there)
+                assert_memory_equal(saga_capture_frame(&c, v, k),
+                                    saga_capture_frame(&scene, v, k),
+                                    3 * W * H);
+        }
+    assert_non_null(strstr(c.notes, "pictures: 2 are missing"));
+    saga_capture_free(&c);
+}
+
 static void colmap_folder_should_be_refused_when_wrong(void **state)
 {
     folder *const f = *state;
@@ -337,9 +433,12 @@ int main(void)
         IN_FOLDER(colmap_folder_should_have_frames_by_camera),
         IN_FOLDER(colmap_folder_should_have_frames_by_moment),
         IN_FOLDER(frame_folders_should_be_the_scene),
+        IN_FOLDER(blender_scene_should_be_the_scene),
+        IN_FOLDER(listed_pictures_should_have_any_ending),
         IN_FOLDER(stills_should_be_the_scene_in_every_format),
         IN_FOLDER(jpegs_should_be_refused_when_damaged),
         IN_FOLDER(missing_pictures_should_be_left_out),
+        IN_FOLDER(unlisted_pictures_should_be_left_out),
         IN_FOLDER(colmap_folder_should_be_refused_when_wrong),
     };
 

@@ -163,18 +163,37 @@ static bool unknown_format(const char *path, saga_error *error)
                      "holds no capture of a known format");
 }
 
+/* Blender's scenes list what is held out in a file of its own. */
+static bool list_blender(saga_listing *listing, const char *path,
+                         const saga_capture_options *options,
+                         saga_error *error)
+{
+    const bool has_test = saga_folder_has(path, "transforms_test.json");
+    char *const train = saga_path_join(path, "transforms_train.json", error);
+    char *const test = saga_path_join(path, "transforms_test.json", error);
+    const bool ok = train && test &&
+                    saga_nerfstudio_list(listing, train,
+                                         has_test ? test : NULL, options,
+                                         error);
+    free(train);
+    free(test);
+    return ok;
+}
+
 /* Lists a capture that is no folder of frame folders. */
 static bool list_one(saga_listing *listing, const char *path,
                      const saga_capture_options *options, saga_error *error)
 {
     if (saga_has_suffix(path, ".json") && saga_path_is_file(path))
-        return saga_nerfstudio_list(listing, path, options, error);
+        return saga_nerfstudio_list(listing, path, NULL, options, error);
     char *const json = saga_path_join(path, "transforms.json", error);
     if (!json)
         return false;
     bool ok = false;
     if (saga_path_is_file(json))
-        ok = saga_nerfstudio_list(listing, json, options, error);
+        ok = saga_nerfstudio_list(listing, json, NULL, options, error);
+    else if (saga_folder_has(path, "transforms_train.json"))
+        ok = list_blender(listing, path, options, error);
     else if (saga_neu3d_is_there(path, error))
         ok = saga_neu3d_list(listing, path, options, error);
     else if (!saga_failed(error) && saga_colmap_folder_is_there(path, error))
@@ -191,6 +210,7 @@ static bool has_frame_folders(saga_finds *folders, const char *path,
                               saga_error *error)
 {
     if (saga_folder_has(path, "transforms.json") ||
+        saga_folder_has(path, "transforms_train.json") ||
         saga_neu3d_is_there(path, error) || saga_failed(error))
         return false;
     char *const images = saga_path_join(path, "images", error);

@@ -63,7 +63,9 @@ bool saga_listing_match_videos(saga_listing *listing,
 bool saga_listing_make(saga_listing *listing, const char *path,
                        const saga_capture_options *options, saga_error *error);
 
+/* test_path is a second file, whose cameras are held out, or NULL. */
 bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
+                          const char *test_path,
                           const saga_capture_options *options,
                           saga_error *error);
 /* Tells whether there is a COLMAP model; false with an error as below. */

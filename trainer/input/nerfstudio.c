@@ -8,7 +8,13 @@
  * backwards). Pictures with one pose and the same intrinsics are one camera;
  * "time" orders them and must be the same in all cameras. Without any "time"
  * the order of the file names counts, and a camera with one picture is a
- * still one. Cameras stand still: a pose per moment is refused.
+ * still one. Cameras stand still: a pose per moment is refused. A picture whose
+ * file is not there is missing, and so is one that is not listed where the
+ * others have a "time", or a number in their names, that tells which it is.
+ *
+ * Blender's synthetic scenes have transforms_train.json and
+ * transforms_test.json, the pictures of which are held out, camera_angle_x
+ * alone, and file names without an ending.
  *
  * "time" is in seconds, or runs from 0 to 1 over the whole capture; a top
  * level "fps" settles it. Whole cameras are held out: those whose files stand
@@ -21,6 +27,7 @@
 #include "file.h"
 #include "json_memory.h"
 #include "load.h"
+#include "moments.h"
 #include "notes.h"
 #include "picture.h"
 #include "ply.h"
@@ -52,7 +59,8 @@ typedef struct entry {
 } entry;
 
 typedef struct reader {
-    json_t *root;
+    json_t *root;             /* of the file that is being read */
+    json_t *roots[2];         /* of all files */
     const char *path;         /* of the JSON */
     char *folder;
     saga_listing *listing;
@@ -61,7 +69,12 @@ typedef struct reader {
     int n_entries;
     int n_views;
     int *view_size;           /* (n_views) */
+    int *view_first;          /* (n_views) entry, once they are sorted */
+    int fullest;              /* the view with most pictures */
+    entry **at;               /* (n_views, n frames) NULL: not listed */
     bool masks, odd_depths, videos;
+    int n_missing;
+    const char *first_missing; /* as the JSON has it; or NULL */
 } reader;
 
 /* ------------------------------------------------------------ typed access */
@@ -190,9 +203,10 @@ static bool read_entry(reader *r, int index)
 {
     const json_t *const frames = json_object_get(r->root, "frames");
     const json_t *const frame = json_array_get(frames, (size_t)index);
-    entry *const e = &r->entries[index];
+    entry *const e = &r->entries[r->n_entries++];
     const json_t *const time = json_object_get(frame, "time");
     e->index = index;
+    e->held_out = r->root == r->roots[1];
     if (!json_is_object(frame))
         return wrong_type(r, -1, "frames[]", frame, "an object");
     if (!get_string(r, frame, index, "file_path", &e->file))
@@ -229,25 +243,31 @@ static bool read_entries(reader *r)
     const size_t n = json_array_size(frames);
     if (!json_is_array(frames))
         return wrong_type(r, -1, "frames", frames, "an array");
-    if (n == 0 || n > (size_t)SAGA_MAX_FRAMES)
+    if (n == 0 || n > (size_t)(SAGA_MAX_FRAMES - r->n_entries))
         return saga_fail(r->error, r->path, "list the pictures or videos",
                          "\"frames\" has %zu entries", n);
-    r->entries = saga_calloc(n, sizeof *r->entries, r->path, r->error);
-    if (!r->entries)
+    entry *const more = saga_realloc(r->entries, (size_t)r->n_entries + n,
+                                     sizeof *more, r->path, r->error);
+    if (!more)
         return false;
-    r->n_entries = (int)n;
-    int n_videos = 0;
-    for (int i = 0; i < r->n_entries; i++) {
+    memset(more + r->n_entries, 0, n * sizeof *more);
+    r->entries = more;
+    for (int i = 0; i < (int)n; i++)
         if (!read_entry(r, i))
             return false;
-        n_videos += is_video(r->entries[i].file) ? 1 : 0;
-    }
-    r->videos = n_videos > 0;
-    if (n_videos != 0 && n_videos != r->n_entries)
-        return saga_fail(r->error, r->path, "list either pictures or videos",
-                         "mixes %d videos and %d pictures", n_videos,
-                         r->n_entries - n_videos);
     return true;
+}
+
+static bool check_kinds(reader *r)
+{
+    int n_videos = 0;
+    for (int i = 0; i < r->n_entries; i++)
+        n_videos += is_video(r->entries[i].file) ? 1 : 0;
+    r->videos = n_videos > 0;
+    return n_videos == 0 || n_videos == r->n_entries ||
+           saga_fail(r->error, r->path, "list either pictures or videos",
+                     "mixes %d videos and %d pictures", n_videos,
+                     r->n_entries - n_videos);
 }
 
 /* ----------------------------------------------------------------- cameras */
@@ -330,48 +350,104 @@ static bool check_counts(const reader *r)
                          "stand still and film every moment", "every one of "
                          "the %d pictures has its own pose and time: the "
                          "camera moves", r->n_entries);
-    for (int v = 1; v < r->n_views; v++)
-        if (r->view_size[v] != r->view_size[0]) {
-            const entry *e = r->entries;
-            while (e->view != v)
-                e++;
+    for (int v = 0; v < r->n_views; v++) {
+        const int n = r->view_size[v], most = r->view_size[r->fullest];
+        if (2 * n < most)
             return saga_fail(r->error, r->path, "every camera needs a picture "
                              "of every moment, with one pose",
                              "unequal frame counts: camera of %s has %d, "
-                             "camera of %s has %d", r->entries[0].file,
-                             r->view_size[0], e->file, r->view_size[v]);
-        }
+                             "camera of %s has %d",
+                             r->entries[r->view_first[r->fullest]].file, most,
+                             r->entries[r->view_first[v]].file, n);
+    }
     return true;
 }
 
-/* Entries are sorted: view v, frame k is entry v * n + k. */
-static bool check_times(const reader *r, int n)
+/* Where some are not listed and nothing has a time, the numbers in the files'
+ * names do. */
+static void take_numbers_for_times(reader *r)
 {
-    const entry *const e = r->entries;
-    const double step = n > 1 ? (e[n - 1].time - e[0].time) / (n - 1) : 1.0;
     for (int i = 0; i < r->n_entries; i++) {
-        const int k = i % n;
-        if (!isfinite(e[i].time))
-            return saga_fail(r->error, r->path, "correct it",
-                             "time of %s is not finite", e[i].file);
-        if (k > 0 && e[i].time == e[i - 1].time)
+        entry *const e = &r->entries[i];
+        const char *const dot = strrchr(e->file, '.');
+        uint64_t number;
+        (void)saga_last_number(e->file, dot ? (size_t)(dot - e->file)
+                                            : strlen(e->file), &number);
+        e->time = (double)number;
+    }
+    qsort(r->entries, (size_t)r->n_entries, sizeof *r->entries, entry_order);
+}
+
+/* The moment of an entry: its rank in a view that has all n, else the nearest of
+ * n even ones from `start` on. */
+static bool find_moment(const reader *r, const entry *e, double start,
+                        double step, int n, int *k)
+{
+    if (!isfinite(e->time))
+        return saga_fail(r->error, r->path, "correct it",
+                         "time of %s is not finite", e->file);
+    const double moment =
+        step > 0.0 ? fmin(fmax((e->time - start) / step, 0.0), n - 1.0) : 0.0;
+    if (r->view_size[e->view] < n)
+        *k = (int)floor(moment + 0.5);
+    const double near = start + step * *k;
+    return fabs(e->time - near) <= 0.25 * step ||
+           saga_fail(r->error, r->path, "pictures must be synchronous and "
+                     "evenly spaced in time", "time %g of %s is not near %g, "
+                     "that of frame %d", e->time, e->file, near, *k);
+}
+
+/* Entries are sorted by view and time. Those of the fullest view tell the
+ * moments; with neither times nor holes the order does. */
+static bool place_entries(reader *r, int n, bool timed)
+{
+    const entry *const ref = &r->entries[r->view_first[r->fullest]];
+    const double step = n > 1 ? (ref[n - 1].time - ref[0].time) / (n - 1) : 0.0;
+    r->at = saga_calloc((size_t)r->n_views * (size_t)n, sizeof *r->at, r->path,
+                        r->error);
+    for (int i = 0; r->at && i < r->n_entries; i++) {
+        entry *const e = &r->entries[i];
+        int k = i - r->view_first[e->view];
+        const bool twice = k > 0 && timed && e->time == e[-1].time;
+        if (timed && !twice && !find_moment(r, e, ref[0].time, step, n, &k))
+            return false;
+        entry **const to = &r->at[e->view * n + k];
+        if (twice || *to)
             return saga_fail(r->error, r->path, "one picture per camera and "
                              "moment", "%s and %s have one pose and one time "
-                             "%g", e[i - 1].file, e[i].file, e[i].time);
-        if (n == 1 ? e[i].time != e[0].time
-                   : fabs(e[i].time - e[0].time - step * k) > 0.25 * step)
-            return saga_fail(r->error, r->path, "pictures must be synchronous "
-                             "and evenly spaced in time", "time %g of %s is "
-                             "not near %g, that of frame %d", e[i].time,
-                             e[i].file, e[0].time + step * k, k);
+                             "%g", e[-1].file, e->file, e->time);
+        *to = e;
     }
-    return true;
+    return r->at != NULL;
+}
+
+static bool index_views(reader *r)
+{
+    r->view_first = saga_calloc((size_t)r->n_views, sizeof *r->view_first,
+                                r->path, r->error);
+    for (int v = 0, i = 0; r->view_first && v < r->n_views; v++) {
+        r->view_first[v] = i;
+        i += r->view_size[v];
+        if (r->view_size[v] > r->view_size[r->fullest])
+            r->fullest = v;
+    }
+    return r->view_first != NULL;
+}
+
+static bool find_moments(reader *r, int n)
+{
+    const bool timed = count_times(r) > 0;
+    const bool holes = r->n_entries < n * r->n_views;
+    if (holes && !timed)
+        take_numbers_for_times(r);
+    return place_entries(r, n, (timed || holes) && !r->videos);
 }
 
 /* Times are seconds, unless they run from exactly 0 to exactly 1. */
 static void guess_fps(reader *r, int n)
 {
-    const double first = r->entries[0].time, last = r->entries[n - 1].time;
+    const entry *const e = &r->entries[r->view_first[r->fullest]];
+    const double first = e[0].time, last = e[n - 1].time;
     if (r->listing->fps > 0.0 || n < 2 || count_times(r) == 0)
         return;
     if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
@@ -450,13 +526,13 @@ static void name_views(const reader *r, int n)
     saga_listing *const listing = r->listing;
     for (int scheme = n > 1 ? 0 : 2; scheme < 4; scheme++) {
         for (int v = 0; v < r->n_views; v++) {
-            const entry *const e = &r->entries[v * n];
+            const entry *const e = &r->entries[r->view_first[v]];
             char *const name = listing->sources[v].name;
             const char *const base = base_of(e->file);
             if (scheme == 0)
                 folder_name(e->file, name);
             else if (scheme == 1)
-                common_prefix(e, n, name);
+                common_prefix(e, r->view_size[v], name);
             else if (scheme == 2)
                 saga_copy_name(name, base, stem_length(base));
             else
@@ -529,40 +605,53 @@ static bool mark_list(reader *r, const char *key, bool inverted)
     return ok;
 }
 
-static bool split_views(reader *r, int n)
+static bool split_views(reader *r)
 {
     if (!mark_list(r, "train_filenames", true) ||
         !mark_list(r, "val_filenames", false) ||
         !mark_list(r, "test_filenames", false))
         return false;
     for (int i = 0; i < r->n_entries; i++) {
-        saga_source *const s = &r->listing->sources[i / n];
-        if (i % n == 0)
-            s->held_out = r->entries[i].held_out;
-        else if (s->held_out != r->entries[i].held_out)
+        const entry *const e = &r->entries[i];
+        saga_source *const s = &r->listing->sources[e->view];
+        if (i == r->view_first[e->view])
+            s->held_out = e->held_out;
+        else if (s->held_out != e->held_out)
             return saga_fail(r->error, r->path, "list all pictures of a "
                              "camera alike, or remove the lists and use "
                              "--hold-out", "the train/test lists hold out "
                              "only some pictures of camera %s (%s differs)",
-                             s->name, r->entries[i].file);
+                             s->name, e->file);
     }
     return true;
 }
 
 /* ------------------------------------------------------------ filling in */
 
-/* Blender leaves out the ending of the files. */
+/* Blender leaves out the ending of the files. Where there is none with a known
+ * ending either, the path stays. */
 static char *picture_path(const reader *r, const char *file)
 {
+    static const char *const endings[] = {".png", ".jpg", ".jpeg", ".webp",
+                                          ".exr"};
     char *const path = saga_path_join(r->folder, file, r->error);
-    if (!path || saga_path_is_file(path) || strrchr(base_of(file), '.'))
+    if (!path || saga_path_is_file(path))
         return path;
-    char *const longer =
-        saga_alloc(strlen(path) + sizeof ".png", 1, path, r->error);
-    if (longer)
-        (void)sprintf(longer, "%s.png", path);
+    const size_t n = strlen(path) + sizeof ".jpeg";
+    char *const longer = saga_alloc(n, 1, path, r->error);
+    for (size_t i = 0; longer && i < sizeof endings / sizeof endings[0]; i++) {
+        (void)snprintf(longer, n, "%s%s", path, endings[i]);
+        if (saga_path_is_file(longer)) {
+            free(path);
+            return longer;
+        }
+    }
+    const bool ok = longer != NULL;
+    free(longer);
+    if (ok)
+        return path;
     free(path);
-    return longer;
+    return NULL;
 }
 
 static bool fill_lens(const reader *r, saga_source *s, const entry *e)
@@ -613,51 +702,74 @@ static bool fill_pose(const reader *r, saga_source *s, const entry *e)
                      e->key.pose[3]);
 }
 
-static bool fill_files(const reader *r, saga_source *s, const entry *e, int n)
+/* Sets the paths of a source's pictures that are there. */
+static bool fill_pictures(reader *r, saga_source *s, entry *const *at, int n)
 {
-    if (r->videos) {
-        s->video = saga_path_join(r->folder, e->file, r->error);
-        return s->video && saga_probe_video(s, r->listing, r->error);
-    }
     s->pictures =
         saga_calloc((size_t)n, sizeof *s->pictures, r->path, r->error);
     s->depths = saga_calloc((size_t)n, sizeof *s->depths, r->path, r->error);
     bool ok = s->pictures && s->depths;
     for (int k = 0; ok && k < n; k++) {
-        s->pictures[k] = picture_path(r, e[k].file);
-        if (e[k].depth)
-            s->depths[k] = saga_path_join(r->folder, e[k].depth, r->error);
-        ok = s->pictures[k] && (!e[k].depth || s->depths[k]);
+        char *const path = at[k] ? picture_path(r, at[k]->file) : NULL;
+        if (path && saga_path_is_file(path)) {
+            s->pictures[k] = path;
+        } else {
+            ok = path || !at[k];
+            free(path);
+            r->first_missing = r->first_missing || !at[k] ? r->first_missing
+                                                          : at[k]->file;
+            r->n_missing++;
+        }
+        if (ok && at[k] && at[k]->depth) {
+            s->depths[k] = saga_path_join(r->folder, at[k]->depth, r->error);
+            ok = s->depths[k] != NULL;
+        }
     }
-    if (!ok)
-        return false;
-    /* All must be there before hours go into decoding some. */
-    for (int k = 0; k < n; k++)
-        if (!saga_path_is_file(s->pictures[k]))
-            return saga_fail(r->error, s->pictures[k], "check file_path and "
-                             "that all pictures were copied",
-                             "picture of camera %s is missing", s->name);
-    return saga_picture_probe(s->pictures[0], &s->width, &s->height,
-                              r->error);
+    return ok;
 }
 
 static bool fill_views(reader *r, int n)
 {
-    r->listing->sources = saga_calloc(
-        (size_t)r->n_views, sizeof *r->listing->sources, r->path, r->error);
-    if (!r->listing->sources)
+    saga_listing *const l = r->listing;
+    l->sources = saga_calloc((size_t)r->n_views, sizeof *l->sources, r->path,
+                             r->error);
+    if (!l->sources)
         return false;
-    r->listing->n_sources = r->n_views;
-    r->listing->n_frames = r->videos ? 0 : n;
+    l->n_sources = r->n_views;
+    l->n_frames = r->videos ? 0 : n;
     name_views(r, n);
     for (int v = 0; v < r->n_views; v++) {
-        saga_source *const s = &r->listing->sources[v];
-        const entry *const e = &r->entries[v * n];
-        if (!fill_files(r, s, e, n) || !fill_lens(r, s, e) ||
-            !fill_pose(r, s, e))
+        saga_source *const s = &l->sources[v];
+        const entry *const e = &r->entries[r->view_first[v]];
+        if (!r->videos && !fill_pictures(r, s, r->at + v * n, n))
+            return false;
+        if (r->videos)
+            s->video = saga_path_join(r->folder, e->file, r->error);
+        if (r->videos && !(s->video && saga_probe_video(s, l, r->error)))
             return false;
     }
-    return split_views(r, n);
+    if (r->n_missing > 0)
+        saga_note(l->notes, "pictures: %d are missing (%.100s)", r->n_missing,
+                  r->first_missing ? r->first_missing : "not listed");
+    return split_views(r);
+}
+
+/* Cameras without any picture are left out; the others get lens and pose. */
+static bool place_cameras(reader *r, int n)
+{
+    saga_listing *const l = r->listing;
+    int *const kept_as =
+        saga_alloc((size_t)r->n_views, sizeof *kept_as, r->path, r->error);
+    bool ok = kept_as && saga_listing_drop_empty(l, 0, n, kept_as, r->error) &&
+              (r->videos || saga_listing_probe_pictures(l, r->error));
+    for (int v = 0; ok && v < r->n_views; v++) {
+        const entry *const e = &r->entries[r->view_first[v]];
+        ok = kept_as[v] < 0 ||
+             (fill_lens(r, &l->sources[kept_as[v]], e) &&
+              fill_pose(r, &l->sources[kept_as[v]], e));
+    }
+    free(kept_as);
+    return ok;
 }
 
 static bool read_ply(reader *r)
@@ -683,19 +795,17 @@ static bool read_ply(reader *r)
 
 static bool read_all(reader *r, const saga_capture_options *options)
 {
-    if (!json_is_object(r->root))
-        return wrong_type(r, -1, "(root)", r->root, "an object");
-    if (!read_fps(r) || !read_entries(r) || !assign_views(r))
+    if (!read_fps(r) || !assign_views(r))
         return false;
     qsort(r->entries, (size_t)r->n_entries, sizeof *r->entries, entry_order);
-    if (!check_counts(r))
+    if (!index_views(r) || !check_counts(r))
         return false;
-    const int n = r->view_size[0];
-    if (!r->videos && count_times(r) > 0 && !check_times(r, n))
+    const int n = r->view_size[r->fullest];
+    if (!find_moments(r, n))
         return false;
     if (!r->videos)
         guess_fps(r, n);
-    if (!fill_views(r, n))
+    if (!fill_views(r, n) || !place_cameras(r, n))
         return false;
     if (r->videos && !saga_listing_match_videos(r->listing, options, r->error))
         return false;
@@ -734,30 +844,48 @@ static bool bad_json(const json_error_t *problem, const char *path,
                      problem->line, problem->column, problem->text);
 }
 
+/* Reads one JSON file and its entries. */
+static bool read_json(reader *r, int which, const char *path)
+{
+    json_error_t problem;
+    saga_bytes bytes;
+    r->path = path;
+    if (!saga_read_file(&bytes, path, r->error))
+        return false;
+    saga_json_watch();
+    json_t *const root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
+                                    &problem);
+    bool ok = true;
+    if (saga_json_starved())
+        ok = saga_no_memory(0, path, r->error);
+    else if (!root)
+        ok = bad_json(&problem, path, &bytes, r->error);
+    saga_bytes_free(&bytes);
+    r->root = r->roots[which] = root;
+    if (ok && !json_is_object(root))
+        ok = wrong_type(r, -1, "(root)", root, "an object");
+    return ok && read_entries(r);
+}
+
 bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
+                          const char *test_path,
                           const saga_capture_options *options,
                           saga_error *error)
 {
-    reader r = {.path = json_path, .listing = listing, .error = error,
+    reader r = {.listing = listing, .error = error,
                 .folder = folder_of(json_path, error)};
-    json_error_t problem;
-    saga_bytes bytes;
-    listing->format = "nerfstudio (transforms.json)";
-    bool ok = r.folder && saga_read_file(&bytes, json_path, error);
-    if (ok) {
-        saga_json_watch();
-        r.root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
-                            &problem);
-        if (saga_json_starved())
-            ok = saga_no_memory(0, json_path, error);
-        else
-            ok = r.root ? read_all(&r, options)
-                        : bad_json(&problem, json_path, &bytes, error);
-        saga_bytes_free(&bytes);
-    }
-    json_decref(r.root);
+    listing->format = test_path ? "Blender (transforms_*.json)"
+                                : "nerfstudio (transforms.json)";
+    const bool ok = r.folder &&
+                    (!test_path || read_json(&r, 1, test_path)) &&
+                    read_json(&r, 0, json_path) && check_kinds(&r) &&
+                    read_all(&r, options);
+    json_decref(r.roots[0]);
+    json_decref(r.roots[1]);
     free(r.folder);
     free(r.entries);
     free(r.view_size);
+    free(r.view_first);
+    free(r.at);
     return ok;
 }
