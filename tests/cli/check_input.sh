@@ -203,7 +203,7 @@ verdict json
 # ---- cameras
 bad_json 'j["w"] = -64' 'is -64 x 36, the file has 64 x 36 pixels'
 bad_json 'j["h"] = 72' 'is 64 x 72, the file has 64 x 36 pixels'
-bad_json 'j["camera_model"] = "OPENCV_FISHEYE"' '"OPENCV_FISHEYE" of frames[0]'
+bad_json 'j["camera_model"] = "FOV"' '"FOV" of frames[0]'
 bad_json 'j["k4"] = 0.5' 'k4 = 0.5 of frames[0]'
 bad_json 'move_camera(1, lambda m: m[0].__setitem__(0, 3))' \
     'images/cam01/00000.png (frames[3])' 'first row 3'

@@ -157,12 +157,12 @@ static void lens_should_give_values_worked_out_by_hand(void **state)
         saga_lens lens;
         double x, y, u, v;
     } t[] = {
-        { { 1, 1, 0, 0, 0.5, 0, 0, 0, 0 }, 0.5, 0, 0.5625, 0 },
-        { { 1, 1, 0, 0, 0, 1, 0, 0, 0 }, 0, 0.5, 0, 0.53125 },
-        { { 1, 1, 0, 0, 0, 0, 1, 0, 0 }, 0.5, -0.5, 0.5625, -0.5625 },
-        { { 1, 1, 0, 0, 0, 0, 0, 0.1, 0 }, 0.5, 0.5, 0.55, 0.6 },
-        { { 1, 1, 0, 0, 0, 0, 0, 0, 0.1 }, 0.5, 0.5, 0.6, 0.55 },
-        { { 100, 200, 7, 9, 0, 0, 0, 0, 0.1 }, 0.5, 0.5, 67, 119 }
+        { { 1, 1, 0, 0, 0.5, 0, 0, 0, 0, 0, false }, 0.5, 0, 0.5625, 0 },
+        { { 1, 1, 0, 0, 0, 1, 0, 0, 0, 0, false }, 0, 0.5, 0, 0.53125 },
+        { { 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, false }, 0.5, -0.5, 0.5625, -0.5625 },
+        { { 1, 1, 0, 0, 0, 0, 0, 0.1, 0, 0, false }, 0.5, 0.5, 0.55, 0.6 },
+        { { 1, 1, 0, 0, 0, 0, 0, 0, 0.1, 0, false }, 0.5, 0.5, 0.6, 0.55 },
+        { { 100, 200, 7, 9, 0, 0, 0, 0, 0.1, 0, false }, 0.5, 0.5, 67, 119 }
     };
 
     (void)state;
@@ -185,6 +185,89 @@ static void lens_should_be_gone_when_scaled_down(void **state)
 {
     check_pattern(*state, &barrel, 2);
     check_pattern(*state, &pincushion, 3);
+}
+
+/* OpenCV's fisheye: radius of an angle from the axis, and back by halving. */
+static const double fish_k[4] = { 0.03, -0.01, 0.004, -0.002 };
+
+static double fish_radius(double angle)
+{
+    double power = angle, sum = angle;
+
+    for (int i = 0; i < 4; i++) {
+        power *= angle * angle;
+        sum += fish_k[i] * power;
+    }
+    return sum;
+}
+
+static double fish_angle(double radius)
+{
+    double low = 0, high = 1.55;
+
+    for (int i = 0; i < 60; i++) {
+        const double middle = (low + high) / 2;
+
+        if (fish_radius(middle) < radius)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* A fisheye of f pixels for a radian saw waves that are `slow` times longer. */
+static void write_fisheye(folder *f, double focal, double slow)
+{
+    static uint8_t rgb[3 * W * H];
+    saga_error error = { "" };
+    bytes b = { 0 };
+
+    for (int i = 0; i < W * H; i++) {
+        const double x = (i % W + 0.5 - 81) / focal;
+        const double y = (i / W + 0.5 - 58) / focal;
+        const double r = hypot(x, y), part = tan(fish_angle(r)) / r / slow;
+
+        for (int k = 0; k < 3; k++)
+            rgb[3 * i + k] = (uint8_t)(pattern(x * part, y * part, k) + 0.5);
+    }
+    if (!saga_png_write(folder_file(f, "a.png"), W, H, rgb, &error))
+        fail_msg("%s", error.message);
+    put_text(&b, "{\"fl_x\": %g, \"cx\": 81, \"cy\": 58, \"k1\": %g, \"k2\": "
+             "%g, \"k3\": %g, \"k4\": %g, \"camera_model\": "
+             "\"OPENCV_FISHEYE\", \"frames\": [{\"file_path\": \"a.png\", "
+             "\"transform_matrix\": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"
+             "}]}", focal, fish_k[0], fish_k[1], fish_k[2], fish_k[3]);
+    write_bytes(f, "transforms.json", &b);
+}
+
+static void fisheye_should_become_a_pinhole(void **state)
+{
+    /* What fits, and what is cut at 110 degrees. */
+    static const double focal[] = { 120, 60 }, slow[] = { 1, 4 };
+
+    for (int t = 0; t < 2; t++) {
+        double worst = 0, widest;
+        saga_capture c;
+        const saga_shot *v;
+
+        write_fisheye(*state, focal[t], slow[t]);
+        c = load_scaled(*state, 1);
+        v = c.views;
+        for (int i = 0; i < 3 * W * H; i++) {
+            const double x = (i / 3 % W + 0.5 - v->cx) / v->fx;
+            const double y = (i / 3 / W + 0.5 - v->cy) / v->fy;
+
+            worst = fmax(worst, fabs(saga_capture_frame(&c, 0, 0)[i] -
+                                     pattern(x / slow[t], y / slow[t],
+                                             i % 3)));
+        }
+        assert_true(worst < 2.6);
+        widest = atan(v->cx / v->fx) * 180 / 3.14159265358979;
+        assert_true(t == 0 ? widest > 30 && widest < 40
+                           : fabs(widest - 55) < 0.1);
+        saga_capture_free(&c);
+    }
 }
 
 /* Is every pixel centre of the pinhole picture, its focal lengths times s,
@@ -312,6 +395,7 @@ int main(void)
         cmocka_unit_test(lens_should_give_values_worked_out_by_hand),
         IN_FOLDER(lens_should_be_gone_after_loading),
         IN_FOLDER(lens_should_be_gone_when_scaled_down),
+        IN_FOLDER(fisheye_should_become_a_pinhole),
         IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels),
         IN_FOLDER(scale_should_average_areas_exactly),
         cmocka_unit_test(scale_should_take_single_depths),

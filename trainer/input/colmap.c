@@ -20,7 +20,7 @@ static const struct {
     int n_params;
 } models[] = {
     {"SIMPLE_PINHOLE", 3}, {"PINHOLE", 4}, {"SIMPLE_RADIAL", 4},
-    {"RADIAL", 5},         {"OPENCV", 8},
+    {"RADIAL", 5},         {"OPENCV", 8},         {"OPENCV_FISHEYE", 8},
 };
 
 enum { N_MODELS = sizeof models / sizeof models[0], MAX_PARAMS = 8 };
@@ -29,6 +29,10 @@ static saga_lens lens_of(int model, const double *p)
 {
     if (model == 1)
         return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3]};
+    if (model == 5)
+        return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3],
+                           .k1 = p[4], .k2 = p[5], .k3 = p[6], .k4 = p[7],
+                           .fisheye = true};
     if (model == 4)
         return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3],
                            .k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7]};

@@ -44,7 +44,8 @@
 typedef struct camera_key {
     double pose[12];          /* camera to world, rows of 3 x 4 */
     double fx, fy, cx, cy;
-    double k1, k2, k3, p1, p2;
+    double k1, k2, k3, p1, p2, k4;
+    double fisheye;           /* 1 or 0 */
     double width, height, angle_x;
 } camera_key;
 
@@ -159,17 +160,21 @@ static bool read_matrix(const reader *r, const json_t *frame, entry *e)
     return true;
 }
 
-static bool check_model(const reader *r, const json_t *frame, int index)
+static bool read_model(const reader *r, const json_t *frame, int index,
+                       double *fisheye)
 {
     static const char *const known[] = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE",
-                                        "SIMPLE_RADIAL", "RADIAL"};
+                                        "SIMPLE_RADIAL", "RADIAL",
+                                        "OPENCV_FISHEYE"};
     const char *model = "OPENCV";
     if (!get_string(r, r->root, -1, "camera_model", &model) ||
         !get_string(r, frame, index, "camera_model", &model))
         return false;
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
-        if (strcmp(model, known[i]) == 0)
+        if (strcmp(model, known[i]) == 0) {
+            *fisheye = strcmp(model, "OPENCV_FISHEYE") == 0 ? 1.0 : 0.0;
             return true;
+        }
     return saga_fail(r->error, r->path, "undistort the pictures to PINHOLE "
                      "first", "camera_model \"%s\" of frames[%d] is not "
                      "supported", model, index);
@@ -178,7 +183,6 @@ static bool check_model(const reader *r, const json_t *frame, int index)
 static bool read_intrinsics(const reader *r, const json_t *frame, entry *e)
 {
     camera_key *const k = &e->key;
-    double k4 = 0.0;
     const struct {
         const char *name;
         double *to;
@@ -186,17 +190,18 @@ static bool read_intrinsics(const reader *r, const json_t *frame, entry *e)
         {"fl_x", &k->fx}, {"fl_y", &k->fy}, {"cx", &k->cx}, {"cy", &k->cy},
         {"k1", &k->k1},   {"k2", &k->k2},   {"k3", &k->k3}, {"p1", &k->p1},
         {"p2", &k->p2},   {"w", &k->width}, {"h", &k->height},
-        {"camera_angle_x", &k->angle_x},    {"k4", &k4},
+        {"camera_angle_x", &k->angle_x},    {"k4", &k->k4},
     };
     k->fx = k->fy = k->cx = k->cy = k->angle_x = NAN;
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
         if (!get_number(r, frame, e->index, numbers[i].name, numbers[i].to))
             return false;
-    if (k4 != 0.0)
-        return saga_fail(r->error, r->path, "undistort the pictures first",
-                         "k4 = %g of frames[%d] is not supported", k4,
-                         e->index);
-    return check_model(r, frame, e->index);
+    if (!read_model(r, frame, e->index, &k->fisheye))
+        return false;
+    return k->k4 == 0.0 || k->fisheye != 0.0 ||
+           saga_fail(r->error, r->path, "undistort the pictures first",
+                     "k4 = %g of frames[%d] is not supported", k->k4,
+                     e->index);
 }
 
 static bool read_entry(reader *r, int index)
@@ -666,7 +671,8 @@ static bool fill_lens(const reader *r, saga_source *s, const entry *e)
                          s->height);
     s->lens = (saga_lens){.fx = k->fx, .fy = k->fy, .cx = k->cx, .cy = k->cy,
                           .k1 = k->k1, .k2 = k->k2, .k3 = k->k3,
-                          .p1 = k->p1, .p2 = k->p2};
+                          .p1 = k->p1, .p2 = k->p2, .k4 = k->k4,
+                          .fisheye = k->fisheye != 0.0};
     if (isnan(s->lens.fx))
         s->lens.fx = s->width / (2.0 * tan(k->angle_x / 2.0));
     if (isnan(s->lens.fy))

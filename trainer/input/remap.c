@@ -8,8 +8,25 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Computes how far from the centre a fisheye puts what is at an angle. */
+static double fisheye_radius(const saga_lens *l, double angle)
+{
+    const double a2 = angle * angle;
+    return angle *
+           (1.0 +
+            a2 * (l->k1 + a2 * (l->k2 + a2 * (l->k3 + a2 * l->k4))));
+}
+
 void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 {
+    if (lens->fisheye) {
+        const double r = sqrt(x * x + y * y);
+        const double part =
+            r > 1e-12 ? fisheye_radius(lens, atan(r)) / r : 1.0;
+        uv[0] = lens->fx * x * part + lens->cx;
+        uv[1] = lens->fy * y * part + lens->cy;
+        return;
+    }
     const double r2 = x * x + y * y;
     const double g =
         1.0 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
@@ -23,7 +40,7 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 
 bool saga_lens_is_pinhole(const saga_lens *lens)
 {
-    return lens->k1 == 0.0 && lens->k2 == 0.0 && lens->k3 == 0.0 &&
+    return !lens->fisheye && lens->k1 == 0.0 && lens->k2 == 0.0 && lens->k3 == 0.0 &&
            lens->p1 == 0.0 && lens->p2 == 0.0;
 }
 
@@ -37,10 +54,15 @@ static void source_of(const saga_lens *lens, double s, double u, double v,
 }
 
 /* r g(r^2) must grow all the way out: beyond a fold the model shows the same
- * pixels a second time, mirrored. */
+ * pixels a second time, mirrored. So must a fisheye's radius. */
 static bool grows_until(const saga_lens *lens, double r_max)
 {
-    for (int i = 0; i <= 256; i++) {
+    const double step = atan(r_max) / 256.0;
+    for (int i = 0; lens->fisheye && i < 256; i++)
+        if (!(fisheye_radius(lens, step * (i + 1)) -
+                  fisheye_radius(lens, step * i) > 0.05 * step))
+            return false;
+    for (int i = 0; !lens->fisheye && i <= 256; i++) {
         const double r2 = r_max * r_max * (i / 256.0) * (i / 256.0);
         const double slope =
             1.0 +
@@ -51,6 +73,10 @@ static bool grows_until(const saga_lens *lens, double r_max)
     }
     return true;
 }
+
+/* Tangent of half the widest angle that a fisheye's pinhole picture has, 110
+ * degrees: wider ones spend their pixels on their borders. */
+static const double WIDEST = 1.428;
 
 static bool covers(const saga_lens *lens, double s, int i, int j, int width,
                    int height)
@@ -67,6 +93,8 @@ static bool all_valid(const saga_lens *lens, double s, int width, int height)
 {
     const double x = fmax(lens->cx, width - lens->cx) / (lens->fx * s);
     const double y = fmax(lens->cy, height - lens->cy) / (lens->fy * s);
+    if (fmax(x, y) > WIDEST && lens->fisheye)
+        return false;
     if (!grows_until(lens, sqrt(x * x + y * y)))
         return false;
     for (int i = 0; i < width; i++)
@@ -108,7 +136,7 @@ static double choose_scale(const saga_lens *lens, int width, int height)
 static bool lens_is_sane(const saga_lens *l)
 {
     const double all[] = {l->fx, l->fy, l->cx, l->cy, l->k1,
-                          l->k2, l->k3, l->p1, l->p2};
+                          l->k2, l->k3, l->p1, l->p2, l->k4};
     for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
         if (!isfinite(all[i]))
             return false;

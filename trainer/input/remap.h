@@ -3,18 +3,22 @@
  * This goes from the picture a lens made to the picture a pinhole would have
  * made, and from full size to 1/N, in one pass with one rounding.
  *
- * Lens: OpenCV's model. With x, y the pinhole direction (z = 1), r2 = x x +
+ * Lens: OpenCV's models. With x, y the pinhole direction (z = 1), r2 = x x +
  * y y and g = 1 + k1 r2 + k2 r2^2 + k3 r2^3,
  *
  *     x' = x g + 2 p1 x y + p2 (r2 + 2 x x)
  *     y' = y g + p1 (r2 + 2 y y) + 2 p2 x y
- *     u  = fx x' + cx,   v = fy y' + cy.
+ *     u  = fx x' + cx,   v = fy y' + cy,
+ *
+ * or of a fisheye, with the angle a from the axis, tan a = |x, y|,
+ *
+ *     (x', y') = (x, y) / |x, y| (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9).
  *
  * The pinhole keeps the size and the principal point of the lens; both its
  * focal lengths are those of the lens times one factor, the smallest (widest
  * view) for which every pixel of the pinhole picture lies between pixel
- * centres of the source. So no pixel is invalid and no mask is needed; what
- * the lens saw beyond that is given up. A point in front of the camera and
+ * centres of the source, and not wider than 110 degrees. So no pixel is invalid
+ * and no mask is needed; what the lens saw beyond that is given up. A point in front of the camera and
  * inside the pinhole picture is where u = fx X/Z + cx says.
  *
  * Sampling: bilinear at full size (positions to 1/256 pixel), then N x N boxes
@@ -29,6 +33,8 @@
 typedef struct saga_lens {
     double fx, fy, cx, cy;
     double k1, k2, k3, p1, p2;
+    double k4;                /* of a fisheye, which has no p1, p2 */
+    bool fisheye;
 } saga_lens;
 
 typedef struct saga_remap {
