@@ -311,6 +311,145 @@ static void listed_pictures_should_have_any_ending(void **state)
     check_same(f->path, N_FRAMES, LOSSLESS);
 }
 
+/* --- Panoptic Sports ----------------------------------------------------- */
+
+static void number_alone(char name[80], int view, int frame)
+{
+    snprintf(name, 80, "%d/%06d.png", view, frame);
+}
+
+/* One list of the file: what put_entry writes for each moment and view. */
+typedef void entry_fn(bytes *b, int view, int frame);
+
+static void put_list(bytes *b, const char *key, int from, int to,
+                     entry_fn *put_entry)
+{
+    put_text(b, ", \"%s\": [", key);
+    for (int k = 0; k < N_FRAMES; k++) {
+        put_text(b, k ? ", [" : "[");
+        for (int v = from; v < to; v++) {
+            put_text(b, v > from ? ", " : "");
+            put_entry(b, v, k);
+        }
+        put_text(b, "]");
+    }
+    put_text(b, "]");
+}
+
+static void put_k(bytes *b, int view, int frame)
+{
+    const saga_shot *const s = &scene.views[view];
+
+    (void)frame;
+    put_text(b, "[[%.17g, 0, %.17g], [0, %.17g, %.17g], [0, 0, 1]]", s->fx,
+             s->cx, s->fy, s->cy);
+}
+
+static void put_w2c(bytes *b, int view, int frame)
+{
+    const saga_shot *const s = &scene.views[view];
+
+    (void)frame;
+    put_text(b, "[");
+    for (int i = 0; i < 3; i++)
+        put_text(b, "[%.17g, %.17g, %.17g, %.17g], ", s->rotation[3 * i],
+                 s->rotation[3 * i + 1], s->rotation[3 * i + 2],
+                 s->translation[i]);
+    put_text(b, "[0, 0, 0, 1]]");
+}
+
+static void put_fn(bytes *b, int view, int frame)
+{
+    char name[80];
+
+    number_alone(name, view, frame);
+    put_text(b, "\"%s\"", name);
+}
+
+static void put_id(bytes *b, int view, int frame)
+{
+    (void)frame;
+    put_text(b, "%d", view);
+}
+
+static void write_meta(folder *f, const char *name, int from, int to)
+{
+    bytes b = { 0 };
+
+    put_text(&b, "{\"w\": %d, \"h\": %d", W, H);
+    put_list(&b, "k", from, to, put_k);
+    put_list(&b, "w2c", from, to, put_w2c);
+    put_list(&b, "fn", from, to, put_fn);
+    put_list(&b, "cam_id", from, to, put_id);
+    put_text(&b, "}");
+    write_bytes(f, name, &b);
+}
+
+/* init_pt_cld.npz: a ZIP of one stored array, of a point and one that is not
+ * finite, with a seventh column. */
+static void write_cloud(folder *f)
+{
+    static const char code[] =
+        "import struct, zipfile\n"
+        "head = \"{'descr': '<f8', 'fortran_order': False, 'shape': (2, 7)}\""
+        "\nrows = (1, 2, 3, 1, .5, -1, 0, 1, float('nan'), 3, 0, 0, 0, 0)\n"
+        "zipfile.ZipFile('init_pt_cld.npz', 'w').writestr('data.npy', "
+        "b'\\x93NUMPY\\1\\0' + struct.pack('<H', len(head) + 1) + "
+        "head.encode() + b'\\n' + struct.pack('<14d', *rows))\n";
+
+    write_text(f, "cloud.py", code);
+    folder_run(f, "python3 cloud.py");
+}
+
+static void panoptic_sports_should_be_the_scene(void **state)
+{
+    folder *const f = *state;
+    saga_capture c;
+
+    write_meta(f, "train_meta.json", 0, 3);
+    write_meta(f, "test_meta.json", 3, 4);
+    write_pictures(f, "ims", number_alone, 0, N_FRAMES);
+    check_same(f->path, N_FRAMES, LOSSLESS);
+    write_cloud(f);
+    folder_run(f, "rm ims/1/000002.png");
+    c = load(f->path);
+    assert_int_equal(c.n_points, 1);
+    assert_true(c.points[0].position[2] == 3 && c.points[0].rgb[0] == 255 &&
+                c.points[0].rgb[1] == 128 && c.points[0].rgb[2] == 0);
+    assert_true(c.views[3].held_out && !c.views[0].held_out);
+    assert_false(saga_capture_has(&c, 1, 2));
+    assert_int_equal(c.views[1].n_missing, 1);
+    saga_capture_free(&c);
+}
+
+static void panoptic_sports_should_be_refused_when_wrong(void **state)
+{
+    static const struct { const char *edit, *what; } t[] = {
+        { "s/.w2c.: ..../&5/", "no rotation (first row 5" },
+        { "s/\\(.w2c.: ....[^,]*,[^,]*,[^,]*,\\)[^]]*/\\1 5/", "moves" },
+        { "s/.k.: ..../&5/", "moves" },
+        { "s/.k.: .*, .w2c/\"k\": [], \"w2c/", "\"k\"[0][0] is missing" },
+        { "s/.cam_id.: ..0/\"cam_id\": [[-3/", "\"cam_id\"[0][0]" },
+        { "s/.cam_id.: ..0/\"cam_id\": [[1/", "camera 1 moves" },
+        { "s/.w.: 64/\"w\": 63/", "is 64 x 48 pixels, expected 63 x 48" },
+        { "s/.w.: 64/\"w\": 0/", "\"w\" is missing or not 1" },
+        { "s/.fn.: .*, .cam_id/\"fn\": [], \"cam_id/", "has 0 moments" },
+        { "s/.fn.: ..\"/\"fn\": [[7, \"/", "\"fn\"[0][0]" },
+        { "s/..$//", "no valid JSON" },
+    };
+    folder *const f = *state;
+
+    write_pictures(f, "ims", number_alone, 0, N_FRAMES);
+    for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+        write_meta(f, "train_meta.json", 0, 4);
+        folder_run(f, "sed -i '%s' train_meta.json", t[i].edit);
+        refused(f->path, f->path, t[i].what);
+    }
+    write_meta(f, "train_meta.json", 0, 4);
+    write_meta(f, "test_meta.json", 3, 4);
+    refused(f->path, "test_meta.json", "camera 3 is in train_meta.json and in");
+}
+
 /* --- Stills -------------------------------------------------------------- */
 
 static void convert(folder *f, const char *ending, const char *how)
@@ -435,6 +574,8 @@ int main(void)
         IN_FOLDER(frame_folders_should_be_the_scene),
         IN_FOLDER(blender_scene_should_be_the_scene),
         IN_FOLDER(listed_pictures_should_have_any_ending),
+        IN_FOLDER(panoptic_sports_should_be_the_scene),
+        IN_FOLDER(panoptic_sports_should_be_refused_when_wrong),
         IN_FOLDER(stills_should_be_the_scene_in_every_format),
         IN_FOLDER(jpegs_should_be_refused_when_damaged),
         IN_FOLDER(missing_pictures_should_be_left_out),

@@ -18,7 +18,7 @@
 
 const char *const input_kind_text[INPUT_N_KINDS] = {
     "PNG", "JPEG", "EXR", "EXR depth", "npy", "PLY", "PLY text", "JSON",
-    "COLMAP", "COLMAP text"
+    "Panoptic Sports", "COLMAP", "COLMAP text"
 };
 
 enum { W = 8, H = 6, MAX_PIXELS = 1 << 16, N_COLMAP = 3 };
@@ -124,6 +124,9 @@ void input_begin(void)
 {
     check(mkdtemp(folder) && mkdir(path_of("colmap"), 0700) == 0 &&
           mkdir(path_of("text"), 0700) == 0, "no folder can be made in /tmp");
+    check(mkdir(path_of("sports"), 0700) == 0 &&
+          mkdir(path_of("sports/ims"), 0700) == 0, "no folder can be made");
+    write_pixels("sports/ims/a.png", 0);
     write_pixels("a.png", 0);
     write_pixels("b.png", 0);
 }
@@ -146,6 +149,8 @@ void input_end(void)
 {
     remove_files(path_of("colmap"));
     remove_files(path_of("text"));
+    remove_files(path_of("sports/ims"));
+    remove_files(path_of("sports"));
     remove_files(folder);
 }
 
@@ -211,6 +216,21 @@ static void seed_json(bytes *b)
         put_text(b, text);
     }
     put_text(b, "]}");
+}
+
+static void seed_sports(bytes *b)
+{
+    static const char w2c[] = "[[1, 0, 0, %d], [0, 1, 0, 0.5], [0, 0, 1, 0], "
+                              "[0, 0, 0, 1]]";
+    static const char k[] = "[[7.5, 0, 4], [0, 7, 3], [0, 0, 1]]";
+    char first[120], second[120], text[1000];
+
+    snprintf(first, sizeof first, w2c, 0);
+    snprintf(second, sizeof second, w2c, 1);
+    snprintf(text, sizeof text, "{\"w\": 8, \"h\": 6, \"k\": [[%s, %s]], "
+             "\"w2c\": [[%s, %s]], \"fn\": [[\"a.png\", \"a.png\"]], "
+             "\"cam_id\": [[3, 14]]}", k, k, first, second);
+    put_text(b, text);
 }
 
 enum { N_IMAGES = 2, N_POINTS = 4 };
@@ -320,6 +340,8 @@ uint8_t *input_seed(input_kind kind, size_t *n)
         seed_ply(&b, kind == INPUT_PLY_TEXT);
     else if (kind == INPUT_JSON)
         seed_json(&b);
+    else if (kind == INPUT_SPORTS)
+        seed_sports(&b);
     else if (kind == INPUT_COLMAP)
         seed_colmap(&b);
     else
@@ -354,7 +376,8 @@ static void plant(uint8_t *p, size_t n, uint64_t *r)
 
 static int is_text(input_kind kind)
 {
-    return kind == INPUT_JSON || kind == INPUT_PLY_TEXT ||
+    return kind == INPUT_JSON || kind == INPUT_SPORTS ||
+           kind == INPUT_PLY_TEXT ||
            kind == INPUT_COLMAP_TEXT;
 }
 
@@ -486,7 +509,7 @@ static int play_colmap(int text, const uint8_t *p, size_t n, saga_error *error)
     return ok;
 }
 
-static int play_json(const char *path, saga_error *error)
+static int play_capture(const char *path, saga_error *error)
 {
     saga_capture_options o = saga_capture_defaults();
     saga_capture capture;
@@ -517,8 +540,9 @@ static int play_file(input_kind kind, const char *path, saga_error *error)
         free(points);
         return ok;
     }
-    return kind == INPUT_JSON ? play_json(path, error)
-                              : play_picture(kind, path, error);
+    return kind == INPUT_JSON     ? play_capture(path, error)
+           : kind == INPUT_SPORTS ? play_capture(path_of("sports"), error)
+                                  : play_picture(kind, path, error);
 }
 
 int input_play(input_kind kind, const uint8_t *p, size_t n)
@@ -529,7 +553,10 @@ int input_play(input_kind kind, const uint8_t *p, size_t n)
     if (kind == INPUT_COLMAP || kind == INPUT_COLMAP_TEXT) {
         ok = play_colmap(kind == INPUT_COLMAP_TEXT, p, n, &error);
     } else {
-        const char *const name = kind == INPUT_JSON ? "x.json" : "x";
+        const char *const name = kind == INPUT_JSON     ? "x.json"
+                                 : kind == INPUT_SPORTS
+                                     ? "sports/train_meta.json"
+                                     : "x";
 
         write_file(name, p, n);
         ok = play_file(kind, path_of(name), &error);

@@ -158,7 +158,8 @@ static bool unknown_format(const char *path, saga_error *error)
                          "folder nor a .json file");
     return saga_fail(error, path, "looked for transforms.json (nerfstudio, "
                      "Blender), cam*.mp4 with poses_bounds.npy or a COLMAP "
-                     "model (Neu3D), a COLMAP model in sparse/0 beside images/,"
+                     "model (Neu3D), train_meta.json (Panoptic Sports), "
+                     "a COLMAP model in sparse/0 beside images/,"
                      " and numbered frame folders of these",
                      "holds no capture of a known format");
 }
@@ -194,6 +195,8 @@ static bool list_one(saga_listing *listing, const char *path,
         ok = saga_nerfstudio_list(listing, json, NULL, options, error);
     else if (saga_folder_has(path, "transforms_train.json"))
         ok = list_blender(listing, path, options, error);
+    else if (saga_folder_has(path, "train_meta.json"))
+        ok = saga_panoptic_list(listing, path, options, error);
     else if (saga_neu3d_is_there(path, error))
         ok = saga_neu3d_list(listing, path, options, error);
     else if (!saga_failed(error) && saga_colmap_folder_is_there(path, error))
@@ -211,6 +214,7 @@ static bool has_frame_folders(saga_finds *folders, const char *path,
 {
     if (saga_folder_has(path, "transforms.json") ||
         saga_folder_has(path, "transforms_train.json") ||
+        saga_folder_has(path, "train_meta.json") ||
         saga_neu3d_is_there(path, error) || saga_failed(error))
         return false;
     char *const images = saga_path_join(path, "images", error);

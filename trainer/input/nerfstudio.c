@@ -383,8 +383,8 @@ static void take_numbers_for_times(reader *r)
     qsort(r->entries, (size_t)r->n_entries, sizeof *r->entries, entry_order);
 }
 
-/* The moment of an entry: its rank in a view that has all n, else the nearest of
- * n even ones from `start` on. */
+/* The moment of an entry is its rank in a view that has all n, else the nearest
+ * of n even ones from `start` on. */
 static bool find_moment(const reader *r, const entry *e, double start,
                         double step, int n, int *k)
 {

@@ -40,8 +40,8 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 
 bool saga_lens_is_pinhole(const saga_lens *lens)
 {
-    return !lens->fisheye && lens->k1 == 0.0 && lens->k2 == 0.0 && lens->k3 == 0.0 &&
-           lens->p1 == 0.0 && lens->p2 == 0.0;
+    return !lens->fisheye && lens->k1 == 0.0 && lens->k2 == 0.0 &&
+           lens->k3 == 0.0 && lens->p1 == 0.0 && lens->p2 == 0.0;
 }
 
 /* Computes the source position of a pinhole position when focals are lens

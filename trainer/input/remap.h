@@ -18,8 +18,9 @@
  * focal lengths are those of the lens times one factor, the smallest (widest
  * view) for which every pixel of the pinhole picture lies between pixel
  * centres of the source, and not wider than 110 degrees. So no pixel is invalid
- * and no mask is needed; what the lens saw beyond that is given up. A point in front of the camera and
- * inside the pinhole picture is where u = fx X/Z + cx says.
+ * and no mask is needed; what the lens saw beyond that is given up. A point in
+ * front of the camera and inside the pinhole picture is where u = fx X/Z + cx
+ * says.
  *
  * Sampling: bilinear at full size (positions to 1/256 pixel), then N x N boxes
  * are averaged; rows and columns beyond a multiple of N are dropped at the
