@@ -17,7 +17,7 @@ static const double warm_part = 0.6;
 
 /* Iterations cost this, relative to each other: for the estimate of the time
  * that is left. */
-static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 3.2, 0 };
+static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 2.5, 0 };
 
 /* A trial takes that long, and an iteration of it that many of the warm-up's
  * mean, since it has no small pictures. */

@@ -25,7 +25,7 @@ saga_flat_options saga_flat_defaults(void)
 {
     return (saga_flat_options){
         .n_primitives = 5000, .n_iterations = 4000, .seed = 1,
-        .temporal = true, .growth = R(1.3), .start = R(0.6), .coarse = R(0.3)
+        .temporal = true, .growth = 2, .start = 1, .coarse = R(0.3)
     };
 }
 
@@ -48,15 +48,15 @@ static void fill_info(saga_flat *f)
     const double r = f->reach;
     const double frame = 1.0 / f->pictures->capture->n_frames;
 
-    set_info(f, FLAT_MEAN, -1, 1 - 0x1p-23, 6e-4 * r, 1e-5 * r);
-    set_info(f, FLAT_QUAT, -8, 8, 4e-3, 4e-4);
-    set_info(f, FLAT_SCALE, -16, -1, 0.02, 2e-3);
-    set_info(f, FLAT_OPACITY, -7.9, 12, 0.06, 0.015);
-    set_info(f, FLAT_COLOUR, 0, 1, 0.01, 1e-3);
-    set_info(f, FLAT_MOTION, -4, 4, 5e-4 * r, 2e-5 * r);
-    set_info(f, FLAT_SLOPE, -16, 16, 2e-3, 2e-4);
-    set_info(f, FLAT_CENTRE, 0, 1, 2e-3, 2e-4);
-    set_info(f, FLAT_WIDTH, log2(frame / 2), 3, 0.02, 2e-3);
+    set_info(f, FLAT_MEAN, -1, 1 - 0x1p-23, 1.2e-3 * r, 4e-5 * r);
+    set_info(f, FLAT_QUAT, -8, 8, 8e-3, 1.6e-3);
+    set_info(f, FLAT_SCALE, -16, -1, 0.04, 8e-3);
+    set_info(f, FLAT_OPACITY, -7.9, 12, 0.06, 0.03);
+    set_info(f, FLAT_COLOUR, 0, 1, 0.01, 2e-3);
+    set_info(f, FLAT_MOTION, -4, 4, 2.5e-4 * r, 2e-5 * r);
+    set_info(f, FLAT_SLOPE, -16, 16, 2e-3, 4e-4);
+    set_info(f, FLAT_CENTRE, 0, 1, 1e-3, 2e-4);
+    set_info(f, FLAT_WIDTH, log2(frame / 2), 3, 0.01, 2e-3);
     if (!f->o.temporal)
         for (int t = FLAT_MOTION; t < FLAT_N_TENSORS; t++)
             f->info[t].rate = f->info[t].rate_end = 0;

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * This decides how many primitives there are, and where. In the first half of
- * the training rounds of growing raise their number beyond the target: some by
- * splitting those whose place in the picture is most in doubt, some from the
- * pixels with the largest error, at their own moment. Afterwards those that are
- * worth least go in three steps, down to exactly the number asked for.
+ * This decides how many primitives there are, and where. In the first quarter
+ * of the training rounds of growing raise their number to twice what is asked
+ * for: some by splitting those whose place in the picture is most in doubt,
+ * most from the pixels with the largest error, at their own moment. Afterwards
+ * those that are worth least go in three steps, down to exactly that number.
  */
 #include "flat_state.h"
 
@@ -16,10 +16,10 @@
 
 enum { N_PRUNES = 3, N_ROUNDS = 40, N_PICTURES = 8 };
 
-#define GROW_END 0.5
-#define FIRST_PRUNE 0.6
+#define GROW_END 0.25
+#define FIRST_PRUNE 0.35
 #define PRUNE_STEP 0.1
-#define FROM_PIXELS 0.75     /* part of the new ones */
+#define FROM_PIXELS 0.9      /* part of the new ones */
 #define DEAD R(-6)           /* opacity logit */
 
 /* --- Ranking ------------------------------------------------------------- */
