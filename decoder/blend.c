@@ -43,7 +43,7 @@ static void blend_line(uint32_t *t, uint32_t plane, const span *s,
         any = 1;
         if (*t < SAGA_T_FLOOR_Q16)
             continue;
-        w = alpha_q16(q) * *t >> 16;
+        w = (alpha_q16(q) * *t + 0x8000u) >> 16;
         *t -= w;
         t[plane] += w * p->colour_q15[0];
         t[2 * plane] += w * p->colour_q15[1];

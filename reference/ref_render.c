@@ -427,7 +427,7 @@ void ref_blend_pixel_exact(uint64_t sum[3], uint32_t *t, const saga_splat *s,
 
     if (!ref_blends_exact(*t, q_q20))
         return;
-    w = ref_alpha_q16(q_q20) * *t >> 16;
+    w = (ref_alpha_q16(q_q20) * *t + 0x8000u) >> 16;
     *t -= w;
     for (k = 0; k < 3; k++)
         sum[k] += (uint64_t)w * s->colour_q15[k];

@@ -78,7 +78,7 @@ INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
     const u32s before = load(t);
     const u32s a = alpha_q16(q) &
                     (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);
-    const u32s w = a * before >> 16;
+    const u32s w = (a * before + 0x8000u) >> 16;
     uint32_t i;
 
     store(t, before - w);

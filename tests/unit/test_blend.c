@@ -106,7 +106,7 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
     q = p->q0 + ((w * w + 32) >> 6) + ((v * v + 32) >> 6);
     if (q >= 8 << 20)
         return;
-    weight = ref_alpha_q16((int32_t)q) * *t >> 16;
+    weight = (ref_alpha_q16((int32_t)q) * *t + 0x8000) >> 16;
     *t -= weight;
     for (k = 0; k < 3; k++)
         t[(k + 1) * plane] += weight * p->colour_q15[k];

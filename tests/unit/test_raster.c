@@ -520,7 +520,8 @@ static uint32_t unstopped(const scene *s, int x, int y, int k)
     for (i = 0; i < s->n; i++) {
         const saga_splat *const p = s->splats + s->order[i].index;
         const int32_t q = ref_q_q20(p, x, y);
-        const uint32_t w = q < CUT ? ref_alpha_q16(q) * t >> 16 : 0;
+        const uint32_t a = q < CUT ? ref_alpha_q16(q) : 0;
+        const uint32_t w = (a * t + 0x8000) >> 16;
 
         sum += (uint64_t)w * p->colour_q15[k];
         t -= w;
