@@ -50,21 +50,13 @@ static void assert_given(const given_view *v)
     assert_int_equal(v->report.n_primitives, index);
 }
 
-void given_open(given_view *v, const gen_given *p, uint32_t n,
-                uint32_t tools)
+void given_open_stream(given_view *v, gen_stream *g)
 {
     saga_segment seg;
     saga_info info;
-    gen_stream g;
 
     memset(v, 0, sizeof *v);
-    assert_in_range(n, 1, GIVEN_MOST);
-    memcpy(v->p, p, n * sizeof *p);
-    v->n = n;
-    v->tools = tools;
-    gen_given_make(&g, v->p, n, tools, 1);
-    gen_stream_encode(&g, &v->bytes, &v->nbytes);
-    gen_stream_free(&g);
+    gen_stream_encode(g, &v->bytes, &v->nbytes);
     assert_int_equal(saga_probe(&info, v->bytes, v->nbytes), SAGA_OK);
     v->work = must(aligned_alloc(SAGA_WORK_ALIGN,
                                  (info.work_nbytes + 15) & ~(size_t)15));
@@ -74,6 +66,22 @@ void given_open(given_view *v, const gen_given *p, uint32_t n,
     assert_int_equal(saga_decode(v->dec, &seg, v->bytes + seg.offset,
                                  seg.nbytes), SAGA_OK);
     assert_int_equal(saga_tell(&v->report, v->dec), SAGA_OK);
+}
+
+void given_open(given_view *v, const gen_given *p, uint32_t n,
+                uint32_t tools)
+{
+    gen_given copy[GIVEN_MOST];
+    gen_stream g;
+
+    assert_in_range(n, 1, GIVEN_MOST);
+    memcpy(copy, p, n * sizeof *p);
+    gen_given_make(&g, copy, n, tools, 1);
+    given_open_stream(v, &g);
+    gen_stream_free(&g);
+    memcpy(v->p, copy, n * sizeof *copy);
+    v->n = n;
+    v->tools = tools;
     assert_given(v);
 }
 
@@ -110,7 +118,7 @@ int given_sample(const given_view *v, int x, int y, int channel)
 }
 
 /* With one frame in the file, t / 65536 frames are the time t. */
-saga_verify_picture given_verify(const given_view *v)
+saga_verify_picture given_verify(const given_view *v, int stage)
 {
     const saga_verify_view view = { v->cam, (uint32_t)v->t, 65536, NULL,
                                     NULL };
@@ -121,7 +129,7 @@ saga_verify_picture given_verify(const given_view *v)
     if (!saga_verify_file(report, "the file", v->bytes, v->nbytes, &view,
                           &error))
         fail_msg("%s", error.message);
-    picture = report->picture[SAGA_VERIFY_SYMBOLS];
+    picture = report->picture[stage];
     free(report);
     return picture;
 }

@@ -31,11 +31,16 @@ void given_open(given_view *v, const gen_given *p, uint32_t n,
                 uint32_t tools);
 void given_close(given_view *v);
 
+/* The same of a stream of any kind, of one segment, whose primitives nobody
+ * gave: n is 0. */
+void given_open_stream(given_view *v, gen_stream *g);
+
 /* Draws 8 bits; v->rgb until the next one. */
 void given_draw(given_view *v, const saga_camera *cam, int32_t t);
 
-/* The last picture against the one that double makes of the file's symbols. */
-saga_verify_picture given_verify(const given_view *v);
+/* The last picture against the one that double makes of what the integers have
+ * before a stage, SAGA_VERIFY_SYMBOLS or another. */
+saga_verify_picture given_verify(const given_view *v, int stage);
 
 /* A sample of the last picture; of its pixel (x, y) by channel. */
 int given_sample(const given_view *v, int x, int y, int channel);
