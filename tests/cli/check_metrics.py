@@ -7,6 +7,8 @@
   temporal    PSNR of differences of successive pictures is what they give
   lpips       a file of weights that is none, lacks one or is cut is told; with
               those of ../shared/data, where they are, LPIPS is in the report
+  compare     two results differ by what they say, two curves by a known
+              factor; other protocols, other files and damage are refused
 
 Pictures are a built-in scene's and a noisy copy of them. SAGA=... is the
 program (build/saga).
@@ -157,6 +159,67 @@ def check_lpips():
         v.complain("the protocol has no net")
 
 
+def compare(*words):
+    run = subprocess.run([SAGA, "compare", *words], capture_output=True,
+                         text=True)
+    return run.returncode, run.stdout, run.stderr
+
+
+def write(name, *results):
+    path = os.path.join(tmp, name)
+    with open(path, "w") as f:
+        f.write(name.startswith("list") and json.dumps(results) or
+                "\n".join(json.dumps(r, indent=1) for r in results))
+    return path
+
+
+def check_compare():
+    _, out, _ = evaluate(noisy, capture, "--json", "--no-ssim")
+    report = json.loads(out)
+
+    def result(nbytes, db):
+        """A report of so many bytes, all of whose PSNRs are so good."""
+        r = json.loads(out)
+        r["nbytes"] = nbytes
+        for s in r["views"] + [r["training"]]:
+            s["psnr"], s["lpips"] = db, 1 / db
+        return r
+
+    rates = [(1000, 30), (2100, 33), (3900, 35), (8000, 37.5), (15000, 39)]
+    a = write("curve", *[result(n, q) for n, q in rates])
+    b = write("list", *[result(0.8 * n, q) for n, q in rates])
+    status, out_ab, err = compare(a, b, "--json")
+    if status:
+        return v.complain(err)
+    bd = json.loads(out_ab)["bd_rate"]
+    for s in "all", "training":
+        for metric in "psnr", "lpips":
+            near("BD-rate of " + metric, bd[s][metric]["pchip"], -20)
+            near("BD-rate of " + metric, bd[s][metric]["akima"], -20)
+    if "does not grow" not in bd["all"]["psnr_yuv"]["refused"]:
+        v.complain("a flat curve gives", bd["all"])
+    far = write("far", *[result(n, q + 8) for n, q in rates])
+    if "too little" not in compare(a, far)[1]:
+        v.complain("curves apart:", *compare(a, far))
+    one, two = write("one", result(1000, 30)), write("two", result(900, 31.5))
+    near("the difference", json.loads(compare(one, two, "--json")[1])
+         ["difference"]["all"]["psnr"], 1.5)
+    report["protocol"]["frames"] = [1, FRAMES]
+    for bad, word in ((write("other", report), "frames"),
+                      (write("mixed", result(1, 2), report), "frames"),
+                      (write("none"), "no result"),
+                      (write("older", dict(report, schema=0)), "schema"),
+                      (os.path.join(capture, "transforms.json"), "no result")):
+        status, text, err = compare(one, bad)
+        if status != 1 or text or word not in err or bad not in err:
+            v.complain(bad, status, err)
+    with open(one, "a") as f:
+        f.write("{")
+    status, text, err = compare(one, two)
+    if status != 1 or text or "no JSON" not in err:
+        v.complain("a cut file:", status, err)
+
+
 tmp = tempfile.mkdtemp()
 try:
     capture, noisy = os.path.join(tmp, "a"), os.path.join(tmp, "b")
@@ -175,6 +238,8 @@ try:
     v.verdict("temporal")
     check_lpips()
     v.verdict("lpips")
+    check_compare()
+    v.verdict("compare")
 finally:
     shutil.rmtree(tmp)
 sys.exit(v.failed)

@@ -19,6 +19,7 @@ static const saga_command *const commands[] = {
     &saga_command_encode,
     &saga_command_info,
     &saga_command_eval,
+    &saga_command_compare,
     &saga_command_render,
     &saga_command_view,
     &saga_command_verify,

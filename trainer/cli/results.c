@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: MIT */
+#include "results.h"
+
+#include "alloc.h"
+#include "file.h"
+#include "json_cli.h"
+#include "json_memory.h"
+
+#include <math.h>
+#include <string.h>
+
+const saga_metric_key saga_metric_keys[SAGA_N_METRICS] = {
+    { "psnr", "PSNR", 1 },
+    { "psnr_of_mean_mse", "PSNR(mse)", 1 },
+    { "psnr_yuv", "PSNR-YUV", 1 },
+    { "changing_psnr", "changing", 1 },
+    { "temporal_psnr", "temporal", 1 },
+    { "ssim_valid", "SSIM", 1 },
+    { "ms_ssim", "MS-SSIM", 1 },
+    { "iv_psnr", "IV-PSNR", 1 },
+    { "lpips", "LPIPS", -1 }
+};
+
+const char *const saga_set_keys[SAGA_N_SETS] = { "all", "training",
+                                                 "held_out" };
+
+void saga_results_free(saga_results *r)
+{
+    for (int i = 0; i < r->n; i++)
+        json_decref(r->result[i]);
+    r->n = 0;
+}
+
+/* --- Loading ------------------------------------------------------------- */
+
+static bool is_result(const json_t *o)
+{
+    const char *const command = json_string_value(json_object_get(o,
+                                                                  "command"));
+
+    return json_integer_value(json_object_get(o, "schema")) ==
+               SAGA_JSON_SCHEMA && command && !strcmp(command, "eval") &&
+           json_array_size(json_object_get(o, "views")) > 0 &&
+           json_is_object(json_object_get(o, "protocol"));
+}
+
+static bool add(saga_results *r, json_t *o, saga_error *error)
+{
+    const char *differs;
+
+    if (!is_result(o))
+        return saga_fail(error, r->path, "give what `saga eval --json` of this "
+                         "version wrote", "holds something that is no result "
+                         "of schema %d", SAGA_JSON_SCHEMA);
+    differs = r->n ? saga_results_differ(r->result[0], o) : NULL;
+    if (differs)
+        return saga_fail(error, r->path, "keep one protocol in a curve",
+                         "holds results whose %s differ", differs);
+    if (r->n == SAGA_BD_MOST_POINTS)
+        return saga_fail(error, r->path, "split it", "holds more than %d "
+                         "results", SAGA_BD_MOST_POINTS);
+    r->result[r->n++] = json_incref(o);
+    return true;
+}
+
+/* Adds a value of the file: a result, or a list of them. */
+static bool add_value(saga_results *r, json_t *value, saga_error *error)
+{
+    if (!json_is_array(value))
+        return add(r, value, error);
+    for (size_t i = 0; i < json_array_size(value); i++)
+        if (!add(r, json_array_get(value, i), error))
+            return false;
+    return true;
+}
+
+static size_t skip_blanks(const char *text)
+{
+    return strspn(text, " \t\r\n");
+}
+
+bool saga_results_load(saga_results *r, const char *path, saga_error *error)
+{
+    saga_bytes bytes;
+    bool ok;
+    size_t at;
+
+    *r = (saga_results){ .path = path };
+    if (!saga_read_file(&bytes, path, error))
+        return false;
+    ok = true;
+    at = skip_blanks((const char *)bytes.data);
+    saga_json_watch();
+    while (ok && at < bytes.nbytes) {
+        const char *const text = (const char *)bytes.data + at;
+        json_error_t why;
+        json_t *const o = json_loadb(text, bytes.nbytes - at,
+                                     JSON_DISABLE_EOF_CHECK, &why);
+
+        if (saga_json_starved())
+            ok = saga_no_memory(bytes.nbytes, path, error);
+        else if (!o)
+            ok = saga_fail(error, path, "give what `saga eval --json` wrote",
+                           "is no JSON: %s", why.text);
+        else
+            ok = add_value(r, o, error);
+        json_decref(o);
+        at += o ? (size_t)why.position : 0;
+        at += skip_blanks((const char *)bytes.data + at);
+    }
+    saga_bytes_free(&bytes);
+    return ok && (r->n || saga_fail(error, path, "give what `saga eval "
+                                    "--json` wrote", "holds no result"));
+}
+
+/* --- What they say ------------------------------------------------------- */
+
+static double number(const json_t *o, const char *key)
+{
+    const json_t *const v = json_object_get(o, key);
+
+    return json_is_number(v) ? json_number_value(v) : (double)NAN;
+}
+
+double saga_result_value(const json_t *result, const char *set,
+                         const saga_metric_key *metric)
+{
+    const json_t *const views = json_object_get(result, "views");
+    const size_t n = json_array_size(views);
+    double sum = 0.0;
+
+    if (strcmp(set, "all") != 0)
+        return number(json_object_get(result, set), metric->key);
+    for (size_t i = 0; i < n; i++)
+        sum += number(json_array_get(views, i), metric->key);
+    return sum / (double)n;
+}
+
+double saga_result_nbytes(const json_t *result)
+{
+    return json_number_value(json_object_get(result, "nbytes"));
+}
+
+const char *saga_results_differ(const json_t *a, const json_t *b)
+{
+    static const char *const keys[] = { "frames", "cameras", "scale" };
+    const json_t *const pa = json_object_get(a, "protocol");
+    const json_t *const pb = json_object_get(b, "protocol");
+
+    for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
+        if (!json_equal(json_object_get(pa, keys[i]),
+                        json_object_get(pb, keys[i])))
+            return keys[i];
+    return NULL;
+}
+
+void saga_results_curve(saga_bd_curve *curve, const saga_results *r,
+                        const char *set, const saga_metric_key *metric)
+{
+    curve->n = r->n;
+    for (int i = 0; i < r->n; i++)
+        curve->point[i] = (saga_bd_point){
+            saga_result_nbytes(r->result[i]),
+            metric->sign * saga_result_value(r->result[i], set, metric)
+        };
+}
