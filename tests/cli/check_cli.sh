@@ -18,6 +18,8 @@
 #               files of the user's stay, umask is obeyed, what a killed run
 #               left goes, a standard output that is full is told
 #   synth       a capture appears whole, or not at all
+#   check       a camera without light and a hole in it are told of, in text and
+#               on a page that needs no other file; what is no capture is refused
 #   eval        a capture of the file's own pictures is found equal; a known
 #               error has its PSNR; a capture that does not fit is refused
 set -u
@@ -410,6 +412,42 @@ expect 2 synth "$tmp/none/other" --size 48x32
 says "$tmp/none/other"
 [ ! -e "$tmp/other" ] || complain "a folder of a refused synth"
 verdict synth
+
+# ---- check
+# Half of the light in cam02; cam<b> lacks its second frame.
+expect 0 synth "$tmp/dim" --size 96x54 --cameras 4 --hold-out 0 --frames 2 \
+    --samples 1 --depth-every 0 --points 600
+for p in "$tmp"/dim/images/cam02/*.png; do
+    ffmpeg -nostdin -v error -y -i "$p" -vf lutrgb=r=val*.73:g=val*.73:b=val*.73 \
+        "$tmp/dim.png" && mv "$tmp/dim.png" "$p"
+done
+mv "$tmp/dim/images/cam01" "$tmp/dim/images/cam<b>"
+sed -i 's/cam01/cam<b>/' "$tmp/dim/transforms.json"
+rm "$tmp/dim/images/cam<b>/00001.png"
+expect 0 check "$tmp/dim" --html "$tmp/dim.html"
+for text in 'cam02 is 1.0' 'stops darker' '--primitives 5000' \
+    'cam<b> lacks 1 of 2 pictures'; do
+    grep -qF -e "$text" "$tmp/out" || complain "check: no '$text'"
+done
+python3 - "$tmp/dim.html" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import base64, html.parser, re, sys
+
+text = open(sys.argv[1]).read()
+pictures = re.findall("src='data:image/jpeg;base64,([^']*)'", text)
+if len(pictures) != 4 or text.count("src=") != 4 or "href" in text:
+    print("check --html: not four pictures of its own")
+if not all(base64.b64decode(p)[:2] == b"\xff\xd8" for p in pictures):
+    print("check --html: no JPEG")
+if "<b>" in text or "cam&#60;b&#62;" not in text or "1.0" not in text:
+    print("check --html: a name is not escaped, or missing")
+PYTHON
+expect 2 check "$tmp/none"
+says "$tmp/none"
+expect 1 check "$tmp/dim/images"
+says 'holds no capture of a known format'
+expect 2 check "$tmp/dim" --html "$tmp/none/x.html"
+says "$tmp/none/x.html"
+verdict check
 
 # ---- eval
 # The pictures the file gives in its rig, as a capture.

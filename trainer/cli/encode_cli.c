@@ -866,8 +866,8 @@ static const saga_cli_option option_list[] = {
 const saga_command saga_command_encode = {
     "encode", "CAPTURE", 1,
     "trains on a capture and writes a .saga file",
-    "Learns a scene from a capture (a folder: transforms.json, or camNN.mp4\n"
-    "and poses_bounds.npy) and writes it as one .saga file.\n"
+    "Learns a scene from a capture (a folder; `saga help check` lists the\n"
+    "layouts) and writes it as one .saga file.\n"
     "\n"
     "  saga synth demo && saga encode demo -o demo.saga\n"
     "      the built-in scene, some minutes; `saga eval demo.saga demo` then\n"

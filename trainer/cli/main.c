@@ -16,6 +16,7 @@
 
 static const saga_command *const commands[] = {
     &saga_command_synth,
+    &saga_command_check,
     &saga_command_encode,
     &saga_command_info,
     &saga_command_eval,

@@ -30,6 +30,10 @@ bool saga_jpeg_probe(const char *path, int *width, int *height,
 bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
                     saga_error *error);
 
+/* Gives the bytes of a JPEG of good quality; free them. */
+bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
+                      const uint8_t *rgb, saga_error *error);
+
 bool saga_exr_probe(const char *path, int *width, int *height,
                     saga_error *error);
 bool saga_exr_read(const char *path, int width, int height, uint8_t *rgb,

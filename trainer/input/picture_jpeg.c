@@ -73,3 +73,22 @@ bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
     jpeg_end(&job);
     return ok;
 }
+
+bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
+                      const uint8_t *rgb, saga_error *error)
+{
+    const tjhandle encoder = tjInitCompress();
+    unsigned long n = tjBufSize(width, height, TJSAMP_420);
+    *bytes = encoder ? saga_alloc(n, 1, "a picture", error) : NULL;
+    bool ok = *bytes != NULL;
+    if (!encoder)
+        saga_no_memory(0, "a picture", error);
+    if (ok && tjCompress2(encoder, rgb, width, 0, height, TJPF_RGB, bytes, &n,
+                          TJSAMP_420, 85, TJFLAG_NOREALLOC) != 0)
+        ok = saga_fail(error, "a picture", NULL, "cannot become a JPEG (%s)",
+                       tjGetErrorStr2(encoder));
+    *nbytes = n;
+    if (encoder)
+        tjDestroy(encoder);
+    return ok;
+}

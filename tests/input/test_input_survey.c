@@ -1,0 +1,194 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The survey of a capture: what is wrong with one is planted in the built-in
+ * room, and is to be found with its size; and in the room as it is, nothing.
+ */
+#include "capture_files.h"
+#include "pose.h"
+#include "survey.h"
+#include "synth_capture.h"
+
+#include <math.h>
+
+enum { W = 96, H = 54, N_VIEWS = 8, N_FRAMES = 30 };
+
+static int make_room(void **state)
+{
+    saga_synth_options s = synth_options(W, H, N_VIEWS, N_FRAMES, 800);
+    saga_capture *const c = malloc(sizeof *c);
+    void *f;
+
+    assert_non_null(c);
+    s.samples = 1;
+    if (folder_make(&f))
+        return 1;
+    *c = synth_capture(folder_file(f, "room"), &s);
+    *state = c;
+    return folder_remove(&f);
+}
+
+static int free_room(void **state)
+{
+    saga_capture_free(*state);
+    free(*state);
+    return 0;
+}
+
+static saga_survey survey(const saga_capture *c)
+{
+    saga_error error = { "" };
+    saga_survey s;
+
+    if (!saga_survey_make(&s, c, &error))
+        fail_msg("%s", error.message);
+    return s;
+}
+
+static bool says(const saga_survey *s, const char *what)
+{
+    for (int i = 0; i < s->n_notes; i++)
+        if (strstr(s->note[i], what))
+            return true;
+    return false;
+}
+
+/* Degrees between two cameras seen from a place. */
+static double angle_from(const double x[3], const saga_shot *a,
+                         const saga_shot *b)
+{
+    double p[3], q[3], pq = 0, pp = 0, qq = 0;
+
+    saga_pose_centre(a->rotation, a->translation, p);
+    saga_pose_centre(b->rotation, b->translation, q);
+    for (int i = 0; i < 3; i++) {
+        pq += (p[i] - x[i]) * (q[i] - x[i]);
+        pp += (p[i] - x[i]) * (p[i] - x[i]);
+        qq += (q[i] - x[i]) * (q[i] - x[i]);
+    }
+    return acos(pq / sqrt(pp * qq)) * 180 / 3.14159265358979;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+static void room_should_have_nothing_to_mind(void **state)
+{
+    const saga_capture *const c = *state;
+    saga_survey s = survey(c);
+    double middle[3], x[800];
+
+    for (int i = 0; i < s.n_notes; i++)
+        print_message("%s\n", s.note[i]);
+    assert_int_equal(s.n_notes, 0);
+    assert_true(s.free_views);
+    for (int k = 0; k < 3; k++) {
+        for (size_t i = 0; i < c->n_points; i++)
+            x[i] = c->points[i].position[k];
+        qsort(x, c->n_points, sizeof *x, by_value);
+        middle[k] = x[c->n_points / 2];
+    }
+    for (int v = 0; v < N_VIEWS; v++) {
+        const saga_survey_view *const one = &s.views[v];
+
+        assert_in_range(one->nearest, 0, N_VIEWS - 1);
+        assert_true(fabs(one->angle - angle_from(middle, &c->views[v],
+                                                 &c->views[one->nearest])) <
+                    1e-6);
+        assert_true(one->overlap > 0.8 && one->overlap <= 1);
+        assert_true(fabs(one->stops) < 0.05 && one->colour < 6);
+        assert_true(one->timed && one->late == 0);
+    }
+    saga_survey_free(&s);
+}
+
+static void late_camera_should_be_found(void **state)
+{
+    saga_capture *const c = *state;
+    saga_shot *const v = &c->views[3];
+    const size_t n = saga_view_frame_nbytes(v);
+    saga_survey s;
+
+    memmove(v->rgb + 3 * n, v->rgb, (N_FRAMES - 3) * n);
+    s = survey(c);
+    for (int i = 0; i < N_VIEWS; i++)
+        assert_int_equal(s.views[i].late, i == 3 ? 3 : 0);
+    assert_true(says(&s, "cam03 seems to run 3 frames behind"));
+    saga_survey_free(&s);
+}
+
+static void dark_camera_should_be_found(void **state)
+{
+    saga_capture *const c = *state;
+    saga_shot *const v = &c->views[5];
+    saga_survey s;
+
+    /* Half of the light. */
+    for (size_t i = 0; i < saga_view_frame_nbytes(v) * N_FRAMES; i++)
+        v->rgb[i] = (uint8_t)(v->rgb[i] * pow(0.5, 1 / 2.2) + 0.5);
+    s = survey(c);
+    for (int i = 0; i < N_VIEWS; i++)
+        assert_true(fabs(s.views[i].stops + (i == 5)) < 0.06);
+    assert_true(s.views[5].colour < 6);
+    assert_true(says(&s, "cam05 is ") && says(&s, " darker than"));
+    saga_survey_free(&s);
+}
+
+static void camera_that_looks_away_should_be_found(void **state)
+{
+    saga_capture *const c = *state;
+    saga_shot *const v = &c->views[2];
+    saga_survey s;
+
+    /* Half a turn about its own y axis. */
+    for (int i = 0; i < 3; i++) {
+        v->rotation[i] *= -1;
+        v->rotation[6 + i] *= -1;
+    }
+    v->translation[0] *= -1;
+    v->translation[2] *= -1;
+    s = survey(c);
+    assert_true(s.views[2].overlap < 0.25 && s.views[1].overlap > 0.8);
+    assert_true(says(&s, "cam02 shares "));
+    saga_survey_free(&s);
+}
+
+static void few_wide_cameras_should_be_told_of(void **state)
+{
+    saga_capture *const c = *state, four = *c;
+    saga_survey s;
+
+    four.n_points = 0;
+    s = survey(&four);
+    assert_true(s.free_views && says(&s, "There are no points"));
+    assert_true(isnan(s.views[0].stops));
+    /* Without points, places are where the cameras look. */
+    for (int v = 0; v < N_VIEWS; v++)
+        assert_true(s.views[v].overlap > 0.5);
+    saga_survey_free(&s);
+    four.n_views = 4;
+    s = survey(&four);
+    assert_false(s.free_views);
+    assert_true(says(&s, "degrees apart without points will not give free "
+                     "views"));
+    saga_survey_free(&s);
+}
+
+#define IN_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, \
+                                                      free_room)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_ROOM(room_should_have_nothing_to_mind),
+        IN_ROOM(late_camera_should_be_found),
+        IN_ROOM(dark_camera_should_be_found),
+        IN_ROOM(camera_that_looks_away_should_be_found),
+        IN_ROOM(few_wide_cameras_should_be_told_of),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,292 @@
+/* SPDX-License-Identifier: MIT */
+#include "check_page.h"
+
+#include "alloc.h"
+#include "output.h"
+#include "picture.h"
+#include "pose.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { THUMB = 240, PLAN = 360 }; /* pixels */
+
+/* Straight lines through docs/results/rd.md: a primitive takes 9 bytes (studio,
+ * 25,000) to 16.5 (the room, 2,000), and 12,000 iterations take 0.27 CPU
+ * minutes for 1,000 primitives and 0.7 for pictures of 100,000 pixels. */
+bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
+{
+    static const int settings[][2] = {
+        { 5000, 6000 }, { 15000, 12000 }, { 40000, 20000 }
+    };
+    double pixels = 0;
+
+    if (index >= (int)(sizeof settings / sizeof settings[0]))
+        return false;
+    for (int v = 0; v < capture->n_views; v++)
+        pixels += (double)capture->views[v].width * capture->views[v].height /
+                  capture->n_views;
+    f->n_primitives = settings[index][0];
+    f->n_iterations = settings[index][1];
+    f->minutes = f->n_iterations / 12000.0 *
+                 (0.27 * f->n_primitives / 1000 + 0.7 * pixels / 100000);
+    f->least_kb = 0.009 * f->n_primitives;
+    f->most_kb = 0.0165 * f->n_primitives;
+    return true;
+}
+
+/* --- Pieces -------------------------------------------------------------- */
+
+/* Text of files and names, with nothing that HTML would take for its own. */
+static void put_escaped(FILE *to, const char *text)
+{
+    for (; *text; text++)
+        if (strchr("<>&\"'", *text))
+            fprintf(to, "&#%d;", *text);
+        else
+            fputc(*text, to);
+}
+
+static void put_base64(FILE *to, const uint8_t *bytes, size_t n)
+{
+    static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                "abcdefghijklmnopqrstuvwxyz0123456789+/";
+
+    for (size_t i = 0; i < n; i += 3) {
+        const uint32_t x = (uint32_t)bytes[i] << 16 |
+                           (i + 1 < n ? (uint32_t)bytes[i + 1] << 8 : 0) |
+                           (i + 2 < n ? bytes[i + 2] : 0);
+
+        fputc(digit[x >> 18], to);
+        fputc(digit[x >> 12 & 63], to);
+        fputc(i + 1 < n ? digit[x >> 6 & 63] : '=', to);
+        fputc(i + 2 < n ? digit[x & 63] : '=', to);
+    }
+}
+
+/* Makes a picture at most THUMB wide by means of boxes; free it. */
+static uint8_t *shrink(const saga_capture *c, int view, int *w, int *h,
+                       saga_error *error)
+{
+    const saga_shot *const s = &c->views[view];
+    const int n = (s->width + THUMB - 1) / THUMB;
+    const uint8_t *const from = saga_capture_frame(c, view, 0);
+    uint8_t *to;
+
+    *w = s->width / n;
+    *h = s->height / n > 0 ? s->height / n : 1;
+    to = saga_alloc((size_t)*w * (size_t)*h, 3, s->name, error);
+    for (int i = 0; to && i < *w * *h * 3; i++) {
+        const int x = i / 3 % *w * n, y = i / 3 / *w * n;
+        int sum = 0, count = 0;
+
+        for (int b = 0; b < n && y + b < s->height; b++)
+            for (int a = 0; a < n; a++, count++)
+                sum += from[((y + b) * s->width + x + a) * 3 + i % 3];
+        to[i] = (uint8_t)((sum + count / 2) / count);
+    }
+    return to;
+}
+
+static bool put_thumbnail(FILE *to, const saga_capture *c, int view,
+                          saga_error *error)
+{
+    uint8_t *rgb, *jpeg = NULL;
+    size_t n = 0;
+    int w, h;
+    bool ok;
+
+    rgb = shrink(c, view, &w, &h, error);
+    ok = rgb && saga_jpeg_encode(&jpeg, &n, w, h, rgb, error);
+    if (ok) {
+        fprintf(to, "<figure><img width=%d height=%d alt='' "
+                "src='data:image/jpeg;base64,", w, h);
+        put_base64(to, jpeg, n);
+        fputs("'><figcaption>", to);
+        put_escaped(to, c->views[view].name);
+        fputs("</figcaption></figure>\n", to);
+    }
+    free(rgb);
+    free(jpeg);
+    return ok;
+}
+
+/* --- The plan ------------------------------------------------------------ */
+
+/* The rig from the side on which it is largest: the axis along which centres
+ * and points spread least is left out. */
+typedef struct plan {
+    int axis[2];
+    double middle[2], scale;
+} plan;
+
+static void place_of(const saga_capture *c, size_t i, double x[3])
+{
+    const size_t n = (size_t)c->n_views;
+
+    if (i < n)
+        saga_pose_centre(c->views[i].rotation, c->views[i].translation, x);
+    else
+        memcpy(x, c->points[i - n].position, 3 * sizeof *x);
+}
+
+/* Cameras alone say how large it is: points may lie far away. */
+static plan make_plan(const saga_capture *c)
+{
+    double low[3], high[3], x[3];
+    int least = 0;
+    plan p;
+
+    place_of(c, 0, low);
+    place_of(c, 0, high);
+    for (size_t i = 1; i < (size_t)c->n_views; i++) {
+        place_of(c, i, x);
+        for (int k = 0; k < 3; k++) {
+            low[k] = fmin(low[k], x[k]);
+            high[k] = fmax(high[k], x[k]);
+        }
+    }
+    for (int k = 1; k < 3; k++)
+        if (high[k] - low[k] < high[least] - low[least])
+            least = k;
+    p.axis[0] = least == 0 ? 1 : 0;
+    p.axis[1] = least == 2 ? 1 : 2;
+    p.scale = 0;
+    for (int k = 0; k < 2; k++) {
+        const int a = p.axis[k];
+
+        p.middle[k] = (low[a] + high[a]) / 2;
+        p.scale = fmax(p.scale, 2.5 * (high[a] - low[a]));
+    }
+    p.scale = PLAN / (p.scale > 0 ? p.scale : 1);
+    return p;
+}
+
+static bool on_plan(const plan *p, const double x[3], double xy[2])
+{
+    for (int k = 0; k < 2; k++)
+        xy[k] = PLAN / 2 + p->scale * (x[p->axis[k]] - p->middle[k]);
+    xy[1] = PLAN - xy[1];
+    return xy[0] >= 0 && xy[0] <= PLAN && xy[1] >= 0 && xy[1] <= PLAN;
+}
+
+static void put_plan(FILE *to, const saga_capture *c)
+{
+    const plan p = make_plan(c);
+    const size_t n = (size_t)c->n_views;
+    const size_t step = c->n_points / 1500 + 1;
+    double x[3], xy[2];
+
+    fprintf(to, "<svg width=%d height=%d>\n", PLAN, PLAN);
+    for (size_t i = 0; i < c->n_points; i += step) {
+        place_of(c, n + i, x);
+        if (on_plan(&p, x, xy))
+            fprintf(to, "<circle cx=%.1f cy=%.1f r=1 fill='#%02x%02x%02x'/>",
+                    xy[0], xy[1], c->points[i].rgb[0], c->points[i].rgb[1],
+                    c->points[i].rgb[2]);
+    }
+    for (size_t v = 0; v < n; v++) {
+        double ahead[2];
+
+        place_of(c, v, x);
+        (void)on_plan(&p, x, xy);
+        for (int k = 0; k < 3; k++)
+            x[k] += 25 / p.scale * c->views[v].rotation[6 + k];
+        (void)on_plan(&p, x, ahead);
+        fprintf(to, "<path d='M%.1f %.1fL%.1f %.1f' stroke=%s /><circle "
+                "cx=%.1f cy=%.1f r=3 fill=%s><title>", xy[0], xy[1], ahead[0],
+                ahead[1], c->views[v].held_out ? "orange" : "teal", xy[0],
+                xy[1], c->views[v].held_out ? "orange" : "teal");
+        put_escaped(to, c->views[v].name);
+        fputs("</title></circle>\n", to);
+    }
+    fputs("</svg>\n", to);
+}
+
+/* --- The page ------------------------------------------------------------ */
+
+static void put_cell(FILE *to, const char *format, double x)
+{
+    fputs("<td>", to);
+    if (isnan(x))
+        fputs("-", to);
+    else
+        fprintf(to, format, x);
+}
+
+static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
+{
+    fputs("<table><tr><th>camera<th>size<th>angle, degrees<th>shared, %<th>"
+          "seen, %<th>off, px<th>exposure, stops<th>colour, of 255<th>late, "
+          "frames<th>missing\n", to);
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_survey_view *const one = &s->views[v];
+        const saga_shot *const shot = &c->views[v];
+
+        fputs("<tr><td>", to);
+        put_escaped(to, shot->name);
+        fprintf(to, "%s<td>%d x %d", shot->held_out ? " (held out)" : "",
+                shot->width, shot->height);
+        put_cell(to, "%.1f", one->angle);
+        put_cell(to, "%.0f", 100 * one->overlap);
+        put_cell(to, "%.0f", 100 * one->seen);
+        put_cell(to, "%.2f", shot->n_observations ? shot->reprojection_median
+                                                  : (double)NAN);
+        put_cell(to, "%+.2f", one->stops);
+        put_cell(to, "%.1f", one->colour);
+        put_cell(to, "%.0f", one->timed ? one->late : (double)NAN);
+        put_cell(to, "%.0f\n", shot->n_missing);
+    }
+    fputs("</table>\n", to);
+}
+
+static bool put_page(FILE *to, const char *name, const saga_survey *s,
+                     const saga_capture *c, saga_error *error)
+{
+    saga_forecast f;
+    bool ok = true;
+
+    fputs("<!doctype html><html lang=en><meta charset=utf-8><title>", to);
+    put_escaped(to, name);
+    fputs("</title><style>body{font:15px sans-serif;margin:2em auto;max-width:"
+          "70em}td,th{padding:.2em .7em;text-align:right;border-bottom:1px "
+          "solid #ddd}figure{display:inline-block;margin:.3em}path{stroke-"
+          "width:1.5}svg{background:#f4f4f4}</style>\n<h1>", to);
+    put_escaped(to, name);
+    fprintf(to, "</h1><p>%s, %d cameras, %d frames at %g per second, %zu "
+            "points.<h2>To mind</h2><ul>", c->format, c->n_views, c->n_frames,
+            c->fps, c->n_points);
+    for (int i = 0; i < s->n_notes; i++) {
+        fputs("<li>", to);
+        put_escaped(to, s->note[i]);
+    }
+    fprintf(to, "%s</ul><h2>Cameras</h2>\n",
+            s->n_notes ? "" : "<li>Nothing.");
+    put_plan(to, c);
+    put_table(to, s, c);
+    for (int v = 0; ok && v < c->n_views; v++)
+        ok = put_thumbnail(to, c, v, error);
+    fputs("<h2>Forecast</h2><p>By the measured files of docs/results/rd.md; "
+          "what PSNR comes out only a trial tells.<table>", to);
+    for (int i = 0; saga_forecast_of(&f, c, i); i++)
+        fprintf(to, "<tr><td>--primitives %d --iterations %d<td>%.0f CPU "
+                "minutes<td>%.0f to %.0f kB\n", f.n_primitives,
+                f.n_iterations, ceil(f.minutes), f.least_kb, f.most_kb);
+    fputs("</table><h2>What the loader decided</h2><pre>", to);
+    put_escaped(to, c->notes);
+    fputs("</pre></html>\n", to);
+    return ok;
+}
+
+bool saga_check_page(const char *path, const char *name,
+                     const saga_survey *survey, const saga_capture *capture,
+                     saga_error *error)
+{
+    saga_output out;
+
+    if (!saga_output_open(&out, path, error))
+        return false;
+    return saga_output_close(&out, put_page(out.file, name, survey, capture,
+                                            error), error);
+}

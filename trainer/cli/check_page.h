@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What saga check has found out, as one page without other files; and the
+ * forecast, which it tells in text as well.
+ */
+#ifndef SAGA_CHECK_PAGE_H
+#define SAGA_CHECK_PAGE_H
+
+#include "capture.h"
+#include "survey.h"
+
+typedef struct saga_forecast {
+    int n_primitives, n_iterations;
+    double minutes;           /* of CPU */
+    double least_kb, most_kb;
+} saga_forecast;
+
+/* Tells what encoding with the index-th of some settings takes; false past the
+ * last. */
+bool saga_forecast_of(saga_forecast *forecast, const saga_capture *capture,
+                      int index);
+
+/* Writes the page; it appears whole or not at all. name is the capture's. */
+bool saga_check_page(const char *path, const char *name,
+                     const saga_survey *survey, const saga_capture *capture,
+                     saga_error *error);
+
+#endif

@@ -1,0 +1,494 @@
+/* SPDX-License-Identifier: MIT */
+#include "survey.h"
+
+#include "alloc.h"
+#include "pose.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    GRID = 12,             /* rays of a camera, a side */
+    MOST_PLACES = 20000,
+    MOST_COMPARED = 200000000,
+    FEW_PLACES = 8,        /* points, or nothing is said */
+    FEW_COLOURS = 30,
+    MOST_LATE = 15,        /* frames */
+    FEW_FRAMES = 12
+};
+
+/* Judgements; each is a guess from the captures we have. */
+#define FAR_APART 25.0     /* degrees: primitives seen from two such sides only
+                            * are rarely the same */
+#define FEW_VIEWS 6
+#define LITTLE_OVERLAP 0.25
+#define OFF_PIXELS 2.0
+#define OFF_STOPS 0.2
+#define LATE_LEAST 0.7     /* correlation of motion, shifted */
+#define LATE_GAIN 0.2      /* more than without */
+
+typedef struct places {
+    double (*at)[3];       /* (n) */
+    size_t n;
+    double middle[3];
+} places;
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Sorts x; NaN of none. */
+static double median(double *x, size_t n)
+{
+    if (n == 0)
+        return (double)NAN;
+    qsort(x, n, sizeof *x, by_value);
+    return x[n / 2];
+}
+
+static void note(saga_survey *s, const char *format, ...) SAGA_PRINTF(2, 3);
+
+static void note(saga_survey *s, const char *format, ...)
+{
+    va_list args;
+    if (s->n_notes == SAGA_SURVEY_NOTES)
+        return;
+    va_start(args, format);
+    (void)vsnprintf(s->note[s->n_notes++], SAGA_SURVEY_NOTE_NBYTES, format,
+                    args);
+    va_end(args);
+}
+
+/* ------------------------------------------------------------------- places */
+
+/* Where the axes of all cameras come nearest to each other: the x with the
+ * least sum of squared distances, by Cramer's rule. False if they are parallel.
+ */
+static bool axes_meet(const saga_capture *c, double x[3])
+{
+    double m[3][3] = {{0}}, b[3] = {0};
+    for (int v = 0; v < c->n_views; v++) {
+        const double *const axis = c->views[v].rotation + 6;
+        double centre[3];
+        saga_pose_centre(c->views[v].rotation, c->views[v].translation,
+                         centre);
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++) {
+                const double part = (i == j) - axis[i] * axis[j];
+                m[i][j] += part;
+                b[i] += part * centre[j];
+            }
+    }
+    const double det =
+        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+        m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+        m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+    if (!(fabs(det) > 1e-4 * pow(c->n_views, 3)))
+        return false;
+    for (int k = 0; k < 3; k++) {
+        double n[3][3];
+        memcpy(n, m, sizeof n);
+        for (int i = 0; i < 3; i++)
+            n[i][k] = b[i];
+        x[k] = (n[0][0] * (n[1][1] * n[2][2] - n[1][2] * n[2][1]) -
+                n[0][1] * (n[1][0] * n[2][2] - n[1][2] * n[2][0]) +
+                n[0][2] * (n[1][0] * n[2][1] - n[1][1] * n[2][0])) / det;
+    }
+    return true;
+}
+
+/* Without points: rays of each camera as far as the axes' meeting, or four
+ * times the size of the rig. */
+static void lift_grid(places *p, const saga_capture *c)
+{
+    double meeting[3], size = 0.0, first[3], centre[3];
+    const bool meet = axes_meet(c, meeting);
+    saga_pose_centre(c->views[0].rotation, c->views[0].translation, first);
+    for (int v = 0; v < c->n_views; v++) {
+        saga_pose_centre(c->views[v].rotation, c->views[v].translation,
+                         centre);
+        size = fmax(size, hypot(hypot(centre[0] - first[0],
+                                      centre[1] - first[1]),
+                                centre[2] - first[2]));
+    }
+    for (int v = 0; v < c->n_views; v++) {
+        const saga_shot *const s = &c->views[v];
+        const double far = 4.0 * (size > 0.0 ? size : 1.0);
+        double cam[3] = {0.0, 0.0, far};
+        if (meet)
+            saga_view_transform(s, meeting, cam);
+        const double z = cam[2] > 0.0 ? cam[2] : far;
+        for (int i = 0; i < GRID * GRID; i++) {
+            const double uv[2] = {s->width * (i % GRID + 0.5) / GRID,
+                                  s->height * (i / GRID + 0.5) / GRID};
+            saga_view_lift(s, uv, z, p->at[p->n++]);
+        }
+    }
+}
+
+static bool find_places(places *p, const saga_capture *c, saga_error *error)
+{
+    const bool points = c->n_points >= FEW_PLACES;
+    const size_t n = points ? c->n_points : (size_t)c->n_views * GRID * GRID;
+    /* Every two views are compared at every place. */
+    const size_t most = MOST_COMPARED / (size_t)c->n_views /
+                        (size_t)c->n_views + 200;
+    const size_t step = n / (most < MOST_PLACES ? most : MOST_PLACES) + 1;
+    p->at = saga_alloc(n, sizeof *p->at, "the places", error);
+    if (!p->at)
+        return false;
+    if (!points)
+        lift_grid(p, c);
+    for (size_t i = 0; points && i < n; i++)
+        memcpy(p->at[i], c->points[i].position, sizeof *p->at);
+    p->n = 0;
+    for (size_t i = 0; i < n; i += step)
+        memmove(p->at[p->n++], p->at[i], sizeof *p->at);
+    double *const x = saga_alloc(p->n, sizeof *x, "the places", error);
+    for (int k = 0; x && k < 3; k++) {
+        for (size_t i = 0; i < p->n; i++)
+            x[i] = p->at[i][k];
+        p->middle[k] = median(x, p->n);
+    }
+    free(x);
+    return x != NULL;
+}
+
+/* The pixel of a place in a view; -1 where the view does not see it. */
+static long pixel_of(const saga_shot *s, const double place[3])
+{
+    double uv[2], depth;
+    if (!saga_view_project(s, place, uv, &depth) || uv[0] < 0.0 ||
+        uv[1] < 0.0 || uv[0] >= s->width || uv[1] >= s->height)
+        return -1;
+    return (long)uv[1] * s->width + (long)uv[0];
+}
+
+/* ----------------------------------------------------------------- geometry */
+
+static void direction_from(const double middle[3], const saga_shot *s,
+                           double d[3])
+{
+    saga_pose_centre(s->rotation, s->translation, d);
+    for (int k = 0; k < 3; k++)
+        d[k] -= middle[k];
+    const double n = hypot(hypot(d[0], d[1]), d[2]);
+    for (int k = 0; k < 3; k++)
+        d[k] /= n > 0.0 ? n : 1.0;
+}
+
+static void find_nearest(saga_survey *survey, const saga_capture *c,
+                         const double middle[3])
+{
+    for (int v = 0; v < c->n_views; v++) {
+        saga_survey_view *const one = &survey->views[v];
+        double a[3], b[3];
+        one->nearest = -1;
+        one->angle = 180.0;
+        direction_from(middle, &c->views[v], a);
+        for (int w = 0; w < c->n_views; w++) {
+            direction_from(middle, &c->views[w], b);
+            const double cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            const double angle =
+                acos(fmin(fmax(cosine, -1.0), 1.0)) * 57.29577951308232;
+            if (w == v || (one->nearest >= 0 && angle >= one->angle))
+                continue;
+            one->nearest = w;
+            one->angle = angle;
+        }
+    }
+}
+
+/* seen (n_views, n): whether a view sees a place. */
+static void find_overlap(saga_survey *survey, const saga_capture *c,
+                         const places *p, const bool *seen)
+{
+    for (int v = 0; v < c->n_views; v++) {
+        const bool *const a = seen + p->n * (size_t)v;
+        size_t n = 0, best = 0;
+        for (size_t i = 0; i < p->n; i++)
+            n += a[i];
+        for (int w = 0; w < c->n_views; w++) {
+            const bool *const b = seen + p->n * (size_t)w;
+            size_t both = 0;
+            for (size_t i = 0; w != v && i < p->n; i++)
+                both += a[i] && b[i];
+            best = both > best ? both : best;
+        }
+        survey->views[v].seen = p->n ? (double)n / (double)p->n : 0.0;
+        survey->views[v].overlap = n ? (double)best / (double)n : 0.0;
+    }
+}
+
+/* ------------------------------------------------------------------ colours */
+
+static double luma(const double rgb[3])
+{
+    return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
+}
+
+/* What a view shows at a place in the first frame; display values. */
+static bool colour_at(const saga_capture *c, int v, const double place[3],
+                      double rgb[3])
+{
+    const long pixel = pixel_of(&c->views[v], place);
+    for (int k = 0; pixel >= 0 && k < 3; k++)
+        rgb[k] = saga_capture_frame(c, v, 0)[3 * pixel + k];
+    return pixel >= 0;
+}
+
+/* The median colour of a place over all views that see it; how many. */
+static size_t common_colour(const saga_capture *c, const double place[3],
+                            double *scratch, double rgb[3])
+{
+    const size_t most = (size_t)c->n_views;
+    size_t n = 0;
+    for (int v = 0; v < c->n_views; v++) {
+        double one[3];
+        if (!colour_at(c, v, place, one))
+            continue;
+        for (size_t k = 0; k < 3; k++)
+            scratch[k * most + n] = one[k];
+        n++;
+    }
+    for (size_t k = 0; k < 3; k++)
+        rgb[k] = median(scratch + k * most, n);
+    return n;
+}
+
+/* Light is the display value to the power 2.2; very dark and saturated places
+ * tell nothing. */
+static bool tells_exposure(double a, double b)
+{
+    return a > 16.0 && a < 240.0 && b > 16.0 && b < 240.0;
+}
+
+/* Compares a view with the common colours: (places, 3), NaN where fewer than
+ * three views see a place. */
+static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
+                         const places *p, const double *common, double *x)
+{
+    size_t n = 0;
+    double rgb[3];
+    for (size_t i = 0; i < p->n; i++)
+        if (!isnan(common[3 * i]) && colour_at(c, v, p->at[i], rgb) &&
+            tells_exposure(luma(rgb), luma(common + 3 * i)))
+            x[n++] = 2.2 * log2(luma(rgb) / luma(common + 3 * i));
+    one->stops = n >= FEW_COLOURS ? median(x, n) : (double)NAN;
+    const double gain = isnan(one->stops) ? 1.0 : exp2(one->stops / 2.2);
+    n = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        if (isnan(common[3 * i]) || !colour_at(c, v, p->at[i], rgb))
+            continue;
+        x[n] = 0.0;
+        for (int k = 0; k < 3; k++)
+            x[n] += fabs(rgb[k] / gain - common[3 * i + (size_t)k]) / 3.0;
+        n++;
+    }
+    one->colour = n >= FEW_COLOURS ? median(x, n) : (double)NAN;
+}
+
+static bool compare_colours(saga_survey *survey, const saga_capture *c,
+                            const places *p, saga_error *error)
+{
+    double *const common = saga_alloc(p->n, 3 * sizeof *common, "the colours",
+                                      error);
+    double *const x = saga_alloc(p->n + 3 * (size_t)c->n_views, sizeof *x,
+                                 "the colours", error);
+    const bool ok = common && x;
+    for (size_t i = 0; ok && i < p->n; i++)
+        if (common_colour(c, p->at[i], x, common + 3 * i) < 3)
+            common[3 * i] = (double)NAN;
+    for (int v = 0; ok && v < c->n_views; v++)
+        compare_view(&survey->views[v], c, v, p, common, x);
+    free(common);
+    free(x);
+    return ok;
+}
+
+/* ---------------------------------------------------------------- synchrony */
+
+/* How much changes from frame k to the next, in green, every fifth pixel; made
+ * to have mean 0 and variance 1. Flat rows stay 0. */
+static void motion_of(const saga_capture *c, int v, double *row)
+{
+    const int n = c->n_frames - 1;
+    const size_t size = saga_view_frame_nbytes(&c->views[v]);
+    double mean = 0.0, variance = 0.0;
+    for (int k = 0; k < n; k++) {
+        const uint8_t *const a = saga_capture_frame(c, v, k);
+        const uint8_t *const b = saga_capture_frame(c, v, k + 1);
+        row[k] = 0.0;
+        for (size_t i = 1; i < size; i += 15)
+            row[k] += abs(a[i] - b[i]);
+        mean += row[k] / n;
+    }
+    for (int k = 0; k < n; k++)
+        variance += (row[k] - mean) * (row[k] - mean) / n;
+    for (int k = 0; k < n; k++)
+        row[k] = variance > 1e-9 * mean * mean
+                     ? (row[k] - mean) / sqrt(variance) : 0.0;
+}
+
+/* Correlates a row, moved back by `late`, with the sum of the others. */
+static double agreement(const double *row, const double *sum, int n, int late)
+{
+    double ab = 0.0, aa = 0.0, bb = 0.0;
+    for (int k = 0; k < n; k++) {
+        if (k + late < 0 || k + late >= n)
+            continue;
+        const double others = sum[k] - row[k];
+        ab += row[k + late] * others;
+        aa += row[k + late] * row[k + late];
+        bb += others * others;
+    }
+    return aa > 0.0 && bb > 0.0 ? ab / sqrt(aa * bb) : 0.0;
+}
+
+static bool find_late(saga_survey *survey, const saga_capture *c,
+                      saga_error *error)
+{
+    const int n = c->n_frames - 1;
+    if (c->n_frames < FEW_FRAMES || c->n_views < 3)
+        return true;
+    double *const rows = saga_alloc((size_t)(c->n_views + 1) * (size_t)n,
+                                    sizeof *rows, "the motion", error);
+    if (!rows)
+        return false;
+    double *const sum = rows + c->n_views * n;
+    memset(sum, 0, (size_t)n * sizeof *sum);
+    for (int v = 0; v < c->n_views; v++) {
+        motion_of(c, v, rows + v * n);
+        for (int k = 0; k < n; k++)
+            sum[k] += rows[v * n + k];
+    }
+    for (int v = 0; v < c->n_views; v++) {
+        saga_survey_view *const one = &survey->views[v];
+        const int most = n / 3 < MOST_LATE ? n / 3 : MOST_LATE;
+        double best = fmax(agreement(rows + v * n, sum, n, 0) + LATE_GAIN,
+                           LATE_LEAST);
+        one->timed = true;
+        for (int late = -most; late <= most; late++) {
+            const double a = agreement(rows + v * n, sum, n, late);
+            if (a > best) {
+                best = a;
+                one->late = late;
+            }
+        }
+    }
+    free(rows);
+    return true;
+}
+
+/* ---------------------------------------------------------------- judgement */
+
+static int count_training(const saga_capture *c)
+{
+    int n = 0;
+    for (int v = 0; v < c->n_views; v++)
+        n += !c->views[v].held_out;
+    return n;
+}
+
+static void judge_rig(saga_survey *s, const saga_capture *c)
+{
+    const int n = count_training(c);
+    const bool points = c->n_points >= FEW_PLACES;
+    s->free_views = n > FEW_VIEWS ||
+                    (n > 2 && points && s->typical_angle < FAR_APART);
+    if (!s->free_views)
+        note(s, "%d cameras %.0f degrees apart%s will not give free views: the "
+             "file will show what these cameras saw, and views between them "
+             "will be poor. More cameras%s help.", n, s->typical_angle,
+             points ? "" : " without points", points ? "" : ", or a COLMAP "
+             "model with points,");
+    else if (s->typical_angle > FAR_APART)
+        note(s, "Cameras are %.0f degrees apart: views between them will be "
+             "poor.", s->typical_angle);
+    if (!points && s->free_views)
+        note(s, "There are no points: training begins with guesses of depth. A "
+             "COLMAP model or ply_file_path helps.");
+}
+
+static void judge_view(saga_survey *s, const saga_capture *c, int v)
+{
+    const saga_survey_view *const one = &s->views[v];
+    const saga_shot *const shot = &c->views[v];
+    if (c->n_views > 1 && one->overlap < LITTLE_OVERLAP)
+        note(s, "%s shares %.0f %% of what it sees with any other camera: its "
+             "own part cannot be placed in depth.", shot->name,
+             100.0 * one->overlap);
+    if (shot->n_observations > 0 && shot->reprojection_median > OFF_PIXELS)
+        note(s, "%s: half of the model's features lie more than %.1f pixels "
+             "from their points: pose, lens or size is wrong.", shot->name,
+             shot->reprojection_median);
+    if (fabs(one->stops) > OFF_STOPS)
+        note(s, "%s is %.2f stops %s than the others; exposures are not "
+             "corrected.", shot->name, fabs(one->stops),
+             one->stops > 0.0 ? "brighter" : "darker");
+    if (one->late != 0)
+        note(s, "%s seems to run %d frames %s the others: cut its video, or "
+             "hold it out.", shot->name, abs(one->late),
+             one->late > 0 ? "behind" : "before");
+    if (shot->n_missing > 0)
+        note(s, "%s lacks %d of %d pictures.", shot->name, shot->n_missing,
+             c->n_frames);
+}
+
+static bool measure(saga_survey *s, const saga_capture *c, places *p,
+                    saga_error *error)
+{
+    if (!find_places(p, c, error))
+        return false;
+    const size_t n = p->n, n_views = (size_t)c->n_views;
+    bool *const seen = saga_alloc(n * n_views, sizeof *seen, "places seen",
+                                  error);
+    double *const angle =
+        saga_alloc(n_views, sizeof *angle, "the angles", error);
+    const bool ok = seen && angle;
+    for (size_t v = 0; ok && v < n_views; v++)
+        for (size_t i = 0; i < n; i++)
+            seen[n * v + i] = pixel_of(&c->views[v], p->at[i]) >= 0;
+    if (ok) {
+        find_overlap(s, c, p, seen);
+        find_nearest(s, c, p->middle);
+        for (size_t v = 0; v < n_views; v++)
+            angle[v] = s->views[v].angle;
+        s->typical_angle = median(angle, n_views);
+    }
+    free(seen);
+    free(angle);
+    return ok && (c->n_points < FEW_PLACES ||
+                  compare_colours(s, c, p, error)) &&
+           find_late(s, c, error);
+}
+
+bool saga_survey_make(saga_survey *survey, const saga_capture *capture,
+                      saga_error *error)
+{
+    places p = {.n = 0};
+    *survey = (saga_survey){.views = NULL};
+    survey->views = saga_calloc((size_t)capture->n_views,
+                                sizeof *survey->views, "the views", error);
+    for (int v = 0; survey->views && v < capture->n_views; v++)
+        survey->views[v].stops = survey->views[v].colour = (double)NAN;
+    const bool ok = survey->views && measure(survey, capture, &p, error);
+    free(p.at);
+    if (!ok)
+        return false;
+    judge_rig(survey, capture);
+    for (int v = 0; v < capture->n_views; v++)
+        judge_view(survey, capture, v);
+    return true;
+}
+
+void saga_survey_free(saga_survey *survey)
+{
+    free(survey->views);
+    survey->views = NULL;
+}
