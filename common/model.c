@@ -8,6 +8,9 @@ enum { MAX_COLOUR_WIDTH = 32 };
 /* A quaternion's 1 still fits. */
 enum { MAX_QUAT_Q = 14 };
 
+/* Embeddings come in this format: no network takes a finer one. */
+enum { MAX_INPUT_Q = 15 };
+
 const saga_level_caps saga_caps[SAGA_N_PROFILES] = {
     { 256u << 10, 512, 512, 1024, 48000, 32, 1, 32 },
     { 4u << 20, 16000, 16000, 16000, 128000, 64, 0, 64 },
@@ -47,9 +50,9 @@ static const output outputs[] = {
     { SAGA_NET_E_FINE, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
     { SAGA_NET_E_PRIM, FIXED + 14, 4, 0, 0, 0 },
     { SAGA_NET_E_PRIM, SAGA_HEAD_SIGMA, ROWS_BLOCK, 12, 0, 0 },
-    { SAGA_NET_FUSE_C, SAGA_HEAD_FUSE_C, ROWS_F, 12, 0, 0 },
-    { SAGA_NET_FUSE_F, SAGA_HEAD_FUSE_F, ROWS_F, 12, 0, 0 },
-    { SAGA_NET_FINE, SAGA_HEAD_FINE, ROWS_F, 12, 0, 0 },
+    { SAGA_NET_FUSE_C, SAGA_HEAD_FUSE_C, ROWS_F, MAX_INPUT_Q, 0, 0 },
+    { SAGA_NET_FUSE_F, SAGA_HEAD_FUSE_F, ROWS_F, MAX_INPUT_Q, 0, 0 },
+    { SAGA_NET_FINE, SAGA_HEAD_FINE, ROWS_F, MAX_INPUT_Q, 0, 0 },
     { SAGA_NET_FINE, SAGA_HEAD_SUPPORT, 4, 12, 0, 0 },
     { SAGA_NET_GEO, SAGA_HEAD_OPACITY, 1, 12, 0, 0 },
     { SAGA_NET_GEO, SAGA_HEAD_SCALE, 3, 12, 0, 0 },
@@ -246,8 +249,8 @@ static int nets_are_valid(const saga_model *m)
 
     for (i = 0; i < SAGA_N_NETS; i++)
         if (saga_is_described(m, i) &&
-            (!width_is_valid(m, i) || m->q_in[i] < 1 || m->q_in[i] > 15 ||
-             m->int8[i] > 1))
+            (!width_is_valid(m, i) || m->q_in[i] < 1 ||
+             m->q_in[i] > MAX_INPUT_Q || m->int8[i] > 1))
             return 0;
     for (i = 0; i < SAGA_N_HEADS; i++)
         if (m->head_q[i] > SAGA_MAX_HEAD_Q)

@@ -12,6 +12,10 @@
 
 /* --- Ranges -------------------------------------------------------------- */
 
+/* Embeddings come in this format, and directions in DIRECTION_Q: nothing finer
+ * enters a network. */
+enum { EMBEDDING_Q = 15, DIRECTION_Q = 14 };
+
 /* Returns the Q format in which values up to `most` fit int16, with a fifth to
  * spare; the network's arithmetic may exceed what was measured a little. */
 static uint8_t q_for(double most, int limit)
@@ -202,12 +206,14 @@ static void measure_formats(saga_model *m, const saga_pack_input *in)
     head_formats(m, s, in->twin);
     m->q_in[SAGA_NET_COLOUR] = colour_format(s, in->twin);
     /* What enters a network must not saturate either. */
-    m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, in->feature), 12);
+    m->q_in[SAGA_NET_COLOUR_VIEW] = DIRECTION_Q;
+    m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, in->feature),
+                                     EMBEDDING_Q);
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
-        ? (uint8_t)fx_min(q[SAGA_HEAD_FUSE_C], 12) : m->q_in[SAGA_NET_FUSE_C];
-    m->q_in[SAGA_NET_FUSE_F] = (uint8_t)fx_min(q[SAGA_HEAD_FINE], 12);
+        ? q[SAGA_HEAD_FUSE_C] : m->q_in[SAGA_NET_FUSE_C];
+    m->q_in[SAGA_NET_FUSE_F] = q[SAGA_HEAD_FINE];
     m->q_in[SAGA_NET_GEO] = m->q_in[SAGA_NET_COLOUR_BASE] =
-        (uint8_t)fx_min(saga_fused_q(m, SAGA_TIER_FINE), 12);
+        (uint8_t)saga_fused_q(m, SAGA_TIER_FINE);
 }
 
 /* --- Networks ------------------------------------------------------------ */
@@ -296,7 +302,8 @@ static bool pack_net(saga_net_symbols *out, const packing *p, int net,
         if (i + 1 == f->n_layers)
             output_formats(q, m, net, n_out);
         else
-            memset(q, q_for(most_hidden(s, p->twin, c, net, i), 13), n_out);
+            memset(q, q_for(most_hidden(s, p->twin, c, net, i),
+                            EMBEDDING_Q), n_out);
         if (!saga_quantise_layer(&out->layer[net][i], &v, error))
             return false;
         if (p->decoded)
