@@ -7,12 +7,11 @@
  *
  *     bench_stages [OUT.json [BEFORE.json]]
  */
-#include "animate.h"
 #include "bench_time.h"
 #include "depth_sort.h"
 #include "gen_scene.h"
-#include "project.h"
 #include "raster.h"
+#include "splats.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,7 +23,6 @@ enum { N = 50000, WIDTH = 640, HEIGHT = 360, TILE = 16, LIST = 1 << 16,
 typedef struct {
     saga_camera cam;
     saga_primitive *prims;
-    saga_animated *moved;
     saga_splat *splats;
     saga_key *keys, *sorted, *tmp;
     uint32_t n_splats;
@@ -74,27 +72,29 @@ static void copy(scene *s)
     memcpy(s->to, s->from, BLOCK);
 }
 
-static void animate(scene *s)
+static void splats(scene *s)
 {
-    uint32_t i;
-
-    for (i = 0; i < N; i++)
-        saga_animate(s->moved + i, s->prims + i, &gen_still_format, 32768);
-}
-
-static void project(scene *s)
-{
+    const saga_look look = { &gen_still_format, &s->cam, 32768 };
     uint32_t i;
 
     s->n_splats = 0;
-    for (i = 0; i < N; i++) {
-        saga_splat *const p = s->splats + s->n_splats;
+    for (i = 0; i < N; i += SAGA_RUN) {
+        const uint32_t n = N - i < SAGA_RUN ? N - i : SAGA_RUN;
+        uint32_t seen = saga_splats(s->splats + s->n_splats, s->prims + i, n,
+                                    &look, s->cpu);
 
-        if (!saga_project(p, s->moved + i, &s->cam))
-            continue;
-        gen_colour(p->colour_q15, i);
-        s->keys[s->n_splats] = (saga_key){ p->depth, s->n_splats };
-        s->n_splats++;
+        for (; seen != 0; seen &= seen - 1)
+            s->n_splats++;
+    }
+}
+
+static void set_keys(scene *s)
+{
+    uint32_t i;
+
+    for (i = 0; i < s->n_splats; i++) {
+        gen_colour(s->splats[i].colour_q15, i);
+        s->keys[i] = (saga_key){ s->splats[i].depth, i };
     }
 }
 
@@ -157,7 +157,6 @@ static void open_scene(scene *s)
     memset(s, 0, sizeof *s);
     gen_front_camera(&s->cam, WIDTH, HEIGHT);
     s->prims = need(N * sizeof *s->prims);
-    s->moved = need(N * sizeof *s->moved);
     s->splats = need(N * sizeof *s->splats);
     s->keys = need(N * sizeof *s->keys);
     s->sorted = need(N * sizeof *s->sorted);
@@ -180,8 +179,14 @@ static void run(scene *s)
 
     measure("ceiling: additions", add, s, ADDS, "ns each");
     measure("ceiling: memory copied", copy, s, BLOCK, "ns a byte");
-    measure("animate", animate, s, N, "ns a splat");
-    measure("project", project, s, N, "ns a splat");
+    for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++) {
+        char name[40];
+
+        snprintf(name, sizeof name, "animate and project, %s",
+                 vectors[s->cpu]);
+        measure(name, splats, s, N, "ns a splat");
+    }
+    set_keys(s);
     measure("sort", sort, s, N, "ns a splat");
     for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++) {
         measure_blend(s, vectors[s->cpu], all, "one band");

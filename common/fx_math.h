@@ -17,6 +17,11 @@ typedef struct {
     int32_t exp;
 } saga_float;
 
+/* Tables, for twins of these functions in vectors; fx_tables.h has them. */
+extern const uint32_t saga_exp2_q30[129], saga_recip_q23[129];
+extern const uint32_t saga_rsqrt_q23[129];
+extern const int32_t saga_softplus2_q24[179], saga_sigmoid_q24[99];
+
 /* 2^f, f_q16 in 0..65535 (f in [0, 1)): Q30, in [2^30, 2^31).
  * Exact at f = 0; strictly monotone; error <= 3.9 LSB. */
 uint32_t saga_exp2_frac_q16_q30(uint32_t f_q16);

@@ -8,13 +8,6 @@
 #include "fx.h"
 #include "fx_math.h"
 
-#define LIMIT_X (1 << 29)      /* positions saturate here */
-#define LIMIT_U (16 << 16)     /* u of the temporal opacity, Q16 */
-#define LIMIT_AGE (4 << 16)    /* Q16 */
-#define LIMIT_MOTION ((int64_t)1 << 39) /* Q20, supports */
-#define HALF_SEGMENT (15 << 10) /* log2 of it in units of time, Q10 */
-#define LOG2_E_Q20 1512775     /* log2(e) */
-
 /* A head's value in Q20: |v| <= 2^15 * 2^20. */
 static int64_t to_q20(int16_t v, int q)
 {

@@ -8,6 +8,14 @@
 
 #include "primitive.h"
 
+/* Constants of animate.c and its twin in vectors. */
+#define LIMIT_X (1 << 29)      /* positions saturate here */
+#define LIMIT_U (16 << 16)     /* u of the temporal opacity, Q16 */
+#define LIMIT_AGE (4 << 16)    /* Q16 */
+#define LIMIT_MOTION ((int64_t)1 << 39) /* Q20, supports */
+#define HALF_SEGMENT (15 << 10) /* log2 of it in units of time, Q10 */
+#define LOG2_E_Q20 1512775     /* log2(e) */
+
 /* dt = t - t_centre, |dt| < 2^17; age = dt / min(width, 1/2 segment), in -4..4.
  * x(t) = x + support * (((b3 age + b2) age + b1) age),
  * quat(t) = quat + slope age, q0 = softplus2(-o) + log2(e) (dt / width)^2.

@@ -11,8 +11,6 @@
 
 #include <stdint.h>
 
-#define SAGA_CUT_Q20 (SAGA_CUT_LOG2 << 20)
-
 /* The rows of a splat in a tile. v and w: docs/arithmetic.md. */
 typedef struct saga_patch {
     int64_t v, w;                /* Q28, at the centre of the first row's first

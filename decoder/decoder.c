@@ -12,6 +12,7 @@
 #include "range_dec.h"
 #include "raster.h"
 #include "reconstruct.h"
+#include "splats.h"
 #include "syntax.h"
 
 /* Stands at the start of the work block; offsets in plan count from here. */
@@ -441,23 +442,28 @@ static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
 static uint32_t make_splats(saga_splat *splats, saga_key *keys,
                             saga_decoder *dec, int32_t t)
 {
+    const saga_look look = { &dec->format, &dec->camera, t };
     saga_seen seen = { 0 };
     saga_scaffold sc;
     uint32_t i, n = 0, most;
 
     scaffold_of(&sc, dec);
     most = saga_shade_points(&sc);
-    for (i = 0; i < dec->n.prim; i++) {
-        saga_animated a;
+    for (i = 0; i < dec->n.prim; i += SAGA_RUN) {
+        const uint32_t left = dec->n.prim - i;
+        uint32_t at = i, visible = saga_splats(
+            splats + n, prims_of(dec) + i, left < SAGA_RUN ? left : SAGA_RUN,
+            &look, (saga_cpu)dec->cpu);
 
-        saga_animate(&a, &prims_of(dec)[i], &dec->format, t);
-        if (!saga_project(&splats[n], &a, &dec->camera))
-            continue;
-        keys[n].depth = splats[n].depth;
-        keys[n].index = n;
-        see(&splats[n++], dec, i, &seen);
-        if (seen.n == most)
-            shade(splats, n, dec, &sc, &seen);
+        for (; visible != 0; visible >>= 1, at++) {
+            if (!(visible & 1))
+                continue;
+            keys[n].depth = splats[n].depth;
+            keys[n].index = n;
+            see(&splats[n++], dec, at, &seen);
+            if (seen.n == most)
+                shade(splats, n, dec, &sc, &seen);
+        }
     }
     shade(splats, n, dec, &sc, &seen);
     return n;

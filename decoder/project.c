@@ -19,11 +19,6 @@
 #define LIMIT_CENTRE (1 << 29)
 #define LIMIT_PRINCIPAL (1 << 30)
 #define LIMIT_SIDE 16384
-#define LIMIT_Q (8 << 20)        /* q of the cut */
-#define LIMIT_MEAN (1 << 23)     /* 2^15 px in Q8, from the picture's centre */
-#define LIMIT_EXTENT (1 << 25)   /* 2^17 px in Q8: beyond every picture */
-#define BORDER_Q16 9830          /* 0.15 of a side */
-#define ZERO_EXP (-(1 << 20))    /* exponent of a zero */
 
 /* A point in front of the camera: z in [2^26, 2^27], x and y on its scale. */
 typedef struct {
@@ -47,9 +42,9 @@ typedef struct {
     int32_t exp;
 } shape;
 
-static const saga_float low_pass = { 1288490189, -2 };    /* 0.3 px^2 */
-static const saga_float low_pass_2 = { 1546188227, -4 };  /* 0.09 */
-static const saga_float root_k = { 1823904678, -1 };      /* sqrt(log2(e)/2) */
+static const saga_float low_pass = { LOW_PASS };
+static const saga_float low_pass_2 = { LOW_PASS_2 };
+static const saga_float root_k = { ROOT_K };
 
 static int64_t abs64(int64_t x)
 {
@@ -454,7 +449,7 @@ static int pixel_range(int16_t *from, int16_t *to, int32_t mean_q8,
 static int box(saga_splat *s, const saga_camera *c)
 {
     const int32_t *const f = s->chol_q28;
-    const int32_t l_q12 = sqrt_up_q20_q12(LIMIT_Q - s->q0_q20);
+    const int32_t l_q12 = sqrt_up_q20_q12(SAGA_CUT_Q20 - s->q0_q20);
     const int32_t ex = extent_x(l_q12, f[0], f[1], f[2]);
     const int32_t ey = extent_y(l_q12, f[2]);
 
@@ -467,7 +462,7 @@ int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c)
     centre o;
     shape t;
 
-    if (a->q0_q20 >= LIMIT_Q || !project_centre(&o, a->x, c))
+    if (a->q0_q20 >= SAGA_CUT_Q20 || !project_centre(&o, a->x, c))
         return 0;
     project_shape(&t, a, &o, c);
     conic(s->chol_q28, &t);

@@ -6,8 +6,19 @@
 #ifndef SAGA_PROJECT_H
 #define SAGA_PROJECT_H
 
+#include "model.h"
 #include "primitive.h"
 #include "saga.h"
+
+/* Constants of project.c and its twin in vectors. */
+#define LIMIT_MEAN (1 << 23)     /* 2^15 px in Q8, from the picture's centre */
+#define LIMIT_EXTENT (1 << 25)   /* 2^17 px in Q8: beyond every picture */
+#define BORDER_Q16 9830          /* 0.15 of a side */
+#define ZERO_EXP (-(1 << 20))    /* exponent of a zero */
+/* Mantissas and exponents. */
+#define LOW_PASS 1288490189, -2      /* 0.3 px^2 */
+#define LOW_PASS_2 1546188227, -4    /* 0.09 */
+#define ROOT_K 1823904678, -1        /* sqrt(log2(e) / 2) */
 
 /* SAGA_OK, or SAGA_ERR_ARG if a field of c is outside its range. */
 saga_status saga_camera_check(const saga_camera *c);

@@ -70,7 +70,7 @@ static void print_exp2(void)
     for (i = 0; i <= EXP2_CELLS; i++)
         t[i] = round_entry(exp2((double)i / EXP2_CELLS + 30));
     printf("\n/* round(2^30 * 2^(i/%d)), i = 0..%d */\n"
-           "static const uint32_t saga_exp2_q30[%d] = {\n",
+           "const uint32_t saga_exp2_q30[%d] = {\n",
            EXP2_CELLS, EXP2_CELLS, EXP2_CELLS + 1);
     print_row(t, EXP2_CELLS + 1, 6);
     printf("};\n");
@@ -87,7 +87,7 @@ static void print_softplus(void)
         t[i] = round_entry(log1p(exp2(-a)) / log(2.0) * 16777216);
     }
     printf("\n/* round(2^24 * log2(1 + 2^-((i - 1)/%d))), i = 0..%d */\n"
-           "static const int32_t saga_softplus2_q24[%d] = {\n",
+           "const int32_t saga_softplus2_q24[%d] = {\n",
            SOFTPLUS_CELLS_PER_UNIT, SOFTPLUS_N - 1, SOFTPLUS_N);
     print_row(t, SOFTPLUS_N, 7);
     printf("};\n");
@@ -104,7 +104,7 @@ static void print_sigmoid(void)
         t[i] = round_entry(16777216 / (1 + exp(a)));
     }
     printf("\n/* round(2^24 / (1 + e^((i - 1)/%d))), i = 0..%d */\n"
-           "static const int32_t saga_sigmoid_q24[%d] = {\n",
+           "const int32_t saga_sigmoid_q24[%d] = {\n",
            SIGMOID_CELLS_PER_UNIT, SIGMOID_N - 1, SIGMOID_N);
     print_row(t, SIGMOID_N, 7);
     printf("};\n");
@@ -118,7 +118,7 @@ static void print_recip(void)
     for (i = 0; i <= RECIP_CELLS; i++)
         t[i] = round_entry(8388608.0 * RECIP_CELLS / (RECIP_CELLS + (double)i));
     printf("\n/* round(2^23 / (1 + i/%d)), i = 0..%d */\n"
-           "static const uint32_t saga_recip_q23[%d] = {\n",
+           "const uint32_t saga_recip_q23[%d] = {\n",
            RECIP_CELLS, RECIP_CELLS, RECIP_CELLS + 1);
     print_row(t, RECIP_CELLS + 1, 7);
     printf("};\n");
@@ -138,7 +138,7 @@ static void print_rsqrt(void)
     }
     printf("\n/* round(2^23 / sqrt(x)), x = 1 + i/%d for i = 0..%d and\n"
            " * x = 2i/%d for i = %d..%d: [1, 2) and [2, 4], %d cells each */\n"
-           "static const uint32_t saga_rsqrt_q23[%d] = {\n",
+           "const uint32_t saga_rsqrt_q23[%d] = {\n",
            RSQRT_CELLS, RSQRT_CELLS - 1, RSQRT_CELLS, RSQRT_CELLS,
            2 * RSQRT_CELLS, RSQRT_CELLS, 2 * RSQRT_CELLS + 1);
     print_row(t, 2 * RSQRT_CELLS + 1, 7);

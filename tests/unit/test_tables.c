@@ -11,7 +11,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "fx_tables.h"
+#include "fx_math.h"
 #include "prob.h"
 #include "prob_tables.h"
 #include "saga.h"

@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * common/fx_math.c in AVX2: the same formulas, of which that file has the
+ * proofs of range.
+ */
+#ifndef SAGA_FX_AVX2_H
+#define SAGA_FX_AVX2_H
+
+#include "lanes_avx2.h"
+#include "fx_math.h"
+#include "sqrt_up.h"
+
+#ifdef SAGA_MAY_AVX2
+
+/* A pair of mantissa and exponent in each lane, see saga_float. */
+typedef struct {
+    i64s mant, exp;
+} pairs;
+
+/* saga_exp2_frac_q16_q30(64 f): so few bits are all that anybody has. */
+INLINE i64s exp2_frac_q10_q30(i64s f)
+{
+    const i64s base = lower(entries(saga_exp2_q30, shift_down(f & 1023, 3)));
+    const i64s r = (f & 7) << 6;
+    const i64s slope = shift_down(mul(r, all(15783)) + (2977038208 + 256), 9);
+    const i64s product = (i64s)mul_u((u64s)base, mul_u((u64s)slope, (u64s)r));
+
+    return base + shift_down(product + ((int64_t)1 << 38), 39);
+}
+
+/* a in 0..22 * 2^12 - 1. */
+INLINE i64s softplus2_tail_q20(i64s a)
+{
+    const i64s cell = shift_down(a, 9), t = a & 511;
+    const i64s s01 = entries(saga_softplus2_q24, cell);
+    const i64s s23 = entries(saga_softplus2_q24 + 2, cell);
+    const i64s s0 = lower(s01), s1 = shift_down(s01, 32);
+    const i64s s2 = lower(s23), s3 = shift_down(s23, 32);
+    const i64s both = shift_down(mul(t, 512 - t), 2);
+    const i64s bow = round_off(mul(both, s0 - s1 - s2 + s3), 9);
+
+    return round_off(s1 + round_off(mul(t, s2 - s1) - bow, 9), 4);
+}
+
+/* No limit to |x|, since the lane holds 256 x. */
+INLINE i64s softplus2_q12_q20(i64s x)
+{
+    const i64s a = abs_small(x), end = all(22 << 12);
+    const i64s tail = softplus2_tail_q20(min_small(a, end - 1)) &
+                      negative(a - end);
+
+    return (max_small(x, all(0)) << 8) + tail;
+}
+
+INLINE i64s recip_chord_q23(i64s x_q31)
+{
+    const i64s t = entries(saga_recip_q23, shift_down(x_q31, 24) & 127);
+    const i64s chord = t - shift_down(t, 32);
+    const i64s lo = shift_down(x_q31, 9) & 32767;
+
+    return lower(t) - shift_down(mul(chord, lo), 15);
+}
+
+/* m of saga_recip16(x) for x_q31 = x 2^n in [2^31, 2^32). */
+INLINE i64s recip16_of(i64s x_q31)
+{
+    return shift_down(recip_chord_q23(x_q31) + 64, 7);
+}
+
+/* -m of saga_recip32(x) for x_q31 = x 2^n in [2^31, 2^32): unlike m, which may
+ * be 2^31, a signed number of 32 bits. */
+INLINE i64s minus_recip32_of(i64s x_q31)
+{
+    const i64s y0_q31 = recip_chord_q23(x_q31) << 8;
+    const i64s rest_q62 =
+        ((int64_t)1 << 62) - (i64s)mul_u((u64s)x_q31, (u64s)y0_q31);
+    const i64s rest_q46 = shift_down(rest_q62, 16);  /* low */
+    const i64s minus_y0 = 0 - y0_q31;
+
+    return minus_y0 - round_off(0 - mul(minus_y0, rest_q46), 46);
+}
+
+/* y0^2 in Q32 as 2^32 - d, so that 32 bits hold d. */
+INLINE i64s rsqrt_newton_q31(i64s x_q30, i64s y0_q23)
+{
+    const i64s square_q32 = round_low(mul(y0_q23, y0_q23), 14);
+    const i64s d = ((int64_t)1 << 32) - square_q32;
+    const i64s product =
+        shift_up(x_q30, 32) - (i64s)mul_u((u64s)x_q30, (u64s)d);
+    const i64s rest_q62 = ((int64_t)1 << 62) - product;
+    const i64s rest_q45 = shift_down(rest_q62, 17);  /* low */
+    const i64s y0_q31 = y0_q23 << 8;
+
+    return y0_q31 + round_off(0 - mul(0 - y0_q31, rest_q45), 46);
+}
+
+/* |exp| < 2^30. */
+INLINE pairs rsqrt_each(pairs x)
+{
+    const i64s odd = x.exp & 1;
+    const i64s cell = (odd << 6) + (shift_down(x.mant, 24) & 63);
+    const i64s t = entries(saga_rsqrt_q23, cell);
+    const i64s lo = shift_down(x.mant, 9) & 32767;
+    const i64s chord = t - shift_down(t, 32);
+    const i64s y0_q23 = lower(t) - shift_down(mul(chord, lo), 15);
+    const i64s x_q30 = x.mant + (x.mant & (0 - odd));
+    const i64s y_q31 = rsqrt_newton_q31(x_q30, y0_q23);
+    const i64s one = shift_down(y_q31, 31);
+    const i64s h = shift_down(x.exp - odd + ((int64_t)1 << 32), 1) -
+                   ((int64_t)1 << 31);
+    pairs y;
+
+    y.mant = y_q31 - (one << 30);
+    y.exp = one - 1 - h;
+    return y;
+}
+
+/* The table's entries are of 16 bits; any other x gives anything. */
+INLINE i64s sqrt_up_each(i64s x_q20)
+{
+    const i64s i = shift_down(x_q20 - 1, 15) & 255;
+    const uint16_t *const t = saga_sqrt_up_q12;
+
+    return (i64s){ t[i[0]], t[i[1]], t[i[2]], t[i[3]] };
+}
+
+#endif
+#endif

@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: MIT */
+#include "splats.h"
+
+#include "animate.h"
+#include "project.h"
+
+static uint32_t splats_plain(saga_splat *s, const saga_primitive *p,
+                             uint32_t n, const saga_look *look)
+{
+    uint32_t seen = 0, i;
+
+    for (i = 0; i < n; i++) {
+        saga_animated a;
+
+        saga_animate(&a, p + i, look->format, look->t);
+        if (!saga_project(s, &a, look->camera))
+            continue;
+        seen |= 1u << i;
+        s++;
+    }
+    return seen;
+}
+
+uint32_t saga_splats(saga_splat *s, const saga_primitive *p, uint32_t n,
+                     const saga_look *look, saga_cpu cpu)
+{
+#ifdef SAGA_MAY_AVX2
+    if (cpu == SAGA_CPU_AVX2 && n % 4 == 0)
+        return saga_splats__avx2(s, p, n, look);
+#endif
+    (void)cpu;
+    return splats_plain(s, p, n, look);
+}

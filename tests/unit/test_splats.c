@@ -1,0 +1,253 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Runs of primitives to splats: the twin in vectors against animate.c and
+ * project.c, bit by bit, over primitives and cameras of every kind, with
+ * canaries behind the splats.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "animate.h"
+#include "gen_hard.h"
+#include "project.h"
+#include "splats.h"
+
+#include <string.h>
+
+enum { COUNT = 30000, N = 8 };
+
+static saga_cpu cpu;
+
+static int one_in(gen_rng *r, int n)
+{
+    return gen_int(r, 1, n) == 1;
+}
+
+/* Any value, its extremes and zero more often. */
+static int16_t any16(gen_rng *r)
+{
+    static const int16_t edges[] = { -32768, -32767, -1, 0, 1, 32767 };
+
+    if (one_in(r, 4))
+        return edges[gen_int(r, 0, 5)];
+    return (int16_t)gen_shifted(r, -32768, 32767, 14);
+}
+
+static void any_format(saga_prim_format *f, gen_rng *r)
+{
+    int i;
+
+    memset(f, 0, sizeof *f);
+    f->q_quat = (uint8_t)gen_int(r, 0, 20);
+    f->q_slope = (uint8_t)gen_int(r, 0, 20);
+    f->q_opacity = (uint8_t)gen_int(r, 0, 20);
+    for (i = 0; i < 3; i++)
+        f->q_motion[i] = (uint8_t)gen_int(r, 0, 20);
+    f->motion_order = (uint8_t)gen_int(r, 0, 3);
+    f->has_slope = (uint8_t)gen_int(r, 0, 1);
+    f->has_width = (uint8_t)gen_int(r, 0, 1);
+}
+
+/* Where the camera sees it, as far as motion leaves it there. */
+static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
+{
+    saga_animated a;
+    int i;
+
+    gen_hard_animated(&a, r, c);
+    for (i = 0; i < 3; i++) {
+        p->x[i] = a.x[i];
+        p->support[i] = gen_shifted(r, 1 << 22, 1 << 23, 22);
+        p->log2_scale_q10[i] = (int16_t)a.log2_scale_q10[i];
+    }
+    p->t_centre = one_in(r, 2) ? gen_int(r, -32768, 98303) : 32768;
+    for (i = 0; i < 4; i++) {
+        p->quat[i] = any16(r);
+        p->slope[i] = any16(r);
+    }
+    for (i = 0; i < 9; i++)
+        p->motion[i] = one_in(r, 3) ? 0 : (int16_t)(any16(r) / 4096);
+    p->opacity = one_in(r, 3) ? any16(r) : (int16_t)gen_int(r, 0, 32767);
+    p->log2_width_q10 = one_in(r, 2) ? any16(r)
+                                     : (int16_t)gen_int(r, 10000, 32767);
+}
+
+/* Everything at its limits. */
+static void edge_primitive(saga_primitive *p, gen_rng *r)
+{
+    int i;
+
+    for (i = 0; i < 3; i++) {
+        p->x[i] = one_in(r, 2) ? -(1 << 23) : gen_int(r, -4, 4);
+        p->support[i] = one_in(r, 2) ? 1 : 1 << 23;
+        p->log2_scale_q10[i] = any16(r);
+    }
+    p->t_centre = one_in(r, 2) ? -32768 : 98303;
+    for (i = 0; i < 4; i++) {
+        p->quat[i] = one_in(r, 2) ? 32767 : -32767;
+        p->slope[i] = any16(r);
+    }
+    for (i = 0; i < 9; i++)
+        p->motion[i] = one_in(r, 2) ? 32767 : -32767;
+    p->opacity = any16(r);
+    p->log2_width_q10 = any16(r);
+}
+
+static int same_splat(const saga_splat *a, const saga_splat *b)
+{
+    return !memcmp(a, b, offsetof(saga_splat, colour_q15)) &&
+           a->x0 == b->x0 && a->x1 == b->x1 && a->y0 == b->y0 &&
+           a->y1 == b->y1;
+}
+
+/* Returns the number of splats. */
+static uint32_t compare(const saga_primitive *p, uint32_t n,
+                        const saga_look *look)
+{
+    saga_splat got[N + 1], want[N + 1], canary;
+    uint32_t n_want = 0, seen, i;
+
+    memset(&canary, 0x5a, sizeof canary);
+    for (i = 0; i <= N; i++)
+        got[i] = canary;
+    seen = saga_splats(got, p, n, look, cpu);
+    for (i = 0; i < n; i++) {
+        saga_animated a;
+        int is_splat;
+
+        saga_animate(&a, p + i, look->format, look->t);
+        is_splat = saga_project(want + n_want, &a, look->camera);
+        assert_int_equal(seen >> i & 1, is_splat);
+        n_want += (uint32_t)is_splat;
+    }
+    assert_int_equal(seen >> (n - 1) >> 1, 0);
+    for (i = 0; i < n_want; i++)
+        assert_true(same_splat(got + i, want + i));
+    assert_memory_equal(got + n, &canary, sizeof canary);
+    return n_want;
+}
+
+static void runs_should_be_animate_and_project(void **state)
+{
+    gen_rng r = gen_seeded(61);
+    uint32_t n_splats = 0;
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < COUNT; i++) {
+        const int n = one_in(&r, 8) ? gen_int(&r, 1, N) : N;
+        saga_primitive p[N];
+        saga_prim_format f;
+        saga_camera c;
+        saga_look look = { &f, &c, gen_int(&r, 0, 65535) };
+        const int width = gen_int(&r, 1, 2000);
+
+        if (one_in(&r, 2))
+            gen_hard_camera(&c, &r, width, gen_int(&r, 1, 16384));
+        else
+            gen_any_camera(&c, &r, width, gen_int(&r, 1, 2000), 1 << 23);
+        any_format(&f, &r);
+        for (k = 0; k < n; k++)
+            if (one_in(&r, 16))
+                edge_primitive(p + k, &r);
+            else
+                any_primitive(p + k, &r, &c);
+        n_splats += compare(p, (uint32_t)n, &look);
+    }
+    assert_true(n_splats > COUNT);
+}
+
+/* A power of two, one more, or one less. */
+static int32_t near_power(gen_rng *r, int most)
+{
+    return (1 << gen_int(r, 0, most)) + gen_int(r, -1, 1);
+}
+
+static int32_t any_sign(gen_rng *r, int32_t x)
+{
+    return gen_int(r, 0, 1) ? x : -x;
+}
+
+/* Numbers that round up to the next power of two, and that are at a limit or
+ * next to it. The camera's axes are the cube's. */
+static void power_camera(saga_camera *c, gen_rng *r)
+{
+    static const int32_t sides[] = { 1, 16, 640, 16384 };
+
+    gen_front_camera(c, sides[gen_int(r, 0, 3)], sides[gen_int(r, 0, 3)]);
+    c->near_plane = near_power(r, 10) + 1;
+    c->focal_q16[0] = near_power(r, 30);
+    c->focal_q16[1] = one_in(r, 2) ? 1 : near_power(r, 30);
+    c->focal_q16[0] += c->focal_q16[0] == 0;
+    c->focal_q16[1] += c->focal_q16[1] == 0;
+    c->principal_q16[0] = any_sign(r, near_power(r, 29));
+    c->principal_q16[1] = c->height * 32768;
+    if (one_in(r, 4)) { /* a Jacobian of few bits */
+        c->rotation_q30[0] = c->rotation_q30[4] = gen_int(r, 1, 1 << 10);
+        c->rotation_q30[8] = 1 << gen_int(r, 4, 30);
+        c->focal_q16[0] = c->focal_q16[1] = gen_int(r, 1, 256);
+        c->near_plane = 1;
+    }
+}
+
+static void power_primitive(saga_primitive *p, gen_rng *r)
+{
+    static const int16_t quats[] = { 0, 1, 16384, 32767, -32767, 23170 };
+    int i;
+
+    memset(p, 0, sizeof *p);
+    p->x[2] = near_power(r, 29);
+    for (i = 0; i < 2; i++)
+        p->x[i] = any_sign(r, one_in(r, 3) && p->x[2] < 1 << 26
+                                  ? 8 * p->x[2] + gen_int(r, -1, 1)
+                                  : near_power(r, 29) >> gen_int(r, 0, 29));
+    p->opacity = one_in(r, 2) ? 4096 : any16(r);
+    p->t_centre = 65535 - near_power(r, 16);
+    p->log2_width_q10 = one_in(r, 2) ? 15 << 10 : any16(r);
+    for (i = 0; i < 3; i++) {
+        p->support[i] = 1;
+        p->log2_scale_q10[i] = (int16_t)(1024 * gen_int(r, -32, 31));
+    }
+    for (i = 0; i < 4; i++) {
+        p->quat[i] = quats[gen_int(r, 0, 5)];
+        p->slope[i] = quats[gen_int(r, 0, 5)];
+    }
+}
+
+static void powers_of_two_should_be_the_same(void **state)
+{
+    gen_rng r = gen_seeded(62);
+    uint32_t n_splats = 0;
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < COUNT; i++) {
+        saga_primitive p[N];
+        saga_prim_format f;
+        saga_camera c;
+        const saga_look look = { &f, &c, 65535 };
+
+        power_camera(&c, &r);
+        any_format(&f, &r);
+        for (k = 0; k < N; k++)
+            power_primitive(p + k, &r);
+        n_splats += compare(p, N, &look);
+    }
+    assert_true(n_splats > COUNT / 4);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(runs_should_be_animate_and_project),
+        cmocka_unit_test(powers_of_two_should_be_the_same),
+    };
+    int failed = 0;
+
+    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
+        failed += cmocka_run_group_tests(tests, NULL, NULL);
+    return failed;
+}
