@@ -71,7 +71,7 @@ SEE_entropy := base nn code splat scene
 SEE_warm    := base nn input splat rig
 SEE_train   := base nn input code splat rig scene entropy warm
 SEE_eval    := base input rig
-SEE_exchange := base input code rig eval
+SEE_exchange := base input code splat rig eval
 SEE_cli     := base nn input code splat synth rig scene entropy warm train eval exchange
 
 # ---------------------------------------------------------------- sources

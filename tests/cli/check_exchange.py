@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""check_exchange.py: guarantees, for splats that are exported and files that are
-cut and joined,
+"""check_exchange.py: guarantees, for splats that are exported and imported, and
+files that are cut and joined,
   draw        a renderer that is not ours draws the exported PLY like saga-dec
               the file: places, shapes, opacities, colours, axes and units
   formats     PLY, SPZ and GLB hold the same splats, SPZ within its steps; the
               frames asked for, and whole or not at all
+  import      a file of PLY splats is drawn like these by a renderer that is not
+              ours; a sequence has its frames; a PLY that is none is told
   cut         frames of a file draw the same pixels, from the same bytes
   join        the parts of a file, joined, are the file; in another order they
               draw what they drew
@@ -267,9 +269,103 @@ def check_formats(tmp):
     verdict("formats")
 
 
+# --- Splats of others ------------------------------------------------------
+
+COLUMNS = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0",
+           "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+
+
+def ball(n, shift=0.0):
+    """Rows of splats on a sphere, coloured by place."""
+    rows = []
+    for i in range(n):
+        z = (2 * i + 1) / n - 1
+        r, angle = math.sqrt(1 - z * z), 2.399963 * i
+        place = [r * math.cos(angle), r * math.sin(angle), z]
+        colour = [1.5 * v for v in place]
+        rows.append([7 * v + shift for v in place] + colour +
+                    [2.0, -0.3, -0.6, -0.9, 1.0, 0.2 * z, -0.1, 0.3])
+    return rows
+
+
+def ply(rows, names=COLUMNS):
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex %d\n" % \
+        len(rows)
+    head += "".join("property float %s\n" % name for name in names)
+    return (head + "end_header\n").encode() + \
+        b"".join(struct.pack("<%df" % len(row), *row) for row in rows)
+
+
+def check_import(tmp):
+    # Wholly opaque is infinite; what is faint or nowhere is left out.
+    rows = ball(152)
+    rows[7][6], rows[8][6], rows[9][7] = math.inf, -7.0, math.nan
+    still, out = write(tmp + "/ball.ply", ply(rows)), tmp + "/ball.saga"
+    saga("import", "--ply-seq", still, "-o", out, "--size", "48x48",
+         "--iterations", "700", "--lambda", "1")
+    info = json.loads(saga("info", out, "--json"))
+    if info["n_frames"] != 1 or len(info["rig"]) != 24 or \
+            info["decoding"]["max_primitives"] != 150:
+        complain("the still has", info["n_frames"], "frames",
+                 len(info["rig"]), "cameras", info["decoding"])
+    for index in (2, 20):
+        saga("render", out, "--camera", index, "-o", tmp + "/ball.png")
+        subprocess.run(["ffmpeg", "-v", "error", "-y", "-i", tmp + "/ball.png",
+                        tmp + "/ball.ppm"], check=True)
+        pixels = re.sub(rb"^P6\n\d+ \d+\n255\n", b"",
+                        read(tmp + "/ball.ppm"), count=1)
+        sound = [s for i, s in enumerate(splats.read_ply(still))
+                 if i not in (8, 9)]
+        picture = splats.draw(sound, info["rig"][index], [0, 0, 0])
+        got = splats.psnr(picture, pixels)
+        print("     imported, camera %d: %.1f dB" % (index, got))
+        if not got > 33:
+            complain("camera", index, "draws the import at", got, "dB")
+    os.mkdir(tmp + "/seq")
+    for i in range(3):
+        write(tmp + "/seq/%d.ply" % i, ply(ball(60, i)))
+    saga("import", "--ply-seq", tmp + "/seq", "-o", out, "--primitives", "60",
+         "--fps", "12", "--iterations", "60", "--cameras", out)
+    info = json.loads(saga("info", out, "--json"))
+    if info["n_frames"] != 3 or info["frames_per_second"] != [12, 1]:
+        complain("the sequence has", info["n_frames"], "frames at",
+                 info["frames_per_second"])
+    check_import_refused(tmp)
+
+
+def check_import_refused(tmp):
+    rows, nan = ball(5), float("nan")
+    out = tmp + "/refused.saga"
+    for data, says in (
+            (b"no", "is no PLY"),
+            (ply(rows)[:-3], "announces 5 points"),
+            (ply([]), "has no splats"),
+            (ply([[nan] + rows[0][1:]], ["q"] + COLUMNS[1:]), "has no x"),
+            (ply([r + [0.0] * 5 for r in rows],
+                 COLUMNS + ["f_rest_%d" % k for k in range(5)]),
+             "5 values of f_rest"),
+            (ply([[math.inf] + r[1:] for r in rows]), "numbers are finite")):
+        bad = write(tmp + "/bad.ply", data)
+        saga("import", "--ply-seq", bad, "-o", out, status=1, says=says)
+    good = write(tmp + "/good.ply", ply(rows))
+    saga("import", "--ply-seq", good, "-o", out, "--cameras", good, status=1,
+         says="its header is refused")
+    saga("import", "--ply-seq", tmp + "/none", "-o", out, status=2,
+         says="cannot be opened")
+    saga("import", "-o", out, status=2, says="--ply-seq PATH is missing")
+    saga("import", "--ply-seq", good, status=2, says="-o OUT is missing")
+    os.mkdir(tmp + "/empty")
+    saga("import", "--ply-seq", tmp + "/empty", "-o", out, status=1,
+         says="has no .ply file")
+    if [n for n in os.listdir(tmp) if n.startswith("refused")]:
+        complain("something was written though it was refused")
+    verdict("import")
+
+
 with tempfile.TemporaryDirectory() as folder:
     check_draw(folder)
     check_formats(folder)
+    check_import(folder)
     check_refused(folder, check_cut(folder)[0])
     check_join(folder, [folder + "/part%d.saga" % i for i in range(3)])
 sys.exit(checks.failed)

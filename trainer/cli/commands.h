@@ -13,6 +13,7 @@ extern const saga_command saga_command_check;
 extern const saga_command saga_command_encode;
 extern const saga_command saga_command_eval;
 extern const saga_command saga_command_export;
+extern const saga_command saga_command_import;
 extern const saga_command saga_command_info;
 extern const saga_command saga_command_join;
 extern const saga_command saga_command_render;

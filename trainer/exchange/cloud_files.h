@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A cloud is written in the formats that viewers of splats read. A file appears
- * whole or not at all.
+ * A cloud is written in the formats that viewers of splats read, and read from
+ * PLY. A file appears whole or not at all.
  *
  *     PLY   the layout of the first Gaussian splatting: x y z nx ny nz f_dc
  *           f_rest opacity scale rot, floats; normals are zeros. Exact.
@@ -18,6 +18,12 @@
 
 bool saga_cloud_write_ply(const char *path, const saga_cloud *cloud,
                           saga_error *error);
+
+/* Reads splats of any degree 0..3, ascii or binary; those with numbers that are
+ * not finite, or too faint to be drawn, are left out. Fails where a property of
+ * theirs is missing, or where none is left. */
+bool saga_cloud_read_ply(saga_cloud *cloud, const char *path,
+                         saga_error *error);
 
 /* Fails where positions are so far out that 24 bits have none for them. */
 bool saga_cloud_write_spz(const char *path, saga_cloud *cloud,

@@ -29,12 +29,18 @@ static const struct {
 enum { FIELD_X, FIELD_Y, FIELD_Z, FIELD_RED, FIELD_GREEN, FIELD_BLUE,
        N_FIELDS };
 
+static const char *const point_fields[N_FIELDS] = {
+    "x", "y", "z", "red", "green", "blue"
+};
+
 typedef struct ply_header {
     bool ascii;
     uint64_t count;
     int n_properties;
     uint8_t type[MAX_PROPERTIES];
-    int field[N_FIELDS];     /* property index, -1: missing */
+    const char *const *names; /* (n_fields) what is looked for */
+    int n_fields;
+    int field[MAX_PROPERTIES]; /* property index, -1: missing */
 } ply_header;
 
 /* Takes a line without its end, cut to fit; false at the end of the data. */
@@ -57,16 +63,14 @@ static bool take_line(saga_cursor *c, char line[MAX_LINE])
 
 static bool add_property(ply_header *h, const char *type, const char *name)
 {
-    static const char *const fields[] = {"x", "y", "z", "red", "green",
-                                         "blue"};
     if (h->n_properties == MAX_PROPERTIES)
         return false;
     for (size_t t = 0; t < sizeof ply_types / sizeof ply_types[0]; t++) {
         if (strcmp(type, ply_types[t].name) != 0 &&
             strcmp(type, ply_types[t].alias) != 0)
             continue;
-        for (int f = 0; f < N_FIELDS; f++)
-            if (strcmp(name, fields[f]) == 0)
+        for (int f = 0; f < h->n_fields; f++)
+            if (strcmp(name, h->names[f]) == 0)
                 h->field[f] = h->n_properties;
         h->type[h->n_properties++] = (uint8_t)t;
         return true;
@@ -108,19 +112,20 @@ static bool header_is_whole(const ply_header *h, const ply_state *s,
     if (!s->seen_format)
         return saga_fail(error, path, "export the points as PLY",
                          "has no format line in its header");
-    if (h->field[FIELD_X] < 0 || h->field[FIELD_Y] < 0 ||
-        h->field[FIELD_Z] < 0)
-        return saga_fail(error, path, "export positions with the points",
-                         "vertices have no x, y, z");
+    if (!h->n_properties)
+        return saga_fail(error, path, "export the points as PLY",
+                         "has no vertices with properties");
     return true;
 }
 
+/* h->names and n_fields are set. */
 static bool parse_header(ply_header *h, saga_cursor *c, const char *path,
                          saga_error *error)
 {
     char line[MAX_LINE];
     ply_state s = {0};
-    *h = (ply_header){.field = {-1, -1, -1, -1, -1, -1}};
+    for (int f = 0; f < h->n_fields; f++)
+        h->field[f] = -1;
     if (!take_line(c, line) || strcmp(line, "ply") != 0)
         return saga_fail(error, path, "export the points as PLY",
                          "is no PLY file");
@@ -212,28 +217,44 @@ static uint64_t least_nbytes(const ply_header *h)
     return n;
 }
 
+static bool check_length(const ply_header *h, const saga_cursor *c,
+                         const char *path, saga_error *error)
+{
+    /* The last ascii number may lack its separator, hence + 1. */
+    return h->count <= (saga_left(c) + 1) / least_nbytes(h) ||
+           saga_fail(error, path, "copy it again", "announces %llu points "
+                     "but has only %zu bytes left",
+                     (unsigned long long)h->count, saga_left(c));
+}
+
+static bool take_vertex(double *values, saga_cursor *c, const ply_header *h,
+                        uint64_t i, const char *path, saga_error *error)
+{
+    return (h->ascii ? take_ascii(c, h, values) : take_binary(c, h, values)) ||
+           saga_fail(error, path, "copy it again", "is cut short at point "
+                     "%llu of %llu", (unsigned long long)i,
+                     (unsigned long long)h->count);
+}
+
 static bool read_points(saga_cursor *c, const char *path, saga_point **points,
                         size_t *n_points, size_t *n_dropped,
                         saga_error *error)
 {
-    ply_header h;
+    ply_header h = {.names = point_fields, .n_fields = N_FIELDS};
     double values[MAX_PROPERTIES];
     if (!parse_header(&h, c, path, error))
         return false;
-    /* The last ascii number may lack its separator, hence + 1. */
-    if (h.count > (saga_left(c) + 1) / least_nbytes(&h))
-        return saga_fail(error, path, "copy it again", "announces %llu points "
-                         "but has only %zu bytes left",
-                         (unsigned long long)h.count, saga_left(c));
+    if (h.field[FIELD_X] < 0 || h.field[FIELD_Y] < 0 || h.field[FIELD_Z] < 0)
+        return saga_fail(error, path, "export positions with the points",
+                         "vertices have no x, y, z");
+    if (!check_length(&h, c, path, error))
+        return false;
     *points = saga_alloc((size_t)h.count, sizeof **points, path, error);
     if (!*points)
         return false;
     for (uint64_t i = 0; i < h.count; i++) {
-        if (!(h.ascii ? take_ascii(c, &h, values)
-                      : take_binary(c, &h, values)))
-            return saga_fail(error, path, "copy it again", "is cut short at "
-                             "point %llu of %llu", (unsigned long long)i,
-                             (unsigned long long)h.count);
+        if (!take_vertex(values, c, &h, i, path, error))
+            return false;
         if (fill_point(&(*points)[*n_points], &h, values))
             ++*n_points;
         else
@@ -258,6 +279,46 @@ bool saga_ply_read(const char *path, saga_point **points, size_t *n_points,
         *points = NULL;
         *n_points = 0;
     }
+    return ok;
+}
+
+static bool read_columns(saga_cursor *c, const char *path, ply_header *h,
+                         float **columns, saga_error *error)
+{
+    const size_t width = (size_t)h->n_fields;
+    double values[MAX_PROPERTIES];
+    if (!parse_header(h, c, path, error) || !check_length(h, c, path, error))
+        return false;
+    *columns = saga_alloc((size_t)h->count, width * sizeof **columns, path,
+                          error);
+    if (!*columns)
+        return false;
+    for (uint64_t i = 0; i < h->count; i++) {
+        if (!take_vertex(values, c, h, i, path, error))
+            return false;
+        for (size_t f = 0; f < width; f++)
+            (*columns)[i * width + f] = h->field[f] < 0
+                ? NAN : (float)values[h->field[f]];
+    }
+    return true;
+}
+
+bool saga_ply_columns(const char *path, const char *const *names, int n_names,
+                      float **columns, size_t *n, saga_error *error)
+{
+    ply_header h = {.names = names, .n_fields = n_names};
+    saga_bytes bytes;
+    *columns = NULL;
+    if (!saga_read_file(&bytes, path, error))
+        return false;
+    saga_cursor c = {bytes.data, bytes.data + bytes.nbytes, false};
+    const bool ok = read_columns(&c, path, &h, columns, error);
+    saga_bytes_free(&bytes);
+    if (!ok) {
+        free(*columns);
+        *columns = NULL;
+    }
+    *n = (size_t)h.count;
     return ok;
 }
 

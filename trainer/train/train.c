@@ -181,6 +181,7 @@ static saga_train *make(const saga_capture *capture,
     t->flat_options.n_primitives = t->o.n_primitives;
     t->flat_options.n_iterations = t->o.n_warm;
     t->flat_options.seed = t->o.seed;
+    t->flat_options.given = t->o.given;
     t->flat_options.temporal = capture->n_frames > 1 &&
                                t->o.motion != SAGA_TRAIN_STILL;
     return t;

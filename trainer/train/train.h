@@ -72,6 +72,9 @@ typedef struct saga_train_options {
                                   * this machine does in a segment's part of
                                   * them, by a trial when training begins; a
                                   * checkpoint keeps it */
+    const struct saga_splat_params *given; /* n_primitives in the capture's
+                                  * units, in place of the warm-up's, of a
+                                  * still; NULL: none. With them lambda > 0 */
     double lambda;               /* bits per training pixel against
                                   * distortion (policy.h); 0: what balances
                                   * the warm-up's error and n_primitives */

@@ -265,13 +265,50 @@ static saga_flat *make(const saga_pictures *pictures,
     return NULL;
 }
 
+/* Takes given primitive i: lengths become half-cubes, and all that training may
+ * reach is kept to. */
+static void take_given(saga_flat *f, uint32_t i)
+{
+    const saga_splat_params *const p = f->o.given;
+    const saga_cube *const cube = &f->pictures->cube;
+    saga_flat_one one = { .quat = { 1 } };
+
+    memcpy(one.quat, p->quat + 4 * (size_t)i, sizeof one.quat);
+    memcpy(one.colour, p->colour + 3 * (size_t)i, sizeof one.colour);
+    one.opacity = p->opacity[i];
+    for (size_t k = 0; k < 3; k++) {
+        one.mean[k] = (real)(((double)p->mean[3 * i + k] - cube->centre[k]) /
+                             cube->unit);
+        one.log2_scale[k] = (real)((double)p->log2_scale[3 * i + k] -
+                                   log2(cube->unit));
+    }
+    for (int t = 0; t < FLAT_MOTION; t++) {
+        real *const x = part_of(&one, t);
+
+        for (int k = 0; k < saga_flat_widths[t]; k++)
+            x[k] = saga_clamp(x[k], f->info[t].lo, f->info[t].hi);
+    }
+    saga_flat_append(f, &one);
+}
+
+static bool begin_given(saga_flat *f, saga_error *error)
+{
+    if (!saga_flat_reserve(f, f->o.n_primitives, error))
+        return false;
+    for (uint32_t i = 0; i < f->o.n_primitives; i++)
+        take_given(f, i);
+    f->iteration = f->o.n_iterations;
+    return true;
+}
+
 saga_flat *saga_flat_new(const saga_pictures *pictures,
                          const saga_flat_options *options,
                          saga_error *error)
 {
     saga_flat *const f = make(pictures, options, error);
 
-    if (!f || saga_flat_init(f, error))
+    if (!f || (options->given ? begin_given(f, error)
+                              : saga_flat_init(f, error)))
         return f;
     saga_flat_free(f);
     return NULL;

@@ -27,6 +27,9 @@ typedef struct saga_flat_options {
     real growth;               /* most primitives on the way, of the last */
     real start;                /* first primitives, of the last */
     real coarse;               /* part of the iterations at halved pictures */
+    const saga_splat_params *given; /* NULL, or n_primitives in the world's
+                                * units, without temporal members: the set
+                                * begins and ends with them */
 } saga_flat_options;
 
 typedef struct saga_flat saga_flat;
@@ -34,7 +37,8 @@ typedef struct saga_flat saga_flat;
 /* Returns 5,000 primitives, 4,000 iterations, everything on. */
 saga_flat_options saga_flat_defaults(void);
 
-/* Makes the first primitives. Fails where memory is short. */
+/* Makes the first primitives; with those given no iteration is left to do.
+ * Fails where memory is short. */
 saga_flat *saga_flat_new(const saga_pictures *pictures,
                          const saga_flat_options *options,
                          saga_error *error);

@@ -1,0 +1,424 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga import codes splats that another program trained: PLY files, without
+ * pictures. It draws them for cameras all round, or those it is given, and what
+ * training then sees are these pictures.
+ */
+#include "alloc.h"
+#include "cli.h"
+#include "cloud_capture.h"
+#include "cloud_files.h"
+#include "commands.h"
+#include "error.h"
+#include "file.h"
+#include "orbit.h"
+#include "output.h"
+#include "policy.h"
+#include "render_path.h"
+#include "train.h"
+#include "view.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* A ring of cameras looks at the splats from outside: N_RINGS heights of
+ * N_ROUND each. */
+enum { N_RINGS = 3, N_ROUND = 8, SIDE = 400, MOST_FILES = 65535 };
+
+#define FIELD_OF_VIEW 45.0
+#define DISTANCE 2.5             /* radii of the scene */
+
+/* Prices follow from what error the splats' own pictures may have: 40 dB. */
+#define WANTED_MSE 1e-4
+
+typedef struct {
+    const char *ply, *out, *cameras;
+    saga_cli_pair size;
+    int primitives, iterations, level, seed, threads;
+    double lambda, fps;
+} options;
+
+typedef struct {
+    const options *o;
+    char **path;             /* (n_files) */
+    int n_files;
+    saga_cloud first;        /* of the first file */
+    saga_shot *shot;
+    int n_shots;
+    saga_capture capture;
+    saga_splat_params given;
+    saga_train *train;
+    saga_output out;
+    saga_meter meter;
+    saga_error error;
+} session;
+
+/* --- Files --------------------------------------------------------------- */
+
+static int by_name(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static bool add_file(session *s, const char *folder, const char *name)
+{
+    char **const path = saga_realloc(s->path, (size_t)s->n_files + 1,
+                                     sizeof *path, "file names", &s->error);
+
+    if (!path)
+        return false;
+    s->path = path;
+    path[s->n_files] = saga_path_join(folder, name, &s->error);
+    return path[s->n_files] && ++s->n_files;
+}
+
+static bool list_files(session *s)
+{
+    const char *const ply = s->o->ply;
+    DIR *dir;
+    bool ok = true;
+
+    if (!saga_path_is_folder(ply))
+        return add_file(s, NULL, ply);
+    dir = opendir(ply);
+    if (!dir)
+        return saga_fail_errno(&s->error, ply, "check its permissions",
+                               "cannot be opened");
+    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;)
+        if (saga_has_suffix(e->d_name, ".ply"))
+            ok = s->n_files < MOST_FILES
+                ? add_file(s, ply, e->d_name)
+                : saga_fail(&s->error, ply, "take fewer", "has more than %d "
+                            "PLY files", MOST_FILES);
+    closedir(dir);
+    if (ok && !s->n_files)
+        ok = saga_fail(&s->error, ply, "give a folder of them, a file a frame",
+                       "has no .ply file");
+    if (ok)
+        qsort(s->path, (size_t)s->n_files, sizeof *s->path, by_name);
+    return ok;
+}
+
+/* --- Cameras ------------------------------------------------------------- */
+
+static bool alloc_shots(session *s, int n)
+{
+    s->shot = saga_calloc((size_t)n, sizeof *s->shot, "cameras", &s->error);
+    s->n_shots = s->shot ? n : 0;
+    for (int i = 0; i < s->n_shots; i++) {
+        (void)snprintf(s->shot[i].name, sizeof s->shot[i].name, "%d", i);
+        s->shot[i].focal_scale = 1.0;
+    }
+    return s->shot != NULL;
+}
+
+static int width_of(const session *s, int otherwise)
+{
+    return s->o->size.a ? s->o->size.a : otherwise;
+}
+
+static int height_of(const session *s, int otherwise)
+{
+    return s->o->size.b ? s->o->size.b : otherwise;
+}
+
+/* Sets the cameras all round; y of PLY files is down by custom. */
+static bool ring(session *s)
+{
+    const int w = width_of(s, SIDE), h = height_of(s, SIDE);
+    const double up[3] = { 0, -1, 0 };
+    double centre[3], radius;
+
+    if (!saga_cloud_extent(centre, &radius, &s->first, &s->error) ||
+        !alloc_shots(s, N_RINGS * N_ROUND))
+        return false;
+    for (int i = 0; i < s->n_shots; i++) {
+        saga_path_camera c = { .fov = FIELD_OF_VIEW };
+        const double lift = (i / N_ROUND - 0.5) * M_PI / 6;
+        const double turn = 2 * M_PI * (i % N_ROUND + 0.5 * (i / N_ROUND)) /
+                            N_ROUND;
+
+        c.centre[0] = centre[0] + DISTANCE * radius * cos(lift) * cos(turn);
+        c.centre[1] = centre[1] - DISTANCE * radius * sin(lift);
+        c.centre[2] = centre[2] + DISTANCE * radius * cos(lift) * sin(turn);
+        (void)saga_look_at(c.rotation, c.centre, centre, up);
+        saga_path_shot(&s->shot[i], &c, w, h);
+        s->shot[i].near_depth = 0.8 * radius;
+        s->shot[i].far_depth = 4.5 * radius;
+    }
+    return true;
+}
+
+static bool path_cameras(session *s)
+{
+    saga_path path;
+    bool ok;
+
+    if (!saga_path_read(&path, s->o->cameras, &s->error))
+        return false;
+    ok = path.n <= SAGA_MAX_CAMERAS
+        ? alloc_shots(s, path.n)
+        : saga_fail(&s->error, s->o->cameras, "take a slower one", "has %d "
+                    "pictures, more than the %d cameras of a file", path.n,
+                    SAGA_MAX_CAMERAS);
+    for (int i = 0; i < s->n_shots && ok; i++)
+        saga_path_shot(&s->shot[i], &path.camera[i],
+                       width_of(s, path.width ? path.width : SIDE),
+                       height_of(s, path.height ? path.height : SIDE));
+    saga_path_free(&path);
+    return ok;
+}
+
+/* Takes the cameras of another file's rig. */
+static bool rig_cameras(session *s)
+{
+    saga_bytes bytes;
+    saga_film film = { .segment = -1 };
+    bool ok;
+
+    if (!saga_read_file(&bytes, s->o->cameras, &s->error))
+        return false;
+    ok = saga_film_open(&film, s->o->cameras, bytes.data, bytes.nbytes, 1,
+                        &s->error) &&
+         (film.info.n_cameras > 0 ||
+          saga_fail(&s->error, s->o->cameras, "give another file",
+                    "has no cameras")) &&
+         alloc_shots(s, (int)film.info.n_cameras);
+    for (int i = 0; i < s->n_shots && ok; i++) {
+        saga_camera c;
+        uint32_t number;
+
+        ok = saga_film_rig(&film, (uint32_t)i, &c, &number, &s->error);
+        if (ok && s->o->size.a)
+            saga_camera_resize(&c, s->o->size.a, s->o->size.b);
+        if (ok)
+            saga_shot_of_camera(&s->shot[i], &film.metric, &c);
+    }
+    saga_film_close(&film);
+    saga_bytes_free(&bytes);
+    return ok;
+}
+
+static bool find_cameras(session *s)
+{
+    const char *const name = s->o->cameras;
+
+    return !name ? ring(s)
+         : saga_has_suffix(name, ".json") ? path_cameras(s) : rig_cameras(s);
+}
+
+/* --- Training ------------------------------------------------------------ */
+
+static bool progress(void *user, const saga_train_progress *p)
+{
+    session *const s = user;
+    char doing[96];
+
+    (void)snprintf(doing, sizeof doing, "%s %d of %d  %.1f dB", p->name,
+                   p->iteration, p->n_iterations, p->psnr);
+    saga_meter_show(&s->meter, p->done, doing);
+    return true;
+}
+
+static double pixels_of(const saga_capture *c)
+{
+    double n = 0.0;
+
+    for (int v = 0; v < c->n_views; v++)
+        n += (double)c->views[v].width * c->views[v].height * c->n_frames;
+    return n;
+}
+
+/* A still begins with its own splats, a sequence is learned anew. */
+static bool set_options(saga_train_options *o, session *s)
+{
+    const options *const from = s->o;
+    const bool still = s->n_files == 1;
+    const int n = from->iterations;
+
+    *o = saga_train_defaults();
+    o->n_primitives = still ? (uint32_t)s->first.n
+                    : from->primitives ? (uint32_t)from->primitives
+                    : o->n_primitives;
+    o->level = from->level;
+    o->seed = (uint64_t)from->seed;
+    o->progress = progress;
+    o->progress_user = s;
+    o->lambda = from->lambda > 0.0 ? from->lambda
+              : still ? saga_policy_lambda(WANTED_MSE, pixels_of(&s->capture),
+                                           o->n_primitives) : 0.0;
+    o->n_iterations = n ? n : o->n_iterations;
+    if (!still)
+        return true;
+    o->n_warm = 1;
+    o->n_render = n ? n : 1500;
+    if (!saga_cloud_params(&s->given, &s->first, s->shot, s->n_shots,
+                           &s->error))
+        return false;
+    o->given = &s->given;
+    return true;
+}
+
+static bool train(session *s)
+{
+    saga_train_options o;
+
+    if (!set_options(&o, s))
+        return false;
+    s->train = saga_train_new(&s->capture, &o, &s->error);
+    s->meter = (saga_meter){ .quiet = false };
+    return s->train && saga_train_run(s->train, &s->error) == SAGA_DONE;
+}
+
+static bool draw(session *s)
+{
+    const saga_cloud_source source = {
+        .path = s->path, .n_frames = s->n_files, .fps = s->o->fps,
+        .shot = s->shot, .n_shots = s->n_shots,
+        .progress = saga_meter_progress, .progress_user = &s->meter
+    };
+
+    return saga_cloud_capture(&s->capture, &source, &s->error);
+}
+
+static bool write_file(session *s)
+{
+    size_t n;
+    const uint8_t *const bytes = saga_train_bytes(s->train, &n);
+
+    return saga_output_close(&s->out, fwrite(bytes, 1, n, s->out.file) == n,
+                             &s->error);
+}
+
+static void tell(const session *s)
+{
+    const saga_train_report *const r = saga_train_report_of(s->train);
+
+    printf("%s: %zu bytes, level %" PRIu32 "; %d frame%s, %" PRIu32
+           " primitives, lambda %.4g\n", s->o->out, r->sizes.total,
+           r->info.level, s->n_files, s->n_files == 1 ? "" : "s", r->n.prim,
+           r->lambda);
+    printf("%.2f dB beside the splats' own pictures (%d of them)\n",
+           r->coded.training, r->coded.n_training);
+}
+
+static void end(session *s)
+{
+    saga_train_free(s->train);
+    saga_cloud_params_free(&s->given);
+    saga_capture_free(&s->capture);
+    saga_cloud_free(&s->first);
+    free(s->shot);
+    for (int i = 0; i < s->n_files; i++)
+        free(s->path[i]);
+    free(s->path);
+}
+
+static int import(session *s)
+{
+    int status = SAGA_EXIT_USAGE;
+    bool ok;
+
+    if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
+        status = SAGA_EXIT_DATA;
+        ok = list_files(s) &&
+             saga_cloud_read_ply(&s->first, s->path[0], &s->error) &&
+             find_cameras(s) && draw(s) && train(s);
+        saga_meter_end(&s->meter);
+        if (!ok)
+            saga_output_close(&s->out, false, &s->error);
+        else
+            status = write_file(s) ? SAGA_EXIT_OK : SAGA_EXIT_USAGE;
+    }
+    if (status)
+        saga_cli_error(status, "import: %s", s->error.message);
+    else
+        tell(s);
+    end(s);
+    return status;
+}
+
+/* Tells that a path is not there, if so. */
+static bool cannot_read(const char *path)
+{
+    if (access(path, R_OK) == 0)
+        return false;
+    saga_cli_error(SAGA_EXIT_USAGE, "import: %s: cannot be opened (%s); check "
+                   "the name and the permissions", path, strerror(errno));
+    return true;
+}
+
+static int run(int argc, char **argv)
+{
+    options o = { .level = 2, .seed = 1, .fps = 30.0 };
+    session s = { .o = &o };
+    const int status = saga_cli_parse(&saga_command_import, &o, NULL, argc,
+                                      argv);
+
+    if (status != SAGA_CLI_GO_ON)
+        return status;
+    if (!o.ply || !o.out)
+        return saga_cli_error(SAGA_EXIT_USAGE, "import: %s is missing; `saga "
+                              "help import` explains", o.ply ? "-o OUT"
+                              : "--ply-seq PATH");
+    if (cannot_read(o.ply) || (o.cameras && cannot_read(o.cameras)))
+        return SAGA_EXIT_USAGE;
+    if (!(o.fps > 0.0))
+        return saga_cli_error(SAGA_EXIT_USAGE, "import: --fps takes a number "
+                              "above 0");
+    if (saga_cli_threads("import", o.threads))
+        return SAGA_EXIT_USAGE;
+    return import(&s);
+}
+
+static const saga_cli_option option_list[] = {
+    { "--ply-seq", "PATH", "a folder of PLY files, a frame each in the order "
+      "of their\nnames; or one file, a still", saga_cli_text,
+      offsetof(options, ply), 0, 0 },
+    { "-o", "OUT", "the .saga file to be written", saga_cli_text,
+      offsetof(options, out), 0, 0 },
+    { "--cameras", "FILE", "where it is looked at from: the rig of a .saga "
+      "file, or a\npath as `saga render --path` has it (.json); default:\n24 "
+      "cameras around, which look in", saga_cli_text,
+      offsetof(options, cameras), 0, 0 },
+    { "--size", "WxH", "pixels of their pictures (default 400x400, or what "
+      "FILE\nsays)", saga_cli_size, offsetof(options, size), 8,
+      SAGA_MAX_SIDE },
+    { "--primitives", "N", "of a sequence (default 5000); a still keeps its "
+      "own", saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
+    { "--iterations", "N", "of training (default 6000, of a still 1500)",
+      saga_cli_int, offsetof(options, iterations), 2, 10000000 },
+    { "--lambda", "L", "price of bits, as `saga encode` has it",
+      saga_cli_real, offsetof(options, lambda), 0, 0 },
+    { "--level", "N", "what a decoder must have, 0 to 3 (default 2)",
+      saga_cli_int, offsetof(options, level), 0, 3 },
+    { "--fps", "F", "frames per second (default 30)", saga_cli_real,
+      offsetof(options, fps), 0, 0 },
+    { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
+      offsetof(options, seed), 0, INT32_MAX },
+    { "--threads", "N", "threads (default: all cores); no effect on the file",
+      saga_cli_int, offsetof(options, threads), 1, 1024 }
+};
+
+const saga_command saga_command_import = {
+    "import", "--ply-seq PATH", 0,
+    "a .saga file of splats from any trainer (PLY)",
+    "Codes splats that another program trained, without pictures. A still\n"
+    "keeps its splats: networks are fitted to them, and then improved. A\n"
+    "sequence is learned anew, as one segment: which splat of a frame is\n"
+    "which of the next is not asked.\n"
+    "\n"
+    "Both are judged by pictures that are drawn from the files, from cameras\n"
+    "all round unless there are others (--cameras): what none of them sees\n"
+    "comes out badly. So for a room give cameras inside.\n"
+    "\n"
+    "  saga import --ply-seq chair.ply -o chair.saga\n"
+    "  saga import --ply-seq frames -o scene.saga --cameras old.saga\n",
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+};

@@ -1,0 +1,346 @@
+/* SPDX-License-Identifier: MIT */
+#include "cloud_capture.h"
+
+#include "alloc.h"
+#include "camera.h"
+#include "cloud_files.h"
+#include "file.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LN2 0.69314718055994531
+
+/* Of all frames together; a splat below this opacity is none. */
+enum { MOST_POINTS = 20000 };
+#define LEAST_OPACITY 0.3
+
+/* More bytes of pictures are refused. */
+#define MOST_NBYTES ((uint64_t)4 << 30)
+
+/* Nothing nearer to a camera than this part of the scene's size is drawn. */
+#define NEAR_PART 0.02
+
+static double opacity_of(const saga_cloud *cloud, size_t i)
+{
+    return 1.0 / (1.0 + exp(-(double)cloud->logit[i]));
+}
+
+/* --- Where it is --------------------------------------------------------- */
+
+typedef struct {
+    double value, weight;
+} weighted;
+
+static int smaller(const void *a, const void *b)
+{
+    const double x = ((const weighted *)a)->value;
+    const double y = ((const weighted *)b)->value;
+
+    return (x > y) - (x < y);
+}
+
+/* The value below which this part of the weights lies. */
+static double quantile(weighted *w, size_t n, double part)
+{
+    double all = 0.0, sum = 0.0;
+    size_t i;
+
+    qsort(w, n, sizeof *w, smaller);
+    for (i = 0; i < n; i++)
+        all += w[i].weight;
+    for (i = 0; i + 1 < n && sum + w[i].weight < part * all; i++)
+        sum += w[i].weight;
+    return w[i].value;
+}
+
+bool saga_cloud_extent(double centre[3], double *radius,
+                       const saga_cloud *cloud, saga_error *error)
+{
+    weighted *const w = saga_alloc(cloud->n, sizeof *w, "splats", error);
+
+    if (!w)
+        return false;
+    for (size_t a = 0; a < 3; a++) {
+        for (size_t i = 0; i < cloud->n; i++)
+            w[i] = (weighted){ (double)cloud->mean[3 * i + a],
+                               opacity_of(cloud, i) };
+        centre[a] = quantile(w, cloud->n, 0.5);
+    }
+    for (size_t i = 0; i < cloud->n; i++) {
+        double d = 0.0;
+
+        for (size_t a = 0; a < 3; a++)
+            d += pow((double)cloud->mean[3 * i + a] - centre[a], 2.0);
+        w[i] = (weighted){ sqrt(d), opacity_of(cloud, i) };
+    }
+    *radius = fmax(quantile(w, cloud->n, 0.8), 1e-6);
+    free(w);
+    return true;
+}
+
+/* --- Primitives ---------------------------------------------------------- */
+
+/* Sets the colour of splat i as it is seen from a place. */
+static void colour_from(real colour[3], const saga_cloud *cloud, size_t i,
+                        const double eye[3])
+{
+    const int n = saga_n_harmonics(cloud->degree);
+    const float *const c = cloud->colour + 3 * (size_t)n * i;
+    double d[3], y[SAGA_MAX_HARMONICS], length = 0.0;
+
+    for (size_t a = 0; a < 3; a++) {
+        d[a] = (double)cloud->mean[3 * i + a] - eye[a];
+        length += d[a] * d[a];
+    }
+    for (int a = 0; a < 3; a++)
+        d[a] /= length > 0.0 ? sqrt(length) : 1.0;
+    saga_harmonics(y, d);
+    for (int k = 0; k < 3; k++) {
+        double v = 0.5;
+
+        for (int j = 0; j < n; j++)
+            v += y[j] * (double)c[3 * j + k];
+        colour[k] = (real)fmin(fmax(v, 0.0), 1.0);
+    }
+}
+
+static bool alloc_params(saga_splat_params *p, size_t n, saga_error *error)
+{
+    static const char what[] = "splats";
+
+    *p = (saga_splat_params){ .mean = saga_alloc(n, 3 * sizeof(real), what,
+                                                 error) };
+    p->quat = saga_alloc(n, 4 * sizeof(real), what, error);
+    p->log2_scale = saga_alloc(n, 3 * sizeof(real), what, error);
+    p->opacity = saga_alloc(n, sizeof(real), what, error);
+    p->colour = saga_calloc(n, 3 * sizeof(real), what, error);
+    if (!saga_failed(error))
+        return true;
+    saga_cloud_params_free(p);
+    return false;
+}
+
+void saga_cloud_params_free(saga_splat_params *p)
+{
+    free(p->mean);
+    free(p->quat);
+    free(p->log2_scale);
+    free(p->opacity);
+    free(p->colour);
+    *p = (saga_splat_params){ .mean = NULL };
+}
+
+bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
+                       const saga_shot *shot, int n_shots, saga_error *error)
+{
+    if (!alloc_params(p, cloud->n, error))
+        return false;
+    for (size_t i = 0; i < cloud->n; i++) {
+        p->opacity[i] = (real)((double)cloud->logit[i] / LN2);
+        for (size_t a = 0; a < 3; a++) {
+            p->mean[3 * i + a] = (real)cloud->mean[3 * i + a];
+            p->log2_scale[3 * i + a] =
+                (real)((double)cloud->log_scale[3 * i + a] / LN2);
+        }
+        for (size_t a = 0; a < 4; a++)
+            p->quat[4 * i + a] = (real)cloud->quat[4 * i + a];
+    }
+    for (int v = 0; v < n_shots; v++) {
+        double eye[3];
+
+        saga_shot_centre(eye, &shot[v]);
+        for (size_t i = 0; i < cloud->n; i++) {
+            real colour[3];
+
+            colour_from(colour, cloud, i, eye);
+            for (size_t k = 0; k < 3; k++)
+                p->colour[3 * i + k] += colour[k] / (real)n_shots;
+        }
+    }
+    return true;
+}
+
+/* --- Pictures ------------------------------------------------------------ */
+
+/* A frame on its way into the capture. */
+typedef struct {
+    const saga_cloud *cloud;
+    saga_splat_params params;
+    saga_canvas *canvas;
+    double near_plane;
+} frame;
+
+static void aim(saga_splat_camera *c, const saga_shot *v, double near_plane)
+{
+    double eye[3];
+
+    saga_shot_centre(eye, v);
+    for (int i = 0; i < 9; i++)
+        c->rotation[i] = (real)v->rotation[i];
+    for (int i = 0; i < 3; i++) {
+        c->centre[i] = (real)eye[i];
+        c->background[i] = 0;
+    }
+    c->focal[0] = (real)v->fx;
+    c->focal[1] = (real)v->fy;
+    c->principal[0] = (real)v->cx;
+    c->principal[1] = (real)v->cy;
+    c->near_plane = (real)near_plane;
+    c->width = v->width;
+    c->height = v->height;
+}
+
+static bool draw(uint8_t *rgb, const frame *f, const saga_shot *v,
+                 saga_error *error)
+{
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    double eye[3];
+
+    saga_shot_centre(eye, v);
+    for (size_t i = 0; i < f->cloud->n; i++)
+        colour_from(f->params.colour + 3 * i, f->cloud, i, eye);
+    aim(&f->canvas->camera, v, f->near_plane);
+    if (!saga_splat_forward(f->canvas, &f->params, (uint32_t)f->cloud->n,
+                            error))
+        return false;
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < 3; k++) {
+            const double x = (double)f->canvas->image[k * n + i];
+
+            rgb[3 * i + k] = (uint8_t)lrint(255 * fmin(fmax(x, 0.0), 1.0));
+        }
+    return true;
+}
+
+/* Adds every so many'th mean of what can be seen. */
+static void add_points(saga_capture *c, const saga_cloud *cloud, int n_frames)
+{
+    const size_t share = MOST_POINTS / (size_t)n_frames + 1;
+    const size_t every = cloud->n / share + 1;
+
+    for (size_t i = 0; i < cloud->n && c->n_points < MOST_POINTS; i += every) {
+        saga_point *const p = &c->points[c->n_points];
+
+        if (opacity_of(cloud, i) < LEAST_OPACITY)
+            continue;
+        for (size_t a = 0; a < 3; a++) {
+            const double v = 0.5 + SAGA_HARMONIC_0 * (double)cloud->colour[
+                3 * (size_t)saga_n_harmonics(cloud->degree) * i + a];
+
+            p->position[a] = (double)cloud->mean[3 * i + a];
+            p->rgb[a] = (uint8_t)lrint(255 * fmin(fmax(v, 0.0), 1.0));
+        }
+        c->n_points++;
+    }
+}
+
+static bool draw_frame(saga_capture *c, saga_canvas *canvas,
+                       const saga_cloud *cloud, int number, saga_error *error)
+{
+    frame f = { .cloud = cloud, .canvas = canvas };
+    double centre[3], radius;
+    bool ok;
+
+    if (!saga_cloud_extent(centre, &radius, cloud, error) ||
+        !saga_cloud_params(&f.params, cloud, c->views, 0, error))
+        return false;
+    f.near_plane = NEAR_PART * radius;
+    ok = true;
+    for (int v = 0; v < c->n_views && ok; v++)
+        ok = draw(c->views[v].rgb + saga_view_frame_nbytes(&c->views[v]) *
+                  (size_t)number, &f, &c->views[v], error);
+    saga_cloud_params_free(&f.params);
+    return ok;
+}
+
+static bool read_frame(saga_capture *c, saga_canvas *canvas,
+                       const saga_cloud_source *s, int number,
+                       saga_error *error)
+{
+    saga_cloud cloud;
+    bool ok;
+
+    if (!saga_cloud_read_ply(&cloud, s->path[number], error))
+        return false;
+    add_points(c, &cloud, s->n_frames);
+    ok = draw_frame(c, canvas, &cloud, number, error);
+    saga_cloud_free(&cloud);
+    return ok;
+}
+
+/* --- The capture --------------------------------------------------------- */
+
+static bool begin(saga_capture *c, const saga_cloud_source *s,
+                  saga_error *error)
+{
+    uint64_t nbytes = 0;
+
+    *c = (saga_capture){ .format = "splats", .n_frames = s->n_frames,
+                         .fps = s->fps, .scale = 1 };
+    for (int v = 0; v < s->n_shots; v++)
+        nbytes += (uint64_t)saga_view_frame_nbytes(&s->shot[v]) *
+                  (uint64_t)s->n_frames;
+    if (nbytes > MOST_NBYTES)
+        return saga_fail(error, s->path[0], "take smaller pictures (--size) or "
+                         "fewer cameras", "pictures of %d frames from %d "
+                         "cameras take %.1f GB", s->n_frames, s->n_shots,
+                         1e-9 * (double)nbytes);
+    c->views = saga_calloc((size_t)s->n_shots, sizeof *c->views, "cameras",
+                           error);
+    c->points = saga_alloc(MOST_POINTS, sizeof *c->points, "points", error);
+    if (!c->views || !c->points)
+        return false;
+    for (int v = 0; v < s->n_shots; v++) {
+        c->views[v] = s->shot[v];
+        c->n_views++;
+        c->views[v].rgb = saga_alloc((size_t)s->n_frames,
+                                     saga_view_frame_nbytes(&s->shot[v]),
+                                     "pictures of the splats", error);
+        if (!c->views[v].rgb)
+            return false;
+    }
+    return true;
+}
+
+static size_t largest(const saga_cloud_source *s)
+{
+    size_t most = 0;
+
+    for (int v = 0; v < s->n_shots; v++) {
+        const size_t n = (size_t)s->shot[v].width * (size_t)s->shot[v].height;
+
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
+static bool fill(saga_capture *c, const saga_cloud_source *s,
+                 saga_error *error)
+{
+    saga_canvas canvas = { .t = 0 };
+    bool ok = saga_canvas_init(&canvas, largest(s), error);
+
+    for (int k = 0; k < s->n_frames && ok; k++) {
+        char doing[64];
+
+        (void)snprintf(doing, sizeof doing, "drawing frame %d of %d", k + 1,
+                       s->n_frames);
+        if (s->progress)
+            s->progress(s->progress_user, (double)k / s->n_frames, doing);
+        ok = read_frame(c, &canvas, s, k, error);
+    }
+    saga_canvas_free(&canvas);
+    return ok;
+}
+
+bool saga_cloud_capture(saga_capture *capture, const saga_cloud_source *source,
+                        saga_error *error)
+{
+    if (begin(capture, source, error) && fill(capture, source, error))
+        return true;
+    saga_capture_free(capture);
+    return false;
+}
