@@ -310,9 +310,14 @@ $(WEB)/%: ports/web/%
 
 $(OBJ)/view_files.c: $(WEB_FILES) tools/embed.sh $(BUILD)/sources
 	@mkdir -p $(@D)
-	tools/embed.sh $(WEB_FILES) >$@
+	tools/embed.sh view $(WEB_FILES) >$@
 
-$(OBJ)/view_files.o: $(OBJ)/view_files.c trainer/cli/view_files.h
+$(OBJ)/report_files.c: trainer/cli/report.html tools/embed.sh
+	@mkdir -p $(@D)
+	tools/embed.sh report $< >$@
+
+EMBEDDED = $(addprefix $(OBJ)/,view_files.o report_files.o)
+$(EMBEDDED): $(OBJ)/%.o: $(OBJ)/%.c trainer/cli/view_files.h
 	$(call COMPILE,$(HOST) -Itrainer/cli) -c $< -o $@
 
 # These two are rewritten only when they change: every object depends on the
@@ -337,7 +342,7 @@ $(BUILD)/saga-dec: $(OBJ)/tools/saga_dec.o $(LIB)
 $(BUILD)/saga-play: $(OBJ)/tools/saga_play.o $(LIB)
 	$(LINK) $^ -pthread -o $@
 
-$(BUILD)/saga: $(CLI_OBJ) $(OBJ)/view_files.o $(REFERENCE) $(TRAIN) $(LIB)
+$(BUILD)/saga: $(CLI_OBJ) $(EMBEDDED) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
 
 $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o

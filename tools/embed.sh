@@ -1,9 +1,11 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 #
-# embed.sh FILE...: the files as a C source on stdout, the table of
-# trainer/cli/view_files.h.
+# embed.sh TABLE FILE...: the files as a C source on stdout, the table
+# saga_TABLE_files of trainer/cli/view_files.h.
 set -eu
+table=$1
+shift
 
 echo '/* Made by tools/embed.sh. */'
 echo '#include "view_files.h"'
@@ -14,11 +16,11 @@ for f in "$@"; do
     echo '};'
     n=$((n + 1))
 done
-echo 'const saga_view_file saga_view_files[] = {'
+echo "const saga_view_file saga_${table}_files[] = {"
 n=0
 for f in "$@"; do
     echo "{ \"$(basename "$f")\", bytes_$n, sizeof bytes_$n },"
     n=$((n + 1))
 done
 echo '};'
-echo "const int saga_n_view_files = $n;"
+echo "const int saga_n_${table}_files = $n;"

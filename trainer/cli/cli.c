@@ -281,6 +281,8 @@ static int wrong_count(const saga_command *c, int n)
 int saga_cli_parse(const saga_command *c, void *values,
                    const char **arguments, int argc, char **argv)
 {
+    const int most = strstr(c->arguments, "...") ? SAGA_CLI_MOST_ARGUMENTS
+                                                 : c->n_arguments;
     int n = 0;
     bool options = true;
 
@@ -296,12 +298,13 @@ int saga_cli_parse(const saga_command *c, void *values,
             options = false;
         else if (options && argv[i][0] == '-' && argv[i][1])
             status = take_option(c, values, argc, argv, &i);
-        else if (n++ < c->n_arguments)
+        else if (n++ < most)
             arguments[n - 1] = argv[i];
         if (status != SAGA_CLI_GO_ON)
             return status;
     }
-    return n == c->n_arguments ? SAGA_CLI_GO_ON : wrong_count(c, n);
+    return n >= c->n_arguments && n <= most ? SAGA_CLI_GO_ON
+                                            : wrong_count(c, n);
 }
 
 /* --- Help ---------------------------------------------------------------- */

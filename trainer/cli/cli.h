@@ -44,10 +44,14 @@ struct saga_cli_option {
     long min, max;          /* of saga_cli_int */
 };
 
+/* So many arguments may be given where one may be repeated. */
+enum { SAGA_CLI_MOST_ARGUMENTS = 64 };
+
 typedef struct saga_command {
     const char *name;
-    const char *arguments;  /* "FILE CAPTURE", for the usage line */
-    int n_arguments;        /* exactly so many must be given */
+    const char *arguments;  /* "FILE CAPTURE", for the usage line; "..." at
+                             * the end: the last may be repeated */
+    int n_arguments;        /* so many must be given */
     const char *summary;    /* one line, for the table */
     const char *text;       /* what it does; lines */
     const saga_cli_option *options;
@@ -73,9 +77,9 @@ typedef struct saga_cli_pair {
 } saga_cli_pair;
 
 /* Reads the options into the structure at `values`, which holds the defaults,
- * and the c->n_arguments arguments into arguments[]. Options may stand
- * anywhere, also as --name=value; "--" ends them. GO_ON, or the exit status:
- * after --help 0, after a mistake USAGE, told on stderr. */
+ * and the arguments into arguments[], in which all that may be given must fit.
+ * Options may stand anywhere, also as --name=value; "--" ends them. GO_ON, or
+ * the exit status: after --help 0, after a mistake USAGE, told on stderr. */
 int saga_cli_parse(const saga_command *c, void *values,
                    const char **arguments, int argc, char **argv);
 

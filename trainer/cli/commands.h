@@ -17,6 +17,7 @@ extern const saga_command saga_command_import;
 extern const saga_command saga_command_info;
 extern const saga_command saga_command_join;
 extern const saga_command saga_command_render;
+extern const saga_command saga_command_report;
 extern const saga_command saga_command_synth;
 extern const saga_command saga_command_verify;
 extern const saga_command saga_command_view;

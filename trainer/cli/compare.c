@@ -71,24 +71,6 @@ static json_t *json_pair(const session *s)
 
 /* --- Two curves ---------------------------------------------------------- */
 
-static saga_bd compare(const session *s, int set, int metric)
-{
-    saga_bd_curve a, b;
-
-    saga_results_curve(&a, &s->a, saga_set_keys[set],
-                       &saga_metric_keys[metric]);
-    saga_results_curve(&b, &s->b, saga_set_keys[set],
-                       &saga_metric_keys[metric]);
-    return saga_bd_rate(&a, &b);
-}
-
-/* Tells whether a metric was measured at all. */
-static bool is_there(const saga_results *r, int set, int metric)
-{
-    return isfinite(saga_result_value(r->result[0], saga_set_keys[set],
-                                      &saga_metric_keys[metric]));
-}
-
 static void print_curves(const session *s)
 {
     printf("%s (%d results) against %s (%d): bytes at equal quality\n\n"
@@ -98,9 +80,9 @@ static void print_curves(const session *s)
     for (int m = 0; m < SAGA_N_METRICS; m++)
         for (int i = 0; i < SAGA_N_SETS; i++) {
             const double sign = saga_metric_keys[m].sign;
-            const saga_bd bd = compare(s, i, m);
+            saga_bd bd;
 
-            if (!is_there(&s->a, i, m) || !is_there(&s->b, i, m))
+            if (!saga_results_bd_of(&bd, &s->a, &s->b, i, m))
                 continue;
             printf("%-12s %-9s ", saga_metric_keys[m].name, saga_set_keys[i]);
             if (bd.refused)
@@ -114,30 +96,6 @@ static void print_curves(const session *s)
          "PCHIP and\nAkima differ much, the points are too few.");
 }
 
-static json_t *json_curves(const session *s)
-{
-    json_t *const o = json_object();
-
-    for (int i = 0; i < SAGA_N_SETS; i++) {
-        json_t *const set = json_object();
-
-        for (int m = 0; m < SAGA_N_METRICS; m++) {
-            const double sign = saga_metric_keys[m].sign;
-            const saga_bd bd = compare(s, i, m);
-
-            if (!is_there(&s->a, i, m) || !is_there(&s->b, i, m))
-                continue;
-            json_object_set_new(set, saga_metric_keys[m].key, bd.refused
-                ? json_pack("{ss}", "refused", bd.refused)
-                : json_pack("{sfsfsfs[ff]}", "pchip", bd.pchip, "akima",
-                            bd.akima, "overlap", bd.overlap, "range",
-                            sign * bd.lo, sign * bd.hi));
-        }
-        json_object_set_new(o, saga_set_keys[i], set);
-    }
-    return o;
-}
-
 /* --- Together ------------------------------------------------------------ */
 
 static int print_json(const session *s, bool curves)
@@ -148,7 +106,7 @@ static int print_json(const session *s, bool curves)
     o = saga_cli_json_head("compare", s->b.path);
     json_object_update_new(o, json_pack("{ssso}", "anchor", s->a.path,
                                         curves ? "bd_rate" : "difference",
-                                        curves ? json_curves(s)
+                                        curves ? saga_results_bd(&s->a, &s->b)
                                                : json_pair(s)));
     return saga_cli_print_json(o, 9, s->b.path);
 }

@@ -303,6 +303,10 @@ static json_t *json_views(const saga_eval *e)
             "held_out", (int)v->held_out, "rig_camera", v->rig,
             "width", v->width, "height", v->height);
 
+        if (v->picture)
+            json_object_update_new(o, json_pack("{sssi}", "picture", v->picture,
+                                                "picture_frame",
+                                                v->picture_frame));
         json_object_update_new(o, json_score(&v->score));
         json_array_append_new(list, o);
     }

@@ -21,6 +21,7 @@ static const saga_command *const commands[] = {
     &saga_command_info,
     &saga_command_eval,
     &saga_command_compare,
+    &saga_command_report,
     &saga_command_render,
     &saga_command_view,
     &saga_command_verify,

@@ -154,8 +154,8 @@ const char *saga_results_differ(const json_t *a, const json_t *b)
     return NULL;
 }
 
-void saga_results_curve(saga_bd_curve *curve, const saga_results *r,
-                        const char *set, const saga_metric_key *metric)
+static void fill(saga_bd_curve *curve, const saga_results *r, const char *set,
+                 const saga_metric_key *metric)
 {
     curve->n = r->n;
     for (int i = 0; i < r->n; i++)
@@ -163,4 +163,39 @@ void saga_results_curve(saga_bd_curve *curve, const saga_results *r,
             saga_result_nbytes(r->result[i]),
             metric->sign * saga_result_value(r->result[i], set, metric)
         };
+}
+
+bool saga_results_bd_of(saga_bd *bd, const saga_results *anchor,
+                        const saga_results *test, int set, int metric)
+{
+    saga_bd_curve a, t;
+
+    fill(&a, anchor, saga_set_keys[set], &saga_metric_keys[metric]);
+    fill(&t, test, saga_set_keys[set], &saga_metric_keys[metric]);
+    *bd = saga_bd_rate(&a, &t);
+    return isfinite(a.point[0].quality) && isfinite(t.point[0].quality);
+}
+
+json_t *saga_results_bd(const saga_results *anchor, const saga_results *test)
+{
+    json_t *const o = json_object();
+
+    for (int i = 0; i < SAGA_N_SETS; i++) {
+        json_t *const set = json_object();
+
+        for (int m = 0; m < SAGA_N_METRICS; m++) {
+            const double sign = saga_metric_keys[m].sign;
+            saga_bd bd;
+
+            if (!saga_results_bd_of(&bd, anchor, test, i, m))
+                continue;
+            json_object_set_new(set, saga_metric_keys[m].key, bd.refused
+                ? json_pack("{ss}", "refused", bd.refused)
+                : json_pack("{sfsfsfs[ff]}", "pchip", bd.pchip, "akima",
+                            bd.akima, "overlap", bd.overlap, "range",
+                            sign * bd.lo, sign * bd.hi));
+        }
+        json_object_set_new(o, saga_set_keys[i], set);
+    }
+    return o;
 }

@@ -47,8 +47,12 @@ double saga_result_nbytes(const json_t *result);
  * that would keep the numbers from being compared. */
 const char *saga_results_differ(const json_t *a, const json_t *b);
 
-/* Fills a curve of bytes and quality. */
-void saga_results_curve(saga_bd_curve *curve, const saga_results *r,
-                        const char *set, const saga_metric_key *metric);
+/* Compares two curves by a metric, of a set of views. False: it was not
+ * measured in both. */
+bool saga_results_bd_of(saga_bd *bd, const saga_results *anchor,
+                        const saga_results *test, int set, int metric);
+
+/* The same of all sets and metrics: { SET: { METRIC: { ... } } }. */
+json_t *saga_results_bd(const saga_results *anchor, const saga_results *test);
 
 #endif

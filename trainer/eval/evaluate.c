@@ -25,6 +25,8 @@ static const double max_focal = 0.01;    /* scaling crops odd rests */
 
 void saga_eval_free(saga_eval *eval)
 {
+    for (int i = 0; eval->view && i < eval->n_views; i++)
+        free(eval->view[i].picture);
     free(eval->view);
     *eval = (saga_eval){ 0 };
 }
@@ -265,7 +267,7 @@ static bool make_medians(const comparison *c)
 
 static bool write_picture(const comparison *c, int view, int frame)
 {
-    const saga_eval_view *const v = &c->eval->view[view];
+    saga_eval_view *const v = &c->eval->view[view];
     const saga_still truth = {
         saga_capture_frame(c->capture, view, frame), v->width, v->height
     };
@@ -276,12 +278,13 @@ static bool write_picture(const comparison *c, int view, int frame)
 
     if (!c->options->pictures || frame != c->eval->n_frames / 2)
         return true;
+    v->picture_frame = c->eval->first_frame + frame;
     (void)snprintf(name, sizeof name, "%s_%05d.png", v->name,
-                   c->eval->first_frame + frame);
+                   v->picture_frame);
     path = saga_path_join(c->options->pictures, name, c->error);
     ok = path && saga_montage_compare(path, &truth, &decode, DIFFERENCE_GAIN,
                                       c->error);
-    free(path);
+    v->picture = path;
     return ok;
 }
 

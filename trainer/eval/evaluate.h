@@ -54,6 +54,8 @@ typedef struct saga_eval_view {
     int rig;                 /* its camera in the file's rig; -1: none */
     saga_camera camera;
     saga_eval_score score;
+    char *picture;           /* the PNG that was written; NULL: none */
+    int picture_frame;       /* which frame of the file it shows */
 } saga_eval_view;
 
 typedef struct saga_eval {

@@ -1,0 +1,168 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_report.py: guarantees, for the page of `saga report`,
+
+  page        nothing is loaded from elsewhere; the results and the pictures'
+              bytes are in it; a hostile name ends no element
+  refused     other protocols, missing files, a page that cannot be written; no
+              half a page
+  browser     headless Chromium draws a curve for each file with a point for
+              each result, a plot for each view, a bar for each file, and
+              pictures; without chromium this is skipped, and said
+
+SAGA=... is the program (build/saga).
+"""
+import base64
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from verdict import Verdicts, read  # noqa: E402
+
+SAGA = os.path.abspath(os.environ.get("SAGA", "build/saga"))
+GOOD = os.path.abspath("vectors/good/motion.saga")
+v = Verdicts("report")
+
+
+def run(*words):
+    return subprocess.run([SAGA, *words], capture_output=True, text=True)
+
+
+def must(*words):
+    r = run(*words)
+    if r.returncode:
+        sys.exit(f"FAIL report: saga {' '.join(words)}: {r.stderr}")
+    return r.stdout
+
+
+def write(name, *results):
+    with open(name, "w") as f:
+        f.write("\n".join(json.dumps(r) for r in results))
+    return name
+
+
+def data_of(page):
+    return json.loads(re.search(r'id="data">(.*?)</script>', page,
+                                re.S).group(1))
+
+
+def make_results():
+    """Two files: a real result with pictures in each of four sizes, and one
+    whose file and camera have hostile names."""
+    must("synth", "cap", "--size", "64x40", "--cameras", "3", "--hold-out",
+         "1", "--frames", "2", "--depth-every", "0")
+    must("encode", "cap", "-o", "x.saga", "--primitives", "100",
+         "--iterations", "60")
+    result = json.loads(must("eval", "x.saga", "cap", "--json", "--pictures",
+                             "pictures"))
+    curve = []
+    for i in range(4):
+        one = json.loads(json.dumps(result))
+        one["nbytes"] += 1000 * i
+        for view in one["views"]:
+            view["psnr"] += i
+        if i:
+            for view in one["views"]:
+                del view["picture"]
+        curve.append(one)
+    write("first.json", *curve)
+    result["file"] = "</script><b id='evil'>"
+    for view in result["views"]:
+        del view["picture"]
+    write("second.json", result)
+
+
+def check_page():
+    r = run("report", "first.json", "second.json", "-o", "page.html")
+    if r.returncode or r.stdout or r.stderr:
+        return v.complain("report:", r.returncode, r.stderr)
+    page = read("page.html").decode()
+    without = page.replace("http://www.w3.org/2000/svg", "")
+    for word in "http:", "https:", "src=", "@import", "<b id='evil'":
+        if word in without:
+            v.complain("the page has", word)
+    data = data_of(page)
+    if [len(s["results"]) for s in data["series"]] != [4, 1]:
+        v.complain("series:", [s["name"] for s in data["series"]])
+    if data["series"][1]["results"][0]["file"] != "</script><b id='evil'>":
+        v.complain("the name is", data["series"][1]["results"][0]["file"])
+    names = sorted(os.listdir("pictures"))
+    for name, picture in zip(names, data["pictures"]):
+        png = base64.b64decode(picture["png"].split(",")[1])
+        if png != read("pictures/" + name):
+            v.complain(name, "is another one in the page")
+    if len(names) != 3 or len(data["pictures"]) != 3:
+        v.complain(len(data["pictures"]), "pictures of", names)
+    if "four points" not in data["bd"][0]["bd"]["all"]["psnr"]["refused"]:
+        v.complain("BD-rate:", data["bd"])
+
+
+def check_refused():
+    other = json.loads(read("second.json"))
+    other["protocol"]["scale"] = 2
+    write("other.json", other)
+    for words, status, word in (
+            (["first.json", "other.json", "-o", "no.html"], 1, "scale"),
+            (["first.json", "none.json", "-o", "no.html"], 2, "none.json"),
+            (["first.json"], 2, "-o FILE.html"), (["-o", "no.html"], 2,
+                                                  "missing"),
+            (["first.json", "-o", "none/no.html"], 2, "none/no.html")):
+        r = run("report", *words)
+        if r.returncode != status or r.stdout or word not in r.stderr:
+            v.complain("report", *words, ":", r.returncode, r.stderr)
+    if [n for n in os.listdir(".") if n.startswith("no.html")]:
+        v.complain("half a page is left")
+    shutil.move("pictures", "gone")
+    r = run("report", "first.json", "-o", "without.html")
+    if r.returncode or r.stderr.count("is not there") != 3 or data_of(
+            read("without.html").decode())["pictures"]:
+        v.complain("without pictures:", r.returncode, r.stderr)
+
+
+def check_browser():
+    chromium = shutil.which("chromium")
+    if not chromium:
+        print("     skipped: there is no chromium")
+        return
+    dom = subprocess.run(
+        [chromium, "--headless", "--no-sandbox", "--disable-gpu",
+         "--user-data-dir=" + os.path.join(tmp, "profile"), "--dump-dom",
+         "file://" + os.path.join(tmp, "page.html")], capture_output=True,
+        text=True, timeout=300).stdout
+
+    def part(name):
+        m = re.search(rf'<div[^>]* id="{name}">(.*?)<h2>|'
+                      rf'<div id="{name}">(.*?)<h2>', dom, re.S)
+        return (m.group(1) or m.group(2)) if m else ""
+
+    for name, tag, wanted in (("views", "<figure", 3), ("views", "<circle", 15),
+                              ("bytes", "<text", 10), ("times", "<text", 10),
+                              ("pictures", "background-image", 2)):
+        if part(name).count(tag) != wanted:
+            v.complain(name, "has", part(name).count(tag), tag)
+    curves = dom.split('id="curves">')[1].split('id="numbers"')[0]
+    if curves.count("<circle") != 5 or curves.count("<path") != 2:
+        v.complain("curves:", curves[:200])
+    if dom.split('id="protocol">')[1].count("<tr") < 15:
+        v.complain("no protocol")
+
+
+tmp = tempfile.mkdtemp()
+os.chdir(tmp)
+try:
+    make_results()
+    check_page()
+    v.verdict("page")
+    check_browser()
+    v.verdict("browser")
+    check_refused()
+    v.verdict("refused")
+finally:
+    os.chdir("/")
+    shutil.rmtree(tmp)
+sys.exit(v.failed)
