@@ -507,6 +507,19 @@ rd-short: setup
 	@$(MAKE) --no-print-directory $(BUILD)/saga
 	@$(RD) --short $(ARGS)
 
+# The capture CAPTURE through the video codecs that ffmpeg has, beside FILES of
+# it (none: saga is trained at four rates, which takes long): curves, BD-rates
+# and a page in build/compare/NAME, of the capture's name.
+CAPTURE =
+FILES =
+.PHONY: compare
+compare: setup
+	@test -n '$(CAPTURE)' || \
+	    { echo 'make compare CAPTURE=FOLDER [FILES="A.saga ..."]'; exit 1; }
+	@$(MAKE) --no-print-directory $(BUILD)/saga
+	@SAGA=$(BUILD)/saga THREADS=$(THREADS) lab/compare.py '$(CAPTURE)' \
+	    '$(BUILD)/compare/$(notdir $(CAPTURE:/=))' $(FILES)
+
 # Only a change of the format may change a vector: look at the difference before
 # you commit it.
 $(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) \
@@ -524,6 +537,8 @@ make demo        the built-in scene, encoded, decoded and judged; 3 CPU minutes
 make floors      the demo beside what needs no such codec; 4 CPU minutes more
 make ablation    what the entropy model's parts are worth; about 50 CPU minutes
 make rd          rate and distortion of all scenes beside other codecs; hours
+make compare     a capture through x265, SVT-AV1, libaom and VVenC, as far as
+                 ffmpeg has them, beside files of saga: CAPTURE= FILES=
 make rd-short    the same of two small scenes at one rate, beside the last row
 make install     programs, library, header, manual pages, completion: PREFIX=
                  /usr/local, DESTDIR=, BINDIR, LIBDIR, INCLUDEDIR, DATADIR

@@ -26,7 +26,7 @@ import subprocess
 import sys
 
 import rd_table
-import rd_x265
+import simulcast
 
 LAB = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(LAB)
@@ -300,11 +300,11 @@ def x265_all(scenes, path):
             folder = os.path.join(WORK, "x265")
             os.makedirs(folder, exist_ok=True)
             try:
-                point = rd_x265.encode(scene.capture, crf, folder)
-            except rd_x265.Missing as why:
+                point = simulcast.encode(scene.capture, "x265", crf, folder)
+            except simulcast.Missing as why:
                 say(f"rd: {why}, so x265 is not measured")
                 return
-            judged = evaluate(scene, rd_x265.decoded(folder),
+            judged = evaluate(scene, simulcast.decoded(folder),
                               os.path.join(folder, "eval.json"), "--no-ssim")
             point.update(codec="x265", scene=scene.name,
                          source=scene.source(), crf=crf)

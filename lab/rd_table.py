@@ -204,7 +204,7 @@ OTHERS = """x265 and VVenC code every camera as a stream of its own, the held-ou
 ones too, which to them are views like all others; bytes are those of all raw
 streams, against our whole file. x265's decoded videos pass the same loader and
 the same measures (`saga eval` of a folder); it has the preset medium, --tune
-psnr, no wavefronts and no text in the stream (lab/rd_x265.py). VVenC's points
+psnr, no wavefronts and no text in the stream (lab/simulcast.py). VVenC's points
 are those that came with the capture: version 1.15, preset medium, all cameras
 together."""
 

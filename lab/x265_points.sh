@@ -5,7 +5,7 @@
 # capture's videos with so many bytes for all of them, simulcast: each camera is
 # a stream of its own, by x265 with the preset medium and --tune psnr, without
 # what only costs bytes: wavefronts, and the text on itself that x265 writes
-# into each stream (lab/rd_x265.py does the same). The PSNR is that of the
+# into each stream (lab/simulcast.py does the same). The PSNR is that of the
 # squared error over all frames of a camera, R, G and B, and then the mean over
 # cameras (`saga eval --json`: psnr_of_mean_mse). It is interpolated between the
 # two constant qualities (crf) nearest to NBYTES, whose raw streams' bytes and

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""A capture's videos through x265, and what it decodes as a capture again.
+"""A capture's videos through a video codec, and what it decodes as a capture
+again.
 
-Each camera is a stream of its own: preset medium, tuned for PSNR, at a constant
-quality; one thread and no wavefronts, which saves bits, and no text about the
-encoder in the stream. The pictures are judged as saga's are, by `saga eval`:
-the decoded videos take the place of the capture's, so that both sides pass the
-same loader, lenses removed and all.
+Each camera is a stream of its own at a constant quality, tuned for PSNR where
+the encoder can be, with one thread, which saves bits. The pictures are judged
+as saga's are, by `saga eval`: the decoded videos take the place of the
+capture's, so that both sides pass the same loader, lenses removed and all.
 """
+import collections
 import glob
 import os
 import re
@@ -18,27 +19,46 @@ TO_YUV = ("scale=out_color_matrix=bt709:out_range=tv:flags=bicubic+accurate_rnd"
           "+full_chroma_int,format=yuv420p")
 TO_RGB = ("scale=in_color_matrix=bt709:in_range=tv:out_range=full:flags=bicubic"
           "+accurate_rnd+full_chroma_int+full_chroma_inp,format=rgb24")
-PARAMS = "log-level=error:info=0:pools=none:frame-threads=1"
+
+# An encoder of ffmpeg's, its options but for the quality, which has one of its
+# own, the form of a raw stream, and four qualities from good to bad.
+Codec = collections.namedtuple("Codec", "encoder options quality raw rates")
+CODECS = {
+    "x265": Codec("libx265", [
+        "-preset", "medium", "-tune", "psnr", "-x265-params",
+        "log-level=error:info=0:pools=none:frame-threads=1"], "-crf", "hevc",
+        ["24", "30", "36", "42"]),
+    "svt-av1": Codec("libsvtav1", [
+        "-preset", "6", "-svtav1-params", "lp=1:tune=1"], "-crf", "obu",
+        ["30", "40", "50", "60"]),
+    "libaom": Codec("libaom-av1", [
+        "-cpu-used", "4", "-b:v", "0", "-threads", "1"], "-crf", "obu",
+        ["30", "40", "50", "60"]),
+    "vvenc": Codec("libvvenc", [
+        "-preset", "medium", "-threads", "1"], "-qp", "vvc",
+        ["26", "32", "38", "44"]),
+}
 
 
 class Missing(Exception):
-    """There is no ffmpeg with libx265."""
+    """There is no ffmpeg with the encoder."""
 
 
 def ffmpeg(*words):
+    # SVT-AV1 talks beside ffmpeg's own log: errors alone, please.
     subprocess.check_call(["ffmpeg", "-v", "error", "-nostdin", "-y"] +
-                          list(words))
+                          list(words), env=dict(os.environ, SVT_LOG="1"))
 
 
-def check():
+def check(codec):
     try:
         encoders = subprocess.check_output(
             ["ffmpeg", "-hide_banner", "-encoders"],
             stderr=subprocess.DEVNULL, text=True)
     except (OSError, subprocess.CalledProcessError):
         encoders = ""
-    if "libx265" not in encoders:
-        raise Missing("there is no ffmpeg with libx265")
+    if not re.search(rf"\b{re.escape(CODECS[codec].encoder)}\b", encoders):
+        raise Missing("there is no ffmpeg with " + CODECS[codec].encoder)
 
 
 def cameras(capture):
@@ -88,9 +108,10 @@ def decode_pictures(mp4, source, to):
         os.rename(os.path.join(to, old), os.path.join(to, new))
 
 
-def encode(capture, crf, folder):
+def encode(capture, codec, quality, folder):
     """The bytes of all raw streams; the pictures are in decoded(folder)."""
-    check()
+    check(codec)
+    c = CODECS[codec]
     to = decoded(folder)
     shutil.rmtree(to, ignore_errors=True)
     os.makedirs(os.path.join(to, "videos"))
@@ -98,11 +119,11 @@ def encode(capture, crf, folder):
     nbytes = []
     for source, path in cameras(capture):
         mp4 = os.path.join(folder, "x.mp4")
-        raw = os.path.join(folder, "x.hevc")
+        raw = os.path.join(folder, "x." + c.raw)
         ffmpeg(*source, "-an", "-vf", TO_YUV, "-colorspace", "bt709",
-               "-color_range", "tv", "-c:v", "libx265", "-preset", "medium",
-               "-tune", "psnr", "-crf", crf, "-x265-params", PARAMS, mp4)
-        ffmpeg("-i", mp4, "-c", "copy", "-f", "hevc", raw)
+               "-color_range", "tv", "-c:v", c.encoder, *c.options, c.quality,
+               quality, mp4)
+        ffmpeg("-i", mp4, "-c", "copy", "-f", c.raw, raw)
         nbytes.append(os.path.getsize(raw))
         if path.endswith(".mp4"):
             os.replace(mp4, os.path.join(to, path))

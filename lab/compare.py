@@ -1,0 +1,133 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""A capture through video codecs beside saga: what `make compare` runs.
+
+  compare.py CAPTURE WORK [FILE.saga ...]
+
+Codes each camera of the capture on its own with every codec of simulcast.py
+that ffmpeg has here, at four qualities, and judges the pictures as those of the
+files, by `saga eval`. Without files it trains saga at the rates of lab/rd.ini's
+section "capture", which takes long. Leaves in WORK: CODEC.json, a result for
+each quality; saga.json; what `saga compare` says of each codec against the
+first; report.html. What is there is not measured again.
+
+Environment: SAGA (build/saga), THREADS (1), EVAL (options of `saga eval`, as
+"--no-ssim" or "--lpips FILE.npz"), CODECS (names of those wanted, all).
+"""
+import configparser
+import json
+import os
+import subprocess
+import sys
+
+import simulcast
+
+LAB = os.path.dirname(os.path.abspath(__file__))
+SAGA = os.environ.get("SAGA", os.path.join(os.path.dirname(LAB), "build/saga"))
+THREADS = os.environ.get("THREADS", "1")
+EVAL = os.environ.get("EVAL", "").split()
+
+
+def say(text):
+    print(text, flush=True)
+
+
+def saga(*words):
+    return subprocess.run([SAGA, *words], check=True, text=True,
+                          stdout=subprocess.PIPE).stdout
+
+
+def write(path, text):
+    with open(path + ".part", "w") as f:
+        f.write(text)
+    os.replace(path + ".part", path)
+
+
+def judge(what, capture, path, more):
+    """Writes the result of a file or a folder, with what `more` says, too."""
+    result = json.loads(saga("eval", what, capture, "--json", "--threads",
+                             THREADS, "--pictures", path[:-5], *EVAL))
+    result.update(more)
+    write(path, json.dumps(result))
+
+
+def curve(work, name, paths):
+    """All results of a codec in one file."""
+    path = os.path.join(work, name + ".json")
+    write(path, "\n".join(open(p).read() for p in paths) + "\n")
+    return path
+
+
+def measure_codec(capture, work, codec):
+    paths = []
+    for quality in simulcast.CODECS[codec].rates:
+        path = os.path.join(work, f"{codec}-{quality}.json")
+        paths.append(path)
+        if os.path.exists(path):
+            continue
+        say(f"compare: {codec}, quality {quality}")
+        folder = os.path.join(work, "stream")
+        os.makedirs(folder, exist_ok=True)
+        point = simulcast.encode(capture, codec, quality, folder)
+        judge(simulcast.decoded(folder), capture, path,
+              {"codec": codec, "quality": quality, "nbytes": point["bytes"]})
+    return curve(work, codec, paths)
+
+
+def train(capture, work):
+    """Files at the rates of a capture that has no section of its own."""
+    table = configparser.ConfigParser()
+    table.read(os.path.join(LAB, "rd.ini"))
+    section, files = table["capture"], []
+    for rate in section["rates"].split():
+        primitives, bits = rate.split(":")
+        path = os.path.join(work, f"saga-{primitives}.saga")
+        files.append(path)
+        if not os.path.exists(path):
+            say(f"compare: saga, {primitives} primitives")
+            resume = ["--resume"] if os.path.exists(path + ".ckpt") else []
+            saga("encode", capture, "-o", path, "--primitives", primitives,
+                 "--lambda", bits, "--iterations", section["iterations"],
+                 "--threads", THREADS, *resume)
+    return files
+
+
+def measure_saga(capture, work, files):
+    paths = []
+    for i, name in enumerate(files):
+        path = os.path.join(work, f"saga-{i + 1}.json")
+        paths.append(path)
+        if not os.path.exists(path) or \
+                os.path.getmtime(path) < os.path.getmtime(name):
+            judge(name, capture, path, {"codec": "saga"})
+    return curve(work, "saga", paths)
+
+
+def main(words):
+    if len(words) < 2 or words[0].startswith("-"):
+        sys.exit(__doc__.strip())
+    capture, work, files = words[0], words[1], words[2:]
+    for path in [capture] + files:
+        if not os.path.exists(path):
+            sys.exit(f"compare: there is no {path}")
+    wanted = os.environ.get("CODECS", " ".join(simulcast.CODECS)).split()
+    os.makedirs(work, exist_ok=True)
+    curves = []
+    for codec in wanted:
+        try:
+            curves.append(measure_codec(capture, work, codec))
+        except simulcast.Missing as why:
+            say(f"compare: {why}, so {codec} is left out")
+        except KeyError:
+            sys.exit(f"compare: no codec {codec}; there are " +
+                     ", ".join(simulcast.CODECS))
+    curves.append(measure_saga(capture, work, files or train(capture, work)))
+    for other in curves[1:]:
+        say(saga("compare", curves[0], other))
+    report = os.path.join(work, "report.html")
+    saga("report", *curves, "-o", report)
+    say(f"compare: {report} shows all of it")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,73 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_codecs.sh: guarantees, for lab/compare.py (`make compare`),
+#   missing     a codec that ffmpeg has not is named and left out
+#   curves      four results of a codec, bytes and PSNR falling with its
+#               quality, of the capture's protocol; those of files; BD-rates
+#               and a page with all of them; nothing is measured twice
+# Without an ffmpeg that has libx265 it says so.
+set -u
+cd "$(dirname "$0")/../.." || exit
+export SAGA=${SAGA:-build/saga}
+checks=codecs
+# shellcheck source=tests/cli/verdict.sh
+. tests/cli/verdict.sh
+export PYTHONDONTWRITEBYTECODE=1
+
+"$SAGA" synth "$tmp/cap" --size 64x48 --cameras 2 --hold-out 0 --frames 3 \
+    --depth-every 0 >"$tmp/log" 2>&1 || complain "$(cat "$tmp/log")"
+"$SAGA" encode "$tmp/cap" -o "$tmp/a.saga" --primitives 60 --iterations 30 \
+    >"$tmp/log" 2>&1 || complain "$(cat "$tmp/log")"
+# An encoder that no ffmpeg has, beside a real one.
+python3 - "$tmp" >"$tmp/say" 2>&1 <<'PYTHON' || complain "$(tail -n 1 "$tmp/say")"
+import importlib.util, os, sys
+sys.path.insert(0, "lab")
+import simulcast
+simulcast.CODECS["absent"] = simulcast.CODECS["x265"]._replace(
+    encoder="libabsent")
+os.environ.update(CODECS="absent x265", EVAL="--no-ssim")
+spec = importlib.util.spec_from_file_location("lab_compare", "lab/compare.py")
+lab = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(lab)
+tmp = sys.argv[1]
+lab.main([tmp + "/cap", tmp + "/work", tmp + "/a.saga"])
+PYTHON
+grep -q 'no ffmpeg with libabsent, so absent is left out' "$tmp/say" ||
+    complain "absent: $(cat "$tmp/say")"
+verdict missing
+if grep -q 'no ffmpeg with libx265' "$tmp/say"; then
+    echo "     skipped: no x265 here"
+    all_passed
+    exit
+fi
+
+python3 - "$tmp/work" >>"$bad" 2>&1 <<'PYTHON' || complain curves
+import json, os, sys
+
+work = sys.argv[1]
+points = [json.loads(line) for line in open(work + "/x265.json")]
+assert [p["quality"] for p in points] == ["24", "30", "36", "42"]
+for p, q in zip(points, points[1:]):
+    assert p["nbytes"] > q["nbytes"] > 200, (p["nbytes"], q["nbytes"])
+    assert 50 > p["training"]["psnr"] > q["training"]["psnr"] > 15, p
+mine = json.load(open(work + "/saga.json"))
+assert mine["codec"] == "saga" and mine["nbytes"] == os.path.getsize(
+    os.path.dirname(work) + "/a.saga")
+page = open(work + "/report.html").read()
+data = json.loads(page.split('id="data">')[1].split("</script>")[0])
+assert [s["name"] for s in data["series"]] == ["x265", "saga"]
+assert len(data["pictures"]) == 10, len(data["pictures"])
+PYTHON
+grep -q 'a curve needs four points' "$tmp/say" || complain "no comparison"
+before=$(stat -c %Y.%Z "$tmp"/work/x265-*.json)
+EVAL=--no-ssim CODECS=x265 lab/compare.py "$tmp/cap" "$tmp/work" "$tmp/a.saga" \
+    >"$tmp/say" 2>&1 || complain "again: $(tail -n 1 "$tmp/say")"
+[ "$before" = "$(stat -c %Y.%Z "$tmp"/work/x265-*.json)" ] ||
+    complain "measured twice"
+CODECS=x264 lab/compare.py "$tmp/cap" "$tmp/work" "$tmp/a.saga" \
+    >"$tmp/say" 2>&1 && complain "x264 is taken"
+grep -q 'no codec x264; there are x265' "$tmp/say" || complain "$(cat "$tmp/say")"
+verdict curves
+
+all_passed
