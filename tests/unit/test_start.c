@@ -54,6 +54,26 @@ static void solve_should_invert_the_product(void **state)
     }
 }
 
+/* Unknowns that no equation names stay 0, and the others come out. */
+static void solve_should_leave_out_what_has_no_say(void **state)
+{
+    enum { N = 9 };
+    double b[SAGA_LINEAR_MOST] = { 0 };
+    saga_matrix a;
+
+    (void)state;
+    make_symmetric(a, N, N, 0.1);
+    for (size_t i = 0; i < N; i++)
+        for (size_t j = 0; j < N; j++) {
+            if (i % 3 == 1 || j % 3 == 1)
+                a[i][j] = 0;
+            b[i] += a[i][j] * (1 + (double)j);
+        }
+    saga_solve(a, b, N);
+    for (size_t i = 0; i < N; i++)
+        assert_true(fabs(b[i] - (i % 3 == 1 ? 0 : 1 + (double)i)) < 1e-7);
+}
+
 /* Also of a matrix that has no inverse: eigenvalues of 0 are found. */
 static void eigen_should_take_matrices_apart(void **state)
 {
@@ -167,6 +187,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(solve_should_invert_the_product),
+        cmocka_unit_test(solve_should_leave_out_what_has_no_say),
         cmocka_unit_test(eigen_should_take_matrices_apart),
         cmocka_unit_test(canonical_form_should_draw_the_same)
     };

@@ -4,8 +4,9 @@
 #include <float.h>
 #include <math.h>
 
-/* Finds L of a = L L^T, in the lower triangle. A pivot that rounding made 0
- * counts as the least positive number: its unknown then has no say. */
+/* Finds L of a = L L^T, in the lower triangle. A pivot that is 0, or that
+ * rounding made so, counts as the least positive number: its unknown then has
+ * no say. */
 static void factorise(saga_matrix a, size_t n)
 {
     for (size_t j = 0; j < n; j++) {
@@ -13,7 +14,9 @@ static void factorise(saga_matrix a, size_t n)
             for (size_t i = j; i < n; i++)
                 a[i][j] -= a[i][k] * a[j][k];
         const double pivot = sqrt(fmax(a[j][j], DBL_MIN));
-        for (size_t i = j; i < n; i++)
+
+        a[j][j] = a[j][j] > DBL_MIN ? a[j][j] / pivot : pivot;
+        for (size_t i = j + 1; i < n; i++)
             a[i][j] /= pivot;
     }
 }

@@ -3,8 +3,8 @@
  * This finds where the scene is. Each view gets a range of depths: what the
  * capture says, else what its points say, else what the crossing of the optical
  * axes suggests. The cube then holds what two views see within their ranges, as
- * far as a coarse grid of samples tells, and the points but for the outermost
- * ones.
+ * far as a coarse grid of samples tells, and the points that pictures show, but
+ * for the outermost ones.
  */
 #include "cube.h"
 
@@ -19,6 +19,10 @@ enum {
     LAYERS = 6,           /* depths, even in 1 / depth */
     MIN_POINTS = 12       /* in a view, to believe them */
 };
+
+/* Cameras are at one place where they differ by less than this part of their
+ * distance from the origin, which rounding alone makes of it. */
+#define ONE_PLACE 1e-9
 
 /* The points' depths get this slack, for what they miss on either side. */
 #define NEAR_SLACK 0.6
@@ -60,6 +64,11 @@ static void solve3(double a[3][3], double *b)
     }
 }
 
+static double length(const double *x)
+{
+    return sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+}
+
 /* Mean of the camera centres, and their distance from it. */
 static double baseline(double *mean, const saga_capture *c)
 {
@@ -88,9 +97,9 @@ static double baseline(double *mean, const saga_capture *c)
 static double focus(double *x, const saga_capture *c)
 {
     double mean[3], axis[3] = { 0 }, a[3][3] = { { 0 } };
-    double base = baseline(mean, c), norm = 0;
+    double base = baseline(mean, c), norm;
 
-    if (!(base > 0))
+    if (!(base > ONE_PLACE * length(mean)))
         base = 0.2;
     x[0] = x[1] = x[2] = 0;
     for (int v = 0; v < c->n_views; v++) {
@@ -108,9 +117,8 @@ static double focus(double *x, const saga_capture *c)
             }
         }
     }
-    for (int i = 0; i < 3; i++)
-        norm += axis[i] * axis[i];
-    norm = norm > 0 ? sqrt(norm) : 1;
+    norm = length(axis);
+    norm = norm > 0 ? norm : 1;
     for (int i = 0; i < 3; i++) {
         const double pull = 1e-3 * c->n_views;
 
@@ -231,18 +239,35 @@ static bool include_frusta(double lo[3], double hi[3], const saga_capture *c,
     return any;
 }
 
+/* Tells whether a training view has the place in its picture. */
+static bool is_seen(const saga_capture *c, const double *world)
+{
+    double uv[2], z;
+
+    for (int v = 0; v < c->n_views; v++)
+        if (!c->views[v].held_out &&
+            saga_view_project(c->views + v, world, uv, &z) &&
+            inside(c->views + v, uv))
+            return true;
+    return false;
+}
+
+/* What no picture shows would make the cube large for nothing. */
 static void include_points(double lo[3], double hi[3], const saga_capture *c,
                            double *scratch)
 {
     double a[3], b[3];
 
-    if (c->n_points < MIN_POINTS)
-        return;
     for (int i = 0; i < 3; i++) {
+        size_t n = 0;
+
         for (size_t k = 0; k < c->n_points; k++)
-            scratch[k] = c->points[k].position[i];
-        a[i] = quantile(scratch, c->n_points, 0.01);
-        b[i] = quantile(scratch, c->n_points, 0.99);
+            if (is_seen(c, c->points[k].position))
+                scratch[n++] = c->points[k].position[i];
+        if (n < MIN_POINTS)
+            return;
+        a[i] = quantile(scratch, n, 0.01);
+        b[i] = quantile(scratch, n, 0.99);
     }
     include(lo, hi, a);
     include(lo, hi, b);

@@ -1,0 +1,384 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Hard cases of the training: captures of the built-in room, changed in memory
+ * to what a loader may hand over but no camera ever filmed. Each is trained to
+ * a file, which fails where a loss or a gradient is not finite, and the file is
+ * decoded. README.md here has the table.
+ */
+#include "capture.h"
+#include "saga.h"
+#include "synth_capture.h"
+#include "train.h"
+#include "view.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+enum { UNIT_NBYTES = 8, CRC_NBYTES = 7 * 4 };
+enum { WIDTH = 64, HEIGHT = 36, VIEWS = 4, FRAMES = 3, POINTS = 200 };
+
+/* --- A capture of one's own ---------------------------------------------- */
+
+static saga_capture room;
+
+static int set_up(void **state)
+{
+    char folder[] = "/tmp/test_hard.XXXXXX", path[40], command[60];
+    saga_synth_options s = synth_options(WIDTH, HEIGHT, VIEWS, FRAMES, POINTS);
+
+    (void)state;
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/room", folder);
+    s.depth_every = 1;
+    room = synth_capture(path, &s);
+    snprintf(command, sizeof command, "rm -rf '%s'", folder);
+    return system(command);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    saga_capture_free(&room);
+    return 0;
+}
+
+static void *copy_of(const void *from, size_t nbytes)
+{
+    void *const to = malloc(nbytes);
+
+    assert_non_null(to);
+    memcpy(to, from, nbytes);
+    return to;
+}
+
+/* The room without its depths; saga_capture_free frees it. */
+static saga_capture changed(void)
+{
+    saga_capture c = room;
+
+    c.views = copy_of(room.views, VIEWS * sizeof *room.views);
+    c.points = copy_of(room.points, room.n_points * sizeof *room.points);
+    for (int v = 0; v < VIEWS; v++) {
+        c.views[v].rgb = copy_of(room.views[v].rgb,
+                                 FRAMES * saga_view_frame_nbytes(c.views + v));
+        c.views[v].depth = NULL;
+    }
+    return c;
+}
+
+static void paint(saga_capture *c, int r, int g, int b)
+{
+    const uint8_t colour[3] = { (uint8_t)r, (uint8_t)g, (uint8_t)b };
+
+    for (int v = 0; v < c->n_views; v++)
+        for (int i = 0; i < FRAMES * WIDTH * HEIGHT * 3; i++)
+            c->views[v].rgb[i] = colour[i % 3];
+}
+
+/* --- Trained ------------------------------------------------------------- */
+
+typedef struct {
+    uint8_t *bytes;
+    size_t n;
+    saga_train_report report;
+} result;
+
+static saga_train_options options(void)
+{
+    saga_train_options o = saga_train_defaults();
+
+    o.n_primitives = 100;
+    o.n_warm = 30;
+    o.n_render = 15;
+    o.motion = SAGA_TRAIN_MOVING;
+    return o;
+}
+
+static result train(const saga_capture *c)
+{
+    const saga_train_options o = options();
+    saga_error error = { "" };
+    saga_train *const t = saga_train_new(c, &o, &error);
+    const uint8_t *bytes;
+    result r;
+
+    if (!t || saga_train_run(t, &error) != SAGA_DONE)
+        fail_msg("%s", error.message);
+    bytes = saga_train_bytes(t, &r.n);
+    r.bytes = copy_of(bytes, r.n);
+    r.report = *saga_train_report_of(t);
+    saga_train_free(t);
+    print_message("  %.2f dB, %zu bytes\n", r.report.coded.training, r.n);
+    return r;
+}
+
+/* Draws every camera's first picture; the mean colour of all is left. */
+static void draw_all(double mean[3], const result *r)
+{
+    saga_error error = { "" };
+    uint8_t rgb[3 * WIDTH * HEIGHT];
+    saga_film film;
+
+    mean[0] = mean[1] = mean[2] = 0;
+    if (!saga_film_open(&film, "x", r->bytes, r->n, 1, &error))
+        fail_msg("%s", error.message);
+    for (uint32_t v = 0; v < film.info.n_cameras; v++) {
+        saga_camera camera;
+        uint32_t number;
+
+        assert_true(saga_film_rig(&film, v, &camera, &number, &error));
+        assert_true(saga_film_draw(&film, &camera, 0, 1, rgb, &error));
+        for (int i = 0; i < 3 * WIDTH * HEIGHT; i++)
+            mean[i % 3] += rgb[i] / (double)(WIDTH * HEIGHT) /
+                           film.info.n_cameras;
+    }
+    saga_film_close(&film);
+}
+
+/* Learns something, and gives it back. */
+static result survive(saga_capture *c, double psnr)
+{
+    double mean[3];
+    const result r = train(c);
+
+    draw_all(mean, &r);
+    assert_true(r.report.coded.training >= psnr);
+    saga_capture_free(c);
+    return r;
+}
+
+/* --- Pictures ------------------------------------------------------------ */
+
+/* Nothing to see: black is what no primitive at all draws. */
+static void black_capture_should_stay_black(void **state)
+{
+    saga_capture c = changed();
+    double mean[3];
+    result r;
+
+    (void)state;
+    paint(&c, 0, 0, 0);
+    r = train(&c);
+    draw_all(mean, &r);
+    for (int i = 0; i < 3; i++)
+        assert_true(mean[i] < 2);
+    free(r.bytes);
+    saga_capture_free(&c);
+}
+
+/* One colour, so that no place is better than another: it comes out in the
+ * mean, on black where nothing was put. */
+static void one_colour_should_come_out(void **state)
+{
+    static const int colours[][3] = { { 255, 255, 255 }, { 200, 100, 40 } };
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        saga_capture c = changed();
+        double mean[3];
+        result r;
+
+        paint(&c, colours[k][0], colours[k][1], colours[k][2]);
+        r = train(&c);
+        draw_all(mean, &r);
+        print_message("  %.0f %.0f %.0f\n", mean[0], mean[1], mean[2]);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(mean[i] - colours[k][i]) < 0.2 * colours[k][i]);
+        free(r.bytes);
+        saga_capture_free(&c);
+    }
+}
+
+/* Depths of a capture that are none: not numbers, infinite, zero, negative,
+ * denormal. They are guesses at most. */
+static void depths_should_be_doubted(void **state)
+{
+    static const float wrong[] = { NAN, INFINITY, -INFINITY, 0, -3, 1e-42f,
+                                   1e38f };
+    saga_capture c = changed();
+    result r;
+
+    (void)state;
+    for (int v = 0; v < VIEWS; v++) {
+        c.views[v].depth = calloc(FRAMES, sizeof *c.views[v].depth);
+        assert_non_null(c.views[v].depth);
+        for (int k = 0; k < FRAMES; k++) {
+            c.views[v].depth[k] = calloc(WIDTH * HEIGHT, sizeof(float));
+            assert_non_null(c.views[v].depth[k]);
+            for (int i = 0; i < WIDTH * HEIGHT; i++)
+                c.views[v].depth[k][i] = wrong[i % 7];
+        }
+    }
+    r = survive(&c, 10);
+    free(r.bytes);
+}
+
+/* --- Points -------------------------------------------------------------- */
+
+/* On a line, all at one place, and none at all. */
+static void points_should_be_taken_as_they_lie(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        saga_capture c = changed();
+        result r;
+
+        for (size_t i = 0; i < c.n_points; i++)
+            for (int a = 0; a < 3; a++)
+                c.points[i].position[a] = c.points[0].position[a] +
+                                          (k == 0 && a == 0) * 1e-3 * (double)i;
+        if (k == 2)
+            c.n_points = 0;
+        r = survive(&c, 10);
+        free(r.bytes);
+    }
+}
+
+/* --- Cameras ------------------------------------------------------------- */
+
+/* All of them at one place, looking the same way: no depth follows. With points
+ * and without, here and a million units away. */
+static void identical_cameras_should_do(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        saga_capture c = changed();
+        result r;
+
+        for (int v = 0; v < VIEWS; v++) {
+            saga_shot *const s = c.views + v;
+
+            memcpy(s->rotation, room.views[0].rotation, sizeof s->rotation);
+            memcpy(s->translation, room.views[0].translation,
+                   sizeof s->translation);
+            if (k >= 2)
+                s->translation[0] += 1e6;
+            memcpy(s->rgb, room.views[0].rgb,
+                   FRAMES * saga_view_frame_nbytes(s));
+        }
+        if (k & 1)
+            c.n_points = 0;
+        r = survive(&c, 10);
+        free(r.bytes);
+    }
+}
+
+/* Back to back: no two see the same. */
+static void opposite_cameras_should_do(void **state)
+{
+    saga_capture c = changed();
+    result r;
+
+    (void)state;
+    for (int v = 0; v < VIEWS; v += 2) {
+        for (int i = 0; i < 9; i++)
+            c.views[v].rotation[i] *= i % 9 < 3 || i >= 6 ? -1 : 1;
+        c.views[v].translation[0] *= -1;
+        c.views[v].translation[2] *= -1;
+    }
+    c.n_points = 0;
+    r = survive(&c, 8);
+    free(r.bytes);
+}
+
+/* The world s times as large. */
+static saga_capture scaled(double s)
+{
+    saga_capture c = changed();
+
+    for (int v = 0; v < VIEWS; v++) {
+        for (int i = 0; i < 3; i++)
+            c.views[v].translation[i] *= s;
+        c.views[v].near_depth *= s;
+        c.views[v].far_depth *= s;
+    }
+    for (size_t i = 0; i < c.n_points; i++)
+        for (int a = 0; a < 3; a++)
+            c.points[i].position[a] *= s;
+    return c;
+}
+
+/* Metres of a box unit, as the file has it. */
+static double unit_of(const result *r)
+{
+    return ldexp(r->report.info.unit_mantissa, r->report.info.unit_exponent);
+}
+
+/* Lengths are in cubes inside, so the scale of the world does not matter: a
+ * power of two changes the exponents of unit and centre and, after them, the
+ * CRCs of the header and of its six chunks, nothing else; a million not the
+ * picture. */
+static void scale_of_the_world_should_not_matter(void **state)
+{
+    static const double by[] = { 1, 0x1p20, 0x1p-20, 1e6, 1e-6 };
+    result r[5];
+
+    (void)state;
+    for (int k = 0; k < 5; k++) {
+        saga_capture c = scaled(by[k]);
+
+        r[k] = survive(&c, 10);
+        assert_true(fabs(unit_of(&r[k]) / unit_of(&r[0]) / by[k] - 1) < 1e-6);
+    }
+    for (int k = 1; k < 3; k++) {
+        assert_int_equal(r[k].n, r[0].n);
+        for (size_t i = 0, n_apart = 0; i < r[0].n; i++) {
+            n_apart += r[k].bytes[i] != r[0].bytes[i];
+            assert_true(n_apart <= UNIT_NBYTES + CRC_NBYTES);
+        }
+    }
+    for (int k = 3; k < 5; k++)
+        assert_true(fabs(r[k].report.coded.training -
+                         r[0].report.coded.training) < 0.5);
+    for (int k = 0; k < 5; k++)
+        free(r[k].bytes);
+}
+
+/* The same room a million units from the origin of the world. */
+static void room_should_be_found_far_from_the_origin(void **state)
+{
+    saga_capture c = changed();
+    const result here = survive(&c, 10);
+    result r;
+
+    (void)state;
+    c = changed();
+    for (int v = 0; v < VIEWS; v++)
+        for (int i = 0; i < 3; i++)
+            for (int k = 0; k < 3; k++)
+                c.views[v].translation[i] -=
+                    c.views[v].rotation[3 * i + k] * 1e6;
+    for (size_t i = 0; i < c.n_points; i++)
+        for (int a = 0; a < 3; a++)
+            c.points[i].position[a] += 1e6;
+    r = survive(&c, 10);
+    print_message("  unit times %.4f\n", unit_of(&r) / unit_of(&here));
+    assert_true(fabs(unit_of(&r) / unit_of(&here) - 1) < 0.05);
+    assert_true(fabs(r.report.coded.training - here.report.coded.training) <
+                0.5);
+    free(here.bytes);
+    free(r.bytes);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(black_capture_should_stay_black),
+        cmocka_unit_test(one_colour_should_come_out),
+        cmocka_unit_test(depths_should_be_doubted),
+        cmocka_unit_test(points_should_be_taken_as_they_lie),
+        cmocka_unit_test(identical_cameras_should_do),
+        cmocka_unit_test(opposite_cameras_should_do),
+        cmocka_unit_test(scale_of_the_world_should_not_matter),
+        cmocka_unit_test(room_should_be_found_far_from_the_origin)
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
