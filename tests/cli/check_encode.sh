@@ -5,6 +5,7 @@
 #   good        a capture becomes a file that `saga info` takes; the report
 #               says its size, in text and JSON; no checkpoint stays; two
 #               threads make the same file
+#   size        --size and --bitrate are met within 5 %, or it is told
 #   stopped     Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
 #               --resume makes the file of a run that was not stopped; without
 #               --resume a checkpoint is not overwritten
@@ -14,7 +15,7 @@
 #   log         --log keeps every tenth iteration, as CSV and as JSON lines,
 #               and a resumed run's is that of one that was not stopped
 #   usage       wrong values end with status 2 and one line that names them
-#   capture     a missing camera file, an unknown view or frame: status 1
+#   capture     a damaged picture, an unknown view or frame: status 1
 #   output      a folder that is not there is found before training, a full
 #               disk ends with status 2, and no half-written file stays
 #   memory      from far too little of it to just enough: a message that says
@@ -85,6 +86,24 @@ grep -q '^  4 views, 1 frame;' out || complain "a still: $(head -n 2 out)"
 rm -f still.saga
 leaves
 verdict good
+
+# ---- size: of 4 frames at 24 a second 384 kbit/s are 8,000 bytes
+for ask in '--size 8k' '--size 0.008M' '--bitrate 384k'; do
+    # shellcheck disable=SC2086
+    expect 0 cap -o z.saga $ask --iterations 200 --moving
+    size=$(stat -c %s z.saga)
+    [ "$size" -ge 7600 ] && [ "$size" -le 8400 ] ||
+        complain "$ask: $size bytes"
+    grep -q '400 primitives: ' err || complain "why primitives: $(cat err)"
+    [ ! -f z.first ] || cmp -s z.saga z.first || complain "$ask: another file"
+    mv z.saga z.first
+done
+expect 0 cap -o z.saga --size 6k --primitives 900 --iterations 60
+grep -q 'more than asked for; fewer --primitives' err ||
+    complain "not a word of a missed size: $(cat err)"
+rm z.*
+leaves
+verdict size
 
 # ---- stopped
 stop() { # stop SIGNAL: a longer run, stopped after its first checkpoint
@@ -276,6 +295,16 @@ expect 2 cap -o x.saga --iterations 2
 says '--iterations'
 expect 2 cap -o x.saga --primitives many
 says "'many'"
+expect 2 cap -o x.saga --preset slow
+says "fast, balanced or best, not 'slow'"
+expect 2 cap -o x.saga --size 20k --lambda 3
+says 'of --lambda, --size and --bitrate give one'
+expect 2 cap -o x.saga --size 3k
+says '3000 bytes is too small'
+for size in 10q 0 -1 nan 1kk k; do
+    expect 2 cap -o x.saga --size "$size"
+    says "not '$size'"
+done
 leaves
 verdict usage
 
@@ -284,9 +313,9 @@ expect 1 nowhere -o x.saga
 says nowhere
 cp -r cap broken
 name=$(cd broken && ls images/*/00002.png | head -n 1)
-rm "broken/$name"
+head -c 100 "cap/$name" >"broken/$name"
 expect 1 broken -o x.saga
-says 00002.png
+says '00002.png: PNG is damaged'
 expect 1 cap -o x.saga --hold-out cam00,nobody
 says 'names "nobody"'
 expect 1 cap -o x.saga --frames 2:9

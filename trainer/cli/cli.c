@@ -105,6 +105,20 @@ bool saga_cli_real(void *to, const char *text, const saga_cli_option *option)
     return true;
 }
 
+bool saga_cli_nbytes(void *to, const char *text, const saga_cli_option *option)
+{
+    char *end;
+    double v = strtod(text, &end);
+
+    (void)option;
+    if (end == text || text[0] < '0' || text[0] > '9')
+        return false;
+    if (*end == 'k' || *end == 'M')
+        v *= *end++ == 'k' ? 1e3 : 1e6;
+    *(double *)to = rint(v);
+    return !*end && v >= 1 && v <= 1e12;
+}
+
 bool saga_cli_scale(void *to, const char *text, const saga_cli_option *option)
 {
     return saga_cli_int(to, strncmp(text, "1/", 2) ? text : text + 2, option);

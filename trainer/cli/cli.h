@@ -65,6 +65,8 @@ saga_cli_read_fn saga_cli_text;  /* const char *; not empty */
 saga_cli_read_fn saga_cli_names; /* const char *; empty for none */
 saga_cli_read_fn saga_cli_int;   /* int, min..max */
 saga_cli_read_fn saga_cli_real;  /* double, finite */
+saga_cli_read_fn saga_cli_nbytes; /* double; "150k" is 150,000, "1.2M"
+                                   * 1,200,000 */
 saga_cli_read_fn saga_cli_scale; /* int N of "1/N" or "N", min..max */
 saga_cli_read_fn saga_cli_size;  /* saga_cli_pair of "WxH", each min..max */
 saga_cli_read_fn saga_cli_range; /* saga_cli_pair of "A:B", A < B, min..max; an

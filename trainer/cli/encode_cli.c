@@ -15,8 +15,8 @@
 #include "json_memory.h"
 #include "metrics.h"
 #include "output.h"
-#include "policy.h"
 #include "train.h"
+#include "train_plan.h"
 #include "view.h"
 
 #include <inttypes.h>
@@ -34,12 +34,16 @@ enum { MOST_FRAMES = 65535 };
 /* dB that held-out views may be below the others before that is told. */
 #define MOST_GAP 3.0
 
+/* Bytes that can be asked for, and the part that a file may be off. */
+enum { LEAST_SIZE = 6000 };
+#define MOST_OFF 0.05
+
 typedef struct {
-    const char *output, *hold_out, *ablate, *log;
+    const char *output, *hold_out, *ablate, *log, *preset;
     saga_cli_pair frames;
     int scale, threads, memory, primitives, iterations, level, seed, every;
     int segment;                 /* frames; 0: about a second */
-    double lambda, minutes;
+    double lambda, minutes, size, bitrate;
     bool still, moving, json, resume;
 } options;
 
@@ -61,6 +65,8 @@ typedef struct {
     saga_encode_log log;
     saga_error error;
     saga_meter meter;
+    size_t wanted;               /* bytes of the file; 0: any */
+    saga_plan_reasons why;       /* it is trained so */
     double done_at_start, started, log_began;
 } session;
 
@@ -152,6 +158,13 @@ static int check_options(session *s)
                               "exclude each other");
     if (!saga_ablation_read(&s->ablation, s->o->ablate, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    if (!saga_preset_called(s->o->preset))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --preset takes fast, "
+                              "balanced or best, not '%s'", s->o->preset);
+    if ((s->o->lambda > 0) + (s->o->size > 0) + (s->o->bitrate > 0) > 1)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: of --lambda, --size "
+                              "and --bitrate give one: each decides on the "
+                              "file's size");
     if (s->o->log && !saga_encode_log_name(s->o->log))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: --log takes FILE.csv "
                               "or FILE.jsonl, not '%s'", s->o->log);
@@ -296,6 +309,8 @@ static saga_train_options train_options(session *s)
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
     t.lambda = o->lambda;
+    t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
+                         s->whole.fps);
     t.level = o->level;
     t.seed = (uint64_t)o->seed;
     t.motion = o->still ? SAGA_TRAIN_STILL
@@ -308,14 +323,15 @@ static saga_train_options train_options(session *s)
     return t;
 }
 
-/* Sets *segment to the one that the checkpoint was in. Where it was begun with
- * more of them than there are now, whoever reads all of it says so. */
-static int find_stopped(session *s, int *segment)
+/* Sets t->first to the segment that the checkpoint was in, and what was planned
+ * for it. Where it was begun with more of them than there are now, whoever
+ * reads all of it says so. */
+static int find_stopped(session *s, saga_train_options *t)
 {
-    *segment = saga_train_stopped_in(s->checkpoint, &s->error);
-    if (*segment < 0)
+    t->first = saga_train_stopped_in(s->checkpoint, &s->error);
+    if (t->first < 0 || !saga_train_adopt(t, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
-    *segment = *segment < s->n_segments ? *segment : 0;
+    t->first = t->first < s->n_segments ? t->first : 0;
     return SAGA_EXIT_OK;
 }
 
@@ -327,21 +343,24 @@ static int open_training(session *s)
     saga_train_options t = train_options(s);
     int status;
 
+    if (s->o->size + s->o->bitrate > 0 && t.n_bytes < LEAST_SIZE)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: a file of %zu bytes is "
+                              "too small for networks and header; %d and more "
+                              "can be asked for", t.n_bytes, LEAST_SIZE);
+    s->wanted = t.n_bytes;
     if (s->o->resume && !resume)
         fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
                 s->checkpoint);
-    status = resume ? find_stopped(s, &t.first) : find_first(s, &t.first);
+    status = resume ? find_stopped(s, &t) : find_first(s, &t.first);
     if (!status)
         status = open_capture(s, t.first);
     if (status)
         return status;
+    saga_plan(&t, &s->why, &s->capture, saga_preset_called(s->o->preset));
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
                       : saga_train_new(&s->capture, &t, &s->error);
     if (!s->train)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
-    if (t.minutes > 0)
-        fprintf(stderr, "saga: encode: %g minutes: %d iterations\n", t.minutes,
-                saga_train_n_iterations(s->train));
     return SAGA_EXIT_OK;
 }
 
@@ -353,6 +372,18 @@ static int open_log(session *s)
                                            &s->error))
         return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+}
+
+/* Says why what was not given is as it is. */
+static void tell_plan(const session *s)
+{
+    if (s->why.primitives[0])
+        saga_cli_error(0, "encode: %s", s->why.primitives);
+    if (s->why.iterations[0])
+        saga_cli_error(0, "encode: %s", s->why.iterations);
+    if (s->o->minutes > 0)
+        saga_cli_error(0, "encode: %g minutes: %d iterations", s->o->minutes,
+                       saga_train_n_iterations(s->train));
 }
 
 /* Tells what the loader decided, and warns of. */
@@ -401,11 +432,25 @@ static int train(session *s)
     return status;
 }
 
+/* Steering has its limits: a file has networks, and primitives a finest step.
+ */
+static void tell_size(const session *s, size_t n)
+{
+    const double off = (double)n / (double)s->wanted - 1;
+
+    if (s->wanted && fabs(off) > MOST_OFF)
+        saga_cli_error(0, "encode: the file has %zu bytes, %.0f %% %s than "
+                       "asked for; %s --primitives would be nearer", n,
+                       100 * fabs(off), off > 0 ? "more" : "fewer",
+                       off > 0 ? "fewer" : "more");
+}
+
 static int write_file(session *s)
 {
     size_t n;
     const uint8_t *const bytes = saga_train_bytes(s->train, &n);
 
+    tell_size(s, n);
     if (saga_output_close(&s->out, fwrite(bytes, 1, n, s->out.file) == n,
                           &s->error))
         return SAGA_EXIT_OK;
@@ -622,7 +667,8 @@ static void print_text(const session *s)
            r->n.fine, r->n.prim);
     print_motion(r);
     printf("  lambda %.4g%s\n", r->lambda, s->o->lambda > 0 ? "" :
-           ", which balances primitives and bits");
+           s->wanted ? ", which makes the size"
+           : ", which balances primitives and bits");
     printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
            "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
            r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
@@ -746,6 +792,7 @@ static int encode(session *s)
     if (!status)
         status = open_log(s);
     if (!status) {
+        tell_plan(s);
         tell_notes(s);
         status = train(s);
     }
@@ -767,8 +814,8 @@ static options defaults(void)
     const saga_train_options t = saga_train_defaults();
 
     return (options){
-        .scale = 1, .memory = 4, .primitives = (int)t.n_primitives,
-        .iterations = t.n_iterations, .level = t.level, .seed = (int)t.seed,
+        .scale = 1, .memory = 4, .preset = "balanced",
+        .level = t.level, .seed = (int)t.seed,
         .every = (int)t.checkpoint_seconds, .lambda = t.lambda
     };
 }
@@ -806,10 +853,18 @@ static const saga_cli_option option_list[] = {
       "without\nthe others (default: a second); --primitives and\n"
       "--iterations are of each", saga_cli_int, offsetof(options, segment), 2,
       MOST_FRAMES },
-    { "--primitives", "N", "Gaussians to draw with (default 5000)",
+    { "--preset", "NAME", "how long to work on it: fast, balanced (default), "
+      "best", saga_cli_text, offsetof(options, preset), 0, 0 },
+    { "--size", "BYTES", "of the file, within 5 %: 150k, 1.2M",
+      saga_cli_nbytes, offsetof(options, size), 0, 0 },
+    { "--bitrate", "BITS", "the same in bits a second: 500k",
+      saga_cli_nbytes, offsetof(options, bitrate), 0, 0 },
+    { "--primitives", "N", "Gaussians to draw with (default: by the size, or "
+      "by the\ncapture's pixels, motion and --preset)",
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
-    { "--iterations", "N", "of all stages together (default 6000); time grows "
-      "with\nit", saga_cli_int, offsetof(options, iterations), 3, 10000000 },
+    { "--iterations", "N", "of all stages together (default: by --preset); "
+      "time grows\nwith it", saga_cli_int, offsetof(options, iterations), 3,
+      10000000 },
     { "--time", "MINUTES", "instead of --iterations: as many as this machine "
       "does in\nso many minutes, by a trial of two seconds",
       saga_cli_real, offsetof(options, minutes), 0, 0 },
@@ -873,7 +928,7 @@ const saga_command saga_command_encode = {
     "      the built-in scene, some minutes; `saga eval demo.saga demo` then\n"
     "      tells how good it is\n"
     "  saga encode studio -o studio.saga --frames 0:50 --scale 1/4 \\\n"
-    "      --hold-out cam00 --primitives 40000 --iterations 20000\n"
+    "      --hold-out cam00 --size 200k --preset best\n"
     "      two seconds of a real capture, small, one view kept for judging\n"
     "\n"
     "Stages: warm-up (flat primitives), rendering (the coded hierarchy),\n"

@@ -207,7 +207,8 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
         ok = saga_train_measure_decoded(t, error);
     free(feature);
     keep_counts(&r->n, &t->scene.n);
-    r->lambda = t->lambda;
+    r->lambda = t->lambda * saga_fit_price(t->fit) /
+                t->policy.price.residual;
     r->dynamic = t->dynamic;
     r->explained = t->explained;
     r->changing = t->changing;
@@ -269,6 +270,15 @@ bool saga_train_check_level(saga_train *t, saga_error *error)
                     (pack(t, SAGA_N_PROFILES - 1, false, error) &&
                      probe(t, error) &&
                      within_level(&t->report.info, t, error));
+
+    free(t->bytes);
+    t->bytes = NULL;
+    return ok;
+}
+
+bool saga_train_measure_size(saga_train *t, saga_error *error)
+{
+    const bool ok = pack(t, t->o.level, false, error);
 
     free(t->bytes);
     t->bytes = NULL;

@@ -68,6 +68,13 @@ void saga_fit_free(saga_fit *fit);
 bool saga_fit_iterate(saga_fit *fit, double *mse, saga_error *error);
 int saga_fit_iteration(const saga_fit *fit);
 
+/* Multiplies the step of the coarse features by factor, as nearly as the format
+ * can say it, and the price of a bit by its square; between two iterations. */
+void saga_fit_scale_step(saga_fit *fit, double factor);
+
+/* Returns what a bit of a residual costs by now. */
+double saga_fit_price(const saga_fit *fit);
+
 /* Gives the scene as it is to be packed, what its residuals take, and for
  * ranges and pictures of the float model the twin that stands for it; feature
  * (n.coarse, F) becomes the coarse features as they will be decoded. Fails

@@ -62,6 +62,7 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_checkpoint_expect(c, f->scene->n.prim);
     saga_checkpoint_expect(c, f->scene->n_reals);
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
+    saga_fit_walk_step(f, c);
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     walk_reals(c, f->m, f->scene->n_reals);
     walk_reals(c, f->v, f->scene->n_reals);

@@ -35,6 +35,9 @@ double saga_fit_feature_step(const saga_scene *s);
  * does. */
 int saga_fit_first_rounding(const saga_fit *f);
 
+/* fit_step.c: the step of the features and the prices are in the checkpoint. */
+void saga_fit_walk_step(saga_fit *f, saga_checkpoint *c);
+
 /* fit_weights.c. Allocates memory for the copy of the networks, its scene and
  * the steps. */
 bool saga_fit_begin_weights(saga_fit *f, saga_error *error);

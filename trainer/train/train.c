@@ -86,8 +86,8 @@ static bool check_iterations(const saga_train_options *o, saga_error *error)
     if (!(o->minutes >= 0 && o->minutes <= 1e5))
         return saga_fail(error, NULL, "give minutes up to 100000",
                          "--time %g", o->minutes);
-    return (split ? o->n_warm >= 1 && o->n_render >= 1
-                  : o->n_iterations >= 2) ||
+    return o->minutes > 0 || (split ? o->n_warm >= 1 && o->n_render >= 1
+                                    : o->n_iterations >= 2) ||
            saga_fail(error, NULL, "each stage needs one at least",
                      "too few --iterations");
 }
@@ -350,10 +350,11 @@ bool saga_train_next(saga_train *t, const saga_capture *capture,
     t->fitting = false;
     if (!look_at(t, capture, error))
         return false;
+    t->turn++;
+    t->flat_options.n_primitives = saga_train_share(t);
     t->flat = saga_flat_new(&t->pictures, &t->flat_options, error);
     if (!t->flat)
         return false;
-    t->turn++;
     t->stage = SAGA_TRAIN_WARM;
     save(t);
     return true;
@@ -373,6 +374,13 @@ static float *scores_of(const saga_splat_params *p, uint32_t n,
     return score;
 }
 
+/* Returns the anchors of the segment in training, of those asked for. */
+static uint32_t of_segment(const saga_train *t, uint32_t anchors)
+{
+    return (uint32_t)((uint64_t)anchors * t->flat_options.n_primitives /
+                      t->o.n_primitives);
+}
+
 static bool build(saga_train *t, uint32_t *source,
                   const saga_splat_params *pool, uint32_t n,
                   saga_error *error)
@@ -389,8 +397,8 @@ static bool build(saga_train *t, uint32_t *source,
         saga_train_model(&model, t);
     saga_hierarchy_defaults(&o);
     o.model = &model;
-    o.max_coarse = t->o.n_coarse;
-    o.max_fine = t->o.n_fine;
+    o.max_coarse = of_segment(t, t->o.n_coarse);
+    o.max_fine = of_segment(t, t->o.n_fine);
     o.seed = t->o.seed;
     ok = score && saga_hierarchy_build(&t->scene, source, &all, &o, error);
     free(score);
@@ -505,7 +513,7 @@ static bool step(saga_train *t, double *mse, saga_error *error)
 {
     return t->stage == SAGA_TRAIN_WARM
         ? saga_flat_iterate(t->flat, mse, error)
-        : saga_fit_iterate(t->fit, mse, error);
+        : saga_train_steer(t, error) && saga_fit_iterate(t->fit, mse, error);
 }
 
 /* Runs the iterations of the stage that are left; each is told, and saved where
@@ -529,6 +537,17 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
     return SAGA_DONE;
 }
 
+/* The next segment goes by the price that this one came to. */
+static bool pack(saga_train *t, saga_error *error)
+{
+    if (!saga_train_pack(t, error))
+        return false;
+    if (t->o.n_bytes)
+        t->lambda = t->report.lambda;
+    t->n_finished += t->scene.n.prim;
+    return true;
+}
+
 /* Does what a stage does after its iterations. */
 static bool conclude(saga_train *t, saga_error *error)
 {
@@ -539,7 +558,7 @@ static bool conclude(saga_train *t, saga_error *error)
              saga_fit_start(t->fit, &t->target, error) &&
              saga_train_check_level(t, error);
     else if (t->stage == SAGA_TRAIN_PACK)
-        ok = saga_train_pack(t, error);
+        ok = pack(t, error);
     t->recent_mse = 0;
     return ok;
 }

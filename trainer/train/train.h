@@ -75,6 +75,9 @@ typedef struct saga_train_options {
     const struct saga_splat_params *given; /* n_primitives in the capture's
                                   * units, in place of the warm-up's, of a
                                   * still; NULL: none. With them lambda > 0 */
+    size_t n_bytes;              /* > 0: of the whole file, within 5 %; lambda
+                                  * is 0 then, and changes while it is
+                                  * rendered */
     double lambda;               /* bits per training pixel against
                                   * distortion (policy.h); 0: what balances
                                   * the warm-up's error and n_primitives */
@@ -165,6 +168,10 @@ saga_train *saga_train_new(const saga_capture *capture,
 /* Returns the segment that a checkpoint's training was in; negative, with the
  * reason in *error, where it cannot be read. */
 int saga_train_stopped_in(const char *checkpoint, saga_error *error);
+
+/* Sets n_primitives and n_iterations, where they are 0, as options->checkpoint
+ * has them. */
+bool saga_train_adopt(saga_train_options *options, saga_error *error);
 
 /* Continues from options->checkpoint; options as they were, but for first,
  * progress, checkpoint and its time; the capture of the segment it was in. */

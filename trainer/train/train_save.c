@@ -14,7 +14,7 @@
 /* Each has eight bytes, so that there is no padding. */
 typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
-    uint64_t motion, capture, segments, first, turn;
+    uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
     char ablate[128];
     double lambda, chosen_lambda;
     uint64_t stage, fitting, dynamic;
@@ -36,6 +36,8 @@ static void fill(head *h, const saga_train *t)
     h->segments = (uint64_t)t->o.n_segments;
     h->first = (uint64_t)t->o.first;
     h->turn = (uint64_t)t->turn;
+    h->n_bytes = t->o.n_bytes;
+    h->n_finished = t->n_finished;
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
@@ -137,6 +139,7 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
            same(t, "--iterations",
                 h->warm + h->render, now.warm + now.render, error) &&
            same(t, "warm-up iterations", h->warm, now.warm, error) &&
+           same(t, "--size", h->n_bytes, now.n_bytes, error) &&
            same(t, "--level", h->level, now.level, error) &&
            same(t, "--seed", h->seed, now.seed, error) &&
            same_motion(t, h->motion, now.motion, error) &&
@@ -151,10 +154,15 @@ static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
     return true;
 }
 
+static bool are_iterations(const head *h)
+{
+    return h->warm - 1 < INT_MAX / 2 && h->render - 1 < INT_MAX / 2;
+}
+
 /* Takes over what a trial found when the training began. */
 static bool adopt_iterations(saga_train *t, const head *h)
 {
-    if (h->warm - 1 >= INT_MAX / 2 || h->render - 1 >= INT_MAX / 2)
+    if (!are_iterations(h))
         return false;
     t->o.n_warm = (int)h->warm;
     t->o.n_render = (int)h->render;
@@ -178,6 +186,7 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
     t->explained = h->explained;
     t->changing = h->changing;
     t->lambda = h->chosen_lambda;
+    t->n_finished = h->n_finished;
     if (t->turn == 0)
         return true;
     t->file.encoder = saga_encoder_restore(c, error);
@@ -187,6 +196,8 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
                          (saga_counts){ 0 }, 0, 0, error))
         return false;
     walk_file(t, c);
+    if (!c->failed)
+        t->flat_options.n_primitives = saga_train_share(t);
     return true;
 }
 
@@ -218,18 +229,40 @@ bool saga_train_load(saga_train *t, saga_error *error)
     return saga_checkpoint_close(&c, ok, error);
 }
 
-int saga_train_stopped_in(const char *checkpoint, saga_error *error)
+/* --- What a checkpoint was begun with ------------------------------------ */
+
+static bool read_head(head *h, const char *checkpoint, saga_error *error)
 {
     saga_checkpoint c;
-    head h;
 
     if (!saga_checkpoint_open(&c, checkpoint, error))
-        return -1;
-    saga_checkpoint_walk(&c, &h, sizeof h);
-    c.failed = c.failed || h.first >= h.segments || h.turn >= h.segments ||
-               h.segments > SAGA_MAX_SEGMENTS;
+        return false;
+    saga_checkpoint_walk(&c, h, sizeof *h);
+    c.failed = c.failed || h->first >= h->segments || h->turn >= h->segments ||
+               h->segments > SAGA_MAX_SEGMENTS || h->primitives > UINT32_MAX ||
+               !are_iterations(h);
     /* The rest is not wanted here. */
     saga_take(&c.rest, saga_left(&c.rest));
-    return saga_checkpoint_close(&c, true, error)
+    return saga_checkpoint_close(&c, true, error);
+}
+
+int saga_train_stopped_in(const char *checkpoint, saga_error *error)
+{
+    head h;
+
+    return read_head(&h, checkpoint, error)
         ? saga_train_segment_at((int)h.first, (int)h.turn) : -1;
+}
+
+bool saga_train_adopt(saga_train_options *o, saga_error *error)
+{
+    head h;
+
+    if (!read_head(&h, o->checkpoint, error))
+        return false;
+    if (o->n_primitives == 0)
+        o->n_primitives = (uint32_t)h.primitives;
+    if (o->n_iterations == 0)
+        o->n_iterations = (int)(h.warm + h.render);
+    return true;
 }

@@ -27,7 +27,8 @@ struct saga_train {
     double lambda;               /* the option, or by the rule from the end of
                                   * the warm-up on */
     saga_policy policy;          /* from the end of the warm-up on */
-    int turn;                    /* how many segments are finished */
+    int turn;                    /* how many segments are finished, */
+    uint64_t n_finished;         /* and how many primitives they have */
     saga_train_stage stage;      /* of the segment in training */
     double recent_mse;           /* of the stage's pictures, for progress; 0:
                                   * none yet */
@@ -97,7 +98,17 @@ bool saga_train_measure_decoded(saga_train *t, saga_error *error);
 /* finish.c */
 /* Packs at level 3 and compares with the caps of the level asked for. */
 bool saga_train_check_level(saga_train *t, saga_error *error);
+/* Sets the report's sizes to what the file would take if training ended
+ * here. */
+bool saga_train_measure_size(saga_train *t, saga_error *error);
 bool saga_train_pack(saga_train *t, saga_error *error);
+
+/* size.c: where a size was asked for, brings the file nearer to it, before an
+ * iteration of the rendering. */
+bool saga_train_steer(saga_train *t, saga_error *error);
+/* Returns the primitives of the segment in training: as asked for, or where a
+ * size was, those that fill what the finished ones left of it. */
+uint32_t saga_train_share(const saga_train *t);
 
 /* train_save.c */
 bool saga_train_save(saga_train *t, saga_error *error);

@@ -1,0 +1,298 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What a training is planned to be, and files of a given size: they come near
+ * it, whatever threads or interruptions do.
+ */
+#include "synth_capture.h"
+#include "train_plan.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+typedef struct {
+    char folder[64], checkpoint[80];
+    saga_capture capture;
+} fixture;
+
+typedef struct {
+    uint8_t *bytes;
+    size_t n;
+    double lambda;
+} result;
+
+static int set_up(void **state)
+{
+    const saga_synth_options o = synth_options(64, 36, 4, 5, 300);
+    fixture *const f = calloc(1, sizeof *f);
+    char path[100];
+
+    assert_non_null(f);
+    strcpy(f->folder, "/tmp/test_size.XXXXXX");
+    assert_non_null(mkdtemp(f->folder));
+    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.saga.ckpt", f->folder);
+    snprintf(path, sizeof path, "%s/scene", f->folder);
+    f->capture = synth_capture(path, &o);
+    *state = f;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    fixture *const f = *state;
+    char command[100];
+
+    saga_capture_free(&f->capture);
+    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
+    assert_int_equal(system(command), 0);
+    free(f);
+    return 0;
+}
+
+static saga_train_options of_size(size_t n_bytes)
+{
+    saga_train_options o = saga_train_defaults();
+
+    o.n_primitives = 300;
+    o.n_warm = 40;
+    o.n_render = 60;
+    o.motion = SAGA_TRAIN_MOVING;
+    o.n_bytes = n_bytes;
+    return o;
+}
+
+/* Runs until the file is there, with new programs in between where the progress
+ * function stops it. */
+static result encode(const fixture *f, const saga_train_options *o)
+{
+    saga_error error = { "" };
+    saga_train *t = saga_train_new(&f->capture, o, &error);
+    saga_outcome end = SAGA_STOPPED;
+    result r = { NULL, 0, 0 };
+
+    while (t && (end = saga_train_run(t, &error)) == SAGA_STOPPED) {
+        saga_train_free(t);
+        t = saga_train_resume(&f->capture, o, &error);
+    }
+    if (!t || end != SAGA_DONE)
+        fail_msg("%s", error.message);
+    r.bytes = malloc(saga_train_report_of(t)->sizes.total);
+    assert_non_null(r.bytes);
+    memcpy(r.bytes, saga_train_bytes(t, &r.n), saga_train_report_of(t)->
+           sizes.total);
+    r.lambda = saga_train_report_of(t)->lambda;
+    saga_train_free(t);
+    return r;
+}
+
+static bool is_about(size_t n, size_t wanted)
+{
+    if (fabs((double)n - (double)wanted) <= 0.05 * (double)wanted)
+        return true;
+    print_error("%zu bytes, not %zu\n", n, wanted);
+    return false;
+}
+
+/* Networks are most of this scene's file: it can hardly be smaller. More bytes
+ * are cheaper ones. */
+static void size_should_be_what_was_asked_for(void **state)
+{
+    const fixture *const f = *state;
+    const saga_train_options any = of_size(0);
+    const result whole = encode(f, &any);
+    const saga_train_options o = of_size(whole.n * 9 / 8);
+    const result larger = encode(f, &o);
+
+    assert_true(is_about(larger.n, o.n_bytes));
+    assert_true(larger.lambda < whole.lambda / 1.2);
+    free(larger.bytes);
+    free(whole.bytes);
+}
+
+static bool stop_now_and_then(void *user, const saga_train_progress *p)
+{
+    int *const calls = user;
+
+    (void)p;
+    return ++*calls % 31 != 0;
+}
+
+static void size_should_survive_threads_and_stops(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = of_size(7500);
+    result whole = encode(f, &o), other;
+    int calls = 0;
+
+#ifdef _OPENMP
+    const int before = omp_get_max_threads();
+
+    omp_set_num_threads(before == 1 ? 2 : 1);
+    other = encode(f, &o);
+    omp_set_num_threads(before);
+    assert_int_equal(other.n, whole.n);
+    assert_memory_equal(other.bytes, whole.bytes, whole.n);
+    free(other.bytes);
+#endif
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_now_and_then;
+    o.progress_user = &calls;
+    other = encode(f, &o);
+    assert_true(calls > 100);
+    assert_int_equal(other.n, whole.n);
+    assert_memory_equal(other.bytes, whole.bytes, whole.n);
+    free(other.bytes);
+    free(whole.bytes);
+}
+
+static bool stop_soon(void *user, const saga_train_progress *p)
+{
+    (void)user;
+    return p->all < 5;
+}
+
+static void size_should_be_that_of_the_checkpoint(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = of_size(7500);
+    saga_error error = { "" };
+    saga_train *t;
+
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_soon;
+    t = saga_train_new(&f->capture, &o, &error);
+    assert_non_null(t);
+    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+    saga_train_free(t);
+    o.n_bytes = 8000;
+    assert_null(saga_train_resume(&f->capture, &o, &error));
+    assert_non_null(strstr(error.message, "--size 7500, not 8000"));
+    unlink(f->checkpoint);
+}
+
+/* --- The plan ------------------------------------------------------------ */
+
+/* Two views are learned from, of 120 x 100 pixels, and 4 frames. Of the middle
+ * frame's pixels the first of one view differ by `changing` x 12,000 in the
+ * others. */
+static saga_capture two_views(saga_shot v[3], uint8_t *rgb, int changing)
+{
+    const size_t frame = 3 * 120 * 100;
+
+    memset(v, 0, 3 * sizeof *v);
+    memset(rgb, 100, 12 * frame);
+    for (int i = 0; i < 3; i++) {
+        v[i].width = 120;
+        v[i].height = 100;
+        v[i].rgb = rgb + (size_t)i * 4 * frame;
+    }
+    v[2].held_out = true;
+    for (int k = 0; k < 4; k++)
+        for (int i = 0; i < changing && k != 2; i++) {
+            v[0].rgb[(size_t)k * frame + 3 * (size_t)i] = 109;
+            v[2].rgb[(size_t)k * frame + 3 * (size_t)i] = 0;
+        }
+    return (saga_capture){ .n_views = 3, .n_frames = 4, .fps = 4, .views = v };
+}
+
+static void plan_should_follow_pixels_and_motion(void **state)
+{
+    const saga_preset *const balanced = saga_preset_called("balanced");
+    uint8_t *const rgb = malloc((size_t)12 * 3 * 120 * 100);
+    saga_plan_reasons why;
+    saga_shot views[3];
+
+    (void)state;
+    assert_non_null(rgb);
+    for (int changing = 0; changing <= 12000; changing += 6000) {
+        const saga_capture c = two_views(views, rgb, changing);
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+
+        saga_plan(&o, &why, &c, balanced);
+        /* The part is of two views and of four frames, one of which is the
+         * middle. */
+        assert_int_equal(o.n_primitives, (int)rint(saga_plan_primitives(
+            24000, changing / 12000. / 2 * 3 / 4)));
+        assert_true(o.n_iterations == balanced->iterations);
+        assert_non_null(strstr(why.primitives, "24000 pixels"));
+        assert_non_null(strstr(why.iterations, "preset balanced"));
+    }
+    free(rgb);
+}
+
+static void plan_should_leave_what_is_given(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = { .n_primitives = 77, .n_iterations = 88,
+                             .n_bytes = 1000000, .n_segments = 1,
+                             .level = 2 };
+    saga_plan_reasons why;
+
+    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    assert_int_equal(o.n_primitives, 77);
+    assert_int_equal(o.n_iterations, 88);
+    assert_string_equal(why.primitives, "");
+    assert_string_equal(why.iterations, "");
+    o.n_primitives = 0;
+    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    assert_int_equal(o.n_primitives, 99200);
+    o.n_primitives = 0;
+    o.level = 0;
+    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    assert_int_equal(o.n_primitives, 1024);
+    o.n_iterations = 0;
+    o.minutes = 1;
+    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    assert_int_equal(o.n_iterations, 0);
+}
+
+/* A slower preset works more, and many pictures want more iterations. */
+static void presets_should_be_in_order(void **state)
+{
+    uint8_t *const rgb = calloc((size_t)3 * 1200, 1);
+    saga_shot view = { .width = 1, .height = 1, .rgb = rgb };
+    const saga_capture c = { .n_views = 1, .n_frames = 1200, .fps = 30,
+                             .views = &view };
+    saga_train_options last = { .n_segments = 1, .level = 2 };
+    saga_plan_reasons why;
+
+    (void)state;
+    assert_non_null(rgb);
+    for (int i = 0; saga_preset_at(i); i++) {
+        const saga_preset *const p = saga_preset_at(i);
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+
+        assert_ptr_equal(saga_preset_called(p->name), p);
+        saga_plan(&o, &why, &c, p);
+        assert_true(o.n_primitives >= last.n_primitives);
+        assert_true(o.n_iterations > last.n_iterations);
+        assert_int_equal(o.n_iterations, p->visits * 1200);
+        last = o;
+    }
+    assert_null(saga_preset_called("slow"));
+    free(rgb);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(size_should_be_what_was_asked_for),
+        cmocka_unit_test(size_should_survive_threads_and_stops),
+        cmocka_unit_test(size_should_be_that_of_the_checkpoint),
+        cmocka_unit_test(plan_should_follow_pixels_and_motion),
+        cmocka_unit_test(plan_should_leave_what_is_given),
+        cmocka_unit_test(presets_should_be_in_order)
+    };
+
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}

@@ -1,0 +1,106 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A file of a given size. The number of primitives decides on most of it
+ * (policy.h); the rest is steered while they are rendered. At some moments the
+ * file is made as if training ended there, and the features' step becomes what
+ * brings it to the size wanted; the price of a bit goes with the step's square.
+ * The last moments come when networks are rounded and hardly anything moves.
+ *
+ * Further segments have the networks and the step of the first: their
+ * primitives are what the finished ones left bytes for.
+ */
+#include "train_state.h"
+
+#include <math.h>
+
+/* Parts of the rendering that are over. */
+static const double moment[] = { 0.05, 0.15, 0.3, 0.5, 0.65, 0.7, 0.8, 0.92 };
+
+/* Segments have up to so many times the primitives of the first, or its part of
+ * them. */
+#define MOST_UNLIKE 1.5
+
+/* Networks and offsets take less the longer they learn, and what they take in
+ * the end when sources are chosen and features rounded: until then this part of
+ * what they take now, by three scenes (docs/lab/size.md). */
+static double part_in_the_end(double over)
+{
+    return over > 2 / 3.0 ? 1 : 0.65 + 0.33 * over;
+}
+
+/* A value whose deviation is s steps takes some log2(1 + 2 pi e s^2) / 2 bits;
+ * this is s^2 but for a factor. */
+static double spread_of(double bits)
+{
+    return exp2(2 * fmax(bits, 0.02)) - 1;
+}
+
+/* Returns by what to multiply the step of n values that take so many bits, for
+ * `more` bits more. */
+static double step_factor(double bits, double more, double n)
+{
+    const double ratio = spread_of(bits / n) / spread_of((bits + more) / n);
+
+    return fmin(fmax(sqrt(ratio), 0.5), 2);
+}
+
+/* Returns the part of the rendering that is over if the coming iteration is one
+ * of the moments; else 0. */
+static double moment_of(const saga_train *t)
+{
+    const int iteration = saga_fit_iteration(t->fit);
+
+    for (size_t i = 0; i < sizeof moment / sizeof moment[0]; i++)
+        if (iteration == (int)(moment[i] * t->o.n_render))
+            return moment[i];
+    return 0;
+}
+
+/* Returns what a file of these sizes spends on all segments together. */
+static double fixed_nbytes(const saga_encode_sizes *z)
+{
+    return (double)(z->header + z->index + z->networks);
+}
+
+/* Returns the bytes that the segment may still take, or is too large by where
+ * they are negative, when so much of the rendering is over. */
+static double left_for(const saga_train *t, double over)
+{
+    const saga_encode_sizes *const z = &t->report.sizes;
+    const double saved = 1 - part_in_the_end(over);
+    const double all = (double)t->o.n_bytes - fixed_nbytes(z) +
+                       saved * (double)z->networks;
+
+    return all / t->o.n_segments + saved * (double)z->prim -
+           ((double)z->total - fixed_nbytes(z));
+}
+
+bool saga_train_steer(saga_train *t, saga_error *error)
+{
+    const double over = t->o.n_bytes && t->turn == 0 ? moment_of(t) : 0;
+    const double n = (double)t->scene.n.coarse * t->scene.model.features;
+
+    if (!(over > 0))
+        return true;
+    if (!saga_train_measure_size(t, error))
+        return false;
+    saga_fit_scale_step(t->fit, step_factor(
+        t->report.sizes.spent[SAGA_SYM_FEATURE], 8 * left_for(t, over), n));
+    return true;
+}
+
+uint32_t saga_train_share(const saga_train *t)
+{
+    const saga_encode_sizes *const z = &t->report.sizes;
+    const double n = t->o.n_primitives;
+    double of_one, left;
+
+    if (t->o.n_bytes == 0 || t->turn == 0)
+        return t->o.n_primitives;
+    of_one = ((double)z->total - fixed_nbytes(z)) / (double)t->n_finished;
+    left = ((double)t->o.n_bytes - (double)z->total) /
+           (t->o.n_segments - t->turn);
+    return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
+                               n * MOST_UNLIKE),
+                          saga_caps[t->o.level].n_prim);
+}

@@ -1,0 +1,135 @@
+/* SPDX-License-Identifier: MIT */
+#include "train_plan.h"
+
+#include "model.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Studio takes 1.3, 6 and 20 minutes of two cores (docs/results/training.md).
+ */
+static const saga_preset presets[] = {
+    { "fast", 0.7, 8000, 10 },
+    { "balanced", 1, 20000, 25 },
+    { "best", 1.4, 60000, 75 }
+};
+
+enum { N_PRESETS = sizeof presets / sizeof presets[0] };
+
+/* What the built-in scene, studio and person4 were given by hand is one
+ * primitive for some hundred pixels of a moment (docs/results/training.md). */
+#define PIXELS_OF_ONE 120
+
+/* What moves wants more of them: pixels that change count three times. */
+#define MOTION_PART 2
+
+/* Networks, header and tree take so many bytes, and a primitive at the lambda
+ * that the rule gives 8 to 13 (docs/results/rd.md). */
+#define FIXED_NBYTES 8000
+#define PRIMITIVE_NBYTES 10
+
+/* A file too small for that has mostly networks. */
+#define SMALL_NBYTES 20
+
+enum { LEAST_PRIMITIVES = 100, MOST_ITERATIONS = 10000000 };
+
+const saga_preset *saga_preset_at(int number)
+{
+    return number >= 0 && number < N_PRESETS ? &presets[number] : NULL;
+}
+
+const saga_preset *saga_preset_called(const char *name)
+{
+    for (int i = 0; i < N_PRESETS; i++)
+        if (!strcmp(presets[i].name, name))
+            return &presets[i];
+    return NULL;
+}
+
+double saga_plan_primitives(double pixels, double changing)
+{
+    return pixels / PIXELS_OF_ONE * (1 + MOTION_PART * changing);
+}
+
+double saga_plan_primitives_of_size(double n_bytes)
+{
+    return fmax((n_bytes - FIXED_NBYTES) / PRIMITIVE_NBYTES,
+                n_bytes / SMALL_NBYTES);
+}
+
+/* --- The capture --------------------------------------------------------- */
+
+/* These are sums over the views that are learned from. */
+typedef struct {
+    double pixels;               /* of a moment */
+    double pictures;
+} extent;
+
+static extent extent_of(const saga_capture *c)
+{
+    extent e = { 0, 0 };
+
+    for (int i = 0; i < c->n_views; i++) {
+        const saga_shot *const v = &c->views[i];
+
+        if (v->held_out)
+            continue;
+        e.pixels += (double)v->width * v->height;
+        e.pictures += c->n_frames - v->n_missing;
+    }
+    return e;
+}
+
+/* --- The plan ------------------------------------------------------------ */
+
+static uint32_t within_level(double n, int level)
+{
+    const saga_level_caps *const caps = &saga_caps[level];
+
+    return (uint32_t)fmin(fmax(rint(n), LEAST_PRIMITIVES), caps->n_prim);
+}
+
+static void plan_primitives(saga_train_options *o, char *why, size_t n,
+                            const saga_capture *c, const saga_preset *p)
+{
+    const double pixels = extent_of(c).pixels;
+    const double changing = saga_train_change(c);
+
+    if (o->n_bytes) {
+        o->n_primitives = within_level(
+            saga_plan_primitives_of_size((double)o->n_bytes) / o->n_segments,
+            o->level);
+        snprintf(why, n, "%u primitives: about what the size leaves for them",
+                 o->n_primitives);
+        return;
+    }
+    o->n_primitives = within_level(
+        p->primitives * saga_plan_primitives(pixels, changing), o->level);
+    snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that all "
+             "views have at a time, of which %.0f %% change", o->n_primitives,
+             pixels / o->n_primitives, pixels, 100 * changing);
+}
+
+static void plan_iterations(saga_train_options *o, char *why, size_t n,
+                            const saga_capture *c, const saga_preset *p)
+{
+    const double pictures = extent_of(c).pictures;
+
+    o->n_iterations = (int)fmin(fmax(p->iterations, p->visits * pictures),
+                                MOST_ITERATIONS);
+    snprintf(why, n, "%d iterations: preset %s, %.0f visits to each picture",
+             o->n_iterations, p->name, o->n_iterations / pictures);
+}
+
+void saga_plan(saga_train_options *o, saga_plan_reasons *why,
+               const saga_capture *capture, const saga_preset *preset)
+{
+    memset(why, 0, sizeof *why);
+    if (o->n_primitives == 0)
+        plan_primitives(o, why->primitives, sizeof why->primitives, capture,
+                        preset);
+    if (o->n_iterations == 0 && !(o->minutes > 0))
+        plan_iterations(o, why->iterations, sizeof why->iterations, capture,
+                        preset);
+}

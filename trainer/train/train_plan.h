@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What a user leaves open of a training is planned from the capture: how many
+ * primitives, how many iterations. The reasons are told in words.
+ */
+#ifndef SAGA_TRAIN_PLAN_H
+#define SAGA_TRAIN_PLAN_H
+
+#include "train.h"
+
+/* A preset says how much work is put into a file. */
+typedef struct saga_preset {
+    const char *name;
+    double primitives;           /* times those of the rule */
+    int iterations;              /* of all stages, */
+    int visits;                  /* but so many for each picture at least */
+} saga_preset;
+
+/* These return a preset by number, the quickest first (NULL past the last), and
+ * by name (NULL: no such). */
+const saga_preset *saga_preset_at(int number);
+const saga_preset *saga_preset_called(const char *name);
+
+/* One sentence each, without a full stop; empty: nothing was left open. */
+typedef struct saga_plan_reasons {
+    char primitives[160], iterations[160];
+} saga_plan_reasons;
+
+/* Returns the primitives that a scene wants of whose pixels at one moment, of
+ * all views together, a part 0..1 changes. */
+double saga_plan_primitives(double pixels, double changing);
+
+/* Returns the primitives that make a file of so many bytes, about. */
+double saga_plan_primitives_of_size(double n_bytes);
+
+/* Sets n_primitives and n_iterations of o where they are 0, by n_bytes, the
+ * preset and the pictures of the segment that is trained first, within the
+ * level. Where o has minutes, the iterations stay 0. */
+void saga_plan(saga_train_options *o, saga_plan_reasons *why,
+               const saga_capture *capture, const saga_preset *preset);
+
+#endif
