@@ -4,7 +4,8 @@
 
   ffmpeg      PSNR of RGB, and of Y, U and V as a formula written here makes
               them, is ffmpeg's within 1e-4 dB
-  temporal    PSNR of differences of successive pictures is what they give
+  temporal    PSNR of differences of successive pictures is what they give,
+              and so is that after the best factor of a view
   lpips       a file of weights that is none, lacks one or is cut is told; with
               those of ../shared/data, where they are, LPIPS is in the report
   compare     two results differ by what they say, two curves by a known
@@ -113,6 +114,17 @@ def check_ffmpeg():
             near("PSNR-" + k, view["psnr_" + k], parts[k])
 
 
+def exposed_mse(made, truth):
+    """Of pictures, after the factor that suits best, for each channel."""
+    left = 0
+    for k in range(3):
+        x = [p for picture in made for p in picture[k::3]]
+        y = [p for picture in truth for p in picture[k::3]]
+        f = sum(p * q for p, q in zip(x, y)) / sum(p * p for p in x)
+        left += sum((f * p - q) ** 2 for p, q in zip(x, y)) / len(x) / 3
+    return left
+
+
 def check_temporal():
     _, out, _ = evaluate(noisy, capture, "--json", "--no-ssim")
     report = json.loads(out)
@@ -123,6 +135,8 @@ def check_temporal():
     mse = sum(errors) / len(errors)
     near("temporal PSNR", report["views"][0]["temporal_psnr"],
          10 * math.log10(255 ** 2 / mse))
+    near("exposed PSNR", report["views"][0]["psnr_exposed"],
+         10 * math.log10(255 ** 2 / exposed_mse(a, b)))
     _, out, _ = evaluate(noisy, capture, "--json", "--no-ssim", "--only",
                          "1:2")
     if json.loads(out)["views"][0]["temporal_psnr"] is not None:

@@ -7,6 +7,7 @@
  * double.
  */
 #include "capture.h"
+#include "exposure.h"
 #include "flat_state.h"
 #include "error.h"
 #include "synth_capture.h"
@@ -648,6 +649,92 @@ static void pictures_should_be_refused_when_they_cannot_be(void **state)
     assert_non_null(strstr(error.message, "0 training views"));
 }
 
+/* --- Exposure and background ---------------------------------------------- */
+
+/* Returns a capture whose pictures are its own; those of view v are factor[v]
+ * times brighter. */
+static saga_capture exposed(const saga_capture *c, const double *factor)
+{
+    saga_capture copy = *c;
+
+    copy.views = malloc(VIEWS * sizeof *copy.views);
+    assert_non_null(copy.views);
+    memcpy(copy.views, c->views, VIEWS * sizeof *copy.views);
+    for (int v = 0; v < VIEWS; v++) {
+        saga_shot *const s = &copy.views[v];
+        const size_t n = FRAMES * saga_view_frame_nbytes(s);
+        uint8_t *const rgb = malloc(n);
+
+        assert_non_null(rgb);
+        for (size_t i = 0; i < n; i++)
+            rgb[i] = (uint8_t)fmin(255, s->rgb[i] * factor[v] + 0.5);
+        s->rgb = rgb;
+    }
+    return copy;
+}
+
+static void free_exposed(saga_capture *c)
+{
+    for (int v = 0; v < VIEWS; v++)
+        free(c->views[v].rgb);
+    free(c->views);
+}
+
+/* Factors are found up to one that all cameras share, and they are exactly 1
+ * where the cameras agree. */
+static void exposures_should_be_found(void **state)
+{
+    static const double factor[VIEWS] = { 0.8, 1.1, 0.9, 1.15, 1 };
+    const fixture *const x = *state;
+    saga_capture c = exposed(&x->capture, factor);
+    saga_error error = { "" };
+    saga_pictures p;
+
+    for (int i = 0; i < 3 * VIEWS; i++)
+        assert_true(x->pictures.exposure[i] == 1);
+    assert_true(saga_pictures_init(&p, &x->capture, &error));
+    assert_true(saga_exposure_find(&p, 1, &error));
+    for (int i = 0; i < 3 * VIEWS; i++)
+        assert_true(p.exposure[i] == 1);
+    saga_pictures_free(&p);
+    assert_true(saga_pictures_init(&p, &c, &error));
+    assert_true(saga_exposure_find(&p, 1, &error));
+    for (int i = 1; i < p.n_train; i++)
+        for (int k = 0; k < 3; k++) {
+            const int a = p.train[i], b = p.train[0];
+
+            assert_near(p.exposure[3 * a + k] * factor[a] /
+                        (p.exposure[3 * b + k] * factor[b]), 1, 0.03);
+        }
+    saga_pictures_free(&p);
+    free_exposed(&c);
+}
+
+/* What an eighth of all pixels have to the last bit is behind everything. */
+static void background_should_be_what_is_frequent(void **state)
+{
+    static const double same[VIEWS] = { 1, 1, 1, 1, 1 };
+    static const uint8_t sheet[3] = { 250, 240, 3 };
+    const fixture *const x = *state;
+    saga_capture c = exposed(&x->capture, same);
+    saga_error error = { "" };
+    saga_splat_camera camera;
+    saga_pictures p;
+
+    assert_memory_equal(x->pictures.background, "\0\0\0", 3);
+    for (int v = 0; v < VIEWS; v++)
+        for (size_t i = 0; i < FRAMES * (size_t)W * H; i++)
+            if ((i * 2654435761u >> 16 & 7) == 0)
+                memcpy(c.views[v].rgb + 3 * i, sheet, 3);
+    assert_true(saga_pictures_init(&p, &c, &error));
+    assert_memory_equal(p.background, sheet, 3);
+    saga_pictures_camera(&camera, &p, (saga_sample){ 1, 0, 0 });
+    for (int k = 0; k < 3; k++)
+        assert_near(camera.background[k], sheet[k] / 255.0, 1e-6);
+    saga_pictures_free(&p);
+    free_exposed(&c);
+}
+
 /* --- Operators ----------------------------------------------------------- */
 
 static void truth_should_be_the_mean_of_boxes(void **state)
@@ -697,6 +784,8 @@ int main(void)
         cmocka_unit_test(fault_should_be_named),
         cmocka_unit_test(fault_should_be_named_when_it_reaches_a_picture),
         cmocka_unit_test(pictures_should_be_refused_when_they_cannot_be),
+        cmocka_unit_test(exposures_should_be_found),
+        cmocka_unit_test(background_should_be_what_is_frequent),
         cmocka_unit_test(truth_should_be_the_mean_of_boxes)
     };
 

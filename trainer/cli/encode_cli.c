@@ -592,6 +592,43 @@ static void print_verdict(const saga_train_quality *q)
                "scene help\n", gap);
 }
 
+/* Returns by how much the cameras' factors differ at most, as a part. */
+static double exposure_span(const session *s)
+{
+    const double *const x = saga_train_exposure(s->train);
+    double most = 1;
+
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < s->capture.n_views; i++)
+            for (int j = 0; j < s->capture.n_views; j++)
+                if (!s->capture.views[i].held_out &&
+                    !s->capture.views[j].held_out)
+                    most = fmax(most, x[3 * i + k] / x[3 * j + k]);
+    return most - 1;
+}
+
+static void print_exposure(const session *s)
+{
+    const double span = exposure_span(s);
+
+    if (span > 0)
+        printf("  cameras are exposed differently, by up to %.0f %%: evened "
+               "out in training, so\n  their pictures have another tone than "
+               "the file's; `saga eval --json` tells\n  psnr_exposed, without "
+               "that\n", 100 * span);
+}
+
+static json_t *json_exposure(const session *s)
+{
+    const double *const x = saga_train_exposure(s->train);
+    json_t *const o = json_object();
+
+    for (int i = 0; i < s->capture.n_views; i++)
+        json_object_set_new(o, s->capture.views[i].name, json_pack(
+            "[fff]", x[3 * i], x[3 * i + 1], x[3 * i + 2]));
+    return o;
+}
+
 static void print_motion(const saga_train_report *r)
 {
     printf("  %s", r->dynamic ? "temporal tools on" : "no temporal tools");
@@ -666,6 +703,7 @@ static void print_text(const session *s)
     printf(" %u coarse anchors, %u fine, %u primitives\n", r->n.coarse,
            r->n.fine, r->n.prim);
     print_motion(r);
+    print_exposure(s);
     printf("  lambda %.4g%s\n", r->lambda, s->o->lambda > 0 ? "" :
            s->wanted ? ", which makes the size"
            : ", which balances primitives and bits");
@@ -748,6 +786,7 @@ static json_t *json_report(const session *s)
         "n_coarse", (json_int_t)r->n.coarse, "n_fine", (json_int_t)r->n.fine,
         "n_primitives", (json_int_t)r->n.prim,
         "memory_nbytes", (json_int_t)r->info.work_nbytes));
+    json_object_set_new(o, "exposure", json_exposure(s));
     json_object_update_new(o, json_pack("{sfsisIsbsososfsfsososo}",
         "lambda", r->lambda, "level", (int)r->info.level,
         "parameters", (json_int_t)r->n_parameters,

@@ -224,6 +224,7 @@ static void print_protocol(const session *s)
          "  PSNR-Y..V " SAGA_PSNR_YUV_TEXT "\n"
          "  YUV       " SAGA_PSNR_YUV_MEAN_TEXT "\n"
          "  temporal  " SAGA_TEMPORAL_TEXT "\n"
+         "  exposed   " SAGA_EXPOSED_TEXT "\n"
          "  IV-PSNR   " SAGA_IV_PSNR_TEXT);
     if (s->o->equirect)
         puts("  WS-PSNR   " SAGA_WS_PSNR_TEXT);
@@ -284,7 +285,8 @@ static json_t *json_score(const saga_eval_score *score)
         "changing_psnr", real(saga_change_psnr(c)),
         "changing_share", real(saga_change_share(c)),
         "changing_pixels", (json_int_t)c->n_changing));
-    json_object_update_new(o, json_pack("{sosososososososo}",
+    json_object_update_new(o, json_pack("{sososososososososo}",
+        "psnr_exposed", real(saga_psnr(score->exposed_mse)),
         "psnr_y", real(s->psnr_y), "psnr_u", real(s->psnr_u),
         "psnr_v", real(s->psnr_v), "psnr_yuv", real(s->psnr_yuv),
         "ws_psnr", real(s->ws_psnr), "iv_psnr", real(s->iv_psnr),
@@ -355,7 +357,8 @@ static json_t *json_protocol(const session *s)
         "ssim_zero", SAGA_SSIM_ZERO_TEXT, "ssim_valid", SAGA_SSIM_VALID_TEXT,
         "ms_ssim", SAGA_MS_SSIM_TEXT);
 
-    json_object_update_new(o, json_pack("{ssssssssssss*}",
+    json_object_update_new(o, json_pack("{ssssssssssssss*}",
+        "psnr_exposed", SAGA_EXPOSED_TEXT,
         "psnr_yuv_components", SAGA_PSNR_YUV_TEXT,
         "psnr_yuv", SAGA_PSNR_YUV_MEAN_TEXT,
         "temporal_psnr", SAGA_TEMPORAL_TEXT, "iv_psnr", SAGA_IV_PSNR_TEXT,

@@ -232,6 +232,9 @@ bool saga_eval_match_pictures(saga_eval *eval, const char *name,
 
 /* --- The comparison ------------------------------------------------------ */
 
+/* These are sums of products over all pixels of a channel. */
+typedef struct { uint64_t made_made, made_true, true_true; } tones;
+
 typedef struct {
     saga_eval *eval;
     const saga_eval_maker *maker;
@@ -244,6 +247,7 @@ typedef struct {
     uint8_t **median;       /* (n_views) its temporal median picture */
     uint8_t **before;       /* (n_views) what was made of the frame before */
     saga_score_sum *sum;    /* (n_views) */
+    tones *tone;            /* (n_views, 3) */
 } comparison;
 
 /* Makes the median pictures, of the truth alone, and room for the pictures of
@@ -337,6 +341,41 @@ static void compare_time(const comparison *c, int view, int frame)
     memcpy(c->before[view], c->rgb, n);
 }
 
+static void compare_tones(const comparison *c, int view, int frame)
+{
+    const uint8_t *const truth = saga_capture_frame(c->capture, view, frame);
+    const size_t n = saga_view_frame_nbytes(&c->capture->views[view]);
+
+    for (size_t k = 0; k < 3; k++) {
+        tones *const t = &c->tone[3 * (size_t)view + k];
+
+        for (size_t i = k; i < n; i += 3) {
+            t->made_made += (uint64_t)(c->rgb[i] * c->rgb[i]);
+            t->made_true += (uint64_t)(c->rgb[i] * truth[i]);
+            t->true_true += (uint64_t)(truth[i] * truth[i]);
+        }
+    }
+}
+
+/* The mean of (f x made - truth)^2, of the best f for each channel. */
+static double exposed_mse(const comparison *c, int view)
+{
+    const saga_shot *const v = &c->capture->views[view];
+    const double n = (double)saga_view_frame_nbytes(v) *
+                     (c->eval->n_frames - v->n_missing);
+    double sum = 0;
+
+    for (size_t k = 0; k < 3; k++) {
+        const tones *const t = &c->tone[3 * (size_t)view + k];
+        const double both = (double)t->made_true;
+
+        sum += (double)t->true_true;
+        if (t->made_made > 0)
+            sum -= both * both / (double)t->made_made;
+    }
+    return sum / n;
+}
+
 /* Scores a pair of pictures by all that is wanted. */
 static bool score_pair(saga_score *score, const saga_picture_pair *pair,
                        const comparison *c)
@@ -389,6 +428,7 @@ static bool compare_one(const comparison *c, int view, int frame)
     saga_score_add(&c->sum[view], &score);
     compare_change(c, view, frame);
     compare_time(c, view, frame);
+    compare_tones(c, view, frame);
     return write_picture(c, view, frame);
 }
 
@@ -433,6 +473,7 @@ static saga_eval_score mean_of(const saga_eval *eval, bool held_out)
         mean.median_psnr += s->median_psnr;
         mean.median_mse += s->median_mse;
         mean.temporal_mse += s->temporal_mse;
+        mean.exposed_mse += s->exposed_mse;
         saga_change_merge(&mean.change, &s->change);
     }
     n = decode.n ? (double)decode.n : (double)NAN;
@@ -440,6 +481,7 @@ static saga_eval_score mean_of(const saga_eval *eval, bool held_out)
     mean.median_psnr /= n;
     mean.median_mse /= n;
     mean.temporal_mse /= n;
+    mean.exposed_mse /= n;
     return mean;
 }
 
@@ -450,6 +492,7 @@ static void take_means(const comparison *c)
 
         s->decode = saga_score_mean(&c->sum[i]);
         s->temporal_mse /= s->n_steps ? s->n_steps : (double)NAN;
+        s->exposed_mse = exposed_mse(c, i);
     }
     c->eval->training = mean_of(c->eval, false);
     c->eval->held_out = mean_of(c->eval, true);
@@ -489,7 +532,8 @@ static bool allocate(comparison *c)
     c->median = saga_calloc(n_views, sizeof *c->median, name, c->error);
     c->before = saga_calloc(n_views, sizeof *c->before, name, c->error);
     c->sum = saga_calloc(n_views, sizeof *c->sum, name, c->error);
-    return c->rgb && c->frame && c->median && c->before && c->sum;
+    c->tone = saga_calloc(3 * n_views, sizeof *c->tone, name, c->error);
+    return c->rgb && c->frame && c->median && c->before && c->sum && c->tone;
 }
 
 static void release(const comparison *c)
@@ -503,6 +547,7 @@ static void release(const comparison *c)
     free(c->median);
     free(c->before);
     free(c->sum);
+    free(c->tone);
 }
 
 bool saga_eval_run(saga_eval *eval, const saga_eval_maker *maker,

@@ -15,6 +15,9 @@
 #define SAGA_TEMPORAL_TEXT \
     "PSNR of the differences of successive pictures, of the mean of all"
 
+#define SAGA_EXPOSED_TEXT \
+    "PSNR after the factor that suits best, one for each view and channel"
+
 typedef struct saga_eval_options {
     const char *pictures;    /* folder for side-by-side PNGs, made if it is not
                               * there; NULL: none */
@@ -43,6 +46,8 @@ typedef struct saga_eval_score {
     double temporal_mse;     /* of the differences of successive pictures; NaN
                               * where there are none */
     int n_steps;             /* such differences, of a view */
+    double exposed_mse;      /* with the factor for each channel, the same for
+                              * all frames of a view, that suits it best */
     saga_change change;      /* the file's, on changing pixels; of a set: all
                               * pixels of its views together */
 } saga_eval_score;

@@ -8,9 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MIN_SIDE = 8 };
+enum { MIN_SIDE = 8, N_LOOKED_AT = 100000 };
 
 #define NEAR_PART 0.3            /* of a view's nearest depth */
+#define BACKGROUND_PART 0.1      /* of all pixels have exactly its colour */
 
 static bool find_views(saga_pictures *p, saga_error *error)
 {
@@ -53,6 +54,56 @@ static bool find_pictures(saga_pictures *p, saga_error *error)
     return p->there != NULL;
 }
 
+static int compare_colours(const void *a, const void *b)
+{
+    const uint32_t p = *(const uint32_t *)a, q = *(const uint32_t *)b;
+
+    return (p > q) - (p < q);
+}
+
+/* Reads pixels that lie evenly over all training pictures. */
+static void read_colours(uint32_t *colour, const saga_pictures *p)
+{
+    for (size_t i = 0; i < N_LOOKED_AT; i++) {
+        const size_t at = i * (size_t)p->n_there / N_LOOKED_AT;
+        const size_t one = p->there ? (size_t)p->there[at] : at;
+        const int view = p->train[one % (size_t)p->n_train];
+        const saga_shot *const v = p->capture->views + view;
+        const size_t pixel = i * 7919 % ((size_t)v->width * (size_t)v->height);
+        const uint8_t *const rgb =
+            saga_capture_frame(p->capture, view, (int)(one /
+                                                       (size_t)p->n_train)) +
+            pixel / (size_t)v->width * saga_view_row_nbytes(v) +
+            pixel % (size_t)v->width * 3;
+
+        colour[i] = (uint32_t)rgb[0] << 16 | (uint32_t)rgb[1] << 8 | rgb[2];
+    }
+}
+
+/* Takes the most frequent colour of all, if it is frequent, as of an object
+ * before a sheet; pictures of a place have none, and black serves. */
+static bool find_background(saga_pictures *p, saga_error *error)
+{
+    uint32_t *const colour = saga_alloc(N_LOOKED_AT, sizeof *colour,
+                                        "the pictures' colours", error);
+    size_t most = (size_t)(BACKGROUND_PART * N_LOOKED_AT), run = 0;
+
+    if (!colour)
+        return false;
+    read_colours(colour, p);
+    qsort(colour, N_LOOKED_AT, sizeof *colour, compare_colours);
+    for (size_t i = 0; i < N_LOOKED_AT; i++) {
+        run = i > 0 && colour[i] == colour[i - 1] ? run + 1 : 1;
+        if (run > most) {
+            most = run;
+            for (int k = 0; k < 3; k++)
+                p->background[k] = (uint8_t)(colour[i] >> (16 - 8 * k));
+        }
+    }
+    free(colour);
+    return true;
+}
+
 bool saga_pictures_init(saga_pictures *p, const saga_capture *capture,
                         saga_error *error)
 {
@@ -62,8 +113,11 @@ bool saga_pictures_init(saga_pictures *p, const saga_capture *capture,
     p->capture = capture;
     p->range = saga_calloc(2 * n, sizeof *p->range, "the views", error);
     p->train = saga_calloc(n, sizeof *p->train, "the views", error);
-    if (p->range && p->train && find_views(p, error) &&
-        find_pictures(p, error) &&
+    p->exposure = saga_alloc(3 * n, sizeof *p->exposure, "the views", error);
+    for (size_t i = 0; p->exposure && i < 3 * n; i++)
+        p->exposure[i] = 1;
+    if (p->range && p->train && p->exposure && find_views(p, error) &&
+        find_pictures(p, error) && find_background(p, error) &&
         saga_cube_fit(&p->cube, p->range, capture, error))
         return true;
     saga_pictures_free(p);
@@ -75,6 +129,7 @@ void saga_pictures_free(saga_pictures *p)
     free(p->range);
     free(p->train);
     free(p->there);
+    free(p->exposure);
     memset(p, 0, sizeof *p);
 }
 
@@ -168,7 +223,7 @@ void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
         cam->rotation[i] = (real)v->rotation[i];
     for (int i = 0; i < 3; i++) {
         cam->centre[i] = (real)((c[i] - p->cube.centre[i]) / p->cube.unit);
-        cam->background[i] = 0;
+        cam->background[i] = R(p->background[i]) / 255;
     }
     cam->focal[0] = (real)(v->fx * scale);
     cam->focal[1] = (real)(v->fy * scale);
@@ -188,30 +243,32 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
 }
 
 /* A picture that is not halved takes its values from a table of 256 levels. */
-static void plain_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride)
+static void plain_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride,
+                        const double *exposure)
 {
     const int w = canvas->camera.width, h = canvas->camera.height;
     const size_t plane = (size_t)w * (size_t)h;
-    real level[256];
+    real level[3][256];
 
-    for (int i = 0; i < 256; i++)
-        level[i] = R(i) / 255;
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < 256; i++)
+            level[k][i] = R(exposure[k]) * R(i) / 255;
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < h; y++) {
         const uint8_t *const from = rgb + (size_t)y * stride;
         real *const to = canvas->truth + (size_t)y * (size_t)w;
 
         for (size_t x = 0; x < (size_t)w; x++) {
-            to[x] = level[from[3 * x]];
-            to[x + plane] = level[from[3 * x + 1]];
-            to[x + 2 * plane] = level[from[3 * x + 2]];
+            to[x] = level[0][from[3 * x]];
+            to[x + plane] = level[1][from[3 * x + 1]];
+            to[x + 2 * plane] = level[2][from[3 * x + 2]];
         }
     }
 }
 
 /* Boxes begin at the picture's corner: what does not fill one is left out. */
 static void boxed_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride,
-                        int side)
+                        const double *exposure, int side)
 {
     const real white = R(255 * side * side);
     const int w = canvas->camera.width, h = canvas->camera.height;
@@ -232,7 +289,8 @@ static void boxed_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride,
                     for (i = 0; i < side; i++)
                         sum += at[3 * i];
                 canvas->truth[(size_t)k * plane + (size_t)y * (size_t)w +
-                              (size_t)x] = R(sum) / white;
+                              (size_t)x] = R(exposure[k]) * R(sum) /
+                                            white;
             }
     }
 }
@@ -243,9 +301,10 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
     const uint8_t *const rgb = saga_capture_frame(p->capture, sample.view,
                                                   sample.frame);
     const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
+    const double *const exposure = p->exposure + 3 * (size_t)sample.view;
 
     if (sample.mip == 0)
-        plain_truth(canvas, rgb, stride);
+        plain_truth(canvas, rgb, stride, exposure);
     else
-        boxed_truth(canvas, rgb, stride, 1 << sample.mip);
+        boxed_truth(canvas, rgb, stride, exposure, 1 << sample.mip);
 }

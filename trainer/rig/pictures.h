@@ -21,6 +21,9 @@ typedef struct saga_pictures {
     double *range;        /* (views, 2) nearest and farthest depth, world */
     int *train;           /* (n_train) views that are learned from */
     int n_train;
+    double *exposure;     /* (views, 3) times what a view saw is the truth; 1
+                           * until something else is found (exposure.h) */
+    uint8_t background[3]; /* R, G, B behind everything */
     int *there;           /* (n_there) training pictures that there are: frame *
                            * n_train + index in train; NULL: all are */
     int n_there;
@@ -58,7 +61,7 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *pictures,
  * in training nor with the file's rig, which holds it. */
 double saga_pictures_near(const saga_pictures *pictures, int view);
 
-/* Sets the camera of a picture; black background. */
+/* Sets the camera of a picture. */
 void saga_pictures_camera(saga_splat_camera *camera,
                           const saga_pictures *pictures, saga_sample sample);
 

@@ -88,6 +88,9 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
         saga_camera c;
 
         memset(&c, 0, sizeof c);
+        for (int k = 0; k < 3; k++)
+            c.background_q15[k] = (uint16_t)lrint(
+                32768 * (t->pictures.background[k] / 255.0));
         if (!saga_camera_of_shot(&c, &m, &t->capture->views[i],
                                  saga_pictures_near(&t->pictures, (int)i),
                                  error)) {

@@ -2,6 +2,7 @@
 #include "train_state.h"
 
 #include "alloc.h"
+#include "exposure.h"
 #include "hierarchy.h"
 #include "policy.h"
 #include "start.h"
@@ -149,6 +150,10 @@ static bool look_at(saga_train *t, const saga_capture *capture,
 {
     if (!saga_pictures_init(&t->pictures, capture, error))
         return false;
+    if (!saga_exposure_find(&t->pictures, t->o.seed, error)) {
+        saga_pictures_free(&t->pictures);
+        return false;
+    }
     t->capture = capture;
     if (t->o.checkpoint)
         t->digest = saga_pictures_digest(&t->pictures);
@@ -315,6 +320,11 @@ const char *saga_train_complaint(saga_train *t)
 int saga_train_segment_at(int first, int turn)
 {
     return turn == 0 ? first : turn <= first ? turn - 1 : turn;
+}
+
+const double *saga_train_exposure(const saga_train *t)
+{
+    return t->pictures.exposure;
 }
 
 int saga_train_segment(const saga_train *t)

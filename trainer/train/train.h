@@ -194,6 +194,10 @@ const char *saga_train_complaint(saga_train *train);
 /* These return the segment in training, or just finished; and the one that
  * comes after it, -1 where it is the last. */
 int saga_train_segment(const saga_train *train);
+
+/* Returns what the pictures of the segment's views were multiplied by before
+ * training, (views, 3); all 1 where cameras agree. */
+const double *saga_train_exposure(const saga_train *train);
 int saga_train_upcoming(const saga_train *train);
 
 /* Goes on with the upcoming segment, whose capture it is, after SAGA_DONE; the

@@ -16,7 +16,8 @@
 #include <string.h>
 
 enum {
-    N_NEAR = 6,          /* views compared with */
+    N_NEAR = SAGA_FLAT_NEAR,
+                         /* views compared with */
     PATCH = 2,           /* (2 PATCH + 1)^2 pixels */
     N_DEPTHS = 64,
     N_FINE = 8,          /* steps of refinement to each side */
@@ -33,41 +34,52 @@ enum {
 
 typedef struct patch { float at[(2 * PATCH + 1) * (2 * PATCH + 1)][3]; } patch;
 
-/* Cuts the pixel at (u, v) and those around; false if it leaves the picture. */
-static bool cut(patch *p, const saga_capture *c, int view, int frame, double u,
-                double v)
+static void tone(float scale[3], const saga_pictures *p, int view)
 {
+    for (int k = 0; k < 3; k++)
+        scale[k] = (float)(p->exposure[3 * view + k] / 255);
+}
+
+/* Cuts the pixel at (u, v) and those around; false if it leaves the picture. */
+static bool cut(patch *p, const saga_pictures *from, int view, int frame,
+                double u, double v)
+{
+    const saga_capture *const c = from->capture;
     const saga_shot *const w = c->views + view;
+    float scale[3];
     const uint8_t *rgb;
     int x, y, n = 0;
 
     if (!(u >= PATCH && v >= PATCH && u < w->width - PATCH &&
           v < w->height - PATCH))
         return false;
+    tone(scale, from, view);
     rgb = saga_capture_frame(c, view, frame) +
           (size_t)((int)v - PATCH) * saga_view_row_nbytes(w) +
           (size_t)((int)u - PATCH) * 3;
     for (y = 0; y <= 2 * PATCH; y++, rgb += saga_view_row_nbytes(w))
         for (x = 0; x <= 2 * PATCH; x++, n++)
             for (int k = 0; k < 3; k++)
-                p->at[n][k] = (float)rgb[3 * x + k] / 255;
+                p->at[n][k] = scale[k] * (float)rgb[3 * x + k];
     return true;
 }
 
 /* Does the same where (u, v) is no pixel's centre: between pixels, linearly. */
-static bool cut_between(patch *p, const saga_capture *c, int view, int frame,
-                        double u, double v)
+static bool cut_between(patch *p, const saga_pictures *from, int view,
+                        int frame, double u, double v)
 {
+    const saga_capture *const c = from->capture;
     const saga_shot *const w = c->views + view;
     const size_t stride = saga_view_row_nbytes(w);
     const double left = u - PATCH - 0.5, top = v - PATCH - 0.5;
     const uint8_t *rgb;
-    float part[2];
+    float part[2], scale[3];
     int x, y, n = 0;
 
     if (!(left >= 0 && top >= 0 && left + 2 * PATCH + 1 < w->width &&
           top + 2 * PATCH + 1 < w->height))
         return false;
+    tone(scale, from, view);
     part[0] = (float)(left - (int)left);
     part[1] = (float)(top - (int)top);
     rgb = saga_capture_frame(c, view, frame) + (size_t)(int)top * stride +
@@ -79,7 +91,7 @@ static bool cut_between(patch *p, const saga_capture *c, int view, int frame,
                 const float up = (float)a[0] + part[0] * (float)(a[3] - a[0]);
                 const float low = (float)b[0] + part[0] * (float)(b[3] - b[0]);
 
-                p->at[n][k] = (up + part[1] * (low - up)) / 255;
+                p->at[n][k] = scale[k] * (up + part[1] * (low - up));
             }
     return true;
 }
@@ -164,7 +176,8 @@ static double match(const sweep *s, double inverse)
         int at;
 
         if (!saga_view_project(c->views + s->near[k], x, uv, &z) ||
-            !cut_between(&p, c, s->near[k], s->frame, uv[0], uv[1]))
+            !cut_between(&p, s->f->pictures, s->near[k], s->frame, uv[0],
+                         uv[1]))
             continue;
         d = distance(&s->own, &p);
         for (at = n++; at > 0 && cost[at - 1] > d; at--)
@@ -234,7 +247,7 @@ static bool unchanged(const saga_flat *f, const patch *then, const int *view,
     for (int k = 0; k < n; k++) {
         patch now;
 
-        if (cut(&now, f->pictures->capture, view[k], g, uv[k][0], uv[k][1]) &&
+        if (cut(&now, f->pictures, view[k], g, uv[k][0], uv[k][1]) &&
             distance(then + k, &now) < STILL)
             return true;
     }
@@ -257,7 +270,7 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
     if (!f->o.temporal || n_frames < 2)
         return;
     for (int k = 0; k < n; k++)
-        cut(then + k, f->pictures->capture, view[k], frame, uv[k][0], uv[k][1]);
+        cut(then + k, f->pictures, view[k], frame, uv[k][0], uv[k][1]);
     for (int g = 0; g < n_frames; g++)
         same += unchanged(f, then, view, uv, n, g);
     if (same >= 0.85 * n_frames)
@@ -289,7 +302,7 @@ static void witness(saga_flat_sight *s, const sweep *w)
 
         view[n] = w->near[k];
         if (saga_view_project(c->views + view[n], s->position, uv[n], &z) &&
-            cut(&p, c, view[n], w->frame, uv[n][0], uv[n][1]) &&
+            cut(&p, w->f->pictures, view[n], w->frame, uv[n][0], uv[n][1]) &&
             distance(&w->own, &p) < GOOD_MATCH)
             n++;
     }
@@ -318,7 +331,7 @@ static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
     w->uv[0] = floor(u) + 0.5;
     w->uv[1] = floor(v) + 0.5;
     w->n_near = near_views(w->near, f, view);
-    return cut(&w->own, f->pictures->capture, view, frame, u, v);
+    return cut(&w->own, f->pictures, view, frame, u, v);
 }
 
 /* Returns false where the depth is a guess; the rest of *s is then filled all
@@ -336,6 +349,49 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
     place(s, &w, find_depth(s, &w));
     witness(s, &w);
     return w.n_near > 0 && s->cost < GOOD_MATCH && s->contrast > CONTRAST;
+}
+
+/* Sums the channels of a patch; false if a pixel is nearly black or white, so
+ * that a picture may have cut it off. */
+static bool sum_of(double sum[3], const patch *p)
+{
+    for (int k = 0; k < 3; k++) {
+        sum[k] = 0;
+        for (size_t i = 0; i < sizeof p->at / sizeof p->at[0]; i++) {
+            const double x = (double)p->at[i][k];
+
+            if (!(x > 0.04 && x < 0.94))
+                return false;
+            sum[k] += x;
+        }
+    }
+    return true;
+}
+
+int saga_flat_compare(const saga_flat *f, int view, int frame, double u,
+                      double v, saga_flat_ratio ratio[SAGA_FLAT_NEAR])
+{
+    const saga_capture *const c = f->pictures->capture;
+    double own[3], other[3], uv[2], z;
+    saga_flat_sight s;
+    sweep w;
+    patch p;
+    int n = 0;
+
+    if (!saga_flat_look(f, view, frame, u, v, &s) ||
+        !begin(&w, f, view, frame, u, v) || !sum_of(own, &w.own))
+        return 0;
+    for (int i = 0; i < w.n_near; i++) {
+        if (!saga_view_project(c->views + w.near[i], s.position, uv, &z) ||
+            !cut_between(&p, f->pictures, w.near[i], frame, uv[0], uv[1]) ||
+            !sum_of(other, &p))
+            continue;
+        ratio[n].view = w.near[i];
+        for (int k = 0; k < 3; k++)
+            ratio[n].log[k] = log(own[k] / other[k]);
+        n++;
+    }
+    return n;
 }
 
 /* sigma is in world units. */
@@ -384,7 +440,7 @@ static bool look_at_point(const saga_flat *f, const saga_point *p,
 
         view[n] = f->pictures->train[k];
         if (!saga_view_project(c->views + view[n], s->position, uv[n], &z) ||
-            !cut(&q, c, view[n], 0, uv[n][0], uv[n][1]))
+            !cut(&q, f->pictures, view[n], 0, uv[n][0], uv[n][1]))
             continue;
         for (int j = 0; j < 3; j++)
             d += fabs((double)(s->rgb[j]) -

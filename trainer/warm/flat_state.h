@@ -13,7 +13,10 @@ enum saga_flat_tensor {
 };
 
 /* These are streams of the random numbers; counters are iterations or draws. */
-enum { FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE };
+enum {
+    FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE,
+    FLAT_RNG_EXPOSURE
+};
 
 typedef struct saga_flat_tensor_info {
     const char *name;
@@ -55,6 +58,13 @@ typedef struct saga_flat_sight {
     bool still;
 } saga_flat_sight;
 
+/* flat_seed.c: another view saw the same place darker, by these logarithms. */
+enum { SAGA_FLAT_NEAR = 6 };
+typedef struct saga_flat_ratio {
+    int view;
+    double log[3];
+} saga_flat_ratio;
+
 /* flat.c */
 extern const int saga_flat_widths[FLAT_N_TENSORS];
 /* Sets the canvas's image and truth. */
@@ -74,6 +84,10 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 bool saga_flat_init(saga_flat *f, saga_error *error);
 bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
                     double v, saga_flat_sight *s);
+/* Compares a pixel with what the nearest views see of its place; returns how
+ * many do, 0 where its depth is a guess. */
+int saga_flat_compare(const saga_flat *f, int view, int frame, double u,
+                      double v, saga_flat_ratio ratio[SAGA_FLAT_NEAR]);
 void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
                         const saga_flat_sight *s, double sigma);
 
