@@ -87,11 +87,11 @@ static uint16_t colour_of(int16_t out, int q)
 static void finish_colours(const saga_scaffold *sc, uint32_t n)
 {
     const uint32_t end = saga_in_point(&sc->net, SAGA_NET_COLOUR, n);
+    int16_t *const in = sc->net.v->in;
     uint32_t i;
 
     for (i = 0; i < end; i++)
-        if (sc->net.v->in[i] < 0)
-            sc->net.v->in[i] = 0;
+        in[i] = (int16_t)fx_max(in[i], 0);
     saga_net_run(&sc->net, SAGA_NET_COLOUR, n);
 }
 
@@ -235,11 +235,20 @@ uint32_t saga_shade_points(const saga_scaffold *sc)
                                          1u << SAGA_NET_COLOUR);
 }
 
+static void add_saturated(int16_t *restrict sum, const int16_t *restrict a,
+                          const int16_t *restrict b, uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        sum[i] = fx_sat16(a[i] + b[i]);
+}
+
 void saga_shade(saga_splat *splats, const saga_scaffold *sc,
                 const saga_seen *seen, const int32_t centre[3])
 {
     const uint32_t width = sc->model->width[SAGA_NET_COLOUR];
-    uint32_t i, k;
+    uint32_t i;
 
     for (i = 0; i < seen->n; i++) {
         int16_t d[3];
@@ -250,15 +259,12 @@ void saga_shade(saga_splat *splats, const saga_scaffold *sc,
                        14);
     }
     saga_net_run(&sc->net, SAGA_NET_COLOUR_VIEW, seen->n);
-    for (i = 0; i < seen->n; i++) {
-        const int16_t *const out = saga_out_point(&sc->net,
-                                                  SAGA_NET_COLOUR_VIEW, i);
-        int16_t *const in = sc->net.v->in +
-                            saga_in_point(&sc->net, SAGA_NET_COLOUR, i);
-
-        for (k = 0; k < width; k++)
-            in[k] = fx_sat16(seen->base[i][k] + out[k]);
-    }
+    for (i = 0; i < seen->n; i++)
+        add_saturated(sc->net.v->in +
+                          saga_in_point(&sc->net, SAGA_NET_COLOUR, i),
+                      seen->base[i],
+                      saga_out_point(&sc->net, SAGA_NET_COLOUR_VIEW, i),
+                      width);
     finish_colours(sc, seen->n);
     for (i = 0; i < seen->n; i++)
         get_colour(splats[i].colour_q15, sc, i);
