@@ -1,0 +1,248 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Splats on their way to other programs and back: a film's cloud against the
+ * decoder's integers by the definitions of the formats, files read again,
+ * harmonics against what makes them a basis.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "cloud_capture.h"
+#include "cloud_files.h"
+#include "file.h"
+#include "film_cloud.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static saga_error error;
+
+static void near(double value, double wanted, double within)
+{
+    if (!(fabs(value - wanted) <= within))
+        fail_msg("%.17g is not within %g of %.17g", value, within, wanted);
+}
+
+/* --- Harmonics ----------------------------------------------------------- */
+
+/* Gauss-Legendre would be finer: with so many slices and steps a polynomial of
+ * degree 6 is integrated to 1e-4. */
+enum { SLICES = 400, STEPS = 16 };
+
+static void harmonics_should_be_orthonormal(void **state)
+{
+    double sum[SAGA_MAX_HARMONICS][SAGA_MAX_HARMONICS] = { { 0 } };
+
+    (void)state;
+    for (int i = 0; i < SLICES; i++)
+        for (int j = 0; j < STEPS; j++) {
+            const double z = (2.0 * i + 1) / SLICES - 1, r = sqrt(1 - z * z);
+            const double a = 2 * M_PI * j / STEPS;
+            const double d[3] = { r * cos(a), r * sin(a), z };
+            double y[SAGA_MAX_HARMONICS];
+
+            saga_harmonics(y, d);
+            for (int k = 0; k < SAGA_MAX_HARMONICS; k++)
+                for (int l = 0; l < SAGA_MAX_HARMONICS; l++)
+                    sum[k][l] += y[k] * y[l] * 4 * M_PI / (SLICES * STEPS);
+        }
+    for (int k = 0; k < SAGA_MAX_HARMONICS; k++)
+        for (int l = 0; l < SAGA_MAX_HARMONICS; l++)
+            near(sum[k][l], k == l, 2e-4);
+}
+
+static void turned_harmonics_should_see_the_turned_direction(void **state)
+{
+    static const int axes[2] = { 0, 2 };
+    const double d[3] = { 0.36, 0.48, -0.8 };
+    double y[SAGA_MAX_HARMONICS], z[SAGA_MAX_HARMONICS];
+
+    (void)state;
+    saga_harmonics(y, d);
+    for (int i = 0; i < 2; i++) {
+        double e[3];
+
+        for (int a = 0; a < 3; a++)
+            e[a] = a == axes[i] ? d[a] : -d[a];
+        saga_harmonics(z, e);
+        for (int k = 0; k < SAGA_MAX_HARMONICS; k++)
+            near(z[k], saga_harmonic_turned(k, axes[i]) * y[k], 1e-12);
+    }
+}
+
+/* --- A film's cloud ------------------------------------------------------ */
+
+/* The covariance of a rotation, not of length 1, and deviations. */
+static void covariance(double c[9], const double q[4], const double s[3])
+{
+    const double n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    const double w = q[0], x = q[1], y = q[2], z = q[3];
+    const double r[9] = {
+        w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
+    };
+
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            c[3 * i + j] = 0;
+            for (int k = 0; k < 3; k++)
+                c[3 * i + j] += r[3 * i + k] * r[3 * j + k] * s[k] * s[k] /
+                                (n * n);
+        }
+}
+
+static void check_splat(const saga_cloud *cloud, size_t i,
+                        const saga_metric *m, const saga_animated *a)
+{
+    double q[4], s[3], c[9], p[4], t[3], d[9], most = 0;
+
+    for (size_t k = 0; k < 4; k++) {
+        q[k] = (double)cloud->quat[4 * i + k];
+        p[k] = a->quat[k];
+    }
+    for (size_t k = 0; k < 3; k++) {
+        near((double)cloud->mean[3 * i + k], m->centre[k] + m->unit * a->x[k],
+             1e-6);
+        s[k] = exp((double)cloud->log_scale[3 * i + k]);
+        t[k] = m->unit * exp2(a->log2_scale_q10[k] / 1024.0);
+        most = fmax(most, t[k] * t[k]);
+    }
+    covariance(c, q, s);
+    covariance(d, p, t);
+    for (int k = 0; k < 9; k++)
+        near(c[k], d[k], 1e-5 * most);
+    near(1 / (1 + exp(-(double)cloud->logit[i])), exp2(-a->q0_q20 / 1048576.0),
+         1e-6);
+}
+
+static void cloud_should_be_the_primitives_of_a_frame(void **state)
+{
+    saga_film_colours colours = { .segment = -1 };
+    const saga_colouring how = { .camera = 1, .degree = 3 };
+    saga_bytes bytes;
+    saga_film film;
+    saga_cloud cloud;
+    saga_report report;
+    size_t n = 0;
+    int32_t t;
+
+    (void)state;
+    assert_true(saga_read_file(&bytes, "vectors/good/motion.saga", &error));
+    assert_true(saga_film_open(&film, "motion", bytes.data, bytes.nbytes, 1,
+                               &error));
+    assert_true(saga_film_cloud(&cloud, &colours, &film, 7, how, &error));
+    assert_int_equal(cloud.degree, 0);
+    assert_true(saga_film_seek(&film, 7, 1, &t, &error));
+    assert_int_equal(saga_tell(&report, film.dec), SAGA_OK);
+    for (uint32_t i = 0; i < report.n_primitives; i++) {
+        saga_animated a;
+        saga_camera c;
+        uint16_t colour[3];
+        uint32_t number;
+
+        assert_int_equal(saga_primitive_at(&a, film.dec, i, t), SAGA_OK);
+        if (a.q0_q20 >= 8 << 20)
+            continue;
+        check_splat(&cloud, n, &film.metric, &a);
+        assert_true(saga_film_rig(&film, 1, &c, &number, &error));
+        assert_int_equal(saga_colour_at(colour, film.dec, i, c.centre),
+                         SAGA_OK);
+        for (size_t k = 0; k < 3; k++)
+            near(0.5 + 0.28209479177387814 * (double)cloud.colour[3 * n + k],
+                 colour[k] / 32768.0, 1e-6);
+        n++;
+    }
+    assert_int_equal(n, cloud.n);
+    assert_true(n > 5);
+    saga_cloud_free(&cloud);
+    free(colours.harmonics);
+    saga_film_close(&film);
+    saga_bytes_free(&bytes);
+}
+
+/* --- Files --------------------------------------------------------------- */
+
+static void make_cloud(saga_cloud *cloud, size_t n, int degree)
+{
+    const size_t each = 3 * (size_t)saga_n_harmonics(degree);
+    const float unit[4] = { 0.1f, -0.7f, 0.5f, 0.5f };
+
+    assert_true(saga_cloud_alloc(cloud, n, degree, &error));
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < 3; k++) {
+            cloud->mean[3 * i + k] = (float)sin(3.0 * (double)i + (double)k);
+            cloud->log_scale[3 * i + k] = -(float)k - 1;
+        }
+        memcpy(cloud->quat + 4 * i, unit, sizeof unit);
+        cloud->logit[i] = (float)i / 8 - 3;
+        for (size_t k = 0; k < each; k++)
+            cloud->colour[each * i + k] = (float)cos((double)(each * i + k));
+    }
+}
+
+static void ply_should_come_back(void **state)
+{
+    char name[] = "/tmp/saga_test_cloud_XXXXXX";
+    const int fd = mkstemp(name);
+
+    (void)state;
+    assert_true(fd >= 0);
+    close(fd);
+    for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++) {
+        const size_t each = 3 * (size_t)saga_n_harmonics(degree);
+        saga_cloud a, b;
+
+        make_cloud(&a, 20, degree);
+        assert_true(saga_cloud_write_ply(name, &a, &error));
+        assert_true(saga_cloud_read_ply(&b, name, &error));
+        assert_int_equal(b.n, a.n);
+        assert_int_equal(b.degree, degree);
+        assert_memory_equal(b.mean, a.mean, 60 * sizeof(float));
+        assert_memory_equal(b.log_scale, a.log_scale, 60 * sizeof(float));
+        assert_memory_equal(b.logit, a.logit, 20 * sizeof(float));
+        assert_memory_equal(b.colour, a.colour, 20 * each * sizeof(float));
+        for (size_t k = 0; k < 80; k++)
+            near((double)b.quat[k], (double)a.quat[k], 1e-7);
+        saga_cloud_free(&a);
+        saga_cloud_free(&b);
+    }
+    unlink(name);
+}
+
+static void far_off_splats_should_not_move_the_scene(void **state)
+{
+    double centre[3], radius, again[3], same;
+    saga_cloud cloud;
+
+    (void)state;
+    make_cloud(&cloud, 200, 0);
+    assert_true(saga_cloud_extent(centre, &radius, &cloud, &error));
+    assert_true(radius > 0.5 && radius < 2);
+    cloud.mean[3 * 150] = 1e5f;
+    cloud.mean[3 * 151 + 1] = -1e5f;
+    assert_true(saga_cloud_extent(again, &same, &cloud, &error));
+    near(same, radius, 0.05);
+    for (int k = 0; k < 3; k++)
+        near(again[k], centre[k], 0.1);
+    saga_cloud_free(&cloud);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(harmonics_should_be_orthonormal),
+        cmocka_unit_test(turned_harmonics_should_see_the_turned_direction),
+        cmocka_unit_test(cloud_should_be_the_primitives_of_a_frame),
+        cmocka_unit_test(ply_should_come_back),
+        cmocka_unit_test(far_off_splats_should_not_move_the_scene)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
