@@ -43,6 +43,7 @@ BINDIR = $(PREFIX)/bin
 LIBDIR = $(PREFIX)/lib
 INCLUDEDIR = $(PREFIX)/include
 DATADIR = $(PREFIX)/share
+PYTHONDIR = $(DATADIR)/saga/python
 DESTDIR =
 
 # The inner loops of the decoder are compiled with HOT_OPT.
@@ -381,7 +382,8 @@ $(PAGE_FILES): $(BUILD)/saga $(BUILD)/saga-dec tools/help_pages.sh
 pages: $(PAGE_FILES)
 install: all shared pages
 	@BINDIR='$(BINDIR)' LIBDIR='$(LIBDIR)' INCLUDEDIR='$(INCLUDEDIR)' \
-	    DATADIR='$(DATADIR)' DESTDIR='$(DESTDIR)' tools/install.sh $(BUILD)
+	    DATADIR='$(DATADIR)' PYTHONDIR='$(PYTHONDIR)' DESTDIR='$(DESTDIR)' \
+	    tools/install.sh $(BUILD)
 
 # ---------------------------------------------------------------- tests
 

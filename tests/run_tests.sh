@@ -216,6 +216,7 @@ many() {
         check "$name" "tests/cli/check_$name.sh"
     done
     check metrics python3 tests/cli/check_metrics.py
+    check python python3 tests/cli/check_python.py
     check report python3 tests/cli/check_report.py
     check view python3 tests/cli/check_view.py
     check path python3 tests/cli/check_path.py

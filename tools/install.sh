@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: MIT
 #
 # install.sh BUILD: puts what is in BUILD below DESTDIR, in BINDIR, LIBDIR,
-# INCLUDEDIR and DATADIR: programs, libraries, header, pkg-config's description,
-# manual pages, completions. `make install` runs it.
+# INCLUDEDIR, DATADIR and PYTHONDIR: programs, libraries, header, pkg-config's
+# description, manual pages, completions, the Python module. `make install` runs
+# it.
 set -eu
 
 build=$1
@@ -24,6 +25,7 @@ put 644 "$build/libsaga.a" "$LIBDIR/libsaga.a"
 put 644 "$build/libsaga.so.0" "$LIBDIR/libsaga.so.0"
 ln -sf libsaga.so.0 "$DESTDIR$LIBDIR/libsaga.so"
 put 644 "$build/include/saga.h" "$INCLUDEDIR/saga.h"
+put 644 ports/python/saga.py "$PYTHONDIR/saga.py"
 
 release=$(sed -n 's/^#define SAGA_RELEASE "\(.*\)"/\1/p' \
     "$build/include/saga.h")

@@ -5,7 +5,7 @@
 #   files       all that was named, nothing outside; the release is one number
 #               everywhere
 #   library     pkg-config is enough for a program of a user; the shared library
-#               shows the functions of saga.h and no others
+#               shows the functions of saga.h and no others; the examples run
 #   pages       every option of every command is in the manual page and in each
 #               completion; the page has no warnings; bash completes
 set -u
@@ -38,6 +38,7 @@ sort >"$tmp/wanted" <<'FILES'
 ./opt/saga/share/fish/vendor_completions.d/saga.fish
 ./opt/saga/share/man/man1/saga-dec.1
 ./opt/saga/share/man/man1/saga.1
+./opt/saga/share/saga/python/saga.py
 ./opt/saga/share/zsh/site-functions/_saga
 ./opt/saga/share/zsh/site-functions/_saga-dec
 FILES
@@ -65,6 +66,28 @@ want=$(awk '$1 == "good/motion.saga" && $2 == 0 && $7 == 0 && $8 == 0 {
 [ -n "$want" ] && [ "$(LD_LIBRARY_PATH=$at/lib "$tmp/use" \
     vectors/good/motion.saga)" = "$want" ] ||
     complain "the program with the shared library draws no $want"
+# The examples, as a newcomer compiles and runs them.
+# shellcheck disable=SC2046
+gcc -Wall -Wextra -Werror examples/first_picture.c -o "$tmp/first" \
+    $(pkg-config --define-variable=libdir="$at/lib" \
+        --define-variable=includedir="$at/include" --cflags --libs saga) \
+    2>"$tmp/log" || complain "$(head -n 1 "$tmp/log")"
+LD_LIBRARY_PATH=$at/lib "$tmp/first" vectors/good/motion.saga >"$tmp/a.ppm"
+"$at/bin/saga-dec" vectors/good/motion.saga --camera rig:0 -o "$tmp/b.ppm"
+cmp -s "$tmp/a.ppm" "$tmp/b.ppm" || complain "first_picture is not saga-dec's"
+SAGA_LIBRARY=$at/lib/libsaga.so.0 PYTHONDONTWRITEBYTECODE=1 \
+    PYTHONPATH=$share/saga/python python3 examples/walk.py \
+    vectors/good/motion.saga "$tmp/walk" 2>"$tmp/log" ||
+    complain "walk.py: $(tail -n 1 "$tmp/log")"
+frames=$("$at/bin/saga" info vectors/good/motion.saga --json |
+    sed -n 's/^  "n_frames": \([0-9]*\).*/\1/p')
+[ "$(ls "$tmp/walk" | wc -l)" = "$frames" ] ||
+    complain "walk.py: $(ls "$tmp/walk" | wc -l) pictures"
+"$at/bin/saga" synth "$tmp/cap" --size 48x32 --cameras 2 --hold-out 0 \
+    --frames 2 --depth-every 0 >"$tmp/log" 2>&1
+PRIMITIVES="40 60" ITERATIONS=9 SAGA=$at/bin/saga examples/curve.sh \
+    "$tmp/cap" "$tmp/curve" >"$tmp/log" 2>&1 || complain "curve.sh: $(tail -n 1 "$tmp/log")"
+grep -q '"name": "curve"' "$tmp/curve/report.html" || complain "no report"
 grep -q 'NEEDED.*libsaga.so.0' <(objdump -p "$tmp/use") ||
     complain "the program does not use the shared library"
 sed -n 's/^[a-z].*[ *]\(saga_[a-z0-9_]*\)(.*/\1/p' decoder/saga.h |

@@ -1,0 +1,185 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_python.py: guarantees, for ports/python/saga.py,
+
+  structures  sizes and places of all fields are those that a C compiler gives
+              saga.h
+  pictures    every good vector that has a rig gives the checksums of
+              vectors/MANIFEST; times between frames are saga-dec's
+  errors      what is no file, cut or damaged, and cameras and times that are
+              not there, raise saga.Error, each bad vector its status
+  arrays      of pictures and primitives, where there is numpy; else it says so
+  encode      runs the program, passes options, gives the report or the message
+
+BUILD=... or build has libsaga.so.0 (`make shared`), SAGA=... is the program.
+"""
+import ctypes
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from fractions import Fraction
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+sys.path.insert(0, "ports/python")
+from verdict import Verdicts  # noqa: E402
+
+BUILD = os.environ.get("BUILD", "build")
+BUILD = BUILD + "/gcc" if os.path.isdir(BUILD + "/gcc") else BUILD
+SAGA = os.environ.setdefault("SAGA", BUILD + "/saga")
+SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
+os.environ["SAGA_LIBRARY"] = BUILD + "/libsaga.so.0"
+subprocess.run([os.environ.get("MAKE", "make"), "-s", "BUILD=" + BUILD,
+                "CC=gcc", *(["WERROR=-Werror"] if BUILD.endswith("/gcc")
+                            else []), "shared"], check=True)
+import saga  # noqa: E402
+
+v = Verdicts("python")
+MANIFEST = [line.split() for line in open("vectors/MANIFEST")
+            if line.strip() and not line.startswith("#")]
+
+
+def check_structures(tmp):
+    structures = {"saga_camera": saga.Camera, "saga_info": saga._Info,
+                  "saga_segment": saga._Segment, "saga_picture": saga._Picture,
+                  "saga_job": saga._Job, "saga_report": saga._Report,
+                  "saga_animated": saga._Animated}
+    lines, wanted = [], []
+    for name, s in structures.items():
+        lines.append(f'printf("%zu\\n", sizeof({name}));')
+        wanted.append(ctypes.sizeof(s))
+        for field, kind in s._fields_:
+            lines.append(f'printf("%zu\\n", offsetof({name}, {field}));')
+            lines.append(f'printf("%zu\\n", sizeof((({name} *)0)->{field}));')
+            wanted += [getattr(s, field).offset, ctypes.sizeof(kind)]
+    with open(tmp + "/s.c", "w") as f:
+        f.write('#include "saga.h"\n#include <stdio.h>\nint main(void)\n{\n' +
+                "\n".join(lines) + "\nreturn 0;\n}\n")
+    subprocess.run(["gcc", "-Idecoder", tmp + "/s.c", "-o", tmp + "/s"],
+                   check=True)
+    got = [int(x) for x in subprocess.check_output([tmp + "/s"]).split()]
+    if got != wanted:
+        v.complain("saga.h has", got, "not", wanted)
+
+
+def check_pictures(tmp):
+    n = 0
+    for row in MANIFEST:
+        if len(row) < 11 or not row[0].startswith("good/"):
+            continue
+        name, segment, time, camera = row[0], int(row[1]), int(row[6]), \
+            int(row[7])
+        if segment or time:
+            continue
+        film = saga.open("vectors/" + name)
+        crc = "%08x" % saga.crc32c(film.pixels(camera, 0))
+        n += 1
+        if crc != row[10]:
+            v.complain(name, "camera", camera, "is", crc, "not", row[10])
+    if n < 10:
+        v.complain("only", n, "pictures compared")
+    film = saga.open("vectors/good/segments.saga")
+    for time in "0", "5/2", str(film.info.n_frames - 1):
+        crc = subprocess.check_output(
+            [SAGA_DEC, "vectors/good/segments.saga", "--camera", "rig:0",
+             "--time", time, "--crc"], text=True).strip()
+        if "%08x" % saga.crc32c(film.pixels(0, Fraction(time))) != crc:
+            v.complain("time", time, "is not saga-dec's")
+
+
+def status_of(call):
+    try:
+        call()
+    except saga.Error as error:
+        return error.status if error.status is not None else str(error)
+    return "nothing"
+
+
+def check_errors():
+    n = 0
+    for row in MANIFEST:
+        if not row[0].startswith("bad/"):
+            continue
+
+        def all_pictures(name=row[0]):
+            film = saga.open("vectors/" + name)
+            for frame in range(film.info.n_frames):
+                film.pixels(film.camera(0), frame)
+
+        n += 1
+        got = status_of(all_pictures)
+        if got not in (int(row[-1]), f"vectors/{row[0]}: the file is cut "
+                       "short"):
+            v.complain(row[0], "gives", got, "not", row[-1])
+    if n < 20:
+        v.complain("only", n, "bad vectors")
+    film = saga.open("vectors/good/motion.saga")
+    for call, word in ((lambda: film.pixels(99), "no camera 99"),
+                       (lambda: film.pixels(0, -1), "no frame -1"),
+                       (lambda: film.pixels(0, 10 ** 6), -1),
+                       (lambda: saga.open(b""), -11)):
+        got = status_of(call)
+        if word != got and str(word) not in str(got):
+            v.complain("instead of", word, ":", got)
+    try:
+        saga.open("no such file")
+        v.complain("a file that is not there opens")
+    except FileNotFoundError:
+        pass
+
+
+def check_arrays():
+    try:
+        import numpy
+    except ImportError:
+        print("     skipped: there is no numpy")
+        return
+    film = saga.open(open("vectors/good/motion.saga", "rb").read())
+    picture = film.picture(1, 2)
+    camera = film.camera(1)
+    if picture.shape != (camera.height, camera.width, 3) or \
+            picture.tobytes() != film.pixels(1, 2):
+        v.complain("the array is another picture")
+    p = film.primitives(2)
+    n = len(p["mean"])
+    if [p[k].shape for k in ("mean", "quat", "scale", "opacity")] != [
+            (n, 3), (n, 4), (n, 3), (n,)] or not 0 < n <= \
+            film.info.max_primitives:
+        v.complain({k: a.shape for k, a in p.items()})
+    width = film.info.metres_per_unit * 2 ** 24
+    if not (numpy.allclose(numpy.linalg.norm(p["quat"], axis=1), 1) and
+            (p["scale"] > 0).all() and (p["opacity"] <= 1).all() and
+            (p["opacity"] >= 0).all() and numpy.median(numpy.abs(
+                p["mean"] - film.info.centre_metres)) < width):
+        v.complain("primitives out of range")
+
+
+def check_encode(tmp):
+    subprocess.run([SAGA, "synth", tmp + "/cap", "--size", "48x32",
+                    "--cameras", "2", "--hold-out", "0", "--frames", "2",
+                    "--depth-every", "0"], check=True, capture_output=True)
+    report = saga.encode(tmp + "/cap", tmp + "/x.saga", primitives=50,
+                         iterations=30, still=True, resume=False)
+    film = saga.open(tmp + "/x.saga")
+    if report["nbytes"] != film.info.nbytes or report["temporal"] or \
+            report["n_frames"] != film.info.n_frames:
+        v.complain("report", report)
+    got = status_of(lambda: saga.encode(tmp + "/none", tmp + "/y.saga"))
+    if tmp + "/none" not in str(got):
+        v.complain("no capture:", got)
+
+
+tmp = tempfile.mkdtemp()
+try:
+    for name, check, words in (("structures", check_structures, [tmp]),
+                               ("pictures", check_pictures, [tmp]),
+                               ("errors", check_errors, []),
+                               ("arrays", check_arrays, []),
+                               ("encode", check_encode, [tmp])):
+        check(*words)
+        v.verdict(name)
+finally:
+    shutil.rmtree(tmp)
+sys.exit(v.failed)
