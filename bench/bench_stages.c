@@ -1,16 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a picture takes, stage by stage, in one table: 50,000 splats of random
- * primitives at 640x360, for every set of vectors that the machine has, beside
- * what the machine does at best. Times are CPU time of one thread, the best and
- * the median of 15; a column compares with an earlier result.
+ * What a picture takes, stage by stage and as a whole, in one table: 50,000
+ * splats of random primitives at 640x360 and a colour network of 32 hidden
+ * units, for every set of vectors that the machine has. Times are CPU time of
+ * one thread, best and median of 15. Columns tell them in the machine's own
+ * units, too: cycles of the clock, as a chain of additions finds it, and copies
+ * of 64 MiB of memory; and beside what is wanted, and an earlier result.
  *
  *     bench_stages [OUT.json [BEFORE.json]]
  */
+#include "animate.h"
 #include "bench_time.h"
 #include "depth_sort.h"
 #include "gen_scene.h"
 #include "raster.h"
+#include "reconstruct.h"
 #include "splats.h"
 
 #include <stdio.h>
@@ -18,7 +22,8 @@
 #include <string.h>
 
 enum { N = 50000, WIDTH = 640, HEIGHT = 360, TILE = 16, LIST = 1 << 16,
-       REPETITIONS = 15, MAX_ROWS = 32, BLOCK = 1 << 26, ADDS = 10000000 };
+       REPETITIONS = 15, MAX_ROWS = 32, BLOCK = 1 << 26, ADDS = 10000000,
+       HIDDEN = 32 };
 
 typedef struct {
     saga_camera cam;
@@ -26,6 +31,10 @@ typedef struct {
     saga_splat *splats;
     saga_key *keys, *sorted, *tmp;
     uint32_t n_splats;
+    saga_model model;
+    saga_nets nets;
+    saga_scaffold sc;
+    int16_t *base;               /* (N, HIDDEN) of the colours */
     saga_picture pic;
     saga_job job;
     saga_cpu cpu;
@@ -36,6 +45,7 @@ typedef struct {
     char name[40];
     double best, median, per;    /* ms; of so many things */
     const char *unit;            /* ns each, or what best / per is */
+    double wanted;               /* ms, or 0 */
 } row;
 
 static row rows[MAX_ROWS];
@@ -98,6 +108,26 @@ static void set_keys(scene *s)
     }
 }
 
+/* As in a view: positions at the middle of the segment, directions, the last
+ * layers of the colour's network. Its weights are zero, which takes as long. */
+static void colour(scene *s)
+{
+    const uint32_t most = saga_shade_points(&s->sc);
+    saga_seen seen;
+    uint32_t i, k;
+
+    s->sc.net.cpu = s->cpu;
+    for (i = 0; i < s->n_splats; i += seen.n) {
+        seen.n = s->n_splats - i < most ? s->n_splats - i : most;
+        for (k = 0; k < seen.n; k++) {
+            seen.base[k] = s->base + (size_t)HIDDEN * (i + k);
+            saga_animate_mean(seen.x[k], s->prims + i + k, &gen_still_format,
+                              32768);
+        }
+        saga_shade(s->splats + i, &s->sc, &seen, s->cam.centre);
+    }
+}
+
 static void sort(scene *s)
 {
     memcpy(s->sorted, s->keys, s->n_splats * sizeof *s->keys);
@@ -115,9 +145,17 @@ static void blend(scene *s)
         exit(1);
 }
 
+static void picture(scene *s)
+{
+    splats(s);
+    colour(s);
+    sort(s);
+    blend(s);
+}
+
 /* --- The table ----------------------------------------------------------- */
 
-static void measure(const char *name, void (*stage)(scene *), scene *s,
+static row *measure(const char *name, void (*stage)(scene *), scene *s,
                     double per, const char *unit)
 {
     row *const r = rows + n_rows++;
@@ -135,19 +173,41 @@ static void measure(const char *name, void (*stage)(scene *), scene *s,
     r->best = times.ms[0];
     r->per = per;
     r->unit = unit;
+    return r;
 }
 
-static void measure_blend(scene *s, const char *vectors, uint32_t n_tiles,
-                          const char *bands)
+/* A stage of this name with the vectors s->cpu. */
+static row *measure_with(const char *name, void (*stage)(scene *), scene *s)
 {
-    char name[40];
+    static const char *const vectors[] = { "plain C", "128 bits", "256 bits" };
+    char both[40];
 
+    snprintf(both, sizeof both, "%s, %s", name, vectors[s->cpu]);
+    return measure(both, stage, s, N, "ns a splat");
+}
+
+static void set_bands(scene *s, uint32_t n_tiles)
+{
+    free(s->job.scratch);
     s->job.scratch_nbytes = SAGA_JOB_NBYTES(TILE, LIST) +
                             (n_tiles - 1) * (16u * TILE * TILE + 8u);
     s->job.scratch = need(s->job.scratch_nbytes);
-    snprintf(name, sizeof name, "blend, %s, %s", vectors, bands);
-    measure(name, blend, s, N, "ns a splat");
-    free(s->job.scratch);
+}
+
+static void open_colours(scene *s)
+{
+    s->model.tools = SAGA_TOOL_VIEW;
+    s->model.features = 16;
+    s->model.octaves = 4;
+    s->model.width[SAGA_NET_COLOUR] = HIDDEN;
+    s->model.q_in[SAGA_NET_COLOUR_VIEW] = 14;
+    s->model.head_q[SAGA_HEAD_COLOUR] = 12;
+    saga_nets_layout(&s->nets, &s->model);
+    s->sc.model = &s->model;
+    s->sc.net.nets = &s->nets;
+    s->sc.net.params = memset(need(s->nets.nbytes), 0, s->nets.nbytes);
+    s->sc.net.v = need(sizeof *s->sc.net.v);
+    s->base = need(N * HIDDEN * sizeof *s->base);
 }
 
 static void open_scene(scene *s)
@@ -172,25 +232,28 @@ static void open_scene(scene *s)
 
 static void run(scene *s)
 {
-    static const char *const vectors[] = { "plain C", "128 bits", "256 bits" };
     const uint32_t all = (WIDTH + TILE - 1) / TILE *
                          ((HEIGHT + TILE - 1) / TILE);
+    static const double pictures[] = { 50, 0, 16.7 };
     const saga_cpu best = saga_cpu_best();
 
     measure("ceiling: additions", add, s, ADDS, "ns each");
     measure("ceiling: memory copied", copy, s, BLOCK, "ns a byte");
-    for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++) {
-        char name[40];
-
-        snprintf(name, sizeof name, "animate and project, %s",
-                 vectors[s->cpu]);
-        measure(name, splats, s, N, "ns a splat");
-    }
+    for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++)
+        measure_with("animate and project", splats, s)->wanted =
+            s->cpu == SAGA_CPU_AVX2 ? N * 60e-6 : 0;
     set_keys(s);
+    for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++)
+        measure_with("view colour", colour, s);
     measure("sort", sort, s, N, "ns a splat");
     for (s->cpu = SAGA_CPU_PLAIN; s->cpu <= best; s->cpu++) {
-        measure_blend(s, vectors[s->cpu], all, "one band");
-        measure_blend(s, vectors[s->cpu], 1, "bands of a tile");
+        double whole;
+
+        set_bands(s, all);
+        whole = measure_with("blend", blend, s)->best;
+        measure_with("picture", picture, s)->wanted = pictures[s->cpu];
+        set_bands(s, 1);
+        measure_with("bands of a tile", blend, s)->wanted = 2 * whole;
     }
 }
 
@@ -215,15 +278,19 @@ static void print_table(const char *path)
     const double cycle = rows[0].best / ADDS;
     int i;
 
-    printf("%-34s %9s %9s %22s %10s %8s\n", "", "best ms", "median", "",
-           "cycles", "before");
+    printf("%-31s %8s %8s %8s %21s %8s %8s %8s\n", "", "best ms", "median",
+           "wanted", "", "cycles", "copies", "before");
     for (i = 0; i < n_rows; i++) {
         const row *const r = rows + i;
         const double old = before(path, r->name);
 
-        printf("%-34s %9.3f %9.3f %11.3f %-10s %10.2f", r->name, r->best,
-               r->median, 1e6 * r->best / r->per, r->unit,
-               r->best / r->per / cycle);
+        printf("%-31s %8.3f %8.3f", r->name, r->best, r->median);
+        if (r->wanted > 0)
+            printf(" %8.3f", r->wanted);
+        else
+            printf(" %8s", "");
+        printf(" %10.3f %-10s %8.2f %8.3f", 1e6 * r->best / r->per, r->unit,
+               r->best / r->per / cycle, r->best / rows[1].best);
         if (old > 0)
             printf(" %7.2fx", old / r->best);
         printf("\n");
@@ -240,9 +307,11 @@ static int write_json(const char *path)
     fprintf(f, "[\n");
     for (i = 0; i < n_rows; i++)
         fprintf(f, "  {\"name\": \"%s\", \"best_ms\": %.6f, "
-                "\"median_ms\": %.6f, \"count\": %.0f}%s\n", rows[i].name,
-                rows[i].best, rows[i].median, rows[i].per,
-                i + 1 < n_rows ? "," : "");
+                "\"median_ms\": %.6f, \"count\": %.0f, \"cycles\": %.3f, "
+                "\"wanted_ms\": %.3f}%s\n", rows[i].name, rows[i].best,
+                rows[i].median, rows[i].per,
+                rows[i].best / rows[i].per / (rows[0].best / ADDS),
+                rows[i].wanted, i + 1 < n_rows ? "," : "");
     fprintf(f, "]\n");
     return fclose(f) == 0;
 }
@@ -252,6 +321,7 @@ int main(int argc, char **argv)
     scene s;
 
     open_scene(&s);
+    open_colours(&s);
     run(&s);
     print_table(argc > 2 ? argv[2] : NULL);
     if (argc > 1 && !write_json(argv[1])) {
