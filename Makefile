@@ -47,9 +47,9 @@ PYTHONDIR = $(DATADIR)/saga/python
 DESTDIR =
 
 # The inner loops of the decoder are compiled with HOT_OPT.
-HOT = common/mlp common/fx_math common/memory_bank decoder/raster \
-      decoder/blend $(addprefix decoder/arch/blend_,avx2 sse4 neon) \
-      decoder/arch/splats_avx2 decoder/reconstruct
+HOT = common/mlp common/mlp_avx2 common/fx_math common/memory_bank \
+      decoder/raster decoder/blend decoder/reconstruct \
+      $(addprefix decoder/arch/blend_,avx2 sse4 neon) decoder/arch/splats_avx2
 
 # check_vectors is built for every machine that has libc and libm: it links
 # these parts of the trainer and no others.

@@ -110,6 +110,7 @@ static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
         layer[l].n_out = dim[l + 1];
         layer[l].int8 = (uint8_t)int8;
         layer[l].relu = l < LAYERS - 1;
+        layer[l].cpu = saga_cpu_best();
         macs += (double)dim[l] * dim[l + 1] * POINTS;
     }
     for (i = 0; i < REPEATS; i++) {

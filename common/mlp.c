@@ -33,6 +33,10 @@ int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
  * SAGA_MLP_PAD. */
 #if (defined __SSE2__ && (defined __clang__ || __GNUC__ >= 12)) || \
     defined __wasm_simd128__
+#define INLINE static inline __attribute__((always_inline))
+#ifdef __AVX2__
+#define SAGA_MLP_AVX2
+#endif
 #include "mlp_x86.h"
 #else
 
@@ -170,7 +174,12 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
     uint32_t row = 0, i;
 
 #ifdef SAGA_MLP_TILE
+#ifdef SAGA_MLP_MAY_AVX2
+    row = layer->cpu == SAGA_CPU_AVX2 ? saga_mlp_tiles__avx2(y, layer, x, n)
+                                      : run_tiles(y, layer, x, n);
+#else
     row = run_tiles(y, layer, x, n);
+#endif
 #endif
     for (; row < n_row; row += BLOCK)
         for (i = 0; i < n; i++)

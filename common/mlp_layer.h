@@ -5,6 +5,8 @@
 #ifndef SAGA_MLP_LAYER_H
 #define SAGA_MLP_LAYER_H
 
+#include "cpu.h"
+
 #include <stdint.h>
 
 /* Rows of weights are padded with zeros to this multiple, so that the inner
@@ -27,6 +29,16 @@ typedef struct saga_layer {
                               * read then, but are not NULL either */
     uint8_t int8;            /* weights are int8_t */
     uint8_t relu;
+    saga_cpu cpu;            /* the machine has it */
 } saga_layer;
+
+/* mlp_avx2.c has the tiles of mlp_x86.h for machines that have AVX2 where the
+ * compiler was not told to use it. */
+#if defined SAGA_MAY_AVX2 && !defined __AVX2__ && \
+    (defined __clang__ || __GNUC__ >= 12)
+#define SAGA_MLP_MAY_AVX2
+uint32_t saga_mlp_tiles__avx2(int16_t *y, const saga_layer *layer,
+                              const int16_t *x, uint32_t n);
+#endif
 
 #endif

@@ -61,6 +61,7 @@ void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
     layer->n_out = s->dim[i + 1];
     layer->int8 = s->int8;
     layer->relu = i + 1 < s->n_layers;
+    layer->cpu = SAGA_CPU_PLAIN;
 }
 
 /* --- Runs ---------------------------------------------------------------- */
@@ -100,6 +101,7 @@ void saga_net_run(const saga_runner *r, int net, uint32_t n)
                                ? v->out : v->hidden;
 
         saga_nets_layer(&layer, r->nets, r->params, net, i);
+        layer.cpu = r->cpu;
         saga_mlp_layer(y, &layer, x, n);
         x = y;
     }

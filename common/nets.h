@@ -57,6 +57,7 @@ typedef struct saga_runner {
     const saga_nets *nets;
     const uint8_t *params;       /* the block */
     saga_vectors *v;
+    saga_cpu cpu;                /* the machine has it */
 } saga_runner;
 
 /* Returns how many points, 1..SAGA_MAX_POINTS, the vectors hold for every

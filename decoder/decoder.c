@@ -298,6 +298,7 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
     sc->prim_offset = (int16_t (*)[4])(void *)block_at(dec, p->offsets_at);
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
     sc->net.v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
+    sc->net.cpu = (saga_cpu)dec->cpu;
     saga_bank_size(&sc->bank, sc->model);
     saga_bank_lay(&sc->bank, block_at(dec, p->bank_at));
 }

@@ -15,6 +15,9 @@
  * pmaddwd adds two products: only 2 (-32768)^2 would overflow, and neither
  * weights nor activations reach -32768. Builtins rather than immintrin.h, which
  * wants a C library.
+ *
+ * What includes it defines INLINE, how its functions are inlined, and, where
+ * there is AVX2, SAGA_MLP_AVX2.
  */
 #ifndef SAGA_MLP_X86_H
 #define SAGA_MLP_X86_H
@@ -24,24 +27,24 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef INLINE
+
 /* Rows of a tile: a vector of sums with AVX2, two without. Points that share
  * the loads of its weights. */
 #define SAGA_MLP_TILE 8u
 #define SAGA_MLP_POINTS 4u
 
-#define INLINE inline __attribute__((always_inline))
-
 typedef int16_t saga_i16x8 __attribute__((vector_size(16)));
 typedef int32_t saga_i32x4 __attribute__((vector_size(16)));
 
-#ifdef __AVX2__
+#ifdef SAGA_MLP_AVX2
 
 enum { LANES = 16, VECTORS = 1 };
 typedef int32_t saga_sums __attribute__((vector_size(32)));
 typedef int16_t saga_words __attribute__((vector_size(32)));
 typedef saga_sums saga_shifts;
 
-static inline saga_sums products(saga_words w, saga_words x)
+INLINE saga_sums products(saga_words w, saga_words x)
 {
     return (saga_sums)__builtin_ia32_pmaddwd256(w, x);
 }
@@ -49,7 +52,7 @@ static inline saga_sums products(saga_words w, saga_words x)
 /* gcc 12 converts in halves, clang has no such builtins. */
 #ifdef __clang__
 
-static inline saga_words load_i8(const int8_t *p)
+INLINE saga_words load_i8(const int8_t *p)
 {
     typedef int8_t bytes __attribute__((vector_size(16)));
     bytes b;
@@ -58,7 +61,7 @@ static inline saga_words load_i8(const int8_t *p)
     return __builtin_convertvector(b, saga_words);
 }
 
-static inline saga_sums load_shifts(const uint8_t *p)
+INLINE saga_sums load_shifts(const uint8_t *p)
 {
     typedef uint8_t bytes __attribute__((vector_size(8)));
     bytes b;
@@ -71,7 +74,7 @@ static inline saga_sums load_shifts(const uint8_t *p)
 
 typedef char saga_chars __attribute__((vector_size(16)));
 
-static inline saga_words load_i8(const int8_t *p)
+INLINE saga_words load_i8(const int8_t *p)
 {
     saga_chars b;
 
@@ -79,7 +82,7 @@ static inline saga_words load_i8(const int8_t *p)
     return __builtin_ia32_pmovsxbw256(b);
 }
 
-static inline saga_sums load_shifts(const uint8_t *p)
+INLINE saga_sums load_shifts(const uint8_t *p)
 {
     typedef int64_t whole __attribute__((vector_size(16)));
     int64_t b;
@@ -91,27 +94,27 @@ static inline saga_sums load_shifts(const uint8_t *p)
 #endif
 
 /* 2^(shift - 1), and 0 for a shift by 0. */
-static inline saga_sums half_of(saga_sums shift)
+INLINE saga_sums half_of(saga_sums shift)
 {
     const saga_sums zero = { 0 };
 
     return (zero + 1) << shift >> 1;
 }
 
-static inline saga_sums rshift_each(saga_sums v, saga_sums shift)
+INLINE saga_sums rshift_each(saga_sums v, saga_sums shift)
 {
     return v >> shift;
 }
 
 /* Lanes 0..3 of a and b, in both halves alike: a0 + a2, b0 + b2, a1 + a3, b1 +
  * b3; then of two such. */
-static inline saga_sums fold2(saga_sums a, saga_sums b)
+INLINE saga_sums fold2(saga_sums a, saga_sums b)
 {
     return __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13) +
            __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
 }
 
-static inline saga_i32x4 fold4(saga_sums ab, saga_sums cd)
+INLINE saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 {
     const saga_sums s =
         __builtin_shufflevector(ab, cd, 0, 1, 8, 9, 4, 5, 12, 13) +
@@ -129,14 +132,14 @@ typedef saga_i16x8 saga_words;
 
 #ifdef __wasm_simd128__
 
-static inline saga_sums products(saga_words w, saga_words x)
+INLINE saga_sums products(saga_words w, saga_words x)
 {
     return (saga_sums)__builtin_wasm_dot_s_i32x4_i16x8(w, x);
 }
 
 #else
 
-static inline saga_sums products(saga_words w, saga_words x)
+INLINE saga_sums products(saga_words w, saga_words x)
 {
     return (saga_sums)__builtin_ia32_pmaddwd128(w, x);
 }
@@ -144,7 +147,7 @@ static inline saga_sums products(saga_words w, saga_words x)
 #endif
 
 /* Bytes in the upper halves, then shifted down with their sign. */
-static inline saga_words load_i8(const int8_t *p)
+INLINE saga_words load_i8(const int8_t *p)
 {
     typedef int8_t bytes __attribute__((vector_size(16)));
     typedef int64_t whole __attribute__((vector_size(16)));
@@ -162,22 +165,22 @@ typedef struct {
     int32_t by[4];
 } saga_shifts;
 
-static inline saga_shifts load_shifts(const uint8_t *p)
+INLINE saga_shifts load_shifts(const uint8_t *p)
 {
     const saga_shifts n = { { p[0], p[1], p[2], p[3] } };
 
     return n;
 }
 
-static inline saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c,
-                                 saga_sums d)
+INLINE saga_sums diagonal(saga_sums a, saga_sums b, saga_sums c,
+                          saga_sums d)
 {
     return __builtin_shufflevector(__builtin_shufflevector(a, b, 0, 0, 5, 5),
                                    __builtin_shufflevector(c, d, 2, 2, 7, 7),
                                    0, 2, 4, 6);
 }
 
-static inline saga_sums half_of(saga_shifts n)
+INLINE saga_sums half_of(saga_shifts n)
 {
     const saga_sums one = { 1, 1, 1, 1 };
 
@@ -185,18 +188,18 @@ static inline saga_sums half_of(saga_shifts n)
                     one << n.by[3]) >> 1;
 }
 
-static inline saga_sums rshift_each(saga_sums v, saga_shifts n)
+INLINE saga_sums rshift_each(saga_sums v, saga_shifts n)
 {
     return diagonal(v >> n.by[0], v >> n.by[1], v >> n.by[2], v >> n.by[3]);
 }
 
-static inline saga_sums fold2(saga_sums a, saga_sums b)
+INLINE saga_sums fold2(saga_sums a, saga_sums b)
 {
     return __builtin_shufflevector(a, b, 0, 4, 1, 5) +
            __builtin_shufflevector(a, b, 2, 6, 3, 7);
 }
 
-static inline saga_i32x4 fold4(saga_sums ab, saga_sums cd)
+INLINE saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 {
     return __builtin_shufflevector(ab, cd, 0, 1, 4, 5) +
            __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
@@ -205,7 +208,7 @@ static inline saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 #endif
 
 /* Saturated, the lanes of low first. */
-static inline saga_i16x8 pack(saga_i32x4 low, saga_i32x4 high)
+INLINE saga_i16x8 pack(saga_i32x4 low, saga_i32x4 high)
 {
 #ifdef __wasm_simd128__
     return (saga_i16x8)__builtin_wasm_narrow_s_i16x8_i32x4(low, high);
@@ -214,7 +217,7 @@ static inline saga_i16x8 pack(saga_i32x4 low, saga_i32x4 high)
 #endif
 }
 
-static inline saga_words load_i16(const int16_t *p)
+INLINE saga_words load_i16(const int16_t *p)
 {
     saga_words w;
 
@@ -222,8 +225,8 @@ static inline saga_words load_i16(const int16_t *p)
     return w;
 }
 
-static inline void store_sums(int32_t sum[4], saga_sums a, saga_sums b,
-                              saga_sums c, saga_sums d)
+INLINE void store_sums(int32_t sum[4], saga_sums a, saga_sums b,
+                       saga_sums c, saga_sums d)
 {
     const saga_i32x4 s = fold4(fold2(a, b), fold2(c, d));
 
@@ -231,8 +234,8 @@ static inline void store_sums(int32_t sum[4], saga_sums a, saga_sums b,
 }
 
 /* As mlp.c's. */
-static inline void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
-                            uint32_t n)
+INLINE void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
+                     uint32_t n)
 {
     const int16_t *const w1 = w + n, *const w2 = w1 + n, *const w3 = w2 + n;
     saga_sums s0 = { 0 }, s1 = { 0 }, s2 = { 0 }, s3 = { 0 };
@@ -249,8 +252,8 @@ static inline void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
     store_sums(sum, s0, s1, s2, s3);
 }
 
-static inline void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
-                           uint32_t n)
+INLINE void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
+                    uint32_t n)
 {
     const int8_t *const w1 = w + n, *const w2 = w1 + n, *const w3 = w2 + n;
     saga_sums s0 = { 0 }, s1 = { 0 }, s2 = { 0 }, s3 = { 0 };
@@ -270,7 +273,7 @@ static inline void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
 /* --- Tiles --------------------------------------------------------------- */
 
 /* LANES weights, aligned so that SSE2 can multiply from memory. */
-static inline saga_words load(const void *w, size_t at, int int8)
+INLINE saga_words load(const void *w, size_t at, int int8)
 {
     if (int8)
         return load_i8((const int8_t *)w + at);
@@ -278,7 +281,7 @@ static inline saga_words load(const void *w, size_t at, int int8)
 }
 
 /* The same pair of activations in all lanes. */
-static inline saga_words pair(const int16_t *x)
+INLINE saga_words pair(const int16_t *x)
 {
     const saga_sums zero = { 0 };
     int32_t v;
@@ -290,9 +293,9 @@ static inline saga_words pair(const int16_t *x)
 /* sum[p] = the sums of a tile with weights w for point p of `points`, over n
  * inputs and some that pad them. Inlined, `int8` and `points` are known and the
  * sums stay in registers; unrolled, gcc has too few for several points. */
-static INLINE void sum_tile(saga_sums sum[][VECTORS], const void *w, int int8,
-                            const int16_t *x, uint32_t stride, uint32_t n,
-                            uint32_t points)
+INLINE void sum_tile(saga_sums sum[][VECTORS], const void *w, int int8,
+                     const int16_t *x, uint32_t stride, uint32_t n,
+                     uint32_t points)
 {
     const uint32_t step = points > 1 ? 2 : 8;
     const saga_sums zero = { 0 };
@@ -324,8 +327,8 @@ typedef struct {
     saga_sums keep;              /* bits of negative values */
 } ending;
 
-static INLINE void begin_ending(ending *e, const saga_layer *layer,
-                                uint32_t row)
+INLINE void begin_ending(ending *e, const saga_layer *layer,
+                         uint32_t row)
 {
     const saga_sums zero = { 0 };
     uint32_t i;
@@ -342,8 +345,8 @@ static INLINE void begin_ending(ending *e, const saga_layer *layer,
 
 /* relu?(fx_rshift(bias + sum, shift)), saturated. Packing saturates at -32768,
  * one too low. */
-static INLINE void finish_tile(int16_t *y, const ending *e,
-                               const saga_sums sum[VECTORS])
+INLINE void finish_tile(int16_t *y, const ending *e,
+                        const saga_sums sum[VECTORS])
 {
     saga_sums v[VECTORS];
     saga_i32x4 low, high;
@@ -354,7 +357,7 @@ static INLINE void finish_tile(int16_t *y, const ending *e,
         v[i] = rshift_each(sum[i] + e->add[i], e->shift[i]);
         v[i] &= e->keep | ~(v[i] >> 31);
     }
-#ifdef __AVX2__
+#ifdef SAGA_MLP_AVX2
     low = __builtin_shufflevector(v[0], v[0], 0, 1, 2, 3);
     high = __builtin_shufflevector(v[0], v[0], 4, 5, 6, 7);
 #else
@@ -368,9 +371,9 @@ static INLINE void finish_tile(int16_t *y, const ending *e,
 
 /* The tile of n points that begins at `row`, its weights at w. They are loaded
  * once for SAGA_MLP_POINTS points. */
-static INLINE void run_tile(int16_t *y, const saga_layer *layer,
-                            const void *w, int int8, const int16_t *x,
-                            uint32_t row, uint32_t n)
+INLINE void run_tile(int16_t *y, const saga_layer *layer,
+                     const void *w, int int8, const int16_t *x,
+                     uint32_t row, uint32_t n)
 {
     const uint32_t stride = saga_mlp_pad(layer->n_in);
     const uint32_t y_stride = saga_mlp_pad(layer->n_out);
@@ -394,8 +397,8 @@ static INLINE void run_tile(int16_t *y, const saga_layer *layer,
 }
 
 /* As many rows as there are whole tiles; returns their number. */
-static inline uint32_t run_tiles(int16_t *y, const saga_layer *layer,
-                                 const int16_t *x, uint32_t n)
+INLINE uint32_t run_tiles(int16_t *y, const saga_layer *layer,
+                          const int16_t *x, uint32_t n)
 {
     const size_t stride = saga_mlp_pad(layer->n_in);
     const int16_t *const w16 = layer->weight;
@@ -410,4 +413,5 @@ static inline uint32_t run_tiles(int16_t *y, const saga_layer *layer,
     return row;
 }
 
+#endif
 #endif

@@ -89,6 +89,8 @@ static void net_free(net *n)
     free(n->want[1]);
 }
 
+static saga_cpu cpu;
+
 static saga_layer net_layer(const net *n, int int8, int relu)
 {
     saga_layer layer;
@@ -100,6 +102,7 @@ static saga_layer net_layer(const net *n, int int8, int relu)
     layer.n_out = n->n_out;
     layer.int8 = (uint8_t)int8;
     layer.relu = (uint8_t)relu;
+    layer.cpu = cpu;
     return layer;
 }
 
@@ -476,5 +479,10 @@ int main(void)
         cmocka_unit_test(row_should_be_refused_whatever_the_nonsense)
     };
 
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    int failed = 0;
+
+    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
+        if (cpu != SAGA_CPU_X4)
+            failed += cmocka_run_group_tests(tests, NULL, NULL);
+    return failed;
 }
