@@ -463,8 +463,10 @@ mutants:
 bench:
 	@+$(MAKE) --no-print-directory BUILD=$(BUILD)/bench \
 	    OPT='-O3 -march=native' bench-programs
-	@for b in $(BENCH_SRC:bench/%.c=%); do \
+	@for b in $(filter-out bench_stages,$(BENCH_SRC:bench/%.c=%)); do \
 	    echo "== $$b"; $(BUILD)/bench/$$b $(ARGS) || exit 1; done
+	@echo "== bench_stages, before: bench/stages.json"
+	@$(BUILD)/bench/bench_stages $(BUILD)/bench/stages.json bench/stages.json
 
 # README shows what becomes of the built-in scene through synth, encode, eval.
 THREADS = 2
