@@ -60,7 +60,7 @@ small=(--primitives 150 --iterations 120 --moving)
 expect 0 cap -o whole.saga "${small[@]}"
 size=$(stat -c %s whole.saga)
 grep -q "^whole.saga: $size bytes" out || complain "size: $(head -n 1 out)"
-for word in 'integer decoder' 'training  held out' 'networks'; do
+for word in 'what stands still: ' 'integer decoder' 'training  held out' 'networks'; do
     grep -q "$word" out || complain "no '$word' in the report"
 done
 "$saga" info whole.saga >out 2>err || complain "info: $(cat err)"
@@ -74,6 +74,10 @@ r = json.load(open("out"))
 assert r["schema"] == 1 and r["command"] == "encode"
 assert r["nbytes"] == sum(r["bytes"].values()) == int(sys.argv[1]), r["bytes"]
 assert r["temporal"] is True and r["level"] == 2
+parts = r["psnr_parts"]
+assert 0.001 < parts["moving_share"] < 0.5 and parts["moving_as_still"] < 30
+low, high = sorted((parts["still"], parts["moving"]))
+assert low - 1 < r["psnr"]["training"] < high + 1, (parts, r["psnr"])
 assert r["psnr"]["training"] > 5 and r["psnr"]["n_held_out"] == 4
 ' "$size" 2>>bad || complain "JSON: $(cat out)"
 cmp -s whole.saga j.saga || complain "two threads, another file"

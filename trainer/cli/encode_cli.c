@@ -17,6 +17,7 @@
 #include "output.h"
 #include "train.h"
 #include "train_plan.h"
+#include "verdict_cli.h"
 #include "view.h"
 
 #include <inttypes.h>
@@ -60,6 +61,7 @@ typedef struct {
     saga_train_quality decoded;  /* by the integer decoder, from the file */
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
+    saga_verdict verdict;        /* of the training views */
     saga_output out;             /* open from the start: the name is ours */
     saga_layout layout;          /* of the closed file */
     saga_encode_log log;
@@ -502,18 +504,25 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
     const int first = begin_of(s, segment);
     const size_t nbytes = saga_view_frame_nbytes(v);
     uint8_t *const rgb = saga_alloc(nbytes, 1, v->name, &s->error);
+    uint8_t *const median = v->held_out ? NULL
+        : saga_verdict_median(&s->capture, view, &s->error);
     saga_camera camera;
     uint32_t number;
-    bool ok = rgb && saga_film_rig(film, (uint32_t)view, &camera, &number,
-                                   &s->error);
+    bool ok = rgb && (median || v->held_out) && saga_film_rig(
+        film, (uint32_t)view, &camera, &number, &s->error);
     int frame, i;
 
     for (i = 0; ok && (frame = saga_train_sample(&s->capture, view, i)) >= 0;
          i++) {
+        const uint8_t *const truth = saga_capture_frame(&s->capture, view,
+                                                        frame);
+
         ok = saga_film_draw(film, &camera, (uint32_t)(first + frame), 1, rgb,
                             &s->error);
-        t->sum[v->held_out] += ok ? saga_psnr(saga_mse(
-            rgb, saga_capture_frame(&s->capture, view, frame), nbytes)) : 0;
+        t->sum[v->held_out] += ok ? saga_psnr(saga_mse(rgb, truth, nbytes))
+                                  : 0;
+        if (ok && median)
+            saga_verdict_add(&s->verdict, median, truth, rgb, nbytes / 3);
         t->n[v->held_out]++;
         if (ok && segment == saga_train_segment(s->train)) {
             double psnr = 0;
@@ -524,6 +533,7 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
         }
     }
     free(rgb);
+    free(median);
     return ok;
 }
 
@@ -579,7 +589,7 @@ static void print_quality(const char *what, const saga_train_quality *q)
 }
 
 /* Free viewpoints are what held-out views tell of. */
-static void print_verdict(const saga_train_quality *q)
+static void print_views(const saga_train_quality *q)
 {
     const double gap = q->training - q->held_out;
 
@@ -722,7 +732,8 @@ static void print_text(const session *s)
     print_quality("decoded symbols (float)", &r->coded);
     print_quality("file, integer decoder", &s->decoded);
     print_quality("  ... against that float", &s->agreement);
-    print_verdict(&s->decoded);
+    saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
+    print_views(&s->decoded);
     printf("  %.0f s\n", saga_cli_seconds() - s->started);
 }
 
@@ -798,7 +809,8 @@ static json_t *json_report(const session *s)
         "psnr_warm_up", json_quality(&r->warm),
         "psnr_float", json_quality(&r->model),
         "psnr", json_quality(&s->decoded)));
-    json_object_update_new(o, json_pack("{soso}",
+    json_object_update_new(o, json_pack("{sososo}",
+        "psnr_parts", saga_verdict_json(&s->verdict),
         "psnr_decoded_float", json_quality(&r->coded),
         "psnr_against_decoded_float", json_quality(&s->agreement)));
     json_object_update_new(o, json_pack("{sososo}",

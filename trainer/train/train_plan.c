@@ -7,8 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Studio takes 1.3, 6 and 20 minutes of two cores (docs/results/training.md).
- */
+/* Studio (docs/results/training.md) takes 2.7 CPU minutes by the first. By
+ * primitives and iterations the others take some 9 and 40. */
 static const saga_preset presets[] = {
     { "fast", 0.7, 8000, 10 },
     { "balanced", 1, 20000, 25 },

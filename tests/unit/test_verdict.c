@@ -1,0 +1,77 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The verdict parts what stands still from what moves.
+ */
+#include "verdict.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+enum { PIXELS = 8, FRAMES = 3 };
+
+/* Three frames of 8 x 1 pixels: the last two are brighter in the last one. */
+static void frames(uint8_t *rgb)
+{
+    memset(rgb, 100, 3 * PIXELS * FRAMES);
+    memset(rgb + 3 * PIXELS * FRAMES - 6, 160, 6);
+}
+
+static void near(double x, double y)
+{
+    assert_true(fabs(x - y) < 1e-9);
+}
+
+static void verdict_should_part_what_moves(void **state)
+{
+    uint8_t rgb[3 * PIXELS * FRAMES], made[3 * PIXELS];
+    saga_shot view = { .width = PIXELS, .height = 1, .rgb = rgb };
+    const saga_capture c = { .n_views = 1, .n_frames = FRAMES,
+                             .views = &view };
+    saga_error error = { "" };
+    saga_verdict v = { 0 };
+    uint8_t *median;
+
+    (void)state;
+    frames(rgb);
+    median = saga_verdict_median(&c, 0, &error);
+    assert_non_null(median);
+    for (int i = 0; i < 3 * PIXELS; i++)
+        assert_int_equal(median[i], 100);
+    /* Off by 10 where it stands still, by 20 where it moves. */
+    memset(made, 110, sizeof made);
+    memset(made + sizeof made - 6, 140, 6);
+    saga_verdict_add(&v, median, rgb + 2 * sizeof made, made, PIXELS);
+    near(saga_verdict_rest(&v), 20 * log10(25.5));
+    near(saga_change_psnr(&v.file), 20 * log10(12.75));
+    near(saga_change_psnr(&v.still), 20 * log10(255 / 60.));
+    near(saga_change_share(&v.file), 0.25);
+    free(median);
+}
+
+static void verdict_should_have_words(void **state)
+{
+    saga_verdict v = { .file = { .n_pixels = 4, .n_changing = 4 } };
+
+    (void)state;
+    assert_string_equal(saga_verdict_word(30), "good");
+    assert_string_equal(saga_verdict_word(29.9), "fair");
+    assert_string_equal(saga_verdict_word(24.9), "blurred");
+    assert_true(isnan(saga_verdict_rest(&v)));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(verdict_should_part_what_moves),
+        cmocka_unit_test(verdict_should_have_words)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
