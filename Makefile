@@ -33,6 +33,7 @@ OPT = -O2
 HOT_OPT = $(if $(filter -O2,$(OPT)),-O3,$(OPT))
 WERROR =# -Werror in the tests
 CFLAGS =# added to every compilation, after ours
+CORE_CFLAGS =# added to those of common/ and decoder/
 LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
 ARGS =# of a program run by `make bench`, or of `make rd`
@@ -122,7 +123,8 @@ TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # Scripts of lab/ take files apart with these: coarse features zeroed, entropy
 # networks fitted anew, the order-0 coder's bytes, times of the layers.
-LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times)
+LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times \
+         make_formats)
 BENCH := $(BENCH_SRC:bench/%.c=$(BUILD)/%)
 
 # ---------------------------------------------------------------- flags
@@ -136,7 +138,7 @@ SAN_DEFS  = $(if $(SANITIZE),-DSAGA_CHECK)
 BASE = -std=c11 $(WARN) $(SAN_DEFS) -MMD -MP
 
 # common/ and decoder/ are freestanding integers.
-CORE = $(BASE) -ffreestanding
+CORE = $(BASE) -ffreestanding $(CORE_CFLAGS)
 # Hosted code has POSIX names; its floats are never contracted nor reassociated.
 HOST = $(BASE) -D_XOPEN_SOURCE=700 -ffp-contract=off
 
@@ -324,7 +326,8 @@ $(EMBEDDED): $(OBJ)/%.o: $(OBJ)/%.c trainer/cli/view_files.h
 # These two are rewritten only when they change: every object depends on the
 # compiler and its flags, every library on which files there are.
 $(BUILD)/flags: NOW = $(CC) $(WARN) $(OPT) $(HOT_OPT) $(MARCH) $(WIDE_MARCH) \
-                      $(SAN_FLAGS) $(OMP) $(CFLAGS) $(LDFLAGS) $(LEVEL)
+                      $(SAN_FLAGS) $(OMP) $(CFLAGS) $(CORE_CFLAGS) $(LDFLAGS) \
+                      $(LEVEL)
 $(BUILD)/sources: NOW = $(COMMON_SRC) $(DECODER_SRC) $(TRAINER_SRC) \
                         $(REFERENCE_SRC) $(HELPER_SRC) $(WEB_FILES)
 $(BUILD)/flags $(BUILD)/sources: FORCE
@@ -524,6 +527,21 @@ compare: setup
 	@SAGA=$(BUILD)/saga THREADS=$(THREADS) lab/compare.py '$(CAPTURE)' \
 	    '$(BUILD)/compare/$(notdir $(CAPTURE:/=))' $(FILES)
 
+# docs/results/numerics.md, .json and plots tell what every operator of the
+# decoder costs and how exact it is, in integers with vectors and without and in
+# float, and what other formats would cost. SCENES are files that are verified
+# besides the demo. The trainer's float goes without AVX-512, for valgrind.
+NUMERICS = $(MAKE) --no-print-directory OPT=-O3 CFLAGS=-march=x86-64-v3 \
+           WIDE_MARCH=
+.PHONY: numerics
+numerics:
+	@tests/setup.sh plot
+	@$(MAKE) --no-print-directory $(BUILD)/saga $(BUILD)/make_formats
+	@$(NUMERICS) BUILD=$(BUILD)/numerics $(BUILD)/numerics/bench_numerics
+	@$(NUMERICS) BUILD=$(BUILD)/numerics-plain \
+	    CORE_CFLAGS=-mgeneral-regs-only $(BUILD)/numerics-plain/bench_numerics
+	@lab/numerics.py $(BUILD) docs/results demo=docs/demo.saga $(SCENES)
+
 # Only a change of the format may change a vector: look at the difference before
 # you commit it.
 $(BUILD)/make_vectors: $(OBJ)/tests/stream/make_vectors.o $(HELPERS) \
@@ -547,6 +565,7 @@ make rd-short    the same of two small scenes at one rate, beside the last row
 make install     programs, library, header, manual pages, completion: PREFIX=
                  /usr/local, DESTDIR=, BINDIR, LIBDIR, INCLUDEDIR, DATADIR
 make shared      $(SHARED), which a program or a module loads
+make numerics    what operators cost and how exact they are; a CPU minute
 make web         the page and the decoder for browsers, in $(BUILD)/web
 make setup       installs what is missing to build and test (Debian, as root)
 make check       unit tests, vectors, a tiny encode: less than a CPU minute
@@ -571,7 +590,7 @@ make clean       removes $(BUILD)
 CC=gcc|clang|...   OPT=-O2   HOT_OPT=-O3 (inner loops)   CFLAGS= LDFLAGS=
 WERROR=-Werror   SANITIZE=1   LEVEL=2 (memory of saga-dec)   BUILD=build
 THREADS=2 (demo, floors, ablation, rd)   CAPTURES='NAME=PATH ...' (rd)
-SCENES='NAME=FILE.saga ...' (ablation)
+SCENES='NAME=FILE.saga ...' (ablation, numerics)
 SAGA_TEST_SEED, SAGA_TEST_COUNT, SAGA_TEST_LONG=1 (environment): random tests
 endef
 export HELP

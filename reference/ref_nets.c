@@ -74,6 +74,24 @@ bool ref_nets_has(const ref_nets *n, int net)
 
 /* --- A run --------------------------------------------------------------- */
 
+/* x[0..n) enter a layer. */
+static void round_inputs(double *x, uint32_t n, ref_rounding *r, int net,
+                         int layer)
+{
+    double *const most = r->most[net][layer];
+
+    for (uint32_t k = 0; k < n; k++) {
+        int bits = r->bits;
+
+        if (r->is_on && r->by_unit)
+            bits += (int)ref_clamp(floor(14 - log2(fmax(most[k], 1))), 0, 7);
+        if (r->is_on)
+            x[k] = ldexp(floor(ldexp(x[k], bits) + 0.5), -bits);
+        else
+            most[k] = fmax(most[k], fabs(x[k]));
+    }
+}
+
 /* Activations are in the last places of their formats here, whatever those
  * are: only the first and the last are known. */
 void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
@@ -86,6 +104,8 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
     for (int i = 0; i < s->n_layers; i++) {
         const double *w = n->weight[net][i];
 
+        if (n->rounding)
+            round_inputs(x, s->dim[i], n->rounding, net, i);
         for (uint32_t row = 0; row < s->dim[i + 1]; row++) {
             double sum = n->bias[net][i][row];
 
@@ -97,6 +117,10 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
         }
         memcpy(x, y, s->dim[i + 1] * sizeof *x);
     }
+    if (n->rounding && n->rounding->is_on)
+        for (uint32_t row = 0; row < s->dim[s->n_layers]; row++)
+            x[row] = ldexp(floor(ldexp(x[row], n->rounding->bits) + 0.5),
+                           -n->rounding->bits);
     for (uint32_t row = 0; row < s->dim[s->n_layers]; row++)
         out[row] = ldexp(x[row], -saga_output_q(n->model, net, row));
 }

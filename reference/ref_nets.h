@@ -10,8 +10,21 @@
 #include "error.h"
 #include "nets.h"
 
+/* Activations may be rounded, to see what a format costs. */
+typedef struct ref_rounding {
+    int is_on;
+    int bits;                /* steps are 2^-bits of the norm's, and 16 + bits
+                              * bits hold what a layer takes and gives */
+    int by_unit;             /* each hidden unit and input has a step of its
+                              * own: what 2^14 steps hold of its `most` */
+    double most[SAGA_N_NETS][SAGA_MAX_LAYERS][SAGA_MAX_VECTOR]; /* largest
+                              * value of a layer's inputs, in the norm's steps,
+                              * of all runs since it was cleared */
+} ref_rounding;
+
 typedef struct ref_nets {
     const saga_model *model;
+    ref_rounding *rounding;  /* the caller's, or NULL */
     saga_net_shape shape[SAGA_N_NETS];
     double *weight[SAGA_N_NETS][SAGA_MAX_LAYERS]; /* (n_out, n_in) */
     double *bias[SAGA_N_NETS][SAGA_MAX_LAYERS];

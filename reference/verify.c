@@ -579,6 +579,7 @@ static void compare_pixels(session *s, int from)
     const saga_camera *const cam = s->camera;
     saga_verify_picture *const to = &s->v->picture[from];
     gap rounded = { 0, 0, 0 }, same = rounded, whole = rounded;
+    gap before = rounded;
     column level = { NULL, NULL };
 
     if (from == SAGA_VERIFY_SYMBOLS || from == SAGA_VERIFY_PIXELS)
@@ -595,6 +596,7 @@ static void compare_pixels(session *s, int from)
             const int drawn_as = s->e.rgb[3 * i + (size_t)k];
             const double near = ref_clamp(floor(value + 0.5), 0, 255);
 
+            widen(&before, 255 * norm - value);
             widen(&whole, drawn_as - value);
             widen(&rounded, drawn_as - near);
             if (!s->c.otherwise[i])
@@ -607,6 +609,7 @@ static void compare_pixels(session *s, int from)
     to->max = (int)rounded.max;
     to->psnr_real = psnr_of(&whole);
     to->max_real = whole.max;
+    to->rms = sqrt(before.sum / (double)before.n);
     to->psnr_same = psnr_of(&same);
     to->max_same = (int)same.max;
 }

@@ -47,6 +47,7 @@ typedef struct saga_verify_row {
 typedef struct saga_verify_picture {
     double psnr;             /* against that rounded to 8 bits */
     double psnr_real;        /* against that itself */
+    double rms;              /* levels, before the norm rounds to 8 bits */
     int max;                 /* levels of 255, rounded to 8 bits */
     double max_real;
     uint64_t n_cut, n_stop;  /* pixels where one of the two blends a splat and

@@ -28,7 +28,7 @@ all)
     gcc-riscv64-unknown-elf"
     ;;
 lint) packages="$packages clang-tidy" ;;
-plot) packages="$packages gnuplot-nox" ;;
+plot) packages="$packages gnuplot-nox valgrind" ;;
 esac
 
 # The sanitizers' library carries clang's version in its name.

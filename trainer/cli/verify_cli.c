@@ -80,14 +80,14 @@ static void print_pictures(const saga_verify *v)
 {
     puts("\nthe picture beside float64 from a stage on, rounded to 8 bits, and"
          " not rounded\n"
-         "from           PSNR  levels    PSNR  levels   cut otherwise, %"
+         "from           PSNR  levels    PSNR  levels  RMS before   cut, %"
          "  stopped otherwise, %");
     for (int i = 0; i < SAGA_VERIFY_N_STAGES; i++) {
         const saga_verify_picture *const p = &v->picture[i];
 
-        printf("%-10s %8.2f %7d %7.2f %7.2f %18.4f %21.4f\n",
+        printf("%-10s %8.2f %7d %7.2f %7.2f %11.4f %8.4f %21.4f\n",
                saga_verify_stage[i], p->psnr, p->max, p->psnr_real,
-               p->max_real, percent(p->n_cut, v->n_pixels),
+               p->max_real, p->rms, percent(p->n_cut, v->n_pixels),
                percent(p->n_stop, v->n_pixels));
     }
 }
@@ -149,8 +149,9 @@ static json_t *json_pictures(const saga_verify *v)
         const saga_verify_picture *const p = &v->picture[i];
 
         json_object_set_new(o, saga_verify_stage[i], json_pack(
-            "{sosisosfsIsIsosi}", "psnr", number(p->psnr), "max", p->max,
+            "{sosisosfsfsIsIsosi}", "psnr", number(p->psnr), "max", p->max,
             "psnr_real", number(p->psnr_real), "max_real", p->max_real,
+            "rms", p->rms,
             "n_cut", (json_int_t)p->n_cut, "n_stop", (json_int_t)p->n_stop,
             "psnr_same", number(p->psnr_same), "max_same", p->max_same));
     }

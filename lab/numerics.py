@@ -1,0 +1,370 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""numerics.py BUILD OUT [NAME=FILE.saga ...]: writes OUT/numerics.md, .json and
+plots; without files it draws those of an earlier numerics.json. BUILD/numerics and BUILD/numerics-plain hold bench_numerics with vectors
+and without; BUILD holds saga and make_formats. `make numerics` runs it.
+
+Each file is verified at three cameras and three times, and the first one drawn
+in other formats.
+"""
+
+import datetime
+import json
+import math
+import os
+import subprocess
+import sys
+
+VARIANTS = ["float64", "float32", "integer, plain C", "integer, vectors"]
+STAGES = ["symbols", "scaffold", "primitives", "animation", "splats", "pixels"]
+NETWORKS = ("bits of activations", "bits of activations, by unit",
+            "bits of weights")
+
+
+def run(*command, **options):
+    return subprocess.run(command, check=True, text=True,
+                          stdout=subprocess.PIPE, **options).stdout
+
+
+def instructions(program, folder):
+    """{(operator, integer|float32|float64): instructions a unit}"""
+    os.makedirs(folder, exist_ok=True)
+    for name in os.listdir(folder):
+        os.unlink(os.path.join(folder, name))
+    try:
+        run("valgrind", "-q", "--tool=callgrind", "--dump-instr=no",
+            f"--callgrind-out-file={folder}/out", program, "x", "count",
+            stderr=subprocess.DEVNULL)
+    except (OSError, subprocess.CalledProcessError):
+        return {}
+    counts = {}
+    for name in os.listdir(folder):
+        key, total = None, 0
+        with open(os.path.join(folder, name)) as f:
+            for line in f:
+                if line.startswith("desc: Trigger: Client Request: "):
+                    key = line.split(": ", 3)[3].strip()
+                elif line.startswith(("summary:", "totals:")):
+                    total = int(line.split()[1])
+        if key:
+            operator, variant, n = key.split("|")
+            counts[operator, variant] = total / float(n)
+    return counts
+
+
+def operators(build):
+    """The rows of both builds; float rows are those of the first."""
+    rows = []
+    for folder, name in (("numerics", VARIANTS[3]),
+                         ("numerics-plain", VARIANTS[2])):
+        program = f"{build}/{folder}/bench_numerics"
+        counts = instructions(program, f"{build}/{folder}/callgrind")
+        for r in json.loads(run(program, name))["operators"]:
+            if r["variant"] not in (name, *VARIANTS[:2]) or (
+                    r["variant"] != name and name == VARIANTS[2]):
+                continue
+            kind = "integer" if r["variant"] == name else r["variant"]
+            r["instructions"] = counts.get((r["operator"], kind))
+            rows.append(r)
+    return rows
+
+
+def verified(saga, path):
+    info = json.loads(run(saga, "info", path, "--json"))
+    cameras, frames = len(info["rig"]), info["n_frames"]
+    return [json.loads(run(saga, "verify", path, "--json", "--camera", str(c),
+                           "--frame", str(f), stderr=subprocess.DEVNULL))
+            for c in sorted({0, cameras // 2, cameras - 1})
+            for f in sorted({0, frames // 2, frames - 1})]
+
+
+# ---- numbers
+
+def bits(row):
+    """How many bits of the operator's range are right; None: all."""
+    if not row.get("rms"):
+        return None
+    return math.log2(row["peak"] / row["rms"])
+
+
+def db(rms):
+    return 20 * math.log10(255 / rms) if rms else math.inf
+
+
+def significant(v, n=3):
+    if v is None:
+        return ""
+    if v == 0:
+        return "0"
+    digits = max(0, n - 1 - math.floor(math.log10(abs(v))))
+    return f"{v:.{digits}f}" if digits < 7 else f"{v:.{n - 1}e}"
+
+
+# ---- tables for gnuplot
+
+def fill_wholes(result):
+    """Segment and picture have the errors of the first file's pictures."""
+    views = next(iter(result["files"].values()))
+    whole = {s: mean_square(views, s) for s in STAGES}
+    rms = {"segment (demo)": math.sqrt(whole["scaffold"] ** 2 -
+                                       whole["animation"] ** 2),
+           "picture (demo)": whole["animation"]}
+    for r in result["operators"]:
+        if r["operator"] in rms and r["variant"] in VARIANTS[2:]:
+            r["rms"], r["peak"] = rms[r["operator"]], 255
+
+
+def operator_table(rows, names, path):
+    with open(path, "w") as f:
+        for variant in VARIANTS:
+            f.write(f"# {variant}\n")
+            for i, name in enumerate(names):
+                for r in rows:
+                    if (r["operator"], r["variant"]) != (name, variant):
+                        continue
+                    right = bits(r)
+                    if right is None:
+                        right = 53 if variant == "float64" else math.nan
+                    f.write(f"{i + 1} {r['ns'][2]} {r['ns'][1]} {r['ns'][3]} "
+                            f"{right} 0 \"{name}\"\n")
+            f.write("\n\n")
+
+
+def format_tables(rows, folder):
+    for part in ("splats", "networks"):
+        with open(f"{folder}/formats_{part}.dat", "w") as f:
+            last = None
+            for r in rows:
+                name = r["format"]
+                if not r["value"].lstrip("-").isdigit() or (
+                        (name in NETWORKS) != (part == "networks")):
+                    continue
+                if name != last:
+                    f.write(("\n\n" if last else "") + f"\"{name}\"\n")
+                    last = name
+                if r["rms"] > 0:
+                    f.write(f"{r['value']} {r['rms']} {int(r['chosen'])}\n")
+
+
+def draw(names, folder, out):
+    titles = " ".join(f"'{n}'" for n in names)
+    run("gnuplot", "-e", f"folder='{folder}'; out='{out}/numerics'; "
+        f"n_operators={len(names)}; titles=\"{titles}\"",
+        os.path.join(os.path.dirname(__file__), "numerics.gp"))
+
+
+# ---- the page
+
+HEAD = """# Numerics: what integers cost, and how exact they are
+
+`make numerics` writes this page, numerics.json and the plots. Measured
+{date}: one thread of {cpu},
+{compiler}, beside other work. Times are CPU
+time, medians of 15 repetitions of a millisecond or more; bars are quartiles.
+Errors are exact: all values of an operator against float64 on the same inputs.
+With 16 right bits the error (RMS) is 2^-16 of the largest value. What the files
+of the second half are, and what follows: [lab/numerics.md](../lab/numerics.md).
+
+![time and error of every operator](numerics.svg)
+
+What the decoder does is the dark dot. A segment's time is that of a primitive,
+a picture's of a pixel, and their errors are those of the picture's samples
+(below). The same as points, an operator a panel; float64 stands at 53 bits:
+
+![time against error](numerics_points.svg)
+
+| operator | unit | {columns} | right bits, float32 | right bits, integers | largest error, integers |
+|---|---|---|---|---|---|---|---|---|
+"""
+
+HEAD_COLUMNS = ("float64, ns | float32, ns | plain C, ns (instructions) | "
+                "vectors, ns (instructions)")
+
+READ = """
+The integers are the same bits in every build. "Vectors" are what the decoder
+chooses on this machine; "plain C" is compiled without any vector instruction.
+Float is written plainly and compiled with AVX2 ({flags});
+the dense layer in float32 is the trainer's. A time of the blend is that of a
+pixel of a splat's box.
+
+- Layers and the memory bank give 16 bits and less, interpolation and softmax
+  13: where a value is summed from many, these are the least exact.
+- A dense layer is as fast as the trainer's float32; a read of the memory bank,
+  the sine and the blend are four to sixteen times as fast as plain float32.
+- Interpolation is slower than float: it divides and searches value by value. So
+  are animate and project one by one; the decoder does both in vectors.
+- Reciprocals and roots of 32 bits are exact to 2^-30, so a splat's mean is
+  rounded to 1/256 pixel and has no other error.
+"""
+
+STAGES_HEAD = """
+## A picture: where its error comes from
+
+`saga verify` on the picture of three cameras at three times, all in float64
+but what stands before the stage: error of the picture before it is rounded to 8
+bits, in levels of 255 (RMS). What a stage adds is the difference of squares.
+The 8-bit picture beside float64 rounded to 8 bits is below it.
+
+| stage | {names} |
+|---|{rules}
+"""
+
+STAGES_TEXT = """
+- **Symbols** are predictions: the encoder knows the integer ones and makes up
+  for their rounding, so this row is no loss (docs/arithmetic.md, Entropy
+  parameters). `from scaffold` is how exact the decoder is.
+- **Primitives** lose most: F_geo's activations have 16 bits for features of
+  which some are hundreds of times as large as others.
+- Pixels that cut or stop a splat otherwise than float64 stand in most places
+  where a splat ends at 1/256: {cut} of all from the scaffold on, {cut_pixels}
+  where the splats are the same. There a pixel changes by a level at most.
+"""
+
+FORMATS_HEAD = """
+## Formats that one could choose
+
+The reference draws {file} (camera 0, frame 0) once in double, then with one
+rounding at a time: error of the picture before 8 bits, in levels of 255. What
+is chosen is bold. The grey line of the plot is what rounding to 8 bits costs.
+
+![formats](numerics_formats.svg)
+
+| format | RMS (largest) of each |
+|---|---|
+"""
+
+FORMATS_TEXT = """
+- A sub-pixel bit less doubles the error, 0.01 levels with 8; an 8-bit picture's
+  own rounding is 0.29. The table of 2^-q, alpha and T stay below.
+- Every bit of the activations halves the error. "By unit" is a format where
+  each input of a layer has an exponent of its own, so that small ones use their
+  16 bits; the formats of the outputs are as they are.
+- Rounding a trained file's weights to 8 bits costs what 12 bits of activations
+  do: 8-bit weights are for files that are trained with them (level 0).
+- A larger smallest alpha draws fewer pixels: 1/128 blends {saved} fewer, at
+  {saved_rms} levels. It is not an option of the decoder.
+- Colour depends on the camera and not on the time: while the camera rests it
+  is the same in every frame.
+"""
+
+
+def cpu():
+    with open("/proc/cpuinfo") as f:
+        for line in f:
+            if line.startswith("model name"):
+                return "a guest with " + line.split(":")[1].strip()
+    return "this machine"
+
+
+def operator_lines(rows, names):
+    by = {(r["operator"], r["variant"]): r for r in rows}
+    for name in names:
+        of = [by.get((name, v)) for v in VARIANTS]
+        cells = []
+        for variant, r in zip(VARIANTS, of):
+            cell = significant(r["ns"][2]) if r else ""
+            if r and variant.startswith("integer") and r["instructions"]:
+                cell += f" ({significant(r['instructions'])})"
+            cells.append(cell)
+        right = [bits(r) if r and "rms" in r else None
+                 for r in (of[1], of[3])]
+        cells += ["" if b is None else f"{b:.1f}" for b in right]
+        cells.append(significant(of[3].get("max")))
+        yield f"| {name} | {of[0]['unit']} | " + " | ".join(cells) + " |\n"
+
+
+def mean_square(views, stage):
+    return math.sqrt(sum(v["pictures_from"][stage]["rms"] ** 2
+                         for v in views) / len(views))
+
+
+def stage_lines(files):
+    for stage in STAGES:
+        yield f"| from {stage} | " + " | ".join(
+            f"{mean_square(v, stage):.4f}" for v in files.values()) + " |\n"
+    for stage in ("symbols", "scaffold", "animation"):
+        cells = []
+        for views in files.values():
+            p = [v["pictures_from"][stage] for v in views]
+            cells.append(f"{min(x['psnr'] for x in p):.1f} to "
+                         f"{max(x['psnr'] for x in p):.1f} dB, "
+                         f"{max(x['max'] for x in p)}")
+        yield (f"| 8 bits, from {stage}: PSNR, largest level | "
+               + " | ".join(cells) + " |\n")
+
+
+def share(views, stage):
+    n = sum(v["width"] * v["height"] for v in views)
+    return 100 * sum(v["pictures_from"][stage]["n_cut"] for v in views) / n
+
+
+def format_lines(rows):
+    for name in dict.fromkeys(r["format"] for r in rows):
+        cells = []
+        for r in rows:
+            if r["format"] == name:
+                cell = (f"{r['value']}: {significant(r['rms'], 2)} "
+                        f"({significant(r['max'], 2)})")
+                cells.append(f"**{cell}**" if r["chosen"] else cell)
+        yield f"| {name} | " + ", ".join(cells) + " |\n"
+
+
+def page(result):
+    rows, files = result["operators"], result["files"]
+    names = list(dict.fromkeys(r["operator"] for r in rows))
+    formats = result["formats"]
+    first = next(iter(files.values()))
+    cuts = {r["value"]: r for r in formats
+            if r["format"] == "smallest alpha"}
+    text = HEAD.format(date=result["date"], cpu=result["cpu"],
+                       compiler=result["compiler"], columns=HEAD_COLUMNS)
+    text += "".join(operator_lines(rows, names))
+    text += READ.format(flags="-O3 -march=x86-64-v3")
+    text += STAGES_HEAD.format(names=" | ".join(files),
+                               rules="---|" * len(files))
+    text += "".join(stage_lines(files))
+    text += STAGES_TEXT.format(cut=f"{share(first, 'scaffold'):.1f} %",
+                               cut_pixels=f"{share(first, 'pixels'):.2f} %")
+    text += FORMATS_HEAD.format(file=next(iter(files)))
+    text += "".join(format_lines(formats))
+    text += FORMATS_TEXT.format(
+        saved=f"{100 * (1 - cuts['1/128']['n_pairs'] / cuts['1/256']['n_pairs']):.0f} %",
+        saved_rms=significant(cuts["1/128"]["rms"], 2))
+    return text
+
+
+def measure(build, files):
+    first = next(iter(files.values()))
+    return {
+        "date": datetime.date.today().isoformat(), "cpu": cpu(),
+        "compiler": run("gcc", "--version").splitlines()[0],
+        "operators": operators(build),
+        "formats": json.loads(run(f"{build}/make_formats", first))["formats"],
+        "files": {name: verified(f"{build}/saga", path)
+                  for name, path in files.items()},
+    }
+
+
+def main():
+    build, out = sys.argv[1:3]
+    files = dict(a.split("=", 1) for a in sys.argv[3:])
+    folder = f"{build}/numerics"
+    if files:
+        result = measure(build, files)
+        with open(f"{out}/numerics.json", "w") as f:
+            json.dump(result, f, separators=(",", ":"))
+            f.write("\n")
+    with open(f"{out}/numerics.json") as f:
+        result = json.load(f)
+    fill_wholes(result)
+    names = list(dict.fromkeys(r["operator"] for r in result["operators"]))
+    operator_table(result["operators"], names, f"{folder}/operators.dat")
+    format_tables(result["formats"], folder)
+    draw(names, folder, out)
+    with open(f"{out}/numerics.md", "w") as f:
+        f.write(page(result))
+    print(f"{out}/numerics.md")
+
+
+if __name__ == "__main__":
+    main()
