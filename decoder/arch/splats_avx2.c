@@ -1,7 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * Splats of four primitives at a time in AVX2.
+ * Splats of four primitives at a time in AVX2. What becomes of a primitive that
+ * is dropped may overflow, and products are differences modulo 2^64: vectors
+ * wrap around, which gcc has to be told.
  */
+#ifndef __clang__
+#pragma GCC optimize "wrapv"
+#endif
 #include "splats.h"
 
 #include "project_avx2.h"
