@@ -949,8 +949,8 @@ static const saga_cli_option option_list[] = {
     { "--resume", NULL, "go on from FILE.saga.ckpt, with the other options as\n"
       "they were; the result is that of an unstopped run", saga_cli_flag,
       offsetof(options, resume), 0, 0 },
-    { "--log", "FILE", "keep how it went: a line for every tenth iteration, as "
-      "CSV in\nFILE.csv or as JSON lines in FILE.jsonl; lab/log.gp\ndraws "
+    { "--log", "FILE", "keep how it went: a line for every tenth iteration,\n"
+      "as CSV in FILE.csv or as JSON lines in FILE.jsonl;\nlab/log.gp draws "
       "it", saga_cli_text, offsetof(options, log), 0, 0 },
     { "--json", NULL, "the report as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 },

@@ -551,8 +551,8 @@ static const saga_cli_option option_list[] = {
       offsetof(options, pictures), 0, 0 },
     { "--no-ssim", NULL, "leave out SSIM, MS-SSIM and IV-PSNR, which take "
       "most of\nthe time", saga_cli_flag, offsetof(options, no_ssim), 0, 0 },
-    { "--lpips", "FILE.npz", "LPIPS, too, with the weights of this file; "
-      "docs/metrics.md\nsays where there are some", saga_cli_text,
+    { "--lpips", "FILE.npz", "LPIPS, too, with the weights of this file;\n"
+      "docs/metrics.md says where there are some", saga_cli_text,
       offsetof(options, weights), 0, 0 },
     { "--equirect", NULL, "the pictures are equirectangular: WS-PSNR, too, "
       "and\nIV-PSNR with its weights", saga_cli_flag,
