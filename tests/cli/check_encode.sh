@@ -151,6 +151,8 @@ verdict stopped
 # ---- segments
 expect 0 cap -o seg.saga "${small[@]}" --segment 2
 grep -q '4 views, 4 frames in 2 segments' out || complain "$(head -n 2 out)"
+expect 0 cap -o seg.saga "${small[@]}" --segment 2 --json
+grep -q '"n_segments": 2' out || complain "JSON: no n_segments"
 "$saga" info seg.saga --json >out 2>err || complain "info: $(cat err)"
 python3 -c '
 import json

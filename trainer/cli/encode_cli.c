@@ -789,11 +789,12 @@ static json_t *json_report(const session *s)
     const saga_train_report *const r = saga_train_report_of(s->train);
     json_t *const o = saga_cli_json_head("encode", s->o->output);
 
-    json_object_update_new(o, json_pack("{sssIsosisisIsIsIsI}",
+    json_object_update_new(o, json_pack("{sssIsosisisisIsIsIsI}",
         "capture", s->capture_name,
         "nbytes", (json_int_t)s->layout.file_nbytes,
         "bytes", saga_bytes_table_json(&s->layout),
         "n_views", s->capture.n_views, "n_frames", s->whole.n_frames,
+        "n_segments", s->n_segments,
         "n_coarse", (json_int_t)r->n.coarse, "n_fine", (json_int_t)r->n.fine,
         "n_primitives", (json_int_t)r->n.prim,
         "memory_nbytes", (json_int_t)r->info.work_nbytes));
@@ -982,6 +983,8 @@ const saga_command saga_command_encode = {
     "      --hold-out cam00 --size 200k --preset best\n"
     "      two seconds of a real capture, small, one view kept for judging\n"
     "\n"
+    "A long capture is trained in segments of about a second, with only that\n"
+    "one's pictures in memory; the first to be trained makes the networks.\n"
     "Stages: warm-up (flat primitives), rendering (the coded hierarchy),\n"
     "packing. A line on stderr tells stage, iteration, the PSNR of the\n"
     "pictures trained on, the bits of the residuals and the time left.\n"
