@@ -517,8 +517,9 @@ static void prepare_dense(data *d, gen_rng *r)
     }
     for (int i = 0; i < POINTS * WIDTH; i++)
         set_in(d, i, gen_int(r, -8192, 8192), 1 / 4096.0);
-    d->layer = (saga_layer){ d->weight, d->bias, d->shift, WIDTH, WIDTH, 0,
-                             1 };
+    d->layer = (saga_layer){ .weight = d->weight, .bias = d->bias,
+                             .shift = d->shift, .n_in = WIDTH, .n_out = WIDTH,
+                             .relu = 1 };
 }
 
 /* Anchors along a line of cells, and points near each. */

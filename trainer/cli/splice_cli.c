@@ -80,7 +80,7 @@ static int run_cut(int argc, char **argv)
     options o = { NULL };
     const char *argument[2];
     saga_cli_pair range = { 0, 0 };
-    saga_splice_part part = { NULL };
+    saga_splice_part part = { .name = NULL };
     int status = saga_cli_parse(&saga_command_cut, &o, argument, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)
@@ -99,7 +99,7 @@ static int run_join(int argc, char **argv)
 {
     options o = { NULL };
     const char *name[2];
-    saga_splice_part part[2] = { { NULL }, { NULL } };
+    saga_splice_part part[2] = { { .name = NULL }, { .name = NULL } };
     int status = saga_cli_parse(&saga_command_join, &o, name, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)

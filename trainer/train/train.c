@@ -144,17 +144,41 @@ static double seconds(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+void saga_train_tone(saga_train *t)
+{
+    const size_t n = 3 * (size_t)t->capture->n_views;
+
+    memcpy(t->pictures.exposure, t->tones, n * sizeof *t->tones);
+    for (size_t k = 0; k < 3; k++)
+        t->pictures.background[k] = (uint8_t)t->tones[n + k];
+}
+
+static bool find_tones(saga_train *t, saga_error *error)
+{
+    const size_t n = 3 * (size_t)t->capture->n_views;
+
+    t->tones = saga_alloc(n + 3, sizeof *t->tones, "the views", error);
+    if (!t->tones || !saga_exposure_find(&t->pictures, t->o.seed, error))
+        return false;
+    memcpy(t->tones, t->pictures.exposure, n * sizeof *t->tones);
+    for (size_t k = 0; k < 3; k++)
+        t->tones[n + k] = t->pictures.background[k];
+    return true;
+}
+
 /* Makes the pictures of a segment's capture. */
 static bool look_at(saga_train *t, const saga_capture *capture,
                     saga_error *error)
 {
     if (!saga_pictures_init(&t->pictures, capture, error))
         return false;
-    if (!saga_exposure_find(&t->pictures, t->o.seed, error)) {
+    t->capture = capture;
+    if (t->tones)
+        saga_train_tone(t);
+    else if (!find_tones(t, error)) {
         saga_pictures_free(&t->pictures);
         return false;
     }
-    t->capture = capture;
     if (t->o.checkpoint)
         t->digest = saga_pictures_digest(&t->pictures);
     return true;
@@ -175,6 +199,7 @@ static saga_train *make(const saga_capture *capture,
         return NULL;
     t->o = *options;
     if (!look_at(t, capture, error)) {
+        free(t->tones);
         free(t);
         return NULL;
     }
@@ -293,6 +318,7 @@ void saga_train_free(saga_train *t)
         return;
     end_segment(t);
     saga_packed_free(&t->file);
+    free(t->tones);
     free(t);
 }
 

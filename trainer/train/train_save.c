@@ -50,7 +50,7 @@ static void fill(head *h, const saga_train *t)
     h->recent_mse = t->recent_mse;
 }
 
-/* Walks over the networks and the report of the finished segments. */
+/* Walks over networks, tones and report of the finished segments. */
 static void walk_file(saga_train *t, saga_checkpoint *c)
 {
     saga_fit_networks *const n = &t->file.networks;
@@ -196,6 +196,7 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
                          (saga_counts){ 0 }, 0, 0, error))
         return false;
     walk_file(t, c);
+    saga_train_tone(t);
     if (!c->failed)
         t->flat_options.n_primitives = saga_train_share(t);
     return true;

@@ -21,6 +21,9 @@
 struct saga_train {
     const saga_capture *capture;
     saga_pictures pictures;      /* of the capture */
+    double *tones;               /* (views + 1, 3) exposures, then the
+                                  * background: those of the segment that is
+                                  * trained first serve all */
     uint64_t digest;             /* of these, where there are checkpoints */
     saga_train_options o;        /* resolved: nothing left to derive */
     saga_ablation ablation;      /* what o.ablate says */
@@ -58,6 +61,8 @@ struct saga_train {
 /* train.c: returns the segment of a turn, where `first` has the first; builds
  * the hierarchy and the fit, t->dynamic is decided. */
 int saga_train_segment_at(int first, int turn);
+/* Gives the pictures t->tones. */
+void saga_train_tone(saga_train *t);
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
