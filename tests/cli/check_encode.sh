@@ -22,7 +22,7 @@
 #               how much was wanted, and no half-written file
 set -u
 saga=$(realpath "${SAGA:-${BUILD:-build}/saga}")
-dec=$(realpath "${BUILD:-build}/saga-dec")
+dec=$(realpath "${SAGA_DEC:-${BUILD:-build}/saga-dec}")
 checks=encode
 . "$(dirname "$0")/verdict.sh"
 cd "$tmp" || exit

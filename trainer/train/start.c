@@ -568,6 +568,15 @@ static void limit_codes(start *x)
         x->code[i] = fmin(fmax(x->code[i], -MOST_FEATURE), MOST_FEATURE);
 }
 
+/* What never reaches a step is coded as 0 always: a feature whose deviation is
+ * a thousandth of one is left out, before its weights leave all formats. */
+static void drop_idle(start *x, const double *variance, double step)
+{
+    for (size_t k = 0; k < x->f; k++)
+        for (size_t i = 0; i < x->d && variance[k] < 1e-6 * step * step; i++)
+            x->basis[i][k] = 0;
+}
+
 static void solve_all(start *x, double price, double step)
 {
     double ridge[SAGA_LINEAR_MOST], most;
@@ -581,11 +590,12 @@ static void solve_all(start *x, double price, double step)
     scale(x, price);
     decorrelate(x, ridge);
     most = fmin(fmax(ridge[0], step * step), MOST_DEVIATION * MOST_DEVIATION);
-    if (ridge[0] > 1e-12 && (ridge[0] < most || ridge[0] > most)) {
+    if (ridge[0] > 1e-24 && (ridge[0] < most || ridge[0] > most)) {
         price *= ridge[0] / most;
         scale(x, price);
         decorrelate(x, ridge);
     }
+    drop_idle(x, ridge, step);
     for (size_t k = 0; k < x->f; k++)
         ridge[k] = PRIOR * price /
                    (12 / (step * step) * (ridge[k] + 1e-6));

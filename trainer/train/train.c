@@ -158,7 +158,9 @@ static bool find_tones(saga_train *t, saga_error *error)
     const size_t n = 3 * (size_t)t->capture->n_views;
 
     t->tones = saga_alloc(n + 3, sizeof *t->tones, "the views", error);
-    if (!t->tones || !saga_exposure_find(&t->pictures, t->o.seed, error))
+    if (!t->tones)
+        return false;
+    if (!t->o.given && !saga_exposure_find(&t->pictures, t->o.seed, error))
         return false;
     memcpy(t->tones, t->pictures.exposure, n * sizeof *t->tones);
     for (size_t k = 0; k < 3; k++)

@@ -24,6 +24,9 @@ enum {
 
 #define UNEXPLAINED 0.01 /* whose weight is half of the best */
 #define WORTH_IT 0.03    /* logarithms that differ by that */
+#define WRONG 0.2        /* what differs by more counts as that */
+#define UNEXPLAINED_PART 0.8 /* of all differences may be left; where more is,
+                              * factors follow wrong matches */
 
 /* View a saw a place brighter than view b by these logarithms. */
 typedef struct comparison { int a, b; double log[3]; } comparison;
@@ -94,6 +97,18 @@ static void improve(comparisons *c, double *x, int k, size_t n_views)
             x[3 * v] = (x[3 * v] + c->sum[2 * v] / c->sum[2 * v + 1]) / 2;
 }
 
+/* Returns what the comparisons differ by in all, given the factors x. */
+static double difference(const comparisons *c, const double *x)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < c->n; i++)
+        for (int k = 0; k < 3; k++)
+            sum += fmin(fabs(c->at[i].log[k] + x[3 * c->at[i].a + k] -
+                             x[3 * c->at[i].b + k]), WRONG);
+    return sum;
+}
+
 static void centre(double *x, const saga_pictures *p)
 {
     double sum = 0;
@@ -119,16 +134,21 @@ static void find(comparisons *c, saga_pictures *p, const saga_flat *f)
 {
     const size_t n = (size_t)p->capture->n_views;
     double widest = 0;
+    double before = 0, after = 0;
 
     for (int pass = 0; pass < N_PASSES; pass++) {
         compare_all(c, f, pass);
         gather(c, n);
         memset(c->log, 0, 3 * n * sizeof *c->log);
+        if (pass == 0)
+            before = difference(c, c->log);
         for (int k = 0; k < 3; k++) {
             for (int i = 0; i < N_ROUNDS; i++)
                 improve(c, c->log + k, k, n);
             centre(c->log + k, p);
         }
+        if (pass == 0)
+            after = difference(c, c->log);
         for (size_t i = 0; i < 3 * n; i++)
             p->exposure[i] *= exp(c->log[i]);
     }
@@ -136,8 +156,9 @@ static void find(comparisons *c, saga_pictures *p, const saga_flat *f)
         c->log[i] = log(p->exposure[i]);
     for (int k = 0; k < 3; k++)
         widest = fmax(widest, span(c->log + k, p));
-    for (size_t i = 0; i < 3 * n && !(widest > WORTH_IT); i++)
-        p->exposure[i] = 1;
+    if (!(widest > WORTH_IT && after < UNEXPLAINED_PART * before))
+        for (size_t i = 0; i < 3 * n; i++)
+            p->exposure[i] = 1;
 }
 
 bool saga_exposure_find(saga_pictures *p, uint64_t seed, saga_error *error)

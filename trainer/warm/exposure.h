@@ -11,8 +11,9 @@
 #include "pictures.h"
 
 /* Sets pictures->exposure of the training views: 1, unless the tones of two
- * cameras differ by more than 3 %. Their logarithms are 0 on the mean. Fails
- * where memory is short. */
+ * cameras differ by more than 3 % and factors explain a fifth of what
+ * comparisons differ by. Their logarithms are 0 on the mean. Fails where memory
+ * is short. */
 bool saga_exposure_find(saga_pictures *pictures, uint64_t seed,
                         saga_error *error);
 
