@@ -51,9 +51,10 @@ static void pose_of(int image, double pose[7])
 /* Where image k sees point i, half a pixel off in cam01 (k = 1). */
 static void pixel_of(const world *w, int k, int i, double uv[2])
 {
-    const saga_lens l = { camera_params[0][0], camera_params[0][1],
-                          camera_params[0][2], camera_params[0][3],
-                          0, 0, 0, 0, 0, 0, false };
+    const saga_lens l = { .fx = camera_params[0][0],
+                          .fy = camera_params[0][1],
+                          .cx = camera_params[0][2],
+                          .cy = camera_params[0][3] };
     const double *const x = w->position[i];
 
     uv[0] = l.fx * (x[0] + 0.5 * (2 - k)) / x[2] + l.cx + (k == 1 ? 0.5 : 0);

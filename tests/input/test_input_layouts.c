@@ -450,6 +450,198 @@ static void panoptic_sports_should_be_refused_when_wrong(void **state)
     refused(f->path, "test_meta.json", "camera 3 is in train_meta.json and in");
 }
 
+/* --- MPEG MIV ------------------------------------------------------------ */
+
+static const double degree = 3.14159265358979323846 / 180;
+
+/* Yaw, pitch and roll of the matrix whose columns are forward, left and up. */
+static void angles_of(const saga_shot *s, double angle[3])
+{
+    const double *const right = s->rotation, *const down = right + 3;
+    const double *const forward = right + 6;
+
+    angle[0] = atan2(forward[1], forward[0]) / degree;
+    angle[1] = -asin(forward[2]) / degree;
+    angle[2] = atan2(-right[2], -down[2]) / degree;
+}
+
+static void write_miv_json(folder *f)
+{
+    bytes b = { 0 };
+
+    put_text(&b, "{\"Version\": \"4.0\", \"Content_name\": \"room\", \"Fps\": "
+             "24, \"sourceCameraNames\": [\"cam00\", \"cam01\", \"cam02\", "
+             "\"cam03\"], \"cameras\": [{\"Name\": \"viewport\"}");
+    for (int v = 0; v < N_VIEWS; v++) {
+        const saga_shot *const s = &scene.views[v];
+        const double *const r = s->rotation, *const t = s->translation;
+        double a[3];
+
+        angles_of(s, a);
+        put_text(&b, ", {\"Name\": \"%s\", \"Position\": [%.17g, %.17g, "
+                 "%.17g], \"Rotation\": [%.17g, %.17g, %.17g], ", s->name,
+                 -(r[0] * t[0] + r[3] * t[1] + r[6] * t[2]),
+                 -(r[1] * t[0] + r[4] * t[1] + r[7] * t[2]),
+                 -(r[2] * t[0] + r[5] * t[1] + r[8] * t[2]), a[0], a[1], a[2]);
+        put_text(&b, "\"Projection\": \"Perspective\", \"Resolution\": [%d, "
+                 "%d], \"Focal\": [%.17g, %.17g], \"Principle_point\": [%.17g, "
+                 "%.17g], \"Depth_range\": [0.5, 25], \"BitDepthColor\": 10, "
+                 "\"ColorSpace\": \"YUV420\"}", W, H, s->fx, s->fy, s->cx,
+                 s->cy);
+    }
+    put_text(&b, "]}");
+    write_bytes(f, "room.json", &b);
+}
+
+static void write_textures(folder *f, const char *pixels)
+{
+    for (int v = 0; v < N_VIEWS; v++)
+        folder_run(f, "ffmpeg -nostdin -v error -y -i p/cam%02d/f_0000.png "
+                   "-vf scale=out_color_matrix=bt709:out_range=limited:flags="
+                   "accurate_rnd+full_chroma_inp -pix_fmt %s -f rawvideo "
+                   "cam%02d_texture_%dx%d_%s.yuv", v, pixels, v, W, H, pixels);
+}
+
+static void miv_should_be_the_scene(void **state)
+{
+    folder *const f = *state;
+    saga_capture c;
+
+    write_pictures(f, "p", camera_and_number, 0, 1);
+    write_miv_json(f);
+    /* A quarter of the colours' pixels is left. */
+    write_textures(f, "yuv420p10le");
+    check_same(f->path, 1, 30);
+    folder_run(f, "rm *.yuv");
+    write_textures(f, "yuv420p");
+    check_same(f->path, 1, 30);
+    c = load(f->path);
+    assert_true(c.fps == 24 && c.views[2].near_depth == 0.5 &&
+                c.views[2].far_depth == 25);
+    saga_capture_free(&c);
+}
+
+/* A turn about an axis, 0 x, 1 y, 2 z, by the right hand, in degrees. */
+static void turn(double d[3], int axis, double angle)
+{
+    const int a = (axis + 1) % 3, b = (axis + 2) % 3;
+    const double c = cos(angle * degree), s = sin(angle * degree);
+    const double x = d[a], y = d[b];
+
+    d[a] = c * x - s * y;
+    d[b] = s * x + c * y;
+}
+
+/* What light comes from a direction of the scene: 0 to 1. */
+static double light_from(const double d[3])
+{
+    return 0.5 + 0.4 * sin(3 * d[0] + 4 * d[1] - 2 * d[2] + 1);
+}
+
+/* Two frames, the second of half the light, of an equirectangular camera that
+ * is turned by 30, 20 and 10 degrees; grey, 10 bits. */
+static void write_sphere(folder *f, int w, int h, double wide)
+{
+    bytes b = { 0 };
+    char name[60];
+
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < w * h; i++) {
+            const double phi = wide * (0.5 - (i % w + 0.5) / w) * degree;
+            const double theta = 180 * (0.5 - (i / w + 0.5) / h) * degree;
+            double d[3] = { cos(theta) * cos(phi), cos(theta) * sin(phi),
+                            sin(theta) };
+
+            turn(d, 0, 10);
+            turn(d, 1, 20);
+            turn(d, 2, 30);
+            put_le(&b, (uint64_t)(64.5 + 876 * light_from(d) / (k + 1)), 2);
+        }
+        for (int i = 0; i < w * h / 2; i++)
+            put_le(&b, 512, 2);
+    }
+    snprintf(name, sizeof name, "v0_texture_%dx%d_yuv420p10le.yuv", w, h);
+    write_bytes(f, name, &b);
+    put_text(&b, "{\"cameras\": [{\"Name\": \"v0\", \"Position\": [1, 2, 3], "
+             "\"Rotation\": [30, 20, 10], \"Projection\": \"Equirectangular\", "
+             "\"Resolution\": [%d, %d], \"Hor_range\": [%g, %g], "
+             "\"Ver_range\": [-90, 90]}]}", w, h, -wide / 2, wide / 2);
+    write_bytes(f, "sphere.json", &b);
+}
+
+static void check_faces(folder *f, int n_faces, int side)
+{
+    saga_capture c = load(f->path);
+    double worst = 0;
+    int n_off = 0;
+
+    assert_int_equal(c.n_views, n_faces);
+    assert_int_equal(c.n_frames, 2);
+    for (int v = 0; v < n_faces; v++) {
+        const saga_shot *const s = &c.views[v];
+
+        assert_true(s->width == side && s->height == side);
+        for (int i = 0; i < 2 * side * side; i++) {
+            const int k = i / (side * side), x = i % side;
+            const int y = i / side % side;
+            const double uv[2] = { x + 0.5, y + 0.5 };
+            double d[3], n, want;
+
+            saga_view_lift(s, uv, 1, d);
+            for (int a = 0; a < 3; a++)
+                d[a] -= a + 1;
+            n = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+            for (int a = 0; a < 3; a++)
+                d[a] /= n;
+            want = 255 * light_from(d) / (k + 1);
+            want -= saga_capture_frame(&c, v, k)[3 * (y * side + x) + 1];
+            worst = fmax(worst, fabs(want));
+            n_off += fabs(want) > 1.7;
+        }
+    }
+    saga_capture_free(&c);
+    /* At the seam and the poles the nearest pixel is taken, up to half a source
+     * pixel away: 0.5 pi / 128 of light that changes by 5.4 * 0.4 * 255 a
+     * radian. */
+    assert_true(n_off < 2 * side * side * n_faces / 50 && worst < 6.8);
+}
+
+static void equirectangular_views_should_become_faces(void **state)
+{
+    folder *const f = *state;
+
+    write_sphere(f, 256, 128, 360);
+    check_faces(f, 6, 81); /* 256 / pi */
+    folder_run(f, "rm *.yuv");
+    write_sphere(f, 128, 128, 180);
+    check_faces(f, 2, 81);
+}
+
+static void miv_should_be_refused_when_wrong(void **state)
+{
+    static const struct { const char *edit, *what; } t[] = {
+        { "s/Equirect/Orthograph/", "Orthographangular, which no pinhole" },
+        { "s/.Hor_range.: ..180/\"Hor_range\": [170/", "170 to 180" },
+        { "s/.Ver_range.*]}]/\"x\": 1}]/", "\"Ver_range\" of camera v0" },
+        { "s/.Position.: .1/\"Position\": [null/", "\"Position\" of camera" },
+        { "s/.256, 128./[256, 64]/", "256 x 64 by \"Resolution\"" },
+        { "s/v0/v1/", "has no texture of camera v1" },
+        { "s/\"v0\"/7/", "\"Name\" of cameras[0]" },
+        { "s/.cameras.: .*]/\"cameras\": []/", "names no camera" },
+        { "s/]}$//", "no valid JSON" },
+    };
+    folder *const f = *state;
+
+    for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+        write_sphere(f, 256, 128, 360);
+        folder_run(f, "sed -i '%s' sphere.json", t[i].edit);
+        refused(f->path, f->path, t[i].what);
+    }
+    write_sphere(f, 256, 128, 360);
+    folder_run(f, "truncate -s -1 *.yuv");
+    refused(f->path, ".yuv", "196607 bytes, which are not 1 to");
+}
+
 /* --- Stills -------------------------------------------------------------- */
 
 static void convert(folder *f, const char *ending, const char *how)
@@ -576,6 +768,9 @@ int main(void)
         IN_FOLDER(listed_pictures_should_have_any_ending),
         IN_FOLDER(panoptic_sports_should_be_the_scene),
         IN_FOLDER(panoptic_sports_should_be_refused_when_wrong),
+        IN_FOLDER(miv_should_be_the_scene),
+        IN_FOLDER(equirectangular_views_should_become_faces),
+        IN_FOLDER(miv_should_be_refused_when_wrong),
         IN_FOLDER(stills_should_be_the_scene_in_every_format),
         IN_FOLDER(jpegs_should_be_refused_when_damaged),
         IN_FOLDER(missing_pictures_should_be_left_out),

@@ -175,6 +175,8 @@ const saga_command saga_command_check = {
     "                             of a camera or of a moment\n"
     "  camNN.mp4, poses_bounds.npy  Neu3D; or a COLMAP model\n"
     "  train_meta.json, ims/      Panoptic Sports (untested on foreign files)\n"
+    "  NAME.json, V_texture_WxH_yuv420p10le.yuv  MPEG MIV, perspective or\n"
+    "                             equirectangular (untested on foreign files)\n"
     "  frame000/, frame001/ ...   any of these for one moment each\n"
     "Lenses of OPENCV, also of OPENCV_FISHEYE, are straightened.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run

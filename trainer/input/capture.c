@@ -267,7 +267,9 @@ typedef struct load_job {
 static double picture_nbytes(const load_job *job, int v, double scale)
 {
     const saga_source *const s = &job->listing->sources[v];
-    const double px = floor(s->width / scale) * floor(s->height / scale);
+    const saga_remap *const m = &job->remaps[v];
+    const double px =
+        floor(m->full_width / scale) * floor(m->full_height / scale);
     double n = 3.0 * px * job->capture->n_frames;
     for (int k = 0; s->depths && job->options->want_depth &&
                     k < job->capture->n_frames; k++)

@@ -159,7 +159,8 @@ static bool unknown_format(const char *path, saga_error *error)
     return saga_fail(error, path, "looked for transforms.json (nerfstudio, "
                      "Blender), cam*.mp4 with poses_bounds.npy or a COLMAP "
                      "model (Neu3D), train_meta.json (Panoptic Sports), "
-                     "a COLMAP model in sparse/0 beside images/,"
+                     "camera JSON with .yuv (MPEG MIV), a COLMAP model in "
+                     "sparse/0 beside images/,"
                      " and numbered frame folders of these",
                      "holds no capture of a known format");
 }
@@ -199,6 +200,8 @@ static bool list_one(saga_listing *listing, const char *path,
         ok = saga_panoptic_list(listing, path, options, error);
     else if (saga_neu3d_is_there(path, error))
         ok = saga_neu3d_list(listing, path, options, error);
+    else if (!saga_failed(error) && saga_miv_is_there(path, error))
+        ok = saga_miv_list(listing, path, options, error);
     else if (!saga_failed(error) && saga_colmap_folder_is_there(path, error))
         ok = saga_colmap_folder_list(listing, path, NULL, options, error);
     else if (!saga_failed(error))

@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 #include "json_memory.h"
 
-#include <jansson.h>
+#include "alloc.h"
+#include "file.h"
+
 #include <stdlib.h>
+#include <string.h>
 
 static _Thread_local bool starved; /* jansson passes us no context */
 
@@ -22,4 +25,44 @@ void saga_json_watch(void)
 bool saga_json_starved(void)
 {
     return starved;
+}
+
+/* Python writes NaN, Infinity and -Infinity, which JSON does not have. */
+static bool bad_json(const json_error_t *problem, const char *path,
+                     const saga_bytes *bytes, saga_error *error)
+{
+    const bool nonfinite = strstr(problem->text, "'NaN") ||
+                           strstr(problem->text, "'Infinity") ||
+                           (strstr(problem->text, "'-'") &&
+                            strstr((const char *)bytes->data, "-Infinity")) ||
+                           strstr(problem->text, "real number overflow");
+    return saga_fail(error, path, nonfinite ? "export the poses again"
+                                            : "correct the file",
+                     "%s at line %d, column %d (%s)",
+                     nonfinite ? "holds a number that is not finite"
+                               : "is no valid JSON",
+                     problem->line, problem->column, problem->text);
+}
+
+json_t *saga_json_read(const char *path, saga_error *error)
+{
+    json_error_t problem;
+    saga_bytes bytes;
+    if (!saga_read_file(&bytes, path, error))
+        return NULL;
+    saga_json_watch();
+    json_t *root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
+                              &problem);
+    bool ok = root || saga_json_starved() ||
+              bad_json(&problem, path, &bytes, error);
+    if (saga_json_starved())
+        ok = saga_no_memory(0, path, error);
+    else if (ok && !json_is_object(root))
+        ok = saga_fail(error, path, "correct the file", "\"(root)\" at the top "
+                       "is no object, expected an object");
+    saga_bytes_free(&bytes);
+    if (ok)
+        return root;
+    json_decref(root);
+    return NULL;
 }

@@ -72,6 +72,10 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
 bool saga_panoptic_list(saga_listing *listing, const char *folder,
                         const saga_capture_options *options,
                         saga_error *error);
+/* Tells whether a folder holds .yuv and .json files. */
+bool saga_miv_is_there(const char *folder, saga_error *error);
+bool saga_miv_list(saga_listing *listing, const char *folder,
+                   const saga_capture_options *options, saga_error *error);
 /* Tells whether there is a COLMAP model; false with an error as below. */
 bool saga_colmap_folder_is_there(const char *folder, saga_error *error);
 /* model_folder is NULL where the model is in the folder of the pictures. */

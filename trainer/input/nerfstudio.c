@@ -833,44 +833,12 @@ static char *folder_of(const char *path, saga_error *error)
     return folder;
 }
 
-/* Python writes NaN, Infinity and -Infinity, which JSON does not have. */
-static bool bad_json(const json_error_t *problem, const char *path,
-                     const saga_bytes *bytes, saga_error *error)
-{
-    const bool nonfinite = strstr(problem->text, "'NaN") ||
-                           strstr(problem->text, "'Infinity") ||
-                           (strstr(problem->text, "'-'") &&
-                            strstr((const char *)bytes->data, "-Infinity")) ||
-                           strstr(problem->text, "real number overflow");
-    return saga_fail(error, path, nonfinite ? "export the poses again"
-                                            : "correct the file",
-                     "%s at line %d, column %d (%s)",
-                     nonfinite ? "holds a number that is not finite"
-                               : "is no valid JSON",
-                     problem->line, problem->column, problem->text);
-}
-
 /* Reads one JSON file and its entries. */
 static bool read_json(reader *r, int which, const char *path)
 {
-    json_error_t problem;
-    saga_bytes bytes;
     r->path = path;
-    if (!saga_read_file(&bytes, path, r->error))
-        return false;
-    saga_json_watch();
-    json_t *const root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
-                                    &problem);
-    bool ok = true;
-    if (saga_json_starved())
-        ok = saga_no_memory(0, path, r->error);
-    else if (!root)
-        ok = bad_json(&problem, path, &bytes, r->error);
-    saga_bytes_free(&bytes);
-    r->root = r->roots[which] = root;
-    if (ok && !json_is_object(root))
-        ok = wrong_type(r, -1, "(root)", root, "an object");
-    return ok && read_entries(r);
+    r->root = r->roots[which] = saga_json_read(path, r->error);
+    return r->root && read_entries(r);
 }
 
 bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,

@@ -214,26 +214,11 @@ static bool read_moments(sports_reader *r)
 
 static bool read_meta(sports_reader *r, const char *name, bool test)
 {
-    json_error_t problem;
-    saga_bytes bytes;
     char *const path = saga_path_join(r->folder, name, r->error);
-    bool ok = path && saga_read_file(&bytes, path, r->error);
     r->path = path;
     r->test = test;
-    if (ok) {
-        saga_json_watch();
-        r->root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
-                             &problem);
-        saga_bytes_free(&bytes);
-        if (saga_json_starved())
-            ok = saga_no_memory(0, path, r->error);
-        else
-            ok = r->root ? read_moments(r)
-                         : saga_fail(r->error, path, "correct the file",
-                                     "is no valid JSON at line %d, column %d "
-                                     "(%s)", problem.line, problem.column,
-                                     problem.text);
-    }
+    r->root = path ? saga_json_read(path, r->error) : NULL;
+    const bool ok = r->root && read_moments(r);
     json_decref(r->root);
     r->root = NULL;
     free(path);

@@ -19,6 +19,16 @@ static double fisheye_radius(const saga_lens *l, double angle)
 
 void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 {
+    if (lens->equirect) {
+        const double *const m = lens->turn;
+        const double d[3] = {m[0] * x + m[1] * y + m[2],
+                             m[3] * x + m[4] * y + m[5],
+                             m[6] * x + m[7] * y + m[8]};
+        uv[0] = lens->fx * atan2(d[0], d[2]) + lens->cx;
+        uv[1] = lens->fy * atan2(d[1], sqrt(d[0] * d[0] + d[2] * d[2])) +
+                lens->cy;
+        return;
+    }
     if (lens->fisheye) {
         const double r = sqrt(x * x + y * y);
         const double part =
@@ -40,8 +50,15 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 
 bool saga_lens_is_pinhole(const saga_lens *lens)
 {
-    return !lens->fisheye && lens->k1 == 0.0 && lens->k2 == 0.0 &&
-           lens->k3 == 0.0 && lens->p1 == 0.0 && lens->p2 == 0.0;
+    return !lens->fisheye && !lens->equirect && lens->k1 == 0.0 &&
+           lens->k2 == 0.0 && lens->k3 == 0.0 && lens->p1 == 0.0 &&
+           lens->p2 == 0.0;
+}
+
+/* Returns the side of a face of an equirectangular picture at full size. */
+static int face_side(const saga_lens *lens)
+{
+    return (int)fmin(2.0 * lens->fx, SAGA_MAX_SIDE);
 }
 
 /* Computes the source position of a pinhole position when focals are lens
@@ -49,6 +66,11 @@ bool saga_lens_is_pinhole(const saga_lens *lens)
 static void source_of(const saga_lens *lens, double s, double u, double v,
                       double uv[2])
 {
+    const double half = face_side(lens) / 2.0;
+    if (lens->equirect) {
+        saga_lens_project(lens, (u - half) / half, (v - half) / half, uv);
+        return;
+    }
     saga_lens_project(lens, (u - lens->cx) / (lens->fx * s),
                       (v - lens->cy) / (lens->fy * s), uv);
 }
@@ -147,9 +169,13 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                      int height, int scale, const char *file,
                      saga_error *error)
 {
+    const int side = lens->equirect ? face_side(lens) : 0;
     *remap = (saga_remap){.original_width = width, .original_height = height,
-                          .scale = scale, .focal_scale = 1.0,
-                          .width = width / scale, .height = height / scale};
+                          .full_width = side ? side : width,
+                          .full_height = side ? side : height,
+                          .scale = scale, .focal_scale = 1.0};
+    remap->width = remap->full_width / scale;
+    remap->height = remap->full_height / scale;
     if (remap->width < 1 || remap->height < 1)
         return saga_fail(error, file, "use a larger --scale fraction",
                          "%d x %d pixels leave nothing at --scale 1/%d", width,
@@ -158,6 +184,10 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
         return saga_fail(error, file, "correct the intrinsics",
                          "intrinsics are not usable (fx %g, fy %g, cx %g, "
                          "cy %g)", lens->fx, lens->fy, lens->cx, lens->cy);
+    if (lens->equirect) {
+        remap->fx = remap->fy = remap->cx = remap->cy = side / 2.0 / scale;
+        return true;
+    }
     if (!saga_lens_is_pinhole(lens))
         remap->focal_scale = choose_scale(lens, width, height);
     if (remap->focal_scale == 0.0)
@@ -177,8 +207,8 @@ uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
 {
     return saga_lens_is_pinhole(lens)
                ? 0
-               : (uint64_t)remap->original_width *
-                     (uint64_t)remap->original_height * 6;
+               : (uint64_t)remap->full_width *
+                     (uint64_t)remap->full_height * 6;
 }
 
 /* Returns the position of the upper left of four taps and the way to the next,
@@ -204,7 +234,8 @@ bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
     if (saga_lens_is_pinhole(lens))
         return true;
     const int w = remap->original_width, h = remap->original_height;
-    const size_t n = (size_t)w * (size_t)h;
+    const size_t full = (size_t)remap->full_width;
+    const size_t n = full * (size_t)remap->full_height;
     remap->taps = saga_alloc(n, sizeof *remap->taps, file, error);
     remap->fractions = saga_alloc(n, 2, file, error);
     if (!remap->taps || !remap->fractions) {
@@ -213,8 +244,8 @@ bool saga_remap_build(saga_remap *remap, const saga_lens *lens,
     }
     for (size_t i = 0; i < n; i++) {
         double uv[2];
-        source_of(lens, remap->focal_scale, (double)(i % (size_t)w) + 0.5,
-                  (double)(i / (size_t)w) + 0.5, uv);
+        source_of(lens, remap->focal_scale, (double)(i % full) + 0.5,
+                  (double)(i / full) + 0.5, uv);
         const int x = split_position(uv[0], w, &remap->fractions[2 * i]);
         const int y = split_position(uv[1], h, &remap->fractions[2 * i + 1]);
         remap->taps[i] = (uint32_t)y * (uint32_t)w + (uint32_t)x;
@@ -251,7 +282,7 @@ static inline void add_bilinear(const saga_remap *remap, const uint8_t *source,
 static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
                       int y, uint8_t *rgb)
 {
-    const size_t n = (size_t)remap->scale, w = (size_t)remap->original_width;
+    const size_t n = (size_t)remap->scale, w = (size_t)remap->full_width;
     uint64_t sum[3] = {0};
     for (size_t b = 0; b < n; b++)
         for (size_t a = 0; a < n; a++) {
@@ -289,7 +320,8 @@ void saga_remap_depth(const saga_remap *remap, const float *source,
     const size_t n = (size_t)remap->scale, w = (size_t)remap->original_width;
     for (size_t y = 0; y < (size_t)remap->height; y++)
         for (size_t x = 0; x < (size_t)remap->width; x++) {
-            size_t i = (y * n + n / 2) * w + x * n + n / 2;
+            size_t i = (y * n + n / 2) * (size_t)remap->full_width + x * n +
+                       n / 2;
             if (remap->taps) {
                 const uint8_t *const f = &remap->fractions[2 * i];
                 i = remap->taps[i] + (f[0] >= 128 ? 1u : 0u) +

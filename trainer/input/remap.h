@@ -14,7 +14,12 @@
  *
  *     (x', y') = (x, y) / |x, y| (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9).
  *
- * The pinhole keeps the size and the principal point of the lens; both its
+ * An equirectangular picture has fx, fy pixels a radian of longitude and
+ * latitude around (cx, cy); one of its faces, a pinhole of 90 degrees square
+ * with as many pixels a radian in its middle, looks in a direction of its own.
+ * At the seam and the poles it takes the nearest pixel.
+ *
+ * Of other lenses the pinhole keeps the size and the principal point; both its
  * focal lengths are those of the lens times one factor, the smallest (widest
  * view) for which every pixel of the pinhole picture lies between pixel
  * centres of the source, and not wider than 110 degrees. So no pixel is invalid
@@ -35,18 +40,21 @@ typedef struct saga_lens {
     double fx, fy, cx, cy;
     double k1, k2, k3, p1, p2;
     double k4;                /* of a fisheye, which has no p1, p2 */
-    bool fisheye;
+    bool fisheye, equirect;
+    double turn[9];           /* of a face: its axes to those of the picture,
+                               * row-major */
 } saga_lens;
 
 typedef struct saga_remap {
     int original_width, original_height;
+    int full_width, full_height; /* of the pinhole at full size */
     int scale;
     int width, height;        /* of what comes out */
     double fx, fy, cx, cy;    /* of what comes out */
     double focal_scale;
-    uint32_t *taps;           /* NULL: no distortion. Else (source height,
-                               * source width): index of the upper left tap */
-    uint8_t *fractions;       /* (source height, source width, 2) of 1/256 */
+    uint32_t *taps;           /* NULL: no distortion. Else (full height, full
+                               * width): index of the upper left tap */
+    uint8_t *fractions;       /* (full height, full width, 2) of 1/256 */
 } saga_remap;
 
 /* Finds the pixel of the lens' picture in direction (x, y, 1). */

@@ -205,7 +205,14 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
         video->old_ffmpeg ? "-vsync" : "-fps_mode",
         video->old_ffmpeg ? "0" : "passthrough",
         "-vf", filter, "-pix_fmt", "rgb24", "-f", "rawvideo", "-", NULL};
-    add_guard(argv, video->info.still);
+    char size[24];
+    (void)snprintf(size, sizeof size, "%dx%d", video->info.width,
+                   video->info.height);
+    const char *const raw[] = {"-pixel_format", video->info.raw, "-video_size",
+                               size, NULL};
+    add_guard(argv, video->info.raw ? "rawvideo" : video->info.still);
+    if (video->info.raw)
+        add_words(argv, raw);
     add_words(argv, rest);
     const bool ok = saga_child_start(&video->child, argv, error);
     free(url);

@@ -25,6 +25,8 @@ typedef struct saga_video_info {
     char matrix[16];     /* name for ffmpeg's scaler */
     bool full_range;
     const char *still;   /* as saga_video_probe was told */
+    const char *raw;     /* ffmpeg's name of the pixels of a file without a
+                          * header, a static string; NULL: it has one */
 } saga_video_info;
 
 /* Finds out what a file holds. `still` is NULL for a video; for a still picture

@@ -1,0 +1,379 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * This reads a sequence as MPEG's immersive video (MIV) has it: a JSON file of
+ * "cameras", and of each view NAME_texture_WxH_yuv420p10le.yuv (or yuv420p, 8
+ * bits). Views are those of "sourceCameraNames"; without it all but "viewport"
+ * and "center". Untagged YUV is BT.709, limited range. Depth is not read.
+ *
+ * Axes: x forward, y left, z up. "Rotation" is yaw, pitch, roll in degrees,
+ * camera to scene by Rz(yaw) Ry(pitch) Rx(roll). The corner of a picture is
+ * (0, 0). A perspective view is a pinhole of "Focal" and "Principle_point"; an
+ * equirectangular one becomes faces of 90 degrees, side by side over
+ * "Hor_range", and where that is the whole circle one up and one down.
+ */
+#include "alloc.h"
+#include "error.h"
+#include "file.h"
+#include "json_memory.h"
+#include "load.h"
+#include "notes.h"
+#include "picture.h"
+#include "pose.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#define DEGREE 0.017453292519943295
+
+typedef struct miv_reader {
+    saga_listing *listing;
+    const char *folder;
+    char *path;               /* of the JSON */
+    json_t *root;
+    double fps;
+    saga_error *error;
+} miv_reader;
+
+/* One camera of the JSON, by its texture file. */
+typedef struct miv_camera {
+    const json_t *json;
+    const char *name;
+    char *video;
+    saga_video_info info;
+    double matrix[9];         /* camera to scene */
+    double centre[3];
+} miv_camera;
+
+/* ---------------------------------------------------------------- the JSON */
+
+/* Reads n numbers of an array. */
+static bool get_numbers(const miv_reader *r, const miv_camera *c,
+                        const char *key, int n, double *to)
+{
+    const json_t *const a = json_object_get(c->json, key);
+    for (int i = 0; i < n; i++) {
+        const json_t *const x = json_array_get(a, (size_t)i);
+        if (!json_is_number(x))
+            return saga_fail(r->error, r->path, "correct the camera",
+                             "\"%s\" of camera %s is missing or not %d "
+                             "numbers", key, c->name, n);
+        to[i] = json_number_value(x);
+    }
+    return true;
+}
+
+static bool is_source(const miv_reader *r, const char *name)
+{
+    const json_t *const list = json_object_get(r->root, "sourceCameraNames");
+    if (!json_is_array(list))
+        return strcmp(name, "viewport") != 0 && strcmp(name, "center") != 0;
+    for (size_t i = 0; i < json_array_size(list); i++) {
+        const char *const s = json_string_value(json_array_get(list, i));
+        if (s && strcmp(s, name) == 0)
+            return true;
+    }
+    return false;
+}
+
+static bool get_pose(const miv_reader *r, miv_camera *c)
+{
+    double angle[3];
+    if (!get_numbers(r, c, "Rotation", 3, angle) ||
+        !get_numbers(r, c, "Position", 3, c->centre))
+        return false;
+    const double cy = cos(angle[0] * DEGREE), sy = sin(angle[0] * DEGREE);
+    const double cp = cos(angle[1] * DEGREE), sp = sin(angle[1] * DEGREE);
+    const double cr = cos(angle[2] * DEGREE), sr = sin(angle[2] * DEGREE);
+    const double m[9] = {cy * cp, cy * sp * sr - sy * cr,
+                         cy * sp * cr + sy * sr,
+                         sy * cp, sy * sp * sr + cy * cr,
+                         sy * sp * cr - cy * sr,
+                         -sp,     cp * sr,
+                         cp * cr};
+    memcpy(c->matrix, m, sizeof m);
+    return true;
+}
+
+/* ----------------------------------------------------------------- textures */
+
+/* Sets the size and the pixels that the part of a name behind "_texture_" tells
+ * of; false if it tells none. */
+static bool parse_texture(const char *s, saga_video_info *info)
+{
+    char format[24];
+    int used = 0;
+    if (sscanf(s, "%5dx%5d_%23[a-z0-9]%n", &info->width, &info->height, format,
+               &used) != 3 || strcmp(s + used, ".yuv") != 0)
+        return false;
+    info->raw = strcmp(format, "yuv420p10le") == 0 ? "yuv420p10le"
+                : strcmp(format, "yuv420p") == 0   ? "yuv420p"
+                                                   : NULL;
+    return info->raw != NULL;
+}
+
+/* Finds the texture of a camera in the folder. */
+static bool find_texture(const miv_reader *r, miv_camera *c)
+{
+    const size_t n = strlen(c->name);
+    DIR *const dir = opendir(r->folder);
+    if (!dir)
+        return saga_fail_errno(r->error, r->folder, "check its permissions",
+                               "folder cannot be read");
+    for (struct dirent *e; !c->video && (e = readdir(dir)) != NULL;)
+        if (strncmp(e->d_name, c->name, n) == 0 &&
+            strncmp(e->d_name + n, "_texture_", 9) == 0 &&
+            parse_texture(e->d_name + n + 9, &c->info)) {
+            c->video = saga_path_join(r->folder, e->d_name, r->error);
+            if (!c->video)
+                break;
+        }
+    closedir(dir);
+    return c->video ||
+           saga_fail(r->error, r->folder, "name it NAME_texture_WxH_"
+                     "yuv420p10le.yuv or NAME_texture_WxH_yuv420p.yuv",
+                     "has no texture of camera %s", c->name);
+}
+
+/* The size of the file tells how many frames there are. */
+static bool measure_texture(const miv_reader *r, miv_camera *c)
+{
+    struct stat st;
+    double size[2];
+    if (!get_numbers(r, c, "Resolution", 2, size))
+        return false;
+    if (size[0] != c->info.width || size[1] != c->info.height)
+        return saga_fail(r->error, c->video, "correct the name or the JSON",
+                         "is of %d x %d pixels by its name, of %g x %g by "
+                         "\"Resolution\"", c->info.width, c->info.height,
+                         size[0], size[1]);
+    if (!saga_check_size(c->video, c->info.width, c->info.height, r->error))
+        return false;
+    if (c->info.width % 2 || c->info.height % 2)
+        return saga_fail(r->error, c->video, "export it with even sides",
+                         "has odd sides, %d x %d, which 4:2:0 has not",
+                         c->info.width, c->info.height);
+    const long long frame = (long long)c->info.width * c->info.height * 3 / 2 *
+                            (strcmp(c->info.raw, "yuv420p") == 0 ? 1 : 2);
+    const long long n = stat(c->video, &st) == 0 ? (long long)st.st_size : 0;
+    if (n < frame || n % frame != 0 || n / frame > SAGA_MAX_FRAMES)
+        return saga_fail(r->error, c->video, "copy it again", "has %lld "
+                         "bytes, which are not 1 to %d frames of %lld", n,
+                         SAGA_MAX_FRAMES, frame);
+    c->info.n_frames = (int)(n / frame);
+    c->info.fps = r->fps;
+    c->info.untagged = true;
+    (void)snprintf(c->info.matrix, sizeof c->info.matrix, "bt709");
+    return true;
+}
+
+/* ------------------------------------------------------------------ sources */
+
+/* Adds a source that looks along axes given in the camera's own, x forward, y
+ * left, z up; `suffix` tells faces apart. */
+static saga_source *add_source(const miv_reader *r, const miv_camera *c,
+                               const double axes[3][3], const char *suffix)
+{
+    saga_listing *const l = r->listing;
+    double world[3][3];
+    saga_source *const more = saga_realloc(
+        l->sources, (size_t)l->n_sources + 1, sizeof *more, r->path, r->error);
+    if (!more)
+        return NULL;
+    l->sources = more;
+    saga_source *const s = &more[l->n_sources];
+    char name[2 * SAGA_NAME_NBYTES];
+    (void)snprintf(name, sizeof name, "%.50s%s", c->name, suffix);
+    *s = (saga_source){.width = c->info.width, .height = c->info.height,
+                       .info = c->info};
+    s->video = saga_string_copy(c->video, r->error);
+    if (!s->video)
+        return NULL;
+    l->n_sources++;
+    saga_copy_name(s->name, name, strlen(name));
+    for (int a = 0; a < 3; a++)
+        for (int i = 0; i < 3; i++)
+            world[a][i] = c->matrix[3 * i] * axes[a][0] +
+                          c->matrix[3 * i + 1] * axes[a][1] +
+                          c->matrix[3 * i + 2] * axes[a][2];
+    if (!saga_pose_from_axes(world[0], world[1], world[2], c->centre,
+                             s->rotation, s->translation)) {
+        saga_fail(r->error, r->path, "correct the camera", "\"Rotation\" or "
+                  "\"Position\" of camera %s is not finite", c->name);
+        return NULL;
+    }
+    return s;
+}
+
+static bool add_perspective(const miv_reader *r, const miv_camera *c)
+{
+    static const double axes[3][3] = {{0, -1, 0}, {0, 0, -1}, {1, 0, 0}};
+    double f[2], p[2], range[2];
+    if (!get_numbers(r, c, "Focal", 2, f) ||
+        !get_numbers(r, c, "Principle_point", 2, p))
+        return false;
+    saga_source *const s = add_source(r, c, axes, "");
+    if (!s)
+        return false;
+    s->lens = (saga_lens){.fx = f[0], .fy = f[1], .cx = p[0], .cy = p[1]};
+    if (json_object_get(c->json, "Depth_range")) {
+        if (!get_numbers(r, c, "Depth_range", 2, range))
+            return false;
+        if (range[0] > 0.0 && range[1] > range[0] && isfinite(range[1])) {
+            s->near_depth = range[0];
+            s->far_depth = range[1];
+        }
+    }
+    return true;
+}
+
+/* Adds a face that looks `yaw` to the left and `pitch` up, radians. */
+static bool add_face(const miv_reader *r, const miv_camera *c,
+                     const saga_lens *lens, double yaw, double pitch,
+                     const char *suffix)
+{
+    const double cy = cos(yaw), sy = sin(yaw), cp = cos(pitch), sp = sin(pitch);
+    const double axes[3][3] = {
+        {sy, -cy, 0.0}, {cy * sp, sy * sp, -cp}, {cy * cp, sy * cp, sp}};
+    saga_source *const s = add_source(r, c, axes, suffix);
+    if (!s)
+        return false;
+    s->lens = *lens;
+    /* The picture's own axes are right, down, forward: -y, -z, x. */
+    for (int a = 0; a < 3; a++) {
+        s->lens.turn[a] = -axes[a][1];
+        s->lens.turn[3 + a] = -axes[a][2];
+        s->lens.turn[6 + a] = axes[a][0];
+    }
+    return true;
+}
+
+static bool add_equirectangular(const miv_reader *r, const miv_camera *c)
+{
+    double h[2], v[2];
+    char suffix[16];
+    if (!get_numbers(r, c, "Hor_range", 2, h) ||
+        !get_numbers(r, c, "Ver_range", 2, v))
+        return false;
+    const double wide = h[1] - h[0], high = v[1] - v[0];
+    if (!(wide >= 90.0 && wide <= 360.0 && high >= 90.0 && high <= 180.0))
+        return saga_fail(r->error, r->path, "give degrees", "\"Hor_range\" %g "
+                         "to %g, \"Ver_range\" %g to %g of camera %s are no "
+                         "ranges of 90 to 360 and 90 to 180", h[0], h[1], v[0],
+                         v[1], c->name);
+    saga_lens lens = {.equirect = true};
+    lens.fx = c->info.width / (wide * DEGREE);
+    lens.fy = c->info.height / (high * DEGREE);
+    lens.cx = h[1] * DEGREE * lens.fx;
+    lens.cy = v[1] * DEGREE * lens.fy;
+    const int n = (int)(wide / 90.0);
+    for (int i = 0; i < n; i++) {
+        const double yaw = (h[0] + h[1]) / 2.0 + 90.0 * ((n - 1) / 2.0 - i);
+        (void)snprintf(suffix, sizeof suffix, "_%d", i);
+        if (!add_face(r, c, &lens, yaw * DEGREE,
+                      (v[0] + v[1]) / 2.0 * DEGREE, suffix))
+            return false;
+    }
+    return wide < 360.0 || high < 180.0 ||
+           (add_face(r, c, &lens, 0.0, 90.0 * DEGREE, "_up") &&
+            add_face(r, c, &lens, 0.0, -90.0 * DEGREE, "_down"));
+}
+
+static bool add_camera(const miv_reader *r, miv_camera *c)
+{
+    const char *const projection =
+        json_string_value(json_object_get(c->json, "Projection"));
+    if (r->listing->n_sources > SAGA_MAX_VIEWS - 8)
+        return saga_fail(r->error, r->path, "split the capture",
+                         "has more than %d views", SAGA_MAX_VIEWS);
+    if (!get_pose(r, c) || !find_texture(r, c) || !measure_texture(r, c))
+        return false;
+    if (projection && strcmp(projection, "Perspective") == 0)
+        return add_perspective(r, c);
+    if (projection && strcmp(projection, "Equirectangular") == 0)
+        return add_equirectangular(r, c);
+    return saga_fail(r->error, r->path, "render it as Perspective or "
+                     "Equirectangular", "\"Projection\" of camera %s is %s, "
+                     "which no pinhole shows", c->name,
+                     projection ? projection : "missing");
+}
+
+static bool add_cameras(miv_reader *r)
+{
+    const json_t *const cameras = json_object_get(r->root, "cameras");
+    const json_t *const fps = json_object_get(r->root, "Fps");
+    bool ok = true;
+    r->fps = json_is_number(fps) ? json_number_value(fps) : 0.0;
+    for (size_t i = 0; ok && i < json_array_size(cameras); i++) {
+        miv_camera c = {.json = json_array_get(cameras, i)};
+        c.name = json_string_value(json_object_get(c.json, "Name"));
+        if (!c.name)
+            ok = saga_fail(r->error, r->path, "name it", "\"Name\" of "
+                           "cameras[%zu] is missing or no string", i);
+        else if (is_source(r, c.name))
+            ok = add_camera(r, &c);
+        free(c.video);
+    }
+    if (ok && r->listing->n_sources == 0)
+        ok = saga_fail(r->error, r->path, "list them in sourceCameraNames",
+                       "names no camera that is a source");
+    return ok;
+}
+
+/* --------------------------------------------------------------- the folder */
+
+/* Finds the first file of a folder, by name, that ends so; NULL if there is
+ * none. */
+static char *first_with(const char *folder, const char *suffix,
+                        saga_error *error)
+{
+    DIR *const dir = opendir(folder);
+    char *best = NULL;
+    bool ok = dir || errno != ENOMEM || saga_no_memory(0, folder, error);
+    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
+        if (!saga_has_suffix(e->d_name, suffix) ||
+            (best && strcmp(best, e->d_name) < 0))
+            continue;
+        free(best);
+        best = saga_string_copy(e->d_name, error);
+        ok = best != NULL;
+    }
+    if (dir)
+        closedir(dir);
+    return best;
+}
+
+bool saga_miv_is_there(const char *folder, saga_error *error)
+{
+    char *const texture = first_with(folder, ".yuv", error);
+    char *const json = texture ? first_with(folder, ".json", error) : NULL;
+    const bool there = json != NULL;
+    free(texture);
+    free(json);
+    return there;
+}
+
+bool saga_miv_list(saga_listing *listing, const char *folder,
+                   const saga_capture_options *options, saga_error *error)
+{
+    miv_reader r = {.listing = listing, .folder = folder, .error = error};
+    char *const json = first_with(folder, ".json", error);
+    listing->format = "MPEG MIV (camera JSON and YUV)";
+    r.path = json ? saga_path_join(folder, json, error) : NULL;
+    r.root = r.path ? saga_json_read(r.path, error) : NULL;
+    const bool ok = r.root && add_cameras(&r) &&
+                    saga_listing_match_videos(listing, options, error) &&
+                    saga_listing_hold_out(listing, options->hold_out, error);
+    if (ok)
+        saga_note(listing->notes, "colour: YUV is taken as BT.709, limited "
+                  "range; points: none; depth is not read");
+    json_decref(r.root);
+    free(r.path);
+    free(json);
+    return ok;
+}
