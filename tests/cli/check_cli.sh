@@ -425,7 +425,7 @@ mv "$tmp/dim/images/cam01" "$tmp/dim/images/cam<b>"
 sed -i 's/cam01/cam<b>/' "$tmp/dim/transforms.json"
 rm "$tmp/dim/images/cam<b>/00001.png"
 expect 0 check "$tmp/dim" --html "$tmp/dim.html"
-for text in 'cam02 is 1.0' 'stops darker' '--primitives 5000' \
+for text in 'cam02 is 1.0' 'stops darker' '--preset fast' \
     'cam<b> lacks 1 of 2 pictures'; do
     grep -qF -e "$text" "$tmp/out" || complain "check: no '$text'"
 done

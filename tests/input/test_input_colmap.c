@@ -507,6 +507,32 @@ static void cameras_should_be_scaled_to_the_videos(void **state)
     refused(f->path, "colmap", "belongs to cam04");
 }
 
+static void late_videos_should_be_shifted(void **state)
+{
+    const world w = make_world();
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture whole, c;
+
+    folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=5:"
+               "d=1 -c:v libx264 -qp 0 cam00.mp4 && cp cam00.mp4 cam01.mp4 && "
+               "cp cam00.mp4 cam02.mp4", W, H);
+    write_binary_model(f, &w);
+    whole = load(f->path);
+    o.late = "cam01=2";
+    o.first_frame = 1;
+    c = load_with(f->path, &o);
+    assert_int_equal(whole.n_frames, 5);
+    assert_int_equal(c.n_frames, 2);
+    for (int v = 0; v < 3; v++)
+        for (int k = 0; k < 2; k++)
+            assert_memory_equal(
+                saga_capture_frame(&c, v, k),
+                saga_capture_frame(&whole, v, k + 1 + 2 * (v == 1)), 3 * W * H);
+    saga_capture_free(&c);
+    saga_capture_free(&whole);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -516,7 +542,8 @@ int main(void)
         IN_FOLDER(model_should_be_refused_when_bytes_are_missing),
         IN_FOLDER(model_should_be_refused_when_text_is_wrong),
         IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them),
-        IN_FOLDER(cameras_should_be_scaled_to_the_videos)
+        IN_FOLDER(cameras_should_be_scaled_to_the_videos),
+        IN_FOLDER(late_videos_should_be_shifted)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -743,6 +743,35 @@ static void unlisted_pictures_should_be_left_out(void **state)
     saga_capture_free(&c);
 }
 
+/* Frame k of a camera that runs one late is its picture k + 1. */
+static void late_cameras_should_be_shifted(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_model(f, "sparse/0", camera_and_number, 1);
+    write_pictures(f, "images", camera_and_number, 0, N_FRAMES);
+    o.late = "cam01=1,cam03=-1";
+    c = load_with(f->path, &o);
+    assert_int_equal(c.n_frames, N_FRAMES - 2);
+    for (int v = 0; v < N_VIEWS; v++)
+        assert_memory_equal(saga_capture_frame(&c, v, 0),
+                            saga_capture_frame(&scene, v, v == 1   ? 2
+                                                          : v == 3 ? 0
+                                                                   : 1),
+                            3 * W * H);
+    saga_capture_free(&c);
+    o.late = "cam01=3";
+    refused_with(f->path, &o, f->path, "leaves nothing of 3 frames");
+    o.late = "cam9=1";
+    refused_with(f->path, &o, f->path, "--late names \"cam9\"");
+    o.late = "cam01";
+    refused_with(f->path, &o, f->path, "\"cam01\" is no camera and number");
+    o.late = "cam01=x";
+    refused_with(f->path, &o, f->path, "\"cam01=x\" is no camera and number");
+}
+
 static void colmap_folder_should_be_refused_when_wrong(void **state)
 {
     folder *const f = *state;
@@ -775,6 +804,7 @@ int main(void)
         IN_FOLDER(jpegs_should_be_refused_when_damaged),
         IN_FOLDER(missing_pictures_should_be_left_out),
         IN_FOLDER(unlisted_pictures_should_be_left_out),
+        IN_FOLDER(late_cameras_should_be_shifted),
         IN_FOLDER(colmap_folder_should_be_refused_when_wrong),
     };
 

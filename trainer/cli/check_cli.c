@@ -16,7 +16,7 @@
 
 typedef struct {
     saga_cli_pair frames;
-    const char *hold_out, *html;
+    const char *hold_out, *html, *late;
     int scale, threads, memory;
 } options;
 
@@ -64,8 +64,8 @@ static void print_forecast(const saga_capture *c)
     puts("forecast, by the measured files of docs/results/rd.md; what PSNR "
          "comes out only a\ntrial tells:");
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        printf("  --primitives %-6d --iterations %-6d %5.0f CPU minutes  %4.0f "
-               "to %.0f kB\n", f.n_primitives, f.n_iterations,
+        printf("  --preset %-9s%7d primitives%7d iterations%6.0f CPU minutes"
+               "%6.0f to %.0f kB\n", f.preset, f.n_primitives, f.n_iterations,
                ceil(f.minutes), f.least_kb, f.most_kb);
 }
 
@@ -101,6 +101,7 @@ static bool load(saga_capture *c, const char *name, const options *o,
     with.first_frame = o->frames.a;
     with.end_frame = o->frames.b == INT32_MAX ? 0 : o->frames.b;
     with.hold_out = o->hold_out;
+    with.late = o->late;
     with.memory_nbytes = (uint64_t)o->memory << 30;
     with.n_threads = o->threads;
     with.progress = saga_meter_progress;
@@ -154,6 +155,8 @@ static const saga_cli_option option_list[] = {
     { "--hold-out", "NAME,..", "views not to be trained on, \"\" for none "
       "(default:\nwhat the capture says)", saga_cli_names,
       offsetof(options, hold_out), 0, 0 },
+    { "--late", "NAME=N,..", "cameras that run N frames behind the others",
+      saga_cli_text, offsetof(options, late), 0, 0 },
     { "--threads", "N", "threads (default: all cores)", saga_cli_int,
       offsetof(options, threads), 1, 1024 },
     { "--memory", "GIB", "memory for the capture's pictures (default 4)",

@@ -5,6 +5,7 @@
 #include "output.h"
 #include "picture.h"
 #include "pose.h"
+#include "train_plan.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -12,27 +13,30 @@
 
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
-/* Straight lines through docs/results/rd.md: a primitive takes 9 bytes (studio,
- * 25,000) to 16.5 (the room, 2,000), and 12,000 iterations take 0.27 CPU
- * minutes for 1,000 primitives and 0.7 for pictures of 100,000 pixels. */
+/* Straight lines through docs/results/rd.md: 8 kB and 8 to 13 bytes a primitive,
+ * and for 12,000 iterations 0.27 CPU minutes for 1,000 primitives and 0.7 for
+ * pictures of 100,000 pixels. */
 bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 {
-    static const int settings[][2] = {
-        { 5000, 6000 }, { 15000, 12000 }, { 40000, 20000 }
-    };
+    const saga_preset *const preset = saga_preset_at(index);
+    saga_train_options o = saga_train_defaults();
+    saga_plan_reasons why;
     double pixels = 0;
 
-    if (index >= (int)(sizeof settings / sizeof settings[0]))
+    if (!preset)
         return false;
+    o.n_primitives = o.n_iterations = 0;
+    saga_plan(&o, &why, capture, preset);
     for (int v = 0; v < capture->n_views; v++)
         pixels += (double)capture->views[v].width * capture->views[v].height /
                   capture->n_views;
-    f->n_primitives = settings[index][0];
-    f->n_iterations = settings[index][1];
+    f->preset = preset->name;
+    f->n_primitives = (int)o.n_primitives;
+    f->n_iterations = o.n_iterations;
     f->minutes = f->n_iterations / 12000.0 *
                  (0.27 * f->n_primitives / 1000 + 0.7 * pixels / 100000);
-    f->least_kb = 0.009 * f->n_primitives;
-    f->most_kb = 0.0165 * f->n_primitives;
+    f->least_kb = 8 + 0.008 * f->n_primitives;
+    f->most_kb = 8 + 0.013 * f->n_primitives;
     return true;
 }
 
@@ -270,9 +274,10 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     fputs("<h2>Forecast</h2><p>By the measured files of docs/results/rd.md; "
           "what PSNR comes out only a trial tells.<table>", to);
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        fprintf(to, "<tr><td>--primitives %d --iterations %d<td>%.0f CPU "
-                "minutes<td>%.0f to %.0f kB\n", f.n_primitives,
-                f.n_iterations, ceil(f.minutes), f.least_kb, f.most_kb);
+        fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
+                "%.0f CPU minutes<td>%.0f to %.0f kB\n", f.preset,
+                f.n_primitives, f.n_iterations, ceil(f.minutes), f.least_kb,
+                f.most_kb);
     fputs("</table><h2>What the loader decided</h2><pre>", to);
     put_escaped(to, c->notes);
     fputs("</pre></html>\n", to);

@@ -10,13 +10,14 @@
 #include "survey.h"
 
 typedef struct saga_forecast {
+    const char *preset;
     int n_primitives, n_iterations;
     double minutes;           /* of CPU */
     double least_kb, most_kb;
 } saga_forecast;
 
-/* Tells what encoding with the index-th of some settings takes; false past the
- * last. */
+/* Tells what encoding with the index-th preset takes, of a capture that is one
+ * segment; false past the last. */
 bool saga_forecast_of(saga_forecast *forecast, const saga_capture *capture,
                       int index);
 

@@ -40,7 +40,7 @@ enum { LEAST_SIZE = 6000 };
 #define MOST_OFF 0.05
 
 typedef struct {
-    const char *output, *hold_out, *ablate, *log, *preset;
+    const char *output, *hold_out, *late, *ablate, *log, *preset;
     saga_cli_pair frames;
     int scale, threads, memory, primitives, iterations, level, seed, every;
     int segment;                 /* frames; 0: about a second */
@@ -214,6 +214,7 @@ static saga_capture_options capture_options(session *s)
     c.first_frame = s->o->frames.a;
     c.end_frame = s->o->frames.b;
     c.hold_out = s->o->hold_out;
+    c.late = s->o->late;
     c.memory_nbytes = (uint64_t)s->o->memory << 30;
     c.n_threads = s->o->threads;
     c.progress = loading;
@@ -935,6 +936,8 @@ static const saga_cli_option option_list[] = {
     { "--hold-out", "NAME,..", "views not to be trained on, \"\" for none "
       "(default:\nwhat the capture says)", saga_cli_names,
       offsetof(options, hold_out), 0, 0 },
+    { "--late", "NAME=N,..", "cameras that run N frames behind the others",
+      saga_cli_text, offsetof(options, late), 0, 0 },
     { "--still", NULL, "no temporal tools, whatever moves", saga_cli_flag,
       offsetof(options, still), 0, 0 },
     { "--moving", NULL, "temporal tools even if nothing seems to move",

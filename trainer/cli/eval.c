@@ -25,7 +25,7 @@ typedef struct {
     bool json, no_ssim, equirect;
     saga_cli_pair frames, only;
     int scale, threads, memory;
-    const char *hold_out, *pictures, *weights;
+    const char *hold_out, *late, *pictures, *weights;
 } options;
 
 /* This holds what is open and what came out. */
@@ -451,6 +451,7 @@ static int open_capture(session *s, saga_capture *to, const char *name)
     c.first_frame = o->frames.a + o->only.a;
     c.end_frame = last_frame(s);
     c.hold_out = o->hold_out;
+    c.late = o->late;
     c.n_threads = o->threads;
     c.memory_nbytes = (uint64_t)o->memory << 30;
     c.progress = saga_meter_progress;
@@ -546,6 +547,8 @@ static const saga_cli_option option_list[] = {
     { "--hold-out", "NAME,..", "views that were not trained on, \"\" for none "
       "(default:\nwhat the capture says)", saga_cli_names,
       offsetof(options, hold_out), 0, 0 },
+    { "--late", "NAME=N,..", "cameras that run N frames behind the others",
+      saga_cli_text, offsetof(options, late), 0, 0 },
     { "--pictures", "DIR", "write each view's middle frame there: truth, "
       "decode\nand 4 x difference side by side", saga_cli_text,
       offsetof(options, pictures), 0, 0 },

@@ -467,8 +467,8 @@ static saga_eval_score mean_of(const saga_eval *eval, bool held_out)
     for (int i = 0; i < eval->n_views; i++) {
         const saga_eval_score *const s = &eval->view[i].score;
 
-        if (eval->view[i].held_out != held_out)
-            continue;
+        if (eval->view[i].held_out != held_out || isnan(s->decode.psnr))
+            continue; /* NaN: all of its pictures are missing */
         saga_score_add(&decode, &s->decode);
         mean.median_psnr += s->median_psnr;
         mean.median_mse += s->median_mse;

@@ -41,181 +41,6 @@ void saga_capture_free(saga_capture *capture)
     *capture = (saga_capture){0};
 }
 
-/* ---------------------------------------------------------------- listing */
-
-static void source_free(saga_source *s, int n_frames)
-{
-    for (int k = 0; k < n_frames; k++) {
-        if (s->pictures)
-            free(s->pictures[k]);
-        if (s->depths)
-            free(s->depths[k]);
-    }
-    free(s->pictures);
-    free(s->depths);
-    free(s->video);
-}
-
-static void listing_free(saga_listing *listing)
-{
-    for (int i = 0; i < listing->n_sources; i++)
-        source_free(&listing->sources[i], listing->n_frames);
-    free(listing->sources);
-    free(listing->points);
-    *listing = (saga_listing){0};
-}
-
-/* Writes all names in one line, for messages. */
-static void list_names(const saga_listing *listing, char *text, size_t n)
-{
-    size_t used = 0;
-    text[0] = '\0';
-    for (int i = 0; i < listing->n_sources && used + 8 < n; i++)
-        used += (size_t)snprintf(text + used, n - used, "%s%.40s",
-                                 i ? "," : "", listing->sources[i].name);
-}
-
-static bool hold_out_one(saga_listing *listing, const char *name, size_t n,
-                         saga_error *error)
-{
-    for (int i = 0; i < listing->n_sources; i++) {
-        saga_source *const s = &listing->sources[i];
-        if (strlen(s->name) != n || strncmp(s->name, name, n) != 0)
-            continue;
-        s->held_out = true;
-        return true;
-    }
-    char names[160];
-    list_names(listing, names, sizeof names);
-    return saga_fail(error, listing->path,
-                     "use names of this capture's cameras",
-                     "--hold-out names \"%.*s\", but the cameras are %s",
-                     (int)(n < 60 ? n : 60), name, names);
-}
-
-bool saga_listing_hold_out(saga_listing *listing, const char *names,
-                           saga_error *error)
-{
-    for (int i = 0; names && i < listing->n_sources; i++)
-        listing->sources[i].held_out = false;
-    for (const char *p = names; p && *p;) {
-        const size_t n = strcspn(p, ",");
-        if (n > 0 && !hold_out_one(listing, p, n, error))
-            return false;
-        p += n + (p[n] == ',');
-    }
-    for (int i = 0; i < listing->n_sources; i++)
-        if (!listing->sources[i].held_out)
-            return true;
-    return saga_fail(error, listing->path, "use --hold-out to keep some for "
-                     "training", "all %d cameras are held out",
-                     listing->n_sources);
-}
-
-bool saga_listing_names_differ(const saga_listing *listing)
-{
-    for (int i = 0; i < listing->n_sources; i++) {
-        if (listing->sources[i].name[0] == '\0')
-            return false;
-        for (int k = 0; k < i; k++)
-            if (strcmp(listing->sources[i].name, listing->sources[k].name) == 0)
-                return false;
-    }
-    return true;
-}
-
-static bool has_picture(const saga_source *s, int first, int end)
-{
-    for (int k = first; s->pictures && k < end; k++)
-        if (s->pictures[k])
-            return true;
-    return s->video != NULL;
-}
-
-bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
-                             int *kept_as, saga_error *error)
-{
-    int n = 0;
-    for (int i = 0; i < listing->n_sources; i++) {
-        saga_source *const s = &listing->sources[i];
-        const bool keep = has_picture(s, first, end);
-        if (kept_as)
-            kept_as[i] = keep ? n : -1;
-        if (keep) {
-            listing->sources[n++] = *s;
-            continue;
-        }
-        saga_note(listing->notes, "pictures: camera %s is left out, all of "
-                  "its pictures are missing", s->name);
-        source_free(s, listing->n_frames);
-    }
-    const int n_before = listing->n_sources;
-    listing->n_sources = n;
-    return n > 0 || saga_fail(error, listing->path, "copy the pictures beside "
-                              "the cameras", "none of its %d cameras has a "
-                              "picture", n_before);
-}
-
-bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
-{
-    for (int i = 0; i < listing->n_sources; i++) {
-        saga_source *const s = &listing->sources[i];
-        int k = 0;
-        while (!s->pictures[k])
-            k++;
-        if (!saga_picture_probe(s->pictures[k], &s->width, &s->height, error))
-            return false;
-    }
-    return true;
-}
-
-bool saga_probe_video(saga_source *source, saga_listing *listing,
-                      saga_error *error)
-{
-    if (!saga_video_probe(&source->info, source->video, NULL, error))
-        return false;
-    source->width = source->info.width;
-    source->height = source->info.height;
-    if (source->info.untagged && !strstr(listing->notes, "colour:"))
-        saga_note(listing->notes, "colour: video without a matrix tag (%s) is "
-                  "taken as BT.709", source->name);
-    return true;
-}
-
-bool saga_listing_match_videos(saga_listing *listing,
-                               const saga_capture_options *options,
-                               saga_error *error)
-{
-    const saga_source *shortest = &listing->sources[0];
-    const saga_source *longest = shortest;
-    for (int i = 1; i < listing->n_sources; i++) {
-        const saga_source *const s = &listing->sources[i];
-        if (s->info.n_frames < shortest->info.n_frames)
-            shortest = s;
-        if (s->info.n_frames > longest->info.n_frames)
-            longest = s;
-        if (fabs(s->info.fps - listing->sources[0].info.fps) >
-            0.001 * s->info.fps)
-            return saga_fail(error, s->video, "give all cameras one frame "
-                             "rate", "has %g frames per second, %s has %g",
-                             s->info.fps, listing->sources[0].name,
-                             listing->sources[0].info.fps);
-    }
-    listing->n_frames = shortest->info.n_frames;
-    if (listing->fps == 0.0)
-        listing->fps = listing->sources[0].info.fps;
-    if (longest->info.n_frames == listing->n_frames ||
-        (options->end_frame > 0 && options->end_frame <= listing->n_frames))
-        return true;
-    char remedy[120];
-    (void)snprintf(remedy, sizeof remedy, "cut the videos alike, or use "
-                   "--frames 0:%d if they start together", listing->n_frames);
-    return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
-                     "%s has %d frames, %s has %d", shortest->name,
-                     shortest->info.n_frames, longest->name,
-                     longest->info.n_frames);
-}
-
 /* ----------------------------------------------------------------- options */
 
 static bool check_options(const saga_capture_options *o, const char *path,
@@ -380,7 +205,7 @@ static bool read_video(load_job *job, int v, const saga_remap *remap,
                        uint8_t *buffer, saga_error *error)
 {
     const saga_source *const s = &job->listing->sources[v];
-    const int first = job->capture->first_frame;
+    const int first = s->skip + job->capture->first_frame;
     const int end = first + job->capture->n_frames;
     saga_video video;
     if (!saga_video_open(&video, s->video, &s->info, end, error))
@@ -520,6 +345,9 @@ static bool mark_missing(const load_job *job, saga_shot *view,
         view->missing[k] = true;
         view->n_missing++;
     }
+    /* Nothing of it is looked at, but it stays in the rig. */
+    if (view->n_missing == n)
+        memset(view->rgb, 0, saga_view_frame_nbytes(view) * (size_t)n);
     return true;
 }
 
@@ -662,18 +490,19 @@ static bool plan_remaps(load_job *job)
         const saga_source *const s = &job->listing->sources[v];
         if (!check_focal(s, job->listing->path, job->error) ||
             !saga_remap_plan(&job->remaps[v], &s->lens, s->width, s->height,
-                             job->options->scale,
-                             source_file(s),
+                             job->options->scale, source_file(s),
                              job->error))
             return false;
     }
     return true;
 }
 
-static bool choose_frames(saga_capture *capture, const saga_listing *listing,
+static bool choose_frames(saga_capture *capture, saga_listing *listing,
                           const saga_capture_options *options,
                           saga_error *error)
 {
+    if (!saga_listing_late(listing, options->late, error))
+        return false;
     capture->format = listing->format;
     capture->scale = options->scale;
     capture->fps = listing->fps > 0.0      ? listing->fps
@@ -692,10 +521,7 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
                     .n_threads = options->n_threads > 0
                                      ? options->n_threads
                                      : omp_get_max_threads()};
-    if (!choose_frames(capture, listing, options, error) ||
-        !saga_listing_drop_empty(listing, capture->first_frame,
-                                 capture->first_frame + capture->n_frames,
-                                 NULL, error))
+    if (!choose_frames(capture, listing, options, error))
         return false;
     capture->points = listing->points;
     capture->n_points = listing->n_points;
@@ -724,7 +550,7 @@ bool saga_capture_look(saga_capture *capture, const char *path,
     const bool ok = check_options(options, path, error) &&
                     saga_listing_make(&listing, path, options, error) &&
                     choose_frames(capture, &listing, options, error);
-    listing_free(&listing);
+    saga_listing_free(&listing);
     return ok;
 }
 
@@ -738,7 +564,7 @@ bool saga_capture_load(saga_capture *capture, const char *path,
     const bool ok = check_options(options, path, error) &&
                     saga_listing_make(&listing, path, options, error) &&
                     carry_out(capture, &listing, options, error);
-    listing_free(&listing);
+    saga_listing_free(&listing);
     if (!ok)
         saga_capture_free(capture);
     return ok;

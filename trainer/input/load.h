@@ -25,6 +25,7 @@ typedef struct saga_source {
     char **pictures;          /* (n_frames) paths, NULL where one is missing */
     char **depths;            /* (n_frames) paths or NULL each; or NULL */
     saga_video_info info;     /* of the video */
+    int skip;                 /* its frames before the capture's first one */
 } saga_source;
 
 typedef struct saga_listing {
@@ -42,6 +43,10 @@ typedef struct saga_listing {
  * said. Must run before points are counted by training views. */
 bool saga_listing_hold_out(saga_listing *listing, const char *names,
                            saga_error *error);
+/* Shifts cameras that run late, as the option says; fewer frames are left. */
+bool saga_listing_late(saga_listing *listing, const char *text,
+                       saga_error *error);
+void saga_listing_free(saga_listing *listing);
 /* Leaves out sources without any picture in frames first..end-1, and says so
  * in the notes; an error if none is left. kept_as, NULL or (n_sources as it
  * was), is set to each one's new index, -1 for none. */

@@ -428,13 +428,13 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
              "from their points: pose, lens or size is wrong.", shot->name,
              shot->reprojection_median);
     if (fabs(one->stops) > OFF_STOPS)
-        note(s, "%s is %.2f stops %s than the others; exposures are not "
-             "corrected.", shot->name, fabs(one->stops),
+        note(s, "%s is %.2f stops %s than the others; encode evens that out as "
+             "far as colours are not clipped.", shot->name, fabs(one->stops),
              one->stops > 0.0 ? "brighter" : "darker");
     if (one->late != 0)
-        note(s, "%s seems to run %d frames %s the others: cut its video, or "
+        note(s, "%s seems to run %d frames %s the others: --late %s=%d, or "
              "hold it out.", shot->name, abs(one->late),
-             one->late > 0 ? "behind" : "before");
+             one->late > 0 ? "behind" : "before", shot->name, one->late);
     if (shot->n_missing > 0)
         note(s, "%s lacks %d of %d pictures.", shot->name, shot->n_missing,
              c->n_frames);

@@ -20,7 +20,7 @@ static bool find_views(saga_pictures *p, saga_error *error)
     for (int v = 0; v < c->n_views; v++) {
         const saga_shot *const s = &c->views[v];
 
-        if (s->held_out)
+        if (s->held_out || s->n_missing == c->n_frames)
             continue;
         if (s->width < MIN_SIDE || s->height < MIN_SIDE)
             return saga_fail(error, NULL, "use larger pictures or a larger "

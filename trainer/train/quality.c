@@ -28,6 +28,8 @@ int saga_train_sample(const saga_capture *c, int view, int index)
     const int views = views_like(c, c->views[view].held_out);
     int n = MAX_PICTURES / views;
 
+    if (c->views[view].n_missing == c->n_frames)
+        return -1;
     n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
     return index < n ? saga_capture_near(
         c, view, (int)((int64_t)index * c->n_frames / n)) : -1;

@@ -1,0 +1,259 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A listing is what a loader has found; this is what all of them do with it.
+ */
+#include "load.h"
+
+#include "alloc.h"
+#include "error.h"
+#include "notes.h"
+#include "picture.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void source_free(saga_source *s, int n_frames)
+{
+    for (int k = 0; k < n_frames; k++) {
+        if (s->pictures)
+            free(s->pictures[k]);
+        if (s->depths)
+            free(s->depths[k]);
+    }
+    free(s->pictures);
+    free(s->depths);
+    free(s->video);
+}
+
+void saga_listing_free(saga_listing *listing)
+{
+    for (int i = 0; i < listing->n_sources; i++)
+        source_free(&listing->sources[i], listing->n_frames);
+    free(listing->sources);
+    free(listing->points);
+    *listing = (saga_listing){0};
+}
+
+/* Writes all names in one line, for messages. */
+static void list_names(const saga_listing *listing, char *text, size_t n)
+{
+    size_t used = 0;
+    text[0] = '\0';
+    for (int i = 0; i < listing->n_sources && used + 8 < n; i++)
+        used += (size_t)snprintf(text + used, n - used, "%s%.40s",
+                                 i ? "," : "", listing->sources[i].name);
+}
+
+static bool hold_out_one(saga_listing *listing, const char *name, size_t n,
+                         saga_error *error)
+{
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        if (strlen(s->name) != n || strncmp(s->name, name, n) != 0)
+            continue;
+        s->held_out = true;
+        return true;
+    }
+    char names[160];
+    list_names(listing, names, sizeof names);
+    return saga_fail(error, listing->path,
+                     "use names of this capture's cameras",
+                     "--hold-out names \"%.*s\", but the cameras are %s",
+                     (int)(n < 60 ? n : 60), name, names);
+}
+
+bool saga_listing_hold_out(saga_listing *listing, const char *names,
+                           saga_error *error)
+{
+    for (int i = 0; names && i < listing->n_sources; i++)
+        listing->sources[i].held_out = false;
+    for (const char *p = names; p && *p;) {
+        const size_t n = strcspn(p, ",");
+        if (n > 0 && !hold_out_one(listing, p, n, error))
+            return false;
+        p += n + (p[n] == ',');
+    }
+    for (int i = 0; i < listing->n_sources; i++)
+        if (!listing->sources[i].held_out)
+            return true;
+    return saga_fail(error, listing->path, "use --hold-out to keep some for "
+                     "training", "all %d cameras are held out",
+                     listing->n_sources);
+}
+
+bool saga_listing_names_differ(const saga_listing *listing)
+{
+    for (int i = 0; i < listing->n_sources; i++) {
+        if (listing->sources[i].name[0] == '\0')
+            return false;
+        for (int k = 0; k < i; k++)
+            if (strcmp(listing->sources[i].name, listing->sources[k].name) == 0)
+                return false;
+    }
+    return true;
+}
+
+static bool has_picture(const saga_source *s, int first, int end)
+{
+    for (int k = first; s->pictures && k < end; k++)
+        if (s->pictures[k])
+            return true;
+    return s->video != NULL;
+}
+
+bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
+                             int *kept_as, saga_error *error)
+{
+    int n = 0;
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        const bool keep = has_picture(s, first, end);
+        if (kept_as)
+            kept_as[i] = keep ? n : -1;
+        if (keep) {
+            listing->sources[n++] = *s;
+            continue;
+        }
+        saga_note(listing->notes, "pictures: camera %s is left out, all of "
+                  "its pictures are missing", s->name);
+        source_free(s, listing->n_frames);
+    }
+    const int n_before = listing->n_sources;
+    listing->n_sources = n;
+    return n > 0 || saga_fail(error, listing->path, "copy the pictures beside "
+                              "the cameras", "none of its %d cameras has a "
+                              "picture", n_before);
+}
+
+bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error)
+{
+    for (int i = 0; i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        int k = 0;
+        while (!s->pictures[k])
+            k++;
+        if (!saga_picture_probe(s->pictures[k], &s->width, &s->height, error))
+            return false;
+    }
+    return true;
+}
+
+bool saga_probe_video(saga_source *source, saga_listing *listing,
+                      saga_error *error)
+{
+    if (!saga_video_probe(&source->info, source->video, NULL, error))
+        return false;
+    source->width = source->info.width;
+    source->height = source->info.height;
+    if (source->info.untagged && !strstr(listing->notes, "colour:"))
+        saga_note(listing->notes, "colour: video without a matrix tag (%s) is "
+                  "taken as BT.709", source->name);
+    return true;
+}
+
+bool saga_listing_match_videos(saga_listing *listing,
+                               const saga_capture_options *options,
+                               saga_error *error)
+{
+    const saga_source *shortest = &listing->sources[0];
+    const saga_source *longest = shortest;
+    for (int i = 1; i < listing->n_sources; i++) {
+        const saga_source *const s = &listing->sources[i];
+        if (s->info.n_frames < shortest->info.n_frames)
+            shortest = s;
+        if (s->info.n_frames > longest->info.n_frames)
+            longest = s;
+        if (fabs(s->info.fps - listing->sources[0].info.fps) >
+            0.001 * s->info.fps)
+            return saga_fail(error, s->video, "give all cameras one frame "
+                             "rate", "has %g frames per second, %s has %g",
+                             s->info.fps, listing->sources[0].name,
+                             listing->sources[0].info.fps);
+    }
+    listing->n_frames = shortest->info.n_frames;
+    if (listing->fps == 0.0)
+        listing->fps = listing->sources[0].info.fps;
+    if (longest->info.n_frames == listing->n_frames ||
+        (options->end_frame > 0 && options->end_frame <= listing->n_frames))
+        return true;
+    char remedy[120];
+    (void)snprintf(remedy, sizeof remedy, "cut the videos alike, or use "
+                   "--frames 0:%d if they start together", listing->n_frames);
+    return saga_fail(error, shortest->video, remedy, "unequal frame counts: "
+                     "%s has %d frames, %s has %d", shortest->name,
+                     shortest->info.n_frames, longest->name,
+                     longest->info.n_frames);
+}
+
+/* ---------------------------------------------------------------- late ones */
+
+/* Takes one "NAME=FRAMES" at *text, which moves behind it. */
+static bool take_late(const saga_listing *l, const char **text, int *late,
+                      saga_error *error)
+{
+    const size_t n = strcspn(*text, "="), all = strcspn(*text, ",");
+    char *end;
+    const long frames = n < all ? strtol(*text + n + 1, &end, 10) : 0;
+    int i = 0;
+    while (i < l->n_sources && (strlen(l->sources[i].name) != n ||
+                                strncmp(l->sources[i].name, *text, n) != 0))
+        i++;
+    if (n >= all || end != *text + all || labs(frames) > SAGA_MAX_FRAMES)
+        return saga_fail(error, l->path, "give NAME=FRAMES, with commas "
+                         "between", "--late \"%.60s\" is no camera and number "
+                         "of frames", *text);
+    if (i == l->n_sources) {
+        char names[160];
+        list_names(l, names, sizeof names);
+        return saga_fail(error, l->path, "use names of this capture's cameras",
+                         "--late names \"%.*s\", but the cameras are %s",
+                         (int)(n < 60 ? n : 60), *text, names);
+    }
+    late[i] = (int)frames;
+    *text += all + ((*text)[all] == ',');
+    return true;
+}
+
+/* Takes the first frames of a list away, so that n are left. */
+static void cut_list(char **files, int skip, int n, int n_before)
+{
+    for (int k = 0; files && k < n_before; k++)
+        if (k < skip || k >= skip + n)
+            free(files[k]);
+    if (files)
+        memmove(files, files + skip, (size_t)n * sizeof *files);
+}
+
+bool saga_listing_late(saga_listing *listing, const char *text,
+                       saga_error *error)
+{
+    saga_listing *const l = listing;
+    if (!text || !*text)
+        return true;
+    int *const late =
+        saga_calloc((size_t)l->n_sources, sizeof *late, l->path, error);
+    int least = 0, most = 0;
+    bool ok = late != NULL;
+    while (ok && *text)
+        ok = take_late(l, &text, late, error);
+    for (int i = 0; ok && i < l->n_sources; i++) {
+        least = late[i] < least ? late[i] : least;
+        most = late[i] > most ? late[i] : most;
+    }
+    const int n = l->n_frames - (most - least);
+    if (ok && n < 1)
+        ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
+                       "nothing of %d frames", l->n_frames);
+    for (int i = 0; ok && i < l->n_sources; i++) {
+        saga_source *const s = &l->sources[i];
+        s->skip = late[i] - least;
+        cut_list(s->pictures, s->skip, n, l->n_frames);
+        cut_list(s->depths, s->skip, n, l->n_frames);
+    }
+    if (ok)
+        l->n_frames = n;
+    free(late);
+    return ok;
+}
