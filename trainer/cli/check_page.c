@@ -13,9 +13,10 @@
 
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
-/* Straight lines through docs/results/rd.md: 8 kB and 8 to 13 bytes a primitive,
- * and for 12,000 iterations 0.27 CPU minutes for 1,000 primitives and 0.7 for
- * pictures of 100,000 pixels. */
+
+/* Straight lines through docs/results/rd.md tell 8 kB and 8 to 13 bytes a
+ * primitive, and for 12,000 iterations 0.27 CPU minutes for 1,000 primitives
+ * and 0.7 for pictures of 100,000 pixels. */
 bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 {
     const saga_preset *const preset = saga_preset_at(index);
@@ -25,7 +26,8 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 
     if (!preset)
         return false;
-    o.n_primitives = o.n_iterations = 0;
+    o.n_primitives = 0;
+    o.n_iterations = 0;
     saga_plan(&o, &why, capture, preset);
     for (int v = 0; v < capture->n_views; v++)
         pixels += (double)capture->views[v].width * capture->views[v].height /
