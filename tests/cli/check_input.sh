@@ -169,7 +169,7 @@ bad_json 'j = ""' 'no valid JSON at line 1'
 bad_json 'j = json.dumps(j)[:-40]' 'no valid JSON at line 1'
 bad_json 'j = "\0\1\2"' 'no valid JSON'
 bad_json 'j = "[" * 5000' 'no valid JSON'
-bad_json 'j = []' '(root)' 'an array' 'expected an object'
+bad_json 'j = []' '(root)' 'is no object' 'expected an object'
 bad_json 'del j["frames"]' '"frames"' missing
 bad_json 'j["frames"] = {}' '"frames"' 'is an object, expected an array'
 bad_json 'j["frames"] = []' '"frames" has 0 entries'
