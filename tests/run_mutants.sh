@@ -132,7 +132,7 @@ mutant() {
     tree=$build/mutants/$name
     rm -rf "$tree"
     mkdir -p "$tree"
-    cp -Rp Makefile common decoder trainer tests vectors "$tree" || {
+    cp -Rp Makefile common decoder reference trainer tests vectors "$tree" || {
         fail "$name" "cannot copy the tree"
         return
     }

@@ -441,7 +441,8 @@ static void opacity_should_be_nothing_cut_or_cap(void **state)
 
     (void)state;
     for (i = 0; i < 3; i++) {
-        g.p.opacity = (int16_t)((nothing[i] << GIVEN_Q_OPACITY) + 16 * !i);
+        g.p.opacity = (int16_t)(nothing[i] * (1 << GIVEN_Q_OPACITY) +
+                                16 * !i);
         see_one(&v, &g, STILL, &c, MID);
         expect_nothing(&v);
         given_close(&v);

@@ -168,11 +168,12 @@ static bool one_way(double *psnr, const wide *a, const wide *b,
     static const double weight[3] = { LUMA_WEIGHT, 1.0, 1.0 };
     const size_t n = (size_t)like->width;
     int *const row = saga_alloc(n, 4 * sizeof *row, purpose, error);
-    const best found = { row, { row + n, row + 2 * n, row + 3 * n } };
     double all[3] = { 0.0, 0.0, 0.0 }, weights = 0.0;
+    best found;
 
     if (!row)
         return false;
+    found = (best){ row, { row + n, row + 2 * n, row + 3 * n } };
     for (int y = 0; y < like->height; y++) {
         const double w = row_weight(equirect, y, like->height);
         double sum[3];
