@@ -210,23 +210,30 @@ INLINE i64s mul_wide(i64s a, i64s b)
     return shift_up(mul(shift_down(a, 16), b), 16) + mul(a & 0xffff, b);
 }
 
+/* Bits of each byte, 200 more, or 0; less what its place says. */
+INLINE u8s n_bits_bytes(i64s x, u8s less)
+{
+    const u8s low_half = BYTES(0, 201, 202, 202, 203, 203, 203, 203,
+                               204, 204, 204, 204, 204, 204, 204, 204);
+    const u8s high_half = BYTES(0, 205, 206, 206, 207, 207, 207, 207,
+                                208, 208, 208, 208, 208, 208, 208, 208);
+    const i64s fours = all(0x0f0f0f0f0f0f0f0f);
+
+    return sub_u8(max_u8(nibbles(low_half, (u8s)(x & fours)),
+                         nibbles(high_half, (u8s)(shift_down(x, 4) & fours))),
+                  less);
+}
+
 /* Bits of x: 0 for 0. A byte knows how many it has from its two halves, and
  * where it stands; the largest such number is the lane's. The tables hold 200
  * more, and less the more to the right a byte stands, so that a byte of 0 stays
  * below all others. */
 INLINE i64s n_bits(i64s x)
 {
-    const u8s low_half = BYTES(0, 201, 202, 202, 203, 203, 203, 203,
-                               204, 204, 204, 204, 204, 204, 204, 204);
-    const u8s high_half = BYTES(0, 205, 206, 206, 207, 207, 207, 207,
-                                208, 208, 208, 208, 208, 208, 208, 208);
     const u8s less = BYTES(200, 192, 184, 176, 168, 160, 152, 144,
                            200, 192, 184, 176, 168, 160, 152, 144);
-    const i64s fours = all(0x0f0f0f0f0f0f0f0f);
-    u8s n = max_u8(nibbles(low_half, (u8s)(x & fours)),
-                   nibbles(high_half, (u8s)(shift_down(x, 4) & fours)));
+    u8s n = n_bits_bytes(x, less);
 
-    n = sub_u8(n, less);
     n = max_u8(n, (u8s)shift_down((i64s)n, 32));
     n = max_u8(n, (u8s)shift_down((i64s)n, 16));
     n = max_u8(n, (u8s)shift_down((i64s)n, 8));
@@ -236,17 +243,10 @@ INLINE i64s n_bits(i64s x)
 /* Bits of the lower and of the upper half of x, in their halves. */
 INLINE i64s n_bits_halves(i64s x)
 {
-    const u8s low_half = BYTES(0, 201, 202, 202, 203, 203, 203, 203,
-                               204, 204, 204, 204, 204, 204, 204, 204);
-    const u8s high_half = BYTES(0, 205, 206, 206, 207, 207, 207, 207,
-                                208, 208, 208, 208, 208, 208, 208, 208);
     const u8s less = BYTES(200, 192, 184, 176, 200, 192, 184, 176,
                            200, 192, 184, 176, 200, 192, 184, 176);
-    const i64s fours = all(0x0f0f0f0f0f0f0f0f);
-    u8s n = max_u8(nibbles(low_half, (u8s)(x & fours)),
-                   nibbles(high_half, (u8s)(shift_down(x, 4) & fours)));
+    u8s n = n_bits_bytes(x, less);
 
-    n = sub_u8(n, less);
     n = max_u8(n, (u8s)((u32s)n >> 16));
     n = max_u8(n, (u8s)((u32s)n >> 8));
     return (i64s)n & 0xff000000ff;

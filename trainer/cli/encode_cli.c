@@ -609,12 +609,16 @@ static double exposure_span(const session *s)
     const double *const x = saga_train_exposure(s->train);
     double most = 1;
 
-    for (int k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++) {
+        double lo = INFINITY, hi = 0;
+
         for (int i = 0; i < s->capture.n_views; i++)
-            for (int j = 0; j < s->capture.n_views; j++)
-                if (!s->capture.views[i].held_out &&
-                    !s->capture.views[j].held_out)
-                    most = fmax(most, x[3 * i + k] / x[3 * j + k]);
+            if (!s->capture.views[i].held_out) {
+                lo = fmin(lo, x[3 * i + k]);
+                hi = fmax(hi, x[3 * i + k]);
+            }
+        most = fmax(most, hi / lo);
+    }
     return most - 1;
 }
 

@@ -334,11 +334,19 @@ static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
     return cut(&w->own, f->pictures, view, frame, u, v);
 }
 
+/* Returns false where the depth is a guess. */
+static bool find_place(saga_flat_sight *s, const sweep *w)
+{
+    place(s, w, find_depth(s, w));
+    return w->n_near > 0 && s->cost < GOOD_MATCH && s->contrast > CONTRAST;
+}
+
 /* Returns false where the depth is a guess; the rest of *s is then filled all
  * the same, unless the pixel is too near to the border (depth 0). */
 bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
                     double v, saga_flat_sight *s)
 {
+    bool trusted;
     sweep w;
 
     memset(s, 0, sizeof *s);
@@ -346,9 +354,9 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
     s->log2_width = f->info[FLAT_WIDTH].hi;
     if (!begin(&w, f, view, frame, u, v))
         return false;
-    place(s, &w, find_depth(s, &w));
+    trusted = find_place(s, &w);
     witness(s, &w);
-    return w.n_near > 0 && s->cost < GOOD_MATCH && s->contrast > CONTRAST;
+    return trusted;
 }
 
 /* Sums the channels of a patch; false if a pixel is nearly black or white, so
@@ -378,8 +386,8 @@ int saga_flat_compare(const saga_flat *f, int view, int frame, double u,
     patch p;
     int n = 0;
 
-    if (!saga_flat_look(f, view, frame, u, v, &s) ||
-        !begin(&w, f, view, frame, u, v) || !sum_of(own, &w.own))
+    if (!begin(&w, f, view, frame, u, v) || !sum_of(own, &w.own) ||
+        !find_place(&s, &w))
         return 0;
     for (int i = 0; i < w.n_near; i++) {
         if (!saga_view_project(c->views + w.near[i], s.position, uv, &z) ||
