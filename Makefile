@@ -9,7 +9,7 @@
 #            what SEE_room says below
 #   tools    see saga.h alone, and so does ports
 #   reference  sees common, decoder, and of the trainer base and code; the
-#            trainer's cli sees its verify.h (build/include)
+#            trainer's cli sees its verify.h and mask.h
 #   tests, lab, bench  see everything
 #
 # Everything is built under BUILD. A change of the compiler or of a flag builds
@@ -48,9 +48,10 @@ PYTHONDIR = $(DATADIR)/saga/python
 DESTDIR =
 
 # The inner loops of the decoder are compiled with HOT_OPT.
-HOT = common/mlp common/mlp_avx2 common/fx_math common/memory_bank \
-      decoder/raster decoder/blend decoder/reconstruct \
-      $(addprefix decoder/arch/blend_,avx2 sse4 neon) decoder/arch/splats_avx2
+HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
+      common/memory_bank decoder/raster decoder/blend decoder/reconstruct \
+      $(addprefix decoder/arch/blend_,avx2 sse4 neon) \
+      $(addprefix decoder/arch/splats_,avx2 neon)
 
 # check_vectors is built for every machine that has libc and libm: it links
 # these parts of the trainer and no others.
@@ -117,7 +118,7 @@ PLAIN   = $(BUILD)/libplain.a
 REFERENCE = $(BUILD)/libreference.a
 HELPERS = $(BUILD)/libhelpers.a
 SAGA_H  = $(BUILD)/include/saga.h
-VERIFY_H = $(BUILD)/include/verify.h
+REFERENCE_H = $(addprefix $(BUILD)/include/,verify.h mask.h)
 
 TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
@@ -237,7 +238,7 @@ $(SHARED): $(patsubst %.c,$(OBJ)/pic/%.o,$(COMMON_SRC) $(DECODER_SRC)) \
 	$(LINK) -shared -Wl,-soname,$(@F) -Wl,--version-script=$(OBJ)/saga.map \
 	    $(filter %.o,$^) -o $@
 
-$(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H) $(VERIFY_H)
+$(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H) $(REFERENCE_H)
 	@mkdir -p $(@D)
 	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM)) -c $< -o $@
 
@@ -267,10 +268,10 @@ $(OBJ)/bench/%.o: bench/%.c $(BUILD)/flags
 	$(call COMPILE,$(HOST) $(OMP) $(I_ALL) -Ibench) -c $< -o $@
 
 # The trainer and the tools may see this header of the decoder and no other, and
-# the trainer's cli this one of the reference.
+# the trainer's cli these of the reference.
 $(SAGA_H): decoder/saga.h
-$(VERIFY_H): reference/verify.h
-$(SAGA_H) $(VERIFY_H):
+$(REFERENCE_H): $(BUILD)/include/%: reference/%
+$(SAGA_H) $(REFERENCE_H):
 	@mkdir -p $(@D)
 	@cp $< $@
 
@@ -424,7 +425,7 @@ sanitize:
 
 # Editors and linters read here how each file is compiled.
 COMMANDS = compile_commands.json
-$(COMMANDS): $(SAGA_H) $(VERIFY_H) FORCE
+$(COMMANDS): $(SAGA_H) $(REFERENCE_H) FORCE
 	@$(MAKE) --no-print-directory -Bn objects | awk -v dir='$(CURDIR)' ' \
 	    / -c / && !/\/f64\// { \
 	        file = $$0; sub(/.* -c /, "", file); sub(/ .*/, "", file); \

@@ -122,14 +122,23 @@ void saga_header_io(saga_io *f, saga_header *h)
     u8(f, &h->hash_log2_entries);
 }
 
-void saga_bank_io(saga_io *f, saga_model *m)
+void saga_tools_io(saga_io *f, saga_header *h)
 {
+    saga_model *const m = &h->model;
     int i;
 
     for (i = SAGA_NET_QUERY; !f->out && i < SAGA_N_NETS; i++)
         m->width[i] = m->q_in[i] = m->int8[i] = 0;
+    if (!f->out)
+        h->base.coarse = h->base.fine = h->base.prim = h->base_nbytes = 0;
     if (m->tools & SAGA_TOOL_BANK)
         network_fields(f, m, SAGA_NET_QUERY, SAGA_N_NETS);
+    if (m->tools & SAGA_TOOL_BASE) {
+        u32(f, &h->base.coarse);
+        u32(f, &h->base.fine);
+        u32(f, &h->base.prim);
+        u32(f, &h->base_nbytes);
+    }
 }
 
 void saga_camera_io(saga_io *f, saga_rig_camera *c)

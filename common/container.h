@@ -4,10 +4,12 @@
  * Each field is written once, in a traversal that reads or writes.
  * docs/bitstream.md has the tables.
  *
- *     header | INDX | NETS | per segment: SEGM COAR FINE PRIM
+ *     header | INDX | NETS | base: COAR FINE PRIM | NAME
+ *                          | per segment: SEGM COAR FINE PRIM
  *
- * The header is its fixed part, the bank's networks (only with their tool),
- * the cameras of the rig, a CRC.
+ * The header is its fixed part, the bank's networks and the base's sizes (each
+ * only with their tool), the cameras of the rig, a CRC. The head is all up to
+ * the base's last chunk. NAME may be missing; no pixel needs it.
  */
 #ifndef SAGA_CONTAINER_H
 #define SAGA_CONTAINER_H
@@ -22,6 +24,7 @@ enum {
     SAGA_VERSION = 1,
     SAGA_HEADER_NBYTES = 174,    /* fixed part, magic and version included */
     SAGA_BANK_NBYTES = 15,       /* of the bank's networks */
+    SAGA_BASE_NBYTES = 16,       /* of the base's sizes */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
     SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM */
@@ -40,6 +43,7 @@ enum {
 #define SAGA_CHUNK_COARSE SAGA_FOURCC('C', 'O', 'A', 'R')
 #define SAGA_CHUNK_FINE SAGA_FOURCC('F', 'I', 'N', 'E')
 #define SAGA_CHUNK_PRIM SAGA_FOURCC('P', 'R', 'I', 'M')
+#define SAGA_CHUNK_NAMES SAGA_FOURCC('N', 'A', 'M', 'E')
 
 /* The header without its rig. */
 typedef struct saga_header {
@@ -57,13 +61,16 @@ typedef struct saga_header {
     uint16_t n_cameras;
     saga_model model;
     uint8_t hash_levels, hash_log2_entries; /* reserved: 0 */
+    saga_counts base;            /* exactly; all 0 without the tool */
+    uint32_t base_nbytes;        /* of its chunks, headers included */
 } saga_header;
 
 /* Where the cameras begin, and where they end: the CRC's place. */
 static inline uint32_t saga_rig_offset(const saga_header *h)
 {
     return SAGA_HEADER_NBYTES +
-           (h->model.tools & SAGA_TOOL_BANK ? SAGA_BANK_NBYTES : 0u);
+           (h->model.tools & SAGA_TOOL_BANK ? SAGA_BANK_NBYTES : 0u) +
+           (h->model.tools & SAGA_TOOL_BASE ? SAGA_BASE_NBYTES : 0u);
 }
 
 static inline uint32_t saga_rig_end(const saga_header *h)
@@ -108,11 +115,11 @@ typedef struct saga_io {
 
 /* Each moves all fields of its structure; the buffer has the bytes stated
  * above. Reading does not judge values; writing leaves the structure as it is.
- * The header's is its fixed part without magic and version; the bank's
- * networks come behind it. Without SAGA_TOOL_BANK their fields are not moved,
- * but cleared when read. */
+ * The header's is its fixed part without magic and version; what tools add to
+ * it comes behind: the bank's networks, the base's sizes. Fields whose tool is
+ * off are not moved, but cleared when read. */
 void saga_header_io(saga_io *f, saga_header *h);
-void saga_bank_io(saga_io *f, saga_model *m);
+void saga_tools_io(saga_io *f, saga_header *h);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);
 void saga_index_io(saga_io *f, saga_index_entry *e);
 void saga_segment_io(saga_io *f, saga_segment_header *s);
@@ -125,7 +132,8 @@ extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
 
 /* CRC-32C of a chunk: its type and length as written, then its payload. It goes
  * on from that of what the chunk belongs to, so that it fits nothing else: the
- * header's for INDX and NETS, that of NETS for the chunks of a segment. */
+ * header's for INDX and NETS, that of the chunk before for the base's, that of
+ * NETS for NAME, that of the head's last chunk for a segment's. */
 uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
                         const uint8_t *payload);
 

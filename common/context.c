@@ -119,7 +119,6 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
 {
     const uint32_t f = sc->model->features;
     saga_neighbours nb;
-    uint32_t i;
 
     if (kind == SAGA_KIND_FINE) {
         saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &b->position, b->parent,
@@ -127,8 +126,8 @@ static int add_parent(const saga_scaffold *sc, const block *b, int kind)
         saga_interp_sum(sc->net.v->context, sc, SAGA_TIER_COARSE, &nb);
         return sc->model->head_q[SAGA_HEAD_COARSE];
     }
-    for (i = 0; i < f; i++)
-        sc->net.v->context[i] = sc->fine_feature[(size_t)b->rank * f + i];
+    saga_plain_feature(sc->net.v->context, &sc->net,
+                       sc->fine_feature + (size_t)b->rank * f, f);
     return sc->model->head_q[SAGA_HEAD_FINE];
 }
 
@@ -167,7 +166,9 @@ static void run_queries(const saga_scaffold *sc, const block *b, uint32_t n,
             parent = sc->coarse_feature + (size_t)b[i].parent * f;
             q = sc->model->head_q[SAGA_HEAD_COARSE];
         } else if (kind == SAGA_KIND_PRIM) {
-            parent = sc->fine_feature + (size_t)b[i].rank * f;
+            saga_plain_feature(sc->net.v->context, &sc->net,
+                               sc->fine_feature + (size_t)b[i].rank * f, f);
+            parent = sc->net.v->context;
             q = sc->model->head_q[SAGA_HEAD_FINE];
         }
         in_token(sc, SAGA_NET_QUERY, &b[i], i, kind, parent, q);

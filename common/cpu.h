@@ -22,6 +22,9 @@ typedef enum saga_cpu {
 #elif defined __ARM_NEON || defined __wasm_simd128__
 #define SAGA_MAY_X4
 #endif
+#if defined __ARM_NEON && __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__
+#define SAGA_MAY_NEON
+#endif
 
 /* The last one that this machine has. Asking x86-64 may take microseconds
  * under a hypervisor. */

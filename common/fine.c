@@ -5,7 +5,8 @@
 #include "fx_math.h"
 #include "interp.h"
 
-/* Features at p are interpolated, then fused: F of them, in saga_fused_q. */
+/* Features at p are interpolated, then fused: F of them, in saga_fused_q; those
+ * of fine anchors that are not fused keep their own formats. */
 static void fuse(int16_t *feature, const saga_scaffold *sc, int tier,
                  const saga_position *p, uint32_t parent)
 {
@@ -19,6 +20,8 @@ static void fuse(int16_t *feature, const saga_scaffold *sc, int tier,
     saga_interp_sum(feature, sc, tier, &nb);
     if (sc->net.nets->shape[net].n_layers == 0)
         return;
+    if (tier == SAGA_TIER_FINE)
+        saga_plain_feature(feature, &sc->net, feature, f);
     at = saga_in_vector(&sc->net, net, 0, feature, f,
                         saga_feature_q(sc->model, tier));
     saga_embed(embedding, sc->model, p->x, p->t);

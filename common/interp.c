@@ -14,7 +14,8 @@ typedef struct {
 
 /* |a - b| / (la + lb) in Q12, at most 32767. |a - b| <= 2^24, the supports are
  * >= 1 and <= 2^23 each, so the shift is in 16..40 and the product < 2^41. */
-static int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la, int32_t lb)
+static inline int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la,
+                               int32_t lb)
 {
     const int32_t diff = a < b ? b - a : a - b;
     const uint32_t sum = (uint32_t)(la + lb);
@@ -27,69 +28,83 @@ static int32_t axis_q12(recip *r, int32_t a, int32_t b, int32_t la, int32_t lb)
                                   r->shift - 12), 0, 32767);
 }
 
+/* A query among the anchors of a tier. */
 typedef struct {
-    int32_t x[3], t, support[4];
-} anchor;
+    const saga_scaffold *sc;
+    const saga_position *query;
+    int tier;
+    recip space, time;
+} search;
 
-static void anchor_at(anchor *s, const saga_scaffold *sc, int tier,
-                      uint32_t rank)
+/* An axis of an anchor, the last one being time. */
+typedef struct {
+    int32_t x, support;
+} interval;
+
+static inline interval interval_of(const search *s, uint32_t rank, int axis)
 {
-    int i;
+    interval i;
 
-    if (tier == SAGA_TIER_COARSE) {
-        const saga_coarse *const c = &sc->coarse[rank];
+    if (s->tier == SAGA_TIER_COARSE) {
+        const saga_coarse *const c = &s->sc->coarse[rank];
 
-        for (i = 0; i < 3; i++) {
-            s->x[i] = c->x[i];
-            s->support[i] = 1 << (SAGA_LOG2_HALF_X - c->depth_x);
-        }
-        s->t = c->t;
-        s->support[3] = 1 << (SAGA_LOG2_HALF_T - c->depth_t);
+        i.x = axis == 3 ? c->t : c->x[axis];
+        i.support = axis == 3 ? 1 << (SAGA_LOG2_HALF_T - c->depth_t)
+                              : 1 << (SAGA_LOG2_HALF_X - c->depth_x);
     } else {
-        const saga_fine *const f = &sc->fine[rank];
+        const saga_fine *const f = &s->sc->fine[rank];
 
-        for (i = 0; i < 3; i++)
-            s->x[i] = f->x[i];
-        for (i = 0; i < 4; i++)
-            s->support[i] = f->support[i];
-        s->t = f->t;
+        i.x = axis == 3 ? f->t : f->x[axis];
+        i.support = f->support[axis];
     }
+    return i;
 }
 
-/* d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2, Q12, saturating: three
- * squares <= 2^30 and lambda_t's product < 2^46 are summed in 64 bits. */
-static uint32_t distance_q12(recip r[2], const saga_model *m,
-                             const saga_position *q, const anchor *s)
+/* ((x_q - x_b) / (l_q + l_b))^2, Q24. */
+static inline int64_t square_q24(search *s, uint32_t rank, int axis)
 {
+    const saga_position *const q = s->query;
+    const interval i = interval_of(s, rank, axis);
+    const int64_t u = axis_q12(axis == 3 ? &s->time : &s->space,
+                               axis == 3 ? q->t : q->x[axis], i.x,
+                               q->support[axis], i.support);
+
+    return u * u;
+}
+
+/* d = |dx / (lq + lb)|^2 + lambda_t (dt / (lq + lb))^2, Q12, at most `limit` <=
+ * 65535: three squares <= 2^30 and lambda_t's product < 2^46 are summed in 64
+ * bits. Most candidates are beyond the limit after one axis or two. */
+static inline uint32_t distance_q12(search *s, uint32_t rank, uint32_t limit)
+{
+    const saga_model *const m = s->sc->model;
+    const int64_t end = ((int64_t)limit << 12) - (1 << 11);
     int64_t sum = 0;
     int i;
 
     for (i = 0; i < 3; i++) {
-        const int32_t u = axis_q12(&r[0], q->x[i], s->x[i], q->support[i],
-                                   s->support[i]);
-        sum += (int64_t)u * u;
+        sum += square_q24(s, rank, i);
+        if (sum >= end)
+            return limit;
     }
-    if (saga_is_dynamic(m)) {
-        const int32_t u = axis_q12(&r[1], q->t, s->t, q->support[3],
-                                   s->support[3]);
-        sum += fx_rshift64((int64_t)u * u * m->lambda_t_q8, 8);
-    }
-    return (uint32_t)fx_clamp64(fx_rshift64(sum, 12), 0, 65535);
+    if (saga_is_dynamic(m))
+        sum += fx_rshift64(square_q24(s, rank, 3) * m->lambda_t_q8, 8);
+    return (uint32_t)fx_clamp64(fx_rshift64(sum, 12), 0, (int32_t)limit);
+}
+
+/* What a candidate's d has to be below. */
+static uint32_t limit_q12(const saga_neighbours *nb, const saga_tier *l)
+{
+    return nb->n < l->neighbours ? l->radius2_q12
+                                 : nb->d_q12[l->neighbours - 1];
 }
 
 /* Keeps the list sorted by (d, rank): ranks arrive ascending, so an equal d
- * goes behind. */
+ * goes behind. Of a full list the last one goes. */
 static void insert(saga_neighbours *nb, uint32_t k, uint32_t rank, uint32_t d)
 {
-    uint32_t i = nb->n;
+    uint32_t i = nb->n < k ? nb->n++ : k - 1;
 
-    if (nb->n == k) {
-        if (nb->d_q12[k - 1] <= d)
-            return;
-        i = k - 1;
-    } else {
-        nb->n++;
-    }
     for (; i > 0 && nb->d_q12[i - 1] > d; i--) {
         nb->d_q12[i] = nb->d_q12[i - 1];
         nb->rank[i] = nb->rank[i - 1];
@@ -98,18 +113,24 @@ static void insert(saga_neighbours *nb, uint32_t k, uint32_t rank, uint32_t d)
     nb->rank[i] = rank;
 }
 
+static int is_member(const saga_neighbours *nb, uint32_t rank)
+{
+    uint32_t i;
+
+    for (i = 0; i < nb->n; i++)
+        if (nb->rank[i] == rank)
+            return 1;
+    return 0;
+}
+
 /* The parent is a member whatever its distance: in place of the K-th. The list
  * stays ordered by (d, rank): a parent that is not in it was either too far
  * for the radius or pushed out by K nearer ones. */
 static void force_parent(saga_neighbours *nb, uint32_t k, uint32_t rank,
                          uint32_t d)
 {
-    uint32_t i;
+    const uint32_t i = nb->n < k ? nb->n++ : k - 1;
 
-    for (i = 0; i < nb->n; i++)
-        if (nb->rank[i] == rank)
-            return;
-    i = nb->n < k ? nb->n++ : k - 1;
     nb->rank[i] = rank;
     nb->d_q12[i] = (uint16_t)d;
 }
@@ -145,27 +166,25 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
     const uint32_t first = centre > l->window ? centre - l->window : 0;
     const uint32_t last = n - 1 - centre > l->window ? centre + l->window
                                                      : n - 1;
-    uint32_t rank, d_parent = 65535;
-    recip r[2] = { { 0, 0, 0 }, { 0, 0, 0 } };
+    search s = { sc, query, tier, { 0, 0, 0 }, { 0, 0, 0 } };
+    uint32_t rank;
 
     nb->n = 0;
     for (rank = first; rank <= last; rank++) {
         const uint32_t group = tier == SAGA_TIER_COARSE
             ? sc->coarse[rank].group : sc->fine[rank].group;
-        anchor s;
-        uint32_t d;
+        uint32_t limit, d;
 
         if (group >= before)
             continue;
-        anchor_at(&s, sc, tier, rank);
-        d = distance_q12(r, sc->model, query, &s);
-        if (rank == centre)
-            d_parent = d;
-        if (d < l->radius2_q12)
+        limit = limit_q12(nb, l);
+        d = distance_q12(&s, rank, limit);
+        if (d < limit)
             insert(nb, l->neighbours, rank, d);
     }
-    if (before == SAGA_ALL_GROUPS)
-        force_parent(nb, l->neighbours, centre, d_parent);
+    if (before == SAGA_ALL_GROUPS && !is_member(nb, centre))
+        force_parent(nb, l->neighbours, centre,
+                     distance_q12(&s, centre, 65535));
     if (nb->n)
         softmax(nb, l->softmax_q8);
 }

@@ -22,7 +22,7 @@ static uint32_t layer_nbytes(const saga_net_shape *s, int i)
 
 void saga_nets_layout(saga_nets *nets, const saga_model *m)
 {
-    uint32_t at = 0;
+    uint32_t at = 2 * saga_mlp_pad(m->features);
     int net, i;
 
     for (net = 0; net < SAGA_N_NETS; net++) {
@@ -62,6 +62,23 @@ void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
     layer->int8 = s->int8;
     layer->relu = i + 1 < s->n_layers;
     layer->cpu = SAGA_CPU_PLAIN;
+}
+
+uint32_t saga_nets_n_finer(const saga_nets *nets, int net, int i)
+{
+    const saga_net_shape *const s = &nets->shape[net];
+
+    if (net != SAGA_NET_FINE && net != SAGA_NET_GEO)
+        return 0;
+    if (i + 1 < s->n_layers)
+        return s->dim[i + 1];
+    return net == SAGA_NET_FINE ? s->dim[i + 1] - 4u : 0;
+}
+
+int saga_nets_takes_fine(const saga_nets *nets, int net)
+{
+    return (net == SAGA_NET_GEO || net == SAGA_NET_COLOUR_BASE) &&
+           nets->shape[SAGA_NET_FUSE_F].n_layers == 0;
 }
 
 /* --- Runs ---------------------------------------------------------------- */
@@ -130,6 +147,16 @@ uint32_t saga_in_vector(const saga_runner *r, int net, uint32_t at,
     for (i = 0; i < n; i++)
         r->v->in[at + i] = fx_requant16(x[i], q, q_in);
     return at + n;
+}
+
+void saga_plain_feature(int16_t *to, const saga_runner *r, const int16_t *x,
+                        uint32_t n)
+{
+    const int16_t *const unit = saga_fine_unit(r->params);
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        to[i] = (int16_t)fx_rshift(x[i] * unit[i], 3);
 }
 
 static uint32_t sine_and_cosine(uint16_t *phase, uint32_t at, uint32_t p)

@@ -15,7 +15,9 @@
 
 /* Shapes of all networks, and where their parameters lie in one block that is
  * aligned to 16. A layer has its weights (n_out pad(n_in), in the order of
- * saga_mlp_weight_at), its biases and its row shifts. */
+ * saga_mlp_weight_at), its biases and its row shifts. Before the networks
+ * stands what one LSB of each channel of a fine anchor's features is worth:
+ * int16, in eighths of 2^-q_fine. */
 typedef struct saga_nets {
     saga_net_shape shape[SAGA_N_NETS];
     uint32_t offset[SAGA_N_NETS];  /* bytes from the block's start */
@@ -36,6 +38,25 @@ void saga_nets_offsets(saga_layer_offsets *at, const saga_nets *nets, int net,
                        int i);
 void saga_nets_layer(saga_layer *layer, const saga_nets *nets,
                      const uint8_t *block, int net, int i);
+
+/* Returns the units of the features' channels (F). */
+static inline const int16_t *saga_fine_unit(const uint8_t *block)
+{
+    return (const int16_t *)(const void *)block;
+}
+
+/* Values of different sizes share 16 bits badly, so that some rows give values
+ * that are finer than their network says, by 0..3 bits each: the units of
+ * F_fine's and F_geo's hidden layers, and the features of fine anchors. Who
+ * takes such a value has its weights shifted down when they are read.
+ *
+ * These return how many rows of a layer, the first ones, are so; and whether
+ * the first layer of a network takes the features of fine anchors as they are,
+ * for its first inputs. */
+enum { SAGA_N_FINER = 4 };
+
+uint32_t saga_nets_n_finer(const saga_nets *nets, int net, int i);
+int saga_nets_takes_fine(const saga_nets *nets, int net);
 
 /* --- Runs ---------------------------------------------------------------- */
 
@@ -78,6 +99,11 @@ const int16_t *saga_out_point(const saga_runner *r, int net, uint32_t point);
  * input format. Returns where they end. */
 uint32_t saga_in_vector(const saga_runner *r, int net, uint32_t at,
                         const int16_t *x, uint32_t n, int q);
+
+/* This gives n channels of a fine anchor's features in q_fine, which all other
+ * networks take. */
+void saga_plain_feature(int16_t *to, const saga_runner *r, const int16_t *x,
+                        uint32_t n);
 
 /* These give the positional embedding of a position (box units, segment time),
  * of an offset: saga_pe_size values in Q15, by axis and octave sine and

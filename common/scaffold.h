@@ -20,6 +20,8 @@ enum { SAGA_LOG2_HALF_X = 23, SAGA_LOG2_HALF_T = 15 };
 #define SAGA_X_MAX ((1 << 23) - 1)
 #define SAGA_T_MAX 65535
 
+#define SAGA_T_MID 32768         /* where view directions are taken from */
+
 /* A primitive's temporal centre may lie half a segment outside of its own. */
 #define SAGA_CENTRE_T_MIN (-32768)
 #define SAGA_CENTRE_T_END 98304

@@ -46,8 +46,8 @@ enum {
     SAGA_DROP = 4            /* layer's, of this many indices each */
 };
 
-/* The symbols of one layer of a network. w = fx_rshift64(q * step_q16, s) per
- * weight, bias = q << bias_shift. */
+/* The symbols of one layer of a network. w = fx_rshift64(q * step_q16, s + f)
+ * per weight, f the `finer` of what it takes, bias = q << bias_shift. */
 typedef struct saga_layer_symbols {
     uint32_t step_q16;       /* 1..65535 */
     uint8_t step_shift;      /* s, 0..31 */
@@ -62,6 +62,8 @@ typedef struct saga_layer_symbols {
     int32_t *weight;         /* (n_out, n_in) q */
     int32_t *bias;           /* (n_out) q */
     uint8_t *shift;          /* (n_out) row shifts, 0..24 */
+    uint8_t *finer;          /* (saga_nets_n_finer) 0..SAGA_N_FINER-1; NULL:
+                              * all 0 */
 } saga_layer_symbols;
 
 /* Rows or columns of a layer that have a scale of their own. */
@@ -99,6 +101,7 @@ enum {
     SAGA_SYM_NET_DROP,       /* index: net, bit: layer, row: row or column */
     SAGA_SYM_NET_ROW_SHIFT,  /* index: net, bit: layer, row; column 0: eights,
                               * 1: rest */
+    SAGA_SYM_NET_FINER,      /* index: net, bit: layer, row */
     SAGA_SYM_NET_BIAS,       /* index: net, bit: layer, row; 1 residual */
     SAGA_SYM_NET_WEIGHT,     /* index: net, bit: layer, row, first column; some
                               * of its n_in residuals */

@@ -8,7 +8,7 @@ enum { PIECE = 64 };
 
 typedef struct {
     saga_adaptive shift_high, shift_low[4];
-    saga_adaptive scale_mode, drop;
+    saga_adaptive finer, scale_mode, drop;
 } net_models;
 
 /* A row shift, 0..24, is coded as its eights and its rest. */
@@ -86,12 +86,19 @@ static int code_columns(uint8_t *scale, uint32_t n_in, const layer_fields *f,
     return 1;
 }
 
+/* Values 0..n-1 are finer by these bits, the others are not. */
+typedef struct {
+    uint8_t by[SAGA_MAX_WIDTH];
+    uint32_t n;
+} formats;
+
 /* A layer's parameters are written to these addresses. */
 typedef struct {
     uint8_t *weights, *shift;
     int32_t *bias;
     uint32_t n_in, n_out;
     int int8;
+    formats in, out;         /* of what it takes, and gives */
 } layer_place;
 
 static void place_layer(layer_place *to, const saga_nets *nets, uint8_t *block,
@@ -107,6 +114,7 @@ static void place_layer(layer_place *to, const saga_nets *nets, uint8_t *block,
     to->n_in = s->dim[i];
     to->n_out = s->dim[i + 1];
     to->int8 = s->int8;
+    to->out.n = saga_nets_n_finer(nets, net, i);
 }
 
 static void store_weight(const layer_place *to, uint32_t row, uint32_t column,
@@ -137,8 +145,9 @@ static int64_t code_weights(const layer_place *to, const uint8_t *scale,
         at.column = (uint16_t)k;
         c->residual(c, at, q, NULL, f->step_q16, scale + k, n);
         for (i = 0; i < n; i++) {
+            const int finer = k + i < to->in.n ? to->in.by[k + i] : 0;
             const int64_t w = fx_rshift64((int64_t)q[i] * f->step_q16,
-                                          f->step_shift);
+                                          f->step_shift + finer);
 
             if (w < -limit || w > limit)
                 return -1;
@@ -152,7 +161,7 @@ static int64_t code_weights(const layer_place *to, const uint8_t *scale,
 }
 
 /* Returns 0 if the row at.row could overflow. */
-static int code_row(const layer_place *to, uint8_t *scale,
+static int code_row(layer_place *to, uint8_t *scale,
                     const layer_fields *f, net_models *m, saga_coder *c,
                     saga_at at)
 {
@@ -162,6 +171,10 @@ static int code_row(const layer_place *to, uint8_t *scale,
 
     at.sym = SAGA_SYM_NET_ROW_SHIFT;
     shift = code_shift(m, c, at);
+    at.sym = SAGA_SYM_NET_FINER;
+    if (at.row < to->out.n)
+        to->out.by[at.row] = (uint8_t)c->adaptive(c, at, &m->finer,
+                                                  SAGA_N_FINER);
     if (f->scale_mode == SAGA_SCALE_ROW &&
         !code_scale(scale, to->n_in, f, m, c, at))
         return 0;
@@ -177,8 +190,8 @@ static int code_row(const layer_place *to, uint8_t *scale,
     return 1;
 }
 
-static int code_layer(const layer_place *to, net_models *m, saga_coder *c,
-                      int net, int i)
+static int code_layer(layer_place *to, net_models *m, saga_coder *c, int net,
+                      int i)
 {
     saga_at at = saga_at_symbol(SAGA_SYM_NET_ROW_SHIFT, (uint32_t)net,
                                 (uint32_t)i);
@@ -197,22 +210,53 @@ static int code_layer(const layer_place *to, net_models *m, saga_coder *c,
     return 1;
 }
 
+/* The networks after F_fine, and whoever reads features, find them here. */
+static void store_fine_units(uint8_t *block, const formats *feature)
+{
+    int16_t *const unit = (int16_t *)(void *)block;
+    uint32_t i;
+
+    for (i = 0; i < feature->n; i++)
+        unit[i] = (int16_t)(8 >> feature->by[i]);
+}
+
+static int code_network(const saga_nets *nets, uint8_t *block,
+                        formats *feature, net_models *m, saga_coder *c,
+                        int net)
+{
+    layer_place to;
+    int i;
+
+    to.in.n = 0;
+    if (saga_nets_takes_fine(nets, net))
+        to.in = *feature;
+    for (i = 0; i < nets->shape[net].n_layers; i++) {
+        place_layer(&to, nets, block, net, i);
+        if (!code_layer(&to, m, c, net, i))
+            return 0;
+        to.in = to.out;
+    }
+    if (net == SAGA_NET_FINE)
+        *feature = to.out;
+    return 1;
+}
+
 int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
 {
     net_models models;
-    layer_place to;
+    formats feature;
     int net, i;
 
     saga_adaptive_init(&models.shift_high, 4);
     for (i = 0; i < 4; i++)
         saga_adaptive_init(&models.shift_low[i], 8);
+    saga_adaptive_init(&models.finer, SAGA_N_FINER);
     saga_adaptive_init(&models.scale_mode, SAGA_N_SCALE_MODES);
     saga_adaptive_init(&models.drop, SAGA_N_DROPS);
+    feature.n = 0;
     for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < nets->shape[net].n_layers; i++) {
-            place_layer(&to, nets, block, net, i);
-            if (!code_layer(&to, &models, c, net, i))
-                return 0;
-        }
+        if (!code_network(nets, block, &feature, &models, c, net))
+            return 0;
+    store_fine_units(block, &feature);
     return 1;
 }

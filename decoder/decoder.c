@@ -24,15 +24,18 @@ struct saga_decoder {
     saga_camera camera;          /* of the view */
     uint32_t final_range[3];
     uint32_t n_splats;
-    uint32_t owner;              /* the networks' CRC: segments go on from it */
+    uint32_t owner;              /* CRC of the head's last chunk: segments go
+                                  * on from it */
     uint32_t n_views;            /* number of the view */
     uint32_t view_digest;        /* of file, segment, time and camera */
     uint32_t cpu;                /* saga_cpu of this machine */
     uint16_t has_segment, has_view;
 };
 
-/* The block begins with 656 bytes for this. */
-_Static_assert(sizeof(saga_decoder) <= 656, "format: see plan.c");
+/* The block begins with so many bytes for this. */
+enum { DECODER_NBYTES = 768 };
+
+_Static_assert(sizeof(saga_decoder) <= DECODER_NBYTES, "format: see plan.c");
 
 static uint8_t *block_at(saga_decoder *dec, uint32_t offset)
 {
@@ -42,6 +45,29 @@ static uint8_t *block_at(saga_decoder *dec, uint32_t offset)
 static const uint8_t *const_at(const saga_decoder *dec, uint32_t offset)
 {
     return (const uint8_t *)(const void *)dec + offset;
+}
+
+static saga_primitive *prims_of(saga_decoder *dec)
+{
+    return (saga_primitive *)(void *)block_at(dec, dec->plan.prims_at);
+}
+
+static const saga_primitive *const_prims_of(const saga_decoder *dec)
+{
+    return (const saga_primitive *)(const void *)
+        const_at(dec, dec->plan.prims_at);
+}
+
+/* (primitives, plan.colour_stride) */
+static int16_t *colours_of(saga_decoder *dec)
+{
+    return (int16_t *)(void *)block_at(dec, dec->plan.colours_at);
+}
+
+/* Of the base and of the segment. */
+static uint32_t n_prims(const saga_decoder *dec)
+{
+    return dec->header.base.prim + dec->n.prim;
 }
 
 /* --- Head ---------------------------------------------------------------- */
@@ -54,7 +80,7 @@ static saga_status read_head(saga_header *h, saga_plan *plan,
 
     if (s)
         return s;
-    s = saga_plan_make(plan, h, sizeof(saga_decoder));
+    s = saga_plan_make(plan, h, DECODER_NBYTES);
     if (s)
         return s;
     return whole && n < saga_head_nbytes(h) ? SAGA_ERR_TRUNCATED : SAGA_OK;
@@ -84,6 +110,12 @@ static void info_of(saga_info *info, const saga_header *h,
     info->tools = h->model.tools;
     info->motion_order = (uint32_t)saga_motion_order(&h->model);
     info->features = h->model.features;
+    info->base_coarse = h->base.coarse;
+    info->base_fine = h->base.fine;
+    info->base_primitives = h->base.prim;
+    info->base_nbytes = h->base_nbytes;
+    info->base_macs = h->base.coarse == 0 ? 0
+        : saga_plan_macs(&h->model, &plan->nets, &h->base);
     info->decode_macs = saga_plan_macs(&h->model, &plan->nets, &h->max);
     info->view_macs = saga_plan_view_macs(&plan->nets, &h->model);
     info->unit_mantissa = h->unit_mantissa;
@@ -143,31 +175,6 @@ static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
         !saga_range_dec_finish(&range))
         return SAGA_ERR_DATA;
     return SAGA_OK;
-}
-
-saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
-                      const uint8_t *head, size_t n)
-{
-    saga_decoder *const d = work;
-    saga_info info;
-    saga_status s;
-
-    *dec = NULL;
-    s = saga_probe(&info, head, n);
-    if (s)
-        return s;
-    if ((uintptr_t)work % SAGA_WORK_ALIGN)
-        return SAGA_ERR_ALIGN;
-    if (work_nbytes < info.work_nbytes)
-        return SAGA_ERR_SPACE;
-    s = read_head(&d->header, &d->plan, head, n, 1);
-    if (s)
-        return s;
-    begin(d);
-    s = read_networks(d, head, n);
-    if (s == SAGA_OK)
-        *dec = d;
-    return s;
 }
 
 /* --- Index and rig ------------------------------------------------------- */
@@ -280,16 +287,17 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
     return SAGA_OK;
 }
 
-/* --- A segment ----------------------------------------------------------- */
+/* --- The base, and a segment --------------------------------------------- */
 
-static void scaffold_of(saga_scaffold *sc, saga_decoder *dec)
+static void scaffold_of(saga_scaffold *sc, saga_decoder *dec,
+                        const saga_counts *n)
 {
     const saga_plan *const p = &dec->plan;
 
     sc->model = &dec->header.model;
     sc->net.nets = &p->nets;
     sc->net.params = block_at(dec, p->nets_at);
-    sc->n = dec->n;
+    sc->n = *n;
     sc->coarse = (saga_coarse *)(void *)block_at(dec, p->coarse_at);
     sc->coarse_feature =
         (int16_t *)(void *)block_at(dec, p->coarse_feature_at);
@@ -336,8 +344,8 @@ static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
 
 /* One layer's chunk at bytes[*at..n); moves *at past it. */
 static saga_status read_layer(saga_decoder *dec, const saga_scaffold *sc,
-                              int layer, const uint8_t *bytes, size_t n,
-                              size_t *at)
+                              int layer, uint32_t *crc, const uint8_t *bytes,
+                              size_t n, size_t *at)
 {
     const uint32_t type = layer == 0 ? SAGA_CHUNK_COARSE
                         : layer == 1 ? SAGA_CHUNK_FINE : SAGA_CHUNK_PRIM;
@@ -354,48 +362,94 @@ static saga_status read_layer(saga_decoder *dec, const saga_scaffold *sc,
         !saga_range_dec_finish(&range))
         return SAGA_ERR_DATA;
     dec->final_range[layer] = range.range;
+    *crc = chunk.crc;
     *at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     return SAGA_OK;
+}
+
+/* The layers at bytes[at..n) become primitives, the first of which has the
+ * number `first`. With is_base = 1 what follows goes on from each chunk. */
+static saga_status read_primitives(saga_decoder *dec, const saga_counts *count,
+                                   uint32_t first, int is_base,
+                                   const uint8_t *bytes, size_t n, size_t at)
+{
+    const saga_plan *const plan = &dec->plan;
+    saga_scaffold sc;
+    uint32_t crc;
+    int layer;
+
+    scaffold_of(&sc, dec, count);
+    saga_syntax_begin(&sc);
+    for (layer = 0; layer < 3; layer++) {
+        const saga_status s = read_layer(dec, &sc, layer, &crc, bytes, n, &at);
+
+        if (s)
+            return s;
+        if (is_base)
+            dec->owner = crc;
+    }
+    if (at != n)
+        return SAGA_ERR_DATA;
+    saga_reconstruct(&sc, prims_of(dec) + first, colours_of(dec) +
+                     (size_t)first * plan->colour_stride, plan->colour_stride);
+    return SAGA_OK;
+}
+
+static saga_status read_base(saga_decoder *dec, const uint8_t *bytes)
+{
+    const saga_header *const h = &dec->header;
+    const saga_status s = read_primitives(dec, &h->base, 0, 1, bytes,
+                                          h->base_nbytes, 0);
+
+    if (s == SAGA_OK)
+        saga_stand_still(prims_of(dec), h->base.prim);
+    return s;
+}
+
+saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
+                      const uint8_t *head, size_t n)
+{
+    saga_decoder *const d = work;
+    saga_info info;
+    saga_status s;
+
+    *dec = NULL;
+    s = saga_probe(&info, head, n);
+    if (s)
+        return s;
+    if ((uintptr_t)work % SAGA_WORK_ALIGN)
+        return SAGA_ERR_ALIGN;
+    if (work_nbytes < info.work_nbytes)
+        return SAGA_ERR_SPACE;
+    s = read_head(&d->header, &d->plan, head, n, 1);
+    if (s)
+        return s;
+    begin(d);
+    s = read_networks(d, head, n);
+    if (s == SAGA_OK && (d->header.model.tools & SAGA_TOOL_BASE))
+        s = read_base(d, head + (size_t)saga_head_base(&d->header));
+    if (s == SAGA_OK)
+        *dec = d;
+    return s;
 }
 
 saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
                         const uint8_t *bytes, size_t n)
 {
-    size_t at = SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES;
-    saga_scaffold sc;
     saga_status s;
-    int layer;
 
     dec->has_segment = 0;
     dec->has_view = 0;
     dec->n_splats = 0;
     s = read_segment_header(dec, segment, bytes, n);
-    if (s)
-        return s;
-    scaffold_of(&sc, dec);
-    saga_syntax_begin(&sc);
-    for (layer = 0; layer < 3; layer++) {
-        s = read_layer(dec, &sc, layer, bytes, n, &at);
-        if (s)
-            return s;
-    }
-    if (at != n)
-        return SAGA_ERR_DATA;
-    saga_reconstruct(&sc, (saga_primitive *)(void *)
-                     block_at(dec, dec->plan.prims_at),
-                     (int16_t *)(void *)block_at(dec, dec->plan.colours_at),
-                     dec->plan.colour_stride);
-    dec->has_segment = 1;
-    return SAGA_OK;
+    if (s == SAGA_OK)
+        s = read_primitives(dec, &dec->n, dec->header.base.prim, 0, bytes, n,
+                            SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES);
+    dec->has_segment = s == SAGA_OK;
+    return s;
 }
 
 /* --- A view -------------------------------------------------------------- */
-
-static const saga_primitive *prims_of(const saga_decoder *dec)
-{
-    return (const saga_primitive *)(const void *)
-        const_at(dec, dec->plan.prims_at);
-}
 
 static const saga_splat *splats_of(const saga_decoder *dec)
 {
@@ -407,9 +461,6 @@ static const saga_key *keys_of(const saga_decoder *dec)
 {
     return (const saga_key *)(const void *)const_at(dec, dec->plan.keys_at);
 }
-
-/* The middle of a segment, where view directions are taken from. */
-enum { T_MID = 32768 };
 
 /* Colours of the last seen->n of n splats. */
 static void shade(saga_splat *splats, uint32_t n, const saga_decoder *dec,
@@ -431,8 +482,8 @@ static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
 
     if (dec->header.model.tools & SAGA_TOOL_VIEW) {
         seen->base[seen->n] = base;
-        saga_animate_mean(seen->x[seen->n++], &prims_of(dec)[prim],
-                          &dec->format, T_MID);
+        saga_animate_mean(seen->x[seen->n++], &const_prims_of(dec)[prim],
+                          &dec->format, SAGA_T_MID);
         return;
     }
     for (i = 0; i < 3; i++)
@@ -448,10 +499,10 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
     saga_scaffold sc;
     uint32_t i, n = 0, most;
 
-    scaffold_of(&sc, dec);
+    scaffold_of(&sc, dec, &dec->n);
     most = saga_shade_points(&sc);
-    for (i = 0; i < dec->n.prim; i += SAGA_RUN) {
-        const uint32_t left = dec->n.prim - i;
+    for (i = 0; i < n_prims(dec); i += SAGA_RUN) {
+        const uint32_t left = n_prims(dec) - i;
         uint32_t at = i, visible = saga_splats(
             splats + n, prims_of(dec) + i, left < SAGA_RUN ? left : SAGA_RUN,
             &look, (saga_cpu)dec->cpu);
@@ -543,7 +594,7 @@ saga_status saga_tell(saga_report *report, const saga_decoder *dec)
         return SAGA_ERR_STATE;
     report->n_coarse = dec->n.coarse;
     report->n_fine = dec->n.fine;
-    report->n_primitives = dec->n.prim;
+    report->n_primitives = n_prims(dec);
     for (i = 0; i < 3; i++)
         report->final_range[i] = dec->final_range[i];
     report->n_splats = dec->n_splats;
@@ -555,9 +606,9 @@ saga_status saga_primitive_at(saga_animated *out, const saga_decoder *dec,
 {
     if (!dec->has_segment)
         return SAGA_ERR_STATE;
-    if (index >= dec->n.prim || t < 0 || t > SAGA_T_MAX)
+    if (index >= n_prims(dec) || t < 0 || t > SAGA_T_MAX)
         return SAGA_ERR_ARG;
-    saga_animate(out, &prims_of(dec)[index], &dec->format, t);
+    saga_animate(out, &const_prims_of(dec)[index], &dec->format, t);
     return SAGA_OK;
 }
 
@@ -571,12 +622,12 @@ saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
 
     if (!dec->has_segment)
         return SAGA_ERR_STATE;
-    if (index >= dec->n.prim)
+    if (index >= n_prims(dec))
         return SAGA_ERR_ARG;
     for (i = 0; i < 3; i++)
         if (from[i] < -(1 << 29) || from[i] > 1 << 29)
             return SAGA_ERR_ARG;
-    scaffold_of(&sc, dec);
+    scaffold_of(&sc, dec, &dec->n);
     see(&splat, dec, index, &seen);
     if (seen.n > 0)
         saga_shade(&splat, &sc, &seen, from);

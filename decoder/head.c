@@ -33,13 +33,18 @@ saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n)
         return SAGA_ERR_DATA;
     if (n < h->header_nbytes)
         return SAGA_ERR_TRUNCATED;
-    saga_bank_io(&io, &h->model);
+    saga_tools_io(&io, h);
     if (saga_crc32c(0, bytes, end) != fx_load32_le(bytes + end))
         return SAGA_ERR_DATA;
     return SAGA_OK;
 }
 
 uint64_t saga_head_nbytes(const saga_header *h)
+{
+    return saga_head_base(h) + h->base_nbytes;
+}
+
+uint64_t saga_head_base(const saga_header *h)
 {
     return (uint64_t)h->header_nbytes + 2 * SAGA_CHUNK_NBYTES +
            (uint64_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES + h->nets_nbytes;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The head of a file: header, rig, index; checked before anything is used.
+ * The head of a file: header, rig, index, networks, base; checked before
+ * anything is used.
  */
 #ifndef SAGA_HEAD_H
 #define SAGA_HEAD_H
@@ -12,9 +13,10 @@
  * values are checked by saga_plan_make. OK, TRUNCATED, DATA, VERSION. */
 saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n);
 
-/* Bytes up to the end of the networks chunk; of a header whose counts are
- * checked. */
+/* Bytes of the head; up to the end of its networks chunk, where the base is if
+ * there is one. Of a header whose counts are checked. */
 uint64_t saga_head_nbytes(const saga_header *h);
+uint64_t saga_head_base(const saga_header *h);
 
 /* CRC of the header at the start of bytes, which was read into *h. */
 uint32_t saga_head_crc(const saga_header *h, const uint8_t *bytes);

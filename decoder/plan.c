@@ -6,8 +6,10 @@
 #include "fx_math.h"
 #include "primitive.h"
 
-/* Level 3's weights take far less; a head's size then fits 32 bits. */
+/* Level 3's weights take far less; a head's size then fits 32 bits. So does it
+ * with a base of so many bytes. */
 #define MAX_NETS_NBYTES (1u << 28)
+#define MAX_BASE_NBYTES (1u << 30)
 
 /* The work block's size decides whether a file fits its level, so these sizes
  * are part of the format (docs/bitstream.md). */
@@ -39,7 +41,16 @@ static saga_status check_counts(const saga_header *h)
         h->n_frames < h->n_segments || h->fps_num < 1 || h->fps_den < 1 ||
         h->max.coarse < 1 || h->nets_nbytes > MAX_NETS_NBYTES)
         return SAGA_ERR_DATA;
+    if ((h->model.tools & SAGA_TOOL_BASE) &&
+        (h->base.coarse < 1 || h->base_nbytes > MAX_BASE_NBYTES))
+        return SAGA_ERR_DATA;
     return SAGA_OK;
+}
+
+/* Base and segment together keep to a level. */
+static int within(uint32_t a, uint32_t b, uint32_t cap)
+{
+    return a <= cap && b <= cap - a;
 }
 
 static saga_status check_level(const saga_header *h, const saga_nets *nets)
@@ -57,8 +68,9 @@ static saga_status check_level(const saga_header *h, const saga_nets *nets)
             return SAGA_ERR_LEVEL;
     }
     if (h->model.bank_slots > cap->n_slots || weights > cap->n_weights ||
-        h->max.coarse > cap->n_coarse ||
-        h->max.fine > cap->n_fine || h->max.prim > cap->n_prim)
+        !within(h->max.coarse, h->base.coarse, cap->n_coarse) ||
+        !within(h->max.fine, h->base.fine, cap->n_fine) ||
+        !within(h->max.prim, h->base.prim, cap->n_prim))
         return SAGA_ERR_LEVEL;
     return SAGA_OK;
 }
@@ -75,43 +87,53 @@ static uint32_t region(uint64_t *at, uint64_t n, uint64_t nbytes)
     return (uint32_t)(begin & 0xffffffffu);
 }
 
+static uint32_t larger(uint32_t a, uint32_t b)
+{
+    return a > b ? a : b;
+}
+
+/* Those of the base are there before those of any segment. */
 static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
 {
     const uint64_t feature = 2u * h->model.features;
+    const uint32_t coarse = larger(h->max.coarse, h->base.coarse);
+    const uint32_t fine = larger(h->max.fine, h->base.fine);
     saga_bank bank;
 
     saga_bank_size(&bank, &h->model);
     p->bank_at = region(&at, bank.n_slots ? 1 : 0,
                         saga_bank_lay(&bank, NULL));
-    p->coarse_at = region(&at, h->max.coarse, sizeof(saga_coarse));
-    p->coarse_feature_at = region(&at, h->max.coarse, feature);
-    p->fine_at = region(&at, h->max.fine, sizeof(saga_fine));
-    p->fine_feature_at = region(&at, h->max.fine, feature);
-    p->offsets_at = region(&at, h->max.prim, 4 * sizeof(int16_t));
+    p->coarse_at = region(&at, coarse, sizeof(saga_coarse));
+    p->coarse_feature_at = region(&at, coarse, feature);
+    p->fine_at = region(&at, fine, sizeof(saga_fine));
+    p->fine_feature_at = region(&at, fine, feature);
+    p->offsets_at = region(&at, larger(h->max.prim, h->base.prim),
+                           4 * sizeof(int16_t));
     return at;
 }
 
-static uint64_t lay_view(saga_plan *p, const saga_header *h, uint64_t at)
+static uint64_t lay_view(saga_plan *p, uint32_t prims, uint64_t at)
 {
-    p->splats_at = region(&at, h->max.prim, sizeof(saga_splat));
-    p->keys_at = region(&at, h->max.prim, sizeof(saga_key));
-    p->keys_tmp_at = region(&at, h->max.prim, sizeof(saga_key));
+    p->splats_at = region(&at, prims, sizeof(saga_splat));
+    p->keys_at = region(&at, prims, sizeof(saga_key));
+    p->keys_tmp_at = region(&at, prims, sizeof(saga_key));
     return at;
 }
 
 static uint64_t lay_out(saga_plan *p, const saga_header *h,
                         uint32_t decoder_nbytes)
 {
+    const uint32_t prims = h->base.prim + h->max.prim;
     uint64_t at = 0, anchors, view;
 
     (void)region(&at, 1, decoder_nbytes);
     p->nets_at = region(&at, 1, p->nets.nbytes);
     p->models_at = region(&at, 1, sizeof(saga_models));
     p->vectors_at = region(&at, 1, sizeof(saga_vectors));
-    p->prims_at = region(&at, h->max.prim, sizeof(saga_primitive));
-    p->colours_at = region(&at, h->max.prim, 2u * p->colour_stride);
+    p->prims_at = region(&at, prims, sizeof(saga_primitive));
+    p->colours_at = region(&at, prims, 2u * p->colour_stride);
     anchors = lay_anchors(p, h, at);
-    view = lay_view(p, h, at);
+    view = lay_view(p, prims, at);
     return anchors > view ? anchors : view;
 }
 

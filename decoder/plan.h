@@ -10,15 +10,16 @@
 #include "saga.h"
 #include "scaffold.h"
 
-/* Offsets in the work block, multiples of 16. Anchors live while a segment is
- * decoded; the splats of a view lie over them. */
+/* Offsets in the work block, multiples of 16. Anchors live while a segment or
+ * the base is decoded; the splats of a view lie over them. Primitives of the
+ * base come first, those of the segment behind them. */
 typedef struct saga_plan {
     saga_nets nets;
     uint32_t nets_at, models_at, vectors_at;
-    uint32_t prims_at;       /* saga_primitive (max.prim) */
-    uint32_t colours_at;     /* int16_t (max.prim, colour_stride) */
+    uint32_t prims_at;       /* saga_primitive (base.prim + max.prim) */
+    uint32_t colours_at;     /* int16_t (the same, colour_stride) */
     uint32_t coarse_at, coarse_feature_at, fine_at, fine_feature_at;
-    uint32_t offsets_at;     /* int16_t (max.prim, 4) */
+    uint32_t offsets_at;     /* int16_t (prim, 4) of one of them */
     uint32_t bank_at;      /* saga_bank_lay; nothing without the tool */
     uint32_t splats_at, keys_at, keys_tmp_at;
     uint32_t colour_stride;  /* pre-activations, or the colour itself */

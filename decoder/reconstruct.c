@@ -201,6 +201,23 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     }
 }
 
+/* So wide a life never fades: |dt| < 2^17 is u <= 2 in Q16, and u^2 log2(e)
+ * rounds to 0. */
+void saga_stand_still(saga_primitive *prims, uint32_t n)
+{
+    uint32_t i;
+    int k;
+
+    for (i = 0; i < n; i++) {
+        for (k = 0; k < 4; k++)
+            prims[i].slope[k] = 0;
+        for (k = 0; k < 9; k++)
+            prims[i].motion[k] = 0;
+        prims[i].t_centre = SAGA_T_MID;
+        prims[i].log2_width_q10 = 32767;
+    }
+}
+
 /* Unit vector from centre to x in Q14; zero for zero. |x| and |centre| are at
  * most 2^29 per axis, so the squares' sum is at most 3 * 2^60 and the product
  * below 2^61. 1/sqrt(n2) <= 1, so the shift is 16 or more. */

@@ -19,6 +19,9 @@ void saga_prim_format_of(saga_prim_format *f, const saga_model *m);
 void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
                       int16_t *colours, uint32_t stride);
 
+/* Makes those of the base of prims[0..n): nothing of them depends on time. */
+void saga_stand_still(saga_primitive *prims, uint32_t n);
+
 /* Primitives that are seen, up to saga_shade_points together. */
 typedef struct saga_seen {
     uint32_t n;

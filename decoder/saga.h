@@ -112,8 +112,9 @@ typedef struct saga_job {
 
 /* --- Files ----------------------------------------------------------------
  *
- * A file begins with its head (header, index, networks); then come segments.
- * To show one picture a player needs the head and one segment:
+ * A file begins with its head (header, index, networks, and the base: what
+ * stands still in all of it, if the file has one); then come segments. To show
+ * one picture a player needs the head and one segment:
  *
  *     saga_probe(&info, bytes, n);             how much memory, how many bytes
  *     saga_open(&dec, work, info.work_nbytes, bytes, info.head_nbytes);
@@ -133,11 +134,15 @@ enum { SAGA_WORK_ALIGN = 16 };
 typedef struct saga_info {
     uint32_t version, level;
     size_t work_nbytes;      /* of the block saga_open needs, exactly */
-    size_t head_nbytes;      /* header, index and networks: the file's start */
+    size_t head_nbytes;      /* header, index, networks, base: the file's
+                              * start */
     uint32_t n_segments, n_frames;
     uint32_t fps_num, fps_den; /* frames per second */
     uint32_t n_cameras;      /* of the rig */
     uint32_t max_coarse, max_fine, max_primitives; /* of any segment */
+    uint32_t base_coarse, base_fine, base_primitives; /* of the base; 0 without
+                              * one */
+    uint32_t base_nbytes;    /* of the head's */
     uint32_t n_weights;      /* of all networks */
     uint32_t nets_nbytes;    /* coded size of the networks */
     uint32_t tools;          /* as in the header, docs/bitstream.md */
@@ -146,6 +151,7 @@ typedef struct saga_info {
     uint64_t decode_macs;    /* multiply-accumulates of networks and bank to
                               * decode a segment of the maximal counts; the
                               * most there can be, with a bank */
+    uint64_t base_macs;      /* the same for the base, in saga_open */
     uint32_t view_macs;      /* the same per visible primitive and view */
     /* metres = centre + box units * unit; value = mantissa * 2^exponent */
     int32_t unit_mantissa, unit_exponent;
@@ -161,8 +167,8 @@ saga_status saga_probe(saga_info *info, const uint8_t *bytes, size_t n);
 typedef struct saga_decoder saga_decoder;
 
 /* Starts a decoder in work[0..work_nbytes), aligned to SAGA_WORK_ALIGN, from
- * the file's head. *dec points into work, which belongs to the decoder until
- * the caller takes it back; there is nothing to close.
+ * the file's head, whose base it decodes. *dec points into work, which belongs
+ * to the decoder until the caller takes it back; there is nothing to close.
  * SAGA_OK; SPACE, ALIGN; TRUNCATED: n < info.head_nbytes; DATA, VERSION,
  * LEVEL. On an error *dec is NULL. */
 saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
@@ -188,6 +194,24 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
  * needed. SAGA_OK; ARG; else as saga_probe. */
 saga_status saga_rig(saga_camera *camera, uint32_t *number,
                      const uint8_t *head, size_t n, uint32_t index);
+
+enum { SAGA_MAX_NAME = 63 }; /* bytes, without the 0 at the end */
+
+typedef struct saga_naming {
+    char name[SAGA_MAX_NAME + 1]; /* UTF-8, 0 at the end; no control
+                              * characters; may be empty */
+    int32_t metre_mantissa, metre_exponent; /* metres in the capture's unit of
+                              * length: mantissa * 2^exponent; mantissa 0:
+                              * unknown */
+} saga_naming;
+
+/* What the capture calls camera `index` of the rig, and its unit of length.
+ * bytes[0..n): the file's start; a chunk of names lies right behind the head,
+ * and the first segment behind that.
+ * SAGA_OK; ARG: there is no such camera, or the file has no names; TRUNCATED:
+ * more bytes are needed; DATA; else as saga_probe. */
+saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
+                             size_t n, uint32_t index);
 
 /* Decodes a segment's bytes[0..n) into primitives, in place of an earlier
  * one. segment: as saga_find gave it; its number and frames must be those that
@@ -223,7 +247,9 @@ uint32_t saga_crc32c(uint32_t crc, const uint8_t *p, size_t n);
 /* --- Taps: for vectors, export and references ---------------------------- */
 
 typedef struct saga_report {
-    uint32_t n_coarse, n_fine, n_primitives;
+    uint32_t n_coarse, n_fine; /* of the segment */
+    uint32_t n_primitives;   /* of base and segment: those of the base have
+                              * the first numbers */
     uint32_t final_range[3]; /* of the coder after each layer */
     uint32_t n_splats;       /* of the last view; 0 without one */
 } saga_report;

@@ -25,8 +25,10 @@ typedef struct saga_look {
 uint32_t saga_splats(saga_splat *s, const saga_primitive *p, uint32_t n,
                      const saga_look *look, saga_cpu cpu);
 
-/* The twin, of runs of a multiple of four. */
+/* Twins, of runs of a multiple of four and of two. */
 uint32_t saga_splats__avx2(saga_splat *s, const saga_primitive *p, uint32_t n,
+                           const saga_look *look);
+uint32_t saga_splats__neon(saga_splat *s, const saga_primitive *p, uint32_t n,
                            const saga_look *look);
 
 #endif

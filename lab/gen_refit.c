@@ -117,8 +117,9 @@ static void set_twin(saga_twin *w, const ref_file *in)
 
         for (size_t k = 0; k < f; k++)
             w->fine_feature[i * f + k] = (float)ldexp(
-                in->sc.fine_feature[i * f + k],
-                -in->h.model.head_q[SAGA_HEAD_FINE]);
+                in->sc.fine_feature[i * f + k] *
+                    saga_fine_unit(in->params)[k],
+                -3 - in->h.model.head_q[SAGA_HEAD_FINE]);
         for (size_t k = 0; k < 4; k++) {
             const float unit = k < 3 ? 8388608 : 65536;
 

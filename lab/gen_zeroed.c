@@ -219,6 +219,8 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
 
     if (saga_probe(&info, bytes, n) || saga_head_read(&h, bytes, n))
         return "the header is not valid";
+    if (h.model.tools & SAGA_TOOL_BASE)
+        return "files with a base cannot be changed yet";
     e = begin(&h, bytes, n);
     if (!e)
         return "the networks are not valid";

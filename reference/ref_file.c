@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 #include "ref_file.h"
 
+#include "alloc.h"
 #include "encode.h"
 #include "fx.h"
 #include "head.h"
 #include "plan.h"
 #include "range_dec.h"
+#include "reconstruct.h"
 #include "ref_recorder.h"
 #include "saga.h"
 #include "syntax.h"
@@ -141,12 +143,18 @@ static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n,
     ref_span payload;
 
     read_rig(f, bytes);
-    if (seg->offset > n || seg->nbytes > n - seg->offset ||
+    if ((seg && (seg->offset > n || seg->nbytes > n - seg->offset)) ||
         !take_chunk(&payload, &at, SAGA_CHUNK_INDEX))
         return "the index is not valid";
     if (!take_chunk(&f->chunk[REF_NETWORKS], &at, SAGA_CHUNK_NETS) ||
         f->chunk[REF_NETWORKS].n != f->h.nets_nbytes || !read_nets(f))
         return "the networks are not valid";
+    if (!seg) {
+        f->is_base = 1;
+        f->segment.n = f->h.base;
+        at.n = f->h.base_nbytes;
+        return read_layers(f, at) ? NULL : "the base is not valid";
+    }
     at = recorder_segment_chunks(&f->h, bytes, seg);
     if (!recorder_segment(&f->segment, &f->h, &at))
         return "the segment's header is not valid";
@@ -176,12 +184,33 @@ const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
     memset(f, 0, sizeof *f);
     if (saga_probe(&info, bytes, n))
         return "the header is not valid";
-    if (info.n_segments != 1)
+    if (info.n_segments != 1 || info.base_coarse > 0)
         return "files of several segments cannot be taken apart yet";
     /* The last frame is behind all of the index. */
     if (saga_find(&seg, bytes, n, info.n_frames - 1, 1))
         return "the index is not valid";
     return ref_file_read_segment(f, bytes, n, &seg);
+}
+
+uint32_t ref_file_colours(const ref_file *f)
+{
+    const saga_model *const m = &f->h.model;
+
+    return m->tools & SAGA_TOOL_VIEW ? m->width[SAGA_NET_COLOUR] : 3;
+}
+
+bool ref_file_primitives(saga_primitive **prim, int16_t **colour,
+                         const ref_file *f, saga_error *error)
+{
+    const uint32_t stride = ref_file_colours(f);
+
+    *prim = saga_alloc(f->sc.n.prim, sizeof **prim, "the primitives", error);
+    *colour = saga_alloc(f->sc.n.prim, stride * sizeof **colour,
+                         "the primitives", error);
+    if (!*prim || !*colour)
+        return false;
+    saga_reconstruct(&f->sc, *prim, *colour, stride);
+    return true;
 }
 
 void ref_file_free(ref_file *f)

@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * A segment of a .saga file as its parts: header and rig, the symbols, what
- * they decode to, and what they cost. For tools that code the same scene
- * otherwise, and for the reference, which decodes it otherwise.
+ * A segment of a .saga file, or the base, as its parts: header and rig, the
+ * symbols, what they decode to, and what they cost. For tools that code the
+ * same scene otherwise, and for the reference, which decodes it otherwise.
  */
 #ifndef REF_FILE_H
 #define REF_FILE_H
 
 #include "container.h"
 #include "cost.h"
+#include "error.h"
+#include "primitive.h"
 #include "saga.h"
 #include "scaffold.h"
 #include "symbols.h"
@@ -27,7 +29,8 @@ typedef struct ref_span {
 typedef struct ref_file {
     saga_header h;
     saga_rig_camera *rig;
-    saga_segment_header segment;
+    int is_base;
+    saga_segment_header segment; /* of the base only its counts */
     saga_nets shapes;
     uint8_t *params;             /* the networks' block */
     saga_net_symbols nets;
@@ -43,13 +46,22 @@ typedef struct ref_file {
     double net_bits[SAGA_N_NETS]; /* and of each of them */
 } ref_file;
 
-/* This reads a file that has one segment. NULL: done, and ref_file_free; else
- * why not, a constant string, and there is nothing to free. */
+/* This reads a file that has one segment and no base. NULL: done, and
+ * ref_file_free; else why not, a constant string, and there is nothing to free.
+ */
 const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n);
-/* The same of one segment of any file, which saga_find has found. */
+/* The same of one segment of any file, which saga_find has found; seg NULL: of
+ * its base, which there is. */
 const char *ref_file_read_segment(ref_file *f, const uint8_t *bytes, size_t n,
                                   const saga_segment *seg);
 void ref_file_free(ref_file *f);
+
+/* The colours of a primitive: how many the integers have. */
+uint32_t ref_file_colours(const ref_file *f);
+/* What saga_reconstruct makes of it: (prim) and (prim, ref_file_colours); free
+ * both, also after a failure. */
+bool ref_file_primitives(saga_primitive **prim, int16_t **colour,
+                         const ref_file *f, saga_error *error);
 
 /* Channels of a step's values: 4 or F. */
 uint32_t ref_file_channels(const ref_file *f, int step);

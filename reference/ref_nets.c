@@ -40,12 +40,25 @@ static bool take_layer(ref_nets *n, int net, int i, const saga_layer *l,
     return true;
 }
 
+static void take_fine_units(ref_nets *n, const saga_nets *shapes,
+                            const uint8_t *params)
+{
+    const int16_t *const eighths = saga_fine_unit(params);
+
+    for (uint32_t k = 0; k < n->model->features; k++)
+        n->fine_unit[k] = ldexp(eighths[k], -3 -
+                                n->model->head_q[SAGA_HEAD_FINE]);
+    for (int net = 0; net < SAGA_N_NETS; net++)
+        n->takes_fine[net] = saga_nets_takes_fine(shapes, net);
+}
+
 bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
                    const uint8_t *params, saga_error *error)
 {
     memset(n, 0, sizeof *n);
     n->model = m;
     memcpy(n->shape, shapes->shape, sizeof n->shape);
+    take_fine_units(n, shapes, params);
     for (int net = 0; net < SAGA_N_NETS; net++)
         for (int i = 0; i < n->shape[net].n_layers; i++) {
             saga_layer l;
@@ -92,6 +105,16 @@ static void round_inputs(double *x, uint32_t n, ref_rounding *r, int net,
     }
 }
 
+/* What a network calls 1 at its input k. */
+static double input_unit(const ref_nets *n, int net, uint32_t k)
+{
+    const double unit = ldexp(1, -n->shape[net].q_in);
+
+    if (!n->takes_fine[net] || k >= n->model->features)
+        return unit;
+    return unit * ldexp(n->fine_unit[k], n->model->head_q[SAGA_HEAD_FINE]);
+}
+
 /* Activations are in the last places of their formats here, whatever those
  * are: only the first and the last are known. */
 void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
@@ -100,7 +123,7 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
     double x[SAGA_MAX_VECTOR], y[SAGA_MAX_VECTOR];
 
     for (uint32_t k = 0; k < s->dim[0]; k++)
-        x[k] = ref_saturate(ldexp(in[k], s->q_in), 1);
+        x[k] = ref_saturate(in[k] / input_unit(n, net, k), 1);
     for (int i = 0; i < s->n_layers; i++) {
         const double *w = n->weight[net][i];
 
@@ -122,7 +145,9 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
             x[row] = ldexp(floor(ldexp(x[row], n->rounding->bits) + 0.5),
                            -n->rounding->bits);
     for (uint32_t row = 0; row < s->dim[s->n_layers]; row++)
-        out[row] = ldexp(x[row], -saga_output_q(n->model, net, row));
+        out[row] = x[row] * (net == SAGA_NET_FINE && row < n->model->features
+            ? n->fine_unit[row]
+            : ldexp(1, -saga_output_q(n->model, net, row)));
 }
 
 /* --- Embedding ----------------------------------------------------------- */

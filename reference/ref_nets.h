@@ -28,6 +28,9 @@ typedef struct ref_nets {
     saga_net_shape shape[SAGA_N_NETS];
     double *weight[SAGA_N_NETS][SAGA_MAX_LAYERS]; /* (n_out, n_in) */
     double *bias[SAGA_N_NETS][SAGA_MAX_LAYERS];
+    double fine_unit[SAGA_MAX_FEATURES]; /* last places of a fine anchor's
+                              * features */
+    int takes_fine[SAGA_N_NETS]; /* a network takes these as they are */
 } ref_nets;
 
 /* This takes the parameters from a decoded block, which is not used any more;

@@ -105,6 +105,9 @@ static void keep(recorder *r, saga_at at, uint32_t sym, uint32_t n_sym)
     case SAGA_SYM_NET_DROP:
         layer_of(r, at)->drop[at.row] = (uint8_t)sym;
         break;
+    case SAGA_SYM_NET_FINER:
+        layer_of(r, at)->finer[at.row] = (uint8_t)sym;
+        break;
     default:
         layer_of(r, at)->shift[at.row] = (uint8_t)(at.column
             ? layer_of(r, at)->shift[at.row] | sym : sym << 3);
@@ -184,6 +187,7 @@ void recorder_alloc_nets(saga_net_symbols *s, const saga_nets *shapes)
             l->weight = array((size_t)dim[0] * dim[1], sizeof(int32_t));
             l->bias = array(dim[1], sizeof(int32_t));
             l->shift = array(dim[1], 1);
+            l->finer = array(dim[1], 1);
             l->drop = array(dim[0] > dim[1] ? dim[0] : dim[1], 1);
         }
 }
@@ -209,19 +213,31 @@ recorder_chunks recorder_head(const saga_header *h, const uint8_t *bytes,
 {
     const recorder_chunks at = { bytes + h->header_nbytes,
                                  n - h->header_nbytes,
-                                 saga_head_crc(h, bytes), { 0 } };
+                                 saga_head_crc(h, bytes), 1, { 0 } };
 
     return at;
+}
+
+/* The CRC of the head's last chunk. */
+static uint32_t owner_of(const saga_header *h, const uint8_t *bytes)
+{
+    const size_t end = (size_t)saga_head_nbytes(h);
+    size_t at = h->header_nbytes;
+    uint32_t crc = 0;
+
+    while (at + SAGA_CHUNK_NBYTES <= end) {
+        crc = fx_load32_le(bytes + at + 8);
+        at += SAGA_CHUNK_NBYTES + (size_t)fx_load32_le(bytes + at + 4);
+    }
+    return crc;
 }
 
 recorder_chunks recorder_segment_chunks(const saga_header *h,
                                         const uint8_t *bytes,
                                         const saga_segment *seg)
 {
-    const uint32_t nets = h->header_nbytes + SAGA_CHUNK_NBYTES +
-                          h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
     const recorder_chunks at = { bytes + seg->offset, seg->nbytes,
-                                 fx_load32_le(bytes + nets + 8), *seg };
+                                 owner_of(h, bytes), 0, *seg };
 
     return at;
 }
@@ -235,7 +251,8 @@ const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
         return NULL;
     at->p = payload + chunk->nbytes;
     at->n -= SAGA_CHUNK_NBYTES + chunk->nbytes;
-    if (type == SAGA_CHUNK_NETS)
+    at->in_head = at->in_head && type != SAGA_CHUNK_SEGMENT;
+    if (at->in_head && type != SAGA_CHUNK_INDEX)
         at->owner = chunk->crc;
     return payload;
 }
@@ -304,24 +321,21 @@ int recorder_layers(saga_coder *front, saga_coder **inner,
     return ok && at.n == 0;
 }
 
-static int read_segment(const saga_header *h, const saga_nets *nets,
-                        const uint8_t *params, saga_symbols *s,
-                        uint32_t final_range[3], const recorder *like,
-                        recorder_chunks at)
+static int read_layers(const saga_header *h, const saga_nets *nets,
+                       const uint8_t *params, saga_symbols *s, saga_counts n,
+                       uint32_t final_range[3], const recorder *like,
+                       recorder_chunks at)
 {
-    saga_segment_header seg;
     saga_scaffold sc;
     recorder r;
     int ok;
 
-    if (!recorder_segment(&seg, h, &at))
-        return 0;
     recorder_init(&r, NULL);
     r.s = s;
-    r.cap_nodes = recorder_nodes(seg.n.coarse);
+    r.cap_nodes = recorder_nodes(n.coarse);
     r.features = h->model.features;
-    recorder_alloc_symbols(s, seg.n, h->model.features, r.cap_nodes);
-    recorder_scaffold(&sc, &h->model, nets, params, seg.n);
+    recorder_alloc_symbols(s, n, h->model.features, r.cap_nodes);
+    recorder_scaffold(&sc, &h->model, nets, params, n);
     r.watch = like->watch;
     r.user = like->user;
     r.sc = &sc;
@@ -330,15 +344,34 @@ static int read_segment(const saga_header *h, const saga_nets *nets,
     return ok;
 }
 
+/* wanted: takes the symbols, or NULL. */
+static int read_base(const saga_header *h, const saga_nets *nets,
+                     const uint8_t *params, saga_symbols *wanted,
+                     recorder_chunks at)
+{
+    const recorder nobody = { .watch = NULL };
+    uint32_t final_range[3];
+    saga_symbols s;
+    int ok;
+
+    at.n = h->base_nbytes;
+    ok = read_layers(h, nets, params, &s, h->base, final_range, &nobody, at);
+    if (wanted)
+        *wanted = s;
+    else
+        recorder_free_symbols(&s);
+    return ok;
+}
+
 static int read_nets(saga_net_symbols *out, const saga_header *h,
                      const saga_nets *nets, uint8_t *params,
-                     recorder_chunks at)
+                     recorder_chunks *at)
 {
     saga_range_dec range;
     saga_chunk chunk;
     recorder r;
     const uint8_t *const payload = recorder_chunk(&chunk, SAGA_CHUNK_NETS,
-                                                  &at);
+                                                  at);
 
     if (!payload || chunk.nbytes != h->nets_nbytes)
         return 0;
@@ -373,6 +406,7 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
                      uint32_t number, uint32_t final_range[3],
                      const recorder *like, const uint8_t *bytes, size_t n)
 {
+    saga_segment_header segment_header;
     saga_header h;
     saga_plan plan;
     saga_chunk chunk;
@@ -382,16 +416,22 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
     int ok;
 
     if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0) ||
-        !find_segment(&seg, number, &h, bytes, n))
+        !find_segment(&seg, number == RECORDER_BASE ? 0 : number, &h, bytes,
+                      n))
         return 0;
     at = recorder_head(&h, bytes, n);
     if (!recorder_chunk(&chunk, SAGA_CHUNK_INDEX, &at))
         return 0;
     params = aligned_alloc(16, plan.nets.nbytes + 16);
-    ok = params && read_nets(nets, &h, &plan.nets, params, at);
-    if (ok && segment)
-        ok = read_segment(&h, &plan.nets, params, segment, final_range, like,
-                          recorder_segment_chunks(&h, bytes, &seg));
+    ok = params && read_nets(nets, &h, &plan.nets, params, &at);
+    if (ok && (h.model.tools & SAGA_TOOL_BASE))
+        ok = read_base(&h, &plan.nets, params,
+                       number == RECORDER_BASE ? segment : NULL, at);
+    at = recorder_segment_chunks(&h, bytes, &seg);
+    if (ok && segment && number != RECORDER_BASE)
+        ok = recorder_segment(&segment_header, &h, &at) &&
+             read_layers(&h, &plan.nets, params, segment, segment_header.n,
+                         final_range, like, at);
     free(params);
     return ok;
 }

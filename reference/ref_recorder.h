@@ -48,6 +48,7 @@ typedef struct recorder_chunks {
     const uint8_t *p;
     size_t n;
     uint32_t owner;
+    int in_head;
     saga_segment wanted;         /* of a segment's chunks: which it is */
 } recorder_chunks;
 
@@ -59,8 +60,8 @@ recorder_chunks recorder_segment_chunks(const saga_header *h,
                                         const saga_segment *seg);
 
 /* The chunk of that type which *at begins with: its payload, and *at moves past
- * it; what follows NETS goes on from its CRC. NULL if there is none, or its CRC
- * is another. */
+ * it; what follows it in the head goes on from its CRC, unless it is the index.
+ * NULL if there is none, or its CRC is another. */
 const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
                               recorder_chunks *at);
 
@@ -85,6 +86,9 @@ void recorder_scaffold(saga_scaffold *sc, const saga_model *model,
 int recorder_layers(saga_coder *front, saga_coder **inner,
                     const saga_scaffold *sc, uint32_t final_range[3],
                     recorder_chunks at);
+
+/* Says the number of a segment that the base is meant. */
+#define RECORDER_BASE UINT32_MAX
 
 /* All symbols of a file's bytes, decoded by decoder/range_dec and common/'s
  * traversal: networks, and segment `number` (or none if segment is NULL).

@@ -125,12 +125,10 @@ static double feature_of(const ref_scene *s, int table, uint32_t rank,
          : i == 4 ? s->file->sc.fine[rank].n_prim / 16.0 : 0;
 }
 
-static double table_unit(const ref_scene *s, int table)
+static double table_unit(const ref_scene *s, int table, uint32_t i)
 {
-    const uint8_t *const q = s->model->head_q;
-
-    return table == CONTEXT ? q14 : ldexp(1, -(table == COARSE
-        ? q[SAGA_HEAD_COARSE] : q[SAGA_HEAD_FINE]));
+    return table == CONTEXT ? q14 : table == FINE ? s->nets.fine_unit[i]
+         : ldexp(1, -s->model->head_q[SAGA_HEAD_COARSE]);
 }
 
 static double distance(const ref_scene *s, int table, const block *b,
@@ -171,7 +169,7 @@ static void interpolate(double *out, const ref_scene *s, int table,
         out[i] = 0;
         for (uint32_t k = 0; k < nb->n; k++)
             out[i] += weight[k] / sum * feature_of(s, table, nb->rank[k], i);
-        out[i] = ref_saturate(out[i], table_unit(s, table));
+        out[i] = ref_saturate(out[i], table_unit(s, table, i));
     }
 }
 
@@ -695,6 +693,16 @@ static void set_primitive(ref_primitive *p, const saga_model *m,
                        log2_half_size(c, 3), 1 / 1024.0) - 16 : INFINITY;
 }
 
+/* A life of 32767/1024 octaves of time units does not fade, as the norm rounds
+ * it. */
+static void stand_still(ref_primitive *p)
+{
+    memset(p->motion, 0, sizeof p->motion);
+    memset(p->slope, 0, sizeof p->slope);
+    p->t_centre = 0.5;
+    p->log2_width = 32767 / 1024.0 - 16;
+}
+
 /* Of pre-activations, which it overwrites. */
 static void colour_of(double rgb[3], const ref_scene *s, double *z)
 {
@@ -724,6 +732,8 @@ static void primitive(ref_scene *s, uint32_t prim, uint32_t anchor)
     ref_embed_offset(v + f, s->model, s->offset[prim]);
     ref_nets_run(out, &s->nets, SAGA_NET_GEO, v);
     set_primitive(&s->prim[prim], s->model, out, &b, cell_of(s, anchor));
+    if (s->file->is_base)
+        stand_still(&s->prim[prim]);
     ref_nets_run(out, &s->nets, SAGA_NET_COLOUR_BASE, v);
     if (s->model->tools & SAGA_TOOL_VIEW)
         memcpy(s->colour + (size_t)prim * s->n_colour, out,
@@ -786,9 +796,11 @@ static void reset_anchors(ref_scene *s)
         s->centre[k][3] = sc->coarse[k].t;
     }
     for (size_t i = 0; i < (size_t)sc->n.coarse * f; i++)
-        s->coarse_feature[i] = sc->coarse_feature[i] * table_unit(s, COARSE);
+        s->coarse_feature[i] = sc->coarse_feature[i] *
+                               table_unit(s, COARSE, 0);
     for (size_t i = 0; i < (size_t)sc->n.fine * f; i++)
-        s->fine_feature[i] = sc->fine_feature[i] * table_unit(s, FINE);
+        s->fine_feature[i] = sc->fine_feature[i] *
+                             table_unit(s, FINE, (uint32_t)(i % f));
     for (uint32_t k = 0; k < sc->n.fine; k++) {
         fine_suffix(s->local[k], s, k);
         for (uint32_t i = 0; i < 4; i++) {

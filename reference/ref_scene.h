@@ -37,8 +37,8 @@ typedef struct ref_scene {
 } ref_scene;
 
 /* A scene of the integers of a file that was read: prims and colours are
- * saga_reconstruct's of it. The file must outlive it. ref_scene_free also frees
- * what a failure left. */
+ * saga_reconstruct's of it (and saga_stand_still's, of a base). The file must
+ * outlive it. ref_scene_free also frees what a failure left. */
 bool ref_scene_make(ref_scene *s, const ref_file *f,
                     const saga_primitive *prims, const int16_t *colours,
                     saga_error *error);

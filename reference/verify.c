@@ -20,9 +20,17 @@ const char *const saga_verify_stage[SAGA_VERIFY_N_STAGES] = {
     "symbols", "scaffold", "primitives", "animation", "splats", "pixels"
 };
 
-/* The integers. */
+/* The base or the segment: its primitives are those from `first` on. */
 typedef struct {
     ref_file file;
+    ref_scene scene;         /* in double */
+    uint32_t first;
+} part;
+
+/* The integers. */
+typedef struct {
+    uint32_t n;              /* primitives of all parts */
+    const saga_model *model;
     saga_prim_format format;
     saga_primitive *prim;
     int16_t *colour;         /* (prim, stride) */
@@ -35,7 +43,6 @@ typedef struct {
 
 /* The same in double. */
 typedef struct {
-    ref_scene scene;
     ref_animated *moved;
     ref_splat *splat;
     uint8_t *visible;
@@ -69,6 +76,8 @@ typedef struct {
     const saga_camera *camera;
     saga_verify_progress *progress;
     void *user;
+    part part[2];            /* the base, if the file has one; the segment */
+    int n_parts;
     exact e;
     real r;
     canvas c;
@@ -78,7 +87,21 @@ typedef struct {
 
 static uint32_t n_prims(const session *s)
 {
-    return s->e.file.sc.n.prim;
+    return s->e.n;
+}
+
+static const part *part_of(const session *s, uint32_t prim)
+{
+    const part *const last = &s->part[s->n_parts - 1];
+
+    return prim >= last->first ? last : &s->part[0];
+}
+
+static const ref_primitive *prim_of(const session *s, uint32_t prim)
+{
+    const part *const p = part_of(s, prim);
+
+    return &p->scene.prim[prim - p->first];
 }
 
 /* --- Rows ---------------------------------------------------------------- */
@@ -144,23 +167,47 @@ static void shade(session *s, uint32_t i)
 
     seen.base[0] = e->colour + (size_t)i * e->stride;
     saga_animate_mean(seen.x[0], &e->prim[i], &e->format, 32768);
-    if (e->file.h.model.tools & SAGA_TOOL_VIEW)
-        saga_shade(&e->splat[i], &e->file.sc, &seen, s->camera->centre);
+    if (e->model->tools & SAGA_TOOL_VIEW)
+        saga_shade(&e->splat[i], &part_of(s, i)->file.sc, &seen,
+                   s->camera->centre);
     else
         for (int k = 0; k < 3; k++)
             e->splat[i].colour_q15[k] = (uint16_t)seen.base[0][k];
 }
 
-static bool take_apart(session *s, const uint8_t *bytes, size_t n,
-                       const saga_segment *seg)
+static bool read_part(session *s, const uint8_t *bytes, size_t n,
+                      const saga_segment *seg)
 {
-    const char *const why = ref_file_read_segment(&s->e.file, bytes, n, seg);
-    exact *const e = &s->e;
-    const saga_model *const m = &e->file.h.model;
+    part *const p = &s->part[s->n_parts++];
+    const char *const why = ref_file_read_segment(&p->file, bytes, n, seg);
 
     if (why)
         return saga_fail(s->error, s->name, "copy the file again", "%s", why);
-    e->stride = m->tools & SAGA_TOOL_VIEW ? m->width[SAGA_NET_COLOUR] : 3;
+    p->first = s->e.n;
+    s->e.n += p->file.sc.n.prim;
+    s->e.model = &p->file.h.model;
+    return true;
+}
+
+static void reconstruct(session *s, const part *p)
+{
+    saga_primitive *const prim = s->e.prim + p->first;
+
+    saga_reconstruct(&p->file.sc, prim, s->e.colour +
+                     (size_t)p->first * s->e.stride, s->e.stride);
+    if (p->file.is_base)
+        saga_stand_still(prim, p->file.sc.n.prim);
+}
+
+static bool take_apart(session *s, const uint8_t *bytes, size_t n,
+                       const saga_info *info, const saga_segment *seg)
+{
+    exact *const e = &s->e;
+
+    if ((info->base_coarse > 0 && !read_part(s, bytes, n, NULL)) ||
+        !read_part(s, bytes, n, seg))
+        return false;
+    e->stride = ref_file_colours(&s->part[0].file);
     e->prim = saga_alloc(n_prims(s), sizeof *e->prim, s->name, s->error);
     e->colour = saga_alloc(n_prims(s), e->stride * sizeof *e->colour, s->name,
                            s->error);
@@ -169,8 +216,9 @@ static bool take_apart(session *s, const uint8_t *bytes, size_t n,
     e->visible = saga_calloc(n_prims(s), 1, s->name, s->error);
     if (saga_failed(s->error))
         return false;
-    saga_prim_format_of(&e->format, m);
-    saga_reconstruct(&e->file.sc, e->prim, e->colour, e->stride);
+    saga_prim_format_of(&e->format, e->model);
+    for (int i = 0; i < s->n_parts; i++)
+        reconstruct(s, &s->part[i]);
     return true;
 }
 
@@ -237,11 +285,12 @@ static bool decode_and_draw(session *s, const uint8_t *bytes, size_t n,
 
 /* --- In double, from a stage on ------------------------------------------ */
 
-static bool make_scene(session *s, int from)
+static bool make_scene(session *s, part *p, int from)
 {
-    ref_scene *const scene = &s->r.scene;
+    ref_scene *const scene = &p->scene;
 
-    ref_scene_reset(scene, s->e.prim, s->e.colour);
+    ref_scene_reset(scene, s->e.prim + p->first,
+                    s->e.colour + (size_t)p->first * s->e.stride);
     if (from == SAGA_VERIFY_SYMBOLS && !ref_scene_decode(scene, s->error))
         return false;
     if (from == SAGA_VERIFY_SCAFFOLD)
@@ -260,8 +309,7 @@ static void make_splats(session *s, int from)
         centre[k] = s->camera->centre[k];
     for (uint32_t i = 0; i < n_prims(s); i++) {
         if (from <= SAGA_VERIFY_ANIMATION)
-            ref_animate(&r->moved[i], &r->scene.prim[i],
-                        s->v->t / 65536.0);
+            ref_animate(&r->moved[i], prim_of(s, i), s->v->t / 65536.0);
         else
             ref_animated_of(&r->moved[i], &s->e.moved[i]);
         if (from > SAGA_VERIFY_SPLATS) {
@@ -273,16 +321,17 @@ static void make_splats(session *s, int from)
         r->visible[i] = (uint8_t)ref_project(&r->splat[i], &r->moved[i],
                                              s->camera);
         if (r->visible[i])
-            ref_scene_shade(r->splat[i].colour, &r->scene, i, centre);
+            ref_scene_shade(r->splat[i].colour, &part_of(s, i)->scene,
+                            i - part_of(s, i)->first, centre);
     }
 }
 
 /* --- Comparing the stages ------------------------------------------------ */
 
-static void compare_symbols(session *s, int is_alone)
+static void compare_symbols(session *s, const part *p, int is_alone)
 {
     enum { ST = SAGA_VERIFY_SYMBOLS };
-    const ref_file *const f = &s->e.file;
+    const ref_file *const f = &p->file;
     const double q14 = 1 / 16384.0;
     const double q = ldexp(1, -f->h.model.head_q[SAGA_HEAD_COARSE]);
     const column feature = row(s, ST, "predicted feature", "1", q, is_alone);
@@ -298,24 +347,26 @@ static void compare_symbols(session *s, int is_alone)
         for (size_t i = 0; i < n; i++) {
             note(is_feature ? feature : offset,
                  f->mu[step][i] * (is_feature ? q : q14),
-                 s->r.scene.mu[step][i]);
-            note(scale, f->scale[step][i], s->r.scene.scale[step][i]);
+                 p->scene.mu[step][i]);
+            note(scale, f->scale[step][i], p->scene.scale[step][i]);
         }
     }
 }
 
-static void compare_scaffold(session *s, int is_alone)
+static void compare_scaffold(session *s, const part *p, int is_alone)
 {
     enum { ST = SAGA_VERIFY_SCAFFOLD };
-    const saga_scaffold *const sc = &s->e.file.sc;
-    const ref_scene *const scene = &s->r.scene;
+    const saga_scaffold *const sc = &p->file.sc;
+    const ref_scene *const scene = &p->scene;
     const double q = ldexp(1, -sc->model->head_q[SAGA_HEAD_FINE]);
+    const uint32_t f = sc->model->features;
     const column feature = row(s, ST, "fine feature", "1", q, is_alone);
     const column support = row(s, ST, "log2 support", "1", 1 / 1024.0,
                                is_alone);
 
-    for (size_t i = 0; i < (size_t)sc->n.fine * sc->model->features; i++)
-        note(feature, sc->fine_feature[i] * q, scene->fine_feature[i]);
+    for (size_t i = 0; i < (size_t)sc->n.fine * f; i++)
+        note(feature, sc->fine_feature[i] * scene->nets.fine_unit[i % f],
+             scene->fine_feature[i]);
     for (uint32_t k = 0; k < sc->n.fine; k++)
         for (int i = 0; i < 4; i++)
             note(support, sc->fine[k].local[i] / 1024.0,
@@ -342,7 +393,7 @@ static void compare_dynamics(session *s, int is_alone)
                        is_alone);
 
     for (uint32_t i = 0; i < n_prims(s); i++) {
-        const ref_primitive *const r = &s->r.scene.prim[i];
+        const ref_primitive *const r = prim_of(s, i);
         ref_primitive e;
 
         ref_primitive_of(&e, &s->e.prim[i], f);
@@ -358,7 +409,7 @@ static void compare_primitives(session *s, int is_alone)
 {
     enum { ST = SAGA_VERIFY_PRIMITIVES };
     const saga_prim_format *const f = &s->e.format;
-    const saga_model *const m = &s->e.file.h.model;
+    const saga_model *const m = s->e.model;
     const int has_view = (m->tools & SAGA_TOOL_VIEW) != 0;
     const double unit = has_view ? ldexp(1, -m->q_in[SAGA_NET_COLOUR])
                                  : 1 / 32768.0;
@@ -372,7 +423,7 @@ static void compare_primitives(session *s, int is_alone)
                         "1", unit, is_alone);
 
     for (uint32_t i = 0; i < n_prims(s); i++) {
-        const ref_primitive *const r = &s->r.scene.prim[i];
+        const ref_primitive *const r = prim_of(s, i);
         ref_primitive e;
 
         ref_primitive_of(&e, &s->e.prim[i], f);
@@ -381,9 +432,12 @@ static void compare_primitives(session *s, int is_alone)
         note_all(scale, e.log2_scale, r->log2_scale, 3);
         note_all(quat, e.quat, r->quat, 4);
     }
-    for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++)
+    for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++) {
+        const part *const p = part_of(s, (uint32_t)(i / s->e.stride));
+
         note(colour, ref_scene_colour(m, s->e.colour[i]),
-             s->r.scene.colour[i]);
+             p->scene.colour[i - (size_t)p->first * s->e.stride]);
+    }
     compare_dynamics(s, is_alone);
 }
 
@@ -648,10 +702,12 @@ static void compare(session *s, int stage, int is_alone)
 {
     switch (stage) {
     case SAGA_VERIFY_SYMBOLS:
-        compare_symbols(s, is_alone);
+        for (int i = 0; i < s->n_parts; i++)
+            compare_symbols(s, &s->part[i], is_alone);
         break;
     case SAGA_VERIFY_SCAFFOLD:
-        compare_scaffold(s, is_alone);
+        for (int i = 0; i < s->n_parts; i++)
+            compare_scaffold(s, &s->part[i], is_alone);
         break;
     case SAGA_VERIFY_PRIMITIVES:
         compare_primitives(s, is_alone);
@@ -672,13 +728,14 @@ static bool run(session *s, int from)
     const int is_chain = from == SAGA_VERIFY_SYMBOLS;
 
     tell(s, from, saga_verify_stage[from]);
-    if (is_chain) {
-        if (!ref_scene_contexts(&s->r.scene, s->error))
+    for (int i = 0; i < s->n_parts && is_chain; i++)
+        if (!ref_scene_contexts(&s->part[i].scene, s->error))
             return false;
-        compare_symbols(s, 1);
-    }
-    if (!make_scene(s, from))
-        return false;
+    if (is_chain)
+        compare(s, from, 1);
+    for (int i = 0; i < s->n_parts; i++)
+        if (!make_scene(s, &s->part[i], from))
+            return false;
     make_splats(s, from);
     if (!is_chain)
         compare(s, from, 1);
@@ -716,9 +773,13 @@ static bool reserve(session *s)
     c->trans = saga_alloc(n, sizeof *c->trans, "the picture", s->error);
     c->rgb = saga_alloc(n, sizeof *c->rgb, "the picture", s->error);
     c->otherwise = saga_alloc(n, 1, "the picture", s->error);
-    return !saga_failed(s->error) &&
-           ref_scene_make(&s->r.scene, &s->e.file, s->e.prim, s->e.colour,
-                          s->error);
+    for (int i = 0; i < s->n_parts && !saga_failed(s->error); i++) {
+        part *const p = &s->part[i];
+
+        ref_scene_make(&p->scene, &p->file, s->e.prim + p->first,
+                       s->e.colour + (size_t)p->first * s->e.stride, s->error);
+    }
+    return !saga_failed(s->error);
 }
 
 static void give_back(session *s)
@@ -726,14 +787,16 @@ static void give_back(session *s)
     free(s->r.moved);
     free(s->r.splat);
     free(s->r.visible);
-    ref_scene_free(&s->r.scene);
     free(s->c.order);
     free(s->c.t);
     free(s->c.sum);
     free(s->c.trans);
     free(s->c.rgb);
     free(s->c.otherwise);
-    ref_file_free(&s->e.file);
+    for (int i = 0; i < s->n_parts; i++) {
+        ref_scene_free(&s->part[i].scene);
+        ref_file_free(&s->part[i].file);
+    }
     free(s->e.prim);
     free(s->e.colour);
     free(s->e.moved);
@@ -744,13 +807,15 @@ static void give_back(session *s)
 
 static void describe(session *s, const saga_segment *seg)
 {
-    const saga_counts n = s->e.file.sc.n;
-
     s->v->segment = seg->number;
     s->v->t = seg->t;
-    s->v->n_coarse = n.coarse;
-    s->v->n_fine = n.fine;
-    s->v->n_primitives = n.prim;
+    for (int i = 0; i < s->n_parts; i++) {
+        const saga_counts n = s->part[i].file.sc.n;
+
+        s->v->n_coarse += n.coarse;
+        s->v->n_fine += n.fine;
+        s->v->n_primitives += n.prim;
+    }
     s->v->n_pixels = (uint64_t)s->camera->width * s->camera->height;
 }
 
@@ -776,7 +841,7 @@ bool saga_verify_file(saga_verify *v, const char *name, const uint8_t *bytes,
     if (status)
         return refuse(&s, status);
     ok = decode_and_draw(&s, bytes, nbytes, &info, &seg) &&
-         take_apart(&s, bytes, nbytes, &seg);
+         take_apart(&s, bytes, nbytes, &info, &seg);
     if (ok) {
         describe(&s, &seg);
         project_all(&s);

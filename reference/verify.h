@@ -39,7 +39,8 @@ typedef struct saga_verify_error {
 typedef struct saga_verify_row {
     int stage;
     const char *name, *unit;
-    double step;             /* last place of the integers, in units */
+    double step;             /* last place of the integers, in units; of
+                              * features the coarsest channel's */
     saga_verify_error alone, chain;
 } saga_verify_row;
 

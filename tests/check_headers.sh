@@ -21,6 +21,8 @@ rooms() { # rooms FILE: what the room of a file of the trainer may see
 }
 mkdir "$tmp/include"
 [ ! -e decoder/saga.h ] || cp decoder/saga.h "$tmp/include"
+mkdir "$tmp/reference"
+cp reference/verify.h reference/mask.h "$tmp/reference"
 
 for cc in gcc clang; do
     bad=0
@@ -33,6 +35,7 @@ for cc in gcc clang; do
         common/*) see="-ffreestanding -Icommon" ;;
         decoder/*) see="-ffreestanding -Icommon -Idecoder" ;;
         ports/*) see="-ffreestanding -I$tmp/include" ;;
+        trainer/cli/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include -I$tmp/reference $(rooms "$h")" ;;
         trainer/*) see="-D_XOPEN_SOURCE=700 -Icommon -I$tmp/include $(rooms "$h")" ;;
         reference/*) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder -Itrainer/base -Itrainer/code" ;;
         *) see="-D_XOPEN_SOURCE=700 -Icommon -Idecoder $trainer -Ireference -Itests/support -Ilab -Ibench" ;;

@@ -226,6 +226,7 @@ many() {
     vectors gcc
     programs gcc CC=gcc
     sanitized
+    [ "$what" != all ] || check debian tests/cli/check_debian.sh
     check matrix tests/run_matrix.sh "$size"
     check mutants tests/run_mutants.sh
 }

@@ -19,6 +19,7 @@ case ${1:-} in
 test) packages="$packages chromium qemu-system-arm" ;;
 all)
     packages="$packages chromium qemu-system-arm
+    debhelper dh-python dpkg-dev lintian
     gcc-aarch64-linux-gnu libc6-dev-arm64-cross
     gcc-arm-linux-gnueabihf libc6-dev-armhf-cross
     gcc-riscv64-linux-gnu libc6-dev-riscv64-cross

@@ -418,6 +418,10 @@ static void print_info(const saga_info *i)
            i->fps_den, i->n_cameras, i->max_coarse, i->max_fine,
            i->max_primitives, i->n_weights, i->nets_nbytes, i->work_nbytes,
            i->decode_macs, i->view_macs);
+    if (i->base_coarse)
+        printf("base        %" PRIu32 " coarse, %" PRIu32 " fine anchors, %"
+               PRIu32 " primitives in %" PRIu32 " bytes\n", i->base_coarse,
+               i->base_fine, i->base_primitives, i->base_nbytes);
 }
 
 /* --- Together ------------------------------------------------------------ */

@@ -1,91 +1,20 @@
 /* SPDX-License-Identifier: MIT
  *
- * Splats of four primitives at a time in AVX2. What becomes of a primitive that
- * is dropped may overflow, and products are differences modulo 2^64: vectors
- * wrap around, which gcc has to be told.
+ * Splats of four primitives at a time in AVX2.
  */
 #ifndef __clang__
 #pragma GCC optimize "wrapv"
 #endif
-#include "splats.h"
+#include "lanes_avx2.h"
 
-#include "project_avx2.h"
+#include "splats_lanes.h"
 
 #ifdef SAGA_MAY_AVX2
-
-INLINE int all_negative(i64s x)
-{
-    return (x[0] & x[1] & x[2] & x[3]) < 0;
-}
-
-/* What becomes of LANES primitives. */
-typedef struct {
-    centres centre;
-    i64s q0;
-    factors factor;
-    boxes box;
-    i64s out;                    /* negative where there is no splat */
-} lanes_splats;
-
-/* Returns 0 if there is no splat. */
-INLINE int project_lanes(lanes_splats *s, const saga_primitive *p,
-                          const saga_look *look)
-{
-    const saga_prim_format *const f = look->format;
-    const saga_camera *const c = look->camera;
-    i64s x[3], quat[4];
-    moment m;
-    prims a;
-    shapes t;
-
-    load_prims(&a, p);
-    find_moment(&m, &a, f, look->t);
-    s->q0 = q0_of(&a, f, &m);
-    mean_of(x, &a, f, m.age);
-    s->out = project_centres(&s->centre, x, c) | (SAGA_CUT_Q20 - 1 - s->q0);
-    if (all_negative(s->out))
-        return 0;
-    quat_of(quat, &a, f, m.age);
-    project_shapes(&t, &a, quat, &s->centre, c);
-    conics(&s->factor, &t);
-    s->out |= boxes_of(&s->box, &s->centre, s->q0, &s->factor, c);
-    return 1;
-}
-
-INLINE void store_splat(saga_splat *to, const lanes_splats *s, int i)
-{
-    to->mean_q8[0] = (int32_t)s->centre.mean_q8[0][i];
-    to->mean_q8[1] = (int32_t)s->centre.mean_q8[1][i];
-    to->chol_q28[0] = (int32_t)s->factor.g.value[i];
-    to->chol_q28[1] = (int32_t)s->factor.n[i];
-    to->chol_q28[2] = (int32_t)s->factor.h.value[i];
-    to->q0_q20 = (int32_t)s->q0[i];
-    to->depth = (uint32_t)s->centre.depth[i];
-    to->x0 = (int16_t)s->box.x0[i];
-    to->x1 = (int16_t)s->box.x1[i];
-    to->y0 = (int16_t)s->box.y0[i];
-    to->y1 = (int16_t)s->box.y1[i];
-}
 
 AVX2 uint32_t saga_splats__avx2(saga_splat *to, const saga_primitive *p,
                                 uint32_t n, const saga_look *look)
 {
-    uint32_t seen = 0, k;
-    int i;
-
-    for (k = 0; k < n; k += LANES) {
-        lanes_splats s;
-
-        if (!project_lanes(&s, p + k, look))
-            continue;
-        for (i = 0; i < LANES; i++) {
-            if (s.out[i] < 0)
-                continue;
-            store_splat(to++, &s, i);
-            seen |= 1u << k << i;
-        }
-    }
-    return seen;
+    return splats_lanes(to, p, n, look);
 }
 
 #endif

@@ -25,7 +25,7 @@ import tempfile
 from collections import namedtuple
 from fractions import Fraction
 
-__all__ = ["Camera", "Error", "Film", "encode", "open", "version"]
+__all__ = ["Camera", "Error", "Film", "encode", "open"]
 
 _I32, _U32, _U16, _I16 = (ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint16,
                           ctypes.c_int16)
@@ -71,11 +71,19 @@ class _Info(_Struct):
                 ("n_frames", _U32), ("fps_num", _U32), ("fps_den", _U32),
                 ("n_cameras", _U32), ("max_coarse", _U32),
                 ("max_fine", _U32), ("max_primitives", _U32),
+                ("base_coarse", _U32), ("base_fine", _U32),
+                ("base_primitives", _U32), ("base_nbytes", _U32),
                 ("n_weights", _U32), ("nets_nbytes", _U32), ("tools", _U32),
                 ("motion_order", _U32), ("features", _U32),
-                ("decode_macs", ctypes.c_uint64), ("view_macs", _U32),
+                ("decode_macs", ctypes.c_uint64),
+                ("base_macs", ctypes.c_uint64), ("view_macs", _U32),
                 ("unit_mantissa", _I32), ("unit_exponent", _I32),
                 ("centre_mantissa", _I32 * 3), ("centre_exponent", _I32)]
+
+
+class _Naming(_Struct):
+    _fields_ = [("name", ctypes.c_char * 64), ("metre_mantissa", _I32),
+                ("metre_exponent", _I32)]
 
 
 class _Segment(_Struct):
@@ -133,6 +141,7 @@ def _lib():
             ("open", [_PTR, _PTR, _SIZE, _PTR, _SIZE]),
             ("find", [_PTR, _PTR, _SIZE, _U32, _U32]),
             ("rig", [_PTR, _PTR, _PTR, _SIZE, _U32]),
+            ("name_camera", [_PTR, _PTR, _SIZE, _U32]),
             ("decode", [_PTR, _PTR, _PTR, _SIZE]),
             ("view", [_PTR, _PTR, _I32]), ("draw", [_PTR, _PTR, _PTR, _U32]),
             ("tell", [_PTR, _PTR]),
@@ -178,13 +187,40 @@ class Film:
         self._segment = None
         self.info = Info(
             name, len(data), h.version, h.level, h.n_frames, h.n_segments,
-            Fraction(h.fps_num, h.fps_den), h.n_cameras, h.max_primitives,
+            Fraction(h.fps_num, h.fps_den), h.n_cameras,
+            h.base_primitives + h.max_primitives,
             h.work_nbytes, math.ldexp(h.unit_mantissa, h.unit_exponent),
             tuple(math.ldexp(m, h.centre_exponent)
                   for m in h.centre_mantissa))
 
+    def _naming(self, index):
+        naming = _Naming()
+        _lib().saga_name_camera(ctypes.byref(naming), self._bytes,
+                                len(self._data), index)
+        return naming
+
+    @property
+    def names(self):
+        """What the file calls the cameras of its rig; empty where it does
+        not say."""
+        return [self._naming(i).name.decode(errors="replace")
+                for i in range(self.info.n_cameras)]
+
+    @property
+    def metres(self):
+        """Metres in the capture's unit of length; 0: the file does not
+        say."""
+        naming = self._naming(0)
+        return math.ldexp(naming.metre_mantissa, naming.metre_exponent)
+
     def camera(self, index):
-        """Camera `index` of the rig, as a Camera of one's own."""
+        """Camera `index` of the rig, or the one of that name, as a Camera of
+        one's own."""
+        if isinstance(index, str):
+            if index not in self.names:
+                raise Error(f"{self.info.name}: no camera {index!r} among "
+                            f"{self.names}")
+            index = self.names.index(index)
         camera, number = Camera(), _U32()
         if not 0 <= index < self.info.n_cameras:
             raise Error(f"{self.info.name}: no camera {index} in a rig of "
@@ -218,7 +254,7 @@ class Film:
 
     def pixels(self, camera=0, frame=0):
         """A picture as bytes: rows from the top, R, G, B of 8 bits. camera is
-        an index of the rig or a Camera, frame a number, also a Fraction."""
+        an index or a name of the rig or a Camera, frame a number, also a Fraction."""
         c = camera if isinstance(camera, Camera) else self.camera(camera)
         t = self._seek(frame)
         _check(_lib().saga_view(self._dec, ctypes.byref(c), t),

@@ -99,8 +99,8 @@ function showFile() {
         plural(info.nFrames, 'frame'), plural(rig.length, 'camera'),
         ...viewer.size ? [bytesText(viewer.size)] : []].join('  \u00b7  ');
     document.title = `${viewer.name} - saga`;
-    $('camera').replaceChildren(...rig.map(({ number }, i) =>
-        new Option(`camera ${number}`, i)), new Option('free', 'free'));
+    $('camera').replaceChildren(...rig.map(({ name, number }, i) =>
+        new Option(name || `camera ${number}`, i)), new Option('free', 'free'));
     $('camera').lastChild.hidden = true;
     $('time').max = info.nFrames - 1;
     $('time').disabled = info.nFrames < 2;

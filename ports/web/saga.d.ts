@@ -74,6 +74,8 @@ export interface SagaInfo {
 export interface SagaCamera {
     /** The number that the capture gives it. */
     number?: number;
+    /** What the capture calls it; "" if the file does not say. */
+    name?: string;
     /** The 22 integers of saga_camera in saga.h, in its order. */
     values: Int32Array;
 }

@@ -19,6 +19,8 @@ const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15;
 const CAMERA_LENGTH = 22; // and the camera's number behind them
 
 const TRUNCATED = -11;
+const CHUNK_NBYTES = 12; // before a payload
+const MOST_NAMES = 2 ** 17; // bytes
 const FIRST_NBYTES = 4096; // header and rig of a usual file
 const KEPT_SEGMENTS = 64;  // coded ones
 
@@ -228,6 +230,32 @@ export class SagaFile {
         this.rig = Array.from({ length: this.info.nCameras },
             (_, i) => this.readCamera(i));
         this.segments = this.listSegments();
+        await this.readNames(bytes);
+    }
+
+    // Names of the rig's cameras may lie between the head and the segments; no
+    // pixel needs them.
+    async readNames(bytes) {
+        const at = this.info.headNbytes;
+        const end = Math.min(...this.segments.map(({ offset }) => offset));
+
+        if (end < at + CHUNK_NBYTES + 8 || end > at + MOST_NAMES)
+            return;
+        if (bytes.length < end)
+            bytes = await this.readOn(bytes, end);
+        if (String.fromCharCode(...bytes.subarray(at, at + 4)) !== 'NAME')
+            return;
+        let from = at + CHUNK_NBYTES + 8;
+        let name = new Uint8Array();
+
+        for (const camera of this.rig) {
+            const [shared, more] = bytes.subarray(from, from + 2);
+
+            name = new Uint8Array([...name.subarray(0, shared),
+                ...bytes.subarray(from + 2, from + 2 + more)]);
+            camera.name = new TextDecoder().decode(name);
+            from += 2 + more;
+        }
     }
 
     probe(bytes) {
@@ -258,12 +286,13 @@ export class SagaFile {
             (i) => power(told[CENTRE + i], told[CENTRE_EXPONENT]));
     }
 
-    // A camera of the rig: { number, values }, values as saga_camera has them.
+    // A camera of the rig: { number, name, values }, values as saga_camera has
+    // them; name is "" where the file has none.
     readCamera(index) {
         this.check(this.wasm.saga_web_rig(index), 'its rig is refused');
         const told = this.ints(this.wasm.saga_web_camera(), CAMERA_LENGTH + 1);
 
-        return { number: told[CAMERA_LENGTH],
+        return { number: told[CAMERA_LENGTH], name: '',
             values: told.slice(0, CAMERA_LENGTH) };
     }
 

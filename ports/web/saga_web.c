@@ -155,7 +155,7 @@ static void tell_info(void)
     to->fps_num = from->fps_num;
     to->fps_den = from->fps_den;
     to->n_cameras = from->n_cameras;
-    to->max_primitives = from->max_primitives;
+    to->max_primitives = from->base_primitives + from->max_primitives;
     to->unit_mantissa = from->unit_mantissa;
     to->unit_exponent = from->unit_exponent;
     for (i = 0; i < 3; i++)

@@ -14,6 +14,7 @@
 #   render      the pixels of saga-dec; times, sizes, sequences and paths; what
 #               cannot be drawn or written is told, nothing half-written stays
 #   verify      text and JSON of a file; what has no picture is refused
+#   analyse     text and JSON of a file; what cannot be masked is refused
 #   outputs     of saga and saga-dec: devices and pipes stay what they are,
 #               files of the user's stay, umask is obeyed, what a killed run
 #               left goes, a standard output that is full is told
@@ -135,7 +136,8 @@ for what, a, b in [
     ("bytes", sum(j["bytes"].values()), j["nbytes"]),
     ("segments", len(s), j["n_segments"]),
     ("frames", sum(x["n_frames"] for x in s), j["n_frames"]),
-    ("chunks", j["crc"]["chunks_checked"], 2 + 4 * len(s)),
+    ("chunks", j["crc"]["chunks_checked"], 2 + 4 * len(s) +
+     3 * (j["bytes"]["base"] > 0) + (j["bytes"]["names"] > 0)),
     ("other bytes", j["bytes"]["other"], 0),
     ("most primitives", max(x["n_primitives"] for x in s)
      <= d["max_primitives"], True),
@@ -319,6 +321,19 @@ for f in scale_below_zero more_than_maximum; do
     expect 1 render vectors/bad/$f.saga -o "$tmp/x.png"
     says 'pre-release of saga: encode it again'
 done
+named=vectors/good/names.saga
+named_n=0
+cam=$'c\xc3\xa1m'
+for c in 1 "$cam 9"; do
+    expect 0 render $named -o "$tmp/n.png" --camera "$c" --frame 0
+    mv "$tmp/n.png" "$tmp/n$((++named_n))"
+done
+cmp -s "$tmp/n1" "$tmp/n2" || complain "--camera: a name is not its number"
+expect 1 render $named -o "$tmp/x.png" --camera "$cam"
+says "no camera $cam in its rig of 3"
+expect 0 info $named
+grep -q "$cam 9" "$tmp/out" && grep -q ': 0.1875 m' "$tmp/out" ||
+    complain "info: $(cat "$tmp/out")"
 [ -z "$(find "$tmp" -name '*x*.png*')" ] || complain "something half-written"
 verdict render
 
@@ -327,7 +342,7 @@ expect 0 verify "$scene" --camera 1 --frame 15/2
 for text in ' splats$' 'predicted feature' 'stopped otherwise'; do
     grep -q "$text" "$tmp/out" || complain "verify: no '$text'"
 done
-expect 0 verify "$scene" --json --size 64x32
+expect 0 verify docs/demo.saga --json --size 64x32
 python3 -c '
 import json, sys
 v = json.load(open(sys.argv[1]))
@@ -344,6 +359,28 @@ says 'crc_segment.saga'
 expect 2 verify
 says 'verify'
 verdict verify
+
+# ---- analyse
+expect 0 analyse "$scene" --frame 3 --size 64x32
+[ "$(grep -c '^\(coarse\|fine\) .* %' "$tmp/out")" = 10 ] ||
+    complain "analyse: not ten rows"
+expect 0 analyse docs/demo.saga --mask 50 --json --size 64x32
+python3 -c '
+import json, sys
+rows = json.load(open(sys.argv[1]))["mask"]
+assert [r["level"] for r in rows] == ["coarse", "fine"]
+for r in rows:
+    assert r["percent"] == 50 and abs(2 * r["n_masked"] - r["n_anchors"]) < 2
+    assert r["neighbours"]["cosine"] > 2 * r["random"]["cosine"]
+    assert r["neighbours"]["psnr"] > r["random"]["psnr"]
+' "$tmp/out" 2>"$tmp/py" || complain "analyse --json: $(tail -n 1 "$tmp/py")"
+expect 2 analyse "$scene" --mask 100
+says '1 to 99'
+expect 1 analyse "$scene" --camera 30
+says 'no camera 30 in its rig'
+expect 1 analyse vectors/bad/crc_segment.saga
+says 'crc_segment.saga'
+verdict analyse
 
 # ---- outputs
 # write_by PROGRAM OUT: one picture.

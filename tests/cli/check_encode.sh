@@ -12,8 +12,13 @@
 #   alone       two runs do not write to one file; what a killed one left goes
 #   segments    --segment makes one file of several, which eval, info, cut and
 #               saga-dec take; a killed one resumes, in the segment it was in
+#   parts       two ranks that train one segment each, and saga join, make the
+#               bytes of one process; what does not go together is refused
 #   log         --log keeps every tenth iteration, as CSV and as JSON lines,
 #               and a resumed run's is that of one that was not stopped
+#   sweep       --sweep makes files of ever more primitives, their results, and
+#               the curve of those that none beats, which `saga report` reads;
+#               a stopped one goes on to the same files, with other options not
 #   usage       wrong values end with status 2 and one line that names them
 #   capture     a damaged picture, an unknown view or frame: status 1
 #   output      a folder that is not there is found before training, a full
@@ -189,9 +194,45 @@ expect 0 cap -o k.saga "${small[@]}" --segment 2 --resume
 cmp -s k.saga seg.saga || complain "killed in a segment: another file"
 expect 2 cap -o x.saga --segment 1
 says "'1'"
-rm -f seg.saga late.saga k.saga k.csv alone
-leaves
+rm -f late.saga k.saga k.csv alone
+leaves seg.saga
 verdict segments
+
+# ---- parts
+expect 0 cap -o nets "${small[@]}" --segment 2 --networks-only
+grep -q '^nets: networks of 2 segments' out || complain "$(head -n 1 out)"
+# rank R SIZE: every SIZE-th segment from R on, as docs/scale.md has it.
+rank() {
+    local k
+    for k in $(seq "$1" "$2" 1); do
+        "$saga" encode cap -o "part_$k.saga" "${small[@]}" --segment 2 \
+            --only "$k" --networks nets --resume --json >"part_$k.json" \
+            2>"part_$k.err" </dev/null || complain "$(tail -n 1 "part_$k.err")"
+    done
+}
+rank 0 2 &
+rank 1 2
+wait
+"$saga" join part_0.saga part_1.saga -o joined.saga >out 2>err ||
+    complain "join: $(cat err)"
+cmp -s joined.saga seg.saga || complain "two ranks: another file"
+grep -q '"segment": 1' part_1.json || complain "JSON: no segment"
+expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 0
+says '--networks FILE go together'
+expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 2 --networks nets
+says 'has 2 segments'
+expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 0 --networks seg.saga
+says 'seg.saga'
+expect 2 cap -o x.saga "${small[@]}" --segment 2 --only 0 --networks nets \
+    --seed 2
+says 'was begun with --seed 1, not 2'
+expect 2 cap -o x.saga "${small[@]}" --networks-only
+says 'there are no parts'
+expect 2 cap -o x.saga --segment 2 --size 30k --networks-only
+says 'give --lambda'
+rm -f nets part_* joined.saga seg.saga
+leaves
+verdict parts
 
 # ---- log
 log() { # log STATUS NAME OPTIONS...: to NAME; its lines without times in kept
@@ -243,6 +284,56 @@ says 'FILE.jsonl'
 rm -f l.* kept whole.kept
 leaves
 verdict log
+
+# ---- sweep
+curve=(--sweep --primitives 60 --iterations 60 --frames 0:2 --threads 1)
+expect 0 cap -o curve "${curve[@]}"
+grep -q '^curve/4.saga  *60 ' out || complain "sweep: $(cat out)"
+"$saga" report curve/curve.json -o page.html 2>err || complain "$(cat err)"
+python3 -c '
+import json, os
+made = [json.load(open("curve/%d.json" % i)) for i in range(1, 6)]
+assert [r["encode"]["n_primitives"] for r in made] == [12, 20, 35, 60, 104]
+for i, r in enumerate(made):
+    assert r["nbytes"] == os.path.getsize("curve/%d.saga" % (i + 1))
+    assert r["encode"]["options"]["iterations"] == 60, r["encode"]["options"]
+def at(r):
+    db = [v["psnr"] for v in r["views"]]
+    return r["nbytes"], -sum(db) / len(db)
+hull = [r for r in made if not any(
+    q is not r and at(q)[0] <= at(r)[0] and at(q)[1] <= at(r)[1]
+    for q in made)]
+assert json.load(open("curve/curve.json")) == hull, [at(r) for r in made]
+' 2>>bad || complain "sweep: $(cat out)"
+expect 2 cap -o curve "${curve[@]}"
+says 'curve is not empty; give --resume'
+expect 2 cap -o curve "${curve[@]}" --resume --seed 2
+says 'curve/1.json was made with other options'
+expect 2 cap -o whole.saga "${curve[@]}"
+says 'is no folder'
+expect 2 cap -o curve/x "${curve[@]}" --size 20k
+says 'give one'
+expect 2 cap -o curve/x "${curve[@]}" --log l.csv
+says '--sweep has several'
+mv curve whole
+set -m
+$stoppable "$saga" encode cap -o curve "${curve[@]}" --checkpoint-every 0 \
+    >out 2>err </dev/null &
+pid=$!
+while kill -0 $pid 2>/dev/null && [ ! -f curve/2.json ]; do sleep 0.01; done
+kill -INT $pid
+wait $pid
+[ $? = 2 ] || complain "a stopped sweep: $(cat err)"
+set +m
+[ ! -e curve/5.json ] || complain "the sweep was not stopped"
+expect 0 cap -o curve "${curve[@]}" --resume
+[ "$(ls curve)" = "$(ls whole)" ] || complain "resumed: $(ls curve)"
+for i in 1 2 3 4 5; do
+    cmp -s curve/$i.saga whole/$i.saga || complain "resumed: another $i.saga"
+done
+rm -rf curve whole page.html
+leaves
+verdict sweep
 
 # ---- alone
 start() { # a run that is still going on when it has a checkpoint
@@ -304,7 +395,7 @@ says "'many'"
 expect 2 cap -o x.saga --preset slow
 says "fast, balanced or best, not 'slow'"
 expect 2 cap -o x.saga --size 20k --lambda 3
-says 'of --lambda, --size and --bitrate give one'
+says 'of --lambda, --size, --bitrate and --sweep give one'
 expect 2 cap -o x.saga --size 3k
 says '3000 bytes is too small'
 for size in 10q 0 -1 nan 1kk k; do

@@ -11,6 +11,7 @@ files that are cut and joined,
   cut         frames of a file draw the same pixels, from the same bytes
   join        the parts of a file, joined, are the file; in another order they
               draw what they drew
+  base        a base and names are in every part; parts of two bases are refused
   refused     ranges inside a segment or beyond the file, and files of other
               networks, cameras, rates or cubes, in one line that says why"""
 
@@ -33,7 +34,7 @@ SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
 SCENE = "vectors/good/segments.saga"
 # The vector's segments begin at these frames, as tests/support/gen_stream.c
 # writes it; the last one ends where the file does.
-STARTS = [0, 16, 65, 89]
+STARTS = [0, 19, 61, 78]
 DEMO = "docs/demo.saga"
 
 checks = Verdicts("exchange")
@@ -73,14 +74,17 @@ def signed(data):
     """The bytes of a file with the CRCs of docs/bitstream.md, section 2."""
     data = bytearray(data)
     at = struct.unpack_from("<I", data, 8)[0]
-    owner = crc32c(0, data[:at - 4])
+    owner = nets = crc32c(0, data[:at - 4])
+    in_head = True
     struct.pack_into("<I", data, at - 4, owner)
     while at < len(data):
-        n = struct.unpack_from("<I", data, at + 4)[0]
-        crc = crc32c(crc32c(owner, data[at:at + 8]),
-                     data[at + 12:at + 12 + n])
+        kind, n = struct.unpack_from("<4sI", data, at)
+        crc = crc32c(crc32c(nets if kind == b"NAME" else owner,
+                            data[at:at + 8]), data[at + 12:at + 12 + n])
         struct.pack_into("<I", data, at + 8, crc)
-        if data[at:at + 4] == b"NETS":
+        nets = crc if kind == b"NETS" else nets
+        in_head = in_head and kind not in (b"NAME", b"SEGM")
+        if in_head and kind != b"INDX":
             owner = crc
         at += 12 + n
     return bytes(data)
@@ -115,8 +119,8 @@ def check_cut(tmp):
              parts[i])
         same_pictures(parts[i], 0, SCENE, STARTS[i],
                       STARTS[i + 1] - STARTS[i])
-    saga("cut", SCENE, "16:", "-o", tmp + "/end.saga")
-    same_pictures(tmp + "/end.saga", 49, SCENE, 65, 24)
+    saga("cut", SCENE, "19:", "-o", tmp + "/end.saga")
+    same_pictures(tmp + "/end.saga", 42, SCENE, 61, 17)
     saga("cut", SCENE, ":", "-o", tmp + "/all.saga")
     if read(tmp + "/all.saga") != read(SCENE):
         complain("all frames of a file are not the file")
@@ -132,13 +136,43 @@ def check_join(tmp, parts):
     saga("join", two, parts[2], "-o", three)
     if read(three) != read(SCENE):
         complain("the parts of a file are not the file")
+    saga("join", *parts, "-o", three)
+    if read(three) != read(SCENE):
+        complain("three parts at once are not the file")
     saga("join", parts[2], three, "-o", two)
-    same_pictures(two, 0, SCENE, 65, 24)
-    same_pictures(two, 24, SCENE, 0, 89)
+    same_pictures(two, 0, SCENE, 61, 17)
+    same_pictures(two, 17, SCENE, 0, 78)
     saga("info", two)
     saga("join", two, two, "-o", two)
-    same_pictures(two, 113, SCENE, 65, 24)
+    same_pictures(two, 95, SCENE, 61, 17)
     verdict("join")
+
+
+def check_base(tmp):
+    """A base and names go with every part; parts of two bases are none."""
+    whole = "vectors/good/base_names.saga"
+    data = read(whole)
+    header_nbytes = struct.unpack_from("<I", data, 8)[0]
+    frames = struct.unpack_from("<I", data, header_nbytes + 24)[0]
+    parts = [tmp + "/base%d.saga" % i for i in range(2)]
+    out = tmp + "/base.saga"
+    saga("cut", whole, ":%d" % frames, "-o", parts[0])
+    saga("cut", whole, "%d:" % frames, "-o", parts[1])
+    same_pictures(parts[1], 0, whole, frames, 4)
+    for part in parts:
+        if read(part) != signed(read(part)):
+            complain(part, "has not the checksums of the documents")
+    saga("join", *parts, "-o", out)
+    if read(out) != data:
+        complain("the parts of a file with a base are not the file")
+    if json.loads(saga("info", parts[1], "--json"))["rig"] != \
+            json.loads(saga("info", whole, "--json"))["rig"]:
+        complain("a part has not the names of its file")
+    second = read(parts[1])
+    other = changed(second, second.index(b"FINE") + 14, 1)
+    saga("join", parts[0], write(tmp + "/other.saga", other), "-o",
+         tmp + "/none.saga", status=1, says="its base")
+    verdict("base")
 
 
 def check_refused(tmp, part):
@@ -147,15 +181,15 @@ def check_refused(tmp, part):
     networks = struct.unpack_from("<I", data, 8)[0] + 12 + 16 + 12 + 100
     out = tmp + "/refused.saga"
     saga("cut", SCENE, "0:20", "-o", out, status=1,
-         says="frame 20 is inside segment 1, which is frames 16:65")
-    saga("cut", SCENE, "3:16", "-o", out, status=1,
-         says="inside segment 0, which is frames 0:16")
-    saga("cut", SCENE, "16:900", "-o", out, status=1, says="its 89 frames")
-    saga("cut", SCENE, "89:", "-o", out, status=1, says="its 89 frames")
-    saga("cut", SCENE, "16", "-o", out, status=2, says="'16' is no range")
-    saga("cut", SCENE, "0:16", status=2, says="-o OUT is missing")
-    saga("cut", "/dev/null/x", "0:16", "-o", out, status=2, says="x")
-    saga("cut", "Makefile", "0:16", "-o", out, status=1, says="Makefile")
+         says="frame 20 is inside segment 1, which is frames 19:61")
+    saga("cut", SCENE, "3:19", "-o", out, status=1,
+         says="inside segment 0, which is frames 0:19")
+    saga("cut", SCENE, "19:900", "-o", out, status=1, says="its 78 frames")
+    saga("cut", SCENE, "78:", "-o", out, status=1, says="its 78 frames")
+    saga("cut", SCENE, "19", "-o", out, status=2, says="'19' is no range")
+    saga("cut", SCENE, "0:19", status=2, says="-o OUT is missing")
+    saga("cut", "/dev/null/x", "0:19", "-o", out, status=2, says="x")
+    saga("cut", "Makefile", "0:19", "-o", out, status=1, says="Makefile")
     saga("cut", write(tmp + "/hurt.saga", data[:-1]), ":", "-o", out,
          status=1, says="copy the file again")
     for at, what in ((networks, "networks"), (rig + 5, "rig"),
@@ -368,4 +402,5 @@ with tempfile.TemporaryDirectory() as folder:
     check_import(folder)
     check_refused(folder, check_cut(folder)[0])
     check_join(folder, [folder + "/part%d.saga" % i for i in range(3)])
+    check_base(folder)
 sys.exit(checks.failed)

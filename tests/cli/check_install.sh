@@ -83,11 +83,6 @@ frames=$("$at/bin/saga" info vectors/good/motion.saga --json |
     sed -n 's/^  "n_frames": \([0-9]*\).*/\1/p')
 [ "$(ls "$tmp/walk" | wc -l)" = "$frames" ] ||
     complain "walk.py: $(ls "$tmp/walk" | wc -l) pictures"
-"$at/bin/saga" synth "$tmp/cap" --size 48x32 --cameras 2 --hold-out 0 \
-    --frames 2 --depth-every 0 >"$tmp/log" 2>&1
-PRIMITIVES="40 60" ITERATIONS=9 SAGA=$at/bin/saga examples/curve.sh \
-    "$tmp/cap" "$tmp/curve" >"$tmp/log" 2>&1 || complain "curve.sh: $(tail -n 1 "$tmp/log")"
-grep -q '"name": "curve"' "$tmp/curve/report.html" || complain "no report"
 grep -q 'NEEDED.*libsaga.so.0' <(objdump -p "$tmp/use") ||
     complain "the program does not use the shared library"
 sed -n 's/^[a-z].*[ *]\(saga_[a-z0-9_]*\)(.*/\1/p' decoder/saga.h |

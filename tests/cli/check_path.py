@@ -28,7 +28,9 @@ SCENE = "vectors/good/motion.saga"
 UNIT = 2.0 ** -22
 NEAR = 1 << 18
 BACKGROUND = [3000, 4000, 8000]
-N_FRAMES = 20
+N_FRAMES = json.loads(subprocess.run(
+    [SAGA, "info", SCENE, "--json"], check=True,
+    stdout=subprocess.PIPE).stdout)["n_frames"]
 
 checks = Verdicts("path")
 complain, verdict = checks.complain, checks.verdict
@@ -118,7 +120,7 @@ KEYS = [
      "target": [0, 0, 0], "up": [0, -1, 0], "fov": 50},
     {"seconds": 2, "frame": 10, "eye": [1.5, 1.0, -4.0],
      "target": [0.25, 0.5, 0.25], "up": [0.25, -1, 0], "fov": 60},
-    {"seconds": 3, "frame": 40, "eye": [1.5, -1.0, -4.0],
+    {"seconds": 3, "frame": 400, "eye": [1.5, -1.0, -4.0],
      "target": [0, 0.5, 0], "up": [0, -1, 0], "fov": 40},
 ]
 

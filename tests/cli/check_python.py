@@ -42,10 +42,14 @@ MANIFEST = [line.split() for line in open("vectors/MANIFEST")
 
 
 def check_structures(tmp):
+    for name in saga.__all__:
+        if not hasattr(saga, name):
+            v.complain("the module has no", name)
     structures = {"saga_camera": saga.Camera, "saga_info": saga._Info,
                   "saga_segment": saga._Segment, "saga_picture": saga._Picture,
                   "saga_job": saga._Job, "saga_report": saga._Report,
-                  "saga_animated": saga._Animated}
+                  "saga_animated": saga._Animated,
+                  "saga_naming": saga._Naming}
     lines, wanted = [], []
     for name, s in structures.items():
         lines.append(f'printf("%zu\\n", sizeof({name}));')
@@ -89,6 +93,18 @@ def check_pictures(tmp):
             v.complain("time", time, "is not saga-dec's")
 
 
+def check_names():
+    film = saga.open("vectors/good/names.saga")
+    wanted = ["c\u00e1m 0", "c\u00e1m 9", ""]
+    if film.names != wanted or film.metres != 3 / 16:
+        v.complain(film.names, film.metres)
+    if film.pixels("c\u00e1m 9") != film.pixels(1):
+        v.complain("a camera's name gives another picture than its number")
+    film = saga.open("vectors/good/still.saga")
+    if any(film.names) or film.metres != 0:
+        v.complain("names where there are none:", film.names)
+
+
 def status_of(call):
     try:
         call()
@@ -117,6 +133,7 @@ def check_errors():
         v.complain("only", n, "bad vectors")
     film = saga.open("vectors/good/motion.saga")
     for call, word in ((lambda: film.pixels(99), "no camera 99"),
+                       (lambda: film.pixels("no"), "no camera 'no' among"),
                        (lambda: film.pixels(0, -1), "no frame -1"),
                        (lambda: film.pixels(0, 10 ** 6), -1),
                        (lambda: saga.open(b""), -11)):
@@ -175,6 +192,7 @@ tmp = tempfile.mkdtemp()
 try:
     for name, check, words in (("structures", check_structures, [tmp]),
                                ("pictures", check_pictures, [tmp]),
+                               ("names", check_names, []),
                                ("errors", check_errors, []),
                                ("arrays", check_arrays, []),
                                ("encode", check_encode, [tmp])):

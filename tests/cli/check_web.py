@@ -12,7 +12,9 @@
               names it, and a good file can be opened then
   ranges      of a file of several segments only those that are shown are
               fetched, each once, and the head; counted by the server. Without
-              ranges the file is taken whole, once
+              ranges the file is taken whole, once. Of a film of ten seconds,
+              seeks fetch the segments they show
+  drop        a file that is dropped on the page is shown, and fetched by nobody
   controls    mouse, wheel and keys move what they should; a key camera comes
               back as it was, in the capture's units
   view        `saga view` serves the page with the file, and the page finds the
@@ -39,6 +41,7 @@ SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
 WEB = os.path.join(os.path.dirname(SAGA), "web")
 GOOD = "vectors/good/"
 SEGMENTS = "segments.saga"
+LONG = "long.saga"
 
 checks = Verdicts("web")
 complain, verdict = checks.complain, checks.verdict
@@ -63,6 +66,15 @@ def crc32c(data):
         for _ in range(8):
             crc = crc >> 1 ^ (0x82f63b78 if crc & 1 else 0)
     return "%08x" % (crc ^ 0xffffffff)
+
+
+def make_long(tmp):
+    """Four times the film of three segments."""
+    two, four = os.path.join(tmp, "two.saga"), os.path.join(tmp, LONG)
+    for a, to in ((GOOD + SEGMENTS, two), (two, four)):
+        subprocess.run([SAGA, "join", a, a, "-o", to], check=True,
+                       stdout=subprocess.DEVNULL)
+    return read(four)
 
 
 # --- The page --------------------------------------------------------------
@@ -284,8 +296,49 @@ def check_ranges(page, files, tmp):
     page.settle()
     want("playing", part[1])
     check_whole(page, files, tmp)
-    verdict("ranges: %d of %d bytes for the first picture, %d for a seek" %
-            (head + part[0][1], len(files[SEGMENTS]), part[2][1]))
+    sought, whole = check_long(page, files)
+    verdict("ranges: %d of %d bytes for the first picture, %d for a seek; "
+            "%d of %d for four seeks in ten seconds" %
+            (head + part[0][1], len(files[SEGMENTS]), part[2][1], sought,
+             whole))
+
+
+def check_long(page, files):
+    """Ten seconds and more, a segment a second; joined, so no vector."""
+    page.show("src=" + LONG)
+    page.server.served.clear()
+    parts = page.tab.run("viewer.segments.map((s) => [s.offset, s.nbytes])")
+    seconds = page.tab.run("viewer.info.nFrames / viewer.info.fps")
+    if len(parts) != 12 or not 10 < seconds < 12:
+        complain("the long film has", len(parts), "segments,", seconds, "s")
+    for segment in (7, 2, 11, 7, 4):
+        page.do("viewer.seek(viewer.segments[%d].firstFrame + 1)" % segment)
+        if page.tab.run("viewer.drawn.segment") != segment:
+            complain("a seek does not show segment", segment)
+    got = bytes_of(page.server, LONG)
+    if got != [tuple(parts[i]) for i in (7, 2, 11, 4)]:
+        complain("seeks of the long film fetch", got)
+    return sum(n for _, n in got), len(files[LONG])
+
+
+def check_drop(page, files):
+    """A drop, as the browser makes it of a file that is let go there."""
+    page.show("")
+    page.server.served.clear()
+    page.do("""const data = new DataTransfer();
+        const text = atob('%s');
+        data.items.add(new File([Uint8Array.from(text, (c) =>
+            c.charCodeAt(0))], 'mine.saga'));
+        document.getElementById('stage').dispatchEvent(new DragEvent('drop',
+            { dataTransfer: data, bubbles: true, cancelable: true }));""" %
+            base64.b64encode(files["motion.saga"]).decode())
+    page.tab.wait(STATE + " === 'ready'")
+    name = page.tab.run("document.getElementById('name').textContent")
+    if name != "mine.saga" or page.tab.run("viewer.rig.length") < 1:
+        complain("a dropped file is shown as", name)
+    if any(path.endswith(".saga") for path, _, _ in page.server.served):
+        complain("a dropped file is fetched:", page.server.served)
+    verdict("drop")
 
 
 def check_whole(page, files, tmp):
@@ -480,6 +533,7 @@ def main():
         rated = "demo.saga"
         files[rated] = read("docs/demo.saga")
     with tempfile.TemporaryDirectory() as tmp:
+        files[LONG] = make_long(tmp)
         page = Page(files)
         try:
             page.show("")
@@ -487,6 +541,7 @@ def main():
             check_pixels(page, tmp)
             check_bad(page, manifest)
             check_ranges(page, files, tmp)
+            check_drop(page, files)
             check_controls(page, tmp)
             check_view(page)
             check_rate(page, rated)

@@ -224,7 +224,8 @@ static void zero_symbols_should_be_one_grey_ball(void **state)
 /* --- All at their limits ------------------------------------------------- */
 
 /* The largest rows that are valid: the sum of the weights' magnitudes is near
- * 2^15, the bias near 2^30; signs alternate. */
+ * 2^15, the bias near 2^30; signs alternate. No input is finer than its layer,
+ * which would take from its weights. */
 static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
 {
     const uint32_t n_in = s->dim[i], n_out = s->dim[i + 1];
@@ -235,6 +236,8 @@ static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
     l->step_q16 = 1;
     l->step_shift = 0;
     l->bias_shift = 14;
+    free(l->finer);
+    l->finer = NULL;
     for (row = 0; row < n_out; row++) {
         for (k = 0; k < n_in; k++)
             l->weight[row * n_in + k] = (row + k) & 1 ? w : -w;

@@ -620,7 +620,7 @@ static void equirectangular_views_should_become_faces(void **state)
 static void miv_should_be_refused_when_wrong(void **state)
 {
     static const struct { const char *edit, *what; } t[] = {
-        { "s/Equirect/Orthograph/", "Orthographangular, which no pinhole" },
+        { "s/Equirect/Orthograph/", "Orthographangular, which is not known" },
         { "s/.Hor_range.: ..180/\"Hor_range\": [170/", "170 to 180" },
         { "s/.Ver_range.*]}]/\"x\": 1}]/", "\"Ver_range\" of camera v0" },
         { "s/.Position.: .1/\"Position\": [null/", "\"Position\" of camera" },

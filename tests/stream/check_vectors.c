@@ -56,21 +56,30 @@ static int same(const char *name, const char *stage, uint32_t got,
 static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
                         uint32_t number)
 {
-    saga_net_symbols nets;
-    saga_symbols s;
+    saga_net_symbols nets[2];
+    saga_symbols base, s;
     saga_header h;
     saga_plan plan;
     uint32_t final_range[3];
+    int ok, has_base;
 
-    memset(&nets, 0, sizeof nets);
+    memset(nets, 0, sizeof nets);
+    memset(&base, 0, sizeof base);
     memset(&s, 0, sizeof s);
-    if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0) ||
-        !recorder_read(&nets, &s, number, final_range, bytes, n))
+    if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0))
         return 0;
-    *crc = saga_symbols_crc(&nets, &plan.nets, &s, h.model.features);
-    saga_net_symbols_free(&nets);
+    has_base = (h.model.tools & SAGA_TOOL_BASE) != 0;
+    ok = recorder_read(&nets[0], &s, number, final_range, bytes, n) &&
+         (!has_base || recorder_read(&nets[1], &base, RECORDER_BASE,
+                                     final_range, bytes, n));
+    if (ok)
+        *crc = saga_symbols_crc(&nets[0], &plan.nets, has_base ? &base : NULL,
+                                &s, h.model.features);
+    saga_net_symbols_free(&nets[0]);
+    saga_net_symbols_free(&nets[1]);
+    recorder_free_symbols(&base);
     recorder_free_symbols(&s);
-    return 1;
+    return ok;
 }
 
 static int check_good(const char *name, const uint8_t *bytes, size_t n,

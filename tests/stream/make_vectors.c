@@ -47,7 +47,9 @@ static void describe(const char *name, const gen_stream *g,
     saga_status s;
 
     saga_nets_layout(&nets, &g->header.model);
-    st.symbols = saga_symbols_crc(&g->nets, &nets, &g->segment[number],
+    st.symbols = saga_symbols_crc(&g->nets, &nets,
+                                  g->has_base ? &g->base : NULL,
+                                  &g->segment[number],
                                   g->header.model.features);
     s = saga_stages_of(&st, bytes, n, number, t, camera, pixels,
                        sizeof pixels);
@@ -228,6 +230,22 @@ static void to_int8(saga_header *h)
     memset(h->model.int8, 1, sizeof h->model.int8);
 }
 
+static void to_base_coarse_0(saga_header *h) { h->base.coarse = 0; }
+static void to_base_prim_more(saga_header *h) { h->base.prim++; }
+static void to_base_longer(saga_header *h) { h->base_nbytes++; }
+static void to_base_shorter(saga_header *h) { h->base_nbytes--; }
+
+/* Each alone is within level 1. */
+static void to_base_level(saga_header *h)
+{
+    h->base.coarse = saga_caps[1].n_coarse;
+}
+
+static void to_base_too_long(saga_header *h)
+{
+    h->base_nbytes = (1u << 30) + 1;
+}
+
 static void bad(const char *stem, const uint8_t *bytes, size_t n,
                 saga_status status)
 {
@@ -249,11 +267,11 @@ static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
 
     memcpy(copy, bytes, n);
     saga_header_io(&in, &h);
-    saga_bank_io(&in, &h.model);
+    saga_tools_io(&in, &h);
     f(&h);
     saga_header_io(&out, &h);
     if (saga_rig_offset(&h) <= in.at)
-        saga_bank_io(&out, &h.model);
+        saga_tools_io(&out, &h);
     mutate_sign(copy, n);
     bad(stem, copy, n, status);
     free(copy);
@@ -404,7 +422,7 @@ static void bad_owner(const uint8_t *bytes, size_t n)
 /* Segments that are not what the index says, and bytes left over. */
 static void bad_segments(void)
 {
-    const gen_options o = { .seed = 14, .level = 0, .n_coarse = 2 };
+    const gen_options o = { .seed = 15, .level = 0, .n_coarse = 2 };
     gen_stream g;
     uint8_t *bytes;
     size_t n;
@@ -422,6 +440,55 @@ static void bad_segments(void)
     bad_index("segment_longer", bytes, n, 1, SAGA_ERR_DATA);
     bad_index("segment_beyond_the_end", bytes, n, 0, SAGA_ERR_TRUNCATED);
     bad_owner(bytes, n);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+/* The head of one file, the segment of another with the same networks and
+ * another base: the last byte of its primitives is changed and both are signed.
+ */
+static void bad_base_owner(const uint8_t *bytes, size_t n, size_t head)
+{
+    uint8_t *const copy = malloc(n);
+
+    memcpy(copy, bytes, n);
+    copy[head - 1]++;
+    mutate_sign(copy, n);
+    memcpy(copy, bytes, head);
+    bad("segment_of_another_base", copy, n, SAGA_ERR_DATA);
+    free(copy);
+}
+
+/* What a base may not be. */
+static void bad_base(void)
+{
+    static const bad_change headers[] = {
+        { "base_coarse_zero", to_base_coarse_0, SAGA_ERR_DATA },
+        { "base_level", to_base_level, SAGA_ERR_LEVEL },
+        { "base_too_long", to_base_too_long, SAGA_ERR_DATA },
+    };
+    static const bad_change whole[] = {
+        { "base_prim_more", to_base_prim_more, SAGA_ERR_DATA },
+        { "base_longer", to_base_longer, SAGA_ERR_DATA },
+        { "base_shorter", to_base_shorter, SAGA_ERR_TRUNCATED },
+    };
+    const gen_options o = { .seed = 7, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1, .base = 1 };
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i, head;
+    saga_info info;
+
+    bad_headers(&o, headers, sizeof headers / sizeof *headers);
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &bytes, &n);
+    saga_probe(&info, bytes, n);
+    head = info.head_nbytes;
+    for (i = 0; i < sizeof whole / sizeof *whole; i++)
+        bad_header(whole[i].stem, bytes, n, whole[i].f, whole[i].status);
+    bad("base_cut", bytes, head - 5, SAGA_ERR_TRUNCATED);
+    bad_byte("crc_base", bytes, n, head - 3, SAGA_ERR_DATA);
+    bad_base_owner(bytes, n, head);
     free(bytes);
     gen_stream_free(&g);
 }
@@ -471,7 +538,7 @@ static void bad_fuse(void)
 static void bad_all(void)
 {
     static const bad_change headers[] = {
-        { "tool_base", to_base, SAGA_ERR_VERSION },
+        { "tool_base", to_base, SAGA_ERR_DATA },
         { "tool_layers", to_layers, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
         { "tool_hash", to_hash, SAGA_ERR_VERSION },
@@ -568,12 +635,27 @@ int main(int argc, char **argv)
           .tools_fixed = 1, .tools = all, .no_fuse = 3 },
         { .seed = 28, .level = 0, .n_coarse = 20, .picture = 1,
           .tools_fixed = 1, .tools = all, .no_fuse = 3, .linear = 1 },
+        { .seed = 29, .level = 0, .n_coarse = 6, .picture = 1,
+          .tools_fixed = 1, .tools = 0, .no_fuse = 3, .named = 1 },
+        { .seed = 29, .level = 1, .n_coarse = 12, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 3, .linear = 1,
+          .n_segments = 2, .base = 1 },
+        { .seed = 30, .level = 0, .n_coarse = 12, .picture = 1,
+          .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
+          .base = 1, .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 32,
+          .bank_width = 16, .bank_blocks = 3 },
+        { .seed = 33, .level = 3, .n_coarse = 12, .n_segments = 2,
+          .base = 1 },
+        { .seed = 34, .level = 0, .n_coarse = 6, .picture = 1,
+          .tools_fixed = 1, .tools = 0, .no_fuse = 3, .n_segments = 2,
+          .base = 1, .named = 1 },
     };
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
         "random_level2", "random_level3", "memory_level0", "memory",
         "memory_plain", "memory_level2", "memory_level3", "no_fuse_coarse",
-        "no_fuse_fine", "no_fuse", "linear"
+        "no_fuse_fine", "no_fuse", "linear", "names", "base", "base_level0",
+        "base_level3", "base_names"
     };
     char path[1024];
     size_t i;
@@ -599,6 +681,7 @@ int main(int argc, char **argv)
     bad_all();
     bad_scale();
     bad_memory();
+    bad_base();
     bad_fuse();
     bad_segments();
     return fclose(manifest) != 0;

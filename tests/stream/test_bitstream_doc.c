@@ -38,10 +38,12 @@ static table tables[] = {
     { .name = "Header" }, { .name = "Tier" }, { .name = "Network" },
     { .name = "Camera" }, { .name = "Chunk header" },
     { .name = "Index entry" }, { .name = "Segment header" },
-    { .name = "Bank networks" }
+    { .name = "Bank networks" }, { .name = "Base" }, { .name = "Names" },
+    { .name = "Name" }
 };
 enum {
-    HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, N_TABLES
+    HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, BASE, NAMES,
+    NAME, N_TABLES
 };
 
 typedef struct {
@@ -51,7 +53,7 @@ typedef struct {
 } file;
 
 static file files[MAX_FILES];
-static int n_files;
+static int n_files, n_named;
 
 /* --- The page ------------------------------------------------------------ */
 
@@ -299,17 +301,37 @@ static int64_t get(int t, const uint8_t *p, const char *name, uint32_t i)
 
 /* --- The header's parts -------------------------------------------------- */
 
-enum { TOOL_BANK = 1 << 9, TOOL_PLAIN = 1 << 10, SOURCE_BANK = 8 };
+enum {
+    TOOL_BASE = 1 << 5, TOOL_BANK = 1 << 9, TOOL_PLAIN = 1 << 10,
+    SOURCE_BANK = 8
+};
 
 static int has_bank(const uint8_t *header)
 {
     return (get(HEADER, header, "tools", 0) & TOOL_BANK) != 0;
 }
 
-static uint32_t rig_at(const uint8_t *header)
+static int has_base(const uint8_t *header)
+{
+    return (get(HEADER, header, "tools", 0) & TOOL_BASE) != 0;
+}
+
+static uint32_t base_at(const uint8_t *header)
 {
     return tables[HEADER].nbytes +
            (has_bank(header) ? tables[BANK].nbytes : 0);
+}
+
+/* A field of Base; 0 without one. */
+static uint32_t base_of(const uint8_t *header, const char *name)
+{
+    return has_base(header)
+        ? (uint32_t)get(BASE, header + base_at(header), name, 0) : 0;
+}
+
+static uint32_t rig_at(const uint8_t *header)
+{
+    return base_at(header) + (has_base(header) ? tables[BASE].nbytes : 0);
 }
 
 /* Where the CRC stands. */
@@ -522,6 +544,8 @@ static void headers_should_be_as_the_tables_say(void **state)
         assert_true(bank_is_consistent(p));
         if (has_bank(p))
             check_values(BANK, p + tables[HEADER].nbytes, &files[i]);
+        if (has_base(p))
+            check_values(BASE, p + base_at(p), &files[i]);
         assert_int_equal(get(HEADER, p, "header_nbytes", 0), end + 4);
         assert_true(end + 4 <= files[i].n);
         assert_int_equal(load(p + end, 4), crc_of(0, p, end));
@@ -532,16 +556,26 @@ static void headers_should_be_as_the_tables_say(void **state)
 }
 
 /* The CRC that the one of a chunk goes on from: the header's for INDX and NETS,
- * that of NETS for a segment's. */
-static uint32_t owner_of(const file *f, const char *type)
+ * that of the chunk before for the base's, that of NETS for NAME, that of the
+ * head's last chunk for a segment's. */
+static uint32_t owner_of(const file *f, size_t at)
 {
-    const uint8_t *const behind = f->p + get(HEADER, f->p, "header_nbytes", 0);
-    const int64_t n_segments = get(HEADER, f->p, "n_segments", 0);
+    const size_t index = (size_t)get(HEADER, f->p, "header_nbytes", 0);
+    const size_t nets = index + tables[CHUNK].nbytes + tables[ENTRY].nbytes *
+                        (size_t)get(HEADER, f->p, "n_segments", 0);
+    const size_t base = nets + tables[CHUNK].nbytes +
+                        (size_t)get(HEADER, f->p, "nets_nbytes", 0);
+    const size_t end = base + base_of(f->p, "nbytes");
+    size_t k = nets, next = base;
 
-    if (memcmp(type, "INDX", 4) == 0 || memcmp(type, "NETS", 4) == 0)
-        return (uint32_t)load(behind - 4, 4);
-    return (uint32_t)get(CHUNK, behind + tables[CHUNK].nbytes +
-                         n_segments * tables[ENTRY].nbytes, "crc", 0);
+    if (at <= nets)
+        return (uint32_t)load(f->p + index - 4, 4);
+    while (next < at && next < end && memcmp(f->p + at, "NAME", 4) != 0) {
+        k = next;
+        next += tables[CHUNK].nbytes + (size_t)get(CHUNK, f->p + k, "nbytes",
+                                                   0);
+    }
+    return (uint32_t)get(CHUNK, f->p + k, "crc", 0);
 }
 
 /* A chunk at p[at..n): its payload; moves *at past it. */
@@ -555,17 +589,29 @@ static uint8_t *chunk(file *f, size_t *at, const char *type, uint32_t *nbytes)
     assert_memory_equal(head + field_named(CHUNK, "type")->offset, type, 4);
     *nbytes = (uint32_t)get(CHUNK, head, "nbytes", 0);
     assert_true(*nbytes <= f->n - *at - tables[CHUNK].nbytes);
-    crc = crc_of(owner_of(f, type), head, field_named(CHUNK, "crc")->offset);
+    crc = crc_of(owner_of(f, *at), head, field_named(CHUNK, "crc")->offset);
     assert_int_equal(get(CHUNK, head, "crc", 0), crc_of(crc, payload, *nbytes));
     *at += tables[CHUNK].nbytes + *nbytes;
     return payload;
+}
+
+static const char *const layer[3] = { "COAR", "FINE", "PRIM" };
+
+static void check_base(file *f, size_t *at)
+{
+    const size_t begin = *at;
+    uint32_t nbytes;
+    int k;
+
+    for (k = 0; k < 3 && has_base(f->p); k++)
+        chunk(f, at, layer[k], &nbytes);
+    assert_int_equal(base_of(f->p, "nbytes"), *at - begin);
 }
 
 /* The four chunks of segment i at *at, and what the index says of it. */
 static void check_segment(file *f, size_t *at, uint32_t i,
                           const uint8_t *entry, uint32_t first_frame)
 {
-    static const char *const layer[3] = { "COAR", "FINE", "PRIM" };
     static const char *const count[3][2] = {
         { "n_coarse", "max_coarse" }, { "n_fine", "max_fine" },
         { "n_prim", "max_prim" }
@@ -592,6 +638,28 @@ static void check_segment(file *f, size_t *at, uint32_t i,
     assert_int_equal(get(SEGMENT, seg, "first_frame", 0), first_frame);
 }
 
+/* The chunk of names, where there is one: a name for each camera. */
+static void check_names(file *f, size_t *at)
+{
+    uint32_t nbytes, done = tables[NAMES].nbytes, i, length = 0;
+    uint8_t *p;
+
+    if (f->n - *at < 4 || memcmp(f->p + *at, "NAME", 4) != 0)
+        return;
+    p = chunk(f, at, "NAME", &nbytes);
+    n_named++;
+    for (i = 0; i < get(HEADER, f->p, "n_cameras", 0); i++) {
+        check_values(NAME, p + done, f);
+        assert_true(get(NAME, p + done, "shared", 0) <= length);
+        length = (uint32_t)(get(NAME, p + done, "shared", 0) +
+                            get(NAME, p + done, "more", 0));
+        assert_true(length <= 63);
+        done += tables[NAME].nbytes +
+                (uint32_t)get(NAME, p + done, "more", 0);
+    }
+    assert_int_equal(done, nbytes);
+}
+
 static void chunks_should_tile_every_file(void **state)
 {
     int i;
@@ -607,6 +675,8 @@ static void chunks_should_tile_every_file(void **state)
         assert_int_equal(nbytes, n * tables[ENTRY].nbytes);
         chunk(f, &at, "NETS", &nbytes);
         assert_int_equal(nbytes, get(HEADER, f->p, "nets_nbytes", 0));
+        check_base(f, &at);
+        check_names(f, &at);
         for (s = 0; s < n; s++) {
             uint8_t *const entry = index + s * tables[ENTRY].nbytes;
 
@@ -617,6 +687,7 @@ static void chunks_should_tile_every_file(void **state)
         assert_int_equal(first_frame, get(HEADER, f->p, "n_frames", 0));
         assert_int_equal(at, f->n);
     }
+    assert_true(n_named > 0);
 }
 
 /* --- The page and the decoder -------------------------------------------- */
@@ -642,6 +713,10 @@ static void probe_should_report_the_same_values(void **state)
         assert_int_equal(get(HEADER, p, "max_fine", 0), a.max_fine);
         assert_int_equal(get(HEADER, p, "max_prim", 0), a.max_primitives);
         assert_int_equal(get(HEADER, p, "nets_nbytes", 0), a.nets_nbytes);
+        assert_int_equal(base_of(p, "n_coarse"), a.base_coarse);
+        assert_int_equal(base_of(p, "n_fine"), a.base_fine);
+        assert_int_equal(base_of(p, "n_prim"), a.base_primitives);
+        assert_int_equal(base_of(p, "nbytes"), a.base_nbytes);
         assert_int_equal(get(HEADER, p, "tools", 0), a.tools);
         assert_int_equal(get(HEADER, p, "tools", 0) >> 3 & 3, a.motion_order);
         assert_int_equal(get(HEADER, p, "features", 0), a.features);
@@ -654,7 +729,8 @@ static void probe_should_report_the_same_values(void **state)
                          a.centre_exponent);
         assert_int_equal(get(HEADER, p, "header_nbytes", 0) +
                          2 * tables[CHUNK].nbytes + a.n_segments *
-                         tables[ENTRY].nbytes + a.nets_nbytes, a.head_nbytes);
+                         tables[ENTRY].nbytes + a.nets_nbytes + a.base_nbytes,
+                         a.head_nbytes);
     }
 }
 
@@ -851,7 +927,8 @@ static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
     assert_int_equal(saga_tell(&report, dec), SAGA_OK);
     assert_int_equal(get(SEGMENT, seg, "n_coarse", 0), report.n_coarse);
     assert_int_equal(get(SEGMENT, seg, "n_fine", 0), report.n_fine);
-    assert_int_equal(get(SEGMENT, seg, "n_prim", 0), report.n_primitives);
+    assert_int_equal(get(SEGMENT, seg, "n_prim", 0) +
+                     base_of(f->p, "n_prim"), report.n_primitives);
 }
 
 static void segments_should_be_found_with_the_same_values(void **state)
@@ -1004,6 +1081,8 @@ static void decoder_should_refuse_what_lies_outside_the_ranges(void **state)
         if (has_bank(r.header))
             visit(&tables[BANK], r.header + tables[HEADER].nbytes,
                   try_field, &r);
+        if (has_base(r.header))
+            visit(&tables[BASE], r.header + base_at(r.header), try_field, &r);
         assert_true(r.n_tried > 0);
         free(r.header);
     }

@@ -105,6 +105,7 @@ static void make_base(base *b, uint64_t number)
     o.bank = (int)(number / 2 % 3);
     o.no_fuse = (uint32_t)(number / 3 % 4);
     o.linear = number % 5 == 0;
+    o.base = number % 3 == 1;
     if (!o.picture) {
         o.bank_slots = 32;
         o.bank_width = 8;
@@ -147,7 +148,8 @@ static mutate_class class_of(uint64_t number)
         MUTATE_IN_FINE, MUTATE_IN_NETWORKS, MUTATE_IN_COARSE, MUTATE_IN_INDEX,
         MUTATE_IN_PRIM, MUTATE_RAW_SIGNED, MUTATE_IN_FINE, MUTATE_IN_COUNTS,
         MUTATE_IN_COARSE, MUTATE_IN_NETWORKS, MUTATE_IN_ORDER,
-        MUTATE_IN_HEADER, MUTATE_IN_PRIM, MUTATE_RAW, MUTATE_IN_FINE
+        MUTATE_IN_HEADER, MUTATE_IN_PRIM, MUTATE_RAW, MUTATE_IN_FINE,
+        MUTATE_IN_BASE
     };
 
     return classes[number % (sizeof classes / sizeof *classes)];

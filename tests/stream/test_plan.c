@@ -28,7 +28,7 @@
 #include <string.h>
 
 /* DECODER_NBYTES: what stands before the plan's regions (plan.c). */
-enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 656 };
+enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 768 };
 
 static uint64_t n_macs;
 
@@ -169,6 +169,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.bank = (int)(i / 2 % 3);
     o.no_fuse = i / 5 % 4;
     o.linear = i % 7 == 0;
+    o.base = i % 3 == 2;
     return o;
 }
 
@@ -292,12 +293,13 @@ static void block_should_be_used_up_to_its_end(void **state)
 
     (void)state;
     for (i = 0; i < 32; i++) {
-        const gen_options o = options_of(first_seed(), i);
+        gen_options o = options_of(first_seed(), i);
         player p;
         saga_symbols *s;
         size_t last;
 
         memset(&p, 0, sizeof p);
+        o.base = 0;
         gen_stream_make(&p.g, &o);
         s = &p.g.segment[0];
         memset(s->n_prim, 0, s->n.fine);
@@ -333,6 +335,7 @@ static void tools_should_cost_nothing_when_off(void **state)
         assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
         assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
         assert_int_equal(h.header_nbytes, 178 + (o.bank ? 15 : 0) +
+                         (o.base ? 16 : 0) +
                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES);
         saga_bank_size(&size, &h.model);
         assert_int_equal(plan.coarse_at - plan.bank_at,

@@ -23,7 +23,7 @@ enum { N_MODELS = 40 };
 
 typedef struct {
     float weight[SAGA_MAX_VECTOR * SAGA_MAX_WIDTH], bias[SAGA_MAX_VECTOR];
-    uint8_t q_out[SAGA_MAX_VECTOR];
+    uint8_t q_out[SAGA_MAX_VECTOR], finer[SAGA_MAX_VECTOR];
     saga_layer_values v;
 } layer;
 
@@ -47,7 +47,7 @@ static void make_layer(layer *l, uint32_t n_in, uint32_t n_out, int q_in,
         l->q_out[row] = (uint8_t)gen_range(r, 8, 10);
     }
     l->v = (saga_layer_values){
-        l->weight, l->bias, n_in, n_out, q_in, l->q_out,
+        l->weight, l->bias, n_in, n_out, q_in, l->q_out, l->finer, 0,
         (float)exp2(real_in(r, -9, -3)), (float)exp2(gen_range(r, -9, -3)),
         int8
     };
@@ -71,7 +71,7 @@ static void check_row(const saga_nets *nets, const uint8_t *block, int net,
         const int w = got.int8 ? ((const int8_t *)got.weight)[at]
                                : ((const int16_t *)got.weight)[at];
 
-        assert_true(fabs(ldexp(w, -e) -
+        assert_true(fabs(ldexp(w, (k < l->v.n_finer ? l->finer[k] : 0) - e) -
                          (double)weight[row * l->v.n_in + k]) < 1e-12);
     }
     assert_true(fabs(ldexp(got.bias[row], -e - l->v.q_in) -
@@ -87,8 +87,31 @@ static void quantise(saga_layer_symbols *s, const layer *l)
 
 static void replace(saga_layer_symbols *s, const layer *l)
 {
+    uint8_t *const finer = s->finer;
+
+    s->finer = NULL;
     saga_layer_symbols_free(s);
     quantise(s, l);
+    s->finer = finer;
+}
+
+/* Hidden units of F_fine and F_geo, and features of fine anchors, have formats
+ * of their own. */
+static void set_finer(layer *l, const gen_stream *g, int net, int i)
+{
+    const saga_model *const m = &g->header.model;
+    const saga_layer_symbols *before = i ? &g->nets.layer[net][i - 1] : NULL;
+
+    if (i && (net == SAGA_NET_FINE || net == SAGA_NET_GEO))
+        l->v.n_finer = m->width[net];
+    if (i == 0 && !m->width[SAGA_NET_FUSE_F] &&
+        (net == SAGA_NET_GEO || net == SAGA_NET_COLOUR_BASE)) {
+        l->v.n_finer = m->features;
+        before = &g->nets.layer[SAGA_NET_FINE][m->width[SAGA_NET_FINE] ? 2
+                                                                       : 0];
+    }
+    if (l->v.n_finer)
+        memcpy(l->finer, before->finer, l->v.n_finer);
 }
 
 static void check_model(uint64_t seed, double octaves)
@@ -113,6 +136,7 @@ static void check_model(uint64_t seed, double octaves)
         for (i = 0; i < s.n_layers; i++) {
             make_layer(&l[net][i], s.dim[i], s.dim[i + 1],
                        gen_range(&r, 10, 14), s.int8, octaves, &r);
+            set_finer(&l[net][i], &g, net, i);
             replace(&g.nets.layer[net][i], &l[net][i]);
         }
     }
@@ -150,7 +174,7 @@ static void quantiser_should_say_what_the_decoder_has(void **state)
 static void check_rounding(const layer *l, double part, double slack)
 {
     static float weight[64 * 32], bias[32];
-    saga_layer_symbols s;
+    saga_layer_symbols s = { .finer = NULL };
     uint32_t i;
 
     quantise(&s, l);
@@ -208,7 +232,7 @@ static void quantiser_should_keep_what_is_rounded_already(void **state)
 {
     static layer l;
     static float weight[64 * 32], bias[32];
-    saga_layer_symbols s;
+    saga_layer_symbols s = { .finer = NULL };
     uint64_t r = 6;
     uint32_t i;
 
@@ -234,7 +258,7 @@ static void quantiser_should_meet_8_bits(void **state)
     const double step = 0x1p-5;
     static layer l;
     static float weight[64 * 32], bias[32];
-    saga_layer_symbols s;
+    saga_layer_symbols s = { .finer = NULL };
     uint64_t r = 8;
     uint32_t row, k;
 
@@ -266,7 +290,7 @@ static void check_scales(int mode)
 {
     static layer l;
     saga_error error = { "" };
-    saga_layer_symbols s;
+    saga_layer_symbols s = { .finer = NULL };
     double bits = 0, least;
     uint64_t r = 9;
     uint32_t row, k;

@@ -31,19 +31,20 @@
 #include <omp.h>
 #endif
 
-enum { ITERATIONS = 150 };
+enum { ITERATIONS = 150, N_CAMERAS = 4 };
 
 typedef struct {
     uint8_t *bytes;
     size_t n;
     ref_file f;
+    saga_naming names[N_CAMERAS];   /* which ref_file leaves out */
 } fixture;
 
 /* --- Fixture: a file of 500 primitives ----------------------------------- */
 
 static saga_capture load(const char *folder)
 {
-    const saga_synth_options o = synth_options(64, 36, 4, 3, 300);
+    const saga_synth_options o = synth_options(64, 36, N_CAMERAS, 3, 300);
     char path[100], command[120];
     saga_capture c;
 
@@ -73,6 +74,8 @@ static void train(fixture *f, const saga_capture *c)
     assert_non_null(f->bytes);
     memcpy(f->bytes, bytes, f->n);
     saga_train_free(t);
+    for (int i = 0; i < N_CAMERAS; i++)
+        memcpy(f->names[i].name, c->views[i].name, sizeof c->views[i].name);
 }
 
 static int set_up(void **state)
@@ -103,8 +106,9 @@ static int tear_down(void **state)
 
 /* --- Apart and together -------------------------------------------------- */
 
-/* The file's values and networks in a new file. */
-static void encode_again(uint8_t **bytes, size_t *n, const ref_file *f)
+/* The file's values, networks and names in a new file. */
+static void encode_again(uint8_t **bytes, size_t *n, const ref_file *f,
+                         const saga_naming *names)
 {
     const saga_targets t = { .value = (const int16_t *const *)f->value };
     saga_encode_sizes sizes;
@@ -114,6 +118,7 @@ static void encode_again(uint8_t **bytes, size_t *n, const ref_file *f)
     saga_encoder *const e = saga_encoder_open(&f->h, f->rig, &f->nets, &error);
 
     assert_non_null(e);
+    assert_true(saga_encoder_names(e, names, &error));
     assert_true(saga_quantise_segment(&y, &report, e, &t, NULL, &error));
     assert_true(saga_encoder_segment(e, &y, f->segment.n_frames, &error));
     assert_true(saga_encoder_finish(e, bytes, n, &sizes, &error));
@@ -129,7 +134,7 @@ static void file_should_come_back_from_its_values(void **state)
     uint8_t *bytes;
     size_t n;
 
-    encode_again(&bytes, &n, &f->f);
+    encode_again(&bytes, &n, &f->f, f->names);
     assert_int_equal(n, f->n);
     assert_memory_equal(bytes, f->bytes, n);
     free(bytes);
@@ -329,37 +334,62 @@ static void refit_should_find_a_source_that_tells(void **state)
     free(told);
 }
 
+static void refit_should_take(gen_stream *g)
+{
+    const saga_ablation all = { .groups = 0 };
+    refit_options fast = refit_defaults();
+    uint8_t *bytes, *again = NULL;
+    refit_report r;
+    ref_file f, h;
+    size_t n;
+
+    fast.iterations = 6;
+    fast.ablation = all;
+    gen_stream_encode(g, &bytes, &n);
+    assert_null(ref_file_read(&f, bytes, n));
+    assert_null(refit_make(&again, &n, &r, &f, &fast));
+    assert_null(ref_file_read(&h, again, n));
+    what_is_kept_should_be_the_same(&f, &h);
+    ref_file_free(&h);
+    ref_file_free(&f);
+    free(again);
+    free(bytes);
+}
+
 /* Of random streams, whose networks say nothing of their values: whatever they
  * have, with a bank or without, is read and becomes another valid file. */
 static void refit_should_take_any_stream(void **state)
 {
-    const saga_ablation all = { .groups = 0 };
-
     (void)state;
     for (uint64_t seed = 1; seed <= 12; seed++) {
         const gen_options o = {
             .seed = seed, .level = 3, .n_coarse = 20, .n_segments = 1,
             .bank = (int)(seed % 3)
         };
-        refit_options fast = refit_defaults();
-        uint8_t *bytes, *again = NULL;
-        refit_report r;
         gen_stream g;
-        ref_file f, h;
-        size_t n;
 
-        fast.iterations = 6;
-        fast.ablation = all;
         gen_stream_make(&g, &o);
-        gen_stream_encode(&g, &bytes, &n);
-        assert_null(ref_file_read(&f, bytes, n));
-        assert_null(refit_make(&again, &n, &r, &f, &fast));
-        assert_null(ref_file_read(&h, again, n));
-        what_is_kept_should_be_the_same(&f, &h);
-        ref_file_free(&h);
-        ref_file_free(&f);
-        free(again);
-        free(bytes);
+        refit_should_take(&g);
+        gen_stream_free(&g);
+    }
+}
+
+/* A kind without blocks has no mean input to decide with. */
+static void refit_should_take_a_scene_of_coarse_anchors_alone(void **state)
+{
+    (void)state;
+    for (int bank = 0; bank < 3; bank++) {
+        const gen_options o = {
+            .seed = 8, .level = 3, .n_coarse = 20, .n_segments = 1,
+            .bank = bank
+        };
+        gen_stream g;
+        saga_symbols *const s = &g.segment[0];
+
+        gen_stream_make(&g, &o);
+        memset(s->n_fine, 0, s->n.coarse);
+        s->n.fine = s->n.prim = 0;
+        refit_should_take(&g);
         gen_stream_free(&g);
     }
 }
@@ -435,6 +465,7 @@ int main(void)
         cmocka_unit_test(refit_without_anything_should_have_constants),
         cmocka_unit_test(refit_should_find_a_source_that_tells),
         cmocka_unit_test(refit_should_take_any_stream),
+        cmocka_unit_test(refit_should_take_a_scene_of_coarse_anchors_alone),
         cmocka_unit_test(refit_should_not_depend_on_threads),
         cmocka_unit_test(order0_should_be_the_sum_by_hand),
         cmocka_unit_test(order0_should_count_every_symbol)

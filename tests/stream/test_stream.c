@@ -74,7 +74,7 @@ static void assert_same_symbols(const saga_symbols *a, const saga_symbols *b,
 
 static void assert_same_layer(const saga_layer_symbols *a,
                               const saga_layer_symbols *b, size_t n_in,
-                              size_t n_out)
+                              size_t n_out, size_t n_finer)
 {
     assert_int_equal(a->step_q16, b->step_q16);
     assert_int_equal(a->step_shift, b->step_shift);
@@ -87,20 +87,22 @@ static void assert_same_layer(const saga_layer_symbols *a,
     SAME(a->weight, b->weight, n_in * n_out);
     SAME(a->bias, b->bias, n_out);
     SAME(a->shift, b->shift, n_out);
+    SAME(a->finer, b->finer, n_finer);
 }
 
 static void assert_same_nets(const saga_net_symbols *a,
                              const saga_net_symbols *b, const saga_model *m)
 {
-    saga_net_shape s;
+    saga_nets nets;
     int net, i;
 
-    for (net = 0; net < SAGA_N_NETS; net++) {
-        saga_model_net(&s, m, net);
-        for (i = 0; i < s.n_layers; i++)
-            assert_same_layer(&a->layer[net][i], &b->layer[net][i], s.dim[i],
-                              s.dim[i + 1]);
-    }
+    saga_nets_layout(&nets, m);
+    for (net = 0; net < SAGA_N_NETS; net++)
+        for (i = 0; i < nets.shape[net].n_layers; i++)
+            assert_same_layer(&a->layer[net][i], &b->layer[net][i],
+                              nets.shape[net].dim[i],
+                              nets.shape[net].dim[i + 1],
+                              saga_nets_n_finer(&nets, net, i));
 }
 
 /* --- One stream there and back ------------------------------------------- */
@@ -158,9 +160,26 @@ static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
     assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
     assert_int_equal(report.n_coarse, s.n.coarse);
     assert_int_equal(report.n_fine, s.n.fine);
-    assert_int_equal(report.n_primitives, s.n.prim);
+    assert_int_equal(report.n_primitives, g->base.n.prim + s.n.prim);
     for (i = 0; i < 3; i++)
         assert_int_equal(report.final_range[i], range[i]);
+    saga_net_symbols_free(&nets);
+    recorder_free_symbols(&s);
+}
+
+static void check_base(const gen_stream *g, const saga_info *info,
+                       const uint8_t *bytes, size_t n)
+{
+    saga_net_symbols nets;
+    saga_symbols s;
+    uint32_t range[3];
+
+    assert_int_equal(info->base_coarse, g->base.n.coarse);
+    if (!g->has_base)
+        return;
+    memset(&nets, 0, sizeof nets);
+    assert_true(recorder_read(&nets, &s, RECORDER_BASE, range, bytes, n));
+    assert_same_symbols(&s, &g->base, g->header.model.features);
     saga_net_symbols_free(&nets);
     recorder_free_symbols(&s);
 }
@@ -175,6 +194,7 @@ static void check_stream(gen_stream *g)
     gen_stream_encode(g, &bytes, &n);
     player_open(&p, bytes, n);
     assert_int_equal(p.info.n_segments, g->n_segments);
+    check_base(g, &p.info, bytes, n);
     for (i = 0; i < g->n_segments; i++)
         check_segment(&p, g, bytes, n, i);
     free(p.work);
@@ -329,6 +349,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools_fixed = 1;
     o.tools = i % 32;
     o.bank = (int)(i / 2 % 3);
+    o.base = i % 5 == 1;
     return o;
 }
 
@@ -781,6 +802,11 @@ static void net_weight_large(gen_stream *g)
     first_layer(g)->weight[0] = 1;
 }
 
+static void net_finer_over(gen_stream *g)
+{
+    g->nets.layer[SAGA_NET_FINE][0].finer[0] = SAGA_N_FINER;
+}
+
 static void assert_nets_refused(spoil f, const char *what)
 {
     saga_error error = { "" };
@@ -817,6 +843,48 @@ static void encoder_should_refuse_networks_that_are_not_valid(void **state)
     NETS_REFUSED(net_row_shift_32);
     NETS_REFUSED(net_overflow);
     NETS_REFUSED(net_weight_large);
+    NETS_REFUSED(net_finer_over);
+}
+
+/* A row of F_geo whose weights are 32767 2^k before its inputs' formats shift
+ * them down, by `finer` bits: valid if none is left above 32767. */
+static void finer_to(gen_stream *g, int k, uint8_t finer)
+{
+    saga_layer_symbols *const before = &g->nets.layer[SAGA_NET_GEO][0];
+    saga_layer_symbols *const l = &g->nets.layer[SAGA_NET_GEO][1];
+    const uint32_t width = g->header.model.width[SAGA_NET_GEO];
+
+    memset(before->finer, finer, width);
+    memset(l->weight, 0, width * width * sizeof *l->weight);
+    l->step_q16 = 32767;
+    l->step_shift = 0;
+    l->weight[0] = 1 << k;
+    l->weight[1] = -(1 << k);
+    l->shift[0] = 0;
+    l->bias[0] = 0;
+}
+
+static void net_finer_by_2(gen_stream *g) { finer_to(g, 3, 2); }
+
+/* 2 * 32767 <= 65538, the most that weights may sum up to. */
+static void encoder_should_take_rows_by_what_formats_leave(void **state)
+{
+    saga_error error = { "" };
+    saga_encoder *e;
+    gen_stream g;
+    int k;
+
+    (void)state;
+    for (k = 0; k < SAGA_N_FINER; k++) {
+        make_rich(&g);
+        finer_to(&g, k, (uint8_t)k);
+        e = saga_encoder_open(&g.header, g.rig, &g.nets, &error);
+        if (!e)
+            fail_msg("%d bits: %s", k, error.message);
+        saga_encoder_free(e);
+        gen_stream_free(&g);
+    }
+    NETS_REFUSED(net_finer_by_2);
 }
 
 /* symbols.h: steps are 1..65535. */
@@ -953,6 +1021,7 @@ int main(void)
         cmocka_unit_test(encoder_should_refuse_bits_that_would_not_come_back),
         cmocka_unit_test(encoder_should_refuse_a_segment_without_frames),
         cmocka_unit_test(encoder_should_refuse_networks_that_are_not_valid),
+        cmocka_unit_test(encoder_should_take_rows_by_what_formats_leave),
         cmocka_unit_test(encoder_should_refuse_a_step_of_zero),
         cmocka_unit_test(encoder_should_refuse_a_file_without_segments),
         cmocka_unit_test(segment_should_not_depend_on_those_before_it),

@@ -13,11 +13,6 @@ static double clamp(double x, double lo, double hi)
     return x < lo ? lo : x > hi ? hi : x;
 }
 
-static int one_in(gen_rng *r, int n)
-{
-    return gen_int(r, 1, n) == 1;
-}
-
 static int32_t to_int(double x, double limit)
 {
     return (int32_t)lrint(clamp(x, -limit, limit));
@@ -30,6 +25,15 @@ int32_t gen_shifted(gen_rng *r, int32_t lo, int32_t hi, int max_shift)
     return x >> gen_int(r, 0, max_shift);
 }
 
+int16_t gen_any16(gen_rng *r, int max_shift)
+{
+    static const int16_t edges[] = { -32768, -32767, -1, 0, 1, 32767 };
+
+    if (gen_one_in(r, 4))
+        return edges[gen_int(r, 0, 5)];
+    return (int16_t)gen_shifted(r, -32768, 32767, max_shift);
+}
+
 void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height)
 {
     static const int32_t reach[] = { 0, 1 << 12, 1 << 23, 1 << 27, 1 << 29 };
@@ -37,16 +41,16 @@ void gen_hard_camera(saga_camera *c, gen_rng *r, int width, int height)
     int i;
 
     gen_any_camera(c, r, width, height, reach[gen_int(r, 0, 4)]);
-    for (i = 0; i < 3 && one_in(r, 8); i++)
-        c->centre[i] = one_in(r, 2) ? 1 << 29 : -(1 << 29);
+    for (i = 0; i < 3 && gen_one_in(r, 8); i++)
+        c->centre[i] = gen_one_in(r, 2) ? 1 << 29 : -(1 << 29);
     for (i = 0; i < 2; i++) {
         const double f = focal * exp2(gen_uniform(r, -1, 1));
 
         c->focal_q16[i] = to_int(clamp(f * 65536, 1, INT32_MAX), INT32_MAX);
-        if (one_in(r, 8))
+        if (gen_one_in(r, 8))
             c->principal_q16[i] = gen_int(r, -(1 << 26), 1 << 26);
     }
-    c->near_plane = one_in(r, 2) ? 1 : 1 << gen_int(r, 0, 16);
+    c->near_plane = gen_one_in(r, 2) ? 1 : 1 << gen_int(r, 0, 16);
 }
 
 /* The box coordinates of a point seen at pixel, z in front of the camera. */
@@ -71,14 +75,14 @@ static void place(int32_t *x, const saga_camera *c, const double *pixel,
 static void hard_position(saga_animated *a, gen_rng *r, const saga_camera *c,
                           double z)
 {
-    const double border = one_in(r, 8) ? 40 : one_in(r, 4) ? 2 : 0.2;
+    const double border = gen_one_in(r, 8) ? 40 : gen_one_in(r, 4) ? 2 : 0.2;
     double pixel[2];
     int i;
 
     pixel[0] = c->width * gen_uniform(r, -border, 1 + border);
     pixel[1] = c->height * gen_uniform(r, -border, 1 + border);
-    place(a->x, c, pixel, one_in(r, 32) ? -z : z);
-    for (i = 0; i < 3 && one_in(r, 64); i++)
+    place(a->x, c, pixel, gen_one_in(r, 32) ? -z : z);
+    for (i = 0; i < 3 && gen_one_in(r, 64); i++)
         a->x[i] = gen_int(r, -(1 << 29), 1 << 29);
 }
 
@@ -91,10 +95,10 @@ static void hard_quat(saga_animated *a, gen_rng *r)
 
     for (i = 0; i < 4; i++)
         a->quat[i] = gen_int(r, -n, n);
-    for (i = 0; i < 4 && one_in(r, 4); i++)
+    for (i = 0; i < 4 && gen_one_in(r, 4); i++)
         a->quat[i] = 0;
-    if (one_in(r, 16))
-        a->quat[gen_int(r, 0, 3)] = one_in(r, 2) ? 1 << 30 : -(1 << 30);
+    if (gen_one_in(r, 16))
+        a->quat[gen_int(r, 0, 3)] = gen_one_in(r, 2) ? 1 << 30 : -(1 << 30);
 }
 
 /* Axes of sigma px in the picture times up to 1:10^4. */
@@ -102,7 +106,7 @@ static void hard_scale(saga_animated *a, gen_rng *r, const saga_camera *c,
                        double z)
 {
     const double sigma = log2(0.01) + gen_uniform(r, 0, log2(1e8));
-    const double ratio = one_in(r, 2) ? 1.5 : log2(1e4);
+    const double ratio = gen_one_in(r, 2) ? 1.5 : log2(1e4);
     int i;
 
     for (i = 0; i < 3; i++) {
@@ -122,9 +126,9 @@ void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
     hard_position(a, r, c, z);
     hard_quat(a, r);
     hard_scale(a, r, c, z);
-    a->q0_q20 = gen_int(r, 0, one_in(r, 4) ? 1 << 20 : cut - 1);
-    if (one_in(r, 16))
-        a->q0_q20 = one_in(r, 2) ? 0 : cut - gen_int(r, 1, 1 << 14);
-    if (one_in(r, 64))
+    a->q0_q20 = gen_int(r, 0, gen_one_in(r, 4) ? 1 << 20 : cut - 1);
+    if (gen_one_in(r, 16))
+        a->q0_q20 = gen_one_in(r, 2) ? 0 : cut - gen_int(r, 1, 1 << 14);
+    if (gen_one_in(r, 64))
         a->q0_q20 = cut + gen_int(r, 0, 1 << 20);
 }

@@ -20,4 +20,7 @@ void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c);
  * fixed order, which gen_int(..) >> gen_int(..) does not. */
 int32_t gen_shifted(gen_rng *r, int32_t lo, int32_t hi, int max_shift);
 
+/* Any value, shifted likewise; the extremes and zero more often. */
+int16_t gen_any16(gen_rng *r, int max_shift);
+
 #endif

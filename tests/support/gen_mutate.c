@@ -15,8 +15,8 @@
 #include <string.h>
 
 const char *const mutate_class_text[MUTATE_N_CLASSES] = {
-    "raw", "raw signed", "header", "index", "networks", "counts", "coarse",
-    "fine", "prim", "order"
+    "raw", "raw signed", "header", "index", "networks", "base", "counts",
+    "coarse", "fine", "prim", "order"
 };
 
 const char *const mutate_stage_text[MUTATE_N_STAGES] = {
@@ -50,6 +50,15 @@ static uint32_t pick(uint64_t *r, uint32_t n)
 
 /* --- A file in pieces ---------------------------------------------------- */
 
+static int has_base(const uint8_t *header)
+{
+    saga_io io = { header, NULL, SAGA_MAGIC_NBYTES };
+    saga_header h;
+
+    saga_header_io(&io, &h);
+    return (h.model.tools & SAGA_TOOL_BASE) != 0;
+}
+
 void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n)
 {
     size_t at = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
@@ -65,6 +74,7 @@ void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n)
         part->p = copy_of(bytes + at + SAGA_CHUNK_NBYTES, part->n);
         at += SAGA_CHUNK_NBYTES + part->n;
     }
+    f->segments = has_base(bytes) ? 5 : 2;
 }
 
 void mutate_free(mutate_file *f)
@@ -89,10 +99,12 @@ static void write_chunk(uint8_t *out, const mutate_part *part)
 /* Entries of an index payload, from where the parts will stand. */
 static void relink(const mutate_file *f, uint8_t *index, size_t n)
 {
-    uint64_t at = f->header_nbytes + f->part[0].n + f->part[1].n +
-                  2u * SAGA_CHUNK_NBYTES;
+    uint64_t at = f->header_nbytes;
     size_t entry = 0;
-    uint32_t i = 2, k;
+    uint32_t i = 0, k;
+
+    for (; i < f->segments && i < f->n_parts; i++)
+        at += f->part[i].n + SAGA_CHUNK_NBYTES;
 
     while (i < f->n_parts && entry + SAGA_INDEX_ENTRY_NBYTES <= n) {
         uint32_t nbytes = 0;
@@ -111,8 +123,22 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
  * fields, n_segments, n_frames, rate and maxima. */
 enum { NETS_NBYTES_AT = 8 + 4 + 4 + 4 + 4 + 8 + 12 };
 
-/* The networks' place among the chunks: those behind it go on from its CRC. */
+/* The networks' place among the chunks. */
 enum { NETS_CHUNK = 1 };
+
+/* The base's length ends the header's fields. */
+static void link_base(const mutate_file *f, uint8_t *header)
+{
+    saga_io io = { header, NULL, SAGA_MAGIC_NBYTES };
+    uint32_t nbytes = 0, i;
+    saga_header h;
+
+    for (i = 2; i < f->segments; i++)
+        nbytes += SAGA_CHUNK_NBYTES + (uint32_t)f->part[i].n;
+    saga_header_io(&io, &h);
+    if (f->segments > 2 && (h.model.tools & SAGA_TOOL_BASE))
+        fx_store32_le(header + saga_rig_offset(&h) - 4, nbytes);
+}
 
 static uint8_t *join(const mutate_file *f, size_t *n, int link)
 {
@@ -125,7 +151,8 @@ static uint8_t *join(const mutate_file *f, size_t *n, int link)
         *n += SAGA_CHUNK_NBYTES + f->part[i].n;
     out = must(malloc(*n + 1));
     memcpy(out, f->header, at);
-    if (link && f->n_parts > 2) {
+    if (link && f->n_parts > f->segments) {
+        link_base(f, out);
         relink(f, f->part[0].p, f->part[0].n);
         fx_store32_le(out + NETS_NBYTES_AT, (uint32_t)f->part[1].n);
     }
@@ -164,7 +191,7 @@ void mutate_sign(uint8_t *bytes, size_t n)
         chunk.crc = saga_chunk_crc(owner, &chunk,
                                    bytes + at + SAGA_CHUNK_NBYTES);
         fx_store32_le(bytes + at + 8, chunk.crc);
-        if (i == NETS_CHUNK)
+        if (i == NETS_CHUNK || (i > NETS_CHUNK && i < 5 && has_base(bytes)))
             owner = chunk.crc;
         at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     }
@@ -418,9 +445,9 @@ static void repair_all(mutate_file *f)
 
     raise_maxima(f);
     bytes = mutate_join(f, &n);
-    if (f->n_parts > 2 &&
+    if (f->n_parts > f->segments &&
         head_open(&h, bytes, f->header_nbytes, f->part[1].p, f->part[1].n)) {
-        for (i = 2; i + 4 <= f->n_parts; i += 4)
+        for (i = f->segments; i + 4 <= f->n_parts; i += 4)
             repair(&h, &f->part[i]);
         free(h.params);
     }
@@ -568,7 +595,7 @@ static void damage_fields(saga_header *h, uint64_t *r)
 {
     const uint32_t v = odd_value(r);
 
-    switch (pick(r, 24)) {
+    switch (pick(r, 28)) {
     case 0: h->level = (uint8_t)(v & 7u); break;
     case 1: h->n_segments = v; break;
     case 2: h->n_frames = v; break;
@@ -581,6 +608,10 @@ static void damage_fields(saga_header *h, uint64_t *r)
     case 9: h->model.features = (uint8_t)v; break;
     case 10: h->model.octaves = (uint8_t)v; break;
     case 11: h->model.bank_slots = (uint16_t)v; break;
+    case 12: h->base.coarse = v; break;
+    case 13: h->base.fine = v; break;
+    case 14: h->base.prim = v; break;
+    case 15: h->base_nbytes = v; break;
     default: damage_model(&h->model, r); break;
     }
 }
@@ -601,12 +632,12 @@ static void damage_header(mutate_file *f, uint64_t *r)
 
         saga_header_io(&in, &h);
         room = saga_rig_offset(&h);
-        saga_bank_io(&in, &h.model);
+        saga_tools_io(&in, &h);
         damage_fields(&h, r);
         saga_header_io(&out, &h);
         /* A tool that came with the damage may find no place. */
         if (saga_rig_offset(&h) <= room)
-            saga_bank_io(&out, &h.model);
+            saga_tools_io(&out, &h);
     }
     /* Signing must find the place of the CRC. */
     end = fx_load32_le(f->header + SAGA_MAGIC_NBYTES);
@@ -654,7 +685,8 @@ static void damage_order(mutate_file *f, uint64_t *r)
 /* Returns whether the segments may be repaired. */
 static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
 {
-    const uint32_t segment = 2 + 4 * pick(r, (f->n_parts - 2) / 4);
+    const uint32_t segment =
+        f->segments + 4 * pick(r, (f->n_parts - f->segments) / 4);
 
     switch (c) {
     case MUTATE_IN_HEADER:
@@ -663,6 +695,9 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
                f->header_nbytes;
     case MUTATE_IN_INDEX: damage_some(&f->part[0], r); return 0;
     case MUTATE_IN_NETWORKS: damage_some(&f->part[1], r); return 1;
+    case MUTATE_IN_BASE:
+        damage_some(&f->part[f->segments == 2 ? 1 : 2 + pick(r, 3)], r);
+        return 0;
     case MUTATE_IN_COUNTS: damage_counts(&f->part[segment], r); return 0;
     case MUTATE_IN_COARSE: damage_some(&f->part[segment + 1], r); return 1;
     case MUTATE_IN_FINE: damage_some(&f->part[segment + 2], r); return 1;
@@ -968,7 +1003,8 @@ static void look_around(player *p)
     PROMISE(p->result, report.n_coarse >= 1 &&
             report.n_coarse <= p->info.max_coarse &&
             report.n_fine <= p->info.max_fine &&
-            report.n_primitives <= p->info.max_primitives);
+            report.n_primitives - p->info.base_primitives <=
+                p->info.max_primitives);
     for (i = 0; i < report.n_primitives; i++) {
         PROMISE(p->result,
                 saga_primitive_at(&a, p->dec, i, 65535) == SAGA_OK);
@@ -980,6 +1016,15 @@ static void look_around(player *p)
     look(p, &c, 0);
 }
 
+static uint32_t owner_of(const player *p)
+{
+    const saga_segment any = { .nbytes = 0 };
+    saga_header h;
+
+    saga_head_read(&h, p->head, p->n_head);
+    return recorder_segment_chunks(&h, p->head, &any).owner;
+}
+
 /* Where a segment failed that saga_decode refused; agrees with it. */
 static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
 {
@@ -987,8 +1032,9 @@ static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
         SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
         SAGA_CHUNK_PRIM
     };
-    const size_t nets = p->info.head_nbytes - p->info.nets_nbytes;
-    const uint32_t owner = fx_load32_le(p->head + nets - 4);
+    const size_t nets = p->info.head_nbytes - p->info.base_nbytes -
+                        p->info.nets_nbytes;
+    const uint32_t owner = owner_of(p);
     mutate_part part[4];
     mutate_stage stage;
     saga_counts counts;
@@ -1108,7 +1154,7 @@ void mutate_play(mutate_result *result, const uint8_t *bytes, size_t n,
     if (s) {
         refuse(result, MUTATE_AT_HEADER, s);
     } else if (p.info.work_nbytes > MAX_WORK ||
-               p.info.decode_macs > MAX_MACS) {
+               p.info.decode_macs + p.info.base_macs > MAX_MACS) {
         refuse(result, MUTATE_AT_SIZE, SAGA_OK);
     } else {
         p.n_head = p.info.head_nbytes < n ? p.info.head_nbytes : n;

@@ -16,7 +16,7 @@
 
 /* --- A file in pieces ---------------------------------------------------- */
 
-enum { MUTATE_PARTS = 2 + 4 * GEN_MAX_SEGMENTS };
+enum { MUTATE_PARTS = 5 + 4 * GEN_MAX_SEGMENTS };
 
 /* Payload of a chunk. */
 typedef struct mutate_part {
@@ -25,20 +25,22 @@ typedef struct mutate_part {
     size_t n;
 } mutate_part;
 
-/* Header, then chunks: index, networks, per segment SEGM COAR FINE PRIM. */
+/* Header, then chunks: index, networks, those of the base if there is one, per
+ * segment SEGM COAR FINE PRIM. */
 typedef struct mutate_file {
     uint8_t *header;
     size_t header_nbytes;
     mutate_part part[MUTATE_PARTS];
     uint32_t n_parts;
+    uint32_t segments;       /* where those of segments begin: 2, or 5 */
 } mutate_file;
 
 /* Pieces of a valid file of at most GEN_MAX_SEGMENTS segments; free them. */
 void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n);
 void mutate_free(mutate_file *f);
 
-/* The bytes (free them), signed: chunk lengths, index, nets_nbytes and all
- * CRCs are those of what is there. */
+/* The bytes (free them), signed: chunk lengths, index, nets_nbytes, those of
+ * the base and all CRCs are those of what is there. */
 uint8_t *mutate_join(const mutate_file *f, size_t *n);
 
 /* Writes the CRCs of the header and of all chunks anew, as far as the lengths
@@ -53,6 +55,7 @@ typedef enum mutate_class {
     MUTATE_IN_HEADER,        /* fields, signed */
     MUTATE_IN_INDEX,
     MUTATE_IN_NETWORKS,
+    MUTATE_IN_BASE,          /* any of its chunks; without one the networks */
     MUTATE_IN_COUNTS,        /* segment header */
     MUTATE_IN_COARSE,
     MUTATE_IN_FINE,
@@ -77,7 +80,7 @@ typedef enum mutate_stage {
     MUTATE_AT_HEADER,
     MUTATE_AT_SIZE,          /* valid, but the harness declines its size */
     MUTATE_AT_INDEX,
-    MUTATE_AT_NETWORKS,
+    MUTATE_AT_NETWORKS,      /* or the base */
     MUTATE_AT_SEGMENT,       /* segment header, or a chunk's CRC or length */
     MUTATE_AT_TREE,
     MUTATE_AT_COARSE,

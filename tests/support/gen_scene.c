@@ -43,6 +43,11 @@ int32_t gen_int(gen_rng *r, int32_t lo, int32_t hi)
     return (int32_t)(lo + (int64_t)(gen_u32(r) * n >> 32));
 }
 
+int gen_one_in(gen_rng *r, int n)
+{
+    return gen_int(r, 1, n) == 1;
+}
+
 double gen_uniform(gen_rng *r, double lo, double hi)
 {
     return lo + (hi - lo) * gen_u32(r) / 4294967296.0;

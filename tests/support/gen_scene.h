@@ -19,6 +19,8 @@ gen_rng gen_seeded(uint64_t seed);
 uint32_t gen_u32(gen_rng *r);
 /* lo..hi, both included. */
 int32_t gen_int(gen_rng *r, int32_t lo, int32_t hi);
+/* Returns 1 in one of n cases, else 0. */
+int gen_one_in(gen_rng *r, int n);
 double gen_uniform(gen_rng *r, double lo, double hi);
 double gen_normal(gen_rng *r);
 

@@ -5,6 +5,7 @@
 #include "encode.h"
 #include "fx.h"
 #include "morton.h"
+#include "ref_recorder.h"
 #include "scaffold.h"
 
 #include <math.h>
@@ -274,6 +275,18 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
     }
 }
 
+/* Formats of the n rows that have their own: mostly none, since nobody makes up
+ * for what they take from the values. */
+static void make_finer(saga_layer_symbols *l, uint32_t n, uint64_t *r)
+{
+    uint32_t row;
+
+    l->finer = array(n, 1);
+    for (row = 0; row < n; row++)
+        l->finer[row] = (uint8_t)(one_in(r, 8)
+            ? gen_range(r, 1, SAGA_N_FINER - 1) : 0);
+}
+
 /* Biases and shifts of the last layer for a picture. A row's input is taken as
  * a third of full scale per component. */
 static void aim_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
@@ -304,15 +317,20 @@ static void aim_layer(saga_layer_symbols *l, const saga_net_shape *s, int i,
 static void make_nets(gen_stream *g, uint64_t *r, int picture)
 {
     const saga_model *const m = &g->header.model;
-    saga_net_shape s;
+    saga_nets nets;
     int net, i;
 
+    saga_nets_layout(&nets, m);
     for (net = 0; net < SAGA_N_NETS; net++) {
-        saga_model_net(&s, m, net);
-        for (i = 0; i < s.n_layers; i++) {
-            make_layer(&g->nets.layer[net][i], &s, i, r);
-            if (picture && i + 1 == s.n_layers)
-                aim_layer(&g->nets.layer[net][i], &s, i, m, net);
+        const saga_net_shape *const s = &nets.shape[net];
+
+        for (i = 0; i < s->n_layers; i++) {
+            saga_layer_symbols *const l = &g->nets.layer[net][i];
+
+            make_layer(l, s, i, r);
+            make_finer(l, saga_nets_n_finer(&nets, net, i), r);
+            if (picture && i + 1 == s->n_layers)
+                aim_layer(l, s, i, m, net);
         }
     }
 }
@@ -464,6 +482,7 @@ static void make_segment(saga_symbols *s, const saga_model *m, uint64_t *r,
                          const gen_options *o)
 {
     const saga_level_caps *const cap = &saga_caps[o->level];
+    const uint32_t share = o->base ? 2 : 1; /* base and segment keep to it */
     const saga_tier *const l = m->tier;
     const uint32_t want = o->full ? GEN_FULL_COARSE
         : (uint32_t)gen_range(r, 1, o->n_coarse ? (int32_t)o->n_coarse : 12);
@@ -476,7 +495,7 @@ static void make_segment(saga_symbols *s, const saga_model *m, uint64_t *r,
     make_tree(&t, r);
     s->n_fine = array(s->n.coarse, 1);
     s->n.fine = children(s->n_fine, s->n.coarse, l[0].max_children,
-                         cap->n_fine, o->full, r);
+                         cap->n_fine / share, o->full, r);
     s->centre = residuals(4 * (size_t)s->n.coarse, r, o->picture);
     s->feature = residuals(m->features * (size_t)s->n.coarse, r, o->picture);
     if (o->picture) {
@@ -489,8 +508,8 @@ static void make_segment(saga_symbols *s, const saga_model *m, uint64_t *r,
                               l[0].suffix_bits, r);
     s->fine_offset = residuals(4 * (size_t)s->n.fine, r, o->picture);
     s->n_prim = array(s->n.fine, 1);
-    s->n.prim = children(s->n_prim, s->n.fine, l[1].max_children, cap->n_prim,
-                         o->full, r);
+    s->n.prim = children(s->n_prim, s->n.fine, l[1].max_children,
+                         cap->n_prim / share, o->full, r);
     s->prim_suffix = suffixes(s->n_prim, s->n.fine, s->n.prim,
                               l[1].suffix_bits, r);
     s->prim_offset = residuals(4 * (size_t)s->n.prim, r, o->picture);
@@ -569,24 +588,14 @@ void gen_stream_make(gen_stream *g, const gen_options *o)
         make_camera(&g->rig[i], i);
     make_nets(g, &r, o->picture);
     g->n_segments = o->n_segments ? o->n_segments : 1;
+    g->named = o->named;
     for (i = 0; i < g->n_segments; i++) {
         make_segment(&g->segment[i], &g->header.model, &r, o);
         g->n_frames[i] = (uint32_t)gen_range(&r, 1, 60);
     }
-}
-
-static void free_symbols(saga_symbols *s)
-{
-    free(s->split);
-    free(s->occupancy);
-    free(s->n_fine);
-    free(s->centre);
-    free(s->feature);
-    free(s->fine_suffix);
-    free(s->fine_offset);
-    free(s->n_prim);
-    free(s->prim_suffix);
-    free(s->prim_offset);
+    g->has_base = o->base;
+    if (o->base)
+        make_segment(&g->base, &g->header.model, &r, o);
 }
 
 void gen_stream_free(gen_stream *g)
@@ -594,8 +603,29 @@ void gen_stream_free(gen_stream *g)
     uint32_t i;
 
     saga_net_symbols_free(&g->nets);
+    recorder_free_symbols(&g->base);
     for (i = 0; i < g->n_segments; i++)
-        free_symbols(&g->segment[i]);
+        recorder_free_symbols(&g->segment[i]);
+}
+
+void gen_stream_name(saga_naming *naming, uint32_t camera)
+{
+    naming->name[0] = '\0';
+    if (camera % 3 != 2)
+        snprintf(naming->name, sizeof naming->name, "c\xc3\xa1m %u",
+                 (unsigned)camera * 9);
+    naming->metre_mantissa = 3;
+    naming->metre_exponent = -4;
+}
+
+static int add_names(saga_encoder *e, const gen_stream *g, saga_error *error)
+{
+    saga_naming names[GEN_MAX_CAMERAS];
+    uint32_t i;
+
+    for (i = 0; i < g->header.n_cameras; i++)
+        gen_stream_name(&names[i], i);
+    return saga_encoder_names(e, names, error);
 }
 
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
@@ -605,7 +635,8 @@ void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
     saga_encoder *const e = saga_encoder_open(&g->header, g->rig, &g->nets,
                                               &error);
     uint32_t i;
-    int ok = e != NULL;
+    int ok = e && (!g->named || add_names(e, g, &error)) &&
+             (!g->has_base || saga_encoder_base(e, &g->base, &error));
 
     for (i = 0; ok && i < g->n_segments; i++)
         ok = saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &error);

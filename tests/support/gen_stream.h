@@ -7,6 +7,7 @@
 #define GEN_STREAM_H
 
 #include "container.h"
+#include "saga.h"
 #include "symbols.h"
 
 #include <stddef.h>
@@ -37,6 +38,8 @@ typedef struct gen_options {
                               * 3 is neither. 0: both, or random if no
                               * picture */
     int linear;            /* F_fine and F_geo have one layer */
+    int named;             /* names of the cameras, and a unit of length */
+    int base;              /* a base beside the segments */
 } gen_options;
 
 enum { GEN_BANK_ORTHOGONAL = 1, GEN_BANK_PLAIN };
@@ -45,9 +48,12 @@ typedef struct gen_stream {
     saga_header header;
     saga_rig_camera rig[GEN_MAX_CAMERAS];
     saga_net_symbols nets;
+    int has_base;
+    saga_symbols base;
     uint32_t n_segments;
     saga_symbols segment[GEN_MAX_SEGMENTS];
     uint32_t n_frames[GEN_MAX_SEGMENTS];
+    int named;
 } gen_stream;
 
 /* splitmix64; the state is the seed. */
@@ -57,6 +63,9 @@ int32_t gen_range(uint64_t *state, int32_t lo, int32_t hi);
 
 void gen_stream_make(gen_stream *g, const gen_options *o);
 void gen_stream_free(gen_stream *g);
+
+/* What a named stream calls a camera of its rig. */
+void gen_stream_name(saga_naming *naming, uint32_t camera);
 
 /* The file's bytes (free them); exits with a message if the encoder refuses. */
 void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n);

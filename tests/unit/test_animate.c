@@ -30,26 +30,12 @@ enum { ROUNDS = 300000 };
 static const double log2_e = 1.4426950408889634;
 static const double limit_x = 536870912; /* 2^29 */
 
-static int one_in(gen_rng *r, int n)
-{
-    return gen_int(r, 1, n) == 1;
-}
-
-/* Any value, its extremes and zero more often. */
-static int16_t any16(gen_rng *r)
-{
-    static const int16_t edges[] = { -32768, -32767, -1, 0, 1, 32767 };
-
-    if (one_in(r, 4))
-        return edges[gen_int(r, 0, 5)];
-    return (int16_t)gen_shifted(r, -32768, 32767, 12);
-}
-
 static int32_t any_time(gen_rng *r)
 {
     static const int32_t edges[] = { -32768, 0, 32768, 65535, 98303 };
 
-    return one_in(r, 4) ? edges[gen_int(r, 0, 4)] : gen_int(r, -32768, 98303);
+    return gen_one_in(r, 4) ? edges[gen_int(r, 0, 4)]
+                            : gen_int(r, -32768, 98303);
 }
 
 static void any_primitive(saga_primitive *p, gen_rng *r)
@@ -57,22 +43,22 @@ static void any_primitive(saga_primitive *p, gen_rng *r)
     int i;
 
     for (i = 0; i < 3; i++) {
-        p->x[i] = one_in(r, 4) ? -(1 << 23) : gen_int(r, -(1 << 23),
+        p->x[i] = gen_one_in(r, 4) ? -(1 << 23) : gen_int(r, -(1 << 23),
                                                       (1 << 23) - 1);
         p->support[i] = 1 << gen_int(r, 0, 23);
-        if (one_in(r, 2))
+        if (gen_one_in(r, 2))
             p->support[i] = gen_int(r, 1, 1 << 23);
-        p->log2_scale_q10[i] = any16(r);
+        p->log2_scale_q10[i] = gen_any16(r, 12);
     }
     p->t_centre = any_time(r);
     for (i = 0; i < 4; i++) {
-        p->quat[i] = any16(r);
-        p->slope[i] = any16(r);
+        p->quat[i] = gen_any16(r, 12);
+        p->slope[i] = gen_any16(r, 12);
     }
     for (i = 0; i < 9; i++)
-        p->motion[i] = any16(r);
-    p->opacity = any16(r);
-    p->log2_width_q10 = any16(r);
+        p->motion[i] = gen_any16(r, 12);
+    p->opacity = gen_any16(r, 12);
+    p->log2_width_q10 = gen_any16(r, 12);
 }
 
 static void any_format(saga_prim_format *f, gen_rng *r)
@@ -91,7 +77,8 @@ static void any_format(saga_prim_format *f, gen_rng *r)
 
 static int32_t any_t(gen_rng *r)
 {
-    return one_in(r, 8) ? 0 : one_in(r, 8) ? 65535 : gen_int(r, 0, 65535);
+    return gen_one_in(r, 8) ? 0
+         : gen_one_in(r, 8) ? 65535 : gen_int(r, 0, 65535);
 }
 
 /* --- Position ------------------------------------------------------------ */
@@ -348,7 +335,7 @@ static void opacity_should_fade_with_the_distance_in_time(void **state)
 
         any_format(&f, &r);
         any_primitive(&p, &r);
-        if (one_in(&r, 2)) /* widths like those of segments */
+        if (gen_one_in(&r, 2)) /* widths like those of segments */
             p.log2_width_q10 = (int16_t)gen_int(&r, 10 << 10, 18 << 10);
         saga_animate(&a, &p, &f, t);
         check_opacity(&a, &p, &f, t);

@@ -471,18 +471,23 @@ static void follow_tier(bank *k, const watched *w, int tier)
 static void follow_prims(bank *k, const watched *w)
 {
     const saga_model *const m = &w->h.model;
+    const int last = m->width[SAGA_NET_FINE] ? 2 : 0;
+    const uint8_t *const finer = w->g.nets.layer[SAGA_NET_FINE][last].finer;
     uint32_t rank, i, at = 0;
 
     for (rank = 0; rank < w->sc.n.fine; rank++) {
         const saga_fine *const f = &w->sc.fine[rank];
         const uint32_t n = w->g.segment[0].n_prim[rank];
+        int16_t feature[SAGA_MAX_FEATURES];
         place p = { { f->x[0], f->x[1], f->x[2], f->t },
                     { f->local[0], f->local[1], f->local[2], f->local[3] },
                     n };
 
+        for (i = 0; i < m->features; i++)
+            feature[i] = (int16_t)fx_rshift(
+                w->sc.fine_feature[(size_t)rank * m->features + i], finer[i]);
         for (i = 0; i < n; i++)
-            expect(k, w, &p, SAGA_KIND_PRIM,
-                   w->sc.fine_feature + (size_t)rank * m->features,
+            expect(k, w, &p, SAGA_KIND_PRIM, feature,
                    m->head_q[SAGA_HEAD_FINE], &w->spy.prim[at + i]);
         at += n;
     }

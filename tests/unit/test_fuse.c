@@ -28,7 +28,8 @@ static uint64_t first_seed(void)
 
 /* --- Streams ------------------------------------------------------------- */
 
-/* Without Fuse of any tier; the formats of both tiers' features differ. */
+/* Without Fuse of any tier; the formats of both tiers' features differ. Fuse
+ * takes all channels in one format. */
 static void make_plain(gen_stream *g, uint64_t seed)
 {
     const gen_options o = { .seed = seed, .level = 3, .n_coarse = 12,
@@ -37,6 +38,10 @@ static void make_plain(gen_stream *g, uint64_t seed)
     gen_stream_make(g, &o);
     g->header.model.head_q[SAGA_HEAD_COARSE] = 10;
     g->header.model.head_q[SAGA_HEAD_FINE] = 9;
+    for (int i = 0; i < SAGA_MAX_LAYERS; i++) {
+        free(g->nets.layer[SAGA_NET_FINE][i].finer);
+        g->nets.layer[SAGA_NET_FINE][i].finer = NULL;
+    }
 }
 
 static void *zeros(size_t n, size_t size)

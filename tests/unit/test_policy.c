@@ -47,6 +47,23 @@ static void lambda_should_balance_primitives_and_bits(void **state)
     near(saga_policy_lambda(1e-4, 2e7, 5000), lambda * 2, 1e-12);
 }
 
+/* With as many primitives as lambda asks for, which have the error that the
+ * power law gives them, lambda is what balances them. */
+static void primitives_should_balance_lambda(void **state)
+{
+    const double lambda = saga_policy_lambda(1e-4, 1e7, 5000);
+
+    (void)state;
+    near(saga_policy_primitives(lambda, 1e-4, 1e7, 5000), 5000, 1e-9);
+    for (double times = 0.1; times < 20; times *= 3) {
+        const double n = saga_policy_primitives(times * lambda, 1e-4, 1e7,
+                                                5000);
+        const double mse = 1e-4 * pow(n / 5000, -0.43);
+
+        near(saga_policy_lambda(mse, 1e7, 1) / n, times * lambda, 1e-9);
+    }
+}
+
 /* Dearer bits: fewer units and longer steps, within their limits. */
 static void policy_should_be_monotone(void **state)
 {
@@ -80,6 +97,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(policy_should_price_bits_per_pixel),
         cmocka_unit_test(lambda_should_balance_primitives_and_bits),
+        cmocka_unit_test(primitives_should_balance_lambda),
         cmocka_unit_test(policy_should_be_monotone),
         cmocka_unit_test(policy_should_follow_counts)
     };

@@ -16,6 +16,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -62,6 +63,16 @@ static const saga_capture *slice_of(slice *s, const fixture *f, int segment)
     return &s->capture;
 }
 
+/* Exposures as if one camera were darker: those of the first segment, which
+ * others must take over. */
+static void tint(saga_train *t)
+{
+    if (t->turn > 0)
+        return;
+    t->tones[3] = 0.8;
+    saga_train_tone(t);
+}
+
 static saga_train *begin(const fixture *f, slice *s,
                          const saga_train_options *o)
 {
@@ -70,6 +81,7 @@ static saga_train *begin(const fixture *f, slice *s,
 
     if (!t)
         fail_msg("%s", error.message);
+    tint(t);
     return t;
 }
 
@@ -251,6 +263,7 @@ static void first_should_make_the_networks(void **state)
     o.first = 0;
     t = saga_train_new(slice_of(&s, f, FIRST), &o, &error);
     assert_non_null(t);
+    tint(t);
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     assert_int_equal(saga_probe(&info, f->bytes, f->n), SAGA_OK);
     assert_int_equal(info.n_segments, N);
@@ -399,6 +412,7 @@ static void train_should_resume_to_the_same_file(void **state)
         t = saga_train_resume(slice_of(&s, f, in), &o, &error);
         if (!t)
             fail_msg("%s", error.message);
+        tint(t);
     }
     assert_int_equal(i, sizeof places / sizeof places[0] - 1);
     assert_int_equal(t->nbytes, f->n);
@@ -408,6 +422,79 @@ static void train_should_resume_to_the_same_file(void **state)
     assert_true(fabs(t->report.model.training -
                      f->report.model.training) < 1e-9);
     saga_train_free(t);
+}
+
+/* Returns what a training of segment k alone gives, with the networks of
+ * another; stopped and resumed on the way. */
+static saga_train *train_alone(const fixture *f, int k, const char *networks)
+{
+    saga_train_options o = small();
+    stop place = { k, SAGA_TRAIN_RENDER, 30 };
+    saga_error error = { "" };
+    saga_train *t;
+    slice s;
+
+    o.first = 0; /* the networks know */
+    o.networks = networks;
+    o.only = k;
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = &place;
+    t = saga_train_new(slice_of(&s, f, k), &o, &error);
+    if (!t)
+        fail_msg("%s", error.message);
+    assert_int_equal(saga_train_first(t), FIRST);
+    if (k != FIRST) {
+        assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+        saga_train_free(t);
+        o.progress = NULL;
+        t = saga_train_resume(slice_of(&s, f, k), &o, &error);
+        assert_non_null(t);
+    }
+    if (saga_train_run(t, &error) != SAGA_DONE)
+        fail_msg("%s", error.message);
+    assert_int_equal(saga_train_segment(t), k);
+    assert_int_equal(saga_train_upcoming(t), -1);
+    return t;
+}
+
+/* Every segment's bytes are those of the file of all, but for the number and
+ * the frame that it begins with: the layers are what matters. */
+static void segment_should_be_trained_alone(void **state)
+{
+    static const uint32_t layers[] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
+                                       SAGA_CHUNK_PRIM };
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    char networks[90];
+    saga_error error = { "" };
+    saga_train *t;
+    slice s;
+
+    snprintf(networks, sizeof networks, "%s/networks", f->folder);
+    t = begin(f, &s, &o);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    assert_true(saga_train_save_networks(t, networks, &error));
+    saga_train_free(t);
+    for (int k = 0; k < N; k++) {
+        saga_segment seg;
+
+        t = train_alone(f, k, networks);
+        /* It lies behind the first one, or before it, or is it. */
+        assert_int_equal(saga_find(&seg, t->bytes, t->nbytes,
+                                   k > FIRST ? FRAMES : 0, 1), SAGA_OK);
+        for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
+            payload_should_equal(f, t->bytes, layers[i],
+                                 find(f, (uint32_t)k * FRAMES, 1).offset,
+                                 seg.offset);
+        saga_train_free(t);
+    }
+    o.networks = networks;
+    o.only = 0;
+    o.seed = 2;
+    assert_null(saga_train_new(slice_of(&s, f, 0), &o, &error));
+    assert_non_null(strstr(error.message, "--seed 1, not 2"));
+    assert_int_equal(unlink(networks), 0);
 }
 
 static void resume_should_refuse_other_segments(void **state)
@@ -440,6 +527,7 @@ int main(void)
         cmocka_unit_test(networks_should_stay_what_they_are),
         cmocka_unit_test(fit_should_begin_near_the_warm_up),
         cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(segment_should_be_trained_alone),
         cmocka_unit_test(resume_should_refuse_other_segments)
     };
 

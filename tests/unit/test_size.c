@@ -230,6 +230,39 @@ static void plan_should_follow_pixels_and_motion(void **state)
     free(rgb);
 }
 
+/* A still of many views has no more primitives than of ten, and fast takes no
+ * longer than it says, if ten visits allow it. */
+static void plan_should_be_short_when_it_is_of_a_still(void **state)
+{
+    enum { MOST = 400 };
+    const saga_preset *const fast = saga_preset_called("fast");
+    uint8_t *const rgb = calloc((size_t)300 * 200, 3);
+    saga_shot *const views = calloc(MOST, sizeof *views);
+    saga_plan_reasons why;
+    uint32_t n_of_ten = 0;
+
+    (void)state;
+    assert_true(rgb && views);
+    for (int i = 0; i < MOST; i++)
+        views[i] = (saga_shot){ .width = 300, .height = 200, .rgb = rgb };
+    for (int n = 5; n <= MOST; n = n == 5 ? 10 : n == 10 ? 40 : 10 * n) {
+        const saga_capture c = { .n_views = n, .n_frames = 1, .views = views };
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+        double minutes;
+
+        saga_plan(&o, &why, &c, fast);
+        n_of_ten = n <= 10 ? o.n_primitives : n_of_ten;
+        assert_int_equal(o.n_primitives, n_of_ten);
+        assert_int_equal(o.n_primitives, (int)rint(
+            0.7 * saga_plan_primitives(60000 * fmin(n, 10), 0)));
+        minutes = saga_plan_minutes(o.n_primitives, o.n_iterations, 60000);
+        assert_true(n == 400 ? o.n_iterations == 4000
+                             : fabs(minutes - fast->still_minutes) < 0.01);
+    }
+    free(views);
+    free(rgb);
+}
+
 static void plan_should_leave_what_is_given(void **state)
 {
     const fixture *const f = *state;
@@ -290,6 +323,7 @@ int main(void)
         cmocka_unit_test(size_should_survive_threads_and_stops),
         cmocka_unit_test(size_should_be_that_of_the_checkpoint),
         cmocka_unit_test(plan_should_follow_pixels_and_motion),
+        cmocka_unit_test(plan_should_be_short_when_it_is_of_a_still),
         cmocka_unit_test(plan_should_leave_what_is_given),
         cmocka_unit_test(presets_should_be_in_order)
     };

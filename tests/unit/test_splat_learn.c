@@ -191,6 +191,40 @@ static void fit_should_learn(void **state)
     free_fit(f);
 }
 
+/* What does not count is as if it were drawn right; the mean is of the rest. */
+static void pixels_should_not_count_when_they_are_unseen(void **state)
+{
+    fit *const f = new_fit();
+    saga_splat_learning l = { .d = f->d };
+    float *const first = malloc(N * SCENE_REALS * sizeof *first);
+    double mse = 0, clipped[2];
+
+    (void)state;
+    for (int pass = 0; pass < 2; pass++) {
+        draw(f, &f->p, 7);
+        memcpy(f->c.truth, f->target[7], sizeof f->target[7]);
+        f->c.n_unseen = 0;
+        for (int i = 0; i < 3 * PLANE; i++)
+            if (i % W < W / 4) {
+                f->c.truth[i] = pass ? -1 : f->c.image[i];
+                f->c.n_unseen += pass && i < PLANE;
+            }
+        clipped[pass] = saga_canvas_mse(&f->c);
+        memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
+        assert_true(saga_splat_learn(&l, &f->c, &f->p, N, &error));
+        mse = pass ? mse : l.mse;
+        if (!pass)
+            memcpy(first, f->d.mean, N * SCENE_REALS * sizeof(float));
+    }
+    assert_true(fabs(l.mse * 3 / 4 - mse) < 1e-7 && mse > 1e-4);
+    assert_true(fabs(clipped[1] * 3 / 4 - clipped[0]) < 2e-4);
+    for (int i = 0; i < N * SCENE_REALS; i++)
+        assert_true(fabsf(first[i] - f->d.mean[i]) <=
+                    1e-5f * fabsf(first[i]) + 1e-9f);
+    free(first);
+    free_fit(f);
+}
+
 /* The state of a run is its parameters, its moments and the step. */
 static void fit_should_resume_exactly(void **state)
 {
@@ -220,6 +254,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(fit_should_learn),
+        cmocka_unit_test(pixels_should_not_count_when_they_are_unseen),
         cmocka_unit_test(fit_should_resume_exactly)
     };
 

@@ -21,21 +21,6 @@ enum { COUNT = 30000, N = 8 };
 
 static saga_cpu cpu;
 
-static int one_in(gen_rng *r, int n)
-{
-    return gen_int(r, 1, n) == 1;
-}
-
-/* Any value, its extremes and zero more often. */
-static int16_t any16(gen_rng *r)
-{
-    static const int16_t edges[] = { -32768, -32767, -1, 0, 1, 32767 };
-
-    if (one_in(r, 4))
-        return edges[gen_int(r, 0, 5)];
-    return (int16_t)gen_shifted(r, -32768, 32767, 14);
-}
-
 static void any_format(saga_prim_format *f, gen_rng *r)
 {
     int i;
@@ -63,15 +48,17 @@ static void any_primitive(saga_primitive *p, gen_rng *r, const saga_camera *c)
         p->support[i] = gen_shifted(r, 1 << 22, 1 << 23, 22);
         p->log2_scale_q10[i] = (int16_t)a.log2_scale_q10[i];
     }
-    p->t_centre = one_in(r, 2) ? gen_int(r, -32768, 98303) : 32768;
+    p->t_centre = gen_one_in(r, 2) ? gen_int(r, -32768, 98303) : 32768;
     for (i = 0; i < 4; i++) {
-        p->quat[i] = any16(r);
-        p->slope[i] = any16(r);
+        p->quat[i] = gen_any16(r, 14);
+        p->slope[i] = gen_any16(r, 14);
     }
     for (i = 0; i < 9; i++)
-        p->motion[i] = one_in(r, 3) ? 0 : (int16_t)(any16(r) / 4096);
-    p->opacity = one_in(r, 3) ? any16(r) : (int16_t)gen_int(r, 0, 32767);
-    p->log2_width_q10 = one_in(r, 2) ? any16(r)
+        p->motion[i] = gen_one_in(r, 3) ? 0
+                                        : (int16_t)(gen_any16(r, 14) / 4096);
+    p->opacity = gen_one_in(r, 3) ? gen_any16(r, 14)
+                                  : (int16_t)gen_int(r, 0, 32767);
+    p->log2_width_q10 = gen_one_in(r, 2) ? gen_any16(r, 14)
                                      : (int16_t)gen_int(r, 10000, 32767);
 }
 
@@ -81,19 +68,19 @@ static void edge_primitive(saga_primitive *p, gen_rng *r)
     int i;
 
     for (i = 0; i < 3; i++) {
-        p->x[i] = one_in(r, 2) ? -(1 << 23) : gen_int(r, -4, 4);
-        p->support[i] = one_in(r, 2) ? 1 : 1 << 23;
-        p->log2_scale_q10[i] = any16(r);
+        p->x[i] = gen_one_in(r, 2) ? -(1 << 23) : gen_int(r, -4, 4);
+        p->support[i] = gen_one_in(r, 2) ? 1 : 1 << 23;
+        p->log2_scale_q10[i] = gen_any16(r, 14);
     }
-    p->t_centre = one_in(r, 2) ? -32768 : 98303;
+    p->t_centre = gen_one_in(r, 2) ? -32768 : 98303;
     for (i = 0; i < 4; i++) {
-        p->quat[i] = one_in(r, 2) ? 32767 : -32767;
-        p->slope[i] = any16(r);
+        p->quat[i] = gen_one_in(r, 2) ? 32767 : -32767;
+        p->slope[i] = gen_any16(r, 14);
     }
     for (i = 0; i < 9; i++)
-        p->motion[i] = one_in(r, 2) ? 32767 : -32767;
-    p->opacity = any16(r);
-    p->log2_width_q10 = any16(r);
+        p->motion[i] = gen_one_in(r, 2) ? 32767 : -32767;
+    p->opacity = gen_any16(r, 14);
+    p->log2_width_q10 = gen_any16(r, 14);
 }
 
 static int same_splat(const saga_splat *a, const saga_splat *b)
@@ -138,20 +125,20 @@ static void runs_should_be_animate_and_project(void **state)
 
     (void)state;
     for (i = 0; i < COUNT; i++) {
-        const int n = one_in(&r, 8) ? gen_int(&r, 1, N) : N;
+        const int n = gen_one_in(&r, 8) ? gen_int(&r, 1, N) : N;
         saga_primitive p[N];
         saga_prim_format f;
         saga_camera c;
         saga_look look = { &f, &c, gen_int(&r, 0, 65535) };
         const int width = gen_int(&r, 1, 2000);
 
-        if (one_in(&r, 2))
+        if (gen_one_in(&r, 2))
             gen_hard_camera(&c, &r, width, gen_int(&r, 1, 16384));
         else
             gen_any_camera(&c, &r, width, gen_int(&r, 1, 2000), 1 << 23);
         any_format(&f, &r);
         for (k = 0; k < n; k++)
-            if (one_in(&r, 16))
+            if (gen_one_in(&r, 16))
                 edge_primitive(p + k, &r);
             else
                 any_primitive(p + k, &r, &c);
@@ -180,12 +167,12 @@ static void power_camera(saga_camera *c, gen_rng *r)
     gen_front_camera(c, sides[gen_int(r, 0, 3)], sides[gen_int(r, 0, 3)]);
     c->near_plane = near_power(r, 10) + 1;
     c->focal_q16[0] = near_power(r, 30);
-    c->focal_q16[1] = one_in(r, 2) ? 1 : near_power(r, 30);
+    c->focal_q16[1] = gen_one_in(r, 2) ? 1 : near_power(r, 30);
     c->focal_q16[0] += c->focal_q16[0] == 0;
     c->focal_q16[1] += c->focal_q16[1] == 0;
     c->principal_q16[0] = any_sign(r, near_power(r, 29));
     c->principal_q16[1] = c->height * 32768;
-    if (one_in(r, 4)) { /* a Jacobian of few bits */
+    if (gen_one_in(r, 4)) { /* a Jacobian of few bits */
         c->rotation_q30[0] = c->rotation_q30[4] = gen_int(r, 1, 1 << 10);
         c->rotation_q30[8] = 1 << gen_int(r, 4, 30);
         c->focal_q16[0] = c->focal_q16[1] = gen_int(r, 1, 256);
@@ -201,12 +188,12 @@ static void power_primitive(saga_primitive *p, gen_rng *r)
     memset(p, 0, sizeof *p);
     p->x[2] = near_power(r, 29);
     for (i = 0; i < 2; i++)
-        p->x[i] = any_sign(r, one_in(r, 3) && p->x[2] < 1 << 26
+        p->x[i] = any_sign(r, gen_one_in(r, 3) && p->x[2] < 1 << 26
                                   ? 8 * p->x[2] + gen_int(r, -1, 1)
                                   : near_power(r, 29) >> gen_int(r, 0, 29));
-    p->opacity = one_in(r, 2) ? 4096 : any16(r);
+    p->opacity = gen_one_in(r, 2) ? 4096 : gen_any16(r, 14);
     p->t_centre = 65535 - near_power(r, 16);
-    p->log2_width_q10 = one_in(r, 2) ? 15 << 10 : any16(r);
+    p->log2_width_q10 = gen_one_in(r, 2) ? 15 << 10 : gen_any16(r, 14);
     for (i = 0; i < 3; i++) {
         p->support[i] = 1;
         p->log2_scale_q10[i] = (int16_t)(1024 * gen_int(r, -32, 31));

@@ -716,6 +716,39 @@ static void train_should_resume_to_the_same_file(void **state)
     assert_true(interrupt(*state, &often) >= 5);
 }
 
+/* The first stop comes between the guess and the settling of the count. */
+static void lambda_should_bring_its_primitives(void **state)
+{
+    const fixture *const f = *state;
+    stop s = { SAGA_TRAIN_WARM, WARM / 4, 0, 0 };
+    saga_train_options o = small();
+    saga_error error = { "" };
+    saga_train *t;
+    result whole, parts;
+
+    o.free_count = true;
+    o.lambda = 4 * f->whole.report.lambda;
+    whole = finish(saga_train_new(&f->capture, &o, &error));
+    assert_true(whole.report.n.prim < o.n_primitives);
+    assert_true(whole.report.n.prim >= o.n_primitives / 8);
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = &s;
+    t = saga_train_new(&f->capture, &o, &error);
+    assert_non_null(t);
+    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+    saga_train_free(t);
+    s.iteration = WARM;
+    t = resumed(f, &o);
+    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+    saga_train_free(t);
+    s.stage = SAGA_TRAIN_N_STAGES;
+    parts = finish(resumed(f, &o));
+    assert_true(same(&whole, &parts));
+    free(whole.bytes);
+    free(parts.bytes);
+}
+
 static bool resume_fails(const fixture *f, const saga_train_options *o,
                          const char *says)
 {
@@ -1141,7 +1174,8 @@ static double sum_of_row(const saga_net *n, int l, int i)
 /* Raw weights are coded in steps of 2^-11, not in those that training learns:
  * what is decoded lies within half a step of what was trained, and half an LSB
  * of the integer weights, which is a quarter of a step or, where that is more,
- * 2^-16 of what a row adds up to: that is to stay below 2^16 LSB. */
+ * 2^-16 of what a row adds up to: that is to stay below 2^16 LSB. What reads an
+ * input of some more bits than its layer has as many less. */
 static void train_should_keep_raw_networks_fine(void **state)
 {
     const fixture *const f = *state;
@@ -1161,8 +1195,9 @@ static void train_should_keep_raw_networks_fine(void **state)
                 assert_true(fabs((double)(n->w[l][i] -
                                           t->decoded.net[net].w[l][i])) <=
                             ldexp(0.51, -SAGA_RAW_STEP) +
-                            fmax(ldexp(0.25, -SAGA_RAW_STEP),
-                                 ldexp(sum_of_row(n, l, i), -16)));
+                            ldexp(fmax(ldexp(0.25, -SAGA_RAW_STEP),
+                                       ldexp(sum_of_row(n, l, i), -16)),
+                                  SAGA_N_FINER - 1));
         }
     saga_train_free(t);
 }
@@ -1179,6 +1214,7 @@ int main(void)
         cmocka_unit_test(train_should_depend_on_the_seed_alone),
         cmocka_unit_test(train_should_not_depend_on_threads),
         cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(lambda_should_bring_its_primitives),
         cmocka_unit_test(train_should_keep_what_its_minutes_gave),
         cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),
         cmocka_unit_test(train_should_refuse_a_damaged_checkpoint),

@@ -4,7 +4,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-enum { N_ROWS = 9 };
+enum { N_ROWS = 11 };
 
 typedef struct {
     const char *name, *key;
@@ -17,6 +17,9 @@ static void fill(row rows[N_ROWS], const saga_layout *l)
         { "header and rig", "header", l->header_nbytes },
         { "index", "index", l->index_nbytes },
         { "networks", "networks", l->nets_nbytes },
+        { "base", "base", (uint64_t)l->base_nbytes[SAGA_PART_COARSE] +
+          l->base_nbytes[SAGA_PART_FINE] + l->base_nbytes[SAGA_PART_PRIM] },
+        { "names", "names", l->names_nbytes },
         { "coarse anchors", "coarse", l->part_nbytes[SAGA_PART_COARSE] },
         { "fine anchors", "fine", l->part_nbytes[SAGA_PART_FINE] },
         { "primitives", "primitives", l->part_nbytes[SAGA_PART_PRIM] },

@@ -3,10 +3,13 @@
  * saga check looks at a capture before anybody trains on it.
  */
 #include "capture.h"
+#include "capture_cli.h"
 #include "check_page.h"
 #include "cli.h"
 #include "commands.h"
 #include "file.h"
+#include "json_cli.h"
+#include "json_memory.h"
 #include "survey.h"
 
 #include <math.h>
@@ -15,10 +18,12 @@
 #include <string.h>
 
 typedef struct {
-    saga_cli_pair frames;
-    const char *hold_out, *html, *late;
-    int scale, threads, memory;
+    saga_capture_choice capture;
+    const char *html;
+    bool json;
 } options;
+
+/* --- As text ------------------------------------------------------------- */
 
 static void print_real(const char *format, double x)
 {
@@ -90,20 +95,91 @@ static void print_text(const saga_survey *s, const saga_capture *c,
     print_forecast(c);
 }
 
+/* --- As JSON ------------------------------------------------------------- */
+
+static json_t *real(double v)
+{
+    return isfinite(v) ? json_real(v) : json_null();
+}
+
+static json_t *json_view(const saga_survey *s, const saga_capture *c, int v)
+{
+    const saga_survey_view *const one = &s->views[v];
+    const saga_shot *const shot = &c->views[v];
+
+    return json_pack("{sssbsisisfsssfsfsosososososi}",
+        "name", shot->name, "held_out", (int)shot->held_out,
+        "width", shot->width, "height", shot->height,
+        "angle_degrees", one->angle,
+        "nearest", one->nearest < 0 ? "" : c->views[one->nearest].name,
+        "shared", one->overlap, "seen", one->seen,
+        "reprojection_median_px",
+        shot->n_observations ? real(shot->reprojection_median) : json_null(),
+        "reprojection_p90_px",
+        shot->n_observations ? real(shot->reprojection_p90) : json_null(),
+        "stops", real(one->stops), "colour", real(one->colour),
+        "late_frames", one->timed ? json_integer(one->late) : json_null(),
+        "n_missing", shot->n_missing);
+}
+
+static json_t *json_forecast(const saga_capture *c)
+{
+    json_t *const list = json_array();
+    saga_forecast f;
+
+    for (int i = 0; saga_forecast_of(&f, c, i); i++)
+        json_array_append_new(list, json_pack("{sssisisfsfsf}",
+            "preset", f.preset, "n_primitives", f.n_primitives,
+            "n_iterations", f.n_iterations, "cpu_minutes", f.minutes,
+            "least_kb", f.least_kb, "most_kb", f.most_kb));
+    return list;
+}
+
+static json_t *json_lines(const char *notes)
+{
+    json_t *const list = json_array();
+
+    for (const char *line = notes; *line;) {
+        const size_t n = strcspn(line, "\n");
+
+        json_array_append_new(list, json_stringn(line, n));
+        line += n + (line[n] == '\n');
+    }
+    return list;
+}
+
+static int print_json(const saga_survey *s, const saga_capture *c,
+                      const char *name)
+{
+    json_t *o, *views, *mind;
+
+    saga_json_watch();
+    o = saga_cli_json_head("check", name);
+    views = json_array();
+    mind = json_array();
+    for (int v = 0; v < c->n_views; v++)
+        json_array_append_new(views, json_view(s, c, v));
+    for (int i = 0; i < s->n_notes; i++)
+        json_array_append_new(mind, json_string(s->note[i]));
+    json_object_update_new(o, json_pack("{sssisfsIsfsbsosososo}",
+        "format", c->format, "n_frames", c->n_frames,
+        "frames_per_second", c->fps, "n_points", (json_int_t)c->n_points,
+        "typical_angle_degrees", s->typical_angle,
+        "free_views", (int)s->free_views, "views", views,
+        "notes", json_lines(c->notes), "to_mind", mind,
+        "forecast", json_forecast(c)));
+    return saga_cli_print_json(o, 10, name);
+}
+
+/* --- Together ------------------------------------------------------------ */
+
 static bool load(saga_capture *c, const char *name, const options *o,
                  saga_error *error)
 {
     saga_meter meter = { 0 };
-    saga_capture_options with = saga_capture_defaults();
+    saga_capture_options with = saga_capture_chosen(&o->capture);
     bool ok;
 
-    with.scale = o->scale;
-    with.first_frame = o->frames.a;
-    with.end_frame = o->frames.b == INT32_MAX ? 0 : o->frames.b;
-    with.hold_out = o->hold_out;
-    with.late = o->late;
-    with.memory_nbytes = (uint64_t)o->memory << 30;
-    with.n_threads = o->threads;
     with.progress = saga_meter_progress;
     with.progress_user = &meter;
     ok = saga_capture_load(c, name, &with, error);
@@ -126,6 +202,8 @@ static int check(const char *name, const options *o)
     if (!saga_survey_make(&survey, &c, &error) ||
         (o->html && !saga_check_page(o->html, name, &survey, &c, &error)))
         status = saga_cli_error(SAGA_EXIT_USAGE, "check: %s", error.message);
+    else if (o->json)
+        status = print_json(&survey, &c, name);
     else
         print_text(&survey, &c, name);
     saga_survey_free(&survey);
@@ -135,32 +213,22 @@ static int check(const char *name, const options *o)
 
 static int run(int argc, char **argv)
 {
-    options o = { .frames = { 0, INT32_MAX }, .scale = 1, .memory = 4 };
+    options o = { .capture = SAGA_CAPTURE_CHOICE };
     const char *name;
     int status = saga_cli_parse(&saga_command_check, &o, &name, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    status = saga_cli_threads("check", o.threads);
+    status = saga_cli_threads("check", o.capture.threads);
     return status ? status : check(name, &o);
 }
 
 static const saga_cli_option option_list[] = {
     { "--html", "FILE", "the same as a page, with thumbnails and a plan",
       saga_cli_text, offsetof(options, html), 0, 0 },
-    { "--frames", "A:B", "frames A to B - 1 of the capture (default all)",
-      saga_cli_range, offsetof(options, frames), 0, INT32_MAX },
-    { "--scale", "1/N", "pictures made smaller by means of N x N boxes",
-      saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
-    { "--hold-out", "NAME,..", "views not to be trained on, \"\" for none "
-      "(default:\nwhat the capture says)", saga_cli_names,
-      offsetof(options, hold_out), 0, 0 },
-    { "--late", "NAME=N,..", "cameras that run N frames behind the others",
-      saga_cli_text, offsetof(options, late), 0, 0 },
-    { "--threads", "N", "threads (default: all cores)", saga_cli_int,
-      offsetof(options, threads), 1, 1024 },
-    { "--memory", "GIB", "memory for the capture's pictures (default 4)",
-      saga_cli_int, offsetof(options, memory), 1, 1024 }
+    { "--json", NULL, "the same as JSON; null for what is unknown",
+      saga_cli_flag, offsetof(options, json), 0, 0 },
+    SAGA_CAPTURE_OPTIONS(options, capture)
 };
 
 const saga_command saga_command_check = {
@@ -180,6 +248,10 @@ const saga_command saga_command_check = {
     "  train_meta.json, ims/      Panoptic Sports (untested on foreign files)\n"
     "  NAME.json, V_texture_WxH_yuv420p10le.yuv  MPEG MIV, perspective or\n"
     "                             equirectangular (untested on foreign files)\n"
+    "                             V_depth_WxH_yuv420p16le.yuv gives points\n"
+    "  masks/                     beside images/, pictures of the same names:\n"
+    "                             what is not white does not count; or\n"
+    "                             masks/CAMERA.png for all of a camera\n"
     "  frame000/, frame001/ ...   any of these for one moment each\n"
     "Lenses of OPENCV, also of OPENCV_FISHEYE, are straightened.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run

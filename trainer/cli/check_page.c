@@ -13,10 +13,8 @@
 
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
-
 /* Straight lines through docs/results/rd.md tell 8 kB and 8 to 13 bytes a
- * primitive, and for 12,000 iterations 0.27 CPU minutes for 1,000 primitives
- * and 0.7 for pictures of 100,000 pixels. */
+ * primitive. */
 bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 {
     const saga_preset *const preset = saga_preset_at(index);
@@ -35,8 +33,7 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
     f->n_iterations = o.n_iterations;
-    f->minutes = f->n_iterations / 12000.0 *
-                 (0.27 * f->n_primitives / 1000 + 0.7 * pixels / 100000);
+    f->minutes = saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
     f->least_kb = 8 + 0.008 * f->n_primitives;
     f->most_kb = 8 + 0.013 * f->n_primitives;
     return true;

@@ -45,7 +45,7 @@ struct saga_cli_option {
 };
 
 /* So many arguments may be given where one may be repeated. */
-enum { SAGA_CLI_MOST_ARGUMENTS = 64 };
+enum { SAGA_CLI_MOST_ARGUMENTS = 1024 };
 
 typedef struct saga_command {
     const char *name;

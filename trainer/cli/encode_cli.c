@@ -5,16 +5,20 @@
 #include "ablation.h"
 #include "alloc.h"
 #include "bytes_table.h"
+#include "capture_cli.h"
 #include "cli.h"
 #include "commands.h"
 #include "cost.h"
 #include "encode_log.h"
 #include "error.h"
+#include "eval_cli.h"
 #include "file.h"
 #include "json_cli.h"
 #include "json_memory.h"
 #include "metrics.h"
 #include "output.h"
+#include "splice.h"
+#include "sweep.h"
 #include "train.h"
 #include "train_plan.h"
 #include "verdict_cli.h"
@@ -40,18 +44,20 @@ enum { LEAST_SIZE = 6000 };
 #define MOST_OFF 0.05
 
 typedef struct {
-    const char *output, *hold_out, *late, *ablate, *log, *preset;
-    saga_cli_pair frames;
-    int scale, threads, memory, primitives, iterations, level, seed, every;
+    saga_capture_choice capture;
+    const char *output, *ablate, *log, *preset, *networks;
+    int primitives, iterations, level, seed, every;
     int segment;                 /* frames; 0: about a second */
-    double lambda, minutes, size, bitrate;
-    bool still, moving, json, resume;
+    int only;                    /* segment; -1: all */
+    double lambda, minutes, size, bitrate, metres;
+    bool still, moving, json, resume, sweep, networks_only;
 } options;
 
 /* A session has what is open and what came out. */
 typedef struct {
     const options *o;
     const char *capture_name;
+    double part;                 /* of the most primitives, in a sweep; 0 */
     char *checkpoint;
     saga_ablation ablation;
     saga_capture whole;          /* what is known of it without a picture */
@@ -153,8 +159,17 @@ static bool training(void *user, const saga_train_progress *p)
 
 /* --- Before -------------------------------------------------------------- */
 
+/* Not all of the capture's file is made. */
+static bool is_part(const options *o)
+{
+    return o->networks_only || o->only >= 0;
+}
+
 static int check_options(session *s)
 {
+    if (!s->o->output)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: where to? give -o "
+                              "%s", s->o->sweep ? "FOLDER" : "FILE.saga");
     if (s->o->still && s->o->moving)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: --still and --moving "
                               "exclude each other");
@@ -163,10 +178,31 @@ static int check_options(session *s)
     if (!saga_preset_called(s->o->preset))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: --preset takes fast, "
                               "balanced or best, not '%s'", s->o->preset);
-    if ((s->o->lambda > 0) + (s->o->size > 0) + (s->o->bitrate > 0) > 1)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: of --lambda, --size "
-                              "and --bitrate give one: each decides on the "
-                              "file's size");
+    if ((s->o->lambda > 0) + (s->o->size > 0) + (s->o->bitrate > 0) +
+            s->o->sweep > 1)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: of --lambda, --size, "
+                              "--bitrate and --sweep give one: each decides on "
+                              "the file's size");
+    if (s->o->log && s->o->sweep)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --log keeps one "
+                              "training, --sweep has several; give one of "
+                              "them");
+    if (s->o->metres < 0)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --metres takes a "
+                              "length above 0, not %g", s->o->metres);
+    if (s->o->networks_only && s->o->only >= 0)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --networks-only and "
+                              "--only exclude each other: the one makes the "
+                              "file that the other reads");
+    if ((s->o->only >= 0) != (s->o->networks != NULL))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --only N and "
+                              "--networks FILE go together; --networks-only "
+                              "makes FILE");
+    if (is_part(s->o) && (s->o->size + s->o->bitrate > 0 || s->o->sweep))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: parts do not know of "
+                              "each other's sizes; give --lambda and "
+                              "--primitives instead of --size, --bitrate and "
+                              "--sweep");
     if (s->o->log && !saga_encode_log_name(s->o->log))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: --log takes FILE.csv "
                               "or FILE.jsonl, not '%s'", s->o->log);
@@ -179,9 +215,6 @@ static int check_output(session *s)
 {
     struct stat info;
 
-    if (!s->o->output)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: where to? give -o "
-                              "FILE.saga");
     if (stat(s->o->output, &info) == 0 && !S_ISREG(info.st_mode))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is not a file; "
                               "give the name of one", s->o->output);
@@ -208,15 +241,9 @@ static int check_checkpoint(session *s)
 
 static saga_capture_options capture_options(session *s)
 {
-    saga_capture_options c = saga_capture_defaults();
+    saga_capture_options c = saga_capture_chosen(&s->o->capture);
 
-    c.scale = s->o->scale;
-    c.first_frame = s->o->frames.a;
-    c.end_frame = s->o->frames.b;
-    c.hold_out = s->o->hold_out;
-    c.late = s->o->late;
-    c.memory_nbytes = (uint64_t)s->o->memory << 30;
-    c.n_threads = s->o->threads;
+    c.metres = s->o->metres;
     c.progress = loading;
     c.progress_user = s;
     return c;
@@ -239,6 +266,13 @@ static int look_at_capture(session *s)
         s->n_segments = whole->n_frames / 2;
     if (s->n_segments < 1)
         s->n_segments = 1;
+    if (s->o->only >= s->n_segments || (is_part(s->o) && s->n_segments == 1))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s has %d segment%s "
+                              "of --segment frames, numbered from 0: %s",
+                              s->capture_name, s->n_segments,
+                              s->n_segments == 1 ? "" : "s",
+                              s->n_segments == 1 ? "there are no parts"
+                              : "give --only one of these");
     return SAGA_EXIT_OK;
 }
 
@@ -246,6 +280,11 @@ static int look_at_capture(session *s)
 static int begin_of(const session *s, int segment)
 {
     return (int)((int64_t)segment * s->whole.n_frames / s->n_segments);
+}
+
+static uint32_t frames_of(const session *s, int segment)
+{
+    return (uint32_t)(begin_of(s, segment + 1) - begin_of(s, segment));
 }
 
 static int stopped(const session *s)
@@ -308,7 +347,10 @@ static saga_train_options train_options(session *s)
     saga_train_options t = saga_train_defaults();
 
     t.n_segments = s->n_segments;
+    t.networks = o->networks;
+    t.only = o->only;
     t.n_primitives = (uint32_t)o->primitives;
+    t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->part > 0);
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
     t.lambda = o->lambda;
@@ -332,14 +374,41 @@ static saga_train_options train_options(session *s)
 static int find_stopped(session *s, saga_train_options *t)
 {
     t->first = saga_train_stopped_in(s->checkpoint, &s->error);
-    if (t->first < 0 || !saga_train_adopt(t, &s->error))
+    if (t->first < 0 || !saga_train_adopt(t, s->checkpoint, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     t->first = t->first < s->n_segments ? t->first : 0;
     return SAGA_EXIT_OK;
 }
 
+/* Returns a part of the most primitives of a sweep, where n are those of a file
+ * alone. */
+static uint32_t primitives_of(const session *s, uint32_t n)
+{
+    const double most = fmin(SAGA_SWEEP_STEP * n,
+                             saga_caps[s->o->level].n_prim);
+
+    return (uint32_t)fmax(1, rint(s->part * most));
+}
+
+/* Decides what nobody said. What a checkpoint has stays so. */
+static void plan(session *s, saga_train_options *t, bool resume)
+{
+    saga_plan(t, &s->why, &s->capture, saga_preset_called(s->o->preset));
+    if (s->part > 0 && (s->o->primitives || !resume)) {
+        t->n_primitives = primitives_of(s, t->n_primitives);
+        snprintf(s->why.primitives, sizeof s->why.primitives,
+                 "%u primitives of this one", t->n_primitives);
+    }
+}
+
+static int adopt_networks(session *s, saga_train_options *t)
+{
+    return saga_train_adopt(t, t->networks, &s->error) ? SAGA_EXIT_OK
+        : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+}
+
 /* Begins with the segment that the checkpoint was in, or else with the one that
- * makes the networks. */
+ * makes the networks, or is wanted alone. */
 static int open_training(session *s)
 {
     const bool resume = s->o->resume && saga_path_is_file(s->checkpoint);
@@ -351,15 +420,16 @@ static int open_training(session *s)
                               "too small for networks and header; %d and more "
                               "can be asked for", t.n_bytes, LEAST_SIZE);
     s->wanted = t.n_bytes;
-    if (s->o->resume && !resume)
+    if (s->o->resume && !resume && !s->o->sweep)
         fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
                 s->checkpoint);
-    status = resume ? find_stopped(s, &t) : find_first(s, &t.first);
+    status = resume ? find_stopped(s, &t)
+           : t.networks ? adopt_networks(s, &t) : find_first(s, &t.first);
     if (!status)
-        status = open_capture(s, t.first);
+        status = open_capture(s, t.networks ? t.only : t.first);
     if (status)
         return status;
-    saga_plan(&t, &s->why, &s->capture, saga_preset_called(s->o->preset));
+    plan(s, &t, resume);
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
                       : saga_train_new(&s->capture, &t, &s->error);
     if (!s->train)
@@ -424,7 +494,8 @@ static int train(session *s)
 {
     int status = train_segment(s), next;
 
-    while (!status && (next = saga_train_upcoming(s->train)) >= 0) {
+    while (!status && !s->o->networks_only &&
+           (next = saga_train_upcoming(s->train)) >= 0) {
         status = open_capture(s, next);
         if (!status && !saga_train_next(s->train, &s->capture, &s->error))
             return saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
@@ -448,14 +519,57 @@ static void tell_size(const session *s, size_t n)
                        off > 0 ? "fewer" : "more");
 }
 
-static int write_file(session *s)
+/* Takes the only segment out of a file that it is in with the first. */
+static bool take_out(saga_bytes *out, session *s)
+{
+    const int first = saga_train_first(s->train);
+    const int only = s->o->only;
+    saga_splice_part part = { .name = s->o->output };
+    size_t n;
+
+    part.bytes = saga_train_bytes(s->train, &n);
+    part.nbytes = n;
+    part.first = only > first ? frames_of(s, first) : 0;
+    part.end = part.first + frames_of(s, only);
+    return saga_splice(&out->data, &out->nbytes, &part, 1, &s->error);
+}
+
+static bool write_bytes(session *s, const uint8_t *bytes, size_t n)
+{
+    tell_size(s, n);
+    return saga_output_close(&s->out, fwrite(bytes, 1, n, s->out.file) == n,
+                             &s->error);
+}
+
+static bool write_all(session *s)
 {
     size_t n;
     const uint8_t *const bytes = saga_train_bytes(s->train, &n);
 
-    tell_size(s, n);
-    if (saga_output_close(&s->out, fwrite(bytes, 1, n, s->out.file) == n,
-                          &s->error))
+    return write_bytes(s, bytes, n);
+}
+
+static bool write_part(session *s)
+{
+    saga_bytes part = { NULL, 0 };
+    const bool ok = take_out(&part, s) &&
+                    write_bytes(s, part.data, part.nbytes);
+
+    saga_bytes_free(&part);
+    return ok;
+}
+
+/* A file of networks has a writer of its own. */
+static bool write_networks(session *s)
+{
+    saga_output_close(&s->out, false, &s->error);
+    return saga_train_save_networks(s->train, s->o->output, &s->error);
+}
+
+static int write_file(session *s)
+{
+    if (s->o->networks_only ? write_networks(s)
+        : s->o->networks ? write_part(s) : write_all(s))
         return SAGA_EXIT_OK;
     return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s; %s", s->error.message,
                           saga_path_is_file(s->checkpoint)
@@ -498,11 +612,17 @@ static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
 }
 
 /* The float model in memory is that of the segment that was trained last. */
+static bool has_float(const session *s, int segment)
+{
+    return segment == saga_train_segment(s->train) &&
+           !(s->o->networks && segment == saga_train_first(s->train));
+}
+
 static bool compare_view(session *s, saga_film *film, int segment, int view,
                          tally *t)
 {
     const saga_shot *const v = &s->capture.views[view];
-    const int first = begin_of(s, segment);
+    const int first = s->o->networks ? 0 : begin_of(s, segment);
     const size_t nbytes = saga_view_frame_nbytes(v);
     uint8_t *const rgb = saga_alloc(nbytes, 1, v->name, &s->error);
     uint8_t *const median = v->held_out ? NULL
@@ -517,15 +637,20 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
          i++) {
         const uint8_t *const truth = saga_capture_frame(&s->capture, view,
                                                         frame);
+        double counting;
 
-        ok = saga_film_draw(film, &camera, (uint32_t)(first + frame), 1, rgb,
-                            &s->error);
-        t->sum[v->held_out] += ok ? saga_psnr(saga_mse(rgb, truth, nbytes))
-                                  : 0;
+        ok = saga_film_draw_late(film, &camera, (uint32_t)(first + frame),
+                                 v->late, rgb, &s->error);
+        counting = ok ? saga_capture_forgive(&s->capture, view, frame, rgb)
+                      : 1;
+        if (ok && counting > 0) {
+            t->sum[v->held_out] += saga_psnr(saga_mse(rgb, truth, nbytes) /
+                                             counting);
+            t->n[v->held_out]++;
+        }
         if (ok && median)
             saga_verdict_add(&s->verdict, median, truth, rgb, nbytes / 3);
-        t->n[v->held_out]++;
-        if (ok && segment == saga_train_segment(s->train)) {
+        if (ok && has_float(s, segment)) {
             double psnr = 0;
 
             ok = compare_float(s, &psnr, rgb, view, frame);
@@ -540,8 +665,8 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
 
 static int compare_segment(session *s, saga_film *film, int segment, tally *t)
 {
-    const int status = s->n_segments > 1 ? open_capture(s, segment)
-                                         : SAGA_EXIT_OK;
+    const bool is_there = s->n_segments == 1 || s->o->networks;
+    const int status = is_there ? SAGA_EXIT_OK : open_capture(s, segment);
 
     for (int v = 0; !status && v < s->capture.n_views; v++)
         if (!compare_view(s, film, segment, v, t))
@@ -560,13 +685,14 @@ static int check_file(session *s)
 
     if (!saga_read_file(&bytes, s->o->output, &s->error) ||
         !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
-                        s->o->threads, &s->error) ||
+                        s->o->capture.threads, &s->error) ||
         !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
                           &s->error))
         status = saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was "
                                 "written, but: %s", s->error.message);
     for (int i = 0; !status && i < s->n_segments; i++)
-        status = compare_segment(s, &film, i, &t);
+        if (s->o->only < 0 || s->o->only == i)
+            status = compare_segment(s, &film, i, &t);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
     s->decoded = (saga_train_quality){ t.sum[0] / t.n[0], t.sum[1] / t.n[1],
@@ -719,9 +845,11 @@ static void print_text(const session *s)
            r->n.fine, r->n.prim);
     print_motion(r);
     print_exposure(s);
-    printf("  lambda %.4g%s\n", r->lambda, s->o->lambda > 0 ? "" :
+    printf("  lambda %.4g%s\n", r->lambda,
            s->wanted ? ", which makes the size"
-           : ", which balances primitives and bits");
+           : !(s->o->lambda > 0) ? ", which balances primitives and bits"
+           : s->o->primitives ? ""
+           : ", for which so many primitives are right");
     printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
            "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
            r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
@@ -789,13 +917,89 @@ static json_t *json_entropy(const saga_train_entropy *e)
     return o;
 }
 
+static json_t *text_or_null(const char *text)
+{
+    return text ? json_string(text) : json_null();
+}
+
+/* What decides on the file, as it was given: 0, null and false stand for what
+ * was not. */
+static json_t *json_options(const options *o)
+{
+    const saga_capture_choice *const c = &o->capture;
+    json_t *const list = json_pack("{sss[ii]sisisisisfsisi}",
+        "preset", o->preset, "frames", c->frames.a, c->frames.b,
+        "scale", c->scale, "segment", o->segment, "primitives", o->primitives,
+        "iterations", o->iterations, "minutes", o->minutes,
+        "level", o->level, "seed", o->seed);
+
+    json_object_update_new(list, json_pack("{sbsfsfsfsbsbsososo}",
+        "alpha_masks", (int)c->alpha_masks, "lambda", o->lambda,
+        "size", o->size, "bitrate", o->bitrate,
+        "still", (int)o->still, "moving", (int)o->moving,
+        "hold_out", text_or_null(c->hold_out), "late", text_or_null(c->late),
+        "ablate", text_or_null(o->ablate)));
+    return list;
+}
+
+/* Prints what is known of a part: what took the bits, and what the sources are
+ * worth, is of the segment that made the networks too. */
+static void print_part(const session *s)
+{
+    const int k = s->o->only;
+
+    printf("%s: %" PRIu64 " bytes, segment %d (0 to %d), frames %d:%d\n",
+           s->o->output, s->layout.file_nbytes, k, s->n_segments - 1,
+           begin_of(s, k), begin_of(s, k + 1));
+    printf("  mean PSNR of %d + %d pictures  training  held out\n",
+           s->decoded.n_training, s->decoded.n_held_out);
+    print_quality("file, integer decoder", &s->decoded);
+    saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
+    printf("  %.0f s\n", saga_cli_seconds() - s->started);
+}
+
+static json_t *json_part(const session *s)
+{
+    const int k = s->o->only;
+    json_t *const o = saga_cli_json_head("encode", s->o->output);
+
+    json_object_update_new(o, json_pack("{sssIsosisisisfsoso}",
+        "capture", s->capture_name,
+        "nbytes", (json_int_t)s->layout.file_nbytes,
+        "bytes", saga_bytes_table_json(&s->layout),
+        "n_segments", s->n_segments, "segment", k,
+        "n_frames", (int)frames_of(s, k),
+        "seconds", saga_cli_seconds() - s->started,
+        "psnr", json_quality(&s->decoded),
+        "psnr_parts", saga_verdict_json(&s->verdict)));
+    return o;
+}
+
+static void print_networks(const session *s)
+{
+    printf("%s: networks of %d segments, --only 0 to %d, made by segment %d\n"
+           "  %.0f s\n", s->o->output, s->n_segments, s->n_segments - 1,
+           saga_train_first(s->train), saga_cli_seconds() - s->started);
+}
+
+static json_t *json_networks(const session *s)
+{
+    json_t *const o = saga_cli_json_head("encode", s->o->output);
+
+    json_object_update_new(o, json_pack("{sssisisf}",
+        "capture", s->capture_name, "n_segments", s->n_segments,
+        "first", saga_train_first(s->train),
+        "seconds", saga_cli_seconds() - s->started));
+    return o;
+}
+
 static json_t *json_report(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
     json_t *const o = saga_cli_json_head("encode", s->o->output);
 
-    json_object_update_new(o, json_pack("{sssIsosisisisIsIsIsI}",
-        "capture", s->capture_name,
+    json_object_update_new(o, json_pack("{sssosIsosisisisIsIsIsI}",
+        "capture", s->capture_name, "options", json_options(s->o),
         "nbytes", (json_int_t)s->layout.file_nbytes,
         "bytes", saga_bytes_table_json(&s->layout),
         "n_views", s->capture.n_views, "n_frames", s->whole.n_frames,
@@ -829,17 +1033,18 @@ static json_t *json_report(const session *s)
 static int print_json(const session *s)
 {
     saga_json_watch();
-    return saga_cli_print_json(json_report(s), 9, s->o->output);
+    return saga_cli_print_json(s->o->networks_only ? json_networks(s)
+                               : s->o->networks ? json_part(s)
+                               : json_report(s), 9, s->o->output);
 }
 
-/* --- Command ------------------------------------------------------------- */
+/* --- A file -------------------------------------------------------------- */
 
-static int encode(session *s)
+/* Makes the file and checks it; the checkpoint stays. */
+static int make(session *s)
 {
-    int status = check_options(s);
+    int status = check_output(s);
 
-    if (!status)
-        status = check_output(s);
     if (!status)
         status = check_checkpoint(s);
     if (!status)
@@ -855,23 +1060,111 @@ static int encode(session *s)
     }
     if (!status)
         status = write_file(s);
-    if (!status)
-        status = check_file(s);
+    return status || s->o->networks_only ? status : check_file(s);
+}
+
+static void end(session *s)
+{
+    if (s->out.file)
+        saga_output_close(&s->out, false, &s->error);
+    saga_train_free(s->train);
+    saga_capture_free(&s->capture);
+    saga_layout_free(&s->layout);
+    free(s->checkpoint);
+}
+
+static int encode(session *s)
+{
+    const int status = make(s);
+
     if (status)
         return status;
     unlink(s->checkpoint);
     if (s->o->json)
         return print_json(s);
-    print_text(s);
+    if (s->o->networks_only)
+        print_networks(s);
+    else if (s->o->networks)
+        print_part(s);
+    else
+        print_text(s);
     return SAGA_EXIT_OK;
 }
+
+/* --- A sweep ------------------------------------------------------------- */
+
+/* Judges the file, with what training says of it beside, and writes that. */
+static int judge(const options *o, const char *capture, const char *result,
+                 json_t *report)
+{
+    const saga_eval_request request = {
+        .capture = o->capture
+    };
+    json_t *judged;
+    const int status = saga_eval_judge(&judged, o->output, capture, &request);
+
+    if (status) {
+        json_decref(report);
+        return status;
+    }
+    json_object_set_new(judged, "encode", report);
+    return saga_cli_write_json(judged, 9, result);
+}
+
+/* Makes a file of the sweep of which `user` is the session. The checkpoint
+ * outlives the training until the result is there, so that nothing is trained
+ * twice. */
+static int make_of_sweep(void *user, const char *file, const char *result,
+                         double part)
+{
+    const session *const sweep = user;
+    options o = *sweep->o;
+    session s = *sweep;
+    json_t *report = NULL;
+    char *checkpoint;
+    int status;
+
+    o.output = file;
+    s.o = &o;
+    s.part = part;
+    s.started = saga_cli_seconds();
+    status = make(&s);
+    checkpoint = s.checkpoint;
+    s.checkpoint = NULL;
+    if (!status) {
+        saga_json_watch();
+        report = json_report(&s);
+    }
+    end(&s);
+    if (!status)
+        status = judge(&o, s.capture_name, result, report);
+    if (!status)
+        unlink(checkpoint);
+    free(checkpoint);
+    return status;
+}
+
+static int sweep(session *s)
+{
+    json_t *const made_with = json_options(s->o);
+    const saga_sweep all = {
+        .folder = s->o->output, .resume = s->o->resume, .json = s->o->json,
+        .options = made_with, .make = make_of_sweep, .user = s
+    };
+    const int status = saga_sweep_run(&all);
+
+    json_decref(made_with);
+    return status;
+}
+
+/* --- Command ------------------------------------------------------------- */
 
 static options defaults(void)
 {
     const saga_train_options t = saga_train_defaults();
 
     return (options){
-        .scale = 1, .memory = 4, .preset = "balanced",
+        .capture = SAGA_CAPTURE_CHOICE, .preset = "balanced", .only = -1,
         .level = t.level, .seed = (int)t.seed,
         .every = (int)t.checkpoint_seconds, .lambda = t.lambda
     };
@@ -886,36 +1179,46 @@ static int run(int argc, char **argv)
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    status = saga_cli_threads("encode", o.threads);
+    status = saga_cli_threads("encode", o.capture.threads);
     if (status)
         return status;
     catch_signals();
-    status = encode(&s);
-    if (s.out.file)
-        saga_output_close(&s.out, false, &s.error);
+    status = check_options(&s);
+    if (!status)
+        status = o.sweep ? sweep(&s) : encode(&s);
     if (!saga_encode_log_close(&s.log, &s.error))
         status = saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
                                 s.error.message);
-    saga_train_free(s.train);
-    saga_capture_free(&s.capture);
-    saga_layout_free(&s.layout);
-    free(s.checkpoint);
+    end(&s);
     return status;
 }
 
 static const saga_cli_option option_list[] = {
-    { "-o", "FILE.saga", "the file to write; needed", saga_cli_text,
-      offsetof(options, output), 0, 0 },
+    { "-o", "FILE.saga", "the file to write, or the folder of --sweep; needed",
+      saga_cli_text, offsetof(options, output), 0, 0 },
     { "--segment", "FRAMES", "frames of a segment, about, each of which plays "
       "without\nthe others (default: a second); --primitives and\n"
       "--iterations are of each", saga_cli_int, offsetof(options, segment), 2,
       MOST_FRAMES },
+    { "--networks-only", NULL, "train the segment that makes the networks and "
+      "write them,\nfor others to be trained elsewhere: docs/scale.md",
+      saga_cli_flag, offsetof(options, networks_only), 0, 0 },
+    { "--only", "N", "train segment N alone, 0 the first, with "
+      "--networks;\n`saga join` puts the files of all together: the bytes\n"
+      "that one encode of all gives", saga_cli_int, offsetof(options, only), 0,
+      SAGA_MAX_SEGMENTS - 1 },
+    { "--networks", "FILE", "what --networks-only wrote of the same capture, "
+      "with the\nsame options", saga_cli_text, offsetof(options, networks), 0,
+      0 },
     { "--preset", "NAME", "how long to work on it: fast, balanced (default), "
       "best", saga_cli_text, offsetof(options, preset), 0, 0 },
     { "--size", "BYTES", "of the file, within 5 %: 150k, 1.2M",
       saga_cli_nbytes, offsetof(options, size), 0, 0 },
     { "--bitrate", "BITS", "the same in bits a second: 500k",
       saga_cli_nbytes, offsetof(options, bitrate), 0, 0 },
+    { "--sweep", NULL, "a curve instead: five files, 1.saga to 5.saga, and "
+      "what\nthey are worth; --primitives are those of 4.saga", saga_cli_flag,
+      offsetof(options, sweep), 0, 0 },
     { "--primitives", "N", "Gaussians to draw with (default: by the size, or "
       "by the\ncapture's pixels, motion and --preset)",
       saga_cli_int, offsetof(options, primitives), 1, 1 << 22 },
@@ -927,31 +1230,23 @@ static const saga_cli_option option_list[] = {
       saga_cli_real, offsetof(options, minutes), 0, 0 },
     { "--lambda", "X", "what bits cost: X times the bits for each pixel "
       "trained\non weigh as much as the mean squared error in\n8-bit levels; "
-      "higher: a smaller file (default: what\nbalances --primitives and the "
-      "bits of each, by the\nerror after the warm-up)",
+      "higher: a smaller file, and without\n--primitives fewer of them "
+      "(default: what balances\n--primitives and the bits of each, by the "
+      "error after\nthe warm-up)",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
       offsetof(options, level), 0, 3 },
-    { "--frames", "A:B", "frames A to B - 1 of the capture (default all)",
-      saga_cli_range, offsetof(options, frames), 0, SAGA_MAX_FRAMES },
-    { "--scale", "1/N", "pictures made smaller by means of N x N boxes",
-      saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
-    { "--hold-out", "NAME,..", "views not to be trained on, \"\" for none "
-      "(default:\nwhat the capture says)", saga_cli_names,
-      offsetof(options, hold_out), 0, 0 },
-    { "--late", "NAME=N,..", "cameras that run N frames behind the others",
-      saga_cli_text, offsetof(options, late), 0, 0 },
+    SAGA_CAPTURE_OPTIONS(options, capture),
+    { "--metres", "X", "in the capture's unit of length; the file tells it\n"
+      "(default: what the capture says)", saga_cli_real,
+      offsetof(options, metres), 0, 0 },
     { "--still", NULL, "no temporal tools, whatever moves", saga_cli_flag,
       offsetof(options, still), 0, 0 },
     { "--moving", NULL, "temporal tools even if nothing seems to move",
       saga_cli_flag, offsetof(options, moving), 0, 0 },
     { "--seed", "N", "of all random numbers (default 1)", saga_cli_int,
       offsetof(options, seed), 0, INT32_MAX },
-    { "--threads", "N", "threads (default: all cores); no effect on the file",
-      saga_cli_int, offsetof(options, threads), 1, 1024 },
-    { "--memory", "GIB", "memory for a segment's pictures (default 4)",
-      saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
     { "--checkpoint-every", "S", "seconds between checkpoints (default 300)",
       saga_cli_int, offsetof(options, every), 0, 1000000 },
     { "--resume", NULL, "go on from FILE.saga.ckpt, with the other options as\n"
@@ -989,6 +1284,10 @@ const saga_command saga_command_encode = {
     "  saga encode studio -o studio.saga --frames 0:50 --scale 1/4 \\\n"
     "      --hold-out cam00 --size 200k --preset best\n"
     "      two seconds of a real capture, small, one view kept for judging\n"
+    "  saga encode studio -o curve --sweep && saga report curve/curve.json \\\n"
+    "      -o curve.html\n"
+    "      five files of 0.2 to 1.7 times the primitives of one, the price of\n"
+    "      bits with them; goes on with --resume\n"
     "\n"
     "A long capture is trained in segments of about a second, with only that\n"
     "one's pictures in memory; the first to be trained makes the networks.\n"

@@ -3,9 +3,9 @@
  * saga eval measures how good a file is, on the pictures that the integer
  * decoder makes of it; and by the same measures what another codec made.
  */
-#include "bytes_table.h"
+#include "eval_cli.h"
 
-#include "cli.h"
+#include "bytes_table.h"
 #include "commands.h"
 #include "error.h"
 #include "evaluate.h"
@@ -21,12 +21,7 @@
 #include <stdio.h>
 #include <string.h>
 
-typedef struct {
-    bool json, no_ssim, equirect;
-    saga_cli_pair frames, only;
-    int scale, threads, memory;
-    const char *hold_out, *late, *pictures, *weights;
-} options;
+typedef saga_eval_request options;
 
 /* This holds what is open and what came out. */
 typedef struct {
@@ -398,12 +393,6 @@ static json_t *json_report(const session *s)
     return o;
 }
 
-static int print_json(const session *s)
-{
-    saga_json_watch();
-    return saga_cli_print_json(json_report(s), 9, s->file_name);
-}
-
 /* --- Together ------------------------------------------------------------ */
 
 static int give_up(const session *s, int status)
@@ -416,7 +405,7 @@ static int open_file(session *s)
     if (!saga_read_file(&s->bytes, s->file_name, &s->error))
         return give_up(s, SAGA_EXIT_USAGE);
     if (!saga_film_open(&s->film, s->file_name, s->bytes.data,
-                        s->bytes.nbytes, s->o->threads, &s->error))
+                        s->bytes.nbytes, s->o->capture.threads, &s->error))
         return give_up(s, SAGA_EXIT_DATA);
     if (!saga_layout_read(&s->layout, s->file_name, s->bytes.data,
                           s->bytes.nbytes, &s->error))
@@ -433,27 +422,22 @@ static int last_frame(const session *s)
     const options *const o = s->o;
 
     if (o->only.b)
-        return o->frames.a + o->only.b;
-    if (o->only.a && !o->frames.b && !s->is_folder)
-        return o->frames.a + (int)s->film.info.n_frames;
-    return o->frames.b;
+        return o->capture.frames.a + o->only.b;
+    if (o->only.a && !o->capture.frames.b && !s->is_folder)
+        return o->capture.frames.a + (int)s->film.info.n_frames;
+    return o->capture.frames.b;
 }
 
 static int open_capture(session *s, saga_capture *to, const char *name)
 {
     const options *const o = s->o;
-    saga_capture_options c = saga_capture_defaults();
+    saga_capture_options c = saga_capture_chosen(&o->capture);
     const bool there = saga_path_is_folder(name) || saga_path_is_file(name);
     saga_meter meter = { 0 };
     bool ok;
 
-    c.scale = o->scale;
-    c.first_frame = o->frames.a + o->only.a;
+    c.first_frame += o->only.a;
     c.end_frame = last_frame(s);
-    c.hold_out = o->hold_out;
-    c.late = o->late;
-    c.n_threads = o->threads;
-    c.memory_nbytes = (uint64_t)o->memory << 30;
     c.progress = saga_meter_progress;
     c.progress_user = &meter;
     ok = saga_capture_load(to, name, &c, &s->error);
@@ -481,7 +465,7 @@ static int compare(session *s)
     };
     const saga_eval_maker maker = {
         .name = s->file_name, .film = s->is_folder ? NULL : &s->film,
-        .pictures = &s->pictures, .n_threads = s->o->threads
+        .pictures = &s->pictures, .n_threads = s->o->capture.threads
     };
     bool ok;
 
@@ -489,66 +473,88 @@ static int compare(session *s)
         return give_up(s, SAGA_EXIT_DATA);
     ok = saga_eval_run(&s->eval, &maker, &s->capture, &o, &s->error);
     saga_meter_end(&meter);
-    if (!ok)
-        return give_up(s, SAGA_EXIT_USAGE);
-    if (s->o->json)
-        return print_json(s);
+    return ok ? SAGA_EXIT_OK : give_up(s, SAGA_EXIT_USAGE);
+}
+
+static int judge(session *s)
+{
+    const char *const weights = s->o->weights;
+    int status = s->is_folder ? open_capture(s, &s->pictures, s->file_name)
+                              : open_file(s);
+
+    if (!status && weights) {
+        s->lpips = saga_lpips_load(weights, &s->error);
+        if (!s->lpips)
+            status = give_up(s, saga_path_is_file(weights) ? SAGA_EXIT_DATA
+                                                           : SAGA_EXIT_USAGE);
+    }
+    if (!status)
+        status = open_capture(s, &s->capture, s->capture_name);
+    return status ? status : compare(s);
+}
+
+static void end(session *s)
+{
+    saga_eval_free(&s->eval);
+    saga_lpips_free(s->lpips);
+    saga_capture_free(&s->pictures);
+    saga_capture_free(&s->capture);
+    saga_layout_free(&s->layout);
+    saga_film_close(&s->film);
+    saga_bytes_free(&s->bytes);
+}
+
+int saga_eval_judge(json_t **report, const char *file, const char *capture,
+                    const saga_eval_request *request)
+{
+    session s = {
+        .o = request, .file_name = file, .capture_name = capture,
+        .is_folder = saga_path_is_folder(file)
+    };
+    const int status = judge(&s);
+
+    *report = status ? NULL : json_report(&s);
+    end(&s);
+    return status;
+}
+
+static int tell(const session *s)
+{
+    if (s->o->json) {
+        saga_json_watch();
+        return saga_cli_print_json(json_report(s), 9, s->file_name);
+    }
     print_text(s);
     return SAGA_EXIT_OK;
 }
 
 static int run(int argc, char **argv)
 {
-    options o = { .scale = 1, .memory = 4 };
+    options o = { .capture = SAGA_CAPTURE_CHOICE };
     const char *names[2];
     session s = { .o = &o };
     int status = saga_cli_parse(&saga_command_eval, &o, names, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    status = saga_cli_threads("eval", o.threads);
+    status = saga_cli_threads("eval", o.capture.threads);
     if (status)
         return status;
     s.file_name = names[0];
     s.capture_name = names[1];
     s.is_folder = saga_path_is_folder(s.file_name);
-    status = s.is_folder ? open_capture(&s, &s.pictures, s.file_name)
-                         : open_file(&s);
-    if (!status && o.weights) {
-        s.lpips = saga_lpips_load(o.weights, &s.error);
-        if (!s.lpips)
-            status = give_up(&s, saga_path_is_file(o.weights)
-                                     ? SAGA_EXIT_DATA : SAGA_EXIT_USAGE);
-    }
+    status = judge(&s);
     if (!status)
-        status = open_capture(&s, &s.capture, s.capture_name);
-    if (!status)
-        status = compare(&s);
-    saga_eval_free(&s.eval);
-    saga_lpips_free(s.lpips);
-    saga_capture_free(&s.pictures);
-    saga_capture_free(&s.capture);
-    saga_layout_free(&s.layout);
-    saga_film_close(&s.film);
-    saga_bytes_free(&s.bytes);
+        status = tell(&s);
+    end(&s);
     return status;
 }
 
 static const saga_cli_option option_list[] = {
     { "--json", NULL, "the same as JSON; null for infinite or undefined",
       saga_cli_flag, offsetof(options, json), 0, 0 },
-    { "--frames", "A:B", "frames A to B - 1 of the capture: those the file "
-      "was\nencoded from (default all)", saga_cli_range,
-      offsetof(options, frames), 0, SAGA_MAX_FRAMES },
     { "--only", "A:B", "compare frames A to B - 1 of the file, no others",
       saga_cli_range, offsetof(options, only), 0, SAGA_MAX_FRAMES },
-    { "--scale", "1/N", "scale of the pictures, by means of N x N boxes",
-      saga_cli_scale, offsetof(options, scale), 1, SAGA_MAX_SCALE },
-    { "--hold-out", "NAME,..", "views that were not trained on, \"\" for none "
-      "(default:\nwhat the capture says)", saga_cli_names,
-      offsetof(options, hold_out), 0, 0 },
-    { "--late", "NAME=N,..", "cameras that run N frames behind the others",
-      saga_cli_text, offsetof(options, late), 0, 0 },
     { "--pictures", "DIR", "write each view's middle frame there: truth, "
       "decode\nand 4 x difference side by side", saga_cli_text,
       offsetof(options, pictures), 0, 0 },
@@ -560,10 +566,7 @@ static const saga_cli_option option_list[] = {
     { "--equirect", NULL, "the pictures are equirectangular: WS-PSNR, too, "
       "and\nIV-PSNR with its weights", saga_cli_flag,
       offsetof(options, equirect), 0, 0 },
-    { "--memory", "GIB", "memory for the capture's pictures (default 4)",
-      saga_cli_int, offsetof(options, memory), 1, 1 << 16 },
-    { "--threads", "N", "threads (default: all cores); the scores do not "
-      "depend\non it", saga_cli_int, offsetof(options, threads), 1, 1024 }
+    SAGA_CAPTURE_OPTIONS(options, capture)
 };
 
 const saga_command saga_command_eval = {

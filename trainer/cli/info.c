@@ -27,10 +27,12 @@ typedef struct {
 typedef struct {
     const char *name;
     const uint8_t *bytes;
+    size_t nbytes;
     saga_info info;
     saga_layout layout;
     double seconds;         /* of the whole file; 0 if its rate is 0 */
-    double unit, centre[3]; /* metres */
+    double unit, centre[3]; /* of the capture's length */
+    double metres;          /* in that; 0: unknown */
 } subject;
 
 static const struct {
@@ -59,6 +61,13 @@ static double seconds_of(const subject *s, uint32_t n_frames)
 static double rate_of(uint64_t nbytes, double seconds)
 {
     return seconds > 0.0 ? 8.0 * (double)nbytes / seconds : 0.0;
+}
+
+/* Sets what the file calls camera i; "" where it does not say. */
+static void naming_of(saga_naming *naming, const subject *s, uint32_t i)
+{
+    if (saga_name_camera(naming, s->bytes, s->nbytes, i))
+        *naming = (saga_naming){ .name = "" };
 }
 
 /* Returns a coordinate of the file in metres. */
@@ -117,9 +126,17 @@ static void print_header(const subject *s)
            i->n_weights, i->features, i->max_coarse, i->max_fine,
            i->max_primitives, i->work_nbytes, SAGA_WORK_MAX(i->level),
            i->level, i->decode_macs, i->view_macs);
-    printf("cube        %.6g m wide around (%.6g, %.6g, %.6g) m; a unit is "
-           "%.6g m\n", ldexp(s->unit, 24), s->centre[0], s->centre[1],
-           s->centre[2], s->unit);
+    if (i->base_coarse)
+        printf("base        %" PRIu32 " coarse anchors, %" PRIu32 " fine "
+               "anchors, %" PRIu32 " primitives, decoded once:\n"
+               "            %" PRIu64 " multiply-accumulates\n",
+               i->base_coarse, i->base_fine, i->base_primitives,
+               i->base_macs);
+    printf("cube        %.6g wide around (%.6g, %.6g, %.6g), in units of the "
+           "capture\n", ldexp(s->unit, 24), s->centre[0], s->centre[1],
+           s->centre[2]);
+    if (s->metres > 0.0)
+        printf("unit        of the capture: %.6g m\n", s->metres);
 }
 
 static void print_segment(const subject *s, uint32_t i)
@@ -138,15 +155,20 @@ static void print_segment(const subject *s, uint32_t i)
 
 static void print_rig(const subject *s)
 {
-    puts("\n  rig  camera       size    focal (px)       centre (m)");
+    puts("\n  rig  camera            size      focal, px       centre, units");
     for (uint32_t i = 0; i < s->info.n_cameras; i++) {
         saga_camera c;
+        saga_naming naming;
         uint32_t number;
 
         if (saga_rig(&c, &number, s->bytes, s->info.head_nbytes, i))
             continue;
-        printf("%5" PRIu32 " %7" PRIu32 "  %5ux%-5u %7.1f %7.1f  "
-               "%8.3f %8.3f %8.3f\n", i, number, c.width, c.height,
+        naming_of(&naming, s, i);
+        if (!naming.name[0])
+            snprintf(naming.name, sizeof naming.name, "number %" PRIu32,
+                     number);
+        printf("%5" PRIu32 "  %-12s %5ux%-5u %7.1f %7.1f  "
+               "%8.3f %8.3f %8.3f\n", i, naming.name, c.width, c.height,
                c.focal_q16[0] / 65536.0, c.focal_q16[1] / 65536.0,
                metres(s, 0, c.centre[0]), metres(s, 1, c.centre[1]),
                metres(s, 2, c.centre[2]));
@@ -213,10 +235,14 @@ static json_t *json_header(const subject *s)
 
 static json_t *json_decoding(const saga_info *i)
 {
-    return json_pack("{sIsIsIsIsIsIsIsIsI}",
+    return json_pack("{sIsIsIsIsIsIsIsIsIsIsIsIsI}",
         "features", number(i->features), "n_weights", number(i->n_weights),
         "max_coarse", number(i->max_coarse), "max_fine", number(i->max_fine),
         "max_primitives", number(i->max_primitives),
+        "base_coarse", number(i->base_coarse),
+        "base_fine", number(i->base_fine),
+        "base_primitives", number(i->base_primitives),
+        "base_macs", number(i->base_macs),
         "memory_nbytes", number(i->work_nbytes),
         "level_memory_nbytes", number(SAGA_WORK_MAX(i->level)),
         "macs_per_segment", number(i->decode_macs),
@@ -227,7 +253,9 @@ static json_t *json_metric(const subject *s)
 {
     const saga_info *const i = &s->info;
 
-    return json_pack("{sfs[fff]s[ii]s[iii]si}", "metres_per_unit", s->unit,
+    return json_pack("{sosfs[fff]s[ii]s[iii]si}", "metres_in_capture_unit",
+        s->metres > 0.0 ? json_real(s->metres) : json_null(),
+        "metres_per_unit", s->unit,
         "centre_metres", s->centre[0], s->centre[1], s->centre[2],
         "unit_mantissa_exponent", (int)i->unit_mantissa,
         (int)i->unit_exponent, "centre_mantissa", (int)i->centre_mantissa[0],
@@ -257,16 +285,19 @@ static json_t *json_segments(const subject *s)
     return list;
 }
 
-static json_t *json_camera(const subject *s, const saga_camera *c,
+static json_t *json_camera(const subject *s, const saga_camera *c, uint32_t i,
                            uint32_t name)
 {
     json_t *const rotation = json_array();
+    saga_naming naming;
 
-    for (int i = 0; i < 9; i++)
+    naming_of(&naming, s, i);
+    for (int k = 0; k < 9; k++)
         json_array_append_new(rotation,
-                              json_real(ldexp(c->rotation_q30[i], -30)));
-    return json_pack("{sIsIsIs[ff]s[ff]s[fff]sfso}",
-        "number", number(name), "width", number(c->width),
+                              json_real(ldexp(c->rotation_q30[k], -30)));
+    return json_pack("{sIsssIsIs[ff]s[ff]s[fff]sfso}",
+        "number", number(name), "name", naming.name,
+        "width", number(c->width),
         "height", number(c->height),
         "focal", c->focal_q16[0] / 65536.0, c->focal_q16[1] / 65536.0,
         "principal", c->principal_q16[0] / 65536.0,
@@ -285,7 +316,7 @@ static json_t *json_rig(const subject *s)
         uint32_t name;
 
         if (saga_rig(&c, &name, s->bytes, s->info.head_nbytes, i) == SAGA_OK)
-            json_array_append_new(list, json_camera(s, &c, name));
+            json_array_append_new(list, json_camera(s, &c, i, name));
     }
     return list;
 }
@@ -356,11 +387,14 @@ static int probe(subject *s, size_t n)
 static void measure(subject *s)
 {
     const saga_info *const i = &s->info;
+    saga_naming naming = { .name = "" };
 
     s->seconds = seconds_of(s, i->n_frames);
     s->unit = ldexp(i->unit_mantissa, i->unit_exponent);
     for (int a = 0; a < 3; a++)
         s->centre[a] = ldexp(i->centre_mantissa[a], i->centre_exponent);
+    naming_of(&naming, s, 0);
+    s->metres = ldexp(naming.metre_mantissa, naming.metre_exponent);
 }
 
 static int damage(const subject *s)
@@ -378,7 +412,7 @@ static int damage(const subject *s)
 
 static int tell(const options *o, const char *name, const saga_bytes *file)
 {
-    subject s = { .name = name, .bytes = file->data };
+    subject s = { .name = name, .bytes = file->data, .nbytes = file->nbytes };
     saga_error error = { "" };
     int status = probe(&s, file->nbytes);
 
@@ -423,7 +457,7 @@ const saga_command saga_command_info = {
     "info", "FILE", 1,
     "what a file holds and where its bytes are",
     "Tells what the header of a .saga file says (time, tools, networks,\n"
-    "memory and work of decoding, metric cube), where the bytes are, and each\n"
+    "memory and work of decoding, cube), where the bytes are, and each\n"
     "segment and each camera of the rig. Checks the CRC of every chunk; a\n"
     "damaged file gives exit status 1. Decodes nothing: a file of an earlier\n"
     "pre-release passes, though `saga eval` and `saga render` refuse it.\n",

@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "cli.h"
 #include "json_memory.h"
+#include "output.h"
 #include "saga.h"
 
 #include <stdio.h>
@@ -16,23 +17,50 @@ json_t *saga_cli_json_head(const char *command, const char *file)
                      "file", file);
 }
 
-int saga_cli_print_json(json_t *o, size_t precision, const char *file)
+/* Returns o as text, or NULL with the reason in *error; frees o. */
+static char *text_of(json_t *o, size_t precision, const char *file,
+                     saga_error *error)
 {
-    char *const text =
+    char *text =
         o ? json_dumps(o, JSON_INDENT(2) | JSON_REAL_PRECISION(precision))
           : NULL;
-    const bool starved = saga_json_starved(); /* keys may be missing */
-    saga_error error = { "" };
 
-    if (starved)
-        saga_no_memory(0, file, &error);
-    else if (!text)
-        saga_fail(&error, file, "rename it to UTF-8", "cannot be named in "
-                  "JSON");
-    else
+    json_decref(o);
+    if (saga_json_starved()) { /* keys may be missing */
+        free(text);
+        text = NULL;
+        saga_no_memory(0, file, error);
+    } else if (!text) {
+        saga_fail(error, file, "rename it to UTF-8", "cannot be named in JSON");
+    }
+    return text;
+}
+
+static int status_of(const saga_error *error)
+{
+    return saga_failed(error)
+        ? saga_cli_error(SAGA_EXIT_USAGE, "%s", error->message) : SAGA_EXIT_OK;
+}
+
+int saga_cli_print_json(json_t *o, size_t precision, const char *file)
+{
+    saga_error error = { "" };
+    char *const text = text_of(o, precision, file, &error);
+
+    if (text)
         puts(text);
     free(text);
-    json_decref(o);
-    return saga_failed(&error)
-        ? saga_cli_error(SAGA_EXIT_USAGE, "%s", error.message) : SAGA_EXIT_OK;
+    return status_of(&error);
+}
+
+int saga_cli_write_json(json_t *o, size_t precision, const char *file)
+{
+    saga_error error = { "" };
+    char *const text = text_of(o, precision, file, &error);
+    saga_output out;
+
+    if (text && saga_output_open(&out, file, &error))
+        saga_output_close(&out, fprintf(out.file, "%s\n", text) > 0, &error);
+    free(text);
+    return status_of(&error);
 }

@@ -20,4 +20,7 @@ json_t *saga_cli_json_head(const char *command, const char *file);
  * exit status. */
 int saga_cli_print_json(json_t *o, size_t precision, const char *file);
 
+/* Does the same into the file. */
+int saga_cli_write_json(json_t *o, size_t precision, const char *file);
+
 #endif

@@ -28,9 +28,9 @@ typedef struct {
 } point;
 
 typedef struct {
-    const char *out, *path;
+    const char *out, *path, *camera;
     point eye, look_at;
-    int camera, orbit, threads;
+    int orbit, threads;
     double time;            /* seconds; < 0: not given */
     saga_cli_pair frame, frames, size;
 } options;
@@ -66,7 +66,7 @@ static int check_options(const options *o)
         return mistake("-o OUT is missing");
     if (times > 1)
         return mistake("--time, --frame and --frames exclude each other");
-    if ((o->camera >= 0) + (o->orbit > 0) + (o->path != NULL) > 1)
+    if ((o->camera != NULL) + (o->orbit > 0) + (o->path != NULL) > 1)
         return mistake("--camera, --orbit and --path exclude each other");
     if (o->look_at.given && (o->orbit || o->path))
         return mistake("--look-at goes with --camera or --eye alone");
@@ -295,19 +295,39 @@ static bool open_video(session *s)
                                  s->camera.height, fps, &s->error);
 }
 
+/* Finds the camera that has a name, or else that number, in the rig. */
+static bool find_camera(uint32_t *index, session *s, const char *name)
+{
+    const uint32_t n = s->film.info.n_cameras;
+    char *end;
+    const unsigned long number = strtoul(name, &end, 10);
+
+    for (*index = 0; *index < n; ++*index) {
+        saga_naming naming;
+
+        saga_film_naming(&s->film, *index, &naming);
+        if (!strcmp(naming.name, name))
+            return true;
+    }
+    *index = (uint32_t)number;
+    return (name[0] >= '0' && name[0] <= '9' && !*end && number < n) ||
+           saga_fail(&s->error, s->film.name, "`saga info` lists them",
+                     "has no camera %s in its rig of %" PRIu32, name, n);
+}
+
 /* Gets the rig's camera and the path; memory for a picture. */
 static bool prepare(session *s)
 {
     const options *const o = s->o;
-    uint32_t number;
+    uint32_t index = 0, number;
 
     if ((uint32_t)o->frames.b > s->film.info.n_frames)
         return saga_fail(&s->error, s->film.name, "give a range inside them",
                          "--frames %d:%d goes beyond its %" PRIu32 " frames",
                          (int)o->frames.a, (int)o->frames.b,
                          s->film.info.n_frames);
-    if (!saga_film_rig(&s->film, o->camera < 0 ? 0 : (uint32_t)o->camera,
-                       &s->camera, &number, &s->error))
+    if ((o->camera && !find_camera(&index, s, o->camera)) ||
+        !saga_film_rig(&s->film, index, &s->camera, &number, &s->error))
         return false;
     if (o->orbit && !saga_orbit_of(&s->orbit, &s->film, &s->error))
         return false;
@@ -341,7 +361,7 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
 
 static int run(int argc, char **argv)
 {
-    options o = { .camera = -1, .time = -1.0 };
+    options o = { .time = -1.0 };
     session s = { .o = &o };
     const char *name;
     saga_bytes bytes;
@@ -410,8 +430,9 @@ static const saga_cli_option option_list[] = {
       "linear light); for several, with %d or %04d in the name;\n"
       "or all as a film: .mp4, by ffmpeg",
       saga_cli_text, offsetof(options, out), 0, 0 },
-    { "--camera", "N", "camera N of the file's rig (default 0); `saga info` "
-      "lists\nthem", saga_cli_int, offsetof(options, camera), 0, 65535 },
+    { "--camera", "NAME", "a camera of the file's rig, by name or by number "
+      "(default\n0); `saga info` lists them", saga_cli_text,
+      offsetof(options, camera), 0, 0 },
     { "--orbit", "K", "K pictures on a closed path through the angles the rig\n"
       "filmed from, and once through the file's time", saga_cli_int,
       offsetof(options, orbit), 1, MAX_ORBIT },

@@ -14,7 +14,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-enum { MOST_PARTS = 2 };
+enum { MOST_PARTS = SAGA_CLI_MOST_ARGUMENTS };
 
 typedef struct {
     const char *out;
@@ -98,15 +98,16 @@ static int run_cut(int argc, char **argv)
 static int run_join(int argc, char **argv)
 {
     options o = { NULL };
-    const char *name[2];
-    saga_splice_part part[2] = { { .name = NULL }, { .name = NULL } };
+    const char *name[MOST_PARTS + 1] = { NULL };
+    saga_splice_part part[MOST_PARTS];
+    int n = 0;
     int status = saga_cli_parse(&saga_command_join, &o, name, argc, argv);
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    part[0].name = name[0];
-    part[1].name = name[1];
-    return splice_files("join", o.out, part, 2);
+    for (; name[n]; n++)
+        part[n] = (saga_splice_part){ .name = name[n] };
+    return splice_files("join", o.out, part, n);
 }
 
 static const saga_cli_option option_list[] = {
@@ -125,11 +126,12 @@ const saga_command saga_command_cut = {
 };
 
 const saga_command saga_command_join = {
-    "join", "A B", 2,
-    "two files, one after the other",
-    "Writes a .saga file that shows A and then B, without decoding. They must\n"
-    "have the same networks, model, cameras and frame rate: files that `saga\n"
-    "cut` took out of one encoding, in any order, or twice the same. Files of\n"
-    "two encodings have networks of their own, and are refused.\n",
+    "join", "A B...", 2,
+    "files, one after the other",
+    "Writes a .saga file that shows A, then B and so on, without decoding.\n"
+    "They must have the same networks, model, cameras and frame rate: files\n"
+    "that `saga cut` took out of one encoding, or `saga encode --only` made,\n"
+    "in any order, or twice the same. Files of two encodings have networks of\n"
+    "their own, and are refused. More than 1,024 are joined in steps.\n",
     option_list, 1, run_join
 };

@@ -9,7 +9,7 @@
 #include "file.h"
 #include "json_cli.h"
 #include "json_memory.h"
-#include "orbit.h"
+#include "picture_cli.h"
 #include "verify.h"
 #include "view.h"
 
@@ -20,8 +20,7 @@
 
 typedef struct {
     bool json;
-    int camera;
-    saga_cli_pair frame, size;
+    saga_cli_picture picture;
 } options;
 
 typedef struct {
@@ -100,7 +99,7 @@ static void print_text(const session *s)
 
     printf("%s, camera %d (%" PRIu32 "), %u x %u, segment %" PRIu32
            " at %.5f: %" PRIu32 " coarse and %" PRIu32 " fine anchors, %" PRIu32
-           " primitives, %" PRIu32 " splats\n\n", s->name, s->o->camera,
+           " primitives, %" PRIu32 " splats\n\n", s->name, s->o->picture.camera,
            s->number, c->width, c->height, v->segment, v->t / 65536.0,
            v->n_coarse, v->n_fine, v->n_primitives, v->n_splats);
     print_rows(v);
@@ -166,7 +165,7 @@ static int print_json(const session *s)
     saga_json_watch();
     o = saga_cli_json_head("verify", s->name);
     json_object_update_new(o, json_pack("{sisIsIsIsIsfsIsIsIsIsIsoso}",
-        "camera", s->o->camera,
+        "camera", s->o->picture.camera,
         "number", (json_int_t)s->number,
         "width", (json_int_t)s->view.camera.width,
         "height", (json_int_t)s->view.camera.height,
@@ -182,26 +181,6 @@ static int print_json(const session *s)
 
 /* --- Together ------------------------------------------------------------ */
 
-static bool prepare(session *s)
-{
-    const options *const o = s->o;
-
-    if (!saga_film_rig(&s->film, (uint32_t)o->camera, &s->view.camera,
-                       &s->number, &s->error))
-        return false;
-    if (o->size.a)
-        saga_camera_resize(&s->view.camera, o->size.a, o->size.b);
-    s->view.frame_num = (uint32_t)o->frame.a;
-    s->view.frame_den = (uint32_t)o->frame.b;
-    if ((uint64_t)s->view.frame_num >=
-        (uint64_t)s->film.info.n_frames * s->view.frame_den)
-        return saga_fail(&s->error, s->name, "give one inside them",
-                         "--frame %d/%d lies past its %" PRIu32 " frames",
-                         (int)o->frame.a, (int)o->frame.b,
-                         s->film.info.n_frames);
-    return true;
-}
-
 static int verify(session *s, const saga_bytes *bytes)
 {
     saga_meter meter = { .quiet = false };
@@ -211,7 +190,9 @@ static int verify(session *s, const saga_bytes *bytes)
     s->view.progress = saga_meter_progress;
     s->view.user = &meter;
     ok = saga_film_open(&s->film, s->name, bytes->data, bytes->nbytes, 1,
-                        &s->error) && prepare(s) &&
+                        &s->error) &&
+         saga_cli_picture_view(&s->view, &s->number, &s->film,
+                               &s->o->picture, &s->error) &&
          saga_verify_file(&s->result, s->name, bytes->data, bytes->nbytes,
                           &s->view, &s->error);
     saga_meter_end(&meter);
@@ -229,7 +210,7 @@ static int verify(session *s, const saga_bytes *bytes)
 
 static int run(int argc, char **argv)
 {
-    options o = { .frame = { 0, 1 } };
+    options o = { .picture.frame = { 0, 1 } };
     session s = { .o = &o };
     saga_bytes bytes;
     int status = saga_cli_parse(&saga_command_verify, &o, &s.name, argc, argv);
@@ -244,14 +225,7 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--camera", "N", "camera N of the file's rig (default 0); `saga info` "
-      "lists\nthem", saga_cli_int, offsetof(options, camera), 0, 65535 },
-    { "--frame", "N[/D]", "when, in frames: 15/2 is half-way from 7 to 8 "
-      "(default 0)", saga_cli_fraction, offsetof(options, frame), 0,
-      INT32_MAX },
-    { "--size", "WxH", "size of the picture (default: the camera's); all that "
-      "the\ncamera sees stays in it", saga_cli_size, offsetof(options, size),
-      1, SAGA_MAX_SIDE },
+    SAGA_CLI_PICTURE(options, picture),
     { "--json", NULL, "the same as JSON", saga_cli_flag,
       offsetof(options, json), 0, 0 }
 };

@@ -6,7 +6,6 @@
 #include "fx.h"
 #include "look_up.h"
 #include "range_enc.h"
-#include "saga.h"
 #include "scaffold.h"
 #include "syntax.h"
 
@@ -51,6 +50,8 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
     case SAGA_SYM_NET_ROW_SHIFT:
         return at.column ? layer_of(e, at)->shift[at.row] & 7u
                          : layer_of(e, at)->shift[at.row] >> 3;
+    case SAGA_SYM_NET_FINER:
+        return layer_of(e, at)->finer ? layer_of(e, at)->finer[at.row] : 0;
     default:
         return saga_look_up(e->s, at, n_sym);
     }
@@ -237,10 +238,13 @@ static bool begin(saga_encoder *e, const saga_header *header,
                   const saga_rig_camera *rig, saga_error *error)
 {
     e->header = *header;
+    e->header.model.tools &= ~(uint32_t)SAGA_TOOL_BASE;
+    e->header.base = (saga_counts){ 0, 0, 0 };
+    e->header.base_nbytes = 0;
     e->header.n_segments = 0;
     e->header.n_frames = 0;
     memset(&e->header.max, 0, sizeof e->header.max);
-    saga_nets_layout(&e->nets, &header->model);
+    saga_nets_layout(&e->nets, &e->header.model);
     e->rig = saga_alloc(header->n_cameras, sizeof *rig, out_of_what, error);
     e->params = saga_aligned_alloc(16, e->nets.nbytes, out_of_what, error);
     if (!e->rig || !e->params)
@@ -271,6 +275,42 @@ saga_encoder *saga_encoder_open(const saga_header *header,
         return NULL;
     }
     return e;
+}
+
+/* Names of a rig mostly begin alike: each says how many bytes it shares with
+ * the one before. */
+static size_t write_name(uint8_t *p, const char *before, const char *name)
+{
+    size_t shared = 0, more;
+
+    while (name[shared] && name[shared] == before[shared])
+        shared++;
+    more = strlen(name) - shared;
+    p[0] = (uint8_t)shared;
+    p[1] = (uint8_t)more;
+    memcpy(p + 2, name + shared, more);
+    return 2 + more;
+}
+
+bool saga_encoder_names(saga_encoder *e, const saga_naming *names,
+                        saga_error *error)
+{
+    const size_t most = SAGA_CHUNK_NBYTES + 8 +
+                        e->header.n_cameras * (size_t)(SAGA_MAX_NAME + 2);
+    uint8_t *p;
+    size_t n = 8, i;
+
+    e->names.n = 0;
+    p = reserve(&e->names, most, error);
+    if (!p)
+        return false;
+    p += SAGA_CHUNK_NBYTES;
+    fx_store32_le(p, (uint32_t)names->metre_mantissa);
+    fx_store32_le(p + 4, (uint32_t)names->metre_exponent);
+    for (i = 0; i < e->header.n_cameras; i++)
+        n += write_name(p + n, i ? names[i - 1].name : "", names[i].name);
+    end_chunk(&e->names, SAGA_CHUNK_NAMES, n);
+    return true;
 }
 
 const uint8_t *saga_encoder_params(const saga_encoder *e,
@@ -353,16 +393,16 @@ static size_t layer_bound(const saga_encoder *e, const saga_symbols *s,
            2 * (size_t)s->n.coarse;
 }
 
-static bool encode_layer(saga_encoder *e, const saga_scaffold *sc,
-                         const saga_symbols *s, int layer, saga_error *error)
+/* Appends the layer's chunk, whose payload has *size bytes. */
+static bool encode_layer(saga_encoder *e, saga_buffer *to, size_t *size,
+                         const saga_scaffold *sc, const saga_symbols *s,
+                         int layer, saga_error *error)
 {
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
     };
     const size_t bound = layer_bound(e, s, layer);
-    uint8_t *const p = reserve(&e->segments, SAGA_CHUNK_NBYTES + bound, error);
-    size_t *const size = layer == 0 ? &e->sizes.coarse
-                       : layer == 1 ? &e->sizes.fine : &e->sizes.prim;
+    uint8_t *const p = reserve(to, SAGA_CHUNK_NBYTES + bound, error);
     source src;
     saga_cost cost;
     size_t n = 0;
@@ -379,8 +419,8 @@ static bool encode_layer(saga_encoder *e, const saga_scaffold *sc,
     if (n == 0)
         return saga_fail(error, NULL, remedy,
                          "the symbols do not make a valid segment");
-    end_chunk(&e->segments, type[layer], n);
-    *size += n;
+    end_chunk(to, type[layer], n);
+    *size = n;
     add_bits(e, &cost);
     return true;
 }
@@ -424,18 +464,20 @@ static bool end_segment(saga_encoder *e, uint32_t place, const saga_symbols *s,
     return true;
 }
 
-static bool encode_layers(saga_encoder *e, const saga_symbols *s,
-                          saga_error *error)
+static bool encode_layers(saga_encoder *e, saga_buffer *to, size_t size[3],
+                          const saga_symbols *s, saga_error *error)
 {
     saga_scaffold sc;
-    bool ok = saga_encoder_scaffold(&sc, e, s->n, error);
+    bool ok = symbols_are_clean(s, &e->header.model) ||
+              saga_fail(error, NULL, remedy,
+                        "a symbol has bits that are not coded");
     int layer;
 
-    if (!ok)
+    if (!ok || !saga_encoder_scaffold(&sc, e, s->n, error))
         return false;
     saga_syntax_begin(&sc);
     for (layer = 0; layer < 3 && ok; layer++)
-        ok = encode_layer(e, &sc, s, layer, error);
+        ok = encode_layer(e, to, &size[layer], &sc, s, layer, error);
     saga_scaffold_free(&sc);
     return ok;
 }
@@ -447,21 +489,42 @@ bool saga_encoder_insert(saga_encoder *e, uint32_t place,
     const size_t begin = e->segments.n;
     const saga_encode_sizes sizes = e->sizes;
     saga_index_entry entry = { begin, 0, n_frames };
+    size_t size[3];
 
     if (n_frames == 0)
         return saga_fail(error, NULL, remedy,
                          "a segment needs at least one frame");
-    if (!symbols_are_clean(s, &e->header.model))
-        return saga_fail(error, NULL, remedy,
-                         "a symbol has bits that are not coded");
-    if (begin_segment(e, s, n_frames, error) && encode_layers(e, s, error)) {
+    if (begin_segment(e, s, n_frames, error) &&
+        encode_layers(e, &e->segments, size, s, error)) {
         entry.nbytes = (uint32_t)(e->segments.n - begin);
+        e->sizes.coarse += size[0];
+        e->sizes.fine += size[1];
+        e->sizes.prim += size[2];
         if (end_segment(e, place, s, entry, error))
             return true;
     }
     e->segments.n = begin;
     e->sizes = sizes;
     return false;
+}
+
+bool saga_encoder_base(saga_encoder *e, const saga_symbols *s,
+                       saga_error *error)
+{
+    const saga_encode_sizes sizes = e->sizes;
+    saga_header *const h = &e->header;
+    size_t size[3];
+
+    if (!encode_layers(e, &e->base, size, s, error)) {
+        e->base.n = 0;
+        e->sizes = sizes;
+        return false;
+    }
+    h->model.tools |= SAGA_TOOL_BASE;
+    h->base = s->n;
+    h->base_nbytes = (uint32_t)e->base.n;
+    e->sizes.base = size[0] + size[1] + size[2];
+    return true;
 }
 
 bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
@@ -482,7 +545,7 @@ static bool write_header(saga_encoder *e, saga_buffer *out, saga_error *error)
         return false;
     memcpy(io.out, saga_magic, SAGA_MAGIC_NBYTES);
     saga_header_io(&io, h);
-    saga_bank_io(&io, &h->model);
+    saga_tools_io(&io, h);
     for (i = 0; i < h->n_cameras; i++)
         saga_camera_io(&io, &e->rig[i]);
     out->n += h->header_nbytes;
@@ -493,7 +556,7 @@ static bool write_index(saga_encoder *e, saga_buffer *out, saga_error *error)
 {
     const uint32_t nbytes = e->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
     uint64_t offset = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
-                      e->header.nets_nbytes;
+                      e->header.nets_nbytes + e->base.n + e->names.n;
     saga_io io = { NULL, reserve(out, SAGA_CHUNK_NBYTES + nbytes, error),
                    SAGA_CHUNK_NBYTES };
     uint32_t i;
@@ -552,8 +615,9 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
 
 void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
 {
-    uint32_t owner = saga_crc32c(0, file, header_nbytes - 4);
+    uint32_t owner = saga_crc32c(0, file, header_nbytes - 4), nets = owner;
     size_t at = header_nbytes;
+    bool in_head = true;
 
     fx_store32_le(file + header_nbytes - 4, owner);
     while (at < n) {
@@ -562,9 +626,14 @@ void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
         saga_chunk chunk;
 
         saga_chunk_io(&in, &chunk);
-        chunk.crc = saga_chunk_crc(owner, &chunk, p + SAGA_CHUNK_NBYTES);
+        chunk.crc = saga_chunk_crc(chunk.type == SAGA_CHUNK_NAMES ? nets
+                                   : owner, &chunk, p + SAGA_CHUNK_NBYTES);
         saga_chunk_io(&out, &chunk);
         if (chunk.type == SAGA_CHUNK_NETS)
+            nets = chunk.crc;
+        in_head = in_head && chunk.type != SAGA_CHUNK_NAMES &&
+                  chunk.type != SAGA_CHUNK_SEGMENT;
+        if (in_head && chunk.type != SAGA_CHUNK_INDEX)
             owner = chunk.crc;
         at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     }
@@ -592,6 +661,8 @@ bool saga_encoder_finish(saga_encoder *e, uint8_t **bytes, size_t *n,
         return saga_fail(error, NULL, remedy, "there is no segment");
     ok = write_header(e, &out, error) && write_index(e, &out, error) &&
          append(&out, e->networks.p, e->networks.n, error) &&
+         (!e->base.n || append(&out, e->base.p, e->base.n, error)) &&
+         (!e->names.n || append(&out, e->names.p, e->names.n, error)) &&
          write_segments(e, &out, error);
     if (ok)
         saga_file_sign(out.p, out.n, e->header.header_nbytes);
@@ -614,6 +685,8 @@ void saga_encoder_free(saga_encoder *e)
     free(e->rig);
     free(e->params);
     free(e->networks.p);
+    free(e->base.p);
+    free(e->names.p);
     free(e->segments.p);
     free(e->index);
     free(e);
@@ -624,9 +697,10 @@ void saga_layer_symbols_free(saga_layer_symbols *s)
     free(s->weight);
     free(s->bias);
     free(s->shift);
+    free(s->finer);
     free(s->drop);
     s->weight = s->bias = NULL;
-    s->shift = s->drop = NULL;
+    s->shift = s->finer = s->drop = NULL;
 }
 
 void saga_net_symbols_free(saga_net_symbols *s)

@@ -9,6 +9,7 @@
 #include "container.h"
 #include "cost.h"
 #include "error.h"
+#include "saga.h"
 #include "scaffold.h"
 #include "symbols.h"
 
@@ -22,6 +23,7 @@ typedef struct saga_encoder saga_encoder;
  * kinds spent, rounded up to a byte, and at times a byte more. */
 typedef struct saga_encode_sizes {
     size_t header, index, networks;
+    size_t base;                 /* payloads */
     size_t coarse, fine, prim;   /* payloads of all segments together */
     size_t total;
     double bits[SAGA_N_SYMS];    /* code lengths, all segments together */
@@ -29,14 +31,20 @@ typedef struct saga_encode_sizes {
 } saga_encode_sizes;
 
 /* Begins a file. header: all fields but header_nbytes, n_segments, n_frames,
- * max and nets_nbytes, which the encoder fills in; rig: header->n_cameras of
- * them. Everything is copied or used at once. Returns NULL with an error if the
- * model or the networks' symbols are invalid (a row that could overflow, a
- * weight out of range), or without memory. */
+ * max, nets_nbytes and the base's, SAGA_TOOL_BASE among them, which the encoder
+ * fills in; rig: header->n_cameras of them. Everything is copied or used at
+ * once. Returns NULL with an error if the model or the networks' symbols are
+ * invalid (a row that could overflow, a weight out of range), or without
+ * memory. */
 saga_encoder *saga_encoder_open(const saga_header *header,
                                 const saga_rig_camera *rig,
                                 const saga_net_symbols *nets,
                                 saga_error *error);
+
+/* Gives the file a chunk of names: of each camera of its rig, which is not
+ * empty, and the unit of length of the first. */
+bool saga_encoder_names(saga_encoder *e, const saga_naming *names,
+                        saga_error *error);
 
 /* Returns the block of the dequantised networks, and its layout, for whoever
  * runs the traversal before the symbols are known. Both live as long as e. */
@@ -45,6 +53,10 @@ const uint8_t *saga_encoder_params(const saga_encoder *e,
 
 /* Returns the model of the file, which lives as long as e. */
 const saga_model *saga_encoder_model(const saga_encoder *e);
+
+/* Makes the base, at most once. It fails as saga_encoder_segment does. */
+bool saga_encoder_base(saga_encoder *e, const saga_symbols *s,
+                       saga_error *error);
 
 /* Appends a segment of n_frames frames. It fails if the symbols do not make a
  * valid segment, and the file is what it was. */

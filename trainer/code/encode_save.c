@@ -26,7 +26,8 @@ static void walk_buffer(saga_buffer *b, saga_checkpoint *c, saga_error *error)
     uint64_t n = b->n;
 
     saga_checkpoint_walk(c, &n, sizeof n);
-    walk_block(&b->p, (size_t)n, c, error);
+    if (n > 0)
+        walk_block(&b->p, (size_t)n, c, error);
     b->n = b->cap = (size_t)n;
 }
 
@@ -42,6 +43,8 @@ static void walk(saga_encoder *e, saga_checkpoint *c, saga_error *error)
     walk_block(&rig, e->header.n_cameras * sizeof *e->rig, c, error);
     walk_block(&e->params, e->nets.nbytes, c, error);
     walk_buffer(&e->networks, c, error);
+    walk_buffer(&e->base, c, error);
+    walk_buffer(&e->names, c, error);
     walk_buffer(&e->segments, c, error);
     walk_block(&index, e->header.n_segments * sizeof *e->index, c, error);
     e->rig = (saga_rig_camera *)(void *)rig;

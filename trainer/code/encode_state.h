@@ -19,6 +19,8 @@ struct saga_encoder {
     saga_nets nets;
     uint8_t *params;             /* dequantised networks */
     saga_buffer networks;        /* chunk, as it will stand in the file */
+    saga_buffer base;            /* its chunks; empty: none */
+    saga_buffer names;           /* chunk; empty: the file has none */
     saga_buffer segments;        /* theirs, in the order they were made in */
     saga_index_entry *index;     /* in order of time, offsets into segments */
     saga_encode_sizes sizes;

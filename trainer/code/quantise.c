@@ -18,10 +18,17 @@ static const char out_of_what[] = "symbols of the networks";
 
 /* --- Networks ------------------------------------------------------------ */
 
-/* Returns the integer weight of a symbol. */
-static int64_t weight_of(const saga_layer_symbols *s, int32_t q)
+static int finer_of(const saga_layer_values *v, uint32_t k)
 {
-    return fx_rshift64((int64_t)q * s->step_q16, s->step_shift);
+    return k < v->n_finer ? v->finer[k] : 0;
+}
+
+/* Returns the integer weight of a symbol of input k. */
+static int64_t weight_of(const saga_layer_symbols *s,
+                         const saga_layer_values *v, int32_t q, uint32_t k)
+{
+    return fx_rshift64((int64_t)q * s->step_q16,
+                       s->step_shift + finer_of(v, k));
 }
 
 /* Writes the symbols of a row whose weights have the scale 2^e; 1 if it is
@@ -43,12 +50,15 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
     out->bias[row] = (int32_t)bias;
     for (k = 0; k < v->n_in; k++) {
         const double q = floor((double)v->weight[at + k] / step + 0.5);
+        int64_t w;
 
-        if (fabs(q) > SAGA_MAX_RESIDUAL ||
-            llabs(weight_of(out, (int32_t)q)) > limit)
+        if (fabs(q) > SAGA_MAX_RESIDUAL)
+            return 0;
+        w = llabs(weight_of(out, v, (int32_t)q, k));
+        if (w > limit)
             return 0;
         out->weight[at + k] = (int32_t)q;
-        sum += llabs(weight_of(out, (int32_t)q));
+        sum += w;
     }
     return saga_mlp_row_is_valid(sum, (int64_t)bias *
                                  ((int64_t)1 << out->bias_shift),
@@ -335,7 +345,8 @@ void saga_dequantise_layer(float *weight, float *bias,
 
         for (k = 0; k < v->n_in; k++)
             weight[at + k] = (float)ldexp(
-                (double)weight_of(s, s->weight[at + k]), -e);
+                (double)weight_of(s, v, s->weight[at + k], k),
+                finer_of(v, k) - e);
         bias[row] = (float)ldexp(s->bias[row], s->bias_shift - e - v->q_in);
     }
 }

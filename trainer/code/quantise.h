@@ -17,24 +17,28 @@
 /* --- Networks ------------------------------------------------------------ */
 
 /* A layer is given in reals: weights (n_out, n_in), biases (n_out), and for
- * each row the Q of what it gives. The Q of its input is q_in. */
+ * each row the Q of what it gives, `finer` included. The Q of its input is
+ * q_in, of the first n_finer inputs finer by these bits. */
 typedef struct saga_layer_values {
     const float *weight, *bias;
     uint32_t n_in, n_out;
     int q_in;
     const uint8_t *q_out;        /* (n_out) */
+    const uint8_t *finer;        /* (n_finer) */
+    uint32_t n_finer;
     float step, bias_step;       /* wanted, real: of weights; of biases, a
                                   * power of two */
     int int8;
 } saga_layer_values;
 
 /* Fills the symbols of a layer, whose arrays it allocates (also where it fails:
- * saga_net_symbols_free). Weights and biases are rounded to multiples of their
- * steps. Integer weights are made as large as every row's headroom allows, so
- * that the multiples are met to a small part of the step. Where a row is so
- * large, or its q_out so low, that a step would become less than 1 LSB of it,
- * that row's steps double until it is valid. One scale for all weights, for
- * each row or for each column: what is least bits, scales included. */
+ * saga_net_symbols_free); `finer` is the caller's to fill. Weights and biases
+ * are rounded to multiples of their steps. Integer weights are made as large as
+ * every row's headroom allows, so that the multiples are met to a small part of
+ * the step. Where a row is so large, or its q_out so low, that a step would
+ * become less than 1 LSB of it, that row's steps double until it is valid. One
+ * scale for all weights, for each row or for each column: what is least bits,
+ * scales included. */
 bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
                          saga_error *error);
 

@@ -60,6 +60,17 @@ static uint32_t layer_crc(uint32_t crc, const saga_layer_symbols *l,
     return crc_u8s(crc, l->shift, n_out);
 }
 
+/* Formats of n rows. */
+static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l,
+                          uint32_t n)
+{
+    uint32_t i;
+
+    for (i = 0; i < n; i++)
+        crc = crc_u32(crc, l->finer ? l->finer[i] : 0);
+    return crc;
+}
+
 static uint32_t segment_crc(uint32_t crc, const saga_symbols *s,
                             uint32_t features)
 {
@@ -83,17 +94,22 @@ static uint32_t segment_crc(uint32_t crc, const saga_symbols *s,
 }
 
 uint32_t saga_symbols_crc(const saga_net_symbols *nets,
-                          const saga_nets *shapes, const saga_symbols *s,
-                          uint32_t features)
+                          const saga_nets *shapes, const saga_symbols *base,
+                          const saga_symbols *s, uint32_t features)
 {
     uint32_t crc = 0;
     int net, i;
 
     for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < shapes->shape[net].n_layers; i++)
+        for (i = 0; i < shapes->shape[net].n_layers; i++) {
             crc = layer_crc(crc, &nets->layer[net][i],
                             shapes->shape[net].dim[i],
                             shapes->shape[net].dim[i + 1]);
+            crc = finer_crc(crc, &nets->layer[net][i],
+                            saga_nets_n_finer(shapes, net, i));
+        }
+    if (base)
+        crc = segment_crc(crc, base, features);
     return segment_crc(crc, s, features);
 }
 

@@ -19,7 +19,7 @@
 #include <stdint.h>
 
 typedef struct saga_stages {
-    uint32_t symbols;            /* the networks', then the segment's */
+    uint32_t symbols;            /* the networks', base's, segment's */
     uint32_t final_range[3];
     uint32_t primitives;         /* all of them at the time */
     uint32_t splats;             /* in drawing order */
@@ -27,10 +27,11 @@ typedef struct saga_stages {
 } saga_stages;
 
 /* Returns the CRC of the symbols: every integer as 4 bytes, little-endian, in
- * the order of symbols.h; the networks' layers in the order of the stream. */
+ * the order of symbols.h: the networks' layers in the order of the stream, the
+ * base (NULL: none), the segment. */
 uint32_t saga_symbols_crc(const saga_net_symbols *nets,
-                          const saga_nets *shapes, const saga_symbols *s,
-                          uint32_t features);
+                          const saga_nets *shapes, const saga_symbols *base,
+                          const saga_symbols *s, uint32_t features);
 
 /* Runs all stages but the symbols, from the bytes of a file, through saga.h
  * alone: segment `number` (found through its first frame), time t, rig camera.

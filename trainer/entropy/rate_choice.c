@@ -196,7 +196,8 @@ static bool begin_search(search *f)
             return false;
         saga_rate_code(bits, f->r, &y, kind);
         saga_rate_all(f->r, &y, kind);
-        for (j = 0; j < dim; j++) {
+        /* Where a kind has no blocks, the means are 0. */
+        for (j = 0; k->n_blocks && j < dim; j++) {
             double sum = 0;
 
             for (i = 0; i < k->n_blocks; i++)

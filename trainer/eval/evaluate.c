@@ -399,14 +399,32 @@ static bool score_pair(saga_score *score, const saga_picture_pair *pair,
                                             c->error);
 }
 
+/* Makes the means of squares those of the pixels that count, a part of all; the
+ * others are right. */
+static void count_alone(saga_score *s, double counting)
+{
+    const double gain = 10 * log10(counting);
+
+    if (!(counting > 0.0 && counting < 1.0))
+        return;
+    s->mse /= counting;
+    s->psnr += gain;
+    s->psnr_of_mean += gain;
+    s->psnr_y += gain;
+    s->psnr_u += gain;
+    s->psnr_v += gain;
+    s->psnr_yuv += gain;
+}
+
 static bool make_picture(const comparison *c, int view, int frame)
 {
     const saga_eval_maker *const m = c->maker;
 
     if (m->film)
-        return saga_film_draw(m->film, &c->eval->view[view].camera,
-                              (uint32_t)(c->eval->first_frame + frame), 1,
-                              c->rgb, c->error);
+        return saga_film_draw_late(m->film, &c->eval->view[view].camera,
+                                   (uint32_t)(c->eval->first_frame + frame),
+                                   c->capture->views[view].late, c->rgb,
+                                   c->error);
     memcpy(c->rgb, saga_capture_frame(m->pictures, view, frame),
            saga_view_frame_nbytes(&m->pictures->views[view]));
     return true;
@@ -420,11 +438,20 @@ static bool compare_one(const comparison *c, int view, int frame)
         v->height, c->n_threads
     };
     saga_score score;
+    double counting;
 
     if (!saga_capture_has(c->capture, view, frame))
         return true;
-    if (!make_picture(c, view, frame) || !score_pair(&score, &pair, c))
+    if (!make_picture(c, view, frame))
         return false;
+    counting = saga_capture_forgive(c->capture, view, frame, c->rgb);
+    if (counting == 0.0) { /* nothing to judge */
+        compare_time(c, view, frame);
+        return true;
+    }
+    if (!score_pair(&score, &pair, c))
+        return false;
+    count_alone(&score, counting);
     saga_score_add(&c->sum[view], &score);
     compare_change(c, view, frame);
     compare_time(c, view, frame);

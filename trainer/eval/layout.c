@@ -96,8 +96,46 @@ static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
     return true;
 }
 
+/* Takes the chunk of names at byte `at`, if there is one. */
+static bool take_names(walk *w, uint64_t at)
+{
+    saga_chunk c;
+
+    if (at > w->n || w->n - at < 4 ||
+        saga_load_le(w->bytes + at, 4) != SAGA_CHUNK_NAMES)
+        return true;
+    if (!take_chunk(&c, w, SAGA_CHUNK_NAMES, at))
+        return false;
+    w->to->names_nbytes = c.nbytes;
+    return true;
+}
+
+static const uint32_t part_type[SAGA_N_PARTS] = {
+    SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
+};
+
+static bool take_base(walk *w, const saga_header *h, uint64_t at)
+{
+    const uint64_t end = at + h->base_nbytes;
+
+    for (int i = SAGA_PART_COARSE; i < SAGA_N_PARTS; i++) {
+        saga_chunk c;
+
+        if (!take_chunk(&c, w, part_type[i], at))
+            return false;
+        w->to->base_nbytes[i] = c.nbytes;
+        w->owner = c.crc;
+        at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
+    }
+    return at == end ||
+           damaged(w, SAGA_CHUNK_PRIM, end, "the header gives another length "
+                   "of the base than its chunks have");
+}
+
 static bool take_head(walk *w, const saga_header *h)
 {
+    uint64_t at;
+
     saga_layout *const to = w->to;
     saga_chunk c;
 
@@ -108,12 +146,15 @@ static bool take_head(walk *w, const saga_header *h)
     if (c.nbytes / SAGA_INDEX_ENTRY_NBYTES != h->n_segments)
         return damaged(w, SAGA_CHUNK_INDEX, h->header_nbytes,
                        "it has not one entry per segment");
-    if (!take_chunk(&c, w, SAGA_CHUNK_NETS, (uint64_t)h->header_nbytes +
-                    SAGA_CHUNK_NBYTES + c.nbytes))
+    at = (uint64_t)h->header_nbytes + SAGA_CHUNK_NBYTES + c.nbytes;
+    if (!take_chunk(&c, w, SAGA_CHUNK_NETS, at))
         return false;
     to->nets_nbytes = c.nbytes;
     w->owner = c.crc;
-    return true;
+    at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
+    /* Names lie behind the base, but their CRC goes on from the networks'. */
+    return take_names(w, at + h->base_nbytes) &&
+           (!(h->model.tools & SAGA_TOOL_BASE) || take_base(w, h, at));
 }
 
 static bool take_header(walk *w, saga_layout_segment *s, uint64_t at)
@@ -133,16 +174,12 @@ static bool take_header(walk *w, saga_layout_segment *s, uint64_t at)
 
 static bool take_segment(walk *w, saga_layout_segment *s)
 {
-    static const uint32_t type[SAGA_N_PARTS] = {
-        SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
-        SAGA_CHUNK_PRIM
-    };
     uint64_t at = s->offset;
 
     for (int i = 0; i < SAGA_N_PARTS; i++) {
         saga_chunk c;
 
-        if (!take_chunk(&c, w, type[i], at))
+        if (!take_chunk(&c, w, part_type[i], at))
             return false;
         s->payload_nbytes[i] = c.nbytes;
         if (i == SAGA_PART_SEGMENT && !take_header(w, s, at))
@@ -181,10 +218,10 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
 static void count_other(saga_layout *to)
 {
     uint64_t known = (uint64_t)to->header_nbytes + to->index_nbytes +
-                     to->nets_nbytes + to->framing_nbytes;
+                     to->nets_nbytes + to->names_nbytes + to->framing_nbytes;
 
     for (int p = 0; p < SAGA_N_PARTS; p++)
-        known += to->part_nbytes[p];
+        known += to->part_nbytes[p] + to->base_nbytes[p];
     to->other_nbytes = to->file_nbytes > known ? to->file_nbytes - known : 0;
 }
 
@@ -232,6 +269,7 @@ bool saga_layout_read(saga_layout *layout, const char *name,
     if (n < SAGA_HEADER_NBYTES)
         return saga_fail(error, name, "copy the file again", "has no header");
     saga_header_io(&io, &h);
+    saga_tools_io(&io, &h);
     if (h.header_nbytes >= SAGA_HEADER_NBYTES && h.header_nbytes <= n)
         w.owner = (uint32_t)saga_load_le(bytes + h.header_nbytes - 4, 4);
     return read_all(&w, &h, name, error);

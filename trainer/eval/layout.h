@@ -34,8 +34,9 @@ typedef struct saga_layout_segment {
 
 typedef struct saga_layout {
     uint64_t file_nbytes;
-    uint32_t header_nbytes, index_nbytes, nets_nbytes; /* index, networks:
-                              * payloads */
+    uint32_t header_nbytes, index_nbytes, nets_nbytes, names_nbytes; /* but
+                              * for the header's: payloads */
+    uint32_t base_nbytes[SAGA_N_PARTS]; /* payloads of the base; 0: none */
     uint64_t part_nbytes[SAGA_N_PARTS]; /* payloads of all segments */
     uint64_t framing_nbytes; /* chunk headers */
     uint64_t other_nbytes;   /* in no chunk that was found */
@@ -48,7 +49,7 @@ typedef struct saga_layout {
 } saga_layout;
 
 /* Looks at all bytes[0..n) of the file `name`, whose header saga_probe accepts.
- * False if the head (index, networks) is damaged, or there is no memory:
+ * False if the head (index, networks, base) is damaged, or there is no memory:
  * *layout is empty then. A damaged segment is marked, and its sizes are 0, but
  * the others are told. */
 bool saga_layout_read(saga_layout *layout, const char *name,

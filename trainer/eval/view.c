@@ -118,6 +118,13 @@ bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,
     return s == SAGA_OK || refuse(film, "its rig is refused", s, error);
 }
 
+void saga_film_naming(const saga_film *film, uint32_t index,
+                      saga_naming *naming)
+{
+    if (saga_name_camera(naming, film->bytes, film->nbytes, index))
+        *naming = (saga_naming){ .name = "" };
+}
+
 /* --- Drawing ------------------------------------------------------------- */
 
 static bool decode(saga_film *film, const saga_segment *seg,
@@ -258,4 +265,15 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
     film->times.draw += seconds() - drawn;
     film->times.n_views++;
     return ok;
+}
+
+bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
+                         uint32_t frame, double late, uint8_t *rgb,
+                         saga_error *error)
+{
+    /* As fine as a segment's time, where 32 bits hold it. */
+    const uint32_t den = late > 0.0 && frame < 65535 ? 65536 : 1;
+
+    return saga_film_draw(film, camera, frame * den +
+                          (uint32_t)lrint(late * (den - 1)), den, rgb, error);
 }

@@ -53,6 +53,16 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                     uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
                     saga_error *error);
 
+/* Does the same at a frame and a part of one, 0 to 1, later. */
+bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
+                         uint32_t frame, double late, uint8_t *rgb,
+                         saga_error *error);
+
+/* Sets what the file calls camera `index` of its rig, and its unit of length; a
+ * file without names, or with damaged ones, has "" and an unknown unit. */
+void saga_film_naming(const saga_film *film, uint32_t index,
+                      saga_naming *naming);
+
 /* Gives camera `index` of the file's rig, and the number the capture gave it.
  */
 bool saga_film_rig(const saga_film *film, uint32_t index, saga_camera *camera,

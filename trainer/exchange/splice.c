@@ -38,7 +38,7 @@ static bool read_header(piece *p, saga_error *error)
         return saga_fail(error, part->name, "give a whole .saga file",
                          "its header is refused: %s", saga_status_text(s));
     saga_header_io(&io, &p->header);
-    saga_bank_io(&io, &p->header.model);
+    saga_tools_io(&io, &p->header);
     return true;
 }
 
@@ -102,22 +102,41 @@ static const uint8_t *networks_of(const piece *p)
            2 * SAGA_CHUNK_NBYTES + p->layout.index_nbytes;
 }
 
+typedef struct {
+    const uint8_t *bytes;
+    size_t n;
+} span;
+
+/* Finds the chunk of names behind networks and base; empty where there is none.
+ */
+static span names_of(const piece *p)
+{
+    const uint32_t n = p->layout.names_nbytes;
+
+    return (span){ networks_of(p) + p->layout.nets_nbytes +
+                   p->header.base_nbytes, n ? SAGA_CHUNK_NBYTES + n : 0 };
+}
+
+enum {
+    MODEL_NBYTES = SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES + SAGA_BASE_NBYTES
+};
+
 /* Writes the model's fields of a header and nothing else that may differ. */
-static void model_bytes(uint8_t bytes[SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES],
+static void model_bytes(uint8_t bytes[MODEL_NBYTES],
                         const saga_header *from)
 {
     saga_io io = { NULL, bytes, 0 };
     saga_header h = { .level = from->level, .model = from->model,
                       .cuttable = from->cuttable };
 
-    memset(bytes, 0, SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES);
+    memset(bytes, 0, MODEL_NBYTES);
     saga_header_io(&io, &h);
-    saga_bank_io(&io, &h.model);
+    saga_tools_io(&io, &h);
 }
 
 static bool same_model(const saga_header *a, const saga_header *b)
 {
-    uint8_t of_a[SAGA_HEADER_NBYTES + SAGA_BANK_NBYTES];
+    uint8_t of_a[MODEL_NBYTES];
     uint8_t of_b[sizeof of_a];
 
     model_bytes(of_a, a);
@@ -149,6 +168,25 @@ static bool same_networks(const piece *a, const piece *b)
            memcmp(networks_of(a), networks_of(b), a->layout.nets_nbytes) == 0;
 }
 
+/* Compares payloads: chunks' CRCs go on from those of the headers. */
+static bool same_base(const piece *a, const piece *b)
+{
+    const uint8_t *x = networks_of(a) + a->layout.nets_nbytes;
+    const uint8_t *y = networks_of(b) + b->layout.nets_nbytes;
+    bool same = memcmp(&a->header.base, &b->header.base,
+                       sizeof a->header.base) == 0;
+
+    for (int i = SAGA_PART_COARSE; i < SAGA_N_PARTS && same; i++) {
+        const uint32_t n = a->layout.base_nbytes[i];
+
+        same = n == b->layout.base_nbytes[i] &&
+               memcmp(x + SAGA_CHUNK_NBYTES, y + SAGA_CHUNK_NBYTES, n) == 0;
+        x += SAGA_CHUNK_NBYTES + n;
+        y += SAGA_CHUNK_NBYTES + n;
+    }
+    return same;
+}
+
 static bool check_same(const piece *a, const piece *b, saga_error *error)
 {
     const saga_header *const h = &a->header, *const g = &b->header;
@@ -157,7 +195,9 @@ static bool check_same(const piece *a, const piece *b, saga_error *error)
         : !same_cube(h, g) ? "cube (place or size of the scene)"
         : !same_model(h, g) ? "model (level, tools, widths or formats)"
         : !same_rig(a, b) ? "rig (the cameras)"
-        : !same_networks(a, b) ? "networks" : NULL;
+        : !same_networks(a, b) ? "networks"
+        : (h->model.tools & SAGA_TOOL_BASE) && !same_base(a, b) ? "base"
+        : NULL;
 
     return !what || saga_fail(error, b->part->name, "join files that were cut "
                               "from one encoding", "its %s is not what %s has",
@@ -223,7 +263,7 @@ static void write_index(splice *s, const piece *p, int n_pieces)
 {
     const uint32_t nbytes = s->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
     uint64_t at = s->at + 2u * SAGA_CHUNK_NBYTES + nbytes +
-                  s->header.nets_nbytes;
+                  s->header.nets_nbytes + s->header.base_nbytes + names_of(p).n;
 
     write_chunk_head(s, SAGA_CHUNK_INDEX, nbytes);
     for (int k = 0; k < n_pieces; k++)
@@ -256,7 +296,9 @@ static void write_all(splice *s, const piece *p, int n_pieces)
     write_header(s, p);
     write_index(s, p, n_pieces);
     write_chunk_head(s, SAGA_CHUNK_NETS, s->header.nets_nbytes);
-    write_bytes(s, networks_of(p), s->header.nets_nbytes);
+    write_bytes(s, networks_of(p), s->header.nets_nbytes +
+                                   s->header.base_nbytes);
+    write_bytes(s, names_of(p).bytes, names_of(p).n);
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++)
             write_segment(s, &p[k], i);
@@ -289,6 +331,7 @@ static bool splice_pieces(splice *s, const piece *p, int n_pieces,
         if (!check_same(p, &p[k], error) || !count(h, &nbytes, &p[k], error))
             return false;
     nbytes += h->header_nbytes + 2u * SAGA_CHUNK_NBYTES + h->nets_nbytes +
+              h->base_nbytes + names_of(p).n +
               (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
     s->bytes = saga_alloc(nbytes, 1, "the file to be written", error);
     if (!s->bytes)

@@ -34,6 +34,7 @@ void saga_capture_free(saga_capture *capture)
             free(view->depth[k]);
         free(view->depth);
         free(view->missing);
+        free(view->mask);
         free(view->rgb);
     }
     free(capture->views);
@@ -89,13 +90,21 @@ typedef struct load_job {
     int n_done, n_items;
 } load_job;
 
+static bool has_masks(const load_job *job, const saga_source *s)
+{
+    bool any = job->options->alpha_masks && s->pictures;
+    for (int k = 0; s->masks && !any && k < job->capture->n_frames; k++)
+        any = s->masks[job->capture->first_frame + k] != NULL;
+    return any;
+}
+
 static double picture_nbytes(const load_job *job, int v, double scale)
 {
     const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
     const double px =
         floor(m->full_width / scale) * floor(m->full_height / scale);
-    double n = 3.0 * px * job->capture->n_frames;
+    double n = (has_masks(job, s) ? 4.0 : 3.0) * px * job->capture->n_frames;
     for (int k = 0; s->depths && job->options->want_depth &&
                     k < job->capture->n_frames; k++)
         if (s->depths[job->capture->first_frame + k])
@@ -251,6 +260,48 @@ static void load_picture(load_job *job, int v, int k, const saga_remap *remap)
     item_done(job, v * job->capture->n_frames + k, ok, &error);
 }
 
+/* What is nearly white counts, after lens and scale: nothing of a mask's border
+ * is in it. */
+static void take_mask(uint8_t *mask, const uint8_t *rgb, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        mask[i] = rgb[3 * i] >= 250;
+}
+
+static void load_mask(load_job *job, int v, int k, const saga_remap *remap)
+{
+    const saga_source *const s = &job->listing->sources[v];
+    const saga_shot *const view = &job->capture->views[v];
+    const int at = job->capture->first_frame + k;
+    const size_t n = (size_t)view->width * (size_t)view->height;
+    const char *const path = s->masks && s->masks[at] ? s->masks[at]
+                             : s->pictures            ? s->pictures[at]
+                                                      : NULL;
+    saga_error error = { "" };
+    if (!path) {
+        memset(view->mask + n * (size_t)k, 1, n);
+        item_done(job, v * job->capture->n_frames + k, true, &error);
+        return;
+    }
+    uint8_t *const buffer =
+        saga_alloc((size_t)s->width * (size_t)s->height, 3, path, &error);
+    uint8_t *const small = saga_alloc(n, 3, path, &error);
+    const bool ok = buffer && small &&
+                    (s->masks && path == s->masks[at]
+                         ? saga_picture_read
+                         : saga_picture_read_alpha)(path, s->width, s->height,
+                                                    buffer, &error);
+    for (size_t i = 0; ok && i < (size_t)s->width * (size_t)s->height; i++)
+        memset(buffer + 3 * i, buffer[3 * i] >= 128 ? 255 : 0, 3);
+    if (ok) {
+        saga_remap_rgb(remap, buffer, small);
+        take_mask(view->mask + n * (size_t)k, small, n);
+    }
+    free(small);
+    free(buffer);
+    item_done(job, v * job->capture->n_frames + k, ok, &error);
+}
+
 static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
 {
     const saga_source *const s = &job->listing->sources[v];
@@ -267,8 +318,10 @@ static void load_depth(load_job *job, int v, int k, const saga_remap *remap)
     item_done(job, v * job->capture->n_frames + k, ok, &error);
 }
 
-/* Loads all still pictures, or all depths, of one view. */
-static void load_view(load_job *job, int v, bool depth)
+typedef enum load_what { PICTURES, MASKS, DEPTHS } load_what;
+
+/* Loads all still pictures, masks or depths of one view. */
+static void load_view(load_job *job, int v, load_what what)
 {
     const saga_source *const s = &job->listing->sources[v];
     const int n = job->capture->n_frames;
@@ -282,9 +335,11 @@ static void load_view(load_job *job, int v, bool depth)
     for (int k = 0; k < n; k++) {
         if (item_skipped(job, v * n + k))
             continue;
-        if (!depth && !saga_capture_has(job->capture, v, k))
+        if (what == MASKS)
+            load_mask(job, v, k, &remap);
+        else if (what == PICTURES && !saga_capture_has(job->capture, v, k))
             item_done(job, v * n + k, true, &error);
-        else if (!depth)
+        else if (what == PICTURES)
             load_picture(job, v, k, &remap);
         else if (job->capture->views[v].depth[k])
             load_depth(job, v, k, &remap);
@@ -304,6 +359,52 @@ static void fill_missing(load_job *job, int v)
                    saga_view_frame_nbytes(&c->views[v]));
 }
 
+/* A pixel that does not count looks as in the nearest frame in which it does;
+ * black where there is none. The time of both passes is linear. */
+static void fill_masked(load_job *job, int v)
+{
+    const saga_shot *const view = &job->capture->views[v];
+    const int n = (int)((size_t)view->width * (size_t)view->height);
+    const int n_frames = job->capture->n_frames;
+    const size_t size = saga_view_frame_nbytes(view);
+    int i;
+#pragma omp parallel for schedule(static) num_threads(job->n_threads)
+    for (i = 0; i < n; i++) {
+        const uint8_t *const counts = view->mask + i;
+        uint8_t *const rgb = view->rgb + 3 * (size_t)i;
+        for (int k = 0, last = -1, next = -1; k < n_frames; k++) {
+            if (next < k)
+                for (next = k; next < n_frames &&
+                               !counts[(size_t)n * (size_t)next];)
+                    next++;
+            if (next == k)
+                last = k;
+            const int from = last >= 0 && (next == n_frames ||
+                                           k - last <= next - k)
+                                 ? last : next;
+            if (from == n_frames)
+                memset(rgb + size * (size_t)k, 0, 3);
+            else if (from != k)
+                memcpy(rgb + size * (size_t)k, rgb + size * (size_t)from, 3);
+        }
+    }
+}
+
+double saga_capture_forgive(const saga_capture *capture, int view, int frame,
+                            uint8_t *rgb)
+{
+    const uint8_t *const mask = saga_capture_mask(capture, view, frame);
+    const uint8_t *const truth = saga_capture_frame(capture, view, frame);
+    const size_t n = saga_view_frame_nbytes(&capture->views[view]) / 3;
+    size_t n_counting = 0;
+    for (size_t i = 0; mask && i < n; i++) {
+        n_counting += mask[i];
+        if (!mask[i])
+            memcpy(rgb + 3 * i, truth + 3 * i, 3);
+    }
+    return mask ? (double)n_counting / (double)n : 1.0;
+}
+
 static bool load_all(load_job *job)
 {
     const int n_views = job->listing->n_sources;
@@ -314,7 +415,7 @@ static bool load_all(load_job *job)
         if (!item_skipped(job, v))
             load_video(job, v);
     for (int v = 0; !videos && v < n_views; v++)
-        load_view(job, v, false);
+        load_view(job, v, PICTURES);
     if (job->first_failed != INT32_MAX)
         return false;
     for (int v = 0; v < n_views; v++)
@@ -322,8 +423,17 @@ static bool load_all(load_job *job)
     job->n_done = 0;
     job->n_items = n_views * job->capture->n_frames;
     for (int v = 0; v < n_views; v++)
+        if (job->capture->views[v].mask)
+            load_view(job, v, MASKS);
+    if (job->first_failed != INT32_MAX)
+        return false;
+    for (int v = 0; v < n_views; v++)
+        if (job->capture->views[v].mask)
+            fill_masked(job, v);
+    job->n_done = 0;
+    for (int v = 0; v < n_views; v++)
         if (job->capture->views[v].depth)
-            load_view(job, v, true);
+            load_view(job, v, DEPTHS);
     return job->first_failed == INT32_MAX;
 }
 
@@ -359,6 +469,11 @@ static bool allocate_view(const load_job *job, saga_shot *view,
     view->rgb = saga_alloc(px * 3, n_frames, s->name, job->error);
     if (!view->rgb)
         return false;
+    if (has_masks(job, s)) {
+        view->mask = saga_alloc(px, n_frames, s->name, job->error);
+        if (!view->mask)
+            return false;
+    }
     bool any = false;
     for (size_t k = 0; s->depths && k < n_frames; k++)
         any |= s->depths[(size_t)job->capture->first_frame + k] != NULL;
@@ -385,7 +500,7 @@ static bool make_view(const load_job *job, int v)
     *view = (saga_shot){
         .width = m->width, .height = m->height, .fx = m->fx, .fy = m->fy,
         .cx = m->cx, .cy = m->cy, .near_depth = s->near_depth,
-        .far_depth = s->far_depth, .held_out = s->held_out,
+        .far_depth = s->far_depth, .held_out = s->held_out, .late = s->late,
         .original_width = s->width, .original_height = s->height,
         .focal_scale = m->focal_scale, .n_observations = s->n_observations,
         .reprojection_median = s->reprojection_median,
@@ -508,6 +623,8 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
     capture->fps = listing->fps > 0.0      ? listing->fps
                    : options->fps > 0.0 ? options->fps
                                         : 30.0;
+    capture->metres = options->metres > 0.0 ? options->metres
+                                            : listing->metres;
     return check_fps(capture->fps, listing->path, error) &&
            choose_range(capture, listing, options, error);
 }

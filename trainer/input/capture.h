@@ -11,8 +11,9 @@
  * Pixels: the corner of a picture is (0, 0) and the centre of its first pixel
  * (1/2, 1/2). Pictures are 8-bit RGB rows, display-referred (sRGB-like), no
  * padding. Lenses are gone after loading: every view is a pinhole, every
- * pixel of it valid (remap.h says how its focal length is chosen). Cameras
- * stand still; frame k of every view was taken at the same moment.
+ * pixel of it valid (remap.h says how its focal length is chosen), but where a
+ * mask says that it does not count. Cameras stand still; frame k of every view
+ * was taken at the same moment, but for parts of a frame (late).
  *
  * Memory: all frames stay resident. What that needs is forecast before any
  * picture is decoded, and refused if it exceeds the budget. Nothing is cached
@@ -50,11 +51,14 @@ typedef struct saga_capture_options {
     const char *hold_out;    /* names, comma-separated; "" none; NULL: what the
                               * capture says, for Neu3D cam00 */
     const char *late;        /* "NAME=FRAMES,..": cameras that run so many
-                              * frames behind the others; NULL: none */
+                              * frames, also parts of one, behind the others;
+                              * NULL: none */
     uint64_t memory_nbytes;  /* budget for pictures and depth */
     int n_threads;           /* 0: as many as OpenMP gives */
     double fps;              /* used where the capture does not say; 0: 30 */
+    double metres;           /* in its unit of length; 0: what it says */
     bool want_depth;         /* load depth pictures where there are some */
+    bool alpha_masks;        /* what is transparent in PNGs does not count */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_capture_options;
@@ -67,6 +71,7 @@ typedef struct saga_shot {
     double translation[3];
     double near_depth, far_depth; /* along z; 0, 0 if unknown */
     bool held_out;            /* for evaluation only, never trained on */
+    double late;              /* frame k was taken at k + late: 0 to 1 */
 
     /* Where it came from: for reports. */
     int original_width, original_height;
@@ -80,6 +85,9 @@ typedef struct saga_shot {
                                * nearest frame that has one; NULL: all are
                                * there */
     int n_missing;
+    uint8_t *mask;            /* (n_frames, height, width) 1 where a pixel
+                               * counts, else 0, and rgb is as in the nearest
+                               * frame in which it counts; NULL: all count */
     float **depth;            /* (n_frames) each (height, width) or NULL: z
                                * along the optical axis; NULL if none at all */
 } saga_shot;
@@ -94,6 +102,7 @@ typedef struct saga_capture {
     int n_views, n_frames;
     int first_frame;          /* index in the source of frame 0 here */
     double fps;
+    double metres;            /* in the unit of length; 0: unknown */
     int scale;
     saga_shot *views;         /* (n_views) */
     saga_point *points;       /* (n_points), NULL if none */
@@ -163,6 +172,21 @@ static inline int saga_capture_near(const saga_capture *capture, int view,
     }
     return frame;
 }
+
+/* Returns which pixels of a picture count, NULL: all. */
+static inline const uint8_t *saga_capture_mask(const saga_capture *capture,
+                                               int view, int frame)
+{
+    const saga_shot *const v = &capture->views[view];
+    return v->mask ? v->mask + (size_t)v->width * (size_t)v->height *
+                               (size_t)frame
+                   : NULL;
+}
+
+/* Makes a picture of a view and a frame right where pixels do not count;
+ * returns the part of them that do. */
+double saga_capture_forgive(const saga_capture *capture, int view, int frame,
+                            uint8_t *rgb);
 
 /* Returns a picture's true depth, NULL where there is none. */
 static inline const float *saga_capture_depth(const saga_capture *capture,

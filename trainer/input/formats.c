@@ -240,5 +240,5 @@ bool saga_listing_make(saga_listing *listing, const char *path,
                                                options, error)
                           : list_one(listing, path, options, error));
     saga_finds_free(&folders);
-    return ok;
+    return ok && saga_listing_find_masks(listing, path, error);
 }

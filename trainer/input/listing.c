@@ -21,9 +21,12 @@ static void source_free(saga_source *s, int n_frames)
             free(s->pictures[k]);
         if (s->depths)
             free(s->depths[k]);
+        if (s->masks)
+            free(s->masks[k]);
     }
     free(s->pictures);
     free(s->depths);
+    free(s->masks);
     free(s->video);
 }
 
@@ -190,17 +193,17 @@ bool saga_listing_match_videos(saga_listing *listing,
 /* ---------------------------------------------------------------- late ones */
 
 /* Takes one "NAME=FRAMES" at *text, which moves behind it. */
-static bool take_late(const saga_listing *l, const char **text, int *late,
+static bool take_late(const saga_listing *l, const char **text, double *late,
                       saga_error *error)
 {
     const size_t n = strcspn(*text, "="), all = strcspn(*text, ",");
     char *end;
-    const long frames = n < all ? strtol(*text + n + 1, &end, 10) : 0;
+    const double frames = n < all ? strtod(*text + n + 1, &end) : 0.0;
     int i = 0;
     while (i < l->n_sources && (strlen(l->sources[i].name) != n ||
                                 strncmp(l->sources[i].name, *text, n) != 0))
         i++;
-    if (n >= all || end != *text + all || labs(frames) > SAGA_MAX_FRAMES)
+    if (n >= all || end != *text + all || !(fabs(frames) <= SAGA_MAX_FRAMES))
         return saga_fail(error, l->path, "give NAME=FRAMES, with commas "
                          "between", "--late \"%.60s\" is no camera and number "
                          "of frames", *text);
@@ -211,7 +214,7 @@ static bool take_late(const saga_listing *l, const char **text, int *late,
                          "--late names \"%.*s\", but the cameras are %s",
                          (int)(n < 60 ? n : 60), *text, names);
     }
-    late[i] = (int)frames;
+    late[i] = frames;
     *text += all + ((*text)[all] == ',');
     return true;
 }
@@ -232,25 +235,32 @@ bool saga_listing_late(saga_listing *listing, const char *text,
     saga_listing *const l = listing;
     if (!text || !*text)
         return true;
-    int *const late =
+    double *const late =
         saga_calloc((size_t)l->n_sources, sizeof *late, l->path, error);
-    int least = 0, most = 0;
+    double least = INFINITY;
+    int most = 0;
     bool ok = late != NULL;
     while (ok && *text)
         ok = take_late(l, &text, late, error);
+    for (int i = 0; ok && i < l->n_sources; i++)
+        least = fmin(least, late[i]);
+    /* The first picture that is taken is not before the others' first; a
+     * millionth of a frame is a rounding. */
     for (int i = 0; ok && i < l->n_sources; i++) {
-        least = late[i] < least ? late[i] : least;
-        most = late[i] > most ? late[i] : most;
+        saga_source *const s = &l->sources[i];
+        s->skip = (int)ceil(late[i] - least - 1e-6);
+        s->late = fmax(s->skip - (late[i] - least), 0.0);
+        most = s->skip > most ? s->skip : most;
     }
-    const int n = l->n_frames - (most - least);
+    const int n = l->n_frames - most;
     if (ok && n < 1)
         ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
                        "nothing of %d frames", l->n_frames);
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
-        s->skip = late[i] - least;
         cut_list(s->pictures, s->skip, n, l->n_frames);
         cut_list(s->depths, s->skip, n, l->n_frames);
+        cut_list(s->masks, s->skip, n, l->n_frames);
     }
     if (ok)
         l->n_frames = n;

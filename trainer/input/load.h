@@ -24,8 +24,10 @@ typedef struct saga_source {
     char *video;              /* path; or NULL and */
     char **pictures;          /* (n_frames) paths, NULL where one is missing */
     char **depths;            /* (n_frames) paths or NULL each; or NULL */
+    char **masks;             /* the same */
     saga_video_info info;     /* of the video */
     int skip;                 /* its frames before the capture's first one */
+    double late;              /* and the first that is taken is so late */
 } saga_source;
 
 typedef struct saga_listing {
@@ -34,6 +36,7 @@ typedef struct saga_listing {
     saga_source *sources;     /* (n_sources) */
     int n_sources, n_frames;  /* of the whole capture */
     double fps;               /* 0: unknown */
+    double metres;            /* in its unit of length; 0: unknown */
     saga_point *points;
     size_t n_points;
     char notes[SAGA_NOTES_NBYTES];
@@ -63,6 +66,10 @@ bool saga_probe_video(saga_source *source, saga_listing *listing,
 bool saga_listing_match_videos(saga_listing *listing,
                                const saga_capture_options *options,
                                saga_error *error);
+
+/* Finds the masks of pictures that have none yet, in folders (masks.c). */
+bool saga_listing_find_masks(saga_listing *listing, const char *path,
+                             saga_error *error);
 
 /* Lists the capture at a path, whatever its format (formats.c). */
 bool saga_listing_make(saga_listing *listing, const char *path,

@@ -2,20 +2,23 @@
  *
  * This reads a sequence as MPEG's immersive video (MIV) has it: a JSON file of
  * "cameras", and of each view NAME_texture_WxH_yuv420p10le.yuv (or yuv420p, 8
- * bits). Views are those of "sourceCameraNames"; without it all but "viewport"
- * and "center". Untagged YUV is BT.709, limited range. Depth is not read.
+ * bits), with NAME_depth_WxH_yuv420p16le.yuv or 10le beside it (miv_depth.h).
+ * Views are those of "sourceCameraNames"; without it all but "viewport" and
+ * "center". Untagged YUV is BT.709, limited range.
  *
  * Axes: x forward, y left, z up. "Rotation" is yaw, pitch, roll in degrees,
  * camera to scene by Rz(yaw) Ry(pitch) Rx(roll). The corner of a picture is
  * (0, 0). A perspective view is a pinhole of "Focal" and "Principle_point"; an
  * equirectangular one becomes faces of 90 degrees, side by side over
- * "Hor_range", and where that is the whole circle one up and one down.
+ * "Hor_range", and where that is the whole circle one up and one down. Of an
+ * orthographic view, which no pinhole shows, only the depth is taken.
  */
 #include "alloc.h"
 #include "error.h"
 #include "file.h"
 #include "json_memory.h"
 #include "load.h"
+#include "miv_depth.h"
 #include "notes.h"
 #include "picture.h"
 #include "pose.h"
@@ -37,6 +40,8 @@ typedef struct miv_reader {
     char *path;               /* of the JSON */
     json_t *root;
     double fps;
+    int frame;                /* the first that is wanted */
+    int n_left_out, n_depths;
     saga_error *error;
 } miv_reader;
 
@@ -46,6 +51,8 @@ typedef struct miv_camera {
     const char *name;
     char *video;
     saga_video_info info;
+    char *depth;              /* or NULL */
+    int depth_width, depth_height, depth_bits;
     double matrix[9];         /* camera to scene */
     double centre[3];
 } miv_camera;
@@ -117,24 +124,45 @@ static bool parse_texture(const char *s, saga_video_info *info)
     return info->raw != NULL;
 }
 
-/* Finds the texture of a camera in the folder. */
-static bool find_texture(const miv_reader *r, miv_camera *c)
+/* Does the same for what is behind "_depth_". */
+static bool parse_depth(const char *s, miv_camera *c)
+{
+    char format[24];
+    int used = 0;
+    if (sscanf(s, "%5dx%5d_%23[a-z0-9]%n", &c->depth_width, &c->depth_height,
+               format, &used) != 3 || strcmp(s + used, ".yuv") != 0)
+        return false;
+    c->depth_bits = strcmp(format, "yuv420p16le") == 0   ? 16
+                    : strcmp(format, "yuv420p10le") == 0 ? 10
+                                                         : 0;
+    return c->depth_bits > 0;
+}
+
+/* Finds the texture and the depth of a camera in the folder. */
+static bool find_files(const miv_reader *r, miv_camera *c)
 {
     const size_t n = strlen(c->name);
     DIR *const dir = opendir(r->folder);
+    bool ok = true;
     if (!dir)
         return saga_fail_errno(r->error, r->folder, "check its permissions",
                                "folder cannot be read");
-    for (struct dirent *e; !c->video && (e = readdir(dir)) != NULL;)
-        if (strncmp(e->d_name, c->name, n) == 0 &&
-            strncmp(e->d_name + n, "_texture_", 9) == 0 &&
-            parse_texture(e->d_name + n + 9, &c->info)) {
-            c->video = saga_path_join(r->folder, e->d_name, r->error);
-            if (!c->video)
-                break;
-        }
+    for (struct dirent *e; ok && (e = readdir(dir)) != NULL;) {
+        char **to = NULL;
+        if (strncmp(e->d_name, c->name, n) != 0)
+            continue;
+        if (!c->video && strncmp(e->d_name + n, "_texture_", 9) == 0 &&
+            parse_texture(e->d_name + n + 9, &c->info))
+            to = &c->video;
+        else if (!c->depth && strncmp(e->d_name + n, "_depth_", 7) == 0 &&
+                 parse_depth(e->d_name + n + 7, c))
+            to = &c->depth;
+        if (to)
+            *to = saga_path_join(r->folder, e->d_name, r->error);
+        ok = !to || *to;
+    }
     closedir(dir);
-    return c->video ||
+    return c->video || !ok ? ok :
            saga_fail(r->error, r->folder, "name it NAME_texture_WxH_"
                      "yuv420p10le.yuv or NAME_texture_WxH_yuv420p.yuv",
                      "has no texture of camera %s", c->name);
@@ -210,6 +238,19 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
     return s;
 }
 
+/* Gets "Depth_range", of which the far end may be a word for infinity. */
+static bool get_depth_range(const miv_reader *r, const miv_camera *c,
+                            double range[2])
+{
+    const json_t *const a = json_object_get(c->json, "Depth_range");
+    const json_t *const far = json_array_get(a, 1);
+    range[0] = json_number_value(json_array_get(a, 0));
+    range[1] = json_is_string(far) ? INFINITY : json_number_value(far);
+    return (range[0] > 0.0 && range[1] > range[0]) ||
+           saga_fail(r->error, r->path, "correct the camera", "\"Depth_range"
+                     "\" of camera %s is no range of depths above 0", c->name);
+}
+
 static bool add_perspective(const miv_reader *r, const miv_camera *c)
 {
     static const double axes[3][3] = {{0, -1, 0}, {0, 0, -1}, {1, 0, 0}};
@@ -221,13 +262,13 @@ static bool add_perspective(const miv_reader *r, const miv_camera *c)
     if (!s)
         return false;
     s->lens = (saga_lens){.fx = f[0], .fy = f[1], .cx = p[0], .cy = p[1]};
-    if (json_object_get(c->json, "Depth_range")) {
-        if (!get_numbers(r, c, "Depth_range", 2, range))
-            return false;
-        if (range[0] > 0.0 && range[1] > range[0] && isfinite(range[1])) {
-            s->near_depth = range[0];
-            s->far_depth = range[1];
-        }
+    if (!json_object_get(c->json, "Depth_range"))
+        return true;
+    if (!get_depth_range(r, c, range))
+        return false;
+    if (isfinite(range[1])) {
+        s->near_depth = range[0];
+        s->far_depth = range[1];
     }
     return true;
 }
@@ -284,22 +325,92 @@ static bool add_equirectangular(const miv_reader *r, const miv_camera *c)
             add_face(r, c, &lens, 0.0, -90.0 * DEGREE, "_down"));
 }
 
-static bool add_camera(const miv_reader *r, miv_camera *c)
+/* Sets where the pixels of a view look (miv_depth.h). */
+static bool get_directions(const miv_reader *r, const miv_camera *c,
+                           saga_miv_depth *d)
+{
+    double h[2], v[2];
+    const double w = c->info.width, high = c->info.height;
+    if (d->kind == SAGA_MIV_PINHOLE) {
+        if (!get_numbers(r, c, "Focal", 2, h) ||
+            !get_numbers(r, c, "Principle_point", 2, v))
+            return false;
+        const double a[4] = {v[0] / h[0], -1.0 / h[0], v[1] / h[1],
+                             -1.0 / h[1]};
+        memcpy(d->a, a, sizeof a);
+    } else if (d->kind == SAGA_MIV_EQUIRECT) {
+        if (!get_numbers(r, c, "Hor_range", 2, h) ||
+            !get_numbers(r, c, "Ver_range", 2, v))
+            return false;
+        const double a[4] = {h[1] * DEGREE, (h[0] - h[1]) * DEGREE / w,
+                             v[1] * DEGREE, (v[0] - v[1]) * DEGREE / high};
+        memcpy(d->a, a, sizeof a);
+    } else {
+        const double ow =
+            json_number_value(json_object_get(c->json, "OrthoWidth"));
+        const double oh =
+            json_number_value(json_object_get(c->json, "OrthoHeight"));
+        if (!(ow > 0.0 && oh > 0.0))
+            return saga_fail(r->error, r->path, "correct the camera",
+                             "\"OrthoWidth\" or \"OrthoHeight\" of camera %s "
+                             "is not above 0", c->name);
+        const double a[4] = {-ow / 2.0, ow / w, -oh / 2.0, oh / high};
+        memcpy(d->a, a, sizeof a);
+    }
+    return true;
+}
+
+/* All views together give about so many points at most. */
+enum { MOST_POINTS = 50000 };
+
+static bool add_depth(miv_reader *r, const miv_camera *c, int kind)
+{
+    const json_t *const cameras = json_object_get(r->root, "cameras");
+    saga_miv_depth d = {
+        .texture = c->video, .depth = c->depth, .width = c->info.width,
+        .height = c->info.height, .depth_bits = c->depth_bits,
+        .texture_bits = strcmp(c->info.raw, "yuv420p") == 0 ? 8 : 10,
+        .kind = (unsigned)kind, .has_invalid = json_is_true(
+            json_object_get(c->json, "HasInvalidDepth"))};
+    double range[2];
+    if (!c->depth)
+        return true;
+    if (c->depth_width != d.width || c->depth_height != d.height)
+        return saga_fail(r->error, c->depth, "export it as large as its "
+                         "texture", "is of %d x %d pixels, not %d x %d",
+                         c->depth_width, c->depth_height, d.width, d.height);
+    if (!get_depth_range(r, c, range) || !get_directions(r, c, &d))
+        return false;
+    d.near = range[0];
+    d.far = range[1];
+    d.frame = r->frame < c->info.n_frames ? r->frame : 0;
+    memcpy(d.matrix, c->matrix, sizeof d.matrix);
+    memcpy(d.centre, c->centre, sizeof d.centre);
+    r->n_depths++;
+    return saga_miv_take_points(r->listing, &d, (int)(MOST_POINTS /
+                                json_array_size(cameras)) + 1, r->error);
+}
+
+static bool add_camera(miv_reader *r, miv_camera *c)
 {
     const char *const projection =
         json_string_value(json_object_get(c->json, "Projection"));
     if (r->listing->n_sources > SAGA_MAX_VIEWS - 8)
         return saga_fail(r->error, r->path, "split the capture",
                          "has more than %d views", SAGA_MAX_VIEWS);
-    if (!get_pose(r, c) || !find_texture(r, c) || !measure_texture(r, c))
+    if (!get_pose(r, c) || !find_files(r, c) || !measure_texture(r, c))
         return false;
     if (projection && strcmp(projection, "Perspective") == 0)
-        return add_perspective(r, c);
+        return add_perspective(r, c) && add_depth(r, c, SAGA_MIV_PINHOLE);
     if (projection && strcmp(projection, "Equirectangular") == 0)
-        return add_equirectangular(r, c);
+        return add_equirectangular(r, c) && add_depth(r, c, SAGA_MIV_EQUIRECT);
+    if (projection && strcmp(projection, "Orthographic") == 0) {
+        r->n_left_out++;
+        return add_depth(r, c, SAGA_MIV_ORTHO);
+    }
     return saga_fail(r->error, r->path, "render it as Perspective or "
                      "Equirectangular", "\"Projection\" of camera %s is %s, "
-                     "which no pinhole shows", c->name,
+                     "which is not known", c->name,
                      projection ? projection : "missing");
 }
 
@@ -309,6 +420,8 @@ static bool add_cameras(miv_reader *r)
     const json_t *const fps = json_object_get(r->root, "Fps");
     bool ok = true;
     r->fps = json_is_number(fps) ? json_number_value(fps) : 0.0;
+    if (json_is_true(json_object_get(r->root, "lengthsInMeters")))
+        r->listing->metres = 1.0;
     for (size_t i = 0; ok && i < json_array_size(cameras); i++) {
         miv_camera c = {.json = json_array_get(cameras, i)};
         c.name = json_string_value(json_object_get(c.json, "Name"));
@@ -318,10 +431,12 @@ static bool add_cameras(miv_reader *r)
         else if (is_source(r, c.name))
             ok = add_camera(r, &c);
         free(c.video);
+        free(c.depth);
     }
     if (ok && r->listing->n_sources == 0)
         ok = saga_fail(r->error, r->path, "list them in sourceCameraNames",
-                       "names no camera that is a source");
+                       "names no camera that is a source and no orthographic "
+                       "one");
     return ok;
 }
 
@@ -361,7 +476,8 @@ bool saga_miv_is_there(const char *folder, saga_error *error)
 bool saga_miv_list(saga_listing *listing, const char *folder,
                    const saga_capture_options *options, saga_error *error)
 {
-    miv_reader r = {.listing = listing, .folder = folder, .error = error};
+    miv_reader r = {.listing = listing, .folder = folder, .error = error,
+                    .frame = options->first_frame};
     char *const json = first_with(folder, ".json", error);
     listing->format = "MPEG MIV (camera JSON and YUV)";
     r.path = json ? saga_path_join(folder, json, error) : NULL;
@@ -371,7 +487,12 @@ bool saga_miv_list(saga_listing *listing, const char *folder,
                     saga_listing_hold_out(listing, options->hold_out, error);
     if (ok)
         saga_note(listing->notes, "colour: YUV is taken as BT.709, limited "
-                  "range; points: none; depth is not read");
+                  "range; points: %zu of %d views' depth", listing->n_points,
+                  r.n_depths);
+    if (ok && r.n_left_out > 0)
+        saga_note(listing->notes, "cameras: %d orthographic ones are left out, "
+                  "which no pinhole shows; their depth is taken",
+                  r.n_left_out);
     json_decref(r.root);
     free(r.path);
     free(json);

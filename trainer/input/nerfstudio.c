@@ -51,7 +51,7 @@ typedef struct camera_key {
 
 typedef struct entry {
     const char *file;         /* in the JSON */
-    const char *depth;        /* or NULL */
+    const char *depth, *mask; /* or NULL */
     int index;                /* in "frames" */
     int view;
     bool has_time, held_out;
@@ -73,7 +73,7 @@ typedef struct reader {
     int *view_first;          /* (n_views) entry, once they are sorted */
     int fullest;              /* the view with most pictures */
     entry **at;               /* (n_views, n frames) NULL: not listed */
-    bool masks, odd_depths, videos;
+    bool odd_depths, videos;
     int n_missing;
     const char *first_missing; /* as the JSON has it; or NULL */
 } reader;
@@ -218,13 +218,13 @@ static bool read_entry(reader *r, int index)
         return false;
     if (!e->file)
         return wrong_type(r, index, "file_path", NULL, "a string");
-    if (!get_string(r, frame, index, "depth_file_path", &e->depth))
+    if (!get_string(r, frame, index, "depth_file_path", &e->depth) ||
+        !get_string(r, frame, index, "mask_path", &e->mask))
         return false;
     if (time && !json_is_number(time))
         return wrong_type(r, index, "time", time, "a number");
     e->has_time = time != NULL;
     e->time = time ? json_number_value(time) : 0.0;
-    r->masks |= json_object_get(frame, "mask_path") != NULL;
     if (e->depth && !saga_has_suffix(e->depth, ".exr")) {
         r->odd_depths = true;
         e->depth = NULL;
@@ -714,7 +714,8 @@ static bool fill_pictures(reader *r, saga_source *s, entry *const *at, int n)
     s->pictures =
         saga_calloc((size_t)n, sizeof *s->pictures, r->path, r->error);
     s->depths = saga_calloc((size_t)n, sizeof *s->depths, r->path, r->error);
-    bool ok = s->pictures && s->depths;
+    s->masks = saga_calloc((size_t)n, sizeof *s->masks, r->path, r->error);
+    bool ok = s->pictures && s->depths && s->masks;
     for (int k = 0; ok && k < n; k++) {
         char *const path = at[k] ? picture_path(r, at[k]->file) : NULL;
         if (path && saga_path_is_file(path)) {
@@ -729,6 +730,10 @@ static bool fill_pictures(reader *r, saga_source *s, entry *const *at, int n)
         if (ok && at[k] && at[k]->depth) {
             s->depths[k] = saga_path_join(r->folder, at[k]->depth, r->error);
             ok = s->depths[k] != NULL;
+        }
+        if (ok && at[k] && at[k]->mask) {
+            s->masks[k] = saga_path_join(r->folder, at[k]->mask, r->error);
+            ok = s->masks[k] != NULL;
         }
     }
     return ok;
@@ -815,8 +820,6 @@ static bool read_all(reader *r, const saga_capture_options *options)
         return false;
     if (r->videos && !saga_listing_match_videos(r->listing, options, r->error))
         return false;
-    if (r->masks)
-        saga_note(r->listing->notes, "masks: mask_path is ignored");
     if (r->odd_depths)
         saga_note(r->listing->notes, "depth: only .exr files are read");
     return saga_listing_hold_out(r->listing, options->hold_out, r->error) &&

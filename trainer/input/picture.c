@@ -130,6 +130,18 @@ bool saga_picture_probe(const char *path, int *width, int *height,
     }
 }
 
+bool saga_picture_read_alpha(const char *path, int width, int height,
+                             uint8_t *rgb, saga_error *error)
+{
+    enum picture_kind kind = PICTURE_PNG;
+    if (!picture_kind(path, &kind, error))
+        return false;
+    if (kind == PICTURE_PNG)
+        return saga_png_read_alpha(path, width, height, rgb, error);
+    memset(rgb, 255, (size_t)width * (size_t)height * 3);
+    return true;
+}
+
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
                        saga_error *error)
 {

@@ -18,10 +18,17 @@ bool saga_picture_probe(const char *path, int *width, int *height,
 bool saga_picture_read(const char *path, int width, int height, uint8_t *rgb,
                        saga_error *error);
 
+/* Gives the opacity instead, 255 everywhere in a picture without; only of PNGs:
+ * R, G and B are all it. */
+bool saga_picture_read_alpha(const char *path, int width, int height,
+                             uint8_t *rgb, saga_error *error);
+
 bool saga_png_probe(const char *path, int *width, int *height,
                     saga_error *error);
 bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
                    saga_error *error);
+bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
+                         saga_error *error);
 bool saga_png_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error);
 

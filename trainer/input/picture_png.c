@@ -87,8 +87,16 @@ static bool read_header(png_job *job)
     return true;
 }
 
-/* Whatever the file holds, rows of 8-bit RGB come out. */
-static bool read_rows(png_job *job, uint8_t *rgb, int width, int height)
+static bool has_alpha(const png_job *job)
+{
+    return png_get_color_type(job->png, job->info) & PNG_COLOR_MASK_ALPHA ||
+           png_get_valid(job->png, job->info, PNG_INFO_tRNS);
+}
+
+/* Whatever the file holds, rows of 8-bit RGB come out, or with 4 channels of
+ * RGBA. */
+static bool read_rows(png_job *job, uint8_t *rows, int width, int height,
+                      int channels)
 {
     if (setjmp(png_jmpbuf(job->png)))
         return false;
@@ -96,17 +104,19 @@ static bool read_rows(png_job *job, uint8_t *rgb, int width, int height)
     png_set_expand(job->png);
     png_set_scale_16(job->png);
     png_set_gray_to_rgb(job->png);
-    if (png_get_color_type(job->png, job->info) & PNG_COLOR_MASK_ALPHA ||
-        png_get_valid(job->png, job->info, PNG_INFO_tRNS))
+    if (channels == 4)
+        png_set_add_alpha(job->png, 255, PNG_FILLER_AFTER);
+    else if (has_alpha(job))
         png_set_background(job->png, &black, PNG_BACKGROUND_GAMMA_SCREEN, 0,
                            1.0);
     const int n_passes = png_set_interlace_handling(job->png);
     png_read_update_info(job->png, job->info);
-    if (png_get_rowbytes(job->png, job->info) != (size_t)width * 3)
+    const size_t row_nbytes = (size_t)width * (size_t)channels;
+    if (png_get_rowbytes(job->png, job->info) != row_nbytes)
         png_error(job->png, "rows are not 8-bit RGB");
     for (int pass = 0; pass < n_passes; pass++)
         for (int y = 0; y < height; y++)
-            png_read_row(job->png, rgb + (size_t)y * (size_t)width * 3, NULL);
+            png_read_row(job->png, rows + (size_t)y * row_nbytes, NULL);
     png_read_end(job->png, NULL);
     return true;
 }
@@ -138,8 +148,8 @@ bool saga_png_probe(const char *path, int *width, int *height,
     return ok;
 }
 
-bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
-                   saga_error *error)
+static bool read_png(const char *path, int width, int height, uint8_t *rows,
+                     int channels, saga_error *error)
 {
     png_job job;
     if (!read_job_begin(&job, path, error))
@@ -149,10 +159,28 @@ bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
         saga_check_same_size(path, (int)png_get_image_width(job.png, job.info),
                              (int)png_get_image_height(job.png, job.info),
                              width, height, error) &&
-        read_rows(&job, rgb, width, height);
+        read_rows(&job, rows, width, height, channels);
     if (!ok) /* a size that differs has been told */
         read_failed(&job, path, "PNG is damaged or cut short", error);
     read_job_end(&job);
+    return ok;
+}
+
+bool saga_png_read(const char *path, int width, int height, uint8_t *rgb,
+                   saga_error *error)
+{
+    return read_png(path, width, height, rgb, 3, error);
+}
+
+bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
+                         saga_error *error)
+{
+    const size_t n = (size_t)width * (size_t)height;
+    uint8_t *const rgba = saga_alloc(n, 4, path, error);
+    const bool ok = rgba && read_png(path, width, height, rgba, 4, error);
+    for (size_t i = 0; ok && i < n; i++)
+        memset(rgb + 3 * i, rgba[4 * i + 3], 3);
+    free(rgba);
     return ok;
 }
 

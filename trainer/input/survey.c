@@ -236,7 +236,10 @@ static double luma(const double rgb[3])
 static bool colour_at(const saga_capture *c, int v, const double place[3],
                       double rgb[3])
 {
-    const long pixel = pixel_of(&c->views[v], place);
+    const uint8_t *const mask = saga_capture_mask(c, v, 0);
+    long pixel = pixel_of(&c->views[v], place);
+    if (pixel >= 0 && mask && !mask[pixel])
+        pixel = -1;
     for (int k = 0; pixel >= 0 && k < 3; k++)
         rgb[k] = saga_capture_frame(c, v, 0)[3 * pixel + k];
     return pixel >= 0;

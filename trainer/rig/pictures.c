@@ -61,7 +61,8 @@ static int compare_colours(const void *a, const void *b)
     return (p > q) - (p < q);
 }
 
-/* Reads pixels that lie evenly over all training pictures. */
+/* Reads pixels that lie evenly over all training pictures; those that do not
+ * count have no colour, each another. */
 static void read_colours(uint32_t *colour, const saga_pictures *p)
 {
     for (size_t i = 0; i < N_LOOKED_AT; i++) {
@@ -70,13 +71,16 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
         const int view = p->train[one % (size_t)p->n_train];
         const saga_shot *const v = p->capture->views + view;
         const size_t pixel = i * 7919 % ((size_t)v->width * (size_t)v->height);
+        const int frame = (int)(one / (size_t)p->n_train);
+        const uint8_t *const mask = saga_capture_mask(p->capture, view, frame);
         const uint8_t *const rgb =
-            saga_capture_frame(p->capture, view, (int)(one /
-                                                       (size_t)p->n_train)) +
+            saga_capture_frame(p->capture, view, frame) +
             pixel / (size_t)v->width * saga_view_row_nbytes(v) +
             pixel % (size_t)v->width * 3;
 
-        colour[i] = (uint32_t)rgb[0] << 16 | (uint32_t)rgb[1] << 8 | rgb[2];
+        colour[i] = mask && !mask[pixel]
+            ? 1u << 31 | (uint32_t)i
+            : (uint32_t)rgb[0] << 16 | (uint32_t)rgb[1] << 8 | rgb[2];
     }
 }
 
@@ -136,13 +140,16 @@ void saga_pictures_free(saga_pictures *p)
 static uint64_t digest_view(uint64_t sum, const saga_shot *v, int n_frames)
 {
     const double x[] = { v->width, v->height, v->fx, v->fy, v->cx, v->cy,
-                         v->near_depth, v->far_depth, v->held_out };
+                         v->near_depth, v->far_depth, v->held_out, v->late };
 
     sum = saga_digest(sum, x, sizeof x);
     sum = saga_digest(sum, v->rotation, sizeof v->rotation);
     sum = saga_digest(sum, v->translation, sizeof v->translation);
     if (v->missing)
         sum = saga_digest(sum, v->missing, (size_t)n_frames);
+    if (v->mask)
+        sum = saga_digest(sum, v->mask, (size_t)n_frames *
+                                        saga_view_frame_nbytes(v) / 3);
     return saga_digest(sum, v->rgb, (size_t)n_frames *
                                     saga_view_frame_nbytes(v));
 }
@@ -239,7 +246,9 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
                        saga_sample sample)
 {
     saga_pictures_camera(&canvas->camera, p, sample);
-    canvas->t = (real)((double)sample.frame / p->capture->n_frames);
+    canvas->t = (real)((sample.frame +
+                        p->capture->views[sample.view].late) /
+                       p->capture->n_frames);
 }
 
 /* A picture that is not halved takes its values from a table of 256 levels. */
@@ -295,6 +304,26 @@ static void boxed_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride,
     }
 }
 
+/* Marks the pixels of whose boxes something does not count. */
+static void mark_unseen(saga_canvas *canvas, const uint8_t *mask, size_t stride,
+                        int side)
+{
+    const size_t w = (size_t)canvas->camera.width;
+    const size_t h = (size_t)canvas->camera.height;
+
+    for (size_t i = 0; i < w * h; i++) {
+        const uint8_t *at = mask + i / w * (size_t)side * stride +
+                            i % w * (size_t)side;
+        bool seen = true;
+
+        for (int y = 0; y < side; y++, at += stride)
+            seen = seen && !memchr(at, 0, (size_t)side);
+        for (size_t k = 0; !seen && k < 3; k++)
+            canvas->truth[k * w * h + i] = -1;
+        canvas->n_unseen += !seen;
+    }
+}
+
 void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                          saga_sample sample)
 {
@@ -302,9 +331,14 @@ void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                                                   sample.frame);
     const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
     const double *const exposure = p->exposure + 3 * (size_t)sample.view;
+    const uint8_t *const mask = saga_capture_mask(p->capture, sample.view,
+                                                  sample.frame);
 
     if (sample.mip == 0)
         plain_truth(canvas, rgb, stride, exposure);
     else
         boxed_truth(canvas, rgb, stride, exposure, 1 << sample.mip);
+    canvas->n_unseen = 0;
+    if (mask)
+        mark_unseen(canvas, mask, stride / 3, 1 << sample.mip);
 }

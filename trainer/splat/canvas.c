@@ -54,6 +54,13 @@ void saga_canvas_free(saga_canvas *c)
     memset(c, 0, sizeof *c);
 }
 
+double saga_canvas_n_seen(const saga_canvas *c)
+{
+    const size_t n = (size_t)c->camera.width * (size_t)c->camera.height;
+
+    return n > c->n_unseen ? 3 * (double)(n - c->n_unseen) : 1;
+}
+
 double saga_canvas_mse(const saga_canvas *c)
 {
     const size_t n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
@@ -61,11 +68,12 @@ double saga_canvas_mse(const saga_canvas *c)
     size_t i;
 
     for (i = 0; i < n; i++) {
-        const double e = (double)(saga_clamp(c->image[i], 0, 1) - c->truth[i]);
+        const double e = c->truth[i] < 0 ? 0
+            : (double)(saga_clamp(c->image[i], 0, 1) - c->truth[i]);
 
         sum += e * e;
     }
-    return sum / (double)n;
+    return sum / saga_canvas_n_seen(c);
 }
 
 bool saga_canvas_grow(void **p, size_t *cap, size_t nbytes, saga_error *error)

@@ -102,13 +102,16 @@ typedef struct saga_canvas {
     real t;                     /* the same, in the primitives' unit of time */
     saga_splat_rules rules;
     real *image;                /* as drawn */
-    real *truth;                /* filled by the caller */
+    real *truth;                /* filled by the caller; below 0 where a pixel
+                                 * does not count */
+    size_t n_unseen;            /* so many of them */
     real *d_image;              /* dL/dimage */
     saga_splat_work splat;
 } saga_canvas;
 
 #define saga_canvas_init SAGA_REAL_NAME(saga_canvas_init)
 #define saga_canvas_free SAGA_REAL_NAME(saga_canvas_free)
+#define saga_canvas_n_seen SAGA_REAL_NAME(saga_canvas_n_seen)
 #define saga_canvas_mse SAGA_REAL_NAME(saga_canvas_mse)
 #define saga_canvas_grow SAGA_REAL_NAME(saga_canvas_grow)
 
@@ -119,6 +122,9 @@ bool saga_canvas_init(saga_canvas *canvas, size_t n_pixels,
 
 /* Frees everything in it; a canvas of zeros has nothing. */
 void saga_canvas_free(saga_canvas *canvas);
+
+/* Returns how many samples of the picture count; 1 where none does. */
+double saga_canvas_n_seen(const saga_canvas *canvas);
 
 /* Returns the mean squared error of image, clipped to 0..1, against truth. */
 double saga_canvas_mse(const saga_canvas *canvas);

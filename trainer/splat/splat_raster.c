@@ -539,6 +539,15 @@ static void take_picture(tile *t, const saga_splat_camera *cam,
                    cam->width);
 }
 
+/* Where a pixel does not count, what is drawn is right. */
+static void forgive(tile *t)
+{
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < AREA; i++)
+            if (t->slope[c][i] < 0)
+                t->slope[c][i] = t->colour[c][i];
+}
+
 /* The slope, which holds the truth, becomes that of the mean squared error.
  * Returns the sum of squares. */
 static double compare(tile *t, const saga_splat_camera *cam)
@@ -593,6 +602,8 @@ static double tile_backward(const pass *p, size_t index)
     draw_and_keep(&r, &t, p);
     end_tile(&t, cam->background);
     take_picture(&t, cam, p->learn ? p->canvas->truth : p->canvas->d_image);
+    if (p->learn && p->canvas->n_unseen)
+        forgive(&t);
     if (p->learn)
         squares = compare(&t, cam);
     begin_rest(&t);
@@ -627,5 +638,5 @@ double saga_splat_raster_learn(saga_canvas *canvas)
         squares[i] = tile_backward(&p, (size_t)i);
     for (i = 0; i < n; i++)
         sum += squares[i];
-    return sum / (3 * (double)plane_size(&canvas->camera));
+    return sum / saga_canvas_n_seen(canvas);
 }

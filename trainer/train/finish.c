@@ -102,6 +102,32 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
     return rig;
 }
 
+/* Names of what the rig has, in its order. A name that a file cannot have, of
+ * control characters, is left empty. */
+static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
+{
+    const size_t n = (size_t)c->n_views;
+    saga_naming *const names = saga_calloc(n, sizeof *names, "the names",
+                                           error);
+    bool ok;
+
+    for (size_t i = 0; names && i < n; i++) {
+        const char *const name = c->views[i].name;
+        size_t k = 0;
+
+        while ((unsigned char)name[k] >= 0x20 && name[k] != 0x7f)
+            k++;
+        memcpy(names[i].name, name, name[k] ? 0 : k);
+    }
+    if (names && c->metres > 0) {
+        names->metre_exponent = exponent_of(c->metres);
+        names->metre_mantissa = mantissa_of(c->metres, names->metre_exponent);
+    }
+    ok = names && saga_encoder_names(e, names, error);
+    free(names);
+    return ok;
+}
+
 /* --- Packing ------------------------------------------------------------- */
 
 static bool begin_file(saga_packed *file, saga_train *t, int level,
@@ -120,7 +146,8 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
     /* The ranges of the colours' activations are measured from one camera. */
     saga_pictures_camera(&cam, &t->pictures, (saga_sample){ 0 });
     saga_twin_colour(twin, saga_fit_scene(t->fit), cam.centre);
-    ok = saga_pack_begin(file, in, &h, rig, error);
+    ok = saga_pack_begin(file, in, &h, rig, error) &&
+         name_rig(file->encoder, t->capture, error);
     free(rig);
     return ok;
 }
@@ -132,8 +159,11 @@ static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
 {
     saga_packed trial = { .encoder = NULL };
     saga_packed *const file = final ? &t->file : &trial;
-    /* All before it are there by its turn; at the first there is none. */
-    const int place = t->turn ? saga_train_segment(t) : 0;
+    /* All before it are there by its turn, or with networks of another training
+     * only the first; at the first there is none. */
+    const int place = t->turn == 0 ? 0
+                    : t->o.networks ? saga_train_segment(t) > t->o.first
+                    : saga_train_segment(t);
     saga_quantise_report quantise;
     bool ok = file->encoder ||
               begin_file(file, t, level, twin, in, error);
@@ -244,9 +274,12 @@ static bool within_level(const saga_info *i, const saga_train *t,
 {
     const saga_level_caps *const caps = &saga_caps[t->o.level];
 
-    return within("coarse anchors", i->max_coarse, caps->n_coarse, t, error) &&
-           within("fine anchors", i->max_fine, caps->n_fine, t, error) &&
-           within("primitives", i->max_primitives, caps->n_prim, t, error) &&
+    return within("coarse anchors", i->base_coarse + i->max_coarse,
+                  caps->n_coarse, t, error) &&
+           within("fine anchors", i->base_fine + i->max_fine, caps->n_fine, t,
+                  error) &&
+           within("primitives", i->base_primitives + i->max_primitives,
+                  caps->n_prim, t, error) &&
            within("weights", i->n_weights, caps->n_weights, t, error) &&
            within("bytes of the decoder's memory", i->work_nbytes,
                   caps->work_nbytes, t, error);

@@ -234,24 +234,84 @@ static void output_formats(uint8_t *q, const saga_model *m, int net,
                          : saga_output_q(m, net, i));
 }
 
-/* Returns the largest activation of hidden layer i (0-based) of the last runs.
- */
-static double most_hidden(const saga_scene *s, const saga_twin *w,
-                          const saga_rate_choice *c, int net, int i)
+/* This is what every network is packed with. */
+typedef struct {
+    const saga_model *model;     /* formats measured */
+    const saga_rate_choice *choice;
+    const saga_twin *twin;
+    const saga_weights *steps;   /* NULL: entropy networks alone */
+    saga_scene *decoded;         /* NULL, or takes what was quantised: the
+                                  * layers, or the rest */
+    const saga_nets *shapes;
+} packing;
+
+/* Returns the largest activation of units first..first+n-1 of hidden layer i
+ * (0-based) of the last runs. */
+static double most_hidden(const packing *p, int net, int i, size_t first,
+                          size_t n)
 {
-    const size_t dim = (size_t)s->net[net].dim[i + 1];
+    const size_t dim = (size_t)p->choice->scene.net[net].dim[i + 1];
     batches l = { .n = 0 };
     double most = 0;
     size_t k;
 
     if (saga_is_entropy_net(net))
-        l = entropy_batches(c, net);
+        l = entropy_batches(p->choice, net);
     else
-        add_batch(&l, &w->batch[net], saga_twin_rows(w, net));
+        add_batch(&l, &p->twin->batch[net], saga_twin_rows(p->twin, net));
     for (k = 0; k < l.n; k++)
         most = fmax(most, most_of(l.b[k]->work.hidden[i], l.rows[k],
-                                  saga_dense_pad(dim), 0, dim));
+                                  saga_dense_pad(dim), first, n));
     return most;
+}
+
+/* Returns how many bits finer than q values up to `most` may be. They get a bit
+ * less than they would have room for: a later segment's may be larger. Weights
+ * of 8 bits cannot be shifted down. */
+static uint8_t finer_by(const packing *p, int net, double most, int q)
+{
+    const int more = q_for(2 * most, EMBEDDING_Q + SAGA_N_FINER - 1) - q;
+
+    return p->model->int8[net] ? 0
+         : (uint8_t)fx_clamp(more, 0, SAGA_N_FINER - 1);
+}
+
+/* Gives the formats of a layer's rows: q[row] of all, `finer` of those that
+ * have one, which q includes. Returns what the next layer calls its q_in. */
+static int row_formats(uint8_t *q, uint8_t *finer, const packing *p, int net,
+                       int i)
+{
+    const saga_scene *const s = &p->choice->scene;
+    const uint32_t n = (uint32_t)s->net[net].dim[i + 1];
+    const bool is_last = i + 1 == s->net[net].n_layers;
+    int common;
+    uint32_t k;
+
+    if (is_last)
+        output_formats(q, p->model, net, n);
+    else
+        memset(q, q_for(most_hidden(p, net, i, 0, n), EMBEDDING_Q), n);
+    common = q[0];
+    for (k = 0; k < saga_nets_n_finer(p->shapes, net, i); k++) {
+        const double most = is_last ? most_out(s, p->twin, net, k, 1)
+                                    : most_hidden(p, net, i, k, 1);
+
+        finer[k] = finer_by(p, net, most, common);
+        q[k] = (uint8_t)(common + finer[k]);
+    }
+    return common;
+}
+
+/* Gives the formats of what a layer takes: of the rows that come before it. */
+static void input_formats(saga_layer_values *v, const saga_net_symbols *nets,
+                          const packing *p, int net, int i)
+{
+    if (i == 0 && saga_nets_takes_fine(p->shapes, net)) {
+        net = SAGA_NET_FINE;
+        i = p->shapes->shape[net].n_layers;
+    }
+    v->n_finer = i ? saga_nets_n_finer(p->shapes, net, i - 1) : 0;
+    v->finer = i ? nets->layer[net][i - 1].finer : NULL;
 }
 
 /* The entropy networks' biases are as fine as what they give. */
@@ -271,47 +331,40 @@ static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
     }
 }
 
-/* This is what every network is packed with. */
-typedef struct {
-    const saga_model *model;     /* formats measured */
-    const saga_rate_choice *choice;
-    const saga_twin *twin;
-    const saga_weights *steps;   /* NULL: entropy networks alone */
-    saga_scene *decoded;         /* NULL, or takes what was quantised: the
-                                  * layers, or the rest */
-} packing;
+static bool pack_layer(saga_net_symbols *out, int *q_in, const packing *p,
+                       int net, int i, saga_error *error)
+{
+    const saga_net *const f = &p->choice->scene.net[net];
+    const uint32_t n_out = (uint32_t)f->dim[i + 1];
+    saga_layer_symbols *const l = &out->layer[net][i];
+    uint8_t q[SAGA_MAX_VECTOR];
+    saga_layer_values v = {
+        f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, *q_in, q, NULL, 0, 0, 0,
+        p->model->int8[net]
+    };
+
+    l->finer = saga_calloc(n_out, 1, symbols_of_nets, error);
+    if (!l->finer)
+        return false;
+    *q_in = row_formats(q, l->finer, p, net, i);
+    input_formats(&v, out, p, net, i);
+    set_layer_steps(&v, p->choice, p->steps, net, i);
+    if (!saga_quantise_layer(l, &v, error))
+        return false;
+    if (p->decoded)
+        saga_dequantise_layer(p->decoded->net[net].w[i],
+                              p->decoded->net[net].b[i], l, &v);
+    return true;
+}
 
 static bool pack_net(saga_net_symbols *out, const packing *p, int net,
                      saga_error *error)
 {
-    const saga_model *const m = p->model;
-    const saga_rate_choice *const c = p->choice;
-    const saga_scene *const s = &c->scene;
-    const saga_net *const f = &s->net[net];
-    uint8_t q[SAGA_MAX_VECTOR];
-    int q_in = m->q_in[net], i;
+    int q_in = p->model->q_in[net], i;
 
-    for (i = 0; i < f->n_layers; i++) {
-        const uint32_t n_out = (uint32_t)f->dim[i + 1];
-        saga_layer_values v = {
-            f->w[i], f->b[i], (uint32_t)f->dim[i], n_out, q_in, q, 0, 0,
-            m->int8[net]
-        };
-
-        set_layer_steps(&v, c, p->steps, net, i);
-        if (i + 1 == f->n_layers)
-            output_formats(q, m, net, n_out);
-        else
-            memset(q, q_for(most_hidden(s, p->twin, c, net, i),
-                            EMBEDDING_Q), n_out);
-        if (!saga_quantise_layer(&out->layer[net][i], &v, error))
+    for (i = 0; i < p->choice->scene.net[net].n_layers; i++)
+        if (!pack_layer(out, &q_in, p, net, i, error))
             return false;
-        if (p->decoded)
-            saga_dequantise_layer(p->decoded->net[net].w[i],
-                                  p->decoded->net[net].b[i],
-                                  &out->layer[net][i], &v);
-        q_in = q[0];
-    }
     return true;
 }
 
@@ -379,8 +432,10 @@ bool saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
                        const saga_rate_choice *choice, const saga_twin *twin,
                        saga_error *error)
 {
-    const packing p = { m, choice, twin, NULL, NULL };
+    saga_nets shapes;
+    const packing p = { m, choice, twin, NULL, NULL, &shapes };
 
+    saga_nets_layout(&shapes, m);
     entropy_formats(m, choice);
     return pack_nets(nets, &p, error);
 }
@@ -554,11 +609,13 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
 {
     saga_header h = *header;
     saga_scene *const networks = &file->networks.scene;
+    saga_nets shapes;
     const packing p = { &h.model, in->choice, in->twin, in->weights,
-                        networks };
+                        networks, &shapes };
     saga_net_symbols nets;
 
     h.model = in->choice->scene.model;
+    saga_nets_layout(&shapes, &h.model);
     measure_formats(&h.model, in);
     file->networks.constants = in->choice->rate->constants;
     keep_constants(&file->networks.constants, &h.model);
@@ -579,7 +636,7 @@ bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
 {
     const saga_scene *const networks = &file->networks.scene;
     const packing p = { &networks->model, in->choice, in->twin, NULL,
-                        decoded };
+                        decoded, NULL };
     saga_symbols y = { .n_nodes = 0 };
     const bool ok =
         (!decoded || begin_decoded(decoded, &in->choice->scene, networks,

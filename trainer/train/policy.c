@@ -26,11 +26,20 @@ enum { BANK_PAYS = 40000 };
 
 /* The error falls with the number of primitives to the power of -0.43 (1.3 dB
  * for twice as many), and each takes some 75 bits. */
-#define LAMBDA_PART (0.43 / 75)
+#define ERROR_POWER 0.43
+#define LAMBDA_PART (ERROR_POWER / 75)
 
 double saga_policy_lambda(double mse, double n_pixels, uint32_t n_primitives)
 {
     return LAMBDA_PART * 255 * 255 * mse * n_pixels / n_primitives;
+}
+
+double saga_policy_primitives(double lambda, double mse, double n_pixels,
+                              uint32_t n_primitives)
+{
+    const double now = saga_policy_lambda(mse, n_pixels, n_primitives);
+
+    return n_primitives * pow(now / lambda, 1 / (1 + ERROR_POWER));
 }
 
 saga_policy saga_policy_of(double lambda, double n_pixels,

@@ -41,4 +41,9 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
  * before they are coded. */
 double saga_policy_lambda(double mse, double n_pixels, uint32_t n_primitives);
 
+/* Returns how many primitives would be in that balance with lambda > 0, where
+ * n_primitives reach mse > 0. */
+double saga_policy_primitives(double lambda, double mse, double n_pixels,
+                              uint32_t n_primitives);
+
 #endif

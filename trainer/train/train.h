@@ -64,7 +64,13 @@ typedef struct saga_train_options {
     int n_segments;              /* of the file, >= 1 */
     int first;                   /* the one that is trained first, and makes
                                   * the networks */
+    const char *networks;        /* NULL, or a file of
+                                  * saga_train_save_networks: `first` is what
+                                  * it says, and of the others */
+    int only;                    /* this one is trained, and no more */
     uint32_t n_primitives;       /* of a segment, 1..the level's */
+    bool free_count;             /* n_primitives are a guess: the warm-up ends
+                                  * with so many as suit lambda > 0 */
     uint32_t n_coarse, n_fine;   /* budgets of anchors; 0: by n_primitives */
     int n_iterations;            /* of all stages of a segment, >= 2; and its */
     int n_warm, n_render;        /* split, both or none given */
@@ -159,8 +165,9 @@ double saga_train_change(const saga_capture *capture);
 int saga_train_n_iterations(const saga_train *train);
 int saga_train_iteration(const saga_train *train);
 
-/* Begins a training; the capture is that of segment options->first. NULL, with
- * the reason in *error: an option and the remedy. */
+/* Begins a training; the capture is that of segment options->first, or with
+ * networks of options->only. NULL, with the reason in *error: an option and the
+ * remedy. */
 saga_train *saga_train_new(const saga_capture *capture,
                            const saga_train_options *options,
                            saga_error *error);
@@ -169,9 +176,10 @@ saga_train *saga_train_new(const saga_capture *capture,
  * reason in *error, where it cannot be read. */
 int saga_train_stopped_in(const char *checkpoint, saga_error *error);
 
-/* Sets n_primitives and n_iterations, where they are 0, as options->checkpoint
- * has them. */
-bool saga_train_adopt(saga_train_options *options, saga_error *error);
+/* Sets n_primitives and n_iterations, where they are 0, as a checkpoint or a
+ * file of networks has them. */
+bool saga_train_adopt(saga_train_options *options, const char *checkpoint,
+                      saga_error *error);
 
 /* Continues from options->checkpoint; options as they were, but for first,
  * progress, checkpoint and its time; the capture of the segment it was in. */
@@ -205,6 +213,16 @@ int saga_train_upcoming(const saga_train *train);
  * left to be called. */
 bool saga_train_next(saga_train *train, const saga_capture *capture,
                      saga_error *error);
+
+/* Writes what other trainings need of the first segment, after its SAGA_DONE:
+ * each may train one of the others, at the same time and elsewhere, and gives
+ * the bytes that this one would. */
+bool saga_train_save_networks(saga_train *train, const char *path,
+                              saga_error *error);
+
+/* Returns the segment that made the networks. It is among the finished ones of
+ * every training. */
+int saga_train_first(const saga_train *train);
 
 /* These may be called after SAGA_DONE: the file of all finished segments. The
  * bytes belong to train, until its next segment. */

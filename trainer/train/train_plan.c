@@ -10,9 +10,9 @@
 /* Studio (docs/results/training.md) takes 2.7 CPU minutes by the first. By
  * primitives and iterations the others take some 9 and 40. */
 static const saga_preset presets[] = {
-    { "fast", 0.7, 8000, 10 },
-    { "balanced", 1, 20000, 25 },
-    { "best", 1.4, 60000, 75 }
+    { "fast", 0.7, 8000, 10, 0.35 },
+    { "balanced", 1, 20000, 25, 0 },
+    { "best", 1.4, 60000, 75, 0 }
 };
 
 enum { N_PRESETS = sizeof presets / sizeof presets[0] };
@@ -23,6 +23,9 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 
 /* What moves wants more of them: pixels that change count three times. */
 #define MOTION_PART 2
+
+/* Views of a still beyond so many show the same things again. */
+#define STILL_VIEWS 10
 
 /* Networks, header and tree take so many bytes, and a primitive at the lambda
  * that the rule gives 8 to 13 (docs/results/rd.md). */
@@ -58,24 +61,37 @@ double saga_plan_primitives_of_size(double n_bytes)
                 n_bytes / SMALL_NBYTES);
 }
 
+/* Straight lines through docs/results/rd.md: 12,000 iterations take 0.27 CPU
+ * minutes for 1,000 primitives and 0.7 for pictures of 100,000 pixels. */
+double saga_plan_minutes(double n_primitives, double n_iterations,
+                         double pixels)
+{
+    return n_iterations / 12000 *
+           (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000);
+}
+
 /* --- The capture --------------------------------------------------------- */
 
 /* These are sums over the views that are learned from. */
 typedef struct {
     double pixels;               /* of a moment */
+    double largest;              /* view's */
     double pictures;
+    int n_views;
 } extent;
 
 static extent extent_of(const saga_capture *c)
 {
-    extent e = { 0, 0 };
+    extent e = { 0, 0, 0, 0 };
 
     for (int i = 0; i < c->n_views; i++) {
         const saga_shot *const v = &c->views[i];
 
         if (v->held_out)
             continue;
+        e.n_views++;
         e.pixels += (double)v->width * v->height;
+        e.largest = fmax(e.largest, (double)v->width * v->height);
         e.pictures += c->n_frames - v->n_missing;
     }
     return e;
@@ -93,7 +109,9 @@ static uint32_t within_level(double n, int level)
 static void plan_primitives(saga_train_options *o, char *why, size_t n,
                             const saga_capture *c, const saga_preset *p)
 {
-    const double pixels = extent_of(c).pixels;
+    const extent e = extent_of(c);
+    const double pixels = c->n_frames == 1
+        ? fmin(e.pixels, STILL_VIEWS * e.largest) : e.pixels;
     const double changing = saga_train_change(c);
 
     if (o->n_bytes) {
@@ -106,20 +124,26 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     }
     o->n_primitives = within_level(
         p->primitives * saga_plan_primitives(pixels, changing), o->level);
-    snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that all "
+    snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that %s "
              "views have at a time, of which %.0f %% change", o->n_primitives,
-             pixels / o->n_primitives, pixels, 100 * changing);
+             pixels / o->n_primitives, pixels, pixels < e.pixels
+             ? "ten of the" : "all", 100 * changing);
 }
 
 static void plan_iterations(saga_train_options *o, char *why, size_t n,
                             const saga_capture *c, const saga_preset *p)
 {
-    const double pictures = extent_of(c).pictures;
+    const extent e = extent_of(c);
+    const double each = saga_plan_minutes(o->n_primitives, 1,
+                                          e.pixels / e.n_views);
+    double most = MOST_ITERATIONS;
 
-    o->n_iterations = (int)fmin(fmax(p->iterations, p->visits * pictures),
-                                MOST_ITERATIONS);
+    if (c->n_frames == 1 && p->still_minutes > 0)
+        most = fmax(p->still_minutes / each, p->visits * e.pictures);
+    o->n_iterations = (int)fmin(fmax(p->iterations, p->visits * e.pictures),
+                                most);
     snprintf(why, n, "%d iterations: preset %s, %.0f visits to each picture",
-             o->n_iterations, p->name, o->n_iterations / pictures);
+             o->n_iterations, p->name, o->n_iterations / e.pictures);
 }
 
 void saga_plan(saga_train_options *o, saga_plan_reasons *why,

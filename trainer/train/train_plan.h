@@ -14,6 +14,8 @@ typedef struct saga_preset {
     double primitives;           /* times those of the rule */
     int iterations;              /* of all stages, */
     int visits;                  /* but so many for each picture at least */
+    double still_minutes;        /* of a still no more than that, by
+                                  * saga_plan_minutes; 0: no limit */
 } saga_preset;
 
 /* These return a preset by number, the quickest first (NULL past the last), and
@@ -29,6 +31,11 @@ typedef struct saga_plan_reasons {
 /* Returns the primitives that a scene wants of whose pixels at one moment, of
  * all views together, a part 0..1 changes. */
 double saga_plan_primitives(double pixels, double changing);
+
+/* Returns the CPU minutes that a training takes whose pictures have so many
+ * pixels. */
+double saga_plan_minutes(double n_primitives, double n_iterations,
+                         double pixels);
 
 /* Returns the primitives that make a file of so many bytes, about. */
 double saga_plan_primitives_of_size(double n_bytes);

@@ -50,7 +50,7 @@ static void fill(head *h, const saga_train *t)
     h->recent_mse = t->recent_mse;
 }
 
-/* Walks over networks, tones and report of the finished segments. */
+/* Walks over networks and report of the finished segments. */
 static void walk_file(saga_train *t, saga_checkpoint *c)
 {
     saga_fit_networks *const n = &t->file.networks;
@@ -59,6 +59,19 @@ static void walk_file(saga_train *t, saga_checkpoint *c)
                          n->scene.n_reals * sizeof *n->scene.params);
     saga_checkpoint_walk(c, &n->constants, sizeof n->constants);
     saga_checkpoint_walk(c, &t->report, sizeof t->report);
+}
+
+static void walk_tones(saga_train *t, saga_checkpoint *c)
+{
+    saga_checkpoint_walk(c, t->tones, 3 * (1 + (size_t)t->capture->n_views) *
+                                      sizeof *t->tones);
+}
+
+static void write_finished(saga_train *t, saga_checkpoint *c)
+{
+    saga_encoder_save(t->file.encoder, c);
+    walk_file(t, c);
+    walk_tones(t, c);
 }
 
 bool saga_train_save(saga_train *t, saga_error *error)
@@ -70,29 +83,42 @@ bool saga_train_save(saga_train *t, saga_error *error)
         return false;
     fill(&h, t);
     saga_checkpoint_walk(&c, &h, sizeof h);
-    if (t->turn > 0) {
-        saga_encoder_save(t->file.encoder, &c);
-        walk_file(t, &c);
-    }
+    if (t->turn > 0)
+        write_finished(t, &c);
     saga_flat_save(t->flat, &c);
     if (t->fitting)
         saga_fit_walk(t->fit, &c);
     return saga_checkpoint_close(&c, true, error);
 }
 
+bool saga_train_save_networks(saga_train *t, const char *path,
+                              saga_error *error)
+{
+    saga_checkpoint c;
+    head h;
+
+    if (!saga_checkpoint_create(&c, path, error))
+        return false;
+    fill(&h, t);
+    h.turn = 1;
+    saga_checkpoint_walk(&c, &h, sizeof h);
+    write_finished(t, &c);
+    return saga_checkpoint_close(&c, true, error);
+}
+
 /* --- Reading ------------------------------------------------------------- */
 
-static bool same(const saga_train *t, const char *option, uint64_t had,
+static bool same(const char *file, const char *option, uint64_t had,
                  uint64_t has, saga_error *error)
 {
     return had == has ||
-           saga_fail(error, t->o.checkpoint, "give the options it was begun "
+           saga_fail(error, file, "give the options it was begun "
                      "with, or delete it", "was begun with %s %llu, not %llu",
                      option, (unsigned long long)had,
                      (unsigned long long)has);
 }
 
-static bool same_motion(const saga_train *t, uint64_t had, uint64_t has,
+static bool same_motion(const char *file, uint64_t had, uint64_t has,
                         saga_error *error)
 {
     static const char *const names[] = {
@@ -101,49 +127,64 @@ static bool same_motion(const saga_train *t, uint64_t had, uint64_t has,
     };
 
     return had == has ||
-           saga_fail(error, t->o.checkpoint, "give the options it was begun "
+           saga_fail(error, file, "give the options it was begun "
                      "with, or delete it", "was begun with %s, not %s",
                      had <= SAGA_TRAIN_MOVING ? names[had] : "another motion",
                      names[has]);
 }
 
-static bool same_ablation(const saga_train *t, const head *h, const head *now,
+static bool same_ablation(const char *file, const head *h, const head *now,
                           saga_error *error)
 {
     return memcmp(h->ablate, now->ablate, sizeof h->ablate) == 0 ||
-           saga_fail(error, t->o.checkpoint, "give the options it was begun "
+           saga_fail(error, file, "give the options it was begun "
                      "with, or delete it", "was begun with --ablate '%.*s', "
                      "not '%s'", (int)sizeof h->ablate, h->ablate,
                      now->ablate);
 }
 
-static bool fits(const saga_train *t, const head *h, saga_error *error)
+/* All but the pictures. */
+static bool same_options(const saga_train *t, const head *h, const char *file,
+                         saga_error *error)
 {
     head now;
 
     fill(&now, t);
-    if (!same(t, "a number of segments of", h->segments, now.segments, error))
-        return false;
-    if (h->capture != now.capture)
-        return saga_fail(error, t->o.checkpoint, "give the capture it was "
-                         "begun with, or delete it",
-                         "was begun with other pictures or cameras");
     if (h->lambda < now.lambda || h->lambda > now.lambda)
-        return saga_fail(error, t->o.checkpoint, "give the options it was "
-                         "begun with, or delete it",
-                         "was begun with --lambda %g, not %g", h->lambda,
-                         now.lambda);
-    return same(t, "--primitives", h->primitives, now.primitives, error) &&
-           same(t, "coarse anchors", h->coarse, now.coarse, error) &&
-           same(t, "fine anchors", h->fine, now.fine, error) &&
-           same(t, "--iterations",
+        return saga_fail(error, file, "give the options it was begun with, or "
+                         "delete it", "was begun with --lambda %g, not %g",
+                         h->lambda, now.lambda);
+    return same(file, "--primitives", h->primitives, now.primitives, error) &&
+           same(file, "coarse anchors", h->coarse, now.coarse, error) &&
+           same(file, "fine anchors", h->fine, now.fine, error) &&
+           same(file, "--iterations",
                 h->warm + h->render, now.warm + now.render, error) &&
-           same(t, "warm-up iterations", h->warm, now.warm, error) &&
-           same(t, "--size", h->n_bytes, now.n_bytes, error) &&
-           same(t, "--level", h->level, now.level, error) &&
-           same(t, "--seed", h->seed, now.seed, error) &&
-           same_motion(t, h->motion, now.motion, error) &&
-           same_ablation(t, h, &now, error);
+           same(file, "warm-up iterations", h->warm, now.warm, error) &&
+           same(file, "--size", h->n_bytes, now.n_bytes, error) &&
+           same(file, "--level", h->level, now.level, error) &&
+           same(file, "--seed", h->seed, now.seed, error) &&
+           same_motion(file, h->motion, now.motion, error) &&
+           same_ablation(file, h, &now, error);
+}
+
+static bool same_segments(const saga_train *t, const head *h, const char *file,
+                          saga_error *error)
+{
+    return same(file, "a number of segments of", h->segments,
+                (uint64_t)t->o.n_segments, error);
+}
+
+static bool fits(const saga_train *t, const head *h, saga_error *error)
+{
+    const char *const file = t->o.checkpoint;
+
+    if (!same_segments(t, h, file, error))
+        return false;
+    if (h->capture != t->digest)
+        return saga_fail(error, file, "give the capture it was begun with, or "
+                         "delete it",
+                         "was begun with other pictures or cameras");
+    return same_options(t, h, file, error);
 }
 
 static bool load_fit(saga_train *t, saga_checkpoint *c, saga_error *error)
@@ -171,6 +212,46 @@ static bool adopt_iterations(saga_train *t, const head *h)
     return true;
 }
 
+static bool read_finished(saga_train *t, saga_checkpoint *c,
+                          saga_error *error)
+{
+    t->file.encoder = saga_encoder_restore(c, error);
+    if (!t->file.encoder ||
+        !saga_scene_init(&t->file.networks.scene,
+                         saga_encoder_model(t->file.encoder),
+                         (saga_counts){ 0 }, 0, 0, error))
+        return false;
+    walk_file(t, c);
+    if (c->failed || !saga_train_same_views(t, t->capture,
+                                            saga_train_segment(t), error))
+        return false;
+    walk_tones(t, c);
+    saga_train_tone(t);
+    t->flat_options.n_primitives = saga_train_share(t);
+    return !c->failed;
+}
+
+/* Takes over the primitives that the warm-up came to. */
+static bool adopt_primitives(saga_train *t, const head *h)
+{
+    const saga_level_caps *const caps = &saga_caps[t->o.level];
+
+    if (h->primitives < 1 || h->primitives > caps->n_prim ||
+        h->coarse > caps->n_coarse || h->fine > caps->n_fine)
+        return false;
+    t->o.n_primitives = (uint32_t)h->primitives;
+    t->o.n_coarse = (uint32_t)h->coarse;
+    t->o.n_fine = (uint32_t)h->fine;
+    t->flat_options.n_primitives = t->o.n_primitives;
+    return true;
+}
+
+static bool adopt(saga_train *t, const head *h)
+{
+    return (!(t->o.minutes > 0) || adopt_iterations(t, h)) &&
+           (!t->o.free_count || adopt_primitives(t, h));
+}
+
 /* The first segment to be trained, and which is in training, are the
  * checkpoint's. */
 static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
@@ -187,19 +268,7 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
     t->changing = h->changing;
     t->lambda = h->chosen_lambda;
     t->n_finished = h->n_finished;
-    if (t->turn == 0)
-        return true;
-    t->file.encoder = saga_encoder_restore(c, error);
-    if (!t->file.encoder ||
-        !saga_scene_init(&t->file.networks.scene,
-                         saga_encoder_model(t->file.encoder),
-                         (saga_counts){ 0 }, 0, 0, error))
-        return false;
-    walk_file(t, c);
-    saga_train_tone(t);
-    if (!c->failed)
-        t->flat_options.n_primitives = saga_train_share(t);
-    return true;
+    return t->turn == 0 || read_finished(t, c, error);
 }
 
 static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
@@ -207,7 +276,7 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
     head h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
-    if (t->o.minutes > 0 && !adopt_iterations(t, &h)) {
+    if (!adopt(t, &h)) {
         c->failed = true;
         return false;
     }
@@ -227,6 +296,28 @@ bool saga_train_load(saga_train *t, saga_error *error)
     if (!saga_checkpoint_open(&c, t->o.checkpoint, error))
         return false;
     ok = load(t, &c, error);
+    return saga_checkpoint_close(&c, ok, error);
+}
+
+static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
+{
+    head h;
+
+    saga_checkpoint_walk(c, &h, sizeof h);
+    c->failed = c->failed || h.turn != 1 || !adopt(t, &h);
+    return !c->failed && same_segments(t, &h, t->o.networks, error) &&
+           same_options(t, &h, t->o.networks, error) &&
+           load_turn(t, &h, c, error);
+}
+
+bool saga_train_load_networks(saga_train *t, saga_error *error)
+{
+    saga_checkpoint c;
+    bool ok;
+
+    if (!saga_checkpoint_open(&c, t->o.networks, error))
+        return false;
+    ok = load_networks(t, &c, error);
     return saga_checkpoint_close(&c, ok, error);
 }
 
@@ -255,11 +346,12 @@ int saga_train_stopped_in(const char *checkpoint, saga_error *error)
         ? saga_train_segment_at((int)h.first, (int)h.turn) : -1;
 }
 
-bool saga_train_adopt(saga_train_options *o, saga_error *error)
+bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
+                      saga_error *error)
 {
     head h;
 
-    if (!read_head(&h, o->checkpoint, error))
+    if (!read_head(&h, checkpoint, error))
         return false;
     if (o->n_primitives == 0)
         o->n_primitives = (uint32_t)h.primitives;

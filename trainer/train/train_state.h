@@ -61,6 +61,9 @@ struct saga_train {
 /* train.c: returns the segment of a turn, where `first` has the first; builds
  * the hierarchy and the fit, t->dynamic is decided. */
 int saga_train_segment_at(int first, int turn);
+/* The file has one rig: this says whether a segment's capture has its views. */
+bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
+                           int segment, saga_error *error);
 /* Gives the pictures t->tones. */
 void saga_train_tone(saga_train *t);
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
@@ -118,5 +121,7 @@ uint32_t saga_train_share(const saga_train *t);
 /* train_save.c */
 bool saga_train_save(saga_train *t, saga_error *error);
 bool saga_train_load(saga_train *t, saga_error *error);
+/* Continues after the first segment, from o.networks. */
+bool saga_train_load_networks(saga_train *t, saga_error *error);
 
 #endif

@@ -52,6 +52,15 @@ bool saga_flat_iterate(saga_flat *flat, double *mse, saga_error *error);
 
 int saga_flat_iteration(const saga_flat *flat);
 uint32_t saga_flat_count(const saga_flat *flat);
+/* Says how often pictures are halved at an iteration. */
+int saga_flat_mip_at(const saga_flat *flat, int iteration);
+
+/* From this iteration on it comes down to the primitives asked for; until it,
+ * inclusive, they may be changed, to a sixteenth at least. */
+enum { SAGA_FLAT_AIM_STEPS = 16 };
+int saga_flat_first_prune(const saga_flat *flat);
+void saga_flat_aim(saga_flat *flat, uint32_t n_primitives);
+
 /* Returns the tensors, valid until the next step; members NULL where temporal
  * is off. */
 saga_splat_params saga_flat_params(const saga_flat *flat);

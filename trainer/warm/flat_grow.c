@@ -188,7 +188,8 @@ static double error_sums(double *sum, const saga_flat *f)
 
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < 3; k++) {
-            const double e = (double)(x[i + k * n] - y[i + k * n]);
+            const double e = y[i] < 0 ? 0
+                : (double)(x[i + k * n] - y[i + k * n]);
 
             total += e * e;
         }
@@ -366,13 +367,28 @@ static bool prune(saga_flat *f, int k, saga_error *error)
     return true;
 }
 
+static int iteration_of_prune(const saga_flat *f, int k)
+{
+    return (int)(f->o.n_iterations * (FIRST_PRUNE + PRUNE_STEP * k));
+}
+
+int saga_flat_first_prune(const saga_flat *f)
+{
+    return iteration_of_prune(f, 0);
+}
+
+void saga_flat_aim(saga_flat *f, uint32_t n_primitives)
+{
+    f->o.n_primitives = n_primitives;
+}
+
 bool saga_flat_change_count(saga_flat *f, saga_error *error)
 {
     const int n = f->o.n_iterations, at = f->iteration;
     bool ok = true;
 
     for (int k = 0; k < N_PRUNES && ok; k++)
-        if (at == (int)(n * (FIRST_PRUNE + PRUNE_STEP * k)))
+        if (at == iteration_of_prune(f, k))
             ok = prune(f, k, error);
     if (!ok || at == 0 || at % round_length(f))
         return ok;

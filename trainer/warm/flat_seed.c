@@ -40,7 +40,22 @@ static void tone(float scale[3], const saga_pictures *p, int view)
         scale[k] = (float)(p->exposure[3 * view + k] / 255);
 }
 
-/* Cuts the pixel at (u, v) and those around; false if it leaves the picture. */
+/* Says whether all pixels of a square from (x, y) on count. */
+static bool counts(const saga_capture *c, int view, int frame, int x, int y,
+                   int side)
+{
+    const uint8_t *const mask = saga_capture_mask(c, view, frame);
+    const size_t stride = (size_t)c->views[view].width;
+
+    for (int i = 0; mask && i < side; i++)
+        if (memchr(mask + (size_t)(y + i) * stride + (size_t)x, 0,
+                   (size_t)side))
+            return false;
+    return true;
+}
+
+/* Cuts the pixel at (u, v) and those around; false if it leaves the picture, or
+ * what counts of it. */
 static bool cut(patch *p, const saga_pictures *from, int view, int frame,
                 double u, double v)
 {
@@ -51,7 +66,9 @@ static bool cut(patch *p, const saga_pictures *from, int view, int frame,
     int x, y, n = 0;
 
     if (!(u >= PATCH && v >= PATCH && u < w->width - PATCH &&
-          v < w->height - PATCH))
+          v < w->height - PATCH) ||
+        !counts(c, view, frame, (int)u - PATCH, (int)v - PATCH,
+                2 * PATCH + 1))
         return false;
     tone(scale, from, view);
     rgb = saga_capture_frame(c, view, frame) +
@@ -77,7 +94,8 @@ static bool cut_between(patch *p, const saga_pictures *from, int view,
     int x, y, n = 0;
 
     if (!(left >= 0 && top >= 0 && left + 2 * PATCH + 1 < w->width &&
-          top + 2 * PATCH + 1 < w->height))
+          top + 2 * PATCH + 1 < w->height) ||
+        !counts(c, view, frame, (int)left, (int)top, 2 * PATCH + 2))
         return false;
     tone(scale, from, view);
     part[0] = (float)(left - (int)left);

@@ -69,8 +69,6 @@ typedef struct saga_flat_ratio {
 extern const int saga_flat_widths[FLAT_N_TENSORS];
 /* Sets the canvas's image and truth. */
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
-/* Says how often pictures are halved at an iteration. */
-int saga_flat_mip_at(const saga_flat *f, int iteration);
 /* Makes room for n primitives, values kept. */
 bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
 void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one);

@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: MIT
  *
- * decoder/project.c in AVX2: the same formulas, of which that file has the
+ * decoder/project.c in vectors: the same formulas, of which that file has the
  * proofs of range. Primitives that are dropped on the way go on as anything
  * until the end.
  */
-#ifndef SAGA_PROJECT_AVX2_H
-#define SAGA_PROJECT_AVX2_H
+#ifndef SAGA_PROJECT_LANES_H
+#define SAGA_PROJECT_LANES_H
 
-#include "animate_avx2.h"
+#include "animate_lanes.h"
 #include "project.h"
 
-#ifdef SAGA_MAY_AVX2
+#ifdef INLINE
 
 /* What the projection of the centre leaves for the rest. */
 typedef struct {
     i64s mean_q8[2];
     i64s slope_q16[2];           /* less middle_slope() */
     i64s depth;
-    i64s minus_recip;            /* of z, see fx_avx2.h */
+    i64s minus_recip;            /* of z, see fx_lanes.h */
     i64s recip_shift;
 } centres;
 
@@ -180,7 +180,6 @@ INLINE i64s rotation(i64s r[9], i64s *k, const i64s q[4])
     const i64s xz = mul(q[1], q[3]) << 1, wy = mul(q[0], q[2]) << 1;
     const i64s yz = mul(q[2], q[3]) << 1, wx = mul(q[0], q[1]) << 1;
     const i64s norm = ww + xx + yy + zz;
-    const u8s bits_of = BYTES(0, 1, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4);
     rounding by;
     int i;
 
@@ -193,7 +192,7 @@ INLINE i64s rotation(i64s r[9], i64s *k, const i64s q[4])
     r[6] = xz - wy;
     r[7] = yz + wx;
     r[8] = ww - xx - yy + zz;
-    *k = 28 + ((i64s)nibbles(bits_of, (u8s)shift_down(norm, 58)));
+    *k = 28 + n_bits_nibble(shift_down(norm, 58));
     by = round_by(*k);
     for (i = 0; i < 9; i++)
         r[i] = round_low_each(r[i], &by);

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * decoder/animate.c in AVX2: the same formulas, of which that file has the
+ * decoder/animate.c in vectors: the same formulas, of which that file has the
  * proofs of range.
  */
-#ifndef SAGA_ANIMATE_AVX2_H
-#define SAGA_ANIMATE_AVX2_H
+#ifndef SAGA_ANIMATE_LANES_H
+#define SAGA_ANIMATE_LANES_H
 
-#include "fx_avx2.h"
+#include "fx_lanes.h"
 #include "animate.h"
 
-#ifdef SAGA_MAY_AVX2
+#ifdef INLINE
 
 _Static_assert(offsetof(saga_primitive, x) == 0 &&
                offsetof(saga_primitive, t_centre) == 12 &&

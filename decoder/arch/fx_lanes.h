@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: MIT
  *
- * common/fx_math.c in AVX2: the same formulas, of which that file has the
- * proofs of range.
+ * common/fx_math.c in vectors: the same formulas, of which that file has the
+ * proofs of range. It needs what lanes.h says.
  */
-#ifndef SAGA_FX_AVX2_H
-#define SAGA_FX_AVX2_H
+#ifndef SAGA_FX_LANES_H
+#define SAGA_FX_LANES_H
 
-#include "lanes_avx2.h"
+#include "lanes.h"
 #include "fx_math.h"
 #include "sqrt_up.h"
 
-#ifdef SAGA_MAY_AVX2
+#ifdef INLINE
 
 /* A pair of mantissa and exponent in each lane, see saga_float. */
 typedef struct {
@@ -115,13 +115,10 @@ INLINE pairs rsqrt_each(pairs x)
     return y;
 }
 
-/* The table's entries are of 16 bits; any other x gives anything. */
+/* Any other x gives anything. */
 INLINE i64s sqrt_up_each(i64s x_q20)
 {
-    const i64s i = shift_down(x_q20 - 1, 15) & 255;
-    const uint16_t *const t = saga_sqrt_up_q12;
-
-    return (i64s){ t[i[0]], t[i[1]], t[i[2]], t[i[3]] };
+    return entries16(saga_sqrt_up_q12, shift_down(x_q20 - 1, 15) & 255);
 }
 
 #endif

@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: MIT */
+#include "fx.h"
+#include "head.h"
+#include "saga.h"
+
+/* Reads the name behind `at` into naming->name, which holds the one before it:
+ * a name begins with `shared` bytes of that one. Returns where it ends; 0 where
+ * it is no name. */
+static uint32_t read_name(saga_naming *naming, const uint8_t *p, uint32_t at,
+                          uint32_t n)
+{
+    uint32_t shared, more, i;
+
+    if (n - at < 2)
+        return 0;
+    shared = p[at];
+    more = p[at + 1];
+    at += 2;
+    if (shared + more > SAGA_MAX_NAME || more > n - at)
+        return 0;
+    for (i = 0; i < shared; i++)
+        if (!naming->name[i])
+            return 0;
+    for (i = 0; i < more; i++) {
+        if (p[at + i] < 0x20 || p[at + i] == 0x7f)
+            return 0;
+        naming->name[shared + i] = (char)p[at + i];
+    }
+    naming->name[shared + more] = 0;
+    return at + more;
+}
+
+/* p[0..n) is the chunk's payload. All names are looked at, so that damage does
+ * not hide behind the wanted one. */
+static saga_status read_payload(saga_naming *naming, const uint8_t *p,
+                                uint32_t n, uint32_t index, uint32_t n_cameras)
+{
+    saga_naming last;
+    uint32_t at = 8, i;
+
+    if (n < at)
+        return SAGA_ERR_DATA;
+    last.metre_mantissa = (int32_t)fx_load32_le(p);
+    last.metre_exponent = (int32_t)fx_load32_le(p + 4);
+    last.name[0] = 0;
+    for (i = 0; i < n_cameras; i++) {
+        at = read_name(&last, p, at, n);
+        if (!at)
+            return SAGA_ERR_DATA;
+        if (i == index)
+            *naming = last;
+    }
+    return at == n ? SAGA_OK : SAGA_ERR_DATA;
+}
+
+saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
+                             size_t n, uint32_t index)
+{
+    saga_chunk c;
+    saga_header h;
+    saga_info info;
+    uint32_t networks;
+    saga_status s = saga_probe(&info, bytes, n);
+
+    if (!s)
+        s = saga_head_read(&h, bytes, n);
+    if (s)
+        return s;
+    if (index >= info.n_cameras)
+        return SAGA_ERR_ARG;
+    if (n < info.head_nbytes || n - info.head_nbytes < 4)
+        return SAGA_ERR_TRUNCATED;
+    /* The CRC goes on from that of the networks, right before their payload. */
+    networks = fx_load32_le(bytes + (size_t)saga_head_base(&h) -
+                            h.nets_nbytes - 4);
+    bytes += info.head_nbytes;
+    n -= info.head_nbytes;
+    if (fx_load32_le(bytes) != SAGA_CHUNK_NAMES)
+        return SAGA_ERR_ARG;
+    s = saga_head_chunk(&c, SAGA_CHUNK_NAMES, networks, bytes, n);
+    return s ? s : read_payload(naming, bytes + SAGA_CHUNK_NBYTES, c.nbytes,
+                                index, info.n_cameras);
+}

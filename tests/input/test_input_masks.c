@@ -1,0 +1,242 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Masks: which pixels count, wherever a capture says it; what does not count
+ * looks as where it does; and cameras that are late by a part of a frame.
+ */
+#include "capture_files.h"
+#include "picture.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+
+#include <cmocka.h>
+
+enum { W = 32, H = 16, N_VIEWS = 2, N_FRAMES = 3 };
+
+/* Pictures are of one grey each. */
+static int grey(int view, int frame)
+{
+    return 40 + 60 * view + 20 * frame;
+}
+
+static void write_grey(folder *f, const char *name, int w, int h, int left,
+                       int right)
+{
+    uint8_t rgb[3 * 64 * 64];
+    saga_error error = { "" };
+
+    for (int i = 0; i < w * h; i++)
+        memset(rgb + 3 * i, i % w < w / 2 ? left : right, 3);
+    if (!saga_png_write(folder_file(f, name), w, h, rgb, &error))
+        fail_msg("%s", error.message);
+}
+
+static void write_capture(folder *f, const char *root, const char *also)
+{
+    bytes b = { 0 };
+    char name[80];
+
+    put_text(&b, "{\"fl_x\": 30, \"fps\": 10, \"frames\": [");
+    for (int v = 0; v < N_VIEWS; v++) {
+        folder_run(f, "mkdir -p %s/cam%d", root, v);
+        for (int k = 0; k < N_FRAMES; k++) {
+            snprintf(name, sizeof name, "%s/cam%d/%d.png", root, v, k);
+            write_grey(f, name, W, H, grey(v, k), grey(v, k));
+            put_text(&b, "%s{\"file_path\": \"%s\", \"time\": %g%s, "
+                     "\"transform_matrix\": [[1,0,0,%d],[0,1,0,0],[0,0,1,0]]}",
+                     v || k ? ", " : "", name, k / 10.0,
+                     v == 0 && k == 1 ? also : "", v);
+        }
+    }
+    put_text(&b, "]}");
+    write_bytes(f, "transforms.json", &b);
+}
+
+/* The left half of a picture does not count and is of a grey, the right one
+ * does. */
+static void check_left(const saga_capture *c, int view, int frame, int left)
+{
+    const uint8_t *const mask = saga_capture_mask(c, view, frame);
+    const uint8_t *const rgb = saga_capture_frame(c, view, frame);
+    const int w = c->views[view].width, h = c->views[view].height;
+
+    assert_non_null(mask);
+    for (int i = 0; i < w * h; i++) {
+        assert_int_equal(mask[i], i % w >= w / 2);
+        assert_int_equal(rgb[3 * i], mask[i] ? grey(view, frame) : left);
+    }
+}
+
+static void check_whole(const saga_capture *c, int view, int frame)
+{
+    const uint8_t *const mask = saga_capture_mask(c, view, frame);
+    const uint8_t *const rgb = saga_capture_frame(c, view, frame);
+
+    for (int i = 0; i < W * H; i++) {
+        assert_true(!mask || mask[i] == 1);
+        assert_int_equal(rgb[3 * i], grey(view, frame));
+    }
+}
+
+/* Frame 1 of camera 0 is masked; the earlier of two neighbours is as near. */
+static void check_one(folder *f)
+{
+    saga_capture c = load(f->path);
+
+    check_whole(&c, 0, 0);
+    check_left(&c, 0, 1, grey(0, 0));
+    check_whole(&c, 0, 2);
+    assert_null(saga_capture_mask(&c, 1, 0));
+    check_whole(&c, 1, 1);
+    assert_non_null(strstr(c.notes, "masks: 1 of 6"));
+    saga_capture_free(&c);
+}
+
+static void masks_should_be_found_beside_pictures(void **state)
+{
+    static const char *const names[] = {
+        "masks/cam0/1.png", "masks/cam0/1.png.png"
+    };
+    folder *const f = *state;
+
+    write_capture(f, "images", "");
+    folder_run(f, "mkdir -p masks/cam0");
+    for (int i = 0; i < 2; i++) {
+        write_grey(f, names[i], W, H, 0, 255);
+        check_one(f);
+        folder_run(f, "rm %s", names[i]);
+    }
+    folder_run(f, "mkdir -p m; rm -r masks");
+    write_grey(f, "m/one.png", W, H, 100, 200);
+    write_capture(f, "images", ", \"mask_path\": \"m/one.png\"");
+    check_one(f);
+    /* Other pictures' folders than images/ */
+    folder_run(f, "mkdir -p masks/p/cam0");
+    write_grey(f, "masks/p/cam0/1.png", W, H, 0, 255);
+    write_capture(f, "p", "");
+    check_one(f);
+}
+
+/* Where a pixel never counts, it is black. */
+static void mask_should_be_of_all_frames_when_it_is_the_cameras(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+    uint8_t rgb[3 * W * H];
+
+    write_capture(f, "images", "");
+    folder_run(f, "mkdir -p masks/cam1");
+    write_grey(f, "masks/cam1.png", W, H, 0, 255);
+    write_grey(f, "masks/cam1/2.png", W, H, 255, 255);
+    c = load(f->path);
+    check_left(&c, 1, 0, grey(1, 2));
+    check_left(&c, 1, 1, grey(1, 2));
+    check_whole(&c, 1, 2);
+    memset(rgb, 7, sizeof rgb);
+    assert_true(saga_capture_forgive(&c, 1, 0, rgb) == 0.5);
+    assert_true(rgb[0] == grey(1, 2) && rgb[3 * (W - 1)] == 7);
+    assert_true(saga_capture_forgive(&c, 0, 0, rgb) == 1.0);
+    saga_capture_free(&c);
+    folder_run(f, "rm -r masks/cam1");
+    write_grey(f, "masks/cam1.png", W, H, 0, 255);
+    o.scale = 2;
+    c = load_with(f->path, &o);
+    check_left(&c, 1, 1, 0);
+    saga_capture_free(&c);
+    o.scale = 1;
+    o.memory_nbytes = 1000;
+    refused_with(f->path, &o, f->path, "--memory");
+}
+
+static void alpha_should_be_a_mask_when_wanted(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_capture(f, "images", "");
+    folder_run(f, "ffmpeg -nostdin -v error -y -i images/cam0/1.png -vf "
+               "\"format=rgba,geq=r='r(X,Y)':g='g(X,Y)':b='b(X,Y)':"
+               "a='if(lt(X,16),0,255)'\" a.png && mv a.png images/cam0/1.png");
+    c = load(f->path);
+    assert_null(saga_capture_mask(&c, 0, 1));
+    assert_int_equal(saga_capture_frame(&c, 0, 1)[0], 0); /* over black */
+    saga_capture_free(&c);
+    o.alpha_masks = true;
+    c = load_with(f->path, &o);
+    check_left(&c, 0, 1, grey(0, 0));
+    check_whole(&c, 0, 0);
+    check_whole(&c, 1, 1);
+    saga_capture_free(&c);
+}
+
+static void mask_should_be_refused_when_wrong(void **state)
+{
+    folder *const f = *state;
+
+    write_capture(f, "images", "");
+    folder_run(f, "mkdir -p masks/cam0");
+    write_grey(f, "masks/cam0/1.png", W / 2, H, 0, 255);
+    refused(f->path, "masks/cam0/1.png", "is 16 x 16 pixels, expected 32 x 16");
+    write_text(f, "masks/cam0/1.png", "no picture");
+    refused(f->path, "masks/cam0/1.png", "is no PNG");
+    folder_run(f, "rm -r masks");
+    write_capture(f, "images", ", \"mask_path\": \"none.png\"");
+    refused(f->path, "none.png", "cannot be opened");
+    write_capture(f, "images", ", \"mask_path\": 7");
+    refused(f->path, "transforms.json", "\"mask_path\" in frames[1]");
+}
+
+/* Camera 1 runs 1.25 frames behind: its second picture was taken 3/4 of a frame
+ * after the first one of camera 0 that is left. Picture k is then late by that.
+ */
+static void parts_of_a_frame_should_be_kept(void **state)
+{
+    static const struct {
+        const char *late;
+        int n_frames, first[N_VIEWS];
+        double rest[N_VIEWS];
+    } t[] = {
+        { "cam1=0.25", 2, { 0, 1 }, { 0, 0.75 } },
+        { "cam1=1.25", 1, { 0, 2 }, { 0, 0.75 } },
+        { "cam1=-0.5", 2, { 1, 0 }, { 0.5, 0 } },
+        { "cam0=1.5,cam1=1.5", 3, { 0, 0 }, { 0, 0 } },
+        { "cam1=1", 2, { 0, 1 }, { 0, 0 } },
+        { "cam1=0.9999999", 2, { 0, 1 }, { 0, 0 } },
+    };
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+
+    write_capture(f, "images", "");
+    for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+        o.late = t[i].late;
+        saga_capture c = load_with(f->path, &o);
+
+        assert_int_equal(c.n_frames, t[i].n_frames);
+        for (int v = 0; v < N_VIEWS; v++) {
+            assert_int_equal(saga_capture_frame(&c, v, 0)[0],
+                             grey(v, t[i].first[v]));
+            assert_float_equal(c.views[v].late, t[i].rest[v], 1e-6);
+        }
+        saga_capture_free(&c);
+    }
+    o.late = "cam1=nan";
+    refused_with(f->path, &o, f->path, "is no camera and number of frames");
+}
+
+#define IN_FOLDER(test) \
+    cmocka_unit_test_setup_teardown(test, folder_make, folder_remove)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        IN_FOLDER(masks_should_be_found_beside_pictures),
+        IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras),
+        IN_FOLDER(alpha_should_be_a_mask_when_wanted),
+        IN_FOLDER(mask_should_be_refused_when_wrong),
+        IN_FOLDER(parts_of_a_frame_should_be_kept),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,215 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Names of cameras: what was given comes back, and no bytes are read that are
+ * not there, whatever a stranger writes.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "crc32c.h"
+#include "encode.h"
+#include "gen_stream.h"
+#include "saga.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct {
+    uint8_t *p;
+    size_t n;
+    saga_info info;
+} file;
+
+static file make_with(int named, int base)
+{
+    const gen_options o = { .seed = 5, .level = 1, .n_coarse = 3,
+                            .tools_fixed = 1, .named = named, .base = base };
+    gen_stream g;
+    file f;
+
+    gen_stream_make(&g, &o);
+    gen_stream_encode(&g, &f.p, &f.n);
+    gen_stream_free(&g);
+    assert_int_equal(saga_probe(&f.info, f.p, f.n), SAGA_OK);
+    return f;
+}
+
+static file make(int named)
+{
+    return make_with(named, 0);
+}
+
+/* Puts a payload in the place of the names, and what is behind it away. */
+static void replace(file *f, const void *payload, size_t n)
+{
+    uint8_t *const at = f->p + f->info.head_nbytes;
+    const uint8_t *const nets = at - f->info.nets_nbytes - 4;
+    const saga_chunk c = { SAGA_CHUNK_NAMES, (uint32_t)n, 0 };
+    saga_chunk copy = c;
+    saga_io io = { NULL, at, 0 };
+
+    assert_true(f->info.head_nbytes + SAGA_CHUNK_NBYTES + n <= f->n);
+    memcpy(at + SAGA_CHUNK_NBYTES, payload, n);
+    copy.crc = saga_chunk_crc((uint32_t)nets[0] | (uint32_t)nets[1] << 8 |
+                              (uint32_t)nets[2] << 16 |
+                              (uint32_t)nets[3] << 24, &c,
+                              at + SAGA_CHUNK_NBYTES);
+    saga_chunk_io(&io, &copy);
+    f->n = f->info.head_nbytes + SAGA_CHUNK_NBYTES + n;
+}
+
+static void names_should_come_back(void **state)
+{
+    file f = make(1);
+    saga_naming got, want;
+
+    (void)state;
+    for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++) {
+        gen_stream_name(&want, i);
+        assert_int_equal(saga_name_camera(&got, f.p, f.n, i), SAGA_OK);
+        assert_string_equal(got.name, want.name);
+        assert_int_equal(got.metre_mantissa, want.metre_mantissa);
+        assert_int_equal(got.metre_exponent, want.metre_exponent);
+    }
+    assert_int_equal(saga_name_camera(&got, f.p, f.n, GEN_MAX_CAMERAS),
+                     SAGA_ERR_ARG);
+    free(f.p);
+    f = make(0);
+    assert_int_equal(saga_name_camera(&got, f.p, f.n, 0), SAGA_ERR_ARG);
+    free(f.p);
+}
+
+/* The head is not whole without the base, and damage in it is not theirs. */
+static void names_should_stand_behind_a_base(void **state)
+{
+    file f = make_with(1, 1), without = make_with(0, 1);
+    const size_t head = f.info.head_nbytes;
+    saga_naming got, want;
+    saga_segment s;
+
+    (void)state;
+    assert_true(f.info.base_coarse > 0);
+    assert_int_equal(head, without.info.head_nbytes);
+    assert_int_equal(saga_name_camera(&got, without.p, without.n, 0),
+                     SAGA_ERR_ARG);
+    f.p[head - 1] ^= 0x01;
+    for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++) {
+        gen_stream_name(&want, i);
+        assert_int_equal(saga_name_camera(&got, f.p, f.n, i), SAGA_OK);
+        assert_string_equal(got.name, want.name);
+    }
+    assert_int_equal(saga_name_camera(&got, f.p, head, 0), SAGA_ERR_TRUNCATED);
+    assert_int_equal(saga_find(&s, f.p, f.n, 0, 1), SAGA_OK);
+    assert_int_equal(s.offset - head, f.n - without.n);
+    free(f.p);
+    free(without.p);
+}
+
+/* The same bytes but for the chunk and the index, and the same segments. */
+static void names_should_cost_nothing_when_there_are_none(void **state)
+{
+    file with = make(1), without = make(0);
+    saga_segment a, b;
+
+    (void)state;
+    assert_int_equal(with.info.head_nbytes, without.info.head_nbytes);
+    assert_int_equal(saga_find(&a, with.p, with.n, 0, 1), SAGA_OK);
+    assert_int_equal(saga_find(&b, without.p, without.n, 0, 1), SAGA_OK);
+    assert_int_equal(b.offset, without.info.head_nbytes);
+    assert_int_equal(a.offset - b.offset, with.n - without.n);
+    /* 8 bytes of the unit, two counts a name, and "c\303\241m 0", "9", "". */
+    assert_int_equal(a.offset - b.offset, 12 + 8 + 3 * 2 + 6 + 1);
+    assert_int_equal(a.nbytes, b.nbytes);
+    free(with.p);
+    free(without.p);
+}
+
+static void names_should_be_refused_when_cut_or_changed(void **state)
+{
+    file f = make(1);
+    const size_t begin = f.info.head_nbytes, end = begin + 12 + 8 + 13;
+    saga_naming got;
+
+    (void)state;
+    for (size_t n = 0; n < end; n++) {
+        uint8_t *const copy = memcpy(malloc(n + 1), f.p, n);
+        uint8_t *const exact = realloc(copy, n ? n : 1);
+
+        assert_int_equal(saga_name_camera(&got, exact, n, 0),
+                         SAGA_ERR_TRUNCATED);
+        free(exact);
+    }
+    for (size_t at = begin; at < end; at++) {
+        const saga_status wanted = at < begin + 4 ? SAGA_ERR_ARG
+                                                  : SAGA_ERR_DATA;
+        f.p[at] ^= 0x01;
+        const saga_status s = saga_name_camera(&got, f.p, f.n, 0);
+
+        /* A length may also run past the end. */
+        assert_true(s == wanted || (at < begin + 8 && at >= begin + 4 &&
+                                    s == SAGA_ERR_TRUNCATED));
+        f.p[at] ^= 0x01;
+    }
+    free(f.p);
+}
+
+#define UNIT "\0\0\0\0\0\0\0\0"
+#define SAY(text) { text, sizeof text - 1 }
+
+static void payload_should_be_refused_when_wrong(void **state)
+{
+    static const struct { const char *p; size_t n; } wrong[] = {
+        SAY(""), SAY("\0\0\0\0\0\0\0"), SAY(UNIT), SAY(UNIT "\0"),
+        SAY(UNIT "\0\1a\0\0"),              /* a name too few */
+        SAY(UNIT "\0\1a\0\0\0\0\0\0"),      /* and one too many */
+        SAY(UNIT "\1\1a\0\0\0\0"),          /* shared with nothing */
+        SAY(UNIT "\0\1a\2\0\0\0"),          /* with more than there is */
+        SAY(UNIT "\0\2a\0\0\0"),            /* longer than the payload */
+        SAY(UNIT "\0\1\n\0\0\0\0"), SAY(UNIT "\0\1\x7f\0\0\0\0"),
+        SAY(UNIT "\0\1\0\0\0\0\0"), SAY(UNIT "\0\xff\0\0\0\0"),
+        SAY(UNIT "\0\0\0\0\0\0 ")
+    };
+    char longest[8 + 6 + 64] = UNIT;
+    saga_naming got;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        file f = make(1);
+
+        replace(&f, wrong[i].p, wrong[i].n);
+        for (uint32_t k = 0; k < GEN_MAX_CAMERAS; k++)
+            assert_int_equal(saga_name_camera(&got, f.p, f.n, k),
+                             SAGA_ERR_DATA);
+        free(f.p);
+    }
+    /* 63 bytes are a name, of which 0 to 63 may be shared; 64 are none. */
+    for (int n = 63; n < 65; n++) {
+        file f = make(1);
+
+        memset(longest + 8, 0, sizeof longest - 8);
+        longest[9] = (char)n;
+        memset(longest + 10, 'x', (size_t)n);
+        longest[10 + n] = (char)(n == 63 ? 63 : 0);
+        replace(&f, longest, 8 + 6 + (size_t)n);
+        assert_int_equal(saga_name_camera(&got, f.p, f.n, 1),
+                         n == 63 ? SAGA_OK : SAGA_ERR_DATA);
+        assert_true(n != 63 || strlen(got.name) == 63);
+        free(f.p);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(names_should_come_back),
+        cmocka_unit_test(names_should_stand_behind_a_base),
+        cmocka_unit_test(names_should_cost_nothing_when_there_are_none),
+        cmocka_unit_test(names_should_be_refused_when_cut_or_changed),
+        cmocka_unit_test(payload_should_be_refused_when_wrong)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Masked anchors on a line, whose features are known functions of where they
+ * are: what is recovered of them follows.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "mask.h"
+#include "recover.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Cells of depth 8: 2^15 box units to a half-size. */
+enum { N = 101, F = 2, DEPTH = 8, HALF = 1 << (23 - DEPTH) };
+
+typedef struct {
+    saga_model model;
+    saga_scaffold sc;
+    saga_coarse coarse[N];
+    double was[N][F], now[N][F];
+} line;
+
+/* Anchors lie two half-sizes apart in x: neighbours at a distance of 1, those
+ * after them of 4. Every other one is masked. */
+static void make(line *l, uint32_t radius2)
+{
+    saga_tier *const tier = &l->model.tier[SAGA_TIER_COARSE];
+
+    memset(l, 0, sizeof *l);
+    l->model.features = F;
+    tier->window = 16;
+    tier->neighbours = 8;
+    tier->radius2_q12 = (uint16_t)((radius2 << 12) + 1);
+    tier->softmax_q8 = 369;
+    l->sc.model = &l->model;
+    l->sc.n.coarse = N;
+    l->sc.coarse = l->coarse;
+    for (int i = 0; i < N; i++) {
+        l->coarse[i].x[0] = (2 * i - N) * HALF;
+        l->coarse[i].depth_x = DEPTH;
+        l->coarse[i].group = (uint8_t)(i % 2);
+    }
+}
+
+static uint32_t recover(line *l, int how)
+{
+    memcpy(l->now, l->was, sizeof l->now);
+    for (int i = 1; i < N; i += 2)
+        l->now[i][0] = l->now[i][1] = NAN;
+    return ref_recover(&l->now[0][0], &l->sc, SAGA_TIER_COARSE, how,
+                       saga_rng_stream(1, 2));
+}
+
+/* rms over rms, of what was masked; what was known must be as it was. */
+static double error(const line *l)
+{
+    double wrong = 0, all = 0;
+
+    for (int i = 0; i < N; i++)
+        for (int k = 0; k < F; k++) {
+            const double d = l->now[i][k] - l->was[i][k];
+
+            if (i % 2) {
+                wrong += d * d;
+                all += l->was[i][k] * l->was[i][k];
+            } else
+                assert_true(d == 0);
+        }
+    return sqrt(wrong / all);
+}
+
+static void recover_should_give_a_constant_whatever_it_takes(void **state)
+{
+    static line l;
+
+    (void)state;
+    make(&l, 4);
+    for (int i = 0; i < N; i++) {
+        l.was[i][0] = 3;
+        l.was[i][1] = -0.25;
+    }
+    for (int how = 0; how < SAGA_N_RECOVERS; how++) {
+        assert_int_equal(recover(&l, how), 0);
+        assert_true(error(&l) < 1e-12);
+    }
+}
+
+/* The two neighbours at a distance of 1 weigh the same, and nobody else is
+ * inside the radius. Known anchors are 0, 2, .. 100 and masked ones lie
+ * symmetric among them, so the mean is the middle: its error is the whole
+ * feature. */
+static void recover_should_find_a_linear_function_between_neighbours(
+    void **state)
+{
+    static line l;
+
+    (void)state;
+    make(&l, 2);
+    for (int i = 0; i < N; i++) {
+        l.was[i][0] = i - 50;
+        l.was[i][1] = 2 * (50 - i);
+    }
+    assert_int_equal(recover(&l, SAGA_RECOVER_NEIGHBOURS), 0);
+    assert_true(error(&l) < 1e-12);
+    recover(&l, SAGA_RECOVER_MEAN);
+    assert_true(fabs(error(&l) - 1) < 1e-12);
+    recover(&l, SAGA_RECOVER_RANDOM);
+    assert_true(error(&l) > 0.9);
+}
+
+/* Two halves far from each other: a feature of +1 and -1. A pair of random
+ * anchors of equal weight gives 1, 0 or -1: errors 0, 1, 2 with shares 1/4,
+ * 1/2, 1/4, so the mean square is 1.5; of 50 masked anchors it has a standard
+ * deviation of 0.21. */
+static void recover_should_tell_halves_apart_by_neighbours_alone(void **state)
+{
+    static line l;
+
+    (void)state;
+    make(&l, 2);
+    for (int i = 0; i < N; i++) {
+        l.was[i][0] = l.was[i][1] = i <= 50 ? 1 : -1;
+        l.coarse[i].x[0] += i <= 50 ? 0 : 40 * HALF;
+    }
+    assert_int_equal(recover(&l, SAGA_RECOVER_NEIGHBOURS), 0);
+    assert_true(error(&l) < 1e-12);
+    recover(&l, SAGA_RECOVER_RANDOM);
+    assert_true(error(&l) > 1 && error(&l) < sqrt(2));
+}
+
+/* Nobody is nearer than a distance of 1: all take the mean. */
+static void recover_should_count_anchors_that_are_alone(void **state)
+{
+    static line l;
+
+    (void)state;
+    make(&l, 2);
+    l.model.tier[SAGA_TIER_COARSE].radius2_q12 = 4096;
+    for (int i = 0; i < N; i++)
+        l.was[i][0] = i - 50;
+    assert_int_equal(recover(&l, SAGA_RECOVER_NEIGHBOURS), N / 2);
+    assert_true(fabs(error(&l) - 1) < 1e-12);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(recover_should_give_a_constant_whatever_it_takes),
+        cmocka_unit_test(
+            recover_should_find_a_linear_function_between_neighbours),
+        cmocka_unit_test(
+            recover_should_tell_halves_apart_by_neighbours_alone),
+        cmocka_unit_test(recover_should_count_anchors_that_are_alone)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Commands that look at one picture of a file's rig share its options.
+ */
+#ifndef SAGA_PICTURE_CLI_H
+#define SAGA_PICTURE_CLI_H
+
+#include "cli.h"
+#include "error.h"
+#include "verify.h"
+#include "view.h"
+
+typedef struct saga_cli_picture {
+    int camera;              /* of the rig */
+    saga_cli_pair frame;     /* N/D; begins as 0/1 */
+    saga_cli_pair size;      /* 0: the camera's */
+} saga_cli_picture;
+
+/* Their entries in the list of a command whose options, of the given type, have
+ * them in `member`. */
+#define SAGA_CLI_PICTURE(type, member) \
+    { "--camera", "N", "camera N of the file's rig (default 0); `saga info` " \
+      "lists\nthem", saga_cli_int, offsetof(type, member.camera), 0, 65535 }, \
+    { "--frame", "N[/D]", "when, in frames: 15/2 is half-way from 7 to 8 " \
+      "(default 0)", saga_cli_fraction, offsetof(type, member.frame), 0, \
+      INT32_MAX }, \
+    { "--size", "WxH", "size of the picture (default: the camera's); all " \
+      "that the\ncamera sees stays in it", saga_cli_size, \
+      offsetof(type, member.size), 1, SAGA_MAX_SIDE }
+
+/* The camera and the time of a picture, and the number that the capture gave
+ * the camera. False: the film has no such picture. */
+bool saga_cli_picture_view(saga_verify_view *view, uint32_t *number,
+                           const saga_film *film, const saga_cli_picture *o,
+                           saga_error *error);
+
+#endif

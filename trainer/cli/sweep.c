@@ -1,0 +1,228 @@
+/* SPDX-License-Identifier: MIT */
+#include "sweep.h"
+
+#include "error.h"
+#include "file.h"
+#include "json_cli.h"
+#include "json_memory.h"
+#include "results.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+typedef struct {
+    char *file, *path;       /* N.saga and N.json in the folder */
+    saga_results loaded;     /* one result */
+    bool beaten;             /* another is as good, and no larger */
+} point;
+
+typedef struct {
+    const saga_sweep *s;
+    point at[SAGA_SWEEP_N];
+    saga_error error;
+} session;
+
+/* --- The folder ---------------------------------------------------------- */
+
+static bool is_empty(const char *path)
+{
+    DIR *const folder = opendir(path);
+    const struct dirent *entry;
+    int n = 0;
+
+    if (!folder)
+        return true;
+    while ((entry = readdir(folder)))
+        n += strcmp(entry->d_name, ".") != 0 &&
+             strcmp(entry->d_name, "..") != 0;
+    closedir(folder);
+    return n == 0;
+}
+
+static int open_folder(const saga_sweep *s)
+{
+    if (mkdir(s->folder, 0777) && errno != EEXIST)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s cannot be made "
+                              "(%s); name a folder that can", s->folder,
+                              strerror(errno));
+    if (!saga_path_is_folder(s->folder))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is no folder; "
+                              "--sweep writes several files", s->folder);
+    if (!s->resume && !is_empty(s->folder))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is not empty; give "
+                              "--resume to go on with a sweep there, or name "
+                              "another folder", s->folder);
+    return SAGA_EXIT_OK;
+}
+
+static int name_points(session *s)
+{
+    for (int i = 0; i < SAGA_SWEEP_N; i++) {
+        char file[16], result[16];
+
+        snprintf(file, sizeof file, "%d.saga", i + 1);
+        snprintf(result, sizeof result, "%d.json", i + 1);
+        s->at[i].file = saga_path_join(s->s->folder, file, &s->error);
+        s->at[i].path = saga_path_join(s->s->folder, result, &s->error);
+        if (!s->at[i].file || !s->at[i].path)
+            return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s",
+                                  s->error.message);
+    }
+    return SAGA_EXIT_OK;
+}
+
+/* --- Points -------------------------------------------------------------- */
+
+static const json_t *result_of(const point *p)
+{
+    return p->loaded.result[0];
+}
+
+static const json_t *encode_of(const point *p)
+{
+    return json_object_get(result_of(p), "encode");
+}
+
+/* What is told of a file is read from its result, new or left. */
+static int read_point(session *s, point *p)
+{
+    if (!saga_results_load(&p->loaded, p->path, &s->error))
+        return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+    if (!json_equal(json_object_get(encode_of(p), "options"), s->s->options))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s was made with other "
+                              "options; give those, or name another folder",
+                              p->path);
+    return SAGA_EXIT_OK;
+}
+
+static int make_point(session *s, int i)
+{
+    point *const p = &s->at[i];
+    int status;
+
+    if (saga_path_is_file(p->path))
+        return read_point(s, p);
+    saga_cli_error(0, "encode: file %d of %d", i + 1, SAGA_SWEEP_N);
+    status = s->s->make(s->s->user, p->file, p->path,
+                        pow(SAGA_SWEEP_STEP, i + 1 - SAGA_SWEEP_N));
+    return status ? status : read_point(s, p);
+}
+
+/* --- The curve ----------------------------------------------------------- */
+
+static double quality(const point *p)
+{
+    return saga_result_value(result_of(p), "all", &saga_metric_keys[0]);
+}
+
+/* Returns whether a is as good as b and no larger; of two alike, the first. */
+static bool beats(const point *a, const point *b)
+{
+    const double smaller = saga_result_nbytes(result_of(b)) -
+                           saga_result_nbytes(result_of(a));
+    const double better = quality(a) - quality(b);
+
+    return smaller >= 0 && better >= 0 &&
+           (smaller > 0 || better > 0 || a < b);
+}
+
+static void find_beaten(session *s)
+{
+    for (int i = 0; i < SAGA_SWEEP_N; i++)
+        for (int k = 0; k < SAGA_SWEEP_N; k++)
+            if (k != i && beats(&s->at[k], &s->at[i]))
+                s->at[i].beaten = true;
+}
+
+static json_t *curve(const session *s)
+{
+    json_t *const list = json_array();
+
+    for (int i = 0; i < SAGA_SWEEP_N; i++)
+        if (!s->at[i].beaten)
+            json_array_append(list, s->at[i].loaded.result[0]);
+    return list;
+}
+
+static void print_number(const json_t *of, const char *key, int width,
+                         int decimals)
+{
+    const json_t *const v = json_object_get(of, key);
+
+    if (json_is_number(v))
+        printf("%*.*f", width, decimals, json_number_value(v));
+    else
+        printf("%*s", width, "-");
+}
+
+static void print_point(const point *p)
+{
+    const json_t *const r = result_of(p);
+
+    printf("%-24s", p->file);
+    print_number(encode_of(p), "n_primitives", 12, 0);
+    print_number(encode_of(p), "lambda", 10, 3);
+    print_number(r, "nbytes", 12, 0);
+    print_number(json_object_get(r, "training"), "psnr", 10, 2);
+    print_number(json_object_get(r, "held_out"), "psnr", 10, 2);
+    puts(p->beaten ? "  beaten" : "");
+}
+
+static void print_table(const session *s, const char *path)
+{
+    bool any = false;
+
+    printf("%-24s%12s%10s%12s%10s%10s\n", "file", "primitives", "lambda",
+           "bytes", "training", "held out");
+    for (int i = 0; i < SAGA_SWEEP_N; i++) {
+        print_point(&s->at[i]);
+        any = any || s->at[i].beaten;
+    }
+    puts("PSNR in dB, of all pictures, by the integer decoder");
+    if (any)
+        puts("beaten: another file is as good and no larger; not in the curve");
+    printf("%s: the curve; `saga report %s -o curve.html` draws it\n", path,
+           path);
+}
+
+static int tell(session *s)
+{
+    char *const path = saga_path_join(s->s->folder, "curve.json", &s->error);
+    int status;
+
+    if (!path)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    find_beaten(s);
+    saga_json_watch();
+    status = saga_cli_write_json(curve(s), 9, path);
+    if (!status && s->s->json)
+        status = saga_cli_print_json(curve(s), 9, path);
+    else if (!status)
+        print_table(s, path);
+    free(path);
+    return status;
+}
+
+int saga_sweep_run(const saga_sweep *sweep)
+{
+    session s = { .s = sweep };
+    int status = open_folder(sweep);
+
+    if (!status)
+        status = name_points(&s);
+    for (int i = 0; i < SAGA_SWEEP_N && !status; i++)
+        status = make_point(&s, i);
+    if (!status)
+        status = tell(&s);
+    for (int i = 0; i < SAGA_SWEEP_N; i++) {
+        saga_results_free(&s.at[i].loaded);
+        free(s.at[i].file);
+        free(s.at[i].path);
+    }
+    return status;
+}

@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: MIT */
+#include "miv_depth.h"
+
+#include "alloc.h"
+#include "error.h"
+#include "file.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Reads n samples from sample `at` of a frame of frame_samples on; each has
+ * one or two bytes. */
+static bool read_samples(FILE *file, const saga_miv_depth *d, int bits,
+                         uint64_t at, uint16_t *to, size_t n)
+{
+    const uint64_t size = bits > 8 ? 2 : 1;
+    const uint64_t frame = (uint64_t)d->width * (uint64_t)d->height * 3 / 2;
+    const uint64_t offset = size * (frame * (uint64_t)d->frame + at);
+    uint8_t *const bytes = (uint8_t *)to;
+    if (fseek(file, (long)offset, SEEK_SET) != 0 ||
+        fread(bytes, (size_t)size, n, file) != n)
+        return false;
+    for (size_t i = n; i-- > 0;)
+        to[i] = size == 1 ? bytes[i]
+                          : (uint16_t)(bytes[2 * i] | bytes[2 * i + 1] << 8);
+    return true;
+}
+
+static uint8_t level(double x)
+{
+    return (uint8_t)(255.0 * fmin(fmax(x, 0.0), 1.0) + 0.5);
+}
+
+/* From BT.709 of limited range. */
+static void set_colour(saga_point *p, int bits, int y, int u, int v)
+{
+    const double unit = 1 << (bits - 8);
+    const double l = (y / unit - 16.0) / 219.0;
+    const double b = (u / unit - 128.0) / 224.0;
+    const double r = (v / unit - 128.0) / 224.0;
+    p->rgb[0] = level(l + 1.5748 * r);
+    p->rgb[1] = level(l - 0.1873 * b - 0.4681 * r);
+    p->rgb[2] = level(l + 1.8556 * b);
+}
+
+static void set_position(saga_point *p, const saga_miv_depth *d, double u,
+                         double v, double z)
+{
+    const double s = d->a[0] + d->a[1] * u, t = d->a[2] + d->a[3] * v;
+    double x[3] = {z, z * s, z * t};
+    if (d->kind == SAGA_MIV_EQUIRECT) {
+        x[0] = z * cos(t) * cos(s);
+        x[1] = z * cos(t) * sin(s);
+        x[2] = z * sin(t);
+    } else if (d->kind == SAGA_MIV_ORTHO) {
+        x[1] = s;
+        x[2] = t;
+    }
+    for (int i = 0; i < 3; i++)
+        p->position[i] = d->centre[i] + d->matrix[3 * i] * x[0] +
+                         d->matrix[3 * i + 1] * x[1] +
+                         d->matrix[3 * i + 2] * x[2];
+}
+
+/* Returns the depth of a code; 0: it has none. */
+static double depth_of(const saga_miv_depth *d, int code)
+{
+    const double part = code / (double)((1 << d->depth_bits) - 1);
+    const double inverse = (1.0 - part) / d->far + part / d->near;
+    return (code == 0 && d->has_invalid) || !(inverse > 0.0) ? 0.0
+                                                             : 1.0 / inverse;
+}
+
+typedef struct rows {
+    FILE *texture, *depth;
+    uint16_t *z, *y, *u, *v;     /* of one row */
+} rows;
+
+static bool read_row(rows *r, const saga_miv_depth *d, int y)
+{
+    const uint64_t w = (uint64_t)d->width, plane = w * (uint64_t)d->height;
+    const uint64_t row = (uint64_t)y, half = w / 2;
+    return read_samples(r->depth, d, d->depth_bits, w * row, r->z, w) &&
+           read_samples(r->texture, d, d->texture_bits, w * row, r->y, w) &&
+           read_samples(r->texture, d, d->texture_bits,
+                        plane + half * (row / 2), r->u, half) &&
+           read_samples(r->texture, d, d->texture_bits,
+                        plane + plane / 4 + half * (row / 2), r->v, half);
+}
+
+/* Adds the points of every step-th pixel of every step-th row. */
+static bool add_points(saga_listing *l, rows *r, const saga_miv_depth *d,
+                       int step, saga_error *error)
+{
+    for (int y = step / 2; y < d->height; y += step) {
+        saga_point *const more =
+            saga_realloc(l->points, l->n_points + (size_t)d->width,
+                         sizeof *more, d->depth, error);
+        if (!more)
+            return false;
+        l->points = more;
+        if (!read_row(r, d, y))
+            return saga_fail(error, d->depth, "copy it again, with as many "
+                             "frames as its texture has", "ends before row %d "
+                             "of frame %d, or its texture does", y, d->frame);
+        for (int x = step / 2; x < d->width; x += step) {
+            const double z = depth_of(d, r->z[x]);
+            saga_point *const p = &l->points[l->n_points];
+            if (!(z > 0.0))
+                continue;
+            set_position(p, d, x + 0.5, y + 0.5, z);
+            set_colour(p, d->texture_bits, r->y[x], r->u[x / 2], r->v[x / 2]);
+            l->n_points++;
+        }
+    }
+    return true;
+}
+
+bool saga_miv_take_points(saga_listing *listing, const saga_miv_depth *d,
+                          int n, saga_error *error)
+{
+    const size_t w = (size_t)d->width;
+    const double pixels = (double)d->width * d->height;
+    const int step = (int)ceil(sqrt(pixels / n));
+    uint16_t *const room = saga_alloc(4 * w, sizeof *room, d->depth, error);
+    rows r = {saga_open_file(d->texture), saga_open_file(d->depth), room,
+              room + w, room + 2 * w, room + 3 * w};
+    bool ok = room != NULL;
+    if (ok && (!r.texture || !r.depth))
+        ok = saga_fail_errno(error, r.texture ? d->depth : d->texture,
+                             "check its permissions", "cannot be opened");
+    ok = ok && add_points(listing, &r, d, step, error);
+    if (r.texture)
+        fclose(r.texture);
+    if (r.depth)
+        fclose(r.depth);
+    free(room);
+    return ok;
+}
