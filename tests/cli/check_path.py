@@ -4,6 +4,9 @@
   keys        key cameras in the capture's units: saga-dec's pixels for the
               camera and time computed here, on the keys and between them
   nerfstudio  nerfstudio's camera path, its axes and its render_time
+  colmap      COLMAP's images, text and binary: each with its lens and size, in
+              the order of names, saga-dec's pixels; a rig written so gives the
+              pixels of --camera
   look-at     --look-at with and without --eye
   film        .mp4 has the pictures, their number and rate; nothing stays where
               ffmpeg fails or is missing
@@ -13,6 +16,7 @@ import json
 import math
 import os
 import re
+import struct
 import subprocess
 import sys
 import tempfile
@@ -178,6 +182,129 @@ def check_nerfstudio(tmp):
     verdict("nerfstudio")
 
 
+# name, size, fx fy cx cy, w x y z, centre; ids are not in the order of names.
+IMAGES = [
+    ("b.jpg", (80, 50), (70.5, 71.25, 41.5, 24.75), (30, 1, -2, 1),
+     (0.5, 0.25, -3)),
+    ("a 1.jpg", (96, 60), (80, 80, 48, 30), (9, 2, 2, 4), (1.5, -0.5, -4)),
+    ("c.jpg", (96, 60), (80, 80, 48, 30), (5, 0, -1, 0), (-1, 0, -4)),
+]
+
+
+def turned(q):
+    """World to camera, rows, of a quaternion w, x, y, z of any length."""
+    w, x, y, z = (v / math.sqrt(sum(a * a for a in q)) for v in q)
+    return [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+            2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+
+
+def quaternion(r):
+    """w, x, y, z of rows that turn by less than half a turn."""
+    w = math.sqrt(1 + r[0] + r[4] + r[8]) / 2
+    return (w, (r[7] - r[5]) / 4 / w, (r[2] - r[6]) / 4 / w,
+            (r[3] - r[1]) / 4 / w)
+
+
+def moved(rotation, centre):
+    return [-sum(rotation[3 * i + k] * centre[k] for k in range(3))
+            for i in range(3)]
+
+
+def write_text(folder, images, model="PINHOLE", more=""):
+    os.makedirs(folder, exist_ok=True)
+    with open(folder + "/cameras.txt", "w") as f:
+        f.write("# comment\n")
+        for i, (_, size, lens, *_) in enumerate(images):
+            f.write("%d %s %d %d %s%s\n" % (i + 5, model, *size, " ".join(
+                map(repr, lens)), more))
+    with open(folder + "/images.txt", "w") as f:
+        for i, (name, _, _, q, centre) in enumerate(images):
+            numbers = [*q, *moved(turned(q), centre)]
+            f.write("%d %s %d %s\n1.5 2.5 -1\n" % (
+                i + 1, " ".join(map(repr, numbers)), i + 5, name))
+    return folder + "/images.txt"
+
+
+def write_binary(folder, images):
+    os.makedirs(folder)
+    with open(folder + "/cameras.bin", "wb") as f:
+        f.write(struct.pack("<Q", len(images)))
+        for i, (_, size, lens, *_) in enumerate(images):
+            f.write(struct.pack("<IIQQ4d", i + 5, 1, *size, *lens))
+    with open(folder + "/images.bin", "wb") as f:
+        f.write(struct.pack("<Q", len(images)))
+        for i, (name, _, _, q, centre) in enumerate(images):
+            f.write(struct.pack("<I7dI", i + 1, *q,
+                                *moved(turned(q), centre), i + 5))
+            f.write(name.encode() + bytes(1) + struct.pack("<Q", 0))
+    return folder + "/images.bin"
+
+
+def colmap_camera(image):
+    _, size, lens, q, centre = image
+    return [round(r * 2 ** 30) for r in turned(q)] + \
+        [round(x / UNIT) for x in centre] + [round(65536 * x) for x in lens] + \
+        [NEAR, *size] + BACKGROUND
+
+
+def check_colmap(tmp):
+    ordered = sorted(IMAGES)
+    for name in (write_text(tmp + "/text", IMAGES),
+                 write_binary(tmp + "/binary", IMAGES)):
+        render("-o", tmp + "/colmap%d.png", "--path", name)
+        for i, image in enumerate(ordered):
+            same(tmp, tmp + "/colmap%d.png" % i, colmap_camera(image),
+                 i * N_FRAMES / 3)
+            os.remove(tmp + "/colmap%d.png" % i)
+    # A film has one size, the first's.
+    film = tmp + "/colmap.mp4"
+    render("-o", film, "--path", tmp + "/text/images.txt")
+    if len(decoded(film)) != 3 * 3 * 96 * 60:
+        complain("a film of COLMAP's images has", len(decoded(film)), "bytes")
+    check_colmap_rig(tmp)
+    check_bad_colmap(tmp)
+    verdict("colmap")
+
+
+def check_colmap_rig(tmp):
+    """The file's own rig: rotations come back within a last bit or two, which
+    moves a pixel by one at most."""
+    rig = json.loads(subprocess.run([SAGA, "info", SCENE, "--json"],
+                                    stdout=subprocess.PIPE,
+                                    check=True).stdout)["rig"]
+    images = [("%d.png" % i, (c["width"], c["height"]),
+               (*c["focal"], *c["principal"]), quaternion(c["rotation"]),
+               c["centre_metres"]) for i, c in enumerate(rig)]
+    render("-o", tmp + "/rig%d.png", "--frame", "2", "--path",
+           write_text(tmp + "/rig", images))
+    for i in range(len(rig)):
+        render("-o", tmp + "/own.png", "--camera", str(i), "--frame", "2")
+        got, want = (decoded(tmp + "/%s.png" % n) for n in ("rig%d" % i, "own"))
+        off = max(abs(a - b) for a, b in zip(got, want))
+        if len(got) != len(want) or off > 1:
+            complain("the rig's camera", i, "is off by", off)
+
+
+def check_bad_colmap(tmp):
+    def refused(says, name=tmp + "/bad/images.txt"):
+        render("-o", tmp + "/x%d.png", "--path", name, status=2, says=says)
+
+    write_text(tmp + "/bad", IMAGES, model="FOV", more=" 0.5")
+    refused("camera model FOV is not supported")
+    write_text(tmp + "/bad", IMAGES[:1])
+    with open(tmp + "/bad/images.txt", "a") as f:
+        f.write("9 1 0 0 0 0 0 0 77 z.png\n\n")
+    refused("image z.png names camera 77, which is missing")
+    write_text(tmp + "/bad", [])
+    refused("the model has 0 images")
+    os.remove(tmp + "/bad/cameras.txt")
+    refused("cameras.txt: cannot be opened")
+    write_text(tmp + "/bad", [(*IMAGES[0][:2], (0, 70, 40, 25),
+                               *IMAGES[0][3:])])
+    refused("intrinsics are not usable")
+
+
 def check_look_at(tmp):
     rig = json.loads(subprocess.run([SAGA, "info", SCENE, "--json"],
                                     stdout=subprocess.PIPE,
@@ -278,6 +405,7 @@ def main():
     with tempfile.TemporaryDirectory() as tmp:
         check_keys(tmp)
         check_nerfstudio(tmp)
+        check_colmap(tmp)
         check_look_at(tmp)
         check_film(tmp)
         check_bad(tmp)

@@ -210,11 +210,14 @@ static bool camera_of(saga_camera *c, session *s, int i)
     bool ok = true;
 
     if (s->o->path) {
+        const saga_camera same = *c;
         saga_shot shot;
 
         saga_path_shot(&shot, &s->path.camera[i], c->width, c->height);
         ok = saga_camera_of_shot(c, metric, &shot,
                                  metric->unit * c->near_plane, &s->error);
+        if (ok && (s->o->size.a || is_video(s->o->out)))
+            saga_camera_resize(c, same.width, same.height);
     } else if (s->o->orbit) {
         ok = saga_orbit_camera(c, &s->orbit, metric, (double)i / s->n,
                                &s->error);
@@ -315,6 +318,20 @@ static bool find_camera(uint32_t *index, session *s, const char *name)
                      "has no camera %s in its rig of %" PRIu32, name, n);
 }
 
+/* Returns the pixels of the largest picture. */
+static size_t most_pixels(const session *s)
+{
+    size_t most = (size_t)s->camera.width * s->camera.height;
+
+    for (int i = 0; i < s->path.n && !s->o->size.a; i++) {
+        const saga_path_lens *const lens = &s->path.camera[i].lens;
+        const size_t n = (size_t)lens->width * (size_t)lens->height;
+
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
 /* Gets the rig's camera and the path; memory for a picture. */
 static bool prepare(session *s)
 {
@@ -337,8 +354,7 @@ static bool prepare(session *s)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
     else if (s->path.width)
         saga_camera_resize(&s->camera, s->path.width, s->path.height);
-    s->rgb = saga_alloc((size_t)s->camera.width * s->camera.height, 3,
-                        "the picture", &s->error);
+    s->rgb = saga_alloc(most_pixels(s), 3, "the picture", &s->error);
     return s->rgb != NULL;
 }
 
@@ -436,8 +452,10 @@ static const saga_cli_option option_list[] = {
     { "--orbit", "K", "K pictures on a closed path through the angles the rig\n"
       "filmed from, and once through the file's time", saga_cli_int,
       offsetof(options, orbit), 1, MAX_ORBIT },
-    { "--path", "FILE.json", "pictures along a path: key cameras as `saga "
-      "view` saves\nthem, or nerfstudio's camera path; in the capture's units",
+    { "--path", "FILE", "pictures along a path: key cameras as `saga view` "
+      "saves\nthem (JSON), nerfstudio's camera path (JSON), or COLMAP's\n"
+      "images.txt or images.bin, a picture for each image in the\norder of "
+      "their names; in the capture's units",
       saga_cli_text, offsetof(options, path), 0, 0 },
     { "--look-at", "X,Y,Z", "the camera turned to a point, in the capture's "
       "units", read_point, offsetof(options, look_at), 0, 0 },
@@ -471,6 +489,11 @@ const saga_command saga_command_render = {
     "A path: { \"format\": \"saga camera path 1\", \"fps\": 30, \"size\": "
     "[480, 270],\n\"keys\": [{ \"seconds\": 0, \"frame\": 0, \"eye\": "
     "[0, -1, 3], \"target\":\n[0, 0, 0], \"up\": [0, -1, 0], \"fov\": 45 "
-    "}, ...] }: fov is vertical, in degrees.\n",
+    "}, ...] }: fov is vertical, in degrees.\n"
+    "\n"
+    "Images of COLMAP have sizes and lenses of their own, from the cameras\n"
+    "beside them; a film takes the first one's size. Of a lens that distorts\n"
+    "it is the pinhole of `saga encode`. They say nothing of time: together\n"
+    "they go once through the file, unless --time or --frame says when.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

@@ -63,11 +63,24 @@ bool saga_look_at(double rotation[9], const double eye[3],
 void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
                     int height)
 {
-    const double focal = 0.5 * height / tan(camera->fov * pi / 360.0);
+    const saga_path_lens *const lens = &camera->lens;
 
-    *shot = (saga_shot){ .name = "path", .width = width, .height = height,
-                         .fx = focal, .fy = focal, .cx = 0.5 * width,
-                         .cy = 0.5 * height };
+    *shot = (saga_shot){ .name = "path" };
+    if (camera->fov > 0.0) {
+        shot->width = width;
+        shot->height = height;
+        shot->fx = 0.5 * height / tan(camera->fov * pi / 360.0);
+        shot->fy = shot->fx;
+        shot->cx = 0.5 * width;
+        shot->cy = 0.5 * height;
+    } else {
+        shot->width = lens->width;
+        shot->height = lens->height;
+        shot->fx = lens->fx;
+        shot->fy = lens->fy;
+        shot->cx = lens->cx;
+        shot->cy = lens->cy;
+    }
     memcpy(shot->rotation, camera->rotation, sizeof shot->rotation);
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
@@ -315,7 +328,7 @@ static bool read_root(const reader *r, const json_t *root)
                      "nerfstudio's viewer", "is no camera path");
 }
 
-bool saga_path_read(saga_path *path, const char *name, saga_error *error)
+static bool read_json(saga_path *path, const char *name, saga_error *error)
 {
     const reader r = { name, path, error };
     json_error_t problem;
@@ -323,7 +336,6 @@ bool saga_path_read(saga_path *path, const char *name, saga_error *error)
     json_t *root;
     bool ok;
 
-    *path = (saga_path){ 0 };
     if (!saga_read_file(&bytes, name, error))
         return false;
     saga_json_watch();
@@ -337,6 +349,36 @@ bool saga_path_read(saga_path *path, const char *name, saga_error *error)
     else
         ok = read_root(&r, root);
     json_decref(root);
+    return ok;
+}
+
+/* Reads COLMAP's files, of which name[0..n) is the folder. */
+static bool read_beside(saga_path *path, const char *name, size_t n,
+                        saga_error *error)
+{
+    char *const folder = saga_alloc(n + 2, 1, name, error);
+    bool ok;
+
+    if (!folder)
+        return false;
+    memcpy(folder, name, n);
+    strcpy(folder + n, n ? "" : ".");
+    ok = saga_path_read_colmap(path, folder, saga_has_suffix(name, ".bin"),
+                               error);
+    free(folder);
+    return ok;
+}
+
+bool saga_path_read(saga_path *path, const char *name, saga_error *error)
+{
+    const char *const slash = strrchr(name, '/');
+    const char *const base = slash ? slash + 1 : name;
+    bool ok;
+
+    *path = (saga_path){ 0 };
+    ok = strcmp(base, "images.txt") && strcmp(base, "images.bin")
+        ? read_json(path, name, error)
+        : read_beside(path, name, (size_t)(base - name), error);
     if (!ok)
         saga_path_free(path);
     return ok;

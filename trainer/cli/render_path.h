@@ -14,6 +14,9 @@
  * camera path has a "camera_to_world" (4x4, row by row; y up, z backwards) and
  * a "fov" for each picture of "camera_path", with "fps", "render_width" and
  * "render_height". fov is vertical, in degrees.
+ *
+ * COLMAP's images.txt or images.bin, with its cameras beside it, has a camera
+ * for each image, in the order of their names.
  */
 #ifndef SAGA_RENDER_PATH_H
 #define SAGA_RENDER_PATH_H
@@ -23,10 +26,17 @@
 
 enum { SAGA_MAX_PATH = 100000 }; /* pictures */
 
+/* This is a pinhole, in pixels of its own picture. */
+typedef struct saga_path_lens {
+    int width, height;
+    double fx, fy, cx, cy;
+} saga_path_lens;
+
 typedef struct saga_path_camera {
     double rotation[9];      /* world to camera, as a shot's */
     double centre[3];
-    double fov;              /* vertical, degrees */
+    double fov;              /* vertical, degrees; 0: it has a lens */
+    saga_path_lens lens;
     double time;             /* see saga_path */
 } saga_path_camera;
 
@@ -34,7 +44,8 @@ typedef struct saga_path {
     int n;                   /* pictures */
     saga_path_camera *camera; /* (n) */
     double fps;              /* of the path; 0: not said */
-    int width, height;       /* of its pictures; 0: not said */
+    int width, height;       /* of its pictures; 0: not said; the first's
+                              * where they have lenses */
     enum {
         SAGA_PATH_TIMELESS,  /* time means nothing */
         SAGA_PATH_FRAMES,    /* time is in frames of the file */
@@ -46,13 +57,18 @@ typedef struct saga_path {
 bool saga_path_read(saga_path *path, const char *name, saga_error *error);
 void saga_path_free(saga_path *path);
 
+/* Reads the images of COLMAP's folder, from .bin files or .txt; for
+ * saga_path_read. */
+bool saga_path_read_colmap(saga_path *path, const char *folder, bool binary,
+                           saga_error *error);
+
 /* Sets rows right, down, forward of a camera at eye that looks at target, up
  * towards the picture's top. False where they do not say how it stands. */
 bool saga_look_at(double rotation[9], const double eye[3],
                   const double target[3], const double up[3]);
 
-/* Sets the camera as a shot of width x height square pixels, its axis through
- * the middle. */
+/* Sets the camera as a shot: with its lens, or of width x height square pixels,
+ * its axis through the middle. */
 void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
                     int height);
 

@@ -459,22 +459,16 @@ bool saga_colmap_is_there(const char *folder)
     return all_there(folder, ".bin") || all_there(folder, ".txt");
 }
 
-bool saga_colmap_read(saga_colmap *model, const char *folder,
-                      saga_error *error)
+bool saga_colmap_read_images(saga_colmap *model, const char *folder,
+                             bool binary, saga_error *error)
 {
     *model = (saga_colmap){0};
-    const bool bin = all_there(folder, ".bin");
     const bool ok =
-        bin ? read_part(model, folder, "cameras.bin", binary_cameras, error) &&
-                  read_part(model, folder, "images.bin", binary_images,
-                            error) &&
-                  read_part(model, folder, "points3D.bin", binary_points,
-                            error)
+        binary
+            ? read_part(model, folder, "cameras.bin", binary_cameras, error) &&
+                  read_part(model, folder, "images.bin", binary_images, error)
             : read_part(model, folder, "cameras.txt", text_cameras, error) &&
-                  read_part(model, folder, "images.txt", text_images,
-                            error) &&
-                  read_part(model, folder, "points3D.txt", text_points,
-                            error);
+                  read_part(model, folder, "images.txt", text_images, error);
     if (!ok) {
         saga_colmap_free(model);
         return false;
@@ -482,6 +476,23 @@ bool saga_colmap_read(saga_colmap *model, const char *folder,
     if (model->n_images)
         qsort(model->images, model->n_images, sizeof *model->images,
               by_image_id);
+    return true;
+}
+
+bool saga_colmap_read(saga_colmap *model, const char *folder,
+                      saga_error *error)
+{
+    const bool binary = all_there(folder, ".bin");
+    if (!saga_colmap_read_images(model, folder, binary, error))
+        return false;
+    const bool ok =
+        binary
+            ? read_part(model, folder, "points3D.bin", binary_points, error)
+            : read_part(model, folder, "points3D.txt", text_points, error);
+    if (!ok) {
+        saga_colmap_free(model);
+        return false;
+    }
     if (model->n_points)
         qsort(model->points, model->n_points, sizeof *model->points,
               by_point_id);

@@ -49,6 +49,10 @@ typedef struct saga_colmap {
 bool saga_colmap_is_there(const char *folder);
 bool saga_colmap_read(saga_colmap *model, const char *folder,
                       saga_error *error);
+/* Reads cameras and images alone, from .bin files or .txt; no points are
+ * needed. */
+bool saga_colmap_read_images(saga_colmap *model, const char *folder,
+                             bool binary, saga_error *error);
 void saga_colmap_free(saga_colmap *model);
 
 /* Returns the camera with that id, NULL if there is none. */
