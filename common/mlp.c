@@ -4,15 +4,12 @@
  * what compilers vectorise best (pmaddwd and its relatives), four rows at a
  * time share every load of x, and padded rows leave no remainder: compile this
  * file with -O3. On x86 and in browsers mlp_x86.h takes eight rows of four
- * points at a time.
+ * points at a time; without vectors, mlp_pairs.h takes two points at a time.
  */
 #include "mlp.h"
 
 #include "fx.h"
 
-/* Rows whose sums are finished together: long enough for the loop over them to
- * be vectorised (16: 25, 64: 31 GMAC/s), 256 bytes of stack. */
-#define BLOCK 64u
 
 /* 65538 * 32767 = 2^31 - 2 is the last product of its kind below 2^31, so after
  * the first tests everything fits int32. */
@@ -39,6 +36,9 @@ int saga_mlp_row_is_valid(int64_t weight_abs_sum, int64_t bias, int shift)
 #endif
 #include "mlp_x86.h"
 #else
+#if UINTPTR_MAX > UINT32_MAX && !defined SAGA_MAY_X4
+#include "mlp_pairs.h"
+#endif
 
 static void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
                      uint32_t n)
@@ -59,6 +59,8 @@ static void dot4_i16(int32_t sum[4], const int16_t *w, const int16_t *x,
     sum[3] = s3;
 }
 
+#ifndef SAGA_MLP_PAIRED
+
 static void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
                     uint32_t n)
 {
@@ -78,6 +80,7 @@ static void dot4_i8(int32_t sum[4], const int8_t *w, const int16_t *x,
     sum[3] = s3;
 }
 
+#endif
 #endif
 
 static int32_t dot_i16(const int16_t *w, const int16_t *x, uint32_t n)
@@ -100,6 +103,60 @@ void saga_mlp_products(int32_t *sum, const int16_t *w, const int16_t *x,
     for (; i < n_row; i++)
         sum[i] = dot_i16(w + i * n, x, n);
 }
+
+/* Rows whose sums are finished together. In vectors, long enough for the loop
+ * over them (16: 25, 64: 31 GMAC/s), 256 bytes of stack. */
+#ifdef SAGA_MLP_PAIRED
+#define BLOCK SAGA_MLP_PAIRED
+#else
+#define BLOCK 64u
+#endif
+
+/* y = relu?(sat16(fx_rshift(bias + sum, shift))), without branches: the sign
+ * of a hidden activation is a coin toss. (1 << 0) >> 1 = 0 is the rounding of
+ * a shift by 0. */
+static void finish(int16_t *restrict y, const saga_layer *layer,
+                   const int32_t *sum, uint32_t row, uint32_t n)
+{
+    const int32_t *const bias = layer->bias + row;
+    const uint8_t *const shift = layer->shift + row;
+    const int32_t keep = layer->relu ? 0 : -1;
+    uint32_t i;
+
+    for (i = 0; i < n; i++) {
+        const int32_t half = 1 << shift[i] >> 1;
+        const int32_t v = (bias[i] + sum[i] + half) >> shift[i];
+
+        FX_ASSERT(shift[i] <= 24);
+        y[row + i] = fx_sat16(v & (keep | ~(v >> 31)));
+    }
+}
+
+#ifdef SAGA_MLP_PAIRED
+
+/* At most BLOCK rows from `row` on, by two points. */
+static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
+                     uint32_t row, uint32_t n)
+{
+    const uint32_t stride = saga_mlp_pad(layer->n_out);
+    const uint32_t left = layer->n_out - row;
+    saga_pairs p;
+
+    p.n_row = left < BLOCK ? left : BLOCK;
+    for (; n >= 2; n -= 2, x += 2 * saga_mlp_pad(layer->n_in)) {
+        sum_pairs(&p, layer, x, row, 2);
+        finish(y, layer, p.sum[0], row, p.n_row);
+        y += stride;
+        finish(y, layer, p.sum[1], row, p.n_row);
+        y += stride;
+    }
+    if (n == 0)
+        return;
+    sum_pairs(&p, layer, x, row, 1);
+    finish(y, layer, p.sum[0], row, p.n_row);
+}
+
+#else
 
 static void dot_rows_i16(int32_t *sum, const saga_layer *layer,
                          const int16_t *x, uint32_t row, uint32_t n_row)
@@ -134,44 +191,31 @@ static void dot_rows_i8(int32_t *sum, const saga_layer *layer,
         sum[i] = dot_i8(w + i * n, x, n);
 }
 
-/* y = relu?(sat16(fx_rshift(bias + sum, shift))), without branches: the sign
- * of a hidden activation is a coin toss. (1 << 0) >> 1 = 0 is the rounding of
- * a shift by 0. */
-static void finish(int16_t *restrict y, const saga_layer *layer,
-                   const int32_t *sum, uint32_t row, uint32_t n)
+/* At most BLOCK rows from `row` on, which follow one after the other. */
+static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
+                     uint32_t row, uint32_t n)
 {
-    const int32_t *const bias = layer->bias + row;
-    const uint8_t *const shift = layer->shift + row;
-    const int32_t keep = layer->relu ? 0 : -1;
-    uint32_t i;
+    const uint32_t left = layer->n_out - row;
+    const uint32_t n_row = left < BLOCK ? left : BLOCK;
+    int32_t sum[BLOCK];
 
-    for (i = 0; i < n; i++) {
-        const int32_t half = 1 << shift[i] >> 1;
-        const int32_t v = (bias[i] + sum[i] + half) >> shift[i];
-
-        FX_ASSERT(shift[i] <= 24);
-        y[row + i] = fx_sat16(v & (keep | ~(v >> 31)));
+    for (; n > 0; n--, x += saga_mlp_pad(layer->n_in)) {
+        if (layer->int8)
+            dot_rows_i8(sum, layer, x, row, n_row);
+        else
+            dot_rows_i16(sum, layer, x, row, n_row);
+        finish(y, layer, sum, row, n_row);
+        y += saga_mlp_pad(layer->n_out);
     }
 }
 
-/* Rows from `row` on, BLOCK at most, that follow one after the other. */
-static void run_rows(int16_t *y, const saga_layer *layer, const int16_t *x,
-                     uint32_t row, uint32_t n_row)
-{
-    int32_t sum[BLOCK];
-
-    if (layer->int8)
-        dot_rows_i8(sum, layer, x, row, n_row);
-    else
-        dot_rows_i16(sum, layer, x, row, n_row);
-    finish(y, layer, sum, row, n_row);
-}
+#endif
 
 void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
                     uint32_t n)
 {
     const uint32_t n_row = layer->n_out;
-    uint32_t row = 0, i;
+    uint32_t row = 0;
 
 #ifdef SAGA_MLP_TILE
 #ifdef SAGA_MLP_MAY_AVX2
@@ -182,10 +226,7 @@ void saga_mlp_layer(int16_t *y, const saga_layer *layer, const int16_t *x,
 #endif
 #endif
     for (; row < n_row; row += BLOCK)
-        for (i = 0; i < n; i++)
-            run_rows(y + i * saga_mlp_pad(n_row), layer,
-                     x + i * saga_mlp_pad(layer->n_in), row,
-                     n_row - row < BLOCK ? n_row - row : BLOCK);
+        run_rows(y, layer, x, row, n);
 #ifdef SAGA_COUNT_MACS
     saga_count_macs((uint64_t)n * layer->n_in * n_row);
 #endif

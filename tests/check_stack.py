@@ -5,7 +5,7 @@
 check_stack.py [NAME...]: of these targets alone.
 
 Builds common/ and decoder/ with the product's flags and -fcallgraph-info=su
-(x86-64 at -O2 with and without AVX2, Cortex-M3 at -Os), walks the graph from
+(x86-64 at -O2 with and without AVX2 and without vectors, Cortex-M3 at -Os), walks the graph from
 every function that decoder/saga.h declares, prints the depth in bytes and the
 deepest path, and fails on
   - more than LIMIT bytes,
@@ -43,6 +43,8 @@ TARGETS = [
     # name, compiler, optimisation, flags, objdump, measured
     ("x86_64", "gcc", "-O2", "-fno-pic -fno-pie", "objdump", True),
     ("x86_64-avx2", "gcc", "-O2", "-fno-pic -fno-pie -mavx2", "objdump", True),
+    ("x86_64-plain", "gcc", "-O2", "-fno-pic -fno-pie -mgeneral-regs-only",
+     "objdump", True),
     ("cortex-m3", "arm-none-eabi-gcc", "-Os",
      "-mthumb -mcpu=cortex-m3 -mfloat-abi=soft", "arm-none-eabi-objdump",
      True),

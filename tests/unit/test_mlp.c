@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "mlp.h"
+#include "mlp_pairs.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -148,16 +149,23 @@ static int64_t row_room(const net *n, uint32_t row)
     return INT32_MAX - half - row_abs_sum(n, row) * 32767;
 }
 
-static int16_t reference(const net *n, uint32_t point, uint32_t row, int relu)
+static int64_t product(const net *n, uint32_t point, uint32_t row)
 {
     const int16_t *const x = n->x + point * saga_mlp_pad(n->n_in);
     const int16_t *const w = row_of(n, row);
-    const int shift = n->shift[row];
-    int64_t sum = n->bias[row];
+    int64_t sum = 0;
     uint32_t k;
 
     for (k = 0; k < n->n_in; k++)
         sum += (int64_t)w[k] * x[k];
+    return sum;
+}
+
+static int16_t reference(const net *n, uint32_t point, uint32_t row, int relu)
+{
+    const int shift = n->shift[row];
+    int64_t sum = n->bias[row] + product(n, point, row);
+
     if (shift > 0)
         sum = (sum + ((int64_t)1 << (shift - 1))) >> shift;
     if (relu && sum < 0)
@@ -213,6 +221,39 @@ static void check_variant(net *n, int int8, int relu)
         check_points(n, int8, relu, points);
 }
 
+/* The kernel of machines without vectors, on any machine. */
+static void check_pairs(const net *n, const void *rows, int int8)
+{
+    saga_layer layer = net_layer(n, int8, 0);
+    uint32_t row, r, points, i;
+    saga_pairs p;
+
+    layer.weight = rows;
+    for (points = 1; points <= 2; points++)
+        for (row = 0; row < n->n_out; row += p.n_row) {
+            p.n_row = n->n_out - row;
+            p.n_row = p.n_row < SAGA_MLP_PAIRED ? p.n_row : SAGA_MLP_PAIRED;
+            sum_pairs(&p, &layer, n->x, row, points);
+            for (i = 0; i < points; i++)
+                for (r = 0; r < p.n_row; r++)
+                    assert_int_equal(p.sum[i][r], product(n, i, row + r));
+        }
+}
+
+static void check_both_pairs(const net *n)
+{
+    const size_t size = (size_t)n->n_out * saga_mlp_pad(n->n_in);
+    int8_t *const narrow = get(size, 1);
+    size_t i;
+
+    check_pairs(n, n->row, 0);
+    for (i = 0; i < size; i++)
+        narrow[i] = (int8_t)n->row[i];
+    if (n->fits8)
+        check_pairs(n, narrow, 1);
+    free(narrow);
+}
+
 static void check(net *n)
 {
     uint32_t row;
@@ -223,6 +264,7 @@ static void check(net *n)
                                           n->shift[row]));
     check_variant(n, 0, 0);
     check_variant(n, 0, 1);
+    check_both_pairs(n);
     if (!n->fits8)
         return;
     check_variant(n, 1, 0);
