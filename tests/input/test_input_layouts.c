@@ -129,6 +129,20 @@ static void write_model(folder *f, const char *root, name_fn *name,
     write_bytes(f, path, &points);
 }
 
+/* The pose of a view as transforms.json has it. */
+static void put_pose(bytes *b, int view)
+{
+    const saga_shot *const s = &scene.views[view];
+    const double *const r = s->rotation, *const t = s->translation;
+
+    put_text(b, "\"transform_matrix\": [");
+    /* Columns right, up, backwards, centre. */
+    for (int i = 0; i < 3; i++)
+        put_text(b, "[%.17g, %.17g, %.17g, %.17g], ", r[i], -r[3 + i],
+                 -r[6 + i], -(r[i] * t[0] + r[3 + i] * t[1] + r[6 + i] * t[2]));
+    put_text(b, "[0, 0, 0, 1]]");
+}
+
 /* transforms.json, or another name, of some frames of the views from..to-1. */
 static void write_json(folder *f, const char *path, name_fn *name, int from,
                        int to, int n_frames, const char *root)
@@ -140,19 +154,12 @@ static void write_json(folder *f, const char *path, name_fn *name, int from,
              2 * atan(W / (2 * scene.views[0].fx)), scene.views[0].fy);
     for (int v = from; v < to; v++)
         for (int k = 0; k < n_frames; k++) {
-            const saga_shot *const s = &scene.views[v];
-            const double *const r = s->rotation, *const t = s->translation;
-
             name(part, v, k);
             *strrchr(part, '.') = '\0';
-            put_text(&b, "%s{\"file_path\": \"%s/%s\", \"transform_matrix\": [",
+            put_text(&b, "%s{\"file_path\": \"%s/%s\", ",
                      v > from || k ? ", " : "", root, part);
-            /* Columns right, up, backwards, centre. */
-            for (int i = 0; i < 3; i++)
-                put_text(&b, "[%.17g, %.17g, %.17g, %.17g], ", r[i],
-                         -r[3 + i], -r[6 + i], -(r[i] * t[0] +
-                         r[3 + i] * t[1] + r[6 + i] * t[2]));
-            put_text(&b, "[0, 0, 0, 1]]}");
+            put_pose(&b, v);
+            put_text(&b, "}");
         }
     put_text(&b, "]}");
     write_bytes(f, path, &b);
@@ -297,6 +304,105 @@ static void blender_scene_should_be_the_scene(void **state)
     saga_capture_free(&c);
     write_text(f, "transforms_test.json", "[]");
     refused(f->path, "transforms_test.json", "expected an object");
+}
+
+/* One camera that moves: a file of the pictures of views from..to-1 with the
+ * times given, as D-NeRF has them. */
+static void write_moving(folder *f, const char *path, int from, int to,
+                         const double *time)
+{
+    bytes b = { 0 };
+
+    put_text(&b, "{\"camera_angle_x\": %.17g, \"frames\": [",
+             2 * atan(W / (2 * scene.views[0].fx)));
+    for (int v = from; v < to; v++) {
+        put_text(&b, "%s{\"file_path\": \"./train/cam%02d\", "
+                 "\"rotation\": 0.1, \"time\": %.17g, ",
+                 v > from ? ", " : "", v, time[v]);
+        put_pose(&b, v);
+        put_text(&b, "}");
+    }
+    put_text(&b, "]}");
+    write_bytes(f, path, &b);
+}
+
+/* What view `from` of the scene saw, at moment k of a camera that moves. */
+static void check_moving(const saga_capture *c, int view, int from, int k,
+                         double late)
+{
+    check_camera(&c->views[view], &scene.views[from]);
+    assert_true(fabs(c->views[view].late - late) < 1e-9);
+    for (int i = 0; i < c->n_frames; i++) {
+        assert_int_equal(saga_capture_has(c, view, i), i == k);
+        /* One picture in memory stands for all moments. */
+        assert_memory_equal(saga_capture_frame(c, view, i),
+                            saga_capture_frame(&scene, from, 0), 3 * W * H);
+    }
+}
+
+/* Three pictures to train on, each of its own moment, and one to test, taken a
+ * quarter between the first and the second. */
+static void moving_camera_should_have_a_view_for_each_picture(void **state)
+{
+    static const double time[] = { 0.5, 0, 1, 0.125 };
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_moving(f, "transforms_train.json", 0, 3, time);
+    write_moving(f, "transforms_test.json", 3, 4, time);
+    write_pictures(f, "train", camera_alone, 0, 1);
+    c = load(f->path);
+    assert_true(c.moves);
+    assert_int_equal(c.n_views, N_VIEWS);
+    assert_int_equal(c.n_frames, 3);
+    check_moving(&c, 0, 3, 0, 0.25);
+    check_moving(&c, 1, 0, 1, 0);
+    check_moving(&c, 2, 1, 0, 0);
+    check_moving(&c, 3, 2, 2, 0);
+    assert_true(c.views[0].held_out && !c.views[1].held_out);
+    assert_non_null(strstr(c.notes, "its 4 pictures are views of 3 moments"));
+    saga_capture_free(&c);
+    /* A range of moments keeps all views. */
+    o.first_frame = 1;
+    o.end_frame = 2;
+    c = load_with(f->path, &o);
+    assert_true(c.moves && c.n_views == N_VIEWS);
+    for (int v = 0; v < N_VIEWS; v++)
+        assert_int_equal(saga_capture_has(&c, v, 0), v == 1);
+    saga_capture_free(&c);
+    /* A delay that is told adds to what the times tell. */
+    o.first_frame = o.end_frame = 0;
+    o.late = "cam03=-1";
+    c = load_with(f->path, &o);
+    assert_int_equal(c.n_frames, 2);
+    assert_true(saga_capture_has(&c, 0, 0) && saga_capture_has(&c, 1, 0) &&
+                saga_capture_has(&c, 3, 1) && !saga_capture_has(&c, 2, 0));
+    assert_true(fabs(c.views[0].late - 0.25) < 1e-9 && c.views[1].late == 0);
+    saga_capture_free(&c);
+}
+
+/* Memory is that of the pictures, not of all views at all moments. */
+static void moving_camera_should_need_no_memory_for_what_is_missing(void **s)
+{
+    static const double time[] = { 0, 0.25, 0.5, 1 };
+    folder *const f = *s;
+    saga_capture_options o = saga_capture_defaults();
+    saga_capture c;
+
+    write_moving(f, "transforms.json", 0, 4, time);
+    write_pictures(f, "train", camera_alone, 0, 1);
+    o.n_threads = 1;
+    /* Four pictures in RGB, and what one thread works with; not 16. */
+    o.memory_nbytes = W * H * (4 * 3 + 3 * 7);
+    c = load_with(f->path, &o);
+    assert_int_equal(c.n_frames, 4);
+    /* Of five even quarters four are frames: thirds of the time. */
+    assert_true(fabs(c.views[1].late - 0.75) < 1e-9 &&
+                saga_capture_has(&c, 1, 0));
+    assert_true(fabs(c.views[2].late - 0.5) < 1e-9 &&
+                saga_capture_has(&c, 2, 1));
+    saga_capture_free(&c);
 }
 
 static void listed_pictures_should_have_any_ending(void **state)
@@ -794,6 +900,8 @@ int main(void)
         IN_FOLDER(colmap_folder_should_have_frames_by_moment),
         IN_FOLDER(frame_folders_should_be_the_scene),
         IN_FOLDER(blender_scene_should_be_the_scene),
+        IN_FOLDER(moving_camera_should_have_a_view_for_each_picture),
+        IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing),
         IN_FOLDER(listed_pictures_should_have_any_ending),
         IN_FOLDER(panoptic_sports_should_be_the_scene),
         IN_FOLDER(panoptic_sports_should_be_refused_when_wrong),

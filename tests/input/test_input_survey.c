@@ -177,6 +177,19 @@ static void few_wide_cameras_should_be_told_of(void **state)
     saga_survey_free(&s);
 }
 
+static void moving_camera_should_be_told_of(void **state)
+{
+    saga_capture moving = *(saga_capture *)*state;
+    saga_survey s;
+
+    moving.moves = true;
+    s = survey(&moving);
+    assert_true(says(&s, "One camera that moves sees each moment from one"));
+    for (int v = 0; v < N_VIEWS; v++)
+        assert_false(s.views[v].timed);
+    saga_survey_free(&s);
+}
+
 #define IN_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, \
                                                       free_room)
 
@@ -188,6 +201,7 @@ int main(void)
         IN_ROOM(dark_camera_should_be_found),
         IN_ROOM(camera_that_looks_away_should_be_found),
         IN_ROOM(few_wide_cameras_should_be_told_of),
+        IN_ROOM(moving_camera_should_be_told_of),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -260,7 +260,8 @@ static int look_at_capture(session *s)
     if (!saga_capture_look(whole, s->capture_name, &c, &s->error))
         return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
     frames = s->o->segment ? s->o->segment
-                           : (int)fmax(2, fmin(rint(whole->fps), MOST_FRAMES));
+             : whole->moves ? whole->n_frames
+                            : (int)fmax(2, fmin(rint(whole->fps), MOST_FRAMES));
     s->n_segments = (whole->n_frames + frames / 2) / frames;
     if (s->n_segments > whole->n_frames / 2)
         s->n_segments = whole->n_frames / 2;
@@ -625,11 +626,13 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
     const int first = s->o->networks ? 0 : begin_of(s, segment);
     const size_t nbytes = saga_view_frame_nbytes(v);
     uint8_t *const rgb = saga_alloc(nbytes, 1, v->name, &s->error);
-    uint8_t *const median = v->held_out ? NULL
+    /* Pictures of a camera that moves do not tell what stands still. */
+    const bool judged = !v->held_out && !s->capture.moves;
+    uint8_t *const median = !judged ? NULL
         : saga_verdict_median(&s->capture, view, &s->error);
     saga_camera camera;
     uint32_t number;
-    bool ok = rgb && (median || v->held_out) && saga_film_rig(
+    bool ok = rgb && (median || !judged) && saga_film_rig(
         film, (uint32_t)view, &camera, &number, &s->error);
     int frame, i;
 
@@ -1197,9 +1200,9 @@ static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga", "the file to write, or the folder of --sweep; needed",
       saga_cli_text, offsetof(options, output), 0, 0 },
     { "--segment", "FRAMES", "frames of a segment, about, each of which plays "
-      "without\nthe others (default: a second); --primitives and\n"
-      "--iterations are of each", saga_cli_int, offsetof(options, segment), 2,
-      MOST_FRAMES },
+      "without\nthe others (default: a second; of a camera that moves,\nall of "
+      "them); --primitives and --iterations are of each", saga_cli_int,
+      offsetof(options, segment), 2, MOST_FRAMES },
     { "--networks-only", NULL, "train the segment that makes the networks and "
       "write them,\nfor others to be trained elsewhere: docs/scale.md",
       saga_cli_flag, offsetof(options, networks_only), 0, 0 },

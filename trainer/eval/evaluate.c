@@ -280,7 +280,8 @@ static bool write_picture(const comparison *c, int view, int frame)
     char *path;
     bool ok;
 
-    if (!c->options->pictures || frame != c->eval->n_frames / 2)
+    if (!c->options->pictures ||
+        frame != saga_capture_near(c->capture, view, c->eval->n_frames / 2))
         return true;
     v->picture_frame = c->eval->first_frame + frame;
     (void)snprintf(name, sizeof name, "%s_%05d.png", v->name,

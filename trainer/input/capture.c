@@ -98,13 +98,23 @@ static bool has_masks(const load_job *job, const saga_source *s)
     return any;
 }
 
+/* Tells whether a source has at most one of several pictures wanted. */
+static bool is_single(const load_job *job, const saga_source *s)
+{
+    int n = 0;
+    for (int k = 0; !s->video && k < job->capture->n_frames; k++)
+        n += s->pictures[job->capture->first_frame + k] != NULL;
+    return !s->video && n < 2 && job->capture->n_frames > 1;
+}
+
 static double picture_nbytes(const load_job *job, int v, double scale)
 {
     const saga_source *const s = &job->listing->sources[v];
     const saga_remap *const m = &job->remaps[v];
     const double px =
         floor(m->full_width / scale) * floor(m->full_height / scale);
-    double n = (has_masks(job, s) ? 4.0 : 3.0) * px * job->capture->n_frames;
+    double n = (has_masks(job, s) ? 4.0 : 3.0) * px *
+               (is_single(job, s) ? 1 : job->capture->n_frames);
     for (int k = 0; s->depths && job->options->want_depth &&
                     k < job->capture->n_frames; k++)
         if (s->depths[job->capture->first_frame + k])
@@ -207,7 +217,8 @@ static bool item_skipped(load_job *job, int item)
 static uint8_t *frame_to_fill(const load_job *job, int v, int k)
 {
     const saga_shot *const view = &job->capture->views[v];
-    return view->rgb + saga_view_frame_nbytes(view) * (size_t)k;
+    return view->rgb + saga_view_frame_nbytes(view) *
+                           (size_t)(view->single ? 0 : k);
 }
 
 static bool read_video(load_job *job, int v, const saga_remap *remap,
@@ -274,12 +285,12 @@ static void load_mask(load_job *job, int v, int k, const saga_remap *remap)
     const saga_shot *const view = &job->capture->views[v];
     const int at = job->capture->first_frame + k;
     const size_t n = (size_t)view->width * (size_t)view->height;
+    uint8_t *const mask = view->mask + n * (size_t)(view->single ? 0 : k);
     const char *const path = s->masks && s->masks[at] ? s->masks[at]
                              : s->pictures            ? s->pictures[at]
                                                       : NULL;
     saga_error error = { "" };
-    if (!path) {
-        memset(view->mask + n * (size_t)k, 1, n);
+    if (!path || (view->single && !saga_capture_has(job->capture, v, k))) {
         item_done(job, v * job->capture->n_frames + k, true, &error);
         return;
     }
@@ -295,7 +306,7 @@ static void load_mask(load_job *job, int v, int k, const saga_remap *remap)
         memset(buffer + 3 * i, buffer[3 * i] >= 128 ? 255 : 0, 3);
     if (ok) {
         saga_remap_rgb(remap, buffer, small);
-        take_mask(view->mask + n * (size_t)k, small, n);
+        take_mask(mask, small, n);
     }
     free(small);
     free(buffer);
@@ -352,8 +363,8 @@ static void load_view(load_job *job, int v, load_what what)
 static void fill_missing(load_job *job, int v)
 {
     const saga_capture *const c = job->capture;
-    for (int k = 0; k < c->n_frames; k++)
-        if (!saga_capture_has(c, v, k))
+    for (int k = 0; k < saga_view_n_held(&c->views[v], c->n_frames); k++)
+        if (!c->views[v].single && !saga_capture_has(c, v, k))
             memcpy(frame_to_fill(job, v, k),
                    frame_to_fill(job, v, saga_capture_near(c, v, k)),
                    saga_view_frame_nbytes(&c->views[v]));
@@ -365,7 +376,7 @@ static void fill_masked(load_job *job, int v)
 {
     const saga_shot *const view = &job->capture->views[v];
     const int n = (int)((size_t)view->width * (size_t)view->height);
-    const int n_frames = job->capture->n_frames;
+    const int n_frames = saga_view_n_held(view, job->capture->n_frames);
     const size_t size = saga_view_frame_nbytes(view);
     int i;
 #pragma omp parallel for schedule(static) num_threads(job->n_threads)
@@ -457,7 +468,7 @@ static bool mark_missing(const load_job *job, saga_shot *view,
     }
     /* Nothing of it is looked at, but it stays in the rig. */
     if (view->n_missing == n)
-        memset(view->rgb, 0, saga_view_frame_nbytes(view) * (size_t)n);
+        memset(view->rgb, 0, saga_view_frame_nbytes(view));
     return true;
 }
 
@@ -466,13 +477,15 @@ static bool allocate_view(const load_job *job, saga_shot *view,
 {
     const size_t n_frames = (size_t)job->capture->n_frames;
     const size_t px = (size_t)view->width * (size_t)view->height;
-    view->rgb = saga_alloc(px * 3, n_frames, s->name, job->error);
+    const size_t n_held = (size_t)saga_view_n_held(view, (int)n_frames);
+    view->rgb = saga_alloc(px * 3, n_held, s->name, job->error);
     if (!view->rgb)
         return false;
     if (has_masks(job, s)) {
-        view->mask = saga_alloc(px, n_frames, s->name, job->error);
+        view->mask = saga_alloc(px, n_held, s->name, job->error);
         if (!view->mask)
             return false;
+        memset(view->mask, 1, px * n_held); /* what has none counts */
     }
     bool any = false;
     for (size_t k = 0; s->depths && k < n_frames; k++)
@@ -501,8 +514,9 @@ static bool make_view(const load_job *job, int v)
         .width = m->width, .height = m->height, .fx = m->fx, .fy = m->fy,
         .cx = m->cx, .cy = m->cy, .near_depth = s->near_depth,
         .far_depth = s->far_depth, .held_out = s->held_out, .late = s->late,
-        .original_width = s->width, .original_height = s->height,
-        .focal_scale = m->focal_scale, .n_observations = s->n_observations,
+        .single = is_single(job, s), .original_width = s->width,
+        .original_height = s->height, .focal_scale = m->focal_scale,
+        .n_observations = s->n_observations,
         .reprojection_median = s->reprojection_median,
         .reprojection_p90 = s->reprojection_p90};
     memcpy(view->name, s->name, sizeof view->name);
@@ -538,7 +552,7 @@ static void note_decisions(const load_job *job)
     if (n_lenses > 0)
         saga_note(notes, "lens: %d of %d cameras undistorted, focal lengths x "
                   "%.5f to %.5f", n_lenses, job->capture->n_views, least, most);
-    if (n_missing > 0)
+    if (n_missing > 0 && !job->capture->moves)
         saga_note(notes, "pictures: %d are missing, and neither learned nor "
                   "judged: of %d cameras, most of %s (%d of %d)", n_missing,
                   n_lacking, worst, n_most, job->capture->n_frames);
@@ -619,6 +633,7 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
     if (!saga_listing_late(listing, options->late, error))
         return false;
     capture->format = listing->format;
+    capture->moves = listing->moves;
     capture->scale = options->scale;
     capture->fps = listing->fps > 0.0      ? listing->fps
                    : options->fps > 0.0 ? options->fps

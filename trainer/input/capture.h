@@ -12,8 +12,9 @@
  * (1/2, 1/2). Pictures are 8-bit RGB rows, display-referred (sRGB-like), no
  * padding. Lenses are gone after loading: every view is a pinhole, every
  * pixel of it valid (remap.h says how its focal length is chosen), but where a
- * mask says that it does not count. Cameras stand still; frame k of every view
- * was taken at the same moment, but for parts of a frame (late).
+ * mask says that it does not count. A view stands still, and one camera that
+ * moves is as many views as it has pictures; frame k of every view was taken at
+ * the same moment, but for parts of a frame (late).
  *
  * Memory: all frames stay resident. What that needs is forecast before any
  * picture is decoded, and refused if it exceeds the budget. Nothing is cached
@@ -80,6 +81,8 @@ typedef struct saga_shot {
     int n_observations;       /* of points, if a COLMAP model came along */
     double reprojection_median, reprojection_p90; /* of those, source px */
 
+    bool single;              /* of several frames at most one has a picture:
+                               * rgb and mask hold it alone, for all of them */
     uint8_t *rgb;             /* (n_frames, height, width, 3) */
     bool *missing;            /* (n_frames) no picture: rgb is that of the
                                * nearest frame that has one; NULL: all are
@@ -100,6 +103,7 @@ typedef struct saga_point {
 typedef struct saga_capture {
     const char *format;       /* static string, for reports */
     int n_views, n_frames;
+    bool moves;               /* the camera: every view is one picture of it */
     int first_frame;          /* index in the source of frame 0 here */
     double fps;
     double metres;            /* in the unit of length; 0: unknown */
@@ -121,8 +125,8 @@ bool saga_capture_load(saga_capture *capture, const char *path,
                        saga_error *error);
 
 /* Sets of *capture what is known before a picture is decoded: format, frames
- * and their rate. It fails as saga_capture_load does, and sets no view nor
- * anything else that would have to be freed. */
+ * and their rate, whether the camera moves. It fails as saga_capture_load does,
+ * and sets no view nor anything else that would have to be freed. */
 bool saga_capture_look(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
                        saga_error *error);
@@ -141,13 +145,20 @@ static inline size_t saga_view_frame_nbytes(const saga_shot *view)
     return saga_view_row_nbytes(view) * (size_t)view->height;
 }
 
+/* Returns how many pictures rgb and mask hold. */
+static inline int saga_view_n_held(const saga_shot *view, int n_frames)
+{
+    return view->single ? 1 : n_frames;
+}
+
 /* Returns the rows of one picture; view and frame within the capture's
  * counts. */
 static inline const uint8_t *saga_capture_frame(const saga_capture *capture,
                                                 int view, int frame)
 {
     const saga_shot *const v = &capture->views[view];
-    return v->rgb + saga_view_frame_nbytes(v) * (size_t)frame;
+    return v->rgb + saga_view_frame_nbytes(v) *
+                        (size_t)(v->single ? 0 : frame);
 }
 
 /* Tells whether there is such a picture, to be learned or judged. */
@@ -179,7 +190,7 @@ static inline const uint8_t *saga_capture_mask(const saga_capture *capture,
 {
     const saga_shot *const v = &capture->views[view];
     return v->mask ? v->mask + (size_t)v->width * (size_t)v->height *
-                               (size_t)frame
+                               (size_t)(v->single ? 0 : frame)
                    : NULL;
 }
 

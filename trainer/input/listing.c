@@ -248,8 +248,9 @@ bool saga_listing_late(saga_listing *listing, const char *text,
      * millionth of a frame is a rounding. */
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
-        s->skip = (int)ceil(late[i] - least - 1e-6);
-        s->late = fmax(s->skip - (late[i] - least), 0.0);
+        const double behind = late[i] - least - s->late;
+        s->skip = (int)ceil(behind - 1e-6);
+        s->late = fmax(s->skip - behind, 0.0);
         most = s->skip > most ? s->skip : most;
     }
     const int n = l->n_frames - most;

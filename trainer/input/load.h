@@ -35,6 +35,7 @@ typedef struct saga_listing {
     const char *path;         /* the capture's folder or file: for messages */
     saga_source *sources;     /* (n_sources) */
     int n_sources, n_frames;  /* of the whole capture */
+    bool moves;               /* the camera: a source for each picture */
     double fps;               /* 0: unknown */
     double metres;            /* in its unit of length; 0: unknown */
     saga_point *points;

@@ -8,9 +8,14 @@
  * backwards). Pictures with one pose and the same intrinsics are one camera;
  * "time" orders them and must be the same in all cameras. Without any "time"
  * the order of the file names counts, and a camera with one picture is a
- * still one. Cameras stand still: a pose per moment is refused. A picture whose
- * file is not there is missing, and so is one that is not listed where the
- * others have a "time", or a number in their names, that tells which it is.
+ * still one. A picture whose file is not there is missing, and so is one that
+ * is not listed where the others have a "time", or a number in their names,
+ * that tells which it is.
+ *
+ * A camera that moves (D-NeRF) has a "time" and a pose of its own in each
+ * picture. Each picture becomes a camera that lacks all other moments, of which
+ * there are as many as different times to train on, evenly spaced; a picture
+ * that was taken between two of them is late after the earlier.
  *
  * Blender's synthetic scenes have transforms_train.json and
  * transforms_test.json, the pictures of which are held out, camera_angle_x
@@ -56,6 +61,7 @@ typedef struct entry {
     int view;
     bool has_time, held_out;
     double time;
+    double late;              /* frames, after its moment: 0 to 1 */
     camera_key key;
 } entry;
 
@@ -72,6 +78,8 @@ typedef struct reader {
     int *view_size;           /* (n_views) */
     int *view_first;          /* (n_views) entry, once they are sorted */
     int fullest;              /* the view with most pictures */
+    int n_moments;            /* of a camera that moves; or 0 */
+    double first_time, step;  /* of those moments */
     entry **at;               /* (n_views, n frames) NULL: not listed */
     bool odd_depths, videos;
     int n_missing;
@@ -333,6 +341,12 @@ static int entry_order(const void *a, const void *b)
     return strcmp(x->file, y->file);
 }
 
+static int by_time(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
 static int count_times(const reader *r)
 {
     int n = 0;
@@ -348,13 +362,6 @@ static bool check_counts(const reader *r)
         return saga_fail(r->error, r->path, "give every picture its time, or "
                          "none", "only %d of %d frames have \"time\"",
                          n_times, r->n_entries);
-    const entry *const last = &r->entries[r->n_entries - 1];
-    if (r->n_views == r->n_entries && r->n_views > 1 && n_times > 0 &&
-        last->time != r->entries[0].time)
-        return saga_fail(r->error, r->path, "saga needs several cameras that "
-                         "stand still and film every moment", "every one of "
-                         "the %d pictures has its own pose and time: the "
-                         "camera moves", r->n_entries);
     for (int v = 0; v < r->n_views; v++) {
         const int n = r->view_size[v], most = r->view_size[r->fullest];
         if (2 * n < most)
@@ -426,6 +433,90 @@ static bool place_entries(reader *r, int n, bool timed)
     return r->at != NULL;
 }
 
+/* ----------------------------------------------------- a camera that moves */
+
+/* Counts the different times of pictures to train on; times is scratch of the
+ * number of entries. */
+static int count_moments(const reader *r, double *times)
+{
+    size_t n = 0;
+    int n_moments = 1;
+    for (int i = 0; i < r->n_entries; i++)
+        if (!r->entries[i].held_out)
+            times[n++] = r->entries[i].time;
+    if (n == 0)
+        return 0;
+    qsort(times, n, sizeof *times, by_time);
+    const double least = 1e-6 * (times[n - 1] - times[0]);
+    for (size_t i = 1; i < n; i++)
+        n_moments += times[i] - times[i - 1] > least;
+    return n_moments;
+}
+
+/* A camera moves where fewer than two pictures share a pose on average, and no
+ * pose has half of the moments: then every picture is a view. */
+static bool find_moves(reader *r)
+{
+    int most = 0;
+    for (int v = 0; v < r->n_views; v++)
+        most = r->view_size[v] > most ? r->view_size[v] : most;
+    if (r->videos || count_times(r) < r->n_entries ||
+        2 * r->n_views <= r->n_entries)
+        return true;
+    double *const times =
+        saga_alloc((size_t)r->n_entries, sizeof *times, r->path, r->error);
+    if (!times)
+        return false;
+    const int n = count_moments(r, times);
+    free(times);
+    if (2 * most > n)
+        return true;
+    int *const size = saga_realloc(r->view_size, (size_t)r->n_entries,
+                                   sizeof *size, r->path, r->error);
+    if (!size)
+        return false;
+    r->view_size = size;
+    r->n_moments = n;
+    r->n_views = r->n_entries;
+    for (int i = 0; i < r->n_entries; i++) {
+        r->entries[i].view = i;
+        size[i] = 1;
+    }
+    return true;
+}
+
+/* Gives every picture its moment, and how much later it was taken. */
+static bool place_moving(reader *r, int n)
+{
+    double first = r->entries[0].time, last = first;
+    for (int i = 0; i < r->n_entries; i++) {
+        first = fmin(first, r->entries[i].time);
+        last = fmax(last, r->entries[i].time);
+    }
+    r->first_time = first;
+    r->step = (last - first) / (n - 1);
+    if (!isfinite(r->step))
+        return saga_fail(r->error, r->path, "correct them", "times run from "
+                         "%g to %g", first, last);
+    r->at = saga_calloc((size_t)r->n_views * (size_t)n, sizeof *r->at, r->path,
+                        r->error);
+    for (int i = 0; r->at && i < r->n_entries; i++) {
+        entry *const e = &r->entries[i];
+        const double moment = (e->time - first) / r->step;
+        const bool between = fabs(moment - rint(moment)) > 1e-4;
+        const double k = between ? floor(moment) : rint(moment);
+        e->late = between ? moment - k : 0.0;
+        r->at[e->view * n + (int)k] = e;
+    }
+    r->listing->moves = true;
+    if (r->at)
+        saga_note(r->listing->notes, "cameras: the camera moves; its %d "
+                  "pictures are views of %d moments", r->n_entries, n);
+    return r->at != NULL;
+}
+
+/* ------------------------------------------------------------------ moments */
+
 static bool index_views(reader *r)
 {
     r->view_first = saga_calloc((size_t)r->n_views, sizeof *r->view_first,
@@ -443,6 +534,8 @@ static bool find_moments(reader *r, int n)
 {
     const bool timed = count_times(r) > 0;
     const bool holes = r->n_entries < n * r->n_views;
+    if (r->n_moments > 0)
+        return place_moving(r, n);
     if (holes && !timed)
         take_numbers_for_times(r);
     return place_entries(r, n, (timed || holes) && !r->videos);
@@ -452,9 +545,11 @@ static bool find_moments(reader *r, int n)
 static void guess_fps(reader *r, int n)
 {
     const entry *const e = &r->entries[r->view_first[r->fullest]];
-    const double first = e[0].time, last = e[n - 1].time;
+    const bool moving = r->n_moments > 0;
     if (r->listing->fps > 0.0 || n < 2 || count_times(r) == 0)
         return;
+    const double first = moving ? r->first_time : e[0].time;
+    const double last = moving ? first + r->step * (n - 1) : e[n - 1].time;
     if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
         saga_note(r->listing->notes, "time: 0..1 is taken as normalised");
         return;
@@ -499,6 +594,17 @@ static void folder_name(const char *file, char name[SAGA_NAME_NBYTES])
     saga_copy_name(name, start, (size_t)(end - start));
 }
 
+/* Gives "train/r_003.png" the name "train_r_003". */
+static void folder_and_stem(const char *file, char name[SAGA_NAME_NBYTES])
+{
+    const char *const base = base_of(file);
+    char folder[SAGA_NAME_NBYTES], both[2 * SAGA_NAME_NBYTES];
+    folder_name(file, folder);
+    (void)snprintf(both, sizeof both, "%s_%.*s", folder,
+                   (int)stem_length(base), base);
+    saga_copy_name(name, both, strlen(both));
+}
+
 /* Finds what the names of all pictures of a camera begin with, without the
  * frame number: "cam03_f000" and "cam03_f001" give "cam03". */
 static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
@@ -529,7 +635,7 @@ static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
 static void name_views(const reader *r, int n)
 {
     saga_listing *const listing = r->listing;
-    for (int scheme = n > 1 ? 0 : 2; scheme < 4; scheme++) {
+    for (int scheme = n > 1 ? 0 : 2; scheme < 5; scheme++) {
         for (int v = 0; v < r->n_views; v++) {
             const entry *const e = &r->entries[r->view_first[v]];
             char *const name = listing->sources[v].name;
@@ -540,6 +646,8 @@ static void name_views(const reader *r, int n)
                 common_prefix(e, r->view_size[v], name);
             else if (scheme == 2)
                 saga_copy_name(name, base, stem_length(base));
+            else if (scheme == 3)
+                folder_and_stem(e->file, name);
             else
                 (void)snprintf(name, SAGA_NAME_NBYTES, "view%03d", v);
         }
@@ -752,6 +860,7 @@ static bool fill_views(reader *r, int n)
     for (int v = 0; v < r->n_views; v++) {
         saga_source *const s = &l->sources[v];
         const entry *const e = &r->entries[r->view_first[v]];
+        s->late = e->late;
         if (!r->videos && !fill_pictures(r, s, r->at + v * n, n))
             return false;
         if (r->videos)
@@ -759,8 +868,10 @@ static bool fill_views(reader *r, int n)
         if (r->videos && !(s->video && saga_probe_video(s, l, r->error)))
             return false;
     }
-    if (r->n_missing > 0)
-        saga_note(l->notes, "pictures: %d are missing (%.100s)", r->n_missing,
+    const int n_others = l->moves ? r->n_entries * (n - 1) : 0;
+    if (r->n_missing > n_others)
+        saga_note(l->notes, "pictures: %d are missing (%.100s)",
+                  r->n_missing - n_others,
                   r->first_missing ? r->first_missing : "not listed");
     return split_views(r);
 }
@@ -806,12 +917,12 @@ static bool read_ply(reader *r)
 
 static bool read_all(reader *r, const saga_capture_options *options)
 {
-    if (!read_fps(r) || !assign_views(r))
+    if (!read_fps(r) || !assign_views(r) || !find_moves(r))
         return false;
     qsort(r->entries, (size_t)r->n_entries, sizeof *r->entries, entry_order);
     if (!index_views(r) || !check_counts(r))
         return false;
-    const int n = r->view_size[r->fullest];
+    const int n = r->n_moments > 0 ? r->n_moments : r->view_size[r->fullest];
     if (!find_moments(r, n))
         return false;
     if (!r->videos)

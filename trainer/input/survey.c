@@ -357,7 +357,7 @@ static bool find_late(saga_survey *survey, const saga_capture *c,
                       saga_error *error)
 {
     const int n = c->n_frames - 1;
-    if (c->n_frames < FEW_FRAMES || c->n_views < 3)
+    if (c->n_frames < FEW_FRAMES || c->n_views < 3 || c->moves)
         return true;
     double *const rows = saga_alloc((size_t)(c->n_views + 1) * (size_t)n,
                                     sizeof *rows, "the motion", error);
@@ -402,6 +402,9 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
 {
     const int n = count_training(c);
     const bool points = c->n_points >= FEW_PLACES;
+    if (c->moves)
+        note(s, "One camera that moves sees each moment from one side: how "
+             "what moves looks from elsewhere at that moment is a guess.");
     s->free_views = n > FEW_VIEWS ||
                     (n > 2 && points && s->typical_angle < FAR_APART);
     if (!s->free_views)
@@ -438,7 +441,7 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
         note(s, "%s seems to run %d frames %s the others: --late %s=%d, or "
              "hold it out.", shot->name, abs(one->late),
              one->late > 0 ? "behind" : "before", shot->name, one->late);
-    if (shot->n_missing > 0)
+    if (shot->n_missing > 0 && !c->moves)
         note(s, "%s lacks %d of %d pictures.", shot->name, shot->n_missing,
              c->n_frames);
 }

@@ -32,7 +32,8 @@ typedef struct saga_survey_view {
 typedef struct saga_survey {
     saga_survey_view *views;     /* (n_views of the capture) */
     double typical_angle;        /* median of the views' angles */
-    bool free_views;             /* what is between the cameras may be good */
+    bool free_views;             /* what is between the cameras may be good, of
+                                  * what stands still where one camera moves */
     int n_notes;                 /* what to mind, worst first */
     char note[SAGA_SURVEY_NOTES][SAGA_SURVEY_NOTE_NBYTES];
 } saga_survey;

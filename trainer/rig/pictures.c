@@ -142,16 +142,16 @@ static uint64_t digest_view(uint64_t sum, const saga_shot *v, int n_frames)
     const double x[] = { v->width, v->height, v->fx, v->fy, v->cx, v->cy,
                          v->near_depth, v->far_depth, v->held_out, v->late };
 
+    const size_t n_held = (size_t)saga_view_n_held(v, n_frames);
+
     sum = saga_digest(sum, x, sizeof x);
     sum = saga_digest(sum, v->rotation, sizeof v->rotation);
     sum = saga_digest(sum, v->translation, sizeof v->translation);
     if (v->missing)
         sum = saga_digest(sum, v->missing, (size_t)n_frames);
     if (v->mask)
-        sum = saga_digest(sum, v->mask, (size_t)n_frames *
-                                        saga_view_frame_nbytes(v) / 3);
-    return saga_digest(sum, v->rgb, (size_t)n_frames *
-                                    saga_view_frame_nbytes(v));
+        sum = saga_digest(sum, v->mask, n_held * saga_view_frame_nbytes(v) / 3);
+    return saga_digest(sum, v->rgb, n_held * saga_view_frame_nbytes(v));
 }
 
 uint64_t saga_pictures_digest(const saga_pictures *p)

@@ -26,10 +26,16 @@ static bool changes(const uint8_t *a, const uint8_t *b)
            abs(a[2] - b[2]) > CHANGE;
 }
 
+/* No two pictures of a camera that moves tell the part; this is a guess. */
+#define CHANGE_UNKNOWN 0.1
+
 double saga_train_change(const saga_capture *c)
 {
     const int n = c->n_frames < N_FRAMES ? c->n_frames : N_FRAMES;
     double changing = 0, pixels = 0;
+
+    if (c->moves)
+        return CHANGE_UNKNOWN;
 
     for (int v = 0; v < c->n_views; v++) {
         const size_t size = saga_view_frame_nbytes(&c->views[v]);
@@ -121,7 +127,7 @@ bool saga_train_decide(saga_train *t, saga_error *error)
     if (t->turn > 0)
         return true;
     t->dynamic = t->flat_options.temporal;
-    if (!t->dynamic || t->o.motion == SAGA_TRAIN_MOVING)
+    if (!t->dynamic || t->o.motion == SAGA_TRAIN_MOVING || t->capture->moves)
         return true;
     if (!tally_views(&sum, t, error))
         return false;

@@ -24,7 +24,8 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 /* What moves wants more of them: pixels that change count three times. */
 #define MOTION_PART 2
 
-/* Views of a still beyond so many show the same things again. */
+/* Views of a still beyond so many show the same things again, and so do those
+ * of a camera that moves. */
 #define STILL_VIEWS 10
 
 /* Networks, header and tree take so many bytes, and a primitive at the lambda
@@ -110,7 +111,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
                             const saga_capture *c, const saga_preset *p)
 {
     const extent e = extent_of(c);
-    const double pixels = c->n_frames == 1
+    const double pixels = c->n_frames == 1 || c->moves
         ? fmin(e.pixels, STILL_VIEWS * e.largest) : e.pixels;
     const double changing = saga_train_change(c);
 
