@@ -78,6 +78,7 @@ typedef struct {
 } queue;
 
 _Static_assert(sizeof(queue) == 8 && sizeof(saga_key) == 8, "SAGA_JOB_NBYTES");
+_Static_assert(sizeof(saga_depth) == 16, "depths have no padding");
 
 /* One call. */
 typedef struct {
@@ -499,7 +500,6 @@ static void begin_patch(saga_patch *p, const saga_splat *s, int32_t x,
 {
     const int64_t dx = x * 256 + 128 - s->mean_q8[0];
     const int64_t dy = y * 256 + 128 - s->mean_q8[1];
-    int i;
 
     p->g = s->chol_q28[0];
     p->n = s->chol_q28[1];
@@ -507,8 +507,21 @@ static void begin_patch(saga_patch *p, const saga_splat *s, int32_t x,
     p->q0 = s->q0_q20;
     p->v = fx_rshift64(p->g * dx - p->n * dy, 8);
     p->w = fx_rshift64(p->h * dy, 8);
-    for (i = 0; i < 3; i++)
-        p->colour_q15[i] = s->colour_q15[i];
+}
+
+/* A depth of 32 bits is blended as three colours, 10 bits of it and twice 11:
+ * their sums are at most 2^16 (2^11 - 1). */
+static void colour_patch(saga_patch *p, const saga_splat *s, int bits)
+{
+    if (bits == SAGA_DEPTH) {
+        p->colour_q15[0] = (uint16_t)(s->depth >> 22);
+        p->colour_q15[1] = s->depth >> 11 & 2047;
+        p->colour_q15[2] = s->depth & 2047;
+    } else {
+        p->colour_q15[0] = s->colour_q15[0];
+        p->colour_q15[1] = s->colour_q15[1];
+        p->colour_q15[2] = s->colour_q15[2];
+    }
 }
 
 /* Blends a splat into the tile at work, one unit per line. Returns 0 when the
@@ -531,6 +544,7 @@ static int blend_splat(raster *r, const saga_splat *splat)
     if (p.x0 >= p.x1)
         return 1;
     begin_patch(&p, splat, x, y + (int32_t)first);
+    colour_patch(&p, splat, r->pic->bits);
     p.n_rows = spend(r, end - s->line);
     s->line += p.n_rows;
     if (p.n_rows > 0)
@@ -674,6 +688,21 @@ static void write_line16(const raster *r, uint16_t *p, const uint32_t *t,
                             *t * r->cam->background_q15[k]);
 }
 
+/* The parts of the depth come together again (colour_patch). */
+static void write_depths(const raster *r, saga_depth *p, const uint32_t *t,
+                         int32_t n)
+{
+    const uint32_t plane = 1u << 2 * r->log2_side;
+    int32_t i;
+
+    for (i = 0; i < n; i++, t++, p++) {
+        p->sum_q16 = ((uint64_t)t[plane] << 22) +
+                     ((uint64_t)t[2 * plane] << 11) + t[3 * plane];
+        p->weight_q16 = 65536 - *t;
+        p->reserved = 0;
+    }
+}
+
 static void write_line(const raster *r, const uint32_t *t, int32_t x,
                        int32_t y)
 {
@@ -681,12 +710,14 @@ static void write_line(const raster *r, const uint32_t *t, int32_t x,
     /* The picture begins at the job's corner: a band's buffer suffices. */
     void *const line = (uint8_t *)r->pic->rgb +
                        (size_t)(y - r->job->y0) * r->pic->stride_nbytes;
-    const int32_t at = 3 * (x - r->job->x0);
+    const int32_t at = x - r->job->x0;
 
-    if (r->pic->bits == 16)
-        write_line16(r, (uint16_t *)line + at, t, width);
+    if (r->pic->bits == SAGA_DEPTH)
+        write_depths(r, (saga_depth *)line + at, t, width);
+    else if (r->pic->bits == 16)
+        write_line16(r, (uint16_t *)line + 3 * at, t, width);
     else
-        write_line8(r, (uint8_t *)line + at, t, width);
+        write_line8(r, (uint8_t *)line + 3 * at, t, width);
 }
 
 /* One unit per line. Returns 1 when the last band is written. */
@@ -768,6 +799,17 @@ static int is_inside(const saga_job *job, const saga_camera *cam)
            job->y1 <= cam->height;
 }
 
+static uint32_t pixel_nbytes(int bits)
+{
+    return bits == SAGA_DEPTH ? sizeof(saga_depth) : bits == 16 ? 6 : 3;
+}
+
+/* What rows and samples are aligned to, less 1. */
+static uint32_t alignment(int bits)
+{
+    return bits == SAGA_DEPTH ? 7 : bits == 16 ? 1 : 0;
+}
+
 /* Rows that overlap are refused with the sizes: width < 2^14.1 and height
  * <= 2^14, so that a stride of 2^48 is far beyond any capacity. */
 static saga_status check_picture(const saga_picture *pic,
@@ -775,14 +817,14 @@ static saga_status check_picture(const saga_picture *pic,
 {
     const uint32_t width = (uint32_t)(job->x1 - job->x0);
     const uint32_t height = (uint32_t)(job->y1 - job->y0);
-    const uint64_t line = (uint64_t)width * 3 * (pic->bits == 16 ? 2 : 1);
+    const uint64_t line = (uint64_t)width * pixel_nbytes(pic->bits);
     const uint64_t stride = pic->stride_nbytes;
 
     if (height > 1 && stride < line)
         return SAGA_ERR_ARG;
     if (stride >> 48 || line + stride * (height - 1u) > pic->nbytes)
         return SAGA_ERR_SPACE;
-    if (pic->bits == 16 && (((uintptr_t)pic->rgb | pic->stride_nbytes) & 1))
+    if (((uintptr_t)pic->rgb | pic->stride_nbytes) & alignment(pic->bits))
         return SAGA_ERR_ALIGN;
     return SAGA_OK;
 }
@@ -793,7 +835,7 @@ static saga_status check(const saga_job *job, const saga_picture *pic,
     const uint32_t log2_side = log2_of_side(job->tile);
 
     if (log2_side == 0 || job->list_capacity == 0 || !is_inside(job, cam) ||
-        (pic->bits != 8 && pic->bits != 16))
+        (pic->bits != 8 && pic->bits != 16 && pic->bits != SAGA_DEPTH))
         return SAGA_ERR_ARG;
     if (count_tiles(tile_nbytes(job), log2_side, 1) == 0)
         return SAGA_ERR_SPACE;

@@ -76,20 +76,35 @@ typedef struct saga_splat {
     int16_t x0, y0, x1, y1;  /* pixels touched lie in [x0, x1) x [y0, y1) */
 } saga_splat;
 
-/* Where a picture goes: rows of R, G, B samples of 8 or 16 bits. */
+/* Where a picture goes: rows of R, G, B samples of 8 or 16 bits, or of
+ * saga_depth. */
 typedef struct saga_picture {
     void *rgb;               /* first sample of the job's pixel (x0, y0);
-                              * uint8_t, or uint16_t (aligned to 2) */
-    size_t stride_nbytes;    /* from one row to the next; even for 16 bits */
+                              * uint8_t, uint16_t (aligned to 2) or saga_depth
+                              * (aligned to 8) */
+    size_t stride_nbytes;    /* from one row to the next; a multiple of 2 for
+                              * 16 bits, of 8 for SAGA_DEPTH */
     size_t nbytes;           /* capacity from rgb on */
-    int bits;                /* 8 or 16 */
+    int bits;                /* 8, 16 or SAGA_DEPTH */
 } saga_picture;
+
+enum { SAGA_DEPTH = 64 };    /* in place of bits: no colours, but saga_depth */
+
+/* How far away a pixel is, and how opaque. The splats that its colour is mixed
+ * of have weights w, front to back, and means whose depth along the camera's
+ * axis is z: sum_q16 / weight_q16 is the expected depth. Nothing stands for the
+ * background. */
+typedef struct saga_depth {
+    uint64_t sum_q16;        /* of w z, z in box units, >= 1; below 2^48 */
+    uint32_t weight_q16;     /* of w: alpha, 0..65536; 0: no splat is there */
+    uint32_t reserved;       /* written as 0 */
+} saga_depth;
 
 /* A rectangle of the picture to be drawn by one thread, and its progress.
  * Set the first block, zero the second, call saga_draw until it returns
  * something other than SAGA_AGAIN. A job belongs to the view with which it
  * began: zero the second block again for another one. Until it ends, the first
- * block and the bytes of the scratch stay as they are. */
+ * block, the bytes of the scratch and the picture's bits stay as they are. */
 typedef struct saga_job {
     int32_t x0, y0, x1, y1;  /* inside the camera's picture, not empty */
     int32_t tile;            /* side of a tile in pixels: 8, 16, 32 or 64; has

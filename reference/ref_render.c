@@ -442,6 +442,32 @@ void ref_store_exact(const saga_picture *pic, const saga_camera *c, int x,
         store(pic, x, y, k, sum[k] + (uint64_t)t * c->background_q15[k]);
 }
 
+void ref_depth_exact(const saga_picture *pic, const saga_camera *c,
+                     const saga_splat *splats, const saga_key *order,
+                     uint32_t n)
+{
+    int x, y;
+    uint32_t i;
+
+    for (y = 0; y < c->height; y++)
+        for (x = 0; x < c->width; x++) {
+            saga_depth *const to = (saga_depth *)(void *)(
+                (uint8_t *)pic->rgb + (size_t)y * pic->stride_nbytes) + x;
+            uint64_t unused[3] = { 0, 0, 0 };
+            uint32_t t = 65536, before;
+
+            *to = (saga_depth){ 0, 0, 0 };
+            for (i = 0; i < n && t >= SAGA_T_FLOOR_Q16; i++) {
+                const saga_splat *const s = splats + order[i].index;
+
+                before = t;
+                ref_blend_pixel_exact(unused, &t, s, ref_q_q20(s, x, y));
+                to->sum_q16 += (uint64_t)(before - t) * s->depth;
+            }
+            to->weight_q16 = 65536 - t;
+        }
+}
+
 void ref_blend_exact(const saga_picture *pic, const saga_camera *c,
                      const saga_splat *splats, const saga_key *order,
                      uint32_t n)

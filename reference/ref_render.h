@@ -104,4 +104,9 @@ void ref_blend_exact(const saga_picture *pic, const saga_camera *c,
                      const saga_splat *splats, const saga_key *order,
                      uint32_t n);
 
+/* Depths in place of colours: pic has SAGA_DEPTH. */
+void ref_depth_exact(const saga_picture *pic, const saga_camera *c,
+                     const saga_splat *splats, const saga_key *order,
+                     uint32_t n);
+
 #endif

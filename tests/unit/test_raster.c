@@ -107,7 +107,13 @@ static void even_scene(scene *s, gen_rng *r, uint32_t n, int width, int height)
 
 /* --- Pictures ------------------------------------------------------------ */
 
-/* Rows of width * 3 samples, a gap after each, guards around. */
+/* In bytes. */
+static size_t pixel_of(int bits)
+{
+    return bits == SAGA_DEPTH ? sizeof(saga_depth) : 3 * (size_t)(bits / 8);
+}
+
+/* Rows of width pixels, a gap after each, guards around. */
 typedef struct {
     uint8_t *block;
     size_t nbytes;          /* of the block */
@@ -118,7 +124,7 @@ typedef struct {
 static void new_picture(picture *p, int width, int height, int bits,
                         size_t gap)
 {
-    const size_t line = (size_t)width * 3 * (size_t)(bits / 8);
+    const size_t line = (size_t)width * pixel_of(bits);
 
     p->width = width;
     p->height = height;
@@ -134,7 +140,7 @@ static void new_picture(picture *p, int width, int height, int bits,
 static uint8_t *sample_at(const picture *p, int x, int y)
 {
     return (uint8_t *)p->pic.rgb + (size_t)y * p->pic.stride_nbytes +
-           (size_t)x * 3 * (size_t)(p->pic.bits / 8);
+           (size_t)x * pixel_of(p->pic.bits);
 }
 
 static uint32_t value_at(const picture *p, int x, int y, int k)
@@ -161,18 +167,23 @@ static saga_picture part_at(const picture *p, int x, int y)
 static void exact_picture(picture *p, const scene *s, int bits)
 {
     new_picture(p, s->cam.width, s->cam.height, bits, 0);
-    ref_blend_exact(&p->pic, &s->cam, s->splats, s->order, s->n);
+    if (bits == SAGA_DEPTH)
+        ref_depth_exact(&p->pic, &s->cam, s->splats, s->order, s->n);
+    else
+        ref_blend_exact(&p->pic, &s->cam, s->splats, s->order, s->n);
 }
 
 static void expect_equal(const picture *got, const picture *want)
 {
-    const size_t line = (size_t)want->width * 3 *
-                        (size_t)(want->pic.bits / 8);
+    const size_t line = (size_t)want->width * pixel_of(want->pic.bits);
     int y;
 
     for (y = 0; y < want->height; y++)
         assert_memory_equal(sample_at(got, 0, y), sample_at(want, 0, y), line);
 }
+
+static const int all_bits[] = { 8, 16, SAGA_DEPTH };
+enum { N_BITS = sizeof all_bits / sizeof *all_bits };
 
 /* --- Jobs ---------------------------------------------------------------- */
 
@@ -386,7 +397,7 @@ static void scenes_should_be_those_of_the_norm(void **state)
             hard_scene(&s, &r, 250, width, height);
         else
             even_scene(&s, &r, 250, width, height);
-        exact_picture(&want, &s, i & 2 ? 8 : 16);
+        exact_picture(&want, &s, all_bits[i / 2 % N_BITS]);
         expect_with(&s, &plain, &want);
         free(want.block);
         free_scene(&s);
@@ -642,17 +653,17 @@ static void picture_should_not_depend_on_the_division(void **state)
     gen_rng r = gen_seeded(37);
     picture want, got;
     scene s;
-    int i, bits, tile;
+    int i, b, tile;
 
     (void)state;
     hard_scene(&s, &r, 90, 83, 61);
-    for (bits = 8; bits <= 16; bits += 8) {
-        exact_picture(&want, &s, bits);
+    for (b = 0; b < N_BITS; b++) {
+        exact_picture(&want, &s, all_bits[b]);
         for (i = 0; i < 6; i++)
             for (tile = 8; tile <= (i < 5 ? 64 : 8); tile *= 2) {
                 const setting with = { tile, 37, 3000, 500 };
 
-                new_picture(&got, 83, 61, bits, 10);
+                new_picture(&got, 83, 61, all_bits[b], 16);
                 draw_grid(&got, &s, &with, grids[i][0], grids[i][1]);
                 expect_equal(&got, &want);
                 free(got.block);
@@ -672,7 +683,7 @@ static int is_inside(const saga_job *job, int x, int y)
 /* Every byte of the block is a canary or a pixel of the job. */
 static void check_canaries(const picture *p, const saga_job *job)
 {
-    const size_t pixel = 3 * (size_t)(p->pic.bits / 8);
+    const size_t pixel = pixel_of(p->pic.bits);
     uint8_t *const is_ours = need(p->nbytes);
     size_t i;
     int x, y;
@@ -695,8 +706,8 @@ static void expect_part(const picture *got, const picture *want,
     for (y = job->y0; y < job->y1; y++)
         assert_memory_equal(sample_at(got, job->x0, y),
                             sample_at(want, job->x0, y),
-                            (size_t)(job->x1 - job->x0) * 3 *
-                                (size_t)(got->pic.bits / 8));
+                            (size_t)(job->x1 - job->x0) *
+                                pixel_of(got->pic.bits));
 }
 
 /* The scratch has its exact size, for the sanitizers, and is guarded. */
@@ -716,7 +727,7 @@ static void check_memory(const scene *s, const picture *want, gen_rng *r)
     picture got;
 
     new_picture(&got, want->width, want->height, want->pic.bits,
-                2 * (size_t)gen_int(r, 0, 9));
+                8 * (size_t)gen_int(r, 0, 9));
     new_job(&job, &with, x0, y0, x1, y1);
     free(job.scratch);
     block = need(job.scratch_nbytes + 2 * GUARD);
@@ -724,7 +735,7 @@ static void check_memory(const scene *s, const picture *want, gen_rng *r)
     job.scratch = block + GUARD;
     part = part_at(&got, x0, y0);
     part.nbytes = part.stride_nbytes * (size_t)(y1 - y0 - 1) +
-                  (size_t)(x1 - x0) * 3 * (size_t)(part.bits / 8);
+                  (size_t)(x1 - x0) * pixel_of(part.bits);
     finish_job(&job, &part, s, with.budget);
     expect_part(&got, want, &job);
     check_canaries(&got, &job);
@@ -744,11 +755,7 @@ static void nothing_else_should_be_written(void **state)
     (void)state;
     hard_scene(&s, &r, 60, 83, 61);
     for (i = 0; i < 400; i++) {
-        exact_picture(&want, &s, 8);
-        if (i % 2) {
-            free(want.block);
-            exact_picture(&want, &s, 16);
-        }
+        exact_picture(&want, &s, all_bits[i % N_BITS]);
         check_memory(&s, &want, &r);
         free(want.block);
     }
@@ -919,6 +926,7 @@ static void other_fields_should_be_checked(void **state)
     for (i = 0; i < 40; i++)
         if (i != 8 && i != 16)
             expect_arg(&c, &c.p.pic.bits, (int32_t)i);
+    expect_arg(&c, &c.p.pic.bits, SAGA_DEPTH - 1);
     expect_arg(&c, &c.p.pic.bits, -8);
     c.job.list_capacity = 0;
     expect_status(&c, SAGA_ERR_ARG);
@@ -976,12 +984,12 @@ static void picture_should_be_large_enough(void **state)
 {
     checked c;
     size_t line;
-    int bits;
+    int b;
 
     (void)state;
-    for (bits = 8; bits <= 16; bits += 8) {
-        open_checked(&c, bits);
-        line = 17 * 3 * (size_t)(bits / 8);
+    for (b = 0; b < N_BITS; b++) {
+        open_checked(&c, all_bits[b]);
+        line = 17 * pixel_of(all_bits[b]);
         c.p.pic.nbytes = c.p.pic.stride_nbytes * 27 + line;
         expect_status(&c, SAGA_OK);
         c.p.pic.nbytes--;
@@ -989,7 +997,7 @@ static void picture_should_be_large_enough(void **state)
         c.p.pic.nbytes = 0;
         expect_status(&c, SAGA_ERR_SPACE);
         c.p.pic.nbytes = SIZE_MAX;
-        c.p.pic.stride_nbytes = SIZE_MAX - 1;
+        c.p.pic.stride_nbytes = SIZE_MAX - 7;
         expect_status(&c, SAGA_ERR_SPACE);
         c.p.pic.stride_nbytes = line - 2;
         expect_status(&c, SAGA_ERR_ARG);
@@ -1029,6 +1037,23 @@ static void samples_of_16_bits_should_be_aligned(void **state)
     close_checked(&c);
 }
 
+static void depths_should_be_aligned(void **state)
+{
+    checked c;
+    int i;
+
+    (void)state;
+    open_checked(&c, SAGA_DEPTH);
+    for (i = 0; i <= 8; i++) {
+        expect_status(&c, i & 7 ? SAGA_ERR_ALIGN : SAGA_OK);
+        c.p.pic.rgb = (uint8_t *)c.p.pic.rgb - 1;
+    }
+    c.p.pic.rgb = (uint8_t *)c.p.pic.rgb + 1;
+    c.p.pic.stride_nbytes -= 4;
+    expect_status(&c, SAGA_ERR_ALIGN);
+    close_checked(&c);
+}
+
 static void samples_of_8_bits_may_lie_anywhere(void **state)
 {
     gen_rng r = gen_seeded(42);
@@ -1049,27 +1074,42 @@ static void samples_of_8_bits_may_lie_anywhere(void **state)
 
 /* --- Against double ------------------------------------------------------ */
 
+static void colour_truly(ref_splat *s, uint32_t index)
+{
+    uint16_t colour[3];
+    int k;
+
+    gen_colour(colour, index);
+    for (k = 0; k < 3; k++)
+        s->colour[k] = colour[k] / 32768.0;
+}
+
+/* What is blended then: z and 1. */
+static void colour_by_depth(ref_splat *s, uint32_t index)
+{
+    (void)index;
+    s->colour[0] = s->depth;
+    s->colour[1] = 1;
+    s->colour[2] = 0;
+}
+
+typedef void colour_fn(ref_splat *s, uint32_t index);
+
 /* The same primitives through the reference, start to end. */
 static void true_picture(double *rgb, const saga_primitive *p, uint32_t n,
-                         const saga_camera *cam)
+                         const saga_camera *cam, colour_fn *colour)
 {
     ref_splat *const splats = need(n * sizeof *splats);
     uint32_t *const order = need(n * sizeof *order);
     uint32_t i, kept = 0;
-    uint16_t colour[3];
     ref_primitive still;
     ref_animated a;
-    int k;
 
     for (i = 0; i < n; i++) {
         ref_primitive_of(&still, p + i, &gen_still_format);
         ref_animate(&a, &still, 0.5);
-        if (!ref_project(splats + kept, &a, cam))
-            continue;
-        gen_colour(colour, i);
-        for (k = 0; k < 3; k++)
-            splats[kept].colour[k] = colour[k] / 32768.0;
-        kept++;
+        if (ref_project(splats + kept, &a, cam))
+            colour(splats + kept++, i);
     }
     ref_sort(order, splats, kept);
     ref_blend(rgb, cam, splats, order, kept);
@@ -1106,10 +1146,65 @@ static void picture_should_be_that_of_double(void **state)
     gen_uniform_scene(p, N, &r, &s.cam);
     s.n = gen_splats(s.splats, NULL, p, &gen_still_format, N, &s.cam, 32768);
     sort_scene(&s);
-    true_picture(rgb, p, N, &s.cam);
+    true_picture(rgb, p, N, &s.cam, colour_truly);
     expect_close(&s, rgb, 8);
     expect_close(&s, rgb, 16);
     free(rgb);
+    free(p);
+    free_scene(&s);
+}
+
+/* Expected depths differ where alpha does, which adds up to a picture's error
+ * of 8 bits; means as far apart as the scene is deep weigh it. */
+static void expect_depths(const scene *s, const double *truth)
+{
+    double most_alpha = 0, most = 0, sum = 0;
+    long n = 0;
+    picture p;
+    int i;
+
+    new_picture(&p, s->cam.width, s->cam.height, SAGA_DEPTH, 0);
+    draw(&p, s, &plain);
+    for (i = 0; i < p.width * p.height; i++) {
+        const saga_depth *const d = (const saga_depth *)p.pic.rgb + i;
+        const double alpha = truth[3 * i + 1];
+        double off;
+
+        most_alpha = fmax(most_alpha, fabs(d->weight_q16 / 65536.0 - alpha));
+        if (alpha < 0.5)
+            continue;
+        off = fabs((double)d->sum_q16 / d->weight_q16 / truth[3 * i] * alpha -
+                   1);
+        most = fmax(most, off);
+        sum += off * off;
+        n++;
+    }
+    print_message("alpha at most %.5f off, depth %.5f of itself, %.6f rms\n",
+                  most_alpha, most, sqrt(sum / (double)n));
+    assert_true(n > p.width * p.height / 2);
+    assert_true(most_alpha <= 2.0 / 255);
+    assert_true(most <= 2.0 / 255);
+    assert_true(sqrt(sum / (double)n) <= 4e-4);
+    free(p.block);
+}
+
+static void depths_should_be_those_of_double(void **state)
+{
+    enum { N = 20000, WIDTH = 320, HEIGHT = 180 };
+    saga_primitive *const p = need(N * sizeof *p);
+    double *const truth = need(WIDTH * HEIGHT * 3 * sizeof *truth);
+    gen_rng r = gen_seeded(44);
+    scene s;
+
+    (void)state;
+    new_scene(&s, N, WIDTH, HEIGHT);
+    gen_uniform_scene(p, N, &r, &s.cam);
+    memset(s.cam.background_q15, 0, sizeof s.cam.background_q15);
+    s.n = gen_splats(s.splats, NULL, p, &gen_still_format, N, &s.cam, 32768);
+    sort_scene(&s);
+    true_picture(truth, p, N, &s.cam, colour_by_depth);
+    expect_depths(&s, truth);
+    free(truth);
     free(p);
     free_scene(&s);
 }
@@ -1138,8 +1233,10 @@ int main(void)
         cmocka_unit_test(picture_should_be_large_enough),
         cmocka_unit_test(stride_of_a_single_row_should_not_matter),
         cmocka_unit_test(samples_of_16_bits_should_be_aligned),
+        cmocka_unit_test(depths_should_be_aligned),
         cmocka_unit_test(samples_of_8_bits_may_lie_anywhere),
         cmocka_unit_test(picture_should_be_that_of_double),
+        cmocka_unit_test(depths_should_be_those_of_double),
     };
 
     int failed = 0;
