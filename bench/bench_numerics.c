@@ -778,8 +778,8 @@ static void take_apart(struct whole *w)
 {
     const saga_model *const m = &w->parts.h.model;
     saga_error error = { "" };
-    const char *const why = ref_file_read_segment(
-        &w->parts, w->bytes.data, w->bytes.nbytes, &w->seg);
+    const char *const why = ref_file_read_layer(
+        &w->parts, w->bytes.data, w->bytes.nbytes, &w->seg, 0);
     uint32_t n, stride;
 
     check(why ? why : "", !why);

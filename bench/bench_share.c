@@ -225,11 +225,11 @@ static void read_segment(file *f)
     if (!recorder_segment(&seg, &f->header, &at))
         fail("segment");
     recorder_scaffold(&f->sc, &f->header.model, &f->plan.nets, f->params,
-                      seg.n);
+                      seg.layer[0].n);
     f->tape.coder.residual = tape_residual;
     f->tape.coder.adaptive = tape_adaptive;
     f->tape.coder.uniform = tape_uniform;
-    if (!recorder_layers(&f->tape.coder, &f->tape.inner, &f->sc, final_range,
+    if (!recorder_fill(&f->tape.coder, &f->tape.inner, &f->sc, final_range,
                          at))
         fail("segment");
     f->rounds = count_rounds(f, SAGA_TIER_COARSE) +

@@ -102,7 +102,7 @@ void saga_header_io(saga_io *f, saga_header *h)
 
     u32(f, &h->header_nbytes);
     u8(f, &h->level);
-    u8(f, &h->cuttable);
+    u8(f, &h->more_layers);
     u16(f, &h->n_cameras);
     u32(f, &h->n_segments);
     u32(f, &h->n_frames);
@@ -161,14 +161,24 @@ void saga_camera_io(saga_io *f, saga_rig_camera *c)
         u16(f, &c->background_q15[i]);
 }
 
-void saga_segment_io(saga_io *f, saga_segment_header *s)
+void saga_segment_io(saga_io *f, saga_segment_header *s, uint32_t n_layers)
 {
+    uint32_t i;
+
     u32(f, &s->number);
     u32(f, &s->first_frame);
     u32(f, &s->n_frames);
-    u32(f, &s->n.coarse);
-    u32(f, &s->n.fine);
-    u32(f, &s->n.prim);
+    for (i = 0; i < n_layers; i++) {
+        saga_layer_header *const l = &s->layer[i];
+
+        u32(f, &l->n.coarse);
+        u32(f, &l->n.fine);
+        u32(f, &l->n.prim);
+        if (n_layers > 1)
+            u32(f, &l->nbytes);
+        else if (!f->out)
+            l->nbytes = 0;
+    }
 }
 
 void saga_index_io(saga_io *f, saga_index_entry *e)

@@ -5,7 +5,7 @@
  * docs/bitstream.md has the tables.
  *
  *     header | INDX | NETS | base: COAR FINE PRIM | NAME
- *                          | per segment: SEGM COAR FINE PRIM
+ *                          | per segment: SEGM, per layer: COAR FINE PRIM
  *
  * The header is its fixed part, the bank's networks and the base's sizes (each
  * only with their tool), the cameras of the rig, a CRC. The head is all up to
@@ -27,7 +27,8 @@ enum {
     SAGA_BASE_NBYTES = 16,       /* of the base's sizes */
     SAGA_CHUNK_NBYTES = 12,      /* chunk header: type, length, CRC-32C */
     SAGA_INDEX_ENTRY_NBYTES = 16,
-    SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM */
+    SAGA_SEGMENT_NBYTES = 24,    /* payload of SEGM with one layer */
+    SAGA_MAX_LAYERS = 8,         /* of a segment */
     SAGA_CAMERA_NBYTES = 82,
     SAGA_MAX_SEGMENTS = 1 << 20,
     SAGA_MAX_CAMERAS = 1024
@@ -49,11 +50,12 @@ enum {
 typedef struct saga_header {
     uint32_t header_nbytes;      /* all of it, CRC included */
     uint8_t level;               /* 0..3 */
-    uint8_t cuttable;            /* reserved: 0 */
+    uint8_t more_layers;         /* of a segment, behind the first: 0..7 */
     uint32_t n_segments;         /* 1..2^20 */
     uint32_t n_frames;           /* all segments together */
     uint32_t fps_num, fps_den; /* frames per second */
-    saga_counts max;             /* of any segment */
+    saga_counts max;             /* anchors of any layer, primitives of all
+                                  * layers of any segment together */
     uint32_t nets_nbytes;        /* payload of NETS */
     /* metres = centre + units * unit, each mantissa * 2^exponent */
     int32_t unit_mantissa, unit_exponent;
@@ -96,11 +98,28 @@ typedef struct saga_index_entry {
     uint32_t n_frames;           /* >= 1 */
 } saga_index_entry;
 
+/* One scaffold of a segment. The length is there with several of them only. */
+typedef struct saga_layer_header {
+    saga_counts n;
+    uint32_t nbytes;             /* of its three chunks, headers included */
+} saga_layer_header;
+
 typedef struct saga_segment_header {
     uint32_t number;
     uint32_t first_frame, n_frames;
-    saga_counts n;
+    saga_layer_header layer[SAGA_MAX_LAYERS];
 } saga_segment_header;
+
+static inline uint32_t saga_n_layers(const saga_header *h)
+{
+    return h->more_layers + 1u;
+}
+
+/* Payload of SEGM. */
+static inline uint32_t saga_segment_nbytes(uint32_t n_layers)
+{
+    return n_layers == 1 ? SAGA_SEGMENT_NBYTES : 12 + 16 * n_layers;
+}
 
 typedef struct saga_chunk {
     uint32_t type, nbytes, crc;
@@ -117,12 +136,13 @@ typedef struct saga_io {
  * above. Reading does not judge values; writing leaves the structure as it is.
  * The header's is its fixed part without magic and version; what tools add to
  * it comes behind: the bank's networks, the base's sizes. Fields whose tool is
- * off are not moved, but cleared when read. */
+ * off are not moved, but cleared when read, and so is a single layer's length.
+ */
 void saga_header_io(saga_io *f, saga_header *h);
 void saga_tools_io(saga_io *f, saga_header *h);
 void saga_camera_io(saga_io *f, saga_rig_camera *c);
 void saga_index_io(saga_io *f, saga_index_entry *e);
-void saga_segment_io(saga_io *f, saga_segment_header *s);
+void saga_segment_io(saga_io *f, saga_segment_header *s, uint32_t n_layers);
 void saga_chunk_io(saga_io *f, saga_chunk *c);
 
 /* Bytes of the magic and version fields; magic "SAGA", version little-endian
@@ -133,7 +153,7 @@ extern const uint8_t saga_magic[SAGA_MAGIC_NBYTES];
 /* CRC-32C of a chunk: its type and length as written, then its payload. It goes
  * on from that of what the chunk belongs to, so that it fits nothing else: the
  * header's for INDX and NETS, that of the chunk before for the base's, that of
- * NETS for NAME, that of the head's last chunk for a segment's. */
+ * NETS for NAME, that of the head's last chunk for all of a segment's. */
 uint32_t saga_chunk_crc(uint32_t owner, const saga_chunk *c,
                         const uint8_t *payload);
 

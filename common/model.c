@@ -198,7 +198,7 @@ void saga_model_net(saga_net_shape *s, const saga_model *m, int net)
     };
     int i;
 
-    for (i = 0; i <= SAGA_MAX_LAYERS; i++)
+    for (i = 0; i <= SAGA_MAX_NET_LAYERS; i++)
         s->dim[i] = 0;
     s->n_layers = 0;
     s->int8 = m->int8[net];

@@ -28,7 +28,7 @@ enum {
     SAGA_MAX_SUFFIX_BITS = 8, /* B_f, B_prim per axis */
     SAGA_MAX_DEPTH_X = 16,    /* spatial depth of the tree */
     SAGA_MAX_DEPTH_T = 8,     /* temporal depth */
-    SAGA_MAX_LAYERS = 3,
+    SAGA_MAX_NET_LAYERS = 3,
     SAGA_MAX_HEAD_Q = 20,
     /* No network takes or gives a longer vector, padding included: the write's
      * slot network takes one value per slot of the bank, up to 512; E_fine
@@ -48,8 +48,8 @@ enum {
     SAGA_TOOL_MOTION_SHIFT = 3,     /* two bits: motion order 0..3 */
     SAGA_TOOL_MOTION_MASK = 3u << 3,
     SAGA_TOOL_BASE = 1u << 5,       /* what stands still, once for the file */
-    /* These are kept free: a stream that sets one needs a newer decoder. */
-    SAGA_TOOL_LAYERS = 1u << 6,     /* may be cut between layers */
+    /* Bits 6 to 8 are kept free: a stream that sets one needs a newer decoder.
+     */
     SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
     SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
     SAGA_TOOL_BANK = 1u << 9,       /* memory bank */
@@ -130,7 +130,7 @@ enum {
 /* A network has dim[0] inputs and n_layers layers, every one but the last with
  * ReLU. n_layers = 0: the network does not exist. */
 typedef struct saga_net_shape {
-    uint16_t dim[SAGA_MAX_LAYERS + 1];
+    uint16_t dim[SAGA_MAX_NET_LAYERS + 1];
     uint8_t n_layers;
     uint8_t int8;           /* weights are stored in 8 bits */
     uint8_t q_in;           /* Q format of its input vector */

@@ -63,7 +63,7 @@ typedef struct saga_set_models {
                                                         * and on; the first */
 } saga_set_models;
 
-/* A segment's adaptive models run on from layer to layer. */
+/* A scaffold's adaptive models run on from chunk to chunk. */
 typedef struct saga_models {
     saga_adaptive split[SAGA_MAX_DEPTH_X + 1];     /* by spatial depth */
     saga_adaptive occupancy[3][4][5]; /* by split - 1, children so far, those

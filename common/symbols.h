@@ -75,7 +75,7 @@ static inline uint32_t saga_scale_lines(uint32_t mode, uint32_t n_in,
 }
 
 typedef struct saga_net_symbols {
-    saga_layer_symbols layer[SAGA_N_NETS][SAGA_MAX_LAYERS];
+    saga_layer_symbols layer[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
 } saga_net_symbols;
 
 /* What a coder is asked for: the kind of symbol and its place in the arrays

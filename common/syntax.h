@@ -16,18 +16,18 @@
 int saga_syntax_networks(const saga_nets *nets, uint8_t *block,
                          saga_coder *c);
 
-/* Fresh adaptive models and bank; before the first layer of a segment. */
+/* Fresh adaptive models and bank; before the first chunk of a scaffold. */
 void saga_syntax_begin(const saga_scaffold *sc);
 
-/* Layer 1: the tree with the numbers of fine anchors; centres and features of
+/* COAR: the tree with the numbers of fine anchors; centres and features of
  * coarse anchors, group by group. */
 int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c);
 
-/* Layer 2: fine anchors' suffixes, offsets and numbers of primitives; then
+/* FINE: fine anchors' suffixes, offsets and numbers of primitives; then
  * F_fine. */
 int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c);
 
-/* Layer 3: primitives' suffixes and offsets. */
+/* PRIM: primitives' suffixes and offsets. */
 int saga_syntax_prim(const saga_scaffold *sc, saga_coder *c);
 
 #endif

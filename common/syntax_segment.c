@@ -43,7 +43,7 @@ void saga_syntax_begin(const saga_scaffold *sc)
     saga_context_begin(sc);
 }
 
-/* --- What the layers share ----------------------------------------------- */
+/* --- What the chunks share ----------------------------------------------- */
 
 /* Returns y^ = sat16(mu + q step); |q * step| < 2^48. */
 static int16_t dequantise(int16_t mu, int32_t q, uint32_t step_q16)
@@ -136,7 +136,7 @@ static void suffix_centre(int16_t offset_q14[4], uint32_t suffix,
     }
 }
 
-/* --- Layer 1: tree and coarse anchors ------------------------------------ */
+/* --- COAR: tree and coarse anchors --------------------------------------- */
 
 /* A node's children are being visited; a child's number is made of
  * the bits x, y, z (if space splits) and t (if time does), x first. */
@@ -329,7 +329,7 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
     return 1;
 }
 
-/* --- Layer 2: fine anchors ----------------------------------------------- */
+/* --- FINE: fine anchors -------------------------------------------------- */
 
 static void begin_fine(const saga_scaffold *sc, uint32_t rank, uint32_t parent,
                        uint32_t suffix)
@@ -451,7 +451,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
     return 1;
 }
 
-/* --- Layer 3: primitives ------------------------------------------------- */
+/* --- PRIM: primitives ---------------------------------------------------- */
 
 /* All primitives of a fine anchor share their parameters. */
 static void code_primitives(const saga_scaffold *sc, saga_coder *c,

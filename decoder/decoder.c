@@ -20,7 +20,8 @@ struct saga_decoder {
     saga_plan plan;
     saga_header header;
     saga_prim_format format;
-    saga_counts n;               /* of the decoded segment */
+    saga_counts n;               /* of the decoded layers together */
+    uint32_t n_layers;           /* decoded */
     saga_camera camera;          /* of the view */
     uint32_t final_range[3];
     uint32_t n_splats;
@@ -100,6 +101,7 @@ static void info_of(saga_info *info, const saga_header *h,
     info->fps_num = h->fps_num;
     info->fps_den = h->fps_den;
     info->n_cameras = h->n_cameras;
+    info->n_layers = saga_n_layers(h);
     info->max_coarse = h->max.coarse;
     info->max_fine = h->max.fine;
     info->max_primitives = h->max.prim;
@@ -116,7 +118,7 @@ static void info_of(saga_info *info, const saga_header *h,
     info->base_nbytes = h->base_nbytes;
     info->base_macs = h->base.coarse == 0 ? 0
         : saga_plan_macs(&h->model, &plan->nets, &h->base);
-    info->decode_macs = saga_plan_macs(&h->model, &plan->nets, &h->max);
+    info->decode_macs = saga_plan_segment_macs(h, &plan->nets);
     info->view_macs = saga_plan_view_macs(&plan->nets, &h->model);
     info->unit_mantissa = h->unit_mantissa;
     info->unit_exponent = h->unit_exponent;
@@ -311,12 +313,42 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec,
     saga_bank_lay(&sc->bank, block_at(dec, p->bank_at));
 }
 
-static saga_status read_segment_header(saga_decoder *dec,
+/* Where the layers of a segment begin. */
+static uint32_t layers_at(const saga_decoder *dec)
+{
+    return SAGA_CHUNK_NBYTES +
+           saga_segment_nbytes(saga_n_layers(&dec->header));
+}
+
+/* Counts are those that memory is there for, and several layers fill the
+ * segment. */
+static saga_status check_layers(const saga_decoder *dec,
+                                const saga_segment_header *seg,
+                                uint32_t nbytes)
+{
+    const saga_counts *const max = &dec->header.max;
+    const uint32_t n_layers = saga_n_layers(&dec->header);
+    uint64_t end = layers_at(dec);
+    uint32_t prim = 0, i;
+
+    for (i = 0; i < n_layers; i++) {
+        const saga_counts *const n = &seg->layer[i].n;
+
+        if (n->coarse < 1 || n->coarse > max->coarse || n->fine > max->fine ||
+            n->prim > max->prim - prim)
+            return SAGA_ERR_DATA;
+        prim += n->prim;
+        end += seg->layer[i].nbytes;
+    }
+    return n_layers > 1 && end != nbytes ? SAGA_ERR_DATA : SAGA_OK;
+}
+
+static saga_status read_segment_header(saga_segment_header *seg,
+                                       const saga_decoder *dec,
                                        const saga_segment *wanted,
                                        const uint8_t *bytes, size_t n)
 {
-    const saga_counts *const max = &dec->header.max;
-    saga_segment_header seg;
+    const uint32_t n_layers = saga_n_layers(&dec->header);
     saga_chunk chunk;
     saga_io io = { bytes + SAGA_CHUNK_NBYTES, NULL, 0 };
     const saga_status s = saga_head_chunk(&chunk, SAGA_CHUNK_SEGMENT,
@@ -324,31 +356,28 @@ static saga_status read_segment_header(saga_decoder *dec,
 
     if (s)
         return s;
-    if (chunk.nbytes != SAGA_SEGMENT_NBYTES)
+    if (chunk.nbytes != saga_segment_nbytes(n_layers))
         return SAGA_ERR_DATA;
-    saga_segment_io(&io, &seg);
-    if (seg.n.coarse < 1 || seg.n.coarse > max->coarse ||
-        seg.n.fine > max->fine || seg.n.prim > max->prim ||
-        seg.number != wanted->number || seg.n_frames != wanted->n_frames ||
-        seg.first_frame != wanted->first_frame)
+    saga_segment_io(&io, seg, n_layers);
+    if (seg->number != wanted->number || seg->n_frames != wanted->n_frames ||
+        seg->first_frame != wanted->first_frame)
         return SAGA_ERR_DATA;
-    dec->n = seg.n;
-    return SAGA_OK;
+    return check_layers(dec, seg, wanted->nbytes);
 }
 
-static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
+static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
 {
-    return layer == 0 ? saga_syntax_coarse(sc, c)
-         : layer == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+    return part == 0 ? saga_syntax_coarse(sc, c)
+         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
 }
 
-/* One layer's chunk at bytes[*at..n); moves *at past it. */
-static saga_status read_layer(saga_decoder *dec, const saga_scaffold *sc,
-                              int layer, uint32_t *crc, const uint8_t *bytes,
+/* COAR, FINE or PRIM (part 0..2) at bytes[*at..n); moves *at past it. */
+static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
+                              int part, uint32_t *crc, const uint8_t *bytes,
                               size_t n, size_t *at)
 {
-    const uint32_t type = layer == 0 ? SAGA_CHUNK_COARSE
-                        : layer == 1 ? SAGA_CHUNK_FINE : SAGA_CHUNK_PRIM;
+    const uint32_t type = part == 0 ? SAGA_CHUNK_COARSE
+                        : part == 1 ? SAGA_CHUNK_FINE : SAGA_CHUNK_PRIM;
     saga_range_dec range;
     saga_chunk chunk;
     const saga_status s = saga_head_chunk(&chunk, type, dec->owner,
@@ -358,16 +387,16 @@ static saga_status read_layer(saga_decoder *dec, const saga_scaffold *sc,
         return s;
     saga_range_dec_init(&range, bytes + *at + SAGA_CHUNK_NBYTES,
                         chunk.nbytes);
-    if (!code_layer(sc, layer, &range.coder) ||
+    if (!code_chunk(sc, part, &range.coder) ||
         !saga_range_dec_finish(&range))
         return SAGA_ERR_DATA;
-    dec->final_range[layer] = range.range;
+    dec->final_range[part] = range.range;
     *crc = chunk.crc;
     *at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     return SAGA_OK;
 }
 
-/* The layers at bytes[at..n) become primitives, the first of which has the
+/* The scaffold of bytes[at..n) becomes primitives, the first of which has the
  * number `first`. With is_base = 1 what follows goes on from each chunk. */
 static saga_status read_primitives(saga_decoder *dec, const saga_counts *count,
                                    uint32_t first, int is_base,
@@ -376,12 +405,12 @@ static saga_status read_primitives(saga_decoder *dec, const saga_counts *count,
     const saga_plan *const plan = &dec->plan;
     saga_scaffold sc;
     uint32_t crc;
-    int layer;
+    int part;
 
     scaffold_of(&sc, dec, count);
     saga_syntax_begin(&sc);
-    for (layer = 0; layer < 3; layer++) {
-        const saga_status s = read_layer(dec, &sc, layer, &crc, bytes, n, &at);
+    for (part = 0; part < 3; part++) {
+        const saga_status s = read_chunk(dec, &sc, part, &crc, bytes, n, &at);
 
         if (s)
             return s;
@@ -433,20 +462,74 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
     return s;
 }
 
+/* The layers that are whole in bytes[0..n). A single one has all the bytes. */
+static saga_status read_layers(saga_decoder *dec,
+                               const saga_segment_header *seg,
+                               const uint8_t *bytes, size_t n)
+{
+    const uint32_t n_layers = saga_n_layers(&dec->header);
+    saga_counts *const sum = &dec->n;
+    size_t at = layers_at(dec);
+
+    for (dec->n_layers = 0; dec->n_layers < n_layers; dec->n_layers++) {
+        const saga_layer_header *const l = &seg->layer[dec->n_layers];
+        const size_t left = n - at;
+        const size_t nbytes = n_layers > 1 ? l->nbytes : left;
+        saga_status s;
+
+        if (nbytes > left)
+            return dec->n_layers > 0 ? SAGA_OK : SAGA_ERR_TRUNCATED;
+        s = read_primitives(dec, &l->n, n_prims(dec), 0, bytes, at + nbytes,
+                            at);
+        if (s)
+            return s;
+        at += nbytes;
+        sum->coarse += l->n.coarse;
+        sum->fine += l->n.fine;
+        sum->prim += l->n.prim;
+    }
+    return at == n ? SAGA_OK : SAGA_ERR_DATA;
+}
+
 saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
                         const uint8_t *bytes, size_t n)
 {
+    saga_segment_header seg;
     saga_status s;
 
     dec->has_segment = 0;
     dec->has_view = 0;
     dec->n_splats = 0;
-    s = read_segment_header(dec, segment, bytes, n);
+    dec->n.coarse = dec->n.fine = dec->n.prim = 0;
+    if (saga_n_layers(&dec->header) == 1 && n < segment->nbytes)
+        return SAGA_ERR_TRUNCATED;
+    s = read_segment_header(&seg, dec, segment, bytes, n);
     if (s == SAGA_OK)
-        s = read_primitives(dec, &dec->n, dec->header.base.prim, 0, bytes, n,
-                            SAGA_CHUNK_NBYTES + SAGA_SEGMENT_NBYTES);
+        s = read_layers(dec, &seg, bytes, n);
     dec->has_segment = s == SAGA_OK;
     return s;
+}
+
+saga_status saga_find_layer(saga_layer_report *layer, const saga_decoder *dec,
+                            const saga_segment *segment, const uint8_t *bytes,
+                            size_t n, uint32_t index)
+{
+    const uint32_t n_layers = saga_n_layers(&dec->header);
+    saga_segment_header seg;
+    const saga_status s = read_segment_header(&seg, dec, segment, bytes, n);
+    uint32_t i;
+
+    if (s)
+        return s;
+    if (index >= n_layers)
+        return SAGA_ERR_ARG;
+    layer->n_coarse = seg.layer[index].n.coarse;
+    layer->n_fine = seg.layer[index].n.fine;
+    layer->n_primitives = seg.layer[index].n.prim;
+    layer->end = segment->nbytes;
+    for (i = n_layers - 1; i > index; i--)
+        layer->end -= seg.layer[i].nbytes;
+    return SAGA_OK;
 }
 
 /* --- A view -------------------------------------------------------------- */
@@ -592,6 +675,7 @@ saga_status saga_tell(saga_report *report, const saga_decoder *dec)
 
     if (!dec->has_segment)
         return SAGA_ERR_STATE;
+    report->n_layers = dec->n_layers;
     report->n_coarse = dec->n.coarse;
     report->n_fine = dec->n.fine;
     report->n_primitives = n_prims(dec);

@@ -29,8 +29,9 @@ static saga_status check_version(const saga_header *h)
     const saga_model *const m = &h->model;
 
     if ((m->tools & ~(uint32_t)SAGA_TOOLS_KNOWN) ||
-        (saga_any_source(m) & ~(uint32_t)SAGA_SOURCES_KNOWN) || h->cuttable ||
-        h->hash_levels || h->hash_log2_entries)
+        (saga_any_source(m) & ~(uint32_t)SAGA_SOURCES_KNOWN) ||
+        h->more_layers >= SAGA_MAX_LAYERS || h->hash_levels ||
+        h->hash_log2_entries)
         return SAGA_ERR_VERSION;
     return SAGA_OK;
 }
@@ -92,7 +93,8 @@ static uint32_t larger(uint32_t a, uint32_t b)
     return a > b ? a : b;
 }
 
-/* Those of the base are there before those of any segment. */
+/* Those of the base are there before those of any segment, those of a layer
+ * before those of the next. */
 static uint64_t lay_anchors(saga_plan *p, const saga_header *h, uint64_t at)
 {
     const uint64_t feature = 2u * h->model.features;
@@ -242,6 +244,14 @@ uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
         prim += saga_net_macs(&s[SAGA_NET_COLOUR]);
     return coarse * n->coarse + fine * n->fine + prim * n->prim +
            (m->tools & SAGA_TOOL_BANK ? bank_macs(m, nets, n) : 0);
+}
+
+uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets)
+{
+    const saga_counts anchors = { h->max.coarse, h->max.fine, 0 };
+
+    return saga_plan_macs(&h->model, nets, &h->max) +
+           h->more_layers * saga_plan_macs(&h->model, nets, &anchors);
 }
 
 uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m)

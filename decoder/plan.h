@@ -10,9 +10,9 @@
 #include "saga.h"
 #include "scaffold.h"
 
-/* Offsets in the work block, multiples of 16. Anchors live while a segment or
- * the base is decoded; the splats of a view lie over them. Primitives of the
- * base come first, those of the segment behind them. */
+/* Offsets in the work block, multiples of 16. Anchors live while a layer or the
+ * base is decoded; the splats of a view lie over them. Primitives of the base
+ * come first, those of the segment behind them, layer by layer. */
 typedef struct saga_plan {
     saga_nets nets;
     uint32_t nets_at, models_at, vectors_at;
@@ -38,11 +38,13 @@ uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n);
 /* Multiply-accumulates of one step's write. */
 uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
 
-/* Multiply-accumulates of networks and bank to decode a segment of n:
- * exactly, without a bank; with one, less those of the rounds that there are
- * not. */
+/* Multiply-accumulates of networks and bank to decode a scaffold of n: exactly,
+ * without a bank; with one, less those of the rounds that there are not. */
 uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
                         const saga_counts *n);
+
+/* The most that it can be for a segment, which has the header's layers. */
+uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets);
 
 /* The same per visible primitive and view. */
 uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m);

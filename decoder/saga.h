@@ -154,7 +154,9 @@ typedef struct saga_info {
     uint32_t n_segments, n_frames;
     uint32_t fps_num, fps_den; /* frames per second */
     uint32_t n_cameras;      /* of the rig */
-    uint32_t max_coarse, max_fine, max_primitives; /* of any segment */
+    uint32_t n_layers;       /* of each segment, 1..8 */
+    uint32_t max_coarse, max_fine; /* of any layer */
+    uint32_t max_primitives; /* of any segment, all layers together */
     uint32_t base_coarse, base_fine, base_primitives; /* of the base; 0 without
                               * one */
     uint32_t base_nbytes;    /* of the head's */
@@ -165,7 +167,7 @@ typedef struct saga_info {
     uint32_t features;
     uint64_t decode_macs;    /* multiply-accumulates of networks and bank to
                               * decode a segment of the maximal counts; the
-                              * most there can be, with a bank */
+                              * most there can be, with a bank or layers */
     uint64_t base_macs;      /* the same for the base, in saga_open */
     uint32_t view_macs;      /* the same per visible primitive and view */
     /* metres = centre + box units * unit; value = mantissa * 2^exponent */
@@ -232,9 +234,28 @@ saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
  * one. segment: as saga_find gave it; its number and frames must be those that
  * the bytes tell, so that one segment does not pass for another. Bytes of
  * another file are refused as well: their checksums go on from its networks'.
+ * A segment of several layers may be cut: those that are whole in the bytes are
+ * decoded, and saga_tell says how many; the first one must be there.
  * SAGA_OK; TRUNCATED, DATA: no segment is decoded then. */
 saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
                         const uint8_t *bytes, size_t n);
+
+/* So many bytes of a segment tell of all its layers. */
+enum { SAGA_LAYERS_NBYTES = 152 };
+
+typedef struct saga_layer_report {
+    uint32_t n_coarse, n_fine, n_primitives;
+    uint32_t end;            /* so many bytes of the segment hold it and the
+                              * layers before it: where a player may stop */
+} saga_layer_report;
+
+/* What layer `index` of a segment has, 0..info.n_layers-1, and where it ends.
+ * segment: as saga_find gave it; bytes[0..n): its beginning.
+ * SAGA_OK; ARG: there is no such layer; TRUNCATED: more bytes are needed, at
+ * most SAGA_LAYERS_NBYTES; DATA. */
+saga_status saga_find_layer(saga_layer_report *layer, const saga_decoder *dec,
+                            const saga_segment *segment, const uint8_t *bytes,
+                            size_t n, uint32_t index);
 
 /* Prepares a picture: primitives at time t (0..65535) as sorted splats in the
  * camera. It ends the jobs of the view before.
@@ -262,10 +283,11 @@ uint32_t saga_crc32c(uint32_t crc, const uint8_t *p, size_t n);
 /* --- Taps: for vectors, export and references ---------------------------- */
 
 typedef struct saga_report {
-    uint32_t n_coarse, n_fine; /* of the segment */
-    uint32_t n_primitives;   /* of base and segment: those of the base have
-                              * the first numbers */
-    uint32_t final_range[3]; /* of the coder after each layer */
+    uint32_t n_layers;       /* that are decoded */
+    uint32_t n_coarse, n_fine; /* of these, all together */
+    uint32_t n_primitives;   /* of base and layers: those of the base have the
+                              * first numbers, then layer by layer */
+    uint32_t final_range[3]; /* of the coder after each chunk of the last */
     uint32_t n_splats;       /* of the last view; 0 without one */
 } saga_report;
 

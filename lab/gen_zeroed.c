@@ -139,7 +139,7 @@ static int change(saga_symbols *s, uint32_t cap_nodes, const scene *sc,
     int ok;
 
     recorder_scaffold(&scaffold, sc->model, sc->nets, sc->params, s->n);
-    ok = recorder_layers(&d.coder, &d.inner, &scaffold, final_range, at);
+    ok = recorder_fill(&d.coder, &d.inner, &scaffold, final_range, at);
     d.coder.residual = play_residual;
     d.coder.adaptive = play_adaptive;
     recorder_init(&r, &d.coder);
@@ -168,8 +168,8 @@ static const char *append(saga_encoder *e, const scene *sc,
 
     if (!recorder_segment(&seg, h, &at))
         return why;
-    cap_nodes = recorder_nodes(seg.n.coarse);
-    recorder_alloc_symbols(&s, seg.n, h->model.features, cap_nodes);
+    cap_nodes = recorder_nodes(seg.layer[0].n.coarse);
+    recorder_alloc_symbols(&s, seg.layer[0].n, h->model.features, cap_nodes);
     ok = change(&s, cap_nodes, sc, at) &&
          saga_encoder_segment(e, &s, seg.n_frames, &error);
     recorder_free_symbols(&s);
@@ -219,8 +219,8 @@ const char *zeroed_make(uint8_t **out, size_t *n_out, const uint8_t *bytes,
 
     if (saga_probe(&info, bytes, n) || saga_head_read(&h, bytes, n))
         return "the header is not valid";
-    if (h.model.tools & SAGA_TOOL_BASE)
-        return "files with a base cannot be changed yet";
+    if ((h.model.tools & SAGA_TOOL_BASE) || h.more_layers)
+        return "files with a base or layers cannot be changed yet";
     e = begin(&h, bytes, n);
     if (!e)
         return "the networks are not valid";

@@ -291,7 +291,7 @@ static void open_file(session *s, const char *name, const saga_bytes *b,
     if (saga_rig(&s->camera, &number, b->data, b->nbytes, camera) ||
         saga_find(&seg, b->data, b->nbytes, frame, 1))
         refuse(name, "no such camera or frame");
-    why = ref_file_read_segment(&s->file, b->data, b->nbytes, &seg);
+    why = ref_file_read_layer(&s->file, b->data, b->nbytes, &seg, 0);
     if (why)
         refuse(name, why);
     s->t = seg.t;

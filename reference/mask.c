@@ -265,7 +265,12 @@ bool saga_mask_file(saga_mask *mask, const char *name, const uint8_t *bytes,
     if (saga_find(&seg, bytes, nbytes, view->frame_num, view->frame_den) ==
             SAGA_OK && seg.offset <= nbytes &&
         seg.nbytes <= nbytes - seg.offset)
-        why = ref_file_read_segment(&s.file, bytes, nbytes, &seg);
+        why = ref_file_read_layer(&s.file, bytes, nbytes, &seg, 0);
+    if (!why && s.file.h.more_layers) {
+        ref_file_free(&s.file);
+        return saga_fail(error, name, "cut it to its first layer: saga cut "
+                         "--layers 1", "it has several layers");
+    }
     if (why)
         return saga_fail(error, name, "copy the file again", "%s", why);
     mask->segment = seg.number;

@@ -102,16 +102,15 @@ static void keep_values(void *user, const saga_scaffold *sc, saga_at at,
             (int64_t)q[first + i] * f->h.model.step_q16[step], 16));
 }
 
-static int read_layers(ref_file *f, recorder_chunks at)
+static int read_scaffold(ref_file *f, recorder_chunks at)
 {
-    const uint32_t cap_nodes = recorder_nodes(f->segment.n.coarse);
+    const uint32_t cap_nodes = recorder_nodes(f->n.coarse);
     uint32_t final_range[3];
     saga_cost cost;
     recorder r;
     int ok;
 
-    recorder_alloc_symbols(&f->s, f->segment.n, f->h.model.features,
-                           cap_nodes);
+    recorder_alloc_symbols(&f->s, f->n, f->h.model.features, cap_nodes);
     for (int i = 0; i < SAGA_N_STEPS; i++) {
         const size_t n = (size_t)ref_file_rows(f, i) * ref_file_channels(f, i);
 
@@ -119,8 +118,7 @@ static int read_layers(ref_file *f, recorder_chunks at)
         f->mu[i] = must(calloc(n + 1, sizeof *f->mu[i]));
         f->scale[i] = must(calloc(n + 1, 1));
     }
-    recorder_scaffold(&f->sc, &f->h.model, &f->shapes, f->params,
-                      f->segment.n);
+    recorder_scaffold(&f->sc, &f->h.model, &f->shapes, f->params, f->n);
     saga_cost_init(&cost, NULL);
     recorder_init(&r, &cost.coder);
     r.watch = keep_values;
@@ -128,7 +126,7 @@ static int read_layers(ref_file *f, recorder_chunks at)
     r.s = &f->s;
     r.cap_nodes = cap_nodes;
     r.features = f->h.model.features;
-    ok = recorder_layers(&r.coder, &cost.inner, &f->sc, final_range, at);
+    ok = recorder_fill(&r.coder, &cost.inner, &f->sc, final_range, at);
     for (int i = 0; i < SAGA_N_SYMS; i++)
         f->bits[i] += cost.bits[i];
     return ok && take_chunk(&f->chunk[REF_COARSE], &at, SAGA_CHUNK_COARSE) &&
@@ -137,7 +135,7 @@ static int read_layers(ref_file *f, recorder_chunks at)
 }
 
 static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n,
-                              const saga_segment *seg)
+                              const saga_segment *seg, uint32_t layer)
 {
     recorder_chunks at = recorder_head(&f->h, bytes, n);
     ref_span payload;
@@ -151,18 +149,20 @@ static const char *read_parts(ref_file *f, const uint8_t *bytes, size_t n,
         return "the networks are not valid";
     if (!seg) {
         f->is_base = 1;
-        f->segment.n = f->h.base;
+        f->n = f->h.base;
         at.n = f->h.base_nbytes;
-        return read_layers(f, at) ? NULL : "the base is not valid";
+        return read_scaffold(f, at) ? NULL : "the base is not valid";
     }
     at = recorder_segment_chunks(&f->h, bytes, seg);
-    if (!recorder_segment(&f->segment, &f->h, &at))
+    if (!recorder_segment(&f->segment, &f->h, &at) ||
+        !recorder_to_layer(&at, &f->segment, &f->h, layer))
         return "the segment's header is not valid";
-    return read_layers(f, at) ? NULL : "the segment is not valid";
+    f->n = f->segment.layer[layer].n;
+    return read_scaffold(f, at) ? NULL : "the segment is not valid";
 }
 
-const char *ref_file_read_segment(ref_file *f, const uint8_t *bytes, size_t n,
-                                  const saga_segment *seg)
+const char *ref_file_read_layer(ref_file *f, const uint8_t *bytes, size_t n,
+                                const saga_segment *seg, uint32_t layer)
 {
     const char *why;
     saga_info info;
@@ -170,7 +170,7 @@ const char *ref_file_read_segment(ref_file *f, const uint8_t *bytes, size_t n,
     memset(f, 0, sizeof *f);
     if (saga_probe(&info, bytes, n) || saga_head_read(&f->h, bytes, n))
         return "the header is not valid";
-    why = read_parts(f, bytes, n, seg);
+    why = read_parts(f, bytes, n, seg, layer);
     if (why)
         ref_file_free(f);
     return why;
@@ -186,10 +186,12 @@ const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n)
         return "the header is not valid";
     if (info.n_segments != 1 || info.base_coarse > 0)
         return "files of several segments cannot be taken apart yet";
+    if (info.n_layers != 1)
+        return "files of several layers cannot be taken apart yet";
     /* The last frame is behind all of the index. */
     if (saga_find(&seg, bytes, n, info.n_frames - 1, 1))
         return "the index is not valid";
-    return ref_file_read_segment(f, bytes, n, &seg);
+    return ref_file_read_layer(f, bytes, n, &seg, 0);
 }
 
 uint32_t ref_file_colours(const ref_file *f)

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * A segment of a .saga file, or the base, as its parts: header and rig, the
- * symbols, what they decode to, and what they cost. For tools that code the
- * same scene otherwise, and for the reference, which decodes it otherwise.
+ * A layer of a segment of a .saga file, or the base, as its parts: header and
+ * rig, the symbols, what they decode to, and what they cost. For tools that
+ * code the same scene otherwise, and for the reference, which decodes it
+ * otherwise.
  */
 #ifndef REF_FILE_H
 #define REF_FILE_H
@@ -30,7 +31,8 @@ typedef struct ref_file {
     saga_header h;
     saga_rig_camera *rig;
     int is_base;
-    saga_segment_header segment; /* of the base only its counts */
+    saga_segment_header segment; /* of all its layers; not of the base */
+    saga_counts n;               /* of the layer, of the base */
     saga_nets shapes;
     uint8_t *params;             /* the networks' block */
     saga_net_symbols nets;
@@ -40,20 +42,20 @@ typedef struct ref_file {
                                    * common/syntax.h dequantises them */
     int16_t *mu[SAGA_N_STEPS];   /* what was predicted of each, */
     uint8_t *scale[SAGA_N_STEPS]; /* and the index of its distribution */
-    saga_scaffold sc;            /* after all layers */
+    saga_scaffold sc;            /* after all chunks */
     ref_span chunk[REF_N_CHUNKS]; /* payloads */
     double bits[SAGA_N_SYMS];    /* code lengths, networks included, */
     double net_bits[SAGA_N_NETS]; /* and of each of them */
 } ref_file;
 
-/* This reads a file that has one segment and no base. NULL: done, and
- * ref_file_free; else why not, a constant string, and there is nothing to free.
- */
+/* This reads a file that has one segment of one layer and no base. NULL: done,
+ * and ref_file_free; else why not, a constant string, and there is nothing to
+ * free. */
 const char *ref_file_read(ref_file *f, const uint8_t *bytes, size_t n);
-/* The same of one segment of any file, which saga_find has found; seg NULL: of
- * its base, which there is. */
-const char *ref_file_read_segment(ref_file *f, const uint8_t *bytes, size_t n,
-                                  const saga_segment *seg);
+/* The same of a layer of one segment of any file, which saga_find has found;
+ * seg NULL: of its base, which there is. */
+const char *ref_file_read_layer(ref_file *f, const uint8_t *bytes, size_t n,
+                                const saga_segment *seg, uint32_t layer);
 void ref_file_free(ref_file *f);
 
 /* The colours of a primitive: how many the integers have. */

@@ -73,7 +73,7 @@ bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
 void ref_nets_free(ref_nets *n)
 {
     for (int net = 0; net < SAGA_N_NETS; net++)
-        for (int i = 0; i < SAGA_MAX_LAYERS; i++) {
+        for (int i = 0; i < SAGA_MAX_NET_LAYERS; i++) {
             free(n->weight[net][i]);
             free(n->bias[net][i]);
         }

@@ -17,7 +17,7 @@ typedef struct ref_rounding {
                               * bits hold what a layer takes and gives */
     int by_unit;             /* each hidden unit and input has a step of its
                               * own: what 2^14 steps hold of its `most` */
-    double most[SAGA_N_NETS][SAGA_MAX_LAYERS][SAGA_MAX_VECTOR]; /* largest
+    double most[SAGA_N_NETS][SAGA_MAX_NET_LAYERS][SAGA_MAX_VECTOR]; /* largest
                               * value of a layer's inputs, in the norm's steps,
                               * of all runs since it was cleared */
 } ref_rounding;
@@ -26,8 +26,8 @@ typedef struct ref_nets {
     const saga_model *model;
     ref_rounding *rounding;  /* the caller's, or NULL */
     saga_net_shape shape[SAGA_N_NETS];
-    double *weight[SAGA_N_NETS][SAGA_MAX_LAYERS]; /* (n_out, n_in) */
-    double *bias[SAGA_N_NETS][SAGA_MAX_LAYERS];
+    double *weight[SAGA_N_NETS][SAGA_MAX_NET_LAYERS]; /* (n_out, n_in) */
+    double *bias[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
     double fine_unit[SAGA_MAX_FEATURES]; /* last places of a fine anchor's
                               * features */
     int takes_fine[SAGA_N_NETS]; /* a network takes these as they are */

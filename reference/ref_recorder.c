@@ -262,16 +262,46 @@ int recorder_segment(saga_segment_header *seg, const saga_header *h,
 {
     saga_io io = { NULL, NULL, 0 };
     saga_chunk chunk;
+    uint64_t prim = 0;
+    uint32_t i;
 
     io.in = recorder_chunk(&chunk, SAGA_CHUNK_SEGMENT, at);
-    if (!io.in || chunk.nbytes != SAGA_SEGMENT_NBYTES)
+    if (!io.in || chunk.nbytes != saga_segment_nbytes(saga_n_layers(h)))
         return 0;
-    saga_segment_io(&io, seg);
-    return seg->n.coarse >= 1 && seg->n.coarse <= h->max.coarse &&
-           seg->n.fine <= h->max.fine && seg->n.prim <= h->max.prim &&
-           seg->number == at->wanted.number &&
+    saga_segment_io(&io, seg, saga_n_layers(h));
+    for (i = 0; i < saga_n_layers(h); i++) {
+        const saga_counts *const n = &seg->layer[i].n;
+
+        prim += n->prim;
+        if (n->coarse < 1 || n->coarse > h->max.coarse ||
+            n->fine > h->max.fine || prim > h->max.prim)
+            return 0;
+    }
+    return seg->number == at->wanted.number &&
            seg->first_frame == at->wanted.first_frame &&
            seg->n_frames == at->wanted.n_frames;
+}
+
+int recorder_to_layer(recorder_chunks *at, const saga_segment_header *seg,
+                      const saga_header *h, uint32_t layer)
+{
+    const uint32_t n_layers = saga_n_layers(h);
+    const uint64_t begin = SAGA_CHUNK_NBYTES + saga_segment_nbytes(n_layers);
+    uint64_t sum = 0, before = 0;
+    uint32_t i;
+
+    if (n_layers == 1)
+        return layer == 0;
+    for (i = 0; i < n_layers; i++) {
+        before += i < layer ? seg->layer[i].nbytes : 0;
+        sum += seg->layer[i].nbytes;
+    }
+    if (layer >= n_layers || begin + sum != at->wanted.nbytes ||
+        before + seg->layer[layer].nbytes > at->n)
+        return 0;
+    at->p += before;
+    at->n = seg->layer[layer].nbytes;
+    return 1;
 }
 
 uint32_t recorder_nodes(uint32_t n_coarse)
@@ -291,37 +321,37 @@ void recorder_scaffold(saga_scaffold *sc, const saga_model *model,
     }
 }
 
-int recorder_layers(saga_coder *front, saga_coder **inner,
-                    const saga_scaffold *sc, uint32_t final_range[3],
-                    recorder_chunks at)
+int recorder_fill(saga_coder *front, saga_coder **inner,
+                  const saga_scaffold *sc, uint32_t final_range[3],
+                  recorder_chunks at)
 {
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
     };
-    int layer, ok = 1;
+    int part, ok = 1;
 
     saga_syntax_begin(sc);
-    for (layer = 0; layer < 3 && ok; layer++) {
+    for (part = 0; part < 3 && ok; part++) {
         saga_range_dec range;
         saga_chunk chunk;
-        const uint8_t *const payload = recorder_chunk(&chunk, type[layer],
+        const uint8_t *const payload = recorder_chunk(&chunk, type[part],
                                                       &at);
 
         if (!payload)
             return 0;
         saga_range_dec_init(&range, payload, chunk.nbytes);
         *inner = &range.coder;
-        ok = layer == 0 ? saga_syntax_coarse(sc, front)
-           : layer == 1 ? saga_syntax_fine(sc, front)
+        ok = part == 0 ? saga_syntax_coarse(sc, front)
+           : part == 1 ? saga_syntax_fine(sc, front)
                         : saga_syntax_prim(sc, front);
         ok = ok && saga_range_dec_finish(&range);
-        final_range[layer] = range.range;
+        final_range[part] = range.range;
     }
     *inner = NULL;
     return ok && at.n == 0;
 }
 
-static int read_layers(const saga_header *h, const saga_nets *nets,
+static int read_scaffold(const saga_header *h, const saga_nets *nets,
                        const uint8_t *params, saga_symbols *s, saga_counts n,
                        uint32_t final_range[3], const recorder *like,
                        recorder_chunks at)
@@ -339,7 +369,7 @@ static int read_layers(const saga_header *h, const saga_nets *nets,
     r.watch = like->watch;
     r.user = like->user;
     r.sc = &sc;
-    ok = recorder_layers(&r.coder, &r.inner, &sc, final_range, at);
+    ok = recorder_fill(&r.coder, &r.inner, &sc, final_range, at);
     saga_scaffold_free(&sc);
     return ok;
 }
@@ -355,7 +385,8 @@ static int read_base(const saga_header *h, const saga_nets *nets,
     int ok;
 
     at.n = h->base_nbytes;
-    ok = read_layers(h, nets, params, &s, h->base, final_range, &nobody, at);
+    ok = read_scaffold(h, nets, params, &s, h->base, final_range, &nobody,
+                       at);
     if (wanted)
         *wanted = s;
     else
@@ -399,7 +430,8 @@ static int find_segment(saga_segment *seg, uint32_t number,
             return 0;
         frame += seg->n_frames;
     } while (seg->number != number);
-    return seg->offset < n && seg->nbytes <= n - seg->offset;
+    return seg->offset < n &&
+           (seg->nbytes <= n - seg->offset || h->more_layers);
 }
 
 static int read_file(saga_net_symbols *nets, saga_symbols *segment,
@@ -412,12 +444,13 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
     saga_chunk chunk;
     saga_segment seg;
     recorder_chunks at;
+    const int is_base = number == RECORDER_BASE;
+    const uint32_t layer = is_base ? 0 : number >> 24;
     uint8_t *params;
     int ok;
 
     if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0) ||
-        !find_segment(&seg, number == RECORDER_BASE ? 0 : number, &h, bytes,
-                      n))
+        !find_segment(&seg, is_base ? 0 : number & 0xffffffu, &h, bytes, n))
         return 0;
     at = recorder_head(&h, bytes, n);
     if (!recorder_chunk(&chunk, SAGA_CHUNK_INDEX, &at))
@@ -426,12 +459,17 @@ static int read_file(saga_net_symbols *nets, saga_symbols *segment,
     ok = params && read_nets(nets, &h, &plan.nets, params, &at);
     if (ok && (h.model.tools & SAGA_TOOL_BASE))
         ok = read_base(&h, &plan.nets, params,
-                       number == RECORDER_BASE ? segment : NULL, at);
+                       is_base ? segment : NULL, at);
     at = recorder_segment_chunks(&h, bytes, &seg);
-    if (ok && segment && number != RECORDER_BASE)
+    /* Of a file that ends early, layers may be whole. */
+    if (at.n > n - seg.offset)
+        at.n = n - (size_t)seg.offset;
+    if (ok && segment && !is_base)
         ok = recorder_segment(&segment_header, &h, &at) &&
-             read_layers(&h, &plan.nets, params, segment, segment_header.n,
-                         final_range, like, at);
+             recorder_to_layer(&at, &segment_header, &h, layer) &&
+             read_scaffold(&h, &plan.nets, params, segment,
+                           segment_header.layer[layer].n, final_range, like,
+                           at);
     free(params);
     return ok;
 }
@@ -451,13 +489,18 @@ int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
     const recorder like = { .watch = watch, .user = user };
     saga_net_symbols nets;
     saga_symbols s;
-    uint32_t final_range[3];
-    int ok;
+    saga_header h;
+    uint32_t final_range[3], i;
+    int ok = !saga_head_read(&h, bytes, n) &&
+             h.more_layers < SAGA_MAX_LAYERS;
 
-    memset(&nets, 0, sizeof nets);
-    memset(&s, 0, sizeof s);
-    ok = read_file(&nets, &s, 0, final_range, &like, bytes, n);
-    recorder_free_symbols(&s);
-    saga_net_symbols_free(&nets);
+    for (i = 0; ok && i < saga_n_layers(&h); i++) {
+        memset(&nets, 0, sizeof nets);
+        memset(&s, 0, sizeof s);
+        ok = read_file(&nets, &s, RECORDER_LAYER(0, i), final_range, &like,
+                       bytes, n);
+        recorder_free_symbols(&s);
+        saga_net_symbols_free(&nets);
+    }
     return ok;
 }

@@ -70,6 +70,11 @@ const uint8_t *recorder_chunk(saga_chunk *chunk, uint32_t type,
 int recorder_segment(saga_segment_header *seg, const saga_header *h,
                      recorder_chunks *at);
 
+/* Behind SEGM, *at moves to the chunks of a layer and ends with them: 1, or 0
+ * if there is no such layer, or they are not there, or lengths do not fit. */
+int recorder_to_layer(recorder_chunks *at, const saga_segment_header *seg,
+                      const saga_header *h, uint32_t layer);
+
 /* Nodes that the tree of so many leaves has at most: each inner one has a
  * child, and lies at most 24 deep. */
 uint32_t recorder_nodes(uint32_t n_coarse);
@@ -79,26 +84,28 @@ void recorder_scaffold(saga_scaffold *sc, const saga_model *model,
                        const saga_nets *nets, const uint8_t *params,
                        saga_counts n);
 
-/* Decodes the chunks of a segment's three layers, from COAR on: fills sc. The
+/* Decodes the three chunks of a layer or base, from COAR on: fills sc. The
  * traversal asks `front`, a coder of the caller's, which asks *inner: before
- * each layer, that is set to its range decoder. Returns 1, or 0 if anything is
+ * each chunk, that is set to its range decoder. Returns 1, or 0 if anything is
  * invalid or follows; final_range[0..2] as saga_tell gives them. */
-int recorder_layers(saga_coder *front, saga_coder **inner,
-                    const saga_scaffold *sc, uint32_t final_range[3],
-                    recorder_chunks at);
+int recorder_fill(saga_coder *front, saga_coder **inner,
+                  const saga_scaffold *sc, uint32_t final_range[3],
+                  recorder_chunks at);
 
-/* Says the number of a segment that the base is meant. */
+/* What recorder_read is to read: the base, or a layer of a segment; the first
+ * one is the segment's number alone. */
 #define RECORDER_BASE UINT32_MAX
+#define RECORDER_LAYER(number, layer) ((uint32_t)(layer) << 24 | (number))
 
 /* All symbols of a file's bytes, decoded by decoder/range_dec and common/'s
- * traversal: networks, and segment `number` (or none if segment is NULL).
+ * traversal: networks, and what `number` says (or none if segment is NULL).
  * Returns 1, or 0 if anything is invalid. free with the functions above;
- * final_range as recorder_layers has it. */
+ * final_range as recorder_fill has it. */
 int recorder_read(saga_net_symbols *nets, saga_symbols *segment,
                   uint32_t number, uint32_t final_range[3],
                   const uint8_t *bytes, size_t n);
 
-/* The same of segment 0 for the watch alone. */
+/* The same of segment 0, all its layers, for the watch alone. */
 int recorder_tell(recorder_watch *watch, void *user, const uint8_t *bytes,
                   size_t n);
 

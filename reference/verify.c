@@ -20,7 +20,7 @@ const char *const saga_verify_stage[SAGA_VERIFY_N_STAGES] = {
     "symbols", "scaffold", "primitives", "animation", "splats", "pixels"
 };
 
-/* The base or the segment: its primitives are those from `first` on. */
+/* The base or a layer: its primitives are those from `first` on. */
 typedef struct {
     ref_file file;
     ref_scene scene;         /* in double */
@@ -76,7 +76,8 @@ typedef struct {
     const saga_camera *camera;
     saga_verify_progress *progress;
     void *user;
-    part part[2];            /* the base, if the file has one; the segment */
+    part part[1 + SAGA_MAX_LAYERS]; /* the base, if the file has one; the
+                              * segment's layers */
     int n_parts;
     exact e;
     real r;
@@ -92,9 +93,11 @@ static uint32_t n_prims(const session *s)
 
 static const part *part_of(const session *s, uint32_t prim)
 {
-    const part *const last = &s->part[s->n_parts - 1];
+    const part *p = &s->part[s->n_parts - 1];
 
-    return prim >= last->first ? last : &s->part[0];
+    while (prim < p->first)
+        p--;
+    return p;
 }
 
 static const ref_primitive *prim_of(const session *s, uint32_t prim)
@@ -176,10 +179,11 @@ static void shade(session *s, uint32_t i)
 }
 
 static bool read_part(session *s, const uint8_t *bytes, size_t n,
-                      const saga_segment *seg)
+                      const saga_segment *seg, uint32_t layer)
 {
     part *const p = &s->part[s->n_parts++];
-    const char *const why = ref_file_read_segment(&p->file, bytes, n, seg);
+    const char *const why = ref_file_read_layer(&p->file, bytes, n, seg,
+                                                layer);
 
     if (why)
         return saga_fail(s->error, s->name, "copy the file again", "%s", why);
@@ -204,9 +208,11 @@ static bool take_apart(session *s, const uint8_t *bytes, size_t n,
 {
     exact *const e = &s->e;
 
-    if ((info->base_coarse > 0 && !read_part(s, bytes, n, NULL)) ||
-        !read_part(s, bytes, n, seg))
+    if (info->base_coarse > 0 && !read_part(s, bytes, n, NULL, 0))
         return false;
+    for (uint32_t i = 0; i < info->n_layers; i++)
+        if (!read_part(s, bytes, n, seg, i))
+            return false;
     e->stride = ref_file_colours(&s->part[0].file);
     e->prim = saga_alloc(n_prims(s), sizeof *e->prim, s->name, s->error);
     e->colour = saga_alloc(n_prims(s), e->stride * sizeof *e->colour, s->name,

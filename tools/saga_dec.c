@@ -418,6 +418,8 @@ static void print_info(const saga_info *i)
            i->fps_den, i->n_cameras, i->max_coarse, i->max_fine,
            i->max_primitives, i->n_weights, i->nets_nbytes, i->work_nbytes,
            i->decode_macs, i->view_macs);
+    if (i->n_layers > 1)
+        printf("layers      %" PRIu32 "\n", i->n_layers);
     if (i->base_coarse)
         printf("base        %" PRIu32 " coarse, %" PRIu32 " fine anchors, %"
                PRIu32 " primitives in %" PRIu32 " bytes\n", i->base_coarse,
@@ -434,6 +436,7 @@ static int run(const options *o, FILE *f, const saga_info *info)
     saga_camera camera;
     saga_status s;
     uint32_t crc = 0;
+    long n;
     int status;
 
     if (info->work_nbytes > sizeof memory.work ||
@@ -454,9 +457,11 @@ static int run(const options *o, FILE *f, const saga_info *info)
         return refuse(o->file, "cannot find the time", s);
     if (seg.nbytes > sizeof memory.input)
         return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
-    if (read_at(f, seg.offset, seg.nbytes) != (long)seg.nbytes)
+    /* A file that ends early may still have layers that are whole. */
+    n = read_at(f, seg.offset, seg.nbytes);
+    if (n < 0 || (info->n_layers == 1 && n != (long)seg.nbytes))
         return fail(o->file, "cannot read the segment");
-    s = saga_decode(dec, &seg, memory.input, seg.nbytes);
+    s = saga_decode(dec, &seg, memory.input, (size_t)n);
     if (s)
         return refuse(o->file, "cannot decode the segment", s);
     s = saga_view(dec, &camera, seg.t);

@@ -69,8 +69,9 @@ class _Info(_Struct):
     _fields_ = [("version", _U32), ("level", _U32), ("work_nbytes", _SIZE),
                 ("head_nbytes", _SIZE), ("n_segments", _U32),
                 ("n_frames", _U32), ("fps_num", _U32), ("fps_den", _U32),
-                ("n_cameras", _U32), ("max_coarse", _U32),
-                ("max_fine", _U32), ("max_primitives", _U32),
+                ("n_cameras", _U32), ("n_layers", _U32),
+                ("max_coarse", _U32), ("max_fine", _U32),
+                ("max_primitives", _U32),
                 ("base_coarse", _U32), ("base_fine", _U32),
                 ("base_primitives", _U32), ("base_nbytes", _U32),
                 ("n_weights", _U32), ("nets_nbytes", _U32), ("tools", _U32),
@@ -103,8 +104,9 @@ class _Job(_Struct):
 
 
 class _Report(_Struct):
-    _fields_ = [("n_coarse", _U32), ("n_fine", _U32), ("n_primitives", _U32),
-                ("final_range", _U32 * 3), ("n_splats", _U32)]
+    _fields_ = [("n_layers", _U32), ("n_coarse", _U32), ("n_fine", _U32),
+                ("n_primitives", _U32), ("final_range", _U32 * 3),
+                ("n_splats", _U32)]
 
 
 class _Animated(_Struct):
@@ -160,8 +162,8 @@ def _check(status, what):
 # --- Films ------------------------------------------------------------------
 
 Info = namedtuple("Info", "name nbytes version level n_frames n_segments fps "
-                  "n_cameras max_primitives memory_nbytes metres_per_unit "
-                  "centre_metres")
+                  "n_cameras n_layers max_primitives memory_nbytes "
+                  "metres_per_unit centre_metres")
 
 
 class Film:
@@ -187,7 +189,7 @@ class Film:
         self._segment = None
         self.info = Info(
             name, len(data), h.version, h.level, h.n_frames, h.n_segments,
-            Fraction(h.fps_num, h.fps_den), h.n_cameras,
+            Fraction(h.fps_num, h.fps_den), h.n_cameras, h.n_layers,
             h.base_primitives + h.max_primitives,
             h.work_nbytes, math.ldexp(h.unit_mantissa, h.unit_exponent),
             tuple(math.ldexp(m, h.centre_exponent)
@@ -243,14 +245,24 @@ class Film:
                f"{self.info.name}: frame {frame}")
         if s.number != self._segment:
             self._segment = None
-            if s.offset + s.nbytes > len(self._data):
+            # Of a file that ends early, layers may be whole.
+            nbytes = min(s.nbytes, len(self._data) - s.offset)
+            if nbytes < s.nbytes and (self.info.n_layers == 1 or nbytes < 0):
                 raise Error(self.info.name + ": the file is cut short")
             at = ctypes.addressof(self._bytes) + s.offset
-            _check(_lib().saga_decode(self._dec, ctypes.byref(s), at,
-                                      s.nbytes),
+            _check(_lib().saga_decode(self._dec, ctypes.byref(s), at, nbytes),
                    f"{self.info.name}: segment {s.number}")
             self._segment = s.number
         return s.t
+
+    def layers(self, frame=0):
+        """How many layers of a time's segment are there: info.n_layers, or
+        fewer where the file ends early."""
+        report = _Report()
+        self._seek(frame)
+        _check(_lib().saga_tell(ctypes.byref(report), self._dec),
+               self.info.name)
+        return report.n_layers
 
     def pixels(self, camera=0, frame=0):
         """A picture as bytes: rows from the top, R, G, B of 8 bits. camera is

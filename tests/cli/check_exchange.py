@@ -12,6 +12,8 @@ files that are cut and joined,
   join        the parts of a file, joined, are the file; in another order they
               draw what they drew
   base        a base and names are in every part; parts of two bases are refused
+  layers      a file of the first layers draws what the file draws that ends
+              where they do; info tells bytes and counts of each
   refused     ranges inside a segment or beyond the file, and files of other
               networks, cameras, rates or cubes, in one line that says why"""
 
@@ -396,6 +398,36 @@ def check_import_refused(tmp):
     verdict("import")
 
 
+def check_layers(tmp):
+    """Three layers in one segment, cut by `saga cut` and by the file's end."""
+    whole, out = "vectors/good/layers_level0.saga", tmp + "/layers.saga"
+    told = json.loads(saga("info", whole, "--json"))
+    layers = told["segments"][0]["layers"]
+    if told["decoding"]["n_layers"] != 3 or len(layers) != 3 or sum(
+            layer["n_primitives"] for layer in layers) != \
+            told["segments"][0]["n_primitives"]:
+        complain("info does not tell the layers of", whole)
+    table = re.findall(r"^ +\d+ +(\d+) +\d+ +\d+ +\d+ +(\d+) bytes$",
+                       saga("info", whole), re.M)
+    for k in range(3):
+        saga("cut", whole, ":", "--layers", k + 1, "-o", out)
+        if [int(n) for n in table[k]] != \
+                [layers[k]["nbytes"], len(read(out))]:
+            complain("info tells", table[k], "of layer", k + 1)
+        if read(out) != signed(read(out)):
+            complain(k + 1, "layers have not the checksums of the documents")
+        cut = whole if k == 2 else "vectors/cut/layers_%d.saga" % (k + 1)
+        same_pictures(out, 0, cut, 0, 2)
+    if read(out) != read(whole):
+        complain("all layers of a file are not the file")
+    saga("cut", SCENE, ":", "--layers", 2, "-o", out, status=1,
+         says="its layers: 1; asked for: 2")
+    saga("join", tmp + "/part0.saga", whole, "-o", out, status=1,
+         says="its ")
+    saga("info", "vectors/cut/layers_1.saga", status=1, says="the file ends")
+    verdict("layers")
+
+
 with tempfile.TemporaryDirectory() as folder:
     check_draw(folder)
     check_formats(folder)
@@ -403,4 +435,5 @@ with tempfile.TemporaryDirectory() as folder:
     check_refused(folder, check_cut(folder)[0])
     check_join(folder, [folder + "/part%d.saga" % i for i in range(3)])
     check_base(folder)
+    check_layers(folder)
 sys.exit(checks.failed)

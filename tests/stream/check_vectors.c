@@ -56,29 +56,36 @@ static int same(const char *name, const char *stage, uint32_t got,
 static int read_symbols(uint32_t *crc, const uint8_t *bytes, size_t n,
                         uint32_t number)
 {
-    saga_net_symbols nets[2];
-    saga_symbols base, s;
+    saga_net_symbols nets[1 + SAGA_MAX_LAYERS];
+    saga_symbols base, s[SAGA_MAX_LAYERS];
     saga_header h;
     saga_plan plan;
-    uint32_t final_range[3];
+    uint32_t final_range[3], n_layers, i;
     int ok, has_base;
 
     memset(nets, 0, sizeof nets);
     memset(&base, 0, sizeof base);
-    memset(&s, 0, sizeof s);
+    memset(s, 0, sizeof s);
     if (saga_head_read(&h, bytes, n) || saga_plan_make(&plan, &h, 0))
         return 0;
     has_base = (h.model.tools & SAGA_TOOL_BASE) != 0;
-    ok = recorder_read(&nets[0], &s, number, final_range, bytes, n) &&
-         (!has_base || recorder_read(&nets[1], &base, RECORDER_BASE,
-                                     final_range, bytes, n));
+    /* A file may be cut behind a layer. */
+    for (n_layers = 0; n_layers < saga_n_layers(&h); n_layers++)
+        if (!recorder_read(&nets[n_layers], &s[n_layers],
+                           RECORDER_LAYER(number, n_layers), final_range,
+                           bytes, n))
+            break;
+    ok = n_layers > 0 &&
+         (!has_base || recorder_read(&nets[SAGA_MAX_LAYERS], &base,
+                                     RECORDER_BASE, final_range, bytes, n));
     if (ok)
         *crc = saga_symbols_crc(&nets[0], &plan.nets, has_base ? &base : NULL,
-                                &s, h.model.features);
-    saga_net_symbols_free(&nets[0]);
-    saga_net_symbols_free(&nets[1]);
+                                s, n_layers, h.model.features);
+    for (i = 0; i <= SAGA_MAX_LAYERS; i++)
+        saga_net_symbols_free(&nets[i]);
+    for (i = 0; i < SAGA_MAX_LAYERS; i++)
+        recorder_free_symbols(&s[i]);
     recorder_free_symbols(&base);
-    recorder_free_symbols(&s);
     return ok;
 }
 

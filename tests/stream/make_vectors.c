@@ -4,6 +4,7 @@
  * come from gen_stream.h, what they decode to from this build's decoder:
  * run it only when the format changes (`make vectors`), and look at why.
  */
+#include "file.h"
 #include "fx.h"
 #include "gen_mutate.h"
 #include "gen_stream.h"
@@ -38,10 +39,21 @@ static void write_file(const char *name, const uint8_t *p, size_t n)
 
 /* --- Good ---------------------------------------------------------------- */
 
-static void describe(const char *name, const gen_stream *g,
-                     const uint8_t *bytes, size_t n, uint32_t number,
-                     int32_t t, uint32_t camera)
+/* Where a picture is taken from. */
+typedef struct {
+    int32_t t;
+    uint32_t camera;
+} look;
+
+/* What the first n_layers of a segment give: all, where the file is whole. */
+static void describe_layers(const char *name, const gen_stream *g,
+                            const saga_bytes *file, uint32_t number,
+                            uint32_t n_layers, const look *at)
 {
+    const uint8_t *const bytes = file->data;
+    const size_t n = file->nbytes;
+    const int32_t t = at->t;
+    const uint32_t camera = at->camera;
     saga_nets nets;
     saga_stages st;
     saga_status s;
@@ -49,8 +61,9 @@ static void describe(const char *name, const gen_stream *g,
     saga_nets_layout(&nets, &g->header.model);
     st.symbols = saga_symbols_crc(&g->nets, &nets,
                                   g->has_base ? &g->base : NULL,
-                                  &g->segment[number],
-                                  g->header.model.features);
+                                  &g->segment[number *
+                                              saga_n_layers(&g->header)],
+                                  n_layers, g->header.model.features);
     s = saga_stages_of(&st, bytes, n, number, t, camera, pixels,
                        sizeof pixels);
     if (s) {
@@ -64,8 +77,41 @@ static void describe(const char *name, const gen_stream *g,
             st.splats, st.frame);
 }
 
+static const look looks[] = { { 0, 0 }, { 40000, 1 } };
+
+static void describe(const char *name, const gen_stream *g,
+                     const saga_bytes *file, uint32_t number)
+{
+    size_t i;
+
+    for (i = 0; i < sizeof looks / sizeof *looks; i++)
+        describe_layers(name, g, file, number, saga_n_layers(&g->header),
+                        &looks[i]);
+}
+
+/* Of several layers each has something to draw. */
+static int is_worth_it(const gen_stream *g, const gen_options *o)
+{
+    uint32_t i;
+
+    for (i = 0; o->n_layers > 1 && i < o->n_layers; i++)
+        if (g->segment[i].n.prim < o->n_coarse)
+            return 0;
+    return g->segment[0].n.coarse >= o->n_coarse / 2;
+}
+
 /* Of the seeds o.seed, + 100, .. the first whose stream has at least half of
  * the coarse anchors it may have: what is drawn before them decides. */
+static void make_good(gen_stream *g, gen_options o)
+{
+    gen_stream_make(g, &o);
+    while (!is_worth_it(g, &o)) {
+        gen_stream_free(g);
+        o.seed += 100;
+        gen_stream_make(g, &o);
+    }
+}
+
 static void good(const char *stem, gen_options o)
 {
     char name[64];
@@ -75,18 +121,11 @@ static void good(const char *stem, gen_options o)
     uint32_t i;
 
     snprintf(name, sizeof name, "good/%s.saga", stem);
-    gen_stream_make(&g, &o);
-    while (g.segment[0].n.coarse < o.n_coarse / 2) {
-        gen_stream_free(&g);
-        o.seed += 100;
-        gen_stream_make(&g, &o);
-    }
+    make_good(&g, o);
     gen_stream_encode(&g, &bytes, &n);
     write_file(name, bytes, n);
-    for (i = 0; i < g.n_segments; i++) {
-        describe(name, &g, bytes, n, i, 0, 0);
-        describe(name, &g, bytes, n, i, 40000, 1);
-    }
+    for (i = 0; i < g.n_segments; i++)
+        describe(name, &g, &(saga_bytes){ bytes, n }, i);
     free(bytes);
     gen_stream_free(&g);
 }
@@ -117,7 +156,7 @@ static void good_full(void)
 typedef void (*change)(saga_header *h);
 
 static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
-static void to_layers(saga_header *h) { h->model.tools |= SAGA_TOOL_LAYERS; }
+static void to_tool_6(saga_header *h) { h->model.tools |= 1u << 6; }
 static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
 static void to_bank(saga_header *h) { h->model.tools |= SAGA_TOOL_BANK; }
 static void to_tool_12(saga_header *h) { h->model.tools |= 1u << 12; }
@@ -126,7 +165,8 @@ static void to_plain(saga_header *h)
     h->model.tools |= SAGA_TOOL_PLAIN_WRITE;
 }
 
-static void to_cut(saga_header *h) { h->cuttable = 1; }
+static void to_layers_2(saga_header *h) { h->more_layers = 1; }
+static void to_layers_9(saga_header *h) { h->more_layers = 8; }
 static void to_slots(saga_header *h) { h->model.bank_slots = 64; }
 static void to_slot_width(saga_header *h) { h->model.bank_width = 32; }
 static void to_blocks(saga_header *h) { h->model.bank_blocks = 256; }
@@ -493,6 +533,117 @@ static void bad_base(void)
     gen_stream_free(&g);
 }
 
+/* The first segment's bytes in a file. */
+static saga_segment first_segment(const uint8_t *bytes, size_t n)
+{
+    saga_segment seg;
+
+    if (saga_find(&seg, bytes, n, 0, 1) != SAGA_OK)
+        exit(2);
+    return seg;
+}
+
+/* Bytes of a file up to where a layer of its only segment ends. */
+static size_t end_of_layer(const uint8_t *bytes, size_t n, uint32_t layer)
+{
+    const saga_segment seg = first_segment(bytes, n);
+    saga_io io = { bytes + seg.offset, NULL, SAGA_CHUNK_NBYTES };
+    saga_segment_header h;
+    size_t end = (size_t)seg.offset + seg.nbytes;
+    uint32_t n_layers = bytes[13] + 1u;
+
+    saga_segment_io(&io, &h, n_layers);
+    while (--n_layers > layer)
+        end -= h.layer[n_layers].nbytes;
+    return end;
+}
+
+/* A file of three layers, cut: behind the first two, and inside the last. */
+static void cut_layers(const gen_options *o)
+{
+    static const char *const name[] = {
+        "cut/layers_1.saga", "cut/layers_2.saga", "cut/layers_2_more.saga"
+    };
+    saga_bytes part;
+    gen_stream g;
+    size_t n, i, k;
+
+    make_good(&g, *o);
+    gen_stream_encode(&g, &part.data, &n);
+    for (i = 0; i < 3; i++) {
+        const uint32_t n_layers = i == 0 ? 1 : 2;
+
+        part.nbytes = end_of_layer(part.data, n, n_layers - 1) +
+                      (i == 2 ? 7 : 0);
+        write_file(name[i], part.data, part.nbytes);
+        for (k = 0; k < sizeof looks / sizeof *looks; k++)
+            describe_layers(name[i], &g, &part, 0, n_layers, &looks[k]);
+    }
+    free(part.data);
+    gen_stream_free(&g);
+}
+
+/* Fields of SEGM, 4 bytes each, with something added; all of it is signed. */
+static void bad_lengths(const char *stem, const uint8_t *bytes, size_t n,
+                        const int by[2][2], saga_status status)
+{
+    const saga_segment seg = first_segment(bytes, n);
+    uint8_t *const copy = malloc(n);
+    int i;
+
+    memcpy(copy, bytes, n);
+    for (i = 0; i < 2; i++) {
+        uint8_t *const p = copy + seg.offset + SAGA_CHUNK_NBYTES +
+                           by[i][0];
+
+        fx_store32_le(p, fx_load32_le(p) + (uint32_t)by[i][1]);
+    }
+    mutate_sign(copy, n);
+    bad(stem, copy, n, status);
+    free(copy);
+}
+
+/* What layers may not be. */
+static void bad_layers(const gen_options *o)
+{
+    /* Of SEGM: of layer 0 and 1 the primitives and the length. */
+    enum { PRIM_0 = 20, NBYTES_0 = 24, PRIM_1 = 36, NBYTES_1 = 40 };
+    static const struct {
+        const char *stem;
+        int change[2][2];
+        saga_status status;
+    } lengths[] = {
+        { "layers_prim_more", { { PRIM_0, 1 }, { PRIM_1, -1 } },
+          SAGA_ERR_DATA },
+        { "layers_longer", { { NBYTES_0, 1 }, { NBYTES_1, -1 } },
+          SAGA_ERR_DATA },
+        { "layers_shorter", { { NBYTES_0, -1 }, { NBYTES_1, 1 } },
+          SAGA_ERR_TRUNCATED },
+        { "layers_not_the_segment", { { NBYTES_1, 1 }, { PRIM_0, 0 } },
+          SAGA_ERR_DATA },
+    };
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n, i, end;
+
+    make_good(&g, *o);
+    gen_stream_encode(&g, &bytes, &n);
+    for (i = 0; i < sizeof lengths / sizeof *lengths; i++)
+        bad_lengths(lengths[i].stem, bytes, n, lengths[i].change,
+                    lengths[i].status);
+    bad_header("layers_prim_together", bytes, n, to_prim_less, SAGA_ERR_DATA);
+    end = end_of_layer(bytes, n, 0);
+    bad("layers_cut_in_first", bytes, end - 1, SAGA_ERR_TRUNCATED);
+    bad("layers_cut_in_header", bytes,
+        (size_t)first_segment(bytes, n).offset + 40, SAGA_ERR_TRUNCATED);
+    bad_byte("crc_layer", bytes, n, end + SAGA_CHUNK_NBYTES, SAGA_ERR_DATA);
+    /* In the second one, which the cut file has whole. */
+    bad_byte("crc_layer_cut", bytes, end_of_layer(bytes, n, 1),
+             end + SAGA_CHUNK_NBYTES, SAGA_ERR_DATA);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
 /* What a bank may not be, in a file that has one. */
 static void bad_memory(void)
 {
@@ -539,7 +690,7 @@ static void bad_all(void)
 {
     static const bad_change headers[] = {
         { "tool_base", to_base, SAGA_ERR_DATA },
-        { "tool_layers", to_layers, SAGA_ERR_VERSION },
+        { "tool_6", to_tool_6, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
         { "tool_hash", to_hash, SAGA_ERR_VERSION },
         { "tool_memory", to_bank, SAGA_ERR_DATA },
@@ -547,7 +698,8 @@ static void bad_all(void)
         { "tool_unknown", to_tool_12, SAGA_ERR_VERSION },
         { "source_memory", to_bank_source, SAGA_ERR_DATA },
         { "source_unknown", to_unknown_source, SAGA_ERR_VERSION },
-        { "cuttable", to_cut, SAGA_ERR_VERSION },
+        { "layers_without_lengths", to_layers_2, SAGA_ERR_DATA },
+        { "layers_too_many", to_layers_9, SAGA_ERR_VERSION },
         { "memory_slots", to_slots, SAGA_ERR_DATA },
         { "memory_width", to_slot_width, SAGA_ERR_DATA },
         { "memory_blocks", to_blocks, SAGA_ERR_DATA },
@@ -649,14 +801,28 @@ int main(int argc, char **argv)
         { .seed = 34, .level = 0, .n_coarse = 6, .picture = 1,
           .tools_fixed = 1, .tools = 0, .no_fuse = 3, .n_segments = 2,
           .base = 1, .named = 1 },
+        { .seed = 35, .level = 1, .n_coarse = 12, .picture = 1,
+          .tools_fixed = 1, .tools = all, .no_fuse = 3, .linear = 1,
+          .n_segments = 2, .n_layers = 2 },
+        { .seed = 36, .level = 1, .n_coarse = 6, .picture = 1,
+          .tools_fixed = 1, .tools = all, .n_segments = 2, .n_layers = 3,
+          .base = 1, .bank = GEN_BANK_ORTHOGONAL, .bank_slots = 64,
+          .bank_width = 16, .bank_blocks = 5 },
+        { .seed = 37, .level = 3, .n_coarse = 12, .n_layers = 2 },
+        { .seed = 38, .level = 0, .n_coarse = 6, .picture = 1,
+          .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
+          .no_fuse = 3, .n_layers = 3 },
     };
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
         "random_level2", "random_level3", "memory_level0", "memory",
         "memory_plain", "memory_level2", "memory_level3", "no_fuse_coarse",
         "no_fuse_fine", "no_fuse", "linear", "names", "base", "base_level0",
-        "base_level3", "base_names"
+        "base_level3", "base_names", "layers", "layers_base", "layers_level3",
+        "layers_level0"
     };
+    const gen_options *const three_layers =
+        &options[sizeof options / sizeof *options - 1];
     char path[1024];
     size_t i;
 
@@ -672,16 +838,18 @@ int main(int argc, char **argv)
         return 2;
     }
     fputs("# Made by tests/make_vectors. Good: file, segment, CRC of the\n"
-          "# symbols, final ranges of the three layers, time, camera, CRCs of\n"
+          "# symbols, final ranges of the three chunks, time, camera, CRCs of\n"
           "# primitives, splats, frame. Bad: file, `status`, the exact one.\n",
           manifest);
     for (i = 0; i < sizeof options / sizeof *options; i++)
         good(stems[i], options[i]);
     good_full();
+    cut_layers(three_layers);
     bad_all();
     bad_scale();
     bad_memory();
     bad_base();
+    bad_layers(three_layers);
     bad_fuse();
     bad_segments();
     return fclose(manifest) != 0;

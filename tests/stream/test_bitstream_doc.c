@@ -39,11 +39,11 @@ static table tables[] = {
     { .name = "Camera" }, { .name = "Chunk header" },
     { .name = "Index entry" }, { .name = "Segment header" },
     { .name = "Bank networks" }, { .name = "Base" }, { .name = "Names" },
-    { .name = "Name" }
+    { .name = "Name" }, { .name = "Layer" }
 };
 enum {
     HEADER, TIER, NETWORK, CAMERA, CHUNK, ENTRY, SEGMENT, BANK, BASE, NAMES,
-    NAME, N_TABLES
+    NAME, LAYER, N_TABLES
 };
 
 typedef struct {
@@ -53,7 +53,7 @@ typedef struct {
 } file;
 
 static file files[MAX_FILES];
-static int n_files, n_named;
+static int n_files, n_named, n_layered;
 
 /* --- The page ------------------------------------------------------------ */
 
@@ -595,7 +595,39 @@ static uint8_t *chunk(file *f, size_t *at, const char *type, uint32_t *nbytes)
     return payload;
 }
 
-static const char *const layer[3] = { "COAR", "FINE", "PRIM" };
+static const char *const part[3] = { "COAR", "FINE", "PRIM" };
+
+static uint32_t n_layers_of(const file *f)
+{
+    return (uint32_t)get(HEADER, f->p, "more_layers", 0) + 1;
+}
+
+/* Bytes of SEGM's payload: a single layer has no length. */
+static uint32_t segment_nbytes(const file *f)
+{
+    const uint32_t n = n_layers_of(f);
+
+    return tables[SEGMENT].nbytes + n * tables[LAYER].nbytes -
+           (n == 1 ? 4 : 0);
+}
+
+/* Layer i of a segment whose SEGM has its payload at p. */
+static uint8_t *layer_at(uint8_t *p, uint32_t i)
+{
+    return p + tables[SEGMENT].nbytes + i * tables[LAYER].nbytes;
+}
+
+/* Counts of all layers together. */
+static uint32_t sum_of(const file *f, const uint8_t *segment,
+                       const char *name)
+{
+    uint32_t sum = 0, i;
+
+    for (i = 0; i < n_layers_of(f); i++)
+        sum += (uint32_t)get(LAYER, segment + tables[SEGMENT].nbytes +
+                             i * tables[LAYER].nbytes, name, 0);
+    return sum;
+}
 
 static void check_base(file *f, size_t *at)
 {
@@ -604,32 +636,46 @@ static void check_base(file *f, size_t *at)
     int k;
 
     for (k = 0; k < 3 && has_base(f->p); k++)
-        chunk(f, at, layer[k], &nbytes);
+        chunk(f, at, part[k], &nbytes);
     assert_int_equal(base_of(f->p, "nbytes"), *at - begin);
 }
 
-/* The four chunks of segment i at *at, and what the index says of it. */
-static void check_segment(file *f, size_t *at, uint32_t i,
-                          const uint8_t *entry, uint32_t first_frame)
+/* The three chunks of a layer at *at, and what its segment says of it. */
+static void check_layer(file *f, size_t *at, uint8_t *layer)
 {
-    static const char *const count[3][2] = {
-        { "n_coarse", "max_coarse" }, { "n_fine", "max_fine" },
-        { "n_prim", "max_prim" }
-    };
     const size_t begin = *at;
-    uint8_t *seg;
     uint32_t nbytes;
     int k;
 
-    seg = chunk(f, at, "SEGM", &nbytes);
-    assert_int_equal(nbytes, tables[SEGMENT].nbytes);
-    check_values(SEGMENT, seg, f);
+    assert_true(get(LAYER, layer, "n_coarse", 0) <=
+                get(HEADER, f->p, "max_coarse", 0));
+    assert_true(get(LAYER, layer, "n_fine", 0) <=
+                get(HEADER, f->p, "max_fine", 0));
+    check_values(LAYER, layer, f);
     for (k = 0; k < 3; k++) {
-        assert_true(get(SEGMENT, seg, count[k][0], 0) <=
-                    get(HEADER, f->p, count[k][1], 0));
-        chunk(f, at, layer[k], &nbytes);
+        chunk(f, at, part[k], &nbytes);
         assert_true(nbytes >= 1);
     }
+    if (n_layers_of(f) > 1)
+        assert_int_equal(get(LAYER, layer, "nbytes", 0), *at - begin);
+}
+
+/* The chunks of segment i at *at, and what the index says of it. */
+static void check_segment(file *f, size_t *at, uint32_t i,
+                          const uint8_t *entry, uint32_t first_frame)
+{
+    const size_t begin = *at;
+    uint8_t *seg;
+    uint32_t nbytes, k;
+
+    seg = chunk(f, at, "SEGM", &nbytes);
+    assert_int_equal(nbytes, segment_nbytes(f));
+    check_values(SEGMENT, seg, f);
+    for (k = 0; k < n_layers_of(f); k++)
+        check_layer(f, at, layer_at(seg, k));
+    assert_true(sum_of(f, seg, "n_prim") <=
+                get(HEADER, f->p, "max_prim", 0));
+    n_layered += n_layers_of(f) > 1;
     assert_int_equal(get(ENTRY, entry, "offset", 0), begin);
     assert_int_equal(get(ENTRY, entry, "nbytes", 0), *at - begin);
     assert_int_equal(get(ENTRY, entry, "n_frames", 0),
@@ -687,7 +733,7 @@ static void chunks_should_tile_every_file(void **state)
         assert_int_equal(first_frame, get(HEADER, f->p, "n_frames", 0));
         assert_int_equal(at, f->n);
     }
-    assert_true(n_named > 0);
+    assert_true(n_named > 0 && n_layered > 0);
 }
 
 /* --- The page and the decoder -------------------------------------------- */
@@ -925,10 +971,76 @@ static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
     assert_int_equal(saga_decode(dec, &found, f->p + offset,
                                  found.nbytes), SAGA_OK);
     assert_int_equal(saga_tell(&report, dec), SAGA_OK);
-    assert_int_equal(get(SEGMENT, seg, "n_coarse", 0), report.n_coarse);
-    assert_int_equal(get(SEGMENT, seg, "n_fine", 0), report.n_fine);
-    assert_int_equal(get(SEGMENT, seg, "n_prim", 0) +
-                     base_of(f->p, "n_prim"), report.n_primitives);
+    assert_int_equal(report.n_layers, n_layers_of(f));
+    assert_int_equal(sum_of(f, seg, "n_coarse"), report.n_coarse);
+    assert_int_equal(sum_of(f, seg, "n_fine"), report.n_fine);
+    assert_int_equal(sum_of(f, seg, "n_prim") + base_of(f->p, "n_prim"),
+                     report.n_primitives);
+}
+
+/* What saga_decode makes of n bytes of a segment: the layers it decodes, 0 if
+ * it is TRUNCATED. An exact copy shows what is read. */
+static uint32_t layers_in(saga_decoder *dec, const saga_segment *seg,
+                          const uint8_t *bytes, size_t n)
+{
+    uint8_t *const copy = malloc(n + 1);
+    saga_report report = { .n_layers = 0 };
+    saga_status s;
+
+    assert_non_null(copy);
+    memcpy(copy, bytes, n);
+    s = saga_decode(dec, seg, copy, n);
+    free(copy);
+    assert_true(s == SAGA_OK || s == SAGA_ERR_TRUNCATED);
+    if (s == SAGA_OK)
+        assert_int_equal(saga_tell(&report, dec), SAGA_OK);
+    return report.n_layers;
+}
+
+/* A segment of an opened file, cut on both sides of each layer's end. */
+static void check_cuts(saga_decoder *dec, file *f, const saga_segment *seg)
+{
+    const uint8_t *const p = f->p + seg->offset;
+    size_t end = tables[CHUNK].nbytes + segment_nbytes(f);
+    uint32_t i;
+
+    for (i = 0; i < n_layers_of(f); i++) {
+        saga_layer_report layer;
+        const size_t begin = end;
+
+        end += (size_t)get(LAYER, layer_at(f->p + seg->offset +
+                                           tables[CHUNK].nbytes, i),
+                           "nbytes", 0);
+        assert_int_equal(saga_find_layer(&layer, dec, seg, p, begin, i),
+                         SAGA_OK);
+        assert_int_equal(layer.end, end);
+        assert_int_equal(layers_in(dec, seg, p, end - 1), i);
+        assert_int_equal(layers_in(dec, seg, p, begin + (end - begin) / 2), i);
+        assert_int_equal(layers_in(dec, seg, p, end), i + 1);
+    }
+    assert_int_equal(end, seg->nbytes);
+}
+
+static void segments_should_be_cut_where_layers_end(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < n_files; i++) {
+        file *const f = &files[i];
+        saga_info info;
+        saga_decoder *const dec = open_file(&info, f);
+        saga_segment seg = { .n_frames = 0 };
+        uint32_t frame;
+
+        assert_int_equal(info.n_layers, n_layers_of(f));
+        for (frame = 0; info.n_layers > 1 && frame < info.n_frames;
+             frame += seg.n_frames) {
+            assert_int_equal(saga_find(&seg, f->p, f->n, frame, 1), SAGA_OK);
+            check_cuts(dec, f, &seg);
+        }
+        free(dec);
+    }
 }
 
 static void segments_should_be_found_with_the_same_values(void **state)
@@ -1169,6 +1281,7 @@ int main(void)
         cmocka_unit_test(networks_should_have_the_same_number_of_weights),
         cmocka_unit_test(rig_should_hold_the_same_values),
         cmocka_unit_test(segments_should_be_found_with_the_same_values),
+        cmocka_unit_test(segments_should_be_cut_where_layers_end),
         cmocka_unit_test(decoder_should_refuse_what_lies_outside_the_ranges),
         cmocka_unit_test(view_should_refuse_cameras_outside_the_ranges)
     };

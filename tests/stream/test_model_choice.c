@@ -100,8 +100,8 @@ static void begin(world *w, const gen_options *o)
     assert_int_equal(saga_head_read(&h, bytes, n), SAGA_OK);
     at = recorder_segment_chunks(&h, bytes, &seg);
     assert_true(recorder_segment(&layers, &h, &at));
-    assert_true(recorder_layers(&w->l.coder, &w->l.inner, &w->sc, range,
-                                at));
+    assert_true(recorder_fill(&w->l.coder, &w->l.inner, &w->sc, range,
+                              at));
     free(bytes);
 }
 

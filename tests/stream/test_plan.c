@@ -170,6 +170,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.no_fuse = i / 5 % 4;
     o.linear = i % 7 == 0;
     o.base = i % 3 == 2;
+    o.n_layers = i % 5 == 3 ? 2 + i % 2 : 1;
     return o;
 }
 
@@ -300,6 +301,7 @@ static void block_should_be_used_up_to_its_end(void **state)
 
         memset(&p, 0, sizeof p);
         o.base = 0;
+        o.n_layers = 1;
         gen_stream_make(&p.g, &o);
         s = &p.g.segment[0];
         memset(s->n_prim, 0, s->n.fine);
@@ -390,8 +392,24 @@ static uint32_t rounds_of_tier(const player *p, uint32_t number, int level)
     return steps;
 }
 
-/* What the plan says, less the steps that there are not. Called when segment
- * `number` is decoded and nothing drawn. */
+/* What the plan says of all layers, without a bank. */
+static uint64_t macs_of_layers(const player *p, uint32_t number)
+{
+    const saga_model *const m = &p->g.header.model;
+    const uint32_t n_layers = p->info.n_layers;
+    uint64_t macs = 0;
+    saga_nets nets;
+    uint32_t i;
+
+    saga_nets_layout(&nets, m);
+    for (i = 0; i < n_layers; i++)
+        macs += saga_plan_macs(m, &nets, &p->g.segment[number * n_layers +
+                                                       i].n);
+    return macs;
+}
+
+/* What the plan says of a single layer, less the steps that there are not.
+ * Called when segment `number` is decoded and nothing drawn. */
 static uint64_t macs_of_segment(const player *p, uint32_t number)
 {
     const saga_model *const m = &p->g.header.model;
@@ -464,8 +482,12 @@ static void check_macs(const gen_options *o)
         n_macs = 0;
         assert_int_equal(decode(&p, p.dec, i), SAGA_OK);
         assert_true(n_macs <= p.info.decode_macs);
-        assert_true(n_macs == macs_of_segment(&p, i));
-        if (p.g.n_segments == 1 && !o->bank)
+        /* The groups of layers but the last are gone. */
+        if (p.info.n_layers == 1)
+            assert_true(n_macs == macs_of_segment(&p, i));
+        else if (!o->bank)
+            assert_true(n_macs == macs_of_layers(&p, i));
+        if (p.g.n_segments == 1 && p.info.n_layers == 1 && !o->bank)
             assert_true(n_macs == p.info.decode_macs);
         c = rig(&p, i % p.info.n_cameras);
         n_macs = 0;
@@ -529,7 +551,7 @@ static void info_should_be_that_of_the_header(void **state)
     for (i = 0; i < 32; i++) {
         const gen_options o = options_of(first_seed(), i);
         saga_net_shape s;
-        uint32_t weights = 0;
+        uint32_t weights = 0, coarse = 0, fine = 0, prim = 0, k;
         player p;
 
         begin(&p, &o);
@@ -542,9 +564,17 @@ static void info_should_be_that_of_the_header(void **state)
         assert_int_equal(p.info.tools & SAGA_TOOLS_PICTURE, o.tools);
         assert_int_equal(p.info.motion_order, o.tools >> 3);
         assert_int_equal(p.info.features, p.g.header.model.features);
-        assert_int_equal(p.info.max_coarse, p.g.segment[0].n.coarse);
-        assert_int_equal(p.info.max_fine, p.g.segment[0].n.fine);
-        assert_int_equal(p.info.max_primitives, p.g.segment[0].n.prim);
+        for (k = 0; k < o.n_layers; k++) {
+            const saga_counts *const n = &p.g.segment[k].n;
+
+            coarse = n->coarse > coarse ? n->coarse : coarse;
+            fine = n->fine > fine ? n->fine : fine;
+            prim += n->prim;
+        }
+        assert_int_equal(p.info.n_layers, o.n_layers);
+        assert_int_equal(p.info.max_coarse, coarse);
+        assert_int_equal(p.info.max_fine, fine);
+        assert_int_equal(p.info.max_primitives, prim);
         assert_int_equal(p.info.n_frames, p.g.n_frames[0]);
         end(&p);
     }

@@ -117,7 +117,7 @@ static void set_finer(layer *l, const gen_stream *g, int net, int i)
 static void check_model(uint64_t seed, double octaves)
 {
     const gen_options o = { .seed = seed, .level = 1, .n_segments = 1 };
-    static layer l[SAGA_N_NETS][SAGA_MAX_LAYERS];
+    static layer l[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
     static float weight[SAGA_MAX_VECTOR * SAGA_MAX_WIDTH];
     static float bias[SAGA_MAX_VECTOR];
     const saga_nets *nets;

@@ -98,10 +98,12 @@ static void check_good(const char *name, const uint8_t *bytes, size_t n)
 
     assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
     if (!record(bytes, n) ||
-        (zero(bytes, n) == NULL) != (info.base_coarse == 0))
+        (zero(bytes, n) == NULL) !=
+            (info.base_coarse == 0 && info.n_layers == 1))
         fail_msg("%s is refused", name);
     if ((take_apart(bytes, n) == NULL) !=
-        (info.n_segments == 1 && info.base_coarse == 0))
+        (info.n_segments == 1 && info.n_layers == 1 &&
+         info.base_coarse == 0))
         fail_msg("%s, %u segments: %s", name, (unsigned)info.n_segments,
                  take_apart(bytes, n));
 }

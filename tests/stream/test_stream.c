@@ -139,32 +139,49 @@ static saga_segment segment_of(const gen_stream *g, const uint8_t *bytes,
     return seg;
 }
 
-static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
-                          size_t n, uint32_t number)
+static void check_layer(const gen_stream *g, const saga_symbols *want,
+                        uint32_t number, uint32_t range[3],
+                        const uint8_t *bytes, size_t n)
 {
-    const saga_segment seg = segment_of(g, bytes, n, number);
     saga_net_symbols nets;
     saga_symbols s;
-    saga_report report;
-    uint32_t range[3];
-    int i;
 
     memset(&nets, 0, sizeof nets);
     memset(&s, 0, sizeof s);
     assert_true(recorder_read(&nets, &s, number, range, bytes, n));
     assert_same_nets(&nets, &g->nets, &g->header.model);
-    assert_same_symbols(&s, &g->segment[number], g->header.model.features);
+    assert_same_symbols(&s, want, g->header.model.features);
+    saga_net_symbols_free(&nets);
+    recorder_free_symbols(&s);
+}
+
+static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
+                          size_t n, uint32_t number)
+{
+    const saga_segment seg = segment_of(g, bytes, n, number);
+    const uint32_t n_layers = saga_n_layers(&g->header);
+    saga_counts sum = { 0, 0, 0 };
+    saga_report report;
+    uint32_t range[3], i;
+
+    for (i = 0; i < n_layers; i++) {
+        const saga_symbols *const want = &g->segment[number * n_layers + i];
+
+        check_layer(g, want, RECORDER_LAYER(number, i), range, bytes, n);
+        sum.coarse += want->n.coarse;
+        sum.fine += want->n.fine;
+        sum.prim += want->n.prim;
+    }
     assert_int_equal(saga_decode(p->dec, &seg, bytes + seg.offset,
                                  seg.nbytes),
                      SAGA_OK);
     assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
-    assert_int_equal(report.n_coarse, s.n.coarse);
-    assert_int_equal(report.n_fine, s.n.fine);
-    assert_int_equal(report.n_primitives, g->base.n.prim + s.n.prim);
+    assert_int_equal(report.n_layers, n_layers);
+    assert_int_equal(report.n_coarse, sum.coarse);
+    assert_int_equal(report.n_fine, sum.fine);
+    assert_int_equal(report.n_primitives, g->base.n.prim + sum.prim);
     for (i = 0; i < 3; i++)
         assert_int_equal(report.final_range[i], range[i]);
-    saga_net_symbols_free(&nets);
-    recorder_free_symbols(&s);
 }
 
 static void check_base(const gen_stream *g, const saga_info *info,
@@ -350,6 +367,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     o.tools = i % 32;
     o.bank = (int)(i / 2 % 3);
     o.base = i % 5 == 1;
+    o.n_layers = i % 7 == 3 ? 2 + i % 2 : 1;
     return o;
 }
 

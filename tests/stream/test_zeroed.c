@@ -82,8 +82,8 @@ static void decode(decoded *d, const gen_stream *g, const saga_nets *nets,
     assert_int_equal(saga_head_read(&h, bytes, n), SAGA_OK);
     at = recorder_segment_chunks(&h, bytes, &seg);
     assert_true(recorder_segment(&layers, &h, &at));
-    assert_true(recorder_layers(&r.coder, &r.inner, &d->sc, final_range,
-                                at));
+    assert_true(recorder_fill(&r.coder, &r.inner, &d->sc, final_range,
+                              at));
 }
 
 static void free_decoded(decoded *d)

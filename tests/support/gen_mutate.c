@@ -59,6 +59,26 @@ static int has_base(const uint8_t *header)
     return (h.model.tools & SAGA_TOOL_BASE) != 0;
 }
 
+static uint32_t layers_of(const uint8_t *header)
+{
+    saga_io io = { header, NULL, SAGA_MAGIC_NBYTES };
+    saga_header h;
+
+    saga_header_io(&io, &h);
+    return saga_n_layers(&h);
+}
+
+/* Chunks of a segment. */
+static uint32_t n_chunks(const mutate_file *f)
+{
+    return 1 + 3 * f->n_layers;
+}
+
+static uint32_t least(uint32_t a, uint32_t b)
+{
+    return a < b ? a : b;
+}
+
 void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n)
 {
     size_t at = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
@@ -75,6 +95,7 @@ void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n)
         at += SAGA_CHUNK_NBYTES + part->n;
     }
     f->segments = has_base(bytes) ? 5 : 2;
+    f->n_layers = least(layers_of(bytes), SAGA_MAX_LAYERS);
 }
 
 void mutate_free(mutate_file *f)
@@ -109,7 +130,7 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
     while (i < f->n_parts && entry + SAGA_INDEX_ENTRY_NBYTES <= n) {
         uint32_t nbytes = 0;
 
-        for (k = 0; k < 4 && i < f->n_parts; k++, i++)
+        for (k = 0; k < n_chunks(f) && i < f->n_parts; k++, i++)
             nbytes += (uint32_t)f->part[i].n + SAGA_CHUNK_NBYTES;
         fx_store32_le(index + entry, (uint32_t)(at & 0xffffffffu));
         fx_store32_le(index + entry + 4, (uint32_t)(at >> 32));
@@ -117,6 +138,31 @@ static void relink(const mutate_file *f, uint8_t *index, size_t n)
         at += nbytes;
         entry += SAGA_INDEX_ENTRY_NBYTES;
     }
+}
+
+/* Where SEGM has a layer's counts and, behind them, its length. */
+static size_t layer_at(uint32_t layer)
+{
+    return 12 + 16 * (size_t)layer;
+}
+
+/* The lengths of layers in each segment's header. */
+static void link_layers(const mutate_file *f)
+{
+    uint32_t i, k, m;
+
+    if (f->n_layers == 1)
+        return;
+    for (i = f->segments; i + n_chunks(f) <= f->n_parts; i += n_chunks(f))
+        for (k = 0; k < f->n_layers; k++) {
+            uint32_t nbytes = 0;
+
+            for (m = 1; m <= 3; m++)
+                nbytes += (uint32_t)f->part[i + 3 * k + m].n +
+                          SAGA_CHUNK_NBYTES;
+            if (f->part[i].n >= layer_at(k + 1))
+                fx_store32_le(f->part[i].p + layer_at(k) + 12, nbytes);
+        }
 }
 
 /* Offset of nets_nbytes in the header: after magic, header_nbytes, four small
@@ -153,6 +199,7 @@ static uint8_t *join(const mutate_file *f, size_t *n, int link)
     memcpy(out, f->header, at);
     if (link && f->n_parts > f->segments) {
         link_base(f, out);
+        link_layers(f);
         relink(f, f->part[0].p, f->part[0].n);
         fx_store32_le(out + NETS_NBYTES_AT, (uint32_t)f->part[1].n);
     }
@@ -282,10 +329,10 @@ static void scaffold_open(saga_scaffold *sc, const head *h, saga_counts n)
     saga_syntax_begin(sc);
 }
 
-static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
+static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
 {
-    return layer == 0 ? saga_syntax_coarse(sc, c)
-         : layer == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+    return part == 0 ? saga_syntax_coarse(sc, c)
+         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
 }
 
 static mutate_stage stage_of(uint8_t sym)
@@ -302,24 +349,24 @@ static int counts_fit(const saga_header *h, const saga_counts *n)
            n->fine <= h->max.fine && n->prim <= h->max.prim;
 }
 
-/* The stage at which a segment of three payloads fails, or MUTATE_AT_VIEW. */
-static mutate_stage stage_of_layers(const head *h, saga_counts n,
-                                    const mutate_part *layers)
+/* The stage at which a layer of three payloads fails, or MUTATE_AT_VIEW. */
+static mutate_stage stage_of_layer(const head *h, saga_counts n,
+                                   const mutate_part *chunks)
 {
     mutate_stage stage = MUTATE_AT_VIEW;
     saga_scaffold sc;
-    int layer;
+    int i;
 
     scaffold_open(&sc, h, n);
-    for (layer = 0; layer < 3 && stage == MUTATE_AT_VIEW; layer++) {
+    for (i = 0; i < 3 && stage == MUTATE_AT_VIEW; i++) {
         saga_range_dec range;
         witness w;
 
-        saga_range_dec_init(&range, layers[layer].p, layers[layer].n);
+        saga_range_dec_init(&range, chunks[i].p, chunks[i].n);
         witness_init(&w, &range.coder);
-        w.last = layer == 0 ? SAGA_SYM_SPLIT
-               : layer == 1 ? SAGA_SYM_FINE_OFFSET : SAGA_SYM_PRIM_OFFSET;
-        if (!code_layer(&sc, layer, &w.coder) ||
+        w.last = i == 0 ? SAGA_SYM_SPLIT
+               : i == 1 ? SAGA_SYM_FINE_OFFSET : SAGA_SYM_PRIM_OFFSET;
+        if (!code_chunk(&sc, i, &w.coder) ||
             !saga_range_dec_finish(&range))
             stage = stage_of(w.last);
     }
@@ -331,21 +378,25 @@ static mutate_stage stage_of_layers(const head *h, saga_counts n,
 
 enum { PAD = 4096, ATTEMPTS = 12 };
 
-static saga_counts counts_of(const mutate_part *segment)
+static saga_counts counts_of(const mutate_part *segment, uint32_t layer)
 {
+    const uint8_t *const p = segment->p + layer_at(layer);
     saga_counts n;
 
-    n.coarse = fx_load32_le(segment->p + 12);
-    n.fine = fx_load32_le(segment->p + 16);
-    n.prim = fx_load32_le(segment->p + 20);
+    n.coarse = fx_load32_le(p);
+    n.fine = fx_load32_le(p + 4);
+    n.prim = fx_load32_le(p + 8);
     return n;
 }
 
-static void set_counts(const mutate_part *segment, const saga_counts *n)
+static void set_counts(const mutate_part *segment, uint32_t layer,
+                       const saga_counts *n)
 {
-    fx_store32_le(segment->p + 12, n->coarse);
-    fx_store32_le(segment->p + 16, n->fine);
-    fx_store32_le(segment->p + 20, n->prim);
+    uint8_t *const p = segment->p + layer_at(layer);
+
+    fx_store32_le(p, n->coarse);
+    fx_store32_le(p + 4, n->fine);
+    fx_store32_le(p + 8, n->prim);
 }
 
 static void resize(mutate_part *part, size_t n)
@@ -356,10 +407,10 @@ static void resize(mutate_part *part, size_t n)
     part->n = n;
 }
 
-/* Runs a layer on its payload with zeros behind it. Returns 1 with the payload
- * as long as it was read; 0 if it is invalid: *n then has the counts that the
- * symbols had. */
-static int fit_layer(const saga_scaffold *sc, int layer, mutate_part *part,
+/* Runs chunk 0..2 of a layer on its payload with zeros behind it. Returns 1
+ * with the payload as long as it was read; 0 if it is invalid: *n then has the
+ * counts that the symbols had. */
+static int fit_chunk(const saga_scaffold *sc, int chunk, mutate_part *part,
                      saga_counts *n, int *again)
 {
     const size_t size = part->n + PAD;
@@ -371,12 +422,12 @@ static int fit_layer(const saga_scaffold *sc, int layer, mutate_part *part,
     memcpy(padded, part->p, part->n);
     saga_range_dec_init(&range, padded, size);
     witness_init(&w, &range.coder);
-    ok = code_layer(sc, layer, &w.coder) && !w.coder.error;
-    if (layer == 0 && w.last <= SAGA_SYM_N_FINE) {
+    ok = code_chunk(sc, chunk, &w.coder) && !w.coder.error;
+    if (chunk == 0 && w.last <= SAGA_SYM_N_FINE) {
         n->coarse = w.leaves;
         n->fine = w.fine;
     }
-    if (layer == 1 && w.last == SAGA_SYM_N_PRIM)
+    if (chunk == 1 && w.last == SAGA_SYM_N_PRIM)
         n->prim = w.prim;
     free(padded);
     /* The decoder reads three bytes past the end, as zeros. */
@@ -386,15 +437,15 @@ static int fit_layer(const saga_scaffold *sc, int layer, mutate_part *part,
     return ok;
 }
 
-/* Counts and lengths of a segment so that its bytes decode, if there are
- * such. */
-static void repair(const head *h, mutate_part *segment)
+/* Counts and lengths of a layer so that its bytes decode, if there are such. */
+static void repair(const head *h, mutate_part *segment, uint32_t layer)
 {
-    saga_counts n = counts_of(segment);
-    int attempt, layer, again = 1;
+    saga_counts n;
+    int attempt, i, again = 1;
 
-    if (segment->n != SAGA_SEGMENT_NBYTES)
+    if (segment->n != saga_segment_nbytes(saga_n_layers(&h->header)))
         return;
+    n = counts_of(segment, layer);
     for (attempt = 0; attempt < ATTEMPTS && again; attempt++) {
         const saga_counts was = n;
         saga_scaffold sc;
@@ -404,19 +455,14 @@ static void repair(const head *h, mutate_part *segment)
             return;
         scaffold_open(&sc, h, n);
         again = 0;
-        for (layer = 0; layer < 3 && ok && !again; layer++)
-            ok = fit_layer(&sc, layer, segment + 1 + layer, &n, &again);
+        for (i = 0; i < 3 && ok && !again; i++)
+            ok = fit_chunk(&sc, i, segment + 1 + 3 * layer + i, &n, &again);
         saga_scaffold_free(&sc);
-        set_counts(segment, &n);
+        set_counts(segment, layer, &n);
         if (!ok && memcmp(&n, &was, sizeof n) == 0)
             return;
         again |= !ok;
     }
-}
-
-static uint32_t least(uint32_t a, uint32_t b)
-{
-    return a < b ? a : b;
 }
 
 /* Room for counts that grow. */
@@ -440,15 +486,16 @@ static void repair_all(mutate_file *f)
 {
     uint8_t *bytes;
     size_t n;
-    uint32_t i;
+    uint32_t i, k;
     head h;
 
     raise_maxima(f);
     bytes = mutate_join(f, &n);
     if (f->n_parts > f->segments &&
         head_open(&h, bytes, f->header_nbytes, f->part[1].p, f->part[1].n)) {
-        for (i = f->segments; i + 4 <= f->n_parts; i += 4)
-            repair(&h, &f->part[i]);
+        for (i = f->segments; i + n_chunks(f) <= f->n_parts; i += n_chunks(f))
+            for (k = 0; k < saga_n_layers(&h.header) && k < f->n_layers; k++)
+                repair(&h, &f->part[i], k);
         free(h.params);
     }
     free(bytes);
@@ -595,7 +642,7 @@ static void damage_fields(saga_header *h, uint64_t *r)
 {
     const uint32_t v = odd_value(r);
 
-    switch (pick(r, 28)) {
+    switch (pick(r, 29)) {
     case 0: h->level = (uint8_t)(v & 7u); break;
     case 1: h->n_segments = v; break;
     case 2: h->n_frames = v; break;
@@ -612,6 +659,7 @@ static void damage_fields(saga_header *h, uint64_t *r)
     case 13: h->base.fine = v; break;
     case 14: h->base.prim = v; break;
     case 15: h->base_nbytes = v; break;
+    case 16: h->more_layers = (uint8_t)(v & 15u); break;
     default: damage_model(&h->model, r); break;
     }
 }
@@ -648,7 +696,7 @@ static void damage_header(mutate_file *f, uint64_t *r)
 
 static void damage_counts(mutate_part *segment, uint64_t *r)
 {
-    const uint32_t at = 4 * pick(r, 6);
+    const uint32_t at = 4 * pick(r, (uint32_t)segment->n / 4);
     const uint32_t was = fx_load32_le(segment->p + at);
 
     fx_store32_le(segment->p + at, pick(r, 2) ? was + pick(r, 3) - 1
@@ -685,8 +733,9 @@ static void damage_order(mutate_file *f, uint64_t *r)
 /* Returns whether the segments may be repaired. */
 static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
 {
-    const uint32_t segment =
-        f->segments + 4 * pick(r, (f->n_parts - f->segments) / 4);
+    const uint32_t segment = f->segments + n_chunks(f) *
+        pick(r, (f->n_parts - f->segments) / n_chunks(f));
+    const uint32_t layer = segment + 3 * pick(r, f->n_layers);
 
     switch (c) {
     case MUTATE_IN_HEADER:
@@ -699,9 +748,9 @@ static int damage_file(mutate_file *f, mutate_class c, uint64_t *r)
         damage_some(&f->part[f->segments == 2 ? 1 : 2 + pick(r, 3)], r);
         return 0;
     case MUTATE_IN_COUNTS: damage_counts(&f->part[segment], r); return 0;
-    case MUTATE_IN_COARSE: damage_some(&f->part[segment + 1], r); return 1;
-    case MUTATE_IN_FINE: damage_some(&f->part[segment + 2], r); return 1;
-    case MUTATE_IN_PRIM: damage_some(&f->part[segment + 3], r); return 1;
+    case MUTATE_IN_COARSE: damage_some(&f->part[layer + 1], r); return 1;
+    case MUTATE_IN_FINE: damage_some(&f->part[layer + 2], r); return 1;
+    case MUTATE_IN_PRIM: damage_some(&f->part[layer + 3], r); return 1;
     default: damage_order(f, r); return 0;
     }
 }
@@ -1000,9 +1049,11 @@ static void look_around(player *p)
     uint32_t i;
 
     PROMISE(p->result, saga_tell(&report, p->dec) == SAGA_OK);
-    PROMISE(p->result, report.n_coarse >= 1 &&
-            report.n_coarse <= p->info.max_coarse &&
-            report.n_fine <= p->info.max_fine &&
+    PROMISE(p->result, report.n_layers >= 1 &&
+            report.n_layers <= p->info.n_layers &&
+            report.n_coarse >= report.n_layers &&
+            report.n_coarse <= report.n_layers * p->info.max_coarse &&
+            report.n_fine <= report.n_layers * p->info.max_fine &&
             report.n_primitives - p->info.base_primitives <=
                 p->info.max_primitives);
     for (i = 0; i < report.n_primitives; i++) {
@@ -1025,64 +1076,125 @@ static uint32_t owner_of(const player *p)
     return recorder_segment_chunks(&h, p->head, &any).owner;
 }
 
-/* Where a segment failed that saga_decode refused; agrees with it. */
-static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
+enum { SEGMENT_PARTS = 1 + 3 * SAGA_MAX_LAYERS };
+
+/* The chunks of a segment of so many layers: 1 if they are there, whole. */
+static int split_segment(mutate_part part[SEGMENT_PARTS], uint32_t n_layers,
+                         uint32_t owner, const uint8_t *bytes, size_t n)
 {
     static const uint32_t type[4] = {
         SAGA_CHUNK_SEGMENT, SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
         SAGA_CHUNK_PRIM
     };
-    const size_t nets = p->info.head_nbytes - p->info.base_nbytes -
-                        p->info.nets_nbytes;
-    const uint32_t owner = owner_of(p);
-    mutate_part part[4];
-    mutate_stage stage;
-    saga_counts counts;
     size_t at = 0;
-    head h;
-    int i;
+    uint32_t i;
 
-    for (i = 0; i < 4; i++) {
+    for (i = 0; i < 1 + 3 * n_layers; i++) {
         saga_chunk chunk;
 
-        if (saga_head_chunk(&chunk, type[i], owner, bytes + at, n - at))
-            return MUTATE_AT_SEGMENT;
+        if (saga_head_chunk(&chunk, type[i ? 1 + (i - 1) % 3 : 0], owner,
+                            bytes + at, n - at))
+            return 0;
         part[i].type = chunk.type;
         part[i].n = chunk.nbytes;
         part[i].p = (uint8_t *)(uintptr_t)(bytes + at + SAGA_CHUNK_NBYTES);
+        if (i == 0 && chunk.nbytes != saga_segment_nbytes(n_layers))
+            return 0;
         at += SAGA_CHUNK_NBYTES + chunk.nbytes;
     }
-    if (part[0].n != SAGA_SEGMENT_NBYTES || at != n)
+    return at == n;
+}
+
+/* Where a segment failed that saga_decode refused; agrees with it. */
+static mutate_stage stage_of_segment(player *p, const uint8_t *bytes, size_t n)
+{
+    const size_t nets = p->info.head_nbytes - p->info.base_nbytes -
+                        p->info.nets_nbytes;
+    mutate_stage stage = MUTATE_AT_VIEW;
+    mutate_part part[SEGMENT_PARTS];
+    uint32_t i;
+    head h;
+
+    if (!split_segment(part, p->info.n_layers, owner_of(p), bytes, n))
         return MUTATE_AT_SEGMENT;
-    counts = counts_of(&part[0]);
     if (!head_open(&h, p->head, p->n_head, p->head + nets,
                    p->info.nets_nbytes))
         return MUTATE_AT_NETWORKS;
-    stage = MUTATE_AT_SEGMENT;
-    if (counts_fit(&h.header, &counts))
-        stage = stage_of_layers(&h, counts, part + 1);
+    for (i = 0; i < p->info.n_layers && stage == MUTATE_AT_VIEW; i++) {
+        const saga_counts counts = counts_of(&part[0], i);
+
+        stage = MUTATE_AT_SEGMENT;
+        if (counts_fit(&h.header, &counts))
+            stage = stage_of_layer(&h, counts, part + 1 + 3 * i);
+    }
     free(h.params);
     return stage == MUTATE_AT_VIEW ? MUTATE_AT_SEGMENT : stage;
 }
 
+/* Where a player may stop: fewer bytes give the layers that are whole in them.
+ */
+static void play_cut(player *p, const saga_segment *seg, const uint8_t *bytes,
+                     const saga_report *whole)
+{
+    const uint32_t layer = pick(p->r, whole->n_layers);
+    const uint32_t less = pick(p->r, 2); /* bytes */
+    saga_layer_report place;
+    saga_report cut;
+    uint8_t *copy;
+    saga_status s = saga_find_layer(&place, p->dec, seg, bytes, seg->nbytes,
+                                    layer);
+
+    PROMISE(p->result, s == SAGA_OK && place.end <= seg->nbytes);
+    if (s != SAGA_OK)
+        return;
+    copy = copy_of(bytes, place.end - less);
+    s = saga_decode(p->dec, seg, copy, place.end - less);
+    free(copy);
+    if (layer < less)
+        PROMISE(p->result, s == SAGA_ERR_TRUNCATED);
+    else
+        PROMISE(p->result, s == SAGA_OK &&
+                saga_tell(&cut, p->dec) == SAGA_OK &&
+                cut.n_layers == layer + 1 - less &&
+                cut.n_primitives <= whole->n_primitives);
+}
+
+/* The bytes that an accepted segment was decoded from. */
+static uint32_t used_nbytes(const player *p, const saga_segment *seg,
+                            const uint8_t *bytes, size_t n,
+                            const saga_report *report)
+{
+    saga_layer_report last;
+
+    PROMISE(p->result, saga_find_layer(&last, p->dec, seg, bytes, n,
+                                       report->n_layers - 1) == SAGA_OK);
+    PROMISE(p->result, last.end <= n);
+    return last.end;
+}
+
+/* n: its bytes that are there. */
 static void play_segment(player *p, const saga_segment *seg,
-                         const uint8_t *bytes)
+                         const uint8_t *bytes, size_t n)
 {
     mutate_result *const result = p->result;
-    uint8_t *const copy = copy_of(bytes + seg->offset, seg->nbytes);
-    const saga_status s = saga_decode(p->dec, seg, copy, seg->nbytes);
+    uint8_t *const copy = copy_of(bytes + seg->offset, n);
+    const saga_status s = saga_decode(p->dec, seg, copy, n);
     saga_report report;
     saga_camera c;
 
     PROMISE(result, is_segment_status(s));
     if (s == SAGA_OK) {
-        free(copy);
+        PROMISE(result, saga_tell(&report, p->dec) == SAGA_OK);
         result->segment[result->n_segments].offset = seg->offset;
-        result->segment[result->n_segments++].nbytes = seg->nbytes;
+        result->segment[result->n_segments++].nbytes =
+            used_nbytes(p, seg, copy, n, &report);
         look_around(p);
+        if (n == seg->nbytes)
+            play_cut(p, seg, copy, &report);
+        free(copy);
         return;
     }
-    refuse(result, stage_of_segment(p, copy, seg->nbytes), s);
+    refuse(result, stage_of_segment(p, copy, n), s);
     odd_camera(&c, p->r);
     PROMISE(result, saga_tell(&report, p->dec) == SAGA_ERR_STATE);
     PROMISE(result, saga_view(p->dec, &c, 0) == SAGA_ERR_STATE);
@@ -1106,10 +1218,11 @@ static void play_segments(player *p, const uint8_t *bytes, size_t n)
         PROMISE(p->result, seg.number == i && seg.first_frame == frame &&
                 seg.n_frames >= 1 && seg.t == 0 &&
                 seg.first_frame + seg.n_frames <= p->info.n_frames);
-        if (seg.offset > n || seg.nbytes > n - seg.offset)
+        if (seg.offset > n)
             refuse(p->result, MUTATE_AT_INDEX, SAGA_ERR_TRUNCATED);
         else
-            play_segment(p, &seg, bytes);
+            play_segment(p, &seg, bytes, seg.nbytes < n - seg.offset
+                         ? seg.nbytes : n - (size_t)seg.offset);
         frame = seg.first_frame + seg.n_frames;
     }
 }

@@ -16,7 +16,7 @@
 
 /* --- A file in pieces ---------------------------------------------------- */
 
-enum { MUTATE_PARTS = 5 + 4 * GEN_MAX_SEGMENTS };
+enum { MUTATE_PARTS = 5 + (1 + 3 * GEN_MAX_LAYERS) * GEN_MAX_SEGMENTS };
 
 /* Payload of a chunk. */
 typedef struct mutate_part {
@@ -26,13 +26,14 @@ typedef struct mutate_part {
 } mutate_part;
 
 /* Header, then chunks: index, networks, those of the base if there is one, per
- * segment SEGM COAR FINE PRIM. */
+ * segment SEGM and per layer COAR FINE PRIM. */
 typedef struct mutate_file {
     uint8_t *header;
     size_t header_nbytes;
     mutate_part part[MUTATE_PARTS];
     uint32_t n_parts;
     uint32_t segments;       /* where those of segments begin: 2, or 5 */
+    uint32_t n_layers;       /* of each segment */
 } mutate_file;
 
 /* Pieces of a valid file of at most GEN_MAX_SEGMENTS segments; free them. */
@@ -40,7 +41,7 @@ void mutate_split(mutate_file *f, const uint8_t *bytes, size_t n);
 void mutate_free(mutate_file *f);
 
 /* The bytes (free them), signed: chunk lengths, index, nets_nbytes, those of
- * the base and all CRCs are those of what is there. */
+ * the base and of layers and all CRCs are those of what is there. */
 uint8_t *mutate_join(const mutate_file *f, size_t *n);
 
 /* Writes the CRCs of the header and of all chunks anew, as far as the lengths

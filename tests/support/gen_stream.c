@@ -478,11 +478,13 @@ static uint32_t children(uint8_t *n, uint32_t n_parents, int max, uint32_t cap,
     return total;
 }
 
-static void make_segment(saga_symbols *s, const saga_model *m, uint64_t *r,
-                         const gen_options *o)
+static void make_scaffold(saga_symbols *s, const saga_model *m, uint64_t *r,
+                          const gen_options *o)
 {
     const saga_level_caps *const cap = &saga_caps[o->level];
-    const uint32_t share = o->base ? 2 : 1; /* base and segment keep to it */
+    /* Base and layers keep to it. */
+    const uint32_t share = (o->base ? 1u : 0u) +
+                           (o->n_layers ? o->n_layers : 1u);
     const saga_tier *const l = m->tier;
     const uint32_t want = o->full ? GEN_FULL_COARSE
         : (uint32_t)gen_range(r, 1, o->n_coarse ? (int32_t)o->n_coarse : 12);
@@ -573,12 +575,14 @@ static void fit_model(saga_model *m, uint64_t *r, const gen_options *o)
 
 void gen_stream_make(gen_stream *g, const gen_options *o)
 {
+    const uint32_t n_layers = o->n_layers ? o->n_layers : 1;
     uint64_t r = o->seed;
-    uint32_t i;
+    uint32_t i, k;
 
     memset(g, 0, sizeof *g);
     fit_model(&g->header.model, &r, o);
     g->header.level = (uint8_t)o->level;
+    g->header.more_layers = (uint8_t)(n_layers - 1);
     g->header.fps_num = 30;
     g->header.fps_den = 1;
     g->header.unit_mantissa = 1;
@@ -590,12 +594,14 @@ void gen_stream_make(gen_stream *g, const gen_options *o)
     g->n_segments = o->n_segments ? o->n_segments : 1;
     g->named = o->named;
     for (i = 0; i < g->n_segments; i++) {
-        make_segment(&g->segment[i], &g->header.model, &r, o);
+        for (k = 0; k < n_layers; k++)
+            make_scaffold(&g->segment[i * n_layers + k], &g->header.model, &r,
+                          o);
         g->n_frames[i] = (uint32_t)gen_range(&r, 1, 60);
     }
     g->has_base = o->base;
     if (o->base)
-        make_segment(&g->base, &g->header.model, &r, o);
+        make_scaffold(&g->base, &g->header.model, &r, o);
 }
 
 void gen_stream_free(gen_stream *g)
@@ -604,7 +610,7 @@ void gen_stream_free(gen_stream *g)
 
     saga_net_symbols_free(&g->nets);
     recorder_free_symbols(&g->base);
-    for (i = 0; i < g->n_segments; i++)
+    for (i = 0; i < g->n_segments * saga_n_layers(&g->header); i++)
         recorder_free_symbols(&g->segment[i]);
 }
 
@@ -639,7 +645,8 @@ void gen_stream_encode(gen_stream *g, uint8_t **bytes, size_t *n)
              (!g->has_base || saga_encoder_base(e, &g->base, &error));
 
     for (i = 0; ok && i < g->n_segments; i++)
-        ok = saga_encoder_segment(e, &g->segment[i], g->n_frames[i], &error);
+        ok = saga_encoder_segment(e, &g->segment[i * saga_n_layers(&g->header)],
+                                  g->n_frames[i], &error);
     ok = ok && saga_encoder_finish(e, bytes, n, &sizes, &error);
     saga_encoder_free(e);
     if (!ok) {

@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { GEN_MAX_SEGMENTS = 4, GEN_MAX_CAMERAS = 3 };
+enum { GEN_MAX_SEGMENTS = 4, GEN_MAX_LAYERS = 3, GEN_MAX_CAMERAS = 3 };
 
 /* So many coarse anchors fit into level 0's memory beside all the fine ones and
  * primitives it may have. */
@@ -40,6 +40,7 @@ typedef struct gen_options {
     int linear;            /* F_fine and F_geo have one layer */
     int named;             /* names of the cameras, and a unit of length */
     int base;              /* a base beside the segments */
+    uint32_t n_layers;     /* of each segment, up to GEN_MAX_LAYERS; 0: 1 */
 } gen_options;
 
 enum { GEN_BANK_ORTHOGONAL = 1, GEN_BANK_PLAIN };
@@ -51,7 +52,8 @@ typedef struct gen_stream {
     int has_base;
     saga_symbols base;
     uint32_t n_segments;
-    saga_symbols segment[GEN_MAX_SEGMENTS];
+    saga_symbols segment[GEN_MAX_SEGMENTS * GEN_MAX_LAYERS]; /* layer k of
+                              * segment i is i * layers + k */
     uint32_t n_frames[GEN_MAX_SEGMENTS];
     int named;
 } gen_stream;

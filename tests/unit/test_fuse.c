@@ -38,7 +38,7 @@ static void make_plain(gen_stream *g, uint64_t seed)
     gen_stream_make(g, &o);
     g->header.model.head_q[SAGA_HEAD_COARSE] = 10;
     g->header.model.head_q[SAGA_HEAD_FINE] = 9;
-    for (int i = 0; i < SAGA_MAX_LAYERS; i++) {
+    for (int i = 0; i < SAGA_MAX_NET_LAYERS; i++) {
         free(g->nets.layer[SAGA_NET_FINE][i].finer);
         g->nets.layer[SAGA_NET_FINE][i].finer = NULL;
     }

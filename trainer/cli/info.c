@@ -43,7 +43,6 @@ static const struct {
     { SAGA_TOOL_SLOPE, "linear rotation", "linear_rotation" },
     { SAGA_TOOL_VIEW, "view-dependent colour", "view_dependent_colour" },
     { SAGA_TOOL_BASE, "base segment", "base_segment" },
-    { SAGA_TOOL_LAYERS, "layers", "layers" },
     { SAGA_TOOL_FEATURE_RESIDUAL, "feature residuals", "feature_residuals" },
     { SAGA_TOOL_HASH, "residual hash", "residual_hash" },
     { SAGA_TOOL_BANK, "memory bank", "memory_bank" },
@@ -119,13 +118,14 @@ static void print_header(const subject *s)
     printf("networks    %" PRIu32 " weights, %" PRIu32
            " feature channels\n"
            "at most     %" PRIu32 " coarse anchors, %" PRIu32
-           " fine anchors, %" PRIu32 " primitives a segment\n"
+           " fine anchors%s, %" PRIu32 " primitives a segment\n"
            "memory      %zu bytes to decode, of %lu at level %" PRIu32 "\n"
            "work        %" PRIu64 " multiply-accumulates a segment, %" PRIu32
            " a visible primitive and picture\n",
            i->n_weights, i->features, i->max_coarse, i->max_fine,
-           i->max_primitives, i->work_nbytes, SAGA_WORK_MAX(i->level),
-           i->level, i->decode_macs, i->view_macs);
+           i->n_layers > 1 ? " a layer" : "", i->max_primitives,
+           i->work_nbytes, SAGA_WORK_MAX(i->level), i->level, i->decode_macs,
+           i->view_macs);
     if (i->base_coarse)
         printf("base        %" PRIu32 " coarse anchors, %" PRIu32 " fine "
                "anchors, %" PRIu32 " primitives, decoded once:\n"
@@ -151,6 +151,30 @@ static void print_segment(const subject *s, uint32_t i)
     else
         printf(" %7" PRIu32 " %7" PRIu32 " %8" PRIu32 "\n", g->n.coarse,
                g->n.fine, g->n.prim);
+}
+
+/* What a file cut behind each layer has. */
+static void print_layers(const subject *s)
+{
+    const saga_layout *const l = &s->layout;
+
+    puts("\nlayer       bytes  coarse    fine    prims  the file up to it");
+    for (uint32_t k = 0; k < l->n_layers; k++) {
+        uint64_t nbytes = 0;
+        saga_counts n = { 0, 0, 0 };
+
+        for (uint32_t i = 0; i < l->n_segments; i++) {
+            const saga_layout_layer *const y = &l->segment[i].layer[k];
+
+            nbytes += y->nbytes;
+            n.coarse += y->n.coarse;
+            n.fine += y->n.fine;
+            n.prim += y->n.prim;
+        }
+        printf("%5" PRIu32 " %11" PRIu64 " %7" PRIu32 " %7" PRIu32 " %8" PRIu32
+               " %11" PRIu64 " bytes\n", k + 1, nbytes, n.coarse, n.fine,
+               n.prim, saga_layout_cut(l, k + 1));
+    }
 }
 
 static void print_rig(const subject *s)
@@ -183,6 +207,8 @@ static void print_text(const subject *s)
          "    prims");
     for (uint32_t i = 0; i < s->layout.n_segments; i++)
         print_segment(s, i);
+    if (s->layout.n_layers > 1 && !s->layout.n_damaged)
+        print_layers(s);
     if (s->info.n_cameras)
         print_rig(s);
     if (!s->layout.damage[0])
@@ -235,7 +261,8 @@ static json_t *json_header(const subject *s)
 
 static json_t *json_decoding(const saga_info *i)
 {
-    return json_pack("{sIsIsIsIsIsIsIsIsIsIsIsIsI}",
+    return json_pack("{sIsIsIsIsIsIsIsIsIsIsIsIsIsI}",
+        "n_layers", number(i->n_layers),
         "features", number(i->features), "n_weights", number(i->n_weights),
         "max_coarse", number(i->max_coarse), "max_fine", number(i->max_fine),
         "max_primitives", number(i->max_primitives),
@@ -263,6 +290,21 @@ static json_t *json_metric(const subject *s)
         "centre_exponent", (int)i->centre_exponent);
 }
 
+static json_t *json_layers(const saga_layout_segment *g, uint32_t n_layers)
+{
+    json_t *const list = json_array();
+
+    for (uint32_t k = 0; k < n_layers; k++) {
+        const saga_layout_layer *const y = &g->layer[k];
+
+        json_array_append_new(list, json_pack(
+            "{sIsIsIsI}", "nbytes", number(y->nbytes),
+            "n_coarse", number(y->n.coarse), "n_fine", number(y->n.fine),
+            "n_primitives", number(y->n.prim)));
+    }
+    return list;
+}
+
 static json_t *json_segments(const subject *s)
 {
     json_t *const list = json_array();
@@ -271,7 +313,7 @@ static json_t *json_segments(const subject *s)
         const saga_layout_segment *const g = &s->layout.segment[i];
 
         json_array_append_new(list, json_pack(
-            "{sIsIsIsIsosbsIsIsIsIsIsI}",
+            "{sIsIsIsIsosbsIsIsIsIsIsIso}",
             "first_frame", number(g->first_frame),
             "n_frames", number(g->n_frames), "offset", number(g->offset),
             "nbytes", number(g->nbytes), "bits_per_second",
@@ -280,7 +322,8 @@ static json_t *json_segments(const subject *s)
             "n_fine", number(g->n.fine), "n_primitives", number(g->n.prim),
             "coarse_nbytes", number(g->payload_nbytes[SAGA_PART_COARSE]),
             "fine_nbytes", number(g->payload_nbytes[SAGA_PART_FINE]),
-            "primitives_nbytes", number(g->payload_nbytes[SAGA_PART_PRIM])));
+            "primitives_nbytes", number(g->payload_nbytes[SAGA_PART_PRIM]),
+            "layers", json_layers(g, s->layout.n_layers)));
     }
     return list;
 }

@@ -5,6 +5,7 @@
  */
 #include "cli.h"
 #include "commands.h"
+#include "container.h"
 #include "error.h"
 #include "file.h"
 #include "output.h"
@@ -18,6 +19,7 @@ enum { MOST_PARTS = SAGA_CLI_MOST_ARGUMENTS };
 
 typedef struct {
     const char *out;
+    int n_layers;           /* of cut; 0: all */
 } options;
 
 static bool write_file(const char *path, const uint8_t *bytes, size_t n,
@@ -77,7 +79,7 @@ static int splice_files(const char *command, const char *path,
 static int run_cut(int argc, char **argv)
 {
     static const saga_cli_option frames = { .min = 0, .max = INT32_MAX };
-    options o = { NULL };
+    options o = { NULL, 0 };
     const char *argument[2];
     saga_cli_pair range = { 0, 0 };
     saga_splice_part part = { .name = NULL };
@@ -92,12 +94,13 @@ static int run_cut(int argc, char **argv)
     part.name = argument[0];
     part.first = (uint32_t)range.a;
     part.end = (uint32_t)range.b;
+    part.n_layers = (uint32_t)o.n_layers;
     return splice_files("cut", o.out, &part, 1);
 }
 
 static int run_join(int argc, char **argv)
 {
-    options o = { NULL };
+    options o = { NULL, 0 };
     const char *name[MOST_PARTS + 1] = { NULL };
     saga_splice_part part[MOST_PARTS];
     int n = 0;
@@ -112,7 +115,9 @@ static int run_join(int argc, char **argv)
 
 static const saga_cli_option option_list[] = {
     { "-o", "OUT", "the file to be written", saga_cli_text,
-      offsetof(options, out), 0, 0 }
+      offsetof(options, out), 0, 0 },
+    { "--layers", "K", "only the first K layers of each segment",
+      saga_cli_int, offsetof(options, n_layers), 1, SAGA_MAX_LAYERS }
 };
 
 const saga_command saga_command_cut = {
@@ -121,8 +126,11 @@ const saga_command saga_command_cut = {
     "Writes frames A to B - 1 of a .saga file as a file of their own, without\n"
     "decoding: the same pixels, from the same bytes. An end left out is the\n"
     "file's: 24: is all from frame 24 on. A segment is decoded as a whole, so\n"
-    "the range must begin and end where segments do; `saga info` lists them.\n",
-    option_list, 1, run_cut
+    "the range must begin and end where segments do; `saga info` lists them.\n"
+    "Layers may be left out of a file that has them: fewer bytes, a coarser\n"
+    "picture. `saga cut FILE : --layers 1` keeps all frames, and of each what\n"
+    "the first layer has.\n",
+    option_list, 2, run_cut
 };
 
 const saga_command saga_command_join = {

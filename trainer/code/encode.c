@@ -262,7 +262,8 @@ saga_encoder *saga_encoder_open(const saga_header *header,
     saga_encoder *e;
 
     if (!saga_model_is_valid(&header->model) ||
-        header->n_cameras > SAGA_MAX_CAMERAS) {
+        header->n_cameras > SAGA_MAX_CAMERAS ||
+        header->more_layers >= SAGA_MAX_LAYERS) {
         saga_fail(error, NULL, remedy,
                   "a field of the header is out of its range");
         return NULL;
@@ -375,33 +376,34 @@ bool saga_encoder_scaffold(saga_scaffold *sc, const saga_encoder *e,
                                error);
 }
 
-static int code_layer(const saga_scaffold *sc, int layer, saga_coder *c)
+/* COAR, FINE and PRIM are parts 0 to 2. */
+static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
 {
-    return layer == 0 ? saga_syntax_coarse(sc, c)
-         : layer == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
+    return part == 0 ? saga_syntax_coarse(sc, c)
+         : part == 1 ? saga_syntax_fine(sc, c) : saga_syntax_prim(sc, c);
 }
 
-/* No layer exceeds these bytes; see networks_bound. A set of n points asks for
+/* No chunk exceeds these bytes; see networks_bound. A set of n points asks for
  * at most 32 n symbols. */
-static size_t layer_bound(const saga_encoder *e, const saga_symbols *s,
-                          int layer)
+static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
+                          int part)
 {
-    if (layer == 0)
+    if (part == 0)
         return 64 + 34 * (size_t)s->n_nodes +
                6 * (size_t)s->n.coarse * (5u + e->header.model.features);
-    return 64 + (6 * 5 + 64) * (size_t)(layer == 1 ? s->n.fine : s->n.prim) +
+    return 64 + (6 * 5 + 64) * (size_t)(part == 1 ? s->n.fine : s->n.prim) +
            2 * (size_t)s->n.coarse;
 }
 
-/* Appends the layer's chunk, whose payload has *size bytes. */
-static bool encode_layer(saga_encoder *e, saga_buffer *to, size_t *size,
+/* Appends a chunk, whose payload has *size bytes. */
+static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
                          const saga_scaffold *sc, const saga_symbols *s,
-                         int layer, saga_error *error)
+                         int part, saga_error *error)
 {
     static const uint32_t type[3] = {
         SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE, SAGA_CHUNK_PRIM
     };
-    const size_t bound = layer_bound(e, s, layer);
+    const size_t bound = chunk_bound(e, s, part);
     uint8_t *const p = reserve(to, SAGA_CHUNK_NBYTES + bound, error);
     source src;
     saga_cost cost;
@@ -413,37 +415,52 @@ static bool encode_layer(saga_encoder *e, saga_buffer *to, size_t *size,
     src.s = s;
     saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
-    if (code_layer(sc, layer, &cost.coder) && !cost.coder.error &&
-        (layer > 0 || src.n_nodes == s->n_nodes))
+    if (code_chunk(sc, part, &cost.coder) && !cost.coder.error &&
+        (part > 0 || src.n_nodes == s->n_nodes))
         n = saga_range_enc_finish(&src.range);
     if (n == 0)
         return saga_fail(error, NULL, remedy,
                          "the symbols do not make a valid segment");
-    end_chunk(to, type[layer], n);
+    end_chunk(to, type[part], n);
     *size = n;
     add_bits(e, &cost);
     return true;
 }
 
-/* The segment's number and first frame are the finished file's to say. */
-static bool begin_segment(saga_encoder *e, const saga_symbols *s,
-                          uint32_t n_frames, saga_error *error)
+/* Makes room for SEGM, whose fields come when the layers are there. */
+static bool begin_segment(saga_encoder *e, saga_error *error)
 {
-    saga_segment_header seg = { 0, 0, n_frames, s->n };
-    uint8_t *const p = reserve(&e->segments, SAGA_CHUNK_NBYTES +
-                               SAGA_SEGMENT_NBYTES, error);
-    saga_io io = { NULL, p, SAGA_CHUNK_NBYTES };
+    const uint32_t nbytes = saga_segment_nbytes(saga_n_layers(&e->header));
 
-    if (!p)
+    if (!reserve(&e->segments, SAGA_CHUNK_NBYTES + nbytes, error))
         return false;
-    saga_segment_io(&io, &seg);
-    end_chunk(&e->segments, SAGA_CHUNK_SEGMENT, SAGA_SEGMENT_NBYTES);
+    end_chunk(&e->segments, SAGA_CHUNK_SEGMENT, nbytes);
     return true;
+}
+
+static uint32_t larger(uint32_t a, uint32_t b)
+{
+    return a > b ? a : b;
+}
+
+static void add_to_maxima(saga_header *h, const saga_segment_header *seg)
+{
+    uint32_t prim = 0, i;
+
+    for (i = 0; i < saga_n_layers(h); i++) {
+        const saga_counts *const n = &seg->layer[i].n;
+
+        h->max.coarse = larger(h->max.coarse, n->coarse);
+        h->max.fine = larger(h->max.fine, n->fine);
+        prim += n->prim;
+    }
+    h->max.prim = larger(h->max.prim, prim);
 }
 
 /* Sets the header's maxima and the index, once a segment is whole; the place is
  * one of those there are, or the next. */
-static bool end_segment(saga_encoder *e, uint32_t place, const saga_symbols *s,
+static bool end_segment(saga_encoder *e, uint32_t place,
+                        const saga_segment_header *seg,
                         saga_index_entry entry, saga_error *error)
 {
     saga_header *const h = &e->header;
@@ -458,28 +475,51 @@ static bool end_segment(saga_encoder *e, uint32_t place, const saga_symbols *s,
     index[place] = entry;
     h->n_segments++;
     h->n_frames += entry.n_frames;
-    h->max.coarse = s->n.coarse > h->max.coarse ? s->n.coarse : h->max.coarse;
-    h->max.fine = s->n.fine > h->max.fine ? s->n.fine : h->max.fine;
-    h->max.prim = s->n.prim > h->max.prim ? s->n.prim : h->max.prim;
+    add_to_maxima(h, seg);
     return true;
 }
 
-static bool encode_layers(saga_encoder *e, saga_buffer *to, size_t size[3],
-                          const saga_symbols *s, saga_error *error)
+/* Appends the three chunks of a layer or of the base. */
+static bool encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
+                            const saga_symbols *s, saga_error *error)
 {
     saga_scaffold sc;
     bool ok = symbols_are_clean(s, &e->header.model) ||
               saga_fail(error, NULL, remedy,
                         "a symbol has bits that are not coded");
-    int layer;
+    int part;
 
     if (!ok || !saga_encoder_scaffold(&sc, e, s->n, error))
         return false;
     saga_syntax_begin(&sc);
-    for (layer = 0; layer < 3 && ok; layer++)
-        ok = encode_layer(e, to, &size[layer], &sc, s, layer, error);
+    for (part = 0; part < 3 && ok; part++)
+        ok = encode_chunk(e, to, &size[part], &sc, s, part, error);
     saga_scaffold_free(&sc);
     return ok;
+}
+
+/* Appends the layers s[0..N), and notes what SEGM says of them. */
+static bool encode_layers(saga_encoder *e, saga_segment_header *seg,
+                          const saga_symbols *s, saga_error *error)
+{
+    const uint32_t n_layers = saga_n_layers(&e->header);
+    uint32_t i;
+
+    for (i = 0; i < n_layers; i++) {
+        const size_t begin = e->segments.n;
+        size_t size[3], nbytes;
+
+        if (!encode_scaffold(e, &e->segments, size, &s[i], error))
+            return false;
+        nbytes = e->segments.n - begin;
+        seg->layer[i].n = s[i].n;
+        seg->layer[i].nbytes = (uint32_t)nbytes;
+        e->sizes.coarse += size[0];
+        e->sizes.fine += size[1];
+        e->sizes.prim += size[2];
+        e->sizes.layers[i] += n_layers > 1 ? nbytes : 0;
+    }
+    return true;
 }
 
 bool saga_encoder_insert(saga_encoder *e, uint32_t place,
@@ -489,18 +529,18 @@ bool saga_encoder_insert(saga_encoder *e, uint32_t place,
     const size_t begin = e->segments.n;
     const saga_encode_sizes sizes = e->sizes;
     saga_index_entry entry = { begin, 0, n_frames };
-    size_t size[3];
+    /* Number and first frame are the finished file's to say. */
+    saga_segment_header seg = { .n_frames = n_frames };
 
     if (n_frames == 0)
         return saga_fail(error, NULL, remedy,
                          "a segment needs at least one frame");
-    if (begin_segment(e, s, n_frames, error) &&
-        encode_layers(e, &e->segments, size, s, error)) {
+    if (begin_segment(e, error) && encode_layers(e, &seg, s, error)) {
+        saga_io io = { NULL, e->segments.p + begin, SAGA_CHUNK_NBYTES };
+
+        saga_segment_io(&io, &seg, saga_n_layers(&e->header));
         entry.nbytes = (uint32_t)(e->segments.n - begin);
-        e->sizes.coarse += size[0];
-        e->sizes.fine += size[1];
-        e->sizes.prim += size[2];
-        if (end_segment(e, place, s, entry, error))
+        if (end_segment(e, place, &seg, entry, error))
             return true;
     }
     e->segments.n = begin;
@@ -515,7 +555,7 @@ bool saga_encoder_base(saga_encoder *e, const saga_symbols *s,
     saga_header *const h = &e->header;
     size_t size[3];
 
-    if (!encode_layers(e, &e->base, size, s, error)) {
+    if (!encode_scaffold(e, &e->base, size, s, error)) {
         e->base.n = 0;
         e->sizes = sizes;
         return false;
@@ -604,10 +644,10 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
 
         if (!p)
             return false;
-        saga_segment_io(&in, &seg);
+        saga_segment_io(&in, &seg, saga_n_layers(&e->header));
         seg.number = i;
         seg.first_frame = first_frame;
-        saga_segment_io(&to, &seg);
+        saga_segment_io(&to, &seg, saga_n_layers(&e->header));
         first_frame += entry->n_frames;
     }
     return true;
@@ -708,6 +748,6 @@ void saga_net_symbols_free(saga_net_symbols *s)
     int net, i;
 
     for (net = 0; net < SAGA_N_NETS; net++)
-        for (i = 0; i < SAGA_MAX_LAYERS; i++)
+        for (i = 0; i < SAGA_MAX_NET_LAYERS; i++)
             saga_layer_symbols_free(&s->layer[net][i]);
 }

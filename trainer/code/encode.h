@@ -25,6 +25,8 @@ typedef struct saga_encode_sizes {
     size_t header, index, networks;
     size_t base;                 /* payloads */
     size_t coarse, fine, prim;   /* payloads of all segments together */
+    size_t layers[SAGA_MAX_LAYERS]; /* chunks of a layer in all segments; with
+                                  * several layers only */
     size_t total;
     double bits[SAGA_N_SYMS];    /* code lengths, all segments together */
     double spent[SAGA_N_SYMS];   /* the same as the range coder spends it */
@@ -58,8 +60,9 @@ const saga_model *saga_encoder_model(const saga_encoder *e);
 bool saga_encoder_base(saga_encoder *e, const saga_symbols *s,
                        saga_error *error);
 
-/* Appends a segment of n_frames frames. It fails if the symbols do not make a
- * valid segment, and the file is what it was. */
+/* Appends a segment of n_frames frames, whose layers are s[0..N), as many as
+ * the file's header says. It fails if the symbols do not make a valid segment,
+ * and the file is what it was. */
 bool saga_encoder_segment(saga_encoder *e, const saga_symbols *s,
                           uint32_t n_frames, saga_error *error);
 
@@ -82,7 +85,7 @@ void saga_encoder_free(saga_encoder *e);
  * into file[0..n), which is complete but for them. */
 void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes);
 
-/* Whoever drives a traversal of a segment of n outside the decoder gets its
+/* Whoever drives a traversal of a scaffold of n outside the decoder gets its
  * memory here; saga_scaffold_free gives it back. */
 bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                          const saga_nets *nets, const uint8_t *params,

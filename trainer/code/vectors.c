@@ -71,7 +71,7 @@ static uint32_t finer_crc(uint32_t crc, const saga_layer_symbols *l,
     return crc;
 }
 
-static uint32_t segment_crc(uint32_t crc, const saga_symbols *s,
+static uint32_t scaffold_crc(uint32_t crc, const saga_symbols *s,
                             uint32_t features)
 {
     uint32_t i;
@@ -95,7 +95,8 @@ static uint32_t segment_crc(uint32_t crc, const saga_symbols *s,
 
 uint32_t saga_symbols_crc(const saga_net_symbols *nets,
                           const saga_nets *shapes, const saga_symbols *base,
-                          const saga_symbols *s, uint32_t features)
+                          const saga_symbols *s, uint32_t n_layers,
+                          uint32_t features)
 {
     uint32_t crc = 0;
     int net, i;
@@ -109,8 +110,10 @@ uint32_t saga_symbols_crc(const saga_net_symbols *nets,
                             saga_nets_n_finer(shapes, net, i));
         }
     if (base)
-        crc = segment_crc(crc, base, features);
-    return segment_crc(crc, s, features);
+        crc = scaffold_crc(crc, base, features);
+    for (i = 0; i < (int)n_layers; i++)
+        crc = scaffold_crc(crc, &s[i], features);
+    return crc;
 }
 
 /* --- Decoded stages ------------------------------------------------------ */
@@ -201,13 +204,16 @@ static saga_status run_stages(saga_stages *out, saga_decoder *dec,
     saga_camera c;
     saga_report report;
     uint32_t name;
+    size_t left;
     saga_status s = find_segment(&seg, bytes, n, number);
 
     if (s)
         return s;
-    if (seg.offset > n || seg.nbytes > n - seg.offset)
+    if (seg.offset > n)
         return SAGA_ERR_TRUNCATED;
-    s = saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes);
+    left = n - (size_t)seg.offset;
+    s = saga_decode(dec, &seg, bytes + seg.offset,
+                    seg.nbytes < left ? seg.nbytes : left);
     if (s)
         return s;
     s = saga_rig(&c, &name, bytes, n, camera);

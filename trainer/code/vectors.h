@@ -28,10 +28,11 @@ typedef struct saga_stages {
 
 /* Returns the CRC of the symbols: every integer as 4 bytes, little-endian, in
  * the order of symbols.h: the networks' layers in the order of the stream, the
- * base (NULL: none), the segment. */
+ * base (NULL: none), the segment's layers s[0..n_layers). */
 uint32_t saga_symbols_crc(const saga_net_symbols *nets,
                           const saga_nets *shapes, const saga_symbols *base,
-                          const saga_symbols *s, uint32_t features);
+                          const saga_symbols *s, uint32_t n_layers,
+                          uint32_t features);
 
 /* Runs all stages but the symbols, from the bytes of a file, through saga.h
  * alone: segment `number` (found through its first frame), time t, rig camera.

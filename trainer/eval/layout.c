@@ -8,6 +8,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* A walk holds the file and what has been found in it. */
 typedef struct {
@@ -140,6 +141,7 @@ static bool take_head(walk *w, const saga_header *h)
     saga_chunk c;
 
     to->header_nbytes = h->header_nbytes;
+    to->n_layers = saga_n_layers(h);
     if (!take_chunk(&c, w, SAGA_CHUNK_INDEX, h->header_nbytes))
         return false;
     to->index_nbytes = c.nbytes;
@@ -160,32 +162,61 @@ static bool take_head(walk *w, const saga_header *h)
 static bool take_header(walk *w, saga_layout_segment *s, uint64_t at)
 {
     saga_io io = { w->bytes + at + SAGA_CHUNK_NBYTES, NULL, 0 };
+    const uint32_t n_layers = w->to->n_layers;
     saga_segment_header h;
 
-    if (s->payload_nbytes[SAGA_PART_SEGMENT] != SAGA_SEGMENT_NBYTES)
+    if (s->payload_nbytes[SAGA_PART_SEGMENT] != saga_segment_nbytes(n_layers))
         return damaged(w, SAGA_CHUNK_SEGMENT, at, "it has the wrong length");
-    saga_segment_io(&io, &h);
+    saga_segment_io(&io, &h, n_layers);
     if (h.first_frame != s->first_frame || h.n_frames != s->n_frames)
         return damaged(w, SAGA_CHUNK_SEGMENT, at,
                        "its frames are not those of the index");
-    s->n = h.n;
+    for (uint32_t k = 0; k < n_layers; k++) {
+        s->layer[k].n = h.layer[k].n;
+        s->layer[k].nbytes = h.layer[k].nbytes;
+        s->n.coarse += h.layer[k].n.coarse;
+        s->n.fine += h.layer[k].n.fine;
+        s->n.prim += h.layer[k].n.prim;
+    }
     return true;
+}
+
+/* Takes the three chunks of a layer at *at, which moves past them. */
+static bool take_layer(walk *w, saga_layout_segment *s,
+                       saga_layout_layer *layer, uint64_t *at)
+{
+    const uint64_t begin = *at;
+
+    for (int i = SAGA_PART_COARSE; i < SAGA_N_PARTS; i++) {
+        saga_chunk c;
+
+        if (!take_chunk(&c, w, part_type[i], *at))
+            return false;
+        layer->payload_nbytes[i] = c.nbytes;
+        s->payload_nbytes[i] += c.nbytes;
+        *at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
+    }
+    if (w->to->n_layers == 1)
+        layer->nbytes = (uint32_t)(*at - begin);
+    return *at - begin == layer->nbytes ||
+           damaged(w, SAGA_CHUNK_SEGMENT, s->offset, "it gives another length "
+                   "of a layer than its chunks have");
 }
 
 static bool take_segment(walk *w, saga_layout_segment *s)
 {
     uint64_t at = s->offset;
+    saga_chunk c;
 
-    for (int i = 0; i < SAGA_N_PARTS; i++) {
-        saga_chunk c;
-
-        if (!take_chunk(&c, w, part_type[i], at))
+    if (!take_chunk(&c, w, SAGA_CHUNK_SEGMENT, at))
+        return false;
+    s->payload_nbytes[SAGA_PART_SEGMENT] = c.nbytes;
+    if (!take_header(w, s, at))
+        return false;
+    at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
+    for (uint32_t k = 0; k < w->to->n_layers; k++)
+        if (!take_layer(w, s, &s->layer[k], &at))
             return false;
-        s->payload_nbytes[i] = c.nbytes;
-        if (i == SAGA_PART_SEGMENT && !take_header(w, s, at))
-            return false;
-        at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
-    }
     return at - s->offset == s->nbytes ||
            damaged(w, SAGA_CHUNK_SEGMENT, s->offset, "the index gives another "
                    "length of the segment than its chunks have");
@@ -210,6 +241,7 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
     }
     s->damaged = true;
     s->n = (saga_counts){ 0, 0, 0 };
+    memset(s->layer, 0, sizeof s->layer);
     for (int p = 0; p < SAGA_N_PARTS; p++)
         s->payload_nbytes[p] = 0;
     w->to->n_damaged++;
@@ -273,6 +305,20 @@ bool saga_layout_read(saga_layout *layout, const char *name,
     if (h.header_nbytes >= SAGA_HEADER_NBYTES && h.header_nbytes <= n)
         w.owner = (uint32_t)saga_load_le(bytes + h.header_nbytes - 4, 4);
     return read_all(&w, &h, name, error);
+}
+
+uint64_t saga_layout_cut(const saga_layout *layout, uint32_t n_layers)
+{
+    const uint32_t less = saga_segment_nbytes(layout->n_layers) -
+                          saga_segment_nbytes(n_layers);
+    uint64_t nbytes = layout->file_nbytes;
+
+    for (uint32_t i = 0; i < layout->n_segments; i++) {
+        nbytes -= less;
+        for (uint32_t k = n_layers; k < layout->n_layers; k++)
+            nbytes -= layout->segment[i].layer[k].nbytes;
+    }
+    return nbytes;
 }
 
 void saga_layout_free(saga_layout *layout)

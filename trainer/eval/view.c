@@ -127,6 +127,16 @@ void saga_film_naming(const saga_film *film, uint32_t index,
 
 /* --- Drawing ------------------------------------------------------------- */
 
+/* The bytes of a segment that are there. Where the file ends early, layers may
+ * be whole. */
+static size_t bytes_there(const saga_film *film, const saga_segment *seg)
+{
+    const size_t left = seg->offset <= film->nbytes
+        ? film->nbytes - (size_t)seg->offset : 0;
+
+    return seg->nbytes < left ? seg->nbytes : left;
+}
+
 static bool decode(saga_film *film, const saga_segment *seg,
                    saga_error *error)
 {
@@ -137,10 +147,9 @@ static bool decode(saga_film *film, const saga_segment *seg,
     if (film->segment == (int64_t)seg->number)
         return true;
     film->segment = -1;
-    if (seg->offset <= film->nbytes &&
-        seg->nbytes <= film->nbytes - seg->offset)
+    if (seg->offset <= film->nbytes)
         s = saga_decode(film->dec, seg, film->bytes + seg->offset,
-                        seg->nbytes);
+                        bytes_there(film, seg));
     snprintf(what, sizeof what, "segment %" PRIu32 " is refused",
              seg->number);
     if (s)

@@ -11,7 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A part with its file's header, and with where its segments are. */
+/* A part with its file's header, and with where its segments are. The header
+ * has the layers that are taken. */
 typedef struct {
     const saga_splice_part *part;
     saga_header header;
@@ -84,6 +85,19 @@ static bool find_segments(piece *p, saga_error *error)
            find_segment(&p->end, p, end, error);
 }
 
+static bool take_layers(piece *p, saga_error *error)
+{
+    const uint32_t wanted = p->part->n_layers;
+
+    if (wanted > p->layout.n_layers)
+        return saga_fail(error, p->part->name, "take fewer", "its layers: %"
+                         PRIu32 "; asked for: %" PRIu32, p->layout.n_layers,
+                         wanted);
+    if (wanted > 0)
+        p->header.more_layers = (uint8_t)(wanted - 1);
+    return true;
+}
+
 static bool read_piece(piece *p, const saga_splice_part *part,
                        saga_error *error)
 {
@@ -91,7 +105,8 @@ static bool read_piece(piece *p, const saga_splice_part *part,
     return read_header(p, error) &&
            saga_layout_read(&p->layout, part->name, part->bytes, part->nbytes,
                             error) &&
-           check_damage(p, error) && find_segments(p, error);
+           check_damage(p, error) && take_layers(p, error) &&
+           find_segments(p, error);
 }
 
 /* --- What must agree ----------------------------------------------------- */
@@ -127,7 +142,7 @@ static void model_bytes(uint8_t bytes[MODEL_NBYTES],
 {
     saga_io io = { NULL, bytes, 0 };
     saga_header h = { .level = from->level, .model = from->model,
-                      .cuttable = from->cuttable };
+                      .more_layers = from->more_layers };
 
     memset(bytes, 0, MODEL_NBYTES);
     saga_header_io(&io, &h);
@@ -211,6 +226,30 @@ static uint32_t most(uint32_t a, uint32_t b)
     return a > b ? a : b;
 }
 
+static uint32_t segment_nbytes(const piece *p, uint32_t i)
+{
+    const uint32_t n_layers = saga_n_layers(&p->header);
+    uint32_t nbytes = SAGA_CHUNK_NBYTES + saga_segment_nbytes(n_layers);
+
+    for (uint32_t k = 0; k < n_layers; k++)
+        nbytes += p->layout.segment[i].layer[k].nbytes;
+    return nbytes;
+}
+
+/* Makes the maxima those of a segment where it has more. */
+static void add_to_maxima(saga_counts *max, const saga_layout_segment *s,
+                          uint32_t n_layers)
+{
+    uint32_t prim = 0;
+
+    for (uint32_t k = 0; k < n_layers; k++) {
+        max->coarse = most(max->coarse, s->layer[k].n.coarse);
+        max->fine = most(max->fine, s->layer[k].n.fine);
+        prim += s->layer[k].n.prim;
+    }
+    max->prim = most(max->prim, prim);
+}
+
 /* Adds a piece's segments to the header's counts and their bytes to *nbytes.
  */
 static bool count(saga_header *h, size_t *nbytes, const piece *p,
@@ -225,10 +264,8 @@ static bool count(saga_header *h, size_t *nbytes, const piece *p,
                              "more segments or frames than a file can have");
         h->n_segments++;
         h->n_frames += s->n_frames;
-        h->max.coarse = most(h->max.coarse, s->n.coarse);
-        h->max.fine = most(h->max.fine, s->n.fine);
-        h->max.prim = most(h->max.prim, s->n.prim);
-        *nbytes += s->nbytes;
+        add_to_maxima(&h->max, s, saga_n_layers(h));
+        *nbytes += segment_nbytes(p, i);
     }
     return true;
 }
@@ -269,25 +306,38 @@ static void write_index(splice *s, const piece *p, int n_pieces)
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++) {
             const saga_layout_segment *const g = &p[k].layout.segment[i];
-            saga_index_entry e = { at, g->nbytes, g->n_frames };
+            saga_index_entry e = { at, segment_nbytes(&p[k], i),
+                                   g->n_frames };
             saga_io io = { NULL, s->bytes + s->at, 0 };
 
             saga_index_io(&io, &e);
             s->at += io.at;
-            at += g->nbytes;
+            at += e.nbytes;
         }
 }
 
-/* A segment says itself which one it is. */
+/* A segment says itself which one it is, and what its layers are. */
 static void write_segment(splice *s, const piece *p, uint32_t i)
 {
     const saga_layout_segment *const g = &p->layout.segment[i];
+    const uint32_t n_layers = saga_n_layers(&s->header);
+    const uint32_t nbytes = saga_segment_nbytes(n_layers);
+    const size_t head = SAGA_CHUNK_NBYTES +
+                        (size_t)g->payload_nbytes[SAGA_PART_SEGMENT];
+    saga_segment_header h = { .number = s->n_segments++,
+                              .first_frame = s->n_frames,
+                              .n_frames = g->n_frames };
     saga_io io = { NULL, s->bytes + s->at, SAGA_CHUNK_NBYTES };
-    saga_segment_header h = { s->n_segments++, s->n_frames, g->n_frames,
-                              g->n };
 
-    write_bytes(s, p->part->bytes + g->offset, g->nbytes);
-    saga_segment_io(&io, &h);
+    for (uint32_t k = 0; k < n_layers; k++) {
+        h.layer[k].n = g->layer[k].n;
+        h.layer[k].nbytes = g->layer[k].nbytes;
+    }
+    saga_segment_io(&io, &h, n_layers);
+    write_chunk_head(s, SAGA_CHUNK_SEGMENT, nbytes);
+    s->at += nbytes;
+    write_bytes(s, p->part->bytes + g->offset + head,
+                segment_nbytes(p, i) - SAGA_CHUNK_NBYTES - nbytes);
     s->n_frames += g->n_frames;
 }
 
