@@ -220,6 +220,7 @@ many() {
     check report python3 tests/cli/check_report.py
     check view python3 tests/cli/check_view.py
     check path python3 tests/cli/check_path.py
+    check sight python3 tests/cli/check_sight.py
     check exchange python3 tests/cli/check_exchange.py
     check web python3 tests/cli/check_web.py
     check firmware tests/check_firmware.sh

@@ -257,6 +257,12 @@ def check_colmap(tmp):
             same(tmp, tmp + "/colmap%d.png" % i, colmap_camera(image),
                  i * N_FRAMES / 3)
             os.remove(tmp + "/colmap%d.png" % i)
+    # At another size all that was seen stays in it.
+    render("-o", tmp + "/half%d.png", "--path", tmp + "/text/images.txt",
+           "--size", "48x40", "--frame", "5")
+    name, _, lens, *pose = ordered[0]
+    same(tmp, tmp + "/half0.png",
+         colmap_camera((name, (48, 40), (40, 40, 24, 20), *pose)), 5)
     # A film has one size, the first's.
     film = tmp + "/colmap.mp4"
     render("-o", film, "--path", tmp + "/text/images.txt")

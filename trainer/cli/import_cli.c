@@ -167,10 +167,14 @@ static bool path_cameras(session *s)
         : saga_fail(&s->error, s->o->cameras, "take a slower one", "has %d "
                     "pictures, more than the %d cameras of a file", path.n,
                     SAGA_MAX_CAMERAS);
-    for (int i = 0; i < s->n_shots && ok; i++)
-        saga_path_shot(&s->shot[i], &path.camera[i],
-                       width_of(s, path.width ? path.width : SIDE),
-                       height_of(s, path.height ? path.height : SIDE));
+    for (int i = 0; i < s->n_shots && ok; i++) {
+        const saga_path_camera *const c = &path.camera[i];
+        const int width = c->fov > 0.0 ? path.width : c->lens.width;
+        const int height = c->fov > 0.0 ? path.height : c->lens.height;
+
+        saga_path_shot(&s->shot[i], c, width_of(s, width ? width : SIDE),
+                       height_of(s, height ? height : SIDE));
+    }
     saga_path_free(&path);
     return ok;
 }
@@ -384,7 +388,7 @@ static const saga_cli_option option_list[] = {
     { "-o", "OUT", "the .saga file to be written", saga_cli_text,
       offsetof(options, out), 0, 0 },
     { "--cameras", "FILE", "where it is looked at from: the rig of a .saga "
-      "file, or a\npath as `saga render --path` has it (.json); default:\n24 "
+      "file, or a\npath as `saga render --path` has it; default: 24\n"
       "cameras around, which look in", saga_cli_text,
       offsetof(options, cameras), 0, 0 },
     { "--size", "WxH", "pixels of their pictures (default 400x400, or what "

@@ -10,12 +10,13 @@
 #include "error.h"
 #include "file.h"
 #include "orbit.h"
-#include "picture.h"
 #include "render_path.h"
+#include "render_picture.h"
 #include "render_video.h"
 #include "view.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,6 +33,8 @@ typedef struct {
     point eye, look_at;
     int orbit, threads;
     double time;            /* seconds; < 0: not given */
+    double stereo;          /* metres, or the capture's units */
+    bool depth, alpha;
     saga_cli_pair frame, frames, size;
 } options;
 
@@ -43,7 +46,7 @@ typedef struct {
     saga_path path;
     saga_film_writer video; /* of .mp4 */
     saga_camera camera;
-    uint8_t *rgb;
+    saga_sight sight;
     int first, n;           /* pictures first .. first + n - 1 */
     saga_error error;
 } session;
@@ -72,6 +75,10 @@ static int check_options(const options *o)
         return mistake("--look-at goes with --camera or --eye alone");
     if (o->eye.given && !o->look_at.given)
         return mistake("--eye needs --look-at");
+    if (o->depth && o->alpha)
+        return mistake("--depth and --alpha exclude each other");
+    if (o->stereo < 0.0)
+        return mistake("--stereo takes a distance above 0");
     return SAGA_EXIT_OK;
 }
 
@@ -172,6 +179,8 @@ static int check_name(const session *s)
     size_t n;
     int width;
 
+    if (is_video(out) && (s->o->depth || s->o->alpha))
+        return mistake("--depth and --alpha are written as .png or .exr");
     if (is_video(out))
         return SAGA_EXIT_OK;
     if (!saga_has_suffix(out, ".png") && !saga_has_suffix(out, ".exr"))
@@ -192,13 +201,11 @@ static bool write_one(session *s, const saga_camera *c, int number)
     bool ok;
 
     if (s->video.out.path)
-        return saga_film_writer_add(&s->video, s->rgb, &s->error);
+        return saga_film_writer_add(&s->video, s->sight.all, &s->error);
     name = name_of(s, number);
     if (!name)
         return false;
-    ok = saga_has_suffix(name, ".exr")
-        ? saga_exr_write(name, c->width, c->height, s->rgb, &s->error)
-        : saga_png_write(name, c->width, c->height, s->rgb, &s->error);
+    ok = saga_sight_write(&s->sight, name, c->width, c->height, &s->error);
     free(name);
     return ok;
 }
@@ -210,14 +217,15 @@ static bool camera_of(saga_camera *c, session *s, int i)
     bool ok = true;
 
     if (s->o->path) {
-        const saga_camera same = *c;
+        const saga_path_camera *const own = &s->path.camera[i];
+        const bool given = own->fov > 0.0 || s->o->size.a ||
+                           is_video(s->o->out);
         saga_shot shot;
 
-        saga_path_shot(&shot, &s->path.camera[i], c->width, c->height);
+        saga_path_shot(&shot, own, given ? c->width : own->lens.width,
+                       given ? c->height : own->lens.height);
         ok = saga_camera_of_shot(c, metric, &shot,
                                  metric->unit * c->near_plane, &s->error);
-        if (ok && (s->o->size.a || is_video(s->o->out)))
-            saga_camera_resize(c, same.width, same.height);
     } else if (s->o->orbit) {
         ok = saga_orbit_camera(c, &s->orbit, metric, (double)i / s->n,
                                &s->error);
@@ -236,7 +244,7 @@ static int make_one(session *s, int i)
     if (!camera_of(&c, s, i))
         return SAGA_EXIT_DATA;
     time_of(&num, &den, s, i);
-    if (!saga_film_draw(&s->film, &c, num, den, s->rgb, &s->error))
+    if (!saga_sight_draw(&s->sight, &s->film, &c, num, den, &s->error))
         return SAGA_EXIT_DATA;
     return write_one(s, &c, s->first + i) ? SAGA_EXIT_OK : SAGA_EXIT_USAGE;
 }
@@ -294,7 +302,8 @@ static bool open_video(session *s)
 
     if (s->path.fps > 0.0)
         fps = s->path.fps;
-    return saga_film_writer_open(&s->video, s->o->out, s->camera.width,
+    return saga_film_writer_open(&s->video, s->o->out,
+                                 s->camera.width * saga_sight_eyes(&s->sight),
                                  s->camera.height, fps, &s->error);
 }
 
@@ -332,6 +341,21 @@ static size_t most_pixels(const session *s)
     return most;
 }
 
+/* Sets what is to be seen. A distance in metres becomes one of the capture's
+ * units where the file knows how they compare. */
+static void find_sight(session *s)
+{
+    const options *const o = s->o;
+    saga_naming naming;
+    double metres;
+
+    saga_film_naming(&s->film, 0, &naming);
+    metres = ldexp(naming.metre_mantissa, naming.metre_exponent);
+    s->sight.kind = o->depth ? SAGA_SIGHT_DEPTH
+                  : o->alpha ? SAGA_SIGHT_ALPHA : SAGA_SIGHT_COLOUR;
+    s->sight.base = metres > 0.0 ? o->stereo / metres : o->stereo;
+}
+
 /* Gets the rig's camera and the path; memory for a picture. */
 static bool prepare(session *s)
 {
@@ -354,8 +378,8 @@ static bool prepare(session *s)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
     else if (s->path.width)
         saga_camera_resize(&s->camera, s->path.width, s->path.height);
-    s->rgb = saga_alloc(most_pixels(s), 3, "the picture", &s->error);
-    return s->rgb != NULL;
+    find_sight(s);
+    return saga_sight_alloc(&s->sight, most_pixels(s), &s->error);
 }
 
 static int render(session *s, const char *name, const saga_bytes *bytes)
@@ -370,7 +394,7 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
         status = SAGA_EXIT_USAGE;
     if (status)
         saga_cli_error(status, "render: %s", s->error.message);
-    free(s->rgb);
+    saga_sight_free(&s->sight);
     saga_film_close(&s->film);
     return status;
 }
@@ -470,6 +494,18 @@ static const saga_cli_option option_list[] = {
     { "--size", "WxH", "size of the picture (default: the camera's); all that "
       "the\ncamera sees stays in it", saga_cli_size, offsetof(options, size),
       1, SAGA_MAX_SIDE },
+    { "--stereo", "METRES", "two eyes that far apart, or in the capture's "
+      "units where\nthe file does not know metres: side by side, the left one\n"
+      "first, each of full width",
+      saga_cli_real, offsetof(options, stereo), 0, 0 },
+    { "--depth", NULL, "how far away instead of colours, along the camera's "
+      "axis,\nin the capture's units: the mean of what a pixel shows,\n"
+      "weighted as its colours are; 0 where nothing is. .exr:\n"
+      "floats (Z); .png: thousandths in 16 bits, at most 65535",
+      saga_cli_flag, offsetof(options, depth), 0, 0 },
+    { "--alpha", NULL, "opacity instead of colours: 1 less what of the "
+      "background\nshows. .exr: floats (A); .png: 16 bits, 65535 is 1",
+      saga_cli_flag, offsetof(options, alpha), 0, 0 },
     { "--threads", "N", "threads (default: all cores); no effect on pixels",
       saga_cli_int, offsetof(options, threads), 1, 1024 }
 };
@@ -485,6 +521,8 @@ const saga_command saga_command_render = {
     "  saga render scene.saga -o tour_%03d.png --orbit 90 --size 640x360\n"
     "  saga render scene.saga -o tour.mp4 --path scene-path.json\n"
     "  saga render scene.saga -o above.png --eye 0,-1,3 --look-at 0,0,0\n"
+    "  saga render scene.saga -o tour_SBS.mp4 --orbit 90 --stereo 0.063\n"
+    "  saga render scene.saga -o depth.exr --depth\n"
     "\n"
     "A path: { \"format\": \"saga camera path 1\", \"fps\": 30, \"size\": "
     "[480, 270],\n\"keys\": [{ \"seconds\": 0, \"frame\": 0, \"eye\": "

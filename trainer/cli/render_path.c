@@ -60,26 +60,30 @@ bool saga_look_at(double rotation[9], const double eye[3],
     return true;
 }
 
+/* The lens at another size: all that was seen stays in it. */
+static void scale_lens(saga_shot *shot, const saga_path_lens *lens)
+{
+    const double sx = (double)shot->width / lens->width;
+    const double sy = (double)shot->height / lens->height;
+    const double scale = fmin(sx, sy);
+
+    shot->fx = scale * lens->fx;
+    shot->fy = scale * lens->fy;
+    shot->cx = 0.5 * shot->width + scale * (lens->cx - 0.5 * lens->width);
+    shot->cy = 0.5 * shot->height + scale * (lens->cy - 0.5 * lens->height);
+}
+
 void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
                     int height)
 {
-    const saga_path_lens *const lens = &camera->lens;
-
-    *shot = (saga_shot){ .name = "path" };
+    *shot = (saga_shot){ .name = "path", .width = width, .height = height };
     if (camera->fov > 0.0) {
-        shot->width = width;
-        shot->height = height;
         shot->fx = 0.5 * height / tan(camera->fov * pi / 360.0);
         shot->fy = shot->fx;
         shot->cx = 0.5 * width;
         shot->cy = 0.5 * height;
     } else {
-        shot->width = lens->width;
-        shot->height = lens->height;
-        shot->fx = lens->fx;
-        shot->fy = lens->fy;
-        shot->cx = lens->cx;
-        shot->cy = lens->cy;
+        scale_lens(shot, &camera->lens);
     }
     memcpy(shot->rotation, camera->rotation, sizeof shot->rotation);
     for (int i = 0; i < 3; i++)

@@ -67,8 +67,8 @@ bool saga_path_read_colmap(saga_path *path, const char *folder, bool binary,
 bool saga_look_at(double rotation[9], const double eye[3],
                   const double target[3], const double up[3]);
 
-/* Sets the camera as a shot: with its lens, or of width x height square pixels,
- * its axis through the middle. */
+/* Sets the camera as a shot of width x height: what its lens sees, or square
+ * pixels, its axis through the middle. */
 void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
                     int height);
 

@@ -189,15 +189,22 @@ static size_t scratch_nbytes(const saga_camera *c, int n)
     return (nbytes + SCRATCH_ALIGN - 1) / SCRATCH_ALIGN * SCRATCH_ALIGN;
 }
 
+/* Where all of a picture goes, rows without padding. */
+typedef struct {
+    uint8_t *pixels;
+    size_t pixel_nbytes;
+    int bits;               /* as a saga_picture's */
+} target;
+
 /* Draws all rows of a job. */
 static saga_status draw_rows(const saga_film *film, const saga_camera *c,
-                             uint8_t *rgb, saga_job job)
+                             const target *to, saga_job job)
 {
-    const size_t stride = 3 * (size_t)c->width;
-    saga_picture picture = { .stride_nbytes = stride, .bits = 8 };
+    const size_t stride = to->pixel_nbytes * c->width;
+    saga_picture picture = { .stride_nbytes = stride, .bits = to->bits };
     saga_status s;
 
-    picture.rgb = rgb + stride * (size_t)job.y0;
+    picture.rgb = to->pixels + stride * (size_t)job.y0;
     picture.nbytes = stride * (size_t)(job.y1 - job.y0);
     do
         s = saga_draw(film->dec, &job, &picture, UINT32_MAX);
@@ -205,7 +212,7 @@ static saga_status draw_rows(const saga_film *film, const saga_camera *c,
     return s;
 }
 
-static bool draw(const saga_film *film, const saga_camera *c, uint8_t *rgb,
+static bool draw(const saga_film *film, const saga_camera *c, const target *to,
                  saga_error *error)
 {
     const int rows = (c->height + TILE - 1) / TILE;
@@ -228,7 +235,7 @@ static bool draw(const saga_film *film, const saga_camera *c, uint8_t *rgb,
         int s;
 
         set_rows(&job, c, i, n);
-        s = draw_rows(film, c, rgb, job);
+        s = draw_rows(film, c, to, job);
         worst = s < worst ? s : worst;
     }
     free(scratch);
@@ -253,8 +260,8 @@ bool saga_film_seek(saga_film *film, uint32_t frame_num, uint32_t frame_den,
     return decode(film, &seg, error);
 }
 
-bool saga_film_draw(saga_film *film, const saga_camera *camera,
-                    uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
+static bool draw_at(saga_film *film, const saga_camera *camera,
+                    uint32_t frame_num, uint32_t frame_den, const target *to,
                     saga_error *error)
 {
     saga_status s;
@@ -270,10 +277,28 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
     film->times.view += drawn - start;
     if (s)
         return refuse(film, "cannot be drawn", s, error);
-    ok = draw(film, camera, rgb, error);
+    ok = draw(film, camera, to, error);
     film->times.draw += seconds() - drawn;
     film->times.n_views++;
     return ok;
+}
+
+bool saga_film_draw(saga_film *film, const saga_camera *camera,
+                    uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
+                    saga_error *error)
+{
+    const target to = { rgb, 3, 8 };
+
+    return draw_at(film, camera, frame_num, frame_den, &to, error);
+}
+
+bool saga_film_draw_depth(saga_film *film, const saga_camera *camera,
+                          uint32_t frame_num, uint32_t frame_den,
+                          saga_depth *depth, saga_error *error)
+{
+    const target to = { (uint8_t *)depth, sizeof *depth, SAGA_DEPTH };
+
+    return draw_at(film, camera, frame_num, frame_den, &to, error);
 }
 
 bool saga_film_draw_late(saga_film *film, const saga_camera *camera,

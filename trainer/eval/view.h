@@ -53,7 +53,12 @@ bool saga_film_draw(saga_film *film, const saga_camera *camera,
                     uint32_t frame_num, uint32_t frame_den, uint8_t *rgb,
                     saga_error *error);
 
-/* Does the same at a frame and a part of one, 0 to 1, later. */
+/* Does the same with depths: camera->height x camera->width, exact. */
+bool saga_film_draw_depth(saga_film *film, const saga_camera *camera,
+                          uint32_t frame_num, uint32_t frame_den,
+                          saga_depth *depth, saga_error *error);
+
+/* Draws colours at a frame and a part of one, 0 to 1, later. */
 bool saga_film_draw_late(saga_film *film, const saga_camera *camera,
                          uint32_t frame, double late, uint8_t *rgb,
                          saga_error *error);

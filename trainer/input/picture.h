@@ -32,6 +32,10 @@ bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
 bool saga_png_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error);
 
+/* Writes 16 bits of grey; grey is (height, width). */
+bool saga_png_write_grey(const char *path, int width, int height,
+                         const uint16_t *grey, saga_error *error);
+
 bool saga_jpeg_probe(const char *path, int *width, int *height,
                      saga_error *error);
 bool saga_jpeg_read(const char *path, int width, int height, uint8_t *rgb,
@@ -52,8 +56,11 @@ bool saga_exr_read_depth(const char *path, int width, int height, float *depth,
  */
 bool saga_exr_write(const char *path, int width, int height,
                     const uint8_t *rgb, saga_error *error);
+/* These write floats, (height, width), as the channel Z, or A. */
 bool saga_exr_write_depth(const char *path, int width, int height,
                           const float *depth, saga_error *error);
+bool saga_exr_write_alpha(const char *path, int width, int height,
+                          const float *alpha, saga_error *error);
 
 /* This is the sRGB transfer function (IEC 61966-2-1). */
 double saga_srgb_to_linear(double encoded);

@@ -329,19 +329,32 @@ static bool write_planes(const char *path, int width, int height,
                      exr_get_default_error_message(r));
 }
 
-bool saga_exr_write_depth(const char *path, int width, int height,
-                          const float *depth, saga_error *error)
+static bool write_plane(const char *path, int width, int height,
+                        const float *plane, const char *channel,
+                        saga_error *error)
 {
     float *const data = saga_alloc((size_t)width * (size_t)height, 4, path,
                                    error);
     if (!data)
         return false;
-    memcpy(data, depth, (size_t)width * (size_t)height * 4);
-    const exr_planes planes = {.names = {"Z"}, .data = {data}, .n = 1};
+    memcpy(data, plane, (size_t)width * (size_t)height * 4);
+    const exr_planes planes = {.names = {channel}, .data = {data}, .n = 1};
     const bool ok =
         write_planes(path, width, height, &planes, EXR_PIXEL_FLOAT, error);
     free(data);
     return ok;
+}
+
+bool saga_exr_write_depth(const char *path, int width, int height,
+                          const float *depth, saga_error *error)
+{
+    return write_plane(path, width, height, depth, "Z", error);
+}
+
+bool saga_exr_write_alpha(const char *path, int width, int height,
+                          const float *alpha, saga_error *error)
+{
+    return write_plane(path, width, height, alpha, "A", error);
 }
 
 bool saga_exr_write(const char *path, int width, int height,

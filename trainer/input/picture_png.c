@@ -184,26 +184,37 @@ bool saga_png_read_alpha(const char *path, int width, int height, uint8_t *rgb,
     return ok;
 }
 
-static bool write_rows(png_job *job, int width, int height,
-                       const uint8_t *rgb)
+/* Rows as PNG has them: of RGB in 8 bits, or of grey in 16, the high byte
+ * first. */
+typedef struct png_rows {
+    const uint8_t *bytes;
+    int width, height;
+    bool grey;
+} png_rows;
+
+static bool write_rows(png_job *job, const png_rows *rows)
 {
     if (setjmp(png_jmpbuf(job->png)))
         return false;
+    const size_t row_nbytes = (size_t)rows->width * (rows->grey ? 2 : 3);
     png_init_io(job->png, job->file);
-    png_set_IHDR(job->png, job->info, (png_uint_32)width, (png_uint_32)height,
-                 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
-                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-    png_set_sRGB(job->png, job->info, PNG_sRGB_INTENT_PERCEPTUAL);
+    png_set_IHDR(job->png, job->info, (png_uint_32)rows->width,
+                 (png_uint_32)rows->height, rows->grey ? 16 : 8,
+                 rows->grey ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB,
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                 PNG_FILTER_TYPE_DEFAULT);
+    if (!rows->grey)
+        png_set_sRGB(job->png, job->info, PNG_sRGB_INTENT_PERCEPTUAL);
     png_set_compression_level(job->png, 6);
     png_write_info(job->png, job->info);
-    for (int y = 0; y < height; y++)
-        png_write_row(job->png, rgb + (size_t)y * (size_t)width * 3);
+    for (int y = 0; y < rows->height; y++)
+        png_write_row(job->png, rows->bytes + (size_t)y * row_nbytes);
     png_write_end(job->png, NULL);
     return true;
 }
 
-bool saga_png_write(const char *path, int width, int height,
-                    const uint8_t *rgb, saga_error *error)
+static bool write_png(const char *path, const png_rows *rows,
+                      saga_error *error)
 {
     saga_output out;
     if (!saga_output_open(&out, path, error))
@@ -212,7 +223,30 @@ bool saga_png_write(const char *path, int width, int height,
     job.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &job, png_failed,
                                       png_warned);
     job.info = job.png ? png_create_info_struct(job.png) : NULL;
-    const bool ok = job.info && write_rows(&job, width, height, rgb);
+    const bool ok = job.info && write_rows(&job, rows);
     png_destroy_write_struct(&job.png, &job.info);
     return saga_output_close(&out, ok, error);
+}
+
+bool saga_png_write(const char *path, int width, int height,
+                    const uint8_t *rgb, saga_error *error)
+{
+    return write_png(path, &(png_rows){rgb, width, height, false}, error);
+}
+
+bool saga_png_write_grey(const char *path, int width, int height,
+                         const uint16_t *grey, saga_error *error)
+{
+    const size_t n = (size_t)width * (size_t)height;
+    uint8_t *const bytes = saga_alloc(n, 2, path, error);
+    if (!bytes)
+        return false;
+    for (size_t i = 0; i < n; i++) {
+        bytes[2 * i] = (uint8_t)(grey[i] >> 8);
+        bytes[2 * i + 1] = (uint8_t)grey[i];
+    }
+    const bool ok =
+        write_png(path, &(png_rows){bytes, width, height, true}, error);
+    free(bytes);
+    return ok;
 }
