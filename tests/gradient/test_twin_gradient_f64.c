@@ -187,17 +187,20 @@ static void check_range(saga_twin *w, saga_scene *s, const saga_scene *d,
     assert_true(wrong * 100 <= tried);
 }
 
-static void run_gradient(uint32_t tools, uint32_t no_fuse)
+static void run_gradient(uint32_t tools, uint32_t no_fuse, bool still)
 {
     saga_error error = { "" };
     saga_scene s, d;
     saga_twin w;
 
     make_scene(&s, tools, no_fuse);
+    s.still = still;
     assert_true(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
     memset(d.reals, 0, d.n_reals * sizeof *d.reals);
     assert_true(saga_twin_init(&w, &s, &error));
     assert_true(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
+    assert_int_equal(!w.attr.motion && !w.attr.slope && !w.attr.t_centre &&
+                     !w.attr.log2_width, still || !tools);
     gradient(&w, &d, &s);
     check_range(&w, &s, &d, s.coarse_feature, 2u * s.model.features, 1);
     check_range(&w, &s, &d, s.params,
@@ -210,13 +213,13 @@ static void run_gradient(uint32_t tools, uint32_t no_fuse)
 static void twin_gradients_should_match_differences_with_all_tools(void **state)
 {
     (void)state;
-    run_gradient(SAGA_TOOLS_PICTURE, 0);
+    run_gradient(SAGA_TOOLS_PICTURE, 0, false);
 }
 
 static void twin_gradients_should_match_differences_without_tools(void **state)
 {
     (void)state;
-    run_gradient(0, 0);
+    run_gradient(0, 0, false);
 }
 
 static void twin_gradients_should_match_differences_without_fuse(void **state)
@@ -225,7 +228,15 @@ static void twin_gradients_should_match_differences_without_fuse(void **state)
 
     (void)state;
     for (no_fuse = 1; no_fuse < 4; no_fuse++)
-        run_gradient(SAGA_TOOLS_PICTURE, no_fuse);
+        run_gradient(SAGA_TOOLS_PICTURE, no_fuse, false);
+}
+
+/* Those of a base: rows that say how something moves lead nowhere. */
+static void twin_gradients_should_match_differences_of_what_is_still(
+    void **state)
+{
+    (void)state;
+    run_gradient(SAGA_TOOLS_PICTURE, 0, true);
 }
 
 int main(void)
@@ -236,6 +247,8 @@ int main(void)
         cmocka_unit_test(
             twin_gradients_should_match_differences_without_tools),
         cmocka_unit_test(twin_gradients_should_match_differences_without_fuse),
+        cmocka_unit_test(
+            twin_gradients_should_match_differences_of_what_is_still)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -2,12 +2,13 @@
  *
  * A capture trained in segments: one file with the networks once, each of whose
  * segments plays from the head and its own bytes, and that no interruption
- * shows in.
+ * shows in. All of it twice: without a base, and with one.
  */
 #include "container.h"
 #include "fit_state.h"
 #include "saga.h"
 #include "start.h"
+#include "still.h"
 #include "synth_capture.h"
 #include "train_state.h"
 #include "view.h"
@@ -25,16 +26,19 @@ enum { N = 3, FRAMES = 3, FIRST = 1, PICTURE = 3 * 64 * 36 };
 
 typedef struct {
     char folder[64], checkpoint[80];
+    bool has_base;
     saga_capture capture;
+    saga_capture still;          /* what the base is trained on */
     uint8_t *bytes;              /* of an encode that was never stopped */
     size_t n;
     saga_train_report report;
 } fixture;
 
-static saga_train_options small(void)
+static saga_train_options small(const fixture *f)
 {
     saga_train_options o = saga_train_defaults();
 
+    o.ablate = f->has_base ? NULL : "no-base";
     o.n_segments = N;
     o.first = FIRST;
     o.n_primitives = 150;
@@ -52,6 +56,8 @@ typedef struct {
 
 static const saga_capture *slice_of(slice *s, const fixture *f, int segment)
 {
+    if (segment == SAGA_TRAIN_BASE)
+        return &f->still;
     s->capture = f->capture;
     s->capture.views = s->view;
     s->capture.n_frames = FRAMES;
@@ -110,21 +116,36 @@ static saga_outcome run(saga_train *t, const fixture *f, slice *s)
     return status;
 }
 
-static int set_up(void **state)
+static void find_still(fixture *f)
+{
+    saga_still still = { .n = 0 };
+    saga_error error = { "" };
+    slice s;
+
+    for (int i = 0; i < N; i++)
+        assert_true(saga_still_add(&still, slice_of(&s, f, i), i * FRAMES,
+                                   N * FRAMES, &error));
+    assert_true(saga_still_finish(&f->still, &still, &error));
+}
+
+static int set_up_fixture(void **state, bool has_base)
 {
     fixture *const f = calloc(1, sizeof *f);
     const saga_synth_options o = synth_options(64, 36, 4, N * FRAMES, 300);
-    const saga_train_options options = small();
+    saga_train_options options;
     char path[80];
     saga_train *t;
     slice s;
 
     assert_non_null(f);
+    f->has_base = has_base;
+    options = small(f);
     strcpy(f->folder, "/tmp/test_segments.XXXXXX");
     assert_non_null(mkdtemp(f->folder));
     snprintf(path, sizeof path, "%s/room", f->folder);
     snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.ckpt", f->folder);
     f->capture = synth_capture(path, &o);
+    find_still(f);
     t = begin(f, &s, &options);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
     f->n = t->nbytes;
@@ -132,9 +153,20 @@ static int set_up(void **state)
     assert_non_null(f->bytes);
     memcpy(f->bytes, t->bytes, f->n);
     f->report = *saga_train_report_of(t);
+    assert_int_equal(f->report.base.n_prim > 0, has_base);
     saga_train_free(t);
     *state = f;
     return 0;
+}
+
+static int set_up(void **state)
+{
+    return set_up_fixture(state, false);
+}
+
+static int set_up_base(void **state)
+{
+    return set_up_fixture(state, true);
 }
 
 static int tear_down(void **state)
@@ -143,6 +175,7 @@ static int tear_down(void **state)
     char command[100];
 
     saga_capture_free(&f->capture);
+    saga_capture_free(&f->still);
     free(f->bytes);
     snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
     assert_int_equal(system(command), 0);
@@ -251,7 +284,7 @@ static void first_should_make_the_networks(void **state)
     static const uint32_t layers[] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
                                        SAGA_CHUNK_PRIM };
     const fixture *const f = *state;
-    saga_train_options o = small();
+    saga_train_options o = small(f);
     saga_error error = { "" };
     saga_info info;
     saga_segment seg;
@@ -298,10 +331,74 @@ static bool stop_there(void *user, const saga_train_progress *p)
            p->iteration != s->iteration;
 }
 
+/* What stands still is in the head, once; header and report say so, and
+ * segments have the rest. */
+static void base_should_be_in_the_head(void **state)
+{
+    const fixture *const f = *state;
+    const saga_train_base *const b = &f->report.base;
+    saga_info info;
+    size_t sum = 0;
+
+    assert_int_equal(saga_probe(&info, f->bytes, f->n), SAGA_OK);
+    assert_int_equal(info.base_primitives, b->n_prim);
+    assert_int_equal(info.max_primitives, b->n_kept);
+    assert_int_equal(b->n_looked_at, 150);
+    assert_in_range(b->n_still, 150 / 4, 150);
+    /* The others, an eighth at least. */
+    assert_int_equal(b->n_kept, b->n_still > 131 ? 19 : 150 - b->n_still);
+    /* The bits of three segments are worth 3^(1 / 1.43) times as many. */
+    assert_int_equal(b->n_prim, 2.15601 * b->n_still);
+    assert_true(f->report.sizes.base > 0);
+    for (uint32_t i = 0; i < N; i++)
+        sum += find(f, i * FRAMES, 1).nbytes;
+    assert_int_equal(find(f, 0, 1).offset + sum, f->n);
+}
+
+/* Returns the PSNR of what the float models draw of a training's last segment
+ * against the decoder's pictures of the file. */
+static double near_decoder(saga_train *t)
+{
+    uint8_t rgb[PICTURE];
+    float image[PICTURE];
+    saga_error error = { "" };
+    double sum = 0;
+
+    for (int frame = 0; frame < FRAMES; frame++) {
+        assert_true(saga_train_draw(t, image, 0, frame, &error));
+        draw(rgb, t->bytes, t->nbytes, (uint32_t)((N - 1) * FRAMES + frame));
+        for (size_t i = 0; i < PICTURE; i++) {
+            const double x = (double)image[i % 3 * (PICTURE / 3) + i / 3];
+            const double e = fmin(fmax(x, 0), 1) - rgb[i] / 255.0;
+
+            sum += e * e / (PICTURE * FRAMES);
+        }
+    }
+    return -10 * log10(sum);
+}
+
+/* The trainer draws the base as the decoder does, in one order of depth with
+ * the segment. */
+static void float_should_be_what_is_decoded(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small(f);
+    double near;
+    saga_train *t;
+    slice s;
+
+    t = begin(f, &s, &o);
+    assert_int_equal(run(t, f, &s), SAGA_DONE);
+    near = near_decoder(t);
+    print_message("decoder: %.1f dB beside the float models\n", near);
+    assert_true(near > 50);
+    saga_train_free(t);
+}
+
 static void networks_should_stay_what_they_are(void **state)
 {
     const fixture *const f = *state;
-    saga_train_options o = small();
+    saga_train_options o = small(f);
     stop last = { N - 1, SAGA_TRAIN_PACK, 0 };
     const saga_scene *made;
     saga_train *t;
@@ -350,7 +447,7 @@ static double near_target(saga_train *t)
 static void fit_should_begin_near_the_warm_up(void **state)
 {
     const fixture *const f = *state;
-    saga_train_options o = small();
+    saga_train_options o = small(f);
     stop start = { 0, SAGA_TRAIN_RENDER, 1 };
     saga_scene *scene;
     double begun, mean;
@@ -386,13 +483,20 @@ static void fit_should_begin_near_the_warm_up(void **state)
  * the checkpoint asks for. */
 static void train_should_resume_to_the_same_file(void **state)
 {
-    static const stop places[] = {
+    enum { N_PLACES = 6 };
+    static const stop all[2][N_PLACES] = { {
         { FIRST, SAGA_TRAIN_PACK, 0 }, { 0, SAGA_TRAIN_WARM, 7 },
         { 0, SAGA_TRAIN_RENDER, 44 }, { 2, SAGA_TRAIN_WARM, 1 },
         { 2, SAGA_TRAIN_PACK, 0 }, { -1, SAGA_TRAIN_WARM, 0 }
-    };
+    }, {
+        { FIRST, SAGA_TRAIN_RENDER, 10 },
+        { SAGA_TRAIN_BASE, SAGA_TRAIN_WARM, 7 },
+        { SAGA_TRAIN_BASE, SAGA_TRAIN_RENDER, 44 }, { 0, SAGA_TRAIN_WARM, 1 },
+        { FIRST, SAGA_TRAIN_PACK, 0 }, { -1, SAGA_TRAIN_WARM, 0 }
+    } };
     const fixture *const f = *state;
-    saga_train_options o = small();
+    const stop *const places = all[f->has_base];
+    saga_train_options o = small(f);
     saga_error error = { "" };
     saga_train *t;
     slice s;
@@ -414,7 +518,7 @@ static void train_should_resume_to_the_same_file(void **state)
             fail_msg("%s", error.message);
         tint(t);
     }
-    assert_int_equal(i, sizeof places / sizeof places[0] - 1);
+    assert_int_equal(i, N_PLACES - 1);
     assert_int_equal(t->nbytes, f->n);
     assert_memory_equal(t->bytes, f->bytes, f->n);
     assert_int_equal(t->report.model.n_training,
@@ -428,7 +532,7 @@ static void train_should_resume_to_the_same_file(void **state)
  * another; stopped and resumed on the way. */
 static saga_train *train_alone(const fixture *f, int k, const char *networks)
 {
-    saga_train_options o = small();
+    saga_train_options o = small(f);
     stop place = { k, SAGA_TRAIN_RENDER, 30 };
     saga_error error = { "" };
     saga_train *t;
@@ -444,7 +548,7 @@ static saga_train *train_alone(const fixture *f, int k, const char *networks)
     if (!t)
         fail_msg("%s", error.message);
     assert_int_equal(saga_train_first(t), FIRST);
-    if (k != FIRST) {
+    if (k != FIRST || f->has_base) {
         assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
         saga_train_free(t);
         o.progress = NULL;
@@ -465,7 +569,7 @@ static void segment_should_be_trained_alone(void **state)
     static const uint32_t layers[] = { SAGA_CHUNK_COARSE, SAGA_CHUNK_FINE,
                                        SAGA_CHUNK_PRIM };
     const fixture *const f = *state;
-    saga_train_options o = small();
+    saga_train_options o = small(f);
     char networks[90];
     saga_error error = { "" };
     saga_train *t;
@@ -473,16 +577,20 @@ static void segment_should_be_trained_alone(void **state)
 
     snprintf(networks, sizeof networks, "%s/networks", f->folder);
     t = begin(f, &s, &o);
-    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    do
+        assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    while (saga_train_upcoming(t) == SAGA_TRAIN_BASE && proceed(t, f, &s));
     assert_true(saga_train_save_networks(t, networks, &error));
     saga_train_free(t);
     for (int k = 0; k < N; k++) {
         saga_segment seg;
 
         t = train_alone(f, k, networks);
-        /* It lies behind the first one, or before it, or is it. */
+        /* It lies behind the first one, or before it, or is it; or with a base
+         * alone. */
         assert_int_equal(saga_find(&seg, t->bytes, t->nbytes,
-                                   k > FIRST ? FRAMES : 0, 1), SAGA_OK);
+                                   k > FIRST && !f->has_base ? FRAMES : 0, 1),
+                         SAGA_OK);
         for (size_t i = 0; i < sizeof layers / sizeof layers[0]; i++)
             payload_should_equal(f, t->bytes, layers[i],
                                  find(f, (uint32_t)k * FRAMES, 1).offset,
@@ -501,7 +609,7 @@ static void resume_should_refuse_other_segments(void **state)
 {
     const fixture *const f = *state;
     stop place = { FIRST, SAGA_TRAIN_WARM, 3 };
-    saga_train_options o = small();
+    saga_train_options o = small(f);
     saga_error error = { "" };
     saga_train *t;
     slice s;
@@ -520,7 +628,7 @@ static void resume_should_refuse_other_segments(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
+    const struct CMUnitTest without[] = {
         cmocka_unit_test(segment_should_play_from_its_own_bytes),
         cmocka_unit_test(time_should_lead_to_its_segment),
         cmocka_unit_test(first_should_make_the_networks),
@@ -530,6 +638,17 @@ int main(void)
         cmocka_unit_test(segment_should_be_trained_alone),
         cmocka_unit_test(resume_should_refuse_other_segments)
     };
+    const struct CMUnitTest with[] = {
+        cmocka_unit_test(segment_should_play_from_its_own_bytes),
+        cmocka_unit_test(base_should_be_in_the_head),
+        cmocka_unit_test(float_should_be_what_is_decoded),
+        cmocka_unit_test(networks_should_stay_what_they_are),
+        cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(segment_should_be_trained_alone)
+    };
 
-    return cmocka_run_group_tests(tests, set_up, tear_down);
+    return cmocka_run_group_tests_name("without a base", without, set_up,
+                                       tear_down) ||
+           cmocka_run_group_tests_name("with a base", with, set_up_base,
+                                       tear_down);
 }

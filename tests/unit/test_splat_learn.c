@@ -225,6 +225,58 @@ static void pixels_should_not_count_when_they_are_unseen(void **state)
     free_fit(f);
 }
 
+/* Points all tensors at primitive `first`. */
+static saga_splat_params from(saga_splat_params p, size_t first)
+{
+    for (int k = 0; k < SCENE_TENSORS; k++)
+        *scene_tensor(&p, k) += first * (size_t)scene_size[k];
+    return p;
+}
+
+/* The canvas's own primitives are drawn as if they had been given behind the
+ * others, in one order of depth, and only those learn. */
+static void canvas_should_draw_its_own_and_teach_the_others(void **state)
+{
+    enum { GIVEN = 200 };
+    fit *const f = new_fit();
+    const saga_splat_params own = from(f->p, GIVEN);
+    float *const all = malloc(N * SCENE_REALS * sizeof *all);
+    float *const image = malloc(3 * PLANE * sizeof *image);
+    saga_splat_params d = { .mean = all };
+    float *at = all;
+
+    (void)state;
+    for (int k = 0; k < SCENE_TENSORS; k++) {
+        *scene_tensor(&d, k) = at;
+        at += N * scene_size[k];
+    }
+    learn(f, 3);
+    memcpy(all, f->d.mean, N * SCENE_REALS * sizeof *all);
+    draw(f, &f->p, 3);
+    memcpy(image, f->c.image, 3 * PLANE * sizeof *image);
+    f->c.still = &own;
+    f->c.n_still = N - GIVEN;
+    for (int pass = 0; pass < 2; pass++) {
+        saga_splat_learning l = { .d = f->d };
+
+        memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
+        assert_true(saga_splat_forward(&f->c, &f->p, GIVEN, &error));
+        assert_memory_equal(f->c.image, image, 3 * PLANE * sizeof *image);
+        assert_true(saga_splat_learn(&l, &f->c, &f->p, GIVEN, &error));
+        for (int k = 0; k < SCENE_TENSORS; k++) {
+            const size_t n = GIVEN * (size_t)scene_size[k];
+            const float *const has = *scene_tensor(&f->d, k);
+
+            assert_memory_equal(has, *scene_tensor(&d, k), n * sizeof *has);
+            for (size_t i = n; i < N * (size_t)scene_size[k]; i++)
+                assert_true(has[i] == 0);
+        }
+    }
+    free(all);
+    free(image);
+    free_fit(f);
+}
+
 /* The state of a run is its parameters, its moments and the step. */
 static void fit_should_resume_exactly(void **state)
 {
@@ -255,6 +307,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(fit_should_learn),
         cmocka_unit_test(pixels_should_not_count_when_they_are_unseen),
+        cmocka_unit_test(canvas_should_draw_its_own_and_teach_the_others),
         cmocka_unit_test(fit_should_resume_exactly)
     };
 

@@ -18,6 +18,7 @@
 #include "metrics.h"
 #include "output.h"
 #include "splice.h"
+#include "still.h"
 #include "sweep.h"
 #include "train.h"
 #include "train_plan.h"
@@ -136,7 +137,9 @@ static bool training(void *user, const saga_train_progress *p)
     char text[120];
     int n = 0;
 
-    if (s->n_segments > 1)
+    if (p->segment == SAGA_TRAIN_BASE)
+        n = snprintf(text, sizeof text, "base: ");
+    else if (s->n_segments > 1)
         n = snprintf(text, sizeof text, "segment %d of %d: ", p->segment + 1,
                      s->n_segments);
     n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
@@ -300,7 +303,7 @@ static int stopped(const session *s)
 }
 
 /* Loads the pictures of a segment in the place of those that were there. */
-static int open_capture(session *s, int segment)
+static int open_segment(session *s, int segment)
 {
     saga_capture_options c = capture_options(s);
 
@@ -321,6 +324,33 @@ static int open_capture(session *s, int segment)
     return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
 }
 
+/* Makes the pictures of what stands still: all segments are looked at. */
+static int open_base(session *s)
+{
+    saga_still still = { .n = 0 };
+    int status = SAGA_EXIT_OK;
+    bool ok = true;
+
+    for (int i = 0; !status && ok && i < s->n_segments; i++) {
+        status = open_segment(s, i);
+        ok = status || saga_still_add(&still, &s->capture, begin_of(s, i),
+                                      s->whole.n_frames, &s->error);
+    }
+    saga_capture_free(&s->capture);
+    if (!status && !(ok && saga_still_finish(&s->capture, &still, &s->error)))
+        status = saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
+                                s->error.message);
+    saga_still_free(&still);
+    return status;
+}
+
+/* Loads what a training of a segment, or of the base, sees. */
+static int open_capture(session *s, int segment)
+{
+    return segment == SAGA_TRAIN_BASE ? open_base(s)
+                                      : open_segment(s, segment);
+}
+
 /* Sets *first to the segment that changes most: it makes the networks. */
 static int find_first(session *s, int *first)
 {
@@ -328,7 +358,7 @@ static int find_first(session *s, int *first)
 
     *first = 0;
     for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
-        const int status = open_capture(s, i);
+        const int status = open_segment(s, i);
         double change;
 
         if (status)
@@ -377,7 +407,8 @@ static int find_stopped(session *s, saga_train_options *t)
     t->first = saga_train_stopped_in(s->checkpoint, &s->error);
     if (t->first < 0 || !saga_train_adopt(t, s->checkpoint, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
-    t->first = t->first < s->n_segments ? t->first : 0;
+    if (t->first != SAGA_TRAIN_BASE && t->first >= s->n_segments)
+        t->first = 0;
     return SAGA_EXIT_OK;
 }
 
@@ -491,12 +522,42 @@ static int train_segment(session *s)
                   : SAGA_EXIT_OK;
 }
 
+/* Says whether there is a base, and why, when that is decided. */
+static void tell_base(const session *s)
+{
+    const saga_train_base *const b = &saga_train_report_of(s->train)->base;
+    const double still = 100.0 * b->n_still / fmax(b->n_looked_at, 1);
+
+    if (b->n_prim)
+        saga_cli_error(0, "encode: %.0f %% of the primitives stand still: %u "
+                       "are sent once, as the base, and each of the %d "
+                       "segments has %u; that saves about %.0f kB", still,
+                       b->n_prim, s->n_segments, b->n_kept, b->saved / 1000);
+    else if (b->why == SAGA_TRAIN_MOVES)
+        saga_cli_error(0, "encode: %.0f %% of the primitives stand still: too "
+                       "few for a base", still);
+    else if (b->why == SAGA_TRAIN_WANDERS)
+        saga_cli_error(0, "encode: no base: no camera stands still, so no "
+                       "pictures tell what does");
+    else if (b->why == SAGA_TRAIN_SIZED)
+        saga_cli_error(0, "encode: no base: the first segment steers the size");
+}
+
+/* Tells whether something is to be trained next, and what. A file of networks
+ * has the base too. */
+static bool goes_on(const session *s, int *next)
+{
+    *next = saga_train_upcoming(s->train);
+    return *next >= 0 && (*next == SAGA_TRAIN_BASE || !s->o->networks_only);
+}
+
 static int train(session *s)
 {
     int status = train_segment(s), next;
 
-    while (!status && !s->o->networks_only &&
-           (next = saga_train_upcoming(s->train)) >= 0) {
+    if (!status && !s->o->networks)
+        tell_base(s);
+    while (!status && goes_on(s, &next)) {
         status = open_capture(s, next);
         if (!status && !saga_train_next(s->train, &s->capture, &s->error))
             return saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
@@ -520,7 +581,13 @@ static void tell_size(const session *s, size_t n)
                        off > 0 ? "fewer" : "more");
 }
 
-/* Takes the only segment out of a file that it is in with the first. */
+static bool has_base(const session *s)
+{
+    return saga_train_report_of(s->train)->base.n_prim > 0;
+}
+
+/* Takes the only segment out of a file that it is in, without a base with the
+ * first. */
 static bool take_out(saga_bytes *out, session *s)
 {
     const int first = saga_train_first(s->train);
@@ -530,7 +597,7 @@ static bool take_out(saga_bytes *out, session *s)
 
     part.bytes = saga_train_bytes(s->train, &n);
     part.nbytes = n;
-    part.first = only > first ? frames_of(s, first) : 0;
+    part.first = only > first && !has_base(s) ? frames_of(s, first) : 0;
     part.end = part.first + frames_of(s, only);
     return saga_splice(&out->data, &out->nbytes, &part, 1, &s->error);
 }
@@ -616,7 +683,8 @@ static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
 static bool has_float(const session *s, int segment)
 {
     return segment == saga_train_segment(s->train) &&
-           !(s->o->networks && segment == saga_train_first(s->train));
+           !(s->o->networks && !has_base(s) &&
+             segment == saga_train_first(s->train));
 }
 
 static bool compare_view(session *s, saga_film *film, int segment, int view,
@@ -846,6 +914,10 @@ static void print_text(const session *s)
         putchar(';');
     printf(" %u coarse anchors, %u fine, %u primitives\n", r->n.coarse,
            r->n.fine, r->n.prim);
+    if (r->base.n_prim)
+        printf("  a base of %u primitives, %.0f %% of the warm-up's stand "
+               "still\n", r->info.base_primitives,
+               100.0 * r->base.n_still / fmax(r->base.n_looked_at, 1));
     print_motion(r);
     print_exposure(s);
     printf("  lambda %.4g%s\n", r->lambda,
@@ -853,9 +925,10 @@ static void print_text(const session *s)
            : !(s->o->lambda > 0) ? ", which balances primitives and bits"
            : s->o->primitives ? ""
            : ", for which so many primitives are right");
-    printf("  bytes: header %zu, index %zu, networks %zu, coarse %zu, fine "
-           "%zu, primitives %zu\n", r->sizes.header, r->sizes.index,
-           r->sizes.networks, r->sizes.coarse, r->sizes.fine, r->sizes.prim);
+    printf("  bytes: header %zu, index %zu, networks %zu, base %zu, coarse "
+           "%zu, fine %zu,\n  primitives %zu\n", r->sizes.header,
+           r->sizes.index, r->sizes.networks, r->sizes.base, r->sizes.coarse,
+           r->sizes.fine, r->sizes.prim);
     if (s->ablation.raw_networks)
         printf("  networks at 16 bits a parameter: %" PRIu32 " bytes\n",
                2 * r->n_parameters);
@@ -996,6 +1069,17 @@ static json_t *json_networks(const session *s)
     return o;
 }
 
+/* null where nothing was decided: a capture of one segment. */
+static json_t *json_base(const saga_train_base *b)
+{
+    return b->why == SAGA_TRAIN_ONE_SEGMENT ? json_null()
+        : json_pack("{sIsIsIsI}",
+                    "n_primitives", (json_int_t)b->n_prim,
+                    "n_kept", (json_int_t)b->n_kept,
+                    "n_still", (json_int_t)b->n_still,
+                    "n_looked_at", (json_int_t)b->n_looked_at);
+}
+
 static json_t *json_report(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -1011,6 +1095,7 @@ static json_t *json_report(const session *s)
         "n_primitives", (json_int_t)r->n.prim,
         "memory_nbytes", (json_int_t)r->info.work_nbytes));
     json_object_set_new(o, "exposure", json_exposure(s));
+    json_object_set_new(o, "base", json_base(&r->base));
     json_object_update_new(o, json_pack("{sfsisIsbsososfsfsososo}",
         "lambda", r->lambda, "level", (int)r->info.level,
         "parameters", (json_int_t)r->n_parameters,
@@ -1265,6 +1350,7 @@ static const saga_cli_option option_list[] = {
       "no-hyperprior  what a network says of each position\n"
       "no-parent      what the coarser tier holds\n"
       "no-bank        what the memory bank holds\n"
+      "no-base        what stands still, once for all segments\n"
       "groups=K       1 to 16 groups of anchors, each coded by\n"
       "               what the earlier ones hold; 1: none (8)\n"
       "slots=L        a memory bank of 32, 64, 128, 256 or 512\n"
@@ -1294,6 +1380,8 @@ const saga_command saga_command_encode = {
     "\n"
     "A long capture is trained in segments of about a second, with only that\n"
     "one's pictures in memory; the first to be trained makes the networks.\n"
+    "Where enough of it stands still, that is sent once, as the base, and the\n"
+    "segments are trained on top of it; which is told, with its numbers.\n"
     "Stages: warm-up (flat primitives), rendering (the coded hierarchy),\n"
     "packing. A line on stderr tells stage, iteration, the PSNR of the\n"
     "pictures trained on, the bits of the residuals and the time left.\n"

@@ -46,7 +46,9 @@ static void walk(saga_encoder *e, saga_checkpoint *c, saga_error *error)
     walk_buffer(&e->base, c, error);
     walk_buffer(&e->names, c, error);
     walk_buffer(&e->segments, c, error);
-    walk_block(&index, e->header.n_segments * sizeof *e->index, c, error);
+    /* None is there while the base is made. */
+    if (e->header.n_segments)
+        walk_block(&index, e->header.n_segments * sizeof *e->index, c, error);
     e->rig = (saga_rig_camera *)(void *)rig;
     e->index = (saga_index_entry *)(void *)index;
 }

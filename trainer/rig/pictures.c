@@ -245,7 +245,11 @@ void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
 void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
                        saga_sample sample)
 {
+    const saga_backdrop *const b = p->backdrop;
+
     saga_pictures_camera(&canvas->camera, p, sample);
+    canvas->still = b ? &b->seen[sample.view] : NULL;
+    canvas->n_still = b ? b->n : 0;
     canvas->t = (real)((sample.frame +
                         p->capture->views[sample.view].late) /
                        p->capture->n_frames);

@@ -10,10 +10,19 @@
 #ifndef SAGA_PICTURES_H
 #define SAGA_PICTURES_H
 
-#include "canvas.h"
 #include "capture.h"
 #include "cube.h"
 #include "rng.h"
+#include "splat.h"
+
+/* Primitives that stand still behind, between and before whatever is trained:
+ * every picture is drawn with them (canvas->still). */
+typedef struct saga_backdrop {
+    uint32_t n;           /* 0: there is none */
+    saga_splat_params *seen; /* (views) as each view sees them: they share all
+                           * but the colours */
+    real *block;          /* memory of all of these */
+} saga_backdrop;
 
 typedef struct saga_pictures {
     const saga_capture *capture; /* must outlive this */
@@ -27,6 +36,8 @@ typedef struct saga_pictures {
     int *there;           /* (n_there) training pictures that there are: frame *
                            * n_train + index in train; NULL: all are */
     int n_there;
+    const saga_backdrop *backdrop; /* drawn with all of them; NULL at first:
+                           * none */
 } saga_pictures;
 
 /* A sample names one picture: what a view saw at a frame, averaged over boxes

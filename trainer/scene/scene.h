@@ -25,6 +25,8 @@
 
 typedef struct saga_scene {
     saga_model model;
+    bool still;              /* primitives have no temporal attributes, whatever
+                              * the model has: those of a base */
 
     saga_counts n;
     uint32_t n_nodes;        /* the tree, as in saga_symbols */

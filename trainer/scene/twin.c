@@ -39,12 +39,24 @@ void saga_twin_batch_take(saga_twin_batch *b, saga_arena *a,
     b->d_out = saga_arena_take(a, rows * out);
 }
 
+/* Tells which rows of the networks' outputs become attributes. */
+static void attribute_rows(saga_rows rows[SAGA_N_HEADS], const saga_scene *s)
+{
+    saga_model_rows(rows, &s->model);
+    if (!s->still)
+        return;
+    rows[SAGA_HEAD_SLOPE].n = rows[SAGA_HEAD_TIME].n = 0;
+    rows[SAGA_HEAD_WIDTH].n = 0;
+    for (int k = 0; k < 3; k++)
+        rows[SAGA_HEAD_MOTION1 + k].n = 0;
+}
+
 static void lay_attributes(saga_splat_params *p, saga_arena *a, size_t n,
-                           const saga_model *m)
+                           const saga_scene *s)
 {
     saga_rows rows[SAGA_N_HEADS];
 
-    saga_model_rows(rows, m);
+    attribute_rows(rows, s);
     p->mean = saga_arena_take(a, 3 * n);
     p->quat = saga_arena_take(a, 4 * n);
     p->log2_scale = saga_arena_take(a, 3 * n);
@@ -80,8 +92,8 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
     w->prim_offset = saga_arena_take(a, 4 * prim);
     w->fine_phase = saga_arena_take(a, 4 * fine);
     w->prim_phase = saga_arena_take(a, 4 * prim);
-    lay_attributes(&w->attr, a, prim, &s->model);
-    lay_attributes(&w->d_attr, a, prim, &s->model);
+    lay_attributes(&w->attr, a, prim, s);
+    lay_attributes(&w->d_attr, a, prim, s);
 }
 
 /* Makes room for what the networks' passes need. */
@@ -331,7 +343,7 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
            w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
     run(w, s, SAGA_NET_GEO);
     run(w, s, SAGA_NET_COLOUR_BASE);
-    saga_model_rows(rows, &s->model);
+    attribute_rows(rows, s);
     for (i = 0; i < w->n.prim; i++)
         set_attributes(w, s, rows, i);
 }
@@ -558,7 +570,7 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     saga_rows rows[SAGA_N_HEADS];
     size_t i, k;
 
-    saga_model_rows(rows, &s->model);
+    attribute_rows(rows, s);
     for (i = 0; i < n; i++)
         attributes_backward(w, d, s, rows, i);
     back(w, d, s, SAGA_NET_GEO);

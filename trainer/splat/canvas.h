@@ -75,7 +75,7 @@ typedef struct saga_splat_pair {
 
 /* A forward pass leaves this for its backward pass; it grows as needed. */
 typedef struct saga_splat_work {
-    uint32_t n;           /* primitives */
+    uint32_t n;           /* primitives: those given, then the canvas's own */
     uint32_t n_visible;
     uint32_t n_tiles_x, n_tiles_y;
     size_t n_pairs;
@@ -101,6 +101,10 @@ typedef struct saga_canvas {
     saga_splat_camera camera;   /* set by the caller for each picture */
     real t;                     /* the same, in the primitives' unit of time */
     saga_splat_rules rules;
+    const struct saga_splat_params *still; /* (n_still) primitives that every
+                                 * pass draws with those it is given, in one
+                                 * order of depth; they learn nothing */
+    uint32_t n_still;           /* 0 at first */
     real *image;                /* as drawn */
     real *truth;                /* filled by the caller; below 0 where a pixel
                                  * does not count */

@@ -16,20 +16,34 @@ static bool grow_posed(saga_splat_posed *p, size_t *cap, size_t n,
            saga_canvas_grow((void **)&p->q0, cap + 2, n * sizeof(real), error);
 }
 
+/* Those of the canvas come behind the n given ones. */
+static void animate(saga_canvas *c, const saga_splat_params *p, uint32_t n)
+{
+    saga_splat_posed *const to = &c->splat.posed;
+    saga_splat_posed behind = {
+        to->mean + 3 * (size_t)n, to->quat + 4 * (size_t)n, to->q0 + n
+    };
+
+    saga_splat_animate_forward(to, p, n, c->t);
+    if (c->n_still)
+        saga_splat_animate_forward(&behind, c->still, c->n_still, c->t);
+}
+
 /* Goes from primitives to the tiles' lists. */
 static bool list_splats(saga_canvas *c, const saga_splat_params *p, uint32_t n,
                         saga_error *error)
 {
     saga_splat_work *const w = &c->splat;
+    const size_t all = (size_t)n + c->n_still;
 
-    w->n = n;
-    if (!grow_posed(&w->posed, w->cap, n, error) ||
+    w->n = (uint32_t)all;
+    if (!grow_posed(&w->posed, w->cap, all, error) ||
         !saga_canvas_grow((void **)&w->splat, &w->cap[3],
-                          n * sizeof *w->splat, error) ||
+                          all * sizeof *w->splat, error) ||
         !saga_canvas_grow((void **)&w->extent, &w->cap[4],
-                          n * sizeof *w->extent, error))
+                          all * sizeof *w->extent, error))
         return false;
-    saga_splat_animate_forward(&w->posed, p, n, c->t);
+    animate(c, p, n);
     saga_splat_project_forward(c, p);
     return saga_splat_tiles(c, error);
 }

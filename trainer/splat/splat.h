@@ -58,7 +58,8 @@ typedef struct saga_splat_learning {
 } saga_splat_learning;
 
 /* Draws primitives p[0..n) at canvas->t into canvas->image, which is
- * overwritten. n < 2^31, n = 0 included. */
+ * overwritten, together with canvas->still. n and n_still together < 2^31, 0
+ * included. */
 bool saga_splat_forward(saga_canvas *canvas, const saga_splat_params *p,
                         uint32_t n, saga_error *error);
 

@@ -170,7 +170,7 @@ void saga_splat_animate_backward(saga_splat_params *d,
     int64_t j;
 
 #pragma omp parallel for schedule(static)
-    for (j = 0; j < (int64_t)c->splat.n; j++) {
+    for (j = 0; j < (int64_t)c->splat.n - c->n_still; j++) {
         const size_t i = (size_t)j;
         const real dt = elapsed(p, i, c->t);
         const real pace = saga_splat_ageing(p, i), age = dt * pace;

@@ -187,12 +187,21 @@ static real bound(saga_splat_2d *o, const covariance *v, real rest,
     return sqrt(big * rest / K);
 }
 
+/* Counts the primitives that a pass was given: the canvas's come behind. */
+static size_t n_given(const saga_canvas *canvas)
+{
+    return canvas->splat.n - canvas->n_still;
+}
+
 static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
                         const saga_splat_params *p, size_t i)
 {
     const saga_splat_posed *const posed = &canvas->splat.posed;
     const saga_splat_camera *const cam = &canvas->camera;
     const real cut = canvas->rules.cut;
+    const bool is_given = i < n_given(canvas);
+    const saga_splat_params *const from = is_given ? p : canvas->still;
+    const size_t k = is_given ? i : i - n_given(canvas);
     shape s;
     covariance v;
     size_t a;
@@ -202,7 +211,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
         return 0;
     if (!project_mean(o->mean, &s, posed->mean + 3 * i, cam))
         return 0;
-    project_shape(&s, posed->quat + 4 * i, p->log2_scale + 3 * i, cam);
+    project_shape(&s, posed->quat + 4 * i, from->log2_scale + 3 * k, cam);
     covariance_of(&v, &s);
     if (!(v.det > 0 && v.det < REAL_MAX))
         return 0;
@@ -212,7 +221,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     o->q0 = max_real(posed->q0[i], 0);
     o->depth = s.view[2];
     for (a = 0; a < 3; a++)
-        o->colour[a] = p->colour[3 * i + a];
+        o->colour[a] = from->colour[3 * k + a];
     return bound(o, &v, cut - o->q0, cam);
 }
 
@@ -401,7 +410,7 @@ void saga_splat_project_backward(saga_splat_params *d,
     int64_t j;
 
 #pragma omp parallel for schedule(static)
-    for (j = 0; j < (int64_t)work->n; j++) {
+    for (j = 0; j < (int64_t)n_given(canvas); j++) {
         const size_t i = (size_t)j;
         splat_gradient ds;
 

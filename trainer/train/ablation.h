@@ -21,6 +21,7 @@ typedef struct saga_ablation {
                                   * and below 40,000 primitives no bank */
     uint16_t plain_update;       /* 1: a bank, its update without the
                                   * projection */
+    uint16_t no_base;            /* 1: no base, whatever stands still */
     uint16_t raw_networks;       /* 1: parameters of all networks in steps of
                                   * 2^-11, unpriced, 16 bits each where sources
                                   * are weighed against them */

@@ -152,6 +152,23 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
     return ok;
 }
 
+/* Tells whether what is trained becomes a segment of the file: neither a base
+ * nor, where there is one, what only makes the networks. */
+static bool is_segment(const saga_train *t)
+{
+    return !t->base.n_prim || (t->turn > 0 && !saga_train_in_base(t));
+}
+
+/* All before it are there by its turn, or with networks of another training the
+ * first one, unless there is a base; at the first turn there is none. */
+static int place_of(const saga_train *t)
+{
+    if (t->turn == 0 || (t->o.networks && t->base.n_prim))
+        return 0;
+    return t->o.networks ? saga_train_segment(t) > t->o.first
+                         : saga_train_segment(t);
+}
+
 /* Packs into the training's file, or where that is not final into one of its
  * own. */
 static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
@@ -159,16 +176,15 @@ static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
 {
     saga_packed trial = { .encoder = NULL };
     saga_packed *const file = final ? &t->file : &trial;
-    /* All before it are there by its turn, or with networks of another training
-     * only the first; at the first there is none. */
-    const int place = t->turn == 0 ? 0
-                    : t->o.networks ? saga_train_segment(t) > t->o.first
-                    : saga_train_segment(t);
     saga_quantise_report quantise;
     bool ok = file->encoder ||
               begin_file(file, t, level, twin, in, error);
 
-    ok = ok && saga_pack_segment(file, (uint32_t)place,
+    if (ok && saga_train_in_base(t))
+        return saga_pack_base(file, &quantise, &t->decoded, in, error);
+    if (final && !is_segment(t))
+        return ok;
+    ok = ok && saga_pack_segment(file, (uint32_t)place_of(t),
                                  (uint32_t)t->capture->n_frames, &quantise,
                                  final ? &t->decoded : NULL, in, error);
     ok = ok && saga_encoder_finish(file->encoder, &t->bytes, &t->nbytes,
@@ -231,15 +247,18 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
                                                     error) : NULL;
     const saga_pack_input in = { &choice, twin, feature,
                                  saga_fit_weights(t->fit) };
-    bool ok = twin && (!final || saga_train_measure_scene(
-                                     &r->model, t, saga_fit_scene(t->fit),
-                                     twin, error));
+    const bool measured = final && is_segment(t);
+    bool ok = twin && (!measured || saga_train_measure_scene(
+                                        &r->model, t, saga_fit_scene(t->fit),
+                                        twin, error));
 
     ok = ok && pack_at(t, level, final, twin, &in, error);
-    if (ok && final)
+    if (ok && measured)
         ok = saga_train_measure_decoded(t, error);
     free(feature);
-    keep_counts(&r->n, &t->scene.n);
+    if (is_segment(t))
+        keep_counts(&r->n, &t->scene.n);
+    r->base = t->base;
     r->lambda = t->lambda * saga_fit_price(t->fit) /
                 t->policy.price.residual;
     r->dynamic = t->dynamic;
@@ -323,6 +342,10 @@ bool saga_train_measure_size(saga_train *t, saga_error *error)
 
 bool saga_train_pack(saga_train *t, saga_error *error)
 {
-    return saga_train_measure_flat(t, error) &&
-           pack(t, t->o.level, true, error) && probe(t, error);
+    if (is_segment(t))
+        return saga_train_measure_flat(t, error) &&
+               pack(t, t->o.level, true, error) && probe(t, error);
+    return pack(t, t->o.level, true, error) &&
+           (!saga_train_in_base(t) || (saga_train_make_decoded(t, error) &&
+                                       saga_train_keep_base(t, error)));
 }

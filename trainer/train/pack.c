@@ -513,6 +513,7 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
 {
     if (!saga_scene_init(d, &networks->model, s->n, s->n_nodes, 0, error))
         return false;
+    d->still = s->still;
     memcpy(d->params, networks->params,
            networks->n_reals * sizeof *networks->params);
     memcpy(d->split, s->split, s->n_nodes);
@@ -630,20 +631,42 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     return file->encoder != NULL;
 }
 
-bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
-                       saga_quantise_report *report, saga_scene *decoded,
-                       const saga_pack_input *in, saga_error *error)
+/* Makes the symbols of what is packed (free_symbols, also after a failure). */
+static bool make_symbols(saga_symbols *y, const saga_packed *file,
+                         saga_quantise_report *report, saga_scene *decoded,
+                         const saga_pack_input *in, saga_error *error)
 {
     const saga_scene *const networks = &file->networks.scene;
     const packing p = { &networks->model, in->choice, in->twin, NULL,
                         decoded, NULL };
-    saga_symbols y = { .n_nodes = 0 };
+
+    memset(y, 0, sizeof *y);
+    return (!decoded || begin_decoded(decoded, &in->choice->scene, networks,
+                                      error)) &&
+           alloc_symbols(y, &in->choice->scene, error) &&
+           close_loop(y, file->encoder, report, &p, error);
+}
+
+bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
+                       saga_quantise_report *report, saga_scene *decoded,
+                       const saga_pack_input *in, saga_error *error)
+{
+    saga_symbols y;
     const bool ok =
-        (!decoded || begin_decoded(decoded, &in->choice->scene, networks,
-                                   error)) &&
-        alloc_symbols(&y, &in->choice->scene, error) &&
-        close_loop(&y, file->encoder, report, &p, error) &&
+        make_symbols(&y, file, report, decoded, in, error) &&
         saga_encoder_insert(file->encoder, place, &y, n_frames, error);
+
+    free_symbols(&y);
+    return ok;
+}
+
+bool saga_pack_base(saga_packed *file, saga_quantise_report *report,
+                    saga_scene *decoded, const saga_pack_input *in,
+                    saga_error *error)
+{
+    saga_symbols y;
+    const bool ok = make_symbols(&y, file, report, decoded, in, error) &&
+                    saga_encoder_base(file->encoder, &y, error);
 
     free_symbols(&y);
     return ok;

@@ -44,6 +44,12 @@ bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
                        saga_quantise_report *report, saga_scene *decoded,
                        const saga_pack_input *in, saga_error *error);
 
+/* Does the same with the file's base, once, before there is a segment: the
+ * choice's scene is still. */
+bool saga_pack_base(saga_packed *file, saga_quantise_report *report,
+                    saga_scene *decoded, const saga_pack_input *in,
+                    saga_error *error);
+
 /* Takes an empty one too, and leaves it so. */
 void saga_packed_free(saga_packed *file);
 

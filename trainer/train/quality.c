@@ -122,7 +122,7 @@ bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
     return ok;
 }
 
-bool saga_train_measure_decoded(saga_train *t, saga_error *error)
+bool saga_train_make_decoded(saga_train *t, saga_error *error)
 {
     const saga_scene *const s = &t->decoded;
     saga_twin *const w = &t->decoded_twin;
@@ -131,7 +131,14 @@ bool saga_train_measure_decoded(saga_train *t, saga_error *error)
         !saga_twin_refresh(w, s, s->coarse_feature, error))
         return false;
     saga_twin_geometry(w, s, s->coarse_feature);
-    return saga_train_measure_scene(&t->report.coded, t, s, w, error);
+    return true;
+}
+
+bool saga_train_measure_decoded(saga_train *t, saga_error *error)
+{
+    return saga_train_make_decoded(t, error) &&
+           saga_train_measure_scene(&t->report.coded, t, &t->decoded,
+                                    &t->decoded_twin, error);
 }
 
 bool saga_train_draw(saga_train *t, float *image, int view, int frame,

@@ -89,7 +89,7 @@ bool saga_train_steer(saga_train *t, saga_error *error)
     return true;
 }
 
-uint32_t saga_train_share(const saga_train *t)
+uint32_t saga_train_sized_share(const saga_train *t)
 {
     const saga_encode_sizes *const z = &t->report.sizes;
     const double n = t->o.n_primitives;

@@ -107,10 +107,15 @@ void saga_train_freeze(saga_splat_params *p, uint32_t n)
     drop_time(p);
 }
 
+bool saga_train_is_long(const saga_splat_params *p, size_t i)
+{
+    return p->log2_width[i] >= LONG_LIFE;
+}
+
 void saga_train_centre(saga_splat_params *p, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++)
-        if (p->log2_width[i] >= LONG_LIFE)
+        if (saga_train_is_long(p, i))
             centre(p, i);
 }
 

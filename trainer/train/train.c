@@ -27,6 +27,11 @@ static const double cost[SAGA_TRAIN_N_STAGES] = { 1, 2.5, 0 };
 
 enum { LEAST_TIMED = 100, MOST_TIMED = 10000000 };
 
+/* On a base a warm-up begins with this part of its primitives: most of those
+ * drawn at random would be the base's once more, and the errors say where the
+ * others are needed. */
+#define START_ON_BASE 0.1
+
 /* After this part of the warm-up a free count is guessed. */
 #define GUESS_AT 0.15
 
@@ -161,6 +166,7 @@ static bool find_tones(saga_train *t, saga_error *error)
     const size_t n = 3 * (size_t)t->capture->n_views;
 
     t->tones = saga_alloc(n + 3, sizeof *t->tones, "the views", error);
+    t->n_views = t->capture->n_views;
     if (!t->tones)
         return false;
     if (!t->o.given && !saga_exposure_find(&t->pictures, t->o.seed, error))
@@ -169,6 +175,15 @@ static bool find_tones(saga_train *t, saga_error *error)
     for (size_t k = 0; k < 3; k++)
         t->tones[n + k] = t->pictures.background[k];
     return true;
+}
+
+void saga_train_set_flat(saga_train *t)
+{
+    t->flat_options.n_primitives = saga_train_share(t);
+    t->flat_options.temporal = t->capture->n_frames > 1 &&
+                               t->o.motion != SAGA_TRAIN_STILL;
+    if (t->backdrop.n)
+        t->flat_options.start = R(START_ON_BASE);
 }
 
 /* Makes the pictures of a segment's capture. */
@@ -186,6 +201,7 @@ static bool look_at(saga_train *t, const saga_capture *capture,
     }
     if (t->o.checkpoint)
         t->digest = saga_pictures_digest(&t->pictures);
+    saga_train_show_base(t);
     return true;
 }
 
@@ -213,12 +229,10 @@ static saga_train *make(const saga_capture *capture,
     t->lambda = t->o.lambda;
     t->explained = (double)NAN;
     t->flat_options = saga_flat_defaults();
-    t->flat_options.n_primitives = t->o.n_primitives;
     t->flat_options.n_iterations = t->o.n_warm;
     t->flat_options.seed = t->o.seed;
     t->flat_options.given = t->o.given;
-    t->flat_options.temporal = capture->n_frames > 1 &&
-                               t->o.motion != SAGA_TRAIN_STILL;
+    saga_train_set_flat(t);
     return t;
 }
 
@@ -245,7 +259,14 @@ static double try_iterations(const saga_train *t, saga_error *error)
     return saga_failed(error) || n < 2 ? 0 : spent / (n - 1);
 }
 
-/* Takes as many iterations as the minutes asked for allow. */
+/* With a base the first segment is trained twice, and the base is one more. */
+static int n_turns(const saga_train *t, bool has_base)
+{
+    return t->o.n_segments + (has_base ? 2 : 0);
+}
+
+/* Takes as many iterations as the minutes asked for allow, a base included
+ * wherever there may be one. */
 static bool spend_minutes(saga_train *t, saga_error *error)
 {
     const double warm = try_iterations(t, error) / TRIAL_COST;
@@ -255,7 +276,8 @@ static bool spend_minutes(saga_train *t, saga_error *error)
         return false;
     t->o.n_warm = 0;
     t->o.n_iterations = (int)fmin(
-        fmax(60 * t->o.minutes / t->o.n_segments / mean, LEAST_TIMED),
+        fmax(60 * t->o.minutes / n_turns(t, saga_train_may_have_base(t)) /
+             mean, LEAST_TIMED),
         MOST_TIMED);
     derive(&t->o);
     t->flat_options.n_iterations = t->o.n_warm;
@@ -284,7 +306,7 @@ static bool begin_with_networks(saga_train *t, saga_error *error)
 {
     if (!saga_train_load_networks(t, error))
         return false;
-    if (t->o.only != t->o.first)
+    if (t->o.only != t->o.first || t->base.n_prim)
         return begin_flat(t, error);
     t->turn = 0;
     t->stage = SAGA_TRAIN_N_STAGES;
@@ -347,6 +369,7 @@ void saga_train_free(saga_train *t)
         return;
     end_segment(t);
     saga_packed_free(&t->file);
+    saga_train_free_base(&t->backdrop);
     free(t->tones);
     free(t);
 }
@@ -372,9 +395,11 @@ const char *saga_train_complaint(saga_train *t)
 
 /* --- Segments ------------------------------------------------------------ */
 
-int saga_train_segment_at(int first, int turn)
+int saga_train_segment_at(int first, int turn, bool has_base)
 {
-    return turn == 0 ? first : turn <= first ? turn - 1 : turn;
+    return turn == 0 ? first
+         : !has_base ? (turn <= first ? turn - 1 : turn)
+         : turn == 1 ? SAGA_TRAIN_BASE : turn - 2;
 }
 
 const double *saga_train_exposure(const saga_train *t)
@@ -385,7 +410,8 @@ const double *saga_train_exposure(const saga_train *t)
 int saga_train_segment(const saga_train *t)
 {
     return t->turn > 0 && t->o.networks
-        ? t->o.only : saga_train_segment_at(t->o.first, t->turn);
+        ? t->o.only : saga_train_segment_at(t->o.first, t->turn,
+                                            t->base.n_prim > 0);
 }
 
 int saga_train_first(const saga_train *t)
@@ -395,19 +421,23 @@ int saga_train_first(const saga_train *t)
 
 int saga_train_upcoming(const saga_train *t)
 {
-    return t->turn + 1 < t->o.n_segments && !t->o.networks
-        ? saga_train_segment_at(t->o.first, t->turn + 1) : -1;
+    const bool has_base = t->base.n_prim > 0;
+
+    return t->turn + 1 < n_turns(t, has_base) && !t->o.networks
+        ? saga_train_segment_at(t->o.first, t->turn + 1, has_base) : -1;
 }
 
 bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
                            int segment, saga_error *error)
 {
-    const int n = (int)t->report.info.n_cameras;
+    char what[32] = "the base";
 
-    return capture->n_views == n ||
+    if (segment != SAGA_TRAIN_BASE)
+        snprintf(what, sizeof what, "segment %d", segment);
+    return capture->n_views == t->n_views ||
            saga_fail(error, NULL, "give a longer --segment, or leave those "
-                     "cameras out", "%d cameras have pictures in segment %d, "
-                     "%d in those before", capture->n_views, segment, n);
+                     "cameras out", "%d cameras have pictures in %s, %d in "
+                     "those before", capture->n_views, what, t->n_views);
 }
 
 bool saga_train_next(saga_train *t, const saga_capture *capture,
@@ -420,7 +450,7 @@ bool saga_train_next(saga_train *t, const saga_capture *capture,
     if (!look_at(t, capture, error))
         return false;
     t->turn++;
-    t->flat_options.n_primitives = saga_train_share(t);
+    saga_train_set_flat(t);
     if (!begin_flat(t, error))
         return false;
     t->stage = SAGA_TRAIN_WARM;
@@ -483,20 +513,32 @@ static bool propose(saga_train *t, saga_error *error)
     saga_splat_params pool;
     bool ok = saga_train_gather(&pool, &flat, NULL, n, error) && source;
 
-    if (ok && t->dynamic)
+    if (ok && t->dynamic && t->flat_options.temporal)
         saga_train_centre(&pool, n);
     else if (ok)
         saga_train_freeze(&pool, n);
-    ok = ok && build(t, source, &pool, n, error) &&
+    ok = ok && build(t, source, &pool, n, error);
+    t->scene.still = saga_train_in_base(t);
+    ok = ok &&
          saga_train_gather(&t->target, &pool, source, t->scene.n.prim, error);
     saga_train_params_free(&pool);
     free(source);
     return ok;
 }
 
+/* Returns the training pixels that bits are weighed against: of the segment,
+ * or of all of them for the base, which shows in each. */
+static double n_pixels_of(saga_train *t)
+{
+    if (t->turn == 0)
+        t->n_pixels = saga_pictures_pixels(&t->pictures);
+    return saga_train_in_base(t) ? t->n_pixels * t->o.n_segments
+                                 : saga_pictures_pixels(&t->pictures);
+}
+
 bool saga_train_begin_fit(saga_train *t, saga_error *error)
 {
-    const double n_pixels = saga_pictures_pixels(&t->pictures);
+    const double n_pixels = n_pixels_of(t);
     saga_fit_options o = {
         .n_render = t->o.n_render, .seed = t->o.seed,
         .raw_networks = t->ablation.raw_networks,
@@ -570,7 +612,8 @@ static bool tell(const saga_train *t)
         .psnr = t->recent_mse > 0 ? -10 * log10(t->recent_mse) : 0,
         .bits = t->stage == SAGA_TRAIN_RENDER ? saga_fit_bits(t->fit) : 0,
         .done = (t->turn + work_done(t) / work_of_all(t)) /
-                (t->o.networks ? 2 : t->o.n_segments)
+                (t->o.networks ? t->turn + 1
+                               : n_turns(t, t->base.n_prim > 0))
     };
 
     return !t->o.progress || t->o.progress(t->o.progress_user, &p);
@@ -655,15 +698,24 @@ static bool pack(saga_train *t, saga_error *error)
     return true;
 }
 
+static bool begin_rendering(saga_train *t, saga_error *error)
+{
+    if (!saga_train_decide(t, error))
+        return false;
+    if (t->turn == 0)
+        saga_train_choose_base(t);
+    return saga_train_begin_fit(t, error) &&
+           saga_fit_start(t->fit, &t->target, error) &&
+           saga_train_check_level(t, error);
+}
+
 /* Does what a stage does after its iterations. */
 static bool conclude(saga_train *t, saga_error *error)
 {
     bool ok = true;
 
     if (t->stage == SAGA_TRAIN_WARM)
-        ok = saga_train_decide(t, error) && saga_train_begin_fit(t, error) &&
-             saga_fit_start(t->fit, &t->target, error) &&
-             saga_train_check_level(t, error);
+        ok = begin_rendering(t, error);
     else if (t->stage == SAGA_TRAIN_PACK)
         ok = pack(t, error);
     t->recent_mse = 0;

@@ -13,6 +13,12 @@
  * networks. They go into the file once, and the others find primitives and
  * features for them as they are. What stays of a finished segment is its bytes.
  *
+ * Where at least a quarter of that first segment's warm-up stands still, these
+ * primitives are sent once for the file, as its base: of the first training
+ * only the networks are kept, the base is trained with them on a picture of
+ * every view that shows what stands still in the whole capture (still.h), and
+ * then each segment, the first one too, on top of it.
+ *
  * The result does not depend on the number of threads. A capture must outlive
  * the training of its segment.
  *
@@ -44,10 +50,34 @@ typedef enum saga_train_motion {
     SAGA_TRAIN_STILL             /* the ablation */
 } saga_train_motion;
 
+/* This stands where a segment's number would, for the base. */
+enum { SAGA_TRAIN_BASE = 1 << 24 };
+
+/* There is no base for one of these reasons. */
+typedef enum saga_train_no_base {
+    SAGA_TRAIN_HAS_BASE,         /* there is one */
+    SAGA_TRAIN_ONE_SEGMENT,
+    SAGA_TRAIN_ABLATED,
+    SAGA_TRAIN_WANDERS,          /* no two pictures are from one place */
+    SAGA_TRAIN_SIZED,            /* a size is steered by the first segment */
+    SAGA_TRAIN_MOVES             /* too little stands still */
+} saga_train_no_base;
+
+typedef struct saga_train_base {
+    saga_train_no_base why;
+    uint32_t n_still;            /* primitives of the first warm-up that stand
+                                  * still, */
+    uint32_t n_looked_at;        /* of so many; 0: not looked at */
+    uint32_t n_prim;             /* of the base; 0: there is none */
+    uint32_t n_kept;             /* of each segment beside it */
+    double saved;                /* bytes that this saves, an estimate */
+} saga_train_base;
+
 typedef struct saga_train_progress {
     saga_train_stage stage;
     const char *name;            /* of the stage */
-    int segment;                 /* of the file, in order of time */
+    int segment;                 /* of the file, in order of time, or
+                                  * SAGA_TRAIN_BASE */
     int iteration, n_iterations; /* of the stage; it begins at 0 */
     int all;                     /* iterations of all stages and segments so
                                   * far */
@@ -135,6 +165,7 @@ typedef struct saga_train_report {
     saga_counts n;               /* coarse, fine, primitives; most of any */
     saga_info info;              /* of the file, as its decoder sees it */
     double lambda;               /* as asked for, or by the rule */
+    saga_train_base base;
     bool dynamic;                /* temporal tools are on */
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */
@@ -172,8 +203,8 @@ saga_train *saga_train_new(const saga_capture *capture,
                            const saga_train_options *options,
                            saga_error *error);
 
-/* Returns the segment that a checkpoint's training was in; negative, with the
- * reason in *error, where it cannot be read. */
+/* Returns the segment that a checkpoint's training was in, or SAGA_TRAIN_BASE;
+ * negative, with the reason in *error, where it cannot be read. */
 int saga_train_stopped_in(const char *checkpoint, saga_error *error);
 
 /* Sets n_primitives and n_iterations, where they are 0, as a checkpoint or a
@@ -200,7 +231,7 @@ saga_outcome saga_train_run(saga_train *train, saga_error *error);
 const char *saga_train_complaint(saga_train *train);
 
 /* These return the segment in training, or just finished; and the one that
- * comes after it, -1 where it is the last. */
+ * comes after it, -1 where it is the last. Either may be SAGA_TRAIN_BASE. */
 int saga_train_segment(const saga_train *train);
 
 /* Returns what the pictures of the segment's views were multiplied by before
@@ -208,24 +239,25 @@ int saga_train_segment(const saga_train *train);
 const double *saga_train_exposure(const saga_train *train);
 int saga_train_upcoming(const saga_train *train);
 
-/* Goes on with the upcoming segment, whose capture it is, after SAGA_DONE; the
- * last one's is not needed any more. Where it fails only saga_train_free is
- * left to be called. */
+/* Goes on with the upcoming segment, whose capture it is (of the base:
+ * still.h), after SAGA_DONE; the last one's is not needed any more. Where it
+ * fails only saga_train_free is left to be called. */
 bool saga_train_next(saga_train *train, const saga_capture *capture,
                      saga_error *error);
 
-/* Writes what other trainings need of the first segment, after its SAGA_DONE:
- * each may train one of the others, at the same time and elsewhere, and gives
- * the bytes that this one would. */
+/* Writes what other trainings need of the first segment, and of the base, after
+ * the SAGA_DONE of that which comes last: each may train one of the others, at
+ * the same time and elsewhere, and gives the bytes that this one would. */
 bool saga_train_save_networks(saga_train *train, const char *path,
                               saga_error *error);
 
-/* Returns the segment that made the networks. It is among the finished ones of
- * every training. */
+/* Returns the segment that made the networks. Where there is no base, it is
+ * among the finished ones of every training. */
 int saga_train_first(const saga_train *train);
 
-/* These may be called after SAGA_DONE: the file of all finished segments. The
- * bytes belong to train, until its next segment. */
+/* These may be called after SAGA_DONE: the file of all finished segments, NULL
+ * where there is none yet. The bytes belong to train, until its next segment.
+ */
 const saga_train_report *saga_train_report_of(const saga_train *train);
 const uint8_t *saga_train_bytes(const saga_train *train, size_t *n);
 

@@ -15,8 +15,9 @@
 typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
     uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
+    uint64_t views, base_why, base_still, base_looked_at, base_prim, base_kept;
     char ablate[128];
-    double lambda, chosen_lambda;
+    double lambda, chosen_lambda, base_saved, n_pixels;
     uint64_t stage, fitting, dynamic;
     double explained, changing, recent_mse;
 } head;
@@ -38,6 +39,14 @@ static void fill(head *h, const saga_train *t)
     h->turn = (uint64_t)t->turn;
     h->n_bytes = t->o.n_bytes;
     h->n_finished = t->n_finished;
+    h->views = (uint64_t)t->n_views;
+    h->base_why = (uint64_t)t->base.why;
+    h->base_still = t->base.n_still;
+    h->base_looked_at = t->base.n_looked_at;
+    h->base_prim = t->base.n_prim;
+    h->base_kept = t->base.n_kept;
+    h->base_saved = t->base.saved;
+    h->n_pixels = t->n_pixels;
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
@@ -67,11 +76,31 @@ static void walk_tones(saga_train *t, saga_checkpoint *c)
                                       sizeof *t->tones);
 }
 
+/* Walks over the base, whose arrays lie in one block. */
+static void walk_base(saga_train *t, saga_checkpoint *c, saga_error *error)
+{
+    uint64_t n = t->backdrop.n;
+    const int views = t->capture->n_views;
+
+    saga_checkpoint_walk(c, &n, sizeof n);
+    c->failed = c->failed || (n != 0 && n != t->base.n_prim);
+    if (c->failed || n == 0)
+        return;
+    if (c->reading && !saga_train_alloc_base(&t->backdrop, (uint32_t)n, views,
+                                             error)) {
+        c->failed = true;
+        return;
+    }
+    saga_checkpoint_walk(c, t->backdrop.block, (size_t)n *
+                         (11 + 3 * (size_t)views) * sizeof *t->backdrop.block);
+}
+
 static void write_finished(saga_train *t, saga_checkpoint *c)
 {
     saga_encoder_save(t->file.encoder, c);
     walk_file(t, c);
     walk_tones(t, c);
+    walk_base(t, c, NULL);
 }
 
 bool saga_train_save(saga_train *t, saga_error *error)
@@ -100,7 +129,7 @@ bool saga_train_save_networks(saga_train *t, const char *path,
     if (!saga_checkpoint_create(&c, path, error))
         return false;
     fill(&h, t);
-    h.turn = 1;
+    h.turn = t->base.n_prim ? 2 : 1;
     saga_checkpoint_walk(&c, &h, sizeof h);
     write_finished(t, &c);
     return saga_checkpoint_close(&c, true, error);
@@ -227,7 +256,9 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
         return false;
     walk_tones(t, c);
     saga_train_tone(t);
-    t->flat_options.n_primitives = saga_train_share(t);
+    walk_base(t, c, error);
+    saga_train_show_base(t);
+    saga_train_set_flat(t);
     return !c->failed;
 }
 
@@ -252,15 +283,39 @@ static bool adopt(saga_train *t, const head *h)
            (!t->o.free_count || adopt_primitives(t, h));
 }
 
+/* Tells whether first segment, turn and base's size are possible. */
+static bool are_turns(const head *h)
+{
+    const uint64_t most = saga_caps[SAGA_N_PROFILES - 1].n_prim;
+
+    return h->first < h->segments &&
+           h->turn < h->segments + (h->base_prim ? 2 : 0) &&
+           h->base_why <= SAGA_TRAIN_MOVES &&
+           h->base_still <= UINT32_MAX && h->base_looked_at <= UINT32_MAX &&
+           h->base_prim <= most && h->base_kept <= most;
+}
+
+static void load_base(saga_train *t, const head *h)
+{
+    t->base = (saga_train_base){
+        (saga_train_no_base)h->base_why, (uint32_t)h->base_still,
+        (uint32_t)h->base_looked_at, (uint32_t)h->base_prim,
+        (uint32_t)h->base_kept, h->base_saved
+    };
+}
+
 /* The first segment to be trained, and which is in training, are the
  * checkpoint's. */
 static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
                       saga_error *error)
 {
-    if (h->first >= h->segments || h->turn >= h->segments) {
+    if (!are_turns(h)) {
         c->failed = true;
         return false;
     }
+    load_base(t, h);
+    t->n_views = (int)h->views;
+    t->n_pixels = h->n_pixels;
     t->o.first = (int)h->first;
     t->turn = (int)h->turn;
     t->dynamic = h->dynamic != 0;
@@ -304,7 +359,8 @@ static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
     head h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
-    c->failed = c->failed || h.turn != 1 || !adopt(t, &h);
+    c->failed = c->failed || h.turn != (h.base_prim ? 2 : 1) ||
+                !adopt(t, &h);
     return !c->failed && same_segments(t, &h, t->o.networks, error) &&
            same_options(t, &h, t->o.networks, error) &&
            load_turn(t, &h, c, error);
@@ -330,9 +386,8 @@ static bool read_head(head *h, const char *checkpoint, saga_error *error)
     if (!saga_checkpoint_open(&c, checkpoint, error))
         return false;
     saga_checkpoint_walk(&c, h, sizeof *h);
-    c.failed = c.failed || h->first >= h->segments || h->turn >= h->segments ||
-               h->segments > SAGA_MAX_SEGMENTS || h->primitives > UINT32_MAX ||
-               !are_iterations(h);
+    c.failed = c.failed || h->segments > SAGA_MAX_SEGMENTS || !are_turns(h) ||
+               h->primitives > UINT32_MAX || !are_iterations(h);
     /* The rest is not wanted here. */
     saga_take(&c.rest, saga_left(&c.rest));
     return saga_checkpoint_close(&c, true, error);
@@ -343,7 +398,8 @@ int saga_train_stopped_in(const char *checkpoint, saga_error *error)
     head h;
 
     return read_head(&h, checkpoint, error)
-        ? saga_train_segment_at((int)h.first, (int)h.turn) : -1;
+        ? saga_train_segment_at((int)h.first, (int)h.turn, h.base_prim > 0)
+        : -1;
 }
 
 bool saga_train_adopt(saga_train_options *o, const char *checkpoint,

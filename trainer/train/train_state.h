@@ -30,8 +30,14 @@ struct saga_train {
     double lambda;               /* the option, or by the rule from the end of
                                   * the warm-up on */
     saga_policy policy;          /* from the end of the warm-up on */
-    int turn;                    /* how many segments are finished, */
-    uint64_t n_finished;         /* and how many primitives they have */
+    saga_train_base base;        /* from the end of the first warm-up on */
+    saga_backdrop backdrop;      /* the base as decoded; empty until it is */
+    int turn;                    /* how many trainings are finished: where there
+                                  * is a base the networks', the base, and then
+                                  * all segments; else all segments */
+    int n_views;                 /* of every segment */
+    double n_pixels;             /* of the first segment's training pictures */
+    uint64_t n_finished;         /* primitives of the finished segments */
     saga_train_stage stage;      /* of the segment in training */
     double recent_mse;           /* of the stage's pictures, for progress; 0:
                                   * none yet */
@@ -58,14 +64,17 @@ struct saga_train {
     bool complained;
 };
 
-/* train.c: returns the segment of a turn, where `first` has the first; builds
- * the hierarchy and the fit, t->dynamic is decided. */
-int saga_train_segment_at(int first, int turn);
+/* train.c: returns the segment of a turn, where `first` has the first and, with
+ * a base, turn 1 is that; builds the hierarchy and the fit, t->dynamic is
+ * decided. */
+int saga_train_segment_at(int first, int turn, bool has_base);
 /* The file has one rig: this says whether a segment's capture has its views. */
 bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
                            int segment, saga_error *error);
 /* Gives the pictures t->tones. */
 void saga_train_tone(saga_train *t);
+/* Sets of the warm-up's options what is not the same for all segments. */
+void saga_train_set_flat(saga_train *t);
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
@@ -89,6 +98,9 @@ bool saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
 /* Makes primitives as they are at mid-segment, without temporal members; p's
  * arrays are saga_train_gather's. */
 void saga_train_freeze(saga_splat_params *p, uint32_t n);
+/* Tells whether primitive i lives through the segment; p has temporal members.
+ */
+bool saga_train_is_long(const saga_splat_params *p, size_t i);
 /* Those that live through the segment get the middle of it for a centre. p has
  * temporal members. */
 void saga_train_centre(saga_splat_params *p, uint32_t n);
@@ -100,7 +112,9 @@ bool saga_train_measure_flat(saga_train *t, saga_error *error);
 bool saga_train_measure_scene(saga_train_quality *q, const saga_train *t,
                               const saga_scene *scene, saga_twin *twin,
                               saga_error *error);
-/* Makes the twin of the decoded scene first. */
+/* Makes the twin of the decoded scene. */
+bool saga_train_make_decoded(saga_train *t, saga_error *error);
+/* Does so first. */
 bool saga_train_measure_decoded(saga_train *t, saga_error *error);
 
 /* finish.c */
@@ -114,9 +128,29 @@ bool saga_train_pack(saga_train *t, saga_error *error);
 /* size.c: where a size was asked for, brings the file nearer to it, before an
  * iteration of the rendering. */
 bool saga_train_steer(saga_train *t, saga_error *error);
-/* Returns the primitives of the segment in training: as asked for, or where a
- * size was, those that fill what the finished ones left of it. */
+/* Returns the primitives of the segment in training, where there is no base: as
+ * asked for, or where a size was, those that fill what the finished ones left
+ * of it. */
+uint32_t saga_train_sized_share(const saga_train *t);
+
+/* train_base.c */
+/* Tells whether the options leave it open. */
+bool saga_train_may_have_base(const saga_train *t);
+/* Decides on a base by the first warm-up, when it ends. */
+void saga_train_choose_base(saga_train *t);
+/* Returns the primitives of what is in training. */
 uint32_t saga_train_share(const saga_train *t);
+/* Tells whether the base is in training. */
+bool saga_train_in_base(const saga_train *t);
+/* Makes room for n primitives, whose arrays lie behind each other from block
+ * on: means, rotations, scales, opacities, colours of each view. */
+bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
+                           saga_error *error);
+void saga_train_free_base(saga_backdrop *b);
+/* Makes t->backdrop of the decoded base and its twin. */
+bool saga_train_keep_base(saga_train *t, saga_error *error);
+/* Has the pictures drawn with the base, once there is one. */
+void saga_train_show_base(saga_train *t);
 
 /* train_save.c */
 bool saga_train_save(saga_train *t, saga_error *error);

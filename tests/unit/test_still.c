@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What stands still in a capture that comes in parts.
+ */
+#include "still.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+enum { PIXELS = 6, PART = 20, PARTS = 3, ALL = PART * PARTS };
+
+/* A part of a capture of two views: a pixel of the first has a value of its
+ * own in each frame, the second has no picture. */
+typedef struct {
+    saga_capture capture;
+    saga_shot view[2];
+    uint8_t rgb[2][PART][3 * PIXELS];
+    uint8_t mask[PART][PIXELS];
+    bool missing[PART];
+} part;
+
+static uint8_t value_at(int frame)
+{
+    return (uint8_t)(frame * 37 % 251);
+}
+
+static const saga_capture *make_part(part *p, int number)
+{
+    memset(p, 0, sizeof *p);
+    p->capture = (saga_capture){ .n_views = 2, .n_frames = PART, .fps = 24,
+                                 .views = p->view };
+    memset(p->missing, 1, sizeof p->missing);
+    for (int v = 0; v < 2; v++)
+        p->view[v] = (saga_shot){ .width = PIXELS, .height = 1,
+                                  .rgb = p->rgb[v][0] };
+    p->view[0].mask = p->mask[0];
+    p->view[1].missing = p->missing;
+    p->view[1].n_missing = PART;
+    for (int f = 0; f < PART; f++) {
+        memset(p->rgb[0][f], 90, sizeof p->rgb[0][f]);
+        memset(p->rgb[0][f], value_at(number * PART + f), 3);
+        /* One pixel counts in the last part alone, one never. */
+        memset(p->mask[f], 1, PIXELS);
+        p->mask[f][4] = number == PARTS - 1;
+        p->mask[f][5] = 0;
+    }
+    return &p->capture;
+}
+
+static void add_parts(saga_still *s)
+{
+    saga_error error = { "" };
+
+    memset(s, 0, sizeof *s);
+    for (int i = 0; i < PARTS; i++) {
+        part p;
+
+        assert_true(saga_still_add(s, make_part(&p, i), i * PART, ALL,
+                                   &error));
+    }
+}
+
+static int compare(const void *a, const void *b)
+{
+    return *(const uint8_t *)a - *(const uint8_t *)b;
+}
+
+/* Fifteen of 60 frames: 2, 6, 10, ..., the middles of fifteenths. */
+static void still_should_be_the_median_over_all_parts(void **state)
+{
+    saga_error error = { "" };
+    saga_capture c;
+    saga_still s;
+    uint8_t seen[SAGA_STILL_PICTURES];
+
+    (void)state;
+    add_parts(&s);
+    assert_true(saga_still_finish(&c, &s, &error));
+    assert_null(s.capture.views);
+    for (int i = 0; i < SAGA_STILL_PICTURES; i++)
+        seen[i] = value_at(4 * i + 2);
+    qsort(seen, sizeof seen, 1, compare);
+    assert_int_equal(c.n_frames, 1);
+    assert_int_equal(c.n_views, 2);
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(c.views[0].rgb[k], seen[SAGA_STILL_PICTURES / 2]);
+        assert_int_equal(c.views[0].rgb[3 + k], 90);
+    }
+    saga_capture_free(&c);
+}
+
+/* Fifteen pictures; so many of them may be others. */
+static void still_should_count_what_is_steady(void **state)
+{
+    enum { N = SAGA_STILL_PICTURES };
+    saga_error error = { "" };
+
+    (void)state;
+    for (int others = 0; others < 8; others++)
+        for (int level = 8; level < 10; level++) {
+            uint8_t rgb[N][3 * PIXELS];
+            saga_shot view = { .width = PIXELS, .height = 1, .rgb = rgb[0] };
+            const saga_capture whole = { .n_views = 1, .n_frames = N,
+                                         .views = &view };
+            saga_still s = { .n = 0 };
+            saga_capture c;
+
+            memset(rgb, 90, sizeof rgb);
+            for (int f = 0; f < others; f++)
+                rgb[2 * f][3 * (PIXELS - 1) + 1] = (uint8_t)(90 - level);
+            assert_true(saga_still_add(&s, &whole, 0, N, &error));
+            assert_true(saga_still_finish(&c, &s, &error));
+            assert_int_equal(c.views[0].mask != NULL, level > 8 && others > 3);
+            if (c.views[0].mask) {
+                assert_int_equal(c.views[0].mask[0], 1);
+                assert_int_equal(c.views[0].mask[PIXELS - 1], 0);
+            }
+            saga_capture_free(&c);
+        }
+}
+
+static void still_should_know_what_nobody_saw(void **state)
+{
+    static const uint8_t counts[PIXELS] = { 0, 1, 1, 1, 1, 0 };
+    saga_error error = { "" };
+    saga_capture c;
+    saga_still s;
+
+    (void)state;
+    add_parts(&s);
+    assert_true(saga_still_finish(&c, &s, &error));
+    assert_memory_equal(c.views[0].mask, counts, sizeof counts);
+    assert_true(saga_capture_has(&c, 0, 0));
+    assert_false(saga_capture_has(&c, 1, 0));
+    assert_int_equal(c.views[1].n_missing, 1);
+    saga_capture_free(&c);
+}
+
+static void still_should_refuse_other_views(void **state)
+{
+    saga_error error = { "" };
+    saga_still s = { .n = 0 };
+    part p;
+
+    (void)state;
+    assert_true(saga_still_add(&s, make_part(&p, 0), 0, ALL, &error));
+    p.capture.n_views = 1;
+    assert_false(saga_still_add(&s, &p.capture, PART, ALL, &error));
+    assert_non_null(strstr(error.message, "1 cameras have pictures"));
+    saga_still_free(&s);
+    assert_null(s.capture.views);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(still_should_be_the_median_over_all_parts),
+        cmocka_unit_test(still_should_count_what_is_steady),
+        cmocka_unit_test(still_should_know_what_nobody_saw),
+        cmocka_unit_test(still_should_refuse_other_views)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: MIT */
+#include "still.h"
+
+#include "alloc.h"
+#include "change.h"
+#include "verdict.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static const char what[] = "still pictures";
+
+static int n_pictures(int n_frames)
+{
+    return n_frames < SAGA_STILL_PICTURES ? n_frames : SAGA_STILL_PICTURES;
+}
+
+/* Returns frame number i of those that are looked at. */
+static int frame_at(int i, int n_frames)
+{
+    const int n = n_pictures(n_frames);
+
+    return (int)((2 * (int64_t)i + 1) * n_frames / (2 * n));
+}
+
+/* Makes a view's room for the pictures, and for their masks where it has
+ * some. */
+static bool begin_view(saga_shot *to, const saga_shot *from, int n,
+                       saga_error *error)
+{
+    const size_t nbytes = saga_view_frame_nbytes(from);
+
+    *to = *from;
+    to->single = false;
+    to->missing = NULL;
+    to->n_missing = 0;
+    to->mask = NULL;
+    to->depth = NULL;
+    to->rgb = saga_alloc((size_t)n, nbytes, what, error);
+    if (from->mask)
+        to->mask = saga_calloc((size_t)n, nbytes / 3, what, error);
+    return to->rgb && (to->mask || !from->mask);
+}
+
+static bool begin(saga_still *s, const saga_capture *part, int n_frames,
+                  saga_error *error)
+{
+    const size_t n = (size_t)part->n_views;
+    saga_capture *const c = &s->capture;
+
+    *c = *part;
+    c->n_frames = n_pictures(n_frames);
+    c->notes[0] = '\0';
+    c->n_views = 0;
+    c->points = NULL;
+    c->views = saga_calloc(n, sizeof *c->views, what, error);
+    s->seen = saga_calloc(n, sizeof *s->seen, what, error);
+    if (part->n_points)
+        c->points = saga_alloc(part->n_points, sizeof *c->points, what, error);
+    if (!c->views || !s->seen || (part->n_points && !c->points))
+        return false;
+    if (part->n_points)
+        memcpy(c->points, part->points, part->n_points * sizeof *c->points);
+    for (size_t v = 0; v < n; v++) {
+        c->n_views++;
+        if (!begin_view(&c->views[v], &part->views[v], c->n_frames, error))
+            return false;
+    }
+    return true;
+}
+
+static void take(saga_still *s, const saga_capture *part, int view, int frame)
+{
+    const saga_shot *const to = &s->capture.views[view];
+    const size_t nbytes = saga_view_frame_nbytes(to);
+    const uint8_t *const mask = saga_capture_mask(part, view, frame);
+
+    memcpy(to->rgb + nbytes * (size_t)s->n,
+           saga_capture_frame(part, view, frame), nbytes);
+    if (to->mask && mask)
+        memcpy(to->mask + nbytes / 3 * (size_t)s->n, mask, nbytes / 3);
+    s->seen[view] = s->seen[view] || saga_capture_has(part, view, frame);
+}
+
+bool saga_still_add(saga_still *s, const saga_capture *part, int first,
+                    int n_frames, saga_error *error)
+{
+    const saga_capture *const c = &s->capture;
+
+    if (!c->views && !begin(s, part, n_frames, error))
+        return false;
+    if (part->n_views != c->n_views)
+        return saga_fail(error, NULL, "give a longer --segment, or leave those "
+                         "cameras out", "%d cameras have pictures from frame "
+                         "%d on, %d before", part->n_views, first, c->n_views);
+    while (s->n < c->n_frames) {
+        const int at = frame_at(s->n, n_frames);
+
+        if (at >= first + part->n_frames)
+            break;
+        for (int v = 0; v < c->n_views; v++)
+            take(s, part, v, at - first);
+        s->n++;
+    }
+    return true;
+}
+
+/* Tells whether pixel i of n pictures is steadily what the median has. Where a
+ * mask says that it does not count, its colour is that of the nearest picture
+ * in which it does: once is enough. */
+static bool is_steady(const saga_shot *v, const uint8_t *median, size_t i,
+                      int n)
+{
+    const size_t size = saga_view_frame_nbytes(v) / 3;
+    int near = 0, counts = v->mask == NULL;
+
+    for (size_t k = 0; k < (size_t)n; k++) {
+        const uint8_t *const rgb = v->rgb + 3 * (k * size + i);
+        bool is_near = true;
+
+        for (size_t c = 0; c < 3; c++)
+            is_near = is_near && abs(rgb[c] - median[3 * i + c]) <=
+                                 SAGA_CHANGE_LEVEL;
+        near += is_near;
+        counts |= v->mask && v->mask[k * size + i];
+    }
+    return counts && 4 * near >= 3 * n;
+}
+
+/* Puts median and mask in the place of the pictures; no mask where all
+ * counts. */
+static bool finish_pictures(saga_shot *v, uint8_t *median, int n,
+                            saga_error *error)
+{
+    const size_t size = saga_view_frame_nbytes(v) / 3;
+    uint8_t *mask = saga_alloc(size, 1, what, error);
+    size_t steady = 0;
+
+    for (size_t i = 0; mask && i < size; i++)
+        steady += mask[i] = is_steady(v, median, i, n);
+    if (steady == size) {
+        free(mask);
+        mask = NULL;
+    }
+    free(v->rgb);
+    free(v->mask);
+    v->rgb = median;
+    v->mask = mask;
+    return !saga_failed(error);
+}
+
+static bool finish_view(saga_capture *c, int view, bool seen,
+                        saga_error *error)
+{
+    saga_shot *const v = &c->views[view];
+    uint8_t *const median = saga_verdict_median(c, view, error);
+
+    if (!median || !finish_pictures(v, median, c->n_frames, error))
+        return false;
+    if (seen)
+        return true;
+    v->n_missing = 1;
+    v->missing = saga_alloc(1, sizeof *v->missing, what, error);
+    if (v->missing)
+        *v->missing = true;
+    return v->missing != NULL;
+}
+
+bool saga_still_finish(saga_capture *capture, saga_still *s,
+                       saga_error *error)
+{
+    saga_capture *const c = &s->capture;
+
+    for (int v = 0; v < c->n_views; v++)
+        if (!finish_view(c, v, s->seen[v], error))
+            return false;
+    c->n_frames = 1;
+    *capture = *c;
+    *c = (saga_capture){ 0 };
+    saga_still_free(s);
+    return true;
+}
+
+void saga_still_free(saga_still *s)
+{
+    saga_capture_free(&s->capture);
+    free(s->seen);
+    memset(s, 0, sizeof *s);
+}

@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The base: what stands still in all of the file is trained once, on a still
+ * picture of every view, and each segment on top of it.
+ *
+ * The first segment to be trained makes the networks, and its warm-up shows how
+ * much stands still. Where that is enough, nothing but the networks is kept of
+ * it: then come the base, which finds features for them as every other segment
+ * does, and all segments, the first one again. They are drawn together with the
+ * base as it is decoded, in one order of depth, and learn what it is not.
+ */
+#include "train_state.h"
+
+#include "alloc.h"
+#include "splat_animate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A primitive stands still that lives through the segment, and whose place and
+ * angle (of its length and in radians) change less than that in it. */
+#define LEAST_MOTION 0.25
+
+/* A base of less than this part of the primitives is not made. */
+#define LEAST_PART 0.25
+
+/* The segments keep this part of the primitives at least. */
+#define LEAST_KEPT 0.125
+
+/* The base has up to so many times the primitives that stand still: a bound on
+ * what drawing costs. */
+#define MOST_TIMES 3
+
+/* A primitive takes so many bytes (policy.c). */
+#define PRIMITIVE_NBYTES (75 / 8.0)
+
+/* --- Whether there is one ------------------------------------------------ */
+
+/* Returns the place's change between mid-segment and t, in standard deviations
+ * of the primitive's longest axis. */
+static double change_of_place(const saga_splat_params *p, size_t i, real t)
+{
+    const real pace = saga_splat_ageing(p, i);
+    const real now = (t - p->t_centre[i]) * pace;
+    const real middle = (R(0.5) - p->t_centre[i]) * pace;
+    double sum = 0, longest = -INFINITY;
+
+    for (size_t k = 0; k < 3; k++) {
+        const real *const b = p->motion + 9 * i + k;
+        const double d =
+            (double)(((b[6] * now + b[3]) * now + b[0]) * now) -
+            (double)(((b[6] * middle + b[3]) * middle + b[0]) * middle);
+
+        sum += d * d;
+        longest = fmax(longest, (double)p->log2_scale[3 * i + k]);
+    }
+    return sqrt(sum) * exp2(-longest);
+}
+
+/* A quaternion that changes by a small part of its length turns by twice as
+ * many radians. */
+static double change_of_angle(const saga_splat_params *p, size_t i)
+{
+    double slope = 0, length = 0;
+
+    for (size_t k = 0; k < 4; k++) {
+        const double s = (double)p->slope[4 * i + k];
+        const double q = (double)p->quat[4 * i + k];
+
+        slope += s * s;
+        length += q * q;
+    }
+    return length > 0
+        ? 2 * sqrt(slope / length) * (double)saga_splat_ageing(p, i) / 2 : 0;
+}
+
+static bool is_still(const saga_splat_params *p, size_t i)
+{
+    return !p->log2_width ||
+           (saga_train_is_long(p, i) &&
+            change_of_place(p, i, 0) < LEAST_MOTION &&
+            change_of_place(p, i, 1) < LEAST_MOTION &&
+            change_of_angle(p, i) < LEAST_MOTION);
+}
+
+static saga_train_no_base reason(const saga_train *t)
+{
+    return t->o.n_segments < 2 ? SAGA_TRAIN_ONE_SEGMENT
+         : t->ablation.no_base ? SAGA_TRAIN_ABLATED
+         : t->capture->moves ? SAGA_TRAIN_WANDERS
+         : t->o.n_bytes ? SAGA_TRAIN_SIZED : SAGA_TRAIN_HAS_BASE;
+}
+
+/* Returns how many times as many primitives are worth their bits where these
+ * are sent once for n segments, by the law of the errors (policy.h). */
+static double times_for(int n)
+{
+    return fmin(saga_policy_primitives(1, 1, n, 1) /
+                saga_policy_primitives(1, 1, 1, 1), MOST_TIMES);
+}
+
+bool saga_train_may_have_base(const saga_train *t)
+{
+    return reason(t) == SAGA_TRAIN_HAS_BASE;
+}
+
+void saga_train_choose_base(saga_train *t)
+{
+    const saga_splat_params flat = saga_flat_params(t->flat);
+    const double n = t->o.n_primitives;
+    saga_train_base *const b = &t->base;
+
+    *b = (saga_train_base){ .why = reason(t) };
+    if (b->why)
+        return;
+    b->n_looked_at = saga_flat_count(t->flat);
+    for (uint32_t i = 0; i < b->n_looked_at; i++)
+        b->n_still += !t->dynamic || is_still(&flat, i);
+    if (b->n_still < LEAST_PART * b->n_looked_at) {
+        b->why = SAGA_TRAIN_MOVES;
+        return;
+    }
+    b->n_kept = (uint32_t)ceil(fmax(n - b->n_still, LEAST_KEPT * n));
+    b->n_prim = (uint32_t)fmin(b->n_still * times_for(t->o.n_segments),
+                               saga_caps[t->o.level].n_prim - b->n_kept);
+    b->saved = PRIMITIVE_NBYTES * ((n - b->n_kept) * t->o.n_segments -
+                                   b->n_prim);
+}
+
+uint32_t saga_train_share(const saga_train *t)
+{
+    return !t->base.n_prim || t->turn == 0 ? saga_train_sized_share(t)
+         : t->turn == 1 ? t->base.n_prim : t->base.n_kept;
+}
+
+/* --- As it is decoded ---------------------------------------------------- */
+
+static const char what[] = "the base";
+
+bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
+                           saga_error *error)
+{
+    const size_t views = (size_t)n_views;
+    saga_splat_params p;
+
+    memset(b, 0, sizeof *b);
+    b->seen = saga_calloc(views, sizeof *b->seen, what, error);
+    b->block = saga_alloc(n, (11 + 3 * views) * sizeof *b->block, what, error);
+    if (!b->seen || !b->block) {
+        saga_train_free_base(b);
+        return false;
+    }
+    memset(&p, 0, sizeof p);
+    p.mean = b->block;
+    p.quat = p.mean + 3 * (size_t)n;
+    p.log2_scale = p.quat + 4 * (size_t)n;
+    p.opacity = p.log2_scale + 3 * (size_t)n;
+    for (size_t v = 0; v < views; v++) {
+        b->seen[v] = p;
+        b->seen[v].colour = p.opacity + (1 + 3 * v) * n;
+    }
+    b->n = n;
+    return true;
+}
+
+void saga_train_free_base(saga_backdrop *b)
+{
+    free(b->seen);
+    free(b->block);
+    memset(b, 0, sizeof *b);
+}
+
+bool saga_train_keep_base(saga_train *t, saga_error *error)
+{
+    const saga_splat_params *const from = &t->decoded_twin.attr;
+    const size_t n = t->decoded.n.prim;
+    saga_backdrop *const b = &t->backdrop;
+
+    if (!saga_train_alloc_base(b, (uint32_t)n, t->capture->n_views, error))
+        return false;
+    memcpy(b->seen->mean, from->mean, 3 * n * sizeof(real));
+    memcpy(b->seen->quat, from->quat, 4 * n * sizeof(real));
+    memcpy(b->seen->log2_scale, from->log2_scale, 3 * n * sizeof(real));
+    memcpy(b->seen->opacity, from->opacity, n * sizeof(real));
+    for (int v = 0; v < t->capture->n_views; v++) {
+        saga_splat_camera camera;
+
+        saga_pictures_camera(&camera, &t->pictures, (saga_sample){ .view = v });
+        saga_twin_colour(&t->decoded_twin, &t->decoded, camera.centre);
+        memcpy(b->seen[v].colour, from->colour, 3 * n * sizeof(real));
+    }
+    return true;
+}
+
+bool saga_train_in_base(const saga_train *t)
+{
+    return t->base.n_prim && t->turn == 1 && !t->o.networks;
+}
+
+void saga_train_show_base(saga_train *t)
+{
+    t->pictures.backdrop = t->backdrop.n ? &t->backdrop : NULL;
+}
