@@ -36,7 +36,7 @@ CFLAGS =# added to every compilation, after ours
 CORE_CFLAGS =# added to those of common/ and decoder/
 LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
-ARGS =# of a program run by `make bench`, or of `make rd`
+ARGS =# parts of `make bench`, or of `make rd`
 
 # Where `make install` puts things; DESTDIR goes before all of them.
 PREFIX = /usr/local
@@ -126,7 +126,10 @@ TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # networks fitted anew, the order-0 coder's bytes, times of the layers.
 LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times \
          make_formats)
-BENCH := $(BENCH_SRC:bench/%.c=$(BUILD)/%)
+# One table of everything, and the shares of a file; operators and their errors.
+BENCH := $(addprefix $(BUILD)/,bench_table bench_share bench_numerics)
+BENCH_OBJ := $(call obj,$(filter-out bench/bench_share.c \
+               bench/bench_numerics.c,$(BENCH_SRC)))
 
 # ---------------------------------------------------------------- flags
 
@@ -358,9 +361,10 @@ $(TESTS): $(HELPERS) $(REFERENCE) $(TWICE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(CMOCKA) $(HOST_LIBS) \
 	    -o $@
 
-$(BENCH): $(BUILD)/%: $(OBJ)/bench/%.o $(HELPERS) $(REFERENCE) $(TRAIN) \
-    $(LIB)
-	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
+$(BUILD)/bench_share $(BUILD)/bench_numerics: $(BUILD)/%: $(OBJ)/bench/%.o
+$(BUILD)/bench_table: $(BENCH_OBJ)
+$(BENCH): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(HOST_LIBS) -o $@
 
 $(LAB): $(BUILD)/%: $(OBJ)/lab/%.o $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $^ $(HOST_LIBS) -o $@
@@ -464,13 +468,12 @@ matrix:
 mutants:
 	@tests/run_mutants.sh
 
+# bench/before.json is an earlier result; ARGS name parts (bench/bench_table.c).
 bench:
 	@+$(MAKE) --no-print-directory BUILD=$(BUILD)/bench \
-	    OPT='-O3 -march=native' bench-programs
-	@for b in $(filter-out bench_stages,$(BENCH_SRC:bench/%.c=%)); do \
-	    echo "== $$b"; $(BUILD)/bench/$$b $(ARGS) || exit 1; done
-	@echo "== bench_stages, before: bench/stages.json"
-	@$(BUILD)/bench/bench_stages $(BUILD)/bench/stages.json bench/stages.json
+	    OPT='-O3 -march=native' $(BUILD)/bench/bench_table
+	@$(BUILD)/bench/bench_table -o $(BUILD)/bench/bench.json \
+	    -b bench/before.json $(ARGS)
 
 # README shows what becomes of the built-in scene through synth, encode, eval.
 THREADS = 2
@@ -584,7 +587,7 @@ make docs        links, columns and manner of the pages
 make tables      the generated tables are what gen_tables prints
 make matrix      the vectors on every compiler and emulated target
 make mutants     planted mistakes that the gates must catch
-make bench       builds and runs bench/ with -O3 -march=native; ARGS=...
+make bench       what operators take, beside what this machine can do
 make vectors     regenerates vectors/
 make clean       removes $(BUILD)
 

@@ -2,19 +2,18 @@
  *
  * Speed of the integer layers: 64-64-64-32 (10,240 MAC, the target's network)
  * and the shapes of our models, over 10,048 points, one at a time and eight
- * together. CPU time of this thread; min and median of the repetitions.
+ * together.
  */
+#include "bench_table.h"
 #include "mlp.h"
 
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #define WIDTH 80
 #define LAYERS 3
 #define POINTS 10048
-#define REPEATS 21
 #define BATCH 8
 
 /* The target's; Fuse, F_geo, a trained hyperprior, an E; a context of 8. */
@@ -79,27 +78,28 @@ static void run_points(bench *b, const saga_layer *layer, uint32_t batch)
     }
 }
 
-static double now(void)
+/* What runs again and again. */
+typedef struct {
+    bench *b;
+    const saga_layer *layer;
+    uint32_t batch;
+} job;
+
+static void run_job(void *data)
 {
-    struct timespec t;
+    const job *const j = data;
 
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
-static int compare(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
+    run_points(j->b, j->layer, j->batch);
 }
 
 static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
 {
     saga_layer layer[LAYERS];
-    double seconds[REPEATS], macs = 0;
-    uint32_t sum = 0;
-    size_t i, l;
+    job j = { b, layer, batch };
+    double macs = 0;
+    char name[56];
+    bench_row *r;
+    size_t l;
 
     fill(b, dim);
     for (l = 0; l < LAYERS; l++) {
@@ -113,28 +113,20 @@ static void run(bench *b, const uint16_t *dim, int int8, uint32_t batch)
         layer[l].cpu = saga_cpu_best();
         macs += (double)dim[l] * dim[l + 1] * POINTS;
     }
-    for (i = 0; i < REPEATS; i++) {
-        const double start = now();
-
-        run_points(b, layer, batch);
-        seconds[i] = now() - start;
-    }
-    qsort(seconds, REPEATS, sizeof *seconds, compare);
-    for (i = 0; i < POINTS * WIDTH; i++)
-        sum = sum * 31 + (uint16_t)b->out[i];
-    printf("mlp %2u-%2u-%2u-%2u %s by %u: best %5.2f, median %5.2f GMAC/s "
-           "(sum %08lx)\n", dim[0], dim[1], dim[2], dim[3],
-           int8 ? "int8 " : "int16", batch, macs / seconds[0] * 1e-9,
-           macs / seconds[REPEATS / 2] * 1e-9, (unsigned long)sum);
+    snprintf(name, sizeof name, "mlp %u-%u-%u-%u %s by %u", dim[0], dim[1],
+             dim[2], dim[3], int8 ? "int8" : "int16", batch);
+    r = bench_measure(name, run_job, &j);
+    r->count = POINTS;
+    r->each = "a point";
+    r->kind = BENCH_MACS;
+    r->work = macs;
 }
 
-int main(void)
+void bench_mlp(void)
 {
-    bench *const b = calloc(1, sizeof *b);
+    bench *const b = bench_need(sizeof *b);
     size_t i;
 
-    if (!b)
-        return 1;
     for (i = 0; i < sizeof shapes / sizeof *shapes; i++) {
         run(b, shapes[i], 0, 1);
         run(b, shapes[i], 0, BATCH);
@@ -142,5 +134,4 @@ int main(void)
         run(b, shapes[i], 1, BATCH);
     }
     free(b);
-    return 0;
 }

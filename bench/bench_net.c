@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Network 64-64-64-32, forward and backward: CPU milliseconds of one thread,
- * median (min), and GFLOP/s; embedding and Adam. bench_net [repetitions]
+ * The trainer's dense networks forward and backward, embedding and Adam.
  */
 #include "adam.h"
-#include "bench_time.h"
+#include "bench_table.h"
 #include "embedding.h"
 #include "net.h"
 #include "rng.h"
@@ -12,9 +11,20 @@
 #include <stdio.h>
 #include <string.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
+static void report(const saga_net *net, const char *what, bench_times *times,
+                   size_t m, double flop)
+{
+    char name[56];
+    bench_row *r;
+
+    snprintf(name, sizeof name, "float %d-%d-%d-%d %s, %zu points",
+             net->dim[0], net->dim[1], net->dim[2], net->dim[3], what, m);
+    r = bench_row_add(name, times);
+    r->count = (double)m;
+    r->each = "a point";
+    r->kind = BENCH_FLOPS;
+    r->work = flop;
+}
 
 static void run(const saga_net *shape, size_t m, int reps)
 {
@@ -29,7 +39,7 @@ static void run(const saga_net *shape, size_t m, int reps)
     saga_error error = { "" };
     saga_net_work work;
     bench_times forward, backward;
-    double gflop = 0;
+    double flop = 0;
     size_t i;
     int r, l;
 
@@ -43,7 +53,7 @@ static void run(const saga_net *shape, size_t m, int reps)
     for (i = 0; i < 2 * m * (n_in + n_out); i++)
         x[i] = saga_rng_float(saga_rng_stream(2, 2), i) - 0.5f;
     for (l = 0; l < net.n_layers; l++)
-        gflop += 2e-9 * net.dim[l] * net.dim[l + 1] * (double)m;
+        flop += 2.0 * net.dim[l] * net.dim[l + 1] * (double)m;
     for (r = 0; r < reps; r++) {
         double at = bench_now_ms();
 
@@ -53,15 +63,8 @@ static void run(const saga_net *shape, size_t m, int reps)
         saga_net_backward(dx, &d, &work, dy, x, m, &net);
         bench_add(&backward, bench_now_ms() - at);
     }
-    printf("%d-%d-...-%d, %6zu points: forward", net.dim[0], net.dim[1],
-           net.dim[net.n_layers], m);
-    printf(" %.2f", bench_median(&forward));
-    printf(" (%.2f) ms, %.0f (%.0f) GFLOP/s; backward", forward.ms[0],
-           gflop / bench_median(&forward) * 1e3, gflop / forward.ms[0] * 1e3);
-    printf(" %.2f", bench_median(&backward));
-    printf(" (%.2f) ms, %.0f (%.0f) GFLOP/s\n", backward.ms[0],
-           2 * gflop / bench_median(&backward) * 1e3,
-           2 * gflop / backward.ms[0] * 1e3);
+    report(&net, "forward", &forward, m, flop);
+    report(&net, "backward", &backward, m, 2 * flop);
     saga_net_free(&work);
     free(w);
     free(x);
@@ -78,6 +81,7 @@ static void run_rest(size_t m, int reps)
     const saga_adam_tensor t = { "x", x, g, m1, m2, m * 8, R(0.01) };
     saga_error error = { "" };
     bench_times times[2];
+    bench_row *row;
     size_t i;
     int r;
 
@@ -93,27 +97,23 @@ static void run_rest(size_t m, int reps)
         saga_adam_update(&adam, &t, 1, (uint64_t)r + 1, &error);
         bench_add(&times[1], bench_now_ms() - at);
     }
-    printf("%zu points: embedding %.2f", m, bench_median(&times[0]));
-    printf(" (%.2f) ms, Adam of 8 reals each", times[0].ms[0]);
-    printf(" %.2f", bench_median(&times[1]));
-    printf(" (%.2f) ms\n", times[1].ms[0]);
+    row = bench_row_add("float embedding, 30000 points", &times[0]);
+    row->count = (double)m;
+    row->each = "a point";
+    row = bench_row_add("Adam, 30000 points of 8", &times[1]);
+    row->count = (double)m * 8;
+    row->each = "a parameter";
     free(x);
     free(pe);
 }
 
-int main(int argc, char **argv)
+void bench_net(void)
 {
     static const saga_net big = { .n_layers = 3, .dim = { 64, 64, 64, 32 } };
     static const saga_net small = { .n_layers = 3, .dim = { 56, 32, 32, 23 } };
-    const int reps = argc > 1 ? atoi(argv[1]) : 21;
 
-#ifdef _OPENMP
-    omp_set_num_threads(1);
-#endif
-    run(&big, 10000, reps);
-    run(&big, 30000, reps);
-    run(&big, 100000, reps > 9 ? 9 : reps);
-    run(&small, 30000, reps);
-    run_rest(30000, reps);
-    return 0;
+    run(&big, 10000, 21);
+    run(&big, 100000, 9);
+    run(&small, 30000, 21);
+    run_rest(30000, 21);
 }

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * The float rasteriser: CPU milliseconds of one thread by stage, median (min).
- * bench_splat [repetitions]
+ * The trainer's float rasteriser, stage by stage.
  */
-#include "bench_time.h"
+#include "bench_table.h"
 #include "rng.h"
 #include "splat_animate.h"
 #include "splat_project.h"
@@ -14,16 +13,12 @@
 #include <stdio.h>
 #include <string.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 enum { ANIMATE, PROJECT, TILES, FORWARD, BACKWARD, PROJECT_B, ANIMATE_B,
        N_STAGES };
 
 static const char *const stage_name[N_STAGES] = {
-    "animate", "project", "tiles", "forward", "backward", "project'",
-    "animate'"
+    "animate", "project", "tiles", "forward", "backward", "project back",
+    "animate back"
 };
 
 /* The primitives are uniform random, anisotropic (lognormal): sigma_px is the
@@ -108,7 +103,6 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     saga_error error = { "" };
     saga_canvas c;
     bench_times times[N_STAGES];
-    double total = 0, least = 0;
     size_t k;
     int rep, s;
 
@@ -140,33 +134,24 @@ static void run(uint32_t n, int width, int height, double sigma_px,
         saga_splat_animate_backward(&d, &c, &p);
         lap(&times[ANIMATE_B], &at);
     }
-    printf("%dx%d %6u splats (spread %.1f), %6u visible, %.2f tiles each:",
-           width, height, n, spread, c.splat.n_visible,
-           (double)c.splat.n_pairs / c.splat.n_visible);
     for (s = 0; s < N_STAGES; s++) {
-        total += bench_median(&times[s]);
-        least += times[s].ms[0];
-        printf("%s %s %.2f (%.2f)", s ? "," : "", stage_name[s],
-               bench_median(&times[s]), times[s].ms[0]);
+        char name[56];
+        bench_row *r;
+
+        snprintf(name, sizeof name, "float %s, %dx%d%s", stage_name[s], width,
+                 height, spread > 1 ? ", needles" : "");
+        r = bench_row_add(name, &times[s]);
+        r->count = n;
+        r->each = "a splat";
     }
-    printf(", sum %.1f (%.1f) ms\n", total, least);
     free_scene(&p);
     free_scene(&d);
     saga_canvas_free(&c);
 }
 
-int main(int argc, char **argv)
+void bench_splat(void)
 {
-    const int reps = argc > 1 ? atoi(argv[1]) : 21;
-
-#ifdef _OPENMP
-    omp_set_num_threads(1);
-#endif
-    run(50000, 640, 360, 1.33, 0.7, reps);
-    run(20000, 640, 360, 1.33, 0.7, reps);
-    run(10000, 320, 180, 0.67, 0.7, reps);
-    run(30000, 320, 180, 0.67, 0.7, reps);
-    run(50000, 320, 180, 1.33, 0.7, reps);
-    run(20000, 640, 360, 1.33, 2, reps);
-    return 0;
+    run(50000, 640, 360, 1.33, 0.7, 15);
+    run(10000, 320, 180, 0.67, 0.7, 15);
+    run(20000, 640, 360, 1.33, 2, 15);
 }

@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: MIT
  *
- * A whole training's iterations: CPU milliseconds of one thread, median (min),
- * over the second half of the warm-up and of the rendering, 15,000 primitives.
- * bench_train [iterations of the warm-up [CAPTURE]]; the built-in scene at
- * 480x270, and the rendering has half as many.
+ * A training's iterations, 200 of the warm-up and 100 of the rendering, of
+ * which the second halves are timed: 15,000 primitives of the built-in scene
+ * at 480x270.
  */
-#include "bench_time.h"
+#include "bench_table.h"
 #include "synth.h"
 #include "synth_room.h"
 #include "train.h"
@@ -13,10 +12,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-
-#ifdef _OPENMP
-#include <omp.h>
-#endif
 
 typedef struct {
     double at, psnr[SAGA_TRAIN_PACK];
@@ -84,9 +79,8 @@ static void built_in(saga_capture *c)
     }
 }
 
-int main(int argc, char **argv)
+void bench_train(void)
 {
-    const saga_capture_options load = saga_capture_defaults();
     saga_train_options o = saga_train_defaults();
     saga_error error = { "" };
     saga_capture capture;
@@ -95,33 +89,27 @@ int main(int argc, char **argv)
     int s;
 
     memset(&w, 0, sizeof w);
-#ifdef _OPENMP
-    omp_set_num_threads(1);
-#endif
-    o.n_warm = argc > 1 ? atoi(argv[1]) : 200;
-    o.n_render = o.n_warm / 2;
+    o.n_warm = 200;
+    o.n_render = 100;
     o.n_primitives = 15000;
     o.motion = SAGA_TRAIN_MOVING;
     o.progress = tick;
     o.progress_user = &w;
-    if (argc <= 2)
-        built_in(&capture);
-    else if (!saga_capture_load(&capture, argv[2], &load, &error)) {
-        fprintf(stderr, "%s\n", error.message);
-        return 1;
-    }
+    built_in(&capture);
     train = saga_train_new(&capture, &o, &error);
     if (!train || saga_train_run(train, &error) != SAGA_STOPPED) {
-        fprintf(stderr, "%s\n", error.message);
-        return 1;
+        fprintf(stderr, "bench: %s\n", error.message);
+        exit(1);
     }
     for (s = 0; s < SAGA_TRAIN_PACK; s++) {
-        printf("%s %.2f", saga_train_stage_name((saga_train_stage)s),
-               bench_median(&w.times[s]));
-        printf(" (%.2f) ms, %.3f dB%s", w.times[s].ms[0], w.psnr[s],
-               s + 1 < SAGA_TRAIN_PACK ? "; " : "\n");
+        char name[56];
+        bench_row *r;
+
+        snprintf(name, sizeof name, "training: %s, an iteration",
+                 saga_train_stage_name((saga_train_stage)s));
+        r = bench_row_add(name, &w.times[s]);
+        snprintf(r->note, sizeof r->note, "%.2f dB", w.psnr[s]);
     }
     saga_train_free(train);
     saga_capture_free(&capture);
-    return 0;
 }

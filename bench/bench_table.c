@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Times the decoder's and the trainer's operators, all or those of some parts,
+ * in one table and as JSON.
+ *
+ *     bench_table [-o OUT.json] [-b BEFORE.json] [PART...]
+ *
+ * Each row: best and median of the repetitions in ms of CPU time of one thread;
+ * what one of the things it counts takes; its rate and share of what this
+ * machine can do at most (the first rows); what is wanted; and by how much it
+ * is faster than an earlier result.
+ */
+#include "bench_table.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+enum { MAX_ROWS = 160, REPETITIONS = 15 };
+
+static bench_row rows[MAX_ROWS];
+static int n_rows;
+
+static const struct {
+    const char *name;
+    void (*run)(void);
+} parts[] = {
+    { "ceilings", bench_ceilings }, { "mlp", bench_mlp },
+    { "coder", bench_coder }, { "bank", bench_bank },
+    { "decode", bench_decode }, { "stages", bench_stages },
+    { "net", bench_net }, { "splat", bench_splat }, { "train", bench_train }
+};
+
+enum { N_PARTS = sizeof parts / sizeof *parts };
+
+bench_row *bench_row_add(const char *name, bench_times *times)
+{
+    bench_row *const r = rows + n_rows;
+
+    if (n_rows + 1 < MAX_ROWS)
+        n_rows++;
+    memset(r, 0, sizeof *r);
+    snprintf(r->name, sizeof r->name, "%s", name);
+    r->median = bench_median(times);
+    r->best = times->ms[0];
+    r->count = 1;
+    r->each = "";
+    return r;
+}
+
+bench_row *bench_measure(const char *name, void (*stage)(void *), void *data)
+{
+    bench_times times = { .n = 0 };
+    int i;
+
+    for (i = 0; i < REPETITIONS; i++) {
+        const double start = bench_now_ms();
+
+        stage(data);
+        bench_add(&times, bench_now_ms() - start);
+    }
+    return bench_row_add(name, &times);
+}
+
+void *bench_need(size_t nbytes)
+{
+    void *const p = aligned_alloc(64, (nbytes + 63) & ~(size_t)63);
+
+    if (!p) {
+        fprintf(stderr, "bench_table: out of memory\n");
+        exit(1);
+    }
+    memset(p, 1, nbytes);
+    return p;
+}
+
+/* --- The table ----------------------------------------------------------- */
+
+static int is_ceiling(const bench_row *r)
+{
+    return !strncmp(r->name, "ceiling", 7);
+}
+
+/* Of a kind in a millisecond: the first row of bench_ceilings. */
+static double ceiling(bench_kind kind)
+{
+    int i;
+
+    for (i = 0; i < n_rows; i++)
+        if (rows[i].kind == kind && is_ceiling(rows + i))
+            return rows[i].work / rows[i].best;
+    return 0;
+}
+
+/* Best of a row of an earlier result, 0 if it has none. */
+static double before(const char *path, const char *name)
+{
+    FILE *const f = path ? fopen(path, "r") : NULL;
+    char line[300], found[56];
+    double best, answer = 0;
+
+    while (f && fgets(line, sizeof line, f))
+        if (sscanf(line, " {\"name\": \"%55[^\"]\", \"best_ms\": %lf", found,
+                   &best) == 2 && !strcmp(found, name))
+            answer = best;
+    if (f)
+        fclose(f);
+    return answer;
+}
+
+static void print_row(const bench_row *r, const char *path)
+{
+    static const char *const unit[BENCH_N_KINDS] = {
+        "", "Gadd/s", "GB/s", "GMAC/s", "GFLOP/s"
+    };
+    const double top = ceiling(r->kind), old = before(path, r->name);
+    const double cycle = ceiling(BENCH_CYCLES);
+
+    printf("%-40s %9.3f %9.3f", r->name, r->best, r->median);
+    if (r->each[0])
+        printf(" %9.2f %-11s %9.1f", 1e6 * r->best / r->count, r->each,
+               r->best / r->count * cycle);
+    else
+        printf(" %9s %-11s %9s", "", "", "");
+    if (r->work > 0)
+        printf(" %7.1f %-7s", 1e-6 * r->work / r->best, unit[r->kind]);
+    else
+        printf(" %7s %-7s", "", "");
+    if (r->work > 0 && top > 0 && !is_ceiling(r))
+        printf(" %5.0f %%", 100 * r->work / r->best / top);
+    else
+        printf(" %7s", "");
+    if (r->wanted > 0)
+        printf(" %8.2f", r->wanted);
+    else
+        printf(" %8s", "");
+    if (old > 0)
+        printf(" %6.2fx", old / r->best);
+    printf("%s%s\n", r->note[0] ? "  " : "", r->note);
+}
+
+static void print_table(const char *path)
+{
+    int i;
+
+    printf("%-40s %9s %9s %9s %-11s %9s %15s %7s %8s %s\n", "", "best ms",
+           "median", "ns", "", "cycles", "rate", "of top", "wanted",
+           path ? "before" : "");
+    for (i = 0; i < n_rows; i++)
+        print_row(rows + i, path);
+}
+
+static int write_json(const char *path)
+{
+    FILE *const f = fopen(path, "w");
+    int i;
+
+    if (!f)
+        return 0;
+    fprintf(f, "[\n");
+    for (i = 0; i < n_rows; i++) {
+        const bench_row *const r = rows + i;
+        const double top = ceiling(r->kind);
+
+        fprintf(f, "  {\"name\": \"%s\", \"best_ms\": %.6f, "
+                "\"median_ms\": %.6f, \"count\": %.0f, \"work\": %.0f, "
+                "\"of_ceiling\": %.4f, \"wanted_ms\": %.3f}%s\n", r->name,
+                r->best, r->median, r->count, r->work,
+                top > 0 ? r->work / r->best / top : 0, r->wanted,
+                i + 1 < n_rows ? "," : "");
+    }
+    fprintf(f, "]\n");
+    return fclose(f) == 0;
+}
+
+/* Runs the parts that are named, or all; returns 0 where one is unknown. The
+ * ceilings are always run. */
+static int run_parts(char **names, int n)
+{
+    int i, k, wanted, known = 0;
+
+    for (i = 0; i < N_PARTS; i++) {
+        for (wanted = n == 0, k = 0; k < n; k++)
+            wanted |= !strcmp(names[k], parts[i].name);
+        known += wanted;
+        if (wanted || i == 0)
+            parts[i].run();
+    }
+    return n == 0 || known == n;
+}
+
+int main(int argc, char **argv)
+{
+    const char *out = NULL, *old = NULL;
+    int i = 1;
+
+    for (; i + 1 < argc && argv[i][0] == '-'; i += 2)
+        *(argv[i][1] == 'o' ? &out : &old) = argv[i + 1];
+#ifdef _OPENMP
+    omp_set_num_threads(1);
+#endif
+    if (!run_parts(argv + i, argc - i)) {
+        fprintf(stderr, "bench_table: no such part; there are:");
+        for (i = 0; i < N_PARTS; i++)
+            fprintf(stderr, " %s", parts[i].name);
+        fprintf(stderr, "\n");
+        return 2;
+    }
+    print_table(old);
+    if (out && !write_json(out)) {
+        fprintf(stderr, "bench_table: %s: cannot write\n", out);
+        return 2;
+    }
+    return 0;
+}
