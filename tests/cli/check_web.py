@@ -20,7 +20,9 @@
   view        `saga view` serves the page with the file, and the page finds the
               program's CRC
   rate        tells what a picture costs; no bound, since machines differ
-Without Chromium, or without the decoder for it, it says that it was skipped."""
+Without Chromium, or without the decoder for it, it says that it was skipped.
+`check_web.py FILE.saga ...` tells the rate of these files and does nothing else.
+"""
 
 import base64
 import json
@@ -516,6 +518,19 @@ def check_rate(page, name):
                                                  "; ".join(texts)))
 
 
+def only_rates(files, paths):
+    for path in paths:
+        files[os.path.basename(path)] = read(path)
+    page = Page(files)
+    try:
+        for path in paths:
+            check_rate(page, os.path.basename(path))
+    finally:
+        page.tab.close()
+    print("load: %.1f, %.1f, %.1f" % os.getloadavg())
+    return 1 if checks.failed else 0
+
+
 def main():
     if not os.path.exists(os.path.join(WEB, "saga.wasm")):
         print("ok   web skipped: no clang or no wasm-ld, so no decoder")
@@ -527,6 +542,8 @@ def main():
     for folder, prefix in ((GOOD, ""), ("vectors/bad/", "bad/")):
         files.update({prefix + name: read(folder + name)
                       for name in os.listdir(folder)})
+    if sys.argv[1:]:
+        return only_rates(files, sys.argv[1:])
     manifest = read("vectors/MANIFEST").decode()
     rated = "still.saga"
     if os.path.exists("docs/demo.saga"):
