@@ -3,7 +3,8 @@
 """check_metrics.py: guarantees, for what `saga eval` measures,
 
   ffmpeg      PSNR of RGB, and of Y, U and V as a formula written here makes
-              them, is ffmpeg's within 1e-4 dB
+              them, is ffmpeg's within 1e-4 dB; and SSIM within 1e-4 where its
+              definition is ours, in flat pictures
   temporal    PSNR of differences of successive pictures is what they give,
               and so is that after the best factor of a view
   lpips       a file of weights that is none, lacks one or is cut is told; with
@@ -81,17 +82,21 @@ def yuv(rgb):
     return b"".join(planes)
 
 
-def psnr_of_ffmpeg(a, b, form):
-    """What ffmpeg says of two raw pictures, by component."""
+def judge_of_ffmpeg(a, b, form, judge, title):
+    """What ffmpeg's filter says of two raw pictures, by component."""
     for name, data in (("a.raw", a), ("b.raw", b)):
         with open(os.path.join(tmp, name), "wb") as f:
             f.write(data)
     raw = ["-f", "rawvideo", "-pix_fmt", form, "-s", f"{WIDTH}x{HEIGHT}", "-i"]
     text = ffmpeg(*raw, os.path.join(tmp, "a.raw"), *raw,
-                  os.path.join(tmp, "b.raw"), "-lavfi", "psnr", "-f", "null",
+                  os.path.join(tmp, "b.raw"), "-lavfi", judge, "-f", "null",
                   "-")
-    line = re.search(r"PSNR (.*)", text).group(1)
+    line = re.search(title + r" (.*)", text).group(1)
     return {k: float(x) for k, x in re.findall(r"(\w+):([0-9.]+)", line)}
+
+
+def psnr_of_ffmpeg(a, b, form):
+    return judge_of_ffmpeg(a, b, form, "psnr", "PSNR")
 
 
 def near(what, value, wanted):
@@ -112,6 +117,33 @@ def check_ffmpeg():
         parts = psnr_of_ffmpeg(yuv(a), yuv(b), "yuvj444p")
         for k in "yuv":
             near("PSNR-" + k, view["psnr_" + k], parts[k])
+
+
+def flat_copy(name, grey):
+    """The capture with pictures of one grey. Returns one's bytes."""
+    to = os.path.join(tmp, name)
+    shutil.copytree(capture, to)
+    for camera in range(2):
+        for frame in range(FRAMES):
+            ffmpeg("-f", "lavfi", "-i", "color=black:s=%dx%d,format=rgb24,"
+                   "lutrgb=%d:%d:%d" % (WIDTH, HEIGHT, grey, grey, grey),
+                   "-frames:v", "1",
+                   f"{to}/images/cam{camera:02d}/{frame:05d}.png")
+    return pixels(to + "/images/cam00/00000.png")
+
+
+def check_flat():
+    """ffmpeg's windows are 8x8 boxes and ours are Gaussians. Where nothing
+    varies no window matters: what is left is what both say of the means."""
+    a, b = flat_copy("dark", 60), flat_copy("bright", 97)
+    status, out, err = evaluate(os.path.join(tmp, "dark"),
+                                os.path.join(tmp, "bright"), "--json")
+    if status or set(a) != {60} or set(b) != {97}:
+        return v.complain(set(a), set(b), err)
+    said = judge_of_ffmpeg(a[::3], b[::3], "gray", "ssim", "SSIM")["Y"]
+    if not 0.8 < said < 0.95:
+        v.complain("ffmpeg's SSIM is", said)
+    near("SSIM v", json.loads(out)["views"][0]["ssim_valid"], said)
 
 
 def exposed_mse(made, truth):
@@ -247,6 +279,7 @@ try:
             add_noise(f"{noisy}/images/cam{camera:02d}/{frame:05d}.png",
                       3 * camera + frame)
     check_ffmpeg()
+    check_flat()
     v.verdict("ffmpeg")
     check_temporal()
     v.verdict("temporal")
