@@ -4,6 +4,7 @@
 
   page        nothing is loaded from elsewhere; the results and the pictures'
               bytes are in it; a hostile name ends no element
+  jpeg        pictures that somebody made JPEGs are told to be such
   refused     other protocols, missing files, a page that cannot be written; no
               half a page
   browser     headless Chromium draws a curve for each file with a point for
@@ -93,13 +94,24 @@ def check_page():
         v.complain("the name is", data["series"][1]["results"][0]["file"])
     names = sorted(os.listdir("pictures"))
     for name, picture in zip(names, data["pictures"]):
-        png = base64.b64decode(picture["png"].split(",")[1])
+        png = base64.b64decode(picture["url"].split(",")[1])
         if png != read("pictures/" + name):
             v.complain(name, "is another one in the page")
     if len(names) != 3 or len(data["pictures"]) != 3:
         v.complain(len(data["pictures"]), "pictures of", names)
     if "four points" not in data["bd"][0]["bd"]["all"]["psnr"]["refused"]:
         v.complain("BD-rate:", data["bd"])
+
+
+def check_jpeg():
+    """A picture that was made a JPEG is told to be one."""
+    for name in os.listdir("pictures"):
+        with open("pictures/" + name, "wb") as f:
+            f.write(b"\xff\xd8\xff\xe0 and so on")
+    must("report", "first.json", "-o", "jpeg.html")
+    for picture in data_of(read("jpeg.html").decode())["pictures"]:
+        if not picture["url"].startswith("data:image/jpeg;base64,/9j/"):
+            v.complain("a JPEG is", picture["url"][:40])
 
 
 def check_refused():
@@ -160,6 +172,8 @@ try:
     v.verdict("page")
     check_browser()
     v.verdict("browser")
+    check_jpeg()
+    v.verdict("jpeg")
     check_refused()
     v.verdict("refused")
 finally:

@@ -65,6 +65,14 @@ static char *base64(const saga_bytes *of, const char *prefix,
     return text;
 }
 
+/* The beginning of a picture's address: a JPEG's, where somebody made one of
+ * the PNG that eval wrote. */
+static const char *address_of(const saga_bytes *b)
+{
+    return b->nbytes > 2 && b->data[0] == 0xff && b->data[1] == 0xd8
+        ? "data:image/jpeg;base64," : "data:image/png;base64,";
+}
+
 /* Adds a view's picture to the list, as part of the page. One that is not there
  * any more is told and left out. */
 static bool add_picture(session *s, json_t *list, const json_t *result,
@@ -84,7 +92,7 @@ static bool add_picture(session *s, json_t *list, const json_t *result,
     }
     if (!saga_read_file(&bytes, path, &s->error))
         return false;
-    text = base64(&bytes, "data:image/png;base64,", &s->error);
+    text = base64(&bytes, address_of(&bytes), &s->error);
     saga_bytes_free(&bytes);
     if (!text)
         return false;
@@ -93,7 +101,7 @@ static bool add_picture(session *s, json_t *list, const json_t *result,
         "view", json_object_get(view, "name"),
         "frame", json_object_get(view, "picture_frame"),
         "width", json_object_get(view, "width"),
-        "height", json_object_get(view, "height"), "png", text));
+        "height", json_object_get(view, "height"), "url", text));
     free(text);
     return true;
 }
