@@ -12,7 +12,8 @@ each quality; saga.json; what `saga compare` says of each codec against the
 first; report.html. What is there is not measured again.
 
 Environment: SAGA (build/saga), THREADS (1), EVAL (options of `saga eval`, as
-"--no-ssim" or "--lpips FILE.npz"), CODECS (names of those wanted, all).
+"--no-ssim" or "--lpips FILE.npz"), CODECS (names of those wanted, all), KEY
+(frames between two keyframes of the codecs; what they like).
 """
 import configparser
 import json
@@ -68,7 +69,8 @@ def measure_codec(capture, work, codec):
         say(f"compare: {codec}, quality {quality}")
         folder = os.path.join(work, "stream")
         os.makedirs(folder, exist_ok=True)
-        point = simulcast.encode(capture, codec, quality, folder)
+        point = simulcast.encode(capture, codec, quality, folder,
+                                 os.environ.get("KEY"))
         judge(simulcast.decoded(folder), capture, path,
               {"codec": codec, "quality": quality, "nbytes": point["bytes"]})
     return curve(work, codec, paths)

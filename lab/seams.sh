@@ -8,6 +8,9 @@
 # next, each value the difference of two 8-bit ones and clipped to +-128. The
 # mean squared error is taken over all cameras of a pair, and over the pairs of
 # a row. PSNR is that of the frames themselves, of the pairs' second ones.
+#
+# CSV=FILE: keeps both of every frame and the pair that ends with it, 0 where
+# there is none, for lab/over_time.gp.
 set -eu
 saga=${SAGA:-${BUILD:-build}/saga}
 work=$(mktemp -d)
@@ -33,21 +36,27 @@ for ((v = 0; v < views; v++)); do
         -map '[x]' -map '[y]' -f null -
 done
 # ffmpeg counts frames from 1, and pairs too: pair n ends with frame n.
-awk -v seams="$seams" '
+awk -v seams="$seams" -v csv="${CSV:-}" '
     BEGIN { split(seams, s, " "); for (i in s) is_seam[s[i]] = 1 }
     {
         change = FILENAME ~ /change/
         split($1, n, ":")
         split($2, mse, ":")
         at = change ? n[2] : n[2] - 1
+        of[at, change] += mse[2]
+        views[at, change]++
+        last = at > last ? at : last
         if (at > 0) {
             row = at in is_seam
             sum[row, change] += mse[2]
             count[row, change]++
         }
     }
+    function db(n, sum) {
+        return sum > 0 ? 10 * log(255 ^ 2 * n / sum) / log(10) : 0
+    }
     function psnr(row, change) {
-        return 10 * log(255 ^ 2 * count[row, change] / sum[row, change]) / log(10)
+        return db(count[row, change], sum[row, change])
     }
     END {
         printf "%-10s %8s %14s\n", "", "PSNR, dB", "temporal PSNR"
@@ -55,4 +64,10 @@ awk -v seams="$seams" '
             if (count[row, 1])
                 printf "%-10s %8.2f %14.2f\n", row ? "seams" : "elsewhere",
                        psnr(row, 0), psnr(row, 1)
+        if (csv) {
+            print "frame,psnr,temporal_psnr" >csv
+            for (at = 0; at <= last; at++)
+                printf "%d,%.3f,%.3f\n", at, db(views[at, 0], of[at, 0]),
+                       db(views[at, 1], of[at, 1]) >csv
+        }
     }' "$work"/change.* "$work"/plain.*

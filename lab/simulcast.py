@@ -108,10 +108,12 @@ def decode_pictures(mp4, source, to):
         os.rename(os.path.join(to, old), os.path.join(to, new))
 
 
-def encode(capture, codec, quality, folder):
-    """The bytes of all raw streams; the pictures are in decoded(folder)."""
+def encode(capture, codec, quality, folder, every=None):
+    """The bytes of all raw streams; the pictures are in decoded(folder). every:
+    frames between two keyframes, as often as the codec likes if not given."""
     check(codec)
     c = CODECS[codec]
+    keyframes = ["-g", every, "-keyint_min", every] if every else []
     to = decoded(folder)
     shutil.rmtree(to, ignore_errors=True)
     os.makedirs(os.path.join(to, "videos"))
@@ -121,8 +123,8 @@ def encode(capture, codec, quality, folder):
         mp4 = os.path.join(folder, "x.mp4")
         raw = os.path.join(folder, "x." + c.raw)
         ffmpeg(*source, "-an", "-vf", TO_YUV, "-colorspace", "bt709",
-               "-color_range", "tv", "-c:v", c.encoder, *c.options, c.quality,
-               quality, mp4)
+               "-color_range", "tv", "-c:v", c.encoder, *c.options, *keyframes,
+               c.quality, quality, mp4)
         ffmpeg("-i", mp4, "-c", "copy", "-f", c.raw, raw)
         nbytes.append(os.path.getsize(raw))
         if path.endswith(".mp4"):

@@ -93,11 +93,15 @@ static saga_train_no_base reason(const saga_train *t)
 }
 
 /* Returns how many times as many primitives are worth their bits where these
- * are sent once for n segments, by the law of the errors (policy.h). */
+ * are sent once for n segments. By the law of the errors (policy.h) it would be
+ * the square of that; but all learn from the same few still pictures, and the
+ * more there are, the less they know of the places between. */
 static double times_for(int n)
 {
-    return fmin(saga_policy_primitives(1, 1, n, 1) /
-                saga_policy_primitives(1, 1, 1, 1), MOST_TIMES);
+    const double by_law = saga_policy_primitives(1, 1, n, 1) /
+                          saga_policy_primitives(1, 1, 1, 1);
+
+    return fmin(sqrt(by_law), MOST_TIMES);
 }
 
 bool saga_train_may_have_base(const saga_train *t)
