@@ -209,12 +209,20 @@ static bool rig_cameras(session *s)
     return ok;
 }
 
+/* What saga_path_read takes: JSON, COLMAP's images. */
+static bool is_path(const char *name)
+{
+    return saga_has_suffix(name, ".json") ||
+           saga_has_suffix(name, "images.txt") ||
+           saga_has_suffix(name, "images.bin");
+}
+
 static bool find_cameras(session *s)
 {
     const char *const name = s->o->cameras;
 
     return !name ? ring(s)
-         : saga_has_suffix(name, ".json") ? path_cameras(s) : rig_cameras(s);
+         : is_path(name) ? path_cameras(s) : rig_cameras(s);
 }
 
 /* --- Training ------------------------------------------------------------ */
