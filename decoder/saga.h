@@ -170,7 +170,8 @@ typedef struct saga_info {
                               * most there can be, with a bank or layers */
     uint64_t base_macs;      /* the same for the base, in saga_open */
     uint32_t view_macs;      /* the same per visible primitive and view */
-    /* metres = centre + box units * unit; value = mantissa * 2^exponent */
+    /* world = centre + box units * unit, in the capture's unit of length, of
+     * which saga_naming may tell the metres; value = mantissa * 2^exponent */
     int32_t unit_mantissa, unit_exponent;
     int32_t centre_mantissa[3], centre_exponent;
 } saga_info;

@@ -503,6 +503,9 @@ const saga_command saga_command_info = {
     "memory and work of decoding, cube), where the bytes are, and each\n"
     "segment and each camera of the rig. Checks the CRC of every chunk; a\n"
     "damaged file gives exit status 1. Decodes nothing: a file of an earlier\n"
-    "pre-release passes, though `saga eval` and `saga render` refuse it.\n",
+    "pre-release passes, though `saga eval` and `saga render` refuse it.\n"
+    "\n"
+    "Lengths called metres are in the capture's unit of length, which is a\n"
+    "metre only where it has one; metres_in_capture_unit tells, if known.\n",
     option_list, 1, run
 };
