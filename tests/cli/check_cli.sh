@@ -136,9 +136,11 @@ for what, a, b in [
     ("bytes", sum(j["bytes"].values()), j["nbytes"]),
     ("segments", len(s), j["n_segments"]),
     ("frames", sum(x["n_frames"] for x in s), j["n_frames"]),
-    ("chunks", j["crc"]["chunks_checked"], 2 + 4 * len(s) +
+    ("chunks", j["crc"]["chunks_checked"], 2 +
+     sum(1 + 3 * len(x["layers"]) for x in s) +
      3 * (j["bytes"]["base"] > 0) + (j["bytes"]["names"] > 0)),
     ("other bytes", j["bytes"]["other"], 0),
+    ("layers", {len(x["layers"]) for x in s}, {d["n_layers"]}),
     ("most primitives", max(x["n_primitives"] for x in s)
      <= d["max_primitives"], True),
     ("sound", j["crc"]["sound"], True),

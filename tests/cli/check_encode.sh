@@ -12,6 +12,9 @@
 #   alone       two runs do not write to one file; what a killed one left goes
 #   segments    --segment makes one file of several, which eval, info, cut and
 #               saga-dec take; a killed one resumes, in the segment it was in
+#   layers      --layers makes a file that `saga cut --layers` cuts to the bytes
+#               and, by `saga eval`, the quality that were told; what has no
+#               layers is refused
 #   parts       two ranks that train one segment each, and saga join, make the
 #               bytes of one process; what does not go together is refused
 #   log         --log keeps every tenth iteration, as CSV and as JSON lines,
@@ -197,6 +200,36 @@ says "'1'"
 rm -f late.saga k.saga k.csv alone
 leaves seg.saga
 verdict segments
+
+# ---- layers
+expect 0 cap -o lay.saga "${small[@]}" --segment 2 --layers 2 --json
+mv out told
+"$saga" cut lay.saga : --layers 1 -o first.saga >out 2>err ||
+    complain "cut: $(cat err)"
+for f in first lay; do
+    "$saga" eval $f.saga cap --json >$f.json 2>err ||
+        complain "eval: $(cat err)"
+done
+python3 -c '
+import json, os
+told = json.load(open("told"))["layers"]
+assert len(told) == 2
+for name, layer in zip(("first", "lay"), told):
+    judged = json.load(open(name + ".json"))
+    assert layer["nbytes"] == os.path.getsize(name + ".saga"), layer
+    for key in ("training", "held_out"):
+        apart = judged[key]["psnr"] - layer["psnr"][key]
+        assert abs(apart) < 1e-4, (name, key, apart)
+' 2>>bad || complain "layers: $(cat told)"
+expect 2 cap -o x.saga --layers 2 --networks-only
+says '--layers needs all segments trained in one place'
+expect 2 cap -o x.saga --layers 2 --ablate slots=32
+says 'have no memory bank'
+expect 2 cap -o x.saga --layers 9
+says "'9'"
+rm -f lay.saga first.saga lay.json first.json told
+leaves seg.saga
+verdict layers
 
 # ---- parts
 expect 0 cap -o nets "${small[@]}" --segment 2 --networks-only

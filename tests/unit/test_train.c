@@ -670,10 +670,11 @@ static bool stop_there(void *user, const saga_train_progress *p)
 }
 
 /* Runs into each stop, forgets everything, goes on from the checkpoint; until
- * the end. The last of stops is never reached. Returns how often it stopped. */
-static int interrupt(const fixture *f, const stop *stops)
+ * the end, which is `whole`. The last of stops is never reached. Returns how
+ * often it stopped. */
+static int interrupt(const fixture *f, saga_train_options o,
+                     const result *whole, const stop *stops)
 {
-    saga_train_options o = small();
     saga_error error = { "" };
     saga_outcome status;
     stop s = *stops;
@@ -696,7 +697,7 @@ static int interrupt(const fixture *f, const stop *stops)
     }
     assert_int_equal(status, SAGA_DONE);
     r = finish(t);
-    assert_true(same(&f->whole, &r));
+    assert_true(same(whole, &r));
     free(r.bytes);
     return n;
 }
@@ -711,9 +712,131 @@ static void train_should_resume_to_the_same_file(void **state)
     };
     static const stop often = { SAGA_TRAIN_WARM, 0, 11, 0 };
 
-    assert_int_equal(interrupt(*state, places),
+    const fixture *const f = *state;
+
+    assert_int_equal(interrupt(f, small(), &f->whole, places),
                      sizeof places / sizeof places[0] - 1);
-    assert_true(interrupt(*state, &often) >= 5);
+    assert_true(interrupt(f, small(), &f->whole, &often) >= 5);
+}
+
+/* --- Layers -------------------------------------------------------------- */
+
+static saga_train_options layered(void)
+{
+    saga_train_options o = small();
+
+    o.n_layers = 3;
+    o.ablate = NULL;
+    return o;
+}
+
+/* 150 primitives in parts of 1, 2 and 4 sevenths. */
+static void layers_should_have_twice_as_many_each(void **state)
+{
+    static const uint32_t n_prim[] = { 21, 43, 86 };
+    const fixture *const f = *state;
+    const saga_train_options o = layered();
+    const result r = encode(&f->capture, &o);
+    saga_segment_header seg;
+    saga_segment where;
+    saga_io io;
+
+    assert_int_equal(r.report.info.n_layers, 3);
+    assert_int_equal(saga_find(&where, r.bytes, r.n, 0, 1), SAGA_OK);
+    io = (saga_io){ r.bytes + where.offset, NULL, SAGA_CHUNK_NBYTES };
+    saga_segment_io(&io, &seg, 3);
+    for (int k = 0; k < 3; k++)
+        assert_int_equal(seg.layer[k].n.prim, n_prim[k]);
+    free(r.bytes);
+}
+
+/* A context that depended on another layer would be none in the file: with
+ * anchors that share what they know, estimates are what was written. */
+static void layers_should_be_coded_as_estimated(void **state)
+{
+    static const uint32_t coded[] = {
+        SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET, SAGA_SYM_PRIM_OFFSET
+    };
+    saga_train_options o = layered();
+    int stops = 0;
+    saga_train *t;
+    result r;
+
+    o.n_primitives = 1000;
+    o.n_coarse = 250;
+    o.n_fine = 500;
+    t = train_until_packing(*state, &o, &stops);
+    keep_all(t);
+    r = finish(t);
+    for (size_t i = 0; i < sizeof coded / sizeof coded[0]; i++)
+        assert_true(agrees(saga_component_name(saga_component_of(coded[i])),
+                           r.report.entropy.estimate[coded[i]],
+                           r.report.sizes.bits[coded[i]]));
+    /* Nor would a primitive be where the decoder has it. */
+    assert_true(fabs(r.report.model.training - r.report.coded.training) < 0.3);
+    free(r.bytes);
+}
+
+static void links_should_stay_in_a_layer(const saga_links *l,
+                                         const saga_scene *s, uint32_t n,
+                                         bool prims)
+{
+    for (uint32_t i = 0; i < n; i++)
+        for (uint32_t k = l->begin[i]; k < l->begin[i + 1]; k++) {
+            uint32_t of = 0, to = 0;
+
+            for (uint32_t m = 1; m < s->n_layers; m++) {
+                const saga_counts *const first = &s->layer[m].first;
+
+                of += i >= (prims ? first->prim : first->fine);
+                to += l->rank[k] >= (prims ? first->fine : first->coarse);
+            }
+            assert_int_equal(of, to);
+        }
+}
+
+/* All anchors in one place are neighbours, of ranks that are near enough. */
+static void layers_should_not_know_of_each_other(void **state)
+{
+    saga_train_options o = layered();
+    saga_error error = { "" };
+    int stops = 0;
+    saga_train *t;
+    saga_scene *s;
+
+    o.n_primitives = 600;
+    o.n_coarse = 150;
+    o.n_fine = 300;
+    t = train_until_packing(*state, &o, &stops);
+    s = &t->scene;
+    for (size_t i = 0; i < 4 * (size_t)s->n.coarse; i++)
+        s->coarse_x[i] = 0;
+    for (size_t i = 0; i < 4 * (size_t)s->n.fine; i++)
+        s->fine_x[i] = 0;
+    for (size_t i = 0; i < 4 * (size_t)s->n.prim; i++)
+        s->prim_x[i] = 0;
+    assert_true(saga_twin_refresh(&t->fit->twin, s, s->coarse_feature,
+                                  &error));
+    links_should_stay_in_a_layer(&t->fit->twin.to_fine, s, s->n.fine, false);
+    links_should_stay_in_a_layer(&t->fit->twin.to_prim, s, s->n.prim, true);
+    saga_train_free(t);
+    unlink(((const fixture *)*state)->checkpoint);
+}
+
+static void layers_should_resume_to_the_same_file(void **state)
+{
+    static const stop places[] = {
+        { SAGA_TRAIN_WARM, WARM, 0, 0 }, { SAGA_TRAIN_RENDER, 1, 0, 0 },
+        { SAGA_TRAIN_RENDER, 44, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
+        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
+    };
+    const fixture *const f = *state;
+    const saga_train_options o = layered();
+    const result whole = encode(&f->capture, &o);
+
+    assert_int_equal(interrupt(f, o, &whole, places),
+                     sizeof places / sizeof places[0] - 1);
+    free(whole.bytes);
 }
 
 /* The first stop comes between the guess and the settling of the count. */
@@ -827,6 +950,9 @@ static void train_should_refuse_a_checkpoint_of_other_options(void **state)
     p = o;
     p.level = 3;
     assert_true(resume_fails(f, &p, "--level 2, not 3"));
+    p = o;
+    p.n_layers = 2;
+    assert_true(resume_fails(f, &p, "--layers 1, not 2"));
     p = o;
     p.ablate = "groups=4,raw-networks";
     assert_true(resume_fails(f, &p, "begun with --ablate 'slots=32', not "
@@ -1097,6 +1223,10 @@ static void train_should_refuse_wrong_options(void **state)
     o.n_primitives = 0;
     assert_true(refuses(f, &o, "--primitives 0"));
     o = small();
+    o.n_primitives = 7;
+    o.n_layers = 8;
+    assert_true(refuses(f, &o, "--layers 8 are more than the 7"));
+    o = small();
     o.lambda = -1;
     assert_true(refuses(f, &o, "--lambda -1"));
     o = small();
@@ -1214,6 +1344,10 @@ int main(void)
         cmocka_unit_test(train_should_depend_on_the_seed_alone),
         cmocka_unit_test(train_should_not_depend_on_threads),
         cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(layers_should_have_twice_as_many_each),
+        cmocka_unit_test(layers_should_be_coded_as_estimated),
+        cmocka_unit_test(layers_should_not_know_of_each_other),
+        cmocka_unit_test(layers_should_resume_to_the_same_file),
         cmocka_unit_test(lambda_should_bring_its_primitives),
         cmocka_unit_test(train_should_keep_what_its_minutes_gave),
         cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),

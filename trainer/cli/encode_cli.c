@@ -47,12 +47,21 @@ enum { LEAST_SIZE = 6000 };
 typedef struct {
     saga_capture_choice capture;
     const char *output, *ablate, *log, *preset, *networks;
-    int primitives, iterations, level, seed, every;
+    int primitives, iterations, level, layers, seed, every;
     int segment;                 /* frames; 0: about a second */
     int only;                    /* segment; -1: all */
     double lambda, minutes, size, bitrate, metres;
     bool still, moving, json, resume, sweep, networks_only;
 } options;
+
+/* The file cut behind a layer, and what the integer decoder makes of it. */
+typedef struct {
+    saga_bytes bytes;            /* of a cut film, while it is open */
+    saga_film film;
+    size_t nbytes;
+    double sum[2];
+    int n[2];
+} cut;
 
 /* A session has what is open and what came out. */
 typedef struct {
@@ -69,6 +78,7 @@ typedef struct {
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
     saga_verdict verdict;        /* of the training views */
+    cut cut[SAGA_MAX_LAYERS];    /* behind each layer but the last */
     saga_output out;             /* open from the start: the name is ours */
     saga_layout layout;          /* of the closed file */
     saga_encode_log log;
@@ -206,6 +216,14 @@ static int check_options(session *s)
                               "each other's sizes; give --lambda and "
                               "--primitives instead of --size, --bitrate and "
                               "--sweep");
+    if (s->o->layers > 1 && is_part(s->o))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --layers needs all "
+                              "segments trained in one place; leave "
+                              "--networks-only and --only out");
+    if (s->o->layers > 1 && (s->ablation.slots || s->ablation.plain_update))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: files of several "
+                              "--layers have no memory bank; leave slots and "
+                              "plain-update of --ablate out");
     if (s->o->log && !saga_encode_log_name(s->o->log))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: --log takes FILE.csv "
                               "or FILE.jsonl, not '%s'", s->o->log);
@@ -388,6 +406,7 @@ static saga_train_options train_options(session *s)
     t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
                          s->whole.fps);
     t.level = o->level;
+    t.n_layers = o->layers;
     t.seed = (uint64_t)o->seed;
     t.motion = o->still ? SAGA_TRAIN_STILL
              : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
@@ -734,15 +753,79 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
     return ok;
 }
 
+static bool compare_cut(session *s, cut *c, int segment, int view)
+{
+    const saga_shot *const v = &s->capture.views[view];
+    const size_t nbytes = saga_view_frame_nbytes(v);
+    uint8_t *const rgb = saga_alloc(nbytes, 1, v->name, &s->error);
+    saga_camera camera;
+    uint32_t number;
+    bool ok = rgb && saga_film_rig(&c->film, (uint32_t)view, &camera, &number,
+                                   &s->error);
+    int frame, i;
+
+    for (i = 0; ok && (frame = saga_train_sample(&s->capture, view, i)) >= 0;
+         i++) {
+        const uint8_t *const truth = saga_capture_frame(&s->capture, view,
+                                                        frame);
+        double counting;
+
+        ok = saga_film_draw_late(&c->film, &camera, (uint32_t)(
+            begin_of(s, segment) + frame), v->late, rgb, &s->error);
+        counting = ok ? saga_capture_forgive(&s->capture, view, frame, rgb)
+                      : 1;
+        if (ok && counting > 0) {
+            c->sum[v->held_out] += saga_psnr(saga_mse(rgb, truth, nbytes) /
+                                             counting);
+            c->n[v->held_out]++;
+        }
+    }
+    free(rgb);
+    return ok;
+}
+
+/* Opens the file as it is behind each layer but the last. */
+static bool open_cuts(session *s, const saga_bytes *file)
+{
+    for (int k = 0; k + 1 < s->o->layers; k++) {
+        cut *const c = &s->cut[k];
+        const saga_splice_part part = {
+            .name = s->o->output, .bytes = file->data, .nbytes = file->nbytes,
+            .n_layers = (uint32_t)k + 1
+        };
+
+        if (!saga_splice(&c->bytes.data, &c->bytes.nbytes, &part, 1,
+                         &s->error) ||
+            !saga_film_open(&c->film, s->o->output, c->bytes.data,
+                            c->bytes.nbytes, s->o->capture.threads, &s->error))
+            return false;
+        c->nbytes = c->bytes.nbytes;
+    }
+    return true;
+}
+
+static void close_cuts(session *s)
+{
+    for (int k = 0; k + 1 < s->o->layers; k++) {
+        saga_film_close(&s->cut[k].film);
+        saga_bytes_free(&s->cut[k].bytes);
+    }
+}
+
 static int compare_segment(session *s, saga_film *film, int segment, tally *t)
 {
     const bool is_there = s->n_segments == 1 || s->o->networks;
     const int status = is_there ? SAGA_EXIT_OK : open_capture(s, segment);
 
-    for (int v = 0; !status && v < s->capture.n_views; v++)
-        if (!compare_view(s, film, segment, v, t))
+    for (int v = 0; !status && v < s->capture.n_views; v++) {
+        bool ok = compare_view(s, film, segment, v, t);
+
+        for (int k = 0; ok && k + 1 < s->o->layers; k++)
+            ok = compare_cut(s, &s->cut[k], segment, v);
+        if (!ok)
             return saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was "
                                   "written, but: %s", s->error.message);
+    }
     return status;
 }
 
@@ -758,12 +841,13 @@ static int check_file(session *s)
         !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
                         s->o->capture.threads, &s->error) ||
         !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
-                          &s->error))
+                          &s->error) || !open_cuts(s, &bytes))
         status = saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was "
                                 "written, but: %s", s->error.message);
     for (int i = 0; !status && i < s->n_segments; i++)
         if (s->o->only < 0 || s->o->only == i)
             status = compare_segment(s, &film, i, &t);
+    close_cuts(s);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
     s->decoded = (saga_train_quality){ t.sum[0] / t.n[0], t.sum[1] / t.n[1],
@@ -784,6 +868,24 @@ static void print_quality(const char *what, const saga_train_quality *q)
     if (q->n_held_out)
         printf("  %6.2f dB", q->held_out);
     putchar('\n');
+}
+
+static saga_train_quality quality_of(const cut *c)
+{
+    return (saga_train_quality){ c->sum[0] / c->n[0], c->sum[1] / c->n[1],
+                                 c->n[0], c->n[1] };
+}
+
+static void print_cuts(const session *s)
+{
+    for (int k = 0; k + 1 < s->o->layers; k++) {
+        const saga_train_quality q = quality_of(&s->cut[k]);
+        char what[40];
+
+        snprintf(what, sizeof what, "  cut behind layer %d: %zu B", k + 1,
+                 s->cut[k].nbytes);
+        print_quality(what, &q);
+    }
 }
 
 /* Free viewpoints are what held-out views tell of. */
@@ -940,6 +1042,7 @@ static void print_text(const session *s)
     print_quality("model (float)", &r->model);
     print_quality("decoded symbols (float)", &r->coded);
     print_quality("file, integer decoder", &s->decoded);
+    print_cuts(s);
     print_quality("  ... against that float", &s->agreement);
     saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
     print_views(&s->decoded);
@@ -957,6 +1060,24 @@ static json_t *json_quality(const saga_train_quality *q)
                      "held_out", real_or_null(q->held_out),
                      "n_training", q->n_training,
                      "n_held_out", q->n_held_out);
+}
+
+/* Bytes and quality of the file behind each layer, the last included. */
+static json_t *json_layers(const session *s)
+{
+    json_t *const list = json_array();
+
+    for (int k = 0; k + 1 < s->o->layers; k++) {
+        const saga_train_quality q = quality_of(&s->cut[k]);
+
+        json_array_append_new(list, json_pack(
+            "{sIso}", "nbytes", (json_int_t)s->cut[k].nbytes,
+            "psnr", json_quality(&q)));
+    }
+    json_array_append_new(list, json_pack(
+        "{sIso}", "nbytes", (json_int_t)s->layout.file_nbytes,
+        "psnr", json_quality(&s->decoded)));
+    return list;
 }
 
 static json_t *json_bits(const double bits[SAGA_N_SYMS])
@@ -1003,11 +1124,11 @@ static json_t *text_or_null(const char *text)
 static json_t *json_options(const options *o)
 {
     const saga_capture_choice *const c = &o->capture;
-    json_t *const list = json_pack("{sss[ii]sisisisisfsisi}",
+    json_t *const list = json_pack("{sss[ii]sisisisisfsisisi}",
         "preset", o->preset, "frames", c->frames.a, c->frames.b,
         "scale", c->scale, "segment", o->segment, "primitives", o->primitives,
         "iterations", o->iterations, "minutes", o->minutes,
-        "level", o->level, "seed", o->seed);
+        "level", o->level, "layers", o->layers, "seed", o->seed);
 
     json_object_update_new(list, json_pack("{sbsfsfsfsbsbsososo}",
         "alpha_masks", (int)c->alpha_masks, "lambda", o->lambda,
@@ -1107,6 +1228,7 @@ static json_t *json_report(const session *s)
         "psnr_warm_up", json_quality(&r->warm),
         "psnr_float", json_quality(&r->model),
         "psnr", json_quality(&s->decoded)));
+    json_object_set_new(o, "layers", json_layers(s));
     json_object_update_new(o, json_pack("{sososo}",
         "psnr_parts", saga_verdict_json(&s->verdict),
         "psnr_decoded_float", json_quality(&r->coded),
@@ -1253,7 +1375,7 @@ static options defaults(void)
 
     return (options){
         .capture = SAGA_CAPTURE_CHOICE, .preset = "balanced", .only = -1,
-        .level = t.level, .seed = (int)t.seed,
+        .level = t.level, .layers = t.n_layers, .seed = (int)t.seed,
         .every = (int)t.checkpoint_seconds, .lambda = t.lambda
     };
 }
@@ -1325,6 +1447,9 @@ static const saga_cli_option option_list[] = {
     { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
       "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
       offsetof(options, level), 0, 3 },
+    { "--layers", "N", "behind each of which the file may be cut (`saga cut\n"
+      "--layers`): fewer bytes, a coarser picture (default 1)", saga_cli_int,
+      offsetof(options, layers), 1, SAGA_MAX_LAYERS },
     SAGA_CAPTURE_OPTIONS(options, capture),
     { "--metres", "X", "in the capture's unit of length; the file tells it\n"
       "(default: what the capture says)", saga_cli_real,

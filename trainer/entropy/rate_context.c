@@ -120,7 +120,8 @@ static void keep_position(saga_rate_kind *k, size_t i, const saga_position *p,
     set_size(k->size + SAGA_RATE_SIZES * i, log2_units, count);
 }
 
-static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc)
+static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc,
+                           const saga_scene *s)
 {
     saga_neighbours nb;
     saga_position p;
@@ -128,17 +129,20 @@ static void refresh_coarse(saga_rate_kind *k, const saga_scaffold *sc)
 
     k->groups.n = 0;
     for (i = 0; i < sc->n.coarse; i++) {
+        const saga_links_query q = { SAGA_TIER_COARSE, &p, i,
+                                     sc->coarse[i].group };
+
         saga_position_cell(&p, &sc->coarse[i]);
         keep_position(k, i, &p, sc->coarse[i].n_fine);
-        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, i,
-                         sc->coarse[i].group);
+        saga_links_find(&nb, sc, s, &q);
         saga_links_add(&k->groups, i, &nb);
     }
 }
 
 /* The distances use the parent's half-sizes, the hyperprior the suffix cell's
  * (saga_context_run). */
-static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
+static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc,
+                         const saga_scene *s)
 {
     const int bits = sc->model->tier[SAGA_TIER_COARSE].suffix_bits;
     saga_neighbours nb;
@@ -150,16 +154,18 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc)
     for (i = 0; i < sc->n.fine; i++) {
         const saga_fine *const f = &sc->fine[i];
         const saga_coarse *const parent = &sc->coarse[f->parent];
+        const saga_links_query of_parent = { SAGA_TIER_COARSE, &p, f->parent,
+                                             SAGA_ALL_GROUPS };
+        const saga_links_query of_groups = { SAGA_TIER_FINE, &p, i, f->group };
 
         saga_position_cell(&p, parent);
         saga_position_move(&p, f->local);
         for (a = 0; a < 4; a++)
             p.log2_support_q10[a] -= bits * 1024;
         keep_position(k, i, &p, parent->n_fine);
-        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, f->parent,
-                         SAGA_ALL_GROUPS);
+        saga_links_find(&nb, sc, s, &of_parent);
         saga_links_add(&k->parent, i, &nb);
-        saga_interp_find(&nb, sc, SAGA_TIER_FINE, &p, i, f->group);
+        saga_links_find(&nb, sc, s, &of_groups);
         saga_links_add(&k->groups, i, &nb);
     }
 }
@@ -174,8 +180,8 @@ bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
         return false;
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         saga_rate_runs_set(&c->kind[kind].runs, s, kind);
-    refresh_coarse(&c->kind[SAGA_KIND_COARSE], &sc);
-    refresh_fine(&c->kind[SAGA_KIND_FINE], &sc);
+    refresh_coarse(&c->kind[SAGA_KIND_COARSE], &sc, s);
+    refresh_fine(&c->kind[SAGA_KIND_FINE], &sc, s);
     saga_links_scaffold_free(&sc);
     return true;
 }

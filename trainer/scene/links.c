@@ -42,6 +42,36 @@ void saga_links_add(saga_links *l, size_t query, const saga_neighbours *nb)
     l->begin[query + 1] = (uint32_t)l->n;
 }
 
+/* Returns the layer that has a rank of a tier. */
+static const saga_scene_layer *layer_of(const saga_scene *s, int tier,
+                                        uint32_t rank)
+{
+    const saga_scene_layer *l = &s->layer[s->n_layers - 1];
+
+    while (rank < (tier == SAGA_TIER_COARSE ? l->first.coarse
+                                            : l->first.fine))
+        l--;
+    return l;
+}
+
+void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
+                     const saga_scene *s, const saga_links_query *q)
+{
+    const saga_scene_layer *const l = layer_of(s, q->tier, q->centre);
+    const uint32_t first = q->tier == SAGA_TIER_COARSE ? l->first.coarse
+                                                       : l->first.fine;
+    saga_scaffold own = *sc;
+    uint32_t i;
+
+    own.n = l->n;
+    own.coarse += l->first.coarse;
+    own.fine += l->first.fine;
+    saga_interp_find(nb, &own, q->tier, q->position, q->centre - first,
+                     q->before);
+    for (i = 0; i < nb->n; i++)
+        nb->rank[i] += first;
+}
+
 /* --- Interpolation ------------------------------------------------------- */
 
 void saga_links_gather(real *out, const saga_links *l, const real *source,

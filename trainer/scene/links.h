@@ -21,6 +21,7 @@ typedef struct saga_links {
 #define saga_links_alloc SAGA_REAL_NAME(saga_links_alloc)
 #define saga_links_free SAGA_REAL_NAME(saga_links_free)
 #define saga_links_add SAGA_REAL_NAME(saga_links_add)
+#define saga_links_find SAGA_REAL_NAME(saga_links_find)
 #define saga_links_gather SAGA_REAL_NAME(saga_links_gather)
 #define saga_links_scatter SAGA_REAL_NAME(saga_links_scatter)
 #define saga_links_scaffold SAGA_REAL_NAME(saga_links_scaffold)
@@ -34,6 +35,19 @@ void saga_links_free(saga_links *l);
 
 /* Adds the links of the next query: 0, 1, 2, ... after l->n was set to 0. */
 void saga_links_add(saga_links *l, size_t query, const saga_neighbours *nb);
+
+/* Asked for: neighbours of a position among ranks around `centre`, of groups
+ * below `before` (SAGA_ALL_GROUPS: the parent's, which is among them). */
+typedef struct saga_links_query {
+    int tier;
+    const saga_position *position;
+    uint32_t centre, before;
+} saga_links_query;
+
+/* Finds them by saga_interp_find, in the layer of the scene that the centre is
+ * in; sc is all of s as saga_links_scaffold makes it. */
+void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
+                     const saga_scene *s, const saga_links_query *query);
 
 /* Sets out (n, F) to weighted sums of the rows of source (sources, F). Row i is
  * of query[i], or of query i where query is NULL. */

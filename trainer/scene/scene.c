@@ -75,6 +75,8 @@ bool saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
     s->model = *m;
     s->n = n;
     s->n_nodes = n_nodes;
+    s->n_layers = 1;
+    s->layer[0] = (saga_scene_layer){ .n = n, .n_nodes = n_nodes };
     n_params = shape_nets(s);
     if (!alloc_structure(s, error) || !alloc_reals(s, n_params, error)) {
         saga_scene_free(s);

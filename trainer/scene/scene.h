@@ -13,6 +13,7 @@
 #ifndef SAGA_SCENE_H
 #define SAGA_SCENE_H
 
+#include "container.h"
 #include "model.h"
 #include "net.h"
 #include "real.h"
@@ -23,13 +24,22 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Coded apart from others, and drawn with those before it: ranks and nodes from
+ * `first` on. Trees, children and links stay inside. */
+typedef struct saga_scene_layer {
+    saga_counts first, n;
+    uint32_t first_node, n_nodes;
+} saga_scene_layer;
+
 typedef struct saga_scene {
     saga_model model;
     bool still;              /* primitives have no temporal attributes, whatever
                               * the model has: those of a base */
 
-    saga_counts n;
-    uint32_t n_nodes;        /* the tree, as in saga_symbols */
+    saga_counts n;           /* of all layers, one behind the other */
+    uint32_t n_layers;
+    saga_scene_layer layer[SAGA_MAX_LAYERS];
+    uint32_t n_nodes;        /* the trees, as in saga_symbols */
     uint8_t *split;          /* (n_nodes) */
     uint16_t *occupancy;     /* (n_nodes) */
     saga_coarse *coarse;     /* (n.coarse) cell, depths, n_fine, first_fine,
@@ -92,9 +102,9 @@ static inline void saga_scene_phase(real phase[4], const real x[4])
 /* Sets the layers of network number `net` as the model has it. */
 void saga_scene_shape(saga_net *f, const saga_model *m, int net);
 
-/* Allocates a scene of the given counts; structure and reals are zero, the
- * networks initialised (saga_net_init) from seed. False: nothing is to be
- * freed. */
+/* Allocates a scene of the given counts and one layer; structure and reals are
+ * zero, the networks initialised (saga_net_init) from seed. False: nothing is
+ * to be freed. */
 bool saga_scene_init(saga_scene *s, const saga_model *m, saga_counts n,
                      uint32_t n_nodes, unsigned long long seed,
                      saga_error *error);

@@ -614,7 +614,8 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 
 /* --- Neighbours from the integer path ------------------------------------ */
 
-static void link_fine(saga_twin *w, const saga_scaffold *sc)
+static void link_fine(saga_twin *w, const saga_scaffold *sc,
+                      const saga_scene *s)
 {
     saga_neighbours nb;
     saga_position p;
@@ -622,9 +623,11 @@ static void link_fine(saga_twin *w, const saga_scaffold *sc)
 
     w->to_fine.n = 0;
     for (i = 0; i < w->n.fine; i++) {
+        const saga_links_query q = { SAGA_TIER_COARSE, &p, sc->fine[i].parent,
+                                     SAGA_ALL_GROUPS };
+
         saga_position_fine(&p, &sc->fine[i]);
-        saga_interp_find(&nb, sc, SAGA_TIER_COARSE, &p, sc->fine[i].parent,
-                         SAGA_ALL_GROUPS);
+        saga_links_find(&nb, sc, s, &q);
         saga_links_add(&w->to_fine, i, &nb);
     }
 }
@@ -638,10 +641,12 @@ static void link_prims(saga_twin *w, const saga_scaffold *sc,
 
     w->to_prim.n = 0;
     for (i = 0; i < w->n.prim; i++) {
+        const saga_links_query q = { SAGA_TIER_FINE, &p, s->prim_fine[i],
+                                     SAGA_ALL_GROUPS };
+
         saga_position_fine(&p, &sc->fine[s->prim_fine[i]]);
         saga_scene_position(p.x, &p.t, s->prim_x + 4 * (size_t)i);
-        saga_interp_find(&nb, sc, SAGA_TIER_FINE, &p, s->prim_fine[i],
-                         SAGA_ALL_GROUPS);
+        saga_links_find(&nb, sc, s, &q);
         saga_links_add(&w->to_prim, i, &nb);
     }
 }
@@ -653,7 +658,7 @@ bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
 
     if (!saga_links_scaffold(&sc, s, error))
         return false;
-    link_fine(w, &sc);
+    link_fine(w, &sc, s);
     fine_offsets(w, s);
     fine_forward(w, s, feature);
     saga_links_supports(&sc, w->support);

@@ -12,7 +12,7 @@
 enum { REFRESH_EVERY = 50, RAMP = 300 };
 
 /* These are streams of random numbers. */
-enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET };
+enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET, STREAM_LAYERS };
 
 /* lambda_a, of anchors' distance from their primitives. */
 #define ANCHOR_PRICE R(0.005)
@@ -261,6 +261,20 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
                             error);
 }
 
+/* Returns how many primitives an iteration draws: those of the first layers,
+ * and of all in half of the iterations, so that what comes first learns to
+ * stand alone. */
+static uint32_t n_drawn(const saga_fit *f)
+{
+    const saga_scene *const s = f->scene;
+    const double x = saga_rng_double(
+        saga_rng_stream(f->o.seed, STREAM_LAYERS), (uint64_t)f->iteration);
+
+    if (s->n_layers == 1 || x < 0.5)
+        return s->n.prim;
+    return s->layer[1 + (size_t)((2 * x - 1) * (s->n_layers - 1))].first.prim;
+}
+
 /* Draws one picture and adds to the twin's gradients. */
 static bool learn_picture(saga_fit *f, saga_sample picture,
                           double *mse, saga_error *error)
@@ -271,7 +285,7 @@ static bool learn_picture(saga_fit *f, saga_sample picture,
     saga_pictures_aim(c, f->pictures, picture);
     saga_pictures_truth(c, f->pictures, picture);
     saga_twin_colour(&f->twin, &f->used, c->camera.centre);
-    if (!saga_splat_learn(&l, c, &f->twin.attr, f->scene->n.prim, error))
+    if (!saga_splat_learn(&l, c, &f->twin.attr, n_drawn(f), error))
         return false;
     *mse = l.mse;
     saga_twin_colour_backward(&f->twin, &f->grad, &f->used);

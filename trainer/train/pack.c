@@ -455,17 +455,17 @@ static double *to_units(const float *x, size_t n, saga_error *error)
 }
 
 static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
-                          saga_error *error)
+                          const saga_scene_layer *l, saga_error *error)
 {
     static const char what[] = "symbols of the scene";
-    const size_t coarse = s->n.coarse, fine = s->n.fine, prim = s->n.prim;
+    const size_t coarse = l->n.coarse, fine = l->n.fine, prim = l->n.prim;
     const size_t one = sizeof(int32_t), four = 4 * sizeof(int32_t);
     uint32_t i;
 
-    y->n = s->n;
-    y->n_nodes = s->n_nodes;
-    y->split = s->split;
-    y->occupancy = s->occupancy;
+    y->n = l->n;
+    y->n_nodes = l->n_nodes;
+    y->split = s->split + l->first_node;
+    y->occupancy = s->occupancy + l->first_node;
     y->n_fine = saga_alloc(coarse, 1, what, error);
     y->centre = saga_calloc(coarse, four, what, error);
     y->feature = saga_calloc(coarse, s->model.features * one, what, error);
@@ -477,10 +477,10 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
     if (saga_failed(error))
         return false;
     for (i = 0; i < coarse; i++)
-        y->n_fine[i] = s->coarse[i].n_fine;
+        y->n_fine[i] = s->coarse[l->first.coarse + i].n_fine;
     for (i = 0; i < fine; i++) {
-        y->n_prim[i] = s->fine[i].n_prim;
-        y->fine_suffix[i] = saga_scene_fine_suffix(s, i);
+        y->n_prim[i] = s->fine[l->first.fine + i].n_prim;
+        y->fine_suffix[i] = saga_scene_fine_suffix(s, l->first.fine + i);
     }
     return true;
 }
@@ -514,6 +514,8 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
     if (!saga_scene_init(d, &networks->model, s->n, s->n_nodes, 0, error))
         return false;
     d->still = s->still;
+    d->n_layers = s->n_layers;
+    memcpy(d->layer, s->layer, sizeof s->layer);
     memcpy(d->params, networks->params,
            networks->n_reals * sizeof *networks->params);
     memcpy(d->split, s->split, s->n_nodes);
@@ -555,10 +557,36 @@ static void free_units(units *u)
     free(u->order);
 }
 
-/* Fills the symbols y, whose arrays are there. Supports come out of the integer
- * networks a little different. Offsets that were trained to be cheap stay what
- * they are, and positions move by that little: against the positions they would
- * be anywhere again. */
+/* Runs the closed loop of a layer. */
+static bool close_layer(saga_symbols *y, const saga_encoder *e,
+                        saga_quantise_report *report, const packing *p,
+                        const units *u, const saga_scene_layer *l,
+                        saga_error *error)
+{
+    const saga_scene *const s = &p->choice->scene;
+    const size_t features = s->model.features;
+    const size_t coarse = 4 * (size_t)l->first.coarse;
+    const size_t fine = 4 * (size_t)l->first.fine;
+    const size_t prim = 4 * (size_t)l->first.prim;
+    const saga_targets t = {
+        u->coarse + coarse, s->coarse_feature + features * l->first.coarse,
+        u->fine + fine, u->prim + prim, p->twin->prim_offset + prim, NULL
+    };
+    const saga_decoded d = {
+        u->coarse + coarse, u->fine + fine, u->prim_out + prim,
+        u->feature + features * l->first.coarse, u->order + l->first.prim
+    };
+    saga_quantise_report own;
+    const bool ok = saga_quantise_segment(y, &own, e, &t, &d, error);
+
+    report->n_clamped += own.n_clamped;
+    return ok;
+}
+
+/* Fills the symbols y of all layers, whose arrays are there. Supports come out
+ * of the integer networks a little different. Offsets that were trained to be
+ * cheap stay what they are, and positions move by that little: against the
+ * positions they would be anywhere again. */
 static bool close_loop(saga_symbols *y, const saga_encoder *e,
                        saga_quantise_report *report, const packing *p,
                        saga_error *error)
@@ -567,14 +595,9 @@ static bool close_loop(saga_symbols *y, const saga_encoder *e,
     units u;
     bool ok = begin_units(&u, s, error);
 
-    if (ok) {
-        const saga_targets t = { u.coarse, s->coarse_feature, u.fine, u.prim,
-                                 p->twin->prim_offset, NULL };
-        const saga_decoded d = { u.coarse, u.fine, u.prim_out, u.feature,
-                                 u.order };
-
-        ok = saga_quantise_segment(y, report, e, &t, &d, error);
-    }
+    memset(report, 0, sizeof *report);
+    for (uint32_t i = 0; i < s->n_layers && ok; i++)
+        ok = close_layer(&y[i], e, report, p, &u, &s->layer[i], error);
     if (ok && p->decoded) {
         from_units(p->decoded->coarse_x, u.coarse, s->n.coarse);
         from_units(p->decoded->fine_x, u.fine, s->n.fine);
@@ -616,6 +639,7 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     saga_net_symbols nets;
 
     h.model = in->choice->scene.model;
+    h.more_layers = (uint8_t)(in->choice->scene.n_layers - 1);
     saga_nets_layout(&shapes, &h.model);
     measure_formats(&h.model, in);
     file->networks.constants = in->choice->rate->constants;
@@ -631,32 +655,41 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     return file->encoder != NULL;
 }
 
-/* Makes the symbols of what is packed (free_symbols, also after a failure). */
-static bool make_symbols(saga_symbols *y, const saga_packed *file,
+/* Makes the symbols of what is packed, layer by layer (free_layers, also after
+ * a failure). */
+static bool make_symbols(saga_symbols y[SAGA_MAX_LAYERS],
+                         const saga_packed *file,
                          saga_quantise_report *report, saga_scene *decoded,
                          const saga_pack_input *in, saga_error *error)
 {
     const saga_scene *const networks = &file->networks.scene;
+    const saga_scene *const s = &in->choice->scene;
     const packing p = { &networks->model, in->choice, in->twin, NULL,
                         decoded, NULL };
+    bool ok = !decoded || begin_decoded(decoded, s, networks, error);
 
-    memset(y, 0, sizeof *y);
-    return (!decoded || begin_decoded(decoded, &in->choice->scene, networks,
-                                      error)) &&
-           alloc_symbols(y, &in->choice->scene, error) &&
-           close_loop(y, file->encoder, report, &p, error);
+    memset(y, 0, SAGA_MAX_LAYERS * sizeof *y);
+    for (uint32_t i = 0; i < s->n_layers && ok; i++)
+        ok = alloc_symbols(&y[i], s, &s->layer[i], error);
+    return ok && close_loop(y, file->encoder, report, &p, error);
+}
+
+static void free_layers(saga_symbols y[SAGA_MAX_LAYERS])
+{
+    for (int i = 0; i < SAGA_MAX_LAYERS; i++)
+        free_symbols(&y[i]);
 }
 
 bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
                        saga_quantise_report *report, saga_scene *decoded,
                        const saga_pack_input *in, saga_error *error)
 {
-    saga_symbols y;
+    saga_symbols y[SAGA_MAX_LAYERS];
     const bool ok =
-        make_symbols(&y, file, report, decoded, in, error) &&
-        saga_encoder_insert(file->encoder, place, &y, n_frames, error);
+        make_symbols(y, file, report, decoded, in, error) &&
+        saga_encoder_insert(file->encoder, place, y, n_frames, error);
 
-    free_symbols(&y);
+    free_layers(y);
     return ok;
 }
 
@@ -664,11 +697,11 @@ bool saga_pack_base(saga_packed *file, saga_quantise_report *report,
                     saga_scene *decoded, const saga_pack_input *in,
                     saga_error *error)
 {
-    saga_symbols y;
-    const bool ok = make_symbols(&y, file, report, decoded, in, error) &&
-                    saga_encoder_base(file->encoder, &y, error);
+    saga_symbols y[SAGA_MAX_LAYERS];
+    const bool ok = make_symbols(y, file, report, decoded, in, error) &&
+                    saga_encoder_base(file->encoder, y, error);
 
-    free_symbols(&y);
+    free_layers(y);
     return ok;
 }
 

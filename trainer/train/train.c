@@ -53,7 +53,7 @@ saga_train_options saga_train_defaults(void)
 {
     return (saga_train_options){
         .n_segments = 1, .n_primitives = 5000, .n_iterations = 6000,
-        .level = 2, .seed = 1,
+        .level = 2, .seed = 1, .n_layers = 1,
         .checkpoint_seconds = 300
     };
 }
@@ -68,6 +68,9 @@ static bool check_counts(const saga_train_options *o, saga_error *error)
         return saga_fail(error, NULL, "take fewer, or a higher --level",
                          "--primitives %u is more than the %u of level %d",
                          o->n_primitives, caps->n_prim, o->level);
+    if (o->n_primitives < (uint32_t)o->n_layers)
+        return saga_fail(error, NULL, "take fewer", "--layers %d are more than "
+                         "the %u primitives", o->n_layers, o->n_primitives);
     if (o->n_coarse > caps->n_coarse || o->n_fine > caps->n_fine)
         return saga_fail(error, NULL, "take fewer, or a higher --level",
                          "%u coarse and %u fine anchors are more than the %u "
@@ -498,7 +501,7 @@ static bool build(saga_train *t, uint32_t *source,
     o.max_coarse = of_segment(t, t->o.n_coarse);
     o.max_fine = of_segment(t, t->o.n_fine);
     o.seed = t->o.seed;
-    ok = score && saga_hierarchy_build(&t->scene, source, &all, &o, error);
+    ok = score && saga_train_build_layers(t, source, &all, &o, error);
     free(score);
     return ok;
 }

@@ -118,6 +118,11 @@ typedef struct saga_train_options {
                                   * distortion (policy.h); 0: what balances
                                   * the warm-up's error and n_primitives */
     int level;                   /* 0..3, obeyed */
+    int n_layers;                /* of each segment, 1..SAGA_MAX_LAYERS; each
+                                  * has twice the primitives of the one before,
+                                  * the first those of most light; there is no
+                                  * memory bank then, and all segments are
+                                  * trained in one place */
     uint64_t seed;
     saga_train_motion motion;
     const char *ablate;          /* ablation.h; NULL: nothing */

@@ -120,5 +120,7 @@ void saga_train_model(saga_model *m, const saga_train *t)
     /* An anchor of one's own has nothing to make of the features. */
     if (t->o.n_fine >= t->o.n_primitives)
         m->width[SAGA_NET_FINE] = 0;
-    saga_train_entropy_model(m, &t->ablation, p, caps->n_slots);
+    /* A bank begins anew in each layer, which its twin does not. */
+    saga_train_entropy_model(m, &t->ablation, p,
+                             t->o.n_layers > 1 ? 0 : caps->n_slots);
 }

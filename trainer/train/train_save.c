@@ -16,6 +16,7 @@ typedef struct {
     uint64_t primitives, coarse, fine, warm, render, level, seed;
     uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
     uint64_t views, base_why, base_still, base_looked_at, base_prim, base_kept;
+    uint64_t layers;
     char ablate[128];
     double lambda, chosen_lambda, base_saved, n_pixels;
     uint64_t stage, fitting, dynamic;
@@ -47,6 +48,7 @@ static void fill(head *h, const saga_train *t)
     h->base_kept = t->base.n_kept;
     h->base_saved = t->base.saved;
     h->n_pixels = t->n_pixels;
+    h->layers = (uint64_t)t->o.n_layers;
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
@@ -191,6 +193,7 @@ static bool same_options(const saga_train *t, const head *h, const char *file,
            same(file, "warm-up iterations", h->warm, now.warm, error) &&
            same(file, "--size", h->n_bytes, now.n_bytes, error) &&
            same(file, "--level", h->level, now.level, error) &&
+           same(file, "--layers", h->layers, now.layers, error) &&
            same(file, "--seed", h->seed, now.seed, error) &&
            same_motion(file, h->motion, now.motion, error) &&
            same_ablation(file, h, &now, error);

@@ -10,6 +10,7 @@
 #include "error.h"
 #include "fit.h"
 #include "flat.h"
+#include "hierarchy.h"
 #include "pack.h"
 #include "policy.h"
 #include "pictures.h"
@@ -85,6 +86,14 @@ void saga_train_model(saga_model *m, const saga_train *t);
 void saga_train_entropy_model(saga_model *m,
                               const saga_ablation *a,
                               const saga_policy *p, uint32_t most_slots);
+
+/* layers.c: builds the scene of the layers that options ask for, from the pool
+ * of n, whose budgets and model are o's; source as saga_hierarchy_build's
+ * prim_origin. */
+bool saga_train_build_layers(saga_train *t, uint32_t *source,
+                             const saga_hierarchy_pool *pool,
+                             const saga_hierarchy_options *o,
+                             saga_error *error);
 
 /* motion.c: sets t->dynamic, explained, changing. */
 bool saga_train_decide(saga_train *t, saga_error *error);
