@@ -1114,7 +1114,7 @@ static void train_should_drop_temporal_tools_of_one_frame(void **state)
     c = load(f->folder, "single", 1);
     o.motion = SAGA_TRAIN_MEASURE;
     r = encode(&c, &o);
-    assert_int_equal(r.report.info.tools, SAGA_TOOL_VIEW);
+    assert_int_equal(r.report.info.tools & ~(uint32_t)SAGA_TOOL_VIEW, 0);
     assert_false(r.report.dynamic);
     free(r.bytes);
     saga_capture_free(&c);
@@ -1159,7 +1159,7 @@ static void train_should_drop_temporal_tools_when_nothing_moves(void **state)
     print_message("changing %g explained %g\n", r.report.changing,
                   r.report.explained);
     assert_true(r.report.changing > 0.01);
-    assert_int_equal(r.report.info.tools, SAGA_TOOL_VIEW);
+    assert_int_equal(r.report.info.tools & ~(uint32_t)SAGA_TOOL_VIEW, 0);
     free(r.bytes);
     saga_capture_free(&c);
 }
@@ -1176,7 +1176,7 @@ static void train_should_keep_temporal_tools_when_something_moves(void **state)
     r = encode(&f->capture, &o);
     print_message("changing %g explained %g\n", r.report.changing,
                   r.report.explained);
-    assert_int_equal(r.report.info.tools, SAGA_TOOLS_PICTURE);
+    assert_true(r.report.info.tools & SAGA_TOOL_OPACITY_T);
     free(r.bytes);
 }
 

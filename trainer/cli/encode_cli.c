@@ -952,6 +952,27 @@ static void print_motion(const saga_train_report *r)
     putchar('\n');
 }
 
+static void print_tools(const saga_train_report *r)
+{
+    for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++)
+        if (r->tool[i].asked)
+            printf("  %-22s worth %7.0f bytes, costs %6.0f: %s\n",
+                   saga_train_tool_names[i], r->tool[i].worth,
+                   r->tool[i].cost, r->tool[i].kept ? "kept" : "off");
+}
+
+static json_t *json_tools(const saga_train_report *r)
+{
+    json_t *const o = json_object();
+
+    for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++)
+        if (r->tool[i].asked)
+            json_object_set_new(o, saga_train_tool_names[i], json_pack(
+                "{sfsfsb}", "worth", r->tool[i].worth,
+                "cost", r->tool[i].cost, "kept", (int)r->tool[i].kept));
+    return o;
+}
+
 /* Prints what the symbols cost: by their code lengths, and as the range coder
  * spends it (cost.h), which is what is in the file. */
 static void print_bits(const saga_encode_sizes *z)
@@ -1021,6 +1042,7 @@ static void print_text(const session *s)
                "still\n", r->info.base_primitives,
                100.0 * r->base.n_still / fmax(r->base.n_looked_at, 1));
     print_motion(r);
+    print_tools(r);
     print_exposure(s);
     printf("  lambda %.4g%s\n", r->lambda,
            s->wanted ? ", which makes the size"
@@ -1217,10 +1239,10 @@ static json_t *json_report(const session *s)
         "memory_nbytes", (json_int_t)r->info.work_nbytes));
     json_object_set_new(o, "exposure", json_exposure(s));
     json_object_set_new(o, "base", json_base(&r->base));
-    json_object_update_new(o, json_pack("{sfsisIsbsososfsfsososo}",
+    json_object_update_new(o, json_pack("{sfsisIsbsosososfsfsososo}",
         "lambda", r->lambda, "level", (int)r->info.level,
         "parameters", (json_int_t)r->n_parameters,
-        "temporal", (int)r->dynamic,
+        "temporal", (int)r->dynamic, "tools", json_tools(r),
         "explained", real_or_null(r->explained),
         "changing_pixels", real_or_null(r->changing),
         "clamped_primitives", (double)r->quantise.n_clamped,

@@ -262,6 +262,7 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
     r->lambda = t->lambda * saga_fit_price(t->fit) /
                 t->policy.price.residual;
     r->dynamic = t->dynamic;
+    memcpy(r->tool, t->tool, sizeof r->tool);
     r->explained = t->explained;
     r->changing = t->changing;
     if (twin && t->turn == 0) {

@@ -25,9 +25,9 @@ enum { WIDE_PAYS = 20000 };
 enum { BANK_PAYS = 40000 };
 
 /* The error falls with the number of primitives to the power of -0.43 (1.3 dB
- * for twice as many), and each takes some 75 bits. */
+ * for twice as many). */
 #define ERROR_POWER 0.43
-#define LAMBDA_PART (ERROR_POWER / 75)
+#define LAMBDA_PART (ERROR_POWER / SAGA_PRIMITIVE_BITS)
 
 double saga_policy_lambda(double mse, double n_pixels, uint32_t n_primitives)
 {

@@ -10,6 +10,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* A primitive takes some 75 bits at the price that the rule gives. */
+#define SAGA_PRIMITIVE_BITS 75.0
+
 /* A bit costs so much in the loss (fit.h). */
 typedef struct saga_prices {
     double residual;             /* of a residual, in the pictures' loss, */

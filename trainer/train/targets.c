@@ -109,7 +109,7 @@ void saga_train_freeze(saga_splat_params *p, uint32_t n)
 
 bool saga_train_is_long(const saga_splat_params *p, size_t i)
 {
-    return p->log2_width[i] >= LONG_LIFE;
+    return !p->log2_width || p->log2_width[i] >= LONG_LIFE;
 }
 
 void saga_train_centre(saga_splat_params *p, uint32_t n)

@@ -164,19 +164,32 @@ void saga_train_tone(saga_train *t)
         t->pictures.background[k] = (uint8_t)t->tones[n + k];
 }
 
-static bool find_tones(saga_train *t, saga_error *error)
+/* Keeps those of the pictures for later segments and checkpoints. */
+static void keep_tones(saga_train *t)
 {
     const size_t n = 3 * (size_t)t->capture->n_views;
 
-    t->tones = saga_alloc(n + 3, sizeof *t->tones, "the views", error);
-    t->n_views = t->capture->n_views;
-    if (!t->tones)
-        return false;
-    if (!t->o.given && !saga_exposure_find(&t->pictures, t->o.seed, error))
-        return false;
     memcpy(t->tones, t->pictures.exposure, n * sizeof *t->tones);
     for (size_t k = 0; k < 3; k++)
         t->tones[n + k] = t->pictures.background[k];
+}
+
+static bool make_tones(saga_train *t, saga_error *error)
+{
+    t->n_views = t->capture->n_views;
+    t->tones = saga_alloc(3 * (size_t)t->n_views + 3, sizeof *t->tones,
+                          "the views", error);
+    if (!t->tones)
+        return false;
+    keep_tones(t);
+    return true;
+}
+
+static bool find_tones(saga_train *t, saga_error *error)
+{
+    if (!t->o.given && !saga_exposure_find(&t->pictures, t->o.seed, error))
+        return false;
+    keep_tones(t);
     return true;
 }
 
@@ -198,7 +211,7 @@ static bool look_at(saga_train *t, const saga_capture *capture,
     t->capture = capture;
     if (t->tones)
         saga_train_tone(t);
-    else if (!find_tones(t, error)) {
+    else if (!make_tones(t, error)) {
         saga_pictures_free(&t->pictures);
         return false;
     }
@@ -300,7 +313,8 @@ static bool begin_flat(saga_train *t, saga_error *error)
 
 static bool begin_with_nothing(saga_train *t, saga_error *error)
 {
-    return (!(t->o.minutes > 0) || spend_minutes(t, error)) &&
+    return find_tones(t, error) &&
+           (!(t->o.minutes > 0) || spend_minutes(t, error)) &&
            begin_flat(t, error);
 }
 
@@ -516,9 +530,10 @@ static bool propose(saga_train *t, saga_error *error)
     saga_splat_params pool;
     bool ok = saga_train_gather(&pool, &flat, NULL, n, error) && source;
 
-    if (ok && t->dynamic && t->flat_options.temporal)
+    if (ok && t->dynamic && t->flat_options.temporal) {
+        saga_train_reduce(&pool, n, t->tools);
         saga_train_centre(&pool, n);
-    else if (ok)
+    } else if (ok)
         saga_train_freeze(&pool, n);
     ok = ok && build(t, source, &pool, n, error);
     t->scene.still = saga_train_in_base(t);
@@ -539,20 +554,27 @@ static double n_pixels_of(saga_train *t)
                                  : saga_pictures_pixels(&t->pictures);
 }
 
-bool saga_train_begin_fit(saga_train *t, saga_error *error)
+/* Sets lambda, where the rule has to, and what goes by it. */
+static void settle_price(saga_train *t)
 {
     const double n_pixels = n_pixels_of(t);
-    saga_fit_options o = {
-        .n_render = t->o.n_render, .seed = t->o.seed,
-        .raw_networks = t->ablation.raw_networks,
-        .given = t->file.encoder ? &t->file.networks : NULL
-    };
 
     if (!(t->lambda > 0))
         t->lambda = saga_policy_lambda(t->recent_mse, n_pixels,
                                        t->o.n_primitives);
     t->policy = saga_policy_of(t->lambda, n_pixels, t->o.n_primitives,
                                t->o.n_coarse);
+}
+
+bool saga_train_begin_fit(saga_train *t, saga_error *error)
+{
+    saga_fit_options o = {
+        .n_render = t->o.n_render, .seed = t->o.seed,
+        .raw_networks = t->ablation.raw_networks,
+        .given = t->file.encoder ? &t->file.networks : NULL
+    };
+
+    settle_price(t);
     o.price = t->policy.price;
     t->fitting = true;
     if (!propose(t, error))
@@ -703,7 +725,8 @@ static bool pack(saga_train *t, saga_error *error)
 
 static bool begin_rendering(saga_train *t, saga_error *error)
 {
-    if (!saga_train_decide(t, error))
+    settle_price(t);
+    if (!saga_train_decide(t, error) || !saga_train_choose_tools(t, error))
         return false;
     if (t->turn == 0)
         saga_train_choose_base(t);

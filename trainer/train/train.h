@@ -164,6 +164,25 @@ typedef struct saga_train_entropy {
 } saga_train_entropy;
 
 /* This is about all segments that are finished. */
+/* Temporal tools are asked from the last order of motion on. */
+enum {
+    SAGA_TRAIN_MOTION_3, SAGA_TRAIN_MOTION_2, SAGA_TRAIN_MOTION_1,
+    SAGA_TRAIN_SLOPE, SAGA_TRAIN_OPACITY_T, SAGA_TRAIN_VIEW,
+    SAGA_TRAIN_N_TOOLS
+};
+
+extern const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS];
+
+/* A tool of the picture is kept if it is worth more than it costs: bytes. Worth
+ * is what the squared error of the warm-up's pictures grows by without it, at
+ * the price of bits; of view-dependent colour what views lose that had no part
+ * in finding it. */
+typedef struct saga_train_tool {
+    double worth, cost;          /* cost: of its weights, and what training
+                                  * without it wins back */
+    bool asked, kept;
+} saga_train_tool;
+
 typedef struct saga_train_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
@@ -172,6 +191,7 @@ typedef struct saga_train_report {
     double lambda;               /* as asked for, or by the rule */
     saga_train_base base;
     bool dynamic;                /* temporal tools are on */
+    saga_train_tool tool[SAGA_TRAIN_N_TOOLS];
     double explained;            /* by the rule above; NaN: not measured */
     double changing;             /* part of the pixels the rule looked at */
     saga_train_entropy entropy;

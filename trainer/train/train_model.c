@@ -99,7 +99,7 @@ void saga_train_model(saga_model *m, const saga_train *t)
                                                            : caps->width);
 
     memset(m, 0, sizeof *m);
-    m->tools = t->dynamic ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
+    m->tools = t->tools;
     m->features = p->features;
     m->octaves = 4;
     m->lambda_t_q8 = 256;

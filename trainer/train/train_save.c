@@ -19,8 +19,10 @@ typedef struct {
     uint64_t layers;
     char ablate[128];
     double lambda, chosen_lambda, base_saved, n_pixels;
-    uint64_t stage, fitting, dynamic;
+    uint64_t stage, fitting, dynamic, tools;
     double explained, changing, recent_mse;
+    struct { double worth, cost; uint64_t asked, kept; }
+        tool[SAGA_TRAIN_N_TOOLS];
 } head;
 
 static void fill(head *h, const saga_train *t)
@@ -56,6 +58,13 @@ static void fill(head *h, const saga_train *t)
     h->stage = (uint64_t)t->stage;
     h->fitting = t->fitting;
     h->dynamic = t->dynamic;
+    h->tools = t->tools;
+    for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++) {
+        h->tool[i].worth = t->tool[i].worth;
+        h->tool[i].cost = t->tool[i].cost;
+        h->tool[i].asked = t->tool[i].asked;
+        h->tool[i].kept = t->tool[i].kept;
+    }
     h->explained = t->explained;
     h->changing = t->changing;
     h->recent_mse = t->recent_mse;
@@ -322,6 +331,12 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
     t->o.first = (int)h->first;
     t->turn = (int)h->turn;
     t->dynamic = h->dynamic != 0;
+    t->tools = (uint32_t)h->tools & SAGA_TOOLS_PICTURE;
+    for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++)
+        t->tool[i] = (saga_train_tool){
+            h->tool[i].worth, h->tool[i].cost, h->tool[i].asked != 0,
+            h->tool[i].kept != 0
+        };
     t->explained = h->explained;
     t->changing = h->changing;
     t->lambda = h->chosen_lambda;

@@ -47,6 +47,8 @@ struct saga_train {
 
     /* From the rendering on. */
     bool fitting, dynamic;
+    uint32_t tools;              /* of the picture, SAGA_TOOL_* */
+    saga_train_tool tool[SAGA_TRAIN_N_TOOLS]; /* why */
     double explained, changing;
     saga_scene scene;
     saga_splat_params target;    /* (prim) in rank order, our arrays */
@@ -79,7 +81,7 @@ void saga_train_set_flat(saga_train *t);
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
-/* Makes m from options, ablation, policy, and whether anything moves. */
+/* Makes m from options, ablation, policy and tools. */
 void saga_train_model(saga_model *m, const saga_train *t);
 /* Sets what of the model its entropy model is: sources, groups, sizes. A memory
  * bank has at most most_slots. */
@@ -98,6 +100,13 @@ bool saga_train_build_layers(saga_train *t, uint32_t *source,
 /* motion.c: sets t->dynamic, explained, changing. */
 bool saga_train_decide(saga_train *t, saga_error *error);
 
+/* tools.c: sets t->tools and t->tool, and t->dynamic where no temporal tool
+ * pays; lambda and policy are there. */
+bool saga_train_choose_tools(saga_train *t, saga_error *error);
+/* Makes n primitives, in saga_train_gather's arrays and with all temporal
+ * members, what they are without the tools that are not in `tools`. */
+void saga_train_reduce(saga_splat_params *p, uint32_t n, uint32_t tools);
+
 /* targets.c */
 /* Sets out[i] = p[source[i]], i < n, in arrays of its own (params_free, also
  * after a failure); source NULL: all as they are. Fails where memory is
@@ -111,7 +120,7 @@ void saga_train_freeze(saga_splat_params *p, uint32_t n);
  */
 bool saga_train_is_long(const saga_splat_params *p, size_t i);
 /* Those that live through the segment get the middle of it for a centre. p has
- * temporal members. */
+ * temporal members, but for widths where all do. */
 void saga_train_centre(saga_splat_params *p, uint32_t n);
 void saga_train_params_free(saga_splat_params *p);
 

@@ -1,0 +1,528 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Which of the picture's tools does the scene need? The warm-up is asked before
+ * the hierarchy is made: its pictures are drawn without each tool in turn, and
+ * what the squared error grows by, at the price of bits, is what the tool is
+ * worth, less what training wins back. What it costs are its networks' weights:
+ * a value of a primitive is coded no finer than it pays for.
+ */
+#include "train_state.h"
+
+#include "alloc.h"
+#include "linear.h"
+#include "splat_animate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* What a weight takes, bits, is about the same in all files (policy.c). */
+#define WEIGHT_BITS 4
+
+/* Pictures that are looked at: so many, and one for so many iterations of the
+ * warm-up, since each is drawn some ten times. Fewer than LEAST say nothing. */
+enum { MOST_PICTURES = 32, ITERATIONS_OF_ONE = 32, LEAST_PICTURES = 4 };
+
+/* Colours by direction are found in so many steps, each of which lowers the
+ * error; a spread of directions below this part of the mean one is noise. */
+enum { N_STEPS = 3 };
+#define SPREAD_FLOOR 0.1
+
+const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS] = {
+    "motion of order 3", "motion of order 2", "motion of order 1",
+    "linear rotation", "temporal opacity", "view-dependent colour"
+};
+
+/* Pictures of the training views, each of which is in one of two halves. */
+typedef struct {
+    saga_sample picture;
+    int half;
+} look;
+
+typedef struct {
+    saga_train *t;
+    saga_canvas canvas;
+    saga_splat_params p;         /* the warm-up with the tools kept so far */
+    uint32_t n;                  /* primitives */
+    look look[MOST_PICTURES];
+    int n_looks;
+} trial;
+
+/* --- What is looked at --------------------------------------------------- */
+
+static void choose_pictures(trial *a)
+{
+    const saga_train *const t = a->t;
+    const saga_capture *const c = t->capture;
+    const int n = t->pictures.n_train;
+    const int by_time = t->o.n_warm / ITERATIONS_OF_ONE;
+    const int most = by_time < MOST_PICTURES ? by_time : MOST_PICTURES;
+    const int every = most > 0 ? (n + most - 1) / most : n;
+    const int each = most / n > 0 ? most / n : 1;
+
+    for (int k = 0; k < n && most >= LEAST_PICTURES; k += every)
+        for (int i = 0; i < each; i++) {
+            const int view = t->pictures.train[k];
+            const int frame = saga_capture_near(
+                c, view, (int)((2 * (int64_t)i + 1) * c->n_frames /
+                               (2 * each)));
+
+            if (frame >= 0 && a->n_looks < MOST_PICTURES)
+                a->look[a->n_looks++] = (look){ { view, frame, 0 },
+                                                k / every % 2 };
+        }
+}
+
+/* Returns the pictures of a half; all of them where half is below 0. */
+static int count_pictures(const trial *a, int half)
+{
+    int n = 0;
+
+    for (int i = 0; i < a->n_looks; i++)
+        n += half < 0 || a->look[i].half == half;
+    return n;
+}
+
+static void aim(trial *a, int i)
+{
+    saga_pictures_aim(&a->canvas, &a->t->pictures, a->look[i].picture);
+    saga_pictures_truth(&a->canvas, &a->t->pictures, a->look[i].picture);
+}
+
+/* Returns the mean squared error of all pictures, drawn with p; below 0 where
+ * memory is short. */
+static double error_of(trial *a, const saga_splat_params *p,
+                       saga_error *error)
+{
+    double sum = 0;
+
+    for (int i = 0; i < a->n_looks; i++) {
+        aim(a, i);
+        if (!saga_splat_forward(&a->canvas, p, a->n, error))
+            return -1;
+        sum += saga_canvas_mse(&a->canvas);
+    }
+    return sum / a->n_looks;
+}
+
+/* --- Without a tool ------------------------------------------------------ */
+
+/* On ages of -1 to 1 the best line through age^3 is 3/5 age, the best constant
+ * through age^2 1/3. */
+static void lower_order(saga_splat_params *p, uint32_t n, int order)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < 3; k++) {
+            real *const b = p->motion + 9 * i + k;
+
+            if (order == 3)
+                b[0] += R(0.6) * b[6];
+            else if (order == 2)
+                p->mean[3 * i + k] += b[3] / 3;
+            b[3 * (order - 1)] = 0;
+        }
+}
+
+/* A primitive without a width is as old as if it had half a segment. */
+static void drop_opacity(saga_splat_params *p, uint32_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        const real faster = saga_splat_ageing(p, i) / 2;
+
+        for (size_t k = 0; k < 3; k++) {
+            real *const b = p->motion + 9 * i + k;
+
+            b[0] *= faster;
+            b[3] *= faster * faster;
+            b[6] *= faster * faster * faster;
+        }
+        for (size_t k = 0; p->slope && k < 4; k++)
+            p->slope[4 * i + k] *= faster;
+    }
+    free(p->log2_width);
+    p->log2_width = NULL;
+}
+
+/* Makes p what it would be without a temporal tool. */
+static void drop_tool(saga_splat_params *p, uint32_t n, int tool)
+{
+    if (tool == SAGA_TRAIN_SLOPE) {
+        free(p->slope);
+        p->slope = NULL;
+    } else if (tool == SAGA_TRAIN_OPACITY_T)
+        drop_opacity(p, n);
+    else
+        lower_order(p, n, 3 - tool);
+}
+
+void saga_train_reduce(saga_splat_params *p, uint32_t n, uint32_t tools)
+{
+    const int order = (int)((tools & SAGA_TOOL_MOTION_MASK) >>
+                            SAGA_TOOL_MOTION_SHIFT);
+
+    for (int k = 3; k > order; k--)
+        drop_tool(p, n, 3 - k);
+    if (!(tools & SAGA_TOOL_SLOPE))
+        drop_tool(p, n, SAGA_TRAIN_SLOPE);
+    if (!(tools & SAGA_TOOL_OPACITY_T))
+        drop_tool(p, n, SAGA_TRAIN_OPACITY_T);
+}
+
+static uint32_t tools_without(uint32_t tools, int tool)
+{
+    return tool == SAGA_TRAIN_SLOPE ? tools & ~(uint32_t)SAGA_TOOL_SLOPE
+         : tool == SAGA_TRAIN_OPACITY_T
+               ? tools & ~(uint32_t)SAGA_TOOL_OPACITY_T
+         : tool == SAGA_TRAIN_VIEW ? tools & ~(uint32_t)SAGA_TOOL_VIEW
+         : tools - (1u << SAGA_TOOL_MOTION_SHIFT);
+}
+
+/* --- Worth and cost ------------------------------------------------------ */
+
+static uint32_t n_weights(saga_train *t, uint32_t tools)
+{
+    const uint32_t kept = t->tools;
+    saga_net_shape shape;
+    saga_model m;
+    uint32_t n = 0;
+
+    t->tools = tools;
+    saga_train_model(&m, t);
+    t->tools = kept;
+    for (int i = 0; i < SAGA_N_NETS; i++) {
+        saga_model_net(&shape, &m, i);
+        n += saga_net_macs(&shape);
+    }
+    return n;
+}
+
+/* Of a third order, and of rotations, training without them wins back so much:
+ * what was worth up to two fifths of all primitives' bytes before was worth
+ * nothing, or less, after it (docs/lab/motion.md). */
+static double won_back(const saga_train *t, int tool)
+{
+    return tool == SAGA_TRAIN_MOTION_3 || tool == SAGA_TRAIN_SLOPE
+        ? SAGA_PRIMITIVE_BITS / 8 / 2 * t->o.n_primitives : 0;
+}
+
+/* Says what the tool is worth whose pictures have that much less squared
+ * error, and takes it out unless it pays; bytes. */
+static bool judge(saga_train *t, int tool, double less)
+{
+    const uint32_t without = tools_without(t->tools, tool);
+    saga_train_tool *const r = &t->tool[tool];
+
+    r->worth = less * 255 * 255 * saga_pictures_pixels(&t->pictures) /
+               (8 * t->lambda);
+    r->cost = WEIGHT_BITS / 8.0 * (n_weights(t, t->tools) -
+                                   n_weights(t, without)) + won_back(t, tool);
+    r->asked = true;
+    r->kept = r->worth > r->cost;
+    if (!r->kept)
+        t->tools = without;
+    return r->kept;
+}
+
+/* Motion of an order below one that pays is not asked: it pays as well. */
+static bool needs_asking(const saga_train *t, int tool)
+{
+    if (tool == SAGA_TRAIN_MOTION_3 || tool > SAGA_TRAIN_MOTION_1)
+        return true;
+    return t->tool[tool - 1].asked && !t->tool[tool - 1].kept;
+}
+
+static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
+{
+    saga_splat_params q;
+    double more;
+    bool ok = saga_train_gather(&q, &a->p, NULL, a->n, error);
+
+    if (ok) {
+        drop_tool(&q, a->n, tool);
+        more = error_of(a, &q, error);
+        ok = more >= 0;
+        if (ok && !judge(a->t, tool, more - *mse)) {
+            const saga_splat_params old = a->p;
+
+            a->p = q;
+            q = old;
+            *mse = more;
+        }
+    }
+    saga_train_params_free(&q);
+    return ok;
+}
+
+/* --- By direction -------------------------------------------------------- */
+
+/* Sums over what the pictures of a half show of a primitive: of alpha T times
+ * 1, the direction, its products; of what is missing of its colour times 1 and
+ * the direction. */
+typedef struct {
+    real w, d[3], dd[6], g[3], dg[9];
+} sums;
+
+/* This is a colour's change by direction, about the mean one: R by x, y, z, G,
+ * B. */
+typedef struct {
+    real mean[3], by[9];
+} slant;
+
+typedef struct {
+    sums *sum;                   /* (n) */
+    slant *slant;                /* (n) */
+    real *weight;                /* (n) of one picture */
+    saga_splat_params d;         /* gradients */
+    saga_splat_params p;         /* the trial's, but for colours: ours */
+    real *colour;                /* (n, 3) */
+} slanted;
+
+static void direction(real d[3], const trial *a, size_t i)
+{
+    real n = 0;
+
+    for (size_t k = 0; k < 3; k++) {
+        d[k] = a->canvas.camera.centre[k] - a->p.mean[3 * i + k];
+        n += d[k] * d[k];
+    }
+    n = (real)sqrt((double)n);
+    for (size_t k = 0; k < 3; k++)
+        d[k] = n > 0 ? d[k] / n : 0;
+}
+
+/* Sets the colours as the canvas's camera sees them. */
+static void colour(slanted *s, const trial *a)
+{
+    for (size_t i = 0; i < a->n; i++) {
+        const slant *const b = &s->slant[i];
+        real d[3];
+
+        direction(d, a, i);
+        for (size_t c = 0; c < 3; c++) {
+            real x = a->p.colour[3 * i + c];
+
+            for (size_t k = 0; k < 3; k++)
+                x += b->by[3 * c + k] * (d[k] - b->mean[k]);
+            s->colour[3 * i + c] = saga_clamp(x, 0, 1);
+        }
+    }
+}
+
+/* Adds the picture that the canvas was drawn for. The gradient of a colour is
+ * -2 / n_seen times alpha T times what is missing, summed over the pixels. */
+static void add_picture(slanted *s, const trial *a)
+{
+    const real half = R(-0.5 * saga_canvas_n_seen(&a->canvas));
+
+    for (size_t i = 0; i < a->n; i++) {
+        const real w = s->weight[i];
+        sums *const x = &s->sum[i];
+        real d[3];
+
+        if (!(w > 0))
+            continue;
+        direction(d, a, i);
+        x->w += w;
+        for (size_t k = 0, at = 0; k < 3; k++) {
+            const real g = half * s->d.colour[3 * i + k];
+
+            x->d[k] += w * d[k];
+            for (size_t j = 0; j <= k; j++)
+                x->dd[at++] += w * d[k] * d[j];
+            x->g[k] += g;
+            for (size_t j = 0; j < 3; j++)
+                x->dg[3 * k + j] += g * d[j];
+        }
+    }
+}
+
+/* Adds a step to a primitive's slant. Weights alpha T of all primitives at a
+ * pixel sum up to 1 at most, so that steps of all at once cannot go too far. */
+static void add_step(slant *b, const sums *x)
+{
+    saga_matrix a = { { 0 } };
+    double spread = 0;
+
+    if (!(x->w > 0))
+        return;
+    for (size_t k = 0; k < 3; k++) {
+        b->mean[k] = x->d[k] / x->w;
+        spread += (double)(x->dd[k == 0 ? 0 : k == 1 ? 2 : 5] -
+                           x->d[k] * b->mean[k]);
+    }
+    for (size_t c = 0; c < 3; c++) {
+        double v[3];
+
+        for (size_t k = 0, at = 0; k < 3; k++) {
+            for (size_t j = 0; j <= k; j++)
+                a[k][j] = (double)(x->dd[at++] - x->d[k] * b->mean[j]);
+            a[k][k] += SPREAD_FLOOR * spread + 1e-6 * (double)x->w;
+            v[k] = (double)(x->dg[3 * c + k] - x->g[c] * b->mean[k]);
+        }
+        saga_solve(a, v, 3);
+        for (size_t k = 0; k < 3; k++)
+            b->by[3 * c + k] += (real)v[k];
+    }
+}
+
+/* Learns from one picture of a half. */
+static bool learn(slanted *s, trial *a, int i, saga_error *error)
+{
+    saga_splat_stats stats = { .weight = s->weight };
+    saga_splat_learning l = { .d = s->d, .stats = &stats };
+    const size_t n = a->n;
+
+    aim(a, i);
+    colour(s, a);
+    memset(s->weight, 0, n * sizeof *s->weight);
+    memset(s->d.mean, 0, 3 * n * sizeof(real));
+    memset(s->d.quat, 0, 4 * n * sizeof(real));
+    memset(s->d.log2_scale, 0, 3 * n * sizeof(real));
+    memset(s->d.opacity, 0, n * sizeof(real));
+    memset(s->d.colour, 0, 3 * n * sizeof(real));
+    if (!saga_splat_learn(&l, &a->canvas, &s->p, a->n, error))
+        return false;
+    add_picture(s, a);
+    return true;
+}
+
+/* Finds what the pictures of a half say about direction. */
+static bool learn_half(slanted *s, trial *a, int half, saga_error *error)
+{
+    memset(s->slant, 0, a->n * sizeof *s->slant);
+    for (int step = 0; step < N_STEPS; step++) {
+        memset(s->sum, 0, a->n * sizeof *s->sum);
+        for (int i = 0; i < a->n_looks; i++)
+            if (a->look[i].half == half && !learn(s, a, i, error))
+                return false;
+        for (size_t i = 0; i < a->n; i++)
+            add_step(&s->slant[i], &s->sum[i]);
+    }
+    return true;
+}
+
+/* Adds the squared error of the other half's pictures, with `part` of the
+ * slants that this half found. */
+static bool test_half(double *sum, slanted *s, trial *a, int half,
+                      saga_error *error)
+{
+    for (int i = 0; i < a->n_looks; i++) {
+        if (a->look[i].half == half)
+            continue;
+        aim(a, i);
+        colour(s, a);
+        if (!saga_splat_forward(&a->canvas, &s->p, a->n, error))
+            return false;
+        *sum += saga_canvas_mse(&a->canvas) / a->n_looks;
+    }
+    return true;
+}
+
+static void scale_slants(slanted *s, uint32_t n, real by)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < 9; k++)
+            s->slant[i].by[k] *= by;
+}
+
+/* Returns by how much the parabola through error[0], [1] and [2] at 0, 1/2
+ * and 1 goes below error[0] between 0 and 1. */
+static double dip(const double error[3])
+{
+    const double a = 2 * (error[2] - 2 * error[1] + error[0]);
+    const double b = 4 * error[1] - error[2] - 3 * error[0];
+    const double x = a > 0 ? fmin(fmax(-b / (2 * a), 0), 1)
+                           : error[2] < error[0];
+
+    return -(a * x + b) * x;
+}
+
+static bool make_slanted(slanted *s, const trial *a, saga_error *error)
+{
+    const saga_splat_params grads = {
+        .mean = a->p.mean, .quat = a->p.quat, .log2_scale = a->p.log2_scale,
+        .opacity = a->p.opacity, .colour = a->p.colour
+    };
+
+    memset(s, 0, sizeof *s);
+    s->sum = saga_calloc(a->n, sizeof *s->sum, "directions", error);
+    s->slant = saga_calloc(a->n, sizeof *s->slant, "directions", error);
+    s->weight = saga_calloc(a->n, sizeof *s->weight, "directions", error);
+    s->colour = saga_calloc(3 * (size_t)a->n, sizeof *s->colour, "directions",
+                            error);
+    s->p = a->p;
+    s->p.colour = s->colour;
+    return s->sum && s->slant && s->weight && s->colour &&
+           saga_train_gather(&s->d, &grads, NULL, a->n, error);
+}
+
+static void free_slanted(slanted *s)
+{
+    free(s->sum);
+    free(s->slant);
+    free(s->weight);
+    free(s->colour);
+    saga_train_params_free(&s->d);
+}
+
+/* What one half of the views says about colours by direction is drawn in the
+ * other half, all of it and half of it, to know how much of it is best there:
+ * what cannot be foretold is no shine, but a view's own. */
+static bool ask_view(trial *a, double mse, saga_error *error)
+{
+    double sum[3] = { mse, 0, 0 };
+    slanted s;
+    bool ok = true;
+
+    if (count_pictures(a, 0) == 0 || count_pictures(a, 1) == 0)
+        return true;
+    ok = make_slanted(&s, a, error);
+    for (int half = 0; half < 2 && ok; half++) {
+        ok = learn_half(&s, a, half, error) &&
+             test_half(&sum[2], &s, a, half, error);
+        scale_slants(&s, a->n, R(0.5));
+        ok = ok && test_half(&sum[1], &s, a, half, error);
+    }
+    if (ok)
+        judge(a->t, SAGA_TRAIN_VIEW, dip(sum));
+    free_slanted(&s);
+    return ok;
+}
+
+/* --- All of them --------------------------------------------------------- */
+
+static bool ask_all(trial *a, saga_error *error)
+{
+    saga_train *const t = a->t;
+    double mse = error_of(a, &a->p, error);
+    bool ok = mse >= 0;
+
+    for (int i = 0; i < SAGA_TRAIN_VIEW && ok; i++)
+        if (t->dynamic && t->o.motion != SAGA_TRAIN_MOVING &&
+            needs_asking(t, i))
+            ok = ask_temporal(a, i, &mse, error);
+    return ok && ask_view(a, mse, error);
+}
+
+bool saga_train_choose_tools(saga_train *t, saga_error *error)
+{
+    const saga_splat_params flat = saga_flat_params(t->flat);
+    trial a = { .t = t, .n = saga_flat_count(t->flat) };
+    bool ok = true;
+
+    if (t->turn > 0) {
+        t->tools = t->file.networks.scene.model.tools & SAGA_TOOLS_PICTURE;
+        return true;
+    }
+    t->tools = t->dynamic ? SAGA_TOOLS_PICTURE : SAGA_TOOL_VIEW;
+    choose_pictures(&a);
+    if (a.n_looks > 0) {
+        ok = saga_pictures_canvas(&a.canvas, &t->pictures, error) &&
+             saga_train_gather(&a.p, &flat, NULL, a.n, error) &&
+             ask_all(&a, error);
+        saga_train_params_free(&a.p);
+        saga_canvas_free(&a.canvas);
+    }
+    t->dynamic = (t->tools & ~(uint32_t)SAGA_TOOL_VIEW) != 0;
+    return ok;
+}
