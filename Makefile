@@ -36,6 +36,7 @@ CFLAGS =# added to every compilation, after ours
 CORE_CFLAGS =# added to those of common/ and decoder/
 LDFLAGS =# added to every link, before the objects
 SANITIZE =# 1: ASan and UBSan, and the domain checks of fx.h
+REAL =# double: the trainer computes in it, for tests
 ARGS =# parts of `make bench`, or of `make rd`
 
 # Where `make install` puts things; DESTDIR goes before all of them.
@@ -103,7 +104,8 @@ FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train,\
 TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                scene/budget.c scene/medoid.c entropy/rate_bits.c \
                entropy/rate_choice.c),$(filter trainer/nn/% \
-               trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC)))
+               trainer/splat/% trainer/scene/% trainer/entropy/%,$(FLOAT_SRC))) \
+               trainer/code/quantise.c
 F64_OBJ   := $(TWICE_SRC:%.c=$(OBJ)/f64/%.o)
 HELPER_OBJ := $(call obj,$(HELPER_SRC))
 REFERENCE_OBJ := $(call obj,$(REFERENCE_SRC))
@@ -185,6 +187,9 @@ $(WIDE:%=$(OBJ)/%.o): OPT_LEVEL = $(HOT_OPT) $(MARCH) $(WIDE_MARCH)
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
+# Convolutions for the evaluation stay in float.
+DOUBLE = $(if $(filter double,$(REAL)),$(if $(filter eval/%,$*),,\
+           -DSAGA_REAL_DOUBLE))
 # $* is the source without its suffix.
 I_CORE    = $(if $(filter common/%,$*),$(I_COMMON),$(I_DECODER))
 I_WASM    = $(if $(filter ports/%,$*),$(I_SAGA),$(I_CORE))
@@ -243,7 +248,7 @@ $(SHARED): $(patsubst %.c,$(OBJ)/pic/%.o,$(COMMON_SRC) $(DECODER_SRC)) \
 
 $(OBJ)/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H) $(REFERENCE_H)
 	@mkdir -p $(@D)
-	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM)) -c $< -o $@
+	$(call COMPILE,$(HOST) $(OMP) $(I_ROOM) $(DOUBLE)) -c $< -o $@
 
 $(OBJ)/f64/trainer/%.o: trainer/%.c $(BUILD)/flags $(SAGA_H)
 	@mkdir -p $(@D)

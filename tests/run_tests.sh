@@ -228,6 +228,7 @@ many() {
     programs gcc CC=gcc
     sanitized
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
+    [ "$what" != all ] || check double tests/cli/check_double.sh
     check matrix tests/run_matrix.sh "$size"
     check mutants tests/run_mutants.sh
 }

@@ -279,7 +279,7 @@ static void rate_should_be_what_the_integers_take(void **state)
 static void rate_should_be_that_of_scales_by_line(void **state)
 {
     static layer l;
-    static float y[ROWS * COLS];
+    static real y[ROWS * COLS];
     size_t i;
     int mode;
 
@@ -292,7 +292,7 @@ static void rate_should_be_that_of_scales_by_line(void **state)
 
         begin_layer(&l, mode);
         for (i = 0; i < ROWS * COLS; i++)
-            y[i] = (float)l.y[i];
+            y[i] = (real)l.y[i];
         assert_true(saga_quantise_bits(&bits, y, ROWS, COLS, 1.0 / 16,
                                        &error));
         bits -= side;

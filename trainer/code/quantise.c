@@ -293,7 +293,7 @@ static bool set_scales(saga_layer_symbols *out, uint32_t rows,
     return true;
 }
 
-bool saga_quantise_bits(double *bits, const float *w, size_t rows,
+bool saga_quantise_bits(double *bits, const real *w, size_t rows,
                         size_t columns, double step, saga_error *error)
 {
     int32_t *const q = saga_alloc(rows * columns, sizeof *q, out_of_what,
@@ -333,7 +333,7 @@ bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
     return set_scales(out, v->n_out, v->n_in, error);
 }
 
-void saga_dequantise_layer(float *weight, float *bias,
+void saga_dequantise_layer(real *weight, real *bias,
                            const saga_layer_symbols *s,
                            const saga_layer_values *v)
 {
@@ -344,10 +344,10 @@ void saga_dequantise_layer(float *weight, float *bias,
         const size_t at = (size_t)row * v->n_in;
 
         for (k = 0; k < v->n_in; k++)
-            weight[at + k] = (float)ldexp(
+            weight[at + k] = (real)ldexp(
                 (double)weight_of(s, v, s->weight[at + k], k),
                 finer_of(v, k) - e);
-        bias[row] = (float)ldexp(s->bias[row], s->bias_shift - e - v->q_in);
+        bias[row] = (real)ldexp(s->bias[row], s->bias_shift - e - v->q_in);
     }
 }
 
@@ -512,7 +512,7 @@ static void copy_decoded(const saga_decoded *d, const saga_scaffold *sc)
         copy_place(d->coarse_x + 4 * (size_t)i, sc->coarse[i].x,
                    sc->coarse[i].t);
     for (i = 0; i < sc->n.coarse * m->features; i++)
-        d->feature[i] = (float)ldexp(sc->coarse_feature[i],
+        d->feature[i] = (real)ldexp(sc->coarse_feature[i],
                                      -m->head_q[SAGA_HEAD_COARSE]);
     for (i = 0; i < sc->n.fine; i++) {
         copy_place(d->fine_x + 4 * (size_t)i, sc->fine[i].x, sc->fine[i].t);

@@ -8,11 +8,17 @@
 #define SAGA_QUANTISE_H
 
 #include "encode.h"
+#include "real.h"
 #include "scaffold.h"
 #include "symbols.h"
 
 #include <stddef.h>
 #include <stdint.h>
+
+#define saga_quantise_layer SAGA_REAL_NAME(saga_quantise_layer)
+#define saga_quantise_bits SAGA_REAL_NAME(saga_quantise_bits)
+#define saga_dequantise_layer SAGA_REAL_NAME(saga_dequantise_layer)
+#define saga_quantise_segment SAGA_REAL_NAME(saga_quantise_segment)
 
 /* --- Networks ------------------------------------------------------------ */
 
@@ -20,13 +26,13 @@
  * each row the Q of what it gives, `finer` included. The Q of its input is
  * q_in, of the first n_finer inputs finer by these bits. */
 typedef struct saga_layer_values {
-    const float *weight, *bias;
+    const real *weight, *bias;
     uint32_t n_in, n_out;
     int q_in;
     const uint8_t *q_out;        /* (n_out) */
     const uint8_t *finer;        /* (n_finer) */
     uint32_t n_finer;
-    float step, bias_step;       /* wanted, real: of weights; of biases, a
+    real step, bias_step;        /* wanted, real: of weights; of biases, a
                                   * power of two */
     int int8;
 } saga_layer_values;
@@ -48,12 +54,12 @@ enum { SAGA_QUANTISE_LINE_BITS = 3 };
 /* Gives the code length of a layer's weights w (rows, columns), rounded to
  * multiples of step > 0, with the scales of least bits; those of rows or
  * columns count. */
-bool saga_quantise_bits(double *bits, const float *w, size_t rows,
+bool saga_quantise_bits(double *bits, const real *w, size_t rows,
                         size_t columns, double step, saga_error *error);
 
 /* This is what a layer's symbols stand for, in reals: weights (n_out, n_in) and
  * biases (n_out), exactly the decoder's integers. */
-void saga_dequantise_layer(float *weight, float *bias,
+void saga_dequantise_layer(real *weight, real *bias,
                            const saga_layer_symbols *s,
                            const saga_layer_values *v);
 
@@ -62,10 +68,10 @@ void saga_dequantise_layer(float *weight, float *bias,
 /* This is to be coded, in rank order; positions in box and time units. */
 typedef struct saga_targets {
     const double *coarse_x;      /* (coarse, 4) */
-    const float *feature;        /* (coarse, F) */
+    const real *feature;         /* (coarse, F) */
     const double *fine_x;        /* (fine, 4) */
     const double *prim_x;        /* (prim, 4), by parent */
-    const float *prim_o;         /* (prim, 4) the same as offsets from decoded
+    const real *prim_o;          /* (prim, 4) the same as offsets from decoded
                                   * fine anchors in supports; NULL: derived */
     const int16_t *const *value; /* by SAGA_STEP_*: what the residuals are to
                                   * decode to, as common/syntax has them;
@@ -77,7 +83,7 @@ typedef struct saga_targets {
  * caller. coarse_x is NULL if none of it but the order is wanted. */
 typedef struct saga_decoded {
     double *coarse_x, *fine_x, *prim_x; /* (n, 4) */
-    float *feature;                     /* (coarse, F) */
+    real *feature;                      /* (coarse, F) */
     uint32_t *order;                    /* (prim) index into targets->prim_x
                                          * of the primitive now at a rank: a
                                          * parent's are sorted by suffix */

@@ -19,7 +19,7 @@ enum { ALL_SOURCES = SAGA_SOURCES_KNOWN };
 
 /* --- Networks with fewer inputs ------------------------------------------ */
 
-static void bind(saga_scene *s, float *params)
+static void bind(saga_scene *s, real *params)
 {
     int n;
 
@@ -43,14 +43,14 @@ static void take_columns(saga_net *to, const saga_net *from,
     size_t row, at = 0, n = 0;
     uint32_t source;
 
-    memcpy(to->b[0], from->b[0], rows * sizeof(float));
+    memcpy(to->b[0], from->b[0], rows * sizeof(real));
     for (source = 1; source <= had; source <<= 1) {
         const size_t columns = saga_rate_columns(m, source);
 
         for (row = 0; (has & source) && row < rows; row++)
             memcpy(to->w[0] + row * (size_t)to->dim[0] + n,
                    from->w[0] + row * (size_t)from->dim[0] + at,
-                   columns * sizeof(float));
+                   columns * sizeof(real));
         at += had & source ? columns : 0;
         n += has & source ? columns : 0;
     }
@@ -60,8 +60,8 @@ static void copy_layer(saga_net *to, const saga_net *from, int l)
 {
     const size_t n_out = (size_t)from->dim[l + 1];
 
-    memcpy(to->w[l], from->w[l], (size_t)from->dim[l] * n_out * sizeof(float));
-    memcpy(to->b[l], from->b[l], n_out * sizeof(float));
+    memcpy(to->w[l], from->w[l], (size_t)from->dim[l] * n_out * sizeof(real));
+    memcpy(to->b[l], from->b[l], n_out * sizeof(real));
 }
 
 static int is_kind_net(int net)
@@ -81,7 +81,7 @@ static void set_sources(saga_model *m, const uint8_t sources[SAGA_N_KINDS])
 }
 
 /* Returns s with the given sources alone, its entropy networks in params. */
-static saga_scene reduced(const saga_scene *s, float *params,
+static saga_scene reduced(const saga_scene *s, real *params,
                           const uint8_t sources[SAGA_N_KINDS])
 {
     saga_scene c = *s;
@@ -109,7 +109,7 @@ static saga_scene reduced(const saga_scene *s, float *params,
 static const char purpose[] = "choosing sources";
 
 /* Makes room for the entropy networks of s, whatever their sources. */
-static float *alloc_params(const saga_scene *s, saga_error *error)
+static real *alloc_params(const saga_scene *s, saga_error *error)
 {
     /* Constants can have more biases than a small network has parameters. */
     size_t n = SAGA_N_KINDS * 2u * (4 + SAGA_MAX_FEATURES);
@@ -118,7 +118,7 @@ static float *alloc_params(const saga_scene *s, saga_error *error)
     for (i = 0; i < SAGA_N_ENTROPY_NETS; i++)
         if (s->net[saga_scene_net(i)].n_layers)
             n += saga_net_n_params(&s->net[saga_scene_net(i)]);
-    return saga_calloc(n, sizeof(float), purpose, error);
+    return saga_calloc(n, sizeof(real), purpose, error);
 }
 
 /* --- Costs --------------------------------------------------------------- */
@@ -150,10 +150,10 @@ typedef struct {
     saga_rate *r;
     saga_scene *s;
     const saga_rate_input *x;
-    float *feature;              /* (coarse, F) as coded with all sources, */
-    float *scratch;              /* with those that are tried */
-    float *params;               /* of those */
-    float *mean[SAGA_N_KINDS];   /* (inputs) of the networks' inputs */
+    real *feature;              /* (coarse, F) as coded with all sources, */
+    real *scratch;              /* with those that are tried */
+    real *params;               /* of those */
+    real *mean[SAGA_N_KINDS];   /* (inputs) of the networks' inputs */
     double bits[SAGA_N_KINDS][ALL_SOURCES + 1];    /* residuals, by sources */
     double weights[SAGA_N_KINDS][ALL_SOURCES + 1];
     double hyper, bank;         /* weights of their networks */
@@ -202,7 +202,7 @@ static bool begin_search(search *f)
 
             for (i = 0; i < k->n_blocks; i++)
                 sum += (double)k->net.in[i * dim + j];
-            f->mean[kind][j] = (float)(sum / (double)k->n_blocks);
+            f->mean[kind][j] = (real)(sum / (double)k->n_blocks);
         }
     }
     return true;
@@ -256,7 +256,7 @@ static bool find_steps(search *f)
 
 /* Moves the means of a kind's sources that are not in `keep` into the biases;
  * sign -1: back out of them. */
-static void fold(search *f, int kind, uint32_t keep, float sign)
+static void fold(search *f, int kind, uint32_t keep, real sign)
 {
     const saga_model *const m = &f->s->model;
     const saga_net *const net = &f->s->net[SAGA_NET_E_COARSE + kind];

@@ -27,7 +27,7 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
 typedef struct saga_rate_choice {
     saga_scene scene;            /* the trained one; its entropy networks and
                                   * model.sources are what is left of them */
-    float *params;               /* of those networks */
+    real *params;               /* of those networks */
     const saga_rate *rate;       /* plan, constants; batches of all blocks */
     double bits[SAGA_N_STEPS];   /* code lengths of the residuals, estimated */
 } saga_rate_choice;

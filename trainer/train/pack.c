@@ -27,7 +27,7 @@ static uint8_t q_for(double most, int limit)
 
 /* Returns the largest |x| of columns first..first+n-1 of a (rows, dim) array.
  */
-static double most_of(const float *x, size_t rows, size_t dim, size_t first,
+static double most_of(const real *x, size_t rows, size_t dim, size_t first,
                       size_t n)
 {
     double most = 0;
@@ -157,7 +157,7 @@ static void entropy_formats(saga_model *m, const saga_rate_choice *c)
     m->head_q[SAGA_HEAD_SIGMA] = SAGA_COST_SIGMA_Q;
 }
 
-static double most_feature(const saga_scene *s, const float *feature)
+static double most_feature(const saga_scene *s, const real *feature)
 {
     return most_of(feature, s->n.coarse, s->model.features, 0,
                    s->model.features);
@@ -315,19 +315,19 @@ static void input_formats(saga_layer_values *v, const saga_net_symbols *nets,
 }
 
 /* The entropy networks' biases are as fine as what they give. */
-static const float entropy_bias_step = 1.0f / 2048;
+static const real entropy_bias_step = 1.0f / 2048;
 
 static void set_layer_steps(saga_layer_values *v, const saga_rate_choice *c,
                             const saga_weights *steps, int net, int layer)
 {
     if (saga_is_entropy_net(net)) {
-        v->step = (float)c->rate->decision.step[net];
+        v->step = (real)c->rate->decision.step[net];
         v->bias_step = entropy_bias_step;
     } else {
         const int t = saga_weights_find(steps, net, layer);
 
-        v->step = (float)saga_weights_step(steps, t);
-        v->bias_step = (float)saga_weights_step(steps, t + 1);
+        v->step = (real)saga_weights_step(steps, t);
+        v->bias_step = (real)saga_weights_step(steps, t + 1);
     }
 }
 
@@ -444,7 +444,7 @@ bool saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
 
 static const char positions[] = "positions of the anchors";
 
-static double *to_units(const float *x, size_t n, saga_error *error)
+static double *to_units(const real *x, size_t n, saga_error *error)
 {
     double *const u = saga_alloc(4 * n, sizeof *u, positions, error);
     size_t i;
@@ -498,12 +498,12 @@ static void free_symbols(saga_symbols *y)
 }
 
 /* (n, 4) units become half-cubes and segments again. */
-static void from_units(float *x, const double *u, size_t n)
+static void from_units(real *x, const double *u, size_t n)
 {
     size_t i;
 
     for (i = 0; i < 4 * n; i++)
-        x[i] = (float)(u[i] / (i % 4 < 3 ? 8388608.0 : 65536.0));
+        x[i] = (real)(u[i] / (i % 4 < 3 ? 8388608.0 : 65536.0));
 }
 
 /* The decoded scene has the same structure, and the file's networks; its other
@@ -530,7 +530,7 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
  * but for the primitives, which change their order. */
 typedef struct {
     double *coarse, *fine, *prim, *prim_out;
-    float *feature;
+    real *feature;
     uint32_t *order;
 } units;
 
@@ -617,11 +617,11 @@ static void keep_constants(saga_rate_constants *c, const saga_model *m)
     for (int kind = 0; kind < SAGA_N_KINDS; kind++)
         for (uint32_t i = 0; i < saga_n_channels(m, kind); i++) {
             const int q = saga_rate_value_q(m, kind, i);
-            float *const mean = &c->mean[kind][i];
-            float *const sigma = &c->log2_sigma[kind][i];
+            real *const mean = &c->mean[kind][i];
+            real *const sigma = &c->log2_sigma[kind][i];
 
-            *mean = (float)ldexp(rint(ldexp((double)*mean, q)), -q);
-            *sigma = (float)ldexp(rint(ldexp((double)*sigma,
+            *mean = (real)ldexp(rint(ldexp((double)*mean, q)), -q);
+            *sigma = (real)ldexp(rint(ldexp((double)*sigma,
                                              SAGA_COST_SIGMA_Q)),
                                   -SAGA_COST_SIGMA_Q);
         }

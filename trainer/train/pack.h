@@ -23,7 +23,7 @@ typedef struct saga_packed {
 typedef struct saga_pack_input {
     const saga_rate_choice *choice;
     const saga_twin *twin;
-    const float *feature;
+    const real *feature;
     const saga_weights *weights; /* steps of the networks' parameters,
                                   * but for the entropy networks': the
                                   * choice's */
@@ -39,7 +39,7 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
 /* Puts a segment of n_frames at a place among those of the file
  * (saga_encoder_insert). The networks of the choice's scene are the file's.
  * decoded: NULL, or takes the scene a decoder has, decoded symbols and
- * networks, in float (saga_scene_free it, also after a failure). */
+ * networks, in reals (saga_scene_free it, also after a failure). */
 bool saga_pack_segment(saga_packed *file, uint32_t place, uint32_t n_frames,
                        saga_quantise_report *report, saga_scene *decoded,
                        const saga_pack_input *in, saga_error *error);
