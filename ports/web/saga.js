@@ -353,12 +353,13 @@ export class SagaFile {
         this.times.segment = performance.now() - start;
     }
 
-    decodeBytes({ firstFrame, nbytes }, bytes) {
+    // Of a segment with layers the first bytes may do: the decoder knows.
+    decodeBytes({ firstFrame }, bytes) {
         this.segment = -1;
-        if (bytes.length < nbytes)
+        if (bytes.length === 0)
             return TRUNCATED;
-        this.write(this.wasm.saga_web_input(nbytes), bytes);
-        return this.wasm.saga_web_decode(firstFrame, nbytes);
+        this.write(this.wasm.saga_web_input(bytes.length), bytes);
+        return this.wasm.saga_web_decode(firstFrame, bytes.length);
     }
 
     // --- Pictures
