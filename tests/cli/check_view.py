@@ -5,6 +5,8 @@
               parts (RFC 9110, 14), with lengths and types; nothing else
   refusals    other methods, other hosts, paths out of the folder, requests that
               are none or do not end: an answer, and the server goes on
+  checkpoint  of a stopped training: what it would pack now, which the training
+              goes on from; in the warm-up a word of it
   command     the address on stdout, Ctrl-C ends with 0, a port that is taken
               and files that cannot be shown are told in one line
 check_web.py has a browser look at it."""
@@ -17,12 +19,14 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 
 from verdict import Verdicts, read
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
 SAGA = os.environ.get("SAGA", BUILD + "/saga")
+SAGA_DEC = os.environ.get("SAGA_DEC", BUILD + "/saga-dec")
 WEB = os.path.join(os.path.dirname(SAGA), "web")
 GOOD = "vectors/good/still.saga"
 
@@ -154,6 +158,76 @@ def refused(arguments, status, says):
         complain(arguments, "ends with", done.returncode, text)
 
 
+def encode(tmp, until, *options):
+    """Trains, to be stopped after so many iterations."""
+    log = tmp + "/log.csv"
+    if os.path.exists(log):
+        os.remove(log)
+    process = subprocess.Popen(
+        ["env", "--default-signal=INT", SAGA, "encode", tmp + "/cap", "-o",
+         tmp + "/x.saga", "--primitives", "150", "--iterations", "3000",
+         "--log", log, *options], stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE)
+    while process.poll() is None and until:
+        lines = read(log).split() if os.path.exists(log) else []
+        if len(lines) > 1 and int(lines[-1].split(b",")[0] or 0) >= until:
+            process.send_signal(signal.SIGINT)
+            break
+        time.sleep(0.01)
+    text = process.communicate(timeout=100)[1].decode()
+    if process.returncode != (2 if until else 0):
+        complain("encode ends with", process.returncode, text)
+
+
+def error_of(tmp, name):
+    """Mean squared error of a picture that is learned from."""
+    out = tmp + "/x.ppm"
+    subprocess.run([SAGA_DEC, name, "--camera", "rig:0", "--time", "1", "-o",
+                    out], check=True)
+    got = re.sub(rb"^P6\n\d+ \d+\n255\n", b"", read(out), count=1)
+    want = subprocess.run(
+        ["ffmpeg", "-v", "error", "-i", tmp + "/cap/images/cam00/00001.png",
+         "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], check=True,
+        stdout=subprocess.PIPE).stdout
+    return sum((x - y) ** 2 for x, y in zip(got, want)) / len(want)
+
+
+def check_checkpoint(tmp):
+    subprocess.run([SAGA, "synth", tmp + "/cap", "--size", "64x36",
+                    "--cameras", "4", "--hold-out", "1", "--frames", "4",
+                    "--points", "300", "--depth-every", "0"], check=True,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoint = tmp + "/x.saga.ckpt"
+    encode(tmp, 10)
+    refused([checkpoint], 1, "its training is in the warm-up")
+    encode(tmp, 2500, "--resume")
+    before = read(checkpoint)
+    view = View(checkpoint)
+    if not view.port:
+        complain("the address is", view.url)
+        return
+    film = view.get("/film/x.saga.ckpt")[2]
+    text = view.get("/")[2].decode()
+    view.end()
+    with open(tmp + "/now.saga", "wb") as f:
+        f.write(film)
+    told = json.loads(re.search(r'"pictures":(\[.*?\])', text)[1])
+    for p in told:
+        crc = subprocess.run(
+            [SAGA_DEC, tmp + "/now.saga", "--camera", "rig:%d" % p["camera"],
+             "--time", "0", "--crc"], check=True, stdout=subprocess.PIPE)
+        if p["crc"] not in crc.stdout.decode():
+            complain("camera", p["camera"], "has another picture")
+    if len(told) != 4 or read(checkpoint) != before:
+        complain("the page carries", told, "or the checkpoint has changed")
+    encode(tmp, 0, "--resume")
+    now, end = (error_of(tmp, tmp + n) for n in ("/now.saga", "/x.saga"))
+    if not 0 < now < 2 * end:
+        complain("the squared error is", now, "at the checkpoint,", end,
+                 "at the end")
+    verdict("checkpoint")
+
+
 def check_command(view):
     refused([GOOD, "--port", str(view.port)], 2, "give another --port")
     refused(["none.saga"], 2, "none.saga: cannot be opened")
@@ -189,6 +263,8 @@ def main():
         check_files(view)
     verdict("files")
     check_refusals(view)
+    with tempfile.TemporaryDirectory() as tmp:
+        check_checkpoint(tmp)
     check_command(view)
     return 1 if checks.failed else 0
 

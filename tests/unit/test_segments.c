@@ -479,6 +479,54 @@ static void fit_should_begin_near_the_warm_up(void **state)
     saga_train_free(t);
 }
 
+/* Of n segments at once: finished ones and the one that is rendered. Of none,
+ * as where the base is in training, a look into the checkpoint says so; at the
+ * end it gives the file. */
+static void peek_should_show(const fixture *f, int n_segments, bool end)
+{
+    saga_error error = { "" };
+    uint8_t *bytes, rgb[PICTURE];
+    saga_info info;
+    size_t n;
+
+    if (n_segments == 0) {
+        assert_false(saga_train_peek(&bytes, &n, f->checkpoint, &error));
+        assert_null(bytes);
+        assert_non_null(strstr(error.message, "nothing can be packed"));
+        return;
+    }
+    if (!saga_train_peek(&bytes, &n, f->checkpoint, &error))
+        fail_msg("%s", error.message);
+    assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
+    assert_int_equal(info.n_segments, n_segments);
+    assert_int_equal(info.n_frames, n_segments * FRAMES);
+    for (uint32_t k = 0; k < info.n_frames; k++)
+        draw(rgb, bytes, n, k);
+    if (end) {
+        assert_int_equal(n, f->n);
+        assert_memory_equal(bytes, f->bytes, n);
+    }
+    free(bytes);
+}
+
+/* The segment that made the networks lies on its own side of number k in what a
+ * look into a checkpoint of k gives: its payload is the file's. */
+static void first_should_stand(const fixture *f, int k)
+{
+    const uint32_t place = k < FIRST;
+    saga_error error = { "" };
+    saga_segment seg, own;
+    uint8_t *bytes;
+    size_t n;
+
+    if (!saga_train_peek(&bytes, &n, f->checkpoint, &error))
+        fail_msg("%s", error.message);
+    assert_int_equal(saga_find(&seg, bytes, n, place * FRAMES, 1), SAGA_OK);
+    own = find(f, FIRST * FRAMES, 1);
+    assert_int_equal(seg.nbytes, own.nbytes);
+    free(bytes);
+}
+
 /* Stops at each place, forgets everything, and goes on with the capture that
  * the checkpoint asks for. */
 static void train_should_resume_to_the_same_file(void **state)
@@ -494,6 +542,9 @@ static void train_should_resume_to_the_same_file(void **state)
         { SAGA_TRAIN_BASE, SAGA_TRAIN_RENDER, 44 }, { 0, SAGA_TRAIN_WARM, 1 },
         { FIRST, SAGA_TRAIN_PACK, 0 }, { -1, SAGA_TRAIN_WARM, 0 }
     } };
+    static const int shown[2][N_PLACES - 1] = {
+        { 1, 1, 2, 2, 3 }, { 1, 0, 0, 0, 2 }
+    };
     const fixture *const f = *state;
     const stop *const places = all[f->has_base];
     saga_train_options o = small(f);
@@ -510,6 +561,8 @@ static void train_should_resume_to_the_same_file(void **state)
         const int in = saga_train_stopped_in(f->checkpoint, &error);
 
         assert_int_equal(in, places[i].segment);
+        peek_should_show(f, shown[f->has_base][i],
+                         in == N - 1 && places[i].stage == SAGA_TRAIN_PACK);
         saga_train_free(t);
         o.first = 0; /* the checkpoint knows */
         o.progress_user = (void *)&places[i + 1];
@@ -550,6 +603,10 @@ static saga_train *train_alone(const fixture *f, int k, const char *networks)
     assert_int_equal(saga_train_first(t), FIRST);
     if (k != FIRST || f->has_base) {
         assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+        if (f->has_base)
+            peek_should_show(f, 1, false);
+        else
+            first_should_stand(f, k);
         saga_train_free(t);
         o.progress = NULL;
         t = saga_train_resume(slice_of(&s, f, k), &o, &error);

@@ -839,6 +839,106 @@ static void layers_should_resume_to_the_same_file(void **state)
     free(whole.bytes);
 }
 
+/* Trains until a stop; what a look at its checkpoint gives, NULL where there is
+ * nothing. */
+static uint8_t *peek_at(const fixture *f, saga_train_options o, stop place,
+                        size_t *n, saga_error *error)
+{
+    uint8_t *bytes = NULL;
+    saga_train *t;
+
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = &place;
+    t = saga_train_new(&f->capture, &o, error);
+    assert_non_null(t);
+    assert_int_equal(saga_train_run(t, error), SAGA_STOPPED);
+    saga_train_free(t);
+    assert_false(saga_failed(error));
+    if (saga_train_peek(&bytes, n, f->checkpoint, error))
+        assert_non_null(bytes);
+    else
+        assert_null(bytes);
+    return bytes;
+}
+
+/* Returns the PSNR of the pictures of all training views. */
+static double psnr_of(const fixture *f, const uint8_t *bytes, size_t n)
+{
+    uint8_t rgb[3 * 64 * 36];
+    saga_error error = { "" };
+    double sum = 0, count = 0;
+    saga_film film;
+
+    assert_true(saga_film_open(&film, "x", bytes, n, 1, &error));
+    assert_int_equal(film.info.n_frames, 5);
+    assert_int_equal(film.info.n_cameras, 4);
+    for (uint32_t v = 0; v < 4; v++)
+        for (uint32_t k = 0; k < 5 && !f->capture.views[v].held_out; k++) {
+            const uint8_t *const truth =
+                saga_capture_frame(&f->capture, (int)v, (int)k);
+            saga_camera camera;
+            uint32_t number;
+
+            assert_true(saga_film_rig(&film, v, &camera, &number, &error) &&
+                        saga_film_draw(&film, &camera, k, 1, rgb, &error));
+            for (size_t i = 0; i < sizeof rgb; i++)
+                sum += (rgb[i] - truth[i]) * (rgb[i] - truth[i]);
+            count += sizeof rgb;
+        }
+    saga_film_close(&film);
+    return 10 * log10(255 * 255 * count / sum);
+}
+
+/* Of a warm-up there is nothing; the rendering may have just begun; at its end
+ * they are the bytes of the file. */
+static void peek_should_show_the_training(void **state)
+{
+    const fixture *const f = *state;
+    saga_error error = { "" };
+    double begun, later;
+    uint8_t *bytes;
+    size_t n;
+
+    assert_null(peek_at(f, small(), (stop){ SAGA_TRAIN_WARM, 20, 0, 0 }, &n,
+                        &error));
+    assert_non_null(strstr(error.message, "x.saga.ckpt: its training is in the "
+                           "warm-up, at iteration 20 of"));
+    error = (saga_error){ "" };
+    bytes = peek_at(f, small(), (stop){ SAGA_TRAIN_RENDER, 1, 0, 0 }, &n,
+                    &error);
+    begun = psnr_of(f, bytes, n);
+    free(bytes);
+    bytes = peek_at(f, small(), (stop){ SAGA_TRAIN_RENDER, 44, 0, 0 }, &n,
+                    &error);
+    later = psnr_of(f, bytes, n);
+    free(bytes);
+    print_message("%.2f dB, %.2f, at the end %.2f\n", begun, later,
+                  psnr_of(f, f->whole.bytes, f->whole.n));
+    assert_true(begun > 10 && later > begun);
+    bytes = peek_at(f, small(), (stop){ SAGA_TRAIN_PACK, 0, 0, 0 }, &n,
+                    &error);
+    assert_int_equal(n, f->whole.n);
+    assert_memory_equal(bytes, f->whole.bytes, n);
+    free(bytes);
+}
+
+static void peek_should_show_layers(void **state)
+{
+    const fixture *const f = *state;
+    const saga_train_options o = layered();
+    const result whole = encode(&f->capture, &o);
+    saga_error error = { "" };
+    uint8_t *bytes;
+    size_t n;
+
+    bytes = peek_at(f, o, (stop){ SAGA_TRAIN_PACK, 0, 0, 0 }, &n, &error);
+    assert_int_equal(n, whole.n);
+    assert_memory_equal(bytes, whole.bytes, n);
+    free(bytes);
+    free(whole.bytes);
+}
+
 /* The first stop comes between the guess and the settling of the count. */
 static void lambda_should_bring_its_primitives(void **state)
 {
@@ -1348,6 +1448,8 @@ int main(void)
         cmocka_unit_test(layers_should_be_coded_as_estimated),
         cmocka_unit_test(layers_should_not_know_of_each_other),
         cmocka_unit_test(layers_should_resume_to_the_same_file),
+        cmocka_unit_test(peek_should_show_the_training),
+        cmocka_unit_test(peek_should_show_layers),
         cmocka_unit_test(lambda_should_bring_its_primitives),
         cmocka_unit_test(train_should_keep_what_its_minutes_gave),
         cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),

@@ -31,6 +31,9 @@ bool saga_checkpoint_create(saga_checkpoint *c, const char *path,
 bool saga_checkpoint_open(saga_checkpoint *c, const char *path,
                           saga_error *error);
 
+/* Tells whether bytes begin like a checkpoint, of any version. */
+bool saga_checkpoint_is(const uint8_t *bytes, size_t nbytes);
+
 /* Writes nbytes to the file, or reads them from it. */
 void saga_checkpoint_walk(saga_checkpoint *c, void *data, size_t nbytes);
 

@@ -1,15 +1,18 @@
 /* SPDX-License-Identifier: MIT
  *
  * saga view shows a file in the browser. It serves the page of ports/web, which
- * this program carries, and the file beside it.
+ * this program carries, and the file beside it. Of a training's checkpoint it
+ * shows what could be packed of it by now.
  */
 #include "cli.h"
 
 #include "alloc.h"
+#include "checkpoint.h"
 #include "commands.h"
 #include "error.h"
 #include "file.h"
 #include "json_memory.h"
+#include "train.h"
 #include "view.h"
 #include "view_files.h"
 #include "view_http.h"
@@ -236,6 +239,21 @@ static int serve(session *s, int port)
     return SAGA_EXIT_OK;
 }
 
+/* Puts what was packed of a checkpoint in its place. */
+static bool unfold(session *s, const char *name)
+{
+    uint8_t *packed;
+    size_t nbytes;
+
+    if (!saga_checkpoint_is(s->bytes.data, s->bytes.nbytes))
+        return true;
+    if (!saga_train_peek(&packed, &nbytes, name, &s->error))
+        return false;
+    saga_bytes_free(&s->bytes);
+    s->bytes = (saga_bytes){ .data = packed, .nbytes = nbytes };
+    return true;
+}
+
 static int view(session *s, const options *o, const char *name)
 {
     char *text;
@@ -248,7 +266,7 @@ static int view(session *s, const options *o, const char *name)
     if (!saga_read_file(&s->bytes, name, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "view: %s", s->error.message);
     s->path = path_of(name, &s->error);
-    text = s->path ? describe(s, name) : NULL;
+    text = s->path && unfold(s, name) ? describe(s, name) : NULL;
     if (text && list_files(s, text))
         status = serve(s, o->port);
     free(text);
@@ -286,6 +304,12 @@ const saga_command saga_command_view = {
     "Serves a page that shows a .saga file, decoded in the browser to the\n"
     "same pixels, on this machine alone. Prints the address; Ctrl-C ends.\n"
     "\n"
-    "  saga view scene.saga\n",
+    "  saga view scene.saga\n"
+    "  saga view scene.saga.ckpt\n"
+    "\n"
+    "A checkpoint of `saga encode` is shown as if its training ended there:\n"
+    "the finished segments, and the one in training once its rendering has\n"
+    "begun. The training may go on meanwhile, or be stopped. While a base is\n"
+    "trained there is nothing to show.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

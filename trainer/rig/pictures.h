@@ -11,6 +11,7 @@
 #define SAGA_PICTURES_H
 
 #include "capture.h"
+#include "checkpoint.h"
 #include "cube.h"
 #include "rng.h"
 #include "splat.h"
@@ -52,6 +53,15 @@ void saga_pictures_free(saga_pictures *pictures);
 /* Returns the digest of all that training takes from the capture: frames,
  * cameras, points and every pixel. */
 uint64_t saga_pictures_digest(const saga_pictures *pictures);
+
+/* Writes all but the pixels; and reads it: a capture of views without pixels
+ * (saga_capture_free) and pictures of it (saga_pictures_free), also after a
+ * failure, of which *error or the checkpoint know. They have cube, cameras and
+ * counts, but nothing to be learned from. */
+void saga_pictures_save(const saga_pictures *pictures,
+                        saga_checkpoint *checkpoint);
+bool saga_pictures_restore(saga_pictures *pictures, saga_capture *capture,
+                           saga_checkpoint *checkpoint, saga_error *error);
 
 /* Returns number `draw` of an endless row in which every training picture comes
  * once before any comes again, each time in another order; mip 0. */

@@ -169,27 +169,33 @@ static int place_of(const saga_train *t)
                          : saga_train_segment(t);
 }
 
-/* Packs into the training's file, or where that is not final into one of its
- * own. */
-static bool pack_at(saga_train *t, int level, bool final, saga_twin *twin,
+/* How the scene is packed. */
+typedef enum {
+    TRIAL,                       /* into a file of its own */
+    BLIND,                       /* for good, and nothing is measured */
+    FINAL
+} manner;
+
+/* Packs into the training's file, or a trial into one of its own. */
+static bool pack_at(saga_train *t, int level, manner how, saga_twin *twin,
                     const saga_pack_input *in, saga_error *error)
 {
     saga_packed trial = { .encoder = NULL };
-    saga_packed *const file = final ? &t->file : &trial;
+    saga_packed *const file = how == TRIAL ? &trial : &t->file;
     saga_quantise_report quantise;
     bool ok = file->encoder ||
               begin_file(file, t, level, twin, in, error);
 
     if (ok && saga_train_in_base(t))
         return saga_pack_base(file, &quantise, &t->decoded, in, error);
-    if (final && !is_segment(t))
+    if (how == FINAL && !is_segment(t))
         return ok;
     ok = ok && saga_pack_segment(file, (uint32_t)place_of(t),
                                  (uint32_t)t->capture->n_frames, &quantise,
-                                 final ? &t->decoded : NULL, in, error);
+                                 how == TRIAL ? NULL : &t->decoded, in, error);
     ok = ok && saga_encoder_finish(file->encoder, &t->bytes, &t->nbytes,
                                    &t->report.sizes, error);
-    if (ok && final)
+    if (ok && how != TRIAL)
         t->report.quantise.n_clamped += quantise.n_clamped;
     saga_packed_free(&trial);
     return ok;
@@ -236,8 +242,9 @@ static void keep_counts(saga_counts *most, const saga_counts *n)
     most->prim = n->prim > most->prim ? n->prim : most->prim;
 }
 
-static bool pack(saga_train *t, int level, bool final, saga_error *error)
+static bool pack(saga_train *t, int level, manner how, saga_error *error)
 {
+    const bool final = how == FINAL;
     saga_train_report *const r = &t->report;
     real *const feature = saga_alloc((size_t)t->scene.n.coarse *
                                      t->scene.model.features, sizeof *feature,
@@ -252,7 +259,7 @@ static bool pack(saga_train *t, int level, bool final, saga_error *error)
                                         &r->model, t, saga_fit_scene(t->fit),
                                         twin, error));
 
-    ok = ok && pack_at(t, level, final, twin, &in, error);
+    ok = ok && pack_at(t, level, how, twin, &in, error);
     if (ok && measured)
         ok = saga_train_measure_decoded(t, error);
     free(feature);
@@ -323,7 +330,7 @@ static bool probe(saga_train *t, saga_error *error)
 bool saga_train_check_level(saga_train *t, saga_error *error)
 {
     const bool ok = t->turn > 0 ||
-                    (pack(t, SAGA_N_PROFILES - 1, false, error) &&
+                    (pack(t, SAGA_N_PROFILES - 1, TRIAL, error) &&
                      probe(t, error) &&
                      within_level(&t->report.info, t, error));
 
@@ -334,7 +341,7 @@ bool saga_train_check_level(saga_train *t, saga_error *error)
 
 bool saga_train_measure_size(saga_train *t, saga_error *error)
 {
-    const bool ok = pack(t, t->o.level, false, error);
+    const bool ok = pack(t, t->o.level, TRIAL, error);
 
     free(t->bytes);
     t->bytes = NULL;
@@ -345,8 +352,13 @@ bool saga_train_pack(saga_train *t, saga_error *error)
 {
     if (is_segment(t))
         return saga_train_measure_flat(t, error) &&
-               pack(t, t->o.level, true, error) && probe(t, error);
-    return pack(t, t->o.level, true, error) &&
+               pack(t, t->o.level, FINAL, error) && probe(t, error);
+    return pack(t, t->o.level, FINAL, error) &&
            (!saga_train_in_base(t) || (saga_train_make_decoded(t, error) &&
                                        saga_train_keep_base(t, error)));
+}
+
+bool saga_train_pack_blind(saga_train *t, saga_error *error)
+{
+    return pack(t, t->o.level, BLIND, error) && probe(t, error);
 }

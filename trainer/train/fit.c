@@ -102,6 +102,11 @@ int saga_fit_iteration(const saga_fit *f)
     return f->iteration;
 }
 
+void saga_fit_cut_short(saga_fit *f)
+{
+    f->iteration = f->o.n_render;
+}
+
 /* --- Rate ---------------------------------------------------------------- */
 
 double saga_fit_feature_step(const saga_scene *s)

@@ -68,6 +68,10 @@ void saga_fit_free(saga_fit *fit);
 bool saga_fit_iterate(saga_fit *fit, double *mse, saga_error *error);
 int saga_fit_iteration(const saga_fit *fit);
 
+/* Goes to the end without the iterations that are left: what is coded is
+ * rounded then, and not noisy. Only saga_fit_code may follow. */
+void saga_fit_cut_short(saga_fit *fit);
+
 /* Multiplies the step of the coarse features by factor, as nearly as the format
  * can say it, and the price of a bit by its square; between two iterations. */
 void saga_fit_scale_step(saga_fit *fit, double factor);

@@ -221,35 +221,39 @@ static bool look_at(saga_train *t, const saga_capture *capture,
     return true;
 }
 
+bool saga_train_set_up(saga_train *t, saga_error *error)
+{
+    saga_flat_options *const f = &t->flat_options;
+
+    if (!check_options(&t->o, t->capture, error) ||
+        !read_ablation(&t->ablation, &t->o, error))
+        return false;
+    derive(&t->o);
+    t->lambda = t->o.lambda;
+    t->explained = (double)NAN;
+    *f = saga_flat_defaults();
+    f->n_iterations = t->o.n_warm;
+    f->seed = t->o.seed;
+    f->given = t->o.given;
+    saga_train_set_flat(t);
+    return true;
+}
+
 static saga_train *make(const saga_capture *capture,
                         const saga_train_options *options,
                         saga_error *error)
 {
-    saga_ablation ablation;
-    saga_train *t;
+    saga_train *const t = saga_calloc(1, sizeof *t, "the training", error);
 
-    if (!check_options(options, capture, error) ||
-        !read_ablation(&ablation, options, error))
-        return NULL;
-    t = saga_calloc(1, sizeof *t, "the training", error);
     if (!t)
         return NULL;
     t->o = *options;
-    if (!look_at(t, capture, error)) {
-        free(t->tones);
-        free(t);
-        return NULL;
-    }
-    t->ablation = ablation;
-    derive(&t->o);
-    t->lambda = t->o.lambda;
-    t->explained = (double)NAN;
-    t->flat_options = saga_flat_defaults();
-    t->flat_options.n_iterations = t->o.n_warm;
-    t->flat_options.seed = t->o.seed;
-    t->flat_options.given = t->o.given;
-    saga_train_set_flat(t);
-    return t;
+    t->capture = capture;
+    if (saga_train_set_up(t, error) && look_at(t, capture, error))
+        return t;
+    free(t->tones);
+    free(t);
+    return NULL;
 }
 
 /* Returns the seconds of an iteration of a warm-up with all primitives, by a

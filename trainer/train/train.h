@@ -245,6 +245,15 @@ saga_train *saga_train_resume(const saga_capture *capture,
 
 void saga_train_free(saga_train *train);
 
+/* Packs what a checkpoint's training has by now, without its capture: the
+ * finished segments and the one in training as it is. *bytes are a file's, to
+ * be freed; where the last iteration is done they are what the training packs,
+ * but of a segment that only makes the networks for a base: it is shown alone.
+ * Fails, and says so, where there is nothing to pack yet: in the base, and in a
+ * warm-up before any segment is finished. */
+bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
+                     saga_error *error);
+
 /* Works until the segment is there, or the progress function stops it. Writes
  * the checkpoint every checkpoint_seconds, at the end of a stage and when
  * stopped; one that cannot be written does not end the training:

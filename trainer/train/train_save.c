@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT
  *
- * Checkpoints of the training hold what the run was asked for, the file of the
- * finished segments, the warm-up, and once it has begun the fit. The hierarchy
- * is not kept: it follows from the warm-up.
+ * Checkpoints of the training hold what the run was asked for, the cameras, the
+ * file of the finished segments, the warm-up, and once it has begun the fit.
+ * The hierarchy is not kept: it follows from the warm-up. With the cameras a
+ * file can be packed of one without its capture (saga_train_peek).
  */
 #include "encode_save.h"
 #include "train_state.h"
@@ -17,6 +18,9 @@ typedef struct {
     uint64_t motion, capture, segments, first, turn, n_bytes, n_finished;
     uint64_t views, base_why, base_still, base_looked_at, base_prim, base_kept;
     uint64_t layers;
+    uint64_t only;               /* the segment in training, if it has networks
+                                  * of another training; else its number of
+                                  * segments */
     char ablate[128];
     double lambda, chosen_lambda, base_saved, n_pixels;
     uint64_t stage, fitting, dynamic, tools;
@@ -51,6 +55,7 @@ static void fill(head *h, const saga_train *t)
     h->base_saved = t->base.saved;
     h->n_pixels = t->n_pixels;
     h->layers = (uint64_t)t->o.n_layers;
+    h->only = (uint64_t)(t->o.networks ? t->o.only : t->o.n_segments);
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
     h->lambda = t->o.lambda;
@@ -123,6 +128,7 @@ bool saga_train_save(saga_train *t, saga_error *error)
         return false;
     fill(&h, t);
     saga_checkpoint_walk(&c, &h, sizeof h);
+    saga_pictures_save(&t->pictures, &c);
     if (t->turn > 0)
         write_finished(t, &c);
     saga_flat_save(t->flat, &c);
@@ -344,6 +350,30 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
     return t->turn == 0 || read_finished(t, c, error);
 }
 
+/* Reads all behind the cameras. */
+static bool load_state(saga_train *t, const head *h, saga_checkpoint *c,
+                       saga_error *error)
+{
+    if (!load_turn(t, h, c, error))
+        return false;
+    t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
+    t->stage = (saga_train_stage)h->stage;
+    t->recent_mse = h->recent_mse;
+    return t->flat && (!h->fitting || load_fit(t, c, error));
+}
+
+/* The cameras are those of the capture, which fits. */
+static bool skip_pictures(saga_checkpoint *c, saga_error *error)
+{
+    saga_pictures pictures;
+    saga_capture capture;
+    const bool ok = saga_pictures_restore(&pictures, &capture, c, error);
+
+    saga_pictures_free(&pictures);
+    saga_capture_free(&capture);
+    return ok;
+}
+
 static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
 {
     head h;
@@ -353,12 +383,8 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
         c->failed = true;
         return false;
     }
-    if (!fits(t, &h, error) || !load_turn(t, &h, c, error))
-        return false;
-    t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
-    t->stage = (saga_train_stage)h.stage;
-    t->recent_mse = h.recent_mse;
-    return t->flat && (!h.fitting || load_fit(t, c, error));
+    return fits(t, &h, error) && skip_pictures(c, error) &&
+           load_state(t, &h, c, error);
 }
 
 bool saga_train_load(saga_train *t, saga_error *error)
@@ -397,15 +423,22 @@ bool saga_train_load_networks(saga_train *t, saga_error *error)
 
 /* --- What a checkpoint was begun with ------------------------------------ */
 
+static void walk_head(head *h, saga_checkpoint *c)
+{
+    saga_checkpoint_walk(c, h, sizeof *h);
+    c->failed = c->failed || h->segments > SAGA_MAX_SEGMENTS ||
+                !are_turns(h) ||
+                h->primitives > UINT32_MAX || h->coarse > UINT32_MAX ||
+                h->fine > UINT32_MAX || !are_iterations(h);
+}
+
 static bool read_head(head *h, const char *checkpoint, saga_error *error)
 {
     saga_checkpoint c;
 
     if (!saga_checkpoint_open(&c, checkpoint, error))
         return false;
-    saga_checkpoint_walk(&c, h, sizeof *h);
-    c.failed = c.failed || h->segments > SAGA_MAX_SEGMENTS || !are_turns(h) ||
-               h->primitives > UINT32_MAX || !are_iterations(h);
+    walk_head(h, &c);
     /* The rest is not wanted here. */
     saga_take(&c.rest, saga_left(&c.rest));
     return saga_checkpoint_close(&c, true, error);
@@ -432,4 +465,108 @@ bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
     if (o->n_iterations == 0)
         o->n_iterations = (int)(h.warm + h.render);
     return true;
+}
+
+/* --- Looking into one ---------------------------------------------------- */
+
+/* The options that a checkpoint's training was begun with, or came to. */
+static bool options_of(saga_train_options *o, const head *h)
+{
+    if (h->level >= SAGA_N_PROFILES || h->motion > SAGA_TRAIN_STILL ||
+        h->layers < 1 || h->layers > SAGA_MAX_LAYERS ||
+        !memchr(h->ablate, 0, sizeof h->ablate))
+        return false;
+    *o = saga_train_defaults();
+    o->n_segments = (int)h->segments;
+    o->first = (int)h->first;
+    if (h->only < h->segments) {
+        o->networks = "those it has";
+        o->only = (int)h->only;
+    }
+    o->n_primitives = (uint32_t)h->primitives;
+    o->n_coarse = (uint32_t)h->coarse;
+    o->n_fine = (uint32_t)h->fine;
+    o->n_warm = (int)h->warm;
+    o->n_render = (int)h->render;
+    o->n_bytes = (size_t)h->n_bytes;
+    o->lambda = h->lambda;
+    o->level = (int)h->level;
+    o->n_layers = (int)h->layers;
+    o->seed = h->seed;
+    o->motion = (saga_train_motion)h->motion;
+    o->ablate = h->ablate[0] ? h->ablate : NULL;
+    return true;
+}
+
+/* Packs what is there: the finished segments, and the one in training if its
+ * fit has begun. A base alone is no segment. */
+static bool pack_so_far(saga_train *t, saga_error *error)
+{
+    if (saga_train_in_base(t))
+        return saga_fail(error, t->o.checkpoint, "look again when a segment "
+                         "renders", "its training is in the base, of which "
+                         "alone nothing can be packed");
+    if (t->fitting) {
+        saga_fit_cut_short(t->fit);
+        return saga_train_pack_blind(t, error);
+    }
+    if (t->turn > (t->base.n_prim ? 2 : 0))
+        return saga_encoder_finish(t->file.encoder, &t->bytes, &t->nbytes,
+                                   &t->report.sizes, error);
+    return saga_fail(error, t->o.checkpoint, "look again when it renders",
+                     "its training is in the warm-up, at iteration %d of %d, "
+                     "of which nothing can be packed",
+                     saga_flat_iteration(t->flat), t->o.n_warm);
+}
+
+static bool alloc_tones(saga_train *t, saga_error *error)
+{
+    t->tones = saga_calloc(3 * (1 + (size_t)t->capture->n_views),
+                           sizeof *t->tones, "the views", error);
+    return t->tones != NULL;
+}
+
+/* Reads a training without its pictures' pixels: it can be packed, no more. h
+ * must outlive it. */
+static bool load_blind(saga_train *t, head *h, saga_capture *capture,
+                       saga_checkpoint *c, saga_error *error)
+{
+    walk_head(h, c);
+    if (c->failed || !options_of(&t->o, h)) {
+        c->failed = true;
+        return false;
+    }
+    if (h->stage >= SAGA_TRAIN_N_STAGES)
+        return saga_fail(error, c->path, "`saga encode --networks` takes it",
+                         "has the networks of a training that is over");
+    t->o.checkpoint = c->path;
+    t->capture = capture;
+    return saga_pictures_restore(&t->pictures, capture, c, error) &&
+           saga_train_set_up(t, error) && alloc_tones(t, error) &&
+           load_state(t, h, c, error);
+}
+
+bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
+                     saga_error *error)
+{
+    saga_capture capture = { 0 };
+    saga_checkpoint c;
+    saga_train *t;
+    head h;
+    bool ok;
+
+    *bytes = NULL;
+    if (!saga_checkpoint_open(&c, checkpoint, error))
+        return false;
+    t = saga_calloc(1, sizeof *t, "the training", error);
+    ok = t && load_blind(t, &h, &capture, &c, error);
+    ok = saga_checkpoint_close(&c, ok, error) && pack_so_far(t, error);
+    if (ok) {
+        *bytes = t->bytes;
+        *nbytes = t->nbytes;
+        t->bytes = NULL;
+    }
+    saga_train_free(t);
+    saga_capture_free(&capture);
+    return ok;
 }

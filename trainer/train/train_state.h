@@ -71,6 +71,9 @@ struct saga_train {
  * a base, turn 1 is that; builds the hierarchy and the fit, t->dynamic is
  * decided. */
 int saga_train_segment_at(int first, int turn, bool has_base);
+/* Checks t->o for t->capture, derives what it leaves open, and sets what
+ * follows from it. */
+bool saga_train_set_up(saga_train *t, saga_error *error);
 /* The file has one rig: this says whether a segment's capture has its views. */
 bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
                            int segment, saga_error *error);
@@ -142,6 +145,8 @@ bool saga_train_check_level(saga_train *t, saga_error *error);
  * here. */
 bool saga_train_measure_size(saga_train *t, saga_error *error);
 bool saga_train_pack(saga_train *t, saga_error *error);
+/* Does the same without looking at pictures. */
+bool saga_train_pack_blind(saga_train *t, saga_error *error);
 
 /* size.c: where a size was asked for, brings the file nearer to it, before an
  * iteration of the rendering. */
