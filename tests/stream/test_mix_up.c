@@ -303,10 +303,11 @@ static void segment_should_be_refused_when_another_is_named(void **state)
     begin(&p);
     seg[0] = segment_of(&p, 0);
     seg[1] = segment_of(&p, 1);
-    for (i = 0; i < 2; i++)
+    for (i = 0; i < 2; i++) /* fewer bytes than the index says come first */
         assert_int_equal(saga_decode(p.dec, &seg[1 - i],
                                      p.bytes + seg[i].offset, seg[i].nbytes),
-                         SAGA_ERR_DATA);
+                         seg[i].nbytes < seg[1 - i].nbytes
+                             ? SAGA_ERR_TRUNCATED : SAGA_ERR_DATA);
     for (i = 0; i < 3; i++) {
         wrong = seg[0];
         *(i == 0 ? &wrong.number : i == 1 ? &wrong.first_frame
