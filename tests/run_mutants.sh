@@ -38,7 +38,7 @@ mutants() {
         'gcc-O0' ''
 
     # 8-bit weights, read through a char that is unsigned on Arm, s390x, ...
-    mutant unsigned-char common/mlp.c \
+    mutant unsigned-char common/arch/mlp_pairs.h \
         's/const int8_t \*/const char */g' \
         's390x-gcc-O2' 'gcc-O0'
 

@@ -604,13 +604,13 @@ static bool check_fps(double fps, const char *path, saga_error *error)
                      fps);
 }
 
-/* Returns a file that a source has, for messages. */
-static const char *source_file(const saga_source *s)
+/* Returns a file that a source has, or where it should be, for messages. */
+static const char *source_file(const saga_listing *l, const saga_source *s)
 {
-    int k = 0;
-    while (!s->video && !s->pictures[k])
-        k++;
-    return s->video ? s->video : s->pictures[k];
+    for (int k = 0; !s->video && k < l->n_frames; k++)
+        if (s->pictures[k])
+            return s->pictures[k];
+    return s->video ? s->video : l->path;
 }
 
 static bool plan_remaps(load_job *job)
@@ -619,7 +619,7 @@ static bool plan_remaps(load_job *job)
         const saga_source *const s = &job->listing->sources[v];
         if (!check_focal(s, job->listing->path, job->error) ||
             !saga_remap_plan(&job->remaps[v], &s->lens, s->width, s->height,
-                             job->options->scale, source_file(s),
+                             job->options->scale, source_file(job->listing, s),
                              job->error))
             return false;
     }

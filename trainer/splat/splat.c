@@ -20,13 +20,15 @@ static bool grow_posed(saga_splat_posed *p, size_t *cap, size_t n,
 static void animate(saga_canvas *c, const saga_splat_params *p, uint32_t n)
 {
     saga_splat_posed *const to = &c->splat.posed;
-    saga_splat_posed behind = {
-        to->mean + 3 * (size_t)n, to->quat + 4 * (size_t)n, to->q0 + n
-    };
 
     saga_splat_animate_forward(to, p, n, c->t);
-    if (c->n_still)
+    if (c->n_still) {
+        saga_splat_posed behind = {
+            to->mean + 3 * (size_t)n, to->quat + 4 * (size_t)n, to->q0 + n
+        };
+
         saga_splat_animate_forward(&behind, c->still, c->n_still, c->t);
+    }
 }
 
 /* Goes from primitives to the tiles' lists. */
