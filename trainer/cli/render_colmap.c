@@ -40,12 +40,10 @@ static bool take_image(saga_path_camera *to, const saga_colmap *model,
                        saga_error *error)
 {
     const saga_colmap_camera *const camera =
-        saga_colmap_camera_of(model, image->camera);
+        saga_colmap_camera_for(model, image, folder, error);
 
     if (!camera)
-        return saga_fail(error, folder, "export the model again",
-                         "image %s names camera %u, which is missing",
-                         image->name, (unsigned)image->camera);
+        return false;
     memcpy(to->rotation, image->rotation, sizeof to->rotation);
     saga_pose_centre(image->rotation, image->translation, to->centre);
     return take_lens(&to->lens, camera, folder, error);

@@ -520,6 +520,19 @@ const saga_colmap_camera *saga_colmap_camera_of(const saga_colmap *model,
     return NULL;
 }
 
+const saga_colmap_camera *saga_colmap_camera_for(
+    const saga_colmap *model, const saga_colmap_image *image,
+    const char *folder, saga_error *error)
+{
+    const saga_colmap_camera *const camera =
+        saga_colmap_camera_of(model, image->camera);
+    if (!camera)
+        (void)saga_fail(error, folder, "export the model again",
+                        "image %s names camera %u, which is missing",
+                        image->name, (unsigned)image->camera);
+    return camera;
+}
+
 const saga_colmap_image *saga_colmap_image_of(const saga_colmap *model,
                                               uint32_t id)
 {

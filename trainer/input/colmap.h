@@ -58,6 +58,11 @@ void saga_colmap_free(saga_colmap *model);
 /* Returns the camera with that id, NULL if there is none. */
 const saga_colmap_camera *saga_colmap_camera_of(const saga_colmap *model,
                                                 uint32_t id);
+/* Returns the camera of an image; NULL, with the reason, where the model in the
+ * folder has none. */
+const saga_colmap_camera *saga_colmap_camera_for(
+    const saga_colmap *model, const saga_colmap_image *image,
+    const char *folder, saga_error *error);
 const saga_colmap_image *saga_colmap_image_of(const saga_colmap *model,
                                               uint32_t id);
 const saga_colmap_point *saga_colmap_point_of(const saga_colmap *model,

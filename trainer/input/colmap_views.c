@@ -32,11 +32,9 @@ bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
                        saga_error *error)
 {
     const saga_colmap_camera *const camera =
-        saga_colmap_camera_of(model, image->camera);
+        saga_colmap_camera_for(model, image, folder, error);
     if (!camera)
-        return saga_fail(error, folder, "export the model again",
-                         "image %s names camera %u, which is missing",
-                         image->name, (unsigned)image->camera);
+        return false;
     const double sx = (double)s->width / camera->width;
     const double sy = (double)s->height / camera->height;
     if (fabs(sx / sy - 1.0) > 0.01)
