@@ -157,31 +157,43 @@ static void softmax(saga_neighbours *nb, uint32_t softmax_q8)
                                                   shift - 14);
 }
 
-void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
-                      const saga_position *query, uint32_t centre,
-                      uint32_t before)
+/* The nearest K of the candidates. */
+static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
+                         uint32_t before)
 {
-    const saga_tier *const l = &sc->model->tier[tier];
-    const uint32_t n = tier == SAGA_TIER_COARSE ? sc->n.coarse : sc->n.fine;
+    const saga_scaffold *const sc = s->sc;
+    const saga_tier *const l = &sc->model->tier[s->tier];
+    const uint32_t n = s->tier == SAGA_TIER_COARSE ? sc->n.coarse : sc->n.fine;
     const uint32_t first = centre > l->window ? centre - l->window : 0;
     const uint32_t last = n - 1 - centre > l->window ? centre + l->window
                                                      : n - 1;
-    search s = { sc, query, tier, { 0, 0, 0 }, { 0, 0, 0 } };
     uint32_t rank;
 
-    nb->n = 0;
     for (rank = first; rank <= last; rank++) {
-        const uint32_t group = tier == SAGA_TIER_COARSE
+        const uint32_t group = s->tier == SAGA_TIER_COARSE
             ? sc->coarse[rank].group : sc->fine[rank].group;
         uint32_t limit, d;
 
         if (group >= before)
             continue;
         limit = limit_q12(nb, l);
-        d = distance_q12(&s, rank, limit);
+        d = distance_q12(s, rank, limit);
         if (d < limit)
             insert(nb, l->neighbours, rank, d);
     }
+}
+
+/* Of a list of one, the parent is all. */
+void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
+                      const saga_position *query, uint32_t centre,
+                      uint32_t before)
+{
+    const saga_tier *const l = &sc->model->tier[tier];
+    search s = { sc, query, tier, { 0, 0, 0 }, { 0, 0, 0 } };
+
+    nb->n = 0;
+    if (before != SAGA_ALL_GROUPS || l->neighbours > 1)
+        take_nearest(nb, &s, centre, before);
     if (before == SAGA_ALL_GROUPS && !is_member(nb, centre))
         force_parent(nb, l->neighbours, centre,
                      distance_q12(&s, centre, 65535));
