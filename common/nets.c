@@ -138,14 +138,30 @@ const int16_t *saga_out_point(const saga_runner *r, int net, uint32_t point)
 
 /* --- Inputs -------------------------------------------------------------- */
 
+/* fx_requant16 of each, in words that vectors hold: a shift to the left by 15
+ * or more saturates all but 0, and one to the right saturates nothing. */
+static void requant_each(int16_t *restrict to, const int16_t *restrict x,
+                         uint32_t n, int left)
+{
+    const int by = left < 0 ? -left : fx_min(left, 15);
+    const int32_t half = 1 << by >> 1;
+    uint32_t i;
+
+    if (left == 0)
+        for (i = 0; i < n; i++)
+            to[i] = (int16_t)fx_max(x[i], -32767);
+    else if (left > 0)
+        for (i = 0; i < n; i++)
+            to[i] = fx_sat16(x[i] * (1 << by));
+    else
+        for (i = 0; i < n; i++)
+            to[i] = (int16_t)((x[i] + half) >> by);
+}
+
 uint32_t saga_in_vector(const saga_runner *r, int net, uint32_t at,
                         const int16_t *x, uint32_t n, int q)
 {
-    const int q_in = r->nets->shape[net].q_in;
-    uint32_t i;
-
-    for (i = 0; i < n; i++)
-        r->v->in[at + i] = fx_requant16(x[i], q, q_in);
+    requant_each(r->v->in + at, x, n, r->nets->shape[net].q_in - q);
     return at + n;
 }
 

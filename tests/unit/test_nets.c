@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What enters a network: every value of every format in every input format,
+ * one at a time against fx_requant16, between canaries.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "fx.h"
+#include "nets.h"
+
+enum { N = 37, AT = 3, Q_END = 25, CANARY = 0x5a5a };
+
+static saga_nets nets;
+static saga_vectors vectors;
+static const saga_runner runner = { &nets, NULL, &vectors, SAGA_CPU_PLAIN };
+
+static void one_run(int32_t first, int q, int q_in)
+{
+    int16_t x[N];
+    uint32_t i;
+
+    for (i = 0; i < N; i++)
+        x[i] = (int16_t)(first + (int32_t)i);
+    for (i = 0; i < AT + N + 1; i++)
+        vectors.in[i] = CANARY;
+    nets.shape[SAGA_NET_GEO].q_in = (uint8_t)q_in;
+    assert_int_equal(saga_in_vector(&runner, SAGA_NET_GEO, AT, x, N, q),
+                     AT + N);
+    for (i = 0; i < N; i++)
+        assert_int_equal(vectors.in[AT + i], fx_requant16(x[i], q, q_in));
+    assert_int_equal(vectors.in[AT - 1], CANARY);
+    assert_int_equal(vectors.in[AT + N], CANARY);
+}
+
+static void inputs_should_be_each_in_the_networks_format(void **state)
+{
+    int32_t first;
+    int q, q_in;
+
+    (void)state;
+    for (q = 0; q < Q_END; q++)
+        for (q_in = 0; q_in < Q_END; q_in++)
+            for (first = -32768; first < 32768; first += N)
+                one_run(first, q, q_in);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(inputs_should_be_each_in_the_networks_format),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
