@@ -203,7 +203,8 @@ static void exp2_of(data *d)
 
 static void sine(data *d)
 {
-    saga_sin_turn16_each(d->out, (const uint16_t *)d->in, VALUES);
+    saga_sin_turn16_each(d->out, (const uint16_t *)d->in, VALUES,
+                         d->cpu);
 }
 
 static void softplus(data *d)
@@ -255,7 +256,7 @@ static void embed(data *d)
 {
     for (int p = 0; p < POINTS; p++)
         saga_embed(d->out + 8 * OCTAVES * p, &d->model, d->query[p].x,
-                   d->query[p].t);
+                   d->query[p].t, d->cpu);
 }
 
 static void bank_read(data *d)

@@ -294,6 +294,7 @@ static void open_file(file *f, const char *path)
     check(saga_find(&f->segment, f->bytes, f->n, 0, 1));
     read_networks(f);
     read_segment(f);
+    f->sc.net.cpu = saga_cpu_best();
     open_whole(f);
     make_view(f);
 }
@@ -515,11 +516,12 @@ static void embeddings(file *f)
         if (saga_tier_writes(sc->model, k))
             places += n[k];
     for (i = 0; i < places; i++) {
-        saga_embed(e, sc->model, x, (int32_t)(i & 65535u));
+        saga_embed(e, sc->model, x, (int32_t)(i & 65535u),
+                   sc->net.cpu);
         f->sum += (uint16_t)e[i & 7u];
     }
     for (i = 0; i < sc->n.fine + sc->n.prim; i++) {
-        saga_embed_offset(e, sc->model, offset);
+        saga_embed_offset(e, sc->model, offset, sc->net.cpu);
         f->sum += (uint16_t)e[i & 7u];
     }
 }

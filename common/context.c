@@ -78,7 +78,7 @@ static void embed_blocks(const saga_scaffold *sc, const block *b, uint32_t n)
 
     for (i = 0; i < n; i++)
         saga_embed(embedding_of(sc, i), sc->model, b[i].position.x,
-                   b[i].position.t);
+                   b[i].position.t, sc->net.cpu);
 }
 
 /* This is known of a block before it is decoded, a point of a run whose

@@ -24,7 +24,7 @@ static void fuse(int16_t *feature, const saga_scaffold *sc, int tier,
         saga_plain_feature(feature, &sc->net, feature, f);
     at = saga_in_vector(&sc->net, net, 0, feature, f,
                         saga_feature_q(sc->model, tier));
-    saga_embed(embedding, sc->model, p->x, p->t);
+    saga_embed(embedding, sc->model, p->x, p->t, sc->net.cpu);
     saga_in_vector(&sc->net, net, at, embedding, saga_pe_size(sc->model), 15);
     saga_net_run(&sc->net, net, 1);
     for (i = 0; i < f; i++)
@@ -45,7 +45,8 @@ void saga_keep_local(const saga_scaffold *sc, int tier, uint32_t point,
     int16_t *const to = kept_local(sc, point);
 
     fuse(to, sc, tier, p, parent);
-    saga_embed_offset(to + sc->model->features, sc->model, offset_q14);
+    saga_embed_offset(to + sc->model->features, sc->model, offset_q14,
+                      sc->net.cpu);
 }
 
 void saga_in_local(const saga_scaffold *sc, int net, int tier, uint32_t n)

@@ -9,6 +9,9 @@
 #include "fx.h"
 #include "fx_tables.h"
 
+#define INLINE static inline
+#include "sine.h"
+
 /* 2^f = 2^(i/128) (1 + e), e = 2^(r/65536) - 1 for r in 0..511, from
  *     e ~ r (c1 + c2 r),
  * the parabola through 0 with the least maximum error, 2^-29.9.
@@ -109,40 +112,22 @@ int32_t saga_sigmoid_q11_q15(int16_t x_q11)
     return x < 0 ? sigmoid_tail_q15(-x) : 32768 - sigmoid_tail_q15(x);
 }
 
-/* sin(z pi/2), z in [0, 1] as Q14 0..16384, by z (c0 - u (c1 - u (c2 - u c3)))
- * with u = z^2: the coefficients (Q17, Q16, Q18, Q18) are those of least
- * maximum error over all z, found by search around the minimax polynomial.
- *   u <= 2^16
- *   c2_q18 in 19690..20822; u c2_q18 <= 2^16 * 20822 < 2^31
- *   c1_q16 in 37409..42331; u c1_q16 <= 2^16 * 42331 < 2^32 - 2^14
- *   z c0_q17 <= 2^14 * 205889 < 2^32 - 2^15
- * Error: 0.82 LSB, and 1 where the value 32768 saturates. */
-static int32_t sin_quarter_q15(uint32_t z)
-{
-    const uint32_t u = (z * z + (1u << 11)) >> 12;
-    const uint32_t c2_q18 = 20822u - ((1132u * u + (1u << 15)) >> 16);
-    const uint32_t c1_q16 = 42331u - ((c2_q18 * u + (1u << 17)) >> 18);
-    const uint32_t c0_q17 = 205889u - ((c1_q16 * u + (1u << 14)) >> 15);
-
-    return fx_min((int32_t)((c0_q17 * z + (1u << 15)) >> 16), 32767);
-}
-
-/* Folded onto the first quarter, so odd and symmetric by construction. */
 int16_t saga_sin_turn16_q15(uint32_t phase)
 {
-    const uint32_t half = phase & 32767u;
-    const int32_t y = sin_quarter_q15(half <= 16384u ? half : 32768u - half);
-
-    return (int16_t)(phase & 32768u ? -y : y);
+    return sin_turn16_q15(phase);
 }
 
 void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
-                          uint32_t n)
+                          uint32_t n, saga_cpu cpu)
 {
-    uint32_t i;
-
-    for (i = 0; i < n; i++)
-        sine_q15[i] = saga_sin_turn16_q15(phase[i]);
+#ifdef SAGA_SINE_MAY_AVX2
+    if (cpu == SAGA_CPU_AVX2) {
+        saga_sin_turn16_each__avx2(sine_q15, phase, n);
+        return;
+    }
+#endif
+    (void)cpu;
+    sin_turn16_each(sine_q15, phase, n);
 }
 
 /* 1 / (1 + t), t = x - 1 for x in [1, 2) as Q31 2^31..2^32-1: chord over one of

@@ -8,6 +8,8 @@
 #ifndef SAGA_FX_MATH_H
 #define SAGA_FX_MATH_H
 
+#include "cpu.h"
+
 #include <stdint.h>
 
 /* A positive real m * 2^e, m in [2^30, 2^31): mant Q30, so value =
@@ -46,9 +48,17 @@ int32_t saga_sigmoid_q11_q15(int16_t x_q11);
  * quarter turn. Error <= 0.82 LSB against the sine clamped to +-32767. */
 int16_t saga_sin_turn16_q15(uint32_t phase);
 
-/* The same of n phases, several at a time where the machine can. */
+/* The same of n phases, several at a time where the machine, which has `cpu`,
+ * can. The arrays do not overlap. */
 void saga_sin_turn16_each(int16_t *sine_q15, const uint16_t *phase,
-                          uint32_t n);
+                          uint32_t n, saga_cpu cpu);
+
+/* sine_avx2.c has it where the compiler was not told to use AVX2. */
+#if defined SAGA_MAY_AVX2 && !defined __AVX2__
+#define SAGA_SINE_MAY_AVX2
+void saga_sin_turn16_each__avx2(int16_t *sine_q15, const uint16_t *phase,
+                                uint32_t n);
+#endif
 
 /* 1 / x for x >= 1, table only: mantissa m in [2^15, 2^16] and shift s in
  * 16..47 with 1/x ~ m * 2^-s. Exact at powers of two; m error <= 1.51 LSB.

@@ -185,7 +185,7 @@ static uint32_t sine_and_cosine(uint16_t *phase, uint32_t at, uint32_t p)
 /* The position's own bits are the phases, wrapping: a quarter turn per
  * half-cube at k = 0. */
 void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
-                int32_t t)
+                int32_t t, saga_cpu cpu)
 {
     uint16_t phase[8 * SAGA_MAX_OCTAVES];
     uint32_t at = 0, k;
@@ -198,11 +198,11 @@ void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
     at = sine_and_cosine(phase, at, (uint32_t)(t >> 1));
     for (k = 1; k < m->octaves; k++)
         at = sine_and_cosine(phase, at, (uint32_t)t << (k - 1));
-    saga_sin_turn16_each(q15, phase, at);
+    saga_sin_turn16_each(q15, phase, at, cpu);
 }
 
 void saga_embed_offset(int16_t *q15, const saga_model *m,
-                       const int16_t offset_q14[4])
+                       const int16_t offset_q14[4], saga_cpu cpu)
 {
     uint16_t phase[8 * SAGA_MAX_OCTAVES];
     uint32_t at = 0, k;
@@ -212,5 +212,5 @@ void saga_embed_offset(int16_t *q15, const saga_model *m,
         for (k = 0; k < m->octaves; k++)
             at = sine_and_cosine(phase, at,
                                  (uint32_t)(int32_t)offset_q14[i] << k);
-    saga_sin_turn16_each(q15, phase, at);
+    saga_sin_turn16_each(q15, phase, at, cpu);
 }

@@ -107,10 +107,10 @@ void saga_plain_feature(int16_t *to, const saga_runner *r, const int16_t *x,
 
 /* These give the positional embedding of a position (box units, segment time),
  * of an offset: saga_pe_size values in Q15, by axis and octave sine and
- * cosine. */
+ * cosine. The machine has `cpu`. */
 void saga_embed(int16_t *q15, const saga_model *m, const int32_t x[3],
-                int32_t t);
+                int32_t t, saga_cpu cpu);
 void saga_embed_offset(int16_t *q15, const saga_model *m,
-                       const int16_t offset_q14[4]);
+                       const int16_t offset_q14[4], saga_cpu cpu);
 
 #endif

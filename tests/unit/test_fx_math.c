@@ -291,15 +291,17 @@ static void sines_should_be_each_that_of_its_phase(void **state)
     uint16_t phase[N];
     int16_t y[N];
     uint32_t p, i;
+    saga_cpu cpu;
 
     (void)state;
-    for (p = 0; p < 65536; p += N) {
-        for (i = 0; i < N; i++)
-            phase[i] = (uint16_t)(p + i);
-        saga_sin_turn16_each(y, phase, N);
-        for (i = 0; i < N; i++)
-            assert_int_equal(y[i], saga_sin_turn16_q15(phase[i]));
-    }
+    for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
+        for (p = 0; p < 65536; p += N) {
+            for (i = 0; i < N; i++)
+                phase[i] = (uint16_t)(p + i);
+            saga_sin_turn16_each(y, phase, N, cpu);
+            for (i = 0; i < N; i++)
+                assert_int_equal(y[i], saga_sin_turn16_q15(phase[i]));
+        }
 }
 
 static void sin_should_be_exact_at_the_quarter_turns(void **state)
