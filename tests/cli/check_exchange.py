@@ -17,6 +17,7 @@ files that are cut and joined,
   refused     ranges inside a segment or beyond the file, and files of other
               networks, cameras, rates or cubes, in one line that says why"""
 
+import functools
 import math
 import os
 import re
@@ -41,18 +42,7 @@ DEMO = "docs/demo.saga"
 
 checks = Verdicts("exchange")
 complain, verdict = checks.complain, checks.verdict
-
-
-def saga(*arguments, status=0, says="", program=SAGA):
-    """Runs the program; returns what it printed."""
-    done = subprocess.run([program, *map(str, arguments)],
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    text = done.stderr.decode()
-    if done.returncode != status:
-        complain(arguments, "ends with", done.returncode, "not", status, text)
-    elif status and (says not in text or text.count("\n") != 1):
-        complain(arguments, "says", repr(text), "not", repr(says))
-    return done.stdout.decode()
+saga = functools.partial(checks.run, SAGA)
 
 
 def write(path, data):
@@ -102,8 +92,8 @@ def changed(data, at, value):
 # --- Cutting and joining ---------------------------------------------------
 
 def picture(path, frame):
-    return saga(path, "--camera", "rig:1", "--time", "%d/2" % frame, "--crc",
-                program=SAGA_DEC)
+    return checks.run(SAGA_DEC, path, "--camera", "rig:1", "--time",
+                      "%d/2" % frame, "--crc")
 
 
 def same_pictures(path, first, other, start, n):

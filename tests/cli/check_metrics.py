@@ -27,7 +27,7 @@ import tempfile
 import zlib
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from verdict import Verdicts, read  # noqa: E402
+from verdict import Verdicts, pixels, read  # noqa: E402
 
 SAGA = os.environ.get("SAGA", "build/saga")
 WIDTH, HEIGHT, FRAMES = 64, 40, 3
@@ -38,13 +38,6 @@ v = Verdicts("metrics")
 def ffmpeg(*words):
     return subprocess.run(["ffmpeg", "-hide_banner", "-nostdin", "-y", *words],
                           check=True, capture_output=True, text=True).stderr
-
-
-def pixels(path):
-    """8-bit RGB of a picture."""
-    raw = os.path.join(tmp, "raw")
-    ffmpeg("-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", raw)
-    return read(raw)
 
 
 def evaluate(*words):

@@ -12,6 +12,7 @@
               ffmpeg fails or is missing
   bad         paths that are none are told in one line"""
 
+import functools
 import json
 import math
 import os
@@ -21,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 
-from verdict import Verdicts
+from verdict import Verdicts, pixels
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
@@ -32,12 +33,16 @@ SCENE = "vectors/good/motion.saga"
 UNIT = 2.0 ** -22
 NEAR = 1 << 18
 BACKGROUND = [3000, 4000, 8000]
-N_FRAMES = json.loads(subprocess.run(
-    [SAGA, "info", SCENE, "--json"], check=True,
-    stdout=subprocess.PIPE).stdout)["n_frames"]
 
 checks = Verdicts("path")
 complain, verdict = checks.complain, checks.verdict
+
+
+def info():
+    return json.loads(checks.run(SAGA, "info", SCENE, "--json"))
+
+
+N_FRAMES = info()["n_frames"]
 
 
 # --- The same cameras, computed here ---------------------------------------
@@ -86,23 +91,9 @@ def pixels_of(tmp, values, frame):
         return re.sub(rb"^P6\n\d+ \d+\n255\n", b"", f.read(), count=1)
 
 
-def decoded(name):
-    return subprocess.run(["ffmpeg", "-v", "error", "-i", name, "-f",
-                           "rawvideo", "-pix_fmt", "rgb24", "-"], check=True,
-                          stdout=subprocess.PIPE).stdout
-
-
 # --- Running ---------------------------------------------------------------
 
-def render(*arguments, status=0, says="", env=None):
-    done = subprocess.run([SAGA, "render", SCENE, *arguments],
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          env=env)
-    text = done.stderr.decode()
-    if done.returncode != status:
-        complain(arguments, "ends with", done.returncode, "not", status, text)
-    elif status and (says not in text or text.count("\n") != 1):
-        complain(arguments, "says", repr(text), "not", repr(says))
+render = functools.partial(checks.run, SAGA, "render", SCENE)
 
 
 def write(tmp, what):
@@ -115,7 +106,7 @@ def write(tmp, what):
 def same(tmp, name, values, frame):
     if not os.path.exists(name):
         complain(name, "is not there")
-    elif decoded(name) != pixels_of(tmp, values, frame):
+    elif pixels(name) != pixels_of(tmp, values, frame):
         complain(name, "has other pixels than saga-dec's")
 
 
@@ -266,8 +257,8 @@ def check_colmap(tmp):
     # A film has one size, the first's.
     film = tmp + "/colmap.mp4"
     render("-o", film, "--path", tmp + "/text/images.txt")
-    if len(decoded(film)) != 3 * 3 * 96 * 60:
-        complain("a film of COLMAP's images has", len(decoded(film)), "bytes")
+    if len(pixels(film)) != 3 * 3 * 96 * 60:
+        complain("a film of COLMAP's images has", len(pixels(film)), "bytes")
     check_colmap_rig(tmp)
     check_bad_colmap(tmp)
     verdict("colmap")
@@ -276,9 +267,7 @@ def check_colmap(tmp):
 def check_colmap_rig(tmp):
     """The file's own rig: rotations come back within a last bit or two, which
     moves a pixel by one at most."""
-    rig = json.loads(subprocess.run([SAGA, "info", SCENE, "--json"],
-                                    stdout=subprocess.PIPE,
-                                    check=True).stdout)["rig"]
+    rig = info()["rig"]
     images = [("%d.png" % i, (c["width"], c["height"]),
                (*c["focal"], *c["principal"]), quaternion(c["rotation"]),
                c["centre_metres"]) for i, c in enumerate(rig)]
@@ -286,7 +275,7 @@ def check_colmap_rig(tmp):
            write_text(tmp + "/rig", images))
     for i in range(len(rig)):
         render("-o", tmp + "/own.png", "--camera", str(i), "--frame", "2")
-        got, want = (decoded(tmp + "/%s.png" % n) for n in ("rig%d" % i, "own"))
+        got, want = (pixels(tmp + "/%s.png" % n) for n in ("rig%d" % i, "own"))
         off = max(abs(a - b) for a, b in zip(got, want))
         if len(got) != len(want) or off > 1:
             complain("the rig's camera", i, "is off by", off)
@@ -312,9 +301,7 @@ def check_bad_colmap(tmp):
 
 
 def check_look_at(tmp):
-    rig = json.loads(subprocess.run([SAGA, "info", SCENE, "--json"],
-                                    stdout=subprocess.PIPE,
-                                    check=True).stdout)["rig"]
+    rig = info()["rig"]
     # The rig stands level, so up is -y.
     fov = math.degrees(2 * math.atan(60 / rig[2]["focal"][1]))
     eye = [round(x / UNIT) * UNIT for x in rig[2]["centre_metres"]]
@@ -324,7 +311,7 @@ def check_look_at(tmp):
         values = camera(looking(place, [0.5, 0, -0.5], [0, -1, 0]), place,
                         fov, 160, 120)
         want = pixels_of(tmp, values, 0)
-        got = decoded(tmp + "/%s.png" % name)
+        got = pixels(tmp + "/%s.png" % name)
         # Up comes from the rig by iteration, so rows may differ in a last bit.
         off = max(abs(a - b) for a, b in zip(got, want))
         if len(got) != len(want) or off > 1:
@@ -352,7 +339,7 @@ def check_film(tmp):
         stdout=subprocess.PIPE).stdout.decode().strip()
     if told != "h264,96,62,bt709,6/1,13":
         complain("the film is", told)
-    got = decoded(film)[:3 * 96 * 62]
+    got = pixels(film)[:3 * 96 * 62]
     want = pixels_of(tmp, key_camera(KEYS[0], 95, 61), 0)
     pairs = [(got[y * 288 + x], want[y * 285 + x]) for y in range(61)
              for x in range(285)]

@@ -8,6 +8,7 @@
           same
   bad     what does not go together is told in one line"""
 
+import functools
 import json
 import math
 import os
@@ -19,7 +20,7 @@ import tempfile
 import zlib
 
 import splats
-from verdict import Verdicts, read
+from verdict import Verdicts, pixels, read
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
@@ -29,23 +30,7 @@ DEMO = "docs/demo.saga"
 
 checks = Verdicts("sight")
 complain, verdict = checks.complain, checks.verdict
-
-
-def saga(*arguments, status=0, says=""):
-    done = subprocess.run([SAGA, *map(str, arguments)],
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    text = done.stderr.decode()
-    if done.returncode != status:
-        complain(arguments, "ends with", done.returncode, "not", status, text)
-    elif status and (says not in text or text.count("\n") != 1):
-        complain(arguments, "says", repr(text), "not", repr(says))
-    return done.stdout.decode()
-
-
-def decoded(name, kind):
-    return subprocess.run(["ffmpeg", "-v", "error", "-i", name, "-f",
-                           "rawvideo", "-pix_fmt", kind, "-"], check=True,
-                          stdout=subprocess.PIPE).stdout
+saga = functools.partial(checks.run, SAGA)
 
 
 # --- Two eyes --------------------------------------------------------------
@@ -98,7 +83,7 @@ def check_stereo(tmp):
         saga("render", scene, "--camera", 1, "--frame", 1, "--stereo", 0.25,
              "-o", tmp + "/pair.png")
         half = 0.125 / (metres or 1.0)
-        got, line = decoded(tmp + "/pair.png", "rgb24"), 6 * camera["width"]
+        got, line = pixels(tmp + "/pair.png", "rgb24"), 6 * camera["width"]
         for eye, aside in enumerate((-half, half)):
             want = dec(tmp, scene, moved(camera, aside))
             mine = b"".join(got[y * line + eye * line // 2:
@@ -163,7 +148,7 @@ def shown(tmp, scene, kind, channel, size):
     for ending in ("png", "exr"):
         saga("render", scene, "--camera", 2, "--frame", 7, "--size",
              "%dx%d" % size, "--" + kind, "-o", tmp + "/%s.%s" % (kind, ending))
-    png = decoded(tmp + "/%s.png" % kind, "gray16le")
+    png = pixels(tmp + "/%s.png" % kind, "gray16le")
     return struct.unpack("<%dH" % (size[0] * size[1]), png), \
         read_exr(tmp + "/%s.exr" % kind, channel, *size)
 

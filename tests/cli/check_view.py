@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 
-from verdict import Verdicts, read
+from verdict import Verdicts, pixels, read
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
@@ -150,12 +150,8 @@ def check_refusals(view):
 
 
 def refused(arguments, status, says):
-    done = subprocess.run([SAGA, "view", *arguments], timeout=60,
-                          stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    text = done.stderr.decode()
-    if done.returncode != status or says not in text or \
-            text.count("\n") != 1 or done.stdout:
-        complain(arguments, "ends with", done.returncode, text)
+    if checks.run(SAGA, "view", *arguments, status=status, says=says):
+        complain(arguments, "prints")
 
 
 def encode(tmp, until, *options):
@@ -185,10 +181,7 @@ def error_of(tmp, name):
     subprocess.run([SAGA_DEC, name, "--camera", "rig:0", "--time", "1", "-o",
                     out], check=True)
     got = re.sub(rb"^P6\n\d+ \d+\n255\n", b"", read(out), count=1)
-    want = subprocess.run(
-        ["ffmpeg", "-v", "error", "-i", tmp + "/cap/images/cam00/00001.png",
-         "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], check=True,
-        stdout=subprocess.PIPE).stdout
+    want = pixels(tmp + "/cap/images/cam00/00001.png")
     return sum((x - y) ** 2 for x, y in zip(got, want)) / len(want)
 
 

@@ -3,6 +3,8 @@
 are collected, and a verdict prints them with one line "ok   CHECKS NAME" or
 "FAIL CHECKS NAME"."""
 
+import subprocess
+
 
 class Verdicts:
     def __init__(self, checks):
@@ -21,7 +23,28 @@ class Verdicts:
         self.failed = self.failed or bool(self.complaints)
         self.complaints.clear()
 
+    def run(self, *command, status=0, says="", env=None):
+        """Runs a program, which must end with that status; where it is not 0
+        it says why in one line. Returns what it printed."""
+        done = subprocess.run([*map(str, command)], env=env, timeout=600,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        text = done.stderr.decode()
+        if done.returncode != status:
+            self.complain(command, "ends with", done.returncode, "not", status,
+                          text)
+        elif status and (says not in text or text.count("\n") != 1):
+            self.complain(command, "says", repr(text), "not", repr(says))
+        return done.stdout.decode()
+
 
 def read(path):
     with open(path, "rb") as f:
         return f.read()
+
+
+def pixels(path, kind="rgb24"):
+    """Returns the bytes of a picture, or of all pictures of a film or a
+    pattern of names."""
+    return subprocess.run(["ffmpeg", "-v", "error", "-i", path, "-f",
+                           "rawvideo", "-pix_fmt", kind, "-"], check=True,
+                          stdout=subprocess.PIPE).stdout
