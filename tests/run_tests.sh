@@ -219,6 +219,7 @@ many() {
     check python python3 tests/cli/check_python.py
     check report python3 tests/cli/check_report.py
     check view python3 tests/cli/check_view.py
+    check shutter python3 tests/cli/check_shutter.py
     check path python3 tests/cli/check_path.py
     check sight python3 tests/cli/check_sight.py
     check exchange python3 tests/cli/check_exchange.py

@@ -17,6 +17,7 @@
 #include "json_memory.h"
 #include "metrics.h"
 #include "output.h"
+#include "shutter.h"
 #include "splice.h"
 #include "still.h"
 #include "sweep.h"
@@ -36,6 +37,9 @@
 
 /* A segment has so many frames at most. */
 enum { MOST_FRAMES = 65535 };
+
+/* Pictures of each view that tell of a rolling shutter. */
+enum { SHUTTER_PICTURES = 8 };
 
 /* dB that held-out views may be below the others before that is told. */
 #define MOST_GAP 3.0
@@ -78,6 +82,8 @@ typedef struct {
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
     saga_verdict verdict;        /* of the training views */
+    saga_shutter *shutter;       /* (views) sums, */
+    saga_shutter_found *rows;    /* (views) and what they tell */
     cut cut[SAGA_MAX_LAYERS];    /* behind each layer but the last */
     saga_output out;             /* open from the start: the name is ours */
     saga_layout layout;          /* of the closed file */
@@ -812,19 +818,43 @@ static void close_cuts(session *s)
     }
 }
 
+static int written_but(const session *s)
+{
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was written, but: "
+                          "%s", s->error.message);
+}
+
+/* Of the only segment, or of all of them together, there are about as many
+ * pictures. */
+static bool look_at_rows(session *s, saga_film *film, int segment, int view)
+{
+    const int n = s->o->networks ? 1 : s->n_segments;
+    saga_shutter_view from = {
+        .capture = &s->capture, .view = view,
+        .first = s->o->networks ? 0 : begin_of(s, segment)
+    };
+    uint32_t number;
+
+    return s->capture.moves ||
+           (saga_film_rig(film, (uint32_t)view, &from.camera, &number,
+                          &s->error) &&
+            saga_shutter_look(&s->shutter[view], film, &from,
+                              (SHUTTER_PICTURES + n - 1) / n, &s->error));
+}
+
 static int compare_segment(session *s, saga_film *film, int segment, tally *t)
 {
     const bool is_there = s->n_segments == 1 || s->o->networks;
     const int status = is_there ? SAGA_EXIT_OK : open_capture(s, segment);
 
     for (int v = 0; !status && v < s->capture.n_views; v++) {
-        bool ok = compare_view(s, film, segment, v, t);
+        bool ok = compare_view(s, film, segment, v, t) &&
+                  look_at_rows(s, film, segment, v);
 
         for (int k = 0; ok && k + 1 < s->o->layers; k++)
             ok = compare_cut(s, &s->cut[k], segment, v);
         if (!ok)
-            return saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was "
-                                  "written, but: %s", s->error.message);
+            return written_but(s);
     }
     return status;
 }
@@ -841,12 +871,18 @@ static int check_file(session *s)
         !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
                         s->o->capture.threads, &s->error) ||
         !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
-                          &s->error) || !open_cuts(s, &bytes))
-        status = saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was "
-                                "written, but: %s", s->error.message);
+                          &s->error) || !open_cuts(s, &bytes) ||
+        !(s->shutter = saga_calloc((size_t)s->capture.n_views,
+                                   sizeof *s->shutter, s->o->output,
+                                   &s->error)))
+        status = written_but(s);
     for (int i = 0; !status && i < s->n_segments; i++)
         if (s->o->only < 0 || s->o->only == i)
             status = compare_segment(s, &film, i, &t);
+    if (!status)
+        s->rows = saga_shutter_find(s->shutter, s->capture.n_views, &s->error);
+    if (!status && !s->rows)
+        status = written_but(s);
     close_cuts(s);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
@@ -1067,6 +1103,7 @@ static void print_text(const session *s)
     print_cuts(s);
     print_quality("  ... against that float", &s->agreement);
     saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
+    saga_shutter_print(s->rows, &s->capture);
     print_views(&s->decoded);
     printf("  %.0f s\n", saga_cli_seconds() - s->started);
 }
@@ -1174,6 +1211,7 @@ static void print_part(const session *s)
            s->decoded.n_training, s->decoded.n_held_out);
     print_quality("file, integer decoder", &s->decoded);
     saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
+    saga_shutter_print(s->rows, &s->capture);
     printf("  %.0f s\n", saga_cli_seconds() - s->started);
 }
 
@@ -1191,6 +1229,7 @@ static json_t *json_part(const session *s)
         "seconds", saga_cli_seconds() - s->started,
         "psnr", json_quality(&s->decoded),
         "psnr_parts", saga_verdict_json(&s->verdict)));
+    json_object_set_new(o, "readout", saga_shutter_json(s->rows, &s->capture));
     return o;
 }
 
@@ -1251,6 +1290,7 @@ static json_t *json_report(const session *s)
         "psnr_float", json_quality(&r->model),
         "psnr", json_quality(&s->decoded)));
     json_object_set_new(o, "layers", json_layers(s));
+    json_object_set_new(o, "readout", saga_shutter_json(s->rows, &s->capture));
     json_object_update_new(o, json_pack("{sososo}",
         "psnr_parts", saga_verdict_json(&s->verdict),
         "psnr_decoded_float", json_quality(&r->coded),
@@ -1302,6 +1342,8 @@ static void end(session *s)
     saga_train_free(s->train);
     saga_capture_free(&s->capture);
     saga_layout_free(&s->layout);
+    free(s->shutter);
+    free(s->rows);
     free(s->checkpoint);
 }
 
@@ -1533,6 +1575,8 @@ const saga_command saga_command_encode = {
     "packing. A line on stderr tells stage, iteration, the PSNR of the\n"
     "pictures trained on, the bits of the residuals and the time left.\n"
     "Ctrl-C keeps FILE.saga.ckpt for --resume.\n"
+    "At the end a verdict says what is well represented and what is not, and\n"
+    "which cameras have a rolling shutter that the others do not have.\n"
     "The same options give the same bytes, for any number of threads.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

@@ -54,3 +54,35 @@ json_t *saga_verdict_json(const saga_verdict *v)
         "moving_as_still", real_or_null(saga_change_psnr(&v->still)),
         "moving_share", real_or_null(saga_change_share(&v->file)));
 }
+
+void saga_shutter_print(const saga_shutter_found *found,
+                        const saga_capture *capture)
+{
+    bool any = false;
+
+    for (int i = 0; i < capture->n_views; i++)
+        if (found[i].shows) {
+            printf("  %s: the last row is %.1f of a frame (+-%.1f) %s the "
+                   "first\n", capture->views[i].name, fabs(found[i].readout),
+                   fmax(found[i].spread, 0.1),
+                   found[i].readout > 0 ? "behind" : "ahead of");
+            any = true;
+        }
+    if (any)
+        puts("  a rolling shutter shows there, against the other cameras: "
+             "what moves fast\n  leans and blurs; film with a faster readout "
+             "or a global shutter");
+}
+
+json_t *saga_shutter_json(const saga_shutter_found *found,
+                          const saga_capture *capture)
+{
+    json_t *const o = json_object();
+
+    for (int i = 0; i < capture->n_views; i++)
+        json_object_set_new(o, capture->views[i].name, json_pack(
+            "{sososb}", "frames", real_or_null(found[i].readout),
+            "standard_error", real_or_null(found[i].spread),
+            "shows", (int)found[i].shows));
+    return o;
+}

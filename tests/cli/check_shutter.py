@@ -1,0 +1,95 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""check_shutter.py: guarantees, for what `saga encode` says of shutters,
+  quiet       nothing, of cameras that read all rows at once
+  rolling     which camera does not, and for how long it reads, from pictures
+              whose rows are those of a room rendered at four times the rate"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+
+from verdict import Verdicts, pixels
+
+os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
+BUILD = os.environ.get("BUILD", "build")
+SAGA = os.environ.get("SAGA", BUILD + "/saga")
+WIDTH, HEIGHT, FRAMES, FINER = 96, 54, 16, 4
+ROLLS, READOUT = "cam02", 0.8  # frames from its first row to its last
+
+checks = Verdicts("shutter")
+complain, verdict = checks.complain, checks.verdict
+
+
+def take(film, readout):
+    """The frames of one camera: each row at its own time, at the middle one in
+    the middle of a frame."""
+    row = 3 * WIDTH
+    rows = []
+    for frame in range(FRAMES):
+        for y in range(HEIGHT):
+            late = readout * ((y + 0.5) / HEIGHT - 0.5)
+            at = round(FINER * (frame + 0.5 + late)) * HEIGHT + y
+            rows.append(film[at * row:(at + 1) * row])
+    return b"".join(rows)
+
+
+def capture(room, folder, readouts):
+    with open(room + "/transforms.json") as f:
+        told = json.load(f)
+    for camera in sorted(os.listdir(room + "/images")):
+        film = pixels("%s/images/%s/%%05d.png" % (room, camera))
+        to = "%s/images/%s" % (folder, camera)
+        os.makedirs(to)
+        subprocess.run(
+            ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+             "-s", "%dx%d" % (WIDTH, HEIGHT), "-i", "-", "-start_number", "0",
+             to + "/%05d.png"], check=True,
+            input=take(film, readouts.get(camera, 0)))
+    told["fps"] /= FINER
+    told["frames"] = [f for f in told["frames"] if
+                      int(f["file_path"][-9:-4]) < FRAMES]
+    for name in list(told):
+        if name.endswith("_filenames"):
+            told[name] = [p for p in told[name] if int(p[-9:-4]) < FRAMES]
+    told["ply_file_path"] = room + "/points.ply"
+    with open(folder + "/transforms.json", "w") as f:
+        json.dump(told, f)
+
+
+def encode(tmp, name, readouts, *options):
+    capture(tmp + "/room", tmp + "/" + name, readouts)
+    return checks.run(SAGA, "encode", tmp + "/" + name, "-o",
+                      tmp + "/%s.saga" % name, "--primitives", 1200,
+                      "--iterations", 1500, "--threads", 1, *options)
+
+
+def check_quiet(tmp):
+    for name, found in json.loads(encode(tmp, "quiet", {},
+                                         "--json"))["readout"].items():
+        if found["shows"] or not abs(found["frames"]) < READOUT / 2:
+            complain("without a rolling shutter,", name, "has", found)
+    verdict("quiet")
+
+
+def check_rolling(tmp):
+    said = re.findall(r"(\w+): the last row is (\S+) of a frame \(\+-(\S+)\) "
+                      "behind the first", encode(tmp, "rolling",
+                                                 {ROLLS: READOUT}))
+    if [name for name, _, _ in said] != [ROLLS] or \
+            abs(float(said[0][1]) - READOUT) > 0.25 or float(said[0][2]) > 0.2:
+        complain("of", ROLLS, "with", READOUT, "frames it says", said)
+    verdict("rolling")
+
+
+with tempfile.TemporaryDirectory() as tmp:
+    checks.run(SAGA, "synth", tmp + "/room", "--size",
+               "%dx%d" % (WIDTH, HEIGHT), "--cameras", 7, "--hold-out", 1,
+               "--frames", FINER * (FRAMES + 1), "--fps", 24 * FINER,
+               "--points", 800, "--depth-every", 0, "--threads", 1)
+    check_quiet(tmp)
+    check_rolling(tmp)
+sys.exit(checks.failed)

@@ -1,0 +1,164 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A wave runs through the picture. A camera that takes each row from a moment
+ * of its own must be told from one that is late as a whole, and both from what
+ * a film has wrong.
+ */
+#include "shutter.h"
+
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+enum { WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT, FRAMES = 8,
+       CAMERAS = 3 };
+
+/* A camera reads its middle row late, and its last one after its first. */
+typedef struct { double late, readout; } camera;
+
+/* Four waves fill the width, of which 0.4 pass in a frame; noise: levels at
+ * most. */
+static void wave(uint8_t *rgb, double time, camera c, int noise)
+{
+    for (int i = 0; i < PIXELS; i++) {
+        const double row = (i / WIDTH + 0.5) / HEIGHT - 0.5;
+        const double t = time + c.late + c.readout * row;
+        const double x = i % WIDTH / 16.0 - 0.04 * t;
+
+        for (int k = 0; k < 3; k++) {
+            const int off = noise ? rand() % (2 * noise + 1) - noise : 0;
+
+            rgb[3 * i + k] = (uint8_t)lrint(
+                128 + 60 * sin(6.283185307179586 * (x + 0.2 * k)) + off);
+        }
+    }
+}
+
+static void look(saga_shutter *to, camera c, int noise, int n_frames)
+{
+    static uint8_t truth[3 * PIXELS], rgb[3][3 * PIXELS];
+    const saga_shutter_drawn drawn = { rgb[0], rgb[1], rgb[2] };
+    const camera exact = { 0, 0 };
+
+    *to = (saga_shutter){ .n_pictures = 0 };
+    for (int k = 0; k < n_frames; k++) {
+        const double t = 3.3 * k;
+
+        wave(truth, t, c, noise);
+        for (int i = 0; i < 3; i++)
+            wave(rgb[i], t + 0.5 * (i - 1), exact, 0);
+        saga_shutter_add(to, truth, &drawn, WIDTH, HEIGHT);
+    }
+}
+
+static saga_shutter_found *find(const camera *c, int noise, int n_frames)
+{
+    saga_shutter of[CAMERAS];
+    saga_error error = { "" };
+    saga_shutter_found *found;
+
+    for (int i = 0; i < CAMERAS; i++)
+        look(&of[i], c[i], noise, n_frames);
+    found = saga_shutter_find(of, CAMERAS, &error);
+    assert_non_null(found);
+    return found;
+}
+
+static void rows_read_in_turn_should_be_told(void **state)
+{
+    static const camera c[CAMERAS] = { { 0, 0 }, { 0.3, 0.8 }, { 0.5, 0 } };
+    saga_shutter_found *const found = find(c, 0, FRAMES);
+
+    (void)state;
+    for (int i = 0; i < CAMERAS; i++) {
+        assert_true(fabs(found[i].readout - c[i].readout) < 0.02);
+        assert_int_equal(found[i].shows, i == 1);
+    }
+    free(found);
+}
+
+static void last_row_may_be_first(void **state)
+{
+    static const camera c[CAMERAS] = { { 0, -0.6 }, { 0, 0 }, { 0, 0.01 } };
+    saga_shutter_found *const found = find(c, 0, FRAMES);
+
+    (void)state;
+    assert_true(fabs(found[0].readout + 0.6) < 0.02 && found[0].shows);
+    assert_false(found[1].shows || found[2].shows);
+    free(found);
+}
+
+/* What all cameras have alike is the film's. */
+static void cameras_should_be_compared(void **state)
+{
+    static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0.8 }, { 0, 0.3 } };
+    saga_shutter_found *const found = find(c, 0, FRAMES);
+
+    (void)state;
+    assert_true(fabs(found[0].readout) < 0.02 && !found[0].shows);
+    assert_true(fabs(found[1].readout) < 0.02 && !found[1].shows);
+    assert_true(fabs(found[2].readout + 0.5) < 0.02 && found[2].shows);
+    free(found);
+}
+
+/* One camera's readout bends the film a bit, and others the other way. */
+static void bent_film_should_be_told_from_a_camera(void **state)
+{
+    static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, -0.35 }, { 0, 0 } };
+    saga_shutter_found *const found = find(c, 0, FRAMES);
+
+    (void)state;
+    assert_true(found[0].shows);
+    assert_true(fabs(found[1].readout + 0.35) < 0.02 && !found[1].shows);
+    free(found);
+}
+
+/* Errors of 60 levels are as large as what moves: their own size is told. */
+static void errors_should_be_told_as_spread(void **state)
+{
+    static const camera c[CAMERAS] = { { 0, 0 }, { 0, 0 }, { 0, 0 } };
+    saga_shutter_found *const found = find(c, 60, FRAMES);
+
+    (void)state;
+    for (int i = 0; i < CAMERAS; i++) {
+        assert_true(found[i].spread > 0.01 && found[i].spread < 0.2);
+        assert_true(fabs(found[i].readout) < 5 * found[i].spread);
+        assert_false(found[i].shows);
+    }
+    free(found);
+}
+
+static void little_should_tell_nothing(void **state)
+{
+    static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0 }, { 0, 0 } };
+    saga_shutter_found *const few = find(c, 0, 3);
+    saga_shutter_found *const none = find(c, 0, 0);
+
+    (void)state;
+    for (int i = 0; i < CAMERAS; i++) {
+        assert_true(isnan(few[i].readout) && isnan(few[i].spread));
+        assert_true(isnan(none[i].readout));
+        assert_false(few[i].shows || none[i].shows);
+    }
+    free(few);
+    free(none);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rows_read_in_turn_should_be_told),
+        cmocka_unit_test(last_row_may_be_first),
+        cmocka_unit_test(cameras_should_be_compared),
+        cmocka_unit_test(bent_film_should_be_told_from_a_camera),
+        cmocka_unit_test(errors_should_be_told_as_spread),
+        cmocka_unit_test(little_should_tell_nothing)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

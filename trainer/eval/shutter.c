@@ -1,0 +1,231 @@
+/* SPDX-License-Identifier: MIT */
+#include "shutter.h"
+
+#include "alloc.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+enum {
+    MOVES = 6,              /* 8-bit levels in a frame, above their rounding */
+    FEW_PICTURES = 4
+};
+
+/* Of captures without a rolling shutter, no camera came near both. */
+#define LEAST_READOUT 0.25  /* frames */
+#define LEAST_SPREADS 4.0
+
+/* --- Sums ---------------------------------------------------------------- */
+
+static void add_sums(saga_shutter_sums *to, const saga_shutter_sums *from,
+                     double factor)
+{
+    to->dd += factor * from->dd;
+    to->ds += factor * from->ds;
+    to->ss += factor * from->ss;
+    to->de += factor * from->de;
+    to->se += factor * from->se;
+}
+
+static bool moves(const uint8_t *before, const uint8_t *after)
+{
+    return abs(after[0] - before[0]) >= MOVES ||
+           abs(after[1] - before[1]) >= MOVES ||
+           abs(after[2] - before[2]) >= MOVES;
+}
+
+void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
+                      const saga_shutter_drawn *drawn, int width, int height)
+{
+    saga_shutter_sums *const picture =
+        &to->pictures[to->n_pictures++ % SAGA_SHUTTER_GROUPS];
+    size_t p = 0;
+
+    for (int y = 0; y < height; y++) {
+        const double row = (y + 0.5) / height - 0.5;
+
+        for (int x = 0; x < width; x++, p += 3) {
+            saga_shutter_sums one = { .dd = 0 };
+
+            if (!moves(drawn->before + p, drawn->after + p))
+                continue;
+            for (size_t k = p; k < p + 3; k++) {
+                const double d = drawn->after[k] - drawn->before[k];
+
+                one.dd += d * d;
+                one.de += d * (truth[k] - drawn->at[k]);
+            }
+            one.ds = row * one.dd;
+            one.ss = row * one.ds;
+            one.se = row * one.de;
+            add_sums(picture, &one, 1);
+            add_sums(&to->strips[x * SAGA_SHUTTER_GROUPS / width], &one, 1);
+        }
+    }
+}
+
+/* --- The fit ------------------------------------------------------------- */
+
+/* Least squares of e by d and s; s has the readout. */
+static double fit(const saga_shutter_sums *q)
+{
+    const double det = q->dd * q->ss - q->ds * q->ds;
+
+    return det > 1e-9 * q->dd * q->ss
+        ? (q->se * q->dd - q->de * q->ds) / det : (double)NAN;
+}
+
+/* The jackknife: the variance of the fit from what each group is worth, since
+ * what a film has wrong is the same over many pixels. */
+static double variance(const saga_shutter_sums *all,
+                       const saga_shutter_sums *groups, int n)
+{
+    double sum = 0, squares = 0;
+
+    for (int i = 0; i < n; i++) {
+        saga_shutter_sums rest = *all;
+        double x;
+
+        add_sums(&rest, &groups[i], -1);
+        x = fit(&rest) - fit(all);
+        sum += x;
+        squares += x * x;
+    }
+    return (n - 1) * (squares - sum * sum / n) / n;
+}
+
+static saga_shutter_found find_alone(const saga_shutter *of)
+{
+    const int n = of->n_pictures < SAGA_SHUTTER_GROUPS ? of->n_pictures
+                                                       : SAGA_SHUTTER_GROUPS;
+    const saga_shutter_found unknown = { (double)NAN, (double)NAN, false };
+    saga_shutter_sums all = { .dd = 0 };
+
+    if (n < FEW_PICTURES)
+        return unknown;
+    for (int i = 0; i < SAGA_SHUTTER_GROUPS; i++)
+        add_sums(&all, &of->strips[i], 1);
+    const double in_time = variance(&all, of->pictures, n);
+    const double across = variance(&all, of->strips, SAGA_SHUTTER_GROUPS);
+    if (isnan(in_time) || isnan(across))
+        return unknown;
+    return (saga_shutter_found){
+        .readout = fit(&all), .spread = sqrt(fmax(fmax(in_time, across), 0))
+    };
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* The film's things are sheared in time as most cameras see them. */
+static double median_readout(const saga_shutter_found *found, int n,
+                             double *scratch)
+{
+    int known = 0;
+
+    for (int i = 0; i < n; i++)
+        if (!isnan(found[i].readout))
+            scratch[known++] = found[i].readout;
+    qsort(scratch, (size_t)known, sizeof *scratch, ascending);
+    return known ? 0.5 * (scratch[(known - 1) / 2] + scratch[known / 2]) : 0;
+}
+
+/* A film that one camera has bent lets its neighbours seem bent the other way,
+ * less than that one. */
+static void judge(saga_shutter_found *found, int n)
+{
+    double most = 0;
+
+    for (int i = 0; i < n; i++) {
+        const double x = fabs(found[i].readout);
+
+        found[i].shows = x >= LEAST_READOUT &&
+                         x >= LEAST_SPREADS * found[i].spread;
+        if (found[i].shows && x > most)
+            most = x;
+    }
+    for (int i = 0; i < n; i++)
+        if (fabs(found[i].readout) < 0.5 * most)
+            found[i].shows = false;
+}
+
+saga_shutter_found *saga_shutter_find(const saga_shutter *of, int n,
+                                      saga_error *error)
+{
+    double *const scratch = saga_alloc((size_t)n, sizeof *scratch,
+                                       "the cameras", error);
+    saga_shutter_found *const found =
+        scratch ? saga_alloc((size_t)n, sizeof *found, "the cameras", error)
+                : NULL;
+    double usual;
+
+    for (int i = 0; found && i < n; i++)
+        found[i] = find_alone(&of[i]);
+    usual = found ? median_readout(found, n, scratch) : 0;
+    for (int i = 0; found && i < n; i++)
+        found[i].readout -= usual;
+    if (found)
+        judge(found, n);
+    free(scratch);
+    return found;
+}
+
+/* --- Drawing ------------------------------------------------------------- */
+
+/* Draws a time in frames of the capture; what does not count is the truth in
+ * every picture, and does not move. */
+static bool draw(uint8_t *rgb, saga_film *film, const saga_shutter_view *from,
+                 int frame, double late, saga_error *error)
+{
+    const int whole = (int)floor(late);
+
+    if (!saga_film_draw_late(film, &from->camera,
+                             (uint32_t)(from->first + frame + whole),
+                             late - whole, rgb, error))
+        return false;
+    saga_capture_forgive(from->capture, from->view, frame, rgb);
+    return true;
+}
+
+static bool look_at(saga_shutter *to, saga_film *film,
+                    const saga_shutter_view *from, int frame,
+                    saga_error *error)
+{
+    const saga_shot *const v = &from->capture->views[from->view];
+    const size_t n = saga_view_frame_nbytes(v);
+    uint8_t *const rgb = saga_alloc(3, n, v->name, error);
+    const saga_shutter_drawn drawn = { rgb, rgb + n, rgb + 2 * n };
+    const bool ok = rgb &&
+        draw(rgb, film, from, frame, v->late - 0.5, error) &&
+        draw(rgb + n, film, from, frame, v->late, error) &&
+        draw(rgb + 2 * n, film, from, frame, v->late + 0.5, error);
+
+    if (ok)
+        saga_shutter_add(to, saga_capture_frame(from->capture, from->view,
+                                                frame),
+                         &drawn, v->width, v->height);
+    free(rgb);
+    return ok;
+}
+
+bool saga_shutter_look(saga_shutter *to, saga_film *film,
+                       const saga_shutter_view *from, int n,
+                       saga_error *error)
+{
+    /* Neither the first frame nor the last. */
+    const int inner = from->capture->n_frames - 2;
+
+    n = n < inner ? n : inner;
+    for (int i = 0; i < n; i++) {
+        const int frame = 1 + (int)((int64_t)i * inner / n);
+
+        if (saga_capture_has(from->capture, from->view, frame) &&
+            !look_at(to, film, from, frame, error))
+            return false;
+    }
+    return true;
+}
