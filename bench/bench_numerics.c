@@ -724,7 +724,7 @@ static void prepare_splats(data *d, gen_rng *r)
 static void prepare_alphas(data *d, gen_rng *r)
 {
     for (int i = 0; i < VALUES; i++)
-        set_x(d, i, gen_int(r, 0, (8 << 20) - 1), 1 / 1048576.0);
+        set_x(d, i, gen_int(r, 0, SAGA_CUT_Q20 - 1), 1 / 1048576.0);
 }
 
 static void prepare_picture(data *d, gen_rng *r)

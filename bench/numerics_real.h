@@ -218,7 +218,7 @@ static void NAME(animate)(data *d)
         }
         for (i = 0; i < 4; i++)
             b->quat[i] = a->quat[i] + a->slope[i] * age;
-        b->q0 = MATH(log2)(1 + MATH(exp2)(-a->opacity)) +
+        b->q0 = MATH(log2)(1 + MATH(exp2)(SAGA_PEAK_LOG2 - a->opacity)) +
                 (REAL)1.4426950408889634 * NAME(clamped)(u * u, 0, 256);
     }
 }
@@ -283,7 +283,7 @@ static void NAME(make_splats)(data *d)
 static void NAME(alpha)(data *d)
 {
     for (int i = 0; i < VALUES; i++) {
-        const REAL a = MATH(exp2)(-d->NAME(x)[i]);
+        const REAL a = MATH(exp2)(SAGA_PEAK_LOG2 - d->NAME(x)[i]);
 
         d->NAME(y)[i] = a < (REAL)0.99 ? a : (REAL)0.99;
     }
@@ -315,7 +315,7 @@ static void NAME(blend)(data *d)
 
                 if (q >= SAGA_CUT_LOG2 || t[at] < (REAL)(8 / 65536.0))
                     continue;
-                a = MATH(exp2)(-q);
+                a = MATH(exp2)(SAGA_PEAK_LOG2 - q);
                 a = (a < (REAL)0.99 ? a : (REAL)0.99) * t[at];
                 rgb[at] += a * s->colour[0];
                 rgb[PIXELS + at] += a * s->colour[1];

@@ -295,7 +295,11 @@ extern const saga_level_caps saga_caps[SAGA_N_PROFILES];
 /* --- Rendering constants; the float trainer reads them here -------------- */
 
 #define SAGA_ALPHA_CAP_Q16 64880   /* alpha <= 0.99 */
-#define SAGA_CUT_LOG2 8            /* a splat touches pixels with q < 8 */
+#define SAGA_PEAK_LOG2 3           /* opacities are below 2^3: what exceeds the
+                                    * cap makes a flat top and a steep edge */
+/* alpha = min(2^(SAGA_PEAK_LOG2 - q), cap); at 2^-8 and below a splat touches
+ * no pixel. */
+#define SAGA_CUT_LOG2 (SAGA_PEAK_LOG2 + 8)
 #define SAGA_CUT_Q20 (SAGA_CUT_LOG2 << 20)
 #define SAGA_T_FLOOR_Q16 8         /* a pixel is finished below 8 / 65536 */
 #define SAGA_LOW_PASS_NUM 3        /* 0.3 px^2 added to the 2-D covariance */

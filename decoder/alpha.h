@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What a splat covers of a pixel, 2^-q, by one look into a table.
+ * What a splat covers of a pixel, 2^(3 - q), by one look into a table.
  */
 #ifndef SAGA_ALPHA_H
 #define SAGA_ALPHA_H
@@ -16,10 +16,11 @@
 extern const uint16_t saga_exp2_neg_q16[2048];
 
 /* alpha of q below the cut, at most the cap; the table's error is at most
- * 2.8e-4 of 2^-floor(q). It never rises. */
+ * 2.8e-4 of 2^(3 - floor(q)). It never rises. */
 static inline uint32_t alpha_q16(uint32_t q_q20)
 {
-    const uint32_t a = saga_exp2_neg_q16[q_q20 >> 9 & 2047u] >> (q_q20 >> 20);
+    const uint32_t y = saga_exp2_neg_q16[q_q20 >> 9 & 2047u];
+    const uint32_t a = y << SAGA_PEAK_LOG2 >> (q_q20 >> 20);
 
     return a < SAGA_ALPHA_CAP_Q16 ? a : SAGA_ALPHA_CAP_Q16;
 }

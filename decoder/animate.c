@@ -7,6 +7,7 @@
 
 #include "fx.h"
 #include "fx_math.h"
+#include "model.h"
 
 /* A head's value in Q20: |v| <= 2^15 * 2^20. */
 static int64_t to_q20(int16_t v, int q)
@@ -117,7 +118,8 @@ void saga_animate(saga_animated *out, const saga_primitive *p,
                   const saga_prim_format *f, int32_t t)
 {
     const int32_t dt = t - p->t_centre, age = age_q16(p, f, dt);
-    const int32_t o_q12 = fx_requant32(-(int32_t)p->opacity, f->q_opacity, 12);
+    const int32_t o_q12 = fx_requant32(-(int32_t)p->opacity, f->q_opacity, 12) +
+                          (SAGA_PEAK_LOG2 << 12);
     int i;
 
     animate_mean(out->x, p, f, age);

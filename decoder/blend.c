@@ -10,7 +10,7 @@
 #include "sqrt_up.h"
 
 #define LIMIT_TAME ((int64_t)7 << 28)
-#define LIMIT_W ((int64_t)3 << 28)   /* w^2 >= 9: beyond the cut */
+#define LIMIT_W ((int64_t)7 << 27)   /* w^2 >= 12.25: beyond the cut */
 
 /* A line of a patch: q = q_line + v^2 is below the cut at no pixel outside
  * [lo, hi). */
@@ -102,11 +102,11 @@ typedef struct {
     int shift;
 } line;
 
-/* Finds where |v + g i| < L for i in x0..x1-1, L = sqrt(8 - q_line) rounded
+/* Finds where |v + g i| < L for i in x0..x1-1, L = sqrt(11 - q_line) rounded
  * up: -L - v < g i < L - v. A bound outside 0..x1 g needs no division; inside,
  * it is below 2^35, times the reciprocal below 2^52, and the quotient, at most
  * 64, is off by less than 2^-8. So [lo, hi) misses no pixel, and reaches no
- * further than 1 + 2^-8 pixels beyond L: |v| <= 2.83 + 1.56 = 4.39 < 8 fits
+ * further than 1 + 2^-8 pixels beyond L: |v| <= 3.32 + 1.56 = 4.88 < 8 fits
  * Q28. Returns 0 where no pixel can pass. */
 static int find_span(span *s, const line *l, const saga_patch *p)
 {

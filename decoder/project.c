@@ -441,7 +441,7 @@ static int pixel_range(int16_t *from, int16_t *to, int32_t mean_q8,
     return *from < *to;
 }
 
-/* Where q < 8, |(v, w)| < L = sqrt(8 - q0) (rounded up by sqrt_up). From
+/* Where q < 11, |(v, w)| < L = sqrt(11 - q0) (rounded up by sqrt_up). From
  * v = g dx - n dy and w = h dy,
  *   |dy| < L / h,  |dx| < L |(h, n)| / (g h) = (L / g) |(1, n/h)|:
  * bounds made of the integer factors the blending uses, so that their own

@@ -4,8 +4,8 @@
  * nothing but the splats' order:
  *
  *     for each splat, front to back:
- *         if T < 8 or q >= 8: next
- *         alpha = min(2^-q, cap); w = alpha T; T -= w; C += w colour
+ *         if T < 8 or q >= 11: next
+ *         alpha = min(2^(3 - q), cap); w = alpha T; T -= w; C += w colour
  *
  * The rest of this file is about doing that for many pixels at a time. The
  * job's rectangle is cut into tiles, tiles are grouped into bands: as many

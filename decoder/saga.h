@@ -70,7 +70,7 @@ typedef struct saga_camera {
 typedef struct saga_splat {
     int32_t mean_q8[2];      /* pixels */
     int32_t chol_q28[3];     /* g, n, h: factor of the conic in log2 units */
-    int32_t q0_q20;          /* -log2 of the peak opacity, [0, 8) */
+    int32_t q0_q20;          /* 3 - log2 of the peak opacity, [0, 11) */
     uint32_t depth;          /* z in box units, >= 1 */
     uint16_t colour_q15[3];  /* R, G, B, 0..32768 */
     int16_t x0, y0, x1, y1;  /* pixels touched lie in [x0, x1) x [y0, y1) */
@@ -300,8 +300,8 @@ typedef struct saga_animated {
     int32_t x[3];            /* mean, box units, saturated at +-2^29 */
     int32_t quat[4];         /* w, x, y, z; not normalised; all 0: identity */
     int32_t log2_scale_q10[3]; /* standard deviations, log2 of box units */
-    int32_t q0_q20;          /* -log2 of opacity times temporal opacity; 8 and
-                              * more is invisible */
+    int32_t q0_q20;          /* 3 - log2 of opacity times temporal opacity,
+                              * which may exceed 1; 11 and more is invisible */
 } saga_animated;
 
 /* Primitive `index` at time t (0..65535). SAGA_OK, ARG, STATE. */

@@ -72,10 +72,12 @@ static double down(double x, int bits)
     return bits == EXACT ? x : ldexp(floor(ldexp(x, bits)), -bits);
 }
 
-/* 2^-q of a table with 2^bits places, each of which stands for its middle. */
+/* 2^(3 - q) of a table with 2^bits places, each of which stands for its
+ * middle. */
 static double look_up(double q, int bits)
 {
-    return exp2(-(bits == EXACT ? q : down(q, bits) + ldexp(0.5, -bits)));
+    return exp2(SAGA_PEAK_LOG2 -
+                (bits == EXACT ? q : down(q, bits) + ldexp(0.5, -bits)));
 }
 
 static void blend_splat(session *s, const ref_splat *exact_splat,
@@ -210,10 +212,10 @@ static void try_pictures(session *s)
         format f = exact;
         char value[16];
 
-        f.cut = cut;
+        f.cut = cut + SAGA_PEAK_LOG2;
         snprintf(value, sizeof value, "1/%d", 1 << cut);
         draw(s, &f);
-        tell(s, "smallest alpha", value, cut == SAGA_CUT_LOG2);
+        tell(s, "smallest alpha", value, f.cut == SAGA_CUT_LOG2);
     }
 }
 

@@ -74,9 +74,9 @@ void ref_animate(ref_animated *out, const ref_primitive *p, double t)
     for (i = 0; i < 4; i++)
         out->quat[i] = p->quat[i] + p->slope[i] * age;
     normalise(out->quat);
-    out->q0 = log2(1 + exp2(-p->opacity));
+    out->q0 = log2(1 + exp2(SAGA_PEAK_LOG2 - p->opacity));
     if (isinf(out->q0))
-        out->q0 = -p->opacity;
+        out->q0 = SAGA_PEAK_LOG2 - p->opacity;
     out->q0 += log2_e * u * u;
 }
 
@@ -248,7 +248,7 @@ double ref_q_at(const ref_splat *s, int x, int y)
 
 double ref_alpha(double q)
 {
-    return fmin(exp2(-q), SAGA_ALPHA_CAP_Q16 / 65536.0);
+    return fmin(exp2(SAGA_PEAK_LOG2 - q), SAGA_ALPHA_CAP_Q16 / 65536.0);
 }
 
 int ref_blends(double trans, double q)
@@ -398,7 +398,7 @@ uint32_t ref_alpha_q16(int32_t q_q20)
     u = f * u >> 15;
     u = 22685 - u;
     u = f * u >> 15;
-    alpha = (32767 - u) << 1 >> (q_q20 >> 20);
+    alpha = (32767 - u) << (1 + SAGA_PEAK_LOG2) >> (q_q20 >> 20);
     return alpha < SAGA_ALPHA_CAP_Q16 ? alpha : SAGA_ALPHA_CAP_Q16;
 }
 

@@ -33,7 +33,7 @@ typedef struct ref_animated {
     double x[3];             /* box units */
     double quat[4];          /* unit length */
     double scale[3];         /* standard deviations, box units */
-    double q0;               /* -log2 of the peak opacity */
+    double q0;               /* 3 - log2 of the peak opacity */
 } ref_animated;
 
 typedef struct ref_splat {

@@ -7,6 +7,7 @@
 #define SAGA_ANIMATE_LANES_H
 
 #include "fx_lanes.h"
+#include "model.h"
 #include "animate.h"
 
 #ifdef INLINE
@@ -93,8 +94,9 @@ INLINE i64s q0_of(const prims *p, const saga_prim_format *f, const moment *m)
 {
     const i64s o = 0 - widen(field16(p, 68));
     const int q = f->q_opacity;
-    const i64s q0 = softplus2_q12_q20(q <= 12 ? shift_up(o, 12 - q)
-                                              : round_off(o, q - 12));
+    const i64s q0 = softplus2_q12_q20((q <= 12 ? shift_up(o, 12 - q)
+                                               : round_off(o, q - 12)) +
+                                      (SAGA_PEAK_LOG2 << 12));
 
     if (!f->has_width)
         return q0;

@@ -46,7 +46,8 @@ INLINE u32s exp2_minus(u32s q)
                                                  1366, 1366, 1366 });
     const u32s p1 = 22685 - mulhi_u16(f2, p2);
 
-    return shift_each((32767 - mulhi_u16(f2, p1)) << 1, q >> 11);
+    return shift_each((32767 - mulhi_u16(f2, p1)) << (1 + SAGA_PEAK_LOG2),
+                      q >> 11);
 }
 
 #include "blend_lanes.h"

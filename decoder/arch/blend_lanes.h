@@ -8,7 +8,7 @@
  * Of q eleven bits of fraction count, as Q in Q11:
  *     Q = (v^2 + 32 + 64 q_line) >> 15,  v in Q13,
  * one shift for the two of the norm: 64 q_line is a multiple of 64. v is below
- * 7 2^13 in the box: its square and 64 * 8 2^20 + 32 are below 2^32.
+ * 7 2^13 in the box: its square and 64 * 11 2^20 + 32 are below 2^32.
  *
  * 2^-f is blend.c's polynomial. Builtins and vector types rather than
  * immintrin.h, which wants a C library. A file of a machine defines what
@@ -18,8 +18,9 @@
  *     PAIRS                     1: two groups of a row are blended at a time
  *     u32s, i32s, IOTA          vectors of LANES; { 0, 1, 2, .. }
  *     u32s min_u32(u32s, u32s)
- *     u32s exp2_minus(u32s q)   2^-q in Q16, q in Q11 below the cut; anything
- *                               for other q
+ *     u32s exp2_minus(u32s q)   2^(3 - q) in Q16 or, above the cap, anything
+ *                               above it, q in Q11 below the cut; anything for
+ *                               other q
  */
 #ifndef SAGA_BLEND_LANES_H
 #define SAGA_BLEND_LANES_H
@@ -60,7 +61,7 @@ typedef struct {
     u32s colour[3];
 } paint;
 
-/* Returns min(2^-q, cap) in Q16; q in Q11, 0 from the cut on. */
+/* Returns min(2^(3 - q), cap) in Q16; q in Q11, 0 from the cut on. */
 INLINE u32s alpha_q16(u32s q)
 {
     const u32s a = min_u32(exp2_minus(q), all(SAGA_ALPHA_CAP_Q16));

@@ -11,6 +11,7 @@
 #ifndef SAGA_BLEND_X4_H
 #define SAGA_BLEND_X4_H
 
+#include "model.h"
 #include "vector_x4.h"
 
 #ifdef INLINE
@@ -29,13 +30,16 @@ INLINE u32s min_u32(u32s a, u32s b)
     return (a & is_less) | (b & ~is_less);
 }
 
+/* Where q is below 3, so far above the cap, 65524. */
 INLINE u32s exp2_minus(u32s q)
 {
-    const u32s f = (q & 2047) << 4 | 8;
+    const i32s r = (i32s)q - (SAGA_PEAK_LOG2 << 11);
+    const u32s rest = (u32s)(r & (r > 0));
+    const u32s f = (rest & 2047) << 4 | 8;
     const u32s p2 = 7661 - mulhi_15(f, (u32s){ 1366, 1366, 1366, 1366 });
     const u32s p1 = 22685 - mulhi_15(f, p2);
 
-    return shift_each(32767 - mulhi_15(f, p1), q >> 11);
+    return shift_each(32767 - mulhi_15(f, p1), rest >> 11);
 }
 
 #include "blend_lanes.h"

@@ -118,7 +118,7 @@ INLINE pairs rsqrt_each(pairs x)
 /* Any other x gives anything. */
 INLINE i64s sqrt_up_each(i64s x_q20)
 {
-    return entries16(saga_sqrt_up_q12, shift_down(x_q20 - 1, 15) & 255);
+    return entries16(saga_sqrt_up_q12, shift_down(x_q20 - 1, 15) & 511);
 }
 
 #endif

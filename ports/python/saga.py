@@ -316,8 +316,8 @@ class Film:
         return {"mean": a["x"] * unit + numpy.array(self.info.centre_metres),
                 "quat": quat / numpy.linalg.norm(quat, axis=1)[:, None],
                 "scale": numpy.exp2(a["scale"] / 1024) * unit,
-                "opacity": numpy.where(a["q0"] < 8 << 20, numpy.exp2(
-                    -a["q0"] / 2 ** 20), 0.0)}
+                "opacity": numpy.where(a["q0"] < 11 << 20, numpy.exp2(
+                    3 - a["q0"] / 2 ** 20), 0.0)}
 
 
 def open(file):  # noqa: A001 (that is what it does)

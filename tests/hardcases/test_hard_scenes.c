@@ -81,9 +81,11 @@ static void see_one(given_view *v, const gen_given *g, uint32_t tools,
     see(v, c, t);
 }
 
-/* Grey that a white thing of this alpha leaves of black. */
-static void expect(const given_view *v, int x, int y, double alpha)
+/* Grey that a white thing leaves of black, which is this part of full. */
+static void expect(const given_view *v, int x, int y, double part)
 {
+    const double alpha =
+        part * 8 / (1 + exp2(3 - ldexp(GIVEN_FULL, -GIVEN_Q_OPACITY)));
     const double want = 255 * (alpha < 1.0 / 256 ? 0 : fmin(alpha, cap));
     int i;
 
@@ -91,13 +93,13 @@ static void expect(const given_view *v, int x, int y, double alpha)
         assert_true(fabs(given_sample(v, x, y, i) - want) <= 0.6);
 }
 
-static void expect_all(const given_view *v, double alpha)
+static void expect_all(const given_view *v, double part)
 {
     int x, y;
 
     for (y = 0; y < v->cam.height; y++)
         for (x = 0; x < v->cam.width; x++)
-            expect(v, x, y, alpha);
+            expect(v, x, y, part);
 }
 
 static void expect_nothing(const given_view *v)
@@ -426,14 +428,14 @@ static void camera_at_the_place_should_add_no_direction(void **state)
 
 /* --- How much of them there is ------------------------------------------- */
 
-/* alpha = 1 / (1 + 2^-o): 0 is no splat, 1 is the cap, and between -8, whose q
- * is 8.006, and -8 + 1/64, whose q is 7.990, lies the cut. Of the latter the
- * pixels within 0.1 standard deviations of its centre are left. */
+/* alpha = 8 / (1 + 2^(3 - o)): 0 is no splat, 1 is the cap, and between -8,
+ * whose q is 11.0007, and -8 + 1/64, whose q is 10.985, lies the cut. Of the
+ * latter the pixels within 0.14 standard deviations of its centre are left. */
 static void opacity_should_be_nothing_cut_or_cap(void **state)
 {
     static const int16_t nothing[] = { -32, -16, -8 };
     const saga_camera c = front(SIDE, SIDE);
-    const double q0 = log2(1 + exp2(8 - 1 / 64.0));
+    const double q0 = log2(1 + exp2(11 - 1 / 64.0));
     const double sigma = SIDE / 2.0;
     gen_given g = ball(19);
     given_view v;
@@ -456,7 +458,7 @@ static void opacity_should_be_nothing_cut_or_cap(void **state)
             const double q = q0 + (dx * dx + dy * dy) / 2 / log(2) /
                              (sigma * sigma + 0.3);
 
-            assert_int_equal(given_sample(&v, x, y, 0), q < 8);
+            assert_int_equal(given_sample(&v, x, y, 0), q < 11);
         }
     given_close(&v);
     g.p.opacity = 31 << GIVEN_Q_OPACITY;
@@ -465,14 +467,14 @@ static void opacity_should_be_nothing_cut_or_cap(void **state)
     given_close(&v);
 }
 
-/* Eight colours, 256 of each at one place, alpha 1/129 all over the picture:
- * the first takes 1 - T, the next T (1 - T), T = (128/129)^256, until T^k is
+/* Eight colours, 256 of each at one place, alpha 8/1025 all over the picture:
+ * the first takes 1 - T, the next T (1 - T), T = (1017/1025)^256, until T^k is
  * below 2^-13. Equal depths are drawn by number, so no two machines differ.
  * A weight below half a unit of 2^-16 is none: T stays at 64, a quarter of a
  * level, where double goes on. */
 static void coincident_splats_should_be_drawn_by_number(void **state)
 {
-    const double all = pow(128 / 129.0, 256);
+    const double all = pow(1017 / 1025.0, 256);
     gen_given g[8];
     saga_camera c = front(9, 7);
     saga_splat s;

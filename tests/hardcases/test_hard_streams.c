@@ -212,7 +212,7 @@ static void zero_symbols_should_be_one_grey_ball(void **state)
                          m->tools & SAGA_TOOL_OPACITY_T ? 15 << 10 : 0);
         assert_true(see(&v, d.prim[0].t_centre, SAGA_VERIFY_SYMBOLS) >= 62);
         assert_int_equal(saga_splat_at(&s, v.dec, 0), SAGA_OK);
-        assert_int_equal(s.q0_q20, 1 << 20);
+        assert_int_equal(s.q0_q20, 3323907); /* log2(1 + 2^3) */
         for (k = 0; k < 3; k++)
             assert_int_equal(s.colour_q15[k], 16384);
         free_decoded(&d);
@@ -249,7 +249,8 @@ static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
 /* With the largest steps a residual of +-65535 saturates what it is added to,
  * whatever was predicted: positions end at a corner of the cube and at an end
  * of the segment, all 256 of them. Where they are faint, what their alphas lose
- * to 16 bits adds up: 61.5 dB in the worst picture. */
+ * to 16 bits adds up to a fifth of a level, which takes one channel of an even
+ * picture to the level beside: 52.9 dB in the worst one. */
 static void limits_should_end_in_a_corner(void **state)
 {
     uint32_t i, p;
@@ -284,7 +285,7 @@ static void limits_should_end_in_a_corner(void **state)
                                                        : SAGA_X_MIN);
         }
         assert_true(see(&v, 0, SAGA_VERIFY_SYMBOLS) >= 60);
-        assert_true(see(&v, 65535, SAGA_VERIFY_SYMBOLS) >= 60);
+        assert_true(see(&v, 65535, SAGA_VERIFY_SYMBOLS) >= 52);
         free_decoded(&d);
         given_close(&v);
         gen_stream_free(&g);

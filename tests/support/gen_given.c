@@ -47,7 +47,7 @@ gen_given gen_given_ball(int32_t depth, int log2_scale)
 {
     gen_given g = { .p = { .x = { 0, 0, depth }, .t_centre = 32768,
                            .quat = { 1 << GIVEN_Q_QUAT, 0, 0, 0 },
-                           .opacity = 24 << GIVEN_Q_OPACITY,
+                           .opacity = GIVEN_FULL,
                            .log2_width_q10 = 28 << 10 } };
     int i;
 

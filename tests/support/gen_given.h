@@ -16,6 +16,7 @@
  * quat[0] in -1023..3071, the others and slopes within +-2047. */
 enum {
     GIVEN_Q_OPACITY = 10,
+    GIVEN_FULL = 192,        /* opacity 8 / (1 + 2^(3 - 192/1024)) = 0.9969 */
     GIVEN_Q_QUAT = 10,
     GIVEN_Q_MOTION = 11
 };
@@ -29,7 +30,7 @@ typedef struct gen_given {
 } gen_given;
 
 /* At (0, 0, depth), a ball of 2^log2_scale box units, white, still, visible all
- * the time, of opacity 1 but for the cap. */
+ * the time, of opacity GIVEN_FULL, more than the cap. */
 gen_given gen_given_ball(int32_t depth, int log2_scale);
 
 /* How to read them: orders of motion, slope and width are on if tools say so

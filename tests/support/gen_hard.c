@@ -121,7 +121,7 @@ static void hard_scale(saga_animated *a, gen_rng *r, const saga_camera *c,
 void gen_hard_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
 {
     const double z = exp2(gen_uniform(r, 0, 29));
-    const int32_t cut = 8 << 20;
+    const int32_t cut = 11 << 20;
 
     hard_position(a, r, c, z);
     hard_quat(a, r);

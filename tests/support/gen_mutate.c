@@ -1036,7 +1036,7 @@ static void look(player *p, const saga_camera *c, int is_rig)
                 splat.y0 >= 0 && splat.x0 < splat.x1 &&
                 splat.y0 < splat.y1 && splat.x1 <= c->width &&
                 splat.y1 <= c->height && splat.q0_q20 >= 0 &&
-                splat.q0_q20 < 8 << 20 && splat.colour_q15[0] <= 32768);
+                splat.q0_q20 < 11 << 20 && splat.colour_q15[0] <= 32768);
     }
     draw(p, c, report.n_splats);
 }

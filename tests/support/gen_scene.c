@@ -130,7 +130,9 @@ static void random_primitive(saga_primitive *p, gen_rng *r,
     }
     for (i = 0; i < 4; i++)
         p->quat[i] = (int16_t)gen_int(r, -16384, 16384);
-    p->opacity = (int16_t)lrint(4096 * 2.0 * gen_normal(r));
+    /* an opacity below 1, 1 / (1 + 2^-normal) = 8 / (1 + 2^(3 - o)) */
+    p->opacity = (int16_t)lrint(
+        4096 * (3 - log2(8 * (1 + exp2(-2.0 * gen_normal(r))) - 1)));
 }
 
 void gen_uniform_scene(saga_primitive *p, uint32_t n, gen_rng *r,

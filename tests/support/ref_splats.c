@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "ref_splats.h"
 
+#include "model.h"
+
 #include <math.h>
 #include <stdlib.h>
 
@@ -97,7 +99,8 @@ static int project(splat *o, const ref_primitive *p, double t,
     for (i = 0; i < 3; i++)
         for (view[i] = 0, k = 0; k < 3; k++)
             view[i] += cam->rotation[3 * i + k] * x[k];
-    o->q0 = log2(1 + exp2(-p->opacity)) + u * u / log(2);
+    o->q0 = log2(1 + exp2(SAGA_PEAK_LOG2 - p->opacity)) -
+            SAGA_PEAK_LOG2 + u * u / log(2);
     o->depth = view[2];
     if (view[2] < cam->near_plane || o->q0 >= cam->cut ||
         fabs(view[0] / view[2]) >= 8 || fabs(view[1] / view[2]) >= 8)

@@ -308,7 +308,7 @@ static void check_opacity(const saga_animated *a, const saga_primitive *p,
                           const saga_prim_format *f, int32_t t)
 {
     const double o = ldexp(p->opacity, -f->q_opacity);
-    double q0 = softplus2(fmin(fmax(-o, -256), 256));
+    double q0 = softplus2(fmin(fmax(3 - o, -256), 256));
     double bound = 1.32 + (f->q_opacity > 12 ? 128 : 0);
 
     if (f->has_width) {
@@ -339,7 +339,7 @@ static void opacity_should_fade_with_the_distance_in_time(void **state)
             p.log2_width_q10 = (int16_t)gen_int(&r, 10 << 10, 18 << 10);
         saga_animate(&a, &p, &f, t);
         check_opacity(&a, &p, &f, t);
-        visible += f.has_width && a.q0_q20 < 8 << 20;
+        visible += f.has_width && a.q0_q20 < 11 << 20;
     }
     print_message("%d of %d with a width are visible\n", visible, ROUNDS / 2);
     assert_true(visible > ROUNDS / 20);
@@ -366,7 +366,7 @@ static void every_width_should_fade(void **state)
             saga_animate(&a, &p, &f, t);
             check_opacity(&a, &p, &f, t);
             if (i == 0)
-                assert_int_equal(a.q0_q20, 1 << 20);
+                assert_int_equal(a.q0_q20, 3323907); /* log2(1 + 2^3) */
         }
 }
 
@@ -391,7 +391,7 @@ static void fade_should_saturate(void **state)
     p.log2_width_q10 = 32767;
     p.opacity = 0;
     saga_animate(&a, &p, &f, 65535);
-    assert_int_equal(a.q0_q20, 1 << 20);
+    assert_int_equal(a.q0_q20, 3323907);
 }
 
 /* --- Fields -------------------------------------------------------------- */

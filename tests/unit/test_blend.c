@@ -15,7 +15,7 @@
 
 #include <string.h>
 
-enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000 };
+enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000, CUT = 11 << 20 };
 
 /* Largest factors, docs/arithmetic.md: 1.551 in Q28. */
 #define MOST_FACTOR 416377000
@@ -61,7 +61,8 @@ static void fill_tile(tile *to, gen_rng *r, uint32_t n)
 static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
 {
     static const int32_t colours[] = { 0, 1, 32767, 32768 };
-    static const int32_t q[] = { 0, 1, (8 << 20) - 1, 7 << 20, (1 << 20) - 1 };
+    static const int32_t q[] = { 0, 1, CUT - 1, CUT - (1 << 20),
+                                 (4 << 20) - 1 };
     int64_t x, y;
     int i;
 
@@ -72,7 +73,7 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
     p->g = any_size(r, MOST_FACTOR);
     p->h = any_size(r, MOST_FACTOR);
     p->n = any_size(r, MOST_FACTOR) * (gen_int(r, 0, 1) ? 1 : -1);
-    p->q0 = gen_int(r, 0, 2) ? any_size(r, (8 << 20) - 1) : any_of(r, q, 5);
+    p->q0 = gen_int(r, 0, 2) ? any_size(r, CUT - 1) : any_of(r, q, 5);
     x = gen_int(r, -4 * 256, (side + 4) * 256);
     y = gen_int(r, -4 * 256, (side + 4) * 256);
     p->v = (-p->g * x + p->n * y) >> 8;
@@ -104,7 +105,7 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
     if (*t < 8 || v < -65536 || v > 65536 || w < -65536 || w > 65536)
         return;
     q = p->q0 + ((w * w + 32) >> 6) + ((v * v + 32) >> 6);
-    if (q >= 8 << 20)
+    if (q >= CUT)
         return;
     weight = (ref_alpha_q16((int32_t)q) * *t + 0x8000) >> 16;
     *t -= weight;
@@ -170,7 +171,7 @@ static void alpha_should_be_that_of_the_norm(void **state)
     int32_t q;
 
     (void)state;
-    for (q = 0; q < 8 << 20; q += 511) {
+    for (q = 0; q < CUT; q += 511) {
         saga_patch p = { .q0 = q, .x1 = 8, .n_rows = 1,
                          .colour_q15 = { 32768, 1, 0 } };
         uint32_t a[4 * PLANE] = { 0 }, b[4 * PLANE] = { 0 };

@@ -30,7 +30,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CUT (8 << 20)
+#define CUT (11 << 20)
 enum { ROUNDS = 200000, SAMPLES = 8 };
 
 static const double q28 = 268435456;
@@ -172,7 +172,7 @@ static void check_mean(errors *e, const trial *t)
  * picture. */
 static int pick_pixel(int pixel[2], const trial *t, gen_rng *r)
 {
-    const double l = sqrt((8 - t->ref.q0) * gen_uniform(r, 0, 1));
+    const double l = sqrt((11 - t->ref.q0) * gen_uniform(r, 0, 1));
     const double turn = gen_uniform(r, 0, 6.283185307179586);
     const double dy = l * sin(turn) / t->ref.chol[2];
     const double dx = (l * cos(turn) + t->ref.chol[1] * dy) / t->ref.chol[0];
@@ -529,7 +529,7 @@ static void box_should_lose_no_pixel(void **state)
     assert_true(outside > ROUNDS);
 }
 
-/* No looser than 3 % and 1.5 px, where q0 <= 6. */
+/* No looser than 3 % and 1.5 px, where q0 <= 9. */
 static void box_should_be_tight(void **state)
 {
     gen_rng r = gen_seeded(25);
@@ -539,12 +539,12 @@ static void box_should_be_tight(void **state)
     (void)state;
     for (i = 0; i < ROUNDS / 4; i++) {
         hard_trial(&t, &r, 4096, 4096);
-        if (!t.is_visible || t.a.q0_q20 > 6 << 20 ||
+        if (!t.is_visible || t.a.q0_q20 > 9 << 20 ||
             fmin(focal(&t, 0), focal(&t, 1)) < 64)
             continue;
         for (k = 0; k < 2; k++) {
             const double sigma = sqrt(t.ref.cov[2 * k] / 0.7213475204444817);
-            const double reach = sqrt(8 - t.ref.q0) * sigma * 1.03 + 1.5;
+            const double reach = sqrt(11 - t.ref.q0) * sigma * 1.03 + 1.5;
             const int lo = k ? t.s.y0 : t.s.x0, hi = k ? t.s.y1 : t.s.x1;
 
             assert_true(lo == 0 || lo + 0.5 >= t.ref.mean[k] - reach);

@@ -297,9 +297,9 @@ static void tally_pixel(tally *t, const scene *s, const ref_splat *ref, int x,
     const uint32_t w = q_q20 < CUT ? ref_alpha_q16(q_q20) : 0;
 
     t->visible += value > 0;
-    t->near += fabs(q - 8) <= eps;
-    t->lost += value == 0 && q < 8 - eps;
-    t->invented += value > 0 && q > 8 + eps;
+    t->near += fabs(q - 11) <= eps;
+    t->lost += value == 0 && q < 11 - eps;
+    t->invented += value > 0 && q > 11 + eps;
     t->wrong += value != ((uint64_t)w * 65535 + 32768) >> 16;
 }
 

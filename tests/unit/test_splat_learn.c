@@ -58,7 +58,7 @@ static void draw_targets(fit *f)
 
     scene_random(&p, N, 101, 3);
     for (i = 0; i < N; i++) {
-        p.opacity[i] += 2;
+        p.opacity[i] -= R(0.5);
         p.log2_width[i] += 1;
     }
     for (i = 0; i < VIEWS; i++) {
@@ -83,7 +83,7 @@ static fit *new_fit(void)
     for (i = 0; i < 3 * N; i++)
         f->p.colour[i] = 0.5f;
     for (i = 0; i < N; i++) {
-        f->p.opacity[i] = 0;
+        f->p.opacity[i] = R(-0.9);
         f->p.log2_width[i] = 1;
         f->p.t_centre[i] = 0.5f;
         f->p.support[3 * i] = f->p.support[3 * i + 1] = 0.2f;

@@ -5,6 +5,7 @@
 #include "camera.h"
 #include "cloud_files.h"
 #include "file.h"
+#include "model.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -133,13 +134,21 @@ void saga_cloud_params_free(saga_splat_params *p)
     *p = (saga_splat_params){ .mean = NULL };
 }
 
+/* 1 / (1 + exp(-logit)) = 8 / (1 + 2^(3 - o)). */
+static double parameter_of(float logit)
+{
+    const double top = exp2(SAGA_PEAK_LOG2);
+
+    return SAGA_PEAK_LOG2 - log2(top * (1.0 + exp(-(double)logit)) - 1.0);
+}
+
 bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
                        const saga_shot *shot, int n_shots, saga_error *error)
 {
     if (!alloc_params(p, cloud->n, error))
         return false;
     for (size_t i = 0; i < cloud->n; i++) {
-        p->opacity[i] = (real)((double)cloud->logit[i] / LN2);
+        p->opacity[i] = (real)parameter_of(cloud->logit[i]);
         for (size_t a = 0; a < 3; a++) {
             p->mean[3 * i + a] = (real)cloud->mean[3 * i + a];
             p->log2_scale[3 * i + a] =

@@ -8,9 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The decoder's cut: what is not below 8 in q0 is drawn nowhere. */
-enum { CUT_Q20 = 8 << 20 };
-
 #define LN2 0.69314718055994531
 
 /* --- Colours ------------------------------------------------------------- */
@@ -268,13 +265,24 @@ static void set_quat(float q[4], const int32_t v[4])
         q[k] = n > 0.0 ? (float)(v[k] / sqrt(n)) : k == 0;
 }
 
-/* The logit of 2^-q. What is wholly opaque, which has none, is taken as opaque
- * as can be told: half a step of q. */
+/* The logit of an opacity. What is wholly opaque, which has none, is taken as
+ * opaque as can be told: half a step of q. */
 static float logit_of(int32_t q0_q20)
 {
-    const double q = fmax(q0_q20, 0.5) / 1048576.0;
+    const double q =
+        fmax(q0_q20 - (SAGA_PEAK_LOG2 << 20), 0.5) / 1048576.0;
 
     return (float)-log(expm1(q * LN2));
+}
+
+/* Viewers have no flat tops: an opacity above 1 becomes a normal distribution
+ * that covers as much of a picture. The natural logarithm of how much wider it
+ * is: of P exp(-r^2 / 2) cut at 1, 2 pi (1 + ln P) is covered. */
+static double widening(int32_t q0_q20)
+{
+    const double peak = SAGA_PEAK_LOG2 - q0_q20 / 1048576.0;
+
+    return 0.5 * log1p(LN2 * fmax(peak, 0.0));
 }
 
 static void set_splat(saga_cloud *cloud, const saga_metric *metric,
@@ -287,7 +295,8 @@ static void set_splat(saga_cloud *cloud, const saga_metric *metric,
         cloud->mean[3 * i + k] =
             (float)(metric->centre[k] + metric->unit * a->x[k]);
         cloud->log_scale[3 * i + k] =
-            (float)(a->log2_scale_q10[k] / 1024.0 * LN2 + log(metric->unit));
+            (float)(a->log2_scale_q10[k] / 1024.0 * LN2 + log(metric->unit) +
+                    widening(a->q0_q20));
     }
     set_quat(cloud->quat + 4 * i, a->quat);
     cloud->logit[i] = logit_of(a->q0_q20);
@@ -315,7 +324,7 @@ bool saga_film_cloud(saga_cloud *cloud, saga_film_colours *colours,
         saga_animated a;
 
         (void)saga_primitive_at(&a, film->dec, i, t);
-        if (a.q0_q20 < CUT_Q20)
+        if (a.q0_q20 < SAGA_CUT_Q20)
             set_splat(cloud, &film->metric, &a,
                       colours->harmonics + each * i);
     }

@@ -8,7 +8,7 @@
 #include <string.h>
 
 static const saga_splat_rules norm = {
-    R(SAGA_CUT_LOG2), R(SAGA_ALPHA_CAP_Q16) / 65536,
+    R(SAGA_CUT_LOG2 - SAGA_PEAK_LOG2), R(SAGA_ALPHA_CAP_Q16) / 65536,
     R(SAGA_T_FLOOR_Q16) / 65536, 0
 };
 

@@ -43,7 +43,7 @@ typedef struct saga_splat_posed {
     real *mean;           /* (N, 3) */
     real *quat;           /* (N, 4) not normalised */
     real *q0;             /* (N) -log2 of opacity times temporal opacity,
-                           * >= 0 */
+                           * >= -3 */
 } saga_splat_posed;
 
 /* This is a primitive in one camera. q = q0 + v^2 + w^2 with v = g dx - n dy
@@ -51,7 +51,7 @@ typedef struct saga_splat_posed {
 typedef struct saga_splat_2d {
     real mean[2];         /* pixels */
     real g, n, h;         /* Cholesky factor of the conic, log2 units */
-    real q0;              /* in [0, cut) */
+    real q0;              /* in [-3, cut) */
     real colour[3];
     real depth;           /* z */
     int16_t x0, y0, x1, y1; /* pixels touched lie in [x0, x1) x [y0, y1);

@@ -28,7 +28,8 @@ typedef struct saga_splat_params {
     real *quat;       /* (N, 4) w, x, y, z; any length; (0, 0, 0, 0) counts as
                        * (1, 0, 0, 0) */
     real *log2_scale; /* (N, 3) standard deviations; used within +-60 */
-    real *opacity;    /* (N) logit in log2 units: alpha = 1 / (1 + 2^-o) */
+    real *opacity;    /* (N) in log2 units: peak alpha = 8 / (1 + 2^(3 - o)),
+                       * of which pixels show the cap at most */
     real *colour;     /* (N, 3) R, G, B, in [0, 1] */
     real *support;    /* (N, 3) unit of the motion; NULL: 1 */
     real *motion;     /* (N, 9) order 1 x, y, z; order 2; order 3; in supports

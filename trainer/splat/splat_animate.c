@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 #include "splat_animate.h"
 
+#include "model.h"
+
 #include <tgmath.h>
 
+#define PEAK R(SAGA_PEAK_LOG2)
 #define LOG2_E R(1.4426950408889634)
 #define LN_2 R(0.6931471805599453)
 #define LIMIT_U R(16)         /* of |dt| / width, as the norm saturates; */
@@ -75,7 +78,7 @@ void saga_splat_animate_forward(saga_splat_posed *out,
             if (p->slope)
                 out->quat[4 * i + a] += p->slope[4 * i + a] * age;
         }
-        out->q0[i] = softplus2(-p->opacity[i]);
+        out->q0[i] = softplus2(PEAK - p->opacity[i]) - PEAK;
         if (p->log2_width) {
             const real u = width_ratio(p, i, dt);
 
@@ -143,15 +146,15 @@ static real pose_backward(saga_splat_params *d, const saga_splat_posed *d_out,
            quat_backward(d, d_out->quat + 4 * i, p, i, age);
 }
 
-/* d log2(1 + 2^-o) / do = -1 / (1 + 2^o). With u = |dt| / width below its
- * limit, q = log2(e) u^2 gives dq/d log2_width = -2 u^2 and
+/* d log2(1 + 2^(3 - o)) / do = -1 / (1 + 2^(o - 3)). With u = |dt| / width
+ * below its limit, q = log2(e) u^2 gives dq/d log2_width = -2 u^2 and
  * dq/ddt = 2 log2(e) u^2 / dt. Returns dL/ddt. */
 static real opacity_backward(saga_splat_params *d, real d_q0,
                              const saga_splat_params *p, size_t i, real dt)
 {
     real u;
 
-    d->opacity[i] -= d_q0 / (1 + exp2(p->opacity[i]));
+    d->opacity[i] -= d_q0 / (1 + exp2(p->opacity[i] - PEAK));
     if (!p->log2_width)
         return 0;
     u = width_ratio(p, i, dt);

@@ -218,7 +218,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     o->h = sqrt(K / v.c);
     o->g = sqrt(K * (v.c / v.det));
     o->n = o->g * (v.b / v.c);
-    o->q0 = max_real(posed->q0[i], 0);
+    o->q0 = posed->q0[i];
     o->depth = s.view[2];
     for (a = 0; a < 3; a++)
         o->colour[a] = from->colour[3 * k + a];

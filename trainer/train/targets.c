@@ -36,12 +36,13 @@ static double softplus2(double x)
     return fmax(x, 0) + log2(1 + exp2(-fabs(x)));
 }
 
-/* Returns the opacity's logit after a loss of `lost` in log2 of opacity. */
-static double dimmed(double logit, double lost)
+/* Returns what stands for an opacity after a loss of `lost` in log2 of it. */
+static double dimmed(double opacity, double lost)
 {
-    const double q = softplus2(-logit) + lost;
+    const double q = softplus2(SAGA_PEAK_LOG2 - opacity) + lost;
 
-    return q < 1e-9 ? logit : q < 40 ? -log2(exp2(q) - 1) : -q;
+    return q < 1e-9 ? opacity
+                    : SAGA_PEAK_LOG2 - (q < 40 ? log2(exp2(q) - 1) : q);
 }
 
 /* The centre of primitive i's life becomes the middle of the segment, where it

@@ -489,7 +489,9 @@ static float *scores_of(const saga_splat_params *p, uint32_t n,
                                     error);
 
     for (uint32_t i = 0; score && i < n; i++)
-        score[i] = (float)(0.05 + 1 / (1 + exp2(-(double)p->opacity[i])));
+        score[i] = (float)(0.05 + fmin(1, exp2(SAGA_PEAK_LOG2) /
+                           (1 + exp2(SAGA_PEAK_LOG2 -
+                                     (double)p->opacity[i]))));
     return score;
 }
 
