@@ -268,6 +268,20 @@ def curves(rates, folder):
                 out.write("\n\n")
 
 
+def files(folder, n_rates):
+    """Tells what was encoded, as the trainings' reports have it."""
+    reports = [load(folder, f"r{i + 1}", "encode.json")
+               for i in range(n_rates)]
+    if None in reports:
+        return
+    o = reports[0]["options"]
+    prose(f"The files: {reports[0]['n_views']} cameras, "
+          f"{reports[0]['n_frames']} frames, {o['primitives']:,} primitives, "
+          f"{o['iterations']:,} iterations, seed {o['seed']}, --lambda "
+          + ", ".join(f"{r['options']['lambda']:g}" for r in reports) + ": "
+          + ", ".join(f"{r['nbytes']:,}" for r in reports) + " bytes.")
+
+
 def main(folder, scenes):
     names = [k for k, _ in VARIANTS] + [f"slots{n}" for n in SLOTS]
     rates = []
@@ -283,6 +297,7 @@ def main(folder, scenes):
           "its file with the entropy networks fitted anew on the same "
           "symbols (lab/gen_refit.h). What disagrees with the paper, and "
           "why: [lab/sources.md](../lab/sources.md).")
+    files(folder, len(rates))
     print("![rate and distortion](ablation.svg)\n")
     components(rates)
     runtime(rates)
