@@ -137,13 +137,17 @@ static void force_parent(saga_neighbours *nb, uint32_t k, uint32_t rank,
 
 /* w_b = e_b / sum e, e_b = 2^(-(d_b - d_min) log2(e) / T). The nearest has
  * e = 2^15, so the sum is in 2^15..2^19 and its reciprocal's shift in 44..49;
- * weights sum to 2^14 within K / 2. */
+ * weights sum to 2^14 within K / 2. One alone has 2^14, as the rest would. */
 static void softmax(saga_neighbours *nb, uint32_t softmax_q8)
 {
     uint32_t e_q15[SAGA_MAX_NEIGHBOURS];
     uint32_t d_min = 65535, sum = 0, m, i;
     int shift;
 
+    if (nb->n == 1) {
+        nb->weight_q14[0] = 1 << 14;
+        return;
+    }
     for (i = 0; i < nb->n; i++)
         if (nb->d_q12[i] < d_min)
             d_min = nb->d_q12[i];
@@ -201,6 +205,16 @@ void saga_interp_find(saga_neighbours *nb, const saga_scaffold *sc, int tier,
         softmax(nb, l->softmax_q8);
 }
 
+/* The sum of one is rounded to itself. */
+static void copy_feature(int16_t *restrict out, const int16_t *restrict x,
+                         uint32_t f)
+{
+    uint32_t i;
+
+    for (i = 0; i < f; i++)
+        out[i] = (int16_t)fx_max(x[i], -32767);
+}
+
 /* Weights sum to at most 2^14 + K/2, so |sum| < 2^29 + 2^19. */
 void saga_interp_sum(int16_t *out, const saga_scaffold *sc, int tier,
                      const saga_neighbours *nb)
@@ -211,6 +225,10 @@ void saga_interp_sum(int16_t *out, const saga_scaffold *sc, int tier,
     int32_t sum[SAGA_MAX_FEATURES];
     uint32_t i, k;
 
+    if (nb->n == 1) {
+        copy_feature(out, table + (size_t)nb->rank[0] * f, f);
+        return;
+    }
     for (i = 0; i < f; i++)
         sum[i] = 0;
     for (k = 0; k < nb->n; k++) {

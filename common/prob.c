@@ -10,13 +10,6 @@ static const uint16_t share[SAGA_MAX_ADAPTIVE + 1] = {
     3640, 3276, 2978, 2730, 2520, 2340, 2184, 2048, 1927
 };
 
-uint8_t saga_prob_index(int16_t log2_sigma, int q)
-{
-    const int32_t i = fx_rshift((int32_t)log2_sigma * SAGA_SCALE_PER_OCTAVE, q);
-
-    return (uint8_t)fx_clamp(i + SAGA_SCALE_UNIT, 0, SAGA_N_SCALES - 1);
-}
-
 saga_scale_row saga_prob_scale(uint32_t index)
 {
     saga_scale_row row;

@@ -8,6 +8,7 @@
 #ifndef SAGA_PROB_H
 #define SAGA_PROB_H
 
+#include "fx.h"
 #include "symbols.h"
 
 #include <stdint.h>
@@ -34,7 +35,12 @@ typedef struct saga_scale_row {
 } saga_scale_row;
 
 /* Index of the scale next to log2(sigma), sigma in steps, in Q q of 0..20. */
-uint8_t saga_prob_index(int16_t log2_sigma, int q);
+static inline uint8_t saga_prob_index(int16_t log2_sigma, int q)
+{
+    const int32_t i = fx_rshift((int32_t)log2_sigma * SAGA_SCALE_PER_OCTAVE, q);
+
+    return (uint8_t)fx_clamp(i + SAGA_SCALE_UNIT, 0, SAGA_N_SCALES - 1);
+}
 
 /* index in 0..63. */
 saga_scale_row saga_prob_scale(uint32_t index);
