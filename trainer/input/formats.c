@@ -156,12 +156,10 @@ static bool unknown_format(const char *path, saga_error *error)
         return saga_fail(error, path, "give the folder of a capture, or its "
                          "transforms.json", "does not exist or is neither a "
                          "folder nor a .json file");
-    return saga_fail(error, path, "looked for transforms.json (nerfstudio, "
-                     "Blender), cam*.mp4 with poses_bounds.npy or a COLMAP "
-                     "model (Neu3D), train_meta.json (Panoptic Sports), "
-                     "camera JSON with .yuv (MPEG MIV), a COLMAP model in "
-                     "sparse/0 beside images/,"
-                     " and numbered frame folders of these",
+    return saga_fail(error, path, "looked for transforms.json, "
+                     "transforms_train.json, camNN.mp4, sparse/0 beside "
+                     "images/, train_meta.json, MIV's JSON with .yuv, and "
+                     "folders of frames; `saga help check` tells the layouts",
                      "holds no capture of a known format");
 }
 
