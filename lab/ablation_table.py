@@ -203,6 +203,8 @@ def ablation(rates):
           "is rounded against moves, which costs PSNR beside the file as "
           "trained, and differs from variant to variant by chance: where "
           "the two numbers disagree, that is why.")
+    prose("All files here are the paper's V3: there is no residual hash "
+          "([lab/residual-hash.md](../lab/residual-hash.md)).")
 
 
 def slots(rate, folder):
