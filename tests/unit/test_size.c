@@ -289,6 +289,24 @@ static void plan_should_leave_what_is_given(void **state)
     assert_int_equal(o.n_iterations, 0);
 }
 
+/* A rest of half a second or more is a segment of its own. */
+static void segments_should_take_about_a_second(void **state)
+{
+    static const struct { int n_frames, asked, n; bool moves; } given[] = {
+        { 1, 0, 1, false }, { 30, 0, 1, false }, { 44, 0, 1, false },
+        { 45, 0, 2, false }, { 100, 0, 3, false }, { 100, 0, 1, true },
+        { 100, 10, 10, true }, { 5, 2, 2, false }, { 3, 2, 1, false }
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
+        const saga_capture c = { .n_frames = given[i].n_frames, .fps = 30,
+                                 .moves = given[i].moves };
+
+        assert_int_equal(saga_plan_segments(&c, given[i].asked), given[i].n);
+    }
+}
+
 /* A slower preset works more, and many pictures want more iterations. */
 static void presets_should_be_in_order(void **state)
 {
@@ -325,6 +343,7 @@ int main(void)
         cmocka_unit_test(plan_should_follow_pixels_and_motion),
         cmocka_unit_test(plan_should_be_short_when_it_is_of_a_still),
         cmocka_unit_test(plan_should_leave_what_is_given),
+        cmocka_unit_test(segments_should_take_about_a_second),
         cmocka_unit_test(presets_should_be_in_order)
     };
 

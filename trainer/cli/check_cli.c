@@ -65,13 +65,19 @@ static void print_notes(const char *notes)
 static void print_forecast(const saga_capture *c)
 {
     saga_forecast f;
+    int n_segments = 1;
 
     puts("forecast, by the measured files of docs/results/rd.md; what PSNR "
          "comes out only a\ntrial tells:");
-    for (int i = 0; saga_forecast_of(&f, c, i); i++)
+    for (int i = 0; saga_forecast_of(&f, c, i); i++) {
         printf("  --preset %-9s%7d primitives%7d iterations%6.0f CPU minutes"
                "%6.0f to %.0f kB\n", f.preset, f.n_primitives, f.n_iterations,
                ceil(f.minutes), f.least_kb, f.most_kb);
+        n_segments = f.n_segments;
+    }
+    if (n_segments > 1)
+        printf("  in %d segments, with so many primitives and iterations each; "
+               "a base may save\n  some of that\n", n_segments);
 }
 
 static void print_text(const saga_survey *s, const saga_capture *c,
@@ -128,8 +134,9 @@ static json_t *json_forecast(const saga_capture *c)
     saga_forecast f;
 
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        json_array_append_new(list, json_pack("{sssisisfsfsf}",
-            "preset", f.preset, "n_primitives", f.n_primitives,
+        json_array_append_new(list, json_pack("{sssisisisfsfsf}",
+            "preset", f.preset, "n_segments", f.n_segments,
+            "n_primitives", f.n_primitives,
             "n_iterations", f.n_iterations, "cpu_minutes", f.minutes,
             "least_kb", f.least_kb, "most_kb", f.most_kb));
     return list;

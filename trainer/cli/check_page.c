@@ -14,7 +14,7 @@
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
 /* Straight lines through docs/results/rd.md tell 8 kB and 8 to 13 bytes a
- * primitive. */
+ * primitive of each segment. */
 bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 {
     const saga_preset *const preset = saga_preset_at(index);
@@ -33,9 +33,11 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
     f->n_iterations = o.n_iterations;
-    f->minutes = saga_plan_minutes(f->n_primitives, f->n_iterations, pixels);
-    f->least_kb = 8 + 0.008 * f->n_primitives;
-    f->most_kb = 8 + 0.013 * f->n_primitives;
+    f->n_segments = saga_plan_segments(capture, 0);
+    f->minutes = f->n_segments * saga_plan_minutes(f->n_primitives,
+                                                   f->n_iterations, pixels);
+    f->least_kb = 8 + 0.008 * f->n_primitives * f->n_segments;
+    f->most_kb = 8 + 0.013 * f->n_primitives * f->n_segments;
     return true;
 }
 
@@ -270,8 +272,10 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
     put_table(to, s, c);
     for (int v = 0; ok && v < c->n_views; v++)
         ok = put_thumbnail(to, c, v, error);
-    fputs("<h2>Forecast</h2><p>By the measured files of docs/results/rd.md; "
-          "what PSNR comes out only a trial tells.<table>", to);
+    fprintf(to, "<h2>Forecast</h2><p>By the measured files of docs/results/"
+            "rd.md; what PSNR comes out only a trial tells. Segments: %d, with "
+            "so many primitives and iterations each.<table>",
+            saga_plan_segments(c, 0));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
                 "%.0f CPU minutes<td>%.0f to %.0f kB\n", f.preset,

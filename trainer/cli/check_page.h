@@ -11,13 +11,14 @@
 
 typedef struct saga_forecast {
     const char *preset;
-    int n_primitives, n_iterations;
-    double minutes;           /* of CPU */
+    int n_segments;
+    int n_primitives, n_iterations; /* of each */
+    double minutes;           /* of CPU, for all of them */
     double least_kb, most_kb;
 } saga_forecast;
 
-/* Tells what encoding with the index-th preset takes, of a capture that is one
- * segment; false past the last. */
+/* Tells what encoding with the index-th preset takes, with a base that saves
+ * nothing; false past the last. */
 bool saga_forecast_of(saga_forecast *forecast, const saga_capture *capture,
                       int index);
 

@@ -35,9 +35,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* A segment has so many frames at most. */
-enum { MOST_FRAMES = 65535 };
-
 /* Pictures of each view that tell of a rolling shutter. */
 enum { SHUTTER_PICTURES = 8 };
 
@@ -276,24 +273,15 @@ static saga_capture_options capture_options(session *s)
     return c;
 }
 
-/* Divides the capture into segments that differ by a frame at most. One of two
- * frames is the shortest in which something can move. */
+/* Divides the capture into segments that differ by a frame at most. */
 static int look_at_capture(session *s)
 {
     const saga_capture_options c = capture_options(s);
     saga_capture *const whole = &s->whole;
-    int frames;
 
     if (!saga_capture_look(whole, s->capture_name, &c, &s->error))
         return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
-    frames = s->o->segment ? s->o->segment
-             : whole->moves ? whole->n_frames
-                            : (int)fmax(2, fmin(rint(whole->fps), MOST_FRAMES));
-    s->n_segments = (whole->n_frames + frames / 2) / frames;
-    if (s->n_segments > whole->n_frames / 2)
-        s->n_segments = whole->n_frames / 2;
-    if (s->n_segments < 1)
-        s->n_segments = 1;
+    s->n_segments = saga_plan_segments(whole, s->o->segment);
     if (s->o->only >= s->n_segments || (is_part(s->o) && s->n_segments == 1))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s has %d segment%s "
                               "of --segment frames, numbered from 0: %s",
@@ -1473,7 +1461,7 @@ static const saga_cli_option option_list[] = {
     { "--segment", "FRAMES", "frames of a segment, about, each of which plays "
       "without\nthe others (default: a second; of a camera that moves,\nall of "
       "them); --primitives and --iterations are of each", saga_cli_int,
-      offsetof(options, segment), 2, MOST_FRAMES },
+      offsetof(options, segment), 2, SAGA_PLAN_MOST_FRAMES },
     { "--networks-only", NULL, "train the segment that makes the networks and "
       "write them,\nfor others to be trained elsewhere: docs/scale.md",
       saga_cli_flag, offsetof(options, networks_only), 0, 0 },

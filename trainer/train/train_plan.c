@@ -51,6 +51,20 @@ const saga_preset *saga_preset_called(const char *name)
     return NULL;
 }
 
+/* One of two frames is the shortest in which something can move. */
+int saga_plan_segments(const saga_capture *capture, int frames)
+{
+    const int all = capture->n_frames;
+    int n;
+
+    if (!frames)
+        frames = capture->moves ? all : (int)fmax(
+            2, fmin(rint(capture->fps), SAGA_PLAN_MOST_FRAMES));
+    n = (all + frames / 2) / frames;
+    n = n > all / 2 ? all / 2 : n;
+    return n < 1 ? 1 : n;
+}
+
 double saga_plan_primitives(double pixels, double changing)
 {
     return pixels / PIXELS_OF_ONE * (1 + MOTION_PART * changing);

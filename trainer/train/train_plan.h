@@ -28,6 +28,14 @@ typedef struct saga_plan_reasons {
     char primitives[160], iterations[160];
 } saga_plan_reasons;
 
+/* A segment has so many frames at most. */
+enum { SAGA_PLAN_MOST_FRAMES = 65535 };
+
+/* Returns how many segments a capture is trained in, of whose frames nothing
+ * but number and rate is looked at. They have about so many frames; 0: of a
+ * second, and of a camera that moves, all of them. */
+int saga_plan_segments(const saga_capture *capture, int frames);
+
 /* Returns the primitives that a scene wants of whose pixels at one moment, of
  * all views together, a part 0..1 changes. */
 double saga_plan_primitives(double pixels, double changing);
