@@ -251,7 +251,7 @@ static void NAME(project)(data *d)
         const NAME(prim) *const a = &d->NAME(moved)[p];
         const REAL z = a->mean[2], half[2] = { WIDE / (REAL)2,
                                                HIGH / (REAL)2 };
-        const REAL k = (REAL)(1.4426950408889634 / 2), pass = (REAL)0.3;
+        const REAL k = (REAL)(1.4426950408889634 / 2), pass = (REAL)0.1;
         REAL slope[2], t[2][3], aa, ab, bb, c, det;
         NAME(splat) *const s = &d->NAME(splats)[p];
 

@@ -302,7 +302,7 @@ extern const saga_level_caps saga_caps[SAGA_N_PROFILES];
 #define SAGA_CUT_LOG2 (SAGA_PEAK_LOG2 + 8)
 #define SAGA_CUT_Q20 (SAGA_CUT_LOG2 << 20)
 #define SAGA_T_FLOOR_Q16 8         /* a pixel is finished below 8 / 65536 */
-#define SAGA_LOW_PASS_NUM 3        /* 0.3 px^2 added to the 2-D covariance */
+#define SAGA_LOW_PASS_NUM 1        /* 0.1 px^2 added to the 2-D covariance */
 #define SAGA_LOW_PASS_DEN 10
 
 #endif

@@ -106,7 +106,7 @@ typedef struct {
  * up: -L - v < g i < L - v. A bound outside 0..x1 g needs no division; inside,
  * it is below 2^35, times the reciprocal below 2^52, and the quotient, at most
  * 64, is off by less than 2^-8. So [lo, hi) misses no pixel, and reaches no
- * further than 1 + 2^-8 pixels beyond L: |v| <= 3.32 + 1.56 = 4.88 < 8 fits
+ * further than 1 + 2^-8 pixels beyond L: |v| <= 3.32 + 2.70 = 6.02 < 8 fits
  * Q28. Returns 0 where no pixel can pass. */
 static int find_span(span *s, const line *l, const saga_patch *p)
 {

@@ -7,7 +7,7 @@
  * low-pass. Its two rows t0, t1 are integers below 2^30 with one power of two
  * for the splat; what follows from them lives in mantissa-exponent pairs, since
  * standard deviations run from 0.01 to 10^6 pixels. The results, the Cholesky
- * factor of the conic, are bounded by sqrt(k / d) = 1.551 whatever the splat.
+ * factor of the conic, are bounded by sqrt(k / d) = 2.686 whatever the splat.
  */
 #include "project.h"
 

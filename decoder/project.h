@@ -16,8 +16,8 @@
 #define BORDER_Q16 9830          /* 0.15 of a side */
 #define ZERO_EXP (-(1 << 20))    /* exponent of a zero */
 /* Mantissas and exponents. */
-#define LOW_PASS 1288490189, -2      /* 0.3 px^2 */
-#define LOW_PASS_2 1546188227, -4    /* 0.09 */
+#define LOW_PASS 1717986918, -4      /* 0.1 px^2 */
+#define LOW_PASS_2 1374389535, -7    /* 0.01 */
 #define ROOT_K 1823904678, -1        /* sqrt(log2(e) / 2) */
 
 /* SAGA_OK, or SAGA_ERR_ARG if a field of c is outside its range. */

@@ -170,7 +170,7 @@ def colour_towards(splat, d):
             for k in range(3)]
 
 
-def project(splat, camera):
+def project(splat, camera, low_pass):
     """A splat in the picture: depth, mean, inverse covariance, extents; None
     where it is not in front."""
     r, (fx, fy) = camera["rotation"], camera["focal"]
@@ -188,8 +188,8 @@ def project(splat, camera):
     s = covariance(splat)
     a, b, c = (sum(j[p][m] * s[m][n] * j[q][n] for m in range(3)
                    for n in range(3)) for p, q in ((0, 0), (0, 1), (1, 1)))
-    a += 0.3
-    c += 0.3
+    a += low_pass
+    c += low_pass
     det = a * c - b * b
     n = math.sqrt(sum(k * k for k in v))
     return {"depth": z, "mean": [fx * x / z + cx, fy * y / z + cy],
@@ -216,11 +216,11 @@ def draw_one(splat, picture, light, width, height):
             light[i] *= 1 - alpha
 
 
-def draw(splats, camera, background):
+def draw(splats, camera, background, low_pass=0.3):
     """The picture in 0..1, rows from the top; front to back."""
     n = camera["width"] * camera["height"]
     picture, light = [0.0] * (3 * n), [1.0] * n
-    seen = [p for p in (project(s, camera) for s in splats) if p]
+    seen = [p for p in (project(s, camera, low_pass) for s in splats) if p]
     for splat in sorted(seen, key=lambda s: s["depth"]):
         draw_one(splat, picture, light, camera["width"], camera["height"])
     return [picture[i] + light[i // 3] * background[i % 3]

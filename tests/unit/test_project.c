@@ -704,10 +704,10 @@ static void valid_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
 }
 
 /* With -DSAGA_CHECK and sanitizers: no shift, sum or product leaves its type.
- * The factors never exceed sqrt(k / d) = 1.551. */
+ * The factors never exceed sqrt(k / d) = 2.686. */
 static void results_should_be_bounded_for_every_valid_input(void **state)
 {
-    const int32_t top = (int32_t)(1.5507 * 268435456);
+    const int32_t top = (int32_t)(2.6858 * 268435456);
     gen_rng r = gen_seeded(26);
     int i, n = 0;
     trial t;

@@ -341,7 +341,7 @@ static void splat_should_touch_the_pixels_below_the_cut(void **state)
  * is the whole picture, so that spans alone decide. */
 static void any_splat(saga_splat *p, gen_rng *r)
 {
-    const int32_t top = 416248000; /* 1.5507 in Q28 */
+    const int32_t top = 720900000; /* 2.6856 in Q28 */
     int i;
 
     for (i = 0; i < 3; i++)

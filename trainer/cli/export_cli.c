@@ -226,9 +226,10 @@ const saga_command saga_command_export = {
     "  saga export scene.saga --glb scene.glb --frame 12\n"
     "\n"
     "PLY and glTF hold all numbers as the decoder has them; SPZ rounds. A\n"
-    "viewer's pictures still differ a little from `saga render`: colours that\n"
-    "depend on the view are fitted; viewers round in float. Like ours, most\n"
-    "widen a splat by 0.3 square pixels and draw it where it is above 1/256;\n"
-    "docs/results/export.md tells what each does, and how near it comes.\n",
+    "viewer's pictures still differ from `saga render`: colours that depend\n"
+    "on the view are fitted; an opacity above 1, which makes a flat top,\n"
+    "becomes a wider splat; most viewers widen splats by 0.3 square pixels,\n"
+    "ours by 0.1; they round in float. docs/results/export.md tells what each\n"
+    "does, and how near it comes.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

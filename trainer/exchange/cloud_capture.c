@@ -18,6 +18,10 @@
 enum { MOST_POINTS = 20000 };
 #define LEAST_OPACITY 0.3
 
+/* Pictures of them are those of viewers, who widen splats by so many square
+ * pixels. */
+#define VIEWERS_LOW_PASS R(0.3)
+
 /* More bytes of pictures are refused. */
 #define MOST_NBYTES ((uint64_t)4 << 30)
 
@@ -332,6 +336,7 @@ static bool fill(saga_capture *c, const saga_cloud_source *s,
     saga_canvas canvas = { .t = 0 };
     bool ok = saga_canvas_init(&canvas, largest(s), error);
 
+    canvas.rules.low_pass = VIEWERS_LOW_PASS;
     for (int k = 0; k < s->n_frames && ok; k++) {
         char doing[64];
 

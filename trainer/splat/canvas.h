@@ -34,6 +34,7 @@ typedef struct saga_splat_rules {
     real cut;             /* a splat touches pixels with q < cut */
     real alpha_cap;
     real t_floor;         /* a pixel is finished below it */
+    real low_pass;        /* pixels^2, added to the 2-D covariance */
     int detach_time;      /* 1: no gradient to t_centre and log2_width through
                            * motion and slope; 0 at first */
 } saga_splat_rules;

@@ -15,7 +15,6 @@
 
 #define K R(0.72134752044448170)       /* log2(e) / 2 */
 #define LN_2 R(0.69314718055994531)
-#define LOW_PASS (R(SAGA_LOW_PASS_NUM) / R(SAGA_LOW_PASS_DEN))
 #define RATIO_MAX R(8)                 /* |x/z| and |y/z| */
 #define MEAN_MAX R(32768)              /* px from the picture's centre */
 #define BORDER R(0.15)                 /* of a side, for the Jacobian */
@@ -34,6 +33,7 @@ typedef struct {
     real scale[3];
     real u[2][3], t[2][3]; /* J W R, and times the scales */
     real shrink;           /* 1, or what brought a huge T to ROW_MAX */
+    real low_pass;         /* of the canvas's rules */
 } shape;
 
 static real dot3(const real *a, const real *b)
@@ -147,11 +147,11 @@ static void covariance_of(covariance *v, const shape *s)
     const real c0 = dot3(s->t[1], s->t[1]);
 
     cross3(v->cross, s->t[0], s->t[1]);
-    v->a = a0 + LOW_PASS;
+    v->a = a0 + s->low_pass;
     v->b = dot3(s->t[0], s->t[1]);
-    v->c = c0 + LOW_PASS;
-    v->det = dot3(v->cross, v->cross) + LOW_PASS * (a0 + c0) +
-             LOW_PASS * LOW_PASS;
+    v->c = c0 + s->low_pass;
+    v->det = dot3(v->cross, v->cross) + s->low_pass * (a0 + c0) +
+             s->low_pass * s->low_pass;
 }
 
 /* Finds the pixels of one axis whose centre may lie within half of mean; half
@@ -211,6 +211,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
         return 0;
     if (!project_mean(o->mean, &s, posed->mean + 3 * i, cam))
         return 0;
+    s.low_pass = canvas->rules.low_pass;
     project_shape(&s, posed->quat + 4 * i, from->log2_scale + 3 * k, cam);
     covariance_of(&v, &s);
     if (!(v.det > 0 && v.det < REAL_MAX))
@@ -284,9 +285,9 @@ static void conic_backward(real dt[2][3], const splat_gradient *d,
     cross3(x[0], s->t[1], v.cross);
     cross3(x[1], v.cross, s->t[0]);
     for (j = 0; j < 3; j++) {
-        dt[0][j] = 2 * d_det * (x[0][j] + LOW_PASS * s->t[0][j]) +
+        dt[0][j] = 2 * d_det * (x[0][j] + s->low_pass * s->t[0][j]) +
                    d_b * s->t[1][j];
-        dt[1][j] = 2 * d_det * (x[1][j] + LOW_PASS * s->t[1][j]) +
+        dt[1][j] = 2 * d_det * (x[1][j] + s->low_pass * s->t[1][j]) +
                    d_b * s->t[0][j] + 2 * d_c * s->t[1][j];
     }
 }
@@ -375,6 +376,7 @@ static void project_one_backward(saga_splat_params *d,
 
     if (!project_mean(mean, &s, work->posed.mean + 3 * i, &canvas->camera))
         return;
+    s.low_pass = canvas->rules.low_pass;
     project_shape(&s, work->posed.quat + 4 * i, log2_scale, &canvas->camera);
     for (a = 0; a < 4; a++)
         d_posed->quat[4 * i + a] = 0;
