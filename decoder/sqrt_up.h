@@ -9,16 +9,17 @@
 
 #include "fx.h"
 
-extern const uint16_t saga_sqrt_up_q12[512];
+extern const uint16_t saga_sqrt_up_q12[256];
 
-/* x_q20 in 1..2^24: at least sqrt(x + 1) + 1/3, Q12, at most 16385; loose by
+/* x_q20 in 1..2^24: at least sqrt(x + 1) + 1/3, Q12, at most 16386; loose by
  * 0.8 % for x >= 2^21. The part above the root itself covers the rounding of
  * v, w and q (norm 7): q < 11 with x = 11 - q0 means
  * w13^2 + v13^2 < 64 (x_q20 + 1), and v13, w13 in Q13 are half a unit off. */
 static inline int32_t sqrt_up_q20_q12(int32_t x_q20)
 {
     FX_ASSERT(x_q20 >= 1 && x_q20 <= 16 << 20);
-    return saga_sqrt_up_q12[(x_q20 - 1) >> 15];
+    return x_q20 <= 8 << 20 ? saga_sqrt_up_q12[(x_q20 - 1) >> 15]
+                            : 2 * saga_sqrt_up_q12[(x_q20 - 1) >> 17];
 }
 
 #endif

@@ -118,7 +118,12 @@ INLINE pairs rsqrt_each(pairs x)
 /* Any other x gives anything. */
 INLINE i64s sqrt_up_each(i64s x_q20)
 {
-    return entries16(saga_sqrt_up_q12, shift_down(x_q20 - 1, 15) & 511);
+    const i64s is_large = negative((8 << 20) - x_q20);
+    const i64s at = select(is_large, shift_down(x_q20 - 1, 17),
+                           shift_down(x_q20 - 1, 15));
+    const i64s up = entries16(saga_sqrt_up_q12, at & 255);
+
+    return up + (up & is_large);
 }
 
 #endif
