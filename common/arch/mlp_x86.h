@@ -39,7 +39,7 @@ typedef int32_t saga_i32x4 __attribute__((vector_size(16)));
 
 #ifdef SAGA_MLP_AVX2
 
-enum { LANES = 16, VECTORS = 1 };
+enum { LANES = 16, TILE_VECTORS = 1 };
 typedef int32_t saga_sums __attribute__((vector_size(32)));
 typedef int16_t saga_words __attribute__((vector_size(32)));
 typedef saga_sums saga_shifts;
@@ -126,7 +126,7 @@ INLINE saga_i32x4 fold4(saga_sums ab, saga_sums cd)
 
 #else
 
-enum { LANES = 8, VECTORS = 2 };
+enum { LANES = 8, TILE_VECTORS = 2 };
 typedef saga_i32x4 saga_sums;
 typedef saga_i16x8 saga_words;
 
@@ -290,12 +290,20 @@ INLINE saga_words pair(const int16_t *x)
     return (saga_words)(zero + v);
 }
 
-/* sum[p] = the sums of a tile with weights w for point p of `points`, over n
- * inputs and some that pad them. Inlined, `int8` and `points` are known and the
- * sums stay in registers; unrolled, gcc has too few for several points. */
-INLINE void sum_tile(saga_sums sum[][VECTORS], const void *w, int int8,
-                     const int16_t *x, uint32_t stride, uint32_t n,
-                     uint32_t points)
+/* Rows that are summed together: two vectors of them, of a tile or of two, or
+ * one of a last tile. */
+typedef struct {
+    const void *weight;
+    size_t apart;                /* weights from one vector to the next */
+    int int8;
+    uint32_t vectors;
+} summed;
+
+/* sum[p] = the sums of rows for point p of `points`, over n inputs and some
+ * that pad them. Inlined, all but n and the places are known and the sums stay
+ * in registers; unrolled, gcc has too few for several points. */
+INLINE void sum_tile(saga_sums sum[][2], const summed *r, const int16_t *x,
+                     uint32_t stride, uint32_t n, uint32_t points)
 {
     const uint32_t step = points > 1 ? 2 : 8;
     const saga_sums zero = { 0 };
@@ -303,37 +311,37 @@ INLINE void sum_tile(saga_sums sum[][VECTORS], const void *w, int int8,
     size_t at = 0;
 
     for (p = 0; p < points; p++)
-        for (i = 0; i < VECTORS; i++)
+        for (i = 0; i < r->vectors; i++)
             sum[p][i] = zero;
     for (k = 0; k < n; k += step)
-        for (j = 0; j < step; j += 2, at += VECTORS * LANES) {
-            saga_words rows[VECTORS];
+        for (j = 0; j < step; j += 2, at += TILE_VECTORS * LANES) {
+            saga_words rows[2];
 
-            for (i = 0; i < VECTORS; i++)
-                rows[i] = load(w, at + i * LANES, int8);
+            for (i = 0; i < r->vectors; i++)
+                rows[i] = load(r->weight, at + i * r->apart, r->int8);
             for (p = 0; p < points; p++) {
                 const saga_words v = pair(x + p * stride + k + j);
 
-                for (i = 0; i < VECTORS; i++)
+                for (i = 0; i < r->vectors; i++)
                     sum[p][i] += products(rows[i], v);
             }
         }
 }
 
-/* What makes a tile's sums results. */
+/* What makes sums results. */
 typedef struct {
-    saga_sums add[VECTORS];      /* bias, and half of what is shifted away */
-    saga_shifts shift[VECTORS];
+    saga_sums add[2];            /* bias, and half of what is shifted away */
+    saga_shifts shift[2];
     saga_sums keep;              /* bits of negative values */
 } ending;
 
-INLINE void begin_ending(ending *e, const saga_layer *layer,
-                         uint32_t row)
+INLINE void begin_ending(ending *e, const saga_layer *layer, uint32_t row,
+                         uint32_t vectors)
 {
     const saga_sums zero = { 0 };
     uint32_t i;
 
-    for (i = 0; i < VECTORS; i++) {
+    for (i = 0; i < vectors; i++) {
         const uint32_t at = row + i * LANES / 2;
 
         e->shift[i] = load_shifts(layer->shift + at);
@@ -343,74 +351,93 @@ INLINE void begin_ending(ending *e, const saga_layer *layer,
     e->keep = zero - !layer->relu;
 }
 
-/* relu?(fx_rshift(bias + sum, shift)), saturated. Packing saturates at -32768,
- * one too low. */
-INLINE void finish_tile(int16_t *y, const ending *e,
-                        const saga_sums sum[VECTORS])
+/* Eight results. Packing saturates at -32768, one too low. */
+INLINE void store_results(int16_t *y, saga_i32x4 low, saga_i32x4 high)
 {
-    saga_sums v[VECTORS];
-    saga_i32x4 low, high;
-    saga_i16x8 out;
-    uint32_t i;
+    saga_i16x8 out = pack(low, high);
 
-    for (i = 0; i < VECTORS; i++) {
-        v[i] = rshift_each(sum[i] + e->add[i], e->shift[i]);
-        v[i] &= e->keep | ~(v[i] >> 31);
-    }
-#ifdef SAGA_MLP_AVX2
-    low = __builtin_shufflevector(v[0], v[0], 0, 1, 2, 3);
-    high = __builtin_shufflevector(v[0], v[0], 4, 5, 6, 7);
-#else
-    low = v[0];
-    high = v[1];
-#endif
-    out = pack(low, high);
     out -= (saga_i16x8)(out == -32768);
     __builtin_memcpy(y, &out, sizeof out);
 }
 
-/* The tile of n points that begins at `row`, its weights at w. They are loaded
- * once for SAGA_MLP_POINTS points. */
-INLINE void run_tile(int16_t *y, const saga_layer *layer,
-                     const void *w, int int8, const int16_t *x,
-                     uint32_t row, uint32_t n)
+/* relu?(fx_rshift(bias + sum, shift)), saturated. */
+INLINE void finish_tile(int16_t *y, const ending *e, const saga_sums sum[2],
+                        uint32_t vectors)
+{
+    saga_sums v[2];
+    uint32_t i;
+
+    for (i = 0; i < vectors; i++) {
+        v[i] = rshift_each(sum[i] + e->add[i], e->shift[i]);
+        v[i] &= e->keep | ~(v[i] >> 31);
+    }
+#ifdef SAGA_MLP_AVX2
+    for (i = 0; i < vectors; i++)
+        store_results(y + i * SAGA_MLP_TILE,
+                      __builtin_shufflevector(v[i], v[i], 0, 1, 2, 3),
+                      __builtin_shufflevector(v[i], v[i], 4, 5, 6, 7));
+#else
+    store_results(y, v[0], v[1]);
+#endif
+}
+
+/* The rows from `row` on of n points. Weights are loaded once for
+ * SAGA_MLP_POINTS points, a pair of activations once for two vectors. */
+INLINE void run_tile(int16_t *y, const saga_layer *layer, const summed *r,
+                     const int16_t *x, uint32_t row, uint32_t n)
 {
     const uint32_t stride = saga_mlp_pad(layer->n_in);
     const uint32_t y_stride = saga_mlp_pad(layer->n_out);
-    saga_sums sum[SAGA_MLP_POINTS][VECTORS];
+    saga_sums sum[SAGA_MLP_POINTS][2];
     ending end;
     uint32_t p;
 
-    begin_ending(&end, layer, row);
+    begin_ending(&end, layer, row, r->vectors);
     y += row;
     for (; n >= SAGA_MLP_POINTS; n -= SAGA_MLP_POINTS) {
-        sum_tile(sum, w, int8, x, stride, layer->n_in, SAGA_MLP_POINTS);
+        sum_tile(sum, r, x, stride, layer->n_in, SAGA_MLP_POINTS);
         for (p = 0; p < SAGA_MLP_POINTS; p++)
-            finish_tile(y + p * y_stride, &end, sum[p]);
+            finish_tile(y + p * y_stride, &end, sum[p], r->vectors);
         x += SAGA_MLP_POINTS * stride;
         y += SAGA_MLP_POINTS * y_stride;
     }
     for (; n > 0; n--, x += stride, y += y_stride) {
-        sum_tile(sum, w, int8, x, stride, layer->n_in, 1);
-        finish_tile(y, &end, sum[0]);
+        sum_tile(sum, r, x, stride, layer->n_in, 1);
+        finish_tile(y, &end, sum[0], r->vectors);
     }
+}
+
+/* As run_tiles, of weights that are known to have 8 bits or 16. */
+INLINE uint32_t run_all(int16_t *y, const saga_layer *layer, const int16_t *x,
+                        uint32_t n, int int8)
+{
+    const size_t stride = saga_mlp_pad(layer->n_in);
+    const size_t apart = TILE_VECTORS == 2 ? LANES : SAGA_MLP_TILE * stride;
+    const uint32_t step = 2 / TILE_VECTORS * SAGA_MLP_TILE;
+    const char *const w = layer->weight;
+    const size_t row_nbytes = stride * (int8 ? 1 : 2);
+    uint32_t row = 0;
+
+    for (; row + step <= layer->n_out; row += step) {
+        const summed r = { w + row * row_nbytes, apart, int8, 2 };
+
+        run_tile(y, layer, &r, x, row, n);
+    }
+    if (TILE_VECTORS == 1 && row + SAGA_MLP_TILE <= layer->n_out) {
+        const summed r = { w + row * row_nbytes, apart, int8, 1 };
+
+        run_tile(y, layer, &r, x, row, n);
+        row += SAGA_MLP_TILE;
+    }
+    return row;
 }
 
 /* As many rows as there are whole tiles; returns their number. */
 INLINE uint32_t run_tiles(int16_t *y, const saga_layer *layer,
                           const int16_t *x, uint32_t n)
 {
-    const size_t stride = saga_mlp_pad(layer->n_in);
-    const int16_t *const w16 = layer->weight;
-    const int8_t *const w8 = layer->weight;
-    uint32_t row = 0;
-
-    for (; row + SAGA_MLP_TILE <= layer->n_out; row += SAGA_MLP_TILE)
-        if (layer->int8)
-            run_tile(y, layer, w8 + row * stride, 1, x, row, n);
-        else
-            run_tile(y, layer, w16 + row * stride, 0, x, row, n);
-    return row;
+    return layer->int8 ? run_all(y, layer, x, n, 1)
+                       : run_all(y, layer, x, n, 0);
 }
 
 #endif
