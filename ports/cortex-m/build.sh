@@ -58,8 +58,10 @@ i=0
     echo '.word 0, 0, 0'
 } >"$out/streams.s"
 
-# Objects have numbers, since all of the decoder is compiled at once.
-flags="-std=c11 -ffreestanding -mthumb -mcpu=$cpu ${OPT:--Os}
+# Objects have numbers, since all of the decoder is compiled at once. Constants
+# that are kept in registers through a loop are saved around it: 0.5 % of code.
+flags="-std=c11 -ffreestanding -mthumb -mcpu=$cpu
+    ${OPT:--Os -fno-move-loop-invariants}
     -ffunction-sections -fdata-sections ${CFLAGS:-}
     -Wall -Wextra -Wconversion -Wshadow -Wundef -Wcast-align
     -Wstrict-prototypes -Wmissing-prototypes -Wvla"
