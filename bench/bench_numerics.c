@@ -289,7 +289,7 @@ static void project(data *d)
 {
     for (int i = 0; i < PRIMS; i++)
         d->visible[i] = (uint8_t)saga_project(&d->projected[i], &d->moved[i],
-                                              &d->camera);
+                                               &d->camera, 0);
 }
 
 /* As the decoder does both, several at a time. */
@@ -311,7 +311,7 @@ static void alpha(data *d)
 static void blend(data *d)
 {
     const saga_drawing drawing = { &d->camera, d->splats, d->sorted,
-                                   d->n_splats, d->cpu };
+                                   d->n_splats, d->cpu, 0 };
     const saga_picture pic = { d->rgb, 6 * WIDE, sizeof d->rgb, 16 };
 
     memset(d->job.cursor, 0, sizeof d->job.cursor);
@@ -658,7 +658,8 @@ static void prepare_write(data *d, gen_rng *r)
 /* Primitives in front of the camera that move, turn and fade. */
 static void prepare_prims(data *d, gen_rng *r)
 {
-    const saga_prim_format format = { 12, 12, 12, { 12, 12, 12 }, 3, 1, 1 };
+    const saga_prim_format format = { 12, 12, 12, { 12, 12, 12 }, 3, 1, 1,
+                                      0 };
 
     d->format = format;
     gen_front_camera(&d->camera, WIDE, HIGH);

@@ -276,7 +276,7 @@ static void make_view(file *f)
     for (i = 0; i < n; i++) {
         saga_animate(&f->animated[i], &f->prims[i], &f->format, T_MID);
         if (!saga_project(&f->splats[f->n_splats], &f->animated[i],
-                          &f->camera))
+                          &f->camera, 0))
             continue;
         f->keys[f->n_splats].depth = f->splats[f->n_splats].depth;
         f->keys[f->n_splats].index = f->n_splats;
@@ -548,7 +548,7 @@ static void project(file *f)
 
     for (i = 0; i < f->sc.n.prim; i++)
         f->sum += (uint32_t)saga_project(&f->splats[f->n_splats],
-                                         &f->animated[i], &f->camera);
+                                         &f->animated[i], &f->camera, 0);
 }
 
 static void shade(file *f)

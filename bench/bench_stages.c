@@ -96,7 +96,7 @@ static void blend(void *data)
 {
     scene *const s = data;
     const saga_drawing d = { &s->cam, s->splats, s->sorted, s->n_splats,
-                             s->cpu };
+                             s->cpu, 0 };
 
     memset(s->job.cursor, 0, sizeof s->job.cursor);
     if (saga_raster(&s->job, &s->pic, &d, UINT32_MAX) != SAGA_OK)

@@ -48,15 +48,16 @@ enum {
     SAGA_TOOL_MOTION_SHIFT = 3,     /* two bits: motion order 0..3 */
     SAGA_TOOL_MOTION_MASK = 3u << 3,
     SAGA_TOOL_BASE = 1u << 5,       /* what stands still, once for the file */
-    /* Bits 6 to 8 are kept free: a stream that sets one needs a newer decoder.
+    SAGA_TOOL_STEEP = 1u << 6,      /* splats fall off by s + s^2 / 2, not s */
+    /* Bits 7 and 8 are kept free: a stream that sets one needs a newer decoder.
      */
     SAGA_TOOL_FEATURE_RESIDUAL = 1u << 7,
     SAGA_TOOL_HASH = 1u << 8,       /* residual hash */
     SAGA_TOOL_BANK = 1u << 9,       /* memory bank */
     SAGA_TOOL_PLAIN_WRITE = 1u << 10, /* its update without the projection */
     SAGA_TOOLS_PICTURE = (1u << 5) - 1, /* what primitives can do */
-    SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_BASE | SAGA_TOOL_BANK |
-                       SAGA_TOOL_PLAIN_WRITE
+    SAGA_TOOLS_KNOWN = SAGA_TOOLS_PICTURE | SAGA_TOOL_BASE | SAGA_TOOL_STEEP |
+                       SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE
 };
 
 /* Entropy parameters come from these, bits of saga_model.sources[]. */

@@ -12,15 +12,27 @@
 #define LIMIT_TAME ((int64_t)7 << 28)
 #define LIMIT_W ((int64_t)7 << 27)   /* w^2 >= 12.25: beyond the cut */
 
-/* A line of a patch: q = q_line + v^2 is below the cut at no pixel outside
+/* A line of a patch: s = s_line + v^2 is below its reach at no pixel outside
  * [lo, hi). */
 typedef struct {
     int32_t v;                   /* Q28, at lo; exact for lo..hi-1 */
-    int32_t q_line;              /* q0 + w^2, Q20 */
+    int32_t s_line;              /* w^2, Q20 */
     int32_t lo, hi;
 } span;
 
-/* |v| < 8, so the square of its 17 bits is below 2^32; q_line is below 2^27.
+/* q0 + s, or q0 + s + s^2 / 2 with s in Q12 for the square: where s is within
+ * reach, that is below 2^14. */
+static uint32_t q_of(uint32_t s, const saga_patch *p)
+{
+    const uint32_t r = (s + 128) >> 8;
+
+    if (s >= (uint32_t)p->reach)
+        return SAGA_CUT_Q20;
+    s += (uint32_t)p->q0;
+    return p->is_steep ? s + ((r * r + 16) >> 5) : s;
+}
+
+/* |v| < 8, so the square of its 17 bits is below 2^32; s_line is below 2^27.
  * The pixels below the cut follow one another, since v grows with i. */
 static void blend_line(uint32_t *t, uint32_t plane, const span *s,
                        const saga_patch *p)
@@ -32,7 +44,8 @@ static void blend_line(uint32_t *t, uint32_t plane, const span *s,
     t += s->lo;
     for (i = s->lo; i < s->hi; i++, v += (uint32_t)p->g, t++) {
         const uint32_t v13 = (uint32_t)((int32_t)v >> 15);
-        const uint32_t q = (uint32_t)s->q_line + ((v13 * v13 + 32) >> 6);
+        const uint32_t q = q_of((uint32_t)s->s_line + ((v13 * v13 + 32) >> 6),
+                                p);
         uint32_t w;
 
         if (q >= SAGA_CUT_Q20) {
@@ -84,8 +97,8 @@ static void blend_tame(uint32_t *t, uint32_t side, const saga_patch *p)
         const uint32_t w13 = (uint32_t)((int32_t)w >> 15);
 
         s.v = (int32_t)v;
-        s.q_line = p->q0 + (int32_t)((w13 * w13 + 32) >> 6);
-        if (s.q_line < SAGA_CUT_Q20)
+        s.s_line = (int32_t)((w13 * w13 + 32) >> 6);
+        if (s.s_line < p->reach)
             blend_line(t, side * side, &s, p);
         v -= (uint32_t)p->n;
         w += (uint32_t)p->h;
@@ -102,7 +115,7 @@ typedef struct {
     int shift;
 } line;
 
-/* Finds where |v + g i| < L for i in x0..x1-1, L = sqrt(11 - q_line) rounded
+/* Finds where |v + g i| < L for i in x0..x1-1, L = sqrt(reach - s_line) rounded
  * up: -L - v < g i < L - v. A bound outside 0..x1 g needs no division; inside,
  * it is below 2^35, times the reciprocal below 2^52, and the quotient, at most
  * 64, is off by less than 2^-8. So [lo, hi) misses no pixel, and reaches no
@@ -117,10 +130,10 @@ static int find_span(span *s, const line *l, const saga_patch *p)
     if (l->w >= LIMIT_W || l->w <= -LIMIT_W)
         return 0;
     w13 = fx_rshift((int32_t)l->w, 15);
-    s->q_line = p->q0 + fx_rshift(w13 * w13, 6);
-    if (s->q_line >= SAGA_CUT_Q20)
+    s->s_line = fx_rshift(w13 * w13, 6);
+    if (s->s_line >= p->reach)
         return 0;
-    limit = (int64_t)sqrt_up_q20_q12(SAGA_CUT_Q20 - s->q_line) << 16;
+    limit = (int64_t)sqrt_up_q20_q12(p->reach - s->s_line) << 16;
     first = -limit - l->v;
     last = limit - l->v;
     if (last <= 0 || (first >= reach && first >= 0))

@@ -651,7 +651,8 @@ saga_status saga_draw(const saga_decoder *dec, saga_job *job,
                       const saga_picture *picture, uint32_t budget)
 {
     const saga_drawing drawing = { &dec->camera, splats_of(dec), keys_of(dec),
-                                   dec->n_splats, (saga_cpu)dec->cpu };
+                                   dec->n_splats, (saga_cpu)dec->cpu,
+                                   dec->format.is_steep };
 
     if (!dec->has_view)
         return SAGA_ERR_STATE;

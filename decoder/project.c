@@ -441,15 +441,17 @@ static int pixel_range(int16_t *from, int16_t *to, int32_t mean_q8,
     return *from < *to;
 }
 
-/* Where q < 11, |(v, w)| < L = sqrt(11 - q0) (rounded up by sqrt_up). From
+/* Where q < 11, |(v, w)| < L, the root of saga_reach (rounded up by sqrt_up).
+ * From
  * v = g dx - n dy and w = h dy,
  *   |dy| < L / h,  |dx| < L |(h, n)| / (g h) = (L / g) |(1, n/h)|:
  * bounds made of the integer factors the blending uses, so that their own
  * rounding cannot lose a pixel. */
-static int box(saga_splat *s, const saga_camera *c)
+static int box(saga_splat *s, const saga_camera *c, int is_steep)
 {
     const int32_t *const f = s->chol_q28;
-    const int32_t l_q12 = sqrt_up_q20_q12(SAGA_CUT_Q20 - s->q0_q20);
+    const int32_t reach = saga_reach_q20(SAGA_CUT_Q20 - s->q0_q20, is_steep);
+    const int32_t l_q12 = sqrt_up_q20_q12(reach);
     const int32_t ex = extent_x(l_q12, f[0], f[1], f[2]);
     const int32_t ey = extent_y(l_q12, f[2]);
 
@@ -457,7 +459,8 @@ static int box(saga_splat *s, const saga_camera *c)
            pixel_range(&s->y0, &s->y1, s->mean_q8[1], ey, c->height);
 }
 
-int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c)
+int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c,
+                 int is_steep)
 {
     centre o;
     shape t;
@@ -470,5 +473,5 @@ int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c)
     s->mean_q8[1] = o.mean_q8[1];
     s->q0_q20 = a->q0_q20;
     s->depth = o.depth;
-    return box(s, c);
+    return box(s, c, is_steep);
 }

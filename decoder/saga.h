@@ -69,7 +69,8 @@ typedef struct saga_camera {
 /* A primitive at one time in one camera (norm: docs/arithmetic.md). */
 typedef struct saga_splat {
     int32_t mean_q8[2];      /* pixels */
-    int32_t chol_q28[3];     /* g, n, h: factor of the conic in log2 units */
+    int32_t chol_q28[3];     /* g, n, h: factor of the conic in log2 units; how
+                              * it falls off, bit 6 of the tools says */
     int32_t q0_q20;          /* 3 - log2 of the peak opacity, [0, 11) */
     uint32_t depth;          /* z in box units, >= 1 */
     uint16_t colour_q15[3];  /* R, G, B, 0..32768 */

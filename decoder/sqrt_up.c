@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Table of sqrt_up.h: 512 bytes.
+ * Table of sqrt_up.h, 512 bytes, and what is not inline.
  */
 #include "sqrt_up.h"
 
@@ -30,3 +30,10 @@ const uint16_t saga_sqrt_up_q12[256] = {
     11289, 11312, 11335, 11358, 11381, 11404, 11427, 11450, 11473, 11496,
     11519, 11541, 11564, 11587
 };
+
+int32_t saga_reach_q20(int32_t rest_q20, int is_steep)
+{
+    if (!is_steep)
+        return rest_q20;
+    return (2 * sqrt_up_q20_q12((1 << 18) + (rest_q20 >> 1)) - 4096) * 256;
+}

@@ -22,4 +22,11 @@ static inline int32_t sqrt_up_q20_q12(int32_t x_q20)
                             : 2 * saga_sqrt_up_q12[(x_q20 - 1) >> 17];
 }
 
+/* A splat touches only pixels whose s = v^2 + w^2 (Q20) is below this, given
+ * rest = 11 - q0, 1..11 2^20: where s itself reaches rest, or s + s^2 / 2 does,
+ * s = sqrt(1 + 2 rest) - 1. The root comes by halves; a third of a unit of it
+ * above the root covers the rounding of s^2 / 2, at most s 2^-13. At most
+ * 3.84 where it is steep. */
+int32_t saga_reach_q20(int32_t rest_q20, int is_steep);
+
 #endif

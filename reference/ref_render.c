@@ -184,6 +184,7 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
     double v[3] = { 0, 0, 0 }, slope[2], t[2][3];
     int i, k;
 
+    s->is_steep = 0;
     for (i = 0; i < 3; i++)
         for (k = 0; k < 3; k++)
             v[i] += c->rotation_q30[3 * i + k] / 1073741824.0 *
@@ -209,12 +210,18 @@ int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c)
     return 1;
 }
 
+/* What s = v^2 + w^2 adds to q. */
+static double fall(double s, int is_steep)
+{
+    return is_steep ? s + s * s / 2 : s;
+}
+
 double ref_q(const ref_splat *s, double dx, double dy)
 {
     const double form = (s->cov[2] * dx * dx - 2 * s->cov[1] * dx * dy +
                          s->cov[0] * dy * dy) / s->det;
 
-    return s->q0 + log2_e / 2 * form;
+    return s->q0 + fall(log2_e / 2 * form, s->is_steep);
 }
 
 /* Pixels from lo (inclusive) to hi whose centre is within extent of mean, one
@@ -228,7 +235,8 @@ static void bounds(int *lo, int *hi, double mean, double extent, int side)
 void ref_box(int box[4], const ref_splat *s, const saga_camera *c)
 {
     const double g = s->chol[0], n = s->chol[1], h = s->chol[2];
-    const double reach = sqrt(SAGA_CUT_LOG2 - s->q0);
+    const double rest = SAGA_CUT_LOG2 - s->q0;
+    const double reach = sqrt(s->is_steep ? sqrt(1 + 2 * rest) - 1 : rest);
 
     bounds(&box[0], &box[2], s->mean[0],
            g > 0 && h > 0 ? reach * hypot(h, n) / (g * h) : INFINITY,
@@ -243,7 +251,7 @@ double ref_q_at(const ref_splat *s, int x, int y)
     const double v = s->chol[0] * dx - s->chol[1] * dy;
     const double w = s->chol[2] * dy;
 
-    return s->q0 + v * v + w * w;
+    return s->q0 + fall(v * v + w * w, s->is_steep);
 }
 
 double ref_alpha(double q)
@@ -376,13 +384,23 @@ static int64_t square_q20(int64_t v_q28)
     return round_shift(v13 * v13, 6);
 }
 
-int32_t ref_q_q20(const saga_splat *s, int x, int y)
+/* s^2 / 2, of s in Q12; s from 8 on counts as 8 - 2^-20. */
+static int64_t half_square_q20(int64_t s_q20)
+{
+    const int64_t most = (8 << 20) - 1;
+    const int64_t s_q12 = round_shift(s_q20 < most ? s_q20 : most, 8);
+
+    return round_shift(s_q12 * s_q12, 5);
+}
+
+int32_t ref_q_q20(const saga_splat *s, int x, int y, int is_steep)
 {
     const int64_t g = s->chol_q28[0], n = s->chol_q28[1], h = s->chol_q28[2];
     const int64_t dx = (int64_t)x * 256 + 128 - s->mean_q8[0];
     const int64_t dy = (int64_t)y * 256 + 128 - s->mean_q8[1];
-    const int64_t q = s->q0_q20 + square_q20(round_shift(h * dy, 8)) +
-                      square_q20(round_shift(g * dx - n * dy, 8));
+    const int64_t sum = square_q20(round_shift(h * dy, 8)) +
+                        square_q20(round_shift(g * dx - n * dy, 8));
+    const int64_t q = s->q0_q20 + sum + (is_steep ? half_square_q20(sum) : 0);
 
     return q < INT32_MAX ? (int32_t)q : INT32_MAX;
 }
@@ -461,7 +479,7 @@ void ref_depth_exact(const saga_picture *pic, const saga_camera *c,
                 const saga_splat *const s = splats + order[i].index;
 
                 before = t;
-                ref_blend_pixel_exact(unused, &t, s, ref_q_q20(s, x, y));
+                ref_blend_pixel_exact(unused, &t, s, ref_q_q20(s, x, y, 0));
                 to->sum_q16 += (uint64_t)(before - t) * s->depth;
             }
             to->weight_q16 = 65536 - t;
@@ -483,7 +501,7 @@ void ref_blend_exact(const saga_picture *pic, const saga_camera *c,
             for (i = 0; i < n && t >= SAGA_T_FLOOR_Q16; i++) {
                 const saga_splat *const s = splats + order[i].index;
 
-                ref_blend_pixel_exact(sum, &t, s, ref_q_q20(s, x, y));
+                ref_blend_pixel_exact(sum, &t, s, ref_q_q20(s, x, y, 0));
             }
             ref_store_exact(pic, c, x, y, sum, t);
         }

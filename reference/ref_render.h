@@ -43,6 +43,7 @@ typedef struct ref_splat {
     double chol[3];          /* g, n, h: what is drawn */
     double q0, depth;
     double colour[3];        /* 0..1 */
+    int is_steep;            /* SAGA_TOOL_STEEP: 0 until the caller sets it */
 } ref_splat;
 
 void ref_animate(ref_animated *out, const ref_primitive *p, double t);
@@ -57,7 +58,7 @@ void ref_splat_of(ref_splat *out, const saga_splat *s);
 /* 0 if dropped; colour is the caller's, and depth is not rounded. */
 int ref_project(ref_splat *s, const ref_animated *a, const saga_camera *c);
 
-/* q = -log2(alpha) at the offset (dx, dy) from the mean, pixels: of the
+/* q = 3 - log2(alpha) at the offset (dx, dy) from the mean, pixels: of the
  * covariance, not of its factor. */
 double ref_q(const ref_splat *s, double dx, double dy);
 
@@ -87,7 +88,7 @@ double ref_psnr(const saga_picture *pic, const saga_camera *c,
 /* --- In integers --------------------------------------------------------- */
 
 /* q of the norm at pixel (x, y), Q20, saturated at 2^31 - 1. */
-int32_t ref_q_q20(const saga_splat *s, int x, int y);
+int32_t ref_q_q20(const saga_splat *s, int x, int y, int is_steep);
 
 /* alpha of the norm for q_q20 < 8 << 20, Q16. */
 uint32_t ref_alpha_q16(int32_t q_q20);
@@ -99,7 +100,7 @@ void ref_blend_pixel_exact(uint64_t sum[3], uint32_t *t, const saga_splat *s,
 void ref_store_exact(const saga_picture *pic, const saga_camera *c, int x,
                      int y, const uint64_t sum[3], uint32_t t);
 
-/* The whole picture by the norm; boxes are not looked at. */
+/* The whole picture by the norm, nothing steep; boxes are not looked at. */
 void ref_blend_exact(const saga_picture *pic, const saga_camera *c,
                      const saga_splat *splats, const saga_key *order,
                      uint32_t n);

@@ -68,6 +68,7 @@ typedef struct {
     uint8_t *otherwise;      /* CUT, STOP */
     drawn *order;
     uint32_t n_order;
+    int is_steep;            /* SAGA_TOOL_STEEP */
 } canvas;
 
 typedef struct {
@@ -235,7 +236,8 @@ static void project_all(session *s)
     for (uint32_t i = 0; i < n_prims(s); i++) {
         saga_animate(&e->moved[i], &e->prim[i], &e->format, s->v->t);
         e->visible[i] = (uint8_t)saga_project(&e->splat[i], &e->moved[i],
-                                              s->camera);
+                                              s->camera,
+                                              e->format.is_steep);
         if (e->visible[i])
             shade(s, i);
         s->v->n_splats += e->visible[i];
@@ -322,10 +324,12 @@ static void make_splats(session *s, int from)
             r->visible[i] = s->e.visible[i];
             if (r->visible[i])
                 ref_splat_of(&r->splat[i], &s->e.splat[i]);
+            r->splat[i].is_steep = s->e.format.is_steep;
             continue;
         }
         r->visible[i] = (uint8_t)ref_project(&r->splat[i], &r->moved[i],
                                              s->camera);
+        r->splat[i].is_steep = s->e.format.is_steep;
         if (r->visible[i])
             ref_scene_shade(r->splat[i].colour, &part_of(s, i)->scene,
                             i - part_of(s, i)->first, centre);
@@ -536,6 +540,7 @@ static void clear(session *s)
 
     memset(c->sum, 0, n * sizeof *c->sum);
     memset(c->otherwise, 0, n);
+    c->is_steep = s->e.format.is_steep;
     for (size_t i = 0; i < n; i++) {
         c->t[i] = 65536;
         c->trans[i] = 1;
@@ -554,7 +559,8 @@ typedef struct {
 
 static void blend_pair(canvas *c, pair *p, size_t at, int x, int y)
 {
-    const int32_t q_q20 = p->exact ? ref_q_q20(p->exact, x, y) : INT32_MAX;
+    const int32_t q_q20 = p->exact ? ref_q_q20(p->exact, x, y,
+                                                   c->is_steep) : INT32_MAX;
     const double q = p->real ? ref_q_at(p->real, x, y) : INFINITY;
     const int one = ref_blends_exact(c->t[at], q_q20);
     const int other = ref_blends(c->trans[at], q);

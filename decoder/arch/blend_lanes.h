@@ -8,7 +8,8 @@
  * Of q eleven bits of fraction count, as Q in Q11:
  *     Q = (v^2 + 32 + 64 q_line) >> 15,  v in Q13,
  * one shift for the two of the norm: 64 q_line is a multiple of 64. v is below
- * 7 2^13 in the box: its square and 64 * 11 2^20 + 32 are below 2^32.
+ * 7 2^13 in the box: its square and 64 * 11 2^20 + 32 are below 2^32. Where it
+ * is steep, s itself is made in this way, of s_line at most 8 2^20.
  *
  * 2^-f is blend.c's polynomial. Builtins and vector types rather than
  * immintrin.h, which wants a C library. A file of a machine defines what
@@ -59,6 +60,7 @@ typedef struct {
 
 typedef struct {
     u32s colour[3];
+    u32s q0;                    /* where it is steep */
 } paint;
 
 /* Returns min(2^(3 - q), cap) in Q16; q in Q11, 0 from the cut on. */
@@ -69,13 +71,23 @@ INLINE u32s alpha_q16(u32s q)
     return a & (u32s)((i32s)q < SAGA_CUT_LOG2 << 11);
 }
 
-/* A group of a row: v at the tile's first column and k = 32 + 64 q_line are
- * the same in all lanes. */
+/* blend.c's q_of, in Q11. */
+INLINE u32s steep_q11(u32s s, u32s q0)
+{
+    const u32s r = (min_u32(s, all(S_END - 1)) + 128) >> 8;
+
+    return (s + q0 + ((r * r + 16) >> 5)) >> 9;
+}
+
+/* A group of a row: v at the tile's first column and k = 32 + 64 q_line, or 32
+ * + 64 s_line, are the same in all lanes. */
 INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
-                        const group *c, const paint *p)
+                        const group *c, const paint *p, int is_steep)
 {
     const u32s v_q13 = (u32s)((i32s)(v + c->steps) >> 15);
-    const u32s q = (v_q13 * v_q13 + k) >> 15 | c->outside;
+    const u32s sum = v_q13 * v_q13 + k;
+    const u32s q = (is_steep ? steep_q11(sum >> 6, p->q0) : sum >> 15) |
+                   c->outside;
     const u32s before = load(t);
     const u32s a = alpha_q16(q) &
                     (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);
@@ -95,21 +107,24 @@ typedef struct {
 } rows;
 
 /* w below 7: its square in Q20 is below 2^26, q_line below 2^27. */
-INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first)
+INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first,
+                       int is_steep)
 {
     const u32s iota = IOTA;
     const u32s v0 = all((uint32_t)p->v + 0x4000u);
     const u32s w0 = all((uint32_t)p->w + 0x4000u);
+    const uint32_t begin = is_steep ? 0 : (uint32_t)p->q0;
+    const uint32_t end = is_steep ? S_END : SAGA_CUT_Q20;
     uint32_t i;
 
     for (i = 0; i < ROWS; i += LANES) {
         const u32s y = iota + (first + i);
         const u32s w_q13 =
             (u32s)((i32s)(w0 + y * (uint32_t)p->h) >> 15);
-        const u32s q = ((w_q13 * w_q13 + 32) >> 6) + (uint32_t)p->q0;
+        const u32s q = ((w_q13 * w_q13 + 32) >> 6) + begin;
 
         store(r->v + i, v0 - y * (uint32_t)p->n);
-        store(r->k + i, (min_u32(q, all(SAGA_CUT_Q20)) << 6) + 32);
+        store(r->k + i, (min_u32(q, all(end)) << 6) + 32);
     }
 }
 
@@ -124,7 +139,7 @@ INLINE void begin_group(group *c, const saga_patch *p, int32_t first)
 /* One or two neighbouring groups of n rows. */
 INLINE void blend_rows(uint32_t *t, uint32_t side, const rows *r,
                        const group *c, const paint *p, uint32_t n,
-                       uint32_t n_groups)
+                       uint32_t n_groups, int is_steep)
 {
     const uint32_t plane = side * side;
     uint32_t i;
@@ -132,16 +147,18 @@ INLINE void blend_rows(uint32_t *t, uint32_t side, const rows *r,
     for (i = 0; i < n; i++, t += side) {
         const u32s v = all(r->v[i]), k = all(r->k[i]);
 
-        blend_group(t, plane, v, k, c, p);
+        blend_group(t, plane, v, k, c, p, is_steep);
         if (n_groups == 2)
-            blend_group(t + LANES, plane, v, k, c + 1, p);
+            blend_group(t + LANES, plane, v, k, c + 1, p, is_steep);
     }
 }
 
-INLINE void blend_lanes(uint32_t *t, uint32_t side, const saga_patch *p)
+INLINE void blend_kind(uint32_t *t, uint32_t side, const saga_patch *p,
+                       int is_steep)
 {
     const paint with = { { all(p->colour_q15[0]), all(p->colour_q15[1]),
-                           all(p->colour_q15[2]) } };
+                           all(p->colour_q15[2]) },
+                         all((uint32_t)p->q0) };
     uint32_t row, n;
 
     for (row = 0; row < p->n_rows; row += n, t += n * side) {
@@ -150,17 +167,25 @@ INLINE void blend_lanes(uint32_t *t, uint32_t side, const saga_patch *p)
         rows r;
 
         n = p->n_rows - row < ROWS ? p->n_rows - row : ROWS;
-        begin_rows(&r, p, row);
+        begin_rows(&r, p, row, is_steep);
         for (; PAIRS && x + LANES < p->x1; x += 2 * LANES) {
             begin_group(c, p, x);
             begin_group(c + 1, p, x + LANES);
-            blend_rows(t + x, side, &r, c, &with, n, 2);
+            blend_rows(t + x, side, &r, c, &with, n, 2, is_steep);
         }
         for (; x < p->x1; x += LANES) {
             begin_group(c, p, x);
-            blend_rows(t + x, side, &r, c, &with, n, 1);
+            blend_rows(t + x, side, &r, c, &with, n, 1, is_steep);
         }
     }
+}
+
+INLINE void blend_lanes(uint32_t *t, uint32_t side, const saga_patch *p)
+{
+    if (p->is_steep)
+        blend_kind(t, side, p, 1);
+    else
+        blend_kind(t, side, p, 0);
 }
 
 #endif

@@ -388,10 +388,20 @@ INLINE i64s pixel_range(i64s *from, i64s *to, i64s mean_q8, i64s extent_q8,
     return lower(*to) - lower(*from) - 1;
 }
 
-INLINE i64s boxes_of(boxes *b, const centres *o, i64s q0, const factors *f,
+/* saga_reach_q20 of each. */
+INLINE i64s reach_of(i64s q0, int is_steep)
+{
+    const i64s rest = SAGA_CUT_Q20 - q0;
+
+    if (!is_steep)
+        return rest;
+    return (2 * sqrt_up_each((1 << 18) + shift_down(rest, 1)) - 4096) * 256;
+}
+
+INLINE i64s boxes_of(boxes *b, const centres *o, i64s reach, const factors *f,
                      const saga_camera *c)
 {
-    const i64s l_q12 = sqrt_up_each(SAGA_CUT_Q20 - q0);
+    const i64s l_q12 = sqrt_up_each(reach);
     i64s ex, ey;
 
     extents(&ex, &ey, l_q12, f);

@@ -153,7 +153,8 @@ def shown(tmp, scene, kind, channel, size):
         read_exr(tmp + "/%s.exr" % kind, channel, *size)
 
 
-# A PLY has no flat tops, so its splats are only about as wide as ours.
+# A PLY has neither flat tops nor steep falls, so its splats are only about as
+# wide as ours.
 def check_depth(tmp, scene, scale):
     camera = json.loads(saga("info", scene, "--json"))["rig"][2]
     for name in ("width", "height"):
@@ -169,7 +170,7 @@ def check_depth(tmp, scene, scale):
     png, exr = shown(tmp, scene, "depth", "Z", size)
     off = math.sqrt(sum((exr[i] / depth[i] - 1) ** 2 for i in opaque) /
                     len(opaque))
-    if len(opaque) < 200 or off > 0.02:
+    if len(opaque) < 200 or off > 0.05:
         complain(scene, "depths are", off, "off at", len(opaque), "pixels")
     if any(abs(p - 1000 * e) > 0.5001 for p, e in zip(png, exr)):
         complain(scene, "PNG and EXR have other depths")

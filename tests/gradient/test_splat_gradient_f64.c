@@ -146,6 +146,17 @@ static void splat_gradient_should_match_when_extreme(void **state)
     free_fixture(f);
 }
 
+/* With the square of s in q. */
+static void splat_gradient_should_match_where_it_is_steep(void **state)
+{
+    fixture *const f = new_fixture(3);
+
+    (void)state;
+    f->c.rules.square = 0.5;
+    check(f);
+    free_fixture(f);
+}
+
 /* Without a temporal opacity, time reaches the picture by motion and slope
  * alone. */
 static void splat_gradient_should_skip_time_when_detached(void **state)
@@ -246,6 +257,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(splat_gradient_should_match_differences),
         cmocka_unit_test(splat_gradient_should_match_when_extreme),
+        cmocka_unit_test(splat_gradient_should_match_where_it_is_steep),
         cmocka_unit_test(splat_gradient_should_skip_time_when_detached),
         cmocka_unit_test(splat_gradient_should_match_in_a_crowd),
         cmocka_unit_test(

@@ -156,7 +156,6 @@ static void good_full(void)
 typedef void (*change)(saga_header *h);
 
 static void to_base(saga_header *h) { h->model.tools |= SAGA_TOOL_BASE; }
-static void to_tool_6(saga_header *h) { h->model.tools |= 1u << 6; }
 static void to_hash(saga_header *h) { h->model.tools |= SAGA_TOOL_HASH; }
 static void to_bank(saga_header *h) { h->model.tools |= SAGA_TOOL_BANK; }
 static void to_tool_12(saga_header *h) { h->model.tools |= 1u << 12; }
@@ -690,7 +689,6 @@ static void bad_all(void)
 {
     static const bad_change headers[] = {
         { "tool_base", to_base, SAGA_ERR_DATA },
-        { "tool_6", to_tool_6, SAGA_ERR_VERSION },
         { "tool_feature_residual", to_feature_residual, SAGA_ERR_VERSION },
         { "tool_hash", to_hash, SAGA_ERR_VERSION },
         { "tool_memory", to_bank, SAGA_ERR_DATA },
@@ -812,6 +810,11 @@ int main(int argc, char **argv)
         { .seed = 38, .level = 0, .n_coarse = 6, .picture = 1,
           .tools_fixed = 1, .tools = all & ~(uint32_t)SAGA_TOOL_VIEW,
           .no_fuse = 3, .n_layers = 3 },
+        { .seed = 39, .level = 1, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = all | SAGA_TOOL_STEEP },
+        { .seed = 40, .level = 0, .n_coarse = 20, .picture = 1,
+          .tools_fixed = 1, .tools = SAGA_TOOL_STEEP, .no_fuse = 3,
+          .linear = 1 },
     };
     static const char *const stems[] = {
         "still", "motion", "segments", "random_level0", "random_level1",
@@ -819,10 +822,10 @@ int main(int argc, char **argv)
         "memory_plain", "memory_level2", "memory_level3", "no_fuse_coarse",
         "no_fuse_fine", "no_fuse", "linear", "names", "base", "base_level0",
         "base_level3", "base_names", "layers", "layers_base", "layers_level3",
-        "layers_level0"
+        "layers_level0", "steep", "steep_level0"
     };
     const gen_options *const three_layers =
-        &options[sizeof options / sizeof *options - 1];
+        &options[sizeof options / sizeof *options - 3];
     char path[1024];
     size_t i;
 

@@ -709,7 +709,7 @@ static uint32_t see_all(seen *list, const player *p, const saga_camera *c,
     assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
     for (i = 0; i < report.n_primitives; i++) {
         assert_int_equal(saga_primitive_at(&a, p->dec, i, t), SAGA_OK);
-        if (saga_project(&s, &a, c))
+        if (saga_project(&s, &a, c, 0))
             list[n++] = (seen){ s.depth, i };
     }
     qsort(list, n, sizeof *list, nearer);

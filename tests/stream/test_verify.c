@@ -65,9 +65,10 @@ static void check_roundings(const saga_verify *v)
 /* Of the picture alone: q's fraction has 8 bits, so that an alpha is wrong by
  * 2^-9 log(2) of itself and 2^-16, which weights add up to once; q itself adds
  * 5e-4. Twice for T, and a splat at the cut makes a level at most. An opacity
- * of 8 and the smallest splat there is have an edge of 3.7 in alpha a pixel, of
- * which a mean that is 1/512 of a pixel off makes two levels. */
-static void check_pixels(const saga_verify *v)
+ * of 8 and the smallest splat there is have an edge of 6.4 in alpha a pixel,
+ * 12.6 where it is steep, of which a mean that is 1/512 of a pixel off makes
+ * three levels, or six. */
+static void check_pixels(const saga_verify *v, int most)
 {
     const double relative = (1 / 512.0 + 5e-4) * log(2) + 1 / 256.0;
     const saga_verify_row *const r = row_of(v, SAGA_VERIFY_PIXELS,
@@ -76,7 +77,7 @@ static void check_pixels(const saga_verify *v)
     assert_true(r->alone.max < 1 + 2 * 255 * relative);
     assert_true(v->picture[SAGA_VERIFY_PIXELS].max <= 1);
     assert_true(v->picture[SAGA_VERIFY_PIXELS].psnr > 60);
-    assert_true(v->picture[SAGA_VERIFY_ANIMATION].max <= 2);
+    assert_true(v->picture[SAGA_VERIFY_ANIMATION].max <= most);
     assert_true(v->picture[SAGA_VERIFY_ANIMATION].psnr > 60);
 }
 
@@ -117,7 +118,7 @@ static void vectors_should_be_near_double_in_every_stage(void **state)
         check_networks(&v);
         if (v.n_splats > 0) {
             check_roundings(&v);
-            check_pixels(&v);
+            check_pixels(&v, strstr(path, "steep") ? 6 : 3);
         }
         n++;
     }

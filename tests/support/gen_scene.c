@@ -162,7 +162,7 @@ uint32_t gen_splats(saga_splat *splats, uint32_t *source,
 
     for (i = 0; i < n; i++) {
         saga_animate(&a, p + i, f, t);
-        if (!saga_project(splats + n_splats, &a, c))
+        if (!saga_project(splats + n_splats, &a, c, 0))
             continue;
         gen_colour(splats[n_splats].colour_q15, i);
         if (source)

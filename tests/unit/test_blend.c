@@ -12,7 +12,9 @@
 #include "blend.h"
 #include "gen_scene.h"
 #include "ref_render.h"
+#include "sqrt_up.h"
 
+#include <math.h>
 #include <string.h>
 
 enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000, CUT = 11 << 20 };
@@ -74,6 +76,8 @@ static void any_patch(saga_patch *p, gen_rng *r, int32_t side, int32_t first)
     p->h = any_size(r, MOST_FACTOR);
     p->n = any_size(r, MOST_FACTOR) * (gen_int(r, 0, 1) ? 1 : -1);
     p->q0 = gen_int(r, 0, 2) ? any_size(r, CUT - 1) : any_of(r, q, 5);
+    p->is_steep = gen_int(r, 0, 1);
+    p->reach = saga_reach_q20(CUT - p->q0, p->is_steep);
     x = gen_int(r, -4 * 256, (side + 4) * 256);
     y = gen_int(r, -4 * 256, (side + 4) * 256);
     p->v = (-p->g * x + p->n * y) >> 8;
@@ -100,11 +104,16 @@ static void blend_pixel(uint32_t *t, uint32_t plane, const saga_patch *p,
     const int64_t v = ((p->v + p->g * x - p->n * y) + (1 << 14)) >> 15;
     const int64_t w = ((p->w + p->h * y) + (1 << 14)) >> 15;
     uint32_t weight, k;
-    int64_t q;
+    int64_t s, q, half;
 
     if (*t < 8 || v < -65536 || v > 65536 || w < -65536 || w > 65536)
         return;
-    q = p->q0 + ((w * w + 32) >> 6) + ((v * v + 32) >> 6);
+    s = ((w * w + 32) >> 6) + ((v * v + 32) >> 6);
+    q = p->q0 + s;
+    if (p->is_steep) {
+        half = (s < 8388607 ? s + 128 : 8388735) >> 8;
+        q += (half * half + 16) >> 5;
+    }
     if (q >= CUT)
         return;
     weight = (ref_alpha_q16((int32_t)q) * *t + 0x8000) >> 16;
@@ -164,6 +173,35 @@ static void patches_should_be_those_of_the_norm(void **state)
         compare(&r, any_of(&r, sides, 8));
 }
 
+/* What a weight says of q: rounding of v and w to 2^-13, and of s,
+ * for its square, to 2^-12. */
+static void steep_should_be_that_of_the_formula(void **state)
+{
+    gen_rng r = gen_seeded(52);
+    int i;
+
+    (void)state;
+    for (i = 0; i < COUNT; i++) {
+        const saga_splat splat = {
+            .chol_q28 = { gen_int(&r, 1, MOST_FACTOR),
+                          gen_int(&r, -MOST_FACTOR, MOST_FACTOR),
+                          gen_int(&r, 1, MOST_FACTOR) },
+            .mean_q8 = { gen_int(&r, -512, 512), gen_int(&r, -512, 512) }
+        };
+        const double dx = (128 - splat.mean_q8[0]) / 256.0;
+        const double dy = (128 - splat.mean_q8[1]) / 256.0;
+        const double v = (splat.chol_q28[0] * dx - splat.chol_q28[1] * dy) *
+                         0x1p-28;
+        const double w = splat.chol_q28[2] * dy * 0x1p-28, s = v * v + w * w;
+        const double off = (fabs(v) + fabs(w)) * 0x1p-13 + 0x1p-19;
+
+        if (s < 7.9)
+            assert_true(fabs(ref_q_q20(&splat, 0, 0, 1) * 0x1p-20 -
+                             (s + s * s / 2)) <=
+                        (1 + s) * off + s * 0x1p-13 + 0x1p-20 + off * off);
+    }
+}
+
 /* Every entry of the table at every power, eight transmittances each. */
 static void alpha_should_be_that_of_the_norm(void **state)
 {
@@ -172,7 +210,7 @@ static void alpha_should_be_that_of_the_norm(void **state)
 
     (void)state;
     for (q = 0; q < CUT; q += 511) {
-        saga_patch p = { .q0 = q, .x1 = 8, .n_rows = 1,
+        saga_patch p = { .q0 = q, .reach = CUT - q, .x1 = 8, .n_rows = 1,
                          .colour_q15 = { 32768, 1, 0 } };
         uint32_t a[4 * PLANE] = { 0 }, b[4 * PLANE] = { 0 };
         uint32_t i;
@@ -191,6 +229,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(patches_should_be_those_of_the_norm),
         cmocka_unit_test(alpha_should_be_that_of_the_norm),
+        cmocka_unit_test(steep_should_be_that_of_the_formula),
     };
     int failed = 0;
 

@@ -83,7 +83,7 @@ static void hard_scene(scene *s, gen_rng *r, uint32_t n, int width, int height)
     gen_hard_camera(&s->cam, r, width, height);
     for (n = 0; n < wanted;) {
         gen_hard_animated(&a, r, &s->cam);
-        if (!saga_project(s->splats + n, &a, &s->cam))
+        if (!saga_project(s->splats + n, &a, &s->cam, 0))
             continue;
         if (gen_int(r, 0, 3) == 0)
             s->splats[n].depth &= 0xffff0000; /* many are equal */
@@ -214,7 +214,7 @@ static void new_job(saga_job *job, const setting *with, int32_t x0, int32_t y0,
 
 static saga_drawing drawing_of(const scene *s)
 {
-    return (saga_drawing){ &s->cam, s->splats, s->order, s->n, cpu };
+    return (saga_drawing){ &s->cam, s->splats, s->order, s->n, cpu, 0 };
 }
 
 /* Calls until the job is finished; returns how many. */
@@ -279,7 +279,7 @@ static int one_splat(scene *s, ref_splat *ref, gen_rng *r)
     gen_hard_animated(&a, r, &s->cam);
     for (k = 0; k < 3; k++)
         s->cam.background_q15[k] = 0;
-    if (!saga_project(s->splats, &a, &s->cam))
+    if (!saga_project(s->splats, &a, &s->cam, 0))
         return 0;
     for (k = 0; k < 3; k++)
         s->splats->colour_q15[k] = 32768;
@@ -293,7 +293,7 @@ static void tally_pixel(tally *t, const scene *s, const ref_splat *ref, int x,
     const saga_splat *const p = s->splats;
     const double q = ref_q(ref, x + 0.5 - p->mean_q8[0] / 256.0,
                            y + 0.5 - p->mean_q8[1] / 256.0);
-    const int32_t q_q20 = ref_q_q20(p, x, y);
+    const int32_t q_q20 = ref_q_q20(p, x, y, 0);
     const uint32_t w = q_q20 < CUT ? ref_alpha_q16(q_q20) : 0;
 
     t->visible += value > 0;
@@ -530,7 +530,7 @@ static uint32_t unstopped(const scene *s, int x, int y, int k)
 
     for (i = 0; i < s->n; i++) {
         const saga_splat *const p = s->splats + s->order[i].index;
-        const int32_t q = ref_q_q20(p, x, y);
+        const int32_t q = ref_q_q20(p, x, y, 0);
         const uint32_t a = q < CUT ? ref_alpha_q16(q) : 0;
         const uint32_t w = (a * t + 0x8000) >> 16;
 
@@ -871,7 +871,7 @@ static void close_checked(checked *c)
 
 static void expect_status(checked *c, saga_status status)
 {
-    const saga_drawing d = { &c->s.cam, NULL, NULL, 0, cpu };
+    const saga_drawing d = { &c->s.cam, NULL, NULL, 0, cpu, 0 };
     const saga_status got = saga_raster(&c->job, &c->p.pic, &d, 1);
 
     assert_int_equal(got == SAGA_AGAIN ? SAGA_OK : got, status);

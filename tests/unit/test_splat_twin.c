@@ -106,7 +106,7 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
     };
     saga_splat *const s = calloc(n, sizeof *s);
     saga_key *const keys = calloc(2 * n, sizeof *keys);
-    saga_drawing drawing = { cam, s, keys, 0, saga_cpu_best() };
+    saga_drawing drawing = { cam, s, keys, 0, saga_cpu_best(), 0 };
     const size_t nbytes = 1u << 22;
     const saga_picture pic = { rgb, 6u * cam->width,
                                6u * (size_t)cam->width * cam->height, 16 };
@@ -120,7 +120,7 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
         saga_animated moved;
 
         saga_animate(&moved, prim + i, &format, t);
-        if (!saga_project(s + i, &moved, cam))
+        if (!saga_project(s + i, &moved, cam, 0))
             continue;
         for (a = 0; a < 3; a++)
             s[i].colour_q15[a] = (uint16_t)lround(

@@ -1528,6 +1528,7 @@ static const saga_cli_option option_list[] = {
       "no-parent      what the coarser tier holds\n"
       "no-bank        what the memory bank holds\n"
       "no-base        what stands still, once for all segments\n"
+      "no-steep       splats steeper than normal curves\n"
       "groups=K       1 to 16 groups of anchors, each coded by\n"
       "               what the earlier ones hold; 1: none (8)\n"
       "slots=L        a memory bank of 32, 64, 128, 256 or 512\n"

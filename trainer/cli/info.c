@@ -43,6 +43,7 @@ static const struct {
     { SAGA_TOOL_SLOPE, "linear rotation", "linear_rotation" },
     { SAGA_TOOL_VIEW, "view-dependent colour", "view_dependent_colour" },
     { SAGA_TOOL_BASE, "base segment", "base_segment" },
+    { SAGA_TOOL_STEEP, "steep splats", "steep_splats" },
     { SAGA_TOOL_FEATURE_RESIDUAL, "feature residuals", "feature_residuals" },
     { SAGA_TOOL_HASH, "residual hash", "residual_hash" },
     { SAGA_TOOL_BANK, "memory bank", "memory_bank" },

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #define LN2 0.69314718055994531
+#define PI 3.14159265358979324
 
 /* --- Colours ------------------------------------------------------------- */
 
@@ -275,28 +276,38 @@ static float logit_of(int32_t q0_q20)
     return (float)-log(expm1(q * LN2));
 }
 
-/* Viewers have no flat tops: an opacity above 1 becomes a normal distribution
- * that covers as much of a picture. The natural logarithm of how much wider it
- * is: of P exp(-r^2 / 2) cut at 1, 2 pi (1 + ln P) is covered. */
-static double widening(int32_t q0_q20)
+/* Viewers have neither flat tops nor steep falls: each becomes a normal
+ * distribution that covers as much of a picture. Returns the natural logarithm
+ * of how much wider it is. With s = log2(e) r^2 / 2, exp(-r^2 / 2) is 2^-s and
+ * covers its integral over s, 1 / ln 2; P 2^-s cut at 1 covers log2 P more; and
+ * P 2^-(s + s^2/2), with u = s + 1 where it falls to 1, u - 1 and a tail. */
+static double widening(int32_t q0_q20, bool is_steep)
 {
-    const double peak = SAGA_PEAK_LOG2 - q0_q20 / 1048576.0;
+    const double peak = fmax(SAGA_PEAK_LOG2 - q0_q20 / 1048576.0, 0.0);
+    const double u = sqrt(1.0 + 2.0 * peak);
 
-    return 0.5 * log1p(LN2 * fmax(peak, 0.0));
+    if (!is_steep)
+        return 0.5 * log1p(LN2 * peak);
+    return 0.5 * log(LN2 * (u - 1.0 + exp2(peak + 0.5) *
+                                      sqrt(PI / (2.0 * LN2)) *
+                                      erfc(u * sqrt(LN2 / 2.0))));
 }
 
-static void set_splat(saga_cloud *cloud, const saga_metric *metric,
+static void set_splat(saga_cloud *cloud, const saga_film *film,
                       const saga_animated *a, const float *colour)
 {
     const size_t i = cloud->n++;
     const size_t each = 3 * (size_t)saga_n_harmonics(cloud->degree);
+    const saga_metric *const metric = &film->metric;
+    const double wider = widening(
+        a->q0_q20, (film->info.tools & SAGA_TOOL_STEEP) != 0);
 
     for (size_t k = 0; k < 3; k++) {
         cloud->mean[3 * i + k] =
             (float)(metric->centre[k] + metric->unit * a->x[k]);
         cloud->log_scale[3 * i + k] =
             (float)(a->log2_scale_q10[k] / 1024.0 * LN2 + log(metric->unit) +
-                    widening(a->q0_q20));
+                    wider);
     }
     set_quat(cloud->quat + 4 * i, a->quat);
     cloud->logit[i] = logit_of(a->q0_q20);
@@ -325,8 +336,7 @@ bool saga_film_cloud(saga_cloud *cloud, saga_film_colours *colours,
 
         (void)saga_primitive_at(&a, film->dec, i, t);
         if (a.q0_q20 < SAGA_CUT_Q20)
-            set_splat(cloud, &film->metric, &a,
-                      colours->harmonics + each * i);
+            set_splat(cloud, film, &a, colours->harmonics + each * i);
     }
     return true;
 }

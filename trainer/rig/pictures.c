@@ -210,7 +210,10 @@ size_t saga_pictures_largest(const saga_pictures *p)
 bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
                           saga_error *error)
 {
-    return saga_canvas_init(canvas, saga_pictures_largest(p), error);
+    if (!saga_canvas_init(canvas, saga_pictures_largest(p), error))
+        return false;
+    canvas->rules.square = p->is_steep ? R(0.5) : 0;
+    return true;
 }
 
 double saga_pictures_near(const saga_pictures *p, int view)

@@ -39,6 +39,7 @@ typedef struct saga_pictures {
     int n_there;
     const saga_backdrop *backdrop; /* drawn with all of them; NULL at first:
                            * none */
+    bool is_steep;        /* splats fall off by s + s^2 / 2; false at first */
 } saga_pictures;
 
 /* A sample names one picture: what a view saw at a frame, averaged over boxes

@@ -10,7 +10,7 @@
 static const saga_splat_rules norm = {
     R(SAGA_CUT_LOG2 - SAGA_PEAK_LOG2), R(SAGA_ALPHA_CAP_Q16) / 65536,
     R(SAGA_T_FLOOR_Q16) / 65536,
-    R(SAGA_LOW_PASS_NUM) / R(SAGA_LOW_PASS_DEN), 0
+    R(SAGA_LOW_PASS_NUM) / R(SAGA_LOW_PASS_DEN), 0, 0
 };
 
 bool saga_canvas_init(saga_canvas *c, size_t n_pixels, saga_error *error)

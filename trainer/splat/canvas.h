@@ -35,6 +35,8 @@ typedef struct saga_splat_rules {
     real alpha_cap;
     real t_floor;         /* a pixel is finished below it */
     real low_pass;        /* pixels^2, added to the 2-D covariance */
+    real square;          /* what the square of s counts in q: 0 at first, 1/2
+                           * where splats fall off steeply */
     int detach_time;      /* 1: no gradient to t_centre and log2_width through
                            * motion and slope; 0 at first */
 } saga_splat_rules;
@@ -47,8 +49,9 @@ typedef struct saga_splat_posed {
                            * >= -3 */
 } saga_splat_posed;
 
-/* This is a primitive in one camera. q = q0 + v^2 + w^2 with v = g dx - n dy
- * and w = h dy, (dx, dy) from the mean to the pixel's centre. */
+/* This is a primitive in one camera. q = q0 + s + square s^2, s = v^2 + w^2
+ * with v = g dx - n dy and w = h dy, (dx, dy) from the mean to the pixel's
+ * centre. */
 typedef struct saga_splat_2d {
     real mean[2];         /* pixels */
     real g, n, h;         /* Cholesky factor of the conic, log2 units */
@@ -60,10 +63,10 @@ typedef struct saga_splat_2d {
 } saga_splat_2d;
 
 /* A record is what the pixels of a tile say about a splat: sums over them of
- * dL/dq / ln 2 times 1, v, v dx, v dy, dy, dy^2; of dL/dC alpha T; of
- * alpha T. */
+ * dL/dq / ln 2; of dL/ds / ln 2 times v, v dx, v dy, dy, dy^2; of dL/dC alpha
+ * T; of alpha T. */
 enum {
-    SAGA_SUM_1, SAGA_SUM_V, SAGA_SUM_VX, SAGA_SUM_VY, SAGA_SUM_Y, SAGA_SUM_YY,
+    SAGA_SUM_Q, SAGA_SUM_V, SAGA_SUM_VX, SAGA_SUM_VY, SAGA_SUM_Y, SAGA_SUM_YY,
     SAGA_SUM_R, SAGA_SUM_G, SAGA_SUM_B, SAGA_SUM_WEIGHT, SAGA_N_SUMS
 };
 

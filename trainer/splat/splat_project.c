@@ -166,25 +166,31 @@ static void span(int16_t *lo, int16_t *hi, real mean, real half, int side)
     *hi = (int16_t)saga_clamp(b, 0, R(side));
 }
 
-/* The ellipse q < cut reaches sqrt(A rest / k) pixels to each side, rest =
- * cut - q0, and its major half-axis is the same for the larger eigenvalue. */
-static real bound(saga_splat_2d *o, const covariance *v, real rest,
+/* Returns where s + square s^2 is rest. */
+static real reach(real rest, real square)
+{
+    return square > 0 ? (sqrt(1 + 4 * square * rest) - 1) / (2 * square) : rest;
+}
+
+/* The ellipse s < most reaches sqrt(A most / k) pixels to each side, and its
+ * major half-axis is the same for the larger eigenvalue. */
+static real bound(saga_splat_2d *o, const covariance *v, real most,
                   const saga_splat_camera *cam)
 {
     const real m = (v->a - v->c) / 2;
     const real mid = (v->a + v->c) / 2;
     const real big = mid + sqrt(m * m + v->b * v->b);
 
-    span(&o->x0, &o->x1, o->mean[0], sqrt(v->a * rest / K),
+    span(&o->x0, &o->x1, o->mean[0], sqrt(v->a * most / K),
          cam->width);
-    span(&o->y0, &o->y1, o->mean[1], sqrt(v->c * rest / K),
+    span(&o->y0, &o->y1, o->mean[1], sqrt(v->c * most / K),
          cam->height);
     if (o->x0 >= o->x1 || o->y0 >= o->y1) {
         o->x1 = o->x0;
         o->y1 = o->y0;
         return 0;
     }
-    return sqrt(big * rest / K);
+    return sqrt(big * most / K);
 }
 
 /* Counts the primitives that a pass was given: the canvas's come behind. */
@@ -223,7 +229,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     o->depth = s.view[2];
     for (a = 0; a < 3; a++)
         o->colour[a] = from->colour[3 * k + a];
-    return bound(o, &v, cut - o->q0, cam);
+    return bound(o, &v, reach(cut - o->q0, canvas->rules.square), cam);
 }
 
 void saga_splat_project_forward(saga_canvas *canvas,
@@ -254,9 +260,9 @@ static void gather(splat_gradient *d, const saga_splat_work *work, size_t i)
     for (r = work->slot_begin[i]; r < end; r++)
         for (k = 0; k < SAGA_N_SUMS; k++)
             sum[k] += work->record[r * SAGA_N_SUMS + k];
-    for (k = SAGA_SUM_1; k <= SAGA_SUM_YY; k++)
+    for (k = SAGA_SUM_Q; k <= SAGA_SUM_YY; k++)
         sum[k] *= LN_2;
-    d->q0 = sum[SAGA_SUM_1];
+    d->q0 = sum[SAGA_SUM_Q];
     d->g = 2 * sum[SAGA_SUM_VX];
     d->n = -2 * sum[SAGA_SUM_VY];
     d->h = 2 * o->h * sum[SAGA_SUM_YY];

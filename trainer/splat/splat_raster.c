@@ -6,12 +6,12 @@
  * Backward begins with the forward pass of the same tile, which keeps alpha
  * and alpha T of every block that a splat touches: in L2, as many as there is
  * room for; of the splats behind these, backward computes them again. With
- * s = g.c (g = dL/dC), T before the splat and
+ * b = g.c (g = dL/dC), T before the splat and
  *   D = g.(C_final - what splats up to and including this one gave),
- *   dL/dalpha = T s - D / (1 - alpha),   dL/dq = -ln 2 alpha dL/dalpha
- * (0 where the cap holds).
+ *   dL/dalpha = T b - D / (1 - alpha),   dL/dq = -ln 2 alpha dL/dalpha
+ * (0 where the cap holds), dL/ds = (1 + 2 square s) dL/dq.
  *
- * Sums over pixels are taken of dL/dq times powers of x and y from the tile's
+ * Sums over pixels are taken of dL/ds times powers of x and y from the tile's
  * middle, and become those of the record at the end: so far from the splat's
  * mean nothing cancels.
  */
@@ -51,7 +51,7 @@ typedef struct {
 /* A splat in a tile has these pairs of rows and half-columns. */
 typedef struct { int y0, y1, x0, x1; } window;
 
-typedef struct { wide floor, cut, cap; } limits;
+typedef struct { wide floor, cut, cap, square; } limits;
 
 /* A splat does this to a block. */
 typedef struct { real alpha[WIDE_LANES], weight[WIDE_LANES]; } kept;
@@ -137,7 +137,7 @@ static limits limits_of(const saga_splat_rules *rules)
     const real floor = rules->t_floor > 0 ? rules->t_floor : REAL_MIN;
 
     return (limits){ wide_set1(floor), wide_set1(rules->cut),
-                     wide_set1(rules->alpha_cap) };
+                     wide_set1(rules->alpha_cap), wide_set1(rules->square) };
 }
 
 /* Goes from the splat's mean to the tile's middle. */
@@ -187,7 +187,9 @@ static unsigned touch(real q[BLOCKS][WIDE_LANES], const tile *t,
             const wide dy = wide_add(wide_load(p->grid.y[j]),
                                      wide_set1(d[1]));
             const wide v = wide_fnma(n, dy, g_dx), w = wide_mul(h, dy);
-            const wide at = wide_fma(v, v, wide_fma(w, w, q0));
+            const wide s = wide_fma(v, v, wide_mul(w, w));
+            const wide at = wide_add(q0, wide_fma(
+                wide_mul(s, s), p->limit.square, s));
 
             wide_store(q[b], at);
             touched |= (unsigned)wide_any(wide_less(at, p->limit.cut)) << b;
@@ -336,9 +338,10 @@ void saga_splat_raster_forward(saga_canvas *canvas)
 
 /* --- Backward ------------------------------------------------------------ */
 
-/* Sums over the pixels of a tile, of which the moments are of dL/dq / ln 2. */
+/* Sums over the pixels of a tile, of which the moments are of dL/ds / ln 2, and
+ * q of dL/dq / ln 2. */
 typedef struct {
-    wide m00, m10, m01, m20, m11, m02;
+    wide q, m00, m10, m01, m20, m11, m02;
     wide red, green, blue, weight;
 } sums;
 
@@ -360,7 +363,7 @@ static void write_record(real *record, const sums *s, const saga_splat_2d *o,
     v0 = o->g * d[0] - o->n * d[1];
     vx = v0 * m[1] + o->g * m[3] - o->n * m[4];
     vy = v0 * m[2] + o->g * m[4] - o->n * m[5];
-    record[SAGA_SUM_1] = m[0];
+    record[SAGA_SUM_Q] = vec_sum(wide_fold(s->q));
     record[SAGA_SUM_V] = v0 * m[0] + o->g * m[1] - o->n * m[2];
     record[SAGA_SUM_VX] = vx + d[0] * record[SAGA_SUM_V];
     record[SAGA_SUM_VY] = vy + d[1] * record[SAGA_SUM_V];
@@ -378,10 +381,16 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
     const wide green = wide_set1(o->colour[1]);
     const wide blue = wide_set1(o->colour[2]), one = wide_set1(1);
     const wide x = wide_load(p->grid.x[half]);
-    wide m0 = wide_zero(), m1 = m0, m2 = m0, m0_x;
+    const wide n = wide_set1(o->n), h = wide_set1(o->h);
+    const wide twice = wide_add(p->limit.square, p->limit.square);
+    wide m0 = wide_zero(), m1 = m0, m2 = m0, m0_x, g_dx, up;
     wide s_red = s->red, s_green = s->green, s_blue = s->blue;
-    wide s_weight = s->weight;
+    wide s_weight = s->weight, s_q = s->q;
+    real d[2];
 
+    to_middle(d, o, t);
+    g_dx = wide_mul(wide_set1(o->g), wide_add(x, wide_set1(d[0])));
+    up = wide_set1(d[1]);
     for (; touched; touched &= touched - 1, from++) {
         const int j = __builtin_ctz(touched);
         const int at = (half * PAIRS + j) * WIDE_LANES;
@@ -398,18 +407,24 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
         const wide odds = wide_div(alpha, wide_sub(one, alpha));
         const wide d_q = wide_keep(wide_less(alpha, p->limit.cap),
                                    wide_sub(wide_mul(odds, rest), shown));
-        const wide d_q_y = wide_mul(d_q, y);
+        const wide dy = wide_add(y, up);
+        const wide v = wide_fnma(n, dy, g_dx), w = wide_mul(h, dy);
+        const wide at_s = wide_fma(v, v, wide_mul(w, w));
+        const wide d_s = wide_mul(d_q, wide_fma(at_s, twice, one));
+        const wide d_s_y = wide_mul(d_s, y);
 
         wide_store(t->rest + at, rest);
-        m0 = wide_add(m0, d_q);
-        m1 = wide_add(m1, d_q_y);
-        m2 = wide_fma(d_q_y, y, m2);
+        s_q = wide_add(s_q, d_q);
+        m0 = wide_add(m0, d_s);
+        m1 = wide_add(m1, d_s_y);
+        m2 = wide_fma(d_s_y, y, m2);
         s_red = wide_fma(weight, d_red, s_red);
         s_green = wide_fma(weight, d_green, s_green);
         s_blue = wide_fma(weight, d_blue, s_blue);
         s_weight = wide_add(s_weight, weight);
     }
     m0_x = wide_mul(m0, x);
+    s->q = s_q;
     s->m00 = wide_add(s->m00, m0);
     s->m10 = wide_add(s->m10, m0_x);
     s->m20 = wide_fma(m0_x, x, s->m20);
@@ -428,7 +443,8 @@ static void blend_backward(real *record, tile *t, const saga_splat_2d *o,
     const unsigned left = touched & ((1u << PAIRS) - 1);
     const unsigned right = touched >> PAIRS;
     const wide zero = wide_zero();
-    sums s = { zero, zero, zero, zero, zero, zero, zero, zero, zero, zero };
+    sums s = { zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
+               zero };
 
     if (left)
         add_half(&s, t, o, p, from, 0, left);

@@ -15,6 +15,7 @@
  * where it is not worth its weights. */
 typedef struct saga_ablation {
     uint16_t no_hyper, no_parent, no_bank; /* 1: without these sources */
+    uint16_t no_steep;           /* 1: splats are normal distributions */
     uint16_t groups;             /* of each tier, 1..16; 0: 8; 1: none, and
                                   * neither the source */
     uint16_t slots;              /* of the memory bank: 32, 64, .. 512; 0: 64,

@@ -202,6 +202,15 @@ void saga_train_set_flat(saga_train *t)
         t->flat_options.start = R(START_ON_BASE);
 }
 
+void saga_train_set_steep(saga_train *t)
+{
+    const saga_model *const m = &t->file.networks.scene.model;
+
+    t->pictures.is_steep = t->file.encoder
+        ? (m->tools & SAGA_TOOL_STEEP) != 0
+        : !t->o.given && !t->ablation.no_steep;
+}
+
 /* Makes the pictures of a segment's capture. */
 static bool look_at(saga_train *t, const saga_capture *capture,
                     saga_error *error)
@@ -209,6 +218,7 @@ static bool look_at(saga_train *t, const saga_capture *capture,
     if (!saga_pictures_init(&t->pictures, capture, error))
         return false;
     t->capture = capture;
+    saga_train_set_steep(t);
     if (t->tones)
         saga_train_tone(t);
     else if (!make_tones(t, error)) {

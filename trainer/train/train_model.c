@@ -99,7 +99,7 @@ void saga_train_model(saga_model *m, const saga_train *t)
                                                            : caps->width);
 
     memset(m, 0, sizeof *m);
-    m->tools = t->tools;
+    m->tools = t->tools | (t->pictures.is_steep ? SAGA_TOOL_STEEP : 0u);
     m->features = p->features;
     m->octaves = 4;
     m->lambda_t_q8 = 256;

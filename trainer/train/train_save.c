@@ -269,6 +269,7 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
                          (saga_counts){ 0 }, 0, 0, error))
         return false;
     walk_file(t, c);
+    saga_train_set_steep(t);
     if (c->failed || !saga_train_same_views(t, t->capture,
                                             saga_train_segment(t), error))
         return false;
@@ -541,9 +542,11 @@ static bool load_blind(saga_train *t, head *h, saga_capture *capture,
                          "has the networks of a training that is over");
     t->o.checkpoint = c->path;
     t->capture = capture;
-    return saga_pictures_restore(&t->pictures, capture, c, error) &&
-           saga_train_set_up(t, error) && alloc_tones(t, error) &&
-           load_state(t, h, c, error);
+    if (!saga_pictures_restore(&t->pictures, capture, c, error) ||
+        !saga_train_set_up(t, error))
+        return false;
+    saga_train_set_steep(t);
+    return alloc_tones(t, error) && load_state(t, h, c, error);
 }
 
 bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,

@@ -81,6 +81,8 @@ bool saga_train_same_views(const saga_train *t, const saga_capture *capture,
 void saga_train_tone(saga_train *t);
 /* Sets of the warm-up's options what is not the same for all segments. */
 void saga_train_set_flat(saga_train *t);
+/* Says whether splats are steep: as the networks that are there want it. */
+void saga_train_set_steep(saga_train *t);
 bool saga_train_begin_fit(saga_train *t, saga_error *error);
 
 /* train_model.c */
