@@ -289,7 +289,7 @@ static void project(data *d)
 {
     for (int i = 0; i < PRIMS; i++)
         d->visible[i] = (uint8_t)saga_project(&d->projected[i], &d->moved[i],
-                                               &d->camera, 0);
+                                              &d->camera, 0);
 }
 
 /* As the decoder does both, several at a time. */
