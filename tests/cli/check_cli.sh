@@ -480,9 +480,9 @@ if not all(base64.b64decode(p)[:2] == b"\xff\xd8" for p in pictures):
 if "<b>" in text or "cam&#60;b&#62;" not in text or "1.0" not in text:
     print("check --html: a name is not escaped, or missing")
 PYTHON
-# Two frames at two a second are a segment, four are two.
+# Two frames in ten seconds are a segment, four in twenty are two.
 expect 0 synth "$tmp/long" --size 32x18 --cameras 3 --hold-out 0 --frames 4 \
-    --fps 2 --samples 1 --depth-every 0 --points 100
+    --fps 0.2 --samples 1 --depth-every 0 --points 100
 for span in 0:2 0:4; do
     expect 0 check "$tmp/long" --frames $span --json
     mv "$tmp/out" "$tmp/forecast$span"
@@ -493,7 +493,7 @@ import json, sys
 one, two = (json.load(open(name))["forecast"][0] for name in sys.argv[1:])
 for f, n in (one, 1), (two, 2):
     if f["n_segments"] != n or abs(
-            f["least_kb"] - 8 - 0.008 * n * f["n_primitives"]) > 1e-6:
+            f["least_kb"] - 4 - 0.009 * n * f["n_primitives"]) > 1e-6:
         print("check: the forecast of", n, "segments is", f)
 PYTHON
 expect 0 check "$tmp/long"

@@ -311,6 +311,35 @@ static void loading_should_be_refused_when_memory_is_short(void **state)
     saga_capture_free(&c);
 }
 
+/* A frame of both is 2 x 3 x 32 x 16 bytes, of a quarter the pixels a quarter.
+ * A look says it of more than may be loaded, whatever the threads need. */
+static void frames_that_fit_should_take_half_the_memory(void **state)
+{
+    folder *const f = *state;
+    saga_capture_options o = saga_capture_defaults();
+    saga_error error = { "" };
+    saga_capture c;
+
+    write_video(f, "a.mp4", 12, 25, "");
+    folder_run(f, "cp a.mp4 b.mp4");
+    write_json(f, two, 2);
+    for (o.n_threads = 1; o.n_threads < 9; o.n_threads += 7)
+        for (o.scale = 1; o.scale < 3; o.scale++) {
+            const int frame = 3072 / (o.scale * o.scale);
+
+            o.memory_nbytes = 2 * 7 * 3072;
+            assert_true(saga_capture_look(&c, f->path, &o, &error));
+            assert_int_equal(c.n_fitting, 7 * 3072 / frame);
+            o.memory_nbytes--;
+            assert_true(saga_capture_look(&c, f->path, &o, &error));
+            assert_int_equal(c.n_fitting, 7 * 3072 / frame - 1);
+        }
+    o = saga_capture_defaults();
+    c = load_with(f->path, &o);
+    assert_int_equal(c.n_fitting, (1ull << 31) / 3072);
+    saga_capture_free(&c);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -323,7 +352,8 @@ int main(void)
         IN_FOLDER(video_should_be_refused_when_it_is_damaged),
         IN_FOLDER(video_should_be_found_whatever_its_name),
         IN_FOLDER(loading_should_stop_when_told),
-        IN_FOLDER(loading_should_be_refused_when_memory_is_short)
+        IN_FOLDER(loading_should_be_refused_when_memory_is_short),
+        IN_FOLDER(frames_that_fit_should_take_half_the_memory)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -222,7 +222,7 @@ static void plan_should_follow_pixels_and_motion(void **state)
         /* The part is of two views and of four frames, one of which is the
          * middle. */
         assert_int_equal(o.n_primitives, (int)rint(saga_plan_primitives(
-            24000, changing / 12000. / 2 * 3 / 4)));
+            24000, changing / 12000. / 2 * 3 / 4, 1)));
         assert_true(o.n_iterations == balanced->iterations);
         assert_non_null(strstr(why.primitives, "24000 pixels"));
         assert_non_null(strstr(why.iterations, "preset balanced"));
@@ -246,7 +246,8 @@ static void plan_should_be_short_when_it_is_of_a_still(void **state)
     for (int i = 0; i < MOST; i++)
         views[i] = (saga_shot){ .width = 300, .height = 200, .rgb = rgb };
     for (int n = 5; n <= MOST; n = n == 5 ? 10 : n == 10 ? 40 : 10 * n) {
-        const saga_capture c = { .n_views = n, .n_frames = 1, .views = views };
+        const saga_capture c = { .n_views = n, .n_frames = 1, .fps = 30,
+                                 .views = views };
         saga_train_options o = { .n_segments = 1, .level = 2 };
         double minutes;
 
@@ -254,7 +255,7 @@ static void plan_should_be_short_when_it_is_of_a_still(void **state)
         n_of_ten = n <= 10 ? o.n_primitives : n_of_ten;
         assert_int_equal(o.n_primitives, n_of_ten);
         assert_int_equal(o.n_primitives, (int)rint(
-            0.7 * saga_plan_primitives(60000 * fmin(n, 10), 0)));
+            0.7 * saga_plan_primitives(60000 * fmin(n, 10), 0, 0)));
         minutes = saga_plan_minutes(o.n_primitives, o.n_iterations, 60000);
         assert_true(n == 400 ? o.n_iterations == 4000
                              : fabs(minutes - fast->still_minutes) < 0.01);
@@ -278,7 +279,7 @@ static void plan_should_leave_what_is_given(void **state)
     assert_string_equal(why.iterations, "");
     o.n_primitives = 0;
     saga_plan(&o, &why, &f->capture, saga_preset_at(0));
-    assert_int_equal(o.n_primitives, 99200);
+    assert_int_equal(o.n_primitives, 90545);
     o.n_primitives = 0;
     o.level = 0;
     saga_plan(&o, &why, &f->capture, saga_preset_at(0));
@@ -289,22 +290,41 @@ static void plan_should_leave_what_is_given(void **state)
     assert_int_equal(o.n_iterations, 0);
 }
 
-/* A rest of half a second or more is a segment of its own. */
-static void segments_should_take_about_a_second(void **state)
+/* A rest of half a segment or more is one of its own. A second is taken even if
+ * no more than a part of it is said to fit. */
+static void segments_should_take_ten_seconds_if_they_fit(void **state)
 {
-    static const struct { int n_frames, asked, n; bool moves; } given[] = {
-        { 1, 0, 1, false }, { 30, 0, 1, false }, { 44, 0, 1, false },
-        { 45, 0, 2, false }, { 100, 0, 3, false }, { 100, 0, 1, true },
-        { 100, 10, 10, true }, { 5, 2, 2, false }, { 3, 2, 1, false }
+    static const struct { int n_frames, asked, fitting, n; bool moves; }
+    given[] = {
+        { 1, 0, 9999, 1, false }, { 300, 0, 9999, 1, false },
+        { 449, 0, 9999, 1, false }, { 450, 0, 9999, 2, false },
+        { 1000, 0, 9999, 3, false }, { 300, 0, 100, 3, false },
+        { 300, 0, 7, 10, false }, { 44, 0, 7, 1, false },
+        { 45, 0, 7, 2, false }, { 1000, 0, 7, 1, true },
+        { 100, 10, 9999, 10, true }, { 5, 2, 9999, 2, false },
+        { 3, 2, 9999, 1, false }
     };
 
     (void)state;
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const saga_capture c = { .n_frames = given[i].n_frames, .fps = 30,
-                                 .moves = given[i].moves };
+                                 .moves = given[i].moves,
+                                 .n_fitting = given[i].fitting };
 
         assert_int_equal(saga_plan_segments(&c, given[i].asked), given[i].n);
     }
+}
+
+/* What stays is there once, what changes is new in each second. */
+static void longer_segments_should_have_more_that_changes(void **state)
+{
+    (void)state;
+    assert_true(saga_plan_primitives(12000, 0, 10) ==
+                saga_plan_primitives(12000, 0, 1));
+    assert_true(fabs(saga_plan_primitives(12000, 0.2, 10) -
+                     saga_plan_primitives(12000, 0, 10) -
+                     10 * (saga_plan_primitives(12000, 0.2, 1) -
+                           saga_plan_primitives(12000, 0, 1))) < 1e-9);
 }
 
 /* A slower preset works more, and many pictures want more iterations. */
@@ -343,7 +363,8 @@ int main(void)
         cmocka_unit_test(plan_should_follow_pixels_and_motion),
         cmocka_unit_test(plan_should_be_short_when_it_is_of_a_still),
         cmocka_unit_test(plan_should_leave_what_is_given),
-        cmocka_unit_test(segments_should_take_about_a_second),
+        cmocka_unit_test(segments_should_take_ten_seconds_if_they_fit),
+        cmocka_unit_test(longer_segments_should_have_more_that_changes),
         cmocka_unit_test(presets_should_be_in_order)
     };
 

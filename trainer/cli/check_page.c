@@ -13,7 +13,7 @@
 
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
-/* Straight lines through docs/results/rd.md tell 8 kB and 8 to 13 bytes a
+/* Straight lines through docs/results/rd.md tell some 4 kB and 9 to 14 bytes a
  * primitive of each segment. */
 bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 {
@@ -36,8 +36,8 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
     f->n_segments = saga_plan_segments(capture, 0);
     f->minutes = f->n_segments * saga_plan_minutes(f->n_primitives,
                                                    f->n_iterations, pixels);
-    f->least_kb = 8 + 0.008 * f->n_primitives * f->n_segments;
-    f->most_kb = 8 + 0.013 * f->n_primitives * f->n_segments;
+    f->least_kb = 4 + 0.009 * f->n_primitives * f->n_segments;
+    f->most_kb = 4 + 0.014 * f->n_primitives * f->n_segments;
     return true;
 }
 

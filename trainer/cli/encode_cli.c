@@ -49,7 +49,7 @@ typedef struct {
     saga_capture_choice capture;
     const char *output, *ablate, *log, *preset, *networks;
     int primitives, iterations, level, layers, seed, every;
-    int segment;                 /* frames; 0: about a second */
+    int segment;                 /* frames; 0: train_plan.h */
     int only;                    /* segment; -1: all */
     double lambda, minutes, size, bitrate, metres;
     bool still, moving, json, resume, sweep, networks_only;
@@ -548,7 +548,7 @@ static void tell_base(const session *s)
                        b->n_prim, s->n_segments, b->n_kept, b->saved / 1000);
     else if (b->why == SAGA_TRAIN_MOVES)
         saga_cli_error(0, "encode: %.0f %% of the primitives stand still: too "
-                       "few for a base", still);
+                       "few for a base of %d segments", still, s->n_segments);
     else if (b->why == SAGA_TRAIN_WANDERS)
         saga_cli_error(0, "encode: no base: no camera stands still, so no "
                        "pictures tell what does");
@@ -1556,10 +1556,11 @@ const saga_command saga_command_encode = {
     "      five files of 0.2 to 1.7 times the primitives of one, the price of\n"
     "      bits with them; goes on with --resume\n"
     "\n"
-    "A long capture is trained in segments of about a second, with only that\n"
-    "one's pictures in memory; the first to be trained makes the networks.\n"
-    "Where enough of it stands still, that is sent once, as the base, and the\n"
-    "segments are trained on top of it; which is told, with its numbers.\n"
+    "A long capture is trained in segments of about ten seconds, or of as\n"
+    "many frames as take half of --memory, with only that one's pictures in\n"
+    "memory; the first to be trained makes the networks. Where enough stands\n"
+    "still for enough segments, that is sent once, as the base, and they are\n"
+    "trained on top of it; which is told, with its numbers.\n"
     "Stages: warm-up (flat primitives), rendering (the coded hierarchy),\n"
     "packing. A line on stderr tells stage, iteration, the PSNR of the\n"
     "pictures trained on, the bits of the residuals and the time left.\n"

@@ -135,12 +135,17 @@ static double scratch_nbytes(const load_job *job)
     return most * job->n_threads;
 }
 
-static double forecast(const load_job *job, double scale)
+static double pictures_nbytes(const load_job *job, double scale)
 {
-    double n = scratch_nbytes(job);
+    double n = 0.0;
     for (int v = 0; v < job->listing->n_sources; v++)
         n += picture_nbytes(job, v, scale);
     return n;
+}
+
+static double forecast(const load_job *job, double scale)
+{
+    return scratch_nbytes(job) + pictures_nbytes(job, scale);
 }
 
 static void say_remedy(const load_job *job, double need, char *text, size_t n)
@@ -644,8 +649,30 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
            choose_range(capture, listing, options, error);
 }
 
+/* Returns how many frames' pictures take half the budget: what a thread needs
+ * besides does not count, so that it is the same for any number of them. */
+static int frames_that_fit(const load_job *job)
+{
+    const double need = pictures_nbytes(job, job->options->scale);
+    const double part = (double)job->options->memory_nbytes / 2.0 / need;
+    return (int)fmin(floor(job->capture->n_frames * part), SAGA_MAX_FRAMES);
+}
+
+/* Moves the points and the notes to the capture. */
+static void take_points(saga_capture *capture, saga_listing *listing)
+{
+    capture->points = listing->points;
+    capture->n_points = listing->n_points;
+    listing->points = NULL;
+    memcpy(capture->notes, listing->notes, sizeof capture->notes);
+    if (listing->fps <= 0.0 && listing->n_frames > 1)
+        saga_note(capture->notes, "time: frame rate unknown, %g assumed",
+                  capture->fps);
+}
+
+/* Takes the frames that are wanted, and with `pictures` loads them. */
 static bool carry_out(saga_capture *capture, saga_listing *listing,
-                      const saga_capture_options *options,
+                      const saga_capture_options *options, bool pictures,
                       saga_error *error)
 {
     load_job job = {.options = options, .listing = listing, .capture = capture,
@@ -655,19 +682,17 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
                                      : omp_get_max_threads()};
     if (!choose_frames(capture, listing, options, error))
         return false;
-    capture->points = listing->points;
-    capture->n_points = listing->n_points;
-    listing->points = NULL;
-    memcpy(capture->notes, listing->notes, sizeof capture->notes);
-    if (listing->fps <= 0.0 && listing->n_frames > 1)
-        saga_note(capture->notes, "time: frame rate unknown, %g assumed",
-                  capture->fps);
     job.remaps = saga_calloc((size_t)listing->n_sources, sizeof *job.remaps,
                              listing->path, error);
     if (!job.remaps)
         return false;
-    const bool ok = plan_remaps(&job) && check_budget(&job) &&
-                    fill_capture(&job);
+    bool ok = plan_remaps(&job);
+    if (ok)
+        capture->n_fitting = frames_that_fit(&job);
+    if (ok && pictures) {
+        take_points(capture, listing);
+        ok = check_budget(&job) && fill_capture(&job);
+    }
     free(job.remaps);
     return ok;
 }
@@ -681,7 +706,7 @@ bool saga_capture_look(saga_capture *capture, const char *path,
     *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
                     saga_listing_make(&listing, path, options, error) &&
-                    choose_frames(capture, &listing, options, error);
+                    carry_out(capture, &listing, options, false, error);
     saga_listing_free(&listing);
     return ok;
 }
@@ -695,7 +720,7 @@ bool saga_capture_load(saga_capture *capture, const char *path,
     *error = (saga_error){ "" };
     const bool ok = check_options(options, path, error) &&
                     saga_listing_make(&listing, path, options, error) &&
-                    carry_out(capture, &listing, options, error);
+                    carry_out(capture, &listing, options, true, error);
     saga_listing_free(&listing);
     if (!ok)
         saga_capture_free(capture);

@@ -105,6 +105,7 @@ typedef struct saga_capture {
     int n_views, n_frames;
     bool moves;               /* the camera: every view is one picture of it */
     int first_frame;          /* index in the source of frame 0 here */
+    int n_fitting;            /* frames whose pictures take half the budget */
     double fps;
     double metres;            /* in the unit of length; 0: unknown */
     int scale;
@@ -124,9 +125,10 @@ bool saga_capture_load(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
                        saga_error *error);
 
-/* Sets of *capture what is known before a picture is decoded: format, frames
- * and their rate, whether the camera moves. It fails as saga_capture_load does,
- * and sets no view nor anything else that would have to be freed. */
+/* Sets of *capture what is known before a picture is decoded: format, frames,
+ * their rate and how many fit, whether the camera moves. It fails as
+ * saga_capture_load does, but for want of memory, and sets no view nor anything
+ * else that would have to be freed. */
 bool saga_capture_look(saga_capture *capture, const char *path,
                        const saga_capture_options *options,
                        saga_error *error);

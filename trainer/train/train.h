@@ -60,7 +60,8 @@ typedef enum saga_train_no_base {
     SAGA_TRAIN_ABLATED,
     SAGA_TRAIN_WANDERS,          /* no two pictures are from one place */
     SAGA_TRAIN_SIZED,            /* a size is steered by the first segment */
-    SAGA_TRAIN_MOVES             /* too little stands still */
+    SAGA_TRAIN_MOVES             /* too little stands still, or for too
+                                  * few segments */
 } saga_train_no_base;
 
 typedef struct saga_train_base {

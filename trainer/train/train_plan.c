@@ -21,17 +21,24 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
  * primitive for some hundred pixels of a moment (docs/results/training.md). */
 #define PIXELS_OF_ONE 120
 
-/* What moves wants more of them: pixels that change count three times. */
+/* What moves wants more of them: pixels that change count two times more for
+ * each second. */
 #define MOTION_PART 2
+
+/* The longer a segment, the less often is sent what stays: at equal PSNR, ten
+ * seconds take half the bytes of ten segments and their base (docs/lab/
+ * segments.md). A jump reads one segment. */
+#define MOST_SECONDS 10
 
 /* Views of a still beyond so many show the same things again, and so do those
  * of a camera that moves. */
 #define STILL_VIEWS 10
 
-/* Networks, header and tree take so many bytes, and a primitive at the lambda
- * that the rule gives 8 to 13 (docs/results/rd.md). */
-#define FIXED_NBYTES 8000
-#define PRIMITIVE_NBYTES 10
+/* Networks and header take so many bytes, and a primitive at the lambda that
+ * the rule gives 9 to 14 (docs/results/rd.md). Fewer primitives with a finer
+ * step cost nothing, more with a coarser one do (docs/lab/size.md). */
+#define FIXED_NBYTES 4000
+#define PRIMITIVE_NBYTES 11
 
 /* A file too small for that has mostly networks. */
 #define SMALL_NBYTES 20
@@ -57,17 +64,24 @@ int saga_plan_segments(const saga_capture *capture, int frames)
     const int all = capture->n_frames;
     int n;
 
-    if (!frames)
-        frames = capture->moves ? all : (int)fmax(
-            2, fmin(rint(capture->fps), SAGA_PLAN_MOST_FRAMES));
+    if (!frames && capture->moves)
+        frames = all;
+    if (!frames) {
+        const double longest = fmin(MOST_SECONDS * capture->fps,
+                                    capture->n_fitting);
+
+        frames = (int)fmax(2, fmin(rint(fmax(longest, capture->fps)),
+                                   SAGA_PLAN_MOST_FRAMES));
+    }
     n = (all + frames / 2) / frames;
     n = n > all / 2 ? all / 2 : n;
     return n < 1 ? 1 : n;
 }
 
-double saga_plan_primitives(double pixels, double changing)
+double saga_plan_primitives(double pixels, double changing, double seconds)
 {
-    return pixels / PIXELS_OF_ONE * (1 + MOTION_PART * changing);
+    return pixels / PIXELS_OF_ONE *
+           (1 + MOTION_PART * changing * fmax(seconds, 1));
 }
 
 double saga_plan_primitives_of_size(double n_bytes)
@@ -128,6 +142,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     const double pixels = c->n_frames == 1 || c->moves
         ? fmin(e.pixels, STILL_VIEWS * e.largest) : e.pixels;
     const double changing = saga_train_change(c);
+    const double seconds = c->moves ? 1 : c->n_frames / c->fps;
 
     if (o->n_bytes) {
         o->n_primitives = within_level(
@@ -138,11 +153,13 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
         return;
     }
     o->n_primitives = within_level(
-        p->primitives * saga_plan_primitives(pixels, changing), o->level);
+        p->primitives * saga_plan_primitives(pixels, changing, seconds),
+        o->level);
     snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that %s "
-             "views have at a time, of which %.0f %% change", o->n_primitives,
-             pixels / o->n_primitives, pixels, pixels < e.pixels
-             ? "ten of the" : "all", 100 * changing);
+             "views have at a time, of which %.0f %% change in "
+             "%.1f s", o->n_primitives, pixels / o->n_primitives, pixels,
+             pixels < e.pixels ? "ten of the" : "all", 100 * changing,
+             seconds);
 }
 
 static void plan_iterations(saga_train_options *o, char *why, size_t n,

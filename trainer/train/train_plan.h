@@ -32,13 +32,14 @@ typedef struct saga_plan_reasons {
 enum { SAGA_PLAN_MOST_FRAMES = 65535 };
 
 /* Returns how many segments a capture is trained in, of whose frames nothing
- * but number and rate is looked at. They have about so many frames; 0: of a
- * second, and of a camera that moves, all of them. */
+ * but number, rate and how many fit is looked at. They have about so many
+ * frames; 0: of ten seconds if they fit, of a second at least, and of a camera
+ * that moves, all of them. */
 int saga_plan_segments(const saga_capture *capture, int frames);
 
-/* Returns the primitives that a scene wants of whose pixels at one moment, of
- * all views together, a part 0..1 changes. */
-double saga_plan_primitives(double pixels, double changing);
+/* Returns the primitives that a segment of so many seconds wants of whose
+ * pixels at one moment, of all views together, a part 0..1 changes. */
+double saga_plan_primitives(double pixels, double changing, double seconds);
 
 /* Returns the CPU minutes that a training takes whose pictures have so many
  * pixels. */
