@@ -143,6 +143,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
         ? fmin(e.pixels, STILL_VIEWS * e.largest) : e.pixels;
     const double changing = saga_train_change(c);
     const double seconds = c->moves ? 1 : c->n_frames / c->fps;
+    int k;
 
     if (o->n_bytes) {
         o->n_primitives = within_level(
@@ -155,11 +156,13 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     o->n_primitives = within_level(
         p->primitives * saga_plan_primitives(pixels, changing, seconds),
         o->level);
-    snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that %s "
-             "views have at a time, of which %.0f %% change in "
-             "%.1f s", o->n_primitives, pixels / o->n_primitives, pixels,
-             pixels < e.pixels ? "ten of the" : "all", 100 * changing,
-             seconds);
+    k = snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that "
+                 "%s views have at a time", o->n_primitives,
+                 pixels / o->n_primitives, pixels, pixels < e.pixels
+                 ? "ten of the" : "all");
+    if (c->n_frames > 1 && k > 0 && (size_t)k < n)
+        snprintf(why + k, n - (size_t)k, ", of which %.0f %% change in %.1f s",
+                 100 * changing, seconds);
 }
 
 static void plan_iterations(saga_train_options *o, char *why, size_t n,
