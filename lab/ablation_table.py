@@ -109,7 +109,7 @@ def table(head, rows):
 
 
 def prose(text):
-    print(textwrap.fill(text, 80) + "\n")
+    print(textwrap.fill(text, 80, break_on_hyphens=False) + "\n")
 
 
 def kb(n):

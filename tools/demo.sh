@@ -24,10 +24,9 @@ if [ -f "$file.ckpt" ] || [ ! "$file" -nt "$saga" ]; then
     echo "encoding; after Ctrl-C, the same command goes on from a checkpoint"
     resume=()
     [ ! -f "$file.ckpt" ] || resume=(--resume)
-    # By the rule lambda would be a sixth of this, the file half as large again.
-    "$saga" encode "$capture" -o "$file" --primitives 5000 \
-        --iterations 18000 --lambda 450 --threads "$threads" \
-        "${resume[@]}" "$@" --json >"$demo/encode.json"
+    "$saga" encode "$capture" -o "$file" --primitives 3000 \
+        --iterations 18000 --threads "$threads" "${resume[@]}" "$@" \
+        --json >"$demo/encode.json"
 fi
 "$saga" eval "$file" "$capture" --threads "$threads" \
     --pictures "$demo/pictures" | tee "$demo/table.txt"
