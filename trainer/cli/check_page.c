@@ -14,11 +14,12 @@
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
 /* Straight lines through docs/results/rd.md tell some 4 kB and 9 to 14 bytes a
- * primitive of each segment. */
+ * primitive of each segment. All segments are taken to be like the first. */
 bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
 {
     const saga_preset *const preset = saga_preset_at(index);
     saga_train_options o = saga_train_defaults();
+    saga_capture first = *capture;
     saga_plan_reasons why;
     double pixels = 0;
 
@@ -26,14 +27,15 @@ bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
         return false;
     o.n_primitives = 0;
     o.n_iterations = 0;
-    saga_plan(&o, &why, capture, preset);
+    f->n_segments = saga_plan_segments(capture, 0);
+    first.n_frames /= f->n_segments;
+    saga_plan(&o, &why, &first, preset);
     for (int v = 0; v < capture->n_views; v++)
         pixels += (double)capture->views[v].width * capture->views[v].height /
                   capture->n_views;
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
     f->n_iterations = o.n_iterations;
-    f->n_segments = saga_plan_segments(capture, 0);
     f->minutes = f->n_segments * saga_plan_minutes(f->n_primitives,
                                                    f->n_iterations, pixels);
     f->least_kb = 4 + 0.009 * f->n_primitives * f->n_segments;
