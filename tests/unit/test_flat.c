@@ -577,6 +577,35 @@ static void warm_up_should_learn_the_held_out_view(void **state)
     saga_flat_free(f);
 }
 
+/* Adam's first step is the rate itself: a thousandth of a second. */
+static void moments_should_be_learned_in_steps_of_seconds(void **state)
+{
+    static const double seconds[] = { 0.5, 1, 10 };
+    fixture *const x = *state;
+    const saga_flat_options o = small();
+    const double fps = x->capture.fps;
+
+    for (size_t k = 0; k < sizeof seconds / sizeof *seconds; k++) {
+        double most = 0;
+        saga_flat *f;
+        real *before;
+
+        x->capture.fps = FRAMES / seconds[k];
+        f = make(x, &o);
+        before = malloc(f->n * sizeof *before);
+        assert_non_null(before);
+        memcpy(before, f->value[FLAT_CENTRE], f->n * sizeof *before);
+        run(f, 1);
+        for (uint32_t i = 0; i < f->n; i++)
+            most = fmax(most, fabs((double)(f->value[FLAT_CENTRE][i] -
+                                            before[i])));
+        assert_near(most, 1e-3 / fmax(seconds[k], 1), 2e-7);
+        free(before);
+        saga_flat_free(f);
+    }
+    x->capture.fps = fps;
+}
+
 static void still_scene_should_have_no_temporal_tensors(void **state)
 {
     saga_flat_options o = small();
@@ -780,6 +809,7 @@ int main(void)
         cmocka_unit_test(camera_should_see_the_cube_as_the_view_the_world),
         cmocka_unit_test(sights_should_have_the_true_depth),
         cmocka_unit_test(warm_up_should_learn_the_held_out_view),
+        cmocka_unit_test(moments_should_be_learned_in_steps_of_seconds),
         cmocka_unit_test(still_scene_should_have_no_temporal_tensors),
         cmocka_unit_test(fault_should_be_named),
         cmocka_unit_test(fault_should_be_named_when_it_reaches_a_picture),
