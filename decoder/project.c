@@ -441,9 +441,8 @@ static int pixel_range(int16_t *from, int16_t *to, int32_t mean_q8,
     return *from < *to;
 }
 
-/* Where q < 11, |(v, w)| < L, the root of saga_reach (rounded up by sqrt_up).
- * From
- * v = g dx - n dy and w = h dy,
+/* Where q < 11, |(v, w)| < L, the root of saga_reach_q20 (rounded up by
+ * sqrt_up). From v = g dx - n dy and w = h dy,
  *   |dy| < L / h,  |dx| < L |(h, n)| / (g h) = (L / g) |(1, n/h)|:
  * bounds made of the integer factors the blending uses, so that their own
  * rounding cannot lose a pixel. */

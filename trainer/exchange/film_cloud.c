@@ -9,7 +9,6 @@
 #include <string.h>
 
 #define LN2 0.69314718055994531
-#define PI 3.14159265358979324
 
 /* --- Colours ------------------------------------------------------------- */
 
@@ -289,7 +288,7 @@ static double widening(int32_t q0_q20, bool is_steep)
     if (!is_steep)
         return 0.5 * log1p(LN2 * peak);
     return 0.5 * log(LN2 * (u - 1.0 + exp2(peak + 0.5) *
-                                      sqrt(PI / (2.0 * LN2)) *
+                                      sqrt(M_PI / (2.0 * LN2)) *
                                       erfc(u * sqrt(LN2 / 2.0))));
 }
 

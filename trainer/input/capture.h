@@ -153,6 +153,14 @@ static inline int saga_view_n_held(const saga_shot *view, int n_frames)
     return view->single ? 1 : n_frames;
 }
 
+/* Returns how long the capture is; 1 for a camera that moves, whose moments are
+ * pictures, or where the rate is not known. */
+static inline double saga_capture_seconds(const saga_capture *capture)
+{
+    return capture->moves || !(capture->fps > 0.0)
+        ? 1.0 : capture->n_frames / capture->fps;
+}
+
 /* Returns the rows of one picture; view and frame within the capture's
  * counts. */
 static inline const uint8_t *saga_capture_frame(const saga_capture *capture,

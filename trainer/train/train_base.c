@@ -35,9 +35,6 @@
  * what drawing costs. */
 #define MOST_TIMES 3
 
-/* A primitive takes so many bytes (policy.c). */
-#define PRIMITIVE_NBYTES (75 / 8.0)
-
 /* --- Whether there is one ------------------------------------------------ */
 
 /* Returns the place's change between mid-segment and t, in standard deviations
@@ -133,7 +130,7 @@ void saga_train_choose_base(saga_train *t)
     b->n_kept = (uint32_t)ceil(fmax(n - b->n_still, LEAST_KEPT * n));
     b->n_prim = (uint32_t)fmin(b->n_still * times,
                                saga_caps[t->o.level].n_prim - b->n_kept);
-    b->saved = PRIMITIVE_NBYTES * ((n - b->n_kept) * t->o.n_segments -
+    b->saved = SAGA_PRIMITIVE_BITS / 8 * ((n - b->n_kept) * t->o.n_segments -
                                    b->n_prim);
 }
 

@@ -142,7 +142,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     const double pixels = c->n_frames == 1 || c->moves
         ? fmin(e.pixels, STILL_VIEWS * e.largest) : e.pixels;
     const double changing = saga_train_change(c);
-    const double seconds = c->moves ? 1 : c->n_frames / c->fps;
+    const double seconds = saga_capture_seconds(c);
     int k;
 
     if (o->n_bytes) {

@@ -40,13 +40,6 @@ static void set_info(saga_flat *f, enum saga_flat_tensor t, double lo,
     };
 }
 
-/* Returns the seconds of a segment, 1 at least. The moments of a camera that
- * moves are pictures, and what a second is to them is not known. */
-static double seconds_of(const saga_capture *c)
-{
-    return c->moves || !(c->fps > 0) ? 1 : fmax(c->n_frames / c->fps, 1);
-}
-
 /* Bounds: an opacity below 2^-8 is never drawn again, and a temporal width
  * below half a frame has nothing to fit. Lengths are learned in steps relative
  * to the depth of the scene, since the cube's size says little; the moment of
@@ -55,7 +48,8 @@ static void fill_info(saga_flat *f)
 {
     const double r = f->reach;
     const double frame = 1.0 / f->pictures->capture->n_frames;
-    const double second = 1 / seconds_of(f->pictures->capture);
+    const double second =
+        1 / fmax(saga_capture_seconds(f->pictures->capture), 1);
 
     set_info(f, FLAT_MEAN, -1, 1 - 0x1p-23, 1.2e-3 * r, 4e-5 * r);
     set_info(f, FLAT_QUAT, -8, 8, 8e-3, 1.6e-3);
