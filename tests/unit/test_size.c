@@ -264,6 +264,24 @@ static void plan_should_be_short_when_it_is_of_a_still(void **state)
     free(rgb);
 }
 
+/* What a second is to a camera that moves is not known, nor what changes: a
+ * tenth is assumed. */
+static void plan_should_not_count_seconds_of_a_camera_that_moves(void **state)
+{
+    const saga_preset *const balanced = saga_preset_called("balanced");
+    saga_shot views[3] = { { .width = 200, .height = 100 } };
+    const saga_capture c = { .n_views = 3, .n_frames = 300, .fps = 30,
+                             .moves = true, .views = views };
+    saga_train_options o = { .n_segments = 1, .level = 2 };
+    saga_plan_reasons why;
+
+    (void)state;
+    views[1] = views[2] = views[0];
+    saga_plan(&o, &why, &c, balanced);
+    assert_int_equal(o.n_primitives,
+                     (int)rint(saga_plan_primitives(60000, 0.1, 1)));
+}
+
 static void plan_should_leave_what_is_given(void **state)
 {
     const fixture *const f = *state;
@@ -362,6 +380,7 @@ int main(void)
         cmocka_unit_test(size_should_be_that_of_the_checkpoint),
         cmocka_unit_test(plan_should_follow_pixels_and_motion),
         cmocka_unit_test(plan_should_be_short_when_it_is_of_a_still),
+        cmocka_unit_test(plan_should_not_count_seconds_of_a_camera_that_moves),
         cmocka_unit_test(plan_should_leave_what_is_given),
         cmocka_unit_test(segments_should_take_ten_seconds_if_they_fit),
         cmocka_unit_test(longer_segments_should_have_more_that_changes),
