@@ -68,17 +68,23 @@ uint32_t saga_nets_n_finer(const saga_nets *nets, int net, int i)
 {
     const saga_net_shape *const s = &nets->shape[net];
 
-    if (net != SAGA_NET_FINE && net != SAGA_NET_GEO)
+    if (net == SAGA_NET_COLOUR_BASE)
+        return s->dim[i + 1];
+    if (net != SAGA_NET_FINE && net != SAGA_NET_GEO && net != SAGA_NET_COLOUR)
         return 0;
     if (i + 1 < s->n_layers)
         return s->dim[i + 1];
     return net == SAGA_NET_FINE ? s->dim[i + 1] - 4u : 0;
 }
 
-int saga_nets_takes_fine(const saga_nets *nets, int net)
+int saga_nets_takes(const saga_nets *nets, int net)
 {
-    return (net == SAGA_NET_GEO || net == SAGA_NET_COLOUR_BASE) &&
-           nets->shape[SAGA_NET_FUSE_F].n_layers == 0;
+    if (net == SAGA_NET_COLOUR)
+        return SAGA_NET_COLOUR_BASE;
+    if ((net == SAGA_NET_GEO || net == SAGA_NET_COLOUR_BASE) &&
+        nets->shape[SAGA_NET_FUSE_F].n_layers == 0)
+        return SAGA_NET_FINE;
+    return -1;
 }
 
 /* --- Runs ---------------------------------------------------------------- */

@@ -47,16 +47,18 @@ static inline const int16_t *saga_fine_unit(const uint8_t *block)
 
 /* Values of different sizes share 16 bits badly, so that some rows give values
  * that are finer than their network says, by 0..3 bits each: the units of
- * F_fine's and F_geo's hidden layers, and the features of fine anchors. Who
- * takes such a value has its weights shifted down when they are read.
+ * F_fine's, F_geo's and F_color's hidden layers, and the features of fine
+ * anchors. Who takes such a value has its weights shifted down when they are
+ * read; what the direction adds to F_color's first layer is as fine as the
+ * rest of it.
  *
- * These return how many rows of a layer, the first ones, are so; and whether
- * the first layer of a network takes the features of fine anchors as they are,
- * for its first inputs. */
+ * These return how many rows of a layer, the first ones, are so; and the
+ * network whose outputs the first layer of another takes as they are, for its
+ * first inputs, or -1: SAGA_NET_FINE and SAGA_NET_COLOUR_BASE have readers. */
 enum { SAGA_N_FINER = 4 };
 
 uint32_t saga_nets_n_finer(const saga_nets *nets, int net, int i);
-int saga_nets_takes_fine(const saga_nets *nets, int net);
+int saga_nets_takes(const saga_nets *nets, int net);
 
 /* --- Runs ---------------------------------------------------------------- */
 

@@ -220,16 +220,17 @@ static void store_fine_units(uint8_t *block, const formats *feature)
         unit[i] = (int16_t)(8 >> feature->by[i]);
 }
 
-static int code_network(const saga_nets *nets, uint8_t *block,
-                        formats *feature, net_models *m, saga_coder *c,
-                        int net)
+/* `given` is of the last network whose outputs have formats: no other one is
+ * read any more. */
+static int code_network(const saga_nets *nets, uint8_t *block, formats *given,
+                        net_models *m, saga_coder *c, int net)
 {
     layer_place to;
     int i;
 
     to.in.n = 0;
-    if (saga_nets_takes_fine(nets, net))
-        to.in = *feature;
+    if (saga_nets_takes(nets, net) >= 0)
+        to.in = *given;
     for (i = 0; i < nets->shape[net].n_layers; i++) {
         place_layer(&to, nets, block, net, i);
         if (!code_layer(&to, m, c, net, i))
@@ -237,14 +238,16 @@ static int code_network(const saga_nets *nets, uint8_t *block,
         to.in = to.out;
     }
     if (net == SAGA_NET_FINE)
-        *feature = to.out;
+        store_fine_units(block, &to.out);
+    if (net == SAGA_NET_FINE || net == SAGA_NET_COLOUR_BASE)
+        *given = to.out;
     return 1;
 }
 
 int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
 {
     net_models models;
-    formats feature;
+    formats given;
     int net, i;
 
     saga_adaptive_init(&models.shift_high, 4);
@@ -253,10 +256,9 @@ int saga_syntax_networks(const saga_nets *nets, uint8_t *block, saga_coder *c)
     saga_adaptive_init(&models.finer, SAGA_N_FINER);
     saga_adaptive_init(&models.scale_mode, SAGA_N_SCALE_MODES);
     saga_adaptive_init(&models.drop, SAGA_N_DROPS);
-    feature.n = 0;
+    given.n = 0;
     for (net = 0; net < SAGA_N_NETS; net++)
-        if (!code_network(nets, block, &feature, &models, c, net))
+        if (!code_network(nets, block, &given, &models, c, net))
             return 0;
-    store_fine_units(block, &feature);
     return 1;
 }

@@ -269,7 +269,7 @@ static void try_weights(session *s)
 
         ref_nets_free(&s->scene.nets);
         if (!ref_nets_make(&s->scene.nets, s->scene.model, &s->file.shapes,
-                           s->file.params, &error))
+                           s->file.params, &s->file.nets, &error))
             refuse("networks", error.message);
         round_weights(&s->scene.nets, bits[i]);
         snprintf(value, sizeof value, "%d", bits[i]);

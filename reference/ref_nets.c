@@ -40,26 +40,43 @@ static bool take_layer(ref_nets *n, int net, int i, const saga_layer *l,
     return true;
 }
 
-static void take_fine_units(ref_nets *n, const saga_nets *shapes,
-                            const uint8_t *params)
+/* Returns the bits by which the network's output k is finer than its head. */
+static int finer_output(const saga_nets *shapes,
+                        const saga_net_symbols *symbols, int net, uint32_t k)
 {
-    const int16_t *const eighths = saga_fine_unit(params);
+    const int last = shapes->shape[net].n_layers - 1;
 
-    for (uint32_t k = 0; k < n->model->features; k++)
-        n->fine_unit[k] = ldexp(eighths[k], -3 -
-                                n->model->head_q[SAGA_HEAD_FINE]);
-    for (int net = 0; net < SAGA_N_NETS; net++)
-        n->takes_fine[net] = saga_nets_takes_fine(shapes, net);
+    return k < saga_nets_n_finer(shapes, net, last)
+        ? symbols->layer[net][last].finer[k] : 0;
+}
+
+/* What the direction adds is as fine as what it is added to. */
+static void take_units(ref_nets *n, const saga_nets *shapes,
+                       const saga_net_symbols *symbols, int net)
+{
+    const saga_net_shape *const s = &shapes->shape[net];
+    const int as = net == SAGA_NET_COLOUR_VIEW ? SAGA_NET_COLOUR_BASE : net;
+    const int from = saga_nets_takes(shapes, net);
+
+    if (s->n_layers == 0)
+        return;
+    for (uint32_t k = 0; k < s->dim[0]; k++)
+        n->in_unit[net][k] = ldexp(1, -s->q_in - (from < 0 ? 0
+            : finer_output(shapes, symbols, from, k)));
+    for (uint32_t k = 0; k < s->dim[s->n_layers]; k++)
+        n->out_unit[net][k] = ldexp(1, -saga_output_q(n->model, net, k) -
+                                    finer_output(shapes, symbols, as, k));
 }
 
 bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
-                   const uint8_t *params, saga_error *error)
+                   const uint8_t *params, const saga_net_symbols *symbols,
+                   saga_error *error)
 {
     memset(n, 0, sizeof *n);
     n->model = m;
     memcpy(n->shape, shapes->shape, sizeof n->shape);
-    take_fine_units(n, shapes, params);
-    for (int net = 0; net < SAGA_N_NETS; net++)
+    for (int net = 0; net < SAGA_N_NETS; net++) {
+        take_units(n, shapes, symbols, net);
         for (int i = 0; i < n->shape[net].n_layers; i++) {
             saga_layer l;
 
@@ -67,6 +84,7 @@ bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
             if (!take_layer(n, net, i, &l, error))
                 return false;
         }
+    }
     return true;
 }
 
@@ -105,16 +123,6 @@ static void round_inputs(double *x, uint32_t n, ref_rounding *r, int net,
     }
 }
 
-/* What a network calls 1 at its input k. */
-static double input_unit(const ref_nets *n, int net, uint32_t k)
-{
-    const double unit = ldexp(1, -n->shape[net].q_in);
-
-    if (!n->takes_fine[net] || k >= n->model->features)
-        return unit;
-    return unit * ldexp(n->fine_unit[k], n->model->head_q[SAGA_HEAD_FINE]);
-}
-
 /* Activations are in the last places of their formats here, whatever those
  * are: only the first and the last are known. */
 void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
@@ -123,7 +131,7 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
     double x[SAGA_MAX_VECTOR], y[SAGA_MAX_VECTOR];
 
     for (uint32_t k = 0; k < s->dim[0]; k++)
-        x[k] = ref_saturate(in[k] / input_unit(n, net, k), 1);
+        x[k] = ref_saturate(in[k] / n->in_unit[net][k], 1);
     for (int i = 0; i < s->n_layers; i++) {
         const double *w = n->weight[net][i];
 
@@ -145,9 +153,7 @@ void ref_nets_run(double *out, const ref_nets *n, int net, const double *in)
             x[row] = ldexp(floor(ldexp(x[row], n->rounding->bits) + 0.5),
                            -n->rounding->bits);
     for (uint32_t row = 0; row < s->dim[s->n_layers]; row++)
-        out[row] = x[row] * (net == SAGA_NET_FINE && row < n->model->features
-            ? n->fine_unit[row]
-            : ldexp(1, -saga_output_q(n->model, net, row)));
+        out[row] = x[row] * n->out_unit[net][row];
 }
 
 /* --- Embedding ----------------------------------------------------------- */

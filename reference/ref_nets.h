@@ -9,6 +9,7 @@
 
 #include "error.h"
 #include "nets.h"
+#include "symbols.h"
 
 /* Activations may be rounded, to see what a format costs. */
 typedef struct ref_rounding {
@@ -28,15 +29,17 @@ typedef struct ref_nets {
     saga_net_shape shape[SAGA_N_NETS];
     double *weight[SAGA_N_NETS][SAGA_MAX_NET_LAYERS]; /* (n_out, n_in) */
     double *bias[SAGA_N_NETS][SAGA_MAX_NET_LAYERS];
-    double fine_unit[SAGA_MAX_FEATURES]; /* last places of a fine anchor's
-                              * features */
-    int takes_fine[SAGA_N_NETS]; /* a network takes these as they are */
+    double in_unit[SAGA_N_NETS][SAGA_MAX_VECTOR]; /* last places of what a
+                              * network takes, and gives */
+    double out_unit[SAGA_N_NETS][SAGA_MAX_VECTOR];
 } ref_nets;
 
-/* This takes the parameters from a decoded block, which is not used any more;
- * the model must outlive it. ref_nets_free also frees what a failure left. */
+/* This takes the parameters from a decoded block and the formats of rows from
+ * its symbols, neither of which is used any more; the model must outlive it.
+ * ref_nets_free also frees what a failure left. */
 bool ref_nets_make(ref_nets *n, const saga_model *m, const saga_nets *shapes,
-                   const uint8_t *params, saga_error *error);
+                   const uint8_t *params, const saga_net_symbols *symbols,
+                   saga_error *error);
 void ref_nets_free(ref_nets *n);
 
 /* This tells whether the file has a network. */

@@ -127,7 +127,8 @@ static double feature_of(const ref_scene *s, int table, uint32_t rank,
 
 static double table_unit(const ref_scene *s, int table, uint32_t i)
 {
-    return table == CONTEXT ? q14 : table == FINE ? s->nets.fine_unit[i]
+    return table == CONTEXT ? q14
+         : table == FINE ? s->nets.out_unit[SAGA_NET_FINE][i]
          : ldexp(1, -s->model->head_q[SAGA_HEAD_COARSE]);
 }
 
@@ -755,7 +756,6 @@ void ref_scene_shade(double rgb[3], const ref_scene *s, uint32_t prim,
                      const double centre[3])
 {
     const double *const base = s->colour + (size_t)prim * s->n_colour;
-    const double unit = ldexp(1, -s->model->q_in[SAGA_NET_COLOUR]);
     double v[3], z[SAGA_MAX_VECTOR], length;
     ref_animated a;
 
@@ -771,16 +771,17 @@ void ref_scene_shade(double rgb[3], const ref_scene *s, uint32_t prim,
         v[i] = length > 0 ? v[i] / length : 0;
     ref_nets_run(z, &s->nets, SAGA_NET_COLOUR_VIEW, v);
     for (uint32_t i = 0; i < s->n_colour; i++)
-        z[i] = ref_saturate(z[i] + base[i], unit);
+        z[i] = ref_saturate(z[i] + base[i],
+                            s->nets.out_unit[SAGA_NET_COLOUR_BASE][i]);
     colour_of(rgb, s, z);
 }
 
 /* --- The integers -------------------------------------------------------- */
 
-double ref_scene_colour(const saga_model *m, int16_t colour)
+double ref_scene_colour(const ref_scene *s, size_t i, int16_t colour)
 {
-    return m->tools & SAGA_TOOL_VIEW
-        ? ldexp(colour, -m->q_in[SAGA_NET_COLOUR])
+    return s->model->tools & SAGA_TOOL_VIEW
+        ? colour * s->nets.out_unit[SAGA_NET_COLOUR_BASE][i % s->n_colour]
         : (uint16_t)colour / 32768.0;
 }
 
@@ -826,7 +827,7 @@ void ref_scene_reset(ref_scene *s, const saga_primitive *prims,
             s->offset[p][i] = sc->prim_offset[p][i] * q14;
     }
     for (size_t i = 0; i < (size_t)sc->n.prim * s->n_colour; i++)
-        s->colour[i] = ref_scene_colour(s->model, colours[i]);
+        s->colour[i] = ref_scene_colour(s, i, colours[i]);
     for (int step = 0; step < SAGA_N_STEPS; step++) {
         const size_t n = (size_t)ref_file_rows(s->file, step) *
                          ref_file_channels(s->file, step);
@@ -891,7 +892,8 @@ bool ref_scene_make(ref_scene *s, const ref_file *f,
                                  ref_file_channels(f, step), error);
     }
     if (saga_failed(error) || !go_before(s, error) ||
-        !ref_nets_make(&s->nets, s->model, &f->shapes, f->params, error))
+        !ref_nets_make(&s->nets, s->model, &f->shapes, f->params, &f->nets,
+                       error))
         return false;
     ref_scene_reset(s, prims, colours);
     return true;

@@ -370,12 +370,13 @@ static void compare_scaffold(session *s, const part *p, int is_alone)
     const ref_scene *const scene = &p->scene;
     const double q = ldexp(1, -sc->model->head_q[SAGA_HEAD_FINE]);
     const uint32_t f = sc->model->features;
+    const double *const unit = scene->nets.out_unit[SAGA_NET_FINE];
     const column feature = row(s, ST, "fine feature", "1", q, is_alone);
     const column support = row(s, ST, "log2 support", "1", 1 / 1024.0,
                                is_alone);
 
     for (size_t i = 0; i < (size_t)sc->n.fine * f; i++)
-        note(feature, sc->fine_feature[i] * scene->nets.fine_unit[i % f],
+        note(feature, sc->fine_feature[i] * unit[i % f],
              scene->fine_feature[i]);
     for (uint32_t k = 0; k < sc->n.fine; k++)
         for (int i = 0; i < 4; i++)
@@ -445,7 +446,7 @@ static void compare_primitives(session *s, int is_alone)
     for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++) {
         const part *const p = part_of(s, (uint32_t)(i / s->e.stride));
 
-        note(colour, ref_scene_colour(m, s->e.colour[i]),
+        note(colour, ref_scene_colour(&p->scene, i, s->e.colour[i]),
              p->scene.colour[i - (size_t)p->first * s->e.stride]);
     }
     compare_dynamics(s, is_alone);

@@ -95,15 +95,20 @@ static void replace(saga_layer_symbols *s, const layer *l)
     s->finer = finer;
 }
 
-/* Hidden units of F_fine and F_geo, and features of fine anchors, have formats
- * of their own. */
+/* Hidden units of F_fine, F_geo and F_color, and features of fine anchors, have
+ * formats of their own. */
 static void set_finer(layer *l, const gen_stream *g, int net, int i)
 {
     const saga_model *const m = &g->header.model;
     const saga_layer_symbols *before = i ? &g->nets.layer[net][i - 1] : NULL;
 
-    if (i && (net == SAGA_NET_FINE || net == SAGA_NET_GEO))
+    if (i && (net == SAGA_NET_FINE || net == SAGA_NET_GEO ||
+              net == SAGA_NET_COLOUR))
         l->v.n_finer = m->width[net];
+    if (i == 0 && net == SAGA_NET_COLOUR) {
+        l->v.n_finer = m->width[net];
+        before = &g->nets.layer[SAGA_NET_COLOUR_BASE][0];
+    }
     if (i == 0 && !m->width[SAGA_NET_FUSE_F] &&
         (net == SAGA_NET_GEO || net == SAGA_NET_COLOUR_BASE)) {
         l->v.n_finer = m->features;

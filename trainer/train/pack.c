@@ -182,15 +182,16 @@ static void head_formats(saga_model *m, const saga_scene *s,
     }
 }
 
-/* The pre-activations of the colour network and its input share a format. */
-static uint8_t colour_format(const saga_scene *s, const saga_twin *w)
+/* Returns the largest pre-activation of units first..first+n-1 of F_color's
+ * first layer. */
+static double most_before_colour(const saga_scene *s, const saga_twin *w,
+                                 size_t first, size_t n)
 {
-    const size_t width = s->model.width[SAGA_NET_COLOUR];
-    double most = most_out(s, w, SAGA_NET_COLOUR_BASE, 0, width);
+    double most = most_out(s, w, SAGA_NET_COLOUR_BASE, first, n);
 
     if (s->model.tools & SAGA_TOOL_VIEW)
-        most += most_out(s, w, SAGA_NET_COLOUR_VIEW, 0, width);
-    return q_for(most, 14);
+        most += most_out(s, w, SAGA_NET_COLOUR_VIEW, first, n);
+    return most;
 }
 
 static void measure_formats(saga_model *m, const saga_pack_input *in)
@@ -204,7 +205,8 @@ static void measure_formats(saga_model *m, const saga_pack_input *in)
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     entropy_formats(m, in->choice);
     head_formats(m, s, in->twin);
-    m->q_in[SAGA_NET_COLOUR] = colour_format(s, in->twin);
+    m->q_in[SAGA_NET_COLOUR] = q_for(
+        most_before_colour(s, in->twin, 0, m->width[SAGA_NET_COLOUR]), 14);
     /* What enters a network must not saturate either. */
     m->q_in[SAGA_NET_COLOUR_VIEW] = DIRECTION_Q;
     m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, in->feature),
@@ -270,35 +272,48 @@ static double most_hidden(const packing *p, int net, int i, size_t first,
  * of 8 bits cannot be shifted down. */
 static uint8_t finer_by(const packing *p, int net, double most, int q)
 {
+    const int reader = net == SAGA_NET_COLOUR_BASE ? SAGA_NET_COLOUR : net;
     const int more = q_for(2 * most, EMBEDDING_Q + SAGA_N_FINER - 1) - q;
 
-    return p->model->int8[net] ? 0
+    return p->model->int8[reader] ? 0
          : (uint8_t)fx_clamp(more, 0, SAGA_N_FINER - 1);
+}
+
+/* Returns the largest value of row k of layer i, of units of F_color's first
+ * layer with what the direction may add. */
+static double most_row(const packing *p, int net, int i, uint32_t k)
+{
+    const saga_scene *const s = &p->choice->scene;
+
+    if (i + 1 < s->net[net].n_layers)
+        return most_hidden(p, net, i, k, 1);
+    if (net == SAGA_NET_COLOUR_BASE)
+        return most_before_colour(s, p->twin, k, 1);
+    return most_out(s, p->twin, net, k, 1);
 }
 
 /* Gives the formats of a layer's rows: q[row] of all, `finer` of those that
  * have one, which q includes. Returns what the next layer calls its q_in. */
-static int row_formats(uint8_t *q, uint8_t *finer, const packing *p, int net,
-                       int i)
+static int row_formats(uint8_t *q, uint8_t *finer, const packing *p,
+                       const saga_net_symbols *nets, int net, int i)
 {
     const saga_scene *const s = &p->choice->scene;
     const uint32_t n = (uint32_t)s->net[net].dim[i + 1];
-    const bool is_last = i + 1 == s->net[net].n_layers;
     int common;
     uint32_t k;
 
-    if (is_last)
+    if (i + 1 == s->net[net].n_layers)
         output_formats(q, p->model, net, n);
     else
         memset(q, q_for(most_hidden(p, net, i, 0, n), EMBEDDING_Q), n);
     common = q[0];
     for (k = 0; k < saga_nets_n_finer(p->shapes, net, i); k++) {
-        const double most = is_last ? most_out(s, p->twin, net, k, 1)
-                                    : most_hidden(p, net, i, k, 1);
-
-        finer[k] = finer_by(p, net, most, common);
+        finer[k] = finer_by(p, net, most_row(p, net, i, k), common);
         q[k] = (uint8_t)(common + finer[k]);
     }
+    for (k = 0; net == SAGA_NET_COLOUR_VIEW && k < n; k++)
+        q[k] = (uint8_t)(common +
+                         nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k]);
     return common;
 }
 
@@ -306,8 +321,8 @@ static int row_formats(uint8_t *q, uint8_t *finer, const packing *p, int net,
 static void input_formats(saga_layer_values *v, const saga_net_symbols *nets,
                           const packing *p, int net, int i)
 {
-    if (i == 0 && saga_nets_takes_fine(p->shapes, net)) {
-        net = SAGA_NET_FINE;
+    if (i == 0 && saga_nets_takes(p->shapes, net) >= 0) {
+        net = saga_nets_takes(p->shapes, net);
         i = p->shapes->shape[net].n_layers;
     }
     v->n_finer = i ? saga_nets_n_finer(p->shapes, net, i - 1) : 0;
@@ -346,7 +361,7 @@ static bool pack_layer(saga_net_symbols *out, int *q_in, const packing *p,
     l->finer = saga_calloc(n_out, 1, symbols_of_nets, error);
     if (!l->finer)
         return false;
-    *q_in = row_formats(q, l->finer, p, net, i);
+    *q_in = row_formats(q, l->finer, p, out, net, i);
     input_formats(&v, out, p, net, i);
     set_layer_steps(&v, p->choice, p->steps, net, i);
     if (!saga_quantise_layer(l, &v, error))
