@@ -68,11 +68,9 @@ uint32_t saga_nets_n_finer(const saga_nets *nets, int net, int i)
 {
     const saga_net_shape *const s = &nets->shape[net];
 
-    if (net == SAGA_NET_COLOUR_BASE)
-        return s->dim[i + 1];
-    if (net != SAGA_NET_FINE && net != SAGA_NET_GEO && net != SAGA_NET_COLOUR)
+    if (net < SAGA_NET_FINE || net > SAGA_NET_COLOUR)
         return 0;
-    if (i + 1 < s->n_layers)
+    if (i + 1 < s->n_layers || net == SAGA_NET_COLOUR_BASE)
         return s->dim[i + 1];
     return net == SAGA_NET_FINE ? s->dim[i + 1] - 4u : 0;
 }

@@ -239,7 +239,7 @@ static int code_network(const saga_nets *nets, uint8_t *block, formats *given,
     }
     if (net == SAGA_NET_FINE)
         store_fine_units(block, &to.out);
-    if (net == SAGA_NET_FINE || net == SAGA_NET_COLOUR_BASE)
+    if (to.out.n)
         *given = to.out;
     return 1;
 }

@@ -83,16 +83,17 @@ static uint16_t colour_of(int16_t out, int q)
     return (uint16_t)fx_clamp(16384 + fx_requant32(out, q, 15), 0, 32768);
 }
 
-/* F_color's layers after the first, on the n points of sc->net.v->in: its
- * pre-activations. */
-static void finish_colours(const saga_scaffold *sc, uint32_t n)
+/* F_color's layers after the first, on the n points whose pre-activations are
+ * z, which may be sc->net.v->in. */
+static void finish_colours(const saga_scaffold *sc, const int16_t *z,
+                           uint32_t n)
 {
     const uint32_t end = saga_in_point(&sc->net, SAGA_NET_COLOUR, n);
     int16_t *const in = sc->net.v->in;
     uint32_t i;
 
     for (i = 0; i < end; i++)
-        in[i] = (int16_t)fx_max(in[i], 0);
+        in[i] = (int16_t)fx_max(z[i], 0);
     saga_net_run(&sc->net, SAGA_NET_COLOUR, n);
 }
 
@@ -120,7 +121,6 @@ static void set_colours(int16_t *colours, uint32_t stride,
                         const saga_scaffold *sc, const run *r)
 {
     const uint32_t width = sc->model->width[SAGA_NET_COLOUR];
-    const uint32_t end = saga_in_point(&sc->net, SAGA_NET_COLOUR, r->n);
     uint16_t colour_q15[3];
     uint32_t i, k;
 
@@ -137,9 +137,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
         }
         return;
     }
-    for (i = 0; i < end; i++)
-        sc->net.v->in[i] = sc->net.v->out[i];
-    finish_colours(sc, r->n);
+    finish_colours(sc, sc->net.v->out, r->n);
     for (i = 0; i < r->n; i++) {
         get_colour(colour_q15, sc, i);
         for (k = 0; k < 3; k++)
@@ -283,7 +281,7 @@ void saga_shade(saga_splat *splats, const saga_scaffold *sc,
                       seen->base[i],
                       saga_out_point(&sc->net, SAGA_NET_COLOUR_VIEW, i),
                       width);
-    finish_colours(sc, seen->n);
+    finish_colours(sc, sc->net.v->in, seen->n);
     for (i = 0; i < seen->n; i++)
         get_colour(splats[i].colour_q15, sc, i);
 }
