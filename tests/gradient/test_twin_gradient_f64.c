@@ -142,6 +142,34 @@ static double forward(saga_twin *w, const saga_scene *s)
     return sum;
 }
 
+/* docs/arithmetic.md, Shading and Animation: a primitive is seen from where it
+ * is at mid-segment, its motion a polynomial of its age. */
+static void check_directions(const saga_twin *w, const real *centre)
+{
+    const saga_splat_params *const p = &w->attr;
+    int i, k;
+
+    for (i = 0; i < N_PRIM; i++) {
+        const double width = p->log2_width ? exp2(p->log2_width[i]) : 0.5;
+        const double dt = 0.5 - (p->t_centre ? p->t_centre[i] : 0);
+        const double age = fmin(fmax(dt / fmin(width, 0.5), -4), 4);
+        double v[3], n = 0;
+
+        for (k = 0; k < 3; k++) {
+            const real *const b = p->motion ? p->motion + 9 * i + k : NULL;
+
+            v[k] = p->mean[3 * i + k] - centre[k];
+            if (b)
+                v[k] += p->support[3 * i + k] *
+                        (b[0] * age + b[3] * age * age + b[6] * pow(age, 3));
+            n += v[k] * v[k];
+        }
+        for (k = 0; k < 3; k++)
+            assert_true(fabs(w->batch[SAGA_NET_COLOUR_VIEW].in[3 * i + k] -
+                             v[k] / sqrt(n)) < 1e-12);
+    }
+}
+
 static void gradient(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
     int view;
@@ -150,9 +178,11 @@ static void gradient(saga_twin *w, saga_scene *d, const saga_scene *s)
     saga_twin_clear(w, s);
     for (view = 0; view < 2; view++) {
         saga_twin_colour(w, s, centres[view]);
-        if (s->model.tools & SAGA_TOOL_VIEW)
+        if (s->model.tools & SAGA_TOOL_VIEW) {
+            check_directions(w, centres[view]);
             memcpy(directions[view], w->batch[SAGA_NET_COLOUR_VIEW].in,
                    sizeof directions[view]);
+        }
         functional(w, view, view > 0);
         saga_twin_colour_backward(w, d, s);
     }

@@ -4,6 +4,7 @@
 #include "embedding.h"
 #include "fx.h"
 #include "interp.h"
+#include "splat_animate.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -350,31 +351,14 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
 
 /* --- Colour -------------------------------------------------------------- */
 
-/* Finds where a primitive is at mid-segment, t = 1/2. */
-static void mid_position(real x[3], const saga_twin *w, size_t i)
-{
-    const saga_splat_params *const a = &w->attr;
-    const real dt = R(0.5) - (a->t_centre ? a->t_centre[i] : 0);
-    size_t k;
-
-    for (k = 0; k < 3; k++) {
-        x[k] = a->mean[3 * i + k];
-        if (a->motion) {
-            const real *const b = a->motion + 9 * i + k;
-
-            x[k] += a->support[3 * i + k] *
-                    (((b[6] * dt + b[3]) * dt + b[0]) * dt);
-        }
-    }
-}
-
+/* Of where a primitive is at mid-segment. */
 static void set_direction(real d[3], const saga_twin *w, size_t i,
                           const real *centre)
 {
     real n2 = 0;
     int k;
 
-    mid_position(d, w, i);
+    saga_splat_place(d, &w->attr, i, R(0.5));
     for (k = 0; k < 3; k++) {
         d[k] -= centre[k];
         n2 += d[k] * d[k];

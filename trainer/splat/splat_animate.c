@@ -58,6 +58,16 @@ static void animate_mean(real *out, const saga_splat_params *p, size_t i,
     }
 }
 
+static real age_of(const saga_splat_params *p, size_t i, real dt)
+{
+    return saga_clamp(dt * saga_splat_ageing(p, i), -LIMIT_AGE, LIMIT_AGE);
+}
+
+void saga_splat_place(real x[3], const saga_splat_params *p, size_t i, real t)
+{
+    animate_mean(x, p, i, age_of(p, i, elapsed(p, i, t)));
+}
+
 void saga_splat_animate_forward(saga_splat_posed *out,
                                 const saga_splat_params *p, uint32_t n,
                                 real t)
@@ -68,8 +78,7 @@ void saga_splat_animate_forward(saga_splat_posed *out,
     for (j = 0; j < (int64_t)n; j++) {
         const size_t i = (size_t)j;
         const real dt = elapsed(p, i, t);
-        const real age = saga_clamp(dt * saga_splat_ageing(p, i), -LIMIT_AGE,
-                                    LIMIT_AGE);
+        const real age = age_of(p, i, dt);
         size_t a;
 
         animate_mean(out->mean + 3 * i, p, i, age);

@@ -8,12 +8,16 @@
 #include "splat.h"
 
 #define saga_splat_ageing SAGA_REAL_NAME(saga_splat_ageing)
+#define saga_splat_place SAGA_REAL_NAME(saga_splat_place)
 #define saga_splat_animate_forward SAGA_REAL_NAME(saga_splat_animate_forward)
 #define saga_splat_animate_backward SAGA_REAL_NAME(saga_splat_animate_backward)
 
 /* Says how much older primitive i is after a unit of time: 1 / min(width, 1/2),
  * and 2^100 at most, so that a dt of 0 is none. */
 real saga_splat_ageing(const saga_splat_params *p, size_t i);
+
+/* Finds where the mean of primitive i is at time t. */
+void saga_splat_place(real x[3], const saga_splat_params *p, size_t i, real t);
 
 /* dt = t - t_centre, age = dt ageing within +-4;
  * mean + support (((b3 age + b2) age + b1) age), quat + slope age,
