@@ -213,8 +213,9 @@ STAGES_TEXT = """
 - **Symbols** are predictions: the encoder knows the integer ones and makes up
   for their rounding, so this row is no loss (docs/arithmetic.md, Entropy
   parameters). `from scaffold` is how exact the decoder is.
-- **Primitives** lose most: F_geo's activations have 16 bits for features of
-  which some are hundreds of times as large as others.
+- **Primitives** lose most, of it their motion: its 16 bits hold the longest
+  motion of all, so that those of most have a quarter of their steps.
+- **Splats**: their means are rounded to 1/256 of a pixel.
 - Pixels that cut or stop a splat otherwise than float64 stand in most places
   where a splat ends at 1/256: {cut} of all from the scaffold on, {cut_pixels}
   where the splats are the same. There a pixel changes by a level at most.
@@ -288,9 +289,16 @@ def stage_lines(files):
             p = [v["pictures_from"][stage] for v in views]
             cells.append(f"{min(x['psnr'] for x in p):.1f} to "
                          f"{max(x['psnr'] for x in p):.1f} dB, "
-                         f"{max(x['max'] for x in p)}")
-        yield (f"| 8 bits, from {stage}: PSNR, largest level | "
+                         f"{max(x['max'] for x in p)} "
+                         f"({sum(x['n_far'] for x in p)} of {samples(views)})")
+        yield (f"| 8 bits, from {stage}: PSNR, largest level (samples more "
+               "than one off) | "
                + " | ".join(cells) + " |\n")
+
+
+def samples(views):
+    n = sum(3 * v["width"] * v["height"] for v in views)
+    return f"{n / 1e6:.1f} M"
 
 
 def share(views, stage):

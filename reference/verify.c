@@ -666,6 +666,7 @@ static void compare_pixels(session *s, int from)
             widen(&before, 255 * norm - value);
             widen(&whole, drawn_as - value);
             widen(&rounded, drawn_as - near);
+            to->n_far += fabs(drawn_as - near) > 1;
             if (!s->c.otherwise[i])
                 widen(&same, drawn_as - near);
             if (level.to)

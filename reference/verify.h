@@ -50,6 +50,7 @@ typedef struct saga_verify_picture {
     double psnr_real;        /* against that itself */
     double rms;              /* levels, before the norm rounds to 8 bits */
     int max;                 /* levels of 255, rounded to 8 bits */
+    uint64_t n_far;          /* samples that are more than a level off so */
     double max_real;
     uint64_t n_cut, n_stop;  /* pixels where one of the two blends a splat and
                               * the other does not, at the cut or the stop */

@@ -109,6 +109,12 @@ static void print_text(const session *s)
            "%s; only one of the two draws %" PRIu32 " splats\n",
            p->n_cut, v->n_pixels, p->n_stop, p->psnr_same, p->max_same,
            p->max_same == 1 ? "" : "s", v->n_splats_otherwise);
+    printf("more than a level off, of %" PRIu64 " samples, from",
+           3 * v->n_pixels);
+    for (int i = 0; i < SAGA_VERIFY_N_STAGES; i++)
+        printf("%s %s %" PRIu64, i ? "," : "\n ", saga_verify_stage[i],
+               v->picture[i].n_far);
+    puts("");
 }
 
 /* --- As JSON ------------------------------------------------------------- */
@@ -148,7 +154,8 @@ static json_t *json_pictures(const saga_verify *v)
         const saga_verify_picture *const p = &v->picture[i];
 
         json_object_set_new(o, saga_verify_stage[i], json_pack(
-            "{sosisosfsfsIsIsosi}", "psnr", number(p->psnr), "max", p->max,
+            "{sosisIsosfsfsIsIsosi}", "psnr", number(p->psnr), "max", p->max,
+            "n_far", (json_int_t)p->n_far,
             "psnr_real", number(p->psnr_real), "max_real", p->max_real,
             "rms", p->rms,
             "n_cut", (json_int_t)p->n_cut, "n_stop", (json_int_t)p->n_stop,
