@@ -261,6 +261,44 @@ static void twin_gradients_should_match_differences_without_fuse(void **state)
         run_gradient(SAGA_TOOLS_PICTURE, no_fuse, false);
 }
 
+/* 16 bits with 8 of them behind the point hold +-127.996: 300 is cut to that,
+ * and its gradient leads back alone. */
+static void motion_should_end_where_its_format_does(void **state)
+{
+    const int last = 2;
+    saga_rows rows[SAGA_N_HEADS];
+    saga_error error = { "" };
+    saga_scene s, d;
+    saga_twin w;
+    int sign;
+
+    (void)state;
+    make_scene(&s, SAGA_TOOLS_PICTURE, 0);
+    assert_true(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
+    assert_true(saga_twin_init(&w, &s, &error));
+    saga_model_rows(rows, &s.model);
+    for (sign = -1; sign <= 1; sign += 2) {
+        const uint32_t row = rows[SAGA_HEAD_MOTION1].first + 1u;
+        const real *const d_out = w.batch[SAGA_NET_GEO].d_out;
+
+        s.net[SAGA_NET_GEO].b[last][row] = 300 * sign;
+        assert_true(saga_twin_refresh(&w, &s, s.coarse_feature, &error));
+        saga_twin_geometry(&w, &s, s.coarse_feature);
+        assert_true(w.attr.motion[1] == sign * 32767 / 256.0);
+        saga_twin_clear(&w, &s);
+        w.d_attr.motion[1] = -sign;
+        w.d_attr.motion[0] = -sign;
+        w.d_attr.motion[9 + 1] = sign;
+        saga_twin_backward(&w, &d, &s);
+        assert_true(d_out[row] == 0);
+        assert_true(d_out[row - 1] == -sign);
+        assert_true(d_out[(uint32_t)s.net[SAGA_NET_GEO].dim[3] + row] == sign);
+    }
+    saga_twin_free(&w);
+    saga_scene_free(&s);
+    saga_scene_free(&d);
+}
+
 /* Those of a base: rows that say how something moves lead nowhere. */
 static void twin_gradients_should_match_differences_of_what_is_still(
     void **state)
@@ -277,6 +315,7 @@ int main(void)
         cmocka_unit_test(
             twin_gradients_should_match_differences_without_tools),
         cmocka_unit_test(twin_gradients_should_match_differences_without_fuse),
+        cmocka_unit_test(motion_should_end_where_its_format_does),
         cmocka_unit_test(
             twin_gradients_should_match_differences_of_what_is_still)
     };

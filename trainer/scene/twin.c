@@ -294,6 +294,33 @@ static void fine_forward(saga_twin *w, const saga_scene *s,
 static const real centre_min = R(SAGA_CENTRE_T_MIN) / 65536;
 static const real centre_max = R(SAGA_CENTRE_T_END) / 65536;
 
+/* 16 bits hold as much of a motion. */
+static const real most_motion = R(32767) / (1 << SAGA_TWIN_MOTION_Q);
+
+/* Beyond its format's end a motion no longer grows, but may come back. */
+static void take_motion(real *attr, size_t at, const real *out, saga_rows rows)
+{
+    size_t k;
+
+    for (k = 0; k < rows.n; k++)
+        attr[at + k] = saga_clamp(out[rows.first + k], -most_motion,
+                                  most_motion);
+}
+
+static void give_motion(real *d_out, saga_rows rows, const real *d_attr,
+                        size_t at, const real *out)
+{
+    size_t k;
+
+    for (k = 0; k < rows.n; k++) {
+        const real x = out[rows.first + k], d = d_attr[at + k];
+
+        d_out[rows.first + k] =
+            (x > most_motion && d < 0) ||
+            (x < -most_motion && d > 0) ? 0 : d;
+    }
+}
+
 /* F_geo's rows become the attributes of primitive i. */
 static void set_attributes(saga_twin *w, const saga_scene *s,
                            const saga_rows rows[SAGA_N_HEADS], size_t i)
@@ -315,7 +342,8 @@ static void set_attributes(saga_twin *w, const saga_scene *s,
         a->mean[3 * i + k] = s->prim_x[4 * i + k];
         a->log2_scale[3 * i + k] -= R(cell->depth_x);
         a->support[3 * i + k] = support[k];
-        take(a->motion, 9 * i + 3 * k, out, rows[SAGA_HEAD_MOTION1 + k]);
+        take_motion(a->motion, 9 * i + 3 * k, out,
+                    rows[SAGA_HEAD_MOTION1 + k]);
     }
     a->quat[4 * i] += 1;
     if (a->t_centre)
@@ -499,7 +527,8 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
     for (k = 0; k < 3; k++) {
         d->prim_x[4 * i + k] += a->mean[3 * i + k];
         d_log2[k] += a->support[3 * i + k] * support[k] * LN2;
-        give(out, rows[SAGA_HEAD_MOTION1 + k], a->motion, 9 * i + 3 * k);
+        give_motion(out, rows[SAGA_HEAD_MOTION1 + k], a->motion,
+                    9 * i + 3 * k, raw);
     }
     if (a->t_centre) {
         const size_t row = rows[SAGA_HEAD_TIME].first;

@@ -16,6 +16,11 @@
 #include "scene.h"
 #include "splat.h"
 
+/* Motion has at least so many bits behind the point, and so at most 127.996
+ * supports per age^order: what is cut goes on in larger supports. Rounded more
+ * coarsely, for the sake of a few, it is most of what a picture is off. */
+enum { SAGA_TWIN_MOTION_Q = 8 };
+
 /* A batch goes through a network: what goes in and comes out, and gradients.
  * Room is made for the most rows there will be: passes do not fail. */
 typedef struct saga_twin_batch {

@@ -164,7 +164,8 @@ static double most_feature(const saga_scene *s, const real *feature)
 }
 
 /* Sets the heads of all networks but the entropy networks: as fine as what they
- * give allows. (1, 0, 0, 0) is added to a quaternion. */
+ * give allows, motion's where it is cut at the coarsest. (1, 0, 0, 0) is added
+ * to a quaternion. */
 static void head_formats(saga_model *m, const saga_scene *s,
                          const saga_twin *w)
 {
@@ -174,11 +175,14 @@ static void head_formats(saga_model *m, const saga_scene *s,
     saga_model_rows(rows, m);
     for (head = SAGA_HEAD_FUSE_C; head < SAGA_N_HEADS; head++) {
         const saga_rows *const r = &rows[head];
+        const bool moves = head >= SAGA_HEAD_MOTION1 &&
+                           head <= SAGA_HEAD_MOTION3;
 
         if (r->n)
-            m->head_q[head] = q_for(
+            m->head_q[head] = (uint8_t)fx_max(q_for(
                 (head == SAGA_HEAD_QUAT ? 1 : 0) +
-                most_out(s, w, r->net, r->first, r->n), r->most_q);
+                most_out(s, w, r->net, r->first, r->n), r->most_q),
+                moves ? SAGA_TWIN_MOTION_Q : 0);
     }
 }
 
