@@ -326,9 +326,14 @@ static void make_nets(gen_stream *g, uint64_t *r, int picture)
 
         for (i = 0; i < s->n_layers; i++) {
             saga_layer_symbols *const l = &g->nets.layer[net][i];
+            uint64_t aside;
 
             make_layer(l, s, i, r);
-            make_finer(l, saga_nets_n_finer(&nets, net, i), r);
+            /* So that streams are otherwise what they were before F_color had
+             * formats: tests know their segments. */
+            aside = *r;
+            make_finer(l, saga_nets_n_finer(&nets, net, i),
+                       net < SAGA_NET_COLOUR_BASE ? r : &aside);
             if (picture && i + 1 == s->n_layers)
                 aim_layer(l, s, i, m, net);
         }
