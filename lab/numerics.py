@@ -213,8 +213,8 @@ STAGES_TEXT = """
 - **Symbols** are predictions: the encoder knows the integer ones and makes up
   for their rounding, so this row is no loss (docs/arithmetic.md, Entropy
   parameters). `from scaffold` is how exact the decoder is.
-- **Primitives** lose most, of it their motion: its 16 bits hold the longest
-  motion of all, so that those of most have a quarter of their steps.
+- **Primitives** lose most, of it their motion: what hidden units of 16 bits
+  are rounded by, F_geo's last layer multiplies.
 - **Splats**: their means are rounded to 1/256 of a pixel.
 - Pixels that cut or stop a splat otherwise than float64 stand in most places
   where a splat ends at 1/256: {cut} of all from the scaffold on, {cut_pixels}
