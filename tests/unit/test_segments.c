@@ -581,6 +581,79 @@ static void train_should_resume_to_the_same_file(void **state)
     saga_train_free(t);
 }
 
+/* Returns what a bit costs once the first segment has steered the size. */
+static double steered_price(const fixture *f, const saga_train_options *o)
+{
+    saga_error error = { "" };
+    double lambda;
+    saga_train *t;
+    slice s;
+
+    t = begin(f, &s, o);
+    assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
+    lambda = t->lambda;
+    saga_train_free(t);
+    return lambda;
+}
+
+/* What a base saves is spent: bits are cheaper with it at the same size. */
+static void base_should_make_bits_cheaper(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small(f);
+    double with;
+
+    o.n_bytes = f->n * 8 / 7;
+    with = steered_price(f, &o);
+    o.ablate = "no-base";
+    assert_true(with < 0.8 * steered_price(f, &o));
+}
+
+/* With a size there is the same base, and more of it and of the segments, in
+ * the same proportion: together more primitives than without a size, fewer than
+ * without a base. Segments follow what is left, after a stop, too. */
+static void base_should_leave_room_to_fill_the_size(void **state)
+{
+    const fixture *const f = *state;
+    const saga_train_base *const by_law = &f->report.base;
+    stop place = { FIRST, SAGA_TRAIN_WARM, 7 };
+    saga_train_options o = small(f);
+    saga_error error = { "" };
+    uint8_t *bytes;
+    double times;
+    saga_train *t;
+    slice s;
+
+    o.n_bytes = f->n * 4 / 3;
+    t = begin(f, &s, &o);
+    assert_int_equal(run(t, f, &s), SAGA_DONE);
+    assert_int_equal(t->base.n_still, by_law->n_still);
+    times = (double)t->base.n_prim / by_law->n_prim;
+    assert_true(times > 1.2);
+    assert_true(fabs((double)t->base.n_kept / by_law->n_kept - times) < 0.06);
+    assert_true(t->base.n_prim + N * t->base.n_kept < N * 150);
+    print_message("%zu bytes, of %zu\n", t->nbytes, o.n_bytes);
+    assert_true(fabs((double)t->nbytes / (double)o.n_bytes - 1) < 0.03);
+    bytes = malloc(t->nbytes);
+    assert_non_null(bytes);
+    memcpy(bytes, t->bytes, t->nbytes);
+    saga_train_free(t);
+    o.checkpoint = f->checkpoint;
+    o.progress = stop_there;
+    o.progress_user = &place;
+    t = begin(f, &s, &o);
+    assert_int_equal(run(t, f, &s), SAGA_STOPPED);
+    saga_train_free(t);
+    o.progress = NULL;
+    t = saga_train_resume(slice_of(&s, f, FIRST), &o, &error);
+    assert_non_null(t);
+    tint(t);
+    assert_int_equal(run(t, f, &s), SAGA_DONE);
+    assert_memory_equal(t->bytes, bytes, t->nbytes);
+    saga_train_free(t);
+    free(bytes);
+}
+
 /* Returns what a training of segment k alone gives, with the networks of
  * another; stopped and resumed on the way. */
 static saga_train *train_alone(const fixture *f, int k, const char *networks)
@@ -701,6 +774,8 @@ int main(void)
         cmocka_unit_test(float_should_be_what_is_decoded),
         cmocka_unit_test(networks_should_stay_what_they_are),
         cmocka_unit_test(train_should_resume_to_the_same_file),
+        cmocka_unit_test(base_should_make_bits_cheaper),
+        cmocka_unit_test(base_should_leave_room_to_fill_the_size),
         cmocka_unit_test(segment_should_be_trained_alone)
     };
 

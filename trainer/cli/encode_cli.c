@@ -540,20 +540,23 @@ static void tell_base(const session *s)
 {
     const saga_train_base *const b = &saga_train_report_of(s->train)->base;
     const double still = 100.0 * b->n_still / fmax(b->n_looked_at, 1);
+    char gain[48] = "more of both fill the size";
 
+    if (!s->wanted)
+        snprintf(gain, sizeof gain, "that saves about %.0f kB",
+                 b->saved / 1000);
     if (b->n_prim)
         saga_cli_error(0, "encode: %.0f %% of the primitives stand still: %u "
                        "are sent once, as the base, and each of the %d "
-                       "segments has %u; that saves about %.0f kB", still,
-                       b->n_prim, s->n_segments, b->n_kept, b->saved / 1000);
+                       "segments has %s%u; %s", still, b->n_prim,
+                       s->n_segments, s->wanted ? "about " : "", b->n_kept,
+                       gain);
     else if (b->why == SAGA_TRAIN_MOVES)
         saga_cli_error(0, "encode: %.0f %% of the primitives stand still: too "
                        "few for a base of %d segments", still, s->n_segments);
     else if (b->why == SAGA_TRAIN_WANDERS)
         saga_cli_error(0, "encode: no base: no camera stands still, so no "
                        "pictures tell what does");
-    else if (b->why == SAGA_TRAIN_SIZED)
-        saga_cli_error(0, "encode: no base: the first segment steers the size");
 }
 
 /* Tells whether something is to be trained next, and what. A file of networks
@@ -1459,8 +1462,9 @@ static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga", "the file to write, or the folder of --sweep; needed",
       saga_cli_text, offsetof(options, output), 0, 0 },
     { "--segment", "FRAMES", "frames of a segment, about, each of which plays "
-      "without\nthe others (default: a second; of a camera that moves,\nall of "
-      "them); --primitives and --iterations are of each", saga_cli_int,
+      "without\nthe others (default: ten seconds, or what half of\n--memory "
+      "holds; of a camera that moves, all of them);\n--primitives and "
+      "--iterations are of each", saga_cli_int,
       offsetof(options, segment), 2, SAGA_PLAN_MOST_FRAMES },
     { "--networks-only", NULL, "train the segment that makes the networks and "
       "write them,\nfor others to be trained elsewhere: docs/scale.md",

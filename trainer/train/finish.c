@@ -350,9 +350,11 @@ bool saga_train_measure_size(saga_train *t, saga_error *error)
 
 bool saga_train_pack(saga_train *t, saga_error *error)
 {
-    if (is_segment(t))
+    if (is_segment(t)) {
+        t->n_finished += t->scene.n.prim;
         return saga_train_measure_flat(t, error) &&
                pack(t, t->o.level, FINAL, error) && probe(t, error);
+    }
     return pack(t, t->o.level, FINAL, error) &&
            (!saga_train_in_base(t) || (saga_train_make_decoded(t, error) &&
                                        saga_train_keep_base(t, error)));

@@ -6,7 +6,8 @@
  * brings it to the size wanted; the price of a bit goes with the step's square.
  * The last moments come when networks are rounded and hardly anything moves.
  *
- * Further segments have the networks and the step of the first: their
+ * Base and further segments have the networks and the step of the first
+ * training, which is steered to its primitives' part of the size. Segments'
  * primitives are what the finished ones left bytes for.
  */
 #include "train_state.h"
@@ -16,8 +17,9 @@
 /* Parts of the rendering that are over. */
 static const double moment[] = { 0.05, 0.15, 0.3, 0.5, 0.65, 0.7, 0.8, 0.92 };
 
-/* Segments have up to so many times the primitives of the first, or its part of
- * them. */
+/* What is drawn of a segment, the base too, has up to so many times the
+ * primitives that were planned; a segment's own are that part of what was
+ * planned for it at least. */
 #define MOST_UNLIKE 1.5
 
 /* Networks and offsets take less the longer they learn, and what they take in
@@ -59,7 +61,21 @@ static double moment_of(const saga_train *t)
 /* Returns what a file of these sizes spends on all segments together. */
 static double fixed_nbytes(const saga_encode_sizes *z)
 {
-    return (double)(z->header + z->index + z->networks);
+    return (double)(z->header + z->index + z->networks + z->base);
+}
+
+/* Returns the primitives that were planned for a segment, beside the base. */
+static uint32_t n_planned(const saga_train *t)
+{
+    return t->base.n_prim ? t->base.n_kept : t->o.n_primitives;
+}
+
+/* Returns the trainings that the size pays for: how many times the primitives
+ * of the first there are in the file, the base's among them. */
+static double n_paid(const saga_train *t)
+{
+    return (t->base.n_prim + (double)t->o.n_segments * n_planned(t)) /
+           t->o.n_primitives;
 }
 
 /* Returns the bytes that the segment may still take, or is too large by where
@@ -71,7 +87,7 @@ static double left_for(const saga_train *t, double over)
     const double all = (double)t->o.n_bytes - fixed_nbytes(z) +
                        saved * (double)z->networks;
 
-    return all / t->o.n_segments + saved * (double)z->prim -
+    return all / n_paid(t) + saved * (double)z->prim -
            ((double)z->total - fixed_nbytes(z));
 }
 
@@ -92,15 +108,16 @@ bool saga_train_steer(saga_train *t, saga_error *error)
 uint32_t saga_train_sized_share(const saga_train *t)
 {
     const saga_encode_sizes *const z = &t->report.sizes;
-    const double n = t->o.n_primitives;
+    const int n_done = t->turn - (t->base.n_prim ? 2 : 0);
+    const double n = n_planned(t), base = t->base.n_prim;
     double of_one, left;
 
-    if (t->o.n_bytes == 0 || t->turn == 0)
-        return t->o.n_primitives;
+    if (t->o.n_bytes == 0 || n_done == 0)
+        return n_planned(t);
     of_one = ((double)z->total - fixed_nbytes(z)) / (double)t->n_finished;
     left = ((double)t->o.n_bytes - (double)z->total) /
-           (t->o.n_segments - t->turn);
+           (t->o.n_segments - n_done);
     return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
-                               n * MOST_UNLIKE),
-                          saga_caps[t->o.level].n_prim);
+                               MOST_UNLIKE * (n + base) - base),
+                          saga_caps[t->o.level].n_prim - base);
 }

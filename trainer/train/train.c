@@ -735,7 +735,6 @@ static bool pack(saga_train *t, saga_error *error)
         return false;
     if (t->o.n_bytes)
         t->lambda = t->report.lambda;
-    t->n_finished += t->scene.n.prim;
     return true;
 }
 

@@ -59,7 +59,6 @@ typedef enum saga_train_no_base {
     SAGA_TRAIN_ONE_SEGMENT,
     SAGA_TRAIN_ABLATED,
     SAGA_TRAIN_WANDERS,          /* no two pictures are from one place */
-    SAGA_TRAIN_SIZED,            /* a size is steered by the first segment */
     SAGA_TRAIN_MOVES             /* too little stands still, or for too
                                   * few segments */
 } saga_train_no_base;
@@ -71,7 +70,8 @@ typedef struct saga_train_base {
     uint32_t n_looked_at;        /* of so many; 0: not looked at */
     uint32_t n_prim;             /* of the base; 0: there is none */
     uint32_t n_kept;             /* of each segment beside it */
-    double saved;                /* bytes that this saves, an estimate */
+    double saved;                /* bytes that this saves, an estimate; of no
+                                  * meaning where a size was asked for */
 } saga_train_base;
 
 typedef struct saga_train_progress {

@@ -35,6 +35,12 @@
  * what drawing costs. */
 #define MOST_TIMES 3
 
+/* Where a size was asked for and a base leaves 1/x of all primitives, base and
+ * segments have x^MORE_POWER times as many. The other bytes make each of them
+ * more exact: by the rule bits are cheaper where more is drawn, and on a base a
+ * primitive takes more of them (docs/lab/size.md). */
+#define MORE_POWER 0.67
+
 /* --- Whether there is one ------------------------------------------------ */
 
 /* Returns the place's change between mid-segment and t, in standard deviations
@@ -88,8 +94,7 @@ static saga_train_no_base reason(const saga_train *t)
 {
     return t->o.n_segments < 2 ? SAGA_TRAIN_ONE_SEGMENT
          : t->ablation.no_base ? SAGA_TRAIN_ABLATED
-         : t->capture->moves ? SAGA_TRAIN_WANDERS
-         : t->o.n_bytes ? SAGA_TRAIN_SIZED : SAGA_TRAIN_HAS_BASE;
+         : t->capture->moves ? SAGA_TRAIN_WANDERS : SAGA_TRAIN_HAS_BASE;
 }
 
 /* Returns how many times as many primitives are worth their bits where these
@@ -104,6 +109,18 @@ static double times_for(int n)
     return fmin(sqrt(by_law), MOST_TIMES);
 }
 
+/* Returns by what to multiply a base of so many primitives, and those that each
+ * segment keeps: where a size was asked for, what a base saves is spent on
+ * more of them, if the level has room for what is drawn together. */
+static double filling(const saga_train *t, double base, double kept)
+{
+    const double n = t->o.n_segments;
+
+    return t->o.n_bytes == 0 ? 1
+         : fmin(pow(n * t->o.n_primitives / (base + n * kept), MORE_POWER),
+                saga_caps[t->o.level].n_prim / (base + kept));
+}
+
 bool saga_train_may_have_base(const saga_train *t)
 {
     return reason(t) == SAGA_TRAIN_HAS_BASE;
@@ -115,6 +132,7 @@ void saga_train_choose_base(saga_train *t)
     const double n = t->o.n_primitives;
     const double times = times_for(t->o.n_segments);
     saga_train_base *const b = &t->base;
+    double kept, more;
 
     *b = (saga_train_base){ .why = reason(t) };
     if (b->why)
@@ -127,8 +145,10 @@ void saga_train_choose_base(saga_train *t)
         b->why = SAGA_TRAIN_MOVES;
         return;
     }
-    b->n_kept = (uint32_t)ceil(fmax(n - b->n_still, LEAST_KEPT * n));
-    b->n_prim = (uint32_t)fmin(b->n_still * times,
+    kept = fmax(n - b->n_still, LEAST_KEPT * n);
+    more = filling(t, b->n_still * times, kept);
+    b->n_kept = (uint32_t)ceil(more * kept);
+    b->n_prim = (uint32_t)fmin(more * (b->n_still * times),
                                saga_caps[t->o.level].n_prim - b->n_kept);
     b->saved = SAGA_PRIMITIVE_BITS / 8 * ((n - b->n_kept) * t->o.n_segments -
                                    b->n_prim);
@@ -136,8 +156,8 @@ void saga_train_choose_base(saga_train *t)
 
 uint32_t saga_train_share(const saga_train *t)
 {
-    return !t->base.n_prim || t->turn == 0 ? saga_train_sized_share(t)
-         : t->turn == 1 ? t->base.n_prim : t->base.n_kept;
+    return t->turn == 0 ? t->o.n_primitives
+         : saga_train_in_base(t) ? t->base.n_prim : saga_train_sized_share(t);
 }
 
 /* --- As it is decoded ---------------------------------------------------- */

@@ -153,9 +153,9 @@ bool saga_train_pack_blind(saga_train *t, saga_error *error);
 /* size.c: where a size was asked for, brings the file nearer to it, before an
  * iteration of the rendering. */
 bool saga_train_steer(saga_train *t, saga_error *error);
-/* Returns the primitives of the segment in training, where there is no base: as
- * asked for, or where a size was, those that fill what the finished ones left
- * of it. */
+/* Returns the primitives of the segment in training, after the first turn and
+ * the base's: as planned, or where a size was asked for, those that fill what
+ * the finished ones left of it. */
 uint32_t saga_train_sized_share(const saga_train *t);
 
 /* train_base.c */
