@@ -152,7 +152,7 @@ static void set_values(saga_rate *r, const ref_file *in)
 static saga_model model_of(const ref_file *in, const refit_options *o)
 {
     saga_model m = in->h.model;
-    const saga_policy p = saga_policy_of(0, 1, in->s.n.prim, in->s.n.coarse);
+    const saga_policy p = saga_policy_of(0, 1, in->s.n.prim);
     saga_ablation a = o->ablation;
 
     if (!a.no_bank && !a.slots)

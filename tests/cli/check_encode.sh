@@ -102,7 +102,7 @@ verdict good
 # ---- size: of 4 frames at 24 a second 384 kbit/s are 8,000 bytes
 for ask in '--size 8k' '--size 0.008M' '--bitrate 384k'; do
     # shellcheck disable=SC2086
-    expect 0 cap -o z.saga $ask --iterations 200 --moving
+    expect 0 cap -o z.saga $ask --iterations 1200 --moving
     size=$(stat -c %s z.saga)
     [ "$size" -ge 7600 ] && [ "$size" -le 8400 ] ||
         complain "$ask: $size bytes"
@@ -110,7 +110,7 @@ for ask in '--size 8k' '--size 0.008M' '--bitrate 384k'; do
     [ ! -f z.first ] || cmp -s z.saga z.first || complain "$ask: another file"
     mv z.saga z.first
 done
-expect 0 cap -o z.saga --size 6k --primitives 900 --iterations 60
+expect 0 cap -o z.saga --size 6k --primitives 2000 --iterations 60
 grep -q 'more than asked for; fewer --primitives' err ||
     complain "not a word of a missed size: $(cat err)"
 rm z.*
@@ -461,14 +461,15 @@ expect 2 cap -o cap "${small[@]}"
 says 'not a file'
 mkdir small
 if mount -t tmpfs -o size=4k none small 2>/dev/null; then
-    expect 2 cap -o small/x.saga "${small[@]}"
+    expect 2 cap -o small/x.saga "${small[@]}" --primitives 900
     grep -q 'free space' err || complain "full disk: $(cat err)"
     [ -z "$(ls small)" ] || complain "full disk leaves $(ls small)"
     umount small
 else
     # Files of at most 4 blocks: the write fails as on a full disk.
     (trap '' XFSZ; ulimit -f 4
-     "$saga" encode cap -o small/x.saga "${small[@]}" 2>err | cat >out
+     "$saga" encode cap -o small/x.saga "${small[@]}" --primitives 900 \
+        2>err | cat >out
      exit "${PIPESTATUS[0]}")
     rc=$?
     [ "$rc" = 2 ] || complain "full disk: status $rc"

@@ -102,6 +102,31 @@ static void list_should_hold_every_parameter_once(void **state)
     assert_int_equal(saga_weights_find(&f.w, SAGA_NET_E_PRIM, 0), -1);
 }
 
+/* A 64th of the root mean square; of biases that are 0, or small, their
+ * layer's. */
+static void steps_should_begin_fine(void **state)
+{
+    static fixture f;
+    size_t i;
+
+    (void)state;
+    begin(&f);
+    for (i = 0; i < N_PARAMS; i++)
+        f.x[i] = i % 2 ? 2 : -2;
+    for (i = 0; i < f.w.tensor[1].rows; i++)
+        f.x[f.w.tensor[1].at + i] = 0;
+    for (i = 0; i < f.w.tensor[3].rows; i++)
+        f.x[f.w.tensor[3].at + i] = 8;
+    for (i = 0; i < f.w.tensor[4].rows * f.w.tensor[4].cols; i++)
+        f.x[f.w.tensor[4].at + i] = 0.25;
+    saga_weights_start(&f.w, f.x);
+    assert_float_equal(f.w.log2_step[0], -5, 1e-9);
+    assert_float_equal(f.w.log2_step[1], -5, 1e-9);
+    assert_float_equal(f.w.log2_step[3], -3, 1e-9);
+    assert_float_equal(f.w.log2_step[4], -8, 1e-9);
+    assert_float_equal(f.w.log2_step[5], -5, 1e-9);
+}
+
 /* --- Noise --------------------------------------------------------------- */
 
 /* Uniform in +-noise step / 2, so of variance (noise step)^2 / 12; nothing in
@@ -507,6 +532,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(list_should_hold_every_parameter_once),
+        cmocka_unit_test(steps_should_begin_fine),
         cmocka_unit_test(noise_should_have_the_size_of_the_step),
         cmocka_unit_test(steps_should_be_powers_of_two_where_others_are_missed),
         cmocka_unit_test(rate_should_have_the_gradient_of_its_differences),

@@ -22,9 +22,9 @@ static void near(double x, double y, double part)
  * costs. */
 static void policy_should_price_bits_per_pixel(void **state)
 {
-    const saga_policy one = saga_policy_of(0.5, 1e6, 1000, 1000);
-    const saga_policy two = saga_policy_of(0.5, 2e6, 1000, 1000);
-    const saga_policy dear = saga_policy_of(1, 2e6, 1000, 1000);
+    const saga_policy one = saga_policy_of(0.5, 1e6, 1000);
+    const saga_policy two = saga_policy_of(0.5, 2e6, 1000);
+    const saga_policy dear = saga_policy_of(1, 2e6, 1000);
 
     (void)state;
     near(one.price.residual, 0.5e-6 / 65025, 1e-12);
@@ -33,7 +33,7 @@ static void policy_should_price_bits_per_pixel(void **state)
     near(dear.prim_step, one.prim_step, 1e-12);
     near(one.price.start, 4 * one.price.residual, 1e-12);
     near(one.price.weight, 1.5 * one.price.residual, 1e-12);
-    assert_true(saga_policy_of(0, 1e6, 1000, 1000).price.residual > 0);
+    assert_true(saga_policy_of(0, 1e6, 1000).price.residual > 0);
 }
 
 /* Twice as many primitives, or half the error, make a bit worth half. */
@@ -67,13 +67,13 @@ static void primitives_should_balance_lambda(void **state)
 /* Dearer bits: fewer units and longer steps, within their limits. */
 static void policy_should_be_monotone(void **state)
 {
-    saga_policy last = saga_policy_of(0, 1e7, 5000, 5000);
+    saga_policy last = saga_policy_of(0, 1e7, 5000);
 
     (void)state;
     assert_int_equal(last.width, 64);
     near(last.prim_step, 1 / 64., 1e-12);
     for (int i = -40; i < 20; i++) {
-        const saga_policy p = saga_policy_of(exp2(i / 2. + 4), 1e7, 5000, 5000);
+        const saga_policy p = saga_policy_of(exp2(i / 2. + 4), 1e7, 5000);
 
         assert_true(p.width <= last.width);
         assert_true(p.prim_step >= last.prim_step);
@@ -86,10 +86,9 @@ static void policy_should_be_monotone(void **state)
 static void policy_should_follow_counts(void **state)
 {
     (void)state;
-    assert_int_equal(saga_policy_of(1, 1e7, 20000, 19999).features, 24);
-    assert_int_equal(saga_policy_of(1, 1e7, 20000, 20000).entropy_width, 16);
-    assert_false(saga_policy_of(1, 1e7, 39999, 39999).bank_pays);
-    assert_true(saga_policy_of(1, 1e7, 40000, 40000).bank_pays);
+    assert_int_equal(saga_policy_of(1, 1e7, 20000).entropy_width, 16);
+    assert_false(saga_policy_of(1, 1e7, 39999).bank_pays);
+    assert_true(saga_policy_of(1, 1e7, 40000).bank_pays);
 }
 
 int main(void)

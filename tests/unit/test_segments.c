@@ -296,6 +296,7 @@ static void first_should_make_the_networks(void **state)
     o.first = 0;
     t = saga_train_new(slice_of(&s, f, FIRST), &o, &error);
     assert_non_null(t);
+    t->room = 2; /* for further segments, as f's networks have it */
     tint(t);
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     assert_int_equal(saga_probe(&info, f->bytes, f->n), SAGA_OK);
@@ -624,7 +625,8 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     saga_train *t;
     slice s;
 
-    o.n_bytes = f->n * 4 / 3;
+    o.n_render = 300;
+    o.n_bytes = f->n * 3 / 2;
     t = begin(f, &s, &o);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
     assert_int_equal(t->base.n_still, by_law->n_still);
@@ -633,7 +635,7 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     assert_true(fabs((double)t->base.n_kept / by_law->n_kept - times) < 0.06);
     assert_true(t->base.n_prim + N * t->base.n_kept < N * 150);
     print_message("%zu bytes, of %zu\n", t->nbytes, o.n_bytes);
-    assert_true(fabs((double)t->nbytes / (double)o.n_bytes - 1) < 0.03);
+    assert_true(fabs((double)t->nbytes / (double)o.n_bytes - 1) < 0.05);
     bytes = malloc(t->nbytes);
     assert_non_null(bytes);
     memcpy(bytes, t->bytes, t->nbytes);

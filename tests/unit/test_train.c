@@ -1419,7 +1419,7 @@ static void sources_should_be(const saga_ablation *e,
 {
     const saga_train t = {
         .o = small(), .ablation = *e, .dynamic = true,
-        .policy = { .features = 16, .width = 64, .entropy_width = 8,
+        .policy = { .width = 64, .entropy_width = 8,
                     .prim_step = 0.25 }
     };
     saga_model m;

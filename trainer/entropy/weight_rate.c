@@ -68,6 +68,12 @@ static void measure(deviations *d, int mode, const real *x,
                            least);
 }
 
+/* A layer's biases follow its weights. */
+static bool is_bias(int tensor)
+{
+    return tensor % 2 == 1;
+}
+
 void saga_weights_start(saga_weights *w, const real *params)
 {
     deviations d;
@@ -76,6 +82,8 @@ void saga_weights_start(saga_weights *w, const real *params)
     for (t = 0; t < w->n; t++) {
         measure(&d, SAGA_SCALE_TENSOR, params, &w->tensor[t], 1e-6);
         w->log2_step[t] = (real)log2(d.sigma[0] / 64);
+        if (is_bias(t) && w->log2_step[t] < w->log2_step[t - 1])
+            w->log2_step[t] = w->log2_step[t - 1];
     }
 }
 

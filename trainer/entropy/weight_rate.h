@@ -64,7 +64,9 @@ typedef struct saga_weights {
 void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
                        const uint8_t int8[SAGA_N_NETS], const real *params);
 
-/* Sets fine steps to begin with: a 64th of each tensor's root mean square. */
+/* Sets fine steps to begin with: a 64th of each tensor's root mean square.
+ * Biases, many of which are 0 by then, have at least the step of their layer's
+ * weights: steps learn too slowly to come up from nothing. */
 void saga_weights_start(saga_weights *w, const real *params);
 
 /* Finds a layer's weights; its biases are the next tensor. -1: it is not among

@@ -253,7 +253,8 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
     saga_twin *const twin = feature ? saga_fit_code(t->fit, feature, &choice,
                                                     error) : NULL;
     const saga_pack_input in = { &choice, twin, feature,
-                                 saga_fit_weights(t->fit) };
+                                 saga_fit_weights(t->fit),
+                                 t->room };
     const bool measured = final && is_segment(t);
     bool ok = twin && (!measured || saga_train_measure_scene(
                                         &r->model, t, saga_fit_scene(t->fit),

@@ -166,9 +166,9 @@ static double most_feature(const saga_scene *s, const real *feature)
 /* Sets the heads of all networks but the entropy networks: as fine as what they
  * give allows, motion's where it is cut at the coarsest. (1, 0, 0, 0) is added
  * to a quaternion. */
-static void head_formats(saga_model *m, const saga_scene *s,
-                         const saga_twin *w)
+static void head_formats(saga_model *m, const saga_pack_input *in)
 {
+    const saga_scene *const s = &in->choice->scene;
     saga_rows rows[SAGA_N_HEADS];
     int head;
 
@@ -181,7 +181,8 @@ static void head_formats(saga_model *m, const saga_scene *s,
         if (r->n)
             m->head_q[head] = (uint8_t)fx_max(q_for(
                 (head == SAGA_HEAD_QUAT ? 1 : 0) +
-                most_out(s, w, r->net, r->first, r->n), r->most_q),
+                in->room * most_out(s, in->twin, r->net, r->first, r->n),
+                r->most_q),
                 moves ? SAGA_TWIN_MOTION_Q : 0);
     }
 }
@@ -208,12 +209,12 @@ static void measure_formats(saga_model *m, const saga_pack_input *in)
         m->q_in[net] = 12;
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     entropy_formats(m, in->choice);
-    head_formats(m, s, in->twin);
-    m->q_in[SAGA_NET_COLOUR] = q_for(
+    head_formats(m, in);
+    m->q_in[SAGA_NET_COLOUR] = q_for(in->room *
         most_before_colour(s, in->twin, 0, m->width[SAGA_NET_COLOUR]), 14);
     /* What enters a network must not saturate either. */
     m->q_in[SAGA_NET_COLOUR_VIEW] = DIRECTION_Q;
-    m->q_in[SAGA_NET_FUSE_C] = q_for(most_feature(s, in->feature),
+    m->q_in[SAGA_NET_FUSE_C] = q_for(in->room * most_feature(s, in->feature),
                                      EMBEDDING_Q);
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
         ? q[SAGA_HEAD_FUSE_C] : m->q_in[SAGA_NET_FUSE_C];
@@ -249,6 +250,7 @@ typedef struct {
     saga_scene *decoded;         /* NULL, or takes what was quantised: the
                                   * layers, or the rest */
     const saga_nets *shapes;
+    double room;                 /* as saga_pack_input has it */
 } packing;
 
 /* Returns the largest activation of units first..first+n-1 of hidden layer i
@@ -277,7 +279,8 @@ static double most_hidden(const packing *p, int net, int i, size_t first,
 static uint8_t finer_by(const packing *p, int net, double most, int q)
 {
     const int reader = net == SAGA_NET_COLOUR_BASE ? SAGA_NET_COLOUR : net;
-    const int more = q_for(2 * most, EMBEDDING_Q + SAGA_N_FINER - 1) - q;
+    const int more = q_for(2 * p->room * most,
+                           EMBEDDING_Q + SAGA_N_FINER - 1) - q;
 
     return p->model->int8[reader] ? 0
          : (uint8_t)fx_clamp(more, 0, SAGA_N_FINER - 1);
@@ -309,7 +312,8 @@ static int row_formats(uint8_t *q, uint8_t *finer, const packing *p,
     if (i + 1 == s->net[net].n_layers)
         output_formats(q, p->model, net, n);
     else
-        memset(q, q_for(most_hidden(p, net, i, 0, n), EMBEDDING_Q), n);
+        memset(q, q_for(p->room * most_hidden(p, net, i, 0, n), EMBEDDING_Q),
+               n);
     common = q[0];
     for (k = 0; k < saga_nets_n_finer(p->shapes, net, i); k++) {
         finer[k] = finer_by(p, net, most_row(p, net, i, k), common);
@@ -452,7 +456,7 @@ bool saga_pack_entropy(saga_net_symbols *nets, saga_model *m,
                        saga_error *error)
 {
     saga_nets shapes;
-    const packing p = { m, choice, twin, NULL, NULL, &shapes };
+    const packing p = { m, choice, twin, NULL, NULL, &shapes, 1 };
 
     saga_nets_layout(&shapes, m);
     entropy_formats(m, choice);
@@ -654,7 +658,7 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     saga_scene *const networks = &file->networks.scene;
     saga_nets shapes;
     const packing p = { &h.model, in->choice, in->twin, in->weights,
-                        networks, &shapes };
+                        networks, &shapes, in->room };
     saga_net_symbols nets;
 
     h.model = in->choice->scene.model;
@@ -684,7 +688,7 @@ static bool make_symbols(saga_symbols y[SAGA_MAX_LAYERS],
     const saga_scene *const networks = &file->networks.scene;
     const saga_scene *const s = &in->choice->scene;
     const packing p = { &networks->model, in->choice, in->twin, NULL,
-                        decoded, NULL };
+                        decoded, NULL, 1 };
     bool ok = !decoded || begin_decoded(decoded, s, networks, error);
 
     memset(y, 0, SAGA_MAX_LAYERS * sizeof *y);

@@ -27,6 +27,9 @@ typedef struct saga_pack_input {
     const saga_weights *weights; /* steps of the networks' parameters,
                                   * but for the entropy networks': the
                                   * choice's */
+    double room;                 /* >= 1: formats of the networks hold so many
+                                  * times what is measured, for segments that
+                                  * are still to come */
 } saga_pack_input;
 
 /* Begins a file: packs the networks, in formats that the measured ranges allow.

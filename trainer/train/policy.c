@@ -24,6 +24,10 @@ enum { WIDE_PAYS = 20000 };
  * it saves a third of them (docs/lab/memory.md). */
 enum { BANK_PAYS = 40000 };
 
+/* Of so many primitives hidden units of F_geo save more features than they take
+ * weights (docs/lab/networks.md). */
+enum { DEEP_PAYS = 6000 };
+
 /* The error falls with the number of primitives to the power of -0.43 (1.3 dB
  * for twice as many). */
 #define ERROR_POWER 0.43
@@ -43,7 +47,7 @@ double saga_policy_primitives(double lambda, double mse, double n_pixels,
 }
 
 saga_policy saga_policy_of(double lambda, double n_pixels,
-                           uint32_t n_primitives, uint32_t n_coarse)
+                           uint32_t n_primitives)
 {
     const double price = fmax(lambda, LEAST_LAMBDA) / (255 * 255 * n_pixels);
 
@@ -54,11 +58,10 @@ saga_policy saga_policy_of(double lambda, double n_pixels,
          * half a support says all that the lowest rates want to know. */
         .prim_step = fmin(fmax(425 * sqrt(price * n_primitives), 1 / 64.0),
                           0.5),
-        /* A coarse anchor for one primitive has less to say. */
-        .features = n_coarse < n_primitives ? 24 : 16,
         /* The dearer bits are, the fewer weights are worth theirs. */
         .width = price < 7e-10 ? 64 : price < 3e-9 ? 48 : 32,
         .entropy_width = n_primitives < WIDE_PAYS ? 8 : 16,
-        .bank_pays = n_primitives >= BANK_PAYS
+        .bank_pays = n_primitives >= BANK_PAYS,
+        .deep_pays = n_primitives >= DEEP_PAYS
     };
 }

@@ -23,21 +23,23 @@ typedef struct saga_prices {
 typedef struct saga_policy {
     saga_prices price;
     double prim_step;            /* step of a primitive's offset, in supports */
-    uint8_t features;            /* F */
     uint8_t width;               /* hidden units of the networks that make
-                                  * primitives, before the level's cap, */
+                                  * primitives of shared anchors, before the
+                                  * level's cap, */
     uint8_t entropy_width;       /* and of the entropy model's */
-    bool bank_pays;              /* a memory bank may be worth its networks */
+    bool bank_pays;              /* a memory bank may be worth its networks, */
+    bool deep_pays;              /* hidden units of F_geo theirs, where anchors
+                                  * are not shared */
 } saga_policy;
 
 /* lambda >= 0 weighs bits per training pixel against the mean squared error in
  * 8-bit levels. There are n_pixels > 0 of them: width times height times
  * frames, over all views that are learned from. It is the same trade for every
  * scene; below 1e-3 it counts as that for prices, so
- * that the entropy networks learn what they are to code. n_primitives and
- * n_coarse are those asked for. */
+ * that the entropy networks learn what they are to code. n_primitives are those
+ * asked for. */
 saga_policy saga_policy_of(double lambda, double n_pixels,
-                           uint32_t n_primitives, uint32_t n_coarse);
+                           uint32_t n_primitives);
 
 /* Returns the lambda at which bits are worth as much in more exact primitives
  * as in more of them, where n_primitives reach the mean squared error mse > 0

@@ -16,8 +16,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* What a weight takes, bits, is about the same in all files (policy.c). */
-#define WEIGHT_BITS 4
+/* What a weight takes, bits, is about the same in all files (policy.c); a row
+ * has a format and a bias besides, a layer its steps. */
+enum { WEIGHT_BITS = 4, ROW_BITS = 13, LAYER_BITS = 38 };
 
 /* Pictures that are looked at: so many, and one for so many iterations of the
  * warm-up, since each is drawn some ten times. Fewer than LEAST say nothing. */
@@ -179,19 +180,22 @@ static uint32_t tools_without(uint32_t tools, int tool)
 
 /* --- Worth and cost ------------------------------------------------------ */
 
-static uint32_t n_weights(saga_train *t, uint32_t tools)
+/* Returns what the networks of a scene with these tools take, about. */
+static double network_bits(saga_train *t, uint32_t tools)
 {
     const uint32_t kept = t->tools;
     saga_net_shape shape;
     saga_model m;
-    uint32_t n = 0;
+    double n = 0;
 
     t->tools = tools;
     saga_train_model(&m, t);
     t->tools = kept;
     for (int i = 0; i < SAGA_N_NETS; i++) {
         saga_model_net(&shape, &m, i);
-        n += saga_net_macs(&shape);
+        n += WEIGHT_BITS * saga_net_macs(&shape);
+        for (int k = 0; k < shape.n_layers; k++)
+            n += ROW_BITS * shape.dim[k + 1] + LAYER_BITS;
     }
     return n;
 }
@@ -214,8 +218,8 @@ static bool judge(saga_train *t, int tool, double less)
 
     r->worth = less * 255 * 255 * saga_pictures_pixels(&t->pictures) /
                (8 * t->lambda);
-    r->cost = WEIGHT_BITS / 8.0 * (n_weights(t, t->tools) -
-                                   n_weights(t, without)) + won_back(t, tool);
+    r->cost = (network_bits(t, t->tools) - network_bits(t, without)) / 8 +
+              won_back(t, tool);
     r->asked = true;
     r->kept = r->worth > r->cost;
     if (!r->kept)

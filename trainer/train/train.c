@@ -35,6 +35,11 @@ enum { LEAST_TIMED = 100, MOST_TIMED = 10000000 };
 /* After this part of the warm-up a free count is guessed. */
 #define GUESS_AT 0.15
 
+/* Formats hold so many times what the segment shows that makes the networks:
+ * features and outputs of the others were cut where they were larger, which a
+ * short training lost 20 dB by. */
+#define SEGMENT_ROOM 2
+
 /* Recent pictures weigh this much less with every newer one. */
 #define RECENT_PART 0.98
 
@@ -240,6 +245,7 @@ bool saga_train_set_up(saga_train *t, saga_error *error)
         return false;
     derive(&t->o);
     t->lambda = t->o.lambda;
+    t->room = t->o.n_segments > 1 ? SEGMENT_ROOM : 1;
     t->explained = (double)NAN;
     *f = saga_flat_defaults();
     f->n_iterations = t->o.n_warm;
@@ -578,8 +584,7 @@ static void settle_price(saga_train *t)
     if (!(t->lambda > 0))
         t->lambda = saga_policy_lambda(t->recent_mse, n_pixels,
                                        t->o.n_primitives);
-    t->policy = saga_policy_of(t->lambda, n_pixels, t->o.n_primitives,
-                               t->o.n_coarse);
+    t->policy = saga_policy_of(t->lambda, n_pixels, t->o.n_primitives);
 }
 
 bool saga_train_begin_fit(saga_train *t, saga_error *error)

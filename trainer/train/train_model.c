@@ -87,6 +87,50 @@ void saga_train_entropy_model(saga_model *m, const saga_ablation *a,
         set_bank(m, a, most_slots);
 }
 
+/* Is a primitive's coarse and fine anchor its own? Its features are the
+ * coefficients of a transform then, and where it is in its anchors says nothing
+ * of it. */
+static bool has_own_anchors(const saga_train_options *o)
+{
+    return o->n_coarse >= o->n_primitives && o->n_fine >= o->n_primitives;
+}
+
+/* Three quarters of the attributes that the tools leave, in fours: opacity, 3
+ * scales, 4 of the rotation, 3 colours, and what moves. */
+static uint32_t own_features(const saga_model *m)
+{
+    const uint32_t attributes = 11 + 3 * (uint32_t)saga_motion_order(m) +
+        (m->tools & SAGA_TOOL_SLOPE ? 4 : 0) +
+        (m->tools & SAGA_TOOL_OPACITY_T ? 1 : 0);
+
+    return (3 * attributes + 15) / 16 * 4;
+}
+
+/* Sets features and hidden units. A pair of these carries a feature, and its
+ * negative, through F_geo as it is; three pairs a colour through F_color. */
+static void set_networks(saga_model *m, const saga_train *t)
+{
+    const saga_level_caps *const caps = &saga_caps[t->o.level];
+    const bool own = has_own_anchors(&t->o);
+    const uint32_t features = own ? own_features(m) : 24;
+    const uint32_t width = own ? 2 * features : t->policy.width;
+
+    m->features = (uint8_t)features;
+    m->octaves = own ? 1 : 4;
+    for (int i = 0; i < SAGA_N_NETS; i++) {
+        m->width[i] = (uint8_t)(width < caps->width ? width : caps->width);
+        m->q_in[i] = 12;
+        m->int8[i] = caps->int8_only != 0;
+    }
+    m->width[SAGA_NET_COLOUR] = 8;
+    m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
+    /* An anchor of one's own has nothing to make of the features. */
+    if (t->o.n_fine >= t->o.n_primitives)
+        m->width[SAGA_NET_FINE] = 0;
+    if (own && !t->policy.deep_pays)
+        m->width[SAGA_NET_GEO] = 0;
+}
+
 /* docs/design/training.md says why these are the defaults. Steps are Q16 of
  * their symbol's format: a centre's is two half-cells, a fine offset's a suffix
  * cell, so that all anchors stand in the middle of their cells and cost
@@ -94,14 +138,9 @@ void saga_train_entropy_model(saga_model *m, const saga_ablation *a,
 void saga_train_model(saga_model *m, const saga_train *t)
 {
     const saga_policy *const p = &t->policy;
-    const saga_level_caps *const caps = &saga_caps[t->o.level];
-    const uint8_t width = (uint8_t)(p->width < caps->width ? p->width
-                                                           : caps->width);
 
     memset(m, 0, sizeof *m);
     m->tools = t->tools | (t->pictures.is_steep ? SAGA_TOOL_STEEP : 0u);
-    m->features = p->features;
-    m->octaves = 4;
     m->lambda_t_q8 = 256;
     set_tiers(m, &t->o);
     m->step_q16[SAGA_STEP_CENTRE] = 32768u << 16;
@@ -110,17 +149,8 @@ void saga_train_model(saga_model *m, const saga_train *t)
         (32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits) << 16;
     m->step_q16[SAGA_STEP_PRIM] = (uint32_t)(p->prim_step * 16384) << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
-    for (int i = 0; i < SAGA_N_NETS; i++) {
-        m->width[i] = width;
-        m->q_in[i] = 12;
-        m->int8[i] = caps->int8_only != 0;
-    }
-    m->width[SAGA_NET_COLOUR] = 32;
-    m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
-    /* An anchor of one's own has nothing to make of the features. */
-    if (t->o.n_fine >= t->o.n_primitives)
-        m->width[SAGA_NET_FINE] = 0;
+    set_networks(m, t);
     /* A bank begins anew in each layer, which its twin does not. */
-    saga_train_entropy_model(m, &t->ablation, p,
-                             t->o.n_layers > 1 ? 0 : caps->n_slots);
+    saga_train_entropy_model(m, &t->ablation, p, t->o.n_layers > 1
+                             ? 0 : saga_caps[t->o.level].n_slots);
 }

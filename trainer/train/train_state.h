@@ -31,6 +31,7 @@ struct saga_train {
     double lambda;               /* the option, or by the rule from the end of
                                   * the warm-up on */
     saga_policy policy;          /* from the end of the warm-up on */
+    double room;                 /* of the networks' formats (pack.h) */
     saga_train_base base;        /* from the end of the first warm-up on */
     saga_backdrop backdrop;      /* the base as decoded; empty until it is */
     int turn;                    /* how many trainings are finished: where there
