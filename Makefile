@@ -126,9 +126,10 @@ REFERENCE_H = $(addprefix $(BUILD)/include/,verify.h mask.h)
 TOOLS = $(addprefix $(BUILD)/,saga-dec saga-play saga gen_tables)
 TESTS := $(addprefix $(BUILD)/,$(notdir $(TESTS_SRC:.c=)))
 # Scripts of lab/ take files apart with these: coarse features zeroed, entropy
-# networks fitted anew, the order-0 coder's bytes, times of the layers.
+# networks fitted anew, the order-0 coder's bytes, times of the layers; or train
+# with shared anchors.
 LAB := $(addprefix $(BUILD)/,make_zeroed make_order0 make_refit make_times \
-         make_formats)
+         make_formats make_shared)
 # One table of everything, and the shares of a file; operators and their errors.
 BENCH := $(addprefix $(BUILD)/,bench_table bench_share bench_numerics)
 BENCH_OBJ := $(call obj,$(filter-out bench/bench_share.c \
@@ -498,8 +499,9 @@ floors: setup
 	@lab/floors.sh $(BUILD)/saga $(BUILD)/demo $(THREADS)
 
 # docs/results/ablation.md and .svg, which this writes anew, tell what the parts
-# of the entropy model are worth on the built-in scene at four rates. SCENES are
-# more files for the comparison with an order-0 coder, NAME=FILE.saga each.
+# of the entropy model are worth on the built-in scene at four rates, and shared
+# anchors on two scenes, beside the paper's figures. SCENES are more files for
+# the comparison with an order-0 coder, NAME=FILE.saga each.
 SCENES =
 .PHONY: ablation
 ablation:

@@ -14,8 +14,13 @@
 # that take 20 to 30 s, 49 evaluations of 17 s. With half of the iterations,
 # REFIT="--iterations 1500", 35 to 45 were measured.
 #
+# Then what shared anchors are worth (make_shared): on each scene of SHARED,
+# NAME:PRIMITIVES, 14 short renderings of one warm-up, pictures of 160x90; about
+# 4 minutes each.
+#
 # LAMBDAS: the rates, the lowest first. TRAIN, REFIT: options of `saga encode`
-# and make_refit, for a quick look.
+# and make_refit, for a quick look; SHARED_SYNTH of `saga synth`,
+# SHARED_ITERATIONS of each training: the same for shared anchors.
 set -euo pipefail
 saga=$1
 folder=$2
@@ -91,6 +96,15 @@ done
 # At the last rate alone: there are most symbols to pay for a bank.
 for slots in 32 64 128 256 512; do
     variant "$at" "slots$slots" --keep --ablate "slots=$slots"
+done
+
+read -ra shared_synth <<<"${SHARED_SYNTH:---size 160x90}"
+for scene in ${SHARED:-room:2000 ring:3000}; do
+    at=$folder/shared.${scene%%:*}
+    [ -d "$at" ] || "$saga" synth "$at" --scene "${scene%%:*}" \
+        --threads "$threads" "${shared_synth[@]}"
+    [ -f "$at.json" ] || OMP_NUM_THREADS=1 into "$at.json" \
+        "$bin/make_shared" "$at" "${scene#*:}" "${SHARED_ITERATIONS:-2400}"
 done
 
 reports=()

@@ -7,8 +7,9 @@
 #               known, a monotone cubic integrated by hand
 #   options     make_refit refuses wrong ones, and files that are none
 #   small       a small scene at two rates: every variant is there and has the
-#               sources it may have; what is no ablation is the same file; a
-#               second run makes nothing anew
+#               sources it may have; what is no ablation is the same file;
+#               anchors are shared in the rows that say so, and a higher lambda
+#               makes a smaller file; a second run makes nothing anew
 set -u
 cd "$(dirname "$0")/../.." || exit
 saga=${SAGA:-${BUILD:-build}/saga}
@@ -97,7 +98,8 @@ mkdir "$folder"
     complain "synth: $(cat "$tmp/out")"
 ablate() {
     LAMBDAS='0.09 0.0009' TRAIN='--primitives 150 --iterations 150 --moving' \
-        REFIT='--iterations 20' lab/ablation.sh "$saga" "$folder" \
+        REFIT='--iterations 20' SHARED=ring:80 SHARED_ITERATIONS=60 \
+        SHARED_SYNTH='--size 48x27 --cameras 4 --frames 3' lab/ablation.sh "$saga" "$folder" \
         "$results" 1 "again=$folder/r2/in.saga" >"$tmp/out" 2>&1 ||
         complain "ablation: $(tail -n 3 "$tmp/out")"
 }
@@ -125,10 +127,22 @@ for rate in "r1", "r2":
                 assert kind["sources"] & BANK, (name, kind)
         for key in "tree", "fine_suffixes", "primitive_suffixes":
             assert r["after"][key] == full["after"][key], (name, key)
+rows = [json.loads(x) for x in open(f"{sys.argv[1]}/shared.ring.json")]
+assert len(rows) == 14 and len({r["primitives"] for r in rows}) == 1, rows
+for r in rows:
+    own = r["row"] == "own"
+    assert (r["coarse"] == r["primitives"]) == own, r
+    assert (r["fine"] == r["primitives"]) == own, r
+by_row = {n: [r["bytes"] for r in rows if r["row"] == n]
+          for n in ("own", "shared", "nearest")}
+assert len({tuple(b) for b in by_row.values()}) == 3, by_row
+for b in by_row.values():
+    assert b[0] > b[3], by_row
 PYTHON
 for text in '## Bitstream by component' '## Decoding time' '| as trained ' \
     '| full model ' \
     '| constants by channel ' '| raw networks' '## Slots' '| again ' \
+    '## Shared anchors' '| V1, no coarse' \
     '| built-in | \*\*all\*\*' ; do
     grep -q "$text" "$results/ablation.md" || complain "no '$text'"
 done
