@@ -1457,6 +1457,53 @@ static void train_should_leave_out_forbidden_sources(void **state)
     sources_should_be(&e, GROUPS, GROUPS, 0);
 }
 
+/* --- Networks ------------------------------------------------------------ */
+
+/* Makes the model of a scene of n primitives, as many fine anchors and n_coarse
+ * coarse ones. */
+static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
+                           int level)
+{
+    const saga_train t = {
+        .o = { .n_primitives = n, .n_coarse = n_coarse, .n_fine = n,
+               .level = level, .n_layers = 1 },
+        .policy = saga_policy_of(1e3, 1e7, n), .tools = tools
+    };
+    saga_model m;
+
+    saga_train_model(&m, &t);
+    assert_true(saga_model_is_valid(&m));
+    return m;
+}
+
+/* Of attributes a still has 11, motion of an order three more for each, life 1,
+ * the rotation's slope 4: three quarters of 11, 18 and 25 in fours. */
+static void networks_should_be_what_a_scene_needs(void **state)
+{
+    enum {
+        ORDER_2 = 2 << SAGA_TOOL_MOTION_SHIFT | SAGA_TOOL_OPACITY_T
+    };
+    saga_model m = model_of(5999, 5999, SAGA_TOOLS_PICTURE, 2);
+
+    (void)state;
+    assert_int_equal(m.features, 20);
+    assert_int_equal(m.octaves, 1);
+    assert_int_equal(m.width[SAGA_NET_GEO], 0);
+    assert_int_equal(m.width[SAGA_NET_FINE], 0);
+    assert_int_equal(m.width[SAGA_NET_COLOUR], 8);
+    m = model_of(6000, 6000, ORDER_2, 2);
+    assert_int_equal(m.features, 16);
+    assert_int_equal(m.width[SAGA_NET_GEO], 32);
+    m = model_of(500, 500, SAGA_TOOL_VIEW, 0);
+    assert_int_equal(m.features, 12);
+    assert_int_equal(m.width[SAGA_NET_GEO], 0);
+    m = model_of(6000, 5999, SAGA_TOOLS_PICTURE, 2);
+    assert_int_equal(m.features, 24);
+    assert_int_equal(m.octaves, 4);
+    assert_int_equal(m.width[SAGA_NET_GEO],
+                     saga_policy_of(1e3, 1e7, 6000).width);
+}
+
 /* Magnitudes of the row that weight i of layer l lies in. */
 static double sum_of_row(const saga_net *n, int l, int i)
 {
@@ -1532,6 +1579,7 @@ int main(void)
         cmocka_unit_test(train_should_obey_level_0),
         cmocka_unit_test(train_should_refuse_wrong_options),
         cmocka_unit_test(train_should_leave_out_forbidden_sources),
+        cmocka_unit_test(networks_should_be_what_a_scene_needs),
         cmocka_unit_test(train_should_keep_raw_networks_fine)
     };
 
