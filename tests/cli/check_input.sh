@@ -395,8 +395,8 @@ $stoppable "$saga" encode cap -o d/x.saga "${long[@]}" --checkpoint-every 0 \
 stop $!
 set +m
 cp d/x.saga.ckpt was
-# No file may be longer than 4 blocks any more, as on a disk that is full.
-(trap '' XFSZ; ulimit -f 4
+# No file may be longer than 2 blocks any more, as on a disk that is full.
+(trap '' XFSZ; ulimit -f 2
  "$saga" encode cap -o d/x.saga "${long[@]}" --resume 2>err | cat >out
  exit "${PIPESTATUS[0]}")
 [ $? = 2 ] || complain "full disk: $(cat err)"
