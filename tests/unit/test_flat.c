@@ -606,6 +606,70 @@ static void moments_should_be_learned_in_steps_of_seconds(void **state)
     x->capture.fps = fps;
 }
 
+/* Returns what v is along the axis k of the rotation q, in double: q^-1 v q. */
+static double along_axis(const double v[3], const real *q, size_t k)
+{
+    const double w = (double)q[0], u[3] = { (double)q[1], (double)q[2],
+                                            (double)q[3] };
+    const double n = w * w + u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
+    const double dot = u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+    const double uu = n - w * w;
+    const size_t a = (k + 1) % 3, b = (k + 2) % 3;
+
+    return ((w * w - uu) * v[k] + 2 * dot * u[k] -
+            2 * w * (u[a] * v[b] - u[b] * v[a])) / n;
+}
+
+/* Adam's first step is the rate itself along each axis, or 0 where nothing is
+ * seen; a mean goes as many times as far as its primitive is larger than all of
+ * them are on the mean of the logarithms, 4 times at most. */
+static void means_should_learn_in_steps_of_their_size(void **state)
+{
+    const saga_flat_options o = small();
+    saga_flat *const f = make(*state, &o);
+    const double rate = (double)f->info[FLAT_MEAN].rate;
+    double typical = 0;
+    int n_seen = 0, n_capped = 0;
+    real *before;
+
+    for (uint32_t i = 0; i < 3 * f->n; i++)
+        f->value[FLAT_SCALE][i] -= (real)(i % 7);
+    for (uint32_t i = 0; i < 4 * f->n; i++)
+        f->value[FLAT_QUAT][i] += R(0.3) * (real)(i % 5);
+    before = malloc(3 * f->n * sizeof *before);
+    assert_non_null(before);
+    memcpy(before, f->value[FLAT_MEAN], 3 * f->n * sizeof *before);
+    run(f, 1);
+    for (uint32_t i = 0; i < 3 * f->n; i++)
+        typical += (double)f->value[FLAT_SCALE][i] / (3 * f->n);
+    for (uint32_t i = 0; i < f->n; i++) {
+        const real *const at = f->value[FLAT_MEAN] + 3 * i;
+        double moved[3];
+        int inside = 1;
+
+        for (size_t k = 0; k < 3; k++) {
+            moved[k] = (double)at[k] - (double)before[3 * i + k];
+            inside &= at[k] > f->info[FLAT_MEAN].lo &&
+                      at[k] < f->info[FLAT_MEAN].hi;
+        }
+        if (!inside || (moved[0] == 0 && moved[1] == 0 && moved[2] == 0))
+            continue;
+        n_seen++;
+        for (size_t k = 0; k < 3; k++) {
+            const double octaves = (double)f->value[FLAT_SCALE][3 * i + k] -
+                                   typical;
+            const double step = rate * exp2(fmin(fmax(octaves, -2), 2));
+
+            n_capped += fabs(octaves) > 2;
+            assert_near(fabs(along_axis(moved, f->value[FLAT_QUAT] + 4 * i,
+                                        k)), step, 2e-7 + 1e-4 * step);
+        }
+    }
+    assert_true(n_seen > 100 && n_capped > 10);
+    free(before);
+    saga_flat_free(f);
+}
+
 static void still_scene_should_have_no_temporal_tensors(void **state)
 {
     saga_flat_options o = small();
@@ -810,6 +874,7 @@ int main(void)
         cmocka_unit_test(sights_should_have_the_true_depth),
         cmocka_unit_test(warm_up_should_learn_the_held_out_view),
         cmocka_unit_test(moments_should_be_learned_in_steps_of_seconds),
+        cmocka_unit_test(means_should_learn_in_steps_of_their_size),
         cmocka_unit_test(still_scene_should_have_no_temporal_tensors),
         cmocka_unit_test(fault_should_be_named),
         cmocka_unit_test(fault_should_be_named_when_it_reaches_a_picture),

@@ -10,6 +10,9 @@
 
 enum { COARSEST_WIDTH = 150, MAX_MIP = 3 };
 
+/* Octaves that a step of a mean goes with its primitive's size. */
+#define MOST_STEP R(2)
+
 /* The bound binds none: a new primitive begins without moments, and while these
  * grow its gradients are far above their root mean square. */
 static const saga_adam adam = { R(0.9), R(0.995), R(1e-15), R(16) };
@@ -40,6 +43,13 @@ static void set_info(saga_flat *f, enum saga_flat_tensor t, double lo,
     };
 }
 
+/* Returns what the last rates are, of those that suit 3,000 iterations: a
+ * longer training ends in smaller steps (docs/lab/warm-up.md). */
+static double last_of(const saga_flat *f)
+{
+    return fmin(fmax(3000.0 / f->o.n_iterations, 0.25), 2);
+}
+
 /* Bounds: an opacity below 2^-8 is never drawn again, and a temporal width
  * below half a frame has nothing to fit. Lengths are learned in steps relative
  * to the depth of the scene, since the cube's size says little; the moment of
@@ -60,6 +70,8 @@ static void fill_info(saga_flat *f)
     set_info(f, FLAT_SLOPE, -16, 16, 2e-3, 4e-4);
     set_info(f, FLAT_CENTRE, 0, 1, 1e-3 * second, 2e-4 * second);
     set_info(f, FLAT_WIDTH, log2(frame / 2), 3, 0.01, 2e-3);
+    for (int t = 0; t < FLAT_N_TENSORS; t++)
+        f->info[t].rate_end *= R(last_of(f));
     if (!f->o.temporal)
         for (int t = FLAT_MOTION; t < FLAT_N_TENSORS; t++)
             f->info[t].rate = f->info[t].rate_end = 0;
@@ -151,7 +163,8 @@ bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error)
     s->seen = seen;
     if (!enlarge(&s->grad2d, old, cap, error) ||
         !enlarge(&s->weight, old, cap, error) ||
-        !enlarge(&f->worth, old, cap, error))
+        !enlarge(&f->worth, old, cap, error) ||
+        !enlarge(&f->step, 3 * old, 3 * cap, error))
         return false;
     f->cap = cap;
     return true;
@@ -342,6 +355,7 @@ void saga_flat_free(saga_flat *f)
     free(f->stats.grad2d);
     free(f->stats.weight);
     free(f->worth);
+    free(f->step);
     free(f->stats.seen);
     saga_canvas_free(&f->canvas);
     free(f);
@@ -368,20 +382,93 @@ static void bound(real *x, size_t n, real lo, real hi)
         x[i] = saga_clamp(x[i], lo, hi);
 }
 
+void saga_flat_axes(real axes[3][3], const real *q)
+{
+    const real n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    const real w = n > 0 ? q[0] : 1, x = q[1], y = q[2], z = q[3];
+    const real s = n > 0 ? 2 / n : 2;
+    const real m[3][3] = {
+        { 1 - s * (y * y + z * z), s * (x * y + w * z), s * (x * z - w * y) },
+        { s * (x * y - w * z), 1 - s * (x * x + z * z), s * (y * z + w * x) },
+        { s * (x * z + w * y), s * (y * z - w * x), 1 - s * (x * x + y * y) }
+    };
+
+    memcpy(axes, m, sizeof m);
+}
+
+/* Means learn along the axes of their primitives, in steps that follow its size
+ * along each: Adam's steps are all alike, and would throw what is thin out of
+ * its surface while what is large hardly moves. */
+static void turn_gradients(saga_flat *f)
+{
+    int64_t i;
+
+#pragma omp parallel for schedule(static)
+    for (i = 0; i < (int64_t)f->n; i++) {
+        real *const g = f->grad[FLAT_MEAN] + 3 * i;
+        const real world[3] = { g[0], g[1], g[2] };
+        real axes[3][3];
+
+        saga_flat_axes(axes, f->value[FLAT_QUAT] + 4 * i);
+        for (int k = 0; k < 3; k++) {
+            g[k] = axes[k][0] * world[0] + axes[k][1] * world[1] +
+                   axes[k][2] * world[2];
+            f->step[3 * i + k] = 0;
+        }
+    }
+}
+
+static double mean_log2_scale(const saga_flat *f)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < 3 * (size_t)f->n; i++)
+        sum += (double)f->value[FLAT_SCALE][i];
+    return sum / (3.0 * f->n);
+}
+
+static void take_steps(saga_flat *f)
+{
+    const real typical = (real)mean_log2_scale(f);
+    int64_t i;
+
+#pragma omp parallel for schedule(static)
+    for (i = 0; i < (int64_t)f->n; i++) {
+        const real *const size = f->value[FLAT_SCALE] + 3 * i;
+        real *const mean = f->value[FLAT_MEAN] + 3 * i;
+        real axes[3][3];
+
+        saga_flat_axes(axes, f->value[FLAT_QUAT] + 4 * i);
+        for (int k = 0; k < 3; k++) {
+            const real step = f->step[3 * i + k] * (real)exp2((double)
+                saga_clamp(size[k] - typical, -MOST_STEP, MOST_STEP));
+
+            for (int j = 0; j < 3; j++)
+                mean[j] += step * axes[k][j];
+        }
+    }
+}
+
 static bool update(saga_flat *f, saga_error *error)
 {
     const int n = f->o.temporal ? FLAT_N_TENSORS : FLAT_MOTION;
-    saga_adam_tensor tensors[FLAT_N_TENSORS];
+    saga_adam_tensor tensors[FLAT_N_TENSORS + 1];
 
+    turn_gradients(f);
     for (int t = 0; t < n; t++)
         tensors[t] = (saga_adam_tensor){
-            .name = f->info[t].name, .x = f->value[t], .g = f->grad[t],
-            .m = f->m[t], .v = f->v[t], .n = (size_t)f->info[t].width * f->n,
-            .rate = rate_at(f, t)
+            .name = f->info[t].name,
+            .x = f->value[t], .g = f->grad[t], .m = f->m[t], .v = f->v[t],
+            .n = (size_t)f->info[t].width * f->n, .rate = rate_at(f, t)
         };
-    if (!saga_adam_update(&adam, tensors, (size_t)n, (uint64_t)f->iteration + 1,
-                          error))
+    /* The means themselves stay where they are, and are only looked at. */
+    tensors[n] = tensors[FLAT_MEAN];
+    tensors[n].x = f->step;
+    tensors[FLAT_MEAN].rate = 0;
+    if (!saga_adam_update(&adam, tensors, (size_t)n + 1,
+                          (uint64_t)f->iteration + 1, error))
         return false;
+    take_steps(f);
     for (int t = 0; t < n; t++)
         bound(f->value[t], tensors[t].n, f->info[t].lo, f->info[t].hi);
     return true;

@@ -110,36 +110,22 @@ static bool reduce(saga_flat *f, uint32_t n, saga_error *error)
 
 /* --- Splitting ----------------------------------------------------------- */
 
-static void axis_of(real *axis, const real *q, int k)
-{
-    const real n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    const real w = n > 0 ? q[0] : 1, x = q[1], y = q[2], z = q[3];
-    const real s = n > 0 ? 2 / n : 2;
-    const real m[3][3] = {
-        { 1 - s * (y * y + z * z), s * (x * y + w * z), s * (x * z - w * y) },
-        { s * (x * y - w * z), 1 - s * (x * x + z * z), s * (y * z + w * x) },
-        { s * (x * z + w * y), s * (y * z - w * x), 1 - s * (x * x + y * y) }
-    };
-
-    memcpy(axis, m[k], sizeof m[k]);
-}
-
 /* Makes halves along the longest axis: +-0.6 sigma, each 0.75 sigma long. */
 static void split(saga_flat *f, uint32_t i)
 {
     saga_flat_one one, two;
-    real axis[3];
+    real axes[3][3];
     int k = 0;
 
     saga_flat_get(f, i, &one);
     for (int a = 1; a < 3; a++)
         if (one.log2_scale[a] > one.log2_scale[k])
             k = a;
-    axis_of(axis, one.quat, k);
+    saga_flat_axes(axes, one.quat);
     two = one;
     for (int a = 0; a < 3; a++) {
         const real d = R(0.6) * (real)exp2((double)one.log2_scale[k]) *
-                       axis[a];
+                       axes[k][a];
 
         one.mean[a] -= d;
         two.mean[a] += d;

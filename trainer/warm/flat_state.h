@@ -43,6 +43,7 @@ struct saga_flat {
     saga_splat_stats stats;     /* sums, halved at every round */
     real *worth;                /* (n) what the squared error would grow by
                                  * without it: a sum that an epoch halves */
+    real *step;                 /* (n, 3) of the means, along own axes */
     int iteration;
 
     saga_canvas canvas;
@@ -67,6 +68,8 @@ typedef struct saga_flat_ratio {
 
 /* flat.c */
 extern const int saga_flat_widths[FLAT_N_TENSORS];
+/* Gives the unit vectors along which log2_scale[0], [1], [2] lie. */
+void saga_flat_axes(real axes[3][3], const real *quat);
 /* Sets the canvas's image and truth. */
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 /* Makes room for n primitives, values kept. */
