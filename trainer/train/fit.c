@@ -297,6 +297,12 @@ static bool learn_picture(saga_fit *f, saga_sample picture,
     return true;
 }
 
+/* A long rendering has the time to let features go twice as far. */
+static real feature_rate(const saga_fit *f)
+{
+    return R(0.012 * fmin(fmax(f->o.n_render / 2400.0, 1), 2));
+}
+
 /* Once features are rounded, against the means that the entropy networks
  * foretell, these stand still: a weight that goes to and fro between two
  * multiples of its step would move all features with it. */
@@ -309,7 +315,7 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
     const real ramp = turn < RAMP ? R(turn + 1) / RAMP : 1;
     const real rate = ramp * decay(turn, f->o.n_render, R(0.03));
     const rates now = {
-        .feature = rate * R(0.012), .prim = rate * R(0.0001),
+        .feature = rate * feature_rate(f), .prim = rate * R(0.0001),
         .entropy = is_rounding(f) || f->o.given ? 0 : rate * R(0.004),
         .networks = f->o.given ? 0 : rate * R(0.0016),
         .steps = is_rounding(f) || f->o.given ? 0 : rate * R(0.01)
