@@ -2,10 +2,13 @@
  *
  * What is kept of an entropy model: sources that foretell, by construction or
  * because they learned to, and no others. And that coding what was coded
- * changes nothing, run by run or all at once.
+ * changes nothing, run by run or all at once. The float rows of costs are held
+ * against the costs in double.
  */
 #include "adam.h"
+#include "rate_bits.h"
 #include "rate_choice.h"
+#include "rate_row.h"
 #include "rate_scene.h"
 
 #include <math.h>
@@ -163,7 +166,8 @@ static void decide_should_keep_what_foretells(void **state)
     rate_scene_free(&f);
 }
 
-/* Everything learns for a while, the memory in each step. */
+/* Everything learns for a while, the memory in each step; at rates four times
+ * as high it depends on the last bits whether it gets there. */
 static void learn(rate_scene *f, int n)
 {
     const saga_rate_input x = { &f->s, &f->w, f->s.coarse_feature };
@@ -172,7 +176,7 @@ static void learn(rate_scene *f, int n)
                                      f->s.params);
     real *const m = calloc(2 * n_params, sizeof *m);
     saga_adam_tensor t = { "networks", f->s.params, f->d.params, m,
-                           m + n_params, n_params, 0.02f };
+                           m + n_params, n_params, 0.005f };
     saga_error error = { "" };
     double bits[SAGA_N_STEPS];
     int i;
@@ -202,7 +206,7 @@ static void decide_should_keep_a_bank_that_learned(void **state)
     m.sources[SAGA_KIND_COARSE] = SAGA_SOURCE_BANK;
     rate_scene_make(&f, &m, 3);
     foretell_by_place(&f);
-    learn(&f, 600);
+    learn(&f, 1200);
     decide(&f);
     g = &f.r.decision.gain[SAGA_KIND_COARSE];
     printf("  coarse: %.0f bits with constants, chosen %.0f; weights %.0f and "
@@ -322,9 +326,50 @@ static void choice_should_code_as_the_rate_does(void **state)
     should_code_alike(SAGA_TOOL_BANK, with);
 }
 
+/* --- Rows of costs ------------------------------------------------------- */
+
+static double off(real x, double want, double least)
+{
+    return fabs((double)x - want) / fmax(fabs(want), least);
+}
+
+/* In whole vectors and in what is left of one; far values and deviations of a
+ * ninth to 58 steps. */
+static void rows_should_cost_what_their_values_do(void **state)
+{
+    double bits = 0, slope = 0, v, s;
+    saga_rate_row r;
+    size_t n = 0, i;
+
+    (void)state;
+    for (s = SAGA_RATE_LOG2_MIN; s <= SAGA_RATE_LOG2_MAX; s += 0.031)
+        for (v = -40000; v < 40000; v += fabs(v) < 8 ? 0.0371
+                                       : 1.73 + fabs(v) / 20) {
+            r.v[n] = (real)v;
+            r.log2_sigma[n] = (real)s;
+            if (++n < 13)
+                continue;
+            saga_rate_cost_row(&r, n);
+            for (i = 0; i < n; i++) {
+                const saga_rate_cost c = saga_rate_bits(
+                    (double)r.v[i], (double)r.log2_sigma[i]);
+
+                bits = fmax(bits, fabs((double)r.bits[i] - c.bits));
+                slope = fmax(slope, off(r.d_v[i], c.d_v, 0.01));
+                slope = fmax(slope, off(r.d_log2_sigma[i], c.d_log2_sigma,
+                                        0.1));
+            }
+            n = 0;
+        }
+    printf("  %.2g bits, %.2g of a derivative\n", bits, slope);
+    assert_true(bits < 1.2e-4);
+    assert_true(slope < 2e-4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rows_should_cost_what_their_values_do),
         cmocka_unit_test(decide_should_drop_what_foretells_nothing),
         cmocka_unit_test(decide_should_keep_what_foretells),
         cmocka_unit_test(decide_should_keep_a_bank_that_learned),

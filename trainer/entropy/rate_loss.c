@@ -4,6 +4,7 @@
 #include "alloc.h"
 #include "cost.h"
 #include "rate_bits.h"
+#include "rate_row.h"
 #include "rng.h"
 
 #include <math.h>
@@ -15,10 +16,6 @@
 #else
 #define FLOOR floorf
 #endif
-
-/* A block has so many values at most: an anchor's, or all its primitives'. */
-enum { MOST_VALUES = 4 + SAGA_MAX_FEATURES };
-_Static_assert(MOST_VALUES >= 4 * SAGA_MAX_CHILDREN, "room for primitives");
 
 /* --- Memory -------------------------------------------------------------- */
 
@@ -220,7 +217,7 @@ static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
 
 /* Finds the values of a block: rows of all its channels. Returns how many rows:
  * one, or as many as it has primitives. */
-static size_t read_block(double y[MOST_VALUES], const saga_rate *r,
+static size_t read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
                          const saga_rate_input *x, int kind, size_t block)
 {
     const saga_scene *const s = x->scene;
@@ -247,9 +244,9 @@ static size_t read_block(double y[MOST_VALUES], const saga_rate *r,
 
 /* Adds up the bits of a kind's values under its constants, of the channels that
  * are not settled; of some thousand blocks, which tell enough. */
-static void constants_bits(double bits[MOST_VALUES], const saga_rate *r,
+static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
                            const saga_rate_input *x, int kind,
-                           const bool settled[MOST_VALUES])
+                           const bool settled[SAGA_RATE_ROW])
 {
     const saga_model *const m = &x->scene->model;
     const size_t channels = saga_n_channels(m, kind);
@@ -258,7 +255,7 @@ static void constants_bits(double bits[MOST_VALUES], const saga_rate *r,
 
     memset(bits, 0, channels * sizeof *bits);
     for (b = 0; b < n; b += 1 + n / 1024) {
-        double y[MOST_VALUES];
+        double y[SAGA_RATE_ROW];
         const size_t rows = read_block(y, r, x, kind, b);
 
         for (i = 0; i < rows * channels; i++) {
@@ -280,8 +277,8 @@ static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
     const size_t channels = saga_n_channels(&x->scene->model, kind);
     real *const log2_sigma = r->constants.log2_sigma[kind];
     const real scale = R(1) / 7, narrowest = R(SAGA_RATE_LOG2_MIN);
-    double least[MOST_VALUES], bits[MOST_VALUES];
-    bool settled[MOST_VALUES] = { false };
+    double least[SAGA_RATE_ROW], bits[SAGA_RATE_ROW];
+    bool settled[SAGA_RATE_ROW] = { false };
     size_t left, i;
 
     constants_bits(least, r, x, kind, settled);
@@ -309,13 +306,13 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
     const saga_rate_input clean = { x->scene, x->twin,
                                     x->scene->coarse_feature };
     const size_t channels = saga_n_channels(m, kind);
-    double sum[MOST_VALUES] = { 0 }, square[MOST_VALUES] = { 0 };
+    double sum[SAGA_RATE_ROW] = { 0 }, square[SAGA_RATE_ROW] = { 0 };
     size_t n = 0, b, i;
 
     if (r->decision.given)
         return;
     for (b = 0; b < r->context.kind[kind].n_blocks; b++) {
-        double y[MOST_VALUES];
+        double y[SAGA_RATE_ROW];
         const size_t rows = read_block(y, r, &clean, kind, b);
 
         for (i = 0; i < rows * channels; i++) {
@@ -482,6 +479,7 @@ typedef struct {
     const saga_rate_options *o;
     int kind;
     saga_rng noise;
+    double step[SAGA_RATE_ROW];  /* of each channel, in reals of the value */
 } job;
 
 /* Returns where channel c of row `row` of a block gets its gradient; NULL:
@@ -513,44 +511,57 @@ static bool is_rounded(const job *j, size_t c)
            saga_rate_step_of(j->kind, c) != SAGA_STEP_FEATURE;
 }
 
+/* Returns a block's value i, of channel c, in steps from its mu. */
+static double steps_from_mu(const job *j, uint32_t block, size_t i, size_t c,
+                            double off)
+{
+    const uint64_t draw = ((uint64_t)block << 16) + i;
+    const double v = off / j->step[c];
+
+    /* The others come as they are used: clean, noisy or rounded, but
+     * primitives perhaps against a mu of some iterations before. */
+    if (is_rounded(j, c))
+        return floor(v + 0.5);
+    return saga_rate_is_anchor(j->kind, c)
+        ? v + saga_rng_double(j->noise, draw) - 0.5 : v;
+}
+
 /* Evaluates number `at` of the list, and writes to its own rows alone. */
 static void add_block(const job *j, size_t at, uint32_t block)
 {
     const saga_model *const m = &j->x->scene->model;
     const size_t channels = saga_n_channels(m, j->kind);
-    saga_rate_kind *const k = &j->r->context.kind[j->kind];
-    const double weight = (double)j->o->weight * j->o->every;
-    double y[MOST_VALUES], per;
-    const size_t rows = read_block(y, j->r, j->x, j->kind, block);
+    const saga_rate_kind *const k = &j->r->context.kind[j->kind];
+    const real *const mu = k->mu + at * channels;
+    real *const d_mu = k->d_mu + at * channels;
+    real *const d_log2_sigma = k->d_log2_sigma + at * channels;
     double *const bits = j->r->row_bits + SAGA_N_STEPS * at;
-    size_t row, c;
+    const double weight = (double)j->o->weight * j->o->every;
+    double y[SAGA_RATE_ROW], per;
+    saga_rate_row cost;
+    const size_t rows = read_block(y, j->r, j->x, j->kind, block);
+    size_t row, c, i;
 
+    for (row = 0, i = 0; row < rows; row++)
+        for (c = 0; c < channels; c++, i++) {
+            cost.v[i] = R(steps_from_mu(j, block, i, c,
+                                        y[i] - (double)mu[c]));
+            cost.log2_sigma[i] = k->log2_sigma[at * channels + c];
+        }
+    saga_rate_cost_row(&cost, i);
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
-    memset(k->d_mu + at * channels, 0, channels * sizeof *k->d_mu);
-    memset(k->d_log2_sigma + at * channels, 0,
-           channels * sizeof *k->d_log2_sigma);
-    for (row = 0; row < rows; row++)
-        for (c = 0; c < channels; c++) {
-            const size_t p = at * channels + c;
-            const double step = step_size(m, j->kind, c);
-            const uint64_t draw = ((uint64_t)block << 16) + row * channels + c;
-            double v = (y[row * channels + c] - (double)k->mu[p]) / step;
-            saga_rate_cost cost;
-            real *to;
+    memset(d_mu, 0, channels * sizeof *d_mu);
+    memset(d_log2_sigma, 0, channels * sizeof *d_log2_sigma);
+    for (row = 0, i = 0; row < rows; row++)
+        for (c = 0; c < channels; c++, i++) {
+            const double d = weight * (double)cost.d_v[i] / j->step[c];
+            real *const to = gradient_of(j, block, row, c, &per);
 
-            /* The others come as they are used: clean, noisy or rounded, but
-             * primitives perhaps against a mu of some iterations before. */
-            if (is_rounded(j, c))
-                v = floor(v + 0.5);
-            else if (saga_rate_is_anchor(j->kind, c))
-                v += saga_rng_double(j->noise, draw) - 0.5;
-            cost = saga_rate_bits(v, (double)k->log2_sigma[p]);
-            bits[saga_rate_step_of(j->kind, c)] += cost.bits;
-            k->d_mu[p] -= R(weight * cost.d_v / step);
-            k->d_log2_sigma[p] += R(weight * cost.d_log2_sigma);
-            to = gradient_of(j, block, row, c, &per);
+            bits[saga_rate_step_of(j->kind, c)] += (double)cost.bits[i];
+            d_mu[c] -= R(d);
+            d_log2_sigma[c] += R(weight * (double)cost.d_log2_sigma[i]);
             if (to)
-                *to += R(weight * cost.d_v / (step * per));
+                *to += R(d / per);
         }
 }
 
@@ -606,13 +617,16 @@ void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
                                     .fine = x->twin->d_fine_feature };
     const int remember = o->remember &&
                          saga_rate_readers(&r->context, &rounded);
-    job j = { r, d, &y, o, 0, { 0 } };
+    job j = { .r = r, .d = d, .x = &y, .o = o };
+    size_t c;
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
     if (remember)
         saga_rate_context_remember(&r->context, &rounded, &features);
     for (; j.kind < SAGA_N_KINDS; j.kind++) {
         j.noise = saga_rng_stream(o->seed, (uint64_t)j.kind);
+        for (c = 0; c < saga_n_channels(&y.scene->model, j.kind); c++)
+            j.step[c] = step_size(&y.scene->model, j.kind, c);
         step_kind(bits, &j);
     }
     if (remember)
@@ -695,7 +709,7 @@ static void code_list(double bits[SAGA_N_STEPS], saga_rate *r,
 
     predict(r, x, kind, list, r->decoded);
     for (i = 0; i < list.n; i++) {
-        double y[MOST_VALUES];
+        double y[SAGA_RATE_ROW];
         const size_t rows = read_block(y, r, x, kind, list.block[i]);
 
         for (c = 0; c < rows * channels; c++) {

@@ -244,7 +244,14 @@ void saga_dense_bias_backward(real *db, const saga_dense_rows *dy)
 {
     size_t i, o;
 
-    for (i = 0; i < dy->n; i++)
-        for (o = 0; o < dy->width; o++)
+    for (o = 0; o + VEC_LANES <= dy->width; o += VEC_LANES) {
+        vec sum = vec_load(db + o);
+
+        for (i = 0; i < dy->n; i++)
+            sum += vec_load(dy->at + i * dy->stride + o);
+        vec_store(db + o, sum);
+    }
+    for (; o < dy->width; o++)
+        for (i = 0; i < dy->n; i++)
             db[o] += dy->at[i * dy->stride + o];
 }

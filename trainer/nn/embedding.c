@@ -89,30 +89,35 @@ static void put_pairs(real *y, const real *x, int n)
     }
 }
 
-/* So few points are not worth waking threads for. */
-enum { FEW_POINTS = 64 };
+/* Writes the pairs of one point. */
+static void embed(real *at, const real *p, int n_axes, int octaves)
+{
+    real x[ANGLES] = { 0 };
+    int axis, k, n = 0;
+
+    for (axis = 0; axis < n_axes; axis++)
+        for (k = 0; k < octaves; k++) {
+            x[n++] = p[axis] * R(1 << k);
+            if (n == ANGLES) {
+                put_pairs(at, x, n);
+                at += 2 * n;
+                n = 0;
+            }
+        }
+    put_pairs(at, x, n);
+}
 
 void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,
                             int n_axes, int octaves)
 {
     int64_t i;
 
-#pragma omp parallel for schedule(static) if (m > FEW_POINTS)
-    for (i = 0; i < (int64_t)m; i++) {
-        const real *const p = u + i * n_axes;
-        real *at = y + (size_t)i * stride;
-        real x[ANGLES] = { 0 };
-        int axis, k, n = 0;
-
-        for (axis = 0; axis < n_axes; axis++)
-            for (k = 0; k < octaves; k++) {
-                x[n++] = p[axis] * R(1 << k);
-                if (n == ANGLES) {
-                    put_pairs(at, x, n);
-                    at += 2 * n;
-                    n = 0;
-                }
-            }
-        put_pairs(at, x, n);
+    /* Even a team of one thread costs more to call than a point's pairs. */
+    if (m == 1) {
+        embed(y, u, n_axes, octaves);
+        return;
     }
+#pragma omp parallel for schedule(static)
+    for (i = 0; i < (int64_t)m; i++)
+        embed(y + (size_t)i * stride, u + i * n_axes, n_axes, octaves);
 }
