@@ -93,16 +93,14 @@ static inline int16_t fx_requant16(int16_t x, int q_from, int q_to)
     return fx_sat16(fx_rshift(x, q_from - q_to));
 }
 
-/* The same into 32 bits: exact to the left up to 2^15+24 = 2^39, then clamped
- * to +-2^30. */
+/* The same into 32 bits, which is exact to the left: |x| <= 2^15, q_to - q_from
+ * <= 15, so the result is at most 2^30 in size. */
 static inline int32_t fx_requant32(int32_t x, int q_from, int q_to)
 {
-    const int32_t lim = 1 << 30;
-
+    FX_ASSERT(x >= -32768 && x <= 32768 && q_to - q_from <= 15);
     if (q_to >= q_from)
-        return fx_clamp64((int64_t)x * ((int64_t)1 << (q_to - q_from)),
-                          -lim, lim);
-    return fx_clamp64(fx_rshift64(x, q_from - q_to), -lim, lim);
+        return x * (1 << (q_to - q_from));
+    return fx_rshift(x, q_from - q_to);
 }
 
 /* Leading zeros of x >= 1, written out where __builtin_clz may be a library

@@ -154,8 +154,9 @@ static void begin(saga_decoder *dec)
     dec->cpu = saga_cpu_best();
 }
 
-static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
-                                 size_t n)
+/* The head is there whole. Bytes behind those of the networks are not looked
+ * at, so that it does not matter how many a caller has. */
+static saga_status read_networks(saga_decoder *dec, const uint8_t *head)
 {
     const size_t at = dec->header.header_nbytes + SAGA_CHUNK_NBYTES +
         (size_t)dec->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
@@ -165,7 +166,8 @@ static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
     saga_status s;
 
     s = saga_head_chunk(&chunk, SAGA_CHUNK_NETS,
-                        saga_head_crc(&dec->header, head), head + at, n - at);
+                        saga_head_crc(&dec->header, head), head + at,
+                        SAGA_CHUNK_NBYTES + (size_t)dec->header.nets_nbytes);
     if (s)
         return s;
     dec->owner = chunk.crc;
@@ -181,21 +183,24 @@ static saga_status read_networks(saga_decoder *dec, const uint8_t *head,
 
 /* --- Index and rig ------------------------------------------------------- */
 
-/* The index's payload in a head; every entry is inside it. */
+/* The index's payload in a head; every entry is inside it. Bytes behind it are
+ * not looked at. */
 static saga_status index_of(const uint8_t **entries, saga_header *h,
                             const uint8_t *head, size_t n)
 {
     saga_plan plan;
     saga_chunk chunk;
+    uint32_t nbytes;
     saga_status s = read_head(h, &plan, head, n, 1);
 
     if (s)
         return s;
+    nbytes = h->n_segments * (uint32_t)SAGA_INDEX_ENTRY_NBYTES;
     s = saga_head_chunk(&chunk, SAGA_CHUNK_INDEX, saga_head_crc(h, head),
-                        head + h->header_nbytes, n - h->header_nbytes);
+                        head + h->header_nbytes, SAGA_CHUNK_NBYTES + nbytes);
     if (s)
         return s;
-    if (chunk.nbytes != h->n_segments * (uint32_t)SAGA_INDEX_ENTRY_NBYTES)
+    if (chunk.nbytes != nbytes)
         return SAGA_ERR_DATA;
     *entries = head + h->header_nbytes + SAGA_CHUNK_NBYTES;
     return SAGA_OK;
@@ -320,8 +325,8 @@ static uint32_t layers_at(const saga_decoder *dec)
            saga_segment_nbytes(saga_n_layers(&dec->header));
 }
 
-/* Counts are those that memory is there for, and several layers fill the
- * segment. */
+/* Counts are those that memory is there for, and the layers fill the segment.
+ */
 static saga_status check_layers(const saga_decoder *dec,
                                 const saga_segment_header *seg,
                                 uint32_t nbytes)
@@ -340,9 +345,11 @@ static saga_status check_layers(const saga_decoder *dec,
         prim += n->prim;
         end += seg->layer[i].nbytes;
     }
-    return n_layers > 1 && end != nbytes ? SAGA_ERR_DATA : SAGA_OK;
+    return end != nbytes ? SAGA_ERR_DATA : SAGA_OK;
 }
 
+/* Bytes behind those that the index gives to the segment are not looked at. A
+ * single layer has all that SEGM leaves. */
 static saga_status read_segment_header(saga_segment_header *seg,
                                        const saga_decoder *dec,
                                        const saga_segment *wanted,
@@ -351,14 +358,17 @@ static saga_status read_segment_header(saga_segment_header *seg,
     const uint32_t n_layers = saga_n_layers(&dec->header);
     saga_chunk chunk;
     saga_io io = { bytes + SAGA_CHUNK_NBYTES, NULL, 0 };
-    const saga_status s = saga_head_chunk(&chunk, SAGA_CHUNK_SEGMENT,
-                                          dec->owner, bytes, n);
+    const saga_status s = saga_head_chunk(
+        &chunk, SAGA_CHUNK_SEGMENT, dec->owner, bytes,
+        n < wanted->nbytes ? n : wanted->nbytes);
 
     if (s)
         return s;
     if (chunk.nbytes != saga_segment_nbytes(n_layers))
         return SAGA_ERR_DATA;
     saga_segment_io(&io, seg, n_layers);
+    if (n_layers == 1)
+        seg->layer[0].nbytes = wanted->nbytes - layers_at(dec);
     if (seg->number != wanted->number || seg->n_frames != wanted->n_frames ||
         seg->first_frame != wanted->first_frame)
         return SAGA_ERR_DATA;
@@ -454,7 +464,7 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
     if (s)
         return s;
     begin(d);
-    s = read_networks(d, head, n);
+    s = read_networks(d, head);
     if (s == SAGA_OK && (d->header.model.tools & SAGA_TOOL_BASE))
         s = read_base(d, head + (size_t)saga_head_base(&d->header));
     if (s == SAGA_OK)
@@ -462,7 +472,7 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
     return s;
 }
 
-/* The layers that are whole in bytes[0..n). A single one has all the bytes. */
+/* The layers that are whole in bytes[0..n); together they fill the segment. */
 static saga_status read_layers(saga_decoder *dec,
                                const saga_segment_header *seg,
                                const uint8_t *bytes, size_t n)
@@ -473,22 +483,20 @@ static saga_status read_layers(saga_decoder *dec,
 
     for (dec->n_layers = 0; dec->n_layers < n_layers; dec->n_layers++) {
         const saga_layer_header *const l = &seg->layer[dec->n_layers];
-        const size_t left = n - at;
-        const size_t nbytes = n_layers > 1 ? l->nbytes : left;
         saga_status s;
 
-        if (nbytes > left)
+        if (l->nbytes > n - at)
             return dec->n_layers > 0 ? SAGA_OK : SAGA_ERR_TRUNCATED;
-        s = read_primitives(dec, &l->n, n_prims(dec), 0, bytes, at + nbytes,
-                            at);
+        s = read_primitives(dec, &l->n, n_prims(dec), 0, bytes,
+                            at + l->nbytes, at);
         if (s)
             return s;
-        at += nbytes;
+        at += l->nbytes;
         sum->coarse += l->n.coarse;
         sum->fine += l->n.fine;
         sum->prim += l->n.prim;
     }
-    return at == n ? SAGA_OK : SAGA_ERR_DATA;
+    return SAGA_OK;
 }
 
 saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,

@@ -4,17 +4,22 @@
 #include "crc32c.h"
 #include "fx.h"
 
+/* No version of the format has the number 0. The two reserved bytes behind the
+ * version are the upper half of what is loaded. */
 static saga_status check_magic(const uint8_t *bytes, size_t n)
 {
+    uint32_t version;
     size_t i;
 
     for (i = 0; i < 4 && i < n; i++)
         if (bytes[i] != saga_magic[i])
             return SAGA_ERR_DATA;
-    for (; i < SAGA_MAGIC_NBYTES && i < n; i++)
-        if (bytes[i] != saga_magic[i])
-            return SAGA_ERR_VERSION;
-    return SAGA_OK;
+    if (n < SAGA_MAGIC_NBYTES)
+        return SAGA_ERR_TRUNCATED;
+    version = fx_load32_le(bytes + 4);
+    if ((version & 0xffff) == 0)
+        return SAGA_ERR_DATA;
+    return version == SAGA_VERSION ? SAGA_OK : SAGA_ERR_VERSION;
 }
 
 saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n)
@@ -28,6 +33,10 @@ saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n)
     if (n < SAGA_HEADER_NBYTES)
         return SAGA_ERR_TRUNCATED;
     saga_header_io(&io, h);
+    /* A tool that this decoder does not know may make the header longer: where
+     * its CRC stands cannot be told. */
+    if (h->model.tools & ~(uint32_t)SAGA_TOOLS_KNOWN)
+        return SAGA_ERR_VERSION;
     end = saga_rig_end(h);
     if (h->n_cameras > SAGA_MAX_CAMERAS || h->header_nbytes != end + 4)
         return SAGA_ERR_DATA;

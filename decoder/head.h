@@ -9,8 +9,9 @@
 #include "container.h"
 #include "saga.h"
 
-/* Reads and checks the header at bytes[0..n): magic, version, size, CRC. Its
- * values are checked by saga_plan_make. OK, TRUNCATED, DATA, VERSION. */
+/* Reads and checks the header at bytes[0..n): magic, version, tools, size, CRC.
+ * Its other values are checked by saga_plan_make. OK, TRUNCATED, DATA, VERSION;
+ * VERSION for an unknown tool comes before the CRC is looked at. */
 saga_status saga_head_read(saga_header *h, const uint8_t *bytes, size_t n);
 
 /* Bytes of the head; up to the end of its networks chunk, where the base is if

@@ -28,8 +28,7 @@ static saga_status check_version(const saga_header *h)
 {
     const saga_model *const m = &h->model;
 
-    if ((m->tools & ~(uint32_t)SAGA_TOOLS_KNOWN) ||
-        (saga_any_source(m) & ~(uint32_t)SAGA_SOURCES_KNOWN) ||
+    if ((saga_any_source(m) & ~(uint32_t)SAGA_SOURCES_KNOWN) ||
         h->more_layers >= SAGA_MAX_LAYERS || h->hash_levels ||
         h->hash_log2_entries)
         return SAGA_ERR_VERSION;

@@ -1,0 +1,366 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The status of a file is one of its bytes, not of how many of them a caller
+ * has read: as long as bytes are missing it is TRUNCATED, then it stays what it
+ * is, however many more there are.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "container.h"
+#include "fx.h"
+#include "gen_mutate.h"
+#include "gen_stream.h"
+#include "saga.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+enum { MORE = 3000 };        /* bytes behind the end of a file */
+
+/* What a caller asks of the start of a file. */
+enum { PROBE, OPEN, FIND, RIG, N_CALLS };
+
+static const char *const call_text[N_CALLS] = {
+    "saga_probe", "saga_open", "saga_find", "saga_rig"
+};
+
+static void *must(void *p)
+{
+    assert_non_null(p);
+    return p;
+}
+
+/* A decoder in a block that begins with it (free it), or NULL. */
+static saga_decoder *open_bytes(saga_status *s, const uint8_t *bytes, size_t n)
+{
+    saga_decoder *dec;
+    saga_info info;
+    void *work;
+
+    *s = saga_probe(&info, bytes, n);
+    if (*s)
+        return NULL;
+    work = must(aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes));
+    *s = saga_open(&dec, work, info.work_nbytes, bytes, n);
+    if (*s)
+        free(work);
+    return *s ? NULL : dec;
+}
+
+/* The bytes are in a block of their exact size. */
+static saga_status status_of(int call, const uint8_t *bytes, size_t n)
+{
+    uint8_t *const copy = must(malloc(n ? n : 1));
+    saga_segment seg;
+    saga_camera camera;
+    saga_info info;
+    uint32_t number;
+    saga_status s = SAGA_OK;
+
+    memcpy(copy, bytes, n);
+    if (call == PROBE)
+        s = saga_probe(&info, copy, n);
+    else if (call == OPEN)
+        free(open_bytes(&s, copy, n));
+    else if (call == FIND)
+        s = saga_find(&seg, copy, n, 0, 1);
+    else
+        s = saga_rig(&camera, &number, copy, n, 0);
+    free(copy);
+    return s;
+}
+
+/* All lengths up to the header's end, then some: around the head's end, at the
+ * file's, and beyond it. Once a status is not TRUNCATED it stays. At the end of
+ * the head it is that of the file. */
+static void check_lengths(const char *what, const uint8_t *bytes, size_t n,
+                          size_t head)
+{
+    const size_t header = SAGA_HEADER_NBYTES +
+                          GEN_MAX_CAMERAS * SAGA_CAMERA_NBYTES + 4;
+    uint8_t *const more = must(malloc(n + MORE));
+    int call;
+
+    memcpy(more, bytes, n);
+    memset(more + n, 0x53, MORE);
+    for (call = 0; call < N_CALLS; call++) {
+        const saga_status whole = status_of(call, more, n + MORE);
+        saga_status before = SAGA_ERR_TRUNCATED, s;
+        size_t k;
+
+        for (k = 0; k <= n + MORE;
+             k += k < header ? 1 : k + 2 < head ? 101 : k < head + 2 ? 1
+                : 997) {
+            s = status_of(call, more, k);
+            if (before != SAGA_ERR_TRUNCATED && s != before)
+                fail_msg("%s of %s: status %d with %zu bytes, %d with fewer",
+                         call_text[call], what, (int)s, k, (int)before);
+            before = s;
+        }
+        s = status_of(call, more, head);
+        if (s != whole || s != status_of(call, more, n))
+            fail_msg("%s of %s: status %d with its head, %d with all",
+                     call_text[call], what, (int)s, (int)whole);
+    }
+    free(more);
+}
+
+/* Makes the file of a stream, and tells where its head ends. */
+static uint8_t *make(const gen_options *o, size_t *n, size_t *head)
+{
+    saga_info info;
+    gen_stream g;
+    uint8_t *bytes;
+
+    gen_stream_make(&g, o);
+    gen_stream_encode(&g, &bytes, n);
+    gen_stream_free(&g);
+    assert_int_equal(saga_probe(&info, bytes, *n), SAGA_OK);
+    *head = info.head_nbytes;
+    return bytes;
+}
+
+static const gen_options streams[] = {
+    { .seed = 7, .level = 0, .n_coarse = 3, .tools_fixed = 1 },
+    { .seed = 8, .level = 0, .n_coarse = 3, .tools_fixed = 1, .base = 1,
+      .named = 1, .n_segments = 2 },
+    { .seed = 9, .level = 1, .n_coarse = 3, .tools_fixed = 1, .n_layers = 2 }
+};
+
+enum { N_STREAMS = (int)(sizeof streams / sizeof *streams) };
+
+static size_t networks_at(const uint8_t *bytes)
+{
+    return fx_load32_le(bytes + SAGA_MAGIC_NBYTES) + SAGA_CHUNK_NBYTES +
+           SAGA_INDEX_ENTRY_NBYTES * (size_t)fx_load32_le(bytes + 16);
+}
+
+/* The lengths of INDX and of NETS, so many bytes more than they have. */
+static void lengths_should_be_judged_by_their_own_bytes(void **state)
+{
+    static const int32_t by[] = { 0, -1, 1, 12, 100, 1000, INT32_MAX };
+    int i;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        size_t n, head, at[2], k, m;
+        uint8_t *const bytes = make(&streams[i], &n, &head);
+
+        at[0] = fx_load32_le(bytes + SAGA_MAGIC_NBYTES) + 4;
+        at[1] = networks_at(bytes) + 4;
+        for (k = 0; k < 2; k++)
+            for (m = 0; m < sizeof by / sizeof *by; m++) {
+                uint8_t *const copy = must(malloc(n));
+
+                memcpy(copy, bytes, n);
+                fx_store32_le(copy + at[k], fx_load32_le(copy + at[k]) +
+                                            (uint32_t)by[m]);
+                mutate_sign(copy, n);
+                check_lengths(k ? "NETS" : "INDX", copy, n, head);
+                assert_int_equal(status_of(k ? OPEN : FIND, copy, n),
+                                 by[m] == 0 ? SAGA_OK : by[m] < 0
+                                 ? SAGA_ERR_DATA : SAGA_ERR_TRUNCATED);
+                free(copy);
+            }
+        free(bytes);
+    }
+}
+
+/* A byte anywhere in the head, signed anew and not. */
+static void damage_should_show_in_the_head_alone(void **state)
+{
+    uint64_t r = 31;
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        size_t n, head;
+        uint8_t *const bytes = make(&streams[i], &n, &head);
+        uint8_t *const copy = must(malloc(n));
+
+        for (k = 0; k < 12; k++) {
+            const size_t at = gen_random(&r) % (k < 8 ? 178 : head);
+            saga_info info;
+
+            memcpy(copy, bytes, n);
+            copy[at] ^= (uint8_t)(1u << gen_random(&r) % 8);
+            if (k % 4)
+                mutate_sign(copy, n);
+            /* What the head claims to have may have changed with it. */
+            if (saga_probe(&info, copy, n) != SAGA_OK ||
+                info.head_nbytes == head)
+                check_lengths("damage", copy, n, head);
+        }
+        free(copy);
+        free(bytes);
+    }
+}
+
+/* --- Versions ------------------------------------------------------------ */
+
+static void version_should_be_zero_in_no_file(void **state)
+{
+    static const struct { uint8_t p[4]; saga_status s; } all[] = {
+        { { 1, 0, 0, 0 }, SAGA_OK }, { { 0, 0, 0, 0 }, SAGA_ERR_DATA },
+        { { 0, 0, 1, 0 }, SAGA_ERR_DATA }, { { 2, 0, 0, 0 }, SAGA_ERR_VERSION },
+        { { 0, 1, 0, 0 }, SAGA_ERR_VERSION },
+        { { 1, 1, 0, 0 }, SAGA_ERR_VERSION },
+        { { 255, 255, 0, 0 }, SAGA_ERR_VERSION },
+        { { 1, 0, 1, 0 }, SAGA_ERR_VERSION },
+        { { 1, 0, 0, 128 }, SAGA_ERR_VERSION }
+    };
+    size_t n, head, i, k;
+    uint8_t *const bytes = make(&streams[0], &n, &head);
+
+    (void)state;
+    for (i = 0; i < sizeof all / sizeof *all; i++) {
+        memcpy(bytes + 4, all[i].p, 4);
+        gen_stream_sign_header(bytes);
+        assert_int_equal(status_of(PROBE, bytes, n), all[i].s);
+        check_lengths("a version", bytes, n, head);
+        for (k = 4; k < 8; k++)
+            assert_int_equal(status_of(PROBE, bytes, k), SAGA_ERR_TRUNCATED);
+        if (all[i].s)
+            assert_int_equal(status_of(PROBE, bytes, 8), all[i].s);
+    }
+    free(bytes);
+}
+
+/* A tool of the future has 8 bytes of its own behind those of known tools: the
+ * header is longer by them, and signed. */
+static uint8_t *with_tool(const uint8_t *bytes, size_t n, uint32_t tool)
+{
+    const uint32_t header = fx_load32_le(bytes + SAGA_MAGIC_NBYTES);
+    uint8_t *const copy = must(malloc(n + 8));
+    saga_io io = { bytes, NULL, SAGA_MAGIC_NBYTES };
+    saga_header h;
+    uint32_t rig;
+
+    saga_header_io(&io, &h);
+    rig = saga_rig_offset(&h);
+    memcpy(copy, bytes, rig);
+    memset(copy + rig, 0, 8);
+    memcpy(copy + rig + 8, bytes + rig, n - rig);
+    fx_store32_le(copy + 72, h.model.tools | tool);
+    fx_store32_le(copy + SAGA_MAGIC_NBYTES, header + 8);
+    mutate_sign(copy, n + 8);
+    return copy;
+}
+
+/* Whatever else is wrong, since nothing else can be judged: the header's size,
+ * its CRC, a level, a count. */
+static void tools_should_be_looked_at_before_the_size(void **state)
+{
+    static const uint32_t wrong[] = { 72, 8, 12, 16, 36, 180 };
+    int bit, i;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        size_t n, head, k;
+        uint8_t *const bytes = make(&streams[i], &n, &head);
+
+        for (bit = 7; bit < 32; bit += bit == 8 ? 3 : 1) {
+            uint8_t *const copy = with_tool(bytes, n, 1u << bit);
+
+            check_lengths("a tool", copy, n, head);
+            for (k = 0; k < SAGA_HEADER_NBYTES; k++)
+                assert_int_equal(status_of(PROBE, copy, k),
+                                 SAGA_ERR_TRUNCATED);
+            for (k = 0; k < sizeof wrong / sizeof *wrong; k++) {
+                copy[wrong[k]] ^= 0x40;
+                assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES),
+                                 SAGA_ERR_VERSION);
+                assert_int_equal(status_of(OPEN, copy, n), SAGA_ERR_VERSION);
+            }
+            free(copy);
+        }
+        free(bytes);
+    }
+}
+
+/* A longer header is nothing by itself. */
+static void header_should_have_the_size_that_its_tools_say(void **state)
+{
+    size_t n, head;
+    uint8_t *const bytes = make(&streams[0], &n, &head);
+    uint8_t *const copy = with_tool(bytes, n, 0);
+
+    (void)state;
+    assert_int_equal(status_of(PROBE, copy, n + 8), SAGA_ERR_DATA);
+    assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES),
+                     SAGA_ERR_DATA);
+    free(copy);
+    free(bytes);
+}
+
+/* --- Segments ------------------------------------------------------------ */
+
+/* The statuses of a segment in its bytes, and where more follow. */
+static void check_segment(saga_decoder *dec, const saga_segment *seg,
+                          const uint8_t *bytes, size_t n, saga_status want)
+{
+    saga_layer_report layer;
+    size_t k;
+
+    for (k = seg->nbytes; k <= n; k += k < seg->nbytes + 40 ? 1 : 499) {
+        assert_int_equal(saga_decode(dec, seg, bytes, k), want);
+        if (want == SAGA_OK)
+            assert_int_equal(saga_find_layer(&layer, dec, seg, bytes, k, 0),
+                             SAGA_OK);
+    }
+}
+
+/* Also where SEGM or the last chunk claims what lies behind the segment, and
+ * where the index cuts it. */
+static void segments_should_end_where_the_index_says(void **state)
+{
+    int i, k;
+
+    (void)state;
+    for (i = 0; i < N_STREAMS; i++) {
+        size_t n, head;
+        uint8_t *const bytes = make(&streams[i], &n, &head);
+        uint8_t *const more = must(calloc(n + MORE, 1));
+        saga_status s;
+        saga_decoder *const dec = open_bytes(&s, bytes, n);
+        saga_segment seg, cut;
+        uint8_t *p;
+
+        assert_non_null(dec);
+        memcpy(more, bytes, n);
+        assert_int_equal(saga_find(&seg, bytes, n, 0, 1), SAGA_OK);
+        p = more + seg.offset;
+        check_segment(dec, &seg, p, n + MORE - seg.offset, SAGA_OK);
+        cut = seg;
+        for (k = 1; k < 36; k += 13) {   /* inside SEGM */
+            cut.nbytes = (uint32_t)k;
+            check_segment(dec, &cut, p, n + MORE - seg.offset,
+                          SAGA_ERR_TRUNCATED);
+        }
+        fx_store32_le(p + 4, fx_load32_le(p + 4) + seg.nbytes);
+        mutate_sign(more, n + MORE);
+        check_segment(dec, &seg, p, n + MORE - seg.offset,
+                      SAGA_ERR_TRUNCATED);
+        free(dec);
+        free(more);
+        free(bytes);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lengths_should_be_judged_by_their_own_bytes),
+        cmocka_unit_test(damage_should_show_in_the_head_alone),
+        cmocka_unit_test(version_should_be_zero_in_no_file),
+        cmocka_unit_test(tools_should_be_looked_at_before_the_size),
+        cmocka_unit_test(header_should_have_the_size_that_its_tools_say),
+        cmocka_unit_test(segments_should_end_where_the_index_says)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
