@@ -3,6 +3,40 @@
 #include "head.h"
 #include "saga.h"
 
+/* Bytes of the UTF-8 character that s begins with; 0 where it is none: a stray
+ * or missing byte, a longer form than needed, a surrogate, beyond U+10FFFF. The
+ * 0 behind a name is no byte of a longer character. */
+static uint32_t character_nbytes(const char *s)
+{
+    const uint8_t first = (uint8_t)s[0];
+    const uint32_t n = first < 0x80 ? 1 : first < 0xc2 ? 0
+                     : first < 0xe0 ? 2 : first < 0xf0 ? 3
+                     : first < 0xf5 ? 4 : 0;
+    uint32_t code = first & 0xffu >> (n + 1), i;
+
+    for (i = 1; i < n; i++) {
+        if (((uint8_t)s[i] & 0xc0) != 0x80)
+            return 0;
+        code = code << 6 | ((uint8_t)s[i] & 0x3fu);
+    }
+    if ((n == 3 && (code < 0x800 || code >> 11 == 0xd800 >> 11)) ||
+        (n == 4 && (code < 0x10000 || code > 0x10ffff)))
+        return 0;
+    return n;
+}
+
+static int is_utf8(const char *s)
+{
+    while (*s) {
+        const uint32_t n = character_nbytes(s);
+
+        if (n == 0)
+            return 0;
+        s += n;
+    }
+    return 1;
+}
+
 /* Reads the name behind `at` into naming->name, which holds the one before it:
  * a name begins with `shared` bytes of that one. Returns where it ends; 0 where
  * it is no name. */
@@ -27,7 +61,7 @@ static uint32_t read_name(saga_naming *naming, const uint8_t *p, uint32_t at,
         naming->name[shared + i] = (char)p[at + i];
     }
     naming->name[shared + more] = 0;
-    return at + more;
+    return is_utf8(naming->name) ? at + more : 0;
 }
 
 /* p[0..n) is the chunk's payload. All names are looked at, so that damage does

@@ -201,6 +201,81 @@ static void payload_should_be_refused_when_wrong(void **state)
     }
 }
 
+/* Both names are looked at as a whole: the second one may share bytes with the
+ * first up to the middle of a character. */
+static void names_should_be_utf8(void **state)
+{
+    static const struct { const char *name; int is_good; } all[] = {
+        { "\x7e", 1 }, { "\xc2\x80", 1 }, { "\xdf\xbf", 1 },
+        { "\xe0\xa0\x80", 1 }, { "\xed\x9f\xbf", 1 },
+        { "\xee\x80\x80", 1 }, { "\xef\xbf\xbf", 1 },
+        { "\xf0\x90\x80\x80", 1 }, { "\xf4\x8f\xbf\xbf", 1 },
+        { "a\xc3\xa9z", 1 },
+        { "\x80", 0 }, { "\xbf", 0 }, { "a\xe9", 0 },   /* Latin-1 */
+        { "\xe9z", 0 }, { "\xc3", 0 }, { "\xc3z", 0 }, { "\xc3\xc3", 0 },
+        { "\xe2\x82", 0 }, { "\xe2\x82z", 0 }, { "\xf0\x9f\x8e", 0 },
+        { "\xc0\xaf", 0 }, { "\xc1\xbf", 0 },          /* overlong */
+        { "\xe0\x9f\xbf", 0 }, { "\xf0\x8f\xbf\xbf", 0 },
+        { "\xed\xa0\x80", 0 }, { "\xed\xbf\xbf", 0 },  /* surrogates */
+        { "\xf4\x90\x80\x80", 0 }, { "\xf5\x80\x80\x80", 0 },
+        { "\xff", 0 }, { "\xfe", 0 }
+    };
+    saga_naming got;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        const size_t n = strlen(all[i].name);
+        char payload[8 + 3 * 2 + 8] = { 0 };
+        file f = make(1);
+
+        payload[9] = (char)n;
+        memcpy(payload + 10, all[i].name, n);
+        replace(&f, payload, 8 + 3 * 2 + n);
+        assert_int_equal(saga_name_camera(&got, f.p, f.n, 0),
+                         all[i].is_good ? SAGA_OK : SAGA_ERR_DATA);
+        if (all[i].is_good)
+            assert_string_equal(got.name, all[i].name);
+        free(f.p);
+    }
+}
+
+static void names_should_share_parts_of_characters(void **state)
+{
+    static const struct { const char *p; size_t n; int is_good; } all[] = {
+        { UNIT "\0\2\xc3\xa9\1\1\xa8\0\0", 8 + 9, 1 },
+        { UNIT "\0\2\xc3\xa9\1\1z\0\0", 8 + 9, 0 },
+        { UNIT "\0\2\xc3\xa9\1\0\0\0", 8 + 8, 0 }
+    };
+    saga_naming got;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        file f = make(1);
+
+        replace(&f, all[i].p, all[i].n);
+        assert_int_equal(saga_name_camera(&got, f.p, f.n, 1),
+                         all[i].is_good ? SAGA_OK : SAGA_ERR_DATA);
+        if (all[i].is_good)
+            assert_string_equal(got.name, "\xc3\xa8");
+        free(f.p);
+    }
+}
+
+/* A file that ends behind its head may be the beginning of one with names. */
+static void names_should_be_missed_in_a_head_alone(void **state)
+{
+    file f = make(0);
+    saga_naming got;
+
+    (void)state;
+    for (size_t n = f.info.head_nbytes; n < f.info.head_nbytes + 4; n++)
+        assert_int_equal(saga_name_camera(&got, f.p, n, 0),
+                         SAGA_ERR_TRUNCATED);
+    assert_int_equal(saga_name_camera(&got, f.p, f.info.head_nbytes + 4, 0),
+                     SAGA_ERR_ARG);
+    free(f.p);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -208,7 +283,10 @@ int main(void)
         cmocka_unit_test(names_should_stand_behind_a_base),
         cmocka_unit_test(names_should_cost_nothing_when_there_are_none),
         cmocka_unit_test(names_should_be_refused_when_cut_or_changed),
-        cmocka_unit_test(payload_should_be_refused_when_wrong)
+        cmocka_unit_test(payload_should_be_refused_when_wrong),
+        cmocka_unit_test(names_should_be_utf8),
+        cmocka_unit_test(names_should_share_parts_of_characters),
+        cmocka_unit_test(names_should_be_missed_in_a_head_alone)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
