@@ -182,7 +182,8 @@ static void softmax(const saga_bank *m)
                                             shift - 14);
 }
 
-/* Weights sum to 2^14 within L / 2 and |s| <= 2^12: |sum| < 2^27. */
+/* Weights sum to 2^14 within L / 2 and |s| <= 4100: |sum| < 2^27, and what is
+ * read is below 2^13. */
 void saga_bank_read(int16_t *out, const saga_bank *m,
                     const int16_t *query_q10)
 {
@@ -194,13 +195,14 @@ void saga_bank_read(int16_t *out, const saga_bank *m,
     softmax(m);
     saga_mlp_products(sum, m->column, m->weight, m->n_slots, m->width);
     for (d = 0; d < m->width; d++)
-        out[d] = fx_sat16(fx_rshift(sum[d], 14));
+        out[d] = (int16_t)fx_rshift(sum[d], 14);
     count_macs(saga_bank_read_macs(m->n_slots, m->width));
 }
 
 /* --- Write --------------------------------------------------------------- */
 
-/* |sum| <= 65535 * 32767 < 2^31, reciprocal <= 2^31: product < 2^62. */
+/* |sum| <= 65535 * 32767 < 2^31, reciprocal <= 2^31: product < 2^62. A mean of
+ * values of 16 bits is one, since the reciprocal errs by less than 2^-30. */
 void saga_bank_mean(int16_t *out, const int32_t *sum, uint32_t n,
                     uint32_t count)
 {
@@ -209,7 +211,7 @@ void saga_bank_mean(int16_t *out, const int32_t *sum, uint32_t n,
     uint32_t i;
 
     for (i = 0; i < n; i++)
-        out[i] = fx_sat16_64(fx_rshift64((int64_t)sum[i] * r, shift));
+        out[i] = (int16_t)fx_rshift64((int64_t)sum[i] * r, shift);
 }
 
 /* <v, s> s in Q12, from |v| <= 32767 sqrt(64) = 262136 and |s| <= 4100:

@@ -632,12 +632,11 @@ static int next_band(raster *r)
 /* --- Output -------------------------------------------------------------- */
 
 /* s = C + T background <= 2^16 * 2^15, since all weights and the last T sum to
- * 65536, becomes (s max + 2^30) >> 31. */
+ * 65536, becomes (s max + 2^30) >> 31, which is max at most. */
 static uint16_t finish16(uint32_t s)
 {
-    const uint64_t v = ((uint64_t)s * 65535 + (1u << 30)) >> 31;
-
-    return (uint16_t)(v < 65535 ? v : 65535);
+    FX_ASSERT(s <= 1u << 31);
+    return (uint16_t)(((uint64_t)s * 65535 + (1u << 30)) >> 31);
 }
 
 /* With s = a 2^23 + b, 255 s is a 2^31 + 256 b - s: what is added to a is the

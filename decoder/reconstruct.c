@@ -217,9 +217,10 @@ void saga_stand_still(saga_primitive *prims, uint32_t n)
     }
 }
 
-/* Unit vector from centre to x in Q14; zero for zero. |x| and |centre| are at
- * most 2^29 per axis, so the squares' sum is at most 3 * 2^60 and the product
- * below 2^61. 1/sqrt(n2) <= 1, so the shift is 16 or more. */
+/* Unit vector from centre to x in Q14, so at most 2^14 + 1 per axis; zero for
+ * zero. |x| and |centre| are at most 2^29 per axis, so the squares' sum is at
+ * most 3 * 2^60 and the product below 2^61. 1/sqrt(n2) <= 1, so the shift is 16
+ * or more. */
 static void direction_q14(int16_t d[3], const int32_t x[3],
                           const int32_t centre[3])
 {
@@ -241,8 +242,8 @@ static void direction_q14(int16_t d[3], const int32_t x[3],
     n2.exp = 63 - zeros;
     n2 = saga_rsqrt(n2);
     for (i = 0; i < 3; i++)
-        d[i] = fx_sat16_64(fx_rshift64((int64_t)v[i] * n2.mant_q30,
-                                       16 - n2.exp));
+        d[i] = (int16_t)fx_rshift64((int64_t)v[i] * n2.mant_q30,
+                                    16 - n2.exp);
 }
 
 uint32_t saga_shade_points(const saga_scaffold *sc)
