@@ -295,6 +295,80 @@ static void bad(const char *stem, const uint8_t *bytes, size_t n,
     fprintf(manifest, "%s status %d\n", name, (int)status);
 }
 
+/* Bytes at `at` changed, all of it signed anew. */
+static void bad_signed(const char *stem, const uint8_t *bytes, size_t n,
+                       size_t at, const char *by, size_t n_by,
+                       saga_status status)
+{
+    uint8_t *const copy = malloc(n);
+
+    memcpy(copy, bytes, n);
+    memcpy(copy + at, by, n_by);
+    mutate_sign(copy, n);
+    bad(stem, copy, n, status);
+    free(copy);
+}
+
+/* A head and what a version or a tool of the future makes of it. */
+static void bad_versions(const uint8_t *bytes, size_t head)
+{
+    const size_t longer = head + 8;
+    uint8_t *const copy = calloc(longer, 1);
+
+    bad_signed("version_zero", bytes, head, 4, "\0", 1, SAGA_ERR_DATA);
+    bad_signed("version_zero_reserved", bytes, head, 4, "\0\0\1", 3,
+               SAGA_ERR_DATA);
+    bad_signed("version_256", bytes, head, 4, "\0\1", 2, SAGA_ERR_VERSION);
+    bad_signed("version_reserved", bytes, head, 6, "\1", 1, SAGA_ERR_VERSION);
+    /* 8 bytes of its own before the cameras. */
+    memcpy(copy, bytes, SAGA_HEADER_NBYTES);
+    memcpy(copy + SAGA_HEADER_NBYTES + 8, bytes + SAGA_HEADER_NBYTES,
+           head - SAGA_HEADER_NBYTES);
+    fx_store32_le(copy + SAGA_MAGIC_NBYTES, (uint32_t)longer);
+    bad_signed("header_longer", copy, longer, 72, "", 0, SAGA_ERR_DATA);
+    copy[73] |= 0x10;
+    bad_signed("tool_unknown_longer", copy, longer, 72, "", 0,
+               SAGA_ERR_VERSION);
+    bad("tool_unknown_crc", copy, longer, SAGA_ERR_VERSION);
+    bad("tool_unknown_cut", copy, SAGA_HEADER_NBYTES, SAGA_ERR_VERSION);
+    bad("tool_unknown_cut_more", copy, SAGA_HEADER_NBYTES - 1,
+        SAGA_ERR_TRUNCATED);
+    free(copy);
+}
+
+/* Chunks of the head that claim a byte of what is behind them, or give one
+ * away: all that follows is there. */
+static void bad_lengths_of_head(const uint8_t *bytes, size_t n, size_t head)
+{
+    const size_t at[2] = {
+        head + 4, head + 4 + SAGA_CHUNK_NBYTES + SAGA_INDEX_ENTRY_NBYTES
+    };
+    static const char *const stem[2][2] = {
+        { "index_longer", "index_shorter" },
+        { "networks_longer", "networks_shorter" }
+    };
+    char nbytes[4];
+    int i, k;
+
+    for (i = 0; i < 2; i++)
+        for (k = 0; k < 2; k++) {
+            fx_store32_le((uint8_t *)nbytes,
+                          fx_load32_le(bytes + at[i]) + (k ? -1u : 1u));
+            bad_signed(stem[i][k], bytes, n, at[i], nbytes, 4,
+                       k ? SAGA_ERR_DATA : SAGA_ERR_TRUNCATED);
+        }
+    /* Where the only segment is. */
+    bad_signed("index_offset_beyond", bytes, n,
+               head + SAGA_CHUNK_NBYTES, "\0\0\0\0\0\0\0\x80", 8,
+               SAGA_ERR_TRUNCATED);
+    bad_signed("index_offset_at_end", bytes, n, head + SAGA_CHUNK_NBYTES,
+               (const char *)(const uint8_t[4]) {
+                   (uint8_t)(n & 255), (uint8_t)(n >> 8 & 255),
+                   (uint8_t)(n >> 16 & 255), 0 }, 4, SAGA_ERR_TRUNCATED);
+    bad_signed("index_segment_huge", bytes, n, head + SAGA_CHUNK_NBYTES + 8,
+               "\xff\xff\xff\xff", 4, SAGA_ERR_TRUNCATED);
+}
+
 /* The header with a field changed, signed anew. */
 static void bad_header(const char *stem, const uint8_t *bytes, size_t n,
                        change f, saga_status status)
@@ -479,6 +553,8 @@ static void bad_segments(void)
     bad_index("segment_longer", bytes, n, 1, SAGA_ERR_DATA);
     bad_index("segment_beyond_the_end", bytes, n, 0, SAGA_ERR_TRUNCATED);
     bad_owner(bytes, n);
+    bad_versions(bytes, fx_load32_le(bytes + SAGA_MAGIC_NBYTES));
+    bad_lengths_of_head(bytes, n, fx_load32_le(bytes + SAGA_MAGIC_NBYTES));
     free(bytes);
     gen_stream_free(&g);
 }
@@ -631,6 +707,9 @@ static void bad_layers(const gen_options *o)
         bad_lengths(lengths[i].stem, bytes, n, lengths[i].change,
                     lengths[i].status);
     bad_header("layers_prim_together", bytes, n, to_prim_less, SAGA_ERR_DATA);
+    bad_signed("layers_index_huge", bytes, n,
+               fx_load32_le(bytes + SAGA_MAGIC_NBYTES) + SAGA_CHUNK_NBYTES + 8,
+               "\xff\xff\xff\xff", 4, SAGA_ERR_DATA);
     end = end_of_layer(bytes, n, 0);
     bad("layers_cut_in_first", bytes, end - 1, SAGA_ERR_TRUNCATED);
     bad("layers_cut_in_header", bytes,
