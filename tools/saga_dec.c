@@ -151,12 +151,21 @@ static int parse_options(options *o, int argc, char **argv)
 
 /* --- Input --------------------------------------------------------------- */
 
-/* Up to n bytes at offset into the input buffer; how many came, or -1. */
+/* Up to n bytes at offset into the input buffer, as many as it holds; how many
+ * came, 0 beyond the file's end, or -1. */
 static long read_at(FILE *f, uint64_t offset, size_t n)
 {
+    struct stat info;
+
     errno = 0;
-    if (offset > INT64_MAX || fseeko(f, (off_t)offset, SEEK_SET))
+    if (fstat(fileno(f), &info))
         return -1;
+    if (offset > (uint64_t)info.st_size)
+        return 0;
+    if (fseeko(f, (off_t)offset, SEEK_SET))
+        return -1;
+    if (n > sizeof memory.input)
+        n = sizeof memory.input;
     n = fread(memory.input, 1, n, f);
     return ferror(f) ? -1 : (long)n;
 }
@@ -428,6 +437,24 @@ static void print_info(const saga_info *i)
 
 /* --- Together ------------------------------------------------------------ */
 
+/* A file that ends early may still have layers that are whole. A segment that
+ * claims to be larger than all memory is looked at nevertheless: its beginning
+ * tells whether that is so. */
+static int decode(const options *o, FILE *f, saga_decoder *dec,
+                  const saga_segment *seg)
+{
+    const size_t most = sizeof memory.input;
+    const long n = read_at(f, seg->offset, seg->nbytes);
+    saga_status s;
+
+    if (n < 0)
+        return fail(o->file, "cannot read the segment");
+    s = saga_decode(dec, seg, memory.input, (size_t)n);
+    if (s != SAGA_ERR_DATA && (size_t)n == most && seg->nbytes > most)
+        s = SAGA_ERR_SPACE;
+    return s ? refuse(o->file, "cannot decode the segment", s) : 0;
+}
+
 /* Reads, decodes and draws; f is the open file. */
 static int run(const options *o, FILE *f, const saga_info *info)
 {
@@ -439,13 +466,15 @@ static int run(const options *o, FILE *f, const saga_info *info)
     long n;
     int status;
 
-    if (info->work_nbytes > sizeof memory.work ||
-        info->head_nbytes > sizeof memory.input)
-        return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
-    if (read_at(f, 0, info->head_nbytes) != (long)info->head_nbytes)
+    n = read_at(f, 0, info->head_nbytes);
+    if (n < 0)
         return fail(o->file, "cannot read the head");
+    if (info->work_nbytes > sizeof memory.work ||
+        ((size_t)n == sizeof memory.input &&
+         info->head_nbytes > sizeof memory.input))
+        return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
     s = saga_open(&dec, memory.work, sizeof memory.work, memory.input,
-                  info->head_nbytes);
+                  (size_t)n);
     if (s)
         return refuse(o->file, "cannot decode the networks", s);
     status = read_camera(&camera, o, info->head_nbytes);
@@ -455,15 +484,9 @@ static int run(const options *o, FILE *f, const saga_info *info)
                   o->time_den);
     if (s)
         return refuse(o->file, "cannot find the time", s);
-    if (seg.nbytes > sizeof memory.input)
-        return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
-    /* A file that ends early may still have layers that are whole. */
-    n = read_at(f, seg.offset, seg.nbytes);
-    if (n < 0 || (info->n_layers == 1 && n != (long)seg.nbytes))
-        return fail(o->file, "cannot read the segment");
-    s = saga_decode(dec, &seg, memory.input, (size_t)n);
-    if (s)
-        return refuse(o->file, "cannot decode the segment", s);
+    status = decode(o, f, dec, &seg);
+    if (status)
+        return status;
     s = saga_view(dec, &camera, seg.t);
     if (s)
         return refuse(o->camera, "cannot use the camera", s);

@@ -185,10 +185,29 @@ for f in vectors/bad/*.saga; do
     [ "$rc" = 0 ] || [ "$(wc -l <"$tmp/err")" = 1 ] ||
         complain "$f: not one line of message"
 done
+# saga-dec says of each what MANIFEST has, whichever function finds it.
+while read -r f what status; do
+    [ "$what" = status ] || continue
+    case $status in
+    -10) said='not a valid stream' ;;
+    -11) said='ends too early' ;;
+    -12) said='needs a newer decoder' ;;
+    *) said='exceeds its level' ;;
+    esac
+    "$saga_dec" "vectors/$f" --camera rig:0 --crc >"$tmp/out" 2>"$tmp/err"
+    rc=$?
+    { [ $rc = 1 ] && [ ! -s "$tmp/out" ] && grep -q "$said" "$tmp/err"; } ||
+        complain "saga-dec $f: status $rc, no '$said': $(head -n 1 "$tmp/err")"
+done <vectors/MANIFEST
 [ "$n" -ge 20 ] || complain "only $n bad vectors"
 # What is no .saga file at all.
 expect 1 info tests/cli/check_cli.sh
 says 'not a .saga file'
+# No saga is newer than a file of version 0.
+expect 1 info vectors/bad/version_zero.saga
+says 'it is damaged, copy it again'
+expect 1 info vectors/bad/version_256.saga
+says 'it needs a newer saga'
 # One byte changed at the end of a segment: told which, the others shown.
 cp "$good" "$tmp/flip.saga"
 printf 'X' | dd of="$tmp/flip.saga" bs=1 conv=notrunc status=none \
