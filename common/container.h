@@ -57,7 +57,7 @@ typedef struct saga_header {
     saga_counts max;             /* anchors of any layer, primitives of all
                                   * layers of any segment together */
     uint32_t nets_nbytes;        /* payload of NETS */
-    /* metres = centre + units * unit, each mantissa * 2^exponent */
+    /* world = centre + box units * unit, each mantissa * 2^exponent */
     int32_t unit_mantissa, unit_exponent;
     int32_t centre_mantissa[3], centre_exponent;
     uint16_t n_cameras;

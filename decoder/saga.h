@@ -45,7 +45,7 @@ typedef enum saga_status {
     SAGA_ERR_ALIGN = -3,     /* a buffer is misaligned */
     SAGA_ERR_DATA = -10,     /* the bytes are not a valid stream */
     SAGA_ERR_TRUNCATED = -11,/* more bytes are needed */
-    SAGA_ERR_VERSION = -12,  /* valid, but needs a newer decoder */
+    SAGA_ERR_VERSION = -12,  /* needs a newer decoder */
     SAGA_ERR_LEVEL = -13,    /* exceeds its declared level, or this build's */
     SAGA_ERR_STATE = -20     /* nothing decoded, no view, or the job began with
                               * another view */
@@ -172,15 +172,18 @@ typedef struct saga_info {
     uint64_t base_macs;      /* the same for the base, in saga_open */
     uint32_t view_macs;      /* the same per visible primitive and view */
     /* world = centre + box units * unit, in the capture's unit of length, of
-     * which saga_naming may tell the metres; value = mantissa * 2^exponent */
+     * which saga_naming may tell the metres: metres = world * metre. Each value
+     * is mantissa * 2^exponent */
     int32_t unit_mantissa, unit_exponent;
     int32_t centre_mantissa[3], centre_exponent;
 } saga_info;
 
 /* What a header says, before anything is done.
- * bytes[0..n): the file's start, n any size.
- * SAGA_OK; TRUNCATED: the header is longer than n; DATA, VERSION, LEVEL. On an
- * error *info is undefined. */
+ * bytes[0..n): the file's start, n any size. How many bytes lie behind what a
+ * function needs makes no difference, here and below.
+ * SAGA_OK; TRUNCATED: the header is longer than n; DATA, VERSION, LEVEL. A
+ * file of a newer version, or with a tool that this library does not know, is
+ * VERSION before its checksum is looked at. On an error *info is undefined. */
 saga_status saga_probe(saga_info *info, const uint8_t *bytes, size_t n);
 
 typedef struct saga_decoder saga_decoder;
@@ -217,11 +220,11 @@ saga_status saga_rig(saga_camera *camera, uint32_t *number,
 enum { SAGA_MAX_NAME = 63 }; /* bytes, without the 0 at the end */
 
 typedef struct saga_naming {
-    char name[SAGA_MAX_NAME + 1]; /* UTF-8, 0 at the end; no control
-                              * characters; may be empty */
-    int32_t metre_mantissa, metre_exponent; /* metres in the capture's unit of
-                              * length: mantissa * 2^exponent; mantissa 0:
-                              * unknown */
+    char name[SAGA_MAX_NAME + 1]; /* UTF-8, which is checked, 0 at the end; no
+                              * control characters; may be empty */
+    int32_t metre_mantissa, metre_exponent; /* metres that the capture's unit
+                              * of length has: mantissa * 2^exponent; mantissa
+                              * 0: unknown */
 } saga_naming;
 
 /* What the capture calls camera `index` of the rig, and its unit of length.

@@ -20,7 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MAX_FIELDS = 80, MAX_FILES = 64, N_COLUMNS = 6 };
+enum { MAX_FIELDS = 80, MAX_FILES = 64, MAX_EXAMPLES = 40, N_COLUMNS = 6 };
 
 typedef struct {
     char type[16], name[32], range[64];
@@ -32,6 +32,7 @@ typedef struct {
     uint32_t nbytes;                 /* end of its last field */
     int n;
     field f[MAX_FIELDS];
+    uint32_t size;                   /* as the table of sizes has it */
 } table;
 
 static table tables[] = {
@@ -54,6 +55,16 @@ typedef struct {
 
 static file files[MAX_FILES];
 static int n_files, n_named, n_layered;
+
+/* An example of names: what stands behind Names, and its status. */
+typedef struct {
+    uint8_t p[32];
+    uint32_t n;
+    saga_status status;
+} example;
+
+static example examples[MAX_EXAMPLES];
+static int n_examples, n_sizes;
 
 /* --- The page ------------------------------------------------------------ */
 
@@ -141,12 +152,45 @@ static void add_row(table *t, char *line)
     t->n++;
 }
 
+static void add_size(char *line)
+{
+    char *cell[N_COLUMNS + 1];
+    table *t;
+
+    assert_int_equal(split_row(line, cell), 2);
+    t = table_named(cell[0]);
+    assert_non_null(t);
+    t->size = number_of(cell[1]);
+    n_sizes++;
+}
+
+/* `00 01 61` | text | OK or DATA */
+static void add_example(char *line)
+{
+    char *cell[N_COLUMNS + 1], *s;
+    example *const e = &examples[n_examples++];
+
+    assert_true(n_examples <= MAX_EXAMPLES);
+    assert_int_equal(split_row(line, cell), 3);
+    s = cell[0];
+    assert_int_equal(*s, '`');
+    while (*s != 0 && s[1] != 0) {
+        assert_true(e->n < sizeof e->p);
+        e->p[e->n++] = (uint8_t)strtoul(s + 1, &s, 16);
+    }
+    assert_true(strcmp(cell[2], "OK") == 0 || strcmp(cell[2], "DATA") == 0);
+    e->status = strcmp(cell[2], "OK") == 0 ? SAGA_OK : SAGA_ERR_DATA;
+}
+
 /* A table of fields is known by its first line and ends with an empty one; it
- * belongs to the heading before it. */
+ * belongs to the heading before it. So are those of sizes and of names. */
 static void read_page(FILE *page)
 {
-    static const char first[] =
-        "| offset | bytes | type | name | range | meaning |";
+    static const char *const first[] = {
+        "| offset | bytes | type | name | range | meaning |",
+        "| structure | size |",
+        "| payload | what it is | status |"
+    };
     char line[512];
     table *t = NULL;
     int inside = 0;
@@ -155,14 +199,23 @@ static void read_page(FILE *page)
         line[strcspn(line, "\n")] = 0;
         if (line[0] == '#')
             t = strncmp(line, "### ", 4) == 0 ? table_named(line + 4) : NULL;
-        if (strcmp(line, first) == 0) {
+        if (strcmp(line, first[0]) == 0) {
             assert_non_null(t);
             assert_int_equal(t->n, 0);
             inside = 1;
+        } else if (strcmp(line, first[1]) == 0) {
+            inside = 2;
+        } else if (strcmp(line, first[2]) == 0) {
+            inside = 3;
         } else if (line[0] != '|') {
             inside = 0;
         } else if (inside && strncmp(line, "|-", 2) != 0) {
-            add_row(t, line);
+            if (inside == 1)
+                add_row(t, line);
+            else if (inside == 2)
+                add_size(line);
+            else
+                add_example(line);
         }
     }
 }
@@ -490,7 +543,9 @@ static void every_structure_should_have_a_table_without_gaps(void **state)
             assert_int_equal(f->nbytes, f->count * size_of_type(f->type));
             at += f->nbytes;
         }
+        assert_int_equal(tables[t].size, tables[t].nbytes);
     }
+    assert_int_equal(n_sizes, N_TABLES);
 }
 
 static void every_range_should_be_readable_and_fit_its_type(void **state)
@@ -737,6 +792,57 @@ static void chunks_should_tile_every_file(void **state)
 }
 
 /* --- The page and the decoder -------------------------------------------- */
+
+static file *named_file(void)
+{
+    int i;
+
+    for (i = 0; i < n_files; i++)
+        if (strcmp(files[i].name, "names.saga") == 0)
+            return &files[i];
+    fail_msg("there is no names.saga");
+    return NULL;
+}
+
+/* The payload of NAME in the place of a file's own, and nothing behind it. */
+static void examples_of_names_should_have_their_statuses(void **state)
+{
+    file *const f = named_file();
+    saga_naming naming;
+    saga_info info;
+    uint32_t k;
+    int i, n_ok = 0;
+
+    (void)state;
+    assert_int_equal(saga_probe(&info, f->p, f->n), SAGA_OK);
+    assert_int_equal(info.n_cameras, 3);
+    for (i = 0; i < n_examples; i++) {
+        const example *const e = &examples[i];
+        const uint32_t n = tables[NAMES].nbytes + e->n;
+        file copy = { .n = info.head_nbytes + tables[CHUNK].nbytes + n };
+        uint8_t *chunk_at, *payload;
+
+        copy.p = malloc(copy.n);
+        assert_non_null(copy.p);
+        memcpy(copy.p, f->p, info.head_nbytes);
+        chunk_at = copy.p + info.head_nbytes;
+        payload = chunk_at + tables[CHUNK].nbytes;
+        memcpy(chunk_at, "NAME", 4);
+        store(chunk_at + 4, 4, n);
+        memset(payload, 0, tables[NAMES].nbytes);
+        memcpy(payload + tables[NAMES].nbytes, e->p, e->n);
+        store(chunk_at + 8, 4,
+              crc_of(crc_of(owner_of(&copy, info.head_nbytes), chunk_at, 8),
+                     payload, n));
+        for (k = 0; k < info.n_cameras; k++)
+            if (saga_name_camera(&naming, copy.p, copy.n, k) != e->status)
+                fail_msg("example %d of names, camera %u: not %d", i + 1, k,
+                         (int)e->status);
+        n_ok += e->status == SAGA_OK;
+        free(copy.p);
+    }
+    assert_true(n_ok > 0 && n_ok < n_examples);
+}
 
 static void probe_should_report_the_same_values(void **state)
 {
@@ -1277,6 +1383,7 @@ int main(void)
         cmocka_unit_test(own_crc_should_have_the_check_value),
         cmocka_unit_test(headers_should_be_as_the_tables_say),
         cmocka_unit_test(chunks_should_tile_every_file),
+        cmocka_unit_test(examples_of_names_should_have_their_statuses),
         cmocka_unit_test(probe_should_report_the_same_values),
         cmocka_unit_test(networks_should_have_the_same_number_of_weights),
         cmocka_unit_test(rig_should_hold_the_same_values),
