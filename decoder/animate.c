@@ -53,6 +53,7 @@ static int64_t motion_q20(const saga_primitive *p, const saga_prim_format *f,
     int order;
 
     for (order = f->motion_order; order >= 1; order--) {
+        /* Horner's scheme, from the highest order down. */
         sum += to_q20(p->motion[3 * (order - 1) + axis],
                       f->q_motion[order - 1]);
         sum = fx_rshift64(sum * age, 16);
@@ -84,6 +85,7 @@ static int quat_shift(const int64_t *v)
 
     for (i = 0; i < 4; i++)
         bits |= (uint64_t)(v[i] < 0 ? -v[i] : v[i]);
+    /* 64 - clz bits are there, 30 may stay. */
     n = 34 - fx_clz64(bits);
     return n > 0 ? n : 0;
 }
@@ -126,6 +128,9 @@ void saga_animate(saga_animated *out, const saga_primitive *p,
     animate_quat(out, p, f, age);
     for (i = 0; i < 3; i++)
         out->log2_scale_q10[i] = p->log2_scale_q10[i];
+    /* With the head's o in log2 units opacity = 2^3 / (1 + 2^(3 - o)), so that
+     * q0 = 3 - log2(opacity) = log2(1 + 2^(3 - o)); a fading primitive's
+     * exp(-u^2) adds log2(e) u^2. */
     out->q0_q20 = saga_softplus2_q12_q20(o_q12);
     if (f->has_width)
         out->q0_q20 += fade_q20(dt, p->log2_width_q10);

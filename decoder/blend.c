@@ -43,11 +43,13 @@ static void blend_line(uint32_t *t, uint32_t plane, const span *s,
 
     t += s->lo;
     for (i = s->lo; i < s->hi; i++, v += (uint32_t)p->g, t++) {
+        /* s = w^2 + v^2, v rounded to Q13 by the 2^14 it began with. */
         const uint32_t v13 = (uint32_t)((int32_t)v >> 15);
         const uint32_t q = q_of((uint32_t)s->s_line + ((v13 * v13 + 32) >> 6),
                                 p);
         uint32_t w;
 
+        /* Behind the last pixel of the ellipse none follows in this line. */
         if (q >= SAGA_CUT_Q20) {
             if (any)
                 return;
@@ -56,6 +58,7 @@ static void blend_line(uint32_t *t, uint32_t plane, const span *s,
         any = 1;
         if (*t < SAGA_T_FLOOR_Q16)
             continue;
+        /* w = alpha T; T -= w; C += w colour: both below 2^32. */
         w = (alpha_q16(q) * *t + 0x8000u) >> 16;
         *t -= w;
         t[plane] += w * p->colour_q15[0];
@@ -100,6 +103,7 @@ static void blend_tame(uint32_t *t, uint32_t side, const saga_patch *p)
         s.s_line = (int32_t)((w13 * w13 + 32) >> 6);
         if (s.s_line < p->reach)
             blend_line(t, side * side, &s, p);
+        /* A line down is dy + 1: v = g dx - n dy and w = h dy. */
         v -= (uint32_t)p->n;
         w += (uint32_t)p->h;
         t += side;
@@ -129,15 +133,18 @@ static int find_span(span *s, const line *l, const saga_patch *p)
 
     if (l->w >= LIMIT_W || l->w <= -LIMIT_W)
         return 0;
+    /* The line's own part of s, and whether it leaves anything for v^2. */
     w13 = fx_rshift((int32_t)l->w, 15);
     s->s_line = fx_rshift(w13 * w13, 6);
     if (s->s_line >= p->reach)
         return 0;
     limit = (int64_t)sqrt_up_q20_q12(p->reach - s->s_line) << 16;
+    /* g i runs from first to last; the box's ends need no division. */
     first = -limit - l->v;
     last = limit - l->v;
     if (last <= 0 || (first >= reach && first >= 0))
         return 0;
+    /* Rounded down, and two pixels up: the loop's own test decides. */
     s->lo = first <= 0 ? 0 : (int32_t)(first * l->recip >> l->shift);
     s->hi = last >= reach ? p->x1
           : fx_min((int32_t)(last * l->recip >> l->shift) + 2, p->x1);

@@ -18,6 +18,7 @@ static int count_bytes(uint32_t *at, const saga_key *keys, uint32_t n,
         at[i] = 0;
     for (i = 0; i < n; i++)
         at[keys[i].depth >> shift & 255]++;
+    /* All keys have the first one's byte. */
     if (at[keys[0].depth >> shift & 255] == n)
         return 0;
     for (i = 0; i < 256; i++) {
@@ -44,6 +45,7 @@ void saga_depth_sort(saga_key *keys, saga_key *tmp, uint32_t n)
         to = from;
         from = from == keys ? tmp : keys;
     }
+    /* An odd number of passes leaves them in the other buffer. */
     for (i = 0; from != keys && i < n; i++)
         keys[i] = from[i];
 }

@@ -98,9 +98,11 @@ static saga_float pair(uint64_t x, int32_t exp)
 
     if (x == 0)
         return f;
+    /* The highest bit of x goes to bit 62, and 31 bits of it stay. */
     n = fx_clz64(x) - 1;
     f.mant_q30 = (uint32_t)(((x << n) + (1u << 31)) >> 32);
     f.exp = exp + 62 - n;
+    /* Rounded up to 2^31, which is 2^30 with the next exponent. */
     if (f.mant_q30 >> 31) {
         f.mant_q30 = 1u << 30;
         f.exp++;
@@ -121,6 +123,7 @@ static saga_float pair_add(saga_float a, saga_float b)
     const saga_float lo = a.exp >= b.exp ? b : a;
     const int32_t n = hi.exp - lo.exp;
 
+    /* lo is below half a unit of hi's mantissa: the norm leaves it out. */
     if (n > 31)
         return hi;
     return pair(((uint64_t)hi.mant_q30 << 31) +
@@ -154,6 +157,7 @@ static int view(view_point *p, const int32_t *x, const saga_camera *c)
     const int64_t vz = view_coordinate(c->rotation_q30 + 6, x, c->centre);
     const int32_t depth = (int32_t)fx_rshift64(vz, 30);
 
+    /* Beyond 83 degrees off the axis a pinhole's Jacobian says nothing. */
     if (depth < c->near_plane || abs64(vx) >> 3 >= vz || abs64(vy) >> 3 >= vz)
         return 0;
     p->depth = (uint32_t)depth;
@@ -174,6 +178,8 @@ static int project_axis(centre *o, const saga_camera *c, int axis, int32_t x,
 {
     const int32_t side = axis == 0 ? c->width : c->height;
     const int64_t principal = c->principal_q16[axis];
+    /* The Jacobian is taken no further out than BORDER beyond the picture:
+     * the linear shape of what lies far outside would cover all of it. */
     const int64_t lo = -(int64_t)side * BORDER_Q16 - principal;
     const int64_t hi = (int64_t)side * (65536 + BORDER_Q16) - principal;
     const int32_t ratio_q28 = fx_clamp64(
@@ -213,6 +219,7 @@ static void normalise_quat(int64_t *q, const int32_t *quat)
     uint64_t bits = 0;
     int i, n;
 
+    /* The OR has the highest bit of any component, which is all that counts. */
     for (i = 0; i < 4; i++)
         bits |= (uint64_t)abs64(quat[i]);
     n = 30 - n_bits(bits);
@@ -233,6 +240,7 @@ static uint32_t rotation(int32_t *r, const int32_t *quat)
     int i, n;
 
     normalise_quat(q, quat);
+    /* R |q|^2, so that nothing is divided: the factor goes into the scales. */
     norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     m[0] = q[0] * q[0] + q[1] * q[1] - q[2] * q[2] - q[3] * q[3];
     m[1] = 2 * (q[1] * q[2] - q[0] * q[3]);
@@ -243,6 +251,7 @@ static uint32_t rotation(int32_t *r, const int32_t *quat)
     m[6] = 2 * (q[1] * q[3] - q[0] * q[2]);
     m[7] = 2 * (q[2] * q[3] + q[0] * q[1]);
     m[8] = q[0] * q[0] - q[1] * q[1] - q[2] * q[2] + q[3] * q[3];
+    /* Norm and matrix take the same shift: R stays what it is. */
     n = n_bits((uint64_t)norm) - 30;
     for (i = 0; i < 9; i++)
         r[i] = (int32_t)fx_rshift64(m[i], n);
@@ -263,6 +272,7 @@ static int jacobian(int32_t *u, const centre *o, const saga_camera *c)
     for (i = 0; i < 6; i++) {
         const int axis = i >= 3;
 
+        /* d(focal x/z) = (focal dx - (focal x/z) dz) / z. */
         row[i] = (int64_t)c->focal_q16[axis] * w[i] -
                  o->slope_q16[axis] * w[6 + i - 3 * axis];
         bits |= (uint64_t)abs64(row[i]);
@@ -306,11 +316,14 @@ static void scale_columns(shape *s, int32_t p[2][3], const int32_t *log2_scale,
     int k;
 
     for (k = 0; k < 3; k++) {
+        /* A column is at most 2^bits times its scale 2^(log2_scale >> 10). */
         const int bits = n_bits((uint64_t)(abs64(p[0][k]) | abs64(p[1][k])));
 
         top = fx_max(top, (log2_scale[k] >> 10) + bits);
     }
     for (k = 0; k < 3; k++) {
+        /* A column far below the largest one is shifted out, as it should
+         * be. */
         const int64_t m = scale_mant(log2_scale[k], factor);
         const int32_t n = 1 + top - (log2_scale[k] >> 10);
 
@@ -332,6 +345,7 @@ static void project_shape(shape *s, const saga_animated *a, const centre *o,
 
     shift = jacobian(u, o, c);
     recip = saga_recip32(rotation(r, a->quat), &n);
+    /* Both divisions of the shape in one factor: 1 / (depth |q|^2). */
     factor = (int64_t)(((uint64_t)recip * o->recip + (1u << 30)) >> 31);
     turn_rows(p, u, r);
     scale_columns(s, p, a->log2_scale_q10, factor);
@@ -359,6 +373,8 @@ static saga_float cross_squared(const shape *s)
     c[1] = (int64_t)a[2] * b[0] - (int64_t)a[0] * b[2];
     c[2] = (int64_t)a[0] * b[1] - (int64_t)a[1] * b[0];
     bits = (uint64_t)(abs64(c[0]) | abs64(c[1]) | abs64(c[2]));
+    /* Nearly parallel rows keep 30 bits of their small area, of which
+     * a c - b^2 would cancel all. */
     n = fx_max(n_bits(bits) - 30, 0);
     for (i = 0; i < 3; i++) {
         const int64_t m = fx_rshift64(c[i], n);
@@ -399,6 +415,7 @@ static int32_t extent_y(int32_t l_q12, int32_t h)
     int64_t e;
     int n;
 
+    /* The ellipse is flat beyond what Q28 holds: the whole picture. */
     if (h == 0)
         return LIMIT_EXTENT;
     e = l_q12 * (int64_t)(saga_recip16((uint32_t)h, &n) + 2);
@@ -419,6 +436,7 @@ static int32_t extent_x(int32_t l_q12, int32_t g, int32_t n, int32_t h)
 
     if (g == 0 || h == 0)
         return LIMIT_EXTENT;
+    /* What is shifted out counts as a unit more, so that it is a bound. */
     root = j > 0 ? (int64_t)(square >> 2 * j) + 1
                  : (int64_t)(square << -2 * j);
     e = l_q12 * (int64_t)sqrt_up_q20_q12((int32_t)root);
@@ -464,6 +482,7 @@ int saga_project(saga_splat *s, const saga_animated *a, const saga_camera *c,
     centre o;
     shape t;
 
+    /* What is transparent, behind or aside costs no shape. */
     if (a->q0_q20 >= SAGA_CUT_Q20 || !project_centre(&o, a->x, c))
         return 0;
     project_shape(&t, a, &o, c);

@@ -64,7 +64,9 @@ static void set_geometry(saga_primitive *p, const saga_model *m,
     take(&p->opacity, 1, out, rows[SAGA_HEAD_OPACITY]);
     take(p->quat, 4, out, rows[SAGA_HEAD_QUAT]);
     take(p->slope, 4, out, rows[SAGA_HEAD_SLOPE]);
+    /* The network says how far a rotation is from none, (1, 0, 0, 0). */
     p->quat[0] = fx_sat16(p->quat[0] + (1 << q[SAGA_HEAD_QUAT]));
+    /* Without a row of its own the life's middle is where the anchor is. */
     p->t_centre = position->t;
     if (rows[SAGA_HEAD_TIME].n)
         p->t_centre = centre_time(position->t, position->support[3],
@@ -127,6 +129,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
     saga_in_local(sc, SAGA_NET_COLOUR_BASE, SAGA_TIER_FINE, r->n);
     saga_net_run(&sc->net, SAGA_NET_COLOUR_BASE, r->n);
     colours += (size_t)r->first * stride;
+    /* What depends on the view waits for it: pre-activations are kept. */
     if (sc->model->tools & SAGA_TOOL_VIEW) {
         for (i = 0; i < r->n; i++) {
             const int16_t *const out = saga_out_point(
@@ -137,6 +140,7 @@ static void set_colours(int16_t *colours, uint32_t stride,
         }
         return;
     }
+    /* Otherwise the colour is final now, and a view costs no network. */
     finish_colours(sc, sc->net.v->out, r->n);
     for (i = 0; i < r->n; i++) {
         get_colour(colour_q15, sc, i);
@@ -171,8 +175,10 @@ static uint32_t add_primitive(run *r, const saga_scaffold *sc, uint32_t fine)
     const int16_t *const offset = sc->prim_offset[prim];
     saga_position *const position = &r->position[r->n];
 
+    /* Anchors without primitives are passed over. */
     while (prim - sc->fine[fine].first_prim >= sc->fine[fine].n_prim)
         fine++;
+    /* The place is the anchor's, moved by the coded offset. */
     saga_position_fine(position, &sc->fine[fine]);
     saga_position_move(position, offset);
     saga_keep_local(sc, SAGA_TIER_FINE, r->n, position, fine, offset);
@@ -193,6 +199,7 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     saga_model_rows(rows, sc->model);
     for (r.first = 0; r.first < sc->n.prim; r.first += r.n) {
         r.n = 0;
+        /* As many points as both networks take at a time. */
         while (r.n < most && r.first + r.n < sc->n.prim)
             fine = add_primitive(&r, sc, fine);
         set_geometries(prims, sc, &r, rows);
@@ -237,6 +244,7 @@ static void direction_q14(int16_t d[3], const int32_t x[3],
         d[i] = 0;
     if (sum == 0)
         return;
+    /* 1 / |v| from |v|^2 as a pair with 31 bits, z = v / |v|. */
     zeros = fx_clz64(sum);
     n2.mant_q30 = (uint32_t)(sum << zeros >> 33);
     n2.exp = 63 - zeros;
@@ -275,6 +283,8 @@ void saga_shade(saga_splat *splats, const saga_scaffold *sc,
                        saga_in_point(&sc->net, SAGA_NET_COLOUR_VIEW, i), d, 3,
                        14);
     }
+    /* The first layer is linear: its part for the direction is added to what
+     * the rest of its inputs gave when the segment was decoded. */
     saga_net_run(&sc->net, SAGA_NET_COLOUR_VIEW, seen->n);
     for (i = 0; i < seen->n; i++)
         add_saturated(sc->net.v->in +

@@ -151,12 +151,14 @@ INLINE void quat_of(i64s q[4], const prims *p, const saga_prim_format *f,
                                        20 - f->q_slope), 16);
         bits |= abs_each(q[i]);
     }
+    /* To the top, then down by 32 with one rounding: 30 bits stay. */
     n = 62 - n_bits(bits);
     is_zero = negative(bits - 1);
     for (i = 0; i < 4; i++) {
         q[i] = round_off((i64s)shl((u64s)q[i], (u64s)n), 32);
         rounded |= abs_small(q[i]);
     }
+    /* 1 where rounding gave 2^30: halved, halves up. */
     n = shift_down(rounded, 30);
     for (i = 0; i < 4; i++)
         q[i] = (i64s)shr((u64s)(q[i] + n), (u64s)n);

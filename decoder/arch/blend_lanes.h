@@ -89,6 +89,7 @@ INLINE void blend_group(uint32_t *t, uint32_t plane, u32s v, u32s k,
     const u32s q = (is_steep ? steep_q11(sum >> 6, p->q0) : sum >> 15) |
                    c->outside;
     const u32s before = load(t);
+    /* Finished pixels (T below its floor) take no more. */
     const u32s a = alpha_q16(q) &
                     (u32s)((i32s)before > SAGA_T_FLOOR_Q16 - 1);
     const u32s w = (a * before + 0x8000u) >> 16;
@@ -124,6 +125,7 @@ INLINE void begin_rows(rows *r, const saga_patch *p, uint32_t first,
         const u32s q = ((w_q13 * w_q13 + 32) >> 6) + begin;
 
         store(r->v + i, v0 - y * (uint32_t)p->n);
+        /* Beyond the cut everything is one value, so that 64 q fits 32 bits. */
         store(r->k + i, (min_u32(q, all(end)) << 6) + 32);
     }
 }
@@ -167,6 +169,7 @@ INLINE void blend_kind(uint32_t *t, uint32_t side, const saga_patch *p,
         rows r;
 
         n = p->n_rows - row < ROWS ? p->n_rows - row : ROWS;
+        /* v and k of the rows once, then a column of groups after the other. */
         begin_rows(&r, p, row, is_steep);
         for (; PAIRS && x + LANES < p->x1; x += 2 * LANES) {
             begin_group(c, p, x);
