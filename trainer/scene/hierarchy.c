@@ -138,6 +138,7 @@ static double locality(const saga_tree *t, const saga_splat_params *p,
 
     if (!p->log2_width || !(t->o->model->tools & SAGA_TOOL_OPACITY_T))
         return 0;
+    /* 1 / (1 + (2 width)^2), width in segments. */
     width = exp2(clamp((double)p->log2_width[i], -60, 60));
     return 1 / (1 + 4 * width * width);
 }
@@ -158,6 +159,8 @@ static void set_candidate(const saga_tree *t, saga_candidate *c,
         c->t = clamp((double)p->t_centre[i], 0, SAGA_T_MAX / all_t);
     c->u[3] = (uint32_t)(c->t * all_t);
     c->local = locality(t, p, i);
+    /* What is always there counts as being in the middle of the segment,
+     * whatever its t_centre says. */
     c->phi[SAGA_PHI_T] = t->o->lambda_t * (0.5 + (c->t - 0.5) * c->local);
     set_descriptor(t, c, p, i);
 }
@@ -190,9 +193,11 @@ static saga_share share_of(const saga_tree *t, uint32_t rank)
     double mean[SAGA_N_PHI], time, h = 0;
     const double w = saga_tree_mean(mean, t, nd);
 
+    /* Its variance relative to that of the whole scene. */
     if (t->squares > 0)
         h = saga_tree_squares(&time, t, nd) / w / (t->squares / t->weight);
     return (saga_share){
+        /* A_m = (weight's share)^alpha (variance + epsilon)^beta. */
         .want = clamp(pow(w / t->weight, t->o->alpha) *
                       pow(h + t->o->epsilon, t->o->beta), 1e-30, 1e30),
         .lo = saga_tree_need(t, n), .hi = n < t->c_coarse ? n : t->c_coarse
@@ -251,6 +256,8 @@ static void divide_leaf(saga_medoid_division *v, builder *b, uint32_t rank)
 
         v->w[i] = c->w;
         for (uint32_t j = 0; j <= i; j++)
+            /* A leaf has at most c_coarse c_fine candidates: all pairs are
+             * few. */
             b->distance[i * n + j] = b->distance[j * n + i] =
                 distance_of(c, &t->cand[member[j]], nd);
     }
@@ -365,6 +372,7 @@ static void order_medoids(uint32_t sorted[SAGA_MAX_CHILDREN],
 
         suffix_axes(axes, t, &t->cand[t->order[nd->begin + v->medoid[i]]], nd);
         suffix[i] = saga_morton_suffix(axes, bits);
+        /* Insertion sort: a set is coded in ascending order of its suffixes. */
         for (j = i; j > 0; j--) {
             const uint32_t o = sorted[j - 1];
 
@@ -402,6 +410,7 @@ static void write_leaf(builder *b, uint32_t rank)
 
     divide_leaf(&v, b, rank);
     order_medoids(sorted, &v, t, nd);
+    /* Ranks follow the order of coding: a fine anchor, then its primitives. */
     for (uint32_t i = 0; i < v.k; i++, b->fine++) {
         write_fine(b, rank, &t->cand[member[v.medoid[sorted[i]]]]);
         for (uint32_t j = 0; j < v.n; j++)

@@ -152,6 +152,8 @@ static void branch_depths(int *depth_x, int *depth_t, const saga_tree *t,
         const saga_candidate *const c = &t->cand[t->order[i]];
 
         for (k = 0; k < 3; k++)
+            /* The highest bit in which any differs from the first is where
+             * they part. */
             x |= c->u[k] ^ first->u[k];
         tau |= c->u[3] ^ first->u[3];
     }
@@ -229,6 +231,7 @@ static int varies_in_time(const saga_tree *t, const saga_tree_node *nd)
     if (t->o->lambda_t <= 0)
         return 0;
     for (i = nd->begin; i < nd->end; i++)
+        /* How much of the weight has a time of its own. */
         local += t->cand[t->order[i]].w * t->cand[t->order[i]].local;
     w = saga_tree_mean(mean, t, nd);
     (void)saga_tree_squares(&time, t, nd);
@@ -263,6 +266,8 @@ static void find_split(const saga_tree *t, saga_tree_node *nd)
     bins joint;
 
     memset(&nd->best, 0, sizeof nd->best);
+    /* Splits in which all go to one child are passed through at once, as a
+     * chain that costs a symbol each and gains nothing. */
     branch_depths(&depth_x, &depth_t, t, nd);
     allowed = allowed_splits(t, nd, depth_x, depth_t);
     if (allowed == 0)
@@ -277,6 +282,7 @@ static void find_split(const saga_tree *t, saga_tree_node *nd)
         p = gain_of(t, &joint, split);
         p.chain_x = (uint8_t)(split & 1 ? depth_x - nd->depth_x : 0);
         p.chain_t = (uint8_t)(split & 2 ? depth_t - nd->depth_t : 0);
+        /* The gain for each leaf more: anchors are what a split costs. */
         if (nd->best.kind == 0 || p.gain > nd->best.gain)
             nd->best = p;
     }
@@ -402,6 +408,7 @@ static bool split_node(saga_tree *t, uint32_t id)
 
     if (!reserve_nodes(t, MAX_DEPTH + MAX_BINS))
         return false;
+    /* Budgets are counted before the nodes exist. */
     t->n_leaves += p.added;
     t->need += p.need - saga_tree_need(t, t->node[id].end - t->node[id].begin);
     for (i = 0; i < (uint32_t)p.chain_x + p.chain_t; i++) {
@@ -411,6 +418,7 @@ static bool split_node(saga_tree *t, uint32_t id)
     split_once(t, id, p.kind);
     for (i = 0; i < t->node[id].n_children; i++) {
         child = t->node[id].first_child + i;
+        /* Children compete with all other leaves for what is left. */
         find_split(t, &t->node[child]);
         push(t, child);
     }

@@ -46,6 +46,7 @@ static void attribute_rows(saga_rows rows[SAGA_N_HEADS], const saga_scene *s)
     saga_model_rows(rows, &s->model);
     if (!s->still)
         return;
+    /* A base stands still: its rows of time are there and say nothing. */
     rows[SAGA_HEAD_SLOPE].n = rows[SAGA_HEAD_TIME].n = 0;
     rows[SAGA_HEAD_WIDTH].n = 0;
     for (int k = 0; k < 3; k++)
@@ -118,6 +119,8 @@ bool saga_twin_init(saga_twin *w, const saga_scene *s, saga_error *error)
 
     memset(w, 0, sizeof *w);
     w->n = s->n;
+    /* The first pass counts, since the arena has no block yet; the second
+     * one, below, gives pointers into it. */
     lay_out(w, &a, s);
     w->block = saga_arena_alloc(&a, "anchors and primitives", error);
     if (!w->block || !saga_links_alloc(&w->to_fine, s->n.fine, error) ||
@@ -176,6 +179,7 @@ static void fine_offsets(saga_twin *w, const saga_scene *s)
     for (i = 0; i < w->n.fine; i++) {
         const saga_coarse *const c = &s->coarse[s->fine[i].parent];
         const real half_x = saga_scene_half_x(c);
+        /* An offset of 1 ends at the border of the parent's cell. */
         const real unit[4] = { half_x, half_x, half_x, saga_scene_half_t(c) };
         real centre[4];
 
@@ -266,8 +270,11 @@ static void fine_forward(saga_twin *w, const saga_scene *s,
     int k;
 
     saga_model_rows(rows, &s->model);
+    /* Context: features of coarse anchors, interpolated, fused with where
+     * the anchor is. */
     saga_links_gather(w->context, &w->to_fine, feature, f, NULL, w->n.fine);
     fused = fuse_forward(w, s, SAGA_TIER_COARSE, w->fine_phase);
+    /* F_fine says features and supports. */
     assemble(w, s, SAGA_NET_FINE, fused, w->fine_offset);
     run(w, s, SAGA_NET_FINE);
     for (i = 0; i < w->n.fine; i++) {
@@ -279,6 +286,7 @@ static void fine_forward(saga_twin *w, const saga_scene *s,
         take(w->fine_feature, i * f, out, rows[SAGA_HEAD_FINE]);
         for (k = 0; k < 4; k++) {
             const real lo = least_log2_support((size_t)k), hi = 0;
+            /* Supports are told relative to half the coarse cell. */
             const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
             const real l = saga_clamp(half + raw[k], lo, hi);
 
@@ -364,10 +372,12 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
     size_t i;
 
     fine_forward(w, s, feature);
+    /* The same one tier further down. */
     saga_links_gather(w->context, &w->to_prim, w->fine_feature, f, NULL,
                       w->n.prim);
     fused = fuse_forward(w, s, SAGA_TIER_FINE, w->prim_phase);
     assemble(w, s, SAGA_NET_GEO, fused, w->prim_offset);
+    /* F_geo and F_color take the same vector. */
     memcpy(w->batch[SAGA_NET_COLOUR_BASE].in, w->batch[SAGA_NET_GEO].in,
            w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
     run(w, s, SAGA_NET_GEO);
@@ -408,6 +418,8 @@ void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
                           centre);
         run(w, s, SAGA_NET_COLOUR_VIEW);
     }
+    /* The first layer is linear, so that its parts for feature and direction
+     * add up before the one ReLU. */
     for (i = 0; i < w->n.prim * width; i++) {
         const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
                        (view ? w->batch[SAGA_NET_COLOUR_VIEW].out[i] : 0);
@@ -460,6 +472,8 @@ double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
             const size_t at = 4 * (size_t)s->prim_fine[i] + k;
             const real dx = s->prim_x[4 * i + k] - s->fine_x[at];
             const real o = dx / w->support[at];
+            /* The mean of max(|o| - 1, 0)^2, o = (x - x_fine) / support:
+             * free within the support, where an offset can be coded. */
             const real over = o > 1 ? o - 1 : o < -1 ? o + 1 : 0;
 
             sum += (double)(over * over);
@@ -479,12 +493,15 @@ void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
     size_t i;
 
     for (i = 0; i < 3 * n; i++)
+        /* A colour at 0 or 1 takes gradients that lead back inside, no
+         * others. */
         last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
                                      1);
     clear(w->d_attr.colour, 3 * n);
     saga_net_backward(last->d_in, &d->net[SAGA_NET_COLOUR], &last->work,
                       last->d_out, last->in, n, &s->net[SAGA_NET_COLOUR]);
     for (i = 0; i < n * width; i++) {
+        /* The ReLU's gradient goes to both parts of the sum before it. */
         const real g = last->in[i] > 0 ? last->d_in[i] : 0;
 
         d_base[i] += g;
@@ -526,6 +543,7 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
     give(out, rows[SAGA_HEAD_WIDTH], a->log2_width, i);
     for (k = 0; k < 3; k++) {
         d->prim_x[4 * i + k] += a->mean[3 * i + k];
+        /* support = 2^l: d support / dl = support ln 2. */
         d_log2[k] += a->support[3 * i + k] * support[k] * LN2;
         give_motion(out, rows[SAGA_HEAD_MOTION1 + k], a->motion,
                     9 * i + 3 * k, raw);
@@ -590,6 +608,7 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     back(w, d, s, SAGA_NET_COLOUR_BASE);
     for (i = 0; i < n; i++)
         for (k = 0; k < f; k++)
+            /* Both networks read the same features: their gradients add up. */
             to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
     fuse_backward(w, d, s, SAGA_TIER_FINE);
     saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context, f, NULL,
@@ -671,6 +690,8 @@ bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
 
     if (!saga_links_scaffold(&sc, s, error))
         return false;
+    /* Who is whose neighbour is decided by integers, as in the decoder:
+     * first for fine anchors, whose supports then decide it for primitives. */
     link_fine(w, &sc, s);
     fine_offsets(w, s);
     fine_forward(w, s, feature);

@@ -73,12 +73,15 @@ static int project_mean(real *mean, shape *s, const real *x,
         const real f = cam->focal[i];
         const real p = cam->principal[i];
 
+        /* mean = p + f x/z. */
         s->ratio[i] = s->view[i] / s->view[2];
         if (!(s->ratio[i] < RATIO_MAX && s->ratio[i] > -RATIO_MAX))
             return 0;
         mean[i] = p + f * s->ratio[i];
         if (!(fabs(mean[i] - side[i] / 2) <= MEAN_MAX))
             return 0;
+        /* The linear projection is that of the picture's border for what
+         * lies further out. */
         s->slope[i] = saga_clamp(s->ratio[i], (-BORDER * side[i] - p) / f,
                                  ((1 + BORDER) * side[i] - p) / f);
     }
@@ -124,7 +127,9 @@ static void project_shape(shape *s, const real *quat, const real *log2_scale,
         const real f = cam->focal[i] / s->view[2];
 
         for (j = 0; j < 3; j++)
+            /* J W: d(f x/z) = f/z (dx - x/z dz). */
             s->row[i][j] = f * (w[3 * i + j] - s->slope[i] * w[6 + j]);
+        /* T = J W R S, a column for each of the primitive's axes. */
         for (j = 0; j < 3; j++) {
             s->u[i][j] = s->row[i][0] * s->r[j] + s->row[i][1] * s->r[3 + j] +
                          s->row[i][2] * s->r[6 + j];
@@ -132,6 +137,7 @@ static void project_shape(shape *s, const real *quat, const real *log2_scale,
             top = max_real(top, fabs(s->t[i][j]));
         }
     }
+    /* Squares of what is larger would leave float in covariance_of. */
     s->shrink = top > ROW_MAX ? ROW_MAX / top : 1;
     if (s->shrink < 1)
         for (i = 0; i < 2; i++)
@@ -150,6 +156,7 @@ static void covariance_of(covariance *v, const shape *s)
     v->a = a0 + s->low_pass;
     v->b = dot3(s->t[0], s->t[1]);
     v->c = c0 + s->low_pass;
+    /* (A0 + d)(C0 + d) - B^2, in which A0 C0 - B^2 = |t0 x t1|^2. */
     v->det = dot3(v->cross, v->cross) + s->low_pass * (a0 + c0) +
              s->low_pass * s->low_pass;
 }
@@ -185,6 +192,7 @@ static real bound(saga_splat_2d *o, const covariance *v, real most,
          cam->width);
     span(&o->y0, &o->y1, o->mean[1], sqrt(v->c * most / K),
          cam->height);
+    /* No pixel's centre is inside. */
     if (o->x0 >= o->x1 || o->y0 >= o->y1) {
         o->x1 = o->x0;
         o->y1 = o->y0;
@@ -213,6 +221,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     size_t a;
 
     *o = (saga_splat_2d){ 0 };
+    /* Too faint at this time, behind or aside, degenerate: an extent of 0. */
     if (!(posed->q0[i] < cut))
         return 0;
     if (!project_mean(o->mean, &s, posed->mean + 3 * i, cam))
@@ -222,6 +231,7 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
     covariance_of(&v, &s);
     if (!(v.det > 0 && v.det < REAL_MAX))
         return 0;
+    /* The conic's Cholesky factor: s = (g dx - n dy)^2 + (h dy)^2. */
     o->h = sqrt(K / v.c);
     o->g = sqrt(K * (v.c / v.det));
     o->n = o->g * (v.b / v.c);
@@ -257,12 +267,15 @@ static void gather(splat_gradient *d, const saga_splat_work *work, size_t i)
     real sum[SAGA_N_SUMS] = { 0 };
     size_t r, k;
 
+    /* Each tile has left a record; their order is fixed, and so is the sum. */
     for (r = work->slot_begin[i]; r < end; r++)
         for (k = 0; k < SAGA_N_SUMS; k++)
             sum[k] += work->record[r * SAGA_N_SUMS + k];
+    /* dL/dq = -ln 2 alpha dL/dalpha, of which the tiles leave ln 2 out. */
     for (k = SAGA_SUM_Q; k <= SAGA_SUM_YY; k++)
         sum[k] *= LN_2;
     d->q0 = sum[SAGA_SUM_Q];
+    /* s = v^2 + w^2 with v = g dx - n dy, w = h dy, (dx, dy) from the mean. */
     d->g = 2 * sum[SAGA_SUM_VX];
     d->n = -2 * sum[SAGA_SUM_VY];
     d->h = 2 * o->h * sum[SAGA_SUM_YY];
@@ -284,10 +297,13 @@ static void conic_backward(real dt[2][3], const splat_gradient *d,
     int j;
 
     covariance_of(&v, s);
+    /* g = sqrt(k C / det), n = g B / C, h = sqrt(k / C), C and det taken as
+     * independent. */
     d_g = d->g + d->n * (v.b / v.c);
     d_b = d->n * o->g / v.c;
     d_c = (d_g * o->g / 2 - d->n * o->n - d->h * o->h / 2) / v.c;
     d_det = -d_g * o->g / (2 * v.det);
+    /* d |t0 x t1|^2 / dt0 = 2 t1 x (t0 x t1), and the same for t1. */
     cross3(x[0], s->t[1], v.cross);
     cross3(x[1], v.cross, s->t[0]);
     for (j = 0; j < 3; j++) {
@@ -313,6 +329,8 @@ static void rotation_backward(real *d_quat, const real *dr, const shape *s)
                 q[3] * (dr[5] + dr[7]) - 2 * q[2] * (dr[0] + dr[8]));
     d[3] = 2 * (q[0] * (dr[3] - dr[1]) + q[1] * (dr[2] + dr[6]) +
                 q[2] * (dr[5] + dr[7]) - 2 * q[3] * (dr[0] + dr[4]));
+    /* q = p / |p|: dp = (d - (d.q) q) / |p|, what is along q changes
+     * nothing. */
     along = q[0] * d[0] + q[1] * d[1] + q[2] * d[2] + q[3] * d[3];
     for (i = 0; i < 4; i++)
         d_quat[i] = (d[i] - along * q[i]) * s->quat_recip;
@@ -328,11 +346,13 @@ static void shape_backward(real *d_quat, real *d_scale, real d_row[2][3],
 
     for (j = 0; j < 3; j++) {
         if (log2_scale[j] >= -SCALE_MAX && log2_scale[j] <= SCALE_MAX)
+            /* T's column grows with 2^log2_scale: d = ln 2 <dT, T>. */
             d_scale[j] += LN_2 * (dt[0][j] * s->t[0][j] +
                                   dt[1][j] * s->t[1][j]);
         du[0][j] = dt[0][j] * s->scale[j];
         du[1][j] = dt[1][j] * s->scale[j];
     }
+    /* U = (J W) R: dR = (J W)^T dU, d(J W) = dU R^T. */
     for (i = 0; i < 3; i++) {
         for (j = 0; j < 3; j++)
             dr[3 * i + j] = s->row[0][i] * du[0][j] + s->row[1][i] * du[1][j];
@@ -355,10 +375,12 @@ static void mean_backward(real *d_mean, const real *d_mean2d,
 
     for (i = 0; i < 2; i++) {
         const real f = cam->focal[i] / z;
+        /* x/z moves the mean, and the slope where that is not clamped. */
         real d_ratio = cam->focal[i] * d_mean2d[i];
 
         if (s->slope[i] == s->ratio[i])
             d_ratio -= f * dot3(w + 6, d_row[i]);
+        /* (x/z) by x is 1/z, by z -(x/z)/z; rows of J W go with 1/z too. */
         dv[i] = d_ratio / z;
         dv[2] -= (dot3(s->row[i], d_row[i]) + d_ratio * s->ratio[i]) / z;
     }
@@ -380,6 +402,7 @@ static void project_one_backward(saga_splat_params *d,
     shape s;
     size_t a;
 
+    /* The forward pass kept nothing but splats: its steps are made again. */
     if (!project_mean(mean, &s, work->posed.mean + 3 * i, &canvas->camera))
         return;
     s.low_pass = canvas->rules.low_pass;
