@@ -84,13 +84,17 @@ static inline void folder_run(folder *f, const char *format, ...)
 
 typedef struct bytes {
     uint8_t *data;
-    size_t n;
+    size_t n, cap;
 } bytes;
 
 static inline void put(bytes *b, const void *data, size_t n)
 {
-    b->data = realloc(b->data, b->n + n + 1);
-    assert_non_null(b->data);
+    /* Twice the room each time: files are made byte by byte. */
+    if (b->n + n >= b->cap) {
+        b->cap = 2 * (b->n + n + 1);
+        b->data = realloc(b->data, b->cap);
+        assert_non_null(b->data);
+    }
     if (n > 0)
         memcpy(b->data + b->n, data, n);
     b->n += n;
