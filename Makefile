@@ -139,7 +139,7 @@ BENCH_OBJ := $(call obj,$(filter-out bench/bench_share.c \
 
 WARN = -Wall -Wextra -Wconversion -Wshadow -Wundef -Wcast-align \
        -Wstrict-prototypes -Wmissing-prototypes -Wvla $(WERROR)
-SAN_ALL   = -g -fsanitize=address -fsanitize=undefined \
+SAN_ALL   = -g1 -fsanitize=address -fsanitize=undefined \
             -fno-sanitize-recover=all -fno-omit-frame-pointer
 SAN_FLAGS = $(if $(SANITIZE),$(SAN_ALL))
 SAN_DEFS  = $(if $(SANITIZE),-DSAGA_CHECK)
@@ -581,8 +581,9 @@ make numerics    what operators cost and how exact they are; a CPU minute
 make web         the page and the decoder for browsers, in $(BUILD)/web
 make setup       installs what is missing to build and test (Debian, as root)
 make check       unit tests, vectors, a tiny encode: less than a CPU minute
-make test        what CI runs, sanitizers and mutants too: 10 CPU minutes
-make test-all    the same with every emulated target and the long counts
+make test        what CI runs, sanitizers too: 10 CPU minutes
+make test-all    every program in both builds, mutants, every emulated target,
+                 the long counts
 make sanitize    the test programs under ASan and UBSan alone
 make lint        what clang-tidy finds, with the exceptions of .clang-tidy
 make compile_commands.json   how each file is compiled, for editors

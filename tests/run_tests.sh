@@ -35,10 +35,18 @@ if [ "$what" = all ]; then
     size=all
     timeout=14400
 fi
-sources=$(echo tests/*/test_*.c)
-if [ "$what" = check ]; then
-    sources=$(echo tests/{unit,gradient,hardcases}/test_*.c)
-fi
+# Each program runs in one configuration in `make test`: what is about numbers at
+# full speed, what is about memory and bad input under the sanitizers.
+plain=$(echo tests/{unit,gradient}/test_*.c)
+guarded=$(echo tests/{stream,hardcases,input}/test_*.c)
+case $what in
+check) plain="$plain $(echo tests/hardcases/test_*.c)" ;;
+all | sanitize)
+    plain="$plain $guarded"
+    guarded=$plain
+    ;;
+esac
+sources=$plain
 
 # Two runs in one folder would build over each other.
 mkdir -p "$build"
@@ -60,6 +68,7 @@ phase() {
     echo "$1 $(seconds "$build/times.txt")" >>"$build/phases.txt"
 }
 : >"$build/phases.txt"
+: >"$build/programs.txt"
 
 passed=0
 failed=0
@@ -101,7 +110,7 @@ sum_of() { # sum_of WORD LOG: of the lines "[  WORD  ] N test(s)"
 
 # programs NAME FLAGS...: runs every test program of a configuration.
 programs() {
-    local name=$1 log=$build/$1/log src t rc p f
+    local name=$1 log=$build/$1/log src t rc p f s
     shift
     rm -rf "$log"
     make_in "$name" "$@" run-tests >/dev/null 2>&1
@@ -125,7 +134,9 @@ programs() {
         passed=$((passed + p))
         failed=$((failed + f))
         if [ "$rc" = 0 ] && [ "$f" = 0 ] && [ "$p" != 0 ]; then
-            echo "ok   $name $t: $p tests, $(seconds "$log/$t.cpu") s"
+            s=$(seconds "$log/$t.cpu")
+            echo "$s $name $t" >>"$build/programs.txt"
+            echo "ok   $name $t: $p tests, $s s"
             # What the test has to say, without cmocka's own lines.
             grep -v -e '^\[' -e '^ *$' "$log/$t.log" | sed 's/^/     /'
             continue
@@ -182,12 +193,19 @@ tree() {
 
 sanitized() {
     local flags=(CC=clang OPT=-O1 SANITIZE=1)
-    build sanitize "tests $build/sanitize/check_vectors" "${flags[@]}"
+    sources=$guarded
+    build sanitize "tests $build/sanitize/check_vectors
+        $build/sanitize/saga $build/sanitize/saga-dec
+        $build/sanitize/saga-play" "${flags[@]}"
     export LSAN_OPTIONS=suppressions=$PWD/tests/support/lsan.supp
     export LSAN_OPTIONS=$LSAN_OPTIONS:print_suppressions=0
     vectors sanitize
     OMP_WAIT_POLICY=passive SAGA_TEST_SANITIZED=1 \
         programs sanitize "${flags[@]}"
+    # The trainer, from capture to pixels.
+    SAGA=$build/sanitize/saga SAGA_DEC=$build/sanitize/saga-dec \
+        check round-sanitize tests/cli/check_round.sh
+    sources=$plain
 }
 
 # What a change of a line must pass.
@@ -231,7 +249,7 @@ many() {
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh
     check matrix tests/run_matrix.sh "$size"
-    check mutants tests/run_mutants.sh
+    [ "$what" != all ] || check mutants tests/run_mutants.sh
 }
 
 export BUILD="$build" SAGA="$build/gcc/saga" SAGA_DEC="$build/gcc/saga-dec"
@@ -249,6 +267,9 @@ fi
 echo "CPU seconds, user and system:"
 awk '{ printf "  %-18s %6.1f\n", $1, $2 - before; before = $2 }
      END { printf "  %-18s %6.1f\n", "all", before }' "$build/phases.txt"
+echo "the slowest programs:"
+sort -rn "$build/programs.txt" | head -n 10 |
+    awk '{ printf "  %-28s %6.1f\n", $2 " " $3, $1 }'
 echo "elapsed $SECONDS s"
 echo "$passed passed, $failed failed"
 [ "$failed" = 0 ]
