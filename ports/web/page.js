@@ -13,6 +13,7 @@ const root = document.documentElement;
 const asked = new URLSearchParams(location.search);
 const carried = JSON.parse($('carried').textContent);
 const KEY_SECONDS = 2; // from one key camera to the next
+const RATE_MS = 2000;  // over which pictures are counted
 
 const viewer = new Viewer($('canvas'),
     { simd: asked.get('simd') === '0' ? false : undefined });
@@ -31,6 +32,10 @@ function setState(state) {
 function tellProblem(sentence) {
     $('sentence').textContent = sentence;
     setState('problem');
+}
+
+function dismiss() {
+    setState(viewer.drawn ? 'ready' : 'empty');
 }
 
 async function open(source, pictures = []) {
@@ -65,7 +70,7 @@ async function openAsked() {
     viewer.selectCamera(Number(asked.get('camera') || 0));
     viewer.seek(askedFrame() || 0);
     if (asked.has('path'))
-        await openPath(await fetch(asked.get('path')), asked.get('path'));
+        await openPath(fetch(asked.get('path')), asked.get('path'));
     if (asked.get('play') === '1' && keys.length)
         viewer.playPath(keys);
     else if (asked.get('play') === '1')
@@ -144,12 +149,23 @@ function fit() {
 
 // --- Numbers ---------------------------------------------------------------
 
-const shown = []; // when the last pictures came, ms
+let shown = []; // when the last pictures came, ms
 
-function ratePerSecond() {
+// What came before the last RATE_MS says nothing of now: the time to begin with
+// is that of the last picture before them.
+function noteShown(now) {
+    shown.push(now);
+    while (shown.length > 2 && now - shown[1] >= RATE_MS)
+        shown.shift();
+}
+
+function rateText() {
     const span = shown[shown.length - 1] - shown[0];
 
-    return span > 0 ? 1000 * (shown.length - 1) / span : 0;
+    if (!viewer.playing)
+        return 'at rest';
+    return span > 0 ? `${(1000 * (shown.length - 1) / span).toFixed(1)} ` +
+        'a second' : '';
 }
 
 // What the reference decoder says of this picture; undefined: it is not said.
@@ -180,8 +196,7 @@ function showNumbers() {
         ['primitives', `${drawn.nSplats.toLocaleString('en')} seen of ` +
             drawn.nPrimitives.toLocaleString('en')],
         ['view, draw', `${times.view.toFixed(1)}, ${times.draw.toFixed(1)} ms`],
-        ['shown', viewer.playing ? `${ratePerSecond().toFixed(1)} a second`
-            : 'at rest'],
+        ['shown', rateText()],
         ['segment', `${drawn.segment + 1} of ${viewer.segments.length}, ` +
             `decoded in ${times.segment.toFixed(0)} ms`],
         ['fetched', bytesText(drawn.fetched) +
@@ -204,9 +219,10 @@ function showNumbers() {
 }
 
 function showDrawn() {
-    shown.push(performance.now());
-    if (shown.length > 40)
-        shown.shift();
+    if (viewer.playing)
+        noteShown(performance.now());
+    else
+        shown = [];
     [...$('parts').children].forEach((part, i) =>
         part.classList.toggle('kept', viewer.drawn.kept.includes(i)));
     showNumbers();
@@ -268,10 +284,14 @@ function savePath() {
     URL.revokeObjectURL(link.href);
 }
 
-// from: a File or a Response.
+// from: a File, or the promise of a Response.
 async function openPath(from, name) {
     try {
-        keys = parsePath(await from.text()).keys;
+        const file = await from;
+
+        if (file.ok === false)
+            throw new Error(`the server answers ${file.status}`);
+        keys = parsePath(await file.text()).keys;
         $('path').hidden = false;
         showKeys();
         showPressed();
@@ -328,6 +348,8 @@ const shortcuts = {
 function onKey(event) {
     const digit = Number(event.key);
 
+    if (event.key === 'Escape' && root.dataset.state === 'problem')
+        dismiss();
     if (!viewer.info || event.ctrlKey || event.metaKey || event.altKey ||
         event.target.matches('input[type="number"], select') ||
         (event.key === ' ' && event.target.matches('button')))
@@ -359,7 +381,7 @@ on('file', 'change', () => {
     if ($('file').files.length)
         openFile($('file').files[0]);
 });
-on('dismiss', 'click', () => setState(viewer.drawn ? 'ready' : 'empty'));
+on('dismiss', 'click', dismiss);
 
 addEventListener('keydown', onKey);
 addEventListener('resize', fit);

@@ -117,13 +117,28 @@ export class HttpSource {
         try {
             response = await fetch(this.url, { headers });
         } catch (error) {
-            throw new SagaError(`${this.name}: cannot be fetched ` +
-                `(${error.message}); check the address and the network`);
+            throw new SagaError(`${this.name}: ` + (await this.isForbidden()
+                ? 'its server does not allow this page to read it; let it ' +
+                    'send Access-Control-Allow-Origin (CORS), or put the ' +
+                    'file beside the page'
+                : `cannot be fetched (${error.message}); check the address ` +
+                    'and the network'));
         }
         if (!response.ok && response.status !== 416)
             throw new SagaError(`${this.name}: the server answers ` +
                 `${response.status}; check the address`, response.status);
         return response;
+    }
+
+    // Whether a server answers that keeps its answer from us. Browsers do not
+    // say why a fetch failed, but one without rights tells if anybody is there.
+    async isForbidden() {
+        const here = globalThis.location?.origin;
+
+        if (!here || new URL(this.url, location.href).origin === here)
+            return false;
+        return fetch(this.url, { method: 'HEAD', mode: 'no-cors' })
+            .then(() => true, () => false);
     }
 
     async bodyOf(response) {

@@ -15,7 +15,8 @@ export interface KeyCamera {
 }
 
 /** A canvas that shows a file, drawn in a worker. Events: `opened`, `change`,
- * `drawn`, and `failed`, whose detail is a sentence. */
+ * `drawn`, and `failed`, whose detail is a sentence. Until a file is open, what
+ * would change its camera or time does nothing; setScale holds. */
 export class Viewer extends EventTarget {
     constructor(canvas: HTMLCanvasElement, options?: { simd?: boolean });
 
@@ -58,8 +59,8 @@ export class Viewer extends EventTarget {
     dolly(factor: number): void;
     /** Pixels of the picture. */
     pan(dx: number, dy: number): void;
-    /** The camera as it is. */
-    key(seconds?: number): KeyCamera;
+    /** The camera as it is; null while nothing is open. */
+    key(seconds?: number): KeyCamera | null;
     goToKey(key: KeyCamera): void;
     seek(frame: number): void;
     play(): void;

@@ -9,6 +9,9 @@
 //     viewer.selectCamera(2);
 //     viewer.play();
 //
+// Until a file is open there is no camera and no time: what would change them
+// does nothing. setScale holds for every file.
+//
 // Events: `opened`, `change` (camera, time or playing), `drawn` (viewer.drawn
 // has the picture's numbers), `failed` (detail: a sentence).
 
@@ -25,6 +28,8 @@ export class Viewer extends EventTarget {
         this.simd = simd;
         this.scale = 1;         // of the picture, relative to the camera's
         this.wantCrc = false;
+        this.rig = [];
+        this.segments = [];
         this.clear();
     }
 
@@ -79,8 +84,10 @@ export class Viewer extends EventTarget {
         this.home = rig.length ? rig[0].values : cam.standInLens();
         this.focus = rig.length ? cam.focusOf(poses) : [0, 0, 0];
         this.up = rig.length ? cam.upOf(poses) : [0, -1, 0];
+        // Who hears of the file may move its camera at once.
+        this.placeCamera(0);
         this.emit('opened');
-        this.selectCamera(0);
+        this.changed();
     }
 
     fail(sentence) {
@@ -94,12 +101,18 @@ export class Viewer extends EventTarget {
 
     // Camera `index` of the rig, to the bit until it is moved.
     selectCamera(index) {
+        if (!this.info)
+            return;
+        this.placeCamera(index);
+        this.changed();
+    }
+
+    placeCamera(index) {
         this.camera = Math.max(0, Math.min(index, this.rig.length - 1));
         this.lens = this.rig.length ? this.rig[this.camera].values : this.home;
         this.pose = cam.poseOf(this.lens);
         this.moved = false;
         this.findPivot();
-        this.changed();
     }
 
     // Drags turn the camera about the point of its axis nearest the focus.
@@ -120,15 +133,21 @@ export class Viewer extends EventTarget {
 
     // Radians.
     orbit(yaw, pitch) {
+        if (!this.info)
+            return;
         this.setPose(cam.orbited(this.pose, this.pivot, this.up, yaw, pitch));
     }
 
     dolly(factor) {
+        if (!this.info)
+            return;
         this.setPose(cam.dollied(this.pose, this.pivot, factor));
     }
 
     // Pixels of the picture, at the pivot's distance.
     pan(dx, dy) {
+        if (!this.info)
+            return;
         const distance = cam.norm(cam.sub(this.pivot, this.pose.centre));
         const perPixel = distance * 65536 / this.lens[12];
         const by = cam.add(
@@ -161,14 +180,17 @@ export class Viewer extends EventTarget {
         return point.map((x, i) => (x - this.info.centre[i]) / this.info.unit);
     }
 
+    // null while nothing is open.
     key(seconds = 0) {
-        return { seconds, frame: this.frame, fov: cam.fovOf(this.lens),
+        return this.info && { seconds, frame: this.frame, fov: cam.fovOf(this.lens),
             eye: this.toMetres(this.pose.centre),
             target: this.toMetres(this.pivot),
             up: cam.times(cam.downOf(this.pose), -1) };
     }
 
     goToKey(key) {
+        if (!this.info)
+            return;
         const eye = this.toUnits(key.eye), target = this.toUnits(key.target);
 
         this.pivot = target;
@@ -185,6 +207,8 @@ export class Viewer extends EventTarget {
 
     // In frames; at rest a whole one.
     seek(frame) {
+        if (!this.info)
+            return;
         this.frame = this.inFile(this.playing ? frame : Math.round(
             Math.min(frame, this.info.nFrames - 1)));
         this.changed();
@@ -202,12 +226,13 @@ export class Viewer extends EventTarget {
     pause() {
         this.playing = false;
         this.path = null;
-        if (this.info)
-            this.seek(Math.floor(this.frame));
+        this.seek(Math.floor(this.frame));
     }
 
     // Plays key cameras, then goes on from where they end.
     playPath(keys) {
+        if (!this.info)
+            return;
         this.pause();
         this.path = { keys, seconds: keys[0].seconds };
         this.play();
@@ -253,6 +278,8 @@ export class Viewer extends EventTarget {
 
     // One picture at a time; what changes meanwhile makes the next one.
     changed() {
+        if (!this.info)
+            return;
         this.emit('change');
         if (this.busy)
             this.stale = true;
@@ -262,12 +289,12 @@ export class Viewer extends EventTarget {
 
     ask() {
         const den = Number.isInteger(this.frame) ? 1 : TIME_DEN;
-        const buffer = this.spare;
+        const buffer = this.spare, values = this.values();
 
         this.busy = true;
         this.stale = false;
         this.spare = null;
-        this.worker.postMessage({ draw: { values: this.values(),
+        this.worker.postMessage({ draw: { values,
             num: Math.round(this.frame * den), den, crc: this.wantCrc,
             buffer } }, buffer ? [buffer] : []);
     }

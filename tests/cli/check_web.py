@@ -9,14 +9,18 @@
               one
   bad         every bad vector is refused with the MANIFEST's status; what is
               damaged, missing or no file at all is told in a sentence that
-              names it, and a good file can be opened then
+              names it, Escape closes it, and a good file can be opened then. A
+              server that keeps its files from other pages is told from one that
+              is not there
   ranges      of a file of several segments only those that are shown are
               fetched, each once, and the head; counted by the server. Without
               ranges the file is taken whole, once. Of a film of ten seconds,
               seeks fetch the segments they show
   drop        a file that is dropped on the page is shown, and fetched by nobody
   controls    mouse, wheel and keys move what they should; a key camera comes
-              back as it was, in the capture's units
+              back as it was, in the capture's units. What is asked of a viewer
+              before its file is open does not keep it from showing that
+  numbers     the rate that is told is that of the last two seconds
   view        `saga view` serves the page with the file, and the page finds the
               program's CRC
   rate        tells what a picture costs; no bound, since machines differ
@@ -254,9 +258,32 @@ def check_bad(page, manifest):
                   ".startsWith('dropped.saga: ')")
     page.do("viewer.open('still.saga')")
     page.tab.wait(STATE + " === 'ready'")
-    page.show("src=%s&path=still.saga" % SEGMENTS)
-    page.tab.wait(STATE + " === 'problem'")
+    for path in ("still.saga", "none.json"):
+        page.show("src=%s&path=%s" % (SEGMENTS, path))
+        page.tab.wait(STATE + " === 'problem'")
+        if path not in page.sentence():
+            complain("path=" + path, "says", repr(page.sentence()))
+    press(page, "Escape")
+    if page.tab.run(STATE) != "ready":
+        complain("Escape does not close what is told")
+    check_others(page)
     verdict("bad")
+
+
+def check_others(page):
+    """Files of another server, which allows it or not, or is gone."""
+    for share in (True, False):
+        other = browser.FileServer(page.server.files, share=share)
+        state = page.show("src=%sstill.saga" % other.url)
+        if share and state != "ready":
+            complain("a shared file is refused:", page.sentence())
+        if not share and "CORS" not in page.sentence():
+            complain("a server that does not share says", page.sentence())
+        other.shutdown()
+        other.server_close()
+    page.show("src=%sstill.saga" % other.url)
+    if "the network" not in page.sentence():
+        complain("no server says", page.sentence())
 
 
 def bytes_of(server, path):
@@ -367,7 +394,8 @@ def drag(page, dx, dy, **more):
 
 
 def press(page, key):
-    page.tab.call("Input.dispatchKeyEvent", type="keyDown", key=key, text=key)
+    text = {"text": key} if len(key) == 1 else {}
+    page.tab.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
     page.tab.call("Input.dispatchKeyEvent", type="keyUp", key=key)
     page.settle()
 
@@ -410,7 +438,68 @@ def check_controls(page, tmp):
     if run("viewer.camera + ' ' + viewer.frame") != "1 4":
         complain("2 and . do not choose camera and frame")
     check_path(page, tmp)
+    check_early(page)
     verdict("controls")
+
+
+# A viewer of one's own that is told all sorts of things before its file is
+# open, and by who hears of that.
+EARLY = """(async () => {
+    const { Viewer } = await import('/viewer.js');
+    const canvas = document.createElement('canvas');
+    const early = new Viewer(canvas);
+    const all = () => {
+        early.setScale(0.5); early.selectCamera(1); early.seek(2);
+        early.orbit(1, 0); early.dolly(2); early.pan(1, 1); early.pause();
+        early.play(); early.playPath([early.key()]); early.pause();
+    };
+
+    all();
+    const open = early.open('/motion.saga');
+    all();
+    await new Promise((resolve) => {
+        const again = () => { early.setScale(1); resolve(); };
+
+        early.addEventListener('opened', again);
+        open.catch(resolve);
+    });
+    for (let i = 0; i < 200 && !(early.drawn && !early.busy); i++)
+        await new Promise((resolve) => setTimeout(resolve, 50));
+    early.worker.terminate();
+    return [canvas.width, canvas.height, early.camera, early.frame];
+})()"""
+
+
+def check_early(page):
+    page.show("src=motion.saga")
+    want = page.tab.run("[viewer.canvas.width, viewer.canvas.height, 0, 0]")
+    try:
+        got = page.tab.run(EARLY)
+    except RuntimeError as error:
+        got = str(error)[:200]
+    if got != want:
+        complain("a viewer that is asked early shows", got, "not", want)
+
+
+def check_numbers(page):
+    """Forty pictures at ten a second, then four that take 0.7 seconds."""
+    page.show("src=still.saga&stats=1")
+    text = page.tab.run("""(() => {
+        const { now } = performance;
+        let time = now.call(performance);
+        viewer.playing = true;
+        performance.now = () => time;
+        for (let i = 0; i < 44; i++) {
+            time += i < 40 ? 100 : 700;
+            viewer.emit('drawn');
+        }
+        delete performance.now;
+        viewer.playing = false;
+        return document.getElementById('stats').textContent;
+    })()""")
+    if "shown1.4 a second" not in text:
+        complain("the rate told is not 1.4:", text)
+    verdict("numbers")
 
 
 def check_path(page, tmp):
@@ -557,6 +646,7 @@ def main():
             check_ranges(page, files, tmp)
             check_drop(page, files)
             check_controls(page, tmp)
+            check_numbers(page)
             check_view(page)
             check_rate(page, rated)
             checks.complaints.extend(page.tab.log)

@@ -165,21 +165,27 @@ class Browser:
 
 class FileServer(http.server.ThreadingHTTPServer):
     """Serves {path: bytes} on a port of its own; `served` lists (path, first
-    byte, number of bytes) of what was sent. ranges=False: whole files only."""
+    byte, number of bytes) of what was sent. ranges=False: whole files
+    only. share=True: pages of other servers may read them."""
 
     TYPES = {".html": "text/html", ".js": "text/javascript",
              ".css": "text/css", ".wasm": "application/wasm"}
 
-    def __init__(self, files, ranges=True):
+    def __init__(self, files, ranges=True, share=False):
         super().__init__(("127.0.0.1", 0), FileHandler)
         self.files = files
         self.ranges = ranges
+        self.share = share
         self.served = []
         self.url = "http://127.0.0.1:%d/" % self.server_port
         threading.Thread(target=self.serve_forever, daemon=True).start()
 
 
 class FileHandler(http.server.BaseHTTPRequestHandler):
+    def do_HEAD(self):
+        self.send_response(200)
+        self.end_headers()
+
     def do_GET(self):
         path = self.path.split("?")[0].lstrip("/")
         data = self.server.files.get(path)
@@ -206,6 +212,9 @@ class FileHandler(http.server.BaseHTTPRequestHandler):
         self.send_header("Content-Type", self.server.TYPES.get(
             os.path.splitext(path)[1], "application/octet-stream"))
         self.send_header("Content-Length", str(len(part)))
+        if self.server.share:
+            self.send_header("Access-Control-Allow-Origin", "*")
+            self.send_header("Access-Control-Expose-Headers", "Content-Range")
         self.end_headers()
         self.wfile.write(part)
 
