@@ -205,7 +205,7 @@ I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Ireference \
 # ---------------------------------------------------------------- build
 
 .PHONY: all lib shared tests lab-programs bench-programs objects web help
-all: lib $(TOOLS)
+all: lib $(TOOLS) web
 lib: $(LIB)
 shared: $(SHARED)
 tests: $(TESTS)

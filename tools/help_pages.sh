@@ -13,20 +13,29 @@ tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
 
 "$program" --help >"$tmp/all"
-# Only saga has commands; each is a line "  NAME ARGUMENTS  SUMMARY".
+# Only saga has commands; each is a line "  NAME ARGUMENTS  SUMMARY", where an
+# argument is a word in capitals or an option.
 if grep -q "^usage: $name COMMAND" "$tmp/all"; then
-    sed -n '/^usage:/,/^  saga help/s/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' \
+    sed -n '/^usage:/,/^  saga help/s/^  \([a-z][a-z]*\)  *[A-Z-].*/\1/p' \
         "$tmp/all" >"$tmp/commands"
 else
     : >"$tmp/commands"
 fi
 while read -r c; do "$program" help "$c" >"$tmp/$c"; done <"$tmp/commands"
 
-# table FILE: "NAME<tab>VALUE<tab>FIRST LINE OF ITS HELP" of each option. The
-# help may begin on the line below.
+# table FILE: "NAME<tab>VALUE<tab>FIRST LINE OF ITS HELP<tab>CHOICES" of each
+# option. The help may begin on the line below. The choices are the words of a
+# VALUE a|b|c, "*" where it is a file's name, or what the list below the help of
+# a LIST has in its first column.
 table() {
     awk '
-        function flush() { if (name) print name "\t" value "\t" help }
+        function flush() {
+            if (name) print name "\t" value "\t" help "\t" words
+        }
+        function choices(of) {
+            if (of ~ /^(FILE|DIR|OUT|PATH)/) return "*"
+            return of ~ /[|]/ ? of : ""
+        }
         /^  --?[A-Za-z]/ {
             flush()
             name = $1
@@ -34,13 +43,18 @@ table() {
             value = rest ~ /^ [^ ]/ ? $2 : ""
             help = substr(rest, value == "" ? 1 : 2 + length(value))
             sub(/^ */, "", help)
+            words = choices(value)
+            gsub(/[|]/, " ", words)
             next
+        }
+        value == "LIST" && /^ +[a-z-]+  / {
+            words = words (words == "" ? "" : " ") $1
         }
         name && help == "" { help = $0; sub(/^ */, "", help) }
         END { flush() }' "$1"
 }
 
-summary() { sed -nE "s/^  $1 +[A-Z][^ ]*( [^ ]+)*  +(.*)/\2/p" "$tmp/all"; }
+summary() { sed -nE "s/^  $1 +[A-Z-][^ ]*( [^ ]+)*  +(.*)/\2/p" "$tmp/all"; }
 
 # ---- manual pages
 
@@ -133,10 +147,52 @@ man() {
 # words FILE: the names of its options in one line.
 words() { table "$1" | cut -f 1 | tr '\n' ' ' | sed 's/ $//'; }
 
+# bash_values FILE PATTERN: what follows options that take a value, as branches
+# of a case, whose patterns begin with PATTERN. Nothing follows where any number
+# or word may.
+bash_values() {
+    table "$1" | awk -F '\t' -v before="$2" -v quote="'" '
+        $2 == "" { next }
+        !($1 in words) { names[n++] = $1 }
+        !($1 in words) || $4 != "" { words[$1] = ($2 == "LIST" ? "," : "") $4 }
+        END {
+            for (i = 0; i < n; i++) {
+                key = words[names[i]]
+                if (!(key in all)) keys[m++] = key
+                all[key] = all[key] " | " quote before names[i] quote
+            }
+            for (i = 0; i < m; i++) {
+                key = keys[i]
+                print "    " substr(all[key], 4) ")"
+                if (key == "*") {
+                    print "        COMPREPLY=($(compgen -f -- \"$cur\"))"
+                } else if (key ~ /^,/) {
+                    print "        local last=${cur##*,}"
+                    print "        COMPREPLY=($(compgen -P" \
+                        " \"${cur%\"$last\"}\" -W " quote substr(key, 2) quote \
+                        " -- \"$last\"))"
+                } else if (key != "") {
+                    print "        COMPREPLY=($(compgen -W " quote key quote \
+                        " -- \"$cur\"))"
+                }
+                print "        return ;;"
+            }
+        }'
+}
+
 bash_completion() {
     echo "# Made by tools/help_pages.sh."
     echo "_$(echo "$name" | tr - _)() {"
     echo "    local cur=\${COMP_WORDS[COMP_CWORD]} words="
+    echo "    local before=\${COMP_WORDS[COMP_CWORD - 1]}"
+    if [ -s "$tmp/commands" ]; then
+        echo "    case \"\${COMP_WORDS[1]} \$before\" in"
+        while read -r c; do bash_values "$tmp/$c" "$c "; done <"$tmp/commands"
+    else
+        echo "    case \$before in"
+        bash_values "$tmp/all" ""
+    fi
+    echo "    esac"
     if [ -s "$tmp/commands" ]; then
         echo "    if [ \"\$COMP_CWORD\" = 1 ]; then"
         echo "        words='$(tr '\n' ' ' <"$tmp/commands")help --version'"
@@ -164,8 +220,11 @@ bash_completion() {
 zsh_options() {
     table "$1" | sed "s/'//g; s/\[/(/g; s/\]/)/g; s/:/ /g" |
         awk -F '\t' '{
+            after = $4 == "*" ? "_files" : $4 == "" ? " " : $2 == "LIST" ? \
+                "_sequence compadd - " $4 : "(" $4 ")"
+            sub(/.*[|].*/, "one", $2)
             printf "        '"'"'*%s[%s]%s'"'"' \\\n", $1, $3, \
-                $2 == "" ? "" : ":" $2 ":_files" }'
+                $2 == "" ? "" : ":" $2 ":" after }'
     echo "        '*:file:_files'"
 }
 
@@ -200,7 +259,9 @@ zsh_completion() {
 fish_options() {
     table "$1" | sed "s/'//g" | awk -F '\t' -v p="$name" -v when="$2" '{
         flag = $1 ~ /^--/ ? " -l " substr($1, 3) : " -s " substr($1, 2)
-        print "complete -c " p when flag ($2 == "" ? "" : " -r") \
+        takes = $2 == "" ? "" : $4 == "*" ? " -r" : " -x"
+        if ($4 != "" && $4 != "*") takes = takes " -a '"'"'" $4 "'"'"'"
+        print "complete -c " p when flag takes \
             " -d '"'"'" $3 "'"'"'" }'
 }
 

@@ -4,7 +4,7 @@
 # install.sh BUILD: puts what is in BUILD below DESTDIR, in BINDIR, LIBDIR,
 # INCLUDEDIR, DATADIR and PYTHONDIR: programs, libraries, header, pkg-config's
 # description, manual pages, completions, the Python module. `make install` runs
-# it.
+# it. Where there is no DESTDIR, the loader is told of the library (ldconfig).
 set -eu
 
 build=$1
@@ -40,3 +40,9 @@ Libs: -L\${libdir} -lsaga
 Cflags: -I\${includedir}
 PC
 put 644 "$build/pages/saga.pc" "$LIBDIR/pkgconfig/saga.pc"
+
+if [ -z "$DESTDIR" ] &&
+    ! PATH=$PATH:/usr/sbin:/sbin ldconfig 2>/dev/null; then
+    echo "ldconfig failed: run it as root, or programs need" \
+        "LD_LIBRARY_PATH=$LIBDIR"
+fi

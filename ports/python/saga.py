@@ -118,13 +118,18 @@ _library = None
 
 
 def _lib():
-    """The library, loaded once: SAGA_LIBRARY, the system's, the build's."""
+    """The library, loaded once: SAGA_LIBRARY, or the one that belongs to this
+    file, of an installation or a build, or the system's."""
     global _library
     if _library:
         return _library
     here = os.path.dirname(os.path.abspath(__file__))
-    names = [os.environ.get("SAGA_LIBRARY")] if "SAGA_LIBRARY" in os.environ \
-        else ["libsaga.so.0", os.path.join(here, "../../build/libsaga.so.0"),
+    # PREFIX/share/saga/python has its library in PREFIX/lib, ports/python in
+    # the tree's build.
+    beside = [os.path.normpath(os.path.join(here, at, "libsaga.so.0"))
+              for at in ("../../../lib", "../../../lib64", "../../build")]
+    names = [os.environ["SAGA_LIBRARY"]] if "SAGA_LIBRARY" in os.environ \
+        else [*filter(os.path.exists, beside), "libsaga.so.0",
               "/usr/local/lib/libsaga.so.0"]
     why = None
     for name in names:

@@ -5,9 +5,13 @@
 #   files       all that was named, nothing outside; the release is one number
 #               everywhere
 #   library     pkg-config is enough for a program of a user; the shared library
-#               shows the functions of saga.h and no others; the examples run
+#               shows the functions of saga.h and no others; the examples run;
+#               the Python module finds the library beside which it is put, and
+#               ldconfig is told where nothing is put below DESTDIR
+#   web         build/web has all that its package.json names, for npm pack
 #   pages       every option of every command is in the manual page and in each
-#               completion; the page has no warnings; bash completes
+#               completion; the page has no warnings; bash completes, after an
+#               option what that takes
 set -u
 cd "$(dirname "$0")/../.." || exit
 checks=install
@@ -16,6 +20,7 @@ checks=install
 
 build=${BUILD:-build}
 [ ! -d "$build/gcc" ] || build=$build/gcc # of run_tests.sh
+rm -f "$build/web/package.json" "$build/web/README.md"
 "${MAKE:-make}" -s BUILD="$build" CC=gcc ${SAGA:+WERROR=-Werror} install \
     DESTDIR="$tmp/root" PREFIX=/opt/saga >"$tmp/log" 2>&1 ||
     complain "make install: $(tail -n 1 "$tmp/log")"
@@ -89,14 +94,63 @@ sed -n 's/^[a-z].*[ *]\(saga_[a-z0-9_]*\)(.*/\1/p' decoder/saga.h |
     sort -u >"$tmp/names"
 nm -D --defined-only "$at/lib/libsaga.so.0" | awk '{ print $3 }' | sort |
     diff "$tmp/names" - >>"$bad"
+# Another folder than this tree's, where no build lies above the module.
+python() { # python ARGUMENTS...: without what the caller has set
+    env -u SAGA_LIBRARY -u LD_LIBRARY_PATH PYTHONDONTWRITEBYTECODE=1 \
+        python3 "$@"
+}
+for lib in lib lib64; do
+    mv "$at/lib" "$at/moved" && mv "$at/moved" "$at/$lib"
+    found=$(cd / && PYTHONPATH=$share/saga/python python -c \
+        'import saga; print(saga._lib()._name)' 2>&1 | tail -n 1)
+    [ "$(realpath -m "$found")" = "$(realpath "$at/$lib/libsaga.so.0")" ] ||
+        complain "the module beside $lib finds: $found"
+    mv "$at/$lib" "$at/moved" && mv "$at/moved" "$at/lib"
+done
+mkdir "$tmp/bin"
+printf '#!/bin/sh\necho told >>"%s"\nexit "$LDCONFIG"\n' "$tmp/told" \
+    >"$tmp/bin/ldconfig"
+chmod +x "$tmp/bin/ldconfig"
+put() { # put LDCONFIG DESTDIR: how ldconfig ends
+    LDCONFIG=$1 DESTDIR=$2 PATH=$tmp/bin:$PATH BINDIR=$tmp/put/bin \
+        LIBDIR=$tmp/put/lib INCLUDEDIR=$tmp/put/include \
+        DATADIR=$tmp/put/share PYTHONDIR=$tmp/put/python \
+        tools/install.sh "$build" >"$tmp/log" 2>&1 ||
+        complain "install.sh: $(tail -n 1 "$tmp/log")"
+}
+put 0 "$tmp/root2"
+[ ! -e "$tmp/told" ] || complain "ldconfig runs for DESTDIR"
+put 0 ''
+[ -s "$tmp/told" ] || complain "ldconfig is not run"
+put 1 ''
+grep -q 'ldconfig' "$tmp/log" || complain "no word of ldconfig that fails"
 verdict library
+
+# ---- web
+sed -n '/"files"/,/\]/s/^ *"\([^"]*\)",*$/\1/p' ports/web/package.json \
+    >"$tmp/web"
+(cd "$build/web" && while read -r f; do
+    # shellcheck disable=SC2086
+    case $f in
+    *.wasm) ;; # without clang there is none
+    *) ls $f >/dev/null || echo "build/web has no $f" ;;
+    esac
+done <"$tmp/web"; ls package.json README.md >/dev/null) >>"$bad" 2>&1
+[ "$(wc -l <"$tmp/web")" -ge 4 ] || complain "package.json names no files"
+if command -v npm >/dev/null; then
+    (cd "$build/web" && npm pack --dry-run --offline --json 2>/dev/null) |
+        grep -q '"path": "saga.js"' || complain "npm packs no saga.js"
+fi
+verdict web
 
 # ---- pages: "COMMAND OPTION" of all of them, from the help once more
 options() { # options PROGRAM COMMAND ARGUMENTS...
     "$1" "${@:3}" | grep -oE '^  --?[A-Za-z][A-Za-z-]*' | sed "s/^ */$2 /"
 }
 commands=$("$at/bin/saga" --help |
-    sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p')
+    sed -n '/^usage/,/^First/s/^  \([a-z][a-z]*\)   *[A-Z-].*/\1/p')
+[ "$(echo "$commands" | wc -l)" -ge 15 ] ||
+    complain "the help has the commands $commands"
 for c in $commands; do options "$at/bin/saga" "$c" help "$c"; done >"$tmp/all"
 # Those of the tables' source, too: what the help shows must be all.
 grep -hoE '^    \{ "--?[a-z-]+"' trainer/cli/*.c | cut -d'"' -f2 | sort -u |
@@ -139,6 +193,32 @@ offers() {
     complain "--prim: $(offers saga encode --prim)"
 [ "$(offers saga info vectors/MANI)" = vectors/MANIFEST ] ||
     complain "a file: $(offers saga info vectors/MANI)"
+[ "$(offers saga imp)" = import ] || complain "imp: $(offers saga imp)"
+after() { # after WORDS WORD...: what is offered after them, in one line
+    local got
+    got=$(offers "${@:2}" | tr '\n' ' ' | sed 's/ $//')
+    [ "$got" = "$1" ] || complain "${*:2}: '$got', not '$1'"
+}
+after 'fast balanced best' saga encode vectors --preset ''
+after 'balanced best' saga encode vectors --preset b
+after 'room ring' saga synth x --scene ''
+after '0 1 2 3' saga encode vectors --level ''
+after 'no-hyperprior,no-parent' saga encode vectors --ablate no-hyperprior,no-p
+after '' saga encode vectors --primitives ''
+after vectors/MANIFEST saga encode vectors --log vectors/M
+# Whatever the help gives as a|b|c is offered by each shell.
+for c in $commands; do
+    "$at/bin/saga" help "$c" |
+        sed -nE "s/^  --([a-z-]+) ([a-z0-9]+[|][^ ]*).*/$c \1 \2/p"
+done >"$tmp/sets"
+[ "$(wc -l <"$tmp/sets")" -ge 4 ] || complain "sets: $(cat "$tmp/sets")"
+while read -r c o value _; do
+    after "${value//|/ }" saga "$c" x "--$o" ''
+    sed -n "/^$c)/,/;;/p" "$share/zsh/site-functions/_saga" | grep -F -e \
+        "'*--$o[" | grep -qF "(${value//|/ })" || complain "zsh: $c --$o"
+    grep -F "from $c'" "$share/fish/vendor_completions.d/saga.fish" |
+        grep -qF -e "-l $o -x -a '${value//|/ }'" || complain "fish: $c --$o"
+done <"$tmp/sets"
 verdict pages
 
 all_passed

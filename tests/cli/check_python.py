@@ -10,11 +10,13 @@
               not there, raise saga.Error, each bad vector its status
   arrays      of pictures and primitives, where there is numpy; else it says so
   encode      runs the program, passes options, gives the report or the message
+  readme      the packages it names are there, its example gives what it says
 
 BUILD=... or build has libsaga.so.0 (`make shared`), SAGA=... is the program.
 """
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -188,6 +190,20 @@ def check_encode(tmp):
         v.complain("no capture:", got)
 
 
+def check_readme():
+    text = open("ports/python/README.md").read()
+    there = re.findall(r"^Package: (\S+)$", open("debian/control").read(), re.M)
+    for name in re.findall(r"\b(?:python3-|libsaga)[a-z0-9-]+\b(?!\.)", text):
+        if name not in there:
+            v.complain("no package", name, "among", there)
+    film = saga.open("docs/demo.saga")
+    camera = film.camera(0)
+    for wanted in ((film.info.n_frames, film.info.n_cameras),
+                   (camera.height, camera.width, 3)):
+        if str(wanted) + "\n" not in text:
+            v.complain("README.md does not give", wanted)
+
+
 tmp = tempfile.mkdtemp()
 try:
     for name, check, words in (("structures", check_structures, [tmp]),
@@ -195,7 +211,8 @@ try:
                                ("names", check_names, []),
                                ("errors", check_errors, []),
                                ("arrays", check_arrays, []),
-                               ("encode", check_encode, [tmp])):
+                               ("encode", check_encode, [tmp]),
+                               ("readme", check_readme, [])):
         check(*words)
         v.verdict(name)
 finally:

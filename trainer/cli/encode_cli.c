@@ -1476,8 +1476,8 @@ static const saga_cli_option option_list[] = {
     { "--networks", "FILE", "what --networks-only wrote of the same capture, "
       "with the\nsame options", saga_cli_text, offsetof(options, networks), 0,
       0 },
-    { "--preset", "NAME", "how long to work on it: fast, balanced (default), "
-      "best", saga_cli_text, offsetof(options, preset), 0, 0 },
+    { "--preset", "fast|balanced|best", "how long to work on it (default "
+      "balanced)", saga_cli_text, offsetof(options, preset), 0, 0 },
     { "--size", "BYTES", "of the file, within 5 %: 150k, 1.2M",
       saga_cli_nbytes, offsetof(options, size), 0, 0 },
     { "--bitrate", "BITS", "the same in bits a second: 500k",
@@ -1500,8 +1500,8 @@ static const saga_cli_option option_list[] = {
       "(default: what balances\n--primitives and the bits of each, by the "
       "error after\nthe warm-up)",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
-    { "--level", "N", "memory its decoder may need: 0 256 KiB, 1 4 MiB,\n"
-      "2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
+    { "--level", "0|1|2|3", "memory its decoder may need: 0 256 KiB, "
+      "1 4 MiB,\n2 32 MiB, 3 1 GiB (default 2); obeyed", saga_cli_int,
       offsetof(options, level), 0, 3 },
     { "--layers", "N", "behind each of which the file may be cut (`saga cut\n"
       "--layers`): fewer bytes, a coarser picture (default 1)", saga_cli_int,

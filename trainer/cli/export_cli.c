@@ -205,8 +205,9 @@ static const saga_cli_option option_list[] = {
       saga_cli_text, offsetof(options, glb), 0, 0 },
     { "--frame", "N", "... which (default 0)", saga_cli_int,
       offsetof(options, frame), 0, INT32_MAX },
-    { "--sh", "D", "colours that depend on the view: spherical harmonics of\n"
-      "degree D, fitted to what the decoder shows the rig\n(default 1)",
+    { "--sh", "0|1|2|3", "colours that depend on the view: spherical "
+      "harmonics of\nthis degree, fitted to what the decoder shows the rig\n"
+      "(default 1)",
       saga_cli_int, offsetof(options, degree), 0, SAGA_MAX_DEGREE },
     { "--camera", "N", "... or as camera N of the rig sees them",
       saga_cli_int, offsetof(options, camera), 0, 65535 }

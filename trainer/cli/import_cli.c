@@ -408,7 +408,7 @@ static const saga_cli_option option_list[] = {
       saga_cli_int, offsetof(options, iterations), 2, 10000000 },
     { "--lambda", "L", "price of bits, as `saga encode` has it",
       saga_cli_real, offsetof(options, lambda), 0, 0 },
-    { "--level", "N", "what a decoder must have, 0 to 3 (default 2)",
+    { "--level", "0|1|2|3", "what a decoder must have (default 2)",
       saga_cli_int, offsetof(options, level), 0, 3 },
     { "--fps", "F", "frames per second (default 30)", saga_cli_real,
       offsetof(options, fps), 0, 0 },

@@ -91,7 +91,7 @@ static int run(int argc, char **argv)
 }
 
 static const saga_cli_option option_list[] = {
-    { "--scene", "NAME", "room, from the front (default), or ring: hard "
+    { "--scene", "room|ring", "room, from the front (default), or ring: hard "
       "motion,\ncameras all round", saga_cli_text, offsetof(options, scene), 0,
       0 },
     { "--size", "WxH", "pixels of a picture (default 320x180)", saga_cli_size,
