@@ -28,7 +28,7 @@ import sys
 import tempfile
 
 import splats
-from verdict import Verdicts, read
+from verdict import Verdicts, crc32c, read
 
 os.chdir(os.path.join(os.path.dirname(__file__), "..", ".."))
 BUILD = os.environ.get("BUILD", "build")
@@ -52,15 +52,6 @@ def write(path, data):
 
 
 # --- A file's chunks, read and signed here ---------------------------------
-
-def crc32c(crc, data):
-    crc ^= 0xffffffff
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0x82f63b78 if crc & 1 else 0)
-    return crc ^ 0xffffffff
-
 
 def signed(data):
     """The bytes of a file with the CRCs of docs/bitstream.md, section 2."""

@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """check_shutter.py: guarantees, for what `saga encode` says of shutters,
-  quiet       nothing, of cameras that read all rows at once
-  rolling     which camera does not, and for how long it reads, from pictures
-              whose rows are those of a room rendered at four times the rate"""
+  rolling     which one of seven cameras does not read all rows at once, and for
+              how long it reads, from pictures whose rows are those of a room
+              rendered at four times the rate
+  quiet       with SAGA_TEST_LONG: nothing where all do, in JSON. `rolling` has
+              six such cameras, unit/test_shutter.c the sums"""
 
 import json
 import os
@@ -77,10 +79,10 @@ def check_quiet(tmp):
 
 def check_rolling(tmp):
     said = re.findall(r"(\w+): the last row is (\S+) of a frame \(\+-(\S+)\) "
-                      "behind the first", encode(tmp, "rolling",
-                                                 {ROLLS: READOUT}))
-    if [name for name, _, _ in said] != [ROLLS] or \
-            abs(float(said[0][1]) - READOUT) > 0.25 or float(said[0][2]) > 0.2:
+                      r"(\w+)", encode(tmp, "rolling", {ROLLS: READOUT}))
+    if [name for name, _, _, _ in said] != [ROLLS] or \
+            abs(float(said[0][1]) - READOUT) > 0.25 or \
+            float(said[0][2]) > 0.2 or said[0][3] != "behind":
         complain("of", ROLLS, "with", READOUT, "frames it says", said)
     verdict("rolling")
 
@@ -90,6 +92,7 @@ with tempfile.TemporaryDirectory() as tmp:
                "%dx%d" % (WIDTH, HEIGHT), "--cameras", 7, "--hold-out", 1,
                "--frames", FINER * (FRAMES + 1), "--fps", 24 * FINER,
                "--points", 800, "--depth-every", 0, "--threads", 1)
-    check_quiet(tmp)
     check_rolling(tmp)
+    if os.environ.get("SAGA_TEST_LONG"):
+        check_quiet(tmp)
 sys.exit(checks.failed)

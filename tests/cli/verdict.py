@@ -42,6 +42,23 @@ def read(path):
         return f.read()
 
 
+def table_of_bytes():
+    for crc in range(256):
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82f63b78 if crc & 1 else 0)
+        yield crc
+
+
+CRC32C = list(table_of_bytes())
+
+
+def crc32c(crc, data):
+    crc ^= 0xffffffff
+    for byte in data:
+        crc = crc >> 8 ^ CRC32C[(crc ^ byte) & 255]
+    return crc ^ 0xffffffff
+
+
 def pixels(path, kind="rgb24"):
     """Returns the bytes of a picture, or of all pictures of a film or a
     pattern of names."""
