@@ -203,7 +203,10 @@ STAGES_HEAD = """
 `saga verify` on the picture of three cameras at three times, all in float64
 but what stands before the stage: error of the picture before it is rounded to 8
 bits, in levels of 255 (RMS). What a stage adds is the difference of squares.
-The 8-bit picture beside float64 rounded to 8 bits is below it.
+The 8-bit picture beside float64 rounded to 8 bits is below it. Files are as
+they were on the day above, docs/demo.saga too:
+
+{sizes}.
 
 | stage | {names} |
 |---|{rules}
@@ -328,7 +331,10 @@ def page(result):
                        compiler=result["compiler"], columns=HEAD_COLUMNS)
     text += "".join(operator_lines(rows, names))
     text += READ.format(flags="-O3 -march=x86-64-v3")
-    text += STAGES_HEAD.format(names=" | ".join(files),
+    sizes = ",\n".join(f"{n} with {result['nbytes'][n]:,} bytes and "
+                       f"{v[0]['n_primitives']:,} primitives"
+                       for n, v in files.items())
+    text += STAGES_HEAD.format(sizes=sizes, names=" | ".join(files),
                                rules="---|" * len(files))
     text += "".join(stage_lines(files))
     text += STAGES_TEXT.format(cut=f"{share(first, 'scaffold'):.1f} %",
@@ -348,6 +354,8 @@ def measure(build, files):
         "compiler": run("gcc", "--version").splitlines()[0],
         "operators": operators(build),
         "formats": json.loads(run(f"{build}/make_formats", first))["formats"],
+        "nbytes": {name: os.path.getsize(path)
+                   for name, path in files.items()},
         "files": {name: verified(f"{build}/saga", path)
                   for name, path in files.items()},
     }
