@@ -286,6 +286,97 @@ static void decoder_should_stay_inside_its_block(void **state)
     }
 }
 
+static uint64_t to_16(uint64_t n)
+{
+    return (n + 15) / 16 * 16;
+}
+
+static uint64_t larger(uint64_t a, uint64_t b)
+{
+    return a > b ? a : b;
+}
+
+static uint64_t nets_of_document(const saga_model *m)
+{
+    uint64_t nbytes = 0;
+    saga_net_shape s;
+    int net, i;
+
+    for (net = 0; net < SAGA_N_NETS; net++) {
+        saga_model_net(&s, m, net);
+        for (i = 0; i < s.n_layers; i++)
+            nbytes += to_16((to_16(s.dim[i]) * (s.int8 ? 1 : 2) + 5) *
+                            s.dim[i + 1]);
+    }
+    return nbytes;
+}
+
+/* docs/bitstream.md, section 5. */
+static uint64_t work_of_document(const saga_header *h)
+{
+    const saga_model *const m = &h->model;
+    const uint64_t f = m->features, slots = m->bank_slots;
+    const uint64_t nc = larger(h->max.coarse, h->base.coarse);
+    const uint64_t nf = larger(h->max.fine, h->base.fine);
+    const uint64_t np = larger(h->max.prim, h->base.prim);
+    const uint64_t all = h->max.prim + h->base.prim;
+    const uint64_t s = m->tools & SAGA_TOOL_VIEW ? m->width[SAGA_NET_COLOUR]
+                                                 : 3;
+    const uint64_t bank = m->tools & SAGA_TOOL_BANK
+        ? 2 * slots * to_16(m->bank_width) + 2 * slots * m->bank_width +
+              2 * slots * m->width[SAGA_NET_WRITE] + 6 * slots + to_16(388)
+        : 0;
+
+    return 768 + 2 * to_16(f) + nets_of_document(m) + to_16(6630) +
+           to_16(4224) + to_16(72 * all) + to_16(2 * s * all) +
+           larger(bank + to_16(32 * nc) + to_16(2 * f * nc) + to_16(48 * nf) +
+                      to_16(2 * f * nf) + to_16(8 * np),
+                  to_16(44 * all) + 2 * to_16(8 * all));
+}
+
+static void block_should_be_as_large_as_the_document_says(void **state)
+{
+    uint32_t n_plain = 0, i;
+
+    (void)state;
+    for (i = 0; i < 64; i++) {
+        const gen_options o = options_of(first_seed(), i);
+        saga_header h;
+        player p;
+
+        begin(&p, &o);
+        assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
+        assert_int_equal(p.info.work_nbytes, work_of_document(&h));
+        n_plain += !(h.model.tools & SAGA_TOOL_VIEW);
+        end(&p);
+    }
+    assert_true(n_plain > 10 && n_plain < 54);
+}
+
+/* Inputs are padded with what the networks' vectors hold: zeros from the start,
+ * whatever the block held. */
+static void vectors_should_be_empty_when_opened(void **state)
+{
+    uint32_t i;
+
+    (void)state;
+    for (i = 0; i < 8; i++) {
+        gen_options o = options_of(first_seed(), i);
+        saga_header h;
+        saga_plan plan;
+        player p;
+        size_t k;
+
+        o.base = 0;
+        begin(&p, &o);
+        assert_int_equal(saga_head_read(&h, p.bytes, p.n), SAGA_OK);
+        assert_int_equal(saga_plan_make(&plan, &h, DECODER_NBYTES), SAGA_OK);
+        for (k = 0; k < sizeof(saga_vectors); k++)
+            assert_int_equal(p.work[plan.vectors_at + k], 0);
+        end(&p);
+    }
+}
+
 /* Without primitives the anchors lie at the end, and all of them are written:
  * what is left is the padding to 16. */
 static void block_should_be_used_up_to_its_end(void **state)
@@ -905,6 +996,8 @@ int main(void)
         cmocka_unit_test(levels_should_be_those_of_the_public_header),
         cmocka_unit_test(open_should_refuse_a_smaller_or_misaligned_block),
         cmocka_unit_test(decoder_should_stay_inside_its_block),
+        cmocka_unit_test(block_should_be_as_large_as_the_document_says),
+        cmocka_unit_test(vectors_should_be_empty_when_opened),
         cmocka_unit_test(block_should_be_used_up_to_its_end),
         cmocka_unit_test(tools_should_cost_nothing_when_off),
         cmocka_unit_test(macs_should_be_counted_exactly),

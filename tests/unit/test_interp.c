@@ -17,7 +17,7 @@
 
 #include <string.h>
 
-enum { COUNT = 20000, N = 80 };
+enum { COUNT = 20000, N = 80, UNTOUCHED = 0xa5a5 };
 
 typedef struct {
     saga_model model;
@@ -152,6 +152,29 @@ static uint32_t members(candidate *to, const crowd *c)
     return n;
 }
 
+/* A list, and what lies behind it. */
+typedef struct {
+    saga_neighbours nb;
+    uint16_t behind;
+} guarded;
+
+/* Weights sum to 1 but for roundings; nothing is written behind the last. */
+static void check_weights(const guarded *g)
+{
+    const saga_neighbours *const nb = &g->nb;
+    uint32_t sum = 0, i;
+
+    for (i = 0; i < nb->n; i++)
+        sum += nb->weight_q14[i];
+    assert_true(nb->n == 0 || (sum + nb->n / 2 >= 1 << 14 &&
+                               sum <= (1 << 14) + nb->n / 2));
+    for (; i < SAGA_MAX_NEIGHBOURS; i++) {
+        assert_int_equal(nb->weight_q14[i], UNTOUCHED);
+        assert_int_equal(nb->d_q12[i], UNTOUCHED);
+    }
+    assert_int_equal(g->behind, UNTOUCHED);
+}
+
 static void neighbours_should_be_the_nearest_ones(void **state)
 {
     gen_rng r = gen_seeded(71);
@@ -161,18 +184,20 @@ static void neighbours_should_be_the_nearest_ones(void **state)
     (void)state;
     for (k = 0; k < COUNT; k++) {
         candidate want[N + 1];
-        saga_neighbours nb;
         uint32_t n;
+        guarded g;
         crowd c;
 
         make_crowd(&c, &r);
         n = members(want, &c);
-        saga_interp_find(&nb, &c.sc, c.tier, &c.query, c.centre, c.before);
-        assert_int_equal(nb.n, n);
+        memset(&g, UNTOUCHED & 255, sizeof g);
+        saga_interp_find(&g.nb, &c.sc, c.tier, &c.query, c.centre, c.before);
+        assert_int_equal(g.nb.n, n);
         for (i = 0; i < n; i++) {
-            assert_int_equal(nb.rank[i], want[i].rank);
-            assert_int_equal(nb.d_q12[i], want[i].d);
+            assert_int_equal(g.nb.rank[i], want[i].rank);
+            assert_int_equal(g.nb.d_q12[i], want[i].d);
         }
+        check_weights(&g);
         n_full += n == c.model.tier[c.tier].neighbours;
     }
     assert_true(n_full > COUNT / 10 && n_full < COUNT);
