@@ -655,23 +655,37 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
     return SAGA_OK;
 }
 
+_Static_assert(offsetof(saga_job, cursor) ==
+               24 + sizeof(void *) + sizeof(size_t), "jobs have no padding");
+
+/* The scratch of a job that has begun numbers the splats of its view and has
+ * the layout that its first block gave: this tells them from others. A change
+ * of one field always shows. */
+static uint32_t digest_of(const saga_decoder *dec, const saga_job *job,
+                          const saga_picture *picture)
+{
+    return saga_crc32c(dec->view_digest ^ (uint32_t)picture->bits,
+                       (const uint8_t *)job, offsetof(saga_job, cursor));
+}
+
 saga_status saga_draw(const saga_decoder *dec, saga_job *job,
                       const saga_picture *picture, uint32_t budget)
 {
     const saga_drawing drawing = { &dec->camera, splats_of(dec), keys_of(dec),
                                    dec->n_splats, (saga_cpu)dec->cpu,
                                    dec->format.is_steep };
+    uint32_t digest;
 
     if (!dec->has_view)
         return SAGA_ERR_STATE;
     if (budget == 0)
         return SAGA_ERR_ARG;
+    digest = digest_of(dec, job, picture);
     if (job->cursor[0] == 0) {
         job->cursor[1] = dec->n_views;
-        job->cursor[2] = dec->view_digest;
+        job->cursor[2] = digest;
     }
-    /* The scratch of a job that has begun numbers the splats of its view. */
-    if (job->cursor[1] != dec->n_views || job->cursor[2] != dec->view_digest)
+    if (job->cursor[1] != dec->n_views || job->cursor[2] != digest)
         return SAGA_ERR_STATE;
     return saga_raster(job, picture, &drawing, budget);
 }
@@ -761,6 +775,6 @@ const char *saga_status_text(saga_status status)
     if (status == SAGA_ERR_LEVEL)
         return "the stream exceeds its level, or this decoder's";
     if (status == SAGA_ERR_STATE)
-        return "nothing decoded, no view, or a job of another view";
+        return "nothing decoded, no view, or a job that began otherwise";
     return "unknown status";
 }

@@ -27,7 +27,7 @@
  * progress is in struct state, so that a call may stop after any unit of work.
  *
  * cursor[0]: 0 not begun, 1 begun (struct state is valid), 2 finished. The
- * others belong to the caller, who keeps a job with its view.
+ * others belong to the caller, who keeps a job with its view and first block.
  */
 #include "raster.h"
 
@@ -840,7 +840,7 @@ static saga_status check(const saga_job *job, const saga_picture *pic,
     if (log2_side == 0 || job->list_capacity == 0 || !is_inside(job, cam) ||
         (pic->bits != 8 && pic->bits != 16 && pic->bits != SAGA_DEPTH))
         return SAGA_ERR_ARG;
-    if (count_tiles(tile_nbytes(job), log2_side, 1) == 0)
+    if (tile_nbytes(job) < ((size_t)16 << 2 * log2_side) + sizeof(queue))
         return SAGA_ERR_SPACE;
     if ((uintptr_t)job->scratch & 3)
         return SAGA_ERR_ALIGN;

@@ -48,7 +48,7 @@ typedef enum saga_status {
     SAGA_ERR_VERSION = -12,  /* needs a newer decoder */
     SAGA_ERR_LEVEL = -13,    /* exceeds its declared level, or this build's */
     SAGA_ERR_STATE = -20     /* nothing decoded, no view, or the job began with
-                              * another view */
+                              * another view or first block */
 } saga_status;
 
 /* A pinhole camera; x right, y down, z forward. Integers only, since the bits
@@ -103,9 +103,10 @@ typedef struct saga_depth {
 
 /* A rectangle of the picture to be drawn by one thread, and its progress.
  * Set the first block, zero the second, call saga_draw until it returns
- * something other than SAGA_AGAIN. A job belongs to the view with which it
- * began: zero the second block again for another one. Until it ends, the first
- * block, the bytes of the scratch and the picture's bits stay as they are. */
+ * something other than SAGA_AGAIN. A job remembers the view, the first block
+ * and the picture's bits with which it began, and is refused with others: zero
+ * the second block again for those. The bytes of the scratch stay as they are
+ * until it ends. */
 typedef struct saga_job {
     int32_t x0, y0, x1, y1;  /* inside the camera's picture, not empty */
     int32_t tile;            /* side of a tile in pixels: 8, 16, 32 or 64; has
@@ -117,8 +118,8 @@ typedef struct saga_job {
     size_t scratch_nbytes;   /* more lets a band of several tiles share one
                               * pass over the splats */
 
-    uint32_t cursor[4];      /* internal: progress, the view; zero at the
-                              * start */
+    uint32_t cursor[4];      /* internal: progress, what it began with; zero at
+                              * the start */
 } saga_job;
 
 /* Bytes of scratch the smallest band (one tile) needs. */
@@ -272,9 +273,9 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera,
 /* Draws some of a job: see saga_job. budget >= 1 bounds the work of the call:
  * one unit is a splat looked at or a row of a splat in a tile blended.
  * SAGA_OK: finished; SAGA_AGAIN: budget spent, call again; ARG, SPACE, ALIGN:
- * job, picture or budget; STATE: no view, or the job began with another one and
- * must begin anew. Pixels outside the job's rectangle are not touched; those
- * inside are written when final. */
+ * job, picture or budget; STATE: no view, or the job began with another one, or
+ * with another first block or other bits, and must begin anew. Pixels outside
+ * the job's rectangle are not touched; those inside are written when final. */
 saga_status saga_draw(const saga_decoder *dec, saga_job *job,
                       const saga_picture *picture, uint32_t budget);
 

@@ -15,7 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { SIDE = 64, TILE = 16, LIST = 64, FEW = 40 };
+enum { SIDE = 64, TILE = 16, LIST = 64, FEW = 40, SLACK = 8 };
 
 static void *must(void *p)
 {
@@ -93,8 +93,8 @@ static void view(player *p, uint32_t camera, int32_t t)
 typedef struct {
     saga_job job;
     saga_picture picture;
-    uint8_t rgb[3 * SIDE * SIDE];
-    _Alignas(4) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST)];
+    _Alignas(8) uint8_t rgb[SIDE * SIDE * sizeof(saga_depth)];
+    _Alignas(4) uint8_t scratch[SAGA_JOB_NBYTES(TILE, LIST) + SLACK];
 } painter;
 
 static void prepare(painter *a)
@@ -104,7 +104,7 @@ static void prepare(painter *a)
     a->job.tile = TILE;
     a->job.list_capacity = LIST;
     a->job.scratch = a->scratch;
-    a->job.scratch_nbytes = sizeof a->scratch;
+    a->job.scratch_nbytes = sizeof a->scratch - SLACK;
     a->picture.rgb = a->rgb;
     a->picture.stride_nbytes = 3 * SIDE;
     a->picture.nbytes = sizeof a->rgb;
@@ -224,6 +224,86 @@ static void job_should_be_refused_when_finished_for_another_view(void **state)
     assert_int_equal(finish(&p, &a), SAGA_OK);
     view(&p, 1, 0);
     assert_refused(&p, &a);
+    end(&p);
+}
+
+/* Changes what a job must keep, one field at a time: each alone would be a
+ * valid job. Returns 0 when there is no such field. */
+static int change_field(painter *a, int i)
+{
+    saga_job *const j = &a->job;
+
+    switch (i) {
+    case 0: j->x0 = 8; return 1;
+    case 1: j->y0 = TILE; return 1;
+    case 2: j->x1 = SIDE - 8; return 1;
+    case 3: j->y1 = SIDE - 1; return 1;
+    case 4: j->tile = TILE / 2; return 1;
+    case 5: j->list_capacity = 1; return 1;
+    case 6: j->list_capacity = LIST - 1; return 1;
+    case 7: j->scratch = a->scratch + SLACK; return 1;
+    case 8: j->scratch_nbytes += SLACK; return 1;
+    case 9: a->picture.bits = 16; return 1;
+    case 10: a->picture.bits = SAGA_DEPTH; return 1;
+    default: return 0;
+    }
+}
+
+/* The job is not led astray by a field that was changed and changed back. */
+static void job_should_be_refused_when_its_fields_are_others(void **state)
+{
+    player p;
+    painter a, b;
+    int i;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    prepare(&b);
+    assert_int_equal(finish(&p, &b), SAGA_OK);
+    for (i = 0;; i++) {
+        painter before;
+
+        begin_job(&p, &a);
+        a.picture.stride_nbytes = SIDE * sizeof(saga_depth);
+        before = a;
+        if (!change_field(&a, i))
+            break;
+        assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
+        assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
+        assert_memory_equal(a.rgb, before.rgb, sizeof a.rgb);
+        assert_memory_equal(a.scratch, before.scratch, sizeof a.scratch);
+        a.job = before.job;
+        a.picture.bits = 8;
+        a.picture.stride_nbytes = 3 * SIDE;
+        assert_int_equal(finish(&p, &a), SAGA_OK);
+        assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
+        (void)change_field(&a, i);
+        assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
+    }
+    assert_int_equal(i, 11);
+    end(&p);
+}
+
+/* What may change: another buffer for the rows that are left. */
+static void job_should_go_on_in_another_picture(void **state)
+{
+    player p;
+    painter a, b;
+
+    (void)state;
+    begin(&p);
+    decode(&p, 0);
+    view(&p, 0, 0);
+    prepare(&b);
+    assert_int_equal(finish(&p, &b), SAGA_OK);
+    begin_job(&p, &a);
+    memcpy(b.rgb + sizeof b.rgb / 2, a.rgb, sizeof b.rgb / 2);
+    a.picture.rgb = b.rgb + sizeof b.rgb / 2;
+    a.picture.nbytes = sizeof b.rgb / 2;
+    assert_int_equal(finish(&p, &a), SAGA_OK);
+    assert_memory_equal(b.rgb + sizeof b.rgb / 2, b.rgb, 3 * SIDE * SIDE);
     end(&p);
 }
 
@@ -352,6 +432,8 @@ int main(void)
         cmocka_unit_test(job_should_be_refused_when_the_segment_is_another),
         cmocka_unit_test(job_should_be_refused_when_the_decoder_is_another),
         cmocka_unit_test(job_should_be_refused_when_finished_for_another_view),
+        cmocka_unit_test(job_should_be_refused_when_its_fields_are_others),
+        cmocka_unit_test(job_should_go_on_in_another_picture),
         cmocka_unit_test(job_should_go_on_when_a_view_was_refused),
         cmocka_unit_test(job_should_go_on_when_the_decoder_was_moved),
         cmocka_unit_test(budget_should_be_refused_when_0),
