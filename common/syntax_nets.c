@@ -221,7 +221,7 @@ static void store_fine_units(uint8_t *block, const formats *feature)
 }
 
 /* `given` is of the last network whose outputs have formats: no other one is
- * read any more. */
+ * read any more. A network without layers gives none. */
 static int code_network(const saga_nets *nets, uint8_t *block, formats *given,
                         net_models *m, saga_coder *c, int net)
 {
@@ -229,6 +229,7 @@ static int code_network(const saga_nets *nets, uint8_t *block, formats *given,
     int i;
 
     to.in.n = 0;
+    to.out.n = 0;
     if (saga_nets_takes(nets, net) >= 0)
         to.in = *given;
     for (i = 0; i < nets->shape[net].n_layers; i++) {

@@ -69,14 +69,13 @@ static uint32_t read_name(saga_naming *naming, const uint8_t *p, uint32_t at,
 static saga_status read_payload(saga_naming *naming, const uint8_t *p,
                                 uint32_t n, uint32_t index, uint32_t n_cameras)
 {
-    saga_naming last;
+    saga_naming last = { 0 };
     uint32_t at = 8, i;
 
     if (n < at)
         return SAGA_ERR_DATA;
     last.metre_mantissa = (int32_t)fx_load32_le(p);
     last.metre_exponent = (int32_t)fx_load32_le(p + 4);
-    last.name[0] = 0;
     for (i = 0; i < n_cameras; i++) {
         at = read_name(&last, p, at, n);
         if (!at)

@@ -765,18 +765,10 @@ static void begin(raster *r, uint32_t n_tiles)
 {
     state *const s = r->s;
 
-    s->step = STEP_OPEN;
+    *s = (state){ .step = STEP_OPEN, .band_rows = 1 };
     s->band_cols = n_tiles < r->cols ? n_tiles : r->cols;
-    s->band_rows = 1;
     while (s->band_rows < r->rows && (s->band_rows + 1) * r->cols <= n_tiles)
         s->band_rows++;
-    s->col = 0;
-    s->row = 0;
-    s->tx = 0;
-    s->ty = 0;
-    s->line = 0;
-    s->n_kept = 0;
-    s->n_passed = 0;
 }
 
 static uint32_t log2_of_side(int32_t tile)
