@@ -382,6 +382,10 @@ $(BUILD)/check_vectors: $(OBJ)/tests/stream/check_vectors.o \
     $(OBJ)/reference/ref_recorder.o $(PLAIN) $(LIB)
 	$(LINK) $^ -lm -o $@
 
+# This one likewise, for builds in which all that nobody has written shows.
+$(BUILD)/check_init: $(OBJ)/tests/stream/check_init.o $(LIB)
+	$(LINK) $^ -o $@
+
 # ---------------------------------------------------------------- install
 
 # Manual pages and completions come from what the programs' --help says.
@@ -415,7 +419,7 @@ $(BUILD)/log/%.log: $(BUILD)/% FORCE
 	    times >$(@:.log=.cpu)
 
 .PHONY: check test test-all setup sanitize lint symbols nofloat stack headers \
-        tree docs tables matrix mutants bench vectors clean
+        tree docs tables matrix init mutants bench vectors clean
 setup:
 	@tests/setup.sh
 
@@ -472,6 +476,8 @@ tables: $(BUILD)/gen_tables
 	done; test -z "$$bad"
 matrix:
 	@tests/run_matrix.sh small
+init:
+	@tests/check_init.sh small
 mutants:
 	@tests/run_mutants.sh
 
@@ -595,6 +601,7 @@ make tree        include law, file names, licence lines, columns
 make docs        links, columns and manner of the pages
 make tables      the generated tables are what gen_tables prints
 make matrix      the vectors on every compiler and emulated target
+make init        the decode depends on the bytes alone: paint, MemorySanitizer
 make mutants     planted mistakes that the gates must catch
 make bench       what operators take, beside what this machine can do
 make vectors     regenerates vectors/

@@ -57,6 +57,11 @@ mutants() {
         's/return \(x \+ \(int32_t\)\(1u << \(n - 1\)\)\) >> n;/return x >> n;/' \
         'gcc-O0' ''
 
+    # A variable read before it is written: most builds leave the right value.
+    mutant unset common/syntax_nets.c \
+        's/    to\.out\.n = 0;\n//' \
+        'gcc-O1-pattern' 'gcc-O0'
+
     # The checks of the objects and of the tree.
     mutant variable common/mlp.c \
         '$_ .= "static int planted;\nint saga_planted(void);\nint saga_planted(void)\n{\n    return planted++;\n}\n"' \

@@ -249,6 +249,7 @@ many() {
     [ "$what" != all ] || check debian tests/cli/check_debian.sh
     [ "$what" != all ] || check double tests/cli/check_double.sh
     check matrix tests/run_matrix.sh "$size"
+    check init tests/check_init.sh "$size"
     [ "$what" != all ] || check mutants tests/run_mutants.sh
 }
 

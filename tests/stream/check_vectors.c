@@ -1,12 +1,19 @@
 /* SPDX-License-Identifier: MIT
  *
- * check_vectors DIR: every line of DIR/MANIFEST, every stage; bad files must
- * give their exact status. Plain C and no test library, so that it runs on
- * every target. A missing file is a failure. Prints `N passed, N failed`.
+ * check_vectors DIR [PATH]: every line of DIR/MANIFEST, every stage; bad files
+ * must give their exact status. PATH is plain, x4 or avx2 (common/cpu.h) in
+ * place of the best one that the machine has. Plain C and no test library, so
+ * that it runs on every target. A missing file is a failure. Prints `N passed,
+ * N failed`.
  *
  * Symbols are read by ref_recorder.h and the shared traversal, everything
  * else through saga.h.
  */
+/* Paths are chosen here: the library's cpu.c is then not linked. */
+#define saga_cpu_best machine_best
+#include "cpu.c"
+#undef saga_cpu_best
+
 #include "encode.h"
 #include "head.h"
 #include "plan.h"
@@ -19,6 +26,15 @@
 #include <string.h>
 
 enum { PIXELS_NBYTES = 3 * 640 * 480 };
+
+saga_cpu saga_cpu_best(void);
+
+static saga_cpu cpu;
+
+saga_cpu saga_cpu_best(void)
+{
+    return cpu;
+}
 
 static uint8_t pixels[PIXELS_NBYTES];
 static int n_passed, n_failed;
@@ -160,19 +176,37 @@ static int check_line(const char *dir, const char *line)
     return ok;
 }
 
+/* Returns 0 where the machine lacks the path. */
+static int choose_path(const char *name)
+{
+    static const char *const names[] = { "plain", "x4", "avx2" };
+    const saga_cpu best = machine_best();
+
+    cpu = best;
+    if (name)
+        for (cpu = SAGA_CPU_PLAIN; cpu <= best; cpu++)
+            if (strcmp(name, names[cpu]) == 0)
+                break;
+    return cpu <= best;
+}
+
 int main(int argc, char **argv)
 {
-    char path[1024], line[1024];
+    char manifest[1024], line[1024];
     FILE *f;
 
-    if (argc != 2) {
-        fprintf(stderr, "usage: check_vectors DIR\n");
+    if (argc < 2 || argc > 3) {
+        fprintf(stderr, "usage: check_vectors DIR [plain | x4 | avx2]\n");
         return 2;
     }
-    snprintf(path, sizeof path, "%s/MANIFEST", argv[1]);
-    f = fopen(path, "r");
+    if (!choose_path(argc > 2 ? argv[2] : NULL)) {
+        printf("FAIL %s: this machine has no such path\n", argv[2]);
+        return 1;
+    }
+    snprintf(manifest, sizeof manifest, "%s/MANIFEST", argv[1]);
+    f = fopen(manifest, "r");
     if (!f) {
-        printf("FAIL %s: missing\n", path);
+        printf("FAIL %s: missing\n", manifest);
         return 1;
     }
     while (fgets(line, sizeof line, f)) {
@@ -185,7 +219,7 @@ int main(int argc, char **argv)
     }
     fclose(f);
     if (n_passed + n_failed == 0) {
-        printf("FAIL %s: no vector\n", path);
+        printf("FAIL %s: no vector\n", manifest);
         n_failed = 1;
     }
     printf("%d passed, %d failed\n", n_passed, n_failed);

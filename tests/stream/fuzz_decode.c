@@ -7,9 +7,10 @@
  * With libFuzzer:
  *     clang -fsanitize=fuzzer,address,undefined -DSAGA_CHECK ... fuzz_decode.c
  * Without: -DSAGA_FUZZ_MAIN makes a program of it that plays files, or writes
- * small streams to begin with:
+ * small streams to begin with, or files as they are played, signed:
  *     fuzz_decode FILE...
  *     fuzz_decode --seeds DIR N
+ *     fuzz_decode --signed DIR FILE...
  * What it prints for the same files must be the same on every machine.
  */
 #include "gen_mutate.h"
@@ -32,17 +33,24 @@ static void *must(void *p)
 /* Of all pictures and statuses so far. */
 static uint32_t total;
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+/* What is played of an input; free it. */
+static uint8_t *signed_copy(const uint8_t *data, size_t n)
 {
-    const uint32_t crc = saga_crc32c(0, data, n);
     uint8_t *const copy = must(malloc(n + 1));
-    uint64_t r = crc;
-    mutate_result result;
 
     if (n)
         memcpy(copy, data, n);
-    if (crc % 8)
+    if (saga_crc32c(0, data, n) % 8)
         mutate_sign(copy, n);
+    return copy;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+{
+    uint8_t *const copy = signed_copy(data, n);
+    uint64_t r = saga_crc32c(0, data, n);
+    mutate_result result;
+
     mutate_play(&result, copy, n, &r);
     free(copy);
     total = total * 31u + result.crc;
@@ -140,6 +148,26 @@ static int write_seed(const char *dir, uint32_t number)
     return rc;
 }
 
+static int write_signed(const char *dir, const char *path, int number)
+{
+    char to[1024];
+    size_t n = 0;
+    uint8_t *const p = read_file(path, &n);
+    uint8_t *copy;
+    int rc;
+
+    if (!p) {
+        fprintf(stderr, "fuzz_decode: %s: cannot read\n", path);
+        return 2;
+    }
+    copy = signed_copy(p, n);
+    snprintf(to, sizeof to, "%s/%03d.saga", dir, number);
+    rc = write_file(to, copy, n);
+    free(copy);
+    free(p);
+    return rc;
+}
+
 int main(int argc, char **argv)
 {
     int rc = 0, i;
@@ -152,8 +180,14 @@ int main(int argc, char **argv)
             rc = write_seed(argv[2], k);
         return rc;
     }
+    if (argc > 3 && strcmp(argv[1], "--signed") == 0) {
+        for (i = 3; i < argc && rc == 0; i++)
+            rc = write_signed(argv[2], argv[i], i - 3);
+        return rc;
+    }
     if (argc < 2) {
-        fprintf(stderr, "usage: fuzz_decode FILE... | --seeds DIR N\n");
+        fprintf(stderr, "usage: fuzz_decode FILE... | --seeds DIR N | "
+                        "--signed DIR FILE...\n");
         return 2;
     }
     for (i = 1; i < argc && rc == 0; i++)

@@ -1,0 +1,77 @@
+#!/bin/bash
+# SPDX-License-Identifier: MIT
+#
+# check_init.sh [small|all]: guarantees that what the decoder gives depends on a
+# file's bytes alone, on every path that this machine has (plain, 128 bits,
+# AVX2), for all vectors and the inputs of tests/corpus:
+#   painted   tests/stream/check_init.c: work block, scratch, stack and results
+#             painted in two ways before every call, all results compared
+#   memory    the same under clang's MemorySanitizer, with nothing painted; in
+#             `all` also with registers of 64 bits alone
+# Rows of run_matrix.sh compare builds in which each variable begins with a
+# pattern or with zeros, and the sanitizer's, with vectors/MANIFEST. BUILD/gcc is
+# where run_tests.sh has built the tree with gcc.
+set -u
+cd "$(dirname "$0")/.." || exit
+
+what=${1:-small}
+out=${BUILD:-build}
+make=${MAKE:-make}
+jobs=$(nproc 2>/dev/null || echo 2)
+timeout=${TIMEOUT:-1200}
+unset MAKEFLAGS MFLAGS
+files=(vectors/*/*.saga tests/corpus/*.saga)
+failed=0
+
+# build DIR PROGRAM VARIABLES...: 1 if it cannot be built, with the messages.
+build() {
+    local dir=$out/$1 program=$2
+    shift 2
+    mkdir -p "$dir"
+    "$make" -s -j"$jobs" BUILD="$dir" "$@" "$dir/$program" \
+        >"$dir/build-$program.txt" 2>&1 && return
+    cat "$dir/build-$program.txt"
+    return 1
+}
+
+# verdict NAME COMMAND...: its last line tells how many passed.
+verdict() {
+    local name=$1 log=$out/init/$1.txt rc last
+    shift
+    timeout "$timeout" "$@" >"$log" 2>&1 </dev/null
+    rc=$?
+    last=$(tail -n 1 "$log")
+    if [ $rc = 0 ] && [[ $last =~ ^[1-9][0-9]*\ passed,\ 0\ failed$ ]]; then
+        echo "ok   init $name: $last"
+    else
+        tail -n 30 "$log"
+        failed=1
+        echo "FAIL init $name: exit status $rc"
+    fi
+}
+
+not_built() {
+    failed=1
+    echo "FAIL init $1: does not build"
+}
+
+# memory NAME VARIABLES...
+memory() {
+    local name=$1
+
+    shift
+    build "init/$name" check_init CC=clang OPT=-O2 HOT_OPT=-O2 OPENMP= "$@" \
+        CFLAGS="-fsanitize=memory -gline-tables-only" ||
+        { not_built "$name"; return; }
+    verdict "$name" "$out/init/$name/check_init" "${files[@]}"
+}
+
+mkdir -p "$out/init"
+if build gcc check_init CC=gcc WERROR=-Werror; then
+    verdict painted "$out/gcc/check_init" "${files[@]}"
+else
+    not_built painted
+fi
+memory memory
+[ "$what" != all ] || memory memory-general CORE_CFLAGS=-mgeneral-regs-only
+exit $failed
