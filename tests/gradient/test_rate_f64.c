@@ -138,13 +138,28 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
     assert_true(alive * 4 > n);
 }
 
+/* A wider support makes its primitives' offsets smaller. What the entropy
+ * networks are told of its size stands still. */
+static void check_supports(rate_scene *f, const real *d_log2_support)
+{
+    const size_t n = 4 * (size_t)f->s.n.fine;
+    real *const d = malloc(n * sizeof *d);
+    size_t i;
+
+    assert_non_null(d);
+    for (i = 0; i < n; i++)
+        d[i] = d_log2_support[i] / (f->w.support[i] * M_LN2);
+    check_range(f, "supports", f->w.support, d, n);
+    free(d);
+}
+
 /* tools: of the memory. */
 static void check_gradients(uint8_t keep, uint32_t tools)
 {
     rate_scene f;
     saga_model m;
-    real *d_fine;
-    size_t n_fine, n_params;
+    real *d_fine, *d_support;
+    size_t n_fine, n_support, n_params;
     int kind, i;
 
     rate_scene_model(&m);
@@ -155,13 +170,18 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     for (kind = 0; kind < SAGA_N_KINDS; kind++)
         f.r.context.keep[kind] = keep;
     n_fine = f.s.n.fine * (size_t)f.s.model.features;
+    n_support = 4 * (size_t)f.s.n.fine;
     n_params = saga_rate_n_params(&f.s);
     loss(&f, &f.d);
     d_fine = malloc(n_fine * sizeof *d_fine);
     assert_non_null(d_fine);
     memcpy(d_fine, f.w.d_fine_feature, n_fine * sizeof *d_fine);
+    d_support = malloc(n_support * sizeof *d_support);
+    assert_non_null(d_support);
+    memcpy(d_support, f.w.d_log2_support, n_support * sizeof *d_support);
     check_range(&f, "primitive positions", f.s.prim_x, f.d.prim_x,
                 4 * (size_t)f.s.n.prim);
+    check_supports(&f, d_support);
     check_range(&f, "coarse features", f.s.coarse_feature,
                 f.d.coarse_feature,
                 f.s.n.coarse * (size_t)f.s.model.features);
@@ -170,6 +190,7 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     for (i = SAGA_NET_QUERY; tools && i < SAGA_N_NETS; i++)
         check_range(&f, "a network of the memory", f.s.net[i].w[0],
                     f.d.net[i].w[0], saga_net_n_params(&f.s.net[i]));
+    free(d_support);
     free(d_fine);
     rate_scene_free(&f);
 }

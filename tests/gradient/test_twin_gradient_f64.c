@@ -126,12 +126,30 @@ static double functional(const saga_twin *w, int view, int colour_only)
 /* View directions of the undisturbed scene: no gradient flows through them. */
 static real directions[2][3 * N_PRIM];
 
-static double forward(saga_twin *w, const saga_scene *s)
+/* Positions without noise. */
+static real clean[4 * N_PRIM];
+
+/* Moves positions by noise of half a support, as it is now. */
+static void shift(saga_twin *w, saga_scene *s)
+{
+    const saga_rng r = saga_rng_stream(13, 0);
+    size_t i;
+
+    saga_twin_geometry(w, s, s->coarse_feature);
+    for (i = 0; i < 4 * N_PRIM; i++) {
+        w->prim_shift[i] = (saga_rng_double(r, i) - 0.5) *
+                           w->support[4 * s->prim_fine[i / 4] + i % 4];
+        s->prim_x[i] = clean[i] + w->prim_shift[i];
+    }
+}
+
+static double forward(saga_twin *w, saga_scene *s)
 {
     real *const in = w->batch[SAGA_NET_COLOUR_VIEW].in;
     double sum = 0;
     int view;
 
+    shift(w, s);
     saga_twin_geometry(w, s, s->coarse_feature);
     for (view = 0; view < 2; view++) {
         if (s->model.tools & SAGA_TOOL_VIEW)
@@ -170,10 +188,12 @@ static void check_directions(const saga_twin *w, const real *centre)
     }
 }
 
-static void gradient(saga_twin *w, saga_scene *d, const saga_scene *s)
+static void gradient(saga_twin *w, saga_scene *d, saga_scene *s)
 {
     int view;
 
+    memcpy(clean, s->prim_x, sizeof clean);
+    shift(w, s);
     saga_twin_geometry(w, s, s->coarse_feature);
     saga_twin_clear(w, s);
     for (view = 0; view < 2; view++) {

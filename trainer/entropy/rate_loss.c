@@ -482,26 +482,33 @@ typedef struct {
     double step[SAGA_RATE_ROW];  /* of each channel, in reals of the value */
 } job;
 
-/* Returns where channel c of row `row` of a block gets its gradient; NULL:
- * nowhere. *per becomes the value's units in the tensor's. */
-static real *gradient_of(const job *j, size_t block, size_t row, size_t c,
-                         double *per)
+/* Gives the gradient of channel c of a primitive's offset to its position and,
+ * since offsets are in supports, to its fine anchor's support. An offset that
+ * is cut off says nothing. */
+static void learn_offset(const job *j, size_t fine, size_t prim, size_t c,
+                         double d)
+{
+    saga_twin *const w = j->x->twin;
+    const size_t at = 4 * prim + c, to = 4 * fine + c;
+    const double o = (double)w->prim_offset[at];
+
+    if (fabs(o) >= SAGA_OFFSET_MAX)
+        return;
+    j->d->prim_x[at] += R(d / (double)w->support[to]);
+    w->d_log2_support[to] -= R(d * o * M_LN2);
+}
+
+/* Gives the gradient of channel c of a block's row to what it belongs to; the
+ * other anchors' values stand still. */
+static void learn_value(const job *j, size_t block, size_t row, size_t c,
+                        double d)
 {
     const saga_scene *const s = j->x->scene;
-    const saga_twin *const w = j->x->twin;
-    size_t prim;
 
-    *per = 1;
     if (j->kind == SAGA_KIND_COARSE && c >= 4)
-        return j->d->coarse_feature + block * s->model.features + (c - 4);
-    if (j->kind != SAGA_KIND_PRIM)
-        return NULL;
-    prim = s->fine[block].first_prim + row;
-    if (fabs((double)w->prim_offset[4 * prim + c]) >=
-        SAGA_OFFSET_MAX)
-        return NULL;
-    *per = (double)w->support[4 * block + c];
-    return j->d->prim_x + 4 * prim + c;
+        j->d->coarse_feature[block * s->model.features + (c - 4)] += R(d);
+    else if (j->kind == SAGA_KIND_PRIM)
+        learn_offset(j, block, s->fine[block].first_prim + row, c, d);
 }
 
 /* Tells whether a value is rounded here. */
@@ -537,7 +544,7 @@ static void add_block(const job *j, size_t at, uint32_t block)
     real *const d_log2_sigma = k->d_log2_sigma + at * channels;
     double *const bits = j->r->row_bits + SAGA_N_STEPS * at;
     const double weight = (double)j->o->weight * j->o->every;
-    double y[SAGA_RATE_ROW], per;
+    double y[SAGA_RATE_ROW];
     saga_rate_row cost;
     const size_t rows = read_block(y, j->r, j->x, j->kind, block);
     size_t row, c, i;
@@ -555,13 +562,11 @@ static void add_block(const job *j, size_t at, uint32_t block)
     for (row = 0, i = 0; row < rows; row++)
         for (c = 0; c < channels; c++, i++) {
             const double d = weight * (double)cost.d_v[i] / j->step[c];
-            real *const to = gradient_of(j, block, row, c, &per);
 
             bits[saga_rate_step_of(j->kind, c)] += (double)cost.bits[i];
             d_mu[c] -= R(d);
             d_log2_sigma[c] += R(weight * (double)cost.d_log2_sigma[i]);
-            if (to)
-                *to += R(d / per);
+            learn_value(j, block, row, c, d);
         }
 }
 

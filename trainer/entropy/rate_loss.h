@@ -177,9 +177,10 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s);
 
 /* Estimates the bits of all blocks from those that are evaluated; adds weight
  * times their gradient to d (coarse features, primitives' positions, networks,
- * the latter straight through the rounding) and to the twin's d_fine_feature,
- * which saga_twin_backward then takes. No gradient flows to anchors' positions,
- * nor to supports. */
+ * the latter straight through the rounding) and to the twin's d_fine_feature
+ * and d_log2_support (of primitives' offsets), which saga_twin_backward then
+ * takes. No gradient flows to anchors' positions, nor through what the networks
+ * are told of sizes. */
 void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
                    const saga_rate_input *x, const saga_rate_options *o);
 

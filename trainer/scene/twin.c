@@ -94,6 +94,7 @@ static void lay_out(saga_twin *w, saga_arena *a, const saga_scene *s)
     w->prim_offset = saga_arena_take(a, 4 * prim);
     w->fine_phase = saga_arena_take(a, 4 * fine);
     w->prim_phase = saga_arena_take(a, 4 * prim);
+    w->prim_shift = saga_arena_take(a, 4 * prim);
     lay_attributes(&w->attr, a, prim, s);
     lay_attributes(&w->d_attr, a, prim, s);
 }
@@ -557,6 +558,9 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
         out[row] = dt * support[3];
         d_log2[3] += dt * raw[row] * support[3] * LN2;
     }
+    /* By now d has all that a position's gradient is made of. */
+    for (k = 0; k < 4; k++)
+        d_log2[k] += d->prim_x[4 * i + k] * w->prim_shift[4 * i + k] * LN2;
 }
 
 /* Sets d_feature to the first f of each row. */

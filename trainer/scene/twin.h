@@ -6,7 +6,9 @@
  *
  * Neighbours and their weights come from the integer path (saga_twin_refresh)
  * and stand still between refreshes; no gradient flows through them, nor
- * through the local offset o that the embedding sees.
+ * through the local offset o that the embedding sees. Supports learn from
+ * motions and times that are in them, and from what quantising positions in
+ * them has moved.
  */
 #ifndef SAGA_TWIN_H
 #define SAGA_TWIN_H
@@ -39,6 +41,11 @@ typedef struct saga_twin {
     real *context, *d_context;            /* (max(fine, prim), F) */
     real *fine_offset, *prim_offset;      /* (n, 4) local offsets o */
     real *fine_phase, *prim_phase;        /* (n, 4) positions, time in -1..1 */
+    real *prim_shift;                     /* (n.prim, 4) how far noise or
+                                           * rounding has moved positions, in
+                                           * the supports' proportion: supports
+                                           * learn by it; 0 where nobody sets
+                                           * it */
     saga_splat_params attr, d_attr;       /* (n.prim): all but unused ones */
     real *block;                          /* memory of all of these */
 } saga_twin;

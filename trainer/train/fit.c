@@ -179,7 +179,7 @@ static void use_features(saga_fit *f)
 }
 
 /* Sets f->position: with noise of a step of the offset from its anchor, then
- * with the offset rounded. */
+ * with the offset rounded; and what that has moved, as supports do. */
 static void use_positions(saga_fit *f)
 {
     const saga_scene *const s = f->scene;
@@ -202,8 +202,11 @@ static void use_positions(saga_fit *f)
         else
             for (k = 0; k < 4; k++)
                 o[k] += (real)(step * (saga_rng_double(r, 4 * i + k) - 0.5));
-        for (k = 0; k < 4; k++)
+        for (k = 0; k < 4; k++) {
             f->position[4 * i + k] = at[k] + support[k] * o[k];
+            f->twin.prim_shift[4 * i + k] =
+                f->position[4 * i + k] - s->prim_x[4 * i + k];
+        }
     }
 }
 

@@ -19,6 +19,9 @@
  * rounded is rounded against the means they foretell. What the other networks
  * do is told in fit_weights.c.
  *
+ * Steps of positions are parts of supports, which networks give: so supports
+ * learn what noise or rounding costs in the pictures, and what bits they save.
+ *
  * A fit with given networks learns features and positions alone: the networks
  * are those of a file's first segment, as they are decoded.
  *
