@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A longer rendering is never a worse one: from the same warm-up, files do not
+ * lose what shorter trainings keep, for few pictures as for many.
+ */
+#include "synth_capture.h"
+#include "train.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* What chance moves trainings by stays below this, dB. */
+#define MOST_LOST 0.3
+
+/* Ten visits to a picture are the fewest that any preset makes: they are the
+ * first rendering, before those that are listed. */
+enum { FEW_VISITS = 10, MOST_RUNS = 4 };
+
+typedef struct {
+    int width, height, cameras, frames; /* one camera is held out */
+    saga_train_motion motion;
+    uint32_t primitives;
+    int warm, render[MOST_RUNS]; /* iterations, those growing; 0 ends them */
+} training;
+
+static saga_capture capture_of(const training *a)
+{
+    const saga_synth_options s = synth_options(a->width, a->height, a->cameras,
+                                               a->frames, 300);
+    char folder[] = "/tmp/test_longer.XXXXXX", text[60];
+    saga_capture c;
+
+    assert_non_null(mkdtemp(folder));
+    snprintf(text, sizeof text, "%s/room", folder);
+    c = synth_capture(text, &s);
+    snprintf(text, sizeof text, "rm -rf '%s'", folder);
+    assert_int_equal(system(text), 0);
+    return c;
+}
+
+/* Returns what the decoded file is better than its warm-up, dB. */
+static double gain(const saga_capture *c, const training *a, int render)
+{
+    saga_train_options o = saga_train_defaults();
+    saga_error error = { "" };
+    saga_train *t;
+    const saga_train_report *r;
+    double more;
+
+    o.n_primitives = a->primitives;
+    o.n_warm = a->warm;
+    o.n_render = render;
+    o.motion = a->motion;
+    o.lambda = 0; /* by the rule */
+    t = saga_train_new(c, &o, &error);
+    if (!t || saga_train_run(t, &error) != SAGA_DONE)
+        fail_msg("%s", error.message);
+    r = saga_train_report_of(t);
+    more = r->coded.training - r->warm.training;
+    printf("  %d views, %d frames, %5d iterations: %.2f dB after %.2f, %u "
+           "bytes\n", a->cameras - 1, a->frames, render, r->coded.training,
+           r->warm.training, (unsigned)r->sizes.total);
+    saga_train_free(t);
+    return more;
+}
+
+static bool is_never_worse(const training *a)
+{
+    saga_capture c = capture_of(a);
+    double best = gain(&c, a, FEW_VISITS * (a->cameras - 1) * a->frames);
+    bool ok = true;
+
+    for (int i = 0; i < MOST_RUNS && a->render[i]; i++) {
+        const double now = gain(&c, a, a->render[i]);
+
+        if (now < best - MOST_LOST) {
+            print_error("%d iterations lose %.2f dB\n", a->render[i],
+                        best - now);
+            ok = false;
+        }
+        best = fmax(best, now);
+    }
+    saga_capture_free(&c);
+    return ok;
+}
+
+/* Numbers, not memory, are what this is about. */
+static void check(const training *a, size_t n)
+{
+    bool ok = true;
+
+    for (size_t i = 0; i < n; i++)
+        ok = (getenv("SAGA_TEST_SANITIZED") || is_never_worse(&a[i])) && ok;
+    assert_true(ok);
+}
+
+/* 5,000 iterations are 1,000 visits: as many as the default preset makes of a
+ * still of some ten views. */
+static void longer_should_not_be_worse(void **state)
+{
+    static const training all[] = {
+        { 24, 14, 6, 1, SAGA_TRAIN_STILL, 200, 800, { 1500, 5000 } },
+        { 24, 14, 3, 1, SAGA_TRAIN_STILL, 100, 300, { 1500 } },
+        { 24, 14, 3, 2, SAGA_TRAIN_STILL, 100, 300, { 1500 } },
+        { 24, 14, 3, 2, SAGA_TRAIN_MOVING, 100, 300, { 1500 } }
+    };
+
+    (void)state;
+    check(all, sizeof all / sizeof *all);
+}
+
+static void much_longer_should_not_be_worse(void **state)
+{
+    static const training all[] = {
+        { 64, 36, 6, 1, SAGA_TRAIN_STILL, 600, 4800, { 1000, 4000, 16000 } },
+        { 48, 27, 3, 1, SAGA_TRAIN_STILL, 400, 3000, { 1000, 4000, 16000 } },
+        { 48, 27, 6, 2, SAGA_TRAIN_STILL, 400, 3000, { 1000, 4000, 16000 } },
+        { 48, 27, 6, 2, SAGA_TRAIN_MOVING, 300, 3000, { 1000, 4000, 16000 } },
+        { 48, 27, 6, 8, SAGA_TRAIN_MOVING, 400, 6000, { 1000, 4000, 16000 } }
+    };
+
+    (void)state;
+    check(all, getenv("SAGA_TEST_LONG") ? sizeof all / sizeof *all : 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(longer_should_not_be_worse),
+        cmocka_unit_test(much_longer_should_not_be_worse)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
