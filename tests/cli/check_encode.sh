@@ -8,7 +8,8 @@
 #   size        --size and --bitrate are met within 5 %, or it is told
 #   stopped     Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
 #               --resume makes the file of a run that was not stopped; without
-#               --resume a checkpoint is not overwritten
+#               --resume a checkpoint is not overwritten, and with it and no
+#               checkpoint no finished file
 #   alone       two runs do not write to one file; what a killed one left goes
 #   segments    --segment makes one file of several, which eval, info, cut and
 #               saga-dec take; a killed one resumes, in the segment it was in
@@ -153,6 +154,11 @@ set +m
 expect 0 cap -o s.saga "${small[@]}" --resume
 grep -q 'starting anew' err || complain "--resume of nothing: $(cat err)"
 cmp -s s.saga whole.saga || complain "--resume of nothing: another file"
+echo 'of another capture' >s.saga
+expect 2 cap -o s.saga "${small[@]}" --resume
+says 's.saga is there already, and no s.saga.ckpt to go on from; leave --resume'
+grep -qx 'of another capture' s.saga || complain "--resume overwrites a file"
+leaves s.saga s.whole
 rm -f s.saga s.whole
 verdict stopped
 

@@ -247,6 +247,22 @@ static int check_output(session *s)
     return SAGA_EXIT_OK;
 }
 
+/* A file without a checkpoint beside it is finished, and may be of another
+ * capture: --resume asks to go on, not to replace it. A sweep knows its files
+ * by their results. */
+static int check_finished(const session *s)
+{
+    struct stat info;
+
+    if (!s->o->resume || s->o->sweep || saga_path_is_file(s->checkpoint) ||
+        stat(s->o->output, &info) != 0 || info.st_size == 0)
+        return SAGA_EXIT_OK;
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is there already, and "
+                          "no %s to go on from; leave --resume out to replace "
+                          "it, or name another file", s->o->output,
+                          s->checkpoint);
+}
+
 static int check_checkpoint(session *s)
 {
     const size_t n = strlen(s->o->output) + sizeof ".ckpt";
@@ -260,7 +276,7 @@ static int check_checkpoint(session *s)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
                               "that was stopped; give --resume to go on with "
                               "it, or delete it", s->checkpoint);
-    return SAGA_EXIT_OK;
+    return check_finished(s);
 }
 
 static saga_capture_options capture_options(session *s)
@@ -1519,7 +1535,8 @@ static const saga_cli_option option_list[] = {
     { "--checkpoint-every", "S", "seconds between checkpoints (default 300)",
       saga_cli_int, offsetof(options, every), 0, 1000000 },
     { "--resume", NULL, "go on from FILE.saga.ckpt, with the other options as\n"
-      "they were; the result is that of an unstopped run", saga_cli_flag,
+      "they were; the result is that of an unstopped run; a file\n"
+      "that is finished is left as it is", saga_cli_flag,
       offsetof(options, resume), 0, 0 },
     { "--log", "FILE", "keep how it went: a line for every tenth iteration,\n"
       "as CSV in FILE.csv or as JSON lines in FILE.jsonl;\nlab/log.gp draws "
