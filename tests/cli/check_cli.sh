@@ -19,6 +19,8 @@
 #               files of the user's stay, umask is obeyed, what a killed run
 #               left goes, a standard output that is full is told
 #   synth       a capture appears whole, or not at all
+#   names       cameras whose names are no UTF-8 are in every report; what JSON
+#               cannot tell of is an error
 #   check       a camera without light and a hole in it are told of, in text and
 #               on a page that needs no other file; what is no capture is refused
 #   eval        a capture of the file's own pictures is found equal; a known
@@ -470,6 +472,100 @@ expect 2 synth "$tmp/none/other" --size 48x32
 says "$tmp/none/other"
 [ ! -e "$tmp/other" ] || complain "a folder of a refused synth"
 verdict synth
+
+# ---- names
+cat >"$tmp/names.py" <<'PYTHON'
+import json, os, shutil, sys
+
+# A still of each camera as a COLMAP model. The first byte of e-acute in UTF-8
+# is the last that a name has room for.
+cap, to = sys.argv[1], os.fsencode(sys.argv[2])
+names = [b"caf\xe9", b"caf\xe8", b"x" * 62 + "\u00e9".encode(), b"plain"]
+j = json.load(open(cap + "/transforms.json"))
+first = [f for f in j["frames"] if f["file_path"].endswith("00000.png")]
+os.makedirs(to + b"/sparse/0")
+os.mkdir(to + b"/images")
+images = b""
+for i, (f, name) in enumerate(zip(first, names)):
+    m = f["transform_matrix"]
+    r = [[s * m[k][a] for k in range(3)] for a, s in ((0, 1), (1, -1), (2, -1))]
+    t = [-sum(r[a][k] * m[k][3] for k in range(3)) for a in range(3)]
+    w = (1 + r[0][0] + r[1][1] + r[2][2]) ** 0.5 / 2
+    q = (w, (r[2][1] - r[1][2]) / (4 * w), (r[0][2] - r[2][0]) / (4 * w),
+         (r[1][0] - r[0][1]) / (4 * w))
+    images += b"%d %s 1 %s.png\n\n" % (
+        i + 1, " ".join(map(repr, [*q, *t])).encode(), name)
+    shutil.copy(cap + "/" + f["file_path"], to + b"/images/" + name + b".png")
+open(to + b"/sparse/0/images.txt", "wb").write(images)
+open(to + b"/sparse/0/cameras.txt", "w").write(
+    "1 PINHOLE %d %d %r %r %r %r\n" % tuple(
+        j[k] for k in ("w", "h", "fl_x", "fl_y", "cx", "cy")))
+open(to + b"/sparse/0/points3D.txt", "w").write("".join(
+    "%d %r %r 0.5 128 128 128 0.1\n" % (i, i % 7 * .3 - 1, i // 7 * .3 - 1)
+    for i in range(49)))
+PYTHON
+expect 0 synth "$tmp/names" --size 48x32 --cameras 4 --hold-out 0 --frames 1 \
+    --samples 1 --depth-every 0 --points 50
+python3 "$tmp/names.py" "$tmp/names" "$tmp/odd" 2>"$tmp/py" ||
+    complain "no capture: $(tail -n 1 "$tmp/py")"
+latin=$'caf\xe9'
+expect 0 encode "$tmp/odd" -o "$tmp/odd.saga" --primitives 20 --iterations 6 \
+    --hold-out caf%E9 --json
+mv "$tmp/out" "$tmp/encode.json"
+expect 0 eval "$tmp/odd.saga" "$tmp/odd" --no-ssim --hold-out "$latin" --json
+mv "$tmp/out" "$tmp/eval.json"
+expect 0 info "$tmp/odd.saga" --json
+mv "$tmp/out" "$tmp/info.json"
+expect 0 check "$tmp/odd" --json
+python3 -c '
+import json, sys
+names = ["caf%E8", "caf%E9", "plain", "x" * 62]
+e, v, i, c = [json.load(open(n)) for n in sys.argv[1:]]
+assert sorted(e["readout"]) == sorted(e["exposure"]) == names, e["readout"]
+assert e["psnr"]["n_held_out"] == 1 and e["options"]["hold_out"] == "caf%E9"
+assert sorted(w["name"] for w in v["views"]) == names, v["views"]
+assert [w["name"] for w in v["views"] if w["held_out"]] == ["caf%E9"]
+assert sorted(w["name"] for w in i["rig"]) == names, i["rig"]
+assert sorted(w["name"] for w in c["views"]) == names, c["views"]
+' "$tmp/encode.json" "$tmp/eval.json" "$tmp/info.json" "$tmp/out" \
+    2>"$tmp/py" || complain "names that are no UTF-8: $(tail -n 1 "$tmp/py")"
+# Of a file that has such a name no camera is left out.
+python3 -c '
+import sys
+b = bytearray(open(sys.argv[1], "rb").read())
+def crc_of(crc, data):
+    crc ^= 0xffffffff
+    for x in data:
+        crc ^= x
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x82f63b78 if crc & 1 else 0)
+    return crc ^ 0xffffffff
+at, nets = b.index(b"NAME"), b.index(b"NETS")
+n = int.from_bytes(b[at + 4:at + 8], "little")
+assert b[at + 22:at + 24] == b"c\xc3"
+b[at + 23] = 0x61
+before = int.from_bytes(b[nets + 8:nets + 12], "little")
+crc = crc_of(before, b[at:at + 8] + b[at + 12:at + 12 + n])
+b[at + 8:at + 12] = crc.to_bytes(4, "little")
+open(sys.argv[2], "wb").write(b)' vectors/good/names.saga "$tmp/foreign.saga" \
+    2>"$tmp/py" || complain "no foreign file: $(tail -n 1 "$tmp/py")"
+expect 0 info "$tmp/foreign.saga" --json
+python3 -c '
+import json, sys
+assert len(json.load(open(sys.argv[1]))["rig"]) == 3' "$tmp/out" \
+    2>"$tmp/py" || complain "info of a name that is no UTF-8 lacks cameras"
+# What a report cannot tell of is an error, before the work where it is known.
+mv "$tmp/odd" "$tmp/$latin"
+expect 2 encode "$tmp/$latin" -o "$tmp/new.saga" --primitives 20 \
+    --iterations 6 --json
+says 'which is no UTF-8; rename it'
+expect 2 eval "$tmp/odd.saga" "$tmp/$latin" --json
+says 'which is no UTF-8; rename it'
+mv "$tmp/$latin" "$tmp/odd"
+expect 2 eval "$tmp/odd.saga" "$tmp/odd" --no-ssim --json \
+    --pictures "$tmp/$latin"
+says 'cannot be told in JSON; '
+verdict names
 
 # ---- check
 # Half of the light in cam02; cam<b> lacks its second frame.

@@ -80,7 +80,7 @@ static json_t *json_row(const saga_mask_row *r)
         "n_alone", (json_int_t)r->n_alone);
 
     for (int k = 0; k < SAGA_N_RECOVERS; k++)
-        json_object_set_new(o, names[k], json_pack("{sososo}",
+        saga_json_set_value(o, names[k], json_pack("{sososo}",
             "error", number(r->by[k].error),
             "cosine", number(r->by[k].cosine),
             "psnr", number(r->by[k].psnr)));
@@ -96,8 +96,8 @@ static int print_json(const session *s)
     saga_json_watch();
     o = saga_cli_json_head("analyse", s->name);
     for (int i = 0; i < m->n_rows; i++)
-        json_array_append_new(rows, json_row(&m->row[i]));
-    json_object_update_new(o, json_pack("{sisIsIsIsIsfso}",
+        saga_json_append_item(rows, json_row(&m->row[i]));
+    saga_json_merge_object(o, json_pack("{sisIsIsIsIsfso}",
         "camera", s->o->picture.camera, "number", (json_int_t)s->number,
         "width", (json_int_t)s->view.camera.width,
         "height", (json_int_t)s->view.camera.height,

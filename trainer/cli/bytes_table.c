@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "bytes_table.h"
 
+#include "json_memory.h"
+
 #include <inttypes.h>
 #include <stdio.h>
 
@@ -53,7 +55,7 @@ json_t *saga_bytes_table_json(const saga_layout *layout)
 
     fill(rows, layout);
     for (int i = 0; i < N_ROWS; i++)
-        json_object_set_new(o, rows[i].key,
+        saga_json_set_value(o, rows[i].key,
                             json_integer((json_int_t)rows[i].nbytes));
     return o;
 }

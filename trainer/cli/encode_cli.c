@@ -233,6 +233,18 @@ static int check_options(session *s)
     return SAGA_EXIT_OK;
 }
 
+static int check_json(const session *s)
+{
+    const char *const told[] = { s->o->output, s->capture_name,
+                                 s->o->capture.hold_out, s->o->capture.late };
+    int status = SAGA_EXIT_OK;
+
+    for (size_t i = 0; !status && i < sizeof told / sizeof told[0]; i++)
+        if (s->o->json || s->o->sweep)
+            status = saga_cli_json_can_tell("encode", told[i]);
+    return status;
+}
+
 /* Training takes long: what would stop its result from being written is found
  * now. */
 static int check_output(session *s)
@@ -981,7 +993,7 @@ static json_t *json_exposure(const session *s)
     json_t *const o = json_object();
 
     for (int i = 0; i < s->capture.n_views; i++)
-        json_object_set_new(o, s->capture.views[i].name, json_pack(
+        saga_json_set_value(o, s->capture.views[i].name, json_pack(
             "[fff]", x[3 * i], x[3 * i + 1], x[3 * i + 2]));
     return o;
 }
@@ -1010,7 +1022,7 @@ static json_t *json_tools(const saga_train_report *r)
 
     for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++)
         if (r->tool[i].asked)
-            json_object_set_new(o, saga_train_tool_names[i], json_pack(
+            saga_json_set_value(o, saga_train_tool_names[i], json_pack(
                 "{sfsfsb}", "worth", r->tool[i].worth,
                 "cost", r->tool[i].cost, "kept", (int)r->tool[i].kept));
     return o;
@@ -1136,11 +1148,11 @@ static json_t *json_layers(const session *s)
     for (int k = 0; k + 1 < s->o->layers; k++) {
         const saga_train_quality q = quality_of(&s->cut[k]);
 
-        json_array_append_new(list, json_pack(
+        saga_json_append_item(list, json_pack(
             "{sIso}", "nbytes", (json_int_t)s->cut[k].nbytes,
             "psnr", json_quality(&q)));
     }
-    json_array_append_new(list, json_pack(
+    saga_json_append_item(list, json_pack(
         "{sIso}", "nbytes", (json_int_t)s->layout.file_nbytes,
         "psnr", json_quality(&s->decoded)));
     return list;
@@ -1153,7 +1165,7 @@ static json_t *json_bits(const double bits[SAGA_N_SYMS])
 
     saga_cost_components(sum, bits);
     for (int i = 0; i < SAGA_N_COMPONENTS; i++)
-        json_object_set_new(o, saga_component_key((saga_component)i),
+        saga_json_set_value(o, saga_component_key((saga_component)i),
                             json_real(sum[i]));
     return o;
 }
@@ -1171,7 +1183,7 @@ static json_t *json_entropy(const saga_train_entropy *e)
     for (int i = 0; i < SAGA_N_KINDS; i++) {
         const saga_train_kind *const k = &e->kind[i];
 
-        json_object_set_new(o, keys[i], json_pack(
+        saga_json_set_value(o, keys[i], json_pack(
             "{sisfsfsfsfsf}", "sources", (int)k->sources,
             "constants", k->constants, "networks", k->networks,
             "without_bank", k->forgetful, "chosen", k->chosen,
@@ -1196,7 +1208,7 @@ static json_t *json_options(const options *o)
         "iterations", o->iterations, "minutes", o->minutes,
         "level", o->level, "layers", o->layers, "seed", o->seed);
 
-    json_object_update_new(list, json_pack("{sbsfsfsfsbsbsososo}",
+    saga_json_merge_object(list, json_pack("{sbsfsfsfsbsbsososo}",
         "alpha_masks", (int)c->alpha_masks, "lambda", o->lambda,
         "size", o->size, "bitrate", o->bitrate,
         "still", (int)o->still, "moving", (int)o->moving,
@@ -1227,7 +1239,7 @@ static json_t *json_part(const session *s)
     const int k = s->o->only;
     json_t *const o = saga_cli_json_head("encode", s->o->output);
 
-    json_object_update_new(o, json_pack("{sssIsosisisisfsoso}",
+    saga_json_merge_object(o, json_pack("{sssIsosisisisfsoso}",
         "capture", s->capture_name,
         "nbytes", (json_int_t)s->layout.file_nbytes,
         "bytes", saga_bytes_table_json(&s->layout),
@@ -1236,7 +1248,7 @@ static json_t *json_part(const session *s)
         "seconds", saga_cli_seconds() - s->started,
         "psnr", json_quality(&s->decoded),
         "psnr_parts", saga_verdict_json(&s->verdict)));
-    json_object_set_new(o, "readout", saga_shutter_json(s->rows, &s->capture));
+    saga_json_set_value(o, "readout", saga_shutter_json(s->rows, &s->capture));
     return o;
 }
 
@@ -1251,7 +1263,7 @@ static json_t *json_networks(const session *s)
 {
     json_t *const o = saga_cli_json_head("encode", s->o->output);
 
-    json_object_update_new(o, json_pack("{sssisisf}",
+    saga_json_merge_object(o, json_pack("{sssisisf}",
         "capture", s->capture_name, "n_segments", s->n_segments,
         "first", saga_train_first(s->train),
         "seconds", saga_cli_seconds() - s->started));
@@ -1274,7 +1286,7 @@ static json_t *json_report(const session *s)
     const saga_train_report *const r = saga_train_report_of(s->train);
     json_t *const o = saga_cli_json_head("encode", s->o->output);
 
-    json_object_update_new(o, json_pack("{sssosIsosisisisIsIsIsI}",
+    saga_json_merge_object(o, json_pack("{sssosIsosisisisIsIsIsI}",
         "capture", s->capture_name, "options", json_options(s->o),
         "nbytes", (json_int_t)s->layout.file_nbytes,
         "bytes", saga_bytes_table_json(&s->layout),
@@ -1283,9 +1295,9 @@ static json_t *json_report(const session *s)
         "n_coarse", (json_int_t)r->n.coarse, "n_fine", (json_int_t)r->n.fine,
         "n_primitives", (json_int_t)r->n.prim,
         "memory_nbytes", (json_int_t)r->info.work_nbytes));
-    json_object_set_new(o, "exposure", json_exposure(s));
-    json_object_set_new(o, "base", json_base(&r->base));
-    json_object_update_new(o, json_pack("{sfsisIsbsosososfsfsososo}",
+    saga_json_set_value(o, "exposure", json_exposure(s));
+    saga_json_set_value(o, "base", json_base(&r->base));
+    saga_json_merge_object(o, json_pack("{sfsisIsbsosososfsfsososo}",
         "lambda", r->lambda, "level", (int)r->info.level,
         "parameters", (json_int_t)r->n_parameters,
         "temporal", (int)r->dynamic, "tools", json_tools(r),
@@ -1296,13 +1308,13 @@ static json_t *json_report(const session *s)
         "psnr_warm_up", json_quality(&r->warm),
         "psnr_float", json_quality(&r->model),
         "psnr", json_quality(&s->decoded)));
-    json_object_set_new(o, "layers", json_layers(s));
-    json_object_set_new(o, "readout", saga_shutter_json(s->rows, &s->capture));
-    json_object_update_new(o, json_pack("{sososo}",
+    saga_json_set_value(o, "layers", json_layers(s));
+    saga_json_set_value(o, "readout", saga_shutter_json(s->rows, &s->capture));
+    saga_json_merge_object(o, json_pack("{sososo}",
         "psnr_parts", saga_verdict_json(&s->verdict),
         "psnr_decoded_float", json_quality(&r->coded),
         "psnr_against_decoded_float", json_quality(&s->agreement)));
-    json_object_update_new(o, json_pack("{sososo}",
+    saga_json_merge_object(o, json_pack("{sososo}",
         "bits", json_bits(r->sizes.bits),
         "bits_spent", json_bits(r->sizes.spent),
         "entropy_model", json_entropy(&r->entropy)));
@@ -1388,7 +1400,7 @@ static int judge(const options *o, const char *capture, const char *result,
         json_decref(report);
         return status;
     }
-    json_object_set_new(judged, "encode", report);
+    saga_json_set_value(judged, "encode", report);
     return saga_cli_write_json(judged, 9, result);
 }
 
@@ -1415,6 +1427,10 @@ static int make_of_sweep(void *user, const char *file, const char *result,
     if (!status) {
         saga_json_watch();
         report = json_report(&s);
+        if (saga_json_lost()) { /* which judge() tells */
+            json_decref(report);
+            report = NULL;
+        }
     }
     end(&s);
     if (!status)
@@ -1465,6 +1481,8 @@ static int run(int argc, char **argv)
         return status;
     catch_signals();
     status = check_options(&s);
+    if (!status)
+        status = check_json(&s);
     if (!status)
         status = o.sweep ? sweep(&s) : encode(&s);
     if (!saga_encode_log_close(&s.log, &s.error))

@@ -274,13 +274,13 @@ static json_t *json_score(const saga_eval_score *score)
         "mse", real(s->mse), "ssim_zero", real(s->ssim_zero),
         "ssim_valid", real(s->ssim_valid), "ms_ssim", real(s->ms_ssim));
 
-    json_object_update_new(o, json_pack("{sososososI}",
+    saga_json_merge_object(o, json_pack("{sososososI}",
         "median_psnr", real(score->median_psnr),
         "median_psnr_of_mean_mse", real(saga_psnr(score->median_mse)),
         "changing_psnr", real(saga_change_psnr(c)),
         "changing_share", real(saga_change_share(c)),
         "changing_pixels", (json_int_t)c->n_changing));
-    json_object_update_new(o, json_pack("{sososososososososo}",
+    saga_json_merge_object(o, json_pack("{sososososososososo}",
         "psnr_exposed", real(saga_psnr(score->exposed_mse)),
         "psnr_y", real(s->psnr_y), "psnr_u", real(s->psnr_u),
         "psnr_v", real(s->psnr_v), "psnr_yuv", real(s->psnr_yuv),
@@ -301,11 +301,11 @@ static json_t *json_views(const saga_eval *e)
             "width", v->width, "height", v->height);
 
         if (v->picture)
-            json_object_update_new(o, json_pack("{sssi}", "picture", v->picture,
+            saga_json_merge_object(o, json_pack("{sssi}", "picture", v->picture,
                                                 "picture_frame",
                                                 v->picture_frame));
-        json_object_update_new(o, json_score(&v->score));
-        json_array_append_new(list, o);
+        saga_json_merge_object(o, json_score(&v->score));
+        saga_json_append_item(list, o);
     }
     return list;
 }
@@ -327,7 +327,7 @@ static json_t *json_cameras(const saga_eval *e)
     json_t *const list = json_array();
 
     for (int i = 0; i < e->n_views; i++)
-        json_array_append_new(list, json_pack("{sss[ii]sb}",
+        saga_json_append_item(list, json_pack("{sss[ii]sb}",
             "name", e->view[i].name, "resolution", e->view[i].width,
             e->view[i].height, "held_out", (int)e->view[i].held_out));
     return list;
@@ -352,7 +352,7 @@ static json_t *json_protocol(const session *s)
         "ssim_zero", SAGA_SSIM_ZERO_TEXT, "ssim_valid", SAGA_SSIM_VALID_TEXT,
         "ms_ssim", SAGA_MS_SSIM_TEXT);
 
-    json_object_update_new(o, json_pack("{ssssssssssssss*}",
+    saga_json_merge_object(o, json_pack("{ssssssssssssss*}",
         "psnr_exposed", SAGA_EXPOSED_TEXT,
         "psnr_yuv_components", SAGA_PSNR_YUV_TEXT,
         "psnr_yuv", SAGA_PSNR_YUV_MEAN_TEXT,
@@ -375,17 +375,17 @@ static json_t *json_report(const session *s)
 {
     json_t *const o = saga_cli_json_head("eval", s->file_name);
 
-    json_object_update_new(o, json_pack("{sosososo}",
+    saga_json_merge_object(o, json_pack("{sosososo}",
         "views", json_views(&s->eval),
         "training", json_score(&s->eval.training),
         "held_out", json_score(&s->eval.held_out),
         "protocol", json_protocol(s)));
-    json_object_set_new(o, "n_training",
+    saga_json_set_value(o, "n_training",
                         json_integer(s->eval.n_training));
-    json_object_set_new(o, "n_held_out",
+    saga_json_set_value(o, "n_held_out",
                         json_integer(s->eval.n_held_out));
     if (!s->is_folder)
-        json_object_update_new(o, json_pack("{sIsososo}",
+        saga_json_merge_object(o, json_pack("{sIsososo}",
             "nbytes", (json_int_t)s->layout.file_nbytes,
             "bits_per_second", json_rate(s),
             "bytes", saga_bytes_table_json(&s->layout),
@@ -513,6 +513,7 @@ int saga_eval_judge(json_t **report, const char *file, const char *capture,
     };
     const int status = judge(&s);
 
+    saga_json_watch();
     *report = status ? NULL : json_report(&s);
     end(&s);
     return status;
@@ -543,7 +544,10 @@ static int run(int argc, char **argv)
     s.file_name = names[0];
     s.capture_name = names[1];
     s.is_folder = saga_path_is_folder(s.file_name);
-    status = judge(&s);
+    for (int i = 0; !status && o.json && i < 2; i++)
+        status = saga_cli_json_can_tell("eval", names[i]);
+    if (!status)
+        status = judge(&s);
     if (!status)
         status = tell(&s);
     end(&s);

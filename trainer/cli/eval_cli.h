@@ -20,8 +20,8 @@ typedef struct saga_eval_request {
 
 /* Judges a file by a capture, as `saga eval --json` does; request->json is not
  * looked at. *report is its report, to be freed by json_decref, and NULL after
- * an error, which is told. The exit status. Whoever wants to know whether
- * jansson had memory watches it (json_memory.h). */
+ * an error, which is told. Its making is watched (json_memory.h). The exit
+ * status. */
 int saga_eval_judge(json_t **report, const char *file, const char *capture,
                     const saga_eval_request *request);
 

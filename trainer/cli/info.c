@@ -13,6 +13,7 @@
 #include "layout.h"
 #include "model.h"
 #include "saga.h"
+#include "utf8.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -63,11 +64,18 @@ static double rate_of(uint64_t nbytes, double seconds)
     return seconds > 0.0 ? 8.0 * (double)nbytes / seconds : 0.0;
 }
 
-/* Sets what the file calls camera i; "" where it does not say. */
+/* Sets what the file calls camera i, as UTF-8 whatever wrote it; "" where it
+ * does not say. */
 static void naming_of(saga_naming *naming, const subject *s, uint32_t i)
 {
-    if (saga_name_camera(naming, s->bytes, s->nbytes, i))
-        *naming = (saga_naming){ .name = "" };
+    saga_naming told;
+
+    *naming = (saga_naming){ .name = "" };
+    if (saga_name_camera(&told, s->bytes, s->nbytes, i))
+        return;
+    *naming = told;
+    saga_utf8_copy(naming->name, sizeof naming->name, told.name,
+                   strlen(told.name));
 }
 
 /* Returns a coordinate of the file in metres. */
@@ -230,9 +238,9 @@ static json_t *json_tools(const saga_info *info)
     json_t *const o = json_object();
 
     for (int i = 0; i < N_TOOLS; i++)
-        json_object_set_new(o, tools[i].key,
+        saga_json_set_value(o, tools[i].key,
                             json_boolean(info->tools & tools[i].bit));
-    json_object_set_new(o, "motion_order", json_integer(info->motion_order));
+    saga_json_set_value(o, "motion_order", json_integer(info->motion_order));
     return o;
 }
 
@@ -249,7 +257,7 @@ static json_t *json_header(const subject *s)
 
     json_t *const o = saga_cli_json_head("info", s->name);
 
-    json_object_update_new(o, json_pack("{sIsIsIsIsIs[II]sfso}",
+    saga_json_merge_object(o, json_pack("{sIsIsIsIsIs[II]sfso}",
         "nbytes", number(s->layout.file_nbytes),
         "version", number(i->version), "level", number(i->level),
         "n_frames", number(i->n_frames), "n_segments", number(i->n_segments),
@@ -298,7 +306,7 @@ static json_t *json_layers(const saga_layout_segment *g, uint32_t n_layers)
     for (uint32_t k = 0; k < n_layers; k++) {
         const saga_layout_layer *const y = &g->layer[k];
 
-        json_array_append_new(list, json_pack(
+        saga_json_append_item(list, json_pack(
             "{sIsIsIsI}", "nbytes", number(y->nbytes),
             "n_coarse", number(y->n.coarse), "n_fine", number(y->n.fine),
             "n_primitives", number(y->n.prim)));
@@ -313,7 +321,7 @@ static json_t *json_segments(const subject *s)
     for (uint32_t i = 0; i < s->layout.n_segments; i++) {
         const saga_layout_segment *const g = &s->layout.segment[i];
 
-        json_array_append_new(list, json_pack(
+        saga_json_append_item(list, json_pack(
             "{sIsIsIsIsosbsIsIsIsIsIsIso}",
             "first_frame", number(g->first_frame),
             "n_frames", number(g->n_frames), "offset", number(g->offset),
@@ -337,7 +345,7 @@ static json_t *json_camera(const subject *s, const saga_camera *c, uint32_t i,
 
     naming_of(&naming, s, i);
     for (int k = 0; k < 9; k++)
-        json_array_append_new(rotation,
+        saga_json_append_item(rotation,
                               json_real(ldexp(c->rotation_q30[k], -30)));
     return json_pack("{sIsssIsIs[ff]s[ff]s[fff]sfso}",
         "number", number(name), "name", naming.name,
@@ -360,7 +368,7 @@ static json_t *json_rig(const subject *s)
         uint32_t name;
 
         if (saga_rig(&c, &name, s->bytes, s->info.head_nbytes, i) == SAGA_OK)
-            json_array_append_new(list, json_camera(s, &c, i, name));
+            saga_json_append_item(list, json_camera(s, &c, i, name));
     }
     return list;
 }
@@ -377,13 +385,13 @@ static json_t *json_report(const subject *s)
 {
     json_t *const o = json_header(s);
 
-    json_object_set_new(o, "tools", json_tools(&s->info));
-    json_object_set_new(o, "decoding", json_decoding(&s->info));
-    json_object_set_new(o, "metric", json_metric(s));
-    json_object_set_new(o, "bytes", saga_bytes_table_json(&s->layout));
-    json_object_set_new(o, "segments", json_segments(s));
-    json_object_set_new(o, "rig", json_rig(s));
-    json_object_set_new(o, "crc", json_crc(&s->layout));
+    saga_json_set_value(o, "tools", json_tools(&s->info));
+    saga_json_set_value(o, "decoding", json_decoding(&s->info));
+    saga_json_set_value(o, "metric", json_metric(s));
+    saga_json_set_value(o, "bytes", saga_bytes_table_json(&s->layout));
+    saga_json_set_value(o, "segments", json_segments(s));
+    saga_json_set_value(o, "rig", json_rig(s));
+    saga_json_set_value(o, "crc", json_crc(&s->layout));
     return o;
 }
 

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "verdict_cli.h"
 
+#include "json_memory.h"
+
 #include <math.h>
 #include <stdio.h>
 
@@ -80,7 +82,7 @@ json_t *saga_shutter_json(const saga_shutter_found *found,
     json_t *const o = json_object();
 
     for (int i = 0; i < capture->n_views; i++)
-        json_object_set_new(o, capture->views[i].name, json_pack(
+        saga_json_set_value(o, capture->views[i].name, json_pack(
             "{sososb}", "frames", real_or_null(found[i].readout),
             "standard_error", real_or_null(found[i].spread),
             "shows", (int)found[i].shows));

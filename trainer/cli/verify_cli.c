@@ -138,7 +138,7 @@ static json_t *json_rows(const saga_verify *v)
     for (int i = 0; i < v->n_rows; i++) {
         const saga_verify_row *const r = &v->row[i];
 
-        json_array_append_new(list, json_pack("{sssssssfsoso}",
+        saga_json_append_item(list, json_pack("{sssssssfsoso}",
             "stage", saga_verify_stage[r->stage], "name", r->name,
             "unit", r->unit, "step", r->step, "alone", json_error(&r->alone),
             "chain", json_error(&r->chain)));
@@ -153,7 +153,7 @@ static json_t *json_pictures(const saga_verify *v)
     for (int i = 0; i < SAGA_VERIFY_N_STAGES; i++) {
         const saga_verify_picture *const p = &v->picture[i];
 
-        json_object_set_new(o, saga_verify_stage[i], json_pack(
+        saga_json_set_value(o, saga_verify_stage[i], json_pack(
             "{sosisIsosfsfsIsIsosi}", "psnr", number(p->psnr), "max", p->max,
             "n_far", (json_int_t)p->n_far,
             "psnr_real", number(p->psnr_real), "max_real", p->max_real,
@@ -171,7 +171,7 @@ static int print_json(const session *s)
 
     saga_json_watch();
     o = saga_cli_json_head("verify", s->name);
-    json_object_update_new(o, json_pack("{sisIsIsIsIsfsIsIsIsIsIsoso}",
+    saga_json_merge_object(o, json_pack("{sisIsIsIsIsfsIsIsIsIsIsoso}",
         "camera", s->o->picture.camera,
         "number", (json_int_t)s->number,
         "width", (json_int_t)s->view.camera.width,

@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static _Thread_local bool starved; /* jansson passes us no context */
+/* jansson passes us no context. */
+static _Thread_local bool starved, lost;
 
 static void *allocate(size_t nbytes)
 {
@@ -19,12 +20,33 @@ static void *allocate(size_t nbytes)
 void saga_json_watch(void)
 {
     starved = false;
+    lost = false;
     json_set_alloc_funcs(allocate, free);
 }
 
 bool saga_json_starved(void)
 {
     return starved;
+}
+
+bool saga_json_lost(void)
+{
+    return lost;
+}
+
+void saga_json_set_value(json_t *object, const char *key, json_t *value)
+{
+    lost |= json_object_set_new(object, key, value) != 0;
+}
+
+void saga_json_append_item(json_t *array, json_t *value)
+{
+    lost |= json_array_append_new(array, value) != 0;
+}
+
+void saga_json_merge_object(json_t *object, json_t *other)
+{
+    lost |= json_object_update_new(object, other) != 0;
 }
 
 /* Python writes NaN, Infinity and -Infinity, which JSON does not have. */

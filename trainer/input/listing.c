@@ -49,13 +49,24 @@ static void list_names(const saga_listing *listing, char *text, size_t n)
                                  i ? "," : "", listing->sources[i].name);
 }
 
+/* Returns the source of a name, as it is told or as its folder has it; NULL:
+ * there is none. */
+static saga_source *find_source(const saga_listing *listing, const char *name,
+                                size_t n)
+{
+    char same[SAGA_NAME_NBYTES];
+    saga_copy_name(same, name, n);
+    for (int i = 0; i < listing->n_sources; i++)
+        if (strcmp(listing->sources[i].name, same) == 0)
+            return &listing->sources[i];
+    return NULL;
+}
+
 static bool hold_out_one(saga_listing *listing, const char *name, size_t n,
                          saga_error *error)
 {
-    for (int i = 0; i < listing->n_sources; i++) {
-        saga_source *const s = &listing->sources[i];
-        if (strlen(s->name) != n || strncmp(s->name, name, n) != 0)
-            continue;
+    saga_source *const s = find_source(listing, name, n);
+    if (s) {
         s->held_out = true;
         return true;
     }
@@ -96,6 +107,14 @@ bool saga_listing_names_differ(const saga_listing *listing)
                 return false;
     }
     return true;
+}
+
+void saga_listing_tell_apart(saga_listing *listing)
+{
+    const bool differ = saga_listing_names_differ(listing);
+    for (int i = 0; !differ && i < listing->n_sources; i++)
+        (void)snprintf(listing->sources[i].name, SAGA_NAME_NBYTES, "view%03d",
+                       i);
 }
 
 static bool has_picture(const saga_source *s, int first, int end)
@@ -199,22 +218,19 @@ static bool take_late(const saga_listing *l, const char **text, double *late,
     const size_t n = strcspn(*text, "="), all = strcspn(*text, ",");
     char *end;
     const double frames = n < all ? strtod(*text + n + 1, &end) : 0.0;
-    int i = 0;
-    while (i < l->n_sources && (strlen(l->sources[i].name) != n ||
-                                strncmp(l->sources[i].name, *text, n) != 0))
-        i++;
+    const saga_source *const s = find_source(l, *text, n);
     if (n >= all || end != *text + all || !(fabs(frames) <= SAGA_MAX_FRAMES))
         return saga_fail(error, l->path, "give NAME=FRAMES, with commas "
                          "between", "--late \"%.60s\" is no camera and number "
                          "of frames", *text);
-    if (i == l->n_sources) {
+    if (!s) {
         char names[160];
         list_names(l, names, sizeof names);
         return saga_fail(error, l->path, "use names of this capture's cameras",
                          "--late names \"%.*s\", but the cameras are %s",
                          (int)(n < 60 ? n : 60), *text, names);
     }
-    late[i] = frames;
+    late[s - l->sources] = frames;
     *text += all + ((*text)[all] == ',');
     return true;
 }

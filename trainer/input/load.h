@@ -60,6 +60,8 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
 bool saga_listing_probe_pictures(saga_listing *listing, saga_error *error);
 /* Tells whether every source has a name, and no two the same. */
 bool saga_listing_names_differ(const saga_listing *listing);
+/* Numbers the sources, view000 and on, where their names do not differ. */
+void saga_listing_tell_apart(saga_listing *listing);
 /* Probes a source's video, checks or sets its size. */
 bool saga_probe_video(saga_source *source, saga_listing *listing,
                       saga_error *error);

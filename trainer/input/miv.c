@@ -22,6 +22,7 @@
 #include "notes.h"
 #include "picture.h"
 #include "pose.h"
+#include "utf8.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -215,8 +216,9 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
         return NULL;
     l->sources = more;
     saga_source *const s = &more[l->n_sources];
-    char name[2 * SAGA_NAME_NBYTES];
-    (void)snprintf(name, sizeof name, "%.50s%s", c->name, suffix);
+    char begin[51], name[2 * SAGA_NAME_NBYTES];
+    saga_utf8_copy(begin, sizeof begin, c->name, strlen(c->name));
+    (void)snprintf(name, sizeof name, "%s%s", begin, suffix);
     *s = (saga_source){.width = c->info.width, .height = c->info.height,
                        .info = c->info};
     s->video = saga_string_copy(c->video, r->error);
@@ -482,9 +484,11 @@ bool saga_miv_list(saga_listing *listing, const char *folder,
     listing->format = "MPEG MIV (camera JSON and YUV)";
     r.path = json ? saga_path_join(folder, json, error) : NULL;
     r.root = r.path ? saga_json_read(r.path, error) : NULL;
-    const bool ok = r.root && add_cameras(&r) &&
-                    saga_listing_match_videos(listing, options, error) &&
-                    saga_listing_hold_out(listing, options->hold_out, error);
+    bool ok = r.root && add_cameras(&r);
+    if (ok)
+        saga_listing_tell_apart(listing);
+    ok = ok && saga_listing_match_videos(listing, options, error) &&
+         saga_listing_hold_out(listing, options->hold_out, error);
     if (ok)
         saga_note(listing->notes, "colour: YUV is taken as BT.709, limited "
                   "range; points: %zu of %d views' depth", listing->n_points,

@@ -618,6 +618,8 @@ static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
             i++;
         len = i;
     }
+    while (len > 0 && ((unsigned char)base[len] & 0xc0) == 0x80)
+        len--; /* not inside a character */
     while (len > 0 && base[len - 1] >= '0' && base[len - 1] <= '9')
         len--;
     size_t letters = len;

@@ -358,8 +358,10 @@ bool saga_neu3d_list(saga_listing *listing, const char *folder,
                      saga_error *error)
 {
     listing->format = "Neu3D (cam*.mp4)";
-    if (!list_videos(listing, folder, error) ||
-        !saga_listing_match_videos(listing, options, error) ||
+    if (!list_videos(listing, folder, error))
+        return false;
+    saga_listing_tell_apart(listing);
+    if (!saga_listing_match_videos(listing, options, error) ||
         !saga_listing_hold_out(listing, options->hold_out, error))
         return false;
     char *const poses = saga_path_join(folder, "poses_bounds.npy", error);

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "notes.h"
 
+#include "utf8.h"
+
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,12 +10,16 @@
 void saga_note(char *notes, const char *format, ...)
 {
     const size_t used = strlen(notes);
+    char line[SAGA_NOTES_NBYTES];
     if (used + 2 >= SAGA_NOTES_NBYTES)
         return;
     va_list args;
     va_start(args, format);
-    (void)vsnprintf(notes + used, SAGA_NOTES_NBYTES - used - 1, format, args);
+    (void)vsnprintf(line, sizeof line, format, args);
     va_end(args);
+    /* Paths in it may be in another encoding, or cut inside a character. */
+    saga_utf8_copy(notes + used, SAGA_NOTES_NBYTES - used - 1, line,
+                   strlen(line));
     const size_t end = strlen(notes);
     notes[end] = '\n';
     notes[end + 1] = '\0';
@@ -21,11 +27,10 @@ void saga_note(char *notes, const char *format, ...)
 
 void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n)
 {
-    if (n > SAGA_NAME_NBYTES - 1)
-        n = SAGA_NAME_NBYTES - 1;
-    for (size_t i = 0; i < n; i++) {
-        const unsigned char c = (unsigned char)s[i];
-        name[i] = c < 0x20 || c == 0x7f || c == ',' || c == '/' ? '_' : s[i];
+    saga_utf8_copy(name, SAGA_NAME_NBYTES, s, n);
+    for (char *p = name; *p; p++) {
+        const unsigned char c = (unsigned char)*p;
+        if (c < 0x20 || c == 0x7f || c == ',' || c == '/')
+            *p = '_';
     }
-    name[n] = '\0';
 }

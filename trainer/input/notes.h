@@ -7,11 +7,12 @@
 
 #include "capture.h"
 
-/* Appends a line to a notes buffer of SAGA_NOTES_NBYTES; cut when full. */
+/* Appends a line, as UTF-8, to a notes buffer of SAGA_NOTES_NBYTES; cut when
+ * full. */
 void saga_note(char *notes, const char *format, ...) SAGA_PRINTF(2, 3);
 
-/* Returns a name for messages and tables: characters that could disturb a
- * terminal or a list become '_'. */
+/* Returns a name for messages, tables and files, in UTF-8 (utf8.h):
+ * characters that could disturb a terminal or a list become '_'. */
 void saga_copy_name(char name[SAGA_NAME_NBYTES], const char *s, size_t n);
 
 #endif

@@ -6,6 +6,7 @@
 #include "train_state.h"
 
 #include "alloc.h"
+#include "utf8.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -102,8 +103,8 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
     return rig;
 }
 
-/* Names of what the rig has, in its order. A name that a file cannot have, of
- * control characters, is left empty. */
+/* Names of what the rig has, in its order, as UTF-8. A name that a file cannot
+ * have, of control characters, is left empty. */
 static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
 {
     const size_t n = (size_t)c->n_views;
@@ -117,7 +118,8 @@ static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
 
         while ((unsigned char)name[k] >= 0x20 && name[k] != 0x7f)
             k++;
-        memcpy(names[i].name, name, name[k] ? 0 : k);
+        saga_utf8_copy(names[i].name, sizeof names[i].name, name,
+                       name[k] ? 0 : k);
     }
     if (names && c->metres > 0) {
         names->metre_exponent = exponent_of(c->metres);

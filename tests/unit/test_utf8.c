@@ -1,0 +1,152 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What is UTF-8 against table 3-7 of the Unicode Standard, byte ranges written
+ * out; names that are none keep apart and are cut behind a character; JSON that
+ * lacks a value is noticed.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "json_memory.h"
+#include "notes.h"
+#include "utf8.h"
+
+#include <string.h>
+
+/* The ranges of the first two bytes; others are 80 to BF. */
+static const struct { uint8_t lo, hi, second_lo, second_hi, n; } row[] = {
+    { 0x00, 0x7f, 0, 0, 1 }, { 0xc2, 0xdf, 0x80, 0xbf, 2 },
+    { 0xe0, 0xe0, 0xa0, 0xbf, 3 }, { 0xe1, 0xec, 0x80, 0xbf, 3 },
+    { 0xed, 0xed, 0x80, 0x9f, 3 }, { 0xee, 0xef, 0x80, 0xbf, 3 },
+    { 0xf0, 0xf0, 0x90, 0xbf, 4 }, { 0xf1, 0xf3, 0x80, 0xbf, 4 },
+    { 0xf4, 0xf4, 0x80, 0x8f, 4 }
+};
+
+static size_t by_table(const uint8_t *p, size_t n)
+{
+    for (size_t i = 0; i < sizeof row / sizeof row[0]; i++) {
+        bool ok = n >= row[i].n && p[0] >= row[i].lo && p[0] <= row[i].hi;
+
+        if (ok && row[i].n > 1)
+            ok = p[1] >= row[i].second_lo && p[1] <= row[i].second_hi;
+        for (size_t k = 2; ok && k < row[i].n; k++)
+            ok = p[k] >= 0x80 && p[k] <= 0xbf;
+        if (ok)
+            return row[i].n;
+    }
+    return 0;
+}
+
+static void characters_should_be_those_of_the_table(void **state)
+{
+    static const uint8_t ends[] = { 0x00, 0x7f, 0x80, 0xbf, 0xc0, 0xff };
+
+    (void)state;
+    for (uint32_t head = 0; head < 0x10000; head++)
+        for (size_t i = 0; i < 36; i++) {
+            const uint8_t p[4] = { (uint8_t)(head >> 8), (uint8_t)head,
+                                   ends[i / 6], ends[i % 6] };
+
+            for (size_t n = 0; n <= 4; n++)
+                assert_int_equal(saga_utf8_length((const char *)p, n),
+                                 by_table(p, n));
+        }
+}
+
+static void copy(const char *from, const char *wanted)
+{
+    char to[64];
+
+    memset(to, 'x', sizeof to);
+    saga_utf8_copy(to, sizeof to, from, strlen(from));
+    assert_string_equal(to, wanted);
+    assert_true(saga_utf8_is(to));
+}
+
+static void bytes_should_be_told_where_they_are_no_character(void **state)
+{
+    (void)state;
+    copy("", "");
+    copy("caf\303\251", "caf\303\251");
+    copy("caf\351", "caf%E9");
+    copy("\303", "%C3");
+    copy("\355\240\200", "%ED%A0%80");
+    copy("\300\257\xff/", "%C0%AF%FF/");
+    assert_false(saga_utf8_is("caf\351"));
+    assert_false(saga_utf8_is("\303"));
+}
+
+/* 63 bytes have 61 letters and all or nothing of what is behind. */
+static void names_should_end_behind_a_character(void **state)
+{
+    static const char *const tail[] = {
+        "\303\251", "\342\202\254", "\360\237\230\200", "\351", "\303"
+    };
+    static const size_t wanted[] = { 63, 61, 61, 61, 61 };
+    char name[SAGA_NAME_NBYTES], text[80];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof tail / sizeof tail[0]; i++) {
+        memset(text, 'x', 61);
+        strcpy(text + 61, tail[i]);
+        strcat(text, "end");
+        saga_copy_name(name, text, strlen(text));
+        assert_int_equal(strlen(name), wanted[i]);
+        assert_true(saga_utf8_is(name));
+    }
+    saga_copy_name(name, "a/b,\n\177\351", 7);
+    assert_string_equal(name, "a_b___%E9");
+}
+
+static void notes_should_be_text(void **state)
+{
+    char notes[SAGA_NOTES_NBYTES] = "";
+
+    (void)state;
+    saga_note(notes, "%.4s: %d", "caf\303\251", 7);
+    saga_note(notes, "%s", "caf\351");
+    assert_string_equal(notes, "caf%C3: 7\ncaf%E9\n");
+    while (strlen(notes) + 2 < sizeof notes)
+        saga_note(notes, "%s", "\303\251\303\251\303\251\303\251\303\251x");
+    assert_true(saga_utf8_is(notes));
+}
+
+static void json_should_tell_when_a_value_is_missing(void **state)
+{
+    json_t *const o = json_object(), *const list = json_array();
+
+    (void)state;
+    saga_json_watch();
+    saga_json_set_value(o, "name", json_string("caf\303\251"));
+    saga_json_append_item(list, json_integer(1));
+    saga_json_merge_object(o, json_pack("{si}", "n", 1));
+    assert_false(saga_json_lost());
+    saga_json_set_value(o, "name", json_string("caf\351"));
+    assert_true(saga_json_lost());
+    saga_json_watch();
+    assert_false(saga_json_lost());
+    saga_json_append_item(list, json_pack("{ss}", "name", "caf\351"));
+    assert_true(saga_json_lost());
+    saga_json_watch();
+    saga_json_merge_object(o, json_pack("{ss}", "name", "caf\351"));
+    assert_true(saga_json_lost());
+    assert_false(saga_json_starved());
+    json_decref(o);
+    json_decref(list);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(characters_should_be_those_of_the_table),
+        cmocka_unit_test(bytes_should_be_told_where_they_are_no_character),
+        cmocka_unit_test(names_should_end_behind_a_character),
+        cmocka_unit_test(notes_should_be_text),
+        cmocka_unit_test(json_should_tell_when_a_value_is_missing)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
