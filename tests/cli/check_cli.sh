@@ -102,6 +102,8 @@ expect 2 info "$tmp/none.saga"
 says "$tmp/none.saga: cannot be opened"
 expect 2 info "$tmp"
 says "$tmp: is not a regular file"
+expect 2 info http://example.org/x.saga
+says 'http://example.org/x.saga: is an address, not a file of this machine; '
 expect 2 info -- --json
 says -- '--json: cannot be opened'
 if [ -e /dev/full ]; then
@@ -759,6 +761,15 @@ expect 1 eval vectors/bad/crc_segment.saga "$cap"
 says 'chunk PRIM'
 expect 2 eval "$scene" "$cap" --pictures "$scene/x"
 says "$scene/x"
+mkdir -m 555 "$tmp/fixed"
+# Who may do everything must not, here.
+[ "$(id -u)" = 0 ] && as=(setpriv --bounding-set=-all) || as=()
+if ! "${as[@]}" touch "$tmp/fixed/x" 2>/dev/null; then
+    "${as[@]}" "$saga" eval "$scene" "$cap" --no-ssim \
+        --pictures "$tmp/fixed/x" >"$tmp/out" 2>"$tmp/err"
+    [ $? = 2 ] || complain "eval: pictures in a folder that is fixed"
+    says "$tmp/fixed/x: cannot be made (Permission denied); give another"
+fi
 verdict eval
 
 all_passed

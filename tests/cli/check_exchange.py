@@ -281,8 +281,14 @@ def check_formats(tmp):
     saga("export", DEMO, "--spz", out, "--camera", "99", status=1,
          says="has no camera 99")
     saga("export", "Makefile", "--spz", out, status=1, says="Makefile")
-    saga("export", DEMO, "--spz", tmp + "/no/x.spz", status=1,
+    saga("export", DEMO, "--spz", tmp + "/no/x.spz", status=2,
          says="cannot be created")
+    for kind in "glb", "spz":
+        os.symlink("/dev/full", tmp + "/full." + kind)
+        saga("export", DEMO, "--" + kind, tmp + "/full." + kind, status=2,
+             says="check the free space")
+    saga("export", DEMO, "--ply-seq", tmp + "/no/x", status=2,
+         says="folder cannot be made")
     if [n for n in os.listdir(tmp) if n.startswith("none")]:
         complain("something was written though it was refused")
     verdict("formats")

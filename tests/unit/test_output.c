@@ -14,9 +14,12 @@
 #include "output.h"
 
 #include <dirent.h>
+#include <errno.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -150,6 +153,32 @@ static void full_device_should_be_told(void **state)
     assert_non_null(strstr(error.message, "free space"));
 }
 
+/* stdio forgets what it could not write, and why: closing it finds nothing
+ * wrong any more. */
+static void write_of_before_should_be_told(void **state)
+{
+    const struct rlimit little = { 8192, RLIM_INFINITY };
+    struct rlimit before;
+    saga_error error = { "" };
+    saga_output out;
+
+    (void)state;
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &before), 0);
+    assert_true(saga_output_open(&out, "long", &error));
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &little), 0);
+    for (int i = 0; !ferror(out.file) && i < 100000; i++)
+        fputs("text", out.file);
+    assert_true(ferror(out.file));
+    errno = 0;
+    assert_false(saga_output_close(&out, true, &error));
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &before), 0);
+    assert_null(strstr(error.message, strerror(0)));
+    assert_non_null(strstr(error.message, "long: could not be written; "));
+    assert_non_null(strstr(error.message, "free space"));
+    assert_int_equal(count(), 0);
+}
+
 static void link_should_be_followed(void **state)
 {
     (void)state;
@@ -261,6 +290,31 @@ static void folders_of_killed_runs_should_be_removed(void **state)
     free(name);
 }
 
+static void parts_should_go_when_abandoned(void **state)
+{
+    saga_error error = { "" };
+    saga_output out[70];
+    char name[8];
+
+    (void)state;
+    for (int i = 0; i < 70; i++) {
+        (void)snprintf(name, sizeof name, "f%d", i);
+        assert_true(saga_output_open(&out[i], name, &error));
+    }
+    assert_true(saga_output_close(&out[0], true, &error));
+    assert_true(saga_output_close(&out[1], false, &error) || error.message[0]);
+    assert_int_equal(count(), 69);
+    error.message[0] = '\0';
+    saga_output_abandon(); /* 64 places, two of them empty */
+    assert_int_equal(count(), 7);
+    for (int i = 2; i < 70; i++) {
+        error.message[0] = '\0';
+        assert_int_equal(saga_output_close(&out[i], true, &error), i >= 64);
+    }
+    assert_int_equal(count(), 7);
+    assert_int_equal(access("f0", F_OK), 0);
+}
+
 static void files_of_the_user_should_stay(void **state)
 {
     static const char *const names[] = {
@@ -308,11 +362,13 @@ int main(void)
         TEST(pipe_should_be_written),
         TEST(pipe_should_not_be_waited_for_when_read),
         TEST(full_device_should_be_told),
+        TEST(write_of_before_should_be_told),
         TEST(link_should_be_followed),
         TEST(folder_should_be_refused),
         TEST(permissions_should_be_those_of_umask),
         TEST(parts_of_killed_runs_should_be_removed),
         TEST(folders_of_killed_runs_should_be_removed),
+        TEST(parts_should_go_when_abandoned),
         TEST(files_of_the_user_should_stay),
         TEST(writers_should_keep_apart_when_one_is_alone),
     };

@@ -33,5 +33,7 @@ bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,
 {
     if (errno == ENOMEM)
         return saga_no_memory(0, file, error);
+    if (errno == 0) /* somebody else has looked at it */
+        return saga_fail(error, file, remedy, "%s", what);
     return saga_fail(error, file, remedy, "%s (%s)", what, strerror(errno));
 }

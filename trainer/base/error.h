@@ -56,7 +56,8 @@ bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...) SAGA_PRINTF(4, 5);
 
 /* Says the same of a call to the system or to a library that has just set
- * errno: "FILE: what (why); remedy". Where errno is ENOMEM it was memory. */
+ * errno: "FILE: what (why); remedy". Where errno is ENOMEM it was memory; where
+ * it is 0 nobody knows why. */
 bool saga_fail_errno(saga_error *error, const char *file, const char *remedy,
                      const char *what);
 

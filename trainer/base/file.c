@@ -94,6 +94,16 @@ FILE *saga_open_file(const char *path)
     return f;
 }
 
+static bool cannot_open(const char *path, saga_error *error)
+{
+    if (errno == ENOENT && strstr(path, "://"))
+        return saga_fail(error, path, "download it first, as by `curl -O "
+                         "ADDRESS`, and give the file's name", "is an address, "
+                         "not a file of this machine");
+    return saga_fail_errno(error, path, "check the name and the permissions",
+                           "cannot be opened");
+}
+
 bool saga_read_file(saga_bytes *bytes, const char *path,
                     saga_error *error)
 {
@@ -101,8 +111,7 @@ bool saga_read_file(saga_bytes *bytes, const char *path,
     /* Without waiting for somebody to write into a pipe. */
     const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (fd < 0)
-        return saga_fail_errno(error, path, "check the name and the "
-                               "permissions", "cannot be opened");
+        return cannot_open(path, error);
     struct stat st;
     bool ok = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) && st.st_size >= 0;
     if (!ok)

@@ -9,6 +9,7 @@
 #include <fcntl.h>
 #include <ftw.h>
 #include <limits.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
@@ -20,11 +21,49 @@ static const char mark[] = ".saga-part-";
 /* More parts of one path are not written at a time. */
 enum { N_NAMES = 1000 };
 
+/* These are the names of parts that are open. Whoever takes one out, its writer
+ * or a signal's handler, has it for itself. */
+enum { N_OPEN = 64 };
+static _Atomic(char *) open_parts[N_OPEN];
+
+/* Puts the part's name there, if there is room. */
+static void remember(saga_output *out)
+{
+    for (int i = 0; i < N_OPEN && !out->slot; i++) {
+        char *none = NULL;
+
+        if (atomic_compare_exchange_strong(&open_parts[i], &none,
+                                           out->temporary))
+            out->slot = i + 1;
+    }
+}
+
+/* Takes the part's name out and frees it; one that a handler has taken, just
+ * before the program ends, stays. */
+static void forget(saga_output *out)
+{
+    char *mine = out->temporary;
+
+    if (!out->slot || atomic_compare_exchange_strong(
+            &open_parts[out->slot - 1], &mine, NULL))
+        free(out->temporary);
+}
+
+void saga_output_abandon(void)
+{
+    for (int i = 0; i < N_OPEN; i++) {
+        const char *const part = atomic_exchange(&open_parts[i], NULL);
+
+        if (part)
+            (void)unlink(part);
+    }
+}
+
 static void output_free(saga_output *out)
 {
     free(out->path);
-    free(out->temporary);
-    *out = (saga_output){ NULL, NULL, NULL };
+    forget(out);
+    *out = (saga_output){ .file = NULL };
 }
 
 static bool no_file(const char *path, saga_error *error)
@@ -197,6 +236,8 @@ static bool open_part(saga_output *out, const struct stat *old, bool alone,
     if (!out->temporary)
         return false;
     fd = create_part(out->temporary, n, out->path, false);
+    if (fd >= 0)
+        remember(out);
     if (fd >= 0 && old)
         (void)fchmod(fd, old->st_mode & 0777);
     if (!open_file(out, fd, out->path, error))

@@ -21,6 +21,7 @@
 typedef struct saga_output {
     FILE *file;              /* NULL: not open */
     char *path, *temporary;  /* temporary is NULL where there is no part */
+    int slot;                /* among the parts of this program, from 1 */
 } saga_output;
 
 bool saga_output_open(saga_output *out, const char *path, saga_error *error);
@@ -33,6 +34,11 @@ bool saga_output_open_alone(saga_output *out, const char *path,
 /* Flushes to the disk, checks and renames; on any failure (or ok == false) the
  * part is removed and false returned. */
 bool saga_output_close(saga_output *out, bool ok, saga_error *error);
+
+/* Removes the parts of all files that are open, of 64 of them at most. For a
+ * signal handler, after which the program ends: it does nothing that such a one
+ * must not do. */
+void saga_output_abandon(void);
 
 /* Makes a folder that will become `path`, which must not end with a slash, and
  * returns its name (free it; NULL on failure). *lock is a file descriptor: to

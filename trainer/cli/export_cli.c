@@ -28,6 +28,7 @@ typedef struct {
     const options *o;
     saga_film film;
     saga_film_colours colours;
+    bool unwritten;          /* the error is of what was to be written */
     saga_error error;
 } session;
 
@@ -37,6 +38,13 @@ static bool make_cloud(saga_cloud *cloud, session *s, uint32_t frame)
 
     return saga_film_cloud(cloud, &s->colours, &s->film, frame, how,
                            &s->error);
+}
+
+/* Keeps in mind that it was an output that failed. */
+static bool written(session *s, bool ok)
+{
+    s->unwritten = s->unwritten || !ok;
+    return ok;
 }
 
 /* Says how far the fitted colours are off, where any are. */
@@ -63,7 +71,7 @@ static bool write_ply(session *s, const char *folder, uint32_t frame,
     ok = path && make_cloud(&cloud, s, frame);
     if (ok) {
         *n_splats += cloud.n;
-        ok = saga_cloud_write_ply(path, &cloud, &s->error);
+        ok = written(s, saga_cloud_write_ply(path, &cloud, &s->error));
         saga_cloud_free(&cloud);
     }
     free(path);
@@ -108,12 +116,12 @@ static bool write_ply_seq(session *s)
                          (int)s->o->frames.a, (int)s->o->frames.b,
                          s->film.info.n_frames);
     folder = saga_output_folder(path, &lock, &s->error);
-    if (!folder)
+    if (!written(s, folder != NULL))
         return false;
     ok = fill_folder(s, folder) &&
-         (rename(folder, path) == 0 ||
-          saga_fail_errno(&s->error, path, "remove it or choose another name",
-                          "is in the way"));
+         written(s, rename(folder, path) == 0 || saga_fail_errno(
+             &s->error, path, "remove it or choose another name",
+             "is in the way"));
     close(lock);
     if (!ok)
         (void)saga_output_sweep(path);
@@ -133,8 +141,10 @@ static bool write_frame(session *s)
         return true;
     if (!make_cloud(&cloud, s, (uint32_t)o->frame))
         return false;
-    ok = (!o->spz || saga_cloud_write_spz(o->spz, &cloud, &s->error)) &&
-         (!o->glb || saga_cloud_write_glb(o->glb, &cloud, &s->error));
+    ok = written(s, (!o->spz || saga_cloud_write_spz(o->spz, &cloud,
+                                                     &s->error)) &&
+                    (!o->glb || saga_cloud_write_glb(o->glb, &cloud,
+                                                     &s->error)));
     for (int i = 0; i < 2 && ok; i++) {
         const char *const name = i ? o->glb : o->spz;
 
@@ -147,14 +157,14 @@ static bool write_frame(session *s)
 
 static int export_all(session *s, const char *name, const saga_bytes *bytes)
 {
-    int status = SAGA_EXIT_DATA;
+    int status = SAGA_EXIT_OK;
 
     if (saga_film_open(&s->film, name, bytes->data, bytes->nbytes, 1,
                        &s->error) &&
-        (!s->o->ply_seq || write_ply_seq(s)) && write_frame(s)) {
+        (!s->o->ply_seq || write_ply_seq(s)) && write_frame(s))
         tell_colours(s);
-        status = SAGA_EXIT_OK;
-    }
+    else
+        status = s->unwritten ? SAGA_EXIT_USAGE : SAGA_EXIT_DATA;
     if (status)
         saga_cli_error(status, "export: %s", s->error.message);
     free(s->colours.harmonics);

@@ -3,6 +3,7 @@
  * saga info tells what a file says of itself, and where its bytes are.
  */
 #include "bytes_table.h"
+#include "checkpoint.h"
 #include "cli.h"
 #include "commands.h"
 #include "container.h"
@@ -425,6 +426,11 @@ static int probe(subject *s, size_t n)
 
     if (status == SAGA_OK)
         return 0;
+    if (saga_checkpoint_is(s->bytes, n))
+        return saga_cli_error(SAGA_EXIT_DATA, "%s: not a .saga file, but a "
+                              "checkpoint of `saga encode`, or the networks "
+                              "of --networks-only; --resume goes on with a "
+                              "checkpoint, `saga view` shows it", s->name);
     for (size_t i = 0; i < 4 && i < n; i++)
         snprintf(start + 3 * i, sizeof start - 3 * i, " %02x", s->bytes[i]);
     if (n >= 4 && memcmp(s->bytes, saga_magic, 4) != 0)

@@ -541,8 +541,12 @@ static size_t largest(const saga_eval *eval)
 
 static bool make_folder(const char *path, saga_error *error)
 {
-    if (!path || mkdir(path, 0777) == 0 || saga_path_is_folder(path))
+    if (!path || mkdir(path, 0777) == 0)
         return true;
+    const int why = errno; /* looking at it sets another one */
+    if (saga_path_is_folder(path))
+        return true;
+    errno = why;
     return saga_fail_errno(error, path, "give another folder for the pictures",
                            "cannot be made");
 }
