@@ -6,10 +6,15 @@
 #               says its size, in text and JSON; no checkpoint stays; two
 #               threads make the same file
 #   size        --size and --bitrate are met within 5 %, or it is told
-#   stopped     Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
+#   stopped, interrupted
+#               Ctrl-C and SIGTERM end it with status 2 and a checkpoint, and
 #               --resume makes the file of a run that was not stopped; without
 #               --resume a checkpoint is not overwritten, and with it and no
-#               checkpoint no finished file
+#               checkpoint no finished file; a second Ctrl-C leaves nothing
+#               half-written; a resumed run tells the percent of all; what
+#               `saga info` says of a checkpoint
+#   exposure    where cameras are exposed differently, the table says beside
+#               which pictures each row is, the file's beside both
 #   alone       two runs do not write to one file; what a killed one left goes
 #   segments    --segment makes one file of several, which eval, info, cut and
 #               saga-dec take; a killed one resumes, in the segment it was in
@@ -161,6 +166,90 @@ grep -qx 'of another capture' s.saga || complain "--resume overwrites a file"
 leaves s.saga s.whole
 rm -f s.saga s.whole
 verdict stopped
+
+# The first percent of training that a terminal is shown.
+cat >percent.py <<'PYTHON'
+import os, pty, re, sys
+
+pid, terminal = pty.fork()
+if pid == 0:
+    os.execv(sys.argv[1], sys.argv[1:])
+text = b""
+while True:
+    try:
+        more = os.read(terminal, 1000)
+    except OSError:
+        break
+    if not more:
+        break
+    text += more
+os.waitpid(pid, 0)
+print(next(int(p) for p, doing in re.findall(rb"(\d+) %  (\w+-?\w*)", text)
+           if doing in (b"warm-up", b"rendering", b"packing")))
+PYTHON
+set -m
+$stoppable "$saga" encode cap -o s.saga --primitives 150 --iterations 3000 \
+    --log s.csv >out 2>err </dev/null &
+pid=$!
+while kill -0 $pid 2>/dev/null && ! grep -q '^1500,' s.csv 2>/dev/null; do
+    sleep 0.01
+done
+kill -INT $pid
+wait $pid
+[ $? = 2 ] || complain "stopped half-way: $(cat err)"
+"$saga" info s.saga.ckpt >out 2>err
+[ $? = 1 ] || complain "info of a checkpoint: not status 1"
+says 'a checkpoint of `saga encode`'
+says '`saga view` shows it'
+percent=$(python3 percent.py "$saga" encode cap -o s.saga --primitives 150 \
+    --iterations 3000 --resume)
+[ "${percent:-0}" -ge 30 ] || complain "a resumed run begins at $percent %"
+rm -f s.saga s.csv percent.py
+for ((i = 0; i < 20; i++)); do
+    $stoppable "$saga" encode cap -o s.saga --primitives 3000 \
+        --iterations 3000 --log s.csv >out 2>err </dev/null &
+    pid=$!
+    while kill -0 $pid 2>/dev/null && ! grep -q '^20,' s.csv 2>/dev/null; do
+        sleep 0.01
+    done
+    kill -INT $pid
+    kill -INT $pid
+    wait $pid 2>/dev/null
+    rc=$?
+    rm -f s.saga.ckpt s.csv
+    [ $rc = 130 ] && break
+done
+[ $rc = 130 ] || complain "two Ctrl-C: status $rc: $(cat err)"
+set +m
+leaves
+verdict interrupted
+
+# ---- exposure
+# cam02 has half of the light.
+"$saga" synth dim --size 64x36 --cameras 4 --hold-out 0 --frames 1 \
+    --samples 1 --depth-every 0 --points 600 >out 2>err ||
+    complain "synth: $(cat err)"
+ffmpeg -nostdin -v error -y -i dim/images/cam02/00000.png \
+    -vf lutrgb=r=val*.6:g=val*.6:b=val*.6 dim.png &&
+    mv dim.png dim/images/cam02/00000.png
+expect 0 dim -o x.saga --primitives 300 --iterations 300
+grep -q 'beside the pictures as they were evened out' out &&
+    grep -q 'beside the pictures as they were taken' out &&
+    [ "$(grep -c 'file, integer decoder' out)" = 2 ] ||
+    complain "a table without words: $(grep -A9 'mean PSNR' out)"
+expect 0 dim -o x.saga --primitives 300 --iterations 300 --json
+python3 -c '
+import json
+r = json.load(open("out"))
+float, file, taken = [r[k]["training"] for k in (
+    "psnr_decoded_float", "psnr_evened", "psnr")]
+assert abs(float - file) < 0.3 and taken < file - 2, (float, file, taken)
+' 2>>bad || complain "JSON: $(grep -A9 psnr out)"
+expect 0 cap -o x.saga "${small[@]}"
+! grep -q 'beside the pictures' out || complain "words of no exposure"
+rm -rf dim x.saga
+leaves
+verdict exposure
 
 # ---- segments
 expect 0 cap -o seg.saga "${small[@]}" --segment 2

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 #include "cli.h"
 
+#include "output.h"
 #include "threads.h"
 
 #include <errno.h>
 #include <math.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,6 +26,37 @@ int saga_cli_error(int status, const char *format, ...)
     fputc('\n', stderr);
     va_end(args);
     return status;
+}
+
+/* --- Signals ------------------------------------------------------------- */
+
+void saga_cli_catch_signals(void (*handler)(int number))
+{
+    static const int numbers[] = { SIGINT, SIGTERM, SIGHUP };
+    struct sigaction action;
+
+    memset(&action, 0, sizeof action);
+    action.sa_handler = handler;
+    sigemptyset(&action.sa_mask);
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
+        struct sigaction old;
+
+        if (sigaction(numbers[i], NULL, &old) == 0 &&
+            old.sa_handler != SIG_IGN)
+            sigaction(numbers[i], &action, NULL);
+    }
+}
+
+void saga_cli_end(int number)
+{
+    sigset_t its;
+
+    saga_output_abandon();
+    signal(number, SIG_DFL);
+    sigemptyset(&its);
+    sigaddset(&its, number);
+    sigprocmask(SIG_UNBLOCK, &its, NULL);
+    raise(number);
 }
 
 /* --- Threads ------------------------------------------------------------- */
@@ -387,7 +420,7 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
         return;
     if (!m->started) {
         *m = (saga_meter){ .started = true, .start = now, .shown = now - 60.0,
-                           .terminal = isatty(STDERR_FILENO) };
+                           .from = done, .terminal = isatty(STDERR_FILENO) };
         if (!m->terminal) /* what is over soon needs no line in a log */
             m->shown = now;
     }
@@ -395,10 +428,11 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
         return;
     m->shown = now;
     snprintf(left, sizeof left, "time left unknown");
-    if (done > 0.0)
-        time_text(left, sizeof left, (now - m->start) * (1.0 - done) / done);
+    if (done > m->from)
+        time_text(left, sizeof left, (now - m->start) * (1.0 - done) /
+                  (done - m->from));
     n = fprintf(stderr, "%s%3.0f %%  %s  %s%s", m->terminal ? "\r" : "",
-                100.0 * done, doing, left, done > 0.0 ? " left" : "");
+                100.0 * done, doing, left, done > m->from ? " left" : "");
     if (!m->terminal)
         fputc('\n', stderr);
     else if (n < m->width)

@@ -104,6 +104,16 @@ int saga_cli_threads(const char *command, int n);
 /* Prints "saga: ..." and a newline on stderr; returns status. */
 int saga_cli_error(int status, const char *format, ...) SAGA_CLI_PRINTF(2, 3);
 
+/* --- Signals ------------------------------------------------------------- */
+
+/* Has Ctrl-C, SIGTERM and SIGHUP call `handler`, but those that whoever started
+ * the program ignores (nohup). */
+void saga_cli_catch_signals(void (*handler)(int number));
+
+/* A handler that ends the program by the signal, as usual, without the files it
+ * was writing (output.h). */
+void saga_cli_end(int number);
+
 /* --- Progress ------------------------------------------------------------ */
 
 /* A meter is one line on stderr: rewritten in place on a terminal, else a new
@@ -113,10 +123,12 @@ typedef struct saga_meter {
     bool quiet;
     bool started, terminal;
     double start, shown;    /* seconds */
+    double from;            /* what was done at the start */
     int width;              /* characters of the line that stands there */
 } saga_meter;
 
-/* done runs from 0 to 1; `doing` says what is being done, with numbers. */
+/* done runs from 0, or what a run before has left, to 1; `doing` says what is
+ * being done, with numbers. */
 void saga_meter_show(saga_meter *m, double done, const char *doing);
 
 /* Does the same as a saga_progress_fn; user is the meter. Never cancels. */

@@ -76,6 +76,8 @@ typedef struct {
     saga_capture capture;        /* of one segment */
     saga_train *train;
     saga_train_quality decoded;  /* by the integer decoder, from the file */
+    saga_train_quality evened;   /* the same beside the evened pictures that
+                                  * training saw; 0 pictures: all alike */
     saga_train_quality agreement; /* of its pictures with the float ones of
                                    * the same symbols, PSNR */
     saga_verdict verdict;        /* of the training views */
@@ -89,35 +91,18 @@ typedef struct {
     saga_meter meter;
     size_t wanted;               /* bytes of the file; 0: any */
     saga_plan_reasons why;       /* it is trained so */
-    double done_at_start, started, log_began;
+    double started, log_began;
 } session;
 
 /* This signal asked to stop; a handler can tell no one else. */
 static volatile sig_atomic_t stop_signal;
 
+/* A second one ends the program, and what it has half-written. */
 static void ask_to_stop(int number)
 {
+    if (stop_signal == number)
+        saga_cli_end(number);
     stop_signal = number;
-}
-
-/* A second one ends the program as usual. */
-static void catch_signals(void)
-{
-    static const int numbers[] = { SIGINT, SIGTERM, SIGHUP };
-    struct sigaction action;
-
-    memset(&action, 0, sizeof action);
-    action.sa_handler = ask_to_stop;
-    action.sa_flags = (int)SA_RESETHAND;
-    sigemptyset(&action.sa_mask);
-    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
-        struct sigaction old;
-
-        /* nohup's SIGHUP stays ignored. */
-        if (sigaction(numbers[i], NULL, &old) == 0 &&
-            old.sa_handler != SIG_IGN)
-            sigaction(numbers[i], &action, NULL);
-    }
 }
 
 /* --- Progress ------------------------------------------------------------ */
@@ -159,17 +144,13 @@ static bool training(void *user, const saga_train_progress *p)
                   p->iteration, p->n_iterations);
     tell_complaint(s);
     saga_encode_log_write(&s->log, p, saga_cli_seconds() - s->log_began);
-    if (s->done_at_start < 0)
-        s->done_at_start = p->done;
     if (p->psnr > 0)
         n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
                       p->psnr);
     if (p->bits > 0)
         snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
                  p->bits / 1e3);
-    /* The meter reckons from its own beginning: a resumed run's. */
-    saga_meter_show(&s->meter, (p->done - s->done_at_start) /
-                    (1.0000001 - s->done_at_start), text);
+    saga_meter_show(&s->meter, p->done, text);
     return !stop_signal;
 }
 
@@ -552,7 +533,6 @@ static int train_segment(session *s)
     saga_outcome status;
 
     s->meter = (saga_meter){ 0 };
-    s->done_at_start = -1;
     status = saga_train_run(s->train, &s->error);
     saga_meter_end(&s->meter);
     tell_complaint(s);
@@ -693,9 +673,53 @@ static int write_file(session *s)
 /* --- Checking the file --------------------------------------------------- */
 
 typedef struct {
-    double sum[2], agree[2];
+    double sum[2], even[2], agree[2];
     int n[2], n_agree[2];
 } tally;
+
+/* Gives the PSNR of a decoded picture beside the truth as training sees it,
+ * with the camera's exposure evened out. */
+static double evened_psnr(const session *s, int view, int frame,
+                          const uint8_t *rgb)
+{
+    const double *const x = saga_train_exposure(s->train) + 3 * view;
+    const saga_shot *const v = &s->capture.views[view];
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    const uint8_t *const truth = saga_capture_frame(&s->capture, view, frame);
+    const uint8_t *const mask = saga_capture_mask(&s->capture, view, frame);
+    double sum = 0;
+    size_t counting = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        counting += !mask || mask[i];
+        for (int k = 0; k < 3 && (!mask || mask[i]); k++) {
+            const double e = x[k] * truth[3 * i + (size_t)k] -
+                             rgb[3 * i + (size_t)k];
+
+            sum += e * e;
+        }
+    }
+    return saga_psnr(sum / (3.0 * (double)counting));
+}
+
+/* Returns by how much the cameras' factors differ at most, as a part. */
+static double exposure_span(const session *s)
+{
+    const double *const x = saga_train_exposure(s->train);
+    double most = 1;
+
+    for (int k = 0; k < 3; k++) {
+        double lo = INFINITY, hi = 0;
+
+        for (int i = 0; i < s->capture.n_views; i++)
+            if (!s->capture.views[i].held_out) {
+                lo = fmin(lo, x[3 * i + k]);
+                hi = fmax(hi, x[3 * i + k]);
+            }
+        most = fmax(most, hi / lo);
+    }
+    return most - 1;
+}
 
 /* Gives the PSNR between a decoded picture and the float one of the same
  * symbols. */
@@ -761,6 +785,7 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
         if (ok && counting > 0) {
             t->sum[v->held_out] += saga_psnr(saga_mse(rgb, truth, nbytes) /
                                              counting);
+            t->even[v->held_out] += evened_psnr(s, view, frame, rgb);
             t->n[v->held_out]++;
         }
         if (ok && median)
@@ -881,7 +906,7 @@ static int compare_segment(session *s, saga_film *film, int segment, tally *t)
 /* What is told about quality comes from the closed file, opened again. */
 static int check_file(session *s)
 {
-    tally t = { { 0, 0 }, { 0, 0 }, { 0, 0 }, { 0, 0 } };
+    tally t = { { 0, 0 }, { 0, 0 }, { 0, 0 }, { 0, 0 }, { 0, 0 } };
     saga_bytes bytes = { NULL, 0 };
     saga_film film = { .segment = -1 };
     int status = SAGA_EXIT_OK;
@@ -907,6 +932,9 @@ static int check_file(session *s)
     saga_bytes_free(&bytes);
     s->decoded = (saga_train_quality){ t.sum[0] / t.n[0], t.sum[1] / t.n[1],
                                        t.n[0], t.n[1] };
+    if (exposure_span(s) > 0)
+        s->evened = (saga_train_quality){ t.even[0] / t.n[0],
+                                          t.even[1] / t.n[1], t.n[0], t.n[1] };
     s->agreement = (saga_train_quality){ t.agree[0] / t.n_agree[0],
                                          t.agree[1] / t.n_agree[1],
                                          t.n_agree[0], t.n_agree[1] };
@@ -955,25 +983,6 @@ static void print_views(const saga_train_quality *q)
         printf("  views between the cameras are poor: held-out ones are %.1f "
                "dB below those\n  trained on; more cameras or points of the "
                "scene help\n", gap);
-}
-
-/* Returns by how much the cameras' factors differ at most, as a part. */
-static double exposure_span(const session *s)
-{
-    const double *const x = saga_train_exposure(s->train);
-    double most = 1;
-
-    for (int k = 0; k < 3; k++) {
-        double lo = INFINITY, hi = 0;
-
-        for (int i = 0; i < s->capture.n_views; i++)
-            if (!s->capture.views[i].held_out) {
-                lo = fmin(lo, x[3 * i + k]);
-                hi = fmax(hi, x[3 * i + k]);
-            }
-        most = fmax(most, hi / lo);
-    }
-    return most - 1;
 }
 
 static void print_exposure(const session *s)
@@ -1074,6 +1083,11 @@ static void print_entropy(const saga_train_entropy *e)
                e->bank_weights, e->bank_net);
 }
 
+static bool is_evened(const session *s)
+{
+    return s->evened.n_training + s->evened.n_held_out > 0;
+}
+
 static void print_text(const session *s)
 {
     const saga_train_report *const r = saga_train_report_of(s->train);
@@ -1115,12 +1129,20 @@ static void print_text(const session *s)
     print_entropy(&r->entropy);
     printf("  mean PSNR of %d + %d pictures  training  held out\n",
            s->decoded.n_training, s->decoded.n_held_out);
+    if (is_evened(s))
+        puts("  beside the pictures as they were evened out");
     print_quality("flat warm-up (float)", &r->warm);
     print_quality("model (float)", &r->model);
     print_quality("decoded symbols (float)", &r->coded);
+    if (is_evened(s)) {
+        print_quality("file, integer decoder", &s->evened);
+        print_quality("  ... against that float", &s->agreement);
+        puts("  beside the pictures as they were taken");
+    }
     print_quality("file, integer decoder", &s->decoded);
     print_cuts(s);
-    print_quality("  ... against that float", &s->agreement);
+    if (!is_evened(s))
+        print_quality("  ... against that float", &s->agreement);
     saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
     saga_shutter_print(s->rows, &s->capture);
     print_views(&s->decoded);
@@ -1308,6 +1330,8 @@ static json_t *json_report(const session *s)
         "psnr_warm_up", json_quality(&r->warm),
         "psnr_float", json_quality(&r->model),
         "psnr", json_quality(&s->decoded)));
+    saga_json_set_value(o, "psnr_evened", is_evened(s)
+                        ? json_quality(&s->evened) : json_null());
     saga_json_set_value(o, "layers", json_layers(s));
     saga_json_set_value(o, "readout", saga_shutter_json(s->rows, &s->capture));
     saga_json_merge_object(o, json_pack("{sososo}",
@@ -1479,7 +1503,7 @@ static int run(int argc, char **argv)
     status = saga_cli_threads("encode", o.capture.threads);
     if (status)
         return status;
-    catch_signals();
+    saga_cli_catch_signals(ask_to_stop);
     status = check_options(&s);
     if (!status)
         status = check_json(&s);

@@ -159,5 +159,6 @@ static void tame_threads(char **argv)
 int main(int argc, char **argv)
 {
     tame_threads(argv);
+    saga_cli_catch_signals(saga_cli_end);
     return flushed(run(argc, argv));
 }
