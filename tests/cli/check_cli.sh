@@ -597,10 +597,10 @@ if not all(base64.b64decode(p)[:2] == b"\xff\xd8" for p in pictures):
 if "<b>" in text or "cam&#60;b&#62;" not in text or "1.0" not in text:
     print("check --html: a name is not escaped, or missing")
 PYTHON
-# Two frames in ten seconds are a segment, four in twenty are two.
-expect 0 synth "$tmp/long" --size 32x18 --cameras 3 --hold-out 0 --frames 4 \
+# 24 frames are a segment, though they are two minutes; 48 are two.
+expect 0 synth "$tmp/long" --size 32x18 --cameras 3 --hold-out 0 --frames 48 \
     --fps 0.2 --samples 1 --depth-every 0 --points 100
-for span in 0:2 0:4; do
+for span in 0:24 0:48; do
     expect 0 check "$tmp/long" --frames $span --json
     mv "$tmp/out" "$tmp/forecast$span"
 done

@@ -333,6 +333,51 @@ static void segments_should_take_ten_seconds_if_they_fit(void **state)
     }
 }
 
+/* At 0.2 frames a second ten seconds are two frames, and a second is none. */
+static void segments_should_have_24_frames_if_they_fit(void **state)
+{
+    static const struct { double fps; int n_frames, fitting, n; } given[] = {
+        { 0.2, 2, 9999, 1 }, { 0.2, 24, 9999, 1 }, { 0.2, 35, 9999, 1 },
+        { 0.2, 36, 9999, 2 }, { 0.2, 240, 9999, 10 }, { 0.2, 240, 12, 20 },
+        { 0.2, 240, 1, 120 }, { 1, 240, 9999, 10 }, { 2.4, 240, 9999, 10 },
+        { 3, 240, 9999, 8 }, { 0.001, 100, 9999, 4 }
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
+        const saga_capture c = { .n_frames = given[i].n_frames,
+                                 .fps = given[i].fps,
+                                 .n_fitting = given[i].fitting };
+
+        assert_int_equal(saga_plan_segments(&c, 0), given[i].n);
+    }
+}
+
+/* A picture every five seconds is no more work than one of 2.4 a second. */
+static void seconds_should_not_count_beyond_frames(void **state)
+{
+    uint8_t *const rgb = calloc((size_t)24 * 3 * 6000, 1);
+    saga_shot view = { .width = 100, .height = 60, .rgb = rgb };
+    uint32_t n[2];
+
+    (void)state;
+    assert_non_null(rgb);
+    for (size_t k = 0; k < 24; k += 2)
+        memset(rgb + k * 18000, 99, 9000);
+    for (int i = 0; i < 2; i++) {
+        const saga_capture c = { .n_views = 1, .n_frames = 24, .views = &view,
+                                 .fps = i ? 0.2 : 2.4 };
+        saga_train_options o = { .n_segments = 1, .level = 2 };
+        saga_plan_reasons why;
+
+        saga_plan(&o, &why, &c, saga_preset_called("balanced"));
+        n[i] = o.n_primitives;
+    }
+    assert_true(n[0] > 100);
+    assert_int_equal(n[0], n[1]);
+    free(rgb);
+}
+
 /* What stays is there once, what changes is new in each second. */
 static void longer_segments_should_have_more_that_changes(void **state)
 {
@@ -383,6 +428,8 @@ int main(void)
         cmocka_unit_test(plan_should_not_count_seconds_of_a_camera_that_moves),
         cmocka_unit_test(plan_should_leave_what_is_given),
         cmocka_unit_test(segments_should_take_ten_seconds_if_they_fit),
+        cmocka_unit_test(segments_should_have_24_frames_if_they_fit),
+        cmocka_unit_test(seconds_should_not_count_beyond_frames),
         cmocka_unit_test(longer_segments_should_have_more_that_changes),
         cmocka_unit_test(presets_should_be_in_order)
     };

@@ -1520,9 +1520,9 @@ static const saga_cli_option option_list[] = {
     { "-o", "FILE.saga", "the file to write, or the folder of --sweep; needed",
       saga_cli_text, offsetof(options, output), 0, 0 },
     { "--segment", "FRAMES", "frames of a segment, about, each of which plays "
-      "without\nthe others (default: ten seconds, or what half of\n--memory "
-      "holds; of a camera that moves, all of them);\n--primitives and "
-      "--iterations are of each", saga_cli_int,
+      "without\nthe others (default: ten seconds, but 24 at least, or\n"
+      "what half of --memory holds; of a camera that moves,\nall of them); "
+      "--primitives and --iterations are of each", saga_cli_int,
       offsetof(options, segment), 2, SAGA_PLAN_MOST_FRAMES },
     { "--networks-only", NULL, "train the segment that makes the networks and "
       "write them,\nfor others to be trained elsewhere: docs/scale.md",

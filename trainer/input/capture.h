@@ -153,12 +153,17 @@ static inline int saga_view_n_held(const saga_shot *view, int n_frames)
     return view->single ? 1 : n_frames;
 }
 
-/* Returns how long the capture is; 1 for a camera that moves, whose moments are
- * pictures, or where the rate is not known. */
+/* Returns how long the capture is, as far as that says how much happens in it:
+ * 1 for a camera that moves, whose moments are pictures, or where the rate is
+ * not known. Beyond ten seconds no frame counts for more than 10 / 24 of one:
+ * what happens in between is not seen. */
 static inline double saga_capture_seconds(const saga_capture *capture)
 {
-    return capture->moves || !(capture->fps > 0.0)
+    const double most = capture->n_frames * 10.0 / 24.0;
+    const double all = capture->moves || !(capture->fps > 0.0)
         ? 1.0 : capture->n_frames / capture->fps;
+
+    return all < 10.0 || all < most ? all : most > 10.0 ? most : 10.0;
 }
 
 /* Returns the rows of one picture; view and frame within the capture's

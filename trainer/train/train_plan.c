@@ -30,6 +30,10 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
  * segments.md). A jump reads one segment. */
 #define MOST_SECONDS 10
 
+/* Of a picture every few seconds that is next to nothing: a segment has so many
+ * frames if they fit. */
+#define LEAST_FRAMES 24
+
 /* Views of a still beyond so many show the same things again, and so do those
  * of a camera that moves. */
 #define STILL_VIEWS 10
@@ -67,8 +71,8 @@ int saga_plan_segments(const saga_capture *capture, int frames)
     if (!frames && capture->moves)
         frames = all;
     if (!frames) {
-        const double longest = fmin(MOST_SECONDS * capture->fps,
-                                    capture->n_fitting);
+        const double wanted = fmax(MOST_SECONDS * capture->fps, LEAST_FRAMES);
+        const double longest = fmin(wanted, capture->n_fitting);
 
         frames = (int)fmax(2, fmin(rint(fmax(longest, capture->fps)),
                                    SAGA_PLAN_MOST_FRAMES));

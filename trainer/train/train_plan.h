@@ -33,8 +33,8 @@ enum { SAGA_PLAN_MOST_FRAMES = 65535 };
 
 /* Returns how many segments a capture is trained in, of whose frames nothing
  * but number, rate and how many fit is looked at. They have about so many
- * frames; 0: of ten seconds if they fit, of a second at least, and of a camera
- * that moves, all of them. */
+ * frames; 0: of ten seconds, or 24 frames where these are longer, if they fit,
+ * of a second at least, and of a camera that moves, all of them. */
 int saga_plan_segments(const saga_capture *capture, int frames);
 
 /* Returns the primitives that a segment of so many seconds wants of whose
