@@ -615,6 +615,53 @@ for f, n in (one, 1), (two, 2):
 PYTHON
 expect 0 check "$tmp/long"
 grep -q 'in 2 segments' "$tmp/out" || complain "check: no word of segments"
+# Sixteen photographs of 800 x 500 take longer than preset fast has, at half of
+# their size not.
+expect 0 synth "$tmp/wide" --size 40x25 --cameras 16 --hold-out 0 --frames 1 \
+    --samples 1 --depth-every 0 --points 100
+python3 - "$tmp/wide" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import glob, json, struct, sys, zlib
+
+def chunk(kind, data):
+    return (struct.pack(">I", len(data)) + kind + data +
+            struct.pack(">I", zlib.crc32(kind + data)))
+
+row = b"\0" + bytes(range(200)) * 12
+png = (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(
+    ">IIBBBBB", 800, 500, 8, 2, 0, 0, 0)) +
+    chunk(b"IDAT", zlib.compress(row * 500, 1)) + chunk(b"IEND", b""))
+for name in glob.glob(sys.argv[1] + "/images/*/*.png"):
+    open(name, "wb").write(png)
+name = sys.argv[1] + "/transforms.json"
+j = json.load(open(name))
+for key in "w", "h", "fl_x", "fl_y", "cx", "cy":
+    j[key] *= 20
+json.dump(j, open(name, "w"))
+PYTHON
+expect 0 check "$tmp/wide"
+[ "$(grep -A1 'preset fast' "$tmp/out" | tail -n 1)" = \
+    '    with pictures at 1/2 of their size, for which it has time' ] &&
+    [ "$(grep -c 'of their size' "$tmp/out")" = 1 ] ||
+    complain "check: the forecast of photographs: $(grep preset "$tmp/out")"
+# says_plan TEXT OPTIONS...: what encode says before it trains.
+says_plan() {
+    local text=$1 pid i
+    shift
+    "$saga" encode "$tmp/wide" -o "$tmp/wide.saga" --preset fast "$@" \
+        >"$tmp/out" 2>"$tmp/err" </dev/null &
+    pid=$!
+    for ((i = 0; i < 1000; i++)); do
+        grep -q 'visits to each' "$tmp/err" && break
+        sleep 0.01
+    done
+    kill -TERM $pid
+    wait $pid
+    rm -f "$tmp/wide.saga"*
+    grep -q "$text" "$tmp/err" || complain "no '$text': $(cat "$tmp/err")"
+}
+says_plan 'pictures at 1/2 of their size, for which preset fast has time'
+says_plan '480 iterations: preset fast, 30 visits' --scale 1
+! grep -q 'of their size' "$tmp/err" || complain "--scale 1 is not obeyed"
 expect 2 check "$tmp/none"
 says "$tmp/none"
 expect 1 check "$tmp/dim/images"

@@ -231,7 +231,7 @@ static void plan_should_follow_pixels_and_motion(void **state)
 }
 
 /* A still of many views has no more primitives than of ten, and fast takes no
- * longer than it says, if ten visits allow it. */
+ * longer than it says, if 30 visits allow it. */
 static void plan_should_be_short_when_it_is_of_a_still(void **state)
 {
     enum { MOST = 400 };
@@ -257,11 +257,99 @@ static void plan_should_be_short_when_it_is_of_a_still(void **state)
         assert_int_equal(o.n_primitives, (int)rint(
             0.7 * saga_plan_primitives(60000 * fmin(n, 10), 0, 0)));
         minutes = saga_plan_minutes(o.n_primitives, o.n_iterations, 60000);
-        assert_true(n == 400 ? o.n_iterations == 4000
+        assert_true(n == 400 ? o.n_iterations == 12000
                              : fabs(minutes - fast->still_minutes) < 0.01);
     }
     free(views);
     free(rgb);
+}
+
+/* Whole pictures are taken where 30 visits to each fit into the minutes of the
+ * preset; 50 photographs of 1080 x 1920 are taken at a quarter, 16,000 x 12,000
+ * so that there are 500 iterations, small ones as they are. */
+static void pictures_should_be_smaller_when_visits_are_few(void **state)
+{
+    static const struct { double w, h; int n_views, scale, iterations; }
+    given[] = {
+        { 300, 200, 40, 1, 0 }, { 640, 360, 20, 1, 0 }, { 640, 360, 50, 1, 0 },
+        { 1080, 1920, 10, 3, 0 }, { 1080, 1920, 50, 4, 0 },
+        { 1080, 1920, 50, 1, 5000 }, { 4000, 3000, 200, 10, 0 },
+        { 16000, 12000, 2, 16, 0 }, { 300, 200, 4000, 1, 0 }
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
+        const double px = given[i].w * given[i].h;
+        saga_capture c = { .n_frames = 1, .fps = 30,
+                           .n_learned = given[i].n_views,
+                           .learned_pixels = px * given[i].n_views,
+                           .largest_pixels = px };
+        saga_train_options o = { .n_segments = 1, .level = 2,
+                                 .n_iterations = given[i].iterations };
+        const int n = saga_plan_scale(&o, &c, saga_preset_called("fast"));
+
+        assert_int_equal(n, given[i].scale);
+        assert_true(n == 1 || px / (n * n) >= 1e5);
+        assert_int_equal(saga_plan_scale(&o, &c,
+                                         saga_preset_called("balanced")), 1);
+        c.n_frames = 2;
+        assert_int_equal(saga_plan_scale(&o, &c, saga_preset_called("fast")),
+                         1);
+    }
+}
+
+/* Files of stills that preset fast made, two of photographs and five of the
+ * built-in scenes, and one of these with many iterations. */
+static void bytes_of_a_still_should_be_forecast(void **state)
+{
+    static const struct { int n_primitives, n_iterations, nbytes; } made[] = {
+        { 7560, 1424, 54000 }, { 30240, 500, 145000 }, { 3360, 3205, 35498 },
+        { 3360, 3205, 31291 }, { 13440, 801, 109207 }, { 2688, 3720, 30005 },
+        { 5964, 1805, 60747 }, { 1500, 12000, 19492 }
+    };
+    double least, most, least_moving, most_moving;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof made / sizeof made[0]; i++) {
+        saga_plan_nbytes(&least, &most, made[i].n_primitives,
+                         made[i].n_iterations, true);
+        assert_true(least <= made[i].nbytes && made[i].nbytes <= most);
+        assert_true(most < 1.8 * least);
+        saga_plan_nbytes(&least_moving, &most_moving, made[i].n_primitives,
+                         made[i].n_iterations, false);
+        assert_true(least_moving == 4000 + 9. * made[i].n_primitives);
+        assert_true(most_moving == 4000 + 14. * made[i].n_primitives);
+        assert_true(least <= least_moving && most <= most_moving);
+    }
+}
+
+/* Each picture of a still is visited 30 times or more, whatever there is. */
+static void pictures_of_a_still_should_be_visited_often(void **state)
+{
+    static const int n_views[] = { 1, 2, 10, 50, 99 };
+    saga_shot *const views = calloc(99, sizeof *views);
+    saga_plan_reasons why;
+
+    (void)state;
+    assert_non_null(views);
+    for (int side = 100; side <= 3200; side *= 2) {
+        uint8_t *const rgb = calloc((size_t)side * (size_t)side, 3);
+
+        assert_non_null(rgb);
+        for (int v = 0; v < 99; v++)
+            views[v] = (saga_shot){ .width = side, .height = side,
+                                    .rgb = rgb };
+        for (size_t i = 0; i < sizeof n_views / sizeof n_views[0]; i++) {
+            saga_train_options o = { .n_segments = 1, .level = 2 };
+            const saga_capture c = { .n_views = n_views[i], .n_frames = 1,
+                                     .fps = 30, .views = views };
+
+            saga_plan(&o, &why, &c, saga_preset_called("fast"));
+            assert_true(o.n_iterations >= 30 * n_views[i]);
+        }
+        free(rgb);
+    }
+    free(views);
 }
 
 /* What a second is to a camera that moves is not known, nor what changes: a
@@ -425,6 +513,9 @@ int main(void)
         cmocka_unit_test(size_should_be_that_of_the_checkpoint),
         cmocka_unit_test(plan_should_follow_pixels_and_motion),
         cmocka_unit_test(plan_should_be_short_when_it_is_of_a_still),
+        cmocka_unit_test(pictures_should_be_smaller_when_visits_are_few),
+        cmocka_unit_test(pictures_of_a_still_should_be_visited_often),
+        cmocka_unit_test(bytes_of_a_still_should_be_forecast),
         cmocka_unit_test(plan_should_not_count_seconds_of_a_camera_that_moves),
         cmocka_unit_test(plan_should_leave_what_is_given),
         cmocka_unit_test(segments_should_take_ten_seconds_if_they_fit),

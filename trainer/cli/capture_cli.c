@@ -5,7 +5,7 @@ saga_capture_options saga_capture_chosen(const saga_capture_choice *choice)
 {
     saga_capture_options o = saga_capture_defaults();
 
-    o.scale = choice->scale;
+    o.scale = choice->scale ? choice->scale : 1;
     o.first_frame = choice->frames.a;
     o.end_frame = choice->frames.b;
     o.hold_out = choice->hold_out;

@@ -11,12 +11,13 @@
 typedef struct saga_capture_choice {
     saga_cli_pair frames;    /* b is 0: to the last */
     const char *hold_out, *late;
-    int scale, memory, threads;
+    int scale;               /* 0: not given */
+    int memory, threads;
     bool alpha_masks;
 } saga_capture_choice;
 
 /* What is taken where nothing is said. */
-#define SAGA_CAPTURE_CHOICE { .scale = 1, .memory = 4 }
+#define SAGA_CAPTURE_CHOICE { .memory = 4 }
 
 /* Rows of a command's table, whose structure `type` has the choice in its
  * `member`. */

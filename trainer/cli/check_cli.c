@@ -73,6 +73,9 @@ static void print_forecast(const saga_capture *c)
         printf("  --preset %-9s%7d primitives%7d iterations%6.0f CPU minutes"
                "%6.0f to %.0f kB\n", f.preset, f.n_primitives, f.n_iterations,
                ceil(f.minutes), f.least_kb, f.most_kb);
+        if (f.scale > 1)
+            printf("    with pictures at 1/%d of their size, for which it has "
+                   "time\n", f.scale);
         n_segments = f.n_segments;
     }
     if (n_segments > 1)
@@ -134,8 +137,8 @@ static json_t *json_forecast(const saga_capture *c)
     saga_forecast f;
 
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        json_array_append_new(list, json_pack("{sssisisisfsfsf}",
-            "preset", f.preset, "n_segments", f.n_segments,
+        json_array_append_new(list, json_pack("{sssisisisisfsfsf}",
+            "preset", f.preset, "scale", f.scale, "n_segments", f.n_segments,
             "n_primitives", f.n_primitives,
             "n_iterations", f.n_iterations, "cpu_minutes", f.minutes,
             "least_kb", f.least_kb, "most_kb", f.most_kb));

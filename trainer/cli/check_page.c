@@ -13,34 +13,61 @@
 
 enum { THUMB = 240, PLAN = 360 }; /* pixels */
 
-/* Straight lines through docs/results/rd.md tell some 4 kB and 9 to 14 bytes a
- * primitive of each segment. All segments are taken to be like the first. */
-bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
+/* Returns the capture with pictures of 1/n of their size, as far as a plan for
+ * a still looks at it; `view` holds its views. */
+static saga_capture smaller(const saga_capture *c, saga_shot *view, int n)
 {
-    const saga_preset *const preset = saga_preset_at(index);
-    saga_train_options o = saga_train_defaults();
-    saga_capture first = *capture;
-    saga_plan_reasons why;
-    double pixels = 0;
+    saga_capture s = *c;
 
-    if (!preset)
-        return false;
+    s.views = view;
+    for (int v = 0; v < c->n_views; v++) {
+        view[v] = c->views[v];
+        view[v].width /= n;
+        view[v].height /= n;
+    }
+    return s;
+}
+
+/* All segments are taken to be like the first. A scale that was given stays. */
+static void forecast(saga_forecast *f, const saga_capture *c,
+                     const saga_preset *preset, saga_shot *view)
+{
+    saga_train_options o = saga_train_defaults();
+    saga_plan_reasons why;
+    saga_capture first;
+    double pixels = 0, least, most;
+
     o.n_primitives = 0;
     o.n_iterations = 0;
-    f->n_segments = saga_plan_segments(capture, 0);
+    f->scale = c->scale > 1 ? 1 : saga_plan_scale(&o, c, preset);
+    first = smaller(c, view, f->scale);
+    f->n_segments = saga_plan_segments(c, 0);
     first.n_frames /= f->n_segments;
     saga_plan(&o, &why, &first, preset);
-    for (int v = 0; v < capture->n_views; v++)
-        pixels += (double)capture->views[v].width * capture->views[v].height /
-                  capture->n_views;
+    for (int v = 0; v < c->n_views; v++)
+        pixels += (double)view[v].width * view[v].height / c->n_views;
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
     f->n_iterations = o.n_iterations;
     f->minutes = f->n_segments * saga_plan_minutes(f->n_primitives,
                                                    f->n_iterations, pixels);
-    f->least_kb = 4 + 0.009 * f->n_primitives * f->n_segments;
-    f->most_kb = 4 + 0.014 * f->n_primitives * f->n_segments;
-    return true;
+    saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
+                     (double)f->n_segments * f->n_iterations,
+                     c->n_frames == 1);
+    f->least_kb = least / 1000;
+    f->most_kb = most / 1000;
+}
+
+bool saga_forecast_of(saga_forecast *f, const saga_capture *capture, int index)
+{
+    const saga_preset *const preset = saga_preset_at(index);
+    saga_shot *const view = preset
+        ? calloc((size_t)capture->n_views, sizeof *view) : NULL;
+
+    if (view)
+        forecast(f, capture, preset, view);
+    free(view);
+    return view != NULL;
 }
 
 /* --- Pieces -------------------------------------------------------------- */
@@ -280,9 +307,9 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
             saga_plan_segments(c, 0));
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
         fprintf(to, "<tr><td>--preset %s<td>%d primitives<td>%d iterations<td>"
-                "%.0f CPU minutes<td>%.0f to %.0f kB\n", f.preset,
-                f.n_primitives, f.n_iterations, ceil(f.minutes), f.least_kb,
-                f.most_kb);
+                "%.0f CPU minutes<td>%.0f to %.0f kB<td>pictures at 1/%d\n",
+                f.preset, f.n_primitives, f.n_iterations, ceil(f.minutes),
+                f.least_kb, f.most_kb, f.scale);
     fputs("</table><h2>What the loader decided</h2><pre>", to);
     put_escaped(to, c->notes);
     fputs("</pre></html>\n", to);

@@ -12,13 +12,14 @@
 typedef struct saga_forecast {
     const char *preset;
     int n_segments;
+    int scale;                /* N of 1/N that pictures of a still are at */
     int n_primitives, n_iterations; /* of each */
     double minutes;           /* of CPU, for all of them */
     double least_kb, most_kb;
 } saga_forecast;
 
 /* Tells what encoding with the index-th preset takes, with a base that saves
- * nothing; false past the last. */
+ * nothing; false past the last, and where memory ends. */
 bool saga_forecast_of(saga_forecast *forecast, const saga_capture *capture,
                       int index);
 

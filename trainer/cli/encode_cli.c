@@ -73,6 +73,7 @@ typedef struct {
     saga_ablation ablation;
     saga_capture whole;          /* what is known of it without a picture */
     int n_segments;
+    int scale;                   /* N of 1/N that its pictures are loaded at */
     saga_capture capture;        /* of one segment */
     saga_train *train;
     saga_train_quality decoded;  /* by the integer decoder, from the file */
@@ -276,10 +277,61 @@ static saga_capture_options capture_options(session *s)
 {
     saga_capture_options c = saga_capture_chosen(&s->o->capture);
 
+    if (s->scale)
+        c.scale = s->scale;
     c.metres = s->o->metres;
     c.progress = loading;
     c.progress_user = s;
     return c;
+}
+
+static saga_train_options train_options(session *s)
+{
+    const options *const o = s->o;
+    saga_train_options t = saga_train_defaults();
+
+    t.n_segments = s->n_segments;
+    t.networks = o->networks;
+    t.only = o->only;
+    t.n_primitives = (uint32_t)o->primitives;
+    t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->part > 0);
+    t.n_iterations = o->iterations;
+    t.minutes = o->minutes;
+    t.lambda = o->lambda;
+    t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
+                         s->whole.fps);
+    t.level = o->level;
+    t.n_layers = o->layers;
+    t.seed = (uint64_t)o->seed;
+    t.motion = o->still ? SAGA_TRAIN_STILL
+             : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
+    t.ablate = o->ablate;
+    t.checkpoint = s->checkpoint;
+    t.checkpoint_seconds = o->every;
+    t.progress = training;
+    t.progress_user = s;
+    return t;
+}
+
+/* Has large pictures of a still made smaller, where that is left to the preset
+ * and it had no time to look at them often enough. */
+static int choose_scale(session *s)
+{
+    const saga_train_options t = train_options(s);
+    saga_capture_options c;
+
+    if (!s->o->capture.scale)
+        s->scale = saga_plan_scale(&t, &s->whole,
+                                   saga_preset_called(s->o->preset));
+    if (s->scale < 2)
+        return SAGA_EXIT_OK;
+    saga_cli_error(0, "encode: pictures at 1/%d of their size, for which "
+                   "preset %s has time; --scale 1 takes whole ones", s->scale,
+                   s->o->preset);
+    c = capture_options(s);
+    return saga_capture_look(&s->whole, s->capture_name, &c, &s->error)
+        ? SAGA_EXIT_OK
+        : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
 }
 
 /* Divides the capture into segments that differ by a frame at most. */
@@ -298,7 +350,7 @@ static int look_at_capture(session *s)
                               s->n_segments == 1 ? "" : "s",
                               s->n_segments == 1 ? "there are no parts"
                               : "give --only one of these");
-    return SAGA_EXIT_OK;
+    return choose_scale(s);
 }
 
 /* Returns the frame of the whole capture that a segment begins with. */
@@ -391,34 +443,6 @@ static int find_first(session *s, int *first)
         }
     }
     return SAGA_EXIT_OK;
-}
-
-static saga_train_options train_options(session *s)
-{
-    const options *const o = s->o;
-    saga_train_options t = saga_train_defaults();
-
-    t.n_segments = s->n_segments;
-    t.networks = o->networks;
-    t.only = o->only;
-    t.n_primitives = (uint32_t)o->primitives;
-    t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->part > 0);
-    t.n_iterations = o->iterations;
-    t.minutes = o->minutes;
-    t.lambda = o->lambda;
-    t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
-                         s->whole.fps);
-    t.level = o->level;
-    t.n_layers = o->layers;
-    t.seed = (uint64_t)o->seed;
-    t.motion = o->still ? SAGA_TRAIN_STILL
-             : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
-    t.ablate = o->ablate;
-    t.checkpoint = s->checkpoint;
-    t.checkpoint_seconds = o->every;
-    t.progress = training;
-    t.progress_user = s;
-    return t;
 }
 
 /* Sets t->first to the segment that the checkpoint was in, and what was planned
@@ -1110,6 +1134,9 @@ static void print_text(const session *s)
         printf("  a base of %u primitives, %.0f %% of the warm-up's stand "
                "still\n", r->info.base_primitives,
                100.0 * r->base.n_still / fmax(r->base.n_looked_at, 1));
+    if (s->scale > 1)
+        printf("  pictures at 1/%d of their size, as preset %s has it\n",
+               s->scale, s->o->preset);
     print_motion(r);
     print_tools(r);
     print_exposure(s);
@@ -1226,8 +1253,9 @@ static json_t *json_options(const options *o)
     const saga_capture_choice *const c = &o->capture;
     json_t *const list = json_pack("{sss[ii]sisisisisfsisisi}",
         "preset", o->preset, "frames", c->frames.a, c->frames.b,
-        "scale", c->scale, "segment", o->segment, "primitives", o->primitives,
-        "iterations", o->iterations, "minutes", o->minutes,
+        "scale", c->scale ? c->scale : 1, "segment", o->segment,
+        "primitives", o->primitives, "iterations", o->iterations,
+        "minutes", o->minutes,
         "level", o->level, "layers", o->layers, "seed", o->seed);
 
     saga_json_merge_object(list, json_pack("{sbsfsfsfsbsbsososo}",
@@ -1317,6 +1345,7 @@ static json_t *json_report(const session *s)
         "n_coarse", (json_int_t)r->n.coarse, "n_fine", (json_int_t)r->n.fine,
         "n_primitives", (json_int_t)r->n.prim,
         "memory_nbytes", (json_int_t)r->info.work_nbytes));
+    saga_json_set_value(o, "scale", json_integer(s->capture.scale));
     saga_json_set_value(o, "exposure", json_exposure(s));
     saga_json_set_value(o, "base", json_base(&r->base));
     saga_json_merge_object(o, json_pack("{sfsisIsbsosososfsfsososo}",
@@ -1535,7 +1564,9 @@ static const saga_cli_option option_list[] = {
       "with the\nsame options", saga_cli_text, offsetof(options, networks), 0,
       0 },
     { "--preset", "fast|balanced|best", "how long to work on it (default "
-      "balanced)", saga_cli_text, offsetof(options, preset), 0, 0 },
+      "balanced);\nfast has large pictures of a still made smaller, where\n"
+      "--scale does not say otherwise", saga_cli_text,
+      offsetof(options, preset), 0, 0 },
     { "--size", "BYTES", "of the file, within 5 %: 150k, 1.2M",
       saga_cli_nbytes, offsetof(options, size), 0, 0 },
     { "--bitrate", "BITS", "the same in bits a second: 500k",

@@ -658,6 +658,22 @@ static int frames_that_fit(const load_job *job)
     return (int)fmin(floor(job->capture->n_frames * part), SAGA_MAX_FRAMES);
 }
 
+/* Counts what is learned from, at the scale that is wanted. */
+static void count_learned(saga_capture *capture, const load_job *job)
+{
+    const double scale = job->options->scale;
+    for (int v = 0; v < job->listing->n_sources; v++) {
+        const saga_remap *const m = &job->remaps[v];
+        const double px =
+            floor(m->full_width / scale) * floor(m->full_height / scale);
+        if (job->listing->sources[v].held_out)
+            continue;
+        capture->n_learned++;
+        capture->learned_pixels += px;
+        capture->largest_pixels = fmax(capture->largest_pixels, px);
+    }
+}
+
 /* Moves the points and the notes to the capture. */
 static void take_points(saga_capture *capture, saga_listing *listing)
 {
@@ -687,8 +703,10 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
     if (!job.remaps)
         return false;
     bool ok = plan_remaps(&job);
-    if (ok)
+    if (ok) {
         capture->n_fitting = frames_that_fit(&job);
+        count_learned(capture, &job);
+    }
     if (ok && pictures) {
         take_points(capture, listing);
         ok = check_budget(&job) && fill_capture(&job);

@@ -105,6 +105,9 @@ typedef struct saga_capture {
     int n_views, n_frames;
     bool moves;               /* the camera: every view is one picture of it */
     int first_frame;          /* index in the source of frame 0 here */
+    int n_learned;            /* views that are not held out, and pixels that */
+    double learned_pixels;    /* these have of a moment, */
+    double largest_pixels;    /* and the largest of them */
     int n_fitting;            /* frames whose pictures take half the budget */
     double fps;
     double metres;            /* in the unit of length; 0: unknown */
@@ -126,7 +129,8 @@ bool saga_capture_load(saga_capture *capture, const char *path,
                        saga_error *error);
 
 /* Sets of *capture what is known before a picture is decoded: format, frames,
- * their rate and how many fit, whether the camera moves. It fails as
+ * their rate and how many fit, how many views and pixels there are to learn
+ * from, whether the camera moves. It fails as
  * saga_capture_load does, but for want of memory, and sets no view nor anything
  * else that would have to be freed. */
 bool saga_capture_look(saga_capture *capture, const char *path,

@@ -10,9 +10,9 @@
 /* Studio (docs/results/training.md) takes 2.7 CPU minutes by the first. By
  * primitives and iterations the others take some 9 and 40. */
 static const saga_preset presets[] = {
-    { "fast", 0.7, 8000, 10, 0.35 },
-    { "balanced", 1, 20000, 25, 0 },
-    { "best", 1.4, 60000, 75, 0 }
+    { "fast", 0.7, 8000, 10, 0.35, 30 },
+    { "balanced", 1, 20000, 25, 0, 25 },
+    { "best", 1.4, 60000, 75, 0, 75 }
 };
 
 enum { N_PRESETS = sizeof presets / sizeof presets[0] };
@@ -37,6 +37,11 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 /* Views of a still beyond so many show the same things again, and so do those
  * of a camera that moves. */
 #define STILL_VIEWS 10
+
+/* Where pictures of a still are made smaller, so that there is time for as many
+ * iterations at least, they keep that many pixels. */
+#define LEAST_ITERATIONS 500
+#define LEAST_PIXELS 1e5
 
 /* Networks and header take so many bytes, and a primitive at the lambda that
  * the rule gives 9 to 14 (docs/results/rd.md). Fewer primitives with a finer
@@ -103,6 +108,23 @@ double saga_plan_minutes(double n_primitives, double n_iterations,
            (0.27 * n_primitives / 1000 + 0.7 * pixels / 100000);
 }
 
+/* What is learned of a primitive grows with the logarithm of the iterations
+ * that there are for each, in stills of 0.02 to 8 of them
+ * (tests/unit/test_size.c has the files). */
+void saga_plan_nbytes(double *least, double *most, double n_primitives,
+                      double n_iterations, bool still)
+{
+    const double each = log(n_iterations / n_primitives);
+    double lo = 9, hi = 14;
+
+    if (still) {
+        lo = fmin(lo, fmax(4, 7.5 + 0.75 * each));
+        hi = fmin(hi, fmax(7, 10.5 + 0.7 * each));
+    }
+    *least = FIXED_NBYTES + lo * n_primitives;
+    *most = FIXED_NBYTES + hi * n_primitives;
+}
+
 /* --- The capture --------------------------------------------------------- */
 
 /* These are sums over the views that are learned from. */
@@ -139,12 +161,18 @@ static uint32_t within_level(double n, int level)
     return (uint32_t)fmin(fmax(rint(n), LEAST_PRIMITIVES), caps->n_prim);
 }
 
+/* Returns the pixels of a still that count for its primitives. */
+static double of_still(double pixels, double largest)
+{
+    return fmin(pixels, STILL_VIEWS * largest);
+}
+
 static void plan_primitives(saga_train_options *o, char *why, size_t n,
                             const saga_capture *c, const saga_preset *p)
 {
     const extent e = extent_of(c);
     const double pixels = c->n_frames == 1 || c->moves
-        ? fmin(e.pixels, STILL_VIEWS * e.largest) : e.pixels;
+        ? of_still(e.pixels, e.largest) : e.pixels;
     const double changing = saga_train_change(c);
     const double seconds = saga_capture_seconds(c);
     int k;
@@ -175,14 +203,50 @@ static void plan_iterations(saga_train_options *o, char *why, size_t n,
     const extent e = extent_of(c);
     const double each = saga_plan_minutes(o->n_primitives, 1,
                                           e.pixels / e.n_views);
+    const double visits =
+        e.pictures * (c->n_frames == 1 ? p->still_visits : p->visits);
     double most = MOST_ITERATIONS;
 
     if (c->n_frames == 1 && p->still_minutes > 0)
-        most = fmax(p->still_minutes / each, p->visits * e.pictures);
-    o->n_iterations = (int)fmin(fmax(p->iterations, p->visits * e.pictures),
-                                most);
+        most = fmax(p->still_minutes / each, visits);
+    o->n_iterations = (int)fmin(fmax(p->iterations, visits), most);
     snprintf(why, n, "%d iterations: preset %s, %.0f visits to each picture",
              o->n_iterations, p->name, o->n_iterations / e.pictures);
+}
+
+/* Returns the iterations of a still that fit into the preset's minutes with its
+ * pictures at 1/scale of their size. */
+static double still_iterations(const saga_train_options *o,
+                               const saga_capture *c, const saga_preset *p,
+                               int scale)
+{
+    const double part = 1.0 / ((double)scale * scale);
+    double n = o->n_primitives;
+
+    if (o->n_primitives == 0)
+        n = within_level(o->n_bytes
+            ? saga_plan_primitives_of_size((double)o->n_bytes)
+            : p->primitives * saga_plan_primitives(part * of_still(
+                  c->learned_pixels, c->largest_pixels), 0, 0), o->level);
+    return p->still_minutes / saga_plan_minutes(
+        n, 1, part * c->learned_pixels / c->n_learned);
+}
+
+int saga_plan_scale(const saga_train_options *o, const saga_capture *c,
+                    const saga_preset *p)
+{
+    const double visits = (double)p->still_visits * c->n_learned;
+    const double wanted = fmax(visits, LEAST_ITERATIONS);
+    const double pixels = c->learned_pixels / c->n_learned;
+    int n = 1;
+
+    if (c->n_frames != 1 || !(p->still_minutes > 0) || o->n_iterations ||
+        o->minutes > 0 || still_iterations(o, c, p, 1) >= visits)
+        return 1;
+    while (still_iterations(o, c, p, n) < wanted && n < SAGA_MAX_SCALE &&
+           pixels / ((n + 1.0) * (n + 1.0)) >= LEAST_PIXELS)
+        n++;
+    return n;
 }
 
 void saga_plan(saga_train_options *o, saga_plan_reasons *why,

@@ -15,7 +15,8 @@ typedef struct saga_preset {
     int iterations;              /* of all stages, */
     int visits;                  /* but so many for each picture at least */
     double still_minutes;        /* of a still no more than that, by
-                                  * saga_plan_minutes; 0: no limit */
+                                  * saga_plan_minutes; 0: no limit, */
+    int still_visits;            /* but so many for each of its pictures */
 } saga_preset;
 
 /* These return a preset by number, the quickest first (NULL past the last), and
@@ -37,6 +38,14 @@ enum { SAGA_PLAN_MOST_FRAMES = 65535 };
  * of a second at least, and of a camera that moves, all of them. */
 int saga_plan_segments(const saga_capture *capture, int frames);
 
+/* Returns N where the pictures of a still should be 1/N of their size, of a
+ * capture that was looked at: 1 where whole ones are visited still_visits times
+ * within still_minutes, else the least with which smaller ones are, in 500
+ * iterations at least; they keep 100,000 pixels each. Primitives follow the
+ * pixels. Where o has iterations or minutes, which somebody gave, it is 1. */
+int saga_plan_scale(const saga_train_options *o, const saga_capture *looked_at,
+                    const saga_preset *preset);
+
 /* Returns the primitives that a segment of so many seconds wants of whose
  * pixels at one moment, of all views together, a part 0..1 changes. */
 double saga_plan_primitives(double pixels, double changing, double seconds);
@@ -45,6 +54,12 @@ double saga_plan_primitives(double pixels, double changing, double seconds);
  * pixels. */
 double saga_plan_minutes(double n_primitives, double n_iterations,
                          double pixels);
+
+/* Gives between which bytes the file of a segment is mostly: 4,000 and 9 to 14
+ * for each primitive, by docs/results/rd.md. A still's have fewer, the less the
+ * fewer iterations there are for each. */
+void saga_plan_nbytes(double *least, double *most, double n_primitives,
+                      double n_iterations, bool still);
 
 /* Returns the primitives that make a file of so many bytes, about. */
 double saga_plan_primitives_of_size(double n_bytes);
