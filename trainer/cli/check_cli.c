@@ -137,7 +137,7 @@ static json_t *json_forecast(const saga_capture *c)
     saga_forecast f;
 
     for (int i = 0; saga_forecast_of(&f, c, i); i++)
-        json_array_append_new(list, json_pack("{sssisisisisfsfsf}",
+        saga_json_append_item(list, json_pack("{sssisisisisfsfsf}",
             "preset", f.preset, "scale", f.scale, "n_segments", f.n_segments,
             "n_primitives", f.n_primitives,
             "n_iterations", f.n_iterations, "cpu_minutes", f.minutes,
@@ -152,7 +152,7 @@ static json_t *json_lines(const char *notes)
     for (const char *line = notes; *line;) {
         const size_t n = strcspn(line, "\n");
 
-        json_array_append_new(list, json_stringn(line, n));
+        saga_json_append_item(list, json_stringn(line, n));
         line += n + (line[n] == '\n');
     }
     return list;
@@ -168,10 +168,10 @@ static int print_json(const saga_survey *s, const saga_capture *c,
     views = json_array();
     mind = json_array();
     for (int v = 0; v < c->n_views; v++)
-        json_array_append_new(views, json_view(s, c, v));
+        saga_json_append_item(views, json_view(s, c, v));
     for (int i = 0; i < s->n_notes; i++)
-        json_array_append_new(mind, json_string(s->note[i]));
-    json_object_update_new(o, json_pack("{sssisfsIsfsbsosososo}",
+        saga_json_append_item(mind, json_string(s->note[i]));
+    saga_json_merge_object(o, json_pack("{sssisfsIsfsbsosososo}",
         "format", c->format, "n_frames", c->n_frames,
         "frames_per_second", c->fps, "n_points", (json_int_t)c->n_points,
         "typical_angle_degrees", s->typical_angle,

@@ -62,9 +62,9 @@ static json_t *json_pair(const session *s)
                              saga_result_value(a, saga_set_keys[i], key);
 
             if (isfinite(d))
-                json_object_set_new(set, key->key, json_real(d));
+                saga_json_set_value(set, key->key, json_real(d));
         }
-        json_object_set_new(o, saga_set_keys[i], set);
+        saga_json_set_value(o, saga_set_keys[i], set);
     }
     return o;
 }
@@ -104,7 +104,7 @@ static int print_json(const session *s, bool curves)
 
     saga_json_watch();
     o = saga_cli_json_head("compare", s->b.path);
-    json_object_update_new(o, json_pack("{ssso}", "anchor", s->a.path,
+    saga_json_merge_object(o, json_pack("{ssso}", "anchor", s->a.path,
                                         curves ? "bd_rate" : "difference",
                                         curves ? saga_results_bd(&s->a, &s->b)
                                                : json_pair(s)));

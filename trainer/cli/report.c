@@ -96,7 +96,7 @@ static bool add_picture(session *s, json_t *list, const json_t *result,
     saga_bytes_free(&bytes);
     if (!text)
         return false;
-    json_array_append_new(list, json_pack("{sssfsOsOsOsOss}",
+    saga_json_append_item(list, json_pack("{sssfsOsOsOsOss}",
         "series", name, "nbytes", saga_result_nbytes(result),
         "view", json_object_get(view, "name"),
         "frame", json_object_get(view, "picture_frame"),
@@ -123,7 +123,7 @@ static json_t *json_metrics(void)
     json_t *const list = json_array();
 
     for (int i = 0; i < SAGA_N_METRICS; i++)
-        json_array_append_new(list, json_pack("{ssss}",
+        saga_json_append_item(list, json_pack("{ssss}",
             "key", saga_metric_keys[i].key, "name", saga_metric_keys[i].name));
     return list;
 }
@@ -147,11 +147,11 @@ static bool add_series(session *s, json_t *page, const saga_results *r)
                 return false;
             }
     }
-    json_array_append_new(json_object_get(page, "series"),
+    saga_json_append_item(json_object_get(page, "series"),
                           json_pack("{ssso}", "name", name, "results",
                                     results));
     if (r != &s->results[0] && (r->n > 1 || s->results[0].n > 1))
-        json_array_append_new(json_object_get(page, "bd"),
+        saga_json_append_item(json_object_get(page, "bd"),
                               json_pack("{ssso}", "name", name, "bd",
                                         saga_results_bd(&s->results[0], r)));
     return true;

@@ -189,13 +189,13 @@ json_t *saga_results_bd(const saga_results *anchor, const saga_results *test)
 
             if (!saga_results_bd_of(&bd, anchor, test, i, m))
                 continue;
-            json_object_set_new(set, saga_metric_keys[m].key, bd.refused
+            saga_json_set_value(set, saga_metric_keys[m].key, bd.refused
                 ? json_pack("{ss}", "refused", bd.refused)
                 : json_pack("{sfsfsfs[ff]}", "pchip", bd.pchip, "akima",
                             bd.akima, "overlap", bd.overlap, "range",
                             sign * bd.lo, sign * bd.hi));
         }
-        json_object_set_new(o, saga_set_keys[i], set);
+        saga_json_set_value(o, saga_set_keys[i], set);
     }
     return o;
 }
