@@ -67,9 +67,10 @@ static void run_once(const uint8_t *bytes, size_t n, const saga_info *info,
     camera.width = WIDTH;
     camera.height = HEIGHT;
     t[OPEN] = bench_now_ms();
-    check(saga_open(&dec, work, info->work_nbytes, bytes, n), "open");
+    check(saga_open(&dec, work, info->work_nbytes, bytes, n, NULL), "open");
     t[DECODE] = bench_now_ms();
-    check(saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes), "decode");
+    check(saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes, NULL),
+          "decode");
     t[VIEW] = bench_now_ms();
     check(saga_view(dec, &camera, 20000), "view");
     t[DRAW] = bench_now_ms();

@@ -332,7 +332,8 @@ static void segment(data *d)
     struct whole *const w = d->file;
 
     check("the segment", saga_decode(w->dec, &w->seg, w->bytes.data +
-                                     w->seg.offset, w->seg.nbytes) == SAGA_OK);
+                                     w->seg.offset, w->seg.nbytes, NULL) ==
+                             SAGA_OK);
 }
 
 static void segment_f64(data *d)
@@ -755,7 +756,7 @@ static void prepare_picture(data *d, gen_rng *r)
         d->n_pairs += (double)(s->x1 - s->x0) * (s->y1 - s->y0);
     }
     saga_depth_sort(d->sorted, d->keys, d->n_splats);
-    saga_raster_boxes(d->sorted, d->splats, d->n_splats, &d->camera);
+    (void)saga_raster_boxes(d->sorted, d->splats, d->n_splats, &d->camera);
     if (!d->job.scratch) {
         d->job = (saga_job){ .x1 = WIDE, .y1 = HIGH, .tile = TILE,
                              .list_capacity = LIST };
@@ -815,7 +816,7 @@ static void prepare_file(data *d, gen_rng *r)
           !saga_find(&w.seg, w.bytes.data, w.bytes.nbytes, 0, 1) &&
           !saga_rig(&w.camera, &number, w.bytes.data, w.bytes.nbytes, 0) &&
           !saga_open(&w.dec, need(1, w.info.work_nbytes), w.info.work_nbytes,
-                     w.bytes.data, w.bytes.nbytes));
+                     w.bytes.data, w.bytes.nbytes, NULL));
     n = (size_t)w.camera.width * w.camera.height;
     w.rgb = need(n, 3);
     w.real_rgb = need(n, 3 * sizeof *w.real_rgb);

@@ -243,7 +243,7 @@ static void open_whole(file *f)
 
     check(saga_probe(&info, f->bytes, f->n));
     check(saga_open(&f->dec, need(info.work_nbytes), info.work_nbytes,
-                    f->bytes, f->n));
+                    f->bytes, f->n, NULL));
     if (saga_rig(&f->camera, &number, f->bytes, f->n, 0))
         fail("no camera");
     f->job.x1 = f->camera.width;
@@ -304,7 +304,7 @@ static void open_file(file *f, const char *path)
 static void decode(file *f)
 {
     check(saga_decode(f->dec, &f->segment, f->bytes + f->segment.offset,
-                      f->segment.nbytes));
+                      f->segment.nbytes, NULL));
 }
 
 static void view(file *f)

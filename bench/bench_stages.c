@@ -89,7 +89,7 @@ static void sort(void *data)
     scene *const s = data;
     memcpy(s->sorted, s->keys, s->n_splats * sizeof *s->keys);
     saga_depth_sort(s->sorted, s->tmp, s->n_splats);
-    saga_raster_boxes(s->sorted, s->splats, s->n_splats, &s->cam);
+    (void)saga_raster_boxes(s->sorted, s->splats, s->n_splats, &s->cam);
 }
 
 static void blend(void *data)

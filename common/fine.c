@@ -124,7 +124,8 @@ void saga_scaffold_fine(const saga_scaffold *sc)
     const uint32_t most = saga_net_points(sc->net.nets, 1u << SAGA_NET_FINE);
     uint32_t rank, n, i;
 
-    for (rank = 0; rank < sc->n.fine; rank += n) {
+    for (rank = 0; rank < sc->n.fine && !saga_tally_add(sc->net.tally, 0);
+         rank += n) {
         n = sc->n.fine - rank < most ? sc->n.fine - rank : most;
         for (i = 0; i < n; i++)
             keep_fine_anchor(sc, rank + i, i);

@@ -284,10 +284,22 @@ typedef struct saga_level_caps {
     uint32_t work_nbytes;
     uint32_t n_coarse, n_fine, n_prim;
     uint32_t n_weights;
-    uint32_t width;
-    uint32_t int8_only;     /* every network must be int8 */
-    uint32_t n_slots;       /* of the bank */
+    uint32_t n_anchors;     /* coarse and fine, of the base and of as many
+                             * layers as a segment has */
+    uint64_t work;          /* of the base and a segment: multiply-accumulates,
+                             * and SAGA_RUN_WORK for each run of a network */
+    uint16_t n_slots;       /* of the bank */
+    uint16_t cover;         /* of a view's boxes, in pictures */
+    uint8_t width;
+    uint8_t int8_only;      /* every network must be int8 */
 } saga_level_caps;
+
+/* A run of a network on one point takes this much beside its products. */
+#define SAGA_RUN_WORK 4096u
+
+/* The cover of a smaller picture counts as if it had this many pixels: a splat
+ * covers one at least. */
+#define SAGA_COVER_PIXELS (1u << 16)
 
 enum { SAGA_N_PROFILES = 4 };
 

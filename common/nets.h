@@ -6,6 +6,7 @@
 #ifndef SAGA_NETS_H
 #define SAGA_NETS_H
 
+#include "tally.h"
 #include "mlp.h"
 #include "model.h"
 
@@ -81,6 +82,7 @@ typedef struct saga_runner {
     const uint8_t *params;       /* the block */
     saga_vectors *v;
     saga_cpu cpu;                /* the machine has it */
+    saga_tally *tally;           /* of the runs' work; NULL: nobody counts */
 } saga_runner;
 
 /* Returns how many points, 1..SAGA_MAX_POINTS, the vectors hold for every

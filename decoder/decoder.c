@@ -24,12 +24,15 @@ struct saga_decoder {
     uint32_t n_layers;           /* decoded */
     saga_camera camera;          /* of the view */
     uint32_t final_range[3];
+    uint64_t box_pixels;         /* of the view that was asked for last */
     uint32_t n_splats;
     uint32_t owner;              /* CRC of the head's last chunk: segments go
                                   * on from it */
     uint32_t n_views;            /* number of the view */
     uint32_t view_digest;        /* of file, segment, time and camera */
     uint32_t cpu;                /* saga_cpu of this machine */
+    saga_tally tally;            /* of the call that is open or decode; none of
+                                  * its pointers outlives the call */
     uint16_t has_segment, has_view;
 };
 
@@ -116,9 +119,9 @@ static void info_of(saga_info *info, const saga_header *h,
     info->base_fine = h->base.fine;
     info->base_primitives = h->base.prim;
     info->base_nbytes = h->base_nbytes;
-    info->base_macs = h->base.coarse == 0 ? 0
-        : saga_plan_macs(&h->model, &plan->nets, &h->base);
-    info->decode_macs = saga_plan_segment_macs(h, &plan->nets);
+    info->base_macs = saga_plan_base_macs(h, &plan->nets, 0);
+    info->work = plan->work;
+    info->decode_macs = saga_plan_segment_macs(h, &plan->nets, 0);
     info->view_macs = saga_plan_view_macs(&plan->nets, &h->model);
     info->unit_mantissa = h->unit_mantissa;
     info->unit_exponent = h->unit_exponent;
@@ -150,8 +153,27 @@ static void begin(saga_decoder *dec)
     dec->has_segment = 0;
     dec->has_view = 0;
     dec->n_splats = 0;
+    dec->box_pixels = 0;
     dec->n_views = 0;
+    dec->tally.stopped = 0;
     dec->cpu = saga_cpu_best();
+}
+
+/* From here on the caller may stop the work, whose beginning is the first
+ * reason to ask; or, with NULL, no more. Tells whether it was stopped. */
+static int set_watch(saga_decoder *dec, const saga_watch *watch)
+{
+    const saga_watch nobody = { NULL, NULL };
+    saga_tally *const m = &dec->tally;
+    const int stopped = m->stopped;
+
+    if (watch == NULL)
+        watch = &nobody;
+    m->stop = watch->stop;
+    m->user = watch->user;
+    m->done = SAGA_TALLY_EVERY;
+    m->stopped = 0;
+    return stopped;
 }
 
 /* The head is there whole. Bytes behind those of the networks are not looked
@@ -174,6 +196,7 @@ static saga_status read_networks(saga_decoder *dec, const uint8_t *head)
     if (chunk.nbytes != dec->header.nets_nbytes)
         return SAGA_ERR_DATA;
     saga_range_dec_init(&range, head + at + SAGA_CHUNK_NBYTES, chunk.nbytes);
+    range.tally = &dec->tally;
     if (!saga_syntax_networks(&plan->nets, block_at(dec, plan->nets_at),
                               &range.coder) ||
         !saga_range_dec_finish(&range))
@@ -261,6 +284,22 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
     return first == h.n_frames ? SAGA_ERR_ARG : SAGA_ERR_DATA;
 }
 
+/* Bytes behind the last field are nothing's. */
+enum {
+    CAMERA_NBYTES = offsetof(saga_camera, background_q15) + 3 * sizeof(uint16_t)
+};
+
+#define SAME_PLACE(field) \
+    _Static_assert(offsetof(saga_camera, field) == \
+                   offsetof(saga_rig_camera, field), "cameras are copied")
+SAME_PLACE(centre);
+SAME_PLACE(focal_q16);
+SAME_PLACE(principal_q16);
+SAME_PLACE(near_plane);
+SAME_PLACE(width);
+SAME_PLACE(height);
+SAME_PLACE(background_q15);
+
 saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
                      size_t n, uint32_t index)
 {
@@ -269,7 +308,7 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
     saga_io io = { head, NULL, 0 };
     saga_plan plan;
     saga_status s = read_head(&h, &plan, head, n, 0);
-    int i;
+    uint32_t i;
 
     if (s)
         return s;
@@ -277,19 +316,8 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
         return SAGA_ERR_ARG;
     io.at = saga_rig_offset(&h) + index * (uint32_t)SAGA_CAMERA_NBYTES;
     saga_camera_io(&io, &r);
-    for (i = 0; i < 9; i++)
-        c->rotation_q30[i] = r.rotation_q30[i];
-    for (i = 0; i < 3; i++) {
-        c->centre[i] = r.centre[i];
-        c->background_q15[i] = r.background_q15[i];
-    }
-    for (i = 0; i < 2; i++) {
-        c->focal_q16[i] = r.focal_q16[i];
-        c->principal_q16[i] = r.principal_q16[i];
-    }
-    c->near_plane = r.near_plane;
-    c->width = r.width;
-    c->height = r.height;
+    for (i = 0; i < CAMERA_NBYTES; i++)
+        ((uint8_t *)c)[i] = ((const uint8_t *)&r)[i];
     *number = r.number;
     return SAGA_OK;
 }
@@ -314,6 +342,7 @@ static void scaffold_of(saga_scaffold *sc, saga_decoder *dec,
     sc->models = (saga_models *)(void *)block_at(dec, p->models_at);
     sc->net.v = (saga_vectors *)(void *)block_at(dec, p->vectors_at);
     sc->net.cpu = (saga_cpu)dec->cpu;
+    sc->net.tally = &dec->tally;
     saga_bank_size(&sc->bank, sc->model);
     saga_bank_lay(&sc->bank, block_at(dec, p->bank_at));
 }
@@ -397,6 +426,7 @@ static saga_status read_chunk(saga_decoder *dec, const saga_scaffold *sc,
         return s;
     saga_range_dec_init(&range, bytes + *at + SAGA_CHUNK_NBYTES,
                         chunk.nbytes);
+    range.tally = &dec->tally;
     if (!code_chunk(sc, part, &range.coder) ||
         !saga_range_dec_finish(&range))
         return SAGA_ERR_DATA;
@@ -446,7 +476,7 @@ static saga_status read_base(saga_decoder *dec, const uint8_t *bytes)
 }
 
 saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
-                      const uint8_t *head, size_t n)
+                      const uint8_t *head, size_t n, const saga_watch *watch)
 {
     saga_decoder *const d = work;
     saga_info info;
@@ -464,9 +494,12 @@ saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
     if (s)
         return s;
     begin(d);
+    (void)set_watch(d, watch);
     s = read_networks(d, head);
     if (s == SAGA_OK && (d->header.model.tools & SAGA_TOOL_BASE))
         s = read_base(d, head + (size_t)saga_head_base(&d->header));
+    if (set_watch(d, NULL))
+        s = SAGA_ERR_STOPPED;
     if (s == SAGA_OK)
         *dec = d;
     return s;
@@ -500,7 +533,8 @@ static saga_status read_layers(saga_decoder *dec,
 }
 
 saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
-                        const uint8_t *bytes, size_t n)
+                        const uint8_t *bytes, size_t n,
+                        const saga_watch *watch)
 {
     saga_segment_header seg;
     saga_status s;
@@ -508,12 +542,16 @@ saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
     dec->has_segment = 0;
     dec->has_view = 0;
     dec->n_splats = 0;
+    dec->box_pixels = 0;
     dec->n.coarse = dec->n.fine = dec->n.prim = 0;
     if (saga_n_layers(&dec->header) == 1 && n < segment->nbytes)
         return SAGA_ERR_TRUNCATED;
     s = read_segment_header(&seg, dec, segment, bytes, n);
+    (void)set_watch(dec, watch);
     if (s == SAGA_OK)
         s = read_layers(dec, &seg, bytes, n);
+    if (set_watch(dec, NULL))
+        s = SAGA_ERR_STOPPED;
     dec->has_segment = s == SAGA_OK;
     return s;
 }
@@ -612,6 +650,17 @@ static uint32_t make_splats(saga_splat *splats, saga_key *keys,
     return n;
 }
 
+/* A splat that covers a picture covers a tiny one too, and so does any other.
+ */
+static int costs_too_much(const saga_decoder *dec)
+{
+    const uint32_t pixels = (uint32_t)dec->camera.width * dec->camera.height;
+
+    return dec->box_pixels >
+           (uint64_t)saga_caps[dec->header.level].cover *
+               (pixels < SAGA_COVER_PIXELS ? SAGA_COVER_PIXELS : pixels);
+}
+
 /* Views of one decoder differ by their number, those of two decoders by what
  * they show. */
 static void number_view(saga_decoder *dec, int32_t t)
@@ -622,10 +671,7 @@ static void number_view(saga_decoder *dec, int32_t t)
     crc = saga_crc32c(crc, (const uint8_t *)dec->final_range,
                       sizeof dec->final_range);
     crc = saga_crc32c(crc, (const uint8_t *)&t, sizeof t);
-    /* Bytes behind the last field are not looked at. */
-    dec->view_digest = saga_crc32c(crc, camera,
-                                   offsetof(saga_camera, background_q15) +
-                                   sizeof dec->camera.background_q15);
+    dec->view_digest = saga_crc32c(crc, camera, CAMERA_NBYTES);
     dec->n_views++;
     dec->has_view = 1;
 }
@@ -646,10 +692,14 @@ saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
     if (t < 0 || t > SAGA_T_MAX)
         return SAGA_ERR_ARG;
     dec->camera = *camera;
+    dec->has_view = 0;
+    dec->n_splats = 0;
     n = make_splats(splats, keys, dec, t);
     saga_depth_sort(keys, (saga_key *)(void *)
                     block_at(dec, dec->plan.keys_tmp_at), n);
-    saga_raster_boxes(keys, splats, n, camera);
+    dec->box_pixels = saga_raster_boxes(keys, splats, n, camera);
+    if (costs_too_much(dec))
+        return SAGA_ERR_LEVEL;
     dec->n_splats = n;
     number_view(dec, t);
     return SAGA_OK;
@@ -705,6 +755,7 @@ saga_status saga_tell(saga_report *report, const saga_decoder *dec)
     for (i = 0; i < 3; i++)
         report->final_range[i] = dec->final_range[i];
     report->n_splats = dec->n_splats;
+    report->box_pixels = dec->box_pixels;
     return SAGA_OK;
 }
 
@@ -776,5 +827,7 @@ const char *saga_status_text(saga_status status)
         return "the stream exceeds its level, or this decoder's";
     if (status == SAGA_ERR_STATE)
         return "nothing decoded, no view, or a job that began otherwise";
+    if (status == SAGA_ERR_STOPPED)
+        return "the caller stopped it";
     return "unknown status";
 }

@@ -75,6 +75,20 @@ static saga_status check_level(const saga_header *h, const saga_nets *nets)
     return SAGA_OK;
 }
 
+/* Layers take time one after the other, and so do base and segment. */
+static saga_status check_work(saga_plan *p, const saga_header *h)
+{
+    const saga_level_caps *const cap = &saga_caps[h->level];
+
+    p->work = saga_plan_segment_macs(h, &p->nets, SAGA_RUN_WORK) +
+              saga_plan_base_macs(h, &p->nets, SAGA_RUN_WORK);
+    if (p->work > cap->work ||
+        saga_n_layers(h) * (h->max.coarse + h->max.fine) + h->base.coarse +
+            h->base.fine > cap->n_anchors)
+        return SAGA_ERR_LEVEL;
+    return SAGA_OK;
+}
+
 /* --- Layout -------------------------------------------------------------- */
 
 /* Counts are capped at 2^22 and no item is larger than 256 bytes, so a region
@@ -155,6 +169,8 @@ saga_status saga_plan_make(saga_plan *p, const saga_header *h,
         return SAGA_ERR_LEVEL;
     saga_nets_layout(&p->nets, &h->model);
     s = check_level(h, &p->nets);
+    if (s == SAGA_OK)
+        s = check_work(p, h);
     if (s)
         return s;
     p->colour_stride = h->model.tools & SAGA_TOOL_VIEW
@@ -168,17 +184,32 @@ saga_status saga_plan_make(saga_plan *p, const saga_header *h,
 
 /* --- Cost ---------------------------------------------------------------- */
 
-/* One block's entropy parameters: its network's run, and its sources'. */
-static uint64_t context_macs(const saga_nets *nets, const saga_model *m,
-                             int kind)
+/* What is added up: products, and `each` more for a run. */
+typedef struct {
+    const saga_nets *nets;
+    const saga_model *model;
+    uint32_t each;
+} count;
+
+/* One run on one point of network `net`. */
+static uint32_t run_macs(const count *c, int net)
 {
+    const saga_net_shape *const s = &c->nets->shape[net];
+
+    return s->n_layers ? saga_net_macs(s) + c->each : 0;
+}
+
+/* One block's entropy parameters: its network's run, and its sources'. */
+static uint32_t context_macs(const count *c, int kind)
+{
+    const saga_model *const m = c->model;
     const uint32_t sources = m->sources[kind];
-    uint64_t macs = saga_net_macs(&nets->shape[SAGA_NET_E_COARSE + kind]);
+    uint32_t macs = run_macs(c, SAGA_NET_E_COARSE + kind);
 
     if (sources & SAGA_SOURCE_HYPER)
-        macs += saga_net_macs(&nets->shape[SAGA_NET_HYPER]);
+        macs += run_macs(c, SAGA_NET_HYPER);
     if (sources & SAGA_SOURCE_BANK)
-        macs += saga_net_macs(&nets->shape[SAGA_NET_QUERY]) +
+        macs += run_macs(c, SAGA_NET_QUERY) +
                 saga_bank_read_macs(m->bank_slots, m->bank_width);
     return macs;
 }
@@ -200,57 +231,73 @@ uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n)
     return groups + (uint32_t)(rest >> (shift + 1));
 }
 
-uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets)
+static uint32_t round_macs(const count *c)
 {
-    const uint64_t slot = saga_net_macs(&nets->shape[SAGA_NET_WRITE]) +
+    const saga_model *const m = c->model;
+    const uint32_t slot = run_macs(c, SAGA_NET_WRITE) +
         saga_bank_update_macs(m->bank_width,
                               (m->tools & SAGA_TOOL_PLAIN_WRITE) != 0);
 
-    return saga_net_macs(&nets->shape[SAGA_NET_WRITE_BASE]) +
-           slot * m->bank_slots;
+    return run_macs(c, SAGA_NET_WRITE_BASE) + slot * m->bank_slots;
+}
+
+uint32_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets)
+{
+    const count c = { nets, m, 0 };
+
+    return round_macs(&c);
 }
 
 /* Start, tokens and writes of the bank. */
-static uint64_t bank_macs(const saga_model *m, const saga_nets *nets,
-                          const saga_counts *n)
+static uint64_t bank_macs(const count *c, const saga_counts *n)
 {
-    const uint32_t count[SAGA_N_TIERS] = { n->coarse, n->fine };
-    const uint64_t token = saga_net_macs(&nets->shape[SAGA_NET_AGG]);
+    const saga_model *const m = c->model;
+    const uint32_t anchors[SAGA_N_TIERS] = { n->coarse, n->fine };
+    const uint64_t token = run_macs(c, SAGA_NET_AGG), round = round_macs(c);
     uint64_t macs = saga_bank_start_macs(m->bank_slots, m->bank_width) +
-        (uint64_t)saga_net_macs(&nets->shape[SAGA_NET_SLOT]) * m->bank_slots;
+        run_macs(c, SAGA_NET_SLOT) * m->bank_slots;
     int tier;
 
     for (tier = 0; tier < SAGA_N_TIERS; tier++)
         if (saga_tier_writes(m, tier))
-            macs += token * count[tier] + saga_plan_round_macs(m, nets) *
-                    saga_plan_rounds(m, tier, count[tier]);
+            macs += token * anchors[tier] +
+                    round * saga_plan_rounds(m, tier, anchors[tier]);
     return macs;
 }
 
+/* Of one coarse anchor, fine anchor or primitive there are less than 2^24, of a
+ * round less than 2^27. */
 uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
-                        const saga_counts *n)
+                        const saga_counts *n, uint32_t each)
 {
-    const saga_net_shape *const s = nets->shape;
-    const uint64_t coarse = context_macs(nets, m, SAGA_KIND_COARSE);
-    const uint64_t fine = context_macs(nets, m, SAGA_KIND_FINE) +
-        context_macs(nets, m, SAGA_KIND_PRIM) +
-        saga_net_macs(&s[SAGA_NET_FUSE_C]) + saga_net_macs(&s[SAGA_NET_FINE]);
-    uint64_t prim = saga_net_macs(&s[SAGA_NET_FUSE_F]) +
-        saga_net_macs(&s[SAGA_NET_GEO]) +
-        saga_net_macs(&s[SAGA_NET_COLOUR_BASE]);
+    const count c = { nets, m, each };
+    const uint64_t coarse = context_macs(&c, SAGA_KIND_COARSE);
+    const uint64_t fine = context_macs(&c, SAGA_KIND_FINE) +
+        context_macs(&c, SAGA_KIND_PRIM) + run_macs(&c, SAGA_NET_FUSE_C) +
+        run_macs(&c, SAGA_NET_FINE);
+    uint64_t prim = run_macs(&c, SAGA_NET_FUSE_F) +
+        run_macs(&c, SAGA_NET_GEO) + run_macs(&c, SAGA_NET_COLOUR_BASE);
 
     if (!(m->tools & SAGA_TOOL_VIEW))
-        prim += saga_net_macs(&s[SAGA_NET_COLOUR]);
+        prim += run_macs(&c, SAGA_NET_COLOUR);
     return coarse * n->coarse + fine * n->fine + prim * n->prim +
-           (m->tools & SAGA_TOOL_BANK ? bank_macs(m, nets, n) : 0);
+           (m->tools & SAGA_TOOL_BANK ? bank_macs(&c, n) : 0);
 }
 
-uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets)
+uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets,
+                                uint32_t each)
 {
     const saga_counts anchors = { h->max.coarse, h->max.fine, 0 };
 
-    return saga_plan_macs(&h->model, nets, &h->max) +
-           h->more_layers * saga_plan_macs(&h->model, nets, &anchors);
+    return saga_plan_macs(&h->model, nets, &h->max, each) +
+           h->more_layers * saga_plan_macs(&h->model, nets, &anchors, each);
+}
+
+uint64_t saga_plan_base_macs(const saga_header *h, const saga_nets *nets,
+                             uint32_t each)
+{
+    return h->base.coarse == 0 ? 0
+        : saga_plan_macs(&h->model, nets, &h->base, each);
 }
 
 uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m)

@@ -24,6 +24,7 @@ typedef struct saga_plan {
     uint32_t splats_at, keys_at, keys_tmp_at;
     uint32_t colour_stride;  /* pre-activations, or the colour itself */
     uint32_t work_nbytes;
+    uint64_t work;           /* of base and segment, with SAGA_RUN_WORK */
 } saga_plan;
 
 /* Checks a header's values and lays the block out; decoder_nbytes is the size
@@ -36,17 +37,26 @@ saga_status saga_plan_make(saga_plan *plan, const saga_header *h,
 uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n);
 
 /* Multiply-accumulates of one step's write. */
-uint64_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
+uint32_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
 
-/* Multiply-accumulates of networks and bank to decode a scaffold of n: exactly,
- * without a bank; with one, less those of the rounds that there are not. */
+/* What follows counts multiply-accumulates of networks and bank, and for each
+ * run of a network on a point `each` more: 0, or SAGA_RUN_WORK where levels
+ * bound the time it takes.
+ *
+ * To decode a scaffold of n: exactly, without a bank; with one, less those of
+ * the rounds that there are not. */
 uint64_t saga_plan_macs(const saga_model *m, const saga_nets *nets,
-                        const saga_counts *n);
+                        const saga_counts *n, uint32_t each);
 
 /* The most that it can be for a segment, which has the header's layers. */
-uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets);
+uint64_t saga_plan_segment_macs(const saga_header *h, const saga_nets *nets,
+                                uint32_t each);
 
-/* The same per visible primitive and view. */
+/* The same for the base; 0 without one. */
+uint64_t saga_plan_base_macs(const saga_header *h, const saga_nets *nets,
+                             uint32_t each);
+
+/* Multiply-accumulates per visible primitive and view. */
 uint32_t saga_plan_view_macs(const saga_nets *nets, const saga_model *m);
 
 #endif

@@ -77,6 +77,12 @@ static int32_t escaped(saga_range_dec *d, uint32_t max)
     return sign ? -(int32_t)v : (int32_t)v;
 }
 
+/* Some symbols are read. */
+static void count(saga_range_dec *d, uint32_t n)
+{
+    d->coder.error |= saga_tally_add(d->tally, n * SAGA_TALLY_SYMBOL);
+}
+
 /* Pairs of +m and -m are searched from the centre outwards, by multiplication.
  */
 static int32_t one_residual(saga_range_dec *d, uint32_t scale)
@@ -115,6 +121,7 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     (void)at;
     (void)mu;
     (void)step_q16;
+    count(d, n);
     for (i = 0; i < n; i++)
         q[i] = one_residual(d, scale[i]);
 }
@@ -127,6 +134,7 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
     uint32_t sym = 0, end;
 
     (void)at;
+    count(d, 1);
     while (sym + 1 < n_sym && d->code >= r * m->start[sym])
         sym++;
     end = sym + 1 < n_sym ? m->start[sym] : SAGA_PROB_TOTAL;
@@ -153,6 +161,7 @@ void saga_range_dec_init(saga_range_dec *d, const uint8_t *p, size_t n)
     d->n = n;
     d->pos = 0;
     d->range = 0xffffffffu;
+    d->tally = NULL;
     d->code = 0;
     for (i = 0; i < 4; i++)
         d->code = d->code << 8 | next_byte(d);

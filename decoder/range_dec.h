@@ -6,6 +6,7 @@
 #ifndef SAGA_RANGE_DEC_H
 #define SAGA_RANGE_DEC_H
 
+#include "tally.h"
 #include "prob.h"
 
 #include <stddef.h>
@@ -17,6 +18,8 @@ typedef struct saga_range_dec {
     size_t n;                /* bytes of the chunk */
     size_t pos;              /* bytes read; n + 3 at the end, zeros past n */
     uint32_t range, code;
+    saga_tally *tally;       /* of the symbols; NULL: nobody counts. When it
+                              * stops that is an error */
 } saga_range_dec;
 
 /* Begins to decode p[0..n), which must stay valid until the chunk is done. */

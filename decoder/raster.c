@@ -255,10 +255,11 @@ static uint32_t box_shift(const saga_camera *cam)
     return shift;
 }
 
-void saga_raster_boxes(saga_key *order, const saga_splat *splats, uint32_t n,
-                       const saga_camera *cam)
+uint64_t saga_raster_boxes(saga_key *order, const saga_splat *splats,
+                           uint32_t n, const saga_camera *cam)
 {
     const uint32_t shift = box_shift(cam);
+    uint64_t pixels = 0;
     uint32_t i;
 
     for (i = 0; i < n; i++) {
@@ -268,7 +269,9 @@ void saga_raster_boxes(saga_key *order, const saga_splat *splats, uint32_t n,
                               (uint32_t)(s->x1 - 1) >> shift,
                               (uint32_t)s->y0 >> shift,
                               (uint32_t)(s->y1 - 1) >> shift);
+        pixels += (uint32_t)((s->x1 - s->x0) * (s->y1 - s->y0));
     }
+    return pixels;
 }
 
 #define GUARDS 0x80808080u       /* no byte borrows from the next */

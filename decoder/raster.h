@@ -22,9 +22,10 @@ typedef struct saga_drawing {
 } saga_drawing;
 
 /* Prepares keys in drawing order, sorted by (depth, index), for saga_raster:
- * in place of a depth comes the splat's box, coarsely. cam gives the size. */
-void saga_raster_boxes(saga_key *order, const saga_splat *splats, uint32_t n,
-                       const saga_camera *cam);
+ * in place of a depth comes the splat's box, coarsely. cam gives the size.
+ * Returns the pixels of all boxes, added up. */
+uint64_t saga_raster_boxes(saga_key *order, const saga_splat *splats,
+                           uint32_t n, const saga_camera *cam);
 
 /* Draws some of a job. Checks job and pic (ARG, SPACE, ALIGN).
  * budget bounds the work of this call: one unit is one splat looked at or one

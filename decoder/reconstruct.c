@@ -197,7 +197,8 @@ void saga_reconstruct(const saga_scaffold *sc, saga_primitive *prims,
     run r;
 
     saga_model_rows(rows, sc->model);
-    for (r.first = 0; r.first < sc->n.prim; r.first += r.n) {
+    for (r.first = 0; r.first < sc->n.prim &&
+                      !saga_tally_add(sc->net.tally, 0); r.first += r.n) {
         r.n = 0;
         /* As many points as both networks take at a time. */
         while (r.n < most && r.first + r.n < sc->n.prim)

@@ -18,8 +18,10 @@
  * - C++ may include this header: its functions have C linkage.
  * - Input is not trusted: whatever the bytes, every function returns, never
  *   reads or writes outside what it was given, and its loops are bounded by
- *   counts checked against the header.
- * - Stack: at most 4 KiB below any of these functions.
+ *   counts checked against the header. A file's level bounds the time that
+ *   they take.
+ * - Stack: at most 4 KiB below any of these functions; what a saga_watch calls
+ *   comes on top.
  * - Units: positions are box units, the cube of a segment is [-2^23, 2^23) on
  *   each axis; times are 1/65536 of a segment.
  */
@@ -47,8 +49,9 @@ typedef enum saga_status {
     SAGA_ERR_TRUNCATED = -11,/* more bytes are needed */
     SAGA_ERR_VERSION = -12,  /* needs a newer decoder */
     SAGA_ERR_LEVEL = -13,    /* exceeds its declared level, or this build's */
-    SAGA_ERR_STATE = -20     /* nothing decoded, no view, or the job began with
+    SAGA_ERR_STATE = -20,    /* nothing decoded, no view, or the job began with
                               * another view or first block */
+    SAGA_ERR_STOPPED = -21   /* the caller's watch had enough of it */
 } saga_status;
 
 /* A pinhole camera; x right, y down, z forward. Integers only, since the bits
@@ -134,9 +137,9 @@ typedef struct saga_job {
  * one picture a player needs the head and one segment:
  *
  *     saga_probe(&info, bytes, n);             how much memory, how many bytes
- *     saga_open(&dec, work, info.work_nbytes, bytes, info.head_nbytes);
+ *     saga_open(&dec, work, info.work_nbytes, bytes, info.head_nbytes, NULL);
  *     saga_find(&seg, bytes, info.head_nbytes, frame, 1);
- *     saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes);
+ *     saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes, NULL);
  *     saga_view(dec, &camera, seg.t);
  *     while (saga_draw(dec, &job, &picture, budget) == SAGA_AGAIN) ;
  */
@@ -147,6 +150,11 @@ enum { SAGA_WORK_ALIGN = 16 };
 #define SAGA_WORK_MAX(level) \
     ((level) == 0 ? 256ul << 10 : (level) == 1 ? 4ul << 20 : \
      (level) == 2 ? 32ul << 20 : 1ul << 30)
+
+/* The boxes of a view's splats cover the picture this many times at most, one
+ * of less than 65,536 pixels as if it had as many. */
+#define SAGA_COVER_MAX(level) \
+    ((level) == 0 ? 256u : (level) == 1 ? 1024u : (level) == 2 ? 4096u : 16384u)
 
 typedef struct saga_info {
     uint32_t version, level;
@@ -171,6 +179,9 @@ typedef struct saga_info {
                               * decode a segment of the maximal counts; the
                               * most there can be, with a bank or layers */
     uint64_t base_macs;      /* the same for the base, in saga_open */
+    uint64_t work;           /* what the level bounds of both together: as many,
+                              * and 4,096 for each run of a network on a point
+                              */
     uint32_t view_macs;      /* the same per visible primitive and view */
     /* world = centre + box units * unit, in the capture's unit of length, of
      * which saga_naming may tell the metres: metres = world * metre. Each value
@@ -189,13 +200,23 @@ saga_status saga_probe(saga_info *info, const uint8_t *bytes, size_t n);
 
 typedef struct saga_decoder saga_decoder;
 
+/* Who waits for saga_open or saga_decode is asked whether to stop: at the
+ * beginning, then after about a million multiply-accumulates each time or what
+ * takes as long, well below a millisecond on a desktop. The answer may depend
+ * on anything, such as a clock; the function must not use the decoder. */
+typedef struct saga_watch {
+    int (*stop)(void *user); /* not 0: stop */
+    void *user;              /* what it is given */
+} saga_watch;
+
 /* Starts a decoder in work[0..work_nbytes), aligned to SAGA_WORK_ALIGN, from
  * the file's head, whose base it decodes. *dec points into work, which belongs
  * to the decoder until the caller takes it back; there is nothing to close.
+ * watch: may stop it; NULL: nobody does.
  * SAGA_OK; SPACE, ALIGN; TRUNCATED: n < info.head_nbytes; DATA, VERSION,
- * LEVEL. On an error *dec is NULL. */
+ * LEVEL; STOPPED. On an error *dec is NULL. */
 saga_status saga_open(saga_decoder **dec, void *work, size_t work_nbytes,
-                      const uint8_t *head, size_t n);
+                      const uint8_t *head, size_t n, const saga_watch *watch);
 
 typedef struct saga_segment {
     uint32_t number;         /* 0.. */
@@ -242,9 +263,12 @@ saga_status saga_name_camera(saga_naming *naming, const uint8_t *bytes,
  * another file are refused as well: their checksums go on from its networks'.
  * A segment of several layers may be cut: those that are whole in the bytes are
  * decoded, and saga_tell says how many; the first one must be there.
- * SAGA_OK; TRUNCATED, DATA: no segment is decoded then. */
+ * watch: may stop it; NULL: nobody does.
+ * SAGA_OK; TRUNCATED, DATA, STOPPED: no segment is decoded then. The decoder is
+ * as good as before: it may decode the same segment again, or another one. */
 saga_status saga_decode(saga_decoder *dec, const saga_segment *segment,
-                        const uint8_t *bytes, size_t n);
+                        const uint8_t *bytes, size_t n,
+                        const saga_watch *watch);
 
 /* So many bytes of a segment tell of all its layers. */
 enum { SAGA_LAYERS_NBYTES = 152 };
@@ -266,7 +290,8 @@ saga_status saga_find_layer(saga_layer_report *layer, const saga_decoder *dec,
 /* Prepares a picture: primitives at time t (0..65535) as sorted splats in the
  * camera. It ends the jobs of the view before.
  * SAGA_OK; ARG: t or a field of the camera, the view before stays; STATE: no
- * segment. */
+ * segment; LEVEL: the boxes of its splats cover more than the level allows,
+ * SAGA_COVER_MAX, and there is no view then. */
 saga_status saga_view(saga_decoder *dec, const saga_camera *camera,
                       int32_t t);
 
@@ -295,6 +320,10 @@ typedef struct saga_report {
                               * first numbers, then layer by layer */
     uint32_t final_range[3]; /* of the coder after each chunk of the last */
     uint32_t n_splats;       /* of the last view; 0 without one */
+    uint64_t box_pixels;     /* pixels of the splats' boxes, added up: what a
+                              * picture of the view costs at most. Of the last
+                              * view that was asked for, also of one that costs
+                              * too much; 0 before the first one */
 } saga_report;
 
 /* SAGA_OK, or STATE without a segment. */

@@ -78,7 +78,7 @@ int main(int argc, char **argv)
     scratch = malloc(SAGA_JOB_NBYTES(TILE, LIST));
     if (!work || !scratch)
         return stop("memory", SAGA_ERR_SPACE);
-    s = saga_open(&dec, work, info.work_nbytes, bytes, n);
+    s = saga_open(&dec, work, info.work_nbytes, bytes, n, NULL);
     if (!s)
         s = saga_rig(&camera, &number, bytes, n, 0);
     if (!s)
@@ -86,7 +86,7 @@ int main(int argc, char **argv)
     if (!s && (seg.offset > n || seg.nbytes > n - seg.offset))
         s = SAGA_ERR_TRUNCATED;
     if (!s)
-        s = saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes);
+        s = saga_decode(dec, &seg, bytes + seg.offset, seg.nbytes, NULL);
     if (!s)
         s = saga_view(dec, &camera, seg.t);
     if (s)

@@ -67,9 +67,9 @@ static int run_decoder(double *ms, const saga_bytes *in)
         return 0;
     work = aligned_alloc(64, (info.work_nbytes + 63) / 64 * 64);
     ok = work && !saga_open(&dec, work, info.work_nbytes, in->data,
-                            in->nbytes);
+                            in->nbytes, NULL);
     begin = now_ms();
-    ok = ok && !saga_decode(dec, &seg, in->data + seg.offset, seg.nbytes);
+    ok = ok && !saga_decode(dec, &seg, in->data + seg.offset, seg.nbytes, NULL);
     *ms = fmin(*ms, now_ms() - begin);
     free(work);
     return ok;

@@ -280,9 +280,9 @@ static bool decode_and_draw(session *s, const uint8_t *bytes, size_t n,
     s->e.rgb = saga_alloc((size_t)s->camera->width * s->camera->height, 3,
                           "the picture", s->error);
     if (work && s->e.rgb)
-        status = saga_open(&dec, work, info->work_nbytes, bytes, n);
+        status = saga_open(&dec, work, info->work_nbytes, bytes, n, NULL);
     if (status == SAGA_OK)
-        status = saga_decode(dec, seg, bytes + seg->offset, seg->nbytes);
+        status = saga_decode(dec, seg, bytes + seg->offset, seg->nbytes, NULL);
     if (status == SAGA_OK)
         status = saga_view(dec, s->camera, seg->t);
     if (status == SAGA_OK)

@@ -449,7 +449,7 @@ static int decode(const options *o, FILE *f, saga_decoder *dec,
 
     if (n < 0)
         return fail(o->file, "cannot read the segment");
-    s = saga_decode(dec, seg, memory.input, (size_t)n);
+    s = saga_decode(dec, seg, memory.input, (size_t)n, NULL);
     if (s != SAGA_ERR_DATA && (size_t)n == most && seg->nbytes > most)
         s = SAGA_ERR_SPACE;
     return s ? refuse(o->file, "cannot decode the segment", s) : 0;
@@ -474,7 +474,7 @@ static int run(const options *o, FILE *f, const saga_info *info)
          info->head_nbytes > sizeof memory.input))
         return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
     s = saga_open(&dec, memory.work, sizeof memory.work, memory.input,
-                  (size_t)n);
+                  (size_t)n, NULL);
     if (s)
         return refuse(o->file, "cannot decode the networks", s);
     status = read_camera(&camera, o, info->head_nbytes);

@@ -94,14 +94,15 @@ static void open_block(player *p, block *b)
 {
     b->work = need(p->info.work_nbytes);
     b->segment = NO_SEGMENT;
-    check(saga_open(&b->dec, b->work, p->info.work_nbytes, p->bytes, p->n));
+    check(saga_open(&b->dec, b->work, p->info.work_nbytes, p->bytes, p->n,
+                    NULL));
 }
 
 static void decode(player *p, block *b, const saga_segment *seg)
 {
     if (seg->offset > p->n || seg->nbytes > p->n - seg->offset)
         stop("the file ends too early");
-    check(saga_decode(b->dec, seg, p->bytes + seg->offset, seg->nbytes));
+    check(saga_decode(b->dec, seg, p->bytes + seg->offset, seg->nbytes, NULL));
     b->segment = seg->number;
 }
 

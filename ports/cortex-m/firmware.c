@@ -258,7 +258,7 @@ static int decode(const stream *f, saga_decoder *dec, const saga_segment *seg)
 {
     const uint64_t begin = boot_ticks();
     const saga_status s = saga_decode(dec, seg, f->bytes + seg->offset,
-                                      seg->nbytes);
+                                      seg->nbytes, NULL);
     const uint32_t ticks = (uint32_t)(boot_ticks() - begin);
     saga_report report;
 
@@ -285,7 +285,7 @@ static saga_status open_head(saga_decoder **dec, saga_info *info,
     if (!s && info->work_nbytes > sizeof memory.work)
         s = SAGA_ERR_SPACE;
     if (!s)
-        s = saga_open(dec, memory.work, info->work_nbytes, f->bytes, n);
+        s = saga_open(dec, memory.work, info->work_nbytes, f->bytes, n, NULL);
     if (s)
         return s;
     semihost_text("# file ");

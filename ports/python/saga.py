@@ -77,7 +77,8 @@ class _Info(_Struct):
                 ("n_weights", _U32), ("nets_nbytes", _U32), ("tools", _U32),
                 ("motion_order", _U32), ("features", _U32),
                 ("decode_macs", ctypes.c_uint64),
-                ("base_macs", ctypes.c_uint64), ("view_macs", _U32),
+                ("base_macs", ctypes.c_uint64), ("work", ctypes.c_uint64),
+                ("view_macs", _U32),
                 ("unit_mantissa", _I32), ("unit_exponent", _I32),
                 ("centre_mantissa", _I32 * 3), ("centre_exponent", _I32)]
 
@@ -106,7 +107,7 @@ class _Job(_Struct):
 class _Report(_Struct):
     _fields_ = [("n_layers", _U32), ("n_coarse", _U32), ("n_fine", _U32),
                 ("n_primitives", _U32), ("final_range", _U32 * 3),
-                ("n_splats", _U32)]
+                ("n_splats", _U32), ("box_pixels", ctypes.c_uint64)]
 
 
 class _Animated(_Struct):

@@ -185,7 +185,8 @@ int32_t saga_web_open(void)
     if (!reach(web.work, nbytes))
         return SAGA_ERR_SPACE;
     web.input = align_up(web.work + nbytes);
-    return saga_open(&web.dec, web.work, nbytes, web.head, web.head_nbytes);
+    return saga_open(&web.dec, web.work, nbytes, web.head, web.head_nbytes,
+                     NULL);
 }
 
 web_camera *saga_web_camera(void)
@@ -260,7 +261,7 @@ int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes)
 
     if (s)
         return s;
-    s = web.dec ? saga_decode(web.dec, &seg, web.input, nbytes)
+    s = web.dec ? saga_decode(web.dec, &seg, web.input, nbytes, NULL)
                 : SAGA_ERR_STATE;
     if (s == SAGA_OK && saga_tell(&report, web.dec) == SAGA_OK)
         web.picture.n_primitives = report.n_primitives;

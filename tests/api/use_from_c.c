@@ -26,7 +26,7 @@ static saga_status prepare(saga_decoder **dec, saga_camera *camera, size_t n)
 
     if (s || info.head_nbytes > n)
         return s ? s : SAGA_ERR_TRUNCATED;
-    s = saga_open(dec, work, sizeof work, bytes, info.head_nbytes);
+    s = saga_open(dec, work, sizeof work, bytes, info.head_nbytes, NULL);
     if (!s)
         s = saga_rig(camera, &number, bytes, info.head_nbytes, 0);
     if (!s)
@@ -35,7 +35,7 @@ static saga_status prepare(saga_decoder **dec, saga_camera *camera, size_t n)
         return s;
     if (seg.offset > n || seg.nbytes > n - seg.offset)
         return SAGA_ERR_TRUNCATED;
-    s = saga_decode(*dec, &seg, bytes + seg.offset, seg.nbytes);
+    s = saga_decode(*dec, &seg, bytes + seg.offset, seg.nbytes, NULL);
     return s ? s : saga_view(*dec, camera, seg.t);
 }
 

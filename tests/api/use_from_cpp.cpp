@@ -30,7 +30,7 @@ public:
         const auto at = reinterpret_cast<std::uintptr_t>(block_.data());
         check(saga_open(&dec_, block_.data() +
                             (SAGA_WORK_ALIGN - at % SAGA_WORK_ALIGN),
-                        info_.work_nbytes, bytes_.data(), bytes_.size()));
+                        info_.work_nbytes, bytes_.data(), bytes_.size(), NULL));
     }
 
     saga_camera camera(std::uint32_t index) const
@@ -48,7 +48,8 @@ public:
         if (seg.offset > bytes_.size() ||
             seg.nbytes > bytes_.size() - seg.offset)
             check(SAGA_ERR_TRUNCATED);
-        check(saga_decode(dec_, &seg, bytes_.data() + seg.offset, seg.nbytes));
+        check(saga_decode(dec_, &seg, bytes_.data() + seg.offset, seg.nbytes,
+                          NULL));
         check(saga_view(dec_, &c, seg.t));
         return draw(c);
     }

@@ -324,7 +324,7 @@ static saga_status decode(player *p, const saga_segment *seg,
     forget_segment(p);
     paint_stack(p);
     return note_status(p, "status of a segment",
-                       saga_decode(p->dec, seg, bytes, n));
+                       saga_decode(p->dec, seg, bytes, n, NULL));
 }
 
 /* The bytes of a segment, as many as there are, and one less. */
@@ -414,7 +414,7 @@ static void play(player *p)
     prepare(p, p->work, p->info.work_nbytes);
     if (!note_status(p, "status of opening",
                      saga_open(&p->dec, p->work, p->info.work_nbytes,
-                               p->bytes, p->n)))
+                               p->bytes, p->n, NULL)))
         play_segments(p);
     free(p->work);
 }

@@ -42,7 +42,7 @@ static void decode(player *p, uint32_t number)
         frame += seg.n_frames;
     }
     assert_int_equal(saga_decode(p->dec, &seg, p->bytes + seg.offset,
-                                 seg.nbytes), SAGA_OK);
+                                 seg.nbytes, NULL), SAGA_OK);
     assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
 }
 
@@ -54,7 +54,7 @@ static void play(player *p, gen_stream *g)
     assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
     assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
-                               p->info.head_nbytes), SAGA_OK);
+                               p->info.head_nbytes, NULL), SAGA_OK);
     assert_int_equal(saga_rig(&p->camera, &number, p->bytes, p->n, 0),
                      SAGA_OK);
     decode(p, 0);
@@ -247,7 +247,7 @@ static void a_broken_segment_should_leave_the_base(void **state)
     assert_int_equal(saga_primitive_at(&before, p.dec, 0, 0), SAGA_OK);
     assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
     assert_int_equal(saga_decode(p.dec, &seg, p.bytes + seg.offset,
-                                 seg.nbytes - 1), SAGA_ERR_TRUNCATED);
+                                 seg.nbytes - 1, NULL), SAGA_ERR_TRUNCATED);
     assert_int_equal(saga_primitive_at(&after, p.dec, 0, 0), SAGA_ERR_STATE);
     decode(&p, 1);
     assert_int_equal(saga_primitive_at(&after, p.dec, 0, 0), SAGA_OK);

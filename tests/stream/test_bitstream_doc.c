@@ -1049,7 +1049,7 @@ static saga_decoder *open_file(saga_info *info, const file *f)
     work = aligned_alloc(SAGA_WORK_ALIGN, info->work_nbytes);
     assert_non_null(work);
     assert_int_equal(saga_open(&dec, work, info->work_nbytes, f->p,
-                               info->head_nbytes), SAGA_OK);
+                               info->head_nbytes, NULL), SAGA_OK);
     assert_ptr_equal(dec, work);
     return dec;
 }
@@ -1075,7 +1075,7 @@ static void check_found(saga_decoder *dec, file *f, const uint8_t *entry,
     assert_int_equal(get(SEGMENT, seg, "first_frame", 0), found.first_frame);
     assert_int_equal(get(SEGMENT, seg, "n_frames", 0), found.n_frames);
     assert_int_equal(saga_decode(dec, &found, f->p + offset,
-                                 found.nbytes), SAGA_OK);
+                                 found.nbytes, NULL), SAGA_OK);
     assert_int_equal(saga_tell(&report, dec), SAGA_OK);
     assert_int_equal(report.n_layers, n_layers_of(f));
     assert_int_equal(sum_of(f, seg, "n_coarse"), report.n_coarse);
@@ -1095,7 +1095,7 @@ static uint32_t layers_in(saga_decoder *dec, const saga_segment *seg,
 
     assert_non_null(copy);
     memcpy(copy, bytes, n);
-    s = saga_decode(dec, seg, copy, n);
+    s = saga_decode(dec, seg, copy, n, NULL);
     free(copy);
     assert_true(s == SAGA_OK || s == SAGA_ERR_TRUNCATED);
     if (s == SAGA_OK)
@@ -1362,7 +1362,8 @@ static void view_should_refuse_cameras_outside_the_ranges(void **state)
     memcpy(header, f->p, n);
     assert_true(get(HEADER, header, "n_cameras", 0) >= 1);
     assert_int_equal(saga_find(&seg, f->p, f->n, 0, 1), SAGA_OK);
-    assert_int_equal(saga_decode(dec, &seg, f->p + seg.offset, seg.nbytes),
+    assert_int_equal(saga_decode(dec, &seg, f->p + seg.offset, seg.nbytes,
+                                 NULL),
                      SAGA_OK);
     for (k = 0; k < tables[CAMERA].n; k++) {
         const field *const c = &tables[CAMERA].f[k];

@@ -53,11 +53,11 @@ static void open_scene(scene *s, size_t block)
     if (block < s->info.work_nbytes)
         block = s->info.work_nbytes;
     s->work = must(aligned_alloc(SAGA_WORK_ALIGN, block));
-    assert_int_equal(saga_open(&s->dec, s->work, block, s->bytes, s->n),
+    assert_int_equal(saga_open(&s->dec, s->work, block, s->bytes, s->n, NULL),
                      SAGA_OK);
     assert_int_equal(saga_find(&seg, s->bytes, s->n, 1, 3), SAGA_OK);
     assert_int_equal(saga_decode(s->dec, &seg, s->bytes + seg.offset,
-                                 seg.nbytes),
+                                 seg.nbytes, NULL),
                      SAGA_OK);
     assert_int_equal(saga_rig(&s->camera, &number, s->bytes, s->n, 0),
                      SAGA_OK);
@@ -365,7 +365,7 @@ static void picture_should_not_depend_on_the_block(void **state)
         fixed.dec = (saga_decoder *)(void *)level_0;
         assert_int_equal(crc_of(&fixed, &plain), crc);
         assert_int_equal(saga_open(&fixed.dec, level_0, sizeof level_0,
-                                   exact.bytes, exact.n), SAGA_OK);
+                                   exact.bytes, exact.n, NULL), SAGA_OK);
         free_scene(&large);
         free_scene(&exact);
     }

@@ -44,7 +44,7 @@ static saga_status decode_bytes(player *p, size_t n)
     saga_status s;
 
     memcpy(copy, p->bytes + p->seg.offset, n);
-    s = saga_decode(p->dec, &p->seg, copy, n);
+    s = saga_decode(p->dec, &p->seg, copy, n, NULL);
     free(copy);
     if (s == SAGA_OK)
         assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
@@ -73,7 +73,7 @@ static void play(player *p, const gen_stream *g)
     assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
     assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
-                               p->info.head_nbytes), SAGA_OK);
+                               p->info.head_nbytes, NULL), SAGA_OK);
     assert_int_equal(saga_rig(&p->camera, &number, p->bytes, p->n, 0),
                      SAGA_OK);
     find(p, 0);

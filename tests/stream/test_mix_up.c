@@ -42,7 +42,7 @@ static void open_stream(player *p, gen_stream *g)
     assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
     assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes,
-                               p->bytes, p->info.head_nbytes), SAGA_OK);
+                               p->bytes, p->info.head_nbytes, NULL), SAGA_OK);
 }
 
 static void begin(player *p)
@@ -77,7 +77,7 @@ static void decode(player *p, uint32_t number)
     const saga_segment seg = segment_of(p, number);
 
     assert_int_equal(saga_decode(p->dec, &seg, p->bytes + seg.offset,
-                                 seg.nbytes), SAGA_OK);
+                                 seg.nbytes, NULL), SAGA_OK);
 }
 
 static void view(player *p, uint32_t camera, int32_t t)
@@ -385,7 +385,8 @@ static void segment_should_be_refused_when_another_is_named(void **state)
     seg[1] = segment_of(&p, 1);
     for (i = 0; i < 2; i++) /* fewer bytes than the index says come first */
         assert_int_equal(saga_decode(p.dec, &seg[1 - i],
-                                     p.bytes + seg[i].offset, seg[i].nbytes),
+                                     p.bytes + seg[i].offset, seg[i].nbytes,
+                                     NULL),
                          seg[i].nbytes < seg[1 - i].nbytes
                              ? SAGA_ERR_TRUNCATED : SAGA_ERR_DATA);
     for (i = 0; i < 3; i++) {
@@ -393,7 +394,7 @@ static void segment_should_be_refused_when_another_is_named(void **state)
         *(i == 0 ? &wrong.number : i == 1 ? &wrong.first_frame
                                           : &wrong.n_frames) += 1;
         assert_int_equal(saga_decode(p.dec, &wrong, p.bytes + wrong.offset,
-                                     wrong.nbytes), SAGA_ERR_DATA);
+                                     wrong.nbytes, NULL), SAGA_ERR_DATA);
     }
     decode(&p, 0);
     end(&p);
@@ -419,7 +420,7 @@ static void segment_should_be_refused_when_of_another_file(void **state)
 
         decode(&q, i);
         assert_int_equal(saga_decode(q.dec, &seg, p.bytes + seg.offset,
-                                     seg.nbytes), SAGA_ERR_DATA);
+                                     seg.nbytes, NULL), SAGA_ERR_DATA);
     }
     end(&p);
     end(&q);

@@ -91,7 +91,7 @@ static void begin(player *p, const gen_options *o)
     gen_stream_make(&p->g, o);
     prepare(p);
     assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes,
-                               p->bytes, p->info.head_nbytes), SAGA_OK);
+                               p->bytes, p->info.head_nbytes, NULL), SAGA_OK);
 }
 
 static void end(player *p)
@@ -118,7 +118,7 @@ static saga_status decode(player *p, saga_decoder *dec, uint32_t number)
         frame += p->g.n_frames[i];
     assert_int_equal(saga_find(&seg, p->bytes, p->n, frame, 1), SAGA_OK);
     assert_int_equal(seg.number, number);
-    return saga_decode(dec, &seg, p->bytes + seg.offset, seg.nbytes);
+    return saga_decode(dec, &seg, p->bytes + seg.offset, seg.nbytes, NULL);
 }
 
 static saga_camera rig(const player *p, uint32_t index)
@@ -219,19 +219,19 @@ static void check_open(const gen_options *o)
     n = p.info.head_nbytes;
     assert_true(size <= SAGA_WORK_MAX(o->level));
     fill_block(&p);
-    assert_int_equal(saga_open(&dec, p.work, size - 1, head, n),
+    assert_int_equal(saga_open(&dec, p.work, size - 1, head, n, NULL),
                      SAGA_ERR_SPACE);
     assert_null(dec);
-    assert_int_equal(saga_open(&dec, p.work, 0, head, n), SAGA_ERR_SPACE);
+    assert_int_equal(saga_open(&dec, p.work, 0, head, n, NULL), SAGA_ERR_SPACE);
     for (k = 1; k < SAGA_WORK_ALIGN; k++) {
         dec = p.dec;
-        assert_int_equal(saga_open(&dec, p.work + k, size, head, n),
+        assert_int_equal(saga_open(&dec, p.work + k, size, head, n, NULL),
                          SAGA_ERR_ALIGN);
         assert_null(dec);
     }
     for (k = 0; k < size; k++)
         assert_int_equal(p.work[k], CANARY);
-    assert_int_equal(saga_open(&dec, p.work, size, head, n - 1),
+    assert_int_equal(saga_open(&dec, p.work, size, head, n - 1, NULL),
                      SAGA_ERR_TRUNCATED);
     assert_null(dec);
     assert_canaries(&p);
@@ -399,7 +399,7 @@ static void block_should_be_used_up_to_its_end(void **state)
         s->n.prim = 0;
         prepare(&p);
         assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
-                                   p.bytes, p.n), SAGA_OK);
+                                   p.bytes, p.n, NULL), SAGA_OK);
         assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
         /* A zero byte among features looks touched; a canary may be real. */
         for (last = p.info.work_nbytes; p.work[last - 1] == CANARY; last--)
@@ -495,7 +495,7 @@ static uint64_t macs_of_layers(const player *p, uint32_t number)
     saga_nets_layout(&nets, m);
     for (i = 0; i < n_layers; i++)
         macs += saga_plan_macs(m, &nets, &p->g.segment[number * n_layers +
-                                                       i].n);
+                                                       i].n, 0);
     return macs;
 }
 
@@ -511,7 +511,7 @@ static uint64_t macs_of_segment(const player *p, uint32_t number)
     int level;
 
     saga_nets_layout(&nets, m);
-    macs = saga_plan_macs(m, &nets, n);
+    macs = saga_plan_macs(m, &nets, n, 0);
     for (level = 0; level < SAGA_N_TIERS; level++)
         if (m->bank_slots && saga_tier_writes(m, level)) {
             const uint32_t most = saga_plan_rounds(m, level, count[level]);
@@ -707,7 +707,7 @@ static void decoder_should_be_movable_at_any_time(void **state)
     crc = draw(p.dec, &c);
     for (when = 0; when < 3; when++) {
         assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
-                                   p.bytes, p.n), SAGA_OK);
+                                   p.bytes, p.n, NULL), SAGA_OK);
         if (when > 0)
             assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
         if (when > 1)
@@ -765,7 +765,7 @@ static void picture_should_not_depend_on_what_the_block_held(void **state)
     for (i = 0; i < 2; i++) {
         memset(p.work, i ? 0xff : 0, p.info.work_nbytes);
         assert_int_equal(saga_open(&p.dec, p.work, p.info.work_nbytes,
-                                   p.bytes, p.n), SAGA_OK);
+                                   p.bytes, p.n, NULL), SAGA_OK);
         assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
         assert_int_equal(saga_view(p.dec, &c, 65535), SAGA_OK);
         crc[i] = draw(p.dec, &c);
@@ -933,7 +933,7 @@ static void calls_out_of_order_should_be_refused(void **state)
     assert_no_view(p.dec, &c);
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
     assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
-    assert_int_equal(saga_decode(p.dec, &seg, p.bytes + seg.offset, 1),
+    assert_int_equal(saga_decode(p.dec, &seg, p.bytes + seg.offset, 1, NULL),
                      SAGA_ERR_TRUNCATED);
     assert_nothing_decoded(p.dec, &c);
     assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
@@ -959,7 +959,8 @@ static void cut_segment_should_be_refused(void **state)
         uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes + seg.offset, n);
-        assert_int_equal(saga_decode(p.dec, &seg, copy, n), SAGA_ERR_TRUNCATED);
+        assert_int_equal(saga_decode(p.dec, &seg, copy, n, NULL),
+                                     SAGA_ERR_TRUNCATED);
         free(copy);
     }
     end(&p);
@@ -981,7 +982,8 @@ static void cut_head_should_be_refused(void **state)
         uint8_t *const copy = must(malloc(n ? n : 1));
 
         memcpy(copy, p.bytes, n);
-        assert_int_equal(saga_open(&dec, p.work, p.info.work_nbytes, copy, n),
+        assert_int_equal(saga_open(&dec, p.work, p.info.work_nbytes, copy, n,
+                                   NULL),
                          SAGA_ERR_TRUNCATED);
         assert_null(dec);
         assert_int_equal(saga_find(&seg, copy, n, 0, 1), SAGA_ERR_TRUNCATED);

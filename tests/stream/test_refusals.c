@@ -45,7 +45,7 @@ static saga_decoder *open_bytes(saga_status *s, const uint8_t *bytes, size_t n)
     if (*s)
         return NULL;
     work = must(aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes));
-    *s = saga_open(&dec, work, info.work_nbytes, bytes, n);
+    *s = saga_open(&dec, work, info.work_nbytes, bytes, n, NULL);
     if (*s)
         free(work);
     return *s ? NULL : dec;
@@ -307,7 +307,7 @@ static void check_segment(saga_decoder *dec, const saga_segment *seg,
     size_t k;
 
     for (k = seg->nbytes; k <= n; k += k < seg->nbytes + 40 ? 1 : 499) {
-        assert_int_equal(saga_decode(dec, seg, bytes, k), want);
+        assert_int_equal(saga_decode(dec, seg, bytes, k, NULL), want);
         if (want == SAGA_OK)
             assert_int_equal(saga_find_layer(&layer, dec, seg, bytes, k, 0),
                              SAGA_OK);

@@ -117,7 +117,8 @@ static void player_open(player *p, const uint8_t *head, size_t n)
 {
     assert_int_equal(saga_probe(&p->info, head, n), SAGA_OK);
     p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
-    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, head, n),
+    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, head, n,
+                               NULL),
                      SAGA_OK);
 }
 
@@ -173,7 +174,7 @@ static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
         sum.prim += want->n.prim;
     }
     assert_int_equal(saga_decode(p->dec, &seg, bytes + seg.offset,
-                                 seg.nbytes),
+                                 seg.nbytes, NULL),
                      SAGA_OK);
     assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
     assert_int_equal(report.n_layers, n_layers);
@@ -938,7 +939,8 @@ static void decode_copy(player *p, const gen_stream *g, const uint8_t *bytes,
     const saga_segment seg = segment_of(g, bytes, n, number);
     uint8_t *const copy = copy_of(bytes + seg.offset, seg.nbytes);
 
-    assert_int_equal(saga_decode(p->dec, &seg, copy, seg.nbytes), SAGA_OK);
+    assert_int_equal(saga_decode(p->dec, &seg, copy, seg.nbytes, NULL),
+                     SAGA_OK);
     free(copy);
 }
 

@@ -1148,7 +1148,7 @@ static void play_cut(player *p, const saga_segment *seg, const uint8_t *bytes,
     if (s != SAGA_OK)
         return;
     copy = copy_of(bytes, place.end - less);
-    s = saga_decode(p->dec, seg, copy, place.end - less);
+    s = saga_decode(p->dec, seg, copy, place.end - less, NULL);
     free(copy);
     if (layer < less)
         PROMISE(p->result, s == SAGA_ERR_TRUNCATED);
@@ -1178,7 +1178,7 @@ static void play_segment(player *p, const saga_segment *seg,
 {
     mutate_result *const result = p->result;
     uint8_t *const copy = copy_of(bytes + seg->offset, n);
-    const saga_status s = saga_decode(p->dec, seg, copy, n);
+    const saga_status s = saga_decode(p->dec, seg, copy, n, NULL);
     saga_report report;
     saga_camera c;
 
@@ -1238,7 +1238,7 @@ static void play_file(player *p, const uint8_t *bytes, size_t n)
     PROMISE(p->result, is_head_status(found));
     if (found)
         refuse(p->result, MUTATE_AT_INDEX, found);
-    s = saga_open(&p->dec, work, p->info.work_nbytes, p->head, p->n_head);
+    s = saga_open(&p->dec, work, p->info.work_nbytes, p->head, p->n_head, NULL);
     PROMISE(p->result, is_head_status(s));
     PROMISE(p->result, (s == SAGA_OK) == (p->dec != NULL));
     if (s) {

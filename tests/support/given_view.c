@@ -61,10 +61,10 @@ void given_open_stream(given_view *v, gen_stream *g)
     v->work = must(aligned_alloc(SAGA_WORK_ALIGN,
                                  (info.work_nbytes + 15) & ~(size_t)15));
     assert_int_equal(saga_open(&v->dec, v->work, info.work_nbytes, v->bytes,
-                               v->nbytes), SAGA_OK);
+                               v->nbytes, NULL), SAGA_OK);
     assert_int_equal(saga_find(&seg, v->bytes, v->nbytes, 0, 1), SAGA_OK);
     assert_int_equal(saga_decode(v->dec, &seg, v->bytes + seg.offset,
-                                 seg.nbytes), SAGA_OK);
+                                 seg.nbytes, NULL), SAGA_OK);
     assert_int_equal(saga_tell(&v->report, v->dec), SAGA_OK);
 }
 

@@ -55,7 +55,7 @@ static void sort_scene(scene *s)
     for (i = 0; i < s->n; i++)
         s->order[i] = (saga_key){ s->splats[i].depth, i };
     saga_depth_sort(s->order, tmp, s->n);
-    saga_raster_boxes(s->order, s->splats, s->n, &s->cam);
+    (void)saga_raster_boxes(s->order, s->splats, s->n, &s->cam);
     free(tmp);
 }
 

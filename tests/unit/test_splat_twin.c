@@ -131,7 +131,7 @@ static void draw_integers(uint16_t *rgb, const saga_primitive *prim,
         keys[m++] = (saga_key){ s[i].depth, i };
     }
     saga_depth_sort(keys, keys + n, m);
-    saga_raster_boxes(keys, s, m, cam);
+    (void)saga_raster_boxes(keys, s, m, cam);
     drawing.n = m;
     while (saga_raster(&job, &pic, &drawing, 1u << 20) == SAGA_AGAIN)
         ;

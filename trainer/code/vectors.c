@@ -213,7 +213,7 @@ static saga_status run_stages(saga_stages *out, saga_decoder *dec,
         return SAGA_ERR_TRUNCATED;
     left = n - (size_t)seg.offset;
     s = saga_decode(dec, &seg, bytes + seg.offset,
-                    seg.nbytes < left ? seg.nbytes : left);
+                    seg.nbytes < left ? seg.nbytes : left, NULL);
     if (s)
         return s;
     s = saga_rig(&c, &name, bytes, n, camera);
@@ -243,7 +243,7 @@ saga_status saga_stages_of(saga_stages *stages, const uint8_t *bytes, size_t n,
     work = aligned_alloc(SAGA_WORK_ALIGN, info.work_nbytes);
     if (!work)
         return SAGA_ERR_SPACE;
-    s = saga_open(&dec, work, info.work_nbytes, bytes, n);
+    s = saga_open(&dec, work, info.work_nbytes, bytes, n, NULL);
     if (!s)
         s = run_stages(stages, dec, bytes, n, number, t, camera, pixels,
                        pixels_nbytes);

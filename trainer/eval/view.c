@@ -65,7 +65,7 @@ static bool open_decoder(saga_film *film, saga_error *error)
     if (!film->work)
         return false;
     s = saga_open(&film->dec, film->work, film->info.work_nbytes,
-                  film->bytes, film->nbytes);
+                  film->bytes, film->nbytes, NULL);
     film->times.head = seconds() - start;
     return s == SAGA_OK || refuse(film, "its networks are refused", s, error);
 }
@@ -149,7 +149,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
     film->segment = -1;
     if (seg->offset <= film->nbytes)
         s = saga_decode(film->dec, seg, film->bytes + seg->offset,
-                        bytes_there(film, seg));
+                        bytes_there(film, seg), NULL);
     snprintf(what, sizeof what, "segment %" PRIu32 " is refused",
              seg->number);
     if (s)

@@ -8,6 +8,7 @@
 #include "alloc.h"
 #include "utf8.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -287,16 +288,16 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
 
 /* --- Levels -------------------------------------------------------------- */
 
-static bool within(const char *what, size_t value, size_t cap,
+static bool within(const char *what, uint64_t value, uint64_t cap,
                    const saga_train *t, saga_error *error)
 {
     const char *const remedy = t->o.level < SAGA_N_PROFILES - 1
-        ? "take fewer --primitives, or a higher --level"
-        : "take fewer --primitives";
+        ? "take fewer --primitives or --layers, or a higher --level"
+        : "take fewer --primitives or --layers";
 
     return value <= cap ||
-           saga_fail(error, NULL, remedy, "the file would need %zu %s, level "
-                     "%d has %zu", value, what, t->o.level, cap);
+           saga_fail(error, NULL, remedy, "the file would need %" PRIu64 " %s, "
+                     "level %d has %" PRIu64, value, what, t->o.level, cap);
 }
 
 static bool within_level(const saga_info *i, const saga_train *t,
@@ -312,7 +313,12 @@ static bool within_level(const saga_info *i, const saga_train *t,
                   caps->n_prim, t, error) &&
            within("weights", i->n_weights, caps->n_weights, t, error) &&
            within("bytes of the decoder's memory", i->work_nbytes,
-                  caps->work_nbytes, t, error);
+                  caps->work_nbytes, t, error) &&
+           within("anchors in all layers and the base together",
+                  (uint64_t)i->n_layers * (i->max_coarse + i->max_fine) +
+                  i->base_coarse + i->base_fine, caps->n_anchors, t, error) &&
+           within("units of a decoder's work a segment", i->work, caps->work, t,
+                  error);
 }
 
 /* Asks what the decoder says to the bytes; they are dropped when it refuses. */
@@ -324,8 +330,9 @@ static bool probe(saga_train *t, saga_error *error)
         return true;
     free(t->bytes);
     t->bytes = NULL;
-    return saga_fail(error, NULL, "report it", "the decoder refuses the file: "
-                     "%s", saga_status_text(s));
+    return saga_fail(error, NULL, s == SAGA_ERR_LEVEL
+                     ? "take fewer --primitives or --layers" : "report it",
+                     "the decoder refuses the file: %s", saga_status_text(s));
 }
 
 /* This comes before the fit, since all of it follows from counts and shapes; of
