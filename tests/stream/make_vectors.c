@@ -7,6 +7,7 @@
 #include "file.h"
 #include "fx.h"
 #include "gen_mutate.h"
+#include "gen_slow.h"
 #include "gen_stream.h"
 #include "plan.h"
 #include "prob.h"
@@ -764,6 +765,40 @@ static void bad_fuse(void)
     bad_headers(&o, headers, sizeof headers / sizeof *headers);
 }
 
+/* A file whose header allows one anchor of each tier more than its level. */
+static void bad_slow(const char *stem, int kind)
+{
+    gen_stream g;
+    saga_counts max;
+    uint8_t *bytes;
+    size_t n;
+
+    gen_slow_make(&g, 0, kind, 4096);
+    max = g.header.max;
+    gen_stream_encode(&g, &bytes, &n);
+    gen_slow_set_max(bytes, max.coarse + 1, max.fine + 1);
+    bad(stem, bytes, n, SAGA_ERR_LEVEL);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
+/* What takes longer than the level allows. */
+static void bad_work(void)
+{
+    gen_stream g;
+    uint8_t *bytes;
+    size_t n;
+
+    bad_slow("work_exceeded", GEN_SLOW_WIDE);
+    bad_slow("work_of_runs_exceeded", GEN_SLOW_NARROW);
+    bad_slow("anchors_exceeded", GEN_SLOW_ANCHORS);
+    gen_slow_wall(&g, 0, SAGA_COVER_MAX(0) + 1);
+    gen_stream_encode(&g, &bytes, &n);
+    bad("cover_exceeded", bytes, n, SAGA_ERR_LEVEL);
+    free(bytes);
+    gen_stream_free(&g);
+}
+
 static void bad_all(void)
 {
     static const bad_change headers[] = {
@@ -934,5 +969,6 @@ int main(int argc, char **argv)
     bad_layers(three_layers);
     bad_fuse();
     bad_segments();
+    bad_work();
     return fclose(manifest) != 0;
 }

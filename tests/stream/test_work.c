@@ -1,0 +1,425 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Work is bounded: the slowest file of each level is accepted and one step
+ * beyond is refused with the header, a view that costs too much is refused
+ * before it is drawn, and whoever waits may stop the decoder, which is as good
+ * as before.
+ *
+ * SAGA_TEST_LONG decodes the slowest files whole (a minute), tells how long
+ * they take, and that a deadline is kept.
+ */
+#include <stdarg.h>
+#include <stddef.h>
+#include <setjmp.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "gen_slow.h"
+#include "saga.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+static int is_long(void)
+{
+    return getenv("SAGA_TEST_LONG") != NULL;
+}
+
+/* The part of the slowest files' anchors that layers have here: levels 0 and 1
+ * whole, of the others what takes less than a tenth of a second. Sanitizers
+ * take twenty times as long. */
+static uint32_t share_of(int level)
+{
+    static const uint32_t share[SAGA_N_PROFILES] = { 1, 1, 16, 512 };
+    const int slow = getenv("SAGA_TEST_SANITIZED") && level > 0;
+
+    return is_long() ? 1 : (slow ? 32 : 1) * share[level];
+}
+
+static double cpu_seconds(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* --- A file -------------------------------------------------------------- */
+
+typedef struct {
+    uint8_t *bytes;
+    size_t n;
+    saga_info info;
+    void *work;
+    saga_decoder *dec;
+    saga_segment seg;
+} film;
+
+static void load(film *f, gen_stream *g)
+{
+    gen_stream_encode(g, &f->bytes, &f->n);
+    assert_int_equal(saga_probe(&f->info, f->bytes, f->n), SAGA_OK);
+    assert_int_equal(saga_find(&f->seg, f->bytes, f->n, 0, 1), SAGA_OK);
+    f->work = aligned_alloc(SAGA_WORK_ALIGN, f->info.work_nbytes);
+    assert_non_null(f->work);
+    f->dec = NULL;
+}
+
+static saga_status open_film(film *f, const saga_watch *watch)
+{
+    return saga_open(&f->dec, f->work, f->info.work_nbytes, f->bytes, f->n,
+                     watch);
+}
+
+static saga_status decode(film *f, const saga_watch *watch)
+{
+    return saga_decode(f->dec, &f->seg, f->bytes + f->seg.offset,
+                       f->seg.nbytes, watch);
+}
+
+static void unload(film *f)
+{
+    free(f->bytes);
+    free(f->work);
+}
+
+/* --- Levels -------------------------------------------------------------- */
+
+static uint64_t anchors_of(const saga_info *i)
+{
+    return (uint64_t)i->n_layers * (i->max_coarse + i->max_fine) +
+           i->base_coarse + i->base_fine;
+}
+
+/* The slowest file's header as it stands, and with one anchor more. */
+static void slowest_should_be_the_last_that_is_valid(void **state)
+{
+    int level, kind;
+
+    (void)state;
+    for (level = 0; level < SAGA_N_PROFILES; level++)
+        for (kind = 0; kind < GEN_N_SLOW; kind++) {
+            const saga_level_caps *const cap = &saga_caps[level];
+            gen_stream g;
+            saga_counts max;
+            film f;
+
+            gen_slow_make(&g, level, kind, 4096);
+            max = g.header.max;
+            load(&f, &g);
+            gen_slow_set_max(f.bytes, max.coarse, max.fine);
+            assert_int_equal(saga_probe(&f.info, f.bytes, f.n), SAGA_OK);
+            assert_int_equal(f.info.level, level);
+            assert_true(f.info.work <= cap->work &&
+                        anchors_of(&f.info) <= cap->n_anchors);
+            assert_true(f.info.work > cap->work / 10 * 9 ||
+                        anchors_of(&f.info) + 16 > cap->n_anchors);
+            gen_slow_set_max(f.bytes, max.coarse + 1, max.fine + 1);
+            assert_int_equal(saga_probe(&f.info, f.bytes, f.n),
+                             SAGA_ERR_LEVEL);
+            assert_int_equal(open_film(&f, NULL), SAGA_ERR_LEVEL);
+            assert_null(f.dec);
+            unload(&f);
+            gen_stream_free(&g);
+        }
+}
+
+static void slowest_should_decode(void **state)
+{
+    int level, kind;
+
+    (void)state;
+    for (level = 0; level < SAGA_N_PROFILES; level++)
+        for (kind = 0; kind < GEN_N_SLOW; kind++) {
+            const uint32_t share = share_of(level);
+            gen_stream g;
+            double begin;
+            film f;
+
+            gen_slow_make(&g, level, kind, share);
+            load(&f, &g);
+            assert_int_equal(open_film(&f, NULL), SAGA_OK);
+            begin = cpu_seconds();
+            assert_int_equal(decode(&f, NULL), SAGA_OK);
+            print_message("  level %d, kind %d: %zu bytes, 1/%u in %.3f s\n",
+                          level, kind, f.n, share, cpu_seconds() - begin);
+            unload(&f);
+            gen_stream_free(&g);
+        }
+}
+
+/* --- Stopping ------------------------------------------------------------ */
+
+/* Says stop when it is asked for the `at`th time; 0: never. */
+typedef struct {
+    uint32_t at, n_asked;
+} patience;
+
+static int ask(void *user)
+{
+    patience *const p = user;
+
+    return ++p->n_asked == p->at;
+}
+
+static uint32_t digest(const film *f)
+{
+    const int32_t from[3] = { 3 << 22, -(1 << 23), 77 };
+    saga_report r;
+    uint32_t crc, i;
+
+    assert_int_equal(saga_tell(&r, f->dec), SAGA_OK);
+    crc = saga_crc32c(0, (const uint8_t *)&r, sizeof r);
+    for (i = 0; i < r.n_primitives; i++) {
+        saga_animated a;
+        uint16_t colour[3];
+
+        assert_int_equal(saga_primitive_at(&a, f->dec, i, 20000), SAGA_OK);
+        assert_int_equal(saga_colour_at(colour, f->dec, i, from), SAGA_OK);
+        crc = saga_crc32c(crc, (const uint8_t *)&a, sizeof a);
+        crc = saga_crc32c(crc, (const uint8_t *)colour, sizeof colour);
+    }
+    return crc;
+}
+
+/* Stopped when it is asked for the at-th time, the segment is gone and the
+ * caller left alone; decoded again it is what it was. */
+static void stop_decoding(film *f, uint32_t at, uint32_t expected)
+{
+    patience p = { at, 0 };
+    const saga_watch watch = { ask, &p };
+    saga_report r;
+
+    assert_int_equal(decode(f, &watch), SAGA_ERR_STOPPED);
+    assert_int_equal(p.n_asked, at);
+    assert_int_equal(saga_tell(&r, f->dec), SAGA_ERR_STATE);
+    assert_int_equal(decode(f, NULL), SAGA_OK);
+    assert_int_equal(p.n_asked, at);
+    assert_int_equal(digest(f), expected);
+}
+
+static void stop_opening(film *f, uint32_t at, uint32_t expected)
+{
+    patience p = { at, 0 };
+    const saga_watch watch = { ask, &p };
+
+    assert_int_equal(open_film(f, &watch), SAGA_ERR_STOPPED);
+    assert_null(f->dec);
+    assert_int_equal(p.n_asked, at);
+    assert_int_equal(open_film(f, NULL), SAGA_OK);
+    assert_int_equal(decode(f, NULL), SAGA_OK);
+    assert_int_equal(digest(f), expected);
+}
+
+enum { EARLY = 5, AT_RANDOM = 6 };
+
+/* At every early question, the last one, and some between. */
+static void stop_everywhere(gen_stream *g, uint64_t seed)
+{
+    patience opened = { 0, 0 }, decoded = { 0, 0 };
+    const saga_watch opening = { ask, &opened }, decoding = { ask, &decoded };
+    uint32_t i, expected;
+    film f;
+
+    load(&f, g);
+    assert_int_equal(open_film(&f, &opening), SAGA_OK);
+    assert_int_equal(decode(&f, &decoding), SAGA_OK);
+    assert_true(opened.n_asked > 0 && decoded.n_asked > 0);
+    expected = digest(&f);
+    for (i = 1; i <= EARLY + 1 + AT_RANDOM; i++) {
+        const uint32_t r = (uint32_t)gen_random(&seed);
+
+        if (i > EARLY || i <= decoded.n_asked)
+            stop_decoding(&f, i <= EARLY ? i : i == EARLY + 1
+                          ? decoded.n_asked : 1 + r % decoded.n_asked,
+                          expected);
+        if (i > EARLY || i <= opened.n_asked)
+            stop_opening(&f, i <= EARLY ? i : i == EARLY + 1
+                         ? opened.n_asked : 1 + r % opened.n_asked, expected);
+    }
+    unload(&f);
+}
+
+static void stopped_decoder_should_decode_again(void **state)
+{
+    gen_stream g;
+    int i;
+
+    (void)state;
+    for (i = 0; i < 12; i++) {
+        const gen_options o = { .seed = 900 + (uint64_t)i, .level = i % 4,
+                                .n_coarse = 16, .bank = i % 3,
+                                .base = i % 2, .n_layers = 1 + (uint32_t)i % 3 };
+
+        gen_stream_make(&g, &o);
+        stop_everywhere(&g, o.seed);
+        gen_stream_free(&g);
+    }
+    for (i = 0; i < GEN_N_SLOW; i++) {
+        gen_slow_make(&g, 0, i, 1);
+        stop_everywhere(&g, (uint64_t)i);
+        gen_stream_free(&g);
+    }
+}
+
+/* A base that takes long is decoded in saga_open, which may be stopped too. */
+static void opening_should_stop_within_the_base(void **state)
+{
+    patience p = { 0, 0 };
+    const saga_watch watch = { ask, &p };
+    gen_stream g;
+    film f;
+
+    (void)state;
+    gen_slow_make(&g, 1, GEN_SLOW_NARROW, 8);
+    g.header.model.tools |= SAGA_TOOL_BASE;
+    g.has_base = 1;
+    g.base = g.segment[7];
+    g.header.more_layers = 6;
+    load(&f, &g);
+    assert_int_equal(open_film(&f, &watch), SAGA_OK);
+    assert_true(p.n_asked > 20);
+    assert_int_equal(decode(&f, NULL), SAGA_OK);
+    stop_opening(&f, p.n_asked / 2, digest(&f));
+    unload(&f);
+    gen_stream_free(&g);
+}
+
+/* Says stop when the time is over. */
+static int is_late(void *user)
+{
+    return cpu_seconds() > *(const double *)user;
+}
+
+/* However the time is spent, the answer comes within 50 ms and a little; an
+ * eighth of level 3's slowest are some seconds. */
+static void deadline_should_be_kept(void **state)
+{
+    int level, kind;
+
+    (void)state;
+    for (level = 2; is_long() && level < SAGA_N_PROFILES; level++)
+        for (kind = 0; kind < GEN_N_SLOW; kind++) {
+            double deadline, late;
+            const saga_watch watch = { is_late, &deadline };
+            gen_stream g;
+            film f;
+
+            gen_slow_make(&g, level, kind, level == 2 ? 1 : 8);
+            load(&f, &g);
+            assert_int_equal(open_film(&f, NULL), SAGA_OK);
+            deadline = cpu_seconds() + 0.05;
+            assert_int_equal(decode(&f, &watch), SAGA_ERR_STOPPED);
+            late = cpu_seconds() - deadline;
+            print_message("  level %d, kind %d: %.2f ms late\n", level, kind,
+                          1e3 * late);
+            assert_true(late < 0.01);
+            unload(&f);
+            gen_stream_free(&g);
+        }
+}
+
+/* --- Pictures ------------------------------------------------------------ */
+
+enum { SIDE = 256, TILE = 16, LIST = 1 << 12 };
+
+static saga_status draw(const film *f, const saga_camera *c)
+{
+    static uint32_t scratch[SAGA_JOB_NBYTES(TILE, LIST) / 4];
+    static uint8_t rgb[3 * SIDE * SIDE];
+    const saga_picture picture = { rgb, 3u * c->width, sizeof rgb, 8 };
+    saga_job job = { .x1 = c->width, .y1 = TILE, .tile = TILE,
+                     .list_capacity = LIST, .scratch = scratch,
+                     .scratch_nbytes = sizeof scratch };
+    saga_status s;
+
+    do
+        s = saga_draw(f->dec, &job, &picture, 1 << 20);
+    while (s == SAGA_AGAIN);
+    return s;
+}
+
+static void see_wall(film *f, saga_camera *c, int level, uint32_t n)
+{
+    uint32_t number;
+    gen_stream g;
+
+    gen_slow_wall(&g, level, n);
+    load(f, &g);
+    assert_int_equal(f->info.level, level);
+    assert_int_equal(open_film(f, NULL), SAGA_OK);
+    assert_int_equal(decode(f, NULL), SAGA_OK);
+    assert_int_equal(saga_rig(c, &number, f->bytes, f->n, 0), SAGA_OK);
+    assert_int_equal(c->width, SIDE);
+    gen_stream_free(&g);
+}
+
+/* As many splats as a view may have that all cover it, and one more. */
+static void view_should_cost_what_the_level_allows(void **state)
+{
+    int level;
+
+    (void)state;
+    for (level = 0; level < SAGA_N_PROFILES; level++) {
+        const uint32_t most = SAGA_COVER_MAX(level);
+        saga_camera c;
+        saga_report r;
+        film f;
+
+        see_wall(&f, &c, level, most);
+        assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+        assert_int_equal(r.box_pixels, 0);
+        assert_int_equal(saga_view(f.dec, &c, 0), SAGA_OK);
+        assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+        assert_int_equal(r.n_splats, most);
+        assert_int_equal(r.box_pixels, (uint64_t)most * SIDE * SIDE);
+        unload(&f);
+        see_wall(&f, &c, level, most + 1);
+        assert_int_equal(saga_view(f.dec, &c, 0), SAGA_ERR_LEVEL);
+        assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+        assert_int_equal(r.n_splats, 0);
+        assert_int_equal(r.box_pixels, (most + 1ull) * SIDE * SIDE);
+        assert_int_equal(draw(&f, &c), SAGA_ERR_STATE);
+        unload(&f);
+    }
+}
+
+/* A picture of fewer pixels than 65,536 may be covered more often. A view that
+ * is refused ends the one before, whose job cannot go on. */
+static void refused_view_should_leave_none(void **state)
+{
+    saga_camera c;
+    saga_report r;
+    film f;
+
+    (void)state;
+    see_wall(&f, &c, 0, SAGA_COVER_MAX(0) + 1);
+    c.height--;
+    assert_int_equal(saga_view(f.dec, &c, 0), SAGA_OK);
+    assert_int_equal(draw(&f, &c), SAGA_OK);
+    c.height++;
+    assert_int_equal(saga_view(f.dec, &c, 0), SAGA_ERR_LEVEL);
+    assert_int_equal(draw(&f, &c), SAGA_ERR_STATE);
+    c.height /= 2;
+    assert_int_equal(saga_view(f.dec, &c, 0), SAGA_OK);
+    assert_int_equal(saga_tell(&r, f.dec), SAGA_OK);
+    assert_int_equal(r.box_pixels, (uint64_t)r.n_splats * SIDE * SIDE / 2);
+    assert_int_equal(draw(&f, &c), SAGA_OK);
+    unload(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(slowest_should_be_the_last_that_is_valid),
+        cmocka_unit_test(slowest_should_decode),
+        cmocka_unit_test(stopped_decoder_should_decode_again),
+        cmocka_unit_test(opening_should_stop_within_the_base),
+        cmocka_unit_test(deadline_should_be_kept),
+        cmocka_unit_test(view_should_cost_what_the_level_allows),
+        cmocka_unit_test(refused_view_should_leave_none)
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
