@@ -16,6 +16,7 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #ifndef SAGA_LEVEL
@@ -40,6 +41,7 @@ static struct {
 typedef struct {
     const char *file, *camera, *out;
     uint32_t time_num, time_den;
+    double seconds;          /* of decoding, at most; 0: any */
     int crc, info;
 } options;
 
@@ -60,6 +62,8 @@ static const char usage[] =
     "                   lies half-way between frames 7 and 8)\n"
     "  -o OUT.ppm       write the picture (8 bits, binary PPM); a device or a\n"
     "                   pipe is written directly\n"
+    "  --seconds S      give up when decoding takes longer (default: never;\n"
+    "                   the longest file of level 2 takes some seconds)\n"
     "  --crc            print the CRC-32C of its pixels instead\n"
     "  --info           print what the header says and stop\n"
     "  --version        print the program's version and the level of its\n"
@@ -117,6 +121,15 @@ static int parse_time(options *o, const char *text)
            parse_u32(&o->time_den, slash + 1, '\0') && o->time_den > 0;
 }
 
+static int parse_seconds(options *o, const char *text)
+{
+    char *stop;
+
+    o->seconds = strtod(text, &stop);
+    return stop != text && *stop == '\0' && o->seconds > 0 &&
+           o->seconds <= 1e9;
+}
+
 static int parse_options(options *o, int argc, char **argv)
 {
     int i;
@@ -133,6 +146,9 @@ static int parse_options(options *o, int argc, char **argv)
         else if (!strcmp(argv[i], "-o") && value)
             o->out = argv[++i];
         else if (!strcmp(argv[i], "--time") && value && parse_time(o, value))
+            i++;
+        else if (!strcmp(argv[i], "--seconds") && value &&
+                 parse_seconds(o, value))
             i++;
         else if (argv[i][0] != '-' && !o->file)
             o->file = argv[i];
@@ -437,11 +453,44 @@ static void print_info(const saga_info *i)
 
 /* --- Together ------------------------------------------------------------ */
 
+static double now(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static int is_late(void *user)
+{
+    return now() > *(const double *)user;
+}
+
+static int refuse_late(const options *o)
+{
+    fprintf(stderr, "saga-dec: %s: decoding took more than %g s; allow more "
+            "with --seconds %g\n", o->file, o->seconds, 6 * o->seconds);
+    return 1;
+}
+
+static int refuse_cover(const options *o, const saga_decoder *dec,
+                        uint32_t level, const saga_camera *c)
+{
+    saga_report r;
+
+    saga_tell(&r, dec);
+    fprintf(stderr, "saga-dec: %s: splats would cover the picture %.0f times, "
+            "level %" PRIu32 " allows %u; move the camera away\n", o->camera,
+            (double)r.box_pixels / c->width / c->height, level,
+            SAGA_COVER_MAX(level));
+    return 1;
+}
+
 /* A file that ends early may still have layers that are whole. A segment that
  * claims to be larger than all memory is looked at nevertheless: its beginning
  * tells whether that is so. */
 static int decode(const options *o, FILE *f, saga_decoder *dec,
-                  const saga_segment *seg)
+                  const saga_segment *seg, const saga_watch *watch)
 {
     const size_t most = sizeof memory.input;
     const long n = read_at(f, seg->offset, seg->nbytes);
@@ -449,7 +498,9 @@ static int decode(const options *o, FILE *f, saga_decoder *dec,
 
     if (n < 0)
         return fail(o->file, "cannot read the segment");
-    s = saga_decode(dec, seg, memory.input, (size_t)n, NULL);
+    s = saga_decode(dec, seg, memory.input, (size_t)n, watch);
+    if (s == SAGA_ERR_STOPPED)
+        return refuse_late(o);
     if (s != SAGA_ERR_DATA && (size_t)n == most && seg->nbytes > most)
         s = SAGA_ERR_SPACE;
     return s ? refuse(o->file, "cannot decode the segment", s) : 0;
@@ -458,6 +509,9 @@ static int decode(const options *o, FILE *f, saga_decoder *dec,
 /* Reads, decodes and draws; f is the open file. */
 static int run(const options *o, FILE *f, const saga_info *info)
 {
+    double deadline = now() + o->seconds;
+    const saga_watch clock = { is_late, &deadline };
+    const saga_watch *const watch = o->seconds > 0 ? &clock : NULL;
     saga_decoder *dec;
     saga_segment seg;
     saga_camera camera;
@@ -474,7 +528,9 @@ static int run(const options *o, FILE *f, const saga_info *info)
          info->head_nbytes > sizeof memory.input))
         return refuse(o->file, "cannot decode", SAGA_ERR_SPACE);
     s = saga_open(&dec, memory.work, sizeof memory.work, memory.input,
-                  (size_t)n, NULL);
+                  (size_t)n, watch);
+    if (s == SAGA_ERR_STOPPED)
+        return refuse_late(o);
     if (s)
         return refuse(o->file, "cannot decode the networks", s);
     status = read_camera(&camera, o, info->head_nbytes);
@@ -484,10 +540,12 @@ static int run(const options *o, FILE *f, const saga_info *info)
                   o->time_den);
     if (s)
         return refuse(o->file, "cannot find the time", s);
-    status = decode(o, f, dec, &seg);
+    status = decode(o, f, dec, &seg, watch);
     if (status)
         return status;
     s = saga_view(dec, &camera, seg.t);
+    if (s == SAGA_ERR_LEVEL)
+        return refuse_cover(o, dec, info->level, &camera);
     if (s)
         return refuse(o->camera, "cannot use the camera", s);
     status = o->out ? write_picture(o, dec, &camera, &crc)
@@ -525,7 +583,7 @@ static FILE *open_input(const char *name)
 
 int main(int argc, char **argv)
 {
-    options o = { NULL, NULL, NULL, 0, 1, 0, 0 };
+    options o = { .time_den = 1 };
     saga_info info;
     saga_status s;
     FILE *f;

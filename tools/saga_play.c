@@ -5,7 +5,10 @@
  * depend on the threads, and at the end how long a picture took, and how much
  * processor time of all threads.
  *
- *     saga-play FILE [THREADS [CAMERA [PICTURES]]]
+ *     saga-play [--seconds S] FILE [THREADS [CAMERA [PICTURES]]]
+ *
+ * It gives up when decoding a segment takes longer than S, which is as long as
+ * files of the level may take where nobody says otherwise.
  *
  * While the threads draw a picture, this one prepares the next in a second
  * decoder, and then draws too. A third decodes the next segment meanwhile.
@@ -41,6 +44,7 @@ typedef struct player {
     size_t n;
     saga_info info;
     saga_camera camera;
+    double seconds;          /* of decoding a segment, or the base; 0: any */
     block shown[2];          /* pictures take turns */
     block ahead;             /* the next segment */
     pthread_t decoding;
@@ -90,19 +94,57 @@ static void read_file(player *p, const char *path)
 
 /* --- Segments ------------------------------------------------------------ */
 
+static double ms_of(clockid_t clock)
+{
+    struct timespec t;
+
+    clock_gettime(clock, &t);
+    return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
+}
+
+/* A decoder is asked in its own thread; user is when its time is over. */
+static int is_late(void *user)
+{
+    const double *const deadline = user;
+
+    return *deadline > 0 && ms_of(CLOCK_MONOTONIC) > *deadline;
+}
+
+static double deadline_of(const player *p)
+{
+    return p->seconds > 0 ? ms_of(CLOCK_MONOTONIC) + 1e3 * p->seconds : 0;
+}
+
+static void check_decoding(const player *p, saga_status s)
+{
+    if (s == SAGA_ERR_STOPPED) {
+        fprintf(stderr, "saga-play: decoding took more than %g s; allow more "
+                "with --seconds %g\n", p->seconds, 6 * p->seconds);
+        exit(1);
+    }
+    check(s);
+}
+
 static void open_block(player *p, block *b)
 {
+    double deadline = deadline_of(p);
+    const saga_watch watch = { is_late, &deadline };
+
     b->work = need(p->info.work_nbytes);
     b->segment = NO_SEGMENT;
-    check(saga_open(&b->dec, b->work, p->info.work_nbytes, p->bytes, p->n,
-                    NULL));
+    check_decoding(p, saga_open(&b->dec, b->work, p->info.work_nbytes,
+                                p->bytes, p->n, &watch));
 }
 
 static void decode(player *p, block *b, const saga_segment *seg)
 {
+    double deadline = deadline_of(p);
+    const saga_watch watch = { is_late, &deadline };
+
     if (seg->offset > p->n || seg->nbytes > p->n - seg->offset)
         stop("the file ends too early");
-    check(saga_decode(b->dec, seg, p->bytes + seg->offset, seg->nbytes, NULL));
+    check_decoding(p, saga_decode(b->dec, seg, p->bytes + seg->offset,
+                                  seg->nbytes, &watch));
     b->segment = seg->number;
 }
 
@@ -232,12 +274,17 @@ static void open_player(player *p, const char *path, uint32_t camera)
     }
 }
 
-static double ms_of(clockid_t clock)
+/* Takes --seconds S from the front; returns how many arguments that is. */
+static int take_seconds(player *p, int argc, char **argv)
 {
-    struct timespec t;
+    char *end;
 
-    clock_gettime(clock, &t);
-    return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
+    if (argc < 3 || strcmp(argv[1], "--seconds"))
+        return 0;
+    p->seconds = strtod(argv[2], &end);
+    if (*end || !(p->seconds > 0 && p->seconds <= 1e9))
+        stop("give --seconds a number above 0");
+    return 2;
 }
 
 int main(int argc, char **argv)
@@ -245,10 +292,14 @@ int main(int argc, char **argv)
     static player p;
     uint32_t n, i;
     double wall, cpu;
+    const int n_taken = take_seconds(&p, argc, argv);
 
+    argc -= n_taken;
+    argv += n_taken;
     p.n_threads = argc > 2 ? (uint32_t)strtoul(argv[2], NULL, 10) : 1;
     if (argc < 2 || p.n_threads < 1 || p.n_threads > MAX_THREADS)
-        stop("usage: saga-play FILE [THREADS [CAMERA [PICTURES]]]");
+        stop("usage: saga-play [--seconds S] FILE "
+             "[THREADS [CAMERA [PICTURES]]]");
     open_player(&p, argv[1],
                 argc > 3 ? (uint32_t)strtoul(argv[3], NULL, 10) : 0);
     n = argc > 4 ? (uint32_t)strtoul(argv[4], NULL, 10) : p.info.n_frames;

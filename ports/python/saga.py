@@ -22,6 +22,7 @@ import math
 import os
 import subprocess
 import tempfile
+import time
 from collections import namedtuple
 from fractions import Fraction
 
@@ -30,7 +31,7 @@ __all__ = ["Camera", "Error", "Film", "encode", "open"]
 _I32, _U32, _U16, _I16 = (ctypes.c_int32, ctypes.c_uint32, ctypes.c_uint16,
                           ctypes.c_int16)
 _SIZE, _PTR = ctypes.c_size_t, ctypes.c_void_p
-_OK, _AGAIN = 0, 1
+_OK, _AGAIN, _STOPPED = 0, 1, -21
 _ALIGN = 16                  # SAGA_WORK_ALIGN
 _TILE, _LIST = 16, 1 << 14
 _LARGEST = 1 << 30           # of a work block: that of level 3
@@ -40,9 +41,9 @@ class Error(Exception):
     """A file, a camera or a time that the decoder refuses; `status` is
     saga.h's."""
 
-    def __init__(self, what, status=None):
+    def __init__(self, what, status=None, tell=True):
         self.status = status
-        if status is not None:
+        if status is not None and tell:
             what += ": " + _lib().saga_status_text(status).decode()
         super().__init__(what)
 
@@ -115,6 +116,13 @@ class _Animated(_Struct):
                 ("log2_scale_q10", _I32 * 3), ("q0_q20", _I32)]
 
 
+_STOP = ctypes.CFUNCTYPE(ctypes.c_int, _PTR)
+
+
+class _Watch(_Struct):
+    _fields_ = [("stop", _STOP), ("user", _PTR)]
+
+
 _library = None
 
 
@@ -146,11 +154,11 @@ def _lib():
     lib.saga_crc32c.restype = _U32
     for name, types in (
             ("probe", [_PTR, _PTR, _SIZE]),
-            ("open", [_PTR, _PTR, _SIZE, _PTR, _SIZE]),
+            ("open", [_PTR, _PTR, _SIZE, _PTR, _SIZE, _PTR]),
             ("find", [_PTR, _PTR, _SIZE, _U32, _U32]),
             ("rig", [_PTR, _PTR, _PTR, _SIZE, _U32]),
             ("name_camera", [_PTR, _PTR, _SIZE, _U32]),
-            ("decode", [_PTR, _PTR, _PTR, _SIZE]),
+            ("decode", [_PTR, _PTR, _PTR, _SIZE, _PTR]),
             ("view", [_PTR, _PTR, _I32]), ("draw", [_PTR, _PTR, _PTR, _U32]),
             ("tell", [_PTR, _PTR]),
             ("primitive_at", [_PTR, _PTR, _U32, _I32]),
@@ -176,8 +184,11 @@ class Film:
     """An open file. film.info tells what it is; its segments are decoded as
     they are needed."""
 
-    def __init__(self, name, data):
+    def __init__(self, name, data, seconds=None):
         self._data = data
+        self._seconds = seconds
+        self._watch = None if seconds is None else _Watch(
+            _STOP(lambda _: time.monotonic() > self._deadline))
         self._bytes = ctypes.create_string_buffer(data, len(data) or 1)
         self._header = _Info()
         _check(_lib().saga_probe(ctypes.byref(self._header), self._bytes,
@@ -189,9 +200,8 @@ class Film:
         self._work = ctypes.create_string_buffer(h.work_nbytes + _ALIGN)
         at = ctypes.addressof(self._work)
         self._dec = _PTR()
-        _check(_lib().saga_open(ctypes.byref(self._dec),
-                                at + -at % _ALIGN, h.work_nbytes, self._bytes,
-                                len(data)), name)
+        self._decode(name, _lib().saga_open, ctypes.byref(self._dec),
+                     at + -at % _ALIGN, h.work_nbytes, self._bytes, len(data))
         self._segment = None
         self.info = Info(
             name, len(data), h.version, h.level, h.n_frames, h.n_segments,
@@ -200,6 +210,18 @@ class Film:
             h.work_nbytes, math.ldexp(h.unit_mantissa, h.unit_exponent),
             tuple(math.ldexp(m, h.centre_exponent)
                   for m in h.centre_mantissa))
+
+    def _decode(self, what, function, *arguments):
+        """Calls a function that may be stopped when its time is over."""
+        if self._watch:
+            self._deadline = time.monotonic() + self._seconds
+        status = function(*arguments, self._watch and
+                          ctypes.byref(self._watch))
+        if status == _STOPPED:
+            raise Error(f"{what}: decoding took more than {self._seconds:g} "
+                        f"s; allow more with seconds={6 * self._seconds:g}",
+                        status, tell=False)
+        _check(status, what)
 
     def _naming(self, index):
         naming = _Naming()
@@ -256,8 +278,9 @@ class Film:
             if nbytes < s.nbytes and (self.info.n_layers == 1 or nbytes < 0):
                 raise Error(self.info.name + ": the file is cut short")
             at = ctypes.addressof(self._bytes) + s.offset
-            _check(_lib().saga_decode(self._dec, ctypes.byref(s), at, nbytes),
-                   f"{self.info.name}: segment {s.number}")
+            self._decode(f"{self.info.name}: segment {s.number}",
+                         _lib().saga_decode, self._dec, ctypes.byref(s), at,
+                         nbytes)
             self._segment = s.number
         return s.t
 
@@ -326,12 +349,14 @@ class Film:
                     3 - a["q0"] / 2 ** 20), 0.0)}
 
 
-def open(file):  # noqa: A001 (that is what it does)
-    """A Film of a path, or of the bytes of a file."""
+def open(file, seconds=None):  # noqa: A001 (that is what it does)
+    """A Film of a path, or of the bytes of a file. Decoding its head, or later
+    a segment, may take so many seconds, or raises an Error; None: as long as
+    files of its level may take, seconds at level 2."""
     if isinstance(file, (bytes, bytearray, memoryview)):
-        return Film("bytes", bytes(file))
+        return Film("bytes", bytes(file), seconds)
     with builtins.open(file, "rb") as f:
-        return Film(os.fspath(file), f.read())
+        return Film(os.fspath(file), f.read(), seconds)
 
 
 def crc32c(data):

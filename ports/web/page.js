@@ -15,8 +15,10 @@ const carried = JSON.parse($('carried').textContent);
 const KEY_SECONDS = 2; // from one key camera to the next
 const RATE_MS = 2000;  // over which pictures are counted
 
-const viewer = new Viewer($('canvas'),
-    { simd: asked.get('simd') === '0' ? false : undefined });
+const viewer = new Viewer($('canvas'), {
+    simd: asked.get('simd') === '0' ? false : undefined,
+    seconds: Number(asked.get('seconds')) || carried.seconds,
+});
 let references = [];    // { camera, frame, crc } of the file that is shown
 let keys = [];          // of the camera path
 

@@ -106,7 +106,11 @@ export interface SagaPicture {
 export class SagaFile {
     static open(
         source: string | URL | Blob | Uint8Array | SagaSource,
-        options?: { module?: WebAssembly.Module },
+        options?: {
+            module?: WebAssembly.Module;
+            /** That decoding the head, or a segment, may take; 30. */
+            seconds?: number;
+        },
     ): Promise<SagaFile>;
 
     readonly info: SagaInfo;

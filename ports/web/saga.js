@@ -19,6 +19,8 @@ const UNIT = 10, CENTRE = 12, CENTRE_EXPONENT = 15;
 const CAMERA_LENGTH = 22; // and the camera's number behind them
 
 const TRUNCATED = -11;
+const STOPPED = -21;
+const SECONDS = 30; // of decoding, where nobody says otherwise
 const CHUNK_NBYTES = 12; // before a payload
 const MOST_NAMES = 2 ** 17; // bytes
 const FIRST_NBYTES = 4096; // header and rig of a usual file
@@ -179,19 +181,25 @@ export async function loadModule({ simd = hasSimd(), base } = {}) {
 
 export class SagaFile {
     // source: an address, a File or Blob, bytes, or an object like the sources
-    // above. module: of loadModule, which is called without it.
-    static async open(source, { module } = {}) {
+    // above. module: of loadModule, which is called without it. seconds: that
+    // decoding the head, or a segment, may take.
+    static async open(source, { module, seconds = SECONDS } = {}) {
         const compiled = module || await loadModule();
-        const instance = await WebAssembly.instantiate(compiled, {});
-        const file = new SagaFile(instance.exports, sourceOf(source));
+        const clock = { end: Infinity };
+        const instance = await WebAssembly.instantiate(compiled,
+            { env: { stop: () => Number(performance.now() > clock.end) } });
+        const file = new SagaFile(instance.exports, sourceOf(source), seconds,
+            clock);
 
         await file.readHead();
         return file;
     }
 
-    constructor(wasm, source) {
+    constructor(wasm, source, seconds, clock) {
         this.wasm = wasm;
         this.source = source;
+        this.seconds = seconds;
+        this.clock = clock;        // what the decoder looks at while it works
         this.segment = -1;         // the decoded one
         this.coded = new Map();    // number -> promise of a segment's bytes
         this.here = new Set();     // numbers of those that have come
@@ -210,12 +218,20 @@ export class SagaFile {
     check(status, what) {
         if (status === 0)
             return;
+        if (status === STOPPED)
+            throw new SagaError(`${this.source.name}: decoding took more ` +
+                `than ${this.seconds} s; allow more with seconds=` +
+                `${6 * this.seconds} in the address`, status);
         const at = this.wasm.saga_web_status_text(status);
         const text = this.bytes(at, 80);
         const why = String.fromCharCode(...text.subarray(0, text.indexOf(0)));
 
         throw new SagaError(`${this.source.name}: ${what} (${why}); ` +
             remedyOf(status), status);
+    }
+
+    startClock() {
+        this.clock.end = performance.now() + 1000 * this.seconds;
     }
 
     write(at, bytes) {
@@ -241,6 +257,7 @@ export class SagaFile {
             bytes = await this.readOn(bytes, this.info.headNbytes);
         this.write(this.wasm.saga_web_head(bytes.length), bytes);
         this.check(this.wasm.saga_web_probe(), 'its header is refused');
+        this.startClock();
         this.check(this.wasm.saga_web_open(), 'its networks are refused');
         this.rig = Array.from({ length: this.info.nCameras },
             (_, i) => this.readCamera(i));
@@ -374,6 +391,7 @@ export class SagaFile {
         if (bytes.length === 0)
             return TRUNCATED;
         this.write(this.wasm.saga_web_input(bytes.length), bytes);
+        this.startClock();
         return this.wasm.saga_web_decode(firstFrame, bytes.length);
     }
 
@@ -428,7 +446,7 @@ function remedyOf(status) {
     switch (status) {
     case TRUNCATED: return 'the file is cut off: copy it again';
     case -12: return 'it needs a newer version of this page';
-    case -13: return 'this decoder does not take files of its level';
+    case -13: return 'it asks for more than its level allows';
     case -2: return 'close other tabs, or use saga-dec';
     case -1: return 'choose another time or camera';
     default: return '`saga info` tells what is damaged';

@@ -93,6 +93,10 @@ EXPORT(saga_web_crc) uint32_t saga_web_crc(void);
 
 EXPORT(saga_web_status_text) const char *saga_web_status_text(int32_t status);
 
+/* JavaScript's: not 0 where decoding has taken long enough. */
+__attribute__((import_module("env"), import_name("stop")))
+int32_t saga_web_stop(void);
+
 /* --- State --------------------------------------------------------------- */
 
 static struct {
@@ -129,6 +133,16 @@ static int reach(const uint8_t *from, uint64_t nbytes)
     return __builtin_wasm_memory_grow(0, (size_t)((end - have + PAGE - 1) /
                                                   PAGE)) != (size_t)-1;
 }
+
+/* --- Patience ------------------------------------------------------------ */
+
+static int ask(void *user)
+{
+    (void)user;
+    return saga_web_stop();
+}
+
+static const saga_watch watch = { ask, NULL };
 
 /* --- A file -------------------------------------------------------------- */
 
@@ -186,7 +200,7 @@ int32_t saga_web_open(void)
         return SAGA_ERR_SPACE;
     web.input = align_up(web.work + nbytes);
     return saga_open(&web.dec, web.work, nbytes, web.head, web.head_nbytes,
-                     NULL);
+                     &watch);
 }
 
 web_camera *saga_web_camera(void)
@@ -261,7 +275,7 @@ int32_t saga_web_decode(uint32_t first_frame, uint32_t nbytes)
 
     if (s)
         return s;
-    s = web.dec ? saga_decode(web.dec, &seg, web.input, nbytes, NULL)
+    s = web.dec ? saga_decode(web.dec, &seg, web.input, nbytes, &watch)
                 : SAGA_ERR_STATE;
     if (s == SAGA_OK && saga_tell(&report, web.dec) == SAGA_OK)
         web.picture.n_primitives = report.n_primitives;

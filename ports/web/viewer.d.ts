@@ -18,7 +18,11 @@ export interface KeyCamera {
  * `drawn`, and `failed`, whose detail is a sentence. Until a file is open, what
  * would change its camera or time does nothing; setScale holds. */
 export class Viewer extends EventTarget {
-    constructor(canvas: HTMLCanvasElement, options?: { simd?: boolean });
+    constructor(canvas: HTMLCanvasElement, options?: {
+        simd?: boolean;
+        /** That decoding a segment may take; 30. */
+        seconds?: number;
+    });
 
     readonly info: SagaInfo | null;
     readonly rig: SagaCamera[];

@@ -21,11 +21,13 @@ import { keyAt } from './path.js';
 const TIME_DEN = 256; // moments between two frames, while it plays
 
 export class Viewer extends EventTarget {
-    // simd: false for the plain decoder; else what the browser has.
-    constructor(canvas, { simd } = {}) {
+    // simd: false for the plain decoder; else what the browser has. seconds:
+    // that decoding a segment may take.
+    constructor(canvas, { simd, seconds } = {}) {
         super();
         this.canvas = canvas;
         this.simd = simd;
+        this.seconds = seconds;
         this.scale = 1;         // of the picture, relative to the camera's
         this.wantCrc = false;
         this.rig = [];
@@ -72,7 +74,8 @@ export class Viewer extends EventTarget {
             };
             this.worker.onerror = (event) => reject(this.fail(
                 `the decoder cannot be started (${event.message})`));
-            this.worker.postMessage({ open: address, simd: this.simd });
+            this.worker.postMessage({ open: address, simd: this.simd,
+                seconds: this.seconds });
         });
     }
 

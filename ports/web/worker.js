@@ -3,7 +3,7 @@
 // A worker that has one file open and draws it, so that the page stays
 // responsive. It answers every message but `fetch` once, in their order:
 //
-//     { open: address or File, simd }     -> { opened } or { failed }
+//     { open: address or File, simd, seconds } -> { opened } or { failed }
 //     { draw: { values, num, den, crc, buffer } } -> { drawn } or { failed }
 //     { fetch: segment }                  ahead of time
 
@@ -11,11 +11,11 @@ import { SagaFile, hasSimd, loadModule } from './saga.js';
 
 let file = null;
 
-async function open({ open: source, simd = hasSimd() }) {
+async function open({ open: source, simd = hasSimd(), seconds }) {
     file = null;
     const module = await loadModule({ simd });
 
-    file = await SagaFile.open(source, { module });
+    file = await SagaFile.open(source, { module, seconds });
     const { info, rig, segments } = file;
     const { name, size } = file.source;
 

@@ -280,6 +280,11 @@ for n in 0 1 2; do
     python3 "$tmp/same.py" "$tmp/one.png" "$tmp/one.ppm" 2>"$tmp/py" ||
         complain "camera $n is not saga-dec's: $(tail -n 1 "$tmp/py")"
 done
+"$saga_dec" "$scene" --camera rig:0 --crc --seconds 600 >"$tmp/out" 2>&1 ||
+    complain "saga-dec --seconds 600: $(cat "$tmp/out")"
+"$saga_dec" "$scene" --camera rig:0 --crc --seconds 1e-9 >"$tmp/out" 2>&1
+[ $? = 1 ] && grep -q "took more than 1e-09 s; allow more with" "$tmp/out" ||
+    complain "saga-dec --seconds 1e-9: $(cat "$tmp/out")"
 expect 0 render "$scene" -o "$tmp/two.png" --camera=2 --time 0.25 --threads 3
 cmp -s "$tmp/one.png" "$tmp/two.png" || complain "--time 0.25 is not 15/2"
 mkdir "$tmp/seq"

@@ -51,7 +51,7 @@ def check_structures(tmp):
                   "saga_segment": saga._Segment, "saga_picture": saga._Picture,
                   "saga_job": saga._Job, "saga_report": saga._Report,
                   "saga_animated": saga._Animated,
-                  "saga_naming": saga._Naming}
+                  "saga_naming": saga._Naming, "saga_watch": saga._Watch}
     lines, wanted = [], []
     for name, s in structures.items():
         lines.append(f'printf("%zu\\n", sizeof({name}));')
@@ -138,10 +138,19 @@ def check_errors():
                        (lambda: film.pixels("no"), "no camera 'no' among"),
                        (lambda: film.pixels(0, -1), "no frame -1"),
                        (lambda: film.pixels(0, 10 ** 6), -1),
-                       (lambda: saga.open(b""), -11)):
+                       (lambda: saga.open(b""), -11),
+                       (lambda: saga.open(film.info.name, seconds=-1), -21)):
         got = status_of(call)
         if word != got and str(word) not in str(got):
             v.complain("instead of", word, ":", got)
+    patient = saga.open(film.info.name, seconds=600)
+    wanted = patient.pixels()
+    patient._seconds, patient._segment = -1, None
+    if status_of(patient.pixels) != -21:
+        v.complain("a segment is decoded after its time is over")
+    patient._seconds = 600
+    if patient.pixels() != wanted:
+        v.complain("another picture after decoding was stopped")
     try:
         saga.open("no such file")
         v.complain("a file that is not there opens")

@@ -38,6 +38,11 @@ for threads in 2 5; do
     run "$saga_play" x.saga $threads
     cmp -s one out || complain "$threads threads draw other pictures than one"
 done
+run "$saga_play" --seconds 600 x.saga 2
+cmp -s one out || complain "--seconds 600 changes pictures"
+"$saga_play" --seconds 1e-9 x.saga >out 2>err && complain "--seconds 1e-9: 0"
+grep -q "took more than 1e-09 s; allow more with --seconds" err ||
+    complain "--seconds 1e-9: $(cat err)"
 for frame in 0 3; do
     run "$saga_dec" x.saga --camera rig:0 --time $frame/1 --crc
     grep -qi "^$frame $(cat out)\$" one ||

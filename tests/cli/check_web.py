@@ -241,6 +241,7 @@ def check_bad(page, manifest):
     for query, word in (("src=bad/crc_segment.saga", "crc_segment.saga"),
                         ("src=bad/magic.saga", "magic.saga"),
                         ("src=none.saga", "404"),
+                        ("src=still.saga&seconds=-1", "allow more with"),
                         ("src=saga.js", "saga.js: ")):
         if page.show(query) != "problem" or word not in page.sentence():
             complain(query, "says", repr(page.sentence()))

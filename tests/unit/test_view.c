@@ -290,6 +290,24 @@ static void damaged_file_should_not_open(void **state)
     close_vector(&o);
 }
 
+static void hurried_film_should_say_how_to_wait(void **state)
+{
+    opened o;
+
+    (void)state;
+    open_vector(&o, 1);
+    saga_film_close(&o.film);
+    assert_false(saga_film_open_within(&o.film, vector, &o.bytes, 1e-9,
+                                       &o.error));
+    assert_non_null(strstr(o.error.message, "more than 1e-09 s"));
+    assert_non_null(strstr(o.error.message, "allow more with --seconds 6e-09"));
+    assert_null(o.film.work);
+    o.error.message[0] = 0;
+    assert_true(saga_film_open_within(&o.film, vector, &o.bytes, 600,
+                                      &o.error));
+    close_vector(&o);
+}
+
 /* --- The path ------------------------------------------------------------ */
 
 /* Every camera looks at the focus, its up is the path's, it is as far away as
@@ -597,6 +615,7 @@ int main(void)
         cmocka_unit_test(picture_should_be_the_vectors_on_any_threads),
         cmocka_unit_test(what_a_file_lacks_should_be_told),
         cmocka_unit_test(damaged_file_should_not_open),
+        cmocka_unit_test(hurried_film_should_say_how_to_wait),
         cmocka_unit_test(orbit_should_stay_where_the_rig_was),
         cmocka_unit_test(capture_should_be_refused_where_it_differs),
         cmocka_unit_test(score_should_tell_medians_and_changes),

@@ -26,6 +26,7 @@
 
 enum {
     USUAL_PORT = 8470,       /* if it is free */
+    USUAL_SECONDS = 30,
     MAX_PICTURES = 4         /* of which the page is told the CRC */
 };
 
@@ -34,6 +35,7 @@ static const char placeholder[] = "{ \"src\": null, \"pictures\": [] }";
 
 typedef struct {
     int port;                /* 0: not given */
+    int seconds;             /* of decoding a segment */
 } options;
 
 /* This is all that is served. */
@@ -118,7 +120,7 @@ static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
 }
 
 /* Returns what the page carries of the file, as text; free() frees it. */
-static char *describe(session *s, const char *name)
+static char *describe(session *s, const options *opt, const char *name)
 {
     json_t *list, *o;
     char *text = NULL;
@@ -128,13 +130,13 @@ static char *describe(session *s, const char *name)
     saga_json_watch();
     list = json_array();
     o = json_object();
-    ok = saga_film_open(&film, name, s->bytes.data, s->bytes.nbytes, 0,
-                        &s->error);
-
+    ok = saga_film_open_within(&film, name, &s->bytes, opt->seconds,
+                               &s->error);
     ok = ok && add_pictures(list, &film, &s->error);
     saga_film_close(&film);
     json_object_set_new(o, "src", json_string(s->path));
     json_object_set_new(o, "pictures", list);
+    json_object_set_new(o, "seconds", json_integer(opt->seconds));
     if (ok)
         text = json_dumps(o, JSON_COMPACT);
     json_decref(o);
@@ -266,7 +268,8 @@ static int view(session *s, const options *o, const char *name)
     if (!saga_read_file(&s->bytes, name, &s->error))
         return saga_cli_error(SAGA_EXIT_USAGE, "view: %s", s->error.message);
     s->path = path_of(name, &s->error);
-    text = s->path && unfold(s, name) ? describe(s, name) : NULL;
+    text = s->path && unfold(s, name) ? describe(s, o, name)
+                                          : NULL;
     if (text && list_files(s, text))
         status = serve(s, o->port);
     free(text);
@@ -277,7 +280,7 @@ static int view(session *s, const options *o, const char *name)
 
 static int run(int argc, char **argv)
 {
-    options o = { 0 };
+    options o = { .seconds = USUAL_SECONDS };
     session s = { .http.listener = -1 };
     const char *name;
     int status = saga_cli_parse(&saga_command_view, &o, &name, argc, argv);
@@ -295,7 +298,9 @@ static int run(int argc, char **argv)
 
 static const saga_cli_option option_list[] = {
     { "--port", "N", "serve there (default: 8470, or any that is free)",
-      saga_cli_int, offsetof(options, port), 1, 65535 }
+      saga_cli_int, offsetof(options, port), 1, 65535 },
+    { "--seconds", "N", "give up when decoding a segment takes longer\n"
+      "(default: 30)", saga_cli_int, offsetof(options, seconds), 1, 1000000 }
 };
 
 const saga_command saga_command_view = {

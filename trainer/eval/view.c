@@ -36,6 +36,29 @@ static double seconds(void)
 
 /* --- Opening ------------------------------------------------------------- */
 
+/* When it is too late, on the clock of seconds(). */
+static int is_late(void *user)
+{
+    const double *const deadline = user;
+
+    return *deadline > 0.0 && seconds() > *deadline;
+}
+
+static double deadline_of(const saga_film *film)
+{
+    return film->seconds > 0.0 ? seconds() + film->seconds : 0.0;
+}
+
+static bool refuse_late(const saga_film *film, saga_error *error)
+{
+    char remedy[60];
+
+    snprintf(remedy, sizeof remedy, "allow more with --seconds %g",
+             6 * film->seconds);
+    return saga_fail(error, film->name, remedy,
+                     "decoding took more than %g s", film->seconds);
+}
+
 /* Says that index, networks or a segment are refused. What no CRC finds wrong
  * was written so: streams of before version 1 is final have no number of their
  * own. */
@@ -46,6 +69,8 @@ static bool refuse(const saga_film *film, const char *what,
     saga_error ignored = { "" };
     saga_layout layout;
 
+    if (status == SAGA_ERR_STOPPED)
+        return refuse_late(film, error);
     if (saga_layout_read(&layout, film->name, film->bytes, film->nbytes,
                          &ignored) && !layout.damage[0])
         remedy = "no checksum is wrong, so it was written like this, perhaps "
@@ -58,6 +83,8 @@ static bool refuse(const saga_film *film, const char *what,
 static bool open_decoder(saga_film *film, saga_error *error)
 {
     const double start = seconds();
+    double deadline = deadline_of(film);
+    const saga_watch watch = { is_late, &deadline };
     saga_status s;
 
     film->work = saga_aligned_alloc(SAGA_WORK_ALIGN, film->info.work_nbytes,
@@ -65,7 +92,7 @@ static bool open_decoder(saga_film *film, saga_error *error)
     if (!film->work)
         return false;
     s = saga_open(&film->dec, film->work, film->info.work_nbytes,
-                  film->bytes, film->nbytes, NULL);
+                  film->bytes, film->nbytes, &watch);
     film->times.head = seconds() - start;
     return s == SAGA_OK || refuse(film, "its networks are refused", s, error);
 }
@@ -80,24 +107,39 @@ static int threads_of(int wanted)
 #endif
 }
 
-bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
-                    size_t nbytes, int n_threads, saga_error *error)
+/* Opens what is filled in. */
+static bool open_film(saga_film *film, saga_error *error)
 {
-    saga_status s;
-    bool ok;
+    const saga_status s = saga_probe(&film->info, film->bytes, film->nbytes);
+    bool ok = s == SAGA_OK ||
+              saga_fail(error, film->name, "`saga info` tells what to do",
+                        "its header is refused (%s)", saga_status_text(s));
 
-    *film = (saga_film){ .name = name, .bytes = bytes, .nbytes = nbytes,
-                         .segment = -1, .n_threads = threads_of(n_threads) };
-    s = saga_probe(&film->info, bytes, nbytes);
-    ok = s == SAGA_OK ||
-         saga_fail(error, name, "`saga info` tells what to do",
-                   "its header is refused (%s)", saga_status_text(s));
     if (ok)
         film->metric = saga_metric_of(&film->info);
     ok = ok && open_decoder(film, error);
     if (!ok)
         saga_film_close(film);
     return ok;
+}
+
+bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
+                    size_t nbytes, int n_threads, saga_error *error)
+{
+    *film = (saga_film){ .name = name, .bytes = bytes, .nbytes = nbytes,
+                         .segment = -1, .n_threads = threads_of(n_threads) };
+    return open_film(film, error);
+}
+
+bool saga_film_open_within(saga_film *film, const char *name,
+                           const saga_bytes *bytes, double seconds_most,
+                           saga_error *error)
+{
+    *film = (saga_film){ .name = name, .bytes = bytes->data,
+                         .nbytes = bytes->nbytes, .segment = -1,
+                         .n_threads = threads_of(0),
+                         .seconds = seconds_most };
+    return open_film(film, error);
 }
 
 void saga_film_close(saga_film *film)
@@ -141,6 +183,8 @@ static bool decode(saga_film *film, const saga_segment *seg,
                    saga_error *error)
 {
     const double start = seconds();
+    double deadline = deadline_of(film);
+    const saga_watch watch = { is_late, &deadline };
     saga_status s = SAGA_ERR_TRUNCATED;
     char what[40];
 
@@ -149,7 +193,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
     film->segment = -1;
     if (seg->offset <= film->nbytes)
         s = saga_decode(film->dec, seg, film->bytes + seg->offset,
-                        bytes_there(film, seg), NULL);
+                        bytes_there(film, seg), &watch);
     snprintf(what, sizeof what, "segment %" PRIu32 " is refused",
              seg->number);
     if (s)

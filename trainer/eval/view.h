@@ -10,6 +10,7 @@
 
 #include "camera.h"
 #include "capture.h"
+#include "file.h"
 #include "saga.h"
 
 /* These are seconds on the wall clock since the file was opened. */
@@ -28,6 +29,7 @@ typedef struct saga_film {
     void *work;
     int64_t segment;         /* the decoded one; -1: none */
     int n_threads;
+    double seconds;          /* that decoding a segment may take; 0: any */
     saga_stage_times times;
 } saga_film;
 
@@ -36,6 +38,12 @@ typedef struct saga_film {
  * gives. False: *error says why and *film is empty. */
 bool saga_film_open(saga_film *film, const char *name, const uint8_t *bytes,
                     size_t nbytes, int n_threads, saga_error *error);
+
+/* Does the same for who is in a hurry: decoding the head, or later a segment,
+ * fails after so many seconds. */
+bool saga_film_open_within(saga_film *film, const char *name,
+                           const saga_bytes *bytes, double seconds_most,
+                           saga_error *error);
 
 /* Takes an empty one too. */
 void saga_film_close(saga_film *film);
