@@ -154,7 +154,7 @@ enum { SAGA_WORK_ALIGN = 16 };
 /* The boxes of a view's splats cover the picture this many times at most, one
  * of less than 65,536 pixels as if it had as many. */
 #define SAGA_COVER_MAX(level) \
-    ((level) == 0 ? 256u : (level) == 1 ? 1024u : (level) == 2 ? 4096u : 16384u)
+    ((level) == 0 ? 512u : (level) == 1 ? 1024u : (level) == 2 ? 4096u : 16384u)
 
 typedef struct saga_info {
     uint32_t version, level;

@@ -202,9 +202,10 @@ static void levels_should_be_those_of_the_public_header(void **state)
     int i;
 
     (void)state;
-    for (i = 0; i < SAGA_N_PROFILES; i++)
+    for (i = 0; i < SAGA_N_PROFILES; i++) {
         assert_int_equal(saga_caps[i].work_nbytes, SAGA_WORK_MAX(i));
         assert_int_equal(saga_caps[i].cover, SAGA_COVER_MAX(i));
+    }
 }
 
 static void check_open(const gen_options *o)

@@ -17,6 +17,7 @@
 #include "gen_slow.h"
 #include "saga.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -149,6 +150,153 @@ static void slowest_should_decode(void **state)
         }
 }
 
+/* --- docs/bitstream.md, section 5 ---------------------------------------- */
+
+/* "262,144", "2^28" or text, which is 1; an empty cell is 0. */
+static uint64_t read_cell(const char **s)
+{
+    uint64_t v = 0;
+
+    *s = strchr(*s, '|');
+    assert_non_null(*s);
+    while (*++*s == ' ') {
+    }
+    if (**s >= 'a' && **s <= 'z')
+        v = 1;
+    for (; **s != '|' && **s != '^'; ++*s)
+        if (**s >= '0' && **s <= '9')
+            v = 10 * v + (uint64_t)(**s - '0');
+    return **s == '^' ? 1ull << strtoul(*s + 1, NULL, 10) : v;
+}
+
+/* Rows of section 5's two tables, which begin with the level. */
+static void levels_should_be_as_the_tables_say(void **state)
+{
+    static const char first[] = "| level | work bytes |";
+    static const char second[] = "| level | anchors |";
+    FILE *const page = fopen("docs/bitstream.md", "r");
+    char line[512];
+    int inside = 0, n = 0, i;
+
+    (void)state;
+    assert_non_null(page);
+    while (fgets(line, sizeof line, page)) {
+        const char *s = line;
+        uint64_t v[9];
+
+        inside = strncmp(line, first, sizeof first - 1) == 0 ? 1
+               : strncmp(line, second, sizeof second - 1) == 0 ? 2
+               : line[0] == '|' ? inside : 0;
+        if (!inside || line[2] < '0' || line[2] > '9')
+            continue;
+        for (i = 0; i < (inside == 1 ? 9 : 4); i++)
+            v[i] = read_cell(&s);
+        assert_true(v[0] < SAGA_N_PROFILES);
+        if (inside == 1) {
+            const saga_level_caps *const c = &saga_caps[v[0]];
+            const uint64_t wanted[] = { c->work_nbytes, c->n_coarse, c->n_fine,
+                                        c->n_prim, c->n_weights, c->width,
+                                        c->int8_only, c->n_slots };
+
+            assert_memory_equal(v + 1, wanted, sizeof wanted);
+        } else {
+            const saga_level_caps *const c = &saga_caps[v[0]];
+            const uint64_t wanted[] = { c->n_anchors, c->work, c->cover };
+
+            assert_memory_equal(v + 1, wanted, sizeof wanted);
+        }
+        n++;
+    }
+    fclose(page);
+    assert_int_equal(n, 2 * SAGA_N_PROFILES);
+}
+
+/* r(i) of section 5, for network i of section 9. */
+static uint64_t run_of(const saga_model *m, int net)
+{
+    saga_net_shape s;
+    uint64_t r = 0;
+    int i;
+
+    saga_model_net(&s, m, net);
+    for (i = 0; i < s.n_layers; i++)
+        r += (uint64_t)s.dim[i] * s.dim[i + 1];
+    return s.n_layers ? r + 4096 : 0;
+}
+
+static uint64_t entropy_of(const saga_model *m, int kind)
+{
+    return run_of(m, 1 + kind) + (m->sources[kind] & 1 ? run_of(m, 0) : 0) +
+           (m->sources[kind] & 8 ? run_of(m, 11) +
+                                   2ull * m->bank_slots * m->bank_width : 0);
+}
+
+static uint64_t rounds_of(const saga_model *m, int tier, uint64_t n)
+{
+    const uint64_t groups = m->tier[tier].n_groups;
+
+    return n <= groups ? n : groups + (n - groups) / m->bank_blocks;
+}
+
+static uint64_t bank_of(const saga_model *m, uint64_t nc, uint64_t nf)
+{
+    const uint64_t slots = m->bank_slots, width = m->bank_width;
+    const uint64_t write = run_of(m, 14) + slots *
+        (run_of(m, 15) + width * (m->tools & 1 << 10 ? 3 : 5));
+    uint64_t sum;
+
+    if (!(m->tools & 1 << 9))
+        return 0;
+    sum = slots * (run_of(m, 13) + 2 * width) + run_of(m, 12) * nc +
+          write * rounds_of(m, 0, nc);
+    if ((m->sources[1] | m->sources[2]) & 8)
+        sum += run_of(m, 12) * nf + write * rounds_of(m, 1, nf);
+    return sum;
+}
+
+static uint64_t scaffold_of(const saga_model *m, uint64_t nc, uint64_t nf,
+                            uint64_t np)
+{
+    return nc * entropy_of(m, 0) +
+           nf * (entropy_of(m, 1) + entropy_of(m, 2) + run_of(m, 4) +
+                 run_of(m, 6)) +
+           np * (run_of(m, 5) + run_of(m, 7) + run_of(m, 8) +
+                 (m->tools & 4 ? 0 : run_of(m, 10))) + bank_of(m, nc, nf);
+}
+
+/* Section 5's formula, of random streams with any tools. */
+static void work_should_be_as_the_formula_says(void **state)
+{
+    int i;
+
+    (void)state;
+    for (i = 0; i < 60; i++) {
+        const gen_options o = { .seed = 4000 + (uint64_t)i, .level = i % 4,
+                                .n_coarse = 30, .bank = i % 3, .base = i % 2,
+                                .n_layers = 1 + (uint32_t)i / 2 % 3 };
+        gen_stream g;
+        uint8_t *bytes;
+        saga_info info;
+        uint64_t work;
+        size_t n;
+
+        gen_stream_make(&g, &o);
+        gen_stream_encode(&g, &bytes, &n);
+        assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
+        work = scaffold_of(&g.header.model, info.max_coarse, info.max_fine,
+                           info.max_primitives) +
+               (info.n_layers - 1) * scaffold_of(&g.header.model,
+                                                 info.max_coarse,
+                                                 info.max_fine, 0);
+        if (o.base)
+            work += scaffold_of(&g.header.model, info.base_coarse,
+                                info.base_fine, info.base_primitives);
+        assert_int_equal(info.work, work);
+        free(bytes);
+        gen_stream_free(&g);
+    }
+}
+
 /* --- Stopping ------------------------------------------------------------ */
 
 /* Says stop when it is asked for the `at`th time; 0: never. */
@@ -250,7 +398,8 @@ static void stopped_decoder_should_decode_again(void **state)
     for (i = 0; i < 12; i++) {
         const gen_options o = { .seed = 900 + (uint64_t)i, .level = i % 4,
                                 .n_coarse = 16, .bank = i % 3,
-                                .base = i % 2, .n_layers = 1 + (uint32_t)i % 3 };
+                                .base = i % 2,
+                                .n_layers = 1 + (uint32_t)i % 3 };
 
         gen_stream_make(&g, &o);
         stop_everywhere(&g, o.seed);
@@ -414,6 +563,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(slowest_should_be_the_last_that_is_valid),
         cmocka_unit_test(slowest_should_decode),
+        cmocka_unit_test(levels_should_be_as_the_tables_say),
+        cmocka_unit_test(work_should_be_as_the_formula_says),
         cmocka_unit_test(stopped_decoder_should_decode_again),
         cmocka_unit_test(opening_should_stop_within_the_base),
         cmocka_unit_test(deadline_should_be_kept),
