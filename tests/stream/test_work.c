@@ -32,7 +32,7 @@ static int is_long(void)
  * take twenty times as long. */
 static uint32_t share_of(int level)
 {
-    static const uint32_t share[SAGA_N_PROFILES] = { 1, 1, 16, 512 };
+    static const uint32_t share[SAGA_N_PROFILES] = { 1, 1, 48, 1536 };
     const int slow = getenv("SAGA_TEST_SANITIZED") && level > 0;
 
     return is_long() ? 1 : (slow ? 32 : 1) * share[level];

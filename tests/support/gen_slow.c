@@ -202,10 +202,11 @@ static uint32_t most_anchors(saga_header *h)
     return low;
 }
 
-/* The model with the most features that leaves room for anchors. */
+/* The model with the most features that leaves room for anchors, or memory for
+ * all of them. */
 static void fit(saga_header *h, int level, int kind)
 {
-    uint32_t features = 64;
+    uint32_t features = kind == GEN_SLOW_ANCHORS ? 48 : 64;
 
     h->level = (uint8_t)level;
     h->more_layers = SAGA_MAX_LAYERS - 1;
