@@ -102,6 +102,7 @@ static void run(uint32_t n, int width, int height, double sigma_px,
     const size_t plane = (size_t)width * (size_t)height;
     saga_splat_params p = random_scene(n, &cam, sigma_px, spread);
     saga_splat_params d = random_scene(n, &cam, 0, 0);
+    const saga_range all = { 0, n };
     saga_error error = { "" };
     saga_canvas c;
     bench_times times[N_STAGES];
@@ -121,9 +122,9 @@ static void run(uint32_t n, int width, int height, double sigma_px,
         saga_splat_forward(&c, &p, n, &error);
         saga_splat_backward(&d, NULL, &c, &p, &error);
         at = bench_now_ms();
-        saga_splat_animate_forward(&c.splat.posed, &p, n, c.t);
+        saga_splat_animate_forward(&c.splat.posed, &p, all, c.t);
         lap(&times[ANIMATE], &at);
-        saga_splat_project_forward(&c, &p);
+        saga_splat_project_forward(&c, &p, all);
         lap(&times[PROJECT], &at);
         saga_splat_tiles(&c, &error);
         lap(&times[TILES], &at);
@@ -131,9 +132,9 @@ static void run(uint32_t n, int width, int height, double sigma_px,
         lap(&times[FORWARD], &at);
         saga_splat_raster_backward(&c);
         lap(&times[BACKWARD], &at);
-        saga_splat_project_backward(&d, NULL, &c, &p);
+        saga_splat_project_backward(&d, NULL, &c, &p, all);
         lap(&times[PROJECT_B], &at);
-        saga_splat_animate_backward(&d, &c, &p);
+        saga_splat_animate_backward(&d, &c, &p, all);
         lap(&times[ANIMATE_B], &at);
     }
     for (s = 0; s < N_STAGES; s++) {

@@ -33,7 +33,6 @@ capture=$folder/capture
 read -ra lambdas <<<"${LAMBDAS:-1600 600 200 60}"
 read -ra train <<<"${TRAIN:---primitives 5000 --iterations 6000}"
 read -ra refit <<<"${REFIT:-}"
-export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-3000}
 export OMP_NUM_THREADS=$threads
 
 mkdir -p "$folder" "$results"

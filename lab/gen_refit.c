@@ -265,9 +265,9 @@ static const char *step(fit *f, int i, int decide)
     saga_rate_look(&o, i, remember);
     if (i == decide)
         need(saga_rate_decide(&f->rate, &f->s, &x, &error), &error);
-    for (n = 0; i >= decide && n < (size_t)f->s.n.coarse *
-                                   f->s.model.features; n++)
-        f->feature[n] = saga_rate_round(&f->rate, &f->s, n);
+    n = (size_t)f->s.n.coarse * f->s.model.features;
+    if (i >= decide)
+        saga_rate_round(f->feature, &f->rate, &f->s, (saga_range){ 0, n });
     saga_rate_add(bits, &f->rate, &f->d, &x, &o);
     n = tensor_of(&t[0], f, SAGA_NET_HYPER, SAGA_NET_FUSE_C, rate);
     n += tensor_of(&t[n], f, SAGA_NET_QUERY, SAGA_N_NETS,

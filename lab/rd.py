@@ -142,7 +142,6 @@ def prepare(scene):
 def run(command, out):
     """CPU seconds that a command and its children took."""
     env = dict(os.environ, OMP_NUM_THREADS=THREADS)
-    env.setdefault("GOMP_SPINCOUNT", "3000")
     process = subprocess.Popen(command, stdout=out, env=env)
     while True:
         try:

@@ -10,6 +10,8 @@
 #               freestanding ones; no path in an #include
 #   rooms       a room of the trainer sees only rooms below it, and the table
 #               of docs/architecture.md says the same as the Makefile
+#   threads     rooms of training have no OpenMP region, all of whose threads
+#               must arrive at its end, but saga_parallel
 #   names       file names are unique in the tree
 #   licence     an SPDX line among the first three
 #   text        no tab (but in a Makefile), no trailing blank, a newline at
@@ -124,6 +126,11 @@ END {
     }
 }' "$tmp/rooms" "$tmp/c" >"$tmp/bad"
 verdict includes
+
+# ---- threads
+grep -E '^trainer/(nn|splat|rig|scene|entropy|warm|train)/' "$tmp/c" |
+    xargs grep -nE '#[ ]*pragma +omp' >"$tmp/bad" || :
+verdict threads
 
 # ---- names
 sed 's|.*/||' "$tmp/source" | sort | uniq -d | while read -r n; do

@@ -9,9 +9,6 @@ saga=$1
 demo=$2
 threads=$3
 shift 3
-# Threads that wait spin for some microseconds before they sleep: regions are
-# short, and to sleep in each took half of the time.
-export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-3000}
 
 mkdir -p "$demo"
 capture=$demo/capture

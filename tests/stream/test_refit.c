@@ -405,12 +405,14 @@ static void refit_should_not_depend_on_threads(void **state)
     o.iterations = 20;
     for (int i = 0; i < 2; i++) {
 #ifdef _OPENMP
+        saga_set_least_work(0);
         omp_set_num_threads(1 + 2 * i);
 #endif
         assert_null(refit_make(&bytes[i], &n[i], &r, &f->f, &o));
     }
 #ifdef _OPENMP
     omp_set_num_threads(omp_get_num_procs());
+    saga_set_least_work(SAGA_LEAST_WORK);
 #endif
     assert_int_equal(n[0], n[1]);
     assert_memory_equal(bytes[0], bytes[1], n[0]);

@@ -119,18 +119,36 @@ static void assert_same(const saga_flat *a, const saga_flat *b)
 
 static void bits_should_not_depend_on_threads(void **state)
 {
+    static const int n_threads[] = { 1, 2, 3, 16 };
     const saga_flat_options o = small();
-    saga_flat *f[2];
+    saga_flat *f[4];
 
-    for (int i = 0; i < 2; i++) {
-        omp_set_num_threads(i + 1);
+    saga_set_least_work(0);
+    for (int i = 0; i < 4; i++) {
+        omp_set_num_threads(n_threads[i]);
         f[i] = make(*state, &o);
         run(f[i], ITERATIONS);
     }
+    saga_set_least_work(SAGA_LEAST_WORK);
     omp_set_num_threads(1);
-    assert_same(f[0], f[1]);
-    saga_flat_free(f[0]);
-    saga_flat_free(f[1]);
+    for (int i = 1; i < 4; i++)
+        assert_same(f[0], f[i]);
+    for (int i = 0; i < 4; i++)
+        saga_flat_free(f[i]);
+}
+
+/* Where threads meet a hundred times in an iteration, two are slower than one.
+ * No pictures are looked at for new primitives so early. */
+static void threads_should_seldom_meet(void **state)
+{
+    enum { FEW = 20, MEETINGS = 11 };
+    const saga_flat_options o = small();
+    saga_flat *const f = make(*state, &o);
+    const size_t before = saga_n_meetings();
+
+    run(f, FEW);
+    assert_true(saga_n_meetings() - before <= FEW * MEETINGS);
+    saga_flat_free(f);
 }
 
 /* Through a file; takes f away. */
@@ -861,6 +879,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(bits_should_not_depend_on_threads),
+        cmocka_unit_test(threads_should_seldom_meet),
         cmocka_unit_test(bits_should_not_depend_on_interruptions),
         cmocka_unit_test(count_should_grow_within_bounds_and_end_as_asked),
         cmocka_unit_test(count_should_end_as_asked_whatever_is_asked),

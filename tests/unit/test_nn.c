@@ -263,6 +263,7 @@ static void nets_should_not_depend_on_threads(void **state)
     fill(e->x, POINTS * 27, 1, -1, 1);
     fill(e->dy, POINTS * 5, 2, -1, 1);
     fill(e->w, 2000, 3, -0.3f, 0.3f);
+    saga_set_least_work(0);
     for (threads = 1; threads <= 3; threads++) {
         omp_set_num_threads(threads);
         run_batch(e);

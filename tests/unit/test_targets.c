@@ -60,7 +60,7 @@ static void pose(posed *out, const saga_splat_params *p, real t)
 {
     saga_splat_posed to = { out->mean, out->quat, out->q0 };
 
-    saga_splat_animate_forward(&to, p, N, t);
+    saga_splat_animate_forward(&to, p, (saga_range){ 0, N }, t);
 }
 
 static void centre_should_leave_motion_and_mean_fading(void **state)

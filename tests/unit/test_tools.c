@@ -106,8 +106,10 @@ static void without_opacity_motion_should_stay(void **state)
     saga_train_reduce(&q, N, SAGA_TOOLS_PICTURE & ~SAGA_TOOL_OPACITY_T);
     assert_null(q.log2_width);
     for (int k = -8; k <= 8; k++) {
-        saga_splat_animate_forward(&a, &p, N, R(0.5 + k / 64.0));
-        saga_splat_animate_forward(&b, &q, N, R(0.5 + k / 64.0));
+        saga_splat_animate_forward(&a, &p, (saga_range){ 0, N },
+                                   R(0.5 + k / 64.0));
+        saga_splat_animate_forward(&b, &q, (saga_range){ 0, N },
+                                   R(0.5 + k / 64.0));
         for (size_t i = 0; i < 3 * N; i++)
             assert_true(fabs((double)(mean[0][i] - mean[1][i])) < 1e-5);
         for (size_t i = 0; i < 4 * N; i++)

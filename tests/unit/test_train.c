@@ -696,22 +696,60 @@ static void train_should_depend_on_the_seed_alone(void **state)
     free(other.bytes);
 }
 
-static void train_should_not_depend_on_threads(void **state)
-{
-#ifdef _OPENMP
-    const fixture *const f = *state;
-    const saga_train_options o = small();
-    const int before = omp_get_max_threads();
-    result other;
+/* This counts how often threads meet in an iteration of the rendering: how
+ * often n times, in the last bin more often. */
+enum { MEETINGS = 64 };
+typedef struct { size_t before; int bin[MEETINGS + 1], n; } meetings;
 
-    omp_set_num_threads(before == 1 ? 2 : 1);
-    other = encode(&f->capture, &o);
-    omp_set_num_threads(before);
-    assert_true(same(&f->whole, &other));
-    free(other.bytes);
-#else
-    (void)state;
+static bool count_meetings(void *user, const saga_train_progress *p)
+{
+    meetings *const m = user;
+    const size_t now = saga_n_meetings(), n = now - m->before;
+
+    if (p->stage == SAGA_TRAIN_RENDER && p->iteration > 1) {
+        m->bin[n < MEETINGS ? n : MEETINGS]++;
+        m->n++;
+    }
+    m->before = now;
+    return true;
+}
+
+/* Returns what half of the iterations do not exceed: others refresh, or measure
+ * the file. */
+static int usual_meetings(const meetings *m)
+{
+    int n = 0, sum = m->bin[0];
+
+    while (sum < (m->n + 1) / 2)
+        sum += m->bin[++n];
+    return n;
+}
+
+/* Where threads meet a hundred times in an iteration, two are slower than one.
+ */
+static void train_should_not_depend_on_threads_that_seldom_meet(void **state)
+{
+    const fixture *const f = *state;
+    saga_train_options o = small();
+    meetings m = { 0 };
+    result other;
+#ifdef _OPENMP
+    const int before = omp_get_max_threads();
+
+    omp_set_num_threads(before == 1 ? 3 : 1);
 #endif
+    saga_set_least_work(0);
+    o.progress = count_meetings;
+    o.progress_user = &m;
+    other = encode(&f->capture, &o);
+    saga_set_least_work(SAGA_LEAST_WORK);
+#ifdef _OPENMP
+    omp_set_num_threads(before);
+#endif
+    assert_true(same(&f->whole, &other));
+    assert_true(m.n > 10);
+    assert_true(usual_meetings(&m) <= 38);
+    free(other.bytes);
 }
 
 /* --- Checkpoints --------------------------------------------------------- */
@@ -1558,7 +1596,8 @@ int main(void)
         cmocka_unit_test(scene_should_be_near_the_integer_path),
         cmocka_unit_test(motion_should_be_cut_where_training_cut_it),
         cmocka_unit_test(train_should_depend_on_the_seed_alone),
-        cmocka_unit_test(train_should_not_depend_on_threads),
+        cmocka_unit_test(
+            train_should_not_depend_on_threads_that_seldom_meet),
         cmocka_unit_test(train_should_resume_to_the_same_file),
         cmocka_unit_test(layers_should_have_twice_as_many_each),
         cmocka_unit_test(layers_should_be_coded_as_estimated),

@@ -1,7 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
  * This tells of threads: which one this is, how many there may be, whether
- * there is room for so many.
+ * there is room for so many; and divides work among them.
+ *
+ * The threads of saga_parallel stay: between two pieces of work they spin for
+ * some microseconds and then sleep. Whoever calls works too, and waits only for
+ * what others have begun: a thread that is asleep, or that the machine does not
+ * run, is not missed. OpenMP's threads all have to arrive at the end of every
+ * region, which made two of them slower than one (docs/lab/training-speed.md);
+ * it is used where whole pictures are loaded, made or judged.
  */
 #ifndef SAGA_THREADS_H
 #define SAGA_THREADS_H
@@ -14,15 +21,7 @@
 #include <omp.h>
 #endif
 
-static inline size_t saga_thread_number(void)
-{
-#ifdef _OPENMP
-    return (size_t)omp_get_thread_num();
-#else
-    return 0;
-#endif
-}
-
+/* Returns how many threads there may be. */
 static inline size_t saga_n_threads(void)
 {
 #ifdef _OPENMP
@@ -31,6 +30,66 @@ static inline size_t saga_n_threads(void)
     return 1;
 #endif
 }
+
+/* Returns the number of this thread among those that work on something
+ * together, below saga_n_threads(). */
+size_t saga_thread_number(void);
+
+/* --- Work ---------------------------------------------------------------- */
+
+/* n parts of work are done in any order, each by one thread. */
+typedef struct saga_tasks {
+    void (*run)(void *user, size_t part);
+    void *user;
+    size_t n;
+    double ns;            /* that one thread takes for all, about: only the
+                           * order counts */
+    size_t most;          /* threads there is scratch for; 0: for all */
+} saga_tasks;
+
+/* Each thread has so many nanoseconds to do, or there are fewer of them: that
+ * is several times what it takes to meet. Tests set less, so that small scenes
+ * are worked on by all threads too. */
+enum { SAGA_LEAST_WORK = 8000 };
+void saga_set_least_work(int ns);
+
+/* Does all parts. By one thread where that is all that the work feeds, and
+ * where several work already. */
+void saga_parallel(const saga_tasks *tasks);
+
+/* Returns how many threads work of ns nanoseconds feeds. */
+size_t saga_team(double ns);
+
+/* Returns how often saga_parallel was called, however much work there was, but
+ * for calls from parts: how often threads may have to wait for each other. */
+size_t saga_n_meetings(void);
+
+/* --- Parts --------------------------------------------------------------- */
+
+/* This is a part of n things, from begin on and before end. */
+typedef struct saga_range { size_t begin, end; } saga_range;
+
+/* Counts parts of `size` things. */
+static inline size_t saga_n_parts(size_t n, size_t size)
+{
+    return (n + size - 1) / size;
+}
+
+/* Returns part k of them. */
+static inline saga_range saga_part(size_t n, size_t size, size_t k)
+{
+    const size_t begin = k * size;
+
+    return (saga_range){ begin, n - begin < size ? n : begin + size };
+}
+
+/* This is some memory. */
+typedef struct saga_span { void *at; size_t nbytes; } saga_span;
+
+/* Sets n spans to zero, by several threads; one at NULL is left out. */
+void saga_clear(const saga_span *spans, size_t n);
+
+/* --- Room ---------------------------------------------------------------- */
 
 /* Of each thread but the first: what the program asks of OpenMP (main.c). */
 #define SAGA_STACK_NBYTES ((size_t)2 << 20)

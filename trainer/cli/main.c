@@ -137,10 +137,10 @@ static int run(int argc, char **argv)
     return c ? c->run(argc - 1, argv + 1) : unknown(name);
 }
 
-/* libgomp's threads spin while they wait, which makes two of them many times
- * slower than one where something else wants the cores, and have 8 MiB of stack
- * each. It reads its environment before main: so once more, with another one.
- * Where that cannot be done nothing is lost but time and memory. */
+/* libgomp's threads, which load, make and judge pictures, spin while they wait
+ * for the next, which takes cores from all else, and have 8 MiB of stack each.
+ * It reads its environment before main: so once more, with another one. Where
+ * that cannot be done nothing is lost but time and memory. */
 static void tame_threads(char **argv)
 {
 #ifdef _OPENMP

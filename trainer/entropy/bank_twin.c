@@ -9,8 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* So few blocks are not worth several threads: one round while it is coded. */
-enum { FEW_BLOCKS = 256 };
+/* Blocks that a thread takes at a time; nanoseconds it takes for a block's
+ * input, for a block and a slot that it reads, for a slot of a round. */
+enum { PART = 64, FILL_NS = 80, READ_NS = 20, SLOT_NS = 200 };
 
 /* --- Memory -------------------------------------------------------------- */
 
@@ -171,6 +172,26 @@ static void fill_row(real *row, const saga_bank_twin_input *in, int net,
     saga_rate_clamp(row, dim, m->q_in[net]);
 }
 
+/* All parts of a pass over the bank share this. */
+typedef struct {
+    saga_bank_twin *m;
+    saga_twin_batch *b;
+    const saga_bank_twin_input *in;
+    int net, reads;
+    size_t from, to;             /* rounds, or blocks in their order */
+} job;
+
+static void fill_part(void *user, size_t part)
+{
+    const job *const j = user;
+    const saga_range of = saga_part(j->to - j->from, PART, part);
+    const size_t n_in = (size_t)j->in->s->net[j->net].dim[0];
+    size_t i;
+
+    for (i = j->from + of.begin; i < j->from + of.end; i++)
+        fill_row(j->b->in + i * n_in, j->in, j->net, j->in->runs->block[i]);
+}
+
 /* Runs QUERY or AGG on the blocks of order first .. end - 1. */
 static void run_blocks(saga_twin_batch *b, const saga_bank_twin_input *in,
                        int net, size_t first, size_t end)
@@ -178,11 +199,11 @@ static void run_blocks(saga_twin_batch *b, const saga_bank_twin_input *in,
     const saga_net *const f = &in->s->net[net];
     const size_t n_in = (size_t)f->dim[0];
     const size_t n_out = (size_t)f->dim[f->n_layers];
-    ptrdiff_t i;
+    job j = { .b = b, .in = in, .net = net, .from = first, .to = end };
 
-#pragma omp parallel for schedule(static) if (end - first > FEW_BLOCKS)
-    for (i = (ptrdiff_t)first; i < (ptrdiff_t)end; i++)
-        fill_row(b->in + (size_t)i * n_in, in, net, in->runs->block[i]);
+    saga_parallel(&(saga_tasks){
+        .run = fill_part, .user = &j, .n = saga_n_parts(end - first, PART),
+        .ns = (double)FILL_NS * (double)(end - first) });
     saga_net_forward(b->out + first * n_out, &b->work, b->in + first * n_in,
                      end - first, f);
     saga_rate_clamp(b->out + first * n_out, (end - first) * n_out,
@@ -216,14 +237,6 @@ static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
 
 /* --- Reads --------------------------------------------------------------- */
 
-/* Returns how many threads have scratch. */
-static int n_threads(const saga_bank_twin *m)
-{
-    const size_t now = saga_n_threads();
-
-    return (int)(now < m->n_threads ? now : m->n_threads);
-}
-
 /* Returns what a run reads; primitives all read the last state. */
 static saga_bank_float bank_of(const saga_bank_twin *m,
                                const saga_bank_twin_input *in, size_t run)
@@ -236,9 +249,23 @@ static saga_bank_float bank_of(const saga_bank_twin *m,
                               saga_bank_float_scratch(m->n_slots, m->width));
 }
 
-static void read_run(saga_bank_twin *m, const saga_bank_twin_input *in,
-                     size_t run)
+/* Does `run` for rounds from..to-1, or what `times` as long takes. */
+static void do_runs(void (*run)(void *, size_t), job *j, int times)
 {
+    const uint32_t *const begin = j->in->runs->begin;
+
+    saga_parallel(&(saga_tasks){
+        .run = run, .user = j, .n = j->to - j->from, .most = j->m->n_threads,
+        .ns = (double)READ_NS * times * (double)j->m->n_slots *
+              (double)(begin[j->to] - begin[j->from]) });
+}
+
+static void read_run(void *user, size_t nth)
+{
+    const job *const j = user;
+    saga_bank_twin *const m = j->m;
+    const saga_bank_twin_input *const in = j->in;
+    const size_t run = j->from + nth;
     saga_bank_twin_kind *const k = &m->kind[in->kind];
     const saga_bank_float b = bank_of(m, in, run);
     const size_t begin = in->runs->begin[run];
@@ -252,20 +279,19 @@ void saga_bank_twin_read(saga_bank_twin *m,
                          const saga_bank_twin_input *in, size_t from,
                          size_t to)
 {
-    ptrdiff_t run;
+    job j = { .m = m, .in = in, .from = from, .to = to };
 
     run_blocks(&m->kind[in->kind].query, in, SAGA_NET_QUERY,
                in->runs->begin[from], in->runs->begin[to]);
-#pragma omp parallel for schedule(dynamic, 1) if (to - from > 1) \
-    num_threads(n_threads(m))
-    for (run = (ptrdiff_t)from; run < (ptrdiff_t)to; run++)
-        read_run(m, in, (size_t)run);
+    do_runs(read_run, &j, 1);
 }
 
 /* Sets the run's d_state and its queries' gradients. */
-static void read_run_backward(saga_bank_twin *m,
-                              const saga_bank_twin_input *in, size_t run)
+static void read_run_backward(void *user, size_t run)
 {
+    const job *const j = user;
+    saga_bank_twin *const m = j->m;
+    const saga_bank_twin_input *const in = j->in;
     saga_bank_twin_kind *const k = &m->kind[in->kind];
     const saga_bank_float b = bank_of(m, in, run);
     const size_t d = m->width, n = m->n_slots * d;
@@ -368,31 +394,45 @@ void saga_bank_twin_begin(saga_bank_twin *m, const saga_scene *s)
                     s->model.q_in[SAGA_NET_WRITE]);
 }
 
+/* Takes slot p through the rounds. */
+static void update_slot(void *user, size_t p)
+{
+    const job *const j = user;
+    const saga_bank_twin *const m = j->m;
+    const saga_bank_twin_kind *const k = &m->kind[j->in->kind];
+    const size_t slots = m->n_slots, d = m->width;
+    size_t run;
+
+    for (run = j->from; run < j->to; run++) {
+        real *const s = m->state + (j->in->first + run) * slots * d + p * d;
+
+        saga_bank_float_update(s + slots * d, s, k->write.out +
+                               (run * slots + p) * (d + 1), d,
+                               is_plain(j->in->s));
+    }
+}
+
+/* Does something for every slot, through so many rounds. */
+static void do_slots(void (*run)(void *, size_t), job *j, size_t n_runs)
+{
+    const size_t n = j->m->n_slots;
+
+    saga_parallel(&(saga_tasks){
+        .run = run, .user = j, .n = n,
+        .ns = (double)SLOT_NS * (double)n * (double)n_runs });
+}
+
 void saga_bank_twin_write(saga_bank_twin *m,
                           const saga_bank_twin_input *in, size_t from,
                           size_t to)
 {
     saga_bank_twin_kind *const k = &m->kind[in->kind];
-    const size_t slots = m->n_slots, d = m->width;
-    const int plain = is_plain(in->s);
-    ptrdiff_t p;
+    job j = { .m = m, .in = in, .from = from, .to = to };
 
     run_blocks(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
                in->runs->begin[to]);
     run_write(m, in, from, to);
-#pragma omp parallel for schedule(static) if (to - from > 1)
-    for (p = 0; p < (ptrdiff_t)slots; p++) {
-        size_t run;
-
-        for (run = from; run < to; run++) {
-            real *const s = m->state + (in->first + run) * slots * d +
-                            (size_t)p * d;
-
-            saga_bank_float_update(s + slots * d, s, k->write.out +
-                                   (run * slots + (size_t)p) * (d + 1), d,
-                                   plain);
-        }
-    }
+    do_slots(update_slot, &j, to - from);
 }
 
 /* --- Backward of the writes ---------------------------------------------- */
@@ -407,9 +447,11 @@ void saga_bank_twin_clear(saga_bank_twin *m, const saga_scene *s)
 
 /* Takes slot p back through all rounds of a tier, from its last state's
  * gradient to that of the first; with what was read from each. */
-static void slot_backward(saga_bank_twin *m, const saga_bank_twin_input *in,
-                          size_t p, int reads)
+static void slot_backward(void *user, size_t p)
 {
+    const job *const j = user;
+    saga_bank_twin *const m = j->m;
+    const saga_bank_twin_input *const in = j->in;
     saga_bank_twin_kind *const k = &m->kind[in->kind];
     const size_t slots = m->n_slots, d = m->width;
     real *const last = m->d_last + p * d;
@@ -422,7 +464,7 @@ static void slot_backward(saga_bank_twin *m, const saga_bank_twin_input *in,
             last, k->write.d_out + at * (d + 1),
             m->state + ((in->first + run) * slots + p) * d,
             k->write.out + at * (d + 1), d, is_plain(in->s));
-        for (i = 0; reads && i < d; i++)
+        for (i = 0; j->reads && i < d; i++)
             last[i] += k->d_state[at * d + i];
     }
 }
@@ -494,11 +536,9 @@ static void write_backward(saga_bank_twin *m, saga_scene *d,
     const saga_net *const net = in->s->net;
     saga_bank_twin_kind *const k = &m->kind[in->kind];
     const size_t rows = in->runs->n * m->n_slots;
-    ptrdiff_t p;
+    job j = { .m = m, .in = in, .reads = reads };
 
-#pragma omp parallel for schedule(static)
-    for (p = 0; p < (ptrdiff_t)m->n_slots; p++)
-        slot_backward(m, in, (size_t)p, reads);
+    do_slots(slot_backward, &j, in->runs->n);
     writes_through(&k->write, rows, m->width);
     saga_net_backward(k->write.d_in, &d->net[SAGA_NET_WRITE], &k->write.work,
                       k->write.d_out, k->write.in, rows, &net[SAGA_NET_WRITE]);
@@ -528,11 +568,9 @@ static void read_backward(saga_bank_twin *m, saga_scene *d,
                           const saga_rate_features *dx,
                           const saga_bank_twin_input *in)
 {
-    ptrdiff_t run;
+    job j = { .m = m, .in = in, .to = in->runs->n };
 
-#pragma omp parallel for schedule(dynamic, 1) num_threads(n_threads(m))
-    for (run = 0; run < (ptrdiff_t)in->runs->n; run++)
-        read_run_backward(m, in, (size_t)run);
+    do_runs(read_run_backward, &j, 2);
     if (in->kind == SAGA_KIND_PRIM)
         add_last(m, in->runs->n);
     blocks_backward(d, dx, &m->kind[in->kind].query, in, SAGA_NET_QUERY);

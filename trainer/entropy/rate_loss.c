@@ -6,6 +6,7 @@
 #include "rate_bits.h"
 #include "rate_row.h"
 #include "rng.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -480,7 +481,12 @@ typedef struct {
     int kind;
     saga_rng noise;
     double step[SAGA_RATE_ROW];  /* of each channel, in reals of the value */
+    saga_rate_list list;
 } job;
+
+/* Threads take so many blocks at a time, and so many nanoseconds for a value.
+ */
+enum { PART = 32, VALUE_NS = 15 };
 
 /* Gives the gradient of channel c of a primitive's offset to its position and,
  * since offsets are in supports, to its fine anchor's support. An offset that
@@ -582,7 +588,22 @@ static saga_rate_list every_one(saga_rate *r, int kind, uint32_t first,
     return list;
 }
 
-static void step_kind(double bits[SAGA_N_STEPS], const job *j)
+static void add_part(void *user, size_t part)
+{
+    const job *const j = user;
+    const saga_range of = saga_part(j->list.n, PART, part);
+    const saga_model *const m = &j->x->scene->model;
+    const real *const mu = j->r->context.kind[j->kind].mu;
+    size_t i;
+
+    for (i = of.begin; i < of.end; i++) {
+        add_block(j, i, j->list.block[i]);
+        remember_mu(j->r, m, j->kind, j->list.block[i],
+                    mu + i * saga_n_channels(m, j->kind));
+    }
+}
+
+static void step_kind(double bits[SAGA_N_STEPS], job *j)
 {
     saga_rate *const r = j->r;
     const saga_scene *const s = j->x->scene;
@@ -590,24 +611,21 @@ static void step_kind(double bits[SAGA_N_STEPS], const job *j)
                                           j->o->every);
     const saga_rate_features dx = { .coarse = j->d->coarse_feature,
                                     .fine = j->x->twin->d_fine_feature };
-    const saga_rate_kind *const k = &r->context.kind[j->kind];
-    ptrdiff_t i;
-    size_t c;
+    size_t i, c;
 
     /* Fine offsets stand still between refreshes. */
     if (!saga_rate_sources(&r->context, s, j->kind) &&
         j->kind != SAGA_KIND_FINE)
         saga_rate_measure(r, j->x, j->kind);
     predict(r, j->x, j->kind, list, r->offset);
-#pragma omp parallel for schedule(static)
-    for (i = 0; i < (ptrdiff_t)list.n; i++)
-        add_block(j, (size_t)i, list.block[i]);
-    for (i = 0; i < (ptrdiff_t)list.n; i++) {
+    j->list = list;
+    saga_parallel(&(saga_tasks){
+        .run = add_part, .user = j, .n = saga_n_parts(list.n, PART),
+        .ns = (double)VALUE_NS * (double)saga_n_channels(&s->model, j->kind) *
+              (double)list.n });
+    for (i = 0; i < list.n; i++)
         for (c = 0; c < SAGA_N_STEPS; c++)
-            bits[c] += j->o->every * r->row_bits[SAGA_N_STEPS * (size_t)i + c];
-        remember_mu(r, &s->model, j->kind, list.block[i],
-                    k->mu + (size_t)i * saga_n_channels(&s->model, j->kind));
-    }
+            bits[c] += j->o->every * r->row_bits[SAGA_N_STEPS * i + c];
     if (saga_rate_sources(&r->context, s, j->kind))
         saga_rate_context_backward(&r->context, j->d, s, j->kind, list, &dx);
 }
@@ -644,10 +662,15 @@ static double nearest(double x, double mu, double step)
     return mu + floor((x - mu) / step + 0.5) * step;
 }
 
-real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i)
+void saga_rate_round(real *to, const saga_rate *r, const saga_scene *s,
+                     saga_range of)
 {
-    return R(nearest((double)s->coarse_feature[i], (double)r->mu_feature[i],
-                     step_size(&s->model, SAGA_KIND_COARSE, 4)));
+    const double step = step_size(&s->model, SAGA_KIND_COARSE, 4);
+    size_t i;
+
+    for (i = of.begin; i < of.end; i++)
+        to[i] = R(nearest((double)s->coarse_feature[i],
+                          (double)r->mu_feature[i], step));
 }
 
 double saga_rate_prim_step(const saga_scene *s)

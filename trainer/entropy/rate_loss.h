@@ -160,9 +160,10 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind);
  * offsets that are all 0 by their step do without any source. */
 void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x);
 
-/* Returns the value nearest to feature i (of n.coarse * F) that can be coded.
- */
-real saga_rate_round(const saga_rate *r, const saga_scene *s, size_t i);
+/* Sets some of the (n.coarse * F) features to the nearest values that can be
+ * coded. */
+void saga_rate_round(real *to, const saga_rate *r, const saga_scene *s,
+                     saga_range of);
 
 /* The first returns a primitive's step in supports, the second moves the offset
  * o of one of a fine anchor's to the nearest that can be coded. */

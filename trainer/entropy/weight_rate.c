@@ -5,6 +5,7 @@
 #include "prob.h"
 #include "quantise.h"
 #include "rng.h"
+#include "threads.h"
 
 #include <math.h>
 #include <string.h>
@@ -104,23 +105,44 @@ double saga_weights_step(const saga_weights *w, int t)
     return exp2(t % 2 || w->tensor[t].int8 ? floor(x + 0.5) : x);
 }
 
+/* Nanoseconds that a thread takes to put noise on a parameter. */
+enum { NOISE_NS = 5 };
+
+/* All tensors share this. */
+typedef struct {
+    real *y;
+    const real *x;
+    const saga_weights *w;
+    int n_rounded;
+    double noise;
+    uint64_t seed;
+} noising;
+
+static void tensor_noise(void *user, size_t t)
+{
+    const noising *const j = user;
+    const size_t at = j->w->tensor[t].at;
+    const size_t n = j->w->tensor[t].rows * j->w->tensor[t].cols;
+    const saga_rng r = saga_rng_stream(j->seed, (uint64_t)t);
+    const double size = (int)t < j->n_rounded ? 0 : j->noise *
+                        saga_weights_step(j->w, (int)t);
+    size_t i;
+
+    for (i = 0; i < n; i++)
+        j->y[at + i] = (real)((double)j->x[at + i] +
+                              size * (saga_rng_double(r, i) - 0.5));
+}
+
 void saga_weights_noise(real *y, const real *x, const saga_weights *w,
                         int n_rounded, double noise, uint64_t seed)
 {
+    noising j = { y, x, w, n_rounded, noise, seed };
+    saga_tasks all = { .run = tensor_noise, .user = &j, .n = (size_t)w->n };
     int t;
 
-    for (t = 0; t < w->n; t++) {
-        const size_t at = w->tensor[t].at;
-        const size_t n = w->tensor[t].rows * w->tensor[t].cols;
-        const saga_rng r = saga_rng_stream(seed, (uint64_t)t);
-        const double size = t < n_rounded ? 0 : noise *
-                            saga_weights_step(w, t);
-        size_t i;
-
-        for (i = 0; i < n; i++)
-            y[at + i] = (real)((double)x[at + i] +
-                               size * (saga_rng_double(r, i) - 0.5));
-    }
+    for (t = 0; t < w->n; t++)
+        all.ns += NOISE_NS * (double)(w->tensor[t].rows * w->tensor[t].cols);
+    saga_parallel(&all);
 }
 
 void saga_weights_round(real *y, const real *x, const saga_weights *w)
@@ -222,15 +244,35 @@ static void rate_of(real *dx, saga_weights *w, int t, const real *y,
     w->d_log2_step[t] = (real)(by_ln * M_LN2);
 }
 
+/* Nanoseconds that a thread takes for a parameter. */
+enum { PARAM_NS = 50 };
+
+/* All tensors share this. */
+typedef struct {
+    real *dx;
+    saga_weights *w;
+    const real *y, *x;
+    double price;
+} rating;
+
+static void rate_tensor(void *user, size_t t)
+{
+    const rating *const r = user;
+
+    rate_of(r->dx, r->w, (int)t, r->y, r->x, r->price);
+}
+
 double saga_weights_rate(real *dx, saga_weights *w, const real *y,
                          const real *x, double price)
 {
+    rating r = { dx, w, y, x, price };
+    saga_tasks all = { .run = rate_tensor, .user = &r, .n = (size_t)w->n };
     double bits = 0;
     int t;
 
-#pragma omp parallel for schedule(dynamic)
     for (t = 0; t < w->n; t++)
-        rate_of(dx, w, t, y, x, price);
+        all.ns += PARAM_NS * (double)(w->tensor[t].rows * w->tensor[t].cols);
+    saga_parallel(&all);
     for (t = 0; t < w->n; t++)
         bits += w->bits[t];
     return bits;

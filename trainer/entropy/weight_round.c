@@ -2,6 +2,7 @@
 #include "weight_round.h"
 
 #include "alloc.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -29,23 +30,34 @@ static double input_at(const saga_weight_round_input *in, size_t p, size_t c)
     return c < in->n_in ? (double)in->x[p * in->stride + c] : 1;
 }
 
+/* Nanoseconds that a thread takes for a product. */
+enum { PRODUCT_NS = 1 };
+
+typedef struct { double *h; const saga_weight_round_input *in; } gathering;
+
+static void gather_row(void *user, size_t a)
+{
+    const gathering *const g = user;
+    const saga_weight_round_input *const in = g->in;
+    double *const row = g->h + a * (in->n_in + 1);
+    size_t p, b;
+
+    for (p = 0; p < in->points; p++) {
+        const double x = input_at(in, p, a) / (double)in->points;
+
+        for (b = 0; b <= a && x != 0; b++)
+            row[b] += x * input_at(in, p, b);
+    }
+}
+
 static void gather(double *h, const saga_weight_round_input *in)
 {
     const size_t n = in->n_in + 1;
-    int64_t i;
+    gathering g = { h, in };
 
-#pragma omp parallel for schedule(dynamic)
-    for (i = 0; i < (int64_t)n; i++) {
-        const size_t a = (size_t)i;
-        size_t p, b;
-
-        for (p = 0; p < in->points; p++) {
-            const double x = input_at(in, p, a) / (double)in->points;
-
-            for (b = 0; b <= a && x != 0; b++)
-                h[a * n + b] += x * input_at(in, p, b);
-        }
-    }
+    saga_parallel(&(saga_tasks){
+        .run = gather_row, .user = &g, .n = n,
+        .ns = PRODUCT_NS * (double)(n * n) * (double)in->points / 2 });
 }
 
 static void damp(double *h, size_t n)

@@ -1,9 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include "adam.h"
 
+#include "threads.h"
 #include "vec.h"
 
-enum { PART = 4096 };        /* reals a thread takes at a time */
+#include <stdatomic.h>
+
+/* A thread takes so many reals at a time, and this long to check them and to
+ * step, in nanoseconds. */
+enum { PART = 2048, CHECK_NS = 300, STEP_NS = 1500 };
 
 saga_adam saga_adam_default(void)
 {
@@ -24,35 +29,56 @@ static int part_is_finite(const real *x, size_t n)
     return vec_sum(sum) + rest == 0;
 }
 
-/* Returns the index of the first value that is not finite, or n. */
-static size_t first_fault(const real *x, size_t n)
+/* All tensors' parts are counted through: this is one of them. */
+typedef struct { size_t tensor; saga_range of; } piece;
+
+static size_t count_pieces(const saga_adam_tensor *t, size_t n_tensors)
 {
-    const int64_t n_parts = (int64_t)((n + PART - 1) / PART);
-    int64_t bad = n_parts, k;
-    size_t i;
+    size_t n = 0, k;
 
-#pragma omp parallel for schedule(static) reduction(min : bad)
-    for (k = 0; k < n_parts; k++) {
-        const size_t begin = (size_t)k * PART;
-
-        if (!part_is_finite(x + begin, n - begin < PART ? n - begin : PART) &&
-            k < bad)
-            bad = k;
-    }
-    if (bad == n_parts)
-        return n;
-    i = (size_t)bad * PART;
-    while (x[i] * 0 == 0)
-        i++;
-    return i;
+    for (k = 0; k < n_tensors; k++)
+        n += saga_n_parts(t[k].n, PART);
+    return n;
 }
 
-static bool is_finite(const real *x, const char *what,
-                      const saga_adam_tensor *t, uint64_t step,
-                      saga_error *error)
+static piece find_piece(const saga_adam_tensor *t, size_t nth)
 {
-    const size_t i = first_fault(x, t->n);
+    piece p = { 0 };
 
+    for (; nth >= saga_n_parts(t[p.tensor].n, PART); p.tensor++)
+        nth -= saga_n_parts(t[p.tensor].n, PART);
+    p.of = saga_part(t[p.tensor].n, PART, nth);
+    return p;
+}
+
+/* All pieces share this. */
+typedef struct {
+    const saga_adam *adam;
+    const saga_adam_tensor *tensor;
+    double c1, c2;               /* 1 - beta^step */
+    atomic_bool is_unsound;      /* something is not finite */
+} job;
+
+static void check_piece(void *user, size_t nth)
+{
+    job *const j = user;
+    const piece p = find_piece(j->tensor, nth);
+    const saga_adam_tensor *const t = j->tensor + p.tensor;
+    const size_t n = p.of.end - p.of.begin;
+
+    if (!part_is_finite(t->g + p.of.begin, n) ||
+        !part_is_finite(t->x + p.of.begin, n))
+        atomic_store(&j->is_unsound, true);
+}
+
+/* Names the first of them that is not finite. */
+static bool blame(const real *x, const char *what, const saga_adam_tensor *t,
+                  uint64_t step, saga_error *error)
+{
+    size_t i = 0;
+
+    while (i < t->n && x[i] * 0 == 0)
+        i++;
     return i == t->n ||
            saga_fail(error, NULL, "try another --seed, and report it", "number "
                      "%zu of the %s of the %s is not finite at step %llu", i,
@@ -111,39 +137,46 @@ static void step_part(const saga_adam_tensor *t, size_t begin, size_t n,
     }
 }
 
-static void step_tensor(const saga_adam_tensor *t, const saga_adam *adam,
-                        uint64_t step)
+static factors factors_of(const saga_adam_tensor *t, const job *j)
 {
-    const double c1 = 1 - pow((double)adam->beta1, (double)step);
-    const double c2 = 1 - pow((double)adam->beta2, (double)step);
-    const factors f = {
-        vec_set1(adam->beta1), vec_set1(1 - adam->beta1),
-        vec_set1(adam->beta2), vec_set1(1 - adam->beta2),
-        vec_set1(R((double)t->rate / c1)), vec_set1(R(1 / sqrt(c2))),
-        vec_set1(adam->eps), vec_set1(adam->most)
+    const saga_adam *const a = j->adam;
+
+    return (factors){
+        vec_set1(a->beta1), vec_set1(1 - a->beta1),
+        vec_set1(a->beta2), vec_set1(1 - a->beta2),
+        vec_set1(R((double)t->rate / j->c1)), vec_set1(R(1 / sqrt(j->c2))),
+        vec_set1(a->eps), vec_set1(a->most)
     };
-    const int64_t n_parts = (int64_t)((t->n + PART - 1) / PART);
-    int64_t k;
+}
 
-#pragma omp parallel for schedule(static)
-    for (k = 0; k < n_parts; k++) {
-        const size_t begin = (size_t)k * PART;
+static void step_piece(void *user, size_t nth)
+{
+    const job *const j = user;
+    const piece p = find_piece(j->tensor, nth);
+    const saga_adam_tensor *const t = j->tensor + p.tensor;
+    const factors f = factors_of(t, j);
 
-        step_part(t, begin, t->n - begin < PART ? t->n - begin : PART, &f);
-    }
+    if (t->rate > 0)
+        step_part(t, p.of.begin, p.of.end - p.of.begin, &f);
 }
 
 bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
                       size_t n_tensors, uint64_t step, saga_error *error)
 {
+    const size_t n = count_pieces(tensors, n_tensors);
+    job j = { .adam = adam, .tensor = tensors,
+              .c1 = 1 - pow((double)adam->beta1, (double)step),
+              .c2 = 1 - pow((double)adam->beta2, (double)step) };
     size_t k;
 
-    for (k = 0; k < n_tensors; k++)
-        if (!is_finite(tensors[k].g, "gradients", tensors + k, step, error) ||
-            !is_finite(tensors[k].x, "values", tensors + k, step, error))
-            return false;
-    for (k = 0; k < n_tensors; k++)
-        if (tensors[k].rate > 0)
-            step_tensor(tensors + k, adam, step);
+    saga_parallel(&(saga_tasks){ .run = check_piece, .user = &j, .n = n,
+                                 .ns = (double)CHECK_NS * (double)n });
+    if (atomic_load(&j.is_unsound))
+        for (k = 0; k < n_tensors; k++)
+            if (!blame(tensors[k].g, "gradients", tensors + k, step, error) ||
+                !blame(tensors[k].x, "values", tensors + k, step, error))
+                return false;
+    saga_parallel(&(saga_tasks){ .run = step_piece, .user = &j, .n = n,
+                                 .ns = (double)STEP_NS * (double)n });
     return true;
 }

@@ -110,14 +110,8 @@ static void embed(real *at, const real *p, int n_axes, int octaves)
 void saga_embedding_forward(real *y, size_t stride, const real *u, size_t m,
                             int n_axes, int octaves)
 {
-    int64_t i;
+    size_t i;
 
-    /* Even a team of one thread costs more to call than a point's pairs. */
-    if (m == 1) {
-        embed(y, u, n_axes, octaves);
-        return;
-    }
-#pragma omp parallel for schedule(static)
-    for (i = 0; i < (int64_t)m; i++)
-        embed(y + (size_t)i * stride, u + i * n_axes, n_axes, octaves);
+    for (i = 0; i < m; i++)
+        embed(y + i * stride, u + i * (size_t)n_axes, n_axes, octaves);
 }

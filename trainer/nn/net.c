@@ -13,10 +13,13 @@
 #include <string.h>
 
 enum {
-    CHUNK = 128,         /* points that go through all layers together */
+    CHUNK = SAGA_NET_CHUNK,
     MAX_BLOCKS = 32,     /* sums of gradients kept apart */
     MIN_BLOCK = 512      /* points */
 };
+
+/* Nanoseconds that a thread takes to add one of the blocks' numbers. */
+#define SUM_NS 0.3
 
 static size_t dim(const saga_net *net, int l)
 {
@@ -146,13 +149,6 @@ static size_t scratch_size(const saga_net *net)
     return 3 * CHUNK * widest(net);
 }
 
-static int n_threads(const saga_net_work *work)
-{
-    const size_t now = saga_n_threads();
-
-    return (int)(now < work->n_threads ? now : work->n_threads);
-}
-
 /* Returns the points of a block: a multiple of CHUNK that depends on m
  * alone. */
 static size_t block_size(size_t m)
@@ -180,14 +176,7 @@ static void copy_rows(real *to, size_t to_stride, const real *from,
 
 /* --- Forward ------------------------------------------------------------- */
 
-/* A pass works on this. */
-typedef struct {
-    const saga_net *net;
-    saga_net_work *work;
-    const real *x, *dy;
-    real *y, *dx;                /* dx: NULL where it is not wanted */
-    size_t m;                    /* points */
-} pass;
+typedef saga_net_pass pass;
 
 /* Returns the scratch of this thread. */
 static real *scratch_of(const pass *p)
@@ -226,19 +215,36 @@ static void forward_chunk(const pass *p, size_t begin)
         copy_rows(p->y + begin * n_out, n_out, scratch, pad(net, last + 1), n);
 }
 
+void saga_net_begin(const saga_net_pass *p)
+{
+    assert(p->m <= p->work->n_points);
+    pack(p->work, p->net);
+}
+
+void saga_net_chunk_forward(const saga_net_pass *p, size_t chunk)
+{
+    forward_chunk(p, chunk * CHUNK);
+}
+
+double saga_net_ns(const saga_net *net)
+{
+    return 10 + 0.02 * (double)saga_net_n_params(net);
+}
+
+static void run_chunk(void *user, size_t chunk)
+{
+    saga_net_chunk_forward(user, chunk);
+}
+
 void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,
                       const saga_net *net)
 {
-    const pass p = { .net = net, .work = work, .x = x, .y = y, .m = m };
-    const int64_t n_chunks = (int64_t)((m + CHUNK - 1) / CHUNK);
-    int64_t c;
+    pass p = { .net = net, .work = work, .x = x, .y = y, .m = m };
 
-    assert(m <= work->n_points);
-    pack(work, net);
-#pragma omp parallel for schedule(static) if (n_chunks > 1) \
-    num_threads(n_threads(work))
-    for (c = 0; c < n_chunks; c++)
-        forward_chunk(&p, (size_t)c * CHUNK);
+    saga_net_begin(&p);
+    saga_parallel(&(saga_tasks){
+        .run = run_chunk, .user = &p, .n = saga_n_parts(m, CHUNK),
+        .ns = saga_net_ns(net) * (double)m, .most = work->n_threads });
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -313,55 +319,94 @@ static void backward_chunk(real *partial, const pass *p, size_t begin,
     copy_rows(p->dx + begin * d.width, d.width, d.at, d.stride, n);
 }
 
-/* Adds the blocks' sums, in their order. */
-static void add_partials(saga_net *d, const real *partial, size_t size,
-                         size_t n_blocks)
+size_t saga_net_n_blocks(size_t m)
 {
-    size_t at = 0, k;
+    return saga_n_parts(m, block_size(m));
+}
+
+saga_range saga_net_block(size_t m, size_t block)
+{
+    return saga_part(m, block_size(m), block);
+}
+
+void saga_net_block_backward(const saga_net_pass *p, size_t block)
+{
+    const saga_range of = saga_net_block(p->m, block);
+    const size_t size = partial_size(p->net);
+    real *const partial = p->work->partial + block * size;
+    size_t i;
+
+    memset(partial, 0, size * sizeof *partial);
+    for (i = of.begin; i < of.end; i += CHUNK)
+        backward_chunk(partial, p, i, chunk_at(i, of.end));
+}
+
+/* There is one for the weights and the bias of each output of each layer. */
+size_t saga_net_n_sums(const saga_net *net)
+{
+    size_t n = 0;
     int l;
 
-    for (l = 0; l < d->n_layers; l++) {
-        const size_t n_in = dim(d, l), n_out = dim(d, l + 1);
-        const size_t stride = pad(d, l);
-        size_t o, i;
+    for (l = 0; l < net->n_layers; l++)
+        n += dim(net, l + 1);
+    return n;
+}
 
-        for (k = 0; k < n_blocks; k++) {
-            const real *const p = partial + k * size + at;
+double saga_net_sums_ns(const saga_net *net, size_t m)
+{
+    return SUM_NS * (double)(saga_net_n_blocks(m) * saga_net_n_params(net));
+}
 
-            for (o = 0; o < n_out; o++) {
-                for (i = 0; i < n_in; i++)
-                    d->w[l][o * n_in + i] += p[o * stride + i];
-                d->b[l][o] += p[n_out * stride + o];
-            }
-        }
-        at += n_out * (stride + 1);
+/* Adds the blocks' sums, in their order. */
+void saga_net_add_sum(saga_net *d, const saga_net_pass *p, size_t sum)
+{
+    const size_t size = partial_size(d), n_blocks = saga_net_n_blocks(p->m);
+    const real *at = p->work->partial;
+    size_t n_in, stride, k, i;
+    int l;
+
+    for (l = 0; sum >= dim(d, l + 1); l++) {
+        at += dim(d, l + 1) * (pad(d, l) + 1);
+        sum -= dim(d, l + 1);
     }
+    n_in = dim(d, l);
+    stride = pad(d, l);
+    for (k = 0; k < n_blocks; k++, at += size) {
+        for (i = 0; i < n_in; i++)
+            d->w[l][sum * n_in + i] += at[sum * stride + i];
+        d->b[l][sum] += at[dim(d, l + 1) * stride + sum];
+    }
+}
+
+typedef struct { pass p; saga_net *d; } back;
+
+static void run_block(void *user, size_t block)
+{
+    saga_net_block_backward(&((const back *)user)->p, block);
+}
+
+static void run_sum(void *user, size_t sum)
+{
+    const back *const b = user;
+
+    saga_net_add_sum(b->d, &b->p, sum);
 }
 
 void saga_net_backward(real *dx, saga_net *d, saga_net_work *work,
                        const real *dy, const real *x, size_t m,
                        const saga_net *net)
 {
-    const pass p = { .net = net, .work = work, .x = x, .dy = dy, .dx = dx,
-                     .m = m };
-    const size_t size = partial_size(net), block = block_size(m);
-    const size_t n_blocks = (m + block - 1) / block;
-    int64_t k;
+    back b = { { .net = net, .work = work, .x = x, .dy = dy, .dx = dx,
+                 .m = m }, d };
+    const size_t n_blocks = saga_net_n_blocks(m);
 
     assert(m <= work->n_points);
-#pragma omp parallel for schedule(dynamic, 1) if (n_blocks > 1) \
-    num_threads(n_threads(work))
-    for (k = 0; k < (int64_t)n_blocks; k++) {
-        const size_t end = m < ((size_t)k + 1) * block
-            ? m : ((size_t)k + 1) * block;
-        real *const partial = work->partial + (size_t)k * size;
-        size_t i;
-
-        memset(partial, 0, size * sizeof *partial);
-        for (i = (size_t)k * block; i < end; i += CHUNK)
-            backward_chunk(partial, &p, i, chunk_at(i, end));
-    }
-    add_partials(d, work->partial, size, n_blocks);
+    saga_parallel(&(saga_tasks){
+        .run = run_block, .user = &b, .n = n_blocks,
+        .ns = 2 * saga_net_ns(net) * (double)m, .most = work->n_threads });
+    saga_parallel(&(saga_tasks){
+        .run = run_sum, .user = &b, .n = saga_net_n_sums(net),
+        .ns = saga_net_sums_ns(net, m) });
 }
 
 /* --- Memory -------------------------------------------------------------- */

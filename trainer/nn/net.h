@@ -12,6 +12,7 @@
 
 #include "error.h"
 #include "real.h"
+#include "threads.h"
 
 #include <stddef.h>
 
@@ -40,6 +41,15 @@ typedef struct saga_net_work {
 #define saga_net_init SAGA_REAL_NAME(saga_net_init)
 #define saga_net_reserve SAGA_REAL_NAME(saga_net_reserve)
 #define saga_net_free SAGA_REAL_NAME(saga_net_free)
+#define saga_net_begin SAGA_REAL_NAME(saga_net_begin)
+#define saga_net_chunk_forward SAGA_REAL_NAME(saga_net_chunk_forward)
+#define saga_net_n_blocks SAGA_REAL_NAME(saga_net_n_blocks)
+#define saga_net_block SAGA_REAL_NAME(saga_net_block)
+#define saga_net_block_backward SAGA_REAL_NAME(saga_net_block_backward)
+#define saga_net_n_sums SAGA_REAL_NAME(saga_net_n_sums)
+#define saga_net_add_sum SAGA_REAL_NAME(saga_net_add_sum)
+#define saga_net_ns SAGA_REAL_NAME(saga_net_ns)
+#define saga_net_sums_ns SAGA_REAL_NAME(saga_net_sums_ns)
 #define saga_net_forward SAGA_REAL_NAME(saga_net_forward)
 #define saga_net_backward SAGA_REAL_NAME(saga_net_backward)
 
@@ -59,6 +69,38 @@ void saga_net_init(saga_net *net, unsigned long long seed);
 bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
                       saga_error *error);
 void saga_net_free(saga_net_work *work);
+
+/* A pass goes through points: forward y from x, back from dy to dx (NULL: not
+ * wanted) and to the weights. The other pointers are not read or written. */
+typedef struct saga_net_pass {
+    const saga_net *net;
+    saga_net_work *work;
+    const real *x, *dy;          /* (M, dim[0]), (M, dim[n_layers]) */
+    real *y, *dx;
+    size_t m;                    /* points */
+} saga_net_pass;
+
+/* So many points go through all layers together. */
+enum { SAGA_NET_CHUNK = 128 };
+
+/* For those who do more with points than a network, a part at a time, in
+ * several threads (saga_parallel, with at most work->n_threads): begin, then
+ * all chunks of SAGA_NET_CHUNK points; later the blocks of the same points, in
+ * which they go back, and then all of the blocks' sums. */
+void saga_net_begin(const saga_net_pass *pass);
+void saga_net_chunk_forward(const saga_net_pass *pass, size_t chunk);
+size_t saga_net_n_blocks(size_t m);
+saga_range saga_net_block(size_t m, size_t block);
+void saga_net_block_backward(const saga_net_pass *pass, size_t block);
+size_t saga_net_n_sums(const saga_net *net);
+void saga_net_add_sum(saga_net *d, const saga_net_pass *pass, size_t sum);
+
+/* Returns about the nanoseconds that a thread takes for a point forward; twice
+ * that back. */
+double saga_net_ns(const saga_net *net);
+
+/* Returns the same of adding the sums of m points. */
+double saga_net_sums_ns(const saga_net *net, size_t m);
 
 /* Sets y (M, dim[n_layers]). */
 void saga_net_forward(real *y, saga_net_work *work, const real *x, size_t m,

@@ -4,11 +4,17 @@
 #include "alloc.h"
 #include "camera.h"
 #include "checkpoint.h"
+#include "threads.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { MIN_SIDE = 8, N_LOOKED_AT = 100000 };
+
+/* Rows of the truth that are made at a time; nanoseconds that a thread takes
+ * for a sample of them. */
+enum { ROWS = 8 };
+#define SAMPLE_NS 0.5
 
 #define NEAR_PART 0.3            /* of a view's nearest depth */
 #define BACKGROUND_PART 0.1      /* of all pixels have exactly its colour */
@@ -258,57 +264,77 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
                        p->capture->n_frames);
 }
 
-/* A picture that is not halved takes its values from a table of 256 levels. */
-static void plain_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride,
-                        const double *exposure)
+/* A truth is made of a stored picture, rows at a time. */
+typedef struct {
+    saga_canvas *canvas;
+    const uint8_t *rgb;
+    size_t stride;
+    const double *exposure;      /* (3) */
+    int side;                    /* of the boxes that become pixels */
+    real level[3][256];          /* a picture that is not halved takes its
+                                  * values from a table */
+} truth;
+
+static void plain_row(const truth *t, size_t y)
 {
-    const int w = canvas->camera.width, h = canvas->camera.height;
-    const size_t plane = (size_t)w * (size_t)h;
-    real level[3][256];
+    const size_t w = (size_t)t->canvas->camera.width;
+    const size_t plane = w * (size_t)t->canvas->camera.height;
+    const uint8_t *const from = t->rgb + y * t->stride;
+    real *const to = t->canvas->truth + y * w;
 
-    for (int k = 0; k < 3; k++)
-        for (int i = 0; i < 256; i++)
-            level[k][i] = R(exposure[k]) * R(i) / 255;
-#pragma omp parallel for schedule(static)
-    for (int y = 0; y < h; y++) {
-        const uint8_t *const from = rgb + (size_t)y * stride;
-        real *const to = canvas->truth + (size_t)y * (size_t)w;
-
-        for (size_t x = 0; x < (size_t)w; x++) {
-            to[x] = level[0][from[3 * x]];
-            to[x + plane] = level[1][from[3 * x + 1]];
-            to[x + 2 * plane] = level[2][from[3 * x + 2]];
-        }
+    for (size_t x = 0; x < w; x++) {
+        to[x] = t->level[0][from[3 * x]];
+        to[x + plane] = t->level[1][from[3 * x + 1]];
+        to[x + 2 * plane] = t->level[2][from[3 * x + 2]];
     }
 }
 
 /* Boxes begin at the picture's corner: what does not fill one is left out. */
-static void boxed_truth(saga_canvas *canvas, const uint8_t *rgb, size_t stride,
-                        const double *exposure, int side)
+static void boxed_row(const truth *t, size_t y)
 {
-    const real white = R(255 * side * side);
-    const int w = canvas->camera.width, h = canvas->camera.height;
-    int y;
+    const size_t w = (size_t)t->canvas->camera.width;
+    const size_t plane = w * (size_t)t->canvas->camera.height;
+    const size_t side = (size_t)t->side;
+    const real white = R(255 * t->side * t->side);
 
-#pragma omp parallel for schedule(static)
-    for (y = 0; y < h; y++) {
-        const size_t plane = (size_t)w * (size_t)h;
-        int x, k, i, j;
+    for (size_t x = 0; x < w; x++)
+        for (size_t k = 0; k < 3; k++) {
+            const uint8_t *at = t->rgb + y * side * t->stride + x * side * 3 +
+                                k;
+            int sum = 0;
 
-        for (x = 0; x < w; x++)
-            for (k = 0; k < 3; k++) {
-                const uint8_t *at = rgb + (size_t)(y * side) * stride +
-                                    (size_t)(x * side * 3 + k);
-                int sum = 0;
+            for (size_t j = 0; j < side; j++, at += t->stride)
+                for (size_t i = 0; i < side; i++)
+                    sum += at[3 * i];
+            t->canvas->truth[k * plane + y * w + x] =
+                R(t->exposure[k]) * R(sum) / white;
+        }
+}
 
-                for (j = 0; j < side; j++, at += stride)
-                    for (i = 0; i < side; i++)
-                        sum += at[3 * i];
-                canvas->truth[(size_t)k * plane + (size_t)y * (size_t)w +
-                              (size_t)x] = R(exposure[k]) * R(sum) /
-                                            white;
-            }
-    }
+static void true_rows(void *user, size_t part)
+{
+    const truth *const t = user;
+    const saga_range rows = saga_part((size_t)t->canvas->camera.height, ROWS,
+                                      part);
+
+    for (size_t y = rows.begin; y < rows.end; y++)
+        if (t->side > 1)
+            boxed_row(t, y);
+        else
+            plain_row(t, y);
+}
+
+static void make_truth(truth *t)
+{
+    const saga_splat_camera *const c = &t->canvas->camera;
+
+    for (int k = 0; t->side == 1 && k < 3; k++)
+        for (int i = 0; i < 256; i++)
+            t->level[k][i] = R(t->exposure[k]) * R(i) / 255;
+    saga_parallel(&(saga_tasks){
+        .run = true_rows, .user = t, .n = saga_n_parts((size_t)c->height, ROWS),
+        .ns = (double)SAMPLE_NS * t->side * t->side * 3 * c->width * c->height
+    });
 }
 
 /* Marks the pixels of whose boxes something does not count. */
@@ -334,17 +360,16 @@ static void mark_unseen(saga_canvas *canvas, const uint8_t *mask, size_t stride,
 void saga_pictures_truth(saga_canvas *canvas, const saga_pictures *p,
                          saga_sample sample)
 {
-    const uint8_t *const rgb = saga_capture_frame(p->capture, sample.view,
-                                                  sample.frame);
     const size_t stride = saga_view_row_nbytes(&p->capture->views[sample.view]);
-    const double *const exposure = p->exposure + 3 * (size_t)sample.view;
     const uint8_t *const mask = saga_capture_mask(p->capture, sample.view,
                                                   sample.frame);
+    truth t = {
+        .canvas = canvas, .stride = stride, .side = 1 << sample.mip,
+        .rgb = saga_capture_frame(p->capture, sample.view, sample.frame),
+        .exposure = p->exposure + 3 * (size_t)sample.view
+    };
 
-    if (sample.mip == 0)
-        plain_truth(canvas, rgb, stride, exposure);
-    else
-        boxed_truth(canvas, rgb, stride, exposure, 1 << sample.mip);
+    make_truth(&t);
     canvas->n_unseen = 0;
     if (mask)
         mark_unseen(canvas, mask, stride / 3, 1 << sample.mip);

@@ -3,12 +3,16 @@
 
 #include "alloc.h"
 #include "fx.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 /* --- Links --------------------------------------------------------------- */
+
+/* Nanoseconds that a thread takes to scatter a row. */
+enum { SCATTER_NS = 10 };
 
 static const char purpose[] = "the neighbours of anchors";
 
@@ -75,16 +79,14 @@ void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
 /* --- Interpolation ------------------------------------------------------- */
 
 void saga_links_gather(real *out, const saga_links *l, const real *source,
-                       size_t f, const uint32_t *query, size_t n)
+                       size_t f, const uint32_t *query, saga_range rows)
 {
-    ptrdiff_t row;
+    size_t row, k;
+    uint32_t i;
 
-#pragma omp parallel for schedule(static)
-    for (row = 0; row < (ptrdiff_t)n; row++) {
-        const size_t q = query ? query[row] : (size_t)row;
-        real *const to = out + (size_t)row * f;
-        uint32_t i;
-        size_t k;
+    for (row = rows.begin; row < rows.end; row++) {
+        const size_t q = query ? query[row] : row;
+        real *const to = out + row * f;
 
         for (k = 0; k < f; k++)
             to[k] = 0;
@@ -98,24 +100,54 @@ void saga_links_gather(real *out, const saga_links *l, const real *source,
     }
 }
 
-void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
-                        size_t f, const uint32_t *query, size_t n)
+/* All parts share this. */
+typedef struct {
+    const saga_links *l;
+    real *d_source;
+    const real *d_out;
+    const uint32_t *query;
+    size_t f, n, n_parts;
+} scattering;
+
+/* Sources take turns, so many at a time. */
+enum { TURN = 16 };
+
+static bool is_of(size_t source, size_t part, size_t n_parts)
 {
+    return n_parts == 1 || source / TURN % n_parts == part;
+}
+
+/* Goes through all rows for a part of the sources. */
+static void scatter_part(void *user, size_t part)
+{
+    const scattering *const s = user;
+    const saga_links *const l = s->l;
     size_t row, k;
     uint32_t i;
 
-    for (row = 0; row < n; row++) {
-        const size_t q = query ? query[row] : row;
-        const real *const d = d_out + row * f;
+    for (row = 0; row < s->n; row++) {
+        const size_t q = s->query ? s->query[row] : row;
+        const real *const d = s->d_out + row * s->f;
 
         for (i = l->begin[q]; i < l->begin[q + 1]; i++) {
-            real *const to = d_source + l->rank[i] * f;
+            real *const to = s->d_source + l->rank[i] * s->f;
             const real weight = l->weight[i];
 
-            for (k = 0; k < f; k++)
-                to[k] += weight * d[k];
+            if (is_of(l->rank[i], part, s->n_parts))
+                for (k = 0; k < s->f; k++)
+                    to[k] += weight * d[k];
         }
     }
+}
+
+void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
+                        size_t f, const uint32_t *query, size_t n)
+{
+    const double ns = SCATTER_NS * (double)n;
+    scattering s = { l, d_source, d_out, query, f, n, saga_team(ns) };
+
+    saga_parallel(&(saga_tasks){ .run = scatter_part, .user = &s,
+                                 .n = s.n_parts, .ns = ns });
 }
 
 /* --- The integer path's scaffold ----------------------------------------- */

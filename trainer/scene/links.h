@@ -9,6 +9,7 @@
 
 #include "interp.h"
 #include "scene.h"
+#include "threads.h"
 
 /* Each query is linked to up to SAGA_MAX_NEIGHBOURS ranks. */
 typedef struct saga_links {
@@ -49,13 +50,13 @@ typedef struct saga_links_query {
 void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
                      const saga_scene *s, const saga_links_query *query);
 
-/* Sets out (n, F) to weighted sums of the rows of source (sources, F). Row i is
- * of query[i], or of query i where query is NULL. */
+/* Sets rows of out (n, F) to weighted sums of the rows of source (sources, F).
+ * Row i is of query[i], or of query i where query is NULL. */
 void saga_links_gather(real *out, const saga_links *l, const real *source,
-                       size_t f, const uint32_t *query, size_t n);
+                       size_t f, const uint32_t *query, saga_range rows);
 
-/* Adds the transpose to d_source, in the order of the queries by one thread:
- * that is cheap enough, and the sums have one order. */
+/* Adds the transpose of n rows to d_source. Each source is one thread's, which
+ * adds in the order of the queries: the sums have one order. */
 void saga_links_scatter(real *d_source, const saga_links *l, const real *d_out,
                         size_t f, const uint32_t *query, size_t n);
 

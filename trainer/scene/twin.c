@@ -148,18 +148,64 @@ void saga_twin_free(saga_twin *w)
 
 /* --- Pieces of input vectors --------------------------------------------- */
 
+/* Threads take rows in chunks, as networks do, and take so many nanoseconds for
+ * what is beside the networks in a row. */
+enum { CHUNK = SAGA_NET_CHUNK, ROW_NS = 40 };
+
+/* All chunks of a stage share this. */
+typedef struct {
+    saga_twin *w;
+    saga_scene *d;               /* backward */
+    const saga_scene *s;
+    const real *feature;         /* coarse */
+    const real *centre;          /* of the camera */
+    real weight;                 /* of the anchors' loss */
+    saga_rows rows[SAGA_N_HEADS];
+    const int *nets;             /* (n_nets) that the rows go through; those */
+    int n_nets;                  /* without layers are left out */
+} stage;
+
+/* Returns what a thread takes for a row; *most becomes the number of threads
+ * that all networks have scratch for. */
+static double cost_of(const stage *t, size_t *most)
+{
+    double ns = ROW_NS;
+    int i;
+
+    *most = 0;
+    for (i = 0; i < t->n_nets; i++) {
+        const size_t have = t->w->batch[t->nets[i]].work.n_threads;
+
+        if (t->s->net[t->nets[i]].n_layers == 0)
+            continue;
+        ns += saga_net_ns(&t->s->net[t->nets[i]]);
+        *most = *most && *most < have ? *most : have;
+    }
+    return ns;
+}
+
+/* Does n rows of a stage. */
+static void do_rows(void (*chunk)(void *, size_t), stage *t, size_t n)
+{
+    saga_tasks all = { .run = chunk, .user = t, .n = saga_n_parts(n, CHUNK) };
+
+    all.ns = cost_of(t, &all.most) * (double)n;
+    saga_parallel(&all);
+}
+
 /* Each row of a network's input has F features, then an embedding. */
 static void assemble(saga_twin *w, const saga_scene *s, int net,
-                     const real *feature, const real *phase)
+                     const real *feature, const real *phase, saga_range of)
 {
-    const size_t f = s->model.features, rows = saga_twin_rows(w, net);
+    const size_t f = s->model.features;
     const size_t dim = (size_t)s->net[net].dim[0];
     real *const in = w->batch[net].in;
     size_t i;
 
-    for (i = 0; i < rows; i++)
+    for (i = of.begin; i < of.end; i++)
         memcpy(in + i * dim, feature + i * f, f * sizeof *in);
-    saga_embedding_forward(in + f, dim, phase, rows, 4, s->model.octaves);
+    saga_embedding_forward(in + of.begin * dim + f, dim, phase + 4 * of.begin,
+                           of.end - of.begin, 4, s->model.octaves);
 }
 
 /* Sets o = (x - x_parent) / unit, clamped. */
@@ -173,11 +219,11 @@ static void local_offset(real o[4], const real x[4], const real parent[4],
                           -R(SAGA_OFFSET_MAX), R(SAGA_OFFSET_MAX));
 }
 
-static void fine_offsets(saga_twin *w, const saga_scene *s)
+static void fine_offsets(saga_twin *w, const saga_scene *s, saga_range of)
 {
     size_t i;
 
-    for (i = 0; i < w->n.fine; i++) {
+    for (i = of.begin; i < of.end; i++) {
         const saga_coarse *const c = &s->coarse[s->fine[i].parent];
         const real half_x = saga_scene_half_x(c);
         /* An offset of 1 ends at the border of the parent's cell. */
@@ -190,12 +236,11 @@ static void fine_offsets(saga_twin *w, const saga_scene *s)
     }
 }
 
-void saga_twin_offsets(saga_twin *w, const saga_scene *s)
+static void prim_offsets(saga_twin *w, const saga_scene *s, saga_range of)
 {
     size_t i;
 
-    fine_offsets(w, s);
-    for (i = 0; i < w->n.prim; i++) {
+    for (i = of.begin; i < of.end; i++) {
         const size_t fine = s->prim_fine[i];
 
         local_offset(w->prim_offset + 4 * i, s->prim_x + 4 * i,
@@ -204,14 +249,57 @@ void saga_twin_offsets(saga_twin *w, const saga_scene *s)
     }
 }
 
+/* Fine anchors' chunks come first. */
+static void offsets_chunk(void *user, size_t k)
+{
+    const stage *const t = user;
+    const size_t n = saga_n_parts(t->w->n.fine, CHUNK);
+
+    if (k < n)
+        fine_offsets(t->w, t->s, saga_part(t->w->n.fine, CHUNK, k));
+    else
+        prim_offsets(t->w, t->s, saga_part(t->w->n.prim, CHUNK, k - n));
+}
+
+void saga_twin_offsets(saga_twin *w, const saga_scene *s)
+{
+    stage t = { .w = w, .s = s };
+
+    saga_parallel(&(saga_tasks){
+        .run = offsets_chunk, .user = &t,
+        .n = saga_n_parts(w->n.fine, CHUNK) + saga_n_parts(w->n.prim, CHUNK),
+        .ns = (double)ROW_NS * ((double)w->n.fine + w->n.prim) });
+}
+
 /* --- Coarse to fine ------------------------------------------------------ */
 
-static void run(saga_twin *w, const saga_scene *s, int net)
+static saga_net_pass pass_of(saga_twin *w, const saga_scene *s, int net)
 {
     saga_twin_batch *const b = &w->batch[net];
 
-    saga_net_forward(b->out, &b->work, b->in, saga_twin_rows(w, net),
-                     &s->net[net]);
+    return (saga_net_pass){
+        .net = &s->net[net], .work = &b->work, .x = b->in, .y = b->out,
+        .dy = b->d_out, .dx = net == SAGA_NET_COLOUR_VIEW ? NULL : b->d_in,
+        .m = saga_twin_rows(w, net) };
+}
+
+static void begin(const stage *t)
+{
+    int i;
+
+    for (i = 0; i < t->n_nets; i++)
+        if (t->s->net[t->nets[i]].n_layers) {
+            const saga_net_pass p = pass_of(t->w, t->s, t->nets[i]);
+
+            saga_net_begin(&p);
+        }
+}
+
+static void run(saga_twin *w, const saga_scene *s, int net, size_t chunk)
+{
+    const saga_net_pass p = pass_of(w, s, net);
+
+    saga_net_chunk_forward(&p, chunk);
 }
 
 /* Returns where a network's outputs for row i of its batch begin. */
@@ -242,15 +330,17 @@ static void give(real *d_out, saga_rows rows, const real *d_attr, size_t at)
 
 /* Returns what Fuse of a tier makes of w->context; that itself where there is
  * none. */
-static const real *fuse_forward(saga_twin *w, const saga_scene *s, int tier,
-                                const real *phase)
+static const real *fuse_forward(const stage *t, int tier, const real *phase,
+                                size_t chunk)
 {
+    saga_twin *const w = t->w;
     const int net = saga_fuse_net(tier);
 
-    if (s->net[net].n_layers == 0)
+    if (t->s->net[net].n_layers == 0)
         return w->context;
-    assemble(w, s, net, w->context, phase);
-    run(w, s, net);
+    assemble(w, t->s, net, w->context, phase,
+             saga_part(saga_twin_rows(w, net), CHUNK, chunk));
+    run(w, t->s, net, chunk);
     return w->batch[net].out;
 }
 
@@ -261,40 +351,56 @@ static real least_log2_support(size_t axis)
     return axis < 3 ? -R(SAGA_LOG2_HALF_X) : -R(SAGA_LOG2_HALF_T + 1);
 }
 
+/* F_fine's rows become features and supports. */
+static void take_fine(const stage *t, size_t i)
+{
+    saga_twin *const w = t->w;
+    const saga_scene *const s = t->s;
+    const size_t f = s->model.features;
+    const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+    const real *const out = w->batch[SAGA_NET_FINE].out +
+                            out_at(s, SAGA_NET_FINE, i);
+    const real *const raw = out + t->rows[SAGA_HEAD_SUPPORT].first;
+    int k;
+
+    take(w->fine_feature, i * f, out, t->rows[SAGA_HEAD_FINE]);
+    for (k = 0; k < 4; k++) {
+        const real lo = least_log2_support((size_t)k), hi = 0;
+        const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
+        const real l = saga_clamp(half + raw[k], lo, hi);
+
+        w->log2_support[4 * i + (size_t)k] = l;
+        w->support[4 * i + (size_t)k] = EXP2(l);
+    }
+}
+
+static void fine_chunk(void *user, size_t chunk)
+{
+    const stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_part(w->n.fine, CHUNK, chunk);
+    const real *fused;
+    size_t i;
+
+    saga_links_gather(w->context, &w->to_fine, t->feature,
+                      t->s->model.features, NULL, of);
+    fused = fuse_forward(t, SAGA_TIER_COARSE, w->fine_phase, chunk);
+    assemble(w, t->s, SAGA_NET_FINE, fused, w->fine_offset, of);
+    run(w, t->s, SAGA_NET_FINE, chunk);
+    for (i = of.begin; i < of.end; i++)
+        take_fine(t, i);
+}
+
 static void fine_forward(saga_twin *w, const saga_scene *s,
                          const real *feature)
 {
-    const size_t f = s->model.features;
-    saga_rows rows[SAGA_N_HEADS];
-    const real *fused;
-    size_t i;
-    int k;
+    const int nets[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE };
+    stage t = { .w = w, .s = s, .feature = feature, .nets = nets,
+                .n_nets = 2 };
 
-    saga_model_rows(rows, &s->model);
-    /* Context: features of coarse anchors, interpolated, fused with where
-     * the anchor is. */
-    saga_links_gather(w->context, &w->to_fine, feature, f, NULL, w->n.fine);
-    fused = fuse_forward(w, s, SAGA_TIER_COARSE, w->fine_phase);
-    /* F_fine says features and supports. */
-    assemble(w, s, SAGA_NET_FINE, fused, w->fine_offset);
-    run(w, s, SAGA_NET_FINE);
-    for (i = 0; i < w->n.fine; i++) {
-        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
-        const real *const out = w->batch[SAGA_NET_FINE].out +
-                                out_at(s, SAGA_NET_FINE, i);
-        const real *const raw = out + rows[SAGA_HEAD_SUPPORT].first;
-
-        take(w->fine_feature, i * f, out, rows[SAGA_HEAD_FINE]);
-        for (k = 0; k < 4; k++) {
-            const real lo = least_log2_support((size_t)k), hi = 0;
-            /* Supports are told relative to half the coarse cell. */
-            const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
-            const real l = saga_clamp(half + raw[k], lo, hi);
-
-            w->log2_support[4 * i + (size_t)k] = l;
-            w->support[4 * i + (size_t)k] = EXP2(l);
-        }
-    }
+    saga_model_rows(t.rows, &s->model);
+    begin(&t);
+    do_rows(fine_chunk, &t, w->n.fine);
 }
 
 /* --- Fine to primitives -------------------------------------------------- */
@@ -364,28 +470,38 @@ static void set_attributes(saga_twin *w, const saga_scene *s,
         a->log2_width[i] -= R(1 + cell->depth_t);
 }
 
+static void geometry_chunk(void *user, size_t chunk)
+{
+    const stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_part(w->n.prim, CHUNK, chunk);
+    const size_t dim = (size_t)t->s->net[SAGA_NET_GEO].dim[0];
+    const real *fused;
+    size_t i;
+
+    saga_links_gather(w->context, &w->to_prim, w->fine_feature,
+                      t->s->model.features, NULL, of);
+    fused = fuse_forward(t, SAGA_TIER_FINE, w->prim_phase, chunk);
+    assemble(w, t->s, SAGA_NET_GEO, fused, w->prim_offset, of);
+    memcpy(w->batch[SAGA_NET_COLOUR_BASE].in + of.begin * dim,
+           w->batch[SAGA_NET_GEO].in + of.begin * dim,
+           (of.end - of.begin) * dim * sizeof(real));
+    run(w, t->s, SAGA_NET_GEO, chunk);
+    run(w, t->s, SAGA_NET_COLOUR_BASE, chunk);
+    for (i = of.begin; i < of.end; i++)
+        set_attributes(w, t->s, t->rows, i);
+}
+
 void saga_twin_geometry(saga_twin *w, const saga_scene *s,
                         const real *feature)
 {
-    const size_t f = s->model.features;
-    const real *fused;
-    saga_rows rows[SAGA_N_HEADS];
-    size_t i;
+    const int nets[] = { SAGA_NET_FUSE_F, SAGA_NET_GEO, SAGA_NET_COLOUR_BASE };
+    stage t = { .w = w, .s = s, .nets = nets, .n_nets = 3 };
 
     fine_forward(w, s, feature);
-    /* The same one tier further down. */
-    saga_links_gather(w->context, &w->to_prim, w->fine_feature, f, NULL,
-                      w->n.prim);
-    fused = fuse_forward(w, s, SAGA_TIER_FINE, w->prim_phase);
-    assemble(w, s, SAGA_NET_GEO, fused, w->prim_offset);
-    /* F_geo and F_color take the same vector. */
-    memcpy(w->batch[SAGA_NET_COLOUR_BASE].in, w->batch[SAGA_NET_GEO].in,
-           w->n.prim * (size_t)s->net[SAGA_NET_GEO].dim[0] * sizeof(real));
-    run(w, s, SAGA_NET_GEO);
-    run(w, s, SAGA_NET_COLOUR_BASE);
-    attribute_rows(rows, s);
-    for (i = 0; i < w->n.prim; i++)
-        set_attributes(w, s, rows, i);
+    attribute_rows(t.rows, s);
+    begin(&t);
+    do_rows(geometry_chunk, &t, w->n.prim);
 }
 
 /* --- Colour -------------------------------------------------------------- */
@@ -406,120 +522,188 @@ static void set_direction(real d[3], const saga_twin *w, size_t i,
         d[k] = n2 > 0 ? d[k] / SQRT(n2) : 0;
 }
 
-void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
+static int sees_views(const saga_scene *s)
 {
-    const size_t width = s->model.width[SAGA_NET_COLOUR];
+    return (s->model.tools & SAGA_TOOL_VIEW) != 0;
+}
+
+static const int colour_nets[] = { SAGA_NET_COLOUR, SAGA_NET_COLOUR_VIEW };
+
+static void colour_chunk(void *user, size_t chunk)
+{
+    const stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_part(w->n.prim, CHUNK, chunk);
+    const size_t width = t->s->model.width[SAGA_NET_COLOUR];
     saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
-    const int view = (s->model.tools & SAGA_TOOL_VIEW) != 0;
+    const int view = sees_views(t->s);
     size_t i;
 
-    if (view) {
-        for (i = 0; centre && i < w->n.prim; i++)
-            set_direction(w->batch[SAGA_NET_COLOUR_VIEW].in + 3 * i, w, i,
-                          centre);
-        run(w, s, SAGA_NET_COLOUR_VIEW);
-    }
-    /* The first layer is linear, so that its parts for feature and direction
-     * add up before the one ReLU. */
-    for (i = 0; i < w->n.prim * width; i++) {
+    for (i = of.begin; view && t->centre && i < of.end; i++)
+        set_direction(w->batch[SAGA_NET_COLOUR_VIEW].in + 3 * i, w, i,
+                      t->centre);
+    if (view)
+        run(w, t->s, SAGA_NET_COLOUR_VIEW, chunk);
+    for (i = of.begin * width; i < of.end * width; i++) {
         const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
                        (view ? w->batch[SAGA_NET_COLOUR_VIEW].out[i] : 0);
 
         last->in[i] = x > 0 ? x : 0;
     }
-    run(w, s, SAGA_NET_COLOUR);
-    for (i = 0; i < 3 * (size_t)w->n.prim; i++)
+    run(w, t->s, SAGA_NET_COLOUR, chunk);
+    for (i = 3 * of.begin; i < 3 * of.end; i++)
         w->attr.colour[i] = saga_clamp(R(0.5) + last->out[i], 0, 1);
+}
+
+void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
+{
+    stage t = { .w = w, .s = s, .centre = centre, .nets = colour_nets,
+                .n_nets = 1 + sees_views(s) };
+
+    begin(&t);
+    do_rows(colour_chunk, &t, w->n.prim);
 }
 
 /* --- Backward ------------------------------------------------------------ */
 
-static void clear(real *p, size_t n)
-{
-    if (p)
-        memset(p, 0, n * sizeof *p);
-}
-
 void saga_twin_clear(saga_twin *w, const saga_scene *s)
 {
-    const size_t n = w->n.prim;
+    const size_t n = w->n.prim * sizeof(real), fine = w->n.fine * sizeof(real);
     saga_splat_params *const d = &w->d_attr;
+    const saga_span all[] = {
+        { d->mean, 3 * n }, { d->quat, 4 * n }, { d->log2_scale, 3 * n },
+        { d->opacity, n }, { d->colour, 3 * n }, { d->support, 3 * n },
+        { d->motion, 9 * n }, { d->slope, 4 * n }, { d->t_centre, n },
+        { d->log2_width, n },
+        { w->batch[SAGA_NET_COLOUR_BASE].d_out,
+          n * s->model.width[SAGA_NET_COLOUR] },
+        { w->d_log2_support, 4 * fine },
+        { w->d_fine_feature, s->model.features * fine }
+    };
 
-    clear(d->mean, 3 * n);
-    clear(d->quat, 4 * n);
-    clear(d->log2_scale, 3 * n);
-    clear(d->opacity, n);
-    clear(d->colour, 3 * n);
-    clear(d->support, 3 * n);
-    clear(d->motion, 9 * n);
-    clear(d->slope, 4 * n);
-    clear(d->t_centre, n);
-    clear(d->log2_width, n);
-    clear(w->batch[SAGA_NET_COLOUR_BASE].d_out,
-          n * s->model.width[SAGA_NET_COLOUR]);
-    clear(w->d_log2_support, 4 * (size_t)w->n.fine);
-    clear(w->d_fine_feature, s->model.features * (size_t)w->n.fine);
+    saga_clear(all, sizeof all / sizeof *all);
 }
 
-double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
-                             real weight)
+/* Returns the first primitive from i on that has another fine anchor than the
+ * one before it. */
+static size_t next_family(const saga_scene *s, size_t i)
 {
-    const real scale = weight / R(4 * w->n.prim);
-    double sum = 0;
+    while (i > 0 && i < s->n.prim && s->prim_fine[i] == s->prim_fine[i - 1])
+        i++;
+    return i;
+}
+
+/* Returns the primitives of a chunk: those of one fine anchor add to it, so
+ * they are one thread's. */
+static saga_range families(const saga_scene *s, size_t chunk)
+{
+    const saga_range of = saga_part(s->n.prim, CHUNK, chunk);
+
+    return (saga_range){ next_family(s, of.begin), next_family(s, of.end) };
+}
+
+static void loss_chunk(void *user, size_t chunk)
+{
+    const stage *const t = user;
+    const saga_scene *const s = t->s;
+    const saga_range of = families(s, chunk);
     size_t i, k;
 
-    for (i = 0; i < w->n.prim; i++)
+    for (i = of.begin; i < of.end; i++)
         for (k = 0; k < 4; k++) {
             const size_t at = 4 * (size_t)s->prim_fine[i] + k;
             const real dx = s->prim_x[4 * i + k] - s->fine_x[at];
-            const real o = dx / w->support[at];
-            /* The mean of max(|o| - 1, 0)^2, o = (x - x_fine) / support:
-             * free within the support, where an offset can be coded. */
+            const real o = dx / t->w->support[at];
             const real over = o > 1 ? o - 1 : o < -1 ? o + 1 : 0;
 
-            sum += (double)(over * over);
-            d->prim_x[4 * i + k] += 2 * scale * over / w->support[at];
-            w->d_log2_support[at] -= 2 * scale * over * o * LN2;
+            t->d->prim_x[4 * i + k] += 2 * t->weight * over /
+                                       t->w->support[at];
+            t->w->d_log2_support[at] -= 2 * t->weight * over * o * LN2;
         }
-    return sum / (4.0 * w->n.prim);
+}
+
+void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
+                           real weight)
+{
+    stage t = { .w = w, .d = d, .s = s, .weight = weight / R(4 * w->n.prim) };
+
+    do_rows(loss_chunk, &t, w->n.prim);
+}
+
+/* Sums of one network come after those of the other. */
+static void add_sum(void *user, size_t k)
+{
+    const stage *const t = user;
+    const int *net = t->nets;
+    saga_net_pass p;
+
+    for (; k >= saga_net_n_sums(&t->s->net[*net]); net++)
+        k -= saga_net_n_sums(&t->s->net[*net]);
+    p = pass_of(t->w, t->s, *net);
+    saga_net_add_sum(&t->d->net[*net], &p, k);
+}
+
+/* Takes blocks of m rows back through a stage's networks, whose weights then
+ * get the blocks' sums. */
+static void go_back(void (*block)(void *, size_t), stage *t, size_t m)
+{
+    saga_tasks all = { .run = block, .user = t, .n = saga_net_n_blocks(m) };
+    saga_tasks sums = { .run = add_sum, .user = t };
+    int i;
+
+    all.ns = 2 * cost_of(t, &all.most) * (double)m;
+    saga_parallel(&all);
+    for (i = 0; i < t->n_nets; i++) {
+        const saga_net *const net = &t->s->net[t->nets[i]];
+
+        sums.n += saga_net_n_sums(net);
+        sums.ns += saga_net_sums_ns(net, m);
+    }
+    saga_parallel(&sums);
+}
+
+static void back(const stage *t, int net, size_t block)
+{
+    const saga_net_pass p = pass_of(t->w, t->s, net);
+
+    saga_net_block_backward(&p, block);
+}
+
+static void colour_block(void *user, size_t block)
+{
+    const stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_net_block(w->n.prim, block);
+    const size_t width = t->s->model.width[SAGA_NET_COLOUR];
+    saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
+    real *const d_base = w->batch[SAGA_NET_COLOUR_BASE].d_out;
+    real *const d_view = w->batch[SAGA_NET_COLOUR_VIEW].d_out;
+    size_t i;
+
+    for (i = 3 * of.begin; i < 3 * of.end; i++) {
+        last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
+                                     1);
+        w->d_attr.colour[i] = 0;
+    }
+    back(t, SAGA_NET_COLOUR, block);
+    for (i = of.begin * width; i < of.end * width; i++) {
+        const real g = last->in[i] > 0 ? last->d_in[i] : 0;
+
+        d_base[i] += g;
+        if (sees_views(t->s))
+            d_view[i] = g;
+    }
+    if (sees_views(t->s))
+        back(t, SAGA_NET_COLOUR_VIEW, block);
 }
 
 void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
                                const saga_scene *s)
 {
-    const size_t width = s->model.width[SAGA_NET_COLOUR], n = w->n.prim;
-    saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
-    saga_twin_batch *const view = &w->batch[SAGA_NET_COLOUR_VIEW];
-    real *const d_base = w->batch[SAGA_NET_COLOUR_BASE].d_out;
-    size_t i;
+    stage t = { .w = w, .d = d, .s = s, .nets = colour_nets,
+                .n_nets = 1 + sees_views(s) };
 
-    for (i = 0; i < 3 * n; i++)
-        /* A colour at 0 or 1 takes gradients that lead back inside, no
-         * others. */
-        last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
-                                     1);
-    clear(w->d_attr.colour, 3 * n);
-    saga_net_backward(last->d_in, &d->net[SAGA_NET_COLOUR], &last->work,
-                      last->d_out, last->in, n, &s->net[SAGA_NET_COLOUR]);
-    for (i = 0; i < n * width; i++) {
-        /* The ReLU's gradient goes to both parts of the sum before it. */
-        const real g = last->in[i] > 0 ? last->d_in[i] : 0;
-
-        d_base[i] += g;
-        last->d_in[i] = g;
-    }
-    if (s->model.tools & SAGA_TOOL_VIEW)
-        saga_net_backward(NULL, &d->net[SAGA_NET_COLOUR_VIEW], &view->work,
-                          last->d_in, view->in, n,
-                          &s->net[SAGA_NET_COLOUR_VIEW]);
-}
-
-static void back(saga_twin *w, saga_scene *d, const saga_scene *s, int net)
-{
-    saga_twin_batch *const b = &w->batch[net];
-
-    saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in,
-                      saga_twin_rows(w, net), &s->net[net]);
+    go_back(colour_block, &t, w->n.prim);
 }
 
 /* Gradients of the attributes of primitive i go to F_geo's rows, positions and
@@ -563,15 +747,14 @@ static void attributes_backward(saga_twin *w, saga_scene *d,
         d_log2[k] += d->prim_x[4 * i + k] * w->prim_shift[4 * i + k] * LN2;
 }
 
-/* Sets d_feature to the first f of each row. */
-static void take_features(real *d_feature, const real *d_in, size_t rows,
-                          size_t dim, size_t f)
+static void attributes_chunk(void *user, size_t chunk)
 {
-    size_t i, k;
+    const stage *const t = user;
+    const saga_range of = families(t->s, chunk);
+    size_t i;
 
-    for (i = 0; i < rows; i++)
-        for (k = 0; k < f; k++)
-            d_feature[i * f + k] = d_in[i * dim + k];
+    for (i = of.begin; i < of.end; i++)
+        attributes_backward(t->w, t->d, t->s, t->rows, i);
 }
 
 /* Returns where the gradients of fuse_forward's features go. */
@@ -583,69 +766,101 @@ static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
 }
 
 /* The gradients go on from there to w->d_context. */
-static void fuse_backward(saga_twin *w, saga_scene *d, const saga_scene *s,
-                          int tier)
+static void fuse_backward(const stage *t, int tier, size_t block)
 {
     const int net = saga_fuse_net(tier);
+    const size_t f = t->s->model.features, dim = (size_t)t->s->net[net].dim[0];
+    const saga_twin_batch *const b = &t->w->batch[net];
+    const saga_range of = saga_net_block(saga_twin_rows(t->w, net), block);
+    size_t i;
 
-    if (s->net[net].n_layers == 0)
+    if (t->s->net[net].n_layers == 0)
         return;
-    back(w, d, s, net);
-    take_features(w->d_context, w->batch[net].d_in, saga_twin_rows(w, net),
-                  (size_t)s->net[net].dim[0], s->model.features);
+    back(t, net, block);
+    for (i = of.begin; i < of.end; i++)
+        memcpy(t->w->d_context + i * f, b->d_in + i * dim, f * sizeof(real));
+}
+
+static void prim_block(void *user, size_t block)
+{
+    const stage *const t = user;
+    const size_t f = t->s->model.features;
+    const size_t dim = (size_t)t->s->net[SAGA_NET_GEO].dim[0];
+    const real *const geo = t->w->batch[SAGA_NET_GEO].d_in;
+    const real *const base = t->w->batch[SAGA_NET_COLOUR_BASE].d_in;
+    real *const to = d_fused(t->w, t->s, SAGA_TIER_FINE);
+    const saga_range of = saga_net_block(t->w->n.prim, block);
+    size_t i, k;
+
+    back(t, SAGA_NET_GEO, block);
+    back(t, SAGA_NET_COLOUR_BASE, block);
+    for (i = of.begin; i < of.end; i++)
+        for (k = 0; k < f; k++)
+            to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
+    fuse_backward(t, SAGA_TIER_FINE, block);
 }
 
 static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
-    const size_t f = s->model.features, n = w->n.prim;
-    const size_t dim = (size_t)s->net[SAGA_NET_GEO].dim[0];
-    const real *const geo = w->batch[SAGA_NET_GEO].d_in;
-    const real *const base = w->batch[SAGA_NET_COLOUR_BASE].d_in;
-    real *const to = d_fused(w, s, SAGA_TIER_FINE);
-    saga_rows rows[SAGA_N_HEADS];
-    size_t i, k;
+    const int nets[] = { SAGA_NET_GEO, SAGA_NET_COLOUR_BASE, SAGA_NET_FUSE_F };
+    stage t = { .w = w, .d = d, .s = s };
 
-    attribute_rows(rows, s);
-    for (i = 0; i < n; i++)
-        attributes_backward(w, d, s, rows, i);
-    back(w, d, s, SAGA_NET_GEO);
-    back(w, d, s, SAGA_NET_COLOUR_BASE);
-    for (i = 0; i < n; i++)
-        for (k = 0; k < f; k++)
-            /* Both networks read the same features: their gradients add up. */
-            to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
-    fuse_backward(w, d, s, SAGA_TIER_FINE);
-    saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context, f, NULL,
-                       n);
+    attribute_rows(t.rows, s);
+    do_rows(attributes_chunk, &t, w->n.prim);
+    t.nets = nets;
+    t.n_nets = 3;
+    go_back(prim_block, &t, w->n.prim);
+    saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context,
+                       s->model.features, NULL, w->n.prim);
+}
+
+/* Gradients of fine features and supports go to F_fine's rows. */
+static void fine_outputs(const stage *t, size_t i)
+{
+    const saga_twin *const w = t->w;
+    real *const d_out = w->batch[SAGA_NET_FINE].d_out +
+                        out_at(t->s, SAGA_NET_FINE, i);
+    size_t k;
+
+    give(d_out, t->rows[SAGA_HEAD_FINE], w->d_fine_feature,
+         i * t->s->model.features);
+    for (k = 0; k < 4; k++) {
+        const real l = w->log2_support[4 * i + k];
+        const int inside = l < 0 && l > least_log2_support(k);
+
+        d_out[t->rows[SAGA_HEAD_SUPPORT].first + k] =
+            inside ? w->d_log2_support[4 * i + k] : 0;
+    }
+}
+
+static void fine_block(void *user, size_t block)
+{
+    const stage *const t = user;
+    const size_t f = t->s->model.features;
+    const size_t dim = (size_t)t->s->net[SAGA_NET_FINE].dim[0];
+    const real *const d_in = t->w->batch[SAGA_NET_FINE].d_in;
+    real *const to = d_fused(t->w, t->s, SAGA_TIER_COARSE);
+    const saga_range of = saga_net_block(t->w->n.fine, block);
+    size_t i;
+
+    for (i = of.begin; i < of.end; i++)
+        fine_outputs(t, i);
+    back(t, SAGA_NET_FINE, block);
+    for (i = of.begin; i < of.end; i++)
+        memcpy(to + i * f, d_in + i * dim, f * sizeof *to);
+    fuse_backward(t, SAGA_TIER_COARSE, block);
 }
 
 void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
 {
-    const size_t f = s->model.features, n = w->n.fine;
-    saga_twin_batch *const net = &w->batch[SAGA_NET_FINE];
-    saga_rows rows[SAGA_N_HEADS];
-    size_t i, k;
+    const int nets[] = { SAGA_NET_FINE, SAGA_NET_FUSE_C };
+    stage t = { .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2 };
 
-    saga_model_rows(rows, &s->model);
+    saga_model_rows(t.rows, &s->model);
     prims_backward(w, d, s);
-    for (i = 0; i < n; i++) {
-        real *const d_out = net->d_out + out_at(s, SAGA_NET_FINE, i);
-
-        give(d_out, rows[SAGA_HEAD_FINE], w->d_fine_feature, i * f);
-        for (k = 0; k < 4; k++) {
-            const real l = w->log2_support[4 * i + k];
-            const int inside = l < 0 && l > least_log2_support(k);
-
-            d_out[rows[SAGA_HEAD_SUPPORT].first + k] =
-                inside ? w->d_log2_support[4 * i + k] : 0;
-        }
-    }
-    back(w, d, s, SAGA_NET_FINE);
-    take_features(d_fused(w, s, SAGA_TIER_COARSE), net->d_in, n,
-                  (size_t)s->net[SAGA_NET_FINE].dim[0], f);
-    fuse_backward(w, d, s, SAGA_TIER_COARSE);
-    saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context, f, NULL,
-                       n);
+    go_back(fine_block, &t, w->n.fine);
+    saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,
+                       s->model.features, NULL, w->n.fine);
 }
 
 /* --- Neighbours from the integer path ------------------------------------ */
@@ -697,7 +912,7 @@ bool saga_twin_refresh(saga_twin *w, const saga_scene *s, const real *feature,
     /* Who is whose neighbour is decided by integers, as in the decoder:
      * first for fine anchors, whose supports then decide it for primitives. */
     link_fine(w, &sc, s);
-    fine_offsets(w, s);
+    fine_offsets(w, s, (saga_range){ 0, w->n.fine });
     fine_forward(w, s, feature);
     saga_links_supports(&sc, w->support);
     link_prims(w, &sc, s);

@@ -104,9 +104,9 @@ void saga_twin_clear(saga_twin *w, const saga_scene *s);
 
 /* Adds weight times the mean over primitives of relu(|o| - 1)^2 (the paper's
  * L_A) to the gradients: of positions into d, of supports for
- * saga_twin_backward. Between saga_twin_clear and that. Returns the mean. */
-double saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
-                             real weight);
+ * saga_twin_backward. Between saga_twin_clear and that. */
+void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
+                           real weight);
 
 /* Takes w->d_attr.colour (and clears it) and adds to d: once per view, after
  * saga_splat_backward and before the next view's colour. */

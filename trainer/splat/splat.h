@@ -21,6 +21,7 @@
 #define SAGA_SPLAT_H
 
 #include "canvas.h"
+#include "threads.h"
 
 /* This holds primitives, their gradients, or anything of the same shape. */
 typedef struct saga_splat_params {

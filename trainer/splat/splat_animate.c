@@ -69,14 +69,12 @@ void saga_splat_place(real x[3], const saga_splat_params *p, size_t i, real t)
 }
 
 void saga_splat_animate_forward(saga_splat_posed *out,
-                                const saga_splat_params *p, uint32_t n,
+                                const saga_splat_params *p, saga_range of,
                                 real t)
 {
-    int64_t j;
+    size_t i;
 
-#pragma omp parallel for schedule(static)
-    for (j = 0; j < (int64_t)n; j++) {
-        const size_t i = (size_t)j;
+    for (i = of.begin; i < of.end; i++) {
         const real dt = elapsed(p, i, t);
         const real age = age_of(p, i, dt);
         size_t a;
@@ -176,14 +174,12 @@ static real opacity_backward(saga_splat_params *d, real d_q0,
 
 void saga_splat_animate_backward(saga_splat_params *d,
                                  const saga_canvas *c,
-                                 const saga_splat_params *p)
+                                 const saga_splat_params *p, saga_range of)
 {
     const saga_splat_posed *const d_out = &c->splat.d_posed;
-    int64_t j;
+    size_t i;
 
-#pragma omp parallel for schedule(static)
-    for (j = 0; j < (int64_t)c->splat.n - c->n_still; j++) {
-        const size_t i = (size_t)j;
+    for (i = of.begin; i < of.end; i++) {
         const real dt = elapsed(p, i, c->t);
         const real pace = saga_splat_ageing(p, i), age = dt * pace;
         real d_dt, d_age;

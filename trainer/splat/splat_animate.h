@@ -19,17 +19,19 @@ real saga_splat_ageing(const saga_splat_params *p, size_t i);
 /* Finds where the mean of primitive i is at time t. */
 void saga_splat_place(real x[3], const saga_splat_params *p, size_t i, real t);
 
-/* dt = t - t_centre, age = dt ageing within +-4;
+/* Goes for some primitives, by one thread: others may do others.
+ *
+ * dt = t - t_centre, age = dt ageing within +-4;
  * mean + support (((b3 age + b2) age + b1) age), quat + slope age,
  * log2(1 + 2^-o) + log2(e) min(16, |dt| 2^-log2_width)^2. */
 void saga_splat_animate_forward(saga_splat_posed *out,
-                                const saga_splat_params *p, uint32_t n,
+                                const saga_splat_params *p, saga_range of,
                                 real t);
 
 /* Adds to d, given canvas->splat.d_posed; primitives that the canvas does not
  * show have no gradient and are skipped. */
 void saga_splat_animate_backward(saga_splat_params *d,
                                  const saga_canvas *canvas,
-                                 const saga_splat_params *p);
+                                 const saga_splat_params *p, saga_range of);
 
 #endif

@@ -243,14 +243,13 @@ static real project_one(saga_splat_2d *o, const saga_canvas *canvas,
 }
 
 void saga_splat_project_forward(saga_canvas *canvas,
-                                const saga_splat_params *p)
+                                const saga_splat_params *p, saga_range of)
 {
     saga_splat_work *const w = &canvas->splat;
-    int64_t i;
+    size_t i;
 
-#pragma omp parallel for schedule(static)
-    for (i = 0; i < (int64_t)w->n; i++)
-        w->extent[i] = project_one(w->splat + i, canvas, p, (size_t)i);
+    for (i = of.begin; i < of.end; i++)
+        w->extent[i] = project_one(w->splat + i, canvas, p, i);
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -435,14 +434,12 @@ static void note(saga_splat_stats *st, const splat_gradient *d, size_t i)
 void saga_splat_project_backward(saga_splat_params *d,
                                  saga_splat_stats *stats,
                                  saga_canvas *canvas,
-                                 const saga_splat_params *p)
+                                 const saga_splat_params *p, saga_range of)
 {
     const saga_splat_work *const work = &canvas->splat;
-    int64_t j;
+    size_t i;
 
-#pragma omp parallel for schedule(static)
-    for (j = 0; j < (int64_t)n_given(canvas); j++) {
-        const size_t i = (size_t)j;
+    for (i = of.begin; i < of.end; i++) {
         splat_gradient ds;
 
         if (work->extent[i] == 0)

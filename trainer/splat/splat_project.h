@@ -11,10 +11,12 @@
 #define saga_splat_project_forward SAGA_REAL_NAME(saga_splat_project_forward)
 #define saga_splat_project_backward SAGA_REAL_NAME(saga_splat_project_backward)
 
-/* Projects canvas->splat.posed to .splat and .extent, which are empty (x1 = x0)
+/* These are of some primitives, by one thread: others may do others.
+ *
+ * Projects canvas->splat.posed to .splat and .extent, which are empty (x1 = x0)
  * and 0 where a primitive is dropped or misses the picture. */
 void saga_splat_project_forward(saga_canvas *canvas,
-                                const saga_splat_params *p);
+                                const saga_splat_params *p, saga_range of);
 
 /* Sums the records of visible splats in tile order and carries them back: SETS
  * canvas->splat.d_posed of visible primitives, ADDS to d->log2_scale and
@@ -22,6 +24,6 @@ void saga_splat_project_forward(saga_canvas *canvas,
 void saga_splat_project_backward(saga_splat_params *d,
                                  saga_splat_stats *stats,
                                  saga_canvas *canvas,
-                                 const saga_splat_params *p);
+                                 const saga_splat_params *p, saga_range of);
 
 #endif

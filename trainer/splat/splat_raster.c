@@ -37,6 +37,9 @@ enum {
     KEPT_ALL = LAST + BLOCKS /* and one more is worked on */
 };
 
+/* Nanoseconds to draw a splat in a tile, and the rest of a tile. */
+enum { PAIR_NS = 40, TILE_NS = 200 };
+
 /* This is the state of a tile's pixels, block by block: blocks of the left half
  * from top to bottom, then those of the right. */
 typedef struct {
@@ -300,8 +303,9 @@ static int is_done(const tile *t, const pass *p, size_t nth)
            all_finished(t, p->limit.floor);
 }
 
-static void draw_tile(const pass *p, size_t index)
+static void draw_tile(void *user, size_t index)
 {
+    const pass *const p = user;
     saga_canvas *const canvas = p->canvas;
     const saga_splat_work *const work = &canvas->splat;
     const size_t begin = work->tile_begin[index];
@@ -320,20 +324,27 @@ static void draw_tile(const pass *p, size_t index)
                   t.colour[c], canvas->camera.width);
 }
 
-static int64_t n_tiles(const saga_splat_work *work)
+static size_t n_tiles(const saga_splat_work *work)
 {
-    return (int64_t)work->n_tiles_x * work->n_tiles_y;
+    return (size_t)work->n_tiles_x * work->n_tiles_y;
+}
+
+/* Does work on all tiles that takes `times` as long as to draw them. */
+static void do_tiles(void (*run)(void *, size_t), pass *p, int times)
+{
+    const saga_splat_work *const w = &p->canvas->splat;
+
+    saga_parallel(&(saga_tasks){
+        .run = run, .user = p, .n = n_tiles(w),
+        .ns = times * ((double)PAIR_NS * (double)w->n_pairs +
+                       (double)TILE_NS * (double)n_tiles(w)) });
 }
 
 void saga_splat_raster_forward(saga_canvas *canvas)
 {
-    const int64_t n = n_tiles(&canvas->splat);
-    const pass p = pass_of(canvas);
-    int64_t i;
+    pass p = pass_of(canvas);
 
-#pragma omp parallel for schedule(dynamic, 4)
-    for (i = 0; i < n; i++)
-        draw_tile(&p, (size_t)i);
+    do_tiles(draw_tile, &p, 1);
 }
 
 /* --- Backward ------------------------------------------------------------ */
@@ -528,7 +539,7 @@ bool saga_splat_raster_reserve(saga_canvas *canvas, saga_error *error)
                           work->n_pairs * sizeof *work->touched, error))
         return false;
     if (!saga_canvas_grow((void **)&work->squares, &work->cap[17],
-                          (size_t)n_tiles(work) * sizeof *work->squares,
+                          n_tiles(work) * sizeof *work->squares,
                           error))
         return false;
     if (n_threads <= work->n_kept)
@@ -598,10 +609,11 @@ static void begin_rest(tile *t)
     }
 }
 
-/* Goes back from the gradient to the picture, or from the truth. Returns the
- * sum of squared errors, which without a truth is of no meaning. */
-static double tile_backward(const pass *p, size_t index)
+/* Goes back from the gradient to the picture, or from the truth: then it sets
+ * the sum of squared errors. */
+static void tile_backward(void *user, size_t index)
 {
+    const pass *const p = user;
     const saga_splat_work *const work = &p->canvas->splat;
     const saga_splat_camera *const cam = &p->canvas->camera;
     const size_t end = work->tile_begin[index + 1];
@@ -610,7 +622,6 @@ static double tile_backward(const pass *p, size_t index)
         .touched = work->touched,
         .begin = work->tile_begin[index], .end = end
     };
-    double squares = 0;
     tile t;
     size_t e;
 
@@ -621,38 +632,30 @@ static double tile_backward(const pass *p, size_t index)
     if (p->learn && p->canvas->n_unseen)
         forgive(&t);
     if (p->learn)
-        squares = compare(&t, cam);
+        work->squares[index] = compare(&t, cam);
     begin_rest(&t);
     go_back(&r, &t, p);
     for (e = r.end; e < end; e++)
         memset(record_of(work, e), 0, SAGA_N_SUMS * sizeof(real));
-    return squares;
 }
 
 void saga_splat_raster_backward(saga_canvas *canvas)
 {
-    const int64_t n = n_tiles(&canvas->splat);
-    const pass p = pass_of(canvas);
-    int64_t i;
+    pass p = pass_of(canvas);
 
-#pragma omp parallel for schedule(dynamic, 4)
-    for (i = 0; i < n; i++)
-        tile_backward(&p, (size_t)i);
+    do_tiles(tile_backward, &p, 3);
 }
 
 double saga_splat_raster_learn(saga_canvas *canvas)
 {
-    const int64_t n = n_tiles(&canvas->splat);
-    double *const squares = canvas->splat.squares;
+    const size_t n = n_tiles(&canvas->splat);
     pass p = pass_of(canvas);
     double sum = 0;
-    int64_t i;
+    size_t i;
 
     p.learn = 1;
-#pragma omp parallel for schedule(dynamic, 4)
+    do_tiles(tile_backward, &p, 3);
     for (i = 0; i < n; i++)
-        squares[i] = tile_backward(&p, (size_t)i);
-    for (i = 0; i < n; i++)
-        sum += squares[i];
+        sum += canvas->splat.squares[i];
     return sum / saga_canvas_n_seen(canvas);
 }

@@ -12,11 +12,10 @@
 #include <string.h>
 #include <tgmath.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 enum { TILE = SAGA_SPLAT_TILE, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
+
+/* Nanoseconds that a splat takes to be put into the lists. */
+enum { LIST_NS = 60 };
 
 /* --- Order --------------------------------------------------------------- */
 
@@ -139,19 +138,30 @@ static void tile_columns(int *c0, int *c1, const saga_splat_2d *o, int row,
 /* --- Lists --------------------------------------------------------------- */
 
 /* Divides [0, n) in parts, always alike. */
-static uint32_t part_begin(uint32_t n, int part, int n_parts)
+static uint32_t part_begin(uint32_t n, size_t part, size_t n_parts)
 {
-    return (uint32_t)((uint64_t)n * (uint64_t)part / (uint64_t)n_parts);
+    return (uint32_t)((uint64_t)n * part / n_parts);
 }
 
+/* All parts share this. */
+typedef struct {
+    saga_splat_work *work;
+    size_t *count;         /* (parts, tiles) */
+    size_t n_parts, n_tiles;
+    real cut;
+} listing;
+
 /* Counts splats of one part per tile, and slots per splat. */
-static void count_part(size_t *count, saga_splat_work *work, int part,
-                       int n_parts, real cut)
+static void count_part(void *user, size_t part)
 {
-    const uint32_t end = part_begin(work->n_visible, part + 1, n_parts);
+    const listing *const l = user;
+    saga_splat_work *const work = l->work;
+    const uint32_t end = part_begin(work->n_visible, part + 1, l->n_parts);
+    size_t *const count = l->count + part * l->n_tiles;
+    const real cut = l->cut;
     uint32_t r;
 
-    for (r = part_begin(work->n_visible, part, n_parts); r < end; r++) {
+    for (r = part_begin(work->n_visible, part, l->n_parts); r < end; r++) {
         const saga_splat_2d *const o = work->splat + work->order[r];
         uint32_t slots = 0;
         int row, c0, c1, c;
@@ -166,13 +176,16 @@ static void count_part(size_t *count, saga_splat_work *work, int part,
     }
 }
 
-static void scatter_part(size_t *next, saga_splat_work *work, int part,
-                         int n_parts, real cut)
+static void scatter_part(void *user, size_t part)
 {
-    const uint32_t end = part_begin(work->n_visible, part + 1, n_parts);
+    const listing *const l = user;
+    saga_splat_work *const work = l->work;
+    const uint32_t end = part_begin(work->n_visible, part + 1, l->n_parts);
+    size_t *const next = l->count + part * l->n_tiles;
+    const real cut = l->cut;
     uint32_t r;
 
-    for (r = part_begin(work->n_visible, part, n_parts); r < end; r++) {
+    for (r = part_begin(work->n_visible, part, l->n_parts); r < end; r++) {
         const saga_splat_2d *const o = work->splat + work->order[r];
         uint32_t slot = work->slot_begin[work->order[r]];
         int row, c0, c1, c;
@@ -192,15 +205,14 @@ static void scatter_part(size_t *next, saga_splat_work *work, int part,
 /* count[part][tile] becomes where that part's entries of the tile begin.
  * Returns the number of pairs. */
 static size_t prefix_tiles(size_t *count, saga_splat_work *work,
-                           size_t n_tiles, int n_parts)
+                           size_t n_tiles, size_t n_parts)
 {
-    size_t sum = 0, t;
-    int part;
+    size_t sum = 0, t, part;
 
     for (t = 0; t < n_tiles; t++) {
         work->tile_begin[t] = sum;
         for (part = 0; part < n_parts; part++) {
-            size_t *const c = count + (size_t)part * n_tiles + t;
+            size_t *const c = count + part * n_tiles + t;
             const size_t n = *c;
 
             *c = sum;
@@ -211,36 +223,15 @@ static size_t prefix_tiles(size_t *count, saga_splat_work *work,
     return sum;
 }
 
-static int n_threads(void)
+/* Makes room for the lists, once it is known how long they are. */
+static bool begin_lists(const listing *l, saga_error *error)
 {
-#ifdef _OPENMP
-    return omp_get_max_threads();
-#else
-    return 1;
-#endif
-}
-
-static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
-                       saga_error *error)
-{
-    const int n_parts = n_threads();
-    const size_t count_nbytes = (size_t)n_parts * n_tiles * sizeof(size_t);
-    size_t *count;
+    saga_splat_work *const work = l->work;
     uint32_t i;
-    int part;
 
-    if (!saga_canvas_grow(&work->scratch[2], &work->cap[12], count_nbytes,
-                          error))
-        return false;
-    count = work->scratch[2];
-    memset(count, 0, count_nbytes);
-    memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
-#pragma omp parallel for schedule(static, 1)
-    for (part = 0; part < n_parts; part++)
-        count_part(count + (size_t)part * n_tiles, work, part, n_parts, cut);
     for (i = 0; i < work->n; i++)
         work->slot_begin[i + 1] += work->slot_begin[i];
-    work->n_pairs = prefix_tiles(count, work, n_tiles, n_parts);
+    work->n_pairs = prefix_tiles(l->count, work, l->n_tiles, l->n_parts);
     if (work->n_pairs > UINT32_MAX)
         return saga_no_memory(0, "drawing a picture", error);
     if (!saga_canvas_grow((void **)&work->pair, &work->cap[7],
@@ -249,9 +240,29 @@ static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
         return false;
     memset(work->pair + work->n_pairs, 0,
            SAGA_SPLAT_AHEAD * sizeof *work->pair);
-#pragma omp parallel for schedule(static, 1)
-    for (part = 0; part < n_parts; part++)
-        scatter_part(count + (size_t)part * n_tiles, work, part, n_parts, cut);
+    return true;
+}
+
+static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
+                       saga_error *error)
+{
+    const double ns = (double)LIST_NS * work->n_visible;
+    const size_t n_parts = saga_team(ns);
+    const size_t count_nbytes = n_parts * n_tiles * sizeof(size_t);
+    listing l = { work, NULL, n_parts, n_tiles, cut };
+
+    if (!saga_canvas_grow(&work->scratch[2], &work->cap[12], count_nbytes,
+                          error))
+        return false;
+    l.count = work->scratch[2];
+    memset(l.count, 0, count_nbytes);
+    memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
+    saga_parallel(&(saga_tasks){ .run = count_part, .user = &l, .n = n_parts,
+                                 .ns = ns });
+    if (!begin_lists(&l, error))
+        return false;
+    saga_parallel(&(saga_tasks){ .run = scatter_part, .user = &l, .n = n_parts,
+                                 .ns = ns });
     return true;
 }
 

@@ -2,6 +2,7 @@
 #include "fit_state.h"
 
 #include "alloc.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -160,36 +161,44 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
     return true;
 }
 
-/* Sets f->feature: with noise of a step, then rounded. */
-static void use_features(saga_fit *f)
+/* Threads take so many features, so many primitives at a time, and so many
+ * nanoseconds for each. */
+enum { FEATURES = 2048, FEATURE_NS = 5, PRIMS = 256, PRIM_NS = 60 };
+
+/* Sets a part of f->feature: with noise of a step, then rounded. */
+static void use_features(void *user, size_t part)
 {
-    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
+    saga_fit *const f = user;
+    const saga_range of = saga_part((size_t)f->scene->n.coarse *
+                                    f->scene->model.features, FEATURES, part);
     const saga_rng r = saga_rng_stream(
         f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_NOISE);
     const double step = saga_fit_feature_step(f->scene);
     size_t i;
 
-    for (i = 0; i < n; i++) {
-        const double x = (double)f->scene->coarse_feature[i];
-
-        f->feature[i] = (real)(is_rounding(f)
-            ? (double)saga_rate_round(&f->rate, f->scene, i)
-            : x + step * (saga_rng_double(r, i) - 0.5));
+    if (is_rounding(f)) {
+        saga_rate_round(f->feature, &f->rate, f->scene, of);
+        return;
     }
+    for (i = of.begin; i < of.end; i++)
+        f->feature[i] = (real)((double)f->scene->coarse_feature[i] +
+                               step * (saga_rng_double(r, i) - 0.5));
 }
 
-/* Sets f->position: with noise of a step of the offset from its anchor, then
- * with the offset rounded; and what that has moved, as supports do. */
-static void use_positions(saga_fit *f)
+/* Sets a part of f->position: with noise of a step of the offset from its
+ * anchor, then with the offset rounded; and what that has moved, as supports
+ * do. */
+static void use_positions(void *user, size_t part)
 {
+    saga_fit *const f = user;
     const saga_scene *const s = f->scene;
+    const saga_range of = saga_part(s->n.prim, PRIMS, part);
     const saga_rng r = saga_rng_stream(
         f->o.seed ^ ((uint64_t)f->iteration << 20), STREAM_OFFSET);
     const double step = saga_rate_prim_step(s);
     size_t i, k;
 
-    memcpy(f->position, s->prim_x, 4 * (size_t)s->n.prim * sizeof *f->position);
-    for (i = 0; i < s->n.prim; i++) {
+    for (i = of.begin; i < of.end; i++) {
         const size_t fine = s->prim_fine[i];
         const real *const at = s->fine_x + 4 * fine;
         const real *const support = f->twin.support + 4 * fine;
@@ -208,6 +217,24 @@ static void use_positions(saga_fit *f)
                 f->position[4 * i + k] - s->prim_x[4 * i + k];
         }
     }
+}
+
+static void use_all_features(saga_fit *f)
+{
+    const size_t n = (size_t)f->scene->n.coarse * f->scene->model.features;
+
+    saga_parallel(&(saga_tasks){
+        .run = use_features, .user = f, .n = saga_n_parts(n, FEATURES),
+        .ns = (double)FEATURE_NS * (double)n });
+}
+
+static void use_all_positions(saga_fit *f)
+{
+    const size_t n = f->scene->n.prim;
+
+    saga_parallel(&(saga_tasks){
+        .run = use_positions, .user = f, .n = saga_n_parts(n, PRIMS),
+        .ns = (double)PRIM_NS * (double)n });
 }
 
 /* --- Steps --------------------------------------------------------------- */
@@ -341,8 +368,8 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
     bool ok;
 
     *mse = 0;
-    use_features(f);
-    use_positions(f);
+    use_all_features(f);
+    use_all_positions(f);
     if (!saga_fit_use_weights(f, error))
         return false;
     if (f->iteration % REFRESH_EVERY == 0 &&
@@ -353,7 +380,8 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
 
         saga_rate_start(&f->rate, f->scene, &x);
     }
-    memset(f->grad.reals, 0, f->grad.n_reals * sizeof(real));
+    saga_clear(&(saga_span){ f->grad.reals, f->grad.n_reals * sizeof(real) },
+               1);
     saga_twin_clear(&f->twin, f->scene);
     ok = render_iteration(f, mse, error);
     f->iteration++;
@@ -368,7 +396,7 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
     saga_rate_input x = rate_input(f, feature);
 
     saga_fit_round_weights(f);
-    use_positions(f);
+    use_all_positions(f);
     x.scene = &f->used;
     if (!saga_rate_choice_init(c, &f->rate, &x, error))
         return NULL;

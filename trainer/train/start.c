@@ -7,12 +7,17 @@
 #include "fit_state.h"
 #include "linear.h"
 #include "rng.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { STREAM_SIGNS = 110 };
+
+/* Primitives whose features are fitted at a time; nanoseconds that a thread
+ * takes for one. */
+enum { CODES = 32, CODE_NS = 5000 };
 
 /* So many pictures have random signs; each gives every attribute one more
  * sample. */
@@ -270,33 +275,51 @@ static void first_basis(start *x)
             x->basis[k][j] = v[k][j] / w[k];
 }
 
+typedef struct { start *x; const double *ridge; } coding;
+
+static void fit_code(const coding *c, size_t i)
+{
+    start *const x = c->x;
+    double *const b = x->code + i * x->f, trace = 0;
+    saga_matrix a;
+
+    memset(a, 0, sizeof a);
+    memset(b, 0, x->f * sizeof *b);
+    for (size_t k = 0; k < x->d; k++) {
+        const double w = x->weight[i * x->d + k];
+        const double e = x->wanted[i * x->d + k] - x->mean[k];
+
+        for (size_t j = 0; j < x->f; j++) {
+            b[j] += w * x->basis[k][j] * e;
+            for (size_t l = 0; l <= j; l++)
+                a[j][l] += w * x->basis[k][j] * x->basis[k][l];
+        }
+    }
+    for (size_t j = 0; j < x->f; j++)
+        trace += a[j][j];
+    for (size_t j = 0; j < x->f; j++)
+        a[j][j] += c->ridge ? c->ridge[j] : 1e-3 * trace / (double)x->f;
+    saga_solve(a, b, x->f);
+}
+
+static void code_part(void *user, size_t part)
+{
+    const coding *const c = user;
+    const saga_range of = saga_part(c->x->n, CODES, part);
+
+    for (size_t i = of.begin; i < of.end; i++)
+        fit_code(c, i);
+}
+
 /* Fits the features of every primitive, given the basis. ridge (f): what the
  * square of each costs; NULL: next to nothing. */
 static void fit_codes(start *x, const double *ridge)
 {
-#pragma omp parallel for schedule(static)
-    for (size_t i = 0; i < x->n; i++) {
-        double *const b = x->code + i * x->f, trace = 0;
-        saga_matrix a;
+    coding c = { x, ridge };
 
-        memset(a, 0, sizeof a);
-        memset(b, 0, x->f * sizeof *b);
-        for (size_t k = 0; k < x->d; k++) {
-            const double w = x->weight[i * x->d + k];
-            const double e = x->wanted[i * x->d + k] - x->mean[k];
-
-            for (size_t j = 0; j < x->f; j++) {
-                b[j] += w * x->basis[k][j] * e;
-                for (size_t l = 0; l <= j; l++)
-                    a[j][l] += w * x->basis[k][j] * x->basis[k][l];
-            }
-        }
-        for (size_t j = 0; j < x->f; j++)
-            trace += a[j][j];
-        for (size_t j = 0; j < x->f; j++)
-            a[j][j] += ridge ? ridge[j] : 1e-3 * trace / (double)x->f;
-        saga_solve(a, b, x->f);
-    }
+    saga_parallel(&(saga_tasks){
+        .run = code_part, .user = &c, .n = saga_n_parts(x->n, CODES),
+        .ns = (double)CODE_NS * (double)x->n });
 }
 
 /* Fits basis and mean of every dimension, given the features. */

@@ -10,6 +10,7 @@
 
 #include "alloc.h"
 #include "flat_state.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -39,19 +40,21 @@ typedef struct comparisons {
     double *sum;         /* (views, 2) scratch: weighted sum, weights */
 } comparisons;
 
-static void compare_all(comparisons *c, const saga_flat *f, int pass)
+typedef struct { comparisons *c; const saga_flat *f; int pass; } job;
+
+static void compare_part(void *user, size_t part)
 {
+    const job *const t = user;
+    const saga_flat *const f = t->f;
     const saga_pictures *const p = f->pictures;
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_EXPOSURE);
-    int64_t i;
+    const saga_range of = saga_part(N_PIXELS, SAGA_FLAT_LOOKS, part);
 
-    memset(c->at, 0, N_PIXELS * SAGA_FLAT_NEAR * sizeof *c->at);
-#pragma omp parallel for schedule(dynamic, 16)
-    for (i = 0; i < N_PIXELS; i++) {
-        const uint64_t k = 3 * ((uint64_t)pass * N_PIXELS + (uint64_t)i);
+    for (size_t i = of.begin; i < of.end; i++) {
+        const uint64_t k = 3 * ((uint64_t)t->pass * N_PIXELS + i);
         const saga_sample s = saga_pictures_pick(p, r, k);
         const saga_shot *const v = p->capture->views + s.view;
-        comparison *const to = c->at + i * SAGA_FLAT_NEAR;
+        comparison *const to = t->c->at + i * SAGA_FLAT_NEAR;
         saga_flat_ratio ratio[SAGA_FLAT_NEAR];
         const int n = saga_flat_compare(
             f, s.view, s.frame, saga_rng_double(r, k + 1) * v->width,
@@ -63,6 +66,17 @@ static void compare_all(comparisons *c, const saga_flat *f, int pass)
             memcpy(to[j].log, ratio[j].log, sizeof to[j].log);
         }
     }
+}
+
+static void compare_all(comparisons *c, const saga_flat *f, int pass)
+{
+    job j = { c, f, pass };
+
+    memset(c->at, 0, N_PIXELS * SAGA_FLAT_NEAR * sizeof *c->at);
+    saga_parallel(&(saga_tasks){
+        .run = compare_part, .user = &j,
+        .n = saga_n_parts(N_PIXELS, SAGA_FLAT_LOOKS),
+        .ns = (double)SAGA_FLAT_LOOK_NS * N_PIXELS });
 }
 
 static void gather(comparisons *c, size_t n_views)

@@ -3,12 +3,17 @@
 
 #include "adam.h"
 #include "alloc.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { COARSEST_WIDTH = 150, MAX_MIP = 3 };
+
+/* Threads take so many primitives at a time; what one takes for each, in
+ * nanoseconds. */
+enum { PART = 256, TURN_NS = 5, SETTLE_NS = 40 };
 
 /* Octaves that a step of a mean goes with its primitive's size. */
 #define MOST_STEP R(2)
@@ -375,10 +380,9 @@ static real rate_at(const saga_flat *f, int tensor)
 
 static void bound(real *x, size_t n, real lo, real hi)
 {
-    int64_t i;
+    size_t i;
 
-#pragma omp parallel for schedule(static)
-    for (i = 0; i < (int64_t)n; i++)
+    for (i = 0; i < n; i++)
         x[i] = saga_clamp(x[i], lo, hi);
 }
 
@@ -399,18 +403,18 @@ void saga_flat_axes(real axes[3][3], const real *q)
 /* Means learn along the axes of their primitives, in steps that follow its size
  * along each: Adam's steps are all alike, and would throw what is thin out of
  * its surface while what is large hardly moves. */
-static void turn_gradients(saga_flat *f)
+static void turn_gradients(void *user, size_t part)
 {
-    int64_t i;
+    saga_flat *const f = user;
+    const saga_range of = saga_part(f->n, PART, part);
 
-#pragma omp parallel for schedule(static)
-    for (i = 0; i < (int64_t)f->n; i++) {
+    for (size_t i = of.begin; i < of.end; i++) {
         real *const g = f->grad[FLAT_MEAN] + 3 * i;
         const real world[3] = { g[0], g[1], g[2] };
         real axes[3][3];
 
         saga_flat_axes(axes, f->value[FLAT_QUAT] + 4 * i);
-        for (int k = 0; k < 3; k++) {
+        for (size_t k = 0; k < 3; k++) {
             g[k] = axes[k][0] * world[0] + axes[k][1] * world[1] +
                    axes[k][2] * world[2];
             f->step[3 * i + k] = 0;
@@ -418,28 +422,27 @@ static void turn_gradients(saga_flat *f)
     }
 }
 
+/* Sums are kept apart so that none waits for the last; no order of these reals
+ * makes a difference to a double. */
 static double mean_log2_scale(const saga_flat *f)
 {
-    double sum = 0;
+    double sum[3] = { 0 };
 
-    for (size_t i = 0; i < 3 * (size_t)f->n; i++)
-        sum += (double)f->value[FLAT_SCALE][i];
-    return sum / (3.0 * f->n);
+    for (size_t i = 0; i < f->n; i++)
+        for (size_t k = 0; k < 3; k++)
+            sum[k] += (double)f->value[FLAT_SCALE][3 * i + k];
+    return (sum[0] + sum[1] + sum[2]) / (3.0 * f->n);
 }
 
-static void take_steps(saga_flat *f)
+static void take_steps(saga_flat *f, saga_range of, real typical)
 {
-    const real typical = (real)mean_log2_scale(f);
-    int64_t i;
-
-#pragma omp parallel for schedule(static)
-    for (i = 0; i < (int64_t)f->n; i++) {
+    for (size_t i = of.begin; i < of.end; i++) {
         const real *const size = f->value[FLAT_SCALE] + 3 * i;
         real *const mean = f->value[FLAT_MEAN] + 3 * i;
         real axes[3][3];
 
         saga_flat_axes(axes, f->value[FLAT_QUAT] + 4 * i);
-        for (int k = 0; k < 3; k++) {
+        for (size_t k = 0; k < 3; k++) {
             const real step = f->step[3 * i + k] * (real)exp2((double)
                 saga_clamp(size[k] - typical, -MOST_STEP, MOST_STEP));
 
@@ -449,12 +452,61 @@ static void take_steps(saga_flat *f)
     }
 }
 
-static bool update(saga_flat *f, saga_error *error)
+/* Every value of a picture is affine in the alpha of a primitive. Without it
+ * the squared error of the n values would grow by Q - G, where G is the sum of
+ * alpha dSSE/dalpha, -n / ln 2 dL/dq0, and Q that of (alpha dvalue/dalpha)^2.
+ * What is left of the error is nearly random, so G^2 is 4 L Q on the mean. */
+static void note_worth(saga_flat *f, saga_range of, double mse)
+{
+    const saga_splat_work *const w = &f->canvas.splat;
+    const saga_splat_camera *const c = &f->canvas.camera;
+    const real n_by_ln_2 = R(3 * c->width * c->height / 0.69314718055994531);
+    const real part = mse > 0 ? R(0.25 / mse) : 0;
+
+    for (size_t i = of.begin; i < of.end; i++)
+        if (w->extent[i] > 0) {
+            const real g = -n_by_ln_2 * w->d_posed.q0[i];
+
+            f->worth[i] += part * g * g - g;
+        }
+}
+
+typedef struct { saga_flat *f; int n_moving; real typical; double mse; } step;
+
+static void settle_part(void *user, size_t part)
+{
+    const step *const s = user;
+    saga_flat *const f = s->f;
+    const saga_range of = saga_part(f->n, PART, part);
+
+    take_steps(f, of, s->typical);
+    for (int t = 0; t < s->n_moving; t++) {
+        const size_t w = (size_t)f->info[t].width;
+
+        bound(f->value[t] + w * of.begin, w * (of.end - of.begin),
+              f->info[t].lo, f->info[t].hi);
+    }
+    note_worth(f, of, s->mse);
+}
+
+/* Does what is left once all tensors have made their steps, n of which move. */
+static void settle(saga_flat *f, int n, double mse)
+{
+    step s = { f, n, (real)mean_log2_scale(f), mse };
+
+    saga_parallel(&(saga_tasks){
+        .run = settle_part, .user = &s, .n = saga_n_parts(f->n, PART),
+        .ns = (double)SETTLE_NS * f->n });
+}
+
+static bool update(saga_flat *f, double mse, saga_error *error)
 {
     const int n = f->o.temporal ? FLAT_N_TENSORS : FLAT_MOTION;
     saga_adam_tensor tensors[FLAT_N_TENSORS + 1];
 
-    turn_gradients(f);
+    saga_parallel(&(saga_tasks){
+        .run = turn_gradients, .user = f, .n = saga_n_parts(f->n, PART),
+        .ns = (double)TURN_NS * f->n });
     for (int t = 0; t < n; t++)
         tensors[t] = (saga_adam_tensor){
             .name = f->info[t].name,
@@ -468,9 +520,7 @@ static bool update(saga_flat *f, saga_error *error)
     if (!saga_adam_update(&adam, tensors, (size_t)n + 1,
                           (uint64_t)f->iteration + 1, error))
         return false;
-    take_steps(f);
-    for (int t = 0; t < n; t++)
-        bound(f->value[t], tensors[t].n, f->info[t].lo, f->info[t].hi);
+    settle(f, n, mse);
     return true;
 }
 
@@ -481,6 +531,16 @@ bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error)
     saga_pictures_aim(&f->canvas, f->pictures, sample);
     saga_pictures_truth(&f->canvas, f->pictures, sample);
     return saga_splat_forward(&f->canvas, &p, f->n, error);
+}
+
+static void clear_gradients(saga_flat *f)
+{
+    saga_span all[FLAT_N_TENSORS];
+
+    for (int t = 0; t < FLAT_N_TENSORS; t++)
+        all[t] = (saga_span){ f->grad[t], (size_t)saga_flat_widths[t] * f->n *
+                                          sizeof(real) };
+    saga_clear(all, FLAT_N_TENSORS);
 }
 
 /* Sets the gradients of a picture's error, and adds to the statistics. */
@@ -494,9 +554,7 @@ static bool look(saga_flat *f, double *mse, saga_sample sample,
 
     saga_pictures_aim(&f->canvas, f->pictures, sample);
     saga_pictures_truth(&f->canvas, f->pictures, sample);
-    for (int t = 0; t < FLAT_N_TENSORS; t++)
-        memset(f->grad[t], 0, (size_t)saga_flat_widths[t] * f->n *
-               sizeof(real));
+    clear_gradients(f);
     if (!saga_splat_learn(&l, &f->canvas, &p, f->n, error))
         return false;
     *mse = l.mse;
@@ -507,27 +565,6 @@ static bool look(saga_flat *f, double *mse, saga_sample sample,
                      f->iteration);
 }
 
-/* Every value of a picture is affine in the alpha of a primitive. Without it
- * the squared error of the n values would grow by Q - G, where G is the sum of
- * alpha dSSE/dalpha, -n / ln 2 dL/dq0, and Q that of (alpha dvalue/dalpha)^2.
- * What is left of the error is nearly random, so G^2 is 4 L Q on the mean. */
-static void note_worth(saga_flat *f, double mse)
-{
-    const saga_splat_work *const w = &f->canvas.splat;
-    const saga_splat_camera *const c = &f->canvas.camera;
-    const real n_by_ln_2 = R(3 * c->width * c->height / 0.69314718055994531);
-    const real part = mse > 0 ? R(0.25 / mse) : 0;
-    int64_t i;
-
-#pragma omp parallel for schedule(static)
-    for (i = 0; i < (int64_t)f->n; i++)
-        if (w->extent[i] > 0) {
-            const real g = -n_by_ln_2 * w->d_posed.q0[i];
-
-            f->worth[i] += part * g * g - g;
-        }
-}
-
 bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
 {
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_PICTURE);
@@ -536,9 +573,8 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
 
     sample.mip = saga_flat_mip_at(f, f->iteration);
     if (!saga_flat_change_count(f, error) ||
-        !look(f, mse, sample, error) || !update(f, error))
+        !look(f, mse, sample, error) || !update(f, *mse, error))
         return false;
-    note_worth(f, *mse);
     f->iteration++;
     return true;
 }

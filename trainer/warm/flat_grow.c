@@ -9,6 +9,7 @@
 #include "flat_state.h"
 
 #include "alloc.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -201,25 +202,41 @@ static size_t find(const double *sum, size_t n, double at)
 
 /* Looks at n pixels of the picture that was drawn, each as likely as its error
  * is large: one in each n-th of the sum. */
-static void look_where_wrong(const places *p, uint32_t n, const saga_flat *f,
-                             saga_sample picture, uint64_t counter)
+typedef struct {
+    const saga_flat *f;
+    const places *p;
+    saga_sample picture;
+    uint32_t n;
+    uint64_t counter;
+} job;
+
+static void look_part(void *user, size_t part)
 {
+    const job *const j = user;
+    const saga_flat *const f = j->f;
+    const places *const p = j->p;
     const saga_rng r = saga_rng_stream(f->o.seed, FLAT_RNG_GROW);
     const size_t w = (size_t)f->canvas.camera.width, pixels = n_pixels(f);
-    const int side = 1 << picture.mip;
-    int64_t i;
+    const int side = 1 << j->picture.mip;
+    const saga_range of = saga_part(j->n, SAGA_FLAT_LOOKS, part);
 
-#pragma omp parallel for schedule(dynamic, 8)
-    for (i = 0; i < (int64_t)n; i++) {
-        const double part = ((double)i + saga_rng_double(r, counter +
-                                                         (uint64_t)i)) / n;
-        const size_t at = find(p->sum, pixels, part * p->sum[pixels - 1]);
+    for (size_t i = of.begin; i < of.end; i++) {
+        const double along = ((double)i + saga_rng_double(r, j->counter + i)) /
+                             j->n;
+        const size_t at = find(p->sum, pixels, along * p->sum[pixels - 1]);
         const double u = (double)(at % w) + 0.5;
         const double v = (double)(at / w) + 0.5;
 
-        p->good[i] = saga_flat_look(f, picture.view, picture.frame, u * side,
-                                    v * side, p->sight + i);
+        p->good[i] = saga_flat_look(f, j->picture.view, j->picture.frame,
+                                    u * side, v * side, p->sight + i);
     }
+}
+
+static void look_where_wrong(job *j)
+{
+    saga_parallel(&(saga_tasks){
+        .run = look_part, .user = j, .n = saga_n_parts(j->n, SAGA_FLAT_LOOKS),
+        .ns = (double)SAGA_FLAT_LOOK_NS * j->n });
 }
 
 static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
@@ -241,7 +258,7 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
         return false;
     if (!(error_sums(p->sum, f) > 0))
         return true;
-    look_where_wrong(p, n, f, picture, counter << 32);
+    look_where_wrong(&(job){ f, p, picture, n, counter << 32 });
     for (uint32_t i = 0; i < n; i++) {
         saga_flat_one one;
 

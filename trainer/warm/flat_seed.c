@@ -10,6 +10,7 @@
 #include "flat_state.h"
 
 #include "alloc.h"
+#include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -552,25 +553,54 @@ static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
     return found;
 }
 
+typedef struct { const sights *all; const saga_flat *f; size_t from; } job;
+
+static saga_range pixels_of(const job *j, size_t part)
+{
+    const saga_range of = saga_part(j->all->n - j->from, SAGA_FLAT_LOOKS,
+                                    part);
+
+    return (saga_range){ j->from + of.begin, j->from + of.end };
+}
+
+static void look_part(void *user, size_t part)
+{
+    const job *const j = user;
+    const saga_range of = pixels_of(j, part);
+
+    for (size_t i = of.begin; i < of.end; i++) {
+        const draw d = draw_pixel(j->f, i);
+
+        j->all->good[i] = saga_flat_look(j->f, d.view, d.frame, d.uv[0],
+                                         d.uv[1], j->all->at + i);
+    }
+}
+
+static void borrow_part(void *user, size_t part)
+{
+    const job *const j = user;
+    const saga_range of = pixels_of(j, part);
+
+    for (size_t i = of.begin; i < of.end; i++) {
+        const draw d = draw_pixel(j->f, i);
+
+        if (!j->all->good[i])
+            borrow_depth(j->all->at + i, j->f, &d, j->all);
+    }
+}
+
 /* Fills all from `from` on with pixels drawn at random. */
 static void look_at_pixels(const sights *all, const saga_flat *f, size_t from)
 {
-    int64_t i;
+    job j = { all, f, from };
+    saga_tasks t = { .run = look_part, .user = &j,
+                     .n = saga_n_parts(all->n - from, SAGA_FLAT_LOOKS),
+                     .ns = (double)SAGA_FLAT_LOOK_NS *
+                           (double)(all->n - from) };
 
-#pragma omp parallel for schedule(dynamic, 16)
-    for (i = (int64_t)from; i < (int64_t)all->n; i++) {
-        const draw d = draw_pixel(f, (uint64_t)i);
-
-        all->good[i] = saga_flat_look(f, d.view, d.frame, d.uv[0], d.uv[1],
-                                      all->at + i);
-    }
-#pragma omp parallel for schedule(dynamic, 16)
-    for (i = (int64_t)from; i < (int64_t)all->n; i++) {
-        const draw d = draw_pixel(f, (uint64_t)i);
-
-        if (!all->good[i])
-            borrow_depth(all->at + i, f, &d, all);
-    }
+    saga_parallel(&t);
+    t.run = borrow_part;
+    saga_parallel(&t);
 }
 
 typedef struct along { double x; size_t i; } along;

@@ -61,6 +61,9 @@ typedef struct saga_flat_sight {
 
 /* flat_seed.c: another view saw the same place darker, by these logarithms. */
 enum { SAGA_FLAT_NEAR = 6 };
+
+/* Pixels that a thread looks at at once; nanoseconds that it takes for one. */
+enum { SAGA_FLAT_LOOKS = 8, SAGA_FLAT_LOOK_NS = 50000 };
 typedef struct saga_flat_ratio {
     int view;
     double log[3];
