@@ -5,6 +5,12 @@
               parts (RFC 9110, 14), with lengths and types; nothing else
   refusals    other methods, other hosts, paths out of the folder, requests that
               are none or do not end: an answer, and the server goes on
+  head        the lines of a GET without its bytes
+  slow        clients that take nothing of a large file: others are answered at
+              once, Ctrl-C and SIGTERM end the server within a second, and who
+              takes it slowly gets all of it
+  port 80     the host without a port (skipped, and said, where that port
+              cannot be had)
   checkpoint  of a stopped training: what it would pack now, which the training
               goes on from; in the warm-up a word of it
   command     the address on stdout, Ctrl-C ends with 0, a port that is taken
@@ -43,9 +49,14 @@ class View:
         found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/", self.url)
         self.port = int(found[1]) if found else 0
 
-    def end(self, number=signal.SIGINT):
+    def end(self, number=signal.SIGINT, timeout=20):
         self.process.send_signal(number)
-        self.process.communicate(timeout=20)
+        try:
+            self.process.communicate(timeout=timeout)
+        except subprocess.TimeoutExpired:
+            complain("the server goes on", timeout, "s after signal", number)
+            self.process.kill()
+            self.process.communicate()
         return self.process.returncode
 
     def say(self, request):
@@ -123,7 +134,9 @@ def check_refusals(view):
             ("404", {"path": "/none.js"}), ("404", {"path": "/film/"}),
             ("404", {"path": "/../" + GOOD}), ("404", {"path": "//"}),
             ("405", {"path": "/", "method": "POST"}),
-            ("405", {"path": "/", "method": "HEAD"}),
+            ("404", {"path": "/none.js", "method": "HEAD"}),
+            ("403", {"path": "/", "host": "127.0.0.1"}),
+            ("403", {"path": "/", "host": "127.0.0.10:%d" % view.port}),
             ("403", {"path": "/", "host": "example.org"}),
             ("403", {"path": "/", "host": "127.0.0.1:1"}),
             ("400", {"path": "index.html"}), ("400", {"path": ""})):
@@ -147,6 +160,84 @@ def check_refusals(view):
     for s in idle:
         s.close()
     verdict("refusals")
+
+
+def check_head(view):
+    """As GET answers, without a body and, as RFC 9110, 14.2 says, without
+    looking at a range."""
+    for path in "/", "/page.js", "/film/still.saga", "/none.js":
+        status, lines, body = view.get(path)
+        head = view.get(path, "Range: bytes=0-4", method="HEAD")
+        if head != (status, lines, b""):
+            complain("HEAD", path, head, "not", status, lines)
+    if "allow: get, head" not in view.get("/", method="PUT")[1]:
+        complain("405 does not say what is allowed")
+    verdict("head")
+
+
+class SlowClient:
+    """Asks for a path and takes nothing of it yet."""
+    def __init__(self, view, path):
+        self.socket = socket.socket()
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        self.socket.connect(("127.0.0.1", view.port))
+        self.socket.sendall(b"GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n"
+                            % (path.encode(), view.port))
+
+    def take(self):
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        answer = b""
+        while True:
+            more = self.socket.recv(1 << 16)
+            if not more:
+                return answer.partition(b"\r\n\r\n")[2]
+            answer += more
+
+
+def check_slow(tmp):
+    """A file that no socket buffer holds."""
+    big = tmp + "/big.saga"
+    subprocess.run([SAGA, "join", *160 * ["docs/demo.saga"], "-o", big],
+                   check=True, stdout=subprocess.DEVNULL)
+    for number in signal.SIGINT, signal.SIGTERM:
+        view = View(big)
+        slow = [SlowClient(view, "/film/big.saga") for _ in range(3)]
+        time.sleep(0.2)
+        start = time.monotonic()
+        try:
+            if view.get("/page.js")[0] != "200 OK":
+                complain("no answer beside slow clients")
+        except OSError as e:
+            complain("no answer beside slow clients:", e)
+        if time.monotonic() - start > 1:
+            complain("slow clients hold others up for %.1f s" %
+                     (time.monotonic() - start))
+        if number == signal.SIGINT and slow[1].take() != read(big):
+            complain("a slow client gets another file")
+        if view.end(number, 1) != 0:
+            complain("signal", number, "ends with", view.process.returncode)
+        for s in slow:
+            s.socket.close()
+    verdict("slow")
+
+
+def check_port_80():
+    with socket.socket() as s:
+        s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            s.bind(("127.0.0.1", 80))
+        except OSError as e:
+            print("     skipped: port 80 cannot be had:", e.strerror)
+            return
+    view = View(GOOD, "--port", "80")
+    for host, want in (("127.0.0.1", "200"), ("localhost", "200"),
+                       ("127.0.0.1:80", "200"), ("example.org", "403"),
+                       ("127.0.0.1:81", "403"), ("127.0.0.1.org", "403")):
+        status = view.get("/", host=host)[0]
+        if not status.startswith(want):
+            complain("at port 80, host", host, ":", status)
+    view.end()
+    verdict("port 80")
 
 
 def refused(arguments, status, says):
@@ -259,7 +350,10 @@ def main():
         check_files(view)
     verdict("files")
     check_refusals(view)
+    check_head(view)
+    check_port_80()
     with tempfile.TemporaryDirectory() as tmp:
+        check_slow(tmp)
         check_checkpoint(tmp)
     check_command(view)
     return 1 if checks.failed else 0

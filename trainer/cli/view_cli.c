@@ -232,6 +232,8 @@ static int serve(session *s, int port)
 {
     if (!open_server(s, port))
         return SAGA_EXIT_USAGE;
+    /* Not earlier: a file that takes long to look at is left at once. */
+    catch_signals();
     printf("http://127.0.0.1:%d/\n", s->http.port);
     if (fflush(stdout) == 0) {
         fprintf(stderr, "saga: open this address in a browser; Ctrl-C ends\n");
@@ -287,7 +289,6 @@ static int run(int argc, char **argv)
 
     if (status != SAGA_CLI_GO_ON)
         return status;
-    catch_signals();
     status = view(&s, &o, name);
     free(s.file);
     free(s.index);

@@ -3,6 +3,7 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <netinet/in.h>
 #include <poll.h>
 #include <stdio.h>
@@ -10,7 +11,7 @@
 #include <string.h>
 #include <strings.h>
 #include <sys/socket.h>
-#include <sys/time.h>
+#include <time.h>
 #include <unistd.h>
 
 enum {
@@ -18,63 +19,69 @@ enum {
     REQUEST_NBYTES = 8192,
     HEAD_NBYTES = 512,       /* of an answer */
     PATIENCE_MS = 500,       /* between looks at *stop */
-    SEND_SECONDS = 10        /* until a browser that takes nothing is left */
+    SEND_MS = 10000,         /* until a browser that takes nothing is left */
+    LEAVE_MS = 2000          /* until one that goes on sending is */
 };
+
+/* A client asks, is answered, and then is listened to until it has hung up: to
+ * close before that would throw away what it has not taken yet. */
+typedef enum { ASKING, ANSWERED, LEAVING } client_state;
 
 typedef struct {
     int fd;                  /* -1: none */
+    client_state state;
+    int64_t since;           /* milliseconds: when it last did something */
     size_t n;                /* bytes of the request so far */
     char request[REQUEST_NBYTES + 1];
+    char head[HEAD_NBYTES];  /* of the answer */
+    size_t n_head, n_body, sent;
+    const uint8_t *body;     /* (n_body) */
 } client;
 
 /* --- Answers ------------------------------------------------------------- */
 
-/* Returns false where the browser went away. */
-static bool send_all(int fd, const void *bytes, size_t n)
+static bool is_method(const client *c, const char *method)
 {
-    const char *p = bytes;
+    const size_t n = strlen(method);
 
-    while (n > 0) {
-        const ssize_t sent = send(fd, p, n, MSG_NOSIGNAL);
-
-        if (sent < 0 && errno == EINTR)
-            continue;
-        if (sent <= 0)
-            return false;
-        p += sent;
-        n -= (size_t)sent;
-    }
-    return true;
+    return !strncmp(c->request, method, n) && c->request[n] == ' ';
 }
 
-static void refuse(int fd, const char *status)
+/* Sets a text as the answer; of HEAD, what comes before it. */
+static void refuse(client *c, const char *status)
 {
-    char head[HEAD_NBYTES];
-    const int n = snprintf(head, sizeof head,
+    const bool body = !is_method(c, "HEAD");
+    const int n = snprintf(c->head, sizeof c->head,
                            "HTTP/1.1 %s\r\nContent-Type: text/plain\r\n"
-                           "Content-Length: %zu\r\nConnection: close\r\n\r\n"
-                           "%s\n", status, strlen(status) + 1, status);
+                           "Content-Length: %zu\r\n%sConnection: close\r\n"
+                           "\r\n%s%s", status, strlen(status) + 1,
+                           strncmp(status, "405", 3) ? ""
+                                                     : "Allow: GET, HEAD\r\n",
+                           body ? status : "", body ? "\n" : "");
 
-    send_all(fd, head, (size_t)n);
+    c->n_head = (size_t)n;
 }
 
-/* Sends the part [first, end) of a file; end = 0: all of it. */
-static void give(int fd, const saga_http_file *file, size_t first, size_t end)
+/* Sets the part [first, end) of a file as the answer; end = 0: all of it. */
+static void give(client *c, const saga_http_file *file, size_t first,
+                 size_t end)
 {
-    char head[HEAD_NBYTES], range[96] = "";
+    const size_t nbytes = (end ? end : file->nbytes) - first;
+    char range[96] = "";
     int n;
 
     if (end)
         snprintf(range, sizeof range, "Content-Range: bytes %zu-%zu/%zu\r\n",
                  first, end - 1, file->nbytes);
-    n = snprintf(head, sizeof head,
+    n = snprintf(c->head, sizeof c->head,
                  "HTTP/1.1 %s\r\nContent-Type: %s\r\nContent-Length: %zu\r\n"
                  "%sAccept-Ranges: bytes\r\nCache-Control: no-store\r\n"
                  "X-Content-Type-Options: nosniff\r\nConnection: close\r\n"
                  "\r\n", end ? "206 Partial Content" : "200 OK", file->type,
-                 (end ? end : file->nbytes) - first, range);
-    if (send_all(fd, head, (size_t)n))
-        send_all(fd, file->bytes + first, (end ? end : file->nbytes) - first);
+                 nbytes, range);
+    c->n_head = (size_t)n;
+    c->body = file->bytes + first;
+    c->n_body = is_method(c, "HEAD") ? 0 : nbytes;
 }
 
 /* --- Requests ------------------------------------------------------------ */
@@ -146,122 +153,189 @@ static const saga_http_file *find_file(const saga_http *http, const char *path,
     return NULL;
 }
 
-/* Tells whether the browser was told to come to this machine. */
+/* Tells whether the browser was told to come to this machine; it leaves the
+ * usual port, 80, out. */
 static bool is_host_ours(const saga_http *http, const char *request)
 {
     const char *const host = header(request, "Host");
     const char *const names[] = { "127.0.0.1", "localhost" };
-    char ours[32];
+    const size_t n = host ? strcspn(host, " \t\r") : 0;
+    char port[16];
 
+    snprintf(port, sizeof port, ":%d", http->port);
     for (int i = 0; host && i < 2; i++) {
-        const int n = snprintf(ours, sizeof ours, "%s:%d\r", names[i],
-                               http->port);
+        const size_t m = strlen(names[i]);
 
-        if (!strncmp(host, ours, (size_t)n))
+        if (n < m || strncasecmp(host, names[i], m) != 0)
+            continue;
+        if (n == m ? http->port == 80
+                   : n - m == strlen(port) &&
+                     !strncmp(host + m, port, n - m))
             return true;
     }
     return false;
 }
 
-/* request is complete, its first line "METHOD /PATH HTTP/1.x". */
-static void answer(const saga_http *http, int fd, const char *request)
+/* Sets the answer to a request that is complete, its first line "METHOD /PATH
+ * HTTP/1.x". */
+static void answer(const saga_http *http, client *c)
 {
-    const char *const end_of_line = strstr(request, "\r\n");
-    const char *const path = request + 5;
+    const char *const end_of_line = strstr(c->request, "\r\n");
+    const char *const space = strchr(c->request, ' ');
     const saga_http_file *file;
-    size_t n, first = 0, end = 0;
+    const char *path, *range;
+    size_t first = 0, end = 0;
 
-    if (strncmp(request, "GET ", 4) != 0) {
-        refuse(fd, "405 Method Not Allowed");
+    if (!is_method(c, "GET") && !is_method(c, "HEAD")) {
+        refuse(c, "405 Method Not Allowed");
         return;
     }
-    n = strcspn(path, " ?#\r");
-    if (request[4] != '/' || path + strcspn(path, " \r") >= end_of_line) {
-        refuse(fd, "400 Bad Request");
+    path = space + 2;
+    if (space[1] != '/' || path + strcspn(path, " \r") >= end_of_line) {
+        refuse(c, "400 Bad Request");
         return;
     }
-    if (!is_host_ours(http, request)) {
-        refuse(fd, "403 Forbidden");
+    if (!is_host_ours(http, c->request)) {
+        refuse(c, "403 Forbidden");
         return;
     }
-    file = find_file(http, path, n);
+    file = find_file(http, path, strcspn(path, " ?#\r"));
     if (!file) {
-        refuse(fd, "404 Not Found");
+        refuse(c, "404 Not Found");
         return;
     }
-    switch (parse_range(&first, &end, header(request, "Range"),
-                        file->nbytes)) {
-    case RANGE_NONE: give(fd, file, 0, 0); break;
-    case RANGE_PART: give(fd, file, first, end); break;
-    case RANGE_OUTSIDE: refuse(fd, "416 Range Not Satisfiable"); break;
+    /* A range is of GET alone (RFC 9110, 14.2). */
+    range = is_method(c, "GET") ? header(c->request, "Range") : NULL;
+    switch (parse_range(&first, &end, range, file->nbytes)) {
+    case RANGE_NONE: give(c, file, 0, 0); break;
+    case RANGE_PART: give(c, file, first, end); break;
+    case RANGE_OUTSIDE: refuse(c, "416 Range Not Satisfiable"); break;
     }
 }
 
 /* --- Connections --------------------------------------------------------- */
+
+static int64_t now_ms(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
+}
 
 static void hang_up(client *c)
 {
     if (c->fd >= 0)
         close(c->fd);
     c->fd = -1;
-    c->n = 0;
 }
 
-/* Takes the place of a connection that is free, or of the first. */
+/* Gives a connection a place that is free, or that of the client which did
+ * nothing for longest. */
 static void greet(client *clients, int fd)
 {
-    const struct timeval patience = { .tv_sec = SEND_SECONDS };
     client *c = clients;
 
-    for (int i = 0; i < MAX_CLIENTS; i++)
-        if (clients[i].fd < 0) {
+    for (int i = 0; i < MAX_CLIENTS && c->fd >= 0; i++)
+        if (clients[i].fd < 0 || clients[i].since < c->since)
             c = &clients[i];
-            break;
-        }
     hang_up(c);
-    setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
     c->fd = fd;
+    c->state = ASKING;
+    c->since = now_ms();
+    c->n = c->n_head = c->n_body = c->sent = 0;
 }
 
-/* Takes what came; answers once the request is whole. */
+/* Takes what came; sets the answer once the request is whole. */
 static void listen_to(const saga_http *http, client *c)
 {
-    const ssize_t n = recv(c->fd, c->request + c->n, REQUEST_NBYTES - c->n, 0);
+    const ssize_t n = recv(c->fd, c->request + c->n, REQUEST_NBYTES - c->n,
+                           MSG_DONTWAIT);
 
-    if (n < 0 && errno == EINTR)
+    if (n < 0 && (errno == EINTR || errno == EAGAIN || errno == EWOULDBLOCK))
         return;
     if (n <= 0) {
         hang_up(c);
         return;
     }
+    c->since = now_ms();
     c->n += (size_t)n;
     c->request[c->n] = '\0';
     if (strstr(c->request, "\r\n\r\n"))
-        answer(http, c->fd, c->request);
+        answer(http, c);
     else if (c->n == REQUEST_NBYTES)
-        refuse(c->fd, "431 Request Header Fields Too Large");
+        refuse(c, "431 Request Header Fields Too Large");
     else
         return;
-    /* What is sent arrives although the browser may still be sending. */
-    shutdown(c->fd, SHUT_WR);
-    hang_up(c);
+    c->state = ANSWERED;
 }
 
-/* Waits a little for connections and for what comes through them. */
+/* Sends as much of the answer as the connection takes at once. */
+static void send_more(client *c)
+{
+    const bool head = c->sent < c->n_head;
+    const size_t at = head ? c->sent : c->sent - c->n_head;
+    const void *const from = head ? (const void *)(c->head + at)
+                                  : (const void *)(c->body + at);
+    const ssize_t n = send(c->fd, from, (head ? c->n_head : c->n_body) - at,
+                           MSG_NOSIGNAL | MSG_DONTWAIT);
+
+    if (n < 0 && (errno == EINTR || errno == EAGAIN || errno == EWOULDBLOCK))
+        return;
+    if (n < 0) {
+        hang_up(c);
+        return;
+    }
+    c->since = now_ms();
+    c->sent += (size_t)n;
+    if (c->sent == c->n_head + c->n_body) {
+        shutdown(c->fd, SHUT_WR);
+        c->state = LEAVING;
+    }
+}
+
+/* Throws away what still comes, until the client hangs up. */
+static void see_off(client *c)
+{
+    const ssize_t n = recv(c->fd, c->request, REQUEST_NBYTES, MSG_DONTWAIT);
+
+    if (n == 0 || (n < 0 && errno != EINTR && errno != EAGAIN &&
+                   errno != EWOULDBLOCK))
+        hang_up(c);
+}
+
+static void serve_client(const saga_http *http, client *c, bool ready)
+{
+    if (ready && c->state == ASKING)
+        listen_to(http, c);
+    else if (ready && c->state == ANSWERED)
+        send_more(c);
+    else if (ready)
+        see_off(c);
+    if (c->fd >= 0 && c->state != ASKING &&
+        now_ms() - c->since > (c->state == ANSWERED ? SEND_MS : LEAVE_MS))
+        hang_up(c);
+}
+
+/* Waits a little for connections and for what goes through them. No client is
+ * waited for: each gets what it takes at once. */
 static void turn(const saga_http *http, client *clients)
 {
     struct pollfd look[MAX_CLIENTS + 1];
+    int n;
 
     for (int i = 0; i < MAX_CLIENTS; i++)
-        look[i] = (struct pollfd){ .fd = clients[i].fd, .events = POLLIN };
+        look[i] = (struct pollfd){
+            .fd = clients[i].fd,
+            .events = clients[i].state == ANSWERED ? POLLOUT : POLLIN
+        };
     look[MAX_CLIENTS] = (struct pollfd){ .fd = http->listener,
                                          .events = POLLIN };
-    if (poll(look, MAX_CLIENTS + 1, PATIENCE_MS) <= 0)
-        return;
-    for (int i = 0; i < MAX_CLIENTS; i++)
-        if (look[i].revents)
-            listen_to(http, &clients[i]);
-    if (look[MAX_CLIENTS].revents) {
+    n = poll(look, MAX_CLIENTS + 1, PATIENCE_MS);
+    for (int i = 0; n >= 0 && i < MAX_CLIENTS; i++)
+        if (clients[i].fd >= 0)
+            serve_client(http, &clients[i], look[i].revents != 0);
+    if (n > 0 && look[MAX_CLIENTS].revents) {
         const int fd = accept(http->listener, NULL, NULL);
 
         if (fd >= 0)
@@ -283,6 +357,8 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
     if (http->listener >= 0 &&
         !setsockopt(http->listener, SOL_SOCKET, SO_REUSEADDR, &yes,
                     sizeof yes) &&
+        /* A client may have gone by the time it is accepted. */
+        !fcntl(http->listener, F_SETFL, O_NONBLOCK) &&
         !bind(http->listener, (struct sockaddr *)&at, sizeof at) &&
         !listen(http->listener, MAX_CLIENTS) &&
         !getsockname(http->listener, (struct sockaddr *)&at, &n)) {

@@ -2,9 +2,10 @@
  *
  * This is a small HTTP/1.1 server for one user's browser: it listens on
  * 127.0.0.1, gives files that lie in memory, and parts of them (one Range), to
- * GET, one answer per connection. Whoever asks by another name than the
- * machine's own is refused, so that no foreign page reads along through its own
- * name.
+ * GET and HEAD, one answer per connection. It waits for no client: one that
+ * takes its bytes slowly holds up neither others nor the end. Whoever asks by
+ * another name than the machine's own is refused, so that no foreign page reads
+ * along through its own name.
  */
 #ifndef SAGA_VIEW_HTTP_H
 #define SAGA_VIEW_HTTP_H
@@ -32,7 +33,8 @@ typedef struct saga_http {
 /* Listens on a port; 0: any that is free. False: *error says why. */
 bool saga_http_open(saga_http *http, int port, saga_error *error);
 
-/* Answers until *stop is not 0; a signal handler may set it. */
+/* Answers until *stop is not 0, and returns within a second then; a signal
+ * handler may set it. */
 void saga_http_serve(const saga_http *http, const volatile sig_atomic_t *stop);
 
 void saga_http_close(saga_http *http);
