@@ -5,6 +5,8 @@
   page        nothing is loaded from elsewhere; the results and the pictures'
               bytes are in it; a hostile name ends no element
   jpeg        pictures that somebody made JPEGs are told to be such
+  foreign     files that are no picture, or that lie outside of the results'
+              folder, also behind links and `..`, do not get into the page
   refused     other protocols, missing files, a page that cannot be written; no
               half a page
   browser     headless Chromium draws a curve for each file with a point for
@@ -114,6 +116,49 @@ def check_jpeg():
             v.complain("a JPEG is", picture["url"][:40])
 
 
+def check_foreign():
+    """A file of results names what it must not have."""
+    os.makedirs("own/below")
+    secret, png = b"root:x:0:0:secret\n", read("pictures/" +
+                                               os.listdir("pictures")[0])
+    for name, data in (("secret", secret), ("own/secret.png", secret),
+                       ("outside.png", png), ("own/below/inside.png", png)):
+        with open(name, "wb") as f:
+            f.write(data)
+    os.symlink("../outside.png", "own/link.png")
+    os.symlink("..", "own/up")
+    os.symlink("below/inside.png", "own/good.png")
+    os.symlink("own", "linked")
+    result = json.loads(read("first.json").split(b"\n")[0])
+    for name, why in (
+            ("secret", "in its folder or below"),
+            (os.path.abspath("secret"), "in its folder or below"),
+            ("own/secret.png", "no PNG and no JPEG"),
+            ("outside.png", "in its folder or below"),
+            (os.path.abspath("outside.png"), "in its folder or below"),
+            ("own/../outside.png", "in its folder or below"),
+            ("own/link.png", "in its folder or below"),
+            ("own/up/outside.png", "in its folder or below"),
+            ("/etc/passwd", "in its folder or below"), ("own", "is not there"),
+            ("own/below/inside.png", None), ("own/good.png", None),
+            ("linked/below/inside.png", None)):
+        for view in result["views"]:
+            view.pop("picture", None)
+            view.setdefault("picture_frame", 0)
+        result["views"][0]["picture"] = name
+        r = run("report", write("own/x.json", result), "-o", "foreign.html")
+        pictures = data_of(read("foreign.html").decode())["pictures"]
+        if r.returncode or len(pictures) != (0 if why else 1) or \
+                (why or "") not in r.stderr or bool(why) != bool(r.stderr) or \
+                (why and name not in r.stderr):
+            v.complain(name, ":", r.returncode, len(pictures), r.stderr)
+        if pictures and base64.b64decode(
+                pictures[0]["url"].split(",")[1]) != png:
+            v.complain(name, "is another one in the page")
+        if run("compare", "own/x.json", "own/x.json").stderr:
+            v.complain("compare looks at", name)
+
+
 def check_refused():
     other = json.loads(read("second.json"))
     other["protocol"]["scale"] = 2
@@ -172,6 +217,8 @@ try:
     v.verdict("page")
     check_browser()
     v.verdict("browser")
+    check_foreign()
+    v.verdict("foreign")
     check_jpeg()
     v.verdict("jpeg")
     check_refused()

@@ -57,6 +57,20 @@ bool saga_has_suffix(const char *s, const char *suffix)
     return n >= m && strcmp(s + n - m, suffix) == 0;
 }
 
+char *saga_path_beside(const char *path, const char *other)
+{
+    char *const real = realpath(path, NULL);
+    char *const beside = realpath(other, NULL);
+    const char *const slash = beside ? strrchr(beside, '/') : NULL;
+    const size_t n = slash ? (size_t)(slash - beside) + 1 : 0;
+    const bool below = real && n > 0 && strncmp(real, beside, n) == 0;
+    free(beside);
+    if (below)
+        return real;
+    free(real);
+    return NULL;
+}
+
 static bool read_open_file(saga_bytes *bytes, int fd, size_t size,
                            const char *path, saga_error *error)
 {

@@ -24,6 +24,10 @@ bool saga_path_is_folder(const char *path);
 bool saga_folder_has(const char *folder, const char *name);
 bool saga_has_suffix(const char *s, const char *suffix);
 
+/* Returns the real path of a file where it lies in the folder of another file,
+ * or in one below, links followed; else NULL. free() frees it. */
+char *saga_path_beside(const char *path, const char *other);
+
 /* A whole file is in memory, with a NUL behind its last byte. */
 typedef struct saga_bytes {
     uint8_t *data;

@@ -20,7 +20,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_FILES = SAGA_CLI_MOST_ARGUMENTS };
+enum { MOST_FILES = SAGA_CLI_MOST_ARGUMENTS, SERIES_NBYTES = 128 };
 
 typedef struct {
     const char *output;
@@ -34,6 +34,16 @@ typedef struct {
 } session;
 
 static const char marker[] = "id=\"data\">null<";
+
+/* A series is called as its file, without folder and .json. */
+static void name_series(char name[SERIES_NBYTES], const char *path)
+{
+    const char *const slash = strrchr(path, '/');
+
+    snprintf(name, SERIES_NBYTES, "%s", slash ? slash + 1 : path);
+    if (saga_has_suffix(name, ".json"))
+        name[strlen(name) - 5] = '\0';
+}
 
 /* --- Pictures ------------------------------------------------------------ */
 
@@ -65,37 +75,66 @@ static char *base64(const saga_bytes *of, const char *prefix,
     return text;
 }
 
-/* The beginning of a picture's address: a JPEG's, where somebody made one of
- * the PNG that eval wrote. */
+/* Returns the beginning of a picture's address, by what is in it: a PNG that
+ * eval wrote, or the JPEG that somebody made of it; NULL where it is neither. */
 static const char *address_of(const saga_bytes *b)
 {
-    return b->nbytes > 2 && b->data[0] == 0xff && b->data[1] == 0xd8
-        ? "data:image/jpeg;base64," : "data:image/png;base64,";
+    if (b->nbytes > 8 && !memcmp(b->data, "\x89PNG\r\n\x1a\n", 8))
+        return "data:image/png;base64,";
+    return b->nbytes > 3 && !memcmp(b->data, "\xff\xd8\xff", 3)
+        ? "data:image/jpeg;base64," : NULL;
 }
 
-/* Adds a view's picture to the list, as part of the page. One that is not there
- * any more is told and left out. */
+/* Reads a picture that a file of results names. A page is made to be given
+ * away, and results may be another's: nothing gets into it but pictures that
+ * lie with them. *text is NULL where one is left out, and told. */
+static bool read_picture(session *s, char **text, const char *path,
+                         const char *results)
+{
+    char *const real = saga_path_beside(path, results);
+    const char *address = NULL, *why = NULL;
+    saga_bytes bytes = { NULL, 0 };
+    bool ok = true;
+
+    *text = NULL;
+    if (!saga_path_is_file(path))
+        why = "is not there";
+    else if (!real)
+        why = "does not lie in its folder or below; put it there";
+    else
+        ok = saga_read_file(&bytes, real, &s->error);
+    if (ok && !why) {
+        address = address_of(&bytes);
+        why = address ? NULL : "is no PNG and no JPEG";
+    }
+    if (ok && address) {
+        *text = base64(&bytes, address, &s->error);
+        ok = *text != NULL;
+    }
+    if (why)
+        fprintf(stderr, "saga: report: the page is without %s, which %s names: "
+                "it %s\n", path, results, why);
+    saga_bytes_free(&bytes);
+    free(real);
+    return ok;
+}
+
+/* Adds a view's picture to the list, as part of the page. */
 static bool add_picture(session *s, json_t *list, const json_t *result,
-                        const json_t *view, const char *name)
+                        const json_t *view, const saga_results *of)
 {
     const char *const path = json_string_value(json_object_get(view,
                                                                "picture"));
-    saga_bytes bytes;
+    char name[SERIES_NBYTES];
     char *text;
 
     if (!path)
         return true;
-    if (!saga_path_is_file(path)) {
-        fprintf(stderr, "saga: report: %s is not there, so the page is without "
-                "it\n", path);
-        return true;
-    }
-    if (!saga_read_file(&bytes, path, &s->error))
+    if (!read_picture(s, &text, path, of->path))
         return false;
-    text = base64(&bytes, address_of(&bytes), &s->error);
-    saga_bytes_free(&bytes);
     if (!text)
-        return false;
+        return true;
+    name_series(name, of->path);
     saga_json_append_item(list, json_pack("{sssfsOsOsOsOss}",
         "series", name, "nbytes", saga_result_nbytes(result),
         "view", json_object_get(view, "name"),
@@ -107,16 +146,6 @@ static bool add_picture(session *s, json_t *list, const json_t *result,
 }
 
 /* --- What the page is told ----------------------------------------------- */
-
-/* A series is called as its file, without folder and .json. */
-static void name_series(char *name, size_t n, const char *path)
-{
-    const char *const slash = strrchr(path, '/');
-
-    snprintf(name, n, "%s", slash ? slash + 1 : path);
-    if (saga_has_suffix(name, ".json"))
-        name[strlen(name) - 5] = '\0';
-}
 
 static json_t *json_metrics(void)
 {
@@ -133,16 +162,16 @@ static json_t *json_metrics(void)
 static bool add_series(session *s, json_t *page, const saga_results *r)
 {
     json_t *const results = json_array();
-    char name[128];
+    char name[SERIES_NBYTES];
 
-    name_series(name, sizeof name, r->path);
+    name_series(name, r->path);
     for (int i = 0; i < r->n; i++) {
         const json_t *const views = json_object_get(r->result[i], "views");
 
         json_array_append(results, r->result[i]);
         for (size_t v = 0; v < json_array_size(views); v++)
             if (!add_picture(s, json_object_get(page, "pictures"), r->result[i],
-                             json_array_get(views, v), name)) {
+                             json_array_get(views, v), r)) {
                 json_decref(results);
                 return false;
             }
@@ -271,7 +300,8 @@ const saga_command saga_command_report = {
     "over bytes by every metric, of all views and of each, BD-rates against\n"
     "the first file, bytes by component, time by stage, the protocol, and\n"
     "truth, decode and difference side by side where `saga eval --pictures\n"
-    "DIR` left pictures.\n"
+    "DIR` left pictures: PNG or JPEG, in the folder of the results' file or\n"
+    "below it.\n"
     "\n"
     "  saga eval a.saga capture --pictures a --json >a.json\n"
     "  saga report a.json -o report.html\n",
