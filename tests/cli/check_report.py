@@ -11,7 +11,9 @@
               half a page
   browser     headless Chromium draws a curve for each file with a point for
               each result, a plot for each view, a bar for each file, and
-              pictures; without chromium this is skipped, and said
+              pictures; of one result of many views, one plot with a row for
+              each and no plot of one point, and no metric that was not
+              measured; without chromium this is skipped, and said
 
 SAGA=... is the program (build/saga).
 """
@@ -181,32 +183,59 @@ def check_refused():
         v.complain("without pictures:", r.returncode, r.stderr)
 
 
-def check_browser():
-    chromium = shutil.which("chromium")
-    if not chromium:
-        print("     skipped: there is no chromium")
-        return
-    dom = subprocess.run(
-        [chromium, "--headless", "--no-sandbox", "--disable-gpu",
-         "--user-data-dir=" + os.path.join(tmp, "profile"), "--dump-dom",
-         "file://" + os.path.join(tmp, "page.html")], capture_output=True,
-        text=True, timeout=300).stdout
+def dom_of(page):
+    return subprocess.run(
+        [shutil.which("chromium"), "--headless", "--no-sandbox",
+         "--disable-gpu", "--user-data-dir=" + os.path.join(tmp, "profile"),
+         "--dump-dom", "file://" + os.path.join(tmp, page)],
+        capture_output=True, text=True, timeout=300).stdout
 
-    def part(name):
+
+def expect(dom, counts):
+    """Counts what is in a part of a page."""
+    for name, tag, wanted in counts:
         m = re.search(rf'<div[^>]* id="{name}">(.*?)<h2>|'
                       rf'<div id="{name}">(.*?)<h2>', dom, re.S)
-        return (m.group(1) or m.group(2)) if m else ""
+        part = (m.group(1) or m.group(2)) if m else ""
+        if part.count(tag) != wanted:
+            v.complain(name, "has", part.count(tag), tag)
 
-    for name, tag, wanted in (("views", "<figure", 3), ("views", "<circle", 15),
-                              ("bytes", "<text", 10), ("times", "<text", 10),
-                              ("pictures", "background-image", 2)):
-        if part(name).count(tag) != wanted:
-            v.complain(name, "has", part(name).count(tag), tag)
+
+def check_browser():
+    if not shutil.which("chromium"):
+        print("     skipped: there is no chromium")
+        return
+    dom = dom_of("page.html")
+    expect(dom, (("views", "<figure", 3), ("views", "<circle", 15),
+                 ("bytes", "<text", 10), ("times", "<text", 10),
+                 ("pictures", "background-image", 2)))
     curves = dom.split('id="curves">')[1].split('id="numbers"')[0]
     if curves.count("<circle") != 5 or curves.count("<path") != 2:
         v.complain("curves:", curves[:200])
     if dom.split('id="protocol">')[1].count("<tr") < 15:
         v.complain("no protocol")
+    check_still()
+
+
+def check_still():
+    """Fifty views of a still scene, and the same of two files."""
+    result = json.loads(read("second.json"))
+    result["file"] = "still"
+    view = result["views"][0]
+    view.update(temporal_psnr=None, changing_psnr=None)
+    result["views"] = [dict(view, name="view%02d" % i, psnr=30 + i % 7)
+                       for i in range(50)]
+    must("report", write("still.json", result), "-o", "still.html")
+    dom = dom_of("still.html")
+    expect(dom, (("views", "<figure", 0), ("views", "<svg", 1),
+                 ("views", "<circle", 50), ("views", ">view49", 1),
+                 ("curves", "<circle", 0)))
+    metrics = dom.split('id="metric">')[1].split("</select>")[0]
+    if "temporal" in metrics or "PSNR" not in metrics:
+        v.complain("a still scene has the metrics", metrics)
+    must("report", "still.json", write("other.json", result), "-o", "two.html")
+    expect(dom_of("two.html"), (("views", "<svg", 1),
+                                ("views", "<circle", 100)))
 
 
 tmp = tempfile.mkdtemp()

@@ -76,7 +76,7 @@ static char *base64(const saga_bytes *of, const char *prefix,
 }
 
 /* Returns the beginning of a picture's address, by what is in it: a PNG that
- * eval wrote, or the JPEG that somebody made of it; NULL where it is neither. */
+ * eval wrote, or the JPEG that somebody made of it; NULL: neither. */
 static const char *address_of(const saga_bytes *b)
 {
     if (b->nbytes > 8 && !memcmp(b->data, "\x89PNG\r\n\x1a\n", 8))
