@@ -14,7 +14,10 @@
 #               points, times that do not fit
 #   neu3d       videos and poses_bounds.npy that are missing, damaged or do not
 #               fit together
-#   paths       links, `..` and absolute paths are fine
+#   paths       links, and `..` and absolute paths into the capture's folder
+#               are fine; others are refused, of pictures, videos, depths, masks
+#               and points, by every loader that takes them from a file, but
+#               with --follow-paths; frame folders have names of their own
 #   output      what cannot be written is found before the training; a disk
 #               that fills up later leaves the checkpoint, and --resume the
 #               whole file
@@ -352,16 +355,129 @@ says ffprobe 'install ffmpeg'
 verdict neu3d
 
 # ---- paths
-printf '%s\n' 'for x in j["frames"]:
-    x["file_path"] = os.path.abspath("cap/" + x["file_path"])
-del j["train_filenames"]
+outside="which is not in the capture's folder"
+lists='del j["train_filenames"]
 del j["test_filenames"]
-j["ply_file_path"] = "../cap/../cap/points.ply"' >code/fine
+'
+absolute='for x in j["frames"]:
+    x["file_path"] = os.path.abspath(b + "/" + x["file_path"])
+'
+# To where the pictures are by way of a link, of `..` that come back, or of an
+# absolute path; and a picture that is not there.
+printf '%s\n' "$lists$absolute" 'f(1, 1)["file_path"] = "images/cam01/no.png"
+f(0, 1)["file_path"] = "../" + b + "/images/cam00/00001.png"
+f(0, 2)["file_path"] = "images/../images/cam00/00002.png"
+f(2, 1)["file_path"] = os.path.abspath(b + "/images/cam02/no.png")
+j["ply_file_path"] = os.path.abspath(b + "/../" + b + "/points.ply")' >code/fine
+printf '%s\n' "$lists" 'for x in j["frames"]:
+    x["file_path"] = os.path.abspath("cap/" + x["file_path"])
+j["ply_file_path"] = "../cap/../cap/points.ply"' >code/far
 python3 edit.py 2>>bad
+# images is a link out of the folder, so images/.. is elsewhere.
+run 1 bfine -o x.saga
+says '"images/../images/cam00/00002.png"' "$outside"
+rm bfine/images
+cp -r cap/images bfine
 ln -s bfine linked
-run 0 linked/transforms.json -o x.saga
+for path in bfine linked linked/transforms.json "$PWD/bfine"; do
+    run 0 "$path" -o x.saga
+    grep -q 'pictures: 2 are missing' err || complain "$path: $(cat err)"
+    [ -f x.saga ] || complain "$path: no file: $(cat err)"
+    rm -f x.saga
+done
+(cd bfine && run 0 transforms.json -o x.saga; rm -f x.saga)
+refused bfar bfar/transforms.json "names \"$PWD/cap/images" "$outside"
+run 0 bfar -o x.saga --follow-paths
 [ -f x.saga ] || complain "no file: $(cat err)"
 rm -f x.saga
+for path in ../cap/points.ply /etc/passwd images/../../cap/points.ply .. \
+    ../bnone/../cap/points.ply; do
+    bad_json "j['ply_file_path'] = '$path'" "\"$path\"" "$outside"
+done
+bad_json 'f(1, 1)["file_path"] = "../cap/images/cam01/00001.png"
+del j["train_filenames"]
+del j["test_filenames"]' '"../cap/images/cam01/00001.png"' "$outside"
+bad_json 'f(1, 1)["mask_path"] = "../cap/images/cam01/00001.png"' "$outside"
+bad_json 'f(1, 1)["depth_file_path"] = "/tmp/x.exr"' '"/tmp/x.exr"' "$outside"
+bad_json 'del j["train_filenames"]
+del j["test_filenames"]
+j["frames"] = [dict(f(c, 0), file_path="/n/cam%02d.mp4" % c) for c in range(4)]
+for x in j["frames"]:
+    del x["time"]' '"/n/cam00.mp4"' "$outside"
+try_all
+# Blender, COLMAP, Panoptic Sports and frame folders. That MIV and Neu3D read
+# names of their folder alone, their own words say.
+cat >layouts.py <<'PYTHON'
+import json, os
+j = json.load(open("cap/transforms.json"))
+del j["train_filenames"], j["test_filenames"]
+first = [j["frames"][3 * c] for c in range(4)]
+
+def put(name, text):
+    os.makedirs(os.path.dirname(name), exist_ok=True)
+    with open(name, "w") as out:
+        out.write(text)
+
+def angles(entries):
+    return json.dumps({"camera_angle_x": 1.0, "frames": entries})
+
+out = "../cap/images/cam0%d/00000.png"
+put("blender/transforms_train.json", angles(
+    [dict(e, file_path=out % c) for c, e in enumerate(first)]))
+images = "".join("%d 1 0 0 0 %d 0 0 1 %s\n\n" % (
+    c + 1, -c, out.replace("../", "../../") % c) for c in range(4))
+put("colmap/sparse/0/cameras.txt", "1 PINHOLE 64 36 57 57 32 18\n")
+put("colmap/sparse/0/images.txt", images)
+put("colmap/sparse/0/points3D.txt", "")
+os.mkdir("colmap/images")
+k = [[57, 0, 32], [0, 57, 18], [0, 0, 1]]
+eye = [[float(r == c) for c in range(4)] for r in range(4)]
+def w2c(c):
+    return [[*row[:3], -float(c) if r == 0 else row[3]]
+            for r, row in enumerate(eye)]
+os.makedirs("sports/ims")
+put("sports/train_meta.json", json.dumps({
+    "w": 64, "h": 36, "k": [[k] * 4], "w2c": [[w2c(c) for c in range(4)]],
+    "fn": [[out.replace("../", "../../") % c for c in range(4)]],
+    "cam_id": [[0, 1, 2, 3]]}))
+for t in range(2):
+    put("times/frame%d/transforms.json" % t, json.dumps(dict(
+        j, frames=[dict(e, file_path=os.path.abspath(
+            "cap/images/cam0%d/0000%d.png" % (c, t))) for c, e in
+            enumerate(first)], ply_file_path="../../cap/points.ply")))
+PYTHON
+python3 layouts.py 2>>bad || complain "layouts.py failed: $(cat bad)"
+refused blender blender/transforms_train.json '"../cap/images/cam00' "$outside"
+refused colmap colmap/sparse/0 '"../../cap/images/cam00' "$outside"
+refused sports sports/train_meta.json '"../../cap/images/cam00' "$outside"
+refused times times/frame0/transforms.json "\"$PWD/cap/images" "$outside"
+for path in blender colmap sports; do
+    run 0 $path -o x.saga --hold-out '' --follow-paths
+    [ -f x.saga ] || complain "$path: no file: $(cat err)"
+    rm -f x.saga
+done
+# The other folders would have the same pictures, or none.
+run 1 times -o x.saga --follow-paths
+says "$PWD/cap/images/cam00/00000.png" 'is no name in times/frame0'
+# One model beside frame folders, and points in a folder above a frame's.
+for t in 0 1; do
+    mkdir -p "beside/frame$t" "above/frame$t"
+    for c in 0 1 2 3; do
+        cp "cap/images/cam0$c/0000$t.png" "beside/frame$t/cam0$c.png"
+        cp "cap/images/cam0$c/0000$t.png" "above/frame$t/cam0$c.png"
+    done
+    sed 's|"[^"]*/\(cam0.\)/0000..png"|"\1.png"|g; s|"../../cap/|"../|' \
+        times/frame$t/transforms.json >above/frame$t/transforms.json
+done
+cp cap/points.ply above
+mkdir -p beside/sparse/0
+cp colmap/sparse/0/* beside/sparse/0
+sed -i 's|[^ ]*/\(cam0.\)/00000.png|\1.png|' beside/sparse/0/images.txt
+for path in beside above; do
+    run 0 $path -o x.saga --hold-out ''
+    grep -q 'frames: 2 folders' err || complain "$path: $(cat err)"
+    rm -f x.saga
+done
 verdict paths
 
 # ---- output

@@ -10,6 +10,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -57,7 +58,7 @@ def capture(room, folder, readouts):
     for name in list(told):
         if name.endswith("_filenames"):
             told[name] = [p for p in told[name] if int(p[-9:-4]) < FRAMES]
-    told["ply_file_path"] = room + "/points.ply"
+    shutil.copy(room + "/points.ply", folder)
     with open(folder + "/transforms.json", "w") as f:
         json.dump(told, f)
 

@@ -11,6 +11,7 @@ saga_capture_options saga_capture_chosen(const saga_capture_choice *choice)
     o.hold_out = choice->hold_out;
     o.late = choice->late;
     o.alpha_masks = choice->alpha_masks;
+    o.follow_paths = choice->follow_paths;
     o.memory_nbytes = (uint64_t)choice->memory << 30;
     o.n_threads = choice->threads;
     return o;

@@ -13,7 +13,7 @@ typedef struct saga_capture_choice {
     const char *hold_out, *late;
     int scale;               /* 0: not given */
     int memory, threads;
-    bool alpha_masks;
+    bool alpha_masks, follow_paths;
 } saga_capture_choice;
 
 /* What is taken where nothing is said. */
@@ -35,6 +35,9 @@ typedef struct saga_capture_choice {
     { "--alpha-masks", NULL, "what is transparent in PNG pictures does not " \
       "count;\nwithout this it is black", saga_cli_flag, \
       offsetof(type, member.alpha_masks), 0, 0 }, \
+    { "--follow-paths", NULL, "read files outside of the capture's folder " \
+      "where it names\nsome, by an absolute path or .. (links are followed " \
+      "anyway)", saga_cli_flag, offsetof(type, member.follow_paths), 0, 0 }, \
     { "--memory", "GIB", "memory for pictures loaded at a time (default 4)", \
       saga_cli_int, offsetof(type, member.memory), 1, 1 << 16 }, \
     { "--threads", "N", "threads (default: all cores); no effect on what " \

@@ -264,6 +264,7 @@ const saga_command saga_command_check = {
     "                             what is not white does not count; or\n"
     "                             masks/CAMERA.png for all of a camera\n"
     "  frame000/, frame001/ ...   any of these for one moment each\n"
-    "Lenses of OPENCV, also of OPENCV_FISHEYE, are straightened.\n",
+    "Lenses of OPENCV, also of OPENCV_FISHEYE, are straightened. Paths in\n"
+    "these files lead into the capture's folder, or --follow-paths is given.\n",
     option_list, (int)(sizeof option_list / sizeof option_list[0]), run
 };

@@ -60,6 +60,7 @@ typedef struct saga_capture_options {
     double metres;           /* in its unit of length; 0: what it says */
     bool want_depth;         /* load depth pictures where there are some */
     bool alpha_masks;        /* what is transparent in PNGs does not count */
+    bool follow_paths;       /* of the capture's files out of its folder */
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_capture_options;

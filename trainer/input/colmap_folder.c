@@ -157,7 +157,8 @@ static bool folders_are_moments(const folder_reader *r)
 
 static char *join_part(const folder_reader *r, const char *name, size_t n)
 {
-    char *const path = saga_path_join(r->root, name, r->error);
+    char *const path = saga_listing_join(r->listing, r->root, name,
+                                         r->model_folder, r->error);
     if (path)
         path[strlen(path) - (strlen(name) - n)] = '\0';
     return path;

@@ -75,12 +75,25 @@ static bool grow_list(char ***files, size_t n, const char *path,
     return true;
 }
 
+/* The first path must lie in the first folder, by its name, for the others to
+ * have the like. */
+static bool is_below(const char *file, const char *folder, saga_error *error)
+{
+    const size_t n = strlen(folder);
+    return (strncmp(file, folder, n) == 0 && file[n] == '/') ||
+           saga_fail(error, file, "give names that begin in the frame folder",
+                     "is no name in %s, the first of the frame folders",
+                     folder);
+}
+
 /* Fills a list from its first path: the file of that name in every other
  * folder. Those that are not there are counted. */
 static bool fill_list(char **files, const saga_finds *folders, int *n_missing,
                       saga_error *error)
 {
     const size_t skip = strlen(folders->items[0].path) + 1;
+    if (files && files[0] && !is_below(files[0], folders->items[0].path, error))
+        return false;
     for (size_t k = 1; files && files[0] && k < folders->n; k++) {
         char *const path = saga_path_join(folders->items[k].path,
                                           files[0] + skip, error);
@@ -232,6 +245,7 @@ bool saga_listing_make(saga_listing *listing, const char *path,
                        const saga_capture_options *options, saga_error *error)
 {
     saga_finds folders = {0};
+    listing->follow_paths = options->follow_paths;
     const bool many = has_frame_folders(&folders, path, error);
     const bool ok = !saga_failed(error) &&
                     (many ? list_frame_folders(listing, path, &folders,

@@ -6,6 +6,7 @@
 
 #include "alloc.h"
 #include "error.h"
+#include "file.h"
 #include "notes.h"
 #include "picture.h"
 
@@ -38,6 +39,86 @@ void saga_listing_free(saga_listing *listing)
     free(listing->points);
     *listing = (saga_listing){0};
 }
+
+/* ------------------------------------------------------------------- paths */
+
+/* Returns the part of a name that only descends: behind its last "..", of an
+ * absolute name all. */
+static const char *descent(const char *name)
+{
+    const char *behind = name;
+    for (const char *p = name; *p;) {
+        const size_t n = strcspn(p, "/");
+        if (n == 2 && p[0] == '.' && p[1] == '.')
+            behind = p + n;
+        p += n + strspn(p + n, "/");
+    }
+    return behind;
+}
+
+/* Tells whether a folder is `root`, a real path, or below it. */
+static bool is_in(const char *folder, const char *root)
+{
+    char *const real = realpath(folder, NULL);
+    const size_t n = strcmp(root, "/") ? strlen(root) : 0;
+    const bool in = real && strncmp(real, root, n) == 0 &&
+                    (real[n] == '/' || real[n] == '\0');
+    free(real);
+    return in;
+}
+
+/* Tells whether a path whose last n characters only descend is in `root`: one
+ * of the folders that they pass is enough. */
+static bool leads_into(char *path, size_t n, const char *root)
+{
+    char *const real = realpath(root, NULL);
+    bool in = false;
+    for (char *p = path + strlen(path) - n; real && !in;
+         p += 1 + strcspn(p + 1, "/")) {
+        const char end = *p;
+        *p = '\0';
+        in = is_in(p > path ? path : "/", real);
+        *p = end;
+        if (!end)
+            break;
+    }
+    free(real);
+    return in;
+}
+
+/* Returns the capture's folder; free() frees it. */
+static char *root_of(const saga_listing *listing, saga_error *error)
+{
+    const bool folder = saga_path_is_folder(listing->path);
+    const char *const slash = folder ? NULL : strrchr(listing->path, '/');
+    char *const root = saga_string_copy(folder || slash ? listing->path : ".",
+                                        error);
+    if (root && slash)
+        root[slash > listing->path ? slash - listing->path : 1] = '\0';
+    return root;
+}
+
+char *saga_listing_join(const saga_listing *listing, const char *folder,
+                        const char *name, const char *file, saga_error *error)
+{
+    char *const path = saga_path_join(folder, name, error);
+    const char *const down = descent(name);
+    if (!path || listing->follow_paths || (name[0] != '/' && down == name))
+        return path;
+    char *const root = root_of(listing, error);
+    const bool in = root && leads_into(path, strlen(down), root);
+    free(root);
+    if (in)
+        return path;
+    free(path);
+    if (!saga_failed(error))
+        saga_fail(error, file, "copy it there, or give --follow-paths where "
+                  "this capture may read any file", "names \"%.200s\", which "
+                  "is not in the capture's folder", name);
+    return NULL;
+}
+
+/* ------------------------------------------------------------------- names */
 
 /* Writes all names in one line, for messages. */
 static void list_names(const saga_listing *listing, char *text, size_t n)

@@ -32,7 +32,8 @@ typedef struct saga_source {
 
 typedef struct saga_listing {
     const char *format;
-    const char *path;         /* the capture's folder or file: for messages */
+    const char *path;         /* the capture's folder or file */
+    bool follow_paths;        /* out of it */
     saga_source *sources;     /* (n_sources) */
     int n_sources, n_frames;  /* of the whole capture */
     bool moves;               /* the camera: a source for each picture */
@@ -47,6 +48,12 @@ typedef struct saga_listing {
  * said. Must run before points are counted by training views. */
 bool saga_listing_hold_out(saga_listing *listing, const char *names,
                            saga_error *error);
+/* Returns a copy of "folder/name" as saga_path_join does, of a name that stands
+ * in a file of the capture. One that leads out of the capture's folder is
+ * refused, unless the caller follows such: captures are downloaded, and what
+ * they name gets into what is made of them. */
+char *saga_listing_join(const saga_listing *listing, const char *folder,
+                        const char *name, const char *file, saga_error *error);
 /* Shifts cameras that run late, as the option says; fewer frames are left. */
 bool saga_listing_late(saga_listing *listing, const char *text,
                        saga_error *error);

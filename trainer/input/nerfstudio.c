@@ -743,13 +743,19 @@ static bool split_views(reader *r)
 
 /* ------------------------------------------------------------ filling in */
 
+/* Returns the path of a name in the file. */
+static char *join(const reader *r, const char *name)
+{
+    return saga_listing_join(r->listing, r->folder, name, r->path, r->error);
+}
+
 /* Blender leaves out the ending of the files. Where there is none with a known
  * ending either, the path stays. */
 static char *picture_path(const reader *r, const char *file)
 {
     static const char *const endings[] = {".png", ".jpg", ".jpeg", ".webp",
                                           ".exr"};
-    char *const path = saga_path_join(r->folder, file, r->error);
+    char *const path = join(r, file);
     if (!path || saga_path_is_file(path))
         return path;
     const size_t n = strlen(path) + sizeof ".jpeg";
@@ -838,11 +844,11 @@ static bool fill_pictures(reader *r, saga_source *s, entry *const *at, int n)
             r->n_missing++;
         }
         if (ok && at[k] && at[k]->depth) {
-            s->depths[k] = saga_path_join(r->folder, at[k]->depth, r->error);
+            s->depths[k] = join(r, at[k]->depth);
             ok = s->depths[k] != NULL;
         }
         if (ok && at[k] && at[k]->mask) {
-            s->masks[k] = saga_path_join(r->folder, at[k]->mask, r->error);
+            s->masks[k] = join(r, at[k]->mask);
             ok = s->masks[k] != NULL;
         }
     }
@@ -866,7 +872,7 @@ static bool fill_views(reader *r, int n)
         if (!r->videos && !fill_pictures(r, s, r->at + v * n, n))
             return false;
         if (r->videos)
-            s->video = saga_path_join(r->folder, e->file, r->error);
+            s->video = join(r, e->file);
         if (r->videos && !(s->video && saga_probe_video(s, l, r->error)))
             return false;
     }
@@ -906,7 +912,7 @@ static bool read_ply(reader *r)
         saga_note(r->listing->notes, "points: none (no ply_file_path)");
         return true;
     }
-    char *const path = saga_path_join(r->folder, file, r->error);
+    char *const path = join(r, file);
     const bool ok = path && saga_ply_read(path, &r->listing->points,
                                           &r->listing->n_points, &n_dropped,
                                           r->error);

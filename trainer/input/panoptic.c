@@ -188,7 +188,8 @@ static bool add_picture(sports_reader *r, size_t t, size_t c)
     if (!find_camera(r, t, c, &source))
         return false;
     char *const folder = saga_path_join(r->folder, "ims", r->error);
-    char *const path = folder ? saga_path_join(folder, fn, r->error) : NULL;
+    char *const path = folder ? saga_listing_join(r->listing, folder, fn,
+                                                  r->path, r->error) : NULL;
     free(folder);
     if (path && saga_path_is_file(path))
         return saga_finds_add(&r->finds, source, t, path, r->error);
