@@ -667,6 +667,37 @@ says_plan() {
 says_plan 'pictures at 1/2 of their size, for which preset fast has time'
 says_plan '480 iterations: preset fast, 30 visits' --scale 1
 ! grep -q 'of their size' "$tmp/err" || complain "--scale 1 is not obeyed"
+# Nobody to compare one camera with; nothing to tell of four frames' time.
+mkdir "$tmp/alone"
+python3 - "$tmp/long" "$tmp/alone" >>"$tmp/bad" 2>&1 <<'PYTHON'
+import json, os, sys
+
+j = json.load(open(sys.argv[1] + "/transforms.json"))
+j["frames"] = [f for f in j["frames"] if "cam00" in f["file_path"]]
+for key in [k for k in j if k.endswith("_filenames")]:
+    del j[key]
+json.dump(j, open(sys.argv[2] + "/transforms.json", "w"))
+for name in "images", "points.ply":
+    os.symlink(os.path.join(sys.argv[1], name), os.path.join(sys.argv[2], name))
+PYTHON
+expect 0 check "$tmp/alone"
+grep -q ', 1 camera, 4 frames at' "$tmp/out" ||
+    complain "check: one camera is $(head -n 1 "$tmp/out")"
+grep -q 'One camera will not give free views' "$tmp/out" ||
+    complain "check: no word of one camera"
+! grep -q '1 cameras\|180' "$tmp/out" ||
+    complain "check: $(grep '1 cameras\|180' "$tmp/out")"
+for name in long alone; do
+    expect 0 check "$tmp/$name" --json
+    python3 -c 'import json, sys
+alone = sys.argv[1] == "alone"
+j = json.load(sys.stdin)
+assert (j["typical_angle_degrees"] is None) == alone, j
+for v in j["views"]:
+    assert v["late_frames"] is None and v["late_tolerance_frames"] is None, v
+    assert (v["angle_degrees"] is None) == (v["shared"] is None) == alone, v
+' $name <"$tmp/out" >>"$tmp/bad" 2>&1 || complain "check --json of $name"
+done
 expect 2 check "$tmp/none"
 says "$tmp/none"
 expect 1 check "$tmp/dim/images"

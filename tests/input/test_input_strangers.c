@@ -194,7 +194,7 @@ static void memory_should_be_asked_for_by_its_option(void **state)
     write_png(f, "b.png");
     write_json(f, "\"fl_x\": 30", "a.png", "b.png");
     o.memory_nbytes = 100;
-    refused_with(f->path, &o, f->path, "or --memory 1 (GiB)");
+    refused_with(f->path, &o, f->path, "; use --memory 1 (GiB)");
 }
 
 int main(void)

@@ -36,8 +36,8 @@ typedef struct saga_capture_choice {
       "count;\nwithout this it is black", saga_cli_flag, \
       offsetof(type, member.alpha_masks), 0, 0 }, \
     { "--follow-paths", NULL, "read files outside of the capture's folder " \
-      "where it names\nsome, by an absolute path or .. (links are followed " \
-      "anyway)", saga_cli_flag, offsetof(type, member.follow_paths), 0, 0 }, \
+      "where it names\nsome, absolute or by ..; links are always " \
+      "followed", saga_cli_flag, offsetof(type, member.follow_paths), 0, 0 }, \
     { "--memory", "GIB", "memory for pictures loaded at a time (default 4)", \
       saga_cli_int, offsetof(type, member.memory), 1, 1 << 16 }, \
     { "--threads", "N", "threads (default: all cores); no effect on what " \

@@ -25,10 +25,10 @@ typedef struct {
 
 /* --- As text ------------------------------------------------------------- */
 
-static void print_real(const char *format, double x)
+static void print_real(int width, const char *format, double x)
 {
     if (isnan(x))
-        printf("%*s", 9, "-");
+        printf("%*s", width, "-");
     else
         printf(format, x);
 }
@@ -38,18 +38,20 @@ static void print_view(const saga_survey *s, const saga_capture *c, int v)
     const saga_survey_view *const one = &s->views[v];
     const saga_shot *const shot = &c->views[v];
 
-    printf("  %-12.12s%s%5dx%-5d%7.1f%8.0f%7.0f", shot->name,
-           shot->held_out ? "*" : " ", shot->width, shot->height, one->angle,
-           100 * one->overlap, 100 * one->seen);
-    print_real("%9.2f", shot->n_observations ? shot->reprojection_median
+    printf("  %-12.12s%s%5dx%-5d", shot->name, shot->held_out ? "*" : " ",
+           shot->width, shot->height);
+    print_real(7, "%7.1f", one->angle);
+    print_real(8, "%8.0f", 100 * one->overlap);
+    print_real(7, "%7.0f", 100 * one->seen);
+    print_real(9, "%9.2f", shot->n_observations ? shot->reprojection_median
                                              : (double)NAN);
-    print_real("%+9.2f", one->stops);
-    print_real("%9.1f", one->colour);
-    if (one->timed)
-        printf("%6d", one->late);
-    else
-        printf("%6s", "-");
-    printf("%8d\n", shot->n_missing);
+    print_real(9, "%+9.2f", one->stops);
+    print_real(9, "%9.1f", one->colour);
+    print_real(7, "%7.1f", fabs(one->late.frames) < 0.05
+                               ? 0.0 : one->late.frames);
+    if (!isnan(one->late.frames))
+        printf("+-%.1f", one->late.tolerance);
+    printf("%*d\n", isnan(one->late.frames) ? 13 : 8, shot->n_missing);
 }
 
 static void print_notes(const char *notes)
@@ -86,17 +88,18 @@ static void print_forecast(const saga_capture *c)
 static void print_text(const saga_survey *s, const saga_capture *c,
                        const char *name)
 {
-    printf("%s: %s, %d cameras, %d frames at %g per second, %zu points\n",
-           name, c->format, c->n_views, c->n_frames, c->fps, c->n_points);
+    printf("%s: %s, %d camera%s, %d frame%s at %g per second, %zu points\n",
+           name, c->format, c->n_views, c->n_views == 1 ? "" : "s",
+           c->n_frames, c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
     print_notes(c->notes);
     puts("\n  camera            size    angle  shared   seen   off, px"
-         "    stops   colour  late missing");
+         "    stops   colour   late      missing");
     for (int v = 0; v < c->n_views; v++)
         print_view(s, c, v);
     puts("  * held out. angle: degrees to the nearest camera; shared: % of "
          "what it sees that\n  another camera sees too; seen: % of all places; "
          "stops: exposure against the\n  others; colour: median difference "
-         "after that, of 255; late: frames");
+         "after that, of 255; late: frames, where the\n  motion tells them");
     puts(s->n_notes ? "\nto mind:" : "\nnothing to mind");
     for (int i = 0; i < s->n_notes; i++)
         printf("  - %s\n", s->note[i]);
@@ -116,18 +119,19 @@ static json_t *json_view(const saga_survey *s, const saga_capture *c, int v)
     const saga_survey_view *const one = &s->views[v];
     const saga_shot *const shot = &c->views[v];
 
-    return json_pack("{sssbsisisfsssfsfsosososososi}",
+    return json_pack("{sssbsisisosssosfsososososososi}",
         "name", shot->name, "held_out", (int)shot->held_out,
         "width", shot->width, "height", shot->height,
-        "angle_degrees", one->angle,
+        "angle_degrees", real(one->angle),
         "nearest", one->nearest < 0 ? "" : c->views[one->nearest].name,
-        "shared", one->overlap, "seen", one->seen,
+        "shared", real(one->overlap), "seen", one->seen,
         "reprojection_median_px",
         shot->n_observations ? real(shot->reprojection_median) : json_null(),
         "reprojection_p90_px",
         shot->n_observations ? real(shot->reprojection_p90) : json_null(),
         "stops", real(one->stops), "colour", real(one->colour),
-        "late_frames", one->timed ? json_integer(one->late) : json_null(),
+        "late_frames", real(one->late.frames),
+        "late_tolerance_frames", real(one->late.tolerance),
         "n_missing", shot->n_missing);
 }
 
@@ -171,10 +175,10 @@ static int print_json(const saga_survey *s, const saga_capture *c,
         saga_json_append_item(views, json_view(s, c, v));
     for (int i = 0; i < s->n_notes; i++)
         saga_json_append_item(mind, json_string(s->note[i]));
-    saga_json_merge_object(o, json_pack("{sssisfsIsfsbsosososo}",
+    saga_json_merge_object(o, json_pack("{sssisfsIsosbsosososo}",
         "format", c->format, "n_frames", c->n_frames,
         "frames_per_second", c->fps, "n_points", (json_int_t)c->n_points,
-        "typical_angle_degrees", s->typical_angle,
+        "typical_angle_degrees", real(s->typical_angle),
         "free_views", (int)s->free_views, "views", views,
         "notes", json_lines(c->notes), "to_mind", mind,
         "forecast", json_forecast(c)));

@@ -269,7 +269,10 @@ static void put_table(FILE *to, const saga_survey *s, const saga_capture *c)
                                                   : (double)NAN);
         put_cell(to, "%+.2f", one->stops);
         put_cell(to, "%.1f", one->colour);
-        put_cell(to, "%.0f", one->timed ? one->late : (double)NAN);
+        put_cell(to, "%.1f", fabs(one->late.frames) < 0.05
+                                 ? 0.0 : one->late.frames);
+        if (!isnan(one->late.frames))
+            fprintf(to, " &plusmn; %.1f", one->late.tolerance);
         put_cell(to, "%.0f\n", shot->n_missing);
     }
     fputs("</table>\n", to);
@@ -288,9 +291,10 @@ static bool put_page(FILE *to, const char *name, const saga_survey *s,
           "solid #ddd}figure{display:inline-block;margin:.3em}path{stroke-"
           "width:1.5}svg{background:#f4f4f4}</style>\n<h1>", to);
     put_escaped(to, name);
-    fprintf(to, "</h1><p>%s, %d cameras, %d frames at %g per second, %zu "
-            "points.<h2>To mind</h2><ul>", c->format, c->n_views, c->n_frames,
-            c->fps, c->n_points);
+    fprintf(to, "</h1><p>%s, %d camera%s, %d frame%s at %g per second, %zu "
+            "points.<h2>To mind</h2><ul>", c->format, c->n_views,
+            c->n_views == 1 ? "" : "s", c->n_frames,
+            c->n_frames == 1 ? "" : "s", c->fps, c->n_points);
     for (int i = 0; i < s->n_notes; i++) {
         fputs("<li>", to);
         put_escaped(to, s->note[i]);

@@ -165,7 +165,8 @@ static void say_remedy(const load_job *job, double need, char *text, size_t n)
         used += (size_t)snprintf(text + used, n - used, "--frames %d:%d, ",
                                  job->capture->first_frame,
                                  job->capture->first_frame + fit);
-    (void)snprintf(text + used, n - used, "or --memory %.0f (GiB)",
+    (void)snprintf(text + used, n - used, "%s--memory %.0f (GiB)",
+                   used > strlen("use ") ? "or " : "",
                    ceil(need / 1073741824.0));
 }
 

@@ -15,9 +15,7 @@ enum {
     MOST_PLACES = 20000,
     MOST_COMPARED = 200000000,
     FEW_PLACES = 8,        /* points, or nothing is said */
-    FEW_COLOURS = 30,
-    MOST_LATE = 15,        /* frames */
-    FEW_FRAMES = 12
+    FEW_COLOURS = 30
 };
 
 /* Judgements; each is a guess from the captures we have. */
@@ -27,8 +25,6 @@ enum {
 #define LITTLE_OVERLAP 0.25
 #define OFF_PIXELS 2.0
 #define OFF_STOPS 0.2
-#define LATE_LEAST 0.7     /* correlation of motion, shifted */
-#define LATE_GAIN 0.2      /* more than without */
 
 typedef struct places {
     double (*at)[3];       /* (n) */
@@ -189,7 +185,7 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
         saga_survey_view *const one = &survey->views[v];
         double a[3], b[3];
         one->nearest = -1;
-        one->angle = 180.0;
+        one->angle = (double)NAN;
         direction_from(middle, &c->views[v], a);
         for (int w = 0; w < c->n_views; w++) {
             direction_from(middle, &c->views[w], b);
@@ -221,7 +217,9 @@ static void find_overlap(saga_survey *survey, const saga_capture *c,
             best = both > best ? both : best;
         }
         survey->views[v].seen = p->n ? (double)n / (double)p->n : 0.0;
-        survey->views[v].overlap = n ? (double)best / (double)n : 0.0;
+        survey->views[v].overlap = c->n_views < 2 ? (double)NAN
+                                   : n            ? (double)best / (double)n
+                                                  : 0.0;
     }
 }
 
@@ -314,80 +312,6 @@ static bool compare_colours(saga_survey *survey, const saga_capture *c,
     return ok;
 }
 
-/* ---------------------------------------------------------------- synchrony */
-
-/* How much changes from frame k to the next, in green, every fifth pixel; made
- * to have mean 0 and variance 1. Flat rows stay 0. */
-static void motion_of(const saga_capture *c, int v, double *row)
-{
-    const int n = c->n_frames - 1;
-    const size_t size = saga_view_frame_nbytes(&c->views[v]);
-    double mean = 0.0, variance = 0.0;
-    for (int k = 0; k < n; k++) {
-        const uint8_t *const a = saga_capture_frame(c, v, k);
-        const uint8_t *const b = saga_capture_frame(c, v, k + 1);
-        row[k] = 0.0;
-        for (size_t i = 1; i < size; i += 15)
-            row[k] += abs(a[i] - b[i]);
-        mean += row[k] / n;
-    }
-    for (int k = 0; k < n; k++)
-        variance += (row[k] - mean) * (row[k] - mean) / n;
-    for (int k = 0; k < n; k++)
-        row[k] = variance > 1e-9 * mean * mean
-                     ? (row[k] - mean) / sqrt(variance) : 0.0;
-}
-
-/* Correlates a row, moved back by `late`, with the sum of the others. */
-static double agreement(const double *row, const double *sum, int n, int late)
-{
-    double ab = 0.0, aa = 0.0, bb = 0.0;
-    for (int k = 0; k < n; k++) {
-        if (k + late < 0 || k + late >= n)
-            continue;
-        const double others = sum[k] - row[k];
-        ab += row[k + late] * others;
-        aa += row[k + late] * row[k + late];
-        bb += others * others;
-    }
-    return aa > 0.0 && bb > 0.0 ? ab / sqrt(aa * bb) : 0.0;
-}
-
-static bool find_late(saga_survey *survey, const saga_capture *c,
-                      saga_error *error)
-{
-    const int n = c->n_frames - 1;
-    if (c->n_frames < FEW_FRAMES || c->n_views < 3 || c->moves)
-        return true;
-    double *const rows = saga_alloc((size_t)(c->n_views + 1) * (size_t)n,
-                                    sizeof *rows, "the motion", error);
-    if (!rows)
-        return false;
-    double *const sum = rows + c->n_views * n;
-    memset(sum, 0, (size_t)n * sizeof *sum);
-    for (int v = 0; v < c->n_views; v++) {
-        motion_of(c, v, rows + v * n);
-        for (int k = 0; k < n; k++)
-            sum[k] += rows[v * n + k];
-    }
-    for (int v = 0; v < c->n_views; v++) {
-        saga_survey_view *const one = &survey->views[v];
-        const int most = n / 3 < MOST_LATE ? n / 3 : MOST_LATE;
-        double best = fmax(agreement(rows + v * n, sum, n, 0) + LATE_GAIN,
-                           LATE_LEAST);
-        one->timed = true;
-        for (int late = -most; late <= most; late++) {
-            const double a = agreement(rows + v * n, sum, n, late);
-            if (a > best) {
-                best = a;
-                one->late = late;
-            }
-        }
-    }
-    free(rows);
-    return true;
-}
-
 /* ---------------------------------------------------------------- judgement */
 
 static int count_training(const saga_capture *c)
@@ -407,7 +331,11 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
              "what moves looks from elsewhere at that moment is a guess.");
     s->free_views = n > FEW_VIEWS ||
                     (n > 2 && points && s->typical_angle < FAR_APART);
-    if (!s->free_views)
+    if (n == 1 && !s->free_views)
+        note(s, "One camera%s will not give free views: the file will show "
+             "what it saw. More cameras%s help.", points ? "" : " without "
+             "points", points ? "" : ", or a COLMAP model with points,");
+    else if (!s->free_views)
         note(s, "%d cameras %.0f degrees apart%s will not give free views: the "
              "file will show what these cameras saw, and views between them "
              "will be poor. More cameras%s help.", n, s->typical_angle,
@@ -421,11 +349,26 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
              "COLMAP model or ply_file_path helps.");
 }
 
+/* Says so where a camera is not as good as synchronous; whole frames, where
+ * they are as likely, are what cameras lose. */
+static void judge_late(saga_survey *s, const char *name,
+                       const saga_lateness *late)
+{
+    const double whole = nearbyint(late->frames);
+    if (!(fabs(late->frames) > late->tolerance))
+        return;
+    note(s, "%s seems to run %.1f frames (+-%.1f) %s the others: --late "
+         "%s=%.3g, or hold it out.", name, fabs(late->frames), late->tolerance,
+         late->frames > 0.0 ? "behind" : "before", name,
+         fabs(late->frames - whole) <= late->tolerance ? whole
+                                                       : late->frames);
+}
+
 static void judge_view(saga_survey *s, const saga_capture *c, int v)
 {
     const saga_survey_view *const one = &s->views[v];
     const saga_shot *const shot = &c->views[v];
-    if (c->n_views > 1 && one->overlap < LITTLE_OVERLAP)
+    if (one->overlap < LITTLE_OVERLAP)
         note(s, "%s shares %.0f %% of what it sees with any other camera: its "
              "own part cannot be placed in depth.", shot->name,
              100.0 * one->overlap);
@@ -437,13 +380,21 @@ static void judge_view(saga_survey *s, const saga_capture *c, int v)
         note(s, "%s is %.2f stops %s than the others; encode evens that out as "
              "far as colours are not clipped.", shot->name, fabs(one->stops),
              one->stops > 0.0 ? "brighter" : "darker");
-    if (one->late != 0)
-        note(s, "%s seems to run %d frames %s the others: --late %s=%d, or "
-             "hold it out.", shot->name, abs(one->late),
-             one->late > 0 ? "behind" : "before", shot->name, one->late);
+    judge_late(s, shot->name, &one->late);
     if (shot->n_missing > 0 && !c->moves)
         note(s, "%s lacks %d of %d pictures.", shot->name, shot->n_missing,
              c->n_frames);
+}
+
+static bool take_late(saga_survey *s, const saga_capture *c, saga_error *error)
+{
+    saga_lateness *const late = saga_alloc((size_t)c->n_views, sizeof *late,
+                                           "the motion", error);
+    const bool ok = late && saga_lateness_find(late, c, error);
+    for (int v = 0; ok && v < c->n_views; v++)
+        s->views[v].late = late[v];
+    free(late);
+    return ok;
 }
 
 static bool measure(saga_survey *s, const saga_capture *c, places *p,
@@ -471,7 +422,7 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
     free(angle);
     return ok && (c->n_points < FEW_PLACES ||
                   compare_colours(s, c, p, error)) &&
-           find_late(s, c, error);
+           take_late(s, c, error);
 }
 
 bool saga_survey_make(saga_survey *survey, const saga_capture *capture,

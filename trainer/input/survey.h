@@ -12,12 +12,14 @@
 #define SAGA_SURVEY_H
 
 #include "capture.h"
+#include "lateness.h"
 
 enum { SAGA_SURVEY_NOTES = 16, SAGA_SURVEY_NOTE_NBYTES = 400 };
 
 typedef struct saga_survey_view {
     int nearest;         /* view that stands nearest by angle, -1: none */
-    double angle;        /* to it, degrees, from the middle of the places */
+    double angle;        /* to it, degrees, from the middle of the places; NaN
+                          * of one camera alone, as is: */
     double overlap;      /* share of the places it sees that the view with most
                           * in common sees too */
     double seen;         /* share of all places that it sees */
@@ -25,13 +27,12 @@ typedef struct saga_survey_view {
                           * unknown */
     double colour;       /* median difference to the others at the places after
                           * that, 8-bit levels; NaN: unknown */
-    int late;            /* frames that it clearly runs behind the others */
-    bool timed;          /* there is enough motion and time to tell */
+    saga_lateness late;
 } saga_survey_view;
 
 typedef struct saga_survey {
     saga_survey_view *views;     /* (n_views of the capture) */
-    double typical_angle;        /* median of the views' angles */
+    double typical_angle;        /* median of the views' angles; NaN of one */
     bool free_views;             /* what is between the cameras may be good, of
                                   * what stands still where one camera moves */
     int n_notes;                 /* what to mind, worst first */

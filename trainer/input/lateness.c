@@ -1,0 +1,242 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A row has a number for each step from a picture to the next: by how much the
+ * logarithm of what changes there differs from the step before. Logarithms keep
+ * a close camera's motions from counting for more, and differences make what is
+ * not shared as good as independent from step to step, so that the correlation
+ * of n unrelated steps has a standard deviation of 1 / sqrt(n).
+ *
+ * A row is shifted until it agrees best with the sum of the others. That is
+ * told where
+ *   - the correlation is more than chance makes of it,
+ *   - no other shift, but for the two beside it, comes near,
+ *   - and it stays where it is when an eighth of the steps is left out, or an
+ *     eighth of the cameras: the spread of these results is its standard error
+ *     (the jackknife of groups).
+ */
+#include "lateness.h"
+
+#include "alloc.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    MOST_LATE = 15,          /* frames */
+    N_SHIFTS = 2 * MOST_LATE + 1,
+    FEW_FRAMES = 12,
+    FEW_VIEWS = 3,
+    GROUPS = 8               /* of steps, and of cameras */
+};
+
+/* Of 31 correlations of unrelated rows, the largest is above this many standard
+ * deviations in 0.1 % of all cases. */
+#define SURE_AGREEMENT 4.0
+/* A difference of two correlations has sqrt(2 / n). */
+#define SURE_GAP 1.5
+/* 95 % of what 8 groups estimate lies within so many standard errors (Student's
+ * t with 7 degrees of freedom). A parabola is no more exact than the rest. */
+#define STANDARD_ERRORS 2.4
+#define LEAST_TOLERANCE 0.1
+#define MOST_TOLERANCE 0.5   /* frames; above it the next frame may be meant */
+
+typedef struct matcher {
+    double *rows;            /* (n_views, n) */
+    double *sum;             /* (n) of all rows */
+    double *others;          /* (n) what a row is compared with */
+    int n_views, n, most;    /* most: shifts are -most to most */
+} matcher;
+
+/* --------------------------------------------------------------------- rows */
+
+/* Makes a row have mean 0 and variance 1; flat rows become 0. */
+static void normalise(double *row, int n)
+{
+    double mean = 0.0, variance = 0.0;
+    for (int k = 0; k < n; k++)
+        mean += row[k] / n;
+    for (int k = 0; k < n; k++)
+        variance += (row[k] - mean) * (row[k] - mean) / n;
+    for (int k = 0; k < n; k++)
+        row[k] = variance > 1e-9 ? (row[k] - mean) / sqrt(variance) : 0.0;
+}
+
+/* Sums up what changes from frame k to the next, in green, every fifth pixel.
+ */
+static double change_at(const saga_capture *c, int v, int k)
+{
+    const size_t size = saga_view_frame_nbytes(&c->views[v]);
+    const uint8_t *const a = saga_capture_frame(c, v, k);
+    const uint8_t *const b = saga_capture_frame(c, v, k + 1);
+    double sum = 0.0;
+    for (size_t i = 1; i < size; i += 15)
+        sum += abs(a[i] - b[i]);
+    return sum;
+}
+
+/* Fills a view's row; a fiftieth of the mean is added to all, so that moments
+ * in which nothing moves are not the only ones that count. */
+static void fill_row(double *row, const saga_capture *c, int v)
+{
+    const int n = c->n_frames - 1;
+    double mean = 0.0;
+    for (int k = 0; k < n; k++) {
+        row[k] = change_at(c, v, k);
+        mean += row[k] / n;
+    }
+    for (int k = 0; k < n; k++)
+        row[k] = mean > 0.0 ? log(row[k] / mean + 0.02) : 0.0;
+    for (int k = 0; k + 1 < n; k++)
+        row[k] = row[k + 1] - row[k];
+    normalise(row, n - 1);
+}
+
+/* ----------------------------------------------------------------- matching */
+
+/* Correlates a row, moved back by `late`, with the others, without the steps
+ * from `out` to `end` - 1. */
+static double agreement(const matcher *m, const double *row, int late, int out,
+                        int end)
+{
+    double a = 0.0, b = 0.0, aa = 0.0, bb = 0.0, ab = 0.0;
+    int n = 0;
+    for (int k = late < 0 ? -late : 0; k < m->n && k + late < m->n; k++) {
+        const double x = row[k + late], y = m->others[k];
+        if (k >= out && k < end)
+            continue;
+        a += x;
+        b += y;
+        aa += x * x;
+        bb += y * y;
+        ab += x * y;
+        n++;
+    }
+    const double va = aa - a * a / fmax(n, 1), vb = bb - b * b / fmax(n, 1);
+    return va > 1e-9 && vb > 1e-9 ? (ab - a * b / n) / sqrt(va * vb) : 0.0;
+}
+
+/* Finds the shift of the best agreement, between frames by the parabola through
+ * it and its neighbours. r (N_SHIFTS), or NULL, is set to the agreements. */
+static double best_shift(const matcher *m, const double *row, int out, int end,
+                         double *r)
+{
+    double mine[N_SHIFTS];
+    int best = 0;
+    r = r ? r : mine;
+    for (int i = 0; i <= 2 * m->most; i++) {
+        r[i] = agreement(m, row, i - m->most, out, end);
+        best = r[i] > r[best] ? i : best;
+    }
+    if (best == 0 || best == 2 * m->most)
+        return best - m->most;
+    const double bend = r[best - 1] - 2.0 * r[best] + r[best + 1];
+    return best - m->most +
+           (bend < 0.0 ? 0.5 * (r[best - 1] - r[best + 1]) / bend : 0.0);
+}
+
+/* Sets what a view is compared with: the sum of the others, without group g of
+ * n_groups of them; g < 0: of all. */
+static void set_others(const matcher *m, int view, int g, int n_groups)
+{
+    const double *const row = m->rows + (size_t)view * (size_t)m->n;
+    for (int k = 0; k < m->n; k++)
+        m->others[k] = m->sum[k] - row[k];
+    for (int v = 0, i = 0; g >= 0 && v < m->n_views; v++) {
+        const double *const other = m->rows + (size_t)v * (size_t)m->n;
+        if (v == view || i++ % n_groups != g)
+            continue;
+        for (int k = 0; k < m->n; k++)
+            m->others[k] -= other[k];
+    }
+}
+
+/* Returns the variance of a mean that n results, each without one group, tell.
+ */
+static double jackknife(const double *x, int n)
+{
+    double mean = 0.0, sum = 0.0;
+    for (int i = 0; i < n; i++)
+        mean += x[i] / n;
+    for (int i = 0; i < n; i++)
+        sum += (x[i] - mean) * (x[i] - mean);
+    return sum * (n - 1) / n;
+}
+
+static double standard_error(const matcher *m, int view)
+{
+    const double *const row = m->rows + (size_t)view * (size_t)m->n;
+    const int n = m->n_views - 1 < GROUPS ? m->n_views - 1 : GROUPS;
+    double x[GROUPS], variance;
+    set_others(m, view, -1, 1);
+    for (int g = 0; g < GROUPS; g++)
+        x[g] = best_shift(m, row, g * m->n / GROUPS, (g + 1) * m->n / GROUPS,
+                          NULL);
+    variance = jackknife(x, GROUPS);
+    for (int g = 0; g < n; g++) {
+        set_others(m, view, g, n);
+        x[g] = best_shift(m, row, 0, 0, NULL);
+    }
+    return sqrt(variance + jackknife(x, n));
+}
+
+/* Tells whether the best of the agreements is no chance, and alone. */
+static bool stands_out(const matcher *m, const double *r)
+{
+    double second = -1.0;
+    int best = 0;
+    for (int i = 0; i <= 2 * m->most; i++)
+        best = r[i] > r[best] ? i : best;
+    for (int i = 0; i <= 2 * m->most; i++)
+        if (abs(i - best) > 1)
+            second = fmax(second, r[i]);
+    const double n = m->n - abs(best - m->most);
+    return best > 0 && best < 2 * m->most &&
+           r[best] * sqrt(n) >= SURE_AGREEMENT &&
+           (r[best] - second) * sqrt(n / 2.0) >= SURE_GAP;
+}
+
+static void find_one(saga_lateness *late, const matcher *m, int view)
+{
+    double r[N_SHIFTS];
+    set_others(m, view, -1, 1);
+    const double shift =
+        best_shift(m, m->rows + (size_t)view * (size_t)m->n, 0, 0, r);
+    if (!stands_out(m, r))
+        return;
+    const double tolerance =
+        LEAST_TOLERANCE + STANDARD_ERRORS * standard_error(m, view);
+    if (tolerance <= MOST_TOLERANCE)
+        *late = (saga_lateness){.frames = shift, .tolerance = tolerance};
+}
+
+bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
+                        saga_error *error)
+{
+    const saga_capture *const c = capture;
+    const int n = c->n_frames - 2; /* differences of differences */
+    for (int v = 0; v < c->n_views; v++)
+        late[v] = (saga_lateness){.frames = NAN, .tolerance = NAN};
+    if (c->n_frames < FEW_FRAMES || c->n_views < FEW_VIEWS || c->moves)
+        return true;
+    /* A row needs room for one number more while it is made. */
+    double *const rows = saga_calloc((size_t)(c->n_views + 2) * (size_t)n + 1,
+                                     sizeof *rows, "the motion", error);
+    if (!rows)
+        return false;
+    const matcher m = {.rows = rows, .sum = rows + (size_t)c->n_views *
+                                                       (size_t)n,
+                       .others = rows + (size_t)(c->n_views + 1) * (size_t)n,
+                       .n_views = c->n_views, .n = n,
+                       .most = n / 3 < MOST_LATE ? n / 3 : MOST_LATE};
+    for (int v = 0; v < c->n_views; v++)
+        fill_row(rows + (size_t)v * (size_t)n, c, v);
+    memset(m.sum, 0, 2 * (size_t)n * sizeof *m.sum);
+    for (int v = 0; v < c->n_views; v++)
+        for (int k = 0; k < n; k++)
+            m.sum[k] += rows[(size_t)v * (size_t)n + (size_t)k];
+    for (int v = 0; v < c->n_views; v++)
+        find_one(&late[v], &m, v);
+    free(rows);
+    return true;
+}
