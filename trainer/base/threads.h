@@ -53,7 +53,9 @@ typedef struct saga_tasks {
 enum { SAGA_LEAST_WORK = 8000 };
 void saga_set_least_work(int ns);
 
-/* Does all parts. By one thread where that is all that the work feeds, and
+/* Does all parts, each thread those of a range of its own as long as there are
+ * some: who divides things alike in every stage has them in the same cache. By
+ * one thread where that is all that the work feeds, and
  * where several work already. */
 void saga_parallel(const saga_tasks *tasks);
 
@@ -81,6 +83,20 @@ static inline saga_range saga_part(size_t n, size_t size, size_t k)
     const size_t begin = k * size;
 
     return (saga_range){ begin, n - begin < size ? n : begin + size };
+}
+
+/* Returns slice k of n: an equal part of n_things, but for multiples of unit.
+ * Arrays of which each has so many things of the same owners are divided alike.
+ */
+static inline saga_range saga_slice(size_t n_things, size_t unit, size_t k,
+                                    size_t n)
+{
+    const size_t units = saga_n_parts(n_things, unit);
+    const size_t begin = units * k / n * unit;
+    const size_t end = units * (k + 1) / n * unit;
+
+    return (saga_range){ begin < n_things ? begin : n_things,
+                         end < n_things ? end : n_things };
 }
 
 /* This is some memory. */
