@@ -479,8 +479,9 @@ static int refuse_cover(const options *o, const saga_decoder *dec,
     saga_report r;
 
     saga_tell(&r, dec);
-    fprintf(stderr, "saga-dec: %s: splats would cover the picture %.0f times, "
-            "level %" PRIu32 " allows %u; move the camera away\n", o->camera,
+    fprintf(stderr, "saga-dec: %s: the stream exceeds its level: splats would "
+            "cover the picture %.0f times, level %" PRIu32 " allows %u; move "
+            "the camera away\n", o->camera,
             (double)r.box_pixels / c->width / c->height, level,
             SAGA_COVER_MAX(level));
     return 1;

@@ -229,7 +229,7 @@ static void video_should_be_refused_when_it_is_damaged(void **state)
     folder_run(f, "ffmpeg -nostdin -v error -f lavfi -i testsrc=s=%dx%d:r=10:"
                "d=1 -c:v libx264 -g 2 -t 1 a.mkv", 8 * W, 8 * H);
     assert_true(saga_read_file(&all, folder_file(f, "a.mkv"), &error));
-    part = (bytes){ all.data, all.nbytes };
+    part = (bytes){ all.data, all.nbytes, all.nbytes };
     write_json(f, name, 1);
     write_part(f, "a.mkv", &part, all.nbytes * 3 / 4);
     refused(f->path, "a.mkv", "encode the video again");

@@ -16,7 +16,8 @@ enum { N = 37, AT = 3, Q_END = 25, CANARY = 0x5a5a };
 
 static saga_nets nets;
 static saga_vectors vectors;
-static const saga_runner runner = { &nets, NULL, &vectors, SAGA_CPU_PLAIN };
+static const saga_runner runner = { &nets, NULL, &vectors, SAGA_CPU_PLAIN,
+                                    NULL };
 
 static void one_run(int32_t first, int q, int q_in)
 {
