@@ -326,6 +326,51 @@ static void choice_should_code_as_the_rate_does(void **state)
     should_code_alike(SAGA_TOOL_BANK, with);
 }
 
+/* Features a fifth of their format's unit off the middle between two steps, on
+ * both sides, and means 0.4 of it off what the format can say: training rounds
+ * each to what is decoded. */
+static void features_should_be_rounded_as_they_are_coded(void **state)
+{
+    rate_scene f;
+    double bits[SAGA_N_STEPS] = { 0 };
+    size_t n, i, wrong = 0;
+    real *coded;
+
+    (void)state;
+    rate_scene_init(&f, 2);
+    memset(f.r.context.keep, 0, SAGA_N_KINDS);
+    f.r.decision.given = 1;
+    n = f.s.model.features;
+    for (i = 0; i < n; i++)
+        f.r.constants.mean[SAGA_KIND_COARSE][4 + i] =
+            (real)ldexp(7 + 0.4 * (i % 2 ? 1 : -1),
+                        -f.s.model.head_q[SAGA_HEAD_COARSE]);
+    n *= f.s.n.coarse;
+    coded = malloc(n * sizeof *coded);
+    assert_non_null(coded);
+    for (i = 0; i < n; i++) {
+        const double step = f.s.model.step_q16[SAGA_STEP_FEATURE] / 65536.0;
+        const double off = (double)(i % 9) - 3.5;
+
+        coded[i] = f.s.coarse_feature[i] =
+            (real)ldexp(7 + off * step + (i % 5 > 1 ? 0.2 : -0.2),
+                        -f.s.model.head_q[SAGA_HEAD_COARSE]);
+    }
+    {
+        const saga_rate_input x = { &f.s, &f.w, coded };
+
+        saga_rate_start(&f.r, &f.s, &x);
+        saga_rate_code(bits, &f.r, &x, SAGA_KIND_COARSE);
+    }
+    for (i = 0; i < n; i++)
+        wrong += fabs((double)(saga_rate_round(&f.r, &f.s, i) - coded[i])) >
+                 1e-6;
+    printf("  %zu of %zu differ\n", wrong, n);
+    assert_int_equal(wrong, 0);
+    free(coded);
+    rate_scene_free(&f);
+}
+
 /* --- Rows of costs ------------------------------------------------------- */
 
 static double off(real x, double want, double least)
@@ -374,7 +419,8 @@ int main(void)
         cmocka_unit_test(decide_should_keep_what_foretells),
         cmocka_unit_test(decide_should_keep_a_bank_that_learned),
         cmocka_unit_test(memory_should_be_causal),
-        cmocka_unit_test(choice_should_code_as_the_rate_does)
+        cmocka_unit_test(choice_should_code_as_the_rate_does),
+        cmocka_unit_test(features_should_be_rounded_as_they_are_coded)
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -392,14 +392,20 @@ static void begin_bank(saga_scene *s)
     write->b[0][s->model.bank_width] = R(-1.9459101490553132);
 }
 
+/* Keeps what is rounded against: mu in whole steps of the values' format, as
+ * the coder has it. Values that training holds between two steps would else all
+ * go to the same side when they are coded. */
 static void remember_mu(saga_rate *r, const saga_model *m, int kind,
                         size_t block, const real *mu)
 {
-    if (kind == SAGA_KIND_COARSE)
-        memcpy(r->mu_feature + block * m->features, mu + 4,
-               m->features * sizeof *mu);
-    else if (kind == SAGA_KIND_PRIM)
-        memcpy(r->mu_offset + 4 * block, mu, 4 * sizeof *mu);
+    const size_t first = kind == SAGA_KIND_COARSE ? 4 : 0;
+    const size_t n = kind == SAGA_KIND_COARSE ? m->features : 4;
+    const real scale = R(1 << saga_rate_value_q(m, kind, first));
+    real *const to = kind == SAGA_KIND_COARSE ? r->mu_feature + block * n
+                                              : r->mu_offset + 4 * block;
+
+    for (size_t i = 0; kind != SAGA_KIND_FINE && i < n; i++)
+        to[i] = R(rint((double)(scale * mu[first + i]))) / scale;
 }
 
 /* Tells whether every fine anchor is in the middle of its suffix cell, which is
