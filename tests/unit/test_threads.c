@@ -108,6 +108,30 @@ static void numbers_should_stay_below_what_there_is_scratch_for(void **state)
     }
 }
 
+static void note_owner(void *user, size_t part)
+{
+    for (volatile int i = 0; i < 2000; i++)
+        ;
+    ((size_t *)user)[part] = saga_thread_number();
+}
+
+/* Of its own share a thread has the first parts; others take the last. */
+static void threads_should_keep_to_their_shares(void **state)
+{
+    enum { TEAM = 3, EACH = 40 };
+    size_t owner[TEAM * EACH];
+
+    (void)state;
+    omp_set_num_threads(TEAM);
+    for (int round = 0; saga_n_threads() == TEAM && round < 300; round++) {
+        saga_parallel(&(saga_tasks){ .run = note_owner, .user = owner,
+                                     .n = TEAM * EACH, .ns = 1e6 });
+        for (size_t i = 0; i < TEAM * EACH; i++)
+            if (i % EACH > 0 && owner[i] == i / EACH)
+                assert_int_equal(owner[i - 1], i / EACH);
+    }
+}
+
 static void note_apart(void *user, size_t part)
 {
     record *const all = user;
@@ -202,6 +226,7 @@ int main(void)
         cmocka_unit_test(every_part_should_be_done_once),
         cmocka_unit_test(short_work_should_follow_upon_short_work),
         cmocka_unit_test(numbers_should_stay_below_what_there_is_scratch_for),
+        cmocka_unit_test(threads_should_keep_to_their_shares),
         cmocka_unit_test(work_in_work_should_be_done_by_who_has_it),
         cmocka_unit_test(little_work_should_be_done_by_one),
         cmocka_unit_test(caller_should_wait_until_all_is_done),

@@ -24,8 +24,8 @@
 
 /* Nanoseconds that a thread looks for work before it sleeps: longer than what
  * is between two pieces of an iteration. Looks between two at the clock. Work
- * of so many nanoseconds wakes those that sleep. */
-enum { AWAKE_NS = 50000, LOOKS = 32, WAKE_NS = 40000 };
+ * of so many times what feeds a thread wakes those that sleep. */
+enum { AWAKE_NS = 50000, LOOKS = 32, WORTH_WAKING = 5 };
 
 /* A share's value has bits for its end, its beginning, the work's number. */
 enum { MOST_THREADS = 256, END_BITS = 20, MOST_PARTS = (1 << END_BITS) - 1 };
@@ -194,11 +194,15 @@ void saga_set_least_work(int ns)
     atomic_store(&least_work, ns);
 }
 
+static double least_ns(void)
+{
+    return atomic_load_explicit(&least_work, memory_order_relaxed);
+}
+
 size_t saga_team(double ns)
 {
     const size_t now = least(saga_n_threads(), MOST_THREADS);
-    const double each = atomic_load_explicit(&least_work,
-                                             memory_order_relaxed);
+    const double each = least_ns();
 
     return ns >= each * (double)now ? now
          : ns >= 2 * each ? (size_t)(ns / each) : 1;
@@ -221,7 +225,8 @@ static void announce(const saga_tasks *t, size_t team)
         atomic_store(&all.of[i].left, share_of(work, t->n * i / team,
                                                t->n * (i + 1) / team));
     atomic_store(&all.work, work);
-    if (t->ns >= WAKE_NS && atomic_load(&all.n_asleep) > 0) {
+    if (t->ns >= (double)WORTH_WAKING * least_ns() &&
+        atomic_load(&all.n_asleep) > 0) {
         pthread_mutex_lock(&all.gate);
         pthread_cond_broadcast(&all.call);
         pthread_mutex_unlock(&all.gate);
