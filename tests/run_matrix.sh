@@ -31,8 +31,8 @@ small clang-O0-zero        | clang | | -O0 | ZERO
 small clang-O3             | clang | | -O3 |
 small gcc-O3-avx2          | gcc   | | -O3 | AVX2
 small gcc-O1-pattern       | gcc   | | -O1 | PATTERN
-small gcc-O2-sanitize      | gcc   | | -O2 | SANITIZE=1
 small s390x-gcc-O2         | s390x-linux-gnu-gcc | s390x | -O2 | STATIC
+all gcc-O2-sanitize        | gcc   | | -O2 | SANITIZE=1
 all clang-O0               | clang | | -O0 |
 all gcc-O1-pattern-plain   | gcc   | | -O1 | PATTERN plain
 all gcc-O1-pattern-x4      | gcc   | | -O1 | PATTERN x4
