@@ -24,8 +24,6 @@ unset MAKEFLAGS MFLAGS MAKELEVEL
 # Threads that wait for each other in tiny loops cost four times what they do.
 # What must not depend on threads sets their number itself.
 export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
-# Threads that wait spin briefly before they sleep (tools/demo.sh says why).
-export GOMP_SPINCOUNT=${GOMP_SPINCOUNT:-3000}
 export ASAN_OPTIONS=${ASAN_OPTIONS:-detect_stack_use_after_return=1}
 export UBSAN_OPTIONS=${UBSAN_OPTIONS:-print_stacktrace=1}
 timeout=1200
