@@ -65,8 +65,9 @@ typedef struct saga_rate {
     saga_rate_context context;
     saga_rate_decision decision;
     saga_rate_constants constants;
-    real *mu_feature;            /* (coarse, F) of each block's last evaluation:
-                                  * what its features are rounded against */
+    real *mu_feature;            /* (coarse, F) of each block's last evaluation,
+                                  * in the format it is coded in: what its
+                                  * features are rounded against */
     real *mu_offset;             /* (fine, 4) the same of primitives' offsets */
     real *centre;                /* (coarse, 4) values */
     real *offset;                /* (fine, 5) values and count / 16 */
