@@ -36,6 +36,7 @@ static void fine_block(block *b, const saga_scaffold *sc, uint32_t rank)
     saga_position_cell(&b->position, parent);
     saga_position_move(&b->position, fine->local);
     for (i = 0; i < 4; i++)
+        /* A suffix of `bits` bits halves a cell as often. */
         b->position.log2_support_q10[i] -= bits * 1024;
     b->count = parent->n_fine;
     b->rank = rank;
@@ -201,6 +202,7 @@ static void in_slot(const saga_scaffold *sc, uint32_t p, uint32_t point)
     uint32_t i;
 
     for (i = 0; i < m->hidden; i++)
+        /* The first layer's two parts meet here, then its ReLU. */
         in[i] = fx_sat16(fx_max(sc->net.v->kept[i] + own[i], 0));
 }
 
@@ -233,6 +235,7 @@ static void write_bank(const saga_scaffold *sc)
     saga_in_vector(&sc->net, SAGA_NET_WRITE_BASE, 0, mean, m->width,
                    SAGA_SLOT_Q);
     saga_net_run(&sc->net, SAGA_NET_WRITE_BASE, 1);
+    /* The round's part of the first layer is the same for all slots. */
     for (i = 0; i < m->hidden; i++)
         sc->net.v->kept[i] = sc->net.v->out[i];
     for (i = 0; i < m->n_slots; i += most)
@@ -264,6 +267,8 @@ void saga_context_begin(const saga_scaffold *sc)
         return;
     saga_bank_start(m);
     begin_round(m->round);
+    /* A slot's number goes in as one 1 among zeros; what its layer makes of
+     * it is kept for all rounds. */
     for (p = 0; p < m->n_slots; p++) {
         for (i = 0; i < m->n_slots; i++)
             sc->net.v->in[i] = 0;
@@ -344,6 +349,7 @@ static void in_sources(const saga_scaffold *sc, const block *b,
     uint32_t at = saga_in_point(&sc->net, net, point);
     int q;
 
+    /* The order of the sources is that of their bits. */
     if (sources & SAGA_SOURCE_HYPER)
         at = saga_in_vector(&sc->net, net, at,
                             saga_out_point(&sc->net, SAGA_NET_HYPER, point), f,
@@ -378,6 +384,8 @@ static void run_blocks(const saga_scaffold *sc, const block *b, uint32_t n,
 
     if (sources & (SAGA_SOURCE_HYPER | SAGA_SOURCE_BANK))
         embed_blocks(sc, b, n);
+    /* Order matters: embeddings feed queries and the hyperprior, and then
+     * give their room to the queries. */
     if (sources & SAGA_SOURCE_BANK)
         run_queries(sc, b, n, kind);
     for (i = 0; sources & SAGA_SOURCE_HYPER && i < n; i++)

@@ -83,10 +83,12 @@ static inline uint32_t distance_q12(search *s, uint32_t rank, uint32_t limit)
     int i;
 
     for (i = 0; i < 3; i++) {
+        /* A sum that reaches the limit is one that rounds to it. */
         sum += square_q24(s, rank, i);
         if (sum >= end)
             return limit;
     }
+    /* Where nothing depends on time it parts nobody. */
     if (saga_is_dynamic(m))
         sum += fx_rshift64(square_q24(s, rank, 3) * m->lambda_t_q8, 8);
     return (uint32_t)fx_clamp64(fx_rshift64(sum, 12), 0, (int32_t)limit);
@@ -178,6 +180,7 @@ static void take_nearest(saga_neighbours *nb, search *s, uint32_t centre,
             ? sc->coarse[rank].group : sc->fine[rank].group;
         uint32_t limit, d;
 
+        /* Of this group or a later one: not decoded yet. */
         if (group >= before)
             continue;
         limit = limit_q12(nb, l);

@@ -94,6 +94,7 @@ static void normalise(int16_t *slot, const int32_t *u, uint32_t width)
     count_macs(MACS_NORM * width);
     if (square == 0)
         return;
+    /* |u|^2 as a pair of 31 bits, then u / |u| by one product each. */
     n = fx_clz64(square);
     x.mant_q30 = (uint32_t)(square << n >> 33);
     x.exp = 63 - n;
@@ -146,6 +147,8 @@ void saga_bank_start(const saga_bank *m)
     for (p = 0; p < m->n_slots; p++) {
         uint32_t power = 1;
 
+        /* Component d of slot p is the entry (p, x^d) of a Hadamard matrix; a
+         * shift register leads through the powers of x. */
         for (d = 0; d < m->width; d++) {
             u[d] = parity(p & power) ? -1 : 1;
             power <<= 1;
@@ -169,6 +172,7 @@ static void softmax(const saga_bank *m)
     uint32_t sum = 0, r, p;
     int shift;
 
+    /* Relative to the largest score, so that e is at most 1. */
     for (p = 1; p < m->n_slots; p++)
         most = fx_max(most, score[p]);
     for (p = 0; p < m->n_slots; p++)
@@ -176,6 +180,7 @@ static void softmax(const saga_bank *m)
     saga_exp2_neg_each(score, m->n_slots);
     for (p = 0; p < m->n_slots; p++)
         sum += (uint32_t)score[p];
+    /* Weights sum to 2^14. */
     r = saga_recip32(sum, &shift);
     for (p = 0; p < m->n_slots; p++)
         m->weight[p] = (int16_t)fx_rshift64((int64_t)score[p] * r,
@@ -238,6 +243,8 @@ void saga_bank_update(const saga_bank *m, uint32_t p,
     uint32_t d;
 
     for (d = 0; d < m->width; d++) {
+        /* What the slot says already is taken out (orthogonal update): v =
+         * write - <write, s> s; then s + g v, normalised. */
         const int32_t v = fx_sat16(write[d] - fx_rshift(along * slot[d], 12));
 
         u[d] = fx_rshift(slot[d] * 32768 + gate_q15 * v, 7);

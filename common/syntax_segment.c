@@ -92,6 +92,7 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
         suffix[i] = 0;
     if (n == 0 || bits == 0)
         return;
+    /* One run: all points, their highest bit. */
     todo[depth].start = 0;
     todo[depth].n = (uint8_t)n;
     todo[depth++].bit = (uint8_t)(4 * bits - 1);
@@ -102,12 +103,17 @@ static void code_set(uint32_t *suffix, uint32_t n, uint32_t bits,
 
         at.index = first + start;
         at.bit = (uint8_t)bit;
+        /* `low` of them keep a 0 in this bit, the others behind them get a
+         * 1. */
         low = c->adaptive(c, at, set_model(models, suffix[start], run, bit,
                                            bits), run + 1);
         for (i = start + low; i < start + run; i++)
             suffix[i] |= 1u << bit;
+        /* Points that are equal in all bits stay together. */
         if (bit == 0)
             continue;
+        /* The upper half goes onto the stack first: the lower one comes
+         * next. */
         if (low < run) {
             todo[depth].start = (uint8_t)(start + low);
             todo[depth].n = (uint8_t)(run - low);
@@ -161,6 +167,7 @@ static void child_of(node *child, const node *parent, uint32_t number)
     for (i = 0; i < 3; i++)
         child->cell[i] = parent->cell[i];
     child->cell_t = parent->cell_t;
+    /* Halving in space: 2 cell + (x, y, z). */
     if (parent->split & 1u) {
         child->depth_x++;
         for (i = 0; i < 3; i++)
@@ -201,6 +208,7 @@ static uint32_t n_touching(uint32_t mask, uint32_t i)
     uint32_t n = 0, k;
 
     for (k = 0; k < 4; k++)
+        /* The neighbour across axis k, where it comes before child i. */
         n += (i >> k) & (mask >> (i ^ 1u << k)) & 1u;
     return n;
 }
@@ -217,6 +225,7 @@ static uint32_t code_occupancy(const saga_scaffold *sc, saga_coder *c,
             &sc->models->occupancy[nd->split - 1][seen][n_touching(mask, i)],
             2);
 
+        /* The model knows how many there are so far, 3 standing for more. */
         mask |= bit << i;
         if (bit && seen < 3)
             seen++;
@@ -245,6 +254,7 @@ static int add_leaf(const saga_scaffold *sc, saga_coder *c, const node *nd,
     a->n_fine = (uint8_t)c->adaptive(
         c, saga_at_symbol(SAGA_SYM_N_FINE, rank, 0),
         &sc->models->n_fine[nd->depth_x], l->max_children + 1u);
+    /* Fine anchors are ranked by their parents. */
     a->first_fine = *n_fine;
     *n_fine += a->n_fine;
     return *n_fine <= sc->n.fine;
@@ -267,6 +277,7 @@ static int code_tree(const saga_scaffold *sc, saga_coder *c)
             if (!add_leaf(sc, c, &nd, rank++, &n_fine))
                 return 0;
         } else {
+            /* An inner node: which children it has, before any of them. */
             if (!split_is_valid(sc->model, &nd))
                 return 0;
             nd.pending = (uint16_t)code_occupancy(sc, c, &nd, index);
@@ -275,6 +286,7 @@ static int code_tree(const saga_scaffold *sc, saga_coder *c)
             stack[depth++] = nd;
         }
         index++;
+        /* Back to the nearest node with a child that is still to come. */
         while (depth > 0 && stack[depth - 1].pending == 0)
             depth--;
         if (depth == 0)
@@ -298,6 +310,7 @@ static void code_coarse_anchor(const saga_scaffold *sc, saga_coder *c,
     code_block(sc->coarse_feature + (size_t)rank * m->features, c,
                saga_at_symbol(SAGA_SYM_FEATURE, rank, 0), mu + 4, scale + 4,
                m->step_q16[SAGA_STEP_FEATURE], m->features);
+    /* The centre is told in half-sizes of the cell, from its middle. */
     saga_position_cell(&position, a);
     saga_position_move(&position, centre);
     for (i = 0; i < 3; i++)
@@ -314,8 +327,11 @@ int saga_syntax_coarse(const saga_scaffold *sc, saga_coder *c)
 
     if (!code_tree(sc, c))
         return 0;
+    /* A group may use all that earlier ones have decoded. */
     for (group = 0; group < n_groups; group++) {
         for (rank = 0; rank < sc->n.coarse;) {
+            /* Blocks that know the same run through the networks together;
+             * then each is read with what they foretold. */
             rank = saga_context_run(&run, sc, SAGA_KIND_COARSE, rank, group);
             for (i = 0; i < run.n && !c->error; i++)
                 code_coarse_anchor(sc, c, run.rank[i], run.mu + i * n,
@@ -345,6 +361,7 @@ static void begin_fine(const saga_scaffold *sc, uint32_t rank, uint32_t parent,
     a->group = (uint8_t)saga_morton_group(v, n_groups);
     a->parent = parent;
     suffix_centre(a->local, suffix, l->suffix_bits);
+    /* Until F_fine has run, a fine anchor has its parent's supports. */
     saga_position_cell(&p, &sc->coarse[parent]);
     for (i = 0; i < 4; i++)
         a->support[i] = p.support[i];
@@ -431,6 +448,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
     uint32_t group, rank, i;
     saga_run run;
 
+    /* Suffixes of all first: groups and neighbours go by them. */
     if (!code_fine_sets(sc, c))
         return 0;
     for (group = 0; group < n_groups; group++) {
@@ -447,6 +465,7 @@ int saga_syntax_fine(const saga_scaffold *sc, saga_coder *c)
     }
     if (!number_primitives(sc))
         return 0;
+    /* Features and supports of all, for the primitives. */
     saga_scaffold_fine(sc);
     return 1;
 }
@@ -471,6 +490,7 @@ static void code_primitives(const saga_scaffold *sc, saga_coder *c,
         int16_t *const o = sc->prim_offset[first + i];
         int16_t residual[4];
 
+        /* The offset: the suffix cell's middle and the residual. */
         suffix_centre(o, suffix[i], bits);
         code_block(residual, c,
                    saga_at_symbol(SAGA_SYM_PRIM_OFFSET, first + i, 0), mu,

@@ -285,6 +285,8 @@ static uint32_t limit_of(const raster *r, uint32_t nx, uint32_t ny)
     const uint32_t x1 = (uint32_t)fx_min(tile_x(r, nx), r->job->x1) - 1;
     const uint32_t y1 = (uint32_t)fx_min(tile_y(r, ny), r->job->y1) - 1;
 
+    /* The rectangle's ends in the places of a key's beginnings: a box
+     * overlaps if it begins before they end, and ends after they begin. */
     return GUARDS | pack(x1 >> shift, x >> shift, y1 >> shift, y >> shift);
 }
 
@@ -303,6 +305,8 @@ static void step_keep(raster *r)
     for (; r->budget > 0 && i < r->n && n < r->kept_capacity; r->budget--) {
         const saga_key key = r->order[i++];
 
+        /* Written in any case and kept by the count: no branch to
+         * mispredict. */
         r->kept[n] = key;
         n += (uint32_t)touches(key, limit);
     }
@@ -378,6 +382,8 @@ static int visit_tiles(raster *r, progress *at, const tile_range *t,
     while (at->y <= t->y1) {
         queue *const q = tile_queue(r, at->x, at->y);
 
+        /* A finished tile takes no room in the list, so it passes a full
+         * one. */
         if (r->budget == 0 || (q->n != CLOSED && *n == end))
             return 0;
         r->budget--;
@@ -436,6 +442,7 @@ static void visit_all(raster *r, progress *at)
 {
     const state *const s = r->s;
 
+    /* First what is kept for this row, then what nobody has looked at. */
     if (at->key < s->n_kept)
         at->key = visit_keys(r, at, r->kept, at->key, s->n_kept);
     if (at->key >= s->n_kept)
@@ -477,6 +484,8 @@ static void step_list(raster *r)
 {
     state *const s = r->s;
 
+    /* The same walk as when they were counted, so that each entry has its
+     * place. */
     if (s->n_listed < s->n_counted)
         visit_all(r, &s->listed);
     if (s->n_listed == s->n_counted)
@@ -493,6 +502,7 @@ static void leave_tile(raster *r)
     s->step = s->is_first ? STEP_CLEAR : STEP_BLEND;
     if (next_tile(r))
         return;
+    /* All tiles are through this list: the walk goes on where it was full. */
     begin_list(s);
     s->is_first = 0;
     s->step = STEP_COUNT;
@@ -552,6 +562,7 @@ static int blend_splat(raster *r, const saga_splat *splat)
         return 1;
     begin_patch(&p, splat, x, y + (int32_t)first, r->is_steep);
     colour_patch(&p, splat, r->pic->bits);
+    /* As many lines as the budget has; the others come with the next call. */
     p.n_rows = spend(r, end - s->line);
     s->line += p.n_rows;
     if (p.n_rows > 0)
@@ -583,6 +594,8 @@ static void step_blend(raster *r)
             return;
         q->first++;
         q->n--;
+        /* To look at all pixels takes as long as a few splats, so it is not
+         * done after each. */
         if ((++s->count % CHECK_EVERY == 0 || q->n == 0) &&
             is_finished(tile_pixels(r, s->tx, s->ty), 1u << 2 * r->log2_side))
             q->n = CLOSED;
@@ -608,6 +621,7 @@ static void lay_out_band(raster *r)
     r->ny = s->band_rows < r->rows - s->row ? s->band_rows : r->rows - s->row;
     r->queues = (queue *)(r->pixels + (n << 2 * r->log2_side) * N_PLANES);
     r->kept = (saga_key *)(r->queues + n);
+    /* Keys are worth keeping only where several bands share a row of tiles. */
     r->kept_capacity = s->band_cols < r->cols ? capacity / 2 : 0;
     r->list = (uint32_t *)(r->kept + r->kept_capacity);
     r->capacity = 2 * (capacity - r->kept_capacity);
@@ -623,6 +637,7 @@ static int next_band(raster *r)
     if (s->col >= r->cols) {
         s->col = 0;
         s->row += s->band_rows;
+        /* A new row of tiles: what was kept is of the last one. */
         s->n_kept = 0;
         s->n_passed = 0;
     }
@@ -716,6 +731,7 @@ static void write_line(const raster *r, const uint32_t *t, int32_t x,
     /* The picture begins at the job's corner: a band's buffer suffices. */
     void *const line = (uint8_t *)r->pic->rgb +
                        (size_t)(y - r->job->y0) * r->pic->stride_nbytes;
+    /* Pixels of the job, not of the camera's picture. */
     const int32_t at = x - r->job->x0;
 
     if (r->pic->bits == SAGA_DEPTH)
@@ -741,6 +757,7 @@ static int step_write(raster *r)
                        y + (int32_t)s->line);
     if (s->line < r->side)
         return 0;
+    /* With one list the tiles take turns in the first one's pixels. */
     s->step = s->is_first ? STEP_CLEAR : STEP_BLEND;
     return !next_tile(r) && next_band(r);
 }
@@ -854,6 +871,7 @@ static void open_job(raster *r, saga_job *job)
         !((uint32_t)(job->x0 | job->y0) & ((1u << r->box_shift) - 1));
     r->s = job->scratch;
     r->pixels = (uint32_t *)job->scratch + STATE_NBYTES / 4;
+    /* The first call writes all of the state, since scratch holds anything. */
     if (job->cursor[0] == CURSOR_NEW)
         begin(r, count_tiles(tile_nbytes(job), r->log2_side,
                              r->cols * r->rows));
