@@ -364,9 +364,12 @@ $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 	$(LINK) $^ -lm -o $@
 
 $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
-$(TESTS): $(HELPERS) $(REFERENCE) $(TWICE) $(TRAIN) $(LIB)
-	$(LINK) $(OMP) $(filter %.o,$^) $(filter %.a,$^) $(CMOCKA) $(HOST_LIBS) \
-	    -o $@
+# Differences are taken in double; no other program needs the second half.
+$(foreach t,$(filter tests/gradient/%,$(TESTS_SRC)),$(BUILD)/$(notdir $(t:.c=))): \
+    $(TWICE)
+$(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
+	$(LINK) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
+	    $(filter-out $(TWICE),$(filter %.a,$^)) $(CMOCKA) $(HOST_LIBS) -o $@
 
 $(BUILD)/bench_share $(BUILD)/bench_numerics: $(BUILD)/%: $(OBJ)/bench/%.o
 $(BUILD)/bench_table: $(BENCH_OBJ)

@@ -48,7 +48,7 @@ static uint32_t n_streams(void)
     const char *const s = getenv("SAGA_TEST_COUNT");
 
     return s ? (uint32_t)strtoul(s, NULL, 0)
-         : getenv("SAGA_TEST_LONG") ? 10000 : 2000;
+         : getenv("SAGA_TEST_LONG") ? 10000 : 1200;
 }
 
 /* --- Bases --------------------------------------------------------------- */

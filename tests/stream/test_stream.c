@@ -34,7 +34,7 @@ static uint32_t n_streams(void)
     const char *const s = getenv("SAGA_TEST_COUNT");
 
     return s ? (uint32_t)strtoul(s, NULL, 0)
-         : getenv("SAGA_TEST_LONG") ? 100000 : 1000;
+         : getenv("SAGA_TEST_LONG") ? 100000 : 600;
 }
 
 static void *must(void *p)
