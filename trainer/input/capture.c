@@ -113,8 +113,11 @@ static double picture_nbytes(const load_job *job, int v, double scale)
     const saga_remap *const m = &job->remaps[v];
     const double px =
         floor(m->full_width / scale) * floor(m->full_height / scale);
+    /* 3 bytes of colour a pixel, and one of the mask. */
     double n = (has_masks(job, s) ? 4.0 : 3.0) * px *
                (is_single(job, s) ? 1 : job->capture->n_frames);
+    /* Depth is of 4 bytes, and held for each frame that has it, single view or
+     * not. */
     for (int k = 0; s->depths && job->options->want_depth &&
                     k < job->capture->n_frames; k++)
         if (s->depths[job->capture->first_frame + k])
@@ -128,6 +131,7 @@ static double scratch_nbytes(const load_job *job)
     double most = 0.0;
     for (int v = 0; v < job->listing->n_sources; v++) {
         const saga_source *const s = &job->listing->sources[v];
+        /* 3 bytes of colour and 4 of depth for each pixel of the file. */
         most = fmax(most, 7.0 * s->width * s->height +
                               (double)saga_remap_nbytes(&job->remaps[v],
                                                         &s->lens));
@@ -153,8 +157,11 @@ static void say_remedy(const load_job *job, double need, char *text, size_t n)
     const double budget = (double)job->options->memory_nbytes;
     const double frames = need - scratch_nbytes(job);
     int scale = job->options->scale;
+    /* The first smaller scale at which everything fits. */
     while (scale < SAGA_MAX_SCALE && forecast(job, scale) > budget)
         scale++;
+    /* The number of frames that fit at the wanted scale, beside what the
+     * threads need however few frames there are. */
     const int fit = (int)floor((budget - scratch_nbytes(job)) / frames *
                                job->capture->n_frames);
     size_t used = (size_t)snprintf(text, n, "use ");
@@ -237,6 +244,8 @@ static bool read_video(load_job *job, int v, const saga_remap *remap,
     if (!saga_video_open(&video, s->video, &s->info, end, error))
         return false;
     bool ok = true;
+    /* Videos are read from their start: frames before the first wanted one are
+     * decoded and dropped. */
     for (int k = 0; ok && k < end; k++) {
         ok = saga_video_next(&video, buffer, error);
         if (ok && k >= first)
@@ -292,6 +301,7 @@ static void load_mask(load_job *job, int v, int k, const saga_remap *remap)
     const int at = job->capture->first_frame + k;
     const size_t n = (size_t)view->width * (size_t)view->height;
     uint8_t *const mask = view->mask + n * (size_t)(view->single ? 0 : k);
+    /* A mask of its own comes before the picture's opacity. */
     const char *const path = s->masks && s->masks[at] ? s->masks[at]
                              : s->pictures            ? s->pictures[at]
                                                       : NULL;
@@ -308,6 +318,8 @@ static void load_mask(load_job *job, int v, int k, const saga_remap *remap)
                          ? saga_picture_read
                          : saga_picture_read_alpha)(path, s->width, s->height,
                                                     buffer, &error);
+    /* Black or white before lens and scale: any other value in the result is a
+     * mixture at a border, of which take_mask wants nearly nothing. */
     for (size_t i = 0; ok && i < (size_t)s->width * (size_t)s->height; i++)
         memset(buffer + 3 * i, buffer[3 * i] >= 128 ? 255 : 0, 3);
     if (ok) {
@@ -344,6 +356,7 @@ static void load_view(load_job *job, int v, load_what what)
     const int n = job->capture->n_frames;
     saga_remap remap = job->remaps[v];
     saga_error error = { "" };
+    /* One table serves all frames of the view, and its threads share it. */
     if (!saga_remap_build(&remap, &s->lens, job->listing->path, &error)) {
         item_done(job, v * n, false, &error);
         return;
@@ -390,6 +403,9 @@ static void fill_masked(load_job *job, int v)
         const uint8_t *const counts = view->mask + i;
         uint8_t *const rgb = view->rgb + 3 * (size_t)i;
         for (int k = 0, last = -1, next = -1; k < n_frames; k++) {
+            /* last and next are the frames nearest to k, up to it and from it
+             * on, in which the pixel counts: -1 and n_frames where there is
+             * none. */
             if (next < k)
                 for (next = k; next < n_frames &&
                                !counts[(size_t)n * (size_t)next];)
@@ -399,6 +415,8 @@ static void fill_masked(load_job *job, int v)
             const int from = last >= 0 && (next == n_frames ||
                                            k - last <= next - k)
                                  ? last : next;
+            /* Only frames in which the pixel does not count are written, so
+             * what is copied is always a pixel that was filmed. */
             if (from == n_frames)
                 memset(rgb + size * (size_t)k, 0, 3);
             else if (from != k)
@@ -428,6 +446,8 @@ static bool load_all(load_job *job)
     const bool videos = job->listing->sources[0].video != NULL;
     job->n_items = videos ? n_views : n_views * job->capture->n_frames;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(job->n_threads)
+    /* Pictures. Threads share the cameras where these are videos, and the
+     * pictures of one camera after the other where they are stills. */
     for (int v = 0; v < (videos ? n_views : 0); v++)
         if (!item_skipped(job, v))
             load_video(job, v);
@@ -435,8 +455,11 @@ static bool load_all(load_job *job)
         load_view(job, v, PICTURES);
     if (job->first_failed != INT32_MAX)
         return false;
+    /* Holes are filled before masks are: a missing picture without a mask
+     * counts everywhere, and fill_masked may copy from it. */
     for (int v = 0; v < n_views; v++)
         fill_missing(job, v);
+    /* Masks, then depth; progress runs from 0 again for each. */
     job->n_done = 0;
     job->n_items = n_views * job->capture->n_frames;
     for (int v = 0; v < n_views; v++)
@@ -498,6 +521,7 @@ static bool allocate_view(const load_job *job, saga_shot *view,
         any |= s->depths[(size_t)job->capture->first_frame + k] != NULL;
     if (!any || !job->options->want_depth)
         return true;
+    /* The frames that have depth get memory for it, the others stay NULL. */
     view->depth =
         saga_calloc(n_frames, sizeof *view->depth, s->name, job->error);
     for (size_t k = 0; view->depth && k < n_frames; k++) {
@@ -636,11 +660,15 @@ static bool choose_frames(saga_capture *capture, saga_listing *listing,
                           const saga_capture_options *options,
                           saga_error *error)
 {
+    /* Late cameras come first: shifting them leaves fewer frames to choose
+     * from. */
     if (!saga_listing_late(listing, options->late, error))
         return false;
     capture->format = listing->format;
     capture->moves = listing->moves;
     capture->scale = options->scale;
+    /* The rate that a capture tells wins over the option; of metres, below, it
+     * is the other way round. */
     capture->fps = listing->fps > 0.0      ? listing->fps
                    : options->fps > 0.0 ? options->fps
                                         : 30.0;
@@ -708,6 +736,8 @@ static bool carry_out(saga_capture *capture, saga_listing *listing,
         capture->n_fitting = frames_that_fit(&job);
         count_learned(capture, &job);
     }
+    /* Looking at a capture does not check the budget: it tells how many frames
+     * fit. */
     if (ok && pictures) {
         take_points(capture, listing);
         ok = check_budget(&job) && fill_capture(&job);

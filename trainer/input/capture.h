@@ -258,6 +258,8 @@ static inline bool saga_view_project(const saga_shot *view,
 static inline void saga_view_lift(const saga_shot *view, const double uv[2],
                                   double depth, double world[3])
 {
+    /* X = R P + t, so P = R^T (X - t), with X on the pixel's ray at that
+     * depth. */
     const double *const r = view->rotation, *const t = view->translation;
     const double c[3] = {(uv[0] - view->cx) / view->fx * depth - t[0],
                          (uv[1] - view->cy) / view->fy * depth - t[1],

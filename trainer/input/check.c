@@ -16,6 +16,7 @@ static bool sees(const saga_shot *view, const double world[3], double flip,
 {
     double c[3];
     saga_view_transform(view, world, c);
+    /* Mirrored, the point has the camera axes (x, -y, -z). */
     *depth = flip * c[2];
     if (!(*depth > 0.0))
         return false;
@@ -55,8 +56,12 @@ static bool overlap_by_points(saga_capture *capture, const char *path,
 {
     const size_t n = capture->n_points;
     const size_t shared = count_shared(capture, 1.0);
+    /* Little is asked, a hundredth of the points and at least four: only poses
+     * that make no sense are to be refused. */
     if (shared >= FEW_POINTS / 2 && shared >= n / 100)
         return true;
+    /* Poses in OpenGL's axes put the scene behind the cameras: mirrored, these
+     * see most of the points. */
     const bool flipped = count_shared(capture, -1.0) > n / 2;
     return saga_fail(error, path, flipped
                      ? "the poses look like the other axis convention: "
@@ -82,6 +87,7 @@ static double rig_size(const saga_capture *capture)
             d2 += (c[i] - first[i]) * (c[i] - first[i]);
         size = fmax(size, sqrt(d2));
     }
+    /* Where all cameras stand in one place, any length has to do. */
     return size > 0.0 ? size : 1.0;
 }
 
@@ -89,6 +95,8 @@ static double rig_size(const saga_capture *capture)
  * size of the rig? */
 static bool frusta_meet(const saga_shot *a, const saga_shot *b, double size)
 {
+    /* Seven depths, doubling, and at each a grid of 5 x 5 rays through the
+     * middles of equal boxes of a's picture. */
     for (double z = 0.25 * size; z <= 16.0 * size; z *= 2.0)
         for (int i = 0; i < 25; i++) {
             const double uv[2] = {a->width * (i % 5 + 0.5) / 5,

@@ -37,6 +37,8 @@ static int open_log(saga_error *error)
                         "written", "no temporary file can be made there");
         return -1;
     }
+    /* Without a name from here on, it goes with its last descriptor, however
+     * this process ends. */
     unlink(path);
     (void)fcntl(fd, F_SETFD, FD_CLOEXEC);
     return fd;
@@ -50,6 +52,8 @@ static int spawn(saga_child *child, const char *const *argv, int end, bool fed)
     int r = posix_spawn_file_actions_init(&actions);
     if (r != 0)
         return r;
+    /* The stream that the caller does not use is /dev/null: open for both, so
+     * that it serves as input as well as output. */
     r = posix_spawn_file_actions_addopen(&actions, fed ? 1 : 0, "/dev/null",
                                          O_RDWR, 0);
     if (r == 0)
@@ -76,6 +80,8 @@ static int start_locked(saga_child *child, const char *const *argv, bool fed)
     (void)fcntl(ends[0], F_SETFD, FD_CLOEXEC);
     (void)fcntl(ends[1], F_SETFD, FD_CLOEXEC);
     const int r = spawn(child, argv, ends[1], fed);
+    /* The child has a copy of its own; ours would keep the stream from ending
+     * together with it. */
     close(ends[1]);
     *(fed ? &child->in : &child->out) = ends[0];
     return r;
@@ -121,6 +127,8 @@ bool saga_child_write(saga_child *child, const void *buffer, size_t n)
     const uint8_t *const bytes = buffer;
     size_t done = 0;
     while (done < n) {
+        /* MSG_NOSIGNAL: a child that has ended is an error here, not a
+         * SIGPIPE. */
         const ssize_t r = send(child->in, bytes + done, n - done,
                                MSG_NOSIGNAL);
         if (r < 0 && errno == EINTR)
@@ -140,6 +148,8 @@ static bool has_output(saga_child *child)
     do
         r = poll(&p, 1, 1000 * child->patience);
     while (r < 0 && errno == EINTR);
+    /* 0 says that time is up. Anything else, also an error, is left to
+     * read(). */
     if (r != 0)
         return true;
     child->hung = true;
@@ -187,6 +197,8 @@ int saga_child_end(saga_child *child, bool kill_it)
         return -1;
     if (kill_it)
         (void)kill(child->pid, SIGKILL);
+    /* Before the wait: a child that still reads sees the end of its input, and
+     * one that still writes is not left blocked on a full pipe. */
     close_fd(&child->in);
     close_fd(&child->out);
     int status = 0;

@@ -36,6 +36,8 @@ static saga_lens lens_of(int model, const double *p)
     if (model == 4)
         return (saga_lens){.fx = p[0], .fy = p[1], .cx = p[2], .cy = p[3],
                            .k1 = p[4], .k2 = p[5], .p1 = p[6], .p2 = p[7]};
+    /* One focal length for both axes, cx, cy, then k1 (SIMPLE_RADIAL) or k1 and
+     * k2 (RADIAL). */
     return (saga_lens){.fx = p[0], .fy = p[0], .cx = p[1], .cy = p[2],
                        .k1 = model >= 2 ? p[3] : 0.0,
                        .k2 = model == 3 ? p[4] : 0.0};
@@ -78,6 +80,7 @@ static bool add_camera(const colmap_job *job, uint32_t id, double width,
                        double height, int model, const double *params)
 {
     saga_colmap *const m = job->model;
+    /* As doubles, since casts to integers need values that these can hold. */
     if (!(width >= 1.0 && width <= 1e9 && height >= 1.0 && height <= 1e9))
         return saga_fail(job->error, job->file, "correct the camera",
                          "camera %u has a size of %g x %g", (unsigned)id,
@@ -102,6 +105,7 @@ static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
     saga_colmap *const m = job->model;
     saga_colmap_image image = {.id = id, .camera = camera,
                                .first = m->n_observations};
+    /* pose is a quaternion w, x, y, z and a translation, world to camera. */
     if (!saga_pose_from_quaternion(pose, image.rotation) ||
         !isfinite(pose[4]) || !isfinite(pose[5]) || !isfinite(pose[6])) {
         saga_fail(job->error, job->file, "reconstruct that image again",
@@ -115,11 +119,14 @@ static saga_colmap_image *add_image(const colmap_job *job, uint32_t id,
     if (!more)
         return NULL;
     m->images = more;
+    /* A copy, since the file's bytes are freed once the part is read. */
     image.name = saga_alloc(name_len + 1, 1, job->file, job->error);
     if (!image.name)
         return NULL;
     memcpy(image.name, name, name_len);
     image.name[name_len] = '\0';
+    /* Its observations are read next, before another image, so that `first` and
+     * `count` name all of them. */
     more[m->n_images] = image;
     return &more[m->n_images++];
 }
@@ -188,6 +195,7 @@ static bool take_count(const colmap_job *job, saga_cursor *c, size_t least,
 static bool binary_cameras(const colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
+    /* An id, a model, width and height, and three parameters at least. */
     if (!take_count(job, c, 4 + 4 + 16 + 24, "cameras", &n))
         return false;
     for (uint64_t i = 0; i < n; i++) {
@@ -215,6 +223,7 @@ static bool binary_observations(const colmap_job *job, saga_cursor *c,
                                 saga_colmap_image *image)
 {
     uint64_t n;
+    /* u, v and the id of a point: 2^64 - 1, read as -1, where there is none. */
     if (!take_count(job, c, 24, "features", &n))
         return false;
     for (uint64_t k = 0; k < n; k++) {
@@ -228,6 +237,8 @@ static bool binary_observations(const colmap_job *job, saga_cursor *c,
 static bool binary_images(const colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
+    /* An id, a pose of 7 numbers, the camera's id, a name of no letters with
+     * its NUL, and the number of features. */
     if (!take_count(job, c, 4 + 56 + 4 + 1 + 8, "images", &n))
         return false;
     for (uint64_t i = 0; i < n; i++) {
@@ -236,6 +247,7 @@ static bool binary_images(const colmap_job *job, saga_cursor *c)
         for (int k = 0; k < 7; k++)
             pose[k] = saga_take_f64(c);
         const uint32_t camera = (uint32_t)saga_take_le(c, 4);
+        /* The name ends in NUL, which must come before the file does. */
         const uint8_t *const end = memchr(c->next, 0, saga_left(c));
         if (c->failed || !end)
             return cut_short(job, "image", (size_t)i);
@@ -253,6 +265,7 @@ static bool binary_images(const colmap_job *job, saga_cursor *c)
 static bool binary_points(const colmap_job *job, saga_cursor *c)
 {
     uint64_t n;
+    /* An id, a position, a colour, an error, and the length of the track. */
     if (!take_count(job, c, 8 + 24 + 3 + 8 + 8, "points", &n))
         return false;
     for (uint64_t i = 0; i < n; i++) {
@@ -268,6 +281,8 @@ static bool binary_points(const colmap_job *job, saga_cursor *c)
         saga_colmap_point *const point = add_point(job, id, position, rgb);
         if (!point || !take_count(job, c, 8, "track elements", &n_tracks))
             return false;
+        /* An element is an image's id and the feature in it, which is passed
+         * over. */
         for (uint64_t k = 0; k < n_tracks; k++) {
             const uint32_t image = (uint32_t)saga_take_le(c, 4);
             (void)saga_take(c, 4);
@@ -287,6 +302,8 @@ static char *next_line(saga_cursor *c, bool skip_empty)
     while (saga_left(c) > 0) {
         uint8_t *const line = (uint8_t *)(uintptr_t)c->next;
         uint8_t *const end = memchr(line, '\n', saga_left(c));
+        /* The bytes are the caller's own and may be written. Behind the last of
+         * them is a NUL, which ends a last line that lacks its '\n'. */
         c->next = end ? end + 1 : c->end;
         if (end)
             *end = 0;
@@ -379,6 +396,8 @@ static bool text_images(const colmap_job *job, saga_cursor *c)
             job, (uint32_t)id, pose, (uint32_t)camera, line, strlen(line));
         if (!image)
             return false;
+        /* The second line has the features and may be empty, or absent at the
+         * end. */
         char *const second = next_line(c, false);
         if (second && !text_observations(job, second, image))
             return false;
@@ -400,6 +419,7 @@ static bool text_points(const colmap_job *job, saga_cursor *c)
         saga_colmap_point *const point = add_point(job, id, x, rgb);
         if (!point)
             return false;
+        /* The track is pairs of image and feature to the end of the line. */
         while (take_id(&line, &image, UINT32_MAX)) {
             if (!take_id(&line, &feature, UINT32_MAX))
                 return cut_short(job, "track of point", i);
@@ -473,6 +493,7 @@ bool saga_colmap_read_images(saga_colmap *model, const char *folder,
         saga_colmap_free(model);
         return false;
     }
+    /* saga_colmap_image_of searches by halving. */
     if (model->n_images)
         qsort(model->images, model->n_images, sizeof *model->images,
               by_image_id);

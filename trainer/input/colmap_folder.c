@@ -63,6 +63,8 @@ static int by_pose(const void *a, const void *b)
     const image_pointer y = *(const image_pointer *)b;
     if (x->camera != y->camera)
         return x->camera < y->camera ? -1 : 1;
+    /* Poses are one only where all bits agree; beyond that any order will
+     * do. */
     const int r = memcmp(x->rotation, y->rotation, sizeof x->rotation);
     return r ? r
              : memcmp(x->translation, y->translation, sizeof x->translation);
@@ -98,6 +100,7 @@ static bool group_images(folder_reader *r)
                     r->listing->sources;
     for (size_t i = 0; ok && i < n; i++)
         sorted[i] = &r->model.images[i];
+    /* Images of one camera become neighbours, the first by name in front. */
     if (ok && n > 0)
         qsort(sorted, n, sizeof *sorted, by_pose_and_name);
     size_t n_sources = 0;
@@ -111,10 +114,12 @@ static bool group_images(folder_reader *r)
         return saga_fail(r->error, r->model_folder, "reconstruct with cameras "
                          "that stand still", "has %zu different cameras, not "
                          "1 to %d", n_sources, SAGA_MAX_VIEWS);
+    /* The listing's order is that of names, not of poses. */
     qsort(r->image_of, n_sources, sizeof *r->image_of, by_name);
     r->listing->n_sources = (int)n_sources;
     for (size_t i = 0; i < n; i++) {
         const image_pointer image = &r->model.images[i];
+        /* This ends: the image's own camera is among them. */
         int s = 0;
         while (by_pose(&r->image_of[s], &image) != 0)
             s++;
@@ -184,6 +189,7 @@ static bool add_file(folder_reader *r, size_t i, bool folder_tells, bool *found)
     const size_t begin = folder_tells ? 0 : folder_length(name);
     const size_t end = folder_tells ? folder_length(name) : stem_length(name);
     uint64_t moment;
+    /* The moment's number stands in the folder or in the file's own name. */
     char *const path = join_part(r, name, strlen(name));
     *found = path && saga_path_is_file(path);
     if (*found) {
@@ -200,6 +206,8 @@ static bool find_pictures(folder_reader *r)
     const bool own = own_folders(r), tells = folders_are_moments(r);
     size_t n_missing = 0, first = 0;
     for (size_t i = 0; i < r->model.n_images; i++) {
+        /* A folder of its own comes before the file: the image is then only one
+         * of the frames in there. */
         const char *const name = r->model.images[i].name;
         bool found = false;
         if (own && !add_folder(r, i, folder_length(name), &found))
@@ -228,6 +236,8 @@ static void name_sources(folder_reader *r)
     for (int scheme = frames && !folders_are_moments(r) ? 0 : 1; scheme < 4;
          scheme++) {
         for (int i = 0; i < l->n_sources; i++) {
+            /* Schemes are the folder, the file without its ending, both, and
+             * numbers. */
             const char *const name = r->image_of[i]->name;
             const size_t folder = folder_length(name), end = stem_length(name);
             const size_t slash = name[folder] == '/';
@@ -257,6 +267,7 @@ static bool drop_empty(folder_reader *r)
         saga_alloc((size_t)n, sizeof *kept_as, r->model_folder, r->error);
     const bool ok = kept_as && saga_listing_drop_empty(
         r->listing, 0, r->listing->n_frames, kept_as, r->error);
+    /* kept_as[i] <= i, so that none is overwritten before it has moved. */
     for (int i = 0; ok && i < n; i++)
         if (kept_as[i] >= 0)
             r->image_of[kept_as[i]] = r->image_of[i];
@@ -284,6 +295,8 @@ static bool read_folder(folder_reader *r, const saga_capture_options *options)
     if (!group_images(r) || !find_pictures(r))
         return false;
     name_sources(r);
+    /* Cameras come last: lenses are scaled to the size of the pictures, and
+     * points are counted by the views that are not held out. */
     return saga_listing_take_finds(r->listing, &r->finds, r->error) &&
            drop_empty(r) && saga_listing_probe_pictures(r->listing, r->error) &&
            saga_listing_hold_out(r->listing, options->hold_out, r->error) &&

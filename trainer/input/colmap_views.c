@@ -37,6 +37,7 @@ bool saga_colmap_adopt(saga_source *s, const saga_colmap *model,
         return false;
     const double sx = (double)s->width / camera->width;
     const double sy = (double)s->height / camera->height;
+    /* More than 1 % between the axes is a crop, which no scale undoes. */
     if (fabs(sx / sy - 1.0) > 0.01)
         return saga_fail(error, folder, "reconstruct from uncropped frames",
                          "camera of %s has %d x %d pixels, its pictures "
@@ -65,6 +66,8 @@ static int count_training_views(const saga_listing *listing,
         const int v = image ? view[image - model->images] : -1;
         if (v < 0 || listing->sources[v].held_out || stamp[v] == now)
             continue;
+        /* stamp[v] is the point that counted view v last; with a new number for
+         * each point nothing has to be cleared. */
         stamp[v] = now;
         n++;
     }
@@ -137,6 +140,8 @@ bool saga_colmap_measure(saga_source *s, const saga_colmap *model,
         e[n] = 1e9; /* behind the camera */
         if (c[2] > 0.0) {
             saga_lens_project(&s->lens, c[0] / c[2], c[1] / c[2], uv);
+            /* Features are pixels of the model's size, errors those of the
+             * pictures'. */
             const double du = uv[0] - o->u * s->width / camera->width;
             const double dv = uv[1] - o->v * s->height / camera->height;
             e[n] = sqrt(du * du + dv * dv);

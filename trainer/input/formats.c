@@ -35,6 +35,8 @@ static bool find_frame_folders(saga_finds *finds, const char *path,
                                saga_error *error)
 {
     DIR *const dir = opendir(path);
+    /* A path that cannot be opened holds no frames; only missing memory is an
+     * error. */
     bool ok = dir || errno != ENOMEM || saga_no_memory(0, path, error);
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
         uint64_t number;
@@ -121,6 +123,7 @@ static bool add_frames(saga_listing *listing, const saga_finds *folders,
     }
     if (!ok)
         return false;
+    /* Not earlier: saga_listing_free walks so far along every list. */
     listing->n_frames = (int)folders->n;
     for (int i = 0; ok && i < listing->n_sources; i++) {
         saga_source *const s = &listing->sources[i];
@@ -146,6 +149,8 @@ static bool list_frame_folders(saga_listing *listing, const char *path,
                                const saga_capture_options *options,
                                saga_error *error)
 {
+    /* A COLMAP model beside the folders is of all frames; else the first folder
+     * is a capture in itself. */
     const char *const first = folders->items[0].path;
     const bool shared = saga_colmap_folder_is_there(path, error);
     if (saga_failed(error))
@@ -203,6 +208,8 @@ static bool list_one(saga_listing *listing, const char *path,
     if (!json)
         return false;
     bool ok = false;
+    /* Surest signs first. From Neu3D on a search that says no may also have run
+     * out of memory, hence saga_failed. */
     if (saga_path_is_file(json))
         ok = saga_nerfstudio_list(listing, json, NULL, options, error);
     else if (saga_folder_has(path, "transforms_train.json"))
@@ -231,6 +238,8 @@ static bool has_frame_folders(saga_finds *folders, const char *path,
         saga_folder_has(path, "train_meta.json") ||
         saga_neu3d_is_there(path, error) || saga_failed(error))
         return false;
+    /* With images/ it is a COLMAP folder, whose loader reads folders of frames
+     * itself. */
     char *const images = saga_path_join(path, "images", error);
     const bool single = images && saga_path_is_folder(images);
     free(images);
@@ -251,6 +260,7 @@ bool saga_listing_make(saga_listing *listing, const char *path,
                     (many ? list_frame_folders(listing, path, &folders,
                                                options, error)
                           : list_one(listing, path, options, error));
+    /* Masks are found by the names of the pictures, so they come last. */
     saga_finds_free(&folders);
     return ok && saga_listing_find_masks(listing, path, error);
 }

@@ -75,6 +75,8 @@ json_t *saga_json_read(const char *path, saga_error *error)
     saga_json_watch();
     json_t *root = json_loadb((const char *)bytes.data, bytes.nbytes, 0,
                               &problem);
+    /* Where an allocation failed, what jansson says of the text means
+     * nothing. */
     bool ok = root || saga_json_starved() ||
               bad_json(&problem, path, &bytes, error);
     if (saga_json_starved())
