@@ -85,8 +85,10 @@ static void fill_row(double *row, const saga_capture *c, int v)
         row[k] = change_at(c, v, k);
         mean += row[k] / n;
     }
+    /* Logarithms of what changes, in parts of the mean. */
     for (int k = 0; k < n; k++)
         row[k] = mean > 0.0 ? log(row[k] / mean + 0.02) : 0.0;
+    /* From a step to the next; that leaves one number fewer. */
     for (int k = 0; k + 1 < n; k++)
         row[k] = row[k + 1] - row[k];
     normalise(row, n - 1);
@@ -112,6 +114,8 @@ static double agreement(const matcher *m, const double *row, int late, int out,
         ab += x * y;
         n++;
     }
+    /* Pearson's correlation of the steps that overlap: sums of squares and
+     * products around the means of just these. */
     const double va = aa - a * a / fmax(n, 1), vb = bb - b * b / fmax(n, 1);
     return va > 1e-9 && vb > 1e-9 ? (ab - a * b / n) / sqrt(va * vb) : 0.0;
 }
@@ -128,8 +132,11 @@ static double best_shift(const matcher *m, const double *row, int out, int end,
         r[i] = agreement(m, row, i - m->most, out, end);
         best = r[i] > r[best] ? i : best;
     }
+    /* At an end of the range there is no parabola for want of a neighbour. */
     if (best == 0 || best == 2 * m->most)
         return best - m->most;
+    /* The parabola through l, c, r at -1, 0, 1 has its peak at
+     * (l - r) / (2 (l - 2 c + r)). */
     const double bend = r[best - 1] - 2.0 * r[best] + r[best + 1];
     return best - m->most +
            (bend < 0.0 ? 0.5 * (r[best - 1] - r[best + 1]) / bend : 0.0);
@@ -144,6 +151,8 @@ static void set_others(const matcher *m, int view, int g, int n_groups)
         m->others[k] = m->sum[k] - row[k];
     for (int v = 0, i = 0; g >= 0 && v < m->n_views; v++) {
         const double *const other = m->rows + (size_t)v * (size_t)m->n;
+        /* i counts the other views, so that groups differ by one view at
+         * most. */
         if (v == view || i++ % n_groups != g)
             continue;
         for (int k = 0; k < m->n; k++)
@@ -168,11 +177,14 @@ static double standard_error(const matcher *m, int view)
     const double *const row = m->rows + (size_t)view * (size_t)m->n;
     const int n = m->n_views - 1 < GROUPS ? m->n_views - 1 : GROUPS;
     double x[GROUPS], variance;
+    /* Steps first, an eighth of them at a time left out of the correlation. */
     set_others(m, view, -1, 1);
     for (int g = 0; g < GROUPS; g++)
         x[g] = best_shift(m, row, g * m->n / GROUPS, (g + 1) * m->n / GROUPS,
                           NULL);
     variance = jackknife(x, GROUPS);
+    /* Then views left out of the sum. The two are taken for independent, and
+     * their variances add up. */
     for (int g = 0; g < n; g++) {
         set_others(m, view, g, n);
         x[g] = best_shift(m, row, 0, 0, NULL);
@@ -190,7 +202,10 @@ static bool stands_out(const matcher *m, const double *r)
     for (int i = 0; i <= 2 * m->most; i++)
         if (abs(i - best) > 1)
             second = fmax(second, r[i]);
+    /* The overlap is shorter by the shift. A correlation of n unrelated steps
+     * has a deviation of 1 / sqrt(n). */
     const double n = m->n - abs(best - m->most);
+    /* At an end of the range the true peak may lie outside. */
     return best > 0 && best < 2 * m->most &&
            r[best] * sqrt(n) >= SURE_AGREEMENT &&
            (r[best] - second) * sqrt(n / 2.0) >= SURE_GAP;
@@ -206,6 +221,8 @@ static void find_one(saga_lateness *late, const matcher *m, int view)
         return;
     const double tolerance =
         LEAST_TOLERANCE + STANDARD_ERRORS * standard_error(m, view);
+    /* Otherwise the view keeps NaN: a shift that may be the next frame's is
+     * worse than none. */
     if (tolerance <= MOST_TOLERANCE)
         *late = (saga_lateness){.frames = shift, .tolerance = tolerance};
 }
@@ -224,6 +241,8 @@ bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                                      sizeof *rows, "the motion", error);
     if (!rows)
         return false;
+    /* Shifts by up to a third of the steps, so that two thirds still
+     * overlap. */
     const matcher m = {.rows = rows, .sum = rows + (size_t)c->n_views *
                                                        (size_t)n,
                        .others = rows + (size_t)(c->n_views + 1) * (size_t)n,
@@ -231,6 +250,7 @@ bool saga_lateness_find(saga_lateness *late, const saga_capture *capture,
                        .most = n / 3 < MOST_LATE ? n / 3 : MOST_LATE};
     for (int v = 0; v < c->n_views; v++)
         fill_row(rows + (size_t)v * (size_t)n, c, v);
+    /* After the rows: the last one's number too many lies in the sum. */
     memset(m.sum, 0, 2 * (size_t)n * sizeof *m.sum);
     for (int v = 0; v < c->n_views; v++)
         for (int k = 0; k < n; k++)

@@ -75,6 +75,7 @@ static bool leads_into(char *path, size_t n, const char *root)
     bool in = false;
     for (char *p = path + strlen(path) - n; real && !in;
          p += 1 + strcspn(p + 1, "/")) {
+        /* The path is cut here, asked about, and mended. */
         const char end = *p;
         *p = '\0';
         in = is_in(p > path ? path : "/", real);
@@ -103,6 +104,7 @@ char *saga_listing_join(const saga_listing *listing, const char *folder,
 {
     char *const path = saga_path_join(folder, name, error);
     const char *const down = descent(name);
+    /* A relative name without ".." only descends, and is taken as it is. */
     if (!path || listing->follow_paths || (name[0] != '/' && down == name))
         return path;
     char *const root = root_of(listing, error);
@@ -162,6 +164,7 @@ static bool hold_out_one(saga_listing *listing, const char *name, size_t n,
 bool saga_listing_hold_out(saga_listing *listing, const char *names,
                            saga_error *error)
 {
+    /* The option replaces what the format says; without it that stands. */
     for (int i = 0; names && i < listing->n_sources; i++)
         listing->sources[i].held_out = false;
     for (const char *p = names; p && *p;) {
@@ -215,6 +218,7 @@ bool saga_listing_drop_empty(saga_listing *listing, int first, int end,
         const bool keep = has_picture(s, first, end);
         if (kept_as)
             kept_as[i] = keep ? n : -1;
+        /* n <= i: none is overwritten before it has moved. */
         if (keep) {
             listing->sources[n++] = *s;
             continue;
@@ -268,6 +272,7 @@ bool saga_listing_match_videos(saga_listing *listing,
             shortest = s;
         if (s->info.n_frames > longest->info.n_frames)
             longest = s;
+        /* 0.1 % is a frame in a thousand. */
         if (fabs(s->info.fps - listing->sources[0].info.fps) >
             0.001 * s->info.fps)
             return saga_fail(error, s->video, "give all cameras one frame "
@@ -278,6 +283,7 @@ bool saga_listing_match_videos(saga_listing *listing,
     listing->n_frames = shortest->info.n_frames;
     if (listing->fps == 0.0)
         listing->fps = listing->sources[0].info.fps;
+    /* Lengths may differ behind the frames that are wanted. */
     if (longest->info.n_frames == listing->n_frames ||
         (options->end_frame > 0 && options->end_frame <= listing->n_frames))
         return true;
@@ -354,6 +360,7 @@ bool saga_listing_late(saga_listing *listing, const char *text,
     if (ok && n < 1)
         ok = saga_fail(error, l->path, "give smaller numbers", "--late leaves "
                        "nothing of %d frames", l->n_frames);
+    /* Of videos nothing is cut here: whoever reads them skips those frames. */
     for (int i = 0; ok && i < l->n_sources; i++) {
         saga_source *const s = &l->sources[i];
         cut_list(s->pictures, s->skip, n, l->n_frames);

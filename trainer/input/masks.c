@@ -77,6 +77,8 @@ static bool find_masks(const saga_listing *l, saga_source *s,
         char *mask = NULL;
         if (s->masks && s->masks[k])
             continue;
+        /* The format's own mask stands. Then one that is called like the
+         * picture comes before the one that is called like the camera. */
         if (picture && strncmp(picture, root, n_root) == 0)
             mask = mask_of(picture, n_root, &ok, error);
         if (ok && !mask && all) {

@@ -98,6 +98,7 @@ static bool get_pose(const miv_reader *r, miv_camera *c)
     const double cy = cos(angle[0] * DEGREE), sy = sin(angle[0] * DEGREE);
     const double cp = cos(angle[1] * DEGREE), sp = sin(angle[1] * DEGREE);
     const double cr = cos(angle[2] * DEGREE), sr = sin(angle[2] * DEGREE);
+    /* Rz(yaw) Ry(pitch) Rx(roll), multiplied out, row by row. */
     const double m[9] = {cy * cp, cy * sp * sr - sy * cr,
                          cy * sp * cr + sy * sr,
                          sy * cp, sy * sp * sr + cy * cr,
@@ -152,6 +153,7 @@ static bool find_files(const miv_reader *r, miv_camera *c)
         char **to = NULL;
         if (strncmp(e->d_name, c->name, n) != 0)
             continue;
+        /* The "_" behind the name keeps v1 from taking files of v10. */
         if (!c->video && strncmp(e->d_name + n, "_texture_", 9) == 0 &&
             parse_texture(e->d_name + n + 9, &c->info))
             to = &c->video;
@@ -187,6 +189,7 @@ static bool measure_texture(const miv_reader *r, miv_camera *c)
         return saga_fail(r->error, c->video, "export it with even sides",
                          "has odd sides, %d x %d, which 4:2:0 has not",
                          c->info.width, c->info.height);
+    /* 4:2:0 has 3/2 samples a pixel; 10 bits take two bytes each. */
     const long long frame = (long long)c->info.width * c->info.height * 3 / 2 *
                             (strcmp(c->info.raw, "yuv420p") == 0 ? 1 : 2);
     const long long n = stat(c->video, &st) == 0 ? (long long)st.st_size : 0;
@@ -217,6 +220,7 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
     l->sources = more;
     saga_source *const s = &more[l->n_sources];
     char begin[51], name[2 * SAGA_NAME_NBYTES];
+    /* The name is cut, not the suffix, or faces would be called the same. */
     saga_utf8_copy(begin, sizeof begin, c->name, strlen(c->name));
     (void)snprintf(name, sizeof name, "%s%s", begin, suffix);
     *s = (saga_source){.width = c->info.width, .height = c->info.height,
@@ -226,6 +230,8 @@ static saga_source *add_source(const miv_reader *r, const miv_camera *c,
         return NULL;
     l->n_sources++;
     saga_copy_name(s->name, name, strlen(name));
+    /* Axes of the source in the scene: the camera's matrix times its own
+     * axes. */
     for (int a = 0; a < 3; a++)
         for (int i = 0; i < 3; i++)
             world[a][i] = c->matrix[3 * i] * axes[a][0] +
@@ -260,6 +266,7 @@ static bool add_perspective(const miv_reader *r, const miv_camera *c)
     if (!get_numbers(r, c, "Focal", 2, f) ||
         !get_numbers(r, c, "Principle_point", 2, p))
         return false;
+    /* axes are right, down and forward: -y, -z and x of the camera. */
     saga_source *const s = add_source(r, c, axes, "");
     if (!s)
         return false;
@@ -268,6 +275,7 @@ static bool add_perspective(const miv_reader *r, const miv_camera *c)
         return true;
     if (!get_depth_range(r, c, range))
         return false;
+    /* Where far is infinite the range stays unknown, 0 and 0. */
     if (isfinite(range[1])) {
         s->near_depth = range[0];
         s->far_depth = range[1];
@@ -281,6 +289,7 @@ static bool add_face(const miv_reader *r, const miv_camera *c,
                      const char *suffix)
 {
     const double cy = cos(yaw), sy = sin(yaw), cp = cos(pitch), sp = sin(pitch);
+    /* Right, down and forward; without yaw and pitch -y, -z and x. */
     const double axes[3][3] = {
         {sy, -cy, 0.0}, {cy * sp, sy * sp, -cp}, {cy * cp, sy * cp, sp}};
     saga_source *const s = add_source(r, c, axes, suffix);
@@ -312,10 +321,15 @@ static bool add_equirectangular(const miv_reader *r, const miv_camera *c)
     saga_lens lens = {.equirect = true};
     lens.fx = c->info.width / (wide * DEGREE);
     lens.fy = c->info.height / (high * DEGREE);
+    /* Longitude grows to the left and latitude up: the left side looks at h[1]
+     * and the top at v[1], so 0 degrees lie that many radians further, times
+     * pixels a radian. */
     lens.cx = h[1] * DEGREE * lens.fx;
     lens.cy = v[1] * DEGREE * lens.fy;
     const int n = (int)(wide / 90.0);
     for (int i = 0; i < n; i++) {
+        /* Faces lie side by side from left to right, in the middle of the
+         * range. */
         const double yaw = (h[0] + h[1]) / 2.0 + 90.0 * ((n - 1) / 2.0 - i);
         (void)snprintf(suffix, sizeof suffix, "_%d", i);
         if (!add_face(r, c, &lens, yaw * DEGREE,
@@ -337,6 +351,7 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
         if (!get_numbers(r, c, "Focal", 2, h) ||
             !get_numbers(r, c, "Principle_point", 2, v))
             return false;
+        /* The slopes (cx - u) / fx to the left and (cy - v) / fy up. */
         const double a[4] = {v[0] / h[0], -1.0 / h[0], v[1] / h[1],
                              -1.0 / h[1]};
         memcpy(d->a, a, sizeof a);
@@ -344,6 +359,8 @@ static bool get_directions(const miv_reader *r, const miv_camera *c,
         if (!get_numbers(r, c, "Hor_range", 2, h) ||
             !get_numbers(r, c, "Ver_range", 2, v))
             return false;
+        /* Longitude from h[1] at the left side to h[0] at the right, latitude
+         * from v[1] at the top to v[0] at the bottom. */
         const double a[4] = {h[1] * DEGREE, (h[0] - h[1]) * DEGREE / w,
                              v[1] * DEGREE, (v[0] - v[1]) * DEGREE / high};
         memcpy(d->a, a, sizeof a);
@@ -385,10 +402,13 @@ static bool add_depth(miv_reader *r, const miv_camera *c, int kind)
         return false;
     d.near = range[0];
     d.far = range[1];
+    /* Depth of the first frame that is wanted: training starts from there. */
     d.frame = r->frame < c->info.n_frames ? r->frame : 0;
     memcpy(d.matrix, c->matrix, sizeof d.matrix);
     memcpy(d.centre, c->centre, sizeof d.centre);
     r->n_depths++;
+    /* Each camera of the file has an equal share, also one that is no
+     * source. */
     return saga_miv_take_points(r->listing, &d, (int)(MOST_POINTS /
                                 json_array_size(cameras)) + 1, r->error);
 }
@@ -397,6 +417,8 @@ static bool add_camera(miv_reader *r, miv_camera *c)
 {
     const char *const projection =
         json_string_value(json_object_get(c->json, "Projection"));
+    /* A camera becomes six sources at most: four faces round, one up, one
+     * down. */
     if (r->listing->n_sources > SAGA_MAX_VIEWS - 8)
         return saga_fail(r->error, r->path, "split the capture",
                          "has more than %d views", SAGA_MAX_VIEWS);
@@ -453,6 +475,7 @@ static char *first_with(const char *folder, const char *suffix,
     char *best = NULL;
     bool ok = dir || errno != ENOMEM || saga_no_memory(0, folder, error);
     for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
+        /* readdir keeps no order; the first by name is the same everywhere. */
         if (!saga_has_suffix(e->d_name, suffix) ||
             (best && strcmp(best, e->d_name) < 0))
             continue;

@@ -22,6 +22,8 @@ static bool read_samples(FILE *file, const saga_miv_depth *d, int bits,
     if (fseek(file, (long)offset, SEEK_SET) != 0 ||
         fread(bytes, (size_t)size, n, file) != n)
         return false;
+    /* Bytes lie at the front of the same memory, so they are widened from the
+     * back: none is overwritten before it is read. */
     for (size_t i = n; i-- > 0;)
         to[i] = size == 1 ? bytes[i]
                           : (uint16_t)(bytes[2 * i] | bytes[2 * i + 1] << 8);
@@ -36,6 +38,8 @@ static uint8_t level(double x)
 /* From BT.709 of limited range. */
 static void set_colour(saga_point *p, int bits, int y, int u, int v)
 {
+    /* Limited range in 8 bits: luma 16 to 235, chroma 16 to 240 around 128; in
+     * 10 bits all of it times 4. */
     const double unit = 1 << (bits - 8);
     const double l = (y / unit - 16.0) / 219.0;
     const double b = (u / unit - 128.0) / 224.0;
@@ -49,7 +53,9 @@ static void set_position(saga_point *p, const saga_miv_depth *d, double u,
                          double v, double z)
 {
     const double s = d->a[0] + d->a[1] * u, t = d->a[2] + d->a[3] * v;
+    /* z is along the axis of a pinhole, and s and t are slopes. */
     double x[3] = {z, z * s, z * t};
+    /* Here z is the distance from the centre, and s and t are angles. */
     if (d->kind == SAGA_MIV_EQUIRECT) {
         x[0] = z * cos(t) * cos(s);
         x[1] = z * cos(t) * sin(s);
@@ -68,6 +74,7 @@ static void set_position(saga_point *p, const saga_miv_depth *d, double u,
 static double depth_of(const saga_miv_depth *d, int code)
 {
     const double part = code / (double)((1 << d->depth_bits) - 1);
+    /* 1/z is linear in the code. Where far is infinite, code 0 has no depth. */
     const double inverse = (1.0 - part) / d->far + part / d->near;
     return (code == 0 && d->has_invalid) || !(inverse > 0.0) ? 0.0
                                                              : 1.0 / inverse;
@@ -82,6 +89,8 @@ static bool read_row(rows *r, const saga_miv_depth *d, int y)
 {
     const uint64_t w = (uint64_t)d->width, plane = w * (uint64_t)d->height;
     const uint64_t row = (uint64_t)y, half = w / 2;
+    /* Planes Y, U, V follow each other; U and V have a quarter of the samples,
+     * and one of their rows serves two of Y. */
     return read_samples(r->depth, d, d->depth_bits, w * row, r->z, w) &&
            read_samples(r->texture, d, d->texture_bits, w * row, r->y, w) &&
            read_samples(r->texture, d, d->texture_bits,
@@ -123,6 +132,7 @@ bool saga_miv_take_points(saga_listing *listing, const saga_miv_depth *d,
 {
     const size_t w = (size_t)d->width;
     const double pixels = (double)d->width * d->height;
+    /* A point for each square of step x step pixels. */
     const int step = (int)ceil(sqrt(pixels / n));
     uint16_t *const room = saga_alloc(4 * w, sizeof *room, d->depth, error);
     rows r = {saga_open_file(d->texture), saga_open_file(d->depth), room,

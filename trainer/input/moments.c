@@ -66,6 +66,7 @@ bool saga_finds_add_folder(saga_finds *finds, int source, const char *folder,
         uint64_t moment;
         if (!saga_is_picture_name(e->d_name))
             continue;
+        /* There is a dot: what is called like a picture has an ending. */
         const size_t n = (size_t)(strrchr(e->d_name, '.') - e->d_name);
         (void)saga_last_number(e->d_name, n, &moment);
         ok = saga_finds_add(finds, source, moment,
@@ -118,6 +119,8 @@ static bool place(saga_listing *listing, saga_finds *finds, saga_error *error)
     int k = -1;
     for (size_t i = 0; i < finds->n; i++) {
         saga_found *const f = &finds->items[i];
+        /* The finds are sorted, so k counts the moments up to here; a source
+         * that lacks one keeps NULL there. */
         k += i == 0 || f->moment != finds->items[i - 1].moment;
         char **const to = &listing->sources[f->source].pictures[k];
         if (*to)
@@ -126,6 +129,7 @@ static bool place(saga_listing *listing, saga_finds *finds, saga_error *error)
                              "camera %s with the number %llu, beside %.200s",
                              listing->sources[f->source].name,
                              (unsigned long long)f->moment, *to);
+        /* The path is the listing's from here on. */
         *to = f->path;
         f->path = NULL;
     }
@@ -139,6 +143,7 @@ bool saga_listing_take_finds(saga_listing *listing, saga_finds *finds,
                                   listing->path, error);
     for (size_t i = 0; n_of && i < finds->n; i++)
         n_of[finds->items[i].source]++;
+    /* Before the sort, since it changes moments. */
     if (n_of)
         join_stills(finds, n_of);
     if (finds->n > 0)

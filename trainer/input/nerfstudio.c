@@ -114,6 +114,7 @@ static bool get_number(const reader *r, const json_t *frame, int index,
                        const char *key, double *x)
 {
     const json_t *value = json_object_get(frame, key);
+    /* index -1: an error is then told of the top of the file. */
     if (!value) {
         value = json_object_get(r->root, key);
         index = -1;
@@ -200,6 +201,8 @@ static bool read_intrinsics(const reader *r, const json_t *frame, entry *e)
         {"p2", &k->p2},   {"w", &k->width}, {"h", &k->height},
         {"camera_angle_x", &k->angle_x},    {"k4", &k->k4},
     };
+    /* NaN stands for what the file leaves out; distortions and sizes that it
+     * leaves out are 0 (read_entries). */
     k->fx = k->fy = k->cx = k->cy = k->angle_x = NAN;
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
         if (!get_number(r, frame, e->index, numbers[i].name, numbers[i].to))
@@ -219,6 +222,7 @@ static bool read_entry(reader *r, int index)
     entry *const e = &r->entries[r->n_entries++];
     const json_t *const time = json_object_get(frame, "time");
     e->index = index;
+    /* The second file has what Blender's scenes hold out. */
     e->held_out = r->root == r->roots[1];
     if (!json_is_object(frame))
         return wrong_type(r, -1, "frames[]", frame, "an object");
@@ -305,7 +309,8 @@ static bool assign_views(reader *r)
     for (int i = 0; ok && i < r->n_entries; i++) {
         entry *const e = &r->entries[i];
         e->view = -1;
-        /* Newest first: files mostly list camera after camera. */
+        /* Newest first: files mostly list camera after camera. Videos are views
+         * of their own, whatever their poses. */
         for (int v = r->n_views; !r->videos && v-- > 0 && e->view < 0;)
             if (memcmp(&r->entries[first[v]].key, &e->key,
                        sizeof e->key) == 0)
@@ -364,6 +369,7 @@ static bool check_counts(const reader *r)
                          n_times, r->n_entries);
     for (int v = 0; v < r->n_views; v++) {
         const int n = r->view_size[v], most = r->view_size[r->fullest];
+        /* A camera may lack up to half of its pictures. */
         if (2 * n < most)
             return saga_fail(r->error, r->path, "every camera needs a picture "
                              "of every moment, with one pose",
@@ -387,6 +393,7 @@ static void take_numbers_for_times(reader *r)
                                             : strlen(e->file), &number);
         e->time = (double)number;
     }
+    /* Times were equal when the entries were sorted first. */
     qsort(r->entries, (size_t)r->n_entries, sizeof *r->entries, entry_order);
 }
 
@@ -402,6 +409,7 @@ static bool find_moment(const reader *r, const entry *e, double start,
         step > 0.0 ? fmin(fmax((e->time - start) / step, 0.0), n - 1.0) : 0.0;
     if (r->view_size[e->view] < n)
         *k = (int)floor(moment + 0.5);
+    /* What lies within a quarter of a step counts as synchronous. */
     const double near = start + step * *k;
     return fabs(e->time - near) <= 0.25 * step ||
            saga_fail(r->error, r->path, "pictures must be synchronous and "
@@ -420,6 +428,7 @@ static bool place_entries(reader *r, int n, bool timed)
     for (int i = 0; r->at && i < r->n_entries; i++) {
         entry *const e = &r->entries[i];
         int k = i - r->view_first[e->view];
+        /* k > 0 says that the entry before this one is of the same view. */
         const bool twice = k > 0 && timed && e->time == e[-1].time;
         if (timed && !twice && !find_moment(r, e, ref[0].time, step, n, &k))
             return false;
@@ -447,6 +456,8 @@ static int count_moments(const reader *r, double *times)
     if (n == 0)
         return 0;
     qsort(times, n, sizeof *times, by_time);
+    /* Times closer than a millionth of the span are one, printed
+     * differently. */
     const double least = 1e-6 * (times[n - 1] - times[0]);
     for (size_t i = 1; i < n; i++)
         n_moments += times[i] - times[i - 1] > least;
@@ -476,6 +487,8 @@ static bool find_moves(reader *r)
     if (!size)
         return false;
     r->view_size = size;
+    /* It moves. Now there are as many views as pictures, with one picture
+     * each. */
     r->n_moments = n;
     r->n_views = r->n_entries;
     for (int i = 0; i < r->n_entries; i++) {
@@ -494,6 +507,7 @@ static bool place_moving(reader *r, int n)
         last = fmax(last, r->entries[i].time);
     }
     r->first_time = first;
+    /* n >= 2: with one moment every camera stands, says find_moves. */
     r->step = (last - first) / (n - 1);
     if (!isfinite(r->step))
         return saga_fail(r->error, r->path, "correct them", "times run from "
@@ -503,6 +517,7 @@ static bool place_moving(reader *r, int n)
     for (int i = 0; r->at && i < r->n_entries; i++) {
         entry *const e = &r->entries[i];
         const double moment = (e->time - first) / r->step;
+        /* Within 1e-4 of a step a picture was taken at the moment itself. */
         const bool between = fabs(moment - rint(moment)) > 1e-4;
         const double k = between ? floor(moment) : rint(moment);
         e->late = between ? moment - k : 0.0;
@@ -536,6 +551,7 @@ static bool find_moments(reader *r, int n)
     const bool holes = r->n_entries < n * r->n_views;
     if (r->n_moments > 0)
         return place_moving(r, n);
+    /* Without times the order is enough, unless a picture is not listed. */
     if (holes && !timed)
         take_numbers_for_times(r);
     return place_entries(r, n, (timed || holes) && !r->videos);
@@ -548,6 +564,7 @@ static void guess_fps(reader *r, int n)
     const bool moving = r->n_moments > 0;
     if (r->listing->fps > 0.0 || n < 2 || count_times(r) == 0)
         return;
+    /* Of a moving camera times of all views tell, else those of the fullest. */
     const double first = moving ? r->first_time : e[0].time;
     const double last = moving ? first + r->step * (n - 1) : e[n - 1].time;
     if (fabs(first) < 1e-9 && fabs(last - 1.0) < 1e-9) {
@@ -611,6 +628,7 @@ static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
 {
     const char *const base = base_of(e[0].file);
     size_t len = stem_length(base);
+    /* What all names begin with. */
     for (int k = 1; k < n; k++) {
         const char *const other = base_of(e[k].file);
         size_t i = 0;
@@ -620,6 +638,8 @@ static void common_prefix(const entry *e, int n, char name[SAGA_NAME_NBYTES])
     }
     while (len > 0 && ((unsigned char)base[len] & 0xc0) == 0x80)
         len--; /* not inside a character */
+    /* The frame number's first digits go, then letters in front of it that a
+     * separator sets off, then separators: "cam03_f00" becomes "cam03". */
     while (len > 0 && base[len - 1] >= '0' && base[len - 1] <= '9')
         len--;
     size_t letters = len;
@@ -638,6 +658,9 @@ static void name_views(const reader *r, int n)
 {
     saga_listing *const listing = r->listing;
     for (int scheme = n > 1 ? 0 : 2; scheme < 5; scheme++) {
+        /* Schemes are the folder, the beginning of the names, the first name,
+         * it with its folder, and numbers. The first two need several
+         * pictures. */
         for (int v = 0; v < r->n_views; v++) {
             const entry *const e = &r->entries[r->view_first[v]];
             char *const name = listing->sources[v].name;
@@ -722,6 +745,7 @@ static bool mark_list(reader *r, const char *key, bool inverted)
 
 static bool split_views(reader *r)
 {
+    /* Inverted: what train_filenames leaves out is held out. */
     if (!mark_list(r, "train_filenames", true) ||
         !mark_list(r, "val_filenames", false) ||
         !mark_list(r, "test_filenames", false))
@@ -789,6 +813,8 @@ static bool fill_lens(const reader *r, saga_source *s, const entry *e)
                           .k1 = k->k1, .k2 = k->k2, .k3 = k->k3,
                           .p1 = k->p1, .p2 = k->p2, .k4 = k->k4,
                           .fisheye = k->fisheye != 0.0};
+    /* w = 2 fx tan(angle / 2). Without fl_x and an angle fx stays NaN, and is
+     * refused below. */
     if (isnan(s->lens.fx))
         s->lens.fx = s->width / (2.0 * tan(k->angle_x / 2.0));
     if (isnan(s->lens.fy))
@@ -809,6 +835,7 @@ static bool fill_pose(const reader *r, saga_source *s, const entry *e)
     double axis[4][3]; /* columns of camera to world, in OpenCV axes */
     for (int i = 0; i < 3; i++) {
         const double *const row = e->key.pose + 4 * i;
+        /* OpenGL has y up and z backwards, OpenCV y down and z forward. */
         axis[0][i] = row[0];
         axis[1][i] = -row[1];
         axis[2][i] = -row[2];
@@ -863,6 +890,7 @@ static bool fill_views(reader *r, int n)
     if (!l->sources)
         return false;
     l->n_sources = r->n_views;
+    /* Videos tell how many frames they have after they are probed. */
     l->n_frames = r->videos ? 0 : n;
     name_views(r, n);
     for (int v = 0; v < r->n_views; v++) {
@@ -876,6 +904,8 @@ static bool fill_views(reader *r, int n)
         if (r->videos && !(s->video && saga_probe_video(s, l, r->error)))
             return false;
     }
+    /* A view of a moving camera lacks all moments but one; these are not
+     * missing. */
     const int n_others = l->moves ? r->n_entries * (n - 1) : 0;
     if (r->n_missing > n_others)
         saga_note(l->notes, "pictures: %d are missing (%.100s)",
@@ -890,6 +920,7 @@ static bool place_cameras(reader *r, int n)
     saga_listing *const l = r->listing;
     int *const kept_as =
         saga_alloc((size_t)r->n_views, sizeof *kept_as, r->path, r->error);
+    /* Empty cameras go first: a size is found by probing a picture. */
     bool ok = kept_as && saga_listing_drop_empty(l, 0, n, kept_as, r->error) &&
               (r->videos || saga_listing_probe_pictures(l, r->error));
     for (int v = 0; ok && v < r->n_views; v++) {
@@ -925,11 +956,15 @@ static bool read_ply(reader *r)
 
 static bool read_all(reader *r, const saga_capture_options *options)
 {
+    /* Views first, and whether the camera moves, which makes views anew; then
+     * entries are sorted, and what follows takes a view's for one run. */
     if (!read_fps(r) || !assign_views(r) || !find_moves(r))
         return false;
     qsort(r->entries, (size_t)r->n_entries, sizeof *r->entries, entry_order);
     if (!index_views(r) || !check_counts(r))
         return false;
+    /* There are as many moments as the fullest view has pictures; of a camera
+     * that moves, as the pictures have different times. */
     const int n = r->n_moments > 0 ? r->n_moments : r->view_size[r->fullest];
     if (!find_moments(r, n))
         return false;
@@ -972,10 +1007,13 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
                 .folder = folder_of(json_path, error)};
     listing->format = test_path ? "Blender (transforms_*.json)"
                                 : "nerfstudio (transforms.json)";
+    /* The main file is read last, so that r.root is its top when fps, lists and
+     * points are looked up there. */
     const bool ok = r.folder &&
                     (!test_path || read_json(&r, 1, test_path)) &&
                     read_json(&r, 0, json_path) && check_kinds(&r) &&
                     read_all(&r, options);
+    /* Not earlier: the entries' names are strings inside the JSON. */
     json_decref(r.roots[0]);
     json_decref(r.roots[1]);
     free(r.folder);

@@ -103,6 +103,7 @@ static bool row_intrinsics(saga_source *source, double h, double w, double f,
         return saga_fail(error, path, "correct columns 5, 10 and 15",
                          "row of %s has height %g, width %g, focal length %g",
                          source->name, h, w, f);
+    /* More than 1 % between the axes is a crop, which no scale undoes. */
     const double sx = source->width / w, sy = source->height / h;
     if (fabs(sx / sy - 1.0) > 0.01)
         return saga_fail(error, path, "scale the videos alike on both axes, "
@@ -167,6 +168,8 @@ static bool names_image(const char *name, const char *image)
 {
     const size_t n = strlen(name);
     for (const char *p = image; p;) {
+        /* The name may be any folder of the path, or its file less the
+         * ending. */
         if (strncmp(p, name, n) == 0 &&
             (p[n] == '\0' || p[n] == '/' || (p[n] == '.' &&
                                              !strchr(p + n, '/'))))
@@ -280,6 +283,9 @@ static bool use_model(saga_listing *listing, const saga_colmap *model,
     const bool complete = all_matched(listing, image_of, &missing);
     const double off = have_poses ? disagreement(listing, model, image_of)
                                   : 0.0;
+    /* The model must have all cameras where nothing else has them. Where poses
+     * are of another world, cameras and points come from it together, or
+     * neither. */
     if (!complete && !have_poses)
         return saga_fail(error, folder, "add poses_bounds.npy or reconstruct "
                          "with all cameras", "no image of the COLMAP model "
@@ -360,6 +366,8 @@ bool saga_neu3d_list(saga_listing *listing, const char *folder,
     listing->format = "Neu3D (cam*.mp4)";
     if (!list_videos(listing, folder, error))
         return false;
+    /* Views are split here because points, below, are those that the training
+     * views see. */
     saga_listing_tell_apart(listing);
     if (!saga_listing_match_videos(listing, options, error) ||
         !saga_listing_hold_out(listing, options->hold_out, error))

@@ -76,6 +76,7 @@ static bool parse_shape(const char *p, npy_header *h)
             return false;
     }
     h->n_sides = n;
+    /* The order of Fortran is undone for matrices only (copy_items). */
     return n > 0 && (n <= 2 || !h->fortran) && multiply_sides(h);
 }
 
@@ -103,6 +104,7 @@ static const uint8_t *take_header(saga_cursor *c, size_t *nbytes)
     if (!magic || memcmp(magic, "\x93NUMPY", 6) != 0 || magic[6] < 1 ||
         magic[6] > 3)
         return NULL;
+    /* The length of the header has two bytes in version 1, four since then. */
     *nbytes = (size_t)saga_take_le(c, magic[6] == 1 ? 2 : 4);
     return *nbytes < MAX_HEADER ? saga_take(c, *nbytes) : NULL;
 }

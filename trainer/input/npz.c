@@ -37,8 +37,11 @@ static bool find_directory(saga_npz *npz)
          back <= END_NBYTES + 65535u; back++) {
         const uint8_t *const p = b->data + b->nbytes - back;
 
+        /* A comment may stand behind the record, so its magic is looked for
+         * from the end backwards. */
         if (!has_magic(p, 5, 6))
             continue;
+        /* The number of members stands at 10, where their list begins at 16. */
         npz->n_members = load(p + 10, 2);
         npz->directory = load(p + 16, 4);
         return npz->directory <= b->nbytes - back;
@@ -83,6 +86,7 @@ static bool find(member *m, const saga_npz *npz, const char *name)
 
         if (!p || !its_name || !has_magic(p, 1, 2))
             return false;
+        /* Behind the name stand what is extra and a comment, passed over. */
         saga_take(&c, (size_t)load(p + 30, 2) + load(p + 32, 2));
         if (!is_name(its_name, n, name))
             continue;
@@ -113,6 +117,8 @@ static const uint8_t *packed(const saga_npz *npz, const member *m)
     p = saga_take(&c, LOCAL_NBYTES);
     if (!p || !has_magic(p, 3, 4))
         return NULL;
+    /* Name and extra stand here once more, the latter often of another
+     * length. */
     saga_take(&c, (size_t)load(p + 26, 2) + load(p + 28, 2));
     return saga_take(&c, m->packed_nbytes);
 }
@@ -128,6 +134,7 @@ static bool unpack(uint8_t *to, const uint8_t *from, const member *m)
         memcpy(to, from, m->nbytes);
         return true;
     }
+    /* A negative size says that there is no zlib header around the data. */
     if (inflateInit2(&z, -MAX_WBITS) != Z_OK)
         return false;
     ok = inflate(&z, Z_FINISH) == Z_STREAM_END && z.avail_out == 0;

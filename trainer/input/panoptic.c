@@ -97,6 +97,7 @@ static bool fill_camera(const sports_reader *r, saga_source *s, size_t t,
         return saga_fail(r->error, r->path, "rectify the pictures first",
                          "k[%zu][%zu] has a skew of %g", t, c, k[1]);
     s->lens = (saga_lens){.fx = k[0], .fy = k[4], .cx = k[2], .cy = k[5]};
+    /* Rows of w2c = (R, t) are the camera's axes; its centre is -R^T t. */
     for (int i = 0; i < 3; i++) {
         centre[i] = 0.0;
         for (int j = 0; j < 3; j++) {
@@ -129,6 +130,7 @@ static bool add_camera(sports_reader *r, int id, size_t t, size_t c)
         return false;
     r->ids = ids;
     ids[l->n_sources] = id;
+    /* The file tells which cameras are held out: those of test_meta.json. */
     more[l->n_sources] = (saga_source){.held_out = r->test};
     (void)snprintf(more[l->n_sources].name, SAGA_NAME_NBYTES, "cam%02d", id);
     return fill_camera(r, &more[l->n_sources++], t, c);
@@ -170,6 +172,7 @@ static bool find_camera(sports_reader *r, size_t t, size_t c, int *source)
         return saga_fail(r->error, r->path, "list a camera in one of both",
                          "camera %d is in train_meta.json and in "
                          "test_meta.json", (int)id);
+    /* A known camera is read once more, and must be where it was. */
     return fill_camera(r, &now, t, c) &&
            (same_camera(s, &now) ||
             saga_fail(r->error, r->path, "saga needs cameras that stand still",
@@ -232,6 +235,7 @@ static bool check_sizes(const saga_listing *l, saga_error *error)
     for (int i = 0; i < l->n_sources; i++) {
         const saga_source *const s = &l->sources[i];
         int k = 0, width = 0, height = 0;
+        /* This ends: sources without any picture have been dropped. */
         while (!s->pictures[k])
             k++;
         if (!saga_picture_probe(s->pictures[k], &width, &height, error) ||

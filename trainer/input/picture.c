@@ -138,6 +138,7 @@ bool saga_picture_read_alpha(const char *path, int width, int height,
         return false;
     if (kind == PICTURE_PNG)
         return saga_png_read_alpha(path, width, height, rgb, error);
+    /* Of other kinds the opacity is not read: everything counts. */
     memset(rgb, 255, (size_t)width * (size_t)height * 3);
     return true;
 }

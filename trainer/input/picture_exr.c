@@ -55,6 +55,7 @@ static bool exr_open(exr_input *in, const char *path, saga_error *error)
     const exr_context_initializer_t setup = exr_setup();
     exr_storage_t storage = EXR_STORAGE_SCANLINE;
     int32_t rows = 0;
+    /* exr_fail asks errno whether memory was missing. */
     errno = 0;
     exr_result_t r = exr_start_read(&in->context, path, &setup);
     if (r == EXR_ERR_SUCCESS)
@@ -73,10 +74,13 @@ static bool exr_open(exr_input *in, const char *path, saga_error *error)
         exr_finish(&in->context);
         return exr_fail(path, r, error);
     }
+    /* The data window may begin anywhere; its corner becomes pixel (0, 0). */
     const long long w = (long long)in->window.max.x - in->window.min.x + 1;
     const long long h = (long long)in->window.max.y - in->window.min.y + 1;
     if (rows < 1 || !saga_check_size(path, w, h, error)) {
         exr_finish(&in->context);
+        /* A first error stands, so this is told only where the size was
+         * fine. */
         return saga_fail(error, path, NULL, "EXR has no rows");
     }
     in->width = (int)w;
@@ -120,6 +124,7 @@ static void aim_channels(exr_decode_pipeline_t *decode,
         exr_coding_channel_info_t *const ch = &decode->channels[c];
         const int p = plane_of(planes, ch->channel_name);
         ch->decode_to_ptr = NULL;
+        /* Channels that nobody wants are not unpacked. */
         if (p < 0)
             continue;
         float *const to = planes->data[p] + (size_t)row * (size_t)width;
@@ -146,6 +151,8 @@ static exr_result_t decode_chunks(exr_input *in, const exr_planes *planes)
                      : exr_decoding_update(in->context, 0, &chunk, &decode);
         if (r != EXR_ERR_SUCCESS)
             break;
+        /* The routines are chosen once the channels are aimed, for the types
+         * that these want; they serve all chunks. */
         aim_channels(&decode, planes, in->width, row);
         if (row == 0)
             r = exr_decoding_choose_default_routines(in->context, 0, &decode);
@@ -164,6 +171,7 @@ static bool check_channels(const exr_input *in, const char *path,
     const exr_result_t r = exr_get_channels(in->context, 0, &list);
     if (r != EXR_ERR_SUCCESS)
         return exr_fail(path, r, error);
+    /* The only channel of a file is depth by any name. */
     if (planes->n == 1 && list->num_channels == 1)
         planes->names[0] = list->entries[0].name.str;
     for (int i = 0; i < planes->n; i++) {
@@ -318,6 +326,7 @@ static bool write_planes(const char *path, int width, int height,
         r = write_header(context, width, height, planes, type);
         if (r == EXR_ERR_SUCCESS)
             r = encode_chunks(context, width, height, planes);
+        /* The temporary file gets its name here, so this may fail as well. */
         const exr_result_t closed = exr_finish(&context);
         r = r == EXR_ERR_SUCCESS ? closed : r;
     }
@@ -364,6 +373,7 @@ bool saga_exr_write(const char *path, int width, int height,
     float *const data = saga_alloc(n * 3, sizeof *data, path, error);
     if (!data)
         return false;
+    /* 8 bits have no more than 256 values in linear light. */
     float linear[256];
     for (int v = 0; v < 256; v++)
         linear[v] = (float)saga_srgb_to_linear(v / 255.0);

@@ -78,6 +78,8 @@ bool saga_jpeg_encode(uint8_t **bytes, size_t *nbytes, int width, int height,
                       const uint8_t *rgb, saga_error *error)
 {
     const tjhandle encoder = tjInitCompress();
+    /* The most that a picture of this size may take, so the buffer never
+     * grows. */
     unsigned long n = tjBufSize(width, height, TJSAMP_420);
     *bytes = encoder ? saga_alloc(n, 1, "a picture", error) : NULL;
     bool ok = *bytes != NULL;

@@ -47,6 +47,7 @@ static void read_job_end(png_job *job)
 static bool check_file_size(FILE *file, const char *path,
                             saga_error *error)
 {
+    /* A magic of 8 bytes and a chunk's length, then IHDR, width and height. */
     uint8_t head[24] = {0};
     const bool read = fread(head, sizeof head, 1, file) == 1;
     rewind(file);
@@ -63,6 +64,7 @@ static bool read_job_begin(png_job *job, const char *path,
     if (!job->file)
         return saga_fail_errno(error, path, "check the path in the capture's "
                                "files", "picture cannot be opened");
+    /* read_failed asks errno why libpng gave up. */
     errno = 0;
     if (!check_file_size(job->file, path, error)) {
         read_job_end(job);
@@ -79,6 +81,7 @@ static bool read_job_begin(png_job *job, const char *path,
 
 static bool read_header(png_job *job)
 {
+    /* An error in any call below comes back to here. */
     if (setjmp(png_jmpbuf(job->png)))
         return false;
     png_set_user_limits(job->png, SAGA_MAX_SIDE, SAGA_MAX_SIDE);
@@ -101,6 +104,8 @@ static bool read_rows(png_job *job, uint8_t *rows, int width, int height,
     if (setjmp(png_jmpbuf(job->png)))
         return false;
     const png_color_16 black = {0};
+    /* Palettes and few bits become 8, 16 bits are rounded to 8, grey becomes
+     * colour; alpha is kept or blended over black, without a gamma. */
     png_set_expand(job->png);
     png_set_scale_16(job->png);
     png_set_gray_to_rgb(job->png);

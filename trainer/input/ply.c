@@ -96,11 +96,15 @@ static bool header_line(ply_header *h, ply_state *s, const char *line)
     if (sscanf(line, "element %31s %llu", a, &n) == 2) {
         s->in_vertex = strcmp(a, "vertex") == 0 && !s->seen_vertex;
         s->seen_vertex |= s->in_vertex;
+        /* Of other elements behind the vertices nothing is read. Before these
+         * they are refused, since their records would have to be passed
+         * over. */
         if (s->in_vertex)
             h->count = n;
         return s->seen_vertex;
     }
     if (s->in_vertex && strncmp(line, "property", 8) == 0)
+        /* The type of a list, "list", is none that add_property knows. */
         return sscanf(line, "property %31s %63s", a, b) == 2 &&
                add_property(h, a, b);
     return true;
@@ -189,6 +193,7 @@ static uint8_t colour_byte(double v, int type)
     const double unit = type == PLY_F32 || type == PLY_F64 ? 255.0
                         : type == PLY_U16                  ? 1.0 / 257.0
                                                            : 1.0;
+    /* 65535 / 257 is 255. */
     const double x = v * unit + 0.5;
     return x >= 255.0 ? 255 : x > 0.0 ? (uint8_t)x : 0;
 }
@@ -196,6 +201,7 @@ static uint8_t colour_byte(double v, int type)
 static bool fill_point(saga_point *point, const ply_header *h,
                        const double *values)
 {
+    /* Points without a colour are grey. */
     *point = (saga_point){.rgb = {128, 128, 128}};
     for (int i = 0; i < 3; i++) {
         point->position[i] = values[h->field[i]];
@@ -212,6 +218,7 @@ static bool fill_point(saga_point *point, const ply_header *h,
 static uint64_t least_nbytes(const ply_header *h)
 {
     uint64_t n = 0;
+    /* In text a number has a digit and a separator. */
     for (int i = 0; i < h->n_properties; i++)
         n += h->ascii ? 2 : (uint64_t)ply_types[h->type[i]].nbytes;
     return n;
@@ -249,6 +256,7 @@ static bool read_points(saga_cursor *c, const char *path, saga_point **points,
                          "vertices have no x, y, z");
     if (!check_length(&h, c, path, error))
         return false;
+    /* The file is long enough for that count, so it may be believed. */
     *points = saga_alloc((size_t)h.count, sizeof **points, path, error);
     if (!*points)
         return false;

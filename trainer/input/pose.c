@@ -10,6 +10,7 @@ bool saga_pose_from_quaternion(const double wxyz[4], double rotation[9])
                       wxyz[2] * wxyz[2] + wxyz[3] * wxyz[3];
     if (!(n2 > 1e-12 && n2 < 1e12))
         return false;
+    /* Division by the squared length lets quaternions have any length. */
     const double w = wxyz[0], x = wxyz[1], y = wxyz[2], z = wxyz[3];
     const double s = 2.0 / n2;
     const double r[9] = {
@@ -51,6 +52,7 @@ static double defect(const double r[9])
 static void nearest_rotation(double r[9])
 {
     for (int round = 0; round < 6; round++) {
+        /* The error is squared by each round and begins below 0.01. */
         double inv[9];
         cross(r + 3, r + 6, inv);
         cross(r + 6, r, inv + 3);
@@ -69,14 +71,18 @@ bool saga_pose_from_axes(const double right[3], const double down[3],
     memcpy(r, right, 3 * sizeof *r);
     memcpy(r + 3, down, 3 * sizeof *r);
     memcpy(r + 6, forward, 3 * sizeof *r);
+    /* Rounding to three digits passes; a scale that is off by more than half a
+     * per cent does not. */
     if (!(defect(r) < 0.01) || !isfinite(centre[0]) ||
         !isfinite(centre[1]) || !isfinite(centre[2]))
         return false;
+    /* right x down is forward; where it is not, the axes are mirrored. */
     cross(r, r + 3, c);
     if (dot(c, r + 6) < 0.0)
         return false;
     nearest_rotation(r);
     memcpy(rotation, r, sizeof r);
+    /* X = R (P - centre), so t = -R centre. */
     for (int i = 0; i < 3; i++)
         translation[i] = -dot(r + 3 * i, centre);
     return true;

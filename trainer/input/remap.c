@@ -19,6 +19,8 @@ static double fisheye_radius(const saga_lens *l, double angle)
 
 void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
 {
+    /* Equirectangular: longitude and latitude of the direction, turned into the
+     * axes of the whole picture. */
     if (lens->equirect) {
         const double *const m = lens->turn;
         const double d[3] = {m[0] * x + m[1] * y + m[2],
@@ -29,6 +31,8 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
                 lens->cy;
         return;
     }
+    /* Fisheye: the direction in the picture stays, at the radius of the
+     * angle. */
     if (lens->fisheye) {
         const double r = sqrt(x * x + y * y);
         const double part =
@@ -37,6 +41,8 @@ void saga_lens_project(const saga_lens *lens, double x, double y, double uv[2])
         uv[1] = lens->fy * y * part + lens->cy;
         return;
     }
+    /* Others: g along the radius, then p1 and p2 for a lens that is not
+     * centred. */
     const double r2 = x * x + y * y;
     const double g =
         1.0 + r2 * (lens->k1 + r2 * (lens->k2 + r2 * lens->k3));
@@ -67,6 +73,7 @@ static void source_of(const saga_lens *lens, double s, double u, double v,
                       double uv[2])
 {
     const double half = face_side(lens) / 2.0;
+    /* A face has 90 degrees: half a side is tan(45 degrees) = 1. */
     if (lens->equirect) {
         saga_lens_project(lens, (u - half) / half, (v - half) / half, uv);
         return;
@@ -86,6 +93,8 @@ static bool grows_until(const saga_lens *lens, double r_max)
             return false;
     for (int i = 0; !lens->fisheye && i <= 256; i++) {
         const double r2 = r_max * r_max * (i / 256.0) * (i / 256.0);
+        /* d/dr (r g) = 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6. Below 0.05 twenty
+         * pixels of the pinhole show one of the source. */
         const double slope =
             1.0 +
             r2 * (3.0 * lens->k1 +
@@ -113,6 +122,7 @@ static bool covers(const saga_lens *lens, double s, int i, int j, int width,
  * grows_until looks, one to one. */
 static bool all_valid(const saga_lens *lens, double s, int width, int height)
 {
+    /* The corner that is farthest from the axis, at z = 1. */
     const double x = fmax(lens->cx, width - lens->cx) / (lens->fx * s);
     const double y = fmax(lens->cy, height - lens->cy) / (lens->fy * s);
     if (fmax(x, y) > WIDEST && lens->fisheye)
@@ -134,17 +144,21 @@ static bool all_valid(const saga_lens *lens, double s, int width, int height)
  * the first valid value at or above 1; 0 if there is none up to 4. */
 static double choose_scale(const saga_lens *lens, int width, int height)
 {
+    /* Up by 2 % at a time to the first factor that is valid. */
     double good = 1.0;
     while (!all_valid(lens, good, width, height)) {
         good *= 1.02;
         if (good > 4.0)
             return 0.0;
     }
+    /* Down again, to a wider view, while that stays valid. */
     double bad = good / 1.02;
     while (bad > 0.25 && all_valid(lens, bad, width, height)) {
         good = bad;
         bad /= 1.02;
     }
+    /* Halving between the last valid factor and the next below it: the 2 %
+     * shrink to 2e-14. */
     for (int i = 0; i < 40; i++) {
         const double middle = 0.5 * (good + bad);
         if (all_valid(lens, middle, width, height))
@@ -195,6 +209,8 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
                          "undistort the pictures first", "distortion k1 %g, "
                          "k2 %g, k3 %g, p1 %g, p2 %g folds the picture",
                          lens->k1, lens->k2, lens->k3, lens->p1, lens->p2);
+    /* Positions count from the corner of the picture, so that 1/N of them is
+     * the same place at 1/N of the size. */
     const double s = remap->focal_scale / scale;
     remap->fx = lens->fx * s;
     remap->fy = lens->fy * s;
@@ -205,6 +221,7 @@ bool saga_remap_plan(saga_remap *remap, const saga_lens *lens, int width,
 
 uint64_t saga_remap_nbytes(const saga_remap *remap, const saga_lens *lens)
 {
+    /* 4 bytes of a tap and 2 of fractions. */
     return saga_lens_is_pinhole(lens)
                ? 0
                : (uint64_t)remap->full_width *
@@ -220,6 +237,7 @@ static int split_position(double position, int size, uint8_t *fraction)
         *fraction = 0;
         return 0;
     }
+    /* The centre of pixel i is at i + 1/2. */
     const double p = fmin(fmax(position - 0.5, 0.0), size - 1.0);
     const int q = (int)floor(p * 256.0 + 0.5);
     const int tap = q >> 8 < size - 2 ? q >> 8 : size - 2;
@@ -283,6 +301,7 @@ static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
                       int y, uint8_t *rgb)
 {
     const size_t n = (size_t)remap->scale, w = (size_t)remap->full_width;
+    /* 64 x 64 pixels of 255 x 65536 need more than 32 bits. */
     uint64_t sum[3] = {0};
     for (size_t b = 0; b < n; b++)
         for (size_t a = 0; a < n; a++) {
@@ -294,6 +313,8 @@ static void box_pixel(const saga_remap *remap, const uint8_t *source, int x,
                 for (size_t c = 0; c < 3; c++)
                     sum[c] += source[3 * i + c];
         }
+    /* Bilinear sums are scaled by 2^8 for each axis; the division below is the
+     * only rounding. */
     const uint64_t unit = remap->taps ? n * n << 16 : n * n;
     for (size_t c = 0; c < 3; c++)
         rgb[c] = (uint8_t)((sum[c] + unit / 2) / unit);
@@ -322,6 +343,8 @@ void saga_remap_depth(const saga_remap *remap, const float *source,
         for (size_t x = 0; x < (size_t)remap->width; x++) {
             size_t i = (y * n + n / 2) * (size_t)remap->full_width + x * n +
                        n / 2;
+            /* The nearest of the four taps: between two depths there may be
+             * nothing. */
             if (remap->taps) {
                 const uint8_t *const f = &remap->fractions[2 * i];
                 i = remap->taps[i] + (f[0] >= 128 ? 1u : 0u) +

@@ -73,6 +73,8 @@ static bool axes_meet(const saga_capture *c, double x[3])
         double centre[3];
         saga_pose_centre(c->views[v].rotation, c->views[v].translation,
                          centre);
+        /* The projection I - a a^T takes away what lies along the axis: x
+         * solves sum (I - a a^T) x = sum (I - a a^T) centre. */
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) {
                 const double part = (i == j) - axis[i] * axis[j];
@@ -84,9 +86,12 @@ static bool axes_meet(const saga_capture *c, double x[3])
         m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
         m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
         m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
+    /* det is 0 for parallel axes, and at most (2 n / 3)^3 for axes all
+     * round. */
     if (!(fabs(det) > 1e-4 * pow(c->n_views, 3)))
         return false;
     for (int k = 0; k < 3; k++) {
+        /* Cramer: the right side takes the place of column k. */
         double n[3][3];
         memcpy(n, m, sizeof n);
         for (int i = 0; i < 3; i++)
@@ -116,6 +121,7 @@ static void lift_grid(places *p, const saga_capture *c)
         const saga_shot *const s = &c->views[v];
         const double far = 4.0 * (size > 0.0 ? size : 1.0);
         double cam[3] = {0.0, 0.0, far};
+        /* The depth of the meeting, where it is in front of this camera. */
         if (meet)
             saga_view_transform(s, meeting, cam);
         const double z = cam[2] > 0.0 ? cam[2] : far;
@@ -142,6 +148,7 @@ static bool find_places(places *p, const saga_capture *c, saga_error *error)
         lift_grid(p, c);
     for (size_t i = 0; points && i < n; i++)
         memcpy(p->at[i], c->points[i].position, sizeof *p->at);
+    /* Every step-th place stays. */
     p->n = 0;
     for (size_t i = 0; i < n; i += step)
         memmove(p->at[p->n++], p->at[i], sizeof *p->at);
@@ -190,6 +197,7 @@ static void find_nearest(saga_survey *survey, const saga_capture *c,
         for (int w = 0; w < c->n_views; w++) {
             direction_from(middle, &c->views[w], b);
             const double cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            /* Rounding may bring a cosine beyond 1. */
             const double angle =
                 acos(fmin(fmax(cosine, -1.0), 1.0)) * 57.29577951308232;
             if (w == v || (one->nearest >= 0 && angle >= one->angle))
@@ -254,6 +262,7 @@ static size_t common_colour(const saga_capture *c, const double place[3],
         if (!colour_at(c, v, place, one))
             continue;
         for (size_t k = 0; k < 3; k++)
+            /* scratch is (3, n_views): each channel has a median of its own. */
             scratch[k * most + n] = one[k];
         n++;
     }
@@ -276,12 +285,14 @@ static void compare_view(saga_survey_view *one, const saga_capture *c, int v,
 {
     size_t n = 0;
     double rgb[3];
+    /* Exposure: the median of log2 of light against the others'. */
     for (size_t i = 0; i < p->n; i++)
         if (!isnan(common[3 * i]) && colour_at(c, v, p->at[i], rgb) &&
             tells_exposure(luma(rgb), luma(common + 3 * i)))
             x[n++] = 2.2 * log2(luma(rgb) / luma(common + 3 * i));
     one->stops = n >= FEW_COLOURS ? median(x, n) : (double)NAN;
     const double gain = isnan(one->stops) ? 1.0 : exp2(one->stops / 2.2);
+    /* Colour: what differs once that is evened out. */
     n = 0;
     for (size_t i = 0; i < p->n; i++) {
         if (isnan(common[3 * i]) || !colour_at(c, v, p->at[i], rgb))
@@ -302,6 +313,7 @@ static bool compare_colours(saga_survey *survey, const saga_capture *c,
     double *const x = saga_alloc(p->n + 3 * (size_t)c->n_views, sizeof *x,
                                  "the colours", error);
     const bool ok = common && x;
+    /* x is scratch of the median over views first, of that over places then. */
     for (size_t i = 0; ok && i < p->n; i++)
         if (common_colour(c, p->at[i], x, common + 3 * i) < 3)
             common[3 * i] = (double)NAN;
@@ -329,6 +341,8 @@ static void judge_rig(saga_survey *s, const saga_capture *c)
     if (c->moves)
         note(s, "One camera that moves sees each moment from one side: how "
              "what moves looks from elsewhere at that moment is a guess.");
+    /* More than six cameras, or at least three that have points and stand
+     * close. */
     s->free_views = n > FEW_VIEWS ||
                     (n > 2 && points && s->typical_angle < FAR_APART);
     if (n == 1 && !s->free_views)
@@ -408,6 +422,8 @@ static bool measure(saga_survey *s, const saga_capture *c, places *p,
     double *const angle =
         saga_alloc(n_views, sizeof *angle, "the angles", error);
     const bool ok = seen && angle;
+    /* Each place is projected into each view once; overlaps are counted from
+     * what is seen. */
     for (size_t v = 0; ok && v < n_views; v++)
         for (size_t i = 0; i < n; i++)
             seen[n * v + i] = pixel_of(&c->views[v], p->at[i]) >= 0;

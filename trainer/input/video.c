@@ -113,6 +113,7 @@ static void probe_rotation(saga_video_info *info, const char *text)
     if (value[0] == '\0')
         field(text, "TAG:rotate", value, sizeof value);
     const long turn = labs(strtol(value, NULL, 10)) % 180;
+    /* A quarter turn either way swaps the sides. */
     if (turn < 45 || turn > 135)
         return;
     const int width = info->width;
@@ -130,6 +131,7 @@ static bool run_ffprobe(const char *path, const char *still, char *text,
         "stream=width,height,avg_frame_rate,nb_read_packets,color_space,"
         "color_range:stream_tags=rotate:stream_side_data=rotation";
     const char *argv[MOST_ARGUMENTS] = {"ffprobe", "-v", "error"};
+    /* Packets are counted instead of frames: no picture is decoded for it. */
     const char *const rest[] = {
         "-count_packets", "-select_streams", "v:0",
         "-show_entries", entries,
@@ -141,6 +143,7 @@ static bool run_ffprobe(const char *path, const char *still, char *text,
     if (ok) {
         const size_t got = saga_child_read(&child, text, n - 1);
         text[got] = '\0';
+        /* Who fills the buffer says more than was asked, and is killed. */
         if (saga_child_end(&child, got == n - 1) != 0)
             ok = saga_fail(error, path, "check that ffplay shows it",
                            "is no video that ffprobe can read (%s)",
@@ -199,6 +202,8 @@ static bool start_ffmpeg(saga_video *video, saga_error *error)
     if (!url)
         return false;
     const char *argv[MOST_ARGUMENTS] = {"ffmpeg", "-nostdin", "-v", "error"};
+    /* One thread, since other cameras are decoded beside it; passthrough, so
+     * that no frame is doubled or dropped for the sake of the rate. */
     const char *const rest[] = {
         "-threads", "1", "-i", url,
         "-map", "0:v:0", "-frames:v", count,
@@ -264,6 +269,7 @@ bool saga_video_close(saga_video *video, bool ok, saga_error *error)
         (void)saga_child_end(&video->child, true);
         return false;
     }
+    /* A byte more is a frame more than ffprobe has counted. */
     if (saga_child_read(&video->child, &extra, 1) != 0) {
         (void)saga_child_end(&video->child, true);
         return saga_fail(error, video->path, "encode the video again",
