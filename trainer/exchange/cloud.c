@@ -42,11 +42,13 @@ void saga_cloud_turn(saga_cloud *cloud, int axis)
     for (size_t i = 0; i < cloud->n; i++) {
         float *const colour = cloud->colour + 3 * (size_t)n_harmonics * i;
 
+        /* F R F has the quaternion of R, these two components negated. */
         for (int a = 0; a < 3; a++)
             if (a != axis) {
                 cloud->mean[3 * i + (size_t)a] *= -1.0f;
                 cloud->quat[4 * i + 1 + (size_t)a] *= -1.0f;
             }
+        /* A harmonic is even or odd in the turn; the constant one is even. */
         for (int k = 1; k < n_harmonics; k++)
             for (int c = 0; c < 3; c++)
                 colour[3 * k + c] *= (float)saga_harmonic_turned(k, axis);

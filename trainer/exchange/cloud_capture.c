@@ -56,6 +56,7 @@ static double quantile(weighted *w, size_t n, double part)
     qsort(w, n, sizeof *w, smaller);
     for (i = 0; i < n; i++)
         all += w[i].weight;
+    /* It ends at the last value, whatever rounding does to the sums. */
     for (i = 0; i + 1 < n && sum + w[i].weight < part * all; i++)
         sum += w[i].weight;
     return w[i].value;
@@ -68,12 +69,14 @@ bool saga_cloud_extent(double centre[3], double *radius,
 
     if (!w)
         return false;
+    /* The centre: on each axis, half of the opacity lies on either side. */
     for (size_t a = 0; a < 3; a++) {
         for (size_t i = 0; i < cloud->n; i++)
             w[i] = (weighted){ (double)cloud->mean[3 * i + a],
                                opacity_of(cloud, i) };
         centre[a] = quantile(w, cloud->n, 0.5);
     }
+    /* The radius: a sphere around it that holds four fifths of the opacity. */
     for (size_t i = 0; i < cloud->n; i++) {
         double d = 0.0;
 
@@ -81,6 +84,8 @@ bool saga_cloud_extent(double centre[3], double *radius,
             d += pow((double)cloud->mean[3 * i + a] - centre[a], 2.0);
         w[i] = (weighted){ sqrt(d), opacity_of(cloud, i) };
     }
+    /* Near planes and places of cameras are multiples of it, so it is not 0
+     * even where all splats lie in one place. */
     *radius = fmax(quantile(w, cloud->n, 0.8), 1e-6);
     free(w);
     return true;
@@ -100,10 +105,13 @@ static void colour_from(real colour[3], const saga_cloud *cloud, size_t i,
         d[a] = (double)cloud->mean[3 * i + a] - eye[a];
         length += d[a] * d[a];
     }
+    /* From the very middle of the splat d stays 0: the harmonics with a
+     * direction are 0 there, and the constant one is left. */
     for (int a = 0; a < 3; a++)
         d[a] /= length > 0.0 ? sqrt(length) : 1.0;
     saga_harmonics(y, d);
     for (int k = 0; k < 3; k++) {
+        /* 1/2 + sum_j c_j Y_j(d) (harmonics.h). */
         double v = 0.5;
 
         for (int j = 0; j < n; j++)
@@ -143,6 +151,7 @@ static double parameter_of(float logit)
 {
     const double top = exp2(SAGA_PEAK_LOG2);
 
+    /* Solved for o; the argument of the logarithm is 7 at least. */
     return SAGA_PEAK_LOG2 - log2(top * (1.0 + exp(-(double)logit)) - 1.0);
 }
 
@@ -151,6 +160,7 @@ bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
 {
     if (!alloc_params(p, cloud->n, error))
         return false;
+    /* Shapes stay; only units of scales and opacities differ. */
     for (size_t i = 0; i < cloud->n; i++) {
         p->opacity[i] = (real)parameter_of(cloud->logit[i]);
         for (size_t a = 0; a < 3; a++) {
@@ -161,6 +171,8 @@ bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
         for (size_t a = 0; a < 4; a++)
             p->quat[4 * i + a] = (real)cloud->quat[4 * i + a];
     }
+    /* One colour each, a mean. Without shots colours stay 0: draw() sets those
+     * of each view. */
     for (int v = 0; v < n_shots; v++) {
         double eye[3];
 
@@ -213,12 +225,14 @@ static bool draw(uint8_t *rgb, const frame *f, const saga_shot *v,
     double eye[3];
 
     saga_shot_centre(eye, v);
+    /* Colours are those of this view; all else serves every view. */
     for (size_t i = 0; i < f->cloud->n; i++)
         colour_from(f->params.colour + 3 * i, f->cloud, i, eye);
     aim(&f->canvas->camera, v, f->near_plane);
     if (!saga_splat_forward(f->canvas, &f->params, (uint32_t)f->cloud->n,
                             error))
         return false;
+    /* The canvas has planes, (3, H, W); pictures of a capture are (H, W, 3). */
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++) {
             const double x = (double)f->canvas->image[k * n + i];
@@ -231,6 +245,7 @@ static bool draw(uint8_t *rgb, const frame *f, const saga_shot *v,
 /* Adds every so many'th mean of what can be seen. */
 static void add_points(saga_capture *c, const saga_cloud *cloud, int n_frames)
 {
+    /* Frames have equal shares: the first does not fill all places. */
     const size_t share = MOST_POINTS / (size_t)n_frames + 1;
     const size_t every = cloud->n / share + 1;
 
@@ -240,6 +255,7 @@ static void add_points(saga_capture *c, const saga_cloud *cloud, int n_frames)
         if (opacity_of(cloud, i) < LEAST_OPACITY)
             continue;
         for (size_t a = 0; a < 3; a++) {
+            /* The constant harmonic alone is the mean over all directions. */
             const double v = 0.5 + SAGA_HARMONIC_0 * (double)cloud->colour[
                 3 * (size_t)saga_n_harmonics(cloud->degree) * i + a];
 
@@ -306,6 +322,8 @@ static bool begin(saga_capture *c, const saga_cloud_source *s,
     c->points = saga_alloc(MOST_POINTS, sizeof *c->points, "points", error);
     if (!c->views || !c->points)
         return false;
+    /* n_views grows with the views, so that saga_capture_free finds them all
+     * where memory ends half-way. */
     for (int v = 0; v < s->n_shots; v++) {
         c->views[v] = s->shot[v];
         c->n_views++;
@@ -336,6 +354,7 @@ static bool fill(saga_capture *c, const saga_cloud_source *s,
     saga_canvas canvas = { .t = 0 };
     bool ok = saga_canvas_init(&canvas, largest(s), error);
 
+    /* Behind saga_canvas_init, which sets the rules of our own decoder. */
     canvas.rules.low_pass = VIEWERS_LOW_PASS;
     for (int k = 0; k < s->n_frames && ok; k++) {
         char doing[64];

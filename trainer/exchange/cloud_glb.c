@@ -83,6 +83,7 @@ static void list_attributes(glb *g)
     a[2] = (attribute){ "KHR_gaussian_splatting:SCALE", "VEC3", 3, 0, scale };
     a[3] = (attribute){ "KHR_gaussian_splatting:OPACITY", "SCALAR", 1, 0,
                         opacity };
+    /* Coefficients go degree by degree, as in a cloud: n - 4 counts them. */
     for (int degree = 0; degree <= g->cloud->degree; degree++)
         for (int k = 0; k < 2 * degree + 1; k++, n++) {
             a[n] = (attribute){ "", "VEC3", 3, n - 4, colour };
@@ -186,6 +187,9 @@ static bool write_heads(FILE *f, const char *text, size_t bin_nbytes)
 
     saga_put_le(&at, MAGIC, 4);
     saga_put_le(&at, VERSION, 4);
+    /* The length of the file: 20 bytes of its header and of the head of the
+     * JSON chunk, the text, 8 bytes of the next head, and floats, which need no
+     * padding. */
     saga_put_le(&at, (uint32_t)(20 + padded + 8 + bin_nbytes), 4);
     saga_put_le(&at, (uint32_t)padded, 4);
     saga_put_le(&at, JSON, 4);
@@ -225,11 +229,14 @@ bool saga_cloud_write_glb(const char *path, saga_cloud *cloud,
     list_attributes(&g);
     saga_json_watch();
     o = json_of(&g);
+    /* Nine digits tell all floats apart: the bounds are to be those of the
+     * stored positions. */
     text = o ? json_dumps(o, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
     ok = !text || saga_json_starved() ? saga_no_memory(0, path, error)
                                       : write_file(path, &g, text, error);
     free(text);
     json_decref(o);
+    /* Half a turn more brings the axes of PLY back. */
     saga_cloud_turn(cloud, 2);
     return ok;
 }

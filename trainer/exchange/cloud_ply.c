@@ -120,6 +120,7 @@ static bool find_degree(int *degree, const char *path,
 {
     int n = 0;
 
+    /* saga_ply_columns gives NaN where the file lacks a column. */
     for (int i = 0; i < REST; i++)
         if (isnan(row[i]))
             return saga_fail(error, path, "export the splats as a PLY with x y "
@@ -143,6 +144,7 @@ static bool is_sound(const float *row, int degree)
 {
     const int n = REST + 3 * (saga_n_harmonics(degree) - 1);
 
+    /* Both comparisons are so written that NaN fails them. */
     for (int i = 0; i < n; i++)
         if (i != OPACITY && !(fabsf(row[i]) <= 1e6f))
             return false;
@@ -160,11 +162,13 @@ static void take_splat(saga_cloud *cloud, const float *row)
     memcpy(cloud->log_scale + 3 * i, row + SCALE, 3 * sizeof *row);
     memcpy(colour, row + DC, 3 * sizeof *row);
     cloud->logit[i] = fminf(row[OPACITY], MOST_LOGIT);
+    /* Quaternions may come in any length; one of length 0 is no rotation. */
     for (int k = 0; k < 4; k++)
         length += (double)row[ROT + k] * (double)row[ROT + k];
     for (int k = 0; k < 4; k++)
         cloud->quat[4 * i + (size_t)k] = length > 0.0
             ? (float)((double)row[ROT + k] / sqrt(length)) : k == 0;
+    /* f_rest has all of red first, then green, then blue. */
     for (int c = 0; c < 3; c++)
         for (int k = 1; k < n; k++)
             colour[3 * k + c] = row[REST + c * (n - 1) + k - 1];
@@ -187,6 +191,7 @@ bool saga_cloud_read_ply(saga_cloud *cloud, const char *path,
     ok = (n > 0 || saga_fail(error, path, "leave it out", "has no splats")) &&
          find_degree(&degree, path, name, rows, error) &&
          saga_cloud_alloc(cloud, n, degree, error);
+    /* There is room for every row; from here n counts those that are taken. */
     cloud->n = 0;
     for (size_t i = 0; i < n && ok; i++)
         if (is_sound(rows + N_COLUMNS * i, degree))

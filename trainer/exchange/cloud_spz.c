@@ -44,7 +44,10 @@ static int fraction_bits(const saga_cloud *cloud)
 
     for (size_t k = 0; k < 3 * cloud->n; k++)
         most = fmax(most, fabs((double)cloud->mean[k]));
+    /* The margin keeps the farthest position from being rounded up to 2^23,
+     * which is the sign. */
     (void)frexp(most * (1.0 + 1e-6), &exponent); /* most < 2^exponent */
+    /* A small scene gets more bits behind the point than others write. */
     if (ENOUGH_BITS - exponent > wanted)
         wanted = least(ENOUGH_BITS - exponent, MOST_FRACTION_BITS);
     return least(wanted, POSITION_BITS - exponent);
@@ -55,6 +58,7 @@ static void put_positions(uint8_t **at, const saga_cloud *cloud, int bits)
     for (size_t k = 0; k < 3 * cloud->n; k++) {
         const double x = ldexp((double)cloud->mean[k], bits);
 
+        /* Two's complement, of which the lower 24 bits are kept. */
         saga_put_le(at, (uint32_t)lrint(x), 3);
     }
 }
@@ -69,6 +73,7 @@ static uint32_t quat_word(const float wxyz[4])
     for (uint32_t k = 1; k < 4; k++)
         if (fabsf(q[k]) > fabsf(q[largest]))
             largest = k;
+    /* Two bits for which it is, then ten for each of the others. */
     word = largest;
     for (uint32_t k = 0; k < 4; k++) {
         const double size = fabs((double)q[k]) * sqrt(2.0) * QUAT_STEPS;
@@ -86,6 +91,7 @@ static uint32_t quat_word(const float wxyz[4])
 static uint8_t harmonic_byte(double v, int k)
 {
     const double step = k < 4 ? 8.0 : 16.0;
+    /* 128 is 0 and 1/128 a step, rounded to a multiple of 8 or of 16. */
     const double x = floor((rint(128.0 * v) + 128.0 + step / 2.0) / step);
 
     return byte_of(step * x);
@@ -96,6 +102,8 @@ static void put_attributes(uint8_t **at, const saga_cloud *cloud)
     const int n = saga_n_harmonics(cloud->degree);
     const size_t each = 3 * (size_t)n;
 
+    /* Opacity, colour, scale in sixteenths from e^-10 on, rotation, harmonics:
+     * the order of the format. */
     for (size_t i = 0; i < cloud->n; i++)
         *(*at)++ = byte_of(255.0 / (1.0 + exp(-(double)cloud->logit[i])));
     for (size_t i = 0; i < cloud->n; i++)
@@ -140,6 +148,8 @@ static bool write_gzip(const char *path, uint8_t *bytes, size_t n,
     size_t room;
     bool ok;
 
+    /* A window of 2^15; 16 more asks for the header of gzip, which has neither
+     * name nor time unless they are set. */
     if (deflateInit2(&z, 9, Z_DEFLATED, 15 + 16, 9, Z_DEFAULT_STRATEGY) !=
         Z_OK)
         return saga_no_memory(0, path, error);

@@ -45,6 +45,8 @@ static bool read_rig(fit *f, saga_error *error)
 
         if (!saga_film_rig(f->film, i, &f->rig[i], &number, error))
             return false;
+        /* saga_colour_at refuses places beyond this, and colour_at() relies on
+         * it. */
         for (int a = 0; a < 3; a++)
             if (f->rig[i].centre[a] < -MOST_AWAY ||
                 f->rig[i].centre[a] > MOST_AWAY)
@@ -59,6 +61,8 @@ static bool read_rig(fit *f, saga_error *error)
 /* Direction i of N_SPHERE, evenly spread (a spiral of the golden angle). */
 static void sphere(double d[3], int i)
 {
+    /* Slices of a sphere that are equally high have equal areas; z is the
+     * middle of slice i. */
     const double z = (2.0 * i + 1.0) / N_SPHERE - 1.0;
     const double r = sqrt(1.0 - z * z), angle = 2.399963229728653 * i;
 
@@ -71,6 +75,9 @@ static void sphere(double d[3], int i)
 static void stand(int32_t from[3], const int32_t x[3], const double d[3])
 {
     for (int a = 0; a < 3; a++) {
+        /* FAR is eight widths of the cube: rounding to box units hardly turns
+         * the direction. The clamp is for primitives that are far outside
+         * themselves. */
         const double v = (double)x[a] - d[a] * FAR;
 
         from[a] = (int32_t)fmin(fmax(v, -MOST_AWAY), MOST_AWAY);
@@ -107,6 +114,7 @@ static void colour_at(double c[3], saga_film *film, uint32_t index,
 static void add(normal *e, int n, const double *y, const double c[3],
                 double weight)
 {
+    /* The lower triangle alone, which is all that solve() reads. */
     for (int j = 0; j < n; j++) {
         for (int k = 0; k <= j; k++)
             e->matrix[j][k] += weight * y[j] * y[k];
@@ -121,6 +129,7 @@ static void solve(normal *e, int n)
 {
     double (*const m)[SAGA_MAX_HARMONICS] = e->matrix;
 
+    /* matrix = L L^T, with L in its place. */
     for (int j = 0; j < n; j++)
         for (int i = j; i < n; i++) {
             double v = m[i][j];
@@ -130,11 +139,13 @@ static void solve(normal *e, int n)
             m[i][j] = i == j ? sqrt(v) : v / m[j][j];
         }
     for (int c = 0; c < 3; c++) {
+        /* Forward: L z = right. */
         for (int j = 0; j < n; j++) {
             for (int k = 0; k < j; k++)
                 e->right[j][c] -= m[j][k] * e->right[k][c];
             e->right[j][c] /= m[j][j];
         }
+        /* Backward: L^T x = z. */
         for (int j = n; j-- > 0;) {
             for (int k = j + 1; k < n; k++)
                 e->right[j][c] -= m[k][j] * e->right[k][c];
@@ -163,6 +174,8 @@ static void fit_one(float *to, fit *f, uint32_t index, const int32_t x[3])
     double y[SAGA_MAX_HARMONICS], c[3];
     int32_t from[3];
 
+    /* All around. A place may have been clamped, so look() takes the direction
+     * from where it came to be. */
     for (int i = 0; i < N_SPHERE; i++) {
         double d[3];
 
@@ -172,12 +185,14 @@ static void fit_one(float *to, fit *f, uint32_t index, const int32_t x[3])
         colour_at(c, f->film, index, from);
         add(&e, n, y, c, SPHERE_WEIGHT / N_SPHERE);
     }
+    /* Towards the rig. */
     for (uint32_t i = 0; i < f->n_rig; i++) {
         look(y, x, f->rig[i].centre);
         colour_at(c, f->film, index, f->rig[i].centre);
         add(&e, n, y, c, 1.0 / f->n_rig);
     }
     solve(&e, n);
+    /* What the fit leaves there, which `saga export` tells. */
     for (uint32_t i = 0; i < f->n_rig; i++) {
         look(y, x, f->rig[i].centre);
         colour_at(c, f->film, index, f->rig[i].centre);
@@ -196,6 +211,7 @@ static void bake_one(float *to, const fit *f, uint32_t index)
     double c[3];
 
     colour_at(c, f->film, index, from);
+    /* A colour c from everywhere has the one coefficient c / Y_0. */
     for (int k = 0; k < 3; k++)
         to[k] = (float)(c[k] / SAGA_HARMONIC_0);
 }
@@ -220,6 +236,8 @@ static bool fill_colours(saga_film_colours *colours, fit *f, uint32_t n,
         float *const to = colours->harmonics + each * i;
         saga_animated a;
 
+        /* For all frames of a segment the decoder takes the direction of view
+         * at its middle; so does the fit. */
         (void)saga_primitive_at(&a, f->film->dec, i, T_MID);
         if (bake)
             bake_one(to, f, i);
@@ -237,6 +255,7 @@ static bool make_colours(saga_film_colours *colours, saga_film *film,
     fit f = { .film = film, .how = how };
     bool ok;
 
+    /* The frame before was of the same segment. */
     if (colours->segment == film->segment)
         return true;
     free(colours->harmonics);
@@ -269,6 +288,7 @@ static void set_quat(float q[4], const int32_t v[4])
  * opaque as can be told: half a step of q. */
 static float logit_of(int32_t q0_q20)
 {
+    /* The opacity is p = 2^-q, and logit p = -ln(1/p - 1). */
     const double q =
         fmax(q0_q20 - (SAGA_PEAK_LOG2 << 20), 0.5) / 1048576.0;
 
@@ -282,11 +302,15 @@ static float logit_of(int32_t q0_q20)
  * P 2^-(s + s^2/2), with u = s + 1 where it falls to 1, u - 1 and a tail. */
 static double widening(int32_t q0_q20, bool is_steep)
 {
+    /* log2 P, 0 for an opacity of 1 or less. */
     const double peak = fmax(SAGA_PEAK_LOG2 - q0_q20 / 1048576.0, 0.0);
     const double u = sqrt(1.0 + 2.0 * peak);
 
+    /* An area that grows by 1 + ln 2 log2 P widens each axis by the root. */
     if (!is_steep)
         return 0.5 * log1p(LN2 * peak);
+    /* With v = s + 1 the tail is P 2^(1/2) times the integral of 2^(-v^2 / 2)
+     * from u on. */
     return 0.5 * log(LN2 * (u - 1.0 + exp2(peak + 0.5) *
                                       sqrt(M_PI / (2.0 * LN2)) *
                                       erfc(u * sqrt(LN2 / 2.0))));
@@ -301,6 +325,7 @@ static void set_splat(saga_cloud *cloud, const saga_film *film,
     const double wider = widening(
         a->q0_q20, (film->info.tools & SAGA_TOOL_STEEP) != 0);
 
+    /* Box units become the capture's, log2 in Q10 a natural logarithm. */
     for (size_t k = 0; k < 3; k++) {
         cloud->mean[3 * i + k] =
             (float)(metric->centre[k] + metric->unit * a->x[k]);
@@ -329,6 +354,7 @@ bool saga_film_cloud(saga_cloud *cloud, saga_film_colours *colours,
         !saga_cloud_alloc(cloud, report.n_primitives, colours->degree, error))
         return false;
     each = 3 * (size_t)saga_n_harmonics(cloud->degree);
+    /* There is room for all; from here n counts those that are drawn at t. */
     cloud->n = 0;
     for (uint32_t i = 0; i < report.n_primitives; i++) {
         saga_animated a;

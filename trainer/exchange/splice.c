@@ -93,6 +93,8 @@ static bool take_layers(piece *p, saga_error *error)
         return saga_fail(error, p->part->name, "take fewer", "its layers: %"
                          PRIu32 "; asked for: %" PRIu32, p->layout.n_layers,
                          wanted);
+    /* Whatever counts bytes or anchors below asks this header, so the layers
+     * behind are left out everywhere. */
     if (wanted > 0)
         p->header.more_layers = (uint8_t)(wanted - 1);
     return true;
@@ -113,6 +115,8 @@ static bool read_piece(piece *p, const saga_splice_part *part,
 
 static const uint8_t *networks_of(const piece *p)
 {
+    /* Behind the header stand the index, a chunk, and the head of the chunk of
+     * networks. */
     return p->part->bytes + p->header.header_nbytes +
            2 * SAGA_CHUNK_NBYTES + p->layout.index_nbytes;
 }
@@ -144,6 +148,7 @@ static void model_bytes(uint8_t bytes[MODEL_NBYTES],
     saga_header h = { .level = from->level, .model = from->model,
                       .more_layers = from->more_layers };
 
+    /* What the two calls below do not write is 0, and so compares equal. */
     memset(bytes, 0, MODEL_NBYTES);
     saga_header_io(&io, &h);
     saga_tools_io(&io, &h);
@@ -191,6 +196,7 @@ static bool same_base(const piece *a, const piece *b)
     bool same = memcmp(&a->header.base, &b->header.base,
                        sizeof a->header.base) == 0;
 
+    /* A chunk for each of its parts: head, then payload. */
     for (int i = SAGA_PART_COARSE; i < SAGA_N_PARTS && same; i++) {
         const uint32_t n = a->layout.base_nbytes[i];
 
@@ -242,6 +248,8 @@ static void add_to_maxima(saga_counts *max, const saga_layout_segment *s,
 {
     uint32_t prim = 0;
 
+    /* A decoder holds the anchors of one layer at a time, and the primitives of
+     * all. */
     for (uint32_t k = 0; k < n_layers; k++) {
         max->coarse = most(max->coarse, s->layer[k].n.coarse);
         max->fine = most(max->fine, s->layer[k].n.fine);
@@ -299,6 +307,8 @@ static void write_header(splice *s, const piece *p)
 static void write_index(splice *s, const piece *p, int n_pieces)
 {
     const uint32_t nbytes = s->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    /* Where the first segment stands: behind this chunk, networks, base and
+     * names. */
     uint64_t at = s->at + 2u * SAGA_CHUNK_NBYTES + nbytes +
                   s->header.nets_nbytes + s->header.base_nbytes + names_of(p).n;
 
@@ -329,6 +339,8 @@ static void write_segment(splice *s, const piece *p, uint32_t i)
                               .n_frames = g->n_frames };
     saga_io io = { NULL, s->bytes + s->at, SAGA_CHUNK_NBYTES };
 
+    /* The header is written anew: number and first frame are counted by what
+     * was written before, and there may be fewer layers. */
     for (uint32_t k = 0; k < n_layers; k++) {
         h.layer[k].n = g->layer[k].n;
         h.layer[k].nbytes = g->layer[k].nbytes;
@@ -336,6 +348,8 @@ static void write_segment(splice *s, const piece *p, uint32_t i)
     saga_segment_io(&io, &h, n_layers);
     write_chunk_head(s, SAGA_CHUNK_SEGMENT, nbytes);
     s->at += nbytes;
+    /* What follows is copied. Bytes of layers that are not taken stand last, so
+     * that a shorter length leaves them out. */
     write_bytes(s, p->part->bytes + g->offset + head,
                 segment_nbytes(p, i) - SAGA_CHUNK_NBYTES - nbytes);
     s->n_frames += g->n_frames;
@@ -352,6 +366,7 @@ static void write_all(splice *s, const piece *p, int n_pieces)
     for (int k = 0; k < n_pieces; k++)
         for (uint32_t i = p[k].first; i < p[k].end; i++)
             write_segment(s, &p[k], i);
+    /* Last of all: checksums of segments go on from that of the head. */
     saga_file_sign(s->bytes, s->at, s->header.header_nbytes);
 }
 
@@ -377,9 +392,11 @@ static bool splice_pieces(splice *s, const piece *p, int n_pieces,
     *h = p->header;
     h->n_segments = h->n_frames = 0;
     h->max = (saga_counts){ 0, 0, 0 };
+    /* Before anything is written: what must agree, and the header. */
     for (int k = 0; k < n_pieces; k++)
         if (!check_same(p, &p[k], error) || !count(h, &nbytes, &p[k], error))
             return false;
+    /* The size is exact: writing never asks for more room. */
     nbytes += h->header_nbytes + 2u * SAGA_CHUNK_NBYTES + h->nets_nbytes +
               h->base_nbytes + names_of(p).n +
               (size_t)h->n_segments * SAGA_INDEX_ENTRY_NBYTES;
