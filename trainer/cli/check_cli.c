@@ -47,10 +47,12 @@ static void print_view(const saga_survey *s, const saga_capture *c, int v)
                                              : (double)NAN);
     print_real(9, "%+9.2f", one->stops);
     print_real(9, "%9.1f", one->colour);
+    /* A small negative number would be printed as -0.0. */
     print_real(7, "%7.1f", fabs(one->late.frames) < 0.05
                                ? 0.0 : one->late.frames);
     if (!isnan(one->late.frames))
         printf("+-%.1f", one->late.tolerance);
+    /* The tolerance, if there is one, has taken five of the 13 columns. */
     printf("%*d\n", isnan(one->late.frames) ? 13 : 8, shot->n_missing);
 }
 

@@ -37,6 +37,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     saga_capture first;
     double pixels = 0, least, most;
 
+    /* 0 leaves both to saga_plan. */
     o.n_primitives = 0;
     o.n_iterations = 0;
     f->scale = c->scale > 1 ? 1 : saga_plan_scale(&o, c, preset);
@@ -49,6 +50,7 @@ static void forecast(saga_forecast *f, const saga_capture *c,
     f->preset = preset->name;
     f->n_primitives = (int)o.n_primitives;
     f->n_iterations = o.n_iterations;
+    /* The plan is of a segment, minutes and bytes are of all. */
     f->minutes = f->n_segments * saga_plan_minutes(f->n_primitives,
                                                    f->n_iterations, pixels);
     saga_plan_nbytes(&least, &most, (double)f->n_segments * f->n_primitives,
@@ -115,6 +117,7 @@ static uint8_t *shrink(const saga_capture *c, int view, int *w, int *h,
         const int x = i / 3 % *w * n, y = i / 3 / *w * n;
         int sum = 0, count = 0;
 
+        /* Only a picture of fewer than n rows has boxes that are cut short. */
         for (int b = 0; b < n && y + b < s->height; b++)
             for (int a = 0; a < n; a++, count++)
                 sum += from[((y + b) * s->width + x + a) * 3 + i % 3];
@@ -193,6 +196,8 @@ static plan make_plan(const saga_capture *c)
         p.middle[k] = (low[a] + high[a]) / 2;
         p.scale = fmax(p.scale, 2.5 * (high[a] - low[a]));
     }
+    /* Cameras take two fifths of the plan, so that points around them show.
+     * They may all stand in one place. */
     p.scale = PLAN / (p.scale > 0 ? p.scale : 1);
     return p;
 }
@@ -201,6 +206,7 @@ static bool on_plan(const plan *p, const double x[3], double xy[2])
 {
     for (int k = 0; k < 2; k++)
         xy[k] = PLAN / 2 + p->scale * (x[p->axis[k]] - p->middle[k]);
+    /* Rows of SVG go down. */
     xy[1] = PLAN - xy[1];
     return xy[0] >= 0 && xy[0] <= PLAN && xy[1] >= 0 && xy[1] <= PLAN;
 }
@@ -225,6 +231,8 @@ static void put_plan(FILE *to, const saga_capture *c)
 
         place_of(c, v, x);
         (void)on_plan(&p, x, xy);
+        /* 25 pixels ahead, if the camera looks along the plan: row 2 of the
+         * rotation is its forward axis. */
         for (int k = 0; k < 3; k++)
             x[k] += 25 / p.scale * c->views[v].rotation[6 + k];
         (void)on_plan(&p, x, ahead);

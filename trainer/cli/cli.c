@@ -38,6 +38,7 @@ void saga_cli_catch_signals(void (*handler)(int number))
     memset(&action, 0, sizeof action);
     action.sa_handler = handler;
     sigemptyset(&action.sa_mask);
+    /* What is ignored (nohup) stays ignored. */
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         struct sigaction old;
 
@@ -52,6 +53,8 @@ void saga_cli_end(int number)
     sigset_t its;
 
     saga_output_abandon();
+    /* The default action ends the program, so that a shell sees the signal. It
+     * is blocked while its handler runs, so it is let through first. */
     signal(number, SIG_DFL);
     sigemptyset(&its);
     sigaddset(&its, number);
@@ -213,6 +216,8 @@ static int distance(const char *a, const char *b)
         return LONGEST_NAME;
     for (int j = 0; j <= nb; j++)
         row[j] = j;
+    /* Levenshtein: row[j] is the distance from the first i letters of a to the
+     * first j of b, and corner the value at j - 1 of the row before. */
     for (int i = 1; i <= na; i++) {
         int corner = row[0];
 
@@ -330,6 +335,7 @@ int saga_cli_parse(const saga_command *c, void *values,
 {
     const int most = strstr(c->arguments, "...") ? SAGA_CLI_MOST_ARGUMENTS
                                                  : c->n_arguments;
+    /* Surplus arguments are counted too, for wrong_count(). */
     int n = 0;
     bool options = true;
 
@@ -364,6 +370,7 @@ static void option_help(const saga_cli_option *o)
     int column = printf("  %s%s%s", o->name, o->value ? " " : "",
                         o->value ? o->value : "");
 
+    /* A name that reaches into the column of the help has a line of its own. */
     if (column >= HELP_COLUMN) {
         putchar('\n');
         column = 0;
@@ -419,6 +426,7 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
     if (m->quiet)
         return;
     if (!m->started) {
+        /* As if shown a minute ago: a terminal gets the first line now. */
         *m = (saga_meter){ .started = true, .start = now, .shown = now - 60.0,
                            .from = done, .terminal = isatty(STDERR_FILENO) };
         if (!m->terminal) /* what is over soon needs no line in a log */
@@ -428,11 +436,14 @@ void saga_meter_show(saga_meter *m, double done, const char *doing)
         return;
     m->shown = now;
     snprintf(left, sizeof left, "time left unknown");
+    /* Only what was done since the start tells the speed: a resumed run has a
+     * part that cost nothing. */
     if (done > m->from)
         time_text(left, sizeof left, (now - m->start) * (1.0 - done) /
                   (done - m->from));
     n = fprintf(stderr, "%s%3.0f %%  %s  %s%s", m->terminal ? "\r" : "",
                 100.0 * done, doing, left, done > m->from ? " left" : "");
+    /* On a terminal, blanks cover what is left of a longer line. */
     if (!m->terminal)
         fputc('\n', stderr);
     else if (n < m->width)

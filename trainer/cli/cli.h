@@ -44,7 +44,7 @@ struct saga_cli_option {
     long min, max;          /* of saga_cli_int */
 };
 
-/* So many arguments may be given where one may be repeated. */
+/* The most arguments of a command whose last one may be repeated. */
 enum { SAGA_CLI_MOST_ARGUMENTS = 1024 };
 
 typedef struct saga_command {

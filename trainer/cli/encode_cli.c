@@ -265,6 +265,7 @@ static int check_checkpoint(session *s)
     if (!s->checkpoint)
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
     snprintf(s->checkpoint, n, "%s.ckpt", s->o->output);
+    /* Unfinished parts of a checkpoint, left by a killed run, are removed. */
     saga_output_sweep(s->checkpoint);
     if (!s->o->resume && saga_path_is_file(s->checkpoint))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
@@ -294,10 +295,13 @@ static saga_train_options train_options(session *s)
     t.networks = o->networks;
     t.only = o->only;
     t.n_primitives = (uint32_t)o->primitives;
+    /* A price without a number of primitives: the warm-up finds how many suit
+     * it. Files of a sweep have their numbers. */
     t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->part > 0);
     t.n_iterations = o->iterations;
     t.minutes = o->minutes;
     t.lambda = o->lambda;
+    /* Of the whole file; one of --size and --bitrate is 0. */
     t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
                          s->whole.fps);
     t.level = o->level;
@@ -328,6 +332,7 @@ static int choose_scale(session *s)
     saga_cli_error(0, "encode: pictures at 1/%d of their size, for which "
                    "preset %s has time; --scale 1 takes whole ones", s->scale,
                    s->o->preset);
+    /* The capture is looked at again, as its pictures will be loaded. */
     c = capture_options(s);
     return saga_capture_look(&s->whole, s->capture_name, &c, &s->error)
         ? SAGA_EXIT_OK
@@ -382,6 +387,7 @@ static int open_segment(session *s, int segment)
 
     c.first_frame = s->whole.first_frame + begin_of(s, segment);
     c.end_frame = s->whole.first_frame + begin_of(s, segment + 1);
+    /* First of all, so that two segments are never in memory together. */
     saga_capture_free(&s->capture);
     s->meter = (saga_meter){ 0 };
     if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
@@ -389,6 +395,8 @@ static int open_segment(session *s, int segment)
         return SAGA_EXIT_OK;
     }
     saga_meter_end(&s->meter);
+    /* Loading also fails where loading() has it stop, which is no fault of the
+     * capture. */
     if (stop_signal && saga_path_is_file(s->checkpoint))
         return stopped(s);
     if (stop_signal)
@@ -404,6 +412,8 @@ static int open_base(session *s)
     int status = SAGA_EXIT_OK;
     bool ok = true;
 
+    /* open_segment tells its own failures, as status; what fails of `still` is
+     * told below, as ok. */
     for (int i = 0; !status && ok && i < s->n_segments; i++) {
         status = open_segment(s, i);
         ok = status || saga_still_add(&still, &s->capture, begin_of(s, i),
@@ -430,6 +440,7 @@ static int find_first(session *s, int *first)
     double most = -1;
 
     *first = 0;
+    /* A single segment is the first without being looked at. */
     for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
         const int status = open_segment(s, i);
         double change;
@@ -462,6 +473,8 @@ static int find_stopped(session *s, saga_train_options *t)
  * alone. */
 static uint32_t primitives_of(const session *s, uint32_t n)
 {
+    /* The largest of the five files has all of these, the fourth 1 /
+     * SAGA_SWEEP_STEP of them, which is n. */
     const double most = fmin(SAGA_SWEEP_STEP * n,
                              saga_caps[s->o->level].n_prim);
 
@@ -501,12 +514,15 @@ static int open_training(session *s)
     if (s->o->resume && !resume && !s->o->sweep)
         fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
                 s->checkpoint);
+    /* Where to begin: the checkpoint or the file of networks says; else all
+     * segments are looked at, for the one that changes most. */
     status = resume ? find_stopped(s, &t)
            : t.networks ? adopt_networks(s, &t) : find_first(s, &t.first);
     if (!status)
         status = open_capture(s, t.networks ? t.only : t.first);
     if (status)
         return status;
+    /* After the capture is loaded, whose pixels and motion decide. */
     plan(s, &t, resume);
     s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
                       : saga_train_new(&s->capture, &t, &s->error);
@@ -603,6 +619,7 @@ static int train(session *s)
 {
     int status = train_segment(s), next;
 
+    /* Since the first segment is done it is known whether there is a base. */
     if (!status && !s->o->networks)
         tell_base(s);
     while (!status && goes_on(s, &next)) {
@@ -645,6 +662,8 @@ static bool take_out(saga_bytes *out, session *s)
 
     part.bytes = saga_train_bytes(s->train, &n);
     part.nbytes = n;
+    /* The file in memory holds this segment and, without a base, the one that
+     * made the networks, in order of time. */
     part.first = only > first && !has_base(s) ? frames_of(s, first) : 0;
     part.end = part.first + frames_of(s, only);
     return saga_splice(&out->data, &out->nbytes, &part, 1, &s->error);
@@ -678,6 +697,7 @@ static bool write_part(session *s)
 /* A file of networks has a writer of its own. */
 static bool write_networks(session *s)
 {
+    /* The part that is open is given up: the writer below has its own. */
     saga_output_close(&s->out, false, &s->error);
     return saga_train_save_networks(s->train, s->o->output, &s->error);
 }
@@ -714,6 +734,8 @@ static double evened_psnr(const session *s, int view, int frame,
     double sum = 0;
     size_t counting = 0;
 
+    /* Training saw the truth times the factors of its camera. Masked pixels
+     * count neither in the sum nor in the mean. */
     for (size_t i = 0; i < n; i++) {
         counting += !mask || mask[i];
         for (int k = 0; k < 3 && (!mask || mask[i]); k++) {
@@ -760,6 +782,7 @@ static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
         free(image);
         return false;
     }
+    /* The image is (3, H, W), the decoded picture (H, W, 3). */
     for (size_t i = 0; i < 3 * n; i++) {
         const double x = (double)image[i % 3 * n + i / 3];
         const double e = 255 * fmin(fmax(x, 0), 1) - rgb[i];
@@ -774,6 +797,8 @@ static bool compare_float(session *s, double *psnr, const uint8_t *rgb,
 /* The float model in memory is that of the segment that was trained last. */
 static bool has_float(const session *s, int segment)
 {
+    /* With --networks and without a base, the first segment comes coded from
+     * that file, and there is no float model of it here. */
     return segment == saga_train_segment(s->train) &&
            !(s->o->networks && !has_base(s) &&
              segment == saga_train_first(s->train));
@@ -783,6 +808,8 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
                          tally *t)
 {
     const saga_shot *const v = &s->capture.views[view];
+    /* The frame of the file that the capture begins with: a part of --only
+     * holds nothing but this segment. */
     const int first = s->o->networks ? 0 : begin_of(s, segment);
     const size_t nbytes = saga_view_frame_nbytes(v);
     uint8_t *const rgb = saga_alloc(nbytes, 1, v->name, &s->error);
@@ -804,6 +831,8 @@ static bool compare_view(session *s, saga_film *film, int segment, int view,
 
         ok = saga_film_draw_late(film, &camera, (uint32_t)(first + frame),
                                  v->late, rgb, &s->error);
+        /* Masked pixels become right, so the mean over all pixels counts only
+         * the others; divided by their part it is the mean over those. */
         counting = ok ? saga_capture_forgive(&s->capture, view, frame, rgb)
                       : 1;
         if (ok && counting > 0) {
@@ -912,6 +941,7 @@ static bool look_at_rows(session *s, saga_film *film, int segment, int view)
 
 static int compare_segment(session *s, saga_film *film, int segment, tally *t)
 {
+    /* A single segment, and that of --only, is still loaded from training. */
     const bool is_there = s->n_segments == 1 || s->o->networks;
     const int status = is_there ? SAGA_EXIT_OK : open_capture(s, segment);
 
@@ -947,6 +977,7 @@ static int check_file(session *s)
     for (int i = 0; !status && i < s->n_segments; i++)
         if (s->o->only < 0 || s->o->only == i)
             status = compare_segment(s, &film, i, &t);
+    /* Only now: a camera is judged against all the others. */
     if (!status)
         s->rows = saga_shutter_find(s->shutter, s->capture.n_views, &s->error);
     if (!status && !s->rows)
@@ -954,6 +985,8 @@ static int check_file(session *s)
     close_cuts(s);
     saga_film_close(&film);
     saga_bytes_free(&bytes);
+    /* A set without pictures is 0 / 0: NaN, which is not printed and is null in
+     * JSON. */
     s->decoded = (saga_train_quality){ t.sum[0] / t.n[0], t.sum[1] / t.n[1],
                                        t.n[0], t.n[1] };
     if (exposure_span(s) > 0)
@@ -1389,6 +1422,8 @@ static int make(session *s)
 {
     int status = check_output(s);
 
+    /* Cheap checks come first: a mistake is told before hours of training and
+     * not after them. */
     if (!status)
         status = check_checkpoint(s);
     if (!status)
@@ -1404,6 +1439,7 @@ static int make(session *s)
     }
     if (!status)
         status = write_file(s);
+    /* A file of networks has nothing that could be decoded. */
     return status || s->o->networks_only ? status : check_file(s);
 }
 
@@ -1425,6 +1461,7 @@ static int encode(session *s)
 
     if (status)
         return status;
+    /* The file is written and was decoded; nothing is left to go on with. */
     unlink(s->checkpoint);
     if (s->o->json)
         return print_json(s);
@@ -1475,8 +1512,10 @@ static int make_of_sweep(void *user, const char *file, const char *result,
     s.part = part;
     s.started = saga_cli_seconds();
     status = make(&s);
+    /* Kept from end(): it is removed when the result is there. */
     checkpoint = s.checkpoint;
     s.checkpoint = NULL;
+    /* Before end(): the report is about what is open. */
     if (!status) {
         saga_json_watch();
         report = json_report(&s);
@@ -1486,6 +1525,8 @@ static int make_of_sweep(void *user, const char *file, const char *result,
         }
     }
     end(&s);
+    /* Behind end(): judging loads the capture again, and its pictures need not
+     * be in memory twice. */
     if (!status)
         status = judge(&o, s.capture_name, result, report);
     if (!status)

@@ -35,6 +35,9 @@ static long known(saga_encode_log *log, int until)
     long end = 0;
     int at;
 
+    /* The first line that cannot be read, or that tells of a later iteration,
+     * ends what is kept: a killed run may have left half a line. Only the
+     * header may stand before. */
     while (fgets(line, sizeof line, log->file)) {
         if (sscanf(line, log->csv ? read_csv : read_json, &at, stage, &psnr,
                    &bits, &seconds) == 5 && at <= until) {
@@ -79,6 +82,7 @@ void saga_encode_log_write(saga_encode_log *log, const saga_train_progress *p,
     if (!log->file || p->all < log->last + EVERY)
         return;
     log->last = p->all;
+    /* log->seconds are those of the run before. */
     fprintf(log->file, log->csv ? write_csv : write_json, p->all, p->name,
             p->psnr, p->bits, log->seconds + seconds);
     fflush(log->file);

@@ -421,8 +421,11 @@ static int last_frame(const session *s)
 {
     const options *const o = s->o;
 
+    /* --only counts frames of the file, of which number 0 is the first of
+     * --frames. */
     if (o->only.b)
         return o->capture.frames.a + o->only.b;
+    /* "A:" goes on to the end of the file; a folder has none of its own. */
     if (o->only.a && !o->capture.frames.b && !s->is_folder)
         return o->capture.frames.a + (int)s->film.info.n_frames;
     return o->capture.frames.b;
@@ -442,6 +445,8 @@ static int open_capture(session *s, saga_capture *to, const char *name)
     c.progress_user = &meter;
     ok = saga_capture_load(to, name, &c, &s->error);
     saga_meter_end(&meter);
+    /* What is there and not understood is a fault of the data, a wrong name one
+     * of the command line. */
     return ok ? SAGA_EXIT_OK
               : give_up(s, there ? SAGA_EXIT_DATA : SAGA_EXIT_USAGE);
 }
@@ -488,6 +493,7 @@ static int judge(session *s)
             status = give_up(s, saga_path_is_file(weights) ? SAGA_EXIT_DATA
                                                            : SAGA_EXIT_USAGE);
     }
+    /* Last, since loading takes long: by now all else is known to be good. */
     if (!status)
         status = open_capture(s, &s->capture, s->capture_name);
     return status ? status : compare(s);

@@ -115,6 +115,8 @@ static bool write_ply_seq(session *s)
                          "--frames %d:%d goes beyond its %" PRIu32 " frames",
                          (int)s->o->frames.a, (int)s->o->frames.b,
                          s->film.info.n_frames);
+    /* Frames are written under another name, which is given up for the wanted
+     * one when all are there. */
     folder = saga_output_folder(path, &lock, &s->error);
     if (!written(s, folder != NULL))
         return false;
@@ -122,6 +124,7 @@ static bool write_ply_seq(session *s)
          written(s, rename(folder, path) == 0 || saga_fail_errno(
              &s->error, path, "remove it or choose another name",
              "is in the way"));
+    /* The lock goes first: saga_output_sweep removes what nobody has locked. */
     close(lock);
     if (!ok)
         (void)saga_output_sweep(path);

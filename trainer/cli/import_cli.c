@@ -138,6 +138,8 @@ static bool ring(session *s)
     if (!saga_cloud_extent(centre, &radius, &s->first, &s->error) ||
         !alloc_shots(s, N_RINGS * N_ROUND))
         return false;
+    /* Rings at -15, 15 and 45 degrees above the middle; each is turned by half
+     * a step against the one below. More height is less y. */
     for (int i = 0; i < s->n_shots; i++) {
         saga_path_camera c = { .fov = FIELD_OF_VIEW };
         const double lift = (i / N_ROUND - 0.5) * M_PI / 6;
@@ -149,6 +151,8 @@ static bool ring(session *s)
         c.centre[2] = centre[2] + DISTANCE * radius * cos(lift) * sin(turn);
         (void)saga_look_at(c.rotation, c.centre, centre, up);
         saga_path_shot(&s->shot[i], &c, w, h);
+        /* The sphere of four fifths of the opacity is 1.5 to 3.5 radii ahead;
+         * splats beyond it have some room. */
         s->shot[i].near_depth = 0.8 * radius;
         s->shot[i].far_depth = 4.5 * radius;
     }
@@ -169,6 +173,8 @@ static bool path_cameras(session *s)
                     SAGA_MAX_CAMERAS);
     for (int i = 0; i < s->n_shots && ok; i++) {
         const saga_path_camera *const c = &path.camera[i];
+        /* --size goes before all; else a camera with a lens has that one's
+         * size, and one with a field of view the path's. */
         const int width = c->fov > 0.0 ? path.width : c->lens.width;
         const int height = c->fov > 0.0 ? path.height : c->lens.height;
 
@@ -262,12 +268,16 @@ static bool set_options(saga_train_options *o, session *s)
     o->seed = (uint64_t)from->seed;
     o->progress = progress;
     o->progress_user = s;
+    /* A sequence takes its price from the error after the warm-up. A still has
+     * no warm-up to take it from. */
     o->lambda = from->lambda > 0.0 ? from->lambda
               : still ? saga_policy_lambda(WANTED_MSE, pixels_of(&s->capture),
                                            o->n_primitives) : 0.0;
     o->n_iterations = n ? n : o->n_iterations;
     if (!still)
         return true;
+    /* The given splats take the place of the warm-up, which must have one
+     * iteration all the same. */
     o->n_warm = 1;
     o->n_render = n ? n : 1500;
     if (!saga_cloud_params(&s->given, &s->first, s->shot, s->n_shots,
@@ -337,6 +347,8 @@ static int import(session *s)
     int status = SAGA_EXIT_USAGE;
     bool ok;
 
+    /* The name is taken first: that it cannot be written is to be known before
+     * the training. */
     if (saga_output_open_alone(&s->out, s->o->out, &s->error)) {
         status = SAGA_EXIT_DATA;
         ok = list_files(s) &&

@@ -461,6 +461,7 @@ static int damage(const subject *s)
 
     if (!l->damage[0])
         return SAGA_EXIT_OK;
+    /* Where both go to one place, the complaint stands behind the report. */
     fflush(stdout);
     return saga_cli_error(SAGA_EXIT_DATA, "%s: %s; %" PRIu32 " of %" PRIu32
                           " segments damaged: copy the file again, or encode "
@@ -483,6 +484,7 @@ static int tell(const options *o, const char *name, const saga_bytes *file)
         status = print_json(&s);
     else
         print_text(&s);
+    /* A damaged file is told as far as it goes, then that it is damaged. */
     if (!status)
         status = damage(&s);
     saga_layout_free(&s.layout);

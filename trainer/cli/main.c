@@ -147,6 +147,8 @@ static void tame_threads(char **argv)
     char stack[32];
 
     snprintf(stack, sizeof stack, "%zuB", SAGA_STACK_NBYTES);
+    /* Once it is set the program goes on, so it starts over only once. What the
+     * user set stays. Where execv comes back, it has failed. */
     if (!getenv("OMP_WAIT_POLICY") &&
         setenv("OMP_WAIT_POLICY", "passive", 1) == 0 &&
         setenv("OMP_STACKSIZE", stack, 0) == 0)

@@ -124,6 +124,7 @@ static void time_of(uint32_t *num, uint32_t *den, const session *s, int i)
         *num = frames * *den < 4294967295.0
             ? (uint32_t)(frames * *den + 0.5) : UINT32_MAX;
     } else if (s->path.clock != SAGA_PATH_TIMELESS && !o->frames.b) {
+        /* In 2^16ths here, too, where the frames fit in the other 16 bits. */
         *den = info->n_frames < 65536 ? 65536 : 1;
         *num = (uint32_t)(path_time(s, i) * *den + 0.5);
     } else if ((o->orbit || o->path) && !o->frames.b) {
@@ -160,6 +161,7 @@ static char *name_of(session *s, int number)
     int width;
     const char *const at = find_number(out, &width, &n);
 
+    /* check_name has seen to it that there is a number. */
     if (name && s->n > 1)
         snprintf(name, room, "%.*s%0*d%s", (int)(at - out), out, width,
                  number, at + n);
@@ -218,6 +220,8 @@ static bool camera_of(saga_camera *c, session *s, int i)
 
     if (s->o->path) {
         const saga_path_camera *const own = &s->path.camera[i];
+        /* A lens keeps the size of its own picture unless --size says
+         * otherwise, or a film, whose pictures are all of one size. */
         const bool given = own->fov > 0.0 || s->o->size.a ||
                            is_video(s->o->out);
         saga_shot shot;
@@ -285,6 +289,7 @@ static bool turn(session *s)
         return saga_fail(&s->error, "--look-at", "give another point",
                          "the camera stands there, or looks straight up or "
                          "down");
+    /* The translation that puts the camera at eye: -R eye. */
     for (int i = 0; i < 3; i++) {
         shot.translation[i] = 0.0;
         for (int k = 0; k < 3; k++)
@@ -300,6 +305,7 @@ static bool open_video(session *s)
     double fps = info->fps_num && info->fps_den
         ? (double)info->fps_num / info->fps_den : 25.0;
 
+    /* The path goes before the file; 25 is for a file without a rate. */
     if (s->path.fps > 0.0)
         fps = s->path.fps;
     return saga_film_writer_open(&s->video, s->o->out,
@@ -314,6 +320,7 @@ static bool find_camera(uint32_t *index, session *s, const char *name)
     char *end;
     const unsigned long number = strtoul(name, &end, 10);
 
+    /* Names go before numbers: a camera may be called 3 and be another. */
     for (*index = 0; *index < n; ++*index) {
         saga_naming naming;
 
@@ -378,6 +385,7 @@ static bool prepare(session *s)
         saga_camera_resize(&s->camera, o->size.a, o->size.b);
     else if (s->path.width)
         saga_camera_resize(&s->camera, s->path.width, s->path.height);
+    /* Kind and eyes say how much memory a picture takes. */
     find_sight(s);
     return saga_sight_alloc(&s->sight, most_pixels(s), &s->error);
 }
@@ -390,6 +398,7 @@ static int render(session *s, const char *name, const saga_bytes *bytes)
                        s->o->threads, &s->error) && prepare(s))
         status = !is_video(s->o->out) || open_video(s) ? make_all(s)
                                                        : SAGA_EXIT_USAGE;
+    /* Also after a failure: ffmpeg has to end and its part of a file to go. */
     if (!saga_film_writer_close(&s->video, !status, &s->error) && !status)
         status = SAGA_EXIT_USAGE;
     if (status)
@@ -441,6 +450,7 @@ static bool read_point(void *to, const char *text,
     for (int i = 0; i < 3; i++) {
         const size_t n = strcspn(text, ",");
 
+        /* A comma stands behind the first two numbers alone. */
         if (n >= sizeof part || (text[n] == ',') != (i < 2))
             return false;
         memcpy(part, text, n);

@@ -53,6 +53,8 @@ bool saga_look_at(double rotation[9], const double eye[3],
         forward[i] = target[i] - eye[i];
     if (!normalise(forward))
         return false;
+    /* y is down, so right = forward x up and down = forward x right. Where up
+     * is along forward there is no right. */
     cross(right, forward, up);
     if (!normalise(right))
         return false;
@@ -67,6 +69,8 @@ static void scale_lens(saga_shot *shot, const saga_path_lens *lens)
     const double sy = (double)shot->height / lens->height;
     const double scale = fmin(sx, sy);
 
+    /* The smaller factor leaves nothing out; the principal point keeps its
+     * offset from the middle, scaled. */
     shot->fx = scale * lens->fx;
     shot->fy = scale * lens->fy;
     shot->cx = 0.5 * shot->width + scale * (lens->cx - 0.5 * lens->width);
@@ -78,6 +82,8 @@ void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
 {
     *shot = (saga_shot){ .name = "path", .width = width, .height = height };
     if (camera->fov > 0.0) {
+        /* Half of the height is f tan(fov / 2); pi / 360 makes radians of half
+         * a degree. */
         shot->fx = 0.5 * height / tan(camera->fov * pi / 360.0);
         shot->fy = shot->fx;
         shot->cx = 0.5 * width;
@@ -86,6 +92,7 @@ void saga_path_shot(saga_shot *shot, const saga_path_camera *camera, int width,
         scale_lens(shot, &camera->lens);
     }
     memcpy(shot->rotation, camera->rotation, sizeof shot->rotation);
+    /* The translation is -R centre. */
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             shot->translation[i] -= shot->rotation[3 * i + k] *
@@ -198,10 +205,13 @@ static void row_at(double *row, const key_row *key, int n, double seconds)
     int i = 0;
     double span, x;
 
+    /* The stretch from key i to the next; the last one has no end. */
     while (i + 2 < n && key[i + 1][SECONDS] <= seconds)
         i++;
     span = n > 1 ? key[i + 1][SECONDS] - key[i][SECONDS] : 0.0;
     x = span > 0.0 ? (seconds - key[i][SECONDS]) / span : 0.0;
+    /* Hermite's cubic in x, 0..1 over the stretch: a and b are its values at
+     * the ends, m and e its slopes there, per stretch. */
     for (int c = 0; c < KEY_LENGTH; c++) {
         const double a = key[i][c], b = key[n > 1 ? i + 1 : i][c];
         const double m = span * slope(key, n, i, c);
@@ -220,6 +230,7 @@ static bool play_keys(const reader *r, const key_row *key, int n)
 
     p->fps = fps;
     p->clock = SAGA_PATH_FRAMES;
+    /* The small amount lets a last key count whose time is rounded down. */
     if (!make_room(r, floor((key[n - 1][SECONDS] - start) * fps + 1e-6) + 1.0))
         return false;
     for (int i = 0; i < p->n; i++) {
@@ -256,6 +267,7 @@ static bool read_keys(const reader *r, const json_t *root)
     for (size_t i = 0; ok && i < n; i++)
         ok = read_key(r, key[i], json_array_get(keys, i), i);
     if (ok) {
+        /* Keys may stand in any order of time. */
         qsort(key, n, sizeof *key, by_seconds);
         ok = play_keys(r, (const key_row *)key, (int)n);
     }
@@ -268,6 +280,8 @@ static bool read_keys(const reader *r, const json_t *root)
 /* m is 3x4 of camera to world, y up, z backwards. */
 static bool read_pose(saga_path_camera *c, const double *m)
 {
+    /* Columns are the axes of the camera: right, up, back. Ours are rows:
+     * right, down, forward. */
     for (int i = 0; i < 3; i++) {
         double axis[3] = { m[i], m[4 + i], m[8 + i] };
         const double sign = i ? -1.0 : 1.0;
@@ -366,6 +380,7 @@ static bool read_beside(saga_path *path, const char *name, size_t n,
     if (!folder)
         return false;
     memcpy(folder, name, n);
+    /* A name without a folder is in this one. */
     strcpy(folder + n, n ? "" : ".");
     ok = saga_path_read_colmap(path, folder, saga_has_suffix(name, ".bin"),
                                error);

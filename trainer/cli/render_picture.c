@@ -55,6 +55,7 @@ void saga_sight_free(saga_sight *s)
 static bool step_aside(saga_camera *c, const saga_film *film, double aside,
                        saga_error *error)
 {
+    /* The first row of the rotation, in Q30, is the right of the camera. */
     for (int i = 0; i < 3; i++) {
         const double at = c->centre[i] + rint(
             aside / film->metric.unit * ldexp(c->rotation_q30[i], -30));
@@ -74,6 +75,8 @@ static void take_values(float *to, const saga_sight *s, size_t first, size_t n,
 {
     const saga_depth *const d = (const saga_depth *)s->eye + first;
 
+    /* A depth is sum / weight; where the weight is 0 there is nothing, and 0
+     * says so. */
     for (size_t i = 0; i < n; i++)
         to[i] = s->kind == SAGA_SIGHT_ALPHA
             ? (float)(d[i].weight_q16 / 65536.0)
@@ -135,6 +138,7 @@ static bool write_grey(const saga_sight *s, const char *name, int width,
 
     if (!grey)
         return false;
+    /* PNG has depths in thousandths; what 16 bits do not hold is 65535. */
     for (size_t i = 0; i < n; i++)
         grey[i] = (uint16_t)fmin(rint(scale * (double)value[i]), 65535.0);
     ok = saga_png_write_grey(name, width, height, grey, error);

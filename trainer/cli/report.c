@@ -60,6 +60,7 @@ static char *base64(const saga_bytes *of, const char *prefix,
     if (!text)
         return NULL;
     memcpy(text, prefix, start);
+    /* Three bytes make four digits; = stands for digits without a byte. */
     for (size_t i = 0; i < of->nbytes; i += 3) {
         const size_t left = of->nbytes - i;
         const uint32_t v = (uint32_t)of->data[i] << 16 |
@@ -179,6 +180,7 @@ static bool add_series(session *s, json_t *page, const saga_results *r)
     saga_json_append_item(json_object_get(page, "series"),
                           json_pack("{ssso}", "name", name, "results",
                                     results));
+    /* The first file is the anchor. One result against one is no curve. */
     if (r != &s->results[0] && (r->n > 1 || s->results[0].n > 1))
         saga_json_append_item(json_object_get(page, "bd"),
                               json_pack("{ssso}", "name", name, "bd",
@@ -219,6 +221,7 @@ static void put_page(FILE *f, const char *json)
     const char *const text = (const char *)page->bytes;
     const char *at = text;
 
+    /* The page is compiled in and has the marker, so this ends. */
     while (strncmp(at, marker, sizeof marker - 1) != 0)
         at++;
     at += strlen("id=\"data\">");

@@ -91,6 +91,8 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
     ok = true;
     at = skip_blanks((const char *)bytes.data);
     saga_json_watch();
+    /* Values may follow each other without a comma, as `>>curve.json` puts
+     * them; jansson tells where each ends. */
     while (ok && at < bytes.nbytes) {
         const char *const text = (const char *)bytes.data + at;
         json_error_t why;
@@ -104,6 +106,7 @@ bool saga_results_load(saga_results *r, const char *path, saga_error *error)
                            "is no JSON: %s", why.text);
         else
             ok = add_value(r, o, error);
+        /* add() holds on to what it took. */
         json_decref(o);
         at += o ? (size_t)why.position : 0;
         at += skip_blanks((const char *)bytes.data + at);
@@ -131,6 +134,7 @@ double saga_result_value(const json_t *result, const char *set,
 
     if (strcmp(set, "all") != 0)
         return number(json_object_get(result, set), metric->key);
+    /* One view without a number makes the mean NaN: none is of fewer views. */
     for (size_t i = 0; i < n; i++)
         sum += number(json_array_get(views, i), metric->key);
     return sum / (double)n;
@@ -158,6 +162,7 @@ static void fill(saga_bd_curve *curve, const saga_results *r, const char *set,
                  const saga_metric_key *metric)
 {
     curve->n = r->n;
+    /* BD-rate wants more to be better, so LPIPS changes its sign. */
     for (int i = 0; i < r->n; i++)
         curve->point[i] = (saga_bd_point){
             saga_result_nbytes(r->result[i]),

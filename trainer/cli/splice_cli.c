@@ -62,6 +62,7 @@ static int splice_files(const char *command, const char *path,
     if (!path)
         return saga_cli_error(SAGA_EXIT_USAGE, "%s: -o OUT is missing; `saga "
                               "help %s` explains", command, command);
+    /* All files stay in memory: the parts point into them. */
     for (int i = 0; i < n_parts && !status; i++) {
         if (!saga_read_file(&file[i], part[i].name, &error))
             status = saga_cli_error(SAGA_EXIT_USAGE, "%s: %s", command,

@@ -105,9 +105,11 @@ static int make_point(session *s, int i)
     point *const p = &s->at[i];
     int status;
 
+    /* The result is written last of all, so a file that has one is finished. */
     if (saga_path_is_file(p->path))
         return read_point(s, p);
     saga_cli_error(0, "encode: file %d of %d", i + 1, SAGA_SWEEP_N);
+    /* Parts of the most primitives: 1/9, 0.19, 1/3, 0.58 and 1. */
     status = s->s->make(s->s->user, p->file, p->path,
                         pow(SAGA_SWEEP_STEP, i + 1 - SAGA_SWEEP_N));
     return status ? status : read_point(s, p);

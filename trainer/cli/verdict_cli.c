@@ -64,6 +64,7 @@ void saga_shutter_print(const saga_shutter_found *found,
 
     for (int i = 0; i < capture->n_views; i++)
         if (found[i].shows) {
+            /* A tenth is what is told at least: +-0.0 would claim too much. */
             printf("  %s: the last row is %.1f of a frame (+-%.1f) %s the "
                    "first\n", capture->views[i].name, fabs(found[i].readout),
                    fmax(found[i].spread, 0.1),

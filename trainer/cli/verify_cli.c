@@ -43,6 +43,7 @@ static void print_error(const saga_verify_error *e, double step)
         return;
     }
     printf(" %8.2g %8.2g", e->max, e->rms);
+    /* More steps would not fit in the column. */
     if (step > 0.0 && e->rms < 1e5 * step)
         printf(" %6.*f", e->rms < 100 * step ? 2 : 0, e->rms / step);
     else

@@ -76,6 +76,7 @@ static char *path_of(const char *name, saga_error *error)
                                 "UVWXYZ0123456789.-_";
     const char *const slash = strrchr(name, '/');
     const char *p = slash ? slash + 1 : name;
+    /* "film/" with its 0, and three characters for each at most. */
     const size_t nbytes = 6 + 3 * strlen(p);
     char *const path = saga_alloc(nbytes, 1, name, error);
     char *to = path;
@@ -104,6 +105,7 @@ static bool add_pictures(json_t *list, saga_film *film, saga_error *error)
         size_t n = 0;
 
         ok = saga_film_rig(film, i, &c, &number, error);
+        /* The page draws the same and tells whether its CRC is this one. */
         if (ok) {
             n = (size_t)3 * c.width * c.height;
             rgb = saga_alloc(n, 1, film->name, error);
@@ -197,6 +199,7 @@ static bool fill_in(session *s, const char *text)
 /* Lists the page at "", its parts beside it, the user's file in film/. */
 static bool list_files(session *s, const char *text)
 {
+    /* Two more than the program carries: the page filled in, and the film. */
     s->n_files = saga_n_view_files + 2;
     s->file = saga_calloc((size_t)s->n_files, sizeof *s->file, "the page",
                           &s->error);

@@ -93,6 +93,7 @@ static const char *header(const char *request, const char *name)
     const size_t n = strlen(name);
     const char *line = strstr(request, "\r\n");
 
+    /* A header begins behind each line end, the request line's included. */
     for (; line; line = strstr(line, "\r\n")) {
         line += 2;
         if (!strncasecmp(line, name, n) && line[n] == ':')
@@ -135,6 +136,7 @@ static range_kind parse_range(size_t *first, size_t *end, const char *p,
     }
     if (*p != '\r' || (from && last < *first))
         return RANGE_NONE;
+    /* "-N" is the last N bytes; "-0" asks for none, which is outside. */
     if (!from) {
         *first = last < nbytes ? nbytes - last : 0;
         last = last ? SIZE_MAX : 0;
@@ -163,6 +165,8 @@ static bool is_host_ours(const saga_http *http, const char *request)
     char port[16];
 
     snprintf(port, sizeof port, ":%d", http->port);
+    /* A foreign page may have its own name resolve to 127.0.0.1, and could then
+     * read what is served here; its requests have that name as Host. */
     for (int i = 0; host && i < 2; i++) {
         const size_t m = strlen(names[i]);
 
@@ -190,6 +194,8 @@ static void answer(const saga_http *http, client *c)
         refuse(c, "405 Method Not Allowed");
         return;
     }
+    /* "GET /PATH HTTP/1.x": a path that reaches to the end of the line has no
+     * version behind it. */
     path = space + 2;
     if (space[1] != '/' || path + strcspn(path, " \r") >= end_of_line) {
         refuse(c, "400 Bad Request");
@@ -273,6 +279,7 @@ static void listen_to(const saga_http *http, client *c)
 /* Sends as much of the answer as the connection takes at once. */
 static void send_more(client *c)
 {
+    /* sent counts head and body as one. */
     const bool head = c->sent < c->n_head;
     const size_t at = head ? c->sent : c->sent - c->n_head;
     const void *const from = head ? (const void *)(c->head + at)
@@ -289,6 +296,8 @@ static void send_more(client *c)
     c->since = now_ms();
     c->sent += (size_t)n;
     if (c->sent == c->n_head + c->n_body) {
+        /* Our half is closed: the client sees the end and may still take it
+         * all. */
         shutdown(c->fd, SHUT_WR);
         c->state = LEAVING;
     }
@@ -312,6 +321,8 @@ static void serve_client(const saga_http *http, client *c, bool ready)
         send_more(c);
     else if (ready)
         see_off(c);
+    /* One that has not asked yet may wait: browsers keep spare connections, and
+     * greet() takes the oldest one's place. */
     if (c->fd >= 0 && c->state != ASKING &&
         now_ms() - c->since > (c->state == ANSWERED ? SEND_MS : LEAVE_MS))
         hang_up(c);
@@ -331,7 +342,9 @@ static void turn(const saga_http *http, client *clients)
         };
     look[MAX_CLIENTS] = (struct pollfd){ .fd = http->listener,
                                          .events = POLLIN };
+    /* poll() passes over places without a client, whose fd is -1. */
     n = poll(look, MAX_CLIENTS + 1, PATIENCE_MS);
+    /* All clients, also those without news: their time may be up. */
     for (int i = 0; n >= 0 && i < MAX_CLIENTS; i++)
         if (clients[i].fd >= 0)
             serve_client(http, &clients[i], look[i].revents != 0);
@@ -352,6 +365,7 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
     char name[32];
 
     snprintf(name, sizeof name, "127.0.0.1:%d", port);
+    /* Nobody but this machine can connect. */
     at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     http->listener = socket(AF_INET, SOCK_STREAM, 0);
     if (http->listener >= 0 &&
@@ -362,6 +376,7 @@ bool saga_http_open(saga_http *http, int port, saga_error *error)
         !bind(http->listener, (struct sockaddr *)&at, sizeof at) &&
         !listen(http->listener, MAX_CLIENTS) &&
         !getsockname(http->listener, (struct sockaddr *)&at, &n)) {
+        /* Of port 0 the system has chosen one. */
         http->port = ntohs(at.sin_port);
         return true;
     }
