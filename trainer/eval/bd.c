@@ -35,6 +35,8 @@ static const char *sort(spline *s, const saga_bd_curve *from)
     for (int i = 0; i < c.n; i++) {
         s->x[i] = c.point[i].quality;
         s->y[i] = log(c.point[i].nbytes);
+        /* Equal or falling values are no curve: a rise would be
+         * infinite, 0 or below it. */
         if (i && (s->x[i] <= s->x[i - 1] || s->y[i] <= s->y[i - 1]))
             return "quality does not grow with the bytes";
     }
@@ -71,6 +73,9 @@ static void pchip(spline *s)
                                 rise(s, n - 3));
     for (int i = 1; i + 1 < n; i++) {
         const double a = rise(s, i - 1), b = rise(s, i);
+        /* The harmonic mean of both rises, the one over the shorter interval
+         * weighed more: between points that rise the curve never falls. Where
+         * one of them does not rise the slope is 0. */
         const double wa = 2.0 * h[i] + h[i - 1], wb = h[i] + 2.0 * h[i - 1];
 
         s->slope[i] = a * b <= 0.0 ? 0.0 : (wa + wb) / (wa / a + wb / b);
@@ -86,6 +91,7 @@ static void akima(spline *s)
 
     for (int i = 0; i + 1 < n; i++)
         m[i] = rise(s, i);
+    /* Beyond both ends the rises go on as an arithmetic series. */
     m[-1] = 2.0 * m[0] - m[1];
     m[-2] = 2.0 * m[-1] - m[0];
     m[n - 1] = 2.0 * m[n - 2] - m[n - 3];
@@ -94,6 +100,8 @@ static void akima(spline *s)
         const double right = fabs(m[i + 1] - m[i]);
         const double left = fabs(m[i - 1] - m[i - 2]);
 
+        /* Where neither side turns there is nothing to
+         * weigh by: the plain mean. */
         s->slope[i] = right + left > 1e-9 * (fabs(m[i]) + fabs(m[i - 1]))
             ? (right * m[i - 1] + left * m[i]) / (right + left)
             : 0.5 * (m[i - 1] + m[i]);
@@ -107,6 +115,8 @@ static void akima(spline *s)
 static double integral_of_piece(const spline *s, int i, double t)
 {
     const double h = s->x[i + 1] - s->x[i], r = rise(s, i);
+    /* Hermite's cubic y + slope t + c t^2 + d t^3, which has the slopes of both
+     * points; below it is integrated term by term. */
     const double c = (3.0 * r - 2.0 * s->slope[i] - s->slope[i + 1]) / h;
     const double d = (s->slope[i] + s->slope[i + 1] - 2.0 * r) / (h * h);
 
@@ -120,6 +130,8 @@ static double integral(const spline *s, double lo, double hi)
 
     for (int i = 0; i + 1 < s->n; i++) {
         const double h = s->x[i + 1] - s->x[i];
+        /* What lies outside the piece is clipped to one of its
+         * ends, and cancels out. */
         const double t0 = fmin(fmax(lo - s->x[i], 0.0), h);
         const double t1 = fmin(fmax(hi - s->x[i], 0.0), h);
 
@@ -134,6 +146,8 @@ static double percent(const spline *anchor, const spline *test,
     const double more = integral(test, bd->lo, bd->hi) -
                         integral(anchor, bd->lo, bd->hi);
 
+    /* The mean difference of logarithms is the
+     * logarithm of the bytes' ratio. */
     return 100.0 * expm1(more / (bd->hi - bd->lo));
 }
 
@@ -148,6 +162,7 @@ saga_bd saga_bd_rate(const saga_bd_curve *anchor, const saga_bd_curve *test)
         bd.refused = sort(&t, test);
     if (bd.refused)
         return bd;
+    /* Only the qualities that both curves have are compared. */
     bd.lo = fmax(a.x[0], t.x[0]);
     bd.hi = fmin(a.x[a.n - 1], t.x[t.n - 1]);
     bd.overlap = fmax(bd.hi - bd.lo, 0.0) /

@@ -28,11 +28,15 @@ static void median_block(uint8_t *median, const uint8_t *const *frame,
     const uint32_t n = (uint32_t)n_frames;
     uint32_t count[BLOCK][N_VALUES];
 
+    /* A frame at a time, since that reads each of them
+     * in the order of memory. */
     memset(count, 0, sizeof count);
     for (int f = 0; f < n_frames; f++)
         for (size_t i = begin; i < end; i++)
             count[i - begin][frame[f][i]]++;
     for (size_t i = begin; i < end; i++)
+        /* An even number of frames has two middle values:
+         * their mean, rounded up. */
         median[i] = (uint8_t)((value_at(count[i - begin], (n - 1) / 2) +
                                value_at(count[i - begin], n / 2) + 1) / 2);
 }

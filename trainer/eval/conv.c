@@ -30,6 +30,8 @@ bool saga_conv_pack(saga_conv *c, const double *weight, const double *bias,
     c->bias = saga_calloc(n_groups * GROUP, sizeof *c->bias, purpose, error);
     if (!c->weight || !c->bias)
         return false;
+    /* GROUP planes' weights of a tap come to lie side by side, as sum_panel
+     * takes them; planes beyond the last keep the zeros. */
     for (size_t o = 0; o < n; o++) {
         float *const to = c->weight + o / GROUP * GROUP * k + o % GROUP;
 
@@ -83,6 +85,8 @@ static void fill(float *column, const saga_conv *c, const saga_planes *in,
             for (int kx = 0; kx < c->size; kx++, column += BLOCK) {
                 const int tap[3] = { plane, ky, kx };
 
+                /* A block may go over several output rows: a run
+                 * ends where a row does. */
                 for (int done = 0; done < n;) {
                     const int x = (first + done) % out->width;
                     const int left = out->width - x;
@@ -106,6 +110,7 @@ static void sum_panel(float *sum, const float *weight, const float *column,
 
     for (int o = 0; o < GROUP; o++)
         a[o][0] = a[o][1] = vec_zero();
+    /* GROUP x 2 sums stay in registers while all taps pass, in one order. */
     for (size_t k = 0; k < n_taps; k++) {
         const vec x0 = vec_load(column + k * BLOCK);
         const vec x1 = vec_load(column + k * BLOCK + VEC_LANES);
@@ -145,6 +150,8 @@ static void run_block(const saga_planes *out, const saga_conv *c,
     fill(column, c, in, out, first);
     for (int o = 0; o < c->n_out; o += GROUP)
         for (int p = 0; p < BLOCK; p += PANEL) {
+            /* Planes of the last group that do not exist are
+             * summed, and not stored. */
             float sum[GROUP * PANEL];
 
             sum_panel(sum, c->weight + (size_t)o * n_taps, column + p, n_taps);
@@ -190,6 +197,7 @@ bool saga_conv_run(saga_planes *out, const saga_conv *c, const saga_planes *in,
         out->v = NULL;
         return false;
     }
+/* Each thread has a column of its own; blocks write different pixels. */
 #pragma omp parallel for num_threads(n_threads) schedule(dynamic)
     for (int first = 0; first < n; first += BLOCK)
         run_block(out, c, in, first,

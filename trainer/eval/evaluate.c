@@ -50,6 +50,7 @@ static bool check_time(const saga_film *film, const saga_capture *capture,
         return saga_fail(error, film->name, "give the --frames A:B it was "
                          "encoded with", "has %" PRIu32 " frames, the capture "
                          "gives %d", i->n_frames, capture->n_frames);
+    /* Written so that a rate of NaN is refused, too. */
     if (i->n_frames > 1 && !(fabs(capture->fps - rate) <= 1e-3 * rate))
         return saga_fail(error, film->name, "give the capture it was made "
                          "from", "has %g frames per second, the capture %g",
@@ -62,9 +63,12 @@ static double turn_between(const saga_shot *a, const saga_shot *b)
 {
     double trace = 0.0, c;
 
+    /* trace(A^T B) = 1 + 2 cos(angle) for two rotations. */
     for (int i = 0; i < 9; i++)
         trace += a->rotation[i] * b->rotation[i];
     c = 0.5 * (trace - 1.0);
+    /* Rounding can take the cosine a little beyond 1,
+     * where acos has no value. */
     return acos(fmin(fmax(c, -1.0), 1.0)) * (180.0 / 3.14159265358979323846);
 }
 
@@ -102,7 +106,11 @@ static match nearest(const saga_film *film, const saga_shot *shot)
         saga_shot_of_camera(&r, &film->metric, &c);
         m.distance = distance_between(&r, shot);
         m.degrees = turn_between(&r, shot);
+        /* In parts of the picture's width, so that a capture that was scaled is
+         * still the same camera. */
         m.focal = fabs(shot->fx / shot->width * r.width / r.fx - 1.0);
+        /* One measure for both: a cube's width counts as
+         * much as a quarter turn. */
         far = m.distance / saga_metric_width(&film->metric) + m.degrees / 90.0;
         if (far < least) {
             least = far;
@@ -138,6 +146,7 @@ static void borrow(saga_eval_view *v, double *near_metres,
     uint32_t number;
 
     if (saga_rig(&c, &number, film->bytes, film->nbytes, (uint32_t)rig)) {
+        /* Without a rig: 2^-10 of the cube's width, and a black background. */
         *near_metres = ldexp(saga_metric_width(&film->metric), -10);
         return;
     }
@@ -155,6 +164,8 @@ static bool match_view(saga_eval_view *v, const saga_film *film,
     *v = (saga_eval_view){ .name = shot->name, .width = shot->width,
                            .height = shot->height, .rig = -1,
                            .held_out = shot->held_out };
+    /* A view that is held out need not be in the rig. One that was trained on
+     * has to be, else the capture is another one and its PSNR says nothing. */
     if (is_same(film, &m))
         v->rig = m.rig;
     else if (!shot->held_out && film->info.n_cameras)
@@ -305,6 +316,8 @@ static void compare_change(const comparison *c, int view, int frame)
         c->eval->n_frames - c->capture->views[view].n_missing;
     saga_eval_score *const s = &c->eval->view[view].score;
 
+    /* The missing frames of a view are in no mean, so
+     * they are not divided by. */
     s->median_mse += mse / n_frames;
     s->median_psnr += saga_psnr(mse) / n_frames;
     saga_change_add(&s->change, median, truth, c->rgb, n / 3);
@@ -318,6 +331,7 @@ static double change_mse(const uint8_t *a0, const uint8_t *a1,
     uint64_t sum = 0;
 
     for (size_t i = 0; i < n; i++) {
+        /* The difference of differences: an error that stays is no flicker. */
         const int d = a1[i] - a0[i] - (b1[i] - b0[i]);
 
         sum += (uint64_t)(d * d);
@@ -339,6 +353,7 @@ static void compare_time(const comparison *c, int view, int frame)
             saga_capture_frame(c->capture, view, frame), n);
         s->n_steps++;
     }
+    /* Kept for the next frame, also where this one could not be compared. */
     memcpy(c->before[view], c->rgb, n);
 }
 
@@ -370,6 +385,8 @@ static double exposed_mse(const comparison *c, int view)
         const tones *const t = &c->tone[3 * (size_t)view + k];
         const double both = (double)t->made_true;
 
+        /* The sum of (f m - t)^2 is least at f = (m t) / (m m), where it is
+         * t t - (m t)^2 / (m m). */
         sum += (double)t->true_true;
         if (t->made_made > 0)
             sum -= both * both / (double)t->made_made;
@@ -388,6 +405,8 @@ static bool score_pair(saga_score *score, const saga_picture_pair *pair,
         *score = saga_score_psnr(pair);
     else if (!saga_score_picture(score, pair, c->error))
         return false;
+    /* IV-PSNR tries 25 places for each pixel, which takes time: it is left
+     * out together with SSIM. */
     if (!saga_yuv_compare(&yuv, pair, o->equirect, !o->no_ssim, c->error))
         return false;
     score->psnr_y = yuv.psnr[0];
@@ -408,6 +427,8 @@ static void count_alone(saga_score *s, double counting)
 
     if (!(counting > 0.0 && counting < 1.0))
         return;
+    /* The error is spread over all pixels; over those that count it is larger
+     * by 1 / counting, and a PSNR smaller by that in dB. */
     s->mse /= counting;
     s->psnr += gain;
     s->psnr_of_mean += gain;
@@ -445,6 +466,7 @@ static bool compare_one(const comparison *c, int view, int frame)
         return true;
     if (!make_picture(c, view, frame))
         return false;
+    /* What does not count gets the pixels of the truth, and so no error. */
     counting = saga_capture_forgive(c->capture, view, frame, c->rgb);
     if (counting == 0.0) { /* nothing to judge */
         compare_time(c, view, frame);
@@ -453,6 +475,7 @@ static bool compare_one(const comparison *c, int view, int frame)
     if (!score_pair(&score, &pair, c))
         return false;
     count_alone(&score, counting);
+    /* Sums of the view, in the order of frames; means are taken at the end. */
     saga_score_add(&c->sum[view], &score);
     compare_change(c, view, frame);
     compare_time(c, view, frame);
@@ -504,6 +527,8 @@ static saga_eval_score mean_of(const saga_eval *eval, bool held_out)
         mean.exposed_mse += s->exposed_mse;
         saga_change_merge(&mean.change, &s->change);
     }
+    /* All views weigh the same, but for the changing pixels, which were pooled
+     * above: a view without motion has hardly any say there. */
     n = decode.n ? (double)decode.n : (double)NAN;
     mean.decode = saga_score_mean(&decode);
     mean.median_psnr /= n;

@@ -81,6 +81,8 @@ static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
     saga_io io = { w->bytes, NULL, 0 };
     uint32_t crc;
 
+    /* A length is compared with what is left before it is added to anything, so
+     * that a damaged one cannot wrap around. */
     if (at > w->n || w->n - at < SAGA_CHUNK_NBYTES)
         return cut(w, type, at, SAGA_CHUNK_NBYTES);
     io.in = w->bytes + at;
@@ -89,6 +91,8 @@ static bool take_chunk(saga_chunk *c, walk *w, uint32_t type, uint64_t at)
         return wrong_type(w, type, at, c->type);
     if (c->nbytes > w->n - at - SAGA_CHUNK_NBYTES)
         return cut(w, type, at, (uint64_t)c->nbytes + SAGA_CHUNK_NBYTES);
+    /* The CRC goes on from that of the chunk's owner, so a chunk of another
+     * file is found out though it is whole. */
     crc = saga_chunk_crc(w->owner, c, w->bytes + at + SAGA_CHUNK_NBYTES);
     if (crc != c->crc)
         return wrong_crc(w, c, at, crc);
@@ -125,6 +129,8 @@ static bool take_base(walk *w, const saga_header *h, uint64_t at)
         if (!take_chunk(&c, w, part_type[i], at))
             return false;
         w->to->base_nbytes[i] = c.nbytes;
+        /* The base's chunks hang on each other, and the
+         * segments on the last of them. */
         w->owner = c.crc;
         at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
     }
@@ -211,6 +217,7 @@ static bool take_segment(walk *w, saga_layout_segment *s)
     if (!take_chunk(&c, w, SAGA_CHUNK_SEGMENT, at))
         return false;
     s->payload_nbytes[SAGA_PART_SEGMENT] = c.nbytes;
+    /* The header says how long each layer is, so it comes before them. */
     if (!take_header(w, s, at))
         return false;
     at += SAGA_CHUNK_NBYTES + (uint64_t)c.nbytes;
@@ -239,6 +246,8 @@ static void take_entry(walk *w, uint32_t i, uint32_t first_frame)
             w->to->part_nbytes[p] += s->payload_nbytes[p];
         return;
     }
+    /* What was taken before the damage showed is forgotten: sums are
+     * of whole segments only. */
     s->damaged = true;
     s->n = (saga_counts){ 0, 0, 0 };
     memset(s->layer, 0, sizeof s->layer);
@@ -303,6 +312,8 @@ bool saga_layout_read(saga_layout *layout, const char *name,
     saga_header_io(&io, &h);
     saga_tools_io(&io, &h);
     if (h.header_nbytes >= SAGA_HEADER_NBYTES && h.header_nbytes <= n)
+        /* The header ends in its CRC, from which those
+         * of INDX and NETS go on. */
         w.owner = (uint32_t)saga_load_le(bytes + h.header_nbytes - 4, 4);
     return read_all(&w, &h, name, error);
 }

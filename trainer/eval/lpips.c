@@ -139,6 +139,8 @@ static bool load_conv(loading *s, const step *like, const char *name, int n_in)
     bool ok = read_array(&w, s, name, ".weight") &&
               read_array(&b, s, name, ".bias");
 
+    /* The file's shapes have to be those of the net: n_out, which only the file
+     * says, is bounded, all other sides follow from the steps before. */
     if (ok && (w.n_sides != 4 || w.side[0] > 4096 || w.side[0] < 1 ||
                w.side[1] != (size_t)n_in || w.side[2] != (size_t)like->size ||
                w.side[3] != (size_t)like->size))
@@ -173,6 +175,8 @@ static bool load_fire(loading *s, const char *name)
     ok = ok && load_conv(s, &one, part, c[0].n_out);
     snprintf(part, sizeof part, "%s.expand3x3", name);
     ok = ok && load_conv(s, &three, part, c[0].n_out);
+    /* What both expanding convolutions give lies one
+     * behind the other (join). */
     if (ok)
         s->n_planes = c[1].n_out + c[2].n_out;
     return ok;
@@ -277,6 +281,8 @@ static bool begin(walk *w, const uint8_t *rgb, int width, int height)
     w->now.v = saga_alloc(3 * n, sizeof *w->now.v, "comparing two pictures",
                           w->error);
     for (size_t i = 0; w->now.v && i < 3 * n; i++) {
+        /* From interleaved bytes to planes of samples in [-1, 1], shifted and
+         * scaled as the net was trained. */
         const size_t c = i / n;
 
         w->now.v[i] = (float)((rgb[3 * (i % n) + c] / 127.5 - 1.0 - shift[c]) /
@@ -362,6 +368,8 @@ static double compare(const saga_planes *a, const saga_planes *b,
     double sum = 0.0;
 
     for (size_t i = 0; i < n; i++) {
+        /* Both vectors get length 1, so that only their directions count, then
+         * each channel has its learned weight. */
         const double la = length(a->v + i, a->n, n);
         const double lb = length(b->v + i, b->n, n);
 
@@ -382,6 +390,8 @@ static bool walk_both(double *distance, walk *a, walk *b)
 
     *distance = 0.0;
     for (const step *p = a->l->net->steps; p->kind != END; p++) {
+        /* Both go through the net together, so that at each tap only the planes
+         * of that one are in memory. */
         if (p->kind == TAP)
             *distance += compare(&a->now, &b->now, a->l->head[tap++]);
         else if (!take(a, p) || !take(b, p))

@@ -67,6 +67,8 @@ static void make_taps(double tap[TAPS])
     double sum = 0.0;
 
     for (int i = 0; i < TAPS; i++) {
+        /* The SSIM paper's window: a Gaussian of sigma
+         * 1.5 whose taps sum to 1. */
         const double x = (i - HALF) / 1.5;
 
         tap[i] = exp(-0.5 * x * x);
@@ -82,6 +84,8 @@ static void filter_row(double *out, const double *line, int width,
 {
     for (int x = 0; x < width; x++)
         out[x] = 0.0;
+    /* Taps outside, pixels inside: the inner loop has no
+     * dependence and runs in vectors. */
     for (int k = 0; k < TAPS; k++)
         for (int x = 0; x < width; x++)
             out[x] += tap[k] * line[x + k];
@@ -114,8 +118,11 @@ static double ssim_of(const double m[N_MAPS], double *structure)
 {
     const double aa = m[0] * m[0], bb = m[1] * m[1], ab = m[0] * m[1];
 
+    /* Contrast and structure are (2 cov + c2) / (var_a + var_b + c2), each of
+     * these from the means as E[xy] - E[x] E[y]. */
     *structure = (2.0 * (m[4] - ab) + c2) /
                  (m[2] - aa + (m[3] - bb) + c2);
+    /* Times the luminance term, (2 a b + c1) / (a^2 + b^2 + c1). */
     return (2.0 * ab + c1) / (aa + bb + c1) * *structure;
 }
 
@@ -128,6 +135,8 @@ static void sum_row(double sum[3], const double *maps, const pair *p)
     for (size_t x = 0; x < w; x++) {
         double m[N_MAPS] = { 0.0 }, structure, ssim;
 
+        /* The window is separable: rows are filtered
+         * already, here the columns. */
         for (size_t k = 0; k < TAPS; k++)
             for (size_t i = 0; i < N_MAPS; i++)
                 m[i] += p->tap[k] * maps[(k * N_MAPS + i) * w + x];
@@ -150,6 +159,8 @@ static void sum_band(const pair *p, int y0)
 
     for (int i = 0; i < HALF; i++)
         line[i] = line[HALF + w + (size_t)i] = 0.0;
+    /* A band filters HALF rows of its neighbours once more, so that bands
+     * need nothing of each other. */
     for (int y = y0 - HALF; y < end + HALF; y++)
         filter_maps(maps + (size_t)(y - y0 + HALF) * N_MAPS * w, line, p, y);
     for (int y = y0; y < end; y++)
@@ -164,6 +175,8 @@ static channel_ssim means_of(const pair *p)
     channel_ssim s = { 0.0, 0.0, 0.0 };
 
     for (int y = 0; y < p->height; y++) {
+        /* Rows in order, whichever thread had them: the
+         * sum is always the same. */
         s.zero += p->row[y][0];
         if (y < HALF || y + HALF >= p->height)
             continue;
@@ -282,6 +295,8 @@ static bool scales(double *value, double *v, const saga_picture_pair *of,
 
         if (!channel(&s, p, error))
             return false;
+        /* Only the last scale has luminance: all others
+         * compare structure alone. */
         term = last ? s.valid : s.structure;
         *value *= pow(term > 0.0 ? term : 0.0, ms_weight[i]);
         halve(v, p.width, p.height);

@@ -43,6 +43,8 @@ static void solve(double x[3], const double m[9], const double v[3])
 {
     double c[3][3], d;
 
+    /* The inverse has the rows' cross products, over the determinant, for
+     * columns, and as it is symmetric also for rows. */
     cross(c[0], m + 3, m + 6);
     cross(c[1], m + 6, m);
     cross(c[2], m, m + 3);
@@ -65,6 +67,9 @@ static void find_focus(double focus[3], const saga_metric *metric,
         saga_shot_centre(centre, &shots[s]);
         for (int i = 0; i < 3; i++)
             for (int k = 0; k < 3; k++) {
+                /* 1 - f f^T takes the part of a vector at right angles to the
+                 * axis f: the sum over axes of its squared length from a
+                 * point is to be least. */
                 const double p = (i == k ? 1.0 : 0.0) - f[i] * f[k];
 
                 m[3 * i + k] += p;
@@ -72,6 +77,9 @@ static void find_focus(double focus[3], const saga_metric *metric,
             }
     }
     for (int i = 0; i < 3; i++) {
+        /* A pull to the cube's middle in all three directions, a
+         * thousandth as strong as the axes': m can be inverted then,
+         * whatever the axes are. */
         m[4 * i] += 1e-3 * n;
         v[i] += 1e-3 * n * metric->centre[i];
     }
@@ -102,12 +110,14 @@ static void find_up(double up[3], const saga_shot *shots, int n)
 
     mean_up(up, shots, n);
     for (int step = 0; step < STEPS; step++) {
+        /* next = up - mean of r (r . up) */
         double next[3] = { up[0], up[1], up[2] };
 
         for (int s = 0; s < n; s++)
             for (int i = 0; i < 3; i++)
                 next[i] -= shots[s].rotation[i] *
                            dot(shots[s].rotation, up) / n;
+        /* Nothing is left where all horizontal axes were along up: keep it. */
         if (!normalise(next))
             return;
         memcpy(up, next, sizeof next);
@@ -143,6 +153,7 @@ static bool find_middle(saga_orbit *o, const saga_shot *shots, int n)
         for (int i = 0; i < 3; i++)
             o->ahead[i] += level[i];
     }
+    /* Cameras all round cancel out; then the first of them is ahead. */
     if (!normalise(o->ahead)) {
         split(o->ahead, o, &shots[0]);
         if (!normalise(o->ahead))
@@ -173,6 +184,8 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
         angle[s] = atan2(dot(level, o->side), dot(level, o->ahead));
     }
     qsort(angle, (size_t)n, sizeof *angle, by_value);
+    /* The gap over the seam at -pi and pi is the first candidate; another one
+     * moves the end of the range behind the seam. */
     gap = angle[0] + 2.0 * pi - angle[n - 1];
     end = angle[n - 1];
     for (int s = 1; s < n; s++)
@@ -182,6 +195,7 @@ static void find_sweep(saga_orbit *o, const saga_shot *shots, int n,
         }
     o->half = 0.5 * (2.0 * pi - gap);
     o->middle = end - o->half;
+    /* A rig that leaves less than a quarter turn out counts as all round. */
     o->closed = gap < pi / 2.0;
     if (n == 1)
         o->half = pi / 36.0; /* a glance to the side still shows depth */
@@ -225,6 +239,7 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
                        saga_error *error)
 {
     const double phase = 2.0 * pi * turn;
+    /* Without a full circle the camera swings, slowest where it turns back. */
     const double angle = orbit->middle +
         (orbit->closed ? phase : orbit->half * sin(phase));
     double centre[3], *right, *down, *forward;
@@ -235,6 +250,8 @@ bool saga_orbit_camera(saga_camera *camera, const saga_orbit *orbit,
     down = shot.rotation + 3;
     forward = shot.rotation + 6;
     for (int i = 0; i < 3; i++) {
+        /* From the axis through the focus outwards; the
+         * camera looks at the focus. */
         const double away = cos(angle) * orbit->ahead[i] +
                             sin(angle) * orbit->side[i];
 
@@ -262,6 +279,8 @@ void saga_camera_resize(saga_camera *camera, int width, int height)
     const int side[2] = { width, height };
 
     for (int i = 0; i < 2; i++) {
+        /* The principal point from the picture's middle; 32768
+         * is half a pixel in Q16. */
         const double off = camera->principal_q16[i] - 32768.0 * old[i];
         const double focal = rint(scale * camera->focal_q16[i]);
         const double at = rint(32768.0 * side[i] + scale * off);

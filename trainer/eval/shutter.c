@@ -42,6 +42,8 @@ void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
     size_t p = 0;
 
     for (int y = 0; y < height; y++) {
+        /* The height of a row's centre, -1/2 at the top, so that what is late
+         * over all rows alike does not pass for readout. */
         const double row = (y + 0.5) / height - 0.5;
 
         for (int x = 0; x < width; x++, p += 3) {
@@ -49,6 +51,8 @@ void saga_shutter_add(saga_shutter *to, const uint8_t *truth,
 
             if (!moves(drawn->before + p, drawn->after + p))
                 continue;
+            /* What is captured late by l frames is off by l times the change in
+             * a frame: e = (lateness + readout x row) d. */
             for (size_t k = p; k < p + 3; k++) {
                 const double d = drawn->after[k] - drawn->before[k];
 
@@ -87,6 +91,8 @@ static double variance(const saga_shutter_sums *all,
         double x;
 
         add_sums(&rest, &groups[i], -1);
+        /* What the result moves by without group i; (n - 1) / n times the
+         * squares' sum around their mean is the variance. */
         x = fit(&rest) - fit(all);
         sum += x;
         squares += x * x;
@@ -105,6 +111,8 @@ static saga_shutter_found find_alone(const saga_shutter *of)
         return unknown;
     for (int i = 0; i < SAGA_SHUTTER_GROUPS; i++)
         add_sums(&all, &of->strips[i], 1);
+    /* Errors of the film last over time or over places: groups of pictures and
+     * of strips show either kind, and the larger one is believed. */
     const double in_time = variance(&all, of->pictures, n);
     const double across = variance(&all, of->strips, SAGA_SHUTTER_GROUPS);
     if (isnan(in_time) || isnan(across))
@@ -141,6 +149,7 @@ static void judge(saga_shutter_found *found, int n)
     double most = 0;
 
     for (int i = 0; i < n; i++) {
+        /* First each by itself, then against the strongest of all. */
         const double x = fabs(found[i].readout);
 
         found[i].shows = x >= LEAST_READOUT &&
@@ -200,6 +209,8 @@ static bool look_at(saga_shutter *to, saga_film *film,
     uint8_t *const rgb = saga_alloc(3, n, v->name, error);
     const saga_shutter_drawn drawn = { rgb, rgb + n, rgb + 2 * n };
     const bool ok = rgb &&
+        /* Half a frame to both sides, so that the change is that of one frame,
+         * centred on the picture's own time. */
         draw(rgb, film, from, frame, v->late - 0.5, error) &&
         draw(rgb + n, film, from, frame, v->late, error) &&
         draw(rgb + 2 * n, film, from, frame, v->late + 0.5, error);

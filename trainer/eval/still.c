@@ -20,6 +20,7 @@ static int frame_at(int i, int n_frames)
 {
     const int n = n_pictures(n_frames);
 
+    /* The middles of n equal stretches: floor((i + 1/2) n_frames / n). */
     return (int)((2 * (int64_t)i + 1) * n_frames / (2 * n));
 }
 
@@ -31,6 +32,8 @@ static bool begin_view(saga_shot *to, const saga_shot *from, int n,
     const size_t nbytes = saga_view_frame_nbytes(from);
 
     *to = *from;
+    /* What the part's view points to goes with the part; pictures and masks are
+     * made anew, the others are not needed. */
     to->single = false;
     to->missing = NULL;
     to->n_missing = 0;
@@ -93,6 +96,7 @@ bool saga_still_add(saga_still *s, const saga_capture *part, int first,
         return saga_fail(error, NULL, "give a longer --segment, or leave those "
                          "cameras out", "%d cameras have pictures from frame "
                          "%d on, %d before", part->n_views, first, c->n_views);
+    /* Frames that lie in this part; the others wait for theirs. */
     while (s->n < c->n_frames) {
         const int at = frame_at(s->n, n_frames);
 
@@ -124,6 +128,8 @@ static bool is_steady(const saga_shot *v, const uint8_t *median, size_t i,
         near += is_near;
         counts |= v->mask && v->mask[k * size + i];
     }
+    /* Three quarters of them: what is there for less
+     * may hide what is behind. */
     return counts && 4 * near >= 3 * n;
 }
 
@@ -159,6 +165,7 @@ static bool finish_view(saga_capture *c, int view, bool seen,
         return false;
     if (seen)
         return true;
+    /* No part had a picture of this view, so its median is of nothing. */
     v->n_missing = 1;
     v->missing = saga_alloc(1, sizeof *v->missing, what, error);
     if (v->missing)

@@ -71,6 +71,8 @@ static bool refuse(const saga_film *film, const char *what,
 
     if (status == SAGA_ERR_STOPPED)
         return refuse_late(film, error);
+    /* The decoder says only that; which chunk, and whether its CRC is right, a
+     * walk over the file tells. */
     if (saga_layout_read(&layout, film->name, film->bytes, film->nbytes,
                          &ignored) && !layout.damage[0])
         remedy = "no checksum is wrong, so it was written like this, perhaps "
@@ -190,6 +192,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
 
     if (film->segment == (int64_t)seg->number)
         return true;
+    /* Until it is whole the decoder holds no segment that could be drawn. */
     film->segment = -1;
     if (seg->offset <= film->nbytes)
         s = saga_decode(film->dec, seg, film->bytes + seg->offset,
@@ -271,6 +274,7 @@ static bool draw(const saga_film *film, const saga_camera *c, const target *to,
 
     if (!scratch)
         return false;
+/* Jobs are whole rows of tiles and share no pixel, so their order is free. */
 #pragma omp parallel for num_threads(n_threads) schedule(dynamic) \
     reduction(min : worst)
     for (int i = 0; i < n; i++) {

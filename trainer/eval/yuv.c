@@ -37,6 +37,8 @@ bool saga_yuv_of(saga_yuv *yuv, const uint8_t *rgb, int width, int height,
         const double y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
 
         yuv->y[i] = to_byte(y);
+        /* B - Y spans 2 (1 - 0.0722) = 1.8556 of a
+         * byte's range, R - Y 1.5748. */
         yuv->u[i] = to_byte((b - y) / 1.8556 + 128.0);
         yuv->v[i] = to_byte((r - y) / 1.5748 + 128.0);
     }
@@ -86,6 +88,8 @@ static bool widen(wide *w, const saga_yuv *of, const int shift[3],
         w->v[c] = w->v[0] + (ptrdiff_t)c * w->stride * height;
         for (int y = 0; y < height; y++)
             for (int x = 0; x < w->stride; x++) {
+                /* Coordinates in the picture; what is outside
+                 * repeats the border. */
                 const int fx = x - RANGE, fy = y - RANGE;
                 const int ix = fx < 0 ? 0 : fx < of->width ? fx
                                                            : of->width - 1;
@@ -125,6 +129,8 @@ static void try_row(const best *b, const int *const p0[3],
         const int dy = p0[0][x] - p1[0][x], du = p0[1][x] - p1[1][x];
         const int dv = p0[2][x] - p1[2][x];
         const int cost = LUMA_WEIGHT * dy * dy + du * du + dv * dv;
+        /* Without branches, so that the row runs in vectors. Among equals the
+         * first candidate stays. */
         const int better = cost < b->cost[x];
 
         b->cost[x] = better ? cost : b->cost[x];
@@ -185,6 +191,8 @@ static bool one_way(double *psnr, const wide *a, const wide *b,
     }
     *psnr = 0.0;
     for (int c = 0; c < 3; c++)
+        /* A sum of 1 stands for none, so that equal
+         * pictures have a finite value. */
         *psnr += weight[c] / (LUMA_WEIGHT + 2.0) *
                  saga_psnr((all[c] > 0.0 ? all[c] : 1.0) / weights);
     free(row);
@@ -201,6 +209,8 @@ static bool iv_psnr(double *value, const saga_yuv *made,
                            colour_shift(made->v, truth->v, n) };
     wide a = { 0 }, b = { 0 };
     double there = 0.0, back = 0.0;
+    /* Each picture is searched in the other, and the worse way counts: what is
+     * missing in one of them shows in only one way. */
     const bool ok = widen(&a, made, shift, error) &&
                     widen(&b, truth, none, error) &&
                     one_way(&there, &b, &a, made, equirect, error) &&
