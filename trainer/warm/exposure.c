@@ -51,6 +51,8 @@ static void compare_part(void *user, size_t part)
     const saga_range of = saga_part(N_PIXELS, SAGA_FLAT_LOOKS, part);
 
     for (size_t i = of.begin; i < of.end; i++) {
+        /* Three random numbers for each pixel (picture, u, v), and other pixels
+         * in each pass; what is seen does not depend on threads. */
         const uint64_t k = 3 * ((uint64_t)t->pass * N_PIXELS + i);
         const saga_sample s = saga_pictures_pick(p, r, k);
         const saga_shot *const v = p->capture->views + s.view;
@@ -83,6 +85,8 @@ static void gather(comparisons *c, size_t n_views)
 {
     c->n = 0;
     memset(c->n_of, 0, n_views * sizeof *c->n_of);
+    /* Places that were not filled are zeros, with a view compared to itself.
+     * Those left close up, in their order. */
     for (size_t i = 0; i < N_PIXELS * SAGA_FLAT_NEAR; i++)
         if (c->at[i].a != c->at[i].b) {
             c->n_of[c->at[i].a]++;
@@ -97,6 +101,7 @@ static void improve(comparisons *c, double *x, int k, size_t n_views)
     memset(c->sum, 0, 2 * n_views * sizeof *c->sum);
     for (size_t i = 0; i < c->n; i++) {
         const comparison *const d = c->at + i;
+        /* What is left unexplained is 0 where a exp(x_a) = b exp(x_b). */
         const double left = d->log[k] + x[3 * d->a] - x[3 * d->b];
         const double weight = 1 / (fabs(left) + UNEXPLAINED);
 
@@ -151,6 +156,8 @@ static void find(comparisons *c, saga_pictures *p, const saga_flat *f)
     double before = 0, after = 0;
 
     for (int pass = 0; pass < N_PASSES; pass++) {
+        /* Comparisons see the tones with the factors of the passes before, so
+         * c->log is what is still missing, and begins at 0. */
         compare_all(c, f, pass);
         gather(c, n);
         memset(c->log, 0, 3 * n * sizeof *c->log);
@@ -159,6 +166,8 @@ static void find(comparisons *c, saga_pictures *p, const saga_flat *f)
         for (int k = 0; k < 3; k++) {
             for (int i = 0; i < N_ROUNDS; i++)
                 improve(c, c->log + k, k, n);
+            /* Comparisons say nothing of all views' common factor:
+             * the mean camera has 1. */
             centre(c->log + k, p);
         }
         if (pass == 0)
@@ -170,6 +179,8 @@ static void find(comparisons *c, saga_pictures *p, const saga_flat *f)
         c->log[i] = log(p->exposure[i]);
     for (int k = 0; k < 3; k++)
         widest = fmax(widest, span(c->log + k, p));
+    /* Exactly nothing where tones agree already, or where the factors explain
+     * too little of the first pass's differences to be of tones. */
     if (!(widest > WORTH_IT && after < UNEXPLAINED_PART * before))
         for (size_t i = 0; i < 3 * n; i++)
             p->exposure[i] = 1;

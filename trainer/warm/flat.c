@@ -91,6 +91,7 @@ static int most_mips(const saga_pictures *p)
 
         widest = v->width > widest ? v->width : widest;
     }
+    /* As often as the widest view stays at least COARSEST_WIDTH pixels wide. */
     while (mip < MAX_MIP && (widest >> mip) / 2 >= COARSEST_WIDTH)
         mip++;
     return mip;
@@ -103,6 +104,7 @@ int saga_flat_mip_at(const saga_flat *f, int iteration)
 
     if (mips == 0 || iteration >= coarse)
         return 0;
+    /* From the smallest pictures on, each size for as many iterations. */
     return mips - (int)(iteration * mips / coarse);
 }
 
@@ -152,6 +154,7 @@ bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error)
 
     if (n <= f->cap)
         return true;
+    /* What is new is zero: gradients, moments and statistics begin there. */
     for (int t = 0; t < FLAT_N_TENSORS; t++) {
         const size_t w = (size_t)saga_flat_widths[t];
 
@@ -206,6 +209,7 @@ void saga_flat_put(saga_flat *f, uint32_t i, const saga_flat_one *one)
         memset(f->m[t] + w * i, 0, w * sizeof(real));
         memset(f->v[t] + w * i, 0, w * sizeof(real));
     }
+    /* Statistics are not passed on either: they are of what was here. */
     f->stats.grad2d[i] = f->stats.weight[i] = f->worth[i] = 0;
     f->stats.seen[i] = 0;
 }
@@ -238,6 +242,8 @@ void saga_flat_keep(saga_flat *f, const uint8_t *keep)
 
     for (i = 0; i < f->n; i++)
         if (keep[i]) {
+            /* Towards the front, in order: nothing that is still to
+             * be moved is written. */
             if (n != i)
                 move(f, n, i);
             n++;
@@ -263,6 +269,8 @@ static double find_reach(const saga_pictures *p)
     for (int k = 0; k < p->n_train; k++) {
         const double *const r = p->range + 2 * p->train[k];
 
+        /* log2 of sqrt(nearest depth x farthest depth) of
+         * the view, in world units. */
         sum += log2(r[0] * r[1]) / 2;
     }
     return exp2(sum / p->n_train) / p->cube.unit;
@@ -303,6 +311,8 @@ static void take_given(saga_flat *f, uint32_t i)
         one.log2_scale[k] = (real)((double)p->log2_scale[3 * i + k] -
                                    log2(cube->unit));
     }
+    /* Given primitives have no motion: only the
+     * tensors before it are bounded. */
     for (int t = 0; t < FLAT_MOTION; t++) {
         real *const x = part_of(&one, t);
 
@@ -375,6 +385,7 @@ static real rate_at(const saga_flat *f, int tensor)
 
     if (!(i->rate > 0))
         return 0;
+    /* From the first rate to the last in equal ratios. */
     return (real)(i->rate * pow(i->rate_end / i->rate, k));
 }
 
@@ -389,6 +400,9 @@ static void bound(real *x, size_t n, real lo, real hi)
 void saga_flat_axes(real axes[3][3], const real *q)
 {
     const real n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    /* A quaternion of length 0 stands for no rotation. s = 2 / |q|^2
+     * makes the matrix one of a rotation whatever the length is; rows
+     * are the primitive's axes. */
     const real w = n > 0 ? q[0] : 1, x = q[1], y = q[2], z = q[3];
     const real s = n > 0 ? 2 / n : 2;
     const real m[3][3] = {
@@ -415,6 +429,8 @@ static void turn_gradients(void *user, size_t part)
 
         saga_flat_axes(axes, f->value[FLAT_QUAT] + 4 * i);
         for (size_t k = 0; k < 3; k++) {
+            /* dL/d(axis k) = axis k . dL/dmean; Adam then
+             * writes the step along it. */
             g[k] = axes[k][0] * world[0] + axes[k][1] * world[1] +
                    axes[k][2] * world[2];
             f->step[3 * i + k] = 0;
@@ -443,6 +459,9 @@ static void take_steps(saga_flat *f, saga_range of, real typical)
 
         saga_flat_axes(axes, f->value[FLAT_QUAT] + 4 * i);
         for (size_t k = 0; k < 3; k++) {
+            /* By how many octaves the size along this axis is off the typical
+             * one, two at most: a step is at most four times Adam's, and at
+             * least a quarter of it. */
             const real step = f->step[3 * i + k] * (real)exp2((double)
                 saga_clamp(size[k] - typical, -MOST_STEP, MOST_STEP));
 
@@ -464,6 +483,7 @@ static void note_worth(saga_flat *f, saga_range of, double mse)
     const real part = mse > 0 ? R(0.25 / mse) : 0;
 
     for (size_t i = of.begin; i < of.end; i++)
+        /* Only those that this picture draws; Q is G^2 / (4 L). */
         if (w->extent[i] > 0) {
             const real g = -n_by_ln_2 * w->d_posed.q0[i];
 
@@ -504,6 +524,8 @@ static bool update(saga_flat *f, double mse, saga_error *error)
     const int n = f->o.temporal ? FLAT_N_TENSORS : FLAT_MOTION;
     saga_adam_tensor tensors[FLAT_N_TENSORS + 1];
 
+    /* Gradients of means are turned before Adam sees them, so that its moments
+     * are those along the axes. */
     saga_parallel(&(saga_tasks){
         .run = turn_gradients, .user = f, .n = saga_n_parts(f->n, PART),
         .ns = (double)TURN_NS * f->n });
@@ -572,6 +594,8 @@ bool saga_flat_iterate(saga_flat *f, double *mse, saga_error *error)
                                             (uint64_t)f->iteration);
 
     sample.mip = saga_flat_mip_at(f, f->iteration);
+    /* The count first: it needs the statistics of the iterations before, and
+     * the gradients below belong to the new set. */
     if (!saga_flat_change_count(f, error) ||
         !look(f, mse, sample, error) || !update(f, *mse, error))
         return false;

@@ -74,6 +74,8 @@ static bool is_dead(const saga_flat *f, uint32_t i)
 {
     const real seen = R(f->stats.seen[i]);
 
+    /* Too transparent, or it has been looked for in four pictures, and had less
+     * than a fiftieth of a pixel of each in the mean. */
     return f->value[FLAT_OPACITY][i] < DEAD ||
            (seen >= 4 && f->stats.weight[i] < R(0.02) * seen);
 }
@@ -87,6 +89,7 @@ static bool remove_dead(saga_flat *f, saga_error *error)
         return false;
     for (uint32_t i = 0; i < f->n; i++)
         left += keep[i] = !is_dead(f, i);
+    /* A set of none could not grow again by splitting. */
     if (left > 0)
         saga_flat_keep(f, keep);
     free(keep);
@@ -131,6 +134,8 @@ static void split(saga_flat *f, uint32_t i)
         one.mean[a] -= d;
         two.mean[a] += d;
     }
+    /* log2 0.75; the variance of both together is 0.6^2 +
+     * 0.75^2 = 0.92 of the old. */
     one.log2_scale[k] -= R(0.415);
     two.log2_scale[k] = one.log2_scale[k];
     saga_flat_put(f, i, &one);
@@ -145,6 +150,8 @@ static bool split_most(saga_flat *f, uint32_t n, bool any, saga_error *error)
 
     if (!r)
         return false;
+    /* At most one split for each that was there: halves
+     * wait for the next round. */
     for (uint32_t k = 0; k < n && k < before; k++)
         if (any || r[k].score > 0)
             split(f, r[k].i);
@@ -175,6 +182,7 @@ static double error_sums(double *sum, const saga_flat *f)
 
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < 3; k++) {
+            /* Where the truth is below 0 the pixel does not count. */
             const double e = y[i] < 0 ? 0
                 : (double)(x[i + k * n] - y[i + k * n]);
 
@@ -190,6 +198,8 @@ static size_t find(const double *sum, size_t n, double at)
     size_t lo = 0, hi = n - 1;
 
     while (lo < hi) {
+        /* The first pixel whose running sum is above `at`: one without error
+         * has no part in the sum, and is never found. */
         const size_t mid = (lo + hi) / 2;
 
         if (sum[mid] > at)
@@ -221,12 +231,15 @@ static void look_part(void *user, size_t part)
     const saga_range of = saga_part(j->n, SAGA_FLAT_LOOKS, part);
 
     for (size_t i = of.begin; i < of.end; i++) {
+        /* Stratified: one draw in each n-th of the sum, so that large errors
+         * get new primitives in proportion, without clusters by chance. */
         const double along = ((double)i + saga_rng_double(r, j->counter + i)) /
                              j->n;
         const size_t at = find(p->sum, pixels, along * p->sum[pixels - 1]);
         const double u = (double)(at % w) + 0.5;
         const double v = (double)(at / w) + 0.5;
 
+        /* Pixels of a picture that was halved become those of the whole one. */
         p->good[i] = saga_flat_look(f, j->picture.view, j->picture.frame,
                                     u * side, v * side, p->sight + i);
     }
@@ -258,12 +271,15 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
         return false;
     if (!(error_sums(p->sum, f) > 0))
         return true;
+    /* Places are found in parallel, and appended in order afterwards: the set
+     * does not depend on threads. A counter has 2^32 numbers to itself. */
     look_where_wrong(&(job){ f, p, picture, n, counter << 32 });
     for (uint32_t i = 0; i < n; i++) {
         saga_flat_one one;
 
         if (!p->good[i])
             continue;
+        /* A sigma of 1.5 pixels of the picture as it is trained on. */
         saga_flat_one_from(&one, f, p->sight + i, 1.5 *
                            p->sight[i].footprint * (1 << picture.mip));
         saga_flat_append(f, &one);
@@ -313,12 +329,15 @@ static bool grow(saga_flat *f, saga_error *error)
     const uint32_t target = target_at(f, f->iteration);
     uint32_t want;
 
+    /* Dead ones first: what they leave is part of what is wanted. */
     if (!remove_dead(f, error))
         return false;
     if (target <= f->n)
         return true;
     if (!saga_flat_reserve(f, target, error))
         return false;
+    /* A tenth by splitting, where it makes sense, then the rest from pixels,
+     * which need the pictures. */
     want = target - f->n;
     if (!split_most(f, want - (uint32_t)(FROM_PIXELS * want), false, error))
         return false;
@@ -330,6 +349,8 @@ static int round_length(const saga_flat *f)
 {
     const int n = (int)(GROW_END * f->o.n_iterations / N_ROUNDS);
 
+    /* N_ROUNDS while it grows, but of 25 pictures at least, so that they have
+     * something to say, and of 250 at most. */
     return n < 25 ? 25 : n > 250 ? 250 : n;
 }
 
@@ -338,6 +359,8 @@ static void halve(saga_flat *f)
     saga_splat_stats *const s = &f->stats;
     const double epoch = (double)f->pictures->n_train *
                          f->pictures->capture->n_frames;
+    /* What removal costs is summed over all pictures: half of it is forgotten
+     * in an epoch, not in a round. */
     const real kept = (real)exp2(-round_length(f) / epoch);
 
     for (uint32_t i = 0; i < f->n; i++) {
@@ -356,12 +379,16 @@ static bool prune(saga_flat *f, int k, saga_error *error)
     uint32_t left = n;
 
     if (k + 1 < N_PRUNES && f->n > n)
+        /* Each prune divides by the same factor: of f->n / n, the
+         * (N_PRUNES - k)-th root. */
         left = (uint32_t)(n * pow(ratio, (N_PRUNES - 1.0 - k) /
                                   (N_PRUNES - k)));
     if (f->n > left)
         return reduce(f, left, error);
     if (k + 1 < N_PRUNES)
         return true;
+    /* Fewer than asked for, since many have died: split those worth
+     * most, as often as it takes. */
     if (!saga_flat_reserve(f, n, error))
         return false;
     while (f->n < n)
@@ -393,6 +420,8 @@ bool saga_flat_change_count(saga_flat *f, saga_error *error)
     for (int k = 0; k < N_PRUNES && ok; k++)
         if (at == iteration_of_prune(f, k))
             ok = prune(f, k, error);
+    /* Rounds go on after growth has ended, since
+     * prunes need fresh statistics. */
     if (!ok || at == 0 || at % round_length(f))
         return ok;
     if (at <= GROW_END * n)

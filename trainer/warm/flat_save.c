@@ -43,6 +43,8 @@ bool saga_flat_load(saga_flat *f, saga_checkpoint *c, saga_error *error)
 
     saga_checkpoint_walk(c, &n, sizeof n);
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
+    /* A bound before anything is allocated. The number asked for may have
+     * fallen to a sixteenth of what the set grew towards (saga_flat_aim). */
     if (n > SAGA_FLAT_AIM_STEPS * most_primitives(&f->o) ||
         iteration > (uint64_t)f->o.n_iterations) {
         c->failed = true;

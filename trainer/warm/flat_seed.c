@@ -89,6 +89,9 @@ static bool cut_between(patch *p, const saga_pictures *from, int view,
     const saga_capture *const c = from->capture;
     const saga_shot *const w = c->views + view;
     const size_t stride = saga_view_row_nbytes(w);
+    /* The patch's first sample lies between the pixels left of it
+     * and right, whose centres are at + 0.5; the square that is
+     * read is one pixel larger. */
     const double left = u - PATCH - 0.5, top = v - PATCH - 0.5;
     const uint8_t *rgb;
     float part[2], scale[3];
@@ -135,6 +138,8 @@ static double centre_distance(const saga_shot *a, const saga_shot *b)
     for (int i = 0; i < 3; i++) {
         double d = 0;
 
+        /* Centres are -R^T t: their difference, one axis
+         * of the world at a time. */
         for (int j = 0; j < 3; j++)
             d += a->rotation[3 * j + i] * a->translation[j] -
                  b->rotation[3 * j + i] * b->translation[j];
@@ -156,6 +161,8 @@ static int near_views(int *near, const saga_flat *f, int view)
         double same = 0, d;
         int at;
 
+        /* Row 2 of a rotation looks forward: the cosine of
+         * the angle between both. */
         for (int j = 6; j < 9; j++)
             same += a->rotation[j] * b->rotation[j];
         if (p->train[k] == view || same < 0.2)
@@ -163,6 +170,7 @@ static int near_views(int *near, const saga_flat *f, int view)
         d = centre_distance(a, b);
         if (n == N_NEAR && d >= far[n - 1])
             continue;
+        /* Insertion sort into the N_NEAR nearest so far. */
         n += n < N_NEAR;
         for (at = n - 1; at > 0 && far[at - 1] > d; at--) {
             far[at] = far[at - 1];
@@ -205,6 +213,8 @@ static double match(const sweep *s, double inverse)
     }
     if (n == 0)
         return NO_MATCH;
+    /* The better half, but never one view alone where two can tell: a single
+     * match is easily by chance. */
     half = (n + 1) / 2 < 2 && n >= 2 ? 2 : (n + 1) / 2;
     for (int k = 0; k < half; k++)
         sum += cost[k];
@@ -225,6 +235,7 @@ static double refine(const sweep *s, double best, double step, double *cost)
     double found = best;
 
     for (int i = -N_FINE; i <= N_FINE; i++) {
+        /* Between the neighbouring depths of the sweep, both excluded. */
         const double inverse = best + step * i / (N_FINE + 1);
         const double c = inverse > 0 ? match(s, inverse) : NO_MATCH;
 
@@ -242,6 +253,8 @@ static double find_depth(saga_flat_sight *out, const sweep *s)
 
     ray_range(&near, &far, s);
     for (int i = 0; i < N_DEPTHS; i++) {
+        /* Even in 1 / depth, so that a step is about as far in the other
+         * pictures, whether near or far. */
         const double inverse = far + (near - far) * i / (N_DEPTHS - 1);
         const double c = match(s, inverse);
 
@@ -253,6 +266,9 @@ static double find_depth(saga_flat_sight *out, const sweep *s)
     }
     best = refine(s, best, (near - far) / (N_DEPTHS - 1), &cost);
     out->cost = cost;
+    /* Where all depths match alike (a wall of one colour) the
+     * best says nothing; 0.005 keeps a perfect match from
+     * standing for infinite contrast. */
     out->contrast = sum / N_DEPTHS / (cost + 0.005);
     return 1 / best;
 }
@@ -283,6 +299,7 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
     int same = 0, first = frame, last = frame;
     double half;
 
+    /* As if it stood still: life all through the segment. */
     s->t_centre = R(0.5);
     s->log2_width = f->info[FLAT_WIDTH].hi;
     s->still = true;
@@ -294,6 +311,8 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
         same += unchanged(f, then, view, uv, n, g);
     if (same >= 0.85 * n_frames)
         return;
+    /* Not still: it lives from the first to the last frame around this one in
+     * which it looks as it does now. */
     while (first > 0 && unchanged(f, then, view, uv, n, first - 1))
         first--;
     while (last + 1 < n_frames && unchanged(f, then, view, uv, n, last + 1))
@@ -303,6 +322,7 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
     /* Half opacity half a stretch, but at least a frame and a half, away. */
     half = (last - first + 1.0) / 2;
     half = (half < 1.5 ? 1.5 : half) / n_frames;
+    /* Opacity falls as exp(-u^2), which is a half at u = 0.83 widths. */
     s->log2_width = (real)log2(half / 0.83);
 }
 
@@ -319,6 +339,8 @@ static void witness(saga_flat_sight *s, const sweep *w)
         double z;
         patch p;
 
+        /* The pixel's own view, and near ones that see the same there at this
+         * moment. A view that does not is overwritten by the next one. */
         view[n] = w->near[k];
         if (saga_view_project(c->views + view[n], s->position, uv[n], &z) &&
             cut(&p, w->f->pictures, view[n], w->frame, uv[n][0], uv[n][1]) &&
@@ -347,6 +369,7 @@ static bool begin(sweep *w, const saga_flat *f, int view, int frame, double u,
     w->f = f;
     w->view = view;
     w->frame = frame;
+    /* To the pixel's centre: its own patch is cut without interpolation. */
     w->uv[0] = floor(u) + 0.5;
     w->uv[1] = floor(v) + 0.5;
     w->n_near = near_views(w->near, f, view);
@@ -472,10 +495,14 @@ static bool look_at_point(const saga_flat *f, const saga_point *p,
         for (int j = 0; j < 3; j++)
             d += fabs((double)(s->rgb[j]) -
                       (double)q.at[2 * PATCH * (PATCH + 1)][j]) / 3;
+        /* The view nearest to it sees the smallest pixel there,
+         * which is the footprint. */
         if (z < depth) {
             depth = z;
             s->footprint = z / c->views[view[n]].fx;
         }
+        /* Only a view where the point's own colour shows is a witness;
+         * elsewhere it is covered. */
         n += d < 0.15;
     }
     s->depth = depth;
@@ -496,6 +523,8 @@ static draw draw_pixel(const saga_flat *f, uint64_t counter)
     const int view = p->train[saga_rng_below(r, c, (uint32_t)p->n_train)];
     const saga_shot *const v = p->capture->views + view;
 
+    /* A draw is a function of its number alone, so that the borrowing pass,
+     * which comes later, draws the same pixel again. */
     return (draw){
         .view = view,
         .frame = (int)saga_rng_below(r, c + 1,
@@ -521,6 +550,7 @@ static void borrow_depth(saga_flat_sight *s, const saga_flat *f, const draw *d,
     const double *const range = f->pictures->range + 2 * d->view;
     double best = INFINITY, z;
 
+    /* Without any trusted one in the picture: by chance, even in 1 / depth. */
     z = 1 / (1 / range[1] + d->chance * (1 / range[0] - 1 / range[1]));
     for (size_t i = 0; i < all->n; i++) {
         double uv[2], depth, far;
@@ -547,6 +577,8 @@ static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
     const size_t take = n < room ? n : room;
     size_t found = 0;
 
+    /* Evenly over the list where there is no room for all. A point that nobody
+     * sees leaves its place to the next. */
     for (size_t i = 0; i < take; i++)
         found += look_at_point(f, f->pictures->capture->points + i * n / take,
                                s + found);
@@ -698,6 +730,8 @@ bool saga_flat_init(saga_flat *f, saga_error *error)
                     saga_flat_reserve(f, (uint32_t)n, error);
 
     if (ok) {
+        /* Points are trusted as they are, and take half
+         * of the places at most. */
         memset(all.good, 1, n);
         look_at_pixels(&all, f, look_at_points(all.at, f, (n + 1) / 2));
         append_all(f, all.at, order, n);
