@@ -11,7 +11,7 @@ enum {
     FEW_PICTURES = 4
 };
 
-/* Of captures without a rolling shutter, no camera came near both. */
+/* No camera of a capture without a rolling shutter came near both. */
 #define LEAST_READOUT 0.25  /* frames */
 #define LEAST_SPREADS 4.0
 

@@ -11,7 +11,7 @@
 
 #include "capture.h"
 
-/* So many pictures of each view are looked at, or all where there are fewer:
+/* Number of pictures of each view that are looked at, all if there are fewer:
  * an odd number, so that the median is one of their values. */
 enum { SAGA_STILL_PICTURES = 15 };
 
