@@ -51,6 +51,7 @@ static void solve3(double a[3][3], double *b)
 {
     for (int i = 0; i < 3; i++)
         for (int j = i + 1; j < 3; j++) {
+            /* Eliminate column i from the rows below it. */
             const double q = a[j][i] / a[i][i];
 
             for (int k = i; k < 3; k++)
@@ -58,6 +59,7 @@ static void solve3(double a[3][3], double *b)
             b[j] -= q * b[i];
         }
     for (int i = 2; i >= 0; i--) {
+        /* Back, from the last unknown to the first. */
         for (int k = i + 1; k < 3; k++)
             b[i] -= a[i][k] * b[k];
         b[i] /= a[i][i];
@@ -110,6 +112,8 @@ static double focus(double *x, const saga_capture *c)
         for (int i = 0; i < 3; i++) {
             axis[i] += d[i];
             for (int j = 0; j < 3; j++) {
+                /* 1 - d d^T takes the part at right angles to the axis: the sum
+                 * of its squares over all axes is to be least. */
                 const double w = (i == j) - d[i] * d[j];
 
                 a[i][j] += w;
@@ -120,6 +124,7 @@ static double focus(double *x, const saga_capture *c)
     norm = length(axis);
     norm = norm > 0 ? norm : 1;
     for (int i = 0; i < 3; i++) {
+        /* A thousandth of what the axes weigh. */
         const double pull = 1e-3 * c->n_views;
 
         a[i][i] += pull;
@@ -145,6 +150,7 @@ static bool range_of_points(double *range, const saga_capture *c, int view,
     }
     if (n < MIN_POINTS)
         return false;
+    /* Two points in a hundred may be wrong at either end. */
     range[0] = NEAR_SLACK * quantile(scratch, n, 0.02);
     range[1] = FAR_SLACK * quantile(scratch, n, 0.98);
     return range[1] > range[0];
@@ -157,6 +163,7 @@ static void range_of_focus(double *range, const saga_shot *v, const double *x,
     double z;
 
     saga_view_transform(v, x, p);
+    /* Not nearer than a baseline, also where the focus is behind the view. */
     z = p[2] > base ? p[2] : base;
     range[0] = 0.3 * z;
     range[1] = 4 * z;
@@ -171,6 +178,8 @@ static void find_ranges(double *range, const saga_capture *c, double *scratch)
         const saga_shot *const w = c->views + v;
         double *const r = range + 2 * (size_t)v;
 
+        /* What the capture says comes first, with a little slack; then
+         * points, then the focus. */
         if (w->near_depth > 0 && w->far_depth > w->near_depth) {
             r[0] = 0.9 * w->near_depth;
             r[1] = 1.05 * w->far_depth;
@@ -189,6 +198,8 @@ static int n_seeing(const saga_capture *c, const double *range,
     for (int v = 0; v < c->n_views; v++) {
         double uv[2], z;
 
+        /* Samples lie on the ends of their own view's range: 1 % of slack, so
+         * that rounding does not lose them. */
         if (!c->views[v].held_out &&
             saga_view_project(c->views + v, world, uv, &z) &&
             inside(c->views + v, uv) && z >= 0.99 * range[2 * v] &&
@@ -226,6 +237,8 @@ static bool include_frusta(double lo[3], double hi[3], const saga_capture *c,
     for (int v = 0; v < c->n_views; v++) {
         if (c->views[v].held_out)
             continue;
+        /* Samples of this view that enough training views see, this one
+         * counted. */
         for (int i = 0; i < GRID * GRID * LAYERS; i++) {
             double x[3];
 
@@ -284,6 +297,8 @@ bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
     if (!scratch)
         return false;
     find_ranges(range, c, scratch);
+    /* What two views see has a depth that can be learned; only where no two
+     * share anything is it all that any of them sees. */
     if (!include_frusta(lo, hi, c, range, 2))
         include_frusta(lo, hi, c, range, 1);
     include_points(lo, hi, c, scratch);
@@ -293,6 +308,8 @@ bool saga_cube_fit(saga_cube *cube, double *range, const saga_capture *c,
         if ((hi[i] - lo[i]) / 2 > cube->unit)
             cube->unit = (hi[i] - lo[i]) / 2;
     }
+    /* A cube: half of its longest side, and 2 % so that
+     * nothing is on its border. */
     cube->unit *= 1.02;
     if (!(cube->unit > 0 && cube->unit < INFINITY))
         cube->unit = 1;

@@ -53,6 +53,8 @@ static bool find_pictures(saga_pictures *p, saga_error *error)
         return true;
     p->there = saga_alloc((size_t)n, sizeof *p->there, "the pictures", error);
     p->n_there = 0;
+    /* Picture `at` is of frame at / n_train, and of view at % n_train: views of
+     * one frame follow each other. */
     for (int at = 0; p->there && at < n; at++)
         if (saga_capture_has(p->capture, p->train[at % p->n_train],
                              at / p->n_train))
@@ -76,6 +78,7 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
         const size_t one = p->there ? (size_t)p->there[at] : at;
         const int view = p->train[one % (size_t)p->n_train];
         const saga_shot *const v = p->capture->views + view;
+        /* A prime stride spreads the pixels over the pictures. */
         const size_t pixel = i * 7919 % ((size_t)v->width * (size_t)v->height);
         const int frame = (int)(one / (size_t)p->n_train);
         const uint8_t *const mask = saga_capture_mask(p->capture, view, frame);
@@ -84,6 +87,7 @@ static void read_colours(uint32_t *colour, const saga_pictures *p)
             pixel / (size_t)v->width * saga_view_row_nbytes(v) +
             pixel % (size_t)v->width * 3;
 
+        /* Bit 31 is above all colours, and i makes each of them another. */
         colour[i] = mask && !mask[pixel]
             ? 1u << 31 | (uint32_t)i
             : (uint32_t)rgb[0] << 16 | (uint32_t)rgb[1] << 8 | rgb[2];
@@ -102,6 +106,7 @@ static bool find_background(saga_pictures *p, saga_error *error)
         return false;
     read_colours(colour, p);
     qsort(colour, N_LOOKED_AT, sizeof *colour, compare_colours);
+    /* Sorted, equal colours are a run; the longest above the threshold wins. */
     for (size_t i = 0; i < N_LOOKED_AT; i++) {
         run = i > 0 && colour[i] == colour[i - 1] ? run + 1 : 1;
         if (run > most) {
@@ -150,6 +155,8 @@ static uint64_t digest_view(uint64_t sum, const saga_shot *v, int n_frames)
 
     const size_t n_held = (size_t)saga_view_n_held(v, n_frames);
 
+    /* Everything that changes what is learned: a checkpoint of another
+     * capture is refused by it. */
     sum = saga_digest(sum, x, sizeof x);
     sum = saga_digest(sum, v->rotation, sizeof v->rotation);
     sum = saga_digest(sum, v->translation, sizeof v->translation);
@@ -218,6 +225,7 @@ bool saga_pictures_canvas(saga_canvas *canvas, const saga_pictures *p,
 {
     if (!saga_canvas_init(canvas, saga_pictures_largest(p), error))
         return false;
+    /* q grows by s + s^2 / 2 instead of s. */
     canvas->rules.square = p->is_steep ? R(0.5) : 0;
     return true;
 }
@@ -241,6 +249,9 @@ void saga_pictures_camera(saga_splat_camera *cam, const saga_pictures *p,
         cam->centre[i] = (real)((c[i] - p->cube.centre[i]) / p->cube.unit);
         cam->background[i] = R(p->background[i]) / 255;
     }
+    /* Coordinates are from the picture's corner, so a halved picture
+     * halves all of them. Sides round down: what does not fill a box is
+     * left out of the truth, too. */
     cam->focal[0] = (real)(v->fx * scale);
     cam->focal[1] = (real)(v->fy * scale);
     cam->principal[0] = (real)(v->cx * scale);
@@ -259,6 +270,7 @@ void saga_pictures_aim(saga_canvas *canvas, const saga_pictures *p,
     saga_pictures_camera(&canvas->camera, p, sample);
     canvas->still = b ? &b->seen[sample.view] : NULL;
     canvas->n_still = b ? b->n : 0;
+    /* A camera that is late took frame k at k + late. */
     canvas->t = (real)((sample.frame +
                         p->capture->views[sample.view].late) /
                        p->capture->n_frames);
@@ -301,6 +313,7 @@ static void boxed_row(const truth *t, size_t y)
         for (size_t k = 0; k < 3; k++) {
             const uint8_t *at = t->rgb + y * side * t->stride + x * side * 3 +
                                 k;
+            /* In integers, so the mean is exact until the one division. */
             int sum = 0;
 
             for (size_t j = 0; j < side; j++, at += t->stride)
@@ -352,6 +365,8 @@ static void mark_unseen(saga_canvas *canvas, const uint8_t *mask, size_t stride,
         for (int y = 0; y < side; y++, at += stride)
             seen = seen && !memchr(at, 0, (size_t)side);
         for (size_t k = 0; !seen && k < 3; k++)
+            /* Below 0 no truth is: the canvas takes it for a pixel
+             * that does not count. */
             canvas->truth[k * w * h + i] = -1;
         canvas->n_unseen += !seen;
     }

@@ -58,6 +58,7 @@ static bool take_view(saga_pictures *p, saga_shot *v, int view,
     kept_view k;
 
     saga_checkpoint_walk(c, &k, sizeof k);
+    /* The bytes may be of anyone: sizes are checked before they are used. */
     if (k.width < 1 || k.width > SAGA_MAX_SIDE || k.height < 1 ||
         k.height > SAGA_MAX_SIDE || k.n_missing < 0 ||
         k.n_missing > p->capture->n_frames)
@@ -67,6 +68,7 @@ static bool take_view(saga_pictures *p, saga_shot *v, int view,
     *v = (saga_shot){ .width = (int)k.width, .height = (int)k.height,
                       .held_out = k.held_out != 0, .fx = k.fx, .fy = k.fy,
                       .cx = k.cx, .cy = k.cy, .n_missing = (int)k.n_missing };
+    /* The last byte stays 0, whatever the file has. */
     memcpy(v->name, k.name, sizeof v->name - 1);
     memcpy(v->rotation, k.rotation, sizeof v->rotation);
     memcpy(v->translation, k.translation, sizeof v->translation);
@@ -98,6 +100,7 @@ bool saga_pictures_restore(saga_pictures *p, saga_capture *capture,
     memset(p, 0, sizeof *p);
     p->capture = capture;
     saga_checkpoint_walk(c, &h, sizeof h);
+    /* Before memory is taken for as many. */
     if (h.n_views < 1 || h.n_views > UINT16_MAX || h.n_frames < 1 ||
         h.n_frames > UINT16_MAX)
         c->failed = true;
