@@ -37,6 +37,7 @@ saga_ring_shape saga_ring_capsule(const double a[3], const double b[3],
     s.length = sqrt(dot(s.frame[0], s.frame[0]));
     normalise(s.frame[0]);
     complete(s.frame, side);
+    /* A ray that misses this ball, which holds all of it, is done. */
     s.bound = 0.5 * s.length + radius;
     return s;
 }
@@ -82,6 +83,7 @@ static void limb(double end[3], const double from[3], double axes[3][3],
     double s, c;
     saga_synth_sin_cos(turns, &s, &c);
     const double l = length_out[0], o = length_out[1];
+    /* What of the length is left in the plane of forward and up. */
     const double in = l * sqrt(1.0 - o * o);
     const double flu[3] = {in * s, l * o, -in * c};
     reach(end, from, axes, flu);
@@ -93,6 +95,7 @@ static void add(pose *p, const double a[3], const double b[3], double radius,
 {
     const double v[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
     const double left = dot(v, p->axes[1]);
+    /* Own axes need a second direction that is not along the capsule. */
     const int side = left * left > 0.8 * dot(v, v) ? 0 : 1;
     p->to[p->n++] = saga_ring_capsule(a, b, radius * p->plan->girth,
                                       p->axes[side], object);
@@ -118,10 +121,13 @@ static void bend_leg(leg *l, pose *p, const double pelvis[3], int side)
     const double phase = p->plan->stride * p->t + 0.5 * side;
     const double sign = side ? -1.0 : 1.0;
     double swing, unused, lift;
+    /* The legs are half a stride apart. A foot lifts while its thigh comes
+     * forward. */
     saga_synth_sin_cos(phase, &swing, &unused);
     saga_synth_sin_cos(phase + 0.06, &unused, &lift);
     lift = lift > 0.0 ? lift * lift : 0.0;
     const double thigh = 0.03 + 0.11 * swing;
+    /* In turns: a lifted foot bends the knee by up to a quarter. */
     const double shin = thigh - 0.03 - 0.25 * lift;
     const double at[3] = {0.0, 0.10 * k * sign, 0.0};
     reach(l->hip, pelvis, p->axes, at);
@@ -143,12 +149,15 @@ static void add_leg(pose *p, const leg *l)
 static void stand(pose *p, leg legs[2])
 {
     double low = 0.0;
+    /* First as if the pelvis were on the floor, to
+     * see how low the feet come. */
     p->pelvis[2] = 0.0;
     for (int side = 0; side < 2; side++) {
         bend_leg(&legs[side], p, p->pelvis, side);
         low = legs[side].ankle[2] < low ? legs[side].ankle[2] : low;
         low = legs[side].toe[2] < low ? legs[side].toe[2] : low;
     }
+    /* Then as high as that, and by the radius of a foot. */
     p->pelvis[2] = 0.046 * p->plan->girth - low;
     for (int side = 0; side < 2; side++)
         bend_leg(&legs[side], p, p->pelvis, side);
@@ -161,6 +170,7 @@ static void place(pose *p)
     double s, c;
     saga_synth_sin_cos(plan->path_start + plan->path_turn * p->t, &s, &c);
     const double side[3] = {-way * c, -way * s, 0.0}; /* left: inwards */
+    /* Forward, and inwards into the curve. */
     const double lean[3] = {-0.10 * c - 0.16 * way * s,
                             -0.10 * s + 0.16 * way * c, 1.0};
     p->pelvis[0] = plan->path_radius * c;
@@ -199,6 +209,8 @@ static arm throwing(const saga_ring_plan *plan, double t, arm swinging)
 {
     const double s = t - SAGA_RING_ROUND * floor(t / SAGA_RING_ROUND) -
                      plan->release;
+    /* Seconds from the release in this round: up,
+     * through, and back to swinging. */
     const double up = ramp(-0.32, -0.12, s), through = ramp(-0.10, 0.12, s);
     const double over = ramp(0.25, 0.55, s);
     arm a = swinging;
@@ -241,6 +253,7 @@ static void add_arms(pose *p, const double neck[3], double hand[3])
 {
     const double k = p->plan->size;
     double swing, unused, left_hand[3], shoulder[2][3];
+    /* Arms swing against the legs, and against each other. */
     saga_synth_sin_cos(p->plan->stride * p->t, &swing, &unused);
     for (int side = 0; side < 2; side++)
         reach(shoulder[side], neck, p->chest, (const double[3]){
@@ -281,6 +294,7 @@ int saga_ring_body(saga_ring_shape *to, double hand[3],
     pose p = {.plan = plan, .t = seconds, .to = to};
     double swing, unused, neck[3];
     leg legs[2];
+    /* From the path upwards: each part begins where the one before ends. */
     place(&p);
     stand(&p, legs);
     saga_synth_sin_cos(plan->stride * seconds, &swing, &unused);

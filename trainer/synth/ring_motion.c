@@ -17,6 +17,8 @@ static void tint(double rgb[3], double hue, double saturation, double bright)
 {
     for (int i = 0; i < 3; i++) {
         double x = hue + (i == 0 ? 0.0 : i == 1 ? 4.0 : 2.0);
+        /* A channel is full within 1/6 turn of its own hue, and falls to 0 over
+         * the next: the hexagon of HSV. */
         x -= 6.0 * floor(x / 6.0);
         rgb[i] = bright * mix(1.0, clamp01(fabs(x - 3.0) - 1.0), saturation);
     }
@@ -84,6 +86,8 @@ void saga_ring_draw_plan(saga_ring_plan *p, uint32_t seed)
 
 static void fold(double *x, double *way, double limit)
 {
+    /* A way to and fro between -limit and limit is a triangle wave of the
+     * straight way, of period 4 limit. */
     const double turns = (*x + limit) / (4.0 * limit);
     const double y = 4.0 * limit * (turns - floor(turns));
     *way = y < 2.0 * limit ? 1.0 : -1.0;
@@ -99,6 +103,7 @@ void saga_ring_fly(double at[3], const double from[3], const double speed[3],
     at[0] = from[0];
     at[1] = from[1];
     for (int bounce = 0; bounce < 12; bounce++) {
+        /* When z + up t - g t^2 / 2 is the floor's height, the later root. */
         const double lands =
             (up + sqrt(up * up + 2.0 * g * (z - floor_z))) / g;
         const double t = left < lands ? left : lands;
@@ -108,6 +113,7 @@ void saga_ring_fly(double at[3], const double from[3], const double speed[3],
         left -= t;
         if (!(left > 0.0))
             break;
+        /* It lands at g lands - up, and keeps a part of that upwards. */
         up = again * (g * lands - up);
         z = at[2] = floor_z;
         keep *= along;
@@ -153,6 +159,8 @@ static void add_thrown(saga_ring_state *s, const double hand[3])
     saga_ring_shape unused[SAGA_RING_BODY_SHAPES];
     double from[3], speed[3], at[3], frame[3][3];
     memcpy(at, hand, sizeof at);
+    /* Where the hand was at the release, which no later pose knows: the body
+     * once more, for that moment. */
     if (since > 0.0) {
         saga_ring_body(unused, from, p, round + p->release);
         throw_speed(speed, from, p, round + p->release);
@@ -244,6 +252,8 @@ static void bound_body(saga_ring_state *s)
         double v[3];
         for (int k = 0; k < 3; k++)
             v[k] = s->shape[i].centre[k] - s->body_centre[k];
+        /* The ball around all of the body: a ray that
+         * misses it skips the body. */
         const double r = sqrt(dot(v, v)) + s->shape[i].bound;
         s->body_bound = r > s->body_bound ? r : s->body_bound;
     }

@@ -93,6 +93,8 @@ static int face_of(const saga_ring_shape *b, const saga_ring_hit *hit,
                              hit->position[2] - b->a[2]};
         local[i] = dot(b->frame[i], v);
         normal[i] = dot(b->frame[i], hit->normal);
+        /* In its own axes a box's normal is +-1 along one
+         * of them, 0 along others. */
         axis = fabs(normal[i]) > 0.5 ? i : axis;
     }
     at[0] = local[axis == 0 ? 1 : 0];
@@ -125,6 +127,7 @@ static void crate(const saga_ring_plan *p, int face, const double at[2],
 static void picture(int32_t number, const double at[2], uint32_t salt,
                     double rgb[3])
 {
+    /* Cells of 0.19 m, each as bright as its hash says. */
     const int32_t x = (int32_t)floor(at[0] / 0.19);
     const int32_t y = (int32_t)floor(at[1] / 0.19);
     for (int c = 0; c < 3; c++) {
@@ -152,6 +155,7 @@ static bool display(const saga_ring_state *s, int shape, int face,
                            ? b->half[1] - fabs(at[0])
                            : b->half[2] - fabs(at[1]);
     paint(rgb, 0.05, 0.05, 0.06, 1.0);
+    /* Only the face to the hall shows pictures, within a rim. */
     if (face != 0 || rim < 0.05)
         return false;
     const double n = floor(120.0 * s->seconds + 0.5);
@@ -166,11 +170,14 @@ static bool display(const saga_ring_state *s, int shape, int face,
 static void ground(const saga_ring_plan *p, double x, double y, double rgb[3])
 {
     const double board = floor(x / 0.30);
+    /* Boards are 0.30 m wide and 1.1 m long, each row
+     * shifted by its own hash. */
     const double along = y + 1.7 * lattice((int32_t)board, 1, p->salt + 10);
     const double tone = lattice((int32_t)board, (int32_t)floor(along / 1.1),
                                 p->salt + 11);
     const double *const t = p->light; /* any direction will do */
     const double n = 1.0 / sqrt(t[0] * t[0] + t[1] * t[1]);
+    /* The mat is turned against the boards. */
     const double u = n * (t[0] * x + t[1] * y), v = n * (t[0] * y - t[1] * x);
     const double cell = lattice((int32_t)floor(u / 0.16),
                                 (int32_t)floor(v / 0.16), p->salt + 12);
@@ -189,6 +196,7 @@ static void ground(const saga_ring_plan *p, double x, double y, double rgb[3])
 static void bricks(const saga_ring_plan *p, double a, double z, double rgb[3])
 {
     const double row = floor(z / 0.22);
+    /* Every second row is shifted by half a brick. */
     const double shift = a / 0.5 + 0.5 * (row - 2.0 * floor(0.5 * row));
     brighten(rgb, 0.7 + 0.6 * lattice((int32_t)floor(shift), (int32_t)row,
                                       p->salt + 20));
@@ -284,6 +292,7 @@ bool saga_ring_albedo(const saga_ring_state *s, const saga_ring_hit *hit,
         hit->shape < 0 ? NULL : &s->shape[hit->shape];
     double at[3] = {0.0};
     int face = 0;
+    /* Textures go by places on the shape, so they move and turn with it. */
     if (shape && shape->is_box)
         face = face_of(shape, hit, at);
     else if (shape)

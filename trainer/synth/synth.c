@@ -94,6 +94,7 @@ typedef struct stand {
 static stand stand_on_arc(const saga_synth_options *o, int index)
 {
     stand a = {.target = {0.0, 0.45, 0.82}, .focal = 0.9};
+    /* 50 degrees of an arc, at two heights in turn. */
     const double turn = (-25.0 + 50.0 * index / (o->n_cameras - 1)) / 360.0;
     double s, c;
     saga_synth_sin_cos(turn, &s, &c);
@@ -144,6 +145,7 @@ void saga_synth_view(const saga_synth_options *options, int index,
                         .original_width = options->width,
                         .original_height = options->height,
                         .focal_scale = 1.0};
+    /* Square pixels, and the principal point in the picture's middle. */
     view->fx = view->fy = at.focal * options->width;
     view->cx = 0.5 * options->width;
     view->cy = 0.5 * options->height;
@@ -276,6 +278,8 @@ static void picture_done(synth_job *job, int item, bool ok,
 #pragma omp critical(saga_synth)
     {
         job->n_done++;
+        /* Of several failures that of the lowest number is told, whichever came
+         * first. -1, a cancel, is below all of them. */
         if (!ok && item < job->first_failed) {
             job->first_failed = item;
             *job->error = *error;
@@ -294,6 +298,8 @@ static bool picture_skipped(synth_job *job, int item)
 {
     bool skip;
 #pragma omp critical(saga_synth)
+    /* Later pictures need not be made; earlier ones go on, since one of them
+     * may fail and be the one to tell. */
     skip = job->first_failed < item;
     return skip;
 }
@@ -320,6 +326,8 @@ static bool write_pictures(synth_job *job)
 static uint32_t next_random(uint64_t *state)
 {
     *state = *state * 6364136223846793005u + 1442695040888963407u;
+    /* A linear congruential step, whose low bits are poor, then a mix of which
+     * only the high half is used. */
     uint64_t x = *state ^ *state >> 33;
     x *= 0xff51afd7ed558ccdu;
     return (uint32_t)(x >> 32);
@@ -337,6 +345,7 @@ static double random_bell(uint64_t *state)
     double sum = -2.0;
     for (int i = 0; i < 4; i++)
         sum += random_unit(state);
+    /* Four uniforms have a variance of 4 / 12; times sqrt(3) it is 1. */
     return sum * 1.7320508075688772;
 }
 
@@ -379,6 +388,7 @@ static bool seen_again(const synth_job *job, const saga_synth_world *world,
             continue;
         saga_pose_centre(v->rotation, v->translation, origin);
         pixel_direction(v, uv[0], uv[1], d);
+        /* What that view sees first along this ray is as far as the point. */
         if (fabs(saga_synth_look(world, origin, d).distance - z) < 0.005 * z)
             return true;
     }
@@ -399,6 +409,8 @@ static bool sample_point(const synth_job *job, const saga_synth_world *world,
     if (view->held_out)
         return false;
     saga_pose_centre(view->rotation, view->translation, origin);
+    /* Points come from where pictures have texture, as those of structure from
+     * motion do; a few from anywhere. */
     if (dice > 0.06 + 6.0 * contrast(view, world, origin, u, v, rgb))
         return false;
     pixel_direction(view, u, v, d);
@@ -406,6 +418,7 @@ static bool sample_point(const synth_job *job, const saga_synth_world *world,
     if (!hit.fixed ||
         !seen_again(job, world, hit.position, camera))
         return false;
+    /* Half a pixel at that distance. */
     const double across = 0.5 * hit.distance / view->fx;
     const double along = 3.0 * across * random_bell(random);
     for (int i = 0; i < 3; i++) {
@@ -428,6 +441,8 @@ static bool write_points(const synth_job *job)
     if (!points)
         return false;
     saga_synth_world_at(&world, job->options, 0.0);
+    /* Of moment 0 alone. A scene without texture gives up after 100 tries for
+     * each point, and has fewer. */
     for (long tries = 0; n < (size_t)wanted && tries < 100L * wanted; tries++)
         if (sample_point(job, &world, &random, &points[n]))
             n++;
@@ -446,6 +461,8 @@ static void write_matrix(FILE *f, const saga_shot *view)
     fprintf(f, "\"transform_matrix\": [");
     for (int i = 0; i < 3; i++) {
         const double *const r = view->rotation;
+        /* From camera to world; axes are right, up and backwards, as the format
+         * has them: y and z of ours with the other sign. */
         fprintf(f, "[%.17g, %.17g, %.17g, %.17g], ", r[i], -r[3 + i],
                 -r[6 + i], centre[i]);
     }
@@ -542,6 +559,7 @@ static const char *const kinds[] = {"images", "depth"};
 static void remove_all(const synth_job *job)
 {
     char path[MAX_PATH];
+    /* The folders that this run has made, and the plain files in them. */
     for (int k = 0; k < 2; k++) {
         for (int c = 0; c < job->options->n_cameras; c++) {
             (void)snprintf(path, sizeof path, "%s/%s/%s", job->folder,
@@ -602,6 +620,7 @@ static bool fill_folder(synth_job *job)
     if (!make_folders(job) || !write_pictures(job) || !write_points(job) ||
         !write_json(job))
         return false;
+    /* All or nothing: the name is there only once the capture is whole. */
     return rename(job->folder, job->target) == 0 ||
            saga_fail_errno(job->error, job->target, "remove it or choose "
                            "another name", "is in the way");

@@ -13,6 +13,8 @@ static bool passes(const double centre[3], double bound, const ray *r)
 {
     const double v[3] = {centre[0] - r->origin[0], centre[1] - r->origin[1],
                          centre[2] - r->origin[2]};
+    /* Outside the ball, and either it is behind, or the squared distance of the
+     * ray from its centre, v v - b^2 / length2, is above bound^2. */
     const double b = dot(v, r->direction);
     const double away = dot(v, v) - bound * bound;
     return away > 0.0 && (b <= 0.0 || b * b < away * r->length2);
@@ -40,6 +42,8 @@ static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
     const double *const axis = s->frame[0], *const d = r->direction;
     const double v[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
                          r->origin[2] - s->a[2]};
+    /* Points of the ray whose part at right angles to the axis is as long as
+     * the radius: a t^2 + 2 b t + c = 0. */
     const double da = dot(d, axis), va = dot(v, axis);
     const double a = r->length2 - da * da;
     const double b = dot(v, d) - va * da;
@@ -47,6 +51,7 @@ static bool enter_capsule(const saga_ring_shape *s, const ray *r, double *t,
     const double disc = b * b - a * c;
     if (s->length == 0.0)
         return enter_end(s, r, false, t, normal);
+    /* Along the axis: it can only enter through the end that it comes from. */
     if (a <= 1e-12 * r->length2)
         return enter_end(s, r, da < 0.0, t, normal);
     if (disc <= 0.0)
@@ -66,6 +71,7 @@ static bool enter_turned(const saga_ring_shape *s, const ray *r, double *t,
     const double low[3] = {-s->half[0], -s->half[1], -s->half[2]};
     double o[3], d[3];
     int axis;
+    /* In the box's own axes its sides are parallel to them. */
     for (int i = 0; i < 3; i++) {
         const double v[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
                              r->origin[2] - s->a[2]};
@@ -88,6 +94,8 @@ static void hit_hall(const ray *r, saga_ring_hit *hit)
     int axis = 0;
     *hit = (saga_ring_hit){.distance = 1e30, .shape = -1};
     for (int i = 0; i < 3; i++) {
+        /* From inside each axis has one wall ahead; the
+         * nearest of the three is hit. */
         const double wall = r->inverse[i] > 0.0 ? high[i] : low[i];
         const double t = (wall - r->origin[i]) * r->inverse[i];
         if (t < hit->distance) {
@@ -139,6 +147,8 @@ static double open_of(const saga_ring_shape *s, const ray *r)
     const double *const axis = s->frame[0], *const d = r->direction;
     const double w[3] = {r->origin[0] - s->a[0], r->origin[1] - s->a[1],
                          r->origin[2] - s->a[2]};
+    /* Where the lines of ray and axis are nearest to
+     * each other; the axis ends. */
     const double k = dot(d, axis), wd = dot(w, d);
     const double across = 1.0 - k * k;
     double along = across > 1e-9 ? (dot(w, axis) - k * wd) / across : 0.0;
@@ -185,6 +195,7 @@ static double spot(const saga_ring_hit *hit, const double direction[3],
     for (int i = 0; i < 3; i++)
         m[i] = view[i] - 2.0 * cosine * hit->normal[i];
     double s = clamp01(dot(m, to_light));
+    /* The 16th power of the cosine to the mirrored ray. */
     for (int i = 0; i < 4; i++)
         s *= s;
     return 0.6 * s;

@@ -57,6 +57,7 @@ static void left_wall(double y, double z, double rgb[3])
 static void right_wall(double y, double z, double rgb[3])
 {
     const double row = floor(z / 0.24);
+    /* Every second row of bricks is shifted by half of one. */
     const double shift = y / 0.52 + 0.5 * (row - 2.0 * floor(0.5 * row));
     const double tone =
         lattice((int32_t)floor(shift), (int32_t)row, 31);
@@ -78,6 +79,7 @@ static void floor_boards(double x, double y, double rgb[3])
     brighten(rgb, 0.75 + 0.5 * tone);
     brighten(rgb, 1.0 + 0.5 * grain(5.0 * x, 1.1 * y, 43));
     brighten(rgb, 1.0 - 0.4 * lines(x, 0.34, 0.01));
+    /* The rug is an ellipse, and covers the boards. */
     const double r = sqrt(x * x + 1.7 * (y + 0.55) * (y + 0.55));
     const double rug = 1.0 - ramp(1.28, 1.30, r);
     double c[3] = {0.42, 0.10, 0.12};
@@ -143,6 +145,7 @@ static void cube_colour(const saga_room_state *s, const saga_room_hit *hit,
     const double dx = hit->position[0] - cube_centre[0];
     const double dy = hit->position[1] - cube_centre[1];
     const double dz = hit->position[2] - cube_centre[2];
+    /* Back into the cube's own axes, so that the picture turns with it. */
     const double x = s->cube_cos * dx + s->cube_sin * dy;
     const double y = s->cube_cos * dy - s->cube_sin * dx;
     const double nx = s->cube_cos * hit->normal[0] +
@@ -230,6 +233,8 @@ void saga_room_at(saga_room_state *state, double seconds)
                        &state->roll_sin, &state->roll_cos);
     state->radius[1] = 0.18 * guest_size(seconds);
     state->ball[1][2] = 0.6 + state->radius[1];
+    /* The cube makes 0.17 turns a second; the bob, below, swings by 0.055 turns
+     * to either side in 2.1 seconds. */
     saga_synth_sin_cos(0.17 * seconds + 0.03, &state->cube_sin,
                        &state->cube_cos);
     double swing_sin, swing_cos;
@@ -256,6 +261,7 @@ static bool enter_rod(const double p[3], const double axis[3], double length,
     const double b = dot(v, d) - va * da;
     const double c = dot(v, v) - va * va - radius * radius;
     const double disc = b * b - a * c;
+    /* Missed, going away from it, or parallel to the axis. */
     if (disc <= 0.0 || b >= 0.0 || a <= 0.0)
         return false;
     *t = (-b - sqrt(disc)) / a;
@@ -310,6 +316,7 @@ static void hit_cube(const saga_room_state *s, const ray *r,
     const double low[3] = {-half, -half, -half}, high[3] = {half, half, half};
     double t;
     int axis;
+    /* First the ball around the cube, which is the same however it turns. */
     if (!enter_ball(cube_centre, 1.7321 * half, r->origin, r->direction,
                     r->length2, &t) || t >= hit->distance)
         return;
@@ -328,6 +335,7 @@ static void hit_cube(const saga_room_state *s, const ray *r,
     set_hit(hit, t, SAGA_ROOM_CUBE);
     double n[3] = {0};
     n[axis] = d2[axis] > 0.0 ? -1.0 : 1.0;
+    /* The normal turns back into the room's axes. */
     hit->normal[0] = s->cube_cos * n[0] - s->cube_sin * n[1];
     hit->normal[1] = s->cube_cos * n[1] + s->cube_sin * n[0];
     hit->normal[2] = n[2];
@@ -409,6 +417,7 @@ static double lit(const saga_room_state *s, const saga_room_hit *hit,
                   const double to_light[3])
 {
     double open = 1.0;
+    /* Not the lamp, which comes last and has no shadow of its own. */
     for (int i = 0; i < SAGA_ROOM_N_BALLS - 1; i++)
         if ((int)hit->object != SAGA_ROOM_BALL + i)
             open *= shadow_of(s->ball[i], s->radius[i], hit->position,
@@ -440,6 +449,7 @@ static void diffuse(const saga_room_state *s, const saga_room_hit *hit,
     const double distance2 = dot(to_light, to_light);
     normalise(to_light);
     const double facing = dot(hit->normal, to_light);
+    /* Light from all round, a little more from above. */
     double bright = 0.34 + 0.10 * hit->normal[2];
     if (hit->object == SAGA_ROOM_WALLS)
         bright *= near_bench(hit->position);
@@ -464,10 +474,13 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
     const double cosine = -dot(view, hit->normal);
     for (int i = 0; i < 3; i++) {
         mirrored[i] = view[i] + 2.0 * cosine * hit->normal[i];
+        /* Off the surface, so that the mirrored ray
+         * does not meet it at once. */
         origin[i] = hit->position[i] + 1e-6 * hit->normal[i];
     }
     const saga_room_hit other = saga_room_trace(s, origin, mirrored);
     diffuse(s, &other, seen);
+    /* More at grazing angles, by a power as in Schlick's approximation. */
     const double g = 1.0 - clamp01(cosine);
     const double strength = 0.35 + 0.5 * g * g * g;
     double to_light[3] = {light[0] - hit->position[0],
@@ -475,6 +488,7 @@ static void add_gloss(const saga_room_state *s, const saga_room_hit *hit,
                           light[2] - hit->position[2]};
     normalise(to_light);
     double spot = clamp01(dot(mirrored, to_light));
+    /* The 32nd power of the cosine to the mirrored ray. */
     for (int i = 0; i < 5; i++)
         spot *= spot;
     for (int i = 0; i < 3; i++)
