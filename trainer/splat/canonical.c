@@ -33,7 +33,10 @@ static void find_turns(double turn[N_TURNS][4])
         for (int k = 0; k < 2 && n < N_TURNS; k++) {
             int j = 0;
 
+            /* Each turn in the list is tried with both quarters; what is new is
+             * appended, and tried later. All 24 are reached so. */
             multiply(turn[n], turn[i], quarter[k]);
+            /* A quaternion and its negative are the same turn. */
             while (j < n && fabs(dot(turn[n], turn[j])) < 0.99)
                 j++;
             n += j == n;
@@ -68,6 +71,8 @@ static void turn_one(saga_splat_params *p, size_t i, const double u[4],
     double x[4], slope[4];
     int from[3] = { 0, 1, 2 };
 
+    /* Turning the axes among themselves first, then as before, draws the same
+     * ellipsoid, if the scales follow their axes. */
     multiply(x, u, g);
     axes_of(from, g);
     for (size_t k = 0; k < 3; k++)
@@ -76,6 +81,7 @@ static void turn_one(saga_splat_params *p, size_t i, const double u[4],
         p->quat[4 * i + k] = (real)(scale * x[k]);
         slope[k] = p->slope ? (double)p->slope[4 * i + k] : 0;
     }
+    /* The change over time is of the same quaternion, and turns with it. */
     multiply(x, slope, g);
     for (size_t k = 0; p->slope && k < 4; k++)
         p->slope[4 * i + k] = (real)(scale * x[k]);
@@ -98,12 +104,16 @@ void saga_splat_canonical(saga_splat_params *p, uint32_t n)
             continue;
         for (int k = 0; k < N_TURNS; k++) {
             multiply(x, u, turn[k]);
+            /* Nearest to 1 is the largest w. Among equals the first turn stays,
+             * whatever the rounding. */
             if (fabs(x[0]) > most * (1 + 1e-12)) {
                 most = fabs(x[0]);
                 best = k;
             }
         }
         multiply(x, u, turn[best]);
+        /* Of q and -q, which rotate alike, the one with w
+         * above 0; and length 1. */
         turn_one(p, i, u, turn[best], (x[0] < 0 ? -1 : 1) / length);
     }
 }

@@ -54,6 +54,7 @@ static void animate_mean(real *out, const saga_splat_params *p, size_t i,
 
         out[a] = p->mean[3 * i + a];
         if (b)
+            /* mean + support (b1 age + b2 age^2 + b3 age^3), by Horner. */
             out[a] += support * (((b[6] * age + b[3]) * age + b[0]) * age);
     }
 }
@@ -85,10 +86,13 @@ void saga_splat_animate_forward(saga_splat_posed *out,
             if (p->slope)
                 out->quat[4 * i + a] += p->slope[4 * i + a] * age;
         }
+        /* An opacity o gives alpha 8 / (1 + 2^(3 - o)), as -log2: a
+         * logistic curve that ends at 8. */
         out->q0[i] = softplus2(PEAK - p->opacity[i]) - PEAK;
         if (p->log2_width) {
             const real u = width_ratio(p, i, dt);
 
+            /* Alpha falls by exp(-u^2) with the time from the centre. */
             out->q0[i] += LOG2_E * u * u;
         }
     }
@@ -184,16 +188,20 @@ void saga_splat_animate_backward(saga_splat_params *d,
         const real pace = saga_splat_ageing(p, i), age = dt * pace;
         real d_dt, d_age;
 
+        /* Not drawn, so there is no gradient. */
         if (c->splat.extent[i] == 0)
             continue;
         d_age = pose_backward(d, d_out, p, i,
                               saga_clamp(age, -LIMIT_AGE, LIMIT_AGE));
         d_dt = opacity_backward(d, d_out->q0[i], p, i, dt);
+        /* age = pace dt, and for what lives shortly pace = 2^-log2_width. At
+         * the limit nothing moves, and no gradient passes. */
         if (!c->rules.detach_time && fabs(age) < LIMIT_AGE) {
             d_dt += pace * d_age;
             if (d->log2_width && is_short(p, i))
                 d->log2_width[i] -= LN_2 * age * d_age;
         }
+        /* dt = t - t_centre */
         if (d->t_centre)
             d->t_centre[i] -= d_dt;
     }

@@ -127,6 +127,7 @@ static window clip(const saga_splat_2d *o, const tile *t)
     const int x0 = o->x0 - t->x0, x1 = o->x1 - t->x0;
     const int y0 = o->y0 - t->y0, y1 = o->y1 - t->y0;
 
+    /* Rounded outwards, to rows of blocks and to halves of the tile. */
     return (window){
         .y0 = y0 > 0 ? y0 / ROWS : 0,
         .y1 = y1 < TILE ? (y1 + ROWS - 1) / ROWS : PAIRS,
@@ -189,6 +190,7 @@ static unsigned touch(real q[BLOCKS][WIDE_LANES], const tile *t,
             const int b = k * PAIRS + j;
             const wide dy = wide_add(wide_load(p->grid.y[j]),
                                      wide_set1(d[1]));
+            /* s = (g dx - n dy)^2 + (h dy)^2, and q = q0 + s + square s^2. */
             const wide v = wide_fnma(n, dy, g_dx), w = wide_mul(h, dy);
             const wide s = wide_fma(v, v, wide_mul(w, w));
             const wide at = wide_add(q0, wide_fma(
@@ -214,6 +216,7 @@ static unsigned blend(kept *to, tile *t, const saga_splat_2d *o, const pass *p)
     for (left = touched; left; left &= left - 1, to++) {
         const int b = __builtin_ctz(left), at = b * WIDE_LANES;
         const wide q_b = wide_load(q[b]), trans = wide_load(t->trans + at);
+        /* A pixel that is finished (T below the floor) takes nothing more. */
         const wide_mask on = wide_both(wide_less(q_b, p->limit.cut),
                                        wide_at_least(trans, p->limit.floor));
         const wide alpha = wide_keep(on, wide_min(wide_exp2_neg(q_b),
@@ -222,6 +225,7 @@ static unsigned blend(kept *to, tile *t, const saga_splat_2d *o, const pass *p)
 
         wide_store(to->alpha, alpha);
         wide_store(to->weight, weight);
+        /* T becomes T (1 - alpha), and the colour grows by alpha T c. */
         wide_store(t->trans + at, wide_sub(trans, weight));
         wide_store(t->colour[0] + at,
                    wide_fma(weight, red, wide_load(t->colour[0] + at)));
@@ -370,6 +374,8 @@ static void write_record(real *record, const sums *s, const saga_splat_2d *o,
 
     vec_sum8(m, all);
     vec_sum2(record + SAGA_SUM_B, wide_fold(s->blue), wide_fold(s->weight));
+    /* With v = v0 + g x - n y and dy = d1 + y: sums of v, v dx, v dy, dy and
+     * dy^2 from the moments m00, m10, m01, m20, m11, m02 in m[0] to m[5]. */
     to_middle(d, o, t);
     v0 = o->g * d[0] - o->n * d[1];
     vx = v0 * m[1] + o->g * m[3] - o->n * m[4];
@@ -413,8 +419,12 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
         const wide shown = wide_mul(
             weight, wide_fma(d_blue, blue, wide_fma(d_green, green,
                                                     wide_mul(d_red, red))));
+        /* D after this splat: what those behind it,
+         * and the background, give. */
         const wide rest = wide_sub(wide_load(t->rest + at), shown);
         const wide y = wide_load(p->grid.y[j]);
+        /* dL/dq / ln 2 = -(alpha T b - D alpha / (1 - alpha)), of which alpha T
+         * b is `shown`; 0 where the cap holds. */
         const wide odds = wide_div(alpha, wide_sub(one, alpha));
         const wide d_q = wide_keep(wide_less(alpha, p->limit.cap),
                                    wide_sub(wide_mul(odds, rest), shown));
@@ -434,6 +444,8 @@ static void add_half(sums *s, tile *t, const saga_splat_2d *o, const pass *p,
         s_blue = wide_fma(weight, d_blue, s_blue);
         s_weight = wide_add(s_weight, weight);
     }
+    /* x is the same in all blocks of a half, so it
+     * comes in once, at the end. */
     m0_x = wide_mul(m0, x);
     s->q = s_q;
     s->m00 = wide_add(s->m00, m0);
@@ -481,6 +493,8 @@ static void draw_and_keep(trail *r, tile *t, const pass *p)
 
     r->unkept = r->end;
     for (e = r->begin; e < r->end && !is_done(t, p, e - r->begin); e++) {
+        /* There is no room for another splat: T is noted
+         * for going on from here. */
         if (r->unkept == r->end && to > r->block + KEPT) {
             r->unkept = e;
             memcpy(r->trans, t->trans, sizeof r->trans);
@@ -517,6 +531,7 @@ static void go_back(const trail *r, tile *t, const pass *p)
                        r->touched[e]);
         from += __builtin_popcount(r->touched[e]);
     }
+    /* Those that were not kept: drawn once more, from the T that was noted. */
     if (e < r->end)
         memcpy(t->trans, r->trans, sizeof t->trans);
     for (; e < r->end; e++) {
@@ -579,6 +594,8 @@ static void forgive(tile *t)
  * Returns the sum of squares. */
 static double compare(tile *t, const saga_splat_camera *cam)
 {
+    /* dL/dC of the mean over all values of the picture, those that
+     * do not count among them. */
     const wide unit = wide_set1(R(2) / R(3 * plane_size(cam)));
     wide sum = wide_zero();
     int c, i;
@@ -600,6 +617,7 @@ static void begin_rest(tile *t)
     int c, i;
 
     for (i = 0; i < AREA; i += WIDE_LANES) {
+        /* D = g . C, C with the background: nothing is taken off yet. */
         wide rest = wide_zero();
 
         for (c = 0; c < 3; c++)
@@ -626,6 +644,8 @@ static void tile_backward(void *user, size_t index)
     size_t e;
 
     begin_tile(&t, p, index);
+    /* Forward, then the gradient of the pixels, then back, while all of it
+     * is in this core's cache. */
     draw_and_keep(&r, &t, p);
     end_tile(&t, cam->background);
     take_picture(&t, cam, p->learn ? p->canvas->truth : p->canvas->d_image);
@@ -635,6 +655,7 @@ static void tile_backward(void *user, size_t index)
         work->squares[index] = compare(&t, cam);
     begin_rest(&t);
     go_back(&r, &t, p);
+    /* Splats behind the last pixel's end have records, too, of zeros. */
     for (e = r.end; e < end; e++)
         memset(record_of(work, e), 0, SAGA_N_SUMS * sizeof(real));
 }
@@ -655,6 +676,7 @@ double saga_splat_raster_learn(saga_canvas *canvas)
 
     p.learn = 1;
     do_tiles(tile_backward, &p, 3);
+    /* Tiles in their order, whichever thread had them. */
     for (i = 0; i < n; i++)
         sum += canvas->splat.squares[i];
     return sum / saga_canvas_n_seen(canvas);

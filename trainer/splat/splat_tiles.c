@@ -39,6 +39,7 @@ static void sort_pass(depth_key *to, const depth_key *from, uint32_t n,
 
     for (i = 0; i < n; i++)
         begin[(from[i].key >> shift) % RADIX]++;
+    /* Counts become the places where each digit's keys begin. */
     for (i = 0; i < RADIX; i++) {
         const uint32_t count = begin[i];
 
@@ -65,6 +66,8 @@ static bool sort_by_depth(saga_splat_work *work, saga_error *error)
     for (i = 0; i < work->n; i++)
         if (work->extent[i] > 0)
             a[n++] = (depth_key){ depth_bits(work->splat[i].depth), i };
+    /* Least digit first; three of 11 bits cover 32.
+     * The third pass ends in b. */
     sort_pass(b, a, n, 0);
     sort_pass(a, b, n, RADIX_BITS);
     sort_pass(b, a, n, 2 * RADIX_BITS);
@@ -105,6 +108,7 @@ static void columns(int *c0, int *c1, const saga_splat_2d *o, int ya, int yb,
     real hi = R(yb) - R(0.5) - o->mean[1];
     real a, b, right, left, slack;
 
+    /* Only as far up and down as the ellipse goes. */
     lo = saga_clamp(lo, -tall, tall);
     hi = saga_clamp(hi, -tall, tall);
     a = saga_clamp(peak, lo, hi);
@@ -172,6 +176,8 @@ static void count_part(void *user, size_t part)
                 count[(size_t)row * work->n_tiles_x + (size_t)c]++;
             slots += (uint32_t)(c1 - c0);
         }
+        /* One place later, so that the sums in begin_lists
+         * leave the begin of each. */
         work->slot_begin[work->order[r] + 1u] = slots;
     }
 }
@@ -195,6 +201,8 @@ static void scatter_part(void *user, size_t part)
             for (c = c0; c < c1; c++) {
                 const size_t t = (size_t)row * work->n_tiles_x + (size_t)c;
 
+                /* Slots are numbered by splat, so that backward finds all
+                 * records of a splat side by side; lists are by tile. */
                 work->pair[next[t]++] =
                     (saga_splat_pair){ work->order[r], slot++ };
             }
@@ -211,6 +219,8 @@ static size_t prefix_tiles(size_t *count, saga_splat_work *work,
 
     for (t = 0; t < n_tiles; t++) {
         work->tile_begin[t] = sum;
+        /* Within a tile the parts follow each other, and a part is a range of
+         * depths: each list is sorted by depth. */
         for (part = 0; part < n_parts; part++) {
             size_t *const c = count + part * n_tiles + t;
             const size_t n = *c;
@@ -238,6 +248,7 @@ static bool begin_lists(const listing *l, saga_error *error)
                           (work->n_pairs + SAGA_SPLAT_AHEAD) *
                           sizeof *work->pair, error))
         return false;
+    /* Those who read ahead of the list's end find splat 0, which is there. */
     memset(work->pair + work->n_pairs, 0,
            SAGA_SPLAT_AHEAD * sizeof *work->pair);
     return true;
@@ -257,6 +268,8 @@ static bool fill_lists(saga_splat_work *work, size_t n_tiles, real cut,
     l.count = work->scratch[2];
     memset(l.count, 0, count_nbytes);
     memset(work->slot_begin, 0, (work->n + 1u) * sizeof *work->slot_begin);
+    /* Both passes find the same tiles for a splat:
+     * what is counted is filled. */
     saga_parallel(&(saga_tasks){ .run = count_part, .user = &l, .n = n_parts,
                                  .ns = ns });
     if (!begin_lists(&l, error))
