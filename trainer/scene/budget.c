@@ -17,9 +17,12 @@ static double find_scale(const saga_share *s, uint32_t n, double total)
     double lo = 0, hi = 0;
 
     for (uint32_t i = 0; i < n; i++)
+        /* At the largest of these all shares are at their upper bounds. */
         if (s[i].hi / s[i].want > hi)
             hi = s[i].hi / s[i].want;
     for (int round = 0; round < 100; round++) {
+        /* The clamped sum never falls with the scale: bisection, to
+         * the last bit of a double. */
         const double mid = 0.5 * (lo + hi);
         double sum = 0;
 
@@ -63,6 +66,8 @@ uint32_t saga_budget_divide(uint32_t *given, saga_share *s, uint32_t n,
 {
     uint32_t sum = round_down(given, s, n, find_scale(s, n, total)), before;
 
+    /* What rounding down has left goes to the largest remainders, one each, and
+     * round again while anybody has room. */
     qsort(s, n, sizeof *s, by_part);
     do {
         before = sum;

@@ -80,6 +80,8 @@ static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
         { "t_centre", p->t_centre, 1 }, { "width", p->log2_width, 1 }
     };
 
+    /* Weights and distances below are sums over all: one value that is not
+     * finite would spoil every cell. */
     for (size_t k = 0; k < sizeof array / sizeof *array; k++)
         for (size_t i = 0; array[k].x && i < pool->n * array[k].width; i++)
             if (!isfinite((double)array[k].x[i]))
@@ -302,6 +304,7 @@ static void write_coarse(builder *b, uint32_t rank)
     saga_coarse *const a = &b->scene->coarse[rank];
     uint32_t v[4];
 
+    /* Bits of the first candidate's place: all of the leaf share these. */
     for (int i = 0; i < 3; i++) {
         v[i] = c->u[i] >> (SAGA_TREE_LOG2_X - nd->depth_x);
         a->cell[i] = (uint16_t)v[i];

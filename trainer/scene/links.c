@@ -67,6 +67,8 @@ void saga_links_find(saga_neighbours *nb, const saga_scaffold *sc,
     saga_scaffold own = *sc;
     uint32_t i;
 
+    /* The decoder sees a layer alone: ranks begin at 0 for it, and become those
+     * of the whole scene again behind it. */
     own.n = l->n;
     own.coarse += l->first.coarse;
     own.fine += l->first.fine;
@@ -133,6 +135,8 @@ static void scatter_part(void *user, size_t part)
             real *const to = s->d_source + l->rank[i] * s->f;
             const real weight = l->weight[i];
 
+            /* Only this part writes to the source, and rows come in order: sums
+             * are the same for any number of parts. */
             if (is_of(l->rank[i], part, s->n_parts))
                 for (k = 0; k < s->f; k++)
                     to[k] += weight * d[k];
@@ -182,6 +186,8 @@ static void integer_fine(saga_scaffold *sc, const saga_scene *s)
         f->t = (uint16_t)t;
         for (k = 0; k < 4; k++) {
             f->support[k] = cell.support[k];
+            /* Q14: the middle of its suffix cell, which is what a decoder has
+             * before the residual. */
             f->local[k] = (int16_t)lround(
                 16384 * saga_suffix_centre(suffix, bits, k));
         }
@@ -214,6 +220,8 @@ void saga_links_supports(saga_scaffold *sc, const real *support)
         for (k = 0; k < 4; k++) {
             const real l = support[4 * (size_t)i + (size_t)k];
 
+            /* Box units for space, time units for time,
+             * at least one of them. */
             sc->fine[i].support[k] = fx_max(
                 1, (int32_t)(l * (k < 3 ? R(8388608) : R(65536)) + R(0.5)));
         }

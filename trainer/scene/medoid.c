@@ -24,6 +24,8 @@ static void seed_medoids(saga_medoid_division *v)
             double cost = 0;
 
             for (j = 0; j < v->n; j++)
+                /* The cost if i came to those there are: each member
+                 * goes to its nearest. */
                 cost += v->w[j] * (d[j] < near[j] ? d[j] : near[j]);
             if (!taken[i] && cost < best) {
                 best = cost;
@@ -110,6 +112,7 @@ static void assign_within(saga_medoid_division *v, uint32_t room)
     uint8_t done[SAGA_MEDOID_MOST] = { 0 };
 
     for (i = 0; i < v->k; i++) {
+        /* Medoids first: each is its own, and takes one of its places. */
         v->of[v->medoid[i]] = (uint8_t)i;
         done[v->medoid[i]] = 1;
         count[i] = 1;
@@ -121,6 +124,7 @@ static void assign_within(saga_medoid_division *v, uint32_t room)
             pairs[n++].medoid = (uint16_t)i;
         }
     qsort(pairs, n, sizeof *pairs, by_distance);
+    /* There are k room places for n members (saga_tree_need): all find one. */
     for (i = 0; i < n; i++)
         if (!done[pairs[i].member] && count[pairs[i].medoid] < room) {
             v->of[pairs[i].member] = (uint8_t)pairs[i].medoid;
@@ -137,5 +141,7 @@ void saga_medoid_divide(saga_medoid_division *v, uint32_t room)
         if (!move_medoids(v))
             break;
     }
+    /* Rounds do not mind the room, so that medoids lie well;
+     * only then is it kept to. */
     assign_within(v, room);
 }

@@ -213,6 +213,8 @@ static saga_tree_split gain_of(const saga_tree *t, const bins *joint, int split)
         p.added++;
         p.need += saga_tree_need(t, s.n[g]);
         for (k = 0; k < SAGA_N_PHI; k++)
+            /* Sums are about the node's mean: |sum_j|^2 / w_j is w_j times the
+             * squared distance of the child's mean from it. */
             p.gain += s.sum[g][k] * s.sum[g][k] / s.w[g];
     }
     p.added--;
@@ -430,6 +432,7 @@ static bool split_node(saga_tree *t, uint32_t id)
 static int is_worth_it(const saga_tree *t, const saga_tree_node *nd)
 {
     const saga_tree_split *const p = &nd->best;
+    /* What all leaves would need of fine anchors after the split. */
     const uint64_t fine = (uint64_t)t->need + p->need -
                           saga_tree_need(t, nd->end - nd->begin);
 
@@ -500,6 +503,7 @@ static bool walk(saga_tree *t)
         t->walk[n++] = id;
         if (nd->split == 0)
             t->leaf[rank++] = id;
+        /* Last child first, so that the first one is on top of the stack. */
         for (i = nd->n_children; i > 0; i--)
             stack[depth++] = nd->first_child + i - 1;
     }

@@ -366,6 +366,8 @@ static void take_fine(const stage *t, size_t i)
     take(w->fine_feature, i * f, out, t->rows[SAGA_HEAD_FINE]);
     for (k = 0; k < 4; k++) {
         const real lo = least_log2_support((size_t)k), hi = 0;
+        /* log2 of the cell's half-size, which the network's
+         * output is relative to. */
         const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
         const real l = saga_clamp(half + raw[k], lo, hi);
 
@@ -431,6 +433,8 @@ static void give_motion(real *d_out, saga_rows rows, const real *d_attr,
         const real x = out[rows.first + k], d = d_attr[at + k];
 
         d_out[rows.first + k] =
+            /* A step goes against d: beyond the upper end only one that leads
+             * back (d > 0) passes, beyond the lower end d < 0. */
             (x > most_motion && d < 0) ||
             (x < -most_motion && d > 0) ? 0 : d;
     }
@@ -506,7 +510,7 @@ void saga_twin_geometry(saga_twin *w, const saga_scene *s,
 
 /* --- Colour -------------------------------------------------------------- */
 
-/* Of where a primitive is at mid-segment. */
+/* The direction is to where a primitive is at mid-segment. */
 static void set_direction(real d[3], const saga_twin *w, size_t i,
                           const real *centre)
 {
@@ -545,6 +549,7 @@ static void colour_chunk(void *user, size_t chunk)
     if (view)
         run(w, t->s, SAGA_NET_COLOUR_VIEW, chunk);
     for (i = of.begin * width; i < of.end * width; i++) {
+        /* Both parts of the hidden layer are summed before its ReLU. */
         const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
                        (view ? w->batch[SAGA_NET_COLOUR_VIEW].out[i] : 0);
 
@@ -616,6 +621,8 @@ static void loss_chunk(void *user, size_t chunk)
             const real o = dx / t->w->support[at];
             const real over = o > 1 ? o - 1 : o < -1 ? o + 1 : 0;
 
+            /* With L = weight over^2 and o = dx / support: dL/dx = 2 weight
+             * over / support, and dL/d log2 support = -2 weight over o ln 2. */
             t->d->prim_x[4 * i + k] += 2 * t->weight * over /
                                        t->w->support[at];
             t->w->d_log2_support[at] -= 2 * t->weight * over * o * LN2;
@@ -683,12 +690,15 @@ static void colour_block(void *user, size_t block)
     for (i = 3 * of.begin; i < 3 * of.end; i++) {
         last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
                                      1);
+        /* Taken; the next camera's gradients begin from nothing. */
         w->d_attr.colour[i] = 0;
     }
     back(t, SAGA_NET_COLOUR, block);
     for (i = of.begin * width; i < of.end * width; i++) {
         const real g = last->in[i] > 0 ? last->d_in[i] : 0;
 
+        /* The part without direction is the same for all cameras: its gradients
+         * add up, and go back once (prim_block). */
         d_base[i] += g;
         if (sees_views(t->s))
             d_view[i] = g;
@@ -806,6 +816,8 @@ static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     stage t = { .w = w, .d = d, .s = s };
 
     attribute_rows(t.rows, s);
+    /* From attributes to the networks' outputs, through the networks, then from
+     * features to the fine anchors they came from. */
     do_rows(attributes_chunk, &t, w->n.prim);
     t.nets = nets;
     t.n_nets = 3;
@@ -857,6 +869,8 @@ void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
     stage t = { .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2 };
 
     saga_model_rows(t.rows, &s->model);
+    /* Backward, in the opposite order: primitives leave the gradients of fine
+     * features and supports, from which the coarse tier goes on. */
     prims_backward(w, d, s);
     go_back(fine_block, &t, w->n.fine);
     saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,
