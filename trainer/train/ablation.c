@@ -38,12 +38,14 @@ static bool read_word(saga_ablation *a, const char *text, size_t n)
         const bool flag = words[i].name[length - 1] != '=';
         char *end = NULL;
 
+        /* A flag is the whole word; one with a number begins it. */
         if (n < length || memcmp(text, words[i].name, length) != 0 ||
             flag != (n == length))
             continue;
         const long x = flag ? 1 : strtol(text + length, &end, 10);
         const uint16_t number = (uint16_t)x;
 
+        /* All members are 16 bits. */
         memcpy((char *)a + words[i].offset, &number, sizeof number);
         return flag || (end == text + n && x > 0 && x <= words[i].most);
     }
@@ -52,6 +54,7 @@ static bool read_word(saga_ablation *a, const char *text, size_t n)
 
 static bool is_allowed(const saga_ablation *a, saga_error *error)
 {
+    /* A power of two, and not below the least of the format; 0: not given. */
     if (a->slots & (a->slots - 1) || (a->slots && a->slots < SAGA_MIN_SLOTS))
         return saga_fail(error, NULL, remedy, "--ablate slots=%u", a->slots);
     return !a->no_bank || (!a->slots && !a->plain_update) ||

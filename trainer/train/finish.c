@@ -25,6 +25,7 @@ static int exponent_of(double value)
 {
     int e;
 
+    /* |value| < 2^e, so that the mantissa stays within 30 bits. */
     frexp(value, &e);
     return e - 30;
 }
@@ -34,6 +35,8 @@ static void set_rate(saga_header *h, double fps)
 {
     const double ntsc = fps * 1.001;
 
+    /* Whole rates are exact, and so are 24000 / 1001 and its like, which a
+     * capture may have rounded to 23.976. */
     h->fps_den = fabs(fps - rint(fps)) < 1e-6 ? 1
                 : fabs(ntsc - rint(ntsc)) < 1e-4 ? 1001 : 1000;
     h->fps_num = (uint32_t)fmax(1, h->fps_den == 1 ? rint(fps)
@@ -47,8 +50,10 @@ static void set_header(saga_header *h, const saga_train *t, int level)
     double most = 1e-9;
 
     memset(h, 0, sizeof *h);
+    /* A box unit is 2^-23 of half the cube, in the world's unit. */
     h->unit_exponent = exponent_of(cube->unit / 8388608.0);
     h->unit_mantissa = mantissa_of(cube->unit / 8388608.0, h->unit_exponent);
+    /* One exponent for all axes, by the largest of them. */
     for (int i = 0; i < 3; i++)
         most = fmax(most, fabs(cube->centre[i]));
     h->centre_exponent = exponent_of(most);
@@ -83,6 +88,8 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
                                              error);
     saga_metric m;
 
+    /* By the header's rounded numbers: a decoder knows no others, and cameras
+     * have to stand where its cube is. */
     m.unit = ldexp(h->unit_mantissa, h->unit_exponent);
     for (int i = 0; i < 3; i++)
         m.centre[i] = ldexp(h->centre_mantissa[i], h->centre_exponent);
@@ -91,6 +98,7 @@ static saga_rig_camera *make_rig(saga_train *t, const saga_header *h,
 
         memset(&c, 0, sizeof c);
         for (int k = 0; k < 3; k++)
+            /* What training drew behind everything. */
             c.background_q15[k] = (uint16_t)lrint(
                 32768 * (t->pictures.background[k] / 255.0));
         if (!saga_camera_of_shot(&c, &m, &t->capture->views[i],
@@ -117,6 +125,8 @@ static bool name_rig(saga_encoder *e, const saga_capture *c, saga_error *error)
         const char *const name = c->views[i].name;
         size_t k = 0;
 
+        /* Stops at the end, or at a control character: then 0 bytes are
+         * taken. */
         while ((unsigned char)name[k] >= 0x20 && name[k] != 0x7f)
             k++;
         saga_utf8_copy(names[i].name, sizeof names[i].name, name,
@@ -143,6 +153,7 @@ static bool begin_file(saga_packed *file, saga_train *t, int level,
     bool ok;
 
     set_header(&h, t, level);
+    /* The header comes first: the rig is in its units. */
     rig = make_rig(t, &h, error);
     if (!rig)
         return false;
@@ -168,6 +179,8 @@ static int place_of(const saga_train *t)
 {
     if (t->turn == 0 || (t->o.networks && t->base.n_prim))
         return 0;
+    /* With networks of another training and no base the file has the first
+     * segment alone: this one lies before or behind it. */
     return t->o.networks ? saga_train_segment(t) > t->o.first
                          : saga_train_segment(t);
 }
@@ -189,8 +202,10 @@ static bool pack_at(saga_train *t, int level, manner how, saga_twin *twin,
     bool ok = file->encoder ||
               begin_file(file, t, level, twin, in, error);
 
+    /* There is no file of a base alone: nothing is finished. */
     if (ok && saga_train_in_base(t))
         return saga_pack_base(file, &quantise, &t->decoded, in, error);
+    /* This turn made the networks, which the encoder has by now. */
     if (how == FINAL && !is_segment(t))
         return ok;
     ok = ok && saga_pack_segment(file, (uint32_t)place_of(t),
@@ -200,6 +215,8 @@ static bool pack_at(saga_train *t, int level, manner how, saga_twin *twin,
                                    &t->report.sizes, error);
     if (ok && how != TRIAL)
         t->report.quantise.n_clamped += quantise.n_clamped;
+    /* A trial's file goes with its bytes copied; else there is nothing in
+     * it. */
     saga_packed_free(&trial);
     return ok;
 }
@@ -225,6 +242,7 @@ static void keep_entropy(saga_train_entropy *e, const saga_rate_choice *c)
     memset(e, 0, sizeof *e);
     for (int i = 0; i < SAGA_N_STEPS; i++)
         e->estimate[sym[i]] = c->bits[i];
+    /* The choice counts bits, the report bytes. */
     for (int kind = 0; kind < SAGA_N_KINDS; kind++) {
         const saga_rate_gain *const g = &c->rate->decision.gain[kind];
 
@@ -263,6 +281,8 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
                                         &r->model, t, saga_fit_scene(t->fit),
                                         twin, error));
 
+    /* The float model was measured on the fit's twin; what is decoded is there
+     * once it is packed. */
     ok = ok && pack_at(t, level, how, twin, &in, error);
     if (ok && measured)
         ok = saga_train_measure_decoded(t, error);
@@ -270,12 +290,14 @@ static bool pack(saga_train *t, int level, manner how, saga_error *error)
     if (is_segment(t))
         keep_counts(&r->n, &t->scene.n);
     r->base = t->base;
+    /* Steering multiplies prices, and lambda is in proportion to them. */
     r->lambda = t->lambda * saga_fit_price(t->fit) /
                 t->policy.price.residual;
     r->dynamic = t->dynamic;
     memcpy(r->tool, t->tool, sizeof r->tool);
     r->explained = t->explained;
     r->changing = t->changing;
+    /* The first turn makes the networks: it tells of them. */
     if (twin && t->turn == 0) {
         keep_entropy(&r->entropy, &choice);
         r->n_parameters = count_parameters(&choice.scene);
@@ -339,6 +361,9 @@ static bool probe(saga_train *t, saga_error *error)
  * the first segment, since the others have about the same. */
 bool saga_train_check_level(saga_train *t, saga_error *error)
 {
+    /* Packed at the highest level, which has the widest limits; what the file
+     * needs is then compared with those of the level asked for, so that the
+     * message can say both. */
     const bool ok = t->turn > 0 ||
                     (pack(t, SAGA_N_PROFILES - 1, TRIAL, error) &&
                      probe(t, error) &&
@@ -360,11 +385,14 @@ bool saga_train_measure_size(saga_train *t, saga_error *error)
 
 bool saga_train_pack(saga_train *t, saga_error *error)
 {
+    /* Sized segments go by what the finished ones' primitives took (size.c). */
     if (is_segment(t)) {
         t->n_finished += t->scene.n.prim;
         return saga_train_measure_flat(t, error) &&
                pack(t, t->o.level, FINAL, error) && probe(t, error);
     }
+    /* Networks for a base; or the base, which is kept as it is decoded, since
+     * all segments are drawn on it. */
     return pack(t, t->o.level, FINAL, error) &&
            (!saga_train_in_base(t) || (saga_train_make_decoded(t, error) &&
                                        saga_train_keep_base(t, error)));

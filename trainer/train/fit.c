@@ -8,11 +8,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* So many iterations pass between refreshes of the neighbours; so many until
- * the full learning rate of the pictures, while Adam's moments fill anew. */
+/* Iterations between refreshes of the neighbours; iterations until the full
+ * learning rate of the pictures, while Adam's moments fill anew. */
 enum { REFRESH_EVERY = 50, RAMP = 300 };
 
-/* These are streams of random numbers. */
+/* Streams of random numbers. */
 enum { STREAM_VIEW = 100, STREAM_NOISE, STREAM_OFFSET, STREAM_LAYERS };
 
 /* lambda_a, of anchors' distance from their primitives. */
@@ -47,6 +47,7 @@ static bool begin(saga_fit *f, saga_error *error)
 {
     saga_scene *const s = f->scene;
 
+    /* Anchors first: the rate takes their positions as they are by then. */
     saga_rate_snap(s);
     if (f->o.given)
         memcpy(s->params, f->o.given->scene.params,
@@ -55,6 +56,7 @@ static bool begin(saga_fit *f, saga_error *error)
         !saga_twin_init(&f->twin, s, error) ||
         !saga_rate_init(&f->rate, s, error))
         return false;
+    /* Before the first refresh, which else measures constants of its own. */
     if (f->o.given)
         saga_rate_give(&f->rate, &f->o.given->constants);
     if (!saga_rate_refresh(&f->rate, s, error) ||
@@ -137,6 +139,8 @@ static int is_rounding(const saga_fit *f)
  * leaves those of another model. */
 static int is_remembering(const saga_fit *f)
 {
+    /* Without a reader, from the first or since sources were chosen, there is
+     * no bank to read. */
     return saga_rate_readers(&f->rate.context, f->scene) &&
            (f->iteration % SAGA_RATE_REMEMBER_EVERY == 0 ||
             f->iteration == saga_fit_first_rounding(f));
@@ -153,16 +157,20 @@ static bool add_rate(saga_fit *f, double price, saga_error *error)
         .weight = (real)price
     };
 
+    /* Once, in the first iteration that rounds. The sources of given networks
+     * were chosen when those were made. */
     if (o.rounding && !f->o.given && !f->rate.decision.decided &&
         !saga_rate_decide(&f->rate, f->scene, &x, error))
         return false;
+    /* A quarter of the blocks stands for all of them; where the bank is read,
+     * all are evaluated. */
     saga_rate_look(&o, f->iteration, is_remembering(f));
     saga_rate_add(f->bits, &f->rate, &f->grad, &x, &o);
     return true;
 }
 
-/* Threads take so many features, so many primitives at a time, and so many
- * nanoseconds for each. */
+/* Features and primitives that a task takes, and nanoseconds for each of
+ * them. */
 enum { FEATURES = 2048, FEATURE_NS = 5, PRIMS = 256, PRIM_NS = 60 };
 
 /* Sets a part of f->feature: with noise of a step, then rounded. */
@@ -176,10 +184,13 @@ static void use_features(void *user, size_t part)
     const double step = saga_fit_feature_step(f->scene);
     size_t i;
 
+    /* Against mu of each anchor's last evaluation. */
     if (is_rounding(f)) {
         saga_rate_round(f->feature, &f->rate, f->scene, of);
         return;
     }
+    /* Noise u - 1/2 of a step is spread as the errors of rounding are, and lets
+     * gradients through. It depends on i, not on threads. */
     for (i = of.begin; i < of.end; i++)
         f->feature[i] = (real)((double)f->scene->coarse_feature[i] +
                                step * (saga_rng_double(r, i) - 0.5));
@@ -204,6 +215,9 @@ static void use_positions(void *user, size_t part)
         const real *const support = f->twin.support + 4 * fine;
         real o[4];
 
+        /* The paper's (1), turned round: x = anchor + o support. Supports
+         * are those of the last iteration; this one's are made after the
+         * positions. */
         for (k = 0; k < 4; k++)
             o[k] = (s->prim_x[4 * i + k] - at[k]) / support[k];
         if (is_rounding(f))
@@ -213,6 +227,8 @@ static void use_positions(void *user, size_t part)
                 o[k] += (real)(step * (saga_rng_double(r, 4 * i + k) - 0.5));
         for (k = 0; k < 4; k++) {
             f->position[4 * i + k] = at[k] + support[k] * o[k];
+            /* Steps are parts of supports: what noise or rounding moves grows
+             * with them, and this is how supports learn it. */
             f->twin.prim_shift[4 * i + k] =
                 f->position[4 * i + k] - s->prim_x[4 * i + k];
         }
@@ -262,7 +278,7 @@ static void tensor(saga_adam_tensor *t, saga_fit *f, const char *name,
     t->rate = rate;
 }
 
-/* These are learning rates. */
+/* Learning rates. */
 typedef struct { real feature, prim, entropy, networks, steps; } rates;
 
 static bool descend(saga_fit *f, const rates *r, saga_error *error)
@@ -277,15 +293,19 @@ static bool descend(saga_fit *f, const rates *r, saga_error *error)
     const size_t first = still > n_entropy ? still : n_entropy;
     saga_adam_tensor t[N_TENSORS];
 
+    /* Anchors' positions are in no tensor: they stand still. */
     tensor(&t[T_FEATURE], f, "coarse features", s->coarse_feature,
            (size_t)s->n.coarse * s->model.features, r->feature);
     tensor(&t[T_PRIM], f, "primitive positions", s->prim_x,
            4 * (size_t)s->n.prim, r->prim);
     tensor(&t[T_ENTROPY], f, "entropy networks", s->params,
            n_entropy - n_bank, r->entropy);
+    /* The bank has a gradient only where it is read anew. At a rate of 0 its
+     * moments wait for the next. */
     tensor(&t[T_BANK], f, "memory bank's networks",
            s->params + n_entropy - n_bank, n_bank,
            is_remembering(f) ? SAGA_BANK_TWIN_PACE * r->entropy : 0);
+    /* From the first layer on that is not rounded yet. */
     tensor(&t[T_PARAMS], f, "networks", s->params + first,
            saga_fit_n_params(s) - first, r->networks);
     t[T_STEPS] = (saga_adam_tensor){
@@ -307,6 +327,8 @@ static uint32_t n_drawn(const saga_fit *f)
 
     if (s->n_layers == 1 || x < 0.5)
         return s->n.prim;
+    /* 2 x - 1 is uniform in [0, 1): one of the layers but the first, whose
+     * first primitive ends those before it. */
     return s->layer[1 + (size_t)((2 * x - 1) * (s->n_layers - 1))].first.prim;
 }
 
@@ -351,14 +373,21 @@ static bool render_iteration(saga_fit *f, double *mse, saga_error *error)
         .steps = is_rounding(f) || f->o.given ? 0 : rate * R(0.01)
     };
 
+    /* Forward: positions, attributes, then the picture, which leaves its
+     * gradients. */
     saga_twin_offsets(&f->twin, &f->used);
     saga_twin_geometry(&f->twin, &f->used, f->feature);
     if (!learn_picture(f, picture, mse, error))
         return false;
+    /* L_A and the rate, before the twin goes back: both add to gradients of
+     * supports, which it takes. */
     saga_twin_anchor_loss(&f->twin, &f->grad, &f->used, ANCHOR_PRICE);
     if (!add_rate(f, f->o.price.residual, error))
         return false;
+    /* Backward, to features, positions and networks. */
     saga_twin_backward(&f->twin, &f->grad, &f->used);
+    /* The weights' rate comes last: the gradient of a step is made of all
+     * gradients of its tensor. */
     saga_fit_rate_weights(f);
     return descend(f, &now, error);
 }
@@ -368,18 +397,24 @@ bool saga_fit_iterate(saga_fit *f, double *mse, saga_error *error)
     bool ok;
 
     *mse = 0;
+    /* What is used instead of the scene: noisy or rounded copies. */
     use_all_features(f);
     use_all_positions(f);
     if (!saga_fit_use_weights(f, error))
         return false;
+    /* Neighbours stand still in between, and no gradient flows through them
+     * (twin.h). */
     if (f->iteration % REFRESH_EVERY == 0 &&
         !saga_twin_refresh(&f->twin, &f->used, f->feature, error))
         return false;
+    /* The entropy networks begin as the constants of what the start has
+     * made. */
     if (f->iteration == 0) {
         const saga_rate_input x = rate_input(f, f->feature);
 
         saga_rate_start(&f->rate, f->scene, &x);
     }
+    /* All backward passes add to gradients. */
     saga_clear(&(saga_span){ f->grad.reals, f->grad.n_reals * sizeof(real) },
                1);
     saga_twin_clear(&f->twin, f->scene);
@@ -395,15 +430,20 @@ saga_twin *saga_fit_code(saga_fit *f, real *feature, saga_rate_choice *c,
 {
     saga_rate_input x = rate_input(f, feature);
 
+    /* Networks and offsets as they will be decoded. */
     saga_fit_round_weights(f);
     use_all_positions(f);
     x.scene = &f->used;
     if (!saga_rate_choice_init(c, &f->rate, &x, error))
         return NULL;
+    /* Coarse features, from the unrounded ones, in the order of coding: each is
+     * rounded against the mu that those before it give. */
     memcpy(feature, f->scene->coarse_feature, (size_t)f->scene->n.coarse *
            f->scene->model.features * sizeof *feature);
     saga_rate_choice_code(c, &f->rate, &x, SAGA_KIND_COARSE,
                           SAGA_KIND_COARSE);
+    /* Fine features and supports follow from them, and the other two kinds are
+     * coded with these. */
     if (!saga_twin_refresh(&f->twin, &f->used, feature, error)) {
         saga_rate_choice_free(c);
         return NULL;

@@ -38,8 +38,8 @@
 #include "twin.h"
 #include "weight_rate.h"
 
-/* These are networks as they are decoded, and what kinds without sources have
- * instead of one. */
+/* Networks as they are decoded, and what kinds without sources have instead of
+ * one. */
 typedef struct saga_fit_networks {
     saga_scene scene;            /* model with its formats, networks; nothing
                                   * else */

@@ -19,6 +19,7 @@ static void walk_links(saga_checkpoint *c, saga_links *l, size_t queries)
     uint64_t n = l->n;
 
     saga_checkpoint_walk(c, &n, sizeof n);
+    /* A damaged count must not lead beyond the arrays. */
     c->failed = c->failed || n > queries * SAGA_MAX_NEIGHBOURS;
     if (c->failed)
         return;
@@ -57,16 +58,20 @@ void saga_fit_walk(saga_fit *f, saga_checkpoint *c)
     saga_weights *const w = &f->weights;
     uint64_t iteration = (uint64_t)f->iteration;
 
+    /* The scene was made again from the warm-up: it has to be the same one. */
     saga_checkpoint_expect(c, f->scene->n.coarse);
     saga_checkpoint_expect(c, f->scene->n.fine);
     saga_checkpoint_expect(c, f->scene->n.prim);
     saga_checkpoint_expect(c, f->scene->n_reals);
     saga_checkpoint_walk(c, &iteration, sizeof iteration);
+    /* The step may have been steered (size.c); the prices go with it. */
     saga_fit_walk_step(f, c);
+    /* What is learned, with Adam's moments. */
     walk_reals(c, f->scene->reals, f->scene->n_reals);
     walk_reals(c, f->m, f->scene->n_reals);
     walk_reals(c, f->v, f->scene->n_reals);
     walk_rate(c, &f->rate, f->scene);
+    /* Steps of the networks; copies that carry noise are made anew. */
     saga_checkpoint_walk(c, w->log2_step, sizeof w->log2_step);
     saga_checkpoint_walk(c, w->m, sizeof w->m);
     saga_checkpoint_walk(c, w->v, sizeof w->v);

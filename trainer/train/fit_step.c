@@ -33,7 +33,11 @@ static void keep_parameters(saga_fit *f, double factor, double old_unit)
     const real units = R(old_unit / (double)saga_rate_mu_unit(
         m, SAGA_KIND_COARSE, 4));
 
+    /* Rows 0..n-1 give mu, rows n..2n-1 log2 sigma; channels 0..3 are the
+     * centre, whose step stays. */
     for (size_t c = 4; c < n; c++) {
+        /* sigma / step goes down by log2 of the factor, mu stays the same
+         * value. */
         net->b[last][n + c] -= R(log2(factor));
         net->b[last][c] *= units;
         for (size_t i = 0; i < in; i++)
@@ -47,10 +51,13 @@ void saga_fit_scale_step(saga_fit *f, double factor)
                                                   SAGA_KIND_COARSE, 4);
     const double old = step_of(f);
 
+    /* Whole LSB of the format; `factor` becomes what could be said. */
     set_step(f, (uint32_t)fmin(fmax(rint(old * factor), LEAST_STEP),
                                MOST_STEP));
     factor = step_of(f) / old;
     keep_parameters(f, factor, unit);
+    /* Rounding costs step^2 / 12 and a bit more halves the step, so that a bit
+     * gains 2 ln 2 step^2 / 12: its price goes with the square. */
     f->o.price.residual *= factor * factor;
     f->o.price.weight *= factor * factor;
 }

@@ -25,13 +25,14 @@
  * become larger (docs/lab/networks.md). */
 #define NOISE_PART 0.125
 
-/* Of the iterations that are left: in these all layers are rounded. */
+/* Part of the iterations that are left in which all layers are rounded; in the
+ * others features and positions alone learn. */
 #define ROUNDING_PART 0.75
 
-/* This is the largest weight of 8 bits. */
+/* The largest weight of 8 bits. */
 enum { INT8_MOST = 127 };
 
-/* This is a stream of random numbers; fit.c has others. */
+/* A stream of random numbers; fit.c has others. */
 enum { STREAM_WEIGHTS = 110 };
 
 /* --- The copy ------------------------------------------------------------ */
@@ -59,6 +60,8 @@ bool saga_fit_begin_weights(saga_fit *f, saga_error *error)
                             "the networks", error);
     if (!f->params)
         return false;
+    /* The scene that the twin runs shares everything with the fitted one but
+     * networks and positions, which are copies. */
     f->used = *s;
     f->used.params = f->params;
     f->used.prim_x = f->position;
@@ -87,6 +90,8 @@ static int n_rounded(const saga_fit *f, int done)
     const int span = 1 + (int)(ROUNDING_PART * (f->o.n_render - first));
     const int layers = f->weights.n / 2;
 
+    /* Even shares of `span`, at least one layer at once; of a layer come two
+     * tensors, weights and biases. */
     return done < first || f->o.raw_networks ? 0
          : done - first >= span ? 2 * layers
          : 2 * (1 + (int)((int64_t)(done - first) * layers / span));
@@ -96,6 +101,8 @@ size_t saga_fit_n_still(const saga_fit *f)
 {
     const int n = n_rounded(f, f->iteration);
 
+    /* Tensors lie in the order of params: what stands still ends where the
+     * first that does not begins. */
     return n == 0 ? 0 : n == f->weights.n ? saga_fit_n_params(f->scene)
          : f->weights.tensor[n].at;
 }
@@ -106,6 +113,7 @@ static saga_weight_round_input rounding_of(const saga_fit *f, int t)
     const saga_weight_tensor *const l = &f->weights.tensor[t];
     const saga_twin_batch *const b = &f->twin.batch[l->net];
 
+    /* Hidden units lie in padded rows, a network's own inputs do not. */
     return (saga_weight_round_input){
         .x = l->layer ? b->work.hidden[l->layer - 1] : b->in,
         .points = saga_twin_rows(&f->twin, l->net),
@@ -125,10 +133,14 @@ static bool round_layers(saga_fit *f, int from, int to, saga_error *error)
     saga_splat_camera camera;
     int t;
 
+    /* Batches of parameters without noise, all of them in one run: layers of
+     * the same turn do not see each other's rounding. */
     copy_params(f);
     saga_pictures_camera(&camera, f->pictures, picture);
     saga_twin_geometry(&f->twin, &f->used, f->feature);
     saga_twin_colour(&f->twin, &f->used, camera.centre);
+    /* The scene's own parameters become the multiples: they are what stands
+     * still from now on. */
     for (t = from; t < to; t += 2) {
         const saga_weight_round_input in = rounding_of(f, t);
 
@@ -147,14 +159,18 @@ bool saga_fit_use_weights(saga_fit *f, saga_error *error)
     const int done = f->iteration;
     const int now = n_rounded(f, done), before = n_rounded(f, done - 1);
 
+    /* Given networks are as they are decoded: no noise, nothing to round. */
     if (f->o.given) {
         copy_params(f);
         return true;
     }
+    /* Once more: the start has made other networks since the fit began. */
     if (done == 0)
         start_steps(f);
     if (now > before && !round_layers(f, before, now, error))
         return false;
+    /* The seed is made of the iteration, so that a checkpoint needs no
+     * state. */
     saga_weights_noise(f->params, f->scene->params, &f->weights, now,
                        NOISE_PART, f->o.seed ^ ((uint64_t)done << 20) ^
                                    STREAM_WEIGHTS);
@@ -184,6 +200,7 @@ bool saga_fit_weight_bits(double *bits, const saga_fit *f, saga_error *error)
     int t;
 
     *bits = 0;
+    /* Even tensors are weights, odd ones biases. */
     for (t = 0; t < f->weights.n; t += 2) {
         const saga_weight_tensor *const w = &f->weights.tensor[t];
 

@@ -26,6 +26,8 @@ static bool add_light(real *light, saga_splat_params *d, saga_canvas *c,
     saga_splat_stats stats = { NULL, light, NULL };
 
     saga_pictures_aim(c, &t->pictures, picture);
+    /* Blending weights do not depend on the loss, only the gradients do, and
+     * nobody reads those. */
     memset(c->d_image, 0, n * sizeof *c->d_image);
     return saga_splat_forward(c, &flat, saga_flat_count(t->flat), error) &&
            saga_splat_backward(d, &stats, c, &flat, error);
@@ -46,6 +48,8 @@ static bool measure_light(real *light, const saga_train *t, saga_error *error)
     for (int v = 0; ok && v < t->capture->n_views; v++) {
         int frame, i;
 
+        /* Frames until the view has no further sample; none of a held-out
+         * view. */
         for (i = 0; ok && !t->capture->views[v].held_out &&
                     (frame = saga_train_sample(t->capture, v, i)) >= 0; i++)
             ok = add_light(light, &d, &c, t, (saga_sample){ v, frame, 0 },
@@ -70,6 +74,7 @@ static int compare(const void *a, const void *b)
 
     if (x->light < y->light || x->light > y->light)
         return x->light > y->light ? -1 : 1;
+    /* A total order: qsort alone does not say what becomes of equals. */
     return x->index < y->index ? -1 : x->index > y->index;
 }
 
@@ -96,6 +101,7 @@ static bool sort_by_light(uint32_t *index, uint32_t n, const saga_train *t,
  * twice as many as the one before, and one at least. */
 static uint32_t n_first(uint32_t n, uint32_t k, uint32_t n_layers)
 {
+    /* 1 + 2 + ... + 2^(k-1) = 2^k - 1 parts of 2^n_layers - 1. */
     const uint32_t end = (uint32_t)((uint64_t)n * ((1u << k) - 1) /
                                     ((1u << n_layers) - 1));
 
@@ -128,6 +134,8 @@ static bool build_one(built *b, const uint32_t *index, uint32_t n,
     const saga_hierarchy_pool some = { &own, score, n };
     bool ok;
 
+    /* Budgets follow the primitives. Rounded up, they do not leave a layer
+     * without an anchor. */
     o.max_coarse = part_of(o.max_coarse, n, pool->n);
     o.max_fine = part_of(o.max_fine, n, pool->n);
     b->source = saga_alloc(n, sizeof *b->source, what, error);
@@ -136,6 +144,7 @@ static bool build_one(built *b, const uint32_t *index, uint32_t n,
     for (uint32_t i = 0; i < n && ok; i++)
         score[i] = pool->score[index[i]];
     ok = ok && saga_hierarchy_build(&b->scene, b->source, &some, &o, error);
+    /* From numbers in the layer's own pool to those in the pool of all. */
     for (uint32_t i = 0; ok && i < b->scene.n.prim; i++)
         b->source[i] = index[b->source[i]];
     saga_train_params_free(&own);
@@ -162,6 +171,7 @@ static void copy_structure(saga_scene *s, const saga_scene_layer *l,
     memcpy(s->split + l->first_node, from->split, l->n_nodes);
     memcpy(s->occupancy + l->first_node, from->occupancy,
            l->n_nodes * sizeof *s->occupancy);
+    /* Splits and occupancy know nothing of ranks. Children and parents do. */
     for (uint32_t i = 0; i < l->n.coarse; i++) {
         s->coarse[first.coarse + i] = from->coarse[i];
         s->coarse[first.coarse + i].first_fine += first.fine;
@@ -201,6 +211,8 @@ static bool merge(saga_scene *s, uint32_t *source, const built *b,
 {
     saga_scene_layer all = { .n_nodes = 0 }, at = { .n_nodes = 0 };
 
+    /* Room for all of them first, then one behind the other. Networks are made
+     * anew from the seed; the layers' own are not looked at. */
     for (uint32_t k = 0; k < n_layers; k++)
         add(&all, &b[k].scene);
     if (!saga_scene_init(s, o->model, all.n, all.n_nodes, o->seed, error))
@@ -231,6 +243,7 @@ static bool build_all(saga_train *t, uint32_t *source, uint32_t *index,
     for (k = 0; k < n_layers && ok; k++) {
         const uint32_t first = n_first(pool->n, k, n_layers);
 
+        /* Layer k are the primitives between two sums: the next brightest. */
         ok = build_one(&b[k], index + first,
                        n_first(pool->n, k + 1, n_layers) - first, pool, o,
                        error);

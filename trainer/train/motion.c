@@ -46,6 +46,7 @@ double saga_train_change(const saga_capture *c)
             const uint8_t *const now = saga_capture_frame(
                 c, v, (int)((int64_t)i * c->n_frames / n));
 
+            /* Bytes R, G, B of a pixel; one of them is enough to change it. */
             for (size_t at = 0; at < size; at += 3)
                 changing += changes(now + at, middle + at);
             pixels += (double)(size / 3);
@@ -59,6 +60,8 @@ static void count_pixel(tally *sum, const uint8_t *now, const uint8_t *middle,
                         size_t plane)
 {
     for (size_t k = 0; k < 3; k++) {
+        /* The change against the middle frame, of the truth and as it is drawn:
+         * a still picture's errors cancel. */
         const double want = (now[k] - middle[k]) / 255.0;
         const double have = (double)(drawn[k * plane] -
                                      drawn_middle[k * plane]);
@@ -94,6 +97,8 @@ static bool tally_view(tally *sum, saga_train *t, int view, real *pictures,
     saga_sample at = { .view = view, .frame = c->n_frames / 2 };
     double mse;
 
+    /* The middle frame stays in the first picture, the others take turns in the
+     * second. */
     if (!saga_flat_render(t->flat, pictures, &mse, at, error))
         return false;
     for (int i = 0; i < n; i++) {
@@ -124,15 +129,20 @@ bool saga_train_decide(saga_train *t, saga_error *error)
 {
     tally sum = { 0, 0, 0, 0 };
 
+    /* The first turn decided for all: the tools are in the header. */
     if (t->turn > 0)
         return true;
     t->dynamic = t->flat_options.temporal;
+    /* Nobody has to look, or nobody can: a camera that moves has no two
+     * pictures of one place. */
     if (!t->dynamic || t->o.motion == SAGA_TRAIN_MOVING || t->capture->moves)
         return true;
     if (!tally_views(&sum, t, error))
         return false;
     t->changing = sum.changing / sum.pixels;
     t->explained = sum.change > 0 ? 1 - sum.left / sum.change : 0;
+    /* Noise of a camera changes pixels too, but is hardly explained
+     * (train.h). */
     t->dynamic = t->changing >= CHANGING_PART && t->explained >= EXPLAINED;
     return true;
 }

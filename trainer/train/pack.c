@@ -48,7 +48,7 @@ static double most_out(const saga_scene *s, const saga_twin *w, int net,
                    (size_t)f->dim[f->n_layers], first, n);
 }
 
-/* An entropy network ran these batches last, of so many rows. */
+/* Batches that an entropy network ran last, and the rows of each. */
 typedef struct {
     const saga_twin_batch *b[SAGA_N_KINDS];
     size_t rows[SAGA_N_KINDS], n;
@@ -75,10 +75,15 @@ static void bank_batches(batches *l, const saga_rate_choice *c, int net)
         const saga_bank_twin_kind *const k = &r->bank.kind[kind];
         const size_t runs = r->kind[kind].runs.n;
 
+        /* A query for each block of a kind that reads. */
         if (net == SAGA_NET_QUERY && (readers >> kind & 1u))
             add_batch(l, &k->query, r->kind[kind].n_blocks);
+        /* Primitives are coded last: nobody reads what they would write. Other
+         * kinds write where this kind or a later one reads. */
         if (kind == SAGA_KIND_PRIM || !(readers >> kind))
             continue;
+        /* A token for each block; a write for each run, and of each to every
+         * slot. */
         if (net == SAGA_NET_AGG)
             add_batch(l, &k->token, r->kind[kind].n_blocks);
         else if (net == SAGA_NET_WRITE_BASE)
@@ -102,6 +107,8 @@ static batches entropy_batches(const saga_rate_choice *c, int net)
     for (kind = 0; kind < SAGA_N_KINDS; kind++) {
         const saga_rate_kind *const k = &c->rate->context.kind[kind];
 
+        /* One hyperprior serves all kinds that have it as a source, but each
+         * kind has an E of its own. */
         if (net == SAGA_NET_HYPER &&
             (c->scene.model.sources[kind] & SAGA_SOURCE_HYPER))
             add_batch(&l, &k->hyper, k->n_blocks);
@@ -149,6 +156,8 @@ static void entropy_formats(saga_model *m, const saga_rate_choice *c)
 
         m->q_in[net] = q_for(most_taken(c, net), 12);
     }
+    /* Slots' and tokens' parts of the write's first layer are made by two
+     * networks, and added in this format. */
     m->q_in[SAGA_NET_WRITE] = q_for(fmax(most_taken(c, SAGA_NET_WRITE),
                                          fmax(most_given(c, SAGA_NET_SLOT),
                                               most_given(c,
@@ -178,6 +187,7 @@ static void head_formats(saga_model *m, const saga_pack_input *in)
         const bool moves = head >= SAGA_HEAD_MOTION1 &&
                            head <= SAGA_HEAD_MOTION3;
 
+        /* A format finer than most_q is of no use to who reads it. */
         if (r->n)
             m->head_q[head] = (uint8_t)fx_max(q_for(
                 (head == SAGA_HEAD_QUAT ? 1 : 0) +
@@ -205,8 +215,10 @@ static void measure_formats(saga_model *m, const saga_pack_input *in)
     uint8_t *const q = m->head_q;
     int net;
 
+    /* The default of those that nothing below measures. */
     for (net = 0; net < SAGA_N_NETS; net++)
         m->q_in[net] = 12;
+    /* Features have been trained for multiples of this format's steps. */
     q[SAGA_HEAD_COARSE] = s->model.head_q[SAGA_HEAD_COARSE];
     entropy_formats(m, in->choice);
     head_formats(m, in);
@@ -216,6 +228,7 @@ static void measure_formats(saga_model *m, const saga_pack_input *in)
     m->q_in[SAGA_NET_COLOUR_VIEW] = DIRECTION_Q;
     m->q_in[SAGA_NET_FUSE_C] = q_for(in->room * most_feature(s, in->feature),
                                      EMBEDDING_Q);
+    /* Who reads another network takes what that gives, in its format. */
     m->q_in[SAGA_NET_FINE] = m->width[SAGA_NET_FUSE_C]
         ? q[SAGA_HEAD_FUSE_C] : m->q_in[SAGA_NET_FUSE_C];
     m->q_in[SAGA_NET_FUSE_F] = q[SAGA_HEAD_FINE];
@@ -241,7 +254,7 @@ static void output_formats(uint8_t *q, const saga_model *m, int net,
                          : saga_output_q(m, net, i));
 }
 
-/* This is what every network is packed with. */
+/* What every network is packed with. */
 typedef struct {
     const saga_model *model;     /* formats measured */
     const saga_rate_choice *choice;
@@ -309,16 +322,21 @@ static int row_formats(uint8_t *q, uint8_t *finer, const packing *p,
     int common;
     uint32_t k;
 
+    /* A format for the whole layer first: of an output it is the head's, of
+     * hidden units what the largest of them needs. */
     if (i + 1 == s->net[net].n_layers)
         output_formats(q, p->model, net, n);
     else
         memset(q, q_for(p->room * most_hidden(p, net, i, 0, n), EMBEDDING_Q),
                n);
     common = q[0];
+    /* Then some rows have bits of their own, where they are small. */
     for (k = 0; k < saga_nets_n_finer(p->shapes, net, i); k++) {
         finer[k] = finer_by(p, net, most_row(p, net, i, k), common);
         q[k] = (uint8_t)(common + finer[k]);
     }
+    /* What the direction adds has to be in the format of what it is added
+     * to. */
     for (k = 0; net == SAGA_NET_COLOUR_VIEW && k < n; k++)
         q[k] = (uint8_t)(common +
                          nets->layer[SAGA_NET_COLOUR_BASE][0].finer[k]);
@@ -329,6 +347,8 @@ static int row_formats(uint8_t *q, uint8_t *finer, const packing *p,
 static void input_formats(saga_layer_values *v, const saga_net_symbols *nets,
                           const packing *p, int net, int i)
 {
+    /* A first layer may read another network's rows as they are: then that
+     * network's last layer came before this one. */
     if (i == 0 && saga_nets_takes(p->shapes, net) >= 0) {
         net = saga_nets_takes(p->shapes, net);
         i = p->shapes->shape[net].n_layers;
@@ -369,11 +389,15 @@ static bool pack_layer(saga_net_symbols *out, int *q_in, const packing *p,
     l->finer = saga_calloc(n_out, 1, symbols_of_nets, error);
     if (!l->finer)
         return false;
+    /* Outputs before inputs: the next layer's q_in is what row_formats returns,
+     * v has taken this one's. */
     *q_in = row_formats(q, l->finer, p, out, net, i);
     input_formats(&v, out, p, net, i);
     set_layer_steps(&v, p->choice, p->steps, net, i);
     if (!saga_quantise_layer(l, &v, error))
         return false;
+    /* In reals, for the decoded scene and for segments that take these
+     * networks. */
     if (p->decoded)
         saga_dequantise_layer(p->decoded->net[net].w[i],
                               p->decoded->net[net].b[i], l, &v);
@@ -398,6 +422,7 @@ static bool pack_constants(saga_net_symbols *out, int net,
 {
     saga_layer_symbols *const l = &out->layer[net][0];
 
+    /* Constants are of any size: they get the widest of the deviations. */
     l->step_q16 = 1;
     l->bias_scale = 63;
     l->weight = saga_calloc(1, sizeof *l->weight, symbols_of_nets, error);
@@ -421,6 +446,8 @@ static bool pack_entropy(saga_net_symbols *out, const packing *p, int kind,
     for (i = 0; i < n; i++) {
         const double mean = (double)c->mean[kind][i];
 
+        /* As rows of a network would be: means in the values' format, then log2
+         * of the deviations. */
         v[i] = (int32_t)lrint(ldexp(mean, saga_rate_value_q(p->model, kind,
                                                             i)));
         v[n + i] = (int32_t)lrint(ldexp((double)c->log2_sigma[kind][i],
@@ -439,6 +466,7 @@ static bool pack_nets(saga_net_symbols *out, const packing *p,
     for (net = 0; net < SAGA_N_NETS && ok; net++) {
         const int kind = net - SAGA_NET_E_COARSE;
 
+        /* Absent networks; and without steps, all but the entropy model's. */
         if (!p->choice->scene.net[net].n_layers ||
             (!p->steps && !saga_is_entropy_net(net)))
             continue;
@@ -473,6 +501,7 @@ static double *to_units(const real *x, size_t n, saga_error *error)
     size_t i;
 
     for (i = 0; u && i < 4 * n; i++)
+        /* A half-cube is 2^23 box units, a segment 65536 time units. */
         u[i] = (double)x[i] * (i % 4 < 3 ? 8388608.0 : 65536.0);
     return u;
 }
@@ -485,6 +514,8 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
     const size_t one = sizeof(int32_t), four = 4 * sizeof(int32_t);
     uint32_t i;
 
+    /* The tree is the scene's own; all other arrays are ours, and the closed
+     * loop fills them but for counts and suffixes. */
     y->n = l->n;
     y->n_nodes = l->n_nodes;
     y->split = s->split + l->first_node;
@@ -497,6 +528,7 @@ static bool alloc_symbols(saga_symbols *y, const saga_scene *s,
     y->n_prim = saga_alloc(fine, 1, what, error);
     y->prim_suffix = saga_calloc(prim, one, what, error);
     y->prim_offset = saga_calloc(prim, four, what, error);
+    /* One question for all of them: the first that failed is told. */
     if (saga_failed(error))
         return false;
     for (i = 0; i < coarse; i++)
@@ -539,6 +571,7 @@ static bool begin_decoded(saga_scene *d, const saga_scene *s,
     d->still = s->still;
     d->n_layers = s->n_layers;
     memcpy(d->layer, s->layer, sizeof s->layer);
+    /* Networks of the file, not those that were trained. */
     memcpy(d->params, networks->params,
            networks->n_reals * sizeof *networks->params);
     memcpy(d->split, s->split, s->n_nodes);
@@ -591,10 +624,15 @@ static bool close_layer(saga_symbols *y, const saga_encoder *e,
     const size_t coarse = 4 * (size_t)l->first.coarse;
     const size_t fine = 4 * (size_t)l->first.fine;
     const size_t prim = 4 * (size_t)l->first.prim;
+    /* Offsets are given beside the positions: they are what is coded, and
+     * positions follow. */
     const saga_targets t = {
         u->coarse + coarse, s->coarse_feature + features * l->first.coarse,
         u->fine + fine, u->prim + prim, p->twin->prim_offset + prim, NULL
     };
+    /* What is decoded is written once all is coded, so that anchors may lie in
+     * the same arrays. Primitives of an anchor are sorted by suffix: they need
+     * others. */
     const saga_decoded d = {
         u->coarse + coarse, u->fine + fine, u->prim_out + prim,
         u->feature + features * l->first.coarse, u->order + l->first.prim
@@ -643,6 +681,7 @@ static void keep_constants(saga_rate_constants *c, const saga_model *m)
             real *const mean = &c->mean[kind][i];
             real *const sigma = &c->log2_sigma[kind][i];
 
+            /* To the integers that pack_entropy writes. */
             *mean = (real)ldexp(rint(ldexp((double)*mean, q)), -q);
             *sigma = (real)ldexp(rint(ldexp((double)*sigma,
                                              SAGA_COST_SIGMA_Q)),
@@ -664,11 +703,13 @@ bool saga_pack_begin(saga_packed *file, const saga_pack_input *in,
     h.model = in->choice->scene.model;
     h.more_layers = (uint8_t)(in->choice->scene.n_layers - 1);
     saga_nets_layout(&shapes, &h.model);
+    /* Formats come first: symbols of all networks are in them. */
     measure_formats(&h.model, in);
     file->networks.constants = in->choice->rate->constants;
     keep_constants(&file->networks.constants, &h.model);
     if (!saga_scene_init(networks, &h.model, (saga_counts){ 0 }, 0, 0, error))
         return false;
+    /* The encoder copies what it needs of the symbols. */
     if (pack_nets(&nets, &p, error)) {
         file->encoder = saga_encoder_open(&h, rig, &nets, error);
         saga_net_symbols_free(&nets);

@@ -11,8 +11,8 @@
 #include "quantise.h"
 #include "scene.h"
 
-/* This is a file in the making: its networks as they are decoded, which every
- * segment shares, and the segments so far. Empty: all zero. */
+/* A file in the making: its networks as they are decoded, which every segment
+ * shares, and the segments so far. Empty: all zero. */
 typedef struct saga_packed {
     saga_encoder *encoder;
     saga_fit_networks networks;

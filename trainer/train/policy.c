@@ -10,22 +10,23 @@
  * rates. */
 #define START_PRICE 4
 
-/* A weight's bit costs that many residual's: its noise is so small that it says
- * little of what rounding will cost, so this sets the size of steps. The
+/* A weight's bit costs this many of a residual's: its noise is so small that it
+ * says little of what rounding will cost, so this sets the size of steps. The
  * built-in scene's weights take 5.1 bits at 0.4, 4.2 at 1.2, 3.6 at 2.5. */
 #define WEIGHT_PRICE 1.5
 
-/* Of 4,000 primitives' offsets and their network 8 hidden units make 5,990
- * bytes, 16 6,260, 24 6,760 (constants: 7,320); what 16 gain over 8 grows with
- * the primitives and pays for their weights from about here on. */
+/* 16 hidden units gain more over 8 the more primitives there are, and pay for
+ * their weights from about this number on. Offsets of 4,000 primitives and
+ * their network take 5,990 bytes with 8, 6,260 with 16, 6,760 with 24
+ * (constants: 7,320). */
 enum { WIDE_PAYS = 20000 };
 
-/* From so many primitives on a memory bank may be worth its networks: of 15,000
- * it saves a third of them (docs/lab/memory.md). */
+/* A memory bank may be worth its networks from this number of primitives on: of
+ * 15,000 it saves a third of them (docs/lab/memory.md). */
 enum { BANK_PAYS = 40000 };
 
-/* Of so many primitives hidden units of F_geo save more features than they take
- * weights (docs/lab/networks.md). */
+/* Hidden units of F_geo save more features than they take weights from this
+ * number of primitives on (docs/lab/networks.md). */
 enum { DEEP_PAYS = 6000 };
 
 /* The error falls with the number of primitives to the power of -0.43 (1.3 dB
@@ -35,6 +36,9 @@ enum { DEEP_PAYS = 6000 };
 
 double saga_policy_lambda(double mse, double n_pixels, uint32_t n_primitives)
 {
+    /* dMSE / dn = -0.43 MSE / n, and a primitive takes 75 bits: a bit more in
+     * primitives lowers 255^2 MSE by 0.43 / 75 255^2 MSE / n. A bit more of
+     * exactness lowers it by lambda / n_pixels; in balance both are equal. */
     return LAMBDA_PART * 255 * 255 * mse * n_pixels / n_primitives;
 }
 
@@ -43,12 +47,14 @@ double saga_policy_primitives(double lambda, double mse, double n_pixels,
 {
     const double now = saga_policy_lambda(mse, n_pixels, n_primitives);
 
+    /* With MSE(n) = mse (n / n_primitives)^-0.43, lambda goes with n^-1.43. */
     return n_primitives * pow(now / lambda, 1 / (1 + ERROR_POWER));
 }
 
 saga_policy saga_policy_of(double lambda, double n_pixels,
                            uint32_t n_primitives)
 {
+    /* From squares of 8-bit levels to those of 0..1, which the loss has. */
     const double price = fmax(lambda, LEAST_LAMBDA) / (255 * 255 * n_pixels);
 
     return (saga_policy){

@@ -30,6 +30,8 @@ int saga_train_sample(const saga_capture *c, int view, int index)
 
     if (c->views[view].n_missing == c->n_frames)
         return -1;
+    /* Each view shows one frame at least, even if that makes more pictures than
+     * MAX_PICTURES. */
     n = n < 1 ? 1 : n > c->n_frames ? c->n_frames : n;
     return index < n ? saga_capture_near(
         c, view, (int)((int64_t)index * c->n_frames / n)) : -1;
@@ -46,6 +48,8 @@ static bool measure(saga_train_quality *q, const saga_capture *c,
     int n[2] = { q->n_training, q->n_held_out };
     double sum[2] = { q->training * n[0], q->held_out * n[1] };
 
+    /* Means become sums again, pictures are added, and sums become means.
+     * Without a picture 0 / 0 is the NaN that the report speaks of. */
     for (int v = 0; v < c->n_views; v++) {
         const int set = c->views[v].held_out;
         int frame, i;
@@ -130,6 +134,7 @@ bool saga_train_make_decoded(saga_train *t, saga_error *error)
     if (!saga_twin_init(w, s, error) ||
         !saga_twin_refresh(w, s, s->coarse_feature, error))
         return false;
+    /* Once for all pictures: time and camera come later. */
     saga_twin_geometry(w, s, s->coarse_feature);
     return true;
 }

@@ -17,9 +17,9 @@
 /* Parts of the rendering that are over. */
 static const double moment[] = { 0.05, 0.15, 0.3, 0.5, 0.65, 0.7, 0.8, 0.92 };
 
-/* What is drawn of a segment, the base too, has up to so many times the
- * primitives that were planned; a segment's own are that part of what was
- * planned for it at least. */
+/* Most primitives that are drawn of a segment, the base's too, over those
+ * that were planned; a segment's own are at least what was planned for it
+ * over this. */
 #define MOST_UNLIKE 1.5
 
 /* Networks and offsets take less the longer they learn, and what they take in
@@ -27,6 +27,8 @@ static const double moment[] = { 0.05, 0.15, 0.3, 0.5, 0.65, 0.7, 0.8, 0.92 };
  * what they take now, by three scenes (docs/lab/size.md). */
 static double part_in_the_end(double over)
 {
+    /* Two thirds are where rounding begins (fit.h); after them all is
+     * measured. */
     return over > 2 / 3.0 ? 1 : 0.65 + 0.33 * over;
 }
 
@@ -41,8 +43,11 @@ static double spread_of(double bits)
  * `more` bits more. */
 static double step_factor(double bits, double more, double n)
 {
+    /* b = log2(1 + c s^2) / 2 bits make s^2 = (2^(2 b) - 1) / c, and s, in
+     * steps, goes with 1 / step. */
     const double ratio = spread_of(bits / n) / spread_of((bits + more) / n);
 
+    /* By no more than a bit a value at a time: the next moment goes on. */
     return fmin(fmax(sqrt(ratio), 0.5), 2);
 }
 
@@ -74,6 +79,7 @@ static uint32_t n_planned(const saga_train *t)
  * of the first there are in the file, the base's among them. */
 static double n_paid(const saga_train *t)
 {
+    /* In bytes all primitives count alike, those of the base too. */
     return (t->base.n_prim + (double)t->o.n_segments * n_planned(t)) /
            t->o.n_primitives;
 }
@@ -84,15 +90,20 @@ static double left_for(const saga_train *t, double over)
 {
     const saga_encode_sizes *const z = &t->report.sizes;
     const double saved = 1 - part_in_the_end(over);
+    /* The size, less what the file has once, is shared by all trainings. What
+     * networks will still save is left for values. */
     const double all = (double)t->o.n_bytes - fixed_nbytes(z) +
                        saved * (double)z->networks;
 
+    /* This training's share, with what offsets will still save, less what its
+     * values take now. */
     return all / n_paid(t) + saved * (double)z->prim -
            ((double)z->total - fixed_nbytes(z));
 }
 
 bool saga_train_steer(saga_train *t, saga_error *error)
 {
+    /* In the first turn only: its networks and its step serve all. */
     const double over = t->o.n_bytes && t->turn == 0 ? moment_of(t) : 0;
     const double n = (double)t->scene.n.coarse * t->scene.model.features;
 
@@ -100,6 +111,7 @@ bool saga_train_steer(saga_train *t, saga_error *error)
         return true;
     if (!saga_train_measure_size(t, error))
         return false;
+    /* Offsets and tree are what they are: features take up all that is left. */
     saga_fit_scale_step(t->fit, step_factor(
         t->report.sizes.spent[SAGA_SYM_FEATURE], 8 * left_for(t, over), n));
     return true;
@@ -114,9 +126,13 @@ uint32_t saga_train_sized_share(const saga_train *t)
 
     if (t->o.n_bytes == 0 || n_done == 0)
         return n_planned(t);
+    /* Bytes that a primitive took in the finished segments. */
     of_one = ((double)z->total - fixed_nbytes(z)) / (double)t->n_finished;
+    /* What is left for each of the segments to come. */
     left = ((double)t->o.n_bytes - (double)z->total) /
            (t->o.n_segments - n_done);
+    /* Between two thirds of the plan and half as many more as are drawn, the
+     * base's counted; the level's limit is for both together. */
     return (uint32_t)fmin(fmin(fmax(left / of_one, n / MOST_UNLIKE),
                                MOST_UNLIKE * (n + base) - base),
                           saga_caps[t->o.level].n_prim - base);

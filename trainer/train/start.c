@@ -15,15 +15,15 @@
 
 enum { STREAM_SIGNS = 110 };
 
-/* Primitives whose features are fitted at a time; nanoseconds that a thread
- * takes for one. */
+/* Primitives whose features a task fits; nanoseconds that a thread takes for
+ * one. */
 enum { CODES = 32, CODE_NS = 5000 };
 
-/* So many pictures have random signs; each gives every attribute one more
- * sample. */
+/* Number of pictures that are given random signs; each gives every attribute
+ * one more sample. */
 enum { N_PICTURES = 64 };
 
-/* Basis and features take so many turns, each fitted while the other stands
+/* Turns of basis and features, each of which is fitted while the other stands
  * still. */
 enum { N_TURNS = 6 };
 
@@ -44,7 +44,7 @@ enum { N_TURNS = 6 };
 #define MOST_DEVIATION 4.0
 #define MOST_FEATURE 24.0
 
-/* Features for given networks take so many steps of descent, at rates that fall
+/* Steps of descent that features for given networks take, at rates that fall
  * from the first to the last. */
 enum { N_STEPS = 300 };
 #define FIRST_RATE 0.1
@@ -78,7 +78,7 @@ static void groups_of(real *group[N_GROUPS], const saga_splat_params *p)
     group[COLOUR] = p->colour;
 }
 
-/* A primitive has so many reals in a group's tensor. */
+/* Reals that a primitive has in a group's tensor. */
 static const size_t stride[N_GROUPS] = { 1, 3, 4, 4, 1, 9, 3 };
 
 static bool init(start *x, const saga_fit *f, saga_error *error)
@@ -94,6 +94,7 @@ static bool init(start *x, const saga_fit *f, saga_error *error)
                     : stride[g];
         x->d += x->width[g];
     }
+    /* No more than dimensions: a basis has no further directions. */
     x->f = m->features < x->d ? m->features : x->d;
     x->wanted = saga_calloc(x->n * x->d, sizeof *x->wanted, what, error);
     x->weight = saga_calloc(x->n * x->d, sizeof *x->weight, what, error);
@@ -125,6 +126,9 @@ static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
         return false;
     n = 3 * (size_t)c->camera.width * (size_t)c->camera.height;
     for (size_t i = 0; i < n; i++)
+        /* Sign s_p stands for dL / d pixel p, so that an attribute gets g =
+         * sum_p s_p J_p. The signs are independent: the mean of g^2 is sum_p
+         * J_p^2. */
         c->d_image[i] = saga_rng_bits(r, (number + 1) << 32 | i) >> 63 ? R(1)
                                                                      : R(-1);
     saga_twin_clear(&f->twin, f->scene);
@@ -138,6 +142,8 @@ static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
             for (size_t k = 0; k < x->width[g]; k++) {
                 const double e = (double)group[g][i * stride[g] + k];
 
+                /* The mean over a picture's n values and over pictures: the
+                 * unit is that of the mean squared error. */
                 *w++ += e * e / ((double)n * N_PICTURES);
             }
     }
@@ -164,12 +170,15 @@ static double output_of(double *unit, double a, int g, size_t k,
     switch (g) {
     case OPACITY:
         return fmin(fmax(a, -8), 8);
+    /* A cell's half-size is 2^-depth_x, in half-cubes. */
     case SCALE:
         return a + cell->depth_x;
     case QUAT:
         return a - (k == 0);
+    /* Its half in time is 2^-(depth_t + 1), in segments. */
     case WIDTH:
         return a + 1 + cell->depth_t;
+    /* The unit is a support, in half-cubes. */
     case MOTION:
         *unit = exp2(x->log2_support[k % 3] - cell->depth_x);
         return a / *unit;
@@ -191,12 +200,16 @@ static void choose_supports(start *x, const saga_scene *s)
         for (size_t k = 0; k < 4; k++) {
             const double half = (double)(k < 3 ? saga_scene_half_x(c)
                                                : saga_scene_half_t(c));
+            /* The factor 1.25 below makes an eighth of this tenth, and has the
+             * farthest primitive at 0.8 of the support. */
             double most = half / 10;
 
             for (size_t p = 0; p < s->fine[i].n_prim; p++)
                 most = fmax(most, fabs((double)(
                     s->prim_x[4 * (s->fine[i].first_prim + p) + k] -
                     s->fine_x[4 * (size_t)i + k])));
+            /* The mean of logarithms: a few wide anchors do not decide for
+             * all. */
             x->log2_support[k] += log2(1.25 * most / half) / s->n.fine;
         }
     }
@@ -220,6 +233,7 @@ static void want(start *x, const saga_fit *f)
                 double unit;
 
                 x->wanted[at] = output_of(&unit, a, g, k, cell, x);
+                /* An error e of the output is e unit of the attribute. */
                 x->weight[at] *= unit * unit;
             }
     }
@@ -233,6 +247,8 @@ static void raise_weights(start *x)
         for (size_t i = 0; i < x->n; i++)
             sum += x->weight[i * x->d + k];
         for (size_t i = 0; i < x->n; i++)
+            /* The last term is for dimensions that no picture shows at all:
+             * first_basis divides by their sum. */
             x->weight[i * x->d + k] += LEAST_WEIGHT * sum / (double)x->n +
                                        1e-30;
     }
@@ -255,9 +271,11 @@ static void first_basis(start *x)
             w[k] += x->weight[i * x->d + k];
             sum += x->weight[i * x->d + k] * x->wanted[i * x->d + k];
         }
+        /* From a sum, w becomes the root of the mean weight. */
         x->mean[k] = sum / w[k];
         w[k] = sqrt(w[k] / (double)x->n);
     }
+    /* The covariance, each primitive times its say. */
     for (size_t i = 0; i < x->n; i++) {
         double e[SAGA_LINEAR_MOST], say = 0;
 
@@ -272,6 +290,8 @@ static void first_basis(start *x)
     saga_eigen(v, c, x->d);
     for (size_t k = 0; k < x->d; k++)
         for (size_t j = 0; j < x->f; j++)
+            /* The strongest axes come first; 1 / w leads back into the
+             * dimensions' own units. */
             x->basis[k][j] = v[k][j] / w[k];
 }
 
@@ -285,6 +305,9 @@ static void fit_code(const coding *c, size_t i)
 
     memset(a, 0, sizeof a);
     memset(b, 0, x->f * sizeof *b);
+    /* Normal equations of sum_k w_k (e_k - (B f)_k)^2 + sum_j ridge_j f_j^2,
+     * that is (B' W B + ridge) f = B' W e. The solver reads the lower triangle
+     * alone. */
     for (size_t k = 0; k < x->d; k++) {
         const double w = x->weight[i * x->d + k];
         const double e = x->wanted[i * x->d + k] - x->mean[k];
@@ -295,6 +318,8 @@ static void fit_code(const coding *c, size_t i)
                 a[j][l] += w * x->basis[k][j] * x->basis[k][l];
         }
     }
+    /* A thousandth of the mean diagonal keeps the system solvable where a
+     * primitive's weights say nearly nothing about some feature. */
     for (size_t j = 0; j < x->f; j++)
         trace += a[j][j];
     for (size_t j = 0; j < x->f; j++)
@@ -332,6 +357,7 @@ static void fit_basis(start *x)
         saga_matrix a;
 
         memset(a, 0, sizeof a);
+        /* Regression on (features, 1): the last coefficient is the mean. */
         z[x->f] = 1;
         for (size_t i = 0; i < x->n; i++) {
             const double w = x->weight[i * x->d + k];
@@ -344,6 +370,7 @@ static void fit_basis(start *x)
             }
         }
         for (size_t j = 0; j < n; j++)
+            /* Features that depend on each other would make it singular. */
             a[j][j] *= 1 + 1e-6;
         saga_solve(a, b, n);
         memcpy(x->basis[k], b, x->f * sizeof *b);
@@ -360,6 +387,8 @@ static void change(start *x, saga_matrix forth, saga_matrix back)
     for (size_t i = 0; i < x->n; i++) {
         double *const c = x->code + i * x->f;
 
+        /* Features y = forth c; the products stay what they were, since B c =
+         * (B back) (forth c). */
         for (size_t j = 0; j < x->f; j++) {
             y[j] = 0;
             for (size_t l = 0; l < x->f; l++)
@@ -384,6 +413,8 @@ static void scale(start *x, double price)
     saga_matrix g, v, forth, back;
 
     memset(g, 0, sizeof g);
+    /* G = B' W B / price, W the mean weights: an error e of the features costs
+     * e' G e in units of the price. */
     for (size_t k = 0; k < x->d; k++) {
         double w = 0;
 
@@ -396,6 +427,8 @@ static void scale(start *x, double price)
     saga_eigen(v, g, x->f);
     for (size_t j = 0; j < x->f; j++)
         for (size_t l = 0; l < x->f; l++) {
+            /* With G = V D V', forth D^(1/2) V' and back V D^(-1/2) give back'
+             * G back = 1. The floor stands for directions that draw nothing. */
             const double root = sqrt(fmax(g[l][l], 1e-12 * g[0][0]));
 
             forth[l][j] = v[j][l] * root;
@@ -415,6 +448,7 @@ static void decorrelate(start *x, double *variance)
     for (size_t i = 0; i < x->n; i++)
         for (size_t j = 0; j < x->f; j++)
             mean[j] += x->code[i * x->f + j] / (double)x->n;
+    /* What the features have in common moves into the dimensions' mean. */
     for (size_t k = 0; k < x->d; k++)
         for (size_t j = 0; j < x->f; j++)
             x->mean[k] += x->basis[k][j] * mean[j];
@@ -427,6 +461,8 @@ static void decorrelate(start *x, double *variance)
             for (size_t l = 0; l < x->f; l++)
                 c[j][l] += y[j] * y[l] / (double)x->n;
     }
+    /* A rotation, with v as its inverse: what errors cost, which scale has made
+     * the same in all directions, stays so. */
     saga_eigen(v, c, x->f);
     for (size_t j = 0; j < x->f; j++)
         for (size_t l = 0; l < x->f; l++)
@@ -447,6 +483,8 @@ static void carry(saga_net *net, size_t n)
 
         memset(net->w[l], 0, 2 * n * in * sizeof(real));
         for (size_t i = 0; i < 2 * n; i++)
+            /* The first layer gives ReLU(x) and ReLU(-x). Neither is below 0,
+             * so that the others pass them as they are. */
             net->w[l][i * in + (l ? i : i / 2)] = l || i % 2 == 0 ? 1 : -1;
     }
 }
@@ -461,6 +499,7 @@ static void set_row(saga_net *net, size_t row, const double *b, size_t n,
     real *const w = net->w[l] + row * in;
 
     memset(w, 0, in * sizeof *w);
+    /* x = ReLU(x) - ReLU(-x). */
     for (size_t i = 0; i < n; i++)
         if (l == 0) {
             w[i] = (real)b[i];
@@ -518,6 +557,8 @@ static void set_geometry(const start *x, saga_fit *f)
 
     saga_model_rows(rows, &f->scene->model);
     carry(net, n);
+    /* Rows of heads that nothing is wanted of, as the temporal centre's, are
+     * 0. */
     for (size_t i = 0; i < n_rows; i++)
         set_row(net, i, NULL, 0, 0);
     for (int g = 0; g < COLOUR; g++)
@@ -536,10 +577,13 @@ static void set_colour(const start *x, saga_fit *f)
     const size_t in = (size_t)base->dim[0], at = x->d - 3;
 
     memset(base->w[0], 0, 6 * in * sizeof(real));
+    /* Three pairs, each a colour about its mean; other units stay random, and
+     * nothing reads them yet. */
     for (size_t i = 0; i < 6; i++)
         for (size_t j = 0; j < x->f; j++)
             base->w[0][i * in + j] = (real)((i % 2 ? -1 : 1) *
                                             x->basis[at + i / 2][j]);
+    /* The direction adds nothing to these six at first; it learns to. */
     if (view->n_layers)
         memset(view->w[0], 0, 6 * (size_t)view->dim[0] * sizeof(real));
     memset(net->w[0], 0, 6 * (size_t)net->dim[0] * sizeof(real));
@@ -548,6 +592,7 @@ static void set_colour(const start *x, saga_fit *f)
     for (size_t k = 0; k < 3; k++) {
         double unit[3] = { 0 };
 
+        /* The mean does not pass a ReLU: it is the last bias. */
         unit[k] = 1;
         set_row(net, k, unit, 3, x->mean[at + k]);
     }
@@ -564,6 +609,8 @@ static void set_features(const start *x, saga_fit *f)
     for (i = p = 0; i < s->n.coarse; i++) {
         const uint32_t first = p;
 
+        /* Primitives lie in the order of their anchors: this one's are
+         * first..p-1. */
         for (c = 0; c < s->coarse[i].n_fine; c++)
             p += s->fine[s->coarse[i].first_fine + c].n_prim;
         for (c = first; c < p; c++)
@@ -604,21 +651,28 @@ static void solve_all(start *x, double price, double step)
 {
     double ridge[SAGA_LINEAR_MOST], most;
 
+    /* Basis and features, in turns. */
     first_basis(x);
     for (int i = 0; i < N_TURNS; i++) {
         if (i)
             fit_basis(x);
         fit_codes(x, NULL);
     }
+    /* Units that bits are worth; ridge takes the variances, the largest
+     * first. */
     scale(x, price);
     decorrelate(x, ridge);
     most = fmin(fmax(ridge[0], step * step), MOST_DEVIATION * MOST_DEVIATION);
     if (ridge[0] > 1e-24 && (ridge[0] < most || ridge[0] > most)) {
+        /* Features go with 1 / sqrt(price), variances with 1 / price, so that
+         * this makes the largest one `most`. */
         price *= ridge[0] / most;
         scale(x, price);
         decorrelate(x, ridge);
     }
     drop_idle(x, ridge, step);
+    /* The last features, with a prior of their own variance: PRIOR (price
+     * step^2 / 12) f^2 / variance. */
     for (size_t k = 0; k < x->f; k++)
         ridge[k] = PRIOR * price /
                    (12 / (step * step) * (ridge[k] + 1e-6));
@@ -650,6 +704,7 @@ static void make_networks(start *x, saga_fit *f)
     for (size_t i = 0; i < sizeof passing / sizeof *passing; i++)
         if (f->scene->net[passing[i]].n_layers)
             pass_features(&f->scene->net[passing[i]], x->f);
+    /* Supports come first: they are the units of the motion that is wanted. */
     choose_supports(x, f->scene);
     set_supports(x, f);
     want(x, f);
@@ -685,6 +740,8 @@ static void pull(const start *x, saga_fit *f)
     groups_of(wants, x->target);
     groups_of(d, &f->twin.d_attr);
     saga_twin_clear(&f->twin, f->scene);
+    /* Motion leaves the network in supports and is wanted in half-cubes: a =
+     * motion support, so that both factors get a gradient. */
     for (size_t i = 0; i < x->n; i++)
         for (int g = 0; g < N_GROUPS; g++)
             for (size_t k = 0; k < x->width[g]; k++, w++) {
@@ -708,6 +765,8 @@ static void add_bits(saga_fit *f)
     const size_t n = s->model.features;
 
     for (size_t k = 0; k < n; k++) {
+        /* A normal distribution gives f (f - mean)^2 / (2 sigma^2 ln 2) bits
+         * and a constant; the derivative is (f - mean) / (sigma^2 ln 2). */
         const double sigma =
             step * exp2((double)c->log2_sigma[SAGA_KIND_COARSE][4 + k]);
         const real price = (real)(f->o.price.start / (M_LN2 * sigma * sigma));
@@ -748,18 +807,22 @@ static bool find_features(const start *x, saga_fit *f, saga_error *error)
         saga_pictures_camera(&camera, f->pictures,
                              saga_pictures_pick(f->pictures, r, (uint64_t)i));
         memset(f->grad.reals, 0, f->grad.n_reals * sizeof(real));
+        /* Forward. Nothing is drawn: the camera only gives the direction. */
         saga_twin_geometry(&f->twin, &f->used, f->scene->coarse_feature);
         saga_twin_colour(&f->twin, &f->used, camera.centre);
+        /* Backward, in the opposite order. */
         pull(x, f);
         saga_twin_colour_backward(&f->twin, &f->grad, &f->used);
         saga_twin_backward(&f->twin, &f->grad, &f->used);
         add_bits(f);
         ok = descend(f, i, error);
     }
+    /* The features' format ends at 32; training needs some room. */
     for (size_t i = 0; i < n; i++)
         f->scene->coarse_feature[i] =
             saga_clamp(f->scene->coarse_feature[i], -(real)MOST_FEATURE,
                        (real)MOST_FEATURE);
+    /* The rendering's Adam begins anew. */
     memset(f->m, 0, f->scene->n_reals * sizeof *f->m);
     memset(f->v, 0, f->scene->n_reals * sizeof *f->v);
     return ok;
@@ -772,9 +835,13 @@ bool saga_fit_start(saga_fit *f, saga_splat_params *target, saga_error *error)
     start x = { .target = target };
     bool ok;
 
+    /* Before anything is measured: weights are per attribute, and depend on
+     * which description of an ellipsoid they are taken of. */
     saga_splat_canonical(target, f->scene->n.prim);
     ok = init(&x, f, error) && weigh(&x, f, error);
     if (ok && f->o.given) {
+        /* pull compares attributes themselves, so that weights keep their
+         * units. */
         raise_weights(&x);
         ok = find_features(&x, f, error);
     } else if (ok) {

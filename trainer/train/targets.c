@@ -39,6 +39,8 @@ static double softplus2(double x)
 /* Returns what stands for an opacity after a loss of `lost` in log2 of it. */
 static double dimmed(double opacity, double lost)
 {
+    /* Alpha is 2^(3 - q) with q = log2(1 + 2^(3 - o)); q + lost is solved for
+     * o. From 40 bits on, 2^q - 1 is 2^q in double. */
     const double q = softplus2(SAGA_PEAK_LOG2 - opacity) + lost;
 
     return q < 1e-9 ? opacity
@@ -53,6 +55,8 @@ static void centre(saga_splat_params *p, size_t i)
     const real dt = R(0.5) - p->t_centre[i];
     const real age = dt * saga_splat_ageing(p, i);
 
+    /* The cubic about another moment: its value there, then orders 1 and 2. In
+     * this order, since each reads those after it; order 3 stays. */
     for (size_t a = 0; p->motion && a < 3; a++) {
         real *const b = p->motion + 9 * i + a;
 
@@ -63,6 +67,8 @@ static void centre(saga_splat_params *p, size_t i)
     for (size_t a = 0; p->slope && a < 4; a++)
         p->quat[4 * i + a] += p->slope[4 * i + a] * age;
     if (p->log2_width) {
+        /* Opacity falls by exp(-u^2), log2(e) u^2 in q; u is 16 at most, as
+         * when it is drawn. */
         const double u = (double)dt * exp2(-(double)p->log2_width[i]);
 
         p->opacity[i] = (real)dimmed((double)p->opacity[i],

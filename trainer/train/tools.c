@@ -20,12 +20,13 @@
  * has a format and a bias besides, a layer its steps. */
 enum { WEIGHT_BITS = 4, ROW_BITS = 13, LAYER_BITS = 38 };
 
-/* Pictures that are looked at: so many, and one for so many iterations of the
- * warm-up, since each is drawn some ten times. Fewer than LEAST say nothing. */
+/* Pictures that are looked at: at most this many, and one for each of these
+ * iterations of the warm-up, since each is drawn some ten times. Fewer than
+ * LEAST say nothing. */
 enum { MOST_PICTURES = 32, ITERATIONS_OF_ONE = 32, LEAST_PICTURES = 4 };
 
-/* Colours by direction are found in so many steps, each of which lowers the
- * error; a spread of directions below this part of the mean one is noise. */
+/* Steps in which colours by direction are found, each of which lowers the
+ * error. A spread of directions below this part of the mean one is noise. */
 enum { N_STEPS = 3 };
 #define SPREAD_FLOOR 0.1
 
@@ -34,7 +35,7 @@ const char *const saga_train_tool_names[SAGA_TRAIN_N_TOOLS] = {
     "linear rotation", "temporal opacity", "view-dependent colour"
 };
 
-/* Pictures of the training views, each of which is in one of two halves. */
+/* Picture of a training view; each view is in one of two halves. */
 typedef struct {
     saga_sample picture;
     int half;
@@ -61,6 +62,8 @@ static void choose_pictures(trial *a)
     const int every = most > 0 ? (n + most - 1) / most : n;
     const int each = most / n > 0 ? most / n : 1;
 
+    /* Every so many views, dealt to the halves in turn; their frames are in the
+     * middle of equal parts of the segment. */
     for (int k = 0; k < n && most >= LEAST_PICTURES; k += every)
         for (int i = 0; i < each; i++) {
             const int view = t->pictures.train[k];
@@ -103,6 +106,7 @@ static double error_of(trial *a, const saga_splat_params *p,
             return -1;
         sum += saga_canvas_mse(&a->canvas);
     }
+    /* Pictures count alike, whatever their size. */
     return sum / a->n_looks;
 }
 
@@ -114,8 +118,11 @@ static void lower_order(saga_splat_params *p, uint32_t n, int order)
 {
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++) {
+            /* b[0], b[3] and b[6] are the orders 1, 2 and 3 on axis k. */
             real *const b = p->motion + 9 * i + k;
 
+            /* The integral of (a^3 - c a)^2 for a in -1..1 is least at c =
+             * (2/5) / (2/3) = 3/5; the mean of a^2 is 1/3. */
             if (order == 3)
                 b[0] += R(0.6) * b[6];
             else if (order == 2)
@@ -133,6 +140,8 @@ static void drop_opacity(saga_splat_params *p, uint32_t n)
         for (size_t k = 0; k < 3; k++) {
             real *const b = p->motion + 9 * i + k;
 
+            /* Without a width the age is 2 dt. The old one was `faster` times
+             * that, so that order k takes faster^k. */
             b[0] *= faster;
             b[3] *= faster * faster;
             b[6] *= faster * faster * faster;
@@ -161,6 +170,8 @@ void saga_train_reduce(saga_splat_params *p, uint32_t n, uint32_t tools)
     const int order = (int)((tools & SAGA_TOOL_MOTION_MASK) >>
                             SAGA_TOOL_MOTION_SHIFT);
 
+    /* In the order in which tools are asked for: what comes out is what was
+     * judged. */
     for (int k = 3; k > order; k--)
         drop_tool(p, n, 3 - k);
     if (!(tools & SAGA_TOOL_SLOPE))
@@ -188,6 +199,7 @@ static double network_bits(saga_train *t, uint32_t tools)
     saga_model m;
     double n = 0;
 
+    /* The model is made from t: it lends its tools for a moment. */
     t->tools = tools;
     saga_train_model(&m, t);
     t->tools = kept;
@@ -200,7 +212,7 @@ static double network_bits(saga_train *t, uint32_t tools)
     return n;
 }
 
-/* Of a third order, and of rotations, training without them wins back so much:
+/* Bytes that training wins back where there is no third order, or no rotation:
  * what was worth up to two fifths of all primitives' bytes before was worth
  * nothing, or less, after it (docs/lab/motion.md). */
 static double won_back(const saga_train *t, int tool)
@@ -216,6 +228,8 @@ static bool judge(saga_train *t, int tool, double less)
     const uint32_t without = tools_without(t->tools, tool);
     saga_train_tool *const r = &t->tool[tool];
 
+    /* L = 255^2 MSE + lambda bits / pixels: an error is worth 255^2 MSE pixels
+     * / lambda bits, here in bytes. */
     r->worth = less * 255 * 255 * saga_pictures_pixels(&t->pictures) /
                (8 * t->lambda);
     r->cost = (network_bits(t, t->tools) - network_bits(t, without)) / 8 +
@@ -242,6 +256,8 @@ static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
     bool ok = saga_train_gather(&q, &a->p, NULL, a->n, error);
 
     if (ok) {
+        /* A copy is drawn without the tool. If it is not worth its bytes the
+         * copy stays, and further tools are judged on it. */
         drop_tool(&q, a->n, tool);
         more = error_of(a, &q, error);
         ok = more >= 0;
@@ -266,8 +282,7 @@ typedef struct {
     real w, d[3], dd[6], g[3], dg[9];
 } sums;
 
-/* This is a colour's change by direction, about the mean one: R by x, y, z, G,
- * B. */
+/* A colour's change by direction, about the mean one: R by x, y, z, G, B. */
 typedef struct {
     real mean[3], by[9];
 } slant;
@@ -285,6 +300,8 @@ static void direction(real d[3], const trial *a, size_t i)
 {
     real n = 0;
 
+    /* Towards the camera. F_color is told the opposite, which a linear change
+     * does not mind. */
     for (size_t k = 0; k < 3; k++) {
         d[k] = a->canvas.camera.centre[k] - a->p.mean[3 * i + k];
         n += d[k] * d[k];
@@ -316,6 +333,8 @@ static void colour(slanted *s, const trial *a)
  * -2 / n_seen times alpha T times what is missing, summed over the pixels. */
 static void add_picture(slanted *s, const trial *a)
 {
+    /* The gradient is -2 / n_seen sum alpha T (what is missing): this takes the
+     * factor away. */
     const real half = R(-0.5 * saga_canvas_n_seen(&a->canvas));
 
     for (size_t i = 0; i < a->n; i++) {
@@ -323,10 +342,12 @@ static void add_picture(slanted *s, const trial *a)
         sums *const x = &s->sum[i];
         real d[3];
 
+        /* Not seen in this picture. */
         if (!(w > 0))
             continue;
         direction(d, a, i);
         x->w += w;
+        /* The products are symmetric: their lower triangle is enough. */
         for (size_t k = 0, at = 0; k < 3; k++) {
             const real g = half * s->d.colour[3 * i + k];
 
@@ -347,13 +368,19 @@ static void add_step(slant *b, const sums *x)
     saga_matrix a = { { 0 } };
     double spread = 0;
 
+    /* No picture of this half shows it. */
     if (!(x->w > 0))
         return;
+    /* The spread is the trace of the directions' covariance: 0, 2 and 5 are the
+     * diagonal of the packed triangle. */
     for (size_t k = 0; k < 3; k++) {
         b->mean[k] = x->d[k] / x->w;
         spread += (double)(x->dd[k == 0 ? 0 : k == 1 ? 2 : 5] -
                            x->d[k] * b->mean[k]);
     }
+    /* Regression of what is missing on the direction, both about their means: A
+     * by = v, A the covariance with a ridge, so that a primitive seen from one
+     * side alone gets no slant. */
     for (size_t c = 0; c < 3; c++) {
         double v[3];
 
@@ -378,6 +405,8 @@ static bool learn(slanted *s, trial *a, int i, saga_error *error)
 
     aim(a, i);
     colour(s, a);
+    /* Backward passes add. Gradients but for colours are not looked at, but
+     * have to be there. */
     memset(s->weight, 0, n * sizeof *s->weight);
     memset(s->d.mean, 0, 3 * n * sizeof(real));
     memset(s->d.quat, 0, 4 * n * sizeof(real));
@@ -394,6 +423,8 @@ static bool learn(slanted *s, trial *a, int i, saga_error *error)
 static bool learn_half(slanted *s, trial *a, int half, saga_error *error)
 {
     memset(s->slant, 0, a->n * sizeof *s->slant);
+    /* One step leaves something missing where primitives cover a pixel in
+     * part. */
     for (int step = 0; step < N_STEPS; step++) {
         memset(s->sum, 0, a->n * sizeof *s->sum);
         for (int i = 0; i < a->n_looks; i++)
@@ -433,8 +464,10 @@ static void scale_slants(slanted *s, uint32_t n, real by)
  * and 1 goes below error[0] between 0 and 1. */
 static double dip(const double error[3])
 {
+    /* error(x) = error[0] + b x + a x^2 through the three points. */
     const double a = 2 * (error[2] - 2 * error[1] + error[0]);
     const double b = 4 * error[1] - error[2] - 3 * error[0];
+    /* Its lowest point within 0..1; an end, where it is not convex. */
     const double x = a > 0 ? fmin(fmax(-b / (2 * a), 0), 1)
                            : error[2] < error[0];
 
@@ -478,9 +511,12 @@ static bool ask_view(trial *a, double mse, saga_error *error)
     slanted s;
     bool ok = true;
 
+    /* What one half teaches has to be tested by another. */
     if (count_pictures(a, 0) == 0 || count_pictures(a, 1) == 0)
         return true;
     ok = make_slanted(&s, a, error);
+    /* Each half teaches, the other tests: sum[2] with all of the slants, sum[1]
+     * with half of them. */
     for (int half = 0; half < 2 && ok; half++) {
         ok = learn_half(&s, a, half, error) &&
              test_half(&sum[2], &s, a, half, error);
@@ -501,6 +537,8 @@ static bool ask_all(trial *a, saga_error *error)
     double mse = error_of(a, &a->p, error);
     bool ok = mse >= 0;
 
+    /* From the third order of motion on; what does not pay is gone for all
+     * further questions, colours by direction come last. */
     for (int i = 0; i < SAGA_TRAIN_VIEW && ok; i++)
         if (t->dynamic && t->o.motion != SAGA_TRAIN_MOVING &&
             needs_asking(t, i))
@@ -514,6 +552,7 @@ bool saga_train_choose_tools(saga_train *t, saga_error *error)
     trial a = { .t = t, .n = saga_flat_count(t->flat) };
     bool ok = true;
 
+    /* Networks are there, and with them the tools. */
     if (t->turn > 0) {
         t->tools = t->file.networks.scene.model.tools & SAGA_TOOLS_PICTURE;
         return true;
@@ -527,6 +566,7 @@ bool saga_train_choose_tools(saga_train *t, saga_error *error)
         saga_train_params_free(&a.p);
         saga_canvas_free(&a.canvas);
     }
+    /* If no tool in time has paid, the scene is a still. */
     t->dynamic = (t->tools & ~(uint32_t)SAGA_TOOL_VIEW) != 0;
     return ok;
 }

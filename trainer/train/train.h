@@ -133,8 +133,8 @@ typedef struct saga_train_options {
     void *progress_user;
 } saga_train_options;
 
-/* These are means over at most some 60 pictures of each set in a segment,
- * evenly spread. */
+/* Means over at most some 60 pictures of each set in a segment, evenly
+ * spread. */
 typedef struct saga_train_quality {
     double training, held_out;   /* PSNR, dB; NaN: no such picture */
     int n_training, n_held_out;
@@ -164,7 +164,6 @@ typedef struct saga_train_entropy {
                                   * SAGA_SYM_*; 0: none of them */
 } saga_train_entropy;
 
-/* This is about all segments that are finished. */
 /* Temporal tools are asked from the last order of motion on. */
 enum {
     SAGA_TRAIN_MOTION_3, SAGA_TRAIN_MOTION_2, SAGA_TRAIN_MOTION_1,
@@ -184,6 +183,7 @@ typedef struct saga_train_tool {
     bool asked, kept;
 } saga_train_tool;
 
+/* What is told of all segments that are finished. */
 typedef struct saga_train_report {
     saga_encode_sizes sizes;
     saga_quantise_report quantise;
@@ -265,13 +265,15 @@ saga_outcome saga_train_run(saga_train *train, saga_error *error);
  * none. */
 const char *saga_train_complaint(saga_train *train);
 
-/* These return the segment in training, or just finished; and the one that
- * comes after it, -1 where it is the last. Either may be SAGA_TRAIN_BASE. */
+/* Returns the segment in training, or just finished; may be SAGA_TRAIN_BASE. */
 int saga_train_segment(const saga_train *train);
 
 /* Returns what the pictures of the segment's views were multiplied by before
  * training, (views, 3); all 1 where cameras agree. */
 const double *saga_train_exposure(const saga_train *train);
+
+/* Returns the segment that comes after it, -1 where it is the last; may be
+ * SAGA_TRAIN_BASE. */
 int saga_train_upcoming(const saga_train *train);
 
 /* Goes on with the upcoming segment, whose capture it is (of the base:

@@ -31,8 +31,8 @@
 /* The segments keep this part of the primitives at least. */
 #define LEAST_KEPT 0.125
 
-/* The base has up to so many times the primitives that stand still: a bound on
- * what drawing costs. */
+/* Most primitives of a base, over those that stand still: a bound on what
+ * drawing costs. */
 #define MOST_TIMES 3
 
 /* Where a size was asked for and a base leaves 1/x of all primitives, base and
@@ -54,6 +54,7 @@ static double change_of_place(const saga_splat_params *p, size_t i, real t)
 
     for (size_t k = 0; k < 3; k++) {
         const real *const b = p->motion + 9 * i + k;
+        /* Horner: ((b3 age + b2) age + b1) age, now less mid-segment. */
         const double d =
             (double)(((b[6] * now + b[3]) * now + b[0]) * now) -
             (double)(((b[6] * middle + b[3]) * middle + b[0]) * middle);
@@ -61,6 +62,7 @@ static double change_of_place(const saga_splat_params *p, size_t i, real t)
         sum += d * d;
         longest = fmax(longest, (double)p->log2_scale[3 * i + k]);
     }
+    /* 2^longest is a standard deviation. */
     return sqrt(sum) * exp2(-longest);
 }
 
@@ -77,6 +79,8 @@ static double change_of_angle(const saga_splat_params *p, size_t i)
         slope += s * s;
         length += q * q;
     }
+    /* Slope is per age: times ageing, and half a segment from the middle to
+     * either end. */
     return length > 0
         ? 2 * sqrt(slope / length) * (double)saga_splat_ageing(p, i) / 2 : 0;
 }
@@ -106,6 +110,7 @@ static double times_for(int n)
     const double by_law = saga_policy_primitives(1, 1, n, 1) /
                           saga_policy_primitives(1, 1, 1, 1);
 
+    /* The law gives n^(1 / 1.43) = n^0.7; its root is n^0.35. */
     return fmin(sqrt(by_law), MOST_TIMES);
 }
 
@@ -116,6 +121,8 @@ static double filling(const saga_train *t, double base, double kept)
 {
     const double n = t->o.n_segments;
 
+    /* x is what all segments would have without a base over what is left with
+     * one. */
     return t->o.n_bytes == 0 ? 1
          : fmin(pow(n * t->o.n_primitives / (base + n * kept), MORE_POWER),
                 saga_caps[t->o.level].n_prim / (base + kept));
@@ -138,13 +145,18 @@ void saga_train_choose_base(saga_train *t)
     if (b->why)
         return;
     b->n_looked_at = saga_flat_count(t->flat);
+    /* In a still capture everything stands still. */
     for (uint32_t i = 0; i < b->n_looked_at; i++)
         b->n_still += !t->dynamic || is_still(&flat, i);
+    /* In each of n segments n_still are saved, and the base has `times` of them
+     * once: n_still (1 - times / n) for each segment. */
     if (b->n_still * (1 - times / t->o.n_segments) <
         LEAST_SAVED * b->n_looked_at) {
         b->why = SAGA_TRAIN_MOVES;
         return;
     }
+    /* Segments first, the base has what the level leaves: they are drawn
+     * together. */
     kept = fmax(n - b->n_still, LEAST_KEPT * n);
     more = filling(t, b->n_still * times, kept);
     b->n_kept = (uint32_t)ceil(more * kept);
@@ -156,6 +168,7 @@ void saga_train_choose_base(saga_train *t)
 
 uint32_t saga_train_share(const saga_train *t)
 {
+    /* The networks' segment has all, as if there were no base. */
     return t->turn == 0 ? t->o.n_primitives
          : saga_train_in_base(t) ? t->base.n_prim : saga_train_sized_share(t);
 }
@@ -177,6 +190,8 @@ bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
         saga_train_free_base(b);
         return false;
     }
+    /* Means 3, rotations 4, scales 3, opacities 1, then colours 3 for each
+     * view: checkpoints walk over the block as it lies. */
     memset(&p, 0, sizeof p);
     p.mean = b->block;
     p.quat = p.mean + 3 * (size_t)n;
@@ -209,6 +224,8 @@ bool saga_train_keep_base(saga_train *t, saga_error *error)
     memcpy(b->seen->quat, from->quat, 4 * n * sizeof(real));
     memcpy(b->seen->log2_scale, from->log2_scale, 3 * n * sizeof(real));
     memcpy(b->seen->opacity, from->opacity, n * sizeof(real));
+    /* Cameras do not move, so that a view's colours are the same at all times;
+     * all views share the rest. */
     for (int v = 0; v < t->capture->n_views; v++) {
         saga_splat_camera camera;
 

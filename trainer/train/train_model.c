@@ -12,6 +12,8 @@ static void set_tiers(saga_model *m, const saga_train_options *o)
     for (int i = 0; i < SAGA_N_TIERS; i++) {
         saga_tier *const l = &m->tier[i];
 
+        /* Ranks to either side of the parent's in which neighbours are looked
+         * for. */
         l->window = 16;
         l->neighbours = i == SAGA_TIER_COARSE ? 1 : 4;
         l->suffix_bits = 3;
@@ -35,6 +37,7 @@ static void set_sources(saga_model *m, const saga_ablation *a)
     const uint8_t parent = a->no_parent ? 0 : SAGA_SOURCE_PARENT;
     const uint8_t groups = a->groups == 1 ? 0 : SAGA_SOURCE_GROUPS;
 
+    /* Coarse anchors have no parent, primitives no groups. */
     m->sources[SAGA_KIND_COARSE] = hyper | groups;
     m->sources[SAGA_KIND_FINE] = hyper | parent | groups;
     m->sources[SAGA_KIND_PRIM] = hyper | parent;
@@ -103,6 +106,7 @@ static uint32_t own_features(const saga_model *m)
         (m->tools & SAGA_TOOL_SLOPE ? 4 : 0) +
         (m->tools & SAGA_TOOL_OPACITY_T ? 1 : 0);
 
+    /* 3/4 of them, up to the next four: 12 of 11, 20 of 25. */
     return (3 * attributes + 15) / 16 * 4;
 }
 
@@ -122,9 +126,11 @@ static void set_networks(saga_model *m, const saga_train *t)
         m->q_in[i] = 12;
         m->int8[i] = caps->int8_only != 0;
     }
+    /* Three pairs carry the colour (start.c), and two units are left. */
     m->width[SAGA_NET_COLOUR] = 8;
     m->width[SAGA_NET_FUSE_C] = m->width[SAGA_NET_FUSE_F] = 0;
     /* An anchor of one's own has nothing to make of the features. */
+    /* Width 0 of a network that has to be there makes it one layer. */
     if (t->o.n_fine >= t->o.n_primitives)
         m->width[SAGA_NET_FINE] = 0;
     if (own && !t->policy.deep_pays)
@@ -147,6 +153,7 @@ void saga_train_model(saga_model *m, const saga_train *t)
     m->step_q16[SAGA_STEP_FEATURE] = 64u << 16;
     m->step_q16[SAGA_STEP_FINE] =
         (32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits) << 16;
+    /* Supports in Q14. */
     m->step_q16[SAGA_STEP_PRIM] = (uint32_t)(p->prim_step * 16384) << 16;
     m->head_q[SAGA_HEAD_COARSE] = 10;
     set_networks(m, t);

@@ -30,12 +30,12 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
  * segments.md). A jump reads one segment. */
 #define MOST_SECONDS 10
 
-/* Of a picture every few seconds that is next to nothing: a segment has so many
- * frames if they fit. */
+/* Frames of a segment, if they fit, where ten seconds have fewer: with a
+ * picture every few seconds those would be next to nothing. */
 #define LEAST_FRAMES 24
 
-/* Views of a still beyond so many show the same things again, and so do those
- * of a camera that moves. */
+/* Views of a still beyond this number show the same things again, and so do
+ * those of a camera that moves. */
 #define STILL_VIEWS 10
 
 /* Where pictures of a still are made smaller, so that there is time for as many
@@ -43,9 +43,9 @@ enum { N_PRESETS = sizeof presets / sizeof presets[0] };
 #define LEAST_ITERATIONS 500
 #define LEAST_PIXELS 1e5
 
-/* Networks and header take so many bytes, and a primitive at the lambda that
- * the rule gives 9 to 14 (docs/results/rd.md). Fewer primitives with a finer
- * step cost nothing, more with a coarser one do (docs/lab/size.md). */
+/* Bytes of networks and header, and of a primitive: at the lambda that the rule
+ * gives 9 to 14 (docs/results/rd.md). Fewer primitives with a finer step cost
+ * nothing, more with a coarser one do (docs/lab/size.md). */
 #define FIXED_NBYTES 4000
 #define PRIMITIVE_NBYTES 11
 
@@ -73,15 +73,21 @@ int saga_plan_segments(const saga_capture *capture, int frames)
     const int all = capture->n_frames;
     int n;
 
+    /* Every view of a camera that moves is one picture: there is no time that
+     * could be cut. */
     if (!frames && capture->moves)
         frames = all;
     if (!frames) {
+        /* In frames: ten seconds, or 24 frames where that is more, if they fit
+         * into half of the memory; a second at least, fit or not. */
         const double wanted = fmax(MOST_SECONDS * capture->fps, LEAST_FRAMES);
         const double longest = fmin(wanted, capture->n_fitting);
 
         frames = (int)fmax(2, fmin(rint(fmax(longest, capture->fps)),
                                    SAGA_PLAN_MOST_FRAMES));
     }
+    /* Rounded, so that segments of equal length come near to `frames`, and none
+     * has less than two. */
     n = (all + frames / 2) / frames;
     n = n > all / 2 ? all / 2 : n;
     return n < 1 ? 1 : n;
@@ -117,6 +123,7 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
     const double each = log(n_iterations / n_primitives);
     double lo = 9, hi = 14;
 
+    /* A still that is short of iterations has learned less that is coded. */
     if (still) {
         lo = fmin(lo, fmax(4, 7.5 + 0.75 * each));
         hi = fmin(hi, fmax(7, 10.5 + 0.7 * each));
@@ -127,7 +134,7 @@ void saga_plan_nbytes(double *least, double *most, double n_primitives,
 
 /* --- The capture --------------------------------------------------------- */
 
-/* These are sums over the views that are learned from. */
+/* Sums over the views that are learned from. */
 typedef struct {
     double pixels;               /* of a moment */
     double largest;              /* view's */
@@ -147,6 +154,7 @@ static extent extent_of(const saga_capture *c)
         e.n_views++;
         e.pixels += (double)v->width * v->height;
         e.largest = fmax(e.largest, (double)v->width * v->height);
+        /* Moments that the view has no picture of are not visited. */
         e.pictures += c->n_frames - v->n_missing;
     }
     return e;
@@ -177,6 +185,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     const double seconds = saga_capture_seconds(c);
     int k;
 
+    /* A size says more than the capture; segments have equal parts of it. */
     if (o->n_bytes) {
         o->n_primitives = within_level(
             saga_plan_primitives_of_size((double)o->n_bytes) / o->n_segments,
@@ -188,6 +197,7 @@ static void plan_primitives(saga_train_options *o, char *why, size_t n,
     o->n_primitives = within_level(
         p->primitives * saga_plan_primitives(pixels, changing, seconds),
         o->level);
+    /* k is where the sentence goes on, if it was not cut. */
     k = snprintf(why, n, "%u primitives: one for %.0f of the %.0f pixels that "
                  "%s views have at a time", o->n_primitives,
                  pixels / o->n_primitives, pixels, pixels < e.pixels
@@ -201,12 +211,14 @@ static void plan_iterations(saga_train_options *o, char *why, size_t n,
                             const saga_capture *c, const saga_preset *p)
 {
     const extent e = extent_of(c);
+    /* CPU minutes of an iteration, by the mean picture. */
     const double each = saga_plan_minutes(o->n_primitives, 1,
                                           e.pixels / e.n_views);
     const double visits =
         e.pictures * (c->n_frames == 1 ? p->still_visits : p->visits);
     double most = MOST_ITERATIONS;
 
+    /* Visits come before the minutes: too few of them draw nothing well. */
     if (c->n_frames == 1 && p->still_minutes > 0)
         most = fmax(p->still_minutes / each, visits);
     o->n_iterations = (int)fmin(fmax(p->iterations, visits), most);
@@ -223,6 +235,8 @@ static double still_iterations(const saga_train_options *o,
     const double part = 1.0 / ((double)scale * scale);
     double n = o->n_primitives;
 
+    /* Primitives follow the smaller pictures, unless they or the size are
+     * given. */
     if (o->n_primitives == 0)
         n = within_level(o->n_bytes
             ? saga_plan_primitives_of_size((double)o->n_bytes)
@@ -240,9 +254,13 @@ int saga_plan_scale(const saga_train_options *o, const saga_capture *c,
     const double pixels = c->learned_pixels / c->n_learned;
     int n = 1;
 
+    /* Only where time is short: whoever gave iterations or minutes has decided
+     * on it. */
     if (c->n_frames != 1 || !(p->still_minutes > 0) || o->n_iterations ||
         o->minutes > 0 || still_iterations(o, c, p, 1) >= visits)
         return 1;
+    /* Stops at the pixels that a picture keeps, also where there is not enough
+     * time then. */
     while (still_iterations(o, c, p, n) < wanted && n < SAGA_MAX_SCALE &&
            pixels / ((n + 1.0) * (n + 1.0)) >= LEAST_PIXELS)
         n++;

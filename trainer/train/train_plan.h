@@ -29,7 +29,7 @@ typedef struct saga_plan_reasons {
     char primitives[160], iterations[160];
 } saga_plan_reasons;
 
-/* A segment has so many frames at most. */
+/* Most frames of a segment. */
 enum { SAGA_PLAN_MOST_FRAMES = 65535 };
 
 /* Returns how many segments a capture is trained in, of whose frames nothing

@@ -31,6 +31,7 @@ typedef struct {
 
 static void fill(head *h, const saga_train *t)
 {
+    /* Strings are compared and written as all of their bytes: the rest is 0. */
     memset(h, 0, sizeof *h);
     h->primitives = t->o.n_primitives;
     h->coarse = t->o.n_coarse;
@@ -55,6 +56,7 @@ static void fill(head *h, const saga_train *t)
     h->base_saved = t->base.saved;
     h->n_pixels = t->n_pixels;
     h->layers = (uint64_t)t->o.n_layers;
+    /* The number of segments, which no segment has, says that there is none. */
     h->only = (uint64_t)(t->o.networks ? t->o.only : t->o.n_segments);
     if (t->o.ablate)
         snprintf(h->ablate, sizeof h->ablate, "%s", t->o.ablate);
@@ -99,6 +101,7 @@ static void walk_base(saga_train *t, saga_checkpoint *c, saga_error *error)
     const int views = t->capture->n_views;
 
     saga_checkpoint_walk(c, &n, sizeof n);
+    /* Until the base is trained there are none of its primitives; then all. */
     c->failed = c->failed || (n != 0 && n != t->base.n_prim);
     if (c->failed || n == 0)
         return;
@@ -126,9 +129,12 @@ bool saga_train_save(saga_train *t, saga_error *error)
 
     if (!saga_checkpoint_create(&c, t->o.checkpoint, error))
         return false;
+    /* What it was begun with comes first, so that a reader can refuse it before
+     * it looks at the rest; cameras come before all that needs them. */
     fill(&h, t);
     saga_checkpoint_walk(&c, &h, sizeof h);
     saga_pictures_save(&t->pictures, &c);
+    /* In the first turn nothing is finished. */
     if (t->turn > 0)
         write_finished(t, &c);
     saga_flat_save(t->flat, &c);
@@ -146,6 +152,8 @@ bool saga_train_save_networks(saga_train *t, const char *path,
     if (!saga_checkpoint_create(&c, path, error))
         return false;
     fill(&h, t);
+    /* The turn that whoever reads it begins with. Neither cameras nor a
+     * training in progress follow. */
     h.turn = t->base.n_prim ? 2 : 1;
     saga_checkpoint_walk(&c, &h, sizeof h);
     write_finished(t, &c);
@@ -195,6 +203,7 @@ static bool same_options(const saga_train *t, const head *h, const char *file,
 {
     head now;
 
+    /* Lambda as it was asked for; what was found is chosen_lambda. */
     fill(&now, t);
     if (h->lambda < now.lambda || h->lambda > now.lambda)
         return saga_fail(error, file, "give the options it was begun with, or "
@@ -227,6 +236,8 @@ static bool fits(const saga_train *t, const head *h, saga_error *error)
 
     if (!same_segments(t, h, file, error))
         return false;
+    /* Before the options, some of which are planned from the capture where
+     * nobody gave them. */
     if (h->capture != t->digest)
         return saga_fail(error, file, "give the capture it was begun with, or "
                          "delete it",
@@ -262,6 +273,7 @@ static bool adopt_iterations(saga_train *t, const head *h)
 static bool read_finished(saga_train *t, saga_checkpoint *c,
                           saga_error *error)
 {
+    /* Networks are read into a scene of the model that the encoder knows. */
     t->file.encoder = saga_encoder_restore(c, error);
     if (!t->file.encoder ||
         !saga_scene_init(&t->file.networks.scene,
@@ -269,6 +281,7 @@ static bool read_finished(saga_train *t, saga_checkpoint *c,
                          (saga_counts){ 0 }, 0, 0, error))
         return false;
     walk_file(t, c);
+    /* Splats are as steep as the file says from now on. */
     saga_train_set_steep(t);
     if (c->failed || !saga_train_same_views(t, t->capture,
                                             saga_train_segment(t), error))
@@ -332,6 +345,7 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
         c->failed = true;
         return false;
     }
+    /* The base before the turn: which segment a turn is depends on it. */
     load_base(t, h);
     t->n_views = (int)h->views;
     t->n_pixels = h->n_pixels;
@@ -346,6 +360,7 @@ static bool load_turn(saga_train *t, const head *h, saga_checkpoint *c,
         };
     t->explained = h->explained;
     t->changing = h->changing;
+    /* As it was found, or as steering left it. */
     t->lambda = h->chosen_lambda;
     t->n_finished = h->n_finished;
     return t->turn == 0 || read_finished(t, c, error);
@@ -357,6 +372,8 @@ static bool load_state(saga_train *t, const head *h, saga_checkpoint *c,
 {
     if (!load_turn(t, h, c, error))
         return false;
+    /* The warm-up is always there: hierarchy and targets are made of it once
+     * more. */
     t->flat = saga_flat_restore(&t->pictures, &t->flat_options, c, error);
     t->stage = (saga_train_stage)h->stage;
     t->recent_mse = h->recent_mse;
@@ -380,6 +397,8 @@ static bool load(saga_train *t, saga_checkpoint *c, saga_error *error)
     head h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
+    /* Before options are compared: what a trial or the warm-up has found is no
+     * option that could differ. */
     if (!adopt(t, &h)) {
         c->failed = true;
         return false;
@@ -404,6 +423,7 @@ static bool load_networks(saga_train *t, saga_checkpoint *c, saga_error *error)
     head h;
 
     saga_checkpoint_walk(c, &h, sizeof h);
+    /* A file of networks begins behind the turns that made them. */
     c->failed = c->failed || h.turn != (h.base_prim ? 2 : 1) ||
                 !adopt(t, &h);
     return !c->failed && same_segments(t, &h, t->o.networks, error) &&
@@ -473,6 +493,8 @@ bool saga_train_adopt(saga_train_options *o, const char *checkpoint,
 /* The options that a checkpoint's training was begun with, or came to. */
 static bool options_of(saga_train_options *o, const head *h)
 {
+    /* Nothing has compared these with options: they must not lead beyond
+     * arrays. */
     if (h->level >= SAGA_N_PROFILES || h->motion > SAGA_TRAIN_STILL ||
         h->layers < 1 || h->layers > SAGA_MAX_LAYERS ||
         !memchr(h->ablate, 0, sizeof h->ablate))
@@ -480,6 +502,7 @@ static bool options_of(saga_train_options *o, const head *h)
     *o = saga_train_defaults();
     o->n_segments = (int)h->segments;
     o->first = (int)h->first;
+    /* Only whether there are networks matters: nobody opens them here. */
     if (h->only < h->segments) {
         o->networks = "those it has";
         o->only = (int)h->only;
@@ -507,6 +530,8 @@ static bool pack_so_far(saga_train *t, saga_error *error)
         return saga_fail(error, t->o.checkpoint, "look again when a segment "
                          "renders", "its training is in the base, of which "
                          "alone nothing can be packed");
+    /* Everything is rounded as it stands, and the segment is packed beside the
+     * finished ones. */
     if (t->fitting) {
         saga_fit_cut_short(t->fit);
         return saga_train_pack_blind(t, error);
@@ -540,6 +565,7 @@ static bool load_blind(saga_train *t, head *h, saga_capture *capture,
     if (h->stage >= SAGA_TRAIN_N_STAGES)
         return saga_fail(error, c->path, "`saga encode --networks` takes it",
                          "has the networks of a training that is over");
+    /* Complaints name it. */
     t->o.checkpoint = c->path;
     t->capture = capture;
     if (!saga_pictures_restore(&t->pictures, capture, c, error) ||
@@ -564,6 +590,7 @@ bool saga_train_peek(uint8_t **bytes, size_t *nbytes, const char *checkpoint,
     t = saga_calloc(1, sizeof *t, "the training", error);
     ok = t && load_blind(t, &h, &capture, &c, error);
     ok = saga_checkpoint_close(&c, ok, error) && pack_so_far(t, error);
+    /* The bytes change their owner. */
     if (ok) {
         *bytes = t->bytes;
         *nbytes = t->nbytes;
