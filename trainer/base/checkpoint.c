@@ -52,6 +52,7 @@ static bool check(const saga_bytes *b, const char *path, saga_error *error)
 
     if (b->nbytes < sizeof mine + sizeof sum)
         return saga_fail(error, path, anew, "is cut short");
+    /* Magic, version and the size of a real at once. */
     if (memcmp(b->data, &mine, sizeof mine) != 0)
         return saga_fail(error, path, anew, "is no checkpoint of this version "
                          "of the program");
@@ -70,6 +71,7 @@ bool saga_checkpoint_open(saga_checkpoint *c, const char *path,
         saga_bytes_free(&c->bytes);
         return false;
     }
+    /* What is walked over lies between the head and the digest. */
     c->rest.next = c->bytes.data + sizeof(head);
     c->rest.end = c->bytes.data + c->bytes.nbytes - sizeof c->sum;
     return true;
@@ -79,6 +81,8 @@ static void get(saga_checkpoint *c, void *data, size_t nbytes)
 {
     const uint8_t *const from = c->failed ? NULL : saga_take(&c->rest, nbytes);
 
+    /* After a failure all is zero: the walk goes on to its end, and sizes
+     * that it reads ask for nothing. */
     if (from) {
         memcpy(data, from, nbytes);
     } else {
@@ -112,9 +116,12 @@ bool saga_checkpoint_close(saga_checkpoint *c, bool ok, saga_error *error)
     uint64_t sum = c->sum;
 
     if (!c->reading) {
+        /* The digest is of all before it, so this is a copy: the walk moves
+         * c->sum. */
         saga_checkpoint_walk(c, &sum, sizeof sum);
         return saga_output_close(&c->out, ok && !c->failed, error);
     }
+    /* Bytes that are left over are as wrong as bytes that are missing. */
     ok = ok && !c->failed && saga_left(&c->rest) == 0;
     saga_bytes_free(&c->bytes);
     return ok || saga_fail(error, c->path, anew, "does not hold together");

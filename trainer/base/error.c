@@ -11,6 +11,7 @@
 bool saga_fail(saga_error *error, const char *file, const char *remedy,
                const char *format, ...)
 {
+    /* The first error is kept: it is the cause. */
     if (saga_failed(error))
         return false;
     char what[SAGA_MESSAGE_NBYTES];

@@ -63,6 +63,7 @@ char *saga_path_beside(const char *path, const char *other)
     char *const beside = realpath(other, NULL);
     const char *const slash = beside ? strrchr(beside, '/') : NULL;
     const size_t n = slash ? (size_t)(slash - beside) + 1 : 0;
+    /* The prefix has its slash: what lies beside /a/b is not below /a. */
     const bool below = real && n > 0 && strncmp(real, beside, n) == 0;
     free(beside);
     if (below)
@@ -80,6 +81,8 @@ static bool read_open_file(saga_bytes *bytes, int fd, size_t size,
     while (bytes->nbytes < size) {
         const ssize_t n = read(fd, bytes->data + bytes->nbytes,
                                size - bytes->nbytes);
+        /* A signal interrupts and the read goes on; a file that has become
+         * shorter ends it. */
         if (n < 0 && errno == EINTR)
             continue;
         if (n <= 0)
@@ -98,6 +101,7 @@ FILE *saga_open_file(const char *path)
     struct stat st;
     if (fd < 0)
         return NULL;
+    /* What opens but is no regular file sets no errno of its own; close may. */
     errno = EINVAL;
     FILE *const f = fstat(fd, &st) == 0 && S_ISREG(st.st_mode)
         ? fdopen(fd, "rb") : NULL;

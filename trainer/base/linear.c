@@ -10,6 +10,8 @@
 static void factorise(saga_matrix a, size_t n)
 {
     for (size_t j = 0; j < n; j++) {
+        /* Column j less what the columns before it make of it; then divided
+         * by the root of its pivot. */
         for (size_t k = 0; k < j; k++)
             for (size_t i = j; i < n; i++)
                 a[i][j] -= a[i][k] * a[j][k];
@@ -23,6 +25,7 @@ static void factorise(saga_matrix a, size_t n)
 
 void saga_solve(saga_matrix a, double *b, size_t n)
 {
+    /* Forward L y = b, and backward L^T x = y. */
     factorise(a, n);
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < i; k++)
@@ -49,6 +52,8 @@ static void turn(double *x, double *y, double c, double s)
 static void annihilate(saga_matrix v, saga_matrix a, size_t p, size_t q,
                        size_t n)
 {
+    /* t is the tangent of the angle, the smaller root of t^2 + 2 theta t =
+     * 1: no rotation turns by more than 45 degrees. */
     const double theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
     const double t = (theta < 0 ? -1 : 1) /
                      (fabs(theta) + sqrt(theta * theta + 1));
@@ -93,6 +98,7 @@ void saga_eigen(saga_matrix v, saga_matrix a, size_t n)
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++)
             v[i][j] = i == j;
+    /* An entry that is lost in the rounding of its diagonal counts as 0. */
     for (int sweep = 0; sweep < SWEEPS; sweep++)
         for (size_t p = 0; p < n; p++)
             for (size_t q = p + 1; q < n; q++)

@@ -52,6 +52,7 @@ static void forget(saga_output *out)
 void saga_output_abandon(void)
 {
     for (int i = 0; i < N_OPEN; i++) {
+        /* A handler may call unlink, but not free: the name stays allocated. */
         const char *const part = atomic_exchange(&open_parts[i], NULL);
 
         if (part)
@@ -81,6 +82,7 @@ static bool is_part(const char *name, const char *base)
 
     if (strncmp(name, base, n) != 0 || strncmp(name + n, mark, m) != 0)
         return false;
+    /* Behind the mark stand a process and a number (create_part). */
     name += n + m;
     return name[0] != '\0' && name[strspn(name, "0123456789-")] == '\0';
 }
@@ -106,6 +108,8 @@ static bool is_held(const char *part)
         return false;
     if (fstat(fd, &info) == 0 &&
         (S_ISREG(info.st_mode) || S_ISDIR(info.st_mode))) {
+        /* A writer holds its lock until it ends, however it does. So who
+         * gets it here may remove the part, while holding it. */
         if (flock(fd, LOCK_EX | LOCK_NB) == 0)
             (void)nftw(part, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
         else
@@ -133,6 +137,7 @@ static bool sweep(const char *path, const char *own)
         if (!is_part(e->d_name, base) ||
             snprintf(part, sizeof part, "%s%s", folder, e->d_name) >= PATH_MAX)
             continue;
+        /* is_held comes first, so that every part is looked at. */
         if (!own || strcmp(part, own) != 0)
             held = is_held(part) || held;
     }
@@ -178,6 +183,8 @@ static int create_part(char *name, size_t nbytes, const char *path,
             return -1;
         if (fd < 0)
             continue;
+        /* A sweep may hold the lock for a moment, and have removed the part:
+         * then it has no name any more. */
         (void)flock(fd, LOCK_EX);
         if (fstat(fd, &info) == 0 && info.st_nlink > 0)
             return fd;
@@ -238,10 +245,13 @@ static bool open_part(saga_output *out, const struct stat *old, bool alone,
     fd = create_part(out->temporary, n, out->path, false);
     if (fd >= 0)
         remember(out);
+    /* A file that is replaced hands on its permissions. */
     if (fd >= 0 && old)
         (void)fchmod(fd, old->st_mode & 0777);
     if (!open_file(out, fd, out->path, error))
         return false;
+    /* The own part is locked before others are looked at: of two that begin
+     * at once, one sees the other at least. */
     if (!sweep(out->path, out->temporary) || !alone)
         return true;
     saga_fail(error, out->path, "wait for it, or choose another name",
@@ -263,6 +273,7 @@ static bool open_output(saga_output *out, const char *path, bool alone,
     exists = stat(out->path, &info) == 0;
     if (exists && S_ISDIR(info.st_mode))
         ok = saga_fail(error, path, "give the name of a file", "is a folder");
+    /* A device or a pipe is written as it is: nothing can be renamed there. */
     else if (exists && !S_ISREG(info.st_mode))
         ok = open_file(out, open(out->path, O_WRONLY | O_CLOEXEC), path,
                        error);

@@ -55,12 +55,15 @@ uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n)
 uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
 {
     enum { ROUNDS = 4 };
+    /* Each n draws have their own permutation. */
     const saga_rng epoch = { mix(r.key ^ mix((draw / n + 1) * GOLDEN)) };
     uint32_t x = (uint32_t)(draw % n), mask;
     unsigned half = 1;
 
     while (half < 16 && (uint64_t)1 << (2 * half) < n)
         half++;
+    /* Each round exchanges the halves and mixes one with the other: it can
+     * be undone, whatever f is, so no two numbers meet. */
     mask = (uint32_t)((1u << half) - 1);
     do {
         for (uint64_t k = 0; k < ROUNDS; k++) {

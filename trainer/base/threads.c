@@ -99,8 +99,11 @@ static bool take(share *from, bool is_own)
         const size_t end = left & MOST_PARTS;
         const size_t begin = left >> END_BITS & MOST_PARTS;
 
+        /* A thread that woke late may belong to no team of this work. */
         if (begin == end || number >= atomic_load(&all.team))
             return false;
+        /* The owner takes from the beginning, others from the end. Where
+         * somebody was faster, or the work is another, `left` is read anew. */
         if (atomic_compare_exchange_weak(&from->left, &left, is_own
                 ? left + ((uint64_t)1 << END_BITS) : left - 1)) {
             run(user, is_own ? begin : end - 1);
@@ -141,6 +144,8 @@ static bool look_for_work(uint64_t last)
 static void sleep_until_called(uint64_t last)
 {
     pthread_mutex_lock(&all.gate);
+    /* It counts itself before it looks at the number of the work: who
+     * announces either sees a sleeper, or is seen. */
     atomic_fetch_add(&all.n_asleep, 1);
     while (atomic_load(&all.work) == last)
         pthread_cond_wait(&all.call, &all.gate);
@@ -221,6 +226,8 @@ static void announce(const saga_tasks *t, size_t team)
     atomic_store(&all.user, t->user);
     atomic_store(&all.team, team);
     atomic_store(&all.done, 0);
+    /* Shares come last of what describes the work: who takes a part finds
+     * the rest. The number, which others wait for, comes behind them. */
     for (size_t i = 0; i < team; i++)
         atomic_store(&all.of[i].left, share_of(work, t->n * i / team,
                                                t->n * (i + 1) / team));
@@ -268,6 +275,8 @@ void saga_parallel(const saga_tasks *t)
         team = least(team, t->most);
     if (!is_at_work)
         atomic_fetch_add_explicit(&all.n_meetings, 1, memory_order_relaxed);
+    /* Alone where threads do not pay, inside other work, and while another
+     * thread's work is under way: there is one crew. */
     if (team < 2 || t->n > MOST_PARTS || is_nested() ||
         atomic_flag_test_and_set(&all.busy)) {
         run_alone(t);

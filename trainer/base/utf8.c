@@ -28,6 +28,8 @@ size_t saga_utf8_length(const char *s, size_t n)
     c = p[0] & (0x7fu >> length);
     for (i = 1; i < length && (p[i] & 0xc0) == 0x80; i++)
         c = c << 6 | (p[i] & 0x3f);
+    /* Refused are longer forms than needed, what lies beyond U+10FFFF, and
+     * halves of surrogate pairs. */
     return i == length && c >= least_of(length) && c <= 0x10ffff &&
            (c < 0xd800 || c > 0xdfff) ? length : 0;
 }

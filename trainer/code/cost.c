@@ -40,6 +40,8 @@ static code code_residual(int32_t q, uint32_t scale)
     uint32_t half;
 
     if (m > row.max) {
+        /* An escape's interval goes to the end; behind it the rest of |q|
+         * and the sign are plain bits. */
         x.start = row.start[row.max + 1];
         x.plain = escape_bits(m - row.max - 1) + 1;
         return x;
@@ -84,6 +86,7 @@ static void spend(saga_cost *k, saga_at at, code x)
 
     k->range = x.end == SAGA_PROB_TOTAL ? before - r * x.start
                                         : r * (x.end - x.start);
+    /* `spent` is what the range lost, `bits` what the frequencies say. */
     k->spent[at.sym] += log2((double)before / k->range) + x.plain;
     k->bits[at.sym] += length_of(x);
     if (saga_component_of(at.sym) == SAGA_COMPONENT_NETWORKS)

@@ -48,6 +48,8 @@ static uint32_t symbol_of(const source *e, saga_at at, uint32_t n_sym)
     case SAGA_SYM_NET_DROP:
         return layer_of(e, at)->drop[at.row];
     case SAGA_SYM_NET_ROW_SHIFT:
+        /* A shift goes in two symbols: its bits from 3 on, and its low
+         * three. */
         return at.column ? layer_of(e, at)->shift[at.row] & 7u
                          : layer_of(e, at)->shift[at.row] >> 3;
     case SAGA_SYM_NET_FINER:
@@ -89,6 +91,8 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
     (void)step_q16;
     for (i = 0; i < n; i++) {
         q[i] = fx_clamp(x[i], -SAGA_MAX_RESIDUAL, SAGA_MAX_RESIDUAL);
+        /* What cannot be coded is an error, but some value goes on: the
+         * traversal stays in its ranges until the caller looks at the error. */
         if (q[i] != x[i])
             c->error = 1;
         saga_range_enc_residual(&e->range, q[i], scale[i]);
@@ -101,6 +105,8 @@ static uint32_t adaptive(saga_coder *c, saga_at at, saga_adaptive *m,
     source *const e = (source *)(void *)c;
     uint32_t sym = symbol_of(e, at, n_sym);
 
+    /* Nodes are asked for in order. encode_chunk looks whether the tree took
+     * as many as the symbols have. */
     if (at.sym == SAGA_SYM_SPLIT)
         e->n_nodes = at.index + 1;
     if (sym >= n_sym) {
@@ -146,6 +152,8 @@ static const char remedy[] = "try another --seed, and report it";
 /* Makes room for n more bytes behind those that are there; NULL: no memory. */
 static uint8_t *reserve(saga_buffer *b, size_t n, saga_error *error)
 {
+    /* It grows by half at least, so that all appending copies each byte a
+     * few times at most. */
     const size_t cap = b->n + n + b->cap / 2;
     uint8_t *p;
 
@@ -243,6 +251,7 @@ static bool begin(saga_encoder *e, const saga_header *header,
     e->header.base_nbytes = 0;
     e->header.n_segments = 0;
     e->header.n_frames = 0;
+    /* The encoder fills in these fields as base and segments come. */
     memset(&e->header.max, 0, sizeof e->header.max);
     saga_nets_layout(&e->nets, &e->header.model);
     e->rig = saga_alloc(header->n_cameras, sizeof *rig, out_of_what, error);
@@ -306,6 +315,8 @@ bool saga_encoder_names(saga_encoder *e, const saga_naming *names,
     if (!p)
         return false;
     p += SAGA_CHUNK_NBYTES;
+    /* The unit of length comes first, in 8 bytes, then a name for each
+     * camera. */
     fx_store32_le(p, (uint32_t)names->metre_mantissa);
     fx_store32_le(p + 4, (uint32_t)names->metre_exponent);
     for (i = 0; i < e->header.n_cameras; i++)
@@ -347,10 +358,13 @@ bool saga_scaffold_alloc(saga_scaffold *sc, const saga_model *model,
                                   error);
     sc->models = saga_calloc(1, sizeof *sc->models, what, error);
     sc->net.v = saga_calloc(1, sizeof *sc->net.v, what, error);
+    /* The bank's layout is asked for its size first, and then put into the
+     * memory. */
     saga_bank_size(&sc->bank, model);
     memory = saga_aligned_alloc(16, saga_bank_lay(&sc->bank, NULL),
                                 what, error);
     saga_bank_lay(&sc->bank, memory);
+    /* Any of these may have failed; the error tells. */
     if (!saga_failed(error))
         return true;
     saga_scaffold_free(sc);
@@ -388,6 +402,9 @@ static int code_chunk(const saga_scaffold *sc, int part, saga_coder *c)
 static size_t chunk_bound(const saga_encoder *e, const saga_symbols *s,
                           int part)
 {
+    /* An adaptive symbol takes less than 2 bytes, a residual less than 6. A
+     * node has a split and up to 16 bits of occupancy; a leaf 4 + F residuals.
+     */
     if (part == 0)
         return 64 + 34 * (size_t)s->n_nodes +
                6 * (size_t)s->n.coarse * (5u + e->header.model.features);
@@ -415,6 +432,8 @@ static bool encode_chunk(saga_encoder *e, saga_buffer *to, size_t *size,
     src.s = s;
     saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
+    /* A tree that ends before its symbols do would not come back as they
+     * are. */
     if (code_chunk(sc, part, &cost.coder) && !cost.coder.error &&
         (part > 0 || src.n_nodes == s->n_nodes))
         n = saga_range_enc_finish(&src.range);
@@ -452,6 +471,8 @@ static void add_to_maxima(saga_header *h, const saga_segment_header *seg)
 
         h->max.coarse = larger(h->max.coarse, n->coarse);
         h->max.fine = larger(h->max.fine, n->fine);
+        /* Anchors are gone when their layer is decoded; primitives of all
+         * layers are drawn together, so that their numbers add up. */
         prim += n->prim;
     }
     h->max.prim = larger(h->max.prim, prim);
@@ -470,6 +491,7 @@ static bool end_segment(saga_encoder *e, uint32_t place,
     if (!index)
         return false;
     e->index = index;
+    /* The index is in order of time, bytes in the order they were made in. */
     memmove(index + place + 1, index + place,
             (h->n_segments - place) * sizeof *index);
     index[place] = entry;
@@ -491,6 +513,7 @@ static bool encode_scaffold(saga_encoder *e, saga_buffer *to, size_t size[3],
 
     if (!ok || !saga_encoder_scaffold(&sc, e, s->n, error))
         return false;
+    /* Adaptive models start once and learn through all three chunks. */
     saga_syntax_begin(&sc);
     for (part = 0; part < 3 && ok; part++)
         ok = encode_chunk(e, to, &size[part], &sc, s, part, error);
@@ -543,6 +566,7 @@ bool saga_encoder_insert(saga_encoder *e, uint32_t place,
         if (end_segment(e, place, &seg, entry, error))
             return true;
     }
+    /* The file is what it was: what lies behind n does not count. */
     e->segments.n = begin;
     e->sizes = sizes;
     return false;
@@ -579,6 +603,7 @@ static bool write_header(saga_encoder *e, saga_buffer *out, saga_error *error)
     saga_io io = { NULL, NULL, SAGA_MAGIC_NBYTES };
     uint32_t i;
 
+    /* 4 for the CRC, which saga_file_sign writes when all fields are known. */
     h->header_nbytes = saga_rig_end(h) + 4;
     io.out = reserve(out, h->header_nbytes, error);
     if (!io.out)
@@ -595,6 +620,8 @@ static bool write_header(saga_encoder *e, saga_buffer *out, saga_error *error)
 static bool write_index(saga_encoder *e, saga_buffer *out, saga_error *error)
 {
     const uint32_t nbytes = e->header.n_segments * SAGA_INDEX_ENTRY_NBYTES;
+    /* Before the first segment lie this index and NETS, each with a chunk's
+     * header, and the base and names, whose bytes here include theirs. */
     uint64_t offset = out->n + 2u * SAGA_CHUNK_NBYTES + nbytes +
                       e->header.nets_nbytes + e->base.n + e->names.n;
     saga_io io = { NULL, reserve(out, SAGA_CHUNK_NBYTES + nbytes, error),
@@ -645,6 +672,8 @@ static bool write_segments(const saga_encoder *e, saga_buffer *out,
         if (!p)
             return false;
         saga_segment_io(&in, &seg, saga_n_layers(&e->header));
+        /* Number and first frame follow from the place, which may have
+         * changed since the segment was made. */
         seg.number = i;
         seg.first_frame = first_frame;
         saga_segment_io(&to, &seg, saga_n_layers(&e->header));
@@ -666,6 +695,10 @@ void saga_file_sign(uint8_t *file, size_t n, size_t header_nbytes)
         saga_chunk chunk;
 
         saga_chunk_io(&in, &chunk);
+        /* A chunk's CRC goes on from its owner's, so that a chunk of another
+         * file does not fit: INDX and NETS from the header's, NAME from NETS',
+         * the base's each from the one before, all of the segments' from the
+         * last of the head. */
         chunk.crc = saga_chunk_crc(chunk.type == SAGA_CHUNK_NAMES ? nets
                                    : owner, &chunk, p + SAGA_CHUNK_NBYTES);
         saga_chunk_io(&out, &chunk);

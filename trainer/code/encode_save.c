@@ -13,6 +13,8 @@ static const char what[] = "the file so far";
 static void walk_block(uint8_t **p, size_t n, saga_checkpoint *c,
                        saga_error *error)
 {
+    /* A number that damage made large does not get memory: no more is taken
+     * than the file has left. */
     if (c->reading && !c->failed)
         *p = n > saga_left(&c->rest) ? NULL
            : saga_aligned_alloc(16, n, what, error);
@@ -37,6 +39,8 @@ static void walk(saga_encoder *e, saga_checkpoint *c, saga_error *error)
 
     saga_checkpoint_walk(c, &e->header, sizeof e->header);
     saga_checkpoint_walk(c, &e->sizes, sizeof e->sizes);
+    /* What is read sizes what follows: the model is looked at before it
+     * does. */
     c->failed = c->failed || !saga_model_is_valid(&e->header.model);
     if (c->reading && !c->failed)
         saga_nets_layout(&e->nets, &e->header.model);

@@ -36,6 +36,9 @@ static int64_t weight_of(const saga_layer_symbols *s,
 static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
                    uint32_t row, int e)
 {
+    /* An integer weight is q step_q16 / 2^step_shift, in Q e: one q is this
+     * in reals. The sum has the Q of input and weight, e + q_in, and so has the
+     * bias but for bias_shift. */
     const double step = ldexp(out->step_q16, -out->step_shift - e);
     const double bias = floor(ldexp((double)v->bias[row],
                                     e + v->q_in - out->bias_shift) + 0.5);
@@ -44,6 +47,7 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
     int64_t sum = 0;
     uint32_t k;
 
+    /* From the sum's Q to that of the output. */
     out->shift[row] = (uint8_t)(e + v->q_in - v->q_out[row]);
     if (fabs(bias) > SAGA_MAX_RESIDUAL)
         return 0;
@@ -54,6 +58,8 @@ static int try_row(saga_layer_symbols *out, const saga_layer_values *v,
 
         if (fabs(q) > SAGA_MAX_RESIDUAL)
             return 0;
+        /* What is bounded is the integer weight as the decoder has it, of a
+         * finer input shifted by so many bits more. */
         w = llabs(weight_of(out, v, (int32_t)q, k));
         if (w > limit)
             return 0;
@@ -93,6 +99,8 @@ static void set_steps(saga_layer_symbols *out, const saga_layer_values *v,
     const double step = ldexp((double)v->step, e);
     int size;
 
+    /* 16 - size makes step_q16 a number of 16 bits, with all the digits that
+     * the field has. */
     frexp(step, &size);                      /* step < 2^size */
     out->step_shift = (uint8_t)fx_clamp(16 - size, 0, 31);
     out->step_q16 = (uint32_t)fmin(fmax(floor(ldexp(step, out->step_shift) +
@@ -127,6 +135,8 @@ static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
         const int least = (int)v->q_out[row] - v->q_in;
         int k = row_exponent(v, row, e);
 
+        /* At its least exponent a row stays as it is, valid or not: then the
+         * traversal refuses it. */
         while (!try_row(out, v, row, k) && k > least)
             k--;
     }
@@ -326,6 +336,8 @@ bool saga_quantise_layer(saga_layer_symbols *out, const saga_layer_values *v,
     out->shift = saga_calloc(v->n_out, 1, out_of_what, error);
     if (!out->weight || !out->bias || !out->shift)
         return false;
+    /* From the finest integers down until all rows are valid: the larger
+     * weights are, the nearer they come to multiples of the step. */
     while (e > unit && !try_layer(out, v, e))
         e--;
     if (e <= unit)
@@ -340,6 +352,7 @@ void saga_dequantise_layer(real *weight, real *bias,
     uint32_t row, k;
 
     for (row = 0; row < v->n_out; row++) {
+        /* try_row's exponent, found again from the shift. */
         const int e = (int)s->shift[row] + v->q_out[row] - v->q_in;
         const size_t at = (size_t)row * v->n_in;
 
@@ -388,6 +401,8 @@ static double target_of(const loop *l, saga_at at, uint32_t i)
         return at.sym == SAGA_SYM_FEATURE
             ? value[(size_t)at.index * m->features + i]
             : value[4 * (size_t)at.index + i];
+    /* Positions are offsets in Q14, of which 16384 is a half-size or a
+     * support. */
     switch (at.sym) {
     case SAGA_SYM_CENTRE:
         saga_position_cell(&cell, &l->sc->coarse[at.index]);
@@ -421,6 +436,8 @@ static void residual(saga_coder *c, saga_at at, int32_t *q, const int16_t *mu,
 
     (void)scale;
     for (i = 0; i < n; i++) {
+        /* y = mu + q step, with the mu that the decoder will have: rounding
+         * it here lets no error add up. What is out of range is clamped. */
         const double x = floor((target_of(l, at, i) - mu[i]) * 65536 /
                                step_q16 + 0.5);
 
@@ -478,6 +495,8 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
                     ? (double)l->t->prim_o[4 * (size_t)k + axis]
                     : local(l->t->prim_x[4 * (size_t)k + axis],
                             axis < 3 ? f->x[axis] : f->t, f->support[axis]);
+            /* Offsets were clamped by then: one at the bound is counted as
+             * beyond it. */
             for (axis = 0; axis < 3; axis++)
                 if (fabs(o[axis]) > SAGA_OFFSET_MAX - 1e-4)
                     break;
@@ -485,6 +504,8 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
             list[i].suffix = saga_suffix_of(o, bits);
             list[i].index = k;
         }
+        /* A set is coded without its order, so primitives take the order of
+         * their suffixes; `order` says who went where. */
         qsort(list, f->n_prim, sizeof *list, compare);
         for (i = 0; i < f->n_prim; i++) {
             l->s->prim_suffix[f->first_prim + i] = list[i].suffix;
@@ -532,6 +553,7 @@ static bool run(loop *l, uint32_t *order, saga_quantise_report *report)
     if (!saga_syntax_coarse(l->sc, &l->coder) ||
         !saga_syntax_fine(l->sc, &l->coder))
         return false;
+    /* Offsets are in supports, which the end of the fine tier has set. */
     if (!l->t->value)
         place_prims(l, order, report);
     return saga_syntax_prim(l->sc, &l->coder) && !l->coder.error;

@@ -7,6 +7,7 @@
 
 static void put(saga_range_enc *e, uint32_t byte)
 {
+    /* The first byte is the carry out of the whole code, always 0. */
     if (!e->started) {
         e->started = 1;
         return;
@@ -22,6 +23,8 @@ static void shift_low(saga_range_enc *e)
     const uint32_t carry = (uint32_t)(e->low >> 32);
     const uint32_t top = (uint32_t)(e->low >> 24) & 255u;
 
+    /* A later carry would turn 255 into 0 and go on to the byte before: such
+     * bytes wait, counted, behind the one in `cache`. */
     if (top == 255 && !carry) {
         e->pending++;
     } else {
@@ -57,6 +60,8 @@ void saga_range_enc_interval(saga_range_enc *e, uint32_t start, uint32_t end)
 {
     const uint32_t r = e->range >> SAGA_PROB_BITS;
 
+    /* The interval that ends at 2^15 also takes what rounding r down has
+     * left. */
     e->low += (uint64_t)r * start;
     e->range = end == SAGA_PROB_TOTAL ? e->range - r * start
                                       : r * (end - start);
@@ -78,6 +83,8 @@ static void escape(saga_range_enc *e, uint32_t v, uint32_t max)
     uint32_t bits = SAGA_ESCAPE_ORDER;
 
     v -= max + 1;
+    /* Each 1 of the prefix passes a class of 2^bits values; a 0 ends it,
+     * which the last class does not need. */
     while (bits < 16 && v >= 1u << bits) {
         saga_range_enc_bits(e, 1, 1);
         v -= 1u << bits;

@@ -171,6 +171,7 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     job.scratch = scratch;
     job.scratch_nbytes = sizeof scratch;
     do
+        /* The budget does not show in the picture. */
         s = saga_draw(dec, &job, &picture, 1u << 24);
     while (s == SAGA_AGAIN);
     if (s)
@@ -211,6 +212,9 @@ static saga_status run_stages(saga_stages *out, saga_decoder *dec,
         return s;
     if (seg.offset > n)
         return SAGA_ERR_TRUNCATED;
+    /* A stage each: decode the segment, look at it from the camera, then
+     * take the CRCs of what is there. A file cut short has fewer bytes than the
+     * index says. */
     left = n - (size_t)seg.offset;
     s = saga_decode(dec, &seg, bytes + seg.offset,
                     seg.nbytes < left ? seg.nbytes : left, NULL);

@@ -66,6 +66,8 @@ static void softmax(real *x, size_t n)
     real top;
     size_t i;
 
+    /* Scores are subtracted from the largest: no power of 2 overflows, and
+     * that of the largest is 1, so that the sum is not 0. */
     for (i = VEC_LANES; i < n; i += VEC_LANES)
         most = vec_max(most, vec_load(x + i));
     for (top = most[0], i = 1; i < VEC_LANES; i++)
@@ -121,6 +123,8 @@ static void softmax_backward(real *d, const real *weight, size_t n)
     real dot;
     size_t i;
 
+    /* With w_i = 2^x_i / sum, dw_i / dx_k = ln 2 w_i ([i = k] - w_k): d
+     * becomes ln 2 w (d - <d, w>). */
     for (i = 0; i < n; i += VEC_LANES)
         sum = vec_fma(vec_load(d + i), vec_load(weight + i), sum);
     for (dot = vec_sum(sum), i = 0; i < n; i += VEC_LANES)
@@ -144,11 +148,15 @@ void saga_bank_float_read_backward(real *d_query, real *d_state,
         const saga_dense_rows weights = { b->weight, some, slots, slots };
         const saga_dense_rows d_weights = { b->d_weight, some, slots, slots };
 
+        /* Weights are computed again, since the scratch has room for a
+         * chunk's alone. */
         weigh(b, q.at, some);
         saga_dense_forward(b->d_weight, &columns, &d_read);
         for (i = 0; i < some; i++)
             softmax_backward(b->d_weight + i * slots, b->weight + i * slots,
                              slots);
+        /* What is read is W S, and W comes from Q S^T: S gets a gradient of
+         * both. */
         saga_dense_forward(d_query + at * d, &state, &d_weights);
         saga_dense_backward(d_state, &weights, &d_read);
         saga_dense_backward(d_state, &d_weights, &q);
@@ -180,6 +188,7 @@ static real update(real *u, real *along, const real *s, const real *write,
     const real g = sigmoid(write[n]);
     size_t i;
 
+    /* The paper's (5) and (6), with |s| = 1 for the denominator of (5). */
     *along = plain ? 0 : dot(write, s, n);
     for (i = 0; i < n; i++)
         u[i] = s[i] + g * (write[i] - *along * s[i]);
@@ -208,8 +217,11 @@ void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
     size_t i;
 
     memset(d_write, 0, (n + 1) * sizeof *d_write);
+    /* A sum of 0 has left the slot as it was, and d with it. */
     if (!(length > 0))
         return;
+    /* Back through u / |u|: d becomes (d - u <d, u> / |u|^2) / |u|. The same
+     * loop sums what g and <v, s> learn. */
     part = dot(d, u, n) / (length * length);
     for (i = 0; i < n; i++) {
         d[i] = (d[i] - part * u[i]) / length;
@@ -217,6 +229,7 @@ void saga_bank_float_update_backward(real *d, real *d_write, const real *s,
         d_along -= g * d[i] * s[i];
     }
     for (i = 0; i < n; i++) {
+        /* u = s + g (v - <v, s> s): v and s also learn through <v, s>. */
         d_write[i] = g * d[i] + (plain ? 0 : d_along * s[i]);
         d[i] += plain ? 0 : d_along * write[i] - along * g * d[i];
     }

@@ -41,6 +41,7 @@ static void lay_out(saga_bank_twin *m, saga_arena *a, const saga_scene *s)
         n_states += runs;
     }
     saga_twin_batch_take(&m->slot, a, &net[SAGA_NET_SLOT], slots);
+    /* One state before the first run, and one behind each run that writes. */
     m->state = saga_arena_take(a, n_states * state);
     m->d_last = saga_arena_take(a, state);
 }
@@ -98,6 +99,8 @@ bool saga_bank_twin_init(saga_bank_twin *m, const saga_scene *s,
         saga_bank_twin_free(m);
         return false;
     }
+    /* SLOT is told a slot's number as a 1 among zeros, which the block
+     * holds. */
     for (p = 0; p < m->n_slots; p++)
         m->slot.in[p * m->n_slots + p] = 1;
     return true;
@@ -159,12 +162,16 @@ static void fill_row(real *row, const saga_bank_twin_input *in, int net,
     real anchor[4], *to;
     size_t n;
 
+    /* A query knows only its block's cell; a token also where in it the
+     * anchor is. */
     if (is_token) {
         anchor_phase(anchor, in, block);
         phase = anchor;
     }
     to = saga_rate_tell(row, m, phase, in->size + SAGA_RATE_SIZES * block);
     *to++ = R(in->kind - 1);
+    /* Coarse anchors' queries have no values, and a fine anchor's token has
+     * fewer than F: what is left of the row is 0. */
     memset(to, 0, m->features * sizeof *to);
     values = values_of(in, &in->x, block, is_token, &n);
     if (values)
@@ -219,6 +226,8 @@ static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
     const size_t n = saga_rate_n_blocks(in->s, in->kind);
     const size_t n_in = (size_t)f->dim[0];
     const size_t n_out = (size_t)f->dim[f->n_layers];
+    /* Inputs before the values (embedding, sizes, kind) have nowhere to pass
+     * their gradients to. */
     const size_t side = n_in - in->s->model.features;
     size_t i, k, have;
 
@@ -227,6 +236,8 @@ static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
     saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in, n, f);
     saga_rate_through(b->d_in, b->in, n * n_in, in->s->model.q_in[net]);
     for (i = 0; i < n; i++) {
+        /* Fine anchors' queries share their parents' features: one thread
+         * adds, in the order of coding. */
         real *const to = values_of(in, dx, in->runs->block[i],
                                    net == SAGA_NET_AGG, &have);
 
@@ -297,6 +308,9 @@ static void read_run_backward(void *user, size_t run)
     const size_t d = m->width, n = m->n_slots * d;
     const size_t begin = in->runs->begin[run];
 
+    /* Each run has gradients of its own for the state it read, since threads
+     * work on several runs that may share a state. They are added in order
+     * later. */
     memset(k->d_state + run * n, 0, n * sizeof *k->d_state);
     saga_bank_float_read_backward(k->query.d_out + begin * d,
                                   k->d_state + run * n, &b,
@@ -372,6 +386,7 @@ static void run_write(saga_bank_twin *m, const saga_bank_twin_input *in,
     const size_t d = m->width, hidden = (size_t)write->dim[0];
     const size_t row = from * m->n_slots, rows = (to - from) * m->n_slots;
 
+    /* Once per round: WRITE_BASE of the mean of its tokens. */
     take_means(k, in, d, from, to);
     saga_rate_clamp(k->base.in + from * d, (to - from) * d,
                     in->s->model.q_in[SAGA_NET_WRITE_BASE]);
@@ -379,6 +394,8 @@ static void run_write(saga_bank_twin *m, const saga_bank_twin_input *in,
                      k->base.in + from * d, to - from, base);
     saga_rate_clamp(k->base.out + from * hidden, (to - from) * hidden,
                     in->s->model.q_in[SAGA_NET_WRITE]);
+    /* Once per round and slot: that plus the slot's own vector, and WRITE
+     * gives the candidate and the gate. */
     add_own(m, k, in->s, from, to);
     saga_net_forward(k->write.out + row * (d + 1), &k->write.work,
                      k->write.in + row * hidden, rows, write);
@@ -404,6 +421,8 @@ static void update_slot(void *user, size_t p)
     size_t run;
 
     for (run = j->from; run < j->to; run++) {
+        /* Slots do not read one another, so that each goes through all
+         * rounds at once; a state stays for the backward pass. */
         real *const s = m->state + (j->in->first + run) * slots * d + p * d;
 
         saga_bank_float_update(s + slots * d, s, k->write.out +
@@ -429,6 +448,8 @@ void saga_bank_twin_write(saga_bank_twin *m,
     saga_bank_twin_kind *const k = &m->kind[in->kind];
     job j = { .m = m, .in = in, .from = from, .to = to };
 
+    /* All networks first, for all of the rounds: they do not see the slots.
+     * Only the updates go round by round. */
     run_blocks(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
                in->runs->begin[to]);
     run_write(m, in, from, to);
@@ -460,6 +481,9 @@ static void slot_backward(void *user, size_t p)
     for (run = in->runs->n; run-- > 0;) {
         const size_t at = run * slots + p;
 
+        /* Here `last` turns from the gradient of the state behind the round
+         * into that of the state before it, which the round's blocks have read
+         * too. */
         saga_bank_float_update_backward(
             last, k->write.d_out + at * (d + 1),
             m->state + ((in->first + run) * slots + p) * d,
@@ -492,6 +516,8 @@ static void add_own_backward(saga_bank_twin *m, saga_bank_twin_kind *k,
     const size_t n = n_runs * m->n_slots * hidden;
     size_t run, p, i;
 
+    /* h = min(max(base + own, 0), most): where that is cut to 0 nothing is
+     * learnt; at `most` only what leads inside. */
     for (i = 0; i < n; i++)
         if (!(k->write.in[i] > 0))
             k->write.d_in[i] = 0;
@@ -538,6 +564,9 @@ static void write_backward(saga_bank_twin *m, saga_scene *d,
     const size_t rows = in->runs->n * m->n_slots;
     job j = { .m = m, .in = in, .reads = reads };
 
+    /* Backward, in the opposite order: slots, WRITE, its two summands,
+     * WRITE_BASE, means, tokens. The slots' own vectors wait for all tiers
+     * (saga_bank_twin_end). */
     do_slots(slot_backward, &j, in->runs->n);
     writes_through(&k->write, rows, m->width);
     saga_net_backward(k->write.d_in, &d->net[SAGA_NET_WRITE], &k->write.work,
@@ -580,6 +609,8 @@ void saga_bank_twin_backward(saga_bank_twin *m, saga_scene *d,
                              const saga_rate_features *dx,
                              const saga_bank_twin_input *in, int reads)
 {
+    /* Reads first: the gradients of the states that they leave are what the
+     * writes go back from. */
     if (reads)
         read_backward(m, d, dx, in);
     if (in->kind != SAGA_KIND_PRIM)

@@ -19,12 +19,15 @@ saga_rate_cost saga_rate_bits(double v, double log2_sigma)
     const double spread = 1 + v * v / 64;
     const double escape = exp2(-21) / spread;
     const double sum = p + escape;
+    /* For v > 0 dp / dv is the density at far less that at near, over sigma. */
     const double slope = (at_far - at_near) * per_sigma;
     const double d_p = v < 0 ? -slope : slope;
     saga_rate_cost cost;
 
     cost.bits = -log2(sum);
     cost.d_v = (escape * (v / 32) / spread - d_p) / (sum * LN2);
+    /* By log2 sigma, near and far change by -ln 2 of themselves, and that ln
+     * 2 is the logarithm's: it cancels. */
     cost.d_log2_sigma = (far * at_far - near * at_near) / sum;
     return cost;
 }

@@ -45,6 +45,8 @@ static void take_columns(saga_net *to, const saga_net *from,
 
     memcpy(to->b[0], from->b[0], rows * sizeof(real));
     for (source = 1; source <= had; source <<= 1) {
+        /* Inputs stand source by source: `at` is where this one's columns
+         * are in the old layer, n where they go in the new. */
         const size_t columns = saga_rate_columns(m, source);
 
         for (row = 0; (has & source) && row < rows; row++)
@@ -75,6 +77,7 @@ static void set_sources(saga_model *m, const uint8_t sources[SAGA_N_KINDS])
     memcpy(m->sources, sources, SAGA_N_KINDS);
     if ((sources[0] | sources[1] | sources[2]) & SAGA_SOURCE_BANK)
         return;
+    /* No kind reads the bank, so the model has none, nor its networks. */
     m->tools &= ~(uint32_t)(SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
     m->bank_slots = m->bank_blocks = 0;
     m->bank_width = 0;
@@ -169,6 +172,10 @@ static double kind_bits(search *f, int kind)
                                 kind ? f->feature : f->scratch };
     double bits[SAGA_N_STEPS] = { 0 };
 
+    /* Coding overwrites features with what is decoded. Coarse anchors are
+     * coded from the trained ones every time; the other kinds always read those
+     * that begin_search has decoded, so that trials do not depend on one
+     * another. */
     memcpy(f->scratch, f->s->coarse_feature, n * sizeof *f->scratch);
     saga_rate_code(bits, f->r, &y, kind);
     return bits[0] + bits[1] + bits[2] + bits[3];
@@ -195,6 +202,8 @@ static bool begin_search(search *f)
         if (!f->mean[kind])
             return false;
         saga_rate_code(bits, f->r, &y, kind);
+        /* Coding leaves in the batch the last run's inputs only; all blocks
+         * are evaluated once more to have everybody's. */
         saga_rate_all(f->r, &y, kind);
         /* Where a kind has no blocks, the means are 0. */
         for (j = 0; k->n_blocks && j < dim; j++) {
@@ -241,6 +250,7 @@ static bool find_steps(search *f)
 
         for (e = COARSEST; f->s->net[net].n_layers && e <= SAGA_RATE_FINEST;
              e++) {
+            /* A coarser step makes weights cheaper and residuals dearer. */
             step[net] = ldexp(1, -e);
             if (!network_bits(&bits, f, net))
                 return false;
@@ -285,6 +295,9 @@ static bool try_subset(search *f, int kind, uint32_t subset)
     bool ok;
 
     sources[kind] = (uint8_t)subset;
+    /* The trial: a source that is left out is 0 and its mean is in the
+     * biases. The weights' bits are those of the network without its columns.
+     */
     f->r->context.keep[kind] = (uint8_t)subset;
     fold(f, kind, subset, 1);
     f->bits[kind][subset] = kind_bits(f, kind);
@@ -293,6 +306,7 @@ static bool try_subset(search *f, int kind, uint32_t subset)
     ok = weights_bits(&f->weights[kind][subset],
                       &fewer.net[SAGA_NET_E_COARSE + kind], &f->r->decision,
                       SAGA_NET_E_COARSE + kind, f->error);
+    /* Back to all sources, where the next trial begins. */
     fold(f, kind, subset, -1);
     f->r->context.keep[kind] = had;
     return ok;
@@ -371,6 +385,9 @@ static void choose(uint8_t best[SAGA_N_KINDS], search *f)
     size_t i;
 
     for (i = 0; i < sizeof without / sizeof without[0]; i++) {
+        /* best_of_all finds each kind's best without looking at the networks
+         * that kinds share, and adds those once. So whether they pay is decided
+         * here, between whole choices. */
         const int forgets = (without[i] & SAGA_SOURCE_BANK) != 0;
         const double total = best_of_all(sources, f, without[i]);
 
@@ -427,6 +444,8 @@ bool saga_rate_decide(saga_rate *r, saga_scene *s, const saga_rate_input *x,
     f.params = alloc_params(s, error);
     ok = f.feature && f.scratch && f.params && begin_search(&f);
     if (ok) {
+        /* From here on saga_rate_rounded gives networks with rounded
+         * weights: the search is for what will be coded. */
         r->decision.decided = 1;
         ok = find_steps(&f) && try_subsets(&f);
         r->decision.decided = ok;

@@ -102,6 +102,8 @@ static void set_size(real size[SAGA_RATE_SIZES], const real log2_units[4],
 {
     int i;
 
+    /* The integers are Q10 and handed over as Q12: a fourth. A half-size of
+     * 2^12 box units or of 2^8 time units is 0. */
     for (i = 0; i < 4; i++)
         size[i] = (log2_units[i] - (i < 3 ? 12 : 8)) / 4;
     size[4] = R(count) / 8;
@@ -113,6 +115,7 @@ static void keep_position(saga_rate_kind *k, size_t i, const saga_position *p,
     real log2_units[4];
     size_t a;
 
+    /* Box and time units become -1..1 on each axis. */
     for (a = 0; a < 3; a++)
         k->phase[4 * i + a] = R(p->x[a]) / 8388608;
     k->phase[4 * i + 3] = R(p->t) / 32768 - 1;
@@ -161,6 +164,7 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc,
 
         saga_position_cell(&p, parent);
         saga_position_move(&p, f->local);
+        /* A suffix cell is 2^bits times smaller than its parent's cell. */
         for (a = 0; a < 4; a++)
             p.log2_support_q10[a] -= bits * 1024;
         keep_position(k, i, &p, parent->n_fine);
@@ -207,6 +211,7 @@ int saga_rate_mu_q(const saga_model *m, int kind, size_t channel)
     uint32_t step = m->step_q16[saga_rate_step_of(kind, channel)] >> 16;
     int q = 0;
 
+    /* q = floor(log2(step)), the step in LSB of the value. */
     while (step >>= 1)
         q++;
     return q;
@@ -347,6 +352,7 @@ static void parent_forward(real *in, const job *j, saga_range of)
         copy_columns(in, j->dim, scratch, j->f, j->f, of);
         return;
     }
+    /* Primitives read their fine anchor's own features. */
     for (i = of.begin; i < of.end; i++)
         memcpy(in + i * j->dim, j->x->fine + j->list.block[i] * j->f,
                j->f * sizeof *in);
@@ -377,6 +383,8 @@ static void take_parameters(const job *j, saga_range of)
 
     for (i = of.begin; i < of.end; i++)
         for (c = 0; c < channels; c++) {
+            /* A row of outputs is all channels' mu, then all channels' log2
+             * sigma. */
             const real *const out = k->net.out + 2 * channels * i + c;
             const real unit = saga_rate_mu_unit(m, j->kind, c);
             const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
@@ -439,10 +447,14 @@ static void forward_chunk(void *user, size_t chunk)
     real *in = j->k->net.in;
     uint32_t source;
 
+    /* Fine anchors' supports come from F_fine and change with every
+     * iteration. */
     if (j->kind == SAGA_KIND_PRIM)
         place_prims(j->k, j->s, j->x->twin, j->list.block + of.begin,
                     of.end - of.begin);
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
+        /* A source that the network has but that is not kept still has its
+         * columns, of zeros. */
         const size_t columns = saga_rate_columns(&j->s->model, source);
 
         if (!(have & source))
@@ -469,6 +481,7 @@ void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
                        .n = saga_n_parts(list.n, CHUNK) };
 
     j.x = x;
+    /* Weights are packed before the chunks, which share them. */
     saga_net_begin(&p);
     if (has_hyper(&j))
         saga_net_begin(&hyper);
@@ -571,6 +584,8 @@ static void backward_block(void *user, size_t block)
     const real *d_in = j->k->net.d_in;
     uint32_t source;
 
+    /* Parts are the network's blocks: gradients of the weights are summed in
+     * each, and add_sums adds the blocks in order. */
     parameters_backward(j, of);
     saga_net_block_backward(&p, block);
     saga_rate_through(j->k->net.d_in + at, j->k->net.in + at,
@@ -626,6 +641,8 @@ void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
     all.ns = 2 * cost_of(&j, &all.most) * (double)list.n;
     saga_parallel(&all);
     add_sums(&j);
+    /* Listed blocks have neighbours in common: each row of the scratch has
+     * to be there before features learn from it. */
     for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1)
         if (saga_rate_sources(c, s, kind) & source && links_of(&j, source))
             saga_links_scatter(dx->coarse, links_of(&j, source), c->scratch,
@@ -654,6 +671,7 @@ static saga_bank_twin_input bank_input(const saga_rate_context *c,
                                   *x };
     int i;
 
+    /* States stand in the order of coding: behind those of all kinds before. */
     for (i = 0; i < kind; i++)
         in.first += c->kind[i].runs.n;
     return in;
@@ -702,6 +720,8 @@ void saga_rate_context_remember(saga_rate_context *c, const saga_scene *s,
 
         saga_rate_context_write(c, s, kind, 0, c->kind[kind].runs.n, x);
         saga_rate_context_read(c, s, kind, 0, c->kind[kind].runs.n, x);
+        /* The evaluation that follows sets d_read of its own blocks; the
+         * others have none. */
         memset(c->bank.kind[kind].d_read, 0, n * sizeof(real));
     }
 }
@@ -718,6 +738,8 @@ void saga_rate_context_remember_backward(saga_rate_context *c, saga_scene *d,
     for (kind = SAGA_N_KINDS - 1; kind >= 0; kind--) {
         const saga_bank_twin_input in = bank_input(c, s, kind, x);
 
+        /* A tier that reads nothing itself has written for the kinds after
+         * it. */
         if (readers >> kind)
             saga_bank_twin_backward(&c->bank, d, dx, &in,
                                     readers >> kind & 1u);

@@ -129,6 +129,8 @@ bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
                     s->fine_x + 4 * (size_t)i);
         for (k = 0; k < 4; k++)
             to[k] = R(o[k] - saga_suffix_centre(suffix, bits, k));
+        /* GROUPS reads the number of children beside the offset
+         * (rate_block.h). */
         to[4] = R(s->fine[i].n_prim) / 16;
     }
     if (!saga_rate_context_refresh(&r->context, s, error))
@@ -140,6 +142,7 @@ bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
 /* Returns a step in reals of the value. */
 static double step_size(const saga_model *m, int kind, size_t c)
 {
+    /* The file's step is in Q16 of the value's LSB. */
     return ldexp(m->step_q16[saga_rate_step_of(kind, c)],
                  -16 - saga_rate_value_q(m, kind, c));
 }
@@ -262,6 +265,7 @@ static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
         for (i = 0; i < rows * channels; i++) {
             const size_t c = i % channels;
 
+            /* A settled channel's bits are not asked for any more. */
             if (!settled[c])
                 bits[c] += saga_rate_bits(
                     (y[i] - (double)r->constants.mean[kind][c]) /
@@ -286,6 +290,8 @@ static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
     do {
         left = 0;
         for (i = 0; i < channels; i++) {
+            /* One scale narrower for all that are not settled. Who got
+             * dearer goes back to where it was and is settled. */
             settled[i] = settled[i] || log2_sigma[i] - scale < narrowest;
             log2_sigma[i] -= settled[i] ? 0 : scale;
         }
@@ -323,6 +329,7 @@ void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
         n += rows;
     }
     for (i = 0; i < channels; i++) {
+        /* A kind without blocks divides by 1. */
         const double mean = saga_rate_is_anchor(kind, i)
             ? 0 : sum[i] / (double)(n + !n);
         const double spread = square[i] / (double)(n + !n) - mean * mean;
@@ -370,6 +377,7 @@ saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
         for (l = 0; l < f->n_layers; l++) {
             f->w[l] = r->params + (f->w[l] - s->params);
             f->b[l] = r->params + (f->b[l] - s->params);
+            /* Weights alone are rounded; biases stay as they are. */
             for (i = 0; i < (size_t)f->dim[l] * (size_t)f->dim[l + 1]; i++)
                 f->w[l][i] = step * FLOOR(f->w[l][i] / step + R(0.5));
         }
@@ -506,6 +514,8 @@ static void learn_offset(const job *j, size_t fine, size_t prim, size_t c,
 
     if (fabs(o) >= SAGA_OFFSET_MAX)
         return;
+    /* o = (x - centre) / support: do / dx = 1 / support, do / d(log2
+     * support) = -o ln 2. */
     j->d->prim_x[at] += R(d / (double)w->support[to]);
     w->d_log2_support[to] -= R(d * o * M_LN2);
 }
@@ -563,6 +573,7 @@ static void add_block(const job *j, size_t at, uint32_t block)
 
     for (row = 0, i = 0; row < rows; row++)
         for (c = 0; c < channels; c++, i++) {
+            /* v = (y - mu) / step, whose normal distribution has mean 0. */
             cost.v[i] = R(steps_from_mu(j, block, i, c,
                                         y[i] - (double)mu[c]));
             cost.log2_sigma[i] = k->log2_sigma[at * channels + c];
@@ -573,6 +584,8 @@ static void add_block(const job *j, size_t at, uint32_t block)
     memset(d_log2_sigma, 0, channels * sizeof *d_log2_sigma);
     for (row = 0, i = 0; row < rows; row++)
         for (c = 0; c < channels; c++, i++) {
+            /* y and mu get opposite gradients. `weight` counts the block for
+             * those that this iteration leaves out. */
             const double d = weight * (double)cost.d_v[i] / j->step[c];
 
             bits[saga_rate_step_of(j->kind, c)] += (double)cost.bits[i];
@@ -629,6 +642,7 @@ static void step_kind(double bits[SAGA_N_STEPS], job *j)
         .run = add_part, .user = j, .n = saga_n_parts(list.n, PART),
         .ns = (double)VALUE_NS * (double)saga_n_channels(&s->model, j->kind) *
               (double)list.n });
+    /* In the list's order, so that the sum does not depend on threads. */
     for (i = 0; i < list.n; i++)
         for (c = 0; c < SAGA_N_STEPS; c++)
             bits[c] += j->o->every * r->row_bits[SAGA_N_STEPS * i + c];
@@ -650,6 +664,8 @@ void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
     size_t c;
 
     memset(bits, 0, SAGA_N_STEPS * sizeof *bits);
+    /* The bank runs before the kinds that read it. It goes back after them:
+     * each leaves there the gradient of what it has read. */
     if (remember)
         saga_rate_context_remember(&r->context, &rounded, &features);
     for (; j.kind < SAGA_N_KINDS; j.kind++) {
@@ -712,9 +728,12 @@ static double code_value(double *y, const saga_model *m, int kind, size_t c,
     const double step = m->step_q16[saga_rate_step_of(kind, c)] / 65536.0;
     const double x = floor((ldexp(*y, q) - mu_lsb) / step + 0.5);
     const double symbol = fmin(fmax(x, -SAGA_MAX_RESIDUAL), SAGA_MAX_RESIDUAL);
+    /* The trainer gives the sigma head this format: the same scale as
+     * decoded. */
     const int16_t sigma = (int16_t)lrint(
         ldexp((double)log2_sigma, SAGA_COST_SIGMA_Q));
 
+    /* The decoder's value: mu and the symbol's steps, in whole LSB. */
     *y = ldexp(mu_lsb + floor(symbol * step + 0.5), -q);
     return saga_cost_residual((int32_t)symbol,
                               saga_prob_index(sigma, SAGA_COST_SIGMA_Q));
@@ -747,6 +766,7 @@ static void code_list(double bits[SAGA_N_STEPS], saga_rate *r,
         const size_t rows = read_block(y, r, x, kind, list.block[i]);
 
         for (c = 0; c < rows * channels; c++) {
+            /* A fine anchor's primitives share their mu and sigma. */
             const size_t p = i * channels + c % channels;
 
             bits[saga_rate_step_of(kind, c % channels)] += code_value(
@@ -779,6 +799,8 @@ void saga_rate_code(double bits[SAGA_N_STEPS], saga_rate *r,
         const saga_rate_list list = { runs->block + runs->begin[i],
                                       runs->begin[i + 1] - runs->begin[i] };
 
+        /* The decoder's order: a run reads the state that the runs before it
+         * left, is coded, and writes what was decoded. */
         saga_rate_context_read(c, x->scene, kind, i, i + 1, &features);
         code_list(bits, r, x, kind, list);
         saga_rate_context_write(c, x->scene, kind, i, i + 1, &features);
@@ -790,6 +812,7 @@ void saga_rate_all(saga_rate *r, const saga_rate_input *x, int kind)
     const size_t n = r->context.kind[kind].runs.n;
     const saga_rate_features features = features_of(x, r->decoded);
 
+    /* Everything is decoded: all states first, then what each run reads. */
     saga_rate_context_write(&r->context, x->scene, kind, 0, n, &features);
     saga_rate_context_read(&r->context, x->scene, kind, 0, n, &features);
     predict(r, x, kind, every_one(r, kind, 0, 1), r->decoded);

@@ -90,6 +90,7 @@ static inline void cost(saga_rate_row *r, size_t at)
     const vec p = tail(near, e_near) - tail(far, e_far);
     const vec spread = vec_fma(v * v, vec_set1(1.0f / 64), vec_set1(1));
     const vec escape = vec_set1(0x1p-21f) / spread;
+    /* The difference of two fits may be a little below 0. */
     const vec sum = vec_max(p, vec_zero()) + escape;
     const vec slope = (e_far - e_near) * density * per_sigma;
     const vec d_p = vec_select((veci)(v < vec_zero()), -slope, slope);
@@ -105,6 +106,8 @@ void saga_rate_cost_row(saga_rate_row *r, size_t n)
 {
     size_t i;
 
+    /* The last vector's other lanes get some valid input; nobody reads what
+     * they give. */
     for (i = n; i % VEC_LANES; i++)
         r->v[i] = r->log2_sigma[i] = 0;
     for (i = 0; i < n; i += VEC_LANES)

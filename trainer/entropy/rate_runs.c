@@ -13,6 +13,8 @@ static uint32_t most_blocks(const saga_scene *s, int kind)
 {
     const uint32_t most = s->model.bank_blocks;
 
+    /* Without a bank nothing is written between blocks: a run is a whole
+     * group. */
     if (!(s->model.tools & SAGA_TOOL_BANK))
         return UINT32_MAX;
     return kind == SAGA_KIND_PRIM && most < LEAST_PRIM_RUN ? LEAST_PRIM_RUN
@@ -71,6 +73,7 @@ void saga_rate_runs_set(saga_rate_runs *r, const saga_scene *s, int kind)
 
         for (i = 0; i < n; i++)
             if (group_of(s, kind, i) == group) {
+                /* A run ends with its group, or when it is full. */
                 if ((at - first) % most == 0)
                     r->begin[r->n++] = at;
                 r->index[i] = at;

@@ -23,6 +23,7 @@ void saga_weights_list(saga_weights *w, const saga_net net[SAGA_N_NETS],
     int i, k;
 
     memset(w, 0, sizeof *w);
+    /* The entropy model's networks are those before and behind these. */
     for (i = SAGA_NET_FUSE_C; i < SAGA_NET_QUERY; i++)
         for (k = 0; k < net[i].n_layers && net[i].dim[0] > 0; k++) {
             const size_t rows = (size_t)net[i].dim[k + 1];
@@ -168,12 +169,16 @@ typedef struct { double bits, by_y, by_ln; } cost;
 
 static cost cost_of(double y, double step, double sigma)
 {
+    /* p = cdf(b) - cdf(a), on the negative side, where the cdf keeps its
+     * digits. 1e-30 ends a parameter's bits at 100. */
     const double a = (-fabs(y) - step / 2) / sigma;
     const double b = (-fabs(y) + step / 2) / sigma;
     const double p = fmax(saga_normal_cdf(b) - saga_normal_cdf(a), 1e-30);
     const double pa = saga_normal_pdf(a), pb = saga_normal_pdf(b);
     const double scale = 1 / (p * sigma * M_LN2);
 
+    /* By y: a and b move by 1 / sigma with -|y|. By ln step: by step / 2 /
+     * sigma, in opposite directions. */
     return (cost){ -log2(p), (y < 0 ? -1 : 1) * (pb - pa) * scale,
                    -(pa + pb) * step / 2 * scale };
 }
@@ -236,6 +241,8 @@ static void rate_of(real *dx, saga_weights *w, int t, const real *y,
 
         bits += k.bits;
         dx[i] += (real)(price * k.by_y);
+        /* By ln step, y moves by y - x, and dx is what the loss and the
+         * price want of y. */
         by_ln += price * k.by_ln +
                  (double)dx[i] * ((double)y[i] - (double)x[i]);
     }

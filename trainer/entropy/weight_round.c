@@ -45,6 +45,7 @@ static void gather_row(void *user, size_t a)
     for (p = 0; p < in->points; p++) {
         const double x = input_at(in, p, a) / (double)in->points;
 
+        /* The lower triangle is enough: H is symmetric. */
         for (b = 0; b <= a && x != 0; b++)
             row[b] += x * input_at(in, p, b);
     }
@@ -75,6 +76,8 @@ static void sort_columns(size_t *order, const double *h, size_t n)
 {
     size_t i, k;
 
+    /* The bias stays first, which is rounded last: an input of 1 is always
+     * there to take up what the others leave. */
     order[0] = n - 1;
     for (i = 0; i + 1 < n; i++) {
         for (k = i + 1; k > 1 && h[order[k - 1] * (n + 1)] > h[i * (n + 1)];
@@ -98,6 +101,8 @@ static void factorise(work *w)
 
             for (k = 0; k < j; k++)
                 s -= f[i * n + k] * f[j * n + k];
+            /* Damping keeps pivots above 0; this is for what rounding makes
+             * of a tiny one. */
             f[i * n + j] = i == j ? sqrt(fmax(s, 1e-15)) : s / f[j * n + j];
         }
 }
@@ -112,6 +117,7 @@ static void regress(work *w)
     for (i = 0; i < n; i++) {
         double *const z = w->follow + i * n;
 
+        /* Backward through F^T, whose row k is column k of F. */
         for (k = i; k-- > 0;) {
             double s = w->factor[i * n + k];
 
@@ -135,6 +141,8 @@ static double round_ordered(double *row, const work *w,
         const double step = times * (is_weight ? in->step : in->bias_step);
         const double q = floor(row[i] / step + 0.5);
 
+        /* With an error e of input i, e^T H e is least where the inputs
+         * before it have errors -z e. */
         for (k = 0; k < i; k++)
             row[k] += (row[i] - step * q) * w->follow[i * w->n + k];
         row[i] = step * q;
@@ -151,6 +159,8 @@ static void round_row(real *weight, real *bias, double *row, const work *w,
     size_t i;
 
     do {
+        /* All of the row from the start, with steps of 1, 2, 4, ... times
+         * the input's. */
         times *= 2;
         for (i = 0; i < w->n; i++)
             row[i] = w->order[i] < in->n_in ? (double)weight[w->order[i]]
@@ -181,6 +191,7 @@ bool saga_weight_round(real *weight, real *bias,
     w.h = block + n;
     w.factor = w.h + n * n;
     w.follow = w.factor + n * n;
+    /* H and what comes from it hold for every row of the layer. */
     gather(w.h, in);
     damp(w.h, n);
     sort_columns(w.order, w.h, n);

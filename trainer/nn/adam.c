@@ -84,6 +84,9 @@ static inline vec step_of(vec *m, vec *v, vec g, const factors *f)
 {
     vec sigma, most;
 
+    /* v takes the gradient as it is; of m it counts up to `most` deviations,
+     * which v has just learnt. scale is 1 / sqrt(c2), so that sigma is sqrt(v')
+     * + eps. */
     *v = vec_fma(f->beta2, *v, f->rest2 * (g * g));
     sigma = vec_fma(vec_sqrt(*v), f->scale, f->eps);
     most = f->most * sigma;
@@ -164,6 +167,8 @@ bool saga_adam_update(const saga_adam *adam, const saga_adam_tensor *tensors,
 
     for (k = 0; k < n_tensors; k++)
         n += tensors[k].n;
+    /* Everything is looked at before anything is changed. Which number is to
+     * blame is searched for only where there is one. */
     j.n_slices = saga_n_parts(n, SLICE);
     saga_parallel(&(saga_tasks){ .run = check_slice, .user = &j,
                                  .n = j.n_slices,

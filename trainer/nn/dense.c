@@ -60,6 +60,9 @@ static void tile_wide(const tile *t, size_t row, size_t column)
     WIDE_UNROLL
     for (i = 0; i < ROWS; i++)
         a[i] = t->bias ? wide_load(t->bias + column) : wide_zero();
+    /* Sixteen weights are loaded once for ROWS points. Each sum starts with
+     * the bias and runs over the inputs in their order, as in the smaller
+     * tiles. */
     for (k = 0; k < t->n_in; k++, w += t->stride) {
         const wide at = wide_load(w);
 
@@ -120,6 +123,8 @@ void saga_dense_forward(real *y, const saga_dense *layer,
                      x->width, layer->relu };
     size_t row, column, i;
 
+    /* Whole tiles, beside them columns that do not fill one, then points
+     * that are left over, one by one. */
     for (row = 0; row + ROWS <= x->n; row += ROWS) {
         for (column = 0; column + WIDE_LANES <= width; column += WIDE_LANES)
             tile_wide(&t, row, column);
@@ -158,6 +163,7 @@ static void outer_wide(const outer *t, size_t row, size_t column)
     WIDE_UNROLL
     for (i = 0; i < ROWS; i++)
         a[i] = wide_zero();
+    /* A chunk is summed in registers, from 0, and added to dw once. */
     for (n = 0; n < t->n; n++, dy += t->dy_stride, x += t->stride) {
         const wide at = wide_load(x);
 
@@ -211,6 +217,7 @@ static void outer_chunk(const outer *t, size_t n_out)
 {
     size_t row, column, i;
 
+    /* Rows of dw are outputs here: tiles of ROWS, of 4, and single ones. */
     for (row = 0; row + ROWS <= n_out; row += ROWS) {
         for (column = 0; column + WIDE_LANES <= t->stride; column += WIDE_LANES)
             outer_wide(t, row, column);
@@ -232,6 +239,7 @@ void saga_dense_backward(real *dw, const saga_dense_rows *dy,
     size_t i;
 
     for (i = 0; i < dy->n; i += CHUNK) {
+        /* The same chunks in every build, so that sums have the same order. */
         const size_t left = dy->n - i;
         const outer t = { dw, dy->at + i * dy->stride, x->at + i * x->stride,
                           dy->stride, x->stride, left < CHUNK ? left : CHUNK };

@@ -59,12 +59,15 @@ static inline vec negate_on_bit1(vec a, veci n)
 static inline void turn(vec *sine, vec *cosine, vec x)
 {
     const vec shifted = x + vec_set1(MAGIC);
+    /* What the nearest whole number of quarter turns leaves: -1/2..1/2. */
     const vec f = x - (shifted - vec_set1(MAGIC));
     const veci n = (veci)shifted;
     const veci odd = (n & 1) != 0;
     const vec s = f * polynomial(sine_fit, N_SINE, f * f);
     const vec c = polynomial(cosine_fit, N_COSINE, f * f);
 
+    /* An odd number of quarter turns swaps sine and cosine. The sine is
+     * negative after 2 and 3 of them, the cosine one quarter earlier. */
     *sine = negate_on_bit1(vec_select(odd, c, s), n);
     *cosine = negate_on_bit1(vec_select(odd, s, c), n + 1);
 }
@@ -97,6 +100,7 @@ static void embed(real *at, const real *p, int n_axes, int octaves)
 
     for (axis = 0; axis < n_axes; axis++)
         for (k = 0; k < octaves; k++) {
+            /* Full batches leave as they come; the last may be shorter. */
             x[n++] = p[axis] * R(1 << k);
             if (n == ANGLES) {
                 put_pairs(at, x, n);

@@ -59,6 +59,7 @@ void saga_net_init(saga_net *net, unsigned long long seed)
     for (l = 0; l < net->n_layers; l++) {
         const saga_rng r = saga_rng_stream(seed, (uint64_t)l);
         const size_t n = dim(net, l) * dim(net, l + 1);
+        /* A uniform number within +-h has the variance h^2 / 3. */
         const double gain = l + 1 < net->n_layers ? 6 : 3;
         const double half = sqrt(gain / net->dim[l]);
         size_t i;
@@ -103,6 +104,8 @@ static void pack_layer(real *at, const saga_net *net, int l)
     real *const along = bias + wide;
     size_t i, o;
 
+    /* Forward, vectors run along the outputs, and backward along the inputs:
+     * each has its own order. Padding is 0, and so are the sums there. */
     memset(at, 0, layer_size(net, l) * sizeof *at);
     memcpy(bias, net->b[l], n_out * sizeof *bias);
     for (o = 0; o < n_out; o++)
@@ -204,6 +207,9 @@ static void forward_chunk(const pass *p, size_t begin)
         const layer_weights lw = weights_of(p->work, net, l);
         const saga_dense layer = { lw.across, lw.bias, dim(net, l + 1),
                                    l < last };
+        /* Hidden layers stay for the backward pass, padded. The last goes
+         * straight to y where its rows need no padding, else through the
+         * scratch. */
         real *const out = l < last
             ? p->work->hidden[l] + begin * pad(net, l + 1)
             : whole ? p->y + begin * n_out : scratch;
@@ -306,9 +312,11 @@ static void backward_chunk(real *partial, const pass *p, size_t begin,
                                   .n_out = n_in };
         real *const d_in = scratch + (size_t)(1 + (l & 1)) * area;
 
+        /* Layers' gradients lie first to last; the walk goes from the end. */
         at -= d.width * (stride + 1);
         saga_dense_backward(at, &d, &in);
         saga_dense_bias_backward(at + d.width * stride, &d);
+        /* Inputs may be constants, whose gradient nobody wants. */
         if (l == 0 && !p->dx)
             return;
         saga_dense_forward(d_in, &back, &d);
@@ -337,6 +345,7 @@ void saga_net_block_backward(const saga_net_pass *p, size_t block)
     size_t i;
 
     memset(partial, 0, size * sizeof *partial);
+    /* One thread, chunk after chunk: a block's sum has one order. */
     for (i = of.begin; i < of.end; i += CHUNK)
         backward_chunk(partial, p, i, chunk_at(i, of.end));
 }
@@ -365,6 +374,7 @@ void saga_net_add_sum(saga_net *d, const saga_net_pass *p, size_t sum)
     size_t n_in, stride, k, i;
     int l;
 
+    /* Finds the layer that this output is of, and then its row. */
     for (l = 0; sum >= dim(d, l + 1); l++) {
         at += dim(d, l + 1) * (pad(d, l) + 1);
         sum -= dim(d, l + 1);
@@ -431,6 +441,8 @@ static real *reals(size_t n, saga_error *error)
 bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
                       saga_error *error)
 {
+    /* As many blocks as m points make (block_size), which fewer points do
+     * not exceed. */
     const size_t n_blocks = m < MIN_BLOCK * MAX_BLOCKS
         ? (m + MIN_BLOCK - 1) / MIN_BLOCK : MAX_BLOCKS;
     bool ok = true;
