@@ -63,8 +63,8 @@ void *saga_realloc(void *p, size_t count, size_t size, const char *what,
 void *saga_aligned_alloc(size_t align, size_t nbytes, const char *what,
                          saga_error *error)
 {
+    /* A multiple of align, as C11 wants it, and never 0. */
     void *const p = possible(nbytes)
-        /* A multiple of align, as C11 wants it, and never 0. */
         ? aligned_alloc(align, nbytes / align * align + align) : NULL;
     return checked(p, nbytes, what, error);
 }

@@ -78,11 +78,11 @@ static bool read_open_file(saga_bytes *bytes, int fd, size_t size,
     bytes->data = saga_alloc(size + 1, 1, path, error);
     if (!bytes->data)
         return false;
+    /* A signal interrupts and the read goes on; a file that has become
+     * shorter ends it. */
     while (bytes->nbytes < size) {
         const ssize_t n = read(fd, bytes->data + bytes->nbytes,
                                size - bytes->nbytes);
-        /* A signal interrupts and the read goes on; a file that has become
-         * shorter ends it. */
         if (n < 0 && errno == EINTR)
             continue;
         if (n <= 0)

@@ -59,6 +59,7 @@ static void annihilate(saga_matrix v, saga_matrix a, size_t p, size_t q,
                      (fabs(theta) + sqrt(theta * theta + 1));
     const double c = 1 / sqrt(t * t + 1), s = t * c;
 
+    /* a becomes J^T a J, columns first and then rows; v becomes v J. */
     for (size_t k = 0; k < n; k++)
         turn(&a[k][p], &a[k][q], c, s);
     for (size_t k = 0; k < n; k++)

@@ -52,9 +52,9 @@ static void forget(saga_output *out)
 void saga_output_abandon(void)
 {
     for (int i = 0; i < N_OPEN; i++) {
-        /* A handler may call unlink, but not free: the name stays allocated. */
         const char *const part = atomic_exchange(&open_parts[i], NULL);
 
+        /* A handler may call unlink, but not free: the name stays allocated. */
         if (part)
             (void)unlink(part);
     }
@@ -108,8 +108,8 @@ static bool is_held(const char *part)
         return false;
     if (fstat(fd, &info) == 0 &&
         (S_ISREG(info.st_mode) || S_ISDIR(info.st_mode))) {
-        /* A writer holds its lock until it ends, however it does. So who
-         * gets it here may remove the part, while holding it. */
+        /* The lock goes with its writer, however that one ends: who gets it
+         * here may remove the part. */
         if (flock(fd, LOCK_EX | LOCK_NB) == 0)
             (void)nftw(part, remove_entry, 8, FTW_DEPTH | FTW_PHYS);
         else
@@ -271,9 +271,9 @@ static bool open_output(saga_output *out, const char *path, bool alone,
     if (!out->path)
         return false;
     exists = stat(out->path, &info) == 0;
+    /* A device or a pipe is written as it is: nothing can be renamed there. */
     if (exists && S_ISDIR(info.st_mode))
         ok = saga_fail(error, path, "give the name of a file", "is a folder");
-    /* A device or a pipe is written as it is: nothing can be renamed there. */
     else if (exists && !S_ISREG(info.st_mode))
         ok = open_file(out, open(out->path, O_WRONLY | O_CLOEXEC), path,
                        error);

@@ -43,6 +43,7 @@ double saga_rng_double(saga_rng r, uint64_t counter)
 uint32_t saga_rng_below(saga_rng r, uint64_t counter, uint32_t n)
 {
     const uint64_t bits = saga_rng_bits(r, counter);
+    /* bits n / 2^64, whose product of 96 bits is made of two halves. */
     const uint64_t low = (bits & 0xffffffffu) * n >> 32;
 
     return (uint32_t)(((bits >> 32) * n + low) >> 32);
@@ -62,9 +63,9 @@ uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
 
     while (half < 16 && (uint64_t)1 << (2 * half) < n)
         half++;
+    mask = (uint32_t)((1u << half) - 1);
     /* Each round exchanges the halves and mixes one with the other: it can
      * be undone, whatever f is, so no two numbers meet. */
-    mask = (uint32_t)((1u << half) - 1);
     do {
         for (uint64_t k = 0; k < ROUNDS; k++) {
             const uint32_t left = x >> half, right = x & mask;
@@ -81,6 +82,7 @@ uint32_t saga_rng_shuffled(saga_rng r, uint64_t draw, uint32_t n)
 double saga_rng_normal(saga_rng r, uint64_t counter)
 {
     const uint64_t bits = saga_rng_bits(r, counter);
+    /* u is never 0, whose logarithm is not finite. */
     const double u = ((double)(bits >> 11) + 0.5) * 0x1p-53;
     const double v = (double)(mix(bits + GOLDEN) >> 11) * 0x1p-53;
 

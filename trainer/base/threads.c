@@ -144,8 +144,8 @@ static bool look_for_work(uint64_t last)
 static void sleep_until_called(uint64_t last)
 {
     pthread_mutex_lock(&all.gate);
-    /* It counts itself before it looks at the number of the work: who
-     * announces either sees a sleeper, or is seen. */
+    /* It counts itself before it looks at the work's number: who announces
+     * work either sees a sleeper or has set the number by then. */
     atomic_fetch_add(&all.n_asleep, 1);
     while (atomic_load(&all.work) == last)
         pthread_cond_wait(&all.call, &all.gate);
@@ -234,6 +234,8 @@ static void announce(const saga_tasks *t, size_t team)
     atomic_store(&all.work, work);
     if (t->ns >= (double)WORTH_WAKING * least_ns() &&
         atomic_load(&all.n_asleep) > 0) {
+        /* Nobody falls asleep between a look at the work's number and the
+         * call: the gate is theirs then. */
         pthread_mutex_lock(&all.gate);
         pthread_cond_broadcast(&all.call);
         pthread_mutex_unlock(&all.gate);
@@ -282,6 +284,7 @@ void saga_parallel(const saga_tasks *t)
         run_alone(t);
         return;
     }
+    /* The caller is thread 0 of the team. */
     is_at_work = true;
     enlist(team);
     announce(t, team);
@@ -354,6 +357,8 @@ static bool try_threads(crowd *c, int n)
     if (!ok)
         return false;
     (void)pthread_attr_setstacksize(&attr, SAGA_STACK_NBYTES);
+    /* Nobody ends before the last one has started: there is room for all of
+     * them at once, or there is not. */
     pthread_mutex_lock(&c->gate);
     while (ok && c->n < n) {
         ok = pthread_create(&c->thread[c->n], &attr, wait_at_gate, c) == 0;

@@ -25,6 +25,7 @@ size_t saga_utf8_length(const char *s, size_t n)
     length = p[0] >= 0xf0 ? 4 : p[0] >= 0xe0 ? 3 : 2;
     if (p[0] < 0xc0 || p[0] > 0xf7 || length > n)
         return 0;
+    /* The first byte has 7 - length bits of the character, each other one 6. */
     c = p[0] & (0x7fu >> length);
     for (i = 1; i < length && (p[i] & 0xc0) == 0x80; i++)
         c = c << 6 | (p[i] & 0x3f);

@@ -48,6 +48,7 @@ static code code_residual(int32_t q, uint32_t scale)
     }
     x.start = row.start[m];
     x.end = row.start[m + 1];
+    /* A pair's interval is halved: first +m, then -m. */
     half = (x.start + x.end) >> 1;
     if (q > 0)
         x.end = half;

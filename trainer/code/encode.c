@@ -152,8 +152,8 @@ static const char remedy[] = "try another --seed, and report it";
 /* Makes room for n more bytes behind those that are there; NULL: no memory. */
 static uint8_t *reserve(saga_buffer *b, size_t n, saga_error *error)
 {
-    /* It grows by half at least, so that all appending copies each byte a
-     * few times at most. */
+    /* It grows by half at least, so that not every chunk copies all before
+     * it. */
     const size_t cap = b->n + n + b->cap / 2;
     uint8_t *p;
 
@@ -229,6 +229,8 @@ static bool encode_networks(saga_encoder *e, const saga_net_symbols *nets,
     src.nets = nets;
     saga_cost_init(&cost, &src.coder);
     saga_range_enc_init(&src.range, p + SAGA_CHUNK_NBYTES, bound);
+    /* The traversal drives the cost counter, and that one the encoder. n
+     * stays 0 where symbols are invalid or the bytes exceed the bound. */
     if (saga_syntax_networks(&e->nets, e->params, &cost.coder))
         n = saga_range_enc_finish(&src.range);
     if (n == 0)
@@ -246,12 +248,12 @@ static bool begin(saga_encoder *e, const saga_header *header,
                   const saga_rig_camera *rig, saga_error *error)
 {
     e->header = *header;
+    /* The encoder fills in these fields as base and segments come. */
     e->header.model.tools &= ~(uint32_t)SAGA_TOOL_BASE;
     e->header.base = (saga_counts){ 0, 0, 0 };
     e->header.base_nbytes = 0;
     e->header.n_segments = 0;
     e->header.n_frames = 0;
-    /* The encoder fills in these fields as base and segments come. */
     memset(&e->header.max, 0, sizeof e->header.max);
     saga_nets_layout(&e->nets, &e->header.model);
     e->rig = saga_alloc(header->n_cameras, sizeof *rig, out_of_what, error);

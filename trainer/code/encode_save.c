@@ -39,8 +39,7 @@ static void walk(saga_encoder *e, saga_checkpoint *c, saga_error *error)
 
     saga_checkpoint_walk(c, &e->header, sizeof e->header);
     saga_checkpoint_walk(c, &e->sizes, sizeof e->sizes);
-    /* What is read sizes what follows: the model is looked at before it
-     * does. */
+    /* The model that was read sizes what follows, and must be valid before. */
     c->failed = c->failed || !saga_model_is_valid(&e->header.model);
     if (c->reading && !c->failed)
         saga_nets_layout(&e->nets, &e->header.model);

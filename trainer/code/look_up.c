@@ -10,7 +10,7 @@ static uint32_t count_low(const uint32_t *suffix, uint32_t n, uint32_t bit)
 
     while (low < n && !(suffix[low] >> bit & 1u))
         low++;
-    /* Whoever has the bit 0 behind one that has it 1 is out of order. */
+    /* A suffix with the bit 0 behind one with the bit 1 is out of order. */
     for (i = low; i < n; i++)
         if (!(suffix[i] >> bit & 1u))
             return n + 1;

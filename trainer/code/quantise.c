@@ -135,8 +135,8 @@ static void force_layer(saga_layer_symbols *out, const saga_layer_values *v,
         const int least = (int)v->q_out[row] - v->q_in;
         int k = row_exponent(v, row, e);
 
-        /* At its least exponent a row stays as it is, valid or not: then the
-         * traversal refuses it. */
+        /* A shift is 0 or more: at its least exponent a row stays as it is,
+         * valid or not. */
         while (!try_row(out, v, row, k) && k > least)
             k--;
     }
@@ -267,6 +267,7 @@ static bool least_scales(layer_scales *best, const int32_t *q, uint32_t rows,
     column = row + rows;
     for (i = 0; i < rows; i++)
         for (k = 0; k < columns; k++) {
+            /* A residual counts in its row and in its column. */
             const scale_bits one =
                 remembered_bits(&small, q[(size_t)i * columns + k]);
 
@@ -505,7 +506,7 @@ static void place_prims(loop *l, uint32_t *order, saga_quantise_report *r)
             list[i].index = k;
         }
         /* A set is coded without its order, so primitives take the order of
-         * their suffixes; `order` says who went where. */
+         * their suffixes; `order` keeps which one is at which rank. */
         qsort(list, f->n_prim, sizeof *list, compare);
         for (i = 0; i < f->n_prim; i++) {
             l->s->prim_suffix[f->first_prim + i] = list[i].suffix;

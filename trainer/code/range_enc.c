@@ -60,9 +60,9 @@ void saga_range_enc_interval(saga_range_enc *e, uint32_t start, uint32_t end)
 {
     const uint32_t r = e->range >> SAGA_PROB_BITS;
 
+    e->low += (uint64_t)r * start;
     /* The interval that ends at 2^15 also takes what rounding r down has
      * left. */
-    e->low += (uint64_t)r * start;
     e->range = end == SAGA_PROB_TOTAL ? e->range - r * start
                                       : r * (end - start);
     renormalise(e);
@@ -72,6 +72,7 @@ void saga_range_enc_bits(saga_range_enc *e, uint32_t v, uint32_t bits)
 {
     while (bits-- > 0) {
         e->range >>= 1;
+        /* Half of the range, the upper one for a 1. */
         if (v >> bits & 1u)
             e->low += e->range;
         renormalise(e);
@@ -122,6 +123,8 @@ size_t saga_range_enc_finish(saga_range_enc *e)
 {
     /* range >= 2^24: a multiple of 2^24 lies in [low, low + range). */
     e->low = (e->low + (RANGE_MIN - 1)) & ~(uint64_t)(RANGE_MIN - 1);
+    /* Once into the cache and once out of it; the three bytes below are 0,
+     * and decoders read zeros behind the end. */
     shift_low(e);
     shift_low(e);
     return e->n <= e->cap ? e->n : 0;

@@ -11,7 +11,7 @@ uint32_t saga_suffix_of(const double o[4], uint32_t bits)
     uint32_t v[4], axis;
 
     for (axis = 0; axis < 4; axis++) {
-        /* -1..1 in 2^bits cells; who stands outside gets the outermost. */
+        /* -1..1 in 2^bits cells; what lies outside gets the outermost. */
         const double x = floor((o[axis] + 1) * (1 << bits) / 2);
 
         v[axis] = (uint32_t)(x < 0 ? 0 : x > most ? most : x);

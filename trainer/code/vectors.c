@@ -170,8 +170,8 @@ static saga_status draw_frame(uint32_t *crc, const saga_decoder *dec,
     job.list_capacity = LIST;
     job.scratch = scratch;
     job.scratch_nbytes = sizeof scratch;
+    /* The budget does not show in the picture. */
     do
-        /* The budget does not show in the picture. */
         s = saga_draw(dec, &job, &picture, 1u << 24);
     while (s == SAGA_AGAIN);
     if (s)

@@ -84,9 +84,8 @@ static inline vec step_of(vec *m, vec *v, vec g, const factors *f)
 {
     vec sigma, most;
 
-    /* v takes the gradient as it is; of m it counts up to `most` deviations,
-     * which v has just learnt. scale is 1 / sqrt(c2), so that sigma is sqrt(v')
-     * + eps. */
+    /* v takes the gradient as it is, m what lies within `most` deviations by
+     * the new v. scale is 1 / sqrt(c2), so that sigma is sqrt(v') + eps. */
     *v = vec_fma(f->beta2, *v, f->rest2 * (g * g));
     sigma = vec_fma(vec_sqrt(*v), f->scale, f->eps);
     most = f->most * sigma;
@@ -115,6 +114,8 @@ static void step_part(const saga_adam_tensor *t, size_t begin, size_t n,
     }
     if (i == n)
         return;
+    /* The rest goes through the same vector code, with zeros beside it: what
+     * a number becomes does not depend on where its slice ends. */
     for (k = 0; k < n - i; k++) {
         tail[0][k] = m[i + k];
         tail[1][k] = v[i + k];

@@ -217,7 +217,8 @@ static void outer_chunk(const outer *t, size_t n_out)
 {
     size_t row, column, i;
 
-    /* Rows of dw are outputs here: tiles of ROWS, of 4, and single ones. */
+    /* Rows of dw, one for each output: in tiles of ROWS, in fours, one by
+     * one. */
     for (row = 0; row + ROWS <= n_out; row += ROWS) {
         for (column = 0; column + WIDE_LANES <= t->stride; column += WIDE_LANES)
             outer_wide(t, row, column);

@@ -320,6 +320,7 @@ static void backward_chunk(real *partial, const pass *p, size_t begin,
         if (l == 0 && !p->dx)
             return;
         saga_dense_forward(d_in, &back, &d);
+        /* Layer l's input is the ReLU of the layer below. */
         if (l > 0)
             rectify_backward(d_in, in.at, n * stride);
         d = (saga_dense_rows){ d_in, n, n_in, stride };
@@ -441,8 +442,8 @@ static real *reals(size_t n, saga_error *error)
 bool saga_net_reserve(saga_net_work *work, const saga_net *net, size_t m,
                       saga_error *error)
 {
-    /* As many blocks as m points make (block_size), which fewer points do
-     * not exceed. */
+    /* As many blocks as m points make at most (block_size); fewer points
+     * make no more. */
     const size_t n_blocks = m < MIN_BLOCK * MAX_BLOCKS
         ? (m + MIN_BLOCK - 1) / MIN_BLOCK : MAX_BLOCKS;
     bool ok = true;
