@@ -284,22 +284,6 @@ saga_status saga_find(saga_segment *seg, const uint8_t *head, size_t n,
     return first == h.n_frames ? SAGA_ERR_ARG : SAGA_ERR_DATA;
 }
 
-/* Bytes behind the last field are nothing's. */
-enum {
-    CAMERA_NBYTES = offsetof(saga_camera, background_q15) + 3 * sizeof(uint16_t)
-};
-
-#define SAME_PLACE(field) \
-    _Static_assert(offsetof(saga_camera, field) == \
-                   offsetof(saga_rig_camera, field), "cameras are copied")
-SAME_PLACE(centre);
-SAME_PLACE(focal_q16);
-SAME_PLACE(principal_q16);
-SAME_PLACE(near_plane);
-SAME_PLACE(width);
-SAME_PLACE(height);
-SAME_PLACE(background_q15);
-
 saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
                      size_t n, uint32_t index)
 {
@@ -308,7 +292,7 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
     saga_io io = { head, NULL, 0 };
     saga_plan plan;
     saga_status s = read_head(&h, &plan, head, n, 0);
-    uint32_t i;
+    int i;
 
     if (s)
         return s;
@@ -316,8 +300,19 @@ saga_status saga_rig(saga_camera *c, uint32_t *number, const uint8_t *head,
         return SAGA_ERR_ARG;
     io.at = saga_rig_offset(&h) + index * (uint32_t)SAGA_CAMERA_NBYTES;
     saga_camera_io(&io, &r);
-    for (i = 0; i < CAMERA_NBYTES; i++)
-        ((uint8_t *)c)[i] = ((const uint8_t *)&r)[i];
+    for (i = 0; i < 9; i++)
+        c->rotation_q30[i] = r.rotation_q30[i];
+    for (i = 0; i < 3; i++) {
+        c->centre[i] = r.centre[i];
+        c->background_q15[i] = r.background_q15[i];
+    }
+    for (i = 0; i < 2; i++) {
+        c->focal_q16[i] = r.focal_q16[i];
+        c->principal_q16[i] = r.principal_q16[i];
+    }
+    c->near_plane = r.near_plane;
+    c->width = r.width;
+    c->height = r.height;
     *number = r.number;
     return SAGA_OK;
 }
@@ -671,7 +666,10 @@ static void number_view(saga_decoder *dec, int32_t t)
     crc = saga_crc32c(crc, (const uint8_t *)dec->final_range,
                       sizeof dec->final_range);
     crc = saga_crc32c(crc, (const uint8_t *)&t, sizeof t);
-    dec->view_digest = saga_crc32c(crc, camera, CAMERA_NBYTES);
+    /* Bytes behind the last field are not looked at. */
+    dec->view_digest = saga_crc32c(crc, camera,
+                                   offsetof(saga_camera, background_q15) +
+                                   sizeof dec->camera.background_q15);
     dec->n_views++;
     dec->has_view = 1;
 }
