@@ -184,7 +184,7 @@ saga_status saga_plan_make(saga_plan *p, const saga_header *h,
 
 /* --- Cost ---------------------------------------------------------------- */
 
-/* What is added up: products, and `each` more for a run. */
+/* A count adds up products, and `each` more for a run. */
 typedef struct {
     const saga_nets *nets;
     const saga_model *model;

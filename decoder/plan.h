@@ -39,9 +39,9 @@ uint32_t saga_plan_rounds(const saga_model *m, int tier, uint32_t n);
 /* Multiply-accumulates of one step's write. */
 uint32_t saga_plan_round_macs(const saga_model *m, const saga_nets *nets);
 
-/* What follows counts multiply-accumulates of networks and bank, and for each
- * run of a network on a point `each` more: 0, or SAGA_RUN_WORK where levels
- * bound the time it takes.
+/* The functions below count multiply-accumulates of networks and bank, and for
+ * each run of a network on a point `each` more: 0, or SAGA_RUN_WORK where
+ * levels bound the time it takes.
  *
  * To decode a scaffold of n: exactly, without a bank; with one, less those of
  * the rounds that there are not. */

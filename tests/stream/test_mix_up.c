@@ -126,6 +126,16 @@ static saga_status finish(const player *p, painter *a)
     return s;
 }
 
+/* A player shows segment 0, and b has all of its picture. */
+static void begin_drawn(player *p, painter *b)
+{
+    begin(p);
+    decode(p, 0);
+    view(p, 0, 0);
+    prepare(b);
+    assert_int_equal(finish(p, b), SAGA_OK);
+}
+
 /* A job that has been begun and is far from its end. */
 static void begin_job(const player *p, painter *a)
 {
@@ -257,11 +267,7 @@ static void job_should_be_refused_when_its_fields_are_others(void **state)
     int i;
 
     (void)state;
-    begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
-    prepare(&b);
-    assert_int_equal(finish(&p, &b), SAGA_OK);
+    begin_drawn(&p, &b);
     for (i = 0;; i++) {
         painter before;
 
@@ -293,11 +299,7 @@ static void job_should_go_on_in_another_picture(void **state)
     painter a, b;
 
     (void)state;
-    begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
-    prepare(&b);
-    assert_int_equal(finish(&p, &b), SAGA_OK);
+    begin_drawn(&p, &b);
     begin_job(&p, &a);
     memcpy(b.rgb + sizeof b.rgb / 2, a.rgb, sizeof b.rgb / 2);
     a.picture.rgb = b.rgb + sizeof b.rgb / 2;
@@ -316,11 +318,7 @@ static void job_should_go_on_when_a_view_was_refused(void **state)
     uint32_t number;
 
     (void)state;
-    begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
-    prepare(&b);
-    assert_int_equal(finish(&p, &b), SAGA_OK);
+    begin_drawn(&p, &b);
     begin_job(&p, &a);
     assert_int_equal(saga_rig(&c, &number, p.bytes, p.n, 0), SAGA_OK);
     assert_int_equal(saga_view(p.dec, &c, -1), SAGA_ERR_ARG);
@@ -337,11 +335,7 @@ static void job_should_go_on_when_the_decoder_was_moved(void **state)
     painter a, b;
 
     (void)state;
-    begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
-    prepare(&b);
-    assert_int_equal(finish(&p, &b), SAGA_OK);
+    begin_drawn(&p, &b);
     begin_job(&p, &a);
     q = p;
     q.work = must(aligned_alloc(SAGA_WORK_ALIGN, p.info.work_nbytes));

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * This tells of threads: which one this is, how many there may be, whether
- * there is room for so many; and divides work among them.
+ * there is room for them; and divides work among them.
  *
  * The threads of saga_parallel stay: between two pieces of work they spin for
  * some microseconds and then sleep. Whoever calls works too, and waits only for

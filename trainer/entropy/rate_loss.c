@@ -498,8 +498,7 @@ typedef struct {
     saga_rate_list list;
 } job;
 
-/* Threads take so many blocks at a time, and so many nanoseconds for a value.
- */
+/* The number of blocks a thread takes at a time; nanoseconds for a value. */
 enum { PART = 32, VALUE_NS = 15 };
 
 /* Gives the gradient of channel c of a primitive's offset to its position and,
