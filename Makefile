@@ -62,28 +62,28 @@ PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
 
 # SEE_room lists what a room of the trainer may see; each room stands on those
 # above it. docs/architecture.md has the same table, tests/check_tree.sh both.
-ROOMS := base nn input code splat synth rig scene entropy warm train eval \
-         exchange cli
-SEE_base    :=
-SEE_nn      := base
-SEE_input   := base
-SEE_code    := base
-SEE_splat   := base
-SEE_synth   := base input
-SEE_rig     := base input splat
-SEE_scene   := base nn code splat
-SEE_entropy := base nn code splat scene
-SEE_warm    := base nn input splat rig
-SEE_train   := base nn input code splat rig scene entropy warm
-SEE_eval    := base input rig
-SEE_exchange := base input code splat rig eval
-SEE_cli     := base nn input code splat synth rig scene entropy warm train eval exchange
+ROOMS := base nn capture/read capture/synth code splat rig scene entropy warm \
+         train measure exchange cli
+SEE_base          :=
+SEE_nn            := base
+SEE_capture/read  := base
+SEE_capture/synth := base capture/read
+SEE_code          := base
+SEE_splat         := base
+SEE_rig           := base capture/read splat
+SEE_scene         := base nn code splat
+SEE_entropy       := base nn code splat scene
+SEE_warm          := base nn capture/read splat rig
+SEE_train         := base nn capture/read code splat rig scene entropy warm
+SEE_measure       := base capture/read rig
+SEE_exchange      := base capture/read code splat rig measure
+SEE_cli           := base nn capture/read capture/synth code splat rig scene entropy warm train measure exchange
 
 # ---------------------------------------------------------------- sources
 
 COMMON_SRC  := $(sort $(wildcard common/*.c))
 DECODER_SRC := $(sort $(wildcard decoder/*.c decoder/*/*.c))
-TRAINER_SRC := $(sort $(wildcard trainer/*/*.c))
+TRAINER_SRC := $(sort $(wildcard trainer/*/*.c trainer/*/*/*.c))
 CLI_SRC     := $(filter trainer/cli/%,$(TRAINER_SRC))
 TOOLS_SRC   := $(sort $(wildcard tools/*.c))
 TESTS_SRC   := $(sort $(wildcard tests/*/test_*.c))
@@ -183,20 +183,20 @@ AVX512 = avx512f avx512bw avx512cd avx512dq avx512vl
 WIDE_MARCH := $(if $(MARCH),$(if $(filter-out $(CPU_FLAGS),$(AVX512)),,\
                 -march=x86-64-v4))
 $(FLOAT_SRC:%.c=$(OBJ)/%.o) $(F64_OBJ): OPT_LEVEL = $(HOT_OPT) $(MARCH)
-$(addprefix $(OBJ)/trainer/eval/,conv.o yuv.o): OPT_LEVEL = $(HOT_OPT) $(MARCH)
+$(addprefix $(OBJ)/trainer/measure/,conv.o yuv.o): OPT_LEVEL = $(HOT_OPT) $(MARCH)
 $(WIDE:%=$(OBJ)/%.o): OPT_LEVEL = $(HOT_OPT) $(MARCH) $(WIDE_MARCH)
 
 I_COMMON  = -Icommon -Icommon/arch
 I_DECODER = -Icommon -Idecoder
 I_SAGA    = -I$(BUILD)/include
 # Convolutions for the evaluation stay in float.
-DOUBLE = $(if $(filter double,$(REAL)),$(if $(filter eval/%,$*),,\
+DOUBLE = $(if $(filter double,$(REAL)),$(if $(filter measure/%,$*),,\
            -DSAGA_REAL_DOUBLE))
 # $* is the source without its suffix.
 I_CORE    = $(if $(filter common/%,$*),$(I_COMMON),$(I_DECODER))
 I_WASM    = $(if $(filter ports/%,$*),$(I_SAGA),$(I_CORE))
-# $* is the file's path below trainer/, and begins with its room.
-I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(firstword $(subst /, ,$*)),\
+# $* is the file's path below trainer/: its room, and its name.
+I_ROOM    = -Icommon $(I_SAGA) $(foreach r,$(patsubst %/,%,$(dir $*)),\
               $(patsubst %,-Itrainer/%,$(r) $(SEE_$(r)))) $(EXR_INC)
 I_REFERENCE = $(I_DECODER) -Itrainer/base -Itrainer/code
 I_ALL     = $(I_COMMON) -Idecoder $(ROOMS:%=-Itrainer/%) -Ireference \

@@ -14,8 +14,8 @@ warn="-std=c11 -Wall -Wextra -Wconversion -Wshadow -Wundef -Wcast-align
 trainer=$(find trainer -type d | sort | sed 's/^/-I/')
 rooms() { # rooms FILE: what the room of a file of the trainer may see
     room=${1#trainer/}
-    room=${room%%/*}
-    for r in $room $(sed -n "s/^SEE_$room *:=//p" Makefile); do
+    room=${room%/*}
+    for r in $room $(sed -n "s|^SEE_$room *:=||p" Makefile); do
         echo "-Itrainer/$r"
     done
 }
@@ -28,7 +28,7 @@ for cc in gcc clang; do
     bad=0
     n=0
     for h in common/*.h common/*/*.h decoder/*.h decoder/*/*.h trainer/*/*.h \
-        ports/*/*.h reference/*.h tests/*/*.h lab/*.h bench/*.h; do
+        trainer/*/*/*.h ports/*/*.h reference/*.h tests/*/*.h lab/*.h bench/*.h; do
         [ -e "$h" ] || continue
         case $h in
         *_tables.h | *_real.h) continue ;; # parts of one C file

@@ -48,18 +48,18 @@ verdict() { # verdict NAME: the complaints on stdin
 }
 
 # ---- rooms: "ROOM SEEN...", from the ground up
-sed -n 's/^SEE_\([a-z]*\) *:= *\(.*\)$/\1 \2/p' Makefile >"$tmp/rooms"
+sed -n 's/^SEE_\([a-z/]*\) *:= *\(.*\)$/\1 \2/p' Makefile >"$tmp/rooms"
 {
     awk '{ seen[$1] = 1
            for (i = 2; i <= NF; i++)
                if (!($i in seen)) print $1 " sees " $i ", which is above it" }
         ' "$tmp/rooms"
-    find trainer -mindepth 1 -maxdepth 1 -type d | sed 's|.*/||' | sort |
+    find trainer -name '*.[ch]' | sed 's|^trainer/||; s|/[^/]*$||' | sort -u |
         while read -r r; do
-            grep -q "^$r\b" "$tmp/rooms" || echo "trainer/$r: no SEE_$r"
+            grep -q "^$r " "$tmp/rooms" || echo "trainer/$r: no SEE_$r"
         done
     if [ -e docs/architecture.md ]; then
-        sed -n 's/^| `trainer\/\([a-z]*\)` |.*| \([a-z ,]*\) |$/\1 \2/p' \
+        sed -n 's/^| `trainer\/\([a-z/]*\)` |.*| \([a-z/ ,]*\) |$/\1 \2/p' \
             docs/architecture.md | sed 's/,//g; s/ nothing$/ /' |
             diff "$tmp/rooms" - | sed -n 's/^>/architecture.md:/p
                 s/^</Makefile:/p'

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files for the tests of trainer/input: a folder that goes away, bytes put
- * together by hand, and loading. Brings cmocka with what it wants.
+ * Files for the tests of trainer/capture/read: a folder that goes away, bytes
+ * put together by hand, and loading. Brings cmocka with what it wants.
  */
 #ifndef CAPTURE_FILES_H
 #define CAPTURE_FILES_H

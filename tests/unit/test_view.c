@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * Watching a file: cameras from metres to integers and back, pictures of the
- * vectors through trainer/eval/view, the camera path, the montage.
+ * vectors through trainer/measure/view, the camera path, the montage.
  */
 #include <stdarg.h>
 #include <stddef.h>
