@@ -10,7 +10,8 @@
 #              sessions, no commits
 #   decisions  a paragraph of docs/design has 10 lines at most
 #   dates      a page of docs/lab has a date
-#   lists      docs/lab/README.md and docs/design/README.md name every page
+#   lists      docs/lab/README.md and docs/design/README.md name every page,
+#              those in archive/ too
 set -eu
 cd "${1:-$(dirname "$0")/..}"
 
@@ -81,13 +82,16 @@ done >"$tmp/bad"
 verdict decisions
 
 # ---- dates
-grep -LE '20[0-9]{2}-[0-9]{2}-[0-9]{2}' docs/lab/[a-z]*.md >"$tmp/bad" || :
+grep -LE '20[0-9]{2}-[0-9]{2}-[0-9]{2}' docs/lab/[a-z]*.md \
+    docs/lab/archive/*.md >"$tmp/bad" || :
 verdict dates
 
 # ---- lists
-for f in docs/lab/[a-z]*.md docs/design/[a-z]*.md; do
-    grep -q "($(basename "$f"))" "$(dirname "$f")/README.md" ||
-        echo "$f: not in $(dirname "$f")/README.md"
+for folder in docs/lab docs/design; do
+    for f in "$folder"/[a-z]*.md "$folder"/archive/*.md; do
+        [ ! -e "$f" ] || grep -q "(${f#"$folder"/})" "$folder/README.md" ||
+            echo "$f: not in $folder/README.md"
+    done
 done >"$tmp/bad"
 verdict lists
 
