@@ -365,8 +365,7 @@ $(BUILD)/gen_tables: $(OBJ)/tools/gen_tables.o
 
 $(foreach t,$(TESTS_SRC:.c=),$(eval $(BUILD)/$(notdir $(t)): $(OBJ)/$(t).o))
 # Differences are taken in double; no other program needs the second half.
-$(foreach t,$(filter tests/gradient/%,$(TESTS_SRC)),$(BUILD)/$(notdir $(t:.c=))): \
-    $(TWICE)
+$(filter %_f64,$(TESTS)): $(TWICE)
 $(TESTS): $(HELPERS) $(REFERENCE) $(TRAIN) $(LIB)
 	$(LINK) $(OMP) $(filter %.o,$^) $(filter $(TWICE),$^) \
 	    $(filter-out $(TWICE),$(filter %.a,$^)) $(CMOCKA) $(HOST_LIBS) -o $@

@@ -2,7 +2,7 @@
  *
  * Elementary functions: docs/arithmetic.md states them for implementers, this
  * file has the proofs of range. Errors are maxima measured by
- * tests/unit/test_fx_math.c.
+ * tests/common/test_fx_math.c.
  */
 #include "fx_math.h"
 

@@ -2,8 +2,8 @@
  *
  * Elementary functions in integers: generated tables plus interpolation or
  * Newton steps. Each states its domain, its formats and its maximum error
- * against the real function; tests/unit/test_fx_math.c shows the errors (16-bit
- * domains exhaustively). docs/arithmetic.md gives the formulas.
+ * against the real function; tests/common/test_fx_math.c shows the errors
+ * (16-bit domains exhaustively). docs/arithmetic.md gives the formulas.
  */
 #ifndef SAGA_FX_MATH_H
 #define SAGA_FX_MATH_H

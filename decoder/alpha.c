@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Table of alpha.h: 4 KiB. tests/unit/test_blend.c holds it to its formula.
+ * Table of alpha.h: 4 KiB. tests/decoder/test_blend.c holds it to its formula.
  */
 #include "alpha.h"
 

@@ -33,10 +33,12 @@ if [ "$what" = all ]; then
     size=all
     timeout=14400
 fi
-# Each program runs in one configuration in `make test`: what is about numbers at
-# full speed, what is about memory and bad input under the sanitizers.
-plain=$(echo tests/{unit,gradient}/test_*.c)
-guarded=$(echo tests/{stream,hardcases,input}/test_*.c)
+# Each program runs in one configuration in `make test`: what is about memory and
+# bad input under the sanitizers, all others, which are about numbers, at full
+# speed.
+guarded=$(echo tests/{stream,code,reference,lab,hardcases}/test_*.c \
+    tests/*/test_input_*.c tests/train/test_out_of_memory.c)
+plain=$(printf '%s\n' tests/*/test_*.c | grep -vxFf <(printf '%s\n' $guarded))
 case $what in
 check) plain="$plain $(echo tests/hardcases/test_*.c)" ;;
 all | sanitize)

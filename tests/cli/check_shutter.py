@@ -5,7 +5,7 @@
               how long it reads, from pictures whose rows are those of a room
               rendered at four times the rate
   quiet       with SAGA_TEST_LONG: nothing where all do, in JSON. `rolling` has
-              six such cameras, unit/test_shutter.c the sums"""
+              six such cameras, measure/test_shutter.c the sums"""
 
 import json
 import os

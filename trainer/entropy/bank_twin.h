@@ -23,7 +23,7 @@
  * Values are clamped where the integer path's formats clamp them, but for the
  * component of v that the projection leaves, which would have to exceed 8.
  * Arithmetic is otherwise real: docs/arithmetic.md bounds the difference, and
- * tests/unit/test_train.c measures it.
+ * tests/train/test_train.c measures it.
  */
 #ifndef SAGA_BANK_TWIN_H
 #define SAGA_BANK_TWIN_H
