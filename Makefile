@@ -63,7 +63,7 @@ PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
 # SEE_room lists what a room of the trainer may see; each room stands on those
 # above it. docs/architecture.md has the same table, tests/check_tree.sh both.
 ROOMS := base nn capture/read capture/synth code splat rig scene entropy warm \
-         train measure exchange cli
+         train/plan train/fit train/pack train/run measure exchange cli
 SEE_base          :=
 SEE_nn            := base
 SEE_capture/read  := base
@@ -74,10 +74,13 @@ SEE_rig           := base capture/read splat
 SEE_scene         := base nn code splat
 SEE_entropy       := base nn code splat scene
 SEE_warm          := base nn capture/read splat rig
-SEE_train         := base nn capture/read code splat rig scene entropy warm
+SEE_train/plan    := base
+SEE_train/fit     := base nn capture/read code splat rig scene entropy train/plan
+SEE_train/pack    := base nn capture/read code splat rig scene entropy train/plan train/fit
+SEE_train/run     := base nn capture/read code splat rig scene entropy warm train/plan train/fit train/pack
 SEE_measure       := base capture/read rig
 SEE_exchange      := base capture/read code splat rig measure
-SEE_cli           := base nn capture/read capture/synth code splat rig scene entropy warm train measure exchange
+SEE_cli           := base nn capture/read capture/synth code splat rig scene entropy warm train/plan train/run measure exchange
 
 # ---------------------------------------------------------------- sources
 
@@ -100,7 +103,7 @@ CLI_OBJ     := $(call obj,$(CLI_SRC))
 
 # Operators of the float half compile a second time in double, for the tests'
 # finite differences and references: objects under f64, symbols with _f64.
-FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train,\
+FLOAT_SRC := $(sort $(foreach r,base nn splat rig scene entropy warm train/*,\
                  $(wildcard trainer/$(r)/*.c)))
 TWICE_SRC := $(filter-out $(addprefix trainer/,scene/hierarchy.c scene/tree.c \
                scene/budget.c scene/medoid.c entropy/rate_bits.c \
