@@ -64,6 +64,27 @@ def common(anchor, test, within=None):
     return (lo, hi) if lo < hi else None
 
 
+def log_rate_at(points, psnr):
+    """Logarithm of the bytes at this PSNR, by the monotone cubic; None beyond
+    the curve."""
+    c = curve(points)
+    if not c or not c[0][0] <= psnr <= c[0][-1]:
+        return None
+    (x, y), i = c, max(i for i, p in enumerate(c[0][:-1]) if p <= psnr)
+    d, h = pchip_slopes(x, y), x[i + 1] - x[i]
+    s, t = (y[i + 1] - y[i]) / h, (psnr - x[i]) / h
+    # Hermite's form, between the two neighbours.
+    return y[i] + h * t * (d[i] * (1 - t) ** 2 + s * t * (3 - 2 * t) +
+                           d[i + 1] * t * (t - 1))
+
+
+def saving(anchor, test, psnr):
+    """Change of the bytes at this PSNR, in per cent; None where one of the
+    curves does not reach it."""
+    rates = [log_rate_at(c, psnr) for c in (anchor, test)]
+    return None if None in rates else 100 * (math.exp(rates[1] - rates[0]) - 1)
+
+
 def bd_rate(anchor, test, within=None, least=0.0):
     """Mean change of the rate at equal PSNR, in per cent, of test against
     anchor: lists of (bytes, dB), two points or more. None where the curves

@@ -8,11 +8,14 @@ import sys
 import tempfile
 import textwrap
 
-from bd_rate import bd_rate, common
+from bd_rate import bd_rate, common, saving
 
 LAB = os.path.dirname(os.path.abspath(__file__))
 LEAST = 1.0  # dB in common, below which a BD-rate says nothing
-CODECS = {"x265": "x265 medium", "vvenc": "VVenC medium"}
+AT = 27, 28.5, 30, 32  # dB at which savings are told
+CODECS = {"x265": "x265 medium", "vvenc": "VVenC medium",
+          "vvenc_psnr": "VVenC for PSNR",
+          "vvenc_series": "VVenC in series"}
 
 
 def mean(values):
@@ -181,6 +184,19 @@ def bd_table(scenes, rows, points):
                   "held-out cameras", "over dB"], out)
 
 
+def saving_table(scenes, rows, points):
+    out = []
+    for scene in scenes:
+        states = of_scene(rows, scene)
+        ours = curve(rates(states[-1]), "all") if states else []
+        for codec, its in anchors(points, scene).items():
+            cells = [percent(saving(curve(its, "all"), ours, db))
+                     if ours else "-" for db in AT]
+            if set(cells) != {"-"}:
+                out.append([scene.name, CODECS[codec]] + cells)
+    return table(["scene", "against"] + [f"{db:g} dB" for db in AT], out)
+
+
 def point_table(scenes, points):
     out = [[scene.name, CODECS[codec], p.get("crf", "-"), kb(p["bytes"]),
             db(p["psnr"].get("held_out")), db(p["psnr"].get("training")),
@@ -206,7 +222,9 @@ streams, against our whole file. x265's decoded videos pass the same loader and
 the same measures (`saga eval` of a folder); it has the preset medium, --tune
 psnr, no wavefronts and no text in the stream (lab/simulcast.py). VVenC's points
 are those that came with the capture: version 1.15, preset medium, all cameras
-together."""
+together; for PSNR without its perceptual quantisation. In series: one stream of
+all cameras after one another, every second one backwards in time, which is the
+strongest anchor of plain video that was found."""
 
 BD = """BD-rate is the mean change of bytes at equal PSNR, by monotone cubics of
 log-rate over the interval that both curves have; below 1 dB in common none is
@@ -214,12 +232,17 @@ told. By seeds: the lowest and the highest of the seeds' own. Held-out cameras:
 our PSNR where we never looked against theirs of the same cameras, which they
 coded, at all bytes of both."""
 
+SAVINGS = """The change of bytes at one PSNR of all cameras, where both curves
+reach it: what an average over an interval hides."""
+
 
 def page(scenes, rows, points):
     out = "# Rate and distortion: `make rd`\n\n"
     out += prose(PROTOCOL)
     out += "![rate and distortion](rd.svg)\n\n"
     out += "## BD-rate\n\n" + bd_table(scenes, rows, points) + prose(BD)
+    out += "## Savings by PSNR\n\n" + saving_table(scenes, rows, points)
+    out += prose(SAVINGS)
     for scene in scenes:
         states = of_scene(rows, scene)
         if not states:

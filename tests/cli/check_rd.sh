@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: MIT
 #
 # check_rd.sh: guarantees, for lab/rd.py with build/saga (SAGA=...),
-#   interval    BD-rate within an interval, and none where too little is common
+#   interval    BD-rate within an interval, none where too little is common, and
+#               the saving at one PSNR
 #   protocol    invented evaluations give the means that they must
 #   page        invented rows give the differences that they must, of today's
 #               options alone, the newest state against the one before
@@ -21,7 +22,7 @@ export PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=lab
 python3 - >>"$bad" 2>&1 <<'PYTHON' || complain "bd_rate"
 import math
 
-from bd_rate import bd_rate, common
+from bd_rate import bd_rate, common, saving
 
 # Log-rates that are lines, 0.2 apart at 30 dB and 0.02 more for each dB.
 a = [(math.exp(5 + 0.3 * (p - 30)), p) for p in (30, 31.5, 33)]
@@ -33,6 +34,10 @@ assert abs(bd_rate(a, b, (31, 32)) - want) < 1e-9
 assert bd_rate(a, b, (31, 32), 1.0) is not None
 assert bd_rate(a, b, (31, 31.9), 1.0) is None
 assert bd_rate(a, b, None, 2.5) is None
+# At 32 dB the lines are 0.24 apart, at 33 0.26; neither has 36 dB.
+for p, apart in (32, 0.24), (33, 0.26):
+    assert abs(saving(a, b, p) - 100 * (math.exp(apart) - 1)) < 1e-9
+assert saving(a, b, 36) is None and saving(a, b, 30) is None
 assert common(a, b, (34, 40)) is None and bd_rate(a, b, (34, 40)) is None
 PYTHON
 verdict interval
