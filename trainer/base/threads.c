@@ -12,6 +12,7 @@
 #include "threads.h"
 
 #include "alloc.h"
+#include "clock.h"
 
 #include <pthread.h>
 #include <sched.h>
@@ -20,7 +21,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 /* Nanoseconds that a thread looks for work before it sleeps: longer than what
  * is between two pieces of an iteration. Looks between two at the clock. Work
@@ -73,14 +73,6 @@ static void pause_a_little(void)
 #endif
 }
 
-static int64_t now_ns(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
-
 static uint64_t share_of(uint64_t work, size_t begin, size_t end)
 {
     return (work << END_BITS | begin) << END_BITS | end;
@@ -129,7 +121,7 @@ static void help(void)
  */
 static bool look_for_work(uint64_t last)
 {
-    const int64_t until = now_ns() + AWAKE_NS;
+    const int64_t until = saga_clock_ns() + AWAKE_NS;
 
     do
         for (int i = 0; i < LOOKS; i++) {
@@ -137,7 +129,7 @@ static bool look_for_work(uint64_t last)
                 return true;
             pause_a_little();
         }
-    while (now_ns() < until);
+    while (saga_clock_ns() < until);
     return false;
 }
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "cli.h"
 
+#include "clock.h"
 #include "output.h"
 #include "threads.h"
 
@@ -11,7 +12,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 /* --- Messages ------------------------------------------------------------ */
@@ -398,14 +398,6 @@ void saga_cli_help(const saga_command *c)
 
 /* --- Progress ------------------------------------------------------------ */
 
-double saga_cli_seconds(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 /* Writes "3 s", "12 min", "4 h": about as exact as the estimate. */
 static void time_text(char *text, size_t n, double seconds)
 {
@@ -419,7 +411,7 @@ static void time_text(char *text, size_t n, double seconds)
 
 void saga_meter_show(saga_meter *m, double done, const char *doing)
 {
-    const double now = saga_cli_seconds();
+    const double now = saga_clock_seconds();
     char left[32];
     int n;
 

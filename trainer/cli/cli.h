@@ -137,7 +137,4 @@ bool saga_meter_progress(void *user, double done, const char *doing);
 /* Takes the line away, so that other output may follow. */
 void saga_meter_end(saga_meter *m);
 
-/* Returns the seconds of a clock that only goes forward. */
-double saga_cli_seconds(void);
-
 #endif

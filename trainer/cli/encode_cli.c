@@ -7,6 +7,7 @@
 #include "bytes_table.h"
 #include "capture_cli.h"
 #include "cli.h"
+#include "clock.h"
 #include "commands.h"
 #include "cost.h"
 #include "encode_log.h"
@@ -144,7 +145,7 @@ static bool training(void *user, const saga_train_progress *p)
     n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
                   p->iteration, p->n_iterations);
     tell_complaint(s);
-    saga_encode_log_write(&s->log, p, saga_cli_seconds() - s->log_began);
+    saga_encode_log_write(&s->log, p, saga_clock_seconds() - s->log_began);
     if (p->psnr > 0)
         n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
                       p->psnr);
@@ -533,7 +534,7 @@ static int open_training(session *s)
 
 static int open_log(session *s)
 {
-    s->log_began = saga_cli_seconds();
+    s->log_began = saga_clock_seconds();
     if (!s->o->log || saga_encode_log_open(&s->log, s->o->log,
                                            saga_train_iteration(s->train),
                                            &s->error))
@@ -1206,7 +1207,7 @@ static void print_text(const session *s)
     saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
     saga_shutter_print(s->rows, &s->capture);
     print_views(&s->decoded);
-    printf("  %.0f s\n", saga_cli_seconds() - s->started);
+    printf("  %.0f s\n", saga_clock_seconds() - s->started);
 }
 
 static json_t *real_or_null(double v)
@@ -1314,7 +1315,7 @@ static void print_part(const session *s)
     print_quality("file, integer decoder", &s->decoded);
     saga_verdict_print(&s->verdict, !strcmp(s->o->preset, "best"));
     saga_shutter_print(s->rows, &s->capture);
-    printf("  %.0f s\n", saga_cli_seconds() - s->started);
+    printf("  %.0f s\n", saga_clock_seconds() - s->started);
 }
 
 static json_t *json_part(const session *s)
@@ -1328,7 +1329,7 @@ static json_t *json_part(const session *s)
         "bytes", saga_bytes_table_json(&s->layout),
         "n_segments", s->n_segments, "segment", k,
         "n_frames", (int)frames_of(s, k),
-        "seconds", saga_cli_seconds() - s->started,
+        "seconds", saga_clock_seconds() - s->started,
         "psnr", json_quality(&s->decoded),
         "psnr_parts", saga_verdict_json(&s->verdict)));
     saga_json_set_value(o, "readout", saga_shutter_json(s->rows, &s->capture));
@@ -1339,7 +1340,7 @@ static void print_networks(const session *s)
 {
     printf("%s: networks of %d segments, --only 0 to %d, made by segment %d\n"
            "  %.0f s\n", s->o->output, s->n_segments, s->n_segments - 1,
-           saga_train_first(s->train), saga_cli_seconds() - s->started);
+           saga_train_first(s->train), saga_clock_seconds() - s->started);
 }
 
 static json_t *json_networks(const session *s)
@@ -1349,7 +1350,7 @@ static json_t *json_networks(const session *s)
     saga_json_merge_object(o, json_pack("{sssisisf}",
         "capture", s->capture_name, "n_segments", s->n_segments,
         "first", saga_train_first(s->train),
-        "seconds", saga_cli_seconds() - s->started));
+        "seconds", saga_clock_seconds() - s->started));
     return o;
 }
 
@@ -1388,7 +1389,7 @@ static json_t *json_report(const session *s)
         "explained", real_or_null(r->explained),
         "changing_pixels", real_or_null(r->changing),
         "clamped_primitives", (double)r->quantise.n_clamped,
-        "seconds", saga_cli_seconds() - s->started,
+        "seconds", saga_clock_seconds() - s->started,
         "psnr_warm_up", json_quality(&r->warm),
         "psnr_float", json_quality(&r->model),
         "psnr", json_quality(&s->decoded)));
@@ -1510,7 +1511,7 @@ static int make_of_sweep(void *user, const char *file, const char *result,
     o.output = file;
     s.o = &o;
     s.part = part;
-    s.started = saga_cli_seconds();
+    s.started = saga_clock_seconds();
     status = make(&s);
     /* Kept from end(): it is removed when the result is there. */
     checkpoint = s.checkpoint;
@@ -1564,7 +1565,7 @@ static options defaults(void)
 static int run(int argc, char **argv)
 {
     options o = defaults();
-    session s = { .o = &o, .started = saga_cli_seconds() };
+    session s = { .o = &o, .started = saga_clock_seconds() };
     int status = saga_cli_parse(&saga_command_encode, &o, &s.capture_name,
                                 argc, argv);
 

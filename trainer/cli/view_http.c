@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include "view_http.h"
 
+#include "clock.h"
+
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -11,7 +13,6 @@
 #include <string.h>
 #include <strings.h>
 #include <sys/socket.h>
-#include <time.h>
 #include <unistd.h>
 
 enum {
@@ -223,10 +224,7 @@ static void answer(const saga_http *http, client *c)
 
 static int64_t now_ms(void)
 {
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
+    return saga_clock_ns() / 1000000;
 }
 
 static void hang_up(client *c)

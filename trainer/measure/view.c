@@ -2,6 +2,7 @@
 #include "view.h"
 
 #include "alloc.h"
+#include "clock.h"
 #include "error.h"
 #include "layout.h"
 #include "threads.h"
@@ -10,7 +11,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -26,27 +26,19 @@ enum {
                              * each of which looks at all splats once more */
 };
 
-static double seconds(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 /* --- Opening ------------------------------------------------------------- */
 
-/* When it is too late, on the clock of seconds(). */
+/* When it is too late, on the clock of saga_clock_seconds(). */
 static int is_late(void *user)
 {
     const double *const deadline = user;
 
-    return *deadline > 0.0 && seconds() > *deadline;
+    return *deadline > 0.0 && saga_clock_seconds() > *deadline;
 }
 
 static double deadline_of(const saga_film *film)
 {
-    return film->seconds > 0.0 ? seconds() + film->seconds : 0.0;
+    return film->seconds > 0.0 ? saga_clock_seconds() + film->seconds : 0.0;
 }
 
 static bool refuse_late(const saga_film *film, saga_error *error)
@@ -84,7 +76,7 @@ static bool refuse(const saga_film *film, const char *what,
 
 static bool open_decoder(saga_film *film, saga_error *error)
 {
-    const double start = seconds();
+    const double start = saga_clock_seconds();
     double deadline = deadline_of(film);
     const saga_watch watch = { is_late, &deadline };
     saga_status s;
@@ -95,7 +87,7 @@ static bool open_decoder(saga_film *film, saga_error *error)
         return false;
     s = saga_open(&film->dec, film->work, film->info.work_nbytes,
                   film->bytes, film->nbytes, &watch);
-    film->times.head = seconds() - start;
+    film->times.head = saga_clock_seconds() - start;
     return s == SAGA_OK || refuse(film, "its networks are refused", s, error);
 }
 
@@ -184,7 +176,7 @@ static size_t bytes_there(const saga_film *film, const saga_segment *seg)
 static bool decode(saga_film *film, const saga_segment *seg,
                    saga_error *error)
 {
-    const double start = seconds();
+    const double start = saga_clock_seconds();
     double deadline = deadline_of(film);
     const saga_watch watch = { is_late, &deadline };
     saga_status s = SAGA_ERR_TRUNCATED;
@@ -202,7 +194,7 @@ static bool decode(saga_film *film, const saga_segment *seg,
     if (s)
         return refuse(film, what, s, error);
     film->segment = seg->number;
-    film->times.segment += seconds() - start;
+    film->times.segment += saga_clock_seconds() - start;
     film->times.n_segments++;
     return true;
 }
@@ -319,14 +311,14 @@ static bool draw_at(saga_film *film, const saga_camera *camera,
 
     if (!saga_film_seek(film, frame_num, frame_den, &t, error))
         return false;
-    start = seconds();
+    start = saga_clock_seconds();
     s = saga_view(film->dec, camera, t);
-    drawn = seconds();
+    drawn = saga_clock_seconds();
     film->times.view += drawn - start;
     if (s)
         return refuse(film, "cannot be drawn", s, error);
     ok = draw(film, camera, to, error);
-    film->times.draw += seconds() - drawn;
+    film->times.draw += saga_clock_seconds() - drawn;
     film->times.n_views++;
     return ok;
 }

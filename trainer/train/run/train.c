@@ -2,6 +2,7 @@
 #include "train_state.h"
 
 #include "alloc.h"
+#include "clock.h"
 #include "exposure.h"
 #include "hierarchy.h"
 #include "policy.h"
@@ -10,7 +11,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 /* The warm-up has this part of the iterations; the rendering begins where it
  * ends, and its iterations are dearer. */
@@ -154,14 +154,6 @@ static void derive(saga_train_options *o)
 
 /* --- Making and freeing -------------------------------------------------- */
 
-static double seconds(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 void saga_train_tone(saga_train *t)
 {
     const size_t n = 3 * (size_t)t->capture->n_views;
@@ -300,8 +292,8 @@ static double try_iterations(const saga_train *t, saga_error *error)
     /* The first finds nothing in the caches. */
     while (f && spent < TRIAL_SECONDS && saga_flat_iterate(f, &mse, error)) {
         if (n++ == 0)
-            begun = seconds();
-        spent = seconds() - begun;
+            begun = saga_clock_seconds();
+        spent = saga_clock_seconds() - begun;
     }
     saga_flat_free(f);
     return saga_failed(error) || n < 2 ? 0 : spent / (n - 1);
@@ -380,7 +372,7 @@ saga_train *saga_train_new(const saga_capture *capture,
         saga_train_free(t);
         return NULL;
     }
-    t->saved = seconds();
+    t->saved = saga_clock_seconds();
     return t;
 }
 
@@ -396,7 +388,7 @@ saga_train *saga_train_resume(const saga_capture *capture,
         saga_train_free(t);
         return NULL;
     }
-    t->saved = seconds();
+    t->saved = saga_clock_seconds();
     return t;
 }
 
@@ -436,7 +428,7 @@ static void save(saga_train *t)
         return;
     t->complaint.message[0] = '\0'; /* the newest is told */
     t->complained = !saga_train_save(t, &t->complaint);
-    t->saved = seconds();
+    t->saved = saga_clock_seconds();
 }
 
 const char *saga_train_complaint(saga_train *t)
@@ -767,7 +759,8 @@ static saga_outcome run_iterations(saga_train *t, saga_error *error)
                          (mse - t->recent_mse);
         /* Who stops it loses nothing: the checkpoint is written first. */
         go_on = tell(t);
-        if (!go_on || seconds() - t->saved >= t->o.checkpoint_seconds)
+        if (!go_on ||
+            saga_clock_seconds() - t->saved >= t->o.checkpoint_seconds)
             save(t);
         if (!go_on)
             return SAGA_STOPPED;
