@@ -108,12 +108,16 @@ static void assert_same(const saga_flat *a, const saga_flat *b)
 {
     assert_int_equal(a->n, b->n);
     assert_int_equal(a->iteration, b->iteration);
-    for (int t = 0; t < FLAT_N_TENSORS; t++) {
-        const size_t n = (size_t)saga_flat_widths[t] * a->n * sizeof(real);
+    assert_int_equal(a->attrs, b->attrs);
+    for (int k = 0; k < SAGA_N_ATTRS; k++) {
+        const size_t n = (size_t)saga_attributes[k].width * a->n *
+                         sizeof(real);
 
-        assert_memory_equal(a->value[t], b->value[t], n);
-        assert_memory_equal(a->m[t], b->m[t], n);
-        assert_memory_equal(a->v[t], b->v[t], n);
+        if (!a->value.of[k])
+            continue;
+        assert_memory_equal(a->value.of[k], b->value.of[k], n);
+        assert_memory_equal(a->m.of[k], b->m.of[k], n);
+        assert_memory_equal(a->v.of[k], b->v.of[k], n);
     }
 }
 
@@ -251,12 +255,12 @@ static void prune_should_take_what_is_worth_least(void **state)
     mean = malloc(3 * n * sizeof *mean);
     worth = malloc(n * sizeof *worth);
     assert_true(mean && worth);
-    memcpy(mean, f->value[FLAT_MEAN], 3 * n * sizeof *mean);
+    memcpy(mean, f->value.mean, 3 * n * sizeof *mean);
     memcpy(worth, f->worth, n * sizeof *worth);
     assert_true(saga_flat_change_count(f, &error));
     assert_true(f->n < n && f->n >= 200);
     for (uint32_t i = 0; i < n; i++)
-        if (at < f->n && memcmp(f->value[FLAT_MEAN] + 3 * at, mean + 3 * i,
+        if (at < f->n && memcmp(f->value.mean + 3 * at, mean + 3 * i,
                                 3 * sizeof *mean) == 0) {
             worst_kept = worth[i] < worst_kept ? worth[i] : worst_kept;
             at++;
@@ -305,7 +309,7 @@ static void worth_should_rank_what_removal_costs(void **state)
     step = f->n / N;
     whole = error_of_all(f);
     for (uint32_t k = 0; k < N; k++) {
-        real *const opacity = f->value[FLAT_OPACITY] + k * step;
+        real *const opacity = f->value.opacity + k * step;
         const real was = *opacity;
 
         *opacity = -60;
@@ -333,10 +337,9 @@ static void split_should_make_two_halves_of_the_longest_axis(void **state)
 {
     saga_error error = { "" };
     saga_flat_options o = small();
-    saga_flat_one one = { .mean = { R(0.25), R(-0.5), 0 },
-                          .log2_scale = { -6, -4, -5 }, .opacity = 1,
-                          .t_centre = R(0.5), .log2_width = 1 };
-    saga_flat_one half[2];
+    const real mean[] = { R(0.25), R(-0.5), 0 }, size[] = { -6, -4, -5 };
+    const real quat[] = { 2, 0, 0, 2 };  /* need not be of unit length */
+    saga_splat_params half;
     saga_flat *f;
     uint8_t keep[2] = { 1, 0 };
 
@@ -344,24 +347,25 @@ static void split_should_make_two_halves_of_the_longest_axis(void **state)
     o.n_iterations = 10;
     o.start = 1;
     f = make(*state, &o);
-    one.quat[0] = one.quat[3] = 2;  /* need not be of unit length */
     saga_flat_keep(f, keep);
-    saga_flat_put(f, 0, &one);
+    memcpy(f->value.mean, mean, sizeof mean);
+    memcpy(f->value.log2_scale, size, sizeof size);
+    memcpy(f->value.quat, quat, sizeof quat);
+    f->value.opacity[0] = 1;
     f->iteration = 5;               /* the last prune makes the count right */
     assert_true(saga_flat_change_count(f, &error));
     assert_int_equal(f->n, 2);
-    saga_flat_get(f, 0, &half[0]);
-    saga_flat_get(f, 1, &half[1]);
-    assert_near(fabs((double)(half[0].mean[0] - half[1].mean[0])),
-                       2 * 0.6 / 16, 1e-6);
-    assert_near(half[0].mean[0] + half[1].mean[0], 0.5, 1e-6);
+    half = saga_flat_params(f);
+    assert_near(fabs((double)(half.mean[0] - half.mean[3])), 2 * 0.6 / 16,
+                1e-6);
+    assert_near(half.mean[0] + half.mean[3], 0.5, 1e-6);
     for (int i = 0; i < 2; i++) {
-        assert_near(half[i].mean[1], -0.5, 1e-6);
-        assert_near(half[i].mean[2], 0, 1e-6);
-        assert_near(half[i].log2_scale[0], -6, 0);
-        assert_near(half[i].log2_scale[1], -4.415, 1e-6);
-        assert_near(half[i].log2_scale[2], -5, 0);
-        assert_near(half[i].opacity, 1, 0);
+        assert_near(half.mean[3 * i + 1], -0.5, 1e-6);
+        assert_near(half.mean[3 * i + 2], 0, 1e-6);
+        assert_near(half.log2_scale[3 * i], -6, 0);
+        assert_near(half.log2_scale[3 * i + 1], -4.415, 1e-6);
+        assert_near(half.log2_scale[3 * i + 2], -5, 0);
+        assert_near(half.opacity[i], 1, 0);
     }
     saga_flat_free(f);
 }
@@ -612,10 +616,10 @@ static void moments_should_be_learned_in_steps_of_seconds(void **state)
         f = make(x, &o);
         before = malloc(f->n * sizeof *before);
         assert_non_null(before);
-        memcpy(before, f->value[FLAT_CENTRE], f->n * sizeof *before);
+        memcpy(before, f->value.t_centre, f->n * sizeof *before);
         run(f, 1);
         for (uint32_t i = 0; i < f->n; i++)
-            most = fmax(most, fabs((double)(f->value[FLAT_CENTRE][i] -
+            most = fmax(most, fabs((double)(f->value.t_centre[i] -
                                             before[i])));
         assert_near(most, 1e-3 / fmax(seconds[k], 1), 2e-7);
         free(before);
@@ -645,41 +649,41 @@ static void means_should_learn_in_steps_of_their_size(void **state)
 {
     const saga_flat_options o = small();
     saga_flat *const f = make(*state, &o);
-    const double rate = (double)f->info[FLAT_MEAN].rate;
+    const double rate = (double)f->rule[SAGA_ATTR_MEAN].rate;
     double typical = 0;
     int n_seen = 0, n_capped = 0;
     real *before;
 
     for (uint32_t i = 0; i < 3 * f->n; i++)
-        f->value[FLAT_SCALE][i] -= (real)(i % 7);
+        f->value.log2_scale[i] -= (real)(i % 7);
     for (uint32_t i = 0; i < 4 * f->n; i++)
-        f->value[FLAT_QUAT][i] += R(0.3) * (real)(i % 5);
+        f->value.quat[i] += R(0.3) * (real)(i % 5);
     before = malloc(3 * f->n * sizeof *before);
     assert_non_null(before);
-    memcpy(before, f->value[FLAT_MEAN], 3 * f->n * sizeof *before);
+    memcpy(before, f->value.mean, 3 * f->n * sizeof *before);
     run(f, 1);
     for (uint32_t i = 0; i < 3 * f->n; i++)
-        typical += (double)f->value[FLAT_SCALE][i] / (3 * f->n);
+        typical += (double)f->value.log2_scale[i] / (3 * f->n);
     for (uint32_t i = 0; i < f->n; i++) {
-        const real *const at = f->value[FLAT_MEAN] + 3 * i;
+        const real *const at = f->value.mean + 3 * i;
         double moved[3];
         int inside = 1;
 
         for (size_t k = 0; k < 3; k++) {
             moved[k] = (double)at[k] - (double)before[3 * i + k];
-            inside &= at[k] > f->info[FLAT_MEAN].lo &&
-                      at[k] < f->info[FLAT_MEAN].hi;
+            inside &= at[k] > f->rule[SAGA_ATTR_MEAN].lo &&
+                      at[k] < f->rule[SAGA_ATTR_MEAN].hi;
         }
         if (!inside || (moved[0] == 0 && moved[1] == 0 && moved[2] == 0))
             continue;
         n_seen++;
         for (size_t k = 0; k < 3; k++) {
-            const double octaves = (double)f->value[FLAT_SCALE][3 * i + k] -
+            const double octaves = (double)f->value.log2_scale[3 * i + k] -
                                    typical;
             const double step = rate * exp2(fmin(fmax(octaves, -2), 2));
 
             n_capped += fabs(octaves) > 2;
-            assert_near(fabs(along_axis(moved, f->value[FLAT_QUAT] + 4 * i,
+            assert_near(fabs(along_axis(moved, f->value.quat + 4 * i,
                                         k)), step, 2e-7 + 1e-4 * step);
         }
     }
@@ -696,10 +700,9 @@ static void still_scene_should_have_no_temporal_tensors(void **state)
     o.temporal = false;
     f = make(*state, &o);
     run(f, 60);
-    assert_null(saga_flat_params(f).motion);
-    assert_null(saga_flat_params(f).log2_width);
-    for (uint32_t i = 0; i < 9 * f->n; i++)
-        assert_true(f->value[FLAT_MOTION][i] == 0);
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        if (saga_attributes[a].is_temporal)
+            assert_null(saga_flat_params(f).of[a]);
     saga_flat_free(f);
 }
 
@@ -718,13 +721,14 @@ static void fault_should_be_named(void **state)
 {
     const saga_flat_options o = small();
 
-    for (int t = 0; t < FLAT_N_TENSORS; t++) {
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
         saga_flat *const f = make(*state, &o);
 
         run(f, 2);
-        f->value[t][saga_flat_widths[t]] = NAN;
-        if (t != FLAT_COLOUR)   /* which reaches the picture */
-            should_fail(f, f->info[t].name, "step 3");
+        if (f->value.of[a] && a != SAGA_ATTR_COLOUR) { /* which is seen */
+            f->value.of[a][saga_attributes[a].width] = NAN;
+            should_fail(f, saga_attributes[a].name, "step 3");
+        }
         saga_flat_free(f);
     }
 }
@@ -735,7 +739,7 @@ static void fault_should_be_named_when_it_reaches_a_picture(void **state)
     saga_flat *const f = make(*state, &o);
 
     for (uint32_t i = 0; i < 3 * f->n; i++)
-        f->value[FLAT_COLOUR][i] = NAN;
+        f->value.colour[i] = NAN;
     should_fail(f, "picture of view cam", "iteration 0");
     saga_flat_free(f);
 }

@@ -20,25 +20,9 @@
 #ifndef SAGA_SPLAT_H
 #define SAGA_SPLAT_H
 
+#include "attributes.h"
 #include "canvas.h"
 #include "threads.h"
-
-/* This holds primitives, their gradients, or anything of the same shape. */
-typedef struct saga_splat_params {
-    real *mean;       /* (N, 3) at t = t_centre */
-    real *quat;       /* (N, 4) w, x, y, z; any length; (0, 0, 0, 0) counts as
-                       * (1, 0, 0, 0) */
-    real *log2_scale; /* (N, 3) standard deviations; used within +-60 */
-    real *opacity;    /* (N) in log2 units: peak alpha = 8 / (1 + 2^(3 - o)),
-                       * of which pixels show the cap at most */
-    real *colour;     /* (N, 3) R, G, B, in [0, 1] */
-    real *support;    /* (N, 3) unit of the motion; NULL: 1 */
-    real *motion;     /* (N, 9) order 1 x, y, z; order 2; order 3; in supports
-                       * per age^order; NULL: none */
-    real *slope;      /* (N, 4) of the quaternion per age; NULL: none */
-    real *t_centre;   /* (N); NULL: 0 */
-    real *log2_width; /* (N) temporal width; NULL: no temporal opacity */
-} saga_splat_params;
 
 /* Growing and pruning use these; every call of saga_splat_backward adds. NULL
  * members are left out. */

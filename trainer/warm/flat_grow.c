@@ -63,7 +63,7 @@ static real doubt(const saga_flat *f, uint32_t i)
 {
     const real seen = R(f->stats.seen[i]);
 
-    if (seen < 1 || f->value[FLAT_OPACITY][i] < -4)
+    if (seen < 1 || f->value.opacity[i] < -4)
         return 0;
     return f->stats.grad2d[i] / (real)sqrt(seen);
 }
@@ -76,7 +76,7 @@ static bool is_dead(const saga_flat *f, uint32_t i)
 
     /* Too transparent, or it has been looked for in four pictures, and had less
      * than a fiftieth of a pixel of each in the mean. */
-    return f->value[FLAT_OPACITY][i] < DEAD ||
+    return f->value.opacity[i] < DEAD ||
            (seen >= 4 && f->stats.weight[i] < R(0.02) * seen);
 }
 
@@ -117,29 +117,27 @@ static bool reduce(saga_flat *f, uint32_t n, saga_error *error)
 /* Makes halves along the longest axis: +-0.6 sigma, each 0.75 sigma long. */
 static void split(saga_flat *f, uint32_t i)
 {
-    saga_flat_one one, two;
+    const size_t one = 3 * (size_t)i;
+    const size_t two = 3 * (size_t)saga_flat_append_copy(f, i);
+    real *const mean = f->value.mean, *const size = f->value.log2_scale;
     real axes[3][3];
-    int k = 0;
+    size_t k = 0;
 
-    saga_flat_get(f, i, &one);
-    for (int a = 1; a < 3; a++)
-        if (one.log2_scale[a] > one.log2_scale[k])
+    for (size_t a = 1; a < 3; a++)
+        if (size[one + a] > size[one + k])
             k = a;
-    saga_flat_axes(axes, one.quat);
-    two = one;
-    for (int a = 0; a < 3; a++) {
-        const real d = R(0.6) * (real)exp2((double)one.log2_scale[k]) *
-                       axes[k][a];
+    saga_flat_axes(axes, f->value.quat + 4 * (size_t)i);
+    for (size_t a = 0; a < 3; a++) {
+        const real d = R(0.6) * (real)exp2((double)size[one + k]) * axes[k][a];
 
-        one.mean[a] -= d;
-        two.mean[a] += d;
+        mean[one + a] -= d;
+        mean[two + a] += d;
     }
     /* log2 0.75; the variance of both together is 0.6^2 +
      * 0.75^2 = 0.92 of the old. */
-    one.log2_scale[k] -= R(0.415);
-    two.log2_scale[k] = one.log2_scale[k];
-    saga_flat_put(f, i, &one);
-    saga_flat_append(f, &two);
+    size[one + k] -= R(0.415);
+    size[two + k] = size[one + k];
+    saga_flat_forget(f, i);
 }
 
 /* Adds up to n; room must be there. */
@@ -274,16 +272,11 @@ static bool grow_from_picture(saga_flat *f, const places *p, uint32_t n,
     /* Places are found in parallel, and appended in order afterwards: the set
      * does not depend on threads. A counter has 2^32 numbers to itself. */
     look_where_wrong(&(job){ f, p, picture, n, counter << 32 });
-    for (uint32_t i = 0; i < n; i++) {
-        saga_flat_one one;
-
-        if (!p->good[i])
-            continue;
+    for (uint32_t i = 0; i < n; i++)
         /* A sigma of 1.5 pixels of the picture as it is trained on. */
-        saga_flat_one_from(&one, f, p->sight + i, 1.5 *
-                           p->sight[i].footprint * (1 << picture.mip));
-        saga_flat_append(f, &one);
-    }
+        if (p->good[i])
+            saga_flat_add(f, p->sight + i, 1.5 * p->sight[i].footprint *
+                                           (1 << picture.mip));
     return true;
 }
 

@@ -15,12 +15,14 @@ static void walk_state(saga_checkpoint *c, saga_flat *f)
 {
     const size_t n = f->n * sizeof(real);
 
-    for (int t = 0; t < FLAT_N_TENSORS; t++) {
-        const size_t w = (size_t)saga_flat_widths[t];
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const size_t w = (size_t)saga_attributes[a].width;
 
-        saga_checkpoint_walk(c, f->value[t], n * w);
-        saga_checkpoint_walk(c, f->m[t], n * w);
-        saga_checkpoint_walk(c, f->v[t], n * w);
+        if (!f->value.of[a])
+            continue;
+        saga_checkpoint_walk(c, f->value.of[a], n * w);
+        saga_checkpoint_walk(c, f->m.of[a], n * w);
+        saga_checkpoint_walk(c, f->v.of[a], n * w);
     }
     saga_checkpoint_walk(c, f->stats.grad2d, n);
     saga_checkpoint_walk(c, f->stats.weight, n);

@@ -301,7 +301,7 @@ static void watch(saga_flat_sight *s, const saga_flat *f, const int *view,
 
     /* As if it stood still: life all through the segment. */
     s->t_centre = R(0.5);
-    s->log2_width = f->info[FLAT_WIDTH].hi;
+    s->log2_width = f->rule[SAGA_ATTR_LOG2_WIDTH].hi;
     s->still = true;
     if (!f->o.temporal || n_frames < 2)
         return;
@@ -393,7 +393,7 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
 
     memset(s, 0, sizeof *s);
     s->t_centre = R(0.5);
-    s->log2_width = f->info[FLAT_WIDTH].hi;
+    s->log2_width = f->rule[SAGA_ATTR_LOG2_WIDTH].hi;
     if (!begin(&w, f, view, frame, u, v))
         return false;
     trusted = find_place(s, &w);
@@ -444,28 +444,28 @@ int saga_flat_compare(const saga_flat *f, int view, int frame, double u,
     return n;
 }
 
-/* sigma is in world units. */
-void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
-                        const saga_flat_sight *s, double sigma)
+void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma)
 {
-    const saga_flat_tensor_info *const i = f->info;
     const saga_cube *const cube = &f->pictures->cube;
     const real scale = (real)log2(sigma / cube->unit);
+    const uint32_t i = saga_flat_append(f);
+    const saga_range this = { i, i + 1 };
 
-    memset(one, 0, sizeof *one);
-    one->quat[0] = 1;
-    for (int a = 0; a < 3; a++) {
-        const double x = (s->position[a] - cube->centre[a]) / cube->unit;
+    for (size_t a = 0; a < 3; a++) {
+        const size_t at = 3 * (size_t)i + a;
 
-        one->mean[a] = saga_clamp((real)x, i[FLAT_MEAN].lo, i[FLAT_MEAN].hi);
-        one->log2_scale[a] = saga_clamp(scale, i[FLAT_SCALE].lo,
-                                        i[FLAT_SCALE].hi);
-        one->colour[a] = s->rgb[a];
+        f->value.mean[at] = (real)((s->position[a] - cube->centre[a]) /
+                                   cube->unit);
+        f->value.log2_scale[at] = scale;
+        f->value.colour[at] = s->rgb[a];
     }
-    one->opacity = R(-1.5);
-    one->t_centre = s->t_centre;
-    one->log2_width = saga_clamp(s->log2_width, i[FLAT_WIDTH].lo,
-                                 i[FLAT_WIDTH].hi);
+    if (f->o.temporal) {
+        f->value.t_centre[i] = s->t_centre;
+        f->value.log2_width[i] = s->log2_width;
+    }
+    saga_flat_bound(f, SAGA_ATTR_MEAN, this);
+    saga_flat_bound(f, SAGA_ATTR_LOG2_SCALE, this);
+    saga_flat_bound(f, SAGA_ATTR_LOG2_WIDTH, this);
 }
 
 /* --- The first set ------------------------------------------------------- */
@@ -708,13 +708,11 @@ static void append_all(saga_flat *f, const saga_flat_sight *s, along *order,
     for (size_t k = 0; k < n; k++) {
         const saga_flat_sight *const at = s + order[k].i;
         double d = spacing(s, order, k, n);
-        saga_flat_one one;
 
         /* Pixels: neither below what is visible nor a cloud. */
         d = d < 40 * at->footprint ? d : 40 * at->footprint;
         d = d > at->footprint ? d : at->footprint;
-        saga_flat_one_from(&one, f, at, 0.5 * d);
-        saga_flat_append(f, &one);
+        saga_flat_add(f, at, 0.5 * d);
     }
 }
 

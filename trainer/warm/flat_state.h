@@ -7,39 +7,27 @@
 
 #include "flat.h"
 
-enum saga_flat_tensor {
-    FLAT_MEAN, FLAT_QUAT, FLAT_SCALE, FLAT_OPACITY, FLAT_COLOUR, FLAT_MOTION,
-    FLAT_SLOPE, FLAT_CENTRE, FLAT_WIDTH, FLAT_N_TENSORS
-};
-
 /* These are streams of the random numbers; counters are iterations or draws. */
 enum {
     FLAT_RNG_PICTURE, FLAT_RNG_SEED, FLAT_RNG_GROW, FLAT_RNG_SCORE,
     FLAT_RNG_EXPOSURE
 };
 
-typedef struct saga_flat_tensor_info {
-    const char *name;
-    int width;                  /* reals per primitive */
+/* An attribute learns like this in one set. */
+typedef struct saga_flat_rule {
     real lo, hi;                /* values are kept in it */
     real rate, rate_end;        /* learning rate: first, last */
-} saga_flat_tensor_info;
-
-/* This is one primitive, apart from the set. */
-typedef struct saga_flat_one {
-    real mean[3], quat[4], log2_scale[3], opacity, colour[3], motion[9];
-    real slope[4], t_centre, log2_width;
-} saga_flat_one;
+} saga_flat_rule;
 
 struct saga_flat {
     const saga_pictures *pictures;
     saga_flat_options o;
     double reach;               /* half-cubes: typical depth of the scene */
-    saga_flat_tensor_info info[FLAT_N_TENSORS];
+    uint32_t attrs;             /* the set of those that there are */
+    saga_flat_rule rule[SAGA_N_ATTRS];
 
     uint32_t n, cap;
-    real *value[FLAT_N_TENSORS], *grad[FLAT_N_TENSORS];
-    real *m[FLAT_N_TENSORS], *v[FLAT_N_TENSORS];
+    saga_splat_params value, grad, m, v; /* m, v: Adam's moments */
     saga_splat_stats stats;     /* sums, halved at every round */
     real *worth;                /* (n) what the squared error would grow by
                                  * without it: a sum that an epoch halves */
@@ -69,20 +57,25 @@ typedef struct saga_flat_ratio {
     double log[3];
 } saga_flat_ratio;
 
-/* flat.c */
-extern const int saga_flat_widths[FLAT_N_TENSORS];
+/* flat_set.c */
+/* Makes room for n primitives, values kept. */
+bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
+void saga_flat_free_set(saga_flat *f);
+/* Appends a primitive, as its attributes start, or a copy of another; room must
+ * be there. Returns its number. */
+uint32_t saga_flat_append(saga_flat *f);
+uint32_t saga_flat_append_copy(saga_flat *f, uint32_t from);
+/* Sets moments and statistics of a primitive to zero: they are of what it was
+ * before. */
+void saga_flat_forget(saga_flat *f, uint32_t i);
+/* Moves values of an attribute into its bounds. */
+void saga_flat_bound(saga_flat *f, int attr, saga_range of);
+/* Keeps those with keep[i], in order. */
+void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 /* Gives the unit vectors along which log2_scale[0], [1], [2] lie. */
 void saga_flat_axes(real axes[3][3], const real *quat);
 /* Sets the canvas's image and truth. */
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
-/* Makes room for n primitives, values kept. */
-bool saga_flat_reserve(saga_flat *f, uint32_t n, saga_error *error);
-void saga_flat_get(const saga_flat *f, uint32_t i, saga_flat_one *one);
-void saga_flat_put(saga_flat *f, uint32_t i, const saga_flat_one *one);
-/* Appends with fresh moments; room must be there. */
-void saga_flat_append(saga_flat *f, const saga_flat_one *one);
-/* Keeps those with keep[i], in order. */
-void saga_flat_keep(saga_flat *f, const uint8_t *keep);
 
 /* flat_seed.c */
 bool saga_flat_init(saga_flat *f, saga_error *error);
@@ -92,8 +85,9 @@ bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
  * many do, 0 where its depth is a guess. */
 int saga_flat_compare(const saga_flat *f, int view, int frame, double u,
                       double v, saga_flat_ratio ratio[SAGA_FLAT_NEAR]);
-void saga_flat_one_from(saga_flat_one *one, const saga_flat *f,
-                        const saga_flat_sight *s, double sigma);
+/* Appends a primitive where s is, its standard deviation sigma in world units;
+ * room must be there. */
+void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma);
 
 /* flat_save.c: f as saga_flat_new makes it, but without primitives. */
 bool saga_flat_load(saga_flat *f, saga_checkpoint *c, saga_error *error);

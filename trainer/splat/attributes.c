@@ -1,0 +1,147 @@
+/* SPDX-License-Identifier: MIT */
+#include "attributes.h"
+
+#include "alloc.h"
+#include "model.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define ORDERS SAGA_TOOL_MOTION_MASK
+#define IN_TIME (SAGA_TOOL_OPACITY_T | SAGA_TOOL_SLOPE | SAGA_TOOL_MOTION_MASK)
+
+/* Bounds: an opacity below 2^-8 is never drawn again, and a temporal width of
+ * 2^3 segments shows the primitive all the time. Where no network gives an
+ * attribute it follows from the anchors: mean, support. */
+const saga_attribute saga_attributes[SAGA_N_ATTRS] = {
+    [SAGA_ATTR_MEAN] = {
+        .name = "mean", .width = 3, .unit = SAGA_UNIT_PLACE,
+        .lo = -1, .hi = 1 - 0x1p-23, .rate = 1.2e-3, .rate_end = 4e-5 },
+    [SAGA_ATTR_QUAT] = {
+        .name = "quat", .width = 4, .head = SAGA_HEAD_QUAT, .n_heads = 1,
+        .first = 1, .lo = -8, .hi = 8, .rate = 8e-3, .rate_end = 1.6e-3 },
+    [SAGA_ATTR_LOG2_SCALE] = {
+        .name = "log2_scale", .width = 3, .unit = SAGA_UNIT_LOG2_LENGTH,
+        .head = SAGA_HEAD_SCALE, .n_heads = 1,
+        .lo = -16, .hi = -1, .rate = 0.04, .rate_end = 8e-3 },
+    [SAGA_ATTR_OPACITY] = {
+        .name = "opacity", .width = 1, .head = SAGA_HEAD_OPACITY, .n_heads = 1,
+        .start = -1.5, .lo = -7.9, .hi = 12, .rate = 0.06, .rate_end = 0.03 },
+    [SAGA_ATTR_COLOUR] = {
+        .name = "colour", .width = 3, .head = SAGA_HEAD_COLOUR, .n_heads = 1,
+        .zero = 0.5, .lo = 0, .hi = 1, .rate = 0.01, .rate_end = 2e-3 },
+    [SAGA_ATTR_SUPPORT] = {
+        .name = "support", .width = 3, .unit = SAGA_UNIT_LENGTH },
+    [SAGA_ATTR_MOTION] = {
+        .name = "motion", .width = 9, .unit = SAGA_UNIT_SUPPORT,
+        .tools = ORDERS, .is_temporal = true,
+        .head = SAGA_HEAD_MOTION1, .n_heads = 3,
+        .lo = -4, .hi = 4, .rate = 2.5e-4, .rate_end = 2e-5 },
+    [SAGA_ATTR_SLOPE] = {
+        .name = "slope", .width = 4, .tools = SAGA_TOOL_SLOPE,
+        .is_temporal = true, .head = SAGA_HEAD_SLOPE, .n_heads = 1,
+        .lo = -16, .hi = 16, .rate = 2e-3, .rate_end = 4e-4 },
+    [SAGA_ATTR_T_CENTRE] = {
+        .name = "t_centre", .width = 1, .unit = SAGA_UNIT_TIME,
+        .tools = IN_TIME, .is_temporal = true,
+        .head = SAGA_HEAD_TIME, .n_heads = 1,
+        .start = 0.5, .lo = 0, .hi = 1, .rate = 1e-3, .rate_end = 2e-4 },
+    [SAGA_ATTR_LOG2_WIDTH] = {
+        .name = "log2_width", .width = 1, .unit = SAGA_UNIT_LOG2_TIME,
+        .tools = SAGA_TOOL_OPACITY_T, .is_temporal = true,
+        .head = SAGA_HEAD_WIDTH, .n_heads = 1,
+        .lo = -16, .hi = 3, .rate = 0.01, .rate_end = 2e-3 },
+};
+
+static bool has(uint32_t set, int attr)
+{
+    return set >> attr & 1;
+}
+
+size_t saga_attrs_width(uint32_t set)
+{
+    size_t n = 0;
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        n += has(set, a) ? (size_t)saga_attributes[a].width : 0;
+    return n;
+}
+
+uint32_t saga_attrs_of_tools(uint32_t tools, bool is_still)
+{
+    uint32_t set = 0;
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const saga_attribute *const k = &saga_attributes[a];
+
+        if ((!k->tools || (k->tools & tools)) &&
+            !(is_still && k->is_temporal))
+            set |= SAGA_ATTR_BIT(a);
+    }
+    return set;
+}
+
+real *saga_params_lay(saga_splat_params *p, real *block, uint32_t set,
+                      size_t n)
+{
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        p->of[a] = has(set, a) ? block : NULL;
+        block += has(set, a) ? n * (size_t)saga_attributes[a].width : 0;
+    }
+    return block;
+}
+
+bool saga_params_alloc(saga_splat_params *p, uint32_t set, size_t n,
+                       saga_error *error)
+{
+    real *const block = saga_calloc(n, saga_attrs_width(set) * sizeof *block,
+                                    "primitives", error);
+
+    if (block)
+        saga_params_lay(p, block, set, n);
+    else
+        *p = (saga_splat_params){ .mean = NULL };
+    return block != NULL;
+}
+
+/* Returns which arrays are there. */
+static uint32_t set_of(const saga_splat_params *p)
+{
+    uint32_t set = 0;
+
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        set |= p->of[a] ? SAGA_ATTR_BIT(a) : 0;
+    return set;
+}
+
+bool saga_params_gather(saga_splat_params *p, const saga_splat_params *from,
+                        const uint32_t *source, size_t n, saga_error *error)
+{
+    if (!saga_params_alloc(p, set_of(from), n, error))
+        return false;
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const size_t w = (size_t)saga_attributes[a].width;
+
+        for (size_t i = 0; p->of[a] && i < n; i++)
+            memcpy(p->of[a] + w * i, from->of[a] + w * (source ? source[i] : i),
+                   w * sizeof(real));
+    }
+    return true;
+}
+
+void saga_params_free(saga_splat_params *p)
+{
+    /* All arrays lie in one block, which the mean begins. */
+    free(p->mean);
+    *p = (saga_splat_params){ .mean = NULL };
+}
+
+size_t saga_params_spans(saga_span spans[SAGA_N_ATTRS],
+                         const saga_splat_params *p, size_t n)
+{
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        spans[a] = (saga_span){
+            p->of[a], n * (size_t)saga_attributes[a].width * sizeof(real)
+        };
+    return SAGA_N_ATTRS;
+}
