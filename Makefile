@@ -62,25 +62,30 @@ PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
 
 # SEE_room lists what a room of the trainer may see; each room stands on those
 # above it. docs/architecture.md has the same table, tests/check_tree.sh both.
-ROOMS := base nn capture/read capture/synth code splat rig scene entropy warm \
-         train/plan train/fit train/pack train/run measure exchange cli
+ROOMS := base nn $(addprefix capture/,views files loaders read survey synth) \
+         code splat rig scene entropy warm \
+         $(addprefix train/,plan fit pack run) measure exchange cli
 SEE_base          :=
 SEE_nn            := base
-SEE_capture/read  := base
-SEE_capture/synth := base capture/read
+SEE_capture/views := base
+SEE_capture/files := base capture/views
+SEE_capture/loaders := base capture/views capture/files
+SEE_capture/read  := base capture/views capture/files capture/loaders
+SEE_capture/survey := base capture/views
+SEE_capture/synth := base capture/views capture/files
 SEE_code          := base
 SEE_splat         := base
-SEE_rig           := base capture/read splat
+SEE_rig           := base capture/views splat
 SEE_scene         := base nn code splat
 SEE_entropy       := base nn code splat scene
-SEE_warm          := base nn capture/read splat rig
+SEE_warm          := base nn capture/views splat rig
 SEE_train/plan    := base
-SEE_train/fit     := base nn capture/read code splat rig scene entropy train/plan
-SEE_train/pack    := base nn capture/read code splat rig scene entropy train/plan train/fit
-SEE_train/run     := base nn capture/read code splat rig scene entropy warm train/plan train/fit train/pack
-SEE_measure       := base capture/read rig
-SEE_exchange      := base capture/read code splat rig measure
-SEE_cli           := base nn capture/read capture/synth code splat rig scene entropy warm train/plan train/run measure exchange
+SEE_train/fit     := base nn capture/views code splat rig scene entropy train/plan
+SEE_train/pack    := base nn capture/views code splat rig scene entropy train/plan train/fit
+SEE_train/run     := base nn capture/views code splat rig scene entropy warm train/plan train/fit train/pack
+SEE_measure       := base capture/views capture/files rig
+SEE_exchange      := base capture/views capture/files code splat rig measure
+SEE_cli           := base nn capture/views capture/files capture/loaders capture/read capture/survey capture/synth code splat rig scene entropy warm train/plan train/run measure exchange
 
 # ---------------------------------------------------------------- sources
 

@@ -13,7 +13,7 @@
  * One fine anchor less than primitives is what tells the trainer that they are
  * shared. One segment, seed 1, one thread: a process is forked.
  */
-#include "capture.h"
+#include "capture_load.h"
 #include "error.h"
 #include "fit_state.h"
 #include "policy.h"

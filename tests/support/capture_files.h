@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
- * Files for the tests of trainer/capture/read: a folder that goes away, bytes
+ * Files for the tests of trainer/capture: a folder that goes away, bytes
  * put together by hand, and loading. Brings cmocka with what it wants.
  */
 #ifndef CAPTURE_FILES_H
 #define CAPTURE_FILES_H
 
-#include "capture.h"
+#include "capture_load.h"
 #include "error.h"
 #include "file.h"
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "gen_input.h"
 
-#include "capture.h"
+#include "capture_load.h"
 #include "colmap.h"
 #include "npy.h"
 #include "picture.h"

@@ -2,7 +2,7 @@
  *
  * Files as a capture consists of them, small and valid; damage to them; and
  * the reader of their kind, which may refuse anything and may crash at
- * nothing. Of the readers of trainer/capture/read only those of ffmpeg are
+ * nothing. Of the readers of trainer/capture only those of ffmpeg are
  * missing: video, WebP, TIFF.
  */
 #ifndef GEN_INPUT_H

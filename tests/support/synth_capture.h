@@ -6,7 +6,7 @@
 #ifndef SYNTH_CAPTURE_H
 #define SYNTH_CAPTURE_H
 
-#include "capture.h"
+#include "capture_load.h"
 #include "synth.h"
 
 #include <setjmp.h>

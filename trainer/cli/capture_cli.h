@@ -5,7 +5,7 @@
 #ifndef SAGA_CAPTURE_CLI_H
 #define SAGA_CAPTURE_CLI_H
 
-#include "capture.h"
+#include "capture_load.h"
 #include "cli.h"
 
 typedef struct saga_capture_choice {

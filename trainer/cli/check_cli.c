@@ -2,7 +2,6 @@
  *
  * saga check looks at a capture before anybody trains on it.
  */
-#include "capture.h"
 #include "capture_cli.h"
 #include "check_page.h"
 #include "cli.h"
