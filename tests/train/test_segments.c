@@ -462,7 +462,7 @@ static void fit_should_begin_near_the_warm_up(void **state)
     t = begin(f, &s, &o);
     assert_int_equal(run(t, f, &s), SAGA_STOPPED);
     saga_fit_free(t->fit);
-    saga_train_params_free(&t->target);
+    saga_params_free(&t->target);
     saga_scene_free(&t->scene);
     assert_true(saga_train_begin_fit(t, &error));
     assert_true(saga_fit_start(t->fit, &t->target, &error));

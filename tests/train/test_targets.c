@@ -73,7 +73,7 @@ static void centre_should_leave_motion_and_mean_fading(void **state)
     saga_splat_params q;
 
     (void)state;
-    assert_true(saga_train_gather(&q, &p, NULL, N, &error));
+    assert_true(saga_params_gather(&q, &p, NULL, N, &error));
     saga_train_centre(&q, N);
     for (int k = 0; k < TIMES; k++) {
         pose(&before, &p, (R(k) + R(0.5)) / TIMES);
@@ -93,7 +93,7 @@ static void centre_should_leave_motion_and_mean_fading(void **state)
     for (int i = 0; i < N; i++)
         assert_true(i % 2 ? q.t_centre[i] == p.t_centre[i]
                           : q.t_centre[i] == R(0.5));
-    saga_train_params_free(&q);
+    saga_params_free(&q);
 }
 
 static void frozen_should_be_what_the_middle_was(void **state)
@@ -104,7 +104,7 @@ static void frozen_should_be_what_the_middle_was(void **state)
     saga_splat_params q;
 
     (void)state;
-    assert_true(saga_train_gather(&q, &p, NULL, N, &error));
+    assert_true(saga_params_gather(&q, &p, NULL, N, &error));
     saga_train_freeze(&q, N);
     pose(&before, &p, R(0.5));
     pose(&after, &q, R(0.1));
@@ -115,7 +115,7 @@ static void frozen_should_be_what_the_middle_was(void **state)
                               after.mean[3 * i + a]) < 1e-6f);
         assert_true(fabsf(before.q0[i] - after.q0[i]) < 1e-4f);
     }
-    saga_train_params_free(&q);
+    saga_params_free(&q);
 }
 
 int main(void)

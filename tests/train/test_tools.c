@@ -43,7 +43,7 @@ static saga_splat_params primitives(void)
         centre[i] = R(0.5);
         width[i] = (real)(i % 4) - 3;
     }
-    assert_true(saga_train_gather(&q, &p, NULL, N, &error));
+    assert_true(saga_params_gather(&q, &p, NULL, N, &error));
     return q;
 }
 
@@ -89,8 +89,8 @@ static void lower_orders_should_be_the_nearest(void **state)
             for (int power = 0; power <= to && to > 0; power++)
                 assert_true(fabs(moved_away(&p, &q, i, power)) < 1e-4);
         }
-        saga_train_params_free(&p);
-        saga_train_params_free(&q);
+        saga_params_free(&p);
+        saga_params_free(&q);
     }
 }
 
@@ -115,8 +115,8 @@ static void without_opacity_motion_should_stay(void **state)
         for (size_t i = 0; i < 4 * N; i++)
             assert_true(fabs((double)(quat[0][i] - quat[1][i])) < 1e-5);
     }
-    saga_train_params_free(&p);
-    saga_train_params_free(&q);
+    saga_params_free(&p);
+    saga_params_free(&q);
 }
 
 /* --- By direction -------------------------------------------------------- */

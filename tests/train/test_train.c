@@ -547,7 +547,7 @@ static void fit_should_begin_where_the_warm_up_ends(void **state)
         while (t->stage == SAGA_TRAIN_WARM)
             assert_int_not_equal(saga_train_run(t, &error), SAGA_FAILED);
         saga_fit_free(t->fit);
-        saga_train_params_free(&t->target);
+        saga_params_free(&t->target);
         saga_scene_free(&t->scene);
         assert_true(saga_train_begin_fit(t, &error));
         assert_true(saga_fit_start(t->fit, &t->target, &error));

@@ -333,7 +333,7 @@ static void tell(const session *s)
 static void end(session *s)
 {
     saga_train_free(s->train);
-    saga_cloud_params_free(&s->given);
+    saga_params_free(&s->given);
     saga_capture_free(&s->capture);
     saga_cloud_free(&s->first);
     free(s->shot);

@@ -120,32 +120,6 @@ static void colour_from(real colour[3], const saga_cloud *cloud, size_t i,
     }
 }
 
-static bool alloc_params(saga_splat_params *p, size_t n, saga_error *error)
-{
-    static const char what[] = "splats";
-
-    *p = (saga_splat_params){ .mean = saga_alloc(n, 3 * sizeof(real), what,
-                                                 error) };
-    p->quat = saga_alloc(n, 4 * sizeof(real), what, error);
-    p->log2_scale = saga_alloc(n, 3 * sizeof(real), what, error);
-    p->opacity = saga_alloc(n, sizeof(real), what, error);
-    p->colour = saga_calloc(n, 3 * sizeof(real), what, error);
-    if (!saga_failed(error))
-        return true;
-    saga_cloud_params_free(p);
-    return false;
-}
-
-void saga_cloud_params_free(saga_splat_params *p)
-{
-    free(p->mean);
-    free(p->quat);
-    free(p->log2_scale);
-    free(p->opacity);
-    free(p->colour);
-    *p = (saga_splat_params){ .mean = NULL };
-}
-
 /* 1 / (1 + exp(-logit)) = 8 / (1 + 2^(3 - o)). */
 static double parameter_of(float logit)
 {
@@ -158,7 +132,7 @@ static double parameter_of(float logit)
 bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
                        const saga_shot *shot, int n_shots, saga_error *error)
 {
-    if (!alloc_params(p, cloud->n, error))
+    if (!saga_params_alloc(p, saga_attrs_of_tools(0, true), cloud->n, error))
         return false;
     /* Shapes stay; only units of scales and opacities differ. */
     for (size_t i = 0; i < cloud->n; i++) {
@@ -281,7 +255,7 @@ static bool draw_frame(saga_capture *c, saga_canvas *canvas,
     for (int v = 0; v < c->n_views && ok; v++)
         ok = draw(c->views[v].rgb + saga_view_frame_nbytes(&c->views[v]) *
                   (size_t)number, &f, &c->views[v], error);
-    saga_cloud_params_free(&f.params);
+    saga_params_free(&f.params);
     return ok;
 }
 

@@ -28,11 +28,10 @@ typedef struct saga_cloud_source {
 bool saga_cloud_capture(saga_capture *capture, const saga_cloud_source *source,
                         saga_error *error);
 
-/* Makes primitives of a cloud: colours are the means of those that n_shots
- * see, clipped to 0..1. */
+/* Makes primitives of a cloud (saga_params_free them): colours are the means of
+ * those that n_shots see, clipped to 0..1. */
 bool saga_cloud_params(saga_splat_params *p, const saga_cloud *cloud,
                        const saga_shot *shot, int n_shots, saga_error *error);
-void saga_cloud_params_free(saga_splat_params *p);
 
 /* A place and a size of a cloud that its far-off splats do not count in:
  * weighted by opacity, the median on each axis, and the distance from there

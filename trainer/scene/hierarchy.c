@@ -68,26 +68,17 @@ static bool check_options(const saga_hierarchy_options *o, uint32_t n,
 static bool check_pool(const saga_hierarchy_pool *pool, saga_error *error)
 {
     const saga_splat_params *const p = pool->p;
-    const struct {
-        const char *name;
-        const real *x;               /* (n, width) or NULL */
-        size_t width;
-    } array[] = {
-        { "mean", p->mean, 3 }, { "quat", p->quat, 4 },
-        { "scale", p->log2_scale, 3 }, { "opacity", p->opacity, 1 },
-        { "colour", p->colour, 3 }, { "support", p->support, 3 },
-        { "motion", p->motion, 9 }, { "slope", p->slope, 4 },
-        { "t_centre", p->t_centre, 1 }, { "width", p->log2_width, 1 }
-    };
-
     /* Weights and distances below are sums over all: one value that is not
      * finite would spoil every cell. */
-    for (size_t k = 0; k < sizeof array / sizeof *array; k++)
-        for (size_t i = 0; array[k].x && i < pool->n * array[k].width; i++)
-            if (!isfinite((double)array[k].x[i]))
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const size_t w = (size_t)saga_attributes[a].width;
+
+        for (size_t i = 0; p->of[a] && i < pool->n * w; i++)
+            if (!isfinite((double)p->of[a][i]))
                 return saga_fail(error, NULL, "try another --seed",
                                  "primitive %zu: its %s is not finite",
-                                 i / array[k].width, array[k].name);
+                                 i / w, saga_attributes[a].name);
+    }
     for (uint32_t i = 0; pool->score && i < pool->n; i++)
         if (!not_negative((double)pool->score[i]))
             return saga_fail(error, NULL, "try another --seed", "primitive %u: "

@@ -14,11 +14,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* The order is that of the members below, and of what is saved. */
+/* The order is that of the members below, of what is saved, and of the heads
+ * that give them (SAGA_HEAD_*). */
 enum {
-    SAGA_ATTR_MEAN, SAGA_ATTR_QUAT, SAGA_ATTR_LOG2_SCALE, SAGA_ATTR_OPACITY,
-    SAGA_ATTR_COLOUR, SAGA_ATTR_SUPPORT, SAGA_ATTR_MOTION, SAGA_ATTR_SLOPE,
-    SAGA_ATTR_T_CENTRE, SAGA_ATTR_LOG2_WIDTH, SAGA_N_ATTRS
+    SAGA_ATTR_MEAN, SAGA_ATTR_OPACITY, SAGA_ATTR_LOG2_SCALE, SAGA_ATTR_QUAT,
+    SAGA_ATTR_SLOPE, SAGA_ATTR_T_CENTRE, SAGA_ATTR_LOG2_WIDTH,
+    SAGA_ATTR_MOTION, SAGA_ATTR_COLOUR, SAGA_ATTR_SUPPORT, SAGA_N_ATTRS
 };
 
 /* Sets of attributes have a bit for each. */
@@ -30,21 +31,21 @@ typedef struct saga_splat_params {
     union {
         struct {
             real *mean;       /* (N, 3) at t = t_centre */
-            real *quat;       /* (N, 4) w, x, y, z; any length; (0, 0, 0, 0)
-                               * counts as (1, 0, 0, 0) */
-            real *log2_scale; /* (N, 3) standard deviations; used within
-                               * +-60 */
             real *opacity;    /* (N) in log2 units: peak alpha =
                                * 8 / (1 + 2^(3 - o)), of which pixels show the
                                * cap at most */
-            real *colour;     /* (N, 3) R, G, B, in [0, 1] */
-            real *support;    /* (N, 3) unit of the motion; NULL: 1 */
-            real *motion;     /* (N, 9) order 1 x, y, z; order 2; order 3; in
-                               * supports per age^order; NULL: none */
+            real *log2_scale; /* (N, 3) standard deviations; used within
+                               * +-60 */
+            real *quat;       /* (N, 4) w, x, y, z; any length; (0, 0, 0, 0)
+                               * counts as (1, 0, 0, 0) */
             real *slope;      /* (N, 4) of the quaternion per age; NULL: none */
             real *t_centre;   /* (N); NULL: 0 */
             real *log2_width; /* (N) temporal width; NULL: no temporal
                                * opacity */
+            real *motion;     /* (N, 9) order 1 x, y, z; order 2; order 3; in
+                               * supports per age^order; NULL: none */
+            real *colour;     /* (N, 3) R, G, B, in [0, 1] */
+            real *support;    /* (N, 3) unit of the motion; NULL: 1 */
         };
         real *of[SAGA_N_ATTRS]; /* the same, by number */
     };
@@ -101,7 +102,7 @@ real *saga_params_lay(saga_splat_params *p, real *block, uint32_t set,
                       size_t n);
 
 /* Makes n primitives of zeros with the attributes of a set, which has the
- * mean. */
+ * mean. Fails where memory is short; nothing is to be freed then. */
 bool saga_params_alloc(saga_splat_params *p, uint32_t set, size_t n,
                        saga_error *error);
 
@@ -110,8 +111,8 @@ bool saga_params_alloc(saga_splat_params *p, uint32_t set, size_t n,
 bool saga_params_gather(saga_splat_params *p, const saga_splat_params *from,
                         const uint32_t *source, size_t n, saga_error *error);
 
-/* Frees what was allocated or gathered, and leaves NULL; members may have been
- * set to NULL before, but for the mean. */
+/* Frees what was allocated or gathered, and leaves NULL. Attributes but the
+ * mean may have been given up before, by setting them to NULL. */
 void saga_params_free(saga_splat_params *p);
 
 /* Lists the arrays of n primitives, for saga_clear; one that is NULL has no

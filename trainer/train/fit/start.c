@@ -50,14 +50,13 @@ enum { N_STEPS = 300 };
 #define FIRST_RATE 0.1
 #define LAST_RATE 0.005
 
-/* Groups of attributes are in the order of the dimensions. */
-enum { OPACITY, SCALE, QUAT, SLOPE, WIDTH, MOTION, COLOUR, N_GROUPS };
-
 typedef struct {
     saga_splat_params *target;
     size_t n, d, f;              /* primitives, dimensions, features; more
                                   * features than dimensions stay 0 */
-    size_t width[N_GROUPS];      /* of each group; 0: the model has none */
+    size_t width[SAGA_N_ATTRS];  /* dimensions of each attribute; 0: the model
+                                  * has it not, or networks do not give it */
+    size_t at[SAGA_N_ATTRS];     /* the first of them */
     double *wanted, *weight;     /* (n, d) */
     double *code;                /* (n, f) */
     saga_matrix basis;           /* (d, f) */
@@ -67,32 +66,29 @@ typedef struct {
 
 static const char what[] = "the start of the fit";
 
-static void groups_of(real *group[N_GROUPS], const saga_splat_params *p)
+/* Returns how many outputs of a model's networks are an attribute's. The centre
+ * of a life has none that anything is wanted of: positions have it already. */
+static size_t n_outputs(int attr, const saga_model *m)
 {
-    group[OPACITY] = p->opacity;
-    group[SCALE] = p->log2_scale;
-    group[QUAT] = p->quat;
-    group[SLOPE] = p->slope;
-    group[WIDTH] = p->log2_width;
-    group[MOTION] = p->motion;
-    group[COLOUR] = p->colour;
-}
+    const saga_attribute *const a = &saga_attributes[attr];
+    saga_rows rows[SAGA_N_HEADS];
+    size_t n = 0;
 
-/* Reals that a primitive has in a group's tensor. */
-static const size_t stride[N_GROUPS] = { 1, 3, 4, 4, 1, 9, 3 };
+    saga_model_rows(rows, m);
+    for (int h = 0; h < a->n_heads && a->unit != SAGA_UNIT_TIME; h++)
+        n += rows[a->head + h].n;
+    return n;
+}
 
 static bool init(start *x, const saga_fit *f, saga_error *error)
 {
     const saga_model *const m = &f->scene->model;
-    real *group[N_GROUPS];
 
-    groups_of(group, &f->twin.attr);
     x->n = f->scene->n.prim;
-    for (int g = 0; g < N_GROUPS; g++) {
-        x->width[g] = !group[g] ? 0
-                    : g == MOTION ? 3 * (size_t)saga_motion_order(m)
-                    : stride[g];
-        x->d += x->width[g];
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        x->width[a] = f->twin.attr.of[a] ? n_outputs(a, m) : 0;
+        x->at[a] = x->d;
+        x->d += x->width[a];
     }
     /* No more than dimensions: a basis has no further directions. */
     x->f = m->features < x->d ? m->features : x->d;
@@ -111,13 +107,17 @@ static void release(start *x)
 
 /* --- What pictures say --------------------------------------------------- */
 
+static size_t stride_of(int attr)
+{
+    return (size_t)saga_attributes[attr].width;
+}
+
 /* The gradient of a picture's sum with random signs has, squared, the mean
  * that is looked for: products of two pixels' derivatives cancel. */
 static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
                         saga_error *error)
 {
     saga_canvas *const c = &f->canvas;
-    real *group[N_GROUPS];
     const saga_sample picture = saga_pictures_pick(f->pictures, r, number);
     size_t n;
 
@@ -134,13 +134,13 @@ static bool add_picture(start *x, saga_fit *f, saga_rng r, uint64_t number,
     saga_twin_clear(&f->twin, f->scene);
     if (!saga_splat_backward(&f->twin.d_attr, NULL, c, x->target, error))
         return false;
-    groups_of(group, &f->twin.d_attr);
     for (size_t i = 0; i < x->n; i++) {
         double *w = x->weight + i * x->d;
 
-        for (int g = 0; g < N_GROUPS; g++)
-            for (size_t k = 0; k < x->width[g]; k++) {
-                const double e = (double)group[g][i * stride[g] + k];
+        for (int a = 0; a < SAGA_N_ATTRS; a++)
+            for (size_t k = 0; k < x->width[a]; k++) {
+                const double e =
+                    (double)f->twin.d_attr.of[a][i * stride_of(a) + k];
 
                 /* The mean over a picture's n values and over pictures: the
                  * unit is that of the mean squared error. */
@@ -160,32 +160,31 @@ static bool weigh(start *x, saga_fit *f, saga_error *error)
     return true;
 }
 
-/* Returns output `k` of group g for the target's value `a`: sizes are relative
- * to the cell, motion to the support, rotation and colour to the middle. *unit:
- * what a unit of the output is, in units of the attribute. */
-static double output_of(double *unit, double a, int g, size_t k,
+/* Returns output `k` of an attribute for the target's value `v`: networks give
+ * what it differs from its zero, sizes relative to the cell, motion to the
+ * support. *unit: what a unit of the output is, in units of the attribute. */
+static double output_of(double *unit, double v, int attr, size_t k,
                         const saga_coarse *cell, const start *x)
 {
+    const saga_attribute *const a = &saga_attributes[attr];
+
     *unit = 1;
-    switch (g) {
-    case OPACITY:
-        return fmin(fmax(a, -8), 8);
+    if (attr == SAGA_ATTR_OPACITY)
+        return fmin(fmax(v, -8), 8);
+    v -= a->zero + (k == 0 ? a->first : 0);
+    switch (a->unit) {
     /* A cell's half-size is 2^-depth_x, in half-cubes. */
-    case SCALE:
-        return a + cell->depth_x;
-    case QUAT:
-        return a - (k == 0);
+    case SAGA_UNIT_LOG2_LENGTH:
+        return v + cell->depth_x;
     /* Its half in time is 2^-(depth_t + 1), in segments. */
-    case WIDTH:
-        return a + 1 + cell->depth_t;
+    case SAGA_UNIT_LOG2_TIME:
+        return v + 1 + cell->depth_t;
     /* The unit is a support, in half-cubes. */
-    case MOTION:
+    case SAGA_UNIT_SUPPORT:
         *unit = exp2(x->log2_support[k % 3] - cell->depth_x);
-        return a / *unit;
-    case COLOUR:
-        return a - 0.5;
+        return v / *unit;
     default:
-        return a;
+        return v;
     }
 }
 
@@ -218,21 +217,20 @@ static void choose_supports(start *x, const saga_scene *s)
 static void want(start *x, const saga_fit *f)
 {
     const saga_scene *const s = f->scene;
-    real *group[N_GROUPS];
 
-    groups_of(group, x->target);
     for (size_t i = 0; i < x->n; i++) {
         const saga_coarse *const cell =
             &s->coarse[s->fine[s->prim_fine[i]].parent];
         size_t at = i * x->d;
 
-        for (int g = 0; g < N_GROUPS; g++)
-            for (size_t k = 0; k < x->width[g]; k++, at++) {
-                const double a = group[g]
-                    ? (double)group[g][i * stride[g] + k] : 0;
+        for (int a = 0; a < SAGA_N_ATTRS; a++)
+            for (size_t k = 0; k < x->width[a]; k++, at++) {
+                const real *const from = x->target->of[a];
+                const double v =
+                    from ? (double)from[i * stride_of(a) + k] : 0;
                 double unit;
 
-                x->wanted[at] = output_of(&unit, a, g, k, cell, x);
+                x->wanted[at] = output_of(&unit, v, a, k, cell, x);
                 /* An error e of the output is e unit of the attribute. */
                 x->weight[at] *= unit * unit;
             }
@@ -546,14 +544,8 @@ static void set_geometry(const start *x, saga_fit *f)
 {
     saga_net *const net = &f->scene->net[SAGA_NET_GEO];
     const size_t n = carried(net, x->f);
-    static const int head[COLOUR] = {
-        [OPACITY] = SAGA_HEAD_OPACITY, [SCALE] = SAGA_HEAD_SCALE,
-        [QUAT] = SAGA_HEAD_QUAT, [SLOPE] = SAGA_HEAD_SLOPE,
-        [WIDTH] = SAGA_HEAD_WIDTH, [MOTION] = SAGA_HEAD_MOTION1
-    };
     const size_t n_rows = (size_t)net->dim[net->n_layers];
     saga_rows rows[SAGA_N_HEADS];
-    size_t at = 0;
 
     saga_model_rows(rows, &f->scene->model);
     carry(net, n);
@@ -561,10 +553,13 @@ static void set_geometry(const start *x, saga_fit *f)
      * 0. */
     for (size_t i = 0; i < n_rows; i++)
         set_row(net, i, NULL, 0, 0);
-    for (int g = 0; g < COLOUR; g++)
-        for (size_t k = 0; k < x->width[g]; k++, at++)
-            set_row(net, (size_t)rows[head[g]].first + k, x->basis[at], n,
-                    x->mean[at]);
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const saga_rows *const head = &rows[saga_attributes[a].head];
+
+        for (size_t k = 0; k < x->width[a] && head->net == SAGA_NET_GEO; k++)
+            set_row(net, head->first + k, x->basis[x->at[a] + k], n,
+                    x->mean[x->at[a] + k]);
+    }
 }
 
 /* The colour itself goes through pairs of hidden units: the first layer, in
@@ -574,7 +569,7 @@ static void set_colour(const start *x, saga_fit *f)
     saga_net *const base = &f->scene->net[SAGA_NET_COLOUR_BASE];
     saga_net *const view = &f->scene->net[SAGA_NET_COLOUR_VIEW];
     saga_net *const net = &f->scene->net[SAGA_NET_COLOUR];
-    const size_t in = (size_t)base->dim[0], at = x->d - 3;
+    const size_t in = (size_t)base->dim[0], at = x->at[SAGA_ATTR_COLOUR];
 
     memset(base->w[0], 0, 6 * in * sizeof(real));
     /* Three pairs, each a colour about its mean; other units stay random, and
@@ -733,26 +728,26 @@ static bool begin_features(saga_fit *f, saga_error *error)
  * sum_i sum_k w_ik (a_ik - wanted_ik)^2, a and wanted as pictures see them. */
 static void pull(const start *x, saga_fit *f)
 {
-    real *has[N_GROUPS], *wants[N_GROUPS], *d[N_GROUPS];
+    const saga_splat_params *const has = &f->twin.attr;
+    const saga_splat_params *const d = &f->twin.d_attr;
     const double *w = x->weight;
 
-    groups_of(has, &f->twin.attr);
-    groups_of(wants, x->target);
-    groups_of(d, &f->twin.d_attr);
     saga_twin_clear(&f->twin, f->scene);
     /* Motion leaves the network in supports and is wanted in half-cubes: a =
      * motion support, so that both factors get a gradient. */
     for (size_t i = 0; i < x->n; i++)
-        for (int g = 0; g < N_GROUPS; g++)
-            for (size_t k = 0; k < x->width[g]; k++, w++) {
-                const size_t at = i * stride[g] + k, axis = 3 * i + k % 3;
-                const real unit = g == MOTION ? f->twin.attr.support[axis] : 1;
-                const real a = wants[g] ? wants[g][at] : 0;
-                const real e = 2 * (real)*w * (has[g][at] * unit - a);
+        for (int a = 0; a < SAGA_N_ATTRS; a++)
+            for (size_t k = 0; k < x->width[a]; k++, w++) {
+                const bool moves = saga_attributes[a].unit == SAGA_UNIT_SUPPORT;
+                const size_t at = i * stride_of(a) + k, axis = 3 * i + k % 3;
+                const real *const wants = x->target->of[a];
+                const real unit = moves ? has->support[axis] : 1;
+                const real e = 2 * (real)*w * (has->of[a][at] * unit -
+                                               (wants ? wants[at] : 0));
 
-                d[g][at] += e * unit;
-                if (g == MOTION)
-                    f->twin.d_attr.support[axis] += e * has[g][at];
+                d->of[a][at] += e * unit;
+                if (moves)
+                    d->support[axis] += e * has->of[a][at];
             }
 }
 

@@ -40,7 +40,7 @@ static bool measure_light(real *light, const saga_train *t, saga_error *error)
     const saga_splat_params flat = saga_flat_params(t->flat);
     saga_splat_params d;             /* room for what nobody asks for */
     saga_canvas c;
-    bool ok = saga_train_gather(&d, &flat, NULL, saga_flat_count(t->flat),
+    bool ok = saga_params_gather(&d, &flat, NULL, saga_flat_count(t->flat),
                                 error);
 
     if (!saga_pictures_canvas(&c, &t->pictures, error))
@@ -56,7 +56,7 @@ static bool measure_light(real *light, const saga_train *t, saga_error *error)
                            error);
     }
     saga_canvas_free(&c);
-    saga_train_params_free(&d);
+    saga_params_free(&d);
     return ok;
 }
 
@@ -139,7 +139,7 @@ static bool build_one(built *b, const uint32_t *index, uint32_t n,
     o.max_coarse = part_of(o.max_coarse, n, pool->n);
     o.max_fine = part_of(o.max_fine, n, pool->n);
     b->source = saga_alloc(n, sizeof *b->source, what, error);
-    ok = saga_train_gather(&own, pool->p, index, n, error) && score &&
+    ok = saga_params_gather(&own, pool->p, index, n, error) && score &&
          b->source;
     for (uint32_t i = 0; i < n && ok; i++)
         score[i] = pool->score[index[i]];
@@ -147,7 +147,7 @@ static bool build_one(built *b, const uint32_t *index, uint32_t n,
     /* From numbers in the layer's own pool to those in the pool of all. */
     for (uint32_t i = 0; ok && i < b->scene.n.prim; i++)
         b->source[i] = index[b->source[i]];
-    saga_train_params_free(&own);
+    saga_params_free(&own);
     free(score);
     return ok;
 }

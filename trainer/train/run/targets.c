@@ -5,30 +5,13 @@
  */
 #include "train_state.h"
 
-#include "alloc.h"
 #include "splat_animate.h"
 
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 /* log2 of the temporal width, in segments, from which on a primitive counts as
  * always there: the moment of its centre is worth no bits. */
 #define LONG_LIFE R(0.5)
-
-static bool gather(real **out, const real *from, const uint32_t *source,
-                   uint32_t n, size_t k, saga_error *error)
-{
-    if (!from)
-        return true;
-    *out = saga_alloc(n, k * sizeof **out, "the targets", error);
-    for (uint32_t i = 0; *out && i < n; i++) {
-        const size_t at = source ? source[i] : i;
-
-        memcpy(*out + i * k, from + at * k, k * sizeof **out);
-    }
-    return *out != NULL;
-}
 
 /* Returns log2(1 + 2^x). */
 static double softplus2(double x)
@@ -77,33 +60,11 @@ static void centre(saga_splat_params *p, size_t i)
     p->t_centre[i] = R(0.5);
 }
 
-static void drop(real **p)
-{
-    free(*p);
-    *p = NULL;
-}
-
 static void drop_time(saga_splat_params *p)
 {
-    drop(&p->motion);
-    drop(&p->slope);
-    drop(&p->t_centre);
-    drop(&p->log2_width);
-}
-
-bool saga_train_gather(saga_splat_params *o, const saga_splat_params *p,
-                       const uint32_t *source, uint32_t n, saga_error *error)
-{
-    memset(o, 0, sizeof *o);
-    return gather(&o->mean, p->mean, source, n, 3, error) &&
-           gather(&o->quat, p->quat, source, n, 4, error) &&
-           gather(&o->log2_scale, p->log2_scale, source, n, 3, error) &&
-           gather(&o->opacity, p->opacity, source, n, 1, error) &&
-           gather(&o->colour, p->colour, source, n, 3, error) &&
-           gather(&o->motion, p->motion, source, n, 9, error) &&
-           gather(&o->slope, p->slope, source, n, 4, error) &&
-           gather(&o->t_centre, p->t_centre, source, n, 1, error) &&
-           gather(&o->log2_width, p->log2_width, source, n, 1, error);
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        if (saga_attributes[a].is_temporal)
+            p->of[a] = NULL;
 }
 
 void saga_train_freeze(saga_splat_params *p, uint32_t n)
@@ -124,14 +85,4 @@ void saga_train_centre(saga_splat_params *p, uint32_t n)
     for (uint32_t i = 0; i < n; i++)
         if (saga_train_is_long(p, i))
             centre(p, i);
-}
-
-void saga_train_params_free(saga_splat_params *p)
-{
-    drop(&p->mean);
-    drop(&p->quat);
-    drop(&p->log2_scale);
-    drop(&p->opacity);
-    drop(&p->colour);
-    drop_time(p);
 }

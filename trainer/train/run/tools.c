@@ -149,17 +149,15 @@ static void drop_opacity(saga_splat_params *p, uint32_t n)
         for (size_t k = 0; p->slope && k < 4; k++)
             p->slope[4 * i + k] *= faster;
     }
-    free(p->log2_width);
     p->log2_width = NULL;
 }
 
 /* Makes p what it would be without a temporal tool. */
 static void drop_tool(saga_splat_params *p, uint32_t n, int tool)
 {
-    if (tool == SAGA_TRAIN_SLOPE) {
-        free(p->slope);
+    if (tool == SAGA_TRAIN_SLOPE)
         p->slope = NULL;
-    } else if (tool == SAGA_TRAIN_OPACITY_T)
+    else if (tool == SAGA_TRAIN_OPACITY_T)
         drop_opacity(p, n);
     else
         lower_order(p, n, 3 - tool);
@@ -253,7 +251,7 @@ static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
 {
     saga_splat_params q;
     double more;
-    bool ok = saga_train_gather(&q, &a->p, NULL, a->n, error);
+    bool ok = saga_params_gather(&q, &a->p, NULL, a->n, error);
 
     if (ok) {
         /* A copy is drawn without the tool. If it is not worth its bytes the
@@ -269,7 +267,7 @@ static bool ask_temporal(trial *a, int tool, double *mse, saga_error *error)
             *mse = more;
         }
     }
-    saga_train_params_free(&q);
+    saga_params_free(&q);
     return ok;
 }
 
@@ -401,6 +399,7 @@ static bool learn(slanted *s, trial *a, int i, saga_error *error)
 {
     saga_splat_stats stats = { .weight = s->weight };
     saga_splat_learning l = { .d = s->d, .stats = &stats };
+    saga_span all[SAGA_N_ATTRS];
     const size_t n = a->n;
 
     aim(a, i);
@@ -408,11 +407,7 @@ static bool learn(slanted *s, trial *a, int i, saga_error *error)
     /* Backward passes add. Gradients but for colours are not looked at, but
      * have to be there. */
     memset(s->weight, 0, n * sizeof *s->weight);
-    memset(s->d.mean, 0, 3 * n * sizeof(real));
-    memset(s->d.quat, 0, 4 * n * sizeof(real));
-    memset(s->d.log2_scale, 0, 3 * n * sizeof(real));
-    memset(s->d.opacity, 0, n * sizeof(real));
-    memset(s->d.colour, 0, 3 * n * sizeof(real));
+    saga_clear(all, saga_params_spans(all, &s->d, n));
     if (!saga_splat_learn(&l, &a->canvas, &s->p, a->n, error))
         return false;
     add_picture(s, a);
@@ -476,10 +471,8 @@ static double dip(const double error[3])
 
 static bool make_slanted(slanted *s, const trial *a, saga_error *error)
 {
-    const saga_splat_params grads = {
-        .mean = a->p.mean, .quat = a->p.quat, .log2_scale = a->p.log2_scale,
-        .opacity = a->p.opacity, .colour = a->p.colour
-    };
+    /* Nothing temporal learns. */
+    const uint32_t attrs = saga_attrs_of_tools(a->t->tools, true);
 
     memset(s, 0, sizeof *s);
     s->sum = saga_calloc(a->n, sizeof *s->sum, "directions", error);
@@ -490,7 +483,7 @@ static bool make_slanted(slanted *s, const trial *a, saga_error *error)
     s->p = a->p;
     s->p.colour = s->colour;
     return s->sum && s->slant && s->weight && s->colour &&
-           saga_train_gather(&s->d, &grads, NULL, a->n, error);
+           saga_params_alloc(&s->d, attrs, a->n, error);
 }
 
 static void free_slanted(slanted *s)
@@ -499,7 +492,7 @@ static void free_slanted(slanted *s)
     free(s->slant);
     free(s->weight);
     free(s->colour);
-    saga_train_params_free(&s->d);
+    saga_params_free(&s->d);
 }
 
 /* What one half of the views says about colours by direction is drawn in the
@@ -561,9 +554,9 @@ bool saga_train_choose_tools(saga_train *t, saga_error *error)
     choose_pictures(&a);
     if (a.n_looks > 0) {
         ok = saga_pictures_canvas(&a.canvas, &t->pictures, error) &&
-             saga_train_gather(&a.p, &flat, NULL, a.n, error) &&
+             saga_params_gather(&a.p, &flat, NULL, a.n, error) &&
              ask_all(&a, error);
-        saga_train_params_free(&a.p);
+        saga_params_free(&a.p);
         saga_canvas_free(&a.canvas);
     }
     /* If no tool in time has paid, the scene is a still. */

@@ -396,7 +396,7 @@ saga_train *saga_train_resume(const saga_capture *capture,
 static void end_segment(saga_train *t)
 {
     saga_fit_free(t->fit);
-    saga_train_params_free(&t->target);
+    saga_params_free(&t->target);
     saga_scene_free(&t->scene);
     saga_twin_free(&t->decoded_twin);
     saga_scene_free(&t->decoded);
@@ -566,7 +566,7 @@ static bool propose(saga_train *t, saga_error *error)
     uint32_t *const source = saga_alloc(n, sizeof *source, "the targets",
                                         error);
     saga_splat_params pool;
-    bool ok = saga_train_gather(&pool, &flat, NULL, n, error) && source;
+    bool ok = saga_params_gather(&pool, &flat, NULL, n, error) && source;
 
     /* Attributes that no tool is left for are taken out before the tree looks
      * at them. */
@@ -579,8 +579,8 @@ static bool propose(saga_train *t, saga_error *error)
     /* A base has no temporal attributes, whatever the file's model has. */
     t->scene.still = saga_train_in_base(t);
     ok = ok &&
-         saga_train_gather(&t->target, &pool, source, t->scene.n.prim, error);
-    saga_train_params_free(&pool);
+         saga_params_gather(&t->target, &pool, source, t->scene.n.prim, error);
+    saga_params_free(&pool);
     free(source);
     return ok;
 }

@@ -177,29 +177,41 @@ uint32_t saga_train_share(const saga_train *t)
 
 static const char what[] = "the base";
 
+/* Returns what all views share of a base: it stands still. */
+static uint32_t shared_attrs(void)
+{
+    return saga_attrs_of_tools(0, true) & ~SAGA_ATTR_BIT(SAGA_ATTR_COLOUR);
+}
+
+size_t saga_train_base_reals(uint32_t n, int n_views)
+{
+    const int colour = saga_attributes[SAGA_ATTR_COLOUR].width;
+
+    return n * (saga_attrs_width(shared_attrs()) +
+                (size_t)colour * (size_t)n_views);
+}
+
 bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
                            saga_error *error)
 {
-    const size_t views = (size_t)n_views;
+    const size_t width = (size_t)saga_attributes[SAGA_ATTR_COLOUR].width;
     saga_splat_params p;
+    real *colour;
 
     memset(b, 0, sizeof *b);
-    b->seen = saga_calloc(views, sizeof *b->seen, what, error);
-    b->block = saga_alloc(n, (11 + 3 * views) * sizeof *b->block, what, error);
+    b->seen = saga_calloc((size_t)n_views, sizeof *b->seen, what, error);
+    b->block = saga_alloc(saga_train_base_reals(n, n_views), sizeof *b->block,
+                          what, error);
     if (!b->seen || !b->block) {
         saga_train_free_base(b);
         return false;
     }
-    /* Means 3, rotations 4, scales 3, opacities 1, then colours 3 for each
-     * view: checkpoints walk over the block as it lies. */
-    memset(&p, 0, sizeof p);
-    p.mean = b->block;
-    p.quat = p.mean + 3 * (size_t)n;
-    p.log2_scale = p.quat + 4 * (size_t)n;
-    p.opacity = p.log2_scale + 3 * (size_t)n;
-    for (size_t v = 0; v < views; v++) {
+    /* What is shared, then the colours of each view: checkpoints walk over the
+     * block as it lies. */
+    colour = saga_params_lay(&p, b->block, shared_attrs(), n);
+    for (int v = 0; v < n_views; v++) {
         b->seen[v] = p;
-        b->seen[v].colour = p.opacity + (1 + 3 * v) * n;
+        b->seen[v].colour = colour + width * n * (size_t)v;
     }
     b->n = n;
     return true;
@@ -220,10 +232,10 @@ bool saga_train_keep_base(saga_train *t, saga_error *error)
 
     if (!saga_train_alloc_base(b, (uint32_t)n, t->capture->n_views, error))
         return false;
-    memcpy(b->seen->mean, from->mean, 3 * n * sizeof(real));
-    memcpy(b->seen->quat, from->quat, 4 * n * sizeof(real));
-    memcpy(b->seen->log2_scale, from->log2_scale, 3 * n * sizeof(real));
-    memcpy(b->seen->opacity, from->opacity, n * sizeof(real));
+    for (int a = 0; a < SAGA_N_ATTRS; a++)
+        if (shared_attrs() & SAGA_ATTR_BIT(a))
+            memcpy(b->seen->of[a], from->of[a],
+                   n * (size_t)saga_attributes[a].width * sizeof(real));
     /* Cameras do not move, so that a view's colours are the same at all times;
      * all views share the rest. */
     for (int v = 0; v < t->capture->n_views; v++) {

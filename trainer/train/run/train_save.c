@@ -110,8 +110,9 @@ static void walk_base(saga_train *t, saga_checkpoint *c, saga_error *error)
         c->failed = true;
         return;
     }
-    saga_checkpoint_walk(c, t->backdrop.block, (size_t)n *
-                         (11 + 3 * (size_t)views) * sizeof *t->backdrop.block);
+    saga_checkpoint_walk(c, t->backdrop.block,
+                         saga_train_base_reals((uint32_t)n, views) *
+                         sizeof *t->backdrop.block);
 }
 
 static void write_finished(saga_train *t, saga_checkpoint *c)

@@ -109,18 +109,12 @@ bool saga_train_decide(saga_train *t, saga_error *error);
 /* tools.c: sets t->tools and t->tool, and t->dynamic where no temporal tool
  * pays; lambda and policy are there. */
 bool saga_train_choose_tools(saga_train *t, saga_error *error);
-/* Makes n primitives, in saga_train_gather's arrays and with all temporal
- * members, what they are without the tools that are not in `tools`. */
+/* Makes n primitives, which have all temporal attributes, what they are without
+ * the tools that are not in `tools`. */
 void saga_train_reduce(saga_splat_params *p, uint32_t n, uint32_t tools);
 
 /* targets.c */
-/* Sets out[i] = p[source[i]], i < n, in arrays of its own (params_free, also
- * after a failure); source NULL: all as they are. Fails where memory is
- * short. */
-bool saga_train_gather(saga_splat_params *out, const saga_splat_params *p,
-                       const uint32_t *source, uint32_t n, saga_error *error);
-/* Makes primitives as they are at mid-segment, without temporal members; p's
- * arrays are saga_train_gather's. */
+/* Makes primitives as they are at mid-segment, without temporal attributes. */
 void saga_train_freeze(saga_splat_params *p, uint32_t n);
 /* Tells whether primitive i lives through the segment; p has temporal members.
  */
@@ -128,7 +122,6 @@ bool saga_train_is_long(const saga_splat_params *p, size_t i);
 /* Those that live through the segment get the middle of it for a centre. p has
  * temporal members, but for widths where all do. */
 void saga_train_centre(saga_splat_params *p, uint32_t n);
-void saga_train_params_free(saga_splat_params *p);
 
 /* quality.c: adds the segment to the report's qualities. */
 bool saga_train_measure_flat(saga_train *t, saga_error *error);
@@ -168,8 +161,10 @@ void saga_train_choose_base(saga_train *t);
 uint32_t saga_train_share(const saga_train *t);
 /* Tells whether the base is in training. */
 bool saga_train_in_base(const saga_train *t);
-/* Makes room for n primitives, whose arrays lie behind each other from block
- * on: means, rotations, scales, opacities, colours of each view. */
+/* Returns the number of reals in the block of a base of n primitives. */
+size_t saga_train_base_reals(uint32_t n, int n_views);
+/* Makes room for n primitives, whose arrays lie behind each other in the block:
+ * those that all views share, then the colours of each view. */
 bool saga_train_alloc_base(saga_backdrop *b, uint32_t n, int n_views,
                            saga_error *error);
 void saga_train_free_base(saga_backdrop *b);
