@@ -4,21 +4,14 @@
  * devices, pipes, links, permissions, files of the user's, parts of runs that
  * were killed, other writers.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "file.h"
 #include "output.h"
+#include "testing.h"
 
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
-#include <stdlib.h>
-#include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -84,12 +77,11 @@ static mode_t kind_of(const char *path)
     return info.st_mode;
 }
 
-static void part_should_go_when_given_up(void **state)
+TEST_WITH(part_should_go_when_given_up, NULL, clear)
 {
     saga_error error = { "" };
     saga_output out;
 
-    (void)state;
     write_text("a", "old");
     assert_true(saga_output_open(&out, "a", &error));
     assert_int_equal(count(), 2);
@@ -100,21 +92,19 @@ static void part_should_go_when_given_up(void **state)
     assert_holds("a", "old");
 }
 
-static void device_should_stay_one(void **state)
+TEST_WITH(device_should_stay_one, NULL, clear)
 {
-    (void)state;
     assert_int_equal(symlink("/dev/null", "null"), 0);
     write_text("null", "text");
     assert_true(S_ISLNK(kind_of("null")));
     assert_int_equal(count(), 1);
 }
 
-static void pipe_should_be_written(void **state)
+TEST_WITH(pipe_should_be_written, NULL, clear)
 {
     char text[8] = "";
     int fd;
 
-    (void)state;
     assert_int_equal(mkfifo("fifo", 0600), 0);
     fd = open("fifo", O_RDONLY | O_NONBLOCK);
     assert_true(fd >= 0);
@@ -126,12 +116,11 @@ static void pipe_should_be_written(void **state)
     assert_int_equal(count(), 1);
 }
 
-static void pipe_should_not_be_waited_for_when_read(void **state)
+TEST_WITH(pipe_should_not_be_waited_for_when_read, NULL, clear)
 {
     saga_error error = { "" };
     saga_bytes bytes;
 
-    (void)state;
     assert_int_equal(mkfifo("fifo", 0600), 0);
     alarm(120);
     assert_false(saga_read_file(&bytes, "fifo", &error));
@@ -139,12 +128,11 @@ static void pipe_should_not_be_waited_for_when_read(void **state)
     assert_non_null(strstr(error.message, "not a regular file"));
 }
 
-static void full_device_should_be_told(void **state)
+TEST_WITH(full_device_should_be_told, NULL, clear)
 {
     saga_error error = { "" };
     saga_output out;
 
-    (void)state;
     if (access("/dev/full", W_OK) != 0)
         return;
     assert_true(saga_output_open(&out, "/dev/full", &error));
@@ -155,14 +143,13 @@ static void full_device_should_be_told(void **state)
 
 /* stdio forgets what it could not write, and why: closing it finds nothing
  * wrong any more. */
-static void write_of_before_should_be_told(void **state)
+TEST_WITH(write_of_before_should_be_told, NULL, clear)
 {
     const struct rlimit little = { 8192, RLIM_INFINITY };
     struct rlimit before;
     saga_error error = { "" };
     saga_output out;
 
-    (void)state;
     signal(SIGXFSZ, SIG_IGN);
     assert_int_equal(getrlimit(RLIMIT_FSIZE, &before), 0);
     assert_true(saga_output_open(&out, "long", &error));
@@ -179,9 +166,8 @@ static void write_of_before_should_be_told(void **state)
     assert_int_equal(count(), 0);
 }
 
-static void link_should_be_followed(void **state)
+TEST_WITH(link_should_be_followed, NULL, clear)
 {
-    (void)state;
     write_text("file", "old");
     assert_int_equal(symlink("file", "link"), 0);
     write_text("link", "new");
@@ -189,21 +175,19 @@ static void link_should_be_followed(void **state)
     assert_holds("file", "new");
 }
 
-static void folder_should_be_refused(void **state)
+TEST_WITH(folder_should_be_refused, NULL, clear)
 {
     saga_error error = { "" };
     saga_output out;
 
-    (void)state;
     assert_false(saga_output_open(&out, ".", &error));
     assert_non_null(strstr(error.message, "is a folder"));
 }
 
-static void permissions_should_be_those_of_umask(void **state)
+TEST_WITH(permissions_should_be_those_of_umask, NULL, clear)
 {
     const mode_t old = umask(077);
 
-    (void)state;
     write_text("a", "");
     umask(022);
     write_text("b", "");
@@ -234,9 +218,8 @@ static void die_writing(const char *path)
     assert_int_equal(status, 0);
 }
 
-static void parts_of_killed_runs_should_be_removed(void **state)
+TEST_WITH(parts_of_killed_runs_should_be_removed, NULL, clear)
 {
-    (void)state;
     die_writing("a");
     die_writing("b");
     die_writing("a");
@@ -268,14 +251,13 @@ static void die_filling(const char *path)
     assert_int_equal(status, 0);
 }
 
-static void folders_of_killed_runs_should_be_removed(void **state)
+TEST_WITH(folders_of_killed_runs_should_be_removed, NULL, clear)
 {
     const mode_t old = umask(027);
     saga_error error = { "" };
     char *name;
     int lock;
 
-    (void)state;
     die_filling("a");
     assert_int_equal(count(), 1);
     name = saga_output_folder("a", &lock, &error);
@@ -290,13 +272,12 @@ static void folders_of_killed_runs_should_be_removed(void **state)
     free(name);
 }
 
-static void parts_should_go_when_abandoned(void **state)
+TEST_WITH(parts_should_go_when_abandoned, NULL, clear)
 {
     saga_error error = { "" };
     saga_output out[70];
     char name[8];
 
-    (void)state;
     for (int i = 0; i < 70; i++) {
         (void)snprintf(name, sizeof name, "f%d", i);
         assert_true(saga_output_open(&out[i], name, &error));
@@ -315,7 +296,7 @@ static void parts_should_go_when_abandoned(void **state)
     assert_int_equal(access("f0", F_OK), 0);
 }
 
-static void files_of_the_user_should_stay(void **state)
+TEST_WITH(files_of_the_user_should_stay, NULL, clear)
 {
     static const char *const names[] = {
         "a.part", "a.XXXXXX", "a.saga-part", "a.saga-part-", "a.saga-part-x",
@@ -324,19 +305,17 @@ static void files_of_the_user_should_stay(void **state)
     const int n = (int)(sizeof names / sizeof *names);
     int i;
 
-    (void)state;
     for (i = 0; i < n; i++)
         fclose(fopen(names[i], "w"));
     write_text("a", "text");
     assert_int_equal(count(), n + 1);
 }
 
-static void writers_should_keep_apart_when_one_is_alone(void **state)
+TEST_WITH(writers_should_keep_apart_when_one_is_alone, NULL, clear)
 {
     saga_error error = { "" }, none = { "" };
     saga_output first, second;
 
-    (void)state;
     assert_true(saga_output_open_alone(&first, "a", &none));
     assert_false(saga_output_open_alone(&second, "a", &error));
     assert_non_null(strstr(error.message, "written by another run"));
@@ -352,26 +331,4 @@ static void writers_should_keep_apart_when_one_is_alone(void **state)
     assert_int_equal(count(), 1);
 }
 
-#define TEST(f) cmocka_unit_test_setup_teardown(f, NULL, clear)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        TEST(part_should_go_when_given_up),
-        TEST(device_should_stay_one),
-        TEST(pipe_should_be_written),
-        TEST(pipe_should_not_be_waited_for_when_read),
-        TEST(full_device_should_be_told),
-        TEST(write_of_before_should_be_told),
-        TEST(link_should_be_followed),
-        TEST(folder_should_be_refused),
-        TEST(permissions_should_be_those_of_umask),
-        TEST(parts_of_killed_runs_should_be_removed),
-        TEST(folders_of_killed_runs_should_be_removed),
-        TEST(parts_should_go_when_abandoned),
-        TEST(files_of_the_user_should_stay),
-        TEST(writers_should_keep_apart_when_one_is_alone),
-    };
-
-    return cmocka_run_group_tests(tests, enter, leave);
-}
+TEST_GROUP(enter, leave);

@@ -3,17 +3,12 @@
  * Work that several threads do: every part once, by threads with numbers of
  * their own, whatever the number of threads; little work by one; work in work.
  */
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdatomic.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
 
+#include "testing.h"
 #include "threads.h"
 
 #include <pthread.h>
-#include <string.h>
 #include <time.h>
 
 #ifndef _OPENMP
@@ -60,12 +55,11 @@ static void note(void *user, size_t part)
     atomic_fetch_sub(&r->at_once[number], 1);
 }
 
-static void every_part_should_be_done_once(void **state)
+TEST(every_part_should_be_done_once)
 {
     static record r;
     size_t i, n;
 
-    (void)state;
     for (i = 0; i < sizeof counts / sizeof *counts; i++) {
         omp_set_num_threads(counts[i]);
         for (n = 0; n <= MANY; n = 3 * n + 1) {
@@ -79,12 +73,11 @@ static void every_part_should_be_done_once(void **state)
 }
 
 /* Threads that come late find other work than that they were called for. */
-static void short_work_should_follow_upon_short_work(void **state)
+TEST(short_work_should_follow_upon_short_work)
 {
     static record r;
     size_t i;
 
-    (void)state;
     omp_set_num_threads(3);
     memset(&r, 0, sizeof r);
     for (i = 0; i < 20000; i++)
@@ -95,11 +88,10 @@ static void short_work_should_follow_upon_short_work(void **state)
                                     (i < 20000 % 7 ? 20000 % 7 - i : 0));
 }
 
-static void numbers_should_stay_below_what_there_is_scratch_for(void **state)
+TEST(numbers_should_stay_below_what_there_is_scratch_for)
 {
     static record r;
 
-    (void)state;
     omp_set_num_threads(MOST);
     for (int i = 0; i < 100; i++) {
         saga_parallel(&(saga_tasks){ .run = note, .user = &r, .n = MANY,
@@ -116,12 +108,11 @@ static void note_owner(void *user, size_t part)
 }
 
 /* Of its own share a thread has the first parts; others take the last. */
-static void threads_should_keep_to_their_shares(void **state)
+TEST(threads_should_keep_to_their_shares)
 {
     enum { TEAM = 3, EACH = 40 };
     size_t owner[TEAM * EACH];
 
-    (void)state;
     omp_set_num_threads(TEAM);
     for (int round = 0; saga_n_threads() == TEAM && round < 300; round++) {
         saga_parallel(&(saga_tasks){ .run = note_owner, .user = owner,
@@ -139,12 +130,11 @@ static void note_apart(void *user, size_t part)
     saga_parallel(&(saga_tasks){ .run = note, .user = all + part, .n = 50 });
 }
 
-static void work_in_work_should_be_done_by_who_has_it(void **state)
+TEST(work_in_work_should_be_done_by_who_has_it)
 {
     static record r[8];
     const size_t before = saga_n_meetings();
 
-    (void)state;
     omp_set_num_threads(3);
     saga_parallel(&(saga_tasks){ .run = note_apart, .user = r, .n = 8 });
     assert_int_equal(saga_n_meetings(), before + 1);
@@ -159,11 +149,10 @@ static void note_thread(void *user, size_t part)
     assert_true(pthread_equal(*(pthread_t *)user, pthread_self()));
 }
 
-static void little_work_should_be_done_by_one(void **state)
+TEST(little_work_should_be_done_by_one)
 {
     pthread_t self = pthread_self();
 
-    (void)state;
     saga_set_least_work(SAGA_LEAST_WORK);
     omp_set_num_threads(3);
     for (int i = 0; i < 1000; i++)
@@ -189,9 +178,8 @@ static void wait_for_other(void *user, size_t part)
     atomic_fetch_add(n, 1);
 }
 
-static void caller_should_wait_until_all_is_done(void **state)
+TEST(caller_should_wait_until_all_is_done)
 {
-    (void)state;
     omp_set_num_threads(3);
     for (int i = 0; i < 50; i++) {
         atomic_int n = 0;
@@ -202,13 +190,12 @@ static void caller_should_wait_until_all_is_done(void **state)
     }
 }
 
-static void spans_should_be_cleared_whole(void **state)
+TEST(spans_should_be_cleared_whole)
 {
     static unsigned char a[100001], b[3];
     const saga_span spans[] = { { a + 1, sizeof a - 2 }, { NULL, 1000 },
                                 { b, 0 }, { b + 1, 1 } };
 
-    (void)state;
     omp_set_num_threads(3);
     memset(a, 0xa5, sizeof a);
     memset(b, 0xa5, sizeof b);
@@ -220,18 +207,4 @@ static void spans_should_be_cleared_whole(void **state)
     assert_memory_equal(b, "\xa5\0\xa5", 3);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_part_should_be_done_once),
-        cmocka_unit_test(short_work_should_follow_upon_short_work),
-        cmocka_unit_test(numbers_should_stay_below_what_there_is_scratch_for),
-        cmocka_unit_test(threads_should_keep_to_their_shares),
-        cmocka_unit_test(work_in_work_should_be_done_by_who_has_it),
-        cmocka_unit_test(little_work_should_be_done_by_one),
-        cmocka_unit_test(caller_should_wait_until_all_is_done),
-        cmocka_unit_test(spans_should_be_cleared_whole)
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down);

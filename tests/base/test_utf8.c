@@ -4,17 +4,10 @@
  * out; names that are none keep apart and are cut behind a character; JSON that
  * lacks a value is noticed.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "json_memory.h"
 #include "notes.h"
+#include "testing.h"
 #include "utf8.h"
-
-#include <string.h>
 
 /* The ranges of the first two bytes; others are 80 to BF. */
 static const struct { uint8_t lo, hi, second_lo, second_hi, n; } row[] = {
@@ -40,11 +33,10 @@ static size_t by_table(const uint8_t *p, size_t n)
     return 0;
 }
 
-static void characters_should_be_those_of_the_table(void **state)
+TEST(characters_should_be_those_of_the_table)
 {
     static const uint8_t ends[] = { 0x00, 0x7f, 0x80, 0xbf, 0xc0, 0xff };
 
-    (void)state;
     for (uint32_t head = 0; head < 0x10000; head++)
         for (size_t i = 0; i < 36; i++) {
             const uint8_t p[4] = { (uint8_t)(head >> 8), (uint8_t)head,
@@ -66,9 +58,8 @@ static void copy(const char *from, const char *wanted)
     assert_true(saga_utf8_is(to));
 }
 
-static void bytes_should_be_told_where_they_are_no_character(void **state)
+TEST(bytes_should_be_told_where_they_are_no_character)
 {
-    (void)state;
     copy("", "");
     copy("caf\303\251", "caf\303\251");
     copy("caf\351", "caf%E9");
@@ -80,7 +71,7 @@ static void bytes_should_be_told_where_they_are_no_character(void **state)
 }
 
 /* 63 bytes have 61 letters and all or nothing of what is behind. */
-static void names_should_end_behind_a_character(void **state)
+TEST(names_should_end_behind_a_character)
 {
     static const char *const tail[] = {
         "\303\251", "\342\202\254", "\360\237\230\200", "\351", "\303"
@@ -88,7 +79,6 @@ static void names_should_end_behind_a_character(void **state)
     static const size_t wanted[] = { 63, 61, 61, 61, 61 };
     char name[SAGA_NAME_NBYTES], text[80];
 
-    (void)state;
     for (size_t i = 0; i < sizeof tail / sizeof tail[0]; i++) {
         memset(text, 'x', 61);
         strcpy(text + 61, tail[i]);
@@ -101,11 +91,10 @@ static void names_should_end_behind_a_character(void **state)
     assert_string_equal(name, "a_b___%E9");
 }
 
-static void notes_should_be_text(void **state)
+TEST(notes_should_be_text)
 {
     char notes[SAGA_NOTES_NBYTES] = "";
 
-    (void)state;
     saga_note(notes, "%.4s: %d", "caf\303\251", 7);
     saga_note(notes, "%s", "caf\351");
     assert_string_equal(notes, "caf%C3: 7\ncaf%E9\n");
@@ -114,11 +103,10 @@ static void notes_should_be_text(void **state)
     assert_true(saga_utf8_is(notes));
 }
 
-static void json_should_tell_when_a_value_is_missing(void **state)
+TEST(json_should_tell_when_a_value_is_missing)
 {
     json_t *const o = json_object(), *const list = json_array();
 
-    (void)state;
     saga_json_watch();
     saga_json_set_value(o, "name", json_string("caf\303\251"));
     saga_json_append_item(list, json_integer(1));
@@ -136,17 +124,4 @@ static void json_should_tell_when_a_value_is_missing(void **state)
     assert_false(saga_json_starved());
     json_decref(o);
     json_decref(list);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(characters_should_be_those_of_the_table),
-        cmocka_unit_test(bytes_should_be_told_where_they_are_no_character),
-        cmocka_unit_test(names_should_end_behind_a_character),
-        cmocka_unit_test(notes_should_be_text),
-        cmocka_unit_test(json_should_tell_when_a_value_is_missing)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,9 +5,9 @@
  * lenses) against its own frames as ffmpeg gives them and OpenCV's formula.
  */
 #include "capture_files.h"
+#include "testing.h"
 
 #include <jansson.h>
-#include <math.h>
 
 #define DATA "../shared/data/"
 
@@ -17,7 +17,7 @@ static bool left_out(const char *name)
 {
     char path[80];
 
-    if (getenv("SAGA_TEST_SANITIZED")) {
+    if (testing_sanitized()) {
         printf("skipped: %s is not read with sanitizers\n", name);
         return true;
     }
@@ -64,10 +64,7 @@ typedef struct {
 
 static FILE *open_text(const char *name)
 {
-    FILE *const file = fopen(name, "r");
-
-    assert_non_null(file);
-    return file;
+    return must(fopen(name, "r"));
 }
 
 static void read_tracks(studio_points *s, char *text, int id)
@@ -278,11 +275,10 @@ static void check_points_inside(const saga_capture *c, const saga_shot *v)
     assert_true(2 * n > c->n_points);
 }
 
-static void studio_should_agree_with_its_readme(void **state)
+TEST(studio_should_agree_with_its_readme)
 {
     saga_capture c;
 
-    (void)state;
     if (left_out("studio"))
         skip();
     c = load_frame(DATA "studio", true);
@@ -430,13 +426,12 @@ static void check_points(const saga_capture *c, int view)
     assert_true(here > beside + 0.1);
 }
 
-static void person4_should_agree_with_its_lenses_and_points(void **state)
+TEST(person4_should_agree_with_its_lenses_and_points)
 {
     json_error_t problem;
     json_t *root;
     saga_capture c;
 
-    (void)state;
     if (left_out("person4"))
         skip();
     c = load_frame(DATA "person4", false);
@@ -457,7 +452,7 @@ static void person4_should_agree_with_its_lenses_and_points(void **state)
 
 /* --- Always -------------------------------------------------------------- */
 
-static void folder_should_be_refused_when_it_is_no_capture(void **state)
+TEST_IN_FOLDER(folder_should_be_refused_when_it_is_no_capture)
 {
     folder *const f = *state;
 
@@ -465,15 +460,4 @@ static void folder_should_be_refused_when_it_is_no_capture(void **state)
     refused(folder_file(f, "nowhere"), "nowhere", "does not exist");
     write_text(f, "x.json", "");
     refused(folder_file(f, "x.json"), "x.json", "no valid JSON");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(studio_should_agree_with_its_readme),
-        cmocka_unit_test(person4_should_agree_with_its_lenses_and_points),
-        IN_FOLDER(folder_should_be_refused_when_it_is_no_capture)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

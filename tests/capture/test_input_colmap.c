@@ -7,8 +7,7 @@
 #include "capture_files.h"
 #include "colmap.h"
 #include "pose.h"
-
-#include <math.h>
+#include "testing.h"
 
 enum { W = 64, H = 48, N_IMAGES = 3, N_POINTS = 40 };
 
@@ -319,7 +318,7 @@ static void check_model(folder *f, const world *w)
     saga_colmap_free(&m);
 }
 
-static void model_should_be_read_from_text(void **state)
+TEST_IN_FOLDER(model_should_be_read_from_text)
 {
     const world w = make_world();
 
@@ -327,7 +326,7 @@ static void model_should_be_read_from_text(void **state)
     check_model(*state, &w);
 }
 
-static void model_should_be_read_from_bytes(void **state)
+TEST_IN_FOLDER(model_should_be_read_from_bytes)
 {
     const world w = make_world();
 
@@ -337,7 +336,7 @@ static void model_should_be_read_from_bytes(void **state)
     check_model(*state, &w);
 }
 
-static void models_should_have_the_lenses_of_colmap(void **state)
+TEST_IN_FOLDER(models_should_have_the_lenses_of_colmap)
 {
     static const char text[] =
         "1 SIMPLE_PINHOLE 64 48 50 31 23\n2 SIMPLE_RADIAL 64 48 50 31 23 0.1\n"
@@ -373,7 +372,7 @@ static void refused_model(folder *f, const char *file, const char *what)
     assert_null(m.images);
 }
 
-static void model_should_be_refused_when_bytes_are_missing(void **state)
+TEST_IN_FOLDER(model_should_be_refused_when_bytes_are_missing)
 {
     static const char *const names[] = { "cameras.bin", "images.bin",
                                          "points3D.bin" };
@@ -402,7 +401,7 @@ static void model_should_be_refused_when_bytes_are_missing(void **state)
     check_model(f, &w);
 }
 
-static void model_should_be_refused_when_text_is_wrong(void **state)
+TEST_IN_FOLDER(model_should_be_refused_when_text_is_wrong)
 {
     static const struct { const char *file, *text, *what; } t[] = {
         { "cameras.txt", "1 FISHEYE 64 48 50 31 23\n",
@@ -448,8 +447,7 @@ static void write_videos(folder *f)
 
 /* cam00 is held out: what one of the others or none has seen does not count.
  * Without poses_bounds.npy the cameras are the model's. */
-static void points_should_be_dropped_when_few_training_views_see_them(
-    void **state)
+TEST_IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them)
 {
     const world w = make_world();
     folder *const f = *state;
@@ -483,7 +481,7 @@ static void points_should_be_dropped_when_few_training_views_see_them(
     saga_capture_free(&c);
 }
 
-static void cameras_should_be_scaled_to_the_videos(void **state)
+TEST_IN_FOLDER(cameras_should_be_scaled_to_the_videos)
 {
     const world w = make_world();
     folder *const f = *state;
@@ -507,7 +505,7 @@ static void cameras_should_be_scaled_to_the_videos(void **state)
     refused(f->path, "colmap", "belongs to cam04");
 }
 
-static void late_videos_should_be_shifted(void **state)
+TEST_IN_FOLDER(late_videos_should_be_shifted)
 {
     const world w = make_world();
     folder *const f = *state;
@@ -531,20 +529,4 @@ static void late_videos_should_be_shifted(void **state)
                 saga_capture_frame(&whole, v, k + 1 + 2 * (v == 1)), 3 * W * H);
     saga_capture_free(&c);
     saga_capture_free(&whole);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(model_should_be_read_from_text),
-        IN_FOLDER(model_should_be_read_from_bytes),
-        IN_FOLDER(models_should_have_the_lenses_of_colmap),
-        IN_FOLDER(model_should_be_refused_when_bytes_are_missing),
-        IN_FOLDER(model_should_be_refused_when_text_is_wrong),
-        IN_FOLDER(points_should_be_dropped_when_few_training_views_see_them),
-        IN_FOLDER(cameras_should_be_scaled_to_the_videos),
-        IN_FOLDER(late_videos_should_be_shifted)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

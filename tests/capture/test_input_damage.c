@@ -4,27 +4,11 @@
  * them, with a message, and never crash. SAGA_TEST_COUNT damaged files of each
  * kind (300), from SAGA_TEST_SEED on. fuzz_input.c is the same with libFuzzer.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_input.h"
+#include "testing.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-
-static uint64_t setting(const char *name, uint64_t otherwise)
+TEST(seed_should_be_taken)
 {
-    const char *const s = getenv(name);
-
-    return s ? strtoull(s, NULL, 0) : otherwise;
-}
-
-static void seed_should_be_taken(void **state)
-{
-    (void)state;
     for (int k = 0; k < INPUT_N_KINDS; k++) {
         size_t n;
         uint8_t *const p = input_seed((input_kind)k, &n);
@@ -35,12 +19,11 @@ static void seed_should_be_taken(void **state)
     }
 }
 
-static void damage_should_be_survived(void **state)
+TEST(damage_should_be_survived)
 {
-    const uint64_t first = setting("SAGA_TEST_SEED", 1);
-    const uint64_t count = setting("SAGA_TEST_COUNT", 300);
+    const uint64_t first = testing_seed(1);
+    const uint64_t count = testing_count(300, 300);
 
-    (void)state;
     for (int k = 0; k < INPUT_N_KINDS; k++) {
         size_t n;
         uint8_t *const p = input_seed((input_kind)k, &n);
@@ -75,12 +58,4 @@ static int end(void **state)
     return 0;
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(seed_should_be_taken),
-        cmocka_unit_test(damage_should_be_survived),
-    };
-
-    return cmocka_run_group_tests(tests, begin, end);
-}
+TEST_GROUP(begin, end);

@@ -8,8 +8,8 @@
 #include "npy.h"
 #include "picture.h"
 #include "ply.h"
+#include "testing.h"
 
-#include <math.h>
 #include <zlib.h>
 
 /* --- npy ----------------------------------------------------------------- */
@@ -50,7 +50,7 @@ static void refused_npy(folder *f, bytes *b, const char *what)
 }
 
 /* Entry (r, c) of 2 x 3 is 10 r + c + 1/4. */
-static void npy_should_be_read_in_every_order_and_version(void **state)
+TEST_IN_FOLDER(npy_should_be_read_in_every_order_and_version)
 {
     for (int way = 0; way < 12; way++) {
         const int version = way % 3 + 1;
@@ -81,7 +81,7 @@ static void npy_should_be_read_in_every_order_and_version(void **state)
     }
 }
 
-static void npy_should_be_read_with_one_dimension(void **state)
+TEST_IN_FOLDER(npy_should_be_read_with_one_dimension)
 {
     bytes b = npy_bytes(1, "{\"shape\":(2,),\"fortran_order\":False,"
                         "\"descr\":\"<f8\"}");
@@ -96,7 +96,7 @@ static void npy_should_be_read_with_one_dimension(void **state)
     saga_npy_free(&a);
 }
 
-static void npy_should_be_refused_when_it_is_something_else(void **state)
+TEST_IN_FOLDER(npy_should_be_refused_when_it_is_something_else)
 {
     static const char *const headers[] = {
         "{'descr': '>f8', 'fortran_order': False, 'shape': (1,), }",
@@ -130,7 +130,7 @@ static void npy_should_be_refused_when_it_is_something_else(void **state)
     refused_npy(*state, &b, "is no .npy file");
 }
 
-static void npy_should_be_refused_when_its_size_lies(void **state)
+TEST_IN_FOLDER(npy_should_be_refused_when_its_size_lies)
 {
     static const struct { const char *shape, *what; } t[] = {
         { "(2, 3)", "announces 2 x 3 numbers of 8 bytes but holds 40" },
@@ -206,7 +206,7 @@ static void check_two(cloud *c)
     free(c->points);
 }
 
-static void ply_should_be_read_as_text(void **state)
+TEST_IN_FOLDER(ply_should_be_read_as_text)
 {
     bytes b = { 0 };
     cloud c;
@@ -223,7 +223,7 @@ static void ply_should_be_read_as_text(void **state)
     check_two(&c);
 }
 
-static void ply_should_be_read_as_little_endian_bytes(void **state)
+TEST_IN_FOLDER(ply_should_be_read_as_little_endian_bytes)
 {
     bytes b = { 0 };
     cloud c;
@@ -246,7 +246,7 @@ static void ply_should_be_read_as_little_endian_bytes(void **state)
     check_two(&c);
 }
 
-static void ply_should_be_grey_without_colours_and_may_be_empty(void **state)
+TEST_IN_FOLDER(ply_should_be_grey_without_colours_and_may_be_empty)
 {
     bytes b = { 0 };
     cloud c;
@@ -264,7 +264,7 @@ static void ply_should_be_grey_without_colours_and_may_be_empty(void **state)
     free(c.points);
 }
 
-static void ply_should_come_back_as_it_was_written(void **state)
+TEST_IN_FOLDER(ply_should_come_back_as_it_was_written)
 {
     folder *const f = *state;
     saga_point points[3] = { { { 1, 2.5, -3 }, { 0, 128, 255 } },
@@ -287,7 +287,7 @@ static void ply_should_come_back_as_it_was_written(void **state)
     free(c.points);
 }
 
-static void ply_should_be_refused_when_it_is_wrong(void **state)
+TEST_IN_FOLDER(ply_should_be_refused_when_it_is_wrong)
 {
 #define HEAD(format, count) "ply\nformat " format " 1.0\nelement vertex " \
     count "\nproperty float x\nproperty float y\nproperty float z\n" \
@@ -405,7 +405,7 @@ static void check_png(folder *f, const png_kind *k, const uint8_t *rows,
     assert_memory_equal(rgb, expected, 3 * (size_t)(k->width * k->height));
 }
 
-static void png_should_be_read_in_colour_and_grey(void **state)
+TEST_IN_FOLDER(png_should_be_read_in_colour_and_grey)
 {
     static const uint8_t colour[12] = { 1, 2, 3, 250, 128, 0, 255, 255, 255,
                                         0, 0, 9 };
@@ -429,7 +429,7 @@ static void png_should_be_read_in_colour_and_grey(void **state)
 }
 
 /* round(v / 257): 128 is just below a half, 129 just above. */
-static void png_should_be_rounded_from_16_bits(void **state)
+TEST_IN_FOLDER(png_should_be_rounded_from_16_bits)
 {
     static const uint8_t rows[12] = { 0, 128, 0, 129, 0xff, 0xff, 0x80, 0x80,
                                       0xff, 0x7e, 0xff, 0x7f };
@@ -440,7 +440,7 @@ static void png_should_be_rounded_from_16_bits(void **state)
 }
 
 /* Colour times alpha / 255, to the nearest; gamma has no part in it. */
-static void png_should_lie_over_black_where_it_is_transparent(void **state)
+TEST_IN_FOLDER(png_should_lie_over_black_where_it_is_transparent)
 {
     static const uint8_t colour[12] = { 200, 100, 3, 128, 200, 100, 3, 0,
                                         200, 100, 3, 255 };
@@ -484,7 +484,7 @@ static void refused_picture(folder *f, const char *name, int w, int h,
     assert_says(&error, "; ");
 }
 
-static void png_should_be_refused_when_it_is_damaged(void **state)
+TEST_IN_FOLDER(png_should_be_refused_when_it_is_damaged)
 {
     folder *const f = *state;
     static const uint8_t rows[12] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 };
@@ -585,7 +585,7 @@ static bytes exr_bytes(const char *const *names, int n, int left, int top,
     return b;
 }
 
-static void exr_should_be_read_as_depth(void **state)
+TEST_IN_FOLDER(exr_should_be_read_as_depth)
 {
     static const char *const z[] = { "Z" }, *const other[] = { "dist" };
     static const char *const many[] = { "A", "Z", "id" };
@@ -610,7 +610,7 @@ static void exr_should_be_read_as_depth(void **state)
 
 /* IEC 61966-2-1 by hand: 255 (1.055 0.5^(1/2.4) - 0.055) = 187.5, just above;
  * 0.18 gives 117.6, 0.001 gives 255 12.92 / 1000 = 3.3. */
-static void exr_should_become_srgb(void **state)
+TEST_IN_FOLDER(exr_should_become_srgb)
 {
     static const char *const bgr[] = { "B", "G", "R" };
     const double data[12] = { 0.5, 2, -1, 0.001, 0.18, NAN, INFINITY, 0,
@@ -625,7 +625,7 @@ static void exr_should_become_srgb(void **state)
     assert_memory_equal(rgb, expected, 12);
 }
 
-static void exr_should_bring_all_8_bits_back(void **state)
+TEST_IN_FOLDER(exr_should_bring_all_8_bits_back)
 {
     uint8_t rgb[768], back[768];
     saga_error error = { "" };
@@ -643,7 +643,7 @@ static void exr_should_bring_all_8_bits_back(void **state)
 
 /* What a chunk takes when compressed passes through all sizes around that of
  * the pixels: noise after more and more zeros. */
-static void exr_should_bring_depth_back_whatever_its_size(void **state)
+TEST_IN_FOLDER(exr_should_bring_depth_back_whatever_its_size)
 {
     enum { WIDTH = 24, HEIGHT = 16, N = WIDTH * HEIGHT };
     folder *const f = *state;
@@ -666,7 +666,7 @@ static void exr_should_bring_depth_back_whatever_its_size(void **state)
     }
 }
 
-static void exr_should_be_refused_when_it_is_damaged(void **state)
+TEST_IN_FOLDER(exr_should_be_refused_when_it_is_damaged)
 {
     static const char *const z[] = { "Z" }, *const rg[] = { "G", "R" };
     const double data[12] = { 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 };
@@ -696,30 +696,4 @@ static void exr_should_be_refused_when_it_is_damaged(void **state)
     assert_false(saga_exr_read_depth(folder_file(f, "none.exr"), 3, 2, got,
                                      &error));
     assert_says(&error, "none.exr: cannot be opened");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(npy_should_be_read_in_every_order_and_version),
-        IN_FOLDER(npy_should_be_read_with_one_dimension),
-        IN_FOLDER(npy_should_be_refused_when_it_is_something_else),
-        IN_FOLDER(npy_should_be_refused_when_its_size_lies),
-        IN_FOLDER(ply_should_be_read_as_text),
-        IN_FOLDER(ply_should_be_read_as_little_endian_bytes),
-        IN_FOLDER(ply_should_be_grey_without_colours_and_may_be_empty),
-        IN_FOLDER(ply_should_come_back_as_it_was_written),
-        IN_FOLDER(ply_should_be_refused_when_it_is_wrong),
-        IN_FOLDER(png_should_be_read_in_colour_and_grey),
-        IN_FOLDER(png_should_be_rounded_from_16_bits),
-        IN_FOLDER(png_should_lie_over_black_where_it_is_transparent),
-        IN_FOLDER(png_should_be_refused_when_it_is_damaged),
-        IN_FOLDER(exr_should_be_read_as_depth),
-        IN_FOLDER(exr_should_become_srgb),
-        IN_FOLDER(exr_should_bring_all_8_bits_back),
-        IN_FOLDER(exr_should_bring_depth_back_whatever_its_size),
-        IN_FOLDER(exr_should_be_refused_when_it_is_damaged)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

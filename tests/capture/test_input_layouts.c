@@ -9,8 +9,7 @@
 #include "capture_files.h"
 #include "picture.h"
 #include "synth_capture.h"
-
-#include <math.h>
+#include "testing.h"
 
 enum { W = 64, H = 48, N_VIEWS = 4, N_FRAMES = 3, N_POINTS = 300 };
 
@@ -325,7 +324,7 @@ static void check_same(const char *path, const char *layout, int n_frames,
 
 /* --- COLMAP -------------------------------------------------------------- */
 
-static void colmap_folder_should_be_the_scene(void **state)
+TEST_IN_FOLDER(colmap_folder_should_be_the_scene)
 {
     folder *const f = *state;
     saga_capture c;
@@ -340,7 +339,7 @@ static void colmap_folder_should_be_the_scene(void **state)
     saga_capture_free(&c);
 }
 
-static void colmap_folder_should_be_the_scene_in_bytes(void **state)
+TEST_IN_FOLDER(colmap_folder_should_be_the_scene_in_bytes)
 {
     folder *const f = *state;
 
@@ -349,7 +348,7 @@ static void colmap_folder_should_be_the_scene_in_bytes(void **state)
     check_same(f->path, "COLMAP, bytes", 1, LOSSLESS);
 }
 
-static void colmap_folder_should_have_frames_by_camera(void **state)
+TEST_IN_FOLDER(colmap_folder_should_have_frames_by_camera)
 {
     folder *const f = *state;
 
@@ -370,7 +369,7 @@ static void colmap_folder_should_have_frames_by_camera(void **state)
     check_same(f->path, "the same, without images/", N_FRAMES, LOSSLESS);
 }
 
-static void colmap_folder_should_have_frames_by_moment(void **state)
+TEST_IN_FOLDER(colmap_folder_should_have_frames_by_moment)
 {
     folder *const f = *state;
 
@@ -379,7 +378,7 @@ static void colmap_folder_should_have_frames_by_moment(void **state)
     check_same(f->path, "COLMAP, a folder for each moment", N_FRAMES, LOSSLESS);
 }
 
-static void frame_folders_should_be_the_scene(void **state)
+TEST_IN_FOLDER(frame_folders_should_be_the_scene)
 {
     folder *const f = *state;
 
@@ -397,7 +396,7 @@ static void frame_folders_should_be_the_scene(void **state)
 /* --- Blender ------------------------------------------------------------- */
 
 /* Three cameras to train on, one to test; names have no ending. */
-static void blender_scene_should_be_the_scene(void **state)
+TEST_IN_FOLDER(blender_scene_should_be_the_scene)
 {
     folder *const f = *state;
     double camera = 0;
@@ -461,7 +460,7 @@ static double check_moving(const saga_capture *c, int view, int from, int k,
 
 /* Three pictures to train on, each of its own moment, and one to test, taken a
  * quarter between the first and the second. */
-static void moving_camera_should_have_a_view_for_each_picture(void **state)
+TEST_IN_FOLDER(moving_camera_should_have_a_view_for_each_picture)
 {
     static const double time[] = { 0.5, 0, 1, 0.125 };
     folder *const f = *state;
@@ -503,10 +502,10 @@ static void moving_camera_should_have_a_view_for_each_picture(void **state)
 }
 
 /* Memory is that of the pictures, not of all views at all moments. */
-static void moving_camera_should_need_no_memory_for_what_is_missing(void **s)
+TEST_IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing)
 {
     static const double time[] = { 0, 0.25, 0.5, 1 };
-    folder *const f = *s;
+    folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
     saga_capture c;
 
@@ -525,7 +524,7 @@ static void moving_camera_should_need_no_memory_for_what_is_missing(void **s)
     saga_capture_free(&c);
 }
 
-static void listed_pictures_should_have_any_ending(void **state)
+TEST_IN_FOLDER(listed_pictures_should_have_any_ending)
 {
     folder *const f = *state;
 
@@ -562,7 +561,7 @@ static const char *const in_420 =
     "-c:v libx264 -crf 4 -pix_fmt yuv420p -vf scale=out_color_matrix=bt709:"
     "flags=accurate_rnd+full_chroma_inp -colorspace bt709";
 
-static void nerfstudio_videos_should_be_the_scene(void **state)
+TEST_IN_FOLDER(nerfstudio_videos_should_be_the_scene)
 {
     folder *const f = *state;
 
@@ -602,7 +601,7 @@ static void write_bounds(folder *f)
     write_bytes(f, "poses_bounds.npy", &b);
 }
 
-static void neu3d_should_be_the_scene(void **state)
+TEST_IN_FOLDER(neu3d_should_be_the_scene)
 {
     folder *const f = *state;
 
@@ -706,7 +705,7 @@ static void write_cloud(folder *f)
     folder_run(f, "python3 cloud.py");
 }
 
-static void panoptic_sports_should_be_the_scene(void **state)
+TEST_IN_FOLDER(panoptic_sports_should_be_the_scene)
 {
     folder *const f = *state;
     saga_capture c;
@@ -727,7 +726,7 @@ static void panoptic_sports_should_be_the_scene(void **state)
     saga_capture_free(&c);
 }
 
-static void panoptic_sports_should_be_refused_when_wrong(void **state)
+TEST_IN_FOLDER(panoptic_sports_should_be_refused_when_wrong)
 {
     static const struct { const char *edit, *what; } t[] = {
         { "s/.w2c.: ..../&5/", "no rotation (first row 5" },
@@ -807,7 +806,7 @@ static void write_textures(folder *f, const char *pixels)
                    "cam%02d_texture_%dx%d_%s.yuv", v, pixels, v, W, H, pixels);
 }
 
-static void miv_should_be_the_scene(void **state)
+TEST_IN_FOLDER(miv_should_be_the_scene)
 {
     folder *const f = *state;
     saga_capture c;
@@ -911,7 +910,7 @@ static void check_faces(folder *f, int n_faces, int side)
     assert_true(n_off < 2 * side * side * n_faces / 50 && worst < 6.8);
 }
 
-static void equirectangular_views_should_become_faces(void **state)
+TEST_IN_FOLDER(equirectangular_views_should_become_faces)
 {
     folder *const f = *state;
 
@@ -922,7 +921,7 @@ static void equirectangular_views_should_become_faces(void **state)
     check_faces(f, 2, 81);
 }
 
-static void miv_should_be_refused_when_wrong(void **state)
+TEST_IN_FOLDER(miv_should_be_refused_when_wrong)
 {
     static const struct { const char *edit, *what; } t[] = {
         { "s/Equirect/Orthograph/", "Orthographangular, which is not known" },
@@ -956,7 +955,7 @@ static void convert(folder *f, const char *ending, const char *how)
                "sparse/0/images.txt", how, ending, ending);
 }
 
-static void stills_should_be_the_scene_in_every_format(void **state)
+TEST_IN_FOLDER(stills_should_be_the_scene_in_every_format)
 {
     static const struct { const char *ending, *how; double least; } t[] = {
         { "jpg", "-q:v 1 -qmin 1 -pix_fmt yuvj444p", 40 },
@@ -978,7 +977,7 @@ static void stills_should_be_the_scene_in_every_format(void **state)
 }
 
 /* In linear light, of which 8 bits come back. */
-static void exr_stills_should_be_the_scene(void **state)
+TEST_IN_FOLDER(exr_stills_should_be_the_scene)
 {
     folder *const f = *state;
     saga_error error = { "" };
@@ -996,7 +995,7 @@ static void exr_stills_should_be_the_scene(void **state)
     check_same(f->path, "COLMAP, pictures .exr", 1, LOSSLESS);
 }
 
-static void jpegs_should_be_refused_when_damaged(void **state)
+TEST_IN_FOLDER(jpegs_should_be_refused_when_damaged)
 {
     folder *const f = *state;
 
@@ -1016,7 +1015,7 @@ static void jpegs_should_be_refused_when_damaged(void **state)
 
 /* --- What is missing ----------------------------------------------------- */
 
-static void missing_pictures_should_be_left_out(void **state)
+TEST_IN_FOLDER(missing_pictures_should_be_left_out)
 {
     folder *const f = *state;
     saga_capture c;
@@ -1042,7 +1041,7 @@ static void missing_pictures_should_be_left_out(void **state)
 }
 
 /* The names' numbers tell which moment is not listed. */
-static void unlisted_pictures_should_be_left_out(void **state)
+TEST_IN_FOLDER(unlisted_pictures_should_be_left_out)
 {
     folder *const f = *state;
     saga_capture c;
@@ -1070,7 +1069,7 @@ static void unlisted_pictures_should_be_left_out(void **state)
 }
 
 /* Frame k of a camera that runs one late is its picture k + 1. */
-static void late_cameras_should_be_shifted(void **state)
+TEST_IN_FOLDER(late_cameras_should_be_shifted)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -1098,7 +1097,7 @@ static void late_cameras_should_be_shifted(void **state)
     refused_with(f->path, &o, f->path, "\"cam01=x\" is no camera and number");
 }
 
-static void colmap_folder_should_be_refused_when_wrong(void **state)
+TEST_IN_FOLDER(colmap_folder_should_be_refused_when_wrong)
 {
     folder *const f = *state;
 
@@ -1112,33 +1111,4 @@ static void colmap_folder_should_be_refused_when_wrong(void **state)
     refused(f->path, "sparse/0", "has 0 different cameras");
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(colmap_folder_should_be_the_scene),
-        IN_FOLDER(colmap_folder_should_be_the_scene_in_bytes),
-        IN_FOLDER(colmap_folder_should_have_frames_by_camera),
-        IN_FOLDER(colmap_folder_should_have_frames_by_moment),
-        IN_FOLDER(frame_folders_should_be_the_scene),
-        IN_FOLDER(blender_scene_should_be_the_scene),
-        IN_FOLDER(moving_camera_should_have_a_view_for_each_picture),
-        IN_FOLDER(moving_camera_should_need_no_memory_for_what_is_missing),
-        IN_FOLDER(listed_pictures_should_have_any_ending),
-        IN_FOLDER(nerfstudio_videos_should_be_the_scene),
-        IN_FOLDER(neu3d_should_be_the_scene),
-        IN_FOLDER(panoptic_sports_should_be_the_scene),
-        IN_FOLDER(panoptic_sports_should_be_refused_when_wrong),
-        IN_FOLDER(miv_should_be_the_scene),
-        IN_FOLDER(equirectangular_views_should_become_faces),
-        IN_FOLDER(miv_should_be_refused_when_wrong),
-        IN_FOLDER(stills_should_be_the_scene_in_every_format),
-        IN_FOLDER(exr_stills_should_be_the_scene),
-        IN_FOLDER(jpegs_should_be_refused_when_damaged),
-        IN_FOLDER(missing_pictures_should_be_left_out),
-        IN_FOLDER(unlisted_pictures_should_be_left_out),
-        IN_FOLDER(late_cameras_should_be_shifted),
-        IN_FOLDER(colmap_folder_should_be_refused_when_wrong),
-    };
-
-    return cmocka_run_group_tests(tests, make_scene, free_scene);
-}
+TEST_GROUP(make_scene, free_scene);

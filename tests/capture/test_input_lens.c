@@ -7,8 +7,7 @@
 #include "capture_files.h"
 #include "picture.h"
 #include "remap.h"
-
-#include <math.h>
+#include "testing.h"
 
 enum { W = 160, H = 120 };
 
@@ -149,7 +148,7 @@ static void check_pattern(folder *f, const lens *l, int scale)
 
 /* --- Tests --------------------------------------------------------------- */
 
-static void lens_should_give_values_worked_out_by_hand(void **state)
+TEST(lens_should_give_values_worked_out_by_hand)
 {
     /* k1: r2 = 1/4, factor 1 + 1/2 / 4. k2: r4 = 1/16. k3: r2 = 1/2, r6 =
      * 1/8. p1 at (1/2, 1/2): x + 2 p1 / 4, y + p1 (1/2 + 2/4); p2 mirrored. */
@@ -171,7 +170,6 @@ static void lens_should_give_values_worked_out_by_hand(void **state)
           0.5, 0.5, 67, 119 }
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof t / sizeof t[0]; i++) {
         double uv[2];
 
@@ -181,13 +179,13 @@ static void lens_should_give_values_worked_out_by_hand(void **state)
     }
 }
 
-static void lens_should_be_gone_after_loading(void **state)
+TEST_IN_FOLDER(lens_should_be_gone_after_loading)
 {
     check_pattern(*state, &barrel, 1);
     check_pattern(*state, &pincushion, 1);
 }
 
-static void lens_should_be_gone_when_scaled_down(void **state)
+TEST_IN_FOLDER(lens_should_be_gone_when_scaled_down)
 {
     check_pattern(*state, &barrel, 2);
     check_pattern(*state, &pincushion, 3);
@@ -247,7 +245,7 @@ static void write_fisheye(folder *f, double focal, double slow)
     write_bytes(f, "transforms.json", &b);
 }
 
-static void fisheye_should_become_a_pinhole(void **state)
+TEST_IN_FOLDER(fisheye_should_become_a_pinhole)
 {
     /* What fits, and what is cut at 110 degrees. */
     static const double focal[] = { 120, 60 }, slow[] = { 1, 4 };
@@ -295,7 +293,7 @@ static bool all_covered(const lens *l, const saga_shot *v, double s)
     return true;
 }
 
-static void pinhole_should_be_the_widest_without_invalid_pixels(void **state)
+TEST_IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels)
 {
     static const lens *const all[] = { &barrel, &pincushion };
     static uint8_t rgb[3 * W * H];
@@ -316,7 +314,7 @@ static void pinhole_should_be_the_widest_without_invalid_pixels(void **state)
     }
 }
 
-static void scale_should_average_areas_exactly(void **state)
+TEST_IN_FOLDER(scale_should_average_areas_exactly)
 {
     enum { FULL_W = 101, FULL_H = 50, N = 3, SMALL = FULL_W / N };
     static const lens none = { 90, 91, 50.5, 25, 0, 0, 0, 0, 0 };
@@ -355,14 +353,13 @@ static void scale_should_average_areas_exactly(void **state)
     assert_true(z == 2);
 }
 
-static void scale_should_take_single_depths(void **state)
+TEST(scale_should_take_single_depths)
 {
     saga_remap r;
     saga_error error = { "" };
     const saga_lens none = { .fx = 9, .fy = 9, .cx = 4, .cy = 3 };
     float full[8 * 6], small[4 * 3];
 
-    (void)state;
     for (int i = 0; i < 8 * 6; i++)
         full[i] = (float)i;
     assert_true(saga_remap_plan(&r, &none, 8, 6, 2, "x", &error));
@@ -377,7 +374,7 @@ static void scale_should_take_single_depths(void **state)
         assert_true(small[i] == full[(3 * (i / 2) + 1) * 8 + 3 * (i % 2) + 1]);
 }
 
-static void lens_should_be_refused_when_it_folds_or_is_no_lens(void **state)
+TEST_IN_FOLDER(lens_should_be_refused_when_it_folds_or_is_no_lens)
 {
     folder *const f = *state;
     static uint8_t rgb[3 * W * H];
@@ -393,20 +390,4 @@ static void lens_should_be_refused_when_it_folds_or_is_no_lens(void **state)
     l.fx = 0;
     write_capture(f, &l, W, H, rgb);
     refused(f->path, "a.png", "fx 0");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lens_should_give_values_worked_out_by_hand),
-        IN_FOLDER(lens_should_be_gone_after_loading),
-        IN_FOLDER(lens_should_be_gone_when_scaled_down),
-        IN_FOLDER(fisheye_should_become_a_pinhole),
-        IN_FOLDER(pinhole_should_be_the_widest_without_invalid_pixels),
-        IN_FOLDER(scale_should_average_areas_exactly),
-        cmocka_unit_test(scale_should_take_single_depths),
-        IN_FOLDER(lens_should_be_refused_when_it_folds_or_is_no_lens)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,11 +5,7 @@
  */
 #include "capture_files.h"
 #include "picture.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 enum { W = 32, H = 16, N_VIEWS = 2, N_FRAMES = 3 };
 
@@ -92,7 +88,7 @@ static void check_one(folder *f)
     saga_capture_free(&c);
 }
 
-static void masks_should_be_found_beside_pictures(void **state)
+TEST_IN_FOLDER(masks_should_be_found_beside_pictures)
 {
     static const char *const names[] = {
         "masks/cam0/1.png", "masks/cam0/1.png.png"
@@ -118,7 +114,7 @@ static void masks_should_be_found_beside_pictures(void **state)
 }
 
 /* Where a pixel never counts, it is black. */
-static void mask_should_be_of_all_frames_when_it_is_the_cameras(void **state)
+TEST_IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -149,7 +145,7 @@ static void mask_should_be_of_all_frames_when_it_is_the_cameras(void **state)
     refused_with(f->path, &o, f->path, "--memory");
 }
 
-static void alpha_should_be_a_mask_when_wanted(void **state)
+TEST_IN_FOLDER(alpha_should_be_a_mask_when_wanted)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -171,7 +167,7 @@ static void alpha_should_be_a_mask_when_wanted(void **state)
     saga_capture_free(&c);
 }
 
-static void mask_should_be_refused_when_wrong(void **state)
+TEST_IN_FOLDER(mask_should_be_refused_when_wrong)
 {
     folder *const f = *state;
 
@@ -191,7 +187,7 @@ static void mask_should_be_refused_when_wrong(void **state)
 /* Camera 1 runs 1.25 frames behind: its second picture was taken 3/4 of a frame
  * after the first one of camera 0 that is left. Picture k is then late by that.
  */
-static void parts_of_a_frame_should_be_kept(void **state)
+TEST_IN_FOLDER(parts_of_a_frame_should_be_kept)
 {
     static const struct {
         const char *late;
@@ -223,20 +219,4 @@ static void parts_of_a_frame_should_be_kept(void **state)
     }
     o.late = "cam1=nan";
     refused_with(f->path, &o, f->path, "is no camera and number of frames");
-}
-
-#define IN_FOLDER(test) \
-    cmocka_unit_test_setup_teardown(test, folder_make, folder_remove)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(masks_should_be_found_beside_pictures),
-        IN_FOLDER(mask_should_be_of_all_frames_when_it_is_the_cameras),
-        IN_FOLDER(alpha_should_be_a_mask_when_wanted),
-        IN_FOLDER(mask_should_be_refused_when_wrong),
-        IN_FOLDER(parts_of_a_frame_should_be_kept),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

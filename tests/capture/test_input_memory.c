@@ -11,6 +11,7 @@
 #include "failing_heap.h"
 #include "picture.h"
 #include "synth_capture.h"
+#include "testing.h"
 
 #include <sys/stat.h>
 
@@ -75,7 +76,7 @@ static void fail_each(folder *f, const char *name, long least)
     s.crc = crc_of(&c);
     saga_capture_free(&c);
     assert_true(heap_fail_each(load_and_free, &s,
-                               getenv("SAGA_TEST_SANITIZED") ? 5 : 1) > least);
+                               testing_sanitized() ? 5 : 1) > least);
 }
 
 /* --- nerfstudio ---------------------------------------------------------- */
@@ -91,7 +92,7 @@ static void write_synth(const char *path, bool exr)
         fail_msg("%s", error.message);
 }
 
-static void pngs_should_be_refused_when_memory_ends(void **state)
+TEST_IN_FOLDER(pngs_should_be_refused_when_memory_ends)
 {
     write_synth(folder_file(*state, "scene"), false);
     /* The second camera's lens has to be straightened. */
@@ -100,7 +101,7 @@ static void pngs_should_be_refused_when_memory_ends(void **state)
     fail_each(*state, "scene", 400);
 }
 
-static void exrs_should_be_refused_when_memory_ends(void **state)
+TEST_IN_FOLDER(exrs_should_be_refused_when_memory_ends)
 {
     write_synth(folder_file(*state, "scene"), true);
     fail_each(*state, "scene", 500);
@@ -110,7 +111,7 @@ static void exrs_should_be_refused_when_memory_ends(void **state)
 
 static void write_model(folder *f, const char *where);
 
-static void jpegs_should_be_refused_when_memory_ends(void **state)
+TEST_IN_FOLDER(jpegs_should_be_refused_when_memory_ends)
 {
     folder_run(*state, "mkdir images && for i in 0 1; do ffmpeg -nostdin "
                "-v error -f lavfi -i testsrc=s=%dx%d -frames:v 1 "
@@ -183,7 +184,7 @@ static void write_poses(folder *f)
     write_bytes(f, "poses_bounds.npy", &b);
 }
 
-static void videos_should_be_refused_when_memory_ends(void **state)
+TEST_IN_FOLDER(videos_should_be_refused_when_memory_ends)
 {
     char *const path = strdup(getenv("PATH"));
 
@@ -223,7 +224,7 @@ static bool write_and_remove(void *user, saga_error *error)
     return saga_fail(error, out, NULL, "a file is left in it");
 }
 
-static void pictures_should_leave_no_file_when_memory_ends(void **state)
+TEST_IN_FOLDER(pictures_should_leave_no_file_when_memory_ends)
 {
     static const char *const names[] = { "out/a.png", "out/a.exr",
                                          "out/Z.exr" };
@@ -236,13 +237,12 @@ static void pictures_should_leave_no_file_when_memory_ends(void **state)
 
 /* --- Sizes --------------------------------------------------------------- */
 
-static void products_should_be_refused_when_they_overflow(void **state)
+TEST(products_should_be_refused_when_they_overflow)
 {
     static const size_t half = SIZE_MAX / 2 + 1; /* times 2 is 0 */
     saga_error error = { "" };
     void *const none = saga_alloc(0, 8, "nothing", &error);
 
-    (void)state;
     assert_non_null(none);
     free(none);
     assert_false(saga_failed(&error));
@@ -253,18 +253,4 @@ static void products_should_be_refused_when_they_overflow(void **state)
     assert_null(saga_realloc(NULL, half, 2, "x", &error));
     assert_null(saga_aligned_alloc(64, SIZE_MAX, "x", &error));
     assert_says(&error, "a scene"); /* the first is kept */
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(pngs_should_be_refused_when_memory_ends),
-        IN_FOLDER(exrs_should_be_refused_when_memory_ends),
-        IN_FOLDER(jpegs_should_be_refused_when_memory_ends),
-        IN_FOLDER(videos_should_be_refused_when_memory_ends),
-        IN_FOLDER(pictures_should_leave_no_file_when_memory_ends),
-        cmocka_unit_test(products_should_be_refused_when_they_overflow),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

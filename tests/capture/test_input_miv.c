@@ -6,12 +6,7 @@
  * points.
  */
 #include "capture_files.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 enum { W = 64, H = 32, N_FRAMES = 2 };
 
@@ -149,7 +144,7 @@ static void check_points(folder *f, const char *kind, int frame)
     saga_capture_free(&c);
 }
 
-static void depth_should_become_points(void **state)
+TEST_IN_FOLDER(depth_should_become_points)
 {
     static const char *const kinds[] = { PINHOLE, SPHERE, ORTHO };
 
@@ -160,7 +155,7 @@ static void depth_should_become_points(void **state)
         }
 }
 
-static void far_end_should_be_infinite_when_it_is_a_word(void **state)
+TEST_IN_FOLDER(far_end_should_be_infinite_when_it_is_a_word)
 {
     folder *const f = *state;
     saga_capture c;
@@ -172,7 +167,7 @@ static void far_end_should_be_infinite_when_it_is_a_word(void **state)
     saga_capture_free(&c);
 }
 
-static void depth_should_be_refused_when_wrong(void **state)
+TEST_IN_FOLDER(depth_should_be_refused_when_wrong)
 {
     static const struct { const char *edit, *what; } t[] = {
         { "sed -i 's/\\[0.5, 8]/[0, 8]/' scene.json", "\"Depth_range\"" },
@@ -191,18 +186,4 @@ static void depth_should_be_refused_when_wrong(void **state)
         folder_run(f, "%s", t[i].edit);
         refused(f->path, f->path, t[i].what);
     }
-}
-
-#define IN_FOLDER(test) \
-    cmocka_unit_test_setup_teardown(test, folder_make, folder_remove)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(depth_should_become_points),
-        IN_FOLDER(far_end_should_be_infinite_when_it_is_a_word),
-        IN_FOLDER(depth_should_be_refused_when_wrong),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

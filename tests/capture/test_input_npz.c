@@ -6,6 +6,7 @@
  */
 #include "capture_files.h"
 #include "npz.h"
+#include "testing.h"
 
 #include <zlib.h>
 
@@ -130,7 +131,7 @@ static bool reads(const char *path, const char *name, saga_error *error)
     return ok;
 }
 
-static void npz_should_be_read_when_stored_or_deflated(void **state)
+TEST_IN_FOLDER(npz_should_be_read_when_stored_or_deflated)
 {
     static const char *const comments[] = { "", "PK\5 is in here" };
 
@@ -156,7 +157,7 @@ static void npz_should_be_read_when_stored_or_deflated(void **state)
 
 /* What is taken in spite of the damage must be right: only times, versions and
  * comments may be wrong unnoticed. */
-static void npz_should_be_refused_when_damaged(void **state)
+TEST_IN_FOLDER(npz_should_be_refused_when_damaged)
 {
     static const char *const names[] = { "net.a", "net.b" };
     const bytes whole = npz_bytes("");
@@ -177,14 +178,4 @@ static void npz_should_be_refused_when_damaged(void **state)
         }
     assert_true(n_refused > 3 * (int)whole.n);
     free(whole.data);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(npz_should_be_read_when_stored_or_deflated),
-        IN_FOLDER(npz_should_be_refused_when_damaged),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

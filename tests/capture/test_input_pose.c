@@ -9,8 +9,7 @@
 #include "pose.h"
 #include "synth_capture.h"
 #include "synth_room.h"
-
-#include <math.h>
+#include "testing.h"
 
 enum { W = 80, H = 60 };
 
@@ -45,9 +44,8 @@ static void check_corner(const saga_shot *v, double fx, double fy, double cx,
 static void write_picture(folder *f, const char *name, int w, int h)
 {
     saga_error error = { "" };
-    uint8_t *const rgb = calloc((size_t)w * (size_t)h, 3);
+    uint8_t *const rgb = must(calloc((size_t)w * (size_t)h, 3));
 
-    assert_non_null(rgb);
     if (!saga_png_write(folder_file(f, name), w, h, rgb, &error))
         fail_msg("%s", error.message);
     free(rgb);
@@ -70,7 +68,7 @@ static void write_nerfstudio(folder *f, double m, const char *more)
     write_bytes(f, "transforms.json", &b);
 }
 
-static void nerfstudio_should_be_read_as_opengl(void **state)
+TEST_IN_FOLDER(nerfstudio_should_be_read_as_opengl)
 {
     folder *const f = *state;
     saga_capture c;
@@ -81,7 +79,7 @@ static void nerfstudio_should_be_read_as_opengl(void **state)
     saga_capture_free(&c);
 }
 
-static void pose_should_be_made_a_rotation_when_nearly_one(void **state)
+TEST_IN_FOLDER(pose_should_be_made_a_rotation_when_nearly_one)
 {
     folder *const f = *state;
     saga_capture c;
@@ -92,7 +90,7 @@ static void pose_should_be_made_a_rotation_when_nearly_one(void **state)
     saga_capture_free(&c);
 }
 
-static void pose_should_be_refused_when_it_is_no_rotation(void **state)
+TEST_IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation)
 {
     folder *const f = *state;
 
@@ -104,7 +102,7 @@ static void pose_should_be_refused_when_it_is_no_rotation(void **state)
     refused(f->path, "a.png", "no rotation");
 }
 
-static void defaults_should_come_from_the_angle_and_the_centre(void **state)
+TEST_IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre)
 {
     folder *const f = *state;
     saga_capture c;
@@ -156,7 +154,7 @@ static void write_videos(folder *f)
                W, H);
 }
 
-static void neu3d_should_be_read_as_down_right_backwards(void **state)
+TEST_IN_FOLDER(neu3d_should_be_read_as_down_right_backwards)
 {
     folder *const f = *state;
     saga_capture c;
@@ -196,7 +194,7 @@ static void refused_row(folder *f, int at, double value, const char *what)
     refused(f->path, "poses_bounds.npy: row of cam03", what);
 }
 
-static void neu3d_should_be_refused_when_a_row_is_wrong(void **state)
+TEST_IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong)
 {
     folder *const f = *state;
     bytes b = { 0 };
@@ -229,14 +227,13 @@ static void turn(const double q[4], const double v[3], double out[3])
     out[2] = -a * q[3] + d * q[0] - b * q[2] + c * q[1];
 }
 
-static void quaternion_should_turn_as_its_product_does(void **state)
+TEST(quaternion_should_turn_as_its_product_does)
 {
     const double q[4] = { 0.5, -0.1, 0.7, 0.5 };      /* of unit length */
     const double longer[4] = { 1, -0.2, 1.4, 1 };     /* twice that */
     const double zero[4] = { 0 }, bad[4] = { 1, NAN, 0, 0 };
     double r[9], out[3];
 
-    (void)state;
     assert_true(saga_pose_from_quaternion(longer, r));
     for (int k = 0; k < 3; k++) {
         const double v[3] = { k == 0, k == 1, k == 2 };
@@ -291,7 +288,7 @@ static double quantile(double *x, int n, double q)
     return x[(int)(q * (n - 1))];
 }
 
-static void synth_should_be_found_again_by_the_loader(void **state)
+TEST_IN_FOLDER(synth_should_be_found_again_by_the_loader)
 {
     const saga_synth_options s = options();
     saga_capture c = load_synth(*state);
@@ -317,7 +314,7 @@ static void synth_should_be_found_again_by_the_loader(void **state)
 
 /* What the scene's own tracing hits behind a pixel's centre lies at the depth
  * of the EXR, in the loaded camera. */
-static void depth_should_be_along_the_axis_of_the_loaded_camera(void **state)
+TEST_IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera)
 {
     const saga_synth_options s = options();
     saga_capture c = load_synth(*state);
@@ -343,7 +340,7 @@ static void depth_should_be_along_the_axis_of_the_loaded_camera(void **state)
 }
 
 /* A place seen from one camera looks the same from another that sees it. */
-static void views_should_agree_where_they_see_the_same(void **state)
+TEST_IN_FOLDER(views_should_agree_where_they_see_the_same)
 {
     saga_capture c = load_synth(*state);
     static double colour[10000], depth[10000];
@@ -376,7 +373,7 @@ static void views_should_agree_where_they_see_the_same(void **state)
     assert_true(quantile(colour, n, 0.5) < 12);
 }
 
-static void points_should_lie_where_the_pictures_show_them(void **state)
+TEST_IN_FOLDER(points_should_lie_where_the_pictures_show_them)
 {
     saga_capture c = load_synth(*state);
     static double colour[4000], depth[4000];
@@ -413,23 +410,4 @@ static void points_should_lie_where_the_pictures_show_them(void **state)
      * 0.67 of that, 0.012; and the slope within the pixel. */
     assert_true(quantile(depth, n, 0.5) < 0.018);
     assert_true(quantile(colour, n, 0.5) < 16);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(nerfstudio_should_be_read_as_opengl),
-        IN_FOLDER(pose_should_be_made_a_rotation_when_nearly_one),
-        IN_FOLDER(pose_should_be_refused_when_it_is_no_rotation),
-        IN_FOLDER(defaults_should_come_from_the_angle_and_the_centre),
-        IN_FOLDER(neu3d_should_be_read_as_down_right_backwards),
-        IN_FOLDER(neu3d_should_be_refused_when_a_row_is_wrong),
-        cmocka_unit_test(quaternion_should_turn_as_its_product_does),
-        IN_FOLDER(synth_should_be_found_again_by_the_loader),
-        IN_FOLDER(depth_should_be_along_the_axis_of_the_loaded_camera),
-        IN_FOLDER(views_should_agree_where_they_see_the_same),
-        IN_FOLDER(points_should_lie_where_the_pictures_show_them)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

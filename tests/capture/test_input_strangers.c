@@ -7,6 +7,7 @@
 #include "capture_files.h"
 #include "child.h"
 #include "picture.h"
+#include "testing.h"
 
 #include <sys/stat.h>
 #include <time.h>
@@ -44,7 +45,7 @@ static void write_video(folder *f, const char *name)
 }
 
 /* Lists of other files, whatever they are called. */
-static void playlist_should_not_be_followed(void **state)
+TEST_IN_FOLDER(playlist_should_not_be_followed)
 {
     static const char *const lists[] = {
         "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n%s/secret.mp4\n"
@@ -70,7 +71,7 @@ static void playlist_should_not_be_followed(void **state)
 }
 
 /* Only the part of an mp4 that lists the frames. */
-static void video_should_be_refused_when_cut_before_its_frames(void **state)
+TEST_IN_FOLDER(video_should_be_refused_when_cut_before_its_frames)
 {
     folder *const f = *state;
 
@@ -81,7 +82,7 @@ static void video_should_be_refused_when_cut_before_its_frames(void **state)
     refused(f->path, "a.mp4", "it may be cut short");
 }
 
-static void child_should_be_given_up_when_it_hangs(void **state)
+TEST(child_should_be_given_up_when_it_hangs)
 {
     static const char *const argv[] = { "sleep", "100", NULL };
     saga_error error = { "" };
@@ -89,7 +90,6 @@ static void child_should_be_given_up_when_it_hangs(void **state)
     saga_child child;
     char byte;
 
-    (void)state;
     assert_true(saga_child_start(&child, argv, &error));
     assert_int_equal(child.patience, SAGA_CHILD_PATIENCE);
     child.patience = 1;
@@ -99,7 +99,7 @@ static void child_should_be_given_up_when_it_hangs(void **state)
     assert_true(time(NULL) - start < 50);
 }
 
-static void folder_of_temporary_files_should_be_blamed(void **state)
+TEST_IN_FOLDER(folder_of_temporary_files_should_be_blamed)
 {
     folder *const f = *state;
     const char *const old = getenv("TMPDIR");
@@ -118,7 +118,7 @@ static void folder_of_temporary_files_should_be_blamed(void **state)
 
 /* --- Pipes --------------------------------------------------------------- */
 
-static void pipe_should_not_be_waited_for(void **state)
+TEST_IN_FOLDER(pipe_should_not_be_waited_for)
 {
     folder *const f = *state;
     saga_capture c;
@@ -143,7 +143,7 @@ static void pipe_should_not_be_waited_for(void **state)
 
 /* --- Numbers ------------------------------------------------------------- */
 
-static void focal_length_should_be_refused_when_absurd(void **state)
+TEST_IN_FOLDER(focal_length_should_be_refused_when_absurd)
 {
     static const char *const absurd[] = {
         "\"fl_x\": 1e-5", "\"fl_x\": 0.6", "\"fl_x\": 1e9",
@@ -164,7 +164,7 @@ static void focal_length_should_be_refused_when_absurd(void **state)
     saga_capture_free(&c);
 }
 
-static void frame_rate_should_be_refused_when_absurd(void **state)
+TEST_IN_FOLDER(frame_rate_should_be_refused_when_absurd)
 {
     static const char *const absurd[] = { "1e-300", "0.05", "1e6", "1e300" };
     folder *const f = *state;
@@ -185,7 +185,7 @@ static void frame_rate_should_be_refused_when_absurd(void **state)
 }
 
 /* The remedy names an option that `saga encode` has. */
-static void memory_should_be_asked_for_by_its_option(void **state)
+TEST_IN_FOLDER(memory_should_be_asked_for_by_its_option)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -195,20 +195,4 @@ static void memory_should_be_asked_for_by_its_option(void **state)
     write_json(f, "\"fl_x\": 30", "a.png", "b.png");
     o.memory_nbytes = 100;
     refused_with(f->path, &o, f->path, "; use --memory 1 (GiB)");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(playlist_should_not_be_followed),
-        IN_FOLDER(video_should_be_refused_when_cut_before_its_frames),
-        cmocka_unit_test(child_should_be_given_up_when_it_hangs),
-        IN_FOLDER(folder_of_temporary_files_should_be_blamed),
-        IN_FOLDER(pipe_should_not_be_waited_for),
-        IN_FOLDER(focal_length_should_be_refused_when_absurd),
-        IN_FOLDER(frame_rate_should_be_refused_when_absurd),
-        IN_FOLDER(memory_should_be_asked_for_by_its_option),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

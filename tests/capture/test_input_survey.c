@@ -7,8 +7,7 @@
 #include "pose.h"
 #include "survey.h"
 #include "synth_capture.h"
-
-#include <math.h>
+#include "testing.h"
 
 enum { W = 96, H = 54, N_VIEWS = 8, N_FRAMES = 30 };
 
@@ -75,7 +74,7 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static void room_should_have_nothing_to_mind(void **state)
+TEST_WITH(room_should_have_nothing_to_mind, make_room, free_room)
 {
     const saga_capture *const c = *state;
     saga_survey s = survey(c);
@@ -123,7 +122,7 @@ static void flicker(const saga_capture *c)
     }
 }
 
-static void late_camera_should_be_found(void **state)
+TEST_WITH(late_camera_should_be_found, make_room, free_room)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[3];
@@ -141,7 +140,7 @@ static void late_camera_should_be_found(void **state)
     saga_survey_free(&s);
 }
 
-static void dark_camera_should_be_found(void **state)
+TEST_WITH(dark_camera_should_be_found, make_room, free_room)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[5];
@@ -158,7 +157,7 @@ static void dark_camera_should_be_found(void **state)
     saga_survey_free(&s);
 }
 
-static void camera_that_looks_away_should_be_found(void **state)
+TEST_WITH(camera_that_looks_away_should_be_found, make_room, free_room)
 {
     saga_capture *const c = *state;
     saga_shot *const v = &c->views[2];
@@ -177,7 +176,7 @@ static void camera_that_looks_away_should_be_found(void **state)
     saga_survey_free(&s);
 }
 
-static void few_wide_cameras_should_be_told_of(void **state)
+TEST_WITH(few_wide_cameras_should_be_told_of, make_room, free_room)
 {
     saga_capture *const c = *state, four = *c;
     saga_survey s;
@@ -198,7 +197,7 @@ static void few_wide_cameras_should_be_told_of(void **state)
     saga_survey_free(&s);
 }
 
-static void camera_alone_should_be_told_of(void **state)
+TEST_WITH(camera_alone_should_be_told_of, make_room, free_room)
 {
     saga_capture alone = *(saga_capture *)*state;
     saga_survey s;
@@ -212,7 +211,7 @@ static void camera_alone_should_be_told_of(void **state)
     saga_survey_free(&s);
 }
 
-static void moving_camera_should_be_told_of(void **state)
+TEST_WITH(moving_camera_should_be_told_of, make_room, free_room)
 {
     saga_capture moving = *(saga_capture *)*state;
     saga_survey s;
@@ -223,22 +222,4 @@ static void moving_camera_should_be_told_of(void **state)
     for (int v = 0; v < N_VIEWS; v++)
         assert_true(isnan(s.views[v].late.frames));
     saga_survey_free(&s);
-}
-
-#define IN_ROOM(test) cmocka_unit_test_setup_teardown(test, make_room, \
-                                                      free_room)
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_ROOM(room_should_have_nothing_to_mind),
-        IN_ROOM(late_camera_should_be_found),
-        IN_ROOM(dark_camera_should_be_found),
-        IN_ROOM(camera_that_looks_away_should_be_found),
-        IN_ROOM(few_wide_cameras_should_be_told_of),
-        IN_ROOM(camera_alone_should_be_told_of),
-        IN_ROOM(moving_camera_should_be_told_of),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

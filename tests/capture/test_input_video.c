@@ -5,9 +5,8 @@
  * files that cannot be decoded are refused.
  */
 #include "capture_files.h"
+#include "testing.h"
 #include "video.h"
-
-#include <math.h>
 
 enum { W = 32, H = 16 };
 
@@ -63,7 +62,7 @@ static void check_frames(const saga_capture *c, int first, int n)
                                 grey_of(first + k)) <= 1);
 }
 
-static void video_should_give_its_frames_in_order(void **state)
+TEST_IN_FOLDER(video_should_give_its_frames_in_order)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -91,7 +90,7 @@ static void video_should_give_its_frames_in_order(void **state)
     refused_with(f->path, &o, f->path, "--frames 3:3 is empty");
 }
 
-static void video_should_give_the_same_for_any_threads(void **state)
+TEST_IN_FOLDER(video_should_give_the_same_for_any_threads)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -162,7 +161,7 @@ static void check_colour(folder *f, const char *tags, double kr, double kb,
     saga_capture_free(&c);
 }
 
-static void colour_should_follow_the_tags(void **state)
+TEST_IN_FOLDER(colour_should_follow_the_tags)
 {
     check_colour(*state, "", 0.2126, 0.0722, false);
     check_colour(*state, "-colorspace smpte170m", 0.299, 0.114, false);
@@ -172,7 +171,7 @@ static void colour_should_follow_the_tags(void **state)
 
 /* --- Refusing ------------------------------------------------------------ */
 
-static void videos_should_be_refused_when_counts_differ(void **state)
+TEST_IN_FOLDER(videos_should_be_refused_when_counts_differ)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -191,7 +190,7 @@ static void videos_should_be_refused_when_counts_differ(void **state)
     refused_with(f->path, &o, "b.mp4", "unequal frame counts");
 }
 
-static void videos_should_be_refused_when_rates_differ(void **state)
+TEST_IN_FOLDER(videos_should_be_refused_when_rates_differ)
 {
     folder *const f = *state;
 
@@ -201,8 +200,7 @@ static void videos_should_be_refused_when_rates_differ(void **state)
     refused(f->path, "b.mp4", "has 30 frames per second, a has 25");
 }
 
-static void video_should_be_refused_when_it_is_missing_or_no_video(
-    void **state)
+TEST_IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video)
 {
     folder *const f = *state;
 
@@ -218,7 +216,7 @@ static void video_should_be_refused_when_it_is_missing_or_no_video(
 }
 
 /* A file whose end is missing, and one with bytes changed in the middle. */
-static void video_should_be_refused_when_it_is_damaged(void **state)
+TEST_IN_FOLDER(video_should_be_refused_when_it_is_damaged)
 {
     const char *const name[] = { "a.mkv" };
     folder *const f = *state;
@@ -241,7 +239,7 @@ static void video_should_be_refused_when_it_is_damaged(void **state)
 }
 
 /* A name cannot become an option, a protocol or a part of a command. */
-static void video_should_be_found_whatever_its_name(void **state)
+TEST_IN_FOLDER(video_should_be_found_whatever_its_name)
 {
     static const char *const odd[] = { "-a;'b $(c).mp4", "concat:d|e.mp4" };
     folder *const f = *state;
@@ -265,7 +263,7 @@ static bool stop_at_once(void *user, double done, const char *doing)
     return false;
 }
 
-static void loading_should_stop_when_told(void **state)
+TEST_IN_FOLDER(loading_should_stop_when_told)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -286,7 +284,7 @@ static void loading_should_stop_when_told(void **state)
 
 /* 2 x 32 x 16 x 3 x 12 bytes of pictures, and one decoded picture with its
  * depth, 7 bytes per pixel: 40,448; the remedies must be true. */
-static void loading_should_be_refused_when_memory_is_short(void **state)
+TEST_IN_FOLDER(loading_should_be_refused_when_memory_is_short)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -313,7 +311,7 @@ static void loading_should_be_refused_when_memory_is_short(void **state)
 
 /* A frame of both is 2 x 3 x 32 x 16 bytes, of a quarter the pixels a quarter.
  * A look says it of more than may be loaded, whatever the threads need. */
-static void frames_that_fit_should_take_half_the_memory(void **state)
+TEST_IN_FOLDER(frames_that_fit_should_take_half_the_memory)
 {
     folder *const f = *state;
     saga_capture_options o = saga_capture_defaults();
@@ -338,23 +336,4 @@ static void frames_that_fit_should_take_half_the_memory(void **state)
     c = load_with(f->path, &o);
     assert_int_equal(c.n_fitting, (1ull << 31) / 3072);
     saga_capture_free(&c);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(video_should_give_its_frames_in_order),
-        IN_FOLDER(video_should_give_the_same_for_any_threads),
-        IN_FOLDER(colour_should_follow_the_tags),
-        IN_FOLDER(videos_should_be_refused_when_counts_differ),
-        IN_FOLDER(videos_should_be_refused_when_rates_differ),
-        IN_FOLDER(video_should_be_refused_when_it_is_missing_or_no_video),
-        IN_FOLDER(video_should_be_refused_when_it_is_damaged),
-        IN_FOLDER(video_should_be_found_whatever_its_name),
-        IN_FOLDER(loading_should_stop_when_told),
-        IN_FOLDER(loading_should_be_refused_when_memory_is_short),
-        IN_FOLDER(frames_that_fit_should_take_half_the_memory)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

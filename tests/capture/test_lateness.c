@@ -7,10 +7,7 @@
 #include "lateness.h"
 #include "synth_capture.h"
 #include "synth_world.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum {
     W = 96, H = 54, N_VIEWS = 6, N_FRAMES = 70,
@@ -125,13 +122,12 @@ static void plant(const films *f, double by, int *n_told, int *n)
     }
 }
 
-static void lateness_should_be_right_or_not_told(void **state)
+TEST(lateness_should_be_right_or_not_told)
 {
     static const double by[] = { 0, 0.3, 2, 3, 6, -4 };
 
     int whole = 0, n_whole = 0;
 
-    (void)state;
     for (int scene = 0; scene < 2; scene++) {
         films f = shoot(scene ? SAGA_SYNTH_RING : SAGA_SYNTH_ROOM);
         int part = 0, n_part = 0;
@@ -149,14 +145,12 @@ static void lateness_should_be_right_or_not_told(void **state)
 }
 
 /* A camera whose film is another's, backwards, has as much motion. */
-static void unrelated_motion_should_tell_nothing(void **state)
+TEST(unrelated_motion_should_tell_nothing)
 {
     saga_lateness late[N_VIEWS];
     films f = shoot(SAGA_SYNTH_RING);
-    uint8_t *const back = malloc((size_t)N_PICTURES * NBYTES);
+    uint8_t *const back = must(malloc((size_t)N_PICTURES * NBYTES));
 
-    (void)state;
-    assert_non_null(back);
     for (int v = 0; v < N_VIEWS; v++) {
         uint8_t *const own = f.whole[v];
 
@@ -175,14 +169,4 @@ static void unrelated_motion_should_tell_nothing(void **state)
     assert_true(isnan(late[1].frames));
     free(back);
     free_films(&f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lateness_should_be_right_or_not_told),
-        cmocka_unit_test(unrelated_motion_should_tell_nothing),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,16 +8,9 @@
 #include "ring_motion.h"
 #include "synth_math.h"
 #include "synth_world.h"
+#include "testing.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
 #include <zlib.h>
-
-#include <cmocka.h>
 
 static const double gravity = 9.81;
 
@@ -74,7 +67,7 @@ static saga_synth_options small(saga_synth_scene scene, int n_cameras)
 
 /* Files that were measured are compared with files made later: the number is
  * of the pictures that the first version wrote. */
-static void room_should_keep_its_bytes(void **state)
+TEST_IN_FOLDER(room_should_keep_its_bytes)
 {
     const saga_synth_options o = small(SAGA_SYNTH_ROOM, 3);
     saga_capture c = make_capture(*state, &o);
@@ -92,7 +85,7 @@ static void room_should_keep_its_bytes(void **state)
 
 /* Of four cameras the one between the others is held out, number 1 * 4 / 2;
  * they stand a quarter of a turn apart, give or take 2 * 0.1 / 4 of one. */
-static void ring_should_be_all_round_with_a_view_held_out(void **state)
+TEST_IN_FOLDER(ring_should_be_all_round_with_a_view_held_out)
 {
     const saga_synth_options o = small(SAGA_SYNTH_RING, 4);
     const double target[3] = { 0.0, 0.0, 0.92 };
@@ -121,11 +114,10 @@ static void ring_should_be_all_round_with_a_view_held_out(void **state)
     }
 }
 
-static void ring_should_hold_out_two_of_fourteen(void **state)
+TEST(ring_should_hold_out_two_of_fourteen)
 {
     const saga_synth_options o = saga_synth_defaults(SAGA_SYNTH_RING);
 
-    (void)state;
     assert_int_equal(o.n_cameras, 14);
     for (int i = 0; i < 14; i++) {
         saga_shot v;
@@ -138,12 +130,11 @@ static void ring_should_hold_out_two_of_fourteen(void **state)
 /* --- Ball and body ------------------------------------------------------- */
 
 /* From a height of 2 m at 1 m/s upwards, after 0.3 s: 2 + 0.3 - g 0.09 / 2. */
-static void ball_should_fly_freely(void **state)
+TEST(ball_should_fly_freely)
 {
     const double from[3] = { 0.1, 0.2, 2.0 }, speed[3] = { 3.0, -1.0, 1.0 };
     double at[3];
 
-    (void)state;
     saga_ring_fly(at, from, speed, 0.3);
     near(at[0], 1.0);
     near(at[1], -0.1);
@@ -152,13 +143,12 @@ static void ball_should_fly_freely(void **state)
 
 /* From the floor at v upwards it lands after 2 v / g, leaves at 0.72 v, 0.85
  * times as fast along, and is highest 0.72 v / g later. */
-static void ball_should_bounce(void **state)
+TEST(ball_should_bounce)
 {
     const double r = SAGA_RING_BALL_RADIUS, v = 2.0;
     const double from[3] = { 0.0, 0.0, r }, speed[3] = { 1.0, 0.0, v };
     double at[3];
 
-    (void)state;
     saga_ring_fly(at, from, speed, 2.0 * v / gravity);
     near(at[2], r);
     saga_ring_fly(at, from, speed, 2.72 * v / gravity);
@@ -168,21 +158,19 @@ static void ball_should_bounce(void **state)
 
 /* 0.2 s after it left x = 3.79 at 5 m/s it would be at 4.79, half a metre
  * beyond the place where it touches the wall. */
-static void ball_should_come_back_from_a_wall(void **state)
+TEST(ball_should_come_back_from_a_wall)
 {
     const double touch = SAGA_RING_HALL - SAGA_RING_BALL_RADIUS;
     const double from[3] = { touch - 0.5, 0.0, 2.0 };
     const double speed[3] = { 5.0, 0.0, 0.0 };
     double at[3];
 
-    (void)state;
     saga_ring_fly(at, from, speed, 0.2);
     near(at[0], touch - 0.5);
 }
 
-static void ball_should_leave_the_hand_and_land_where_aimed(void **state)
+TEST(ball_should_leave_the_hand_and_land_where_aimed)
 {
-    (void)state;
     for (uint32_t seed = 1; seed <= 20; seed++) {
         saga_ring_shape body[SAGA_RING_BODY_SHAPES];
         saga_ring_plan plan;
@@ -208,9 +196,8 @@ static void ball_should_leave_the_hand_and_land_where_aimed(void **state)
 }
 
 /* Feet are capsules: their lowest point is their lower end less the radius. */
-static void body_should_stand_on_the_floor_and_keep_its_bones(void **state)
+TEST(body_should_stand_on_the_floor_and_keep_its_bones)
 {
-    (void)state;
     for (int i = 0; i < 200; i++) {
         const uint32_t seed = (uint32_t)i % 10;
         saga_ring_state s;
@@ -246,7 +233,7 @@ static void one_capsule(saga_ring_state *s)
     s->n_shapes = 1;
 }
 
-static void capsule_should_be_met_where_it_is(void **state)
+TEST(capsule_should_be_met_where_it_is)
 {
     static const double from[5][3] = {
         { 0, 1, 1 }, { 0, -0.15, 1 }, { 1, -2, 1 }, { 0, -0.26, 1 },
@@ -262,7 +249,6 @@ static void capsule_should_be_met_where_it_is(void **state)
         { -1, 0, 0 }, { -0.8, -0.6, 0 }, { 0, -1, 0 } };
     saga_ring_state s;
 
-    (void)state;
     one_capsule(&s);
     for (int i = 0; i < 5; i++) {
         const saga_ring_hit hit = saga_ring_trace(&s, from[i], to[i]);
@@ -276,9 +262,8 @@ static void capsule_should_be_met_where_it_is(void **state)
 
 /* Seen from 0.5 m off its surface, the ball that goes is there until it goes,
  * and the cube that comes from when it comes. */
-static void things_should_come_and_go_at_once(void **state)
+TEST(things_should_come_and_go_at_once)
 {
-    (void)state;
     for (uint32_t seed = 1; seed <= 20; seed++) {
         saga_ring_plan p;
         saga_ring_state s;
@@ -333,11 +318,10 @@ static double shown(double seconds, double sum[3])
     return all;
 }
 
-static void display_should_show_a_new_picture_in_every_frame(void **state)
+TEST(display_should_show_a_new_picture_in_every_frame)
 {
     double last[3], now[3], again[3];
 
-    (void)state;
     assert_true(shown(0.0, last) > 1.0); /* it shines */
     for (int frame = 1; frame < 32; frame++) {
         shown(frame / 30.0, now);
@@ -350,11 +334,10 @@ static void display_should_show_a_new_picture_in_every_frame(void **state)
     }
 }
 
-static void seeds_should_be_scenes_of_their_own(void **state)
+TEST(seeds_should_be_scenes_of_their_own)
 {
     saga_ring_plan a, b;
 
-    (void)state;
     saga_ring_draw_plan(&a, 1);
     saga_ring_draw_plan(&b, 1);
     assert_memory_equal(&a, &b, sizeof a);
@@ -365,24 +348,4 @@ static void seeds_should_be_scenes_of_their_own(void **state)
     assert_true(fabs(a.size - b.size) > 1e-4);
     assert_true(distance(a.pole[0], b.pole[0]) > 1e-2);
     assert_true(distance(a.colour[0], b.colour[0]) > 1e-2);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(room_should_keep_its_bytes),
-        IN_FOLDER(ring_should_be_all_round_with_a_view_held_out),
-        cmocka_unit_test(ring_should_hold_out_two_of_fourteen),
-        cmocka_unit_test(ball_should_fly_freely),
-        cmocka_unit_test(ball_should_bounce),
-        cmocka_unit_test(ball_should_come_back_from_a_wall),
-        cmocka_unit_test(ball_should_leave_the_hand_and_land_where_aimed),
-        cmocka_unit_test(body_should_stand_on_the_floor_and_keep_its_bones),
-        cmocka_unit_test(capsule_should_be_met_where_it_is),
-        cmocka_unit_test(things_should_come_and_go_at_once),
-        cmocka_unit_test(display_should_show_a_new_picture_in_every_frame),
-        cmocka_unit_test(seeds_should_be_scenes_of_their_own)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,37 +5,11 @@
  * passes the encoder and comes back from the bytes, and no value lies farther
  * from its target than half a step.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "encode.h"
 #include "gen_stream.h"
 #include "quantise.h"
 #include "ref_recorder.h"
-
-#include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
-
-static void *array(size_t n, size_t size)
-{
-    void *const p = calloc(n + 1, size);
-
-    assert_non_null(p);
-    return p;
-}
+#include "testing.h"
 
 /* Targets anywhere in the cube, features within +-4. */
 typedef struct {
@@ -50,13 +24,13 @@ static void make_wanted(wanted *w, const saga_counts *n, uint32_t features,
     uint32_t i, k;
 
     for (k = 0; k < 3; k++) {
-        w->x[k] = array(4 * (size_t)count[k], sizeof(double));
+        w->x[k] = zeroed(4 * (size_t)count[k], sizeof(double));
         for (i = 0; i < 4 * count[k]; i++)
             w->x[k][i] = i % 4 == 3 ? gen_range(r, 0, 65535)
                                     : gen_range(r, -(1 << 23), 1 << 23);
     }
-    w->feature = array((size_t)n->coarse * features, sizeof(float));
-    w->decoded = array((size_t)n->coarse * features, sizeof(float));
+    w->feature = zeroed((size_t)n->coarse * features, sizeof(float));
+    w->decoded = zeroed((size_t)n->coarse * features, sizeof(float));
     for (i = 0; i < n->coarse * features; i++)
         w->feature[i] = (float)gen_range(r, -4096, 4096) / 1024;
 }
@@ -80,10 +54,10 @@ static void quantise(gen_stream *g, const saga_encoder *e, const wanted *w)
     saga_quantise_report report;
     saga_error error = { "" };
 
-    decoded.coarse_x = array(4 * (size_t)s->n.coarse, sizeof(double));
-    decoded.fine_x = array(4 * (size_t)s->n.fine, sizeof(double));
-    decoded.prim_x = array(4 * (size_t)s->n.prim, sizeof(double));
-    decoded.order = array(s->n.prim, sizeof *decoded.order);
+    decoded.coarse_x = zeroed(4 * (size_t)s->n.coarse, sizeof(double));
+    decoded.fine_x = zeroed(4 * (size_t)s->n.fine, sizeof(double));
+    decoded.prim_x = zeroed(4 * (size_t)s->n.prim, sizeof(double));
+    decoded.order = zeroed(s->n.prim, sizeof *decoded.order);
     assert_true(saga_quantise_segment(s, &report, e, &targets, &decoded,
                                       &error));
     free(decoded.coarse_x);
@@ -121,7 +95,7 @@ static void assert_same(const saga_symbols *a, const saga_symbols *b,
 
 static void check_loop(uint32_t i)
 {
-    const gen_options o = { .seed = first_seed() + i, .level = (int)(i & 1u),
+    const gen_options o = { .seed = testing_seed(1) + i, .level = (int)(i & 1u),
                             .n_coarse = 12, .picture = 1,
                             .bank = (int)(i % 3) };
     uint64_t r = i;
@@ -154,21 +128,11 @@ static void check_loop(uint32_t i)
     gen_stream_free(&g);
 }
 
-static void quantised_values_should_return_from_the_bytes(void **state)
+TEST(quantised_values_should_return_from_the_bytes)
 {
     uint32_t i;
 
-    (void)state;
-    printf("seeds from %" PRIu64 "\n", first_seed());
+    printf("seeds from %" PRIu64 "\n", testing_seed(1));
     for (i = 0; i < 60; i++)
         check_loop(i);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantised_values_should_return_from_the_bytes),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,23 +8,7 @@
 #include "encode.h"
 #include "fx.h"
 #include "gen_stream.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
+#include "testing.h"
 
 static int is_near(double x, double wanted)
 {
@@ -37,9 +21,8 @@ static int is_near(double x, double wanted)
 /* --- By hand ------------------------------------------------------------- */
 
 /* Scale 22 starts at 0, 12549, 28389, 32359, 32751 and 32767: M = 4. */
-static void residual_should_cost_its_interval(void **state)
+TEST(residual_should_cost_its_interval)
 {
-    (void)state;
     assert_true(is_near(saga_cost_residual(0, 22), 1.3847152));
     assert_true(is_near(saga_cost_residual(1, 22), 2.0487153));
     assert_true(is_near(saga_cost_residual(-1, 22), 2.0487153));
@@ -93,7 +76,7 @@ static saga_at at_symbol(uint8_t sym, uint32_t index)
     return at;
 }
 
-static void counter_should_add_up_by_kind(void **state)
+TEST(counter_should_add_up_by_kind)
 {
     static const uint8_t scale[3] = { 22, 22, 22 };
     saga_coder stub = { stub_residual, stub_adaptive, stub_uniform, 0 };
@@ -102,7 +85,6 @@ static void counter_should_add_up_by_kind(void **state)
     saga_coder *const c = &k.coder;
     int32_t q[3];
 
-    (void)state;
     saga_adaptive_init(&m, 4);
     saga_cost_init(&k, &stub);
     c->residual(c, at_symbol(SAGA_SYM_CENTRE, 0), q, NULL, 1, scale, 3);
@@ -123,7 +105,7 @@ static void counter_should_add_up_by_kind(void **state)
     assert_true(is_near(k.bits[SAGA_SYM_FEATURE], 0));
 }
 
-static void counter_should_pass_errors_on(void **state)
+TEST(counter_should_pass_errors_on)
 {
     static const uint8_t scale[1] = { 22 };
     saga_coder stub = { stub_residual, stub_adaptive, stub_uniform, 0 };
@@ -132,7 +114,6 @@ static void counter_should_pass_errors_on(void **state)
     saga_coder *const c = &k.coder;
     int32_t q;
 
-    (void)state;
     saga_adaptive_init(&m, 2);
     saga_cost_init(&k, &stub);
     c->residual(c, at_symbol(SAGA_SYM_CENTRE, 0), &q, NULL, 1, scale, 1);
@@ -211,14 +192,13 @@ static int agrees(double bits, double nbytes)
 
 /* What nobody would train: escapes everywhere. Spent to the byte, all the
  * same. */
-static void spent_should_be_the_bytes_of_random_streams(void **state)
+TEST(spent_should_be_the_bytes_of_random_streams)
 {
     uint64_t k;
 
-    (void)state;
     for (k = 0; k < 200; k++) {
         const gen_options o = {
-            .seed = first_seed() + k, .level = (int)(k % 4),
+            .seed = testing_seed(1) + k, .level = (int)(k % 4),
             .n_coarse = k % 5 ? 0 : 100, .picture = k % 8 == 7
         };
         double bits[N_CHUNKS], nbytes[N_CHUNKS];
@@ -239,14 +219,13 @@ static void spent_should_be_the_bytes_of_random_streams(void **state)
     }
 }
 
-static void segments_should_add_up(void **state)
+TEST(segments_should_add_up)
 {
-    const gen_options o = { .seed = first_seed(), .n_segments = 3 };
+    const gen_options o = { .seed = testing_seed(1), .n_segments = 3 };
     saga_encode_sizes all, one[3];
     gen_stream g;
     uint32_t i, k;
 
-    (void)state;
     gen_stream_make(&g, &o);
     all = encode(&g, 0, 3);
     for (i = 0; i < 3; i++)
@@ -348,14 +327,13 @@ static void redraw(gen_stream *g, uint64_t *r)
     draw_residuals(s->prim_offset, 4 * (size_t)s->n.prim, r, scale);
 }
 
-static void length_should_be_the_bytes_of_likely_streams(void **state)
+TEST(length_should_be_the_bytes_of_likely_streams)
 {
     uint64_t k;
 
-    (void)state;
     for (k = 0; k < 200; k++) {
         const gen_options o = {
-            .seed = first_seed() + k, .level = (int)(k % 4), .picture = 1,
+            .seed = testing_seed(1) + k, .level = (int)(k % 4), .picture = 1,
             .n_coarse = k % 5 ? 0 : 100
         };
         uint64_t r = o.seed;
@@ -379,12 +357,11 @@ static void length_should_be_the_bytes_of_likely_streams(void **state)
 
 /* --- Components ---------------------------------------------------------- */
 
-static void components_should_hold_all_kinds(void **state)
+TEST(components_should_hold_all_kinds)
 {
     double bits[SAGA_N_SYMS], sum[SAGA_N_COMPONENTS], total = 0;
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < SAGA_N_SYMS; i++)
         bits[i] = 1 << i;
     saga_cost_components(sum, bits);
@@ -399,19 +376,4 @@ static void components_should_hold_all_kinds(void **state)
                         (1 << SAGA_SYM_SPLIT) + (1 << SAGA_SYM_OCCUPANCY) +
                         (1 << SAGA_SYM_N_FINE)));
     assert_true(is_near(sum[SAGA_COMPONENT_FEATURE], 1 << SAGA_SYM_FEATURE));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(residual_should_cost_its_interval),
-        cmocka_unit_test(counter_should_add_up_by_kind),
-        cmocka_unit_test(counter_should_pass_errors_on),
-        cmocka_unit_test(spent_should_be_the_bytes_of_random_streams),
-        cmocka_unit_test(segments_should_add_up),
-        cmocka_unit_test(length_should_be_the_bytes_of_likely_streams),
-        cmocka_unit_test(components_should_hold_all_kinds)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,21 +3,13 @@
  * Which adaptive model codes which symbol: what the traversal asks for against
  * sections 8 and 10 of docs/bitstream.md, taken from the finished symbols.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "container.h"
 #include "encode.h"
 #include "gen_stream.h"
 #include "head.h"
 #include "ref_recorder.h"
 #include "saga.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { N_STREAMS = 60 };
 
@@ -45,8 +37,7 @@ static uint32_t listen(saga_coder *c, saga_at at, saga_adaptive *m,
     c->error = l->inner->error;
     if (l->n == l->cap) {
         l->cap += l->cap + 1024;
-        l->request = realloc(l->request, l->cap * sizeof *l->request);
-        assert_non_null(l->request);
+        l->request = must(realloc(l->request, l->cap * sizeof *l->request));
     }
     l->request[l->n++] = (request){ at, n_sym, m };
     return sym;
@@ -200,11 +191,10 @@ static void expect_halving(page *p, const request *q)
     expect(p, q->at.sym, model);
 }
 
-static void models_should_be_those_of_the_page(void **state)
+TEST(models_should_be_those_of_the_page)
 {
     uint32_t later = 0, i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         const gen_options o = { .seed = 100 + i, .level = 1,
                                 .n_coarse = i % 4 ? 0 : 40,
@@ -227,13 +217,4 @@ static void models_should_be_those_of_the_page(void **state)
         end(&w);
     }
     assert_true(later > 1000);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(models_should_be_those_of_the_page),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

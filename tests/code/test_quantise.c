@@ -8,16 +8,7 @@
 #include "encode.h"
 #include "gen_stream.h"
 #include "quantise.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 enum { N_MODELS = 40 };
 
@@ -163,11 +154,10 @@ static void check_model(uint64_t seed, double octaves)
 }
 
 /* Valid rows whatever the rows' ranges; int16 and int8 networks. */
-static void quantiser_should_say_what_the_decoder_has(void **state)
+TEST(quantiser_should_say_what_the_decoder_has)
 {
     uint64_t seed;
 
-    (void)state;
     for (seed = 1; seed <= N_MODELS; seed++)
         check_model(seed, seed % 2 ? 2 : 12);
 }
@@ -196,13 +186,12 @@ static void check_rounding(const layer *l, double part, double slack)
 /* Rows of one range, 64 inputs, 16 bits. sum|w| is below 64 * 0.3 < 2^5, so a
  * scale of 2^11 is valid and an LSB at most 2^-11: rounded to half a step and
  * half an LSB. Biases to half their own step. */
-static void quantiser_should_round_to_half_a_step(void **state)
+TEST(quantiser_should_round_to_half_a_step)
 {
     static layer l;
     uint64_t r = 5;
     uint32_t k;
 
-    (void)state;
     for (k = 0; k < 50; k++) {
         make_layer(&l, 64, 32, 12, 0, 0, &r);
         check_rounding(&l, 0.5001, 0x1p-12);
@@ -212,13 +201,12 @@ static void quantiser_should_round_to_half_a_step(void **state)
 /* sum|w| is below 64 * 0.3 / 2^7, so that 16 bits and the accumulator have room
  * for a scale of 2^19, which a row of q_out 7 cannot be shifted back from: its
  * steps stay what they are all the same. */
-static void quantiser_should_keep_steps_where_shifts_end(void **state)
+TEST(quantiser_should_keep_steps_where_shifts_end)
 {
     static layer l;
     uint64_t r = 7;
     uint32_t i;
 
-    (void)state;
     make_layer(&l, 64, 32, 13, 0, 0, &r);
     for (i = 0; i < 64 * 32; i++)
         l.weight[i] *= 0x1p-7f;
@@ -233,7 +221,7 @@ static void quantiser_should_keep_steps_where_shifts_end(void **state)
 
 /* Weights that are multiples of the step are kept: the symbols are the
  * multiples, and integers miss them by half an LSB. */
-static void quantiser_should_keep_what_is_rounded_already(void **state)
+TEST(quantiser_should_keep_what_is_rounded_already)
 {
     static layer l;
     static float weight[64 * 32], bias[32];
@@ -241,7 +229,6 @@ static void quantiser_should_keep_what_is_rounded_already(void **state)
     uint64_t r = 6;
     uint32_t i;
 
-    (void)state;
     make_layer(&l, 64, 32, 12, 0, 0, &r);
     l.v.step = 0.037f;
     for (i = 0; i < 64 * 32; i++)
@@ -258,7 +245,7 @@ static void quantiser_should_keep_what_is_rounded_already(void **state)
 
 /* Weights of 8 bits that are multiples of a power of two are met, up to 127 of
  * it; in a row that has more, those of twice that, its bias too. */
-static void quantiser_should_meet_8_bits(void **state)
+TEST(quantiser_should_meet_8_bits)
 {
     const double step = 0x1p-5;
     static layer l;
@@ -267,7 +254,6 @@ static void quantiser_should_meet_8_bits(void **state)
     uint64_t r = 8;
     uint32_t row, k;
 
-    (void)state;
     make_layer(&l, 64, 32, 12, 1, 0, &r);
     l.v.step = l.v.bias_step = (float)step;
     for (row = 0; row < 32; row++) {
@@ -327,25 +313,10 @@ static void check_scales(int mode)
     saga_layer_symbols_free(&s);
 }
 
-static void quantiser_should_choose_scales_as_weights_spread(void **state)
+TEST(quantiser_should_choose_scales_as_weights_spread)
 {
     int mode;
 
-    (void)state;
     for (mode = 0; mode < SAGA_N_SCALE_MODES; mode++)
         check_scales(mode);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantiser_should_say_what_the_decoder_has),
-        cmocka_unit_test(quantiser_should_round_to_half_a_step),
-        cmocka_unit_test(quantiser_should_keep_steps_where_shifts_end),
-        cmocka_unit_test(quantiser_should_keep_what_is_rounded_already),
-        cmocka_unit_test(quantiser_should_meet_8_bits),
-        cmocka_unit_test(quantiser_should_choose_scales_as_weights_spread)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

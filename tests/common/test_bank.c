@@ -4,18 +4,9 @@
  * paper's equations; and what memory_bank.h promises on every input. Bounds
  * are derived beside their names.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_scene.h"
 #include "memory_bank.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { MAX_D = SAGA_MAX_SLOT_WIDTH, MAX_L = SAGA_MAX_SLOTS, ONE = 32768 };
 
@@ -33,8 +24,7 @@ static saga_bank bank_of(uint32_t n_slots, uint32_t width)
     m.n_slots = n_slots;
     m.width = width;
     m.hidden = 8;
-    block = aligned_alloc(16, saga_bank_lay(&m, NULL));
-    assert_non_null(block);
+    block = must(aligned_alloc(16, saga_bank_lay(&m, NULL)));
     memset(block, 0xa5, saga_bank_lay(&m, NULL));
     saga_bank_lay(&m, block);
     saga_bank_start(&m);
@@ -163,18 +153,17 @@ static void check_start(uint32_t n_slots, uint32_t width)
     drop(&m);
 }
 
-static void slots_should_start_apart_and_of_unit_length(void **state)
+TEST(slots_should_start_apart_and_of_unit_length)
 {
     uint32_t i, width;
 
-    (void)state;
     for (i = 0; i < N_SLOTS; i++)
         for (width = 8; width <= MAX_D; width += 8)
             check_start(all_slots[i], width);
 }
 
 /* x^5 + x^2 + 1: powers 1, 2, 4, 8, 16, 5, 10, 20 of the generator. */
-static void first_slots_should_be_those_worked_out_by_hand(void **state)
+TEST(first_slots_should_be_those_worked_out_by_hand)
 {
     static const int sign[4][8] = {
         { 1, 1, 1, 1, 1, 1, 1, 1 },          /* 0: nothing in common */
@@ -185,7 +174,6 @@ static void first_slots_should_be_those_worked_out_by_hand(void **state)
     saga_bank m = bank_of(32, 8);
     uint32_t p, d;
 
-    (void)state;
     for (p = 0; p < 4; p++)
         for (d = 0; d < 8; d++)
             assert_int_equal(slot_of(&m, p)[d], 1448 * sign[p][d]);
@@ -247,14 +235,13 @@ static double check_read(const saga_bank *m, const int16_t *query)
     return worst / bound;
 }
 
-static void read_should_stay_within_bound_of_double(void **state)
+TEST(read_should_stay_within_bound_of_double)
 {
     gen_rng r = gen_seeded(1);
     int16_t query[MAX_D];
     double worst = 0;
     uint32_t i, k, p, d;
 
-    (void)state;
     for (i = 0; i < 200; i++) {
         saga_bank m = bank_of(all_slots[i % N_SLOTS],
                               8u * (uint32_t)gen_int(&r, 1, 8));
@@ -278,12 +265,11 @@ static void read_should_stay_within_bound_of_double(void **state)
     print_message("read: error at most %.2f of its bound\n", worst);
 }
 
-static void zero_query_should_read_the_mean_of_all_slots(void **state)
+TEST(zero_query_should_read_the_mean_of_all_slots)
 {
     static const int16_t zero[MAX_D];
     uint32_t i, p, d;
 
-    (void)state;
     for (i = 0; i < N_SLOTS; i++) {
         saga_bank m = bank_of(all_slots[i], 40);
         int16_t got[MAX_D];
@@ -301,13 +287,12 @@ static void zero_query_should_read_the_mean_of_all_slots(void **state)
 }
 
 /* Its own row scores 8 * 4 * 2 = 64, every other one 16 or more below. */
-static void query_along_a_slot_should_read_it_exactly(void **state)
+TEST(query_along_a_slot_should_read_it_exactly)
 {
     saga_bank m = bank_of(64, 64);
     int16_t query[MAX_D], got[MAX_D];
     uint32_t p, d;
 
-    (void)state;
     for (p = 0; p < 64; p++) {
         for (d = 0; d < 64; d++)
             query[d] = (int16_t)(slot_of(&m, p)[d] * 16);
@@ -317,12 +302,11 @@ static void query_along_a_slot_should_read_it_exactly(void **state)
     drop(&m);
 }
 
-static void extreme_queries_should_read_something_in_range(void **state)
+TEST(extreme_queries_should_read_something_in_range)
 {
     gen_rng r = gen_seeded(2);
     uint32_t i, k, d;
 
-    (void)state;
     for (i = 0; i < N_SLOTS; i++) {
         saga_bank m = bank_of(all_slots[i], 64);
 
@@ -342,14 +326,13 @@ static void extreme_queries_should_read_something_in_range(void **state)
 
 /* --- Mean ---------------------------------------------------------------- */
 
-static void mean_should_be_the_rounded_quotient(void **state)
+TEST(mean_should_be_the_rounded_quotient)
 {
     gen_rng r = gen_seeded(3);
     int32_t sum[MAX_D];
     int16_t got[MAX_D];
     uint32_t i, d;
 
-    (void)state;
     for (i = 0; i < 20000; i++) {
         const uint32_t count = i < 1000 ? i + 1
                              : i < 1010 ? SAGA_MAX_ROUND - (i - 1000)
@@ -430,13 +413,12 @@ static double check_update(const int16_t *slot, const int16_t *write,
     return worst / bound;
 }
 
-static void update_should_stay_within_bound_of_double(void **state)
+TEST(update_should_stay_within_bound_of_double)
 {
     gen_rng r = gen_seeded(4);
     double worst[2] = { 0, 0 };
     uint32_t i, d;
 
-    (void)state;
     for (i = 0; i < 40000; i++) {
         const uint32_t width = 8u * (uint32_t)gen_int(&r, 1, 8);
         const int32_t size = 1 << gen_int(&r, 4, 14);
@@ -467,13 +449,12 @@ static void assert_same_but_rounding(const int16_t *got, const int16_t *slot,
                     abs(slot[d]) * 1.01 * norm_bound(width) / 4096 + 0.5001);
 }
 
-static void nothing_written_should_leave_the_slot(void **state)
+TEST(nothing_written_should_leave_the_slot)
 {
     static const int16_t zero[MAX_D];
     gen_rng r = gen_seeded(5);
     uint32_t i, d;
 
-    (void)state;
     for (i = 0; i < 4000; i++) {
         const uint32_t width = 8u * (1 + i % 8);
         int16_t slot[MAX_D], write[MAX_D], got[MAX_D];
@@ -492,12 +473,11 @@ static void nothing_written_should_leave_the_slot(void **state)
 
 /* v = c s: orthogonal, nothing is left of it but rounding; plain, c = -1 and
  * an open gate leave a sum of zero, other c only a length. */
-static void parallel_writes_should_leave_the_slot(void **state)
+TEST(parallel_writes_should_leave_the_slot)
 {
     gen_rng r = gen_seeded(6);
     uint32_t i, d;
 
-    (void)state;
     for (i = 0; i < 4000; i++) {
         const uint32_t width = 8u * (1 + i % 8);
         const int32_t c = gen_int(&r, -7, 7);
@@ -519,12 +499,11 @@ static void parallel_writes_should_leave_the_slot(void **state)
     }
 }
 
-static void zero_slot_should_take_the_direction_of_the_write(void **state)
+TEST(zero_slot_should_take_the_direction_of_the_write)
 {
     gen_rng r = gen_seeded(7);
     int plain;
 
-    (void)state;
     for (plain = 0; plain < 2; plain++) {
         int16_t slot[MAX_D] = { 0 }, write[MAX_D] = { 0 };
         double v[MAX_D];
@@ -586,13 +565,12 @@ static double run_thousand(gen_rng *r, uint32_t width, int plain, int extreme)
     return worst;
 }
 
-static void thousand_updates_should_neither_grow_nor_stray(void **state)
+TEST(thousand_updates_should_neither_grow_nor_stray)
 {
     gen_rng r = gen_seeded(8);
     double worst[2] = { 0, 0 };
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < 64; i++) {
         const uint32_t width = 8u * (1 + i / 2 % 8);
         const int plain = (int)(i & 1u);
@@ -603,24 +581,4 @@ static void thousand_updates_should_neither_grow_nor_stray(void **state)
     print_message("1000 updates: angle to double at most %.2g, plain %.2g\n",
                   worst[0], worst[1]);
     assert_true(worst[0] <= 0.01 && worst[1] <= 0.01);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(slots_should_start_apart_and_of_unit_length),
-        cmocka_unit_test(first_slots_should_be_those_worked_out_by_hand),
-        cmocka_unit_test(read_should_stay_within_bound_of_double),
-        cmocka_unit_test(zero_query_should_read_the_mean_of_all_slots),
-        cmocka_unit_test(query_along_a_slot_should_read_it_exactly),
-        cmocka_unit_test(extreme_queries_should_read_something_in_range),
-        cmocka_unit_test(mean_should_be_the_rounded_quotient),
-        cmocka_unit_test(update_should_stay_within_bound_of_double),
-        cmocka_unit_test(nothing_written_should_leave_the_slot),
-        cmocka_unit_test(parallel_writes_should_leave_the_slot),
-        cmocka_unit_test(zero_slot_should_take_the_direction_of_the_write),
-        cmocka_unit_test(thousand_updates_should_neither_grow_nor_stray),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,12 +6,6 @@
  * every mu and every scale. Layers are plain 64-bit sums here; the bank's
  * operators are common/'s, which test_memory.c compares with double.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "encode.h"
 #include "fx.h"
 #include "fx_math.h"
@@ -21,19 +15,9 @@
 #include "range_dec.h"
 #include "ref_recorder.h"
 #include "syntax.h"
-
-#include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { MAX_CHANNELS = 4 + SAGA_MAX_FEATURES, MAX_D = SAGA_MAX_SLOT_WIDTH };
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 /* --- A decoding that is watched ------------------------------------------ */
 
@@ -503,19 +487,12 @@ static void check_bank(const bank *k, const watched *w)
                         2 * k->m.n_slots * k->m.width);
 }
 
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
-
 static gen_options options_of(uint32_t i)
 {
     gen_options o;
 
     memset(&o, 0, sizeof o);
-    o.seed = first_seed() + i;
+    o.seed = testing_seed(1) + i;
     o.level = (int)(i % 8 == 7 ? 3 : i & 1u);
     o.bank = 1 + (int)(i & 1u);
     o.bank_alone = 1;
@@ -524,11 +501,10 @@ static gen_options options_of(uint32_t i)
     return o;
 }
 
-static void parameters_should_be_those_of_the_page(void **state)
+TEST(parameters_should_be_those_of_the_page)
 {
     uint32_t n_reads = 0, n_writes = 0, i;
 
-    (void)state;
     for (i = 0; i < 100; i++) {
         const gen_options o = options_of(i);
         watched w;
@@ -547,15 +523,6 @@ static void parameters_should_be_those_of_the_page(void **state)
         unwatch(&w);
     }
     print_message("seeds from %" PRIu64 ": %" PRIu32 " reads, %" PRIu32
-                  " rounds\n", first_seed(), n_reads, n_writes);
+                  " rounds\n", testing_seed(1), n_reads, n_writes);
     assert_true(n_reads > 1000 && n_writes > 300);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(parameters_should_be_those_of_the_page),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,15 +4,8 @@
  * Bounds are derived, then rounded up a little: each is within a tenth of what
  * is measured.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "fx_math.h"
-
-#include <math.h>
+#include "testing.h"
 
 #define PI 3.14159265358979323846
 
@@ -73,12 +66,11 @@ static void expect_within(const char *what, double worst, double bound)
 
 /* ---- exp2 ----------------------------------------------------------- */
 
-static void exp2_frac_should_stay_within_bound_over_all_inputs(void **state)
+TEST(exp2_frac_should_stay_within_bound_over_all_inputs)
 {
     double worst = 0;
     uint32_t f;
 
-    (void)state;
     for (f = 0; f < 65536; f++) {
         const double want = exp2(f / 65536.0) * 1073741824;
 
@@ -87,11 +79,10 @@ static void exp2_frac_should_stay_within_bound_over_all_inputs(void **state)
     expect_within("exp2_frac (LSB)", worst, EXP2_FRAC_BOUND);
 }
 
-static void exp2_frac_should_rise_from_exactly_one_to_below_two(void **state)
+TEST(exp2_frac_should_rise_from_exactly_one_to_below_two)
 {
     uint32_t f, last = saga_exp2_frac_q16_q30(0);
 
-    (void)state;
     assert_int_equal(last, 1u << 30);
     for (f = 1; f < 65536; f++) {
         const uint32_t y = saga_exp2_frac_q16_q30(f);
@@ -102,12 +93,11 @@ static void exp2_frac_should_rise_from_exactly_one_to_below_two(void **state)
     assert_true(last < 1u << 31);
 }
 
-static void exp2_neg_should_stay_within_bound(void **state)
+TEST(exp2_neg_should_stay_within_bound)
 {
     double worst = 0;
     uint32_t x;
 
-    (void)state;
     for (x = 0; x < 18u << 20; x++) {
         const double want = exp2(15 - x / 1048576.0);
 
@@ -116,11 +106,10 @@ static void exp2_neg_should_stay_within_bound(void **state)
     expect_within("exp2_neg (LSB)", worst, EXP2_NEG_BOUND);
 }
 
-static void exp2_neg_should_fall_from_exactly_one_to_zero(void **state)
+TEST(exp2_neg_should_fall_from_exactly_one_to_zero)
 {
     uint32_t x, last = saga_exp2_neg_q20_q15(0);
 
-    (void)state;
     assert_int_equal(last, 32768);
     for (x = 1; x <= 16u << 20; x++) {
         const uint32_t y = saga_exp2_neg_q20_q15(x);
@@ -131,12 +120,11 @@ static void exp2_neg_should_fall_from_exactly_one_to_zero(void **state)
     assert_int_equal(last, 0);
 }
 
-static void exp2_neg_should_be_zero_from_sixteen_on(void **state)
+TEST(exp2_neg_should_be_zero_from_sixteen_on)
 {
     uint64_t seed = 1;
     int i;
 
-    (void)state;
     assert_int_equal(saga_exp2_neg_q20_q15((16u << 20) - 1), 1);
     assert_int_equal(saga_exp2_neg_q20_q15(16u << 20), 0);
     assert_int_equal(saga_exp2_neg_q20_q15(UINT32_MAX), 0);
@@ -145,11 +133,10 @@ static void exp2_neg_should_be_zero_from_sixteen_on(void **state)
             saga_exp2_neg_q20_q15(random_bits(&seed) | 16u << 20), 0);
 }
 
-static void exp2_neg_should_be_exact_at_whole_numbers(void **state)
+TEST(exp2_neg_should_be_exact_at_whole_numbers)
 {
     uint32_t n;
 
-    (void)state;
     for (n = 0; n < 16; n++)
         assert_int_equal(saga_exp2_neg_q20_q15(n << 20), 32768u >> n);
 }
@@ -161,12 +148,11 @@ static double softplus2(double x)
     return fmax(x, 0) + log1p(exp2(-fabs(x))) / log(2.0);
 }
 
-static void softplus2_should_stay_within_bound_over_all_inputs(void **state)
+TEST(softplus2_should_stay_within_bound_over_all_inputs)
 {
     double worst = 0;
     int32_t x;
 
-    (void)state;
     for (x = -(1 << 20); x <= 1 << 20; x++) {
         const double want = softplus2(x / 4096.0) * 1048576;
 
@@ -175,11 +161,10 @@ static void softplus2_should_stay_within_bound_over_all_inputs(void **state)
     expect_within("softplus2 (LSB)", worst, SOFTPLUS2_BOUND);
 }
 
-static void softplus2_should_be_monotone(void **state)
+TEST(softplus2_should_be_monotone)
 {
     int32_t x, last = 0;
 
-    (void)state;
     for (x = -(1 << 20); x <= 1 << 20; x++) {
         const int32_t y = saga_softplus2_q12_q20(x);
 
@@ -188,22 +173,20 @@ static void softplus2_should_be_monotone(void **state)
     }
 }
 
-static void softplus2_of_x_should_exceed_that_of_minus_x_by_x(void **state)
+TEST(softplus2_of_x_should_exceed_that_of_minus_x_by_x)
 {
     int32_t x;
 
-    (void)state;
     assert_int_equal(saga_softplus2_q12_q20(0), 1 << 20);
     for (x = 0; x <= 1 << 20; x++)
         assert_int_equal(
             saga_softplus2_q12_q20(x) - saga_softplus2_q12_q20(-x), x * 256);
 }
 
-static void softplus2_should_clamp_its_argument(void **state)
+TEST(softplus2_should_clamp_its_argument)
 {
     const int32_t top = 1 << 20;
 
-    (void)state;
     assert_int_equal(saga_softplus2_q12_q20(top), 1 << 28);
     assert_int_equal(saga_softplus2_q12_q20(top + 1), 1 << 28);
     assert_int_equal(saga_softplus2_q12_q20(INT32_MAX), 1 << 28);
@@ -214,12 +197,11 @@ static void softplus2_should_clamp_its_argument(void **state)
 
 /* ---- sigmoid -------------------------------------------------------- */
 
-static void sigmoid_should_stay_within_bound_over_all_inputs(void **state)
+TEST(sigmoid_should_stay_within_bound_over_all_inputs)
 {
     double worst = 0;
     int32_t x;
 
-    (void)state;
     for (x = INT16_MIN; x <= INT16_MAX; x++) {
         const double want = 32768 / (1 + exp(-x / 2048.0));
 
@@ -229,11 +211,10 @@ static void sigmoid_should_stay_within_bound_over_all_inputs(void **state)
     expect_within("sigmoid (LSB)", worst, SIGMOID_BOUND);
 }
 
-static void sigmoid_should_rise_from_zero_to_one(void **state)
+TEST(sigmoid_should_rise_from_zero_to_one)
 {
     int32_t x, last = 0;
 
-    (void)state;
     assert_int_equal(saga_sigmoid_q11_q15(INT16_MIN), 0);
     assert_int_equal(saga_sigmoid_q11_q15(INT16_MAX), 32768);
     for (x = INT16_MIN; x <= INT16_MAX; x++) {
@@ -244,11 +225,10 @@ static void sigmoid_should_rise_from_zero_to_one(void **state)
     }
 }
 
-static void sigmoid_of_x_and_of_minus_x_should_add_up_to_one(void **state)
+TEST(sigmoid_of_x_and_of_minus_x_should_add_up_to_one)
 {
     int32_t x;
 
-    (void)state;
     for (x = 0; x <= INT16_MAX; x++)
         assert_int_equal(saga_sigmoid_q11_q15((int16_t)x) +
                          saga_sigmoid_q11_q15((int16_t)-x), 32768);
@@ -256,12 +236,11 @@ static void sigmoid_of_x_and_of_minus_x_should_add_up_to_one(void **state)
 
 /* ---- sin ------------------------------------------------------------ */
 
-static void sin_should_stay_within_bound_over_all_phases(void **state)
+TEST(sin_should_stay_within_bound_over_all_phases)
 {
     double worst = 0;
     uint32_t p;
 
-    (void)state;
     for (p = 0; p < 65536; p++) {
         const double y = sin(p * (PI / 32768)) * 32768;
         const double want = fmax(-32767, fmin(32767, y));
@@ -271,11 +250,10 @@ static void sin_should_stay_within_bound_over_all_phases(void **state)
     expect_within("sin (LSB)", worst, SIN_BOUND);
 }
 
-static void sin_should_be_odd_and_symmetric(void **state)
+TEST(sin_should_be_odd_and_symmetric)
 {
     uint32_t p;
 
-    (void)state;
     for (p = 0; p < 65536; p++) {
         const int y = saga_sin_turn16_q15(p);
 
@@ -285,7 +263,7 @@ static void sin_should_be_odd_and_symmetric(void **state)
     }
 }
 
-static void sines_should_be_each_that_of_its_phase(void **state)
+TEST(sines_should_be_each_that_of_its_phase)
 {
     enum { N = 37 };
     uint16_t phase[N];
@@ -293,7 +271,6 @@ static void sines_should_be_each_that_of_its_phase(void **state)
     uint32_t p, i;
     saga_cpu cpu;
 
-    (void)state;
     for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
         for (p = 0; p < 65536; p += N) {
             for (i = 0; i < N; i++)
@@ -304,9 +281,8 @@ static void sines_should_be_each_that_of_its_phase(void **state)
         }
 }
 
-static void sin_should_be_exact_at_the_quarter_turns(void **state)
+TEST(sin_should_be_exact_at_the_quarter_turns)
 {
-    (void)state;
     assert_int_equal(saga_sin_turn16_q15(0), 0);
     assert_int_equal(saga_sin_turn16_q15(16384), 32767);
     assert_int_equal(saga_sin_turn16_q15(32768), 0);
@@ -341,13 +317,12 @@ static void worst_recip(uint32_t x, double *worst16, double *worst32)
     *worst32 = fmax(*worst32, recip32_error(x));
 }
 
-static void recip_should_stay_within_bound(void **state)
+TEST(recip_should_stay_within_bound)
 {
     double worst16 = 0, worst32 = 0;
     uint64_t seed = 1;
     uint32_t i;
 
-    (void)state;
     for (i = 1; i < 1u << 17; i++) {
         worst_recip(i, &worst16, &worst32);
         worst_recip(0u - i, &worst16, &worst32);
@@ -360,11 +335,10 @@ static void recip_should_stay_within_bound(void **state)
     expect_within("recip32 (relative)", worst32, RECIP32_BOUND);
 }
 
-static void recip_should_be_exact_at_powers_of_two(void **state)
+TEST(recip_should_be_exact_at_powers_of_two)
 {
     int n, shift;
 
-    (void)state;
     for (n = 0; n < 32; n++) {
         assert_int_equal(saga_recip16(1u << n, &shift), 1u << 16);
         assert_int_equal(shift, 16 + n);
@@ -373,23 +347,21 @@ static void recip_should_be_exact_at_powers_of_two(void **state)
     }
 }
 
-static void recip_should_reach_its_lower_end_at_the_largest_x(void **state)
+TEST(recip_should_reach_its_lower_end_at_the_largest_x)
 {
     int shift;
 
-    (void)state;
     assert_int_equal(saga_recip16(UINT32_MAX, &shift), 1u << 15);
     assert_int_equal(shift, 47);
     assert_int_equal(saga_recip32(UINT32_MAX, &shift), 1u << 30);
     assert_int_equal(shift, 62);
 }
 
-static void recip16_should_not_rise_within_an_octave(void **state)
+TEST(recip16_should_not_rise_within_an_octave)
 {
     uint32_t x, last = 1u << 16;
     int shift;
 
-    (void)state;
     for (x = 1u << 22; x < 1u << 23; x++) {
         const uint32_t m = saga_recip16(x, &shift);
 
@@ -411,14 +383,13 @@ static double rsqrt_error(uint32_t mant, int32_t exp)
     return fabs(ldexp(y.mant_q30, y.exp + half - 30) * root - 1);
 }
 
-static void rsqrt_should_stay_within_bound(void **state)
+TEST(rsqrt_should_stay_within_bound)
 {
     double worst = 0;
     uint64_t seed = 1;
     uint32_t i;
     int32_t odd;
 
-    (void)state;
     for (i = 0; i < 1u << 17; i++) {
         for (odd = 0; odd < 2; odd++) {
             worst = fmax(worst, rsqrt_error((1u << 30) + i, odd));
@@ -434,11 +405,10 @@ static void rsqrt_should_stay_within_bound(void **state)
     expect_within("rsqrt (relative)", worst, RSQRT_BOUND);
 }
 
-static void rsqrt_should_be_exact_at_powers_of_four(void **state)
+TEST(rsqrt_should_be_exact_at_powers_of_four)
 {
     int32_t h;
 
-    (void)state;
     for (h = -100; h <= 100; h++) {
         const saga_float x = { 1u << 30, 2 * h };
         const saga_float y = saga_rsqrt(x);
@@ -529,44 +499,11 @@ static uint32_t hash_rsqrt(void)
 /* The functions are part of the format: a changed bit is a new format. The
  * hashes are those of a second implementation, in Python with 50-digit tables,
  * written from docs/arithmetic.md. */
-static void every_function_should_keep_its_bits(void **state)
+TEST(every_function_should_keep_its_bits)
 {
-    (void)state;
     assert_int_equal(hash_exp2(), 0x3f19aa13u);
     assert_int_equal(hash_softplus2_sin(), 0xaf5f895bu);
     assert_int_equal(hash_sigmoid(), 0xf1a1a0c3u);
     assert_int_equal(hash_recip(), 0x112d1750u);
     assert_int_equal(hash_rsqrt(), 0x4970b6a7u);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(exp2_frac_should_stay_within_bound_over_all_inputs),
-        cmocka_unit_test(exp2_frac_should_rise_from_exactly_one_to_below_two),
-        cmocka_unit_test(exp2_neg_should_stay_within_bound),
-        cmocka_unit_test(exp2_neg_should_fall_from_exactly_one_to_zero),
-        cmocka_unit_test(exp2_neg_should_be_zero_from_sixteen_on),
-        cmocka_unit_test(exp2_neg_should_be_exact_at_whole_numbers),
-        cmocka_unit_test(softplus2_should_stay_within_bound_over_all_inputs),
-        cmocka_unit_test(softplus2_should_be_monotone),
-        cmocka_unit_test(softplus2_of_x_should_exceed_that_of_minus_x_by_x),
-        cmocka_unit_test(softplus2_should_clamp_its_argument),
-        cmocka_unit_test(sigmoid_should_stay_within_bound_over_all_inputs),
-        cmocka_unit_test(sigmoid_should_rise_from_zero_to_one),
-        cmocka_unit_test(sigmoid_of_x_and_of_minus_x_should_add_up_to_one),
-        cmocka_unit_test(sin_should_stay_within_bound_over_all_phases),
-        cmocka_unit_test(sin_should_be_odd_and_symmetric),
-        cmocka_unit_test(sin_should_be_exact_at_the_quarter_turns),
-        cmocka_unit_test(sines_should_be_each_that_of_its_phase),
-        cmocka_unit_test(recip_should_stay_within_bound),
-        cmocka_unit_test(recip_should_be_exact_at_powers_of_two),
-        cmocka_unit_test(recip_should_reach_its_lower_end_at_the_largest_x),
-        cmocka_unit_test(recip16_should_not_rise_within_an_octave),
-        cmocka_unit_test(rsqrt_should_stay_within_bound),
-        cmocka_unit_test(rsqrt_should_be_exact_at_powers_of_four),
-        cmocka_unit_test(every_function_should_keep_its_bits),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,18 +4,11 @@
  * has it, all of them sorted and the first ones taken, against interp.c, which
  * stops looking at a candidate once it is too far.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "fx.h"
 #include "fx_math.h"
 #include "gen_scene.h"
 #include "interp.h"
-
-#include <string.h>
+#include "testing.h"
 
 enum { COUNT = 20000, N = 80, UNTOUCHED = 0xa5a5 };
 
@@ -175,13 +168,12 @@ static void check_weights(const guarded *g)
     assert_int_equal(g->behind, UNTOUCHED);
 }
 
-static void neighbours_should_be_the_nearest_ones(void **state)
+TEST(neighbours_should_be_the_nearest_ones)
 {
     gen_rng r = gen_seeded(71);
     uint32_t n_full = 0, i;
     int k;
 
-    (void)state;
     for (k = 0; k < COUNT; k++) {
         candidate want[N + 1];
         uint32_t n;
@@ -201,13 +193,4 @@ static void neighbours_should_be_the_nearest_ones(void **state)
         n_full += n == c.model.tier[c.tier].neighbours;
     }
     assert_true(n_full > COUNT / 10 && n_full < COUNT);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(neighbours_should_be_the_nearest_ones),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,17 +4,9 @@
  * and with the largest rows that are valid. Buffers have their exact size, so
  * that the sanitizers see every read and write past an end.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "mlp.h"
 #include "mlp_pairs.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 #define CANARIES 16
 #define CANARY 0x5a5a
@@ -49,14 +41,6 @@ static int32_t random_in(uint64_t *seed, int32_t lo, int32_t hi)
     return (int32_t)(lo + (int64_t)(random_bits(seed) * span >> 32));
 }
 
-static void *get(size_t n, size_t size)
-{
-    void *const p = calloc(n ? n : 1, size);
-
-    assert_non_null(p);
-    return p;
-}
-
 static net net_new(uint32_t n_in, uint32_t n_out, int fits8)
 {
     const size_t pad = saga_mlp_pad(n_in);
@@ -65,15 +49,15 @@ static net net_new(uint32_t n_in, uint32_t n_out, int fits8)
     n.n_in = (uint16_t)n_in;
     n.n_out = (uint16_t)n_out;
     n.fits8 = fits8;
-    n.row = get(pad * n_out, sizeof *n.row);
-    n.w16 = get(pad * n_out, sizeof *n.w16);
-    n.w8 = get(pad * n_out, sizeof *n.w8);
-    n.bias = get(n_out, sizeof *n.bias);
-    n.shift = get(n_out, sizeof *n.shift);
-    n.x = get(POINTS * pad, sizeof *n.x);
-    n.y = get(POINTS * saga_mlp_pad(n_out) + CANARIES, sizeof *n.y);
-    n.want[0] = get(POINTS * n_out, sizeof **n.want);
-    n.want[1] = get(POINTS * n_out, sizeof **n.want);
+    n.row = zeroed(pad * n_out, sizeof *n.row);
+    n.w16 = zeroed(pad * n_out, sizeof *n.w16);
+    n.w8 = zeroed(pad * n_out, sizeof *n.w8);
+    n.bias = zeroed(n_out, sizeof *n.bias);
+    n.shift = zeroed(n_out, sizeof *n.shift);
+    n.x = zeroed(POINTS * pad, sizeof *n.x);
+    n.y = zeroed(POINTS * saga_mlp_pad(n_out) + CANARIES, sizeof *n.y);
+    n.want[0] = zeroed(POINTS * n_out, sizeof **n.want);
+    n.want[1] = zeroed(POINTS * n_out, sizeof **n.want);
     return n;
 }
 
@@ -243,7 +227,7 @@ static void check_pairs(const net *n, const void *rows, int int8)
 static void check_both_pairs(const net *n)
 {
     const size_t size = (size_t)n->n_out * saga_mlp_pad(n->n_in);
-    int8_t *const narrow = get(size, 1);
+    int8_t *const narrow = zeroed(size, 1);
     size_t i;
 
     check_pairs(n, n->row, 0);
@@ -337,16 +321,15 @@ static const uint16_t sizes_out[] = { 0, 1, 2, 3, 4, 5, 7, 8, 15, 16, 17, 24,
 #define COUNT(a) (sizeof (a) / sizeof (a)[0])
 
 /* An invariant: no two share one, none is left over. */
-static void weights_should_have_a_place_each(void **state)
+TEST(weights_should_have_a_place_each)
 {
     size_t i, j, at;
     uint32_t row, k;
 
-    (void)state;
     for (i = 0; i < COUNT(sizes_in); i++)
         for (j = 0; j < COUNT(sizes_out); j++) {
             const uint32_t n = saga_mlp_pad(sizes_in[i]);
-            uint8_t *const taken = get((size_t)n * sizes_out[j], 1);
+            uint8_t *const taken = zeroed((size_t)n * sizes_out[j], 1);
 
             for (row = 0; row < sizes_out[j]; row++)
                 for (k = 0; k < n; k++) {
@@ -358,13 +341,12 @@ static void weights_should_have_a_place_each(void **state)
         }
 }
 
-static void layer_should_match_the_reference_for_all_sizes(void **state)
+TEST(layer_should_match_the_reference_for_all_sizes)
 {
     uint64_t seed = 1;
     size_t i, j;
     int fits8;
 
-    (void)state;
     for (i = 0; i < COUNT(sizes_in); i++) {
         for (j = 0; j < COUNT(sizes_out); j++) {
             for (fits8 = 0; fits8 < 2; fits8++) {
@@ -381,13 +363,12 @@ static void layer_should_match_the_reference_for_all_sizes(void **state)
     }
 }
 
-static void layer_should_not_overflow_on_the_largest_valid_rows(void **state)
+TEST(layer_should_not_overflow_on_the_largest_valid_rows)
 {
     size_t i;
     uint32_t k;
     int fits8, pattern;
 
-    (void)state;
     for (i = 0; i < COUNT(sizes_in); i++) {
         for (fits8 = 0; fits8 < 2; fits8++) {
             net n = net_new(sizes_in[i], 50, fits8);
@@ -404,15 +385,14 @@ static void layer_should_not_overflow_on_the_largest_valid_rows(void **state)
     }
 }
 
-static void int8_should_equal_int16_on_extreme_activations(void **state)
+TEST(int8_should_equal_int16_on_extreme_activations)
 {
     net n = net_new(64, 64, 1);
     uint64_t seed = 7;
-    int16_t *const y16 = get(POINTS * 64, sizeof *y16);
+    int16_t *const y16 = zeroed(POINTS * 64, sizeof *y16);
     int trial;
     uint32_t k;
 
-    (void)state;
     fill_random(&n, &seed);
     place_weights(&n);
     for (trial = 0; trial < 40; trial++) {
@@ -429,11 +409,10 @@ static void int8_should_equal_int16_on_extreme_activations(void **state)
     net_free(&n);
 }
 
-static void layer_without_inputs_should_give_its_bias(void **state)
+TEST(layer_without_inputs_should_give_its_bias)
 {
     net n = net_new(0, 3, 1);
 
-    (void)state;
     n.bias[0] = 1 << 20;
     n.bias[1] = -(1 << 20) - 1;
     n.bias[2] = 40000;
@@ -446,11 +425,10 @@ static void layer_without_inputs_should_give_its_bias(void **state)
     net_free(&n);
 }
 
-static void halves_should_round_up(void **state)
+TEST(halves_should_round_up)
 {
     net n = net_new(0, 4, 1);
 
-    (void)state;
     n.bias[0] = 3;
     n.bias[1] = -3;
     n.bias[2] = 1;
@@ -464,12 +442,11 @@ static void halves_should_round_up(void **state)
     net_free(&n);
 }
 
-static void row_should_be_valid_up_to_exactly_the_bound(void **state)
+TEST(row_should_be_valid_up_to_exactly_the_bound)
 {
     int shift;
     int64_t sum;
 
-    (void)state;
     for (shift = 0; shift <= 24; shift++) {
         const int64_t half = shift ? (int64_t)1 << (shift - 1) : 0;
 
@@ -488,9 +465,8 @@ static void row_should_be_valid_up_to_exactly_the_bound(void **state)
     }
 }
 
-static void row_should_be_refused_whatever_the_nonsense(void **state)
+TEST(row_should_be_refused_whatever_the_nonsense)
 {
-    (void)state;
     assert_true(saga_mlp_row_is_valid(0, 0, 0));
     assert_true(saga_mlp_row_is_valid(0, INT32_MAX, 0));
     assert_true(saga_mlp_row_is_valid(0, -INT32_MAX, 0));
@@ -510,21 +486,10 @@ static void row_should_be_refused_whatever_the_nonsense(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(weights_should_have_a_place_each),
-        cmocka_unit_test(layer_should_match_the_reference_for_all_sizes),
-        cmocka_unit_test(layer_should_not_overflow_on_the_largest_valid_rows),
-        cmocka_unit_test(int8_should_equal_int16_on_extreme_activations),
-        cmocka_unit_test(layer_without_inputs_should_give_its_bias),
-        cmocka_unit_test(halves_should_round_up),
-        cmocka_unit_test(row_should_be_valid_up_to_exactly_the_bound),
-        cmocka_unit_test(row_should_be_refused_whatever_the_nonsense)
-    };
-
     int failed = 0;
 
     for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
         if (cpu != SAGA_CPU_X4)
-            failed += cmocka_run_group_tests(tests, NULL, NULL);
+            failed += testing_run();
     return failed;
 }

@@ -3,14 +3,9 @@
  * What enters a network: every value of every format in every input format,
  * one at a time against fx_requant16, between canaries.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "fx.h"
 #include "nets.h"
+#include "testing.h"
 
 enum { N = 37, AT = 3, Q_END = 25, CANARY = 0x5a5a };
 
@@ -37,23 +32,13 @@ static void one_run(int32_t first, int q, int q_in)
     assert_int_equal(vectors.in[AT + N], CANARY);
 }
 
-static void inputs_should_be_each_in_the_networks_format(void **state)
+TEST(inputs_should_be_each_in_the_networks_format)
 {
     int32_t first;
     int q, q_in;
 
-    (void)state;
     for (q = 0; q < Q_END; q++)
         for (q_in = 0; q_in < Q_END; q_in++)
             for (first = -32768; first < 32768; first += N)
                 one_run(first, q, q_in);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(inputs_should_be_each_in_the_networks_format),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -13,40 +13,11 @@
  *   what the decoder would have read anyway: a chunk has one length.
  * - A code that no encoder can have meant is refused.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_stream.h"
 #include "prob.h"
 #include "range_dec.h"
 #include "range_enc.h"
-
-#include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
-
-static int is_long(void)
-{
-    return getenv("SAGA_TEST_LONG") != NULL;
-}
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
+#include "testing.h"
 
 static uint32_t pick(uint64_t *r, uint32_t n)
 {
@@ -222,14 +193,13 @@ static void check_sequence(const op *ops, uint32_t n)
     free(p);
 }
 
-static void sequences_should_come_back(void **state)
+TEST(sequences_should_come_back)
 {
-    const uint32_t n_sequences = is_long() ? 20000 : 1000;
-    uint64_t r = first_seed();
+    const uint32_t n_sequences = testing_long() ? 20000 : 1000;
+    uint64_t r = testing_seed(1);
     op *const ops = must(calloc(400, sizeof *ops));
     uint32_t i, k;
 
-    (void)state;
     printf("seed %" PRIu64 "\n", r);
     for (k = 0; k < n_sequences; k++) {
         const uint32_t n = pick(&r, k % 2 ? 400 : 8);
@@ -242,14 +212,13 @@ static void sequences_should_come_back(void **state)
     free(ops);
 }
 
-static void sequence_without_symbols_should_be_one_byte(void **state)
+TEST(sequence_without_symbols_should_be_one_byte)
 {
     saga_range_dec d;
     uint32_t range;
     size_t n;
     uint8_t *const p = encode(NULL, 0, &n, &range);
 
-    (void)state;
     assert_int_equal(n, 1);
     assert_int_equal(p[0], 0);
     saga_range_dec_init(&d, p, n);
@@ -259,15 +228,14 @@ static void sequence_without_symbols_should_be_one_byte(void **state)
     free(p);
 }
 
-static void encoder_should_never_write_past_its_buffer(void **state)
+TEST(encoder_should_never_write_past_its_buffer)
 {
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1];
     op ops[40];
     uint32_t i, k, range;
     size_t n, cap;
 
-    (void)state;
     for (k = 0; k < 100; k++) {
         for (i = 0; i < 40; i++)
             random_op(&ops[i], &r, 15);
@@ -309,20 +277,19 @@ static int is_wanted(uint32_t scale, uint32_t m, uint32_t edge)
 {
     const uint32_t beyond = m > edge ? m - edge - 1 : 0;
 
-    return is_long() || scale == 0 || scale == SAGA_SCALE_UNIT ||
+    return testing_long() || scale == 0 || scale == SAGA_SCALE_UNIT ||
            scale == SAGA_N_SCALES - 1 || m <= edge + 40 ||
            m > SAGA_MAX_RESIDUAL - 3 || m % 251 == 0 ||
            ((beyond + 8) & (beyond + 7)) == 0 ||
            ((beyond + 9) & (beyond + 8)) == 0;
 }
 
-static void every_residual_should_come_back_at_every_scale(void **state)
+TEST(every_residual_should_come_back_at_every_scale)
 {
     enum { ALL = 2 * (SAGA_MAX_RESIDUAL + 1) };
     op *const ops = must(malloc(ALL * sizeof *ops));
     uint32_t scale, m, total = 0;
 
-    (void)state;
     for (scale = 0; scale < SAGA_N_SCALES; scale++) {
         const uint32_t edge = saga_prob_scale(scale).max;
         uint32_t n = 0;
@@ -338,12 +305,11 @@ static void every_residual_should_come_back_at_every_scale(void **state)
 }
 
 /* An escape can say more than 65535; that is an error, and no value. */
-static void residual_beyond_the_largest_should_be_refused(void **state)
+TEST(residual_beyond_the_largest_should_be_refused)
 {
     uint8_t buffer[64];
     uint32_t m;
 
-    (void)state;
     for (m = SAGA_MAX_RESIDUAL - 2; m < SAGA_MAX_RESIDUAL + 3; m++) {
         const uint8_t scale = 0;
         const saga_scale_row row = saga_prob_scale(scale);
@@ -370,12 +336,11 @@ static void residual_beyond_the_largest_should_be_refused(void **state)
 }
 
 /* Whatever the bytes: values in range, no read past the end. */
-static void noise_should_decode_to_values_in_range(void **state)
+TEST(noise_should_decode_to_values_in_range)
 {
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     uint32_t k, i;
 
-    (void)state;
     for (k = 0; k < 3000; k++) {
         saga_adaptive shared[SAGA_MAX_ADAPTIVE + 1];
         const size_t n = pick(&r, 40);
@@ -454,14 +419,13 @@ static uint32_t build_chain(op *ops, uint32_t n, int carries,
     return zeros;
 }
 
-static void carry_should_run_through_many_pending_bytes(void **state)
+TEST(carry_should_run_through_many_pending_bytes)
 {
     enum { MOST = 4000 };
     op *const ops = must(calloc(MOST, sizeof *ops));
     uint64_t longest = 0, pending;
     uint32_t n;
 
-    (void)state;
     for (n = 2; n <= MOST; n = n < 40 ? n + 1 : 2 * n - 3) {
         const uint32_t zeros = build_chain(ops, n, 1, &pending);
 
@@ -477,13 +441,12 @@ static void carry_should_run_through_many_pending_bytes(void **state)
 }
 
 /* The same with a tail, so that what lies after the carry is right too. */
-static void symbols_after_a_carry_should_come_back(void **state)
+TEST(symbols_after_a_carry_should_come_back)
 {
     op *const ops = must(calloc(300, sizeof *ops));
-    uint64_t r = first_seed(), pending;
+    uint64_t r = testing_seed(1), pending;
     uint32_t k, i;
 
-    (void)state;
     for (k = 0; k < 500; k++) {
         const uint32_t n = 2 + pick(&r, 100);
         const uint32_t tail = pick(&r, 200);
@@ -498,13 +461,12 @@ static void symbols_after_a_carry_should_come_back(void **state)
 
 /* --- The end ------------------------------------------------------------- */
 
-static void cut_chunk_should_never_pass_as_whole(void **state)
+TEST(cut_chunk_should_never_pass_as_whole)
 {
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     uint32_t k, i, range, n_cut = 0, n_noticed = 0;
     op ops[30];
 
-    (void)state;
     for (k = 0; k < 3000; k++) {
         const uint32_t n = 1 + pick(&r, 30);
         size_t nbytes, cut;
@@ -533,13 +495,12 @@ static void cut_chunk_should_never_pass_as_whole(void **state)
            n_noticed, n_cut);
 }
 
-static void chunk_with_more_bytes_should_be_refused(void **state)
+TEST(chunk_with_more_bytes_should_be_refused)
 {
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     uint32_t k, i, range;
     op ops[30];
 
-    (void)state;
     for (k = 0; k < 3000; k++) {
         const uint32_t n = 1 + pick(&r, 30);
         const size_t more = 1 + pick(&r, 12);
@@ -562,14 +523,13 @@ static void chunk_with_more_bytes_should_be_refused(void **state)
 
 /* Halving an odd range loses its last value: here 0xffffffff becomes
  * 2 * 0x7fffffff, and the code stands behind that. */
-static void code_outside_the_range_should_be_refused(void **state)
+TEST(code_outside_the_range_should_be_refused)
 {
     static const uint8_t begins[] = { 0xff, 0xff, 0xff, 0xff, 0 };
     static const uint8_t halved[] = { 0xff, 0xff, 0xff, 0xfe, 0 };
     static const uint8_t last[] = { 0xff, 0xff, 0xff, 0xfd, 0 };
     saga_range_dec d;
 
-    (void)state;
     saga_range_dec_init(&d, begins, sizeof begins);
     assert_true(d.coder.error);
     saga_range_dec_init(&d, halved, sizeof halved);
@@ -628,13 +588,12 @@ static uint32_t next_symbol(const saga_adaptive *m, uint32_t n_sym, uint32_t i,
     }
 }
 
-static void adaptive_models_should_keep_every_symbol(void **state)
+TEST(adaptive_models_should_keep_every_symbol)
 {
     const uint32_t n_updates = 1000000;
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     uint32_t n_sym, i, how = 0;
 
-    (void)state;
     for (n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym++) {
         saga_adaptive m;
 
@@ -653,11 +612,10 @@ static void adaptive_models_should_keep_every_symbol(void **state)
     }
 }
 
-static void models_of_sets_should_begin_with_every_symbol(void **state)
+TEST(models_of_sets_should_begin_with_every_symbol)
 {
     uint32_t n;
 
-    (void)state;
     for (n = 1; n < SAGA_MAX_ADAPTIVE; n++) {
         saga_adaptive m;
 
@@ -667,11 +625,10 @@ static void models_of_sets_should_begin_with_every_symbol(void **state)
     }
 }
 
-static void residual_tables_should_have_every_symbol(void **state)
+TEST(residual_tables_should_have_every_symbol)
 {
     uint32_t scale, m;
 
-    (void)state;
     for (scale = 0; scale < SAGA_N_SCALES; scale++) {
         const saga_scale_row row = saga_prob_scale(scale);
 
@@ -730,16 +687,15 @@ static int32_t draw_residual(uint32_t scale, uint64_t *r, double *bits)
 }
 
 /* The coder takes at most 0.15 % more than its integer frequencies say. */
-static void length_should_be_that_of_the_frequencies(void **state)
+TEST(length_should_be_that_of_the_frequencies)
 {
     static const uint32_t scales[] = { 15, 24, 38 };
     const uint32_t n = 1000000;
     const size_t cap = 4 * (size_t)n;
     uint8_t *const p = must(malloc(cap));
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     uint32_t i, k;
 
-    (void)state;
     for (k = 0; k < 3; k++) {
         saga_range_enc e;
         double bits = 0, coded, over;
@@ -759,15 +715,14 @@ static void length_should_be_that_of_the_frequencies(void **state)
     free(p);
 }
 
-static void length_of_adaptive_symbols_should_be_that_too(void **state)
+TEST(length_of_adaptive_symbols_should_be_that_too)
 {
     const uint32_t n = 300000;
     const size_t cap = 4 * (size_t)n;
     uint8_t *const p = must(malloc(cap));
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     uint32_t n_sym, i;
 
-    (void)state;
     for (n_sym = 2; n_sym <= SAGA_MAX_ADAPTIVE; n_sym += 5) {
         saga_range_enc e;
         saga_adaptive m;
@@ -789,28 +744,4 @@ static void length_of_adaptive_symbols_should_be_that_too(void **state)
         assert_true(coded <= 1.0015 * bits + 64);
     }
     free(p);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sequences_should_come_back),
-        cmocka_unit_test(sequence_without_symbols_should_be_one_byte),
-        cmocka_unit_test(encoder_should_never_write_past_its_buffer),
-        cmocka_unit_test(every_residual_should_come_back_at_every_scale),
-        cmocka_unit_test(residual_beyond_the_largest_should_be_refused),
-        cmocka_unit_test(noise_should_decode_to_values_in_range),
-        cmocka_unit_test(carry_should_run_through_many_pending_bytes),
-        cmocka_unit_test(symbols_after_a_carry_should_come_back),
-        cmocka_unit_test(cut_chunk_should_never_pass_as_whole),
-        cmocka_unit_test(chunk_with_more_bytes_should_be_refused),
-        cmocka_unit_test(code_outside_the_range_should_be_refused),
-        cmocka_unit_test(adaptive_models_should_keep_every_symbol),
-        cmocka_unit_test(models_of_sets_should_begin_with_every_symbol),
-        cmocka_unit_test(residual_tables_should_have_every_symbol),
-        cmocka_unit_test(length_should_be_that_of_the_frequencies),
-        cmocka_unit_test(length_of_adaptive_symbols_should_be_that_too),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,22 +5,12 @@
  * docs/arithmetic.md, which has a checksum of each table of the norm. SAGA_ROOT
  * is the repository's folder; "." without it.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "fx_math.h"
 #include "prob.h"
 #include "prob_tables.h"
 #include "saga.h"
 #include "sqrt_up.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 /* Bits per symbol above the entropy. Frequencies of 15 bits cost little: the
  * most, 0.0009, is at the widest scale, where 60 symbols have f = 1 for want of
@@ -104,11 +94,10 @@ static double overhead(row r, double sigma)
     return sum;
 }
 
-static void scale_rows_should_fill_the_table(void **state)
+TEST(scale_rows_should_fill_the_table)
 {
     int i;
 
-    (void)state;
     assert_int_equal(saga_prob_offset[0], 0);
     assert_int_equal(saga_prob_offset[SAGA_N_SCALES] * sizeof(uint16_t),
                      sizeof saga_prob_start);
@@ -118,11 +107,10 @@ static void scale_rows_should_fill_the_table(void **state)
                 <= TABLE_NBYTES_MAX);
 }
 
-static void scale_rows_should_be_distributions(void **state)
+TEST(scale_rows_should_be_distributions)
 {
     int i, m;
 
-    (void)state;
     for (i = 0; i < SAGA_N_SCALES; i++) {
         const row r = get_row(i);
 
@@ -138,11 +126,10 @@ static void scale_rows_should_be_distributions(void **state)
 }
 
 /* 2^-13 is 4 of 32768. */
-static void scales_should_leave_little_to_escape(void **state)
+TEST(scales_should_leave_little_to_escape)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < SAGA_N_SCALES; i++) {
         const row r = get_row(i);
         const double tail = erfc((r.max + 0.5) / (scale_sigma(i) * sqrt(2.0)));
@@ -152,25 +139,23 @@ static void scales_should_leave_little_to_escape(void **state)
     }
 }
 
-static void scales_should_cost_little_above_the_entropy(void **state)
+TEST(scales_should_cost_little_above_the_entropy)
 {
     double worst = 0;
     int i;
 
-    (void)state;
     for (i = 0; i < SAGA_N_SCALES; i++)
         worst = fmax(worst, overhead(get_row(i), scale_sigma(i)));
     print_message("overhead %.6f bits, bound %.6f\n", worst, OVERHEAD_BOUND);
     assert_true(worst <= OVERHEAD_BOUND);
 }
 
-static void scales_should_be_dense_enough(void **state)
+TEST(scales_should_be_dense_enough)
 {
     const double half_step = exp2(0.5 / SAGA_SCALE_PER_OCTAVE);
     double worst = 0;
     int i;
 
-    (void)state;
     for (i = 0; i < SAGA_N_SCALES; i++) {
         const double sigma = scale_sigma(i);
 
@@ -196,11 +181,10 @@ static int binomial_frequency(int n, int k)
 }
 
 /* Within one unit; a whole frequency below n = 16 exactly. */
-static void binomial_rows_should_be_binomial(void **state)
+TEST(binomial_rows_should_be_binomial)
 {
     int n, k;
 
-    (void)state;
     assert_int_equal(sizeof saga_prob_binomial, 136 * sizeof(uint16_t));
     for (n = 1; n <= 16; n++) {
         for (k = 0; k <= n; k++) {
@@ -268,9 +252,8 @@ static void check_page(const char *line, const char *end, uint32_t crc)
         check_page(line, end, crc); \
     } while (0)
 
-static void page_should_have_the_checksum_of_every_table(void **state)
+TEST(page_should_have_the_checksum_of_every_table)
 {
-    (void)state;
     read_page();
     CHECK_TABLE("\n| exp2 |", "\n| soft", saga_exp2_q30);
     CHECK_TABLE("\n| soft |", "\n| sigm", saga_softplus2_q24);
@@ -280,19 +263,4 @@ static void page_should_have_the_checksum_of_every_table(void **state)
     CHECK_TABLE("of the 2,488 starts", "They", saga_prob_start);
     CHECK_TABLE("of the 136 starts", "\n\n", saga_prob_binomial);
     CHECK_TABLE("    up[i] =", "\n", saga_sqrt_up_q12);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(scale_rows_should_fill_the_table),
-        cmocka_unit_test(scale_rows_should_be_distributions),
-        cmocka_unit_test(scales_should_leave_little_to_escape),
-        cmocka_unit_test(scales_should_cost_little_above_the_entropy),
-        cmocka_unit_test(scales_should_be_dense_enough),
-        cmocka_unit_test(binomial_rows_should_be_binomial),
-        cmocka_unit_test(page_should_have_the_checksum_of_every_table)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

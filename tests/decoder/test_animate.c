@@ -12,18 +12,9 @@
  *                  rounded to Q12 first; the fade: u to 0.51 LSB of Q16 and
  *                  log2(e) to 0.4 LSB of Q20
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "animate.h"
 #include "gen_hard.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { ROUNDS = 300000 };
 
@@ -135,7 +126,7 @@ static void check_position(const saga_animated *a, const saga_primitive *p,
     }
 }
 
-static void position_should_follow_the_cubic(void **state)
+TEST(position_should_follow_the_cubic)
 {
     gen_rng r = gen_seeded(11);
     saga_prim_format f;
@@ -143,7 +134,6 @@ static void position_should_follow_the_cubic(void **state)
     saga_animated a;
     int i, saturated = 0;
 
-    (void)state;
     for (i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
@@ -158,14 +148,13 @@ static void position_should_follow_the_cubic(void **state)
 }
 
 /* The largest of everything, both signs, at both ends of dt. */
-static void position_should_saturate_at_the_limit(void **state)
+TEST(position_should_saturate_at_the_limit)
 {
     const saga_prim_format f = { .motion_order = 3 };
     saga_primitive p;
     saga_animated a;
     int i, sign;
 
-    (void)state;
     for (sign = -1; sign <= 1; sign += 2) {
         memset(&p, 0, sizeof p);
         p.t_centre = -32768;
@@ -191,14 +180,13 @@ static void position_should_saturate_at_the_limit(void **state)
 }
 
 /* support 2^14, 1/4 of it in half a segment: 4096 age, halves upwards. */
-static void position_should_be_exact_where_it_can_be(void **state)
+TEST(position_should_be_exact_where_it_can_be)
 {
     const saga_prim_format f = { .motion_order = 1, .q_motion = { 14 } };
     saga_primitive p;
     saga_animated a;
     int32_t t;
 
-    (void)state;
     memset(&p, 0, sizeof p);
     p.t_centre = 32768;
     p.support[0] = p.support[1] = p.support[2] = 1 << 14;
@@ -242,7 +230,7 @@ static void check_quat(const saga_animated *a, const double *v)
     assert_true(n == 0 || max >= 1 << 29);
 }
 
-static void quaternion_should_be_linear_in_age(void **state)
+TEST(quaternion_should_be_linear_in_age)
 {
     gen_rng r = gen_seeded(12);
     saga_prim_format f;
@@ -251,7 +239,6 @@ static void quaternion_should_be_linear_in_age(void **state)
     double v[4];
     int i, k;
 
-    (void)state;
     for (i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
@@ -268,7 +255,7 @@ static void quaternion_should_be_linear_in_age(void **state)
     }
 }
 
-static void slope_of_zero_should_rotate_as_no_slope(void **state)
+TEST(slope_of_zero_should_rotate_as_no_slope)
 {
     gen_rng r = gen_seeded(13);
     saga_prim_format f;
@@ -276,7 +263,6 @@ static void slope_of_zero_should_rotate_as_no_slope(void **state)
     saga_animated a, b;
     int i;
 
-    (void)state;
     for (i = 0; i < ROUNDS / 10; i++) {
         const int32_t t = any_t(&r);
 
@@ -321,7 +307,7 @@ static void check_opacity(const saga_animated *a, const saga_primitive *p,
     assert_true(a->q0_q20 >= 0);
 }
 
-static void opacity_should_fade_with_the_distance_in_time(void **state)
+TEST(opacity_should_fade_with_the_distance_in_time)
 {
     gen_rng r = gen_seeded(14);
     saga_prim_format f;
@@ -329,7 +315,6 @@ static void opacity_should_fade_with_the_distance_in_time(void **state)
     saga_animated a;
     int i, visible = 0;
 
-    (void)state;
     for (i = 0; i < ROUNDS; i++) {
         const int32_t t = any_t(&r);
 
@@ -346,7 +331,7 @@ static void opacity_should_fade_with_the_distance_in_time(void **state)
 }
 
 /* Every width at distances around where it saturates. */
-static void every_width_should_fade(void **state)
+TEST(every_width_should_fade)
 {
     static const int32_t distance[] = { 0, 1, 2, 255, 256, 8191, 65535, 98303 };
     const saga_prim_format f = { .q_opacity = 12, .has_width = 1 };
@@ -355,7 +340,6 @@ static void every_width_should_fade(void **state)
     int32_t w;
     int i;
 
-    (void)state;
     memset(&p, 0, sizeof p);
     for (w = -32768; w <= 32767; w++)
         for (i = 0; i < 8; i++) {
@@ -371,13 +355,12 @@ static void every_width_should_fade(void **state)
 }
 
 /* A ratio beyond 16 fades by log2(e) 16^2 and no more. */
-static void fade_should_saturate(void **state)
+TEST(fade_should_saturate)
 {
     const saga_prim_format f = { .has_width = 1 };
     saga_primitive p;
     saga_animated a;
 
-    (void)state;
     memset(&p, 0, sizeof p);
     p.log2_width_q10 = -32768;
     p.opacity = 32767;
@@ -405,7 +388,7 @@ static void fill(void *p, size_t n, gen_rng *r)
         bytes[i] = (uint8_t)gen_u32(r);
 }
 
-static void fields_of_tools_that_are_off_should_not_be_read(void **state)
+TEST(fields_of_tools_that_are_off_should_not_be_read)
 {
     gen_rng r = gen_seeded(15);
     saga_prim_format f;
@@ -413,7 +396,6 @@ static void fields_of_tools_that_are_off_should_not_be_read(void **state)
     saga_animated a, b;
     int i, k;
 
-    (void)state;
     for (i = 0; i < ROUNDS / 3; i++) {
         const int32_t t = any_t(&r);
 
@@ -437,21 +419,4 @@ static void fields_of_tools_that_are_off_should_not_be_read(void **state)
         for (k = 0; k < 3; k++)
             assert_int_equal(a.log2_scale_q10[k], p.log2_scale_q10[k]);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(position_should_follow_the_cubic),
-        cmocka_unit_test(position_should_saturate_at_the_limit),
-        cmocka_unit_test(position_should_be_exact_where_it_can_be),
-        cmocka_unit_test(quaternion_should_be_linear_in_age),
-        cmocka_unit_test(slope_of_zero_should_rotate_as_no_slope),
-        cmocka_unit_test(opacity_should_fade_with_the_distance_in_time),
-        cmocka_unit_test(every_width_should_fade),
-        cmocka_unit_test(fade_should_saturate),
-        cmocka_unit_test(fields_of_tools_that_are_off_should_not_be_read),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,19 +3,11 @@
  * A splat into a tile: the plain loops against the norm, pixel by pixel, and
  * their twins in vectors against them, with canaries around the tile.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "blend.h"
 #include "gen_scene.h"
 #include "ref_render.h"
 #include "sqrt_up.h"
-
-#include <math.h>
-#include <string.h>
+#include "testing.h"
 
 enum { GUARD = 64, MOST = 4 * 64 * 64, COUNT = 4000, CUT = 11 << 20 };
 
@@ -162,25 +154,23 @@ static void compare(gen_rng *r, int32_t side)
                         (2 * GUARD + 4 * plane) * sizeof *got.block);
 }
 
-static void patches_should_be_those_of_the_norm(void **state)
+TEST(patches_should_be_those_of_the_norm)
 {
     static const int32_t sides[] = { 8, 8, 16, 16, 16, 16, 32, 64 };
     gen_rng r = gen_seeded(51);
     int i;
 
-    (void)state;
     for (i = 0; i < COUNT; i++)
         compare(&r, any_of(&r, sides, 8));
 }
 
 /* What a weight says of q: rounding of v and w to 2^-13, and of s,
  * for its square, to 2^-12. */
-static void steep_should_be_that_of_the_formula(void **state)
+TEST(steep_should_be_that_of_the_formula)
 {
     gen_rng r = gen_seeded(52);
     int i;
 
-    (void)state;
     for (i = 0; i < COUNT; i++) {
         const saga_splat splat = {
             .chol_q28 = { gen_int(&r, 1, MOST_FACTOR),
@@ -203,12 +193,11 @@ static void steep_should_be_that_of_the_formula(void **state)
 }
 
 /* Every entry of the table at every power, eight transmittances each. */
-static void alpha_should_be_that_of_the_norm(void **state)
+TEST(alpha_should_be_that_of_the_norm)
 {
     enum { PLANE = 64 };
     int32_t q;
 
-    (void)state;
     for (q = 0; q < CUT; q += 511) {
         saga_patch p = { .q0 = q, .reach = CUT - q, .x1 = 8, .n_rows = 1,
                          .colour_q15 = { 32768, 1, 0 } };
@@ -226,14 +215,9 @@ static void alpha_should_be_that_of_the_norm(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(patches_should_be_those_of_the_norm),
-        cmocka_unit_test(alpha_should_be_that_of_the_norm),
-        cmocka_unit_test(steep_should_be_that_of_the_formula),
-    };
     int failed = 0;
 
     for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        failed += cmocka_run_group_tests(tests, NULL, NULL);
+        failed += testing_run();
     return failed;
 }

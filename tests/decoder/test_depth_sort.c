@@ -2,17 +2,9 @@
  *
  * The order of drawing against the C library's qsort by (depth, index).
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "depth_sort.h"
 #include "gen_scene.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { MAX = 3000 };
 
@@ -56,7 +48,7 @@ static void random_keys(saga_key *keys, uint32_t n, gen_rng *r, uint32_t mask)
     }
 }
 
-static void order_should_be_that_of_depth_and_index(void **state)
+TEST(order_should_be_that_of_depth_and_index)
 {
     static const uint32_t masks[] = {
         0xffffffff, 0, 1, 0xff, 0xff00, 0xff0000, 0xff000000, 0x00ff00ff,
@@ -66,7 +58,6 @@ static void order_should_be_that_of_depth_and_index(void **state)
     saga_key keys[MAX];
     uint32_t i, k;
 
-    (void)state;
     for (i = 0; i < sizeof masks / sizeof *masks; i++)
         for (k = 0; k < 60; k++) {
             const uint32_t n = k < 30 ? k : (uint32_t)gen_int(&r, 0, MAX);
@@ -76,14 +67,13 @@ static void order_should_be_that_of_depth_and_index(void **state)
         }
 }
 
-static void few_keys_should_be_sorted(void **state)
+TEST(few_keys_should_be_sorted)
 {
     static const uint32_t depth[] = { 0, 1, 0x100, 0x7fffffff, 0x80000000,
                                       0xfffffffe, 0xffffffff };
     saga_key keys[3] = { { 0, 0 } };
     uint32_t i;
 
-    (void)state;
     check_sorted(keys, 0);
     for (i = 0; i < 7 * 7 * 7; i++) {
         keys[0] = (saga_key){ depth[i % 7], 0 };
@@ -95,11 +85,10 @@ static void few_keys_should_be_sorted(void **state)
     }
 }
 
-static void nothing_should_be_touched_without_keys(void **state)
+TEST(nothing_should_be_touched_without_keys)
 {
     saga_key key = { 5, 6 }, tmp = { 7, 8 };
 
-    (void)state;
     saga_depth_sort(&key, &tmp, 0);
     assert_int_equal(key.depth, 5);
     assert_int_equal(tmp.depth, 7);
@@ -109,13 +98,12 @@ static void nothing_should_be_touched_without_keys(void **state)
     assert_int_equal(tmp.depth, 7);
 }
 
-static void equal_depths_should_keep_their_order(void **state)
+TEST(equal_depths_should_keep_their_order)
 {
     gen_rng r = gen_seeded(2);
     saga_key keys[MAX], tmp[MAX];
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < MAX; i++) /* indices that do not rise */
         keys[i] = (saga_key){ 0x01020304u * (gen_u32(&r) & 3), MAX - i };
     saga_depth_sort(keys, tmp, MAX);
@@ -126,29 +114,15 @@ static void equal_depths_should_keep_their_order(void **state)
     }
 }
 
-static void sorted_and_reversed_keys_should_be_sorted(void **state)
+TEST(sorted_and_reversed_keys_should_be_sorted)
 {
     saga_key keys[MAX];
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < MAX; i++)
         keys[i] = (saga_key){ i * 1431655u, i };
     check_sorted(keys, MAX);
     for (i = 0; i < MAX; i++)
         keys[i].depth = 0xffffffffu - i * 1431655u;
     check_sorted(keys, MAX);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(order_should_be_that_of_depth_and_index),
-        cmocka_unit_test(few_keys_should_be_sorted),
-        cmocka_unit_test(nothing_should_be_touched_without_keys),
-        cmocka_unit_test(equal_depths_should_keep_their_order),
-        cmocka_unit_test(sorted_and_reversed_keys_should_be_sorted),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,27 +4,12 @@
  * everything the decoder makes of both is the same. And what is left of a
  * network that does not exist: three bytes of the header that nobody reads.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_stream.h"
 #include "plan.h"
+#include "testing.h"
 #include "vectors.h"
 
-#include <stdlib.h>
-#include <string.h>
-
 enum { N_STREAMS = 12, N_PIXELS = 160 * 120 };
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
 
 /* --- Streams ------------------------------------------------------------- */
 
@@ -44,14 +29,6 @@ static void make_plain(gen_stream *g, uint64_t seed)
     }
 }
 
-static void *zeros(size_t n, size_t size)
-{
-    void *const p = calloc(n, size);
-
-    assert_non_null(p);
-    return p;
-}
-
 /* A layer of zeros. */
 static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
 {
@@ -59,9 +36,9 @@ static void make_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
 
     memset(l, 0, sizeof *l);
     l->step_q16 = 1;
-    l->weight = zeros(s->dim[i] * n_out, sizeof *l->weight);
-    l->bias = zeros(n_out, sizeof *l->bias);
-    l->shift = zeros(n_out, sizeof *l->shift);
+    l->weight = zeroed(s->dim[i] * n_out, sizeof *l->weight);
+    l->bias = zeroed(n_out, sizeof *l->bias);
+    l->shift = zeroed(n_out, sizeof *l->shift);
 }
 
 /* The network of a tier: two hidden units for each feature x, max(x, 0) and
@@ -123,17 +100,16 @@ static void assert_same_stages(const saga_stages *a, const saga_stages *b)
     assert_int_equal(a->frame, b->frame);
 }
 
-static void absence_should_be_identity(void **state)
+TEST(absence_should_be_identity)
 {
     uint32_t i;
     int tier;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         gen_stream g;
         played none;
 
-        make_plain(&g, first_seed() + i);
+        make_plain(&g, testing_seed(1) + i);
         none = play(&g);
         assert_true(none.stages.frame != 0);
         /* Fine first in every other stream: each is alone once. */
@@ -150,17 +126,16 @@ static void absence_should_be_identity(void **state)
 
 /* F + 8 octaves inputs, W hidden units, F outputs (bitstream.md, section 9),
  * once for each fine anchor and each primitive. */
-static void absence_should_spare_all_work(void **state)
+TEST(absence_should_spare_all_work)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         gen_stream g;
         played none, with;
         uint64_t coarse, fine;
 
-        make_plain(&g, first_seed() + i);
+        make_plain(&g, testing_seed(1) + i);
         none = play(&g);
         add_identity(&g, SAGA_TIER_COARSE);
         add_identity(&g, SAGA_TIER_FINE);
@@ -180,17 +155,16 @@ static void absence_should_spare_all_work(void **state)
 }
 
 /* Header fields of what does not exist change nothing but the header. */
-static void formats_of_the_absent_should_be_ignored(void **state)
+TEST(formats_of_the_absent_should_be_ignored)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         gen_stream g;
         saga_model *const m = &g.header.model;
         played one, other;
 
-        make_plain(&g, first_seed() + i);
+        make_plain(&g, testing_seed(1) + i);
         one = play(&g);
         m->head_q[SAGA_HEAD_FUSE_C] = 0;
         m->head_q[SAGA_HEAD_FUSE_F] = SAGA_MAX_HEAD_Q;
@@ -205,15 +179,4 @@ static void formats_of_the_absent_should_be_ignored(void **state)
         assert_int_equal(other.info.decode_macs, one.info.decode_macs);
         gen_stream_free(&g);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(absence_should_be_identity),
-        cmocka_unit_test(absence_should_spare_all_work),
-        cmocka_unit_test(formats_of_the_absent_should_be_ignored)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

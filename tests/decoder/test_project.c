@@ -16,19 +16,10 @@
  * of pictures some 100 LSB, in needles of 1:10^4 all of the error; q, which is
  * what counts, is within 7e-4 all the same.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_hard.h"
 #include "project.h"
 #include "ref_render.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 #define CUT (11 << 20)
 enum { ROUNDS = 200000, SAMPLES = 8 };
@@ -221,14 +212,13 @@ static void print_errors(const errors *e)
                   e->mean, e->q, e->n_q);
 }
 
-static void factor_and_q_should_be_those_of_double(void **state)
+TEST(factor_and_q_should_be_those_of_double)
 {
     gen_rng r = gen_seeded(21);
     errors e = { 0, 0, 0, 0, 0, 0, 0 };
     trial t;
     int i;
 
-    (void)state;
     for (i = 0; i < ROUNDS; i++) {
         hard_trial(&t, &r, sides[i & 3], sides[i >> 2 & 3]);
         if (!t.is_visible)
@@ -250,7 +240,7 @@ static void factor_and_q_should_be_those_of_double(void **state)
 
 /* Splats of pictures: axes of 0.1 to 40 px, focal = width. The bound is then
  * 2 LSB and what the slope's rounding makes of axes seen from the side. */
-static void ordinary_splats_should_be_exact_to_the_last_bits(void **state)
+TEST(ordinary_splats_should_be_exact_to_the_last_bits)
 {
     gen_rng r = gen_seeded(22);
     errors e = { 0, 0, 0, 0, 0, 0, 0 };
@@ -258,7 +248,6 @@ static void ordinary_splats_should_be_exact_to_the_last_bits(void **state)
     trial t;
     int i, k;
 
-    (void)state;
     for (i = 0; i < ROUNDS; i++) {
         hard_trial(&t, &r, 640, 360);
         gen_any_camera(&t.cam, &r, 640, 360, 1 << 20);
@@ -331,13 +320,12 @@ static int min_true_q_is_below(const trial *t, double limit)
 }
 
 /* What is dropped breaks a rule, or touches no pixel. */
-static void splats_should_be_dropped_by_the_rules_alone(void **state)
+TEST(splats_should_be_dropped_by_the_rules_alone)
 {
     gen_rng r = gen_seeded(23);
     int i, n_rule = 0, n_far = 0, n_box = 0;
     trial t;
 
-    (void)state;
     for (i = 0; i < ROUNDS / 4; i++) {
         small_trial(&t, &r, 24);
         if (i % 4 == 0) {
@@ -380,11 +368,10 @@ static void expect(trial *t, int is_visible)
     assert_int_equal(saga_project(&t->s, &t->a, &t->cam, is_steep), is_visible);
 }
 
-static void near_plane_should_be_exact(void **state)
+TEST(near_plane_should_be_exact)
 {
     trial t;
 
-    (void)state;
     front_trial(&t);
     t.cam.near_plane = 1 << 12;
     expect(&t, 1);
@@ -408,7 +395,7 @@ static void near_plane_should_be_exact(void **state)
     expect(&t, 0);
 }
 
-static void angles_should_be_cut_at_eight(void **state)
+TEST(angles_should_be_cut_at_eight)
 {
     static const struct { int32_t x, visible; } cases[] = {
         { 8 << 12, 0 }, { (8 << 12) - 1, 1 }, { -(8 << 12), 0 },
@@ -419,7 +406,6 @@ static void angles_should_be_cut_at_eight(void **state)
     size_t i;
     int axis;
 
-    (void)state;
     for (axis = 0; axis < 2; axis++)
         for (i = 0; i < sizeof cases / sizeof *cases; i++) {
             front_trial(&t);
@@ -429,12 +415,11 @@ static void angles_should_be_cut_at_eight(void **state)
 }
 
 /* x/z = +-2, focal 2^14 px: 2^15 px from the picture's centre. */
-static void mean_should_be_cut_at_32768_px(void **state)
+TEST(mean_should_be_cut_at_32768_px)
 {
     trial t;
     int axis, sign;
 
-    (void)state;
     for (axis = 0; axis < 2; axis++)
         for (sign = -1; sign <= 1; sign += 2) {
             front_trial(&t);
@@ -449,11 +434,10 @@ static void mean_should_be_cut_at_32768_px(void **state)
         }
 }
 
-static void opacity_should_be_cut_at_eight(void **state)
+TEST(opacity_should_be_cut_at_eight)
 {
     trial t;
 
-    (void)state;
     front_trial(&t);
     t.cam.principal_q16[0] = t.cam.principal_q16[1] = 7 << 15; /* 3.5 px */
     t.a.q0_q20 = CUT;
@@ -472,7 +456,7 @@ static void opacity_should_be_cut_at_eight(void **state)
     assert_int_equal(t.s.y1, 4);
 }
 
-static void quaternion_should_count_by_direction_alone(void **state)
+TEST(quaternion_should_count_by_direction_alone)
 {
     static const int32_t quats[][4] = {
         { 1 << 30, 0, 0, 0 }, { 1, 0, 0, 0 }, { 0, 0, 0, 0 }, { -7, 0, 0, 0 }
@@ -480,7 +464,6 @@ static void quaternion_should_count_by_direction_alone(void **state)
     trial t, first;
     size_t i;
 
-    (void)state;
     front_trial(&first);
     first.a.log2_scale_q10[0] = 9 << 10;
     first.a.log2_scale_q10[1] = 7 << 10;
@@ -515,14 +498,13 @@ static void check_box(const trial *t, long *outside)
             }
 }
 
-static void box_should_lose_no_pixel(void **state)
+TEST(box_should_lose_no_pixel)
 {
     gen_rng r = gen_seeded(24);
     long outside = 0;
     trial t;
     int i;
 
-    (void)state;
     for (i = 0; i < ROUNDS / 4; i++) {
         is_steep = i & 1;
         small_trial(&t, &r, 48);
@@ -535,13 +517,12 @@ static void box_should_lose_no_pixel(void **state)
 }
 
 /* No looser than 3 % and 1.5 px, where q0 <= 9. */
-static void box_should_be_tight(void **state)
+TEST(box_should_be_tight)
 {
     gen_rng r = gen_seeded(25);
     trial t;
     int i, k, n = 0;
 
-    (void)state;
     for (i = 0; i < ROUNDS / 4; i++) {
         is_steep = i & 1;
         hard_trial(&t, &r, 4096, 4096);
@@ -605,12 +586,11 @@ static void check_limits16(saga_camera *c, uint16_t *field, int lo, int hi)
     *field = kept;
 }
 
-static void camera_should_be_refused_beyond_its_limits(void **state)
+TEST(camera_should_be_refused_beyond_its_limits)
 {
     saga_camera c;
     int i;
 
-    (void)state;
     gen_front_camera(&c, 64, 48);
     for (i = 0; i < 3; i++) {
         check_limits(&c, c.centre + i, -(1 << 29), 1 << 29);
@@ -625,7 +605,7 @@ static void camera_should_be_refused_beyond_its_limits(void **state)
     check_limits16(&c, &c.height, 1, 16384);
 }
 
-static void rows_of_the_rotation_should_be_bounded(void **state)
+TEST(rows_of_the_rotation_should_be_bounded)
 {
     static const struct { int32_t r[3]; int is_valid; } cases[] = {
         { { 0, 0, 0 }, 1 },
@@ -643,7 +623,6 @@ static void rows_of_the_rotation_should_be_bounded(void **state)
     size_t i;
     int row;
 
-    (void)state;
     for (row = 0; row < 3; row++)
         for (i = 0; i < sizeof cases / sizeof *cases; i++) {
             gen_front_camera(&c, 64, 48);
@@ -714,14 +693,13 @@ static void valid_animated(saga_animated *a, gen_rng *r, const saga_camera *c)
 
 /* With -DSAGA_CHECK and sanitizers: no shift, sum or product leaves its type.
  * The factors never exceed sqrt(k / d) = 2.686. */
-static void results_should_be_bounded_for_every_valid_input(void **state)
+TEST(results_should_be_bounded_for_every_valid_input)
 {
     const int32_t top = (int32_t)(2.6858 * 268435456);
     gen_rng r = gen_seeded(26);
     int i, n = 0;
     trial t;
 
-    (void)state;
     for (i = 0; i < ROUNDS; i++) {
         valid_camera(&t.cam, &r);
         valid_animated(&t.a, &r, &t.cam);
@@ -741,25 +719,4 @@ static void results_should_be_bounded_for_every_valid_input(void **state)
     }
     print_message("%d visible\n", n);
     assert_true(n > ROUNDS / 100);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(factor_and_q_should_be_those_of_double),
-        cmocka_unit_test(ordinary_splats_should_be_exact_to_the_last_bits),
-        cmocka_unit_test(splats_should_be_dropped_by_the_rules_alone),
-        cmocka_unit_test(near_plane_should_be_exact),
-        cmocka_unit_test(angles_should_be_cut_at_eight),
-        cmocka_unit_test(mean_should_be_cut_at_32768_px),
-        cmocka_unit_test(opacity_should_be_cut_at_eight),
-        cmocka_unit_test(quaternion_should_count_by_direction_alone),
-        cmocka_unit_test(box_should_lose_no_pixel),
-        cmocka_unit_test(box_should_be_tight),
-        cmocka_unit_test(camera_should_be_refused_beyond_its_limits),
-        cmocka_unit_test(rows_of_the_rotation_should_be_bounded),
-        cmocka_unit_test(results_should_be_bounded_for_every_valid_input),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

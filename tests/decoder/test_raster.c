@@ -6,22 +6,13 @@
  * with themselves over everything that must not show: tiles, lists, scratch,
  * budgets, division among threads.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "depth_sort.h"
 #include "gen_hard.h"
 #include "model.h"
 #include "project.h"
 #include "raster.h"
 #include "ref_render.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 #define CUT (SAGA_CUT_LOG2 << 20)
 #define CANARY 0xa5
@@ -41,10 +32,7 @@ typedef struct {
 
 static void *need(size_t nbytes)
 {
-    void *const p = malloc(nbytes ? nbytes : 1);
-
-    assert_non_null(p);
-    return p;
+    return must(malloc(nbytes ? nbytes : 1));
 }
 
 static void sort_scene(scene *s)
@@ -303,14 +291,13 @@ static void tally_pixel(tally *t, const scene *s, const ref_splat *ref, int x,
     t->wrong += value != ((uint64_t)w * 65535 + 32768) >> 16;
 }
 
-static void splat_should_touch_the_pixels_below_the_cut(void **state)
+TEST(splat_should_touch_the_pixels_below_the_cut)
 {
     tally t = { 0, 0, 0, 0, 0 };
     gen_rng r = gen_seeded(31);
     scene s;
     int i, x, y;
 
-    (void)state;
     new_scene(&s, 1, 1, 1);
     for (i = 0; i < 15000; i++) {
         const setting with = { 8 << (i & 3), 1, 0, UINT32_MAX };
@@ -358,7 +345,7 @@ static void any_splat(saga_splat *p, gen_rng *r)
         p->colour_q15[i] = (uint16_t)gen_int(r, 0, 32768);
 }
 
-static void rows_should_equal_the_direct_formula(void **state)
+TEST(rows_should_equal_the_direct_formula)
 {
     static const setting with[] = {
         { 8, 40, 0, UINT32_MAX }, { 64, 40, 0, UINT32_MAX }
@@ -368,7 +355,6 @@ static void rows_should_equal_the_direct_formula(void **state)
     scene s;
     int i;
 
-    (void)state;
     new_scene(&s, 1, 61, 61);
     for (i = 0; i < 3000; i++) {
         any_splat(s.splats, &r);
@@ -382,14 +368,13 @@ static void rows_should_equal_the_direct_formula(void **state)
 
 /* --- Scenes against the norm --------------------------------------------- */
 
-static void scenes_should_be_those_of_the_norm(void **state)
+TEST(scenes_should_be_those_of_the_norm)
 {
     gen_rng r = gen_seeded(33);
     picture want;
     scene s;
     int i;
 
-    (void)state;
     for (i = 0; i < 40; i++) {
         const int width = gen_int(&r, 1, 90), height = gen_int(&r, 1, 70);
 
@@ -404,7 +389,7 @@ static void scenes_should_be_those_of_the_norm(void **state)
     }
 }
 
-static void nothing_should_show_the_background(void **state)
+TEST(nothing_should_show_the_background)
 {
     static const uint16_t colours[][3] = {
         { 0, 1, 32768 }, { 16384, 32767, 64 }, { 32768, 32768, 32768 }
@@ -413,7 +398,6 @@ static void nothing_should_show_the_background(void **state)
     scene s;
     int i, k, bits;
 
-    (void)state;
     new_scene(&s, 0, 9, 11);
     for (bits = 8; bits <= 16; bits += 8)
         for (i = 0; i < 3; i++) {
@@ -432,13 +416,12 @@ static void nothing_should_show_the_background(void **state)
 }
 
 /* The first splat at full opacity leaves 656 of 65536 for what is behind. */
-static void opaque_splat_should_hide_what_is_behind(void **state)
+TEST(opaque_splat_should_hide_what_is_behind)
 {
     picture p;
     scene s;
     int i, k;
 
-    (void)state;
     new_scene(&s, 2, 33, 33);
     for (i = 0; i < 2; i++) {
         saga_splat *const q = s.splats + i;
@@ -463,14 +446,13 @@ static void opaque_splat_should_hide_what_is_behind(void **state)
 }
 
 /* Equal depths: the lower index is in front, wherever its splat lies. */
-static void equal_depths_should_be_drawn_by_index(void **state)
+TEST(equal_depths_should_be_drawn_by_index)
 {
     gen_rng r = gen_seeded(34);
     picture want, other;
     uint32_t i;
     scene s;
 
-    (void)state;
     even_scene(&s, &r, 600, 64, 48);
     for (i = 0; i < s.n; i++)
         s.splats[i].depth = 1000 + i % 3;
@@ -541,7 +523,7 @@ static uint32_t unstopped(const scene *s, int x, int y, int k)
     return (uint32_t)((sum * 65535 + (1 << 30)) >> 31);
 }
 
-static void stop_should_be_that_of_the_pixel(void **state)
+TEST(stop_should_be_that_of_the_pixel)
 {
     static const int32_t tiles[] = { 8, 16, 32, 64 };
     picture want;
@@ -549,7 +531,6 @@ static void stop_should_be_that_of_the_pixel(void **state)
     scene s;
     int i;
 
-    (void)state;
     half_finished_scene(&s);
     s.splats[2].q0_q20 = 0; /* what a stop of the tile would let through */
     s.splats[2].colour_q15[1] = 32768;
@@ -571,7 +552,7 @@ static void stop_should_be_that_of_the_pixel(void **state)
 }
 
 /* Long after everything is opaque: the early end of a tile may not show. */
-static void finished_tiles_should_not_change(void **state)
+TEST(finished_tiles_should_not_change)
 {
     static const setting with[] = {
         { 8, 1, 0, UINT32_MAX }, { 8, 37, 0, 100 }, { 16, 4000, 0, 7 },
@@ -582,7 +563,6 @@ static void finished_tiles_should_not_change(void **state)
     scene s;
     uint32_t i;
 
-    (void)state;
     even_scene(&s, &r, 1500, 50, 30);
     for (i = 0; i < s.n; i++) {
         s.splats[i].q0_q20 >>= 3;
@@ -602,7 +582,7 @@ static void finished_tiles_should_not_change(void **state)
 
 /* --- What must not show -------------------------------------------------- */
 
-static void picture_should_not_depend_on_the_job(void **state)
+TEST(picture_should_not_depend_on_the_job)
 {
     static const uint32_t capacity[] = { 1, 37, 4000 };
     static const size_t more[] = { 0, 1, 5000, 70001, 1 << 20 };
@@ -612,7 +592,6 @@ static void picture_should_not_depend_on_the_job(void **state)
     scene s;
     int t, c, m, b;
 
-    (void)state;
     hard_scene(&s, &r, 90, 83, 61);
     exact_picture(&want, &s, 8);
     for (t = 8; t <= 64; t *= 2)
@@ -646,7 +625,7 @@ static void draw_grid(const picture *p, const scene *s, const setting *with,
                   cut(p->height, i / cols + 1, rows));
 }
 
-static void picture_should_not_depend_on_the_division(void **state)
+TEST(picture_should_not_depend_on_the_division)
 {
     static const int grids[][2] = { { 1, 4 }, { 4, 1 }, { 1, 61 }, { 83, 1 },
                                     { 3, 5 }, { 83, 61 } };
@@ -655,7 +634,6 @@ static void picture_should_not_depend_on_the_division(void **state)
     scene s;
     int i, b, tile;
 
-    (void)state;
     hard_scene(&s, &r, 90, 83, 61);
     for (b = 0; b < N_BITS; b++) {
         exact_picture(&want, &s, all_bits[b]);
@@ -745,14 +723,13 @@ static void check_memory(const scene *s, const picture *want, gen_rng *r)
     free(got.block);
 }
 
-static void nothing_else_should_be_written(void **state)
+TEST(nothing_else_should_be_written)
 {
     gen_rng r = gen_seeded(38);
     picture want;
     scene s;
     int i;
 
-    (void)state;
     hard_scene(&s, &r, 60, 83, 61);
     for (i = 0; i < 400; i++) {
         exact_picture(&want, &s, all_bits[i % N_BITS]);
@@ -765,7 +742,7 @@ static void nothing_else_should_be_written(void **state)
 /* --- The budget ---------------------------------------------------------- */
 
 /* After every call a pixel is untouched or final. */
-static void pixels_should_be_written_when_final(void **state)
+TEST(pixels_should_be_written_when_final)
 {
     const setting with = { 8, 37, 3000, 97 };
     gen_rng r = gen_seeded(39);
@@ -775,7 +752,6 @@ static void pixels_should_be_written_when_final(void **state)
     scene s;
     int x, y, partial = 0;
 
-    (void)state;
     hard_scene(&s, &r, 60, 47, 33);
     exact_picture(&want, &s, 8);
     new_picture(&got, 47, 33, 8, 0);
@@ -797,7 +773,7 @@ static void pixels_should_be_written_when_final(void **state)
 }
 
 /* A budget of b does in a call what 1 does in at most b. */
-static void budget_should_bound_the_calls(void **state)
+TEST(budget_should_bound_the_calls)
 {
     static const uint32_t budget[] = { 2, 3, 10, 1000, 100000 };
     gen_rng r = gen_seeded(40);
@@ -806,7 +782,6 @@ static void budget_should_bound_the_calls(void **state)
     scene s;
     int i;
 
-    (void)state;
     hard_scene(&s, &r, 60, 47, 33);
     new_picture(&p, 47, 33, 8, 0);
     units = draw(&p, &s, &(setting){ 16, 37, 0, 1 });
@@ -820,7 +795,7 @@ static void budget_should_bound_the_calls(void **state)
     free_scene(&s);
 }
 
-static void finished_job_should_write_nothing(void **state)
+TEST(finished_job_should_write_nothing)
 {
     gen_rng r = gen_seeded(41);
     picture p;
@@ -828,7 +803,6 @@ static void finished_job_should_write_nothing(void **state)
     saga_job job;
     scene s;
 
-    (void)state;
     even_scene(&s, &r, 50, 20, 20);
     new_picture(&p, 20, 20, 8, 0);
     new_job(&job, &plain, 0, 0, 20, 20);
@@ -891,11 +865,10 @@ static void expect_arg(checked *c, int32_t *field, int32_t bad)
     expect_status(c, SAGA_OK);
 }
 
-static void rectangle_should_lie_in_the_picture(void **state)
+TEST(rectangle_should_lie_in_the_picture)
 {
     checked c;
 
-    (void)state;
     open_checked(&c, 8);
     expect_arg(&c, &c.job.x0, -1);
     expect_arg(&c, &c.job.x0, 20);
@@ -912,14 +885,13 @@ static void rectangle_should_lie_in_the_picture(void **state)
     close_checked(&c);
 }
 
-static void other_fields_should_be_checked(void **state)
+TEST(other_fields_should_be_checked)
 {
     static const int32_t tiles[] = { 0, -8, 1, 4, 7, 9, 24, 128, 1 << 30,
                                      INT32_MIN };
     checked c;
     size_t i;
 
-    (void)state;
     open_checked(&c, 8);
     for (i = 0; i < sizeof tiles / sizeof *tiles; i++)
         expect_arg(&c, &c.job.tile, tiles[i]);
@@ -933,13 +905,12 @@ static void other_fields_should_be_checked(void **state)
     close_checked(&c);
 }
 
-static void scratch_should_be_large_enough(void **state)
+TEST(scratch_should_be_large_enough)
 {
     static const size_t small[] = { 0, 1, 255, 256, 263, 264, 304 };
     checked c;
     size_t i, least;
 
-    (void)state;
     open_checked(&c, 8);
     least = c.job.scratch_nbytes;
     assert_int_equal(least, 8 * 8 * 16 + 5 * 8 + 264);
@@ -963,12 +934,11 @@ static void scratch_should_be_large_enough(void **state)
     close_checked(&c);
 }
 
-static void scratch_should_be_aligned(void **state)
+TEST(scratch_should_be_aligned)
 {
     checked c;
     int i;
 
-    (void)state;
     open_checked(&c, 8);
     free(c.scratch);
     c.scratch = need(c.job.scratch_nbytes + 4);
@@ -980,13 +950,12 @@ static void scratch_should_be_aligned(void **state)
 }
 
 /* Rows of 17 pixels, 28 of them. */
-static void picture_should_be_large_enough(void **state)
+TEST(picture_should_be_large_enough)
 {
     checked c;
     size_t line;
     int b;
 
-    (void)state;
     for (b = 0; b < N_BITS; b++) {
         open_checked(&c, all_bits[b]);
         line = 17 * pixel_of(all_bits[b]);
@@ -1007,11 +976,10 @@ static void picture_should_be_large_enough(void **state)
     }
 }
 
-static void stride_of_a_single_row_should_not_matter(void **state)
+TEST(stride_of_a_single_row_should_not_matter)
 {
     checked c;
 
-    (void)state;
     open_checked(&c, 8);
     c.job.y1 = 3;
     c.p.pic.stride_nbytes = 0;
@@ -1022,11 +990,10 @@ static void stride_of_a_single_row_should_not_matter(void **state)
     close_checked(&c);
 }
 
-static void samples_of_16_bits_should_be_aligned(void **state)
+TEST(samples_of_16_bits_should_be_aligned)
 {
     checked c;
 
-    (void)state;
     open_checked(&c, 16);
     expect_status(&c, SAGA_OK);
     c.p.pic.rgb = (uint8_t *)c.p.pic.rgb - 1;
@@ -1037,12 +1004,11 @@ static void samples_of_16_bits_should_be_aligned(void **state)
     close_checked(&c);
 }
 
-static void depths_should_be_aligned(void **state)
+TEST(depths_should_be_aligned)
 {
     checked c;
     int i;
 
-    (void)state;
     open_checked(&c, SAGA_DEPTH);
     for (i = 0; i <= 8; i++) {
         expect_status(&c, i & 7 ? SAGA_ERR_ALIGN : SAGA_OK);
@@ -1054,13 +1020,12 @@ static void depths_should_be_aligned(void **state)
     close_checked(&c);
 }
 
-static void samples_of_8_bits_may_lie_anywhere(void **state)
+TEST(samples_of_8_bits_may_lie_anywhere)
 {
     gen_rng r = gen_seeded(42);
     picture want, got;
     scene s;
 
-    (void)state;
     even_scene(&s, &r, 100, 31, 17);
     exact_picture(&want, &s, 8);
     new_picture(&got, 31, 17, 8, 2);
@@ -1133,7 +1098,7 @@ static void expect_close(const scene *s, const double *rgb, int bits)
     free(p.block);
 }
 
-static void picture_should_be_that_of_double(void **state)
+TEST(picture_should_be_that_of_double)
 {
     enum { N = 20000, WIDTH = 320, HEIGHT = 180 };
     saga_primitive *const p = need(N * sizeof *p);
@@ -1141,7 +1106,6 @@ static void picture_should_be_that_of_double(void **state)
     gen_rng r = gen_seeded(43);
     scene s;
 
-    (void)state;
     new_scene(&s, N, WIDTH, HEIGHT);
     gen_uniform_scene(p, N, &r, &s.cam);
     s.n = gen_splats(s.splats, NULL, p, &gen_still_format, N, &s.cam, 32768);
@@ -1188,7 +1152,7 @@ static void expect_depths(const scene *s, const double *truth)
     free(p.block);
 }
 
-static void depths_should_be_those_of_double(void **state)
+TEST(depths_should_be_those_of_double)
 {
     enum { N = 20000, WIDTH = 320, HEIGHT = 180 };
     saga_primitive *const p = need(N * sizeof *p);
@@ -1196,7 +1160,6 @@ static void depths_should_be_those_of_double(void **state)
     gen_rng r = gen_seeded(44);
     scene s;
 
-    (void)state;
     new_scene(&s, N, WIDTH, HEIGHT);
     gen_uniform_scene(p, N, &r, &s.cam);
     memset(s.cam.background_q15, 0, sizeof s.cam.background_q15);
@@ -1211,37 +1174,9 @@ static void depths_should_be_those_of_double(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(splat_should_touch_the_pixels_below_the_cut),
-        cmocka_unit_test(rows_should_equal_the_direct_formula),
-        cmocka_unit_test(scenes_should_be_those_of_the_norm),
-        cmocka_unit_test(nothing_should_show_the_background),
-        cmocka_unit_test(opaque_splat_should_hide_what_is_behind),
-        cmocka_unit_test(equal_depths_should_be_drawn_by_index),
-        cmocka_unit_test(stop_should_be_that_of_the_pixel),
-        cmocka_unit_test(finished_tiles_should_not_change),
-        cmocka_unit_test(picture_should_not_depend_on_the_job),
-        cmocka_unit_test(picture_should_not_depend_on_the_division),
-        cmocka_unit_test(nothing_else_should_be_written),
-        cmocka_unit_test(pixels_should_be_written_when_final),
-        cmocka_unit_test(budget_should_bound_the_calls),
-        cmocka_unit_test(finished_job_should_write_nothing),
-        cmocka_unit_test(rectangle_should_lie_in_the_picture),
-        cmocka_unit_test(other_fields_should_be_checked),
-        cmocka_unit_test(scratch_should_be_large_enough),
-        cmocka_unit_test(scratch_should_be_aligned),
-        cmocka_unit_test(picture_should_be_large_enough),
-        cmocka_unit_test(stride_of_a_single_row_should_not_matter),
-        cmocka_unit_test(samples_of_16_bits_should_be_aligned),
-        cmocka_unit_test(depths_should_be_aligned),
-        cmocka_unit_test(samples_of_8_bits_may_lie_anywhere),
-        cmocka_unit_test(picture_should_be_that_of_double),
-        cmocka_unit_test(depths_should_be_those_of_double),
-    };
-
     int failed = 0;
 
     for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        failed += cmocka_run_group_tests(tests, NULL, NULL);
+        failed += testing_run();
     return failed;
 }

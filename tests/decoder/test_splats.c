@@ -4,18 +4,11 @@
  * project.c, bit by bit, over primitives and cameras of every kind, with
  * canaries behind the splats.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "animate.h"
 #include "gen_hard.h"
 #include "project.h"
 #include "splats.h"
-
-#include <string.h>
+#include "testing.h"
 
 enum { COUNT = 30000, N = 8 };
 
@@ -119,13 +112,12 @@ static uint32_t compare(const saga_primitive *p, uint32_t n,
     return n_want;
 }
 
-static void runs_should_be_animate_and_project(void **state)
+TEST(runs_should_be_animate_and_project)
 {
     gen_rng r = gen_seeded(61);
     uint32_t n_splats = 0;
     int i, k;
 
-    (void)state;
     for (i = 0; i < COUNT; i++) {
         const int n = gen_one_in(&r, 8) ? gen_int(&r, 1, N) : N;
         saga_primitive p[N];
@@ -206,13 +198,12 @@ static void power_primitive(saga_primitive *p, gen_rng *r)
     }
 }
 
-static void powers_of_two_should_be_the_same(void **state)
+TEST(powers_of_two_should_be_the_same)
 {
     gen_rng r = gen_seeded(62);
     uint32_t n_splats = 0;
     int i, k;
 
-    (void)state;
     for (i = 0; i < COUNT; i++) {
         saga_primitive p[N];
         saga_prim_format f;
@@ -230,13 +221,9 @@ static void powers_of_two_should_be_the_same(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(runs_should_be_animate_and_project),
-        cmocka_unit_test(powers_of_two_should_be_the_same),
-    };
     int failed = 0;
 
     for (cpu = SAGA_CPU_PLAIN; cpu <= saga_cpu_best(); cpu++)
-        failed += cmocka_run_group_tests(tests, NULL, NULL);
+        failed += testing_run();
     return failed;
 }

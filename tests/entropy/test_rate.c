@@ -10,10 +10,7 @@
 #include "rate_choice.h"
 #include "rate_row.h"
 #include "rate_scene.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
+#include "testing.h"
 
 /* Networks that give their kinds' constants whatever enters. */
 static void begin_as_constants(rate_scene *f)
@@ -137,19 +134,17 @@ static void should_drop_everything(uint32_t tools)
     rate_scene_free(&f);
 }
 
-static void decide_should_drop_what_foretells_nothing(void **state)
+TEST(decide_should_drop_what_foretells_nothing)
 {
-    (void)state;
     should_drop_everything(0);
     should_drop_everything(SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
 }
 
-static void decide_should_keep_what_foretells(void **state)
+TEST(decide_should_keep_what_foretells)
 {
     rate_scene f;
     const saga_rate_gain *g;
 
-    (void)state;
     rate_scene_init(&f, 3);
     foretell(&f);
     decide(&f);
@@ -193,13 +188,12 @@ static void learn(rate_scene *f, int n)
 
 /* Features that follow from the place, by no source but the memory: a query
  * knows its place. */
-static void decide_should_keep_a_bank_that_learned(void **state)
+TEST(decide_should_keep_a_bank_that_learned)
 {
     const saga_rate_gain *g;
     rate_scene f;
     saga_model m;
 
-    (void)state;
     rate_scene_model(&m);
     rate_scene_bank(&m, SAGA_TOOL_BANK);
     memset(m.sources, 0, sizeof m.sources);
@@ -235,7 +229,7 @@ static void copy_reads(real *to, const rate_scene *f)
 
 /* A step of the memory sees what is coded before it and nothing else: with what
  * is decoded, all of its steps at once give what they gave one by one. */
-static void memory_should_be_causal(void **state)
+TEST(memory_should_be_causal)
 {
     double bits[SAGA_N_STEPS] = { 0 };
     real *one, *all;
@@ -243,7 +237,6 @@ static void memory_should_be_causal(void **state)
     size_t n;
     int kind;
 
-    (void)state;
     make_scene(&f, 2, SAGA_TOOL_BANK);
     n = (f.s.n.coarse + 2 * (size_t)f.s.n.fine) * f.s.model.bank_width;
     one = malloc(n * sizeof *one);
@@ -282,9 +275,7 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
     decide(&f);
     memcpy(f.r.context.keep, keep, SAGA_N_KINDS);
     n = f.s.n.coarse * (size_t)f.s.model.features;
-    feature = malloc(n * sizeof *feature);
-    assert_non_null(feature);
-    memcpy(feature, f.s.coarse_feature, n * sizeof *feature);
+    feature = copy_of(f.s.coarse_feature, n * sizeof *feature);
     {
         const saga_scene rounded = saga_rate_rounded(&f.r, &f.s);
         const saga_rate_input x = { &rounded, &f.w, feature };
@@ -310,7 +301,7 @@ static void should_code_alike(uint32_t tools, const uint8_t keep[SAGA_N_KINDS])
     rate_scene_free(&f);
 }
 
-static void choice_should_code_as_the_rate_does(void **state)
+TEST(choice_should_code_as_the_rate_does)
 {
     static const uint8_t without[SAGA_N_KINDS] = {
         SAGA_SOURCE_HYPER, SAGA_SOURCE_GROUPS, SAGA_SOURCE_PARENT
@@ -320,7 +311,6 @@ static void choice_should_code_as_the_rate_does(void **state)
         SAGA_SOURCE_BANK
     };
 
-    (void)state;
     should_code_alike(0, without);
     should_code_alike(SAGA_TOOL_BANK, without);
     should_code_alike(SAGA_TOOL_BANK, with);
@@ -329,14 +319,13 @@ static void choice_should_code_as_the_rate_does(void **state)
 /* Features a fifth of their format's unit off the middle between two steps, on
  * both sides, and means 0.4 of it off what the format can say: training rounds
  * each to what is decoded. */
-static void features_should_be_rounded_as_they_are_coded(void **state)
+TEST(features_should_be_rounded_as_they_are_coded)
 {
     rate_scene f;
     double bits[SAGA_N_STEPS] = { 0 };
     size_t n, i, wrong = 0;
     real *coded, *rounded;
 
-    (void)state;
     rate_scene_init(&f, 2);
     memset(f.r.context.keep, 0, SAGA_N_KINDS);
     f.r.decision.given = 1;
@@ -382,13 +371,12 @@ static double off(real x, double want, double least)
 
 /* In whole vectors and in what is left of one; far values and deviations of a
  * ninth to 58 steps. */
-static void rows_should_cost_what_their_values_do(void **state)
+TEST(rows_should_cost_what_their_values_do)
 {
     double bits = 0, slope = 0, v, s;
     saga_rate_row r;
     size_t n = 0, i;
 
-    (void)state;
     for (s = SAGA_RATE_LOG2_MIN; s <= SAGA_RATE_LOG2_MAX; s += 0.031)
         for (v = -40000; v < 40000; v += fabs(v) < 8 ? 0.0371
                                        : 1.73 + fabs(v) / 20) {
@@ -411,19 +399,4 @@ static void rows_should_cost_what_their_values_do(void **state)
     printf("  %.2g bits, %.2g of a derivative\n", bits, slope);
     assert_true(bits < 1.2e-4);
     assert_true(slope < 2e-4);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rows_should_cost_what_their_values_do),
-        cmocka_unit_test(decide_should_drop_what_foretells_nothing),
-        cmocka_unit_test(decide_should_keep_what_foretells),
-        cmocka_unit_test(decide_should_keep_a_bank_that_learned),
-        cmocka_unit_test(memory_should_be_causal),
-        cmocka_unit_test(choice_should_code_as_the_rate_does),
-        cmocka_unit_test(features_should_be_rounded_as_they_are_coded)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,17 +7,7 @@
 #include "cost.h"
 #include "rate_bits.h"
 #include "rate_scene.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 /* --- One residual -------------------------------------------------------- */
 
@@ -29,12 +19,11 @@ static double log2_sigma_of(int index)
 /* Where a symbol's integer frequency is at least 200, rounding moves its length
  * by at most 200.5 / 200; elsewhere frequencies of 1 are a floor and the
  * escape's codes a ceiling of what the function may say. */
-static void bits_should_be_near_the_coders(void **state)
+TEST(bits_should_be_near_the_coders)
 {
     double worst = 0;
     int index, q;
 
-    (void)state;
     for (index = 0; index < SAGA_N_SCALES; index++)
         for (q = 0; q < 3000; q = q < 300 ? q + 1 : q + 97) {
             const double want = saga_cost_residual(q, (uint32_t)index);
@@ -48,23 +37,21 @@ static void bits_should_be_near_the_coders(void **state)
     assert_true(worst < 0.025);
 }
 
-static void escapes_should_cost_at_least_what_they_do(void **state)
+TEST(escapes_should_cost_at_least_what_they_do)
 {
     uint32_t q;
 
-    (void)state;
     /* Scale 0: everything beyond 1 escapes. */
     for (q = 2; q <= SAGA_MAX_RESIDUAL; q += 1 + q / 50)
         assert_true(saga_rate_bits(q, log2_sigma_of(0)).bits >=
                     saga_cost_residual((int32_t)q, 0));
 }
 
-static void bits_should_have_their_derivatives(void **state)
+TEST(bits_should_have_their_derivatives)
 {
     const double h = 1e-6;
     double v, s;
 
-    (void)state;
     for (v = -300; v < 300; v += fabs(v) < 12 ? 0.173 : 7.1)
         for (s = SAGA_RATE_LOG2_MIN + 0.01; s < SAGA_RATE_LOG2_MAX; s += 0.57) {
             const saga_rate_cost c = saga_rate_bits(v, s);
@@ -112,7 +99,7 @@ static void check_range(rate_scene *f, const char *what, real *x, const real *g,
     saga_error error = { "" };
     const double h = 1e-6, unit = fmin(1, rms(g, n));
     saga_scene probe;
-    const size_t every = getenv("SAGA_TEST_SANITIZED") ? 7 : 1;
+    const size_t every = testing_sanitized() ? 7 : 1;
     size_t i, wrong = 0, alive = 0;
 
     assert_true(saga_scene_init(&probe, &f->s.model, f->s.n, 1, 0, &error));
@@ -173,12 +160,8 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     n_support = 4 * (size_t)f.s.n.fine;
     n_params = saga_rate_n_params(&f.s);
     loss(&f, &f.d);
-    d_fine = malloc(n_fine * sizeof *d_fine);
-    assert_non_null(d_fine);
-    memcpy(d_fine, f.w.d_fine_feature, n_fine * sizeof *d_fine);
-    d_support = malloc(n_support * sizeof *d_support);
-    assert_non_null(d_support);
-    memcpy(d_support, f.w.d_log2_support, n_support * sizeof *d_support);
+    d_fine = copy_of(f.w.d_fine_feature, n_fine * sizeof *d_fine);
+    d_support = copy_of(f.w.d_log2_support, n_support * sizeof *d_support);
     check_range(&f, "primitive positions", f.s.prim_x, f.d.prim_x,
                 4 * (size_t)f.s.n.prim);
     check_supports(&f, d_support);
@@ -195,37 +178,32 @@ static void check_gradients(uint8_t keep, uint32_t tools)
     rate_scene_free(&f);
 }
 
-static void rate_gradients_should_match_differences(void **state)
+TEST(rate_gradients_should_match_differences)
 {
-    (void)state;
     check_gradients(SAGA_SOURCE_HYPER | SAGA_SOURCE_PARENT |
                     SAGA_SOURCE_GROUPS, 0);
     check_gradients(SAGA_SOURCE_PARENT | SAGA_SOURCE_GROUPS, 0);
 }
 
 /* Through the memory and all of its steps, whichever update. */
-static void memory_gradients_should_match_differences(void **state)
+TEST(memory_gradients_should_match_differences)
 {
-    (void)state;
     check_gradients(SAGA_SOURCES_KNOWN, SAGA_TOOL_BANK);
     check_gradients(SAGA_SOURCE_BANK,
                     SAGA_TOOL_BANK | SAGA_TOOL_PLAIN_WRITE);
 }
 
 /* The quarters of the blocks together are all of them. */
-static void subsets_should_add_up(void **state)
+TEST(subsets_should_add_up)
 {
     rate_scene f;
     double all, sum = 0;
     real *whole;
     size_t i;
 
-    (void)state;
     rate_scene_init(&f, 1);
     all = loss(&f, &f.d);
-    whole = malloc(f.d.n_reals * sizeof *whole);
-    assert_non_null(whole);
-    memcpy(whole, f.d.reals, f.d.n_reals * sizeof *whole);
+    whole = copy_of(f.d.reals, f.d.n_reals * sizeof *whole);
     memset(f.d.reals, 0, f.d.n_reals * sizeof *f.d.reals);
     f.o.every = 4;
     for (f.o.first = 0; f.o.first < 4; f.o.first++)
@@ -236,18 +214,4 @@ static void subsets_should_add_up(void **state)
                     1e-9 * (1 + fabs(whole[i])));
     free(whole);
     rate_scene_free(&f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bits_should_be_near_the_coders),
-        cmocka_unit_test(escapes_should_cost_at_least_what_they_do),
-        cmocka_unit_test(bits_should_have_their_derivatives),
-        cmocka_unit_test(rate_gradients_should_match_differences),
-        cmocka_unit_test(memory_gradients_should_match_differences),
-        cmocka_unit_test(subsets_should_add_up)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

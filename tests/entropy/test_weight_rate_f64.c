@@ -7,18 +7,9 @@
 #include "cost.h"
 #include "quantise.h"
 #include "rng.h"
+#include "testing.h"
 #include "weight_rate.h"
 #include "weight_round.h"
-
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 /* --- A scene's networks -------------------------------------------------- */
 
@@ -80,14 +71,13 @@ static void begin(fixture *f)
     spread(f);
 }
 
-static void list_should_hold_every_parameter_once(void **state)
+TEST(list_should_hold_every_parameter_once)
 {
     static fixture f;
     int seen[N_PARAMS] = { 0 };
     size_t i;
     int t;
 
-    (void)state;
     begin(&f);
     assert_int_equal(f.w.n, 8);
     for (t = 0; t < f.w.n; t++)
@@ -104,12 +94,11 @@ static void list_should_hold_every_parameter_once(void **state)
 
 /* A 64th of the root mean square; of biases that are 0, or small, their
  * layer's. */
-static void steps_should_begin_fine(void **state)
+TEST(steps_should_begin_fine)
 {
     static fixture f;
     size_t i;
 
-    (void)state;
     begin(&f);
     for (i = 0; i < N_PARAMS; i++)
         f.x[i] = i % 2 ? 2 : -2;
@@ -131,14 +120,13 @@ static void steps_should_begin_fine(void **state)
 
 /* Uniform in +-noise step / 2, so of variance (noise step)^2 / 12; nothing in
  * tensors that are rounded. */
-static void noise_should_have_the_size_of_the_step(void **state)
+TEST(noise_should_have_the_size_of_the_step)
 {
     static fixture f;
     double square[8] = { 0 };
     size_t i;
     int k, t;
 
-    (void)state;
     begin(&f);
     for (k = 0; k < 2000; k++) {
         saga_weights_noise(f.y, f.x, &f.w, 2, 0.5, (uint64_t)k);
@@ -159,11 +147,10 @@ static void noise_should_have_the_size_of_the_step(void **state)
 
 /* The file can say powers of two for biases, any step for weights; of weights
  * of 8 bits, powers of two alone are met. */
-static void steps_should_be_powers_of_two_where_others_are_missed(void **state)
+TEST(steps_should_be_powers_of_two_where_others_are_missed)
 {
     static fixture f;
 
-    (void)state;
     begin(&f);
     f.w.log2_step[0] = f.w.log2_step[1] = -3.4;
     f.w.log2_step[3] = -3.5;
@@ -196,7 +183,7 @@ static int is_close(double a, double b)
     return fabs(a - b) <= 1e-6 * (1 + fabs(a) + fabs(b));
 }
 
-static void rate_should_have_the_gradient_of_its_differences(void **state)
+TEST(rate_should_have_the_gradient_of_its_differences)
 {
     static fixture f;
     static double at[N_PARAMS];
@@ -205,7 +192,6 @@ static void rate_should_have_the_gradient_of_its_differences(void **state)
     size_t i;
     int t;
 
-    (void)state;
     begin(&f);
     memcpy(at, f.x, sizeof at);
     memcpy(f.dx, f.c, sizeof f.dx);
@@ -283,13 +269,12 @@ static void begin_layer(layer *l, int mode)
 /* Normal values of 2.5 steps: bits of the rounded ones are what the integer
  * tables' nearest scale takes. Scales stand 1/7 octave apart, frequencies have
  * 15 bits; 0.5 % is issue 3's bound. */
-static void rate_should_be_what_the_integers_take(void **state)
+TEST(rate_should_be_what_the_integers_take)
 {
     static layer l;
     double bits = 0;
     size_t i;
 
-    (void)state;
     begin_layer(&l, SAGA_SCALE_TENSOR);
     for (i = 0; i < ROWS * COLS; i++)
         bits += saga_cost_residual((int32_t)(16 * l.y[i]), SAGA_SCALE_UNIT + 9);
@@ -301,14 +286,13 @@ static void rate_should_be_what_the_integers_take(void **state)
  * of lines stand 4/7 octave apart: a deviation that is off by a factor e^d
  * takes d^2 nats more, 0.019 bits on average over d = +-(2/7) ln 2, 1 % of the
  * 2 bits of a weight here. */
-static void rate_should_be_that_of_scales_by_line(void **state)
+TEST(rate_should_be_that_of_scales_by_line)
 {
     static layer l;
     static real y[ROWS * COLS];
     size_t i;
     int mode;
 
-    (void)state;
     for (mode = SAGA_SCALE_ROW; mode < SAGA_N_SCALE_MODES; mode++) {
         const double side = SAGA_QUANTISE_LINE_BITS *
                             (mode == SAGA_SCALE_ROW ? ROWS : COLS);
@@ -411,12 +395,11 @@ static void round_both(double *plain, double *ours, const double *x)
 }
 
 /* Inputs of three dimensions: an error has nine directions to hide in. */
-static void rounding_should_hide_errors_where_no_input_goes(void **state)
+TEST(rounding_should_hide_errors_where_no_input_goes)
 {
     static double x[POINTS * IN];
     double plain, ours;
 
-    (void)state;
     make_inputs(x, 3);
     round_both(&plain, &ours, x);
     print_message("  3 of 12 dimensions: %.2g instead of %.2g\n", ours, plain);
@@ -430,14 +413,13 @@ static void rounding_should_hide_errors_where_no_input_goes(void **state)
 
 /* Orthogonal inputs, the constant of the bias among them (a Hadamard matrix'
  * columns): no error can make up for another, so nothing but rounding. */
-static void rounding_should_be_plain_for_orthogonal_inputs(void **state)
+TEST(rounding_should_be_plain_for_orthogonal_inputs)
 {
     saga_error error = { "" };
     double x[16 * IN], w[IN * OUT], b[OUT], w0[IN * OUT], b0[OUT];
     const saga_weight_round_input in = { x, 16, IN, IN, OUT, 0.25, 0.125, 0 };
     size_t p, c;
 
-    (void)state;
     for (p = 0; p < 16; p++)
         for (c = 0; c < IN; c++) {
             const size_t common = p & (c + 1);
@@ -459,7 +441,7 @@ static void rounding_should_be_plain_for_orthogonal_inputs(void **state)
 /* Inputs that are all alike add to the bias: the bias, rounded last, takes over
  * the errors of all weights and leaves its own, half its step at most. Damping
  * moves a thousandth of their sum elsewhere. */
-static void rounding_should_end_with_the_bias(void **state)
+TEST(rounding_should_end_with_the_bias)
 {
     saga_error error = { "" };
     static double x[POINTS * IN];
@@ -469,7 +451,6 @@ static void rounding_should_end_with_the_bias(void **state)
     };
     size_t o, c, i;
 
-    (void)state;
     for (i = 0; i < POINTS * IN; i++)
         x[i] = 1;
     make_weights(w, b);
@@ -498,7 +479,7 @@ static int is_multiple(const double *w, double b, double times)
 
 /* A row with a weight of 100 steps where 30 are the most has steps four times
  * as large, its bias too; the others keep theirs. */
-static void rounding_should_double_the_steps_of_large_rows(void **state)
+TEST(rounding_should_double_the_steps_of_large_rows)
 {
     saga_error error = { "" };
     static double x[POINTS * IN];
@@ -509,7 +490,6 @@ static void rounding_should_double_the_steps_of_large_rows(void **state)
     saga_weight_round_input limited = all;
     size_t c, o;
 
-    (void)state;
     make_inputs(x, 3);
     make_weights(w0, b0);
     w0[IN + 5] = 25;
@@ -526,23 +506,4 @@ static void rounding_should_double_the_steps_of_large_rows(void **state)
     }
     assert_false(is_multiple(w + IN, b[1], 4));
     assert_true(is_multiple(w0 + IN, b0[1], 4));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(list_should_hold_every_parameter_once),
-        cmocka_unit_test(steps_should_begin_fine),
-        cmocka_unit_test(noise_should_have_the_size_of_the_step),
-        cmocka_unit_test(steps_should_be_powers_of_two_where_others_are_missed),
-        cmocka_unit_test(rate_should_have_the_gradient_of_its_differences),
-        cmocka_unit_test(rate_should_be_what_the_integers_take),
-        cmocka_unit_test(rate_should_be_that_of_scales_by_line),
-        cmocka_unit_test(rounding_should_hide_errors_where_no_input_goes),
-        cmocka_unit_test(rounding_should_be_plain_for_orthogonal_inputs),
-        cmocka_unit_test(rounding_should_end_with_the_bias),
-        cmocka_unit_test(rounding_should_double_the_steps_of_large_rows)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,22 +4,13 @@
  * decoder's integers by the definitions of the formats, files read again,
  * harmonics against what makes them a basis.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "cloud_capture.h"
 #include "cloud_files.h"
 #include "file.h"
 #include "film_cloud.h"
 #include "model.h"
+#include "testing.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 static saga_error error;
@@ -36,11 +27,10 @@ static void near(double value, double wanted, double within)
  * degree 6 is integrated to 1e-4. */
 enum { SLICES = 400, STEPS = 16 };
 
-static void harmonics_should_be_orthonormal(void **state)
+TEST(harmonics_should_be_orthonormal)
 {
     double sum[SAGA_MAX_HARMONICS][SAGA_MAX_HARMONICS] = { { 0 } };
 
-    (void)state;
     for (int i = 0; i < SLICES; i++)
         for (int j = 0; j < STEPS; j++) {
             const double z = (2.0 * i + 1) / SLICES - 1, r = sqrt(1 - z * z);
@@ -58,13 +48,12 @@ static void harmonics_should_be_orthonormal(void **state)
             near(sum[k][l], k == l, 2e-4);
 }
 
-static void turned_harmonics_should_see_the_turned_direction(void **state)
+TEST(turned_harmonics_should_see_the_turned_direction)
 {
     static const int axes[2] = { 0, 2 };
     const double d[3] = { 0.36, 0.48, -0.8 };
     double y[SAGA_MAX_HARMONICS], z[SAGA_MAX_HARMONICS];
 
-    (void)state;
     saga_harmonics(y, d);
     for (int i = 0; i < 2; i++) {
         double e[3];
@@ -183,9 +172,8 @@ static void check_cloud(const char *name)
     saga_bytes_free(&bytes);
 }
 
-static void cloud_should_be_the_primitives_of_a_frame(void **state)
+TEST(cloud_should_be_the_primitives_of_a_frame)
 {
-    (void)state;
     check_cloud("vectors/good/motion.saga");
     check_cloud("vectors/good/steep.saga");
 }
@@ -210,12 +198,11 @@ static void make_cloud(saga_cloud *cloud, size_t n, int degree)
     }
 }
 
-static void ply_should_come_back(void **state)
+TEST(ply_should_come_back)
 {
     char name[] = "/tmp/saga_test_cloud_XXXXXX";
     const int fd = mkstemp(name);
 
-    (void)state;
     assert_true(fd >= 0);
     close(fd);
     for (int degree = 0; degree <= SAGA_MAX_DEGREE; degree++) {
@@ -239,12 +226,11 @@ static void ply_should_come_back(void **state)
     unlink(name);
 }
 
-static void far_off_splats_should_not_move_the_scene(void **state)
+TEST(far_off_splats_should_not_move_the_scene)
 {
     double centre[3], radius, again[3], same;
     saga_cloud cloud;
 
-    (void)state;
     make_cloud(&cloud, 200, 0);
     assert_true(saga_cloud_extent(centre, &radius, &cloud, &error));
     assert_true(radius > 0.5 && radius < 2);
@@ -255,17 +241,4 @@ static void far_off_splats_should_not_move_the_scene(void **state)
     for (int k = 0; k < 3; k++)
         near(again[k], centre[k], 0.1);
     saga_cloud_free(&cloud);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(harmonics_should_be_orthonormal),
-        cmocka_unit_test(turned_harmonics_should_see_the_turned_direction),
-        cmocka_unit_test(cloud_should_be_the_primitives_of_a_frame),
-        cmocka_unit_test(ply_should_come_back),
-        cmocka_unit_test(far_off_splats_should_not_move_the_scene)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

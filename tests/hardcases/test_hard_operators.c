@@ -4,19 +4,10 @@
  * the slots of the bank, where logits are equal or as far apart as they can be,
  * and slots that are parallel, opposite or zero. README.md here has the table.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_scene.h"
 #include "interp.h"
 #include "memory_bank.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 /* --- Neighbours ---------------------------------------------------------- */
 
@@ -66,12 +57,11 @@ static double feature_of(const crowd *c, uint32_t rank, int i)
 /* All at one place: the first K by rank, but that the parent takes the place of
  * the last one, and 1/K of each. Where K is a power of two that is exact, and
  * so is the mean, halves upwards; else a weight is half a unit of 2^-14 off. */
-static void equal_logits_should_give_the_mean(void **state)
+TEST(equal_logits_should_give_the_mean)
 {
     gen_rng r = gen_seeded(61);
     int k, i;
 
-    (void)state;
     for (k = 1; k <= SAGA_MAX_NEIGHBOURS; k++) {
         const int is_exact = (k & (k - 1)) == 0;
         int16_t out[N_FEATURES];
@@ -102,12 +92,11 @@ static void equal_logits_should_give_the_mean(void **state)
 
 /* The steepest softmax halves with every 16/4096 of a distance, so 257/4096
  * away there is nothing left: the nearest alone counts, to the bit. */
-static void steepest_logits_should_give_the_nearest(void **state)
+TEST(steepest_logits_should_give_the_nearest)
 {
     gen_rng r = gen_seeded(62);
     int nearest, i;
 
-    (void)state;
     for (nearest = 0; nearest < N_ANCHORS; nearest++) {
         int16_t out[N_FEATURES];
         saga_neighbours nb;
@@ -149,13 +138,12 @@ static double distance(const crowd *c, uint32_t rank)
 /* Anywhere in the cube, cells of any depth, from the flattest softmax to the
  * steepest: weights of double, by the distances that the integers found, which
  * are those of double within what a reciprocal of 16 bits loses. */
-static void any_logits_should_be_those_of_double(void **state)
+TEST(any_logits_should_be_those_of_double)
 {
     static const int softmax[] = { 1, 739, 8000, 65535 };
     gen_rng r = gen_seeded(63);
     int round, i, k;
 
-    (void)state;
     for (round = 0; round < 400; round++) {
         double e[SAGA_MAX_NEIGHBOURS], sum = 0;
         saga_neighbours nb;
@@ -185,7 +173,7 @@ static void any_logits_should_be_those_of_double(void **state)
 
 /* Beyond 8 of both supports distances saturate, and 65535 is no member: the
  * parent alone is, however far it is. */
-static void parent_should_stay_when_all_are_too_far(void **state)
+TEST(parent_should_stay_when_all_are_too_far)
 {
     gen_rng r = gen_seeded(64);
     int16_t out[N_FEATURES];
@@ -193,7 +181,6 @@ static void parent_should_stay_when_all_are_too_far(void **state)
     crowd c;
     int i;
 
-    (void)state;
     make_crowd(&c, &r, 16, 739);
     for (i = 0; i < N_ANCHORS; i++) {
         c.anchor[i].depth_x = 16;
@@ -229,8 +216,7 @@ static saga_bank new_bank(void **block)
     saga_bank m = { .n_slots = L, .width = D, .hidden = 1 };
     const uint32_t n = saga_bank_lay(&m, NULL);
 
-    *block = aligned_alloc(16, n);
-    assert_non_null(*block);
+    *block = must(aligned_alloc(16, n));
     saga_bank_lay(&m, *block);
     return m;
 }
@@ -238,7 +224,7 @@ static saga_bank new_bank(void **block)
 /* Slots all alike are read as they are, whatever is asked. Half of them
  * opposite, a query of zero or across reads nothing, one along them the half
  * that agrees. Slots of zero read as zero. */
-static void slots_should_be_read_when_parallel_opposite_or_zero(void **state)
+TEST(slots_should_be_read_when_parallel_opposite_or_zero)
 {
     static const int16_t zero[D];
     gen_rng r = gen_seeded(65);
@@ -248,7 +234,6 @@ static void slots_should_be_read_when_parallel_opposite_or_zero(void **state)
     uint32_t p, d;
     int i;
 
-    (void)state;
     set_slot(slot, 37, 1);
     for (p = 0; p < L; p++)
         saga_bank_put(&m, p, slot);
@@ -280,7 +265,7 @@ static void slots_should_be_read_when_parallel_opposite_or_zero(void **state)
 /* What is written along the slot changes its length, which is normalised, and
  * against it likewise, for every gate; across it turns the slot by half of a
  * right angle when the gate is open. */
-static void slots_should_be_written_when_parallel_or_opposite(void **state)
+TEST(slots_should_be_written_when_parallel_or_opposite)
 {
     enum { BOTH = 724 };         /* 2 * 512 / sqrt(2) */
     int16_t slot[D], write[D];
@@ -289,7 +274,6 @@ static void slots_should_be_written_when_parallel_or_opposite(void **state)
     uint32_t d;
     int plain, sign, gate;
 
-    (void)state;
     for (plain = 0; plain < 2; plain++)
         for (sign = -1; sign <= 1; sign += 2)
             for (gate = 0; gate < 32768; gate += 4096) {
@@ -307,18 +291,4 @@ static void slots_should_be_written_when_parallel_or_opposite(void **state)
                                          : 0);
             }
     free(block);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(equal_logits_should_give_the_mean),
-        cmocka_unit_test(steepest_logits_should_give_the_nearest),
-        cmocka_unit_test(any_logits_should_be_those_of_double),
-        cmocka_unit_test(parent_should_stay_when_all_are_too_far),
-        cmocka_unit_test(slots_should_be_read_when_parallel_opposite_or_zero),
-        cmocka_unit_test(slots_should_be_written_when_parallel_or_opposite)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

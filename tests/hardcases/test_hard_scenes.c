@@ -5,19 +5,10 @@
  * What must come out is a formula or an invariant told at each test, and the
  * picture in double. README.md here has the table.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_scene.h"
 #include "given_view.h"
 #include "model.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 /* The side of pictures is odd, so that the axis of the camera goes through the
  * centre of pixel (SIDE / 2, SIDE / 2). */
@@ -118,7 +109,7 @@ static void expect_same(const given_view *a, const given_view *b)
 /* Projection looks at a quaternion's direction alone: zero is the identity, as
  * is one unit of w and half a turn about an axis of the ellipsoid; (1, 0, 0, 1)
  * turns by a right angle as (512, 0, 0, 512) does. */
-static void zero_quaternion_should_be_the_identity(void **state)
+TEST(zero_quaternion_should_be_the_identity)
 {
     static const int same[][4] = {
         { 0, 0, 0, 0 }, { 1, 0, 0, 0 }, { -1, 0, 0, 0 }, { 0, 1, 0, 0 },
@@ -129,7 +120,6 @@ static void zero_quaternion_should_be_the_identity(void **state)
     given_view v, w;
     size_t i;
 
-    (void)state;
     set_scales(&g, 18, 16.5, 14);
     see_one(&v, &g, STILL, &c, MID);
     for (i = 0; i < sizeof same / sizeof *same; i++) {
@@ -150,14 +140,13 @@ static void zero_quaternion_should_be_the_identity(void **state)
 
 /* It is (1, 0, 0, 0) at the centre, less 1 for each age, so nothing is left of
  * it half a segment later: the identity, not a number divided by zero. */
-static void quaternion_should_pass_through_zero(void **state)
+TEST(quaternion_should_pass_through_zero)
 {
     const saga_camera c = front(SIDE, SIDE);
     saga_animated a;
     gen_given g = ball(0);
     given_view v, w;
 
-    (void)state;
     set_scales(&g, 18, 16.5, 14);
     g.p.t_centre = 0;
     see_one(&v, &g, SAGA_TOOL_SLOPE, &c, 32768);
@@ -171,14 +160,13 @@ static void quaternion_should_pass_through_zero(void **state)
 }
 
 /* A point is the low-pass alone, 0.1 px^2, whatever makes it a point. */
-static void points_should_be_the_low_pass(void **state)
+TEST(points_should_be_the_low_pass)
 {
     static const int scales[] = { 3, -1, -20, -31 };
     const saga_camera c = front(SIDE, SIDE);
     size_t i;
     int d;
 
-    (void)state;
     for (i = 0; i < sizeof scales / sizeof *scales; i++) {
         const gen_given g = ball(scales[i]);
         given_view v;
@@ -193,13 +181,12 @@ static void points_should_be_the_low_pass(void **state)
 }
 
 /* Standard deviations of 16 pictures and more: one grey, that of the cap. */
-static void scene_wide_scales_should_fill_the_picture(void **state)
+TEST(scene_wide_scales_should_fill_the_picture)
 {
     static const int scales[] = { 24, 28, 31 };
     const saga_camera c = front(SIDE, SIDE);
     size_t i;
 
-    (void)state;
     for (i = 0; i < sizeof scales / sizeof *scales; i++) {
         const gen_given g = ball(scales[i]);
         given_view v;
@@ -212,7 +199,7 @@ static void scene_wide_scales_should_fill_the_picture(void **state)
 
 /* 1 : 10^4, 2^13.3125. Along x: grey falls as exp(-d^2 / 2 sigma^2) with sigma
  * = 13.2 px, across as that of a point. Along z it is a point. */
-static void needles_should_be_a_line_from_the_side(void **state)
+TEST(needles_should_be_a_line_from_the_side)
 {
     const saga_camera c = front(SIDE, SIDE);
     const double thin = 17.6875 - 13.3125, sigma = SIDE * exp2(17.6875 - 20);
@@ -220,7 +207,6 @@ static void needles_should_be_a_line_from_the_side(void **state)
     given_view v;
     int d;
 
-    (void)state;
     set_scales(&g, 17.6875, thin, thin);
     see_one(&v, &g, STILL, &c, MID);
     for (d = -30; d <= 30; d++) {
@@ -238,13 +224,12 @@ static void needles_should_be_a_line_from_the_side(void **state)
 }
 
 /* Needles of 30,000 px and of 30, turned all ways, near the axis and not. */
-static void turned_needles_should_be_those_of_double(void **state)
+TEST(turned_needles_should_be_those_of_double)
 {
     const saga_camera c = front(SIDE, SIDE);
     gen_rng r = gen_seeded(51);
     int i, k;
 
-    (void)state;
     for (i = 0; i < 24; i++) {
         const double wide = i & 1 ? 28 : 18;
         gen_given g = ball(0);
@@ -264,13 +249,12 @@ static void turned_needles_should_be_those_of_double(void **state)
 
 /* On the near plane it is seen; a box unit before it, at the camera's place and
  * behind, there is nothing. */
-static void near_plane_should_decide_by_a_unit(void **state)
+TEST(near_plane_should_decide_by_a_unit)
 {
     static const int32_t behind[] = { 1023, 1, 0, -1, -1024, -(1 << 22) };
     const saga_camera c = front(SIDE, SIDE);
     size_t i;
 
-    (void)state;
     for (i = 0; i < 2; i++) {
         const gen_given g = gen_given_ball(1024, i ? 14 : 9);
         given_view v;
@@ -292,7 +276,7 @@ static void near_plane_should_decide_by_a_unit(void **state)
 
 /* A ball of 2^20 around the camera: its mean, not its body, decides. In front
  * it is 65 pictures wide, even at one box unit of depth. */
-static void camera_inside_should_see_what_is_before_it(void **state)
+TEST(camera_inside_should_see_what_is_before_it)
 {
     static const struct { int32_t depth; int seen; } cases[] = {
         { 1 << 18, 1 }, { 1 << 14, 1 }, { 1, 1 }, { 0, 0 }, { -1, 0 },
@@ -301,7 +285,6 @@ static void camera_inside_should_see_what_is_before_it(void **state)
     saga_camera c = front(SIDE, SIDE);
     size_t i;
 
-    (void)state;
     c.near_plane = 1;
     for (i = 0; i < sizeof cases / sizeof *cases; i++) {
         const gen_given g = gen_given_ball(cases[i].depth, 20);
@@ -318,7 +301,7 @@ static void camera_inside_should_see_what_is_before_it(void **state)
 /* From the corner of what a camera can be, sqrt(3) 2^29 away, and along an
  * axis, with the longest focal length, 2^15 px: a ball of 2^18 is 16 px there.
  * Its grey is its formula's. */
-static void farthest_camera_should_see_through_the_longest_lens(void **state)
+TEST(farthest_camera_should_see_through_the_longest_lens)
 {
     const gen_given g = gen_given_ball(0, 18);
     const double sigma2 = 16 * 16 + 0.1;
@@ -326,7 +309,6 @@ static void farthest_camera_should_see_through_the_longest_lens(void **state)
     given_view v;
     int d;
 
-    (void)state;
     c.focal_q16[0] = c.focal_q16[1] = INT32_MAX;
     c.centre[2] = -(1 << 29);
     see_one(&v, &g, STILL, &c, MID);
@@ -352,7 +334,7 @@ static void farthest_camera_should_see_through_the_longest_lens(void **state)
 }
 
 /* 8 supports of half a cube for each age: 2^26 after half a segment. */
-static void motion_should_leave_the_cube(void **state)
+TEST(motion_should_leave_the_cube)
 {
     static const int32_t times[] = { 0, 8192, 32768, 65535 };
     saga_camera c = front(SIDE, SIDE);
@@ -361,7 +343,6 @@ static void motion_should_leave_the_cube(void **state)
     given_view v;
     size_t i;
 
-    (void)state;
     g.p.t_centre = 0;
     g.p.support[0] = 1 << 23;
     g.p.motion[0] = 8 << GIVEN_Q_MOTION;
@@ -378,7 +359,7 @@ static void motion_should_leave_the_cube(void **state)
 }
 
 /* The largest motion of all orders ends at +-2^29, where a camera can be. */
-static void motion_should_end_where_cameras_end(void **state)
+TEST(motion_should_end_where_cameras_end)
 {
     saga_camera c = front(SIDE, SIDE);
     gen_given g = gen_given_ball(0, 17);
@@ -386,7 +367,6 @@ static void motion_should_end_where_cameras_end(void **state)
     given_view v;
     int i;
 
-    (void)state;
     g.p.t_centre = 0;
     for (i = 0; i < 3; i++)
         g.p.support[i] = 1 << 23;
@@ -406,13 +386,12 @@ static void motion_should_end_where_cameras_end(void **state)
 
 /* The direction of view is that of the middle of the segment; there the camera
  * stands in it, so it has none, and the colour is the base's alone. */
-static void camera_at_the_place_should_add_no_direction(void **state)
+TEST(camera_at_the_place_should_add_no_direction)
 {
     const saga_camera c = front(SIDE, SIDE);
     gen_given g = gen_given_ball(0, 18);
     given_view v;
 
-    (void)state;
     g.p.t_centre = 32768;
     g.p.support[2] = 1 << 21;
     g.p.motion[2] = 1 << GIVEN_Q_MOTION;  /* 2^21 further at its end */
@@ -431,7 +410,7 @@ static void camera_at_the_place_should_add_no_direction(void **state)
 /* alpha = 8 / (1 + 2^(3 - o)): 0 is no splat, 1 is the cap, and between -8,
  * whose q is 11.0007, and -8 + 1/64, whose q is 10.985, lies the cut. Of the
  * latter the pixels within 0.14 standard deviations of its centre are left. */
-static void opacity_should_be_nothing_cut_or_cap(void **state)
+TEST(opacity_should_be_nothing_cut_or_cap)
 {
     static const int16_t nothing[] = { -32, -16, -8 };
     const saga_camera c = front(SIDE, SIDE);
@@ -441,7 +420,6 @@ static void opacity_should_be_nothing_cut_or_cap(void **state)
     given_view v;
     int i, x, y;
 
-    (void)state;
     for (i = 0; i < 3; i++) {
         g.p.opacity = (int16_t)(nothing[i] * (1 << GIVEN_Q_OPACITY) +
                                 16 * !i);
@@ -472,7 +450,7 @@ static void opacity_should_be_nothing_cut_or_cap(void **state)
  * below 2^-13. Equal depths are drawn by number, so no two machines differ.
  * A weight below half a unit of 2^-16 is none: T stays at 64, a quarter of a
  * level, where double goes on. */
-static void coincident_splats_should_be_drawn_by_number(void **state)
+TEST(coincident_splats_should_be_drawn_by_number)
 {
     const double all = pow(1017 / 1025.0, 256);
     gen_given g[8];
@@ -483,7 +461,6 @@ static void coincident_splats_should_be_drawn_by_number(void **state)
     uint32_t i;
     int k;
 
-    (void)state;
     for (i = 0; i < 8; i++) {
         g[i] = gen_given_ball(0, 28);
         g[i].p.opacity = -7 * (1 << GIVEN_Q_OPACITY);
@@ -514,7 +491,7 @@ static void coincident_splats_should_be_drawn_by_number(void **state)
 
 /* A frame of a thousand: 64 units. alpha is exp(-u^2), u of them away, and
  * nothing from sqrt(log 256) = 2.355 on. */
-static void width_of_a_frame_should_last_a_frame(void **state)
+TEST(width_of_a_frame_should_last_a_frame)
 {
     static const int32_t away[] = { 0, 1, 32, 64, 128, 150, 151, 1000, 32767 };
     const saga_camera c = front(9, 7);
@@ -522,7 +499,6 @@ static void width_of_a_frame_should_last_a_frame(void **state)
     given_view v;
     size_t i;
 
-    (void)state;
     g.p.log2_width_q10 = 6 << 10;
     given_open(&v, &g, 1, FADES);
     for (i = 0; i < sizeof away / sizeof *away; i++) {
@@ -538,7 +514,7 @@ static void width_of_a_frame_should_last_a_frame(void **state)
 
 /* A thousand segments, 2^26 units: u is 2^-11 at most, and the fade of 2^-22
  * log2(e) is below half a unit of q: the same bytes at all times. */
-static void width_of_a_thousand_segments_should_not_fade(void **state)
+TEST(width_of_a_thousand_segments_should_not_fade)
 {
     static const int32_t times[] = { 0, 1, 32767, 65535 };
     const saga_camera c = front(SIDE, SIDE);
@@ -546,7 +522,6 @@ static void width_of_a_thousand_segments_should_not_fade(void **state)
     given_view v, w;
     size_t i;
 
-    (void)state;
     g.p.log2_width_q10 = 26 << 10;
     see_one(&v, &g, FADES, &c, MID);
     for (i = 0; i < sizeof times / sizeof *times; i++) {
@@ -559,12 +534,11 @@ static void width_of_a_thousand_segments_should_not_fade(void **state)
 
 /* Half a segment before its start, and after its end, with widths of half a
  * segment: exp(-1) at the near end, exp(-9), which is cut, at the far one. */
-static void centres_outside_should_fade_into_the_segment(void **state)
+TEST(centres_outside_should_fade_into_the_segment)
 {
     const saga_camera c = front(9, 7);
     int i;
 
-    (void)state;
     for (i = 0; i < 2; i++) {
         gen_given g = ball(28);
         given_view v;
@@ -581,7 +555,7 @@ static void centres_outside_should_fade_into_the_segment(void **state)
 }
 
 /* A view of a time outside the segment is refused, and the last one stays. */
-static void times_outside_should_be_refused(void **state)
+TEST(times_outside_should_be_refused)
 {
     static const int32_t times[] = { -1, 65536, INT32_MIN, INT32_MAX };
     const saga_camera c = front(SIDE, SIDE);
@@ -591,7 +565,6 @@ static void times_outside_should_be_refused(void **state)
     given_view v;
     size_t i;
 
-    (void)state;
     see_one(&v, &g, FADES, &c, MID);
     for (i = 0; i < sizeof times / sizeof *times; i++) {
         assert_int_equal(saga_view(v.dec, &c, times[i]), SAGA_ERR_ARG);
@@ -606,7 +579,7 @@ static void times_outside_should_be_refused(void **state)
 /* --- The least and the most of everything -------------------------------- */
 
 /* One of each: anchor, primitive, frame, camera, pixel. */
-static void one_of_everything_should_be_enough(void **state)
+TEST(one_of_everything_should_be_enough)
 {
     const saga_camera c = front(1, 1);
     const gen_given g = ball(16);
@@ -616,7 +589,6 @@ static void one_of_everything_should_be_enough(void **state)
     uint32_t number;
     given_view v;
 
-    (void)state;
     see_one(&v, &g, FADES, &c, 0);
     assert_int_equal(v.report.n_coarse, 1);
     assert_int_equal(v.report.n_fine, 1);
@@ -636,13 +608,12 @@ static void one_of_everything_should_be_enough(void **state)
 /* Rows of 16,384 pixels, and columns: a ball at each end and one that spans
  * everything, a picture in double for all of them. The ends are lit, and alike
  * but for the half pixel between the axis and the middle of the row. */
-static void longest_rows_should_be_drawn_to_both_ends(void **state)
+TEST(longest_rows_should_be_drawn_to_both_ends)
 {
     gen_given g[3];
     given_view v;
     int i, k;
 
-    (void)state;
     for (k = 0; k < 2; k++) {
         saga_camera c = front(16384, 16384);
 
@@ -665,32 +636,4 @@ static void longest_rows_should_be_drawn_to_both_ends(void **state)
         assert_true(given_sample(&v, 0, 0, 2) > 245);
         given_close(&v);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(zero_quaternion_should_be_the_identity),
-        cmocka_unit_test(quaternion_should_pass_through_zero),
-        cmocka_unit_test(points_should_be_the_low_pass),
-        cmocka_unit_test(scene_wide_scales_should_fill_the_picture),
-        cmocka_unit_test(needles_should_be_a_line_from_the_side),
-        cmocka_unit_test(turned_needles_should_be_those_of_double),
-        cmocka_unit_test(near_plane_should_decide_by_a_unit),
-        cmocka_unit_test(camera_inside_should_see_what_is_before_it),
-        cmocka_unit_test(farthest_camera_should_see_through_the_longest_lens),
-        cmocka_unit_test(motion_should_leave_the_cube),
-        cmocka_unit_test(motion_should_end_where_cameras_end),
-        cmocka_unit_test(camera_at_the_place_should_add_no_direction),
-        cmocka_unit_test(opacity_should_be_nothing_cut_or_cap),
-        cmocka_unit_test(coincident_splats_should_be_drawn_by_number),
-        cmocka_unit_test(width_of_a_frame_should_last_a_frame),
-        cmocka_unit_test(width_of_a_thousand_segments_should_not_fade),
-        cmocka_unit_test(centres_outside_should_fade_into_the_segment),
-        cmocka_unit_test(times_outside_should_be_refused),
-        cmocka_unit_test(one_of_everything_should_be_enough),
-        cmocka_unit_test(longest_rows_should_be_drawn_to_both_ends)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

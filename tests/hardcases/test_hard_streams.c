@@ -4,20 +4,11 @@
  * their limits, networks of which every layer saturates, the deepest tree. Each
  * is drawn, beside double. README.md here has the table.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_scene.h"
 #include "given_view.h"
 #include "reconstruct.h"
 #include "ref_file.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { N_STREAMS = 32, SIDE = 33 };
 
@@ -51,8 +42,7 @@ static void each_layer(gen_stream *g, with_layer *f)
 static void *resized(void *p, size_t n, size_t size)
 {
     free(p);
-    p = calloc(n, size);
-    assert_non_null(p);
+    p = must(calloc(n, size));
     return p;
 }
 
@@ -175,12 +165,11 @@ static int32_t first_cell(const saga_model *m, int tier)
  * lies in the first suffix cell of the first suffix cell of the cube, its
  * support the cube's half, and it is a half-transparent grey ball of half the
  * cube and half the segment. */
-static void zero_symbols_should_be_one_grey_ball(void **state)
+TEST(zero_symbols_should_be_one_grey_ball)
 {
     uint32_t i;
     int k;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         const saga_model *m;
         gen_stream g;
@@ -253,12 +242,11 @@ static void full_layer(saga_layer_symbols *l, const saga_net_shape *s, int i)
  * of the segment, all 256 of them. Where they are faint, what their alphas lose
  * to 16 bits adds up to a fifth of a level, which takes one channel of an even
  * picture to the level beside: 52.9 dB in the worst one. */
-static void limits_should_end_in_a_corner(void **state)
+TEST(limits_should_end_in_a_corner)
 {
     uint32_t i, p;
     int k;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         const int32_t q = i & 1 ? 65535 : -65535;
         gen_stream g;
@@ -331,12 +319,11 @@ static int32_t log2_of(uint32_t row, int q, int half)
 /* Whatever the features, the outputs are +-32767 by the number of the row, and
  * so are the primitives' attributes, in their formats. Their motion is so fast
  * that the rounding of a time shows: double begins with what is moved. */
-static void saturated_networks_should_give_their_signs(void **state)
+TEST(saturated_networks_should_give_their_signs)
 {
     uint32_t i, p, row;
     int k;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         const saga_model *m;
         saga_rows rows[SAGA_N_HEADS];
@@ -394,7 +381,7 @@ static void saturated_networks_should_give_their_signs(void **state)
  * too. The cell has 2^8 box units to a side and 2^8 of time, so its centre is
  * half of that before the end, and all that is relative to it shrinks by 2^14
  * and 2^8 against the leaf of depth 2 that gen_given made. */
-static void deepest_tree_should_end_in_the_last_corner(void **state)
+TEST(deepest_tree_should_end_in_the_last_corner)
 {
     enum { DEPTH = 16, DEPTH_T = 8, CORNER = 3 << 21 };
     const uint32_t tools = SAGA_TOOL_OPACITY_T;
@@ -407,7 +394,6 @@ static void deepest_tree_should_end_in_the_last_corner(void **state)
     uint32_t i;
     int k;
 
-    (void)state;
     for (k = 0; k < 3; k++) {
         p.p.x[k] = CORNER;
         p.p.support[k] = 1 << 20;
@@ -440,16 +426,4 @@ static void deepest_tree_should_end_in_the_last_corner(void **state)
     free_decoded(&d);
     given_close(&v);
     gen_stream_free(&g);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(zero_symbols_should_be_one_grey_ball),
-        cmocka_unit_test(limits_should_end_in_a_corner),
-        cmocka_unit_test(saturated_networks_should_give_their_signs),
-        cmocka_unit_test(deepest_tree_should_end_in_the_last_corner)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,18 +8,11 @@
 #include "capture.h"
 #include "saga.h"
 #include "synth_capture.h"
+#include "testing.h"
 #include "train.h"
 #include "view.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 enum { UNIT_NBYTES = 8, CRC_NBYTES = 7 * 4 };
 enum { WIDTH = 64, HEIGHT = 36, VIEWS = 4, FRAMES = 3, POINTS = 200 };
@@ -47,15 +40,6 @@ static int tear_down(void **state)
     (void)state;
     saga_capture_free(&room);
     return 0;
-}
-
-static void *copy_of(const void *from, size_t nbytes)
-{
-    void *const to = malloc(nbytes);
-
-    assert_non_null(to);
-    memcpy(to, from, nbytes);
-    return to;
 }
 
 /* The room without its depths; saga_capture_free frees it. */
@@ -157,13 +141,12 @@ static result survive(saga_capture *c, double psnr)
 /* --- Pictures ------------------------------------------------------------ */
 
 /* Nothing to see: black is what no primitive at all draws. */
-static void black_capture_should_stay_black(void **state)
+TEST(black_capture_should_stay_black)
 {
     saga_capture c = changed();
     double mean[3];
     result r;
 
-    (void)state;
     paint(&c, 0, 0, 0);
     r = train(&c);
     draw_all(mean, &r);
@@ -175,11 +158,10 @@ static void black_capture_should_stay_black(void **state)
 
 /* One colour, so that no place is better than another: it comes out in the
  * mean, on black where nothing was put. */
-static void one_colour_should_come_out(void **state)
+TEST(one_colour_should_come_out)
 {
     static const int colours[][3] = { { 255, 255, 255 }, { 200, 100, 40 } };
 
-    (void)state;
     for (int k = 0; k < 2; k++) {
         saga_capture c = changed();
         double mean[3];
@@ -198,20 +180,17 @@ static void one_colour_should_come_out(void **state)
 
 /* Depths of a capture that are none: not numbers, infinite, zero, negative,
  * denormal. They are guesses at most. */
-static void depths_should_be_doubted(void **state)
+TEST(depths_should_be_doubted)
 {
     static const float wrong[] = { NAN, INFINITY, -INFINITY, 0, -3, 1e-42f,
                                    1e38f };
     saga_capture c = changed();
     result r;
 
-    (void)state;
     for (int v = 0; v < VIEWS; v++) {
-        c.views[v].depth = calloc(FRAMES, sizeof *c.views[v].depth);
-        assert_non_null(c.views[v].depth);
+        c.views[v].depth = must(calloc(FRAMES, sizeof *c.views[v].depth));
         for (int k = 0; k < FRAMES; k++) {
-            c.views[v].depth[k] = calloc(WIDTH * HEIGHT, sizeof(float));
-            assert_non_null(c.views[v].depth[k]);
+            c.views[v].depth[k] = must(calloc(WIDTH * HEIGHT, sizeof(float)));
             for (int i = 0; i < WIDTH * HEIGHT; i++)
                 c.views[v].depth[k][i] = wrong[i % 7];
         }
@@ -223,9 +202,8 @@ static void depths_should_be_doubted(void **state)
 /* --- Points -------------------------------------------------------------- */
 
 /* On a line, all at one place, and none at all. */
-static void points_should_be_taken_as_they_lie(void **state)
+TEST(points_should_be_taken_as_they_lie)
 {
-    (void)state;
     for (int k = 0; k < 3; k++) {
         saga_capture c = changed();
         result r;
@@ -245,9 +223,8 @@ static void points_should_be_taken_as_they_lie(void **state)
 
 /* All of them at one place, looking the same way: no depth follows. With points
  * and without, here and a million units away. */
-static void identical_cameras_should_do(void **state)
+TEST(identical_cameras_should_do)
 {
-    (void)state;
     for (int k = 0; k < 4; k++) {
         saga_capture c = changed();
         result r;
@@ -271,12 +248,11 @@ static void identical_cameras_should_do(void **state)
 }
 
 /* Back to back: no two see the same. */
-static void opposite_cameras_should_do(void **state)
+TEST(opposite_cameras_should_do)
 {
     saga_capture c = changed();
     result r;
 
-    (void)state;
     for (int v = 0; v < VIEWS; v += 2) {
         for (int i = 0; i < 9; i++)
             c.views[v].rotation[i] *= i % 9 < 3 || i >= 6 ? -1 : 1;
@@ -315,12 +291,11 @@ static double unit_of(const result *r)
  * power of two changes the exponents of unit and centre and, after them, the
  * CRCs of the header and of its six chunks, nothing else; a million not the
  * picture. */
-static void scale_of_the_world_should_not_matter(void **state)
+TEST(scale_of_the_world_should_not_matter)
 {
     static const double by[] = { 1, 0x1p20, 0x1p-20, 1e6, 1e-6 };
     result r[5];
 
-    (void)state;
     for (int k = 0; k < 5; k++) {
         saga_capture c = scaled(by[k]);
 
@@ -342,13 +317,12 @@ static void scale_of_the_world_should_not_matter(void **state)
 }
 
 /* The same room a million units from the origin of the world. */
-static void room_should_be_found_far_from_the_origin(void **state)
+TEST(room_should_be_found_far_from_the_origin)
 {
     saga_capture c = changed();
     const result here = survive(&c, 10);
     result r;
 
-    (void)state;
     c = changed();
     for (int v = 0; v < VIEWS; v++)
         for (int i = 0; i < 3; i++)
@@ -367,18 +341,4 @@ static void room_should_be_found_far_from_the_origin(void **state)
     free(r.bytes);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(black_capture_should_stay_black),
-        cmocka_unit_test(one_colour_should_come_out),
-        cmocka_unit_test(depths_should_be_doubted),
-        cmocka_unit_test(points_should_be_taken_as_they_lie),
-        cmocka_unit_test(identical_cameras_should_do),
-        cmocka_unit_test(opposite_cameras_should_do),
-        cmocka_unit_test(scale_of_the_world_should_not_matter),
-        cmocka_unit_test(room_should_be_found_far_from_the_origin)
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down);

@@ -5,12 +5,6 @@
  * a step, and cost what constants cost where everything is off. A source that
  * says what the features are is found. The order-0 coder against sums by hand.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "capture.h"
 #include "encode.h"
 #include "gen_order0.h"
@@ -20,11 +14,8 @@
 #include "quantise.h"
 #include "ref_recorder.h"
 #include "synth_capture.h"
+#include "testing.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 #ifdef _OPENMP
@@ -70,9 +61,7 @@ static void train(fixture *f, const saga_capture *c)
     if (!t || saga_train_run(t, &error) != SAGA_DONE)
         fail_msg("%s", error.message);
     bytes = saga_train_bytes(t, &f->n);
-    f->bytes = malloc(f->n);
-    assert_non_null(f->bytes);
-    memcpy(f->bytes, bytes, f->n);
+    f->bytes = copy_of(bytes, f->n);
     saga_train_free(t);
     for (int i = 0; i < N_CAMERAS; i++)
         memcpy(f->names[i].name, c->views[i].name, sizeof c->views[i].name);
@@ -127,7 +116,7 @@ static void encode_again(uint8_t **bytes, size_t *n, const ref_file *f,
     saga_encoder_free(e);
 }
 
-static void file_should_come_back_from_its_values(void **state)
+TEST(file_should_come_back_from_its_values)
 {
     const fixture *const f = *state;
     double networks[SAGA_N_COMPONENTS], sum = 0;
@@ -144,7 +133,7 @@ static void file_should_come_back_from_its_values(void **state)
     assert_true(fabs(sum - networks[SAGA_COMPONENT_NETWORKS]) < 1e-6);
 }
 
-static void broken_file_should_be_refused(void **state)
+TEST(broken_file_should_be_refused)
 {
     fixture *const f = *state;
     ref_file g;
@@ -219,7 +208,7 @@ static void what_is_kept_should_be_the_same(const ref_file *a,
 }
 
 /* With what the trainer had, and no more than 1 % dearer. */
-static void refit_should_give_the_same_scene(void **state)
+TEST(refit_should_give_the_same_scene)
 {
     const fixture *const f = *state;
     const saga_ablation all = { .groups = 0 };
@@ -283,7 +272,7 @@ static void features_should_have_constants(const constants *c)
     }
 }
 
-static void refit_without_anything_should_have_constants(void **state)
+TEST(refit_without_anything_should_have_constants)
 {
     const fixture *const f = *state;
     const saga_ablation none = {
@@ -308,7 +297,7 @@ static void refit_without_anything_should_have_constants(void **state)
 /* Features that lie 12 steps to either side of 0, by the side of the cube they
  * are on: constants need log2(12 sqrt(2 pi e)) = 5.6 bits for each, whoever
  * knows the side 2. */
-static void refit_should_find_a_source_that_tells(void **state)
+TEST(refit_should_find_a_source_that_tells)
 {
     const fixture *const f = *state;
     const saga_ablation all = { .groups = 0 };
@@ -358,9 +347,8 @@ static void refit_should_take(gen_stream *g)
 
 /* Of random streams, whose networks say nothing of their values: whatever they
  * have, with a bank or without, is read and becomes another valid file. */
-static void refit_should_take_any_stream(void **state)
+TEST(refit_should_take_any_stream)
 {
-    (void)state;
     for (uint64_t seed = 1; seed <= 12; seed++) {
         const gen_options o = {
             .seed = seed, .level = 3, .n_coarse = 20, .n_segments = 1,
@@ -375,9 +363,8 @@ static void refit_should_take_any_stream(void **state)
 }
 
 /* A kind without blocks has no mean input to decide with. */
-static void refit_should_take_a_scene_of_coarse_anchors_alone(void **state)
+TEST(refit_should_take_a_scene_of_coarse_anchors_alone)
 {
-    (void)state;
     for (int bank = 0; bank < 3; bank++) {
         const gen_options o = {
             .seed = 8, .level = 3, .n_coarse = 20, .n_segments = 1,
@@ -394,7 +381,7 @@ static void refit_should_take_a_scene_of_coarse_anchors_alone(void **state)
     }
 }
 
-static void refit_should_not_depend_on_threads(void **state)
+TEST(refit_should_not_depend_on_threads)
 {
     const fixture *const f = *state;
     refit_options o = refit_defaults();
@@ -424,12 +411,11 @@ static void refit_should_not_depend_on_threads(void **state)
 
 /* 0, 0, 1: 1/2 * 3/4 * 1/6 = 2^-4, and 32 bits for the bounds. Entropy: 3
  * log2(3) - 2. */
-static void order0_should_be_the_sum_by_hand(void **state)
+TEST(order0_should_be_the_sum_by_hand)
 {
     const int32_t v[] = { 0, 9, 0, 9, 1, 9 };
     order0_row row = { 0 };
 
-    (void)state;
     order0_channel(&row, v, 2, 3);
     assert_int_equal(row.n, 3);
     assert_true(fabs(row.adaptive - 36) < 1e-12);
@@ -441,7 +427,7 @@ static void order0_should_be_the_sum_by_hand(void **state)
 }
 
 /* What it counts, and that no order-0 coder is below the entropy. */
-static void order0_should_count_every_symbol(void **state)
+TEST(order0_should_count_every_symbol)
 {
     const fixture *const f = *state;
     order0_row row[SAGA_N_COMPONENTS];
@@ -458,20 +444,4 @@ static void order0_should_count_every_symbol(void **state)
         assert_true(row[i].adaptive > row[i].entropy);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(file_should_come_back_from_its_values),
-        cmocka_unit_test(broken_file_should_be_refused),
-        cmocka_unit_test(refit_should_give_the_same_scene),
-        cmocka_unit_test(refit_without_anything_should_have_constants),
-        cmocka_unit_test(refit_should_find_a_source_that_tells),
-        cmocka_unit_test(refit_should_take_any_stream),
-        cmocka_unit_test(refit_should_take_a_scene_of_coarse_anchors_alone),
-        cmocka_unit_test(refit_should_not_depend_on_threads),
-        cmocka_unit_test(order0_should_be_the_sum_by_hand),
-        cmocka_unit_test(order0_should_count_every_symbol)
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down);

@@ -4,36 +4,20 @@
  * zero features, with everything else where it was. On random streams with
  * every context there is. SAGA_TEST_SEED is the first seed.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "encode.h"
 #include "gen_stream.h"
 #include "gen_zeroed.h"
 #include "head.h"
 #include "ref_recorder.h"
 #include "saga.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { N_STREAMS = 60 };
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
 
 static void make_stream(gen_stream *g, uint64_t i)
 {
     const gen_options o = {
-        .seed = first_seed() + i, .level = 2,
+        .seed = testing_seed(1) + i, .level = 2,
         .n_segments = 1 + (uint32_t)(i % GEN_MAX_SEGMENTS)
     };
 
@@ -94,9 +78,8 @@ static void free_decoded(decoded *d)
 
 /* --- Unchanged ----------------------------------------------------------- */
 
-static void file_should_come_back_when_nothing_changes(void **state)
+TEST(file_should_come_back_when_nothing_changes)
 {
-    (void)state;
     for (uint64_t i = 0; i < N_STREAMS; i++) {
         gen_stream g;
         uint8_t *bytes, *out = NULL;
@@ -113,13 +96,12 @@ static void file_should_come_back_when_nothing_changes(void **state)
     }
 }
 
-static void broken_file_should_be_refused(void **state)
+TEST(broken_file_should_be_refused)
 {
     gen_stream g;
     uint8_t *bytes, *out = NULL;
     size_t n, n_out = 0;
 
-    (void)state;
     make_stream(&g, 0);
     gen_stream_encode(&g, &bytes, &n);
     bytes[n - 1] ^= 1;
@@ -214,9 +196,8 @@ static void zero_and_check(gen_stream *g)
     free(bytes);
 }
 
-static void features_alone_should_become_zero(void **state)
+TEST(features_alone_should_become_zero)
 {
-    (void)state;
     for (uint64_t i = 0; i < N_STREAMS; i++) {
         gen_stream g;
 
@@ -227,11 +208,10 @@ static void features_alone_should_become_zero(void **state)
 }
 
 /* As the trainer makes them; one in 256. */
-static void streams_without_contexts_should_keep_all_residuals(void **state)
+TEST(streams_without_contexts_should_keep_all_residuals)
 {
     uint64_t i = 0;
 
-    (void)state;
     for (int n = 0; n < 2; i++) {
         gen_stream g;
 
@@ -242,16 +222,4 @@ static void streams_without_contexts_should_keep_all_residuals(void **state)
         }
         gen_stream_free(&g);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(file_should_come_back_when_nothing_changes),
-        cmocka_unit_test(broken_file_should_be_refused),
-        cmocka_unit_test(features_alone_should_become_zero),
-        cmocka_unit_test(streams_without_contexts_should_keep_all_residuals),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

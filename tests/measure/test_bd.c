@@ -3,16 +3,8 @@
  * Bjontegaard's delta of curves whose answer is known: by a constant factor, on
  * a parabola, and where the two splines must part; and what is refused.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "bd.h"
-
-#include <math.h>
-#include <string.h>
+#include "testing.h"
 
 static void near(double value, double wanted, double within)
 {
@@ -32,12 +24,11 @@ static saga_bd_curve curve(int n, const double *nbytes, const double *quality)
 static const double bytes[] = { 20e3, 41e3, 79e3, 170e3, 333e3 };
 static const double psnr[] = { 27.1, 29.9, 31.6, 34.7, 35.9 };
 
-static void bd_rate_should_be_a_factor_when_curves_differ_by_it(void **state)
+TEST(bd_rate_should_be_a_factor_when_curves_differ_by_it)
 {
     double fewer[5];
     saga_bd_curve a = curve(5, bytes, psnr), b;
 
-    (void)state;
     for (int i = 0; i < 5; i++)
         fewer[i] = 0.8 * bytes[4 - i];
     b = curve(5, fewer, (const double[]){ 35.9, 34.7, 31.6, 29.9, 27.1 });
@@ -51,13 +42,12 @@ static void bd_rate_should_be_a_factor_when_curves_differ_by_it(void **state)
 /* Akima's spline is exact on parabolas, also on the parts that curves share.
  * log bytes = 9 + q^2 / 50 against 9 + q / 5: over [4, 10] the means are
  * 9 + 52 / 50 and 9 + 7 / 5. */
-static void bd_rate_should_be_exact_on_a_parabola(void **state)
+TEST(bd_rate_should_be_exact_on_a_parabola)
 {
     double q[6], nbytes[6], p[6], line[6];
     saga_bd_curve a, b;
     saga_bd bd;
 
-    (void)state;
     for (int i = 0; i < 6; i++) {
         q[i] = 2 * i;
         nbytes[i] = exp(9 + q[i] * q[i] / 50);
@@ -77,14 +67,13 @@ static void bd_rate_should_be_exact_on_a_parabola(void **state)
 }
 
 /* The values that lab/bd_rate.py gives, which was written on its own. */
-static void bd_rate_should_be_that_of_the_laboratory(void **state)
+TEST(bd_rate_should_be_that_of_the_laboratory)
 {
     static const double q[] = { 28.0, 30.5, 33.0, 36.4 };
     const saga_bd_curve a = curve(5, bytes, psnr);
     const saga_bd_curve b = curve(4, (const double[]){ 18e3, 36e3, 90e3,
                                                        250e3 }, q);
 
-    (void)state;
     near(saga_bd_rate(&a, &b).pchip, -23.335992583781117, 1e-9);
 }
 
@@ -98,11 +87,10 @@ static void refused(const saga_bd_curve *a, const saga_bd_curve *b,
     assert_true(isnan(bd.pchip) && isnan(bd.akima));
 }
 
-static void bd_rate_should_be_refused_when_it_means_nothing(void **state)
+TEST(bd_rate_should_be_refused_when_it_means_nothing)
 {
     saga_bd_curve a = curve(5, bytes, psnr), b = a;
 
-    (void)state;
     b.n = 3;
     refused(&a, &b, "four points");
     refused(&b, &a, "four points");
@@ -124,16 +112,4 @@ static void bd_rate_should_be_refused_when_it_means_nothing(void **state)
     for (int i = 0; i < 5; i++)
         b.point[i].quality = a.point[i].quality + 9.0;
     refused(&a, &b, "too little");
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bd_rate_should_be_a_factor_when_curves_differ_by_it),
-        cmocka_unit_test(bd_rate_should_be_exact_on_a_parabola),
-        cmocka_unit_test(bd_rate_should_be_that_of_the_laboratory),
-        cmocka_unit_test(bd_rate_should_be_refused_when_it_means_nothing),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,17 +3,8 @@
  * The temporal median picture and PSNR on changing pixels: a sequence made by
  * hand, and medians by sorting.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "change.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 static void near(double value, double wanted, double error)
 {
@@ -37,12 +28,11 @@ static const uint8_t film_median[12] = {
     10, 20, 30, 100, 7, 7, 5, 50, 5, 90, 90, 90
 };
 
-static void median_should_be_the_middle_value(void **state)
+TEST(median_should_be_the_middle_value)
 {
     const uint8_t *frame[5];
     uint8_t median[12];
 
-    (void)state;
     for (int i = 0; i < 5; i++)
         frame[i] = film[i];
     saga_median_picture(median, frame, 5, sizeof median, 1);
@@ -60,13 +50,12 @@ static void median_should_be_the_middle_value(void **state)
     assert_int_equal(median[9], 86);
 }
 
-static void median_should_round_halves_up(void **state)
+TEST(median_should_round_halves_up)
 {
     static const uint8_t a[3] = { 0, 254, 255 }, b[3] = { 1, 255, 255 };
     const uint8_t *const frame[2] = { a, b };
     uint8_t median[3];
 
-    (void)state;
     saga_median_picture(median, frame, 2, sizeof median, 1);
     assert_int_equal(median[0], 1);
     assert_int_equal(median[1], 255);
@@ -74,11 +63,10 @@ static void median_should_round_halves_up(void **state)
 }
 
 /* The second pixel changes in frames 0, 1, 3 and 4, the third in frame 4. */
-static void psnr_should_be_of_changing_pixels_only(void **state)
+TEST(psnr_should_be_of_changing_pixels_only)
 {
     saga_change sum = { 0 }, all = { 0 };
 
-    (void)state;
     for (int i = 0; i < 5; i++) {
         uint8_t picture[12];
 
@@ -106,11 +94,10 @@ static void psnr_should_be_of_changing_pixels_only(void **state)
     near(saga_change_psnr(&all), saga_change_psnr(&sum), 1e-12);
 }
 
-static void nothing_should_be_undefined_and_right_infinite(void **state)
+TEST(nothing_should_be_undefined_and_right_infinite)
 {
     saga_change sum = { 0 };
 
-    (void)state;
     assert_true(isnan(saga_change_psnr(&sum)));
     assert_true(isnan(saga_change_share(&sum)));
     saga_change_add(&sum, film_median, film_median, film[0], 4);
@@ -158,26 +145,12 @@ static void check_sorted(int n_frames, size_t n, uint32_t seed, int n_threads)
     free(median);
 }
 
-static void median_should_be_what_sorting_gives(void **state)
+TEST(median_should_be_what_sorting_gives)
 {
     static const size_t size[] = { 1, 3, 63, 64, 65, 300 };
 
-    (void)state;
     for (int n_frames = 1; n_frames <= 32; n_frames++)
         for (size_t i = 0; i < sizeof size / sizeof size[0]; i++)
             check_sorted(n_frames, size[i], (uint32_t)(37 * n_frames) +
                          (uint32_t)i, 1 + n_frames % 3);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(median_should_be_the_middle_value),
-        cmocka_unit_test(median_should_round_halves_up),
-        cmocka_unit_test(psnr_should_be_of_changing_pixels_only),
-        cmocka_unit_test(nothing_should_be_undefined_and_right_infinite),
-        cmocka_unit_test(median_should_be_what_sorting_gives),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,20 +3,11 @@
  * Convolution and pooling against their definitions, and LPIPS against the
  * reference values that came with the weights, where ../shared/data has them.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "conv.h"
 #include "file.h"
 #include "lpips.h"
 #include "picture.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
+#include "testing.h"
 
 #define DATA "../shared/data/lpips/"
 
@@ -32,9 +23,8 @@ static double next(void)
 
 static double *numbers(size_t n)
 {
-    double *const v = malloc(n * sizeof *v);
+    double *const v = must(malloc(n * sizeof *v));
 
-    assert_non_null(v);
     for (size_t i = 0; i < n; i++)
         v[i] = next();
     return v;
@@ -45,8 +35,7 @@ static saga_planes planes(int n, int height, int width)
     saga_planes p = { n, height, width, NULL };
     const size_t all = (size_t)(n * height * width);
 
-    p.v = malloc(all * sizeof *p.v);
-    assert_non_null(p.v);
+    p.v = must(malloc(all * sizeof *p.v));
     for (size_t i = 0; i < all; i++)
         p.v[i] = (float)next();
     return p;
@@ -73,7 +62,7 @@ static double convolve(const saga_conv *c, const double *w, double bias,
     return sum > 0.0 ? sum : 0.0;
 }
 
-static void convolution_should_be_its_definition(void **state)
+TEST(convolution_should_be_its_definition)
 {
     static const struct { int n_out, n_in, size, stride, pad, height, width; }
     cases[] = {
@@ -82,7 +71,6 @@ static void convolution_should_be_its_definition(void **state)
         { 1, 1, 3, 2, 0, 17, 33 }
     };
 
-    (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
         saga_conv c = { .n_out = cases[k].n_out, .n_in = cases[k].n_in,
                         .size = cases[k].size, .stride = cases[k].stride,
@@ -123,9 +111,8 @@ static int windows(int side, bool ceil)
     return full + (ceil && 2 * (full - 1) + 3 < side);
 }
 
-static void pooling_should_take_the_last_window_when_ceil(void **state)
+TEST(pooling_should_take_the_last_window_when_ceil)
 {
-    (void)state;
     for (int side = 3; side < 12; side++)
         for (int ceil = 0; ceil < 2; ceil++) {
             saga_planes in = planes(2, side, side + 1), out;
@@ -168,11 +155,10 @@ static void load(uint8_t *rgb, const char *name)
         fail_msg("%s", error.message);
 }
 
-static void lpips_should_be_the_reference_values(void **state)
+TEST(lpips_should_be_the_reference_values)
 {
     static uint8_t truth[3 * SIDE * SIDE], other[2][3 * SIDE * SIDE];
 
-    (void)state;
     if (!saga_path_is_folder(DATA)) {
         printf("skipped: there is no " DATA "\n");
         return;
@@ -207,15 +193,4 @@ static void lpips_should_be_the_reference_values(void **state)
         }
         saga_lpips_free(l);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(convolution_should_be_its_definition),
-        cmocka_unit_test(pooling_should_take_the_last_window_when_ceil),
-        cmocka_unit_test(lpips_should_be_the_reference_values),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,28 +2,13 @@
  *
  * PSNR, SSIM and MS-SSIM against their definitions and known values.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "metrics.h"
 #include "ref_ssim.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 #define PAIR(...) ((const saga_picture_pair){ __VA_ARGS__ })
 
 static saga_error error;
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 static void near(double value, double wanted, double within)
 {
@@ -161,11 +146,10 @@ static double ms_ssim_of(const double *a, const double *b, int width,
 
 /* --- PSNR ---------------------------------------------------------------- */
 
-static void psnr_should_have_known_values(void **state)
+TEST(psnr_should_have_known_values)
 {
     uint8_t a[300], b[300];
 
-    (void)state;
     memset(a, 100, sizeof a);
     memset(b, 101, sizeof b);
     assert_true(saga_mse(a, a, sizeof a) == 0.0);
@@ -181,7 +165,7 @@ static void psnr_should_have_known_values(void **state)
     assert_true(saga_mse(a, b, 0) == 0.0);
 }
 
-static void means_should_be_over_pictures(void **state)
+TEST(means_should_be_over_pictures)
 {
     const saga_score one = { .mse = 1.0, .psnr = 40.0, .ssim_zero = 0.5,
                              .ssim_valid = 0.25, .ms_ssim = 1.0 };
@@ -190,7 +174,6 @@ static void means_should_be_over_pictures(void **state)
     saga_score_sum sum = { .n = 0 };
     saga_score mean = saga_score_mean(&sum);
 
-    (void)state;
     assert_true(isnan(mean.psnr) && isnan(mean.psnr_of_mean) &&
                 isnan(mean.ssim_zero));
     saga_score_add(&sum, &one);
@@ -205,13 +188,12 @@ static void means_should_be_over_pictures(void **state)
 
 /* --- SSIM ---------------------------------------------------------------- */
 
-static void ssim_should_be_its_definition(void **state)
+TEST(ssim_should_be_its_definition)
 {
     static const int size[][2] = {
         { 37, 29 }, { 16, 16 }, { 11, 11 }, { 64, 17 }, { 12, 33 }
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof size / sizeof size[0]; i++) {
         const int w = size[i][0], h = size[i][1];
         double zero, valid, want_zero = 0.0, want_valid = 0.0;
@@ -237,13 +219,12 @@ static void ssim_should_be_its_definition(void **state)
     }
 }
 
-static void ssim_should_have_known_values(void **state)
+TEST(ssim_should_have_known_values)
 {
     enum { SIDE = 24, N = 3 * SIDE * SIDE };
     uint8_t a[N], b[N];
     double zero, valid;
 
-    (void)state;
     memset(a, 0, sizeof a);
     memset(b, 255, sizeof b);
     assert_true(saga_ssim(&zero, &valid, &PAIR(a, a, SIDE, SIDE, 1), &error));
@@ -256,12 +237,11 @@ static void ssim_should_have_known_values(void **state)
     assert_true(zero < valid && zero > 0.0);
 }
 
-static void ssim_should_say_when_it_is_undefined(void **state)
+TEST(ssim_should_say_when_it_is_undefined)
 {
     uint8_t *a, *b;
     double zero, valid;
 
-    (void)state;
     make_pair(&a, &b, 10, 40, 3);
     assert_true(saga_ssim(&zero, &valid, &PAIR(a, b, 10, 40, 1), &error));
     assert_true(isnan(valid) && zero > 0.0 && zero < 1.0);
@@ -271,13 +251,12 @@ static void ssim_should_say_when_it_is_undefined(void **state)
     free(b);
 }
 
-static void threads_should_not_change_a_score(void **state)
+TEST(threads_should_not_change_a_score)
 {
     enum { W = 170, H = 165 };
     saga_score one, many;
     uint8_t *a, *b;
 
-    (void)state;
     make_pair(&a, &b, W, H, 4);
     assert_true(saga_score_picture(&one, &PAIR(a, b, W, H, 1), &error));
     for (int threads = 2; threads <= 5; threads++) {
@@ -291,11 +270,10 @@ static void threads_should_not_change_a_score(void **state)
 
 /* --- MS-SSIM ------------------------------------------------------------- */
 
-static void ms_ssim_should_be_its_definition(void **state)
+TEST(ms_ssim_should_be_its_definition)
 {
     static const int size[][2] = { { 176, 176 }, { 161, 163 } };
 
-    (void)state;
     for (size_t i = 0; i < 2; i++) {
         const int w = size[i][0], h = size[i][1];
         double value, want = 0.0;
@@ -319,12 +297,11 @@ static void ms_ssim_should_be_its_definition(void **state)
     }
 }
 
-static void ms_ssim_should_need_161_pixels(void **state)
+TEST(ms_ssim_should_need_161_pixels)
 {
     uint8_t *a, *b;
     double value;
 
-    (void)state;
     make_pair(&a, &b, 161, 161, 5);
     assert_true(saga_ms_ssim(&value, &PAIR(a, b, 161, 161, 1), &error));
     assert_true(value > 0.0 && value < 1.0);
@@ -337,13 +314,12 @@ static void ms_ssim_should_need_161_pixels(void **state)
 }
 
 /* A negative of a picture has a negative structure: worth 0, not NaN. */
-static void ms_ssim_should_count_the_opposite_as_zero(void **state)
+TEST(ms_ssim_should_count_the_opposite_as_zero)
 {
     enum { SIDE = 161 };
     uint8_t *a, *b;
     double value;
 
-    (void)state;
     make_pair(&a, &b, SIDE, SIDE, 6);
     for (size_t i = 0; i < 3 * SIDE * SIDE; i++)
         b[i] = (uint8_t)(255 - a[i]);
@@ -351,21 +327,4 @@ static void ms_ssim_should_count_the_opposite_as_zero(void **state)
     assert_true(value == 0.0);
     free(a);
     free(b);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(psnr_should_have_known_values),
-        cmocka_unit_test(means_should_be_over_pictures),
-        cmocka_unit_test(ssim_should_be_its_definition),
-        cmocka_unit_test(ssim_should_have_known_values),
-        cmocka_unit_test(ssim_should_say_when_it_is_undefined),
-        cmocka_unit_test(threads_should_not_change_a_score),
-        cmocka_unit_test(ms_ssim_should_be_its_definition),
-        cmocka_unit_test(ms_ssim_should_need_161_pixels),
-        cmocka_unit_test(ms_ssim_should_count_the_opposite_as_zero),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

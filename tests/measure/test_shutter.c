@@ -5,15 +5,7 @@
  * a film has wrong.
  */
 #include "shutter.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 enum { WIDTH = 64, HEIGHT = 48, PIXELS = WIDTH * HEIGHT, FRAMES = 8,
        CAMERAS = 3 };
@@ -69,12 +61,11 @@ static saga_shutter_found *find(const camera *c, int noise, int n_frames)
     return found;
 }
 
-static void rows_read_in_turn_should_be_told(void **state)
+TEST(rows_read_in_turn_should_be_told)
 {
     static const camera c[CAMERAS] = { { 0, 0 }, { 0.3, 0.8 }, { 0.5, 0 } };
     saga_shutter_found *const found = find(c, 0, FRAMES);
 
-    (void)state;
     for (int i = 0; i < CAMERAS; i++) {
         assert_true(fabs(found[i].readout - c[i].readout) < 0.02);
         assert_int_equal(found[i].shows, i == 1);
@@ -82,24 +73,22 @@ static void rows_read_in_turn_should_be_told(void **state)
     free(found);
 }
 
-static void last_row_may_be_first(void **state)
+TEST(last_row_may_be_first)
 {
     static const camera c[CAMERAS] = { { 0, -0.6 }, { 0, 0 }, { 0, 0.01 } };
     saga_shutter_found *const found = find(c, 0, FRAMES);
 
-    (void)state;
     assert_true(fabs(found[0].readout + 0.6) < 0.02 && found[0].shows);
     assert_false(found[1].shows || found[2].shows);
     free(found);
 }
 
 /* What all cameras have alike is the film's. */
-static void cameras_should_be_compared(void **state)
+TEST(cameras_should_be_compared)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0.8 }, { 0, 0.3 } };
     saga_shutter_found *const found = find(c, 0, FRAMES);
 
-    (void)state;
     assert_true(fabs(found[0].readout) < 0.02 && !found[0].shows);
     assert_true(fabs(found[1].readout) < 0.02 && !found[1].shows);
     assert_true(fabs(found[2].readout + 0.5) < 0.02 && found[2].shows);
@@ -107,24 +96,22 @@ static void cameras_should_be_compared(void **state)
 }
 
 /* One camera's readout bends the film a bit, and others the other way. */
-static void bent_film_should_be_told_from_a_camera(void **state)
+TEST(bent_film_should_be_told_from_a_camera)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, -0.35 }, { 0, 0 } };
     saga_shutter_found *const found = find(c, 0, FRAMES);
 
-    (void)state;
     assert_true(found[0].shows);
     assert_true(fabs(found[1].readout + 0.35) < 0.02 && !found[1].shows);
     free(found);
 }
 
 /* Errors of 60 levels are as large as what moves: their own size is told. */
-static void errors_should_be_told_as_spread(void **state)
+TEST(errors_should_be_told_as_spread)
 {
     static const camera c[CAMERAS] = { { 0, 0 }, { 0, 0 }, { 0, 0 } };
     saga_shutter_found *const found = find(c, 60, FRAMES);
 
-    (void)state;
     for (int i = 0; i < CAMERAS; i++) {
         assert_true(found[i].spread > 0.01 && found[i].spread < 0.2);
         assert_true(fabs(found[i].readout) < 5 * found[i].spread);
@@ -133,13 +120,12 @@ static void errors_should_be_told_as_spread(void **state)
     free(found);
 }
 
-static void little_should_tell_nothing(void **state)
+TEST(little_should_tell_nothing)
 {
     static const camera c[CAMERAS] = { { 0, 0.8 }, { 0, 0 }, { 0, 0 } };
     saga_shutter_found *const few = find(c, 0, 3);
     saga_shutter_found *const none = find(c, 0, 0);
 
-    (void)state;
     for (int i = 0; i < CAMERAS; i++) {
         assert_true(isnan(few[i].readout) && isnan(few[i].spread));
         assert_true(isnan(none[i].readout));
@@ -147,18 +133,4 @@ static void little_should_tell_nothing(void **state)
     }
     free(few);
     free(none);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rows_read_in_turn_should_be_told),
-        cmocka_unit_test(last_row_may_be_first),
-        cmocka_unit_test(cameras_should_be_compared),
-        cmocka_unit_test(bent_film_should_be_told_from_a_camera),
-        cmocka_unit_test(errors_should_be_told_as_spread),
-        cmocka_unit_test(little_should_tell_nothing)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

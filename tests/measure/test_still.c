@@ -3,15 +3,7 @@
  * What stands still in a capture that comes in parts.
  */
 #include "still.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 enum { PIXELS = 6, PART = 20, PARTS = 3, ALL = PART * PARTS };
 
@@ -72,14 +64,13 @@ static int compare(const void *a, const void *b)
 }
 
 /* Fifteen of 60 frames: 2, 6, 10, ..., the middles of fifteenths. */
-static void still_should_be_the_median_over_all_parts(void **state)
+TEST(still_should_be_the_median_over_all_parts)
 {
     saga_error error = { "" };
     saga_capture c;
     saga_still s;
     uint8_t seen[SAGA_STILL_PICTURES];
 
-    (void)state;
     add_parts(&s);
     assert_true(saga_still_finish(&c, &s, &error));
     assert_null(s.capture.views);
@@ -96,12 +87,11 @@ static void still_should_be_the_median_over_all_parts(void **state)
 }
 
 /* Fifteen pictures; so many of them may be others. */
-static void still_should_count_what_is_steady(void **state)
+TEST(still_should_count_what_is_steady)
 {
     enum { N = SAGA_STILL_PICTURES };
     saga_error error = { "" };
 
-    (void)state;
     for (int others = 0; others < 8; others++)
         for (int level = 8; level < 10; level++) {
             uint8_t rgb[N][3 * PIXELS];
@@ -125,14 +115,13 @@ static void still_should_count_what_is_steady(void **state)
         }
 }
 
-static void still_should_know_what_nobody_saw(void **state)
+TEST(still_should_know_what_nobody_saw)
 {
     static const uint8_t counts[PIXELS] = { 0, 1, 1, 1, 1, 0 };
     saga_error error = { "" };
     saga_capture c;
     saga_still s;
 
-    (void)state;
     add_parts(&s);
     assert_true(saga_still_finish(&c, &s, &error));
     assert_memory_equal(c.views[0].mask, counts, sizeof counts);
@@ -142,29 +131,16 @@ static void still_should_know_what_nobody_saw(void **state)
     saga_capture_free(&c);
 }
 
-static void still_should_refuse_other_views(void **state)
+TEST(still_should_refuse_other_views)
 {
     saga_error error = { "" };
     saga_still s = { .n = 0 };
     part p;
 
-    (void)state;
     assert_true(saga_still_add(&s, make_part(&p, 0), 0, ALL, &error));
     p.capture.n_views = 1;
     assert_false(saga_still_add(&s, &p.capture, PART, ALL, &error));
     assert_non_null(strstr(error.message, "1 cameras have pictures"));
     saga_still_free(&s);
     assert_null(s.capture.views);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(still_should_be_the_median_over_all_parts),
-        cmocka_unit_test(still_should_count_what_is_steady),
-        cmocka_unit_test(still_should_know_what_nobody_saw),
-        cmocka_unit_test(still_should_refuse_other_views)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,17 +2,8 @@
  *
  * The verdict parts what stands still from what moves.
  */
+#include "testing.h"
 #include "verdict.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
 
 enum { PIXELS = 8, FRAMES = 3 };
 
@@ -28,7 +19,7 @@ static void near(double x, double y)
     assert_true(fabs(x - y) < 1e-9);
 }
 
-static void verdict_should_part_what_moves(void **state)
+TEST(verdict_should_part_what_moves)
 {
     uint8_t rgb[3 * PIXELS * FRAMES], made[3 * PIXELS];
     saga_shot view = { .width = PIXELS, .height = 1, .rgb = rgb };
@@ -38,7 +29,6 @@ static void verdict_should_part_what_moves(void **state)
     saga_verdict v = { 0 };
     uint8_t *median;
 
-    (void)state;
     frames(rgb);
     median = saga_verdict_median(&c, 0, &error);
     assert_non_null(median);
@@ -55,23 +45,12 @@ static void verdict_should_part_what_moves(void **state)
     free(median);
 }
 
-static void verdict_should_have_words(void **state)
+TEST(verdict_should_have_words)
 {
     saga_verdict v = { .file = { .n_pixels = 4, .n_changing = 4 } };
 
-    (void)state;
     assert_string_equal(saga_verdict_word(30), "good");
     assert_string_equal(saga_verdict_word(29.9), "fair");
     assert_string_equal(saga_verdict_word(24.9), "blurred");
     assert_true(isnan(saga_verdict_rest(&v)));
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(verdict_should_part_what_moves),
-        cmocka_unit_test(verdict_should_have_words)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

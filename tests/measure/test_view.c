@@ -3,12 +3,6 @@
  * Watching a file: cameras from metres to integers and back, pictures of the
  * vectors through trainer/measure/view, the camera path, the montage.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "evaluate.h"
 #include "error.h"
 #include "file.h"
@@ -16,21 +10,11 @@
 #include "orbit.h"
 #include "picture.h"
 #include "view.h"
+#include "testing.h"
 
-#include <inttypes.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 static const char vector[] = "vectors/good/motion.saga";
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 static double uniform(uint32_t *state)
 {
@@ -74,11 +58,10 @@ static saga_shot random_shot(const saga_metric *m, uint32_t *seed)
 
 static const saga_metric somewhere = { 3e-7, { 12.5, -3.25, 1000.0 } };
 
-static void camera_should_come_back_from_integers(void **state)
+TEST(camera_should_come_back_from_integers)
 {
     uint32_t seed = 1;
 
-    (void)state;
     for (int k = 0; k < 500; k++) {
         const saga_shot s = random_shot(&somewhere, &seed);
         saga_shot back = { .name = "" };
@@ -102,12 +85,11 @@ static void camera_should_come_back_from_integers(void **state)
 
 /* The limit saga.h states, where the sum is largest, and rows that are too
  * long. */
-static void rotation_should_keep_to_its_limit(void **state)
+TEST(rotation_should_keep_to_its_limit)
 {
     const saga_metric here = { 3e-7, { 0.0, 0.0, 0.0 } };
     uint32_t seed = 2;
 
-    (void)state;
     for (int k = 0; k < 500; k++) {
         saga_shot s = random_shot(&here, &seed);
         saga_error error = { "" };
@@ -139,13 +121,12 @@ static void refused(const saga_shot *s, double near_metres, const char *says)
         fail_msg("no '%s' in: %s", says, error.message);
 }
 
-static void camera_should_be_refused_with_its_value(void **state)
+TEST(camera_should_be_refused_with_its_value)
 {
     uint32_t seed = 3;
     const saga_shot good = random_shot(&somewhere, &seed);
     saga_shot s = good;
 
-    (void)state;
     s.fx = 0.0;
     refused(&s, 0.01, "focal length, 0");
     s.fx = 32768.0;
@@ -167,13 +148,12 @@ static void camera_should_be_refused_with_its_value(void **state)
     refused(&good, (double)INFINITY, "near plane");
 }
 
-static void resized_camera_should_see_the_same(void **state)
+TEST(resized_camera_should_see_the_same)
 {
     saga_camera c = { .focal_q16 = { 100 << 16, 90 << 16 },
                       .principal_q16 = { 84 << 16, 60 << 16 },
                       .width = 160, .height = 120 };
 
-    (void)state;
     saga_camera_resize(&c, 320, 480);
     assert_int_equal(c.width, 320);
     assert_int_equal(c.height, 480);
@@ -223,11 +203,10 @@ static uint32_t manifest_crc(void)
     return crc;
 }
 
-static void picture_should_be_the_vectors_on_any_threads(void **state)
+TEST(picture_should_be_the_vectors_on_any_threads)
 {
     const uint32_t want = manifest_crc();
 
-    (void)state;
     for (int threads = 1; threads <= 5; threads += 2) {
         saga_camera c;
         uint32_t number;
@@ -250,14 +229,13 @@ static void picture_should_be_the_vectors_on_any_threads(void **state)
     }
 }
 
-static void what_a_file_lacks_should_be_told(void **state)
+TEST(what_a_file_lacks_should_be_told)
 {
     uint8_t rgb[3];
     saga_camera c;
     uint32_t number;
     opened o;
 
-    (void)state;
     open_vector(&o, 1);
     assert_false(saga_film_rig(&o.film, 3, &c, &number, &o.error));
     assert_non_null(strstr(o.error.message, "no camera 3 in its rig of 3"));
@@ -275,11 +253,10 @@ static void what_a_file_lacks_should_be_told(void **state)
     close_vector(&o);
 }
 
-static void damaged_file_should_not_open(void **state)
+TEST(damaged_file_should_not_open)
 {
     opened o;
 
-    (void)state;
     open_vector(&o, 1);
     saga_film_close(&o.film);
     o.bytes.data[20] ^= 1;
@@ -290,11 +267,10 @@ static void damaged_file_should_not_open(void **state)
     close_vector(&o);
 }
 
-static void hurried_film_should_say_how_to_wait(void **state)
+TEST(hurried_film_should_say_how_to_wait)
 {
     opened o;
 
-    (void)state;
     open_vector(&o, 1);
     saga_film_close(&o.film);
     assert_false(saga_film_open_within(&o.film, vector, &o.bytes, 1e-9,
@@ -312,12 +288,11 @@ static void hurried_film_should_say_how_to_wait(void **state)
 
 /* Every camera looks at the focus, its up is the path's, it is as far away as
  * the rig, and no further to the side than the rig. */
-static void orbit_should_stay_where_the_rig_was(void **state)
+TEST(orbit_should_stay_where_the_rig_was)
 {
     saga_orbit p;
     opened o;
 
-    (void)state;
     open_vector(&o, 1);
     assert_true(saga_orbit_of(&p, &o.film, &o.error));
     assert_false(p.closed);
@@ -378,7 +353,7 @@ static void mismatch(const opened *o, const saga_capture *c, const char *says)
         fail_msg("no '%s' in: %s", says, error.message);
 }
 
-static void capture_should_be_refused_where_it_differs(void **state)
+TEST(capture_should_be_refused_where_it_differs)
 {
     char says[64];
     saga_capture c;
@@ -386,7 +361,6 @@ static void capture_should_be_refused_where_it_differs(void **state)
     saga_eval e;
     opened o;
 
-    (void)state;
     open_vector(&o, 1);
     c = rig_capture(&o);
     v = &c.views[1];
@@ -483,7 +457,7 @@ static void expect_score(saga_eval_score *want, opened *o,
     free(rgb);
 }
 
-static void score_should_tell_medians_and_changes(void **state)
+TEST(score_should_tell_medians_and_changes)
 {
     const saga_eval_options options = { .pictures = NULL };
     saga_eval_score want[3], set = { .median_mse = 0.0 };
@@ -492,7 +466,6 @@ static void score_should_tell_medians_and_changes(void **state)
     opened o;
     const saga_eval_maker maker = { "vector", 1, &o.film, NULL };
 
-    (void)state;
     open_vector(&o, 2);
     c = rig_capture(&o);
     c.views[2].held_out = true;
@@ -526,7 +499,7 @@ static void score_should_tell_medians_and_changes(void **state)
 /* Another codec's pictures: all samples of one frame of view 1 are 10 off, so
  * that its squared error is 100 over the number of frames; the rest is right.
  */
-static void pictures_of_another_codec_should_be_judged_alike(void **state)
+TEST(pictures_of_another_codec_should_be_judged_alike)
 {
     const saga_eval_options options = { .pictures = NULL };
     saga_capture c, made;
@@ -534,7 +507,6 @@ static void pictures_of_another_codec_should_be_judged_alike(void **state)
     opened o;
     const saga_eval_maker maker = { "made", 1, NULL, &made };
 
-    (void)state;
     open_vector(&o, 2);
     c = rig_capture(&o);
     assert_true(saga_eval_match(&e, &o.film, &c, -1, &o.error));
@@ -544,8 +516,7 @@ static void pictures_of_another_codec_should_be_judged_alike(void **state)
     for (int i = 0; i < c.n_views; i++) {
         const size_t n = saga_view_frame_nbytes(&c.views[i]);
 
-        made.views[i].rgb = must(malloc(n * (size_t)c.n_frames));
-        memcpy(made.views[i].rgb, c.views[i].rgb, n * (size_t)c.n_frames);
+        made.views[i].rgb = copy_of(c.views[i].rgb, n * (size_t)c.n_frames);
         if (i == 1)
             memset(made.views[i].rgb, 190, n);
     }
@@ -567,12 +538,11 @@ static void pictures_of_another_codec_should_be_judged_alike(void **state)
 
 /* --- Pictures side by side ----------------------------------------------- */
 
-static void difference_should_be_clipped(void **state)
+TEST(difference_should_be_clipped)
 {
     const uint8_t a[4] = { 10, 200, 0, 7 }, b[4] = { 12, 100, 255, 7 };
     uint8_t d[4];
 
-    (void)state;
     saga_difference(d, a, b, 4, 4);
     assert_int_equal(d[0], 8);
     assert_int_equal(d[1], 255);
@@ -580,7 +550,7 @@ static void difference_should_be_clipped(void **state)
     assert_int_equal(d[3], 0);
 }
 
-static void montage_should_place_pictures_on_grey(void **state)
+TEST(montage_should_place_pictures_on_grey)
 {
     static const uint8_t one[3 * 2 * 3] = { 1, 2, 3 }, two[3] = { 9, 8, 7 };
     const saga_still stills[3] = {
@@ -592,7 +562,6 @@ static void montage_should_place_pictures_on_grey(void **state)
     uint8_t rgb[3 * W * H];
     const int fd = mkstemp(path);
 
-    (void)state;
     assert_true(fd >= 0);
     close(fd);
     assert_true(saga_montage_write(path, stills, 3, 2, &error));
@@ -603,26 +572,4 @@ static void montage_should_place_pictures_on_grey(void **state)
     assert_memory_equal(rgb + 3 * W * (3 + SAGA_MONTAGE_GAP), two, 3);
     assert_int_equal(rgb[3 * W * H - 1], 128);
     remove(path);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(camera_should_come_back_from_integers),
-        cmocka_unit_test(rotation_should_keep_to_its_limit),
-        cmocka_unit_test(camera_should_be_refused_with_its_value),
-        cmocka_unit_test(resized_camera_should_see_the_same),
-        cmocka_unit_test(picture_should_be_the_vectors_on_any_threads),
-        cmocka_unit_test(what_a_file_lacks_should_be_told),
-        cmocka_unit_test(damaged_file_should_not_open),
-        cmocka_unit_test(hurried_film_should_say_how_to_wait),
-        cmocka_unit_test(orbit_should_stay_where_the_rig_was),
-        cmocka_unit_test(capture_should_be_refused_where_it_differs),
-        cmocka_unit_test(score_should_tell_medians_and_changes),
-        cmocka_unit_test(pictures_of_another_codec_should_be_judged_alike),
-        cmocka_unit_test(difference_should_be_clipped),
-        cmocka_unit_test(montage_should_place_pictures_on_grey),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

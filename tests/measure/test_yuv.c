@@ -3,17 +3,8 @@
  * Luma and chroma against BT.709's own figures; WS-PSNR and IV-PSNR against
  * their definitions, written here pixel by pixel.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
+#include "testing.h"
 #include "yuv.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 enum { W = 37, H = 23, N = W * H };
 
@@ -52,7 +43,7 @@ static saga_yuv_score compare(const uint8_t *a, const uint8_t *b,
     return s;
 }
 
-static void yuv_should_be_that_of_bt709(void **state)
+TEST(yuv_should_be_that_of_bt709)
 {
     static const uint8_t rgb[] = { 0, 0, 0, 255, 255, 255, 255, 0, 0,
                                    0, 255, 0, 0, 0, 255, 128, 128, 128 };
@@ -62,7 +53,6 @@ static void yuv_should_be_that_of_bt709(void **state)
     };
     saga_yuv yuv;
 
-    (void)state;
     assert_true(saga_yuv_of(&yuv, rgb, 6, 1, &error));
     for (int i = 0; i < 6; i++) {
         assert_int_equal(yuv.y[i], want[i][0]);
@@ -72,14 +62,13 @@ static void yuv_should_be_that_of_bt709(void **state)
     free(yuv.y);
 }
 
-static void psnr_should_be_of_each_plane(void **state)
+TEST(psnr_should_be_of_each_plane)
 {
     static uint8_t a[3 * N], b[3 * N];
     saga_yuv ya, yb;
     saga_yuv_score s;
     uint32_t seed = 1;
 
-    (void)state;
     for (int i = 0; i < 3 * N; i++) {
         a[i] = (uint8_t)next(&seed);
         b[i] = (uint8_t)next(&seed);
@@ -97,12 +86,11 @@ static void psnr_should_be_of_each_plane(void **state)
 }
 
 /* A mistake at the pole is worth little, at the equator more than the mean. */
-static void ws_psnr_should_weigh_latitudes(void **state)
+TEST(ws_psnr_should_weigh_latitudes)
 {
     static uint8_t a[3 * N], b[3 * N];
     double weights = 0;
 
-    (void)state;
     for (int y = 0; y < H; y++)
         weights += cos(((y + 0.5) / H - 0.5) * acos(-1.0));
     paint(a, 0, 0, 0);
@@ -186,12 +174,11 @@ static double iv_psnr(const uint8_t *made, const uint8_t *truth)
     return there < back ? there : back;
 }
 
-static void iv_psnr_should_be_its_definition(void **state)
+TEST(iv_psnr_should_be_its_definition)
 {
     static uint8_t a[3 * N], b[3 * N];
     uint32_t seed = 5;
 
-    (void)state;
     for (int k = 0; k < 6; k++) {
         paint(a, 0, 0, 0);
         paint(b, k, k / 2, 2 * k - 5);
@@ -202,12 +189,11 @@ static void iv_psnr_should_be_its_definition(void **state)
     }
 }
 
-static void iv_psnr_should_forgive_shifts_and_brightness(void **state)
+TEST(iv_psnr_should_forgive_shifts_and_brightness)
 {
     static uint8_t a[3 * N], b[3 * N];
     saga_yuv_score far, shifted, brighter;
 
-    (void)state;
     paint(a, 0, 0, 0);
     paint(b, 2, 0, 0);
     shifted = compare(b, a, false);
@@ -222,17 +208,4 @@ static void iv_psnr_should_forgive_shifts_and_brightness(void **state)
     near(compare(a, a, false).iv_psnr, saga_psnr(1.0 / N), 1e-9);
     paint(b, 0, 0, 15);
     assert_true(compare(b, a, false).iv_psnr < brighter.iv_psnr - 20.0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(yuv_should_be_that_of_bt709),
-        cmocka_unit_test(psnr_should_be_of_each_plane),
-        cmocka_unit_test(ws_psnr_should_weigh_latitudes),
-        cmocka_unit_test(iv_psnr_should_be_its_definition),
-        cmocka_unit_test(iv_psnr_should_forgive_shifts_and_brightness),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,15 +6,9 @@
 #include "embedding.h"
 #include "net.h"
 #include "rng.h"
+#include "testing.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 /* cmocka wants the headers above. */
-#include <cmocka.h>
 
 #define TOLERANCE 1e-6
 
@@ -128,28 +122,25 @@ static void check(saga_net net, size_t m)
     free(w);
 }
 
-static void net_gradient_should_match_differences(void **state)
+TEST(net_gradient_should_match_differences)
 {
     int k;
 
-    (void)state;
     for (k = 0; k < N_SHAPES; k++) {
         check(shapes[k], 1);
         check(shapes[k], 6);
     }
 }
 
-static void net_should_accept_no_points(void **state)
+TEST(net_should_accept_no_points)
 {
-    (void)state;
     check(shapes[0], 0);
 }
 
-static void embedding_should_be_sine_and_cosine(void **state)
+TEST(embedding_should_be_sine_and_cosine)
 {
     double u, worst = 0;
 
-    (void)state;
     for (u = -9; u < 9; u += 0.0123) {
         real y[2 * 5];
         int k;
@@ -163,15 +154,4 @@ static void embedding_should_be_sine_and_cosine(void **state)
         }
     }
     assert_true(worst < 1e-13);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(net_gradient_should_match_differences),
-        cmocka_unit_test(net_should_accept_no_points),
-        cmocka_unit_test(embedding_should_be_sine_and_cosine)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

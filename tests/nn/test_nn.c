@@ -7,23 +7,17 @@
 #include "embedding.h"
 #include "net.h"
 #include "rng.h"
+#include "testing.h"
 
-#include <math.h>
 #include <omp.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 /* cmocka wants the headers above. */
-#include <cmocka.h>
 
 /* --- Adam ---------------------------------------------------------------- */
 
 /* First step: m' = g, v' = g^2, so x moves by the rate against the sign. Second
  * step with g = 3 after 1: m' = (0.09 + 0.3) / 0.19, v' = (0.000999 + 0.009) /
  * 0.001999. */
-static void adam_should_match_steps_by_hand(void **state)
+TEST(adam_should_match_steps_by_hand)
 {
     enum { N = 13 };
     const saga_adam adam = saga_adam_default();
@@ -32,7 +26,6 @@ static void adam_should_match_steps_by_hand(void **state)
     saga_error error = { "" };
     int i;
 
-    (void)state;
     for (i = 0; i < N; i++) {
         x[i] = 2;
         g[i] = i % 2 ? -1e-12f : 1;
@@ -55,7 +48,7 @@ static void adam_should_match_steps_by_hand(void **state)
 }
 
 /* Kingma and Ba, algorithm 1, in double, with other betas and no bound. */
-static void adam_should_be_adam(void **state)
+TEST(adam_should_be_adam)
 {
     enum { N = 13, STEPS = 20 };
     const saga_adam adam = { 0.9f, 0.995f, 1e-15f, 15 };
@@ -66,7 +59,6 @@ static void adam_should_be_adam(void **state)
     saga_error error = { "" };
     int t, i;
 
-    (void)state;
     for (t = 1; t <= STEPS; t++) {
         for (i = 0; i < N; i++) {
             g[i] = saga_rng_float(r, (uint64_t)(t * N + i)) - 0.3f;
@@ -85,7 +77,7 @@ static void adam_should_be_adam(void **state)
 /* After gradients of +-1, m = 0 and v = 1, one of 1,000: sqrt(v') = 31.6. Then
  * none. Without a bound x moves by 3.16 rates, and 0.9^k of that k steps later:
  * 31 in all. With it the first step is 0.1 `most` rates. */
-static void adam_should_bound_what_is_out_of_the_ordinary(void **state)
+TEST(adam_should_bound_what_is_out_of_the_ordinary)
 {
     const saga_adam adam = saga_adam_default();
     float x = 0, g = 1000, m = 0, v = 1;
@@ -94,7 +86,6 @@ static void adam_should_bound_what_is_out_of_the_ordinary(void **state)
     saga_error error = { "" };
     int i;
 
-    (void)state;
     assert_true(saga_adam_update(&adam, &t, 1, 1000000, &error));
     assert_true(fabs((double)x + first) < 1e-4 * first);
     g = 0;
@@ -104,7 +95,7 @@ static void adam_should_bound_what_is_out_of_the_ordinary(void **state)
     assert_true(fabs((double)x + 10 * first) < 0.005 * 10 * first);
 }
 
-static void adam_should_name_what_is_not_finite(void **state)
+TEST(adam_should_name_what_is_not_finite)
 {
     enum { N = 10000 };
     const saga_adam adam = saga_adam_default();
@@ -116,7 +107,6 @@ static void adam_should_name_what_is_not_finite(void **state)
     saga_error error = { "" };
     int i;
 
-    (void)state;
     for (i = 0; i < N; i++)
         x[N + i] = x[5 * N + i] = 1;
     x[5 * N + 9997] = NAN;
@@ -138,7 +128,7 @@ static void adam_should_name_what_is_not_finite(void **state)
 
 /* --- Random numbers ------------------------------------------------------ */
 
-static void rng_should_have_the_right_moments(void **state)
+TEST(rng_should_have_the_right_moments)
 {
     enum { N = 200000 };
     const saga_rng r = saga_rng_stream(1, 2);
@@ -146,7 +136,6 @@ static void rng_should_have_the_right_moments(void **state)
     int count[7] = { 0 };
     uint64_t i;
 
-    (void)state;
     for (i = 0; i < N; i++) {
         const double u = saga_rng_double(r, i) - 0.5;
         const double z = saga_rng_normal(r, i);
@@ -168,11 +157,10 @@ static void rng_should_have_the_right_moments(void **state)
         assert_true(abs(count[i] - N / 7) < 800);
 }
 
-static void rng_should_have_unrelated_streams(void **state)
+TEST(rng_should_have_unrelated_streams)
 {
     uint64_t s, i, same = 0;
 
-    (void)state;
     for (s = 0; s < 200; s++)
         for (i = 0; i < 200; i++)
             same += (saga_rng_bits(saga_rng_stream(1, s), i) >> 48) ==
@@ -185,13 +173,12 @@ static void rng_should_have_unrelated_streams(void **state)
 /* Every epoch holds each number once; orders of two epochs differ, and no order
  * is a progression: the mean step between neighbours is that of random ones,
  * n / 3, within four of its standard deviations, n / sqrt(18 n). */
-static void rng_should_shuffle_each_epoch_anew(void **state)
+TEST(rng_should_shuffle_each_epoch_anew)
 {
     enum { MOST = 2000, EPOCHS = 3 };
     static uint8_t seen[MOST];
     uint32_t n, epoch, i;
 
-    (void)state;
     for (n = 1; n <= MOST; n += n < 70 ? 1 : 193) {
         const saga_rng r = saga_rng_stream(7, n);
         uint32_t same = 0;
@@ -254,12 +241,11 @@ static void fill(float *x, size_t n, uint64_t stream, float lo, float hi)
         x[i] = lo + (hi - lo) * saga_rng_float(saga_rng_stream(9, stream), i);
 }
 
-static void nets_should_not_depend_on_threads(void **state)
+TEST(nets_should_not_depend_on_threads)
 {
     batch *const e = calloc(2, sizeof *e);
     int threads;
 
-    (void)state;
     fill(e->x, POINTS * 27, 1, -1, 1);
     fill(e->dy, POINTS * 5, 2, -1, 1);
     fill(e->w, 2000, 3, -0.3f, 0.3f);
@@ -275,12 +261,11 @@ static void nets_should_not_depend_on_threads(void **state)
 }
 
 /* A float's phase is exact: the embedding is as good near 8 turns as at 0. */
-static void embedding_should_be_precise_in_float(void **state)
+TEST(embedding_should_be_precise_in_float)
 {
     double worst = 0;
     float u;
 
-    (void)state;
     for (u = -2; u < 2; u += 0.00731f) {
         float y[8];
         int k;
@@ -295,21 +280,4 @@ static void embedding_should_be_precise_in_float(void **state)
     }
     printf("  embedding: float error %.1e\n", worst);
     assert_true(worst < 2e-7);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(adam_should_match_steps_by_hand),
-        cmocka_unit_test(adam_should_be_adam),
-        cmocka_unit_test(adam_should_bound_what_is_out_of_the_ordinary),
-        cmocka_unit_test(adam_should_name_what_is_not_finite),
-        cmocka_unit_test(rng_should_have_the_right_moments),
-        cmocka_unit_test(rng_should_have_unrelated_streams),
-        cmocka_unit_test(rng_should_shuffle_each_epoch_anew),
-        cmocka_unit_test(nets_should_not_depend_on_threads),
-        cmocka_unit_test(embedding_should_be_precise_in_float)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

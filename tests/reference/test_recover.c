@@ -3,17 +3,9 @@
  * Masked anchors on a line, whose features are known functions of where they
  * are: what is recovered of them follows.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "mask.h"
 #include "recover.h"
-
-#include <math.h>
-#include <string.h>
+#include "testing.h"
 
 /* Cells of depth 8: 2^15 box units to a half-size. */
 enum { N = 101, F = 2, DEPTH = 8, HALF = 1 << (23 - DEPTH) };
@@ -74,11 +66,10 @@ static double error(const line *l)
     return sqrt(wrong / all);
 }
 
-static void recover_should_give_a_constant_whatever_it_takes(void **state)
+TEST(recover_should_give_a_constant_whatever_it_takes)
 {
     static line l;
 
-    (void)state;
     make(&l, 4);
     for (int i = 0; i < N; i++) {
         l.was[i][0] = 3;
@@ -94,12 +85,10 @@ static void recover_should_give_a_constant_whatever_it_takes(void **state)
  * inside the radius. Known anchors are 0, 2, .. 100 and masked ones lie
  * symmetric among them, so the mean is the middle: its error is the whole
  * feature. */
-static void recover_should_find_a_linear_function_between_neighbours(
-    void **state)
+TEST(recover_should_find_a_linear_function_between_neighbours)
 {
     static line l;
 
-    (void)state;
     make(&l, 2);
     for (int i = 0; i < N; i++) {
         l.was[i][0] = i - 50;
@@ -117,11 +106,10 @@ static void recover_should_find_a_linear_function_between_neighbours(
  * anchors of equal weight gives 1, 0 or -1: errors 0, 1, 2 with shares 1/4,
  * 1/2, 1/4, so the mean square is 1.5; of 50 masked anchors it has a standard
  * deviation of 0.21. */
-static void recover_should_tell_halves_apart_by_neighbours_alone(void **state)
+TEST(recover_should_tell_halves_apart_by_neighbours_alone)
 {
     static line l;
 
-    (void)state;
     make(&l, 2);
     for (int i = 0; i < N; i++) {
         l.was[i][0] = l.was[i][1] = i <= 50 ? 1 : -1;
@@ -134,29 +122,14 @@ static void recover_should_tell_halves_apart_by_neighbours_alone(void **state)
 }
 
 /* Nobody is nearer than a distance of 1: all take the mean. */
-static void recover_should_count_anchors_that_are_alone(void **state)
+TEST(recover_should_count_anchors_that_are_alone)
 {
     static line l;
 
-    (void)state;
     make(&l, 2);
     l.model.tier[SAGA_TIER_COARSE].radius2_q12 = 4096;
     for (int i = 0; i < N; i++)
         l.was[i][0] = i - 50;
     assert_int_equal(recover(&l, SAGA_RECOVER_NEIGHBOURS), N / 2);
     assert_true(fabs(error(&l) - 1) < 1e-12);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(recover_should_give_a_constant_whatever_it_takes),
-        cmocka_unit_test(
-            recover_should_find_a_linear_function_between_neighbours),
-        cmocka_unit_test(
-            recover_should_tell_halves_apart_by_neighbours_alone),
-        cmocka_unit_test(recover_should_count_anchors_that_are_alone)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,23 +6,15 @@
  * streams damaged by number: SAGA_TEST_SEED is the first, SAGA_TEST_COUNT how
  * many.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_mutate.h"
 #include "gen_zeroed.h"
 #include "error.h"
 #include "file.h"
 #include "ref_file.h"
 #include "ref_recorder.h"
+#include "testing.h"
 
 #include <dirent.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 enum { PER_BASE = 25 };
 
@@ -111,26 +103,17 @@ static void check_good(const char *name, const uint8_t *bytes, size_t n)
                  take_apart(bytes, n));
 }
 
-static void good_vectors_should_be_taken_apart(void **state)
+TEST(good_vectors_should_be_taken_apart)
 {
-    (void)state;
     assert_true(for_each("vectors/good", check_good) >= 10);
 }
 
-static void bad_vectors_should_be_refused(void **state)
+TEST(bad_vectors_should_be_refused)
 {
-    (void)state;
     assert_true(for_each("vectors/bad", assert_refused) >= 50);
 }
 
 /* --- Damaged streams ----------------------------------------------------- */
-
-static uint64_t setting(const char *name, uint64_t otherwise)
-{
-    const char *const s = getenv(name);
-
-    return s ? strtoull(s, NULL, 0) : otherwise;
-}
 
 static uint8_t *make_base(uint64_t number, size_t *n)
 {
@@ -188,15 +171,14 @@ static void play(uint64_t number, const uint8_t *base, size_t n_base,
     free(bytes);
 }
 
-static void damage_should_be_refused_where_the_decoder_refuses(void **state)
+TEST(damage_should_be_refused_where_the_decoder_refuses)
 {
-    const uint64_t first = setting("SAGA_TEST_SEED", 0);
-    const uint64_t end = first + setting("SAGA_TEST_COUNT", 500);
+    const uint64_t first = testing_seed(0);
+    const uint64_t end = first + testing_count(500, 500);
     uint32_t n_of[2] = { 0, 0 };
     uint8_t *base = NULL;
     size_t n = 0;
 
-    (void)state;
     for (uint64_t i = first; i < end; i++) {
         if (!base || i % PER_BASE == 0) {
             free(base);
@@ -208,15 +190,4 @@ static void damage_should_be_refused_where_the_decoder_refuses(void **state)
     printf("streams from %llu: %u refused, %u taken apart\n",
            (unsigned long long)first, (unsigned)n_of[0], (unsigned)n_of[1]);
     assert_true(n_of[0] > 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(good_vectors_should_be_taken_apart),
-        cmocka_unit_test(bad_vectors_should_be_refused),
-        cmocka_unit_test(damage_should_be_refused_where_the_decoder_refuses)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,20 +4,11 @@
  * networks are random and hard, and the demo's file, which was trained. The
  * reference says itself where the decoder's pixels are not the norm's.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "file.h"
+#include "testing.h"
 #include "verify.h"
 
 #include <dirent.h>
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 static void verify(saga_verify *v, const char *path, uint32_t frame)
 {
@@ -99,13 +90,12 @@ static void check_networks(const saga_verify *v)
     }
 }
 
-static void vectors_should_be_near_double_in_every_stage(void **state)
+TEST(vectors_should_be_near_double_in_every_stage)
 {
     DIR *const dir = opendir("vectors/good");
     const struct dirent *e;
     int n = 0;
 
-    (void)state;
     assert_non_null(dir);
     while ((e = readdir(dir)) != NULL) {
         saga_verify v;
@@ -129,12 +119,11 @@ static void vectors_should_be_near_double_in_every_stage(void **state)
 /* A trained file: everything in double since the symbols, and since the
  * scaffold, with which what the encoder does not know begins. A pixel of this
  * picture is two levels off: a splat that lives for 1/250 of the segment. */
-static void demo_should_be_near_double_as_a_whole(void **state)
+TEST(demo_should_be_near_double_as_a_whole)
 {
     const saga_verify_picture *p;
     saga_verify v;
 
-    (void)state;
     verify(&v, "docs/demo.saga", 12);
     p = &v.picture[SAGA_VERIFY_SYMBOLS];
     printf("  %.2f dB, %d level%s\n", p->psnr, p->max,
@@ -149,13 +138,12 @@ static void demo_should_be_near_double_as_a_whole(void **state)
                 80);
 }
 
-static void bad_files_should_be_refused(void **state)
+TEST(bad_files_should_be_refused)
 {
     static const char *const name[] = { "crc_segment", "crc_header",
                                         "cut_in_segment" };
     const saga_verify_view view = { .frame_den = 1 };
 
-    (void)state;
     for (size_t i = 0; i < sizeof name / sizeof name[0]; i++) {
         saga_error error = { "" };
         saga_bytes file;
@@ -169,15 +157,4 @@ static void bad_files_should_be_refused(void **state)
         assert_non_null(strstr(error.message, path));
         saga_bytes_free(&file);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(vectors_should_be_near_double_in_every_stage),
-        cmocka_unit_test(demo_should_be_near_double_as_a_whole),
-        cmocka_unit_test(bad_files_should_be_refused)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,23 +4,14 @@
  * against the real traversal (a coder that looks the scene up), and through
  * bytes (encoder, then decoder and recorder); then hard inputs.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "encode.h"
 #include "fx.h"
 #include "hierarchy.h"
 #include "morton.h"
 #include "ref_recorder.h"
 #include "syntax.h"
+#include "testing.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 
 /* --- Flat primitives ----------------------------------------------------- */
@@ -40,10 +31,7 @@ static double uniform(uint64_t *seed)
 
 static real *reals(uint32_t n, uint32_t width)
 {
-    real *const x = calloc((size_t)n * width + 1, sizeof *x);
-
-    assert_non_null(x);
-    return x;
+    return zeroed((size_t)n * width, sizeof(real));
 }
 
 /* Uniform in the cube and in time, narrow in time. */
@@ -65,8 +53,7 @@ static flat flat_make(uint32_t n, uint64_t seed)
     f.p.slope = reals(n, 4);
     f.p.t_centre = reals(n, 1);
     f.p.log2_width = reals(n, 1);
-    f.score = calloc(n + 1u, sizeof *f.score);
-    assert_non_null(f.score);
+    f.score = must(calloc(n + 1u, sizeof *f.score));
     for (i = 0; i < n; i++) {
         for (k = 0; k < 3; k++) {
             f.p.mean[3 * i + k] = (real)(2 * uniform(&f.seed) - 1);
@@ -235,14 +222,6 @@ static void symbols_make(saga_symbols *s, const saga_scene *scene)
     }
 }
 
-static void *zeros(size_t n, size_t size)
-{
-    void *const p = calloc(n + 1, size);
-
-    assert_non_null(p);
-    return p;
-}
-
 static void check_fine(const saga_fine *a, const saga_fine *b)
 {
     int i;
@@ -285,20 +264,19 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     c.coder.adaptive = look_up;
     c.s = symbols;
     saga_nets_layout(&nets, &s->model);
-    params = aligned_alloc(16, nets.nbytes + 16);
-    assert_non_null(params);
+    params = must(aligned_alloc(16, nets.nbytes + 16));
     memset(params, 0, nets.nbytes + 16);
     sc.model = &s->model;
     sc.net.nets = &nets;
     sc.net.params = params;
     sc.n = s->n;
-    sc.coarse = zeros(s->n.coarse, sizeof *sc.coarse);
-    sc.coarse_feature = zeros(s->n.coarse, 2u * s->model.features);
-    sc.fine = zeros(s->n.fine, sizeof *sc.fine);
-    sc.fine_feature = zeros(s->n.fine, 2u * s->model.features);
-    sc.prim_offset = zeros(s->n.prim, sizeof *sc.prim_offset);
-    sc.models = zeros(1, sizeof *sc.models);
-    sc.net.v = zeros(1, sizeof *sc.net.v);
+    sc.coarse = zeroed(s->n.coarse, sizeof *sc.coarse);
+    sc.coarse_feature = zeroed(s->n.coarse, 2u * s->model.features);
+    sc.fine = zeroed(s->n.fine, sizeof *sc.fine);
+    sc.fine_feature = zeroed(s->n.fine, 2u * s->model.features);
+    sc.prim_offset = zeroed(s->n.prim, sizeof *sc.prim_offset);
+    sc.models = zeroed(1, sizeof *sc.models);
+    sc.net.v = zeroed(1, sizeof *sc.net.v);
     saga_syntax_begin(&sc);
     assert_true(saga_syntax_coarse(&sc, &c.coder));
     assert_true(saga_syntax_fine(&sc, &c.coder));
@@ -430,7 +408,7 @@ static real clamped(real x, double lo, double hi)
 static void check_prims(const saga_scene *s, const uint32_t *source,
                         const flat *f)
 {
-    uint8_t *const seen = zeros(f->n, 1);
+    uint8_t *const seen = zeroed(f->n, 1);
     uint32_t rank, i;
 
     assert_int_equal(s->n.prim, f->n);
@@ -506,7 +484,7 @@ static bool try_build(saga_scene *s, uint32_t *source, const flat *f,
 /* Builds, checks and returns a scene. */
 static saga_scene build(const setup *u, const flat *f)
 {
-    uint32_t *const source = zeros(f->n, sizeof *source);
+    uint32_t *const source = zeroed(f->n, sizeof *source);
     saga_error error;
     saga_scene s;
 
@@ -520,7 +498,7 @@ static saga_scene build(const setup *u, const flat *f)
 /* why: the sentence without its remedy. */
 static void refuse(const setup *u, const flat *f, const char *why)
 {
-    uint32_t *const source = zeros(f->n, sizeof *source);
+    uint32_t *const source = zeroed(f->n, sizeof *source);
     saga_error error;
     saga_scene s;
 
@@ -559,13 +537,12 @@ static double spread(const saga_scene *s)
 
 /* --- Tests --------------------------------------------------------------- */
 
-static void hierarchy_should_hold_everything_when_uniform(void **state)
+TEST(hierarchy_should_hold_everything_when_uniform)
 {
     flat f = flat_make(3000, 1);
     setup u;
     saga_scene s;
 
-    (void)state;
     setup_make(&u, ALL_TOOLS, 150, 700);
     s = build(&u, &f);
     /* A split adds 15 leaves at most. */
@@ -577,13 +554,12 @@ static void hierarchy_should_hold_everything_when_uniform(void **state)
 }
 
 /* Leaves stop short of their budget when fine anchors run out. */
-static void hierarchy_should_keep_to_the_fine_budget(void **state)
+TEST(hierarchy_should_keep_to_the_fine_budget)
 {
     flat f = flat_make(200, 17);
     setup u;
     saga_scene s;
 
-    (void)state;
     setup_make(&u, ALL_TOOLS, 200, 30);
     s = build(&u, &f);
     assert_int_equal(s.n.fine, 30);
@@ -591,13 +567,12 @@ static void hierarchy_should_keep_to_the_fine_budget(void **state)
     flat_free(&f);
 }
 
-static void hierarchy_should_hold_everything_when_clustered(void **state)
+TEST(hierarchy_should_hold_everything_when_clustered)
 {
     flat f = flat_make(3000, 2);
     setup u;
     saga_scene s;
 
-    (void)state;
     flat_cluster(&f);
     setup_make(&u, ALL_TOOLS, 400, 1200);
     s = build(&u, &f);
@@ -619,18 +594,17 @@ static void model_vary(saga_model *m, uint64_t *seed)
 }
 
 /* Refusals must be for a budget, or a cell that is too full. */
-static void hierarchy_should_be_valid_when_limits_vary(void **state)
+TEST(hierarchy_should_be_valid_when_limits_vary)
 {
     uint64_t seed = 7;
     uint32_t built = 0, round;
 
-    (void)state;
     for (round = 0; round < 300; round++) {
         const uint32_t n = (uint32_t)(1 + uniform(&seed) * 250);
         const uint32_t max_coarse = (uint32_t)(1 + uniform(&seed) * n);
         const uint32_t max_fine = (uint32_t)(1 + uniform(&seed) * n);
         flat f = flat_make(n, seed + round);
-        uint32_t *const source = zeros(n, sizeof *source);
+        uint32_t *const source = zeroed(n, sizeof *source);
         setup u;
         saga_error error;
         saga_scene s;
@@ -698,7 +672,7 @@ static uint32_t n_split(const saga_scene *s, const uint32_t *source, int still)
     return n;
 }
 
-static void hierarchy_should_split_time_only_where_it_varies(void **state)
+TEST(hierarchy_should_split_time_only_where_it_varies)
 {
     uint32_t source[800];
     setup u;
@@ -706,7 +680,6 @@ static void hierarchy_should_split_time_only_where_it_varies(void **state)
     saga_scene s;
     flat f;
 
-    (void)state;
     setup_make(&u, ALL_TOOLS, 100, 400);
     f = moving_scene(1);
     assert_true(try_build(&s, source, &f, &u, &error));
@@ -724,14 +697,13 @@ static void hierarchy_should_split_time_only_where_it_varies(void **state)
 }
 
 /* A quarter with a time of its own everywhere among what is always seen. */
-static void hierarchy_should_not_split_time_for_a_minority(void **state)
+TEST(hierarchy_should_not_split_time_for_a_minority)
 {
     flat f = flat_make(800, 16);
     setup u;
     saga_scene s;
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < f.n; i++) {
         f.score[i] = 1;
         f.p.log2_width[i] = i % 4 ? 5 : -4;
@@ -747,14 +719,13 @@ static void hierarchy_should_not_split_time_for_a_minority(void **state)
     flat_free(&f);
 }
 
-static void hierarchy_should_not_split_time_when_model_is_still(void **state)
+TEST(hierarchy_should_not_split_time_when_model_is_still)
 {
     flat f = moving_scene(1);
     setup u;
     saga_scene s;
     real *t_centre;
 
-    (void)state;
     setup_make(&u, SAGA_TOOL_VIEW, 100, 400);
     s = build(&u, &f);
     assert_int_equal(max_depth_t(&s), 0);
@@ -778,13 +749,12 @@ static void hierarchy_should_not_split_time_when_model_is_still(void **state)
     flat_free(&f);
 }
 
-static void hierarchy_should_not_split_time_without_width(void **state)
+TEST(hierarchy_should_not_split_time_without_width)
 {
     flat f = flat_make(500, 4);
     setup u;
     saga_scene s;
 
-    (void)state;
     setup_make(&u, 1u << SAGA_TOOL_MOTION_SHIFT, 80, 300);
     s = build(&u, &f);
     assert_int_equal(max_depth_t(&s), 0);
@@ -792,14 +762,13 @@ static void hierarchy_should_not_split_time_without_width(void **state)
     flat_free(&f);
 }
 
-static void hierarchy_should_take_degenerate_inputs(void **state)
+TEST(hierarchy_should_take_degenerate_inputs)
 {
     flat f = flat_make(1, 5);
     setup u;
     saga_scene s;
     uint32_t i;
 
-    (void)state;
     setup_make(&u, ALL_TOOLS, 50, 300);
     s = build(&u, &f);
     assert_int_equal(s.n.coarse, 1);
@@ -830,14 +799,13 @@ static void hierarchy_should_take_degenerate_inputs(void **state)
 }
 
 /* Two crowds alike in everything but their scores, in one leaf each. */
-static void hierarchy_should_give_anchors_to_what_matters(void **state)
+TEST(hierarchy_should_give_anchors_to_what_matters)
 {
     flat f = flat_make(120, 14);
     setup u;
     saga_scene s;
     uint32_t i, k;
 
-    (void)state;
     for (i = 0; i < f.n; i++) {
         f.score[i] = i & 1u ? 9 : 1;
         for (k = 0; k < 3; k++)
@@ -863,14 +831,13 @@ static void hierarchy_should_give_anchors_to_what_matters(void **state)
 
 /* Five crowds in one leaf and five anchors: one each. Then room for eight
  * where ten crowd: two go elsewhere. */
-static void hierarchy_should_find_crowds_with_medoids(void **state)
+TEST(hierarchy_should_find_crowds_with_medoids)
 {
     flat f = flat_make(50, 15);
     setup u;
     saga_scene s;
     uint32_t i, k;
 
-    (void)state;
     for (i = 0; i < f.n; i++) {
         const uint32_t crowd = i % 5;
 
@@ -896,7 +863,7 @@ static void hierarchy_should_find_crowds_with_medoids(void **state)
 }
 
 /* Corners, and far beyond them in space and time. */
-static void hierarchy_should_clamp_what_is_outside(void **state)
+TEST(hierarchy_should_clamp_what_is_outside)
 {
     static const double values[6] = { -1, 1, -1e30, 1e30, 1.5, 0 };
     static const double times[6] = { 0, 1, -3, 7, 0.5, 1e30 };
@@ -905,7 +872,6 @@ static void hierarchy_should_clamp_what_is_outside(void **state)
     saga_scene s;
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < f.n; i++) {
         f.p.mean[3 * i] = (real)values[i % 6];
         f.p.mean[3 * i + 1] = (real)values[i / 6 % 6];
@@ -922,14 +888,13 @@ static void hierarchy_should_clamp_what_is_outside(void **state)
 }
 
 /* Crowds that only the deepest cells, or time, can part. */
-static void hierarchy_should_split_further_when_too_many(void **state)
+TEST(hierarchy_should_split_further_when_too_many)
 {
     flat f = flat_make(300, 9);
     setup u;
     saga_scene s;
     uint32_t i;
 
-    (void)state;
     setup_make(&u, ALL_TOOLS, 20, 300);
     for (i = 0; i < f.n; i++)
         memset(f.p.mean + 3 * i, 0, 3 * sizeof *f.p.mean);
@@ -952,14 +917,13 @@ static void hierarchy_should_split_further_when_too_many(void **state)
     flat_free(&f);
 }
 
-static void hierarchy_should_refuse_when_budgets_are_short(void **state)
+TEST(hierarchy_should_refuse_when_budgets_are_short)
 {
     flat f = flat_make(1000, 10);
     uint32_t octant[8] = { 0 }, need = 0, i;
     char text[SAGA_MESSAGE_NBYTES];
     setup u;
 
-    (void)state;
     for (i = 0; i < f.n; i++)
         octant[(f.p.mean[3 * i] >= 0) * 4 + (f.p.mean[3 * i + 1] >= 0) * 2 +
                (f.p.mean[3 * i + 2] >= 0)]++;
@@ -986,12 +950,11 @@ static void hierarchy_should_refuse_when_budgets_are_short(void **state)
     flat_free(&f);
 }
 
-static void hierarchy_should_name_what_is_not_finite(void **state)
+TEST(hierarchy_should_name_what_is_not_finite)
 {
     flat f = flat_make(20, 11);
     setup u;
 
-    (void)state;
     setup_make(&u, ALL_TOOLS, 20, 20);
     f.p.mean[3 * 17 + 1] = (real)NAN;
     refuse(&u, &f, "primitive 17: its mean is not finite");
@@ -1025,7 +988,7 @@ static void check_same(const saga_scene *a, const saga_scene *b)
     assert_memory_equal(a->reals, b->reals, a->n_reals * sizeof *a->reals);
 }
 
-static void hierarchy_should_be_the_same_when_built_again(void **state)
+TEST(hierarchy_should_be_the_same_when_built_again)
 {
     flat f = flat_make(2000, 12);
     uint32_t source[2][2000];
@@ -1034,7 +997,6 @@ static void hierarchy_should_be_the_same_when_built_again(void **state)
     setup u;
     int i;
 
-    (void)state;
     flat_cluster(&f);
     setup_make(&u, ALL_TOOLS, 300, 1000);
     for (i = 0; i < 2; i++)
@@ -1046,13 +1008,12 @@ static void hierarchy_should_be_the_same_when_built_again(void **state)
     flat_free(&f);
 }
 
-static void hierarchy_should_be_quick_when_large(void **state)
+TEST(hierarchy_should_be_quick_when_large)
 {
     flat f = flat_make(20000, 13);
-    uint32_t *const source = zeros(f.n, sizeof *source);
+    uint32_t *const source = zeroed(f.n, sizeof *source);
     int round;
 
-    (void)state;
     for (round = 0; round < 2; round++) {
         setup u;
         saga_error error;
@@ -1079,29 +1040,4 @@ static void hierarchy_should_be_quick_when_large(void **state)
     }
     free(source);
     flat_free(&f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(hierarchy_should_hold_everything_when_uniform),
-        cmocka_unit_test(hierarchy_should_keep_to_the_fine_budget),
-        cmocka_unit_test(hierarchy_should_hold_everything_when_clustered),
-        cmocka_unit_test(hierarchy_should_be_valid_when_limits_vary),
-        cmocka_unit_test(hierarchy_should_split_time_only_where_it_varies),
-        cmocka_unit_test(hierarchy_should_not_split_time_for_a_minority),
-        cmocka_unit_test(hierarchy_should_not_split_time_when_model_is_still),
-        cmocka_unit_test(hierarchy_should_not_split_time_without_width),
-        cmocka_unit_test(hierarchy_should_take_degenerate_inputs),
-        cmocka_unit_test(hierarchy_should_give_anchors_to_what_matters),
-        cmocka_unit_test(hierarchy_should_find_crowds_with_medoids),
-        cmocka_unit_test(hierarchy_should_clamp_what_is_outside),
-        cmocka_unit_test(hierarchy_should_split_further_when_too_many),
-        cmocka_unit_test(hierarchy_should_refuse_when_budgets_are_short),
-        cmocka_unit_test(hierarchy_should_name_what_is_not_finite),
-        cmocka_unit_test(hierarchy_should_be_the_same_when_built_again),
-        cmocka_unit_test(hierarchy_should_be_quick_when_large),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,17 +3,9 @@
  * How a leaf is divided (medoid.h) and a budget shared (budget.h), on random
  * inputs: invariants, and what small cases come to by trying everything.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "budget.h"
 #include "medoid.h"
-
-#include <math.h>
-#include <stdlib.h>
+#include "testing.h"
 
 static double uniform(uint64_t *seed)
 {
@@ -71,12 +63,11 @@ static void check_division(const saga_medoid_division *v, uint32_t room)
                          farthest[i] <= distance_to(v, j, i)));
 }
 
-static void medoids_should_take_whom_they_have_room_for(void **state)
+TEST(medoids_should_take_whom_they_have_room_for)
 {
     static double distance[SAGA_MEDOID_MOST * SAGA_MEDOID_MOST];
     uint64_t seed = 1;
 
-    (void)state;
     for (int round = 0; round < 300; round++) {
         saga_medoid_division v;
         uint32_t least, room;
@@ -101,12 +92,11 @@ static double cost_of(const saga_medoid_division *v, uint32_t medoid)
     return sum;
 }
 
-static void one_medoid_should_be_the_cheapest(void **state)
+TEST(one_medoid_should_be_the_cheapest)
 {
     static double distance[SAGA_MEDOID_MOST * SAGA_MEDOID_MOST];
     uint64_t seed = 2;
 
-    (void)state;
     for (int round = 0; round < 50; round++) {
         saga_medoid_division v = { .n = 2 + (uint32_t)round, .k = 1 };
 
@@ -134,11 +124,10 @@ static void check_shares(const saga_share *s, const uint32_t *given, uint32_t n)
     }
 }
 
-static void budget_should_be_shared_by_want(void **state)
+TEST(budget_should_be_shared_by_want)
 {
     uint64_t seed = 3;
 
-    (void)state;
     for (int round = 0; round < 500; round++) {
         const uint32_t n = 1 + (uint32_t)(uniform(&seed) * (MOST - 1));
         saga_share s[MOST], scratch[MOST];
@@ -164,27 +153,14 @@ static void budget_should_be_shared_by_want(void **state)
 
 /* 10 by 1 : 2 : 4 is 1.43, 2.86, 5.71: the two largest remainders get the two
  * that are left. */
-static void budget_should_go_to_the_largest_remainders(void **state)
+TEST(budget_should_go_to_the_largest_remainders)
 {
     saga_share s[] = { { .want = 1, .hi = 9 }, { .want = 2, .hi = 9 },
                        { .want = 4, .hi = 9 } };
     uint32_t given[3];
 
-    (void)state;
     assert_int_equal(saga_budget_divide(given, s, 3, 10), 10);
     assert_int_equal(given[0], 1);
     assert_int_equal(given[1], 3);
     assert_int_equal(given[2], 6);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(medoids_should_take_whom_they_have_room_for),
-        cmocka_unit_test(one_medoid_should_be_the_cheapest),
-        cmocka_unit_test(budget_should_be_shared_by_want),
-        cmocka_unit_test(budget_should_go_to_the_largest_remainders)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

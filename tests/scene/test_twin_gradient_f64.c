@@ -5,17 +5,8 @@
  * every attribute, seen from two cameras, so each output counts.
  */
 #include "rng.h"
+#include "testing.h"
 #include "twin.h"
-
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 enum { N_FINE = 5, N_PRIM = 11 };
 
@@ -260,30 +251,27 @@ static void run_gradient(uint32_t tools, uint32_t no_fuse, bool still)
     saga_scene_free(&d);
 }
 
-static void twin_gradients_should_match_differences_with_all_tools(void **state)
+TEST(twin_gradients_should_match_differences_with_all_tools)
 {
-    (void)state;
     run_gradient(SAGA_TOOLS_PICTURE, 0, false);
 }
 
-static void twin_gradients_should_match_differences_without_tools(void **state)
+TEST(twin_gradients_should_match_differences_without_tools)
 {
-    (void)state;
     run_gradient(0, 0, false);
 }
 
-static void twin_gradients_should_match_differences_without_fuse(void **state)
+TEST(twin_gradients_should_match_differences_without_fuse)
 {
     uint32_t no_fuse;
 
-    (void)state;
     for (no_fuse = 1; no_fuse < 4; no_fuse++)
         run_gradient(SAGA_TOOLS_PICTURE, no_fuse, false);
 }
 
 /* 16 bits with 8 of them behind the point hold +-127.996: 300 is cut to that,
  * and its gradient leads back alone. */
-static void motion_should_end_where_its_format_does(void **state)
+TEST(motion_should_end_where_its_format_does)
 {
     const int last = 2;
     saga_rows rows[SAGA_N_HEADS];
@@ -292,7 +280,6 @@ static void motion_should_end_where_its_format_does(void **state)
     saga_twin w;
     int sign;
 
-    (void)state;
     make_scene(&s, SAGA_TOOLS_PICTURE, 0);
     assert_true(saga_scene_init(&d, &s.model, s.n, 3, 0, &error));
     assert_true(saga_twin_init(&w, &s, &error));
@@ -320,25 +307,7 @@ static void motion_should_end_where_its_format_does(void **state)
 }
 
 /* Those of a base: rows that say how something moves lead nowhere. */
-static void twin_gradients_should_match_differences_of_what_is_still(
-    void **state)
+TEST(twin_gradients_should_match_differences_of_what_is_still)
 {
-    (void)state;
     run_gradient(SAGA_TOOLS_PICTURE, 0, true);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(
-            twin_gradients_should_match_differences_with_all_tools),
-        cmocka_unit_test(
-            twin_gradients_should_match_differences_without_tools),
-        cmocka_unit_test(twin_gradients_should_match_differences_without_fuse),
-        cmocka_unit_test(motion_should_end_where_its_format_does),
-        cmocka_unit_test(
-            twin_gradients_should_match_differences_of_what_is_still)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

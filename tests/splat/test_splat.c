@@ -5,13 +5,10 @@
  */
 #include "ref_splats.h"
 #include "splat_scene.h"
+#include "testing.h"
 
 #include <omp.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
 /* cmocka wants the headers above. */
-#include <cmocka.h>
 
 static saga_error error; /* nothing fails here */
 
@@ -153,13 +150,12 @@ static double error_to_book(fixture *f, double unsure)
     return worst;
 }
 
-static void splat_should_draw_the_norms_picture(void **state)
+TEST(splat_should_draw_the_norms_picture)
 {
     static const int size[4][2] = { { 160, 90 }, { 37, 29 }, { 16, 16 },
                                     { 1, 1 } };
     int i;
 
-    (void)state;
     for (i = 0; i < 4; i++) {
         fixture *const f = new_fixture(600, size[i][0], size[i][1],
                                        10 + (uint64_t)i, 2.5);
@@ -170,12 +166,11 @@ static void splat_should_draw_the_norms_picture(void **state)
 }
 
 /* Needles from 1 to 1000 px long, at all angles: every tile they touch. */
-static void splat_should_draw_needles(void **state)
+TEST(splat_should_draw_needles)
 {
     fixture *const f = new_fixture(200, 203, 147, 20, 2);
     size_t i;
 
-    (void)state;
     for (i = 0; i < f->n; i++) {
         f->p.log2_scale[3 * i] = (real)(i % 10) - 5;
         f->p.log2_scale[3 * i + 1] = -12;
@@ -185,12 +180,11 @@ static void splat_should_draw_needles(void **state)
     free_fixture(f);
 }
 
-static void splat_should_draw_opaque_and_huge(void **state)
+TEST(splat_should_draw_opaque_and_huge)
 {
     fixture *const f = new_fixture(60, 61, 67, 21, 3);
     size_t i;
 
-    (void)state;
     for (i = 0; i < f->n; i++) {
         f->p.opacity[i] = (real)(i % 3) * 30 - 20;
         if (i % 7 == 0)
@@ -202,7 +196,7 @@ static void splat_should_draw_opaque_and_huge(void **state)
 
 /* --- Threads ------------------------------------------------------------- */
 
-static void splat_should_not_depend_on_threads(void **state)
+TEST(splat_should_not_depend_on_threads)
 {
     fixture *const f = new_fixture(3000, 320, 180, 30, 1.5);
     const size_t n_grad = f->n * SCENE_REALS;
@@ -211,7 +205,6 @@ static void splat_should_not_depend_on_threads(void **state)
     real *const st = calloc(3 * f->n, sizeof *st);
     int threads;
 
-    (void)state;
     saga_set_least_work(0);
     for (threads = 1; threads <= 3; threads++) {
         saga_splat_stats s = { st, st + f->n,
@@ -240,7 +233,7 @@ static void splat_should_not_depend_on_threads(void **state)
 
 /* All blending weights and the light left over make one, per pixel: where
  * primitives are black, the white background is what is left. */
-static void splat_stats_should_add_up(void **state)
+TEST(splat_stats_should_add_up)
 {
     fixture *const f = new_fixture(500, 80, 60, 40, 2);
     real *const st = calloc(2 * f->n, sizeof *st);
@@ -249,7 +242,6 @@ static void splat_stats_should_add_up(void **state)
     double weight = 0, left = 0;
     size_t i, n_seen = 0;
 
-    (void)state;
     memset(f->p.colour, 0, 3 * f->n * sizeof(real));
     for (i = 0; i < 3; i++)
         f->c.camera.background[i] = 1;
@@ -273,12 +265,11 @@ static void splat_stats_should_add_up(void **state)
 
 /* --- Hard cases ---------------------------------------------------------- */
 
-static void splat_should_draw_background_when_empty(void **state)
+TEST(splat_should_draw_background_when_empty)
 {
     fixture *const f = new_fixture(0, 40, 30, 50, 2);
     size_t i;
 
-    (void)state;
     forward(f);
     backward(f, NULL);
     for (i = 0; i < f->plane; i++) {
@@ -352,12 +343,11 @@ static const struct hard_case {
     { "support infinite", 5, 0, INFINITY, 0 }
 };
 
-static void splat_should_survive_hard_cases(void **state)
+TEST(splat_should_survive_hard_cases)
 {
     const size_t n = sizeof hard_cases / sizeof *hard_cases;
     size_t k;
 
-    (void)state;
     for (k = 0; k < n; k++) {
         const struct hard_case *const c = hard_cases + k;
         fixture *const f = new_fixture(1, 40, 30, 60, 2);
@@ -379,12 +369,11 @@ static void splat_should_survive_hard_cases(void **state)
 }
 
 /* Equal depths are drawn in the order of the index. */
-static void splat_should_break_ties_by_index(void **state)
+TEST(splat_should_break_ties_by_index)
 {
     fixture *const f = new_fixture(2, 16, 16, 70, 2);
     int i;
 
-    (void)state;
     f->c.camera = scene_camera(16, 16, 0);
     for (i = 0; i < 2; i++) {
         plain(f, (size_t)i);
@@ -395,20 +384,4 @@ static void splat_should_break_ties_by_index(void **state)
     forward(f);
     assert_true(f->c.image[8 * 16 + 8] < 0.02f);
     free_fixture(f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(splat_should_draw_the_norms_picture),
-        cmocka_unit_test(splat_should_draw_needles),
-        cmocka_unit_test(splat_should_draw_opaque_and_huge),
-        cmocka_unit_test(splat_should_not_depend_on_threads),
-        cmocka_unit_test(splat_stats_should_add_up),
-        cmocka_unit_test(splat_should_draw_background_when_empty),
-        cmocka_unit_test(splat_should_survive_hard_cases),
-        cmocka_unit_test(splat_should_break_ties_by_index)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,12 +5,9 @@
  * a pixel that crosses one jumps.
  */
 #include "splat_scene.h"
+#include "testing.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
 /* cmocka wants the headers above. */
-#include <cmocka.h>
 
 enum { N = 24, W = 37, H = 29, PIXELS = W * H };
 
@@ -106,11 +103,10 @@ static void check(fixture *f)
     assert_true(worst < TOLERANCE);
 }
 
-static void splat_gradient_should_match_differences(void **state)
+TEST(splat_gradient_should_match_differences)
 {
     uint64_t seed;
 
-    (void)state;
     for (seed = 1; seed <= 2; seed++) {
         fixture *const f = new_fixture(seed);
 
@@ -121,12 +117,11 @@ static void splat_gradient_should_match_differences(void **state)
 
 /* Opacities near 1 (the cap), needles, splats larger than the picture, means
  * beyond the borders that clamp the Jacobian, a saturated temporal opacity. */
-static void splat_gradient_should_match_when_extreme(void **state)
+TEST(splat_gradient_should_match_when_extreme)
 {
     fixture *const f = new_fixture(3);
     size_t i;
 
-    (void)state;
     for (i = 0; i < N; i++) {
         if (i % 4 == 0)
             f->p.opacity[i] = 12;
@@ -147,11 +142,10 @@ static void splat_gradient_should_match_when_extreme(void **state)
 }
 
 /* With the square of s in q. */
-static void splat_gradient_should_match_where_it_is_steep(void **state)
+TEST(splat_gradient_should_match_where_it_is_steep)
 {
     fixture *const f = new_fixture(3);
 
-    (void)state;
     f->c.rules.square = 0.5;
     check(f);
     free_fixture(f);
@@ -159,12 +153,11 @@ static void splat_gradient_should_match_where_it_is_steep(void **state)
 
 /* Without a temporal opacity, time reaches the picture by motion and slope
  * alone. */
-static void splat_gradient_should_skip_time_when_detached(void **state)
+TEST(splat_gradient_should_skip_time_when_detached)
 {
     fixture *const f = new_fixture(4);
     size_t i;
 
-    (void)state;
     f->c.rules.detach_time = 1;
     f->p.log2_width = NULL;
     loss(f);
@@ -177,7 +170,7 @@ static void splat_gradient_should_skip_time_when_detached(void **state)
 
 /* So many splats in one tile that not all of what they did to it is kept:
  * opacities alone, front and back. */
-static void splat_gradient_should_match_in_a_crowd(void **state)
+TEST(splat_gradient_should_match_in_a_crowd)
 {
     enum { CROWD = 300, SIDE = 16 };
     saga_splat_params p = scene_alloc(CROWD), d = scene_alloc(CROWD);
@@ -185,7 +178,6 @@ static void splat_gradient_should_match_in_a_crowd(void **state)
     const saga_rng r = saga_rng_stream(6, 6);
     size_t i, k;
 
-    (void)state;
     scene_random(&p, CROWD, 6, 40);
     assert_true(saga_canvas_init(&f.c, SIDE * SIDE, &error));
     f.c.camera = scene_camera(SIDE, SIDE, 0.2);
@@ -222,7 +214,7 @@ static void splat_gradient_should_match_in_a_crowd(void **state)
 }
 
 /* The squared error's gradient to the picture, taken back from there. */
-static void learn_should_match_backward_of_the_squared_error(void **state)
+TEST(learn_should_match_backward_of_the_squared_error)
 {
     fixture *const f = new_fixture(5);
     saga_splat_params twin = scene_alloc(N);
@@ -230,7 +222,6 @@ static void learn_should_match_backward_of_the_squared_error(void **state)
     double mse = 0;
     size_t i;
 
-    (void)state;
     for (i = 0; i < 3 * PIXELS; i++)
         f->c.truth[i] = f->c.d_image[i];
     assert_true(saga_splat_forward(&f->c, &f->p, N, &error));
@@ -250,19 +241,4 @@ static void learn_should_match_backward_of_the_squared_error(void **state)
                     1e-12 + 1e-9 * fabs(f->d.mean[i]));
     scene_free(&twin);
     free_fixture(f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(splat_gradient_should_match_differences),
-        cmocka_unit_test(splat_gradient_should_match_when_extreme),
-        cmocka_unit_test(splat_gradient_should_match_where_it_is_steep),
-        cmocka_unit_test(splat_gradient_should_skip_time_when_detached),
-        cmocka_unit_test(splat_gradient_should_match_in_a_crowd),
-        cmocka_unit_test(
-            learn_should_match_backward_of_the_squared_error)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

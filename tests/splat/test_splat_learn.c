@@ -6,13 +6,10 @@
  */
 #include "adam.h"
 #include "splat_scene.h"
+#include "testing.h"
 
 #include <omp.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
 /* cmocka wants the headers above. */
-#include <cmocka.h>
 
 enum {
     N = 500, W = 96, H = 64, PLANE = W * H,
@@ -171,13 +168,12 @@ static double mean_psnr(fit *f, int held_out)
     return -10 * log10(mse / n);
 }
 
-static void fit_should_learn(void **state)
+TEST(fit_should_learn)
 {
     fit *const f = new_fit();
     double before[2], after[2];
     int i;
 
-    (void)state;
     for (i = 0; i < 2; i++)
         before[i] = mean_psnr(f, i);
     train(f, 0, STEPS);
@@ -192,14 +188,13 @@ static void fit_should_learn(void **state)
 }
 
 /* What does not count is as if it were drawn right; the mean is of the rest. */
-static void pixels_should_not_count_when_they_are_unseen(void **state)
+TEST(pixels_should_not_count_when_they_are_unseen)
 {
     fit *const f = new_fit();
     saga_splat_learning l = { .d = f->d };
     float *const first = malloc(N * SCENE_REALS * sizeof *first);
     double mse = 0, clipped[2];
 
-    (void)state;
     for (int pass = 0; pass < 2; pass++) {
         draw(f, &f->p, 7);
         memcpy(f->c.truth, f->target[7], sizeof f->target[7]);
@@ -235,7 +230,7 @@ static saga_splat_params from(saga_splat_params p, size_t first)
 
 /* The canvas's own primitives are drawn as if they had been given behind the
  * others, in one order of depth, and only those learn. */
-static void canvas_should_draw_its_own_and_teach_the_others(void **state)
+TEST(canvas_should_draw_its_own_and_teach_the_others)
 {
     enum { GIVEN = 200 };
     fit *const f = new_fit();
@@ -245,7 +240,6 @@ static void canvas_should_draw_its_own_and_teach_the_others(void **state)
     saga_splat_params d = { .mean = all };
     float *at = all;
 
-    (void)state;
     for (int k = 0; k < SCENE_TENSORS; k++) {
         *scene_tensor(&d, k) = at;
         at += N * scene_size[k];
@@ -278,13 +272,12 @@ static void canvas_should_draw_its_own_and_teach_the_others(void **state)
 }
 
 /* The state of a run is its parameters, its moments and the step. */
-static void fit_should_resume_exactly(void **state)
+TEST(fit_should_resume_exactly)
 {
     fit *const whole = new_fit(), *const part = new_fit();
     const size_t nbytes = N * SCENE_REALS * sizeof(float);
     fit *other;
 
-    (void)state;
     saga_set_least_work(0);
     omp_set_num_threads(2);
     train(whole, 0, 30);
@@ -301,16 +294,4 @@ static void fit_should_resume_exactly(void **state)
     free_fit(whole);
     free_fit(part);
     free_fit(other);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(fit_should_learn),
-        cmocka_unit_test(pixels_should_not_count_when_they_are_unseen),
-        cmocka_unit_test(canvas_should_draw_its_own_and_teach_the_others),
-        cmocka_unit_test(fit_should_resume_exactly)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

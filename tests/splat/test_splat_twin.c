@@ -8,12 +8,9 @@
 #include "project.h"
 #include "raster.h"
 #include "splat_scene.h"
+#include "testing.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
 /* cmocka wants the headers above. */
-#include <cmocka.h>
 
 /* Box units per unit of scene_random; Q formats of the heads. */
 #define UNIT 2097152.0
@@ -187,21 +184,11 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
     return mse;
 }
 
-static void twins_should_draw_the_same_picture(void **state)
+TEST(twins_should_draw_the_same_picture)
 {
-    (void)state;
     for (int is_steep = 0; is_steep < 2; is_steep++) {
         assert_true(compare(2000, 320, 180, 1, 1, 0, is_steep) > 55);
         assert_true(compare(300, 97, 61, 2, 3, 0, is_steep) > 55);
         assert_true(compare(300, 97, 61, 3, 0.1, 7, is_steep) > 55);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(twins_should_draw_the_same_picture)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

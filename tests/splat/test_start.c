@@ -8,16 +8,7 @@
 #include "linear.h"
 #include "rng.h"
 #include "splat.h"
-
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 /* --- Linear algebra ------------------------------------------------------ */
 
@@ -35,11 +26,10 @@ static void make_symmetric(saga_matrix a, size_t n, size_t rank, double ridge)
         }
 }
 
-static void solve_should_invert_the_product(void **state)
+TEST(solve_should_invert_the_product)
 {
     size_t n, i, j;
 
-    (void)state;
     for (n = 1; n <= SAGA_LINEAR_MOST; n++) {
         double b[SAGA_LINEAR_MOST] = { 0 };
         saga_matrix a;
@@ -55,13 +45,12 @@ static void solve_should_invert_the_product(void **state)
 }
 
 /* Unknowns that no equation names stay 0, and the others come out. */
-static void solve_should_leave_out_what_has_no_say(void **state)
+TEST(solve_should_leave_out_what_has_no_say)
 {
     enum { N = 9 };
     double b[SAGA_LINEAR_MOST] = { 0 };
     saga_matrix a;
 
-    (void)state;
     make_symmetric(a, N, N, 0.1);
     for (size_t i = 0; i < N; i++)
         for (size_t j = 0; j < N; j++) {
@@ -75,11 +64,10 @@ static void solve_should_leave_out_what_has_no_say(void **state)
 }
 
 /* Also of a matrix that has no inverse: eigenvalues of 0 are found. */
-static void eigen_should_take_matrices_apart(void **state)
+TEST(eigen_should_take_matrices_apart)
 {
     size_t n, i, j, k;
 
-    (void)state;
     for (n = 1; n <= SAGA_LINEAR_MOST; n += 3) {
         saga_matrix a, v, whole;
 
@@ -152,7 +140,7 @@ static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
     memcpy(image, c->image, 3 * SIDE * SIDE * sizeof *image);
 }
 
-static void canonical_form_should_draw_the_same(void **state)
+TEST(canonical_form_should_draw_the_same)
 {
     static real before[3 * SIDE * SIDE], after[3 * SIDE * SIDE];
     static primitives p;
@@ -162,7 +150,6 @@ static void canonical_form_should_draw_the_same(void **state)
     saga_error error = { "" };
     saga_canvas c;
 
-    (void)state;
     assert_true(saga_canvas_init(&c, SIDE * SIDE, &error));
     draw(before, &c, &params);
     saga_splat_canonical(&turned, N);
@@ -181,16 +168,4 @@ static void canonical_form_should_draw_the_same(void **state)
         assert_true(q[0] > R(0.853));
     }
     saga_canvas_free(&c);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(solve_should_invert_the_product),
-        cmocka_unit_test(solve_should_leave_out_what_has_no_say),
-        cmocka_unit_test(eigen_should_take_matrices_apart),
-        cmocka_unit_test(canonical_form_should_draw_the_same)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,18 +3,10 @@
  * The base: the same symbols as a segment of their own say what its primitives
  * are, sorting both by depth says how they are drawn.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_stream.h"
 #include "model.h"
 #include "saga.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { N_STREAMS = 12, N_SEGMENTS = 2 };
 
@@ -26,12 +18,6 @@ typedef struct {
     saga_report report;
     saga_camera camera;
 } player;
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 static void decode(player *p, uint32_t number)
 {
@@ -108,9 +94,8 @@ static void assert_same_primitive(const player *a, uint32_t i,
 }
 
 /* Without temporal tools a segment stands as still as the base. */
-static void base_should_be_what_its_symbols_are_as_a_segment(void **state)
+TEST(base_should_be_what_its_symbols_are_as_a_segment)
 {
-    (void)state;
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i, i % 2 ? SAGA_TOOL_VIEW : 0);
         gen_stream g, base, segment;
@@ -152,11 +137,10 @@ static void view(player *p)
 }
 
 /* The base's first where depths are equal. */
-static void both_should_be_drawn_in_one_order_of_depth(void **state)
+TEST(both_should_be_drawn_in_one_order_of_depth)
 {
     uint32_t n_seen[2] = { 0, 0 };
 
-    (void)state;
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i, i % 2 ? SAGA_TOOL_VIEW : 0);
         gen_stream g, base, segment;
@@ -209,9 +193,8 @@ static void check_still(const player *p, const saga_animated *first)
         }
 }
 
-static void no_time_and_no_segment_should_change_the_base(void **state)
+TEST(no_time_and_no_segment_should_change_the_base)
 {
-    (void)state;
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i, SAGA_TOOLS_PICTURE);
         saga_animated *first;
@@ -233,7 +216,7 @@ static void no_time_and_no_segment_should_change_the_base(void **state)
     }
 }
 
-static void a_broken_segment_should_leave_the_base(void **state)
+TEST(a_broken_segment_should_leave_the_base)
 {
     const gen_options o = options_of(0, SAGA_TOOLS_PICTURE);
     saga_animated before, after;
@@ -241,7 +224,6 @@ static void a_broken_segment_should_leave_the_base(void **state)
     gen_stream g;
     player p;
 
-    (void)state;
     gen_stream_make(&g, &o);
     play(&p, &g);
     assert_int_equal(saga_primitive_at(&before, p.dec, 0, 0), SAGA_OK);
@@ -254,16 +236,4 @@ static void a_broken_segment_should_leave_the_base(void **state)
     assert_memory_equal(&before, &after, sizeof before);
     end(&p);
     gen_stream_free(&g);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(base_should_be_what_its_symbols_are_as_a_segment),
-        cmocka_unit_test(both_should_be_drawn_in_one_order_of_depth),
-        cmocka_unit_test(no_time_and_no_segment_should_change_the_base),
-        cmocka_unit_test(a_broken_segment_should_leave_the_base),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,18 +7,10 @@
  *
  * SAGA_ROOT is the repository's folder; "." without it.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "saga.h"
+#include "testing.h"
 
 #include <dirent.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 enum { MAX_FIELDS = 80, MAX_FILES = 64, MAX_EXAMPLES = 40, N_COLUMNS = 6 };
 
@@ -478,14 +470,12 @@ static void load_file(const char *name)
     assert_true(n_files <= MAX_FILES);
     copy_text(f->name, sizeof f->name, name);
     snprintf(path, sizeof path, "%s/vectors/good/%s", root(), name);
-    in = fopen(path, "rb");
-    assert_non_null(in);
+    in = must(fopen(path, "rb"));
     fseek(in, 0, SEEK_END);
     size = ftell(in);
     fseek(in, 0, SEEK_SET);
     assert_true(size > 0);
-    f->p = malloc((size_t)size);
-    assert_non_null(f->p);
+    f->p = must(malloc((size_t)size));
     f->n = fread(f->p, 1, (size_t)size, in);
     assert_int_equal(f->n, size);
     fclose(in);
@@ -500,8 +490,7 @@ static int load_all(void **state)
 
     (void)state;
     snprintf(path, sizeof path, "%s/docs/bitstream.md", root());
-    page = fopen(path, "r");
-    assert_non_null(page);
+    page = must(fopen(path, "r"));
     read_page(page);
     fclose(page);
     snprintf(path, sizeof path, "%s/vectors/good", root());
@@ -524,11 +513,10 @@ static int free_all(void **state)
 
 /* --- The page by itself -------------------------------------------------- */
 
-static void every_structure_should_have_a_table_without_gaps(void **state)
+TEST(every_structure_should_have_a_table_without_gaps)
 {
     int t, k;
 
-    (void)state;
     for (t = 0; t < N_TABLES; t++) {
         uint32_t at = 0;
 
@@ -548,11 +536,10 @@ static void every_structure_should_have_a_table_without_gaps(void **state)
     assert_int_equal(n_sizes, N_TABLES);
 }
 
-static void every_range_should_be_readable_and_fit_its_type(void **state)
+TEST(every_range_should_be_readable_and_fit_its_type)
 {
     int t, k;
 
-    (void)state;
     for (t = 0; t < N_TABLES; t++)
         for (k = 0; k < tables[t].n; k++) {
             const field *const f = &tables[t].f[k];
@@ -572,23 +559,20 @@ static void every_range_should_be_readable_and_fit_its_type(void **state)
 
 /* --- The page and the files ---------------------------------------------- */
 
-static void there_should_be_good_files(void **state)
+TEST(there_should_be_good_files)
 {
-    (void)state;
     assert_true(n_files >= 1);
 }
 
-static void own_crc_should_have_the_check_value(void **state)
+TEST(own_crc_should_have_the_check_value)
 {
-    (void)state;
     assert_int_equal(crc_of(0, (const uint8_t *)"123456789", 9), 0xe3069283u);
 }
 
-static void headers_should_be_as_the_tables_say(void **state)
+TEST(headers_should_be_as_the_tables_say)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         uint8_t *const p = files[i].p;
         const uint32_t n = (uint32_t)get(HEADER, p, "n_cameras", 0);
@@ -761,11 +745,10 @@ static void check_names(file *f, size_t *at)
     assert_int_equal(done, nbytes);
 }
 
-static void chunks_should_tile_every_file(void **state)
+TEST(chunks_should_tile_every_file)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         file *const f = &files[i];
         const uint32_t n = (uint32_t)get(HEADER, f->p, "n_segments", 0);
@@ -805,7 +788,7 @@ static file *named_file(void)
 }
 
 /* The payload of NAME in the place of a file's own, and nothing behind it. */
-static void examples_of_names_should_have_their_statuses(void **state)
+TEST(examples_of_names_should_have_their_statuses)
 {
     file *const f = named_file();
     saga_naming naming;
@@ -813,7 +796,6 @@ static void examples_of_names_should_have_their_statuses(void **state)
     uint32_t k;
     int i, n_ok = 0;
 
-    (void)state;
     assert_int_equal(saga_probe(&info, f->p, f->n), SAGA_OK);
     assert_int_equal(info.n_cameras, 3);
     for (i = 0; i < n_examples; i++) {
@@ -822,8 +804,7 @@ static void examples_of_names_should_have_their_statuses(void **state)
         file copy = { .n = info.head_nbytes + tables[CHUNK].nbytes + n };
         uint8_t *chunk_at, *payload;
 
-        copy.p = malloc(copy.n);
-        assert_non_null(copy.p);
+        copy.p = must(malloc(copy.n));
         memcpy(copy.p, f->p, info.head_nbytes);
         chunk_at = copy.p + info.head_nbytes;
         payload = chunk_at + tables[CHUNK].nbytes;
@@ -844,11 +825,10 @@ static void examples_of_names_should_have_their_statuses(void **state)
     assert_true(n_ok > 0 && n_ok < n_examples);
 }
 
-static void probe_should_report_the_same_values(void **state)
+TEST(probe_should_report_the_same_values)
 {
     int i, k;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         const uint8_t *const p = files[i].p;
         saga_info a;
@@ -969,11 +949,10 @@ static uint32_t weights_of(const uint8_t *p)
            bank_weights_of(p);
 }
 
-static void networks_should_have_the_same_number_of_weights(void **state)
+TEST(networks_should_have_the_same_number_of_weights)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         saga_info info;
 
@@ -1008,11 +987,10 @@ static void check_camera(const uint8_t *p, const saga_camera *c,
 
 /* The files' own cameras, and then cameras of different bytes throughout, in
  * which no field can be mistaken for another. */
-static void rig_should_hold_the_same_values(void **state)
+TEST(rig_should_hold_the_same_values)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         file *const f = &files[i];
         const uint32_t n = (uint32_t)get(HEADER, f->p, "n_cameras", 0);
@@ -1046,8 +1024,7 @@ static saga_decoder *open_file(saga_info *info, const file *f)
     void *work;
 
     assert_int_equal(saga_probe(info, f->p, f->n), SAGA_OK);
-    work = aligned_alloc(SAGA_WORK_ALIGN, info->work_nbytes);
-    assert_non_null(work);
+    work = must(aligned_alloc(SAGA_WORK_ALIGN, info->work_nbytes));
     assert_int_equal(saga_open(&dec, work, info->work_nbytes, f->p,
                                info->head_nbytes, NULL), SAGA_OK);
     assert_ptr_equal(dec, work);
@@ -1127,11 +1104,10 @@ static void check_cuts(saga_decoder *dec, file *f, const saga_segment *seg)
     assert_int_equal(end, seg->nbytes);
 }
 
-static void segments_should_be_cut_where_layers_end(void **state)
+TEST(segments_should_be_cut_where_layers_end)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         file *const f = &files[i];
         saga_info info;
@@ -1149,11 +1125,10 @@ static void segments_should_be_cut_where_layers_end(void **state)
     }
 }
 
-static void segments_should_be_found_with_the_same_values(void **state)
+TEST(segments_should_be_found_with_the_same_values)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         file *const f = &files[i];
         const uint8_t *const index = index_of(f);
@@ -1281,19 +1256,17 @@ static void try_field(const table *t, const field *f, uint8_t *p, void *user)
         try_value(r, f, p, hi + 1);
 }
 
-static void decoder_should_refuse_what_lies_outside_the_ranges(void **state)
+TEST(decoder_should_refuse_what_lies_outside_the_ranges)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < n_files; i++) {
         file *const f = &files[i];
         trial r;
 
         r.end = rig_end(f->p);
         r.n_tried = 0;
-        r.header = malloc(r.end + 4);
-        assert_non_null(r.header);
+        r.header = must(malloc(r.end + 4));
         memcpy(r.header, f->p, r.end);
         visit(&tables[HEADER], r.header, try_field, &r);
         if (has_bank(r.header))
@@ -1346,7 +1319,7 @@ static void try_camera(saga_decoder *dec, uint8_t *header, const field *f,
                              k < 2 ? SAGA_OK : SAGA_ERR_ARG);
 }
 
-static void view_should_refuse_cameras_outside_the_ranges(void **state)
+TEST(view_should_refuse_cameras_outside_the_ranges)
 {
     file *const f = &files[0];
     const size_t n = (size_t)get(HEADER, f->p, "header_nbytes", 0);
@@ -1357,7 +1330,6 @@ static void view_should_refuse_cameras_outside_the_ranges(void **state)
     uint32_t i;
     int k;
 
-    (void)state;
     assert_non_null(header);
     memcpy(header, f->p, n);
     assert_true(get(HEADER, header, "n_cameras", 0) >= 1);
@@ -1375,24 +1347,4 @@ static void view_should_refuse_cameras_outside_the_ranges(void **state)
     free(dec);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_structure_should_have_a_table_without_gaps),
-        cmocka_unit_test(every_range_should_be_readable_and_fit_its_type),
-        cmocka_unit_test(there_should_be_good_files),
-        cmocka_unit_test(own_crc_should_have_the_check_value),
-        cmocka_unit_test(headers_should_be_as_the_tables_say),
-        cmocka_unit_test(chunks_should_tile_every_file),
-        cmocka_unit_test(examples_of_names_should_have_their_statuses),
-        cmocka_unit_test(probe_should_report_the_same_values),
-        cmocka_unit_test(networks_should_have_the_same_number_of_weights),
-        cmocka_unit_test(rig_should_hold_the_same_values),
-        cmocka_unit_test(segments_should_be_found_with_the_same_values),
-        cmocka_unit_test(segments_should_be_cut_where_layers_end),
-        cmocka_unit_test(decoder_should_refuse_what_lies_outside_the_ranges),
-        cmocka_unit_test(view_should_refuse_cameras_outside_the_ranges)
-    };
-
-    return cmocka_run_group_tests(tests, load_all, free_all);
-}
+TEST_GROUP(load_all, free_all);

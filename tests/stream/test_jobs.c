@@ -4,34 +4,13 @@
  * bands, jobs, threads and calls, and wherever the decoder lies, it is the
  * same picture.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_stream.h"
 #include "saga.h"
+#include "testing.h"
 
 #include <pthread.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 enum { N_STREAMS = 4, LARGE = 4 << 20, CANARY = 0xa5 };
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 /* --- Streams with a view ------------------------------------------------- */
 
@@ -82,7 +61,7 @@ static void free_scene(scene *s)
 
 static gen_options options_of(uint32_t i)
 {
-    const gen_options o = { .seed = first_seed() + 10 + i, .level = i % 2,
+    const gen_options o = { .seed = testing_seed(1) + 10 + i, .level = i % 2,
                             .n_coarse = 16, .picture = 1, .tools_fixed = 1,
                             .tools = (31 + 9 * i) % 32 };
 
@@ -209,17 +188,16 @@ static void assert_is_picture(const scene *s)
     assert_true(other > n / 100);
 }
 
-static void picture_should_not_depend_on_its_division(void **state)
+TEST(picture_should_not_depend_on_its_division)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         scene s;
 
         make_scene(&s, &o, 0);
-        if (first_seed() == 1)
+        if (testing_seed(1) == 1)
             assert_is_picture(&s);
         check_divisions(&s);
         check_budgets(&s);
@@ -275,11 +253,10 @@ static uint32_t crc_of_threads(const scene *s, uint32_t n)
     return crc;
 }
 
-static void threads_should_draw_what_one_draws(void **state)
+TEST(threads_should_draw_what_one_draws)
 {
     uint32_t i, k;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         scene s;
@@ -297,7 +274,7 @@ static void threads_should_draw_what_one_draws(void **state)
 }
 
 /* Jobs that take turns on one thread, and a job begun again. */
-static void jobs_should_not_disturb_each_other(void **state)
+TEST(jobs_should_not_disturb_each_other)
 {
     enum { N = 5 };
     const gen_options o = options_of(1);
@@ -308,7 +285,6 @@ static void jobs_should_not_disturb_each_other(void **state)
     uint8_t *p;
     size_t line, n;
 
-    (void)state;
     make_scene(&s, &o, 0);
     line = line_nbytes(&s, &d);
     n = line * s.camera.height;
@@ -344,12 +320,11 @@ static void jobs_should_not_disturb_each_other(void **state)
 /* --- Blocks -------------------------------------------------------------- */
 
 /* Level 0's static block of 256 KiB, and one that is far too large. */
-static void picture_should_not_depend_on_the_block(void **state)
+TEST(picture_should_not_depend_on_the_block)
 {
     static _Alignas(SAGA_WORK_ALIGN) uint8_t level_0[SAGA_WORK_MAX(0)];
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i += 2) {
         const gen_options o = options_of(i);
         scene exact, large, fixed;
@@ -394,11 +369,10 @@ static void check_depths(const scene *s)
     free(q);
 }
 
-static void samples_of_16_bits_should_be_those_of_8(void **state)
+TEST(samples_of_16_bits_should_be_those_of_8)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         scene s;
@@ -440,7 +414,7 @@ static void check_rect(const scene *s, const uint8_t *whole, int bits,
     free(p);
 }
 
-static void job_should_begin_at_the_first_sample(void **state)
+TEST(job_should_begin_at_the_first_sample)
 {
     static const int32_t rects[][4] = {
         { 0, 0, 160, 120 }, { 5, 7, 6, 8 }, { 159, 119, 160, 120 },
@@ -452,7 +426,6 @@ static void job_should_begin_at_the_first_sample(void **state)
     scene s;
     uint32_t i, k, bits;
 
-    (void)state;
     make_scene(&s, &o, 0);
     assert_int_equal(s.camera.width, 160);
     assert_int_equal(s.camera.height, 120);
@@ -491,7 +464,7 @@ static void good_call(call *c, const scene *s, uint8_t *pixels, size_t n,
     c->picture.bits = 8;
 }
 
-static void jobs_that_cannot_be_should_be_refused(void **state)
+TEST(jobs_that_cannot_be_should_be_refused)
 {
     const gen_options o = options_of(1);
     call good, c;
@@ -499,7 +472,6 @@ static void jobs_that_cannot_be_should_be_refused(void **state)
     uint8_t *p, *scratch;
     size_t n;
 
-    (void)state;
     make_scene(&s, &o, 0);
     n = 3u * s.camera.width * s.camera.height;
     p = must(malloc(2 * n));
@@ -542,19 +514,4 @@ static void jobs_that_cannot_be_should_be_refused(void **state)
     free(scratch);
     free(p);
     free_scene(&s);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(picture_should_not_depend_on_its_division),
-        cmocka_unit_test(threads_should_draw_what_one_draws),
-        cmocka_unit_test(jobs_should_not_disturb_each_other),
-        cmocka_unit_test(picture_should_not_depend_on_the_block),
-        cmocka_unit_test(samples_of_16_bits_should_be_those_of_8),
-        cmocka_unit_test(job_should_begin_at_the_first_sample),
-        cmocka_unit_test(jobs_that_cannot_be_should_be_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -5,19 +5,11 @@
  * behind a layer, and a file that saga_splice has cut there, is what an encoder
  * makes of the layers that are left.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_stream.h"
 #include "model.h"
 #include "saga.h"
 #include "splice.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { N_STREAMS = 12, N_SEGMENTS = 2, N_LAYERS = 3 };
 
@@ -30,12 +22,6 @@ typedef struct {
     saga_report report;
     saga_camera camera;
 } player;
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 /* The first n bytes of a segment, in an exact copy. */
 static saga_status decode_bytes(player *p, size_t n)
@@ -131,9 +117,8 @@ static void assert_same_primitive(const player *a, uint32_t i,
     assert_memory_equal(&x, &y, sizeof x);
 }
 
-static void layer_should_be_what_its_symbols_are_alone(void **state)
+TEST(layer_should_be_what_its_symbols_are_alone)
 {
-    (void)state;
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         uint32_t first = 0;
@@ -186,11 +171,10 @@ static int nearest(const player part[N_LAYERS], const uint32_t at[N_LAYERS])
     return best;
 }
 
-static void layers_should_be_drawn_in_one_order_of_depth(void **state)
+TEST(layers_should_be_drawn_in_one_order_of_depth)
 {
     uint32_t n_seen[N_LAYERS] = { 0 };
 
-    (void)state;
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         uint32_t at[N_LAYERS] = { 0 };
@@ -238,9 +222,8 @@ static saga_layer_report layer_of(player *p, uint32_t layer)
 }
 
 /* Whole or not, a layer is decoded as soon as its last byte is there. */
-static void cut_segment_should_have_the_layers_that_are_whole(void **state)
+TEST(cut_segment_should_have_the_layers_that_are_whole)
 {
-    (void)state;
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
         uint32_t n_prim = 0;
@@ -274,14 +257,13 @@ static void cut_segment_should_have_the_layers_that_are_whole(void **state)
 }
 
 /* What is cut may be anything; what is whole may not. */
-static void damage_should_count_in_whole_layers_only(void **state)
+TEST(damage_should_count_in_whole_layers_only)
 {
     const gen_options o = options_of(0);
     gen_stream g;
     player p;
     size_t end_of_1, end_of_2;
 
-    (void)state;
     gen_stream_make(&g, &o);
     play(&p, &g);
     end_of_1 = layer_of(&p, 0).end;
@@ -297,9 +279,8 @@ static void damage_should_count_in_whole_layers_only(void **state)
     gen_stream_free(&g);
 }
 
-static void cut_file_should_be_what_the_encoder_makes_of_fewer(void **state)
+TEST(cut_file_should_be_what_the_encoder_makes_of_fewer)
 {
-    (void)state;
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         gen_options o = options_of(i);
         saga_error error = { "" };
@@ -331,7 +312,7 @@ static void cut_file_should_be_what_the_encoder_makes_of_fewer(void **state)
     }
 }
 
-static void more_layers_than_there_are_should_be_refused(void **state)
+TEST(more_layers_than_there_are_should_be_refused)
 {
     const gen_options o = options_of(1);
     saga_layer_report layer;
@@ -342,7 +323,6 @@ static void more_layers_than_there_are_should_be_refused(void **state)
     player p;
     size_t n;
 
-    (void)state;
     gen_stream_make(&g, &o);
     play(&p, &g);
     part.bytes = p.bytes;
@@ -357,18 +337,4 @@ static void more_layers_than_there_are_should_be_refused(void **state)
                      SAGA_ERR_TRUNCATED);
     end(&p);
     gen_stream_free(&g);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(layer_should_be_what_its_symbols_are_alone),
-        cmocka_unit_test(layers_should_be_drawn_in_one_order_of_depth),
-        cmocka_unit_test(cut_segment_should_have_the_layers_that_are_whole),
-        cmocka_unit_test(damage_should_count_in_whole_layers_only),
-        cmocka_unit_test(cut_file_should_be_what_the_encoder_makes_of_fewer),
-        cmocka_unit_test(more_layers_than_there_are_should_be_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,25 +3,11 @@
  * What a caller may mix up, views, jobs, segments, files, is refused, and
  * nothing is written where it does not belong.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_stream.h"
 #include "saga.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { SIDE = 64, TILE = 16, LIST = 64, FEW = 40, SLACK = 8 };
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 /* --- A file, a decoder, a picture ---------------------------------------- */
 
@@ -161,12 +147,11 @@ static void assert_refused(const player *p, painter *a)
 
 /* --- Jobs ---------------------------------------------------------------- */
 
-static void job_should_be_refused_when_the_view_is_another(void **state)
+TEST(job_should_be_refused_when_the_view_is_another)
 {
     player p;
     painter a;
 
-    (void)state;
     begin(&p);
     decode(&p, 0);
     view(&p, 0, 0);
@@ -179,12 +164,11 @@ static void job_should_be_refused_when_the_view_is_another(void **state)
     end(&p);
 }
 
-static void job_should_be_refused_when_the_segment_is_another(void **state)
+TEST(job_should_be_refused_when_the_segment_is_another)
 {
     player p;
     painter a;
 
-    (void)state;
     begin(&p);
     decode(&p, 0);
     view(&p, 0, 0);
@@ -197,12 +181,11 @@ static void job_should_be_refused_when_the_segment_is_another(void **state)
 }
 
 /* Both decoders have made as many views. */
-static void job_should_be_refused_when_the_decoder_is_another(void **state)
+TEST(job_should_be_refused_when_the_decoder_is_another)
 {
     player p, q;
     painter a;
 
-    (void)state;
     begin(&p);
     begin(&q);
     decode(&p, 0);
@@ -220,12 +203,11 @@ static void job_should_be_refused_when_the_decoder_is_another(void **state)
     end(&q);
 }
 
-static void job_should_be_refused_when_finished_for_another_view(void **state)
+TEST(job_should_be_refused_when_finished_for_another_view)
 {
     player p;
     painter a;
 
-    (void)state;
     begin(&p);
     decode(&p, 0);
     view(&p, 0, 0);
@@ -260,13 +242,12 @@ static int change_field(painter *a, int i)
 }
 
 /* The job is not led astray by a field that was changed and changed back. */
-static void job_should_be_refused_when_its_fields_are_others(void **state)
+TEST(job_should_be_refused_when_its_fields_are_others)
 {
     player p;
     painter a, b;
     int i;
 
-    (void)state;
     begin_drawn(&p, &b);
     for (i = 0;; i++) {
         painter before;
@@ -293,12 +274,11 @@ static void job_should_be_refused_when_its_fields_are_others(void **state)
 }
 
 /* What may change: another buffer for the rows that are left. */
-static void job_should_go_on_in_another_picture(void **state)
+TEST(job_should_go_on_in_another_picture)
 {
     player p;
     painter a, b;
 
-    (void)state;
     begin_drawn(&p, &b);
     begin_job(&p, &a);
     memcpy(b.rgb + sizeof b.rgb / 2, a.rgb, sizeof b.rgb / 2);
@@ -310,14 +290,13 @@ static void job_should_go_on_in_another_picture(void **state)
 }
 
 /* A view that is refused leaves the one before, and its jobs. */
-static void job_should_go_on_when_a_view_was_refused(void **state)
+TEST(job_should_go_on_when_a_view_was_refused)
 {
     player p;
     painter a, b;
     saga_camera c;
     uint32_t number;
 
-    (void)state;
     begin_drawn(&p, &b);
     begin_job(&p, &a);
     assert_int_equal(saga_rig(&c, &number, p.bytes, p.n, 0), SAGA_OK);
@@ -329,12 +308,11 @@ static void job_should_go_on_when_a_view_was_refused(void **state)
     end(&p);
 }
 
-static void job_should_go_on_when_the_decoder_was_moved(void **state)
+TEST(job_should_go_on_when_the_decoder_was_moved)
 {
     player p, q;
     painter a, b;
 
-    (void)state;
     begin_drawn(&p, &b);
     begin_job(&p, &a);
     q = p;
@@ -348,12 +326,11 @@ static void job_should_go_on_when_the_decoder_was_moved(void **state)
     end(&p);
 }
 
-static void budget_should_be_refused_when_0(void **state)
+TEST(budget_should_be_refused_when_0)
 {
     player p;
     painter a;
 
-    (void)state;
     begin(&p);
     decode(&p, 0);
     view(&p, 0, 0);
@@ -367,13 +344,12 @@ static void budget_should_be_refused_when_0(void **state)
 
 /* --- Segments ------------------------------------------------------------ */
 
-static void segment_should_be_refused_when_another_is_named(void **state)
+TEST(segment_should_be_refused_when_another_is_named)
 {
     saga_segment seg[2], wrong;
     player p;
     int i;
 
-    (void)state;
     begin(&p);
     seg[0] = segment_of(&p, 0);
     seg[1] = segment_of(&p, 1);
@@ -396,13 +372,12 @@ static void segment_should_be_refused_when_another_is_named(void **state)
 
 /* Two files whose segments would decode in the other one as well: only a field
  * of the header tells them apart. */
-static void segment_should_be_refused_when_of_another_file(void **state)
+TEST(segment_should_be_refused_when_of_another_file)
 {
     player p, q;
     gen_stream g;
     uint32_t i;
 
-    (void)state;
     gen_stream_make(&g, &options);
     open_stream(&p, &g);
     g.header.unit_exponent++;
@@ -418,23 +393,4 @@ static void segment_should_be_refused_when_of_another_file(void **state)
     }
     end(&p);
     end(&q);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(job_should_be_refused_when_the_view_is_another),
-        cmocka_unit_test(job_should_be_refused_when_the_segment_is_another),
-        cmocka_unit_test(job_should_be_refused_when_the_decoder_is_another),
-        cmocka_unit_test(job_should_be_refused_when_finished_for_another_view),
-        cmocka_unit_test(job_should_be_refused_when_its_fields_are_others),
-        cmocka_unit_test(job_should_go_on_in_another_picture),
-        cmocka_unit_test(job_should_go_on_when_a_view_was_refused),
-        cmocka_unit_test(job_should_go_on_when_the_decoder_was_moved),
-        cmocka_unit_test(budget_should_be_refused_when_0),
-        cmocka_unit_test(segment_should_be_refused_when_another_is_named),
-        cmocka_unit_test(segment_should_be_refused_when_of_another_file),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

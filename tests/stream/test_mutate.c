@@ -14,18 +14,9 @@
  *
  * Damage that is signed may well be another valid stream.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_mutate.h"
+#include "testing.h"
 
-#include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -35,21 +26,6 @@ enum {
     WALL_SECONDS = 120,      /* for one stream; then the program is killed */
     CPU_SECONDS = 20
 };
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 0;
-}
-
-static uint32_t n_streams(void)
-{
-    const char *const s = getenv("SAGA_TEST_COUNT");
-
-    return s ? (uint32_t)strtoul(s, NULL, 0)
-         : getenv("SAGA_TEST_LONG") ? 10000 : 1200;
-}
 
 /* --- Bases --------------------------------------------------------------- */
 
@@ -278,16 +254,15 @@ static void assert_depth(const table *t, uint32_t n)
     }
 }
 
-static void damaged_streams_should_only_give_a_status(void **state)
+TEST(damaged_streams_should_only_give_a_status)
 {
-    const uint64_t seed = first_seed();
-    const uint32_t n = n_streams();
+    const uint64_t seed = testing_seed(0);
+    const uint32_t n = testing_count(1200, 10000);
     const int verbose = getenv("SAGA_TEST_VERBOSE") != NULL;
     table t;
     base b;
     uint32_t i;
 
-    (void)state;
     memset(&t, 0, sizeof t);
     memset(&b, 0, sizeof b);
     printf("streams from %" PRIu64 ", %" PRIu32 " of them\n", seed, n);
@@ -306,13 +281,12 @@ static void damaged_streams_should_only_give_a_status(void **state)
 
 /* --- More ---------------------------------------------------------------- */
 
-static void undamaged_streams_should_be_drawn(void **state)
+TEST(undamaged_streams_should_be_drawn)
 {
-    const uint64_t seed = first_seed() / PER_BASE;
+    const uint64_t seed = testing_seed(0) / PER_BASE;
     uint64_t r = seed;
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < 48; i++) {
         mutate_result result;
         base b;
@@ -329,14 +303,13 @@ static void undamaged_streams_should_be_drawn(void **state)
 }
 
 /* One bit of each byte: all of them are covered by a CRC. */
-static void no_changed_byte_should_go_unnoticed(void **state)
+TEST(no_changed_byte_should_go_unnoticed)
 {
     mutate_result result;
     uint64_t r = 5;
     size_t i;
     base b;
 
-    (void)state;
     make_base(&b, 10);
     assert_true(b.info.n_segments > 1 && b.info.n_layers > 1);
     for (i = 0; i < b.n; i++) {
@@ -350,11 +323,10 @@ static void no_changed_byte_should_go_unnoticed(void **state)
     free(b.bytes);
 }
 
-static void pieces_should_make_the_same_file_again(void **state)
+TEST(pieces_should_make_the_same_file_again)
 {
     uint64_t i;
 
-    (void)state;
     for (i = 0; i < 20; i++) {
         mutate_file f;
         uint8_t *joined;
@@ -372,16 +344,4 @@ static void pieces_should_make_the_same_file_again(void **state)
         mutate_free(&f);
         free(b.bytes);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(pieces_should_make_the_same_file_again),
-        cmocka_unit_test(undamaged_streams_should_be_drawn),
-        cmocka_unit_test(no_changed_byte_should_go_unnoticed),
-        cmocka_unit_test(damaged_streams_should_only_give_a_status),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -3,19 +3,11 @@
  * Names of cameras: what was given comes back, and no bytes are read that are
  * not there, whatever a stranger writes.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "crc32c.h"
 #include "encode.h"
 #include "gen_stream.h"
 #include "saga.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 typedef struct {
     uint8_t *p;
@@ -61,12 +53,11 @@ static void replace(file *f, const void *payload, size_t n)
     f->n = f->info.head_nbytes + SAGA_CHUNK_NBYTES + n;
 }
 
-static void names_should_come_back(void **state)
+TEST(names_should_come_back)
 {
     file f = make(1);
     saga_naming got, want;
 
-    (void)state;
     for (uint32_t i = 0; i < GEN_MAX_CAMERAS; i++) {
         gen_stream_name(&want, i);
         assert_int_equal(saga_name_camera(&got, f.p, f.n, i), SAGA_OK);
@@ -83,14 +74,13 @@ static void names_should_come_back(void **state)
 }
 
 /* The head is not whole without the base, and damage in it is not theirs. */
-static void names_should_stand_behind_a_base(void **state)
+TEST(names_should_stand_behind_a_base)
 {
     file f = make_with(1, 1), without = make_with(0, 1);
     const size_t head = f.info.head_nbytes;
     saga_naming got, want;
     saga_segment s;
 
-    (void)state;
     assert_true(f.info.base_coarse > 0);
     assert_int_equal(head, without.info.head_nbytes);
     assert_int_equal(saga_name_camera(&got, without.p, without.n, 0),
@@ -109,12 +99,11 @@ static void names_should_stand_behind_a_base(void **state)
 }
 
 /* The same bytes but for the chunk and the index, and the same segments. */
-static void names_should_cost_nothing_when_there_are_none(void **state)
+TEST(names_should_cost_nothing_when_there_are_none)
 {
     file with = make(1), without = make(0);
     saga_segment a, b;
 
-    (void)state;
     assert_int_equal(with.info.head_nbytes, without.info.head_nbytes);
     assert_int_equal(saga_find(&a, with.p, with.n, 0, 1), SAGA_OK);
     assert_int_equal(saga_find(&b, without.p, without.n, 0, 1), SAGA_OK);
@@ -127,13 +116,12 @@ static void names_should_cost_nothing_when_there_are_none(void **state)
     free(without.p);
 }
 
-static void names_should_be_refused_when_cut_or_changed(void **state)
+TEST(names_should_be_refused_when_cut_or_changed)
 {
     file f = make(1);
     const size_t begin = f.info.head_nbytes, end = begin + 12 + 8 + 13;
     saga_naming got;
 
-    (void)state;
     for (size_t n = 0; n < end; n++) {
         uint8_t *const copy = memcpy(malloc(n + 1), f.p, n);
         uint8_t *const exact = realloc(copy, n ? n : 1);
@@ -159,7 +147,7 @@ static void names_should_be_refused_when_cut_or_changed(void **state)
 #define UNIT "\0\0\0\0\0\0\0\0"
 #define SAY(text) { text, sizeof text - 1 }
 
-static void payload_should_be_refused_when_wrong(void **state)
+TEST(payload_should_be_refused_when_wrong)
 {
     static const struct { const char *p; size_t n; } wrong[] = {
         SAY(""), SAY("\0\0\0\0\0\0\0"), SAY(UNIT), SAY(UNIT "\0"),
@@ -175,7 +163,6 @@ static void payload_should_be_refused_when_wrong(void **state)
     char longest[8 + 6 + 64] = UNIT;
     saga_naming got;
 
-    (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         file f = make(1);
 
@@ -203,7 +190,7 @@ static void payload_should_be_refused_when_wrong(void **state)
 
 /* Both names are looked at as a whole: the second one may share bytes with the
  * first up to the middle of a character. */
-static void names_should_be_utf8(void **state)
+TEST(names_should_be_utf8)
 {
     static const struct { const char *name; int is_good; } all[] = {
         { "\x7e", 1 }, { "\xc2\x80", 1 }, { "\xdf\xbf", 1 },
@@ -222,7 +209,6 @@ static void names_should_be_utf8(void **state)
     };
     saga_naming got;
 
-    (void)state;
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         const size_t n = strlen(all[i].name);
         char payload[8 + 3 * 2 + 8] = { 0 };
@@ -239,7 +225,7 @@ static void names_should_be_utf8(void **state)
     }
 }
 
-static void names_should_share_parts_of_characters(void **state)
+TEST(names_should_share_parts_of_characters)
 {
     static const struct { const char *p; size_t n; int is_good; } all[] = {
         { UNIT "\0\2\xc3\xa9\1\1\xa8\0\0", 8 + 9, 1 },
@@ -248,7 +234,6 @@ static void names_should_share_parts_of_characters(void **state)
     };
     saga_naming got;
 
-    (void)state;
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         file f = make(1);
 
@@ -262,32 +247,15 @@ static void names_should_share_parts_of_characters(void **state)
 }
 
 /* A file that ends behind its head may be the beginning of one with names. */
-static void names_should_be_missed_in_a_head_alone(void **state)
+TEST(names_should_be_missed_in_a_head_alone)
 {
     file f = make(0);
     saga_naming got;
 
-    (void)state;
     for (size_t n = f.info.head_nbytes; n < f.info.head_nbytes + 4; n++)
         assert_int_equal(saga_name_camera(&got, f.p, n, 0),
                          SAGA_ERR_TRUNCATED);
     assert_int_equal(saga_name_camera(&got, f.p, f.info.head_nbytes + 4, 0),
                      SAGA_ERR_ARG);
     free(f.p);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(names_should_come_back),
-        cmocka_unit_test(names_should_stand_behind_a_base),
-        cmocka_unit_test(names_should_cost_nothing_when_there_are_none),
-        cmocka_unit_test(names_should_be_refused_when_cut_or_changed),
-        cmocka_unit_test(payload_should_be_refused_when_wrong),
-        cmocka_unit_test(names_should_be_utf8),
-        cmocka_unit_test(names_should_share_parts_of_characters),
-        cmocka_unit_test(names_should_be_missed_in_a_head_alone)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

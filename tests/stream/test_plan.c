@@ -6,11 +6,6 @@
  * mlp.c and memory_bank.c are compiled in here, counting; the library's are
  * then not linked.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
 
 #define SAGA_COUNT_MACS
 #include "memory_bank.c"
@@ -21,11 +16,7 @@
 #include "plan.h"
 #include "project.h"
 #include "saga.h"
-
-#include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 /* DECODER_NBYTES: what stands before the plan's regions (plan.c). */
 enum { N_CANARIES = 256, CANARY = 0xa5, DECODER_NBYTES = 768 };
@@ -37,25 +28,9 @@ void saga_count_macs(uint64_t n)
     n_macs += n;
 }
 
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
-
 static uint32_t n_streams(void)
 {
-    const char *const s = getenv("SAGA_TEST_COUNT");
-
-    return s ? (uint32_t)strtoul(s, NULL, 0)
-         : getenv("SAGA_TEST_LONG") ? 2000 : 100;
-}
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
+    return testing_count(100, 2000);
 }
 
 /* --- A file and a block -------------------------------------------------- */
@@ -177,7 +152,7 @@ static gen_options options_of(uint64_t seed, uint32_t i)
 /* The first tree that fills level 0 to the brim. */
 static gen_options full_options(void)
 {
-    gen_options o = { .seed = first_seed(), .level = 0, .full = 1,
+    gen_options o = { .seed = testing_seed(1), .level = 0, .full = 1,
                       .picture = 1, .tools_fixed = 1,
                       .tools = SAGA_TOOLS_PICTURE,
                       .bank = GEN_BANK_ORTHOGONAL };
@@ -197,11 +172,10 @@ static gen_options full_options(void)
 
 /* --- Memory -------------------------------------------------------------- */
 
-static void levels_should_be_those_of_the_public_header(void **state)
+TEST(levels_should_be_those_of_the_public_header)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < SAGA_N_PROFILES; i++) {
         assert_int_equal(saga_caps[i].work_nbytes, SAGA_WORK_MAX(i));
         assert_int_equal(saga_caps[i].cover, SAGA_COVER_MAX(i));
@@ -240,13 +214,12 @@ static void check_open(const gen_options *o)
     end(&p);
 }
 
-static void open_should_refuse_a_smaller_or_misaligned_block(void **state)
+TEST(open_should_refuse_a_smaller_or_misaligned_block)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < 16; i++) {
-        const gen_options o = options_of(first_seed(), i);
+        const gen_options o = options_of(testing_seed(1), i);
 
         check_open(&o);
     }
@@ -274,15 +247,14 @@ static void check_canaries(const gen_options *o)
     end(&p);
 }
 
-static void decoder_should_stay_inside_its_block(void **state)
+TEST(decoder_should_stay_inside_its_block)
 {
     gen_options o = full_options();
     uint32_t i;
 
-    (void)state;
     check_canaries(&o);
     for (i = 0; i < n_streams(); i++) {
-        o = options_of(first_seed(), i);
+        o = options_of(testing_seed(1), i);
         o.n_segments = 1 + i % GEN_MAX_SEGMENTS;
         check_canaries(&o);
     }
@@ -336,13 +308,12 @@ static uint64_t work_of_document(const saga_header *h)
                   to_16(44 * all) + 2 * to_16(8 * all));
 }
 
-static void block_should_be_as_large_as_the_document_says(void **state)
+TEST(block_should_be_as_large_as_the_document_says)
 {
     uint32_t n_plain = 0, i;
 
-    (void)state;
     for (i = 0; i < 64; i++) {
-        const gen_options o = options_of(first_seed(), i);
+        const gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         player p;
 
@@ -357,13 +328,12 @@ static void block_should_be_as_large_as_the_document_says(void **state)
 
 /* Inputs are padded with what the networks' vectors hold: zeros from the start,
  * whatever the block held. */
-static void vectors_should_be_empty_when_opened(void **state)
+TEST(vectors_should_be_empty_when_opened)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < 8; i++) {
-        gen_options o = options_of(first_seed(), i);
+        gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         saga_plan plan;
         player p;
@@ -381,13 +351,12 @@ static void vectors_should_be_empty_when_opened(void **state)
 
 /* Without primitives the anchors lie at the end, and all of them are written:
  * what is left is the padding to 16. */
-static void block_should_be_used_up_to_its_end(void **state)
+TEST(block_should_be_used_up_to_its_end)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < 32; i++) {
-        gen_options o = options_of(first_seed(), i);
+        gen_options o = options_of(testing_seed(1), i);
         player p;
         saga_symbols *s;
         size_t last;
@@ -414,13 +383,12 @@ static void block_should_be_used_up_to_its_end(void **state)
 /* Off: no byte of the header, none of the block (and no product, see below);
  * on, the header's fields, and what memory_bank.c places or the models that
  * networks choose among. */
-static void tools_should_cost_nothing_when_off(void **state)
+TEST(tools_should_cost_nothing_when_off)
 {
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < 24; i++) {
-        const gen_options o = options_of(first_seed(), i);
+        const gen_options o = options_of(testing_seed(1), i);
         saga_header h;
         saga_plan plan;
         saga_bank size;
@@ -538,12 +506,11 @@ static uint32_t most_steps(uint32_t n, uint32_t groups, uint32_t blocks)
     return most;
 }
 
-static void most_steps_should_be_reached_and_never_passed(void **state)
+TEST(most_steps_should_be_reached_and_never_passed)
 {
-    uint64_t r = first_seed();
+    uint64_t r = testing_seed(1);
     uint32_t i, k;
 
-    (void)state;
     for (i = 0; i < 20000; i++) {
         const uint32_t n = (uint32_t)gen_range(&r, 0, i & 1 ? 200 : 1 << 22);
         uint32_t group[200] = { 0 };
@@ -594,17 +561,16 @@ static void check_macs(const gen_options *o)
     end(&p);
 }
 
-static void macs_should_be_counted_exactly(void **state)
+TEST(macs_should_be_counted_exactly)
 {
     gen_options o = full_options();
     uint32_t i;
 
-    (void)state;
-    printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", first_seed(),
+    printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", testing_seed(1),
            n_streams());
     check_macs(&o);
     for (i = 0; i < n_streams(); i++) {
-        o = options_of(first_seed(), i);
+        o = options_of(testing_seed(1), i);
         o.n_segments = i % 4 == 3 ? 3 : 1;
         check_macs(&o);
     }
@@ -612,7 +578,7 @@ static void macs_should_be_counted_exactly(void **state)
 
 /* By hand: 512 values hold so many vectors of the longest of a network, padded
  * to 16; the smallest number of a set counts. */
-static void points_should_be_what_the_vectors_hold(void **state)
+TEST(points_should_be_what_the_vectors_hold)
 {
     static const struct { uint16_t dim[4]; uint8_t n_layers, points; } net[] = {
         { { 24, 8, 8, 8 }, 3, 8 }, { { 64, 64, 64, 32 }, 3, 8 },
@@ -625,7 +591,6 @@ static void points_should_be_what_the_vectors_hold(void **state)
     saga_nets nets = { 0 };
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < n; i++) {
         memcpy(nets.shape[i].dim, net[i].dim, sizeof net[i].dim);
         nets.shape[i].n_layers = net[i].n_layers;
@@ -636,13 +601,12 @@ static void points_should_be_what_the_vectors_hold(void **state)
     assert_int_equal(saga_net_points(&nets, (1u << n) - 1), 1);
 }
 
-static void info_should_be_that_of_the_header(void **state)
+TEST(info_should_be_that_of_the_header)
 {
     uint32_t i, net;
 
-    (void)state;
     for (i = 0; i < 32; i++) {
-        const gen_options o = options_of(first_seed(), i);
+        const gen_options o = options_of(testing_seed(1), i);
         saga_net_shape s;
         uint32_t weights = 0, coarse = 0, fine = 0, prim = 0, k;
         player p;
@@ -681,7 +645,7 @@ static const gen_options picture_options = {
 };
 
 /* The block at another aligned place, with other neighbours. */
-static saga_decoder *copy_of(const player *p, uint8_t **block)
+static saga_decoder *decoder_copy(const player *p, uint8_t **block)
 {
     const size_t n = p->info.work_nbytes;
     uint8_t *const q = must(aligned_alloc(SAGA_WORK_ALIGN,
@@ -692,7 +656,7 @@ static saga_decoder *copy_of(const player *p, uint8_t **block)
     return (saga_decoder *)(void *)(q + SAGA_WORK_ALIGN);
 }
 
-static void decoder_should_be_movable_at_any_time(void **state)
+TEST(decoder_should_be_movable_at_any_time)
 {
     player p;
     saga_camera c;
@@ -701,7 +665,6 @@ static void decoder_should_be_movable_at_any_time(void **state)
     uint32_t crc;
     int when;
 
-    (void)state;
     begin(&p, &picture_options);
     c = rig(&p, 1);
     assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
@@ -714,7 +677,7 @@ static void decoder_should_be_movable_at_any_time(void **state)
             assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
         if (when > 1)
             assert_int_equal(saga_view(p.dec, &c, 20000), SAGA_OK);
-        at = copy_of(&p, &block);
+        at = decoder_copy(&p, &block);
         fill_block(&p);      /* moved: nothing is left where it was */
         if (when < 1)
             assert_int_equal(decode(&p, at, 0), SAGA_OK);
@@ -726,7 +689,7 @@ static void decoder_should_be_movable_at_any_time(void **state)
     end(&p);
 }
 
-static void copy_should_not_follow_its_original(void **state)
+TEST(copy_should_not_follow_its_original)
 {
     player p;
     saga_camera c;
@@ -734,13 +697,12 @@ static void copy_should_not_follow_its_original(void **state)
     uint8_t *block;
     uint32_t crc, other;
 
-    (void)state;
     begin(&p, &picture_options);
     c = rig(&p, 0);
     assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
     crc = draw(p.dec, &c);
-    copy = copy_of(&p, &block);
+    copy = decoder_copy(&p, &block);
     assert_int_equal(decode(&p, p.dec, 1), SAGA_OK);
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_OK);
     other = draw(p.dec, &c);
@@ -754,14 +716,13 @@ static void copy_should_not_follow_its_original(void **state)
 }
 
 /* A view must not use what an earlier segment, view or stream left behind. */
-static void picture_should_not_depend_on_what_the_block_held(void **state)
+TEST(picture_should_not_depend_on_what_the_block_held)
 {
     player p;
     saga_camera c;
     uint32_t crc[2];
     int i;
 
-    (void)state;
     begin(&p, &picture_options);
     c = rig(&p, 2);
     for (i = 0; i < 2; i++) {
@@ -842,14 +803,13 @@ static void check_colours(uint32_t tools)
     end(&p);
 }
 
-static void colour_should_be_that_of_a_view_from_there(void **state)
+TEST(colour_should_be_that_of_a_view_from_there)
 {
-    (void)state;
     check_colours(SAGA_TOOLS_PICTURE | SAGA_TOOL_VIEW);
     check_colours(SAGA_TOOLS_PICTURE & ~(uint32_t)SAGA_TOOL_VIEW);
 }
 
-static void colour_of_what_is_not_there_should_be_refused(void **state)
+TEST(colour_of_what_is_not_there_should_be_refused)
 {
     const int32_t edge[3] = { 1 << 29, -(1 << 29), 0 };
     int32_t beyond[3] = { 0, 0, (1 << 29) + 1 };
@@ -857,7 +817,6 @@ static void colour_of_what_is_not_there_should_be_refused(void **state)
     saga_report report;
     player p;
 
-    (void)state;
     begin(&p, &picture_options);
     assert_int_equal(saga_colour_at(colour, p.dec, 0, edge), SAGA_ERR_STATE);
     assert_int_equal(decode(&p, p.dec, 0), SAGA_OK);
@@ -914,14 +873,13 @@ static void assert_no_view(const saga_decoder *dec, const saga_camera *c)
     assert_int_equal(try_draw(dec, c), SAGA_ERR_STATE);
 }
 
-static void calls_out_of_order_should_be_refused(void **state)
+TEST(calls_out_of_order_should_be_refused)
 {
     player p;
     saga_camera c;
     saga_report report;
     saga_segment seg;
 
-    (void)state;
     begin(&p, &picture_options);
     c = rig(&p, 0);
     assert_nothing_decoded(p.dec, &c);
@@ -946,7 +904,7 @@ static void calls_out_of_order_should_be_refused(void **state)
 }
 
 /* Every length a segment may be cut to. */
-static void cut_segment_should_be_refused(void **state)
+TEST(cut_segment_should_be_refused)
 {
     const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
                             .tools_fixed = 1 };
@@ -954,7 +912,6 @@ static void cut_segment_should_be_refused(void **state)
     saga_segment seg;
     size_t n;
 
-    (void)state;
     begin(&p, &o);
     assert_int_equal(saga_find(&seg, p.bytes, p.n, 0, 1), SAGA_OK);
     for (n = 0; n < seg.nbytes; n++) {
@@ -969,7 +926,7 @@ static void cut_segment_should_be_refused(void **state)
 }
 
 /* Every length a head may be cut to. */
-static void cut_head_should_be_refused(void **state)
+TEST(cut_head_should_be_refused)
 {
     const gen_options o = { .seed = 3, .level = 0, .n_coarse = 2,
                             .tools_fixed = 1 };
@@ -978,7 +935,6 @@ static void cut_head_should_be_refused(void **state)
     saga_decoder *dec;
     size_t n;
 
-    (void)state;
     begin(&p, &o);
     for (n = 0; n < p.info.head_nbytes; n += n < 700 ? 1 : 97) {
         uint8_t *const copy = must(malloc(n ? n : 1));
@@ -992,31 +948,4 @@ static void cut_head_should_be_refused(void **state)
         free(copy);
     }
     end(&p);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(levels_should_be_those_of_the_public_header),
-        cmocka_unit_test(open_should_refuse_a_smaller_or_misaligned_block),
-        cmocka_unit_test(decoder_should_stay_inside_its_block),
-        cmocka_unit_test(block_should_be_as_large_as_the_document_says),
-        cmocka_unit_test(vectors_should_be_empty_when_opened),
-        cmocka_unit_test(block_should_be_used_up_to_its_end),
-        cmocka_unit_test(tools_should_cost_nothing_when_off),
-        cmocka_unit_test(macs_should_be_counted_exactly),
-        cmocka_unit_test(most_steps_should_be_reached_and_never_passed),
-        cmocka_unit_test(points_should_be_what_the_vectors_hold),
-        cmocka_unit_test(info_should_be_that_of_the_header),
-        cmocka_unit_test(decoder_should_be_movable_at_any_time),
-        cmocka_unit_test(copy_should_not_follow_its_original),
-        cmocka_unit_test(picture_should_not_depend_on_what_the_block_held),
-        cmocka_unit_test(colour_should_be_that_of_a_view_from_there),
-        cmocka_unit_test(colour_of_what_is_not_there_should_be_refused),
-        cmocka_unit_test(calls_out_of_order_should_be_refused),
-        cmocka_unit_test(cut_segment_should_be_refused),
-        cmocka_unit_test(cut_head_should_be_refused),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,20 +4,12 @@
  * has read: as long as bytes are missing it is TRUNCATED, then it stays what it
  * is, however many more there are.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "container.h"
 #include "fx.h"
 #include "gen_mutate.h"
 #include "gen_stream.h"
 #include "saga.h"
-
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { MORE = 3000 };        /* bytes behind the end of a file */
 
@@ -27,12 +19,6 @@ enum { PROBE, OPEN, FIND, RIG, N_CALLS };
 static const char *const call_text[N_CALLS] = {
     "saga_probe", "saga_open", "saga_find", "saga_rig"
 };
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
 
 /* A decoder in a block that begins with it (free it), or NULL. */
 static saga_decoder *open_bytes(saga_status *s, const uint8_t *bytes, size_t n)
@@ -140,12 +126,11 @@ static size_t networks_at(const uint8_t *bytes)
 }
 
 /* The lengths of INDX and of NETS, so many bytes more than they have. */
-static void lengths_should_be_judged_by_their_own_bytes(void **state)
+TEST(lengths_should_be_judged_by_their_own_bytes)
 {
     static const int32_t by[] = { 0, -1, 1, 12, 100, 1000, INT32_MAX };
     int i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         size_t n, head, at[2], k, m;
         uint8_t *const bytes = make(&streams[i], &n, &head);
@@ -171,12 +156,11 @@ static void lengths_should_be_judged_by_their_own_bytes(void **state)
 }
 
 /* A byte anywhere in the head, signed anew and not. */
-static void damage_should_show_in_the_head_alone(void **state)
+TEST(damage_should_show_in_the_head_alone)
 {
     uint64_t r = 31;
     int i, k;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         size_t n, head;
         uint8_t *const bytes = make(&streams[i], &n, &head);
@@ -202,7 +186,7 @@ static void damage_should_show_in_the_head_alone(void **state)
 
 /* --- Versions ------------------------------------------------------------ */
 
-static void version_should_be_zero_in_no_file(void **state)
+TEST(version_should_be_zero_in_no_file)
 {
     static const struct { uint8_t p[4]; saga_status s; } all[] = {
         { { 1, 0, 0, 0 }, SAGA_OK }, { { 0, 0, 0, 0 }, SAGA_ERR_DATA },
@@ -216,7 +200,6 @@ static void version_should_be_zero_in_no_file(void **state)
     size_t n, head, i, k;
     uint8_t *const bytes = make(&streams[0], &n, &head);
 
-    (void)state;
     for (i = 0; i < sizeof all / sizeof *all; i++) {
         memcpy(bytes + 4, all[i].p, 4);
         gen_stream_sign_header(bytes);
@@ -253,12 +236,11 @@ static uint8_t *with_tool(const uint8_t *bytes, size_t n, uint32_t tool)
 
 /* Whatever else is wrong, since nothing else can be judged: the header's size,
  * its CRC, a level, a count. */
-static void tools_should_be_looked_at_before_the_size(void **state)
+TEST(tools_should_be_looked_at_before_the_size)
 {
     static const uint32_t wrong[] = { 72, 8, 12, 16, 36, 180 };
     int bit, i;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         size_t n, head, k;
         uint8_t *const bytes = make(&streams[i], &n, &head);
@@ -283,13 +265,12 @@ static void tools_should_be_looked_at_before_the_size(void **state)
 }
 
 /* A longer header is nothing by itself. */
-static void header_should_have_the_size_that_its_tools_say(void **state)
+TEST(header_should_have_the_size_that_its_tools_say)
 {
     size_t n, head;
     uint8_t *const bytes = make(&streams[0], &n, &head);
     uint8_t *const copy = with_tool(bytes, n, 0);
 
-    (void)state;
     assert_int_equal(status_of(PROBE, copy, n + 8), SAGA_ERR_DATA);
     assert_int_equal(status_of(PROBE, copy, SAGA_HEADER_NBYTES),
                      SAGA_ERR_DATA);
@@ -316,11 +297,10 @@ static void check_segment(saga_decoder *dec, const saga_segment *seg,
 
 /* Also where SEGM or the last chunk claims what lies behind the segment, and
  * where the index cuts it. */
-static void segments_should_end_where_the_index_says(void **state)
+TEST(segments_should_end_where_the_index_says)
 {
     int i, k;
 
-    (void)state;
     for (i = 0; i < N_STREAMS; i++) {
         size_t n, head;
         uint8_t *const bytes = make(&streams[i], &n, &head);
@@ -349,18 +329,4 @@ static void segments_should_end_where_the_index_says(void **state)
         free(more);
         free(bytes);
     }
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lengths_should_be_judged_by_their_own_bytes),
-        cmocka_unit_test(damage_should_show_in_the_head_alone),
-        cmocka_unit_test(version_should_be_zero_in_no_file),
-        cmocka_unit_test(tools_should_be_looked_at_before_the_size),
-        cmocka_unit_test(header_should_have_the_size_that_its_tools_say),
-        cmocka_unit_test(segments_should_end_where_the_index_says)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,50 +4,13 @@
  * come back, every one of them. SAGA_TEST_SEED is the first seed,
  * SAGA_TEST_COUNT the number of streams.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "encode.h"
 #include "gen_stream.h"
 #include "ref_recorder.h"
 #include "saga.h"
-
-#include <inttypes.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum { N_SOURCES = 128, COVERED = 1000 };
-
-static uint64_t first_seed(void)
-{
-    const char *const s = getenv("SAGA_TEST_SEED");
-
-    return s ? strtoull(s, NULL, 0) : 1;
-}
-
-static uint32_t n_streams(void)
-{
-    const char *const s = getenv("SAGA_TEST_COUNT");
-
-    return s ? (uint32_t)strtoul(s, NULL, 0)
-         : getenv("SAGA_TEST_LONG") ? 100000 : 600;
-}
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
-
-/* An exact-size copy, so that the sanitizers see every read past its end. */
-static uint8_t *copy_of(const uint8_t *p, size_t n)
-{
-    return memcpy(must(malloc(n ? n : 1)), p, n);
-}
 
 /* --- Comparing ----------------------------------------------------------- */
 
@@ -372,14 +335,13 @@ static gen_options options_of(uint64_t seed, uint32_t i)
     return o;
 }
 
-static void stream_should_decode_to_the_symbols_it_was_made_from(void **state)
+TEST(stream_should_decode_to_the_symbols_it_was_made_from)
 {
-    const uint64_t seed = first_seed();
-    const uint32_t n = n_streams();
+    const uint64_t seed = testing_seed(1);
+    const uint32_t n = testing_count(600, 100000);
     coverage c;
     uint32_t i;
 
-    (void)state;
     memset(&c, 0, sizeof c);
     printf("seeds from %" PRIu64 ", %" PRIu32 " streams\n", seed, n);
     for (i = 0; i < n; i++) {
@@ -410,7 +372,7 @@ static void make_full(gen_stream *g)
     o.tools_fixed = 1;
     o.tools = SAGA_TOOLS_PICTURE;
     o.bank = GEN_BANK_ORTHOGONAL;
-    for (o.seed = first_seed();; o.seed++) {
+    for (o.seed = testing_seed(1);; o.seed++) {
         const saga_symbols *const s = &g->segment[0];
 
         gen_stream_make(g, &o);
@@ -421,24 +383,22 @@ static void make_full(gen_stream *g)
     }
 }
 
-static void stream_should_survive_a_full_level_0(void **state)
+TEST(stream_should_survive_a_full_level_0)
 {
     gen_stream g;
 
-    (void)state;
     make_full(&g);
     check_stream(&g);
     gen_stream_free(&g);
 }
 
-static void stream_should_survive_layers_without_anchors(void **state)
+TEST(stream_should_survive_layers_without_anchors)
 {
-    const gen_options o = { .seed = first_seed(), .level = 1, .n_coarse = 9,
+    const gen_options o = { .seed = testing_seed(1), .level = 1, .n_coarse = 9,
                             .n_segments = 3 };
     gen_stream g;
     saga_symbols *s;
 
-    (void)state;
     gen_stream_make(&g, &o);
     s = &g.segment[0];
     memset(s->n_fine, 0, s->n.coarse);
@@ -451,13 +411,12 @@ static void stream_should_survive_layers_without_anchors(void **state)
 }
 
 /* Every set as large as a set can be, and all its members equal. */
-static void stream_should_survive_full_sets_of_equal_suffixes(void **state)
+TEST(stream_should_survive_full_sets_of_equal_suffixes)
 {
     gen_stream g;
     saga_symbols *s;
     uint32_t i;
 
-    (void)state;
     make_full(&g);
     s = &g.segment[0];
     for (i = 0; i < s->n.prim; i++)
@@ -468,13 +427,12 @@ static void stream_should_survive_full_sets_of_equal_suffixes(void **state)
     gen_stream_free(&g);
 }
 
-static void stream_should_survive_every_extreme_residual(void **state)
+TEST(stream_should_survive_every_extreme_residual)
 {
     gen_stream g;
     saga_symbols *s;
     uint32_t i;
 
-    (void)state;
     make_full(&g);
     s = &g.segment[0];
     for (i = 0; i < 4 * s->n.coarse; i++)
@@ -631,7 +589,7 @@ static void make_rich(gen_stream *g)
     memset(&o, 0, sizeof o);
     o.level = 1;
     o.n_coarse = 24;
-    for (o.seed = 100 + first_seed();; o.seed++) {
+    for (o.seed = 100 + testing_seed(1);; o.seed++) {
         const saga_tier *const l = g->header.model.tier;
         const saga_symbols *const s = &g->segment[0];
 
@@ -693,16 +651,14 @@ static void assert_refused(spoil f, const char *what)
 
 #define REFUSED(f) assert_refused(f, #f)
 
-static void encoder_should_refuse_unsorted_suffixes(void **state)
+TEST(encoder_should_refuse_unsorted_suffixes)
 {
-    (void)state;
     REFUSED(unsorted_fine);
     REFUSED(unsorted_prim);
 }
 
-static void encoder_should_refuse_symbols_out_of_range(void **state)
+TEST(encoder_should_refuse_symbols_out_of_range)
 {
-    (void)state;
     REFUSED(centre_over);
     REFUSED(feature_under);
     REFUSED(fine_over);
@@ -712,9 +668,8 @@ static void encoder_should_refuse_symbols_out_of_range(void **state)
     REFUSED(more_prims);
 }
 
-static void encoder_should_refuse_trees_that_cannot_be(void **state)
+TEST(encoder_should_refuse_trees_that_cannot_be)
 {
-    (void)state;
     REFUSED(no_child);
     REFUSED(fewer_nodes);
     REFUSED(coarse_less);
@@ -723,9 +678,8 @@ static void encoder_should_refuse_trees_that_cannot_be(void **state)
     REFUSED(deep);
 }
 
-static void encoder_should_refuse_bits_that_would_not_come_back(void **state)
+TEST(encoder_should_refuse_bits_that_would_not_come_back)
 {
-    (void)state;
     REFUSED(fine_suffix_wide);
     REFUSED(prim_suffix_wide);
     REFUSED(leaf_with_child);
@@ -733,9 +687,8 @@ static void encoder_should_refuse_bits_that_would_not_come_back(void **state)
     REFUSED(more_nodes);
 }
 
-static void encoder_should_refuse_a_segment_without_frames(void **state)
+TEST(encoder_should_refuse_a_segment_without_frames)
 {
-    (void)state;
     REFUSED(no_frames);
 }
 
@@ -778,8 +731,7 @@ static void drop_to(gen_stream *g, uint8_t mode, int scale, int drop)
     saga_layer_symbols *const l = first_layer(g);
 
     free(l->drop);
-    l->drop = calloc(SAGA_MAX_VECTOR, 1);
-    assert_non_null(l->drop);
+    l->drop = must(calloc(SAGA_MAX_VECTOR, 1));
     l->scale_mode = mode;
     l->weight_scale = (uint8_t)scale;
     l->drop[0] = (uint8_t)drop;
@@ -843,9 +795,8 @@ static void assert_nets_refused(spoil f, const char *what)
 
 #define NETS_REFUSED(f) assert_nets_refused(f, #f)
 
-static void encoder_should_refuse_networks_that_are_not_valid(void **state)
+TEST(encoder_should_refuse_networks_that_are_not_valid)
 {
-    (void)state;
     NETS_REFUSED(net_weight_over);
     NETS_REFUSED(net_bias_under);
     NETS_REFUSED(net_step_over);
@@ -886,14 +837,13 @@ static void finer_to(gen_stream *g, int k, uint8_t finer)
 static void net_finer_by_2(gen_stream *g) { finer_to(g, 3, 2); }
 
 /* 2 * 32767 <= 65538, the most that weights may sum up to. */
-static void encoder_should_take_rows_by_what_formats_leave(void **state)
+TEST(encoder_should_take_rows_by_what_formats_leave)
 {
     saga_error error = { "" };
     saga_encoder *e;
     gen_stream g;
     int k;
 
-    (void)state;
     for (k = 0; k < SAGA_N_FINER; k++) {
         make_rich(&g);
         finer_to(&g, k, (uint8_t)k);
@@ -907,13 +857,12 @@ static void encoder_should_take_rows_by_what_formats_leave(void **state)
 }
 
 /* symbols.h: steps are 1..65535. */
-static void encoder_should_refuse_a_step_of_zero(void **state)
+TEST(encoder_should_refuse_a_step_of_zero)
 {
-    (void)state;
     NETS_REFUSED(net_step_zero);
 }
 
-static void encoder_should_refuse_a_file_without_segments(void **state)
+TEST(encoder_should_refuse_a_file_without_segments)
 {
     saga_error error = { "" };
     saga_encode_sizes sizes;
@@ -922,7 +871,6 @@ static void encoder_should_refuse_a_file_without_segments(void **state)
     uint8_t *bytes;
     size_t n;
 
-    (void)state;
     make_rich(&g);
     e = open_encoder(&g);
     assert_false(saga_encoder_finish(e, &bytes, &n, &sizes, &error));
@@ -1017,35 +965,11 @@ static void check_random_access(uint64_t seed, uint32_t tools)
     gen_stream_free(&g);
 }
 
-static void segment_should_not_depend_on_those_before_it(void **state)
+TEST(segment_should_not_depend_on_those_before_it)
 {
-    const uint64_t seed = first_seed();
+    const uint64_t seed = testing_seed(1);
     uint32_t i;
 
-    (void)state;
     for (i = 0; i < 16; i++)
         check_random_access(seed + i, (i * 5 + 31) % 32);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(stream_should_decode_to_the_symbols_it_was_made_from),
-        cmocka_unit_test(stream_should_survive_a_full_level_0),
-        cmocka_unit_test(stream_should_survive_layers_without_anchors),
-        cmocka_unit_test(stream_should_survive_full_sets_of_equal_suffixes),
-        cmocka_unit_test(stream_should_survive_every_extreme_residual),
-        cmocka_unit_test(encoder_should_refuse_unsorted_suffixes),
-        cmocka_unit_test(encoder_should_refuse_symbols_out_of_range),
-        cmocka_unit_test(encoder_should_refuse_trees_that_cannot_be),
-        cmocka_unit_test(encoder_should_refuse_bits_that_would_not_come_back),
-        cmocka_unit_test(encoder_should_refuse_a_segment_without_frames),
-        cmocka_unit_test(encoder_should_refuse_networks_that_are_not_valid),
-        cmocka_unit_test(encoder_should_take_rows_by_what_formats_leave),
-        cmocka_unit_test(encoder_should_refuse_a_step_of_zero),
-        cmocka_unit_test(encoder_should_refuse_a_file_without_segments),
-        cmocka_unit_test(segment_should_not_depend_on_those_before_it),
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,24 +8,11 @@
  * SAGA_TEST_LONG decodes the slowest files whole (a minute), tells how long
  * they take, and that a deadline is kept.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "gen_slow.h"
 #include "saga.h"
+#include "testing.h"
 
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <time.h>
-
-static int is_long(void)
-{
-    return getenv("SAGA_TEST_LONG") != NULL;
-}
 
 /* The part of the slowest files' anchors that layers have here: levels 0 and 1
  * whole, of the others what takes less than a tenth of a second. Sanitizers,
@@ -33,9 +20,9 @@ static int is_long(void)
 static uint32_t share_of(int level)
 {
     static const uint32_t share[SAGA_N_PROFILES] = { 1, 1, 48, 1536 };
-    const int slow = getenv("SAGA_TEST_SANITIZED") != NULL;
+    const int slow = testing_sanitized();
 
-    return is_long() ? 1 : (slow ? 32 : 1) * share[level];
+    return testing_long() ? 1 : (slow ? 32 : 1) * share[level];
 }
 
 static double cpu_seconds(void)
@@ -62,8 +49,7 @@ static void load(film *f, gen_stream *g)
     gen_stream_encode(g, &f->bytes, &f->n);
     assert_int_equal(saga_probe(&f->info, f->bytes, f->n), SAGA_OK);
     assert_int_equal(saga_find(&f->seg, f->bytes, f->n, 0, 1), SAGA_OK);
-    f->work = aligned_alloc(SAGA_WORK_ALIGN, f->info.work_nbytes);
-    assert_non_null(f->work);
+    f->work = must(aligned_alloc(SAGA_WORK_ALIGN, f->info.work_nbytes));
     f->dec = NULL;
 }
 
@@ -94,11 +80,10 @@ static uint64_t anchors_of(const saga_info *i)
 }
 
 /* The slowest file's header as it stands, and with one anchor more. */
-static void slowest_should_be_the_last_that_is_valid(void **state)
+TEST(slowest_should_be_the_last_that_is_valid)
 {
     int level, kind;
 
-    (void)state;
     for (level = 0; level < SAGA_N_PROFILES; level++)
         for (kind = 0; kind < GEN_N_SLOW; kind++) {
             const saga_level_caps *const cap = &saga_caps[level];
@@ -126,11 +111,10 @@ static void slowest_should_be_the_last_that_is_valid(void **state)
         }
 }
 
-static void slowest_should_decode(void **state)
+TEST(slowest_should_decode)
 {
     int level, kind;
 
-    (void)state;
     for (level = 0; level < SAGA_N_PROFILES; level++)
         for (kind = 0; kind < GEN_N_SLOW; kind++) {
             const uint32_t share = share_of(level);
@@ -170,7 +154,7 @@ static uint64_t read_cell(const char **s)
 }
 
 /* Rows of section 5's two tables, which begin with the level. */
-static void levels_should_be_as_the_tables_say(void **state)
+TEST(levels_should_be_as_the_tables_say)
 {
     static const char first[] = "| level | work bytes |";
     static const char second[] = "| level | anchors |";
@@ -178,7 +162,6 @@ static void levels_should_be_as_the_tables_say(void **state)
     char line[512];
     int inside = 0, n = 0, i;
 
-    (void)state;
     assert_non_null(page);
     while (fgets(line, sizeof line, page)) {
         const char *s = line;
@@ -265,11 +248,10 @@ static uint64_t scaffold_of(const saga_model *m, uint64_t nc, uint64_t nf,
 }
 
 /* Section 5's formula, of random streams with any tools. */
-static void work_should_be_as_the_formula_says(void **state)
+TEST(work_should_be_as_the_formula_says)
 {
     int i;
 
-    (void)state;
     for (i = 0; i < 60; i++) {
         const gen_options o = { .seed = 4000 + (uint64_t)i, .level = i % 4,
                                 .n_coarse = 30, .bank = i % 3, .base = i % 2,
@@ -389,12 +371,11 @@ static void stop_everywhere(gen_stream *g, uint64_t seed)
     unload(&f);
 }
 
-static void stopped_decoder_should_decode_again(void **state)
+TEST(stopped_decoder_should_decode_again)
 {
     gen_stream g;
     int i;
 
-    (void)state;
     for (i = 0; i < 12; i++) {
         const gen_options o = { .seed = 900 + (uint64_t)i, .level = i % 4,
                                 .n_coarse = 16, .bank = i % 3,
@@ -406,21 +387,20 @@ static void stopped_decoder_should_decode_again(void **state)
         gen_stream_free(&g);
     }
     for (i = 0; i < GEN_N_SLOW; i++) {
-        gen_slow_make(&g, 0, i, getenv("SAGA_TEST_SANITIZED") ? 8 : 1);
+        gen_slow_make(&g, 0, i, testing_sanitized() ? 8 : 1);
         stop_everywhere(&g, (uint64_t)i);
         gen_stream_free(&g);
     }
 }
 
 /* A base that takes long is decoded in saga_open, which may be stopped too. */
-static void opening_should_stop_within_the_base(void **state)
+TEST(opening_should_stop_within_the_base)
 {
     patience p = { 0, 0 };
     const saga_watch watch = { ask, &p };
     gen_stream g;
     film f;
 
-    (void)state;
     gen_slow_make(&g, 1, GEN_SLOW_NARROW, 8);
     g.header.model.tools |= SAGA_TOOL_BASE;
     g.has_base = 1;
@@ -443,12 +423,11 @@ static int is_late(void *user)
 
 /* However the time is spent, the answer comes within 50 ms and a little; an
  * eighth of level 3's slowest are some seconds. */
-static void deadline_should_be_kept(void **state)
+TEST(deadline_should_be_kept)
 {
     int level, kind;
 
-    (void)state;
-    for (level = 2; is_long() && level < SAGA_N_PROFILES; level++)
+    for (level = 2; testing_long() && level < SAGA_N_PROFILES; level++)
         for (kind = 0; kind < GEN_N_SLOW; kind++) {
             double deadline, late;
             const saga_watch watch = { is_late, &deadline };
@@ -505,11 +484,10 @@ static void see_wall(film *f, saga_camera *c, int level, uint32_t n)
 }
 
 /* As many splats as a view may have that all cover it, and one more. */
-static void view_should_cost_what_the_level_allows(void **state)
+TEST(view_should_cost_what_the_level_allows)
 {
     int level;
 
-    (void)state;
     for (level = 0; level < SAGA_N_PROFILES; level++) {
         const uint32_t most = SAGA_COVER_MAX(level);
         saga_camera c;
@@ -536,13 +514,12 @@ static void view_should_cost_what_the_level_allows(void **state)
 
 /* A picture of fewer pixels than 65,536 may be covered more often. A view that
  * is refused ends the one before, whose job cannot go on. */
-static void refused_view_should_leave_none(void **state)
+TEST(refused_view_should_leave_none)
 {
     saga_camera c;
     saga_report r;
     film f;
 
-    (void)state;
     see_wall(&f, &c, 0, SAGA_COVER_MAX(0) + 1);
     c.height--;
     assert_int_equal(saga_view(f.dec, &c, 0), SAGA_OK);
@@ -556,21 +533,4 @@ static void refused_view_should_leave_none(void **state)
     assert_int_equal(r.box_pixels, (uint64_t)r.n_splats * SIDE * SIDE / 2);
     assert_int_equal(draw(&f, &c), SAGA_OK);
     unload(&f);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(slowest_should_be_the_last_that_is_valid),
-        cmocka_unit_test(slowest_should_decode),
-        cmocka_unit_test(levels_should_be_as_the_tables_say),
-        cmocka_unit_test(work_should_be_as_the_formula_says),
-        cmocka_unit_test(stopped_decoder_should_decode_again),
-        cmocka_unit_test(opening_should_stop_within_the_base),
-        cmocka_unit_test(deadline_should_be_kept),
-        cmocka_unit_test(view_should_cost_what_the_level_allows),
-        cmocka_unit_test(refused_view_should_leave_none)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

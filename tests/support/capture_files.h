@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * Files for the tests of trainer/capture: a folder that goes away, bytes
- * put together by hand, and loading. Brings cmocka with what it wants.
+ * put together by hand, and loading.
  */
 #ifndef CAPTURE_FILES_H
 #define CAPTURE_FILES_H
@@ -9,15 +9,9 @@
 #include "capture_load.h"
 #include "error.h"
 #include "file.h"
+#include "testing.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 /* --- A folder ------------------------------------------------------------ */
 
@@ -53,8 +47,7 @@ static inline int folder_remove(void **state)
 }
 
 /* A test with a folder of its own, which is its *state. */
-#define IN_FOLDER(test) \
-    cmocka_unit_test_setup_teardown(test, folder_make, folder_remove)
+#define TEST_IN_FOLDER(test) TEST_WITH(test, folder_make, folder_remove)
 
 /* The path of a file in it; good until the fourth call after this. */
 static inline const char *folder_file(folder *f, const char *name)

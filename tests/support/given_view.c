@@ -5,22 +5,7 @@
 #include "given_view.h"
 
 #include "animate.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
-#include <stdlib.h>
-#include <string.h>
-
-static void *must(void *p)
-{
-    assert_non_null(p);
-    return p;
-}
+#include "testing.h"
 
 /* --- A file -------------------------------------------------------------- */
 

@@ -10,14 +10,7 @@
 
 #include "rate_loss.h"
 #include "rng.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 typedef struct {
     saga_scene s, d;             /* and its gradients */

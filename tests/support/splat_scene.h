@@ -8,10 +8,7 @@
 
 #include "rng.h"
 #include "splat.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
+#include "testing.h"
 
 enum {
     SCENE_TENSORS = 10,

@@ -1,18 +1,14 @@
 /* SPDX-License-Identifier: MIT
  *
  * The built-in room as a capture of the few pixels that a test can afford.
- * Brings cmocka with what it wants.
+ *
  */
 #ifndef SYNTH_CAPTURE_H
 #define SYNTH_CAPTURE_H
 
 #include "capture_load.h"
 #include "synth.h"
-
-#include <setjmp.h>
-#include <stdarg.h>
-
-#include <cmocka.h>
+#include "testing.h"
 
 /* Pictures of w x h, one camera held out, no depths; one thread writes them. */
 static inline saga_synth_options synth_options(int w, int h, int n_cameras,

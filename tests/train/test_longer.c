@@ -4,12 +4,9 @@
  * lose what shorter trainings keep, for few pictures as for many.
  */
 #include "synth_capture.h"
+#include "testing.h"
 #include "train.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 /* What chance moves trainings by stays below this, dB. */
@@ -93,13 +90,13 @@ static void check(const training *a, size_t n)
     bool ok = true;
 
     for (size_t i = 0; i < n; i++)
-        ok = (getenv("SAGA_TEST_SANITIZED") || is_never_worse(&a[i])) && ok;
+        ok = (testing_sanitized() || is_never_worse(&a[i])) && ok;
     assert_true(ok);
 }
 
 /* 5,000 iterations are 1,000 visits: as many as the default preset makes of a
  * still of some ten views. */
-static void longer_should_not_be_worse(void **state)
+TEST(longer_should_not_be_worse)
 {
     static const training all[] = {
         { 24, 14, 6, 1, SAGA_TRAIN_STILL, 200, 800, { 1500, 5000 } },
@@ -108,11 +105,10 @@ static void longer_should_not_be_worse(void **state)
         { 24, 14, 3, 2, SAGA_TRAIN_MOVING, 100, 300, { 1500 } }
     };
 
-    (void)state;
     check(all, sizeof all / sizeof *all);
 }
 
-static void much_longer_should_not_be_worse(void **state)
+TEST(much_longer_should_not_be_worse)
 {
     static const training all[] = {
         { 64, 36, 6, 1, SAGA_TRAIN_STILL, 600, 4800, { 1000, 4000, 16000 } },
@@ -122,16 +118,5 @@ static void much_longer_should_not_be_worse(void **state)
         { 48, 27, 6, 8, SAGA_TRAIN_MOVING, 400, 6000, { 1000, 4000, 16000 } }
     };
 
-    (void)state;
-    check(all, getenv("SAGA_TEST_LONG") ? sizeof all / sizeof *all : 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(longer_should_not_be_worse),
-        cmocka_unit_test(much_longer_should_not_be_worse)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    check(all, testing_long() ? sizeof all / sizeof *all : 0);
 }

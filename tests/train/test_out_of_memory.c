@@ -8,6 +8,7 @@
 #include "evaluate.h"
 #include "failing_heap.h"
 #include "synth_capture.h"
+#include "testing.h"
 #include "train.h"
 
 #include <dirent.h>
@@ -19,7 +20,7 @@
 /* One in how many is tried: the sanitizers take long. */
 static int stride(void)
 {
-    return getenv("SAGA_TEST_SANITIZED") ? 11 : 1;
+    return testing_sanitized() ? 11 : 1;
 }
 
 typedef struct {
@@ -71,7 +72,7 @@ static bool go_on_training(void *user, saga_error *error)
     return status >= 0;
 }
 
-static void training_should_be_refused_when_memory_ends(void **state)
+TEST_IN_FOLDER(training_should_be_refused_when_memory_ends)
 {
     saga_outcome status = SAGA_STOPPED;
     saga_error error = { "" };
@@ -103,7 +104,7 @@ static bool resume(void *user, saga_error *error)
     return t != NULL;
 }
 
-static void resuming_should_be_refused_when_memory_ends(void **state)
+TEST_IN_FOLDER(resuming_should_be_refused_when_memory_ends)
 {
     saga_error error = { "" };
     session s;
@@ -163,7 +164,7 @@ static bool evaluate(void *user, saga_error *error)
     return saga_fail(error, s->pictures, NULL, "half a picture is left");
 }
 
-static void evaluation_should_be_refused_when_memory_ends(void **state)
+TEST_IN_FOLDER(evaluation_should_be_refused_when_memory_ends)
 {
     saga_error error = { "" };
     session s;
@@ -182,14 +183,8 @@ static void evaluation_should_be_refused_when_memory_ends(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        IN_FOLDER(training_should_be_refused_when_memory_ends),
-        IN_FOLDER(resuming_should_be_refused_when_memory_ends),
-        IN_FOLDER(evaluation_should_be_refused_when_memory_ends),
-    };
-
 #ifdef _OPENMP
     omp_set_num_threads(1);
 #endif
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return testing_run();
 }

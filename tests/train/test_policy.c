@@ -3,15 +3,8 @@
  * The policy: bits are priced per pixel, steps and widths follow the price, and
  * lambda the warm-up.
  */
-#include <stdarg.h>
-#include <stddef.h>
-#include <setjmp.h>
-#include <stdint.h>
-#include <cmocka.h>
-
 #include "policy.h"
-
-#include <math.h>
+#include "testing.h"
 
 static void near(double x, double y, double part)
 {
@@ -20,13 +13,12 @@ static void near(double x, double y, double part)
 
 /* L = 255^2 D + lambda x bits / pixels: twice the pictures halve what a bit
  * costs. */
-static void policy_should_price_bits_per_pixel(void **state)
+TEST(policy_should_price_bits_per_pixel)
 {
     const saga_policy one = saga_policy_of(0.5, 1e6, 1000);
     const saga_policy two = saga_policy_of(0.5, 2e6, 1000);
     const saga_policy dear = saga_policy_of(1, 2e6, 1000);
 
-    (void)state;
     near(one.price.residual, 0.5e-6 / 65025, 1e-12);
     near(two.price.residual, 0.25e-6 / 65025, 1e-12);
     near(dear.price.residual, one.price.residual, 1e-12);
@@ -37,11 +29,10 @@ static void policy_should_price_bits_per_pixel(void **state)
 }
 
 /* Twice as many primitives, or half the error, make a bit worth half. */
-static void lambda_should_balance_primitives_and_bits(void **state)
+TEST(lambda_should_balance_primitives_and_bits)
 {
     const double lambda = saga_policy_lambda(1e-4, 1e7, 5000);
 
-    (void)state;
     near(saga_policy_lambda(1e-4, 1e7, 10000), lambda / 2, 1e-12);
     near(saga_policy_lambda(0.5e-4, 1e7, 5000), lambda / 2, 1e-12);
     near(saga_policy_lambda(1e-4, 2e7, 5000), lambda * 2, 1e-12);
@@ -49,11 +40,10 @@ static void lambda_should_balance_primitives_and_bits(void **state)
 
 /* With as many primitives as lambda asks for, which have the error that the
  * power law gives them, lambda is what balances them. */
-static void primitives_should_balance_lambda(void **state)
+TEST(primitives_should_balance_lambda)
 {
     const double lambda = saga_policy_lambda(1e-4, 1e7, 5000);
 
-    (void)state;
     near(saga_policy_primitives(lambda, 1e-4, 1e7, 5000), 5000, 1e-9);
     for (double times = 0.1; times < 20; times *= 3) {
         const double n = saga_policy_primitives(times * lambda, 1e-4, 1e7,
@@ -65,11 +55,10 @@ static void primitives_should_balance_lambda(void **state)
 }
 
 /* Dearer bits: fewer units and longer steps, within their limits. */
-static void policy_should_be_monotone(void **state)
+TEST(policy_should_be_monotone)
 {
     saga_policy last = saga_policy_of(0, 1e7, 5000);
 
-    (void)state;
     assert_int_equal(last.width, 64);
     near(last.prim_step, 1 / 64., 1e-12);
     for (int i = -40; i < 20; i++) {
@@ -83,23 +72,9 @@ static void policy_should_be_monotone(void **state)
     near(last.prim_step, 0.5, 1e-12);
 }
 
-static void policy_should_follow_counts(void **state)
+TEST(policy_should_follow_counts)
 {
-    (void)state;
     assert_int_equal(saga_policy_of(1, 1e7, 20000).entropy_width, 16);
     assert_false(saga_policy_of(1, 1e7, 39999).bank_pays);
     assert_true(saga_policy_of(1, 1e7, 40000).bank_pays);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(policy_should_price_bits_per_pixel),
-        cmocka_unit_test(lambda_should_balance_primitives_and_bits),
-        cmocka_unit_test(primitives_should_balance_lambda),
-        cmocka_unit_test(policy_should_be_monotone),
-        cmocka_unit_test(policy_should_follow_counts)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

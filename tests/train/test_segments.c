@@ -149,9 +149,7 @@ static int set_up_fixture(void **state, bool has_base)
     t = begin(f, &s, &options);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
     f->n = t->nbytes;
-    f->bytes = malloc(f->n);
-    assert_non_null(f->bytes);
-    memcpy(f->bytes, t->bytes, f->n);
+    f->bytes = copy_of(t->bytes, f->n);
     f->report = *saga_train_report_of(t);
     assert_int_equal(f->report.base.n_prim > 0, has_base);
     saga_train_free(t);
@@ -636,9 +634,7 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     assert_true(t->base.n_prim + N * t->base.n_kept < N * 150);
     print_message("%zu bytes, of %zu\n", t->nbytes, o.n_bytes);
     assert_true(fabs((double)t->nbytes / (double)o.n_bytes - 1) < 0.05);
-    bytes = malloc(t->nbytes);
-    assert_non_null(bytes);
-    memcpy(bytes, t->bytes, t->nbytes);
+    bytes = copy_of(t->bytes, t->nbytes);
     saga_train_free(t);
     o.checkpoint = f->checkpoint;
     o.progress = stop_there;

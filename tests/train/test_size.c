@@ -4,17 +4,10 @@
  * it, whatever threads or interruptions do.
  */
 #include "synth_capture.h"
+#include "testing.h"
 #include "train_plan.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -86,8 +79,7 @@ static result encode(const fixture *f, const saga_train_options *o)
     }
     if (!t || end != SAGA_DONE)
         fail_msg("%s", error.message);
-    r.bytes = malloc(saga_train_report_of(t)->sizes.total);
-    assert_non_null(r.bytes);
+    r.bytes = must(malloc(saga_train_report_of(t)->sizes.total));
     memcpy(r.bytes, saga_train_bytes(t, &r.n), saga_train_report_of(t)->
            sizes.total);
     r.lambda = saga_train_report_of(t)->lambda;
@@ -105,7 +97,7 @@ static bool is_about(size_t n, size_t wanted)
 
 /* Networks are most of this scene's file: it can hardly be smaller. More bytes
  * are cheaper ones. */
-static void size_should_be_what_was_asked_for(void **state)
+TEST(size_should_be_what_was_asked_for)
 {
     const fixture *const f = *state;
     const saga_train_options any = of_size(0);
@@ -127,7 +119,7 @@ static bool stop_now_and_then(void *user, const saga_train_progress *p)
     return ++*calls % 31 != 0;
 }
 
-static void size_should_survive_threads_and_stops(void **state)
+TEST(size_should_survive_threads_and_stops)
 {
     const fixture *const f = *state;
     saga_train_options o = of_size(7500);
@@ -161,7 +153,7 @@ static bool stop_soon(void *user, const saga_train_progress *p)
     return p->all < 5;
 }
 
-static void size_should_be_that_of_the_checkpoint(void **state)
+TEST(size_should_be_that_of_the_checkpoint)
 {
     const fixture *const f = *state;
     saga_train_options o = of_size(7500);
@@ -205,14 +197,13 @@ static saga_capture two_views(saga_shot v[3], uint8_t *rgb, int changing)
     return (saga_capture){ .n_views = 3, .n_frames = 4, .fps = 4, .views = v };
 }
 
-static void plan_should_follow_pixels_and_motion(void **state)
+TEST(plan_should_follow_pixels_and_motion)
 {
     const saga_preset *const balanced = saga_preset_called("balanced");
     uint8_t *const rgb = malloc((size_t)12 * 3 * 120 * 100);
     saga_plan_reasons why;
     saga_shot views[3];
 
-    (void)state;
     assert_non_null(rgb);
     for (int changing = 0; changing <= 12000; changing += 6000) {
         const saga_capture c = two_views(views, rgb, changing);
@@ -232,7 +223,7 @@ static void plan_should_follow_pixels_and_motion(void **state)
 
 /* A still of many views has no more primitives than of ten, and fast takes no
  * longer than it says, if 30 visits allow it. */
-static void plan_should_be_short_when_it_is_of_a_still(void **state)
+TEST(plan_should_be_short_when_it_is_of_a_still)
 {
     enum { MOST = 400 };
     const saga_preset *const fast = saga_preset_called("fast");
@@ -241,7 +232,6 @@ static void plan_should_be_short_when_it_is_of_a_still(void **state)
     saga_plan_reasons why;
     uint32_t n_of_ten = 0;
 
-    (void)state;
     assert_true(rgb && views);
     for (int i = 0; i < MOST; i++)
         views[i] = (saga_shot){ .width = 300, .height = 200, .rgb = rgb };
@@ -267,7 +257,7 @@ static void plan_should_be_short_when_it_is_of_a_still(void **state)
 /* Whole pictures are taken where 30 visits to each fit into the minutes of the
  * preset; 50 photographs of 1080 x 1920 are taken at a quarter, 16,000 x 12,000
  * so that there are 500 iterations, small ones as they are. */
-static void pictures_should_be_smaller_when_visits_are_few(void **state)
+TEST(pictures_should_be_smaller_when_visits_are_few)
 {
     static const struct { double w, h; int n_views, scale, iterations; }
     given[] = {
@@ -277,7 +267,6 @@ static void pictures_should_be_smaller_when_visits_are_few(void **state)
         { 16000, 12000, 2, 16, 0 }, { 300, 200, 4000, 1, 0 }
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const double px = given[i].w * given[i].h;
         saga_capture c = { .n_frames = 1, .fps = 30,
@@ -300,7 +289,7 @@ static void pictures_should_be_smaller_when_visits_are_few(void **state)
 
 /* Files of stills that preset fast made, two of photographs and five of the
  * built-in scenes, and one of these with many iterations. */
-static void bytes_of_a_still_should_be_forecast(void **state)
+TEST(bytes_of_a_still_should_be_forecast)
 {
     static const struct { int n_primitives, n_iterations, nbytes; } made[] = {
         { 7560, 1424, 54000 }, { 30240, 500, 145000 }, { 3360, 3205, 35498 },
@@ -309,7 +298,6 @@ static void bytes_of_a_still_should_be_forecast(void **state)
     };
     double least, most, least_moving, most_moving;
 
-    (void)state;
     for (size_t i = 0; i < sizeof made / sizeof made[0]; i++) {
         saga_plan_nbytes(&least, &most, made[i].n_primitives,
                          made[i].n_iterations, true);
@@ -324,18 +312,15 @@ static void bytes_of_a_still_should_be_forecast(void **state)
 }
 
 /* Each picture of a still is visited 30 times or more, whatever there is. */
-static void pictures_of_a_still_should_be_visited_often(void **state)
+TEST(pictures_of_a_still_should_be_visited_often)
 {
     static const int n_views[] = { 1, 2, 10, 50, 99 };
     saga_shot *const views = calloc(99, sizeof *views);
     saga_plan_reasons why;
 
-    (void)state;
     assert_non_null(views);
     for (int side = 100; side <= 3200; side *= 2) {
-        uint8_t *const rgb = calloc((size_t)side * (size_t)side, 3);
-
-        assert_non_null(rgb);
+        uint8_t *const rgb = must(calloc((size_t)side * (size_t)side, 3));
         for (int v = 0; v < 99; v++)
             views[v] = (saga_shot){ .width = side, .height = side,
                                     .rgb = rgb };
@@ -354,7 +339,7 @@ static void pictures_of_a_still_should_be_visited_often(void **state)
 
 /* What a second is to a camera that moves is not known, nor what changes: a
  * tenth is assumed. */
-static void plan_should_not_count_seconds_of_a_camera_that_moves(void **state)
+TEST(plan_should_not_count_seconds_of_a_camera_that_moves)
 {
     const saga_preset *const balanced = saga_preset_called("balanced");
     saga_shot views[3] = { { .width = 200, .height = 100 } };
@@ -363,14 +348,13 @@ static void plan_should_not_count_seconds_of_a_camera_that_moves(void **state)
     saga_train_options o = { .n_segments = 1, .level = 2 };
     saga_plan_reasons why;
 
-    (void)state;
     views[1] = views[2] = views[0];
     saga_plan(&o, &why, &c, balanced);
     assert_int_equal(o.n_primitives,
                      (int)rint(saga_plan_primitives(60000, 0.1, 1)));
 }
 
-static void plan_should_leave_what_is_given(void **state)
+TEST(plan_should_leave_what_is_given)
 {
     const fixture *const f = *state;
     saga_train_options o = { .n_primitives = 77, .n_iterations = 88,
@@ -398,7 +382,7 @@ static void plan_should_leave_what_is_given(void **state)
 
 /* A rest of half a segment or more is one of its own. A second is taken even if
  * no more than a part of it is said to fit. */
-static void segments_should_take_ten_seconds_if_they_fit(void **state)
+TEST(segments_should_take_ten_seconds_if_they_fit)
 {
     static const struct { int n_frames, asked, fitting, n; bool moves; }
     given[] = {
@@ -411,7 +395,6 @@ static void segments_should_take_ten_seconds_if_they_fit(void **state)
         { 3, 2, 9999, 1, false }
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const saga_capture c = { .n_frames = given[i].n_frames, .fps = 30,
                                  .moves = given[i].moves,
@@ -422,7 +405,7 @@ static void segments_should_take_ten_seconds_if_they_fit(void **state)
 }
 
 /* At 0.2 frames a second ten seconds are two frames, and a second is none. */
-static void segments_should_have_24_frames_if_they_fit(void **state)
+TEST(segments_should_have_24_frames_if_they_fit)
 {
     static const struct { double fps; int n_frames, fitting, n; } given[] = {
         { 0.2, 2, 9999, 1 }, { 0.2, 24, 9999, 1 }, { 0.2, 35, 9999, 1 },
@@ -431,7 +414,6 @@ static void segments_should_have_24_frames_if_they_fit(void **state)
         { 3, 240, 9999, 8 }, { 0.001, 100, 9999, 4 }
     };
 
-    (void)state;
     for (size_t i = 0; i < sizeof given / sizeof given[0]; i++) {
         const saga_capture c = { .n_frames = given[i].n_frames,
                                  .fps = given[i].fps,
@@ -442,13 +424,12 @@ static void segments_should_have_24_frames_if_they_fit(void **state)
 }
 
 /* A picture every five seconds is no more work than one of 2.4 a second. */
-static void seconds_should_not_count_beyond_frames(void **state)
+TEST(seconds_should_not_count_beyond_frames)
 {
     uint8_t *const rgb = calloc((size_t)24 * 3 * 6000, 1);
     saga_shot view = { .width = 100, .height = 60, .rgb = rgb };
     uint32_t n[2];
 
-    (void)state;
     assert_non_null(rgb);
     for (size_t k = 0; k < 24; k += 2)
         memset(rgb + k * 18000, 99, 9000);
@@ -467,9 +448,8 @@ static void seconds_should_not_count_beyond_frames(void **state)
 }
 
 /* What stays is there once, what changes is new in each second. */
-static void longer_segments_should_have_more_that_changes(void **state)
+TEST(longer_segments_should_have_more_that_changes)
 {
-    (void)state;
     assert_true(saga_plan_primitives(12000, 0, 10) ==
                 saga_plan_primitives(12000, 0, 1));
     assert_true(fabs(saga_plan_primitives(12000, 0.2, 10) -
@@ -479,7 +459,7 @@ static void longer_segments_should_have_more_that_changes(void **state)
 }
 
 /* A slower preset works more, and many pictures want more iterations. */
-static void presets_should_be_in_order(void **state)
+TEST(presets_should_be_in_order)
 {
     uint8_t *const rgb = calloc((size_t)3 * 1200, 1);
     saga_shot view = { .width = 1, .height = 1, .rgb = rgb };
@@ -488,7 +468,6 @@ static void presets_should_be_in_order(void **state)
     saga_train_options last = { .n_segments = 1, .level = 2 };
     saga_plan_reasons why;
 
-    (void)state;
     assert_non_null(rgb);
     for (int i = 0; saga_preset_at(i); i++) {
         const saga_preset *const p = saga_preset_at(i);
@@ -505,25 +484,4 @@ static void presets_should_be_in_order(void **state)
     free(rgb);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(size_should_be_what_was_asked_for),
-        cmocka_unit_test(size_should_survive_threads_and_stops),
-        cmocka_unit_test(size_should_be_that_of_the_checkpoint),
-        cmocka_unit_test(plan_should_follow_pixels_and_motion),
-        cmocka_unit_test(plan_should_be_short_when_it_is_of_a_still),
-        cmocka_unit_test(pictures_should_be_smaller_when_visits_are_few),
-        cmocka_unit_test(pictures_of_a_still_should_be_visited_often),
-        cmocka_unit_test(bytes_of_a_still_should_be_forecast),
-        cmocka_unit_test(plan_should_not_count_seconds_of_a_camera_that_moves),
-        cmocka_unit_test(plan_should_leave_what_is_given),
-        cmocka_unit_test(segments_should_take_ten_seconds_if_they_fit),
-        cmocka_unit_test(segments_should_have_24_frames_if_they_fit),
-        cmocka_unit_test(seconds_should_not_count_beyond_frames),
-        cmocka_unit_test(longer_segments_should_have_more_that_changes),
-        cmocka_unit_test(presets_should_be_in_order)
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down);

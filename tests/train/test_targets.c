@@ -5,13 +5,9 @@
  */
 #include "rng.h"
 #include "splat_animate.h"
+#include "testing.h"
 #include "train_state.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-/* cmocka wants the headers above. */
-#include <cmocka.h>
 
 enum { N = 200 };
 
@@ -63,7 +59,7 @@ static void pose(posed *out, const saga_splat_params *p, real t)
     saga_splat_animate_forward(&to, p, (saga_range){ 0, N }, t);
 }
 
-static void centre_should_leave_motion_and_mean_fading(void **state)
+TEST(centre_should_leave_motion_and_mean_fading)
 {
     enum { TIMES = 64 };
     static primitives set;
@@ -72,7 +68,6 @@ static void centre_should_leave_motion_and_mean_fading(void **state)
     double faded[2] = { 0 };
     saga_splat_params q;
 
-    (void)state;
     assert_true(saga_params_gather(&q, &p, NULL, N, &error));
     saga_train_centre(&q, N);
     for (int k = 0; k < TIMES; k++) {
@@ -96,14 +91,13 @@ static void centre_should_leave_motion_and_mean_fading(void **state)
     saga_params_free(&q);
 }
 
-static void frozen_should_be_what_the_middle_was(void **state)
+TEST(frozen_should_be_what_the_middle_was)
 {
     static primitives set;
     static posed before, after;
     const saga_splat_params p = make_primitives(&set);
     saga_splat_params q;
 
-    (void)state;
     assert_true(saga_params_gather(&q, &p, NULL, N, &error));
     saga_train_freeze(&q, N);
     pose(&before, &p, R(0.5));
@@ -116,14 +110,4 @@ static void frozen_should_be_what_the_middle_was(void **state)
         assert_true(fabsf(before.q0[i] - after.q0[i]) < 1e-4f);
     }
     saga_params_free(&q);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(centre_should_leave_motion_and_mean_fading),
-        cmocka_unit_test(frozen_should_be_what_the_middle_was)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

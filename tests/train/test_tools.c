@@ -8,11 +8,8 @@
 #include "pose.h"
 #include "splat_animate.h"
 #include "synth_capture.h"
+#include "testing.h"
 #include "train_state.h"
-
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
 enum { N = 200, N_AGES = 401, N_CAMERAS = 17 };
 
@@ -74,9 +71,8 @@ static double moved_away(const saga_splat_params *p,
 
 /* What is left of a least-squares fit is orthogonal to all that could be
  * fitted. */
-static void lower_orders_should_be_the_nearest(void **state)
+TEST(lower_orders_should_be_the_nearest)
 {
-    (void)state;
     for (int to = 0; to < 3; to++) {
         saga_splat_params p = primitives(), q = primitives();
 
@@ -95,14 +91,13 @@ static void lower_orders_should_be_the_nearest(void **state)
 }
 
 /* The other tools do the same as before, at every time near the centre. */
-static void without_opacity_motion_should_stay(void **state)
+TEST(without_opacity_motion_should_stay)
 {
     saga_splat_params p = primitives(), q = primitives();
     real mean[2][3 * N], quat[2][4 * N], q0[2][N];
     saga_splat_posed a = { mean[0], quat[0], q0[0] };
     saga_splat_posed b = { mean[1], quat[1], q0[1] };
 
-    (void)state;
     saga_train_reduce(&q, N, SAGA_TOOLS_PICTURE & ~SAGA_TOOL_OPACITY_T);
     assert_null(q.log2_width);
     for (int k = -8; k <= 8; k++) {
@@ -175,14 +170,13 @@ static saga_train_tool tool_of(const saga_capture *c, int tool)
     return r;
 }
 
-static void shine_should_be_kept(void **state)
+TEST(shine_should_be_kept)
 {
     const saga_synth_options o = synth_options(64, 36, N_CAMERAS, 1, 300);
     char folder[] = "/tmp/test_tools.XXXXXX", path[100], command[120];
     saga_train_tool matt, shiny;
     saga_capture c;
 
-    (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/cap", folder);
     c = synth_capture(path, &o);
@@ -195,15 +189,4 @@ static void shine_should_be_kept(void **state)
     saga_capture_free(&c);
     snprintf(command, sizeof command, "rm -rf '%s'", folder);
     assert_int_equal(system(command), 0);
-}
-
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lower_orders_should_be_the_nearest),
-        cmocka_unit_test(without_opacity_motion_should_stay),
-        cmocka_unit_test(shine_should_be_kept)
-    };
-
-    return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -12,18 +12,11 @@
 #include "saga.h"
 #include "start.h"
 #include "synth_capture.h"
+#include "testing.h"
 #include "train_state.h"
 #include "view.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -78,9 +71,7 @@ static result finish(saga_train *t)
         fail_msg("%s", error.message);
     bytes = saga_train_bytes(t, &r.n);
     assert_non_null(bytes);
-    r.bytes = malloc(r.n);
-    assert_non_null(r.bytes);
-    memcpy(r.bytes, bytes, r.n);
+    r.bytes = copy_of(bytes, r.n);
     r.report = *saga_train_report_of(t);
     saga_train_free(t);
     return r;
@@ -143,7 +134,7 @@ static int tear_down(void **state)
 
 /* --- What comes out ------------------------------------------------------ */
 
-static void train_should_make_a_file_that_decodes(void **state)
+TEST(train_should_make_a_file_that_decodes)
 {
     const fixture *const f = *state;
     const result *const r = &f->whole;
@@ -277,7 +268,7 @@ static void keep_all(saga_train *t)
 /* The estimate of rounded residuals is what the traversal then asked for, and
  * the bits of a chunk are its bytes: trained as it comes; with features of long
  * tails, of which a Gaussian says 3 % too much; and with all networks. */
-static void train_should_estimate_what_is_written(void **state)
+TEST(train_should_estimate_what_is_written)
 {
     static const uint32_t coded[] = {
         SAGA_SYM_CENTRE, SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET,
@@ -451,7 +442,7 @@ static void should_be_near(saga_train *t, bool plain)
  * leave mu within a twentieth of a step and log2 sigma within 0.005 beyond the
  * rounding of the index (measured: 0.005 and 0.0004); and what the memory gives
  * to every block, over all its steps, within 8 LSB of Q12 (measured: 1.0). */
-static void rate_should_be_near_the_integer_path(void **state)
+TEST(rate_should_be_near_the_integer_path)
 {
     saga_train_options o = small();
     int stops = 0;
@@ -527,7 +518,7 @@ static double start_error(saga_train *t)
 
 /* Sixteen numbers are nearly enough for what 150 primitives are, where bits
  * cost nothing; where they do, less is told. */
-static void fit_should_begin_where_the_warm_up_ends(void **state)
+TEST(fit_should_begin_where_the_warm_up_ends)
 {
     static const double lambda[] = { 0.01, 22, 2200 };
     const fixture *const f = *state;
@@ -620,7 +611,7 @@ static double picture_near(saga_train *t)
 
 /* With and without Fuse. Half an LSB of the outputs is 0.0005 or less, inputs
  * and hidden units add to it (measured: 0.0014 and 0.0015). */
-static void scene_should_be_near_the_integer_path(void **state)
+TEST(scene_should_be_near_the_integer_path)
 {
     const fixture *const f = *state;
 
@@ -654,7 +645,7 @@ static void scene_should_be_near_the_integer_path(void **state)
 
 /* A motion of 500 supports is what 16 bits with 8 behind the point hold, in the
  * file as in its twin. */
-static void motion_should_be_cut_where_training_cut_it(void **state)
+TEST(motion_should_be_cut_where_training_cut_it)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -681,7 +672,7 @@ static void motion_should_be_cut_where_training_cut_it(void **state)
     saga_train_free(t);
 }
 
-static void train_should_depend_on_the_seed_alone(void **state)
+TEST(train_should_depend_on_the_seed_alone)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -727,7 +718,7 @@ static int usual_meetings(const meetings *m)
 
 /* Where threads meet a hundred times in an iteration, two are slower than one.
  */
-static void train_should_not_depend_on_threads_that_seldom_meet(void **state)
+TEST(train_should_not_depend_on_threads_that_seldom_meet)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -805,7 +796,7 @@ static int interrupt(const fixture *f, saga_train_options o,
     return n;
 }
 
-static void train_should_resume_to_the_same_file(void **state)
+TEST(train_should_resume_to_the_same_file)
 {
     static const stop places[] = {
         { SAGA_TRAIN_WARM, 20, 0, 0 }, { SAGA_TRAIN_WARM, WARM, 0, 0 },
@@ -834,7 +825,7 @@ static saga_train_options layered(void)
 }
 
 /* 150 primitives in parts of 1, 2 and 4 sevenths. */
-static void layers_should_have_twice_as_many_each(void **state)
+TEST(layers_should_have_twice_as_many_each)
 {
     static const uint32_t n_prim[] = { 21, 43, 86 };
     const fixture *const f = *state;
@@ -855,7 +846,7 @@ static void layers_should_have_twice_as_many_each(void **state)
 
 /* A context that depended on another layer would be none in the file: with
  * anchors that share what they know, estimates are what was written. */
-static void layers_should_be_coded_as_estimated(void **state)
+TEST(layers_should_be_coded_as_estimated)
 {
     static const uint32_t coded[] = {
         SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET, SAGA_SYM_PRIM_OFFSET
@@ -899,7 +890,7 @@ static void links_should_stay_in_a_layer(const saga_links *l,
 }
 
 /* All anchors in one place are neighbours, of ranks that are near enough. */
-static void layers_should_not_know_of_each_other(void **state)
+TEST(layers_should_not_know_of_each_other)
 {
     saga_train_options o = layered();
     saga_error error = { "" };
@@ -926,7 +917,7 @@ static void layers_should_not_know_of_each_other(void **state)
     unlink(((const fixture *)*state)->checkpoint);
 }
 
-static void layers_should_resume_to_the_same_file(void **state)
+TEST(layers_should_resume_to_the_same_file)
 {
     static const stop places[] = {
         { SAGA_TRAIN_WARM, WARM, 0, 0 }, { SAGA_TRAIN_RENDER, 1, 0, 0 },
@@ -995,7 +986,7 @@ static double psnr_of(const fixture *f, const uint8_t *bytes, size_t n)
 
 /* Of a warm-up there is nothing; the rendering may have just begun; at its end
  * they are the bytes of the file. */
-static void peek_should_show_the_training(void **state)
+TEST(peek_should_show_the_training)
 {
     const fixture *const f = *state;
     saga_error error = { "" };
@@ -1026,7 +1017,7 @@ static void peek_should_show_the_training(void **state)
     free(bytes);
 }
 
-static void peek_should_show_layers(void **state)
+TEST(peek_should_show_layers)
 {
     const fixture *const f = *state;
     const saga_train_options o = layered();
@@ -1043,7 +1034,7 @@ static void peek_should_show_layers(void **state)
 }
 
 /* The first stop comes between the guess and the settling of the count. */
-static void lambda_should_bring_its_primitives(void **state)
+TEST(lambda_should_bring_its_primitives)
 {
     const fixture *const f = *state;
     stop s = { SAGA_TRAIN_WARM, WARM / 4, 0, 0 };
@@ -1108,7 +1099,7 @@ static saga_train_options make_checkpoint(const fixture *f)
 }
 
 /* A trial decides on the iterations once; a checkpoint keeps them. */
-static void train_should_keep_what_its_minutes_gave(void **state)
+TEST(train_should_keep_what_its_minutes_gave)
 {
     const fixture *const f = *state;
     stop s = { SAGA_TRAIN_WARM, 3, 0, 0 };
@@ -1135,7 +1126,7 @@ static void train_should_keep_what_its_minutes_gave(void **state)
     unlink(f->checkpoint);
 }
 
-static void train_should_refuse_a_checkpoint_of_other_options(void **state)
+TEST(train_should_refuse_a_checkpoint_of_other_options)
 {
     const fixture *const f = *state;
     const saga_train_options o = make_checkpoint(f);
@@ -1181,9 +1172,8 @@ static content read_all(const char *path)
 static void write_damaged(const char *path, const content *b, size_t n,
                           size_t at)
 {
-    FILE *const file = fopen(path, "wb");
+    FILE *const file = must(fopen(path, "wb"));
 
-    assert_non_null(file);
     for (size_t i = 0; i < n; i++)
         putc(b->data[i] ^ (i == at ? 0x41 : 0), file);
     assert_int_equal(fclose(file), 0);
@@ -1194,7 +1184,7 @@ enum { HEAD_BEGIN = 32, HEAD_END = 32 + 10 * 8 + 128 };
 
 /* One byte changed, or all from there on missing: in the head, of which a
  * changed seed must not be told as another --seed, and anywhere. */
-static void train_should_refuse_a_damaged_checkpoint(void **state)
+TEST(train_should_refuse_a_damaged_checkpoint)
 {
     const fixture *const f = *state;
     const saga_train_options o = make_checkpoint(f);
@@ -1223,7 +1213,7 @@ static void train_should_refuse_a_damaged_checkpoint(void **state)
 }
 
 /* One channel of one pixel of the last frame, or one camera a little moved. */
-static void train_should_refuse_a_checkpoint_of_other_pictures(void **state)
+TEST(train_should_refuse_a_checkpoint_of_other_pictures)
 {
     fixture *const f = *state;
     const saga_train_options o = make_checkpoint(f);
@@ -1247,7 +1237,7 @@ static void train_should_refuse_a_checkpoint_of_other_pictures(void **state)
  * last, but for those that its last step moved into another interval, and for
  * what supports and means differ by in integers. Unrounded ones differ by a
  * quarter of a step and more in every second coordinate. */
-static void train_should_draw_positions_as_decoded(void **state)
+TEST(train_should_draw_positions_as_decoded)
 {
     saga_train_options o = small();
     saga_error error = { "" };
@@ -1259,8 +1249,7 @@ static void train_should_draw_positions_as_decoded(void **state)
 
     t = train_until_packing(*state, &o, &stops);
     assert_int_equal(t->scene.n.prim, t->scene.n.fine);
-    drawn = malloc(4 * (size_t)t->scene.n.prim * sizeof *drawn);
-    assert_non_null(drawn);
+    drawn = must(malloc(4 * (size_t)t->scene.n.prim * sizeof *drawn));
     memcpy(drawn, t->fit->position, 4 * (size_t)t->scene.n.prim *
                                     sizeof *drawn);
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
@@ -1278,7 +1267,7 @@ static void train_should_draw_positions_as_decoded(void **state)
 }
 
 /* From the first rounded feature on: its mean must not move any more. */
-static void entropy_networks_should_stand_still_at_last(void **state)
+TEST(entropy_networks_should_stand_still_at_last)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -1295,9 +1284,7 @@ static void entropy_networks_should_stand_still_at_last(void **state)
     assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
     assert_int_equal(t->fit->rate.decision.decided, 1);
     n = saga_rate_n_params(&t->scene);
-    then = malloc(n * sizeof *then);
-    assert_non_null(then);
-    memcpy(then, t->scene.params, n * sizeof *then);
+    then = copy_of(t->scene.params, n * sizeof *then);
     s.stage = SAGA_TRAIN_N_STAGES;
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     assert_memory_equal(then, t->scene.params, n * sizeof *then);
@@ -1307,7 +1294,7 @@ static void entropy_networks_should_stand_still_at_last(void **state)
 
 /* --- What a scene needs -------------------------------------------------- */
 
-static void train_should_drop_temporal_tools_of_one_frame(void **state)
+TEST(train_should_drop_temporal_tools_of_one_frame)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -1332,9 +1319,7 @@ static void hold_still(saga_capture *c, int n)
     for (int v = 0; v < c->n_views; v++) {
         saga_shot *const shot = &c->views[v];
         const size_t size = saga_view_frame_nbytes(shot);
-        uint8_t *const rgb = malloc(size * (size_t)n);
-
-        assert_non_null(rgb);
+        uint8_t *const rgb = must(malloc(size * (size_t)n));
         for (size_t i = 0; i < size * (size_t)n; i++) {
             const double x = shot->rgb[i % size] +
                 4 * saga_rng_normal(rng, i + ((uint64_t)v << 32));
@@ -1347,7 +1332,7 @@ static void hold_still(saga_capture *c, int n)
     c->n_frames = n;
 }
 
-static void train_should_drop_temporal_tools_when_nothing_moves(void **state)
+TEST(train_should_drop_temporal_tools_when_nothing_moves)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -1369,7 +1354,7 @@ static void train_should_drop_temporal_tools_when_nothing_moves(void **state)
     saga_capture_free(&c);
 }
 
-static void train_should_keep_temporal_tools_when_something_moves(void **state)
+TEST(train_should_keep_temporal_tools_when_something_moves)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -1387,7 +1372,7 @@ static void train_should_keep_temporal_tools_when_something_moves(void **state)
 
 /* --- Levels and options -------------------------------------------------- */
 
-static void train_should_obey_level_0(void **state)
+TEST(train_should_obey_level_0)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -1413,7 +1398,7 @@ static bool refuses(const fixture *f, const saga_train_options *o,
     return ok;
 }
 
-static void train_should_refuse_wrong_options(void **state)
+TEST(train_should_refuse_wrong_options)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -1471,7 +1456,7 @@ static void sources_should_be(const saga_ablation *e,
         assert_int_equal(m.tier[i].n_groups, e->groups ? e->groups : 8);
 }
 
-static void train_should_leave_out_forbidden_sources(void **state)
+TEST(train_should_leave_out_forbidden_sources)
 {
     enum {
         HYPER = SAGA_SOURCE_HYPER, PARENT = SAGA_SOURCE_PARENT,
@@ -1479,7 +1464,6 @@ static void train_should_leave_out_forbidden_sources(void **state)
     };
     saga_ablation e = { .no_bank = 1 };
 
-    (void)state;
     sources_should_be(&e, HYPER | GROUPS, HYPER | PARENT | GROUPS,
                       HYPER | PARENT);
     e.groups = 16;
@@ -1516,14 +1500,13 @@ static saga_model model_of(uint32_t n, uint32_t n_coarse, uint32_t tools,
 
 /* Of attributes a still has 11, motion of an order three more for each, life 1,
  * the rotation's slope 4: three quarters of 11, 18 and 25 in fours. */
-static void networks_should_be_what_a_scene_needs(void **state)
+TEST(networks_should_be_what_a_scene_needs)
 {
     enum {
         ORDER_2 = 2 << SAGA_TOOL_MOTION_SHIFT | SAGA_TOOL_OPACITY_T
     };
     saga_model m = model_of(5999, 5999, SAGA_TOOLS_PICTURE, 2);
 
-    (void)state;
     assert_int_equal(m.features, 20);
     assert_int_equal(m.octaves, 1);
     assert_int_equal(m.width[SAGA_NET_GEO], 0);
@@ -1559,7 +1542,7 @@ static double sum_of_row(const saga_net *n, int l, int i)
  * 2^-16 of what a row adds up to: that is to stay below 2^16 LSB, and the bias,
  * at most as much again here, has a part in it. What reads an input of some
  * more bits than its layer has as many less. */
-static void train_should_keep_raw_networks_fine(void **state)
+TEST(train_should_keep_raw_networks_fine)
 {
     const fixture *const f = *state;
     saga_train_options o = small();
@@ -1585,42 +1568,4 @@ static void train_should_keep_raw_networks_fine(void **state)
     saga_train_free(t);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(train_should_make_a_file_that_decodes),
-        cmocka_unit_test(train_should_estimate_what_is_written),
-        cmocka_unit_test(rate_should_be_near_the_integer_path),
-        cmocka_unit_test(train_should_draw_positions_as_decoded),
-        cmocka_unit_test(fit_should_begin_where_the_warm_up_ends),
-        cmocka_unit_test(scene_should_be_near_the_integer_path),
-        cmocka_unit_test(motion_should_be_cut_where_training_cut_it),
-        cmocka_unit_test(train_should_depend_on_the_seed_alone),
-        cmocka_unit_test(
-            train_should_not_depend_on_threads_that_seldom_meet),
-        cmocka_unit_test(train_should_resume_to_the_same_file),
-        cmocka_unit_test(layers_should_have_twice_as_many_each),
-        cmocka_unit_test(layers_should_be_coded_as_estimated),
-        cmocka_unit_test(layers_should_not_know_of_each_other),
-        cmocka_unit_test(layers_should_resume_to_the_same_file),
-        cmocka_unit_test(peek_should_show_the_training),
-        cmocka_unit_test(peek_should_show_layers),
-        cmocka_unit_test(lambda_should_bring_its_primitives),
-        cmocka_unit_test(train_should_keep_what_its_minutes_gave),
-        cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_options),
-        cmocka_unit_test(train_should_refuse_a_damaged_checkpoint),
-        cmocka_unit_test(train_should_refuse_a_checkpoint_of_other_pictures),
-        cmocka_unit_test(entropy_networks_should_stand_still_at_last),
-        cmocka_unit_test(train_should_drop_temporal_tools_of_one_frame),
-        cmocka_unit_test(train_should_drop_temporal_tools_when_nothing_moves),
-        cmocka_unit_test(
-            train_should_keep_temporal_tools_when_something_moves),
-        cmocka_unit_test(train_should_obey_level_0),
-        cmocka_unit_test(train_should_refuse_wrong_options),
-        cmocka_unit_test(train_should_leave_out_forbidden_sources),
-        cmocka_unit_test(networks_should_be_what_a_scene_needs),
-        cmocka_unit_test(train_should_keep_raw_networks_fine)
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down);

@@ -11,16 +11,9 @@
 #include "flat_state.h"
 #include "error.h"
 #include "synth_capture.h"
+#include "testing.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -121,7 +114,7 @@ static void assert_same(const saga_flat *a, const saga_flat *b)
     }
 }
 
-static void bits_should_not_depend_on_threads(void **state)
+TEST(bits_should_not_depend_on_threads)
 {
     static const int n_threads[] = { 1, 2, 3, 16 };
     const saga_flat_options o = small();
@@ -143,7 +136,7 @@ static void bits_should_not_depend_on_threads(void **state)
 
 /* Where threads meet a hundred times in an iteration, two are slower than one.
  * No pictures are looked at for new primitives so early. */
-static void threads_should_seldom_meet(void **state)
+TEST(threads_should_seldom_meet)
 {
     enum { FEW = 20, MEETINGS = 11 };
     const saga_flat_options o = small();
@@ -177,7 +170,7 @@ static saga_flat *saved_and_restored(const fixture *x, saga_flat *f,
 }
 
 /* Stopped while it grows and while it prunes. */
-static void bits_should_not_depend_on_interruptions(void **state)
+TEST(bits_should_not_depend_on_interruptions)
 {
     static const int stops[] = { 30, 80 };
     const saga_flat_options o = small();
@@ -199,7 +192,7 @@ static void bits_should_not_depend_on_interruptions(void **state)
 
 /* --- Counts -------------------------------------------------------------- */
 
-static void count_should_grow_within_bounds_and_end_as_asked(void **state)
+TEST(count_should_grow_within_bounds_and_end_as_asked)
 {
     const saga_flat_options o = small();
     saga_flat *const f = make(*state, &o);
@@ -215,7 +208,7 @@ static void count_should_grow_within_bounds_and_end_as_asked(void **state)
     saga_flat_free(f);
 }
 
-static void count_should_end_as_asked_whatever_is_asked(void **state)
+TEST(count_should_end_as_asked_whatever_is_asked)
 {
     static const struct { uint32_t n; int iterations; real start, growth; }
     t[] = {
@@ -242,7 +235,7 @@ static void count_should_end_as_asked_whatever_is_asked(void **state)
 
 /* The first prune, at 0.35 of the iterations: who stays is worth at least as
  * much as anyone who goes, and nothing of it changes. */
-static void prune_should_take_what_is_worth_least(void **state)
+TEST(prune_should_take_what_is_worth_least)
 {
     saga_error error = { "" };
     const saga_flat_options o = small();
@@ -294,7 +287,7 @@ static double error_of_all(saga_flat *f)
 /* What the pictures lose by taking each away, one at a time: of two thirds of
  * the pairs at least the one that is worth more is also the greater loss (by
  * chance of one half). */
-static void worth_should_rank_what_removal_costs(void **state)
+TEST(worth_should_rank_what_removal_costs)
 {
     enum { N = 24 };
     saga_flat_options o = small();
@@ -333,7 +326,7 @@ static void worth_should_rank_what_removal_costs(void **state)
 /* One primitive, split in two because two are asked for: 0.6 standard
  * deviations to both sides of its longest axis, here the second, turned by 90
  * degrees about z from y to -x; 2^-0.415 as long. */
-static void split_should_make_two_halves_of_the_longest_axis(void **state)
+TEST(split_should_make_two_halves_of_the_longest_axis)
 {
     saga_error error = { "" };
     saga_flat_options o = small();
@@ -400,7 +393,7 @@ static bool in_cube(const saga_cube *cube, const double *x, double slack)
 }
 
 /* The points but for the outermost, and what two training views show. */
-static void cube_should_hold_what_there_is_to_see(void **state)
+TEST(cube_should_hold_what_there_is_to_see)
 {
     saga_capture c = ((fixture *)*state)->capture;
     double range[2 * VIEWS];
@@ -448,7 +441,7 @@ static bool is_shared(const saga_capture *c, const double *range,
 /* Places drawn at random in the pyramids of the training views: the cube is
  * as large as their bounding box, but for the far corners that its coarse
  * grid of samples misses (0.87 here) and its 2 %. */
-static void cube_should_be_as_large_as_what_two_views_share(void **state)
+TEST(cube_should_be_as_large_as_what_two_views_share)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
     const saga_rng r = saga_rng_stream(5, 6);
@@ -477,7 +470,7 @@ static void cube_should_be_as_large_as_what_two_views_share(void **state)
 }
 
 /* Without points: ranges as the capture gives them, with little slack. */
-static void cube_should_believe_the_depths_of_the_capture(void **state)
+TEST(cube_should_believe_the_depths_of_the_capture)
 {
     saga_capture c = ((fixture *)*state)->capture;
     saga_shot views[VIEWS];
@@ -499,7 +492,7 @@ static void cube_should_believe_the_depths_of_the_capture(void **state)
 }
 
 /* A place of the world is at the same pixel in half-cubes. */
-static void camera_should_see_the_cube_as_the_view_the_world(void **state)
+TEST(camera_should_see_the_cube_as_the_view_the_world)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
     const saga_shot *const v = c->views + 3;
@@ -538,7 +531,7 @@ static int by_value(const void *a, const void *b)
 }
 
 /* Depths that the sweep trusts, against the true ones. */
-static void sights_should_have_the_true_depth(void **state)
+TEST(sights_should_have_the_true_depth)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
     const saga_pictures *const p = &((fixture *)*state)->pictures;
@@ -580,7 +573,7 @@ static double psnr(saga_flat *f, int view)
     return -10 * log10(mse);
 }
 
-static void warm_up_should_learn_the_held_out_view(void **state)
+TEST(warm_up_should_learn_the_held_out_view)
 {
     const saga_capture *const c = &((fixture *)*state)->capture;
     const saga_flat_options o = small();
@@ -600,7 +593,7 @@ static void warm_up_should_learn_the_held_out_view(void **state)
 }
 
 /* Adam's first step is the rate itself: a thousandth of a second. */
-static void moments_should_be_learned_in_steps_of_seconds(void **state)
+TEST(moments_should_be_learned_in_steps_of_seconds)
 {
     static const double seconds[] = { 0.5, 1, 10 };
     fixture *const x = *state;
@@ -614,9 +607,7 @@ static void moments_should_be_learned_in_steps_of_seconds(void **state)
 
         x->capture.fps = FRAMES / seconds[k];
         f = make(x, &o);
-        before = malloc(f->n * sizeof *before);
-        assert_non_null(before);
-        memcpy(before, f->value.t_centre, f->n * sizeof *before);
+        before = copy_of(f->value.t_centre, f->n * sizeof *before);
         run(f, 1);
         for (uint32_t i = 0; i < f->n; i++)
             most = fmax(most, fabs((double)(f->value.t_centre[i] -
@@ -645,7 +636,7 @@ static double along_axis(const double v[3], const real *q, size_t k)
 /* Adam's first step is the rate itself along each axis, or 0 where nothing is
  * seen; a mean goes as many times as far as its primitive is larger than all of
  * them are on the mean of the logarithms, 4 times at most. */
-static void means_should_learn_in_steps_of_their_size(void **state)
+TEST(means_should_learn_in_steps_of_their_size)
 {
     const saga_flat_options o = small();
     saga_flat *const f = make(*state, &o);
@@ -658,9 +649,7 @@ static void means_should_learn_in_steps_of_their_size(void **state)
         f->value.log2_scale[i] -= (real)(i % 7);
     for (uint32_t i = 0; i < 4 * f->n; i++)
         f->value.quat[i] += R(0.3) * (real)(i % 5);
-    before = malloc(3 * f->n * sizeof *before);
-    assert_non_null(before);
-    memcpy(before, f->value.mean, 3 * f->n * sizeof *before);
+    before = copy_of(f->value.mean, 3 * f->n * sizeof *before);
     run(f, 1);
     for (uint32_t i = 0; i < 3 * f->n; i++)
         typical += (double)f->value.log2_scale[i] / (3 * f->n);
@@ -692,7 +681,7 @@ static void means_should_learn_in_steps_of_their_size(void **state)
     saga_flat_free(f);
 }
 
-static void still_scene_should_have_no_temporal_tensors(void **state)
+TEST(still_scene_should_have_no_temporal_tensors)
 {
     saga_flat_options o = small();
     saga_flat *f;
@@ -717,7 +706,7 @@ static void should_fail(saga_flat *f, const char *what, const char *when)
 }
 
 /* A tensor of which one value is not a number, and the word for it. */
-static void fault_should_be_named(void **state)
+TEST(fault_should_be_named)
 {
     const saga_flat_options o = small();
 
@@ -733,7 +722,7 @@ static void fault_should_be_named(void **state)
     }
 }
 
-static void fault_should_be_named_when_it_reaches_a_picture(void **state)
+TEST(fault_should_be_named_when_it_reaches_a_picture)
 {
     const saga_flat_options o = small();
     saga_flat *const f = make(*state, &o);
@@ -744,7 +733,7 @@ static void fault_should_be_named_when_it_reaches_a_picture(void **state)
     saga_flat_free(f);
 }
 
-static void pictures_should_be_refused_when_they_cannot_be(void **state)
+TEST(pictures_should_be_refused_when_they_cannot_be)
 {
     saga_capture c = ((fixture *)*state)->capture;
     saga_error error = { "" };
@@ -772,15 +761,11 @@ static saga_capture exposed(const saga_capture *c, const double *factor)
 {
     saga_capture copy = *c;
 
-    copy.views = malloc(VIEWS * sizeof *copy.views);
-    assert_non_null(copy.views);
-    memcpy(copy.views, c->views, VIEWS * sizeof *copy.views);
+    copy.views = copy_of(c->views, VIEWS * sizeof *copy.views);
     for (int v = 0; v < VIEWS; v++) {
         saga_shot *const s = &copy.views[v];
         const size_t n = FRAMES * saga_view_frame_nbytes(s);
-        uint8_t *const rgb = malloc(n);
-
-        assert_non_null(rgb);
+        uint8_t *const rgb = must(malloc(n));
         for (size_t i = 0; i < n; i++)
             rgb[i] = (uint8_t)fmin(255, s->rgb[i] * factor[v] + 0.5);
         s->rgb = rgb;
@@ -797,7 +782,7 @@ static void free_exposed(saga_capture *c)
 
 /* Factors are found up to one that all cameras share, and they are exactly 1
  * where the cameras agree. */
-static void exposures_should_be_found(void **state)
+TEST(exposures_should_be_found)
 {
     static const double factor[VIEWS] = { 0.8, 1.1, 0.9, 1.15, 1 };
     const fixture *const x = *state;
@@ -826,7 +811,7 @@ static void exposures_should_be_found(void **state)
 }
 
 /* What an eighth of all pixels have to the last bit is behind everything. */
-static void background_should_be_what_is_frequent(void **state)
+TEST(background_should_be_what_is_frequent)
 {
     static const double same[VIEWS] = { 1, 1, 1, 1, 1 };
     static const uint8_t sheet[3] = { 250, 240, 3 };
@@ -852,7 +837,7 @@ static void background_should_be_what_is_frequent(void **state)
 
 /* --- Operators ----------------------------------------------------------- */
 
-static void truth_should_be_the_mean_of_boxes(void **state)
+TEST(truth_should_be_the_mean_of_boxes)
 {
     const fixture *const x0 = *state;
     const saga_capture *const c = &x0->capture;
@@ -879,33 +864,4 @@ static void truth_should_be_the_mean_of_boxes(void **state)
     saga_canvas_free(&canvas);
 }
 
-int main(void)
-{
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bits_should_not_depend_on_threads),
-        cmocka_unit_test(threads_should_seldom_meet),
-        cmocka_unit_test(bits_should_not_depend_on_interruptions),
-        cmocka_unit_test(count_should_grow_within_bounds_and_end_as_asked),
-        cmocka_unit_test(count_should_end_as_asked_whatever_is_asked),
-        cmocka_unit_test(prune_should_take_what_is_worth_least),
-        cmocka_unit_test(worth_should_rank_what_removal_costs),
-        cmocka_unit_test(split_should_make_two_halves_of_the_longest_axis),
-        cmocka_unit_test(cube_should_hold_what_there_is_to_see),
-        cmocka_unit_test(cube_should_be_as_large_as_what_two_views_share),
-        cmocka_unit_test(cube_should_believe_the_depths_of_the_capture),
-        cmocka_unit_test(camera_should_see_the_cube_as_the_view_the_world),
-        cmocka_unit_test(sights_should_have_the_true_depth),
-        cmocka_unit_test(warm_up_should_learn_the_held_out_view),
-        cmocka_unit_test(moments_should_be_learned_in_steps_of_seconds),
-        cmocka_unit_test(means_should_learn_in_steps_of_their_size),
-        cmocka_unit_test(still_scene_should_have_no_temporal_tensors),
-        cmocka_unit_test(fault_should_be_named),
-        cmocka_unit_test(fault_should_be_named_when_it_reaches_a_picture),
-        cmocka_unit_test(pictures_should_be_refused_when_they_cannot_be),
-        cmocka_unit_test(exposures_should_be_found),
-        cmocka_unit_test(background_should_be_what_is_frequent),
-        cmocka_unit_test(truth_should_be_the_mean_of_boxes)
-    };
-
-    return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TEST_GROUP(set_up, tear_down);
