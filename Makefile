@@ -58,7 +58,7 @@ HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
 # check_vectors is built for every machine that has libc and libm: it links
 # these parts of the trainer and no others.
 PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
-                  encode.c vectors.c) $(addprefix trainer/base/,alloc.c error.c)
+                  encode.c) $(addprefix trainer/base/,alloc.c error.c)
 
 # SEE_room lists what a room of the trainer may see; each room stands on those
 # above it. docs/architecture.md has the same table, tests/check_tree.sh both.
@@ -225,7 +225,7 @@ objects: $(EVERY_OBJ)
 $(LIB): $(COMMON_OBJ) $(DECODER_OBJ)
 $(TRAIN): $(TRAINER_OBJ)
 $(TWICE): $(F64_OBJ)
-$(PLAIN): $(call obj,$(PLAIN_TRAINER))
+$(PLAIN): $(call obj,$(PLAIN_TRAINER) tests/support/vectors.c)
 $(REFERENCE): $(REFERENCE_OBJ)
 $(HELPERS): $(HELPER_OBJ)
 $(LIB) $(TRAIN) $(TWICE) $(PLAIN) $(REFERENCE) $(HELPERS): $(BUILD)/sources

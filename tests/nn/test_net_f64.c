@@ -8,8 +8,6 @@
 #include "rng.h"
 #include "testing.h"
 
-/* cmocka wants the headers above. */
-
 #define TOLERANCE 1e-6
 
 static const saga_net shapes[] = {

@@ -10,7 +10,6 @@
 #include "testing.h"
 
 #include <omp.h>
-/* cmocka wants the headers above. */
 
 /* --- Adam ---------------------------------------------------------------- */
 

@@ -8,7 +8,6 @@
 #include "testing.h"
 
 #include <omp.h>
-/* cmocka wants the headers above. */
 
 static saga_error error; /* nothing fails here */
 

@@ -7,8 +7,6 @@
 #include "splat_scene.h"
 #include "testing.h"
 
-/* cmocka wants the headers above. */
-
 enum { N = 24, W = 37, H = 29, PIXELS = W * H };
 
 /* The error allowed: of the gradient, or of the tensor's largest where a

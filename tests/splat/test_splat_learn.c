@@ -9,7 +9,6 @@
 #include "testing.h"
 
 #include <omp.h>
-/* cmocka wants the headers above. */
 
 enum {
     N = 500, W = 96, H = 64, PLANE = W * H,

@@ -10,8 +10,6 @@
 #include "splat_scene.h"
 #include "testing.h"
 
-/* cmocka wants the headers above. */
-
 /* Box units per unit of scene_random; Q formats of the heads. */
 #define UNIT 2097152.0
 enum { Q_QUAT = 12, Q_MOTION = 12, Q_OPACITY = 10, LIST = 4096 };

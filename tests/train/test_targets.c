@@ -8,7 +8,6 @@
 #include "testing.h"
 #include "train_state.h"
 
-
 enum { N = 200 };
 
 static saga_error error; /* nothing fails here */
