@@ -11,6 +11,7 @@
 #include "real.h"
 #include "threads.h"
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -77,6 +78,13 @@ typedef struct saga_attribute {
     double rate, rate_end;  /* of learning, first and last, per unit; 0: the
                              * warm-up has no such attribute */
 } saga_attribute;
+
+/* Tells whether networks give an attribute itself. A primitive's moment is its
+ * own position in time, which they only move. */
+static inline bool saga_attr_is_output(const saga_attribute *a)
+{
+    return a->n_heads > 0 && a->unit != SAGA_UNIT_TIME;
+}
 
 #define saga_attributes SAGA_REAL_NAME(saga_attributes)
 #define saga_attrs_width SAGA_REAL_NAME(saga_attrs_width)

@@ -75,7 +75,7 @@ static size_t n_outputs(int attr, const saga_model *m)
     size_t n = 0;
 
     saga_model_rows(rows, m);
-    for (int h = 0; h < a->n_heads && a->unit != SAGA_UNIT_TIME; h++)
+    for (int h = 0; saga_attr_is_output(a) && h < a->n_heads; h++)
         n += rows[a->head + h].n;
     return n;
 }

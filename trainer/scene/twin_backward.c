@@ -1,0 +1,324 @@
+/* SPDX-License-Identifier: MIT */
+#include "twin_state.h"
+
+#include <string.h>
+
+#define LN2 R(0.69314718055994530942)
+
+void saga_twin_clear(saga_twin *w, const saga_scene *s)
+{
+    const size_t n = w->n.prim * sizeof(real), fine = w->n.fine * sizeof(real);
+    saga_span all[SAGA_N_ATTRS + 3];
+    size_t k = saga_params_spans(all, &w->d_attr, w->n.prim);
+
+    all[k++] = (saga_span){ w->batch[SAGA_NET_COLOUR_BASE].d_out,
+                            n * s->model.width[SAGA_NET_COLOUR] };
+    all[k++] = (saga_span){ w->d_log2_support, 4 * fine };
+    all[k++] = (saga_span){ w->d_fine_feature, s->model.features * fine };
+    saga_clear(all, k);
+}
+
+/* Returns the first primitive from i on that has another fine anchor than the
+ * one before it. */
+static size_t next_family(const saga_scene *s, size_t i)
+{
+    while (i > 0 && i < s->n.prim && s->prim_fine[i] == s->prim_fine[i - 1])
+        i++;
+    return i;
+}
+
+/* Returns the primitives of a chunk: those of one fine anchor add to it, so
+ * they are one thread's. */
+static saga_range families(const saga_scene *s, size_t chunk)
+{
+    const saga_range of = saga_part(s->n.prim, SAGA_NET_CHUNK, chunk);
+
+    return (saga_range){ next_family(s, of.begin), next_family(s, of.end) };
+}
+
+static void loss_chunk(void *user, size_t chunk)
+{
+    const saga_twin_stage *const t = user;
+    const saga_scene *const s = t->s;
+    const saga_range of = families(s, chunk);
+    size_t i, k;
+
+    for (i = of.begin; i < of.end; i++)
+        for (k = 0; k < 4; k++) {
+            const size_t at = 4 * (size_t)s->prim_fine[i] + k;
+            const real dx = s->prim_x[4 * i + k] - s->fine_x[at];
+            const real o = dx / t->w->support[at];
+            const real over = o > 1 ? o - 1 : o < -1 ? o + 1 : 0;
+
+            /* With L = weight over^2 and o = dx / support: dL/dx = 2 weight
+             * over / support, and dL/d log2 support = -2 weight over o ln 2. */
+            t->d->prim_x[4 * i + k] += 2 * t->weight * over /
+                                       t->w->support[at];
+            t->w->d_log2_support[at] -= 2 * t->weight * over * o * LN2;
+        }
+}
+
+void saga_twin_anchor_loss(saga_twin *w, saga_scene *d, const saga_scene *s,
+                           real weight)
+{
+    saga_twin_stage t = { .w = w, .d = d, .s = s,
+                          .weight = weight / R(4 * w->n.prim) };
+
+    saga_twin_do_rows(loss_chunk, &t, w->n.prim);
+}
+
+/* Sums of one network come after those of the other. */
+static void add_sum(void *user, size_t k)
+{
+    const saga_twin_stage *const t = user;
+    const int *net = t->nets;
+    saga_net_pass p;
+
+    for (; k >= saga_net_n_sums(&t->s->net[*net]); net++)
+        k -= saga_net_n_sums(&t->s->net[*net]);
+    p = saga_twin_pass(t->w, t->s, *net);
+    saga_net_add_sum(&t->d->net[*net], &p, k);
+}
+
+/* Takes blocks of m rows back through a stage's networks, whose weights then
+ * get the blocks' sums. */
+static void go_back(void (*block)(void *, size_t), saga_twin_stage *t, size_t m)
+{
+    saga_tasks all = { .run = block, .user = t, .n = saga_net_n_blocks(m) };
+    saga_tasks sums = { .run = add_sum, .user = t };
+    int i;
+
+    all.ns = 2 * saga_twin_cost(t, &all.most) * (double)m;
+    saga_parallel(&all);
+    for (i = 0; i < t->n_nets; i++) {
+        const saga_net *const net = &t->s->net[t->nets[i]];
+
+        sums.n += saga_net_n_sums(net);
+        sums.ns += saga_net_sums_ns(net, m);
+    }
+    saga_parallel(&sums);
+}
+
+static void back(const saga_twin_stage *t, int net, size_t block)
+{
+    const saga_net_pass p = saga_twin_pass(t->w, t->s, net);
+
+    saga_net_block_backward(&p, block);
+}
+
+static void colour_block(void *user, size_t block)
+{
+    const saga_twin_stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_net_block(w->n.prim, block);
+    const size_t width = t->s->model.width[SAGA_NET_COLOUR];
+    saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
+    real *const d_base = w->batch[SAGA_NET_COLOUR_BASE].d_out;
+    real *const d_view = w->batch[SAGA_NET_COLOUR_VIEW].d_out;
+    size_t i;
+
+    for (i = 3 * of.begin; i < 3 * of.end; i++) {
+        last->d_out[i] = saga_inward(w->d_attr.colour[i], w->attr.colour[i], 0,
+                                     1);
+        /* Taken; the next camera's gradients begin from nothing. */
+        w->d_attr.colour[i] = 0;
+    }
+    back(t, SAGA_NET_COLOUR, block);
+    for (i = of.begin * width; i < of.end * width; i++) {
+        const real g = last->in[i] > 0 ? last->d_in[i] : 0;
+
+        /* The part without direction is the same for all cameras: its gradients
+         * add up, and go back once (prim_block). */
+        d_base[i] += g;
+        if (saga_twin_sees_views(t->s))
+            d_view[i] = g;
+    }
+    if (saga_twin_sees_views(t->s))
+        back(t, SAGA_NET_COLOUR_VIEW, block);
+}
+
+void saga_twin_colour_backward(saga_twin *w, saga_scene *d,
+                               const saga_scene *s)
+{
+    saga_twin_stage t = { .w = w, .d = d, .s = s,
+                          .nets = saga_twin_colour_nets,
+                          .n_nets = 1 + saga_twin_sees_views(s) };
+
+    go_back(colour_block, &t, w->n.prim);
+}
+
+/* --- Attributes ---------------------------------------------------------- */
+
+/* Gradients of an attribute's reals from `part` on go to a head's rows of
+ * F_geo. */
+static void give_head(const saga_twin_stage *t, int attr, size_t part,
+                      saga_rows head, saga_range of)
+{
+    const saga_attribute *const a = &saga_attributes[attr];
+    const saga_twin_batch *const geo = &t->w->batch[SAGA_NET_GEO];
+
+    for (size_t i = of.begin; i < of.end; i++) {
+        const size_t at = saga_twin_out_at(t->s, SAGA_NET_GEO, i) + head.first;
+        const real *const d = t->w->d_attr.of[attr] + (size_t)a->width * i +
+                              part;
+
+        for (size_t k = 0; k < head.n; k++)
+            geo->d_out[at + k] = a->unit == SAGA_UNIT_SUPPORT
+                ? saga_inward(d[k], geo->out[at + k], -SAGA_TWIN_MOST_MOTION,
+                              SAGA_TWIN_MOST_MOTION) : d[k];
+    }
+}
+
+/* Gradients of primitive i's place and time go to its position and to the log
+ * supports, which other primitives of its fine anchor add to as well. */
+static void places_backward(const saga_twin_stage *t, size_t i)
+{
+    saga_twin *const w = t->w;
+    const size_t at = saga_twin_out_at(t->s, SAGA_NET_GEO, i) +
+                      t->rows[SAGA_HEAD_TIME].first;
+    const size_t fine = t->s->prim_fine[i];
+    const real *const support = w->support + 4 * fine;
+    real *const d_log2 = w->d_log2_support + 4 * fine;
+    real *const d_x = t->d->prim_x + 4 * i;
+    const saga_splat_params *const a = &w->d_attr;
+
+    for (size_t k = 0; k < 3; k++) {
+        d_x[k] += a->mean[3 * i + k];
+        /* support = 2^l: d support / dl = support ln 2. */
+        if (a->support)
+            d_log2[k] += a->support[3 * i + k] * support[k] * LN2;
+    }
+    if (a->t_centre) {
+        const real now = w->attr.t_centre[i];
+        const real dt = now > SAGA_TWIN_CENTRE_MIN &&
+                        now < SAGA_TWIN_CENTRE_MAX ? a->t_centre[i] : 0;
+
+        d_x[3] += dt;
+        w->batch[SAGA_NET_GEO].d_out[at] = dt * support[3];
+        d_log2[3] += dt * w->batch[SAGA_NET_GEO].out[at] * support[3] * LN2;
+    }
+    /* By now d has all that a position's gradient is made of. */
+    for (size_t k = 0; k < 4; k++)
+        d_log2[k] += d_x[k] * w->prim_shift[4 * i + k] * LN2;
+}
+
+static void attributes_chunk(void *user, size_t chunk)
+{
+    const saga_twin_stage *const t = user;
+    const saga_range of = families(t->s, chunk);
+
+    saga_twin_each_head(t, of, give_head);
+    for (size_t i = of.begin; i < of.end; i++)
+        places_backward(t, i);
+}
+
+/* Returns where the gradients of fuse_forward's features go. */
+static real *d_fused(saga_twin *w, const saga_scene *s, int tier)
+{
+    const int net = saga_fuse_net(tier);
+
+    return s->net[net].n_layers ? w->batch[net].d_out : w->d_context;
+}
+
+/* The gradients go on from there to w->d_context. */
+static void fuse_backward(const saga_twin_stage *t, int tier, size_t block)
+{
+    const int net = saga_fuse_net(tier);
+    const size_t f = t->s->model.features, dim = (size_t)t->s->net[net].dim[0];
+    const saga_twin_batch *const b = &t->w->batch[net];
+    const saga_range of = saga_net_block(saga_twin_rows(t->w, net), block);
+    size_t i;
+
+    if (t->s->net[net].n_layers == 0)
+        return;
+    back(t, net, block);
+    for (i = of.begin; i < of.end; i++)
+        memcpy(t->w->d_context + i * f, b->d_in + i * dim, f * sizeof(real));
+}
+
+static void prim_block(void *user, size_t block)
+{
+    const saga_twin_stage *const t = user;
+    const size_t f = t->s->model.features;
+    const size_t dim = (size_t)t->s->net[SAGA_NET_GEO].dim[0];
+    const real *const geo = t->w->batch[SAGA_NET_GEO].d_in;
+    const real *const base = t->w->batch[SAGA_NET_COLOUR_BASE].d_in;
+    real *const to = d_fused(t->w, t->s, SAGA_TIER_FINE);
+    const saga_range of = saga_net_block(t->w->n.prim, block);
+    size_t i, k;
+
+    back(t, SAGA_NET_GEO, block);
+    back(t, SAGA_NET_COLOUR_BASE, block);
+    for (i = of.begin; i < of.end; i++)
+        for (k = 0; k < f; k++)
+            to[i * f + k] = geo[i * dim + k] + base[i * dim + k];
+    fuse_backward(t, SAGA_TIER_FINE, block);
+}
+
+static void prims_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    const int nets[] = { SAGA_NET_GEO, SAGA_NET_COLOUR_BASE, SAGA_NET_FUSE_F };
+    saga_twin_stage t = { .w = w, .d = d, .s = s };
+
+    saga_twin_attribute_rows(t.rows, s);
+    /* From attributes to the networks' outputs, through the networks, then from
+     * features to the fine anchors they came from. */
+    saga_twin_do_rows(attributes_chunk, &t, w->n.prim);
+    t.nets = nets;
+    t.n_nets = 3;
+    go_back(prim_block, &t, w->n.prim);
+    saga_links_scatter(w->d_fine_feature, &w->to_prim, w->d_context,
+                       s->model.features, NULL, w->n.prim);
+}
+
+/* Gradients of fine features and supports go to F_fine's rows. */
+static void fine_outputs(const saga_twin_stage *t, size_t i)
+{
+    const saga_twin *const w = t->w;
+    real *const d_out = w->batch[SAGA_NET_FINE].d_out +
+                        saga_twin_out_at(t->s, SAGA_NET_FINE, i);
+    const size_t f = t->s->model.features;
+    size_t k;
+
+    memcpy(d_out + t->rows[SAGA_HEAD_FINE].first, w->d_fine_feature + i * f,
+           f * sizeof *d_out);
+    for (k = 0; k < 4; k++) {
+        const real l = w->log2_support[4 * i + k];
+        const int inside = l < 0 && l > saga_twin_least_support(k);
+
+        d_out[t->rows[SAGA_HEAD_SUPPORT].first + k] =
+            inside ? w->d_log2_support[4 * i + k] : 0;
+    }
+}
+
+static void fine_block(void *user, size_t block)
+{
+    const saga_twin_stage *const t = user;
+    const size_t f = t->s->model.features;
+    const size_t dim = (size_t)t->s->net[SAGA_NET_FINE].dim[0];
+    const real *const d_in = t->w->batch[SAGA_NET_FINE].d_in;
+    real *const to = d_fused(t->w, t->s, SAGA_TIER_COARSE);
+    const saga_range of = saga_net_block(t->w->n.fine, block);
+    size_t i;
+
+    for (i = of.begin; i < of.end; i++)
+        fine_outputs(t, i);
+    back(t, SAGA_NET_FINE, block);
+    for (i = of.begin; i < of.end; i++)
+        memcpy(to + i * f, d_in + i * dim, f * sizeof *to);
+    fuse_backward(t, SAGA_TIER_COARSE, block);
+}
+
+void saga_twin_backward(saga_twin *w, saga_scene *d, const saga_scene *s)
+{
+    const int nets[] = { SAGA_NET_FINE, SAGA_NET_FUSE_C };
+    saga_twin_stage t = { .w = w, .d = d, .s = s, .nets = nets, .n_nets = 2 };
+
+    saga_model_rows(t.rows, &s->model);
+    /* Backward, in the opposite order: primitives leave the gradients of fine
+     * features and supports, from which the coarse tier goes on. */
+    prims_backward(w, d, s);
+    go_back(fine_block, &t, w->n.fine);
+    saga_links_scatter(d->coarse_feature, &w->to_fine, w->d_context,
+                       s->model.features, NULL, w->n.fine);
+}

@@ -1,0 +1,280 @@
+/* SPDX-License-Identifier: MIT */
+#include "twin_state.h"
+
+#include "embedding.h"
+#include "interp.h"
+#include "splat_animate.h"
+
+#include <math.h>
+#include <string.h>
+
+#ifdef SAGA_REAL_DOUBLE
+#define EXP2 exp2
+#define SQRT sqrt
+#else
+#define EXP2 exp2f
+#define SQRT sqrtf
+#endif
+
+/* --- Networks ------------------------------------------------------------ */
+
+static void begin(const saga_twin_stage *t)
+{
+    int i;
+
+    for (i = 0; i < t->n_nets; i++)
+        if (t->s->net[t->nets[i]].n_layers) {
+            const saga_net_pass p = saga_twin_pass(t->w, t->s, t->nets[i]);
+
+            saga_net_begin(&p);
+        }
+}
+
+static void run(saga_twin *w, const saga_scene *s, int net, size_t chunk)
+{
+    const saga_net_pass p = saga_twin_pass(w, s, net);
+
+    saga_net_chunk_forward(&p, chunk);
+}
+
+/* Each row of a network's input has F features, then an embedding. */
+static void assemble(saga_twin *w, const saga_scene *s, int net,
+                     const real *feature, const real *phase, saga_range of)
+{
+    const size_t f = s->model.features;
+    const size_t dim = (size_t)s->net[net].dim[0];
+    real *const in = w->batch[net].in;
+    size_t i;
+
+    for (i = of.begin; i < of.end; i++)
+        memcpy(in + i * dim, feature + i * f, f * sizeof *in);
+    saga_embedding_forward(in + of.begin * dim + f, dim, phase + 4 * of.begin,
+                           of.end - of.begin, 4, s->model.octaves);
+}
+
+/* Returns what Fuse of a tier makes of w->context; that itself where there is
+ * none. */
+static const real *fuse_forward(const saga_twin_stage *t, int tier,
+                                const real *phase, size_t chunk)
+{
+    saga_twin *const w = t->w;
+    const int net = saga_fuse_net(tier);
+
+    if (t->s->net[net].n_layers == 0)
+        return w->context;
+    assemble(w, t->s, net, w->context, phase,
+             saga_part(saga_twin_rows(w, net), SAGA_NET_CHUNK, chunk));
+    run(w, t->s, net, chunk);
+    return w->batch[net].out;
+}
+
+/* --- Coarse to fine ------------------------------------------------------ */
+
+/* F_fine's rows become features and supports. */
+static void take_fine(const saga_twin_stage *t, size_t i)
+{
+    saga_twin *const w = t->w;
+    const saga_scene *const s = t->s;
+    const size_t f = s->model.features;
+    const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+    const real *const out = w->batch[SAGA_NET_FINE].out +
+                            saga_twin_out_at(s, SAGA_NET_FINE, i);
+    const real *const raw = out + t->rows[SAGA_HEAD_SUPPORT].first;
+    int k;
+
+    memcpy(w->fine_feature + i * f, out + t->rows[SAGA_HEAD_FINE].first,
+           f * sizeof *out);
+    for (k = 0; k < 4; k++) {
+        const real lo = saga_twin_least_support((size_t)k), hi = 0;
+        /* log2 of the cell's half-size, which the network's
+         * output is relative to. */
+        const real half = k < 3 ? -R(c->depth_x) : R(-1 - c->depth_t);
+        const real l = saga_clamp(half + raw[k], lo, hi);
+
+        w->log2_support[4 * i + (size_t)k] = l;
+        w->support[4 * i + (size_t)k] = EXP2(l);
+    }
+}
+
+static void fine_chunk(void *user, size_t chunk)
+{
+    const saga_twin_stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_part(w->n.fine, SAGA_NET_CHUNK, chunk);
+    const real *fused;
+    size_t i;
+
+    saga_links_gather(w->context, &w->to_fine, t->feature,
+                      t->s->model.features, NULL, of);
+    fused = fuse_forward(t, SAGA_TIER_COARSE, w->fine_phase, chunk);
+    assemble(w, t->s, SAGA_NET_FINE, fused, w->fine_offset, of);
+    run(w, t->s, SAGA_NET_FINE, chunk);
+    for (i = of.begin; i < of.end; i++)
+        take_fine(t, i);
+}
+
+void saga_twin_fine_forward(saga_twin *w, const saga_scene *s,
+                         const real *feature)
+{
+    const int nets[] = { SAGA_NET_FUSE_C, SAGA_NET_FINE };
+    saga_twin_stage t = { .w = w, .s = s, .feature = feature, .nets = nets,
+                          .n_nets = 2 };
+
+    saga_model_rows(t.rows, &s->model);
+    begin(&t);
+    saga_twin_do_rows(fine_chunk, &t, w->n.fine);
+}
+
+/* --- Fine to primitives -------------------------------------------------- */
+
+/* Returns how far an attribute is above its output in a primitive of the cell:
+ * sizes are relative to it. */
+static real level_of(const saga_attribute *a, const saga_coarse *cell)
+{
+    switch (a->unit) {
+    case SAGA_UNIT_LOG2_LENGTH:
+        return -R(cell->depth_x);
+    case SAGA_UNIT_LOG2_TIME:
+        return -R(1 + cell->depth_t);
+    default:
+        return (real)a->zero;
+    }
+}
+
+/* A head's rows of F_geo become an attribute's reals from `part` on. */
+static void take_head(const saga_twin_stage *t, int attr, size_t part,
+                      saga_rows head, saga_range of)
+{
+    const saga_attribute *const a = &saga_attributes[attr];
+    const saga_scene *const s = t->s;
+    const real *const all = t->w->batch[SAGA_NET_GEO].out;
+
+    for (size_t i = of.begin; i < of.end; i++) {
+        const saga_fine *const fine = &s->fine[s->prim_fine[i]];
+        const real level = level_of(a, &s->coarse[fine->parent]);
+        const real *const out = all + saga_twin_out_at(s, SAGA_NET_GEO, i) +
+                                head.first;
+        real *const to = t->w->attr.of[attr] + (size_t)a->width * i + part;
+
+        for (size_t k = 0; k < head.n; k++)
+            /* Beyond its format's end a motion no longer grows, but may come
+             * back. */
+            to[k] = a->unit == SAGA_UNIT_SUPPORT
+                ? saga_clamp(out[k], -SAGA_TWIN_MOST_MOTION,
+                             SAGA_TWIN_MOST_MOTION)
+                : out[k] + level;
+        if (a->first > 0)
+            to[0] += (real)a->first;
+    }
+}
+
+/* Means are the primitives' positions; their own times are moved by F_geo. */
+static void set_places(const saga_twin_stage *t, saga_range of)
+{
+    saga_twin *const w = t->w;
+    saga_splat_params *const a = &w->attr;
+    const size_t row = t->rows[SAGA_HEAD_TIME].first;
+
+    for (size_t i = of.begin; i < of.end; i++) {
+        const real *const x = t->s->prim_x + 4 * i;
+        const real *const support = w->support + 4 * (size_t)t->s->prim_fine[i];
+        const real *const out = w->batch[SAGA_NET_GEO].out +
+                                saga_twin_out_at(t->s, SAGA_NET_GEO, i);
+
+        memcpy(a->mean + 3 * i, x, 3 * sizeof *x);
+        if (a->support)
+            memcpy(a->support + 3 * i, support, 3 * sizeof *support);
+        if (a->t_centre)
+            a->t_centre[i] = saga_clamp(x[3] + support[3] * out[row],
+                                        SAGA_TWIN_CENTRE_MIN,
+                                        SAGA_TWIN_CENTRE_MAX);
+    }
+}
+
+static void geometry_chunk(void *user, size_t chunk)
+{
+    const saga_twin_stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_part(w->n.prim, SAGA_NET_CHUNK, chunk);
+    const size_t dim = (size_t)t->s->net[SAGA_NET_GEO].dim[0];
+    const real *fused;
+
+    saga_links_gather(w->context, &w->to_prim, w->fine_feature,
+                      t->s->model.features, NULL, of);
+    fused = fuse_forward(t, SAGA_TIER_FINE, w->prim_phase, chunk);
+    assemble(w, t->s, SAGA_NET_GEO, fused, w->prim_offset, of);
+    memcpy(w->batch[SAGA_NET_COLOUR_BASE].in + of.begin * dim,
+           w->batch[SAGA_NET_GEO].in + of.begin * dim,
+           (of.end - of.begin) * dim * sizeof(real));
+    run(w, t->s, SAGA_NET_GEO, chunk);
+    run(w, t->s, SAGA_NET_COLOUR_BASE, chunk);
+    saga_twin_each_head(t, of, take_head);
+    set_places(t, of);
+}
+
+void saga_twin_geometry(saga_twin *w, const saga_scene *s,
+                        const real *feature)
+{
+    const int nets[] = { SAGA_NET_FUSE_F, SAGA_NET_GEO, SAGA_NET_COLOUR_BASE };
+    saga_twin_stage t = { .w = w, .s = s, .nets = nets, .n_nets = 3 };
+
+    saga_twin_fine_forward(w, s, feature);
+    saga_twin_attribute_rows(t.rows, s);
+    begin(&t);
+    saga_twin_do_rows(geometry_chunk, &t, w->n.prim);
+}
+
+/* --- Colour -------------------------------------------------------------- */
+
+/* The direction is to where a primitive is at mid-segment. */
+static void set_direction(real d[3], const saga_twin *w, size_t i,
+                          const real *centre)
+{
+    real n2 = 0;
+    int k;
+
+    saga_splat_place(d, &w->attr, i, R(0.5));
+    for (k = 0; k < 3; k++) {
+        d[k] -= centre[k];
+        n2 += d[k] * d[k];
+    }
+    for (k = 0; k < 3; k++)
+        d[k] = n2 > 0 ? d[k] / SQRT(n2) : 0;
+}
+
+static void colour_chunk(void *user, size_t chunk)
+{
+    const saga_twin_stage *const t = user;
+    saga_twin *const w = t->w;
+    const saga_range of = saga_part(w->n.prim, SAGA_NET_CHUNK, chunk);
+    const size_t width = t->s->model.width[SAGA_NET_COLOUR];
+    saga_twin_batch *const last = &w->batch[SAGA_NET_COLOUR];
+    const int view = saga_twin_sees_views(t->s);
+    size_t i;
+
+    for (i = of.begin; view && t->centre && i < of.end; i++)
+        set_direction(w->batch[SAGA_NET_COLOUR_VIEW].in + 3 * i, w, i,
+                      t->centre);
+    if (view)
+        run(w, t->s, SAGA_NET_COLOUR_VIEW, chunk);
+    for (i = of.begin * width; i < of.end * width; i++) {
+        /* Both parts of the hidden layer are summed before its ReLU. */
+        const real x = w->batch[SAGA_NET_COLOUR_BASE].out[i] +
+                       (view ? w->batch[SAGA_NET_COLOUR_VIEW].out[i] : 0);
+
+        last->in[i] = x > 0 ? x : 0;
+    }
+    run(w, t->s, SAGA_NET_COLOUR, chunk);
+    for (i = 3 * of.begin; i < 3 * of.end; i++)
+        w->attr.colour[i] = saga_clamp(R(0.5) + last->out[i], 0, 1);
+}
+
+void saga_twin_colour(saga_twin *w, const saga_scene *s, const real *centre)
+{
+    saga_twin_stage t = { .w = w, .s = s, .centre = centre,
+                          .nets = saga_twin_colour_nets,
+                          .n_nets = 1 + saga_twin_sees_views(s) };
+
+    begin(&t);
+    saga_twin_do_rows(colour_chunk, &t, w->n.prim);
+}
