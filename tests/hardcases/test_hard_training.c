@@ -7,8 +7,8 @@
  */
 #include "capture.h"
 #include "saga.h"
-#include "synth_capture.h"
 #include "testing.h"
+#include "tiny_training.h"
 #include "train.h"
 #include "view.h"
 
@@ -23,16 +23,12 @@ static saga_capture room;
 
 static int set_up(void **state)
 {
-    char folder[] = "/tmp/test_hard.XXXXXX", path[40], command[60];
     saga_synth_options s = synth_options(WIDTH, HEIGHT, VIEWS, FRAMES, POINTS);
 
     (void)state;
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, sizeof path, "%s/room", folder);
     s.depth_every = 1;
-    room = synth_capture(path, &s);
-    snprintf(command, sizeof command, "rm -rf '%s'", folder);
-    return system(command);
+    room = tiny_capture(&s);
+    return 0;
 }
 
 static int tear_down(void **state)
@@ -68,43 +64,17 @@ static void paint(saga_capture *c, int r, int g, int b)
 
 /* --- Trained ------------------------------------------------------------- */
 
-typedef struct {
-    uint8_t *bytes;
-    size_t n;
-    saga_train_report report;
-} result;
-
-static saga_train_options options(void)
+static trained train(const saga_capture *c)
 {
-    saga_train_options o = saga_train_defaults();
+    const saga_train_options o = tiny_options(100, 30, 15);
+    const trained r = tiny_train(c, &o);
 
-    o.n_primitives = 100;
-    o.n_warm = 30;
-    o.n_render = 15;
-    o.motion = SAGA_TRAIN_MOVING;
-    return o;
-}
-
-static result train(const saga_capture *c)
-{
-    const saga_train_options o = options();
-    saga_error error = { "" };
-    saga_train *const t = saga_train_new(c, &o, &error);
-    const uint8_t *bytes;
-    result r;
-
-    if (!t || saga_train_run(t, &error) != SAGA_DONE)
-        fail_msg("%s", error.message);
-    bytes = saga_train_bytes(t, &r.n);
-    r.bytes = copy_of(bytes, r.n);
-    r.report = *saga_train_report_of(t);
-    saga_train_free(t);
     print_message("  %.2f dB, %zu bytes\n", r.report.coded.training, r.n);
     return r;
 }
 
 /* Draws every camera's first picture; the mean colour of all is left. */
-static void draw_all(double mean[3], const result *r)
+static void draw_all(double mean[3], const trained *r)
 {
     saga_error error = { "" };
     uint8_t rgb[3 * WIDTH * HEIGHT];
@@ -127,10 +97,10 @@ static void draw_all(double mean[3], const result *r)
 }
 
 /* Learns something, and gives it back. */
-static result survive(saga_capture *c, double psnr)
+static trained survive(saga_capture *c, double psnr)
 {
     double mean[3];
-    const result r = train(c);
+    const trained r = train(c);
 
     draw_all(mean, &r);
     assert_true(r.report.coded.training >= psnr);
@@ -145,7 +115,7 @@ TEST(black_capture_should_stay_black)
 {
     saga_capture c = changed();
     double mean[3];
-    result r;
+    trained r;
 
     paint(&c, 0, 0, 0);
     r = train(&c);
@@ -165,7 +135,7 @@ TEST(one_colour_should_come_out)
     for (int k = 0; k < 2; k++) {
         saga_capture c = changed();
         double mean[3];
-        result r;
+        trained r;
 
         paint(&c, colours[k][0], colours[k][1], colours[k][2]);
         r = train(&c);
@@ -185,7 +155,7 @@ TEST(depths_should_be_doubted)
     static const float wrong[] = { NAN, INFINITY, -INFINITY, 0, -3, 1e-42f,
                                    1e38f };
     saga_capture c = changed();
-    result r;
+    trained r;
 
     for (int v = 0; v < VIEWS; v++) {
         c.views[v].depth = must(calloc(FRAMES, sizeof *c.views[v].depth));
@@ -206,7 +176,7 @@ TEST(points_should_be_taken_as_they_lie)
 {
     for (int k = 0; k < 3; k++) {
         saga_capture c = changed();
-        result r;
+        trained r;
 
         for (size_t i = 0; i < c.n_points; i++)
             for (int a = 0; a < 3; a++)
@@ -227,7 +197,7 @@ TEST(identical_cameras_should_do)
 {
     for (int k = 0; k < 4; k++) {
         saga_capture c = changed();
-        result r;
+        trained r;
 
         for (int v = 0; v < VIEWS; v++) {
             saga_shot *const s = c.views + v;
@@ -251,7 +221,7 @@ TEST(identical_cameras_should_do)
 TEST(opposite_cameras_should_do)
 {
     saga_capture c = changed();
-    result r;
+    trained r;
 
     for (int v = 0; v < VIEWS; v += 2) {
         for (int i = 0; i < 9; i++)
@@ -282,7 +252,7 @@ static saga_capture scaled(double s)
 }
 
 /* Metres of a box unit, as the file has it. */
-static double unit_of(const result *r)
+static double unit_of(const trained *r)
 {
     return ldexp(r->report.info.unit_mantissa, r->report.info.unit_exponent);
 }
@@ -294,7 +264,7 @@ static double unit_of(const result *r)
 TEST(scale_of_the_world_should_not_matter)
 {
     static const double by[] = { 1, 0x1p20, 0x1p-20, 1e6, 1e-6 };
-    result r[5];
+    trained r[5];
 
     for (int k = 0; k < 5; k++) {
         saga_capture c = scaled(by[k]);
@@ -320,8 +290,8 @@ TEST(scale_of_the_world_should_not_matter)
 TEST(room_should_be_found_far_from_the_origin)
 {
     saga_capture c = changed();
-    const result here = survive(&c, 10);
-    result r;
+    const trained here = survive(&c, 10);
+    trained r;
 
     c = changed();
     for (int v = 0; v < VIEWS; v++)

@@ -13,8 +13,8 @@
 #include "prob.h"
 #include "quantise.h"
 #include "ref_recorder.h"
-#include "synth_capture.h"
 #include "testing.h"
+#include "tiny_training.h"
 
 #include <unistd.h>
 
@@ -33,50 +33,19 @@ typedef struct {
 
 /* --- Fixture: a file of 500 primitives ----------------------------------- */
 
-static saga_capture load(const char *folder)
-{
-    const saga_synth_options o = synth_options(64, 36, N_CAMERAS, 3, 300);
-    char path[100], command[120];
-    saga_capture c;
-
-    snprintf(path, sizeof path, "%s/cap", folder);
-    c = synth_capture(path, &o);
-    snprintf(command, sizeof command, "rm -rf '%s'", folder);
-    assert_int_equal(system(command), 0);
-    return c;
-}
-
-static void train(fixture *f, const saga_capture *c)
-{
-    saga_train_options o = saga_train_defaults();
-    saga_error error = { "" };
-    const uint8_t *bytes;
-    saga_train *t;
-
-    o.n_primitives = 500;
-    o.n_warm = 20;
-    o.n_render = 20;
-    o.motion = SAGA_TRAIN_MOVING;
-    t = saga_train_new(c, &o, &error);
-    if (!t || saga_train_run(t, &error) != SAGA_DONE)
-        fail_msg("%s", error.message);
-    bytes = saga_train_bytes(t, &f->n);
-    f->bytes = copy_of(bytes, f->n);
-    saga_train_free(t);
-    for (int i = 0; i < N_CAMERAS; i++)
-        memcpy(f->names[i].name, c->views[i].name, sizeof c->views[i].name);
-}
-
 static int set_up(void **state)
 {
     fixture *const f = calloc(1, sizeof *f);
-    char folder[] = "/tmp/test_refit.XXXXXX";
-    saga_capture c;
+    const saga_synth_options s = synth_options(64, 36, N_CAMERAS, 3, 300);
+    const saga_train_options o = tiny_options(500, 20, 20);
+    saga_capture c = tiny_capture(&s);
+    trained r = tiny_train(&c, &o);
 
     assert_non_null(f);
-    assert_non_null(mkdtemp(folder));
-    c = load(folder);
-    train(f, &c);
+    f->bytes = r.bytes;
+    f->n = r.n;
+    for (int i = 0; i < N_CAMERAS; i++)
+        memcpy(f->names[i].name, c.views[i].name, sizeof c.views[i].name);
     saga_capture_free(&c);
     assert_null(ref_file_read(&f->f, f->bytes, f->n));
     *state = f;

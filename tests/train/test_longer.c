@@ -3,8 +3,8 @@
  * A longer rendering is never a worse one: from the same warm-up, files do not
  * lose what shorter trainings keep, for few pictures as for many.
  */
-#include "synth_capture.h"
 #include "testing.h"
+#include "tiny_training.h"
 #include "train.h"
 
 #include <unistd.h>
@@ -27,40 +27,25 @@ static saga_capture capture_of(const training *a)
 {
     const saga_synth_options s = synth_options(a->width, a->height, a->cameras,
                                                a->frames, 300);
-    char folder[] = "/tmp/test_longer.XXXXXX", text[60];
-    saga_capture c;
 
-    assert_non_null(mkdtemp(folder));
-    snprintf(text, sizeof text, "%s/room", folder);
-    c = synth_capture(text, &s);
-    snprintf(text, sizeof text, "rm -rf '%s'", folder);
-    assert_int_equal(system(text), 0);
-    return c;
+    return tiny_capture(&s);
 }
 
 /* Returns what the decoded file is better than its warm-up, dB. */
 static double gain(const saga_capture *c, const training *a, int render)
 {
-    saga_train_options o = saga_train_defaults();
-    saga_error error = { "" };
-    saga_train *t;
-    const saga_train_report *r;
+    saga_train_options o = tiny_options(a->primitives, a->warm, render);
+    trained t;
     double more;
 
-    o.n_primitives = a->primitives;
-    o.n_warm = a->warm;
-    o.n_render = render;
     o.motion = a->motion;
     o.lambda = 0; /* by the rule */
-    t = saga_train_new(c, &o, &error);
-    if (!t || saga_train_run(t, &error) != SAGA_DONE)
-        fail_msg("%s", error.message);
-    r = saga_train_report_of(t);
-    more = r->coded.training - r->warm.training;
-    printf("  %d views, %d frames, %5d iterations: %.2f dB after %.2f, %u "
-           "bytes\n", a->cameras - 1, a->frames, render, r->coded.training,
-           r->warm.training, (unsigned)r->sizes.total);
-    saga_train_free(t);
+    t = tiny_train(c, &o);
+    more = t.report.coded.training - t.report.warm.training;
+    printf("  %d views, %d frames, %5d iterations: %.2f dB after %.2f, %zu "
+           "bytes\n", a->cameras - 1, a->frames, render,
+           t.report.coded.training, t.report.warm.training, t.n);
+    free(t.bytes);
     return more;
 }
 

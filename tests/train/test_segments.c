@@ -9,25 +9,19 @@
 #include "saga.h"
 #include "start.h"
 #include "still.h"
-#include "synth_capture.h"
+#include "testing.h"
+#include "tiny_training.h"
 #include "train_state.h"
 #include "view.h"
 
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 /* The middle one is trained first. */
 enum { N = 3, FRAMES = 3, FIRST = 1, PICTURE = 3 * 64 * 36 };
 
 typedef struct {
-    char folder[64], checkpoint[80];
+    tiny room;
     bool has_base;
-    saga_capture capture;
     saga_capture still;          /* what the base is trained on */
     uint8_t *bytes;              /* of an encode that was never stopped */
     size_t n;
@@ -36,15 +30,11 @@ typedef struct {
 
 static saga_train_options small(const fixture *f)
 {
-    saga_train_options o = saga_train_defaults();
+    saga_train_options o = tiny_options(150, TINY_WARM, TINY_RENDER);
 
     o.ablate = f->has_base ? NULL : "no-base";
     o.n_segments = N;
     o.first = FIRST;
-    o.n_primitives = 150;
-    o.n_warm = 40;
-    o.n_render = 60;
-    o.motion = SAGA_TRAIN_MOVING;
     return o;
 }
 
@@ -58,11 +48,11 @@ static const saga_capture *slice_of(slice *s, const fixture *f, int segment)
 {
     if (segment == SAGA_TRAIN_BASE)
         return &f->still;
-    s->capture = f->capture;
+    s->capture = f->room.capture;
     s->capture.views = s->view;
     s->capture.n_frames = FRAMES;
-    for (int v = 0; v < f->capture.n_views; v++) {
-        s->view[v] = f->capture.views[v];
+    for (int v = 0; v < f->room.capture.n_views; v++) {
+        s->view[v] = f->room.capture.views[v];
         s->view[v].rgb += saga_view_frame_nbytes(&s->view[v]) *
                           (size_t)(segment * FRAMES);
     }
@@ -82,11 +72,8 @@ static void tint(saga_train *t)
 static saga_train *begin(const fixture *f, slice *s,
                          const saga_train_options *o)
 {
-    saga_error error = { "" };
-    saga_train *const t = saga_train_new(slice_of(s, f, o->first), o, &error);
+    saga_train *const t = tiny_begin(slice_of(s, f, o->first), o);
 
-    if (!t)
-        fail_msg("%s", error.message);
     tint(t);
     return t;
 }
@@ -131,20 +118,14 @@ static void find_still(fixture *f)
 static int set_up_fixture(void **state, bool has_base)
 {
     fixture *const f = calloc(1, sizeof *f);
-    const saga_synth_options o = synth_options(64, 36, 4, N * FRAMES, 300);
     saga_train_options options;
-    char path[80];
     saga_train *t;
     slice s;
 
     assert_non_null(f);
     f->has_base = has_base;
     options = small(f);
-    strcpy(f->folder, "/tmp/test_segments.XXXXXX");
-    assert_non_null(mkdtemp(f->folder));
-    snprintf(path, sizeof path, "%s/room", f->folder);
-    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.ckpt", f->folder);
-    f->capture = synth_capture(path, &o);
+    tiny_open(&f->room, N * FRAMES);
     find_still(f);
     t = begin(f, &s, &options);
     assert_int_equal(run(t, f, &s), SAGA_DONE);
@@ -170,13 +151,10 @@ static int set_up_base(void **state)
 static int tear_down(void **state)
 {
     fixture *const f = *state;
-    char command[100];
 
-    saga_capture_free(&f->capture);
+    tiny_close(&f->room);
     saga_capture_free(&f->still);
     free(f->bytes);
-    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
-    assert_int_equal(system(command), 0);
     free(f);
     return 0;
 }
@@ -208,10 +186,9 @@ static void draw(uint8_t *rgb, const uint8_t *bytes, size_t n, uint32_t frame)
 static void segment_should_play_from_its_own_bytes(void **state)
 {
     const fixture *const f = *state;
-    uint8_t *const alone = malloc(f->n);
+    uint8_t *const alone = must(malloc(f->n));
     uint8_t rgb[PICTURE], again[PICTURE];
 
-    assert_non_null(alone);
     for (uint32_t i = 0; i < N; i++) {
         const saga_segment seg = find(f, i * FRAMES, 1);
         const size_t head = find(f, 0, 1).offset;
@@ -489,12 +466,12 @@ static void peek_should_show(const fixture *f, int n_segments, bool end)
     size_t n;
 
     if (n_segments == 0) {
-        assert_false(saga_train_peek(&bytes, &n, f->checkpoint, &error));
+        assert_false(saga_train_peek(&bytes, &n, f->room.checkpoint, &error));
         assert_null(bytes);
         assert_non_null(strstr(error.message, "nothing can be packed"));
         return;
     }
-    if (!saga_train_peek(&bytes, &n, f->checkpoint, &error))
+    if (!saga_train_peek(&bytes, &n, f->room.checkpoint, &error))
         fail_msg("%s", error.message);
     assert_int_equal(saga_probe(&info, bytes, n), SAGA_OK);
     assert_int_equal(info.n_segments, n_segments);
@@ -518,7 +495,7 @@ static void first_should_stand(const fixture *f, int k)
     uint8_t *bytes;
     size_t n;
 
-    if (!saga_train_peek(&bytes, &n, f->checkpoint, &error))
+    if (!saga_train_peek(&bytes, &n, f->room.checkpoint, &error))
         fail_msg("%s", error.message);
     assert_int_equal(saga_find(&seg, bytes, n, place * FRAMES, 1), SAGA_OK);
     own = find(f, FIRST * FRAMES, 1);
@@ -552,12 +529,12 @@ static void train_should_resume_to_the_same_file(void **state)
     slice s;
     int i;
 
-    o.checkpoint = f->checkpoint;
+    o.checkpoint = f->room.checkpoint;
     o.progress = stop_there;
     o.progress_user = (void *)&places[0];
     t = begin(f, &s, &o);
     for (i = 0; run(t, f, &s) == SAGA_STOPPED; i++) {
-        const int in = saga_train_stopped_in(f->checkpoint, &error);
+        const int in = saga_train_stopped_in(f->room.checkpoint, &error);
 
         assert_int_equal(in, places[i].segment);
         peek_should_show(f, shown[f->has_base][i],
@@ -636,7 +613,7 @@ static void base_should_leave_room_to_fill_the_size(void **state)
     assert_true(fabs((double)t->nbytes / (double)o.n_bytes - 1) < 0.05);
     bytes = copy_of(t->bytes, t->nbytes);
     saga_train_free(t);
-    o.checkpoint = f->checkpoint;
+    o.checkpoint = f->room.checkpoint;
     o.progress = stop_there;
     o.progress_user = &place;
     t = begin(f, &s, &o);
@@ -665,7 +642,7 @@ static saga_train *train_alone(const fixture *f, int k, const char *networks)
     o.first = 0; /* the networks know */
     o.networks = networks;
     o.only = k;
-    o.checkpoint = f->checkpoint;
+    o.checkpoint = f->room.checkpoint;
     o.progress = stop_there;
     o.progress_user = &place;
     t = saga_train_new(slice_of(&s, f, k), &o, &error);
@@ -703,7 +680,7 @@ static void segment_should_be_trained_alone(void **state)
     saga_train *t;
     slice s;
 
-    snprintf(networks, sizeof networks, "%s/networks", f->folder);
+    snprintf(networks, sizeof networks, "%s/networks", f->room.folder);
     t = begin(f, &s, &o);
     do
         assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
@@ -742,7 +719,7 @@ static void resume_should_refuse_other_segments(void **state)
     saga_train *t;
     slice s;
 
-    o.checkpoint = f->checkpoint;
+    o.checkpoint = f->room.checkpoint;
     o.progress = stop_there;
     o.progress_user = &place;
     t = begin(f, &s, &o);

@@ -3,8 +3,8 @@
  * What a training is planned to be, and files of a given size: they come near
  * it, whatever threads or interruptions do.
  */
-#include "synth_capture.h"
 #include "testing.h"
+#include "tiny_training.h"
 #include "train_plan.h"
 
 #include <unistd.h>
@@ -13,78 +13,44 @@
 #include <omp.h>
 #endif
 
-typedef struct {
-    char folder[64], checkpoint[80];
-    saga_capture capture;
-} fixture;
-
-typedef struct {
-    uint8_t *bytes;
-    size_t n;
-    double lambda;
-} result;
+static tiny room;
 
 static int set_up(void **state)
 {
-    const saga_synth_options o = synth_options(64, 36, 4, 5, 300);
-    fixture *const f = calloc(1, sizeof *f);
-    char path[100];
-
-    assert_non_null(f);
-    strcpy(f->folder, "/tmp/test_size.XXXXXX");
-    assert_non_null(mkdtemp(f->folder));
-    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.saga.ckpt", f->folder);
-    snprintf(path, sizeof path, "%s/scene", f->folder);
-    f->capture = synth_capture(path, &o);
-    *state = f;
+    (void)state;
+    tiny_open(&room, 5);
     return 0;
 }
 
 static int tear_down(void **state)
 {
-    fixture *const f = *state;
-    char command[100];
-
-    saga_capture_free(&f->capture);
-    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
-    assert_int_equal(system(command), 0);
-    free(f);
+    (void)state;
+    tiny_close(&room);
     return 0;
 }
 
+TEST_GROUP(set_up, tear_down);
+
 static saga_train_options of_size(size_t n_bytes)
 {
-    saga_train_options o = saga_train_defaults();
+    saga_train_options o = tiny_options(300, TINY_WARM, TINY_RENDER);
 
-    o.n_primitives = 300;
-    o.n_warm = 40;
-    o.n_render = 60;
-    o.motion = SAGA_TRAIN_MOVING;
     o.n_bytes = n_bytes;
     return o;
 }
 
 /* Runs until the file is there, with new programs in between where the progress
  * function stops it. */
-static result encode(const fixture *f, const saga_train_options *o)
+static trained encode(const saga_train_options *o)
 {
+    saga_train *t = tiny_begin(&room.capture, o);
     saga_error error = { "" };
-    saga_train *t = saga_train_new(&f->capture, o, &error);
-    saga_outcome end = SAGA_STOPPED;
-    result r = { NULL, 0, 0 };
 
-    while (t && (end = saga_train_run(t, &error)) == SAGA_STOPPED) {
+    while (saga_train_run(t, &error) == SAGA_STOPPED) {
         saga_train_free(t);
-        t = saga_train_resume(&f->capture, o, &error);
+        t = tiny_resume(&room.capture, o);
     }
-    if (!t || end != SAGA_DONE)
-        fail_msg("%s", error.message);
-    r.bytes = must(malloc(saga_train_report_of(t)->sizes.total));
-    memcpy(r.bytes, saga_train_bytes(t, &r.n), saga_train_report_of(t)->
-           sizes.total);
-    r.lambda = saga_train_report_of(t)->lambda;
-    saga_train_free(t);
-    return r;
+    return tiny_finish(t);
 }
 
 static bool is_about(size_t n, size_t wanted)
@@ -99,77 +65,55 @@ static bool is_about(size_t n, size_t wanted)
  * are cheaper ones. */
 TEST(size_should_be_what_was_asked_for)
 {
-    const fixture *const f = *state;
     const saga_train_options any = of_size(0);
-    const result whole = encode(f, &any);
+    const trained whole = encode(&any);
     const saga_train_options o = of_size(whole.n * 9 / 8);
-    const result larger = encode(f, &o);
+    const trained larger = encode(&o);
 
     assert_true(is_about(larger.n, o.n_bytes));
-    assert_true(larger.lambda < whole.lambda / 1.2);
+    assert_true(larger.report.lambda < whole.report.lambda / 1.2);
     free(larger.bytes);
     free(whole.bytes);
 }
 
-static bool stop_now_and_then(void *user, const saga_train_progress *p)
-{
-    int *const calls = user;
-
-    (void)p;
-    return ++*calls % 31 != 0;
-}
-
 TEST(size_should_survive_threads_and_stops)
 {
-    const fixture *const f = *state;
     saga_train_options o = of_size(7500);
-    result whole = encode(f, &o), other;
-    int calls = 0;
+    trained whole = encode(&o), other;
+    tiny_stop often = { SAGA_TRAIN_WARM, 0, 31, 0 };
 
 #ifdef _OPENMP
     const int before = omp_get_max_threads();
 
     omp_set_num_threads(before == 1 ? 2 : 1);
-    other = encode(f, &o);
+    other = encode(&o);
     omp_set_num_threads(before);
     assert_int_equal(other.n, whole.n);
     assert_memory_equal(other.bytes, whole.bytes, whole.n);
     free(other.bytes);
 #endif
-    o.checkpoint = f->checkpoint;
-    o.progress = stop_now_and_then;
-    o.progress_user = &calls;
-    other = encode(f, &o);
-    assert_true(calls > 100);
+    o.checkpoint = room.checkpoint;
+    tiny_stop_at(&o, &often);
+    other = encode(&o);
+    assert_true(often.calls > 100);
     assert_int_equal(other.n, whole.n);
     assert_memory_equal(other.bytes, whole.bytes, whole.n);
     free(other.bytes);
     free(whole.bytes);
 }
 
-static bool stop_soon(void *user, const saga_train_progress *p)
-{
-    (void)user;
-    return p->all < 5;
-}
-
 TEST(size_should_be_that_of_the_checkpoint)
 {
-    const fixture *const f = *state;
     saga_train_options o = of_size(7500);
+    tiny_stop soon = { SAGA_TRAIN_WARM, 5, 0, 0 };
     saga_error error = { "" };
-    saga_train *t;
 
-    o.checkpoint = f->checkpoint;
-    o.progress = stop_soon;
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
-    saga_train_free(t);
+    o.checkpoint = room.checkpoint;
+    saga_train_free(tiny_train_until(&room.capture, &o, &soon));
     o.n_bytes = 8000;
-    assert_null(saga_train_resume(&f->capture, &o, &error));
+    assert_null(saga_train_resume(&room.capture, &o, &error));
     assert_non_null(strstr(error.message, "--size 7500, not 8000"));
-    unlink(f->checkpoint);
+    unlink(room.checkpoint);
 }
 
 /* --- The plan ------------------------------------------------------------ */
@@ -356,27 +300,26 @@ TEST(plan_should_not_count_seconds_of_a_camera_that_moves)
 
 TEST(plan_should_leave_what_is_given)
 {
-    const fixture *const f = *state;
     saga_train_options o = { .n_primitives = 77, .n_iterations = 88,
                              .n_bytes = 1000000, .n_segments = 1,
                              .level = 2 };
     saga_plan_reasons why;
 
-    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
     assert_int_equal(o.n_primitives, 77);
     assert_int_equal(o.n_iterations, 88);
     assert_string_equal(why.primitives, "");
     assert_string_equal(why.iterations, "");
     o.n_primitives = 0;
-    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
     assert_int_equal(o.n_primitives, 90545);
     o.n_primitives = 0;
     o.level = 0;
-    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
     assert_int_equal(o.n_primitives, 1024);
     o.n_iterations = 0;
     o.minutes = 1;
-    saga_plan(&o, &why, &f->capture, saga_preset_at(0));
+    saga_plan(&o, &why, &room.capture, saga_preset_at(0));
     assert_int_equal(o.n_iterations, 0);
 }
 
@@ -483,5 +426,3 @@ TEST(presets_should_be_in_order)
     assert_null(saga_preset_called("slow"));
     free(rgb);
 }
-
-TEST_GROUP(set_up, tear_down);

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
  * The whole of the training on a capture of a few thousand pixels: the file it
- * makes, and that neither threads nor interruptions show in it.
+ * makes, beside its float twins, its tools, its layers and its refusals.
  */
-#include "capture.h"
 #include "context.h"
 #include "fit_state.h"
 #include "model.h"
@@ -11,140 +10,59 @@
 #include "rng.h"
 #include "saga.h"
 #include "start.h"
-#include "synth_capture.h"
 #include "testing.h"
+#include "tiny_training.h"
 #include "train_state.h"
 #include "view.h"
 
-#include <unistd.h>
-
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
-enum { WARM = 40, RENDER = 60 };
-
-typedef struct {
-    uint8_t *bytes;
-    size_t n;
-    saga_train_report report;
-} result;
-
-typedef struct {
-    char folder[64], checkpoint[80];
-    saga_capture capture;
-    result whole;                /* of small(), never stopped */
-} fixture;
-
 /* --- Fixture ------------------------------------------------------------- */
 
-static saga_capture load(const char *parent, const char *name, int frames)
-{
-    const saga_synth_options o = synth_options(64, 36, 4, frames, 300);
-    char path[100];
-
-    snprintf(path, sizeof path, "%s/%s", parent, name);
-    return synth_capture(path, &o);
-}
-
-static saga_train_options small(void)
-{
-    saga_train_options o = saga_train_defaults();
-
-    o.n_primitives = 150;
-    o.n_warm = WARM;
-    o.n_render = RENDER;
-    o.motion = SAGA_TRAIN_MOVING;
-    o.lambda = 0; /* by the rule */
-    o.ablate = "slots=32";
-    return o;
-}
-
-/* Takes the training to its end, and it away. */
-static result finish(saga_train *t)
-{
-    saga_error error = { "" };
-    const uint8_t *bytes;
-    result r;
-
-    if (!t || saga_train_run(t, &error) != SAGA_DONE)
-        fail_msg("%s", error.message);
-    bytes = saga_train_bytes(t, &r.n);
-    assert_non_null(bytes);
-    r.bytes = copy_of(bytes, r.n);
-    r.report = *saga_train_report_of(t);
-    saga_train_free(t);
-    return r;
-}
-
-static result encode(const saga_capture *c, const saga_train_options *o)
-{
-    saga_error error = { "" };
-    saga_train *const t = saga_train_new(c, o, &error);
-
-    if (!t)
-        fail_msg("%s", error.message);
-    return finish(t);
-}
-
-/* The bytes, and what was said of the choice of sources. */
-static bool same(const result *a, const result *b)
-{
-    const saga_train_entropy *const x = &a->report.entropy;
-    const saga_train_entropy *const y = &b->report.entropy;
-    double apart = fabs(x->hyper_weights - y->hyper_weights) +
-                   fabs(x->bank_weights - y->bank_weights);
-
-    for (int i = 0; i < SAGA_N_KINDS; i++)
-        apart += fabs(x->kind[i].networks - y->kind[i].networks) +
-                 fabs(x->kind[i].weights - y->kind[i].weights);
-    return a->n == b->n && memcmp(a->bytes, b->bytes, a->n) == 0 &&
-           !(apart > 0);
-}
+/* A capture of five frames, and the file of tiny_defaults(), never stopped. */
+static tiny room;
+static trained unstopped;
 
 static int set_up(void **state)
 {
-    fixture *const f = calloc(1, sizeof *f);
-    saga_train_options o;
+    const saga_train_options o = tiny_defaults();
 
-    assert_non_null(f);
-    strcpy(f->folder, "/tmp/test_train.XXXXXX");
-    assert_non_null(mkdtemp(f->folder));
-    snprintf(f->checkpoint, sizeof f->checkpoint, "%s/x.saga.ckpt",
-             f->folder);
-    f->capture = load(f->folder, "moving", 5);
-    o = small();
-    f->whole = encode(&f->capture, &o);
-    *state = f;
+    (void)state;
+    tiny_open(&room, 5);
+    unstopped = tiny_train(&room.capture, &o);
     return 0;
 }
 
 static int tear_down(void **state)
 {
-    fixture *const f = *state;
-    char command[100];
-
-    saga_capture_free(&f->capture);
-    free(f->whole.bytes);
-    snprintf(command, sizeof command, "rm -rf '%s'", f->folder);
-    assert_int_equal(system(command), 0);
-    free(f);
+    (void)state;
+    free(unstopped.bytes);
+    tiny_close(&room);
     return 0;
+}
+
+TEST_GROUP(set_up, tear_down);
+
+/* Trains until the stage begins, as the checkpoint has it then. */
+static saga_train *train_until(saga_train_options *o, saga_train_stage stage)
+{
+    static tiny_stop place;
+
+    place = (tiny_stop){ stage, -1, 0, 0 };
+    o->checkpoint = room.checkpoint;
+    return tiny_train_until(&room.capture, o, &place);
 }
 
 /* --- What comes out ------------------------------------------------------ */
 
 TEST(train_should_make_a_file_that_decodes)
 {
-    const fixture *const f = *state;
-    const result *const r = &f->whole;
+    const trained *const r = &unstopped;
     saga_error error = { "" };
     saga_pictures pictures;
-    saga_splat_camera trained;
+    saga_splat_camera drawn;
     saga_film film;
     uint8_t rgb[3 * 64 * 36];
 
-    assert_true(saga_pictures_init(&pictures, &f->capture, &error));
+    assert_true(saga_pictures_init(&pictures, &room.capture, &error));
     assert_true(saga_film_open(&film, "x", r->bytes, r->n, 1, &error));
     assert_int_equal(film.info.n_frames, 5);
     assert_int_equal(film.info.n_cameras, 4);
@@ -158,9 +76,9 @@ TEST(train_should_make_a_file_that_decodes)
         assert_int_equal(number, v);
         assert_int_equal(camera.width, 64);
         /* Both trainings drew what the file's rig lets decoders draw. */
-        saga_pictures_camera(&trained, &pictures,
+        saga_pictures_camera(&drawn, &pictures,
                              (saga_sample){ (int)v, 0, 0 });
-        assert_true(fabs((double)trained.near_plane * pictures.cube.unit -
+        assert_true(fabs((double)drawn.near_plane * pictures.cube.unit -
                          camera.near_plane * film.metric.unit) <=
                     film.metric.unit);
         for (uint32_t k = 0; k < 5; k++)
@@ -200,48 +118,6 @@ static void chunks_should_be_what_was_spent(const saga_encode_sizes *z)
                        sum[SAGA_COMPONENT_PRIM_OFFSET], 8 * (double)z->prim));
 }
 
-static bool stop_before_packing(void *user, const saga_train_progress *p)
-{
-    int *const stops = user;
-
-    return p->stage != SAGA_TRAIN_PACK || (*stops)++ > 0;
-}
-
-/* Trained, nothing packed yet, as the checkpoint has it. stops: 0, as long as
- * t runs. */
-static saga_train *train_until_packing(const fixture *f, saga_train_options *o,
-                                       int *stops)
-{
-    saga_error error = { "" };
-    saga_train *t;
-
-    o->checkpoint = f->checkpoint;
-    o->progress = stop_before_packing;
-    o->progress_user = stops;
-    t = saga_train_new(&f->capture, o, &error);
-    assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
-    return t;
-}
-
-static saga_train *resumed(const fixture *f, const saga_train_options *o)
-{
-    saga_error error = { "" };
-    saga_train *const t = saga_train_resume(&f->capture, o, &error);
-
-    if (!t)
-        fail_msg("%s", error.message);
-    return t;
-}
-
-/* The same again, from the checkpoint, to be packed in another way. */
-static saga_train *resume_packing(const fixture *f, saga_train_options *o,
-                                  int *stops)
-{
-    *stops = 1;
-    return resumed(f, o);
-}
-
 /* Steps; one in 50 is far out: what a high lambda and many iterations make of
  * features. */
 static void make_rare(saga_train *t, double step)
@@ -274,25 +150,22 @@ TEST(train_should_estimate_what_is_written)
         SAGA_SYM_CENTRE, SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET,
         SAGA_SYM_PRIM_OFFSET
     };
-    const fixture *const f = *state;
-
-    saga_train_options o = small();
-    int stops = 0;
+    saga_train_options o = tiny_defaults();
 
     o.n_primitives = 1000;
     o.n_coarse = 250;
     for (int variant = 0; variant < 3; variant++) {
         saga_train *const t = variant == 0
-            ? train_until_packing(f, &o, &stops)
-            : resume_packing(f, &o, &stops);
-        result r;
+            ? train_until(&o, SAGA_TRAIN_PACK)
+            : tiny_resume(&room.capture, &o);
+        trained r;
 
         if (variant == 2)
             keep_all(t);
         if (variant == 1)
             make_rare(t, ldexp(t->scene.model.step_q16[SAGA_STEP_FEATURE],
                                -16 - t->scene.model.head_q[SAGA_HEAD_COARSE]));
-        r = finish(t);
+        r = tiny_finish(t);
         for (size_t i = 0; i < sizeof coded / sizeof coded[0]; i++)
             assert_true(agrees(saga_component_name(saga_component_of(
                             coded[i])), r.report.entropy.estimate[coded[i]],
@@ -444,23 +317,15 @@ static void should_be_near(saga_train *t, bool plain)
  * to every block, over all its steps, within 8 LSB of Q12 (measured: 1.0). */
 TEST(rate_should_be_near_the_integer_path)
 {
-    saga_train_options o = small();
-    int stops = 0;
+    saga_train_options o = tiny_defaults();
 
     o.n_primitives = 600;
     o.n_render = 300;
-    should_be_near(train_until_packing(*state, &o, &stops), false);
-    should_be_near(resume_packing(*state, &o, &stops), true);
+    should_be_near(train_until(&o, SAGA_TRAIN_PACK), false);
+    should_be_near(tiny_resume(&room.capture, &o), true);
 }
 
 /* --- The scene's twin ---------------------------------------------------- */
-
-static bool stop_in_rendering(void *user, const saga_train_progress *p)
-{
-    int *const stops = user;
-
-    return p->stage != SAGA_TRAIN_RENDER || (*stops)++ > 0;
-}
 
 /* The fit from its beginning, with networks that fuse features: the same
  * structure and places, other parameters. */
@@ -521,22 +386,15 @@ static double start_error(saga_train *t)
 TEST(fit_should_begin_where_the_warm_up_ends)
 {
     static const double lambda[] = { 0.01, 22, 2200 };
-    const fixture *const f = *state;
     double psnr[3];
 
     for (int i = 0; i < 3; i++) {
-        saga_train_options o = small();
+        saga_train_options o = tiny_defaults();
         saga_error error = { "" };
         saga_train *t;
-        int stops = 0;
 
         o.lambda = lambda[i];
-        o.progress = stop_in_rendering;
-        o.progress_user = &stops;
-        t = saga_train_new(&f->capture, &o, &error);
-        assert_non_null(t);
-        while (t->stage == SAGA_TRAIN_WARM)
-            assert_int_not_equal(saga_train_run(t, &error), SAGA_FAILED);
+        t = train_until(&o, SAGA_TRAIN_RENDER);
         saga_fit_free(t->fit);
         saga_params_free(&t->target);
         saga_scene_free(&t->scene);
@@ -613,21 +471,14 @@ static double picture_near(saga_train *t)
  * and hidden units add to it (measured: 0.0014 and 0.0015). */
 TEST(scene_should_be_near_the_integer_path)
 {
-    const fixture *const f = *state;
-
     for (int fuse = 0; fuse < 2; fuse++) {
-        saga_train_options o = small();
+        saga_train_options o = tiny_defaults();
         saga_error error = { "" };
-        int stops = 0;
         saga_train *t;
         double worst;
 
         o.lambda = 22;
-        o.progress = stop_in_rendering;
-        o.progress_user = &stops;
-        t = saga_train_new(&f->capture, &o, &error);
-        assert_non_null(t);
-        assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+        t = train_until(&o, SAGA_TRAIN_RENDER);
         if (fuse)
             add_fuse(t);
         assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
@@ -647,20 +498,14 @@ TEST(scene_should_be_near_the_integer_path)
  * file as in its twin. */
 TEST(motion_should_be_cut_where_training_cut_it)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
+    saga_train_options o = tiny_defaults();
     saga_rows rows[SAGA_N_HEADS];
     saga_error error = { "" };
-    int stops = 0;
     saga_train *t;
     saga_net *geo;
 
     o.lambda = 22;
-    o.progress = stop_in_rendering;
-    o.progress_user = &stops;
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+    t = train_until(&o, SAGA_TRAIN_RENDER);
     saga_model_rows(rows, &t->scene.model);
     assert_true(rows[SAGA_HEAD_MOTION1].n);
     geo = &t->scene.net[SAGA_NET_GEO];
@@ -672,165 +517,14 @@ TEST(motion_should_be_cut_where_training_cut_it)
     saga_train_free(t);
 }
 
-TEST(train_should_depend_on_the_seed_alone)
-{
-    const fixture *const f = *state;
-    saga_train_options o = small();
-    const result again = encode(&f->capture, &o);
-    result other;
-
-    o.seed = 2;
-    other = encode(&f->capture, &o);
-    assert_true(same(&f->whole, &again));
-    assert_false(same(&f->whole, &other));
-    free(again.bytes);
-    free(other.bytes);
-}
-
-/* This counts how often threads meet in an iteration of the rendering: how
- * often n times, in the last bin more often. */
-enum { MEETINGS = 64 };
-typedef struct { size_t before; int bin[MEETINGS + 1], n; } meetings;
-
-static bool count_meetings(void *user, const saga_train_progress *p)
-{
-    meetings *const m = user;
-    const size_t now = saga_n_meetings(), n = now - m->before;
-
-    if (p->stage == SAGA_TRAIN_RENDER && p->iteration > 1) {
-        m->bin[n < MEETINGS ? n : MEETINGS]++;
-        m->n++;
-    }
-    m->before = now;
-    return true;
-}
-
-/* Returns what half of the iterations do not exceed: others refresh, or measure
- * the file. */
-static int usual_meetings(const meetings *m)
-{
-    int n = 0, sum = m->bin[0];
-
-    while (sum < (m->n + 1) / 2)
-        sum += m->bin[++n];
-    return n;
-}
-
-/* Where threads meet a hundred times in an iteration, two are slower than one.
- */
-TEST(train_should_not_depend_on_threads_that_seldom_meet)
-{
-    const fixture *const f = *state;
-    saga_train_options o = small();
-    meetings m = { 0 };
-    result other;
-#ifdef _OPENMP
-    const int before = omp_get_max_threads();
-
-    omp_set_num_threads(before == 1 ? 3 : 1);
-#endif
-    saga_set_least_work(0);
-    o.progress = count_meetings;
-    o.progress_user = &m;
-    other = encode(&f->capture, &o);
-    saga_set_least_work(SAGA_LEAST_WORK);
-#ifdef _OPENMP
-    omp_set_num_threads(before);
-#endif
-    assert_true(same(&f->whole, &other));
-    assert_true(m.n > 10);
-    assert_true(usual_meetings(&m) <= 38);
-    free(other.bytes);
-}
-
-/* --- Checkpoints --------------------------------------------------------- */
-
-/* Stops where the stage has come to an iteration, or every `every` calls. */
-typedef struct {
-    saga_train_stage stage;
-    int iteration, every, calls;
-} stop;
-
-static bool stop_there(void *user, const saga_train_progress *p)
-{
-    stop *const s = user;
-
-    assert_true(p->iteration <= p->n_iterations);
-    assert_true(p->done >= 0 && p->done <= 1);
-    s->calls++;
-    if (s->every)
-        return s->calls % s->every != 0;
-    return p->stage != s->stage || p->iteration != s->iteration;
-}
-
-/* Runs into each stop, forgets everything, goes on from the checkpoint; until
- * the end, which is `whole`. The last of stops is never reached. Returns how
- * often it stopped. */
-static int interrupt(const fixture *f, saga_train_options o,
-                     const result *whole, const stop *stops)
-{
-    saga_error error = { "" };
-    saga_outcome status;
-    stop s = *stops;
-    saga_train *t;
-    int n = 0;
-    result r;
-
-    o.checkpoint = f->checkpoint;
-    o.progress = stop_there;
-    o.progress_user = &s;
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
-    while ((status = saga_train_run(t, &error)) == SAGA_STOPPED) {
-        assert_null(saga_train_complaint(t));
-        saga_train_free(t);
-        n++;
-        if (!s.every)
-            s = stops[n];
-        t = resumed(f, &o);
-    }
-    assert_int_equal(status, SAGA_DONE);
-    r = finish(t);
-    assert_true(same(whole, &r));
-    free(r.bytes);
-    return n;
-}
-
-TEST(train_should_resume_to_the_same_file)
-{
-    static const stop places[] = {
-        { SAGA_TRAIN_WARM, 20, 0, 0 }, { SAGA_TRAIN_WARM, WARM, 0, 0 },
-        { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
-        { SAGA_TRAIN_RENDER, RENDER, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
-        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
-    };
-    static const stop often = { SAGA_TRAIN_WARM, 0, 11, 0 };
-
-    const fixture *const f = *state;
-
-    assert_int_equal(interrupt(f, small(), &f->whole, places),
-                     sizeof places / sizeof places[0] - 1);
-    assert_true(interrupt(f, small(), &f->whole, &often) >= 5);
-}
-
 /* --- Layers -------------------------------------------------------------- */
-
-static saga_train_options layered(void)
-{
-    saga_train_options o = small();
-
-    o.n_layers = 3;
-    o.ablate = NULL;
-    return o;
-}
 
 /* 150 primitives in parts of 1, 2 and 4 sevenths. */
 TEST(layers_should_have_twice_as_many_each)
 {
     static const uint32_t n_prim[] = { 21, 43, 86 };
-    const fixture *const f = *state;
-    const saga_train_options o = layered();
-    const result r = encode(&f->capture, &o);
+    const saga_train_options o = tiny_layered();
+    const trained r = tiny_train(&room.capture, &o);
     saga_segment_header seg;
     saga_segment where;
     saga_io io;
@@ -851,17 +545,16 @@ TEST(layers_should_be_coded_as_estimated)
     static const uint32_t coded[] = {
         SAGA_SYM_FEATURE, SAGA_SYM_FINE_OFFSET, SAGA_SYM_PRIM_OFFSET
     };
-    saga_train_options o = layered();
-    int stops = 0;
+    saga_train_options o = tiny_layered();
     saga_train *t;
-    result r;
+    trained r;
 
     o.n_primitives = 1000;
     o.n_coarse = 250;
     o.n_fine = 500;
-    t = train_until_packing(*state, &o, &stops);
+    t = train_until(&o, SAGA_TRAIN_PACK);
     keep_all(t);
-    r = finish(t);
+    r = tiny_finish(t);
     for (size_t i = 0; i < sizeof coded / sizeof coded[0]; i++)
         assert_true(agrees(saga_component_name(saga_component_of(coded[i])),
                            r.report.entropy.estimate[coded[i]],
@@ -892,16 +585,15 @@ static void links_should_stay_in_a_layer(const saga_links *l,
 /* All anchors in one place are neighbours, of ranks that are near enough. */
 TEST(layers_should_not_know_of_each_other)
 {
-    saga_train_options o = layered();
+    saga_train_options o = tiny_layered();
     saga_error error = { "" };
-    int stops = 0;
     saga_train *t;
     saga_scene *s;
 
     o.n_primitives = 600;
     o.n_coarse = 150;
     o.n_fine = 300;
-    t = train_until_packing(*state, &o, &stops);
+    t = train_until(&o, SAGA_TRAIN_PACK);
     s = &t->scene;
     for (size_t i = 0; i < 4 * (size_t)s->n.coarse; i++)
         s->coarse_x[i] = 0;
@@ -914,321 +606,6 @@ TEST(layers_should_not_know_of_each_other)
     links_should_stay_in_a_layer(&t->fit->twin.to_fine, s, s->n.fine, false);
     links_should_stay_in_a_layer(&t->fit->twin.to_prim, s, s->n.prim, true);
     saga_train_free(t);
-    unlink(((const fixture *)*state)->checkpoint);
-}
-
-TEST(layers_should_resume_to_the_same_file)
-{
-    static const stop places[] = {
-        { SAGA_TRAIN_WARM, WARM, 0, 0 }, { SAGA_TRAIN_RENDER, 1, 0, 0 },
-        { SAGA_TRAIN_RENDER, 44, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
-        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
-    };
-    const fixture *const f = *state;
-    const saga_train_options o = layered();
-    const result whole = encode(&f->capture, &o);
-
-    assert_int_equal(interrupt(f, o, &whole, places),
-                     sizeof places / sizeof places[0] - 1);
-    free(whole.bytes);
-}
-
-/* Trains until a stop; what a look at its checkpoint gives, NULL where there is
- * nothing. */
-static uint8_t *peek_at(const fixture *f, saga_train_options o, stop place,
-                        size_t *n, saga_error *error)
-{
-    uint8_t *bytes = NULL;
-    saga_train *t;
-
-    o.checkpoint = f->checkpoint;
-    o.progress = stop_there;
-    o.progress_user = &place;
-    t = saga_train_new(&f->capture, &o, error);
-    assert_non_null(t);
-    assert_int_equal(saga_train_run(t, error), SAGA_STOPPED);
-    saga_train_free(t);
-    assert_false(saga_failed(error));
-    if (saga_train_peek(&bytes, n, f->checkpoint, error))
-        assert_non_null(bytes);
-    else
-        assert_null(bytes);
-    return bytes;
-}
-
-/* Returns the PSNR of the pictures of all training views. */
-static double psnr_of(const fixture *f, const uint8_t *bytes, size_t n)
-{
-    uint8_t rgb[3 * 64 * 36];
-    saga_error error = { "" };
-    double sum = 0, count = 0;
-    saga_film film;
-
-    assert_true(saga_film_open(&film, "x", bytes, n, 1, &error));
-    assert_int_equal(film.info.n_frames, 5);
-    assert_int_equal(film.info.n_cameras, 4);
-    for (uint32_t v = 0; v < 4; v++)
-        for (uint32_t k = 0; k < 5 && !f->capture.views[v].held_out; k++) {
-            const uint8_t *const truth =
-                saga_capture_frame(&f->capture, (int)v, (int)k);
-            saga_camera camera;
-            uint32_t number;
-
-            assert_true(saga_film_rig(&film, v, &camera, &number, &error) &&
-                        saga_film_draw(&film, &camera, k, 1, rgb, &error));
-            for (size_t i = 0; i < sizeof rgb; i++)
-                sum += (rgb[i] - truth[i]) * (rgb[i] - truth[i]);
-            count += sizeof rgb;
-        }
-    saga_film_close(&film);
-    return 10 * log10(255 * 255 * count / sum);
-}
-
-/* Of a warm-up there is nothing; the rendering may have just begun; at its end
- * they are the bytes of the file. */
-TEST(peek_should_show_the_training)
-{
-    const fixture *const f = *state;
-    saga_error error = { "" };
-    double begun, later;
-    uint8_t *bytes;
-    size_t n;
-
-    assert_null(peek_at(f, small(), (stop){ SAGA_TRAIN_WARM, 20, 0, 0 }, &n,
-                        &error));
-    assert_non_null(strstr(error.message, "x.saga.ckpt: its training is in the "
-                           "warm-up, at iteration 20 of"));
-    error = (saga_error){ "" };
-    bytes = peek_at(f, small(), (stop){ SAGA_TRAIN_RENDER, 1, 0, 0 }, &n,
-                    &error);
-    begun = psnr_of(f, bytes, n);
-    free(bytes);
-    bytes = peek_at(f, small(), (stop){ SAGA_TRAIN_RENDER, 44, 0, 0 }, &n,
-                    &error);
-    later = psnr_of(f, bytes, n);
-    free(bytes);
-    print_message("%.2f dB, %.2f, at the end %.2f\n", begun, later,
-                  psnr_of(f, f->whole.bytes, f->whole.n));
-    assert_true(begun > 10 && later > begun);
-    bytes = peek_at(f, small(), (stop){ SAGA_TRAIN_PACK, 0, 0, 0 }, &n,
-                    &error);
-    assert_int_equal(n, f->whole.n);
-    assert_memory_equal(bytes, f->whole.bytes, n);
-    free(bytes);
-}
-
-TEST(peek_should_show_layers)
-{
-    const fixture *const f = *state;
-    const saga_train_options o = layered();
-    const result whole = encode(&f->capture, &o);
-    saga_error error = { "" };
-    uint8_t *bytes;
-    size_t n;
-
-    bytes = peek_at(f, o, (stop){ SAGA_TRAIN_PACK, 0, 0, 0 }, &n, &error);
-    assert_int_equal(n, whole.n);
-    assert_memory_equal(bytes, whole.bytes, n);
-    free(bytes);
-    free(whole.bytes);
-}
-
-/* The first stop comes between the guess and the settling of the count. */
-TEST(lambda_should_bring_its_primitives)
-{
-    const fixture *const f = *state;
-    stop s = { SAGA_TRAIN_WARM, WARM / 4, 0, 0 };
-    saga_train_options o = small();
-    saga_error error = { "" };
-    saga_train *t;
-    result whole, parts;
-
-    o.free_count = true;
-    o.lambda = 4 * f->whole.report.lambda;
-    whole = finish(saga_train_new(&f->capture, &o, &error));
-    assert_true(whole.report.n.prim < o.n_primitives);
-    assert_true(whole.report.n.prim >= o.n_primitives / 8);
-    o.checkpoint = f->checkpoint;
-    o.progress = stop_there;
-    o.progress_user = &s;
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
-    saga_train_free(t);
-    s.iteration = WARM;
-    t = resumed(f, &o);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
-    saga_train_free(t);
-    s.stage = SAGA_TRAIN_N_STAGES;
-    parts = finish(resumed(f, &o));
-    assert_true(same(&whole, &parts));
-    free(whole.bytes);
-    free(parts.bytes);
-}
-
-static bool resume_fails(const fixture *f, const saga_train_options *o,
-                         const char *says)
-{
-    saga_error error = { "" };
-    saga_train *const t = saga_train_resume(&f->capture, o, &error);
-    const bool ok = !t && strstr(error.message, says);
-
-    if (!ok)
-        print_error("wanted '%s': '%s'\n", says, error.message);
-    saga_train_free(t);
-    return ok;
-}
-
-/* A checkpoint in the rendering. */
-static saga_train_options make_checkpoint(const fixture *f)
-{
-    stop s = { SAGA_TRAIN_RENDER, 3, 0, 0 };
-    saga_train_options o = small();
-    saga_error error = { "" };
-    saga_train *t;
-
-    o.checkpoint = f->checkpoint;
-    o.progress = stop_there;
-    o.progress_user = &s;
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
-    saga_train_free(t);
-    o.progress = NULL;
-    return o;
-}
-
-/* A trial decides on the iterations once; a checkpoint keeps them. */
-TEST(train_should_keep_what_its_minutes_gave)
-{
-    const fixture *const f = *state;
-    stop s = { SAGA_TRAIN_WARM, 3, 0, 0 };
-    saga_train_options o = small();
-    saga_error error = { "" };
-    saga_train *t;
-    int n;
-
-    o.n_warm = o.n_render = 0;
-    o.minutes = 0.5;
-    o.checkpoint = f->checkpoint;
-    o.progress = stop_there;
-    o.progress_user = &s;
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
-    n = saga_train_n_iterations(t);
-    assert_true(n >= 100);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
-    saga_train_free(t);
-    o.minutes = 20;
-    t = resumed(f, &o);
-    assert_int_equal(saga_train_n_iterations(t), n);
-    saga_train_free(t);
-    unlink(f->checkpoint);
-}
-
-TEST(train_should_refuse_a_checkpoint_of_other_options)
-{
-    const fixture *const f = *state;
-    const saga_train_options o = make_checkpoint(f);
-    saga_train_options p;
-
-    p = o;
-    p.seed = 7;
-    assert_true(resume_fails(f, &p, "--seed 1, not 7"));
-    p = o;
-    p.lambda = 0.25;
-    assert_true(resume_fails(f, &p, "--lambda 0, not 0.25"));
-    p = o;
-    p.n_render++;
-    assert_true(resume_fails(f, &p, "--iterations 100, not 101"));
-    p = o;
-    p.level = 3;
-    assert_true(resume_fails(f, &p, "--level 2, not 3"));
-    p = o;
-    p.n_layers = 2;
-    assert_true(resume_fails(f, &p, "--layers 1, not 2"));
-    p = o;
-    p.ablate = "groups=4,raw-networks";
-    assert_true(resume_fails(f, &p, "begun with --ablate 'slots=32', not "
-                             "'groups=4,raw-networks'"));
-    p = o;
-    p.checkpoint = "/nowhere/x.ckpt";
-    assert_true(resume_fails(f, &p, "/nowhere/x.ckpt"));
-}
-
-typedef struct { uint8_t *data; size_t n; } content;
-
-static content read_all(const char *path)
-{
-    saga_error error = { "" };
-    saga_bytes b;
-
-    if (!saga_read_file(&b, path, &error))
-        fail_msg("%s", error.message);
-    return (content){ b.data, b.nbytes };
-}
-
-/* The first n bytes, one of them changed (at >= n: none). */
-static void write_damaged(const char *path, const content *b, size_t n,
-                          size_t at)
-{
-    FILE *const file = must(fopen(path, "wb"));
-
-    for (size_t i = 0; i < n; i++)
-        putc(b->data[i] ^ (i == at ? 0x41 : 0), file);
-    assert_int_equal(fclose(file), 0);
-}
-
-/* Where the options, the seed among them, and the pictures' digest are kept. */
-enum { HEAD_BEGIN = 32, HEAD_END = 32 + 10 * 8 + 128 };
-
-/* One byte changed, or all from there on missing: in the head, of which a
- * changed seed must not be told as another --seed, and anywhere. */
-TEST(train_should_refuse_a_damaged_checkpoint)
-{
-    const fixture *const f = *state;
-    const saga_train_options o = make_checkpoint(f);
-    const content whole = read_all(f->checkpoint);
-    const saga_rng r = saga_rng_stream(1, 1);
-
-    assert_true(whole.n > 1000);
-    for (size_t at = 0; at < HEAD_END; at++) {
-        write_damaged(f->checkpoint, &whole, whole.n, at);
-        assert_true(resume_fails(f, &o, at < HEAD_BEGIN
-                                 ? "is no checkpoint of this version"
-                                 : "is damaged or cut short"));
-    }
-    for (uint64_t i = 0; i < 48; i++) {
-        const size_t at = HEAD_END + saga_rng_below(r, i,
-                                          (uint32_t)(whole.n - HEAD_END));
-
-        write_damaged(f->checkpoint, &whole, i % 3 ? whole.n : at, at);
-        assert_true(resume_fails(f, &o, "is damaged or cut short"));
-    }
-    write_damaged(f->checkpoint, &whole, 10, whole.n);
-    assert_true(resume_fails(f, &o, "is cut short"));
-    write_damaged(f->checkpoint, &whole, whole.n, whole.n);
-    saga_train_free(resumed(f, &o));
-    free(whole.data);
-}
-
-/* One channel of one pixel of the last frame, or one camera a little moved. */
-TEST(train_should_refuse_a_checkpoint_of_other_pictures)
-{
-    fixture *const f = *state;
-    const saga_train_options o = make_checkpoint(f);
-    saga_shot *const last = &f->capture.views[f->capture.n_views - 1];
-    uint8_t *const pixel = last->rgb + saga_view_frame_nbytes(last) *
-                           (size_t)f->capture.n_frames - 1;
-    const double x = last->translation[0];
-
-    *pixel ^= 1;
-    assert_true(resume_fails(f, &o, "was begun with other pictures"));
-    *pixel ^= 1;
-    last->translation[0] = nextafter(x, 1e9);
-    assert_true(resume_fails(f, &o, "was begun with other pictures"));
-    last->translation[0] = x;
-    saga_train_free(resumed(f, &o));
 }
 
 /* --- Rounding ------------------------------------------------------------ */
@@ -1239,19 +616,17 @@ TEST(train_should_refuse_a_checkpoint_of_other_pictures)
  * quarter of a step and more in every second coordinate. */
 TEST(train_should_draw_positions_as_decoded)
 {
-    saga_train_options o = small();
+    saga_train_options o = tiny_defaults();
     saga_error error = { "" };
     size_t i, far = 0;
     real *drawn;
     saga_train *t;
     double step;
-    int stops = 0;
 
-    t = train_until_packing(*state, &o, &stops);
+    t = train_until(&o, SAGA_TRAIN_PACK);
     assert_int_equal(t->scene.n.prim, t->scene.n.fine);
-    drawn = must(malloc(4 * (size_t)t->scene.n.prim * sizeof *drawn));
-    memcpy(drawn, t->fit->position, 4 * (size_t)t->scene.n.prim *
-                                    sizeof *drawn);
+    drawn = copy_of(t->fit->position,
+                    4 * (size_t)t->scene.n.prim * sizeof *drawn);
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     step = saga_rate_prim_step(&t->scene);
     for (i = 0; i < 4 * (size_t)t->scene.n.prim; i++) {
@@ -1269,23 +644,17 @@ TEST(train_should_draw_positions_as_decoded)
 /* From the first rounded feature on: its mean must not move any more. */
 TEST(entropy_networks_should_stand_still_at_last)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
+    saga_train_options o = tiny_defaults();
     saga_error error = { "" };
     size_t n;
     real *then;
     saga_train *t;
-    stop s = { SAGA_TRAIN_RENDER, (2 * RENDER + 2) / 3 + 1, 0, 0 };
+    tiny_stop s = { SAGA_TRAIN_RENDER, (2 * TINY_RENDER + 2) / 3 + 1, 0, 0 };
 
-    o.progress = stop_there;
-    o.progress_user = &s;
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
-    assert_int_equal(saga_train_run(t, &error), SAGA_STOPPED);
+    t = tiny_train_until(&room.capture, &o, &s);
     assert_int_equal(t->fit->rate.decision.decided, 1);
     n = saga_rate_n_params(&t->scene);
     then = copy_of(t->scene.params, n * sizeof *then);
-    s.stage = SAGA_TRAIN_N_STAGES;
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     assert_memory_equal(then, t->scene.params, n * sizeof *then);
     free(then);
@@ -1294,16 +663,21 @@ TEST(entropy_networks_should_stand_still_at_last)
 
 /* --- What a scene needs -------------------------------------------------- */
 
+static saga_capture one_frame(void)
+{
+    const saga_synth_options o = synth_options(64, 36, 4, 1, 300);
+
+    return tiny_capture(&o);
+}
+
 TEST(train_should_drop_temporal_tools_of_one_frame)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
-    saga_capture c;
-    result r;
+    saga_train_options o = tiny_defaults();
+    saga_capture c = one_frame();
+    trained r;
 
-    c = load(f->folder, "single", 1);
     o.motion = SAGA_TRAIN_MEASURE;
-    r = encode(&c, &o);
+    r = tiny_train(&c, &o);
     assert_int_equal(r.report.info.tools &
                      ~(uint32_t)(SAGA_TOOL_VIEW | SAGA_TOOL_STEEP), 0);
     assert_false(r.report.dynamic);
@@ -1334,17 +708,15 @@ static void hold_still(saga_capture *c, int n)
 
 TEST(train_should_drop_temporal_tools_when_nothing_moves)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
-    saga_capture c;
-    result r;
+    saga_train_options o = tiny_defaults();
+    saga_capture c = one_frame();
+    trained r;
 
-    c = load(f->folder, "still", 1);
     hold_still(&c, 6);
     o.motion = SAGA_TRAIN_MEASURE;
     o.n_warm = 800;
     o.n_primitives = 300;
-    r = encode(&c, &o);
+    r = tiny_train(&c, &o);
     print_message("changing %g explained %g\n", r.report.changing,
                   r.report.explained);
     assert_true(r.report.changing > 0.01);
@@ -1356,14 +728,13 @@ TEST(train_should_drop_temporal_tools_when_nothing_moves)
 
 TEST(train_should_keep_temporal_tools_when_something_moves)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
-    result r;
+    saga_train_options o = tiny_defaults();
+    trained r;
 
     o.motion = SAGA_TRAIN_MEASURE;
     o.n_warm = 800;
     o.n_primitives = 300;
-    r = encode(&f->capture, &o);
+    r = tiny_train(&room.capture, &o);
     print_message("changing %g explained %g\n", r.report.changing,
                   r.report.explained);
     assert_true(r.report.info.tools & SAGA_TOOL_MOTION_MASK);
@@ -1374,65 +745,49 @@ TEST(train_should_keep_temporal_tools_when_something_moves)
 
 TEST(train_should_obey_level_0)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
-    result r;
+    saga_train_options o = tiny_defaults();
+    trained r;
 
     o.level = 0;
-    r = encode(&f->capture, &o);
+    r = tiny_train(&room.capture, &o);
     assert_int_equal(r.report.info.level, 0);
     assert_true(r.report.info.work_nbytes <= SAGA_WORK_MAX(0));
     free(r.bytes);
 }
 
-static bool refuses(const fixture *f, const saga_train_options *o,
-                    const char *says)
-{
-    saga_error error = { "" };
-    saga_train *const t = saga_train_new(&f->capture, o, &error);
-    const bool ok = !t && strstr(error.message, says);
-
-    if (!ok)
-        print_error("wanted '%s': '%s'\n", says, error.message);
-    saga_train_free(t);
-    return ok;
-}
-
 TEST(train_should_refuse_wrong_options)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
+    static const char *const says[] = {
+        "--level 4", "1025 is more than the 1024 of level 0", "--primitives 0",
+        "--layers 8 are more than the 7", "--lambda -1", "--time -1",
+        "--iterations", "--ablate does not know 'groups=17'",
+        "--ablate slots=48", "256 is more than the 128 of level 2"
+    };
+    enum { MANY = sizeof says / sizeof says[0] };
+    saga_train_options o[MANY];
 
-    o.level = 4;
-    assert_true(refuses(f, &o, "--level 4"));
-    o = small();
-    o.level = 0;
-    o.n_primitives = 1025;
-    assert_true(refuses(f, &o, "1025 is more than the 1024 of level 0"));
-    o = small();
-    o.n_primitives = 0;
-    assert_true(refuses(f, &o, "--primitives 0"));
-    o = small();
-    o.n_primitives = 7;
-    o.n_layers = 8;
-    assert_true(refuses(f, &o, "--layers 8 are more than the 7"));
-    o = small();
-    o.lambda = -1;
-    assert_true(refuses(f, &o, "--lambda -1"));
-    o = small();
-    o.minutes = -1;
-    assert_true(refuses(f, &o, "--time -1"));
-    o = small();
-    o.n_warm = 0;
-    assert_true(refuses(f, &o, "--iterations"));
-    o = small();
-    o.ablate = "no-parent,groups=17";
-    assert_true(refuses(f, &o, "--ablate does not know 'groups=17'"));
-    o = small();
-    o.ablate = "slots=48";
-    assert_true(refuses(f, &o, "--ablate slots=48"));
-    o.ablate = "slots=256";
-    assert_true(refuses(f, &o, "256 is more than the 128 of level 2"));
+    for (int i = 0; i < MANY; i++)
+        o[i] = tiny_defaults();
+    o[0].level = 4;
+    o[1].level = 0;
+    o[1].n_primitives = 1025;
+    o[2].n_primitives = 0;
+    o[3].n_primitives = 7;
+    o[3].n_layers = 8;
+    o[4].lambda = -1;
+    o[5].minutes = -1;
+    o[6].n_warm = 0;
+    o[7].ablate = "no-parent,groups=17";
+    o[8].ablate = "slots=48";
+    o[9].ablate = "slots=256";
+    for (int i = 0; i < MANY; i++) {
+        saga_error error = { "" };
+        saga_train *const t = saga_train_new(&room.capture, &o[i], &error);
+
+        assert_null(t);
+        if (!strstr(error.message, says[i]))
+            fail_msg("wanted '%s': '%s'", says[i], error.message);
+    }
 }
 
 /* --- Ablations ----------------------------------------------------------- */
@@ -1441,7 +796,7 @@ static void sources_should_be(const saga_ablation *e,
                               uint8_t coarse, uint8_t fine, uint8_t prim)
 {
     const saga_train t = {
-        .o = small(), .ablation = *e, .dynamic = true,
+        .o = tiny_defaults(), .ablation = *e, .dynamic = true,
         .policy = { .width = 64, .entropy_width = 8,
                     .prim_step = 0.25 }
     };
@@ -1544,14 +899,12 @@ static double sum_of_row(const saga_net *n, int l, int i)
  * more bits than its layer has as many less. */
 TEST(train_should_keep_raw_networks_fine)
 {
-    const fixture *const f = *state;
-    saga_train_options o = small();
+    saga_train_options o = tiny_defaults();
     saga_error error = { "" };
     saga_train *t;
 
     o.ablate = "raw-networks";
-    t = saga_train_new(&f->capture, &o, &error);
-    assert_non_null(t);
+    t = tiny_begin(&room.capture, &o);
     assert_int_equal(saga_train_run(t, &error), SAGA_DONE);
     for (int net = SAGA_NET_FUSE_C; net <= SAGA_NET_COLOUR; net++)
         for (int l = 0; l < t->scene.net[net].n_layers; l++) {
@@ -1567,5 +920,3 @@ TEST(train_should_keep_raw_networks_fine)
         }
     saga_train_free(t);
 }
-
-TEST_GROUP(set_up, tear_down);

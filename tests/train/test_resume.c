@@ -1,0 +1,426 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Neither threads nor interruptions show in a file. What a checkpoint shows of
+ * its training, and which checkpoints are refused.
+ */
+#include "file.h"
+#include "rng.h"
+#include "testing.h"
+#include "threads.h"
+#include "tiny_training.h"
+#include "view.h"
+
+#include <unistd.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+/* A capture of five frames, and the file of tiny_defaults(), never stopped. */
+static tiny room;
+static trained plain;
+
+static int set_up(void **state)
+{
+    const saga_train_options o = tiny_defaults();
+
+    (void)state;
+    tiny_open(&room, 5);
+    plain = tiny_train(&room.capture, &o);
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    free(plain.bytes);
+    tiny_close(&room);
+    return 0;
+}
+
+TEST_GROUP(set_up, tear_down);
+
+TEST(train_should_depend_on_the_seed_alone)
+{
+    saga_train_options o = tiny_defaults();
+    const trained again = tiny_train(&room.capture, &o);
+    trained other;
+
+    o.seed = 2;
+    other = tiny_train(&room.capture, &o);
+    assert_true(tiny_same(&plain, &again));
+    assert_false(tiny_same(&plain, &other));
+    free(again.bytes);
+    free(other.bytes);
+}
+
+/* --- Threads ------------------------------------------------------------- */
+
+/* This counts how often threads meet in an iteration of the rendering: how
+ * often n times, in the last bin more often. */
+enum { MEETINGS = 64 };
+typedef struct { size_t before; int bin[MEETINGS + 1], n; } meetings;
+
+static bool count_meetings(void *user, const saga_train_progress *p)
+{
+    meetings *const m = user;
+    const size_t now = saga_n_meetings(), n = now - m->before;
+
+    if (p->stage == SAGA_TRAIN_RENDER && p->iteration > 1) {
+        m->bin[n < MEETINGS ? n : MEETINGS]++;
+        m->n++;
+    }
+    m->before = now;
+    return true;
+}
+
+/* Returns what half of the iterations do not exceed: others refresh, or measure
+ * the file. */
+static int usual_meetings(const meetings *m)
+{
+    int n = 0, sum = m->bin[0];
+
+    while (sum < (m->n + 1) / 2)
+        sum += m->bin[++n];
+    return n;
+}
+
+/* Where threads meet a hundred times in an iteration, two are slower than one.
+ */
+TEST(train_should_not_depend_on_threads_that_seldom_meet)
+{
+    saga_train_options o = tiny_defaults();
+    meetings m = { 0 };
+    trained other;
+#ifdef _OPENMP
+    const int before = omp_get_max_threads();
+
+    omp_set_num_threads(before == 1 ? 3 : 1);
+#endif
+    saga_set_least_work(0);
+    o.progress = count_meetings;
+    o.progress_user = &m;
+    other = tiny_train(&room.capture, &o);
+    saga_set_least_work(SAGA_LEAST_WORK);
+#ifdef _OPENMP
+    omp_set_num_threads(before);
+#endif
+    assert_true(tiny_same(&plain, &other));
+    assert_true(m.n > 10);
+    assert_true(usual_meetings(&m) <= 38);
+    free(other.bytes);
+}
+
+/* --- Interruptions ------------------------------------------------------- */
+
+/* Runs into each stop, forgets everything, goes on from the checkpoint; until
+ * the end, which is `whole`. The last of stops is never reached. Returns how
+ * often it stopped. */
+static int interrupt(saga_train_options o, const trained *whole,
+                     const tiny_stop *stops)
+{
+    saga_error error = { "" };
+    saga_outcome status;
+    tiny_stop s = *stops;
+    saga_train *t;
+    int n = 0;
+    trained r;
+
+    o.checkpoint = room.checkpoint;
+    tiny_stop_at(&o, &s);
+    t = tiny_begin(&room.capture, &o);
+    while ((status = saga_train_run(t, &error)) == SAGA_STOPPED) {
+        assert_null(saga_train_complaint(t));
+        saga_train_free(t);
+        n++;
+        if (!s.every)
+            s = stops[n];
+        t = tiny_resume(&room.capture, &o);
+    }
+    assert_int_equal(status, SAGA_DONE);
+    r = tiny_finish(t);
+    assert_true(tiny_same(whole, &r));
+    free(r.bytes);
+    return n;
+}
+
+TEST(train_should_resume_to_the_same_file)
+{
+    static const tiny_stop places[] = {
+        { SAGA_TRAIN_WARM, 20, 0, 0 }, { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 },
+        { SAGA_TRAIN_RENDER, 1, 0, 0 }, { SAGA_TRAIN_RENDER, 44, 0, 0 },
+        { SAGA_TRAIN_RENDER, TINY_RENDER, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
+        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
+    };
+    static const tiny_stop often = { SAGA_TRAIN_WARM, 0, 11, 0 };
+
+    assert_int_equal(interrupt(tiny_defaults(), &plain, places),
+                     sizeof places / sizeof places[0] - 1);
+    assert_true(interrupt(tiny_defaults(), &plain, &often) >= 5);
+}
+
+TEST(layers_should_resume_to_the_same_file)
+{
+    static const tiny_stop places[] = {
+        { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 }, { SAGA_TRAIN_RENDER, 1, 0, 0 },
+        { SAGA_TRAIN_RENDER, 44, 0, 0 }, { SAGA_TRAIN_PACK, 0, 0, 0 },
+        { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
+    };
+    const saga_train_options o = tiny_layered();
+    const trained whole = tiny_train(&room.capture, &o);
+
+    assert_int_equal(interrupt(o, &whole, places),
+                     sizeof places / sizeof places[0] - 1);
+    free(whole.bytes);
+}
+
+/* The first stop comes between the guess and the settling of the count. */
+TEST(lambda_should_bring_its_primitives)
+{
+    static const tiny_stop places[] = {
+        { SAGA_TRAIN_WARM, TINY_WARM / 4, 0, 0 },
+        { SAGA_TRAIN_WARM, TINY_WARM, 0, 0 }, { SAGA_TRAIN_N_STAGES, 0, 0, 0 }
+    };
+    saga_train_options o = tiny_defaults();
+    trained whole;
+
+    o.free_count = true;
+    o.lambda = 4 * plain.report.lambda;
+    whole = tiny_train(&room.capture, &o);
+    assert_true(whole.report.n.prim < o.n_primitives);
+    assert_true(whole.report.n.prim >= o.n_primitives / 8);
+    assert_int_equal(interrupt(o, &whole, places), 2);
+    free(whole.bytes);
+}
+
+/* A checkpoint at a place. */
+static saga_train_options stop_at(saga_train_options o, tiny_stop place)
+{
+    o.checkpoint = room.checkpoint;
+    saga_train_free(tiny_train_until(&room.capture, &o, &place));
+    o.progress = NULL;
+    return o;
+}
+
+/* A trial decides on the iterations once; a checkpoint keeps them. */
+TEST(train_should_keep_what_its_minutes_gave)
+{
+    saga_train_options o = tiny_defaults();
+    tiny_stop s = { SAGA_TRAIN_WARM, 3, 0, 0 };
+    saga_train *t;
+    int n;
+
+    o.n_warm = o.n_render = 0;
+    o.minutes = 0.5;
+    o.checkpoint = room.checkpoint;
+    t = tiny_train_until(&room.capture, &o, &s);
+    n = saga_train_n_iterations(t);
+    assert_true(n >= 100);
+    saga_train_free(t);
+    o.minutes = 20;
+    t = tiny_resume(&room.capture, &o);
+    assert_int_equal(saga_train_n_iterations(t), n);
+    saga_train_free(t);
+    unlink(room.checkpoint);
+}
+
+/* --- A look at a checkpoint ---------------------------------------------- */
+
+/* Trains until a stop; what a look at its checkpoint gives, NULL where there is
+ * nothing. */
+static uint8_t *peek_at(saga_train_options o, tiny_stop place, size_t *n,
+                        saga_error *error)
+{
+    uint8_t *bytes = NULL;
+
+    stop_at(o, place);
+    *error = (saga_error){ "" };
+    if (saga_train_peek(&bytes, n, room.checkpoint, error))
+        assert_non_null(bytes);
+    else
+        assert_null(bytes);
+    return bytes;
+}
+
+/* Returns the PSNR of the pictures of all training views. */
+static double psnr_of(const uint8_t *bytes, size_t n)
+{
+    uint8_t rgb[3 * 64 * 36];
+    saga_error error = { "" };
+    double sum = 0, count = 0;
+    saga_film film;
+
+    assert_true(saga_film_open(&film, "x", bytes, n, 1, &error));
+    assert_int_equal(film.info.n_frames, 5);
+    assert_int_equal(film.info.n_cameras, 4);
+    for (uint32_t v = 0; v < 4; v++)
+        for (uint32_t k = 0; k < 5 && !room.capture.views[v].held_out; k++) {
+            const uint8_t *const truth =
+                saga_capture_frame(&room.capture, (int)v, (int)k);
+            saga_camera camera;
+            uint32_t number;
+
+            assert_true(saga_film_rig(&film, v, &camera, &number, &error) &&
+                        saga_film_draw(&film, &camera, k, 1, rgb, &error));
+            for (size_t i = 0; i < sizeof rgb; i++)
+                sum += (rgb[i] - truth[i]) * (rgb[i] - truth[i]);
+            count += sizeof rgb;
+        }
+    saga_film_close(&film);
+    return 10 * log10(255 * 255 * count / sum);
+}
+
+/* At the end of the rendering they are the bytes of the file. */
+static void check_last_look(const saga_train_options *o, const trained *whole)
+{
+    saga_error error;
+    size_t n;
+    uint8_t *const bytes = peek_at(*o, (tiny_stop){ SAGA_TRAIN_PACK, 0, 0, 0 },
+                                   &n, &error);
+
+    assert_int_equal(n, whole->n);
+    assert_memory_equal(bytes, whole->bytes, n);
+    free(bytes);
+}
+
+/* Of a warm-up there is nothing; the rendering may have just begun. */
+TEST(peek_should_show_the_training)
+{
+    static const int at[] = { 1, 44 };
+    const saga_train_options o = tiny_defaults();
+    saga_error error;
+    double psnr[2];
+    size_t n;
+
+    assert_null(peek_at(o, (tiny_stop){ SAGA_TRAIN_WARM, 20, 0, 0 }, &n,
+                        &error));
+    assert_non_null(strstr(error.message, "x.saga.ckpt: its training is in the "
+                           "warm-up, at iteration 20 of"));
+    for (int i = 0; i < 2; i++) {
+        const tiny_stop s = { SAGA_TRAIN_RENDER, at[i], 0, 0 };
+        uint8_t *const bytes = peek_at(o, s, &n, &error);
+
+        psnr[i] = psnr_of(bytes, n);
+        free(bytes);
+    }
+    print_message("%.2f dB, %.2f, at the end %.2f\n", psnr[0], psnr[1],
+                  psnr_of(plain.bytes, plain.n));
+    assert_true(psnr[0] > 10 && psnr[1] > psnr[0]);
+    check_last_look(&o, &plain);
+}
+
+TEST(peek_should_show_layers)
+{
+    const saga_train_options o = tiny_layered();
+    const trained whole = tiny_train(&room.capture, &o);
+
+    check_last_look(&o, &whole);
+    free(whole.bytes);
+}
+
+/* --- Refusals ------------------------------------------------------------ */
+
+static bool resume_fails(const saga_train_options *o, const char *says)
+{
+    saga_error error = { "" };
+    saga_train *const t = saga_train_resume(&room.capture, o, &error);
+    const bool ok = !t && strstr(error.message, says);
+
+    if (!ok)
+        print_error("wanted '%s': '%s'\n", says, error.message);
+    saga_train_free(t);
+    return ok;
+}
+
+static saga_train_options stop_in_rendering(void)
+{
+    return stop_at(tiny_defaults(),
+                   (tiny_stop){ SAGA_TRAIN_RENDER, 3, 0, 0 });
+}
+
+TEST(train_should_refuse_a_checkpoint_of_other_options)
+{
+    static const char *const says[] = {
+        "--seed 1, not 7", "--lambda 0, not 0.25", "--iterations 100, not 101",
+        "--level 2, not 3", "--layers 1, not 2",
+        "begun with --ablate 'slots=32', not 'groups=4,raw-networks'",
+        "/nowhere/x.ckpt"
+    };
+    enum { MANY = sizeof says / sizeof says[0] };
+    const saga_train_options o = stop_in_rendering();
+    saga_train_options p[MANY];
+
+    for (int i = 0; i < MANY; i++)
+        p[i] = o;
+    p[0].seed = 7;
+    p[1].lambda = 0.25;
+    p[2].n_render++;
+    p[3].level = 3;
+    p[4].n_layers = 2;
+    p[5].ablate = "groups=4,raw-networks";
+    p[6].checkpoint = "/nowhere/x.ckpt";
+    for (int i = 0; i < MANY; i++)
+        assert_true(resume_fails(&p[i], says[i]));
+}
+
+/* The first n bytes, one of them changed (at >= n: none). */
+static void write_damaged(const saga_bytes *b, size_t n, size_t at)
+{
+    FILE *const file = must(fopen(room.checkpoint, "wb"));
+
+    for (size_t i = 0; i < n; i++)
+        putc(b->data[i] ^ (i == at ? 0x41 : 0), file);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Where the options, the seed among them, and the pictures' digest are kept. */
+enum { HEAD_BEGIN = 32, HEAD_END = 32 + 10 * 8 + 128 };
+
+/* One byte changed, or all from there on missing: in the head, of which a
+ * changed seed must not be told as another --seed, and anywhere. */
+TEST(train_should_refuse_a_damaged_checkpoint)
+{
+    const saga_train_options o = stop_in_rendering();
+    const saga_rng r = saga_rng_stream(1, 1);
+    saga_error error = { "" };
+    saga_bytes b;
+
+    assert_true(saga_read_file(&b, room.checkpoint, &error));
+    assert_true(b.nbytes > 1000);
+    for (size_t at = 0; at < HEAD_END; at++) {
+        write_damaged(&b, b.nbytes, at);
+        assert_true(resume_fails(&o, at < HEAD_BEGIN
+                                 ? "is no checkpoint of this version"
+                                 : "is damaged or cut short"));
+    }
+    for (uint64_t i = 0; i < 48; i++) {
+        const size_t at = HEAD_END + saga_rng_below(r, i,
+                                          (uint32_t)(b.nbytes - HEAD_END));
+
+        write_damaged(&b, i % 3 ? b.nbytes : at, at);
+        assert_true(resume_fails(&o, "is damaged or cut short"));
+    }
+    write_damaged(&b, 10, b.nbytes);
+    assert_true(resume_fails(&o, "is cut short"));
+    write_damaged(&b, b.nbytes, b.nbytes);
+    saga_train_free(tiny_resume(&room.capture, &o));
+    free(b.data);
+}
+
+/* One channel of one pixel of the last frame, or one camera a little moved. */
+TEST(train_should_refuse_a_checkpoint_of_other_pictures)
+{
+    const saga_train_options o = stop_in_rendering();
+    saga_shot *const last = &room.capture.views[room.capture.n_views - 1];
+    uint8_t *const pixel = last->rgb + saga_view_frame_nbytes(last) *
+                           (size_t)room.capture.n_frames - 1;
+    const double x = last->translation[0];
+
+    *pixel ^= 1;
+    assert_true(resume_fails(&o, "was begun with other pictures"));
+    *pixel ^= 1;
+    last->translation[0] = nextafter(x, 1e9);
+    assert_true(resume_fails(&o, "was begun with other pictures"));
+    last->translation[0] = x;
+    saga_train_free(tiny_resume(&room.capture, &o));
+}
