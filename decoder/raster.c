@@ -22,89 +22,21 @@
  * keys of the splats that touch the row, as many as fit, so that not every band
  * looks at every splat.
  *
- * Scratch: a struct state in the first 256 bytes; for each tile of the band
- * four planes T, R, G, B of uint32; a struct queue per tile; the list. All
- * progress is in struct state, so that a call may stop after any unit of work.
+ * Scratch: a raster_state in the first 256 bytes; for each tile of the band
+ * four planes T, R, G, B of uint32; a raster_queue per tile; the list. All
+ * progress is in raster_state, so that a call may stop after any unit of work.
  *
- * cursor[0]: 0 not begun, 1 begun (struct state is valid), 2 finished. The
+ * cursor[0]: 0 not begun, 1 begun (raster_state is valid), 2 finished. The
  * others belong to the caller, who keeps a job with its view and first block.
  */
-#include "raster.h"
-
 #include "blend.h"
 #include "fx.h"
+#include "raster_state.h"
 #include "sqrt_up.h"
 
-#define CLOSED 0xffffffffu           /* n of a finished tile's queue */
 #define AHEAD 4                      /* splats from the one that is fetched */
 #define CHECK_EVERY 32               /* splats between looks for a finished
                                       * tile */
-enum { STATE_NBYTES = 256, N_PLANES = 4 };
-enum { CURSOR_NEW, CURSOR_BEGUN, CURSOR_FINISHED };
-enum {
-    STEP_OPEN, STEP_KEEP, STEP_COUNT, STEP_SUM, STEP_LIST, STEP_CLEAR,
-    STEP_BLEND, STEP_WRITE
-};
-
-/* How far the band's keys are counted, or listed. */
-typedef struct {
-    uint32_t key;                   /* next one: a kept one, or n_kept + i for
-                                     * the i-th behind those passed */
-    uint32_t is_begun;              /* it is done with its tiles before */
-    uint32_t x, y;                  /* this one */
-} progress;
-
-/* Where the job stands. Tiles are counted from the job's corner in col and
- * row, from the band's in tx and ty. */
-typedef struct {
-    uint32_t step;
-    uint32_t band_cols, band_rows;  /* largest band, in tiles */
-    uint32_t col, row;              /* first tile of this band */
-    uint32_t tx, ty;                /* tile at work */
-    uint32_t line;                  /* next line of the tile (STEP_BLEND: of
-                                     * the splat in it) */
-    uint32_t n_kept;                /* keys kept for this row of tiles, */
-    uint32_t n_passed;              /* of so many at the front of the order */
-    progress counted, listed;
-    uint32_t is_first;              /* no list before this one in the band */
-    uint32_t n_counted, n_listed;   /* entries of this list */
-    uint32_t count;                 /* splats blended in this tile */
-} state;
-
-_Static_assert(sizeof(state) <= STATE_NBYTES, "SAGA_JOB_NBYTES");
-
-/* The splats of one tile: list[first..first + n). */
-typedef struct {
-    uint32_t first, n;
-} queue;
-
-_Static_assert(sizeof(queue) == 8 && sizeof(saga_key) == 8, "SAGA_JOB_NBYTES");
-_Static_assert(sizeof(saga_depth) == 16, "depths have no padding");
-
-/* One call. */
-typedef struct {
-    const saga_job *job;
-    const saga_picture *pic;
-    const saga_camera *cam;
-    const saga_splat *splats;
-    const saga_key *order;
-    uint32_t n;
-    uint32_t budget;
-    uint32_t side, log2_side;       /* of a tile, pixels */
-    uint32_t box_shift;             /* of the keys' boxes */
-    int tiles_are_units;            /* ... whose units make whole tiles */
-    uint32_t cols, rows;            /* of the job, tiles */
-    uint32_t nx, ny;                /* of this band, tiles */
-    state *s;
-    uint32_t *pixels;               /* planes of the band's first tile */
-    queue *queues;
-    uint32_t *list;
-    uint32_t capacity;              /* of the list */
-    saga_key *kept;
-    uint32_t kept_capacity;
-    saga_cpu cpu;
-    int is_steep;
-} raster;
 
 /* --- Tiles --------------------------------------------------------------- */
 
@@ -135,26 +67,10 @@ static uint32_t *tile_pixels(const raster *r, uint32_t tx, uint32_t ty)
                        N_PLANES;
 }
 
-static queue *tile_queue(const raster *r, uint32_t tx, uint32_t ty)
-{
-    return r->queues + (ty * r->nx + tx);
-}
-
-/* The picture's coordinates of a tile of the band. */
-static int32_t tile_x(const raster *r, uint32_t tx)
-{
-    return r->job->x0 + (int32_t)((r->s->col + tx) << r->log2_side);
-}
-
-static int32_t tile_y(const raster *r, uint32_t ty)
-{
-    return r->job->y0 + (int32_t)((r->s->row + ty) << r->log2_side);
-}
-
 /* Next tile of the band, in rows; 0 after the last, with tx = ty = 0. */
 static int next_tile(raster *r)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
 
     s->line = 0;
     s->count = 0;
@@ -184,7 +100,7 @@ _Static_assert((SAGA_T_FLOOR_Q16 & (SAGA_T_FLOOR_Q16 - 1)) == 0, "is_finished");
  * job's rectangle are finished from the start. */
 static void step_clear(raster *r)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
     const int32_t x = tile_x(r, s->tx), y = tile_y(r, s->ty);
     const uint32_t plane = 1u << 2 * r->log2_side;
     const uint32_t n = spend(r, r->side - s->line);
@@ -209,7 +125,7 @@ static void step_clear(raster *r)
 }
 
 /* The next list begins where the last one ended. */
-static void begin_list(state *s)
+static void begin_list(raster_state *s)
 {
     s->listed = s->counted;
     s->n_counted = 0;
@@ -219,7 +135,7 @@ static void begin_list(state *s)
 /* One unit per tile. */
 static void step_open(raster *r)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
     const uint32_t n = r->nx * r->ny;
 
     for (; r->budget > 0 && s->tx < n; r->budget--)
@@ -234,270 +150,12 @@ static void step_open(raster *r)
     begin_list(s);
 }
 
-/* --- Keys ---------------------------------------------------------------- */
-
-/* Bytes of seven bits: the first column and row of the box in units of
- * 2^shift pixels, and 127 less the last ones. So boxes overlap where no byte of
- * one key is above that of another rectangle's limit. */
-static uint32_t pack(uint32_t x0, uint32_t x1, uint32_t y0, uint32_t y1)
-{
-    return x0 | (127 - x1) << 8 | y0 << 16 | (127 - y1) << 24;
-}
-
-/* So many bits less seven, and at least tiles of eight. */
-static uint32_t box_shift(const saga_camera *cam)
-{
-    const uint32_t side = cam->width > cam->height ? cam->width : cam->height;
-    uint32_t shift = 3;
-
-    while ((side - 1) >> shift > 127)
-        shift++;
-    return shift;
-}
-
-uint64_t saga_raster_boxes(saga_key *order, const saga_splat *splats,
-                           uint32_t n, const saga_camera *cam)
-{
-    const uint32_t shift = box_shift(cam);
-    uint64_t pixels = 0;
-    uint32_t i;
-
-    for (i = 0; i < n; i++) {
-        const saga_splat *const s = splats + order[i].index;
-
-        order[i].depth = pack((uint32_t)s->x0 >> shift,
-                              (uint32_t)(s->x1 - 1) >> shift,
-                              (uint32_t)s->y0 >> shift,
-                              (uint32_t)(s->y1 - 1) >> shift);
-        pixels += (uint32_t)((s->x1 - s->x0) * (s->y1 - s->y0));
-    }
-    return pixels;
-}
-
-#define GUARDS 0x80808080u       /* no byte borrows from the next */
-
-/* What the keys of splats that may touch these tiles of the band do not
- * exceed. */
-static uint32_t limit_of(const raster *r, uint32_t nx, uint32_t ny)
-{
-    const uint32_t shift = r->box_shift;
-    const uint32_t x = (uint32_t)tile_x(r, 0), y = (uint32_t)tile_y(r, 0);
-    const uint32_t x1 = (uint32_t)fx_min(tile_x(r, nx), r->job->x1) - 1;
-    const uint32_t y1 = (uint32_t)fx_min(tile_y(r, ny), r->job->y1) - 1;
-
-    /* The rectangle's ends in the places of a key's beginnings: a box
-     * overlaps if it begins before they end, and ends after they begin. */
-    return GUARDS | pack(x1 >> shift, x >> shift, y1 >> shift, y >> shift);
-}
-
-static int touches(saga_key key, uint32_t limit)
-{
-    return ((limit - key.depth) & GUARDS) == GUARDS;
-}
-
-/* Keeps keys for the row of tiles, one unit per key looked at. */
-static void step_keep(raster *r)
-{
-    state *const s = r->s;
-    const uint32_t limit = limit_of(r, r->cols - s->col, r->ny);
-    uint32_t i = s->n_passed, n = s->n_kept;
-
-    for (; r->budget > 0 && i < r->n && n < r->kept_capacity; r->budget--) {
-        const saga_key key = r->order[i++];
-
-        /* Written in any case and kept by the count: no branch to
-         * mispredict. */
-        r->kept[n] = key;
-        n += (uint32_t)touches(key, limit);
-    }
-    s->n_passed = i;
-    s->n_kept = n;
-    if (r->budget > 0)
-        s->step = STEP_COUNT;
-}
-
-/* --- Listing ------------------------------------------------------------- */
-
-/* Pixels. */
-typedef struct {
-    int32_t x0, y0, x1, y1;
-} box;
-
-/* The tiles of the band a splat may touch, inclusive. */
-typedef struct {
-    uint32_t x0, y0, x1, y1;
-} tile_range;
-
-static int box_tiles(tile_range *t, const raster *r, const box *b)
-{
-    const int32_t x = tile_x(r, 0), y = tile_y(r, 0);
-    const int32_t x1 = fx_min(b->x1, fx_min(tile_x(r, r->nx), r->job->x1));
-    const int32_t y1 = fx_min(b->y1, fx_min(tile_y(r, r->ny), r->job->y1));
-    const int32_t x0 = fx_max(b->x0, x);
-    const int32_t y0 = fx_max(b->y0, y);
-
-    if (x0 >= x1 || y0 >= y1)
-        return 0;
-    t->x0 = (uint32_t)(x0 - x) >> r->log2_side;
-    t->y0 = (uint32_t)(y0 - y) >> r->log2_side;
-    t->x1 = (uint32_t)(x1 - 1 - x) >> r->log2_side;
-    t->y1 = (uint32_t)(y1 - 1 - y) >> r->log2_side;
-    return 1;
-}
-
-/* Where tiles begin at whole units of the keys, a key says as much as the
- * splat, which lies anywhere in memory. */
-static int splat_tiles(tile_range *t, const raster *r, saga_key key)
-{
-    const uint32_t shift = r->box_shift;
-    const uint32_t k = key.depth;
-    const saga_splat *s;
-    box b;
-
-    if (r->tiles_are_units) {
-        b.x0 = (int32_t)((k & 127) << shift);
-        b.x1 = (int32_t)((128 - (k >> 8 & 127)) << shift);
-        b.y0 = (int32_t)((k >> 16 & 127) << shift);
-        b.y1 = (int32_t)((128 - (k >> 24)) << shift);
-    } else {
-        s = r->splats + key.index;
-        b.x0 = s->x0;
-        b.x1 = s->x1;
-        b.y0 = s->y0;
-        b.y1 = s->y1;
-    }
-    return box_tiles(t, r, &b);
-}
-
-/* Counts a splat's tiles, or lists it with them, one unit each. Returns 0 when
- * the budget is spent or the list full. */
-static int visit_tiles(raster *r, progress *at, const tile_range *t,
-                       uint32_t splat)
-{
-    state *const s = r->s;
-    const int is_listing = at == &s->listed;
-    uint32_t *const n = is_listing ? &s->n_listed : &s->n_counted;
-    const uint32_t end = is_listing ? s->n_counted : r->capacity;
-
-    while (at->y <= t->y1) {
-        queue *const q = tile_queue(r, at->x, at->y);
-
-        /* A finished tile takes no room in the list, so it passes a full
-         * one. */
-        if (r->budget == 0 || (q->n != CLOSED && *n == end))
-            return 0;
-        r->budget--;
-        if (q->n != CLOSED) {
-            if (is_listing)
-                r->list[q->first + q->n] = splat;
-            q->n++;
-            ++*n;
-        }
-        if (at->x++ == t->x1) {
-            at->x = t->x0;
-            at->y++;
-        }
-    }
-    return *n < end;
-}
-
-/* A splat that may touch the band: one unit, and its tiles. Returns 0 when
- * interrupted. */
-static int visit_splat(raster *r, progress *at, saga_key key)
-{
-    tile_range t;
-
-    if (!splat_tiles(&t, r, key)) {
-        r->budget--;
-        return 1;
-    }
-    if (!at->is_begun) {
-        at->is_begun = 1;
-        at->x = t.x0;
-        at->y = t.y0;
-        r->budget--;
-    }
-    if (!visit_tiles(r, at, &t, key.index))
-        return 0;
-    at->is_begun = 0;
-    return 1;
-}
-
-/* keys[0..n) from `from` on, one unit each. Returns where it was interrupted,
- * or n. */
-static uint32_t visit_keys(raster *r, progress *at, const saga_key *keys,
-                           uint32_t from, uint32_t n)
-{
-    const uint32_t limit = limit_of(r, r->nx, r->ny);
-
-    for (; r->budget > 0 && from < n; from++)
-        if (!touches(keys[from], limit))
-            r->budget--;
-        else if (!visit_splat(r, at, keys[from]))
-            break;
-    return from;
-}
-
-static void visit_all(raster *r, progress *at)
-{
-    const state *const s = r->s;
-
-    /* First what is kept for this row, then what nobody has looked at. */
-    if (at->key < s->n_kept)
-        at->key = visit_keys(r, at, r->kept, at->key, s->n_kept);
-    if (at->key >= s->n_kept)
-        at->key = s->n_kept + visit_keys(r, at, r->order + s->n_passed,
-                                         at->key - s->n_kept,
-                                         r->n - s->n_passed);
-}
-
-static void step_count(raster *r)
-{
-    visit_all(r, &r->s->counted);
-    if (r->budget > 0)
-        r->s->step = STEP_SUM;
-}
-
-/* Counts become places, one unit per tile. n_listed is the sum meanwhile. */
-static void step_sum(raster *r)
-{
-    state *const s = r->s;
-    const uint32_t n = r->nx * r->ny;
-
-    for (; r->budget > 0 && s->tx < n; r->budget--) {
-        queue *const q = r->queues + s->tx++;
-
-        if (q->n == CLOSED)
-            continue;
-        q->first = s->n_listed;
-        s->n_listed += q->n;
-        q->n = 0;
-    }
-    if (s->tx < n)
-        return;
-    s->tx = 0;
-    s->n_listed = 0;
-    s->step = STEP_LIST;
-}
-
-static void step_list(raster *r)
-{
-    state *const s = r->s;
-
-    /* The same walk as when they were counted, so that each entry has its
-     * place. */
-    if (s->n_listed < s->n_counted)
-        visit_all(r, &s->listed);
-    if (s->n_listed == s->n_counted)
-        s->step = s->is_first ? STEP_CLEAR : STEP_BLEND;
-}
-
 /* --- Blending ------------------------------------------------------------ */
 
 /* Goes on to the next tile, or with what is not listed yet. */
 static void leave_tile(raster *r)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
 
     s->step = s->is_first ? STEP_CLEAR : STEP_BLEND;
     if (next_tile(r))
@@ -545,7 +203,7 @@ static void colour_patch(saga_patch *p, const saga_splat *s, int bits)
  * budget ends before it is through. */
 static int blend_splat(raster *r, const saga_splat *splat)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
     const int32_t x = tile_x(r, s->tx), y = tile_y(r, s->ty);
     const int32_t right = fx_min(x + (int32_t)r->side, r->job->x1);
     const int32_t bottom = fx_min(y + (int32_t)r->side, r->job->y1);
@@ -584,8 +242,8 @@ static void fetch(const saga_splat *s)
 /* The tile at work: its queue, then one unit for the tile. */
 static void step_blend(raster *r)
 {
-    state *const s = r->s;
-    queue *const q = tile_queue(r, s->tx, s->ty);
+    raster_state *const s = r->s;
+    raster_queue *const q = tile_queue(r, s->tx, s->ty);
 
     while (q->n != 0 && q->n != CLOSED) {
         if (q->n > AHEAD)
@@ -613,13 +271,14 @@ static void step_blend(raster *r)
  * keys kept for a row begin where they do for its first band. */
 static void lay_out_band(raster *r)
 {
-    const state *const s = r->s;
+    const raster_state *const s = r->s;
     const uint32_t capacity = r->job->list_capacity;
     const size_t n = (size_t)s->band_cols * s->band_rows;
 
     r->nx = s->band_cols < r->cols - s->col ? s->band_cols : r->cols - s->col;
     r->ny = s->band_rows < r->rows - s->row ? s->band_rows : r->rows - s->row;
-    r->queues = (queue *)(r->pixels + (n << 2 * r->log2_side) * N_PLANES);
+    r->queues = (raster_queue *)(r->pixels +
+                                 (n << 2 * r->log2_side) * N_PLANES);
     r->kept = (saga_key *)(r->queues + n);
     /* Keys are worth keeping only where several bands share a row of tiles. */
     r->kept_capacity = s->band_cols < r->cols ? capacity / 2 : 0;
@@ -630,7 +289,7 @@ static void lay_out_band(raster *r)
 /* Returns 1 after the last band. */
 static int next_band(raster *r)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
 
     s->step = STEP_OPEN;
     s->col += s->band_cols;
@@ -647,105 +306,10 @@ static int next_band(raster *r)
     return 0;
 }
 
-/* --- Output -------------------------------------------------------------- */
-
-/* s = C + T background <= 2^16 * 2^15, since all weights and the last T sum to
- * 65536, becomes (s max + 2^30) >> 31, which is max at most. */
-static uint16_t finish16(uint32_t s)
-{
-    FX_ASSERT(s <= 1u << 31);
-    return (uint16_t)(((uint64_t)s * 65535 + (1u << 30)) >> 31);
-}
-
-/* With s = a 2^23 + b, 255 s is a 2^31 + 256 b - s: what is added to a is the
- * rest, halved so that it fits 32 bits, and shifted by 30. */
-static uint8_t finish8(uint32_t s)
-{
-    const int32_t rest = (int32_t)((s & 0x7fffff) << 7) + (1 << 29) -
-                         (int32_t)((s + 1) >> 1);
-
-    return (uint8_t)((int32_t)(s >> 23) + (rest >> 30));
-}
-
-/* Channel k of a line: n samples of 8 bits. */
-static void finish_line8(uint8_t *restrict v, const uint32_t *restrict t,
-                         const uint32_t *restrict c, uint32_t background,
-                         int32_t n)
-{
-    int32_t i;
-
-    for (i = 0; i < n; i++)
-        v[i] = finish8(c[i] + t[i] * background);
-}
-
-static void write_line8(const raster *r, uint8_t *p, const uint32_t *t,
-                        int32_t n)
-{
-    const uint32_t plane = 1u << 2 * r->log2_side;
-    uint8_t v[3][64];
-    uint32_t k;
-    int32_t i;
-
-    for (k = 0; k < 3; k++)
-        finish_line8(v[k], t, t + plane * (k + 1), r->cam->background_q15[k],
-                     n);
-    for (i = 0; i < n; i++, p += 3) {
-        p[0] = v[0][i];
-        p[1] = v[1][i];
-        p[2] = v[2][i];
-    }
-}
-
-static void write_line16(const raster *r, uint16_t *p, const uint32_t *t,
-                         int32_t n)
-{
-    const uint32_t plane = 1u << 2 * r->log2_side;
-    uint32_t k;
-    int32_t i;
-
-    for (i = 0; i < n; i++, t++)
-        for (k = 0; k < 3; k++)
-            *p++ = finish16(t[plane * (k + 1)] +
-                            *t * r->cam->background_q15[k]);
-}
-
-/* The parts of the depth come together again (colour_patch). */
-static void write_depths(const raster *r, saga_depth *p, const uint32_t *t,
-                         int32_t n)
-{
-    const uint32_t plane = 1u << 2 * r->log2_side;
-    int32_t i;
-
-    for (i = 0; i < n; i++, t++, p++) {
-        p->sum_q16 = ((uint64_t)t[plane] << 22) +
-                     ((uint64_t)t[2 * plane] << 11) + t[3 * plane];
-        p->weight_q16 = 65536 - *t;
-        p->reserved = 0;
-    }
-}
-
-static void write_line(const raster *r, const uint32_t *t, int32_t x,
-                       int32_t y)
-{
-    const int32_t width = fx_min((int32_t)r->side, r->job->x1 - x);
-    /* The picture begins at the job's corner: a band's buffer suffices. */
-    void *const line = (uint8_t *)r->pic->rgb +
-                       (size_t)(y - r->job->y0) * r->pic->stride_nbytes;
-    /* Pixels of the job, not of the camera's picture. */
-    const int32_t at = x - r->job->x0;
-
-    if (r->pic->bits == SAGA_DEPTH)
-        write_depths(r, (saga_depth *)line + at, t, width);
-    else if (r->pic->bits == 16)
-        write_line16(r, (uint16_t *)line + 3 * at, t, width);
-    else
-        write_line8(r, (uint8_t *)line + 3 * at, t, width);
-}
-
 /* One unit per line. Returns 1 when the last band is written. */
 static int step_write(raster *r)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
     const int32_t x = tile_x(r, s->tx), y = tile_y(r, s->ty);
     const uint32_t n = spend(r, r->side - s->line);
     const uint32_t *t = tile_pixels(r, s->tx, s->ty);
@@ -753,8 +317,8 @@ static int step_write(raster *r)
 
     for (k = 0; k < n; k++, s->line++)
         if (y + (int32_t)s->line < r->job->y1)
-            write_line(r, t + (s->line << r->log2_side), x,
-                       y + (int32_t)s->line);
+            saga_raster_write(r, t + (s->line << r->log2_side), x,
+                              y + (int32_t)s->line);
     if (s->line < r->side)
         return 0;
     /* With one list the tiles take turns in the first one's pixels. */
@@ -769,12 +333,12 @@ static int step_write(raster *r)
 static uint32_t count_tiles(size_t n_bytes, uint32_t log2_side, uint32_t all)
 {
     const uint32_t shift = 2 * log2_side + 4;
-    const size_t each = ((size_t)1 << shift) + sizeof(queue);
+    const size_t each = ((size_t)1 << shift) + sizeof(raster_queue);
     size_t n = n_bytes >> shift;
 
     if (n > all)
         n = all;
-    n -= n * sizeof(queue) >> shift;
+    n -= n * sizeof(raster_queue) >> shift;
     while (n * each > n_bytes)
         n--;
     return (uint32_t)n;
@@ -783,9 +347,9 @@ static uint32_t count_tiles(size_t n_bytes, uint32_t log2_side, uint32_t all)
 /* The largest band: a part of a row of tiles, or as many full rows as fit. */
 static void begin(raster *r, uint32_t n_tiles)
 {
-    state *const s = r->s;
+    raster_state *const s = r->s;
 
-    *s = (state){ .step = STEP_OPEN, .band_rows = 1 };
+    *s = (raster_state){ .step = STEP_OPEN, .band_rows = 1 };
     s->band_cols = n_tiles < r->cols ? n_tiles : r->cols;
     while (s->band_rows < r->rows && (s->band_rows + 1) * r->cols <= n_tiles)
         s->band_rows++;
@@ -852,7 +416,7 @@ static saga_status check(const saga_job *job, const saga_picture *pic,
     if (log2_side == 0 || job->list_capacity == 0 || !is_inside(job, cam) ||
         (pic->bits != 8 && pic->bits != 16 && pic->bits != SAGA_DEPTH))
         return SAGA_ERR_ARG;
-    if (tile_nbytes(job) < ((size_t)16 << 2 * log2_side) + sizeof(queue))
+    if (tile_nbytes(job) < ((size_t)16 << 2 * log2_side) + sizeof(raster_queue))
         return SAGA_ERR_SPACE;
     if ((uintptr_t)job->scratch & 3)
         return SAGA_ERR_ALIGN;
@@ -866,7 +430,7 @@ static void open_job(raster *r, saga_job *job)
     r->side = 1u << r->log2_side;
     r->cols = ((uint32_t)(job->x1 - job->x0) + r->side - 1) >> r->log2_side;
     r->rows = ((uint32_t)(job->y1 - job->y0) + r->side - 1) >> r->log2_side;
-    r->box_shift = box_shift(r->cam);
+    r->box_shift = saga_raster_box_shift(r->cam);
     r->tiles_are_units = r->box_shift <= r->log2_side &&
         !((uint32_t)(job->x0 | job->y0) & ((1u << r->box_shift) - 1));
     r->s = job->scratch;
@@ -879,16 +443,6 @@ static void open_job(raster *r, saga_job *job)
     lay_out_band(r);
 }
 
-static void make_list(raster *r)
-{
-    if (r->s->step == STEP_COUNT)
-        step_count(r);
-    else if (r->s->step == STEP_SUM)
-        step_sum(r);
-    else
-        step_list(r);
-}
-
 /* Returns 1 when the job is finished, 0 when the budget is spent. */
 static int work(raster *r)
 {
@@ -896,9 +450,9 @@ static int work(raster *r)
         if (r->s->step == STEP_OPEN)
             step_open(r);
         else if (r->s->step == STEP_KEEP)
-            step_keep(r);
+            saga_raster_keep(r);
         else if (r->s->step <= STEP_LIST)
-            make_list(r);
+            saga_raster_list(r);
         else if (r->s->step == STEP_CLEAR)
             step_clear(r);
         else if (r->s->step == STEP_BLEND)

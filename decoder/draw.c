@@ -1,0 +1,210 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The public functions of a view: which splats a camera sees at a time, in
+ * which order, and the jobs that draw them.
+ */
+#include "animate.h"
+#include "crc32c.h"
+#include "project.h"
+#include "raster.h"
+#include "reconstruct.h"
+#include "splats.h"
+#include "work_block.h"
+
+static const saga_splat *splats_of(const saga_decoder *dec)
+{
+    return (const saga_splat *)(const void *)
+        const_at(dec, dec->plan.splats_at);
+}
+
+static const saga_key *keys_of(const saga_decoder *dec)
+{
+    return (const saga_key *)(const void *)const_at(dec, dec->plan.keys_at);
+}
+
+/* Colours of the last seen->n of n splats. */
+static void shade(saga_splat *splats, uint32_t n, const saga_decoder *dec,
+                  const saga_scaffold *sc, saga_seen *seen)
+{
+    if (seen->n > 0)
+        saga_shade(splats + (n - seen->n), sc, seen, dec->camera.centre);
+    seen->n = 0;
+}
+
+/* A splat has its colour at once, or waits for it in `seen`. */
+static void see(saga_splat *splat, const saga_decoder *dec, uint32_t prim,
+                saga_seen *seen)
+{
+    const int16_t *const base =
+        (const int16_t *)(const void *)const_at(dec, dec->plan.colours_at) +
+        (size_t)prim * dec->plan.colour_stride;
+    int i;
+
+    if (dec->header.model.tools & SAGA_TOOL_VIEW) {
+        seen->base[seen->n] = base;
+        saga_animate_mean(seen->x[seen->n++], &const_prims_of(dec)[prim],
+                          &dec->format, SAGA_T_MID);
+        return;
+    }
+    for (i = 0; i < 3; i++)
+        splat->colour_q15[i] = (uint16_t)base[i];
+}
+
+/* All primitives that are visible, with keys by depth; returns their number. */
+static uint32_t make_splats(saga_splat *splats, saga_key *keys,
+                            saga_decoder *dec, int32_t t)
+{
+    const saga_look look = { &dec->format, &dec->camera, t };
+    saga_seen seen = { 0 };
+    saga_scaffold sc;
+    uint32_t i, n = 0, most;
+
+    saga_block_scaffold(&sc, dec, &dec->n);
+    most = saga_shade_points(&sc);
+    for (i = 0; i < n_prims(dec); i += SAGA_RUN) {
+        const uint32_t left = n_prims(dec) - i;
+        uint32_t at = i, visible = saga_splats(
+            splats + n, prims_of(dec) + i, left < SAGA_RUN ? left : SAGA_RUN,
+            &look, (saga_cpu)dec->cpu);
+
+        for (; visible != 0; visible >>= 1, at++) {
+            if (!(visible & 1))
+                continue;
+            keys[n].depth = splats[n].depth;
+            keys[n].index = n;
+            see(&splats[n++], dec, at, &seen);
+            if (seen.n == most)
+                shade(splats, n, dec, &sc, &seen);
+        }
+    }
+    shade(splats, n, dec, &sc, &seen);
+    return n;
+}
+
+/* A splat that covers a picture covers a tiny one too, and so does any other.
+ */
+static int costs_too_much(const saga_decoder *dec)
+{
+    const uint32_t pixels = (uint32_t)dec->camera.width * dec->camera.height;
+
+    return dec->box_pixels >
+           (uint64_t)saga_caps[dec->header.level].cover *
+               (pixels < SAGA_COVER_PIXELS ? SAGA_COVER_PIXELS : pixels);
+}
+
+/* Views of one decoder differ by their number, those of two decoders by what
+ * they show. */
+static void number_view(saga_decoder *dec, int32_t t)
+{
+    const uint8_t *const camera = (const uint8_t *)&dec->camera;
+    uint32_t crc = dec->owner;
+
+    crc = saga_crc32c(crc, (const uint8_t *)dec->final_range,
+                      sizeof dec->final_range);
+    crc = saga_crc32c(crc, (const uint8_t *)&t, sizeof t);
+    /* Bytes behind the last field are not looked at. */
+    dec->view_digest = saga_crc32c(crc, camera,
+                                   offsetof(saga_camera, background_q15) +
+                                   sizeof dec->camera.background_q15);
+    dec->n_views++;
+    dec->has_view = 1;
+}
+
+saga_status saga_view(saga_decoder *dec, const saga_camera *camera, int32_t t)
+{
+    saga_splat *const splats =
+        (saga_splat *)(void *)block_at(dec, dec->plan.splats_at);
+    saga_key *const keys =
+        (saga_key *)(void *)block_at(dec, dec->plan.keys_at);
+    const saga_status s = saga_camera_check(camera);
+    uint32_t n;
+
+    if (!dec->has_segment)
+        return SAGA_ERR_STATE;
+    if (s)
+        return s;
+    if (t < 0 || t > SAGA_T_MAX)
+        return SAGA_ERR_ARG;
+    dec->camera = *camera;
+    dec->has_view = 0;
+    dec->n_splats = 0;
+    n = make_splats(splats, keys, dec, t);
+    saga_depth_sort(keys, (saga_key *)(void *)
+                    block_at(dec, dec->plan.keys_tmp_at), n);
+    dec->box_pixels = saga_raster_boxes(keys, splats, n, camera);
+    if (costs_too_much(dec))
+        return SAGA_ERR_LEVEL;
+    dec->n_splats = n;
+    number_view(dec, t);
+    return SAGA_OK;
+}
+
+_Static_assert(offsetof(saga_job, cursor) ==
+               24 + sizeof(void *) + sizeof(size_t), "jobs have no padding");
+
+/* The scratch of a job that has begun numbers the splats of its view and has
+ * the layout that its first block gave: this tells them from others. A change
+ * of one field always shows. */
+static uint32_t digest_of(const saga_decoder *dec, const saga_job *job,
+                          const saga_picture *picture)
+{
+    return saga_crc32c(dec->view_digest ^ (uint32_t)picture->bits,
+                       (const uint8_t *)job, offsetof(saga_job, cursor));
+}
+
+saga_status saga_draw(const saga_decoder *dec, saga_job *job,
+                      const saga_picture *picture, uint32_t budget)
+{
+    const saga_drawing drawing = { &dec->camera, splats_of(dec), keys_of(dec),
+                                   dec->n_splats, (saga_cpu)dec->cpu,
+                                   dec->format.is_steep };
+    uint32_t digest;
+
+    if (!dec->has_view)
+        return SAGA_ERR_STATE;
+    if (budget == 0)
+        return SAGA_ERR_ARG;
+    digest = digest_of(dec, job, picture);
+    if (job->cursor[0] == 0) {
+        job->cursor[1] = dec->n_views;
+        job->cursor[2] = digest;
+    }
+    if (job->cursor[1] != dec->n_views || job->cursor[2] != digest)
+        return SAGA_ERR_STATE;
+    return saga_raster(job, picture, &drawing, budget);
+}
+
+saga_status saga_colour_at(uint16_t colour_q15[3], saga_decoder *dec,
+                           uint32_t index, const int32_t from[3])
+{
+    saga_seen seen = { 0 };
+    saga_scaffold sc;
+    saga_splat splat;
+    int i;
+
+    if (!dec->has_segment)
+        return SAGA_ERR_STATE;
+    if (index >= n_prims(dec))
+        return SAGA_ERR_ARG;
+    for (i = 0; i < 3; i++)
+        if (from[i] < -(1 << 29) || from[i] > 1 << 29)
+            return SAGA_ERR_ARG;
+    saga_block_scaffold(&sc, dec, &dec->n);
+    see(&splat, dec, index, &seen);
+    if (seen.n > 0)
+        saga_shade(&splat, &sc, &seen, from);
+    for (i = 0; i < 3; i++)
+        colour_q15[i] = splat.colour_q15[i];
+    return SAGA_OK;
+}
+
+saga_status saga_splat_at(saga_splat *out, const saga_decoder *dec,
+                          uint32_t order)
+{
+    if (!dec->has_view)
+        return SAGA_ERR_STATE;
+    if (order >= dec->n_splats)
+        return SAGA_ERR_ARG;
+    *out = splats_of(dec)[keys_of(dec)[order].index];
+    return SAGA_OK;
+}
