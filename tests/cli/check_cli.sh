@@ -71,6 +71,18 @@ for c in $(sed -n 's/^  \([a-z][a-z]*\)  *[A-Z].*/\1/p' "$tmp/out"); do
         "$tmp/out" >>"$tmp/bad"
 done
 grep -q . "$tmp/help" || complain "--help lists no command"
+# README's table of layouts says what the loaders say.
+"$saga" help check | awk '
+    /^A capture is a folder/ { on = 1 }
+    on && /^  [^ ]/ { if (row) print row; row = substr($0, 3)
+                      sub(/   */, " | ", row); next }
+    on && row && /^      / { sub(/^ */, ""); row = row " " $0; next }
+    row { print row; exit }' >"$tmp/layouts"
+sed -n '/^| layout /,/^$/s/^| \(.*\) |$/\1/p' README.md |
+    sed '1d; s/`//g' >"$tmp/readme"
+grep -q '^COLMAP | images/' "$tmp/layouts" ||
+    complain "help check lists no layouts"
+diff "$tmp/layouts" "$tmp/readme" >>"$tmp/bad" || :
 expect 0 --version
 grep -Eq '^saga [0-9.]+, files of version [0-9]+$' "$tmp/out" ||
     complain "--version says $(cat "$tmp/out")"

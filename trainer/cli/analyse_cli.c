@@ -172,5 +172,5 @@ const saga_command saga_command_analyse = {
     "known are `alone` and take the mean. The mask is the same each time.\n"
     "\n"
     "  saga analyse scene.saga --mask 50 --camera 2 --frame 15\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -9,6 +9,7 @@
 #include "file.h"
 #include "json_cli.h"
 #include "json_memory.h"
+#include "load.h"
 #include "survey.h"
 
 #include <math.h>
@@ -246,6 +247,12 @@ static const saga_cli_option option_list[] = {
     SAGA_CAPTURE_OPTIONS(options, capture)
 };
 
+static void print_layouts(void)
+{
+    for (int i = 0; saga_loader_at(i); i++)
+        saga_cli_row(saga_loader_at(i)->name, saga_loader_at(i)->layout);
+}
+
 const saga_command saga_command_check = {
     "check", "CAPTURE", 1,
     "what is wrong with a capture, before training",
@@ -254,22 +261,13 @@ const saga_command saga_command_check = {
     "of the points agree, whether its exposure differs and whether it runs\n"
     "late; what to mind, in words; and what encoding will take.\n"
     "\n"
-    "A capture is a folder with, for pictures, PNG, JPEG, WebP, TIFF or EXR:\n"
-    "  transforms.json            nerfstudio, with pictures or videos\n"
-    "  transforms_train.json      Blender's scenes; D-NeRF's, one camera that\n"
-    "                             moves, by the times of its pictures\n"
-    "  images/, sparse/0          COLMAP, text or binary; frames in folders\n"
-    "                             of a camera or of a moment\n"
-    "  camNN.mp4, poses_bounds.npy  Neu3D; or a COLMAP model\n"
-    "  train_meta.json, ims/      Panoptic Sports (untested on foreign files)\n"
-    "  NAME.json, V_texture_WxH_yuv420p10le.yuv  MPEG MIV, perspective or\n"
-    "                             equirectangular (untested on foreign files)\n"
-    "                             V_depth_WxH_yuv420p16le.yuv gives points\n"
-    "  masks/                     beside images/, pictures of the same names:\n"
-    "                             what is not white does not count; or\n"
-    "                             masks/CAMERA.png for all of a camera\n"
-    "  frame000/, frame001/ ...   any of these for one moment each\n"
-    "Lenses of OPENCV, also of OPENCV_FISHEYE, are straightened. Paths in\n"
-    "these files lead into the capture's folder, or --follow-paths is given.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    "masks/ beside images/ has pictures of the same names: what is not white\n"
+    "does not count; masks/CAMERA.png is for all of a camera. Lenses of\n"
+    "OPENCV, also of OPENCV_FISHEYE, are straightened. Paths in a capture's\n"
+    "files lead into its folder, or --follow-paths is given.\n"
+    "\n"
+    "A capture is a folder in one of these layouts, with pictures in PNG,\n"
+    "JPEG, WebP, TIFF or EXR:\n",
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run,
+    print_layouts
 };

@@ -362,7 +362,7 @@ int saga_cli_parse(const saga_command *c, void *values,
 
 /* --- Help ---------------------------------------------------------------- */
 
-enum { HELP_COLUMN = 22 };
+enum { HELP_COLUMN = 22, HELP_WIDTH = 79 };
 
 static void option_help(const saga_cli_option *o)
 {
@@ -386,10 +386,27 @@ static void option_help(const saga_cli_option *o)
     }
 }
 
+void saga_cli_row(const char *name, const char *meaning)
+{
+    int column = printf("  %-*s", HELP_COLUMN - 2, name);
+
+    for (const char *word = meaning; *word;) {
+        const int n = (int)strcspn(word, " ");
+
+        if (column + 1 + n > HELP_WIDTH)
+            column = printf("\n%*s", HELP_COLUMN, "") - 1;
+        column += printf("%s%.*s", column > HELP_COLUMN ? " " : "", n, word);
+        word += n + (word[n] == ' ');
+    }
+    putchar('\n');
+}
+
 void saga_cli_help(const saga_command *c)
 {
     printf("usage: saga %s %s%s\n\n%s", c->name, c->arguments,
            c->n_options ? " [options]" : "", c->text);
+    if (c->print_list)
+        c->print_list();
     if (c->n_options)
         putchar('\n');
     for (int i = 0; i < c->n_options; i++)

@@ -57,6 +57,7 @@ typedef struct saga_command {
     const saga_cli_option *options;
     int n_options;
     int (*run)(int argc, char **argv); /* argv[0] is the command's name */
+    void (*print_list)(void); /* prints a list behind the text; NULL: none */
 } saga_command;
 
 /* These read values; behind each is what lies at the option's offset. */
@@ -87,6 +88,9 @@ int saga_cli_parse(const saga_command *c, void *values,
 
 /* Prints the help of one command, on stdout. */
 void saga_cli_help(const saga_command *c);
+
+/* Prints a row of a list in the help: a name, and what it means, wrapped. */
+void saga_cli_row(const char *name, const char *meaning);
 
 /* Returns the nearest of n names to `name`, or NULL if none is near enough to
  * have been meant. Names lie `stride` bytes apart, each a const char *. */

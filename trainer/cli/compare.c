@@ -174,5 +174,5 @@ const saga_command saga_command_compare = {
     "needs four points on each curve, quality that grows with the bytes, and\n"
     "a quarter of the wider range in common. Results of other frames, cameras\n"
     "or scales are refused.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -1704,5 +1704,5 @@ const saga_command saga_command_encode = {
     "At the end a verdict says what is well represented and what is not, and\n"
     "which cameras have a rolling shutter that the others do not have.\n"
     "The same options give the same bytes, for any number of threads.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -593,5 +593,5 @@ const saga_command saga_command_eval = {
     "A capture whose cameras, frames or frame rate are not the file's is\n"
     "refused. FILE may be a folder: a capture of the same views whose\n"
     "pictures another codec decoded, to be judged by the same measures.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

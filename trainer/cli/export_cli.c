@@ -245,5 +245,5 @@ const saga_command saga_command_export = {
     "becomes a wider splat; most viewers widen splats by 0.3 square pixels,\n"
     "ours by 0.1; they round in float. docs/results/export.md tells what each\n"
     "does, and how near it comes.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -444,5 +444,5 @@ const saga_command saga_command_import = {
     "\n"
     "  saga import --ply-seq chair.ply -o chair.saga\n"
     "  saga import --ply-seq frames -o scene.saga --cameras old.saga\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

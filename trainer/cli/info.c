@@ -524,5 +524,5 @@ const saga_command saga_command_info = {
     "\n"
     "Lengths called metres are in the capture's unit of length, which is a\n"
     "metre only where it has one; metres_in_capture_unit tells, if known.\n",
-    option_list, 1, run
+    option_list, 1, run, NULL
 };

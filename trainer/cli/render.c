@@ -543,5 +543,5 @@ const saga_command saga_command_render = {
     "beside them; a film takes the first one's size. Of a lens that distorts\n"
     "it is the pinhole of `saga encode`. They say nothing of time: together\n"
     "they go once through the file, unless --time or --frame says when.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -308,5 +308,5 @@ const saga_command saga_command_report = {
     "\n"
     "  saga eval a.saga capture --pictures a --json >a.json\n"
     "  saga report a.json -o report.html\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

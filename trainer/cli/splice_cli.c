@@ -131,7 +131,7 @@ const saga_command saga_command_cut = {
     "Layers may be left out of a file that has them: fewer bytes, a coarser\n"
     "picture. `saga cut FILE : --layers 1` keeps all frames, and of each what\n"
     "the first layer has.\n",
-    option_list, 2, run_cut
+    option_list, 2, run_cut, NULL
 };
 
 const saga_command saga_command_join = {
@@ -142,5 +142,5 @@ const saga_command saga_command_join = {
     "that `saga cut` took out of one encoding, or `saga encode --only` made,\n"
     "in any order, or twice the same. Files of two encodings have networks of\n"
     "their own, and are refused. More than 1,024 are joined in steps.\n",
-    option_list, 1, run_join
+    option_list, 1, run_join, NULL
 };

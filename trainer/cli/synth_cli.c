@@ -128,5 +128,5 @@ const saga_command saga_command_synth = {
     "in the ring somebody runs and throws a ball, things come and go from one\n"
     "picture to the next, and displays show a new picture in every frame.\n"
     "The same options give the same bytes.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -251,5 +251,5 @@ const saga_command saga_command_verify = {
     "8/65536.\n"
     "\n"
     "  saga verify scene.saga --camera 2 --frame 15\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

@@ -320,5 +320,5 @@ const saga_command saga_command_view = {
     "the finished segments, and the one in training once its rendering has\n"
     "begun. The training may go on meanwhile, or be stopped. While a base is\n"
     "trained there is nothing to show.\n",
-    option_list, (int)(sizeof option_list / sizeof option_list[0]), run
+    option_list, (int)(sizeof option_list / sizeof option_list[0]), run, NULL
 };

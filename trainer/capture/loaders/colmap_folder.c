@@ -314,7 +314,7 @@ static char *picture_root(const char *folder, saga_error *error)
     return root;
 }
 
-bool saga_colmap_folder_is_there(const char *folder, saga_error *error)
+static bool is_there(const char *folder, saga_error *error)
 {
     char *model = NULL;
     const bool there = saga_colmap_find(&model, folder, error) && model;
@@ -322,16 +322,13 @@ bool saga_colmap_folder_is_there(const char *folder, saga_error *error)
     return there;
 }
 
-bool saga_colmap_folder_list(saga_listing *listing, const char *folder,
-                             const char *model_folder,
-                             const saga_capture_options *options,
-                             saga_error *error)
+bool saga_colmap_list(saga_listing *listing, const char *folder,
+                      const char *model_folder,
+                      const saga_capture_options *options, saga_error *error)
 {
     char *model = NULL;
     folder_reader r = {.listing = listing, .error = error};
-    listing->format = "COLMAP (images and a sparse model)";
-    bool ok = saga_colmap_find(&model, model_folder ? model_folder : folder,
-                               error);
+    bool ok = saga_colmap_find(&model, model_folder, error);
     r.model_folder = model ? model : folder;
     r.root = picture_root(folder, error);
     ok = ok && r.root && saga_colmap_read(&r.model, r.model_folder, error) &&
@@ -344,3 +341,16 @@ bool saga_colmap_folder_list(saga_listing *listing, const char *folder,
     free(model);
     return ok;
 }
+
+static bool list(saga_listing *listing, const char *folder,
+                 const saga_capture_options *options, saga_error *error)
+{
+    return saga_colmap_list(listing, folder, folder, options, error);
+}
+
+const saga_loader saga_colmap_loader = {
+    "COLMAP", "sparse/0 beside images/",
+    "images/ and the model in sparse/0, text or binary; frames in a folder for "
+    "each camera (images/cam01/0001.jpg) or each moment",
+    is_there, list
+};

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * A format's loader finds this out before any picture is decoded. The loaders
- * fill a listing, which one formats.c says; capture.c turns it into a capture,
- * the same way for all of them.
+ * A loader finds out what a capture consists of before any picture is decoded:
+ * it fills a listing. capture_load.c turns that into a capture, the same way
+ * for all layouts.
  */
 #ifndef SAGA_LOAD_H
 #define SAGA_LOAD_H
@@ -81,35 +81,50 @@ bool saga_listing_match_videos(saga_listing *listing,
 bool saga_listing_find_masks(saga_listing *listing, const char *path,
                              saga_error *error);
 
-/* Lists the capture at a path, whatever its format (formats.c). */
+/* A loader reads one layout of captures; each is defined at the end of its own
+ * file, and formats.c has the table of all. */
+typedef struct saga_loader {
+    const char *name;         /* the layout's, in reports, help and README */
+    const char *sign;         /* what it is known by, for a message */
+    const char *layout;       /* its files, for help and README */
+
+    /* Tells whether a path, mostly of a folder, has this layout. It opens no
+     * picture; false with an error where no memory is left to look. */
+    bool (*is_there)(const char *path, saga_error *error);
+
+    /* Fills a listing, of which path, format and follow_paths alone are set:
+     * sources with names, sizes, lenses, poses and files, the number of frames
+     * and their rate, points and notes. It calls saga_listing_hold_out, before
+     * points are counted. After a failure *error says why, and the caller frees
+     * whatever the listing has by then. */
+    bool (*list)(saga_listing *listing, const char *path,
+                 const saga_capture_options *options, saga_error *error);
+} saga_loader;
+
+/* Returns number i of the loaders, in the order in which they are asked; NULL
+ * behind the last. */
+const saga_loader *saga_loader_at(int i);
+
+/* Lists the capture at a path by the first loader that is there. */
 bool saga_listing_make(saga_listing *listing, const char *path,
                        const saga_capture_options *options, saga_error *error);
 
-/* test_path is a second file, whose cameras are held out, or NULL. */
+/* Does the same with every loader but one, which is made of others. */
+bool saga_listing_make_part(saga_listing *listing, const char *path,
+                            const saga_loader *without,
+                            const saga_capture_options *options,
+                            saga_error *error);
+
+/* Reads files like transforms.json. test_path is a second one, whose cameras
+ * are held out, or NULL. */
 bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
                           const char *test_path,
                           const saga_capture_options *options,
                           saga_error *error);
-/* Lists a folder that has train_meta.json. */
-bool saga_panoptic_list(saga_listing *listing, const char *folder,
-                        const saga_capture_options *options,
-                        saga_error *error);
-/* Tells whether a folder holds .yuv and .json files. */
-bool saga_miv_is_there(const char *folder, saga_error *error);
-bool saga_miv_list(saga_listing *listing, const char *folder,
-                   const saga_capture_options *options, saga_error *error);
-/* Tells whether there is a COLMAP model; false with an error as below. */
-bool saga_colmap_folder_is_there(const char *folder, saga_error *error);
-/* model_folder is NULL where the model is in the folder of the pictures. */
-bool saga_colmap_folder_list(saga_listing *listing, const char *folder,
-                             const char *model_folder,
-                             const saga_capture_options *options,
-                             saga_error *error);
-/* Tells whether there are videos cam*.mp4; false with an error where no memory
- * is left to look. */
-bool saga_neu3d_is_there(const char *folder, saga_error *error);
-bool saga_neu3d_list(saga_listing *listing, const char *folder,
-                     const saga_capture_options *options,
-                     saga_error *error);
+
+/* Lists a folder of pictures by the COLMAP model in another one. */
+bool saga_colmap_list(saga_listing *listing, const char *folder,
+                      const char *model_folder,
+                      const saga_capture_options *options, saga_error *error);
 
 #endif

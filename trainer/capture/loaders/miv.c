@@ -488,7 +488,7 @@ static char *first_with(const char *folder, const char *suffix,
     return best;
 }
 
-bool saga_miv_is_there(const char *folder, saga_error *error)
+static bool is_there(const char *folder, saga_error *error)
 {
     char *const texture = first_with(folder, ".yuv", error);
     char *const json = texture ? first_with(folder, ".json", error) : NULL;
@@ -498,13 +498,12 @@ bool saga_miv_is_there(const char *folder, saga_error *error)
     return there;
 }
 
-bool saga_miv_list(saga_listing *listing, const char *folder,
-                   const saga_capture_options *options, saga_error *error)
+static bool list(saga_listing *listing, const char *folder,
+                 const saga_capture_options *options, saga_error *error)
 {
     miv_reader r = {.listing = listing, .folder = folder, .error = error,
                     .frame = options->first_frame};
     char *const json = first_with(folder, ".json", error);
-    listing->format = "MPEG MIV (camera JSON and YUV)";
     r.path = json ? saga_path_join(folder, json, error) : NULL;
     r.root = r.path ? saga_json_read(r.path, error) : NULL;
     bool ok = r.root && add_cameras(&r);
@@ -525,3 +524,11 @@ bool saga_miv_list(saga_listing *listing, const char *folder,
     free(json);
     return ok;
 }
+
+const saga_loader saga_miv_loader = {
+    "MPEG MIV", "MIV's JSON with .yuv",
+    "NAME.json and VIEW_texture_WxH_yuv420p10le.yuv, perspective or "
+    "equirectangular (a sphere becomes faces of a cube); "
+    "VIEW_depth_WxH_yuv420p16le.yuv gives points; not tried on foreign files",
+    is_there, list
+};

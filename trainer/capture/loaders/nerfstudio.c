@@ -1005,8 +1005,6 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
 {
     reader r = {.listing = listing, .error = error,
                 .folder = folder_of(json_path, error)};
-    listing->format = test_path ? "Blender (transforms_*.json)"
-                                : "nerfstudio (transforms.json)";
     /* The main file is read last, so that r.root is its top when fps, lists and
      * points are looked up there. */
     const bool ok = r.folder &&
@@ -1023,3 +1021,33 @@ bool saga_nerfstudio_list(saga_listing *listing, const char *json_path,
     free(r.at);
     return ok;
 }
+
+/* Tells whether a path is itself such a file. */
+static bool is_json(const char *path)
+{
+    return saga_has_suffix(path, ".json") && saga_path_is_file(path);
+}
+
+static bool is_there(const char *path, saga_error *error)
+{
+    (void)error;
+    return is_json(path) || saga_folder_has(path, "transforms.json");
+}
+
+static bool list(saga_listing *listing, const char *path,
+                 const saga_capture_options *options, saga_error *error)
+{
+    char *const json = is_json(path)
+        ? saga_string_copy(path, error)
+        : saga_path_join(path, "transforms.json", error);
+    const bool ok = json && saga_nerfstudio_list(listing, json, NULL, options,
+                                                 error);
+    free(json);
+    return ok;
+}
+
+const saga_loader saga_nerfstudio_loader = {
+    "nerfstudio", "transforms.json",
+    "transforms.json with pictures, or a video for each camera",
+    is_there, list
+};

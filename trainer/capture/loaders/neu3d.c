@@ -33,7 +33,7 @@ static bool is_camera_video(const char *name)
     return strncmp(name, "cam", 3) == 0 && saga_has_suffix(name, ".mp4");
 }
 
-bool saga_neu3d_is_there(const char *folder, saga_error *error)
+static bool is_there(const char *folder, saga_error *error)
 {
     DIR *const dir = opendir(folder);
     bool found = false;
@@ -359,11 +359,9 @@ static bool find_depths(saga_listing *listing, const char *folder,
     return true;
 }
 
-bool saga_neu3d_list(saga_listing *listing, const char *folder,
-                     const saga_capture_options *options,
-                     saga_error *error)
+static bool list(saga_listing *listing, const char *folder,
+                 const saga_capture_options *options, saga_error *error)
 {
-    listing->format = "Neu3D (cam*.mp4)";
     if (!list_videos(listing, folder, error))
         return false;
     /* Views are split here because points, below, are those that the training
@@ -393,3 +391,9 @@ bool saga_neu3d_list(saga_listing *listing, const char *folder,
     free(model);
     return ok;
 }
+
+const saga_loader saga_neu3d_loader = {
+    "Neu3D", "camNN.mp4",
+    "camNN.mp4 and poses_bounds.npy, or a COLMAP model",
+    is_there, list
+};

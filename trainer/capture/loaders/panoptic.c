@@ -294,12 +294,16 @@ static bool read_points(saga_listing *l, const char *folder, saga_error *error)
     return ok;
 }
 
-bool saga_panoptic_list(saga_listing *listing, const char *folder,
-                        const saga_capture_options *options,
-                        saga_error *error)
+static bool is_there(const char *folder, saga_error *error)
+{
+    (void)error;
+    return saga_folder_has(folder, "train_meta.json");
+}
+
+static bool list(saga_listing *listing, const char *folder,
+                 const saga_capture_options *options, saga_error *error)
 {
     sports_reader r = {.listing = listing, .folder = folder, .error = error};
-    listing->format = "Panoptic Sports (train_meta.json)";
     bool ok = read_meta(&r, "train_meta.json", false) &&
               (!saga_folder_has(folder, "test_meta.json") ||
                read_meta(&r, "test_meta.json", true)) &&
@@ -316,3 +320,9 @@ bool saga_panoptic_list(saga_listing *listing, const char *folder,
     free(r.ids);
     return ok;
 }
+
+const saga_loader saga_panoptic_loader = {
+    "Panoptic Sports", "train_meta.json",
+    "train_meta.json, test_meta.json, ims/; not tried on foreign files",
+    is_there, list
+};

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Blender's synthetic scenes, and D-NeRF's, are files like transforms.json, one
+ * of which lists what is held out.
+ */
+#include "error.h"
+#include "file.h"
+#include "load.h"
+
+#include <stdlib.h>
+
+static bool is_there(const char *path, saga_error *error)
+{
+    (void)error;
+    return saga_folder_has(path, "transforms_train.json");
+}
+
+static bool list(saga_listing *listing, const char *path,
+                 const saga_capture_options *options, saga_error *error)
+{
+    const bool has_test = saga_folder_has(path, "transforms_test.json");
+    char *const train = saga_path_join(path, "transforms_train.json", error);
+    char *const test = saga_path_join(path, "transforms_test.json", error);
+    const bool ok = train && test &&
+                    saga_nerfstudio_list(listing, train,
+                                         has_test ? test : NULL, options,
+                                         error);
+    free(train);
+    free(test);
+    return ok;
+}
+
+const saga_loader saga_blender_loader = {
+    "Blender", "transforms_train.json",
+    "transforms_train.json, transforms_test.json, pictures without an ending "
+    "in the file; D-NeRF's have a time for each picture: one camera that moves",
+    is_there, list
+};

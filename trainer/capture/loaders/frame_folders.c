@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A capture may be made of others: of a folder of frame folders (frame000/,
+ * frame001/ ...) each is a capture of one moment with the same cameras. The
+ * first one tells the cameras and the points, the others bring pictures of the
+ * same names; a COLMAP model may also lie beside them.
+ */
+#include "alloc.h"
+#include "colmap_views.h"
+#include "error.h"
+#include "file.h"
+#include "moments.h"
+#include "notes.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+extern const saga_loader saga_frame_folders_loader;
+
+/* 0007, frame0007, f7, t_7: letters that begin like a frame or a time, and a
+ * number; cam07 is a camera. */
+static bool is_frame_name(const char *name)
+{
+    const size_t letters = strcspn(name, "0123456789");
+    return strspn(name + letters, "0123456789") == strlen(name + letters) &&
+           name[letters] && (letters == 0 || strchr("fFtT", name[0]));
+}
+
+/* Adds the frame folders in a folder, as finds of source 0. */
+static bool find_frame_folders(saga_finds *finds, const char *path,
+                               saga_error *error)
+{
+    DIR *const dir = opendir(path);
+    /* A path that cannot be opened holds no frames; only missing memory is an
+     * error. */
+    bool ok = dir || errno != ENOMEM || saga_no_memory(0, path, error);
+    for (struct dirent *e; dir && ok && (e = readdir(dir)) != NULL;) {
+        uint64_t number;
+        if (!is_frame_name(e->d_name) ||
+            !saga_last_number(e->d_name, strlen(e->d_name), &number))
+            continue;
+        char *const folder = saga_path_join(path, e->d_name, error);
+        if (folder && !saga_path_is_folder(folder))
+            free(folder);
+        else
+            ok = saga_finds_add(finds, 0, number, folder, error);
+    }
+    if (dir)
+        closedir(dir);
+    return ok;
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const saga_found *const x = a, *const y = b;
+    if (x->moment != y->moment)
+        return x->moment < y->moment ? -1 : 1;
+    return strcmp(x->path, y->path);
+}
+
+/* Gives a list of one path room for n; one that is not there stays so. */
+static bool grow_list(char ***files, size_t n, const char *path,
+                      saga_error *error)
+{
+    if (!*files)
+        return true;
+    char **const more = saga_calloc(n, sizeof *more, path, error);
+    if (!more)
+        return false;
+    more[0] = (*files)[0];
+    free(*files);
+    *files = more;
+    return true;
+}
+
+/* The first path must lie in the first folder, by its name, for the others to
+ * have the like. */
+static bool is_below(const char *file, const char *folder, saga_error *error)
+{
+    const size_t n = strlen(folder);
+    return (strncmp(file, folder, n) == 0 && file[n] == '/') ||
+           saga_fail(error, file, "give names that begin in the frame folder",
+                     "is no name in %s, the first of the frame folders",
+                     folder);
+}
+
+/* Fills a list from its first path: the file of that name in every other
+ * folder. Those that are not there are counted. */
+static bool fill_list(char **files, const saga_finds *folders, int *n_missing,
+                      saga_error *error)
+{
+    const size_t skip = strlen(folders->items[0].path) + 1;
+    if (files && files[0] && !is_below(files[0], folders->items[0].path, error))
+        return false;
+    for (size_t k = 1; files && files[0] && k < folders->n; k++) {
+        char *const path = saga_path_join(folders->items[k].path,
+                                          files[0] + skip, error);
+        if (!path)
+            return false;
+        if (saga_path_is_file(path)) {
+            files[k] = path;
+        } else {
+            free(path);
+            ++*n_missing;
+        }
+    }
+    return true;
+}
+
+static bool add_frames(saga_listing *listing, const saga_finds *folders,
+                       saga_error *error)
+{
+    int n_missing = 0, n_depths = 0;
+    bool ok = true;
+    for (int i = 0; ok && i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        ok = grow_list(&s->pictures, folders->n, listing->path, error) &&
+             grow_list(&s->depths, folders->n, listing->path, error);
+    }
+    if (!ok)
+        return false;
+    /* Not earlier: saga_listing_free walks so far along every list. */
+    listing->n_frames = (int)folders->n;
+    for (int i = 0; ok && i < listing->n_sources; i++) {
+        saga_source *const s = &listing->sources[i];
+        ok = fill_list(s->pictures, folders, &n_missing, error) &&
+             fill_list(s->depths, folders, &n_depths, error);
+    }
+    if (ok && n_missing > 0)
+        saga_note(listing->notes, "pictures: %d are missing in the frame "
+                  "folders", n_missing);
+    if (ok)
+        saga_note(listing->notes, "frames: %zu folders; cameras and points are "
+                  "those of %s", folders->n, folders->items[0].path);
+    return ok;
+}
+
+static bool list_folders(saga_listing *listing, const char *path,
+                         const saga_finds *folders,
+                         const saga_capture_options *options,
+                         saga_error *error)
+{
+    /* A COLMAP model beside the folders is of all frames; else the first folder
+     * is a capture in itself. */
+    const char *const first = folders->items[0].path;
+    char *model = NULL;
+    bool ok = saga_colmap_find(&model, path, error);
+    const bool shared = model != NULL;
+    free(model);
+    if (!ok)
+        return false;
+    ok = shared ? saga_colmap_list(listing, first, path, options, error)
+                : saga_listing_make_part(listing, first,
+                                         &saga_frame_folders_loader, options,
+                                         error);
+    if (!ok)
+        return false;
+    if (listing->n_frames != 1 || listing->sources[0].video)
+        return saga_fail(error, first, "give each frame a folder with one "
+                         "picture of each camera", "is the first of %zu frame "
+                         "folders but holds videos or several frames itself",
+                         folders->n);
+    return add_frames(listing, folders, error);
+}
+
+/* With images/ it is a COLMAP folder, whose loader reads folders of frames
+ * itself. */
+static bool is_there(const char *path, saga_error *error)
+{
+    saga_finds folders = {0};
+    char *const images = saga_path_join(path, "images", error);
+    const bool there = images && !saga_path_is_folder(images) &&
+                       find_frame_folders(&folders, path, error) &&
+                       folders.n > 1;
+    saga_finds_free(&folders);
+    free(images);
+    return there;
+}
+
+static bool list(saga_listing *listing, const char *path,
+                 const saga_capture_options *options, saga_error *error)
+{
+    saga_finds folders = {0};
+    bool ok = find_frame_folders(&folders, path, error);
+    if (ok) {
+        qsort(folders.items, folders.n, sizeof *folders.items, by_number);
+        ok = list_folders(listing, path, &folders, options, error);
+    }
+    saga_finds_free(&folders);
+    return ok;
+}
+
+const saga_loader saga_frame_folders_loader = {
+    "frame folders", "folders of frames",
+    "frame000/, frame001/ ..., each one of the other layouts for one moment; "
+    "or with one COLMAP model beside them",
+    is_there, list
+};
