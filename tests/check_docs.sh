@@ -12,6 +12,7 @@
 #   dates      a page of docs/lab has a date
 #   lists      docs/lab/README.md and docs/design/README.md name every page,
 #              those in archive/ too
+#   metrics    docs/metrics.md has a row for each metric that saga eval tells
 set -eu
 cd "${1:-$(dirname "$0")/..}"
 
@@ -94,5 +95,15 @@ for folder in docs/lab docs/design; do
     done
 done >"$tmp/bad"
 verdict lists
+
+# ---- metrics: rows as the page has them, of the table in score.c
+tr '\n' ' ' <trainer/measure/score.c |
+    grep -oE '\.key = "[a-z_]*", +\.label = "[^"]*"' |
+    sed -E 's/.*"([a-z_]*)", +\.label = "([^"]*)"/| \2 | `\1` |/' >"$tmp/rows"
+while read -r row; do
+    grep -qF "$row" docs/metrics.md || echo "docs/metrics.md: no row $row"
+done <"$tmp/rows" >"$tmp/bad"
+[ -s "$tmp/rows" ] || echo "trainer/measure/score.c: no metrics" >>"$tmp/bad"
+verdict metrics
 
 [ ! -e "$tmp/failed" ]

@@ -2,7 +2,7 @@
  *
  * PSNR, SSIM and MS-SSIM against their definitions and known values.
  */
-#include "metrics.h"
+#include "score.h"
 #include "ref_ssim.h"
 #include "testing.h"
 
@@ -165,25 +165,66 @@ TEST(psnr_should_have_known_values)
     assert_true(saga_mse(a, b, 0) == 0.0);
 }
 
+/* Each metric is 1 in one picture and 4 in the other, but PSNR 40 and 30. */
 TEST(means_should_be_over_pictures)
 {
-    const saga_score one = { .mse = 1.0, .psnr = 40.0, .ssim_zero = 0.5,
-                             .ssim_valid = 0.25, .ms_ssim = 1.0 };
-    const saga_score two = { .mse = 3.0, .psnr = 30.0, .ssim_zero = 1.0,
-                             .ssim_valid = 0.75, .ms_ssim = 0.5 };
+    const int psnr = saga_metric_called("psnr");
+    const int of_mean = saga_metric_called("psnr_of_mean_mse");
+    saga_score one, two, mean;
     saga_score_sum sum = { .n = 0 };
-    saga_score mean = saga_score_mean(&sum);
 
-    assert_true(isnan(mean.psnr) && isnan(mean.psnr_of_mean) &&
-                isnan(mean.ssim_zero));
+    mean = saga_score_mean(&sum);
+    for (int i = 0; saga_metric_at(i); i++) {
+        assert_true(isnan(saga_score_told(&mean, i)));
+        one.value[i] = 1.0;
+        two.value[i] = 4.0;
+    }
+    one.value[psnr] = 40.0;
+    two.value[psnr] = 30.0;
     saga_score_add(&sum, &one);
     saga_score_add(&sum, &two);
     mean = saga_score_mean(&sum);
-    near(mean.psnr, 35.0, 1e-12);
-    near(mean.psnr_of_mean, saga_psnr(2.0), 1e-12);
-    near(mean.ssim_zero, 0.75, 1e-12);
-    near(mean.ssim_valid, 0.5, 1e-12);
-    near(mean.ms_ssim, 0.75, 1e-12);
+    near(saga_score_told(&mean, psnr), 35.0, 1e-12);
+    near(saga_score_told(&mean, of_mean), 10.0 * log10(65025.0 / 2.5), 1e-12);
+    near(saga_score_told(&mean, saga_metric_called("mse")), 2.5, 1e-12);
+    near(saga_score_told(&mean, saga_metric_called("ms_ssim")), 2.5, 1e-12);
+}
+
+/* Of two pixels one does not count and is right; the other is 51 off in each
+ * channel: 14 dB of 255, and 3 dB more where both count. */
+TEST(masked_pixels_should_not_count)
+{
+    const uint8_t a[6] = { 51, 51, 51, 9, 9, 9 }, b[6] = { 0, 0, 0, 9, 9, 9 };
+    const saga_score_options quick = { .no_ssim = true };
+    saga_score all, half;
+
+    assert_true(saga_score_pair(&all, &PAIR(a, b, 2, 1, 1), 1.0, &quick,
+                                &error));
+    assert_true(saga_score_pair(&half, &PAIR(a, b, 2, 1, 1), 0.5, &quick,
+                                &error));
+    for (int i = 0; i < 2; i++) {
+        const int m = saga_metric_called(i ? "psnr_of_mean_mse" : "psnr");
+
+        near(saga_score_told(&half, m), 20.0 * log10(5.0), 1e-9);
+        near(saga_score_told(&all, m), 20.0 * log10(5.0) + 10.0 * log10(2.0),
+             1e-9);
+    }
+    near(half.value[saga_metric_called("mse")], 51.0 * 51.0, 1e-9);
+    assert_true(isnan(half.value[saga_metric_called("ssim_zero")]));
+    assert_true(isnan(half.value[saga_metric_called("lpips")]));
+}
+
+/* What is in curves has a column and a direction, and keys are its own. */
+TEST(metrics_should_have_all_that_tables_need)
+{
+    const saga_metric_row *m;
+
+    for (int i = 0; (m = saga_metric_at(i)); i++) {
+        assert_int_equal(saga_metric_called(m->key), i);
+        assert_true(!m->compared || (m->label && m->better != 0));
+        assert_true(!m->table || (m->label && m->width > 0));
+        assert_true(!m->label || strlen(m->label) < 10);
+    }
 }
 
 /* --- SSIM ---------------------------------------------------------------- */
@@ -254,15 +295,19 @@ TEST(ssim_should_say_when_it_is_undefined)
 TEST(threads_should_not_change_a_score)
 {
     enum { W = 170, H = 165 };
+    const saga_score_options all = { .no_ssim = false };
     saga_score one, many;
     uint8_t *a, *b;
 
     make_pair(&a, &b, W, H, 4);
-    assert_true(saga_score_picture(&one, &PAIR(a, b, W, H, 1), &error));
+    assert_true(saga_score_pair(&one, &PAIR(a, b, W, H, 1), 1.0, &all,
+                                &error));
     for (int threads = 2; threads <= 5; threads++) {
-        assert_true(saga_score_picture(&many, &PAIR(a, b, W, H, threads),
-                                       &error));
-        assert_memory_equal(&one, &many, sizeof one);
+        assert_true(saga_score_pair(&many, &PAIR(a, b, W, H, threads), 1.0,
+                                    &all, &error));
+        for (int i = 0; saga_metric_at(i); i++)
+            assert_true(one.value[i] == many.value[i] ||
+                        (isnan(one.value[i]) && isnan(many.value[i])));
     }
     free(a);
     free(b);

@@ -1,11 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "bytes_table.h"
 
-#include "json_memory.h"
-
-#include <inttypes.h>
-#include <stdio.h>
-
 enum { N_ROWS = 11 };
 
 typedef struct {
@@ -35,27 +30,20 @@ static void fill(row rows[N_ROWS], const saga_layout *l)
         rows[i] = all[i];
 }
 
-void saga_bytes_table_print(const saga_layout *layout)
+void saga_put_bytes(json_t *report, const saga_layout *layout)
 {
+    json_t *const o = json_object(), *const list = json_array();
     row rows[N_ROWS];
 
     fill(rows, layout);
-    puts("\nbytes");
-    for (int i = 0; i < N_ROWS; i++)
-        if (rows[i].nbytes)
-            printf("  %-18s %12" PRIu64 "  %5.1f %%\n", rows[i].name,
-                   rows[i].nbytes, 100.0 * (double)rows[i].nbytes /
-                   (double)layout->file_nbytes);
-}
+    for (int i = 0; i < N_ROWS; i++) {
+        const json_int_t n = (json_int_t)rows[i].nbytes;
 
-json_t *saga_bytes_table_json(const saga_layout *layout)
-{
-    json_t *const o = json_object();
-    row rows[N_ROWS];
-
-    fill(rows, layout);
-    for (int i = 0; i < N_ROWS; i++)
-        saga_json_set_value(o, rows[i].key,
-                            json_integer((json_int_t)rows[i].nbytes));
-    return o;
+        saga_put_int(o, rows[i].key, n);
+        saga_put_item(list, json_pack("{sssIsf}", "name", rows[i].name,
+                                      "nbytes", n, "part", (double)n /
+                                      (double)layout->file_nbytes));
+    }
+    saga_put(report, "bytes", o);
+    saga_put(report, "/bytes", list);
 }

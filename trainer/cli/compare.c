@@ -8,12 +8,9 @@
 #include "commands.h"
 #include "file.h"
 #include "json_cli.h"
-#include "json_memory.h"
 #include "results.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <string.h>
 
 typedef struct {
     bool json;
@@ -26,89 +23,98 @@ typedef struct {
 
 /* --- Two results --------------------------------------------------------- */
 
-static void print_pair(const session *s)
+static const saga_line pair_text[] = {
+    { "", NULL, "{file} against {anchor}\n\nmetric       views                "
+      "A            B        B - A\n" },
+    { "/bytes", NULL, "bytes                  {/bytes.a:%12.0f} "
+      "{/bytes.b:%12.0f} {/bytes.more:%+10.2f} %\n" },
+    { "", "/rows", "{label:%-12s} {set:%-9s} {a:%12.5f} {b:%12.5f} "
+      "{more:%+12.5f}\n" }
+};
+
+/* Tells what both have of a metric in a set of views. */
+static void put_difference(const session *s, json_t *rows, json_t *set,
+                           const saga_metric_row *m, const char *name)
 {
-    const json_t *const a = s->a.result[0], *const b = s->b.result[0];
-    const double na = saga_result_nbytes(a), nb = saga_result_nbytes(b);
+    const double x = saga_result_value(s->a.result[0], name, m->key);
+    const double y = saga_result_value(s->b.result[0], name, m->key);
 
-    printf("%s against %s\n\n%-12s %-9s %12s %12s %12s\n", s->b.path,
-           s->a.path, "metric", "views", "A", "B", "B - A");
-    if (na > 0.0 && nb > 0.0)
-        printf("%-12s %-9s %12.0f %12.0f %+10.2f %%\n", "bytes", "", na, nb,
-               100.0 * (nb / na - 1.0));
-    for (int m = 0; m < SAGA_N_METRICS; m++)
-        for (int i = 0; i < SAGA_N_SETS; i++) {
-            const saga_metric_key *const key = &saga_metric_keys[m];
-            const double x = saga_result_value(a, saga_set_keys[i], key);
-            const double y = saga_result_value(b, saga_set_keys[i], key);
-
-            if (isfinite(x) && isfinite(y))
-                printf("%-12s %-9s %12.5f %12.5f %+12.5f\n", key->name,
-                       saga_set_keys[i], x, y, y - x);
-        }
+    if (!isfinite(x) || !isfinite(y))
+        return;
+    saga_put_real(set, m->key, y - x);
+    saga_put_item(rows, json_pack("{sssssfsfsf}", "label", m->label, "set",
+                                  name, "a", x, "b", y, "more", y - x));
 }
 
-static json_t *json_pair(const session *s)
+static void put_pair(json_t *o, const session *s)
 {
-    const json_t *const a = s->a.result[0], *const b = s->b.result[0];
-    json_t *const o = json_object();
+    const double na = saga_result_nbytes(s->a.result[0]);
+    const double nb = saga_result_nbytes(s->b.result[0]);
+    json_t *const all = json_object(), *const rows = json_array();
+    const saga_metric_row *m;
 
-    for (int i = 0; i < SAGA_N_SETS; i++) {
-        json_t *const set = json_object();
-
-        for (int m = 0; m < SAGA_N_METRICS; m++) {
-            const saga_metric_key *const key = &saga_metric_keys[m];
-            const double d = saga_result_value(b, saga_set_keys[i], key) -
-                             saga_result_value(a, saga_set_keys[i], key);
-
-            if (isfinite(d))
-                saga_json_set_value(set, key->key, json_real(d));
-        }
-        saga_json_set_value(o, saga_set_keys[i], set);
-    }
-    return o;
+    for (int i = 0; i < SAGA_N_SETS; i++)
+        saga_put(all, saga_set_keys[i], json_object());
+    for (int k = 0; (m = saga_metric_at(k)); k++)
+        for (int i = 0; i < SAGA_N_SETS && m->compared; i++)
+            put_difference(s, rows, json_object_get(all, saga_set_keys[i]), m,
+                           saga_set_keys[i]);
+    saga_put(o, "difference", all);
+    saga_put(o, "/rows", rows);
+    if (na > 0.0 && nb > 0.0)
+        saga_put(o, "/bytes", json_pack("{sfsfsf}", "a", na, "b", nb, "more",
+                                        100.0 * (nb / na - 1.0)));
 }
 
 /* --- Two curves ---------------------------------------------------------- */
 
-static void print_curves(const session *s)
-{
-    printf("%s (%d results) against %s (%d): bytes at equal quality\n\n"
-           "%-12s %-9s %9s %9s %9s %9s %9s\n", s->b.path, s->b.n, s->a.path,
-           s->a.n, "metric", "views", "overlap", "from", "to", "PCHIP",
-           "Akima");
-    for (int m = 0; m < SAGA_N_METRICS; m++)
-        for (int i = 0; i < SAGA_N_SETS; i++) {
-            const double sign = saga_metric_keys[m].sign;
-            saga_bd bd;
+static const saga_line curve_text[] = {
+    { "", NULL, "{file} ({/n.b} results) against {anchor} ({/n.a}): bytes at "
+      "equal quality\n\nmetric       views       overlap      from        to "
+      "    PCHIP     Akima\n" },
+    { "", "/rows", "{label:%-12s} {set:%-9s} " },
+    { "bd.refused", "/rows", "        -  {bd.refused}\n" },
+    { "!bd.refused", "/rows", "{bd.overlap*100:%7.0f} % {bd.range.0:%9.4f} "
+      "{bd.range.1:%9.4f} {bd.pchip:%+7.2f} % {bd.akima:%+7.2f} %\n" },
+    { "", NULL, "\nBD-rate: the mean difference of log bytes over quality; "
+      "where PCHIP and\nAkima differ much, the points are too few.\n" }
+};
 
-            if (!saga_results_bd_of(&bd, &s->a, &s->b, i, m))
-                continue;
-            printf("%-12s %-9s ", saga_metric_keys[m].name, saga_set_keys[i]);
-            if (bd.refused)
-                printf("        -  %s\n", bd.refused);
-            else
-                printf("%7.0f %% %9.4f %9.4f %+7.2f %% %+7.2f %%\n",
-                       100.0 * bd.overlap, sign * bd.lo, sign * bd.hi,
-                       bd.pchip, bd.akima);
+static void put_curves(json_t *o, const session *s)
+{
+    json_t *const bd = saga_results_bd(&s->a, &s->b);
+    json_t *const rows = json_array();
+    const saga_metric_row *m;
+
+    for (int k = 0; (m = saga_metric_at(k)); k++)
+        for (int i = 0; i < SAGA_N_SETS; i++) {
+            json_t *const set = json_object_get(bd, saga_set_keys[i]);
+            json_t *const one = json_object_get(set, m->key);
+
+            if (one)
+                saga_put_item(rows, json_pack("{sssssO}", "label", m->label,
+                                              "set", saga_set_keys[i], "bd",
+                                              one));
         }
-    puts("\nBD-rate: the mean difference of log bytes over quality; where "
-         "PCHIP and\nAkima differ much, the points are too few.");
+    saga_put(o, "bd_rate", bd);
+    saga_put(o, "/rows", rows);
+    saga_put(o, "/n", json_pack("{sisi}", "a", s->a.n, "b", s->b.n));
 }
 
 /* --- Together ------------------------------------------------------------ */
 
-static int print_json(const session *s, bool curves)
+static int tell(const session *s, bool json)
 {
-    json_t *o;
+    const saga_telling how = { json, 9, s->b.path };
+    json_t *const o = saga_cli_json_head("compare", s->b.path);
 
-    saga_json_watch();
-    o = saga_cli_json_head("compare", s->b.path);
-    saga_json_merge_object(o, json_pack("{ssso}", "anchor", s->a.path,
-                                        curves ? "bd_rate" : "difference",
-                                        curves ? saga_results_bd(&s->a, &s->b)
-                                               : json_pair(s)));
-    return saga_cli_print_json(o, 9, s->b.path);
+    saga_put_text(o, "anchor", s->a.path);
+    if (s->a.n > 1 || s->b.n > 1) {
+        put_curves(o, s);
+        return saga_cli_tell(o, &how, SAGA_LINES(curve_text));
+    }
+    put_pair(o, s);
+    return saga_cli_tell(o, &how, SAGA_LINES(pair_text));
 }
 
 static int load(session *s, saga_results *r, const char *path)
@@ -124,20 +130,13 @@ static int judge(session *s, const options *o)
 {
     const char *const differs = saga_results_differ(s->a.result[0],
                                                     s->b.result[0]);
-    const bool curves = s->a.n > 1 || s->b.n > 1;
 
     if (differs)
         return saga_cli_error(SAGA_EXIT_DATA, "compare: the %s of %s and %s "
                               "differ, so their numbers do not compare; "
                               "evaluate both alike", differs, s->a.path,
                               s->b.path);
-    if (o->json)
-        return print_json(s, curves);
-    if (curves)
-        print_curves(s);
-    else
-        print_pair(s);
-    return SAGA_EXIT_OK;
+    return tell(s, o->json);
 }
 
 static int run(int argc, char **argv)

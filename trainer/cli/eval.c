@@ -11,12 +11,10 @@
 #include "evaluate.h"
 #include "file.h"
 #include "json_cli.h"
-#include "json_memory.h"
 #include "layout.h"
 #include "lpips.h"
-#include "yuv.h"
 
-#include <inttypes.h>
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -43,16 +41,7 @@ static bool is_part(const options *o)
     return o->only.a || o->only.b;
 }
 
-/* --- As text ------------------------------------------------------------- */
-
-/* Prints a column of the table, or a dash where there is no such number. */
-static void print_column(int width, int decimals, double v, const char *unit)
-{
-    if (isnan(v))
-        printf("%*s%*s", width, "-", (int)strlen(unit), "");
-    else
-        printf("%*.*f%s", width, decimals, v, unit);
-}
+/* --- The report ---------------------------------------------------------- */
 
 /* Of one frame, the median is that frame and nothing changes. */
 static bool has_motion(const saga_eval *e)
@@ -60,79 +49,80 @@ static bool has_motion(const saga_eval *e)
     return e->n_frames > 1;
 }
 
-/* The first table's columns: RGB. */
-static void print_score(const session *s, const saga_eval_score *score)
+/* Tells whether a metric has something to say of this capture. */
+static bool is_shown(const session *s, const saga_metric_row *m)
 {
-    const saga_score *const d = &score->decode;
-    const bool moves = has_motion(&s->eval);
-    const double none = (double)NAN;
-
-    print_column(8, 3, d->psnr, "");
-    print_column(11, 3, d->psnr_of_mean, "");
-    print_column(9, 3, moves ? score->median_psnr : none, "");
-    print_column(10, 3, saga_change_psnr(&score->change), "");
-    print_column(8, 2, moves ? 100.0 * saga_change_share(&score->change)
-                             : none, " %");
-    print_column(9, 5, d->ssim_zero, "");
-    print_column(9, 5, d->ssim_valid, "");
-    print_column(9, 5, d->ms_ssim, "");
+    switch (m->need) {
+    case SAGA_NEEDS_MOTION: return has_motion(&s->eval);
+    case SAGA_NEEDS_EQUIRECT: return s->o->equirect;
+    case SAGA_NEEDS_LPIPS: return s->lpips != NULL;
+    default: return true;
+    }
 }
 
-/* The second table's: luma and chroma, and what judges as eyes do. */
-static void print_more(const session *s, const saga_eval_score *score)
+/* Puts a score in, with what its rows of the tables begin with. */
+static void put_score(json_t *o, const saga_score *score, const char *row,
+                      bool held_out)
 {
-    const saga_score *const d = &score->decode;
+    const saga_metric_row *m;
 
-    print_column(8, 3, d->psnr_y, "");
-    print_column(8, 3, d->psnr_u, "");
-    print_column(8, 3, d->psnr_v, "");
-    print_column(8, 3, d->psnr_yuv, "");
-    print_column(10, 3, saga_psnr(score->temporal_mse), "");
-    print_column(9, 3, d->iv_psnr, "");
-    if (s->o->equirect)
-        print_column(9, 3, d->ws_psnr, "");
-    if (s->lpips)
-        print_column(9, 5, d->lpips, "");
+    for (int i = 0; (m = saga_metric_at(i)); i++)
+        if (!strcmp(m->unit, "pixels"))
+            saga_put_int(o, m->key, (json_int_t)score->value[i]);
+        else
+            saga_put_real(o, m->key, saga_score_told(score, i));
+    saga_put_text(o, "/row", row);
+    saga_put_text(o, "/set", held_out ? "held out" : "training");
 }
 
-typedef void print_fn(const session *s, const saga_eval_score *score);
-
-static void print_mean(const session *s, print_fn *print, const char *name,
-                       int n, const saga_eval_score *score)
+static json_t *view_of(const saga_eval_view *v)
 {
-    char text[40];
+    json_t *const o = json_object();
 
-    if (n == 0)
-        return;
-    snprintf(text, sizeof text, "mean of %d", n);
-    printf("%-15.15s %-8s", text, name);
-    print(s, score);
-    putchar('\n');
+    saga_put_text(o, "name", v->name);
+    saga_put_flag(o, "held_out", v->held_out);
+    saga_put_int(o, "rig_camera", v->rig);
+    saga_put_int(o, "width", v->width);
+    saga_put_int(o, "height", v->height);
+    if (v->picture) {
+        saga_put_text(o, "picture", v->picture);
+        saga_put_int(o, "picture_frame", v->picture_frame);
+    }
+    put_score(o, &v->score, v->name, v->held_out);
+    return o;
 }
 
-static void print_table(const session *s, print_fn *print)
+/* Puts a set's mean in, and among the rows if it is of anything. */
+static void put_mean(json_t *o, json_t *rows, const char *key,
+                     const saga_score *score, int n)
 {
-    const saga_eval *const e = &s->eval;
+    json_t *const mean = json_object();
+    char row[40];
+
+    snprintf(row, sizeof row, "mean of %d", n);
+    put_score(mean, score, row, !strcmp(key, "held_out"));
+    if (n)
+        saga_put_item(rows, json_incref(mean));
+    saga_put(o, key, mean);
+}
+
+static void put_scores(json_t *o, const saga_eval *e)
+{
+    json_t *const views = json_array(), *const rows = json_array();
 
     for (int i = 0; i < e->n_views; i++) {
-        printf("%-15.15s %-8s", e->view[i].name,
-               e->view[i].held_out ? "held out" : "training");
-        print(s, &e->view[i].score);
-        putchar('\n');
-    }
-    print_mean(s, print, "training", e->n_training, &e->training);
-    print_mean(s, print, "held out", e->n_held_out, &e->held_out);
-}
+        json_t *const view = view_of(&e->view[i]);
 
-static void print_scores(const session *s)
-{
-    puts("view            set         PSNR  PSNR(mse)   median  changing"
-         "     share   SSIM 0   SSIM v  MS-SSIM");
-    print_table(s, print_score);
-    printf("\nview            set       PSNR-Y  PSNR-U  PSNR-V     YUV"
-           "  temporal  IV-PSNR%s%s\n", s->o->equirect ? "  WS-PSNR" : "",
-           s->lpips ? "    LPIPS" : "");
-    print_table(s, print_more);
+        saga_put_text(view, "/comma", i ? ", " : "");
+        saga_put_item(rows, json_incref(view));
+        saga_put_item(views, view);
+    }
+    saga_put(o, "views", views);
+    put_mean(o, rows, "training", &e->training, e->n_training);
+    put_mean(o, rows, "held_out", &e->held_out, e->n_held_out);
+    saga_put_int(o, "n_training", e->n_training);
+    saga_put_int(o, "n_held_out", e->n_held_out);
+    saga_put(o, "/rows", rows);
 }
 
 static double each(double seconds, uint32_t n)
@@ -140,177 +130,7 @@ static double each(double seconds, uint32_t n)
     return n ? 1e3 * seconds / n : 0.0;
 }
 
-static void print_times(const saga_film *film)
-{
-    const saga_stage_times *const t = &film->times;
-
-    printf("\ndecoding, ms on the wall (%d thread%s in draw, 1 elsewhere)\n"
-           "  head    %9.3f  once: header, index, networks\n"
-           "  segment %9.3f  each of %" PRIu32 "\n"
-           "  view    %9.3f  each of %" PRIu32 ": primitives to splats\n"
-           "  draw    %9.3f  each of %" PRIu32 ": splats to pixels\n",
-           film->n_threads, film->n_threads == 1 ? "" : "s", 1e3 * t->head,
-           each(t->segment, t->n_segments), t->n_segments,
-           each(t->view, t->n_views), t->n_views, each(t->draw, t->n_views),
-           t->n_views);
-}
-
-static void print_sizes(const saga_eval *e)
-{
-    bool same = true;
-
-    for (int i = 1; i < e->n_views; i++)
-        same = same && e->view[i].width == e->view[0].width &&
-               e->view[i].height == e->view[0].height;
-    if (same)
-        printf("%d x %d", e->view[0].width, e->view[0].height);
-    else
-        for (int i = 0; i < e->n_views; i++)
-            printf("%s%d x %d", i ? ", " : "", e->view[i].width,
-                   e->view[i].height);
-}
-
-static const char *made_by(const session *s)
-{
-    return s->is_folder ? "as another codec left them, 8 bits"
-                        : "of the integer decoder, from the file alone, 8 "
-                          "bits";
-}
-
-static void print_frames(const session *s)
-{
-    const int first = s->capture.first_frame, n = s->capture.n_frames;
-
-    if (has_motion(&s->eval))
-        printf("%d to %d of it, all compared", first, first + n - 1);
-    else
-        printf("%d of it alone", first);
-    if (is_part(s->o))
-        printf("; the file's from %d on, and no others", s->o->only.a);
-    putchar('\n');
-}
-
-static void print_protocol(const session *s)
-{
-    const saga_capture *const c = &s->capture;
-
-    printf("\nprotocol\n"
-           "  pictures  %s\n"
-           "  capture   %s (%s), %d views\n"
-           "  frames    ", made_by(s), s->capture_name, c->format,
-           c->n_views);
-    print_frames(s);
-    fputs("  size      ", stdout);
-    print_sizes(&s->eval);
-    if (c->scale == 1)
-        puts(" pixels, as loaded");
-    else
-        printf(" pixels, 1/%d by means of %d x %d boxes\n", c->scale,
-               c->scale, c->scale);
-    puts("  PSNR      " SAGA_PSNR_TEXT "\n"
-         "  PSNR(mse) " SAGA_PSNR_OF_MEAN_TEXT);
-    if (has_motion(&s->eval))
-        puts("  median    " SAGA_MEDIAN_TEXT "\n"
-             "  changing  " SAGA_CHANGE_TEXT "\n"
-             "  share     of such pixels; a set's are taken together");
-    puts("  SSIM 0    " SAGA_SSIM_ZERO_TEXT "\n"
-         "  SSIM v    " SAGA_SSIM_VALID_TEXT "\n"
-         "  MS-SSIM   " SAGA_MS_SSIM_TEXT "\n"
-         "  PSNR-Y..V " SAGA_PSNR_YUV_TEXT "\n"
-         "  YUV       " SAGA_PSNR_YUV_MEAN_TEXT "\n"
-         "  temporal  " SAGA_TEMPORAL_TEXT "\n"
-         "  exposed   " SAGA_EXPOSED_TEXT "\n"
-         "  IV-PSNR   " SAGA_IV_PSNR_TEXT);
-    if (s->o->equirect)
-        puts("  WS-PSNR   " SAGA_WS_PSNR_TEXT);
-    if (s->lpips)
-        printf("  LPIPS     %s\n", saga_lpips_text(s->lpips));
-    puts("  mean      over views, each the mean over its frames");
-}
-
-static double film_seconds(const saga_info *i)
-{
-    return (double)i->n_frames * i->fps_den / i->fps_num;
-}
-
-static void print_file(const session *s)
-{
-    const saga_info *const i = &s->film.info;
-
-    saga_bytes_table_print(&s->layout);
-    printf("  %-18s %12" PRIu64 "  ", "file", s->layout.file_nbytes);
-    if (i->n_frames == 1)
-        puts("a still scene");
-    else
-        printf("%.0f bit/s, %.0f bytes per frame\n",
-               8.0 * (double)s->layout.file_nbytes / film_seconds(i),
-               (double)s->layout.file_nbytes / i->n_frames);
-    print_times(&s->film);
-}
-
-static void print_text(const session *s)
-{
-    printf("%s against %s\n\n", s->file_name, s->capture_name);
-    print_scores(s);
-    if (!s->is_folder)
-        print_file(s);
-    print_protocol(s);
-}
-
-/* --- As JSON ------------------------------------------------------------- */
-
-/* JSON has no infinity and no NaN: null stands for both. */
-static json_t *real(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
-
-static json_t *json_score(const saga_eval_score *score)
-{
-    const saga_score *const s = &score->decode;
-    const saga_change *const c = &score->change;
-    json_t *const o = json_pack("{sosososososo}",
-        "psnr", real(s->psnr), "psnr_of_mean_mse", real(s->psnr_of_mean),
-        "mse", real(s->mse), "ssim_zero", real(s->ssim_zero),
-        "ssim_valid", real(s->ssim_valid), "ms_ssim", real(s->ms_ssim));
-
-    saga_json_merge_object(o, json_pack("{sososososI}",
-        "median_psnr", real(score->median_psnr),
-        "median_psnr_of_mean_mse", real(saga_psnr(score->median_mse)),
-        "changing_psnr", real(saga_change_psnr(c)),
-        "changing_share", real(saga_change_share(c)),
-        "changing_pixels", (json_int_t)c->n_changing));
-    saga_json_merge_object(o, json_pack("{sososososososososo}",
-        "psnr_exposed", real(saga_psnr(score->exposed_mse)),
-        "psnr_y", real(s->psnr_y), "psnr_u", real(s->psnr_u),
-        "psnr_v", real(s->psnr_v), "psnr_yuv", real(s->psnr_yuv),
-        "ws_psnr", real(s->ws_psnr), "iv_psnr", real(s->iv_psnr),
-        "temporal_psnr", real(saga_psnr(score->temporal_mse)),
-        "lpips", real(s->lpips)));
-    return o;
-}
-
-static json_t *json_views(const saga_eval *e)
-{
-    json_t *const list = json_array();
-
-    for (int i = 0; i < e->n_views; i++) {
-        const saga_eval_view *const v = &e->view[i];
-        json_t *const o = json_pack("{sssbsisisi}", "name", v->name,
-            "held_out", (int)v->held_out, "rig_camera", v->rig,
-            "width", v->width, "height", v->height);
-
-        if (v->picture)
-            saga_json_merge_object(o, json_pack("{sssi}", "picture", v->picture,
-                                                "picture_frame",
-                                                v->picture_frame));
-        saga_json_merge_object(o, json_score(&v->score));
-        saga_json_append_item(list, o);
-    }
-    return list;
-}
-
-static json_t *json_times(const saga_film *film)
+static json_t *times_of(const saga_film *film)
 {
     const saga_stage_times *const t = &film->times;
 
@@ -321,76 +141,208 @@ static json_t *json_times(const saga_film *film)
         "n_views", (json_int_t)t->n_views);
 }
 
+/* A still has no rate. */
+static void put_file(json_t *o, const session *s)
+{
+    const saga_info *const i = &s->film.info;
+    const double nbytes = (double)s->layout.file_nbytes;
+    const double seconds = (double)i->n_frames * i->fps_den / i->fps_num;
+
+    saga_put_int(o, "nbytes", (json_int_t)s->layout.file_nbytes);
+    saga_put_real(o, "bits_per_second",
+                  i->n_frames == 1 ? (double)NAN : 8.0 * nbytes / seconds);
+    saga_put_real(o, "/frame_nbytes", nbytes / i->n_frames);
+    saga_put_bytes(o, &s->layout);
+    saga_put(o, "decode_ms", times_of(&s->film));
+}
+
+/* --- The protocol -------------------------------------------------------- */
+
 /* Says which cameras, at which size. */
-static json_t *json_cameras(const saga_eval *e)
+static json_t *cameras_of(const saga_eval *e)
 {
     json_t *const list = json_array();
 
     for (int i = 0; i < e->n_views; i++)
-        saga_json_append_item(list, json_pack("{sss[ii]sb}",
+        saga_put_item(list, json_pack("{sss[ii]sb}",
             "name", e->view[i].name, "resolution", e->view[i].width,
             e->view[i].height, "held_out", (int)e->view[i].held_out));
     return list;
 }
 
-static json_t *json_protocol(const session *s)
+static bool is_one_size(const saga_eval *e)
+{
+    bool same = true;
+
+    for (int i = 1; i < e->n_views; i++)
+        same = same && e->view[i].width == e->view[0].width &&
+               e->view[i].height == e->view[0].height;
+    return same;
+}
+
+/* Says what each metric is, in JSON also of those that are not shown. */
+static void put_metrics(json_t *o, const session *s)
+{
+    json_t *const list = json_array();
+    const saga_metric_row *m;
+
+    for (int i = 0; (m = saga_metric_at(i)); i++) {
+        const char *const key = m->protocol_key ? m->protocol_key : m->key;
+        const char *says = m->protocol;
+
+        if (m->need == SAGA_NEEDS_LPIPS)
+            says = s->lpips ? saga_lpips_text(s->lpips) : NULL;
+        if (says && m->label && is_shown(s, m))
+            saga_put_item(list, json_pack("{ssss}", "label", m->label, "says",
+                                          says));
+        if (m->need == SAGA_NEEDS_EQUIRECT && !s->o->equirect)
+            says = "PSNR-Y: no projection all round";
+        if (says && key[0])
+            saga_put_text(o, key, says);
+    }
+    saga_put(o, "/metrics", list);
+}
+
+static json_t *protocol_of(const session *s)
 {
     const saga_capture *const c = &s->capture;
+    const int first = s->eval.first_frame;
+    json_t *const o = json_object();
 
-    json_t *const o = json_pack("{sssssss[ii]s[ii]sosisssbssssssssssssss}",
-        "decoder", s->is_folder ? "another codec's, 8 bits"
-                                : "integer, from the closed file, 8 bits",
-        "capture", s->capture_name, "format", c->format,
-        "frames", c->first_frame, c->first_frame + c->n_frames,
-        "file_frames", s->eval.first_frame,
-        s->eval.first_frame + c->n_frames, "cameras", json_cameras(&s->eval),
-        "scale", c->scale,
-        "scale_filter", c->scale == 1 ? "none" : "box mean",
-        "frames_all_compared", 1,
-        "psnr", SAGA_PSNR_TEXT, "psnr_of_mean_mse", SAGA_PSNR_OF_MEAN_TEXT,
-        "median", SAGA_MEDIAN_TEXT, "changing", SAGA_CHANGE_TEXT,
-        "ssim_zero", SAGA_SSIM_ZERO_TEXT, "ssim_valid", SAGA_SSIM_VALID_TEXT,
-        "ms_ssim", SAGA_MS_SSIM_TEXT);
-
-    saga_json_merge_object(o, json_pack("{ssssssssssssss*}",
-        "psnr_exposed", SAGA_EXPOSED_TEXT,
-        "psnr_yuv_components", SAGA_PSNR_YUV_TEXT,
-        "psnr_yuv", SAGA_PSNR_YUV_MEAN_TEXT,
-        "temporal_psnr", SAGA_TEMPORAL_TEXT, "iv_psnr", SAGA_IV_PSNR_TEXT,
-        "ws_psnr", s->o->equirect ? SAGA_WS_PSNR_TEXT
-                                  : "PSNR-Y: no projection all round",
-        "lpips", s->lpips ? saga_lpips_text(s->lpips) : NULL));
+    saga_put_text(o, "decoder", s->is_folder
+                  ? "another codec's, 8 bits"
+                  : "integer, from the closed file, 8 bits");
+    saga_put_text(o, "/pictures", s->is_folder
+                  ? "as another codec left them, 8 bits"
+                  : "of the integer decoder, from the file alone, 8 bits");
+    saga_put_text(o, "capture", s->capture_name);
+    saga_put_text(o, "format", c->format);
+    saga_put(o, "frames", json_pack("[ii]", c->first_frame,
+                                    c->first_frame + c->n_frames));
+    saga_put_int(o, "/last", c->first_frame + c->n_frames - 1);
+    saga_put_int(o, "/n_frames", c->n_frames);
+    saga_put_int(o, "/n_views", c->n_views);
+    saga_put(o, "file_frames", json_pack("[ii]", first, first + c->n_frames));
+    saga_put_flag(o, "/is_part", is_part(s->o));
+    saga_put(o, "cameras", cameras_of(&s->eval));
+    saga_put_flag(o, "/is_one_size", is_one_size(&s->eval));
+    saga_put_int(o, "scale", c->scale);
+    saga_put_text(o, "scale_filter", c->scale == 1 ? "none" : "box mean");
+    saga_put_flag(o, "frames_all_compared", true);
+    put_metrics(o, s);
     return o;
 }
 
-/* A still has no rate. */
-static json_t *json_rate(const session *s)
-{
-    return s->film.info.n_frames == 1 ? json_null()
-        : json_real(8.0 * (double)s->layout.file_nbytes /
-                    film_seconds(&s->film.info));
-}
-
-static json_t *json_report(const session *s)
+static json_t *report_of(const session *s)
 {
     json_t *const o = saga_cli_json_head("eval", s->file_name);
 
-    saga_json_merge_object(o, json_pack("{sosososo}",
-        "views", json_views(&s->eval),
-        "training", json_score(&s->eval.training),
-        "held_out", json_score(&s->eval.held_out),
-        "protocol", json_protocol(s)));
-    saga_json_set_value(o, "n_training",
-                        json_integer(s->eval.n_training));
-    saga_json_set_value(o, "n_held_out",
-                        json_integer(s->eval.n_held_out));
+    put_scores(o, &s->eval);
+    saga_put(o, "protocol", protocol_of(s));
     if (!s->is_folder)
-        saga_json_merge_object(o, json_pack("{sIsososo}",
-            "nbytes", (json_int_t)s->layout.file_nbytes,
-            "bits_per_second", json_rate(s),
-            "bytes", saga_bytes_table_json(&s->layout),
-            "decode_ms", json_times(&s->film)));
+        put_file(o, s);
     return o;
+}
+
+/* --- As text ------------------------------------------------------------- */
+
+enum { WIDEST = 800 };
+
+/* The columns of a table: the line of their names, and that of a view's values,
+ * which is a dash where a metric has nothing to say. */
+typedef struct {
+    char head[WIDEST], row[WIDEST];
+} columns;
+
+static columns columns_of(const session *s, int table)
+{
+    columns c = { "view            set     ", "{/row:%-15.15s} {/set:%-8s}" };
+    size_t n = strlen(c.head), k = strlen(c.row);
+    const saga_metric_row *m;
+
+    for (int i = 0; (m = saga_metric_at(i)); i++) {
+        /* Of units the table has per cents alone; all else is in the protocol.
+         */
+        const bool share = !strcmp(m->unit, "%");
+        const bool shown = is_shown(s, m);
+
+        if (m->table != table || (!shown && m->need != SAGA_NEEDS_MOTION))
+            continue;
+        n += (size_t)snprintf(c.head + n, sizeof c.head - n, "%*s",
+                              m->width + 2 * share, m->label);
+        k += (size_t)snprintf(c.row + k, sizeof c.row - k, "{%s%s:%%%d.%df%s}",
+                              shown ? m->key : "/", share ? "*100" : "",
+                              m->width, m->decimals, share ? ": %" : "");
+    }
+    snprintf(c.head + n, sizeof c.head - n, "\n");
+    snprintf(c.row + k, sizeof c.row - k, "\n");
+    return c;
+}
+
+static const saga_line file_text[] = {
+    SAGA_BYTES_LINES,
+    { "", NULL, "  file               {nbytes:%12d}  " },
+    { "!bits_per_second", NULL, "a still scene\n" },
+    { "bits_per_second", NULL, "{bits_per_second:%.0f} bit/s, "
+      "{/frame_nbytes:%.0f} bytes per frame\n" },
+    { "", NULL,
+      "\ndecoding, ms on the wall ({decode_ms.threads} "
+      "thread{decode_ms.threads+s} in draw, 1 elsewhere)\n"
+      "  head    {decode_ms.head:%9.3f}  once: header, index, networks\n"
+      "  segment {decode_ms.segment:%9.3f}  each of {decode_ms.n_segments}\n"
+      "  view    {decode_ms.view:%9.3f}  each of {decode_ms.n_views}: "
+      "primitives to splats\n"
+      "  draw    {decode_ms.draw:%9.3f}  each of {decode_ms.n_views}: splats "
+      "to pixels\n" }
+};
+
+static const saga_line protocol_text[] = {
+    { "", NULL, "\nprotocol\n"
+      "  pictures  {protocol./pictures}\n"
+      "  capture   {protocol.capture} ({protocol.format}), "
+      "{protocol./n_views} views\n"
+      "  frames    {protocol.frames.0} " },
+    { "protocol./n_frames>1", NULL,
+      "to {protocol./last} of it, all compared" },
+    { "protocol./n_frames=1", NULL, "of it alone" },
+    { "protocol./is_part", NULL, "; the file's from {protocol.file_frames.0} "
+      "on, and no others" },
+    { "", NULL, "\n  size      " },
+    { "protocol./is_one_size", NULL, "{views.0.width} x {views.0.height}" },
+    { "!^protocol./is_one_size", "views", "{/comma}{width} x {height}" },
+    { "protocol.scale=1", NULL, " pixels, as loaded\n" },
+    { "!protocol.scale=1", NULL, " pixels, 1/{protocol.scale} by means of "
+      "{protocol.scale} x {protocol.scale} boxes\n" },
+    { "", "protocol./metrics", "  {label:%-9s} {says}\n" },
+    { "", NULL, "  mean      over views, each the mean over its frames\n" }
+};
+
+enum { MOST_LINES = 32 };
+
+/* Lines of two tables come behind each other. */
+static int append(saga_line *to, int n, const saga_line *lines, int more)
+{
+    assert(n + more <= MOST_LINES);
+    memcpy(to + n, lines, (size_t)more * sizeof *lines);
+    return n + more;
+}
+
+static int tell(const session *s)
+{
+    const columns first = columns_of(s, 1), more = columns_of(s, 2);
+    const saga_line scores[] = {
+        { "", NULL, "{file} against {protocol.capture}\n\n" },
+        { "", NULL, first.head }, { "", "/rows", first.row },
+        { "", NULL, "\n" }, { "", NULL, more.head }, { "", "/rows", more.row }
+    };
+    const saga_telling how = { s->o->json, 9, s->file_name };
+    saga_line all[MOST_LINES];
+    int n = append(all, 0, SAGA_LINES(scores));
+
+    if (!s->is_folder)
+        n = append(all, n, SAGA_LINES(file_text));
+    n = append(all, n, SAGA_LINES(protocol_text));
+    return saga_cli_tell(report_of(s), &how, all, n);
 }
 
 /* --- Together ------------------------------------------------------------ */
@@ -464,13 +416,15 @@ static int compare(session *s)
 {
     saga_meter meter = { 0 };
     const saga_eval_options o = {
-        .pictures = s->o->pictures, .no_ssim = s->o->no_ssim,
-        .equirect = s->o->equirect, .lpips = s->lpips,
+        .pictures = s->o->pictures,
+        .score = { .no_ssim = s->o->no_ssim, .equirect = s->o->equirect,
+                   .lpips = s->lpips },
         .progress = saga_meter_progress, .progress_user = &meter
     };
     const saga_eval_maker maker = {
-        .name = s->file_name, .film = s->is_folder ? NULL : &s->film,
-        .pictures = &s->pictures, .n_threads = s->o->capture.threads
+        .name = s->file_name, .n_threads = s->o->capture.threads,
+        .draw = s->is_folder ? saga_eval_draw_pictures : saga_eval_draw_film,
+        .state = s->is_folder ? (void *)&s->pictures : (void *)&s->film
     };
     bool ok;
 
@@ -519,20 +473,9 @@ int saga_eval_judge(json_t **report, const char *file, const char *capture,
     };
     const int status = judge(&s);
 
-    saga_json_watch();
-    *report = status ? NULL : json_report(&s);
+    *report = status ? NULL : report_of(&s);
     end(&s);
     return status;
-}
-
-static int tell(const session *s)
-{
-    if (s->o->json) {
-        saga_json_watch();
-        return saga_cli_print_json(json_report(s), 9, s->file_name);
-    }
-    print_text(s);
-    return SAGA_EXIT_OK;
 }
 
 static int run(int argc, char **argv)

@@ -10,7 +10,6 @@
 #include "error.h"
 #include "file.h"
 #include "json_cli.h"
-#include "json_memory.h"
 #include "layout.h"
 #include "model.h"
 #include "saga.h"
@@ -85,94 +84,162 @@ static double metres(const subject *s, int axis, int32_t units)
     return s->centre[axis] + s->unit * units;
 }
 
-/* --- As text ------------------------------------------------------------- */
+/* --- The report ---------------------------------------------------------- */
 
-static void print_tools(const saga_info *info)
+/* Numbers have 64 bits; none of ours reaches 2^63. */
+static void put(json_t *o, const char *key, uint64_t v)
 {
-    int n = 0;
-
-    printf("tools       ");
-    if (info->motion_order)
-        n += printf("motion of order %" PRIu32, info->motion_order);
-    for (int i = 0; i < N_TOOLS; i++)
-        if (info->tools & tools[i].bit)
-            n += printf("%s%s", n ? ", " : "", tools[i].name);
-    puts(n ? "" : "none");
+    saga_put_int(o, key, (json_int_t)v);
 }
 
-static void print_time(const subject *s)
+/* A still has no rate. */
+static void put_rate(json_t *o, const subject *s, uint64_t nbytes,
+                     uint32_t n_frames)
+{
+    saga_put_real(o, "bits_per_second", s->info.n_frames == 1 ? (double)NAN
+                  : rate_of(nbytes, seconds_of(s, n_frames)));
+}
+
+static void put_header(json_t *o, const subject *s)
 {
     const saga_info *const i = &s->info;
 
-    if (i->n_frames == 1) {
-        puts("time        a single frame: a still scene");
-        return;
+    put(o, "nbytes", s->layout.file_nbytes);
+    put(o, "version", i->version);
+    put(o, "level", i->level);
+    put(o, "n_frames", i->n_frames);
+    put(o, "n_segments", i->n_segments);
+    saga_put(o, "frames_per_second",
+             json_pack("[II]", (json_int_t)i->fps_num,
+                       (json_int_t)i->fps_den));
+    saga_put_real(o, "seconds", s->seconds);
+    put_rate(o, s, s->layout.file_nbytes, i->n_frames);
+    saga_put_flag(o, "/still", i->n_frames == 1);
+}
+
+/* In text, tools stand in one line with commas between. */
+static json_t *tools_of(const saga_info *info, json_t *line)
+{
+    json_t *const o = json_object();
+    bool any = info->motion_order > 0;
+
+    for (int i = 0; i < N_TOOLS; i++) {
+        const bool has = info->tools & tools[i].bit;
+
+        saga_put_flag(o, tools[i].key, has);
+        if (has)
+            saga_put_item(line, json_pack("{ssss}", "comma", any ? ", " : "",
+                                          "name", tools[i].name));
+        any = any || has;
     }
-    printf("time        %" PRIu32 " frames at %" PRIu32 "/%" PRIu32
-           " per second: %.3f s in %" PRIu32 " segment%s\n"
-           "rate        %.0f bit/s, all bytes over all time\n", i->n_frames,
-           i->fps_num, i->fps_den, s->seconds, i->n_segments,
-           i->n_segments == 1 ? "" : "s",
-           rate_of(s->layout.file_nbytes, s->seconds));
+    put(o, "motion_order", info->motion_order);
+    return o;
 }
 
-static void print_header(const subject *s)
+static json_t *decoding_of(const saga_info *i)
+{
+    json_t *const o = json_object();
+
+    put(o, "n_layers", i->n_layers);
+    put(o, "features", i->features);
+    put(o, "n_weights", i->n_weights);
+    put(o, "max_coarse", i->max_coarse);
+    put(o, "max_fine", i->max_fine);
+    put(o, "max_primitives", i->max_primitives);
+    put(o, "base_coarse", i->base_coarse);
+    put(o, "base_fine", i->base_fine);
+    put(o, "base_primitives", i->base_primitives);
+    put(o, "base_macs", i->base_macs);
+    put(o, "memory_nbytes", i->work_nbytes);
+    put(o, "level_memory_nbytes", SAGA_WORK_MAX(i->level));
+    put(o, "macs_per_segment", i->decode_macs);
+    put(o, "macs_per_primitive_and_view", i->view_macs);
+    return o;
+}
+
+static json_t *metric_of(const subject *s)
 {
     const saga_info *const i = &s->info;
+    json_t *const o = json_object();
 
-    printf("%s\n\n"
-           "file        %" PRIu64 " bytes, version %" PRIu32 ", level %" PRIu32
-           "\n", s->name, s->layout.file_nbytes, i->version, i->level);
-    print_time(s);
-    print_tools(i);
-    printf("networks    %" PRIu32 " weights, %" PRIu32
-           " feature channels\n"
-           "at most     %" PRIu32 " coarse anchors, %" PRIu32
-           " fine anchors%s, %" PRIu32 " primitives a segment\n"
-           "memory      %zu bytes to decode, of %lu at level %" PRIu32 "\n"
-           "work        %" PRIu64 " multiply-accumulates a segment, %" PRIu32
-           " a visible primitive and picture\n",
-           i->n_weights, i->features, i->max_coarse, i->max_fine,
-           i->n_layers > 1 ? " a layer" : "", i->max_primitives,
-           i->work_nbytes, SAGA_WORK_MAX(i->level), i->level, i->decode_macs,
-           i->view_macs);
-    if (i->base_coarse)
-        printf("base        %" PRIu32 " coarse anchors, %" PRIu32 " fine "
-               "anchors, %" PRIu32 " primitives, decoded once:\n"
-               "            %" PRIu64 " multiply-accumulates\n",
-               i->base_coarse, i->base_fine, i->base_primitives,
-               i->base_macs);
-    printf("cube        %.6g wide around (%.6g, %.6g, %.6g), in units of the "
-           "capture\n", ldexp(s->unit, 24), s->centre[0], s->centre[1],
-           s->centre[2]);
-    if (s->metres > 0.0)
-        printf("unit        of the capture: %.6g m\n", s->metres);
+    saga_put_real(o, "metres_in_capture_unit",
+                  s->metres > 0.0 ? s->metres : (double)NAN);
+    saga_put_real(o, "metres_per_unit", s->unit);
+    saga_put_real(o, "/width", ldexp(s->unit, 24));
+    saga_put(o, "centre_metres", json_pack("[fff]", s->centre[0], s->centre[1],
+                                           s->centre[2]));
+    saga_put(o, "unit_mantissa_exponent",
+             json_pack("[ii]", (int)i->unit_mantissa, (int)i->unit_exponent));
+    saga_put(o, "centre_mantissa", json_pack(
+        "[iii]", (int)i->centre_mantissa[0], (int)i->centre_mantissa[1],
+        (int)i->centre_mantissa[2]));
+    saga_put_int(o, "centre_exponent", i->centre_exponent);
+    return o;
 }
 
-static void print_segment(const subject *s, uint32_t i)
+static void put_counts(json_t *o, const saga_counts *n)
 {
-    const saga_layout_segment *const g = &s->layout.segment[i];
-
-    printf("%5" PRIu32 " %7" PRIu32 " %7" PRIu32 " %10" PRIu32 " %10.0f",
-           i, g->first_frame, g->n_frames, g->nbytes,
-           rate_of(g->nbytes, seconds_of(s, g->n_frames)));
-    if (g->damaged)
-        puts("  damaged");
-    else
-        printf(" %7" PRIu32 " %7" PRIu32 " %8" PRIu32 "\n", g->n.coarse,
-               g->n.fine, g->n.prim);
+    put(o, "n_coarse", n->coarse);
+    put(o, "n_fine", n->fine);
+    put(o, "n_primitives", n->prim);
 }
 
-/* What a file cut behind each layer has. */
-static void print_layers(const subject *s)
+static json_t *layers_of(const saga_layout_segment *g, uint32_t n_layers)
+{
+    json_t *const list = json_array();
+
+    for (uint32_t k = 0; k < n_layers; k++) {
+        json_t *const o = json_object();
+
+        put(o, "nbytes", g->layer[k].nbytes);
+        put_counts(o, &g->layer[k].n);
+        saga_put_item(list, o);
+    }
+    return list;
+}
+
+static json_t *segments_of(const subject *s)
+{
+    json_t *const list = json_array();
+
+    for (uint32_t i = 0; i < s->layout.n_segments; i++) {
+        const saga_layout_segment *const g = &s->layout.segment[i];
+        json_t *const o = json_object();
+
+        put(o, "first_frame", g->first_frame);
+        put(o, "n_frames", g->n_frames);
+        put(o, "offset", g->offset);
+        put(o, "nbytes", g->nbytes);
+        put_rate(o, s, g->nbytes, g->n_frames);
+        saga_put_real(o, "/rate", rate_of(g->nbytes, seconds_of(s,
+                                                                g->n_frames)));
+        saga_put_flag(o, "damaged", g->damaged);
+        put_counts(o, &g->n);
+        put(o, "coarse_nbytes", g->payload_nbytes[SAGA_PART_COARSE]);
+        put(o, "fine_nbytes", g->payload_nbytes[SAGA_PART_FINE]);
+        put(o, "primitives_nbytes", g->payload_nbytes[SAGA_PART_PRIM]);
+        saga_put(o, "layers", layers_of(g, s->layout.n_layers));
+        saga_put_item(list, o);
+    }
+    return list;
+}
+
+/* What a file cut behind each layer has; nothing of a file of one, and of one
+ * that is damaged. */
+static json_t *cuts_of(const subject *s)
 {
     const saga_layout *const l = &s->layout;
+    json_t *const list = json_array();
 
-    puts("\nlayer       bytes  coarse    fine    prims  the file up to it");
     for (uint32_t k = 0; k < l->n_layers; k++) {
+        json_t *const o = json_object();
         uint64_t nbytes = 0;
         saga_counts n = { 0, 0, 0 };
 
+        if (l->n_layers == 1 || l->n_damaged) {
+            json_decref(o);
+            break;
+        }
         for (uint32_t i = 0; i < l->n_segments; i++) {
             const saga_layout_layer *const y = &l->segment[i].layer[k];
 
@@ -181,226 +248,145 @@ static void print_layers(const subject *s)
             n.fine += y->n.fine;
             n.prim += y->n.prim;
         }
-        printf("%5" PRIu32 " %11" PRIu64 " %7" PRIu32 " %7" PRIu32 " %8" PRIu32
-               " %11" PRIu64 " bytes\n", k + 1, nbytes, n.coarse, n.fine,
-               n.prim, saga_layout_cut(l, k + 1));
+        put(o, "number", k + 1);
+        put(o, "nbytes", nbytes);
+        put_counts(o, &n);
+        put(o, "cut_nbytes", saga_layout_cut(l, k + 1));
+        saga_put_item(list, o);
     }
+    return list;
 }
 
-static void print_rig(const subject *s)
+static json_t *camera_of(const subject *s, const saga_camera *c, uint32_t i,
+                         uint32_t number)
 {
-    puts("\n  rig  camera            size      focal, px       centre, units");
+    json_t *const rotation = json_array(), *const o = json_object();
+    saga_naming naming;
+    char called[24];
+
+    naming_of(&naming, s, i);
+    snprintf(called, sizeof called, "number %" PRIu32, number);
+    for (int k = 0; k < 9; k++)
+        saga_put_item(rotation, json_real(ldexp(c->rotation_q30[k], -30)));
+    put(o, "number", number);
+    put(o, "/index", i);
+    saga_put_text(o, "name", naming.name);
+    saga_put_text(o, "/called", naming.name[0] ? naming.name : called);
+    put(o, "width", c->width);
+    put(o, "height", c->height);
+    saga_put(o, "focal", json_pack("[ff]", c->focal_q16[0] / 65536.0,
+                                   c->focal_q16[1] / 65536.0));
+    saga_put(o, "principal", json_pack("[ff]", c->principal_q16[0] / 65536.0,
+                                       c->principal_q16[1] / 65536.0));
+    saga_put(o, "centre_metres", json_pack(
+        "[fff]", metres(s, 0, c->centre[0]), metres(s, 1, c->centre[1]),
+        metres(s, 2, c->centre[2])));
+    saga_put_real(o, "near_metres", s->unit * c->near_plane);
+    saga_put(o, "rotation", rotation);
+    return o;
+}
+
+static json_t *rig_of(const subject *s)
+{
+    json_t *const list = json_array();
+
     for (uint32_t i = 0; i < s->info.n_cameras; i++) {
         saga_camera c;
-        saga_naming naming;
         uint32_t number;
 
-        if (saga_rig(&c, &number, s->bytes, s->info.head_nbytes, i))
-            continue;
-        naming_of(&naming, s, i);
-        if (!naming.name[0])
-            snprintf(naming.name, sizeof naming.name, "number %" PRIu32,
-                     number);
-        printf("%5" PRIu32 "  %-12s %5ux%-5u %7.1f %7.1f  "
-               "%8.3f %8.3f %8.3f\n", i, naming.name, c.width, c.height,
-               c.focal_q16[0] / 65536.0, c.focal_q16[1] / 65536.0,
-               metres(s, 0, c.centre[0]), metres(s, 1, c.centre[1]),
-               metres(s, 2, c.centre[2]));
+        if (saga_rig(&c, &number, s->bytes, s->info.head_nbytes, i) == SAGA_OK)
+            saga_put_item(list, camera_of(s, &c, i, number));
     }
+    return list;
 }
 
-static void print_text(const subject *s)
-{
-    print_header(s);
-    saga_bytes_table_print(&s->layout);
-    puts("\n  seg   first  frames      bytes      bit/s  coarse    fine"
-         "    prims");
-    for (uint32_t i = 0; i < s->layout.n_segments; i++)
-        print_segment(s, i);
-    if (s->layout.n_layers > 1 && !s->layout.n_damaged)
-        print_layers(s);
-    if (s->info.n_cameras)
-        print_rig(s);
-    if (!s->layout.damage[0])
-        printf("\nThe CRCs of the header and of all %" PRIu32
-               " chunks are right.\n", s->layout.n_chunks);
-}
-
-/* --- As JSON ------------------------------------------------------------- */
-
-/* Numbers have 64 bits; none of ours reaches 2^63. */
-static json_int_t number(uint64_t v)
-{
-    return (json_int_t)v;
-}
-
-static json_t *json_tools(const saga_info *info)
+static json_t *crc_of(const saga_layout *l)
 {
     json_t *const o = json_object();
 
-    for (int i = 0; i < N_TOOLS; i++)
-        saga_json_set_value(o, tools[i].key,
-                            json_boolean(info->tools & tools[i].bit));
-    saga_json_set_value(o, "motion_order", json_integer(info->motion_order));
+    saga_put_flag(o, "sound", l->damage[0] == '\0');
+    put(o, "chunks_checked", l->n_chunks);
+    put(o, "segments_damaged", l->n_damaged);
+    saga_put_text(o, "damage", l->damage);
     return o;
 }
 
-/* A still has no rate. */
-static json_t *json_rate(const subject *s, uint64_t nbytes, uint32_t n_frames)
+static json_t *report_of(const subject *s)
 {
-    return s->info.n_frames == 1 ? json_null()
-        : json_real(rate_of(nbytes, seconds_of(s, n_frames)));
-}
-
-static json_t *json_header(const subject *s)
-{
-    const saga_info *const i = &s->info;
-
     json_t *const o = saga_cli_json_head("info", s->name);
+    json_t *const line = json_array();
 
-    saga_json_merge_object(o, json_pack("{sIsIsIsIsIs[II]sfso}",
-        "nbytes", number(s->layout.file_nbytes),
-        "version", number(i->version), "level", number(i->level),
-        "n_frames", number(i->n_frames), "n_segments", number(i->n_segments),
-        "frames_per_second", number(i->fps_num), number(i->fps_den),
-        "seconds", s->seconds,
-        "bits_per_second", json_rate(s, s->layout.file_nbytes,
-                                     i->n_frames)));
+    put_header(o, s);
+    saga_put(o, "tools", tools_of(&s->info, line));
+    saga_put(o, "/tools", line);
+    saga_put(o, "decoding", decoding_of(&s->info));
+    saga_put(o, "metric", metric_of(s));
+    saga_put_bytes(o, &s->layout);
+    saga_put(o, "segments", segments_of(s));
+    saga_put(o, "/cuts", cuts_of(s));
+    saga_put(o, "rig", rig_of(s));
+    saga_put(o, "crc", crc_of(&s->layout));
     return o;
 }
 
-static json_t *json_decoding(const saga_info *i)
-{
-    return json_pack("{sIsIsIsIsIsIsIsIsIsIsIsIsIsI}",
-        "n_layers", number(i->n_layers),
-        "features", number(i->features), "n_weights", number(i->n_weights),
-        "max_coarse", number(i->max_coarse), "max_fine", number(i->max_fine),
-        "max_primitives", number(i->max_primitives),
-        "base_coarse", number(i->base_coarse),
-        "base_fine", number(i->base_fine),
-        "base_primitives", number(i->base_primitives),
-        "base_macs", number(i->base_macs),
-        "memory_nbytes", number(i->work_nbytes),
-        "level_memory_nbytes", number(SAGA_WORK_MAX(i->level)),
-        "macs_per_segment", number(i->decode_macs),
-        "macs_per_primitive_and_view", number(i->view_macs));
-}
+/* --- As text ------------------------------------------------------------- */
 
-static json_t *json_metric(const subject *s)
-{
-    const saga_info *const i = &s->info;
-
-    return json_pack("{sosfs[fff]s[ii]s[iii]si}", "metres_in_capture_unit",
-        s->metres > 0.0 ? json_real(s->metres) : json_null(),
-        "metres_per_unit", s->unit,
-        "centre_metres", s->centre[0], s->centre[1], s->centre[2],
-        "unit_mantissa_exponent", (int)i->unit_mantissa,
-        (int)i->unit_exponent, "centre_mantissa", (int)i->centre_mantissa[0],
-        (int)i->centre_mantissa[1], (int)i->centre_mantissa[2],
-        "centre_exponent", (int)i->centre_exponent);
-}
-
-static json_t *json_layers(const saga_layout_segment *g, uint32_t n_layers)
-{
-    json_t *const list = json_array();
-
-    for (uint32_t k = 0; k < n_layers; k++) {
-        const saga_layout_layer *const y = &g->layer[k];
-
-        saga_json_append_item(list, json_pack(
-            "{sIsIsIsI}", "nbytes", number(y->nbytes),
-            "n_coarse", number(y->n.coarse), "n_fine", number(y->n.fine),
-            "n_primitives", number(y->n.prim)));
-    }
-    return list;
-}
-
-static json_t *json_segments(const subject *s)
-{
-    json_t *const list = json_array();
-
-    for (uint32_t i = 0; i < s->layout.n_segments; i++) {
-        const saga_layout_segment *const g = &s->layout.segment[i];
-
-        saga_json_append_item(list, json_pack(
-            "{sIsIsIsIsosbsIsIsIsIsIsIso}",
-            "first_frame", number(g->first_frame),
-            "n_frames", number(g->n_frames), "offset", number(g->offset),
-            "nbytes", number(g->nbytes), "bits_per_second",
-            json_rate(s, g->nbytes, g->n_frames),
-            "damaged", (int)g->damaged, "n_coarse", number(g->n.coarse),
-            "n_fine", number(g->n.fine), "n_primitives", number(g->n.prim),
-            "coarse_nbytes", number(g->payload_nbytes[SAGA_PART_COARSE]),
-            "fine_nbytes", number(g->payload_nbytes[SAGA_PART_FINE]),
-            "primitives_nbytes", number(g->payload_nbytes[SAGA_PART_PRIM]),
-            "layers", json_layers(g, s->layout.n_layers)));
-    }
-    return list;
-}
-
-static json_t *json_camera(const subject *s, const saga_camera *c, uint32_t i,
-                           uint32_t name)
-{
-    json_t *const rotation = json_array();
-    saga_naming naming;
-
-    naming_of(&naming, s, i);
-    for (int k = 0; k < 9; k++)
-        saga_json_append_item(rotation,
-                              json_real(ldexp(c->rotation_q30[k], -30)));
-    return json_pack("{sIsssIsIs[ff]s[ff]s[fff]sfso}",
-        "number", number(name), "name", naming.name,
-        "width", number(c->width),
-        "height", number(c->height),
-        "focal", c->focal_q16[0] / 65536.0, c->focal_q16[1] / 65536.0,
-        "principal", c->principal_q16[0] / 65536.0,
-        c->principal_q16[1] / 65536.0,
-        "centre_metres", metres(s, 0, c->centre[0]),
-        metres(s, 1, c->centre[1]), metres(s, 2, c->centre[2]),
-        "near_metres", s->unit * c->near_plane, "rotation", rotation);
-}
-
-static json_t *json_rig(const subject *s)
-{
-    json_t *const list = json_array();
-
-    for (uint32_t i = 0; i < s->info.n_cameras; i++) {
-        saga_camera c;
-        uint32_t name;
-
-        if (saga_rig(&c, &name, s->bytes, s->info.head_nbytes, i) == SAGA_OK)
-            saga_json_append_item(list, json_camera(s, &c, i, name));
-    }
-    return list;
-}
-
-static json_t *json_crc(const saga_layout *l)
-{
-    return json_pack("{sbsIsIss}", "sound", l->damage[0] == '\0',
-                     "chunks_checked", number(l->n_chunks),
-                     "segments_damaged", number(l->n_damaged),
-                     "damage", l->damage);
-}
-
-static json_t *json_report(const subject *s)
-{
-    json_t *const o = json_header(s);
-
-    saga_json_set_value(o, "tools", json_tools(&s->info));
-    saga_json_set_value(o, "decoding", json_decoding(&s->info));
-    saga_json_set_value(o, "metric", json_metric(s));
-    saga_json_set_value(o, "bytes", saga_bytes_table_json(&s->layout));
-    saga_json_set_value(o, "segments", json_segments(s));
-    saga_json_set_value(o, "rig", json_rig(s));
-    saga_json_set_value(o, "crc", json_crc(&s->layout));
-    return o;
-}
-
-static int print_json(const subject *s)
-{
-    saga_json_watch();
-    return saga_cli_print_json(json_report(s), 10, s->name);
-}
+static const saga_line text[] = {
+    { "", NULL, "{file}\n\n"
+      "file        {nbytes} bytes, version {version}, level {level}\n" },
+    { "/still", NULL, "time        a single frame: a still scene\n" },
+    { "!/still", NULL,
+      "time        {n_frames} frames at "
+      "{frames_per_second.0}/{frames_per_second.1} per second: {seconds:%.3f} "
+      "s in {n_segments} segment{n_segments+s}\n"
+      "rate        {bits_per_second:%.0f} bit/s, all bytes over all time\n" },
+    { "", NULL, "tools       " },
+    { "tools.motion_order", NULL, "motion of order {tools.motion_order}" },
+    { "", "/tools", "{comma}{name}" },
+    { "!tools.motion_order&!/tools", NULL, "none" },
+    { "", NULL,
+      "\nnetworks    {decoding.n_weights} weights, {decoding.features} feature "
+      "channels\n"
+      "at most     {decoding.max_coarse} coarse anchors, {decoding.max_fine} "
+      "fine anchors" },
+    { "decoding.n_layers>1", NULL, " a layer" },
+    { "", NULL,
+      ", {decoding.max_primitives} primitives a segment\n"
+      "memory      {decoding.memory_nbytes} bytes to decode, of "
+      "{decoding.level_memory_nbytes} at level {level}\n"
+      "work        {decoding.macs_per_segment} multiply-accumulates a segment, "
+      "{decoding.macs_per_primitive_and_view} a visible primitive and "
+      "picture\n" },
+    { "decoding.base_coarse", NULL,
+      "base        {decoding.base_coarse} coarse anchors, "
+      "{decoding.base_fine} fine anchors, {decoding.base_primitives} "
+      "primitives, decoded once:\n"
+      "            {decoding.base_macs} multiply-accumulates\n" },
+    { "", NULL, "cube        {metric./width:%.6g} wide around "
+      "({metric.centre_metres.0:%.6g}, {metric.centre_metres.1:%.6g}, "
+      "{metric.centre_metres.2:%.6g}), in units of the capture\n" },
+    { "metric.metres_in_capture_unit", NULL, "unit        of the capture: "
+      "{metric.metres_in_capture_unit:%.6g} m\n" },
+    SAGA_BYTES_LINES,
+    { "", NULL, "\n  seg   first  frames      bytes      bit/s  coarse    fine"
+      "    prims\n" },
+    { "", "segments", "{#:%5d} {first_frame:%7d} {n_frames:%7d} "
+      "{nbytes:%10d} {/rate:%10.0f}" },
+    { "damaged", "segments", "  damaged\n" },
+    { "!damaged", "segments", " {n_coarse:%7d} {n_fine:%7d} "
+      "{n_primitives:%8d}\n" },
+    { "/cuts", NULL, "\nlayer       bytes  coarse    fine    prims  the file "
+      "up to it\n" },
+    { "", "/cuts", "{number:%5d} {nbytes:%11d} {n_coarse:%7d} {n_fine:%7d} "
+      "{n_primitives:%8d} {cut_nbytes:%11d} bytes\n" },
+    { "rig", NULL, "\n  rig  camera            size      focal, px       "
+      "centre, units\n" },
+    { "", "rig", "{/index:%5d}  {/called:%-12s} {width:%5d}x{height:%-5d} "
+      "{focal.0:%7.1f} {focal.1:%7.1f}  {centre_metres.0:%8.3f} "
+      "{centre_metres.1:%8.3f} {centre_metres.2:%8.3f}\n" },
+    { "crc.sound", NULL, "\nThe CRCs of the header and of all "
+      "{crc.chunks_checked} chunks are right.\n" }
+};
 
 /* --- Together ------------------------------------------------------------ */
 
@@ -472,6 +458,7 @@ static int damage(const subject *s)
 static int tell(const options *o, const char *name, const saga_bytes *file)
 {
     subject s = { .name = name, .bytes = file->data, .nbytes = file->nbytes };
+    const saga_telling how = { o->json, 10, name };
     saga_error error = { "" };
     int status = probe(&s, file->nbytes);
 
@@ -480,10 +467,7 @@ static int tell(const options *o, const char *name, const saga_bytes *file)
     measure(&s);
     if (!saga_layout_read(&s.layout, name, file->data, file->nbytes, &error))
         return saga_cli_error(SAGA_EXIT_DATA, "%s", error.message);
-    if (o->json)
-        status = print_json(&s);
-    else
-        print_text(&s);
+    status = saga_cli_tell(report_of(&s), &how, SAGA_LINES(text));
     /* A damaged file is told as far as it goes, then that it is damaged. */
     if (!status)
         status = damage(&s);

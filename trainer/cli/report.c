@@ -151,10 +151,12 @@ static bool add_picture(session *s, json_t *list, const json_t *result,
 static json_t *json_metrics(void)
 {
     json_t *const list = json_array();
+    const saga_metric_row *m;
 
-    for (int i = 0; i < SAGA_N_METRICS; i++)
-        saga_json_append_item(list, json_pack("{ssss}",
-            "key", saga_metric_keys[i].key, "name", saga_metric_keys[i].name));
+    for (int i = 0; (m = saga_metric_at(i)); i++)
+        if (m->compared)
+            saga_json_append_item(list, json_pack("{ssss}", "key", m->key,
+                                                  "name", m->label));
     return list;
 }
 

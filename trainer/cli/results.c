@@ -9,18 +9,6 @@
 #include <math.h>
 #include <string.h>
 
-const saga_metric_key saga_metric_keys[SAGA_N_METRICS] = {
-    { "psnr", "PSNR", 1 },
-    { "psnr_of_mean_mse", "PSNR(mse)", 1 },
-    { "psnr_yuv", "PSNR-YUV", 1 },
-    { "changing_psnr", "changing", 1 },
-    { "temporal_psnr", "temporal", 1 },
-    { "ssim_valid", "SSIM", 1 },
-    { "ms_ssim", "MS-SSIM", 1 },
-    { "iv_psnr", "IV-PSNR", 1 },
-    { "lpips", "LPIPS", -1 }
-};
-
 const char *const saga_set_keys[SAGA_N_SETS] = { "all", "training",
                                                  "held_out" };
 
@@ -126,17 +114,17 @@ static double number(const json_t *o, const char *key)
 }
 
 double saga_result_value(const json_t *result, const char *set,
-                         const saga_metric_key *metric)
+                         const char *metric)
 {
     const json_t *const views = json_object_get(result, "views");
     const size_t n = json_array_size(views);
     double sum = 0.0;
 
     if (strcmp(set, "all") != 0)
-        return number(json_object_get(result, set), metric->key);
+        return number(json_object_get(result, set), metric);
     /* One view without a number makes the mean NaN: none is of fewer views. */
     for (size_t i = 0; i < n; i++)
-        sum += number(json_array_get(views, i), metric->key);
+        sum += number(json_array_get(views, i), metric);
     return sum / (double)n;
 }
 
@@ -159,46 +147,51 @@ const char *saga_results_differ(const json_t *a, const json_t *b)
 }
 
 static void fill(saga_bd_curve *curve, const saga_results *r, const char *set,
-                 const saga_metric_key *metric)
+                 const saga_metric_row *metric)
 {
     curve->n = r->n;
     /* BD-rate wants more to be better, so LPIPS changes its sign. */
     for (int i = 0; i < r->n; i++)
         curve->point[i] = (saga_bd_point){
             saga_result_nbytes(r->result[i]),
-            metric->sign * saga_result_value(r->result[i], set, metric)
+            metric->better * saga_result_value(r->result[i], set, metric->key)
         };
 }
 
-bool saga_results_bd_of(saga_bd *bd, const saga_results *anchor,
-                        const saga_results *test, int set, int metric)
+/* Compares two curves by a metric; NULL: it was not measured in both. */
+static json_t *bd_of(const saga_results *anchor, const saga_results *test,
+                     const char *set, const saga_metric_row *metric)
 {
+    const double sign = metric->better;
     saga_bd_curve a, t;
+    saga_bd bd;
 
-    fill(&a, anchor, saga_set_keys[set], &saga_metric_keys[metric]);
-    fill(&t, test, saga_set_keys[set], &saga_metric_keys[metric]);
-    *bd = saga_bd_rate(&a, &t);
-    return isfinite(a.point[0].quality) && isfinite(t.point[0].quality);
+    fill(&a, anchor, set, metric);
+    fill(&t, test, set, metric);
+    if (!isfinite(a.point[0].quality) || !isfinite(t.point[0].quality))
+        return NULL;
+    bd = saga_bd_rate(&a, &t);
+    return bd.refused
+        ? json_pack("{ss}", "refused", bd.refused)
+        : json_pack("{sfsfsfs[ff]}", "pchip", bd.pchip, "akima", bd.akima,
+                    "overlap", bd.overlap, "range", sign * bd.lo,
+                    sign * bd.hi);
 }
 
 json_t *saga_results_bd(const saga_results *anchor, const saga_results *test)
 {
     json_t *const o = json_object();
+    const saga_metric_row *metric;
 
     for (int i = 0; i < SAGA_N_SETS; i++) {
         json_t *const set = json_object();
 
-        for (int m = 0; m < SAGA_N_METRICS; m++) {
-            const double sign = saga_metric_keys[m].sign;
-            saga_bd bd;
+        for (int m = 0; (metric = saga_metric_at(m)); m++) {
+            json_t *const bd = metric->compared
+                ? bd_of(anchor, test, saga_set_keys[i], metric) : NULL;
 
-            if (!saga_results_bd_of(&bd, anchor, test, i, m))
-                continue;
-            saga_json_set_value(set, saga_metric_keys[m].key, bd.refused
-                ? json_pack("{ss}", "refused", bd.refused)
-                : json_pack("{sfsfsfs[ff]}", "pchip", bd.pchip, "akima",
-                            bd.akima, "overlap", bd.overlap, "range",
-                            sign * bd.lo, sign * bd.hi));
+            if (bd)
+                saga_json_set_value(set, metric->key, bd);
         }
         saga_json_set_value(o, saga_set_keys[i], set);
     }

@@ -8,6 +8,7 @@
 
 #include "bd.h"
 #include "error.h"
+#include "score.h"
 
 #include <jansson.h>
 
@@ -22,23 +23,14 @@ typedef struct saga_results {
 bool saga_results_load(saga_results *r, const char *path, saga_error *error);
 void saga_results_free(saga_results *r);
 
-/* A metric is a number of a report that curves are drawn of. */
-typedef struct saga_metric_key {
-    const char *key, *name;
-    int sign;                /* -1: less is better */
-} saga_metric_key;
-
-enum { SAGA_N_METRICS = 9 };
-extern const saga_metric_key saga_metric_keys[SAGA_N_METRICS];
-
 /* Views are judged in sets: "all", "training", "held_out". */
 enum { SAGA_N_SETS = 3 };
 extern const char *const saga_set_keys[SAGA_N_SETS];
 
-/* Returns a metric of a set of views; of all, the mean over the views; NaN
- * where it was not measured. */
+/* Returns a metric, by its key, of a set of views; of all, the mean over the
+ * views; NaN where it was not measured. */
 double saga_result_value(const json_t *result, const char *set,
-                         const saga_metric_key *metric);
+                         const char *metric);
 
 /* Returns the file's bytes; 0 where the report has none. */
 double saga_result_nbytes(const json_t *result);
@@ -47,12 +39,8 @@ double saga_result_nbytes(const json_t *result);
  * that would keep the numbers from being compared. */
 const char *saga_results_differ(const json_t *a, const json_t *b);
 
-/* Compares two curves by a metric, of a set of views. False: it was not
- * measured in both. */
-bool saga_results_bd_of(saga_bd *bd, const saga_results *anchor,
-                        const saga_results *test, int set, int metric);
-
-/* The same of all sets and metrics: { SET: { METRIC: { ... } } }. */
+/* Compares two curves by all metrics that both have, in all sets:
+ * { SET: { METRIC: { ... } } }. */
 json_t *saga_results_bd(const saga_results *anchor, const saga_results *test);
 
 #endif

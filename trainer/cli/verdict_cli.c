@@ -1,10 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "verdict_cli.h"
 
-#include "json_memory.h"
-
 #include <math.h>
-#include <stdio.h>
 
 /* dB that what moves has to be above a still picture, to be better than one. */
 #define ABOVE_STILL 1.0
@@ -12,80 +9,55 @@
 /* Fewer pixels than this part are noise, if they change. */
 #define LEAST_SHARE 1e-4
 
-/* Tells of what moves; returns whether it should be better. */
-static bool print_moving(const saga_verdict *v)
-{
-    const double moving = saga_change_psnr(&v->file);
-    const double as_still = saga_change_psnr(&v->still);
-    const bool lost = moving < as_still + ABOVE_STILL;
-
-    printf("; what moves (%.1f %% of the pixels): %.1f dB, %s",
-           100 * saga_change_share(&v->file), moving, lost
-           ? "no better than a still picture" : saga_verdict_word(moving));
-    return lost || moving < SAGA_VERDICT_BLURRED;
-}
-
-void saga_verdict_print(const saga_verdict *v, bool best)
+void saga_put_verdict(json_t *report, const saga_verdict *v,
+                      const char *better)
 {
     const double rest = saga_verdict_rest(v);
-    bool bad = rest < SAGA_VERDICT_BLURRED;
-
-    if (v->file.n_pixels == 0)
-        return;
-    if (isnan(rest))
-        printf("  nothing stands still");
-    else
-        printf("  what stands still: %.1f dB, %s", rest,
-               saga_verdict_word(rest));
-    if (saga_change_share(&v->file) >= LEAST_SHARE)
-        bad = print_moving(v) || bad;
-    puts(!bad ? "" : best ? "\n  a larger --size would be better"
-                          : "\n  try --preset best, or a larger --size");
-}
-
-static json_t *real_or_null(double v)
-{
-    return isfinite(v) ? json_real(v) : json_null();
-}
-
-json_t *saga_verdict_json(const saga_verdict *v)
-{
-    return json_pack("{sosososo}",
-        "still", real_or_null(saga_verdict_rest(v)),
-        "moving", real_or_null(saga_change_psnr(&v->file)),
-        "moving_as_still", real_or_null(saga_change_psnr(&v->still)),
-        "moving_share", real_or_null(saga_change_share(&v->file)));
-}
-
-void saga_shutter_print(const saga_shutter_found *found,
-                        const saga_capture *capture)
-{
-    bool any = false;
-
-    for (int i = 0; i < capture->n_views; i++)
-        if (found[i].shows) {
-            /* A tenth is what is told at least: +-0.0 would claim too much. */
-            printf("  %s: the last row is %.1f of a frame (+-%.1f) %s the "
-                   "first\n", capture->views[i].name, fabs(found[i].readout),
-                   fmax(found[i].spread, 0.1),
-                   found[i].readout > 0 ? "behind" : "ahead of");
-            any = true;
-        }
-    if (any)
-        puts("  a rolling shutter shows there, against the other cameras: "
-             "what moves fast\n  leans and blurs; film with a faster readout "
-             "or a global shutter");
-}
-
-json_t *saga_shutter_json(const saga_shutter_found *found,
-                          const saga_capture *capture)
-{
+    const double moving = saga_change_psnr(&v->file);
+    const double as_still = saga_change_psnr(&v->still);
+    const bool shown = v->file.n_pixels > 0;
+    const bool moves = shown && saga_change_share(&v->file) >= LEAST_SHARE;
+    const bool lost = moving < as_still + ABOVE_STILL;
     json_t *const o = json_object();
 
-    for (int i = 0; i < capture->n_views; i++)
-        saga_json_set_value(o, capture->views[i].name, json_pack(
-            "{sososb}", "frames", real_or_null(found[i].readout),
-            "standard_error", real_or_null(found[i].spread),
-            "shows", (int)found[i].shows));
-    return o;
+    saga_put_real(o, "still", rest);
+    saga_put_real(o, "moving", moving);
+    saga_put_real(o, "moving_as_still", as_still);
+    saga_put_real(o, "moving_share", saga_change_share(&v->file));
+    /* The words. */
+    saga_put_flag(o, "/shown", shown);
+    if (shown && !isnan(rest))
+        saga_put_text(o, "/still_word", saga_verdict_word(rest));
+    if (moves)
+        saga_put_text(o, "/moving_word", lost ? "no better than a still picture"
+                                         : saga_verdict_word(moving));
+    saga_put_flag(o, "/bad", shown && (rest < SAGA_VERDICT_BLURRED ||
+                                       (moves && (lost || moving <
+                                                  SAGA_VERDICT_BLURRED))));
+    saga_put_text(o, "/better", better);
+    saga_put(report, "psnr_parts", o);
+}
+
+void saga_put_shutter(json_t *report, const saga_shutter_found *found,
+                      const saga_capture *capture)
+{
+    json_t *const list = json_object();
+    bool any = false;
+
+    for (int i = 0; i < capture->n_views; i++) {
+        json_t *const o = json_object();
+
+        saga_put_real(o, "frames", found[i].readout);
+        saga_put_real(o, "standard_error", found[i].spread);
+        saga_put_flag(o, "shows", found[i].shows);
+        saga_put_real(o, "/off", fabs(found[i].readout));
+        /* A tenth is what is told at least: +-0.0 would claim too much. */
+        saga_put_real(o, "/spread", fmax(found[i].spread, 0.1));
+        saga_put_text(o, "/side", found[i].readout > 0 ? "behind"
+                                                       : "ahead of");
+        saga_put(list, capture->views[i].name, o);
+        any = any || found[i].shows;
+    }
+    saga_put(report, "readout", list);
+    saga_put_flag(report, "/shutter", any);
 }

@@ -6,27 +6,42 @@
 #ifndef SAGA_VERDICT_CLI_H
 #define SAGA_VERDICT_CLI_H
 
+#include "json_cli.h"
 #include "shutter.h"
 #include "verdict.h"
 
-#include <jansson.h>
+/* Puts "psnr_parts" into a report: {"still", "moving", "moving_as_still",
+ * "moving_share"}, null where there is no such pixel. Where it is bad, the text
+ * says what to try; `better` is a preset that would be, or NULL. */
+void saga_put_verdict(json_t *report, const saga_verdict *v,
+                      const char *better);
 
-/* Prints the verdict, with what to try where it is bad: best says that no
- * preset is better. */
-void saga_verdict_print(const saga_verdict *v, bool best);
+/* Puts "readout" into a report: {NAME: {"frames", "standard_error", "shows"},
+ * ..}, null where too little moves; found: (capture->n_views). */
+void saga_put_shutter(json_t *report, const saga_shutter_found *found,
+                      const saga_capture *capture);
 
-/* Returns the numbers: {"still", "moving", "moving_as_still", "moving_share"};
- * null where there is no such pixel. */
-json_t *saga_verdict_json(const saga_verdict *v);
+/* These lines print both, the views whose rows are read one after the other if
+ * there are any. */
+#define SAGA_VERDICT_LINES \
+    { "psnr_parts./still_word", NULL, "  what stands still: " \
+      "{psnr_parts.still:%.1f} dB, {psnr_parts./still_word}" }, \
+    { "psnr_parts./shown&!psnr_parts./still_word", NULL, \
+      "  nothing stands still" }, \
+    { "psnr_parts./moving_word", NULL, "; what moves " \
+      "({psnr_parts.moving_share*100:%.1f} % of the pixels): " \
+      "{psnr_parts.moving:%.1f} dB, {psnr_parts./moving_word}" }, \
+    { "psnr_parts./bad&psnr_parts./better", NULL, \
+      "\n  try --preset {psnr_parts./better}, or a larger --size" }, \
+    { "psnr_parts./bad&!psnr_parts./better", NULL, \
+      "\n  a larger --size would be better" }, \
+    { "psnr_parts./shown", NULL, "\n" }
 
-/* Prints the views whose rows are read one after the other, if there are any;
- * found: (capture->n_views). */
-void saga_shutter_print(const saga_shutter_found *found,
-                        const saga_capture *capture);
-
-/* Returns {NAME: {"frames", "standard_error", "shows"}, ..}; null where too
- * little moves. */
-json_t *saga_shutter_json(const saga_shutter_found *found,
-                          const saga_capture *capture);
+#define SAGA_SHUTTER_LINES \
+    { "shows", "readout", "  {@}: the last row is {/off:%.1f} of a frame " \
+      "(+-{/spread:%.1f}) {/side} the first\n" }, \
+    { "/shutter", NULL, "  a rolling shutter shows there, against the other " \
+      "cameras: what moves fast\n  leans and blurs; film with a faster " \
+      "readout or a global shutter\n" }
 
 #endif

@@ -14,11 +14,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SAGA_MEDIAN_TEXT \
-    "PSNR of each view's temporal median picture (of the truth)"
-#define SAGA_CHANGE_TEXT \
-    "PSNR of the pixels that are more than 8/255 off that median"
-
 enum { SAGA_CHANGE_LEVEL = 8 }; /* of 255 */
 
 /* Sets the medians of n samples over the n_frames >= 1 frames

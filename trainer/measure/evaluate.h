@@ -7,50 +7,16 @@
 #ifndef SAGA_EVALUATE_H
 #define SAGA_EVALUATE_H
 
-#include "change.h"
-#include "lpips.h"
-#include "metrics.h"
+#include "score.h"
 #include "view.h"
-
-#define SAGA_TEMPORAL_TEXT \
-    "PSNR of the differences of successive pictures, of the mean of all"
-
-#define SAGA_EXPOSED_TEXT \
-    "PSNR after the factor that suits best, one for each view and channel"
 
 typedef struct saga_eval_options {
     const char *pictures;    /* folder for side-by-side PNGs, made if it is not
                               * there; NULL: none */
-    bool no_ssim;            /* SSIM, MS-SSIM and IV-PSNR stay NaN, which saves
-                              * time */
-    bool equirect;           /* the pictures are all round: see yuv.h */
-    const saga_lpips *lpips; /* or NULL: LPIPS stays NaN */
+    saga_score_options score;
     saga_progress_fn *progress; /* or NULL */
     void *progress_user;
 } saga_eval_options;
-
-/* A maker gives the pictures that are judged: a film, or a capture whose
- * pictures another codec decoded. The other one is NULL. */
-typedef struct saga_eval_maker {
-    const char *name;        /* for messages */
-    int n_threads;           /* of comparing; 0: as many as there are */
-    saga_film *film;
-    const saga_capture *pictures;
-} saga_eval_maker;
-
-/* A view scores this, or a set of views in the mean. */
-typedef struct saga_eval_score {
-    saga_score decode;       /* the file's pictures: mean over the frames */
-    double median_psnr;      /* the temporal median picture's: the same mean */
-    double median_mse;
-    double temporal_mse;     /* of the differences of successive pictures; NaN
-                              * where there are none */
-    int n_steps;             /* such differences, of a view */
-    double exposed_mse;      /* with the factor for each channel, the same for
-                              * all frames of a view, that suits it best */
-    saga_change change;      /* the file's, on changing pixels; of a set: all
-                              * pixels of its views together */
-} saga_eval_score;
 
 typedef struct saga_eval_view {
     const char *name;        /* the capture's */
@@ -58,7 +24,8 @@ typedef struct saga_eval_view {
     bool held_out;
     int rig;                 /* its camera in the file's rig; -1: none */
     saga_camera camera;
-    saga_eval_score score;
+    double late;             /* frames, the capture's */
+    saga_score score;        /* means over its frames */
     char *picture;           /* the PNG that was written; NULL: none */
     int picture_frame;       /* which frame of the file it shows */
 } saga_eval_view;
@@ -68,8 +35,27 @@ typedef struct saga_eval {
     int first_frame;         /* the film's, shown by the capture's first */
     saga_eval_view *view;    /* (n_views) in the capture's order */
     int n_training, n_held_out;
-    saga_eval_score training, held_out; /* means over views; of none, NaN */
+    saga_score training, held_out; /* means over views; of none, NaN. Changing
+                              * pixels are those of all views together */
 } saga_eval;
+
+/* Sets rgb to a picture that is judged: of a view, at a frame of the capture.
+ */
+typedef bool saga_eval_draw_fn(void *state, uint8_t *rgb, const saga_eval *eval,
+                               int view, int frame, saga_error *error);
+
+/* A maker gives the pictures that are judged. */
+typedef struct saga_eval_maker {
+    const char *name;        /* for messages */
+    int n_threads;           /* of comparing; 0: as many as there are */
+    saga_eval_draw_fn *draw;
+    void *state;             /* the first argument of draw */
+} saga_eval_maker;
+
+/* These are makers: the integer decoder, whose state is the saga_film; and
+ * another codec, whose state is a saga_capture of what it decoded. */
+saga_eval_draw_fn saga_eval_draw_film;
+saga_eval_draw_fn saga_eval_draw_pictures;
 
 /* Says whether the capture is what the file was made from, camera by camera;
  * fills in all but the scores. With first_frame -1 the capture must have all

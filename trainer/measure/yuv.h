@@ -12,13 +12,6 @@
 
 #include "metrics.h"
 
-#define SAGA_PSNR_YUV_TEXT \
-    "8-bit BT.709 full range, 4:4:4, mean of the pictures' values"
-#define SAGA_PSNR_YUV_MEAN_TEXT "the same, Y : U : V weighted 6 : 1 : 1"
-#define SAGA_WS_PSNR_TEXT "PSNR-Y, rows weighted by the cosine of latitude"
-#define SAGA_IV_PSNR_TEXT \
-    "search of 5x5, both ways, YUV 4 : 1 : 1, shift of colour up to 1 %"
-
 /* One picture's samples; free() frees y, which holds all three. */
 typedef struct saga_yuv {
     int width, height;

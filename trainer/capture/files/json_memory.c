@@ -36,7 +36,7 @@ bool saga_json_lost(void)
 
 void saga_json_set_value(json_t *object, const char *key, json_t *value)
 {
-    lost |= json_object_set_new(object, key, value) != 0;
+    lost |= json_object_set_new_nocheck(object, key, value) != 0;
 }
 
 void saga_json_append_item(json_t *array, json_t *value)

@@ -21,8 +21,8 @@ bool saga_json_starved(void);
  */
 bool saga_json_lost(void);
 
-/* These do what jansson's json_object_set_new, json_array_append_new and
- * json_object_update_new do, and keep in mind whether that failed. */
+/* These do what jansson's json_object_set_new_nocheck, json_array_append_new
+ * and json_object_update_new do, and keep in mind whether that failed. */
 void saga_json_set_value(json_t *object, const char *key, json_t *value);
 void saga_json_append_item(json_t *array, json_t *value);
 void saga_json_merge_object(json_t *object, json_t *other);

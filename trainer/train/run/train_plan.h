@@ -11,6 +11,8 @@
 /* A preset says how much work is put into a file. */
 typedef struct saga_preset {
     const char *name;
+    const char *better;          /* which is worth a try where it is not good
+                                  * enough; NULL: none */
     double primitives;           /* times those of the rule */
     int iterations;              /* of all stages, */
     int visits;                  /* but so many for each picture at least */

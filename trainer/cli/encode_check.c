@@ -1,0 +1,340 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What saga encode tells of quality comes from the closed file, opened again:
+ * its pictures beside the capture's, and beside the float ones of the same
+ * symbols.
+ */
+#include "encode_session.h"
+
+#include "alloc.h"
+#include "cli.h"
+#include "file.h"
+#include "metrics.h"
+#include "splice.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Pictures of each view that tell of a rolling shutter. */
+enum { SHUTTER_PICTURES = 8 };
+
+typedef struct {
+    double sum[2], even[2], agree[2]; /* dB: of all but the held-out views, of
+                              * these */
+    int n[2], n_agree[2];    /* pictures */
+    bool has_float;          /* of the segment */
+} tally;
+
+/* Gives the PSNR of a decoded picture beside the truth as training sees it,
+ * with the camera's exposure evened out. */
+static double evened_psnr(const saga_encode_session *s, int view, int frame,
+                          const uint8_t *rgb)
+{
+    const double *const x = saga_train_exposure(s->train) + 3 * view;
+    const saga_shot *const v = &s->capture.views[view];
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    const uint8_t *const truth = saga_capture_frame(&s->capture, view, frame);
+    const uint8_t *const mask = saga_capture_mask(&s->capture, view, frame);
+    double sum = 0;
+    size_t counting = 0;
+
+    /* Training saw the truth times the factors of its camera. Masked pixels
+     * count neither in the sum nor in the mean. */
+    for (size_t i = 0; i < n; i++) {
+        counting += !mask || mask[i];
+        for (int k = 0; k < 3 && (!mask || mask[i]); k++) {
+            const double e = x[k] * truth[3 * i + (size_t)k] -
+                             rgb[3 * i + (size_t)k];
+
+            sum += e * e;
+        }
+    }
+    return saga_psnr(sum / (3.0 * (double)counting));
+}
+
+double saga_encode_exposure(const saga_encode_session *s)
+{
+    const double *const x = saga_train_exposure(s->train);
+    double most = 1;
+
+    for (int k = 0; k < 3; k++) {
+        double lo = INFINITY, hi = 0;
+
+        for (int i = 0; i < s->capture.n_views; i++)
+            if (!s->capture.views[i].held_out) {
+                lo = fmin(lo, x[3 * i + k]);
+                hi = fmax(hi, x[3 * i + k]);
+            }
+        most = fmax(most, hi / lo);
+    }
+    return most - 1;
+}
+
+/* Gives the PSNR between a decoded picture and the float one of the same
+ * symbols. */
+static bool compare_float(saga_encode_session *s, double *psnr,
+                          const uint8_t *rgb, int view, int frame)
+{
+    const saga_shot *const v = &s->capture.views[view];
+    const size_t n = (size_t)v->width * (size_t)v->height;
+    float *const image = saga_alloc(3 * n, sizeof *image, v->name, &s->error);
+    double sum = 0;
+
+    if (!image ||
+        !saga_train_draw(s->train, image, view, frame, &s->error)) {
+        free(image);
+        return false;
+    }
+    /* The image is (3, H, W), the decoded picture (H, W, 3). */
+    for (size_t i = 0; i < 3 * n; i++) {
+        const double x = (double)image[i % 3 * n + i / 3];
+        const double e = 255 * fmin(fmax(x, 0), 1) - rgb[i];
+
+        sum += e * e;
+    }
+    free(image);
+    *psnr = saga_psnr(sum / (3.0 * (double)n));
+    return true;
+}
+
+/* The float model in memory is that of the segment that was trained last. */
+static bool has_float(const saga_encode_session *s, int segment)
+{
+    /* With --networks and without a base, the first segment comes coded from
+     * that file, and there is no float model of it here. */
+    return segment == saga_train_segment(s->train) &&
+           !(s->o->networks && !saga_encode_has_base(s) &&
+             segment == saga_train_first(s->train));
+}
+
+/* A view of the capture as a film shows it. */
+typedef struct {
+    saga_film *film;
+    saga_camera camera;
+    int view;
+    int first;               /* frame of the film, the capture's first */
+    uint8_t *rgb;            /* a picture */
+} look;
+
+/* Free look->rgb, also after a failure. */
+static bool open_look(look *l, saga_encode_session *s, saga_film *film,
+                      int segment, int view)
+{
+    const saga_shot *const v = &s->capture.views[view];
+    uint32_t number;
+
+    /* A part of --only holds nothing but this segment. */
+    *l = (look){ .film = film, .view = view,
+                 .first = s->o->networks ? 0 : saga_encode_begin(s, segment),
+                 .rgb = saga_alloc(saga_view_frame_nbytes(v), 1, v->name,
+                                   &s->error) };
+    return l->rgb && saga_film_rig(film, (uint32_t)view, &l->camera, &number,
+                                   &s->error);
+}
+
+/* Draws a frame and gives its PSNR; NaN where no pixel of it counts. */
+static bool draw_look(look *l, double *psnr, saga_encode_session *s, int frame)
+{
+    const saga_shot *const v = &s->capture.views[l->view];
+    const uint8_t *const truth = saga_capture_frame(&s->capture, l->view,
+                                                    frame);
+    double counting;
+
+    if (!saga_film_draw_late(l->film, &l->camera, (uint32_t)(l->first + frame),
+                             v->late, l->rgb, &s->error))
+        return false;
+    /* Masked pixels become right, so the mean over all pixels counts only the
+     * others; divided by their part it is the mean over those. */
+    counting = saga_capture_forgive(&s->capture, l->view, frame, l->rgb);
+    *psnr = counting > 0
+        ? saga_psnr(saga_mse(l->rgb, truth, saga_view_frame_nbytes(v)) /
+                    counting)
+        : (double)NAN;
+    return true;
+}
+
+/* Adds what a drawn frame tells of a view. */
+static bool judge_frame(saga_encode_session *s, const look *l, double psnr,
+                        int frame, tally *t)
+{
+    const int set = s->capture.views[l->view].held_out;
+
+    if (!isnan(psnr)) {
+        t->sum[set] += psnr;
+        t->even[set] += evened_psnr(s, l->view, frame, l->rgb);
+        t->n[set]++;
+    }
+    if (!t->has_float)
+        return true;
+    t->n_agree[set]++;
+    if (!compare_float(s, &psnr, l->rgb, l->view, frame))
+        return false;
+    t->agree[set] += psnr;
+    return true;
+}
+
+static bool compare_view(saga_encode_session *s, saga_film *film, int segment,
+                         int view, tally *t)
+{
+    const saga_shot *const v = &s->capture.views[view];
+    /* Pictures of a camera that moves do not tell what stands still. */
+    const bool judged = !v->held_out && !s->capture.moves;
+    uint8_t *const median = !judged ? NULL
+        : saga_verdict_median(&s->capture, view, &s->error);
+    look l;
+    bool ok = open_look(&l, s, film, segment, view) && (median || !judged);
+    int frame;
+
+    t->has_float = has_float(s, segment);
+    for (int i = 0; ok && (frame = saga_train_sample(&s->capture, view,
+                                                     i)) >= 0; i++) {
+        double psnr;
+
+        ok = draw_look(&l, &psnr, s, frame);
+        if (ok && median)
+            saga_verdict_add(&s->verdict, median,
+                             saga_capture_frame(&s->capture, view, frame),
+                             l.rgb, saga_view_frame_nbytes(v) / 3);
+        ok = ok && judge_frame(s, &l, psnr, frame, t);
+    }
+    free(l.rgb);
+    free(median);
+    return ok;
+}
+
+static bool compare_cut(saga_encode_session *s, saga_encode_cut *c, int segment,
+                        int view)
+{
+    const int set = s->capture.views[view].held_out;
+    look l;
+    bool ok = open_look(&l, s, &c->film, segment, view);
+    int frame;
+
+    for (int i = 0; ok && (frame = saga_train_sample(&s->capture, view,
+                                                     i)) >= 0; i++) {
+        double psnr;
+
+        ok = draw_look(&l, &psnr, s, frame);
+        if (ok && !isnan(psnr)) {
+            c->sum[set] += psnr;
+            c->n[set]++;
+        }
+    }
+    free(l.rgb);
+    return ok;
+}
+
+/* Opens the file as it is behind each layer but the last. */
+static bool open_cuts(saga_encode_session *s, const saga_bytes *file)
+{
+    for (int k = 0; k + 1 < s->o->layers; k++) {
+        saga_encode_cut *const c = &s->cut[k];
+        const saga_splice_part part = {
+            .name = s->o->output, .bytes = file->data, .nbytes = file->nbytes,
+            .n_layers = (uint32_t)k + 1
+        };
+
+        if (!saga_splice(&c->bytes.data, &c->bytes.nbytes, &part, 1,
+                         &s->error) ||
+            !saga_film_open(&c->film, s->o->output, c->bytes.data,
+                            c->bytes.nbytes, s->o->capture.threads, &s->error))
+            return false;
+        c->nbytes = c->bytes.nbytes;
+    }
+    return true;
+}
+
+static void close_cuts(saga_encode_session *s)
+{
+    for (int k = 0; k + 1 < s->o->layers; k++) {
+        saga_film_close(&s->cut[k].film);
+        saga_bytes_free(&s->cut[k].bytes);
+    }
+}
+
+static int written_but(const saga_encode_session *s)
+{
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: the file was written, but: "
+                          "%s", s->error.message);
+}
+
+/* Of the only segment, or of all of them together, there are about as many
+ * pictures. */
+static bool look_at_rows(saga_encode_session *s, saga_film *film, int segment,
+                         int view)
+{
+    const int n = s->o->networks ? 1 : s->n_segments;
+    saga_shutter_view from = {
+        .capture = &s->capture, .view = view,
+        .first = s->o->networks ? 0 : saga_encode_begin(s, segment)
+    };
+    uint32_t number;
+
+    return s->capture.moves ||
+           (saga_film_rig(film, (uint32_t)view, &from.camera, &number,
+                          &s->error) &&
+            saga_shutter_look(&s->shutter[view], film, &from,
+                              (SHUTTER_PICTURES + n - 1) / n, &s->error));
+}
+
+static int compare_segment(saga_encode_session *s, saga_film *film, int segment,
+                           tally *t)
+{
+    /* A single segment, and that of --only, is still loaded from training. */
+    const bool is_there = s->n_segments == 1 || s->o->networks;
+    const int status = is_there ? SAGA_EXIT_OK : saga_encode_load(s, segment);
+
+    for (int v = 0; !status && v < s->capture.n_views; v++) {
+        bool ok = compare_view(s, film, segment, v, t) &&
+                  look_at_rows(s, film, segment, v);
+
+        for (int k = 0; ok && k + 1 < s->o->layers; k++)
+            ok = compare_cut(s, &s->cut[k], segment, v);
+        if (!ok)
+            return written_but(s);
+    }
+    return status;
+}
+
+/* A set without pictures is 0 / 0: NaN, which is not printed and is null in
+ * JSON. */
+static saga_train_quality quality_of(const double sum[2], const int n[2])
+{
+    return (saga_train_quality){ sum[0] / n[0], sum[1] / n[1], n[0], n[1] };
+}
+
+int saga_encode_check(saga_encode_session *s)
+{
+    tally t = { .has_float = false };
+    saga_bytes bytes = { NULL, 0 };
+    saga_film film = { .segment = -1 };
+    int status = SAGA_EXIT_OK;
+
+    if (!saga_read_file(&bytes, s->o->output, &s->error) ||
+        !saga_film_open(&film, s->o->output, bytes.data, bytes.nbytes,
+                        s->o->capture.threads, &s->error) ||
+        !saga_layout_read(&s->layout, s->o->output, bytes.data, bytes.nbytes,
+                          &s->error) || !open_cuts(s, &bytes) ||
+        !(s->shutter = saga_calloc((size_t)s->capture.n_views,
+                                   sizeof *s->shutter, s->o->output,
+                                   &s->error)))
+        status = written_but(s);
+    for (int i = 0; !status && i < s->n_segments; i++)
+        if (s->o->only < 0 || s->o->only == i)
+            status = compare_segment(s, &film, i, &t);
+    /* Only now: a camera is judged against all the others. */
+    if (!status)
+        s->rows = saga_shutter_find(s->shutter, s->capture.n_views, &s->error);
+    if (!status && !s->rows)
+        status = written_but(s);
+    for (int k = 0; k + 1 < s->o->layers; k++)
+        s->cut[k].quality = quality_of(s->cut[k].sum, s->cut[k].n);
+    close_cuts(s);
+    saga_film_close(&film);
+    saga_bytes_free(&bytes);
+    s->decoded = quality_of(t.sum, t.n);
+    if (saga_encode_exposure(s) > 0)
+        s->evened = quality_of(t.even, t.n);
+    s->agreement = quality_of(t.agree, t.n_agree);
+    return status;
+}

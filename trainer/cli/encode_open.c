@@ -1,0 +1,383 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Before saga encode trains: what would stop its result from being written is
+ * found, the capture is looked at and divided into segments, and the training
+ * begins, or goes on from its checkpoint.
+ */
+#include "encode_session.h"
+
+#include "alloc.h"
+#include "clock.h"
+#include "file.h"
+#include "still.h"
+#include "sweep.h"
+
+#include <math.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+/* Bytes that can be asked for. Networks and header take some 4,000, and with
+ * less than as much again for primitives there is no picture. */
+enum { LEAST_SIZE = 6000 };
+
+/* Training takes long: what would stop its result from being written is found
+ * now. */
+static int check_output(saga_encode_session *s)
+{
+    struct stat info;
+
+    if (stat(s->o->output, &info) == 0 && !S_ISREG(info.st_mode))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: -o %s is not a file; "
+                              "give the name of one", s->o->output);
+    if (!saga_output_open_alone(&s->out, s->o->output, &s->error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    return SAGA_EXIT_OK;
+}
+
+/* A file without a checkpoint beside it is finished, and may be of another
+ * capture: --resume asks to go on, not to replace it. A sweep knows its files
+ * by their results. */
+static int check_finished(const saga_encode_session *s)
+{
+    struct stat info;
+
+    if (!s->o->resume || s->o->sweep || saga_path_is_file(s->checkpoint) ||
+        stat(s->o->output, &info) != 0 || info.st_size == 0)
+        return SAGA_EXIT_OK;
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is there already, and "
+                          "no %s to go on from; leave --resume out to replace "
+                          "it, or name another file", s->o->output,
+                          s->checkpoint);
+}
+
+static int check_checkpoint(saga_encode_session *s)
+{
+    const size_t n = strlen(s->o->output) + sizeof ".ckpt";
+
+    s->checkpoint = saga_alloc(n, 1, s->o->output, &s->error);
+    if (!s->checkpoint)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    snprintf(s->checkpoint, n, "%s.ckpt", s->o->output);
+    /* Unfinished parts of a checkpoint, left by a killed run, are removed. */
+    saga_output_sweep(s->checkpoint);
+    if (!s->o->resume && saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s is left from a run "
+                              "that was stopped; give --resume to go on with "
+                              "it, or delete it", s->checkpoint);
+    return check_finished(s);
+}
+
+static saga_capture_options capture_options(saga_encode_session *s)
+{
+    saga_capture_options c = saga_capture_chosen(&s->o->capture);
+
+    if (s->scale)
+        c.scale = s->scale;
+    c.metres = s->o->metres;
+    c.progress = saga_encode_loading;
+    c.progress_user = s;
+    return c;
+}
+
+static saga_train_options train_options(saga_encode_session *s)
+{
+    const saga_encode_options *const o = s->o;
+    saga_train_options t = saga_train_defaults();
+
+    t.n_segments = s->n_segments;
+    t.networks = o->networks;
+    t.only = o->only;
+    t.n_primitives = (uint32_t)o->primitives;
+    /* A price without a number of primitives: the warm-up finds how many suit
+     * it. Files of a sweep have their numbers. */
+    t.free_count = o->lambda > 0 && o->primitives == 0 && !(s->part > 0);
+    t.n_iterations = o->iterations;
+    t.minutes = o->minutes;
+    t.lambda = o->lambda;
+    /* Of the whole file; one of --size and --bitrate is 0. */
+    t.n_bytes = (size_t)(o->size + o->bitrate / 8 * s->whole.n_frames /
+                         s->whole.fps);
+    t.level = o->level;
+    t.n_layers = o->layers;
+    t.seed = (uint64_t)o->seed;
+    t.motion = o->still ? SAGA_TRAIN_STILL
+             : o->moving ? SAGA_TRAIN_MOVING : SAGA_TRAIN_MEASURE;
+    t.ablate = o->ablate;
+    t.checkpoint = s->checkpoint;
+    t.checkpoint_seconds = o->every;
+    t.progress = saga_encode_training;
+    t.progress_user = s;
+    return t;
+}
+
+/* Has large pictures of a still made smaller, where that is left to the preset
+ * and it had no time to look at them often enough. */
+static int choose_scale(saga_encode_session *s)
+{
+    const saga_train_options t = train_options(s);
+    saga_capture_options c;
+
+    if (!s->o->capture.scale)
+        s->scale = saga_plan_scale(&t, &s->whole, s->preset);
+    if (s->scale < 2)
+        return SAGA_EXIT_OK;
+    saga_cli_error(0, "encode: pictures at 1/%d of their size, for which "
+                   "preset %s has time; --scale 1 takes whole ones", s->scale,
+                   s->preset->name);
+    /* The capture is looked at again, as its pictures will be loaded. */
+    c = capture_options(s);
+    return saga_capture_look(&s->whole, s->capture_name, &c, &s->error)
+        ? SAGA_EXIT_OK
+        : saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+}
+
+/* Divides the capture into segments that differ by a frame at most. */
+static int look_at_capture(saga_encode_session *s)
+{
+    const saga_capture_options c = capture_options(s);
+    saga_capture *const whole = &s->whole;
+
+    if (!saga_capture_look(whole, s->capture_name, &c, &s->error))
+        return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+    s->n_segments = saga_plan_segments(whole, s->o->segment);
+    if (s->o->only >= s->n_segments ||
+        (saga_encode_is_part(s->o) && s->n_segments == 1))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s has %d segment%s "
+                              "of --segment frames, numbered from 0: %s",
+                              s->capture_name, s->n_segments,
+                              s->n_segments == 1 ? "" : "s",
+                              s->n_segments == 1 ? "there are no parts"
+                              : "give --only one of these");
+    return choose_scale(s);
+}
+
+int saga_encode_begin(const saga_encode_session *s, int segment)
+{
+    return (int)((int64_t)segment * s->whole.n_frames / s->n_segments);
+}
+
+uint32_t saga_encode_frames(const saga_encode_session *s, int segment)
+{
+    return (uint32_t)(saga_encode_begin(s, segment + 1) -
+                      saga_encode_begin(s, segment));
+}
+
+int saga_encode_stopped(const saga_encode_session *s)
+{
+    if (saga_path_is_file(s->checkpoint))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped by %s; the "
+                              "same command with --resume goes on from %s",
+                              *s->signal == SIGINT ? "Ctrl-C" : "a signal",
+                              s->checkpoint);
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped, and no "
+                          "checkpoint could be written; nothing is left");
+}
+
+/* Loads the pictures of a segment in the place of those that were there. */
+static int open_segment(saga_encode_session *s, int segment)
+{
+    saga_capture_options c = capture_options(s);
+
+    c.first_frame = s->whole.first_frame + saga_encode_begin(s, segment);
+    c.end_frame = s->whole.first_frame + saga_encode_begin(s, segment + 1);
+    /* First of all, so that two segments are never in memory together. */
+    saga_capture_free(&s->capture);
+    s->meter = (saga_meter){ 0 };
+    if (saga_capture_load(&s->capture, s->capture_name, &c, &s->error)) {
+        saga_meter_end(&s->meter);
+        return SAGA_EXIT_OK;
+    }
+    saga_meter_end(&s->meter);
+    /* Loading also fails where saga_encode_loading() has it stop, which is no
+     * fault of the capture. */
+    if (*s->signal && saga_path_is_file(s->checkpoint))
+        return saga_encode_stopped(s);
+    if (*s->signal)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: stopped while loading "
+                              "the capture; nothing was written");
+    return saga_cli_error(SAGA_EXIT_DATA, "encode: %s", s->error.message);
+}
+
+/* Makes the pictures of what stands still: all segments are looked at. */
+static int open_base(saga_encode_session *s)
+{
+    saga_still still = { .n = 0 };
+    int status = SAGA_EXIT_OK;
+    bool ok = true;
+
+    /* open_segment tells its own failures, as status; what fails of `still` is
+     * told below, as ok. */
+    for (int i = 0; !status && ok && i < s->n_segments; i++) {
+        status = open_segment(s, i);
+        ok = status || saga_still_add(&still, &s->capture,
+                                      saga_encode_begin(s, i),
+                                      s->whole.n_frames, &s->error);
+    }
+    saga_capture_free(&s->capture);
+    if (!status && !(ok && saga_still_finish(&s->capture, &still, &s->error)))
+        status = saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
+                                s->error.message);
+    saga_still_free(&still);
+    return status;
+}
+
+int saga_encode_load(saga_encode_session *s, int segment)
+{
+    return segment == SAGA_TRAIN_BASE ? open_base(s)
+                                      : open_segment(s, segment);
+}
+
+/* Sets *first to the segment that changes most: it makes the networks. */
+static int find_first(saga_encode_session *s, int *first)
+{
+    double most = -1;
+
+    *first = 0;
+    /* A single segment is the first without being looked at. */
+    for (int i = 0; i < s->n_segments && s->n_segments > 1; i++) {
+        const int status = open_segment(s, i);
+        double change;
+
+        if (status)
+            return status;
+        change = saga_train_change(&s->capture);
+        if (change > most) {
+            most = change;
+            *first = i;
+        }
+    }
+    return SAGA_EXIT_OK;
+}
+
+/* Sets t->first to the segment that the checkpoint was in, and what was planned
+ * for it. Where it was begun with more of them than there are now, whoever
+ * reads all of it says so. */
+static int find_stopped(saga_encode_session *s, saga_train_options *t)
+{
+    t->first = saga_train_stopped_in(s->checkpoint, &s->error);
+    if (t->first < 0 || !saga_train_adopt(t, s->checkpoint, &s->error))
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    if (t->first != SAGA_TRAIN_BASE && t->first >= s->n_segments)
+        t->first = 0;
+    return SAGA_EXIT_OK;
+}
+
+/* Returns a part of the most primitives of a sweep, where n are those of a file
+ * alone. */
+static uint32_t primitives_of(const saga_encode_session *s, uint32_t n)
+{
+    /* The largest of the five files has all of these, the fourth 1 /
+     * SAGA_SWEEP_STEP of them, which is n. */
+    const double most = fmin(SAGA_SWEEP_STEP * n,
+                             saga_caps[s->o->level].n_prim);
+
+    return (uint32_t)fmax(1, rint(s->part * most));
+}
+
+/* Decides what nobody said. What a checkpoint has stays so. */
+static void plan(saga_encode_session *s, saga_train_options *t, bool resume)
+{
+    saga_plan(t, &s->why, &s->capture, s->preset);
+    if (s->part > 0 && (s->o->primitives || !resume)) {
+        t->n_primitives = primitives_of(s, t->n_primitives);
+        snprintf(s->why.primitives, sizeof s->why.primitives,
+                 "%u primitives of this one", t->n_primitives);
+    }
+}
+
+static int adopt_networks(saga_encode_session *s, saga_train_options *t)
+{
+    return saga_train_adopt(t, t->networks, &s->error) ? SAGA_EXIT_OK
+        : saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+}
+
+/* Begins with the segment that the checkpoint was in, or else with the one that
+ * makes the networks, or is wanted alone. */
+static int open_training(saga_encode_session *s)
+{
+    const bool resume = s->o->resume && saga_path_is_file(s->checkpoint);
+    saga_train_options t = train_options(s);
+    int status;
+
+    if (s->o->size + s->o->bitrate > 0 && t.n_bytes < LEAST_SIZE)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: a file of %zu bytes is "
+                              "too small for networks and header; %d and more "
+                              "can be asked for", t.n_bytes, LEAST_SIZE);
+    s->wanted = t.n_bytes;
+    if (s->o->resume && !resume && !s->o->sweep)
+        fprintf(stderr, "saga: encode: there is no %s: starting anew\n",
+                s->checkpoint);
+    /* Where to begin: the checkpoint or the file of networks says; else all
+     * segments are looked at, for the one that changes most. */
+    status = resume ? find_stopped(s, &t)
+           : t.networks ? adopt_networks(s, &t) : find_first(s, &t.first);
+    if (!status)
+        status = saga_encode_load(s, t.networks ? t.only : t.first);
+    if (status)
+        return status;
+    /* After the capture is loaded, whose pixels and motion decide. */
+    plan(s, &t, resume);
+    s->train = resume ? saga_train_resume(&s->capture, &t, &s->error)
+                      : saga_train_new(&s->capture, &t, &s->error);
+    if (!s->train)
+        return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+    return SAGA_EXIT_OK;
+}
+
+static int open_log(saga_encode_session *s)
+{
+    s->log_began = saga_clock_seconds();
+    if (!s->o->log || saga_encode_log_open(&s->log, s->o->log,
+                                           saga_train_iteration(s->train),
+                                           &s->error))
+        return SAGA_EXIT_OK;
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", s->error.message);
+}
+
+/* Says why what was not given is as it is. */
+static void tell_plan(const saga_encode_session *s)
+{
+    if (s->why.primitives[0])
+        saga_cli_error(0, "encode: %s", s->why.primitives);
+    if (s->why.iterations[0])
+        saga_cli_error(0, "encode: %s", s->why.iterations);
+    if (s->o->minutes > 0)
+        saga_cli_error(0, "encode: %g minutes: %d iterations", s->o->minutes,
+                       saga_train_n_iterations(s->train));
+}
+
+/* Tells what the loader decided, and warns of. */
+static void tell_notes(const saga_encode_session *s)
+{
+    const char *line = s->capture.notes;
+
+    while (*line) {
+        const int n = (int)strcspn(line, "\n");
+
+        saga_cli_error(0, "encode: %.*s", n, line);
+        line += n + (line[n] == '\n');
+    }
+}
+
+int saga_encode_open(saga_encode_session *s)
+{
+    int status = check_output(s);
+
+    /* Cheap checks come first: a mistake is told before hours of training and
+     * not after them. */
+    if (!status)
+        status = check_checkpoint(s);
+    if (!status)
+        status = look_at_capture(s);
+    if (!status)
+        status = open_training(s);
+    if (!status)
+        status = open_log(s);
+    if (!status) {
+        tell_plan(s);
+        tell_notes(s);
+    }
+    return status;
+}

@@ -1,0 +1,427 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * What saga encode tells of a file it made, of a part, or of networks.
+ */
+#include "encode_session.h"
+
+#include "bytes_table.h"
+#include "clock.h"
+#include "cost.h"
+#include "json_cli.h"
+#include "verdict_cli.h"
+
+#include <math.h>
+#include <stdio.h>
+
+/* dB that held-out views may be below the others before that is told. */
+#define MOST_GAP 3.0
+
+/* --- Pieces -------------------------------------------------------------- */
+
+static json_t *quality_of(const saga_train_quality *q)
+{
+    json_t *const o = json_object();
+
+    saga_put_real(o, "training", q->training);
+    saga_put_real(o, "held_out", q->held_out);
+    saga_put_int(o, "n_training", q->n_training);
+    saga_put_int(o, "n_held_out", q->n_held_out);
+    return o;
+}
+
+static json_t *layer_of(size_t nbytes, const saga_train_quality *q)
+{
+    json_t *const o = json_object();
+
+    saga_put_int(o, "nbytes", (json_int_t)nbytes);
+    saga_put(o, "psnr", quality_of(q));
+    return o;
+}
+
+/* Bytes and quality of the file behind each layer, the last included, which
+ * text tells as the file. */
+static json_t *layers_of(const saga_encode_session *s)
+{
+    json_t *const list = json_array();
+
+    for (int k = 0; k + 1 < s->o->layers; k++) {
+        json_t *const o = layer_of(s->cut[k].nbytes, &s->cut[k].quality);
+        char what[40];
+
+        snprintf(what, sizeof what, "  cut behind layer %d: %zu B", k + 1,
+                 s->cut[k].nbytes);
+        saga_put_text(o, "/cut", what);
+        saga_put_item(list, o);
+    }
+    saga_put_item(list, layer_of(s->layout.file_nbytes, &s->decoded));
+    return list;
+}
+
+static json_t *exposure_of(const saga_encode_session *s)
+{
+    const double *const x = saga_train_exposure(s->train);
+    json_t *const o = json_object();
+
+    for (int i = 0; i < s->capture.n_views; i++)
+        saga_put(o, s->capture.views[i].name,
+                 json_pack("[fff]", x[3 * i], x[3 * i + 1], x[3 * i + 2]));
+    return o;
+}
+
+static json_t *tools_of(const saga_train_report *r)
+{
+    json_t *const all = json_object();
+
+    for (int i = 0; i < SAGA_TRAIN_N_TOOLS; i++) {
+        json_t *o;
+
+        if (!r->tool[i].asked)
+            continue;
+        o = json_object();
+        saga_put_real(o, "worth", r->tool[i].worth);
+        saga_put_real(o, "cost", r->tool[i].cost);
+        saga_put_flag(o, "kept", r->tool[i].kept);
+        saga_put(all, saga_train_tool_names[i], o);
+    }
+    return all;
+}
+
+/* Null where nothing was decided: a capture of one segment. */
+static json_t *base_of(const saga_train_report *r)
+{
+    const saga_train_base *const b = &r->base;
+    json_t *o;
+
+    if (b->why == SAGA_TRAIN_ONE_SEGMENT)
+        return json_null();
+    o = json_object();
+    saga_put_int(o, "n_primitives", b->n_prim);
+    saga_put_int(o, "n_kept", b->n_kept);
+    saga_put_int(o, "n_still", b->n_still);
+    saga_put_int(o, "n_looked_at", b->n_looked_at);
+    saga_put_int(o, "/in_file", r->info.base_primitives);
+    saga_put_real(o, "/still", b->n_still / fmax(b->n_looked_at, 1));
+    return o;
+}
+
+static json_t *bits_of(const double bits[SAGA_N_SYMS])
+{
+    json_t *const o = json_object();
+    double sum[SAGA_N_COMPONENTS];
+
+    saga_cost_components(sum, bits);
+    for (int i = 0; i < SAGA_N_COMPONENTS; i++)
+        saga_put_real(o, saga_component_key((saga_component)i), sum[i]);
+    return o;
+}
+
+/* Puts in what the symbols cost: by their code lengths, and as the range coder
+ * spends it (cost.h), which is what is in the file. */
+static void put_bits(json_t *o, const saga_encode_sizes *z)
+{
+    double length[SAGA_N_COMPONENTS], spent[SAGA_N_COMPONENTS];
+    json_t *const rows = json_array();
+
+    saga_put(o, "bits", bits_of(z->bits));
+    saga_put(o, "bits_spent", bits_of(z->spent));
+    saga_cost_components(length, z->bits);
+    saga_cost_components(spent, z->spent);
+    for (int i = 0; i < SAGA_N_COMPONENTS; i++)
+        saga_put_item(rows, json_pack("{sssfsfsf}",
+            "name", saga_component_name((saga_component)i),
+            "length", length[i], "spent", spent[i],
+            "part", spent[i] / (8 * (double)z->total)));
+    saga_put(o, "/bits", rows);
+}
+
+static json_t *kind_of(const saga_train_kind *k)
+{
+    static const struct { int bit; const char *name; } sources[] = {
+        { SAGA_SOURCE_HYPER, "hyperprior" }, { SAGA_SOURCE_PARENT, "parent" },
+        { SAGA_SOURCE_GROUPS, "groups" }, { SAGA_SOURCE_BANK, "bank" }
+    };
+    json_t *const o = json_object();
+    char text[64] = "";
+    int n = 0;
+
+    for (size_t i = 0; i < sizeof sources / sizeof sources[0]; i++)
+        if (k->sources & (unsigned)sources[i].bit)
+            n += snprintf(text + n, sizeof text - (size_t)n, "  %s",
+                          sources[i].name);
+    saga_put_int(o, "sources", (json_int_t)k->sources);
+    saga_put_real(o, "constants", k->constants);
+    saga_put_real(o, "networks", k->networks);
+    saga_put_real(o, "without_bank", k->forgetful);
+    saga_put_real(o, "chosen", k->chosen);
+    saga_put_real(o, "weights", k->weights);
+    saga_put_text(o, "/sources", n ? text : "  none");
+    return o;
+}
+
+/* Puts in what the sources of the entropy model are worth: bytes of the
+ * residuals with constants and with networks, as estimated when some were left
+ * out. */
+static void put_entropy(json_t *report, const saga_train_entropy *e)
+{
+    static const struct { const char *key, *name; } kinds[SAGA_N_KINDS] = {
+        { "coarse", "coarse anchors" }, { "fine", "fine offsets" },
+        { "primitives", "primitive offsets" }
+    };
+    json_t *const o = json_object(), *const rows = json_array();
+
+    saga_put_real(o, "hyperprior_weights", e->hyper_weights);
+    saga_put_real(o, "bank_weights", e->bank_weights);
+    saga_put_real(o, "bank_net", e->bank_net);
+    saga_put(o, "bits_estimated", bits_of(e->estimate));
+    for (int i = 0; i < SAGA_N_KINDS; i++) {
+        json_t *const kind = kind_of(&e->kind[i]);
+
+        saga_put_text(kind, "/name", kinds[i].name);
+        saga_put_item(rows, json_incref(kind));
+        saga_put(o, kinds[i].key, kind);
+    }
+    saga_put(report, "entropy_model", o);
+    saga_put(report, "/kinds", rows);
+}
+
+/* Says who decided on the price of bits. */
+static const char *reason_of_lambda(const saga_encode_session *s)
+{
+    return s->wanted ? ", which makes the size"
+         : !(s->o->lambda > 0) ? ", which balances primitives and bits"
+         : s->o->primitives ? ""
+         : ", for which so many primitives are right";
+}
+
+static void put_decoded(json_t *o, const saga_encode_session *s)
+{
+    const saga_train_quality *const q = &s->decoded;
+
+    saga_put_real(o, "seconds", saga_clock_seconds() - s->started);
+    saga_put(o, "psnr", quality_of(q));
+    saga_put_verdict(o, &s->verdict, s->preset->better);
+    saga_put_shutter(o, s->rows, &s->capture);
+    if (q->n_held_out && q->training - q->held_out > MOST_GAP)
+        saga_put_real(o, "/gap", q->training - q->held_out);
+}
+
+/* --- Reports ------------------------------------------------------------- */
+
+static json_t *begin(const saga_encode_session *s)
+{
+    json_t *const o = saga_cli_json_head("encode", s->o->output);
+
+    saga_put_text(o, "capture", s->capture_name);
+    saga_put_int(o, "n_segments", s->n_segments);
+    saga_put_int(o, "/last_segment", s->n_segments - 1);
+    return o;
+}
+
+static json_t *report_networks(const saga_encode_session *s)
+{
+    json_t *const o = begin(s);
+
+    saga_put_int(o, "first", saga_train_first(s->train));
+    saga_put_real(o, "seconds", saga_clock_seconds() - s->started);
+    return o;
+}
+
+/* What took the bits, and what the sources are worth, is of the segment that
+ * made the networks too: a part does not tell it. */
+static json_t *report_part(const saga_encode_session *s)
+{
+    const int k = s->o->only;
+    json_t *const o = begin(s);
+
+    saga_put_int(o, "nbytes", (json_int_t)s->layout.file_nbytes);
+    saga_put_bytes(o, &s->layout);
+    saga_put_int(o, "segment", k);
+    saga_put_int(o, "n_frames", saga_encode_frames(s, k));
+    saga_put_int(o, "/begin", saga_encode_begin(s, k));
+    saga_put_int(o, "/end", saga_encode_begin(s, k + 1));
+    put_decoded(o, s);
+    return o;
+}
+
+/* Puts in what is of the capture. */
+static void put_capture(json_t *o, const saga_encode_session *s)
+{
+    const saga_train_report *const r = saga_train_report_of(s->train);
+
+    saga_put_int(o, "n_views", s->capture.n_views);
+    saga_put_int(o, "n_frames", s->whole.n_frames);
+    saga_put_int(o, "scale", s->capture.scale);
+    saga_put_int(o, "/chosen_scale", s->scale);
+    saga_put(o, "exposure", exposure_of(s));
+    saga_put_real(o, "/exposure", saga_encode_exposure(s));
+    saga_put_flag(o, "temporal", r->dynamic);
+    saga_put_real(o, "explained", r->explained);
+    saga_put_flag(o, "/has_explained", !isnan(r->explained));
+    saga_put_real(o, "changing_pixels", r->changing);
+}
+
+/* Puts in what is of the file. */
+static void put_file(json_t *o, const saga_encode_session *s)
+{
+    const saga_train_report *const r = saga_train_report_of(s->train);
+    const saga_encode_sizes *const z = &r->sizes;
+
+    saga_put_int(o, "nbytes", (json_int_t)s->layout.file_nbytes);
+    saga_put_real(o, "/kbits", 8e-3 * (double)z->total * s->whole.fps /
+                               s->whole.n_frames);
+    saga_put_bytes(o, &s->layout);
+    saga_put(o, "/sizes", json_pack("{sIsIsIsIsIsIsI}",
+        "header", (json_int_t)z->header, "index", (json_int_t)z->index,
+        "networks", (json_int_t)z->networks, "base", (json_int_t)z->base,
+        "coarse", (json_int_t)z->coarse, "fine", (json_int_t)z->fine,
+        "prim", (json_int_t)z->prim));
+    saga_put_int(o, "n_coarse", r->n.coarse);
+    saga_put_int(o, "n_fine", r->n.fine);
+    saga_put_int(o, "n_primitives", r->n.prim);
+    saga_put_int(o, "memory_nbytes", (json_int_t)r->info.work_nbytes);
+    saga_put(o, "base", base_of(r));
+    saga_put_real(o, "lambda", r->lambda);
+    saga_put_text(o, "/why_lambda", reason_of_lambda(s));
+    saga_put_int(o, "level", r->info.level);
+    saga_put_int(o, "parameters", r->n_parameters);
+    if (s->ablation.raw_networks)
+        saga_put_int(o, "/raw_nbytes", 2 * (json_int_t)r->n_parameters);
+    saga_put(o, "tools", tools_of(r));
+    saga_put_real(o, "clamped_primitives", (double)r->quantise.n_clamped);
+}
+
+json_t *saga_encode_report(const saga_encode_session *s)
+{
+    const saga_train_report *const r = saga_train_report_of(s->train);
+    const bool evened = s->evened.n_training + s->evened.n_held_out > 0;
+    json_t *const o = begin(s);
+
+    saga_put(o, "options", saga_encode_options_json(s->o));
+    put_capture(o, s);
+    put_file(o, s);
+    put_decoded(o, s);
+    saga_put(o, "psnr_warm_up", quality_of(&r->warm));
+    saga_put(o, "psnr_float", quality_of(&r->model));
+    saga_put(o, "psnr_evened", evened ? quality_of(&s->evened) : json_null());
+    saga_put(o, "psnr_decoded_float", quality_of(&r->coded));
+    saga_put(o, "psnr_against_decoded_float", quality_of(&s->agreement));
+    saga_put(o, "layers", layers_of(s));
+    put_bits(o, &r->sizes);
+    put_entropy(o, &r->entropy);
+    return o;
+}
+
+/* --- As text ------------------------------------------------------------- */
+
+/* A line with the PSNRs of training and held-out pictures, where there are any;
+ * `what` has 28 characters. */
+#define QUALITY(when, what, path) \
+    { when, NULL, "  " what }, \
+    { when "&" path ".n_training", NULL, \
+      "  {" path ".training:%6.2f} dB" }, \
+    { when "&" path ".n_held_out", NULL, \
+      "  {" path ".held_out:%6.2f} dB" }, \
+    { when, NULL, "\n" }
+
+/* The part that files and parts of them have in common. */
+#define DECODED \
+    { "", NULL, "  mean PSNR of {psnr.n_training} + {psnr.n_held_out} " \
+      "pictures  training  held out\n" }
+
+static const saga_line networks_text[] = {
+    { "", NULL, "{file}: networks of {n_segments} segments, --only 0 to "
+      "{/last_segment}, made by segment {first}\n  {seconds:%.0f} s\n" }
+};
+
+static const saga_line part_text[] = {
+    { "", NULL, "{file}: {nbytes} bytes, segment {segment} (0 to "
+      "{/last_segment}), frames {/begin}:{/end}\n" },
+    DECODED,
+    QUALITY("file", "file, integer decoder       ", "psnr"),
+    SAGA_VERDICT_LINES,
+    SAGA_SHUTTER_LINES,
+    { "", NULL, "  {seconds:%.0f} s\n" }
+};
+
+static const saga_line file_text[] = {
+    { "", NULL, "{file}: {nbytes} bytes, " },
+    { "n_frames>1", NULL, "{/kbits:%.1f} kbit/s, " },
+    { "", NULL, "level {level}\n"
+      "  {n_views} views, {n_frames} frame{n_frames+s}" },
+    { "n_segments>1", NULL, " in {n_segments} segments of up to" },
+    { "n_segments=1", NULL, ";" },
+    { "", NULL, " {n_coarse} coarse anchors, {n_fine} fine, {n_primitives} "
+      "primitives\n" },
+    { "base.n_primitives", NULL, "  a base of {base./in_file} primitives, "
+      "{base./still*100:%.0f} % of the warm-up's stand still\n" },
+    { "/chosen_scale>1", NULL, "  pictures at 1/{/chosen_scale} of their size, "
+      "as preset {options.preset} has it\n" },
+    { "temporal", NULL, "  temporal tools on" },
+    { "!temporal", NULL, "  no temporal tools" },
+    { "/has_explained", NULL, ": {changing_pixels*100:%.2f} % of the pixels "
+      "change, the warm-up explains {explained*100:%.0f} % of that" },
+    { "", NULL, "\n" },
+    { "", "tools", "  {@:%-22s} worth {worth:%7.0f} bytes, costs "
+      "{cost:%6.0f}: " },
+    { "kept", "tools", "kept\n" },
+    { "!kept", "tools", "off\n" },
+    { "/exposure", NULL, "  cameras are exposed differently, by up to "
+      "{/exposure*100:%.0f} %: evened out in training, so\n  their pictures "
+      "have another tone than the file's; `saga eval --json` tells\n  "
+      "psnr_exposed, without that\n" },
+    { "", NULL, "  lambda {lambda:%.4g}{/why_lambda}\n"
+      "  bytes: header {/sizes.header}, index {/sizes.index}, networks "
+      "{/sizes.networks}, base {/sizes.base}, coarse {/sizes.coarse}, fine "
+      "{/sizes.fine},\n  primitives {/sizes.prim}\n" },
+    { "/raw_nbytes", NULL, "  networks at 16 bits a parameter: {/raw_nbytes} "
+      "bytes\n" },
+    { "", NULL, "  bits                  code length        spent\n" },
+    { "", "/bits", "  {name:%-20s} {length:%12.0f} {spent:%12.0f}  "
+      "{part*100:%5.1f} %\n" },
+    { "", NULL, "  entropy model         constants   networks    no bank     "
+      "chosen    weights  sources kept\n" },
+    { "", "/kinds", "  {/name:%-20s} {constants:%10.0f} {networks:%10.0f} "
+      "{without_bank:%10.0f} {chosen:%10.0f} {weights:%10.0f} {/sources}\n" },
+    { "entropy_model.hyperprior_weights>0", NULL,
+      "  hyperprior           {entropy_model.hyperprior_weights:%54.0f}\n" },
+    { "entropy_model.bank_weights>0", NULL,
+      "  bank                 {entropy_model.bank_weights:%54.0f}  net of what "
+      "it saves: {entropy_model.bank_net:%+.0f}\n" },
+    DECODED,
+    { "psnr_evened", NULL, "  beside the pictures as they were evened out\n" },
+    QUALITY("file", "flat warm-up (float)        ", "psnr_warm_up"),
+    QUALITY("file", "model (float)               ", "psnr_float"),
+    QUALITY("file", "decoded symbols (float)     ", "psnr_decoded_float"),
+    QUALITY("psnr_evened", "file, integer decoder       ", "psnr_evened"),
+    QUALITY("psnr_evened", "  ... against that float    ",
+            "psnr_against_decoded_float"),
+    { "psnr_evened", NULL, "  beside the pictures as they were taken\n" },
+    QUALITY("file", "file, integer decoder       ", "psnr"),
+    { "/cut", "layers", "  {/cut:%-28s}" },
+    { "/cut&psnr.n_training", "layers", "  {psnr.training:%6.2f} dB" },
+    { "/cut&psnr.n_held_out", "layers", "  {psnr.held_out:%6.2f} dB" },
+    { "/cut", "layers", "\n" },
+    QUALITY("!psnr_evened", "  ... against that float    ",
+            "psnr_against_decoded_float"),
+    SAGA_VERDICT_LINES,
+    SAGA_SHUTTER_LINES,
+    { "!psnr.n_held_out", NULL, "  no view was held out, so nothing tells how "
+      "good others are: --hold-out NAME\n" },
+    { "/gap", NULL, "  views between the cameras are poor: held-out ones are "
+      "{/gap:%.1f} dB below those\n  trained on; more cameras or points of the "
+      "scene help\n" },
+    { "", NULL, "  {seconds:%.0f} s\n" }
+};
+
+int saga_encode_tell(const saga_encode_session *s)
+{
+    const saga_encode_options *const o = s->o;
+    const saga_telling how = { o->json, 9, o->output };
+
+    if (o->networks_only)
+        return saga_cli_tell(report_networks(s),
+                             &how, SAGA_LINES(networks_text));
+    if (o->networks)
+        return saga_cli_tell(report_part(s), &how, SAGA_LINES(part_text));
+    return saga_cli_tell(saga_encode_report(s), &how, SAGA_LINES(file_text));
+}

@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * saga encode trains a segment after the other, tells how it goes, and writes
+ * what comes out.
+ */
+#include "encode_session.h"
+
+#include "cli.h"
+#include "clock.h"
+#include "file.h"
+#include "splice.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* The part that a file may be off the size that was asked for. */
+#define MOST_OFF 0.05
+
+/* --- Progress ------------------------------------------------------------ */
+
+bool saga_encode_loading(void *user, double done, const char *doing)
+{
+    saga_encode_session *const s = user;
+
+    saga_meter_show(&s->meter, done, doing);
+    return !*s->signal;
+}
+
+/* Training goes on without checkpoints; whoever watches may make room. */
+static void complain(saga_encode_session *s)
+{
+    const char *const complaint = s->train ? saga_train_complaint(s->train)
+                                           : NULL;
+
+    if (!complaint)
+        return;
+    saga_meter_end(&s->meter);
+    saga_cli_error(0, "encode: no checkpoint: %s", complaint);
+}
+
+/* Shows one line: stage, iteration, PSNR, bits; the meter adds the time left.
+ */
+bool saga_encode_training(void *user, const saga_train_progress *p)
+{
+    saga_encode_session *const s = user;
+    char text[120];
+    int n = 0;
+
+    if (p->segment == SAGA_TRAIN_BASE)
+        n = snprintf(text, sizeof text, "base: ");
+    else if (s->n_segments > 1)
+        n = snprintf(text, sizeof text, "segment %d of %d: ", p->segment + 1,
+                     s->n_segments);
+    n += snprintf(text + n, sizeof text - (size_t)n, "%s %d/%d", p->name,
+                  p->iteration, p->n_iterations);
+    complain(s);
+    saga_encode_log_write(&s->log, p, saga_clock_seconds() - s->log_began);
+    if (p->psnr > 0)
+        n += snprintf(text + n, sizeof text - (size_t)n, "  %.2f dB",
+                      p->psnr);
+    if (p->bits > 0)
+        snprintf(text + n, sizeof text - (size_t)n, "  %.1f kbit",
+                 p->bits / 1e3);
+    saga_meter_show(&s->meter, p->done, text);
+    return !*s->signal;
+}
+
+/* --- Training ------------------------------------------------------------ */
+
+static int train_segment(saga_encode_session *s)
+{
+    saga_outcome status;
+
+    s->meter = (saga_meter){ 0 };
+    status = saga_train_run(s->train, &s->error);
+    saga_meter_end(&s->meter);
+    complain(s);
+    if (status == SAGA_STOPPED)
+        return saga_encode_stopped(s);
+    return status ? saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
+                                   s->error.message)
+                  : SAGA_EXIT_OK;
+}
+
+/* Says whether there is a base, and why, when that is decided. */
+static void tell_base(const saga_encode_session *s)
+{
+    const saga_train_base *const b = &saga_train_report_of(s->train)->base;
+    const double still = 100.0 * b->n_still / fmax(b->n_looked_at, 1);
+    char gain[48] = "more of both fill the size";
+
+    if (!s->wanted)
+        snprintf(gain, sizeof gain, "that saves about %.0f kB",
+                 b->saved / 1000);
+    if (b->n_prim)
+        saga_cli_error(0, "encode: %.0f %% of the primitives stand still: %u "
+                       "are sent once, as the base, and each of the %d "
+                       "segments has %s%u; %s", still, b->n_prim,
+                       s->n_segments, s->wanted ? "about " : "", b->n_kept,
+                       gain);
+    else if (b->why == SAGA_TRAIN_MOVES)
+        saga_cli_error(0, "encode: %.0f %% of the primitives stand still: too "
+                       "few for a base of %d segments", still, s->n_segments);
+    else if (b->why == SAGA_TRAIN_WANDERS)
+        saga_cli_error(0, "encode: no base: no camera stands still, so no "
+                       "pictures tell what does");
+}
+
+/* Tells whether something is to be trained next, and what. A file of networks
+ * has the base too. */
+static bool goes_on(const saga_encode_session *s, int *next)
+{
+    *next = saga_train_upcoming(s->train);
+    return *next >= 0 && (*next == SAGA_TRAIN_BASE || !s->o->networks_only);
+}
+
+int saga_encode_train(saga_encode_session *s)
+{
+    int status = train_segment(s), next;
+
+    /* Since the first segment is done it is known whether there is a base. */
+    if (!status && !s->o->networks)
+        tell_base(s);
+    while (!status && goes_on(s, &next)) {
+        status = saga_encode_load(s, next);
+        if (!status && !saga_train_next(s->train, &s->capture, &s->error))
+            return saga_cli_error(SAGA_EXIT_DATA, "encode: %s",
+                                  s->error.message);
+        if (!status)
+            status = train_segment(s);
+    }
+    return status;
+}
+
+/* --- Writing ------------------------------------------------------------- */
+
+/* Steering has its limits: a file has networks, and primitives a finest step.
+ */
+static void tell_size(const saga_encode_session *s, size_t n)
+{
+    const double off = (double)n / (double)s->wanted - 1;
+
+    if (s->wanted && fabs(off) > MOST_OFF)
+        saga_cli_error(0, "encode: the file has %zu bytes, %.0f %% %s than "
+                       "asked for; %s --primitives would be nearer", n,
+                       100 * fabs(off), off > 0 ? "more" : "fewer",
+                       off > 0 ? "fewer" : "more");
+}
+
+bool saga_encode_has_base(const saga_encode_session *s)
+{
+    return saga_train_report_of(s->train)->base.n_prim > 0;
+}
+
+/* Takes the only segment out of a file that it is in, without a base with the
+ * first. */
+static bool take_out(saga_bytes *out, saga_encode_session *s)
+{
+    const int first = saga_train_first(s->train);
+    const int only = s->o->only;
+    saga_splice_part part = { .name = s->o->output };
+    size_t n;
+
+    part.bytes = saga_train_bytes(s->train, &n);
+    part.nbytes = n;
+    /* The file in memory holds this segment and, without a base, the one that
+     * made the networks, in order of time. */
+    part.first = only > first && !saga_encode_has_base(s)
+        ? saga_encode_frames(s, first) : 0;
+    part.end = part.first + saga_encode_frames(s, only);
+    return saga_splice(&out->data, &out->nbytes, &part, 1, &s->error);
+}
+
+static bool write_bytes(saga_encode_session *s, const uint8_t *bytes, size_t n)
+{
+    tell_size(s, n);
+    return saga_output_close(&s->out, fwrite(bytes, 1, n, s->out.file) == n,
+                             &s->error);
+}
+
+static bool write_all(saga_encode_session *s)
+{
+    size_t n;
+    const uint8_t *const bytes = saga_train_bytes(s->train, &n);
+
+    return write_bytes(s, bytes, n);
+}
+
+static bool write_part(saga_encode_session *s)
+{
+    saga_bytes part = { NULL, 0 };
+    const bool ok = take_out(&part, s) &&
+                    write_bytes(s, part.data, part.nbytes);
+
+    saga_bytes_free(&part);
+    return ok;
+}
+
+/* A file of networks has a writer of its own. */
+static bool write_networks(saga_encode_session *s)
+{
+    /* The part that is open is given up: the writer below has its own. */
+    saga_output_close(&s->out, false, &s->error);
+    return saga_train_save_networks(s->train, s->o->output, &s->error);
+}
+
+int saga_encode_write(saga_encode_session *s)
+{
+    if (s->o->networks_only ? write_networks(s)
+        : s->o->networks ? write_part(s) : write_all(s))
+        return SAGA_EXIT_OK;
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s; %s", s->error.message,
+                          saga_path_is_file(s->checkpoint)
+                          ? "then --resume writes it again"
+                          : "the training is lost, for there is no checkpoint "
+                            "either");
+}

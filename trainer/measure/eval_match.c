@@ -1,0 +1,236 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A file is judged by the capture it was made from, and by no other: cameras,
+ * frames and rate are compared first.
+ */
+#include "evaluate.h"
+
+#include "alloc.h"
+#include "error.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A view may be so far from the rig's camera it is taken for. */
+static const double max_distance = 1e-4; /* of the cube's width */
+static const double max_degrees = 0.1;
+static const double max_focal = 0.01;    /* scaling crops odd rests */
+
+void saga_eval_free(saga_eval *eval)
+{
+    for (int i = 0; eval->view && i < eval->n_views; i++)
+        free(eval->view[i].picture);
+    free(eval->view);
+    *eval = (saga_eval){ 0 };
+}
+
+/* A single frame has no rate that could differ. */
+static bool check_time(const saga_film *film, const saga_capture *capture,
+                       int first_frame, saga_error *error)
+{
+    const saga_info *const i = &film->info;
+    const double rate = (double)i->fps_num / i->fps_den;
+
+    if (first_frame >= 0 &&
+        (uint64_t)first_frame + (uint64_t)capture->n_frames > i->n_frames)
+        return saga_fail(error, film->name, "give frames inside it to --only",
+                         "has %" PRIu32 " frames, compared would be %d:%d",
+                         i->n_frames, first_frame,
+                         first_frame + capture->n_frames);
+    if (first_frame < 0 && (uint32_t)capture->n_frames != i->n_frames)
+        return saga_fail(error, film->name, "give the --frames A:B it was "
+                         "encoded with", "has %" PRIu32 " frames, the capture "
+                         "gives %d", i->n_frames, capture->n_frames);
+    /* Written so that a rate of NaN is refused, too. */
+    if (i->n_frames > 1 && !(fabs(capture->fps - rate) <= 1e-3 * rate))
+        return saga_fail(error, film->name, "give the capture it was made "
+                         "from", "has %g frames per second, the capture %g",
+                         rate, capture->fps);
+    return true;
+}
+
+/* Returns the angle between the poses of two cameras, in degrees. */
+static double turn_between(const saga_shot *a, const saga_shot *b)
+{
+    double trace = 0.0, c;
+
+    /* trace(A^T B) = 1 + 2 cos(angle) for two rotations. */
+    for (int i = 0; i < 9; i++)
+        trace += a->rotation[i] * b->rotation[i];
+    c = 0.5 * (trace - 1.0);
+    /* Rounding can take the cosine a little beyond 1,
+     * where acos has no value. */
+    return acos(fmin(fmax(c, -1.0), 1.0)) * (180.0 / 3.14159265358979323846);
+}
+
+static double distance_between(const saga_shot *a, const saga_shot *b)
+{
+    double p[3], q[3];
+
+    saga_shot_centre(p, a);
+    saga_shot_centre(q, b);
+    return sqrt((p[0] - q[0]) * (p[0] - q[0]) +
+                (p[1] - q[1]) * (p[1] - q[1]) +
+                (p[2] - q[2]) * (p[2] - q[2]));
+}
+
+/* This separates a view from the rig's camera that is nearest to it. */
+typedef struct {
+    int rig;
+    uint32_t number;
+    double distance, degrees, focal; /* metres, -, relative */
+} match;
+
+static match nearest(const saga_film *film, const saga_shot *shot)
+{
+    match best = { -1, 0, 0.0, 0.0, 0.0 };
+    double least = (double)INFINITY;
+
+    for (uint32_t i = 0; i < film->info.n_cameras; i++) {
+        saga_shot r = { .name = "" };
+        saga_camera c;
+        match m = { .rig = (int)i };
+        double far;
+
+        if (saga_rig(&c, &m.number, film->bytes, film->nbytes, i))
+            continue;
+        saga_shot_of_camera(&r, &film->metric, &c);
+        m.distance = distance_between(&r, shot);
+        m.degrees = turn_between(&r, shot);
+        /* In parts of the picture's width, so that a capture that was scaled is
+         * still the same camera. */
+        m.focal = fabs(shot->fx / shot->width * r.width / r.fx - 1.0);
+        /* One measure for both: a cube's width counts as
+         * much as a quarter turn. */
+        far = m.distance / saga_metric_width(&film->metric) + m.degrees / 90.0;
+        if (far < least) {
+            least = far;
+            best = m;
+        }
+    }
+    return best;
+}
+
+static bool is_same(const saga_film *film, const match *m)
+{
+    return m->rig >= 0 && m->degrees <= max_degrees &&
+           m->distance <= max_distance * saga_metric_width(&film->metric) &&
+           m->focal <= max_focal;
+}
+
+static bool refuse_view(const saga_film *film, const saga_shot *shot,
+                        const match *m, saga_error *error)
+{
+    return saga_fail(error, film->name, "give the capture it was made from, "
+                     "or name the view in --hold-out",
+                     "%s is no camera of its rig: the nearest, number %" PRIu32
+                     ", is %.3g m and %.3g degrees away, its focal length "
+                     "%.2g %% different", shot->name, m->number, m->distance,
+                     m->degrees, 100.0 * m->focal);
+}
+
+/* Takes near plane and background of camera `rig`, or guesses without a rig. */
+static void borrow(saga_eval_view *v, double *near_metres,
+                   const saga_film *film, int rig)
+{
+    saga_camera c;
+    uint32_t number;
+
+    if (saga_rig(&c, &number, film->bytes, film->nbytes, (uint32_t)rig)) {
+        /* Without a rig: 2^-10 of the cube's width, and a black background. */
+        *near_metres = ldexp(saga_metric_width(&film->metric), -10);
+        return;
+    }
+    *near_metres = film->metric.unit * c.near_plane;
+    for (int i = 0; i < 3; i++)
+        v->camera.background_q15[i] = c.background_q15[i];
+}
+
+/* Makes the views of a capture, which fit as far as *ok says. */
+static void begin(saga_eval *eval, bool *ok, const char *name,
+                  const saga_capture *capture, saga_error *error)
+{
+    const int n = capture->n_views;
+
+    *eval = (saga_eval){ .n_views = n, .n_frames = capture->n_frames };
+    if (*ok)
+        eval->view = saga_calloc((size_t)n, sizeof *eval->view, name, error);
+    *ok = *ok && eval->view;
+    for (int i = 0; i < n && *ok; i++) {
+        const saga_shot *const shot = &capture->views[i];
+
+        eval->view[i] = (saga_eval_view){
+            .name = shot->name, .width = shot->width, .height = shot->height,
+            .rig = -1, .late = shot->late, .held_out = shot->held_out
+        };
+        eval->n_training += !shot->held_out;
+        eval->n_held_out += shot->held_out;
+    }
+}
+
+static bool match_view(saga_eval_view *v, const saga_film *film,
+                       const saga_shot *shot, saga_error *error)
+{
+    const match m = nearest(film, shot);
+    double near_metres;
+
+    /* A view that is held out need not be in the rig. One that was trained on
+     * has to be, else the capture is another one and its PSNR says nothing. */
+    if (is_same(film, &m))
+        v->rig = m.rig;
+    else if (!shot->held_out && film->info.n_cameras)
+        return refuse_view(film, shot, &m, error);
+    borrow(v, &near_metres, film, v->rig < 0 ? 0 : v->rig);
+    return saga_camera_of_shot(&v->camera, &film->metric, shot, near_metres,
+                               error);
+}
+
+bool saga_eval_match(saga_eval *eval, const saga_film *film,
+                     const saga_capture *capture, int first_frame,
+                     saga_error *error)
+{
+    bool ok = check_time(film, capture, first_frame, error);
+
+    begin(eval, &ok, film->name, capture, error);
+    eval->first_frame = first_frame < 0 ? 0 : first_frame;
+    for (int i = 0; i < capture->n_views && ok; i++)
+        ok = match_view(&eval->view[i], film, &capture->views[i], error);
+    if (!ok)
+        saga_eval_free(eval);
+    return ok;
+}
+
+static bool match_pictures_of(const char *name, const saga_shot *made,
+                              const saga_shot *shot, saga_error *error)
+{
+    if (strcmp(made->name, shot->name) == 0 && made->width == shot->width &&
+        made->height == shot->height)
+        return true;
+    return saga_fail(error, name, "give pictures of the same capture",
+                     "has %s of %d x %d where the capture has %s of %d x %d",
+                     made->name, made->width, made->height, shot->name,
+                     shot->width, shot->height);
+}
+
+bool saga_eval_match_pictures(saga_eval *eval, const char *name,
+                              const saga_capture *pictures,
+                              const saga_capture *capture, saga_error *error)
+{
+    const int n = capture->n_views;
+    bool ok = (pictures->n_views == n &&
+               pictures->n_frames == capture->n_frames) ||
+              saga_fail(error, name, "give pictures of the same capture",
+                        "has %d views of %d frames, the capture %d of %d",
+                        pictures->n_views, pictures->n_frames, n,
+                        capture->n_frames);
+
+    begin(eval, &ok, name, capture, error);
+    for (int i = 0; i < n && ok; i++)
+        ok = match_pictures_of(name, &pictures->views[i], &capture->views[i],
+                               error);
+    if (!ok)
+        saga_eval_free(eval);
+    return ok;
+}
