@@ -183,7 +183,8 @@ $(foreach f,$(HOT),$(OBJ)/$(f).o $(OBJ)/pic/$(f).o): OPT_LEVEL = $(HOT_OPT)
 $(OBJ)/decoder/project.o $(OBJ)/pic/decoder/project.o: OPT_LEVEL = $(HOT_OPT) -fno-tree-vectorize
 # The float half uses AVX2 (trainer/base/vec.h) where this machine has it and
 # the compiler is its own; WIDE files AVX-512 (wide.h), which gives their bits.
-WIDE = trainer/splat/splat_raster trainer/nn/dense
+WIDE = $(addprefix trainer/,splat/splat_raster splat/splat_raster_backward \
+         nn/dense)
 CPU_FLAGS := $(shell sed -n '/^flags/{p;q;}' /proc/cpuinfo 2>/dev/null)
 OWN := $(filter x86_64%,$(shell $(CC) $(CFLAGS) -dumpmachine))
 MARCH := $(if $(OWN),$(if $(filter avx2,$(CPU_FLAGS)),-march=x86-64-v3))

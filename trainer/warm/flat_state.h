@@ -37,7 +37,7 @@ struct saga_flat {
     saga_canvas canvas;
 };
 
-/* flat_seed.c: a pixel says this about a place in the scene. */
+/* A pixel says this about a place in the scene. */
 typedef struct saga_flat_sight {
     double position[3];         /* world */
     double depth, footprint;    /* world; size of a pixel there */
@@ -47,15 +47,18 @@ typedef struct saga_flat_sight {
     bool still;
 } saga_flat_sight;
 
-/* flat_seed.c: another view saw the same place darker, by these logarithms. */
-enum { SAGA_FLAT_NEAR = 6 };
-
-/* Pixels that a thread looks at at once; nanoseconds that it takes for one. */
-enum { SAGA_FLAT_LOOKS = 8, SAGA_FLAT_LOOK_NS = 50000 };
+/* Another view saw the same place darker, by these logarithms. */
 typedef struct saga_flat_ratio {
     int view;
     double log[3];
 } saga_flat_ratio;
+
+enum {
+    SAGA_FLAT_PATCH = 2,        /* pixels around the one that is compared */
+    SAGA_FLAT_NEAR = 6,         /* views that it is compared with */
+    SAGA_FLAT_LOOKS = 8,        /* pixels that a thread looks at at once */
+    SAGA_FLAT_LOOK_NS = 50000   /* nanoseconds that it takes for one */
+};
 
 /* flat_set.c */
 /* Makes room for n primitives, values kept. */
@@ -77,14 +80,24 @@ void saga_flat_axes(real axes[3][3], const real *quat);
 /* Sets the canvas's image and truth. */
 bool saga_flat_draw(saga_flat *f, saga_sample sample, saga_error *error);
 
-/* flat_seed.c */
-bool saga_flat_init(saga_flat *f, saga_error *error);
+/* flat_sight.c */
+/* Looks at a pixel. Returns false where the depth is a guess; the rest of *s is
+ * then filled all the same, unless the pixel is too near to the border
+ * (depth 0). */
 bool saga_flat_look(const saga_flat *f, int view, int frame, double u,
                     double v, saga_flat_sight *s);
+/* Looks at a point of the capture, which is taken to be seen at frame 0 by the
+ * views where its colour fits; false where none does. */
+bool saga_flat_look_at_point(const saga_flat *f, const saga_point *p,
+                             saga_flat_sight *s);
 /* Compares a pixel with what the nearest views see of its place; returns how
  * many do, 0 where its depth is a guess. */
 int saga_flat_compare(const saga_flat *f, int view, int frame, double u,
                       double v, saga_flat_ratio ratio[SAGA_FLAT_NEAR]);
+
+/* flat_seed.c */
+/* Makes the first primitives. */
+bool saga_flat_init(saga_flat *f, saga_error *error);
 /* Appends a primitive where s is, its standard deviation sigma in world units;
  * room must be there. */
 void saga_flat_add(saga_flat *f, const saga_flat_sight *s, double sigma);
