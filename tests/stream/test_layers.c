@@ -1,75 +1,33 @@
 /* SPDX-License-Identifier: MIT
  *
- * Layers: the same symbols as segments of their own say what the primitives of
- * each are, sorting all by depth says how they are drawn. A segment that is cut
- * behind a layer, and a file that saga_splice has cut there, is what an encoder
- * makes of the layers that are left.
+ * Layers and the base: the same symbols as segments of their own say what the
+ * primitives of each are, sorting all by depth says how they are drawn. A
+ * segment that is cut behind a layer, and a file that saga_splice has cut
+ * there, is what an encoder makes of the layers that are left.
  */
-#include "gen_stream.h"
 #include "model.h"
-#include "saga.h"
+#include "player.h"
 #include "splice.h"
 #include "testing.h"
 
 enum { N_STREAMS = 12, N_SEGMENTS = 2, N_LAYERS = 3 };
 
-typedef struct {
-    uint8_t *bytes, *work;
-    size_t n;
-    saga_info info;
-    saga_decoder *dec;
-    saga_segment seg;
-    saga_report report;
-    saga_camera camera;
-} player;
-
 /* The first n bytes of a segment, in an exact copy. */
 static saga_status decode_bytes(player *p, size_t n)
 {
-    uint8_t *const copy = must(malloc(n + 1));
-    saga_status s;
+    uint8_t *const copy = copy_of(p->bytes + p->seg.offset, n);
+    const saga_status s = saga_decode(p->dec, &p->seg, copy, n, NULL);
 
-    memcpy(copy, p->bytes + p->seg.offset, n);
-    s = saga_decode(p->dec, &p->seg, copy, n, NULL);
     free(copy);
-    if (s == SAGA_OK)
-        assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
-    else
-        assert_int_equal(saga_tell(&p->report, p->dec), SAGA_ERR_STATE);
+    assert_int_equal(saga_tell(&p->report, p->dec),
+                     s == SAGA_OK ? SAGA_OK : SAGA_ERR_STATE);
     return s;
-}
-
-static void find(player *p, uint32_t number)
-{
-    uint32_t frame = 0;
-
-    do {
-        assert_int_equal(saga_find(&p->seg, p->bytes, p->n, frame, 1),
-                         SAGA_OK);
-        frame += p->seg.n_frames;
-    } while (p->seg.number != number);
 }
 
 static void play(player *p, const gen_stream *g)
 {
-    gen_stream copy = *g;
-    uint32_t number;
-
-    gen_stream_encode(&copy, &p->bytes, &p->n);
-    assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
-    p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
-    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
-                               p->info.head_nbytes, NULL), SAGA_OK);
-    assert_int_equal(saga_rig(&p->camera, &number, p->bytes, p->n, 0),
-                     SAGA_OK);
-    find(p, 0);
-    assert_int_equal(decode_bytes(p, p->seg.nbytes), SAGA_OK);
-}
-
-static void end(player *p)
-{
-    free(p->work);
-    free(p->bytes);
+    player_open(p, g);
+    player_decode(p, 0);
 }
 
 static gen_options options_of(uint32_t i)
@@ -85,14 +43,16 @@ static gen_options options_of(uint32_t i)
     return o;
 }
 
-/* The stream with a layer of its first segment as the only one. */
-static gen_stream layer_alone(const gen_stream *g, uint32_t layer)
+/* A part of the stream's first picture as the only segment, which shares its
+ * memory. */
+static gen_stream part_alone(const gen_stream *g, const saga_symbols *part)
 {
     gen_stream alone = *g;
 
+    alone.has_base = 0;
     alone.header.more_layers = 0;
     alone.n_segments = 1;
-    alone.segment[0] = g->segment[layer];
+    alone.segment[0] = *part;
     return alone;
 }
 
@@ -110,106 +70,197 @@ static gen_stream first_layers(const gen_stream *g, uint32_t n)
 static void assert_same_primitive(const player *a, uint32_t i,
                                   const player *b, uint32_t k)
 {
-    saga_animated x, y;
+    const saga_animated x = player_primitive(a, i, 1000);
+    const saga_animated y = player_primitive(b, k, 1000);
 
-    assert_int_equal(saga_primitive_at(&x, a->dec, i, 1000), SAGA_OK);
-    assert_int_equal(saga_primitive_at(&y, b->dec, k, 1000), SAGA_OK);
     assert_memory_equal(&x, &y, sizeof x);
 }
 
-TEST(layer_should_be_what_its_symbols_are_alone)
+/* --- Parts of a picture -------------------------------------------------- */
+
+/* All that the stream shows, and each of its parts alone. */
+typedef struct {
+    player all, part[N_LAYERS];
+    int n;
+} taken_apart;
+
+static void take_apart(taken_apart *t, const gen_stream *g,
+                       const saga_symbols *const part[], int n)
 {
-    for (uint32_t i = 0; i < N_STREAMS; i++) {
-        const gen_options o = options_of(i);
-        uint32_t first = 0;
-        gen_stream g;
-        player all;
+    t->n = n;
+    play(&t->all, g);
+    for (int k = 0; k < n; k++) {
+        const gen_stream alone = part_alone(g, part[k]);
 
-        gen_stream_make(&g, &o);
-        play(&all, &g);
-        assert_int_equal(all.report.n_layers, N_LAYERS);
-        for (uint32_t k = 0; k < N_LAYERS; k++) {
-            const gen_stream alone = layer_alone(&g, k);
-            player one;
-
-            play(&one, &alone);
-            for (uint32_t m = 0; m < one.report.n_primitives; m++)
-                assert_same_primitive(&all, first + m, &one, m);
-            first += one.report.n_primitives;
-            end(&one);
-        }
-        assert_int_equal(all.report.n_primitives, first);
-        end(&all);
-        gen_stream_free(&g);
+        play(&t->part[k], &alone);
     }
 }
 
-static void view(player *p)
+static void end(taken_apart *t)
 {
-    assert_int_equal(saga_view(p->dec, &p->camera, 0), SAGA_OK);
-    assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
+    player_close(&t->all);
+    for (int k = 0; k < t->n; k++)
+        player_close(&t->part[k]);
 }
 
-static saga_splat splat_at(const player *p, uint32_t order)
+static void assert_parts_are_primitives(const taken_apart *t)
 {
-    saga_splat s;
+    uint32_t first = 0;
 
-    assert_int_equal(saga_splat_at(&s, p->dec, order), SAGA_OK);
-    return s;
+    for (int k = 0; k < t->n; k++) {
+        const player *const one = &t->part[k];
+
+        for (uint32_t m = 0; m < one->report.n_primitives; m++)
+            assert_same_primitive(&t->all, first + m, one, m);
+        first += one->report.n_primitives;
+    }
+    assert_int_equal(t->all.report.n_primitives, first);
 }
 
-/* The layer whose next splat is the nearest; the first of equals. */
-static int nearest(const player part[N_LAYERS], const uint32_t at[N_LAYERS])
+/* The part whose next splat is the nearest; the first of equals. */
+static int nearest(const taken_apart *t, const uint32_t at[N_LAYERS])
 {
     int best = -1;
 
-    for (int k = 0; k < N_LAYERS; k++)
-        if (at[k] < part[k].report.n_splats &&
-            (best < 0 || splat_at(&part[k], at[k]).depth <
-                         splat_at(&part[best], at[best]).depth))
+    for (int k = 0; k < t->n; k++)
+        if (at[k] < t->part[k].report.n_splats &&
+            (best < 0 || player_splat(&t->part[k], at[k]).depth <
+                         player_splat(&t->part[best], at[best]).depth))
             best = k;
     return best;
 }
 
-TEST(layers_should_be_drawn_in_one_order_of_depth)
+static void assert_parts_are_drawn(taken_apart *t, uint32_t n_seen[N_LAYERS])
+{
+    uint32_t at[N_LAYERS] = { 0 };
+
+    player_view(&t->all, 0, 0);
+    for (int k = 0; k < t->n; k++)
+        player_view(&t->part[k], 0, 0);
+    for (uint32_t k = 0; k < t->all.report.n_splats; k++) {
+        const int of = nearest(t, at);
+        const saga_splat s = player_splat(&t->all, k);
+        saga_splat want;
+
+        assert_true(of >= 0);
+        want = player_splat(&t->part[of], at[of]++);
+        n_seen[of]++;
+        /* Padding follows the last field. */
+        assert_memory_equal(&s, &want,
+                            offsetof(saga_splat, y1) + sizeof s.y1);
+    }
+    for (int k = 0; k < t->n; k++)
+        assert_int_equal(at[k], t->part[k].report.n_splats);
+}
+
+TEST(layers_should_be_what_their_symbols_are_alone)
 {
     uint32_t n_seen[N_LAYERS] = { 0 };
 
     for (uint32_t i = 0; i < N_STREAMS; i++) {
         const gen_options o = options_of(i);
-        uint32_t at[N_LAYERS] = { 0 };
-        player all, part[N_LAYERS];
+        taken_apart t;
         gen_stream g;
 
         gen_stream_make(&g, &o);
-        play(&all, &g);
-        view(&all);
-        for (uint32_t k = 0; k < N_LAYERS; k++) {
-            const gen_stream alone = layer_alone(&g, k);
-
-            play(&part[k], &alone);
-            view(&part[k]);
-        }
-        for (uint32_t k = 0; k < all.report.n_splats; k++) {
-            const int of = nearest(part, at);
-            saga_splat s = splat_at(&all, k), want;
-
-            assert_true(of >= 0);
-            want = splat_at(&part[of], at[of]++);
-            n_seen[of]++;
-            /* Padding follows the last field. */
-            assert_memory_equal(&s, &want,
-                                offsetof(saga_splat, y1) + sizeof s.y1);
-        }
-        end(&all);
-        for (uint32_t k = 0; k < N_LAYERS; k++) {
-            assert_int_equal(at[k], part[k].report.n_splats);
-            end(&part[k]);
-        }
+        take_apart(&t, &g, (const saga_symbols *[]){
+                       &g.segment[0], &g.segment[1], &g.segment[2] }, 3);
+        assert_int_equal(t.all.report.n_layers, N_LAYERS);
+        assert_parts_are_primitives(&t);
+        assert_parts_are_drawn(&t, n_seen);
+        end(&t);
         gen_stream_free(&g);
     }
     assert_true(n_seen[0] > 0 && n_seen[1] > 0 && n_seen[2] > 0);
 }
+
+/* --- The base ------------------------------------------------------------ */
+
+static gen_options with_base(uint32_t i, uint32_t tools)
+{
+    const gen_options o = {
+        .seed = 40 + i, .level = 1, .n_coarse = 8, .picture = 1,
+        .tools_fixed = 1, .tools = tools, .n_segments = N_SEGMENTS,
+        .base = 1, .bank = (int)(i % 3), .no_fuse = i % 4
+    };
+
+    return o;
+}
+
+/* Without temporal tools a segment stands as still as the base. The base's
+ * splats come first where depths are equal. */
+TEST(base_should_be_what_its_symbols_are_as_a_segment)
+{
+    uint32_t n_seen[N_LAYERS] = { 0 };
+
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
+        const gen_options o = with_base(i, i % 2 ? SAGA_TOOL_VIEW : 0);
+        taken_apart t;
+        gen_stream g;
+
+        gen_stream_make(&g, &o);
+        take_apart(&t, &g, (const saga_symbols *[]){ &g.base, &g.segment[0] },
+                   2);
+        assert_int_equal(t.all.info.base_primitives,
+                         t.part[0].report.n_primitives);
+        assert_parts_are_primitives(&t);
+        assert_parts_are_drawn(&t, n_seen);
+        end(&t);
+        gen_stream_free(&g);
+    }
+    assert_true(n_seen[0] > 0 && n_seen[1] > 0);
+}
+
+static void check_still(const player *p, const saga_animated *first)
+{
+    static const int32_t times[] = { 0, 1, 32768, 65535 };
+
+    for (uint32_t k = 0; k < p->info.base_primitives; k++)
+        for (size_t m = 0; m < sizeof times / sizeof *times; m++) {
+            const saga_animated a = player_primitive(p, k, times[m]);
+
+            assert_memory_equal(&a, &first[k], sizeof a);
+        }
+}
+
+TEST(no_time_and_no_segment_should_change_the_base)
+{
+    for (uint32_t i = 0; i < N_STREAMS; i++) {
+        const gen_options o = with_base(i, SAGA_TOOLS_PICTURE);
+        saga_animated *first;
+        player p;
+
+        player_make(&p, &o);
+        player_decode(&p, 0);
+        first = zeroed(p.info.base_primitives, sizeof *first);
+        for (uint32_t k = 0; k < p.info.base_primitives; k++)
+            first[k] = player_primitive(&p, k, 12345);
+        check_still(&p, first);
+        player_decode(&p, 1);
+        check_still(&p, first);
+        free(first);
+        player_close(&p);
+    }
+}
+
+TEST(a_broken_segment_should_leave_the_base)
+{
+    const gen_options o = with_base(0, SAGA_TOOLS_PICTURE);
+    saga_animated before, after;
+    player p;
+
+    player_make(&p, &o);
+    player_decode(&p, 0);
+    before = player_primitive(&p, 0, 0);
+    assert_int_equal(decode_bytes(&p, p.seg.nbytes - 1), SAGA_ERR_TRUNCATED);
+    assert_int_equal(saga_primitive_at(&after, p.dec, 0, 0), SAGA_ERR_STATE);
+    player_decode(&p, 1);
+    after = player_primitive(&p, 0, 0);
+    assert_memory_equal(&before, &after, sizeof before);
+    player_close(&p);
+}
+
+/* --- Cuts ---------------------------------------------------------------- */
 
 static saga_layer_report layer_of(player *p, uint32_t layer)
 {
@@ -250,8 +301,8 @@ TEST(cut_segment_should_have_the_layers_that_are_whole)
                 assert_same_primitive(&cut, m, &all, m);
         }
         assert_int_equal(layer_of(&all, N_LAYERS - 1).end, all.seg.nbytes);
-        end(&all);
-        end(&cut);
+        player_close(&all);
+        player_close(&cut);
         gen_stream_free(&g);
     }
 }
@@ -275,7 +326,7 @@ TEST(damage_should_count_in_whole_layers_only)
     assert_int_equal(decode_bytes(&p, end_of_2 - 1), SAGA_OK);
     assert_int_equal(p.report.n_layers, 1);
     assert_int_equal(decode_bytes(&p, end_of_1), SAGA_OK);
-    end(&p);
+    player_close(&p);
     gen_stream_free(&g);
 }
 
@@ -335,6 +386,6 @@ TEST(more_layers_than_there_are_should_be_refused)
     assert_int_equal(saga_find_layer(&layer, p.dec, &p.seg, p.bytes +
                                      p.seg.offset, 71, 0),
                      SAGA_ERR_TRUNCATED);
-    end(&p);
+    player_close(&p);
     gen_stream_free(&g);
 }

@@ -3,77 +3,29 @@
  * What a caller may mix up, views, jobs, segments, files, is refused, and
  * nothing is written where it does not belong.
  */
-#include "gen_stream.h"
-#include "saga.h"
+#include "player.h"
 #include "testing.h"
 
 enum { SIDE = 64, TILE = 16, LIST = 64, FEW = 40, SLACK = 8 };
 
 /* --- A file, a decoder, a picture ---------------------------------------- */
 
-typedef struct {
-    uint8_t *bytes, *work;
-    size_t n;
-    saga_info info;
-    saga_decoder *dec;
-} player;
-
 static const gen_options options = { .seed = 5, .level = 1, .n_coarse = 24,
                                      .n_segments = 2, .picture = 1,
                                      .tools_fixed = 1, .tools = 0 };
 
-static void open_stream(player *p, gen_stream *g)
-{
-    gen_stream_encode(g, &p->bytes, &p->n);
-    assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
-    p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
-    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes,
-                               p->bytes, p->info.head_nbytes, NULL), SAGA_OK);
-}
-
-static void begin(player *p)
-{
-    gen_stream g;
-
-    gen_stream_make(&g, &options);
-    open_stream(p, &g);
-    gen_stream_free(&g);
-}
-
-static void end(player *p)
-{
-    free(p->work);
-    free(p->bytes);
-}
-
-static saga_segment segment_of(const player *p, uint32_t number)
-{
-    saga_segment seg;
-
-    assert_int_equal(saga_find(&seg, p->bytes, p->n, 0, 1), SAGA_OK);
-    if (number > 0)
-        assert_int_equal(saga_find(&seg, p->bytes, p->n, seg.n_frames, 1),
-                         SAGA_OK);
-    assert_int_equal(seg.number, number);
-    return seg;
-}
-
-static void decode(player *p, uint32_t number)
-{
-    const saga_segment seg = segment_of(p, number);
-
-    assert_int_equal(saga_decode(p->dec, &seg, p->bytes + seg.offset,
-                                 seg.nbytes, NULL), SAGA_OK);
-}
-
 static void view(player *p, uint32_t camera, int32_t t)
 {
-    saga_camera c;
-    uint32_t number;
+    player_view(p, camera, t);
+    assert_true(p->camera.width >= SIDE && p->camera.height >= SIDE);
+}
 
-    assert_int_equal(saga_rig(&c, &number, p->bytes, p->n, camera), SAGA_OK);
-    assert_true(c.width >= SIDE && c.height >= SIDE);
-    assert_int_equal(saga_view(p->dec, &c, t), SAGA_OK);
+/* A player that shows segment 0. */
+static void begin(player *p)
+{
+    player_make(p, &options);
+    player_decode(p, 0);
+    view(p, 0, 0);
 }
 
 typedef struct {
@@ -116,8 +68,6 @@ static saga_status finish(const player *p, painter *a)
 static void begin_drawn(player *p, painter *b)
 {
     begin(p);
-    decode(p, 0);
-    view(p, 0, 0);
     prepare(b);
     assert_int_equal(finish(p, b), SAGA_OK);
 }
@@ -153,15 +103,13 @@ TEST(job_should_be_refused_when_the_view_is_another)
     painter a;
 
     begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
     begin_job(&p, &a);
     view(&p, 1, 30000);
     assert_refused(&p, &a);
     begin_job(&p, &a);
     view(&p, 1, 30000);
     assert_refused(&p, &a);
-    end(&p);
+    player_close(&p);
 }
 
 TEST(job_should_be_refused_when_the_segment_is_another)
@@ -170,14 +118,12 @@ TEST(job_should_be_refused_when_the_segment_is_another)
     painter a;
 
     begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
     begin_job(&p, &a);
-    decode(&p, 1);
+    player_decode(&p, 1);
     assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
     view(&p, 0, 0);
     assert_refused(&p, &a);
-    end(&p);
+    player_close(&p);
 }
 
 /* Both decoders have made as many views. */
@@ -188,19 +134,19 @@ TEST(job_should_be_refused_when_the_decoder_is_another)
 
     begin(&p);
     begin(&q);
-    decode(&p, 0);
-    decode(&q, 1);
+    player_decode(&p, 0);
+    player_decode(&q, 1);
     view(&p, 0, 0);
     view(&q, 0, 0);
     begin_job(&p, &a);
     assert_refused(&q, &a);
     view(&p, 0, 5);
-    decode(&q, 0);
+    player_decode(&q, 0);
     view(&q, 1, 5);
     begin_job(&p, &a);
     assert_refused(&q, &a);
-    end(&p);
-    end(&q);
+    player_close(&p);
+    player_close(&q);
 }
 
 TEST(job_should_be_refused_when_finished_for_another_view)
@@ -209,14 +155,12 @@ TEST(job_should_be_refused_when_finished_for_another_view)
     painter a;
 
     begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
     prepare(&a);
     assert_int_equal(finish(&p, &a), SAGA_OK);
     assert_int_equal(finish(&p, &a), SAGA_OK);
     view(&p, 1, 0);
     assert_refused(&p, &a);
-    end(&p);
+    player_close(&p);
 }
 
 /* Changes what a job must keep, one field at a time: each alone would be a
@@ -270,7 +214,7 @@ TEST(job_should_be_refused_when_its_fields_are_others)
         assert_int_equal(go_on(&p, &a, FEW), SAGA_ERR_STATE);
     }
     assert_int_equal(i, 11);
-    end(&p);
+    player_close(&p);
 }
 
 /* What may change: another buffer for the rows that are left. */
@@ -286,7 +230,7 @@ TEST(job_should_go_on_in_another_picture)
     a.picture.nbytes = sizeof b.rgb / 2;
     assert_int_equal(finish(&p, &a), SAGA_OK);
     assert_memory_equal(b.rgb + sizeof b.rgb / 2, b.rgb, 3 * SIDE * SIDE);
-    end(&p);
+    player_close(&p);
 }
 
 /* A view that is refused leaves the one before, and its jobs. */
@@ -305,7 +249,7 @@ TEST(job_should_go_on_when_a_view_was_refused)
     assert_int_equal(saga_view(p.dec, &c, 0), SAGA_ERR_ARG);
     assert_int_equal(finish(&p, &a), SAGA_OK);
     assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
-    end(&p);
+    player_close(&p);
 }
 
 TEST(job_should_go_on_when_the_decoder_was_moved)
@@ -323,7 +267,7 @@ TEST(job_should_go_on_when_the_decoder_was_moved)
     assert_int_equal(finish(&q, &a), SAGA_OK);
     assert_memory_equal(a.rgb, b.rgb, sizeof a.rgb);
     free(q.work);
-    end(&p);
+    player_close(&p);
 }
 
 TEST(budget_should_be_refused_when_0)
@@ -332,14 +276,12 @@ TEST(budget_should_be_refused_when_0)
     painter a;
 
     begin(&p);
-    decode(&p, 0);
-    view(&p, 0, 0);
     prepare(&a);
     assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
     assert_int_equal(go_on(&p, &a, FEW), SAGA_AGAIN);
     assert_int_equal(go_on(&p, &a, 0), SAGA_ERR_ARG);
     assert_int_equal(finish(&p, &a), SAGA_OK);
-    end(&p);
+    player_close(&p);
 }
 
 /* --- Segments ------------------------------------------------------------ */
@@ -350,9 +292,9 @@ TEST(segment_should_be_refused_when_another_is_named)
     player p;
     int i;
 
-    begin(&p);
-    seg[0] = segment_of(&p, 0);
-    seg[1] = segment_of(&p, 1);
+    player_make(&p, &options);
+    seg[0] = player_find(&p, 0);
+    seg[1] = player_find(&p, 1);
     for (i = 0; i < 2; i++) /* fewer bytes than the index says come first */
         assert_int_equal(saga_decode(p.dec, &seg[1 - i],
                                      p.bytes + seg[i].offset, seg[i].nbytes,
@@ -366,8 +308,8 @@ TEST(segment_should_be_refused_when_another_is_named)
         assert_int_equal(saga_decode(p.dec, &wrong, p.bytes + wrong.offset,
                                      wrong.nbytes, NULL), SAGA_ERR_DATA);
     }
-    decode(&p, 0);
-    end(&p);
+    player_decode(&p, 0);
+    player_close(&p);
 }
 
 /* Two files whose segments would decode in the other one as well: only a field
@@ -379,18 +321,18 @@ TEST(segment_should_be_refused_when_of_another_file)
     uint32_t i;
 
     gen_stream_make(&g, &options);
-    open_stream(&p, &g);
+    player_open(&p, &g);
     g.header.unit_exponent++;
-    open_stream(&q, &g);
+    player_open(&q, &g);
     gen_stream_free(&g);
     assert_int_equal(p.n, q.n);
     for (i = 0; i < 2; i++) {
-        const saga_segment seg = segment_of(&p, i);
+        const saga_segment seg = player_find(&p, i);
 
-        decode(&q, i);
+        player_decode(&q, i);
         assert_int_equal(saga_decode(q.dec, &seg, p.bytes + seg.offset,
                                      seg.nbytes, NULL), SAGA_ERR_DATA);
     }
-    end(&p);
-    end(&q);
+    player_close(&p);
+    player_close(&q);
 }

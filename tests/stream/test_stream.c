@@ -5,9 +5,8 @@
  * SAGA_TEST_COUNT the number of streams.
  */
 #include "encode.h"
-#include "gen_stream.h"
+#include "player.h"
 #include "ref_recorder.h"
-#include "saga.h"
 #include "testing.h"
 
 enum { N_SOURCES = 128, COVERED = 1000 };
@@ -70,36 +69,19 @@ static void assert_same_nets(const saga_net_symbols *a,
 
 /* --- One stream there and back ------------------------------------------- */
 
-typedef struct {
-    saga_decoder *dec;
-    saga_info info;
-    uint8_t *work;
-} player;
-
-static void player_open(player *p, const uint8_t *head, size_t n)
-{
-    assert_int_equal(saga_probe(&p->info, head, n), SAGA_OK);
-    p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
-    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, head, n,
-                               NULL),
-                     SAGA_OK);
-}
-
 /* The segment that begins with the frames of those before it. */
-static saga_segment segment_of(const gen_stream *g, const uint8_t *bytes,
-                               size_t n, uint32_t number)
+static saga_segment segment_of(player *p, const gen_stream *g,
+                               uint32_t number)
 {
-    saga_segment seg;
+    const saga_segment seg = player_find(p, number);
     uint32_t frame = 0, i;
 
     for (i = 0; i < number; i++)
         frame += g->n_frames[i];
-    assert_int_equal(saga_find(&seg, bytes, n, frame, 1), SAGA_OK);
-    assert_int_equal(seg.number, number);
     assert_int_equal(seg.first_frame, frame);
     assert_int_equal(seg.n_frames, g->n_frames[number]);
     assert_int_equal(seg.t, 0);
-    assert_true(seg.offset <= n && seg.nbytes <= n - seg.offset);
+    assert_true(seg.offset <= p->n && seg.nbytes <= p->n - seg.offset);
     return seg;
 }
 
@@ -119,10 +101,19 @@ static void check_layer(const gen_stream *g, const saga_symbols *want,
     recorder_free_symbols(&s);
 }
 
-static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
-                          size_t n, uint32_t number)
+/* The bytes of the segment are in a block of their own. */
+static void decode_copy(player *p, const gen_stream *g, uint32_t number)
 {
-    const saga_segment seg = segment_of(g, bytes, n, number);
+    const saga_segment seg = segment_of(p, g, number);
+    uint8_t *const copy = copy_of(p->bytes + seg.offset, seg.nbytes);
+
+    assert_int_equal(saga_decode(p->dec, &seg, copy, seg.nbytes, NULL),
+                     SAGA_OK);
+    free(copy);
+}
+
+static void check_segment(player *p, const gen_stream *g, uint32_t number)
+{
     const uint32_t n_layers = saga_n_layers(&g->header);
     saga_counts sum = { 0, 0, 0 };
     saga_report report;
@@ -131,14 +122,13 @@ static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
     for (i = 0; i < n_layers; i++) {
         const saga_symbols *const want = &g->segment[number * n_layers + i];
 
-        check_layer(g, want, RECORDER_LAYER(number, i), range, bytes, n);
+        check_layer(g, want, RECORDER_LAYER(number, i), range, p->bytes,
+                    p->n);
         sum.coarse += want->n.coarse;
         sum.fine += want->n.fine;
         sum.prim += want->n.prim;
     }
-    assert_int_equal(saga_decode(p->dec, &seg, bytes + seg.offset,
-                                 seg.nbytes, NULL),
-                     SAGA_OK);
+    decode_copy(p, g, number);
     assert_int_equal(saga_tell(&report, p->dec), SAGA_OK);
     assert_int_equal(report.n_layers, n_layers);
     assert_int_equal(report.n_coarse, sum.coarse);
@@ -148,18 +138,18 @@ static void check_segment(player *p, const gen_stream *g, const uint8_t *bytes,
         assert_int_equal(report.final_range[i], range[i]);
 }
 
-static void check_base(const gen_stream *g, const saga_info *info,
-                       const uint8_t *bytes, size_t n)
+static void check_base(const player *p, const gen_stream *g)
 {
     saga_net_symbols nets;
     saga_symbols s;
     uint32_t range[3];
 
-    assert_int_equal(info->base_coarse, g->base.n.coarse);
+    assert_int_equal(p->info.base_coarse, g->base.n.coarse);
     if (!g->has_base)
         return;
     memset(&nets, 0, sizeof nets);
-    assert_true(recorder_read(&nets, &s, RECORDER_BASE, range, bytes, n));
+    assert_true(recorder_read(&nets, &s, RECORDER_BASE, range,
+                              p->bytes, p->n));
     assert_same_symbols(&s, &g->base, g->header.model.features);
     saga_net_symbols_free(&nets);
     recorder_free_symbols(&s);
@@ -168,18 +158,14 @@ static void check_base(const gen_stream *g, const saga_info *info,
 static void check_stream(gen_stream *g)
 {
     player p;
-    uint8_t *bytes;
-    size_t n;
     uint32_t i;
 
-    gen_stream_encode(g, &bytes, &n);
-    player_open(&p, bytes, n);
+    player_open(&p, g);
     assert_int_equal(p.info.n_segments, g->n_segments);
-    check_base(g, &p.info, bytes, n);
+    check_base(&p, g);
     for (i = 0; i < g->n_segments; i++)
-        check_segment(&p, g, bytes, n, i);
-    free(p.work);
-    free(bytes);
+        check_segment(&p, g, i);
+    player_close(&p);
 }
 
 /* --- What the random streams covered ------------------------------------- */
@@ -881,17 +867,6 @@ TEST(encoder_should_refuse_a_file_without_segments)
 
 /* --- Random access ------------------------------------------------------- */
 
-static void decode_copy(player *p, const gen_stream *g, const uint8_t *bytes,
-                        size_t n, uint32_t number)
-{
-    const saga_segment seg = segment_of(g, bytes, n, number);
-    uint8_t *const copy = copy_of(bytes + seg.offset, seg.nbytes);
-
-    assert_int_equal(saga_decode(p->dec, &seg, copy, seg.nbytes, NULL),
-                     SAGA_OK);
-    free(copy);
-}
-
 static void assert_same_splats(const saga_splat *a, const saga_splat *b)
 {
     SAME(a->mean_q8, b->mean_q8, 2);
@@ -906,28 +881,23 @@ static void assert_same_splats(const saga_splat *a, const saga_splat *b)
 }
 
 /* Two decoders hold the same segment and see the same. */
-static void assert_same_views(player *a, player *b, const saga_camera *c,
-                              int32_t t)
+static void assert_same_views(player *a, player *b, int32_t t)
 {
-    saga_animated x, y;
-    saga_report p, q;
-    saga_splat s, u;
     uint32_t i;
 
-    assert_int_equal(saga_view(a->dec, c, t), SAGA_OK);
-    assert_int_equal(saga_view(b->dec, c, t), SAGA_OK);
-    assert_int_equal(saga_tell(&p, a->dec), SAGA_OK);
-    assert_int_equal(saga_tell(&q, b->dec), SAGA_OK);
-    assert_memory_equal(&p, &q, sizeof p);
-    for (i = 0; i < p.n_primitives; i++) {
-        assert_int_equal(saga_primitive_at(&x, a->dec, i, t), SAGA_OK);
-        assert_int_equal(saga_primitive_at(&y, b->dec, i, t), SAGA_OK);
+    player_view(a, 0, t);
+    player_view(b, 0, t);
+    assert_memory_equal(&a->report, &b->report, sizeof a->report);
+    for (i = 0; i < a->report.n_primitives; i++) {
+        const saga_animated x = player_primitive(a, i, t);
+        const saga_animated y = player_primitive(b, i, t);
+
         assert_memory_equal(&x, &y, sizeof x);
     }
-    for (i = 0; i < p.n_splats; i++) {
-        assert_int_equal(saga_splat_at(&s, a->dec, i), SAGA_OK);
-        assert_int_equal(saga_splat_at(&u, b->dec, i), SAGA_OK);
-        assert_same_splats(&s, &u);
+    for (i = 0; i < a->report.n_splats; i++) {
+        const saga_splat x = player_splat(a, i), y = player_splat(b, i);
+
+        assert_same_splats(&x, &y);
     }
 }
 
@@ -938,30 +908,19 @@ static void check_random_access(uint64_t seed, uint32_t tools)
                             .tools = tools };
     gen_stream g;
     player all, one;
-    saga_camera c;
-    uint8_t *bytes, *head;
-    uint32_t number;
-    size_t n;
 
     gen_stream_make(&g, &o);
-    gen_stream_encode(&g, &bytes, &n);
-    assert_int_equal(saga_probe(&one.info, bytes, n), SAGA_OK);
-    head = copy_of(bytes, one.info.head_nbytes);
-    player_open(&all, bytes, n);
-    player_open(&one, head, one.info.head_nbytes);
-    assert_int_equal(saga_rig(&c, &number, head, one.info.head_nbytes, 0),
-                     SAGA_OK);
-    decode_copy(&all, &g, bytes, n, 0);
-    assert_int_equal(saga_view(all.dec, &c, 1000), SAGA_OK);
-    decode_copy(&all, &g, bytes, n, 1);
-    decode_copy(&all, &g, bytes, n, 2);
-    decode_copy(&one, &g, bytes, n, 2);
-    assert_same_views(&all, &one, &c, 0);
-    assert_same_views(&all, &one, &c, 65535);
-    free(all.work);
-    free(one.work);
-    free(head);
-    free(bytes);
+    player_open(&all, &g);
+    player_open(&one, &g);
+    decode_copy(&all, &g, 0);
+    player_view(&all, 0, 1000);
+    decode_copy(&all, &g, 1);
+    decode_copy(&all, &g, 2);
+    decode_copy(&one, &g, 2);
+    assert_same_views(&all, &one, 0);
+    assert_same_views(&all, &one, 65535);
+    player_close(&all);
+    player_close(&one);
     gen_stream_free(&g);
 }
 

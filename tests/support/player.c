@@ -1,0 +1,84 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * See player.h.
+ */
+#include "player.h"
+
+#include "testing.h"
+
+void player_open(player *p, const gen_stream *g)
+{
+    gen_stream copy = *g;
+    uint32_t number;
+
+    memset(p, 0, sizeof *p);
+    gen_stream_encode(&copy, &p->bytes, &p->n);
+    assert_int_equal(saga_probe(&p->info, p->bytes, p->n), SAGA_OK);
+    p->work = must(aligned_alloc(SAGA_WORK_ALIGN, p->info.work_nbytes));
+    assert_int_equal(saga_open(&p->dec, p->work, p->info.work_nbytes, p->bytes,
+                               p->info.head_nbytes, NULL), SAGA_OK);
+    assert_int_equal(saga_rig(&p->camera, &number, p->bytes, p->n, 0),
+                     SAGA_OK);
+}
+
+void player_make(player *p, const gen_options *o)
+{
+    gen_stream g;
+
+    gen_stream_make(&g, o);
+    player_open(p, &g);
+    gen_stream_free(&g);
+}
+
+void player_close(player *p)
+{
+    free(p->work);
+    free(p->bytes);
+}
+
+saga_segment player_find(player *p, uint32_t number)
+{
+    uint32_t frame = 0;
+
+    do {
+        assert_int_equal(saga_find(&p->seg, p->bytes, p->n, frame, 1),
+                         SAGA_OK);
+        frame += p->seg.n_frames;
+    } while (p->seg.number != number);
+    return p->seg;
+}
+
+void player_decode(player *p, uint32_t number)
+{
+    const saga_segment seg = player_find(p, number);
+
+    assert_int_equal(saga_decode(p->dec, &seg, p->bytes + seg.offset,
+                                 seg.nbytes, NULL), SAGA_OK);
+    assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
+}
+
+void player_view(player *p, uint32_t camera, int32_t t)
+{
+    uint32_t number;
+
+    assert_int_equal(saga_rig(&p->camera, &number, p->bytes, p->n, camera),
+                     SAGA_OK);
+    assert_int_equal(saga_view(p->dec, &p->camera, t), SAGA_OK);
+    assert_int_equal(saga_tell(&p->report, p->dec), SAGA_OK);
+}
+
+saga_animated player_primitive(const player *p, uint32_t index, int32_t t)
+{
+    saga_animated a;
+
+    assert_int_equal(saga_primitive_at(&a, p->dec, index, t), SAGA_OK);
+    return a;
+}
+
+saga_splat player_splat(const player *p, uint32_t order)
+{
+    saga_splat s;
+
+    assert_int_equal(saga_splat_at(&s, p->dec, order), SAGA_OK);
+    return s;
+}
