@@ -109,8 +109,8 @@ static size_t look_at_points(saga_flat_sight *s, const saga_flat *f,
     /* Evenly over the list where there is no room for all. A point that nobody
      * sees leaves its place to the next. */
     for (size_t i = 0; i < take; i++)
-        found += saga_flat_look_at_point(f, f->pictures->capture->points + i * n / take,
-                               s + found);
+        found += saga_flat_look_at_point(
+            f, f->pictures->capture->points + i * n / take, s + found);
     return found;
 }
 
