@@ -83,6 +83,12 @@ sed -n '/^| layout /,/^$/s/^| \(.*\) |$/\1/p' README.md |
 grep -q '^COLMAP | images/' "$tmp/layouts" ||
     complain "help check lists no layouts"
 diff "$tmp/layouts" "$tmp/readme" >>"$tmp/bad" || :
+# The page on presets has what the program prints.
+expect 0 help presets
+sed 's/^\(.\)/    \1/' "$tmp/out" >"$tmp/presets"
+awk '/^    / { on = 1 } /^[^ ]/ { if (on) exit } on' docs/presets.md |
+    sed -e :a -e '/^\n*$/{$d;N;ba' -e '}' >"$tmp/page"
+diff "$tmp/presets" "$tmp/page" >>"$tmp/bad" || :
 expect 0 --version
 grep -Eq '^saga [0-9.]+, files of version [0-9]+$' "$tmp/out" ||
     complain "--version says $(cat "$tmp/out")"

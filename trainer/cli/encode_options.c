@@ -11,6 +11,7 @@
 #include "json_cli.h"
 
 #include <stddef.h>
+#include <stdio.h>
 
 saga_encode_options saga_encode_defaults(void)
 {
@@ -81,6 +82,20 @@ static int check_names(const saga_encode_options *o)
     return status;
 }
 
+static int unknown_preset(const char *name)
+{
+    const saga_preset *p;
+    char names[80] = "";
+    size_t n = 0;
+
+    for (int i = 0; (p = saga_preset_at(i)) && n < sizeof names; i++)
+        n += (size_t)snprintf(names + n, sizeof names - n, "%s%s",
+                              i == 0 ? "" : saga_preset_at(i + 1) ? ", "
+                              : " or ", p->name);
+    return saga_cli_error(SAGA_EXIT_USAGE, "encode: --preset takes %s, not "
+                          "'%s'", names, name);
+}
+
 int saga_encode_check_options(const saga_encode_options *o,
                               const saga_preset **preset,
                               saga_ablation *ablation)
@@ -90,8 +105,7 @@ int saga_encode_check_options(const saga_encode_options *o,
 
     *preset = saga_preset_called(o->preset);
     if (!*preset)
-        return saga_cli_error(SAGA_EXIT_USAGE, "encode: --preset takes fast, "
-                              "balanced or best, not '%s'", o->preset);
+        return unknown_preset(o->preset);
     if (!saga_ablation_read(ablation, o->ablate, &error))
         return saga_cli_error(SAGA_EXIT_USAGE, "encode: %s", error.message);
     if (o->metres < 0)
@@ -157,8 +171,7 @@ static const saga_cli_option option_list[] = {
       "with the\nsame options", saga_cli_text, AT(networks), 0,
       0 },
     { "--preset", "fast|balanced|best", "how long to work on it (default "
-      "balanced);\nfast has large pictures of a still made smaller, where\n"
-      "--scale does not say otherwise", saga_cli_text,
+      "balanced);\n`saga help presets` has what each decides", saga_cli_text,
       AT(preset), 0, 0 },
     { "--size", "BYTES", "of the file, within 5 %: 150k, 1.2M",
       saga_cli_nbytes, AT(size), 0, 0 },

@@ -6,6 +6,7 @@
 #include "cli.h"
 #include "commands.h"
 #include "container.h"
+#include "presets_cli.h"
 #include "saga.h"
 #include "threads.h"
 
@@ -45,6 +46,7 @@ static const char first_steps[] =
 static const char last_words[] =
     "\n"
     "  saga help COMMAND   explains a command and its options\n"
+    "  saga help presets   what encode --preset decides\n"
     "  saga --version      versions of the program and of its files\n"
     "\n"
     "First steps:\n"
@@ -97,6 +99,10 @@ static int help(const char *name)
 {
     const saga_command *const c = name ? find(name) : NULL;
 
+    if (name && !strcmp(name, "presets")) {
+        saga_presets_help();
+        return SAGA_EXIT_OK;
+    }
     if (name && !c)
         return unknown(name);
     if (c)

@@ -8,17 +8,20 @@
 
 #include "train.h"
 
-/* A preset says how much work is put into a file. */
+/* A preset says how much work is put into a file; docs/presets.md has them in a
+ * table. What is given goes before it. */
 typedef struct saga_preset {
     const char *name;
-    const char *better;          /* which is worth a try where it is not good
-                                  * enough; NULL: none */
-    double primitives;           /* times those of the rule */
+    double primitives;           /* times those of the rule; more of them show
+                                  * finer things, and take bytes and time */
     int iterations;              /* of all stages, */
-    int visits;                  /* but so many for each picture at least */
+    int visits;                  /* but that many for each picture at least */
     double still_minutes;        /* of a still no more than that, by
                                   * saga_plan_minutes; 0: no limit, */
-    int still_visits;            /* but so many for each of its pictures */
+    int still_visits;            /* but that many for each of its pictures */
+    const char *plus;            /* what it has that the one before has not */
+    const char *better;          /* which is worth a try where it is not good
+                                  * enough; NULL: none */
 } saga_preset;
 
 /* These return a preset by number, the quickest first (NULL past the last), and
