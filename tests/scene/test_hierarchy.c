@@ -29,30 +29,17 @@ static double uniform(uint64_t *seed)
     return (double)(*seed >> 40) / (1 << 24);
 }
 
-static real *reals(uint32_t n, uint32_t width)
-{
-    return zeroed((size_t)n * width, sizeof(real));
-}
-
 /* Uniform in the cube and in time, narrow in time. */
 static flat flat_make(uint32_t n, uint64_t seed)
 {
+    saga_error error = { "" };
     flat f;
     uint32_t i, k;
 
     memset(&f, 0, sizeof f);
     f.n = n;
     f.seed = seed;
-    f.p.mean = reals(n, 3);
-    f.p.quat = reals(n, 4);
-    f.p.log2_scale = reals(n, 3);
-    f.p.opacity = reals(n, 1);
-    f.p.colour = reals(n, 3);
-    f.p.support = reals(n, 3);
-    f.p.motion = reals(n, 9);
-    f.p.slope = reals(n, 4);
-    f.p.t_centre = reals(n, 1);
-    f.p.log2_width = reals(n, 1);
+    assert_true(saga_params_alloc(&f.p, SAGA_ATTRS_ALL, n, &error));
     f.score = must(calloc(n + 1u, sizeof *f.score));
     for (i = 0; i < n; i++) {
         for (k = 0; k < 3; k++) {
@@ -90,16 +77,7 @@ static void flat_cluster(flat *f)
 
 static void flat_free(flat *f)
 {
-    free(f->p.mean);
-    free(f->p.quat);
-    free(f->p.log2_scale);
-    free(f->p.opacity);
-    free(f->p.colour);
-    free(f->p.support);
-    free(f->p.motion);
-    free(f->p.slope);
-    free(f->p.t_centre);
-    free(f->p.log2_width);
+    saga_params_free(&f->p);
     free(f->score);
 }
 
@@ -259,24 +237,13 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     uint32_t i;
 
     memset(&c, 0, sizeof c);
-    memset(&sc, 0, sizeof sc);       /* no memory bank */
     c.coder.residual = zero_residual;
     c.coder.adaptive = look_up;
     c.s = symbols;
     saga_nets_layout(&nets, &s->model);
     params = must(aligned_alloc(16, nets.nbytes + 16));
     memset(params, 0, nets.nbytes + 16);
-    sc.model = &s->model;
-    sc.net.nets = &nets;
-    sc.net.params = params;
-    sc.n = s->n;
-    sc.coarse = zeroed(s->n.coarse, sizeof *sc.coarse);
-    sc.coarse_feature = zeroed(s->n.coarse, 2u * s->model.features);
-    sc.fine = zeroed(s->n.fine, sizeof *sc.fine);
-    sc.fine_feature = zeroed(s->n.fine, 2u * s->model.features);
-    sc.prim_offset = zeroed(s->n.prim, sizeof *sc.prim_offset);
-    sc.models = zeroed(1, sizeof *sc.models);
-    sc.net.v = zeroed(1, sizeof *sc.net.v);
+    recorder_scaffold(&sc, &s->model, &nets, params, s->n);
     saga_syntax_begin(&sc);
     assert_true(saga_syntax_coarse(&sc, &c.coder));
     assert_true(saga_syntax_fine(&sc, &c.coder));
@@ -286,13 +253,7 @@ static void check_walk(const saga_scene *s, const saga_symbols *symbols)
     for (i = 0; i < s->n.fine; i++)
         check_fine(&s->fine[i], &sc.fine[i]);
     free(params);
-    free(sc.coarse);
-    free(sc.coarse_feature);
-    free(sc.fine);
-    free(sc.fine_feature);
-    free(sc.prim_offset);
-    free(sc.models);
-    free(sc.net.v);
+    saga_scaffold_free(&sc);
 }
 
 static void check_symbols(const saga_symbols *a, const saga_symbols *b)
@@ -724,28 +685,18 @@ TEST(hierarchy_should_not_split_time_when_model_is_still)
     flat f = moving_scene(1);
     setup u;
     saga_scene s;
-    real *t_centre;
 
     setup_make(&u, SAGA_TOOL_VIEW, 100, 400);
     s = build(&u, &f);
     assert_int_equal(max_depth_t(&s), 0);
     saga_scene_free(&s);
     /* The fewest arrays there may be. */
-    t_centre = f.p.t_centre;
-    f.p.t_centre = NULL;
-    free(f.p.motion);
-    free(f.p.log2_width);
-    free(f.p.support);
-    free(f.p.slope);
-    free(f.p.colour);
-    free(f.p.log2_scale);
+    f.p.t_centre = f.p.motion = f.p.log2_width = f.p.support = NULL;
+    f.p.slope = f.p.colour = f.p.log2_scale = NULL;
     free(f.score);
-    f.p.motion = f.p.log2_width = f.p.support = f.p.slope = NULL;
-    f.p.colour = f.p.log2_scale = NULL;
     f.score = NULL;
     s = build(&u, &f);
     saga_scene_free(&s);
-    free(t_centre);
     flat_free(&f);
 }
 

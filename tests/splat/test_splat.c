@@ -39,8 +39,8 @@ static fixture *new_fixture(size_t n, int width, int height, uint64_t seed,
 
 static void free_fixture(fixture *f)
 {
-    scene_free(&f->p);
-    scene_free(&f->d);
+    saga_params_free(&f->p);
+    saga_params_free(&f->d);
     saga_canvas_free(&f->c);
     free(f);
 }
@@ -52,7 +52,7 @@ static void forward(fixture *f)
 
 static void backward(fixture *f, saga_splat_stats *stats)
 {
-    memset(f->d.mean, 0, f->n * SCENE_REALS * sizeof(real));
+    memset(f->d.mean, 0, scene_reals(f->n) * sizeof(real));
     assert_true(saga_splat_backward(&f->d, stats, &f->c, &f->p, &error));
 }
 
@@ -198,7 +198,7 @@ TEST(splat_should_draw_opaque_and_huge)
 TEST(splat_should_not_depend_on_threads)
 {
     fixture *const f = new_fixture(3000, 320, 180, 30, 1.5);
-    const size_t n_grad = f->n * SCENE_REALS;
+    const size_t n_grad = scene_reals(f->n);
     const size_t n_image = 3 * f->plane;
     real *const kept = calloc(n_image + n_grad + 3 * f->n, sizeof *kept);
     real *const st = calloc(3 * f->n, sizeof *st);
@@ -303,43 +303,43 @@ static void plain(fixture *f, size_t i)
  * stands at z = -3; `seen` says whether it is drawn. */
 static const struct hard_case {
     const char *what;
-    int tensor, at;
+    int attribute, at;
     float value;
     int seen;
 } hard_cases[] = {
-    { "plain", 0, 0, 0, 1 },
-    { "on the near plane", 0, 2, -2.9375f, 1 },
-    { "just before the near plane", 0, 2, -2.9376f, 0 },
-    { "at the camera", 0, 2, -3, 0 },
-    { "behind", 0, 2, -9, 0 },
-    { "beside, x/z > 8", 0, 0, 25, 0 },
-    { "far away", 0, 2, 1e30f, 1 },
-    { "infinitely far", 0, 2, INFINITY, 0 },
-    { "not a number", 0, 1, NAN, 0 },
-    { "zero quaternion", 1, 0, 0, 1 },
-    { "tiny quaternion", 1, 0, 1e-25f, 1 },
-    { "long quaternion", 1, 0, 1e18f, 1 },
-    { "overflowing quaternion", 1, 0, 1e25f, 1 },
-    { "infinite quaternion", 1, 1, INFINITY, 1 },
-    { "denormal quaternion", 1, 0, 1e-42f, 1 },
-    { "denormal colour", 4, 1, 1e-42f, 1 },
-    { "denormal support", 5, 0, 1e-42f, 1 },
-    { "denormal motion", 6, 0, 1e-42f, 1 },
-    { "needle", 2, 0, 20, 1 },
-    { "huge", 2, 1, 100, 1 },
-    { "point", 2, 2, -200, 1 },
-    { "scale not a number", 2, 2, NAN, 0 },
-    { "opaque", 3, 0, 200, 1 },
-    { "opacity infinite", 3, 0, INFINITY, 1 },
-    { "transparent", 3, 0, -7.9f, 1 },
-    { "too transparent", 3, 0, -8.1f, 0 },
-    { "opacity minus infinite", 3, 0, -INFINITY, 0 },
-    { "opacity not a number", 3, 0, NAN, 0 },
-    { "at another time, narrow", 8, 0, 0.25f, 1 },
-    { "long gone", 8, 0, -60, 0 },
-    { "no width", 9, 0, -300, 1 },
-    { "moves away", 6, 6, 1e30f, 1 },
-    { "support infinite", 5, 0, INFINITY, 0 }
+    { "plain", SAGA_ATTR_MEAN, 0, 0, 1 },
+    { "on the near plane", SAGA_ATTR_MEAN, 2, -2.9375f, 1 },
+    { "just before the near plane", SAGA_ATTR_MEAN, 2, -2.9376f, 0 },
+    { "at the camera", SAGA_ATTR_MEAN, 2, -3, 0 },
+    { "behind", SAGA_ATTR_MEAN, 2, -9, 0 },
+    { "beside, x/z > 8", SAGA_ATTR_MEAN, 0, 25, 0 },
+    { "far away", SAGA_ATTR_MEAN, 2, 1e30f, 1 },
+    { "infinitely far", SAGA_ATTR_MEAN, 2, INFINITY, 0 },
+    { "not a number", SAGA_ATTR_MEAN, 1, NAN, 0 },
+    { "zero quaternion", SAGA_ATTR_QUAT, 0, 0, 1 },
+    { "tiny quaternion", SAGA_ATTR_QUAT, 0, 1e-25f, 1 },
+    { "long quaternion", SAGA_ATTR_QUAT, 0, 1e18f, 1 },
+    { "overflowing quaternion", SAGA_ATTR_QUAT, 0, 1e25f, 1 },
+    { "infinite quaternion", SAGA_ATTR_QUAT, 1, INFINITY, 1 },
+    { "denormal quaternion", SAGA_ATTR_QUAT, 0, 1e-42f, 1 },
+    { "denormal colour", SAGA_ATTR_COLOUR, 1, 1e-42f, 1 },
+    { "denormal support", SAGA_ATTR_SUPPORT, 0, 1e-42f, 1 },
+    { "denormal motion", SAGA_ATTR_MOTION, 0, 1e-42f, 1 },
+    { "needle", SAGA_ATTR_LOG2_SCALE, 0, 20, 1 },
+    { "huge", SAGA_ATTR_LOG2_SCALE, 1, 100, 1 },
+    { "point", SAGA_ATTR_LOG2_SCALE, 2, -200, 1 },
+    { "scale not a number", SAGA_ATTR_LOG2_SCALE, 2, NAN, 0 },
+    { "opaque", SAGA_ATTR_OPACITY, 0, 200, 1 },
+    { "opacity infinite", SAGA_ATTR_OPACITY, 0, INFINITY, 1 },
+    { "transparent", SAGA_ATTR_OPACITY, 0, -7.9f, 1 },
+    { "too transparent", SAGA_ATTR_OPACITY, 0, -8.1f, 0 },
+    { "opacity minus infinite", SAGA_ATTR_OPACITY, 0, -INFINITY, 0 },
+    { "opacity not a number", SAGA_ATTR_OPACITY, 0, NAN, 0 },
+    { "at another time, narrow", SAGA_ATTR_T_CENTRE, 0, 0.25f, 1 },
+    { "long gone", SAGA_ATTR_T_CENTRE, 0, -60, 0 },
+    { "no width", SAGA_ATTR_LOG2_WIDTH, 0, -300, 1 },
+    { "moves away", SAGA_ATTR_MOTION, 6, 1e30f, 1 },
+    { "support infinite", SAGA_ATTR_SUPPORT, 0, INFINITY, 0 }
 };
 
 TEST(splat_should_survive_hard_cases)
@@ -353,16 +353,16 @@ TEST(splat_should_survive_hard_cases)
 
         f->c.camera = scene_camera(40, 30, 0);
         plain(f, 0);
-        (*scene_tensor(&f->p, c->tensor))[c->at] = c->value;
+        f->p.of[c->attribute][c->at] = c->value;
         forward(f);
         if ((int)f->c.splat.n_visible != c->seen)
             print_error("%s: visible %u\n", c->what, f->c.splat.n_visible);
         assert_int_equal(f->c.splat.n_visible, c->seen);
         assert_true(all_finite(f->c.image, 3 * f->plane));
         backward(f, NULL);
-        if (!all_finite(f->d.mean, SCENE_REALS))
+        if (!all_finite(f->d.mean, scene_reals(1)))
             print_error("%s: gradient\n", c->what);
-        assert_true(all_finite(f->d.mean, SCENE_REALS));
+        assert_true(all_finite(f->d.mean, scene_reals(1)));
         free_fixture(f);
     }
 }

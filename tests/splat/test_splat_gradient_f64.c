@@ -54,8 +54,8 @@ static fixture *new_fixture(uint64_t seed)
 
 static void free_fixture(fixture *f)
 {
-    scene_free(&f->p);
-    scene_free(&f->d);
+    saga_params_free(&f->p);
+    saga_params_free(&f->d);
     saga_canvas_free(&f->c);
     free(f);
 }
@@ -63,9 +63,9 @@ static void free_fixture(fixture *f)
 /* Largest error of a tensor in units of its tolerance's base. */
 static double check_tensor(fixture *f, int k)
 {
-    real *const x = *scene_tensor(&f->p, k);
-    const real *const d = *scene_tensor(&f->d, k);
-    const size_t n = N * (size_t)scene_size[k];
+    real *const x = f->p.of[k];
+    const real *const d = f->d.of[k];
+    const size_t n = N * (size_t)saga_attributes[k].width;
     double top = 0, worst = 0;
     size_t i;
 
@@ -84,7 +84,7 @@ static double check_tensor(fixture *f, int k)
                                                       0.01 * top));
     }
     printf("  %-10s largest gradient %9.3e, worst error %.1e\n",
-           scene_name[k], top, worst);
+           saga_attributes[k].name, top, worst);
     assert_true(top > 0);
     return worst;
 }
@@ -96,7 +96,7 @@ static void check(fixture *f)
 
     loss(f);
     assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
-    for (k = 0; k < SCENE_TENSORS; k++)
+    for (k = 0; k < SAGA_N_ATTRS; k++)
         worst = fmax(worst, check_tensor(f, k));
     assert_true(worst < TOLERANCE);
 }
@@ -162,7 +162,7 @@ TEST(splat_gradient_should_skip_time_when_detached)
     assert_true(saga_splat_backward(&f->d, NULL, &f->c, &f->p, &error));
     for (i = 0; i < N; i++)
         assert_true(f->d.t_centre[i] == 0);
-    assert_true(check_tensor(f, 6) < TOLERANCE);
+    assert_true(check_tensor(f, SAGA_ATTR_MOTION) < TOLERANCE);
     free_fixture(f);
 }
 
@@ -206,8 +206,8 @@ TEST(splat_gradient_should_match_in_a_crowd)
         assert_true(fabs((slope[0] - slope[1]) / (2 * STEP) - d.opacity[i]) <
                     1e-7);
     }
-    scene_free(&p);
-    scene_free(&d);
+    saga_params_free(&p);
+    saga_params_free(&d);
     saga_canvas_free(&f.c);
 }
 
@@ -234,9 +234,9 @@ TEST(learn_should_match_backward_of_the_squared_error)
     memset(f->c.d_image, 0, 3 * PIXELS * sizeof(real));
     assert_true(saga_splat_learn(&l, &f->c, &f->p, N, &error));
     assert_true(fabs(l.mse / mse - 1) < 1e-12);
-    for (i = 0; i < N * SCENE_REALS; i++)
+    for (i = 0; i < scene_reals(N); i++)
         assert_true(fabs(twin.mean[i] - f->d.mean[i]) <
                     1e-12 + 1e-9 * fabs(f->d.mean[i]));
-    scene_free(&twin);
+    saga_params_free(&twin);
     free_fixture(f);
 }

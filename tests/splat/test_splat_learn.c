@@ -61,7 +61,7 @@ static void draw_targets(fit *f)
         draw(f, &p, i);
         memcpy(f->target[i], f->c.image, sizeof f->target[i]);
     }
-    scene_free(&p);
+    saga_params_free(&p);
 }
 
 static fit *new_fit(void)
@@ -92,10 +92,10 @@ static fit *new_fit(void)
 
 static void free_fit(fit *f)
 {
-    scene_free(&f->p);
-    scene_free(&f->d);
-    scene_free(&f->m);
-    scene_free(&f->v);
+    saga_params_free(&f->p);
+    saga_params_free(&f->d);
+    saga_params_free(&f->m);
+    saga_params_free(&f->v);
     saga_canvas_free(&f->c);
     free(f);
 }
@@ -114,26 +114,30 @@ static void learn(fit *f, int view)
     f->c.camera = camera_of(view);
     f->c.t = time_of(view);
     memcpy(f->c.truth, f->target[view], sizeof f->target[view]);
-    memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
+    memset(f->d.mean, 0, scene_reals(N) * sizeof(float));
     assert_true(saga_splat_learn(&l, &f->c, &f->p, N, &error));
 }
 
 static void adam_step(fit *f, uint64_t step)
 {
-    static const float rate[SCENE_TENSORS] = {
-        0.004f, 0.02f, 0.02f, 0.06f, 0.01f, 0, 0.02f, 0.02f, 0.005f, 0.02f
+    static const float rate[SAGA_N_ATTRS] = {
+        [SAGA_ATTR_MEAN] = 0.004f, [SAGA_ATTR_QUAT] = 0.02f,
+        [SAGA_ATTR_LOG2_SCALE] = 0.02f, [SAGA_ATTR_OPACITY] = 0.06f,
+        [SAGA_ATTR_COLOUR] = 0.01f, [SAGA_ATTR_MOTION] = 0.02f,
+        [SAGA_ATTR_SLOPE] = 0.02f, [SAGA_ATTR_T_CENTRE] = 0.005f,
+        [SAGA_ATTR_LOG2_WIDTH] = 0.02f
     };
     const saga_adam adam = saga_adam_default();
-    saga_adam_tensor t[SCENE_TENSORS];
+    saga_adam_tensor t[SAGA_N_ATTRS];
     int k;
 
-    for (k = 0; k < SCENE_TENSORS; k++)
+    for (k = 0; k < SAGA_N_ATTRS; k++)
         t[k] = (saga_adam_tensor){
-            scene_name[k], *scene_tensor(&f->p, k), *scene_tensor(&f->d, k),
-            *scene_tensor(&f->m, k), *scene_tensor(&f->v, k),
-            N * (size_t)scene_size[k], rate[k]
+            saga_attributes[k].name, f->p.of[k], f->d.of[k],
+            f->m.of[k], f->v.of[k],
+            N * (size_t)saga_attributes[k].width, rate[k]
         };
-    assert_true(saga_adam_update(&adam, t, SCENE_TENSORS, step, &error));
+    assert_true(saga_adam_update(&adam, t, SAGA_N_ATTRS, step, &error));
     for (k = 0; k < 3 * N; k++)
         f->p.colour[k] = saga_clamp(f->p.colour[k], 0, 1);
 }
@@ -191,7 +195,7 @@ TEST(pixels_should_not_count_when_they_are_unseen)
 {
     fit *const f = new_fit();
     saga_splat_learning l = { .d = f->d };
-    float *const first = malloc(N * SCENE_REALS * sizeof *first);
+    float *const first = malloc(scene_reals(N) * sizeof *first);
     double mse = 0, clipped[2];
 
     for (int pass = 0; pass < 2; pass++) {
@@ -204,15 +208,15 @@ TEST(pixels_should_not_count_when_they_are_unseen)
                 f->c.n_unseen += pass && i < PLANE;
             }
         clipped[pass] = saga_canvas_mse(&f->c);
-        memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
+        memset(f->d.mean, 0, scene_reals(N) * sizeof(float));
         assert_true(saga_splat_learn(&l, &f->c, &f->p, N, &error));
         mse = pass ? mse : l.mse;
         if (!pass)
-            memcpy(first, f->d.mean, N * SCENE_REALS * sizeof(float));
+            memcpy(first, f->d.mean, scene_reals(N) * sizeof(float));
     }
     assert_true(fabs(l.mse * 3 / 4 - mse) < 1e-7 && mse > 1e-4);
     assert_true(fabs(clipped[1] * 3 / 4 - clipped[0]) < 2e-4);
-    for (int i = 0; i < N * SCENE_REALS; i++)
+    for (size_t i = 0; i < scene_reals(N); i++)
         assert_true(fabsf(first[i] - f->d.mean[i]) <=
                     1e-5f * fabsf(first[i]) + 1e-9f);
     free(first);
@@ -222,8 +226,8 @@ TEST(pixels_should_not_count_when_they_are_unseen)
 /* Points all tensors at primitive `first`. */
 static saga_splat_params from(saga_splat_params p, size_t first)
 {
-    for (int k = 0; k < SCENE_TENSORS; k++)
-        *scene_tensor(&p, k) += first * (size_t)scene_size[k];
+    for (int k = 0; k < SAGA_N_ATTRS; k++)
+        p.of[k] += first * (size_t)saga_attributes[k].width;
     return p;
 }
 
@@ -234,17 +238,13 @@ TEST(canvas_should_draw_its_own_and_teach_the_others)
     enum { GIVEN = 200 };
     fit *const f = new_fit();
     const saga_splat_params own = from(f->p, GIVEN);
-    float *const all = malloc(N * SCENE_REALS * sizeof *all);
+    float *const all = malloc(scene_reals(N) * sizeof *all);
     float *const image = malloc(3 * PLANE * sizeof *image);
-    saga_splat_params d = { .mean = all };
-    float *at = all;
+    saga_splat_params d;
 
-    for (int k = 0; k < SCENE_TENSORS; k++) {
-        *scene_tensor(&d, k) = at;
-        at += N * scene_size[k];
-    }
+    saga_params_lay(&d, all, SAGA_ATTRS_ALL, N);
     learn(f, 3);
-    memcpy(all, f->d.mean, N * SCENE_REALS * sizeof *all);
+    memcpy(all, f->d.mean, scene_reals(N) * sizeof *all);
     draw(f, &f->p, 3);
     memcpy(image, f->c.image, 3 * PLANE * sizeof *image);
     f->c.still = &own;
@@ -252,16 +252,16 @@ TEST(canvas_should_draw_its_own_and_teach_the_others)
     for (int pass = 0; pass < 2; pass++) {
         saga_splat_learning l = { .d = f->d };
 
-        memset(f->d.mean, 0, N * SCENE_REALS * sizeof(float));
+        memset(f->d.mean, 0, scene_reals(N) * sizeof(float));
         assert_true(saga_splat_forward(&f->c, &f->p, GIVEN, &error));
         assert_memory_equal(f->c.image, image, 3 * PLANE * sizeof *image);
         assert_true(saga_splat_learn(&l, &f->c, &f->p, GIVEN, &error));
-        for (int k = 0; k < SCENE_TENSORS; k++) {
-            const size_t n = GIVEN * (size_t)scene_size[k];
-            const float *const has = *scene_tensor(&f->d, k);
+        for (int k = 0; k < SAGA_N_ATTRS; k++) {
+            const size_t n = GIVEN * (size_t)saga_attributes[k].width;
+            const float *const has = f->d.of[k];
 
-            assert_memory_equal(has, *scene_tensor(&d, k), n * sizeof *has);
-            for (size_t i = n; i < N * (size_t)scene_size[k]; i++)
+            assert_memory_equal(has, d.of[k], n * sizeof *has);
+            for (size_t i = n; i < N * (size_t)saga_attributes[k].width; i++)
                 assert_true(has[i] == 0);
         }
     }
@@ -274,7 +274,7 @@ TEST(canvas_should_draw_its_own_and_teach_the_others)
 TEST(fit_should_resume_exactly)
 {
     fit *const whole = new_fit(), *const part = new_fit();
-    const size_t nbytes = N * SCENE_REALS * sizeof(float);
+    const size_t nbytes = scene_reals(N) * sizeof(float);
     fit *other;
 
     saga_set_least_work(0);

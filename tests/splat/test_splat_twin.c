@@ -176,7 +176,7 @@ static double compare(uint32_t n, int width, int height, uint64_t seed,
            "difference %.2f of 255\n", n, is_steep ? "steep " : "",
            canvas.splat.n_visible, stretch, mse, 255 * worst);
     saga_canvas_free(&canvas);
-    scene_free(&p);
+    saga_params_free(&p);
     free(prim);
     free(rgb);
     return mse;

@@ -6,48 +6,27 @@
 #ifndef SPLAT_SCENE_H
 #define SPLAT_SCENE_H
 
+#include "attributes.h"
 #include "rng.h"
 #include "splat.h"
 #include "testing.h"
 
-enum {
-    SCENE_TENSORS = 10,
-    SCENE_REALS = 3 + 4 + 3 + 1 + 3 + 3 + 9 + 4 + 1 + 1
-};
-
-static const int scene_size[SCENE_TENSORS] = { 3, 4, 3, 1, 3, 3, 9, 4, 1, 1 };
-static const char *const scene_name[SCENE_TENSORS] = {
-    "mean", "quat", "log2_scale", "opacity", "colour", "support", "motion",
-    "slope", "t_centre", "log2_width"
-};
-
-static inline real **scene_tensor(saga_splat_params *p, int k)
-{
-    real **const all[SCENE_TENSORS] = {
-        &p->mean, &p->quat, &p->log2_scale, &p->opacity, &p->colour,
-        &p->support, &p->motion, &p->slope, &p->t_centre, &p->log2_width
-    };
-
-    return all[k];
-}
-
-/* All tensors in one zeroed block, which begins at p->mean. */
+/* Primitives of zeros with all attributes, in one block that begins at p->mean;
+ * saga_params_free frees them. */
 static inline saga_splat_params scene_alloc(size_t n)
 {
     saga_splat_params p;
-    real *at = calloc(n * SCENE_REALS + 1, sizeof *at);
-    int k;
+    saga_error error;
 
-    for (k = 0; k < SCENE_TENSORS; k++) {
-        *scene_tensor(&p, k) = at;
-        at += n * (size_t)scene_size[k];
-    }
+    if (!saga_params_alloc(&p, SAGA_ATTRS_ALL, n, &error))
+        fail_msg("%s", error.message);
     return p;
 }
 
-static inline void scene_free(saga_splat_params *p)
+/* The reals of such a block. */
+static inline size_t scene_reals(size_t n)
 {
-    free(p->mean);
+    return n * saga_attrs_width(SAGA_ATTRS_ALL);
 }
 
 static inline real scene_uniform(saga_rng r, uint64_t i, double lo, double hi)

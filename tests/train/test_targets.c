@@ -12,41 +12,33 @@ enum { N = 200 };
 
 static saga_error error; /* nothing fails here */
 
-typedef struct {
-    real mean[3 * N], quat[4 * N], log2_scale[3 * N], opacity[N];
-    real colour[3 * N], motion[9 * N], slope[4 * N], t_centre[N];
-    real log2_width[N];
-} primitives;
-
 static real any(uint64_t *k, real lo, real hi)
 {
     return lo + (hi - lo) * (real)saga_rng_float(saga_rng_stream(1, 2), (*k)++);
 }
 
 /* Half of them live for 1/2^2 to 1/2 segment, half for 2 to 4. */
-static saga_splat_params make_primitives(primitives *p)
+static saga_splat_params make_primitives(void)
 {
+    saga_splat_params p;
     uint64_t k = 0;
 
+    assert_true(saga_params_alloc(&p, SAGA_ATTRS_ALL & ~SAGA_ATTR_BIT(
+                                  SAGA_ATTR_SUPPORT), N, &error));
     for (int i = 0; i < N; i++) {
         for (int a = 0; a < 3; a++)
-            p->mean[3 * i + a] = any(&k, -1, 1);
+            p.mean[3 * i + a] = any(&k, -1, 1);
         for (int a = 0; a < 4; a++) {
-            p->quat[4 * i + a] = any(&k, -1, 1);
-            p->slope[4 * i + a] = any(&k, -1, 1);
+            p.quat[4 * i + a] = any(&k, -1, 1);
+            p.slope[4 * i + a] = any(&k, -1, 1);
         }
         for (int a = 0; a < 9; a++)
-            p->motion[9 * i + a] = any(&k, -R(0.3), R(0.3));
-        p->opacity[i] = any(&k, -3, 3);
-        p->t_centre[i] = any(&k, 0, 1);
-        p->log2_width[i] = i % 2 ? any(&k, -2, -1) : any(&k, 1, 2);
+            p.motion[9 * i + a] = any(&k, -R(0.3), R(0.3));
+        p.opacity[i] = any(&k, -3, 3);
+        p.t_centre[i] = any(&k, 0, 1);
+        p.log2_width[i] = i % 2 ? any(&k, -2, -1) : any(&k, 1, 2);
     }
-    return (saga_splat_params){
-        .mean = p->mean, .quat = p->quat, .log2_scale = p->log2_scale,
-        .opacity = p->opacity, .colour = p->colour, .motion = p->motion,
-        .slope = p->slope, .t_centre = p->t_centre,
-        .log2_width = p->log2_width
-    };
+    return p;
 }
 
 typedef struct { real mean[3 * N], quat[4 * N], q0[N]; } posed;
@@ -61,9 +53,8 @@ static void pose(posed *out, const saga_splat_params *p, real t)
 TEST(centre_should_leave_motion_and_mean_fading)
 {
     enum { TIMES = 64 };
-    static primitives set;
     static posed before, after;
-    const saga_splat_params p = make_primitives(&set);
+    saga_splat_params p = make_primitives();
     double faded[2] = { 0 };
     saga_splat_params q;
 
@@ -87,14 +78,14 @@ TEST(centre_should_leave_motion_and_mean_fading)
     for (int i = 0; i < N; i++)
         assert_true(i % 2 ? q.t_centre[i] == p.t_centre[i]
                           : q.t_centre[i] == R(0.5));
+    saga_params_free(&p);
     saga_params_free(&q);
 }
 
 TEST(frozen_should_be_what_the_middle_was)
 {
-    static primitives set;
     static posed before, after;
-    const saga_splat_params p = make_primitives(&set);
+    saga_splat_params p = make_primitives();
     saga_splat_params q;
 
     assert_true(saga_params_gather(&q, &p, NULL, N, &error));
@@ -108,5 +99,6 @@ TEST(frozen_should_be_what_the_middle_was)
                               after.mean[3 * i + a]) < 1e-6f);
         assert_true(fabsf(before.q0[i] - after.q0[i]) < 1e-4f);
     }
+    saga_params_free(&p);
     saga_params_free(&q);
 }

@@ -18,30 +18,23 @@ enum { N = 200, N_AGES = 401, N_CAMERAS = 17 };
 /* N of them, with random motions and slopes; widths from an eighth on. */
 static saga_splat_params primitives(void)
 {
-    static real mean[3 * N], quat[4 * N], scale[3 * N], opacity[N];
-    static real colour[3 * N], motion[9 * N], slope[4 * N], centre[N];
-    static real width[N];
-    const saga_splat_params p = {
-        .mean = mean, .quat = quat, .log2_scale = scale, .opacity = opacity,
-        .colour = colour, .motion = motion, .slope = slope,
-        .t_centre = centre, .log2_width = width
-    };
     const saga_rng r = saga_rng_stream(3, 0);
-    saga_splat_params q;
+    saga_splat_params p;
     saga_error error = { "" };
 
+    assert_true(saga_params_alloc(&p, SAGA_ATTRS_ALL & ~SAGA_ATTR_BIT(
+                                  SAGA_ATTR_SUPPORT), N, &error));
     for (size_t i = 0; i < 9 * N; i++)
-        motion[i] = (real)saga_rng_normal(r, i);
+        p.motion[i] = (real)saga_rng_normal(r, i);
     for (size_t i = 0; i < 4 * N; i++) {
-        quat[i] = (real)saga_rng_normal(r, 10000 + i);
-        slope[i] = (real)saga_rng_normal(r, 20000 + i);
+        p.quat[i] = (real)saga_rng_normal(r, 10000 + i);
+        p.slope[i] = (real)saga_rng_normal(r, 20000 + i);
     }
     for (size_t i = 0; i < N; i++) {
-        centre[i] = R(0.5);
-        width[i] = (real)(i % 4) - 3;
+        p.t_centre[i] = R(0.5);
+        p.log2_width[i] = (real)(i % 4) - 3;
     }
-    assert_true(saga_params_gather(&q, &p, NULL, N, &error));
-    return q;
+    return p;
 }
 
 static uint32_t order(int k)
