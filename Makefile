@@ -58,7 +58,7 @@ HOT = common/interp common/mlp common/mlp_avx2 common/fx_math \
 # check_vectors is built for every machine that has libc and libm: it links
 # these parts of the trainer and no others.
 PLAIN_TRAINER = $(addprefix trainer/code/,cost.c range_enc.c look_up.c \
-                  encode.c) $(addprefix trainer/base/,alloc.c error.c)
+                  encode.c encode_chunks.c) $(addprefix trainer/base/,alloc.c error.c)
 
 # SEE_room lists what a room of the trainer may see; each room stands on those
 # above it. docs/architecture.md has the same table, tests/check_tree.sh both.

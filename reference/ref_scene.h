@@ -59,6 +59,9 @@ bool ref_scene_contexts(ref_scene *s, saga_error *error);
  * offsets from symbols, fine anchors between offsets. */
 bool ref_scene_decode(ref_scene *s, saga_error *error);
 
+/* The last place of the values of a step (SAGA_STEP_*). */
+double ref_step_unit(const ref_scene *s, int step);
+
 /* Features and supports of fine anchors. */
 void ref_scene_fine(ref_scene *s);
 

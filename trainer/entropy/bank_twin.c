@@ -3,15 +3,16 @@
 
 #include "alloc.h"
 #include "arena.h"
+#include "bank_blocks.h"
 #include "bank_float.h"
 #include "threads.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-/* Blocks that a thread takes at a time; nanoseconds it takes for a block's
- * input, for a block and a slot that it reads, for a slot of a round. */
-enum { PART = 64, FILL_NS = 80, READ_NS = 20, SLOT_NS = 200 };
+/* A thread takes these nanoseconds for a block and a slot that it reads, and
+ * for a slot of a round. */
+enum { READ_NS = 20, SLOT_NS = 200 };
 
 /* --- Memory -------------------------------------------------------------- */
 
@@ -122,131 +123,15 @@ void saga_bank_twin_free(saga_bank_twin *m)
     memset(m, 0, sizeof *m);
 }
 
-/* --- Inputs of queries and tokens ---------------------------------------- */
-
-/* A query is told what is above a block, a token what the block itself is.
- * Returns where that lies in x, or in its gradients, *n values; NULL where
- * there is nothing. */
-static real *values_of(const saga_bank_twin_input *in,
-                       const saga_rate_features *x, size_t block, int is_token,
-                       size_t *n)
-{
-    const size_t f = in->s->model.features;
-    const int kind = in->kind;
-    real *const from = kind == SAGA_KIND_PRIM ? x->fine
-        : kind == SAGA_KIND_FINE ? is_token ? x->offset : x->coarse
-        : is_token ? x->coarse : NULL;
-
-    *n = kind == SAGA_KIND_FINE && is_token ? SAGA_RATE_OFFSETS : f;
-    if (kind == SAGA_KIND_FINE && !is_token)
-        block = in->s->fine[block].parent;
-    return from ? from + block * *n : NULL;
-}
-
-/* Sets the phase of an anchor where it is decoded. */
-static void anchor_phase(real phase[4], const saga_bank_twin_input *in,
-                         size_t block)
-{
-    saga_scene_phase(phase, (in->kind == SAGA_KIND_COARSE ? in->s->coarse_x
-                                                          : in->s->fine_x) +
-                            4 * block);
-}
-
-static void fill_row(real *row, const saga_bank_twin_input *in, int net,
-                     size_t block)
-{
-    const saga_model *const m = &in->s->model;
-    const int is_token = net == SAGA_NET_AGG;
-    const size_t dim = (size_t)in->s->net[net].dim[0];
-    const real *phase = in->phase + 4 * block, *values;
-    real anchor[4], *to;
-    size_t n;
-
-    /* A query knows only its block's cell; a token also where in it the
-     * anchor is. */
-    if (is_token) {
-        anchor_phase(anchor, in, block);
-        phase = anchor;
-    }
-    to = saga_rate_tell(row, m, phase, in->size + SAGA_RATE_SIZES * block);
-    *to++ = R(in->kind - 1);
-    /* Coarse anchors' queries have no values, and a fine anchor's token has
-     * fewer than F: what is left of the row is 0. */
-    memset(to, 0, m->features * sizeof *to);
-    values = values_of(in, &in->x, block, is_token, &n);
-    if (values)
-        memcpy(to, values, n * sizeof *to);
-    saga_rate_clamp(row, dim, m->q_in[net]);
-}
+/* --- Reads --------------------------------------------------------------- */
 
 /* All parts of a pass over the bank share this. */
 typedef struct {
     saga_bank_twin *m;
-    saga_twin_batch *b;
     const saga_bank_twin_input *in;
-    int net, reads;
-    size_t from, to;             /* rounds, or blocks in their order */
+    int reads;
+    size_t from, to;             /* rounds */
 } job;
-
-static void fill_part(void *user, size_t part)
-{
-    const job *const j = user;
-    const saga_range of = saga_part(j->to - j->from, PART, part);
-    const size_t n_in = (size_t)j->in->s->net[j->net].dim[0];
-    size_t i;
-
-    for (i = j->from + of.begin; i < j->from + of.end; i++)
-        fill_row(j->b->in + i * n_in, j->in, j->net, j->in->runs->block[i]);
-}
-
-/* Runs QUERY or AGG on the blocks of order first .. end - 1. */
-static void run_blocks(saga_twin_batch *b, const saga_bank_twin_input *in,
-                       int net, size_t first, size_t end)
-{
-    const saga_net *const f = &in->s->net[net];
-    const size_t n_in = (size_t)f->dim[0];
-    const size_t n_out = (size_t)f->dim[f->n_layers];
-    job j = { .b = b, .in = in, .net = net, .from = first, .to = end };
-
-    saga_parallel(&(saga_tasks){
-        .run = fill_part, .user = &j, .n = saga_n_parts(end - first, PART),
-        .ns = (double)FILL_NS * (double)(end - first) });
-    saga_net_forward(b->out + first * n_out, &b->work, b->in + first * n_in,
-                     end - first, f);
-    saga_rate_clamp(b->out + first * n_out, (end - first) * n_out,
-                    net == SAGA_NET_AGG ? SAGA_SLOT_Q : SAGA_QUERY_Q);
-}
-
-/* Goes back through all blocks, from b->d_out. */
-static void blocks_backward(saga_scene *d, const saga_rate_features *dx,
-                            saga_twin_batch *b,
-                            const saga_bank_twin_input *in, int net)
-{
-    const saga_net *const f = &in->s->net[net];
-    const size_t n = saga_rate_n_blocks(in->s, in->kind);
-    const size_t n_in = (size_t)f->dim[0];
-    const size_t n_out = (size_t)f->dim[f->n_layers];
-    /* Inputs before the values (embedding, sizes, kind) have nowhere to pass
-     * their gradients to. */
-    const size_t side = n_in - in->s->model.features;
-    size_t i, k, have;
-
-    saga_rate_through(b->d_out, b->out, n * n_out,
-                      net == SAGA_NET_AGG ? SAGA_SLOT_Q : SAGA_QUERY_Q);
-    saga_net_backward(b->d_in, &d->net[net], &b->work, b->d_out, b->in, n, f);
-    saga_rate_through(b->d_in, b->in, n * n_in, in->s->model.q_in[net]);
-    for (i = 0; i < n; i++) {
-        /* Fine anchors' queries share their parents' features: one thread
-         * adds, in the order of coding. */
-        real *const to = values_of(in, dx, in->runs->block[i],
-                                   net == SAGA_NET_AGG, &have);
-
-        for (k = 0; to && k < have; k++)
-            to[k] += b->d_in[i * n_in + side + k];
-    }
-}
-
-/* --- Reads --------------------------------------------------------------- */
 
 /* Returns what a run reads; primitives all read the last state. */
 static saga_bank_float bank_of(const saga_bank_twin *m,
@@ -292,7 +177,7 @@ void saga_bank_twin_read(saga_bank_twin *m,
 {
     job j = { .m = m, .in = in, .from = from, .to = to };
 
-    run_blocks(&m->kind[in->kind].query, in, SAGA_NET_QUERY,
+    saga_bank_blocks_run(&m->kind[in->kind].query, in, SAGA_NET_QUERY,
                in->runs->begin[from], in->runs->begin[to]);
     do_runs(read_run, &j, 1);
 }
@@ -450,7 +335,7 @@ void saga_bank_twin_write(saga_bank_twin *m,
 
     /* All networks first, for all of the rounds: they do not see the slots.
      * Only the updates go round by round. */
-    run_blocks(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
+    saga_bank_blocks_run(&k->token, in, SAGA_NET_AGG, in->runs->begin[from],
                in->runs->begin[to]);
     run_write(m, in, from, to);
     do_slots(update_slot, &j, to - from);
@@ -576,7 +461,7 @@ static void write_backward(saga_bank_twin *m, saga_scene *d,
                       &k->base.work, k->base.d_out, k->base.in, in->runs->n,
                       &net[SAGA_NET_WRITE_BASE]);
     means_backward(k, in, m->width);
-    blocks_backward(d, dx, &k->token, in, SAGA_NET_AGG);
+    saga_bank_blocks_backward(d, dx, &k->token, in, SAGA_NET_AGG);
 }
 
 /* Adds what all primitives read from the last state. */
@@ -602,7 +487,8 @@ static void read_backward(saga_bank_twin *m, saga_scene *d,
     do_runs(read_run_backward, &j, 2);
     if (in->kind == SAGA_KIND_PRIM)
         add_last(m, in->runs->n);
-    blocks_backward(d, dx, &m->kind[in->kind].query, in, SAGA_NET_QUERY);
+    saga_bank_blocks_backward(d, dx, &m->kind[in->kind].query, in,
+                              SAGA_NET_QUERY);
 }
 
 void saga_bank_twin_backward(saga_bank_twin *m, saga_scene *d,

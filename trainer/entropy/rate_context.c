@@ -3,8 +3,6 @@
 
 #include "alloc.h"
 #include "arena.h"
-#include "rate_bits.h"
-#include "threads.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -175,6 +173,25 @@ static void refresh_fine(saga_rate_kind *k, const saga_scaffold *sc,
     }
 }
 
+/* A block of primitives has no position of its own; it uses its fine anchor's,
+ * and its size. */
+void saga_rate_place_prims(saga_rate_kind *k, const saga_scene *s,
+                           const saga_twin *w, const uint32_t *block,
+                           size_t n)
+{
+    size_t i, a;
+
+    for (i = 0; i < n; i++) {
+        const size_t b = block[i];
+        real log2_units[4];
+
+        for (a = 0; a < 4; a++)
+            log2_units[a] = w->log2_support[4 * b + a] + (a < 3 ? 23 : 16);
+        memcpy(k->phase + 4 * b, w->fine_phase + 4 * b, 4 * sizeof *k->phase);
+        set_size(k->size + SAGA_RATE_SIZES * b, log2_units, s->fine[b].n_prim);
+    }
+}
+
 bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
                                saga_error *error)
 {
@@ -231,422 +248,9 @@ uint32_t saga_rate_sources(const saga_rate_context *c, const saga_scene *s,
     return (uint32_t)s->model.sources[kind] & c->keep[kind];
 }
 
-/* --- Forward ------------------------------------------------------------- */
-
-/* Threads take rows in chunks, as networks do, and take so many nanoseconds for
- * what is beside the networks in a row. */
-enum { CHUNK = SAGA_NET_CHUNK, ROW_NS = 150 };
-
-/* A job is one evaluation; all chunks share it. */
-typedef struct {
-    saga_rate_context *c;
-    saga_scene *d;           /* backward */
-    const saga_scene *s;
-    const saga_rate_features *x, *dx;
-    saga_rate_kind *k;
-    int kind, net;
-    saga_rate_list list;
-    size_t f, dim;           /* features; inputs of the network */
-} job;
-
-static job job_of(saga_rate_context *c, const saga_scene *s, int kind,
-                  saga_rate_list list)
-{
-    const int net = SAGA_NET_E_COARSE + kind;
-    const job j = {
-        .c = c, .s = s, .k = &c->kind[kind], .kind = kind, .net = net,
-        .list = list, .f = s->model.features, .dim = (size_t)s->net[net].dim[0]
-    };
-
-    return j;
-}
-
-static saga_net_pass pass_of(const job *j)
-{
-    const saga_twin_batch *const b = &j->k->net;
-
-    return (saga_net_pass){
-        .net = &j->s->net[j->net], .work = &j->k->net.work, .x = b->in,
-        .y = b->out, .dy = b->d_out, .dx = b->d_in, .m = j->list.n };
-}
-
-static saga_net_pass hyper_pass_of(const job *j)
-{
-    const saga_twin_batch *const b = &j->k->hyper;
-
-    return (saga_net_pass){
-        .net = &j->s->net[SAGA_NET_HYPER], .work = &j->k->hyper.work,
-        .x = b->in, .y = b->out, .dy = b->d_out, .m = j->list.n };
-}
-
-static bool has_hyper(const job *j)
-{
-    return j->s->model.sources[j->kind] & j->c->keep[j->kind] &
-           SAGA_SOURCE_HYPER;
-}
-
-/* Returns what a thread takes for a row; *most becomes the number of threads
- * there is scratch for. */
-static double cost_of(const job *j, size_t *most)
-{
-    *most = j->k->net.work.n_threads;
-    return ROW_NS + saga_net_ns(&j->s->net[j->net]) +
-           (has_hyper(j) ? saga_net_ns(&j->s->net[SAGA_NET_HYPER]) : 0);
-}
-
-static void copy_columns(real *to, size_t to_stride, const real *from,
-                         size_t stride, size_t n_columns, saga_range rows)
-{
-    size_t i;
-
-    for (i = rows.begin; i < rows.end; i++)
-        memcpy(to + i * to_stride, from + i * stride, n_columns * sizeof *to);
-}
-
-/* A block of primitives has no position of its own; it uses its fine anchor's,
- * and its size. */
-static void place_prims(saga_rate_kind *k, const saga_scene *s,
-                        const saga_twin *w, const uint32_t *block, size_t n)
-{
-    size_t i, a;
-
-    for (i = 0; i < n; i++) {
-        const size_t b = block[i];
-        real log2_units[4];
-
-        for (a = 0; a < 4; a++)
-            log2_units[a] = w->log2_support[4 * b + a] + (a < 3 ? 23 : 16);
-        memcpy(k->phase + 4 * b, w->fine_phase + 4 * b, 4 * sizeof *k->phase);
-        set_size(k->size + SAGA_RATE_SIZES * b, log2_units, s->fine[b].n_prim);
-    }
-}
-
-static void hyper_forward(const job *j, saga_range of)
-{
-    const saga_net_pass p = hyper_pass_of(j);
-    const size_t dim = (size_t)p.net->dim[0], n = of.end - of.begin;
-    saga_twin_batch *const b = &j->k->hyper;
-    size_t i;
-
-    for (i = of.begin; i < of.end; i++) {
-        const size_t block = j->list.block[i];
-
-        saga_rate_tell(b->in + i * dim, &j->s->model, j->k->phase + 4 * block,
-                       j->k->size + SAGA_RATE_SIZES * block);
-    }
-    saga_rate_clamp(b->in + of.begin * dim, n * dim,
-                    j->s->model.q_in[SAGA_NET_HYPER]);
-    saga_net_chunk_forward(&p, of.begin / CHUNK);
-    saga_rate_clamp(b->out + of.begin * j->f, n * j->f,
-                    j->s->model.head_q[SAGA_HEAD_HYPER]);
-}
-
-static void parent_forward(real *in, const job *j, saga_range of)
-{
-    real *const scratch = j->c->scratch;
-    size_t i;
-
-    if (j->kind == SAGA_KIND_FINE) {
-        saga_links_gather(scratch, &j->k->parent, j->x->coarse, j->f,
-                          j->list.block, of);
-        copy_columns(in, j->dim, scratch, j->f, j->f, of);
-        return;
-    }
-    /* Primitives read their fine anchor's own features. */
-    for (i = of.begin; i < of.end; i++)
-        memcpy(in + i * j->dim, j->x->fine + j->list.block[i] * j->f,
-               j->f * sizeof *in);
-}
-
-static void groups_forward(real *in, const job *j, saga_range of)
-{
-    const int is_coarse = j->kind == SAGA_KIND_COARSE;
-    const size_t have = is_coarse ? j->f : SAGA_RATE_OFFSETS;
-    real *const scratch = j->c->scratch;
-    size_t i;
-
-    saga_links_gather(scratch, &j->k->groups,
-                      is_coarse ? j->x->coarse : j->x->offset, have,
-                      j->list.block, of);
-    copy_columns(in, j->dim, scratch, have, have, of);
-    for (i = of.begin; i < of.end; i++)
-        memset(in + i * j->dim + have, 0, (j->f - have) * sizeof *in);
-}
-
-/* The network's output becomes mu and log2 sigma. */
-static void take_parameters(const job *j, saga_range of)
-{
-    const saga_model *const m = &j->s->model;
-    const size_t channels = saga_n_channels(m, j->kind);
-    saga_rate_kind *const k = j->k;
-    size_t i, c;
-
-    for (i = of.begin; i < of.end; i++)
-        for (c = 0; c < channels; c++) {
-            /* A row of outputs is all channels' mu, then all channels' log2
-             * sigma. */
-            const real *const out = k->net.out + 2 * channels * i + c;
-            const real unit = saga_rate_mu_unit(m, j->kind, c);
-            const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
-
-            k->mu[i * channels + c] = saga_rate_is_anchor(j->kind, c)
-                ? 0 : saga_clamp(unit * out[0], -most, most);
-            k->log2_sigma[i * channels + c] =
-                saga_clamp(out[channels], R(SAGA_RATE_LOG2_MIN),
-                           R(SAGA_RATE_LOG2_MAX));
-        }
-}
-
-static void bank_forward(real *in, const job *j, saga_range of)
-{
-    const real *const read = j->c->bank.kind[j->kind].read;
-    const size_t d = j->s->model.bank_width;
-    size_t i;
-
-    for (i = of.begin; i < of.end; i++)
-        memcpy(in + i * j->dim, read + j->k->runs.index[j->list.block[i]] * d,
-               d * sizeof *in);
-}
-
-/* Puts zeros into the columns of a source that is not kept. */
-static void drop(real *in, const job *j, size_t columns, saga_range of)
-{
-    size_t i;
-
-    for (i = of.begin; i < of.end; i++)
-        memset(in + i * j->dim, 0, columns * sizeof *in);
-}
-
 size_t saga_rate_columns(const saga_model *m, uint32_t source)
 {
     return source == SAGA_SOURCE_BANK ? m->bank_width : m->features;
-}
-
-/* Fills one source's columns. */
-static void source_forward(real *in, const job *j, uint32_t source,
-                           saga_range of)
-{
-    if (source == SAGA_SOURCE_HYPER) {
-        hyper_forward(j, of);
-        copy_columns(in, j->dim, j->k->hyper.out, j->f, j->f, of);
-    } else if (source == SAGA_SOURCE_PARENT) {
-        parent_forward(in, j, of);
-    } else if (source == SAGA_SOURCE_GROUPS) {
-        groups_forward(in, j, of);
-    } else {
-        bank_forward(in, j, of);
-    }
-}
-
-static void forward_chunk(void *user, size_t chunk)
-{
-    const job *const j = user;
-    const saga_range of = saga_part(j->list.n, CHUNK, chunk);
-    const saga_net_pass p = pass_of(j);
-    const uint32_t have = j->s->model.sources[j->kind];
-    real *in = j->k->net.in;
-    uint32_t source;
-
-    /* Fine anchors' supports come from F_fine and change with every
-     * iteration. */
-    if (j->kind == SAGA_KIND_PRIM)
-        place_prims(j->k, j->s, j->x->twin, j->list.block + of.begin,
-                    of.end - of.begin);
-    for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
-        /* A source that the network has but that is not kept still has its
-         * columns, of zeros. */
-        const size_t columns = saga_rate_columns(&j->s->model, source);
-
-        if (!(have & source))
-            continue;
-        if (!(j->c->keep[j->kind] & source))
-            drop(in, j, columns, of);
-        else
-            source_forward(in, j, source, of);
-        in += columns;
-    }
-    saga_rate_clamp(j->k->net.in + of.begin * j->dim,
-                    (of.end - of.begin) * j->dim, j->s->model.q_in[j->net]);
-    saga_net_chunk_forward(&p, chunk);
-    take_parameters(j, of);
-}
-
-void saga_rate_context_forward(saga_rate_context *c, const saga_scene *s,
-                               int kind, saga_rate_list list,
-                               const saga_rate_features *x)
-{
-    job j = job_of(c, s, kind, list);
-    const saga_net_pass p = pass_of(&j), hyper = hyper_pass_of(&j);
-    saga_tasks all = { .run = forward_chunk, .user = &j,
-                       .n = saga_n_parts(list.n, CHUNK) };
-
-    j.x = x;
-    /* Weights are packed before the chunks, which share them. */
-    saga_net_begin(&p);
-    if (has_hyper(&j))
-        saga_net_begin(&hyper);
-    all.ns = cost_of(&j, &all.most) * (double)list.n;
-    saga_parallel(&all);
-}
-
-/* --- Backward ------------------------------------------------------------ */
-
-static void parameters_backward(const job *j, saga_range of)
-{
-    const saga_model *const m = &j->s->model;
-    const size_t channels = saga_n_channels(m, j->kind);
-    saga_rate_kind *const k = j->k;
-    size_t i, c;
-
-    for (i = of.begin; i < of.end; i++)
-        for (c = 0; c < channels; c++) {
-            const size_t at = i * channels + c;
-            const real unit = saga_rate_mu_unit(m, j->kind, c);
-            const real most = saga_rate_most(saga_rate_value_q(m, j->kind, c));
-            real *const d = k->net.d_out + 2 * channels * i + c;
-
-            d[0] = saga_rate_is_anchor(j->kind, c) ? 0
-                 : unit * saga_inward(k->d_mu[at], k->mu[at], -most, most);
-            d[channels] = saga_inward(k->d_log2_sigma[at],
-                                           k->log2_sigma[at],
-                                           R(SAGA_RATE_LOG2_MIN),
-                                           R(SAGA_RATE_LOG2_MAX));
-        }
-}
-
-static void hyper_backward(const job *j, const real *d_in, saga_range of,
-                           size_t block)
-{
-    const saga_net_pass p = hyper_pass_of(j);
-    saga_twin_batch *const b = &j->k->hyper;
-    const size_t at = of.begin * j->f;
-
-    copy_columns(b->d_out, j->f, d_in, j->dim, j->f, of);
-    saga_rate_through(b->d_out + at, b->out + at, (of.end - of.begin) * j->f,
-                      j->s->model.head_q[SAGA_HEAD_HYPER]);
-    saga_net_block_backward(&p, block);
-}
-
-/* A source's gradients go on to others' features by links that it has; NULL:
- * they do not. Fine anchors' offsets, which they read of one another, learn
- * nothing. */
-static const saga_links *links_of(const job *j, uint32_t source)
-{
-    return source == SAGA_SOURCE_PARENT && j->kind == SAGA_KIND_FINE
-               ? &j->k->parent
-         : source == SAGA_SOURCE_GROUPS && j->kind == SAGA_KIND_COARSE
-               ? &j->k->groups : NULL;
-}
-
-static void parent_backward(const job *j, const real *d_in, saga_range of)
-{
-    const size_t f = j->f;
-    size_t i, k;
-
-    for (i = of.begin; i < of.end; i++)
-        for (k = 0; k < f; k++)
-            j->dx->fine[j->list.block[i] * f + k] += d_in[i * j->dim + k];
-}
-
-static void bank_backward(const job *j, const real *d_in, saga_range of)
-{
-    real *const d_read = j->c->bank.kind[j->kind].d_read;
-    const size_t d = j->s->model.bank_width;
-    size_t i;
-
-    for (i = of.begin; i < of.end; i++)
-        memcpy(d_read + j->k->runs.index[j->list.block[i]] * d,
-               d_in + i * j->dim, d * sizeof *d_read);
-}
-
-/* A kind has one source with links at most, whose gradients go to the scratch
- * first. */
-static void source_backward(const job *j, uint32_t source, const real *d_in,
-                            saga_range of, size_t block)
-{
-    if (links_of(j, source))
-        copy_columns(j->c->scratch, j->f, d_in, j->dim, j->f, of);
-    else if (source == SAGA_SOURCE_HYPER)
-        hyper_backward(j, d_in, of, block);
-    else if (source == SAGA_SOURCE_PARENT)
-        parent_backward(j, d_in, of);
-    else if (source == SAGA_SOURCE_BANK)
-        bank_backward(j, d_in, of);
-}
-
-static void backward_block(void *user, size_t block)
-{
-    const job *const j = user;
-    const saga_range of = saga_net_block(j->list.n, block);
-    const saga_net_pass p = pass_of(j);
-    const uint32_t have = j->s->model.sources[j->kind];
-    const size_t at = of.begin * j->dim;
-    const real *d_in = j->k->net.d_in;
-    uint32_t source;
-
-    /* Parts are the network's blocks: gradients of the weights are summed in
-     * each, and add_sums adds the blocks in order. */
-    parameters_backward(j, of);
-    saga_net_block_backward(&p, block);
-    saga_rate_through(j->k->net.d_in + at, j->k->net.in + at,
-                      (of.end - of.begin) * j->dim,
-                      j->s->model.q_in[j->net]);
-    for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1) {
-        if (!(have & source))
-            continue;
-        if (j->c->keep[j->kind] & source)
-            source_backward(j, source, d_in, of, block);
-        d_in += saga_rate_columns(&j->s->model, source);
-    }
-}
-
-/* The hyperprior's sums come behind the network's. */
-static void add_sum(void *user, size_t k)
-{
-    const job *const j = user;
-    const size_t n = saga_net_n_sums(&j->s->net[j->net]);
-    const saga_net_pass p = k < n ? pass_of(j) : hyper_pass_of(j);
-
-    saga_net_add_sum(&j->d->net[k < n ? j->net : SAGA_NET_HYPER], &p,
-                     k < n ? k : k - n);
-}
-
-static void add_sums(job *j)
-{
-    const saga_net *const net = &j->s->net[j->net];
-    const saga_net *const hyper = &j->s->net[SAGA_NET_HYPER];
-    saga_tasks all = { .run = add_sum, .user = j,
-                       .n = saga_net_n_sums(net),
-                       .ns = saga_net_sums_ns(net, j->list.n) };
-
-    if (has_hyper(j)) {
-        all.n += saga_net_n_sums(hyper);
-        all.ns += saga_net_sums_ns(hyper, j->list.n);
-    }
-    saga_parallel(&all);
-}
-
-void saga_rate_context_backward(saga_rate_context *c, saga_scene *d,
-                                const saga_scene *s, int kind,
-                                saga_rate_list list,
-                                const saga_rate_features *dx)
-{
-    job j = job_of(c, s, kind, list);
-    saga_tasks all = { .run = backward_block, .user = &j,
-                       .n = saga_net_n_blocks(list.n) };
-    uint32_t source;
-
-    j.d = d;
-    j.dx = dx;
-    all.ns = 2 * cost_of(&j, &all.most) * (double)list.n;
-    saga_parallel(&all);
-    add_sums(&j);
-    /* Listed blocks have neighbours in common: each row of the scratch has
-     * to be there before features learn from it. */
-    for (source = 1; source < SAGA_SOURCES_KNOWN; source <<= 1)
-        if (saga_rate_sources(c, s, kind) & source && links_of(&j, source))
-            saga_links_scatter(dx->coarse, links_of(&j, source), c->scratch,
-                               j.f, list.block, list.n);
 }
 
 /* --- The bank ------------------------------------------------------------ */
@@ -695,7 +299,7 @@ void saga_rate_context_read(saga_rate_context *c, const saga_scene *s,
     if (!(saga_rate_readers(c, s) >> kind & 1u))
         return;
     if (kind == SAGA_KIND_PRIM)
-        place_prims(&c->kind[kind], s, x->twin, list.block, list.n);
+        saga_rate_place_prims(&c->kind[kind], s, x->twin, list.block, list.n);
     saga_bank_twin_read(&c->bank, &in, from, to);
 }
 

@@ -65,6 +65,7 @@ typedef struct saga_rate_list {
 #define saga_rate_context_init SAGA_REAL_NAME(saga_rate_context_init)
 #define saga_rate_context_free SAGA_REAL_NAME(saga_rate_context_free)
 #define saga_rate_context_refresh SAGA_REAL_NAME(saga_rate_context_refresh)
+#define saga_rate_place_prims SAGA_REAL_NAME(saga_rate_place_prims)
 #define saga_rate_step_of SAGA_REAL_NAME(saga_rate_step_of)
 #define saga_rate_value_q SAGA_REAL_NAME(saga_rate_value_q)
 #define saga_rate_mu_unit SAGA_REAL_NAME(saga_rate_mu_unit)
@@ -92,6 +93,12 @@ void saga_rate_context_free(saga_rate_context *c);
  * and positions. False: no memory. */
 bool saga_rate_context_refresh(saga_rate_context *c, const saga_scene *s,
                                saga_error *error);
+
+/* Sets the places of primitives' blocks, which are their fine anchors', and
+ * their sizes, from the twin's last forward pass. */
+void saga_rate_place_prims(saga_rate_kind *k, const saga_scene *s,
+                           const saga_twin *w, const uint32_t *block,
+                           size_t n);
 
 /* A kind's channel has a step (SAGA_STEP_*), and its value a Q. */
 int saga_rate_step_of(int kind, size_t channel);

@@ -1,22 +1,15 @@
 /* SPDX-License-Identifier: MIT */
-#include "rate_loss.h"
+#include "rate_values.h"
 
 #include "alloc.h"
 #include "cost.h"
 #include "rate_bits.h"
-#include "rate_row.h"
 #include "rng.h"
 #include "threads.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#ifdef SAGA_REAL_DOUBLE
-#define FLOOR floor
-#else
-#define FLOOR floorf
-#endif
 
 /* --- Memory -------------------------------------------------------------- */
 
@@ -95,363 +88,6 @@ void saga_rate_give(saga_rate *r, const saga_rate_constants *constants)
 {
     r->constants = *constants;
     r->decision.given = 1;
-}
-
-/* --- Values -------------------------------------------------------------- */
-
-/* Sets o to the offset from the cell of coarse anchor c, in its half-sizes. */
-static void cell_offset(double o[4], const saga_coarse *c, const real *x)
-{
-    int k;
-
-    saga_scene_offset(o, c, x);
-    for (k = 0; k < 4; k++)
-        o[k] = saga_clamp_offset(o[k]);
-}
-
-bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
-{
-    const saga_rate_input anchors = { s, NULL, NULL };
-    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
-    double o[4];
-    uint32_t i, k;
-
-    for (i = 0; i < s->n.coarse; i++) {
-        cell_offset(o, &s->coarse[i], s->coarse_x + 4 * (size_t)i);
-        for (k = 0; k < 4; k++)
-            r->centre[4 * (size_t)i + k] = R(o[k]);
-    }
-    for (i = 0; i < s->n.fine; i++) {
-        real *const to = r->offset + SAGA_RATE_OFFSETS * (size_t)i;
-        const uint32_t suffix = saga_scene_fine_suffix(s, i);
-
-        cell_offset(o, &s->coarse[s->fine[i].parent],
-                    s->fine_x + 4 * (size_t)i);
-        for (k = 0; k < 4; k++)
-            to[k] = R(o[k] - saga_suffix_centre(suffix, bits, k));
-        /* GROUPS reads the number of children beside the offset
-         * (rate_block.h). */
-        to[4] = R(s->fine[i].n_prim) / 16;
-    }
-    if (!saga_rate_context_refresh(&r->context, s, error))
-        return false;
-    saga_rate_measure(r, &anchors, SAGA_KIND_FINE);
-    return true;
-}
-
-/* Returns a step in reals of the value. */
-static double step_size(const saga_model *m, int kind, size_t c)
-{
-    /* The file's step is in Q16 of the value's LSB. */
-    return ldexp(m->step_q16[saga_rate_step_of(kind, c)],
-                 -16 - saga_rate_value_q(m, kind, c));
-}
-
-/* Moves coarse anchors to the nearest steps from their cells' centres. */
-static void snap_coarse(saga_scene *s)
-{
-    const double step = step_size(&s->model, SAGA_KIND_COARSE, 0);
-    double o[4];
-    uint32_t i, k;
-
-    for (i = 0; i < s->n.coarse; i++) {
-        const saga_coarse *const c = &s->coarse[i];
-        real *const x = s->coarse_x + 4 * (size_t)i;
-        real centre[4];
-
-        saga_scene_cell(centre, c);
-        cell_offset(o, c, x);
-        for (k = 0; k < 4; k++) {
-            const double half = (double)(k < 3 ? saga_scene_half_x(c)
-                                               : saga_scene_half_t(c));
-
-            x[k] = R((double)centre[k] + half * step * rint(o[k] / step));
-        }
-    }
-}
-
-static void snap_fine(saga_scene *s)
-{
-    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
-    const double step = step_size(&s->model, SAGA_KIND_FINE, 0);
-    /* Fine anchors stay inside their cells, or they would have another suffix.
-     */
-    const double most = ceil(ldexp(1, -(int)bits) / step) - 1;
-    double o[4];
-    uint32_t i, k;
-
-    for (i = 0; i < s->n.fine; i++) {
-        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
-        const uint32_t suffix = saga_scene_fine_suffix(s, i);
-        real *const x = s->fine_x + 4 * (size_t)i;
-        real centre[4];
-
-        saga_scene_cell(centre, c);
-        cell_offset(o, c, x);
-        for (k = 0; k < 4; k++) {
-            const double cell = saga_suffix_centre(suffix, bits, k);
-            const double half = (double)(k < 3 ? saga_scene_half_x(c)
-                                               : saga_scene_half_t(c));
-            const double q = rint((o[k] - cell) / step);
-
-            x[k] = R((double)centre[k] + half *
-                     (cell + fmin(fmax(q, -most), most) * step));
-        }
-    }
-}
-
-void saga_rate_snap(saga_scene *s)
-{
-    snap_coarse(s);
-    snap_fine(s);
-}
-
-/* Finds a primitive's residual in its suffix cell. */
-static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
-{
-    const uint32_t bits = x->scene->model.tier[SAGA_TIER_FINE].suffix_bits;
-    uint32_t suffix, k;
-
-    for (k = 0; k < 4; k++)
-        y[k] = (double)x->twin->prim_offset[4 * prim + k];
-    suffix = saga_suffix_of(y, bits);
-    for (k = 0; k < 4; k++)
-        y[k] -= saga_suffix_centre(suffix, bits, k);
-}
-
-/* Finds the values of a block: rows of all its channels. Returns how many rows:
- * one, or as many as it has primitives. */
-static size_t read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
-                         const saga_rate_input *x, int kind, size_t block)
-{
-    const saga_scene *const s = x->scene;
-    const size_t f = s->model.features;
-    size_t i;
-
-    if (kind == SAGA_KIND_PRIM) {
-        const saga_fine *const fine = &s->fine[block];
-
-        for (i = 0; i < fine->n_prim; i++)
-            prim_values(y + 4 * i, x, fine->first_prim + i);
-        return fine->n_prim;
-    }
-    for (i = 0; i < 4; i++)
-        y[i] = (double)(kind == SAGA_KIND_COARSE
-            ? r->centre[4 * block + i]
-            : r->offset[SAGA_RATE_OFFSETS * block + i]);
-    for (i = 0; kind == SAGA_KIND_COARSE && i < f; i++)
-        y[4 + i] = (double)x->feature[block * f + i];
-    return 1;
-}
-
-/* --- Parameters ---------------------------------------------------------- */
-
-/* Adds up the bits of a kind's values under its constants, of the channels that
- * are not settled; of some thousand blocks, which tell enough. */
-static void constants_bits(double bits[SAGA_RATE_ROW], const saga_rate *r,
-                           const saga_rate_input *x, int kind,
-                           const bool settled[SAGA_RATE_ROW])
-{
-    const saga_model *const m = &x->scene->model;
-    const size_t channels = saga_n_channels(m, kind);
-    const size_t n = r->context.kind[kind].n_blocks;
-    size_t b, i;
-
-    memset(bits, 0, channels * sizeof *bits);
-    for (b = 0; b < n; b += 1 + n / 1024) {
-        double y[SAGA_RATE_ROW];
-        const size_t rows = read_block(y, r, x, kind, b);
-
-        for (i = 0; i < rows * channels; i++) {
-            const size_t c = i % channels;
-
-            /* A settled channel's bits are not asked for any more. */
-            if (!settled[c])
-                bits[c] += saga_rate_bits(
-                    (y[i] - (double)r->constants.mean[kind][c]) /
-                    step_size(m, kind, c),
-                    (double)r->constants.log2_sigma[kind][c]).bits;
-        }
-    }
-}
-
-/* Few values far from the others make a deviation that serves none of them. It
- * goes down from scale to scale of the coder while a channel gets cheaper. */
-static void narrow_constants(saga_rate *r, const saga_rate_input *x, int kind)
-{
-    const size_t channels = saga_n_channels(&x->scene->model, kind);
-    real *const log2_sigma = r->constants.log2_sigma[kind];
-    const real scale = R(1) / 7, narrowest = R(SAGA_RATE_LOG2_MIN);
-    double least[SAGA_RATE_ROW], bits[SAGA_RATE_ROW];
-    bool settled[SAGA_RATE_ROW] = { false };
-    size_t left, i;
-
-    constants_bits(least, r, x, kind, settled);
-    do {
-        left = 0;
-        for (i = 0; i < channels; i++) {
-            /* One scale narrower for all that are not settled. Who got
-             * dearer goes back to where it was and is settled. */
-            settled[i] = settled[i] || log2_sigma[i] - scale < narrowest;
-            log2_sigma[i] -= settled[i] ? 0 : scale;
-        }
-        constants_bits(bits, r, x, kind, settled);
-        for (i = 0; i < channels; i++) {
-            if (!settled[i] && bits[i] >= least[i]) {
-                settled[i] = true;
-                log2_sigma[i] += scale;
-            }
-            least[i] = bits[i];
-            left += !settled[i];
-        }
-    } while (left);
-}
-
-void saga_rate_measure(saga_rate *r, const saga_rate_input *x, int kind)
-{
-    const saga_model *const m = &x->scene->model;
-    const saga_rate_input clean = { x->scene, x->twin,
-                                    x->scene->coarse_feature };
-    const size_t channels = saga_n_channels(m, kind);
-    double sum[SAGA_RATE_ROW] = { 0 }, square[SAGA_RATE_ROW] = { 0 };
-    size_t n = 0, b, i;
-
-    if (r->decision.given)
-        return;
-    for (b = 0; b < r->context.kind[kind].n_blocks; b++) {
-        double y[SAGA_RATE_ROW];
-        const size_t rows = read_block(y, r, &clean, kind, b);
-
-        for (i = 0; i < rows * channels; i++) {
-            sum[i % channels] += y[i];
-            square[i % channels] += y[i] * y[i];
-        }
-        n += rows;
-    }
-    for (i = 0; i < channels; i++) {
-        /* A kind without blocks divides by 1. */
-        const double mean = saga_rate_is_anchor(kind, i)
-            ? 0 : sum[i] / (double)(n + !n);
-        const double spread = square[i] / (double)(n + !n) - mean * mean;
-        const double step = step_size(m, kind, i);
-
-        r->constants.mean[kind][i] = R(mean);
-        /* The rounding's own deviation stays; the coder's widest is the most
-         * that can be said. */
-        r->constants.log2_sigma[kind][i] = R(fmin(SAGA_RATE_LOG2_MAX,
-            0.5 * log2(fmax(spread, 0) / (step * step) + 1.0 / 12)));
-    }
-    narrow_constants(r, &clean, kind);
-}
-
-/* The last layer begins with no weights, and the constants as biases. */
-static void begin_as_constants(saga_net *net, const saga_model *m,
-                               const saga_rate_constants *c, int kind)
-{
-    const int last = net->n_layers - 1;
-    const size_t channels = (size_t)net->dim[last + 1] / 2;
-    const size_t n = (size_t)net->dim[last] * 2 * channels;
-    size_t i;
-
-    memset(net->w[last], 0, n * sizeof *net->w[last]);
-    for (i = 0; i < channels; i++) {
-        net->b[last][i] = c->mean[kind][i] / saga_rate_mu_unit(m, kind, i);
-        net->b[last][channels + i] = c->log2_sigma[kind][i];
-    }
-}
-
-saga_scene saga_rate_rounded(saga_rate *r, const saga_scene *s)
-{
-    saga_scene to = *s;
-    int n, l;
-    size_t i;
-
-    if (!r->decision.decided)
-        return to;
-    memcpy(r->params, s->params, saga_rate_n_params(s) * sizeof *r->params);
-    for (n = 0; n < SAGA_N_ENTROPY_NETS; n++) {
-        const int net = saga_scene_net(n);
-        saga_net *const f = &to.net[net];
-        const real step = R(r->decision.step[net]);
-
-        for (l = 0; l < f->n_layers; l++) {
-            f->w[l] = r->params + (f->w[l] - s->params);
-            f->b[l] = r->params + (f->b[l] - s->params);
-            /* Weights alone are rounded; biases stay as they are. */
-            for (i = 0; i < (size_t)f->dim[l] * (size_t)f->dim[l + 1]; i++)
-                f->w[l][i] = step * FLOOR(f->w[l][i] / step + R(0.5));
-        }
-    }
-    return to;
-}
-
-/* A slot's number enters as a 1 among zeros: weights as large as if it were all
- * of its layer's variance. The gate's bias is sigmoid^-1(1/8). */
-static void begin_bank(saga_scene *s)
-{
-    const saga_net *const slot = &s->net[SAGA_NET_SLOT];
-    const saga_net *const write = &s->net[SAGA_NET_WRITE];
-    const size_t n = (size_t)slot->dim[0] * (size_t)slot->dim[1];
-    const real gain = R(sqrt((double)slot->dim[0]));
-    size_t i;
-
-    for (i = 0; i < n; i++)
-        slot->w[0][i] *= gain;
-    write->b[0][s->model.bank_width] = R(-1.9459101490553132);
-}
-
-/* Keeps what is rounded against: mu in whole steps of the values' format, as
- * the coder has it. Values that training holds between two steps would else all
- * go to the same side when they are coded. */
-static void remember_mu(saga_rate *r, const saga_model *m, int kind,
-                        size_t block, const real *mu)
-{
-    const size_t first = kind == SAGA_KIND_COARSE ? 4 : 0;
-    const size_t n = kind == SAGA_KIND_COARSE ? m->features : 4;
-    const real scale = R(1 << saga_rate_value_q(m, kind, first));
-    real *const to = kind == SAGA_KIND_COARSE ? r->mu_feature + block * n
-                                              : r->mu_offset + 4 * block;
-
-    for (size_t i = 0; kind != SAGA_KIND_FINE && i < n; i++)
-        to[i] = R(rint((double)(scale * mu[first + i]))) / scale;
-}
-
-/* Tells whether every fine anchor is in the middle of its suffix cell, which is
- * no wider than the step (Q16 of Q14): its offset's residual is 0. */
-static bool fine_offsets_are_0(const saga_model *m)
-{
-    return m->step_q16[SAGA_STEP_FINE] >> 16 >=
-           32768u >> m->tier[SAGA_TIER_COARSE].suffix_bits;
-}
-
-static void begin_networks(saga_rate *r, saga_scene *s,
-                           const saga_rate_input *x)
-{
-    int kind;
-
-    for (kind = 0; kind < SAGA_N_KINDS; kind++) {
-        saga_rate_measure(r, x, kind);
-        begin_as_constants(&s->net[SAGA_NET_E_COARSE + kind], &s->model,
-                           &r->constants, kind);
-    }
-    if (fine_offsets_are_0(&s->model))
-        r->context.keep[SAGA_KIND_FINE] = 0;
-    if (s->model.tools & SAGA_TOOL_BANK)
-        begin_bank(s);
-}
-
-void saga_rate_start(saga_rate *r, saga_scene *s, const saga_rate_input *x)
-{
-    size_t i;
-
-    if (!r->decision.given)
-        begin_networks(r, s, x);
-    for (i = 0; i < s->n.coarse; i++)
-        remember_mu(r, &s->model, SAGA_KIND_COARSE, i,
-                    r->constants.mean[SAGA_KIND_COARSE]);
-    for (i = 0; i < s->n.fine; i++)
-        remember_mu(r, &s->model, SAGA_KIND_PRIM, i,
-                    r->constants.mean[SAGA_KIND_PRIM]);
 }
 
 /* The offsets come as they are, or as coded. */
@@ -567,7 +203,7 @@ static void add_block(const job *j, size_t at, uint32_t block)
     const double weight = (double)j->o->weight * j->o->every;
     double y[SAGA_RATE_ROW];
     saga_rate_row cost;
-    const size_t rows = read_block(y, j->r, j->x, j->kind, block);
+    const size_t rows = saga_rate_read_block(y, j->r, j->x, j->kind, block);
     size_t row, c, i;
 
     for (row = 0, i = 0; row < rows; row++)
@@ -616,7 +252,7 @@ static void add_part(void *user, size_t part)
 
     for (i = of.begin; i < of.end; i++) {
         add_block(j, i, j->list.block[i]);
-        remember_mu(j->r, m, j->kind, j->list.block[i],
+        saga_rate_remember_mu(j->r, m, j->kind, j->list.block[i],
                     mu + i * saga_n_channels(m, j->kind));
     }
 }
@@ -670,49 +306,12 @@ void saga_rate_add(double bits[SAGA_N_STEPS], saga_rate *r, saga_scene *d,
     for (; j.kind < SAGA_N_KINDS; j.kind++) {
         j.noise = saga_rng_stream(o->seed, (uint64_t)j.kind);
         for (c = 0; c < saga_n_channels(&y.scene->model, j.kind); c++)
-            j.step[c] = step_size(&y.scene->model, j.kind, c);
+            j.step[c] = saga_rate_step_size(&y.scene->model, j.kind, c);
         step_kind(bits, &j);
     }
     if (remember)
         saga_rate_context_remember_backward(&r->context, d, &rounded,
                                             &features, &dx);
-}
-
-static double nearest(double x, double mu, double step)
-{
-    return mu + floor((x - mu) / step + 0.5) * step;
-}
-
-void saga_rate_round(real *to, const saga_rate *r, const saga_scene *s,
-                     saga_range of)
-{
-    const double step = step_size(&s->model, SAGA_KIND_COARSE, 4);
-    size_t i;
-
-    for (i = of.begin; i < of.end; i++)
-        to[i] = R(nearest((double)s->coarse_feature[i],
-                          (double)r->mu_feature[i], step));
-}
-
-double saga_rate_prim_step(const saga_scene *s)
-{
-    return step_size(&s->model, SAGA_KIND_PRIM, 0);
-}
-
-void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
-                            size_t fine)
-{
-    const uint32_t bits = s->model.tier[SAGA_TIER_FINE].suffix_bits;
-    const double at[4] = { (double)o[0], (double)o[1], (double)o[2],
-                           (double)o[3] };
-    const uint32_t suffix = saga_suffix_of(at, bits);
-    const double step = saga_rate_prim_step(s);
-    uint32_t k;
-
-    for (k = 0; k < 4; k++)
-        o[k] = R(nearest(at[k], (double)r->mu_offset[4 * fine + k] +
-                                saga_suffix_centre(suffix, bits, k),
-                         step));
 }
 
 /* --- As it is coded ------------------------------------------------------ */
@@ -762,7 +361,7 @@ static void code_list(double bits[SAGA_N_STEPS], saga_rate *r,
     predict(r, x, kind, list, r->decoded);
     for (i = 0; i < list.n; i++) {
         double y[SAGA_RATE_ROW];
-        const size_t rows = read_block(y, r, x, kind, list.block[i]);
+        const size_t rows = saga_rate_read_block(y, r, x, kind, list.block[i]);
 
         for (c = 0; c < rows * channels; c++) {
             /* A fine anchor's primitives share their mu and sigma. */

@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A verification at work: verify.c runs it from each stage on, verify_stages.c
+ * compares what the stages give, verify_pixels.c what is drawn.
+ */
+#ifndef VERIFY_SESSION_H
+#define VERIFY_SESSION_H
+
+#include "ref_scene.h"
+#include "verify.h"
+
+#include <math.h>
+
+/* The base or a layer: its primitives are those from `first` on. */
+typedef struct {
+    ref_file file;
+    ref_scene scene;         /* in double */
+    uint32_t first;
+} part;
+
+/* The integers. */
+typedef struct {
+    uint32_t n;              /* primitives of all parts */
+    const saga_model *model;
+    saga_prim_format format;
+    saga_primitive *prim;
+    int16_t *colour;         /* (prim, stride) */
+    uint32_t stride;
+    saga_animated *moved;    /* (prim) at the time */
+    saga_splat *splat;       /* (prim) */
+    uint8_t *visible;        /* (prim) */
+    uint8_t *rgb;            /* the decoder's picture */
+} exact;
+
+/* The same in double. */
+typedef struct {
+    ref_animated *moved;
+    ref_splat *splat;
+    uint8_t *visible;
+} real;
+
+typedef struct {
+    double sum, peak;        /* of squares; largest reference */
+} tally;
+
+/* A splat of either, or both. */
+typedef struct {
+    double depth;
+    uint32_t prim;
+} drawn;
+
+enum { CUT = 1, STOP = 2 };
+
+/* The two pictures in the making. */
+typedef struct {
+    uint32_t *t;             /* the norm's T and sums */
+    uint64_t (*sum)[3];
+    double *trans, (*rgb)[3];
+    uint8_t *otherwise;      /* CUT, STOP */
+    drawn *order;
+    uint32_t n_order;
+    int is_steep;            /* SAGA_TOOL_STEEP */
+} canvas;
+
+typedef struct {
+    saga_verify *v;
+    const char *name;
+    const saga_camera *camera;
+    saga_verify_progress *progress;
+    void *user;
+    part part[1 + SAGA_MAX_LAYERS]; /* the base, if the file has one; the
+                              * segment's layers */
+    int n_parts;
+    exact e;
+    real r;
+    canvas c;
+    tally alone[SAGA_VERIFY_MAX_ROWS], chain[SAGA_VERIFY_MAX_ROWS];
+    saga_error *error;
+} session;
+
+static inline uint32_t n_prims(const session *s)
+{
+    return s->e.n;
+}
+
+static inline const part *part_of(const session *s, uint32_t prim)
+{
+    const part *p = &s->part[s->n_parts - 1];
+
+    while (prim < p->first)
+        p--;
+    return p;
+}
+
+static inline const ref_primitive *prim_of(const session *s, uint32_t prim)
+{
+    const part *const p = part_of(s, prim);
+
+    return &p->scene.prim[prim - p->first];
+}
+
+/* A row while it is being filled. */
+typedef struct {
+    saga_verify_error *to;
+    tally *sum;
+} column;
+
+/* The row of that name, which is new or was made by another run. */
+column verify_row(session *s, int stage, const char *name, const char *unit,
+                  double step, int is_alone);
+
+static inline void note_error(column c, double error, double reference)
+{
+    c.to->n++;
+    c.to->max = fmax(c.to->max, fabs(error));
+    c.sum->sum += error * error;
+    c.sum->peak = fmax(c.sum->peak, fabs(reference));
+}
+
+static inline void note(column c, double value, double reference)
+{
+    note_error(c, value - reference, reference);
+}
+
+/* Sets what follows from a row's sums. */
+void verify_finish(saga_verify_error *e, const tally *t);
+
+/* Compares a stage of the integers with that in double; not the pixels. */
+void verify_stage(session *s, int stage, int is_alone);
+
+/* Draws both pictures pixel by pixel; compares them; and compares the norm's
+ * pixels with what the decoder drew: false where they differ. */
+void verify_blend(session *s, int from);
+void verify_pixels(session *s, int from);
+bool verify_norm(session *s);
+
+#endif

@@ -1,0 +1,237 @@
+/* SPDX-License-Identifier: MIT */
+#include "verify_session.h"
+
+#include <string.h>
+
+/* The row of that name, which is new or was made by another run. */
+column verify_row(session *s, int stage, const char *name, const char *unit,
+                  double step, int is_alone)
+{
+    saga_verify *const v = s->v;
+    column c;
+    int i = 0;
+
+    while (i < v->n_rows && (v->row[i].stage != stage ||
+                             strcmp(v->row[i].name, name) != 0))
+        i++;
+    if (i == v->n_rows) {
+        memset(&v->row[i], 0, sizeof v->row[i]);
+        v->row[i].stage = stage;
+        v->row[i].name = name;
+        v->row[i].unit = unit;
+        v->row[i].step = step;
+        s->alone[i] = s->chain[i] = (tally){ 0, 0 };
+        v->n_rows++;
+    }
+    c.to = is_alone ? &v->row[i].alone : &v->row[i].chain;
+    c.sum = is_alone ? &s->alone[i] : &s->chain[i];
+    return c;
+}
+
+void verify_finish(saga_verify_error *e, const tally *t)
+{
+    e->rms = e->n ? sqrt(t->sum / (double)e->n) : 0;
+    e->psnr = e->rms > 0 ? 20 * log10(t->peak / e->rms) : INFINITY;
+}
+
+/* --- Comparing the stages ------------------------------------------------ */
+
+static void compare_symbols(session *s, const part *p, int is_alone)
+{
+    enum { ST = SAGA_VERIFY_SYMBOLS };
+    const ref_file *const f = &p->file;
+    const double q14 = 1 / 16384.0;
+    const double q = ldexp(1, -f->h.model.head_q[SAGA_HEAD_COARSE]);
+    const column feature = verify_row(s, ST, "predicted feature", "1", q,
+                                      is_alone);
+    const column offset = verify_row(s, ST, "predicted offset", "half-size",
+                                     q14, is_alone);
+    const column scale = verify_row(s, ST, "scale", "index", 1, is_alone);
+
+    for (int step = 0; step < SAGA_N_STEPS; step++) {
+        const int is_feature = step == SAGA_STEP_FEATURE;
+        const size_t n = (size_t)ref_file_rows(f, step) *
+                         ref_file_channels(f, step);
+
+        for (size_t i = 0; i < n; i++) {
+            note(is_feature ? feature : offset,
+                 f->mu[step][i] * (is_feature ? q : q14),
+                 p->scene.mu[step][i]);
+            note(scale, f->scale[step][i], p->scene.scale[step][i]);
+        }
+    }
+}
+
+static void compare_scaffold(session *s, const part *p, int is_alone)
+{
+    enum { ST = SAGA_VERIFY_SCAFFOLD };
+    const saga_scaffold *const sc = &p->file.sc;
+    const ref_scene *const scene = &p->scene;
+    const double q = ldexp(1, -sc->model->head_q[SAGA_HEAD_FINE]);
+    const uint32_t f = sc->model->features;
+    const double *const unit = scene->nets.out_unit[SAGA_NET_FINE];
+    const column feature = verify_row(s, ST, "fine feature", "1", q, is_alone);
+    const column support = verify_row(s, ST, "log2 support", "1", 1 / 1024.0,
+                                      is_alone);
+
+    for (size_t i = 0; i < (size_t)sc->n.fine * f; i++)
+        note(feature, sc->fine_feature[i] * unit[i % f],
+             scene->fine_feature[i]);
+    for (uint32_t k = 0; k < sc->n.fine; k++)
+        for (int i = 0; i < 4; i++)
+            note(support, sc->fine[k].local[i] / 1024.0,
+                 scene->log2_support[k][i]);
+}
+
+static void note_all(column c, const double *value, const double *reference,
+                     int n)
+{
+    for (int i = 0; i < n; i++)
+        note(c, value[i], reference[i]);
+}
+
+static void compare_dynamics(session *s, int is_alone)
+{
+    enum { ST = SAGA_VERIFY_PRIMITIVES };
+    const saga_prim_format *const f = &s->e.format;
+    column motion = verify_row(s, ST, "motion", "support",
+                               ldexp(1, -f->q_motion[0]), is_alone);
+    column slope = verify_row(s, ST, "slope", "1", ldexp(1, -f->q_slope),
+                              is_alone);
+    column time = verify_row(s, ST, "temporal centre", "segment", 1 / 65536.0,
+                             is_alone);
+    column width = verify_row(s, ST, "log2 temporal width", "1", 1 / 1024.0,
+                              is_alone);
+
+    for (uint32_t i = 0; i < n_prims(s); i++) {
+        const ref_primitive *const r = prim_of(s, i);
+        ref_primitive e;
+
+        ref_primitive_of(&e, &s->e.prim[i], f);
+        note_all(motion, e.motion, r->motion, 3 * f->motion_order);
+        note_all(slope, e.slope, r->slope, f->has_slope ? 4 : 0);
+        note(time, e.t_centre, r->t_centre);
+        if (f->has_width)
+            note(width, e.log2_width, r->log2_width);
+    }
+}
+
+static void compare_primitives(session *s, int is_alone)
+{
+    enum { ST = SAGA_VERIFY_PRIMITIVES };
+    const saga_prim_format *const f = &s->e.format;
+    const saga_model *const m = s->e.model;
+    const int has_view = (m->tools & SAGA_TOOL_VIEW) != 0;
+    const double unit = has_view ? ldexp(1, -m->q_in[SAGA_NET_COLOUR])
+                                 : 1 / 32768.0;
+    column place = verify_row(s, ST, "position", "box unit", 1, is_alone);
+    column opacity = verify_row(s, ST, "opacity", "log2", ldexp(1,
+                                -f->q_opacity),
+                                is_alone);
+    column scale = verify_row(s, ST, "log2 scale", "1", 1 / 1024.0, is_alone);
+    column quat = verify_row(s, ST, "quaternion", "1", ldexp(1, -f->q_quat),
+                             is_alone);
+    column colour = verify_row(s, ST, has_view ? "colour, first layer" :
+                               "colour", "1", unit, is_alone);
+
+    for (uint32_t i = 0; i < n_prims(s); i++) {
+        const ref_primitive *const r = prim_of(s, i);
+        ref_primitive e;
+
+        ref_primitive_of(&e, &s->e.prim[i], f);
+        note_all(place, e.mean, r->mean, 3);
+        note(opacity, e.opacity, r->opacity);
+        note_all(scale, e.log2_scale, r->log2_scale, 3);
+        note_all(quat, e.quat, r->quat, 4);
+    }
+    for (size_t i = 0; i < (size_t)n_prims(s) * s->e.stride; i++) {
+        const part *const p = part_of(s, (uint32_t)(i / s->e.stride));
+
+        note(colour, ref_scene_colour(&p->scene, i, s->e.colour[i]),
+             p->scene.colour[i - (size_t)p->first * s->e.stride]);
+    }
+    compare_dynamics(s, is_alone);
+}
+
+/* The angle between two rotations; unit quaternions, of either sign. */
+static double angle(const double a[4], const double b[4])
+{
+    double plus = 0, minus = 0;
+
+    for (int i = 0; i < 4; i++) {
+        plus += (a[i] + b[i]) * (a[i] + b[i]);
+        minus += (a[i] - b[i]) * (a[i] - b[i]);
+    }
+    return 4 * asin(fmin(1, sqrt(fmin(plus, minus)) / 2));
+}
+
+/* What is invisible is not looked at. */
+static void compare_animation(session *s, int is_alone)
+{
+    enum { ST = SAGA_VERIFY_ANIMATION };
+    column place = verify_row(s, ST, "position", "box unit", 1, is_alone);
+    column turn = verify_row(s, ST, "rotation", "radian", 0, is_alone);
+    column q0 = verify_row(s, ST, "-log2 of opacity", "1", ldexp(1, -20),
+                           is_alone);
+
+    for (uint32_t i = 0; i < n_prims(s); i++) {
+        const ref_animated *const r = &s->r.moved[i];
+        ref_animated e;
+
+        ref_animated_of(&e, &s->e.moved[i]);
+        if (fmin(e.q0, r->q0) >= SAGA_CUT_LOG2)
+            continue;
+        note_all(place, e.x, r->x, 3);
+        note_error(turn, angle(e.quat, r->quat), 3.141592653589793);
+        note(q0, e.q0, r->q0);
+    }
+}
+
+static void compare_splats(session *s, int is_alone)
+{
+    enum { ST = SAGA_VERIFY_SPLATS };
+    column mean = verify_row(s, ST, "mean", "pixel", 1 / 256.0, is_alone);
+    column factor = verify_row(s, ST, "factor g, n, h", "1/pixel", ldexp(1,
+                               -28),
+                               is_alone);
+    column depth = verify_row(s, ST, "depth", "box unit", 1, is_alone);
+    column colour = verify_row(s, ST, "colour", "1", 1 / 32768.0, is_alone);
+
+    for (uint32_t i = 0; i < n_prims(s); i++) {
+        const ref_splat *const r = &s->r.splat[i];
+        ref_splat e;
+
+        if (!s->r.visible[i] || !s->e.visible[i])
+            continue;
+        ref_splat_of(&e, &s->e.splat[i]);
+        note_all(mean, e.mean, r->mean, 2);
+        note_all(factor, e.chol, r->chol, 3);
+        note(depth, e.depth, r->depth);
+        note_all(colour, e.colour, r->colour, 3);
+    }
+}
+
+void verify_stage(session *s, int stage, int is_alone)
+{
+    switch (stage) {
+    case SAGA_VERIFY_SYMBOLS:
+        for (int i = 0; i < s->n_parts; i++)
+            compare_symbols(s, &s->part[i], is_alone);
+        break;
+    case SAGA_VERIFY_SCAFFOLD:
+        for (int i = 0; i < s->n_parts; i++)
+            compare_scaffold(s, &s->part[i], is_alone);
+        break;
+    case SAGA_VERIFY_PRIMITIVES:
+        compare_primitives(s, is_alone);
+        break;
+    case SAGA_VERIFY_ANIMATION:
+        compare_animation(s, is_alone);
+        break;
+    case SAGA_VERIFY_SPLATS:
+        compare_splats(s, is_alone);
+        break;
+    default: /* pixels are compared while they are blended */
+        break;
+    }
+}

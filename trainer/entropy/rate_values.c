@@ -1,0 +1,206 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The values that are coded: anchors' offsets and features, primitives'
+ * offsets; on the grids of their steps, and rounded against their mu.
+ */
+#include "rate_values.h"
+
+#include <math.h>
+
+/* Sets o to the offset from the cell of coarse anchor c, in its half-sizes. */
+static void cell_offset(double o[4], const saga_coarse *c, const real *x)
+{
+    int k;
+
+    saga_scene_offset(o, c, x);
+    for (k = 0; k < 4; k++)
+        o[k] = saga_clamp_offset(o[k]);
+}
+
+bool saga_rate_refresh(saga_rate *r, const saga_scene *s, saga_error *error)
+{
+    const saga_rate_input anchors = { s, NULL, NULL };
+    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
+    double o[4];
+    uint32_t i, k;
+
+    for (i = 0; i < s->n.coarse; i++) {
+        cell_offset(o, &s->coarse[i], s->coarse_x + 4 * (size_t)i);
+        for (k = 0; k < 4; k++)
+            r->centre[4 * (size_t)i + k] = R(o[k]);
+    }
+    for (i = 0; i < s->n.fine; i++) {
+        real *const to = r->offset + SAGA_RATE_OFFSETS * (size_t)i;
+        const uint32_t suffix = saga_scene_fine_suffix(s, i);
+
+        cell_offset(o, &s->coarse[s->fine[i].parent],
+                    s->fine_x + 4 * (size_t)i);
+        for (k = 0; k < 4; k++)
+            to[k] = R(o[k] - saga_suffix_centre(suffix, bits, k));
+        /* GROUPS reads the number of children beside the offset
+         * (rate_block.h). */
+        to[4] = R(s->fine[i].n_prim) / 16;
+    }
+    if (!saga_rate_context_refresh(&r->context, s, error))
+        return false;
+    saga_rate_measure(r, &anchors, SAGA_KIND_FINE);
+    return true;
+}
+
+/* Returns a step in reals of the value. */
+double saga_rate_step_size(const saga_model *m, int kind, size_t c)
+{
+    /* The file's step is in Q16 of the value's LSB. */
+    return ldexp(m->step_q16[saga_rate_step_of(kind, c)],
+                 -16 - saga_rate_value_q(m, kind, c));
+}
+
+/* Moves coarse anchors to the nearest steps from their cells' centres. */
+static void snap_coarse(saga_scene *s)
+{
+    const double step = saga_rate_step_size(&s->model, SAGA_KIND_COARSE, 0);
+    double o[4];
+    uint32_t i, k;
+
+    for (i = 0; i < s->n.coarse; i++) {
+        const saga_coarse *const c = &s->coarse[i];
+        real *const x = s->coarse_x + 4 * (size_t)i;
+        real centre[4];
+
+        saga_scene_cell(centre, c);
+        cell_offset(o, c, x);
+        for (k = 0; k < 4; k++) {
+            const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                               : saga_scene_half_t(c));
+
+            x[k] = R((double)centre[k] + half * step * rint(o[k] / step));
+        }
+    }
+}
+
+static void snap_fine(saga_scene *s)
+{
+    const uint32_t bits = s->model.tier[SAGA_TIER_COARSE].suffix_bits;
+    const double step = saga_rate_step_size(&s->model, SAGA_KIND_FINE, 0);
+    /* Fine anchors stay inside their cells, or they would have another suffix.
+     */
+    const double most = ceil(ldexp(1, -(int)bits) / step) - 1;
+    double o[4];
+    uint32_t i, k;
+
+    for (i = 0; i < s->n.fine; i++) {
+        const saga_coarse *const c = &s->coarse[s->fine[i].parent];
+        const uint32_t suffix = saga_scene_fine_suffix(s, i);
+        real *const x = s->fine_x + 4 * (size_t)i;
+        real centre[4];
+
+        saga_scene_cell(centre, c);
+        cell_offset(o, c, x);
+        for (k = 0; k < 4; k++) {
+            const double cell = saga_suffix_centre(suffix, bits, k);
+            const double half = (double)(k < 3 ? saga_scene_half_x(c)
+                                               : saga_scene_half_t(c));
+            const double q = rint((o[k] - cell) / step);
+
+            x[k] = R((double)centre[k] + half *
+                     (cell + fmin(fmax(q, -most), most) * step));
+        }
+    }
+}
+
+void saga_rate_snap(saga_scene *s)
+{
+    snap_coarse(s);
+    snap_fine(s);
+}
+
+/* Finds a primitive's residual in its suffix cell. */
+static void prim_values(double y[4], const saga_rate_input *x, size_t prim)
+{
+    const uint32_t bits = x->scene->model.tier[SAGA_TIER_FINE].suffix_bits;
+    uint32_t suffix, k;
+
+    for (k = 0; k < 4; k++)
+        y[k] = (double)x->twin->prim_offset[4 * prim + k];
+    suffix = saga_suffix_of(y, bits);
+    for (k = 0; k < 4; k++)
+        y[k] -= saga_suffix_centre(suffix, bits, k);
+}
+
+/* Finds the values of a block: rows of all its channels. Returns how many rows:
+ * one, or as many as it has primitives. */
+size_t saga_rate_read_block(double y[SAGA_RATE_ROW], const saga_rate *r,
+                         const saga_rate_input *x, int kind, size_t block)
+{
+    const saga_scene *const s = x->scene;
+    const size_t f = s->model.features;
+    size_t i;
+
+    if (kind == SAGA_KIND_PRIM) {
+        const saga_fine *const fine = &s->fine[block];
+
+        for (i = 0; i < fine->n_prim; i++)
+            prim_values(y + 4 * i, x, fine->first_prim + i);
+        return fine->n_prim;
+    }
+    for (i = 0; i < 4; i++)
+        y[i] = (double)(kind == SAGA_KIND_COARSE
+            ? r->centre[4 * block + i]
+            : r->offset[SAGA_RATE_OFFSETS * block + i]);
+    for (i = 0; kind == SAGA_KIND_COARSE && i < f; i++)
+        y[4 + i] = (double)x->feature[block * f + i];
+    return 1;
+}
+
+/* Keeps what is rounded against: mu in whole steps of the values' format, as
+ * the coder has it. Values that training holds between two steps would else all
+ * go to the same side when they are coded. */
+void saga_rate_remember_mu(saga_rate *r, const saga_model *m, int kind,
+                        size_t block, const real *mu)
+{
+    const size_t first = kind == SAGA_KIND_COARSE ? 4 : 0;
+    const size_t n = kind == SAGA_KIND_COARSE ? m->features : 4;
+    const real scale = R(1 << saga_rate_value_q(m, kind, first));
+    real *const to = kind == SAGA_KIND_COARSE ? r->mu_feature + block * n
+                                              : r->mu_offset + 4 * block;
+
+    for (size_t i = 0; kind != SAGA_KIND_FINE && i < n; i++)
+        to[i] = R(rint((double)(scale * mu[first + i]))) / scale;
+}
+
+static double nearest(double x, double mu, double step)
+{
+    return mu + floor((x - mu) / step + 0.5) * step;
+}
+
+void saga_rate_round(real *to, const saga_rate *r, const saga_scene *s,
+                     saga_range of)
+{
+    const double step = saga_rate_step_size(&s->model, SAGA_KIND_COARSE, 4);
+    size_t i;
+
+    for (i = of.begin; i < of.end; i++)
+        to[i] = R(nearest((double)s->coarse_feature[i],
+                          (double)r->mu_feature[i], step));
+}
+
+double saga_rate_prim_step(const saga_scene *s)
+{
+    return saga_rate_step_size(&s->model, SAGA_KIND_PRIM, 0);
+}
+
+void saga_rate_round_offset(real o[4], const saga_rate *r, const saga_scene *s,
+                            size_t fine)
+{
+    const uint32_t bits = s->model.tier[SAGA_TIER_FINE].suffix_bits;
+    const double at[4] = { (double)o[0], (double)o[1], (double)o[2],
+                           (double)o[3] };
+    const uint32_t suffix = saga_suffix_of(at, bits);
+    const double step = saga_rate_prim_step(s);
+    uint32_t k;
+
+    for (k = 0; k < 4; k++)
+        o[k] = R(nearest(at[k], (double)r->mu_offset[4 * fine + k] +
+                                saga_suffix_centre(suffix, bits, k),
+                         step));
+}
