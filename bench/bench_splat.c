@@ -26,16 +26,13 @@ static const char *const stage_name[N_STAGES] = {
 static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
                                       double sigma_px, double spread)
 {
-    static const int size[10] = { 3, 4, 3, 1, 3, 3, 9, 4, 1, 1 };
+    saga_error error = { "" };
     saga_splat_params p;
-    real **const t[10] = { &p.mean, &p.quat, &p.log2_scale, &p.opacity,
-                           &p.colour, &p.support, &p.motion, &p.slope,
-                           &p.t_centre, &p.log2_width };
     uint32_t i;
     int k;
 
-    for (k = 0; k < 10; k++)
-        *t[k] = calloc((size_t)n * (size_t)size[k] + 1, sizeof(real));
+    if (!saga_params_alloc(&p, SAGA_ATTRS_ALL, n, &error))
+        exit(1);
     for (i = 0; i < n && sigma_px > 0; i++) {
         const saga_rng r = saga_rng_stream(7, i);
         const real z = 2 + 4 * saga_rng_float(r, 0);
@@ -63,20 +60,6 @@ static saga_splat_params random_scene(uint32_t n, const saga_splat_camera *cam,
         p.log2_width[i] = 4;
     }
     return p;
-}
-
-static void free_scene(saga_splat_params *p)
-{
-    free(p->mean);
-    free(p->quat);
-    free(p->log2_scale);
-    free(p->opacity);
-    free(p->colour);
-    free(p->support);
-    free(p->motion);
-    free(p->slope);
-    free(p->t_centre);
-    free(p->log2_width);
 }
 
 static double lap(bench_times *b, double *start)
@@ -147,8 +130,8 @@ static void run(uint32_t n, int width, int height, double sigma_px,
         r->count = n;
         r->each = "a splat";
     }
-    free_scene(&p);
-    free_scene(&d);
+    saga_params_free(&p);
+    saga_params_free(&d);
     saga_canvas_free(&c);
 }
 

@@ -92,25 +92,22 @@ static void make_scene(saga_scene *s, uint32_t tools, uint32_t no_fuse)
 static double functional(const saga_twin *w, int view, int colour_only)
 {
     const saga_rng r = saga_rng_stream(9, (uint64_t)view);
-    const saga_splat_params *const a = &w->attr, *const d = &w->d_attr;
-    const struct { const real *x; real *d; size_t n; } all[] = {
-        { a->colour, d->colour, 3 }, { a->quat, d->quat, 4 },
-        { a->log2_scale, d->log2_scale, 3 }, { a->opacity, d->opacity, 1 },
-        { a->support, d->support, 3 }, { a->motion, d->motion, 9 },
-        { a->slope, d->slope, 4 }, { a->t_centre, d->t_centre, 1 },
-        { a->log2_width, d->log2_width, 1 }, { a->mean, d->mean, 3 },
-    };
     double sum = 0;
     uint64_t k = 0;
-    size_t i, j;
 
-    for (i = 0; i < (colour_only ? 1 : sizeof all / sizeof *all); i++)
-        for (j = 0; all[i].x && j < all[i].n * N_PRIM; j++) {
+    for (int a = 0; a < SAGA_N_ATTRS; a++) {
+        const real *const x = w->attr.of[a];
+        const size_t n = N_PRIM * (size_t)saga_attributes[a].width;
+
+        if (colour_only && a != SAGA_ATTR_COLOUR)
+            continue;
+        for (size_t j = 0; x && j < n; j++) {
             const double c = saga_rng_normal(r, k++);
 
-            sum += c * all[i].x[j];
-            all[i].d[j] += c;
+            sum += c * x[j];
+            w->d_attr.of[a][j] += c;
         }
+    }
     return sum;
 }
 

@@ -6,6 +6,7 @@
 #include "canonical.h"
 #include "canvas.h"
 #include "linear.h"
+#include "model.h"
 #include "rng.h"
 #include "splat.h"
 #include "testing.h"
@@ -95,34 +96,29 @@ TEST(eigen_should_take_matrices_apart)
 
 enum { N = 60, SIDE = 48 };
 
-typedef struct {
-    real mean[3 * N], quat[4 * N], scale[3 * N], opacity[N], colour[3 * N];
-    real slope[4 * N], centre[N];
-} primitives;
-
-static saga_splat_params make_primitives(primitives *p)
+static saga_splat_params make_primitives(void)
 {
+    const uint32_t attrs = saga_attrs_of_tools(SAGA_TOOL_SLOPE, false);
     const saga_rng r = saga_rng_stream(5, 5);
+    saga_error error = { "" };
+    saga_splat_params p;
     uint64_t at = 0;
 
+    assert_true(saga_params_alloc(&p, attrs, N, &error));
     for (size_t i = 0; i < N; i++) {
         for (size_t k = 0; k < 4; k++) {
-            p->quat[4 * i + k] = (real)(3 * saga_rng_normal(r, at++));
-            p->slope[4 * i + k] = (real)saga_rng_normal(r, at++);
+            p.quat[4 * i + k] = (real)(3 * saga_rng_normal(r, at++));
+            p.slope[4 * i + k] = (real)saga_rng_normal(r, at++);
         }
         for (size_t k = 0; k < 3; k++) {
-            p->mean[3 * i + k] = (real)(0.3 * saga_rng_normal(r, at++));
-            p->scale[3 * i + k] = (real)(-4 + saga_rng_normal(r, at++));
-            p->colour[3 * i + k] = saga_rng_float(r, at++);
+            p.mean[3 * i + k] = (real)(0.3 * saga_rng_normal(r, at++));
+            p.log2_scale[3 * i + k] = (real)(-4 + saga_rng_normal(r, at++));
+            p.colour[3 * i + k] = saga_rng_float(r, at++);
         }
-        p->opacity[i] = 1;
-        p->centre[i] = saga_rng_float(r, at++);
+        p.opacity[i] = 1;
+        p.t_centre[i] = saga_rng_float(r, at++);
     }
-    return (saga_splat_params){
-        .mean = p->mean, .quat = p->quat, .log2_scale = p->scale,
-        .opacity = p->opacity, .colour = p->colour, .slope = p->slope,
-        .t_centre = p->centre
-    };
+    return p;
 }
 
 static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
@@ -143,17 +139,15 @@ static void draw(real *image, saga_canvas *c, const saga_splat_params *p)
 TEST(canonical_form_should_draw_the_same)
 {
     static real before[3 * SIDE * SIDE], after[3 * SIDE * SIDE];
-    static primitives p;
-    const saga_splat_params params = make_primitives(&p);
-    saga_splat_params turned = params;
+    saga_splat_params p = make_primitives();
     double bright = 0;
     saga_error error = { "" };
     saga_canvas c;
 
     assert_true(saga_canvas_init(&c, SIDE * SIDE, &error));
-    draw(before, &c, &params);
-    saga_splat_canonical(&turned, N);
-    draw(after, &c, &turned);
+    draw(before, &c, &p);
+    saga_splat_canonical(&p, N);
+    draw(after, &c, &p);
     for (size_t i = 0; i < 3 * SIDE * SIDE; i++) {
         bright += (double)before[i];
         assert_true(fabsf(before[i] - after[i]) < 2e-5f);
@@ -167,5 +161,6 @@ TEST(canonical_form_should_draw_the_same)
         /* The farthest rotation from all of the cube's is by 62.8 degrees. */
         assert_true(q[0] > R(0.853));
     }
+    saga_params_free(&p);
     saga_canvas_free(&c);
 }
